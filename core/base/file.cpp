@@ -1,0 +1,109 @@
+#include "core/base/file.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+#include <xxhash.h>
+
+#include <cerrno>
+
+#include <fmt/format.h>
+
+
+#include "core/base/status.h"
+
+namespace glasswing {
+namespace {
+
+absl::Status error_of(int error_number, std::string_view what, const std::filesystem::path& path) {
+  return absl::ErrnoToStatus(error_number, fmt::format("{} {}", what, path.string()));
+}
+
+class FileDescriptor {
+ public:
+  explicit FileDescriptor(int fd) : fd_(fd) {}
+  ~FileDescriptor() {
+    if (fd_ >= 0) ::close(fd_);
+  }
+  FileDescriptor(const FileDescriptor&) = delete;
+  FileDescriptor& operator=(const FileDescriptor&) = delete;
+  int get() const { return fd_; }
+  bool is_open() const { return fd_ >= 0; }
+
+ private:
+  int fd_;
+};
+
+absl::Status write_and_flush(int fd, std::string_view bytes, const std::filesystem::path& path) {
+  while (!bytes.empty()) {
+    const ssize_t written = ::write(fd, bytes.data(), bytes.size());
+    if (written < 0) {
+      if (errno == EINTR) continue;
+      return error_of(errno, "cannot write", path);
+    }
+    bytes.remove_prefix(static_cast<size_t>(written));
+  }
+  if (::fsync(fd) != 0) return error_of(errno, "cannot flush", path);
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<std::string> read_file(const std::filesystem::path& path) {
+  const FileDescriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  if (!file.is_open()) return error_of(errno, "cannot open", path);
+  struct stat info {};
+  if (::fstat(file.get(), &info) != 0) return error_of(errno, "cannot read", path);
+  if (S_ISDIR(info.st_mode)) return error_of(EISDIR, "cannot read", path);
+  std::string bytes(static_cast<size_t>(info.st_size), '\0');
+  size_t filled = 0;
+  while (filled < bytes.size()) {
+    const ssize_t got = ::read(file.get(), bytes.data() + filled, bytes.size() - filled);
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) return error_of(errno, "cannot read", path);
+    if (got == 0) break;
+    filled += static_cast<size_t>(got);
+  }
+  bytes.resize(filled);
+  return bytes;
+}
+
+absl::Status write_file_flushed(const std::filesystem::path& path, std::string_view bytes) {
+  // The process id keeps two writers of one name apart; the loser's rename is simply first.
+  const std::filesystem::path temporary = fmt::format("{}.{}.tmp", path.string(), ::getpid());
+  absl::Status status;
+  {
+    const FileDescriptor file(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
+    if (!file.is_open()) return error_of(errno, "cannot create", temporary);
+    status = write_and_flush(file.get(), bytes, path);
+  }
+  if (status.ok() && ::rename(temporary.c_str(), path.c_str()) != 0) {
+    status = error_of(errno, "cannot rename to", path);
+  }
+  if (!status.ok()) ::unlink(temporary.c_str());
+  return status;
+}
+
+absl::Status flush_directory(const std::filesystem::path& directory) {
+  const FileDescriptor file(::open(directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (!file.is_open()) return error_of(errno, "cannot open", directory);
+  if (::fsync(file.get()) != 0) return error_of(errno, "cannot flush", directory);
+  return absl::OkStatus();
+}
+
+absl::Status write_file_durably(const std::filesystem::path& path, std::string_view bytes) {
+  GW_RETURN_IF_ERROR(write_file_flushed(path, bytes));
+  return flush_directory(path.has_parent_path() ? path.parent_path() : ".");
+}
+
+absl::Status append_file_durably(const std::filesystem::path& path, std::string_view bytes) {
+  const FileDescriptor file(::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644));
+  if (!file.is_open()) return error_of(errno, "cannot open", path);
+  return write_and_flush(file.get(), bytes, path);
+}
+
+std::string checksum_of(std::string_view bytes) {
+  return fmt::format("xxh3:{:016x}", XXH3_64bits(bytes.data(), bytes.size()));
+}
+
+}  // namespace glasswing

@@ -1,0 +1,32 @@
+// Files that are whole or not there: written under a temporary name, flushed, renamed, and the
+// directory flushed.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+namespace glasswing {
+
+// NOT_FOUND, or the system's own error, with the path.
+absl::StatusOr<std::string> read_file(const std::filesystem::path& path);
+
+// Durable when it returns OK. RESOURCE_EXHAUSTED: the disk is full. An older file of that name stays
+// whole when it fails.
+absl::Status write_file_durably(const std::filesystem::path& path, std::string_view bytes);
+
+// As write_file_durably, but without the flush of the directory: for a batch that ends with one
+// flush_directory().
+absl::Status write_file_flushed(const std::filesystem::path& path, std::string_view bytes);
+absl::Status flush_directory(const std::filesystem::path& directory);
+
+// Appends and flushes.
+absl::Status append_file_durably(const std::filesystem::path& path, std::string_view bytes);
+
+// "xxh3:" and 16 hex digits.
+std::string checksum_of(std::string_view bytes);
+
+}  // namespace glasswing

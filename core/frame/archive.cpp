@@ -1,0 +1,202 @@
+#include "core/frame/archive.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <sstream>
+
+#include <fmt/format.h>
+#include <google/protobuf/util/json_util.h>
+
+
+#include "core/base/file.h"
+#include "core/base/status.h"
+
+namespace glasswing {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string json_of(const google::protobuf::Message& message, bool indented) {
+  google::protobuf::util::JsonPrintOptions options;
+  options.add_whitespace = indented;
+  options.preserve_proto_field_names = true;
+  std::string json;
+  // Fails only for messages that hold invalid Any or Timestamp values; ours have none.
+  (void)google::protobuf::util::MessageToJsonString(message, &json, options);
+  return json;
+}
+
+absl::Status parse_json(std::string_view json, const fs::path& path, google::protobuf::Message* message) {
+  google::protobuf::util::JsonParseOptions options;
+  options.ignore_unknown_fields = true;
+  const auto status =
+      google::protobuf::util::JsonStringToMessage({json.data(), json.size()}, message, options);
+  if (status.ok()) return absl::OkStatus();
+  return absl::DataLossError(fmt::format("{}: {}", path.string(), std::string(status.message())));
+}
+
+absl::Status read_json(const fs::path& path, google::protobuf::Message* message) {
+  GW_ASSIGN_OR_RETURN(const std::string json, read_file(path));
+  return parse_json(json, path, message);
+}
+
+absl::Status make_directory(const fs::path& directory) {
+  std::error_code error;
+  fs::create_directories(directory, error);
+  if (!error) return absl::OkStatus();
+  return absl::ErrnoToStatus(error.value(), fmt::format("cannot create {}", directory.string()));
+}
+
+// Frames without a step (imported ones) are the same if their file is.
+bool same_frame(const v1::Frame& a, const v1::Frame& b) {
+  return a.step() >= 0 && b.step() >= 0 ? a.step() == b.step() : a.file() == b.file();
+}
+
+}  // namespace
+
+Archive::Archive(fs::path directory, v1::CaptureManifest manifest)
+    : directory_(std::move(directory)), manifest_(std::move(manifest)) {
+  for (int i = 0; i < manifest_.frames_size(); ++i) index_of_file_[manifest_.frames(i).file()] = i;
+}
+
+absl::StatusOr<std::unique_ptr<Archive>> Archive::create(const fs::path& directory,
+                                                         const v1::CaptureManifest& header) {
+  if (fs::exists(directory / "header.json")) {
+    GW_ASSIGN_OR_RETURN(std::unique_ptr<Archive> archive, open(directory));
+    if (archive->manifest().session() != header.session()) {
+      return absl::FailedPreconditionError(fmt::format("{} holds session \"{}\", not \"{}\"", directory.string(), archive->manifest().session(), header.session()));
+    }
+    return archive;
+  }
+  GW_RETURN_IF_ERROR(make_directory(directory / "frames"));
+  v1::CaptureManifest without_frames = header;
+  without_frames.clear_frames();
+  without_frames.set_format_version(1);
+  GW_RETURN_IF_ERROR(write_file_durably(directory / "header.json", json_of(without_frames, true)));
+  GW_RETURN_IF_ERROR(flush_directory(directory.parent_path().empty() ? "." : directory.parent_path()));
+  return std::unique_ptr<Archive>(new Archive(directory, std::move(without_frames)));
+}
+
+absl::StatusOr<std::unique_ptr<Archive>> Archive::open(const fs::path& directory) {
+  v1::CaptureManifest manifest;
+  GW_RETURN_IF_ERROR(read_json(directory / "header.json", &manifest));
+  const fs::path journal = directory / "frames.jsonl";
+  absl::StatusOr<std::string> lines = read_file(journal);
+  if (absl::IsNotFound(lines.status())) lines = "";
+  GW_RETURN_IF_ERROR(lines.status());
+  const size_t whole = lines->rfind('\n') == std::string::npos ? 0 : lines->rfind('\n') + 1;
+  if (whole != lines->size()) {
+    // A line cut by a crash was never announced; later lines must not be glued to it.
+    lines->resize(whole);
+    GW_RETURN_IF_ERROR(write_file_durably(journal, *lines));
+  }
+  std::istringstream each(*lines);
+  for (std::string line; std::getline(each, line);) {
+    GW_RETURN_IF_ERROR(parse_json(line, journal, manifest.add_frames()));
+  }
+  return std::unique_ptr<Archive>(new Archive(directory, std::move(manifest)));
+}
+
+v1::CaptureManifest Archive::manifest() const {
+  const std::lock_guard lock(mutex_);
+  return manifest_;
+}
+
+absl::StatusOr<std::vector<v1::Frame>> Archive::add(const std::vector<NewFrame>& frames) {
+  const std::lock_guard lock(mutex_);
+  std::vector<v1::Frame> stored;
+  std::string journal_lines;
+  std::vector<v1::Frame> fresh;
+  for (const NewFrame& frame : frames) {
+    v1::Frame record = frame.record;
+    if (record.file().empty()) record.set_file(fmt::format("frames/{:06d}.tif", record.step()));
+    const auto known = std::find_if(manifest_.frames().begin(), manifest_.frames().end(),
+                                    [&](const v1::Frame& other) { return same_frame(other, record); });
+    if (known != manifest_.frames().end()) {
+      stored.push_back(*known);
+      continue;
+    }
+    const std::string bytes = encode_tiff(frame.image);
+    record.set_checksum(checksum_of(bytes));
+    record.set_size_bytes(static_cast<std::int64_t>(bytes.size()));
+    GW_RETURN_IF_ERROR(write_file_flushed(directory_ / record.file(), bytes));
+    journal_lines += json_of(record, false) + "\n";
+    fresh.push_back(record);
+    stored.push_back(std::move(record));
+  }
+  if (fresh.empty()) return stored;
+  GW_RETURN_IF_ERROR(flush_directory(directory_ / "frames"));
+  GW_RETURN_IF_ERROR(append_file_durably(directory_ / "frames.jsonl", journal_lines));
+  for (v1::Frame& record : fresh) {
+    index_of_file_[record.file()] = manifest_.frames_size();
+    *manifest_.add_frames() = std::move(record);
+  }
+  return stored;
+}
+
+absl::Status Archive::seal() {
+  const std::lock_guard lock(mutex_);
+  return write_file_durably(directory_ / "manifest.json", json_of(manifest_, true));
+}
+
+absl::StatusOr<v1::Frame> Archive::find(const std::string& file) const {
+  const std::lock_guard lock(mutex_);
+  const auto found = index_of_file_.find(file);
+  if (found == index_of_file_.end()) {
+    return absl::NotFoundError(fmt::format("session \"{}\" has no frame \"{}\"", manifest_.session(), file));
+  }
+  return manifest_.frames(found->second);
+}
+
+absl::StatusOr<std::string> Archive::read_frame_bytes(const std::string& file) {
+  GW_ASSIGN_OR_RETURN(const v1::Frame frame, find(file));
+  const fs::path path = directory_ / frame.file();
+  absl::StatusOr<std::string> bytes = read_file(path);
+  if (!bytes.ok()) return absl::DataLossError(bytes.status().message());
+  if (bytes->size() != static_cast<size_t>(frame.size_bytes())) {
+    return absl::DataLossError(fmt::format("{} is damaged: it has {} bytes instead of {}", path.string(), bytes->size(), frame.size_bytes()));
+  }
+  if (checksum_of(*bytes) != frame.checksum()) {
+    return absl::DataLossError(fmt::format("{} is damaged: its checksum is {} instead of {}", path.string(), checksum_of(*bytes), frame.checksum()));
+  }
+  const std::lock_guard lock(mutex_);
+  verified_.insert(file);
+  return bytes;
+}
+
+absl::StatusOr<std::string> Archive::read_rows(const std::string& file, int first_row, int row_count) {
+  bool verified = false;
+  size_t row_bytes = 0;
+  int height = 0;
+  {
+    const std::lock_guard lock(mutex_);
+    verified = verified_.contains(file);
+    row_bytes = static_cast<size_t>(manifest_.camera().width_px()) * 6;
+    height = manifest_.camera().height_px();
+  }
+  if (first_row < 0 || row_count < 1 || first_row > height - row_count) {
+    return absl::InvalidArgumentError(fmt::format("rows {} to {} asked for; the frame has rows 0 to {}", first_row, first_row + row_count, height));
+  }
+  const size_t offset = kTiffPixelOffset + static_cast<size_t>(first_row) * row_bytes;
+  const size_t size = static_cast<size_t>(row_count) * row_bytes;
+  if (!verified) {
+    GW_ASSIGN_OR_RETURN(const std::string bytes, read_frame_bytes(file));
+    if (bytes.size() < offset + size) {
+      return absl::DataLossError(fmt::format("{} is smaller than the manifest says its camera is", file));
+    }
+    return bytes.substr(offset, size);
+  }
+  const fs::path path = directory_ / file;
+  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (fd < 0) return absl::DataLossError(absl::ErrnoToStatus(errno, path.string()).message());
+  std::string rows(size, '\0');
+  const ssize_t got = ::pread(fd, rows.data(), size, static_cast<off_t>(offset));
+  ::close(fd);
+  if (got != static_cast<ssize_t>(size)) return absl::DataLossError(fmt::format("{} is truncated", path.string()));
+  return rows;
+}
+
+}  // namespace glasswing

@@ -1,0 +1,83 @@
+// A session archive: one directory, the same whether a camera spooled it, `export` wrote it or `import`
+// reads it (docs/archive.md).
+//
+//   header.json     the manifest without frames, written when the archive starts
+//   frames.jsonl    one line a frame, appended when its file is durable
+//   manifest.json   header and frames, written when the archive is sealed
+//   frames/*.tif    16-bit rgb, uncompressed TIFF, linear, pixels contiguous
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <mutex>
+#include <set>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include "core/frame/image.h"
+#include "glasswing/v1/archive.pb.h"
+
+namespace glasswing {
+
+// A frame's own file format: little-endian TIFF, one strip, starting at a fixed offset.
+inline constexpr size_t kTiffPixelOffset = 256;
+std::string encode_tiff(const Image16& image);
+// DATA_LOSS unless `bytes` is what encode_tiff makes.
+absl::StatusOr<Image16> decode_tiff(std::string_view bytes);
+
+// Thread-safe.
+class Archive {
+ public:
+  // Starts an archive; FAILED_PRECONDITION if `directory` holds one of another session.
+  static absl::StatusOr<std::unique_ptr<Archive>> create(const std::filesystem::path& directory,
+                                                         const v1::CaptureManifest& header);
+  // Opens one, sealed or not; a torn last line of frames.jsonl (a power cut) is dropped.
+  // NOT_FOUND, or DATA_LOSS naming the file that cannot be read.
+  static absl::StatusOr<std::unique_ptr<Archive>> open(const std::filesystem::path& directory);
+
+  // Header and frames so far.
+  v1::CaptureManifest manifest() const;
+
+  // A frame with its picture still to be stored.
+  struct NewFrame {
+    v1::Frame record;  // file, checksum and size are filled in unless `file` is given
+    Image16 image;
+  };
+  // Stores a batch; durable when it returns. A frame whose step (or, without steps, file) is already there is
+  // left as it is. Returns the records now in the archive, in the batch's order. RESOURCE_EXHAUSTED: disk full.
+  absl::StatusOr<std::vector<v1::Frame>> add(const std::vector<NewFrame>& frames);
+
+  // Writes manifest.json.
+  absl::Status seal();
+
+  // Rows [first_row, first_row + row_count) of one frame: r, g, b, 16 bit little endian. The whole file's checksum is
+  // verified the first time that a frame is read. DATA_LOSS names a file that is missing, short or altered.
+  absl::StatusOr<std::string> read_rows(const std::string& file, int first_row, int row_count);
+  // The file itself, verified.
+  absl::StatusOr<std::string> read_frame_bytes(const std::string& file);
+
+  const std::filesystem::path& directory() const { return directory_; }
+
+ private:
+  Archive(std::filesystem::path directory, v1::CaptureManifest manifest);
+  absl::StatusOr<v1::Frame> find(const std::string& file) const;
+
+  const std::filesystem::path directory_;
+  mutable std::mutex mutex_;
+  v1::CaptureManifest manifest_;            // guarded by mutex_
+  std::map<std::string, int> index_of_file_;  // guarded by mutex_
+  std::set<std::string> verified_;          // guarded by mutex_
+};
+
+// Any archive a user may bring: ours, or a directory with a manifest.json of the rendered data sets
+// ({"monitor": {name: {width, height}}, "image": {...}, "frames": [{file, object, stimulus}]}).
+// Only the manifest is read; frame files stay where they are, in whatever format. DATA_LOSS or INVALID_ARGUMENT name the file
+// and the entry at fault.
+absl::StatusOr<v1::CaptureManifest> read_any_manifest(const std::filesystem::path& directory);
+
+}  // namespace glasswing

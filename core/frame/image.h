@@ -1,0 +1,40 @@
+// Pictures: rows from the top, r, g, b interleaved.
+#pragma once
+
+#include <cassert>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace glasswing {
+
+template <typename Sample>
+struct Image {
+  int width_px = 0;
+  int height_px = 0;
+  std::vector<Sample> samples;  // height x width x 3
+
+  Image() = default;
+  Image(int width, int height)
+      : width_px(width), height_px(height), samples(static_cast<size_t>(width) * static_cast<size_t>(height) * 3) {}
+
+  bool empty() const { return samples.empty(); }
+  size_t index(int x, int y, int channel) const {
+    assert(x >= 0 && x < width_px && y >= 0 && y < height_px && channel >= 0 && channel < 3);
+    return (static_cast<size_t>(y) * static_cast<size_t>(width_px) + static_cast<size_t>(x)) * 3 +
+           static_cast<size_t>(channel);
+  }
+  Sample& at(int x, int y, int channel) { return samples[index(x, y, channel)]; }
+  const Sample& at(int x, int y, int channel) const { return samples[index(x, y, channel)]; }
+};
+
+using Image16 = Image<std::uint16_t>;  // linear radiance, 65535 = 1.0
+using RadianceImage = Image<float>;    // linear radiance
+
+inline std::uint16_t code16_of(float radiance) {
+  const float clamped = radiance > 0.0f ? (radiance < 1.0f ? radiance : 1.0f) : 0.0f;  // NaN is 0
+  return static_cast<std::uint16_t>(clamped * 65535.0f + 0.5f);
+}
+inline float radiance_of(std::uint16_t code) { return static_cast<float>(code) / 65535.0f; }
+
+}  // namespace glasswing

@@ -1,0 +1,39 @@
+// Picture files. What cannot be read or written is one error with the path; OpenCV stays inside.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include "core/frame/image.h"
+
+namespace glasswing {
+
+enum class Encoding {
+  kDisplay,  // PNG, JPEG and TIFF hold sRGB; EXR is linear
+  kLinear,   // every format holds linear radiance, value / full scale
+};
+
+// Any 8-, 16-bit or float picture OpenCV reads, EXR too; gray becomes r = g = b, alpha is dropped.
+// DATA_LOSS names a file that is damaged or no picture; NOT_FOUND one that is missing.
+absl::StatusOr<RadianceImage> read_radiance(const std::filesystem::path& path, Encoding encoding);
+
+// Linear radiance to .exr (float32, ZIP), .png (8 bit sRGB, or 16 bit linear) or .tif/.tiff (16 bit likewise),
+// by the path's suffix. INVALID_ARGUMENT for another suffix.
+absl::Status write_radiance(const std::filesystem::path& path, const RadianceImage& image, Encoding encoding);
+
+// 16-bit linear frames of any file OpenCV decodes losslessly (PNG, TIFF); 8-bit ones are scaled by 257.
+// DATA_LOSS names the file: truncated, altered (a PNG's CRC is checked), or not a picture.
+absl::StatusOr<Image16> read_frame_file(const std::filesystem::path& path);
+
+// PNG, 16 bit, linear: how pictures travel to displays. `bytes` for decode may also be 8 bit.
+std::string encode_png16(const Image16& image);
+absl::StatusOr<Image16> decode_png(std::string_view bytes);
+
+// Resampled by area (down) or bilinearly (up) to exactly this size.
+RadianceImage resized(const RadianceImage& image, int width_px, int height_px);
+
+}  // namespace glasswing

@@ -1,0 +1,94 @@
+// An environment matte: for every camera pixel, where its light came from.
+//
+//   C = F + sum_i R_i \int G(x; c_i, Sigma_i) T(x) dx                (Chuang et al. 2000, eq. 12)
+//
+// per colour channel, with the orientation kept in the 2x2 covariance Sigma (docs/matte.md says why
+// no angle is stored). T is the picture on the monitor that the mode names; nothing beyond its edge.
+#pragma once
+
+#include <array>
+#include <cassert>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "glasswing/v1/matte.pb.h"
+
+namespace glasswing {
+
+inline constexpr int kMaxModes = 4;
+inline constexpr int kChannels = 3;
+
+// One Gaussian footprint. An unused mode has weight 0.
+struct Mode {
+  float weight = 0.0f;  // R, the fraction of the radiance that arrives; >= 0
+  float x_px = 0.0f;    // centre c, monitor px
+  float y_px = 0.0f;
+  float xx_px2 = 0.0f;  // covariance Sigma, monitor px^2, positive semi-definite
+  float xy_px2 = 0.0f;
+  float yy_px2 = 0.0f;
+  std::int32_t texture = 0;  // which monitor: its place in MatteMetadata.monitors
+};
+
+// Why a pixel is not to be trusted; 0 is good.
+enum PixelFlag : std::uint8_t {
+  kFlagNone = 0,
+  kFlagNotConverged = 1,  // the fit did not settle
+  kFlagSaturated = 2,     // frames clipped where it looked
+  kFlagPoorFit = 4,       // the model leaves more than the noise explains
+  kFlagNoData = 8,        // not solved
+};
+
+// A matte, or a tile of one: pixels [x0, x0 + width) x [y0, y0 + height) of the camera's picture.
+class Matte {
+ public:
+  Matte() = default;
+  Matte(int x0_px, int y0_px, int width_px, int height_px, int modes_per_channel);
+
+  v1::MatteMetadata metadata;
+
+  int x0_px() const { return x0_px_; }
+  int y0_px() const { return y0_px_; }
+  int width_px() const { return width_px_; }
+  int height_px() const { return height_px_; }
+  int modes_per_channel() const { return modes_per_channel_; }  // 1 to kMaxModes
+
+  // x and y count from this tile's own corner. foreground: F, linear. coverage: 1 inside the silhouette,
+  // 0 outside. flags: PixelFlag bits.
+  std::array<float, kChannels>& foreground(int x, int y) { return foreground_[pixel(x, y)]; }
+  const std::array<float, kChannels>& foreground(int x, int y) const { return foreground_[pixel(x, y)]; }
+  float& coverage(int x, int y) { return coverage_[pixel(x, y)]; }
+  float coverage(int x, int y) const { return coverage_[pixel(x, y)]; }
+  std::uint8_t& flags(int x, int y) { return flags_[pixel(x, y)]; }
+  std::uint8_t flags(int x, int y) const { return flags_[pixel(x, y)]; }
+  std::span<Mode> modes(int x, int y, int channel) {
+    return {&modes_[mode_offset(x, y, channel)], static_cast<size_t>(modes_per_channel_)};
+  }
+  std::span<const Mode> modes(int x, int y, int channel) const {
+    return {&modes_[mode_offset(x, y, channel)], static_cast<size_t>(modes_per_channel_)};
+  }
+
+ private:
+  size_t pixel(int x, int y) const {
+    assert(x >= 0 && x < width_px_ && y >= 0 && y < height_px_);
+    return static_cast<size_t>(y) * static_cast<size_t>(width_px_) + static_cast<size_t>(x);
+  }
+  size_t mode_offset(int x, int y, int channel) const {
+    assert(channel >= 0 && channel < kChannels);
+    return (pixel(x, y) * kChannels + static_cast<size_t>(channel)) * static_cast<size_t>(modes_per_channel_);
+  }
+
+  int x0_px_ = 0;
+  int y0_px_ = 0;
+  int width_px_ = 0;
+  int height_px_ = 0;
+  int modes_per_channel_ = 0;
+  std::vector<std::array<float, kChannels>> foreground_;
+  std::vector<float> coverage_;
+  std::vector<std::uint8_t> flags_;
+  std::vector<Mode> modes_;
+};
+
+}  // namespace glasswing

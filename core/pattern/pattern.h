@@ -1,0 +1,63 @@
+// A pattern is the radiance of one stimulus as a pure function of the point on the monitor. It is defined
+// here once: the display rasterises it, the simulator integrates it, the solver inverts it.
+//
+//   gauss_stripe  T(x, y) = peak exp(-(x cos phi + y sin phi - r)^2 / (2 sigma^2))
+//   square        T = 1 where floor(t / bar_width) is even (odd if inverse), t = x or y
+//   ramp          u = x/W, v = y/H: r = .1 + .8u, g = .1 + .8v, b = .9 - .4u - .4v   (r + g + 2b = 2)
+//
+// (Chuang et al. 2000, section 3.1 and figure 7; stripes have peak `peak` instead of unit area.)
+// Monitor coordinates: px, origin at the outer corner of the top-left pixel, y down, centres at +0.5.
+#pragma once
+
+#include <array>
+#include <variant>
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include "core/frame/image.h"
+#include "glasswing/v1/stimulus.pb.h"
+
+namespace glasswing {
+
+using Colour = std::array<float, 3>;  // linear radiance, r, g, b
+
+struct MonitorSize {
+  int width_px = 0;
+  int height_px = 0;
+  bool operator==(const MonitorSize&) const = default;
+};
+
+class Pattern {
+ public:
+  // INVALID_ARGUMENT names the field, its value and what would be accepted. A photo is no pure function:
+  // its kind is refused here and looked up by whoever holds the picture.
+  static absl::StatusOr<Pattern> create(const v1::Stimulus& stimulus, MonitorSize size);
+
+  // Radiance at a point.
+  Colour radiance(double x_px, double y_px) const;
+
+  // Radiance at the centre of every pixel.
+  RadianceImage rasterised() const;
+
+ private:
+  struct Solid {};
+  struct Stripe {
+    double cos_phi, sin_phi, r_px, sigma_px;
+  };
+  struct Square {
+    bool along_x;
+    double bar_width_px;
+    bool inverse;
+  };
+  struct Ramp {};
+  using Shape = std::variant<Solid, Stripe, Square, Ramp>;
+
+  Pattern(Shape shape, Colour colour, MonitorSize size) : shape_(shape), colour_(colour), size_(size) {}
+
+  Shape shape_;
+  Colour colour_;
+  MonitorSize size_;
+};
+
+}  // namespace glasswing

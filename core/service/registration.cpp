@@ -1,0 +1,41 @@
+#include "core/service/registration.h"
+
+#include <chrono>
+
+#include <spdlog/spdlog.h>
+
+#include "core/service/service.h"
+
+namespace glasswing {
+
+Registration::Registration(const std::string& server_address, v1::RegisterRequest node)
+    : node_(std::move(node)) {
+  if (server_address.empty()) return;
+  node_.set_version(kVersion);
+  stub_ = v1::NodeService::NewStub(dial(server_address));
+  thread_ = std::jthread([this](std::stop_token stop) { run(stop); });
+}
+
+Registration::~Registration() = default;
+
+void Registration::run(std::stop_token stop) {
+  bool known = true;  // so that the first failure is logged
+  while (!stop.stop_requested()) {
+    grpc::ClientContext context;
+    set_deadline(context, std::chrono::seconds(2));
+    v1::RegisterResponse response;
+    const grpc::Status status = stub_->Register(&context, node_, &response);
+    if (status.ok() != known) {
+      known = status.ok();
+      if (known) {
+        spdlog::info("the server knows this node node={}", node_.name());
+      } else {
+        spdlog::warn("the server does not take this node yet, trying on: {}", status.error_message());
+      }
+    }
+    std::unique_lock lock(mutex_);
+    wake_.wait_for(lock, stop, std::chrono::seconds(1), [] { return false; });
+  }
+}
+
+}  // namespace glasswing

@@ -1,0 +1,31 @@
+// Keeps a node known to the server: registers at once and every second, for as long as it lives.
+#pragma once
+
+#include <condition_variable>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+
+#include "glasswing/v1/node_service.grpc.pb.h"
+
+namespace glasswing {
+
+class Registration {
+ public:
+  // `server_address` empty: nothing is registered. A server that does not answer is tried again for ever; the
+  // first failure and the recovery are logged.
+  Registration(const std::string& server_address, v1::RegisterRequest node);
+  ~Registration();
+
+ private:
+  void run(std::stop_token stop);
+
+  std::unique_ptr<v1::NodeService::Stub> stub_;
+  v1::RegisterRequest node_;
+  std::mutex mutex_;
+  std::condition_variable_any wake_;
+  std::jthread thread_;
+};
+
+}  // namespace glasswing

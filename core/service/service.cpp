@@ -1,0 +1,147 @@
+#include "core/service/service.h"
+
+#include <csignal>
+
+#include <fmt/format.h>
+#include <grpcpp/ext/proto_server_reflection_plugin.h>
+#include <grpcpp/health_check_service_interface.h>
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
+
+#include "core/base/time.h"
+#include "glasswing/v1/clock_service.grpc.pb.h"
+
+namespace glasswing {
+namespace {
+
+class MonotonicClockService final : public v1::ClockService::Service {
+  grpc::Status Exchange(grpc::ServerContext*, const v1::ExchangeRequest*,
+                        v1::ExchangeResponse* response) override {
+    response->set_received_ns(monotonic_now().count());
+    response->set_sent_ns(monotonic_now().count());
+    return grpc::Status::OK;
+  }
+};
+
+// "host:port" -> host, without the brackets of an IPv6 address.
+std::string host_of(const std::string& address) {
+  const std::string host = address.substr(0, address.rfind(':'));
+  return host.size() > 2 && host.front() == '[' ? host.substr(1, host.size() - 2) : host;
+}
+
+bool is_loopback(const std::string& host) {
+  return host == "localhost" || host == "::1" || host.starts_with("127.");
+}
+
+}  // namespace
+
+grpc::Status to_grpc(const absl::Status& status) {
+  if (status.ok()) return grpc::Status::OK;
+  return grpc::Status(static_cast<grpc::StatusCode>(status.code()), std::string(status.message()));
+}
+
+absl::Status from_grpc(const grpc::Status& status) {
+  if (status.ok()) return absl::OkStatus();
+  return absl::Status(static_cast<absl::StatusCode>(status.error_code()), status.error_message());
+}
+
+absl::Status from_grpc(const grpc::Status& status, const std::string& peer) {
+  // gRPC's own words for a peer that is gone are about sockets; ours name the peer.
+  switch (status.error_code()) {
+    case grpc::StatusCode::OK:
+      return absl::OkStatus();
+    case grpc::StatusCode::UNAVAILABLE:
+      return absl::UnavailableError(peer + " does not answer");
+    case grpc::StatusCode::DEADLINE_EXCEEDED:
+      if (status.error_message().find("Deadline Exceeded") != std::string::npos) {
+        return absl::DeadlineExceededError(peer + " did not answer in time");
+      }
+      return from_grpc(status);
+    default:
+      return from_grpc(status);
+  }
+}
+
+void start_logging(const std::string& program, const std::string& level) {
+  auto logger = spdlog::stderr_color_mt(program);
+  logger->set_pattern("%Y-%m-%dT%H:%M:%S.%eZ %l %n: %v", spdlog::pattern_time_type::utc);
+  logger->set_level(spdlog::level::from_str(level));
+  logger->flush_on(spdlog::level::info);
+  spdlog::set_default_logger(logger);
+}
+
+std::shared_ptr<grpc::Channel> dial(const std::string& address) {
+  grpc::ChannelArguments arguments;
+  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 100);
+  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 100);
+  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 1000);
+  // A peer that is killed and started again must not be reached through a shared, backed-off connection.
+  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+  arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
+  return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
+}
+
+void set_deadline(grpc::ClientContext& context, std::chrono::milliseconds timeout) {
+  context.set_deadline(std::chrono::system_clock::now() + timeout);
+}
+
+absl::StatusOr<std::unique_ptr<ServiceHost>> ServiceHost::start(const ListenOptions& options,
+                                                                const std::vector<grpc::Service*>& services) {
+  const std::string host = host_of(options.address);
+  if (!is_loopback(host)) {
+    return absl::InvalidArgumentError(
+        fmt::format("--listen is {}; it must be a loopback address (127.0.0.1:PORT): other machines need TLS, "
+                    "which this version does not have", options.address));
+  }
+  std::unique_ptr<ServiceHost> self(new ServiceHost);
+  self->clock_ = std::make_unique<MonotonicClockService>();
+  grpc::EnableDefaultHealthCheckService(true);
+  if (options.reflection) {
+    grpc::reflection::InitProtoReflectionServerBuilderPlugin();  // process-wide
+  }
+  grpc::ServerBuilder builder;
+  int port = 0;
+  builder.AddListeningPort(options.address, grpc::InsecureServerCredentials(), &port);
+  builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);  // a second daemon on this port is an error
+  builder.AddChannelArgument("grpc.server_handshake_timeout_ms", 5000);
+  builder.SetMaxReceiveMessageSize(8 << 20);
+  builder.RegisterService(self->clock_.get());
+  for (grpc::Service* service : services) builder.RegisterService(service);
+  self->server_ = builder.BuildAndStart();
+  if (self->server_ == nullptr || port == 0) {
+    return absl::UnavailableError(
+        fmt::format("cannot listen on {}; is another daemon running there?", options.address));
+  }
+  self->address_ = fmt::format("{}:{}", options.address.substr(0, options.address.rfind(':')), port);
+  self->server_->GetHealthCheckService()->SetServingStatus(true);
+  return self;
+}
+
+ServiceHost::~ServiceHost() { stop(std::chrono::milliseconds(0)); }
+
+void ServiceHost::stop(std::chrono::milliseconds grace) {
+  if (server_ == nullptr) return;
+  server_->Shutdown(std::chrono::system_clock::now() + grace);
+  server_->Wait();
+  server_ = nullptr;
+}
+
+void block_signals() {
+  sigset_t signals;
+  ::sigemptyset(&signals);
+  ::sigaddset(&signals, SIGINT);
+  ::sigaddset(&signals, SIGTERM);
+  ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  ::signal(SIGPIPE, SIG_IGN);
+}
+
+void wait_for_signal() {
+  sigset_t signals;
+  ::sigemptyset(&signals);
+  ::sigaddset(&signals, SIGINT);
+  ::sigaddset(&signals, SIGTERM);
+  int received = 0;
+  ::sigwait(&signals, &received);
+}
+
+}  // namespace glasswing
