@@ -1,0 +1,300 @@
+#include "core/pattern/plan.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <optional>
+#include <set>
+
+#include <fmt/format.h>
+#include <google/protobuf/io/tokenizer.h>
+#include <google/protobuf/text_format.h>
+
+#include "core/base/file.h"
+#include "core/base/name.h"
+#include "core/base/status.h"
+
+namespace glasswing {
+namespace {
+
+using google::protobuf::TextFormat;
+constexpr int kMaxSteps = 20000;
+
+// Where a message of the plan stands, so that a complaint can name the line (from a file) or the path (from the wire).
+class Place {
+ public:
+  Place(std::string file_name, const TextFormat::ParseInfoTree* tree, std::string path)
+      : file_name_(std::move(file_name)), tree_(tree), path_(std::move(path)) {}
+
+  Place nested(const google::protobuf::Message& parent, const std::string& field, int index) const {
+    const auto* descriptor = parent.GetDescriptor()->FindFieldByName(field);
+    const TextFormat::ParseInfoTree* tree =
+        tree_ == nullptr ? nullptr : tree_->GetTreeForNested(descriptor, descriptor->is_repeated() ? index : -1);
+    const std::string name = descriptor->is_repeated() ? fmt::format("{}[{}].", field, index) : field + ".";
+    return {file_name_, tree, path_ + name};
+  }
+
+  // "plan.txtpb:12: sigma_px is 0; it must be in (0, 200]"
+  template <typename Value>
+  absl::Status bad(const google::protobuf::Message& message, const std::string& field, int index, const Value& value,
+                   const std::string& accepted) const {
+    const auto* descriptor = message.GetDescriptor()->FindFieldByName(field);
+    std::string where = path_;
+    if (!file_name_.empty()) {
+      where = file_name_ + ":";
+      if (tree_ != nullptr) {
+        const auto location = tree_->GetLocation(descriptor, descriptor->is_repeated() ? index : -1);
+        if (location.line >= 0) where += fmt::format("{}:", location.line + 1);
+      }
+      where += " ";
+    }
+    return absl::InvalidArgumentError(fmt::format("{}{} is {}; it must be {}", where, field, value, accepted));
+  }
+
+ private:
+  std::string file_name_;
+  const TextFormat::ParseInfoTree* tree_;
+  std::string path_;
+};
+
+class FirstError : public google::protobuf::io::ErrorCollector {
+ public:
+  void AddError(int line, int, const std::string& message) override {
+    if (text.empty()) text = fmt::format("{}: {}", line + 1, message);
+  }
+  std::string text;
+};
+
+bool within(double value, double low, double high) { return value >= low && value <= high; }  // NaN is not
+
+template <typename Message>
+absl::Status check_colour(const Message& message, const Place& place) {
+  if (message.colour_size() != 3) return place.bad(message, "colour", 0, fmt::format("{} numbers", message.colour_size()), "3: red, green, blue");
+  for (int i = 0; i < 3; ++i) {
+    if (!within(message.colour(i), 0.0, 1.0)) return place.bad(message, "colour", i, message.colour(i), "in [0, 1]");
+  }
+  return absl::OkStatus();
+}
+
+absl::Status check_sweep(const v1::Sweep& sweep, const Place& place) {
+  if (!within(sweep.orientation_deg(), -180.0, 180.0)) {
+    return place.bad(sweep, "orientation_deg", 0, sweep.orientation_deg(), "in [-180, 180]");
+  }
+  if (!(sweep.sigma_px() > 0.0 && sweep.sigma_px() <= 200.0)) {
+    return place.bad(sweep, "sigma_px", 0, sweep.sigma_px(), "in (0, 200]");
+  }
+  if (sweep.has_step_px() && !(sweep.step_px() >= 0.01 && sweep.step_px() <= sweep.sigma_px())) {
+    return place.bad(sweep, "step_px", 0, sweep.step_px(), "in [0.01, sigma_px]");
+  }
+  if (sweep.has_margin_sigmas() && !within(sweep.margin_sigmas(), 0.0, 10.0)) {
+    return place.bad(sweep, "margin_sigmas", 0, sweep.margin_sigmas(), "in [0, 10]");
+  }
+  if (sweep.has_peak() && !(sweep.peak() > 0.0 && sweep.peak() <= 1.0)) {
+    return place.bad(sweep, "peak", 0, sweep.peak(), "in (0, 1]");
+  }
+  return absl::OkStatus();
+}
+
+absl::Status check(const v1::Plan& plan, const Place& place) {
+  if (plan.method() != "gaussian") {
+    return place.bad(plan, "method", 0, fmt::format("\"{}\"", plan.method()), "\"gaussian\"");
+  }
+  std::set<std::string> names;
+  for (int i = 0; i < plan.monitors_size(); ++i) {
+    const v1::PlanMonitor& monitor = plan.monitors(i);
+    const Place here = place.nested(plan, "monitors", i);
+    if (!check_name("monitor", monitor.name()).ok() || !names.insert(monitor.name()).second) {
+      return here.bad(monitor, "name", 0, fmt::format("\"{}\"", monitor.name()),
+                      "a monitor's name, each once: 1 to 64 letters, digits, '.', '_' or '-'");
+    }
+    if (monitor.has_width_px() && !within(monitor.width_px(), 1, 16384)) {
+      return here.bad(monitor, "width_px", 0, monitor.width_px(), "1 to 16384");
+    }
+    if (monitor.has_height_px() && !within(monitor.height_px(), 1, 16384)) {
+      return here.bad(monitor, "height_px", 0, monitor.height_px(), "1 to 16384");
+    }
+  }
+  for (int i = 0; i < plan.sweeps_size(); ++i) {
+    GW_RETURN_IF_ERROR(check_sweep(plan.sweeps(i), place.nested(plan, "sweeps", i)));
+  }
+  for (int i = 0; i < plan.solids_size(); ++i) {
+    GW_RETURN_IF_ERROR(check_colour(plan.solids(i), place.nested(plan, "solids", i)));
+  }
+  if (plan.has_square_waves() && !within(plan.square_waves().levels(), 1, 14)) {
+    return place.nested(plan, "square_waves", 0)
+        .bad(plan.square_waves(), "levels", 0, plan.square_waves().levels(), "1 to 14");
+  }
+  for (int i = 0; i < plan.photos_size(); ++i) {
+    if (plan.photos(i).file().empty()) {
+      return place.nested(plan, "photos", i).bad(plan.photos(i), "file", 0, "\"\"", "the path of a picture");
+    }
+  }
+  if (plan.has_hold_refreshes() && !within(plan.hold_refreshes(), 2, 600)) {
+    return place.bad(plan, "hold_refreshes", 0, plan.hold_refreshes(),
+                     "2 to 600 (a screen needs one refresh to change and one to be seen)");
+  }
+  for (int i = 0; i < plan.exposure_ms_size(); ++i) {
+    if (!within(plan.exposure_ms(i), 0.01, 10000.0)) {
+      return place.bad(plan, "exposure_ms", i, plan.exposure_ms(i), "in [0.01, 10000]");
+    }
+  }
+  if (plan.has_retries() && !within(plan.retries(), 0, 100)) {
+    return place.bad(plan, "retries", 0, plan.retries(), "0 to 100");
+  }
+  if (plan.sweeps().empty() && plan.solids().empty() && !plan.has_square_waves() && !plan.has_ramp() &&
+      plan.photos().empty()) {
+    return place.bad(plan, "sweeps", 0, "empty, and so is everything else", "at least one sweep, solid, ramp or photo");
+  }
+  return absl::OkStatus();
+}
+
+v1::Stimulus stimulus_on(const std::string& panel, const std::string& kind) {
+  v1::Stimulus stimulus;
+  stimulus.set_kind(kind);
+  stimulus.set_panel(panel);
+  return stimulus;
+}
+
+// Crests k * step for every whole k whose stripe is within the margin of the monitor's extent along the sweep.
+void add_sweep(const v1::Sweep& sweep, const v1::Monitor& monitor, std::vector<v1::Stimulus>& out) {
+  const double phi_rad = sweep.orientation_deg() * std::numbers::pi / 180.0;
+  const double across_px = monitor.width_px() * std::cos(phi_rad);
+  const double down_px = monitor.height_px() * std::sin(phi_rad);
+  const double margin_px = (sweep.has_margin_sigmas() ? sweep.margin_sigmas() : 2.0) * sweep.sigma_px();
+  const double step_px = sweep.has_step_px() ? sweep.step_px() : 0.5 * sweep.sigma_px();
+  const double low_px = std::min(across_px, 0.0) + std::min(down_px, 0.0) - margin_px;
+  const double high_px = std::max(across_px, 0.0) + std::max(down_px, 0.0) + margin_px;
+  // A crest exactly on the margin must not depend on how cos(90 deg) rounds.
+  constexpr double kSlack = 1e-9;
+  for (double k = std::ceil(low_px / step_px - kSlack); k <= std::floor(high_px / step_px + kSlack); k += 1.0) {
+    v1::Stimulus stripe = stimulus_on(monitor.name(), "gauss_stripe");
+    stripe.set_phi_deg(sweep.orientation_deg());
+    stripe.set_r_px(k * step_px);
+    stripe.set_sigma_px(sweep.sigma_px());
+    stripe.set_peak(sweep.has_peak() ? sweep.peak() : 1.0);
+    for (int i = 0; i < 3; ++i) stripe.add_colour(1.0);
+    out.push_back(std::move(stripe));
+    if (out.size() > kMaxSteps) return;
+  }
+}
+
+void add_square_waves(const v1::SquareWaves& waves, const v1::Monitor& monitor, std::vector<v1::Stimulus>& out) {
+  double period_px = 1.0;
+  while (period_px < std::max(monitor.width_px(), monitor.height_px())) period_px *= 2.0;
+  for (const char* orient : {"vertical_bars", "horizontal_bars"}) {
+    for (int level = 1; level <= waves.levels(); ++level) {
+      const double bar_px = period_px / std::exp2(level);
+      if (bar_px < 1.0) break;  // finer than a pixel
+      for (const bool inverse : {false, true}) {
+        v1::Stimulus bars = stimulus_on(monitor.name(), "square");
+        bars.set_orient(orient);
+        bars.set_level(level);
+        bars.set_bar_width_px(bar_px);
+        bars.set_inverse(inverse);
+        for (int i = 0; i < 3; ++i) bars.add_colour(1.0);
+        out.push_back(std::move(bars));
+      }
+    }
+  }
+}
+
+// What one monitor shows in its turn.
+std::vector<v1::Stimulus> stimuli_of(const v1::Plan& plan, const v1::Monitor& monitor, bool object) {
+  std::vector<v1::Stimulus> out;
+  for (const v1::Solid& solid : plan.solids()) {
+    v1::Stimulus stimulus = stimulus_on(monitor.name(), "solid");
+    *stimulus.mutable_colour() = solid.colour();
+    out.push_back(std::move(stimulus));
+  }
+  if (plan.has_square_waves()) add_square_waves(plan.square_waves(), monitor, out);
+  if (plan.has_ramp()) out.push_back(stimulus_on(monitor.name(), "ramp"));
+  if (!object) return out;
+  for (const v1::Sweep& sweep : plan.sweeps()) add_sweep(sweep, monitor, out);
+  return out;
+}
+
+}  // namespace
+
+absl::StatusOr<v1::Plan> parse_plan(std::string_view text, const std::string& file_name) {
+  v1::Plan plan;
+  TextFormat::ParseInfoTree tree;
+  FirstError error;
+  TextFormat::Parser parser;
+  parser.WriteLocationsTo(&tree);
+  parser.RecordErrorsTo(&error);
+  if (!parser.ParseFromString(std::string(text), &plan)) {
+    return absl::InvalidArgumentError(fmt::format("{}:{}", file_name, error.text));
+  }
+  GW_RETURN_IF_ERROR(check(plan, Place(file_name, &tree, "")));
+  return plan;
+}
+
+absl::StatusOr<v1::Plan> read_plan(const std::filesystem::path& path) {
+  GW_ASSIGN_OR_RETURN(const std::string text, read_file(path));
+  return parse_plan(text, path.string());
+}
+
+absl::Status check_plan(const v1::Plan& plan) { return check(plan, Place("", nullptr, "plan.")); }
+
+int hold_refreshes_of(const v1::Plan& plan) {
+  return plan.has_hold_refreshes() ? plan.hold_refreshes() : kDefaultHoldRefreshes;
+}
+
+int retries_of(const v1::Plan& plan) { return plan.has_retries() ? plan.retries() : kDefaultRetries; }
+
+absl::StatusOr<std::vector<Step>> expand(const v1::Plan& plan, const std::vector<v1::Monitor>& rig) {
+  std::vector<v1::Monitor> used;
+  for (const v1::PlanMonitor& wanted : plan.monitors()) {
+    const auto found = std::find_if(rig.begin(), rig.end(), [&](const v1::Monitor& m) { return m.name() == wanted.name(); });
+    if (found == rig.end()) {
+      std::string names;
+      for (const v1::Monitor& monitor : rig) names += (names.empty() ? "" : ", ") + monitor.name();
+      return absl::InvalidArgumentError(
+          fmt::format("the plan uses monitor \"{}\"; the rig has: {}", wanted.name(), names));
+    }
+    const int width = wanted.has_width_px() ? wanted.width_px() : found->width_px();
+    const int height = wanted.has_height_px() ? wanted.height_px() : found->height_px();
+    if (width != found->width_px() || height != found->height_px()) {
+      return absl::InvalidArgumentError(fmt::format("the plan says monitor \"{}\" is {}x{}; it is {}x{}",
+                                                    wanted.name(), width, height, found->width_px(),
+                                                    found->height_px()));
+    }
+    used.push_back(*found);
+  }
+  if (plan.monitors().empty()) used = rig;
+  if (used.empty()) return absl::InvalidArgumentError("the rig has no monitor");
+
+  std::vector<double> exposures_ms(plan.exposure_ms().begin(), plan.exposure_ms().end());
+  if (exposures_ms.empty()) exposures_ms.push_back(kDefaultExposureMs);
+  std::vector<Step> steps;
+  for (const bool object : {false, true}) {
+    if (!object && plan.skip_empty_stage()) continue;
+    std::vector<v1::Stimulus> stimuli;
+    for (const v1::Monitor& monitor : used) {
+      for (v1::Stimulus& stimulus : stimuli_of(plan, monitor, object)) stimuli.push_back(std::move(stimulus));
+    }
+    for (const v1::Photo& photo : plan.photos()) {
+      if (!object) break;
+      v1::Stimulus stimulus = stimulus_on(used.front().name(), "photo");
+      stimulus.set_image(photo.file());
+      stimulus.set_name(photo.name().empty() ? std::filesystem::path(photo.file()).stem().string() : photo.name());
+      stimulus.set_reference(true);
+      stimuli.push_back(std::move(stimulus));
+    }
+    for (const double exposure_ms : exposures_ms) {
+      for (const v1::Stimulus& stimulus : stimuli) {
+        if (steps.size() >= kMaxSteps) {
+          return absl::InvalidArgumentError(
+              fmt::format("the plan has more than {} steps; use wider sweeps or larger step_px", kMaxSteps));
+        }
+        steps.push_back({.number = static_cast<int>(steps.size()),
+                         .object = object,
+                         .exposure_ms = exposure_ms,
+                         .stimulus = stimulus});
+      }
+    }
+  }
+  return steps;
+}
+
+}  // namespace glasswing
