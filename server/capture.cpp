@@ -1,0 +1,514 @@
+#include "server/capture.h"
+
+#include <algorithm>
+#include <condition_variable>
+#include <deque>
+#include <mutex>
+#include <thread>
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include "core/base/file.h"
+#include "core/base/name.h"
+#include "core/base/status.h"
+#include "core/base/time.h"
+#include "core/service/service.h"
+
+namespace glasswing {
+namespace {
+
+using std::chrono::milliseconds;
+constexpr milliseconds kCall(10000);
+constexpr milliseconds kStartLead(120);   // from the command to the first step
+constexpr milliseconds kPoll(10);
+constexpr milliseconds kLastFrame(1500);  // how long a frame may come after the last step was replaced
+
+// What a stream's reader thread hands to the capture's own thread.
+template <typename T>
+class Inbox {
+ public:
+  void push(T item) {
+    const std::lock_guard lock(mutex_);
+    items_.push_back(std::move(item));
+  }
+  std::deque<T> take() {
+    const std::lock_guard lock(mutex_);
+    return std::exchange(items_, {});
+  }
+  void close(absl::Status status) {
+    const std::lock_guard lock(mutex_);
+    end_ = std::move(status);
+  }
+  std::optional<absl::Status> end() const {
+    const std::lock_guard lock(mutex_);
+    return end_;
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  std::deque<T> items_;
+  std::optional<absl::Status> end_;
+};
+
+std::string listed(const std::set<int>& steps) {
+  std::string text;
+  int count = 0;
+  for (const int step : steps) {
+    if (++count > 10) return text + ", ...";
+    text += fmt::format("{}{}", text.empty() ? "" : ", ", step);
+  }
+  return text;
+}
+
+}  // namespace
+
+NodeLink::NodeLink(const v1::Node& node)
+    : title_(fmt::format("{} node \"{}\" at {}", node.kind() == v1::NODE_KIND_CAMERA ? "camera" : "display",
+                         node.name(), node.address())),
+      channel_(dial(node.address())),
+      stub_(v1::ClockService::NewStub(channel_)) {}
+
+absl::Status NodeLink::exchange_clocks(int count) {
+  for (int i = 0; i < count; ++i) {
+    grpc::ClientContext context;
+    set_deadline(context, milliseconds(2000));
+    v1::ExchangeResponse response;
+    const nanoseconds sent = monotonic_now();
+    const grpc::Status status = stub_->Exchange(&context, {}, &response);
+    const nanoseconds returned = monotonic_now();
+    if (!status.ok()) return from_grpc(status, title_);
+    clock_.add({.sent = sent,
+                .received = nanoseconds(response.received_ns()),
+                .answered = nanoseconds(response.sent_ns()),
+                .returned = returned});
+  }
+  return absl::OkStatus();
+}
+
+struct Capture::Display {
+  explicit Display(const v1::Node& node) : link(node), stub(v1::DisplayService::NewStub(link.channel())) {}
+  absl::Status describe() {
+    grpc::ClientContext context;
+    set_deadline(context, kCall);
+    return from_grpc(stub->GetDisplay(&context, {}, &info), link.title());
+  }
+  const v1::DisplayMonitor* monitor(const std::string& name) const {
+    for (const v1::DisplayMonitor& each : info.monitors()) {
+      if (each.name() == name) return &each;
+    }
+    return nullptr;
+  }
+
+  NodeLink link;
+  std::unique_ptr<v1::DisplayService::Stub> stub;
+  v1::GetDisplayResponse info;
+};
+
+// The camera's running Capture call.
+class Capture::CameraFeed {
+ public:
+  CameraFeed(Capture& capture, double exposure_ms) : capture_(capture), exposure_ms_(exposure_ms) {
+    v1::CaptureRequest request;
+    request.set_exposure_ms(exposure_ms);
+    reader_ = capture.camera_stub_->Capture(&context_, request);
+    thread_ = std::thread([this] { read(); });
+  }
+  ~CameraFeed() {
+    context_.TryCancel();
+    thread_.join();
+  }
+
+  // Returns when the camera runs as asked.
+  absl::Status wait_running(std::stop_token stop) {
+    std::unique_lock lock(mutex_);
+    started_.wait_for(lock, stop, std::chrono::seconds(20), [this] { return running_ || inbox.end().has_value(); });
+    if (running_) return absl::OkStatus();
+    return inbox.end().value_or(absl::DeadlineExceededError(capture_.camera_->title() + " did not start in time"));
+  }
+
+  double exposure_ms() const { return exposure_ms_; }
+
+  Inbox<v1::FrameTaken> inbox;
+  FrameMatcher matcher;
+  std::map<std::int64_t, v1::FrameTaken> recent;  // by sequence
+
+ private:
+  void read() {
+    v1::CaptureResponse response;
+    while (reader_->Read(&response)) {
+      if (response.has_frame()) {
+        inbox.push(std::move(*response.mutable_frame()));
+        continue;
+      }
+      const std::lock_guard lock(mutex_);
+      running_ = true;
+      started_.notify_all();
+    }
+    absl::Status status = from_grpc(reader_->Finish(), capture_.camera_->title());
+    if (status.ok()) status = absl::UnavailableError(capture_.camera_->title() + " stopped sending frames");
+    inbox.close(std::move(status));
+    const std::lock_guard lock(mutex_);
+    started_.notify_all();
+  }
+
+  Capture& capture_;
+  const double exposure_ms_;
+  grpc::ClientContext context_;
+  std::unique_ptr<grpc::ClientReader<v1::CaptureResponse>> reader_;
+  std::mutex mutex_;
+  std::condition_variable_any started_;
+  bool running_ = false;
+  std::thread thread_;
+};
+
+// A display's running PlayProgram call.
+class Capture::DisplayFeed {
+ public:
+  DisplayFeed(Display& display, const std::string& program, nanoseconds start_at) : display_(display) {
+    v1::PlayProgramRequest request;
+    request.set_program(program);
+    request.set_start_at_ns(display.link.clock().node_from_rig(start_at).count());
+    reader_ = display.stub->PlayProgram(&context_, request);
+    thread_ = std::thread([this] {
+      v1::PlayProgramResponse response;
+      while (reader_->Read(&response)) inbox.push(window_of(response.presentation()));
+      inbox.close(from_grpc(reader_->Finish(), display_.link.title()));
+    });
+  }
+  ~DisplayFeed() {
+    context_.TryCancel();
+    thread_.join();
+  }
+
+  Inbox<MonitorWindow> inbox;
+
+ private:
+  MonitorWindow window_of(const v1::Presentation& shown) const {
+    const ClockModel& clock = display_.link.clock();
+    const v1::DisplayMonitor* monitor = display_.monitor(shown.monitor());
+    return {.step = shown.step(),
+            .scanout_end = clock.rig_from_node(nanoseconds(shown.scanout_end_ns())),
+            .replaced = clock.rig_from_node(nanoseconds(shown.replaced_ns())),
+            .lag = nanoseconds(monitor == nullptr ? 0 : monitor->optical_lag_ns()),
+            .settle = nanoseconds(monitor == nullptr ? 0 : monitor->settle_ns()),
+            .uncertainty = nanoseconds(shown.uncertainty_ns()) + clock.error_bound(monotonic_now())};
+  }
+
+  Display& display_;
+  grpc::ClientContext context_;
+  std::unique_ptr<grpc::ClientReader<v1::PlayProgramResponse>> reader_;
+  std::thread thread_;
+};
+
+absl::StatusOr<RigDescription> describe_rig(const Rig& rig) {
+  RigDescription description;
+  GW_ASSIGN_OR_RETURN(const std::vector<v1::Node> displays, rig.displays());
+  for (const v1::Node& node : displays) {
+    const NodeLink link(node);
+    grpc::ClientContext context;
+    set_deadline(context, kCall);
+    v1::GetDisplayResponse info;
+    GW_RETURN_IF_ERROR(from_grpc(v1::DisplayService::NewStub(link.channel())->GetDisplay(&context, {}, &info), link.title()));
+    for (const v1::DisplayMonitor& shown : info.monitors()) {
+      v1::Monitor monitor;
+      monitor.set_name(shown.name());
+      monitor.set_width_px(shown.width_px());
+      monitor.set_height_px(shown.height_px());
+      monitor.set_refresh_hz(shown.refresh_hz());
+      monitor.set_response(shown.response());
+      for (const v1::Monitor& other : description.monitors) {
+        if (other.name() == monitor.name()) {
+          return absl::FailedPreconditionError(
+              fmt::format("two monitors of the rig are called \"{}\"; give one another name", monitor.name()));
+        }
+      }
+      description.monitors.push_back(std::move(monitor));
+    }
+  }
+  GW_ASSIGN_OR_RETURN(const v1::Node camera, rig.camera());
+  const NodeLink link(camera);
+  grpc::ClientContext context;
+  set_deadline(context, kCall);
+  GW_RETURN_IF_ERROR(
+      from_grpc(v1::CameraService::NewStub(link.channel())->GetCamera(&context, {}, &description.camera), link.title()));
+  return description;
+}
+
+Capture::Capture(const Rig& rig, std::filesystem::path images, v1::Session session,
+                 std::optional<bool> object_confirmed, std::function<void(const v1::Session&)> report)
+    : rig_(rig),
+      images_(std::move(images)),
+      session_(std::move(session)),
+      object_confirmed_(object_confirmed),
+      report_(std::move(report)) {}
+
+Capture::~Capture() = default;
+
+CaptureOutcome Capture::run(std::stop_token stop) {
+  using Kind = CaptureOutcome::Kind;
+  bool needs_operator = false;
+  bool object_wanted = false;
+  const auto work = [&]() -> absl::Status {
+    GW_RETURN_IF_ERROR(connect());
+    GW_RETURN_IF_ERROR(open_archive());
+    GW_RETURN_IF_ERROR(send_images());
+    std::vector<Group> groups;
+    for (const Step& step : steps_) {
+      if (proven_.contains(step.number)) continue;
+      if (groups.empty() || groups.back().object != step.object || groups.back().exposure_ms != step.exposure_ms) {
+        groups.push_back({.object = step.object, .exposure_ms = step.exposure_ms, .steps = {}});
+      }
+      groups.back().steps.push_back(step);
+    }
+    std::optional<bool> object_at = object_confirmed_;
+    for (const Group& group : groups) {
+      if (object_at != group.object) {
+        GW_ASSIGN_OR_RETURN(const bool moved, move_object(group.object));
+        if (!moved) {
+          needs_operator = true;
+          object_wanted = group.object;
+          return absl::OkStatus();
+        }
+        object_at = group.object;
+      }
+      GW_RETURN_IF_ERROR(take(group, stop));
+    }
+    return seal();
+  };
+  const absl::Status status = work();
+  if (stop.stop_requested()) return {Kind::kStopped, ""};
+  if (needs_operator) {
+    return {Kind::kNeedsOperator,
+            fmt::format("{}, then: glasswing resume {}",
+                        object_wanted ? "place the object on the stage" : "take the object off the stage", session_.name())};
+  }
+  if (status.ok()) return {Kind::kCaptured, ""};
+  // ABORTED: another program took the screens, as after a display was started again.
+  const bool lost = absl::IsUnavailable(status) || absl::IsDeadlineExceeded(status) || absl::IsAborted(status);
+  return {lost ? Kind::kNodeLost : Kind::kFailed, std::string(status.message())};
+}
+
+absl::Status Capture::connect() {
+  GW_ASSIGN_OR_RETURN(RigDescription description, describe_rig(rig_));
+  monitors_ = std::move(description.monitors);
+  camera_info_ = std::move(description.camera);
+  GW_ASSIGN_OR_RETURN(const std::vector<v1::Node> display_nodes, rig_.displays());
+  for (const v1::Node& node : display_nodes) {
+    displays_.push_back(std::make_unique<Display>(node));
+    GW_RETURN_IF_ERROR(displays_.back()->describe());
+  }
+  GW_ASSIGN_OR_RETURN(const v1::Node camera_node, rig_.camera());
+  session_.set_archive_address(camera_node.address());
+  camera_ = std::make_unique<NodeLink>(camera_node);
+  camera_stub_ = v1::CameraService::NewStub(camera_->channel());
+  archive_stub_ = v1::ArchiveService::NewStub(camera_->channel());
+  stage_stub_ = v1::StageService::NewStub(camera_->channel());
+  GW_ASSIGN_OR_RETURN(steps_, expand(session_.plan(), monitors_));
+  return absl::OkStatus();
+}
+
+absl::Status Capture::open_archive() {
+  v1::CreateArchiveRequest create;
+  v1::CaptureManifest& header = *create.mutable_manifest();
+  header.set_format_version(1);
+  header.set_session(session_.name());
+  header.set_created(session_.created());
+  header.set_generator(fmt::format("glasswing-server {}", kVersion));
+  for (const v1::Monitor& monitor : monitors_) *header.add_monitors() = monitor;
+  *header.mutable_camera() = camera_info_.camera();
+  *header.mutable_plan() = session_.plan();
+  v1::CreateArchiveResponse created;
+  grpc::ClientContext create_context;
+  set_deadline(create_context, kCall);
+  GW_RETURN_IF_ERROR(from_grpc(archive_stub_->CreateArchive(&create_context, create, &created), camera_->title()));
+  v1::GetManifestRequest get;
+  get.set_session(session_.name());
+  v1::GetManifestResponse manifest;
+  grpc::ClientContext get_context;
+  set_deadline(get_context, kCall);
+  GW_RETURN_IF_ERROR(from_grpc(archive_stub_->GetManifest(&get_context, get, &manifest), camera_->title()));
+  for (const v1::Frame& frame : manifest.manifest().frames()) proven_.insert(frame.step());
+  session_.set_step_count(static_cast<int>(steps_.size()));
+  session_.set_proven_count(static_cast<int>(proven_.size()));
+  report_(session_);
+  return absl::OkStatus();
+}
+
+absl::Status Capture::send_images() {
+  std::set<std::string> images;
+  for (const Step& step : steps_) {
+    if (!step.stimulus.image().empty()) images.insert(step.stimulus.image());
+  }
+  for (const std::string& image : images) {
+    GW_RETURN_IF_ERROR(check_name("image", image));
+    GW_ASSIGN_OR_RETURN(const std::string bytes, read_file(images_ / image));
+    for (const auto& display : displays_) {
+      grpc::ClientContext context;
+      set_deadline(context, kCall);
+      v1::PutImageResponse response;
+      const auto writer = display->stub->PutImage(&context, &response);
+      for (size_t at = 0; at < bytes.size(); at += kChunkBytes) {
+        v1::PutImageRequest chunk;
+        chunk.set_chunk(bytes.substr(at, kChunkBytes));
+        if (!writer->Write(chunk)) break;
+      }
+      writer->WritesDone();
+      GW_RETURN_IF_ERROR(from_grpc(writer->Finish(), display->link.title()));
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<bool> Capture::move_object(bool present) {
+  v1::MoveObjectRequest request;
+  request.set_present(present);
+  v1::MoveObjectResponse response;
+  grpc::ClientContext context;
+  set_deadline(context, std::chrono::minutes(2));
+  GW_RETURN_IF_ERROR(from_grpc(stage_stub_->MoveObject(&context, request, &response), camera_->title()));
+  return !response.needs_operator();
+}
+
+absl::Status Capture::take(const Group& group, std::stop_token stop) {
+  const nanoseconds began = monotonic_now();
+  const double before_s = session_.capture_seconds();
+  CameraFeed frames(*this, group.exposure_ms);
+  GW_RETURN_IF_ERROR(frames.wait_running(stop));
+  GW_RETURN_IF_ERROR(camera_->exchange_clocks(8));
+  for (const auto& display : displays_) GW_RETURN_IF_ERROR(display->link.exchange_clocks(8));
+  std::vector<Step> pending = group.steps;
+  for (int shown = 0; !pending.empty(); ++shown) {
+    if (shown > retries_of(session_.plan())) {
+      std::set<int> unproven;
+      for (const Step& step : pending) unproven.insert(step.number);
+      return absl::FailedPreconditionError(fmt::format(
+          "{} steps had no proof after {} retries: {}; the camera's exposures ({} ms at {} fps) must fit between a "
+          "picture's settling and the next one: try a shorter exposure_ms or a larger hold_refreshes",
+          unproven.size(), retries_of(session_.plan()), listed(unproven), group.exposure_ms,
+          camera_info_.frame_rate_hz()));
+    }
+    if (shown > 0) session_.set_retaken_count(session_.retaken_count() + static_cast<int>(pending.size()));
+    GW_RETURN_IF_ERROR(play(pending, frames, stop));
+    if (stop.stop_requested()) return absl::CancelledError("stopped");
+    std::erase_if(pending, [this](const Step& step) { return proven_.contains(step.number); });
+    session_.set_capture_seconds(before_s + std::chrono::duration<double>(monotonic_now() - began).count());
+    report_(session_);
+  }
+  return absl::OkStatus();
+}
+
+absl::Status Capture::play(const std::vector<Step>& steps, CameraFeed& frames, std::stop_token stop) {
+  const std::string program = fmt::format("{}-{}", session_.name(), ++program_number_);
+  size_t monitor_count = 0;
+  for (const auto& display : displays_) {
+    v1::LoadProgramRequest load;
+    load.set_program(program);
+    load.set_hold_refreshes(hold_refreshes_of(session_.plan()));
+    for (const Step& step : steps) {
+      v1::ProgramStep& shown = *load.add_steps();
+      shown.set_step(step.number);
+      if (display->monitor(step.stimulus.panel()) != nullptr) *shown.add_stimuli() = step.stimulus;
+    }
+    v1::LoadProgramResponse loaded;
+    grpc::ClientContext context;
+    set_deadline(context, std::chrono::minutes(2));
+    GW_RETURN_IF_ERROR(from_grpc(display->stub->LoadProgram(&context, load, &loaded), display->link.title()));
+    monitor_count += static_cast<size_t>(display->info.monitors_size());
+  }
+  const nanoseconds start_at = monotonic_now() + kStartLead;
+  std::vector<std::unique_ptr<DisplayFeed>> feeds;
+  for (const auto& display : displays_) feeds.push_back(std::make_unique<DisplayFeed>(*display, program, start_at));
+
+  std::map<int, std::vector<MonitorWindow>> incomplete;  // by step, until every monitor has reported
+  std::optional<nanoseconds> last_replaced;
+  nanoseconds played_at{};
+  nanoseconds clocks_at = monotonic_now();
+  while (!stop.stop_requested()) {
+    bool playing = false;
+    for (const auto& feed : feeds) {
+      // The end is looked at first: what was pushed before it is then surely taken.
+      const std::optional<absl::Status> end = feed->inbox.end();
+      for (const MonitorWindow& window : feed->inbox.take()) {
+        last_replaced = std::max(last_replaced.value_or(window.replaced), window.replaced);
+        std::vector<MonitorWindow>& reported = incomplete[window.step];
+        reported.push_back(window);
+        if (reported.size() < monitor_count) continue;
+        frames.matcher.add_window(stable_window(reported));
+        incomplete.erase(window.step);
+      }
+      if (end && !end->ok()) return *end;
+      playing = playing || !end;
+    }
+    if (const auto end = frames.inbox.end()) return *end;
+    for (v1::FrameTaken& frame : frames.inbox.take()) {
+      session_.set_frames_taken(session_.frames_taken() + 1);
+      const bool as_asked = std::abs(frame.exposure_ms() - frames.exposure_ms()) <= 0.01 * frames.exposure_ms() &&
+                            frame.width_px() == camera_info_.camera().width_px() &&
+                            frame.height_px() == camera_info_.camera().height_px();
+      if (!as_asked) continue;
+      const ClockModel& clock = camera_->clock();
+      frames.matcher.add_frame(
+          {.sequence = frame.sequence(),
+           .start = clock.rig_from_node(nanoseconds(frame.exposure_start_ns())),
+           .end = clock.rig_from_node(nanoseconds(frame.exposure_end_ns())),
+           .uncertainty = nanoseconds(frame.uncertainty_ns()) + clock.error_bound(monotonic_now())});
+      frames.recent.emplace(frame.sequence(), std::move(frame));
+      if (frames.recent.size() > 4096) frames.recent.erase(frames.recent.begin());
+    }
+    GW_RETURN_IF_ERROR(keep(frames.matcher.take(), frames));
+    const nanoseconds now = monotonic_now();
+    if (playing) {
+      played_at = now;
+    } else {
+      const bool all_seen = !last_replaced || frames.matcher.frames_seen_until().value_or(nanoseconds(0)) > *last_replaced + milliseconds(50);
+      if (all_seen || now - played_at > kLastFrame) return absl::OkStatus();
+    }
+    if (now - clocks_at > std::chrono::seconds(1)) {
+      clocks_at = now;
+      GW_RETURN_IF_ERROR(camera_->exchange_clocks(1));
+      for (const auto& display : displays_) GW_RETURN_IF_ERROR(display->link.exchange_clocks(1));
+    }
+    std::this_thread::sleep_for(kPoll);
+  }
+  return absl::OkStatus();
+}
+
+absl::Status Capture::keep(const std::vector<FrameMatcher::Match>& matches, CameraFeed& frames) {
+  if (matches.empty()) return absl::OkStatus();
+  v1::KeepFramesRequest request;
+  request.set_session(session_.name());
+  for (const FrameMatcher::Match& match : matches) {
+    const v1::FrameTaken& taken = frames.recent.at(match.frame.sequence);
+    const Step& step = steps_.at(static_cast<size_t>(match.step));
+    v1::Frame& frame = *request.add_frames();
+    frame.set_object(step.object);
+    *frame.mutable_stimulus() = step.stimulus;
+    frame.set_step(step.number);
+    frame.set_exposure_ms(taken.exposure_ms());
+    frame.set_gain(taken.gain());
+    frame.set_proof(v1::PROOF_TIME);
+    frame.set_exposure_start_ns(match.frame.start.count());
+    frame.set_exposure_end_ns(match.frame.end.count());
+    frame.set_sequence(match.frame.sequence);
+  }
+  v1::KeepFramesResponse response;
+  grpc::ClientContext context;
+  set_deadline(context, std::chrono::minutes(1));
+  GW_RETURN_IF_ERROR(from_grpc(camera_stub_->KeepFrames(&context, request, &response), camera_->title()));
+  for (const v1::Frame& frame : response.frames()) proven_.insert(frame.step());
+  session_.set_proven_count(static_cast<int>(proven_.size()));
+  report_(session_);
+  return absl::OkStatus();
+}
+
+absl::Status Capture::seal() {
+  v1::SealArchiveRequest request;
+  request.set_session(session_.name());
+  v1::SealArchiveResponse response;
+  grpc::ClientContext context;
+  set_deadline(context, kCall);
+  return from_grpc(archive_stub_->SealArchive(&context, request, &response), camera_->title());
+}
+
+}  // namespace glasswing

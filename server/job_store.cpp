@@ -1,0 +1,138 @@
+#include "server/job_store.h"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include "core/base/status.h"
+
+namespace glasswing {
+
+absl::StatusOr<std::unique_ptr<JobStore>> JobStore::open(const std::filesystem::path& path) {
+  GW_ASSIGN_OR_RETURN(Database database, Database::open(path));
+  // Leases of an earlier process ended with it; attempt numbers go on, so its solvers stay fenced.
+  GW_RETURN_IF_ERROR(database.run(
+      "CREATE TABLE IF NOT EXISTS tiles (id INTEGER PRIMARY KEY AUTOINCREMENT, session TEXT NOT NULL, "
+      "number INTEGER NOT NULL, first_row INTEGER NOT NULL, row_count INTEGER NOT NULL, "
+      "attempt INTEGER NOT NULL DEFAULT 0, failures INTEGER NOT NULL DEFAULT 0, "
+      "lease_until INTEGER NOT NULL DEFAULT 0, solver TEXT NOT NULL DEFAULT '', result TEXT NOT NULL DEFAULT '', "
+      "UNIQUE (session, number)); UPDATE tiles SET lease_until = 0"));
+  return std::unique_ptr<JobStore>(new JobStore(std::move(database)));
+}
+
+absl::Status JobStore::create(const std::string& session, int row_count, int rows_per_tile) {
+  const std::lock_guard lock(mutex_);
+  // A re-solve must not accept results of the solve before it: attempts go on from the highest one so far.
+  Database::Query highest = database_.query("SELECT COALESCE(MAX(attempt), 0) FROM tiles WHERE session = ?");
+  highest.bind(session);
+  const std::int64_t attempt = highest.next() ? highest.integer(0) : 0;
+  GW_RETURN_IF_ERROR(highest.finish());
+  GW_RETURN_IF_ERROR(database_.run("BEGIN IMMEDIATE"));
+  absl::Status status = database_.query("DELETE FROM tiles WHERE session = ?").bind(session).finish();
+  for (int row = 0, number = 0; row < row_count && status.ok(); row += rows_per_tile, ++number) {
+    status = database_
+                 .query("INSERT INTO tiles (session, number, first_row, row_count, attempt) VALUES (?, ?, ?, ?, ?)")
+                 .bind(session)
+                 .bind(number)
+                 .bind(row)
+                 .bind(std::min(rows_per_tile, row_count - row))
+                 .bind(attempt)
+                 .finish();
+  }
+  if (!status.ok()) {
+    (void)database_.run("ROLLBACK");
+    return status;
+  }
+  return database_.run("COMMIT");
+}
+
+absl::Status JobStore::remove(const std::string& session) {
+  const std::lock_guard lock(mutex_);
+  return database_.query("DELETE FROM tiles WHERE session = ?").bind(session).finish();
+}
+
+absl::StatusOr<std::optional<Tile>> JobStore::claim(const std::string& solver, nanoseconds now) {
+  const std::lock_guard lock(mutex_);
+  Database::Query query = database_.query(
+      "UPDATE tiles SET attempt = attempt + 1, solver = ?, lease_until = ? WHERE id = (SELECT id FROM tiles "
+      "WHERE result = '' AND lease_until < ? ORDER BY failures, id LIMIT 1) "
+      "RETURNING session, number, first_row, row_count, attempt");
+  query.bind(solver).bind((now + kLease).count()).bind(now.count());
+  std::optional<Tile> tile;
+  if (query.next()) {
+    tile = Tile{.session = query.text(0),
+                .number = static_cast<int>(query.integer(1)),
+                .first_row = static_cast<int>(query.integer(2)),
+                .row_count = static_cast<int>(query.integer(3)),
+                .attempt = static_cast<int>(query.integer(4)),
+                .result = ""};
+  }
+  GW_RETURN_IF_ERROR(query.finish());
+  return tile;
+}
+
+absl::Status JobStore::fenced(const Tile& lease) {
+  if (database_.changed() == 1) return absl::OkStatus();
+  return absl::AbortedError(fmt::format("attempt {} at tile {} of session \"{}\" is void: the lease was lost",
+                                        lease.attempt, lease.number, lease.session));
+}
+
+absl::Status JobStore::keep(const Tile& lease, nanoseconds now) {
+  const std::lock_guard lock(mutex_);
+  GW_RETURN_IF_ERROR(database_
+                         .query("UPDATE tiles SET lease_until = ? WHERE session = ? AND number = ? AND attempt = ? "
+                                "AND result = ''")
+                         .bind((now + kLease).count())
+                         .bind(lease.session)
+                         .bind(lease.number)
+                         .bind(lease.attempt)
+                         .finish());
+  return fenced(lease);
+}
+
+absl::Status JobStore::complete(const Tile& lease, const std::string& result) {
+  const std::lock_guard lock(mutex_);
+  // The same attempt may say it twice: its first answer may have been lost on the way.
+  GW_RETURN_IF_ERROR(database_
+                         .query("UPDATE tiles SET result = ?, lease_until = 0 WHERE session = ? AND number = ? AND "
+                                "attempt = ? AND result IN ('', ?)")
+                         .bind(result)
+                         .bind(lease.session)
+                         .bind(lease.number)
+                         .bind(lease.attempt)
+                         .bind(result)
+                         .finish());
+  return fenced(lease);
+}
+
+absl::StatusOr<bool> JobStore::fail(const Tile& lease) {
+  const std::lock_guard lock(mutex_);
+  Database::Query query = database_.query(
+      "UPDATE tiles SET failures = failures + 1, lease_until = 0 WHERE session = ? AND number = ? AND attempt = ? "
+      "AND result = '' RETURNING failures");
+  query.bind(lease.session).bind(lease.number).bind(lease.attempt);
+  const bool had = query.next();
+  const bool exhausted = had && query.integer(0) >= kMaxAttempts;
+  GW_RETURN_IF_ERROR(query.finish());
+  return exhausted;
+}
+
+absl::StatusOr<std::vector<Tile>> JobStore::tiles(const std::string& session) {
+  const std::lock_guard lock(mutex_);
+  Database::Query query = database_.query(
+      "SELECT number, first_row, row_count, attempt, result FROM tiles WHERE session = ? ORDER BY number");
+  query.bind(session);
+  std::vector<Tile> tiles;
+  while (query.next()) {
+    tiles.push_back({.session = session,
+                     .number = static_cast<int>(query.integer(0)),
+                     .first_row = static_cast<int>(query.integer(1)),
+                     .row_count = static_cast<int>(query.integer(2)),
+                     .attempt = static_cast<int>(query.integer(3)),
+                     .result = query.text(4)});
+  }
+  GW_RETURN_IF_ERROR(query.status());
+  return tiles;
+}
+
+}  // namespace glasswing

@@ -1,0 +1,60 @@
+// The tiles that solvers work on. A claim is a lease: it ends unless it is kept, and its attempt number fences,
+// so that a late result of an older attempt is refused. Time is the store's own.
+#pragma once
+
+#include <chrono>
+#include <filesystem>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include "core/base/time.h"
+#include "server/database.h"
+
+namespace glasswing {
+
+inline constexpr std::chrono::seconds kLease(10);
+inline constexpr int kMaxAttempts = 3;
+
+struct Tile {
+  std::string session;
+  int number = 0;
+  int first_row = 0;
+  int row_count = 0;
+  int attempt = 0;
+  std::string result;  // file name, once it is done
+};
+
+// Thread-safe. `now` is any monotonic time; leases do not outlive the process that granted them.
+class JobStore {
+ public:
+  static absl::StatusOr<std::unique_ptr<JobStore>> open(const std::filesystem::path& path);
+
+  // Replaces whatever tiles the session had: one for every `rows_per_tile` rows.
+  absl::Status create(const std::string& session, int row_count, int rows_per_tile);
+  absl::Status remove(const std::string& session);
+
+  // The oldest tile that is free or whose lease has ended; none if there is none.
+  absl::StatusOr<std::optional<Tile>> claim(const std::string& solver, nanoseconds now);
+  // ABORTED: the lease went to another attempt, or the tile is done or gone.
+  absl::Status keep(const Tile& lease, nanoseconds now);
+  absl::Status complete(const Tile& lease, const std::string& result);
+  // Frees the tile for another attempt. True: it has had kMaxAttempts.
+  absl::StatusOr<bool> fail(const Tile& lease);
+
+  absl::StatusOr<std::vector<Tile>> tiles(const std::string& session);
+
+ private:
+  explicit JobStore(Database database) : database_(std::move(database)) {}
+  absl::Status fenced(const Tile& lease);
+
+  std::mutex mutex_;
+  Database database_;  // guarded by mutex_
+};
+
+}  // namespace glasswing

@@ -1,0 +1,41 @@
+#include <CLI/CLI.hpp>
+#include <iostream>
+
+#include "core/service/service.h"
+#include "server/server.h"
+#include "server/session_service.h"
+#include "server/work_service.h"
+
+int main(int argc, char** argv) {
+  using namespace glasswing;
+  CLI::App app("Glasswing's server: rigs, sessions, the proof of each frame, and finished mattes.");
+  app.footer("Example:\n  glasswing-server --listen 127.0.0.1:7440 --data /var/lib/glasswing");
+  ListenOptions listen{.address = "127.0.0.1:7440", .reflection = false};
+  std::string data;
+  std::string level = "info";
+  app.add_option("--listen", listen.address, "host:port to listen on; loopback only")->capture_default_str();
+  app.add_option("--data", data, "directory for the catalogue and the mattes")->required();
+  app.add_flag("--reflection", listen.reflection, "let gRPC tools list the services");
+  app.add_option("--log-level", level, "debug, info, warn or error")->capture_default_str();
+  app.set_version_flag("--version", kVersion);
+  CLI11_PARSE(app, argc, argv);
+
+  block_signals();
+  start_logging("glasswing-server", level);
+  const auto fail = [](const absl::Status& status) {
+    std::cerr << "glasswing-server: " << status.message() << "\n";
+    return 1;
+  };
+  absl::StatusOr<std::unique_ptr<Server>> server = Server::open(data);
+  if (!server.ok()) return fail(server.status());
+  SessionServiceImpl sessions(**server);
+  NodeServiceImpl nodes(**server);
+  WorkServiceImpl work(**server);
+  absl::StatusOr<std::unique_ptr<ServiceHost>> host = ServiceHost::start(listen, {&sessions, &nodes, &work});
+  if (!host.ok()) return fail(host.status());
+  std::cerr << "glasswing-server: listening on " << (*host)->address() << "\n";
+  wait_for_signal();
+  sessions.stop();
+  (*host)->stop(std::chrono::seconds(2));
+  return 0;
+}

@@ -1,0 +1,71 @@
+// The proof that a frame shows a step (docs/architecture.md): its whole exposure, first row to last, lies inside
+//
+//   [scanout_end + optical lag + settle, replaced + optical lag]
+//
+// of every monitor, shrunk by the error bounds of both nodes' clocks and stamps; and its exposure and size are
+// those asked for. A frame without proof is never bound to a step.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <vector>
+
+#include "core/base/time.h"
+
+namespace glasswing {
+
+// When one step was steadily visible on all monitors, rig time.
+struct StableWindow {
+  int step = 0;
+  nanoseconds from{};
+  nanoseconds until{};  // already shrunk by the display's own uncertainty
+};
+
+// One monitor's part in it, rig time.
+struct MonitorWindow {
+  int step = 0;
+  nanoseconds scanout_end{};
+  nanoseconds replaced{};
+  nanoseconds lag{};
+  nanoseconds settle{};
+  nanoseconds uncertainty{};
+};
+
+// The intersection over monitors; it may be empty (until < from).
+StableWindow stable_window(const std::vector<MonitorWindow>& monitors);
+
+struct FrameTime {
+  std::int64_t sequence = 0;
+  nanoseconds start{};  // rig time
+  nanoseconds end{};
+  nanoseconds uncertainty{};
+};
+
+bool proves(const FrameTime& frame, const StableWindow& window);
+
+// Pairs frames and windows as both come in, each in time order. A step is paired with the first frame that proves it; a frame
+// proves at most one step.
+class FrameMatcher {
+ public:
+  struct Match {
+    int step = 0;
+    FrameTime frame;
+  };
+
+  void add_frame(const FrameTime& frame);
+  void add_window(const StableWindow& window);
+  // Matches since the last call.
+  std::vector<Match> take();
+  // End of the newest frame seen; empty before the first.
+  std::optional<nanoseconds> frames_seen_until() const { return seen_until_; }
+
+ private:
+  void match(const StableWindow& window);
+
+  std::map<nanoseconds, FrameTime> frames_;  // by start; those that may still be wanted
+  std::vector<StableWindow> open_;           // windows without a frame yet
+  std::vector<Match> matches_;
+  std::optional<nanoseconds> seen_until_;
+};
+
+}  // namespace glasswing

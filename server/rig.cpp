@@ -1,0 +1,74 @@
+#include "server/rig.h"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include "core/base/name.h"
+#include "core/base/status.h"
+
+namespace glasswing {
+namespace {
+
+constexpr nanoseconds kSilence = std::chrono::seconds(5);
+
+}  // namespace
+
+absl::Status Rig::add(const v1::RegisterRequest& request) {
+  GW_RETURN_IF_ERROR(check_name("node", request.name()));
+  if (request.kind() == v1::NODE_KIND_UNSPECIFIED || !v1::NodeKind_IsValid(request.kind())) {
+    return absl::InvalidArgumentError("kind is not given; it must be display, camera or solver");
+  }
+  const std::lock_guard lock(mutex_);
+  Entry& entry = entries_[request.name()];
+  const bool taken = !entry.node.address().empty() && entry.node.address() != request.address() &&
+                     monotonic_now() - entry.heard < kSilence;
+  if (taken) {
+    return absl::AlreadyExistsError(
+        fmt::format("another node is \"{}\", at {}; give this one a --name of its own", request.name(), entry.node.address()));
+  }
+  entry.node.set_kind(request.kind());
+  entry.node.set_name(request.name());
+  entry.node.set_address(request.address());
+  entry.node.set_version(request.version());
+  entry.heard = monotonic_now();
+  return absl::OkStatus();
+}
+
+void Rig::note(const std::string& name, const std::string& doing) {
+  const std::lock_guard lock(mutex_);
+  const auto found = entries_.find(name);
+  if (found != entries_.end()) found->second.node.set_detail(doing);
+}
+
+std::vector<v1::Node> Rig::nodes() const {
+  const std::lock_guard lock(mutex_);
+  std::vector<v1::Node> nodes;
+  for (const auto& [name, entry] : entries_) {
+    nodes.push_back(entry.node);
+    nodes.back().set_up(monotonic_now() - entry.heard < kSilence);
+  }
+  std::stable_sort(nodes.begin(), nodes.end(),
+                   [](const v1::Node& a, const v1::Node& b) { return a.kind() < b.kind(); });
+  return nodes;
+}
+
+std::vector<v1::Node> Rig::up(v1::NodeKind kind) const {
+  std::vector<v1::Node> found = nodes();
+  std::erase_if(found, [kind](const v1::Node& node) { return node.kind() != kind || !node.up(); });
+  return found;
+}
+
+absl::StatusOr<v1::Node> Rig::camera() const {
+  const std::vector<v1::Node> cameras = up(v1::NODE_KIND_CAMERA);
+  if (cameras.empty()) return absl::UnavailableError("no camera node is up; start glasswing-camera");
+  return cameras.front();
+}
+
+absl::StatusOr<std::vector<v1::Node>> Rig::displays() const {
+  std::vector<v1::Node> displays = up(v1::NODE_KIND_DISPLAY);
+  if (displays.empty()) return absl::UnavailableError("no display node is up; start glasswing-display");
+  return displays;
+}
+
+}  // namespace glasswing

@@ -1,0 +1,89 @@
+// The sessions of one rig: who may capture now, how far each one came, and what wakes those who watch.
+//
+//   created -> capturing <-> paused;  capturing -> captured -> solving -> done;  any -> failed or cancelled
+//
+// Every change is in the catalogue before anybody hears of it. After a restart a session that was capturing is
+// paused (its proven frames are with the camera node), one that was solving goes on.
+#pragma once
+
+#include <condition_variable>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include "glasswing/v1/work_service.pb.h"
+#include "server/capture.h"
+#include "server/catalogue.h"
+#include "server/job_store.h"
+#include "server/rig.h"
+
+namespace glasswing {
+
+// Thread-safe. Errors are those that session_service.proto and work_service.proto list.
+class Server {
+ public:
+  // Opens the catalogue below `data`; UNAVAILABLE or DATA_LOSS name what cannot be opened.
+  static absl::StatusOr<std::unique_ptr<Server>> open(const std::filesystem::path& data);
+  ~Server();  // a running capture is paused
+
+  Rig& rig() { return rig_; }
+
+  absl::StatusOr<v1::Session> create(const v1::CreateSessionRequest& request);
+  absl::StatusOr<v1::Session> begin_import(const v1::BeginImportRequest& request);
+  absl::StatusOr<v1::Session> finish_import(const std::string& name);
+  absl::StatusOr<std::string> store_image(const std::string& png);
+  absl::StatusOr<v1::Session> find(const std::string& name);
+  absl::StatusOr<std::vector<v1::Session>> list();
+  absl::StatusOr<v1::Session> pause(const std::string& name);
+  absl::StatusOr<v1::Session> resume(const std::string& name);
+  absl::StatusOr<v1::Session> cancel(const std::string& name);
+  absl::StatusOr<v1::Session> solve(const v1::SolveSessionRequest& request);
+  // Path of the finished matte.
+  absl::StatusOr<std::filesystem::path> matte(const std::string& name);
+
+  // Waits for any session to change after `seen` (0: none yet), at most `timeout`; returns the number of the last change.
+  std::int64_t wait_change(std::int64_t seen, std::chrono::milliseconds timeout);
+
+  absl::StatusOr<v1::ClaimTileResponse> claim(const v1::ClaimTileRequest& request);
+  absl::Status keep(const v1::TileLease& lease);
+  // `matte` is the tile's file, whole.
+  absl::Status complete(const v1::CompleteTileRequest& header, const std::string& matte);
+  absl::Status fail(const v1::FailTileRequest& request);
+
+ private:
+  explicit Server(std::filesystem::path data) : data_(std::move(data)) {}
+
+  // Those below are called with mutex_ held.
+  absl::Status change(const v1::Session& session);  // durable, then announced
+  void announce();
+  void start_capture(const v1::Session& session);
+  absl::Status finish_solve(v1::Session session);
+
+  void capture_until_done(v1::Session session, std::optional<bool> object_confirmed, std::stop_token stop);
+  void join_capture();  // without mutex_
+
+  const std::filesystem::path data_;
+  Rig rig_;
+  std::unique_ptr<Catalogue> catalogue_;
+  std::unique_ptr<JobStore> jobs_;
+
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::int64_t change_count_ = 0;
+  std::map<std::string, nanoseconds> solve_began_;
+  std::map<std::string, v1::Session> live_;      // counts of the running capture, ahead of the catalogue
+  std::map<std::string, bool> operator_asked_;   // sessions that wait for a person: where the object is to be
+  std::string capturing_;                        // the session that holds the rig
+  enum class Wish { kNone, kPause, kCancel } wish_ = Wish::kNone;
+  std::jthread capture_thread_;
+};
+
+}  // namespace glasswing

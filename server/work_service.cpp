@@ -1,0 +1,64 @@
+#include "server/work_service.h"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include "core/base/time.h"
+#include "core/service/service.h"
+
+namespace glasswing {
+namespace {
+
+constexpr size_t kMaxTileBytes = 256u << 20;
+
+}  // namespace
+
+grpc::Status WorkServiceImpl::ClaimTile(grpc::ServerContext* context, const v1::ClaimTileRequest* request,
+                                        v1::ClaimTileResponse* response) {
+  if (request->version() != kVersion) {
+    return to_grpc(absl::FailedPreconditionError(fmt::format(
+        "solver \"{}\" is version {}, the server {}; install the same", request->solver(), request->version(), kVersion)));
+  }
+  const nanoseconds until = monotonic_now() + std::chrono::milliseconds(std::clamp(request->wait_ms(), 0, 10000));
+  std::int64_t seen = server_.wait_change(0, std::chrono::milliseconds(0));
+  while (true) {
+    const absl::StatusOr<v1::ClaimTileResponse> claimed = server_.claim(*request);
+    if (!claimed.ok()) return to_grpc(claimed.status());
+    if (claimed->has_lease() || monotonic_now() >= until || context->IsCancelled()) {
+      *response = *claimed;
+      return grpc::Status::OK;
+    }
+    // Leases end without an announcement, so look again every half second.
+    seen = server_.wait_change(seen, std::chrono::milliseconds(500));
+  }
+}
+
+grpc::Status WorkServiceImpl::KeepTile(grpc::ServerContext*, const v1::KeepTileRequest* request,
+                                       v1::KeepTileResponse*) {
+  return to_grpc(server_.keep(request->lease()));
+}
+
+grpc::Status WorkServiceImpl::CompleteTile(grpc::ServerContext*, grpc::ServerReader<v1::CompleteTileRequest>* reader,
+                                           v1::CompleteTileResponse*) {
+  v1::CompleteTileRequest header;
+  if (!reader->Read(&header) || !header.has_lease()) {
+    return to_grpc(absl::InvalidArgumentError("the first message must name the tile"));
+  }
+  std::string matte = header.chunk();
+  v1::CompleteTileRequest more;
+  while (reader->Read(&more)) {
+    matte += more.chunk();
+    if (matte.size() > kMaxTileBytes) {
+      return to_grpc(absl::InvalidArgumentError(fmt::format("the tile is larger than {} bytes", kMaxTileBytes)));
+    }
+  }
+  return to_grpc(server_.complete(header, matte));
+}
+
+grpc::Status WorkServiceImpl::FailTile(grpc::ServerContext*, const v1::FailTileRequest* request,
+                                       v1::FailTileResponse*) {
+  return to_grpc(server_.fail(*request));
+}
+
+}  // namespace glasswing
