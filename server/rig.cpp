@@ -31,6 +31,7 @@ absl::Status Rig::add(const v1::RegisterRequest& request) {
   entry.node.set_name(request.name());
   entry.node.set_address(request.address());
   entry.node.set_version(request.version());
+  if (!request.detail().empty()) entry.node.set_detail(request.detail());
   entry.heard = monotonic_now();
   return absl::OkStatus();
 }

@@ -436,7 +436,7 @@ absl::StatusOr<v1::ClaimTileResponse> Server::claim(const v1::ClaimTileRequest& 
 }
 
 absl::Status Server::keep(const v1::TileLease& lease) {
-  return jobs_->keep({.session = lease.session(), .number = lease.tile(), .attempt = lease.attempt()}, monotonic_now());
+  return jobs_->keep({.session = lease.session(), .number = lease.tile(), .first_row = 0, .row_count = 0, .attempt = lease.attempt(), .result = ""}, monotonic_now());
 }
 
 absl::Status Server::complete(const v1::CompleteTileRequest& header, const std::string& matte) {
@@ -455,7 +455,7 @@ absl::Status Server::complete(const v1::CompleteTileRequest& header, const std::
   const auto known = std::find_if(tiles.begin(), tiles.end(), [&](const Tile& t) { return t.number == lease.tile(); });
   const bool again = known != tiles.end() && known->result == file;
   GW_RETURN_IF_ERROR(
-      jobs_->complete({.session = lease.session(), .number = lease.tile(), .attempt = lease.attempt()}, file));
+      jobs_->complete({.session = lease.session(), .number = lease.tile(), .first_row = 0, .row_count = 0, .attempt = lease.attempt(), .result = ""}, file));
   if (again && session.state() != v1::SESSION_STATE_SOLVING) return absl::OkStatus();
   if (!again) {
     known->result = file;
@@ -510,7 +510,7 @@ absl::Status Server::finish_solve(v1::Session session) {
 
 absl::Status Server::fail(const v1::FailTileRequest& request) {
   const v1::TileLease& lease = request.lease();
-  const Tile tile{.session = lease.session(), .number = lease.tile(), .attempt = lease.attempt()};
+  const Tile tile{.session = lease.session(), .number = lease.tile(), .first_row = 0, .row_count = 0, .attempt = lease.attempt(), .result = ""};
   const std::lock_guard lock(mutex_);
   GW_ASSIGN_OR_RETURN(const bool exhausted, jobs_->fail(tile));
   if (!exhausted && !request.permanent()) return absl::OkStatus();

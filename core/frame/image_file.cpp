@@ -1,0 +1,254 @@
+#include "core/frame/image_file.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+
+#include <ImathBox.h>
+#include <OpenEXR/ImfArray.h>
+#include <OpenEXR/ImfChannelList.h>
+#include <OpenEXR/ImfFrameBuffer.h>
+#include <OpenEXR/ImfHeader.h>
+#include <OpenEXR/ImfOutputFile.h>
+#include <OpenEXR/ImfRgbaFile.h>
+#include <fmt/format.h>
+#include <zlib.h>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "core/base/file.h"
+#include "core/base/status.h"
+#include "core/frame/archive.h"
+
+namespace glasswing {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string suffix_of(const fs::path& path) {
+  std::string suffix = path.extension().string();
+  std::transform(suffix.begin(), suffix.end(), suffix.begin(), [](char c) { return static_cast<char>(std::tolower(c)); });
+  return suffix;
+}
+
+// IEC 61966-2-1.
+float linear_of_srgb(float code) {
+  return code <= 0.04045f ? code / 12.92f : std::pow((code + 0.055f) / 1.055f, 2.4f);
+}
+float srgb_of_linear(float light) {
+  const float x = std::clamp(light, 0.0f, 1.0f);
+  return x <= 0.0031308f ? 12.92f * x : 1.055f * std::pow(x, 1.0f / 2.4f) - 0.055f;
+}
+
+// libpng warns about damage and goes on; we do not. Every chunk's CRC, up to and with IEND.
+absl::Status check_png(std::string_view bytes) {
+  const auto word = [&](size_t at) {
+    std::uint32_t value = 0;
+    for (size_t i = 0; i < 4; ++i) value = value << 8 | static_cast<unsigned char>(bytes[at + i]);
+    return value;
+  };
+  size_t at = 8;
+  while (bytes.size() >= at + 12) {
+    const size_t length = word(at);
+    if (length > bytes.size() - at - 12) break;
+    const auto* chunk = reinterpret_cast<const Bytef*>(&bytes[at + 4]);
+    if (crc32(0, chunk, static_cast<uInt>(length + 4)) != word(at + 8 + length)) {
+      return absl::DataLossError("a PNG chunk's CRC is wrong");
+    }
+    if (bytes.substr(at + 4, 4) == "IEND") return absl::OkStatus();
+    at += length + 12;
+  }
+  return absl::DataLossError("the PNG is truncated");
+}
+
+bool is_png(std::string_view bytes) { return bytes.substr(0, 8) == "\x89PNG\r\n\x1a\n"; }
+
+// Three channels in OpenCV's b, g, r order; 8, 16 bit or float.
+absl::StatusOr<cv::Mat> decode_any(std::string_view bytes) {
+  if (bytes.empty()) return absl::DataLossError("it is empty");
+  if (is_png(bytes)) GW_RETURN_IF_ERROR(check_png(bytes));
+  try {
+    const cv::Mat raw(1, static_cast<int>(bytes.size()), CV_8U, const_cast<char*>(bytes.data()));
+    cv::Mat image = cv::imdecode(raw, cv::IMREAD_ANYDEPTH | cv::IMREAD_COLOR);
+    if (image.empty()) return absl::DataLossError("it is damaged, or no picture");
+    if (image.depth() != CV_8U && image.depth() != CV_16U && image.depth() != CV_32F) {
+      return absl::DataLossError("its samples are neither 8, 16 bit nor float");
+    }
+    return image;
+  } catch (const cv::Exception& error) {
+    return absl::DataLossError(fmt::format("it cannot be decoded: {}", error.err));
+  }
+}
+
+absl::StatusOr<Image16> image16_of(const cv::Mat& mat) {
+  if (mat.depth() == CV_32F) return absl::DataLossError("its samples are float; frames have 8 or 16 bit");
+  Image16 image(mat.cols, mat.rows);
+  for (int y = 0; y < mat.rows; ++y) {
+    for (int x = 0; x < mat.cols; ++x) {
+      for (int c = 0; c < 3; ++c) {
+        image.at(x, y, c) = mat.depth() == CV_16U ? mat.at<cv::Vec3w>(y, x)[2 - c]
+                                                  : static_cast<std::uint16_t>(mat.at<cv::Vec3b>(y, x)[2 - c] * 257);
+      }
+    }
+  }
+  return image;
+}
+
+absl::Status named(const fs::path& path, const absl::Status& status) {
+  if (status.ok()) return status;
+  return absl::Status(status.code(), fmt::format("{}: {}", path.string(), std::string(status.message())));
+}
+
+absl::StatusOr<RadianceImage> read_exr(const fs::path& path) {
+  try {
+    Imf::RgbaInputFile file(path.c_str());
+    const Imath::Box2i window = file.dataWindow();
+    const int width = window.max.x - window.min.x + 1;
+    const int height = window.max.y - window.min.y + 1;
+    Imf::Array2D<Imf::Rgba> pixels(height, width);
+    file.setFrameBuffer(&pixels[0][0] - window.min.x - static_cast<ptrdiff_t>(window.min.y) * width, 1,
+                        static_cast<size_t>(width));
+    file.readPixels(window.min.y, window.max.y);
+    RadianceImage image(width, height);
+    for (int y = 0; y < height; ++y) {
+      for (int x = 0; x < width; ++x) {
+        image.at(x, y, 0) = pixels[y][x].r;
+        image.at(x, y, 1) = pixels[y][x].g;
+        image.at(x, y, 2) = pixels[y][x].b;
+      }
+    }
+    for (const float sample : image.samples) {
+      if (!std::isfinite(sample)) return absl::DataLossError(path.string() + ": it holds values that are not finite");
+    }
+    return image;
+  } catch (const std::exception& error) {
+    return absl::DataLossError(fmt::format("{}: {}", path.string(), error.what()));
+  }
+}
+
+absl::Status write_exr(const fs::path& path, const RadianceImage& image) {
+  try {
+    Imf::Header header(image.width_px, image.height_px);
+    header.compression() = Imf::ZIP_COMPRESSION;
+    Imf::FrameBuffer buffer;
+    auto* samples = reinterpret_cast<char*>(const_cast<float*>(image.samples.data()));
+    const size_t pixel = 3 * sizeof(float);
+    for (int c = 0; c < 3; ++c) {
+      const char* name = c == 0 ? "R" : c == 1 ? "G" : "B";
+      header.channels().insert(name, Imf::Channel(Imf::FLOAT));
+      buffer.insert(name, Imf::Slice(Imf::FLOAT, samples + static_cast<size_t>(c) * sizeof(float), pixel,
+                                     pixel * static_cast<size_t>(image.width_px)));
+    }
+    Imf::OutputFile file(path.c_str(), header);
+    file.setFrameBuffer(buffer);
+    file.writePixels(image.height_px);
+    return absl::OkStatus();
+  } catch (const std::exception& error) {
+    return absl::UnavailableError(fmt::format("cannot write {}: {}", path.string(), error.what()));
+  }
+}
+
+cv::Mat mat16_of(const Image16& image) {
+  cv::Mat mat(image.height_px, image.width_px, CV_16UC3);
+  for (int y = 0; y < image.height_px; ++y) {
+    for (int x = 0; x < image.width_px; ++x) {
+      for (int c = 0; c < 3; ++c) mat.at<cv::Vec3w>(y, x)[2 - c] = image.at(x, y, c);
+    }
+  }
+  return mat;
+}
+
+}  // namespace
+
+absl::StatusOr<RadianceImage> read_radiance(const fs::path& path, Encoding encoding) {
+  if (suffix_of(path) == ".exr") {
+    if (!fs::exists(path)) return absl::NotFoundError(fmt::format("there is no file {}", path.string()));
+    return read_exr(path);
+  }
+  GW_ASSIGN_OR_RETURN(const std::string bytes, read_file(path));
+  const absl::StatusOr<cv::Mat> mat = decode_any(bytes);
+  if (!mat.ok()) return named(path, mat.status());
+  RadianceImage image(mat->cols, mat->rows);
+  for (int y = 0; y < mat->rows; ++y) {
+    for (int x = 0; x < mat->cols; ++x) {
+      for (int c = 0; c < 3; ++c) {
+        float value = 0.0f;
+        if (mat->depth() == CV_8U) value = static_cast<float>(mat->at<cv::Vec3b>(y, x)[2 - c]) / 255.0f;
+        if (mat->depth() == CV_16U) value = static_cast<float>(mat->at<cv::Vec3w>(y, x)[2 - c]) / 65535.0f;
+        if (mat->depth() == CV_32F) value = mat->at<cv::Vec3f>(y, x)[2 - c];
+        const bool coded = encoding == Encoding::kDisplay && mat->depth() != CV_32F;
+        image.at(x, y, c) = coded ? linear_of_srgb(value) : value;
+      }
+    }
+  }
+  return image;
+}
+
+absl::Status write_radiance(const fs::path& path, const RadianceImage& image, Encoding encoding) {
+  const std::string suffix = suffix_of(path);
+  if (suffix == ".exr") return write_exr(path, image);
+  if (suffix != ".png" && suffix != ".tif" && suffix != ".tiff") {
+    return absl::InvalidArgumentError(
+        fmt::format("{} ends in \"{}\"; it must be .exr, .png, .tif or .tiff", path.string(), suffix));
+  }
+  try {
+    cv::Mat mat;
+    if (encoding == Encoding::kLinear) {
+      Image16 linear(image.width_px, image.height_px);
+      std::transform(image.samples.begin(), image.samples.end(), linear.samples.begin(), code16_of);
+      mat = mat16_of(linear);
+    } else {
+      mat.create(image.height_px, image.width_px, CV_8UC3);
+      for (int y = 0; y < image.height_px; ++y) {
+        for (int x = 0; x < image.width_px; ++x) {
+          for (int c = 0; c < 3; ++c) {
+            mat.at<cv::Vec3b>(y, x)[2 - c] = cv::saturate_cast<uchar>(srgb_of_linear(image.at(x, y, c)) * 255.0f);
+          }
+        }
+      }
+    }
+    std::vector<uchar> bytes;
+    if (!cv::imencode(suffix, mat, bytes)) return absl::InternalError("cannot encode " + path.string());
+    return write_file_durably(path, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  } catch (const cv::Exception& error) {
+    return absl::InternalError(fmt::format("cannot write {}: {}", path.string(), error.err));
+  }
+}
+
+absl::StatusOr<Image16> read_frame_file(const fs::path& path) {
+  absl::StatusOr<std::string> bytes = read_file(path);
+  if (absl::IsNotFound(bytes.status())) return absl::DataLossError(fmt::format("{}: the frame is missing", path.string()));
+  GW_RETURN_IF_ERROR(bytes.status());
+  if (absl::StatusOr<Image16> own = decode_tiff(*bytes); own.ok()) return own;
+  const absl::StatusOr<cv::Mat> mat = decode_any(*bytes);
+  if (!mat.ok()) return named(path, mat.status());
+  absl::StatusOr<Image16> image = image16_of(*mat);
+  if (!image.ok()) return named(path, image.status());
+  return image;
+}
+
+std::string encode_png16(const Image16& image) {
+  std::vector<uchar> bytes;
+  cv::imencode(".png", mat16_of(image), bytes);
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+absl::StatusOr<Image16> decode_png(std::string_view bytes) {
+  if (!is_png(bytes)) return absl::InvalidArgumentError("it is not a PNG");
+  const absl::StatusOr<cv::Mat> mat = decode_any(bytes);
+  if (!mat.ok()) return absl::InvalidArgumentError(mat.status().message());
+  return image16_of(*mat);
+}
+
+RadianceImage resized(const RadianceImage& image, int width_px, int height_px) {
+  if (image.width_px == width_px && image.height_px == height_px) return image;
+  RadianceImage out(width_px, height_px);
+  const cv::Mat from(image.height_px, image.width_px, CV_32FC3, const_cast<float*>(image.samples.data()));
+  cv::Mat to(height_px, width_px, CV_32FC3, out.samples.data());
+  const bool down = width_px <= image.width_px && height_px <= image.height_px;
+  cv::resize(from, to, to.size(), 0, 0, down ? cv::INTER_AREA : cv::INTER_LINEAR);
+  return out;
+}
+
+}  // namespace glasswing

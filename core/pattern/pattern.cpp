@@ -1,0 +1,98 @@
+#include "core/pattern/pattern.h"
+
+#include <cmath>
+#include <numbers>
+
+#include <fmt/format.h>
+
+namespace glasswing {
+namespace {
+
+template <typename Value>
+absl::Status bad(const std::string& field, const Value& value, const std::string& accepted) {
+  return absl::InvalidArgumentError(fmt::format("stimulus {} is {}; it must be {}", field, value, accepted));
+}
+
+template <typename... Visitors>
+struct Overloaded : Visitors... {
+  using Visitors::operator()...;
+};
+
+}  // namespace
+
+absl::StatusOr<Pattern> Pattern::create(const v1::Stimulus& stimulus, MonitorSize size) {
+  Colour colour{1.0f, 1.0f, 1.0f};
+  if (stimulus.colour_size() != 0 && stimulus.colour_size() != 3) {
+    return bad("colour", fmt::format("{} numbers", stimulus.colour_size()), "3: red, green, blue");
+  }
+  for (int i = 0; i < stimulus.colour_size(); ++i) {
+    if (!(stimulus.colour(i) >= 0.0 && stimulus.colour(i) <= 1.0)) return bad("colour", stimulus.colour(i), "in [0, 1]");
+    colour[static_cast<size_t>(i)] = static_cast<float>(stimulus.colour(i));
+  }
+  if (stimulus.kind() == "solid") return Pattern(Solid{}, colour, size);
+  if (stimulus.kind() == "ramp") return Pattern(Ramp{}, colour, size);
+  if (stimulus.kind() == "gauss_stripe") {
+    if (!(stimulus.sigma_px() > 0.0) || !std::isfinite(stimulus.sigma_px())) return bad("sigma_px", stimulus.sigma_px(), "> 0");
+    if (!(stimulus.peak() > 0.0 && stimulus.peak() <= 1.0)) return bad("peak", stimulus.peak(), "in (0, 1]");
+    if (!std::isfinite(stimulus.phi_deg())) return bad("phi_deg", stimulus.phi_deg(), "finite");
+    if (!std::isfinite(stimulus.r_px())) return bad("r_px", stimulus.r_px(), "finite");
+    const double phi_rad = stimulus.phi_deg() * std::numbers::pi / 180.0;
+    for (float& value : colour) value *= static_cast<float>(stimulus.peak());
+    return Pattern(Stripe{.cos_phi = std::cos(phi_rad),
+                          .sin_phi = std::sin(phi_rad),
+                          .r_px = stimulus.r_px(),
+                          .sigma_px = stimulus.sigma_px()},
+                   colour, size);
+  }
+  if (stimulus.kind() == "square") {
+    if (stimulus.orient() != "vertical_bars" && stimulus.orient() != "horizontal_bars") {
+      return bad("orient", "\"" + stimulus.orient() + "\"", "\"vertical_bars\" or \"horizontal_bars\"");
+    }
+    if (!(stimulus.bar_width_px() > 0.0) || !std::isfinite(stimulus.bar_width_px())) {
+      return bad("bar_width_px", stimulus.bar_width_px(), "> 0");
+    }
+    return Pattern(Square{.along_x = stimulus.orient() == "vertical_bars",
+                          .bar_width_px = stimulus.bar_width_px(),
+                          .inverse = stimulus.inverse()},
+                   colour, size);
+  }
+  return bad("kind", "\"" + stimulus.kind() + "\"", "solid, gauss_stripe, square or ramp");
+}
+
+Colour Pattern::radiance(double x_px, double y_px) const {
+  const auto scaled = [this](double value) {
+    const auto v = static_cast<float>(value);
+    return Colour{colour_[0] * v, colour_[1] * v, colour_[2] * v};
+  };
+  return std::visit(
+      Overloaded{[&](const Solid&) { return colour_; },
+                 [&](const Stripe& stripe) {
+                   const double z = (x_px * stripe.cos_phi + y_px * stripe.sin_phi - stripe.r_px) / stripe.sigma_px;
+                   return scaled(std::exp(-0.5 * z * z));
+                 },
+                 [&](const Square& square) {
+                   const double bar = std::floor((square.along_x ? x_px : y_px) / square.bar_width_px);
+                   const bool even = std::fmod(bar, 2.0) == 0.0;
+                   return scaled(even != square.inverse ? 1.0 : 0.0);
+                 },
+                 [&](const Ramp&) {
+                   const double u = x_px / size_.width_px;
+                   const double v = y_px / size_.height_px;
+                   return Colour{static_cast<float>(0.1 + 0.8 * u), static_cast<float>(0.1 + 0.8 * v),
+                                 static_cast<float>(0.9 - 0.4 * u - 0.4 * v)};
+                 }},
+      shape_);
+}
+
+RadianceImage Pattern::rasterised() const {
+  RadianceImage image(size_.width_px, size_.height_px);
+  for (int y = 0; y < size_.height_px; ++y) {
+    for (int x = 0; x < size_.width_px; ++x) {
+      const Colour colour = radiance(x + 0.5, y + 0.5);
+      for (int c = 0; c < 3; ++c) image.at(x, y, c) = colour[static_cast<size_t>(c)];
+    }
+  }
+  return image;
+}
+
+}  // namespace glasswing

@@ -1,0 +1,135 @@
+#include "core/matte/compositor.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <numbers>
+#include <thread>
+
+#include <fmt/format.h>
+
+namespace glasswing {
+namespace {
+
+constexpr double kReach = 6.0;          // sigmas; beyond them lies 2e-9 of a Gaussian
+constexpr double kPointSigma_px = 1e-4;  // narrower than this is a point (or a line)
+
+// Nodes and weights of the 4-point Gauss-Legendre rule on [-1, 1].
+constexpr std::array<double, 4> kNodes{-0.8611363115940526, -0.3399810435848563, 0.3399810435848563,
+                                       0.8611363115940526};
+constexpr std::array<double, 4> kWeights{0.3478548451374538, 0.6521451548625461, 0.6521451548625461,
+                                         0.3478548451374538};
+
+// A picture seen with x and y exchanged or not, so that the axis in closed form can be the one that suits.
+struct View {
+  const RadianceImage& image;
+  int channel;
+  bool exchanged;
+  int width() const { return exchanged ? image.height_px : image.width_px; }
+  int height() const { return exchanged ? image.width_px : image.height_px; }
+  double at(int u, int v) const {
+    return static_cast<double>(exchanged ? image.at(v, u, channel) : image.at(u, v, channel));
+  }
+};
+
+// \int g(u; mean, sigma) T(u, v) du over row v of flat pixels.
+double integrate_row(const View& view, int v, double mean, double sigma) {
+  if (sigma < kPointSigma_px) {
+    const int u = static_cast<int>(std::floor(mean));
+    return mean >= 0.0 && u < view.width() ? view.at(u, v) : 0.0;
+  }
+  const int first = std::clamp(static_cast<int>(std::floor(mean - kReach * sigma)), 0, view.width());
+  const int last = std::clamp(static_cast<int>(std::ceil(mean + kReach * sigma)), 0, view.width());
+  const double scale = 1.0 / (sigma * std::numbers::sqrt2);
+  double sum = 0.0;
+  double before = std::erf((first - mean) * scale);
+  for (int u = first; u < last; ++u) {
+    const double after = std::erf((u + 1 - mean) * scale);
+    sum += (after - before) * view.at(u, v);
+    before = after;
+  }
+  return 0.5 * sum;
+}
+
+}  // namespace
+
+double integrate_footprint(const Mode& mode, const RadianceImage& texture, int channel) {
+  if (texture.empty()) return 0.0;
+  // Quadrature runs along the wider axis v; along u the conditional Gaussian has mean u0 + slope (v - v0).
+  const bool exchanged = mode.xx_px2 > mode.yy_px2;
+  const View view{texture, channel, exchanged};
+  const double uu = exchanged ? mode.yy_px2 : mode.xx_px2;
+  const double vv = exchanged ? mode.xx_px2 : mode.yy_px2;
+  const double uv = mode.xy_px2;
+  const double u0 = exchanged ? mode.y_px : mode.x_px;
+  const double v0 = exchanged ? mode.x_px : mode.y_px;
+  const double sigma_v = std::sqrt(vv);
+  if (sigma_v < kPointSigma_px) {
+    const int v = static_cast<int>(std::floor(v0));
+    return v0 >= 0.0 && v < view.height() ? integrate_row(view, v, u0, std::sqrt(uu)) : 0.0;
+  }
+  const double slope = uv / vv;
+  const double sigma_u = std::sqrt(std::max(uu - slope * uv, 0.0));
+  const int first = std::clamp(static_cast<int>(std::floor(v0 - kReach * sigma_v)), 0, view.height());
+  const int last = std::clamp(static_cast<int>(std::ceil(v0 + kReach * sigma_v)), 0, view.height());
+  // Panels no wider than half of sigma_v; as the mean slides along u, none slides further than sigma_u or so either.
+  const double slide = std::abs(slope) / std::max(sigma_u, 0.02);
+  const double finest = std::max({1.0, 2.0 / sigma_v, std::min(slide, 50.0)});
+  double sum = 0.0;
+  for (int v = first; v < last; ++v) {
+    const double low = std::max<double>(v, v0 - kReach * sigma_v);
+    const double high = std::min<double>(v + 1, v0 + kReach * sigma_v);
+    const int panels = std::max(1, static_cast<int>(std::ceil((high - low) * finest)));
+    const double half = 0.5 * (high - low) / panels;
+    for (int p = 0; p < panels; ++p) {
+      const double middle = low + (2 * p + 1) * half;
+      for (size_t n = 0; n < kNodes.size(); ++n) {
+        const double z = (middle + half * kNodes[n] - v0) / sigma_v;
+        const double density = std::exp(-0.5 * z * z) / (sigma_v * std::sqrt(2.0 * std::numbers::pi));
+        sum += kWeights[n] * half * density * integrate_row(view, v, u0 + slope * z * sigma_v, sigma_u);
+      }
+    }
+  }
+  return sum;
+}
+
+absl::StatusOr<RadianceImage> composite(const Matte& matte, const std::vector<RadianceImage>& backgrounds,
+                                        int thread_count, const std::function<void(double)>& progress) {
+  const auto& monitors = matte.metadata.monitors();
+  for (int t = 0; t < monitors.size() && t < static_cast<int>(backgrounds.size()); ++t) {
+    const RadianceImage& background = backgrounds[static_cast<size_t>(t)];
+    if (background.empty()) continue;
+    if (background.width_px != monitors[t].width_px() || background.height_px != monitors[t].height_px()) {
+      return absl::InvalidArgumentError(fmt::format("the background of monitor \"{}\" is {}x{}; it must be {}x{}",
+                                                    monitors[t].name(), background.width_px, background.height_px,
+                                                    monitors[t].width_px(), monitors[t].height_px()));
+    }
+  }
+  RadianceImage out(matte.width_px(), matte.height_px());
+  std::atomic<int> next_row = 0;
+  const auto work = [&](bool reports) {
+    for (int y = next_row++; y < matte.height_px(); y = next_row++) {
+      for (int x = 0; x < matte.width_px(); ++x) {
+        for (int c = 0; c < kChannels; ++c) {
+          double light = matte.foreground(x, y)[static_cast<size_t>(c)];
+          for (const Mode& mode : matte.modes(x, y, c)) {
+            const auto texture = static_cast<size_t>(mode.texture);
+            if (mode.weight > 0.0f && texture < backgrounds.size()) {
+              light += static_cast<double>(mode.weight) * integrate_footprint(mode, backgrounds[texture], c);
+            }
+          }
+          out.at(x, y, c) = static_cast<float>(light);
+        }
+      }
+      if (reports && progress) progress(static_cast<double>(y + 1) / matte.height_px());
+    }
+  };
+  if (thread_count <= 0) thread_count = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  std::vector<std::jthread> helpers;
+  for (int i = 1; i < thread_count; ++i) helpers.emplace_back(work, false);
+  work(true);
+  helpers.clear();
+  return out;
+}
+
+}  // namespace glasswing

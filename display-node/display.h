@@ -1,0 +1,45 @@
+// The seam to the screens of one machine.
+#pragma once
+
+#include <memory>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include <absl/status/statusor.h>
+
+#include "core/base/time.h"
+#include "core/frame/image.h"
+
+namespace glasswing {
+
+struct ScreenInfo {
+  std::string name;
+  int width_px = 0;
+  int height_px = 0;
+  double refresh_hz = 60.0;
+  nanoseconds scanout{};  // from a picture's first row to its last
+  nanoseconds lag{};      // from a row's scan-out to its light
+  nanoseconds settle{};   // until that light has settled
+};
+
+// One picture for each monitor, in the order of Display::screens(); null is black.
+using Picture = std::shared_ptr<const RadianceImage>;
+
+// When a picture's first row left for the panel, CLOCK_MONOTONIC.
+struct Scanout {
+  nanoseconds start{};
+  nanoseconds uncertainty{};
+};
+
+class Display {
+ public:
+  virtual ~Display() = default;
+  virtual std::string backend() const = 0;
+  virtual const std::vector<ScreenInfo>& screens() const = 0;
+  // Puts the pictures on screen at each monitor's first refresh at or after `at`, or as soon after as it can, and
+  // returns when they are there, with the truth about when. One caller at a time.
+  virtual absl::StatusOr<std::vector<Scanout>> show(const std::vector<Picture>& pictures, nanoseconds at) = 0;
+};
+
+}  // namespace glasswing

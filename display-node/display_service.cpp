@@ -1,0 +1,116 @@
+#include "display-node/display_service.h"
+
+#include <condition_variable>
+#include <deque>
+#include <thread>
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include "core/service/service.h"
+#include "display-node/player.h"
+
+namespace glasswing {
+namespace {
+
+constexpr size_t kMaxImageBytes = 256u << 20;
+
+}  // namespace
+
+grpc::Status DisplayServiceImpl::GetDisplay(grpc::ServerContext*, const v1::GetDisplayRequest*,
+                                            v1::GetDisplayResponse* response) {
+  response->set_name(name_);
+  response->set_backend(display_.backend());
+  for (const ScreenInfo& screen : display_.screens()) {
+    v1::DisplayMonitor& monitor = *response->add_monitors();
+    monitor.set_name(screen.name);
+    monitor.set_width_px(screen.width_px);
+    monitor.set_height_px(screen.height_px);
+    monitor.set_refresh_hz(screen.refresh_hz);
+    monitor.set_optical_lag_ns(screen.lag.count());
+    monitor.set_settle_ns(screen.settle.count());
+    monitor.set_response("linear");
+  }
+  return grpc::Status::OK;
+}
+
+grpc::Status DisplayServiceImpl::PutImage(grpc::ServerContext*, grpc::ServerReader<v1::PutImageRequest>* reader,
+                                          v1::PutImageResponse* response) {
+  std::string png;
+  v1::PutImageRequest request;
+  while (reader->Read(&request)) {
+    png += request.chunk();
+    if (png.size() > kMaxImageBytes) {
+      return to_grpc(absl::InvalidArgumentError(fmt::format("the image is larger than {} bytes", kMaxImageBytes)));
+    }
+  }
+  const absl::StatusOr<std::string> image = images_.add(png);
+  if (!image.ok()) return to_grpc(image.status());
+  response->set_image(*image);
+  return grpc::Status::OK;
+}
+
+grpc::Status DisplayServiceImpl::LoadProgram(grpc::ServerContext*, const v1::LoadProgramRequest* request,
+                                             v1::LoadProgramResponse*) {
+  absl::StatusOr<Program> program = Program::create(*request, display_.screens(), images_);
+  if (!program.ok()) return to_grpc(program.status());
+  const std::lock_guard lock(mutex_);
+  play_.request_stop();
+  loaded_ = std::make_shared<const Program>(*std::move(program));
+  return grpc::Status::OK;
+}
+
+grpc::Status DisplayServiceImpl::PlayProgram(grpc::ServerContext* context, const v1::PlayProgramRequest* request,
+                                             grpc::ServerWriter<v1::PlayProgramResponse>* writer) {
+  std::shared_ptr<const Program> program;
+  std::stop_source play_stop;
+  {
+    const std::lock_guard lock(mutex_);
+    if (loaded_ == nullptr || loaded_->name() != request->program()) {
+      return to_grpc(absl::FailedPreconditionError(
+          fmt::format("program \"{}\" is not loaded; load it first", request->program())));
+    }
+    program = loaded_;
+    play_ = play_stop;
+  }
+  const std::stop_callback on_shutdown(stop_.get_token(), [&] { play_stop.request_stop(); });
+  std::mutex mutex;
+  std::condition_variable reported;
+  std::deque<v1::Presentation> reports;  // bounded by the program's length
+  bool ended = false;
+  absl::Status status;
+  std::jthread player([&] {
+    const std::lock_guard screens(playing_);
+    absl::Status result = play(*program, display_, nanoseconds(request->start_at_ns()), play_stop.get_token(),
+                               [&](const v1::Presentation& presentation) {
+                                 const std::lock_guard lock(mutex);
+                                 reports.push_back(presentation);
+                                 reported.notify_one();
+                               });
+    const std::lock_guard lock(mutex);
+    status = std::move(result);
+    ended = true;
+    reported.notify_one();
+  });
+  while (true) {
+    std::deque<v1::Presentation> batch;
+    {
+      std::unique_lock lock(mutex);
+      reported.wait_for(lock, std::chrono::milliseconds(100), [&] { return ended || !reports.empty(); });
+      batch.swap(reports);
+      if (batch.empty() && ended) break;
+    }
+    for (v1::Presentation& presentation : batch) {
+      v1::PlayProgramResponse response;
+      *response.mutable_presentation() = std::move(presentation);
+      if (!writer->Write(response)) play_stop.request_stop();
+    }
+    if (context->IsCancelled()) play_stop.request_stop();
+  }
+  player.join();
+  if (absl::IsCancelled(status) && !context->IsCancelled()) status = absl::AbortedError(status.message());
+  spdlog::info("played program={} steps={} end=\"{}\"", program->name(), program->size(), status.ToString());
+  return to_grpc(status);
+}
+
+}  // namespace glasswing

@@ -1,0 +1,68 @@
+#include "display-node/emission_service.h"
+
+#include <algorithm>
+
+#include "core/service/service.h"
+
+namespace glasswing {
+namespace {
+
+using Writer = grpc::ServerWriter<v1::WatchEmissionResponse>;
+
+std::string bytes_of(const ScreenInfo& screen, const Picture& picture) {
+  Image16 image(screen.width_px, screen.height_px);
+  if (picture != nullptr) {
+    std::transform(picture->samples.begin(), picture->samples.end(), image.samples.begin(), code16_of);
+  }
+  return {reinterpret_cast<const char*>(image.samples.data()), image.samples.size() * 2};
+}
+
+bool send_picture(const ScreenInfo& screen, const Emission& emission, Writer& writer) {
+  const std::string bytes = bytes_of(screen, emission.picture);
+  for (size_t at = 0; at < bytes.size(); at += kChunkBytes) {
+    v1::WatchEmissionResponse response;
+    v1::EmittedPicture& picture = *response.mutable_picture();
+    picture.set_monitor(screen.name);
+    picture.set_scanout_start_ns(emission.scanout_start.count());
+    picture.set_chunk(bytes.substr(at, kChunkBytes));
+    picture.set_last_chunk(at + kChunkBytes >= bytes.size());
+    if (!writer.Write(response)) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+grpc::Status EmissionServiceImpl::WatchEmission(grpc::ServerContext* context, const v1::WatchEmissionRequest*,
+                                                Writer* writer) {
+  for (const ScreenInfo& screen : display_.screens()) {
+    v1::WatchEmissionResponse response;
+    v1::EmittingMonitor& monitor = *response.mutable_monitor();
+    monitor.set_name(screen.name);
+    monitor.set_width_px(screen.width_px);
+    monitor.set_height_px(screen.height_px);
+    monitor.set_scanout_ns(screen.scanout.count());
+    monitor.set_lag_ns(screen.lag.count());
+    if (!writer->Write(response)) return grpc::Status::OK;
+  }
+  std::uint64_t cursor = 0;
+  std::vector<Emission> emissions;
+  nanoseconds horizon{};
+  while (!context->IsCancelled() && !stopping_) {
+    if (!display_.read_emissions(cursor, emissions, horizon, std::chrono::milliseconds(8))) {
+      return grpc::Status(grpc::StatusCode::RESOURCE_EXHAUSTED, "the reader fell too far behind the screens");
+    }
+    for (const Emission& emission : emissions) {
+      if (!send_picture(display_.screens()[emission.monitor], emission, *writer)) return grpc::Status::OK;
+    }
+    for (const ScreenInfo& screen : display_.screens()) {
+      v1::WatchEmissionResponse response;
+      response.mutable_horizon()->set_monitor(screen.name);
+      response.mutable_horizon()->set_until_ns(horizon.count());
+      if (!writer->Write(response)) return grpc::Status::OK;
+    }
+  }
+  return grpc::Status::OK;
+}
+
+}  // namespace glasswing

@@ -1,0 +1,59 @@
+#include "display-node/player.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "core/base/status.h"
+
+namespace glasswing {
+namespace {
+
+nanoseconds period_of(const ScreenInfo& screen) { return nanoseconds(std::llround(1e9 / screen.refresh_hz)); }
+
+}  // namespace
+
+absl::Status play(const Program& program, Display& display, nanoseconds start, std::stop_token stop,
+                  const std::function<void(const v1::Presentation&)>& report) {
+  const nanoseconds now = monotonic_now();
+  if (now > start) {
+    return absl::DeadlineExceededError(fmt::format("the program was to start {} ms ago; it was not played",
+                                                   std::chrono::duration<double, std::milli>(now - start).count()));
+  }
+  const std::vector<ScreenInfo>& screens = display.screens();
+  std::vector<Scanout> shown;  // of the step before
+  nanoseconds at = start;
+  std::vector<Picture> pictures = program.pictures(0);
+  for (size_t i = 0; i <= program.size(); ++i) {
+    const bool blank = i == program.size() || stop.stop_requested();
+    if (blank) pictures.assign(screens.size(), nullptr);
+    GW_ASSIGN_OR_RETURN(const std::vector<Scanout> scanouts, display.show(pictures, at));
+    if (i > 0) {
+      for (size_t m = 0; m < screens.size(); ++m) {
+        v1::Presentation presentation;
+        presentation.set_step(program.number(i - 1));
+        presentation.set_monitor(screens[m].name);
+        presentation.set_scanout_start_ns(shown[m].start.count());
+        presentation.set_scanout_end_ns((shown[m].start + screens[m].scanout).count());
+        presentation.set_replaced_ns(scanouts[m].start.count());
+        const double held = static_cast<double>((scanouts[m].start - shown[m].start).count());
+        presentation.set_refreshes(static_cast<int>(std::lround(held / static_cast<double>(period_of(screens[m]).count()))));
+        presentation.set_uncertainty_ns(std::max(shown[m].uncertainty, scanouts[m].uncertainty).count());
+        report(presentation);
+      }
+    }
+    if (blank) return i == program.size() ? absl::OkStatus() : absl::CancelledError("the program was stopped");
+    shown = scanouts;
+    // Half a refresh early, so that rounding never adds one; every monitor is held for at least hold_refreshes.
+    at = nanoseconds::min();
+    for (size_t m = 0; m < screens.size(); ++m) {
+      const nanoseconds period = period_of(screens[m]);
+      at = std::max(at, shown[m].start + program.hold_refreshes() * period - period / 2);
+    }
+    if (i + 1 < program.size()) pictures = program.pictures(i + 1);
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace glasswing

@@ -1,0 +1,19 @@
+// Plays a program: one step every hold_refreshes refreshes, with no RPC in the loop.
+#pragma once
+
+#include <functional>
+#include <stop_token>
+
+#include <absl/status/status.h>
+
+#include "display-node/display.h"
+#include "display-node/program.h"
+
+namespace glasswing {
+
+// Calls `report` for every step and monitor as it is replaced; the last step is replaced by black.
+// DEADLINE_EXCEEDED: `start` has passed. CANCELLED: stopped; the screens are black then too.
+absl::Status play(const Program& program, Display& display, nanoseconds start, std::stop_token stop,
+                  const std::function<void(const v1::Presentation&)>& report);
+
+}  // namespace glasswing
