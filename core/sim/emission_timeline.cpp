@@ -1,0 +1,76 @@
+#include "core/sim/emission_timeline.h"
+
+#include <algorithm>
+
+namespace glasswing {
+
+void EmissionTimeline::add_monitor(const EmissionMonitor& monitor) {
+  const std::lock_guard lock(mutex_);
+  for (Track& track : tracks_) {
+    if (track.monitor.name != monitor.name) continue;
+    track = Track{.monitor = monitor, .pictures = {}, .horizon = {}};
+    return;
+  }
+  tracks_.push_back({.monitor = monitor, .pictures = {}, .horizon = {}});
+}
+
+void EmissionTimeline::add_picture(const std::string& monitor, EmittedPicture picture) {
+  const std::lock_guard lock(mutex_);
+  for (Track& track : tracks_) {
+    if (track.monitor.name != monitor) continue;
+    // The picture that shows when the kept time begins stays.
+    const nanoseconds oldest = picture.scanout_start - kept_;
+    while (track.pictures.size() > 1 && track.pictures[1].scanout_start < oldest) track.pictures.pop_front();
+    track.pictures.push_back(std::move(picture));
+  }
+  changed_.notify_all();
+}
+
+void EmissionTimeline::set_horizon(const std::string& monitor, nanoseconds until) {
+  const std::lock_guard lock(mutex_);
+  for (Track& track : tracks_) {
+    if (track.monitor.name == monitor) track.horizon = std::max(track.horizon, until);
+  }
+  changed_.notify_all();
+}
+
+void EmissionTimeline::clear() {
+  const std::lock_guard lock(mutex_);
+  tracks_.clear();
+  changed_.notify_all();
+}
+
+std::vector<EmissionMonitor> EmissionTimeline::monitors() const {
+  const std::lock_guard lock(mutex_);
+  std::vector<EmissionMonitor> monitors;
+  for (const Track& track : tracks_) monitors.push_back(track.monitor);
+  return monitors;
+}
+
+bool EmissionTimeline::wait_known_until(nanoseconds until, nanoseconds timeout) const {
+  std::unique_lock lock(mutex_);
+  return changed_.wait_for(lock, timeout, [&] {
+    return !tracks_.empty() && std::all_of(tracks_.begin(), tracks_.end(), [&](const Track& track) {
+      return track.horizon + track.monitor.lag >= until;
+    });
+  });
+}
+
+std::vector<MonitorEmission> EmissionTimeline::between(nanoseconds from, nanoseconds until) const {
+  const std::lock_guard lock(mutex_);
+  std::vector<MonitorEmission> emissions;
+  for (const Track& track : tracks_) {
+    MonitorEmission emission{.monitor = track.monitor, .pictures = {}};
+    for (size_t i = 0; i < track.pictures.size(); ++i) {
+      const EmittedPicture& picture = track.pictures[i];
+      const nanoseconds begins = picture.scanout_start + track.monitor.lag;
+      const bool over = i + 1 < track.pictures.size() &&
+                        track.pictures[i + 1].scanout_start + track.monitor.lag + track.monitor.scanout <= from;
+      if (!over && begins < until) emission.pictures.push_back(picture);
+    }
+    emissions.push_back(std::move(emission));
+  }
+  return emissions;
+}
+
+}  // namespace glasswing

@@ -1,0 +1,265 @@
+#include "core/sim/scene.h"
+
+#include <algorithm>
+#include <limits>
+#include <numbers>
+
+#include <fmt/format.h>
+
+namespace glasswing {
+namespace {
+
+constexpr double kLeast = 2e-3;  // paths with less weight are dropped
+constexpr int kMaxBounces = 7;
+constexpr double kSkin = 1e-6;
+
+struct Hit {
+  double distance;
+  Vec3 normal;  // outward
+};
+
+Vec3 at(const Ray& ray, double distance) { return ray.origin + distance * ray.direction; }
+
+// A clear convex body: reflects and refracts at its skin, inside and out.
+class ClearBody {
+ public:
+  virtual ~ClearBody() = default;
+  virtual std::optional<Hit> enter(const Ray& ray) const = 0;
+  virtual Hit leave(const Ray& ray) const = 0;  // from inside
+
+  std::optional<std::vector<Path>> trace(const Ray& ray, double index) const {
+    const std::optional<Hit> hit = enter(ray);
+    if (!hit) return std::nullopt;
+    std::vector<Path> paths;
+    const Vec3 point = at(ray, hit->distance);
+    const double mirrored = reflectance(-dot(ray.direction, hit->normal), index);
+    if (mirrored > kLeast) {
+      paths.push_back({.ray = {point, reflected(ray.direction, hit->normal)}, .weight = mirrored});
+    }
+    const std::optional<Vec3> inward = refracted(ray.direction, hit->normal, index);
+    if (!inward) return paths;
+    Ray inside{point + kSkin * *inward, *inward};
+    double weight = 1.0 - mirrored;
+    for (int bounce = 0; bounce < kMaxBounces && weight > kLeast; ++bounce) {
+      const Hit wall = leave(inside);
+      const Vec3 exit = at(inside, wall.distance);
+      const Vec3 facing = -1.0 * wall.normal;
+      const double kept = reflectance(-dot(inside.direction, facing), 1.0 / index);
+      const std::optional<Vec3> outward = refracted(inside.direction, facing, 1.0 / index);
+      if (outward && weight * (1.0 - kept) > kLeast) {
+        paths.push_back({.ray = {exit, *outward}, .weight = weight * (1.0 - kept)});
+      }
+      weight *= kept;
+      const Vec3 back = reflected(inside.direction, facing);
+      inside = {exit + kSkin * back, back};
+    }
+    return paths;
+  }
+};
+
+class Ball final : public ClearBody {
+ public:
+  Ball(Vec3 centre, double radius) : centre_(centre), radius_(radius) {}
+  std::optional<Hit> enter(const Ray& ray) const override {
+    const Vec3 from = ray.origin - centre_;
+    const double b = dot(from, ray.direction);
+    const double root = b * b - dot(from, from) + radius_ * radius_;
+    if (root <= 0.0) return std::nullopt;
+    return hit_at(ray, -b - std::sqrt(root));
+  }
+  Hit leave(const Ray& ray) const override {
+    const Vec3 from = ray.origin - centre_;
+    const double b = dot(from, ray.direction);
+    return hit_at(ray, -b + std::sqrt(std::max(b * b - dot(from, from) + radius_ * radius_, 0.0)));
+  }
+
+ private:
+  Hit hit_at(const Ray& ray, double distance) const {
+    return {.distance = distance, .normal = normalized(at(ray, distance) - centre_)};
+  }
+  Vec3 centre_;
+  double radius_;
+};
+
+// The inside of planes dot(normal, p - centre) <= distance.
+class CutStone final : public ClearBody {
+ public:
+  struct Facet {
+    Vec3 normal;
+    double distance;
+  };
+  CutStone(Vec3 centre, std::vector<Facet> facets) : centre_(centre), facets_(std::move(facets)) {}
+  std::optional<Hit> enter(const Ray& ray) const override {
+    double near = -std::numeric_limits<double>::infinity();
+    double far = std::numeric_limits<double>::infinity();
+    Vec3 normal;
+    for (const Facet& facet : facets_) {
+      const double speed = dot(facet.normal, ray.direction);
+      const double room = facet.distance - dot(facet.normal, ray.origin - centre_);
+      if (std::abs(speed) < 1e-12) {
+        if (room < 0.0) return std::nullopt;
+        continue;
+      }
+      const double t = room / speed;
+      if (speed < 0.0 && t > near) {
+        near = t;
+        normal = facet.normal;
+      }
+      if (speed > 0.0) far = std::min(far, t);
+    }
+    if (near >= far || near <= 0.0) return std::nullopt;
+    return Hit{.distance = near, .normal = normal};
+  }
+  Hit leave(const Ray& ray) const override {
+    Hit hit{.distance = std::numeric_limits<double>::infinity(), .normal = {}};
+    for (const Facet& facet : facets_) {
+      const double speed = dot(facet.normal, ray.direction);
+      if (speed <= 0.0) continue;
+      const double t = (facet.distance - dot(facet.normal, ray.origin - centre_)) / speed;
+      if (t < hit.distance) hit = {.distance = std::max(t, 0.0), .normal = facet.normal};
+    }
+    return hit;
+  }
+
+ private:
+  Vec3 centre_;
+  std::vector<Facet> facets_;
+};
+
+Vec3 turned(Vec3 p, double about_x_rad, double about_y_rad) {
+  const Vec3 q{p.x, p.y * std::cos(about_x_rad) - p.z * std::sin(about_x_rad),
+               p.y * std::sin(about_x_rad) + p.z * std::cos(about_x_rad)};
+  return {q.x * std::cos(about_y_rad) + q.z * std::sin(about_y_rad), q.y,
+          -q.x * std::sin(about_y_rad) + q.z * std::cos(about_y_rad)};
+}
+
+// The 20 face and 12 vertex directions of an icosahedron, the latter cut a little deeper.
+std::vector<CutStone::Facet> crystal_facets(double radius) {
+  const double golden = std::numbers::phi;
+  std::vector<CutStone::Facet> facets;
+  const auto add = [&](Vec3 direction, double distance) {
+    facets.push_back({.normal = turned(normalized(direction), 0.31, 0.47), .distance = distance});
+  };
+  for (const double a : {-1.0, 1.0}) {
+    for (const double b : {-1.0, 1.0}) {
+      add({0.0, a, b * golden}, 0.97 * radius);
+      add({a, b * golden, 0.0}, 0.97 * radius);
+      add({b * golden, 0.0, a}, 0.97 * radius);
+      add({0.0, a / golden, b * golden}, radius);
+      add({a / golden, b * golden, 0.0}, radius);
+      add({b * golden, 0.0, a / golden}, radius);
+      for (const double c : {-1.0, 1.0}) add({a, b, c}, radius);
+    }
+  }
+  return facets;
+}
+
+// A cut crystal whose index rises from red to blue.
+class Crystal final : public Scene {
+ public:
+  explicit Crystal(MonitorSize back)
+      : stone_({0.5 * back.width_px, 0.5 * back.height_px, -0.42 * back.width_px},
+               crystal_facets(0.36 * std::min(back.height_px, back.width_px))) {}
+  std::optional<std::vector<Path>> trace(const Ray& ray, int channel, int) const override {
+    constexpr std::array<double, 3> kIndex{1.500, 1.518, 1.540};
+    return stone_.trace(ray, kIndex[static_cast<size_t>(channel)]);
+  }
+
+ private:
+  CutStone stone_;
+};
+
+// A flat disc that a ray can hit.
+struct Disc {
+  Vec3 centre, normal;  // towards the camera
+  double radius;
+  std::optional<Vec3> hit(const Ray& ray) const {
+    const double speed = dot(ray.direction, normal);
+    if (speed >= 0.0) return std::nullopt;
+    const Vec3 point = at(ray, dot(centre - ray.origin, normal) / speed);
+    const Vec3 offset = point - centre;
+    if (dot(offset, offset) > radius * radius) return std::nullopt;
+    return point;
+  }
+};
+
+Vec3 lying(double angle_rad) { return {0.0, -std::cos(angle_rad), -std::sin(angle_rad)}; }
+
+// A ball of glass above a sheet of glass that is seen at a grazing angle, so that it mirrors and transmits alike.
+class Glass final : public Scene {
+ public:
+  explicit Glass(MonitorSize back)
+      : ball_({0.34 * back.width_px, 0.40 * back.height_px, -0.35 * back.width_px}, 0.26 * back.height_px),
+        sheet_{.centre = {0.62 * back.width_px, 0.70 * back.height_px, -0.45 * back.width_px},
+               .normal = lying(0.21),
+               .radius = 0.36 * back.width_px} {}
+  std::optional<std::vector<Path>> trace(const Ray& ray, int, int) const override {
+    constexpr double kIndex = 1.5;
+    if (auto paths = ball_.trace(ray, kIndex)) return paths;
+    const std::optional<Vec3> point = sheet_.hit(ray);
+    if (!point) return std::nullopt;
+    // Both faces of the sheet, all orders of reflection between them.
+    const double once = reflectance(-dot(ray.direction, sheet_.normal), kIndex);
+    const double mirrored = 2.0 * once / (1.0 + once);
+    return std::vector<Path>{{.ray = {*point, reflected(ray.direction, sheet_.normal)}, .weight = mirrored},
+                             {.ray = {*point, ray.direction}, .weight = 1.0 - mirrored}};
+  }
+
+ private:
+  Ball ball_;
+  Disc sheet_;
+};
+
+// A disc of brushed metal: its facets lean by different amounts along and across the brushing.
+class Brushed final : public Scene {
+ public:
+  explicit Brushed(MonitorSize back)
+      : disc_{.centre = {0.5 * back.width_px, 0.62 * back.height_px, -0.52 * back.width_px},
+              .normal = lying(0.42),
+              .radius = 0.43 * back.width_px} {
+    const Vec3 across{1.0, 0.0, 0.0};
+    const Vec3 along = cross(disc_.normal, across);
+    constexpr double kTurn_rad = 25.0 * std::numbers::pi / 180.0;
+    rough_ = std::cos(kTurn_rad) * across + std::sin(kTurn_rad) * along;
+    smooth_ = std::cos(kTurn_rad) * along - std::sin(kTurn_rad) * across;
+  }
+  std::optional<std::vector<Path>> trace(const Ray& ray, int channel, int sample) const override {
+    const std::optional<Vec3> point = disc_.hit(ray);
+    if (!point) return std::nullopt;
+    constexpr int kFacets = 24;
+    constexpr double kRough = 0.05, kSmooth = 0.012;  // sd of the facets' slopes
+    constexpr std::array<double, 3> kTint{0.80, 0.74, 0.66};
+    std::vector<Path> paths;
+    for (int i = 0; i < kFacets; ++i) {
+      // A two-dimensional low-discrepancy sequence, made normal by Box and Muller.
+      const double n = sample * kFacets + i + 0.5;
+      const double u = std::fmod(n * 0.7548776662466927, 1.0);
+      const double v = std::fmod(n * 0.5698402909980532, 1.0);
+      const double length = std::sqrt(-2.0 * std::log(1.0 - u));
+      const Vec3 normal = normalized(disc_.normal + kRough * length * std::cos(2.0 * std::numbers::pi * v) * rough_ +
+                                     kSmooth * length * std::sin(2.0 * std::numbers::pi * v) * smooth_);
+      if (dot(normal, ray.direction) >= 0.0) continue;
+      paths.push_back({.ray = {*point, reflected(ray.direction, normal)},
+                       .weight = kTint[static_cast<size_t>(channel)] / kFacets});
+    }
+    return paths;
+  }
+  Colour foreground() const override { return {0.045f, 0.038f, 0.018f}; }
+
+ private:
+  Disc disc_;
+  Vec3 rough_, smooth_;
+};
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<Scene>> make_scene(const std::string& name, MonitorSize back) {
+  if (name == "crystal") return std::make_unique<Crystal>(back);
+  if (name == "glass") return std::make_unique<Glass>(back);
+  if (name == "brushed") return std::make_unique<Brushed>(back);
+  if (name == "none") return nullptr;
+  return absl::InvalidArgumentError(
+      fmt::format("scene is \"{}\"; there are: crystal, glass, brushed, none", name));
+}
+
+}  // namespace glasswing
