@@ -1,0 +1,29 @@
+// The archives below a node's data directory, opened when they are asked for.
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "core/frame/archive.h"
+
+namespace glasswing {
+
+// Thread-safe.
+class ArchiveStore {
+ public:
+  explicit ArchiveStore(std::filesystem::path directory) : directory_(std::move(directory)) {}
+
+  absl::StatusOr<std::shared_ptr<Archive>> create(const v1::CaptureManifest& header);
+  // INVALID_ARGUMENT: a bad name; NOT_FOUND: no such archive here; DATA_LOSS: it cannot be read.
+  absl::StatusOr<std::shared_ptr<Archive>> find(const std::string& session);
+
+ private:
+  const std::filesystem::path directory_;
+  std::mutex mutex_;
+  std::map<std::string, std::shared_ptr<Archive>> open_;  // guarded by mutex_
+};
+
+}  // namespace glasswing

@@ -1,0 +1,150 @@
+#include "camera-node/sim_camera.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "core/base/status.h"
+
+namespace glasswing {
+namespace {
+
+constexpr double kMinExposureMs = 0.05;
+constexpr nanoseconds kLightIsLate = std::chrono::milliseconds(300);  // then it is taken for dark
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<SimCamera>> SimCamera::create(const SimCameraOptions& options,
+                                                             const EmissionTimeline& timeline) {
+  // Names the scenes there are, if this is none of them.
+  const std::vector<SceneMonitor> one{{.name = "back", .size = {.width_px = 4, .height_px = 4}}};
+  GW_RETURN_IF_ERROR(build_transport(options.scene, true, one, 4, 4).status());
+  return std::unique_ptr<SimCamera>(new SimCamera(options, timeline));
+}
+
+SimCamera::SimCamera(const SimCameraOptions& options, const EmissionTimeline& timeline)
+    : options_(options), timeline_(timeline), random_(options.sensor.seed) {}
+
+v1::GetCameraResponse SimCamera::describe() const {
+  v1::GetCameraResponse response;
+  v1::Camera& camera = *response.mutable_camera();
+  camera.set_name(options_.name);
+  camera.set_width_px(options_.width_px);
+  camera.set_height_px(options_.height_px);
+  camera.set_bits(options_.sensor.bits);
+  camera.set_response("linear");
+  camera.set_read_sd(options_.sensor.read_sd);
+  camera.set_gain(options_.sensor.gain);
+  response.set_backend("sim");
+  response.set_frame_rate_hz(options_.frame_rate_hz);
+  response.set_min_exposure_ms(kMinExposureMs);
+  response.set_max_exposure_ms(1000.0 / options_.frame_rate_hz);
+  response.set_readout_ns(options_.sensor.readout.count());
+  return response;
+}
+
+absl::Status SimCamera::start(double exposure_ms) {
+  const double longest_ms = 1000.0 / options_.frame_rate_hz;
+  if (!(exposure_ms >= kMinExposureMs && exposure_ms <= longest_ms)) {
+    return absl::InvalidArgumentError(
+        fmt::format("exposure_ms is {}; this camera takes {} to {} ms", exposure_ms, kMinExposureMs, longest_ms));
+  }
+  const std::lock_guard lock(mutex_);
+  running_ = true;
+  exposure_ms_ = exposure_ms;
+  next_start_ = monotonic_now();
+  return absl::OkStatus();
+}
+
+void SimCamera::stop() {
+  const std::lock_guard lock(mutex_);
+  running_ = false;
+}
+
+bool SimCamera::move(bool present) {
+  const std::lock_guard lock(mutex_);
+  object_ = present;
+  return true;
+}
+
+std::optional<CapturedFrame> SimCamera::next(std::chrono::milliseconds) {
+  ExposureWindow window;
+  std::int64_t sequence = 0;
+  double exposure_ms = 0.0;
+  bool object = false, duplicate = false;
+  const nanoseconds period(std::llround(1e9 / options_.frame_rate_hz));
+  {
+    const std::lock_guard lock(mutex_);
+    if (!running_) return std::nullopt;
+    // A camera runs on whether anybody looks or not: what was missed is lost.
+    const nanoseconds behind = monotonic_now() - next_start_;
+    if (behind > std::chrono::seconds(1)) {
+      next_start_ += behind / period * period;
+      sequence_ += behind / period;
+    }
+    do {
+      ++sequence_;
+      window.start = next_start_;
+      next_start_ += period;
+    } while (std::bernoulli_distribution(options_.drop)(random_));
+    exposure_ms = exposure_ms_;
+    sequence = sequence_;
+    object = object_;
+    duplicate = std::bernoulli_distribution(options_.duplicate)(random_);
+  }
+  window.exposure = nanoseconds(std::llround(exposure_ms * 1e6));
+  const nanoseconds end = window.start + options_.sensor.readout + window.exposure;
+  sleep_until_monotonic(end);
+  CapturedFrame frame;
+  frame.taken.set_sequence(sequence);
+  frame.taken.set_exposure_start_ns(window.start.count());
+  frame.taken.set_exposure_end_ns(end.count());
+  frame.taken.set_uncertainty_ns(1000);
+  frame.taken.set_exposure_ms(exposure_ms);
+  frame.taken.set_gain(1.0);
+  frame.taken.set_width_px(options_.width_px);
+  frame.taken.set_height_px(options_.height_px);
+  if (duplicate) window.start -= period;
+  frame.image = [this, sequence, window, exposure_ms, object] {
+    return expose_frame(sequence, window, exposure_ms, object);
+  };
+  return frame;
+}
+
+absl::StatusOr<Image16> SimCamera::expose_frame(std::int64_t sequence, ExposureWindow window, double exposure_ms,
+                                                bool object) {
+  const nanoseconds end = window.start + options_.sensor.readout + window.exposure;
+  std::vector<MonitorEmission> emission;
+  if (timeline_.wait_known_until(end, kLightIsLate)) emission = timeline_.between(window.start, end);
+  if (emission.empty()) {
+    const RadianceImage dark(options_.width_px, options_.height_px);
+    return expose(dark, exposure_ms, options_.sensor, sequence);
+  }
+  std::vector<EmissionMonitor> monitors;
+  for (const MonitorEmission& each : emission) monitors.push_back(each.monitor);
+  GW_ASSIGN_OR_RETURN(const std::shared_ptr<const Transport> through, transport(monitors, object));
+  return expose(integrate(*through, emission, window, options_.sensor.readout), exposure_ms, options_.sensor, sequence);
+}
+
+absl::StatusOr<std::shared_ptr<const Transport>> SimCamera::transport(const std::vector<EmissionMonitor>& monitors,
+                                                                      bool object) {
+  std::vector<SceneMonitor> wanted;
+  for (const EmissionMonitor& monitor : monitors) {
+    wanted.push_back({.name = monitor.name, .size = {.width_px = monitor.width_px, .height_px = monitor.height_px}});
+  }
+  const std::lock_guard lock(build_mutex_);
+  const bool same = std::equal(wanted.begin(), wanted.end(), built_for_.begin(), built_for_.end(),
+                               [](const SceneMonitor& a, const SceneMonitor& b) { return a.name == b.name && a.size == b.size; });
+  if (!same || with_ == nullptr) {
+    for (const bool present : {true, false}) {
+      GW_ASSIGN_OR_RETURN(Transport built, build_transport(options_.scene, present, wanted, options_.width_px,
+                                                           options_.height_px));
+      (present ? with_ : without_) = std::make_shared<const Transport>(std::move(built));
+    }
+    built_for_ = wanted;
+  }
+  return object ? with_ : without_;
+}
+
+}  // namespace glasswing

@@ -1,0 +1,60 @@
+// A simulated camera, free-running, that sees a scene lit by what displays really emitted; and its stage.
+#pragma once
+
+#include <memory>
+#include <mutex>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "camera-node/camera.h"
+#include "core/sim/emission_timeline.h"
+#include "core/sim/sensor.h"
+#include "core/sim/transport.h"
+
+namespace glasswing {
+
+struct SimCameraOptions {
+  std::string name = "camera-1";
+  std::string scene = "crystal";
+  int width_px = 128;
+  int height_px = 96;
+  double frame_rate_hz = 200.0;
+  SensorModel sensor;
+  double drop = 0.0;       // probability that a frame is lost: its number is skipped
+  double duplicate = 0.0;  // probability that a frame holds the pixels of the one before
+};
+
+class SimCamera final : public Camera, public Stage {
+ public:
+  // INVALID_ARGUMENT: an unknown scene. `timeline` outlives the camera and its frames.
+  static absl::StatusOr<std::unique_ptr<SimCamera>> create(const SimCameraOptions& options,
+                                                           const EmissionTimeline& timeline);
+
+  v1::GetCameraResponse describe() const override;
+  absl::Status start(double exposure_ms) override;
+  std::optional<CapturedFrame> next(std::chrono::milliseconds timeout) override;
+  void stop() override;
+  bool move(bool present) override;  // the simulated motor is done at once
+
+ private:
+  SimCamera(const SimCameraOptions& options, const EmissionTimeline& timeline);
+  absl::StatusOr<Image16> expose_frame(std::int64_t sequence, ExposureWindow window, double exposure_ms, bool object);
+  // For the monitors that emit now; built again when they change.
+  absl::StatusOr<std::shared_ptr<const Transport>> transport(const std::vector<EmissionMonitor>& monitors, bool object);
+
+  const SimCameraOptions options_;
+  const EmissionTimeline& timeline_;
+  std::mutex mutex_;
+  bool object_ = false;         // guarded by mutex_
+  bool running_ = false;        // guarded by mutex_
+  double exposure_ms_ = 0.0;    // guarded by mutex_
+  std::int64_t sequence_ = 0;   // guarded by mutex_
+  nanoseconds next_start_{};    // guarded by mutex_
+  std::mt19937_64 random_;      // guarded by mutex_
+  std::mutex build_mutex_;
+  std::vector<SceneMonitor> built_for_;                      // guarded by build_mutex_
+  std::shared_ptr<const Transport> with_, without_;          // guarded by build_mutex_
+};
+
+}  // namespace glasswing

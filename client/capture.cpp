@@ -1,0 +1,112 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <random>
+
+#include "client/commands.h"
+#include "client/output.h"
+#include "client/photo.h"
+#include "client/rig.h"
+#include "client/rpc.h"
+#include "client/watch.h"
+#include "core/base/status.h"
+#include "core/frame/image_file.h"
+#include "core/pattern/plan.h"
+#include "glasswing/v1/session_service.grpc.pb.h"
+
+namespace glasswing {
+namespace {
+
+std::string random_request_id() {
+  std::random_device entropy;
+  return fmt::format("{:08x}{:08x}{:08x}{:08x}", entropy(), entropy(), entropy(), entropy());
+}
+
+// Photos are shown on the plan's first monitor.
+absl::StatusOr<v1::Monitor> photo_monitor(const v1::Plan& plan, const RigView& rig) {
+  if (rig.monitors.empty()) return absl::UnavailableError("no display node is up; start glasswing-display");
+  if (plan.monitors().empty()) return rig.monitors.front();
+  for (const v1::Monitor& monitor : rig.monitors) {
+    if (monitor.name() == plan.monitors(0).name()) return monitor;
+  }
+  return absl::FailedPreconditionError(
+      fmt::format("the plan's monitor \"{}\" is not in the rig; glasswing nodes lists what there is",
+                  plan.monitors(0).name()));
+}
+
+absl::StatusOr<std::string> upload(const Peer<v1::SessionService>& server, const std::string& png) {
+  grpc::ClientContext context;
+  set_deadline(context, kLongCallTimeout);
+  v1::UploadImageResponse stored;
+  const auto writer = server.stub->UploadImage(&context, &stored);
+  for (size_t at = 0; at < png.size(); at += kChunkBytes) {
+    v1::UploadImageRequest request;
+    request.set_chunk(png.substr(at, kChunkBytes));
+    if (!writer->Write(request)) break;  // Finish() says why
+  }
+  writer->WritesDone();
+  const grpc::Status status = writer->Finish();
+  if (!status.ok()) return status_from(status, server.title);
+  return stored.image();
+}
+
+// Puts the uploaded pictures into the plan in place of the files' names.
+absl::Status upload_photos(const Client& client, const Peer<v1::SessionService>& server,
+                           const std::filesystem::path& plan_path, v1::Plan& plan) {
+  if (plan.photos().empty()) return absl::OkStatus();
+  GW_ASSIGN_OR_RETURN(const RigView rig, look_at_rig(client));
+  GW_ASSIGN_OR_RETURN(const v1::Monitor monitor, photo_monitor(plan, rig));
+  for (v1::Photo& photo : *plan.mutable_photos()) {
+    GW_ASSIGN_OR_RETURN(const RadianceImage picture,
+                        read_radiance(photo_path(plan_path, photo), Encoding::kDisplay));
+    const RadianceImage fitted = resized(picture, monitor.width_px(), monitor.height_px());
+    Image16 codes(fitted.width_px, fitted.height_px);
+    std::transform(fitted.samples.begin(), fitted.samples.end(), codes.samples.begin(), code16_of);
+    photo.set_name(photo_name(photo));
+    GW_ASSIGN_OR_RETURN(*photo.mutable_file(), upload(server, encode_png16(codes)));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status capture(const Client& client, const std::string& plan_path, const std::string& name,
+                     bool watch) {
+  v1::CreateSessionRequest request;
+  GW_ASSIGN_OR_RETURN(*request.mutable_plan(), read_plan(plan_path));
+  const Peer<v1::SessionService> server(client.server_title(), client.server);
+  GW_RETURN_IF_ERROR(upload_photos(client, server, plan_path, *request.mutable_plan()));
+  request.set_request_id(random_request_id());
+  request.set_name(name);
+  absl::StatusOr<v1::CreateSessionResponse> created =
+      call(server, &v1::SessionService::Stub::CreateSession, request, kLongCallTimeout);
+  // The request id makes asking again safe when only the answer was lost.
+  if (absl::IsDeadlineExceeded(created.status())) {
+    created = call(server, &v1::SessionService::Stub::CreateSession, request, kLongCallTimeout);
+  }
+  GW_RETURN_IF_ERROR(created.status());
+  if (watch) return follow_to_outcome(client, created->session().name());
+  print_session(created->session(), client.json);
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+void add_capture_command(CLI::App& app, Client& client) {
+  struct Arguments {
+    std::string plan;
+    std::string session;
+    bool watch = false;
+  };
+  CLI::App& command = *app.add_subcommand("capture", "Start a capture session from a plan.");
+  command.footer("Example:\n  glasswing capture deploy/plans/crystal.txtpb --session vase --watch");
+  auto arguments = std::make_shared<Arguments>();
+  command.add_option("plan", arguments->plan, "the plan, a .txtpb file")->required();
+  command.add_option("--session", arguments->session, "its name; the server chooses one if left out");
+  command.add_flag("--watch", arguments->watch, "wait until it is captured; any other end is a failure");
+  command.callback([&client, arguments] {
+    client.run = [&client, arguments] {
+      return capture(client, arguments->plan, arguments->session, arguments->watch);
+    };
+  });
+}
+
+}  // namespace glasswing

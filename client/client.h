@@ -1,0 +1,24 @@
+// The command line `glasswing`: a thin client that asks the server, moves files, and composites.
+#pragma once
+
+#include <absl/status/status.h>
+
+#include <functional>
+#include <string>
+
+namespace glasswing {
+
+// What every subcommand sees. Parsing leaves the chosen subcommand's work in `run`.
+struct Client {
+  std::string server = "127.0.0.1:7440";
+  bool json = false;
+  std::function<absl::Status()> run;
+
+  std::string server_title() const { return "server at " + server; }
+};
+
+// Parses and runs; the exit status: 0 only on success. Every failure, of usage too, is one line on standard
+// error.
+int run_client(int argc, const char* const* argv);
+
+}  // namespace glasswing

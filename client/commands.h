@@ -1,0 +1,26 @@
+// One function a subcommand, each in the file of its name: declares its options and sets Client::run.
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+#include "client/client.h"
+
+namespace glasswing {
+
+void add_nodes_command(CLI::App& app, Client& client);
+void add_sessions_command(CLI::App& app, Client& client);
+void add_show_command(CLI::App& app, Client& client);
+void add_watch_command(CLI::App& app, Client& client);
+void add_control_commands(CLI::App& app, Client& client);  // pause, resume, cancel
+void add_plan_check_command(CLI::App& plan, Client& client);
+void add_plan_estimate_command(CLI::App& plan, Client& client);
+void add_capture_command(CLI::App& app, Client& client);
+void add_import_command(CLI::App& app, Client& client);
+void add_export_command(CLI::App& app, Client& client);
+void add_solve_command(CLI::App& app, Client& client);
+void add_fetch_command(CLI::App& app, Client& client);
+void add_composite_command(CLI::App& app, Client& client);
+void add_compare_command(CLI::App& app, Client& client);
+void add_convert_command(CLI::App& app, Client& client);
+
+}  // namespace glasswing

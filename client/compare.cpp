@@ -1,0 +1,91 @@
+#include "client/compare.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "client/commands.h"
+#include "core/base/status.h"
+#include "core/frame/image_file.h"
+#include "core/matte/matte_file.h"
+
+namespace glasswing {
+namespace {
+
+struct Arguments {
+  std::string a;
+  std::string b;
+  std::string matte;
+  bool linear = false;
+};
+
+absl::Status compare(const Client& client, const Arguments& arguments) {
+  const Encoding encoding = arguments.linear ? Encoding::kLinear : Encoding::kDisplay;
+  GW_ASSIGN_OR_RETURN(const RadianceImage a, read_radiance(arguments.a, encoding));
+  GW_ASSIGN_OR_RETURN(const RadianceImage b, read_radiance(arguments.b, encoding));
+  std::optional<Matte> matte;
+  if (!arguments.matte.empty()) {
+    GW_ASSIGN_OR_RETURN(matte, read_matte(arguments.matte));
+  }
+  GW_ASSIGN_OR_RETURN(const Difference difference, difference_of(a, b, matte ? &*matte : nullptr));
+  if (client.json) {
+    nlohmann::ordered_json answer = {
+        {"rms", difference.rms}, {"psnr_db", difference.psnr_db}, {"pixels", difference.pixel_count}};
+    if (std::isinf(difference.psnr_db)) answer["psnr_db"] = nullptr;  // JSON has no infinity
+    std::cout << answer.dump(1) << "\n";
+  } else {
+    std::cout << fmt::format("rms {:.6f}, PSNR {:.2f} dB over {} pixels\n", difference.rms,
+                             difference.psnr_db, difference.pixel_count);
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<Difference> difference_of(const RadianceImage& a, const RadianceImage& b, const Matte* matte) {
+  if (a.width_px != b.width_px || a.height_px != b.height_px) {
+    return absl::InvalidArgumentError(fmt::format("the pictures are {}x{} and {}x{}; they must have one size",
+                                                  a.width_px, a.height_px, b.width_px, b.height_px));
+  }
+  if (matte != nullptr && (matte->width_px() != a.width_px || matte->height_px() != a.height_px)) {
+    return absl::InvalidArgumentError(fmt::format("the matte is {}x{} and the pictures are {}x{}",
+                                                  matte->width_px(), matte->height_px(), a.width_px,
+                                                  a.height_px));
+  }
+  Difference difference;
+  double sum = 0.0;
+  for (int y = 0; y < a.height_px; ++y) {
+    for (int x = 0; x < a.width_px; ++x) {
+      if (matte != nullptr && matte->coverage(x, y) <= 0.5f) continue;
+      ++difference.pixel_count;
+      for (int channel = 0; channel < 3; ++channel) {
+        const double error = static_cast<double>(a.at(x, y, channel)) - b.at(x, y, channel);
+        sum += error * error;
+      }
+    }
+  }
+  if (difference.pixel_count == 0) return absl::InvalidArgumentError("the matte covers no pixel");
+  difference.rms = std::sqrt(sum / (3.0 * static_cast<double>(difference.pixel_count)));
+  difference.psnr_db = -20.0 * std::log10(difference.rms);
+  return difference;
+}
+
+void add_compare_command(CLI::App& app, Client& client) {
+  CLI::App& command =
+      *app.add_subcommand("compare", "Measure how far apart two pictures are, in linear light.");
+  command.footer(
+      "Example:\n  glasswing compare composite.exr archive/frames/000310.tif --linear --matte vase.exr");
+  auto arguments = std::make_shared<Arguments>();
+  command.add_option("a", arguments->a, "a picture")->required();
+  command.add_option("b", arguments->b, "another of the same size")->required();
+  command.add_option("--matte", arguments->matte, "count only the pixels that this matte covers");
+  command.add_flag("--linear", arguments->linear,
+                   "PNG and TIFF values are linear radiance, value / full scale");
+  command.callback(
+      [&client, arguments] { client.run = [&client, arguments] { return compare(client, *arguments); }; });
+}
+
+}  // namespace glasswing

@@ -1,0 +1,25 @@
+// How far apart two pictures are:
+//
+//   rms = sqrt(mean over pixels and channels of (a - b)^2);   psnr = -20 log10(rms)     (peak 1.0)
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <cstdint>
+
+#include "core/frame/image.h"
+#include "core/matte/matte.h"
+
+namespace glasswing {
+
+struct Difference {
+  double rms = 0.0;      // linear radiance
+  double psnr_db = 0.0;  // infinite for equal pictures
+  std::int64_t pixel_count = 0;
+};
+
+// Over all pixels, or those that `matte` (may be null) covers by more than half. INVALID_ARGUMENT: sizes
+// differ, or no pixel is covered.
+absl::StatusOr<Difference> difference_of(const RadianceImage& a, const RadianceImage& b, const Matte* matte);
+
+}  // namespace glasswing

@@ -1,0 +1,52 @@
+#include <fmt/format.h>
+
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "client/commands.h"
+#include "client/picture.h"
+#include "core/base/status.h"
+#include "core/frame/image_file.h"
+
+namespace glasswing {
+namespace {
+
+struct Arguments {
+  std::string input;
+  std::string output;
+  bool linear = false;
+};
+
+absl::Status convert(const Client& client, const Arguments& arguments) {
+  GW_RETURN_IF_ERROR(check_output(arguments.output));
+  GW_ASSIGN_OR_RETURN(
+      const RadianceImage picture,
+      read_radiance(arguments.input, arguments.linear ? Encoding::kLinear : Encoding::kDisplay));
+  GW_RETURN_IF_ERROR(write_radiance(arguments.output, picture, Encoding::kDisplay));
+  if (client.json) {
+    const nlohmann::ordered_json written = {
+        {"file", arguments.output}, {"width_px", picture.width_px}, {"height_px", picture.height_px}};
+    std::cout << written.dump(1) << "\n";
+  } else {
+    std::cout << fmt::format("{}: {}x{}\n", arguments.output, picture.width_px, picture.height_px);
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+void add_convert_command(CLI::App& app, Client& client) {
+  CLI::App& command = *app.add_subcommand("convert", "Turn a frame or a picture into one to look at.");
+  command.footer(
+      "The output is sRGB (PNG, TIFF) or linear (EXR).\n\n"
+      "Example:\n  glasswing convert --linear archive/frames/000310.tif look.png");
+  auto arguments = std::make_shared<Arguments>();
+  command.add_option("input", arguments->input, "the picture to read")->required();
+  command.add_option("output", arguments->output, "the picture to write: .png, .tif or .exr")->required();
+  command.add_flag("--linear", arguments->linear,
+                   "the input's PNG or TIFF values are linear radiance, as frames are");
+  command.callback(
+      [&client, arguments] { client.run = [&client, arguments] { return convert(client, *arguments); }; });
+}
+
+}  // namespace glasswing

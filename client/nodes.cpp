@@ -1,0 +1,52 @@
+#include <fmt/format.h>
+
+#include <iostream>
+
+#include "client/commands.h"
+#include "client/output.h"
+#include "client/rpc.h"
+#include "core/base/status.h"
+#include "glasswing/v1/node_service.grpc.pb.h"
+
+namespace glasswing {
+namespace {
+
+const char* kind_name(v1::NodeKind kind) {
+  switch (kind) {
+    case v1::NODE_KIND_DISPLAY:
+      return "display";
+    case v1::NODE_KIND_CAMERA:
+      return "camera";
+    case v1::NODE_KIND_SOLVER:
+      return "solver";
+    default:
+      return "unknown";
+  }
+}
+
+absl::Status list_nodes(const Client& client) {
+  const Peer<v1::NodeService> server(client.server_title(), client.server);
+  GW_ASSIGN_OR_RETURN(const v1::ListNodesResponse listed,
+                      call(server, &v1::NodeService::Stub::ListNodes, {}));
+  if (client.json) {
+    print_json(listed);
+    return absl::OkStatus();
+  }
+  std::cout << fmt::format("{:8} {:16} {:6} {:22} {}\n", "KIND", "NAME", "STATE", "ADDRESS", "DETAIL");
+  for (const v1::Node& node : listed.nodes()) {
+    std::cout << fmt::format("{:8} {:16} {:6} {:22} {}\n", kind_name(node.kind()), node.name(),
+                             node.up() ? "up" : "away", node.address().empty() ? "-" : node.address(),
+                             node.detail());
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+void add_nodes_command(CLI::App& app, Client& client) {
+  CLI::App& command = *app.add_subcommand("nodes", "List the rig's displays and cameras, and the solvers.");
+  command.footer("Example:\n  glasswing nodes --json");
+  command.callback([&client] { client.run = [&client] { return list_nodes(client); }; });
+}
+
+}  // namespace glasswing

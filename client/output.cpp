@@ -1,0 +1,90 @@
+#include "client/output.h"
+
+#include <fmt/format.h>
+#include <google/protobuf/util/json_util.h>
+
+#include <cmath>
+#include <iostream>
+
+namespace glasswing {
+
+void print_json(const google::protobuf::Message& message) {
+  google::protobuf::util::JsonPrintOptions options;
+  options.add_whitespace = true;
+  options.always_print_primitive_fields = true;
+  options.preserve_proto_field_names = true;
+  std::string json;
+  // Fails only for messages that hold invalid Any or Timestamp values; ours have none.
+  (void)google::protobuf::util::MessageToJsonString(message, &json, options);
+  std::cout << json;
+}
+
+std::string state_name(v1::SessionState state) {
+  switch (state) {
+    case v1::SESSION_STATE_CREATED:
+      return "created";
+    case v1::SESSION_STATE_CAPTURING:
+      return "capturing";
+    case v1::SESSION_STATE_PAUSED:
+      return "paused";
+    case v1::SESSION_STATE_CAPTURED:
+      return "captured";
+    case v1::SESSION_STATE_SOLVING:
+      return "solving";
+    case v1::SESSION_STATE_DONE:
+      return "done";
+    case v1::SESSION_STATE_FAILED:
+      return "failed";
+    case v1::SESSION_STATE_CANCELLED:
+      return "cancelled";
+    default:
+      return "unknown";
+  }
+}
+
+std::string summary_of(const v1::Session& session) {
+  std::string line = fmt::format("session {} is {}", session.name(), state_name(session.state()));
+  if (!session.reason().empty()) return line + ": " + session.reason();
+  switch (session.state()) {
+    case v1::SESSION_STATE_CAPTURING:
+    case v1::SESSION_STATE_PAUSED:
+      return line + fmt::format(": {} of {} steps", session.proven_count(), session.step_count());
+    case v1::SESSION_STATE_CAPTURED:
+      // Imported frames were never timed here.
+      if (session.frames_taken() == 0) return line + fmt::format(": {} frames", session.step_count());
+      return line + fmt::format(": {} steps ({} retaken) in {}, {} frames taken", session.step_count(),
+                                session.retaken_count(), seconds_text(session.capture_seconds()),
+                                session.frames_taken());
+    case v1::SESSION_STATE_SOLVING:
+      return line + fmt::format(": {} of {} tiles", session.tiles_done(), session.tile_count());
+    case v1::SESSION_STATE_DONE:
+      return line + fmt::format(": {} of {} pixels show the object ({} flagged), solved in {}",
+                                session.object_pixel_count(), session.pixel_count(),
+                                session.flagged_pixel_count(), seconds_text(session.solve_seconds()));
+    default:
+      return line;
+  }
+}
+
+void print_session(const v1::Session& session, bool json) {
+  if (json) {
+    print_json(session);
+  } else {
+    std::cout << summary_of(session) << "\n";
+  }
+}
+
+std::string seconds_text(double seconds) {
+  if (seconds < 59.95) return fmt::format("{:.1f} s", seconds);
+  const long whole = std::lround(seconds);
+  if (whole < 3600) return fmt::format("{} min {} s", whole / 60, whole % 60);
+  return fmt::format("{} h {} min", whole / 3600, whole % 3600 / 60);
+}
+
+std::string bytes_text(double bytes) {
+  if (bytes < 1e6) return fmt::format("{:.1f} kB", bytes / 1e3);
+  if (bytes < 1e9) return fmt::format("{:.1f} MB", bytes / 1e6);
+  return fmt::format("{:.1f} GB", bytes / 1e9);
+}
+
+}  // namespace glasswing

@@ -1,0 +1,59 @@
+#include <fmt/format.h>
+
+#include <iostream>
+
+#include "client/commands.h"
+#include "client/output.h"
+#include "client/rpc.h"
+#include "core/base/status.h"
+#include "glasswing/v1/session_service.grpc.pb.h"
+
+namespace glasswing {
+namespace {
+
+void print_details(const v1::Session& session) {
+  const auto row = [](const char* label, const std::string& value) {
+    if (!value.empty()) std::cout << fmt::format("{:9} {}\n", label, value);
+  };
+  row("session", session.name());
+  row("state", state_name(session.state()));
+  row("reason", session.reason());
+  row("created", session.created());
+  row("frames", session.archive_address().empty() ? "" : "on the node at " + session.archive_address());
+  row("steps", fmt::format("{} of {} proven, {} retaken, {} frames taken in {}", session.proven_count(),
+                           session.step_count(), session.retaken_count(), session.frames_taken(),
+                           seconds_text(session.capture_seconds())));
+  if (session.tile_count() > 0) {
+    row("solving", fmt::format("{}, {} of {} tiles, {}", session.method(), session.tiles_done(),
+                               session.tile_count(), seconds_text(session.solve_seconds())));
+    for (const auto& [key, value] : session.options()) row("", key + "=" + value);
+  }
+  row("pixels", fmt::format("{}, {} show the object, {} of them flagged", session.pixel_count(),
+                            session.object_pixel_count(), session.flagged_pixel_count()));
+}
+
+absl::Status show(const Client& client, const std::string& name) {
+  const Peer<v1::SessionService> server(client.server_title(), client.server);
+  v1::GetSessionRequest request;
+  request.set_name(name);
+  GW_ASSIGN_OR_RETURN(const v1::GetSessionResponse found,
+                      call(server, &v1::SessionService::Stub::GetSession, request));
+  if (client.json) {
+    print_json(found.session());
+  } else {
+    print_details(found.session());
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+void add_show_command(CLI::App& app, Client& client) {
+  CLI::App& command = *app.add_subcommand("show", "Show everything about one session.");
+  command.footer("Example:\n  glasswing show vase --json");
+  auto name = std::make_shared<std::string>();
+  command.add_option("session", *name, "the session's name")->required();
+  command.callback([&client, name] { client.run = [&client, name] { return show(client, *name); }; });
+}
+
+}  // namespace glasswing
