@@ -1,0 +1,188 @@
+#include "solver/work_loop.h"
+
+#include <condition_variable>
+#include <cstring>
+#include <mutex>
+#include <thread>
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include "core/base/status.h"
+#include "core/matte/matte_file.h"
+#include "core/service/service.h"
+#include "glasswing/v1/archive_service.grpc.pb.h"
+#include "glasswing/v1/work_service.grpc.pb.h"
+#include "solver/method.h"
+
+namespace glasswing {
+namespace {
+
+using std::chrono::milliseconds;
+
+void wait(std::stop_token stop, milliseconds time) {
+  std::mutex mutex;
+  std::unique_lock lock(mutex);
+  std::condition_variable_any().wait_for(lock, stop, time, [] { return false; });
+}
+
+// Renews the lease of a tile while it is worked on.
+class LeaseKeeper {
+ public:
+  LeaseKeeper(v1::WorkService::Stub& work, const v1::ClaimTileResponse& tile)
+      : thread_([&work, lease = tile.lease(), every = milliseconds(tile.lease_ms() / 3)](std::stop_token stop) {
+          while (!stop.stop_requested()) {
+            wait(stop, every);
+            if (stop.stop_requested()) return;
+            v1::KeepTileRequest request;
+            *request.mutable_lease() = lease;
+            v1::KeepTileResponse response;
+            grpc::ClientContext context;
+            set_deadline(context, every);
+            (void)work.KeepTile(&context, request, &response);
+          }
+        }) {}
+
+ private:
+  std::jthread thread_;
+};
+
+absl::StatusOr<FrameStack> read_stack(const v1::ClaimTileResponse& tile, const Method& method) {
+  const std::string peer = "camera node at " + tile.archive_address();
+  const auto archive = v1::ArchiveService::NewStub(dial(tile.archive_address()));
+  v1::GetManifestRequest get;
+  get.set_session(tile.lease().session());
+  v1::GetManifestResponse got;
+  grpc::ClientContext get_context;
+  set_deadline(get_context, std::chrono::seconds(30));
+  GW_RETURN_IF_ERROR(from_grpc(archive->GetManifest(&get_context, get, &got), peer));
+
+  FrameStack stack{.manifest = std::move(*got.mutable_manifest()),
+                   .first_row = tile.first_row(),
+                   .row_count = tile.row_count(),
+                   .rows = {}};
+  GW_ASSIGN_OR_RETURN(const std::vector<int> needed, method.frames_needed(stack.manifest));
+  stack.rows.resize(static_cast<size_t>(stack.manifest.frames_size()));
+  const size_t samples = static_cast<size_t>(stack.row_count) * static_cast<size_t>(stack.manifest.camera().width_px()) * 3;
+  v1::ReadRowsRequest read;
+  read.set_session(tile.lease().session());
+  read.set_first_row(tile.first_row());
+  read.set_row_count(tile.row_count());
+  for (const int frame : needed) {
+    read.add_files(stack.manifest.frames(frame).file());
+    stack.rows[static_cast<size_t>(frame)].resize(samples);
+  }
+  grpc::ClientContext context;
+  set_deadline(context, std::chrono::minutes(5));
+  const auto reader = archive->ReadRows(&context, read);
+  v1::ReadRowsResponse response;
+  size_t received = 0;
+  while (reader->Read(&response)) {
+    const auto index = static_cast<size_t>(response.file_index());
+    const auto offset = static_cast<size_t>(response.offset_bytes());
+    if (index >= needed.size() || offset + response.chunk().size() > samples * 2) {
+      context.TryCancel();
+      return absl::DataLossError(peer + " sent rows that were not asked for");
+    }
+    auto* bytes = reinterpret_cast<char*>(stack.rows[static_cast<size_t>(needed[index])].data());
+    std::memcpy(bytes + offset, response.chunk().data(), response.chunk().size());
+    received += response.chunk().size();
+  }
+  GW_RETURN_IF_ERROR(from_grpc(reader->Finish(), peer));
+  if (received != needed.size() * samples * 2) return absl::UnavailableError(peer + " sent fewer rows than asked for");
+  return stack;
+}
+
+absl::StatusOr<Matte> solve(const v1::ClaimTileResponse& tile) {
+  const MethodOptions options(tile.options().begin(), tile.options().end());
+  GW_ASSIGN_OR_RETURN(const std::unique_ptr<Method> method, make_method(tile.method(), options));
+  GW_ASSIGN_OR_RETURN(const FrameStack stack, read_stack(tile, *method));
+  return method->solve(stack);
+}
+
+grpc::Status send(v1::WorkService::Stub& work, const v1::ClaimTileResponse& tile, const Matte& matte,
+                  const std::string& bytes) {
+  v1::CompleteTileRequest first;
+  *first.mutable_lease() = tile.lease();
+  std::int64_t object = 0, flagged = 0;
+  for (int y = 0; y < matte.height_px(); ++y) {
+    for (int x = 0; x < matte.width_px(); ++x) {
+      object += matte.coverage(x, y) > 0.0f ? 1 : 0;
+      flagged += matte.flags(x, y) != kFlagNone ? 1 : 0;
+    }
+  }
+  first.set_object_pixel_count(object);
+  first.set_flagged_pixel_count(flagged);
+  grpc::ClientContext context;
+  set_deadline(context, std::chrono::minutes(1));
+  v1::CompleteTileResponse response;
+  const auto writer = work.CompleteTile(&context, &response);
+  writer->Write(first);
+  for (size_t at = 0; at < bytes.size(); at += kChunkBytes) {
+    v1::CompleteTileRequest chunk;
+    chunk.set_chunk(bytes.substr(at, kChunkBytes));
+    if (!writer->Write(chunk)) break;
+  }
+  writer->WritesDone();
+  return writer->Finish();
+}
+
+void work_on(v1::WorkService::Stub& work, const v1::ClaimTileResponse& tile, std::stop_token stop) {
+  const LeaseKeeper keeper(work, tile);
+  const std::string what = fmt::format("session={} tile={}", tile.lease().session(), tile.lease().tile());
+  absl::StatusOr<Matte> matte = solve(tile);
+  absl::StatusOr<std::string> bytes = matte.ok() ? encode_matte(*matte) : absl::StatusOr<std::string>(matte.status());
+  if (!bytes.ok()) {
+    const absl::Status& status = bytes.status();
+    spdlog::error("tile not solved {} error=\"{}\"", what, std::string(status.message()));
+    v1::FailTileRequest request;
+    *request.mutable_lease() = tile.lease();
+    request.set_error(std::string(status.message()));
+    request.set_permanent(absl::IsInvalidArgument(status) || absl::IsFailedPrecondition(status) || absl::IsDataLoss(status));
+    v1::FailTileResponse response;
+    grpc::ClientContext context;
+    set_deadline(context, std::chrono::seconds(10));
+    (void)work.FailTile(&context, request, &response);  // unheard, the lease runs out
+    return;
+  }
+  while (!stop.stop_requested()) {
+    const grpc::Status status = send(work, tile, *matte, *bytes);
+    if (status.ok()) return;
+    const bool gone = status.error_code() == grpc::StatusCode::ABORTED ||
+                      status.error_code() == grpc::StatusCode::NOT_FOUND ||
+                      status.error_code() == grpc::StatusCode::INVALID_ARGUMENT;
+    spdlog::warn("tile {} {} error=\"{}\"", gone ? "given up" : "kept for another try", what, status.error_message());
+    if (gone) return;
+    wait(stop, milliseconds(500));
+  }
+}
+
+}  // namespace
+
+void run_work_loop(const std::string& server_address, const std::string& solver_name, std::stop_token stop) {
+  const auto work = v1::WorkService::NewStub(dial(server_address));
+  bool reached = true;
+  while (!stop.stop_requested()) {
+    v1::ClaimTileRequest request;
+    request.set_solver(solver_name);
+    request.set_wait_ms(2000);
+    request.set_version(kVersion);
+    v1::ClaimTileResponse tile;
+    grpc::ClientContext context;
+    set_deadline(context, std::chrono::seconds(10));
+    const std::stop_callback cancel(stop, [&] { context.TryCancel(); });
+    const grpc::Status status = work->ClaimTile(&context, request, &tile);
+    if (stop.stop_requested()) return;
+    if (status.ok() != reached) {
+      reached = status.ok();
+      if (!reached) spdlog::warn("no work from the server, trying on: {}", status.error_message());
+    }
+    if (!status.ok()) {
+      wait(stop, milliseconds(500));
+    } else if (tile.has_lease()) {
+      work_on(*work, tile, stop);
+    }
+  }
+}
+
+}  // namespace glasswing
