@@ -21,7 +21,8 @@ grpc::Status CameraServiceImpl::GetCamera(grpc::ServerContext*, const v1::GetCam
 
 grpc::Status CameraServiceImpl::Capture(grpc::ServerContext* context, const v1::CaptureRequest* request,
                                         grpc::ServerWriter<v1::CaptureResponse>* writer) {
-  const std::unique_lock only(capturing_, std::try_to_lock);
+  // A call that was just cancelled needs a moment to let go.
+  const std::unique_lock only(capturing_, std::chrono::seconds(1));
   if (!only.owns_lock()) {
     return to_grpc(absl::FailedPreconditionError("the camera is capturing for somebody else; try again when it is free"));
   }

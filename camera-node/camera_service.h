@@ -26,7 +26,7 @@ class CameraServiceImpl final : public v1::CameraService::Service {
   Camera& camera_;
   ArchiveStore& store_;
   std::atomic<bool> stopping_ = false;
-  std::mutex capturing_;  // held by the one Capture call
+  std::timed_mutex capturing_;  // held by the one Capture call
   std::mutex mutex_;
   std::deque<CapturedFrame> ring_;  // guarded by mutex_
 };

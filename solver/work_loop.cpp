@@ -169,7 +169,8 @@ void run_work_loop(const std::string& server_address, const std::string& solver_
     request.set_version(kVersion);
     v1::ClaimTileResponse tile;
     grpc::ClientContext context;
-    set_deadline(context, std::chrono::seconds(10));
+    set_deadline(context, std::chrono::seconds(5));
+    context.set_wait_for_ready(true);
     const std::stop_callback cancel(stop, [&] { context.TryCancel(); });
     const grpc::Status status = work->ClaimTile(&context, request, &tile);
     if (stop.stop_requested()) return;

@@ -23,8 +23,11 @@ void Registration::run(std::stop_token stop) {
   while (!stop.stop_requested()) {
     grpc::ClientContext context;
     set_deadline(context, std::chrono::seconds(2));
+    context.set_wait_for_ready(true);  // a server that starts now is heard at once
+    const std::stop_callback cancel(stop, [&] { context.TryCancel(); });
     v1::RegisterResponse response;
     const grpc::Status status = stub_->Register(&context, node_, &response);
+    if (stop.stop_requested()) return;
     if (status.ok() != known) {
       known = status.ok();
       if (known) {
