@@ -60,7 +60,10 @@ int run_client(int argc, const char* const* argv) {
   } catch (const CLI::Success& help) {
     return app.exit(help);
   } catch (const CLI::ParseError& error) {
-    return fail(std::string(error.what()) + " (glasswing --help lists what there is)");
+    const bool unknown_command = app.get_subcommands().empty() && !app.remaining().empty();
+    const std::string what =
+        unknown_command ? "there is no command " + app.remaining().front() : error.what();
+    return fail(what + " (glasswing --help lists what there is)");
   } catch (const std::exception& error) {
     return fail(error.what());
   }

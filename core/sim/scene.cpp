@@ -158,8 +158,8 @@ std::vector<CutStone::Facet> crystal_facets(double radius) {
 class Crystal final : public Scene {
  public:
   explicit Crystal(MonitorSize back)
-      : stone_({0.5 * back.width_px, 0.5 * back.height_px, -0.42 * back.width_px},
-               crystal_facets(0.36 * std::min(back.height_px, back.width_px))) {}
+      : stone_({0.5 * back.width_px, 0.5 * back.height_px, -0.32 * back.width_px},
+               crystal_facets(0.325 * std::min(back.height_px, back.width_px))) {}
   std::optional<std::vector<Path>> trace(const Ray& ray, int channel, int) const override {
     constexpr std::array<double, 3> kIndex{1.500, 1.518, 1.540};
     return stone_.trace(ray, kIndex[static_cast<size_t>(channel)]);
@@ -189,7 +189,7 @@ Vec3 lying(double angle_rad) { return {0.0, -std::cos(angle_rad), -std::sin(angl
 class Glass final : public Scene {
  public:
   explicit Glass(MonitorSize back)
-      : ball_({0.34 * back.width_px, 0.40 * back.height_px, -0.35 * back.width_px}, 0.26 * back.height_px),
+      : ball_({0.34 * back.width_px, 0.40 * back.height_px, -0.60 * back.width_px}, 0.26 * back.height_px),
         sheet_{.centre = {0.62 * back.width_px, 0.70 * back.height_px, -0.45 * back.width_px},
                .normal = lying(0.21),
                .radius = 0.36 * back.width_px} {}
@@ -214,30 +214,31 @@ class Glass final : public Scene {
 class Brushed final : public Scene {
  public:
   explicit Brushed(MonitorSize back)
-      : disc_{.centre = {0.5 * back.width_px, 0.62 * back.height_px, -0.52 * back.width_px},
-              .normal = lying(0.42),
-              .radius = 0.43 * back.width_px} {
+      : disc_{.centre = {0.5 * back.width_px, 0.70 * back.height_px, -0.46 * back.width_px},
+              .normal = lying(0.25),
+              .radius = 0.40 * back.width_px} {
     const Vec3 across{1.0, 0.0, 0.0};
     const Vec3 along = cross(disc_.normal, across);
     constexpr double kTurn_rad = 25.0 * std::numbers::pi / 180.0;
-    rough_ = std::cos(kTurn_rad) * across + std::sin(kTurn_rad) * along;
-    smooth_ = std::cos(kTurn_rad) * along - std::sin(kTurn_rad) * across;
+    const Vec3 rough = std::cos(kTurn_rad) * across + std::sin(kTurn_rad) * along;
+    const Vec3 smooth = std::cos(kTurn_rad) * along - std::sin(kTurn_rad) * across;
+    constexpr double kRough = 0.05, kSmooth = 0.012;  // sd of the facets' slopes
+    for (int i = 0; i < kPoints; ++i) {
+      // A two-dimensional low-discrepancy sequence, made normal by Box and Muller.
+      const double u = std::fmod((i + 0.5) * 0.7548776662466927, 1.0);
+      const double turn_rad = 2.0 * std::numbers::pi * std::fmod((i + 0.5) * 0.5698402909980532, 1.0);
+      const double length = std::sqrt(-2.0 * std::log(1.0 - u));
+      facets_.push_back(normalized(disc_.normal + kRough * length * std::cos(turn_rad) * rough +
+                                   kSmooth * length * std::sin(turn_rad) * smooth));
+    }
   }
   std::optional<std::vector<Path>> trace(const Ray& ray, int channel, int sample) const override {
     const std::optional<Vec3> point = disc_.hit(ray);
     if (!point) return std::nullopt;
-    constexpr int kFacets = 24;
-    constexpr double kRough = 0.05, kSmooth = 0.012;  // sd of the facets' slopes
     constexpr std::array<double, 3> kTint{0.80, 0.74, 0.66};
     std::vector<Path> paths;
     for (int i = 0; i < kFacets; ++i) {
-      // A two-dimensional low-discrepancy sequence, made normal by Box and Muller.
-      const double n = sample * kFacets + i + 0.5;
-      const double u = std::fmod(n * 0.7548776662466927, 1.0);
-      const double v = std::fmod(n * 0.5698402909980532, 1.0);
-      const double length = std::sqrt(-2.0 * std::log(1.0 - u));
-      const Vec3 normal = normalized(disc_.normal + kRough * length * std::cos(2.0 * std::numbers::pi * v) * rough_ +
-                                     kSmooth * length * std::sin(2.0 * std::numbers::pi * v) * smooth_);
+      const Vec3& normal = facets_[static_cast<size_t>((sample * kFacets + i) % kPoints)];
       if (dot(normal, ray.direction) >= 0.0) continue;
       paths.push_back({.ray = {*point, reflected(ray.direction, normal)},
                        .weight = kTint[static_cast<size_t>(channel)] / kFacets});
@@ -247,8 +248,10 @@ class Brushed final : public Scene {
   Colour foreground() const override { return {0.045f, 0.038f, 0.018f}; }
 
  private:
+  static constexpr int kFacets = 24;           // a ray
+  static constexpr int kPoints = 16 * kFacets;  // in all
   Disc disc_;
-  Vec3 rough_, smooth_;
+  std::vector<Vec3> facets_;  // normals, kPoints of them
 };
 
 }  // namespace

@@ -1,0 +1,88 @@
+#include "client/client.h"
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "tests/client/run_glasswing.h"
+
+namespace glasswing {
+namespace {
+
+using nlohmann::json;
+
+TEST(Client, HelpSucceedsEverywhere) {
+  EXPECT_EQ(run_glasswing({"--help"}).status, 0);
+  for (const std::string command :
+       {"nodes", "sessions", "show", "watch", "pause", "resume", "cancel", "capture", "import", "export",
+        "solve", "fetch", "composite", "compare", "convert"}) {
+    const Outcome outcome = run_glasswing({command, "--help"});
+    EXPECT_EQ(outcome.status, 0) << command;
+    EXPECT_NE(outcome.out.find("Example"), std::string::npos) << command;
+  }
+}
+
+TEST(Client, UsageErrorsAreOneLine) {
+  expect_one_line_error(run_glasswing({}), "subcommand is required");
+  expect_one_line_error(run_glasswing({"captrue", "plan.txtpb"}), "there is no command captrue");
+  expect_one_line_error(run_glasswing({"plan"}), "subcommand is required");
+  expect_one_line_error(run_glasswing({"show"}), "session is required");
+  expect_one_line_error(run_glasswing({"solve", "s", "--method", "magic"}), "magic");
+  expect_one_line_error(run_glasswing({"solve", "s", "--set", "modes"}), "it must be KEY=VALUE");
+  expect_one_line_error(run_glasswing({"nodes", "--loud"}), "--loud");
+}
+
+TEST(Client, NamesTheServerThatDoesNotAnswer) {
+  // Port 1 needs a service that nobody runs.
+  const std::string words = "server at 127.0.0.1:1 does not answer";
+  expect_one_line_error(run_glasswing({"--server", "127.0.0.1:1", "nodes"}), words);
+  expect_one_line_error(run_glasswing({"nodes", "--server", "127.0.0.1:1"}), words);
+  ::setenv("GLASSWING_SERVER", "127.0.0.1:1", 1);
+  expect_one_line_error(run_glasswing({"sessions"}), words);
+  expect_one_line_error(run_glasswing({"watch", "vase"}), words);
+  ::unsetenv("GLASSWING_SERVER");
+}
+
+class PlanCommands : public ScratchTest {
+ protected:
+  std::string write_plan(const std::string& text) const {
+    const std::string path = (scratch_ / "vase.txtpb").string();
+    std::ofstream(path) << text;
+    return path;
+  }
+};
+
+TEST_F(PlanCommands, CheckNamesFileLineAndValue) {
+  const std::string bad = write_plan("method: \"gaussian\"\nsweeps { sigma_px: 0 }\n");
+  expect_one_line_error(run_glasswing({"plan", "check", bad}), bad + ":2: sigma_px is 0");
+  const std::string good = write_plan("method: \"gaussian\"\nsolids { colour: [1, 1, 1] }\n");
+  const Outcome outcome = run_glasswing({"plan", "check", good, "--json"});
+  EXPECT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_EQ(json::parse(outcome.out)["solids"], 1);
+}
+
+TEST_F(PlanCommands, CheckNamesAPhotoThatIsNotThere) {
+  const std::string plan = write_plan("method: \"gaussian\"\nphotos { file: \"sea.png\" }\n");
+  expect_one_line_error(run_glasswing({"plan", "check", plan}), (scratch_ / "sea.png").string());
+}
+
+TEST_F(PlanCommands, EstimateFollowsFromThePlanAlone) {
+  const std::string plan = write_plan(
+      "method: \"gaussian\"\nmonitors { name: \"back\" width_px: 40 height_px: 30 }\n"
+      "solids { colour: [0, 0, 0] }\nsolids { colour: [1, 1, 1] }\nhold_refreshes: 3\nskip_empty_stage: "
+      "true\n");
+  const Outcome outcome = run_glasswing({"plan", "estimate", plan, "--json", "--server", "127.0.0.1:1"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  const json estimate = json::parse(outcome.out);
+  EXPECT_EQ(estimate["steps"], 2);
+  EXPECT_DOUBLE_EQ(estimate["seconds"].get<double>(), 2 * 3 / 60.0);
+  EXPECT_EQ(estimate["bytes"], 2 * (256 + 40 * 30 * 6));
+  EXPECT_FALSE(estimate["assumed"].empty());
+}
+
+TEST_F(PlanCommands, EstimateWithoutSizesNeedsARig) {
+  const std::string plan = write_plan("method: \"gaussian\"\nsolids { colour: [1, 1, 1] }\n");
+  expect_one_line_error(run_glasswing({"plan", "estimate", plan, "--server", "127.0.0.1:1"}), "width_px");
+}
+
+}  // namespace
+}  // namespace glasswing

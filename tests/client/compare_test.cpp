@@ -1,0 +1,54 @@
+#include "client/compare.h"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "core/frame/image_file.h"
+#include "tests/client/run_glasswing.h"
+
+namespace glasswing {
+namespace {
+
+RadianceImage flat(int width, int height, float radiance) {
+  RadianceImage image(width, height);
+  std::fill(image.samples.begin(), image.samples.end(), radiance);
+  return image;
+}
+
+TEST(Difference, OfAConstantOffsetIsThatOffset) {
+  const Difference difference = difference_of(flat(5, 4, 0.25f), flat(5, 4, 0.375f), nullptr).value();
+  EXPECT_DOUBLE_EQ(difference.rms, 0.125);  // exact in binary
+  EXPECT_DOUBLE_EQ(difference.psnr_db, -20.0 * std::log10(0.125));
+  EXPECT_EQ(difference.pixel_count, 20);
+}
+
+TEST(Difference, CountsOnlyWhatTheMatteCovers) {
+  RadianceImage a = flat(5, 4, 0.25f);
+  a.at(2, 1, 0) = 1.0f;
+  Matte matte(0, 0, 5, 4, 1);
+  matte.coverage(0, 0) = 1.0f;
+  EXPECT_TRUE(std::isinf(difference_of(a, flat(5, 4, 0.25f), &matte)->psnr_db));
+  matte.coverage(2, 1) = 1.0f;
+  EXPECT_DOUBLE_EQ(difference_of(a, flat(5, 4, 0.25f), &matte)->rms, std::sqrt(0.75 * 0.75 / 6));
+}
+
+TEST(Difference, RefusesOtherSizesAndEmptyMattes) {
+  EXPECT_TRUE(absl::IsInvalidArgument(difference_of(flat(5, 4, 0), flat(4, 5, 0), nullptr).status()));
+  const Matte none(0, 0, 5, 4, 1);
+  EXPECT_TRUE(absl::IsInvalidArgument(difference_of(flat(5, 4, 0), flat(5, 4, 0), &none).status()));
+  const Matte other(0, 0, 6, 4, 1);
+  EXPECT_TRUE(absl::IsInvalidArgument(difference_of(flat(5, 4, 0), flat(5, 4, 0), &other).status()));
+}
+
+using CompareCommand = ScratchTest;
+
+TEST_F(CompareCommand, EqualPicturesHaveNoNumberInJson) {
+  const std::string path = (scratch_ / "a.exr").string();
+  ASSERT_TRUE(write_radiance(path, flat(5, 4, 0.25f), Encoding::kLinear).ok());
+  const Outcome outcome = run_glasswing({"compare", path, path, "--json"});
+  EXPECT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_TRUE(nlohmann::json::parse(outcome.out)["psnr_db"].is_null());
+}
+
+}  // namespace
+}  // namespace glasswing

@@ -1,0 +1,159 @@
+#include "client/composite.h"
+
+#include <nlohmann/json.hpp>
+
+#include "core/base/file.h"
+#include "core/matte/matte_file.h"
+#include "tests/client/run_glasswing.h"
+
+namespace glasswing {
+namespace {
+
+constexpr int kWidth = 12, kHeight = 8;
+
+v1::MatteMetadata two_monitors() {
+  v1::MatteMetadata metadata;
+  metadata.set_format_version(1);
+  metadata.set_session("vase");
+  metadata.set_method("gaussian");
+  for (const std::string name : {"back", "left"}) {
+    v1::Monitor& monitor = *metadata.add_monitors();
+    monitor.set_name(name);
+    monitor.set_width_px(kWidth);
+    monitor.set_height_px(kHeight);
+  }
+  metadata.set_width_px(kWidth);
+  metadata.set_height_px(kHeight);
+  return metadata;
+}
+
+// Every pixel looks straight through at its own place on the back monitor, and shows a little light of its
+// own.
+Matte window(float foreground) {
+  Matte matte(0, 0, kWidth, kHeight, 1);
+  matte.metadata = two_monitors();
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      matte.coverage(x, y) = 1.0f;
+      for (int channel = 0; channel < 3; ++channel) {
+        matte.foreground(x, y)[static_cast<size_t>(channel)] = foreground;
+        Mode& mode = matte.modes(x, y, channel)[0];
+        mode.weight = 0.5f;
+        mode.x_px = static_cast<float>(x) + 0.5f;
+        mode.y_px = static_cast<float>(y) + 0.5f;
+      }
+    }
+  }
+  return matte;
+}
+
+RadianceImage gradient() {
+  RadianceImage image(kWidth, kHeight);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      for (int channel = 0; channel < 3; ++channel) {
+        image.at(x, y, channel) = static_cast<float>(x + y + channel) / (kWidth + kHeight);
+      }
+    }
+  }
+  return image;
+}
+
+class CompositeCommand : public ScratchTest {
+ protected:
+  CompositeCommand() {
+    EXPECT_TRUE(write_file_durably(matte_, encode_matte(window(0.125f)).value()).ok());
+    EXPECT_TRUE(write_radiance(background_, gradient(), Encoding::kLinear).ok());
+  }
+  std::string path(const std::string& name) const { return (scratch_ / name).string(); }
+
+  const std::string matte_ = path("vase.exr");
+  const std::string background_ = path("gradient.exr");
+};
+
+TEST(Background, TextureIsAMonitorsName) {
+  const v1::MatteMetadata metadata = two_monitors();
+  EXPECT_EQ(parse_background("sea.png", metadata)->texture, 0);
+  EXPECT_EQ(parse_background("left=sea.png", metadata)->texture, 1);
+  EXPECT_EQ(parse_background("left=a=b.png", metadata)->file, "a=b.png");
+  const absl::Status unknown = parse_background("roof=sea.png", metadata).status();
+  EXPECT_EQ(unknown.message(), "--background names the texture \"roof\"; this matte has: back, left");
+}
+
+TEST_F(CompositeCommand, AFileWithAnEqualsSignIsTakenWhole) {
+  const std::string odd = path("roof=sea.exr");
+  std::filesystem::copy_file(background_, odd);
+  EXPECT_EQ(parse_background(odd, two_monitors())->file, odd);
+}
+
+TEST_F(CompositeCommand, ExrIsForegroundPlusWeightedBackground) {
+  const Outcome outcome =
+      run_glasswing({"composite", matte_, "--background", background_, "-o", path("out.exr")});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  const RadianceImage picture = read_radiance(path("out.exr"), Encoding::kLinear).value();
+  const RadianceImage background = gradient();
+  for (size_t i = 0; i < background.samples.size(); ++i) {
+    EXPECT_NEAR(picture.samples[i], 0.125f + 0.5f * background.samples[i], 1e-6);  // float32 rounding
+  }
+}
+
+TEST_F(CompositeCommand, LinearPngHoldsRadiance) {
+  ASSERT_EQ(
+      run_glasswing({"composite", matte_, "--background", background_, "-o", path("out.png"), "--linear"})
+          .status,
+      0);
+  ASSERT_EQ(run_glasswing({"composite", matte_, "--background", background_, "-o", path("out.exr")}).status,
+            0);
+  const Outcome outcome = run_glasswing({"compare", path("out.png"), path("out.exr"), "--linear", "--json"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_LE(nlohmann::json::parse(outcome.out)["rms"].get<double>(),
+            0.5 / 65535 + 1e-7);  // half a 16-bit code
+}
+
+TEST_F(CompositeCommand, AMonitorWithoutABackgroundIsBlack) {
+  ASSERT_EQ(run_glasswing({"composite", matte_, "--background", "left=" + background_, "-o", path("out.exr")})
+                .status,
+            0);
+  for (const float sample : read_radiance(path("out.exr"), Encoding::kLinear)->samples)
+    EXPECT_FLOAT_EQ(sample, 0.125f);
+}
+
+TEST_F(CompositeCommand, BackgroundsAreScaledToTheMonitor) {
+  RadianceImage gray(50, 70);
+  std::fill(gray.samples.begin(), gray.samples.end(), 0.5f);
+  ASSERT_TRUE(write_radiance(path("gray.exr"), gray, Encoding::kLinear).ok());
+  ASSERT_EQ(
+      run_glasswing({"composite", matte_, "--background", path("gray.exr"), "-o", path("out.exr")}).status,
+      0);
+  for (const float sample : read_radiance(path("out.exr"), Encoding::kLinear)->samples)
+    EXPECT_NEAR(sample, 0.375f, 1e-6);
+}
+
+TEST_F(CompositeCommand, BadInputIsNamedAndNothingIsWritten) {
+  const auto run = [this](const std::string& matte, const std::string& background,
+                          const std::string& output) {
+    return run_glasswing({"composite", matte, "--background", background, "-o", output});
+  };
+  expect_one_line_error(run(matte_, background_, path("out.gif")), "must end in .exr");
+  expect_one_line_error(run(matte_, background_, path("nowhere/out.png")), path("nowhere"));
+  expect_one_line_error(run(matte_, "roof=" + background_, path("out.png")), "back, left");
+  expect_one_line_error(run(matte_, path("none.png"), path("out.png")), path("none.png"));
+  expect_one_line_error(run(path("none.exr"), background_, path("out.png")), path("none.exr"));
+  const Outcome twice = run_glasswing({"composite", matte_, "--background", background_, "--background",
+                                       "back=" + background_, "-o", path("out.png")});
+  expect_one_line_error(twice, "\"back\" twice");
+  EXPECT_FALSE(std::filesystem::exists(path("out.png")));
+}
+
+TEST_F(CompositeCommand, ConvertMakesAFrameVisible) {
+  ASSERT_TRUE(write_radiance(path("frame.tif"), gradient(), Encoding::kLinear).ok());
+  ASSERT_EQ(run_glasswing({"convert", "--linear", path("frame.tif"), path("look.png")}).status, 0);
+  const RadianceImage seen = read_radiance(path("look.png"), Encoding::kDisplay).value();
+  const RadianceImage truth = gradient();
+  // Half an 8-bit sRGB code: the curve's steepest slope is 2.3, at white.
+  for (size_t i = 0; i < truth.samples.size(); ++i)
+    EXPECT_NEAR(seen.samples[i], truth.samples[i], 2.3 * 0.5 / 255 + 1e-4);
+}
+
+}  // namespace
+}  // namespace glasswing

@@ -1,0 +1,56 @@
+// Runs the command line in this process and keeps what it wrote.
+#pragma once
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "client/client.h"
+
+namespace glasswing {
+
+struct Outcome {
+  int status = 0;
+  std::string out;
+  std::string err;
+};
+
+inline Outcome run_glasswing(const std::vector<std::string>& arguments) {
+  std::vector<const char*> argv = {"glasswing"};
+  for (const std::string& argument : arguments) argv.push_back(argument.c_str());
+  testing::internal::CaptureStdout();
+  testing::internal::CaptureStderr();
+  Outcome outcome;
+  outcome.status = run_client(static_cast<int>(argv.size()), argv.data());
+  outcome.out = testing::internal::GetCapturedStdout();
+  outcome.err = testing::internal::GetCapturedStderr();
+  return outcome;
+}
+
+// Failed, with nothing but one line that contains `words`.
+inline void expect_one_line_error(const Outcome& outcome, const std::string& words) {
+  EXPECT_EQ(outcome.status, 1);
+  EXPECT_EQ(outcome.out, "");
+  EXPECT_TRUE(outcome.err.starts_with("glasswing: ")) << outcome.err;
+  EXPECT_EQ(outcome.err.find('\n'), outcome.err.size() - 1) << outcome.err;
+  EXPECT_NE(outcome.err.find(words), std::string::npos) << outcome.err;
+}
+
+// A directory of the running test's own, removed at its end.
+class ScratchTest : public testing::Test {
+ protected:
+  ScratchTest()
+      : scratch_(std::filesystem::temp_directory_path() /
+                 ("glasswing-" + std::to_string(::getpid()) + "-" +
+                  testing::UnitTest::GetInstance()->current_test_info()->name())) {
+    std::filesystem::create_directories(scratch_);
+  }
+  ~ScratchTest() override { std::filesystem::remove_all(scratch_); }
+
+  const std::filesystem::path scratch_;
+};
+
+}  // namespace glasswing

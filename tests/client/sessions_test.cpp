@@ -1,0 +1,175 @@
+// import, export, watch and fetch against a server that remembers.
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "core/base/file.h"
+#include "core/frame/archive.h"
+#include "core/frame/image_file.h"
+#include "core/matte/matte_file.h"
+#include "tests/client/fake_server.h"
+#include "tests/client/run_glasswing.h"
+
+namespace glasswing {
+namespace {
+
+constexpr int kWidth = 9, kHeight = 7;
+
+Image16 frame_image(int number) {
+  Image16 image(kWidth, kHeight);
+  for (size_t i = 0; i < image.samples.size(); ++i) {
+    image.samples[i] = static_cast<std::uint16_t>(i * 311 + static_cast<size_t>(number) * 1021);
+  }
+  return image;
+}
+
+class SessionCommands : public ScratchTest {
+ protected:
+  SessionCommands() {
+    nlohmann::json manifest = {{"monitor", {{"back", {{"width", 128}, {"height", 96}}}}},
+                               {"image", {{"width", kWidth}, {"height", kHeight}}},
+                               {"frames", nlohmann::json::array()}};
+    std::filesystem::create_directories(archive_ / "obj");
+    for (int i = 0; i < 3; ++i) {
+      const std::string file = "obj/" + std::to_string(i) + ".png";
+      manifest["frames"].push_back(
+          {{"file", file}, {"object", true}, {"stimulus", {{"kind", "solid"}, {"panel", "back"}}}});
+      EXPECT_TRUE(write_file_durably(archive_ / file, encode_png16(frame_image(i))).ok());
+    }
+    EXPECT_TRUE(write_file_durably(archive_ / "manifest.json", manifest.dump()).ok());
+  }
+
+  Outcome run(std::vector<std::string> arguments) const {
+    arguments.insert(arguments.end(), {"--server", server_.address()});
+    return run_glasswing(arguments);
+  }
+  void expect_nothing_sent() const {
+    EXPECT_TRUE(server_.sessions_.begun.empty());
+    EXPECT_TRUE(server_.archive_.files.empty());
+  }
+
+  const std::filesystem::path archive_ = scratch_ / "vase";
+  FakeServer server_;
+};
+
+TEST_F(SessionCommands, ImportSendsEveryFrameAsItIs) {
+  const Outcome outcome = run({"import", archive_.string()});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  ASSERT_EQ(server_.sessions_.finished, std::vector<std::string>{"vase"});
+  ASSERT_EQ(server_.archive_.manifest.frames_size(), 3);
+  for (int i = 0; i < 3; ++i) {
+    const v1::Frame& frame = server_.archive_.manifest.frames(i);
+    const std::string& bytes = server_.archive_.files.at(frame.file());
+    EXPECT_EQ(decode_tiff(bytes)->samples, frame_image(i).samples);
+    EXPECT_EQ(frame.checksum(), checksum_of(bytes));
+    EXPECT_EQ(frame.size_bytes(), static_cast<std::int64_t>(bytes.size()));
+  }
+  EXPECT_EQ(server_.sessions_.begun[0].manifest().session(), "vase");
+  EXPECT_EQ(server_.sessions_.begun[0].manifest().frames_size(), 0);
+}
+
+TEST_F(SessionCommands, ImportNamesADamagedFrameAndSendsNothing) {
+  const std::filesystem::path last = archive_ / "obj" / "2.png";
+  const std::string good = read_file(last).value();
+  for (size_t at = 0; at < good.size(); at += 7) {
+    std::string flipped = good;
+    flipped[at] = static_cast<char>(flipped[at] ^ 0x10);
+    ASSERT_TRUE(write_file_durably(last, flipped).ok());
+    expect_one_line_error(run({"import", archive_.string()}), last.string());
+  }
+  ASSERT_TRUE(write_file_durably(last, good.substr(0, good.size() / 2)).ok());
+  expect_one_line_error(run({"import", archive_.string()}), last.string());
+  std::filesystem::remove(last);
+  expect_one_line_error(run({"import", archive_.string()}), last.string());
+  expect_nothing_sent();
+}
+
+TEST_F(SessionCommands, ImportRefusesFramesOfAnotherSize) {
+  const std::filesystem::path last = archive_ / "obj" / "2.png";
+  ASSERT_TRUE(write_file_durably(last, encode_png16(Image16(kWidth + 1, kHeight))).ok());
+  expect_one_line_error(run({"import", archive_.string()}), last.string() + " is 10x7");
+  expect_one_line_error(run({"import", archive_.string(), "--session", "a/b"}), "a/b");
+  expect_nothing_sent();
+}
+
+TEST_F(SessionCommands, ExportedArchiveImportsAgain) {
+  ASSERT_EQ(run({"import", archive_.string()}).status, 0);
+  v1::CaptureManifest& stored = server_.archive_.manifest;
+  stored.mutable_camera()->set_width_px(kWidth);
+  stored.mutable_camera()->set_height_px(kHeight);
+  *stored.mutable_monitors() = server_.sessions_.begun[0].manifest().monitors();
+  stored.set_format_version(1);
+  stored.set_session("vase");
+  server_.sessions_.session.set_state(v1::SESSION_STATE_CAPTURED);
+  const std::map<std::string, std::string> files = server_.archive_.files;
+  const v1::CaptureManifest before = stored;
+
+  const std::string exported = (scratch_ / "out" / "vase").string();
+  const Outcome outcome = run({"export", "vase", exported});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  server_.archive_.files.clear();
+  stored.clear_frames();
+  ASSERT_EQ(run({"import", exported, "--session", "again"}).status, 0);
+  EXPECT_EQ(server_.archive_.files, files);
+  EXPECT_EQ(stored.SerializeAsString(), before.SerializeAsString());
+
+  expect_one_line_error(run({"export", "vase", exported}), exported + " is there already");
+}
+
+TEST_F(SessionCommands, ExportLeavesNothingOfADamagedArchive) {
+  ASSERT_EQ(run({"import", archive_.string()}).status, 0);
+  server_.sessions_.session.set_state(v1::SESSION_STATE_CAPTURED);
+  server_.archive_.files.at("frames/000001.tif")[300] ^= 1;
+  expect_one_line_error(run({"export", "vase", (scratch_ / "out" / "vase").string()}), "frames/000001.tif");
+  EXPECT_TRUE(std::filesystem::is_empty(scratch_ / "out"));
+}
+
+TEST_F(SessionCommands, ExportWaitsForTheCapture) {
+  server_.sessions_.session.set_state(v1::SESSION_STATE_CAPTURING);
+  expect_one_line_error(run({"export", "vase", (scratch_ / "out").string()}), "must be captured");
+}
+
+TEST_F(SessionCommands, WatchSucceedsOnlyWhenCapturedOrDone) {
+  v1::Session& session = server_.sessions_.session;
+  session.set_name("vase");
+  for (const v1::SessionState good : {v1::SESSION_STATE_CAPTURED, v1::SESSION_STATE_DONE}) {
+    session.set_state(good);
+    EXPECT_EQ(run({"watch", "vase"}).status, 0);
+  }
+  session.set_reason("take the object off the stage");
+  session.set_state(v1::SESSION_STATE_PAUSED);
+  expect_one_line_error(run({"watch", "vase"}),
+                        "take the object off the stage (to go on: glasswing resume vase)");
+  for (const v1::SessionState bad : {v1::SESSION_STATE_FAILED, v1::SESSION_STATE_CANCELLED}) {
+    session.set_state(bad);
+    expect_one_line_error(run({"watch", "vase"}), session.reason());
+  }
+}
+
+TEST_F(SessionCommands, JsonHasEveryPlainField) {
+  server_.sessions_.session.set_name("vase");
+  server_.sessions_.session.set_state(v1::SESSION_STATE_CAPTURED);
+  const Outcome outcome = run({"show", "vase", "--json"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  const nlohmann::json shown = nlohmann::json::parse(outcome.out);
+  EXPECT_EQ(shown["state"], "SESSION_STATE_CAPTURED");
+  EXPECT_EQ(shown["step_count"], 0);
+}
+
+TEST_F(SessionCommands, FetchWritesOnlyAWholeMatte) {
+  Matte matte(0, 0, kWidth, kHeight, 1);
+  matte.metadata.set_format_version(1);
+  matte.metadata.set_width_px(kWidth);
+  matte.metadata.set_height_px(kHeight);
+  server_.sessions_.matte = encode_matte(matte).value();
+  const std::string path = (scratch_ / "vase.exr").string();
+  ASSERT_EQ(run({"fetch", "vase", "-o", path}).status, 0);
+  EXPECT_EQ(read_file(path).value(), server_.sessions_.matte);
+
+  server_.sessions_.matte.resize(server_.sessions_.matte.size() / 2);
+  const std::string other = (scratch_ / "other.exr").string();
+  expect_one_line_error(run({"fetch", "vase", "-o", other}), "session vase came damaged");
+  EXPECT_FALSE(std::filesystem::exists(other));
+}
+
+}  // namespace
+}  // namespace glasswing
