@@ -29,15 +29,18 @@ absl::Status put(ArchiveStore& store, grpc::ServerReader<v1::PutFrameRequest>& r
     return absl::InvalidArgumentError(fmt::format("file is \"{}\"; it must be frames/NAME", frame.file()));
   }
   if (frame.checksum() != checksum_of(bytes)) {
-    return absl::InvalidArgumentError(fmt::format("{} arrived with checksum {}, announced was {}", frame.file(),
-                                                  checksum_of(bytes), frame.checksum()));
+    return absl::InvalidArgumentError(fmt::format("{} arrived with checksum {}, announced was {}",
+                                                  frame.file(), checksum_of(bytes), frame.checksum()));
   }
   absl::StatusOr<Image16> image = decode_tiff(bytes);
-  if (!image.ok()) return absl::InvalidArgumentError(fmt::format("{}: {}", frame.file(), std::string(image.status().message())));
+  if (!image.ok())
+    return absl::InvalidArgumentError(
+        fmt::format("{}: {}", frame.file(), std::string(image.status().message())));
   const v1::Camera camera = archive->manifest().camera();
   if (image->width_px != camera.width_px() || image->height_px != camera.height_px()) {
-    return absl::InvalidArgumentError(fmt::format("{} is {}x{}; the manifest says {}x{}", frame.file(), image->width_px,
-                                                  image->height_px, camera.width_px(), camera.height_px()));
+    return absl::InvalidArgumentError(fmt::format("{} is {}x{}; the manifest says {}x{}", frame.file(),
+                                                  image->width_px, image->height_px, camera.width_px(),
+                                                  camera.height_px()));
   }
   return archive->add({{.record = frame, .image = *std::move(image)}}).status();
 }
@@ -90,7 +93,8 @@ grpc::Status ArchiveServiceImpl::ReadFile(grpc::ServerContext*, const v1::ReadFi
   return grpc::Status::OK;
 }
 
-grpc::Status ArchiveServiceImpl::PutFrame(grpc::ServerContext*, grpc::ServerReader<v1::PutFrameRequest>* reader,
+grpc::Status ArchiveServiceImpl::PutFrame(grpc::ServerContext*,
+                                          grpc::ServerReader<v1::PutFrameRequest>* reader,
                                           v1::PutFrameResponse*) {
   return to_grpc(put(store_, *reader));
 }

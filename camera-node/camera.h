@@ -1,12 +1,12 @@
 // The seam to a camera.
 #pragma once
 
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
 #include <functional>
 #include <optional>
 #include <string>
-
-#include <absl/status/status.h>
-#include <absl/status/statusor.h>
 
 #include "core/base/time.h"
 #include "core/frame/image.h"
@@ -14,8 +14,8 @@
 
 namespace glasswing {
 
-// A frame that the camera has exposed. Its picture is fetched only when it is wanted: a real camera holds a buffer, the
-// simulated one integrates the light then.
+// A frame that the camera has exposed. Its picture is fetched only when it is wanted: a real camera holds a
+// buffer, the simulated one integrates the light then.
 struct CapturedFrame {
   v1::FrameTaken taken;  // times on CLOCK_MONOTONIC
   std::function<absl::StatusOr<Image16>()> image;

@@ -24,7 +24,8 @@ grpc::Status CameraServiceImpl::Capture(grpc::ServerContext* context, const v1::
   // A call that was just cancelled needs a moment to let go.
   const std::unique_lock only(capturing_, std::chrono::seconds(1));
   if (!only.owns_lock()) {
-    return to_grpc(absl::FailedPreconditionError("the camera is capturing for somebody else; try again when it is free"));
+    return to_grpc(absl::FailedPreconditionError(
+        "the camera is capturing for somebody else; try again when it is free"));
   }
   if (const absl::Status status = camera_.start(request->exposure_ms()); !status.ok()) return to_grpc(status);
   writer->Write(v1::CaptureResponse());

@@ -19,8 +19,10 @@ class CameraServiceImpl final : public v1::CameraService::Service {
   void stop() { stopping_ = true; }
 
   grpc::Status GetCamera(grpc::ServerContext*, const v1::GetCameraRequest*, v1::GetCameraResponse*) override;
-  grpc::Status Capture(grpc::ServerContext*, const v1::CaptureRequest*, grpc::ServerWriter<v1::CaptureResponse>*) override;
-  grpc::Status KeepFrames(grpc::ServerContext*, const v1::KeepFramesRequest*, v1::KeepFramesResponse*) override;
+  grpc::Status Capture(grpc::ServerContext*, const v1::CaptureRequest*,
+                       grpc::ServerWriter<v1::CaptureResponse>*) override;
+  grpc::Status KeepFrames(grpc::ServerContext*, const v1::KeepFramesRequest*,
+                          v1::KeepFramesResponse*) override;
 
  private:
   Camera& camera_;

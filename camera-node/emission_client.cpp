@@ -1,10 +1,10 @@
 #include "camera-node/emission_client.h"
 
+#include <spdlog/spdlog.h>
+
 #include <condition_variable>
 #include <cstring>
 #include <map>
-
-#include <spdlog/spdlog.h>
 
 #include "core/service/service.h"
 
@@ -58,7 +58,8 @@ void EmissionClient::read(grpc::ClientContext& context) {
           std::memcpy(&code, &pixels[2 * i], 2);
           image->samples[i] = radiance_of(code);
         }
-        timeline_.add_picture(monitor.name, {.scanout_start = nanoseconds(picture.scanout_start_ns()), .image = image});
+        timeline_.add_picture(monitor.name,
+                              {.scanout_start = nanoseconds(picture.scanout_start_ns()), .image = image});
       }
       pixels.clear();
     } else if (response.has_horizon()) {

@@ -1,8 +1,8 @@
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <iostream>
-
-#include <fmt/format.h>
 
 #include "camera-node/archive_service.h"
 #include "camera-node/camera_service.h"
@@ -27,8 +27,9 @@ int fail(const absl::Status& status) {
 
 int main(int argc, char** argv) {
   CLI::App app("Glasswing's camera node: exposures, when each really happened, and the frames themselves.");
-  app.footer("Example:\n  glasswing-camera --server 127.0.0.1:7440 --data /var/lib/glasswing-camera \\\n"
-             "                   --backend sim --scene crystal --tap 127.0.0.1:7441");
+  app.footer(
+      "Example:\n  glasswing-camera --server 127.0.0.1:7440 --data /var/lib/glasswing-camera \\\n"
+      "                   --backend sim --scene crystal --tap 127.0.0.1:7441");
   ListenOptions listen{.address = "127.0.0.1:7442", .reflection = false};
   SimCameraOptions sim;
   std::string server, data, backend = "sim", stage = "sim", size = "128x96", level = "info";
@@ -37,18 +38,30 @@ int main(int argc, char** argv) {
   app.add_option("--server", server, "host:port of glasswing-server, to register with");
   app.add_option("--name", sim.name, "this node's name in the rig")->capture_default_str();
   app.add_option("--data", data, "directory for the archives")->required();
-  app.add_option("--backend", backend, "which kind of camera")->check(CLI::IsMember({"sim"}))->capture_default_str();
+  app.add_option("--backend", backend, "which kind of camera")
+      ->check(CLI::IsMember({"sim"}))
+      ->capture_default_str();
   app.add_option("--size", size, "sim: WIDTHxHEIGHT of its pictures")->capture_default_str();
-  app.add_option("--fps", sim.frame_rate_hz, "sim: frames a second")->check(CLI::Range(1.0, 1000.0))->capture_default_str();
+  app.add_option("--fps", sim.frame_rate_hz, "sim: frames a second")
+      ->check(CLI::Range(1.0, 1000.0))
+      ->capture_default_str();
   app.add_option("--scene", sim.scene, "sim: crystal, glass, brushed or none")->capture_default_str();
   app.add_option("--tap", taps, "sim: host:port of a display node whose light it sees; repeat for more");
   app.add_option("--seed", sim.sensor.seed, "sim: seed of noise and faults")->capture_default_str();
-  app.add_option("--noise-sd", sim.sensor.read_sd, "sim: read noise, of full scale")->check(CLI::Range(0.0, 0.5))->capture_default_str();
-  app.add_option("--bits", sim.sensor.bits, "sim: bits a sample")->check(CLI::Range(8, 16))->capture_default_str();
-  app.add_option("--fault-drop", sim.drop, "sim: probability that a frame is lost")->check(CLI::Range(0.0, 0.99));
-  app.add_option("--fault-duplicate", sim.duplicate, "sim: probability that a frame repeats the last one's pixels")
+  app.add_option("--noise-sd", sim.sensor.read_sd, "sim: read noise, of full scale")
+      ->check(CLI::Range(0.0, 0.5))
+      ->capture_default_str();
+  app.add_option("--bits", sim.sensor.bits, "sim: bits a sample")
+      ->check(CLI::Range(8, 16))
+      ->capture_default_str();
+  app.add_option("--fault-drop", sim.drop, "sim: probability that a frame is lost")
+      ->check(CLI::Range(0.0, 0.99));
+  app.add_option("--fault-duplicate", sim.duplicate,
+                 "sim: probability that a frame repeats the last one's pixels")
       ->check(CLI::Range(0.0, 1.0));
-  app.add_option("--stage", stage, "who moves the object")->check(CLI::IsMember({"sim", "manual"}))->capture_default_str();
+  app.add_option("--stage", stage, "who moves the object")
+      ->check(CLI::IsMember({"sim", "manual"}))
+      ->capture_default_str();
   app.add_flag("--reflection", listen.reflection, "let gRPC tools list the services");
   app.add_option("--log-level", level, "debug, info, warn or error")->capture_default_str();
   app.set_version_flag("--version", kVersion);
@@ -59,14 +72,17 @@ int main(int argc, char** argv) {
   if (absl::Status status = check_name("node", sim.name); !status.ok()) return fail(status);
   int read = 0;
   if (std::sscanf(size.c_str(), "%dx%d%n", &sim.width_px, &sim.height_px, &read) != 2 ||
-      static_cast<size_t>(read) != size.size() || sim.width_px < 1 || sim.height_px < 1 || sim.width_px > 16384 ||
-      sim.height_px > 16384) {
-    return fail(absl::InvalidArgumentError("--size is " + size + "; it must be WIDTHxHEIGHT, each 1 to 16384"));
+      static_cast<size_t>(read) != size.size() || sim.width_px < 1 || sim.height_px < 1 ||
+      sim.width_px > 16384 || sim.height_px > 16384) {
+    return fail(
+        absl::InvalidArgumentError("--size is " + size + "; it must be WIDTHxHEIGHT, each 1 to 16384"));
   }
   const std::filesystem::path archives = std::filesystem::path(data) / "archives";
   std::error_code error;
   std::filesystem::create_directories(archives, error);
-  if (error) return fail(absl::UnavailableError(fmt::format("cannot create {}: {}", archives.string(), error.message())));
+  if (error)
+    return fail(
+        absl::UnavailableError(fmt::format("cannot create {}: {}", archives.string(), error.message())));
   if (absl::Status status = write_file_durably(archives / ".writable", ""); !status.ok()) return fail(status);
 
   EmissionTimeline timeline;
@@ -81,13 +97,15 @@ int main(int argc, char** argv) {
   CameraServiceImpl cameras(**camera, store);
   ArchiveServiceImpl archive_service(store);
   StageServiceImpl stages(object_stage);
-  absl::StatusOr<std::unique_ptr<ServiceHost>> host = ServiceHost::start(listen, {&cameras, &archive_service, &stages});
+  absl::StatusOr<std::unique_ptr<ServiceHost>> host =
+      ServiceHost::start(listen, {&cameras, &archive_service, &stages});
   if (!host.ok()) return fail(host.status());
   v1::RegisterRequest node;
   node.set_kind(v1::NODE_KIND_CAMERA);
   node.set_name(sim.name);
   node.set_address((*host)->address());
-  node.set_detail(fmt::format("{} {}x{} at {} fps, scene {}", backend, sim.width_px, sim.height_px, sim.frame_rate_hz, sim.scene));
+  node.set_detail(fmt::format("{} {}x{} at {} fps, scene {}", backend, sim.width_px, sim.height_px,
+                              sim.frame_rate_hz, sim.scene));
   const Registration registration(server, node);
   std::cerr << "glasswing-camera: listening on " << (*host)->address() << "\n";
   wait_for_signal();

@@ -1,9 +1,9 @@
 #include "camera-node/sim_camera.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-
-#include <fmt/format.h>
 
 #include "core/base/status.h"
 
@@ -47,8 +47,8 @@ v1::GetCameraResponse SimCamera::describe() const {
 absl::Status SimCamera::start(double exposure_ms) {
   const double longest_ms = 1000.0 / options_.frame_rate_hz;
   if (!(exposure_ms >= kMinExposureMs && exposure_ms <= longest_ms)) {
-    return absl::InvalidArgumentError(
-        fmt::format("exposure_ms is {}; this camera takes {} to {} ms", exposure_ms, kMinExposureMs, longest_ms));
+    return absl::InvalidArgumentError(fmt::format("exposure_ms is {}; this camera takes {} to {} ms",
+                                                  exposure_ms, kMinExposureMs, longest_ms));
   }
   const std::lock_guard lock(mutex_);
   running_ = true;
@@ -112,8 +112,8 @@ std::optional<CapturedFrame> SimCamera::next(std::chrono::milliseconds) {
   return frame;
 }
 
-absl::StatusOr<Image16> SimCamera::expose_frame(std::int64_t sequence, ExposureWindow window, double exposure_ms,
-                                                bool object) {
+absl::StatusOr<Image16> SimCamera::expose_frame(std::int64_t sequence, ExposureWindow window,
+                                                double exposure_ms, bool object) {
   const nanoseconds end = window.start + options_.sensor.readout + window.exposure;
   std::vector<MonitorEmission> emission;
   if (timeline_.wait_known_until(end, kLightIsLate)) emission = timeline_.between(window.start, end);
@@ -124,18 +124,21 @@ absl::StatusOr<Image16> SimCamera::expose_frame(std::int64_t sequence, ExposureW
   std::vector<EmissionMonitor> monitors;
   for (const MonitorEmission& each : emission) monitors.push_back(each.monitor);
   GW_ASSIGN_OR_RETURN(const std::shared_ptr<const Transport> through, transport(monitors, object));
-  return expose(integrate(*through, emission, window, options_.sensor.readout), exposure_ms, options_.sensor, sequence);
+  return expose(integrate(*through, emission, window, options_.sensor.readout), exposure_ms, options_.sensor,
+                sequence);
 }
 
-absl::StatusOr<std::shared_ptr<const Transport>> SimCamera::transport(const std::vector<EmissionMonitor>& monitors,
-                                                                      bool object) {
+absl::StatusOr<std::shared_ptr<const Transport>> SimCamera::transport(
+    const std::vector<EmissionMonitor>& monitors, bool object) {
   std::vector<SceneMonitor> wanted;
   for (const EmissionMonitor& monitor : monitors) {
-    wanted.push_back({.name = monitor.name, .size = {.width_px = monitor.width_px, .height_px = monitor.height_px}});
+    wanted.push_back(
+        {.name = monitor.name, .size = {.width_px = monitor.width_px, .height_px = monitor.height_px}});
   }
   const std::lock_guard lock(build_mutex_);
-  const bool same = std::equal(wanted.begin(), wanted.end(), built_for_.begin(), built_for_.end(),
-                               [](const SceneMonitor& a, const SceneMonitor& b) { return a.name == b.name && a.size == b.size; });
+  const bool same = std::equal(
+      wanted.begin(), wanted.end(), built_for_.begin(), built_for_.end(),
+      [](const SceneMonitor& a, const SceneMonitor& b) { return a.name == b.name && a.size == b.size; });
   if (!same || with_ == nullptr) {
     for (const bool present : {true, false}) {
       GW_ASSIGN_OR_RETURN(Transport built, build_transport(options_.scene, present, wanted, options_.width_px,

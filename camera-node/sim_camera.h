@@ -39,22 +39,24 @@ class SimCamera final : public Camera, public Stage {
 
  private:
   SimCamera(const SimCameraOptions& options, const EmissionTimeline& timeline);
-  absl::StatusOr<Image16> expose_frame(std::int64_t sequence, ExposureWindow window, double exposure_ms, bool object);
+  absl::StatusOr<Image16> expose_frame(std::int64_t sequence, ExposureWindow window, double exposure_ms,
+                                       bool object);
   // For the monitors that emit now; built again when they change.
-  absl::StatusOr<std::shared_ptr<const Transport>> transport(const std::vector<EmissionMonitor>& monitors, bool object);
+  absl::StatusOr<std::shared_ptr<const Transport>> transport(const std::vector<EmissionMonitor>& monitors,
+                                                             bool object);
 
   const SimCameraOptions options_;
   const EmissionTimeline& timeline_;
   std::mutex mutex_;
-  bool object_ = false;         // guarded by mutex_
-  bool running_ = false;        // guarded by mutex_
-  double exposure_ms_ = 0.0;    // guarded by mutex_
-  std::int64_t sequence_ = 0;   // guarded by mutex_
-  nanoseconds next_start_{};    // guarded by mutex_
-  std::mt19937_64 random_;      // guarded by mutex_
+  bool object_ = false;        // guarded by mutex_
+  bool running_ = false;       // guarded by mutex_
+  double exposure_ms_ = 0.0;   // guarded by mutex_
+  std::int64_t sequence_ = 0;  // guarded by mutex_
+  nanoseconds next_start_{};   // guarded by mutex_
+  std::mt19937_64 random_;     // guarded by mutex_
   std::mutex build_mutex_;
-  std::vector<SceneMonitor> built_for_;                      // guarded by build_mutex_
-  std::shared_ptr<const Transport> with_, without_;          // guarded by build_mutex_
+  std::vector<SceneMonitor> built_for_;              // guarded by build_mutex_
+  std::shared_ptr<const Transport> with_, without_;  // guarded by build_mutex_
 };
 
 }  // namespace glasswing

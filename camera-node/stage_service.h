@@ -9,7 +9,8 @@ namespace glasswing {
 class StageServiceImpl final : public v1::StageService::Service {
  public:
   explicit StageServiceImpl(Stage& stage) : stage_(stage) {}
-  grpc::Status MoveObject(grpc::ServerContext*, const v1::MoveObjectRequest*, v1::MoveObjectResponse*) override;
+  grpc::Status MoveObject(grpc::ServerContext*, const v1::MoveObjectRequest*,
+                          v1::MoveObjectResponse*) override;
 
  private:
   Stage& stage_;

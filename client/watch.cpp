@@ -68,9 +68,12 @@ absl::Status outcome_of(const v1::Session& session) {
     case v1::SESSION_STATE_CAPTURED:
     case v1::SESSION_STATE_DONE:
       return absl::OkStatus();
-    case v1::SESSION_STATE_PAUSED:
-      return absl::FailedPreconditionError(
-          fmt::format("{} (to go on: glasswing resume {})", summary_of(session), session.name()));
+    case v1::SESSION_STATE_PAUSED: {
+      const std::string summary = summary_of(session);
+      const std::string how = "glasswing resume " + session.name();
+      const bool told = summary.find(how) != std::string::npos;
+      return absl::FailedPreconditionError(told ? summary : summary + "; go on with: " + how);
+    }
     default:
       return absl::FailedPreconditionError(summary_of(session));
   }

@@ -1,12 +1,12 @@
 // The seam to the screens of one machine.
 #pragma once
 
+#include <absl/status/statusor.h>
+
 #include <memory>
 #include <stop_token>
 #include <string>
 #include <vector>
-
-#include <absl/status/statusor.h>
 
 #include "core/base/time.h"
 #include "core/frame/image.h"
@@ -37,8 +37,8 @@ class Display {
   virtual ~Display() = default;
   virtual std::string backend() const = 0;
   virtual const std::vector<ScreenInfo>& screens() const = 0;
-  // Puts the pictures on screen at each monitor's first refresh at or after `at`, or as soon after as it can, and
-  // returns when they are there, with the truth about when. One caller at a time.
+  // Puts the pictures on screen at each monitor's first refresh at or after `at`, or as soon after as it can,
+  // and returns when they are there, with the truth about when. One caller at a time.
   virtual absl::StatusOr<std::vector<Scanout>> show(const std::vector<Picture>& pictures, nanoseconds at) = 0;
 };
 

@@ -1,11 +1,11 @@
 #include "display-node/display_service.h"
 
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
 #include <condition_variable>
 #include <deque>
 #include <thread>
-
-#include <fmt/format.h>
-#include <spdlog/spdlog.h>
 
 #include "core/service/service.h"
 #include "display-node/player.h"
@@ -34,14 +34,16 @@ grpc::Status DisplayServiceImpl::GetDisplay(grpc::ServerContext*, const v1::GetD
   return grpc::Status::OK;
 }
 
-grpc::Status DisplayServiceImpl::PutImage(grpc::ServerContext*, grpc::ServerReader<v1::PutImageRequest>* reader,
+grpc::Status DisplayServiceImpl::PutImage(grpc::ServerContext*,
+                                          grpc::ServerReader<v1::PutImageRequest>* reader,
                                           v1::PutImageResponse* response) {
   std::string png;
   v1::PutImageRequest request;
   while (reader->Read(&request)) {
     png += request.chunk();
     if (png.size() > kMaxImageBytes) {
-      return to_grpc(absl::InvalidArgumentError(fmt::format("the image is larger than {} bytes", kMaxImageBytes)));
+      return to_grpc(
+          absl::InvalidArgumentError(fmt::format("the image is larger than {} bytes", kMaxImageBytes)));
     }
   }
   const absl::StatusOr<std::string> image = images_.add(png);
@@ -60,7 +62,8 @@ grpc::Status DisplayServiceImpl::LoadProgram(grpc::ServerContext*, const v1::Loa
   return grpc::Status::OK;
 }
 
-grpc::Status DisplayServiceImpl::PlayProgram(grpc::ServerContext* context, const v1::PlayProgramRequest* request,
+grpc::Status DisplayServiceImpl::PlayProgram(grpc::ServerContext* context,
+                                             const v1::PlayProgramRequest* request,
                                              grpc::ServerWriter<v1::PlayProgramResponse>* writer) {
   std::shared_ptr<const Program> program;
   std::stop_source play_stop;

@@ -18,9 +18,12 @@ class DisplayServiceImpl final : public v1::DisplayService::Service {
   // Ends a playing program, so that the daemon can stop.
   void stop() { stop_.request_stop(); }
 
-  grpc::Status GetDisplay(grpc::ServerContext*, const v1::GetDisplayRequest*, v1::GetDisplayResponse*) override;
-  grpc::Status PutImage(grpc::ServerContext*, grpc::ServerReader<v1::PutImageRequest>*, v1::PutImageResponse*) override;
-  grpc::Status LoadProgram(grpc::ServerContext*, const v1::LoadProgramRequest*, v1::LoadProgramResponse*) override;
+  grpc::Status GetDisplay(grpc::ServerContext*, const v1::GetDisplayRequest*,
+                          v1::GetDisplayResponse*) override;
+  grpc::Status PutImage(grpc::ServerContext*, grpc::ServerReader<v1::PutImageRequest>*,
+                        v1::PutImageResponse*) override;
+  grpc::Status LoadProgram(grpc::ServerContext*, const v1::LoadProgramRequest*,
+                           v1::LoadProgramResponse*) override;
   grpc::Status PlayProgram(grpc::ServerContext*, const v1::PlayProgramRequest*,
                            grpc::ServerWriter<v1::PlayProgramResponse>*) override;
 

@@ -19,11 +19,12 @@ absl::StatusOr<ScreenInfo> parse_screen(const std::string& text, double lag_ms, 
   ScreenInfo screen;
   char name[65] = "";
   int read = 0;
-  const int fields = std::sscanf(text.c_str(), "%64[^=]=%dx%d@%lf%n", name, &screen.width_px, &screen.height_px,
-                                 &screen.refresh_hz, &read);
-  const bool good = fields == 4 && static_cast<size_t>(read) == text.size() && check_name("monitor", name).ok() &&
-                    screen.width_px >= 1 && screen.width_px <= 16384 && screen.height_px >= 1 &&
-                    screen.height_px <= 16384 && screen.refresh_hz >= 1.0 && screen.refresh_hz <= 1000.0;
+  const int fields = std::sscanf(text.c_str(), "%64[^=]=%dx%d@%lf%n", name, &screen.width_px,
+                                 &screen.height_px, &screen.refresh_hz, &read);
+  const bool good = fields == 4 && static_cast<size_t>(read) == text.size() &&
+                    check_name("monitor", name).ok() && screen.width_px >= 1 && screen.width_px <= 16384 &&
+                    screen.height_px >= 1 && screen.height_px <= 16384 && screen.refresh_hz >= 1.0 &&
+                    screen.refresh_hz <= 1000.0;
   if (!good) {
     return absl::InvalidArgumentError("--monitor is " + text +
                                       "; it must be NAME=WIDTHxHEIGHT@HZ, such as back=1920x1080@60");
@@ -44,7 +45,9 @@ int fail(const absl::Status& status) {
 
 int main(int argc, char** argv) {
   CLI::App app("Glasswing's display node: pixels on screens, and when each picture was really visible.");
-  app.footer("Example:\n  glasswing-display --listen 127.0.0.1:7441 --server 127.0.0.1:7440 --monitor back=128x96@60");
+  app.footer(
+      "Example:\n  glasswing-display --listen 127.0.0.1:7441 --server 127.0.0.1:7440 --monitor "
+      "back=128x96@60");
   ListenOptions listen{.address = "127.0.0.1:7441", .reflection = false};
   std::string server, name = "display-1", backend = "sim", level = "info";
   std::vector<std::string> monitors{"back=128x96@60"};
@@ -53,11 +56,18 @@ int main(int argc, char** argv) {
   app.add_option("--listen", listen.address, "host:port to listen on; loopback only")->capture_default_str();
   app.add_option("--server", server, "host:port of glasswing-server, to register with");
   app.add_option("--name", name, "this node's name in the rig")->capture_default_str();
-  app.add_option("--backend", backend, "how pictures reach screens")->check(CLI::IsMember({"sim"}))->capture_default_str();
+  app.add_option("--backend", backend, "how pictures reach screens")
+      ->check(CLI::IsMember({"sim"}))
+      ->capture_default_str();
   app.add_option("--monitor", monitors, "NAME=WIDTHxHEIGHT@HZ; repeat for more")->capture_default_str();
-  app.add_option("--lag-ms", lag_ms, "scan-out of a row to its light")->check(CLI::Range(0.0, 200.0))->capture_default_str();
-  app.add_option("--settle-ms", settle_ms, "until that light has settled")->check(CLI::Range(0.0, 200.0))->capture_default_str();
-  app.add_option("--fault-missed-flips", faults.missed_flips, "sim: probability that a flip comes a refresh late")
+  app.add_option("--lag-ms", lag_ms, "scan-out of a row to its light")
+      ->check(CLI::Range(0.0, 200.0))
+      ->capture_default_str();
+  app.add_option("--settle-ms", settle_ms, "until that light has settled")
+      ->check(CLI::Range(0.0, 200.0))
+      ->capture_default_str();
+  app.add_option("--fault-missed-flips", faults.missed_flips,
+                 "sim: probability that a flip comes a refresh late")
       ->check(CLI::Range(0.0, 1.0));
   app.add_option("--fault-seed", faults.seed, "sim: seed of the faults");
   app.add_flag("--reflection", listen.reflection, "let gRPC tools list the services");
@@ -87,7 +97,8 @@ int main(int argc, char** argv) {
   node.set_kind(v1::NODE_KIND_DISPLAY);
   node.set_name(name);
   node.set_address((*host)->address());
-  for (const std::string& monitor : monitors) node.set_detail(node.detail() + (node.detail().empty() ? "" : ", ") + monitor);
+  for (const std::string& monitor : monitors)
+    node.set_detail(node.detail() + (node.detail().empty() ? "" : ", ") + monitor);
   const Registration registration(server, node);
   std::cerr << "glasswing-display: listening on " << (*host)->address() << "\n";
   wait_for_signal();

@@ -1,16 +1,18 @@
 #include "display-node/player.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-
-#include <fmt/format.h>
 
 #include "core/base/status.h"
 
 namespace glasswing {
 namespace {
 
-nanoseconds period_of(const ScreenInfo& screen) { return nanoseconds(std::llround(1e9 / screen.refresh_hz)); }
+nanoseconds period_of(const ScreenInfo& screen) {
+  return nanoseconds(std::llround(1e9 / screen.refresh_hz));
+}
 
 }  // namespace
 
@@ -18,8 +20,9 @@ absl::Status play(const Program& program, Display& display, nanoseconds start, s
                   const std::function<void(const v1::Presentation&)>& report) {
   const nanoseconds now = monotonic_now();
   if (now > start) {
-    return absl::DeadlineExceededError(fmt::format("the program was to start {} ms ago; it was not played",
-                                                   std::chrono::duration<double, std::milli>(now - start).count()));
+    return absl::DeadlineExceededError(
+        fmt::format("the program was to start {} ms ago; it was not played",
+                    std::chrono::duration<double, std::milli>(now - start).count()));
   }
   const std::vector<ScreenInfo>& screens = display.screens();
   std::vector<Scanout> shown;  // of the step before
@@ -38,14 +41,17 @@ absl::Status play(const Program& program, Display& display, nanoseconds start, s
         presentation.set_scanout_end_ns((shown[m].start + screens[m].scanout).count());
         presentation.set_replaced_ns(scanouts[m].start.count());
         const double held = static_cast<double>((scanouts[m].start - shown[m].start).count());
-        presentation.set_refreshes(static_cast<int>(std::lround(held / static_cast<double>(period_of(screens[m]).count()))));
+        presentation.set_refreshes(
+            static_cast<int>(std::lround(held / static_cast<double>(period_of(screens[m]).count()))));
         presentation.set_uncertainty_ns(std::max(shown[m].uncertainty, scanouts[m].uncertainty).count());
         report(presentation);
       }
     }
-    if (blank) return i == program.size() ? absl::OkStatus() : absl::CancelledError("the program was stopped");
+    if (blank)
+      return i == program.size() ? absl::OkStatus() : absl::CancelledError("the program was stopped");
     shown = scanouts;
-    // Half a refresh early, so that rounding never adds one; every monitor is held for at least hold_refreshes.
+    // Half a refresh early, so that rounding never adds one; every monitor is held for at least
+    // hold_refreshes.
     at = nanoseconds::min();
     for (size_t m = 0; m < screens.size(); ++m) {
       const nanoseconds period = period_of(screens[m]);

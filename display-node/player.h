@@ -1,10 +1,10 @@
 // Plays a program: one step every hold_refreshes refreshes, with no RPC in the loop.
 #pragma once
 
+#include <absl/status/status.h>
+
 #include <functional>
 #include <stop_token>
-
-#include <absl/status/status.h>
 
 #include "display-node/display.h"
 #include "display-node/program.h"

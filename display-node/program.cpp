@@ -1,8 +1,8 @@
 #include "display-node/program.h"
 
-#include <algorithm>
-
 #include <fmt/format.h>
+
+#include <algorithm>
 
 #include "core/base/file.h"
 #include "core/base/status.h"
@@ -37,15 +37,15 @@ Picture ImageStore::find(const std::string& name) const {
   return found == images_.end() ? nullptr : found->second;
 }
 
-absl::StatusOr<Program> Program::create(const v1::LoadProgramRequest& request, const std::vector<ScreenInfo>& screens,
-                                        const ImageStore& images) {
+absl::StatusOr<Program> Program::create(const v1::LoadProgramRequest& request,
+                                        const std::vector<ScreenInfo>& screens, const ImageStore& images) {
   if (request.hold_refreshes() < 2 || request.hold_refreshes() > 600) {
     return absl::InvalidArgumentError(
         fmt::format("hold_refreshes is {}; it must be 2 to 600", request.hold_refreshes()));
   }
   if (request.steps().empty() || request.steps_size() > kMaxSteps) {
-    return absl::InvalidArgumentError(fmt::format("the program has {} steps; it must have 1 to {}",
-                                                  request.steps_size(), kMaxSteps));
+    return absl::InvalidArgumentError(
+        fmt::format("the program has {} steps; it must have 1 to {}", request.steps_size(), kMaxSteps));
   }
   Program program;
   program.name_ = request.program();
@@ -64,18 +64,19 @@ absl::StatusOr<Program> Program::create(const v1::LoadProgramRequest& request, c
                                                       wanted.step(), stimulus.panel(), names));
       }
       const MonitorSize size{.width_px = screen->width_px, .height_px = screen->height_px};
-      Lit lit{.screen = static_cast<size_t>(screen - screens.begin()), .pattern = std::nullopt, .picture = nullptr};
+      Lit lit{.screen = static_cast<size_t>(screen - screens.begin()),
+              .pattern = std::nullopt,
+              .picture = nullptr};
       if (stimulus.kind() == "photo") {
         lit.picture = images.find(stimulus.image());
         if (lit.picture == nullptr) {
-          return absl::FailedPreconditionError(
-              fmt::format("step {}: image \"{}\" is not here; send it first", wanted.step(), stimulus.image()));
+          return absl::FailedPreconditionError(fmt::format("step {}: image \"{}\" is not here; send it first",
+                                                           wanted.step(), stimulus.image()));
         }
         if (lit.picture->width_px != size.width_px || lit.picture->height_px != size.height_px) {
-          return absl::InvalidArgumentError(fmt::format("step {}: image \"{}\" is {}x{}; monitor \"{}\" is {}x{}",
-                                                        wanted.step(), stimulus.image(), lit.picture->width_px,
-                                                        lit.picture->height_px, screen->name, size.width_px,
-                                                        size.height_px));
+          return absl::InvalidArgumentError(fmt::format(
+              "step {}: image \"{}\" is {}x{}; monitor \"{}\" is {}x{}", wanted.step(), stimulus.image(),
+              lit.picture->width_px, lit.picture->height_px, screen->name, size.width_px, size.height_px));
         }
       } else {
         absl::StatusOr<Pattern> pattern = Pattern::create(stimulus, size);
@@ -84,7 +85,8 @@ absl::StatusOr<Program> Program::create(const v1::LoadProgramRequest& request, c
               fmt::format("step {}: {}", wanted.step(), std::string(pattern.status().message())));
         }
         lit.pattern = *pattern;
-        ahead_bytes += sizeof(float) * 3 * static_cast<size_t>(size.width_px) * static_cast<size_t>(size.height_px);
+        ahead_bytes +=
+            sizeof(float) * 3 * static_cast<size_t>(size.width_px) * static_cast<size_t>(size.height_px);
         if (ahead_bytes <= kAheadBytes) lit.picture = std::make_shared<RadianceImage>(pattern->rasterised());
       }
       step.lit.push_back(std::move(lit));

@@ -1,14 +1,14 @@
 // A loaded program: which pictures each step puts on which monitor.
 #pragma once
 
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
 #include <map>
 #include <mutex>
 #include <optional>
 #include <string>
 #include <vector>
-
-#include <absl/status/status.h>
-#include <absl/status/statusor.h>
 
 #include "core/frame/image.h"
 #include "core/pattern/pattern.h"
@@ -32,8 +32,8 @@ class ImageStore {
 class Program {
  public:
   // INVALID_ARGUMENT names the step and what is wrong; FAILED_PRECONDITION: an image is missing.
-  static absl::StatusOr<Program> create(const v1::LoadProgramRequest& request, const std::vector<ScreenInfo>& screens,
-                                        const ImageStore& images);
+  static absl::StatusOr<Program> create(const v1::LoadProgramRequest& request,
+                                        const std::vector<ScreenInfo>& screens, const ImageStore& images);
 
   const std::string& name() const { return name_; }
   int hold_refreshes() const { return hold_refreshes_; }

@@ -11,7 +11,10 @@ constexpr size_t kLogged = 256;
 }  // namespace
 
 SimDisplay::SimDisplay(std::vector<ScreenInfo> screens, Faults faults)
-    : screens_(std::move(screens)), missed_flips_(faults.missed_flips), phase_(monotonic_now()), random_(faults.seed) {
+    : screens_(std::move(screens)),
+      missed_flips_(faults.missed_flips),
+      phase_(monotonic_now()),
+      random_(faults.seed) {
   for (size_t i = 0; i < screens_.size(); ++i) {
     current_.push_back({.monitor = i, .scanout_start = phase_, .picture = nullptr});
   }
@@ -31,7 +34,8 @@ absl::StatusOr<std::vector<Scanout>> SimDisplay::show(const std::vector<Picture>
       const nanoseconds start = phase_ + nanoseconds(std::llround(refresh * period_ns));
       scanouts.push_back({.start = start, .uncertainty = std::chrono::microseconds(1)});
       last = std::max(last, start);
-      current_[i] = {.monitor = i, .scanout_start = start, .picture = i < pictures.size() ? pictures[i] : nullptr};
+      current_[i] = {
+          .monitor = i, .scanout_start = start, .picture = i < pictures.size() ? pictures[i] : nullptr};
       log_.push_back(current_[i]);
       ++next_;
     }

@@ -33,8 +33,9 @@ class SimDisplay final : public Display {
   const std::vector<ScreenInfo>& screens() const override { return screens_; }
   absl::StatusOr<std::vector<Scanout>> show(const std::vector<Picture>& pictures, nanoseconds at) override;
 
-  // Everything emitted since `cursor` (0: what is on screen now, and what follows), and a time before which nothing else
-  // starts. Waits up to `timeout` for something new. False: the reader has fallen too far behind.
+  // Everything emitted since `cursor` (0: what is on screen now, and what follows), and a time before which
+  // nothing else starts. Waits up to `timeout` for something new. False: the reader has fallen too far
+  // behind.
   bool read_emissions(std::uint64_t& cursor, std::vector<Emission>& emissions, nanoseconds& horizon,
                       std::chrono::milliseconds timeout);
 
@@ -44,10 +45,10 @@ class SimDisplay final : public Display {
   const nanoseconds phase_;
   std::mutex mutex_;
   std::condition_variable emitted_;
-  std::mt19937_64 random_;             // guarded by mutex_
-  std::vector<Emission> current_;      // guarded by mutex_, one a monitor
-  std::deque<Emission> log_;           // guarded by mutex_, the newest kLogged
-  std::uint64_t next_ = 1;             // guarded by mutex_, number of the next emission
+  std::mt19937_64 random_;         // guarded by mutex_
+  std::vector<Emission> current_;  // guarded by mutex_, one a monitor
+  std::deque<Emission> log_;       // guarded by mutex_, the newest kLogged
+  std::uint64_t next_ = 1;         // guarded by mutex_, number of the next emission
 };
 
 }  // namespace glasswing

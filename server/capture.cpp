@@ -1,13 +1,13 @@
 #include "server/capture.h"
 
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
 #include <condition_variable>
 #include <deque>
 #include <mutex>
 #include <thread>
-
-#include <fmt/format.h>
-#include <spdlog/spdlog.h>
 
 #include "core/base/file.h"
 #include "core/base/name.h"
@@ -20,7 +20,7 @@ namespace {
 
 using std::chrono::milliseconds;
 constexpr milliseconds kCall(10000);
-constexpr milliseconds kStartLead(120);   // from the command to the first step
+constexpr milliseconds kStartLead(120);  // from the command to the first step
 constexpr milliseconds kPoll(10);
 constexpr milliseconds kLastFrame(1500);  // how long a frame may come after the last step was replaced
 
@@ -122,9 +122,11 @@ class Capture::CameraFeed {
   // Returns when the camera runs as asked.
   absl::Status wait_running(std::stop_token stop) {
     std::unique_lock lock(mutex_);
-    started_.wait_for(lock, stop, std::chrono::seconds(20), [this] { return running_ || inbox.end().has_value(); });
+    started_.wait_for(lock, stop, std::chrono::seconds(20),
+                      [this] { return running_ || inbox.end().has_value(); });
     if (running_) return absl::OkStatus();
-    return inbox.end().value_or(absl::DeadlineExceededError(capture_.camera_->title() + " did not start in time"));
+    return inbox.end().value_or(
+        absl::DeadlineExceededError(capture_.camera_->title() + " did not start in time"));
   }
 
   double exposure_ms() const { return exposure_ms_; }
@@ -209,7 +211,8 @@ absl::StatusOr<RigDescription> describe_rig(const Rig& rig) {
     grpc::ClientContext context;
     set_deadline(context, kCall);
     v1::GetDisplayResponse info;
-    GW_RETURN_IF_ERROR(from_grpc(v1::DisplayService::NewStub(link.channel())->GetDisplay(&context, {}, &info), link.title()));
+    GW_RETURN_IF_ERROR(from_grpc(v1::DisplayService::NewStub(link.channel())->GetDisplay(&context, {}, &info),
+                                 link.title()));
     for (const v1::DisplayMonitor& shown : info.monitors()) {
       v1::Monitor monitor;
       monitor.set_name(shown.name());
@@ -219,8 +222,8 @@ absl::StatusOr<RigDescription> describe_rig(const Rig& rig) {
       monitor.set_response(shown.response());
       for (const v1::Monitor& other : description.monitors) {
         if (other.name() == monitor.name()) {
-          return absl::FailedPreconditionError(
-              fmt::format("two monitors of the rig are called \"{}\"; give one another name", monitor.name()));
+          return absl::FailedPreconditionError(fmt::format(
+              "two monitors of the rig are called \"{}\"; give one another name", monitor.name()));
         }
       }
       description.monitors.push_back(std::move(monitor));
@@ -231,7 +234,8 @@ absl::StatusOr<RigDescription> describe_rig(const Rig& rig) {
   grpc::ClientContext context;
   set_deadline(context, kCall);
   GW_RETURN_IF_ERROR(
-      from_grpc(v1::CameraService::NewStub(link.channel())->GetCamera(&context, {}, &description.camera), link.title()));
+      from_grpc(v1::CameraService::NewStub(link.channel())->GetCamera(&context, {}, &description.camera),
+                link.title()));
   return description;
 }
 
@@ -256,7 +260,8 @@ CaptureOutcome Capture::run(std::stop_token stop) {
     std::vector<Group> groups;
     for (const Step& step : steps_) {
       if (proven_.contains(step.number)) continue;
-      if (groups.empty() || groups.back().object != step.object || groups.back().exposure_ms != step.exposure_ms) {
+      if (groups.empty() || groups.back().object != step.object ||
+          groups.back().exposure_ms != step.exposure_ms) {
         groups.push_back({.object = step.object, .exposure_ms = step.exposure_ms, .steps = {}});
       }
       groups.back().steps.push_back(step);
@@ -281,11 +286,13 @@ CaptureOutcome Capture::run(std::stop_token stop) {
   if (needs_operator) {
     return {Kind::kNeedsOperator,
             fmt::format("{}, then: glasswing resume {}",
-                        object_wanted ? "place the object on the stage" : "take the object off the stage", session_.name())};
+                        object_wanted ? "place the object on the stage" : "take the object off the stage",
+                        session_.name())};
   }
   if (status.ok()) return {Kind::kCaptured, ""};
   // ABORTED: another program took the screens, as after a display was started again.
-  const bool lost = absl::IsUnavailable(status) || absl::IsDeadlineExceeded(status) || absl::IsAborted(status);
+  const bool lost =
+      absl::IsUnavailable(status) || absl::IsDeadlineExceeded(status) || absl::IsAborted(status);
   return {lost ? Kind::kNodeLost : Kind::kFailed, std::string(status.message())};
 }
 
@@ -321,7 +328,8 @@ absl::Status Capture::open_archive() {
   v1::CreateArchiveResponse created;
   grpc::ClientContext create_context;
   set_deadline(create_context, kCall);
-  GW_RETURN_IF_ERROR(from_grpc(archive_stub_->CreateArchive(&create_context, create, &created), camera_->title()));
+  GW_RETURN_IF_ERROR(
+      from_grpc(archive_stub_->CreateArchive(&create_context, create, &created), camera_->title()));
   v1::GetManifestRequest get;
   get.set_session(session_.name());
   v1::GetManifestResponse manifest;
@@ -383,7 +391,8 @@ absl::Status Capture::take(const Group& group, std::stop_token stop) {
       std::set<int> unproven;
       for (const Step& step : pending) unproven.insert(step.number);
       return absl::FailedPreconditionError(fmt::format(
-          "{} steps had no proof after {} retries: {}; the camera's exposures ({} ms at {} fps) must fit between a "
+          "{} steps had no proof after {} retries: {}; the camera's exposures ({} ms at {} fps) must fit "
+          "between a "
           "picture's settling and the next one: try a shorter exposure_ms or a larger hold_refreshes",
           unproven.size(), retries_of(session_.plan()), listed(unproven), group.exposure_ms,
           camera_info_.frame_rate_hz()));
@@ -418,7 +427,8 @@ absl::Status Capture::play(const std::vector<Step>& steps, CameraFeed& frames, s
   }
   const nanoseconds start_at = monotonic_now() + kStartLead;
   std::vector<std::unique_ptr<DisplayFeed>> feeds;
-  for (const auto& display : displays_) feeds.push_back(std::make_unique<DisplayFeed>(*display, program, start_at));
+  for (const auto& display : displays_)
+    feeds.push_back(std::make_unique<DisplayFeed>(*display, program, start_at));
 
   std::map<int, std::vector<MonitorWindow>> incomplete;  // by step, until every monitor has reported
   std::optional<nanoseconds> last_replaced;
@@ -443,9 +453,10 @@ absl::Status Capture::play(const std::vector<Step>& steps, CameraFeed& frames, s
     if (const auto end = frames.inbox.end()) return *end;
     for (v1::FrameTaken& frame : frames.inbox.take()) {
       session_.set_frames_taken(session_.frames_taken() + 1);
-      const bool as_asked = std::abs(frame.exposure_ms() - frames.exposure_ms()) <= 0.01 * frames.exposure_ms() &&
-                            frame.width_px() == camera_info_.camera().width_px() &&
-                            frame.height_px() == camera_info_.camera().height_px();
+      const bool as_asked =
+          std::abs(frame.exposure_ms() - frames.exposure_ms()) <= 0.01 * frames.exposure_ms() &&
+          frame.width_px() == camera_info_.camera().width_px() &&
+          frame.height_px() == camera_info_.camera().height_px();
       if (!as_asked) continue;
       const ClockModel& clock = camera_->clock();
       frames.matcher.add_frame(
@@ -461,7 +472,8 @@ absl::Status Capture::play(const std::vector<Step>& steps, CameraFeed& frames, s
     if (playing) {
       played_at = now;
     } else {
-      const bool all_seen = !last_replaced || frames.matcher.frames_seen_until().value_or(nanoseconds(0)) > *last_replaced + milliseconds(50);
+      const bool all_seen = !last_replaced || frames.matcher.frames_seen_until().value_or(nanoseconds(0)) >
+                                                  *last_replaced + milliseconds(50);
       if (all_seen || now - played_at > kLastFrame) return absl::OkStatus();
     }
     if (now - clocks_at > std::chrono::seconds(1)) {

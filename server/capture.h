@@ -1,7 +1,10 @@
-// One capture, from the first step without proof to the sealed archive. Loads programs into the displays, lets the
-// camera run, listens to both, proves, and has the camera keep what is proven. No RPC stands between one
-// step and the next.
+// One capture, from the first step without proof to the sealed archive. Loads programs into the displays,
+// lets the camera run, listens to both, proves, and has the camera keep what is proven. No RPC stands between
+// one step and the next.
 #pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
 
 #include <filesystem>
 #include <functional>
@@ -12,9 +15,6 @@
 #include <stop_token>
 #include <string>
 #include <vector>
-
-#include <absl/status/status.h>
-#include <absl/status/statusor.h>
 
 #include "core/clock/clock_model.h"
 #include "core/pattern/plan.h"
@@ -67,10 +67,10 @@ absl::StatusOr<RigDescription> describe_rig(const Rig& rig);
 
 class Capture {
  public:
-  // `images` holds what UploadImage stored. `object_confirmed`: a person has said that the object is (not) on the stage.
-  // `report` is called with the counts brought up to date, from the thread that calls run().
-  Capture(const Rig& rig, std::filesystem::path images, v1::Session session, std::optional<bool> object_confirmed,
-          std::function<void(const v1::Session&)> report);
+  // `images` holds what UploadImage stored. `object_confirmed`: a person has said that the object is (not) on
+  // the stage. `report` is called with the counts brought up to date, from the thread that calls run().
+  Capture(const Rig& rig, std::filesystem::path images, v1::Session session,
+          std::optional<bool> object_confirmed, std::function<void(const v1::Session&)> report);
   ~Capture();
 
   CaptureOutcome run(std::stop_token stop);

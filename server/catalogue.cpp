@@ -25,13 +25,15 @@ absl::StatusOr<std::unique_ptr<Catalogue>> Catalogue::open(const std::filesystem
 
 absl::Status Catalogue::insert(const v1::Session& session, const std::string& request_id) {
   const std::lock_guard lock(mutex_);
-  const absl::Status status = database_.query("INSERT INTO sessions (name, request_id, session) VALUES (?, ?, ?)")
-                                  .bind(session.name())
-                                  .bind(request_id)
-                                  .bind(session.SerializeAsString())
-                                  .finish();
+  const absl::Status status =
+      database_.query("INSERT INTO sessions (name, request_id, session) VALUES (?, ?, ?)")
+          .bind(session.name())
+          .bind(request_id)
+          .bind(session.SerializeAsString())
+          .finish();
   if (absl::IsAlreadyExists(status)) {
-    return absl::AlreadyExistsError(fmt::format("there is a session \"{}\" already; choose another name", session.name()));
+    return absl::AlreadyExistsError(
+        fmt::format("there is a session \"{}\" already; choose another name", session.name()));
   }
   return status;
 }
@@ -59,12 +61,14 @@ absl::StatusOr<v1::Session> Catalogue::find(const std::string& name) {
   const std::lock_guard lock(mutex_);
   Database::Query query = database_.query("SELECT session FROM sessions WHERE name = ?");
   query.bind(name);
-  return first(std::move(query), fmt::format("there is no session \"{}\"; `glasswing sessions` lists them", name));
+  return first(std::move(query),
+               fmt::format("there is no session \"{}\"; `glasswing sessions` lists them", name));
 }
 
 absl::StatusOr<v1::Session> Catalogue::find_request(const std::string& request_id) {
   const std::lock_guard lock(mutex_);
-  Database::Query query = database_.query("SELECT session FROM sessions WHERE request_id = ? AND request_id != ''");
+  Database::Query query =
+      database_.query("SELECT session FROM sessions WHERE request_id = ? AND request_id != ''");
   query.bind(request_id);
   return first(std::move(query), "no session was made by this request");
 }

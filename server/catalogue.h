@@ -2,14 +2,14 @@
 // stands what was asked for and how far it came.
 #pragma once
 
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
 #include <filesystem>
 #include <memory>
 #include <mutex>
 #include <string>
 #include <vector>
-
-#include <absl/status/status.h>
-#include <absl/status/statusor.h>
 
 #include "glasswing/v1/session_service.pb.h"
 #include "server/database.h"

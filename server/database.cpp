@@ -1,8 +1,7 @@
 #include "server/database.h"
 
-#include <sqlite3.h>
-
 #include <fmt/format.h>
+#include <sqlite3.h>
 
 #include "core/base/status.h"
 
@@ -26,8 +25,12 @@ absl::Status error_of(sqlite3* connection) {
 
 }  // namespace
 
-void Database::Close::operator()(sqlite3* connection) const { sqlite3_close_v2(connection); }
-void Database::Query::Finalize::operator()(sqlite3_stmt* statement) const { sqlite3_finalize(statement); }
+void Database::Close::operator()(sqlite3* connection) const {
+  sqlite3_close_v2(connection);
+}
+void Database::Query::Finalize::operator()(sqlite3_stmt* statement) const {
+  sqlite3_finalize(statement);
+}
 
 absl::StatusOr<Database> Database::open(const std::filesystem::path& path) {
   Database database;
@@ -35,10 +38,12 @@ absl::StatusOr<Database> Database::open(const std::filesystem::path& path) {
   const int result = sqlite3_open(path.c_str(), &connection);
   database.connection_.reset(connection);
   if (result != SQLITE_OK) {
-    return absl::UnavailableError(fmt::format("cannot open {}: {}", path.string(), sqlite3_errmsg(connection)));
+    return absl::UnavailableError(
+        fmt::format("cannot open {}: {}", path.string(), sqlite3_errmsg(connection)));
   }
   sqlite3_busy_timeout(connection, 5000);
-  GW_RETURN_IF_ERROR(database.run("PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON"));
+  GW_RETURN_IF_ERROR(
+      database.run("PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON"));
   return database;
 }
 
@@ -60,7 +65,9 @@ Database::Query Database::query(const std::string& sql) {
   return query;
 }
 
-int Database::changed() const { return sqlite3_changes(connection_.get()); }
+int Database::changed() const {
+  return sqlite3_changes(connection_.get());
+}
 
 Database::Query& Database::Query::bind(std::int64_t value) {
   sqlite3_bind_int64(statement_.get(), ++bound_, value);
@@ -86,7 +93,9 @@ absl::Status Database::Query::finish() {
   return status_;
 }
 
-std::int64_t Database::Query::integer(int column) const { return sqlite3_column_int64(statement_.get(), column); }
+std::int64_t Database::Query::integer(int column) const {
+  return sqlite3_column_int64(statement_.get(), column);
+}
 
 std::string Database::Query::text(int column) const {
   const void* bytes = sqlite3_column_blob(statement_.get(), column);

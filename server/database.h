@@ -1,14 +1,14 @@
 // SQLite, kept durable: WAL with synchronous = FULL, so a committed change survives a power cut.
 #pragma once
 
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
 #include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <string>
 #include <string_view>
-
-#include <absl/status/status.h>
-#include <absl/status/statusor.h>
 
 struct sqlite3;
 struct sqlite3_stmt;

@@ -1,8 +1,8 @@
 #include "server/job_store.h"
 
-#include <algorithm>
-
 #include <fmt/format.h>
+
+#include <algorithm>
 
 #include "core/base/status.h"
 
@@ -15,7 +15,8 @@ absl::StatusOr<std::unique_ptr<JobStore>> JobStore::open(const std::filesystem::
       "CREATE TABLE IF NOT EXISTS tiles (id INTEGER PRIMARY KEY AUTOINCREMENT, session TEXT NOT NULL, "
       "number INTEGER NOT NULL, first_row INTEGER NOT NULL, row_count INTEGER NOT NULL, "
       "attempt INTEGER NOT NULL DEFAULT 0, failures INTEGER NOT NULL DEFAULT 0, "
-      "lease_until INTEGER NOT NULL DEFAULT 0, solver TEXT NOT NULL DEFAULT '', result TEXT NOT NULL DEFAULT '', "
+      "lease_until INTEGER NOT NULL DEFAULT 0, solver TEXT NOT NULL DEFAULT '', result TEXT NOT NULL DEFAULT "
+      "'', "
       "UNIQUE (session, number)); UPDATE tiles SET lease_until = 0"));
   return std::unique_ptr<JobStore>(new JobStore(std::move(database)));
 }
@@ -23,21 +24,24 @@ absl::StatusOr<std::unique_ptr<JobStore>> JobStore::open(const std::filesystem::
 absl::Status JobStore::create(const std::string& session, int row_count, int rows_per_tile) {
   const std::lock_guard lock(mutex_);
   // A re-solve must not accept results of the solve before it: attempts go on from the highest one so far.
-  Database::Query highest = database_.query("SELECT COALESCE(MAX(attempt), 0) FROM tiles WHERE session = ?");
+  Database::Query highest =
+      database_.query("SELECT COALESCE(MAX(attempt) + 1, 0) FROM tiles WHERE session = ?");
   highest.bind(session);
   const std::int64_t attempt = highest.next() ? highest.integer(0) : 0;
   GW_RETURN_IF_ERROR(highest.finish());
   GW_RETURN_IF_ERROR(database_.run("BEGIN IMMEDIATE"));
   absl::Status status = database_.query("DELETE FROM tiles WHERE session = ?").bind(session).finish();
   for (int row = 0, number = 0; row < row_count && status.ok(); row += rows_per_tile, ++number) {
-    status = database_
-                 .query("INSERT INTO tiles (session, number, first_row, row_count, attempt) VALUES (?, ?, ?, ?, ?)")
-                 .bind(session)
-                 .bind(number)
-                 .bind(row)
-                 .bind(std::min(rows_per_tile, row_count - row))
-                 .bind(attempt)
-                 .finish();
+    status =
+        database_
+            .query(
+                "INSERT INTO tiles (session, number, first_row, row_count, attempt) VALUES (?, ?, ?, ?, ?)")
+            .bind(session)
+            .bind(number)
+            .bind(row)
+            .bind(std::min(rows_per_tile, row_count - row))
+            .bind(attempt)
+            .finish();
   }
   if (!status.ok()) {
     (void)database_.run("ROLLBACK");
@@ -79,36 +83,39 @@ absl::Status JobStore::fenced(const Tile& lease) {
 
 absl::Status JobStore::keep(const Tile& lease, nanoseconds now) {
   const std::lock_guard lock(mutex_);
-  GW_RETURN_IF_ERROR(database_
-                         .query("UPDATE tiles SET lease_until = ? WHERE session = ? AND number = ? AND attempt = ? "
-                                "AND result = ''")
-                         .bind((now + kLease).count())
-                         .bind(lease.session)
-                         .bind(lease.number)
-                         .bind(lease.attempt)
-                         .finish());
+  GW_RETURN_IF_ERROR(
+      database_
+          .query("UPDATE tiles SET lease_until = ? WHERE session = ? AND number = ? AND attempt = ? "
+                 "AND result = ''")
+          .bind((now + kLease).count())
+          .bind(lease.session)
+          .bind(lease.number)
+          .bind(lease.attempt)
+          .finish());
   return fenced(lease);
 }
 
 absl::Status JobStore::complete(const Tile& lease, const std::string& result) {
   const std::lock_guard lock(mutex_);
   // The same attempt may say it twice: its first answer may have been lost on the way.
-  GW_RETURN_IF_ERROR(database_
-                         .query("UPDATE tiles SET result = ?, lease_until = 0 WHERE session = ? AND number = ? AND "
-                                "attempt = ? AND result IN ('', ?)")
-                         .bind(result)
-                         .bind(lease.session)
-                         .bind(lease.number)
-                         .bind(lease.attempt)
-                         .bind(result)
-                         .finish());
+  GW_RETURN_IF_ERROR(
+      database_
+          .query("UPDATE tiles SET result = ?, lease_until = 0 WHERE session = ? AND number = ? AND "
+                 "attempt = ? AND result IN ('', ?)")
+          .bind(result)
+          .bind(lease.session)
+          .bind(lease.number)
+          .bind(lease.attempt)
+          .bind(result)
+          .finish());
   return fenced(lease);
 }
 
 absl::StatusOr<bool> JobStore::fail(const Tile& lease) {
   const std::lock_guard lock(mutex_);
   Database::Query query = database_.query(
-      "UPDATE tiles SET failures = failures + 1, lease_until = 0 WHERE session = ? AND number = ? AND attempt = ? "
+      "UPDATE tiles SET failures = failures + 1, lease_until = 0 WHERE session = ? AND number = ? AND "
+      "attempt = ? "
       "AND result = '' RETURNING failures");
   query.bind(lease.session).bind(lease.number).bind(lease.attempt);
   const bool had = query.next();

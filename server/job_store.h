@@ -1,6 +1,9 @@
-// The tiles that solvers work on. A claim is a lease: it ends unless it is kept, and its attempt number fences,
-// so that a late result of an older attempt is refused. Time is the store's own.
+// The tiles that solvers work on. A claim is a lease: it ends unless it is kept, and its attempt number
+// fences, so that a late result of an older attempt is refused. Time is the store's own.
 #pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
 
 #include <chrono>
 #include <filesystem>
@@ -9,9 +12,6 @@
 #include <optional>
 #include <string>
 #include <vector>
-
-#include <absl/status/status.h>
-#include <absl/status/statusor.h>
 
 #include "core/base/time.h"
 #include "server/database.h"

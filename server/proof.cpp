@@ -16,7 +16,8 @@ StableWindow stable_window(const std::vector<MonitorWindow>& monitors) {
   assert(!monitors.empty());
   StableWindow window{.step = monitors.front().step, .from = nanoseconds::min(), .until = nanoseconds::max()};
   for (const MonitorWindow& monitor : monitors) {
-    window.from = std::max(window.from, monitor.scanout_end + monitor.lag + monitor.settle + monitor.uncertainty);
+    window.from =
+        std::max(window.from, monitor.scanout_end + monitor.lag + monitor.settle + monitor.uncertainty);
     window.until = std::min(window.until, monitor.replaced + monitor.lag - monitor.uncertainty);
   }
   return window;
@@ -36,7 +37,9 @@ void FrameMatcher::add_frame(const FrameTime& frame) {
   for (const StableWindow& window : waiting) match(window);
 }
 
-void FrameMatcher::add_window(const StableWindow& window) { match(window); }
+void FrameMatcher::add_window(const StableWindow& window) {
+  match(window);
+}
 
 void FrameMatcher::match(const StableWindow& window) {
   for (auto it = frames_.lower_bound(window.from); it != frames_.end() && it->first <= window.until; ++it) {
@@ -49,6 +52,8 @@ void FrameMatcher::match(const StableWindow& window) {
   if (!seen_until_ || *seen_until_ <= window.until) open_.push_back(window);
 }
 
-std::vector<FrameMatcher::Match> FrameMatcher::take() { return std::exchange(matches_, {}); }
+std::vector<FrameMatcher::Match> FrameMatcher::take() {
+  return std::exchange(matches_, {});
+}
 
 }  // namespace glasswing

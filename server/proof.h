@@ -1,9 +1,10 @@
-// The proof that a frame shows a step (docs/architecture.md): its whole exposure, first row to last, lies inside
+// The proof that a frame shows a step (docs/architecture.md): its whole exposure, first row to last, lies
+// inside
 //
 //   [scanout_end + optical lag + settle, replaced + optical lag]
 //
-// of every monitor, shrunk by the error bounds of both nodes' clocks and stamps; and its exposure and size are
-// those asked for. A frame without proof is never bound to a step.
+// of every monitor, shrunk by the error bounds of both nodes' clocks and stamps; and its exposure and size
+// are those asked for. A frame without proof is never bound to a step.
 #pragma once
 
 #include <map>
@@ -43,8 +44,8 @@ struct FrameTime {
 
 bool proves(const FrameTime& frame, const StableWindow& window);
 
-// Pairs frames and windows as both come in, each in time order. A step is paired with the first frame that proves it; a frame
-// proves at most one step.
+// Pairs frames and windows as both come in, each in time order. A step is paired with the first frame that
+// proves it; a frame proves at most one step.
 class FrameMatcher {
  public:
   struct Match {

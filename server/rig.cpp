@@ -1,8 +1,8 @@
 #include "server/rig.h"
 
-#include <algorithm>
-
 #include <fmt/format.h>
+
+#include <algorithm>
 
 #include "core/base/name.h"
 #include "core/base/status.h"
@@ -25,7 +25,8 @@ absl::Status Rig::add(const v1::RegisterRequest& request) {
                      monotonic_now() - entry.heard < kSilence;
   if (taken) {
     return absl::AlreadyExistsError(
-        fmt::format("another node is \"{}\", at {}; give this one a --name of its own", request.name(), entry.node.address()));
+        fmt::format("another node is \"{}\", at {}; give this one a --name of its own", request.name(),
+                    entry.node.address()));
   }
   entry.node.set_kind(request.kind());
   entry.node.set_name(request.name());

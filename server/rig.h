@@ -1,13 +1,13 @@
 // The nodes that have registered, and for how long they have been silent.
 #pragma once
 
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
 #include <map>
 #include <mutex>
 #include <string>
 #include <vector>
-
-#include <absl/status/status.h>
-#include <absl/status/statusor.h>
 
 #include "core/base/time.h"
 #include "glasswing/v1/node_service.pb.h"

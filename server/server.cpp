@@ -1,9 +1,9 @@
 #include "server/server.h"
 
-#include <algorithm>
-
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
+
+#include <algorithm>
 
 #include "core/base/file.h"
 #include "core/base/name.h"
@@ -20,7 +20,8 @@ constexpr std::chrono::seconds kNodeGrace(30);  // how long a capture waits for 
 
 std::string state_of(const v1::Session& session) {
   std::string name = v1::SessionState_Name(session.state()).substr(std::string("SESSION_STATE_").size());
-  std::transform(name.begin(), name.end(), name.begin(), [](char c) { return static_cast<char>(std::tolower(c)); });
+  std::transform(name.begin(), name.end(), name.begin(),
+                 [](char c) { return static_cast<char>(std::tolower(c)); });
   return name;
 }
 
@@ -32,7 +33,8 @@ absl::Status not_now(const v1::Session& session, const std::string& verb) {
 absl::StatusOr<fs::path> directory_below(const fs::path& data, const char* name) {
   std::error_code error;
   fs::create_directories(data / name, error);
-  if (error) return absl::ErrnoToStatus(error.value(), fmt::format("cannot create {}", (data / name).string()));
+  if (error)
+    return absl::ErrnoToStatus(error.value(), fmt::format("cannot create {}", (data / name).string()));
   return data / name;
 }
 
@@ -40,14 +42,16 @@ absl::StatusOr<fs::path> directory_below(const fs::path& data, const char* name)
 
 absl::StatusOr<std::unique_ptr<Server>> Server::open(const fs::path& data) {
   std::unique_ptr<Server> server(new Server(data));
-  for (const char* name : {"images", "mattes", "tiles"}) GW_RETURN_IF_ERROR(directory_below(data, name).status());
+  for (const char* name : {"images", "mattes", "tiles"})
+    GW_RETURN_IF_ERROR(directory_below(data, name).status());
   GW_ASSIGN_OR_RETURN(server->catalogue_, Catalogue::open(data / "catalogue.sqlite"));
   GW_ASSIGN_OR_RETURN(server->jobs_, JobStore::open(data / "jobs.sqlite"));
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> sessions, server->catalogue_->list());
   for (v1::Session session : sessions) {
     if (session.state() != v1::SESSION_STATE_CAPTURING) continue;
     session.set_state(v1::SESSION_STATE_PAUSED);
-    session.set_reason(fmt::format("the server was restarted; go on with: glasswing resume {}", session.name()));
+    session.set_reason(
+        fmt::format("the server was restarted; go on with: glasswing resume {}", session.name()));
     GW_RETURN_IF_ERROR(server->catalogue_->update(session));
   }
   return server;
@@ -118,12 +122,14 @@ absl::StatusOr<v1::Session> Server::create(const v1::CreateSessionRequest& reque
   GW_ASSIGN_OR_RETURN(const std::vector<Step> steps, expand(request.plan(), rig.monitors));
   for (const Step& step : steps) {
     if (step.exposure_ms < rig.camera.min_exposure_ms() || step.exposure_ms > rig.camera.max_exposure_ms()) {
-      return absl::InvalidArgumentError(fmt::format("exposure_ms is {}; the camera takes {} to {} ms", step.exposure_ms,
-                                                    rig.camera.min_exposure_ms(), rig.camera.max_exposure_ms()));
+      return absl::InvalidArgumentError(fmt::format("exposure_ms is {}; the camera takes {} to {} ms",
+                                                    step.exposure_ms, rig.camera.min_exposure_ms(),
+                                                    rig.camera.max_exposure_ms()));
     }
     const std::string& image = step.stimulus.image();
     if (!image.empty() && (!check_name("image", image).ok() || !fs::exists(data_ / "images" / image))) {
-      return absl::InvalidArgumentError(fmt::format("photo \"{}\" has not been uploaded", step.stimulus.name()));
+      return absl::InvalidArgumentError(
+          fmt::format("photo \"{}\" has not been uploaded", step.stimulus.name()));
     }
   }
   v1::Session session;
@@ -134,18 +140,21 @@ absl::StatusOr<v1::Session> Server::create(const v1::CreateSessionRequest& reque
     std::erase_if(stamp, [](char c) { return c == '-' || c == ':' || c == 'Z'; });
     std::replace(stamp.begin(), stamp.end(), 'T', '-');
     session.set_name(stamp);
-    for (int i = 2; catalogue_->find(session.name()).ok(); ++i) session.set_name(fmt::format("{}-{}", stamp, i));
+    for (int i = 2; catalogue_->find(session.name()).ok(); ++i)
+      session.set_name(fmt::format("{}-{}", stamp, i));
   }
   GW_RETURN_IF_ERROR(check_name("session", session.name()));
   *session.mutable_plan() = request.plan();
   session.set_method(request.plan().method());
   session.set_step_count(static_cast<int>(steps.size()));
-  session.set_pixel_count(static_cast<std::int64_t>(rig.camera.camera().width_px()) * rig.camera.camera().height_px());
+  session.set_pixel_count(static_cast<std::int64_t>(rig.camera.camera().width_px()) *
+                          rig.camera.camera().height_px());
   session.set_state(v1::SESSION_STATE_CREATED);
 
   const std::lock_guard lock(mutex_);
   if (!capturing_.empty()) {
-    return absl::FailedPreconditionError(fmt::format("the rig is held by session \"{}\"; wait for it or cancel it", capturing_));
+    return absl::FailedPreconditionError(
+        fmt::format("the rig is held by session \"{}\"; wait for it or cancel it", capturing_));
   }
   GW_RETURN_IF_ERROR(catalogue_->insert(session, request.request_id()));
   start_capture(session);
@@ -169,12 +178,12 @@ void Server::start_capture(const v1::Session& created) {
   announce();
   spdlog::info("capturing session={} steps={}", session.name(), session.step_count());
   if (capture_thread_.joinable()) capture_thread_.join();  // it has ended: capturing_ was empty
-  capture_thread_ = std::jthread([this, session, confirmed](std::stop_token stop) {
-    capture_until_done(session, confirmed, stop);
-  });
+  capture_thread_ = std::jthread(
+      [this, session, confirmed](std::stop_token stop) { capture_until_done(session, confirmed, stop); });
 }
 
-void Server::capture_until_done(v1::Session session, std::optional<bool> object_confirmed, std::stop_token stop) {
+void Server::capture_until_done(v1::Session session, std::optional<bool> object_confirmed,
+                                std::stop_token stop) {
   using Kind = CaptureOutcome::Kind;
   const auto report = [this, &session](const v1::Session& progress) {
     const std::lock_guard lock(mutex_);
@@ -271,7 +280,8 @@ absl::StatusOr<v1::Session> Server::resume(const std::string& name) {
   if (!may || session.plan().method().empty()) return not_now(session, "resumed");
   const std::lock_guard lock(mutex_);
   if (!capturing_.empty()) {
-    return absl::FailedPreconditionError(fmt::format("the rig is held by session \"{}\"; wait for it or cancel it", capturing_));
+    return absl::FailedPreconditionError(
+        fmt::format("the rig is held by session \"{}\"; wait for it or cancel it", capturing_));
   }
   if (session.tile_count() > 0) return not_now(session, "resumed; solve it again instead");
   start_capture(session);
@@ -341,8 +351,8 @@ absl::StatusOr<v1::Session> Server::begin_import(const v1::BeginImportRequest& r
   }
   grpc::ClientContext context;
   set_deadline(context, std::chrono::seconds(10));
-  GW_RETURN_IF_ERROR(
-      from_grpc(v1::ArchiveService::NewStub(link.channel())->CreateArchive(&context, create, &created), link.title()));
+  GW_RETURN_IF_ERROR(from_grpc(
+      v1::ArchiveService::NewStub(link.channel())->CreateArchive(&context, create, &created), link.title()));
   return session;
 }
 
@@ -350,7 +360,8 @@ absl::StatusOr<v1::Session> Server::finish_import(const std::string& name) {
   GW_ASSIGN_OR_RETURN(v1::Session session, catalogue_->find(name));
   if (session.state() == v1::SESSION_STATE_CAPTURED) return session;
   if (session.state() != v1::SESSION_STATE_CREATED || session.has_plan()) return not_now(session, "imported");
-  const std::unique_ptr<v1::ArchiveService::Stub> archive = v1::ArchiveService::NewStub(dial(session.archive_address()));
+  const std::unique_ptr<v1::ArchiveService::Stub> archive =
+      v1::ArchiveService::NewStub(dial(session.archive_address()));
   const std::string peer = "camera node at " + session.archive_address();
   v1::SealArchiveRequest seal;
   seal.set_session(name);
@@ -379,7 +390,8 @@ absl::StatusOr<v1::Session> Server::solve(const v1::SolveSessionRequest& request
   if (method != "gaussian") {
     return absl::InvalidArgumentError(fmt::format("method is \"{}\"; this version solves: gaussian", method));
   }
-  const bool captured = session.state() == v1::SESSION_STATE_CAPTURED || session.state() == v1::SESSION_STATE_DONE ||
+  const bool captured = session.state() == v1::SESSION_STATE_CAPTURED ||
+                        session.state() == v1::SESSION_STATE_DONE ||
                         (session.state() == v1::SESSION_STATE_FAILED && session.tile_count() > 0);
   if (!captured) return not_now(session, "solved (it must be captured first)");
   v1::GetManifestRequest get;
@@ -436,7 +448,13 @@ absl::StatusOr<v1::ClaimTileResponse> Server::claim(const v1::ClaimTileRequest& 
 }
 
 absl::Status Server::keep(const v1::TileLease& lease) {
-  return jobs_->keep({.session = lease.session(), .number = lease.tile(), .first_row = 0, .row_count = 0, .attempt = lease.attempt(), .result = ""}, monotonic_now());
+  return jobs_->keep({.session = lease.session(),
+                      .number = lease.tile(),
+                      .first_row = 0,
+                      .row_count = 0,
+                      .attempt = lease.attempt(),
+                      .result = ""},
+                     monotonic_now());
 }
 
 absl::Status Server::complete(const v1::CompleteTileRequest& header, const std::string& matte) {
@@ -452,10 +470,16 @@ absl::Status Server::complete(const v1::CompleteTileRequest& header, const std::
   const std::lock_guard lock(mutex_);
   GW_ASSIGN_OR_RETURN(v1::Session session, catalogue_->find(lease.session()));
   GW_ASSIGN_OR_RETURN(std::vector<Tile> tiles, jobs_->tiles(lease.session()));
-  const auto known = std::find_if(tiles.begin(), tiles.end(), [&](const Tile& t) { return t.number == lease.tile(); });
+  const auto known =
+      std::find_if(tiles.begin(), tiles.end(), [&](const Tile& t) { return t.number == lease.tile(); });
   const bool again = known != tiles.end() && known->result == file;
-  GW_RETURN_IF_ERROR(
-      jobs_->complete({.session = lease.session(), .number = lease.tile(), .first_row = 0, .row_count = 0, .attempt = lease.attempt(), .result = ""}, file));
+  GW_RETURN_IF_ERROR(jobs_->complete({.session = lease.session(),
+                                      .number = lease.tile(),
+                                      .first_row = 0,
+                                      .row_count = 0,
+                                      .attempt = lease.attempt(),
+                                      .result = ""},
+                                     file));
   if (again && session.state() != v1::SESSION_STATE_SOLVING) return absl::OkStatus();
   if (!again) {
     known->result = file;
@@ -503,14 +527,19 @@ absl::Status Server::finish_solve(v1::Session session) {
   GW_RETURN_IF_ERROR(change(session));
   std::error_code ignored;
   if (assembled.ok()) fs::remove_all(data_ / "tiles" / session.name(), ignored);
-  spdlog::info("{} session={} seconds={:.1f} flagged={}", state_of(session), session.name(), session.solve_seconds(),
-               session.flagged_pixel_count());
+  spdlog::info("{} session={} seconds={:.1f} flagged={}", state_of(session), session.name(),
+               session.solve_seconds(), session.flagged_pixel_count());
   return absl::OkStatus();
 }
 
 absl::Status Server::fail(const v1::FailTileRequest& request) {
   const v1::TileLease& lease = request.lease();
-  const Tile tile{.session = lease.session(), .number = lease.tile(), .first_row = 0, .row_count = 0, .attempt = lease.attempt(), .result = ""};
+  const Tile tile{.session = lease.session(),
+                  .number = lease.tile(),
+                  .first_row = 0,
+                  .row_count = 0,
+                  .attempt = lease.attempt(),
+                  .result = ""};
   const std::lock_guard lock(mutex_);
   GW_ASSIGN_OR_RETURN(const bool exhausted, jobs_->fail(tile));
   if (!exhausted && !request.permanent()) return absl::OkStatus();
@@ -519,15 +548,16 @@ absl::Status Server::fail(const v1::FailTileRequest& request) {
   GW_RETURN_IF_ERROR(jobs_->remove(lease.session()));
   session.set_state(v1::SESSION_STATE_FAILED);
   session.set_reason(request.error());
-  spdlog::error("solve failed session={} tile={} reason=\"{}\"", session.name(), lease.tile(), request.error());
+  spdlog::error("solve failed session={} tile={} reason=\"{}\"", session.name(), lease.tile(),
+                request.error());
   return change(session);
 }
 
 absl::StatusOr<fs::path> Server::matte(const std::string& name) {
   GW_ASSIGN_OR_RETURN(const v1::Session session, find(name));
   if (session.state() != v1::SESSION_STATE_DONE) {
-    return absl::FailedPreconditionError(
-        fmt::format("session \"{}\" is {}; solve it first: glasswing solve {} --watch", name, state_of(session), name));
+    return absl::FailedPreconditionError(fmt::format(
+        "session \"{}\" is {}; solve it first: glasswing solve {} --watch", name, state_of(session), name));
   }
   return data_ / "mattes" / (name + ".exr");
 }

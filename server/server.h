@@ -2,9 +2,12 @@
 //
 //   created -> capturing <-> paused;  capturing -> captured -> solving -> done;  any -> failed or cancelled
 //
-// Every change is in the catalogue before anybody hears of it. After a restart a session that was capturing is
-// paused (its proven frames are with the camera node), one that was solving goes on.
+// Every change is in the catalogue before anybody hears of it. After a restart a session that was capturing
+// is paused (its proven frames are with the camera node), one that was solving goes on.
 #pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
 
 #include <condition_variable>
 #include <filesystem>
@@ -15,9 +18,6 @@
 #include <string>
 #include <thread>
 #include <vector>
-
-#include <absl/status/status.h>
-#include <absl/status/statusor.h>
 
 #include "glasswing/v1/work_service.pb.h"
 #include "server/capture.h"
@@ -49,7 +49,8 @@ class Server {
   // Path of the finished matte.
   absl::StatusOr<std::filesystem::path> matte(const std::string& name);
 
-  // Waits for any session to change after `seen` (0: none yet), at most `timeout`; returns the number of the last change.
+  // Waits for any session to change after `seen` (0: none yet), at most `timeout`; returns the number of the
+  // last change.
   std::int64_t wait_change(std::int64_t seen, std::chrono::milliseconds timeout);
 
   absl::StatusOr<v1::ClaimTileResponse> claim(const v1::ClaimTileRequest& request);
@@ -79,9 +80,9 @@ class Server {
   std::condition_variable changed_;
   std::int64_t change_count_ = 0;
   std::map<std::string, nanoseconds> solve_began_;
-  std::map<std::string, v1::Session> live_;      // counts of the running capture, ahead of the catalogue
-  std::map<std::string, bool> operator_asked_;   // sessions that wait for a person: where the object is to be
-  std::string capturing_;                        // the session that holds the rig
+  std::map<std::string, v1::Session> live_;     // counts of the running capture, ahead of the catalogue
+  std::map<std::string, bool> operator_asked_;  // sessions that wait for a person: where the object is to be
+  std::string capturing_;                       // the session that holds the rig
   enum class Wish { kNone, kPause, kCancel } wish_ = Wish::kNone;
   std::jthread capture_thread_;
 };

@@ -40,14 +40,16 @@ grpc::Status SessionServiceImpl::FinishImport(grpc::ServerContext*, const v1::Fi
   return answer(server_.finish_import(request->name()), response);
 }
 
-grpc::Status SessionServiceImpl::UploadImage(grpc::ServerContext*, grpc::ServerReader<v1::UploadImageRequest>* reader,
+grpc::Status SessionServiceImpl::UploadImage(grpc::ServerContext*,
+                                             grpc::ServerReader<v1::UploadImageRequest>* reader,
                                              v1::UploadImageResponse* response) {
   std::string bytes;
   v1::UploadImageRequest request;
   while (reader->Read(&request)) {
     bytes += request.chunk();
     if (bytes.size() > kMaxImageBytes) {
-      return to_grpc(absl::InvalidArgumentError(fmt::format("the image is larger than {} bytes", kMaxImageBytes)));
+      return to_grpc(
+          absl::InvalidArgumentError(fmt::format("the image is larger than {} bytes", kMaxImageBytes)));
     }
   }
   const absl::StatusOr<std::string> image = server_.store_image(bytes);
@@ -69,7 +71,8 @@ grpc::Status SessionServiceImpl::GetSession(grpc::ServerContext*, const v1::GetS
   return answer(server_.find(request->name()), response);
 }
 
-grpc::Status SessionServiceImpl::WatchSession(grpc::ServerContext* context, const v1::WatchSessionRequest* request,
+grpc::Status SessionServiceImpl::WatchSession(grpc::ServerContext* context,
+                                              const v1::WatchSessionRequest* request,
                                               grpc::ServerWriter<v1::WatchSessionResponse>* writer) {
   std::int64_t seen = 0;
   std::string last;

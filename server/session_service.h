@@ -15,19 +15,28 @@ class SessionServiceImpl final : public v1::SessionService::Service {
   // Ends the watches, so that the daemon can stop.
   void stop() { stopping_ = true; }
 
-  grpc::Status CreateSession(grpc::ServerContext*, const v1::CreateSessionRequest*, v1::CreateSessionResponse*) override;
-  grpc::Status BeginImport(grpc::ServerContext*, const v1::BeginImportRequest*, v1::BeginImportResponse*) override;
-  grpc::Status FinishImport(grpc::ServerContext*, const v1::FinishImportRequest*, v1::FinishImportResponse*) override;
+  grpc::Status CreateSession(grpc::ServerContext*, const v1::CreateSessionRequest*,
+                             v1::CreateSessionResponse*) override;
+  grpc::Status BeginImport(grpc::ServerContext*, const v1::BeginImportRequest*,
+                           v1::BeginImportResponse*) override;
+  grpc::Status FinishImport(grpc::ServerContext*, const v1::FinishImportRequest*,
+                            v1::FinishImportResponse*) override;
   grpc::Status UploadImage(grpc::ServerContext*, grpc::ServerReader<v1::UploadImageRequest>*,
                            v1::UploadImageResponse*) override;
-  grpc::Status ListSessions(grpc::ServerContext*, const v1::ListSessionsRequest*, v1::ListSessionsResponse*) override;
-  grpc::Status GetSession(grpc::ServerContext*, const v1::GetSessionRequest*, v1::GetSessionResponse*) override;
+  grpc::Status ListSessions(grpc::ServerContext*, const v1::ListSessionsRequest*,
+                            v1::ListSessionsResponse*) override;
+  grpc::Status GetSession(grpc::ServerContext*, const v1::GetSessionRequest*,
+                          v1::GetSessionResponse*) override;
   grpc::Status WatchSession(grpc::ServerContext*, const v1::WatchSessionRequest*,
                             grpc::ServerWriter<v1::WatchSessionResponse>*) override;
-  grpc::Status PauseSession(grpc::ServerContext*, const v1::PauseSessionRequest*, v1::PauseSessionResponse*) override;
-  grpc::Status ResumeSession(grpc::ServerContext*, const v1::ResumeSessionRequest*, v1::ResumeSessionResponse*) override;
-  grpc::Status CancelSession(grpc::ServerContext*, const v1::CancelSessionRequest*, v1::CancelSessionResponse*) override;
-  grpc::Status SolveSession(grpc::ServerContext*, const v1::SolveSessionRequest*, v1::SolveSessionResponse*) override;
+  grpc::Status PauseSession(grpc::ServerContext*, const v1::PauseSessionRequest*,
+                            v1::PauseSessionResponse*) override;
+  grpc::Status ResumeSession(grpc::ServerContext*, const v1::ResumeSessionRequest*,
+                             v1::ResumeSessionResponse*) override;
+  grpc::Status CancelSession(grpc::ServerContext*, const v1::CancelSessionRequest*,
+                             v1::CancelSessionResponse*) override;
+  grpc::Status SolveSession(grpc::ServerContext*, const v1::SolveSessionRequest*,
+                            v1::SolveSessionResponse*) override;
   grpc::Status FetchMatte(grpc::ServerContext*, const v1::FetchMatteRequest*,
                           grpc::ServerWriter<v1::FetchMatteResponse>*) override;
 

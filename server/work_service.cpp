@@ -1,8 +1,8 @@
 #include "server/work_service.h"
 
-#include <algorithm>
-
 #include <fmt/format.h>
+
+#include <algorithm>
 
 #include "core/base/time.h"
 #include "core/service/service.h"
@@ -17,10 +17,12 @@ constexpr size_t kMaxTileBytes = 256u << 20;
 grpc::Status WorkServiceImpl::ClaimTile(grpc::ServerContext* context, const v1::ClaimTileRequest* request,
                                         v1::ClaimTileResponse* response) {
   if (request->version() != kVersion) {
-    return to_grpc(absl::FailedPreconditionError(fmt::format(
-        "solver \"{}\" is version {}, the server {}; install the same", request->solver(), request->version(), kVersion)));
+    return to_grpc(absl::FailedPreconditionError(
+        fmt::format("solver \"{}\" is version {}, the server {}; install the same", request->solver(),
+                    request->version(), kVersion)));
   }
-  const nanoseconds until = monotonic_now() + std::chrono::milliseconds(std::clamp(request->wait_ms(), 0, 10000));
+  const nanoseconds until =
+      monotonic_now() + std::chrono::milliseconds(std::clamp(request->wait_ms(), 0, 10000));
   std::int64_t seen = server_.wait_change(0, std::chrono::milliseconds(0));
   while (true) {
     const absl::StatusOr<v1::ClaimTileResponse> claimed = server_.claim(*request);
@@ -39,7 +41,8 @@ grpc::Status WorkServiceImpl::KeepTile(grpc::ServerContext*, const v1::KeepTileR
   return to_grpc(server_.keep(request->lease()));
 }
 
-grpc::Status WorkServiceImpl::CompleteTile(grpc::ServerContext*, grpc::ServerReader<v1::CompleteTileRequest>* reader,
+grpc::Status WorkServiceImpl::CompleteTile(grpc::ServerContext*,
+                                           grpc::ServerReader<v1::CompleteTileRequest>* reader,
                                            v1::CompleteTileResponse*) {
   v1::CompleteTileRequest header;
   if (!reader->Read(&header) || !header.has_lease()) {
@@ -50,7 +53,8 @@ grpc::Status WorkServiceImpl::CompleteTile(grpc::ServerContext*, grpc::ServerRea
   while (reader->Read(&more)) {
     matte += more.chunk();
     if (matte.size() > kMaxTileBytes) {
-      return to_grpc(absl::InvalidArgumentError(fmt::format("the tile is larger than {} bytes", kMaxTileBytes)));
+      return to_grpc(
+          absl::InvalidArgumentError(fmt::format("the tile is larger than {} bytes", kMaxTileBytes)));
     }
   }
   return to_grpc(server_.complete(header, matte));

@@ -1,14 +1,14 @@
 // The seam between getting frames and turning them into a matte.
 #pragma once
 
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
 #include <cstdint>
 #include <map>
 #include <memory>
 #include <string>
 #include <vector>
-
-#include <absl/status/status.h>
-#include <absl/status/statusor.h>
 
 #include "core/matte/matte.h"
 #include "glasswing/v1/archive.pb.h"
@@ -20,13 +20,15 @@ struct FrameStack {
   v1::CaptureManifest manifest;
   int first_row = 0;
   int row_count = 0;
-  // By place in manifest.frames: r, g, b for each pixel of the rows, 65535 = 1.0. Empty if it was not asked for.
+  // By place in manifest.frames: r, g, b for each pixel of the rows, 65535 = 1.0. Empty if it was not asked
+  // for.
   std::vector<std::vector<std::uint16_t>> rows;
 
   // Radiance; x from the left, y from first_row.
   float at(int frame, int x, int y, int channel) const {
     const auto width = static_cast<size_t>(manifest.camera().width_px());
-    const size_t i = (static_cast<size_t>(y) * width + static_cast<size_t>(x)) * 3 + static_cast<size_t>(channel);
+    const size_t i =
+        (static_cast<size_t>(y) * width + static_cast<size_t>(x)) * 3 + static_cast<size_t>(channel);
     return static_cast<float>(rows[static_cast<size_t>(frame)][i]) / 65535.0f;
   }
 };
@@ -36,7 +38,8 @@ using MethodOptions = std::map<std::string, std::string>;
 class Method {
  public:
   virtual ~Method() = default;
-  // Which frames it reads: places in manifest.frames. Never a reference. FAILED_PRECONDITION says what the archive lacks.
+  // Which frames it reads: places in manifest.frames. Never a reference. FAILED_PRECONDITION says what the
+  // archive lacks.
   virtual absl::StatusOr<std::vector<int>> frames_needed(const v1::CaptureManifest& manifest) const = 0;
   // The matte of those rows. Each pixel depends on its own samples only, so tiles join without seams.
   virtual absl::StatusOr<Matte> solve(const FrameStack& stack) const = 0;

@@ -1,12 +1,12 @@
 #include "solver/work_loop.h"
 
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
 #include <condition_variable>
 #include <cstring>
 #include <mutex>
 #include <thread>
-
-#include <fmt/format.h>
-#include <spdlog/spdlog.h>
 
 #include "core/base/status.h"
 #include "core/matte/matte_file.h"
@@ -30,18 +30,19 @@ void wait(std::stop_token stop, milliseconds time) {
 class LeaseKeeper {
  public:
   LeaseKeeper(v1::WorkService::Stub& work, const v1::ClaimTileResponse& tile)
-      : thread_([&work, lease = tile.lease(), every = milliseconds(tile.lease_ms() / 3)](std::stop_token stop) {
-          while (!stop.stop_requested()) {
-            wait(stop, every);
-            if (stop.stop_requested()) return;
-            v1::KeepTileRequest request;
-            *request.mutable_lease() = lease;
-            v1::KeepTileResponse response;
-            grpc::ClientContext context;
-            set_deadline(context, every);
-            (void)work.KeepTile(&context, request, &response);
-          }
-        }) {}
+      : thread_(
+            [&work, lease = tile.lease(), every = milliseconds(tile.lease_ms() / 3)](std::stop_token stop) {
+              while (!stop.stop_requested()) {
+                wait(stop, every);
+                if (stop.stop_requested()) return;
+                v1::KeepTileRequest request;
+                *request.mutable_lease() = lease;
+                v1::KeepTileResponse response;
+                grpc::ClientContext context;
+                set_deadline(context, every);
+                (void)work.KeepTile(&context, request, &response);
+              }
+            }) {}
 
  private:
   std::jthread thread_;
@@ -63,7 +64,8 @@ absl::StatusOr<FrameStack> read_stack(const v1::ClaimTileResponse& tile, const M
                    .rows = {}};
   GW_ASSIGN_OR_RETURN(const std::vector<int> needed, method.frames_needed(stack.manifest));
   stack.rows.resize(static_cast<size_t>(stack.manifest.frames_size()));
-  const size_t samples = static_cast<size_t>(stack.row_count) * static_cast<size_t>(stack.manifest.camera().width_px()) * 3;
+  const size_t samples =
+      static_cast<size_t>(stack.row_count) * static_cast<size_t>(stack.manifest.camera().width_px()) * 3;
   v1::ReadRowsRequest read;
   read.set_session(tile.lease().session());
   read.set_first_row(tile.first_row());
@@ -89,7 +91,8 @@ absl::StatusOr<FrameStack> read_stack(const v1::ClaimTileResponse& tile, const M
     received += response.chunk().size();
   }
   GW_RETURN_IF_ERROR(from_grpc(reader->Finish(), peer));
-  if (received != needed.size() * samples * 2) return absl::UnavailableError(peer + " sent fewer rows than asked for");
+  if (received != needed.size() * samples * 2)
+    return absl::UnavailableError(peer + " sent fewer rows than asked for");
   return stack;
 }
 
@@ -131,14 +134,16 @@ void work_on(v1::WorkService::Stub& work, const v1::ClaimTileResponse& tile, std
   const LeaseKeeper keeper(work, tile);
   const std::string what = fmt::format("session={} tile={}", tile.lease().session(), tile.lease().tile());
   absl::StatusOr<Matte> matte = solve(tile);
-  absl::StatusOr<std::string> bytes = matte.ok() ? encode_matte(*matte) : absl::StatusOr<std::string>(matte.status());
+  absl::StatusOr<std::string> bytes =
+      matte.ok() ? encode_matte(*matte) : absl::StatusOr<std::string>(matte.status());
   if (!bytes.ok()) {
     const absl::Status& status = bytes.status();
     spdlog::error("tile not solved {} error=\"{}\"", what, std::string(status.message()));
     v1::FailTileRequest request;
     *request.mutable_lease() = tile.lease();
     request.set_error(std::string(status.message()));
-    request.set_permanent(absl::IsInvalidArgument(status) || absl::IsFailedPrecondition(status) || absl::IsDataLoss(status));
+    request.set_permanent(absl::IsInvalidArgument(status) || absl::IsFailedPrecondition(status) ||
+                          absl::IsDataLoss(status));
     v1::FailTileResponse response;
     grpc::ClientContext context;
     set_deadline(context, std::chrono::seconds(10));
@@ -151,7 +156,8 @@ void work_on(v1::WorkService::Stub& work, const v1::ClaimTileResponse& tile, std
     const bool gone = status.error_code() == grpc::StatusCode::ABORTED ||
                       status.error_code() == grpc::StatusCode::NOT_FOUND ||
                       status.error_code() == grpc::StatusCode::INVALID_ARGUMENT;
-    spdlog::warn("tile {} {} error=\"{}\"", gone ? "given up" : "kept for another try", what, status.error_message());
+    spdlog::warn("tile {} {} error=\"{}\"", gone ? "given up" : "kept for another try", what,
+                 status.error_message());
     if (gone) return;
     wait(stop, milliseconds(500));
   }

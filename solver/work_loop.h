@@ -1,4 +1,5 @@
-// Asks the server for tiles, reads their frames from the node that holds them, solves, and hands the result in.
+// Asks the server for tiles, reads their frames from the node that holds them, solves, and hands the result
+// in.
 #pragma once
 
 #include <stop_token>
@@ -6,8 +7,8 @@
 
 namespace glasswing {
 
-// Runs until stopped. A server that does not answer is tried again for ever; a result is kept until the server says
-// that it is durable, or that the lease went to somebody else.
+// Runs until stopped. A server that does not answer is tried again for ever; a result is kept until the
+// server says that it is durable, or that the lease went to somebody else.
 void run_work_loop(const std::string& server_address, const std::string& solver_name, std::stop_token stop);
 
 }  // namespace glasswing

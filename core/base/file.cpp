@@ -1,14 +1,12 @@
 #include "core/base/file.h"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <sys/stat.h>
 #include <unistd.h>
 #include <xxhash.h>
 
 #include <cerrno>
-
-#include <fmt/format.h>
-
 
 #include "core/base/status.h"
 

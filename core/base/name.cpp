@@ -1,8 +1,8 @@
 #include "core/base/name.h"
 
-#include <algorithm>
-
 #include <fmt/format.h>
+
+#include <algorithm>
 
 namespace glasswing {
 namespace {

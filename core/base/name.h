@@ -1,9 +1,9 @@
 // Names of sessions and nodes: they become file names, so they are kept plain.
 #pragma once
 
-#include <string_view>
-
 #include <absl/status/status.h>
+
+#include <string_view>
 
 namespace glasswing {
 

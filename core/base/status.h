@@ -1,13 +1,13 @@
 // Shorthand for absl::Status plumbing.
 #pragma once
 
-#include <utility>
-
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
-#define GW_RETURN_IF_ERROR(expression)                      \
-  do {                                                      \
+#include <utility>
+
+#define GW_RETURN_IF_ERROR(expression)                                            \
+  do {                                                                            \
     if (absl::Status gw_status = (expression); !gw_status.ok()) return gw_status; \
   } while (false)
 

@@ -1,10 +1,10 @@
 #include "core/base/time.h"
 
-#include <cerrno>
-#include <ctime>
-
 #include <absl/time/clock.h>
 #include <absl/time/time.h>
+
+#include <cerrno>
+#include <ctime>
 
 namespace glasswing {
 

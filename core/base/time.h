@@ -2,8 +2,8 @@
 // display and a simulated camera share.
 #pragma once
 
-#include <cstdint>
 #include <chrono>
+#include <cstdint>
 #include <string>
 
 namespace glasswing {

@@ -9,14 +9,18 @@ namespace {
 constexpr size_t kKept = 16;
 constexpr std::int64_t kMaxDriftPpm = 200;  // a poor crystal, cold; two of them apart
 
-nanoseconds drift_over(nanoseconds age) { return age * kMaxDriftPpm / 1'000'000; }
+nanoseconds drift_over(nanoseconds age) {
+  return age * kMaxDriftPpm / 1'000'000;
+}
 
 }  // namespace
 
 void ClockModel::add(const ClockExchange& exchange) {
   const nanoseconds trip = (exchange.returned - exchange.sent) - (exchange.answered - exchange.received);
-  const nanoseconds offset = ((exchange.received - exchange.sent) + (exchange.answered - exchange.returned)) / 2;
-  recent_.push_back({.at = exchange.returned, .offset = offset, .half_trip = std::max(trip / 2, nanoseconds(0))});
+  const nanoseconds offset =
+      ((exchange.received - exchange.sent) + (exchange.answered - exchange.returned)) / 2;
+  // The offset is one of some moment of the trip; its drift since is bounded from the trip's start.
+  recent_.push_back({.at = exchange.sent, .offset = offset, .half_trip = std::max(trip / 2, nanoseconds(0))});
   if (recent_.size() > kKept) recent_.pop_front();
 }
 
@@ -28,7 +32,9 @@ const ClockModel::Sample& ClockModel::best() const {
   });
 }
 
-nanoseconds ClockModel::offset() const { return best().offset; }
+nanoseconds ClockModel::offset() const {
+  return best().offset;
+}
 
 nanoseconds ClockModel::error_bound(nanoseconds rig_now) const {
   const Sample& sample = best();

@@ -1,8 +1,8 @@
 // How another node's clock relates to rig time, from four-timestamp exchanges.
 //
-// An exchange gives sent (rig), received and answered (node), returned (rig). The node's clock read, at the middle
-// of the round trip, offset = ((received - sent) + (answered - returned)) / 2, and the true offset is within half of
-// the round trip of it, whatever the two delays were (NTP, RFC 5905 section 8).
+// An exchange gives sent (rig), received and answered (node), returned (rig). The node's clock read, at the
+// middle of the round trip, offset = ((received - sent) + (answered - returned)) / 2, and the true offset is
+// within half of the round trip of it, whatever the two delays were (NTP, RFC 5905 section 8).
 #pragma once
 
 #include <chrono>
@@ -25,8 +25,8 @@ class ClockModel {
   void add(const ClockExchange& exchange);
 
   bool ready() const { return !recent_.empty(); }
-  // Node time minus rig time, and a bound on its error that holds however the delays were split. The bound widens with
-  // the age of the best exchange by the fastest drift we allow for.
+  // Node time minus rig time, and a bound on its error that holds however the delays were split. The bound
+  // widens with the age of the best exchange by the fastest drift we allow for.
   nanoseconds offset() const;
   nanoseconds error_bound(nanoseconds rig_now) const;
 

@@ -1,15 +1,13 @@
 #include "core/frame/archive.h"
 
 #include <fcntl.h>
+#include <fmt/format.h>
+#include <google/protobuf/util/json_util.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <sstream>
-
-#include <fmt/format.h>
-#include <google/protobuf/util/json_util.h>
-
 
 #include "core/base/file.h"
 #include "core/base/status.h"
@@ -67,7 +65,9 @@ absl::StatusOr<std::unique_ptr<Archive>> Archive::create(const fs::path& directo
   if (fs::exists(directory / "header.json")) {
     GW_ASSIGN_OR_RETURN(std::unique_ptr<Archive> archive, open(directory));
     if (archive->manifest().session() != header.session()) {
-      return absl::FailedPreconditionError(fmt::format("{} holds session \"{}\", not \"{}\"", directory.string(), archive->manifest().session(), header.session()));
+      return absl::FailedPreconditionError(fmt::format("{} holds session \"{}\", not \"{}\"",
+                                                       directory.string(), archive->manifest().session(),
+                                                       header.session()));
     }
     return archive;
   }
@@ -157,10 +157,12 @@ absl::StatusOr<std::string> Archive::read_frame_bytes(const std::string& file) {
   absl::StatusOr<std::string> bytes = read_file(path);
   if (!bytes.ok()) return absl::DataLossError(bytes.status().message());
   if (bytes->size() != static_cast<size_t>(frame.size_bytes())) {
-    return absl::DataLossError(fmt::format("{} is damaged: it has {} bytes instead of {}", path.string(), bytes->size(), frame.size_bytes()));
+    return absl::DataLossError(fmt::format("{} is damaged: it has {} bytes instead of {}", path.string(),
+                                           bytes->size(), frame.size_bytes()));
   }
   if (checksum_of(*bytes) != frame.checksum()) {
-    return absl::DataLossError(fmt::format("{} is damaged: its checksum is {} instead of {}", path.string(), checksum_of(*bytes), frame.checksum()));
+    return absl::DataLossError(fmt::format("{} is damaged: its checksum is {} instead of {}", path.string(),
+                                           checksum_of(*bytes), frame.checksum()));
   }
   const std::lock_guard lock(mutex_);
   verified_.insert(file);
@@ -178,7 +180,8 @@ absl::StatusOr<std::string> Archive::read_rows(const std::string& file, int firs
     height = manifest_.camera().height_px();
   }
   if (first_row < 0 || row_count < 1 || first_row > height - row_count) {
-    return absl::InvalidArgumentError(fmt::format("rows {} to {} asked for; the frame has rows 0 to {}", first_row, first_row + row_count, height));
+    return absl::InvalidArgumentError(fmt::format("rows {} to {} asked for; the frame has rows 0 to {}",
+                                                  first_row, first_row + row_count, height));
   }
   const size_t offset = kTiffPixelOffset + static_cast<size_t>(first_row) * row_bytes;
   const size_t size = static_cast<size_t>(row_count) * row_bytes;
@@ -195,7 +198,8 @@ absl::StatusOr<std::string> Archive::read_rows(const std::string& file, int firs
   std::string rows(size, '\0');
   const ssize_t got = ::pread(fd, rows.data(), size, static_cast<off_t>(offset));
   ::close(fd);
-  if (got != static_cast<ssize_t>(size)) return absl::DataLossError(fmt::format("{} is truncated", path.string()));
+  if (got != static_cast<ssize_t>(size))
+    return absl::DataLossError(fmt::format("{} is truncated", path.string()));
   return rows;
 }
 

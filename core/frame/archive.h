@@ -7,6 +7,9 @@
 //   frames/*.tif    16-bit rgb, uncompressed TIFF, linear, pixels contiguous
 #pragma once
 
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
 #include <cstdint>
 #include <filesystem>
 #include <map>
@@ -15,9 +18,6 @@
 #include <string>
 #include <string_view>
 #include <vector>
-
-#include <absl/status/status.h>
-#include <absl/status/statusor.h>
 
 #include "core/frame/image.h"
 #include "glasswing/v1/archive.pb.h"
@@ -49,14 +49,16 @@ class Archive {
     Image16 image;
   };
   // Stores a batch; durable when it returns. A frame whose step (or, without steps, file) is already there is
-  // left as it is. Returns the records now in the archive, in the batch's order. RESOURCE_EXHAUSTED: disk full.
+  // left as it is. Returns the records now in the archive, in the batch's order. RESOURCE_EXHAUSTED: disk
+  // full.
   absl::StatusOr<std::vector<v1::Frame>> add(const std::vector<NewFrame>& frames);
 
   // Writes manifest.json.
   absl::Status seal();
 
-  // Rows [first_row, first_row + row_count) of one frame: r, g, b, 16 bit little endian. The whole file's checksum is
-  // verified the first time that a frame is read. DATA_LOSS names a file that is missing, short or altered.
+  // Rows [first_row, first_row + row_count) of one frame: r, g, b, 16 bit little endian. The whole file's
+  // checksum is verified the first time that a frame is read. DATA_LOSS names a file that is missing, short
+  // or altered.
   absl::StatusOr<std::string> read_rows(const std::string& file, int first_row, int row_count);
   // The file itself, verified.
   absl::StatusOr<std::string> read_frame_bytes(const std::string& file);
@@ -69,15 +71,15 @@ class Archive {
 
   const std::filesystem::path directory_;
   mutable std::mutex mutex_;
-  v1::CaptureManifest manifest_;            // guarded by mutex_
+  v1::CaptureManifest manifest_;              // guarded by mutex_
   std::map<std::string, int> index_of_file_;  // guarded by mutex_
-  std::set<std::string> verified_;          // guarded by mutex_
+  std::set<std::string> verified_;            // guarded by mutex_
 };
 
 // Any archive a user may bring: ours, or a directory with a manifest.json of the rendered data sets
 // ({"monitor": {name: {width, height}}, "image": {...}, "frames": [{file, object, stimulus}]}).
-// Only the manifest is read; frame files stay where they are, in whatever format. DATA_LOSS or INVALID_ARGUMENT name the file
-// and the entry at fault.
+// Only the manifest is read; frame files stay where they are, in whatever format. DATA_LOSS or
+// INVALID_ARGUMENT name the file and the entry at fault.
 absl::StatusOr<v1::CaptureManifest> read_any_manifest(const std::filesystem::path& directory);
 
 }  // namespace glasswing

@@ -16,7 +16,9 @@ struct Image {
 
   Image() = default;
   Image(int width, int height)
-      : width_px(width), height_px(height), samples(static_cast<size_t>(width) * static_cast<size_t>(height) * 3) {}
+      : width_px(width),
+        height_px(height),
+        samples(static_cast<size_t>(width) * static_cast<size_t>(height) * 3) {}
 
   bool empty() const { return samples.empty(); }
   size_t index(int x, int y, int channel) const {
@@ -35,6 +37,8 @@ inline std::uint16_t code16_of(float radiance) {
   const float clamped = radiance > 0.0f ? (radiance < 1.0f ? radiance : 1.0f) : 0.0f;  // NaN is 0
   return static_cast<std::uint16_t>(clamped * 65535.0f + 0.5f);
 }
-inline float radiance_of(std::uint16_t code) { return static_cast<float>(code) / 65535.0f; }
+inline float radiance_of(std::uint16_t code) {
+  return static_cast<float>(code) / 65535.0f;
+}
 
 }  // namespace glasswing

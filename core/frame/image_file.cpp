@@ -1,10 +1,5 @@
 #include "core/frame/image_file.h"
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <cstring>
-
 #include <ImathBox.h>
 #include <OpenEXR/ImfArray.h>
 #include <OpenEXR/ImfChannelList.h>
@@ -14,6 +9,11 @@
 #include <OpenEXR/ImfRgbaFile.h>
 #include <fmt/format.h>
 #include <zlib.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -28,7 +28,8 @@ namespace fs = std::filesystem;
 
 std::string suffix_of(const fs::path& path) {
   std::string suffix = path.extension().string();
-  std::transform(suffix.begin(), suffix.end(), suffix.begin(), [](char c) { return static_cast<char>(std::tolower(c)); });
+  std::transform(suffix.begin(), suffix.end(), suffix.begin(),
+                 [](char c) { return static_cast<char>(std::tolower(c)); });
   return suffix;
 }
 
@@ -62,7 +63,9 @@ absl::Status check_png(std::string_view bytes) {
   return absl::DataLossError("the PNG is truncated");
 }
 
-bool is_png(std::string_view bytes) { return bytes.substr(0, 8) == "\x89PNG\r\n\x1a\n"; }
+bool is_png(std::string_view bytes) {
+  return bytes.substr(0, 8) == "\x89PNG\r\n\x1a\n";
+}
 
 // Three channels in OpenCV's b, g, r order; 8, 16 bit or float.
 absl::StatusOr<cv::Mat> decode_any(std::string_view bytes) {
@@ -87,8 +90,9 @@ absl::StatusOr<Image16> image16_of(const cv::Mat& mat) {
   for (int y = 0; y < mat.rows; ++y) {
     for (int x = 0; x < mat.cols; ++x) {
       for (int c = 0; c < 3; ++c) {
-        image.at(x, y, c) = mat.depth() == CV_16U ? mat.at<cv::Vec3w>(y, x)[2 - c]
-                                                  : static_cast<std::uint16_t>(mat.at<cv::Vec3b>(y, x)[2 - c] * 257);
+        image.at(x, y, c) = mat.depth() == CV_16U
+                                ? mat.at<cv::Vec3w>(y, x)[2 - c]
+                                : static_cast<std::uint16_t>(mat.at<cv::Vec3b>(y, x)[2 - c] * 257);
       }
     }
   }
@@ -119,7 +123,8 @@ absl::StatusOr<RadianceImage> read_exr(const fs::path& path) {
       }
     }
     for (const float sample : image.samples) {
-      if (!std::isfinite(sample)) return absl::DataLossError(path.string() + ": it holds values that are not finite");
+      if (!std::isfinite(sample))
+        return absl::DataLossError(path.string() + ": it holds values that are not finite");
     }
     return image;
   } catch (const std::exception& error) {
@@ -203,7 +208,8 @@ absl::Status write_radiance(const fs::path& path, const RadianceImage& image, En
       for (int y = 0; y < image.height_px; ++y) {
         for (int x = 0; x < image.width_px; ++x) {
           for (int c = 0; c < 3; ++c) {
-            mat.at<cv::Vec3b>(y, x)[2 - c] = cv::saturate_cast<uchar>(srgb_of_linear(image.at(x, y, c)) * 255.0f);
+            mat.at<cv::Vec3b>(y, x)[2 - c] =
+                cv::saturate_cast<uchar>(srgb_of_linear(image.at(x, y, c)) * 255.0f);
           }
         }
       }
@@ -218,7 +224,8 @@ absl::Status write_radiance(const fs::path& path, const RadianceImage& image, En
 
 absl::StatusOr<Image16> read_frame_file(const fs::path& path) {
   absl::StatusOr<std::string> bytes = read_file(path);
-  if (absl::IsNotFound(bytes.status())) return absl::DataLossError(fmt::format("{}: the frame is missing", path.string()));
+  if (absl::IsNotFound(bytes.status()))
+    return absl::DataLossError(fmt::format("{}: the frame is missing", path.string()));
   GW_RETURN_IF_ERROR(bytes.status());
   if (absl::StatusOr<Image16> own = decode_tiff(*bytes); own.ok()) return own;
   const absl::StatusOr<cv::Mat> mat = decode_any(*bytes);

@@ -1,12 +1,12 @@
 // Picture files. What cannot be read or written is one error with the path; OpenCV stays inside.
 #pragma once
 
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
 #include <filesystem>
 #include <string>
 #include <string_view>
-
-#include <absl/status/status.h>
-#include <absl/status/statusor.h>
 
 #include "core/frame/image.h"
 
@@ -21,8 +21,8 @@ enum class Encoding {
 // DATA_LOSS names a file that is damaged or no picture; NOT_FOUND one that is missing.
 absl::StatusOr<RadianceImage> read_radiance(const std::filesystem::path& path, Encoding encoding);
 
-// Linear radiance to .exr (float32, ZIP), .png (8 bit sRGB, or 16 bit linear) or .tif/.tiff (16 bit likewise),
-// by the path's suffix. INVALID_ARGUMENT for another suffix.
+// Linear radiance to .exr (float32, ZIP), .png (8 bit sRGB, or 16 bit linear) or .tif/.tiff (16 bit
+// likewise), by the path's suffix. INVALID_ARGUMENT for another suffix.
 absl::Status write_radiance(const std::filesystem::path& path, const RadianceImage& image, Encoding encoding);
 
 // 16-bit linear frames of any file OpenCV decodes losslessly (PNG, TIFF); 8-bit ones are scaled by 257.

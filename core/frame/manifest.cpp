@@ -1,7 +1,7 @@
 // Manifests that users bring: ours as they are, others translated entry by entry.
+#include <fmt/format.h>
 #include <google/protobuf/util/json_util.h>
 
-#include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include "core/base/file.h"
@@ -43,7 +43,8 @@ absl::StatusOr<v1::Stimulus> stimulus_of(const Json& entry, const std::string& w
 absl::StatusOr<v1::CaptureManifest> translate(const Json& json, const std::filesystem::path& path) {
   v1::CaptureManifest manifest;
   manifest.set_format_version(1);
-  if (json.contains("scene") && json["scene"].is_string()) manifest.set_scene(json["scene"].get<std::string>());
+  if (json.contains("scene") && json["scene"].is_string())
+    manifest.set_scene(json["scene"].get<std::string>());
   if (!json.contains("monitor") || !json["monitor"].is_object() || json["monitor"].empty()) {
     return bad(path, "it has no monitor: {\"name\": {\"width\": ..., \"height\": ...}}");
   }
@@ -82,7 +83,8 @@ absl::StatusOr<v1::CaptureManifest> translate(const Json& json, const std::files
     frame.set_step(-1);
     frame.set_proof(v1::PROOF_IMPORTED);
     const Json stimulus = entry.value("stimulus", Json());
-    GW_ASSIGN_OR_RETURN(*frame.mutable_stimulus(), stimulus_of(stimulus, where + " (" + frame.file() + ")", path));
+    GW_ASSIGN_OR_RETURN(*frame.mutable_stimulus(),
+                        stimulus_of(stimulus, where + " (" + frame.file() + ")", path));
   }
   return manifest;
 }
@@ -131,7 +133,8 @@ absl::StatusOr<v1::CaptureManifest> read_any_manifest(const std::filesystem::pat
       google::protobuf::util::JsonParseOptions options;
       options.ignore_unknown_fields = true;
       const auto status = google::protobuf::util::JsonStringToMessage(text, &manifest, options);
-      if (!status.ok()) return absl::DataLossError(fmt::format("{}: {}", path.string(), std::string(status.message())));
+      if (!status.ok())
+        return absl::DataLossError(fmt::format("{}: {}", path.string(), std::string(status.message())));
     } else {
       GW_ASSIGN_OR_RETURN(manifest, translate(json, path));
     }

@@ -1,11 +1,10 @@
-// The frames' own file format, written so that rows can be read in place: a fixed header of kTiffPixelOffset bytes,
-// then every pixel (TIFF 6.0, baseline rgb, 16 bit, one strip, little endian).
+// The frames' own file format, written so that rows can be read in place: a fixed header of kTiffPixelOffset
+// bytes, then every pixel (TIFF 6.0, baseline rgb, 16 bit, one strip, little endian).
+#include <fmt/format.h>
+
 #include <array>
 #include <bit>
 #include <cstring>
-
-
-#include <fmt/format.h>
 
 #include "core/frame/archive.h"
 

@@ -1,17 +1,17 @@
 #include "core/matte/compositor.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <numbers>
 #include <thread>
 
-#include <fmt/format.h>
-
 namespace glasswing {
 namespace {
 
-constexpr double kReach = 6.0;          // sigmas; beyond them lies 2e-9 of a Gaussian
+constexpr double kReach = 6.0;           // sigmas; beyond them lies 2e-9 of a Gaussian
 constexpr double kPointSigma_px = 1e-4;  // narrower than this is a point (or a line)
 
 // Nodes and weights of the 4-point Gauss-Legendre rule on [-1, 1].
@@ -72,7 +72,8 @@ double integrate_footprint(const Mode& mode, const RadianceImage& texture, int c
   const double sigma_u = std::sqrt(std::max(uu - slope * uv, 0.0));
   const int first = std::clamp(static_cast<int>(std::floor(v0 - kReach * sigma_v)), 0, view.height());
   const int last = std::clamp(static_cast<int>(std::ceil(v0 + kReach * sigma_v)), 0, view.height());
-  // Panels no wider than half of sigma_v; as the mean slides along u, none slides further than sigma_u or so either.
+  // Panels no wider than half of sigma_v; as the mean slides along u, none slides further than sigma_u or so
+  // either.
   const double slide = std::abs(slope) / std::max(sigma_u, 0.02);
   const double finest = std::max({1.0, 2.0 / sigma_v, std::min(slide, 50.0)});
   double sum = 0.0;
@@ -100,9 +101,9 @@ absl::StatusOr<RadianceImage> composite(const Matte& matte, const std::vector<Ra
     const RadianceImage& background = backgrounds[static_cast<size_t>(t)];
     if (background.empty()) continue;
     if (background.width_px != monitors[t].width_px() || background.height_px != monitors[t].height_px()) {
-      return absl::InvalidArgumentError(fmt::format("the background of monitor \"{}\" is {}x{}; it must be {}x{}",
-                                                    monitors[t].name(), background.width_px, background.height_px,
-                                                    monitors[t].width_px(), monitors[t].height_px()));
+      return absl::InvalidArgumentError(fmt::format(
+          "the background of monitor \"{}\" is {}x{}; it must be {}x{}", monitors[t].name(),
+          background.width_px, background.height_px, monitors[t].width_px(), monitors[t].height_px()));
     }
   }
   RadianceImage out(matte.width_px(), matte.height_px());

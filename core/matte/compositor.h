@@ -3,14 +3,14 @@
 //   C = F + sum_i R_i \int_monitor G(x; c_i, Sigma_i) T(x) dx         (Chuang et al. 2000, eq. 12)
 //
 // with T constant on each flat monitor pixel and zero beyond the monitor's edge. Along x the Gaussian,
-// conditioned on y, is integrated in closed form (differences of erf); along y by Gauss-Legendre panels no wider
-// than a pixel or half the footprint's sigma.
+// conditioned on y, is integrated in closed form (differences of erf); along y by Gauss-Legendre panels no
+// wider than a pixel or half the footprint's sigma.
 #pragma once
+
+#include <absl/status/statusor.h>
 
 #include <functional>
 #include <vector>
-
-#include <absl/status/statusor.h>
 
 #include "core/frame/image.h"
 #include "core/matte/matte.h"
@@ -18,14 +18,15 @@
 namespace glasswing {
 
 // `backgrounds[t]` is the picture on texture t, of exactly that monitor's size; an empty one is black.
-// Linear radiance in, linear radiance out (unclamped). Rows are shared among `thread_count` threads (0: all cores);
-// the result does not depend on their number. `progress`, if set, is called with the fraction done.
+// Linear radiance in, linear radiance out (unclamped). Rows are shared among `thread_count` threads (0: all
+// cores); the result does not depend on their number. `progress`, if set, is called with the fraction done.
 // INVALID_ARGUMENT: a background's size is not its monitor's.
 absl::StatusOr<RadianceImage> composite(const Matte& matte, const std::vector<RadianceImage>& backgrounds,
                                         int thread_count = 0,
                                         const std::function<void(double)>& progress = nullptr);
 
-// \int G over the flat pixels of `texture`, one channel; the integral of a single footprint. Exposed for tests.
+// \int G over the flat pixels of `texture`, one channel; the integral of a single footprint. Exposed for
+// tests.
 double integrate_footprint(const Mode& mode, const RadianceImage& texture, int channel);
 
 }  // namespace glasswing

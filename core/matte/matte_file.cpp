@@ -1,9 +1,5 @@
 #include "core/matte/matte_file.h"
 
-#include <algorithm>
-#include <cmath>
-#include <cstring>
-
 #include <ImathBox.h>
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfFrameBuffer.h>
@@ -18,6 +14,10 @@
 #include <fmt/format.h>
 #include <google/protobuf/util/json_util.h>
 
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
 #include "core/base/file.h"
 #include "core/base/status.h"
 
@@ -28,8 +28,10 @@ constexpr const char* kMetadata = "glasswing";
 constexpr const char* kConventions = "glasswing:conventions";
 constexpr const char* kChecksum = "glasswing:checksum";
 constexpr const char* kConventionsText =
-    "C = F + sum R integral G(x; c, S) T(x) dx per channel, linear light. Monitor px: origin at the outer corner of "
-    "the top-left pixel, x right, y down, pixel centres at +0.5. S = [xx xy; xy yy] in px^2. texture counts the "
+    "C = F + sum R integral G(x; c, S) T(x) dx per channel, linear light. Monitor px: origin at the outer "
+    "corner of "
+    "the top-left pixel, x right, y down, pixel centres at +0.5. S = [xx xy; xy yy] in px^2. texture counts "
+    "the "
     "monitors listed in the attribute \"glasswing\".";
 constexpr std::array<const char*, 3> kColours{"R", "G", "B"};
 
@@ -114,18 +116,19 @@ std::vector<Part> parts_of(const Matte& matte) {
   preview.planes.push_back(plane_of(matte, "A", [&](int x, int y) { return matte.coverage(x, y); }));
   Part& foreground = parts.emplace_back(Part{"foreground", {}});
   for (size_t c = 0; c < 3; ++c) {
-    foreground.planes.push_back(
-        plane_of(matte, fmt::format("F.{}", kColours[c]), [&](int x, int y) { return matte.foreground(x, y)[c]; }));
+    foreground.planes.push_back(plane_of(matte, fmt::format("F.{}", kColours[c]),
+                                         [&](int x, int y) { return matte.foreground(x, y)[c]; }));
   }
-  foreground.planes.push_back(plane_of(matte, "coverage", [&](int x, int y) { return matte.coverage(x, y); }));
+  foreground.planes.push_back(
+      plane_of(matte, "coverage", [&](int x, int y) { return matte.coverage(x, y); }));
   foreground.planes.push_back(
       plane_of(matte, "flags", [&](int x, int y) { return static_cast<float>(matte.flags(x, y)); }));
   for (int m = 0; m < matte.modes_per_channel(); ++m) {
     Part& part = parts.emplace_back(Part{fmt::format("mode{}", m + 1), {}});
     for (const ModeLayer& layer : kModeLayers) {
       for (int c = 0; c < 3; ++c) {
-        part.planes.push_back(
-            plane_of(matte, fmt::format("{}.{}", layer.name, kColours[static_cast<size_t>(c)]), [&](int x, int y) {
+        part.planes.push_back(plane_of(
+            matte, fmt::format("{}.{}", layer.name, kColours[static_cast<size_t>(c)]), [&](int x, int y) {
               const Mode& mode = matte.modes(x, y, c)[static_cast<size_t>(m)];
               return layer.member != nullptr ? mode.*layer.member : static_cast<float>(mode.texture);
             }));
@@ -176,11 +179,12 @@ absl::Status check(const Matte& matte) {
           for (const ModeLayer& layer : kModeLayers) {
             good = good && (layer.member == nullptr || std::isfinite(mode.*layer.member));
           }
-          good = good && mode.weight >= 0.0f && mode.xx_px2 >= 0.0f && mode.yy_px2 >= 0.0f && mode.texture >= 0 &&
-                 mode.texture < matte.metadata.monitors_size();
+          good = good && mode.weight >= 0.0f && mode.xx_px2 >= 0.0f && mode.yy_px2 >= 0.0f &&
+                 mode.texture >= 0 && mode.texture < matte.metadata.monitors_size();
         }
       }
-      if (!good) return absl::DataLossError(fmt::format("pixel ({}, {}) holds values that no matte has", x, y));
+      if (!good)
+        return absl::DataLossError(fmt::format("pixel ({}, {}) holds values that no matte has", x, y));
     }
   }
   return absl::OkStatus();
@@ -210,7 +214,8 @@ const Plane& plane_named(const Part& part, const std::string& name) {
 
 Matte matte_of(const std::vector<Part>& parts, const Imath::Box2i& window) {
   const int width = window.max.x - window.min.x + 1;
-  Matte matte(window.min.x, window.min.y, width, window.max.y - window.min.y + 1, static_cast<int>(parts.size()) - 2);
+  Matte matte(window.min.x, window.min.y, width, window.max.y - window.min.y + 1,
+              static_cast<int>(parts.size()) - 2);
   const auto fill = [&](const Part& part, const std::string& name, const auto& set) {
     const Plane& plane = plane_named(part, name);
     for (size_t i = 0; i < plane.values.size(); ++i) {
@@ -219,7 +224,8 @@ Matte matte_of(const std::vector<Part>& parts, const Imath::Box2i& window) {
   };
   fill(parts[1], "coverage", [&](int x, int y, float value) { matte.coverage(x, y) = value; });
   fill(parts[1], "flags", [&](int x, int y, float value) {
-        matte.flags(x, y) = value >= 0.0f && value <= 255.0f ? static_cast<std::uint8_t>(value) : std::uint8_t{kFlagNoData};
+    matte.flags(x, y) =
+        value >= 0.0f && value <= 255.0f ? static_cast<std::uint8_t>(value) : std::uint8_t{kFlagNoData};
   });
   for (int c = 0; c < 3; ++c) {
     const std::string colour = kColours[static_cast<size_t>(c)];
@@ -227,14 +233,15 @@ Matte matte_of(const std::vector<Part>& parts, const Imath::Box2i& window) {
          [&](int x, int y, float value) { matte.foreground(x, y)[static_cast<size_t>(c)] = value; });
     for (int m = 0; m < matte.modes_per_channel(); ++m) {
       for (const ModeLayer& layer : kModeLayers) {
-        fill(parts[static_cast<size_t>(m) + 2], fmt::format("{}.{}", layer.name, colour), [&](int x, int y, float value) {
-          Mode& mode = matte.modes(x, y, c)[static_cast<size_t>(m)];
-          if (layer.member != nullptr) {
-            mode.*layer.member = value;
-          } else {
-            mode.texture = value >= 0.0f && value < 1024.0f ? static_cast<std::int32_t>(value) : -1;
-          }
-        });
+        fill(parts[static_cast<size_t>(m) + 2], fmt::format("{}.{}", layer.name, colour),
+             [&](int x, int y, float value) {
+               Mode& mode = matte.modes(x, y, c)[static_cast<size_t>(m)];
+               if (layer.member != nullptr) {
+                 mode.*layer.member = value;
+               } else {
+                 mode.texture = value >= 0.0f && value < 1024.0f ? static_cast<std::int32_t>(value) : -1;
+               }
+             });
       }
     }
   }
@@ -248,7 +255,8 @@ absl::StatusOr<std::string> encode_matte(const Matte& matte) {
     std::vector<Part> parts = parts_of(matte);
     // EXR lists layers by name, so the checksum is taken in that order.
     for (Part& part : parts) {
-      std::sort(part.planes.begin(), part.planes.end(), [](const Plane& a, const Plane& b) { return a.name < b.name; });
+      std::sort(part.planes.begin(), part.planes.end(),
+                [](const Plane& a, const Plane& b) { return a.name < b.name; });
     }
     const std::string metadata = json_of(matte.metadata);
     const Imath::Box2i window({matte.x0_px(), matte.y0_px()},
@@ -286,13 +294,15 @@ absl::StatusOr<Matte> decode_matte(std::string_view bytes) {
   try {
     MemoryReader reader(bytes);
     Imf::MultiPartInputFile file(reader, 1, false);
-    if (file.parts() < 3 || file.parts() > 2 + kMaxModes) return absl::DataLossError("it has not the parts of a matte");
+    if (file.parts() < 3 || file.parts() > 2 + kMaxModes)
+      return absl::DataLossError("it has not the parts of a matte");
     const auto* metadata = file.header(0).findTypedAttribute<Imf::StringAttribute>(kMetadata);
     const auto* checksum = file.header(0).findTypedAttribute<Imf::StringAttribute>(kChecksum);
     if (metadata == nullptr || checksum == nullptr) return absl::DataLossError("it is no matte of ours");
     const Imath::Box2i window = file.header(0).dataWindow();
     constexpr int kMaxSide = 16384;
-    if (window.isEmpty() || window.max.x - window.min.x >= kMaxSide || window.max.y - window.min.y >= kMaxSide) {
+    if (window.isEmpty() || window.max.x - window.min.x >= kMaxSide ||
+        window.max.y - window.min.y >= kMaxSide) {
       return absl::DataLossError("its size is out of range");
     }
     std::vector<Part> parts;
@@ -356,7 +366,8 @@ absl::StatusOr<Matte> assemble(const std::vector<Matte>& tiles) {
     }
   }
   for (size_t y = 0; y < covered.size(); ++y) {
-    if (covered[y] < whole.width_px()) return absl::DataLossError(fmt::format("no tile covers row {} whole", y));
+    if (covered[y] < whole.width_px())
+      return absl::DataLossError(fmt::format("no tile covers row {} whole", y));
   }
   return whole;
 }

@@ -1,13 +1,13 @@
 // A matte's file: multi-part OpenEXR, float32, ZIP. docs/matte.md lists the parts and layers.
 #pragma once
 
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
 #include <filesystem>
 #include <string>
 #include <string_view>
 #include <vector>
-
-#include <absl/status/status.h>
-#include <absl/status/statusor.h>
 
 #include "core/matte/matte.h"
 

@@ -1,9 +1,9 @@
 #include "core/pattern/pattern.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <numbers>
-
-#include <fmt/format.h>
 
 namespace glasswing {
 namespace {
@@ -26,13 +26,15 @@ absl::StatusOr<Pattern> Pattern::create(const v1::Stimulus& stimulus, MonitorSiz
     return bad("colour", fmt::format("{} numbers", stimulus.colour_size()), "3: red, green, blue");
   }
   for (int i = 0; i < stimulus.colour_size(); ++i) {
-    if (!(stimulus.colour(i) >= 0.0 && stimulus.colour(i) <= 1.0)) return bad("colour", stimulus.colour(i), "in [0, 1]");
+    if (!(stimulus.colour(i) >= 0.0 && stimulus.colour(i) <= 1.0))
+      return bad("colour", stimulus.colour(i), "in [0, 1]");
     colour[static_cast<size_t>(i)] = static_cast<float>(stimulus.colour(i));
   }
   if (stimulus.kind() == "solid") return Pattern(Solid{}, colour, size);
   if (stimulus.kind() == "ramp") return Pattern(Ramp{}, colour, size);
   if (stimulus.kind() == "gauss_stripe") {
-    if (!(stimulus.sigma_px() > 0.0) || !std::isfinite(stimulus.sigma_px())) return bad("sigma_px", stimulus.sigma_px(), "> 0");
+    if (!(stimulus.sigma_px() > 0.0) || !std::isfinite(stimulus.sigma_px()))
+      return bad("sigma_px", stimulus.sigma_px(), "> 0");
     if (!(stimulus.peak() > 0.0 && stimulus.peak() <= 1.0)) return bad("peak", stimulus.peak(), "in (0, 1]");
     if (!std::isfinite(stimulus.phi_deg())) return bad("phi_deg", stimulus.phi_deg(), "finite");
     if (!std::isfinite(stimulus.r_px())) return bad("r_px", stimulus.r_px(), "finite");
@@ -67,7 +69,8 @@ Colour Pattern::radiance(double x_px, double y_px) const {
   return std::visit(
       Overloaded{[&](const Solid&) { return colour_; },
                  [&](const Stripe& stripe) {
-                   const double z = (x_px * stripe.cos_phi + y_px * stripe.sin_phi - stripe.r_px) / stripe.sigma_px;
+                   const double z =
+                       (x_px * stripe.cos_phi + y_px * stripe.sin_phi - stripe.r_px) / stripe.sigma_px;
                    return scaled(std::exp(-0.5 * z * z));
                  },
                  [&](const Square& square) {

@@ -9,11 +9,11 @@
 // Monitor coordinates: px, origin at the outer corner of the top-left pixel, y down, centres at +0.5.
 #pragma once
 
-#include <array>
-#include <variant>
-
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
+
+#include <array>
+#include <variant>
 
 #include "core/frame/image.h"
 #include "glasswing/v1/stimulus.pb.h"

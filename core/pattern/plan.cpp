@@ -1,14 +1,14 @@
 #include "core/pattern/plan.h"
 
+#include <fmt/format.h>
+#include <google/protobuf/io/tokenizer.h>
+#include <google/protobuf/text_format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <optional>
 #include <set>
-
-#include <fmt/format.h>
-#include <google/protobuf/io/tokenizer.h>
-#include <google/protobuf/text_format.h>
 
 #include "core/base/file.h"
 #include "core/base/name.h"
@@ -20,7 +20,8 @@ namespace {
 using google::protobuf::TextFormat;
 constexpr int kMaxSteps = 20000;
 
-// Where a message of the plan stands, so that a complaint can name the line (from a file) or the path (from the wire).
+// Where a message of the plan stands, so that a complaint can name the line (from a file) or the path (from
+// the wire).
 class Place {
  public:
   Place(std::string file_name, const TextFormat::ParseInfoTree* tree, std::string path)
@@ -29,26 +30,30 @@ class Place {
   Place nested(const google::protobuf::Message& parent, const std::string& field, int index) const {
     const auto* descriptor = parent.GetDescriptor()->FindFieldByName(field);
     const TextFormat::ParseInfoTree* tree =
-        tree_ == nullptr ? nullptr : tree_->GetTreeForNested(descriptor, descriptor->is_repeated() ? index : -1);
+        tree_ == nullptr ? nullptr
+                         : tree_->GetTreeForNested(descriptor, descriptor->is_repeated() ? index : -1);
     const std::string name = descriptor->is_repeated() ? fmt::format("{}[{}].", field, index) : field + ".";
     return {file_name_, tree, path_ + name};
   }
 
   // "plan.txtpb:12: sigma_px is 0; it must be in (0, 200]"
   template <typename Value>
-  absl::Status bad(const google::protobuf::Message& message, const std::string& field, int index, const Value& value,
-                   const std::string& accepted) const {
+  absl::Status bad(const google::protobuf::Message& message, const std::string& field, int index,
+                   const Value& value, const std::string& accepted) const {
     const auto* descriptor = message.GetDescriptor()->FindFieldByName(field);
     std::string where = path_;
     if (!file_name_.empty()) {
       where = file_name_ + ":";
       if (tree_ != nullptr) {
-        const auto location = tree_->GetLocation(descriptor, descriptor->is_repeated() ? index : -1);
+        auto location = tree_->GetLocation(descriptor, descriptor->is_repeated() ? index : -1);
+        // Of a list in brackets only the first value has a place.
+        if (location.line < 0 && descriptor->is_repeated()) location = tree_->GetLocation(descriptor, 0);
         if (location.line >= 0) where += fmt::format("{}:", location.line + 1);
       }
       where += " ";
     }
-    return absl::InvalidArgumentError(fmt::format("{}{} is {}; it must be {}", where, field, value, accepted));
+    return absl::InvalidArgumentError(
+        fmt::format("{}{} is {}; it must be {}", where, field, value, accepted));
   }
 
  private:
@@ -65,13 +70,18 @@ class FirstError : public google::protobuf::io::ErrorCollector {
   std::string text;
 };
 
-bool within(double value, double low, double high) { return value >= low && value <= high; }  // NaN is not
+bool within(double value, double low, double high) {
+  return value >= low && value <= high;
+}  // NaN is not
 
 template <typename Message>
 absl::Status check_colour(const Message& message, const Place& place) {
-  if (message.colour_size() != 3) return place.bad(message, "colour", 0, fmt::format("{} numbers", message.colour_size()), "3: red, green, blue");
+  if (message.colour_size() != 3)
+    return place.bad(message, "colour", 0, fmt::format("{} numbers", message.colour_size()),
+                     "3: red, green, blue");
   for (int i = 0; i < 3; ++i) {
-    if (!within(message.colour(i), 0.0, 1.0)) return place.bad(message, "colour", i, message.colour(i), "in [0, 1]");
+    if (!within(message.colour(i), 0.0, 1.0))
+      return place.bad(message, "colour", i, message.colour(i), "in [0, 1]");
   }
   return absl::OkStatus();
 }
@@ -143,7 +153,8 @@ absl::Status check(const v1::Plan& plan, const Place& place) {
   }
   if (plan.sweeps().empty() && plan.solids().empty() && !plan.has_square_waves() && !plan.has_ramp() &&
       plan.photos().empty()) {
-    return place.bad(plan, "sweeps", 0, "empty, and so is everything else", "at least one sweep, solid, ramp or photo");
+    return place.bad(plan, "sweeps", 0, "empty, and so is everything else",
+                     "at least one sweep, solid, ramp or photo");
   }
   return absl::OkStatus();
 }
@@ -155,7 +166,8 @@ v1::Stimulus stimulus_on(const std::string& panel, const std::string& kind) {
   return stimulus;
 }
 
-// Crests k * step for every whole k whose stripe is within the margin of the monitor's extent along the sweep.
+// Crests k * step for every whole k whose stripe is within the margin of the monitor's extent along the
+// sweep.
 void add_sweep(const v1::Sweep& sweep, const v1::Monitor& monitor, std::vector<v1::Stimulus>& out) {
   const double phi_rad = sweep.orientation_deg() * std::numbers::pi / 180.0;
   const double across_px = monitor.width_px() * std::cos(phi_rad);
@@ -166,7 +178,8 @@ void add_sweep(const v1::Sweep& sweep, const v1::Monitor& monitor, std::vector<v
   const double high_px = std::max(across_px, 0.0) + std::max(down_px, 0.0) + margin_px;
   // A crest exactly on the margin must not depend on how cos(90 deg) rounds.
   constexpr double kSlack = 1e-9;
-  for (double k = std::ceil(low_px / step_px - kSlack); k <= std::floor(high_px / step_px + kSlack); k += 1.0) {
+  for (double k = std::ceil(low_px / step_px - kSlack); k <= std::floor(high_px / step_px + kSlack);
+       k += 1.0) {
     v1::Stimulus stripe = stimulus_on(monitor.name(), "gauss_stripe");
     stripe.set_phi_deg(sweep.orientation_deg());
     stripe.set_r_px(k * step_px);
@@ -178,7 +191,8 @@ void add_sweep(const v1::Sweep& sweep, const v1::Monitor& monitor, std::vector<v
   }
 }
 
-void add_square_waves(const v1::SquareWaves& waves, const v1::Monitor& monitor, std::vector<v1::Stimulus>& out) {
+void add_square_waves(const v1::SquareWaves& waves, const v1::Monitor& monitor,
+                      std::vector<v1::Stimulus>& out) {
   double period_px = 1.0;
   while (period_px < std::max(monitor.width_px(), monitor.height_px())) period_px *= 2.0;
   for (const char* orient : {"vertical_bars", "horizontal_bars"}) {
@@ -234,18 +248,23 @@ absl::StatusOr<v1::Plan> read_plan(const std::filesystem::path& path) {
   return parse_plan(text, path.string());
 }
 
-absl::Status check_plan(const v1::Plan& plan) { return check(plan, Place("", nullptr, "plan.")); }
+absl::Status check_plan(const v1::Plan& plan) {
+  return check(plan, Place("", nullptr, "plan."));
+}
 
 int hold_refreshes_of(const v1::Plan& plan) {
   return plan.has_hold_refreshes() ? plan.hold_refreshes() : kDefaultHoldRefreshes;
 }
 
-int retries_of(const v1::Plan& plan) { return plan.has_retries() ? plan.retries() : kDefaultRetries; }
+int retries_of(const v1::Plan& plan) {
+  return plan.has_retries() ? plan.retries() : kDefaultRetries;
+}
 
 absl::StatusOr<std::vector<Step>> expand(const v1::Plan& plan, const std::vector<v1::Monitor>& rig) {
   std::vector<v1::Monitor> used;
   for (const v1::PlanMonitor& wanted : plan.monitors()) {
-    const auto found = std::find_if(rig.begin(), rig.end(), [&](const v1::Monitor& m) { return m.name() == wanted.name(); });
+    const auto found =
+        std::find_if(rig.begin(), rig.end(), [&](const v1::Monitor& m) { return m.name() == wanted.name(); });
     if (found == rig.end()) {
       std::string names;
       for (const v1::Monitor& monitor : rig) names += (names.empty() ? "" : ", ") + monitor.name();
@@ -277,7 +296,8 @@ absl::StatusOr<std::vector<Step>> expand(const v1::Plan& plan, const std::vector
       if (!object) break;
       v1::Stimulus stimulus = stimulus_on(used.front().name(), "photo");
       stimulus.set_image(photo.file());
-      stimulus.set_name(photo.name().empty() ? std::filesystem::path(photo.file()).stem().string() : photo.name());
+      stimulus.set_name(photo.name().empty() ? std::filesystem::path(photo.file()).stem().string()
+                                             : photo.name());
       stimulus.set_reference(true);
       stimuli.push_back(std::move(stimulus));
     }

@@ -2,13 +2,13 @@
 // ordered list of steps that a session shows.
 #pragma once
 
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
 #include <filesystem>
 #include <string>
 #include <string_view>
 #include <vector>
-
-#include <absl/status/status.h>
-#include <absl/status/statusor.h>
 
 #include "glasswing/v1/archive.pb.h"
 #include "glasswing/v1/plan.pb.h"
@@ -34,8 +34,9 @@ struct Step {
   v1::Stimulus stimulus;  // on its panel; the other monitors are black
 };
 
-// All steps, those without the object first, then by exposure. `rig` is every monitor there is; the plan picks from it.
-// INVALID_ARGUMENT: a monitor that the rig lacks, of another size, or a program past 20000 steps.
+// All steps, those without the object first, then by exposure. `rig` is every monitor there is; the plan
+// picks from it. INVALID_ARGUMENT: a monitor that the rig lacks, of another size, or a program past 20000
+// steps.
 absl::StatusOr<std::vector<Step>> expand(const v1::Plan& plan, const std::vector<v1::Monitor>& rig);
 
 // Defaults filled in.

@@ -1,8 +1,8 @@
 #include "core/service/registration.h"
 
-#include <chrono>
-
 #include <spdlog/spdlog.h>
+
+#include <chrono>
 
 #include "core/service/service.h"
 

@@ -1,12 +1,12 @@
 #include "core/service/service.h"
 
-#include <csignal>
-
 #include <fmt/format.h>
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <grpcpp/health_check_service_interface.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
+
+#include <csignal>
 
 #include "core/base/time.h"
 #include "glasswing/v1/clock_service.grpc.pb.h"
@@ -89,9 +89,10 @@ absl::StatusOr<std::unique_ptr<ServiceHost>> ServiceHost::start(const ListenOpti
                                                                 const std::vector<grpc::Service*>& services) {
   const std::string host = host_of(options.address);
   if (!is_loopback(host)) {
-    return absl::InvalidArgumentError(
-        fmt::format("--listen is {}; it must be a loopback address (127.0.0.1:PORT): other machines need TLS, "
-                    "which this version does not have", options.address));
+    return absl::InvalidArgumentError(fmt::format(
+        "--listen is {}; it must be a loopback address (127.0.0.1:PORT): other machines need TLS, "
+        "which this version does not have",
+        options.address));
   }
   std::unique_ptr<ServiceHost> self(new ServiceHost);
   self->clock_ = std::make_unique<MonotonicClockService>();
@@ -117,7 +118,9 @@ absl::StatusOr<std::unique_ptr<ServiceHost>> ServiceHost::start(const ListenOpti
   return self;
 }
 
-ServiceHost::~ServiceHost() { stop(std::chrono::milliseconds(0)); }
+ServiceHost::~ServiceHost() {
+  stop(std::chrono::milliseconds(0));
+}
 
 void ServiceHost::stop(std::chrono::milliseconds grace) {
   if (server_ == nullptr) return;

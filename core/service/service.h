@@ -1,14 +1,14 @@
 // What every daemon does alike: logs, a gRPC server with health and limits, and an orderly end.
 #pragma once
 
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+#include <grpcpp/grpcpp.h>
+
 #include <chrono>
 #include <memory>
 #include <string>
 #include <vector>
-
-#include <absl/status/status.h>
-#include <absl/status/statusor.h>
-#include <grpcpp/grpcpp.h>
 
 namespace glasswing {
 
@@ -35,8 +35,8 @@ struct ListenOptions {
   bool reflection = false;
 };
 
-// A listening gRPC server with standard health (SERVING), the ClockService and message limits. Borrowed services
-// must outlive it.
+// A listening gRPC server with standard health (SERVING), the ClockService and message limits. Borrowed
+// services must outlive it.
 class ServiceHost {
  public:
   // INVALID_ARGUMENT: the address is not loopback (that needs TLS, which this version does not have);

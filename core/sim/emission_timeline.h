@@ -2,10 +2,10 @@
 // other: row y of H shows it from scanout_start + y/H * scanout + lag until the next picture's row y.
 #pragma once
 
+#include <condition_variable>
 #include <deque>
 #include <memory>
 #include <mutex>
-#include <condition_variable>
 #include <optional>
 #include <string>
 #include <vector>
@@ -28,7 +28,8 @@ struct EmissionMonitor {
   nanoseconds lag{};
 };
 
-// One monitor's light during some interval: consecutive pictures, the first of which may have started earlier.
+// One monitor's light during some interval: consecutive pictures, the first of which may have started
+// earlier.
 struct MonitorEmission {
   EmissionMonitor monitor;
   std::vector<EmittedPicture> pictures;
@@ -45,8 +46,8 @@ class EmissionTimeline {
   void clear();  // the link broke: all monitors gone
 
   std::vector<EmissionMonitor> monitors() const;
-  // Waits until every monitor's light is known up to physical time `until`, or for `timeout`. False: timed out,
-  // or there are no monitors.
+  // Waits until every monitor's light is known up to physical time `until`, or for `timeout`. False: timed
+  // out, or there are no monitors.
   bool wait_known_until(nanoseconds until, nanoseconds timeout) const;
   // Light that may touch [from, until] anywhere on each monitor, in the order of monitors().
   std::vector<MonitorEmission> between(nanoseconds from, nanoseconds until) const;

@@ -2,7 +2,9 @@
 
 namespace glasswing {
 
-Vec3 reflected(Vec3 direction, Vec3 normal) { return direction - 2.0 * dot(direction, normal) * normal; }
+Vec3 reflected(Vec3 direction, Vec3 normal) {
+  return direction - 2.0 * dot(direction, normal) * normal;
+}
 
 std::optional<Vec3> refracted(Vec3 direction, Vec3 normal, double eta) {
   const double cos_i = -dot(direction, normal);

@@ -1,10 +1,10 @@
 #include "core/sim/scene.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <limits>
 #include <numbers>
-
-#include <fmt/format.h>
 
 namespace glasswing {
 namespace {
@@ -18,7 +18,9 @@ struct Hit {
   Vec3 normal;  // outward
 };
 
-Vec3 at(const Ray& ray, double distance) { return ray.origin + distance * ray.direction; }
+Vec3 at(const Ray& ray, double distance) {
+  return ray.origin + distance * ray.direction;
+}
 
 // A clear convex body: reflects and refracts at its skin, inside and out.
 class ClearBody {
@@ -133,18 +135,18 @@ Vec3 turned(Vec3 p, double about_x_rad, double about_y_rad) {
           -q.x * std::sin(about_y_rad) + q.z * std::cos(about_y_rad)};
 }
 
-// The 20 face and 12 vertex directions of an icosahedron, the latter cut a little deeper.
+// The 20 face and 12 vertex directions of an icosahedron, the latter cut a little less deep.
 std::vector<CutStone::Facet> crystal_facets(double radius) {
   const double golden = std::numbers::phi;
   std::vector<CutStone::Facet> facets;
   const auto add = [&](Vec3 direction, double distance) {
-    facets.push_back({.normal = turned(normalized(direction), 0.31, 0.47), .distance = distance});
+    facets.push_back({.normal = turned(normalized(direction), 0.55, 0.90), .distance = distance});
   };
   for (const double a : {-1.0, 1.0}) {
     for (const double b : {-1.0, 1.0}) {
-      add({0.0, a, b * golden}, 0.97 * radius);
-      add({a, b * golden, 0.0}, 0.97 * radius);
-      add({b * golden, 0.0, a}, 0.97 * radius);
+      add({0.0, a, b * golden}, 1.03 * radius);
+      add({a, b * golden, 0.0}, 1.03 * radius);
+      add({b * golden, 0.0, a}, 1.03 * radius);
       add({0.0, a / golden, b * golden}, radius);
       add({a / golden, b * golden, 0.0}, radius);
       add({b * golden, 0.0, a / golden}, radius);
@@ -183,9 +185,12 @@ struct Disc {
   }
 };
 
-Vec3 lying(double angle_rad) { return {0.0, -std::cos(angle_rad), -std::sin(angle_rad)}; }
+Vec3 lying(double angle_rad) {
+  return {0.0, -std::cos(angle_rad), -std::sin(angle_rad)};
+}
 
-// A ball of glass above a sheet of glass that is seen at a grazing angle, so that it mirrors and transmits alike.
+// A ball of glass above a sheet of glass that is seen at a grazing angle, so that it mirrors and transmits
+// alike.
 class Glass final : public Scene {
  public:
   explicit Glass(MonitorSize back)
@@ -248,7 +253,7 @@ class Brushed final : public Scene {
   Colour foreground() const override { return {0.045f, 0.038f, 0.018f}; }
 
  private:
-  static constexpr int kFacets = 24;           // a ray
+  static constexpr int kFacets = 24;            // a ray
   static constexpr int kPoints = 16 * kFacets;  // in all
   Disc disc_;
   std::vector<Vec3> facets_;  // normals, kPoints of them

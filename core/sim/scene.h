@@ -2,13 +2,13 @@
 // corner at the origin, y down; the camera is at z < 0 and looks along +z.
 #pragma once
 
+#include <absl/status/statusor.h>
+
 #include <array>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
-
-#include <absl/status/statusor.h>
 
 #include "core/pattern/pattern.h"
 #include "core/sim/optics.h"
@@ -24,8 +24,8 @@ struct Path {
 class Scene {
  public:
   virtual ~Scene() = default;
-  // The paths of a camera ray, for one colour channel; `sample` numbers the ray, for those that scatter. Nothing
-  // if the ray misses the object.
+  // The paths of a camera ray, for one colour channel; `sample` numbers the ray, for those that scatter.
+  // Nothing if the ray misses the object.
   virtual std::optional<std::vector<Path>> trace(const Ray& ray, int channel, int sample) const = 0;
   // Light that the object itself sends, where a ray hits it.
   virtual Colour foreground() const { return {0.0f, 0.0f, 0.0f}; }

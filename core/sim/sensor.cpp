@@ -17,12 +17,15 @@ struct Interval {
 Interval seen_on_row(const MonitorEmission& emission, size_t i, int y) {
   const EmissionMonitor& monitor = emission.monitor;
   const nanoseconds delay = monitor.lag + monitor.scanout * y / monitor.height_px;
-  return {.from = emission.pictures[i].scanout_start + delay,
-          .until = i + 1 < emission.pictures.size() ? emission.pictures[i + 1].scanout_start + delay : kForever};
+  return {
+      .from = emission.pictures[i].scanout_start + delay,
+      .until = i + 1 < emission.pictures.size() ? emission.pictures[i + 1].scanout_start + delay : kForever};
 }
 
-// The one picture that every row shows for the whole window, if there is one.
+// The one picture that every row shows for the whole window, if there is one; empty where it is black.
 const RadianceImage* steady(const MonitorEmission& emission, nanoseconds from, nanoseconds until) {
+  static const RadianceImage kBlack;
+  if (emission.pictures.empty() || seen_on_row(emission, 0, 0).from >= until) return &kBlack;
   for (size_t i = 0; i < emission.pictures.size(); ++i) {
     const bool shown = seen_on_row(emission, i, emission.monitor.height_px - 1).from <= from;
     if (shown && seen_on_row(emission, i, 0).until >= until) return emission.pictures[i].image.get();
@@ -94,7 +97,8 @@ RadianceImage integrate(const Transport& transport, std::span<const MonitorEmiss
           const auto m = static_cast<size_t>(tap.monitor);
           for (size_t i = 0; i < share[m].size(); ++i) {
             const float part = share[m][i][static_cast<size_t>(tap.y_px)];
-            if (part > 0.0f) light += tap.weight * part * emission[m].pictures[i].image->at(tap.x_px, tap.y_px, c);
+            if (part > 0.0f)
+              light += tap.weight * part * emission[m].pictures[i].image->at(tap.x_px, tap.y_px, c);
           }
         }
         out.at(x, y, c) = light;
@@ -108,7 +112,8 @@ Image16 expose(const RadianceImage& mean_radiance, double exposure_ms, const Sen
                std::int64_t frame_number) {
   RadianceImage light = mean_radiance;
   if (model.blur_sigma_px > 0.0) blur(light, model.blur_sigma_px);
-  std::seed_seq seed{model.seed & 0xffffffffu, model.seed >> 32, static_cast<std::uint64_t>(frame_number) & 0xffffffffu,
+  std::seed_seq seed{model.seed & 0xffffffffu, model.seed >> 32,
+                     static_cast<std::uint64_t>(frame_number) & 0xffffffffu,
                      static_cast<std::uint64_t>(frame_number) >> 32};
   std::mt19937_64 random(seed);
   std::normal_distribution<double> normal;

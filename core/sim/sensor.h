@@ -1,5 +1,5 @@
-// A simulated sensor: integrates a scene's light over each row's own exposure (rolling shutter), blurs, adds noise,
-// and quantises.
+// A simulated sensor: integrates a scene's light over each row's own exposure (rolling shutter), blurs, adds
+// noise, and quantises.
 //
 //   value = exposure / full_scale_exposure * mean radiance;   variance = read_sd^2 + gain * value
 #pragma once
@@ -15,12 +15,12 @@
 namespace glasswing {
 
 struct SensorModel {
-  double blur_sigma_px = 0.0;  // lens
-  double read_sd = 0.001;      // of full scale
-  double gain = 1e-5;          // shot noise: variance per value
-  int bits = 12;               // 8 to 16; samples are stored on the 16-bit scale
+  double blur_sigma_px = 0.0;                          // lens
+  double read_sd = 0.001;                              // of full scale
+  double gain = 1e-5;                                  // shot noise: variance per value
+  int bits = 12;                                       // 8 to 16; samples are stored on the 16-bit scale
   nanoseconds readout = std::chrono::milliseconds(2);  // first row's start to last row's start
-  double full_scale_exposure_ms = 4.5;  // at which radiance 1.0 reads 1.0
+  double full_scale_exposure_ms = 4.5;                 // at which radiance 1.0 reads 1.0
   std::uint64_t seed = 1;
 };
 
@@ -30,8 +30,9 @@ struct ExposureWindow {
 };
 
 // Mean radiance over each row's exposure. Exact in time: where a picture changes on some row of a monitor
-// during a camera row's exposure, both count by their share. `emission` covers the window, in the order of the monitors that `transport`
-// was built with. A window in which nothing changes costs one Transport::respond.
+// during a camera row's exposure, both count by their share. `emission` covers the window, in the order of
+// the monitors that `transport` was built with. A window in which nothing changes costs one
+// Transport::respond.
 RadianceImage integrate(const Transport& transport, std::span<const MonitorEmission> emission,
                         const ExposureWindow& window, nanoseconds readout);
 

@@ -1,12 +1,12 @@
 #include "core/sim/transport.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <optional>
 #include <tuple>
-
-#include <fmt/format.h>
 
 #include "core/base/status.h"
 #include "core/sim/scene.h"
@@ -14,7 +14,7 @@
 namespace glasswing {
 namespace {
 
-constexpr int kRaysAcross = 4;        // per camera pixel, each way
+constexpr int kRaysAcross = 4;         // per camera pixel, each way
 constexpr double kCameraWidths = 4.0;  // distance of the camera, in widths of the back monitor
 
 enum class Side { kBack, kLeft, kRight, kTop };
@@ -35,10 +35,18 @@ std::optional<Landing> land(const Ray& ray, const Panel& panel, MonitorSize back
   const Vec3& d = ray.direction;
   double t = 0.0;
   switch (panel.side) {
-    case Side::kBack: t = -o.z / d.z; break;
-    case Side::kLeft: t = -o.x / d.x; break;
-    case Side::kRight: t = (back.width_px - o.x) / d.x; break;
-    case Side::kTop: t = -o.y / d.y; break;
+    case Side::kBack:
+      t = -o.z / d.z;
+      break;
+    case Side::kLeft:
+      t = -o.x / d.x;
+      break;
+    case Side::kRight:
+      t = (back.width_px - o.x) / d.x;
+      break;
+    case Side::kTop:
+      t = -o.y / d.y;
+      break;
   }
   if (!(t > 1e-9) || !std::isfinite(t)) return std::nullopt;
   const Vec3 p = o + t * d;
@@ -153,7 +161,8 @@ absl::StatusOr<Transport> build_transport(const std::string& scene_name, bool ob
     }
     panels.push_back(panel);
   }
-  if (back.width_px == 0) return absl::InvalidArgumentError("a scene needs a monitor \"back\", behind the object");
+  if (back.width_px == 0)
+    return absl::InvalidArgumentError("a scene needs a monitor \"back\", behind the object");
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<Scene> scene, make_scene(scene_name, back));
 
   const Vec3 eye{0.5 * back.width_px, 0.5 * back.height_px, -kCameraWidths * back.width_px};
@@ -166,7 +175,8 @@ absl::StatusOr<Transport> build_transport(const std::string& scene_name, bool ob
         int hits = 0;
         for (int s = 0; s < kRaysAcross * kRaysAcross; ++s) {
           const Vec3 target{(x + (s % kRaysAcross + 0.5) / kRaysAcross) * back.width_px / camera_width_px,
-                            (y + (s / kRaysAcross + 0.5) / kRaysAcross) * back.height_px / camera_height_px, 0.0};
+                            (y + (s / kRaysAcross + 0.5) / kRaysAcross) * back.height_px / camera_height_px,
+                            0.0};
           const Ray ray{eye, normalized(target - eye)};
           std::optional<std::vector<Path>> paths;
           if (object && scene != nullptr) paths = scene->trace(ray, c, s);

@@ -2,12 +2,12 @@
 // pixel and channel, and the light that is there without monitors.
 #pragma once
 
+#include <absl/status/statusor.h>
+
 #include <cstdint>
 #include <span>
 #include <string>
 #include <vector>
-
-#include <absl/status/statusor.h>
 
 #include "core/frame/image.h"
 #include "core/pattern/pattern.h"
@@ -47,8 +47,8 @@ class Transport {
 };
 
 // Scenes: "crystal", "glass", "brushed", "none". With object = false the stage is empty, whatever the scene.
-// Geometry: the back monitor fills the camera's view, one camera pixel to (monitor / camera size) monitor pixels; "left",
-// "right" and "top" stand at its edges, perpendicular, towards the camera. Deterministic.
+// Geometry: the back monitor fills the camera's view, one camera pixel to (monitor / camera size) monitor
+// pixels; "left", "right" and "top" stand at its edges, perpendicular, towards the camera. Deterministic.
 // INVALID_ARGUMENT: an unknown scene or monitor name lists what there is.
 absl::StatusOr<Transport> build_transport(const std::string& scene, bool object,
                                           const std::vector<SceneMonitor>& monitors, int camera_width_px,

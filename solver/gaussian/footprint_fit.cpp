@@ -1,24 +1,24 @@
 #include "solver/gaussian/footprint_fit.h"
 
+#include <ceres/tiny_solver.h>
+
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
 
-#include <Eigen/Dense>
-#include <ceres/tiny_solver.h>
-
 namespace glasswing {
 namespace {
 
 constexpr double kFlatPixel_px2 = 1.0 / 12.0;
-constexpr int kParameters = 6;  // of a mode: R, cx, cy and L, Sigma = L L'
+constexpr int kParameters = 6;   // of a mode: R, cx, cy and L, Sigma = L L'
 constexpr double kWindow = 4.5;  // sigmas round a mode in which samples count
 
 double projected_variance(const Footprint& mode, const SweepSamples& sweep) {
   const double c = sweep.cos_phi, s = sweep.sin_phi;
-  return c * c * mode.xx_px2 + 2.0 * c * s * mode.xy_px2 + s * s * mode.yy_px2 + sweep.sigma_px * sweep.sigma_px +
-         kFlatPixel_px2;
+  return c * c * mode.xx_px2 + 2.0 * c * s * mode.xy_px2 + s * s * mode.yy_px2 +
+         sweep.sigma_px * sweep.sigma_px + kFlatPixel_px2;
 }
 
 double within(double mean, double variance, double extent) {
@@ -84,10 +84,12 @@ struct JointResidual {
         const double* q = p + kParameters * m;
         // s' L = (a, b): the variance along the sweep is a^2 + b^2.
         const double a = c * q[3] + s * q[4], b = s * q[5];
-        const double variance = a * a + b * b + sample.sweep->sigma_px * sample.sweep->sigma_px + kFlatPixel_px2;
+        const double variance =
+            a * a + b * b + sample.sweep->sigma_px * sample.sweep->sigma_px + kFlatPixel_px2;
         const double sigma = std::sqrt(variance);
         const double z = (sample.r_px - c * q[1] - s * q[2]) / sigma;
-        const double unit = sample.inside[static_cast<size_t>(m)] * sample.sweep->sigma_px / sigma * std::exp(-0.5 * z * z);
+        const double unit =
+            sample.inside[static_cast<size_t>(m)] * sample.sweep->sigma_px / sigma * std::exp(-0.5 * z * z);
         const double value = q[0] * unit;
         residuals[i] += value;
         if (jacobian == nullptr) continue;
@@ -116,7 +118,8 @@ std::vector<Sample> window_of(const std::vector<SweepSamples>& sweeps, const std
       bool counts = false;
       for (size_t m = 0; m < modes.size(); ++m) {
         const double centre = modes[m].x_px * sweep.cos_phi + modes[m].y_px * sweep.sin_phi;
-        counts = counts || std::abs(sample.r_px - centre) < kWindow * std::sqrt(projected_variance(modes[m], sweep));
+        counts = counts ||
+                 std::abs(sample.r_px - centre) < kWindow * std::sqrt(projected_variance(modes[m], sweep));
         if (near_edge(modes[m], extent)) sample.inside[m] = inside(modes[m], sweep, sample.r_px, extent);
       }
       if (counts) samples.push_back(sample);
@@ -128,15 +131,18 @@ std::vector<Sample> window_of(const std::vector<SweepSamples>& sweeps, const std
 bool sane(const Footprint& mode, const MonitorExtent& extent) {
   const double limit = 2.0 * (extent.width_px + extent.height_px);
   return std::isfinite(mode.weight + mode.x_px + mode.y_px + mode.xx_px2 + mode.xy_px2 + mode.yy_px2) &&
-         std::abs(mode.x_px) < limit && std::abs(mode.y_px) < limit && mode.xx_px2 + mode.yy_px2 < limit * limit;
+         std::abs(mode.x_px) < limit && std::abs(mode.y_px) < limit &&
+         mode.xx_px2 + mode.yy_px2 < limit * limit;
 }
 
 // The joint Levenberg-Marquardt over all sweeps. False: it went astray, and `modes` is as before.
 template <int kModes>
-bool refine(const std::vector<SweepSamples>& sweeps, const MonitorExtent& extent, std::vector<Footprint>& modes) {
+bool refine(const std::vector<SweepSamples>& sweeps, const MonitorExtent& extent,
+            std::vector<Footprint>& modes) {
   std::vector<Footprint> now = modes;
   bool settled = false;
-  const bool edge = std::any_of(now.begin(), now.end(), [&](const Footprint& m) { return near_edge(m, extent); });
+  const bool edge =
+      std::any_of(now.begin(), now.end(), [&](const Footprint& m) { return near_edge(m, extent); });
   // The window, and what the edge cuts off, follow the fit from round to round.
   const int rounds = edge ? 6 : 2;
   for (int round = 0; round < rounds; ++round) {
@@ -161,16 +167,20 @@ bool refine(const std::vector<SweepSamples>& sweeps, const MonitorExtent& extent
   return settled;
 }
 
-bool refine_any(const std::vector<SweepSamples>& sweeps, const MonitorExtent& extent, std::vector<Footprint>& modes) {
+bool refine_any(const std::vector<SweepSamples>& sweeps, const MonitorExtent& extent,
+                std::vector<Footprint>& modes) {
   switch (modes.size()) {
-    case 1: return refine<1>(sweeps, extent, modes);
-    case 2: return refine<2>(sweeps, extent, modes);
-    default: return refine<3>(sweeps, extent, modes);
+    case 1:
+      return refine<1>(sweeps, extent, modes);
+    case 2:
+      return refine<2>(sweeps, extent, modes);
+    default:
+      return refine<3>(sweeps, extent, modes);
   }
 }
 
-std::vector<SweepSamples> without(const std::vector<SweepSamples>& sweeps, const std::vector<Footprint>& modes,
-                                  const MonitorExtent& extent) {
+std::vector<SweepSamples> without(const std::vector<SweepSamples>& sweeps,
+                                  const std::vector<Footprint>& modes, const MonitorExtent& extent) {
   std::vector<SweepSamples> rest = sweeps;
   for (SweepSamples& sweep : rest) {
     for (size_t i = 0; i < sweep.y.size(); ++i) {
@@ -228,11 +238,13 @@ bool strongest_mode(const std::vector<SweepSamples>& sweeps, double floor, Footp
 double response(const Footprint& mode, const SweepSamples& sweep, double r_px, const MonitorExtent& extent) {
   const double variance = projected_variance(mode, sweep);
   const double offset = r_px - mode.x_px * sweep.cos_phi - mode.y_px * sweep.sin_phi;
-  const double whole = mode.weight * sweep.sigma_px / std::sqrt(variance) * std::exp(-0.5 * offset * offset / variance);
+  const double whole =
+      mode.weight * sweep.sigma_px / std::sqrt(variance) * std::exp(-0.5 * offset * offset / variance);
   return near_edge(mode, extent) ? whole * inside(mode, sweep, r_px, extent) : whole;
 }
 
-Footprint intersect(const std::vector<SweepSamples>& sweeps, const std::vector<Peak>& peaks, double* distance_px) {
+Footprint intersect(const std::vector<SweepSamples>& sweeps, const std::vector<Peak>& peaks,
+                    double* distance_px) {
   Eigen::Matrix2d lines = Eigen::Matrix2d::Zero();
   Eigen::Vector2d towards = Eigen::Vector2d::Zero();
   Eigen::Matrix3d widths = Eigen::Matrix3d::Zero();
@@ -245,8 +257,11 @@ Footprint intersect(const std::vector<SweepSamples>& sweeps, const std::vector<P
     towards += peaks[i].centre_px * axis;
     const Eigen::Vector3d square(c * c, 2.0 * c * s, s * s);
     widths += square * square.transpose();
-    seen += (peaks[i].sigma_px * peaks[i].sigma_px - sweeps[i].sigma_px * sweeps[i].sigma_px - kFlatPixel_px2) * square;
-    weight += peaks[i].amplitude * peaks[i].sigma_px / sweeps[i].sigma_px / static_cast<double>(sweeps.size());
+    seen +=
+        (peaks[i].sigma_px * peaks[i].sigma_px - sweeps[i].sigma_px * sweeps[i].sigma_px - kFlatPixel_px2) *
+        square;
+    weight +=
+        peaks[i].amplitude * peaks[i].sigma_px / sweeps[i].sigma_px / static_cast<double>(sweeps.size());
   }
   const Eigen::Vector2d centre = lines.ldlt().solve(towards);
   const Eigen::Vector3d sigma = widths.ldlt().solve(seen);
@@ -269,8 +284,8 @@ Footprint intersect(const std::vector<SweepSamples>& sweeps, const std::vector<P
           .yy_px2 = covariance(1, 1)};
 }
 
-FootprintFit fit_footprints(const std::vector<SweepSamples>& sweeps, const MonitorExtent& extent, double noise_sd,
-                            int max_modes) {
+FootprintFit fit_footprints(const std::vector<SweepSamples>& sweeps, const MonitorExtent& extent,
+                            double noise_sd, int max_modes) {
   FootprintFit fit;
   size_t count = 0;
   for (const SweepSamples& sweep : sweeps) count += sweep.y.size();
@@ -289,8 +304,10 @@ FootprintFit fit_footprints(const std::vector<SweepSamples>& sweeps, const Monit
     if (!settled && !fit.modes.empty()) break;
     std::vector<SweepSamples> left = without(sweeps, modes, extent);
     const double left_squares = sum_of_squares(left);
-    const double gain = n * std::log(std::max(squares, least_squares) / std::max(left_squares, least_squares));
-    const bool negative = std::any_of(modes.begin(), modes.end(), [](const Footprint& m) { return m.weight < 0.0; });
+    const double gain =
+        n * std::log(std::max(squares, least_squares) / std::max(left_squares, least_squares));
+    const bool negative =
+        std::any_of(modes.begin(), modes.end(), [](const Footprint& m) { return m.weight < 0.0; });
     if (!fit.modes.empty() && (negative || gain < kParameters * std::log(n))) break;
     fit.converged = settled && !negative;
     fit.modes = std::move(modes);
@@ -298,7 +315,8 @@ FootprintFit fit_footprints(const std::vector<SweepSamples>& sweeps, const Monit
     squares = left_squares;
   }
   for (Footprint& mode : fit.modes) mode.weight = std::max(mode.weight, 0.0);
-  std::sort(fit.modes.begin(), fit.modes.end(), [](const Footprint& a, const Footprint& b) { return a.weight > b.weight; });
+  std::sort(fit.modes.begin(), fit.modes.end(),
+            [](const Footprint& a, const Footprint& b) { return a.weight > b.weight; });
   fit.rms = std::sqrt(squares / std::max(n, 1.0));
   return fit;
 }

@@ -1,11 +1,11 @@
 #include "solver/gaussian/gaussian_method.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <set>
-
-#include <fmt/format.h>
 
 #include "core/base/status.h"
 #include "core/base/time.h"
@@ -20,14 +20,15 @@ absl::StatusOr<double> number_of(const std::string& key, const std::string& valu
   char* end = nullptr;
   const double number = std::strtod(value.c_str(), &end);
   if (value.empty() || *end != '\0' || !(number >= low && number <= high)) {
-    return absl::InvalidArgumentError(fmt::format("{} is \"{}\"; it must be {} to {}", key, value, low, high));
+    return absl::InvalidArgumentError(
+        fmt::format("{} is \"{}\"; it must be {} to {}", key, value, low, high));
   }
   return number;
 }
 
 // One channel's samples of every sweep over one texture.
-std::vector<SweepSamples> samples_of(const FrameStack& stack, const StackLayout& layout, int texture, int x, int y,
-                                     int channel) {
+std::vector<SweepSamples> samples_of(const FrameStack& stack, const StackLayout& layout, int texture, int x,
+                                     int y, int channel) {
   const auto c = static_cast<size_t>(channel);
   const double black = stack.at(layout.black, x, y, channel);
   std::vector<SweepSamples> sweeps;
@@ -123,7 +124,8 @@ absl::StatusOr<Matte> GaussianMethod::solve(const FrameStack& stack) const {
   for (const SweepLayout& sweep : layout.sweeps) textures.insert(sweep.texture);
   const int texture_count = static_cast<int>(textures.size());
   if (texture_count > kMaxModes) {
-    return absl::FailedPreconditionError(fmt::format("{} monitors were swept; at most {} can be solved", texture_count, kMaxModes));
+    return absl::FailedPreconditionError(
+        fmt::format("{} monitors were swept; at most {} can be solved", texture_count, kMaxModes));
   }
   const int modes_per_texture = std::max(1, std::min(modes_, kMaxModes / texture_count));
   Matte matte(0, stack.first_row, stack.manifest.camera().width_px(), stack.row_count,
@@ -162,7 +164,8 @@ void GaussianMethod::solve_pixel(const FrameStack& stack, const StackLayout& lay
       squares += difference * difference;
     }
   }
-  const double rms = layout.pairs.empty() ? 1.0 : std::sqrt(squares / (3.0 * static_cast<double>(layout.pairs.size())));
+  const double rms =
+      layout.pairs.empty() ? 1.0 : std::sqrt(squares / (3.0 * static_cast<double>(layout.pairs.size())));
   const double noise_sd = noise_sum / kChannels;
   if (rms <= std::max(silhouette_tolerance_, 1.5 * std::sqrt(2.0) * noise_sd)) {
     for (int c = 0; c < kChannels; ++c) matte.modes(x, y, c)[0] = straight_through(stack, layout, x, y, c);

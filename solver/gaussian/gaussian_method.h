@@ -1,4 +1,5 @@
-// Environment mattes from swept Gaussian stripes (Chuang et al. 2000, section 3). docs/methods.md has the mathematics.
+// Environment mattes from swept Gaussian stripes (Chuang et al. 2000, section 3). docs/methods.md has the
+// mathematics.
 #pragma once
 
 #include <memory>
@@ -10,8 +11,8 @@ namespace glasswing {
 
 class GaussianMethod final : public Method {
  public:
-  // Options: modes (1 to 3, most footprints a channel and monitor; default 2), silhouette_tolerance (of full scale, least rms
-  // difference that makes a pixel the object's; default 0.006).
+  // Options: modes (1 to 3, most footprints a channel and monitor; default 2), silhouette_tolerance (of full
+  // scale, least rms difference that makes a pixel the object's; default 0.006).
   static absl::StatusOr<std::unique_ptr<Method>> create(const MethodOptions& options);
 
   absl::StatusOr<std::vector<int>> frames_needed(const v1::CaptureManifest& manifest) const override;

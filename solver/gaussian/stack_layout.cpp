@@ -1,13 +1,13 @@
 #include "solver/gaussian/stack_layout.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <numbers>
 #include <set>
 #include <tuple>
-
-#include <fmt/format.h>
 
 namespace glasswing {
 namespace {
@@ -39,24 +39,26 @@ struct Sample {
 
 absl::Status check_sweeps(const StackLayout& layout, const v1::CaptureManifest& manifest) {
   if (layout.sweeps.empty()) {
-    return absl::FailedPreconditionError("the archive has no stripe sweeps (kind gauss_stripe, with the object)");
+    return absl::FailedPreconditionError(
+        "the archive has no stripe sweeps (kind gauss_stripe, with the object)");
   }
   std::map<int, std::set<double>> orientations;
   for (const SweepLayout& sweep : layout.sweeps) {
     const std::string& monitor = manifest.monitors(sweep.texture).name();
     if (sweep.frames.size() < 5) {
-      return absl::FailedPreconditionError(fmt::format("the sweep at {} deg on monitor \"{}\" has {} steps; at least 5 are needed",
-                                                       sweep.phi_deg, monitor, sweep.frames.size()));
+      return absl::FailedPreconditionError(
+          fmt::format("the sweep at {} deg on monitor \"{}\" has {} steps; at least 5 are needed",
+                      sweep.phi_deg, monitor, sweep.frames.size()));
     }
     // A stripe turned by 180 degrees is the same stripe.
     orientations[sweep.texture].insert(std::round(std::fmod(sweep.phi_deg + 360.0, 180.0) * 1000.0));
   }
   for (const auto& [texture, angles] : orientations) {
     if (angles.size() < 3) {
-      return absl::FailedPreconditionError(
-          fmt::format("monitor \"{}\" was swept in {} orientations; an oriented footprint needs at least 3, such as 0, "
-                      "90 and 45 deg",
-                      manifest.monitors(texture).name(), angles.size()));
+      return absl::FailedPreconditionError(fmt::format(
+          "monitor \"{}\" was swept in {} orientations; an oriented footprint needs at least 3, such as 0, "
+          "90 and 45 deg",
+          manifest.monitors(texture).name(), angles.size()));
     }
   }
   return absl::OkStatus();
@@ -84,14 +86,16 @@ absl::StatusOr<StackLayout> lay_out(const v1::CaptureManifest& manifest) {
     if (!frame.object() || stimulus.kind() != "gauss_stripe") continue;
     const int texture = texture_of(manifest, stimulus.panel());
     if (texture < 0) {
-      return absl::FailedPreconditionError(
-          fmt::format("{} names monitor \"{}\", which the manifest does not list", frame.file(), stimulus.panel()));
+      return absl::FailedPreconditionError(fmt::format(
+          "{} names monitor \"{}\", which the manifest does not list", frame.file(), stimulus.panel()));
     }
     if (!(stimulus.sigma_px() > 0.0) || !(stimulus.peak() > 0.0) || !std::isfinite(stimulus.r_px())) {
-      return absl::FailedPreconditionError(fmt::format("{} shows a stripe without sigma_px, peak or r_px", frame.file()));
+      return absl::FailedPreconditionError(
+          fmt::format("{} shows a stripe without sigma_px, peak or r_px", frame.file()));
     }
     Sample sample{.frame = i, .r_px = stimulus.r_px(), .peak = {}};
-    for (int c = 0; c < 3; ++c) sample.peak[static_cast<size_t>(c)] = stimulus.peak() * colour_of(stimulus, c);
+    for (int c = 0; c < 3; ++c)
+      sample.peak[static_cast<size_t>(c)] = stimulus.peak() * colour_of(stimulus, c);
     sweeps[{texture, stimulus.phi_deg(), stimulus.sigma_px()}].push_back(sample);
   }
   if (exposures_ms.size() > 1) {
@@ -100,7 +104,8 @@ absl::StatusOr<StackLayout> lay_out(const v1::CaptureManifest& manifest) {
                     exposures_ms.size(), *exposures_ms.begin(), *exposures_ms.rbegin()));
   }
   for (auto& [key, samples] : sweeps) {
-    std::sort(samples.begin(), samples.end(), [](const Sample& a, const Sample& b) { return a.r_px < b.r_px; });
+    std::sort(samples.begin(), samples.end(),
+              [](const Sample& a, const Sample& b) { return a.r_px < b.r_px; });
     SweepLayout sweep;
     std::tie(sweep.texture, sweep.phi_deg, sweep.sigma_px) = key;
     sweep.cos_phi = std::cos(sweep.phi_deg * std::numbers::pi / 180.0);
@@ -113,7 +118,8 @@ absl::StatusOr<StackLayout> lay_out(const v1::CaptureManifest& manifest) {
     layout.sweeps.push_back(std::move(sweep));
   }
   if (layout.black < 0) {
-    return absl::FailedPreconditionError("the archive has no frame of the object before black (kind solid, colour 0 0 0)");
+    return absl::FailedPreconditionError(
+        "the archive has no frame of the object before black (kind solid, colour 0 0 0)");
   }
   if (absl::Status status = check_sweeps(layout, manifest); !status.ok()) return status;
   for (int i = 0; i < manifest.frames_size(); ++i) {

@@ -1,10 +1,10 @@
 // Which frames of an archive play which part for swept Gaussians.
 #pragma once
 
+#include <absl/status/statusor.h>
+
 #include <array>
 #include <vector>
-
-#include <absl/status/statusor.h>
 
 #include "glasswing/v1/archive.pb.h"
 
@@ -17,7 +17,7 @@ struct SweepLayout {
   double cos_phi = 1.0;
   double sin_phi = 0.0;
   double sigma_px = 0.0;
-  std::vector<int> frames;                    // places in the manifest
+  std::vector<int> frames;  // places in the manifest
   std::vector<double> r_px;
   std::vector<std::array<double, 3>> peak;  // radiance on the crest, per channel
 };
@@ -34,8 +34,8 @@ struct StackLayout {
   std::vector<Pair> pairs;
 };
 
-// FAILED_PRECONDITION says what is missing or does not fit: no black with the object, sweeps in fewer than three
-// orientations on a monitor, a sweep of fewer than five steps, several exposures.
+// FAILED_PRECONDITION says what is missing or does not fit: no black with the object, sweeps in fewer than
+// three orientations on a monitor, a sweep of fewer than five steps, several exposures.
 absl::StatusOr<StackLayout> lay_out(const v1::CaptureManifest& manifest);
 
 }  // namespace glasswing

@@ -1,9 +1,9 @@
 #include "solver/gaussian/sweep_peaks.h"
 
+#include <ceres/tiny_solver.h>
+
 #include <algorithm>
 #include <cmath>
-
-#include <ceres/tiny_solver.h>
 
 namespace glasswing {
 namespace {
@@ -31,7 +31,8 @@ struct GaussianResidual {
 
 }  // namespace
 
-std::vector<Peak> find_peaks(std::span<const double> r_px, std::span<const double> y, double floor, int most) {
+std::vector<Peak> find_peaks(std::span<const double> r_px, std::span<const double> y, double floor,
+                             int most) {
   const size_t n = y.size();
   std::vector<double> smooth(n);
   for (size_t i = 0; i < n; ++i) {
@@ -61,12 +62,14 @@ std::vector<Peak> find_peaks(std::span<const double> r_px, std::span<const doubl
     GaussianResidual residual{.r_px = r_px.subspan(first, count), .y = y.subspan(first, count)};
     ceres::TinySolver<GaussianResidual> solver;
     solver.options.max_num_iterations = 15;
-    Eigen::Vector3d p(std::max(y[top], smooth[top]), r_px[top], std::max(reach_px / 1.55, 0.5 * (r_px[1] - r_px[0])));
+    Eigen::Vector3d p(std::max(y[top], smooth[top]), r_px[top],
+                      std::max(reach_px / 1.55, 0.5 * (r_px[1] - r_px[0])));
     const double start_sigma = p[2];
     solver.Solve(residual, &p);
     Peak peak{.amplitude = p[0], .centre_px = p[1], .sigma_px = std::abs(p[2])};
     const bool sane = std::isfinite(p[0]) && std::isfinite(p[1]) && peak.amplitude > 0.0 &&
-                      std::abs(peak.centre_px - r_px[top]) < reach_px + start_sigma && peak.sigma_px < 5.0 * start_sigma;
+                      std::abs(peak.centre_px - r_px[top]) < reach_px + start_sigma &&
+                      peak.sigma_px < 5.0 * start_sigma;
     if (!sane) peak = {.amplitude = smooth[top], .centre_px = r_px[top], .sigma_px = start_sigma};
     peaks.push_back(peak);
   }

@@ -138,7 +138,7 @@ TEST_F(SessionCommands, WatchSucceedsOnlyWhenCapturedOrDone) {
   session.set_reason("take the object off the stage");
   session.set_state(v1::SESSION_STATE_PAUSED);
   expect_one_line_error(run({"watch", "vase"}),
-                        "take the object off the stage (to go on: glasswing resume vase)");
+                        "take the object off the stage; go on with: glasswing resume vase");
   for (const v1::SessionState bad : {v1::SESSION_STATE_FAILED, v1::SESSION_STATE_CANCELLED}) {
     session.set_state(bad);
     expect_one_line_error(run({"watch", "vase"}), session.reason());
@@ -158,6 +158,7 @@ TEST_F(SessionCommands, JsonHasEveryPlainField) {
 TEST_F(SessionCommands, FetchWritesOnlyAWholeMatte) {
   Matte matte(0, 0, kWidth, kHeight, 1);
   matte.metadata.set_format_version(1);
+  matte.metadata.add_monitors()->set_name("back");
   matte.metadata.set_width_px(kWidth);
   matte.metadata.set_height_px(kHeight);
   server_.sessions_.matte = encode_matte(matte).value();

@@ -1,8 +1,8 @@
 // Solves stacks that an independent renderer made, and holds the composites against its photographs.
+#include <gtest/gtest.h>
+
 #include <cstdlib>
 #include <filesystem>
-
-#include <gtest/gtest.h>
 
 #include "core/frame/archive.h"
 #include "core/frame/image_file.h"
@@ -21,7 +21,9 @@ struct Scene {
 
 class Rendered : public testing::TestWithParam<Scene> {
  protected:
-  fs::path directory() const { return fs::path(std::getenv("GLASSWING_DATA")) / "rendered/dev" / GetParam().name; }
+  fs::path directory() const {
+    return fs::path(std::getenv("GLASSWING_DATA")) / "rendered/dev" / GetParam().name;
+  }
 };
 
 double psnr(const RadianceImage& a, const RadianceImage& b, const Image16& mask) {
@@ -36,7 +38,8 @@ double psnr(const RadianceImage& a, const RadianceImage& b, const Image16& mask)
 }
 
 FrameStack read_stack(const fs::path& directory, const Method& method) {
-  FrameStack stack{.manifest = read_any_manifest(directory).value(), .first_row = 0, .row_count = 0, .rows = {}};
+  FrameStack stack{
+      .manifest = read_any_manifest(directory).value(), .first_row = 0, .row_count = 0, .rows = {}};
   stack.row_count = stack.manifest.camera().height_px();
   stack.rows.resize(static_cast<size_t>(stack.manifest.frames_size()));
   const std::vector<int> needed = method.frames_needed(stack.manifest).value();
@@ -54,14 +57,17 @@ TEST_P(Rendered, BeatsTheBareBackground) {
   const Matte matte = method->solve(read_stack(directory(), *method)).value();
   const Image16 mask = read_frame_file(directory() / "mask_true.png").value();
   for (const char* name : GetParam().photographs) {
-    const auto picture = [&](const std::string& file) { return read_radiance(directory() / file, Encoding::kLinear).value(); };
+    const auto picture = [&](const std::string& file) {
+      return read_radiance(directory() / file, Encoding::kLinear).value();
+    };
     const RadianceImage reference = picture(std::string("ref/") + name + "_obj.png");
     const RadianceImage plain = picture(std::string("ref/") + name + "_bg.png");
     std::vector<RadianceImage> backgrounds(static_cast<size_t>(matte.metadata.monitors_size()));
     backgrounds[0] = picture(std::string("stim/photo_") + name + ".png");
     const RadianceImage ours = composite(matte, backgrounds).value();
     const double got = psnr(ours, reference, mask);
-    std::printf("%-14s %-10s %5.1f dB (bare background %5.1f)\n", GetParam().name, name, got, psnr(plain, reference, mask));
+    std::printf("%-14s %-10s %5.1f dB (bare background %5.1f)\n", GetParam().name, name, got,
+                psnr(plain, reference, mask));
     EXPECT_GE(got, psnr(plain, reference, mask) + 6.0) << name;
   }
 }

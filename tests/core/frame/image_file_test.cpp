@@ -1,0 +1,93 @@
+#include "core/frame/image_file.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <random>
+
+#include "core/base/file.h"
+
+namespace glasswing {
+namespace {
+
+namespace fs = std::filesystem;
+
+RadianceImage random_picture(int width, int height) {
+  std::mt19937 random(3);
+  std::uniform_real_distribution<float> light(0.0f, 1.0f);
+  RadianceImage image(width, height);
+  for (float& sample : image.samples) sample = light(random);
+  return image;
+}
+
+class ImageFile : public testing::Test {
+ protected:
+  void SetUp() override { fs::create_directories(directory_); }
+  void TearDown() override { fs::remove_all(directory_); }
+  const fs::path directory_ =
+      fs::path(testing::TempDir()) / ("image_file_test." + std::to_string(::getpid()));
+};
+
+TEST_F(ImageFile, EveryFormatKeepsThePicture) {
+  const RadianceImage image = random_picture(9, 5);
+  struct Case {
+    const char* file;
+    Encoding encoding;
+    float step;  // of the stored code, as linear light: half of it is the error allowed
+  };
+  // sRGB's slope is at most 2.4 * 1.055^-1 ... 2.28 at white, so one 8-bit code is at most 2.28 / 255 of
+  // light.
+  for (const Case& each : {Case{"a.exr", Encoding::kLinear, 0.0f},
+                           {"a.png", Encoding::kLinear, 1.0f / 65535},
+                           {"a.tif", Encoding::kLinear, 1.0f / 65535},
+                           {"b.png", Encoding::kDisplay, 2.3f / 255}}) {
+    ASSERT_TRUE(write_radiance(directory_ / each.file, image, each.encoding).ok());
+    const RadianceImage back = read_radiance(directory_ / each.file, each.encoding).value();
+    ASSERT_EQ(back.samples.size(), image.samples.size());
+    // OpenEXR's rgba reader gives half floats: 11 bits.
+    const float allowed = each.step > 0.0f ? 0.51f * each.step : 0.5f / 1024;
+    for (size_t i = 0; i < image.samples.size(); ++i) {
+      EXPECT_NEAR(back.samples[i], image.samples[i], allowed) << each.file;
+    }
+  }
+  EXPECT_TRUE(absl::IsInvalidArgument(write_radiance(directory_ / "a.gif", image, Encoding::kDisplay)));
+}
+
+TEST_F(ImageFile, DamagedPngsAreNamed) {
+  Image16 image(6, 4);
+  for (size_t i = 0; i < image.samples.size(); ++i) image.samples[i] = static_cast<std::uint16_t>(i * 800);
+  const std::string good = encode_png16(image);
+  EXPECT_EQ(decode_png(good).value().samples, image.samples);
+  const fs::path path = directory_ / "frame.png";
+  for (size_t i = 8; i < good.size(); ++i) {
+    std::string bad = good;
+    bad[i] = static_cast<char>(bad[i] ^ 0x10);
+    ASSERT_TRUE(write_file_durably(path, bad).ok());
+    const absl::Status status = read_frame_file(path).status();
+    EXPECT_TRUE(absl::IsDataLoss(status)) << "byte " << i;
+    EXPECT_NE(std::string(status.message()).find("frame.png"), std::string::npos);
+  }
+  for (size_t length = 0; length < good.size(); ++length) {
+    ASSERT_TRUE(write_file_durably(path, good.substr(0, length)).ok());
+    EXPECT_FALSE(read_frame_file(path).ok()) << length << " bytes";
+  }
+  EXPECT_TRUE(absl::IsDataLoss(read_frame_file(directory_ / "missing.png").status()));
+}
+
+TEST(Resized, KeepsTheMeanWhenItShrinks) {
+  const RadianceImage image = random_picture(12, 8);
+  const RadianceImage small = resized(image, 4, 4);
+  for (int y = 0; y < 4; ++y) {
+    for (int x = 0; x < 4; ++x) {
+      float mean = 0.0f;
+      for (int v = 0; v < 2; ++v) {
+        for (int u = 0; u < 3; ++u) mean += image.at(3 * x + u, 2 * y + v, 1) / 6.0f;
+      }
+      EXPECT_NEAR(small.at(x, y, 1), mean, 1e-5f);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace glasswing

@@ -1,0 +1,116 @@
+#include "core/pattern/plan.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <map>
+#include <set>
+
+namespace glasswing {
+namespace {
+
+v1::Monitor monitor(const std::string& name, int width, int height) {
+  v1::Monitor m;
+  m.set_name(name);
+  m.set_width_px(width);
+  m.set_height_px(height);
+  return m;
+}
+
+TEST(Plan, ComplaintsNameFileLineValueAndWhatIsAccepted) {
+  struct Case {
+    const char* text;
+    const char* message;
+  };
+  for (const Case& each : {
+           Case{"method: \"gaussian\"\nsweeps {\n  orientation_deg: 0\n  sigma_px: 0\n}",
+                "p.txtpb:4: sigma_px is 0; it must be in (0, 200]"},
+           {"method: \"magic\"\nsolids { colour: [0, 0, 0] }",
+            "p.txtpb:1: method is \"magic\"; it must be \"gaussian\""},
+           {"method: \"gaussian\"\nsolids { colour: [0, 2, 0] }",
+            "p.txtpb:2: colour is 2; it must be in [0, 1]"},
+           {"method: \"gaussian\"\nhold_refreshes: 1\nramp {}",
+            "p.txtpb:2: hold_refreshes is 1; it must be 2 to 600"},
+           {"method: \"gaussian\"\nexposure_ms: [4, -1]\nramp {}", "p.txtpb:2: exposure_ms is -1"},
+           {"method: \"gaussian\"\nsweeps { sigma_px: nan }", "p.txtpb:2: sigma_px is nan"},
+           {"method: \"gaussian\"\nsweps { }", "p.txtpb:2: "},
+           {"method: \"gaussian\"", "must be at least one sweep"},
+       }) {
+    const absl::Status status = parse_plan(each.text, "p.txtpb").status();
+    EXPECT_TRUE(absl::IsInvalidArgument(status));
+    EXPECT_NE(std::string(status.message()).find(each.message), std::string::npos) << status;
+  }
+}
+
+TEST(Plan, FromTheWireComplaintsNameTheField) {
+  v1::Plan plan;
+  plan.set_method("gaussian");
+  plan.add_sweeps()->set_sigma_px(4);
+  plan.add_sweeps()->set_sigma_px(-4);
+  const absl::Status status = check_plan(plan);
+  EXPECT_NE(std::string(status.message()).find("plan.sweeps[1].sigma_px is -4"), std::string::npos) << status;
+}
+
+TEST(Plan, SweepsCoverTheMonitorWithEvenSteps) {
+  const v1::Plan plan =
+      parse_plan(
+          "method: \"gaussian\" skip_empty_stage: true "
+          "sweeps { orientation_deg: 90 sigma_px: 4 } sweeps { orientation_deg: -45 sigma_px: 4 step_px: 1 }",
+          "p")
+          .value();
+  const std::vector<Step> steps = expand(plan, {monitor("back", 128, 96)}).value();
+  std::map<double, std::vector<double>> crests;
+  for (const Step& step : steps) {
+    EXPECT_TRUE(step.object);
+    crests[step.stimulus.phi_deg()].push_back(step.stimulus.r_px());
+  }
+  // Down: y from 0 to 96, two sigmas past each edge. Up and right: x cos 45 - y sin 45 from -96 to 128 over
+  // sqrt 2.
+  const std::map<double, std::array<double, 3>> expected{
+      {90.0, {-8.0, 104.0, 2.0}}, {-45.0, {-96 / std::sqrt(2.0) - 8, 128 / std::sqrt(2.0) + 8, 1.0}}};
+  for (const auto& [phi, extent] : expected) {
+    const std::vector<double>& r = crests.at(phi);
+    EXPECT_GE(r.front(), extent[0] - 1e-6);
+    EXPECT_LT(r.front(), extent[0] + extent[2]);
+    EXPECT_LE(r.back(), extent[1] + 1e-6);
+    EXPECT_GT(r.back(), extent[1] - extent[2]);
+    for (size_t i = 1; i < r.size(); ++i) EXPECT_NEAR(r[i] - r[i - 1], extent[2], 1e-9);
+  }
+}
+
+TEST(Plan, EveryPatternWithoutTheObjectIsTakenWithItToo) {
+  const v1::Plan plan = parse_plan(
+                            "method: \"gaussian\" exposure_ms: [1, 4] ramp {} solids { colour: [0, 0, 0] } "
+                            "square_waves { levels: 3 } "
+                            "sweeps { sigma_px: 8 } photos { file: \"0123\" name: \"p\" }",
+                            "p")
+                            .value();
+  const std::vector<Step> steps = expand(plan, {monitor("back", 32, 20), monitor("left", 20, 20)}).value();
+  std::set<std::string> with;
+  std::multiset<std::string> all;
+  for (size_t i = 0; i < steps.size(); ++i) {
+    EXPECT_EQ(steps[i].number, static_cast<int>(i));
+    EXPECT_LE(i > 0 && steps[i - 1].object, steps[i].object);  // the empty stage first
+    const std::string key = steps[i].stimulus.SerializeAsString() + std::to_string(steps[i].exposure_ms);
+    if (steps[i].object) with.insert(key);
+    all.insert(key + (steps[i].object ? "o" : "e"));
+  }
+  for (const std::string& key : all) EXPECT_EQ(all.count(key), 1u);  // nothing twice
+  for (const Step& step : steps) {
+    const std::string key = step.stimulus.SerializeAsString() + std::to_string(step.exposure_ms);
+    EXPECT_TRUE(step.object || with.contains(key));
+    EXPECT_EQ(step.stimulus.kind() == "photo", step.stimulus.reference() && step.object);
+  }
+}
+
+TEST(Plan, TheRigMustHaveWhatThePlanNames) {
+  const v1::Plan plan =
+      parse_plan("method: \"gaussian\" ramp {} monitors { name: \"left\" width_px: 9 }", "p").value();
+  absl::Status status = expand(plan, {monitor("back", 8, 8)}).status();
+  EXPECT_NE(std::string(status.message()).find("the rig has: back"), std::string::npos) << status;
+  status = expand(plan, {monitor("left", 8, 8)}).status();
+  EXPECT_NE(std::string(status.message()).find("it is 8x8"), std::string::npos) << status;
+}
+
+}  // namespace
+}  // namespace glasswing

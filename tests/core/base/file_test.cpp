@@ -1,0 +1,60 @@
+#include "core/base/file.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include "core/base/name.h"
+
+namespace glasswing {
+namespace {
+
+namespace fs = std::filesystem;
+
+class File : public testing::Test {
+ protected:
+  void SetUp() override { fs::create_directories(directory_); }
+  void TearDown() override { fs::remove_all(directory_); }
+  const fs::path directory_ = fs::path(testing::TempDir()) / ("file_test." + std::to_string(::getpid()));
+};
+
+TEST_F(File, WrittenFilesAreWholeAndLeaveNothingElse) {
+  const std::string bytes("\0\n\xff glass", 9);
+  ASSERT_TRUE(write_file_durably(directory_ / "a", bytes).ok());
+  ASSERT_TRUE(append_file_durably(directory_ / "a", "wing").ok());
+  EXPECT_EQ(read_file(directory_ / "a").value(), bytes + "wing");
+  EXPECT_EQ(std::distance(fs::directory_iterator(directory_), fs::directory_iterator()), 1);
+}
+
+TEST_F(File, FailuresNameThePath) {
+  EXPECT_TRUE(absl::IsNotFound(read_file(directory_ / "missing").status()));
+  EXPECT_FALSE(read_file(directory_).ok());
+  const absl::Status status = write_file_durably(directory_ / "no" / "a", "x");
+  EXPECT_NE(std::string(status.message()).find("no/a"), std::string::npos) << status;
+}
+
+TEST_F(File, AFullDiskIsResourceExhaustedAndKeepsTheOldFile) {
+  if (!fs::exists("/dev/full")) GTEST_SKIP() << "no /dev/full here";
+  EXPECT_TRUE(absl::IsResourceExhausted(append_file_durably("/dev/full", "x")));
+}
+
+TEST(Checksum, SeesEveryBit) {
+  std::string bytes(64, 'g');
+  const std::string before = checksum_of(bytes);
+  for (size_t bit = 0; bit < bytes.size() * 8; ++bit) {
+    bytes[bit / 8] = static_cast<char>(bytes[bit / 8] ^ (1 << (bit % 8)));
+    EXPECT_NE(checksum_of(bytes), before) << bit;
+    bytes[bit / 8] = static_cast<char>(bytes[bit / 8] ^ (1 << (bit % 8)));
+  }
+}
+
+TEST(Name, RefusesWhatAPathCouldBe) {
+  for (const char* name : {"a", "crystal-2", "S.1_x", "7"})
+    EXPECT_TRUE(check_name("session", name).ok()) << name;
+  for (const std::string& name : {std::string(), std::string(".."), std::string("a/b"), std::string(".a"),
+                                  std::string("a b"), std::string(65, 'x'), std::string("\xc3\xa9")}) {
+    EXPECT_TRUE(absl::IsInvalidArgument(check_name("session", name))) << name;
+  }
+}
+
+}  // namespace
+}  // namespace glasswing

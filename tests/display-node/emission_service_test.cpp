@@ -1,0 +1,159 @@
+#include "display-node/emission_service.h"
+
+#include <cstring>
+#include <map>
+#include <thread>
+
+#include <grpcpp/grpcpp.h>
+#include <gtest/gtest.h>
+
+#include "core/service/service.h"
+#include "display-node/player.h"
+
+namespace glasswing {
+namespace {
+
+using std::chrono::milliseconds;
+
+ScreenInfo screen(const std::string& name, int width_px, int height_px, double refresh_hz) {
+  return {.name = name,
+          .width_px = width_px,
+          .height_px = height_px,
+          .refresh_hz = refresh_hz,
+          .scanout = nanoseconds(static_cast<std::int64_t>(1e9 / refresh_hz)),
+          .lag = milliseconds(3),
+          .settle = milliseconds(1)};
+}
+
+class EmissionServiceTest : public testing::Test {
+ protected:
+  void serve(std::vector<ScreenInfo> screens, double missed_flips) {
+    display_ = std::make_unique<SimDisplay>(std::move(screens),
+                                            SimDisplay::Faults{.seed = 3, .missed_flips = missed_flips});
+    service_ = std::make_unique<EmissionServiceImpl>(*display_);
+    grpc::ServerBuilder builder;
+    builder.RegisterService(service_.get());
+    server_ = builder.BuildAndStart();
+    stub_ = v1::EmissionService::NewStub(server_->InProcessChannel({}));
+    set_deadline(context_, milliseconds(20'000));
+    reader_ = stub_->WatchEmission(&context_, {});
+  }
+  ~EmissionServiceTest() override {
+    context_.TryCancel();
+    if (!finished_) (void)reader_->Finish();
+    service_->stop();
+    server_->Shutdown();
+  }
+
+  std::unique_ptr<SimDisplay> display_;
+  std::unique_ptr<EmissionServiceImpl> service_;
+  std::unique_ptr<grpc::Server> server_;
+  std::unique_ptr<v1::EmissionService::Stub> stub_;
+  grpc::ClientContext context_;
+  std::unique_ptr<grpc::ClientReader<v1::WatchEmissionResponse>> reader_;
+  bool finished_ = false;
+};
+
+TEST_F(EmissionServiceTest, MonitorsComeFirstThenWhatIsOnScreenThenTime) {
+  serve({screen("back", 8, 6, 200.0), screen("left", 4, 4, 144.0)}, 0.0);
+  v1::WatchEmissionResponse event;
+  for (const ScreenInfo& info : display_->screens()) {
+    ASSERT_TRUE(reader_->Read(&event));
+    ASSERT_TRUE(event.has_monitor());
+    EXPECT_EQ(event.monitor().name(), info.name);
+    EXPECT_EQ(event.monitor().width_px(), info.width_px);
+    EXPECT_EQ(event.monitor().height_px(), info.height_px);
+    EXPECT_EQ(event.monitor().scanout_ns(), info.scanout.count());
+    EXPECT_EQ(event.monitor().lag_ns(), info.lag.count());
+  }
+  for (const ScreenInfo& info : display_->screens()) {
+    ASSERT_TRUE(reader_->Read(&event));
+    ASSERT_TRUE(event.has_picture());
+    EXPECT_EQ(event.picture().monitor(), info.name);
+    EXPECT_EQ(event.picture().chunk(), std::string(static_cast<size_t>(info.width_px * info.height_px * 6), '\0'));
+  }
+  // With nothing shown, time still goes on, and never past now.
+  std::map<std::string, std::int64_t> horizons;
+  for (int i = 0; i < 20; ++i) {
+    ASSERT_TRUE(reader_->Read(&event));
+    ASSERT_TRUE(event.has_horizon());
+    EXPECT_GT(event.horizon().until_ns(), horizons[event.horizon().monitor()]);
+    EXPECT_LE(event.horizon().until_ns(), monotonic_now().count());
+    horizons[event.horizon().monitor()] = event.horizon().until_ns();
+  }
+  EXPECT_EQ(horizons.size(), 2u);
+}
+
+// The light and the player's word agree on every picture and time, missed flips and all; pictures larger than one
+// chunk come whole.
+TEST_F(EmissionServiceTest, LightIsWhatThePlayerReports) {
+  constexpr int kSteps = 25;
+  serve({screen("back", 700, 300, 100.0), screen("left", 4, 4, 144.0)}, 0.3);
+  v1::LoadProgramRequest request;
+  request.set_program("p");
+  request.set_hold_refreshes(2);
+  for (int i = 0; i < kSteps; ++i) {
+    v1::ProgramStep& step = *request.add_steps();
+    step.set_step(i);
+    v1::Stimulus& stimulus = *step.add_stimuli();
+    stimulus.set_kind("solid");
+    stimulus.set_panel(i % 2 == 0 ? "back" : "left");
+    for (int c = 0; c < 3; ++c) stimulus.add_colour((i + 1) / 64.0);
+  }
+  const Program program = Program::create(request, display_->screens(), ImageStore()).value();
+  std::vector<v1::Presentation> reports;
+  std::jthread player([&] {
+    EXPECT_TRUE(play(program, *display_, monotonic_now() + milliseconds(300), {},
+                     [&](const v1::Presentation& report) { reports.push_back(report); })
+                    .ok());
+  });
+
+  struct Light {
+    std::int64_t start_ns;
+    std::uint16_t code;
+  };
+  std::map<std::string, std::vector<Light>> light;
+  std::map<std::string, std::int64_t> horizons;
+  std::string pixels;
+  v1::WatchEmissionResponse event;
+  const auto playing = [&] { return light["back"].size() + light["left"].size() < 2 * (kSteps + 2); };
+  while (playing() && reader_->Read(&event)) {
+    if (event.has_horizon()) horizons[event.horizon().monitor()] = event.horizon().until_ns();
+    if (!event.has_picture()) continue;
+    const v1::EmittedPicture& picture = event.picture();
+    EXPECT_LE(picture.chunk().size(), size_t{1} << 20);
+    pixels += picture.chunk();
+    if (!picture.last_chunk()) continue;
+    EXPECT_EQ(pixels.size(), picture.monitor() == "back" ? 700u * 300u * 6u : 4u * 4u * 6u);
+    Light emitted{.start_ns = picture.scanout_start_ns(), .code = 0};
+    std::memcpy(&emitted.code, &pixels[pixels.size() - 2], 2);
+    EXPECT_GE(emitted.start_ns, horizons[picture.monitor()]);
+    light[picture.monitor()].push_back(emitted);
+    pixels.clear();
+  }
+  player.join();
+  ASSERT_EQ(reports.size(), 2u * kSteps);
+  for (const v1::Presentation& report : reports) {
+    const std::vector<Light>& emitted = light[report.monitor()];
+    const size_t place = static_cast<size_t>(report.step()) + 1;  // after the black before the program
+    ASSERT_LT(place + 1, emitted.size());
+    const bool lit = (report.monitor() == "back") == (report.step() % 2 == 0);
+    EXPECT_EQ(emitted[place].code, lit ? code16_of(static_cast<float>(report.step() + 1) / 64.0f) : 0);
+    EXPECT_EQ(emitted[place].start_ns, report.scanout_start_ns());
+    EXPECT_EQ(emitted[place + 1].start_ns, report.replaced_ns());
+  }
+}
+
+TEST_F(EmissionServiceTest, ReaderThatStallsIsDroppedAndHoldsNobodyUp) {
+  serve({screen("back", 700, 300, 1000.0)}, 0.0);
+  v1::WatchEmissionResponse event;
+  ASSERT_TRUE(reader_->Read(&event));
+  for (int i = 0; i < 400; ++i) ASSERT_TRUE(display_->show({nullptr}, monotonic_now()).ok());
+  while (reader_->Read(&event)) {
+  }
+  EXPECT_EQ(reader_->Finish().error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  finished_ = true;
+}
+
+}  // namespace
+}  // namespace glasswing
