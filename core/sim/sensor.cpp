@@ -22,10 +22,8 @@ Interval seen_on_row(const MonitorEmission& emission, size_t i, int y) {
       .until = i + 1 < emission.pictures.size() ? emission.pictures[i + 1].scanout_start + delay : kForever};
 }
 
-// The one picture that every row shows for the whole window, if there is one; empty where it is black.
+// The one picture that every row shows for the whole window, if there is one.
 const RadianceImage* steady(const MonitorEmission& emission, nanoseconds from, nanoseconds until) {
-  static const RadianceImage kBlack;
-  if (emission.pictures.empty() || seen_on_row(emission, 0, 0).from >= until) return &kBlack;
   for (size_t i = 0; i < emission.pictures.size(); ++i) {
     const bool shown = seen_on_row(emission, i, emission.monitor.height_px - 1).from <= from;
     if (shown && seen_on_row(emission, i, 0).until >= until) return emission.pictures[i].image.get();

@@ -3,6 +3,8 @@
 //   INSTANTIATE_TEST_SUITE_P(Sim, DisplayContract, testing::Values(make_sim_display));
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <cmath>
 #include <functional>
 #include <memory>
@@ -10,13 +12,13 @@
 #include <string>
 #include <vector>
 
-#include <gtest/gtest.h>
-
 #include "display-node/display.h"
 
 namespace glasswing {
 
-inline double period_ns_of(const ScreenInfo& screen) { return 1e9 / screen.refresh_hz; }
+inline double period_ns_of(const ScreenInfo& screen) {
+  return 1e9 / screen.refresh_hz;
+}
 
 class DisplayContract : public testing::TestWithParam<std::function<std::unique_ptr<Display>()>> {
  protected:

@@ -128,7 +128,9 @@ TEST_F(DisplayServiceTest, PlaysAProgramAndReportsEveryStep) {
     const v1::Presentation& report = play.reports[i];
     EXPECT_EQ(report.step(), static_cast<int>(i));
     EXPECT_GE(report.refreshes(), 2);
-    if (i > 0) EXPECT_EQ(report.scanout_start_ns(), play.reports[i - 1].replaced_ns());
+    if (i > 0) {
+      EXPECT_EQ(report.scanout_start_ns(), play.reports[i - 1].replaced_ns());
+    }
   }
   Play again = start("p");
   EXPECT_TRUE(again.finish().ok()) << "a program stays loaded";

@@ -1,11 +1,11 @@
 #include "display-node/emission_service.h"
 
+#include <grpcpp/grpcpp.h>
+#include <gtest/gtest.h>
+
 #include <cstring>
 #include <map>
 #include <thread>
-
-#include <grpcpp/grpcpp.h>
-#include <gtest/gtest.h>
 
 #include "core/service/service.h"
 #include "display-node/player.h"
@@ -70,7 +70,8 @@ TEST_F(EmissionServiceTest, MonitorsComeFirstThenWhatIsOnScreenThenTime) {
     ASSERT_TRUE(reader_->Read(&event));
     ASSERT_TRUE(event.has_picture());
     EXPECT_EQ(event.picture().monitor(), info.name);
-    EXPECT_EQ(event.picture().chunk(), std::string(static_cast<size_t>(info.width_px * info.height_px * 6), '\0'));
+    EXPECT_EQ(event.picture().chunk(),
+              std::string(static_cast<size_t>(info.width_px * info.height_px * 6), '\0'));
   }
   // With nothing shown, time still goes on, and never past now.
   std::map<std::string, std::int64_t> horizons;
@@ -84,8 +85,8 @@ TEST_F(EmissionServiceTest, MonitorsComeFirstThenWhatIsOnScreenThenTime) {
   EXPECT_EQ(horizons.size(), 2u);
 }
 
-// The light and the player's word agree on every picture and time, missed flips and all; pictures larger than one
-// chunk come whole.
+// The light and the player's word agree on every picture and time, missed flips and all; pictures larger than
+// one chunk come whole.
 TEST_F(EmissionServiceTest, LightIsWhatThePlayerReports) {
   constexpr int kSteps = 25;
   serve({screen("back", 700, 300, 100.0), screen("left", 4, 4, 144.0)}, 0.3);

@@ -1,9 +1,9 @@
 #include "display-node/player.h"
 
+#include <gtest/gtest.h>
+
 #include <cmath>
 #include <future>
-
-#include <gtest/gtest.h>
 
 #include "display-node/sim_display.h"
 
@@ -59,9 +59,11 @@ class FakeDisplay final : public Display {
     for (size_t m = 0; m < screens_.size(); ++m) {
       const double period_ns = 1e9 / screens_[m].refresh_hz;
       const double refresh = std::ceil(static_cast<double>(at.count()) / period_ns) + missed(shown.size(), m);
-      scanouts.push_back({.start = nanoseconds(std::llround(refresh * period_ns)), .uncertainty = nanoseconds(10)});
+      scanouts.push_back(
+          {.start = nanoseconds(std::llround(refresh * period_ns)), .uncertainty = nanoseconds(10)});
     }
-    shown.push_back({.gray = pictures[0] == nullptr ? 0.0f : pictures[0]->samples[0], .at = at, .scanouts = scanouts});
+    shown.push_back(
+        {.gray = pictures[0] == nullptr ? 0.0f : pictures[0]->samples[0], .at = at, .scanouts = scanouts});
     EXPECT_EQ(pictures[1], nullptr);
     if (on_show) on_show();
     return scanouts;
@@ -79,7 +81,9 @@ class FakeDisplay final : public Display {
   const std::vector<ScreenInfo> screens_{screen("back", 1000.0), screen("left", 700.0)};
 };
 
-nanoseconds soon() { return monotonic_now() + milliseconds(200); }
+nanoseconds soon() {
+  return monotonic_now() + milliseconds(200);
+}
 
 class Player : public testing::Test {
  protected:
@@ -123,12 +127,17 @@ TEST_F(Player, ReportsWhenEachStepWasReallyShownAndReplaced) {
       EXPECT_EQ(report.uncertainty_ns(), 10);
       EXPECT_GE(report.refreshes(), kHold);
       // Whole refreshes, up to the rounding of both ends to a ns.
-      EXPECT_NEAR(report.refreshes() * 1e9 / info.refresh_hz, static_cast<double>((until - from).count()), 2.0);
+      EXPECT_NEAR(report.refreshes() * 1e9 / info.refresh_hz, static_cast<double>((until - from).count()),
+                  2.0);
     }
     // One monitor alone sets the pace exactly: "left" is the slower one.
-    if (!misses) EXPECT_EQ(reports_[1].refreshes(), kHold);
+    if (!misses) {
+      EXPECT_EQ(reports_[1].refreshes(), kHold);
+    }
     // A flip two refreshes late leaves the step before on screen for as long.
-    if (misses) EXPECT_GE(reports_[0].refreshes(), kHold + 2);
+    if (misses) {
+      EXPECT_GE(reports_[0].refreshes(), kHold + 2);
+    }
   }
 }
 

@@ -24,8 +24,8 @@ std::unique_ptr<SimDisplay> make_sim(double missed_flips) {
                                       SimDisplay::Faults{.seed = 7, .missed_flips = missed_flips});
 }
 
-INSTANTIATE_TEST_SUITE_P(Sim, DisplayContract, testing::Values([] { return make_sim(0.0); },
-                                                               [] { return make_sim(0.4); }));
+INSTANTIATE_TEST_SUITE_P(Sim, DisplayContract,
+                         testing::Values([] { return make_sim(0.0); }, [] { return make_sim(0.4); }));
 
 Picture gray(float value) {
   auto image = std::make_shared<RadianceImage>(4, 3);
@@ -70,7 +70,9 @@ TEST(SimDisplay, TapSeesWhatWasShownAndNothingStartsBeforeAHorizon) {
     ASSERT_TRUE(display->read_emissions(cursor, emissions, later_horizon, milliseconds(100)));
     EXPECT_GE(later_horizon, horizon);
     for (const Emission& emission : emissions) {
-      if (!first) EXPECT_GE(emission.scanout_start, horizon);
+      if (!first) {
+        EXPECT_GE(emission.scanout_start, horizon);
+      }
       seen[emission.monitor].push_back(emission);
     }
     horizon = later_horizon;
@@ -78,7 +80,8 @@ TEST(SimDisplay, TapSeesWhatWasShownAndNothingStartsBeforeAHorizon) {
   }
   shows.join();
   for (size_t m = 0; m < 2; ++m) {
-    std::erase_if(seen[m], [](const Emission& emission) { return emission.picture == nullptr; });  // before the first
+    std::erase_if(seen[m],
+                  [](const Emission& emission) { return emission.picture == nullptr; });  // before the first
     const size_t skipped = shown.size() - seen[m].size();  // replaced before the tap was there
     for (size_t i = 0; i < seen[m].size(); ++i) {
       EXPECT_EQ(seen[m][i].scanout_start, shown[skipped + i][m].start);

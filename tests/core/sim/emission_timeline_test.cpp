@@ -1,0 +1,94 @@
+#include "core/sim/emission_timeline.h"
+
+#include <gtest/gtest.h>
+
+#include <thread>
+
+namespace glasswing {
+namespace {
+
+using std::chrono::hours;
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+EmissionMonitor monitor(const std::string& name) {
+  return {.name = name, .width_px = 4, .height_px = 3, .scanout = milliseconds(16), .lag = milliseconds(5)};
+}
+
+EmittedPicture picture(nanoseconds start) {
+  return {.scanout_start = start, .image = std::make_shared<RadianceImage>(4, 3)};
+}
+
+TEST(EmissionTimeline, KnowsNothingWithoutMonitors) {
+  const EmissionTimeline timeline;
+  EXPECT_FALSE(timeline.wait_known_until(nanoseconds(0), nanoseconds(0)));
+  EXPECT_TRUE(timeline.between(nanoseconds(0), seconds(1)).empty());
+}
+
+TEST(EmissionTimeline, KnowsAsFarAsTheSlowestMonitorPlusItsLag) {
+  EmissionTimeline timeline;
+  timeline.add_monitor(monitor("back"));
+  timeline.add_monitor(monitor("left"));
+  timeline.set_horizon("back", milliseconds(100));
+  timeline.set_horizon("left", milliseconds(50));
+  EXPECT_TRUE(timeline.wait_known_until(milliseconds(55), nanoseconds(0)));
+  EXPECT_FALSE(timeline.wait_known_until(milliseconds(56), nanoseconds(0)));
+  timeline.set_horizon("left", milliseconds(20));  // what is known stays known
+  EXPECT_TRUE(timeline.wait_known_until(milliseconds(55), nanoseconds(0)));
+}
+
+TEST(EmissionTimeline, WakesWhoWaits) {
+  EmissionTimeline timeline;
+  timeline.add_monitor(monitor("back"));
+  const std::jthread feeder([&] { timeline.set_horizon("back", seconds(1)); });
+  EXPECT_TRUE(timeline.wait_known_until(seconds(1), hours(1)));
+}
+
+TEST(EmissionTimeline, GivesThePicturesThatTouchAnInterval) {
+  EmissionTimeline timeline;
+  timeline.add_monitor(monitor("back"));
+  for (const int start_ms : {0, 100, 200, 300}) timeline.add_picture("back", picture(milliseconds(start_ms)));
+  const auto starts = [&](nanoseconds from, nanoseconds until) {
+    std::vector<nanoseconds> found;
+    for (const EmittedPicture& p : timeline.between(from, until).at(0).pictures)
+      found.push_back(p.scanout_start);
+    return found;
+  };
+  // A picture is seen from its start + lag to its successor's start + lag + scanout.
+  EXPECT_EQ(starts(milliseconds(130), milliseconds(150)), (std::vector<nanoseconds>{milliseconds(100)}));
+  EXPECT_EQ(starts(milliseconds(120), milliseconds(150)),
+            (std::vector<nanoseconds>{milliseconds(0), milliseconds(100)}));
+  EXPECT_EQ(starts(milliseconds(130), milliseconds(205)), (std::vector<nanoseconds>{milliseconds(100)}));
+  EXPECT_EQ(starts(milliseconds(130), milliseconds(206)),
+            (std::vector<nanoseconds>{milliseconds(100), milliseconds(200)}));
+  EXPECT_EQ(starts(seconds(5), seconds(6)), (std::vector<nanoseconds>{milliseconds(300)}));
+  EXPECT_TRUE(starts(milliseconds(-50), milliseconds(5)).empty());
+}
+
+TEST(EmissionTimeline, ForgetsWhatIsOlderThanItKeeps) {
+  EmissionTimeline timeline(seconds(1));
+  timeline.add_monitor(monitor("back"));
+  for (int i = 0; i <= 50; ++i) timeline.add_picture("back", picture(i * milliseconds(100)));
+  const auto kept = timeline.between(nanoseconds(0), hours(1)).at(0).pictures;
+  // Those that start in the last second, and the one that shows when it begins.
+  ASSERT_FALSE(kept.empty());
+  EXPECT_LE(kept.front().scanout_start, seconds(4));
+  EXPECT_LE(kept.size(), 12u);
+  EXPECT_EQ(kept.back().scanout_start, seconds(5));
+}
+
+TEST(EmissionTimeline, ForgetsAMonitorThatIsAddedAgainOrCleared) {
+  EmissionTimeline timeline;
+  timeline.add_monitor(monitor("back"));
+  timeline.add_picture("back", picture(nanoseconds(0)));
+  timeline.set_horizon("back", seconds(1));
+  timeline.add_monitor(monitor("back"));
+  EXPECT_EQ(timeline.monitors().size(), 1u);
+  EXPECT_TRUE(timeline.between(nanoseconds(0), seconds(1)).at(0).pictures.empty());
+  EXPECT_FALSE(timeline.wait_known_until(milliseconds(100), nanoseconds(0)));
+  timeline.clear();
+  EXPECT_TRUE(timeline.monitors().empty());
+}
+
+}  // namespace
+}  // namespace glasswing

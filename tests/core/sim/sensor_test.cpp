@@ -1,0 +1,186 @@
+#include "core/sim/sensor.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+namespace glasswing {
+namespace {
+
+using std::chrono::microseconds;
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+constexpr MonitorSize kBack{16, 12};
+constexpr MonitorSize kLeft{10, 12};
+
+Transport crystal() {
+  return *build_transport("crystal", true, {{"back", kBack}, {"left", kLeft}}, 8, 6);
+}
+
+std::shared_ptr<const RadianceImage> random_picture(MonitorSize size, std::mt19937_64& random) {
+  auto picture = std::make_shared<RadianceImage>(size.width_px, size.height_px);
+  std::uniform_real_distribution<float> uniform;
+  std::generate(picture->samples.begin(), picture->samples.end(), [&] { return uniform(random); });
+  return picture;
+}
+
+MonitorEmission emission(const std::string& name, MonitorSize size, nanoseconds scanout, nanoseconds lag,
+                         const std::vector<nanoseconds>& starts, std::mt19937_64& random) {
+  MonitorEmission result{.monitor = {name, size.width_px, size.height_px, scanout, lag}, .pictures = {}};
+  for (const nanoseconds start : starts) result.pictures.push_back({start, random_picture(size, random)});
+  return result;
+}
+
+// What a monitor's rows show at one moment.
+RadianceImage shown_at(const MonitorEmission& emission, nanoseconds when) {
+  RadianceImage out(emission.monitor.width_px, emission.monitor.height_px);
+  for (int y = 0; y < out.height_px; ++y) {
+    const double delay_ns = static_cast<double>(emission.monitor.lag.count()) +
+                            static_cast<double>(emission.monitor.scanout.count()) * y / out.height_px;
+    for (const EmittedPicture& picture : emission.pictures) {
+      if (static_cast<double>((when - picture.scanout_start).count()) < delay_ns) continue;
+      for (int x = 0; x < out.width_px; ++x) {
+        for (int c = 0; c < 3; ++c) out.at(x, y, c) = picture.image->at(x, y, c);
+      }
+    }
+  }
+  return out;
+}
+
+TEST(Integrate, AgreesWithManySlicesOfTime) {
+  std::mt19937_64 random(4);
+  const Transport transport = crystal();
+  const std::vector<MonitorEmission> light{
+      emission("back", kBack, milliseconds(7), milliseconds(2),
+               {milliseconds(-30), milliseconds(-1), milliseconds(9)}, random),
+      // Black until its first picture.
+      emission("left", kLeft, milliseconds(16), microseconds(3300), {milliseconds(1), milliseconds(6)},
+               random)};
+  const ExposureWindow window{.start = milliseconds(1), .exposure = milliseconds(8)};
+  const nanoseconds readout = milliseconds(5);
+  const RadianceImage exact = integrate(transport, light, window, readout);
+
+  constexpr int kSlices = 500;
+  // A change falls at most half a slice beside the slices' border; a pixel's weights sum to at most 1,
+  // radiance to at most 1, and no monitor row changes more than twice here. Float sums add about 1e-5.
+  constexpr float kTolerance = 2.0f * 0.5f / kSlices + 1e-5f;
+  for (int y = 0; y < 6; ++y) {
+    const nanoseconds from = window.start + readout * y / 5;
+    RadianceImage mean(8, 6);
+    for (int s = 0; s < kSlices; ++s) {
+      const nanoseconds when = from + window.exposure * (2 * s + 1) / (2 * kSlices);
+      const RadianceImage seen =
+          transport.respond(std::vector<RadianceImage>{shown_at(light[0], when), shown_at(light[1], when)});
+      for (size_t i = 0; i < mean.samples.size(); ++i) mean.samples[i] += seen.samples[i] / kSlices;
+    }
+    for (int x = 0; x < 8; ++x) {
+      for (int c = 0; c < 3; ++c) EXPECT_NEAR(exact.at(x, y, c), mean.at(x, y, c), kTolerance);
+    }
+  }
+}
+
+TEST(Integrate, IsTheTransportsResponseWhileNothingChanges) {
+  std::mt19937_64 random(5);
+  const Transport transport = crystal();
+  const std::vector<MonitorEmission> light{
+      emission("back", kBack, milliseconds(16), milliseconds(2),
+               {milliseconds(-30), milliseconds(0), seconds(1)}, random),
+      emission("left", kLeft, milliseconds(16), milliseconds(2), {}, random)};
+  const RadianceImage seen =
+      integrate(transport, light, {.start = milliseconds(18), .exposure = milliseconds(8)}, milliseconds(5));
+  EXPECT_EQ(
+      seen.samples,
+      transport.respond(std::vector<RadianceImage>{*light[0].pictures[1].image, RadianceImage()}).samples);
+}
+
+constexpr SensorModel kNoiseless{.read_sd = 0.0, .gain = 0.0, .bits = 16};
+
+RadianceImage uniform_light(int size_px, float radiance) {
+  RadianceImage light(size_px, size_px);
+  std::fill(light.samples.begin(), light.samples.end(), radiance);
+  return light;
+}
+
+TEST(Expose, ScalesByExposureAndClips) {
+  const double full_ms = kNoiseless.full_scale_exposure_ms;
+  EXPECT_EQ(expose(uniform_light(2, 0.5f), 0.5 * full_ms, kNoiseless, 0).samples[0],
+            16384);  // 65535 / 4, rounded
+  EXPECT_EQ(expose(uniform_light(2, 0.5f), 3.0 * full_ms, kNoiseless, 0).samples[0], 65535);
+  EXPECT_EQ(expose(uniform_light(2, 0.0f), full_ms, kNoiseless, 0).samples[0], 0);
+}
+
+TEST(Expose, QuantisesToItsBits) {
+  std::mt19937_64 random(6);
+  for (const int bits : {8, 10, 12, 14}) {
+    SensorModel model = kNoiseless;
+    model.bits = bits;
+    const RadianceImage light = *random_picture({20, 20}, random);
+    const Image16 image = expose(light, model.full_scale_exposure_ms, model, 0);
+    const double step = 1.0 / (std::exp2(bits) - 1.0);
+    for (size_t i = 0; i < light.samples.size(); ++i) {
+      const double code = image.samples[i] / 65535.0 / step;
+      EXPECT_NEAR(code, std::round(code), 0.5 / 65535.0 / step + 1e-9);  // storing rounds to 16 bits
+      EXPECT_NEAR(code, light.samples[i] / step, 0.5 + 0.5 / 65535.0 / step + 1e-4);  // float light
+    }
+  }
+}
+
+TEST(Expose, NoiseHasTheModelsMeanAndVariance) {
+  constexpr int kSize_px = 120;
+  constexpr double kCount = kSize_px * kSize_px * 3;
+  for (const float value : {0.2f, 0.7f}) {
+    const SensorModel model{.read_sd = 0.004, .gain = 2e-4, .bits = 12};
+    const Image16 image = expose(uniform_light(kSize_px, value), model.full_scale_exposure_ms, model, 3);
+    double sum = 0.0, sum_of_squares = 0.0;
+    for (const std::uint16_t sample : image.samples) {
+      sum += sample / 65535.0 - value;
+      sum_of_squares += std::pow(sample / 65535.0 - value, 2);
+    }
+    const double step = 1.0 / 4095.0;
+    const double variance = model.read_sd * model.read_sd + model.gain * value + step * step / 12.0;
+    // Five standard errors of a mean and of a Gaussian's variance.
+    EXPECT_NEAR(sum / kCount, 0.0, 5.0 * std::sqrt(variance / kCount));
+    EXPECT_NEAR(sum_of_squares / kCount, variance, 5.0 * variance * std::sqrt(2.0 / kCount));
+  }
+}
+
+TEST(Expose, BlursByItsSigma) {
+  constexpr int kSize_px = 31, kMiddle_px = 15;
+  SensorModel model = kNoiseless;
+  model.blur_sigma_px = 1.5;
+  RadianceImage light(kSize_px, kSize_px);
+  light.at(kMiddle_px, kMiddle_px, 1) = 1.0f;
+  const Image16 image = expose(light, model.full_scale_exposure_ms, model, 0);
+  double total = 0.0, second_moment = 0.0, most_rounding = 0.0;
+  for (int y = 0; y < kSize_px; ++y) {
+    for (int x = 0; x < kSize_px; ++x) {
+      const double value = image.at(x, y, 1) / 65535.0;
+      total += value;
+      second_moment += value * (x - kMiddle_px) * (x - kMiddle_px);
+      if (std::abs(x - kMiddle_px) <= 6 && std::abs(y - kMiddle_px) <= 6) {
+        most_rounding += 0.5 / 65535.0 * (x - kMiddle_px) * (x - kMiddle_px);
+      }
+      EXPECT_EQ(image.at(x, y, 0), 0);
+    }
+  }
+  EXPECT_NEAR(total, 1.0, 169 * 0.5 / 65535.0);  // 13 x 13 rounded samples
+  // A Gaussian cut at four sigma lacks 0.11 % of its variance.
+  EXPECT_NEAR(second_moment, 2.25, 0.002 * 2.25 + most_rounding);
+}
+
+TEST(Expose, TheSameFrameHasTheSameNoiseAndNoOtherHas) {
+  const SensorModel model{.seed = 9};
+  SensorModel other = model;
+  other.seed = 10;
+  const RadianceImage light = uniform_light(10, 0.4f);
+  const auto first = expose(light, 4.0, model, 7).samples;
+  EXPECT_EQ(first, expose(light, 4.0, model, 7).samples);
+  EXPECT_NE(first, expose(light, 4.0, model, 8).samples);
+  EXPECT_NE(first, expose(light, 4.0, other, 7).samples);
+}
+
+}  // namespace
+}  // namespace glasswing

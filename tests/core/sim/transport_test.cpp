@@ -1,0 +1,219 @@
+#include "core/sim/transport.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <tuple>
+
+#include "core/sim/scene.h"
+
+namespace glasswing {
+namespace {
+
+constexpr int kWidth_px = 64, kHeight_px = 48;
+constexpr MonitorSize kSize{kWidth_px, kHeight_px};
+
+Transport built(const std::string& scene, bool object = true,
+                const std::vector<SceneMonitor>& monitors = {{"back", kSize}}) {
+  return *build_transport(scene, object, monitors, kWidth_px, kHeight_px);
+}
+
+RadianceImage random_picture(int width_px, int height_px) {
+  std::mt19937_64 random(1);
+  std::uniform_real_distribution<float> uniform;
+  RadianceImage picture(width_px, height_px);
+  std::generate(picture.samples.begin(), picture.samples.end(), [&] { return uniform(random); });
+  return picture;
+}
+
+RadianceImage respond(const Transport& transport, const RadianceImage& picture) {
+  return transport.respond(std::vector<RadianceImage>{picture});
+}
+
+bool is_empty_stage(std::span<const Tap> taps, int x, int y) {
+  return taps.size() == 1 && taps[0].x_px == x && taps[0].y_px == y && taps[0].weight == 1.0f;
+}
+
+// Moments of a pixel's footprint, monitor px.
+struct Footprint {
+  double weight = 0.0, x = 0.0, y = 0.0, xx = 0.0, xy = 0.0, yy = 0.0;
+};
+Footprint footprint_of(std::span<const Tap> taps) {
+  Footprint f;
+  for (const Tap& tap : taps) {
+    f.weight += tap.weight;
+    f.x += double{tap.weight} * tap.x_px;
+    f.y += double{tap.weight} * tap.y_px;
+  }
+  f.x /= f.weight;
+  f.y /= f.weight;
+  for (const Tap& tap : taps) {
+    const double part = tap.weight / f.weight;
+    f.xx += part * (tap.x_px - f.x) * (tap.x_px - f.x);
+    f.xy += part * (tap.x_px - f.x) * (tap.y_px - f.y);
+    f.yy += part * (tap.y_px - f.y) * (tap.y_px - f.y);
+  }
+  return f;
+}
+
+TEST(Transport, AnEmptyStageShowsTheBackMonitorAsItIs) {
+  const RadianceImage picture = random_picture(kWidth_px, kHeight_px);
+  EXPECT_EQ(respond(built("none"), picture).samples, picture.samples);
+  for (const char* scene : {"crystal", "glass", "brushed"}) {
+    EXPECT_EQ(respond(built(scene, false), picture).samples, picture.samples) << scene;
+  }
+}
+
+TEST(Transport, ACoarserCameraAveragesBoxesOfMonitorPixels) {
+  const RadianceImage picture = random_picture(2 * kWidth_px, 4 * kHeight_px);
+  const RadianceImage seen =
+      respond(built("none", true, {{"back", {2 * kWidth_px, 4 * kHeight_px}}}), picture);
+  for (int y = 0; y < kHeight_px; ++y) {
+    for (int x = 0; x < kWidth_px; ++x) {
+      float mean = 0.0f;
+      for (int i = 0; i < 8; ++i) mean += picture.at(2 * x + i % 2, 4 * y + i / 2, 0) / 8.0f;
+      EXPECT_NEAR(seen.at(x, y, 0), mean, 1e-6f);  // a few roundings of floats below 1
+    }
+  }
+}
+
+TEST(Transport, AFinerCameraSeesFlatPixels) {
+  const RadianceImage picture = random_picture(kWidth_px / 4, kHeight_px / 2);
+  const RadianceImage seen =
+      respond(built("none", true, {{"back", {kWidth_px / 4, kHeight_px / 2}}}), picture);
+  for (int y = 0; y < kHeight_px; ++y) {
+    for (int x = 0; x < kWidth_px; ++x) EXPECT_EQ(seen.at(x, y, 2), picture.at(x / 4, y / 2, 2));
+  }
+}
+
+TEST(Transport, GivesNoMoreLightThanThereIs) {
+  const std::vector<SceneMonitor> room{
+      {"left", {40, 48}}, {"back", kSize}, {"top", {64, 30}}, {"right", {50, 48}}};
+  for (const char* scene : {"crystal", "glass", "brushed"}) {
+    const Transport transport = built(scene, true, room);
+    std::vector<double> light_of(room.size());
+    for (int i = 0; i < kWidth_px * kHeight_px * 3; ++i) {
+      const auto taps = transport.taps(i / 3 % kWidth_px, i / 3 / kWidth_px, i % 3);
+      double sum = 0.0;
+      for (size_t t = 0; t < taps.size(); ++t) {
+        const Tap& tap = taps[t];
+        const auto m = static_cast<size_t>(tap.monitor);
+        ASSERT_LT(m, room.size());
+        ASSERT_TRUE(tap.x_px >= 0 && tap.x_px < room[m].size.width_px && tap.y_px >= 0 &&
+                    tap.y_px < room[m].size.height_px);
+        ASSERT_GT(tap.weight, 0.0f);
+        if (t > 0) {
+          ASSERT_LT(std::tuple(taps[t - 1].monitor, taps[t - 1].y_px, taps[t - 1].x_px),
+                    std::tuple(tap.monitor, tap.y_px, tap.x_px));
+        }
+        sum += tap.weight;
+        light_of[m] += tap.weight;
+      }
+      ASSERT_LE(sum, 1.0 + 1e-5);  // a few hundred floats, each rounded by 6e-8 of itself
+    }
+    // A crystal glitters with light from everywhere.
+    if (std::string(scene) == "crystal") {
+      for (const double light : light_of) EXPECT_GT(light, 1.0);
+    }
+  }
+}
+
+// What the ball and the sheet mirror and let through is all that falls on them.
+TEST(Transport, GlassLosesOnlyTheFaintestPaths) {
+  const auto scene = make_scene("glass", kSize);
+  ASSERT_TRUE(scene.ok());
+  int hits = 0;
+  for (int i = 0; i < 400; ++i) {
+    const Vec3 eye{32.0, 24.0, -256.0};
+    const auto paths = (*scene)->trace({eye, normalized(Vec3{i % 20 * 3.2, i / 20 * 2.4, 0.0} - eye)}, 0, 0);
+    if (!paths) continue;
+    ++hits;
+    double sum = 0.0;
+    for (const Path& path : *paths) sum += path.weight;
+    EXPECT_LE(sum, 1.0 + 1e-12);
+    // Each of nine paths is dropped only below 0.002, and what is still inside after seven bounces is
+    // (1 - m) m^7 for a mirrored share m, which is largest at m = 7/8.
+    EXPECT_GE(sum, 1.0 - 9 * 0.002 - std::pow(7.0 / 8.0, 7) / 8.0);
+  }
+  EXPECT_GT(hits, 50);
+}
+
+TEST(Transport, TheCrystalSplitsColours) {
+  const Transport transport = built("crystal");
+  int object = 0, split = 0, lit = 0;
+  for (int y = 0; y < kHeight_px; ++y) {
+    for (int x = 0; x < kWidth_px; ++x) {
+      if (is_empty_stage(transport.taps(x, y, 0), x, y)) continue;
+      ++object;
+      const Footprint red = footprint_of(transport.taps(x, y, 0));
+      const Footprint blue = footprint_of(transport.taps(x, y, 2));
+      if (!(red.weight > 0.5 && blue.weight > 0.5)) continue;
+      ++lit;
+      if (std::hypot(red.x - blue.x, red.y - blue.y) > 0.5) ++split;
+    }
+  }
+  EXPECT_NEAR(object / double{kWidth_px * kHeight_px}, 0.35, 0.1);
+  EXPECT_GT(lit, object / 2);
+  EXPECT_GT(split, object / 4);
+}
+
+TEST(Transport, TheGlassMirrorsAndTransmitsAtOnce) {
+  const Transport transport = built("glass");
+  int both = 0;
+  for (int y = 0; y < kHeight_px; ++y) {
+    for (int x = 0; x < kWidth_px; ++x) {
+      // A tenth of the light comes straight through, and a tenth from more than 6 px beside it.
+      double straight = 0.0, aside = 0.0;
+      for (const Tap& tap : transport.taps(x, y, 1)) {
+        const double distance_px = std::hypot(tap.x_px - x, tap.y_px - y);
+        if (distance_px < 1.5) straight += tap.weight;
+        if (distance_px > 6.0) aside += tap.weight;
+      }
+      if (straight > 0.1 && aside > 0.1) ++both;
+    }
+  }
+  EXPECT_GT(both, kWidth_px * kHeight_px / 20);
+}
+
+TEST(Transport, TheBrushedMetalSpreadsLightAslant) {
+  const Transport transport = built("brushed");
+  int metal = 0, aslant = 0;
+  for (int y = 0; y < kHeight_px; ++y) {
+    for (int x = 0; x < kWidth_px; ++x) {
+      const bool stage = is_empty_stage(transport.taps(x, y, 1), x, y);
+      for (int c = 0; c < 3; ++c) EXPECT_EQ(transport.foreground(x, y, c) > 0.0f, !stage);
+      const Footprint f = footprint_of(transport.taps(x, y, 1));
+      // Cut by no edge: all of the metal's green, 0.74, is there.
+      if (stage || std::abs(f.weight - 0.74) > 1e-4) continue;
+      ++metal;
+      if (std::abs(f.xy) > 0.3 * std::sqrt(f.xx * f.yy) && f.xx + f.yy > 1.0) ++aslant;
+    }
+  }
+  EXPECT_GT(metal, kWidth_px * kHeight_px / 20);
+  EXPECT_GT(aslant, metal / 2);
+}
+
+TEST(Transport, IsTheSameEveryTime) {
+  const RadianceImage picture = random_picture(kWidth_px, kHeight_px);
+  for (const char* scene : {"crystal", "glass", "brushed"}) {
+    EXPECT_EQ(respond(built(scene), picture).samples, respond(built(scene), picture).samples) << scene;
+  }
+}
+
+TEST(Transport, NamesWhatItDoesNotHave) {
+  const auto message = [](const std::string& scene, const std::vector<SceneMonitor>& monitors) {
+    const auto transport = build_transport(scene, true, monitors, 8, 8);
+    EXPECT_EQ(transport.status().code(), absl::StatusCode::kInvalidArgument);
+    return std::string(transport.status().message());
+  };
+  EXPECT_EQ(message("vase", {{"back", kSize}}),
+            "scene is \"vase\"; there are: crystal, glass, brushed, none");
+  EXPECT_EQ(message("none", {{"front", kSize}}),
+            "monitor \"front\" has no place in the scene; there are: back, left, right, top");
+  EXPECT_EQ(message("none", {{"left", kSize}}), "a scene needs a monitor \"back\", behind the object");
+}
+
+}  // namespace
+}  // namespace glasswing

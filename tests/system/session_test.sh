@@ -1,0 +1,99 @@
+#!/bin/bash
+# A whole session through separate processes, as a person would run it: plan, capture, solve, fetch, composite, export,
+# import; then each daemon killed in the middle; then input that is wrong.
+set -euo pipefail
+root=$(cd "$(dirname "$0")/../.." && pwd)
+bin=${GLASSWING_BIN:-$root/build/release/bin}
+work=$(mktemp -d)
+rig=("$root/deploy/local-rig")
+trap '"${rig[@]}" down --data "$work/rig" >/dev/null; rm -rf "$work"' EXIT
+
+fail() {
+  echo "FAILED: $*" >&2
+  tail -n 30 "$work"/rig/logs/*.log >&2 || true
+  exit 1
+}
+glasswing() { "$bin/glasswing" "$@"; }
+field() { glasswing show "$1" --json | sed -n "s/.*\"$2\": \"\{0,1\}\([^\",]*\)\"\{0,1\},\{0,1\}\$/\1/p" | head -n 1; }
+until_true() { # SECONDS COMMAND...: asks again until it holds
+  local deadline=$((SECONDS + $1))
+  until "${@:2}"; do
+    ((SECONDS < deadline)) || return 1
+    sleep 0.05
+  done
+}
+proven_at_least() { (($(field "$1" proven_count) >= $2)); }
+refused() { # WORDS COMMAND...: fails, with one line on standard error that holds these words
+  local words=$1
+  shift
+  if "$@" >/dev/null 2>"$work/stderr"; then fail "accepted: $*"; fi
+  [[ $(wc -l <"$work/stderr") == 1 ]] || fail "not one line: $(cat "$work/stderr")"
+  grep -qF -- "$words" "$work/stderr" || fail "\"$(cat "$work/stderr")\" does not say \"$words\""
+}
+
+port=$((20000 + RANDOM % 20000))
+export GLASSWING_SERVER=127.0.0.1:$port
+"${rig[@]}" up --data "$work/rig" --port "$port" --solvers 2
+plan=$root/deploy/plans/quick.txtpb
+
+echo "== a session from plan to composite"
+glasswing capture "$plan" --session s --watch
+[[ $(field s state) == SESSION_STATE_CAPTURED ]] || fail "s is $(field s state)"
+steps=$(field s step_count)
+awk -v s="$(field s capture_seconds)" -v n="$steps" 'BEGIN { printf "%d steps in %.2f s: %.2f of the limit\n", n, s, s * 30 / n }'
+glasswing solve s --watch
+glasswing fetch s -o "$work/s.exr"
+glasswing composite "$work/s.exr" --background "$root/deploy/pictures/quilt.png" -o "$work/s.png"
+(($(field s object_pixel_count) > 1000)) || fail "the crystal covers $(field s object_pixel_count) pixels"
+
+echo "== export, import, and the same matte again"
+glasswing export s "$work/s"
+[[ $(find "$work/s/frames" -type f | wc -l) == "$steps" ]] || fail "not every step was exported"
+glasswing import "$work/s" --session t
+glasswing solve t --watch
+glasswing fetch t -o "$work/t.exr"
+for m in s t; do glasswing composite "$work/$m.exr" --background "$root/deploy/pictures/quilt.png" -o "$work/$m.exr.out.exr"; done
+cmp "$work/s.exr.out.exr" "$work/t.exr.out.exr" || fail "the imported frames made another matte"
+
+echo "== every daemon killed in the middle, and started again"
+for daemon in camera-1 display-1 server; do
+  s=killed-$daemon
+  glasswing capture "$plan" --session "$s" >/dev/null
+  until_true 30 proven_at_least "$s" 20 || fail "$s proved nothing"
+  glasswing pause "$s" >/dev/null
+  frames=$work/rig/camera/archives/$s/frames
+  (cd "$frames" && sha256sum ./*.tif) >"$work/proven"
+  glasswing resume "$s" >/dev/null
+  until_true 30 proven_at_least "$s" $(($(wc -l <"$work/proven") + 10)) || fail "$s did not go on"
+  kill -KILL "$(cat "$work/rig/run/$daemon.pid")"
+  "${rig[@]}" up --data "$work/rig" >/dev/null
+  glasswing resume "$s" >/dev/null
+  glasswing watch "$s" || fail "$s did not finish after its $daemon was killed"
+  [[ $(field "$s" proven_count) == "$steps" ]] || fail "$s has $(field "$s" proven_count) of $steps steps"
+  (cd "$frames" && sha256sum --quiet -c "$work/proven") || fail "$s captured again what was proven"
+done
+
+echo "== what is wrong is said in one line, and harms nothing"
+refused 'there is no session "nobody"' glasswing show nobody
+refused 'does not answer' glasswing sessions --server 127.0.0.1:1
+refused 'session "s" already' glasswing capture "$plan" --session s
+printf 'method: "gaussian"\nsweeps { sigma_px: -1 }\n' >"$work/bad.txtpb"
+refused "$work/bad.txtpb:2: sigma_px is -1; it must be in (0, 200]" glasswing plan check "$work/bad.txtpb"
+frame=$(find "$work/s/frames" -type f | sort | sed -n 5p)
+cp "$frame" "$work/good"
+printf 'x' | dd of="$frame" bs=1 seek=1000 conv=notrunc status=none
+refused "$(basename "$frame")" glasswing import "$work/s" --session flipped
+truncate -s 500 "$frame"
+refused "$(basename "$frame")" glasswing import "$work/s" --session short
+rm "$frame"
+refused "$(basename "$frame")" glasswing import "$work/s" --session missing
+cp "$work/good" "$frame"
+glasswing import "$work/s" --session flipped
+spooled=$(find "$work/rig/camera/archives/killed-server/frames" -type f | sort | tail -n 1)
+printf 'x' | dd of="$spooled" bs=1 seek=1000 conv=notrunc status=none
+"${rig[@]}" down --data "$work/rig" >/dev/null
+"${rig[@]}" up --data "$work/rig" --port "$port" --solvers 2 >/dev/null
+refused "$(basename "$spooled")" glasswing solve killed-server --watch
+glasswing fetch s -o "$work/again.exr"
+cmp "$work/s.exr" "$work/again.exr" || fail "the matte changed"
+echo "all of it held"
