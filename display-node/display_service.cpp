@@ -13,7 +13,7 @@
 namespace glasswing {
 namespace {
 
-constexpr size_t kMaxImageBytes = 256u << 20;
+constexpr size_t kMaxImageBytes = 64u << 20;
 
 }  // namespace
 
@@ -74,6 +74,7 @@ grpc::Status DisplayServiceImpl::PlayProgram(grpc::ServerContext* context,
           fmt::format("program \"{}\" is not loaded; load it first", request->program())));
     }
     program = loaded_;
+    play_.request_stop();  // two programs never share the screens
     play_ = play_stop;
   }
   const std::stop_callback on_shutdown(stop_.get_token(), [&] { play_stop.request_stop(); });
@@ -99,7 +100,7 @@ grpc::Status DisplayServiceImpl::PlayProgram(grpc::ServerContext* context,
     std::deque<v1::Presentation> batch;
     {
       std::unique_lock lock(mutex);
-      reported.wait_for(lock, std::chrono::milliseconds(100), [&] { return ended || !reports.empty(); });
+      reported.wait_for(lock, std::chrono::milliseconds(10), [&] { return ended || !reports.empty(); });
       batch.swap(reports);
       if (batch.empty() && ended) break;
     }

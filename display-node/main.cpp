@@ -14,6 +14,8 @@ namespace {
 
 using namespace glasswing;
 
+constexpr size_t kMostMonitors = 16;
+
 // "back=128x96@60"
 absl::StatusOr<ScreenInfo> parse_screen(const std::string& text, double lag_ms, double settle_ms) {
   ScreenInfo screen;
@@ -71,13 +73,19 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(0.0, 1.0));
   app.add_option("--fault-seed", faults.seed, "sim: seed of the faults");
   app.add_flag("--reflection", listen.reflection, "let gRPC tools list the services");
-  app.add_option("--log-level", level, "debug, info, warn or error")->capture_default_str();
+  app.add_option("--log-level", level, "debug, info, warn or error")
+      ->check(CLI::IsMember({"debug", "info", "warn", "error"}))
+      ->capture_default_str();
   app.set_version_flag("--version", kVersion);
   CLI11_PARSE(app, argc, argv);
 
   block_signals();
   start_logging("glasswing-display", level);
   if (absl::Status status = check_name("node", name); !status.ok()) return fail(status);
+  if (monitors.size() > kMostMonitors) {
+    return fail(absl::InvalidArgumentError("--monitor is given " + std::to_string(monitors.size()) +
+                                           " times; it must be 1 to " + std::to_string(kMostMonitors)));
+  }
   std::vector<ScreenInfo> screens;
   std::set<std::string> names;
   for (const std::string& monitor : monitors) {

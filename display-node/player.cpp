@@ -3,7 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <condition_variable>
+#include <mutex>
 
 #include "core/base/status.h"
 
@@ -12,6 +15,14 @@ namespace {
 
 nanoseconds period_of(const ScreenInfo& screen) {
   return nanoseconds(std::llround(1e9 / screen.refresh_hz));
+}
+
+// Returns early when stopped.
+void wait_until(nanoseconds deadline, std::stop_token stop) {
+  std::mutex mutex;
+  std::unique_lock lock(mutex);
+  const std::chrono::steady_clock::time_point until(deadline);  // CLOCK_MONOTONIC
+  std::condition_variable_any().wait_until(lock, stop, until, [] { return false; });
 }
 
 }  // namespace
@@ -26,10 +37,16 @@ absl::Status play(const Program& program, Display& display, nanoseconds start, s
   }
   const std::vector<ScreenInfo>& screens = display.screens();
   std::vector<Scanout> shown;  // of the step before
+  nanoseconds longest_refresh{};
+  for (const ScreenInfo& screen : screens) longest_refresh = std::max(longest_refresh, period_of(screen));
   nanoseconds at = start;
   std::vector<Picture> pictures = program.pictures(0);
   for (size_t i = 0; i <= program.size(); ++i) {
-    const bool blank = i == program.size() || stop.stop_requested();
+    // Waits here, where it can be stopped, and leaves a refresh of room for a late awakening.
+    wait_until(at - longest_refresh, stop);
+    const bool stopped = stop.stop_requested();
+    const bool blank = i == program.size() || stopped;
+    if (stopped) at = monotonic_now();
     if (blank) pictures.assign(screens.size(), nullptr);
     GW_ASSIGN_OR_RETURN(const std::vector<Scanout> scanouts, display.show(pictures, at));
     if (i > 0) {
@@ -47,8 +64,7 @@ absl::Status play(const Program& program, Display& display, nanoseconds start, s
         report(presentation);
       }
     }
-    if (blank)
-      return i == program.size() ? absl::OkStatus() : absl::CancelledError("the program was stopped");
+    if (blank) return stopped ? absl::CancelledError("the program was stopped") : absl::OkStatus();
     shown = scanouts;
     // Half a refresh early, so that rounding never adds one; every monitor is held for at least
     // hold_refreshes.

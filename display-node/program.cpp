@@ -23,10 +23,15 @@ absl::StatusOr<std::string> ImageStore::add(const std::string& png) {
   std::transform(image.samples.begin(), image.samples.end(), radiance->samples.begin(), radiance_of);
   std::string name = checksum_of(png);
   std::erase(name, ':');
+  const size_t bytes = radiance->samples.size() * sizeof(float);
   const std::lock_guard lock(mutex_);
-  if (images_.size() >= kMaxImages && !images_.contains(name)) {
-    return absl::ResourceExhaustedError(fmt::format("this display holds {} images already", kMaxImages));
+  if (images_.contains(name)) return name;
+  if (images_.size() >= kMaxImages || held_bytes_ + bytes > capacity_bytes_) {
+    return absl::ResourceExhaustedError(fmt::format(
+        "this display holds {} images, {} bytes; one of {} bytes does not fit: it takes {} images, {} bytes",
+        images_.size(), held_bytes_, bytes, kMaxImages, capacity_bytes_));
   }
+  held_bytes_ += bytes;
   images_[name] = std::move(radiance);
   return name;
 }
@@ -39,6 +44,9 @@ Picture ImageStore::find(const std::string& name) const {
 
 absl::StatusOr<Program> Program::create(const v1::LoadProgramRequest& request,
                                         const std::vector<ScreenInfo>& screens, const ImageStore& images) {
+  if (request.program().empty()) {
+    return absl::InvalidArgumentError("program is empty; it must be a name");
+  }
   if (request.hold_refreshes() < 2 || request.hold_refreshes() > 600) {
     return absl::InvalidArgumentError(
         fmt::format("hold_refreshes is {}; it must be 2 to 600", request.hold_refreshes()));
@@ -63,10 +71,14 @@ absl::StatusOr<Program> Program::create(const v1::LoadProgramRequest& request,
         return absl::InvalidArgumentError(fmt::format("step {}: there is no monitor \"{}\"; there are: {}",
                                                       wanted.step(), stimulus.panel(), names));
       }
+      const auto index = static_cast<size_t>(screen - screens.begin());
+      if (std::any_of(step.lit.begin(), step.lit.end(),
+                      [&](const Lit& lit) { return lit.screen == index; })) {
+        return absl::InvalidArgumentError(fmt::format(
+            "step {}: monitor \"{}\" is lit twice; it must have one stimulus", wanted.step(), screen->name));
+      }
       const MonitorSize size{.width_px = screen->width_px, .height_px = screen->height_px};
-      Lit lit{.screen = static_cast<size_t>(screen - screens.begin()),
-              .pattern = std::nullopt,
-              .picture = nullptr};
+      Lit lit{.screen = index, .pattern = std::nullopt, .picture = nullptr};
       if (stimulus.kind() == "photo") {
         lit.picture = images.find(stimulus.image());
         if (lit.picture == nullptr) {

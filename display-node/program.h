@@ -20,13 +20,17 @@ namespace glasswing {
 // Photo pictures by content hash. Thread-safe.
 class ImageStore {
  public:
+  // Capacity for pictures as they are shown: 4 bytes a sample.
+  explicit ImageStore(size_t capacity_bytes = size_t{512} << 20) : capacity_bytes_(capacity_bytes) {}
   // INVALID_ARGUMENT: no PNG; RESOURCE_EXHAUSTED: the store is full. Returns the name.
   absl::StatusOr<std::string> add(const std::string& png);
   Picture find(const std::string& name) const;
 
  private:
+  const size_t capacity_bytes_;
   mutable std::mutex mutex_;
-  std::map<std::string, Picture> images_;
+  std::map<std::string, Picture> images_;  // guarded by mutex_
+  size_t held_bytes_ = 0;                  // guarded by mutex_
 };
 
 class Program {

@@ -43,11 +43,13 @@ class SimDisplay final : public Display {
   const std::vector<ScreenInfo> screens_;
   const double missed_flips_;
   const nanoseconds phase_;
+  const size_t log_limit_;
   std::mutex mutex_;
   std::condition_variable emitted_;
   std::mt19937_64 random_;         // guarded by mutex_
-  std::vector<Emission> current_;  // guarded by mutex_, one a monitor
-  std::deque<Emission> log_;       // guarded by mutex_, the newest kLogged
+  std::vector<Emission> current_;  // guarded by mutex_, one a monitor; it may still wait for its refresh,
+  std::vector<Emission> before_;   // guarded by mutex_, and until then this one is on screen
+  std::deque<Emission> log_;       // guarded by mutex_, the newest log_limit_
   std::uint64_t next_ = 1;         // guarded by mutex_, number of the next emission
 };
 

@@ -103,6 +103,10 @@ TEST_F(EmissionServiceTest, LightIsWhatThePlayerReports) {
   }
   const Program program = Program::create(request, display_->screens(), ImageStore()).value();
   std::vector<v1::Presentation> reports;
+  v1::WatchEmissionResponse event;
+  do {
+    ASSERT_TRUE(reader_->Read(&event));
+  } while (!event.has_horizon());  // the tap has seen the black before the program
   std::jthread player([&] {
     EXPECT_TRUE(play(program, *display_, monotonic_now() + milliseconds(300), {},
                      [&](const v1::Presentation& report) { reports.push_back(report); })
@@ -116,8 +120,7 @@ TEST_F(EmissionServiceTest, LightIsWhatThePlayerReports) {
   std::map<std::string, std::vector<Light>> light;
   std::map<std::string, std::int64_t> horizons;
   std::string pixels;
-  v1::WatchEmissionResponse event;
-  const auto playing = [&] { return light["back"].size() + light["left"].size() < 2 * (kSteps + 2); };
+  const auto playing = [&] { return light["back"].size() + light["left"].size() < 2 * (kSteps + 1); };
   while (playing() && reader_->Read(&event)) {
     if (event.has_horizon()) horizons[event.horizon().monitor()] = event.horizon().until_ns();
     if (!event.has_picture()) continue;
@@ -136,7 +139,7 @@ TEST_F(EmissionServiceTest, LightIsWhatThePlayerReports) {
   ASSERT_EQ(reports.size(), 2u * kSteps);
   for (const v1::Presentation& report : reports) {
     const std::vector<Light>& emitted = light[report.monitor()];
-    const size_t place = static_cast<size_t>(report.step()) + 1;  // after the black before the program
+    const auto place = static_cast<size_t>(report.step());
     ASSERT_LT(place + 1, emitted.size());
     const bool lit = (report.monitor() == "back") == (report.step() % 2 == 0);
     EXPECT_EQ(emitted[place].code, lit ? code16_of(static_cast<float>(report.step() + 1) / 64.0f) : 0);

@@ -49,9 +49,9 @@ TEST(EmissionTimeline, GivesThePicturesThatTouchAnInterval) {
   timeline.add_monitor(monitor("back"));
   for (const int start_ms : {0, 100, 200, 300}) timeline.add_picture("back", picture(milliseconds(start_ms)));
   const auto starts = [&](nanoseconds from, nanoseconds until) {
+    const std::vector<MonitorEmission> emissions = timeline.between(from, until);
     std::vector<nanoseconds> found;
-    for (const EmittedPicture& p : timeline.between(from, until).at(0).pictures)
-      found.push_back(p.scanout_start);
+    for (const EmittedPicture& p : emissions.at(0).pictures) found.push_back(p.scanout_start);
     return found;
   };
   // A picture is seen from its start + lag to its successor's start + lag + scanout.
