@@ -1,0 +1,215 @@
+// The simulated camera, its spool and its archives, over a real channel.
+#include "camera-node/camera_service.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstring>
+#include <filesystem>
+#include <limits>
+
+#include "camera-node/archive_service.h"
+#include "camera-node/sim_camera.h"
+#include "core/base/file.h"
+#include "core/service/service.h"
+#include "glasswing/v1/archive_service.grpc.pb.h"
+
+namespace glasswing {
+namespace {
+
+namespace fs = std::filesystem;
+using std::chrono::milliseconds;
+
+class CameraNode : public testing::Test {
+ protected:
+  void SetUp() override {
+    options_.scene = "none";
+    options_.width_px = 8;
+    options_.height_px = 6;
+    options_.sensor.read_sd = 0.0;
+    options_.sensor.gain = 0.0;
+    options_.sensor.bits = 16;
+    options_.sensor.full_scale_exposure_ms = 4.0;
+    timeline_.add_monitor(
+        {.name = "back", .width_px = 8, .height_px = 6, .scanout = milliseconds(16), .lag = milliseconds(2)});
+    start();
+  }
+  void TearDown() override {
+    stop();
+    fs::remove_all(directory_);
+  }
+  void start() {
+    camera_ = SimCamera::create(options_, timeline_).value();
+    store_ = std::make_unique<ArchiveStore>(directory_);
+    cameras_ = std::make_unique<CameraServiceImpl>(*camera_, *store_);
+    archives_ = std::make_unique<ArchiveServiceImpl>(*store_);
+    host_ = ServiceHost::start({}, {cameras_.get(), archives_.get()}).value();
+    channel_ = dial(host_->address());
+    camera_stub_ = v1::CameraService::NewStub(channel_);
+    archive_stub_ = v1::ArchiveService::NewStub(channel_);
+  }
+  void stop() {
+    cameras_->stop();
+    host_->stop(milliseconds(500));
+  }
+  grpc::Status create_archive(const std::string& session) {
+    v1::CreateArchiveRequest request;
+    request.mutable_manifest()->set_session(session);
+    request.mutable_manifest()->mutable_camera()->set_width_px(8);
+    request.mutable_manifest()->mutable_camera()->set_height_px(6);
+    v1::CreateArchiveResponse response;
+    grpc::ClientContext context;
+    return archive_stub_->CreateArchive(&context, request, &response);
+  }
+  grpc::Status read_rows(const std::string& session, const std::string& file, int first, int count,
+                         std::string* rows) {
+    v1::ReadRowsRequest request;
+    request.set_session(session);
+    request.add_files(file);
+    request.set_first_row(first);
+    request.set_row_count(count);
+    grpc::ClientContext context;
+    const auto reader = archive_stub_->ReadRows(&context, request);
+    v1::ReadRowsResponse response;
+    while (reader->Read(&response)) *rows += response.chunk();
+    return reader->Finish();
+  }
+  v1::KeepFramesResponse keep(std::int64_t sequence, int step) {
+    v1::KeepFramesRequest request;
+    request.set_session("s");
+    request.add_frames()->set_sequence(sequence);
+    request.mutable_frames(0)->set_step(step);
+    v1::KeepFramesResponse response;
+    grpc::ClientContext context;
+    EXPECT_TRUE(camera_stub_->KeepFrames(&context, request, &response).ok());
+    return response;
+  }
+
+  const fs::path directory_ = fs::path(testing::TempDir()) / ("camera_node." + std::to_string(::getpid()));
+  EmissionTimeline timeline_;
+  SimCameraOptions options_;
+  std::unique_ptr<SimCamera> camera_;
+  std::unique_ptr<ArchiveStore> store_;
+  std::unique_ptr<CameraServiceImpl> cameras_;
+  std::unique_ptr<ArchiveServiceImpl> archives_;
+  std::unique_ptr<ServiceHost> host_;
+  std::shared_ptr<grpc::Channel> channel_;
+  std::unique_ptr<v1::CameraService::Stub> camera_stub_;
+  std::unique_ptr<v1::ArchiveService::Stub> archive_stub_;
+};
+
+TEST_F(CameraNode, KeepsWhatTheMonitorEmittedAndFindsItAfterARestart) {
+  auto picture = std::make_shared<RadianceImage>(8, 6);
+  for (size_t i = 0; i < picture->samples.size(); ++i) picture->samples[i] = static_cast<float>(i) / 200.0f;
+  timeline_.add_picture("back",
+                        {.scanout_start = monotonic_now() - std::chrono::seconds(1), .image = picture});
+  timeline_.set_horizon("back", monotonic_now() + std::chrono::hours(1));
+  ASSERT_TRUE(create_archive("s").ok());
+
+  v1::CaptureRequest request;
+  request.set_exposure_ms(4.0);
+  std::string file;
+  {
+    grpc::ClientContext context;
+    const auto reader = camera_stub_->Capture(&context, request);
+    v1::CaptureResponse response;
+    ASSERT_TRUE(reader->Read(&response));
+    EXPECT_FALSE(response.has_frame());
+    std::int64_t last = 0;
+    for (int i = 0; i < 5; ++i) {
+      ASSERT_TRUE(reader->Read(&response));
+      EXPECT_GT(response.frame().sequence(), last);
+      last = response.frame().sequence();
+      // Its exposure and the rows' readout, as the sensor model has them.
+      EXPECT_EQ(response.frame().exposure_end_ns() - response.frame().exposure_start_ns(),
+                4'000'000 + 2'000'000);
+      EXPECT_LE(response.frame().exposure_end_ns(), monotonic_now().count());
+    }
+    // A second capture is refused while this one runs.
+    grpc::ClientContext other_context;
+    const auto other = camera_stub_->Capture(&other_context, request);
+    v1::CaptureResponse none;
+    EXPECT_FALSE(other->Read(&none));
+    EXPECT_EQ(other->Finish().error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+
+    const v1::KeepFramesResponse kept = keep(last, 7);
+    ASSERT_EQ(kept.frames_size(), 1);
+    file = kept.frames(0).file();
+    EXPECT_EQ(keep(last + 1'000'000, 8).frames_size(), 0);  // never was in the ring
+    EXPECT_EQ(keep(last - 1, 7).frames(0).checksum(),
+              kept.frames(0).checksum());  // the step is there already
+    context.TryCancel();
+  }
+  for (const bool restarted : {false, true}) {
+    if (restarted) {
+      stop();
+      start();
+    }
+    std::string rows;
+    ASSERT_TRUE(read_rows("s", file, 0, 6, &rows).ok());
+    ASSERT_EQ(rows.size(), picture->samples.size() * 2);
+    for (size_t i = 0; i < picture->samples.size(); ++i) {
+      std::uint16_t sample = 0;
+      std::memcpy(&sample, &rows[2 * i], 2);
+      // 16 rays each carry 1/16 of a pixel: float rounding stays far below one code.
+      EXPECT_NEAR(sample, 65535.0 * static_cast<double>(picture->samples[i]), 1.0);
+    }
+  }
+}
+
+TEST_F(CameraNode, RefusesWhatCannotBe) {
+  v1::CaptureRequest request;
+  for (const double exposure_ms : {0.0, -1.0, 1000.0, std::numeric_limits<double>::quiet_NaN()}) {
+    request.set_exposure_ms(exposure_ms);
+    grpc::ClientContext context;
+    const auto reader = camera_stub_->Capture(&context, request);
+    v1::CaptureResponse response;
+    EXPECT_FALSE(reader->Read(&response));
+    EXPECT_EQ(reader->Finish().error_code(), grpc::StatusCode::INVALID_ARGUMENT) << exposure_ms;
+  }
+  EXPECT_EQ(create_archive("../s").error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  std::string rows;
+  EXPECT_EQ(read_rows("nobody", "frames/a.tif", 0, 1, &rows).error_code(), grpc::StatusCode::NOT_FOUND);
+}
+
+TEST_F(CameraNode, PutFramesAreCheckedAndDamageIsNamed) {
+  ASSERT_TRUE(create_archive("s").ok());
+  Image16 image(8, 6);
+  for (size_t i = 0; i < image.samples.size(); ++i) image.samples[i] = static_cast<std::uint16_t>(i * 300);
+  const std::string bytes = encode_tiff(image);
+  const auto put = [&](const std::string& file, const std::string& checksum, const std::string& sent) {
+    v1::PutFrameResponse response;
+    grpc::ClientContext context;
+    const auto writer = archive_stub_->PutFrame(&context, &response);
+    v1::PutFrameRequest request;
+    request.set_session("s");
+    request.mutable_frame()->set_file(file);
+    request.mutable_frame()->set_step(-1);
+    request.mutable_frame()->set_checksum(checksum);
+    writer->Write(request);
+    v1::PutFrameRequest chunk;
+    chunk.set_chunk(sent);
+    writer->Write(chunk);
+    writer->WritesDone();
+    return writer->Finish().error_code();
+  };
+  EXPECT_EQ(put("frames/a.tif", checksum_of("other"), bytes), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(put("../a.tif", checksum_of(bytes), bytes), grpc::StatusCode::INVALID_ARGUMENT);
+  const std::string small = encode_tiff(Image16(4, 4));
+  EXPECT_EQ(put("frames/a.tif", checksum_of(small), small), grpc::StatusCode::INVALID_ARGUMENT);
+  ASSERT_EQ(put("frames/a.tif", checksum_of(bytes), bytes), grpc::StatusCode::OK);
+  std::string rows;
+  EXPECT_EQ(read_rows("s", "frames/a.tif", 4, 3, &rows).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+
+  stop();
+  std::string flipped = bytes;
+  flipped[500] = static_cast<char>(flipped[500] ^ 4);
+  ASSERT_TRUE(write_file_durably(directory_ / "s" / "frames" / "a.tif", flipped).ok());
+  start();
+  const grpc::Status damaged = read_rows("s", "frames/a.tif", 0, 1, &rows);
+  EXPECT_EQ(damaged.error_code(), grpc::StatusCode::DATA_LOSS);
+  EXPECT_NE(damaged.error_message().find("frames/a.tif"), std::string::npos) << damaged.error_message();
+}
+
+}  // namespace
+}  // namespace glasswing

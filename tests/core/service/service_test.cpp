@@ -1,0 +1,45 @@
+#include "core/service/service.h"
+
+#include <gtest/gtest.h>
+
+#include "core/base/time.h"
+#include "glasswing/v1/clock_service.grpc.pb.h"
+
+namespace glasswing {
+namespace {
+
+TEST(ServiceHost, TellsItsClockAndEndsInOrder) {
+  const auto host = ServiceHost::start({}, {}).value();
+  const auto stub = v1::ClockService::NewStub(dial(host->address()));
+  grpc::ClientContext context;
+  set_deadline(context, std::chrono::seconds(5));
+  v1::ExchangeResponse response;
+  const nanoseconds sent = monotonic_now();
+  ASSERT_TRUE(stub->Exchange(&context, {}, &response).ok());
+  EXPECT_LE(sent.count(), response.received_ns());
+  EXPECT_LE(response.received_ns(), response.sent_ns());
+  EXPECT_LE(response.sent_ns(), monotonic_now().count());
+  host->stop(std::chrono::milliseconds(0));
+}
+
+TEST(ServiceHost, ListensOnLoopbackOnlyAndOnAPortOfItsOwn) {
+  for (const char* address : {"0.0.0.0:0", "192.0.2.1:7440", "[::]:0", "example.org:1"}) {
+    const absl::Status status = ServiceHost::start({.address = address, .reflection = false}, {}).status();
+    EXPECT_TRUE(absl::IsInvalidArgument(status)) << address << ": " << status;
+  }
+  const auto host = ServiceHost::start({}, {}).value();
+  const absl::Status taken =
+      ServiceHost::start({.address = host->address(), .reflection = false}, {}).status();
+  EXPECT_TRUE(absl::IsUnavailable(taken)) << taken;
+}
+
+TEST(Status, CodesCrossTheWireUnchanged) {
+  for (int code = 1; code <= 16; ++code) {
+    const absl::Status status(static_cast<absl::StatusCode>(code), "why");
+    EXPECT_EQ(from_grpc(to_grpc(status)), status);
+  }
+  EXPECT_TRUE(from_grpc(grpc::Status::OK).ok());
+}
+
+}  // namespace
+}  // namespace glasswing
