@@ -134,6 +134,13 @@ void work_on(v1::WorkService::Stub& work, const v1::ClaimTileResponse& tile, std
   const LeaseKeeper keeper(work, tile);
   const std::string what = fmt::format("session={} tile={}", tile.lease().session(), tile.lease().tile());
   absl::StatusOr<Matte> matte = solve(tile);
+  // A node that holds the frames may be starting again: its silence is no fault of the tile.
+  while (absl::IsUnavailable(matte.status()) && !stop.stop_requested()) {
+    spdlog::warn("tile waits {} error=\"{}\"", what, std::string(matte.status().message()));
+    wait(stop, std::chrono::seconds(1));
+    matte = solve(tile);
+  }
+  if (stop.stop_requested()) return;
   absl::StatusOr<std::string> bytes =
       matte.ok() ? encode_matte(*matte) : absl::StatusOr<std::string>(matte.status());
   if (!bytes.ok()) {

@@ -1,5 +1,4 @@
-// Environment mattes from swept Gaussian stripes (Chuang et al. 2000, section 3). docs/methods.md has the
-// mathematics.
+// Environment mattes from swept Gaussian stripes (Chuang et al. 2000, section 3).
 #pragma once
 
 #include <memory>

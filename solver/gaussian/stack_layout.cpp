@@ -43,12 +43,19 @@ absl::Status check_sweeps(const StackLayout& layout, const v1::CaptureManifest& 
         "the archive has no stripe sweeps (kind gauss_stripe, with the object)");
   }
   std::map<int, std::set<double>> orientations;
+  std::map<int, double> sigma_px;
   for (const SweepLayout& sweep : layout.sweeps) {
     const std::string& monitor = manifest.monitors(sweep.texture).name();
     if (sweep.frames.size() < 5) {
       return absl::FailedPreconditionError(
           fmt::format("the sweep at {} deg on monitor \"{}\" has {} steps; at least 5 are needed",
                       sweep.phi_deg, monitor, sweep.frames.size()));
+    }
+    const double first_sigma_px = sigma_px.emplace(sweep.texture, sweep.sigma_px).first->second;
+    if (sweep.sigma_px != first_sigma_px) {
+      return absl::FailedPreconditionError(fmt::format(
+          "monitor \"{}\" was swept with stripes of {} and {} px; this version solves from one width",
+          monitor, first_sigma_px, sweep.sigma_px));
     }
     // A stripe turned by 180 degrees is the same stripe.
     orientations[sweep.texture].insert(std::round(std::fmod(sweep.phi_deg + 360.0, 180.0) * 1000.0));
@@ -80,7 +87,8 @@ absl::StatusOr<StackLayout> lay_out(const v1::CaptureManifest& manifest) {
     if (pattern && !frame.object()) {
       empty_frames.emplace(stimulus.SerializeAsString(), i);
       if (is_solid(stimulus, 0.0) && layout.empty_black < 0) layout.empty_black = i;
-      if (is_solid(stimulus, 1.0) && layout.empty_white < 0) layout.empty_white = i;
+      const bool first_monitor = texture_of(manifest, stimulus.panel()) == 0;
+      if (is_solid(stimulus, 1.0) && first_monitor && layout.empty_white < 0) layout.empty_white = i;
     }
     if (frame.object() && is_solid(stimulus, 0.0) && layout.black < 0) layout.black = i;
     if (!frame.object() || stimulus.kind() != "gauss_stripe") continue;
@@ -124,7 +132,7 @@ absl::StatusOr<StackLayout> lay_out(const v1::CaptureManifest& manifest) {
   if (absl::Status status = check_sweeps(layout, manifest); !status.ok()) return status;
   for (int i = 0; i < manifest.frames_size(); ++i) {
     const v1::Frame& frame = manifest.frames(i);
-    if (!frame.object() || frame.stimulus().reference()) continue;
+    if (!frame.object() || frame.stimulus().reference() || frame.also_lit_size() > 0) continue;
     const auto empty = empty_frames.find(frame.stimulus().SerializeAsString());
     if (empty != empty_frames.end()) layout.pairs.push_back({.object = i, .empty = empty->second});
   }
