@@ -36,7 +36,16 @@ absl::Status put(ArchiveStore& store, grpc::ServerReader<v1::PutFrameRequest>& r
   if (!image.ok())
     return absl::InvalidArgumentError(
         fmt::format("{}: {}", frame.file(), std::string(image.status().message())));
-  const v1::Camera camera = archive->manifest().camera();
+  const v1::CaptureManifest manifest = archive->manifest();
+  for (const v1::Frame& known : manifest.frames()) {
+    // A broken import taken up again with other frames must not mix the two.
+    if (known.file() == frame.file() && known.checksum() != frame.checksum()) {
+      return absl::AlreadyExistsError(
+          fmt::format("session \"{}\" holds another {} already; import under another name",
+                      manifest.session(), frame.file()));
+    }
+  }
+  const v1::Camera& camera = manifest.camera();
   if (image->width_px != camera.width_px() || image->height_px != camera.height_px()) {
     return absl::InvalidArgumentError(fmt::format("{} is {}x{}; the manifest says {}x{}", frame.file(),
                                                   image->width_px, image->height_px, camera.width_px(),

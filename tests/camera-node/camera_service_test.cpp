@@ -198,6 +198,9 @@ TEST_F(CameraNode, PutFramesAreCheckedAndDamageIsNamed) {
   const std::string small = encode_tiff(Image16(4, 4));
   EXPECT_EQ(put("frames/a.tif", checksum_of(small), small), grpc::StatusCode::INVALID_ARGUMENT);
   ASSERT_EQ(put("frames/a.tif", checksum_of(bytes), bytes), grpc::StatusCode::OK);
+  ASSERT_EQ(put("frames/a.tif", checksum_of(bytes), bytes), grpc::StatusCode::OK);  // again is no error
+  const std::string other = encode_tiff(Image16(8, 6));
+  EXPECT_EQ(put("frames/a.tif", checksum_of(other), other), grpc::StatusCode::ALREADY_EXISTS);
   std::string rows;
   EXPECT_EQ(read_rows("s", "frames/a.tif", 4, 3, &rows).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
 
