@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -15,14 +16,16 @@
 
 namespace glasswing {
 
-// Some rows of the frames that a method asked for.
+// Some rows of the frames that a method asked for. The pixels belong to `owner`: buffers read from a node, or
+// mapped files.
 struct FrameStack {
   v1::CaptureManifest manifest;
   int first_row = 0;
   int row_count = 0;
   // By place in manifest.frames: r, g, b for each pixel of the rows, 65535 = 1.0. Empty if it was not asked
   // for.
-  std::vector<std::vector<std::uint16_t>> rows;
+  std::vector<std::span<const std::uint16_t>> rows;
+  std::shared_ptr<const void> owner;
 
   // Radiance; x from the left, y from first_row.
   float at(int frame, int x, int y, int channel) const {

@@ -61,9 +61,12 @@ absl::StatusOr<FrameStack> read_stack(const v1::ClaimTileResponse& tile, const M
   FrameStack stack{.manifest = std::move(*got.mutable_manifest()),
                    .first_row = tile.first_row(),
                    .row_count = tile.row_count(),
-                   .rows = {}};
+                   .rows = {},
+                   .owner = nullptr};
   GW_ASSIGN_OR_RETURN(const std::vector<int> needed, method.frames_needed(stack.manifest));
   stack.rows.resize(static_cast<size_t>(stack.manifest.frames_size()));
+  const auto buffers = std::make_shared<std::vector<std::vector<std::uint16_t>>>();
+  stack.owner = buffers;
   const size_t samples =
       static_cast<size_t>(stack.row_count) * static_cast<size_t>(stack.manifest.camera().width_px()) * 3;
   v1::ReadRowsRequest read;
@@ -72,7 +75,7 @@ absl::StatusOr<FrameStack> read_stack(const v1::ClaimTileResponse& tile, const M
   read.set_row_count(tile.row_count());
   for (const int frame : needed) {
     read.add_files(stack.manifest.frames(frame).file());
-    stack.rows[static_cast<size_t>(frame)].resize(samples);
+    stack.rows[static_cast<size_t>(frame)] = buffers->emplace_back(samples);
   }
   grpc::ClientContext context;
   set_deadline(context, std::chrono::minutes(5));
@@ -86,7 +89,7 @@ absl::StatusOr<FrameStack> read_stack(const v1::ClaimTileResponse& tile, const M
       context.TryCancel();
       return absl::DataLossError(peer + " sent rows that were not asked for");
     }
-    auto* bytes = reinterpret_cast<char*>(stack.rows[static_cast<size_t>(needed[index])].data());
+    auto* bytes = reinterpret_cast<char*>((*buffers)[index].data());
     std::memcpy(bytes + offset, response.chunk().data(), response.chunk().size());
     received += response.chunk().size();
   }

@@ -38,14 +38,21 @@ double psnr(const RadianceImage& a, const RadianceImage& b, const Image16& mask)
 }
 
 FrameStack read_stack(const fs::path& directory, const Method& method) {
-  FrameStack stack{
-      .manifest = read_any_manifest(directory).value(), .first_row = 0, .row_count = 0, .rows = {}};
+  FrameStack stack{.manifest = read_any_manifest(directory).value(),
+                   .first_row = 0,
+                   .row_count = 0,
+                   .rows = {},
+                   .owner = nullptr};
   stack.row_count = stack.manifest.camera().height_px();
   stack.rows.resize(static_cast<size_t>(stack.manifest.frames_size()));
   const std::vector<int> needed = method.frames_needed(stack.manifest).value();
+  const auto frames = std::make_shared<std::vector<Image16>>();
+  stack.owner = frames;
   for (const int frame : needed) {
-    stack.rows[static_cast<size_t>(frame)] =
-        read_frame_file(directory / stack.manifest.frames(frame).file()).value().samples;
+    frames->push_back(read_frame_file(directory / stack.manifest.frames(frame).file()).value());
+  }
+  for (size_t i = 0; i < needed.size(); ++i) {
+    stack.rows[static_cast<size_t>(needed[i])] = (*frames)[i].samples;
   }
   return stack;
 }
