@@ -5,11 +5,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <map>
 #include <set>
 
 #include "core/base/status.h"
 #include "core/base/time.h"
-#include "solver/gaussian/footprint_fit.h"
+#include "solver/gaussian/mode_search.h"
+#include "solver/gaussian/sweep_peaks.h"
 
 namespace glasswing {
 namespace {
@@ -26,32 +28,78 @@ absl::StatusOr<double> number_of(const std::string& key, const std::string& valu
   return number;
 }
 
-// One channel's samples of every sweep over one texture.
-std::vector<SweepSamples> samples_of(const FrameStack& stack, const StackLayout& layout, int texture, int x,
-                                     int y, int channel) {
-  const auto c = static_cast<size_t>(channel);
-  const double black = stack.at(layout.black, x, y, channel);
-  std::vector<SweepSamples> sweeps;
+// One monitor's sweeps, as the joint fit wants them.
+struct TextureSweeps {
+  int texture = 0;
+  MonitorExtent extent;
+  SampleLayout samples;
+  std::vector<const SweepLayout*> sweeps;  // in the order of samples.sweeps
+};
+
+std::vector<TextureSweeps> sweeps_by_texture(const FrameStack& stack, const StackLayout& layout) {
+  std::map<int, TextureSweeps> by_texture;
   for (const SweepLayout& sweep : layout.sweeps) {
-    if (sweep.texture != texture) continue;
-    SweepSamples samples{.cos_phi = sweep.cos_phi,
-                         .sin_phi = sweep.sin_phi,
-                         .sigma_px = sweep.sigma_px,
-                         .r_px = sweep.r_px,
-                         .y = {}};
-    for (size_t i = 0; i < sweep.frames.size(); ++i) {
-      const double peak = sweep.peak[i][c];
-      samples.y.push_back(peak > 0.0 ? (stack.at(sweep.frames[i], x, y, channel) - black) / peak : 0.0);
-    }
-    sweeps.push_back(std::move(samples));
+    TextureSweeps& sweeps = by_texture[sweep.texture];
+    const v1::Monitor& monitor = stack.manifest.monitors(sweep.texture);
+    sweeps.texture = sweep.texture;
+    sweeps.extent = {.width_px = static_cast<double>(monitor.width_px()),
+                     .height_px = static_cast<double>(monitor.height_px())};
+    sweeps.samples.add({.cos_phi = sweep.cos_phi, .sin_phi = sweep.sin_phi, .sigma_px = sweep.sigma_px},
+                       sweep.r_px);
+    sweeps.sweeps.push_back(&sweep);
   }
-  return sweeps;
+  std::vector<TextureSweeps> list;
+  for (auto& [texture, sweeps] : by_texture) list.push_back(std::move(sweeps));
+  return list;
 }
 
-double mean_noise_of(const std::vector<SweepSamples>& sweeps) {
-  double sum = 0.0;
-  for (const SweepSamples& sweep : sweeps) sum += noise_of(sweep.y);
-  return sweeps.empty() ? 0.0 : sum / static_cast<double>(sweeps.size());
+// One channel of one pixel, as recorded.
+struct Recorded {
+  std::vector<std::vector<float>> by_sweep;  // radiance, in the order of the layout's sweeps
+  float black = 0.0f;                        // with the object
+  double noise_sd = 0.0;                     // of a dark sample
+};
+
+float median_of(std::vector<float>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+Recorded record(const FrameStack& stack, const StackLayout& layout, int x, int y, int channel) {
+  Recorded recorded{.by_sweep = {}, .black = stack.at(layout.black, x, y, channel)};
+  double noise_sum = 0.0;
+  for (const SweepLayout& sweep : layout.sweeps) {
+    std::vector<float>& samples = recorded.by_sweep.emplace_back();
+    std::vector<double> exact;
+    for (const int frame : sweep.frames) {
+      samples.push_back(stack.at(frame, x, y, channel));
+      exact.push_back(static_cast<double>(samples.back()));
+    }
+    noise_sum += noise_of(exact);
+  }
+  recorded.noise_sd = noise_sum / static_cast<double>(layout.sweeps.size());
+  const double read_sd = stack.manifest.camera().read_sd(), gain = stack.manifest.camera().gain();
+  if (read_sd > 0.0 || gain > 0.0) {
+    recorded.noise_sd =
+        std::sqrt(read_sd * read_sd + gain * std::max(static_cast<double>(recorded.black), 0.0));
+  }
+  return recorded;
+}
+
+// The light without the stripes: the black frame, and with it all samples that no stripe reached.
+double baseline_of(const Recorded& recorded) {
+  const auto within = [&](float middle, double reach) {
+    std::vector<float> dark{recorded.black};
+    for (const std::vector<float>& sweep : recorded.by_sweep) {
+      for (const float sample : sweep) {
+        if (std::abs(static_cast<double>(sample - middle)) <= reach) dark.push_back(sample);
+      }
+    }
+    return median_of(dark);
+  };
+  const float first = within(recorded.black, 3.0 * recorded.noise_sd);
+  return static_cast<double>(within(first, 2.0 * recorded.noise_sd));
 }
 
 // Outside the silhouette the camera sees the first monitor straight through.
@@ -92,7 +140,7 @@ absl::StatusOr<std::unique_ptr<Method>> GaussianMethod::create(const MethodOptio
   method->options_ = options;
   for (const auto& [key, value] : options) {
     if (key == "modes") {
-      GW_ASSIGN_OR_RETURN(const double modes, number_of(key, value, 1, 3));
+      GW_ASSIGN_OR_RETURN(const double modes, number_of(key, value, 1, kMaxModes));
       method->modes_ = static_cast<int>(modes);
     } else if (key == "silhouette_tolerance") {
       GW_ASSIGN_OR_RETURN(method->silhouette_tolerance_, number_of(key, value, 0.0, 1.0));
@@ -147,14 +195,14 @@ absl::StatusOr<Matte> GaussianMethod::solve(const FrameStack& stack) const {
 
 void GaussianMethod::solve_pixel(const FrameStack& stack, const StackLayout& layout, int x, int y,
                                  int modes_per_texture, Matte& matte) const {
-  std::set<int> textures;
-  for (const SweepLayout& sweep : layout.sweeps) textures.insert(sweep.texture);
+  static thread_local JointWorkspace workspace;
+  std::array<Recorded, kChannels> recorded;
   double noise_sum = 0.0;
-  std::vector<std::vector<SweepSamples>> first_texture;  // by channel
   for (int c = 0; c < kChannels; ++c) {
-    matte.foreground(x, y)[static_cast<size_t>(c)] = stack.at(layout.black, x, y, c);
-    first_texture.push_back(samples_of(stack, layout, *textures.begin(), x, y, c));
-    noise_sum += mean_noise_of(first_texture.back());
+    Recorded& channel = recorded[static_cast<size_t>(c)];
+    channel = record(stack, layout, x, y, c);
+    noise_sum += channel.noise_sd;
+    matte.foreground(x, y)[static_cast<size_t>(c)] = static_cast<float>(baseline_of(channel));
   }
   // The same light with and without the object, but for noise: not the object's (section 3.1).
   double squares = 0.0;
@@ -172,32 +220,48 @@ void GaussianMethod::solve_pixel(const FrameStack& stack, const StackLayout& lay
     return;
   }
   matte.coverage(x, y) = 1.0f;
+  const std::vector<TextureSweeps> textures = sweeps_by_texture(stack, layout);
   for (int c = 0; c < kChannels; ++c) {
+    const Recorded& channel = recorded[static_cast<size_t>(c)];
+    const float baseline = matte.foreground(x, y)[static_cast<size_t>(c)];
     size_t slot = 0;
-    for (const int texture : textures) {
-      const std::vector<SweepSamples> sweeps = texture == *textures.begin()
-                                                   ? first_texture[static_cast<size_t>(c)]
-                                                   : samples_of(stack, layout, texture, x, y, c);
-      const v1::Monitor& monitor = stack.manifest.monitors(texture);
-      const MonitorExtent extent{.width_px = static_cast<double>(monitor.width_px()),
-                                 .height_px = static_cast<double>(monitor.height_px())};
-      const double noise = mean_noise_of(sweeps);
-      const FootprintFit fit = fit_footprints(sweeps, extent, noise, modes_per_texture);
+    for (const TextureSweeps& texture : textures) {
+      PixelSamples samples{.layout = &texture.samples, .y = {}, .weight = {}};
+      samples.y.resize(static_cast<size_t>(texture.samples.padded_count()));
+      samples.weight.resize(samples.y.size());
+      std::vector<Crests> crests;
+      for (size_t s = 0; s < texture.sweeps.size(); ++s) {
+        const SweepLayout& sweep = *texture.sweeps[s];
+        const auto first = static_cast<size_t>(texture.samples.sweeps[s].first);
+        const std::vector<float>& raw = channel.by_sweep[static_cast<size_t>(&sweep - layout.sweeps.data())];
+        std::vector<double> exact;
+        for (size_t i = 0; i < raw.size(); ++i) {
+          const double peak = sweep.peak[i][static_cast<size_t>(c)];
+          if (raw[i] >= kSaturated) matte.flags(x, y) |= kFlagSaturated;
+          const bool usable = peak > 0.0 && raw[i] < kSaturated;
+          samples.y[first + i] = peak > 0.0 ? (raw[i] - baseline) / static_cast<float>(peak) : 0.0f;
+          samples.weight[first + i] = usable ? 1.0f : 0.0f;
+          exact.push_back(static_cast<double>(samples.y[first + i]));
+        }
+        Crests& found = crests.emplace_back();
+        for (const Peak& peak :
+             find_peaks(sweep.r_px, exact, std::max(4.0 * channel.noise_sd, 0.0015), kMostCrests)) {
+          found.crests[static_cast<size_t>(found.count++)] = {
+              .amplitude = peak.amplitude, .centre_px = peak.centre_px, .sigma_px = peak.sigma_px};
+        }
+      }
+      const JointFit fit =
+          find_footprints(samples, crests, texture.extent, channel.noise_sd, modes_per_texture, workspace);
       double strongest = 0.0;
       for (const Footprint& footprint : fit.modes) {
-        if (footprint.weight <= 0.0) continue;
-        matte.modes(x, y, c)[slot++] = mode_of(footprint, texture);
+        matte.modes(x, y, c)[slot++] = mode_of(footprint, texture.texture);
         strongest = std::max(strongest, footprint.weight);
       }
       std::uint8_t flags = matte.flags(x, y);
-      if (!fit.converged) flags |= kFlagNotConverged;
-      if (fit.rms > std::max(4.0 * noise, 0.1 * strongest)) flags |= kFlagPoorFit;
+      if (!fit.modes.empty() && !fit.converged) flags |= kFlagNotConverged;
+      const double rms_near = std::sqrt(fit.near_chi2 / std::max(fit.near_count, 1));
+      if (rms_near > std::max(4.0 * channel.noise_sd, 0.1 * strongest)) flags |= kFlagPoorFit;
       matte.flags(x, y) = flags;
-    }
-    for (const SweepLayout& sweep : layout.sweeps) {
-      for (const int frame : sweep.frames) {
-        if (stack.at(frame, x, y, c) >= kSaturated) matte.flags(x, y) |= kFlagSaturated;
-      }
     }
   }
 }

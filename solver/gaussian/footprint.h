@@ -1,0 +1,84 @@
+// A Gaussian footprint on a monitor, and what it answers to a stripe.
+//
+// A mode (R, c, Sigma) answers a stripe of crest 1, width sigma_s and direction s = (cos phi, sin phi) at r
+// with
+//
+//   y(r) = R (sigma_s / sigma_r) exp(-(r - c.s)^2 / (2 sigma_r^2)) inside(r)
+//   sigma_r^2 = s' Sigma s + sigma_s^2 + 1/12 px^2
+//
+// (Chuang et al. 2000, eq. 19-21, for stripes of peak 1 on flat square pixels). inside(r) is the part of the
+// footprint, as the stripe lights it, that lies on the monitor: the lit part is the Gaussian with mean
+// c + Sigma s (r - c.s) / sigma_r^2 and covariance Sigma - Sigma s s' Sigma / sigma_r^2; the integral over
+// the monitor's rectangle is taken as the product of those over its two sides.
+#pragma once
+
+#include <array>
+#include <span>
+
+namespace glasswing {
+
+inline constexpr int kMostFootprints = 4;
+inline constexpr double kFlatPixel_px2 = 1.0 / 12.0;
+
+struct Footprint {
+  double weight = 0.0;
+  double x_px = 0.0, y_px = 0.0;
+  double xx_px2 = 0.0, xy_px2 = 0.0, yy_px2 = 0.0;
+};
+
+// The footprints of one pixel's channel on one monitor.
+class Footprints {
+ public:
+  Footprints() = default;
+  int size() const { return size_; }
+  bool empty() const { return size_ == 0; }
+  void push_back(const Footprint& mode) { modes_[static_cast<size_t>(size_++)] = mode; }
+  Footprint& operator[](int i) { return modes_[static_cast<size_t>(i)]; }
+  const Footprint& operator[](int i) const { return modes_[static_cast<size_t>(i)]; }
+  Footprint* begin() { return modes_.data(); }
+  Footprint* end() { return modes_.data() + size_; }
+  const Footprint* begin() const { return modes_.data(); }
+  const Footprint* end() const { return modes_.data() + size_; }
+  void remove(int i);
+
+ private:
+  int size_ = 0;
+  std::array<Footprint, kMostFootprints> modes_{};
+};
+
+struct MonitorExtent {
+  double width_px = 0.0, height_px = 0.0;
+};
+
+// A stripe's direction and width.
+struct StripeAxis {
+  double cos_phi = 1.0, sin_phi = 0.0;
+  double sigma_px = 0.0;
+};
+
+// sigma_r^2.
+double answered_variance(const Footprint& mode, const StripeAxis& axis);
+
+// y(r); the whole formula above.
+double response(const Footprint& mode, const StripeAxis& axis, double r_px, const MonitorExtent& extent);
+
+// Whether the monitor's edge cuts off a part that matters.
+bool near_edge(const Footprint& mode, const MonitorExtent& extent);
+
+// The nearest footprint whose Sigma has no eigenvalue below `least_px2`.
+Footprint with_positive_covariance(Footprint mode, double least_px2);
+
+// What one sweep shows of one mode.
+struct Crest {
+  double amplitude = 0.0;
+  double centre_px = 0.0;
+  double sigma_px = 0.0;
+};
+
+// c and Sigma from one crest a sweep (at least three directions): c by least squares of c.s = centre (eq.
+// 20), Sigma by linear least squares of s' Sigma s = sigma^2 - sigma_s^2 - 1/12, kept positive; R from the
+// mean of amplitude sigma / sigma_s. `distance_px`, if set, is the rms distance of c to the lines.
+Footprint intersect(std::span<const StripeAxis> axes, std::span<const Crest> crests,
+                    double* distance_px = nullptr);
+
+}  // namespace glasswing

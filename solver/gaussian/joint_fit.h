@@ -1,0 +1,78 @@
+// The joint fit of all footprints of one pixel's channel to all samples of all sweeps over one monitor: the
+// Levenberg-Marquardt of Chuang et al. 2000, section 3.2, with the noise of each sample as its weight.
+//
+//   chi2 = sum_i w_i (y_i - sum_m y_m(r_i))^2            y_m: footprint.h
+//
+// Every derivative is analytic, the one of inside(r) too. With z = (r - c.s) / sigma_r and u = exp(-z^2/2):
+//   dy/dR = y / R      dy/d(c.s) = y z / sigma_r      dy/d(sigma_r^2) = y (z^2 - 1) / (2 sigma_r^2)
+#pragma once
+
+#include <vector>
+
+#include "solver/gaussian/footprint.h"
+
+namespace glasswing {
+
+// Where the samples of every sweep lie; the same for all pixels.
+struct SampleLayout {
+  static constexpr int kPad = 16;  // each sweep's samples fill whole vectors; the rest has weight 0
+  struct Sweep {
+    StripeAxis axis;
+    double first_r_px = 0.0;
+    int first = 0;         // place of its first sample, a multiple of kPad
+    int count = 0;         // samples
+    int padded_count = 0;  // multiple of kPad
+  };
+  std::vector<Sweep> sweeps;
+  std::vector<float> offset_px;  // r - first_r_px of its sweep, ascending
+
+  // Appends a sweep; `r_px` ascends strictly.
+  void add(const StripeAxis& axis, const std::vector<double>& r_px);
+  int padded_count() const { return static_cast<int>(offset_px.size()); }
+};
+
+// One pixel's channel, on the scale of a stripe with crest 1, without baseline.
+struct PixelSamples {
+  const SampleLayout* layout = nullptr;
+  std::vector<float> y;  // padded_count values
+  // The variance of ordinary samples over that of this one; 0: saturated, missing or padding.
+  std::vector<float> weight;
+};
+
+inline constexpr int kMostParameters = 6 * kMostFootprints;
+
+// At some footprints: the Gauss-Newton equations N delta = g in (R, cx, cy, xx, xy, yy) of each mode.
+struct NormalEquations {
+  double chi2 = 0.0;
+  // The part of it, and how many samples, within reach of a mode (4.7 sigma_r).
+  double near_chi2 = 0.0;
+  int near_count = 0;
+  std::array<double, kMostParameters> gradient;                             // g
+  std::array<std::array<double, kMostParameters>, kMostParameters> matrix;  // N, symmetric, filled whole
+};
+
+// What one thread needs beside; grows to the longest sweep.
+struct JointWorkspace {
+  std::vector<float> residual;  // after evaluate: y - model, as PixelSamples.y
+  std::vector<float> columns;
+};
+
+void evaluate(const PixelSamples& samples, const Footprints& modes, const MonitorExtent& extent,
+              JointWorkspace& workspace, NormalEquations& equations);
+
+struct JointFit {
+  Footprints modes;
+  double chi2 = 0.0, near_chi2 = 0.0;
+  int near_count = 0;
+  bool converged = false;
+  // Standard errors, from the inverse of N times the residual's variance; infinite where N is singular.
+  std::array<double, kMostFootprints> weight_sd{}, centre_sd_px{};
+};
+
+// From `start` (1 to 4 modes) to the nearest minimum. Sigma is kept positive semi-definite: where the free
+// fit leaves that, its Cholesky factor is fitted instead. Weights may come out negative. Converged: the next
+// step would be less than a tenth of the estimate's own standard error.
+JointFit fit_jointly(const PixelSamples& samples, const Footprints& start, const MonitorExtent& extent,
+                     int max_iterations, JointWorkspace& workspace);
+
+}  // namespace glasswing

@@ -1,0 +1,394 @@
+#include "solver/gaussian/mode_search.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+namespace glasswing {
+namespace {
+
+constexpr int kMostMeetings = 12;
+constexpr int kFirstIterations = 10;  // of each start, to choose among them
+constexpr int kIterations = 60;
+// Residuals below this are the pixels' and footprints' own shape, whatever the frames' noise.
+constexpr double kLeastNoise = 1e-4;
+
+struct Meeting {
+  Footprint mode;
+  double score = 0.0;
+};
+
+std::vector<StripeAxis> axes_of(const SampleLayout& layout) {
+  std::vector<StripeAxis> axes;
+  for (const SampleLayout::Sweep& sweep : layout.sweeps) axes.push_back(sweep.axis);
+  return axes;
+}
+
+double centre_of(const Footprint& mode, const StripeAxis& axis) {
+  return mode.x_px * axis.cos_phi + mode.y_px * axis.sin_phi;
+}
+
+// Light that a crest stands for: R, if one mode made it (amplitude sigma_r = R sigma_s in every sweep).
+double light_of(const Crest& crest, const StripeAxis& axis) {
+  return crest.amplitude * crest.sigma_px / axis.sigma_px;
+}
+
+// Where a crest of one sweep and a crest of another cross, if every further sweep has a crest there too.
+bool meet(std::span<const StripeAxis> axes, std::span<const Crests> crests, size_t first, const Crest& a,
+          size_t second, const Crest& b, Meeting* meeting) {
+  const double determinant =
+      axes[first].cos_phi * axes[second].sin_phi - axes[first].sin_phi * axes[second].cos_phi;
+  const double x = (a.centre_px * axes[second].sin_phi - b.centre_px * axes[first].sin_phi) / determinant;
+  const double y = (b.centre_px * axes[first].cos_phi - a.centre_px * axes[second].cos_phi) / determinant;
+  std::array<Crest, 16> chosen;
+  double misses = 0.0, least = INFINITY;
+  for (size_t s = 0; s < axes.size(); ++s) {
+    const double at = x * axes[s].cos_phi + y * axes[s].sin_phi;
+    const Crest* nearest = s == first ? &a : s == second ? &b : nullptr;
+    double miss = 0.0;
+    if (nearest == nullptr) {
+      miss = INFINITY;
+      for (const Crest& crest : crests[s].all()) {
+        // A crest of two modes lies between them.
+        const double distance = std::abs(crest.centre_px - at) / crest.sigma_px;
+        if (distance < miss) miss = distance, nearest = &crest;
+      }
+    }
+    if (nearest == nullptr || miss > 1.2) return false;
+    misses += miss * miss;
+    least = std::min(least, light_of(*nearest, axes[s]));
+    chosen[s] = *nearest;
+  }
+  meeting->mode = intersect(axes, {chosen.data(), axes.size()});
+  meeting->mode.weight = least;
+  meeting->score = least * std::exp(-2.0 * misses);
+  return std::isfinite(meeting->score) && meeting->mode.weight > 0.0;
+}
+
+std::vector<Meeting> meetings_of(std::span<const StripeAxis> axes, std::span<const Crests> crests) {
+  std::vector<Meeting> meetings;
+  if (axes.size() > 16) return meetings;
+  for (size_t i = 0; i < axes.size(); ++i) {
+    for (size_t j = i + 1; j < axes.size(); ++j) {
+      const double sine = axes[i].cos_phi * axes[j].sin_phi - axes[i].sin_phi * axes[j].cos_phi;
+      if (std::abs(sine) < 0.5) continue;
+      for (const Crest& a : crests[i].all()) {
+        for (const Crest& b : crests[j].all()) {
+          Meeting meeting;
+          if (meet(axes, crests, i, a, j, b, &meeting)) meetings.push_back(meeting);
+        }
+      }
+    }
+  }
+  std::sort(meetings.begin(), meetings.end(),
+            [](const Meeting& a, const Meeting& b) { return a.score > b.score; });
+  std::vector<Meeting> distinct;
+  for (const Meeting& meeting : meetings) {
+    const double near_px = 0.35 * axes.front().sigma_px;
+    const bool seen = std::any_of(distinct.begin(), distinct.end(), [&](const Meeting& other) {
+      return std::hypot(meeting.mode.x_px - other.mode.x_px, meeting.mode.y_px - other.mode.y_px) < near_px;
+    });
+    if (!seen) distinct.push_back(meeting);
+    if (distinct.size() == kMostMeetings) break;
+  }
+  return distinct;
+}
+
+// \int of the product of two Gaussian crests, per sqrt(2 pi).
+double overlap(const Crest& a, const Crest& b) {
+  const double variance = a.sigma_px * a.sigma_px + b.sigma_px * b.sigma_px;
+  const double distance = a.centre_px - b.centre_px;
+  return a.amplitude * b.amplitude * a.sigma_px * b.sigma_px / std::sqrt(variance) *
+         std::exp(-0.5 * distance * distance / variance);
+}
+
+Crest crest_of(const Footprint& mode, const StripeAxis& axis) {
+  const double sigma = std::sqrt(answered_variance(mode, axis));
+  return {.amplitude = axis.sigma_px / sigma, .centre_px = centre_of(mode, axis), .sigma_px = sigma};
+}
+
+// Chooses the k meeting points whose footprints, with the best weights, leave the least of the crests
+// unexplained.
+class SubsetChoice {
+ public:
+  SubsetChoice(std::span<const StripeAxis> axes, std::span<const Crests> crests,
+               const std::vector<Meeting>& meetings)
+      : meetings_(meetings), count_(static_cast<int>(meetings.size())) {
+    std::vector<std::vector<Crest>> shapes;
+    for (const Meeting& meeting : meetings) {
+      std::vector<Crest>& shape = shapes.emplace_back();
+      for (const StripeAxis& axis : axes) shape.push_back(crest_of(meeting.mode, axis));
+    }
+    for (int i = 0; i < count_; ++i) {
+      for (size_t s = 0; s < axes.size(); ++s) {
+        const Crest& own = shapes[static_cast<size_t>(i)][s];
+        for (const Crest& crest : crests[s].all()) data_[i] += overlap(own, crest);
+        for (int j = 0; j <= i; ++j) gram_(i, j) += overlap(own, shapes[static_cast<size_t>(j)][s]);
+      }
+      for (int j = 0; j < i; ++j) gram_(j, i) = gram_(i, j);
+    }
+  }
+
+  // False: there is no such set with all weights positive.
+  bool best(int size, Footprints* modes) {
+    size_ = size;
+    best_score_ = 0.0;
+    extend(0, 0);
+    if (best_score_ <= 0.0) return false;
+    *modes = {};
+    for (int k = 0; k < size; ++k) {
+      Footprint mode = meetings_[static_cast<size_t>(best_[static_cast<size_t>(k)])].mode;
+      mode.weight = best_weights_[k];
+      modes->push_back(mode);
+    }
+    return true;
+  }
+
+ private:
+  void extend(int chosen, int from) {
+    if (chosen == size_) {
+      score();
+      return;
+    }
+    for (int i = from; i <= count_ - (size_ - chosen); ++i) {
+      current_[static_cast<size_t>(chosen)] = i;
+      extend(chosen + 1, i + 1);
+    }
+  }
+
+  void score() {
+    // Unused rows stay those of the identity.
+    Eigen::Matrix4d gram = Eigen::Matrix4d::Identity();
+    Eigen::Vector4d data = Eigen::Vector4d::Zero();
+    for (int a = 0; a < size_; ++a) {
+      data[a] = data_[current_[static_cast<size_t>(a)]];
+      for (int b = 0; b < size_; ++b)
+        gram(a, b) = gram_(current_[static_cast<size_t>(a)], current_[static_cast<size_t>(b)]);
+      gram(a, a) *= 1.0 + 1e-6;
+    }
+    const Eigen::Vector4d weights = gram.llt().solve(data);
+    for (int a = 0; a < size_; ++a) {
+      if (!(weights[a] > 0.0)) return;
+    }
+    const double explained = weights.dot(data);
+    if (!(explained > best_score_)) return;
+    best_score_ = explained;
+    best_ = current_;
+    best_weights_ = weights;
+  }
+
+  const std::vector<Meeting>& meetings_;
+  int count_;
+  Eigen::Matrix<double, kMostMeetings, kMostMeetings> gram_ =
+      Eigen::Matrix<double, kMostMeetings, kMostMeetings>::Zero();
+  Eigen::Matrix<double, kMostMeetings, 1> data_ = Eigen::Matrix<double, kMostMeetings, 1>::Zero();
+  int size_ = 0;
+  double best_score_ = 0.0;
+  std::array<int, kMostFootprints> current_{}, best_{};
+  Eigen::Vector4d best_weights_;
+};
+
+// The two highest rises of a residual above `floor`, with the stripe's own width.
+Crests rises_of(const float* residual, const SampleLayout& layout, const SampleLayout::Sweep& sweep,
+                double floor) {
+  Crests rises;
+  const float* offset_px = layout.offset_px.data() + sweep.first;
+  const auto smooth = [&](int i) {
+    const int before = std::max(i - 1, 0), after = std::min(i + 1, sweep.count - 1);
+    return 0.25 * (static_cast<double>(residual[before]) + 2.0 * static_cast<double>(residual[i]) +
+                   static_cast<double>(residual[after]));
+  };
+  double before = -INFINITY, here = smooth(0);
+  for (int i = 0; i < sweep.count; ++i) {
+    const double after = i + 1 < sweep.count ? smooth(i + 1) : -INFINITY;
+    if (here > before && here >= after && here > floor) {
+      const Crest rise{.amplitude = here,
+                       .centre_px = sweep.first_r_px + static_cast<double>(offset_px[i]),
+                       .sigma_px = 1.1 * sweep.axis.sigma_px};
+      if (rises.count < 2) {
+        rises.crests[static_cast<size_t>(rises.count++)] = rise;
+      } else if (here > rises.crests[1].amplitude) {
+        rises.crests[1] = rise;
+      }
+      if (rises.count == 2 && rises.crests[1].amplitude > rises.crests[0].amplitude)
+        std::swap(rises.crests[0], rises.crests[1]);
+    }
+    before = here;
+    here = after;
+  }
+  return rises;
+}
+
+// Of the eigenvalues of Sigma, the larger or the smaller one, and its axis.
+double principal_variance(const Footprint& mode, bool larger, double* axis_x, double* axis_y) {
+  const double mean = 0.5 * (mode.xx_px2 + mode.yy_px2), half = 0.5 * (mode.xx_px2 - mode.yy_px2);
+  const double radius = std::hypot(half, mode.xy_px2);
+  const double angle = 0.5 * std::atan2(mode.xy_px2, half) + (larger ? 0.0 : std::numbers::pi / 2.0);
+  *axis_x = std::cos(angle);
+  *axis_y = std::sin(angle);
+  return std::max(larger ? mean + radius : mean - radius, 0.05);
+}
+
+class Search {
+ public:
+  Search(const PixelSamples& samples, const MonitorExtent& extent, double noise_sd, JointWorkspace& workspace)
+      : samples_(samples),
+        extent_(extent),
+        axes_(axes_of(*samples.layout)),
+        noise_sd_(std::max(noise_sd, kLeastNoise)),
+        workspace_(workspace) {}
+
+  JointFit run(std::span<const Crests> crests, int max_modes) {
+    JointFit best;
+    const std::vector<Meeting> meetings = meetings_of(axes_, crests);
+    if (meetings.empty()) return best;
+    SubsetChoice subsets(axes_, crests, meetings);
+    while (best.modes.size() < max_modes) {
+      starts_.clear();
+      const int size = best.modes.size() + 1;
+      Footprints start;
+      if (size <= static_cast<int>(meetings.size()) && subsets.best(size, &start)) starts_.push_back(start);
+      if (!best.modes.empty()) {
+        add_residual_start(best.modes);
+        add_split_starts(best.modes);
+      }
+      JointFit next;
+      if (!fit_best_start(&next)) break;
+      if (!best.modes.empty() && !earns_its_place(best, next)) break;
+      best = next;
+      if (explained(best)) break;
+    }
+    return best;
+  }
+
+ private:
+  // Nothing but noise is left.
+  bool explained(const JointFit& fit) const {
+    const double n = std::max(fit.near_count, 1);
+    return fit.near_chi2 < noise_sd_ * noise_sd_ * (n - 6.0 * fit.modes.size() + 2.0 * std::sqrt(2.0 * n)) &&
+           fit.chi2 - fit.near_chi2 < 1.5 * noise_sd_ * noise_sd_ * sample_count();
+  }
+
+  double sample_count() const {
+    double n = 0.0;
+    for (const SampleLayout::Sweep& sweep : samples_.layout->sweeps) n += sweep.count;
+    return n;
+  }
+
+  bool earns_its_place(const JointFit& before, const JointFit& after) const {
+    const double n = std::max(after.near_count, 1), least = n * noise_sd_ * noise_sd_;
+    // Where the new fit does not reach, both leave the same.
+    const double left_before = before.chi2 - (after.chi2 - after.near_chi2);
+    return n * std::log(std::max(left_before, least) / std::max(after.near_chi2, least)) > 6.0 * std::log(n);
+  }
+
+  bool fit_best_start(JointFit* best) {
+    bool found = false;
+    for (const Footprints& start : starts_) {
+      const JointFit fit = fit_jointly(samples_, start, extent_, kFirstIterations, workspace_);
+      const bool physical =
+          std::all_of(fit.modes.begin(), fit.modes.end(), [](const Footprint& m) { return m.weight > 0.0; });
+      if (!physical || !std::isfinite(fit.chi2) || (found && fit.chi2 >= best->chi2)) continue;
+      *best = fit;
+      found = true;
+    }
+    if (found && !best->converged) {
+      const JointFit fit = fit_jointly(samples_, best->modes, extent_, kIterations, workspace_);
+      const bool physical =
+          std::all_of(fit.modes.begin(), fit.modes.end(), [](const Footprint& m) { return m.weight > 0.0; });
+      if (physical && fit.chi2 <= best->chi2) *best = fit;
+    }
+    return found;
+  }
+
+  void add_residual_start(const Footprints& modes) {
+    evaluate(samples_, modes, extent_, workspace_, equations_);
+    const SampleLayout& layout = *samples_.layout;
+    std::vector<Crests> rises;
+    for (const SampleLayout::Sweep& sweep : layout.sweeps) {
+      rises.push_back(rises_of(workspace_.residual.data() + sweep.first, layout, sweep, noise_sd_));
+    }
+    const std::vector<Meeting> meetings = meetings_of(axes_, rises);
+    if (meetings.empty()) return;
+    Footprints start = modes;
+    start.push_back(meetings.front().mode);
+    starts_.push_back(start);
+  }
+
+  // Of the mode round which most is left unexplained. Uses the residual of add_residual_start.
+  void add_split_starts(const Footprints& modes) {
+    int worst = 0;
+    double most = -1.0;
+    for (int m = 0; m < modes.size(); ++m) {
+      const double left = left_round(modes[m]);
+      if (left > most) most = left, worst = m;
+    }
+    for (const bool larger : {true, false}) {
+      double ax, ay;
+      const double variance = principal_variance(modes[worst], larger, &ax, &ay);
+      const double shift = 0.8 * std::sqrt(variance), less = 0.6 * variance;
+      Footprints start = modes;
+      Footprint half = modes[worst];
+      half.weight *= 0.5;
+      half.xx_px2 -= less * ax * ax;
+      half.xy_px2 -= less * ax * ay;
+      half.yy_px2 -= less * ay * ay;
+      half = with_positive_covariance(half, 0.05);
+      Footprint other = half;
+      half.x_px += shift * ax, half.y_px += shift * ay;
+      other.x_px -= shift * ax, other.y_px -= shift * ay;
+      start[worst] = half;
+      start.push_back(other);
+      starts_.push_back(start);
+    }
+  }
+
+  double left_round(const Footprint& mode) const {
+    double sum = 0.0;
+    for (const SampleLayout::Sweep& sweep : samples_.layout->sweeps) {
+      const double centre = centre_of(mode, sweep.axis) - sweep.first_r_px;
+      const double reach = 2.0 * std::sqrt(answered_variance(mode, sweep.axis));
+      const float* offset_px = samples_.layout->offset_px.data() + sweep.first;
+      const float* begin =
+          std::lower_bound(offset_px, offset_px + sweep.count, static_cast<float>(centre - reach));
+      for (const float* at = begin;
+           at != offset_px + sweep.count && static_cast<double>(*at) < centre + reach; ++at) {
+        const auto i = static_cast<size_t>(sweep.first + (at - offset_px));
+        sum += static_cast<double>(samples_.weight[i] * workspace_.residual[i] * workspace_.residual[i]);
+      }
+    }
+    return sum;
+  }
+
+  const PixelSamples& samples_;
+  const MonitorExtent& extent_;
+  const std::vector<StripeAxis> axes_;
+  const double noise_sd_;
+  JointWorkspace& workspace_;
+  NormalEquations equations_;
+  std::vector<Footprints> starts_;
+};
+
+}  // namespace
+
+JointFit find_footprints(const PixelSamples& samples, std::span<const Crests> crests,
+                         const MonitorExtent& extent, double noise_sd, int max_modes,
+                         JointWorkspace& workspace) {
+  JointFit fit =
+      Search(samples, extent, noise_sd, workspace).run(crests, std::min(max_modes, kMostFootprints));
+  for (int i = 0; i < fit.modes.size(); ++i) {
+    int strongest = i;
+    for (int m = i + 1; m < fit.modes.size(); ++m) {
+      if (fit.modes[m].weight > fit.modes[strongest].weight) strongest = m;
+    }
+    const auto a = static_cast<size_t>(i), b = static_cast<size_t>(strongest);
+    std::swap(fit.modes[i], fit.modes[strongest]);
+    std::swap(fit.weight_sd[a], fit.weight_sd[b]);
+    std::swap(fit.centre_sd_px[a], fit.centre_sd_px[b]);
+  }
+  return fit;
+}
+
+}  // namespace glasswing
