@@ -22,7 +22,7 @@ class GaussianMethod final : public Method {
                    Matte& matte) const;
 
   MethodOptions options_;
-  int modes_ = 2;
+  int modes_ = 4;
   double silhouette_tolerance_ = 0.006;
 };
 

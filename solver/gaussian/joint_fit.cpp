@@ -4,29 +4,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 namespace glasswing {
 namespace {
 
 using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMostParameters, 1>;
 using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMostParameters, kMostParameters>;
-
-constexpr double kLeastCovariance_px2 = 1e-4;
-
-// Of Sigma = L L', L = (a 0; b c), stored in a footprint's place of (xx, xy, yy).
-struct Factor {
-  double a, b, c;
-};
-
-Factor factor_of(const Footprint& mode) {
-  const double a = std::sqrt(std::max(mode.xx_px2, kLeastCovariance_px2));
-  const double b = mode.xy_px2 / a;
-  return {a, b, std::sqrt(std::max(mode.yy_px2 - b * b, kLeastCovariance_px2))};
-}
-
-bool positive(const Footprint& mode) {
-  return mode.xx_px2 >= 0.0 && mode.yy_px2 >= 0.0 && mode.xx_px2 * mode.yy_px2 >= mode.xy_px2 * mode.xy_px2;
-}
 
 bool sane(const Footprints& modes, const SampleLayout& layout, const MonitorExtent& extent) {
   const double limit = 2.0 * (extent.width_px + extent.height_px);
@@ -43,42 +27,68 @@ bool sane(const Footprints& modes, const SampleLayout& layout, const MonitorExte
   return true;
 }
 
+// The positive semi-definite (xx, xy, yy) nearest to `target` in the metric H: rank one, found along its
+// direction.
+Eigen::Vector3d nearest_positive(const Eigen::Vector3d& target, const Eigen::Matrix3d& metric) {
+  const auto at = [&](double angle) {
+    const double c = std::cos(angle), s = std::sin(angle);
+    return Eigen::Vector3d(c * c, c * s, s * s);
+  };
+  const auto gain = [&](double angle) {
+    const Eigen::Vector3d a = at(angle);
+    const double along = std::max(a.dot(metric * target), 0.0);
+    return along * along / a.dot(metric * a);
+  };
+  constexpr int kDirections = 12;
+  double best = 0.0, best_gain = -1.0;
+  for (int i = 0; i < kDirections; ++i) {
+    const double angle = i * std::numbers::pi / kDirections;
+    if (const double g = gain(angle); g > best_gain) best = angle, best_gain = g;
+  }
+  for (double width = 0.5 * std::numbers::pi / kDirections; width > 1e-4; width *= 0.5) {
+    for (const double angle : {best - width, best + width}) {
+      if (const double g = gain(angle); g > best_gain) best = angle, best_gain = g;
+    }
+  }
+  const Eigen::Vector3d a = at(best);
+  return std::max(a.dot(metric * target), 0.0) / a.dot(metric * a) * a;
+}
+
 class Problem {
  public:
   Problem(const PixelSamples& samples, const MonitorExtent& extent, JointWorkspace& workspace)
       : samples_(samples), extent_(extent), workspace_(workspace) {}
 
   // Levenberg-Marquardt; true if it settled.
-  bool minimise(Footprints& modes, NormalEquations& at, bool factored, int max_iterations) {
+  bool minimise(Footprints& modes, NormalEquations& at, int max_iterations) {
     const int n = 6 * modes.size();
     double damping = 1e-3;
     Matrix normal(n, n);
     Vector gradient(n);
-    NormalEquations& next = next_;
-    linearise(modes, at, factored, normal, gradient);
+    evaluate(samples_, modes, extent_, workspace_, at);
+    load(at, normal, gradient);
     for (int iteration = 0; iteration < max_iterations; ++iteration) {
       Matrix damped = normal;
       const double floor = 1e-12 * normal.diagonal().maxCoeff();
       damped.diagonal() += damping * normal.diagonal() + Vector::Constant(n, floor);
       const Eigen::LLT<Matrix> solver(damped);
-      const Vector step = solver.solve(gradient);
-      // gradient . step is the squared distance to the minimum in units of the noise.
-      const double noise =
-          at.chi2 > 0.0 ? std::max(at.near_chi2, 1e-3 * at.chi2) / std::max(at.near_count, 1) : 0.0;
-      const double decrement = gradient.dot(step);
-      const bool last = decrement <= 0.01 * noise;
-      const Footprints moved = after(modes, step, factored);
+      Vector step = solver.solve(gradient);
+      const Footprints moved = constrained(modes, solver, step);
+      // What the step promises, against the noise of one sample: a squared distance in standard errors.
+      const double promise = 2.0 * gradient.dot(step) - step.dot(normal * step);
+      const bool last = promise <= 0.01 * at.near_chi2 / std::max(at.near_count, 1);
       bool better = solver.info() == Eigen::Success && sane(moved, *samples_.layout, extent_);
       if (better) {
-        evaluate(samples_, moved, extent_, workspace_, next);
-        better = next.chi2 <= at.chi2 * (1.0 + 1e-7);
+        evaluate(samples_, moved, extent_, workspace_, next_);
+        better = next_.chi2 <= at.chi2 * (1.0 + 1e-7);
       }
       if (better) {
+        const bool level = at.chi2 - next_.chi2 < 3e-4 * at.near_chi2;
         modes = moved;
-        std::swap(at, next);
+        std::swap(at, next_);
+        if ((last || level) && damping < 0.1) return true;
         damping = std::max(0.1 * damping, 1e-7);
-        if (last && damping < 0.1) return true;
-        turn(modes, at, factored, normal, gradient);
+        load(at, normal, gradient);
       } else {
         if (last) return true;
         damping *= 10.0;
@@ -89,35 +99,33 @@ class Problem {
   }
 
  private:
-  void linearise(const Footprints& modes, NormalEquations& at, bool factored, Matrix& normal,
-                 Vector& gradient) {
-    evaluate(samples_, modes, extent_, workspace_, at);
-    turn(modes, at, factored, normal, gradient);
-  }
-
-  // The equations in Eigen's types; by (a, b, c) instead of (xx, xy, yy) if factored.
-  static void turn(const Footprints& modes, const NormalEquations& at, bool factored, Matrix& normal,
-                   Vector& gradient) {
-    const int n = 6 * modes.size();
-    for (int p = 0; p < n; ++p) {
+  static void load(const NormalEquations& at, Matrix& normal, Vector& gradient) {
+    const auto n = gradient.size();
+    for (Eigen::Index p = 0; p < n; ++p) {
       gradient[p] = at.gradient[static_cast<size_t>(p)];
-      for (int q = 0; q < n; ++q) normal(p, q) = at.matrix[static_cast<size_t>(p)][static_cast<size_t>(q)];
-    }
-    if (!factored) return;
-    for (int m = 0; m < modes.size(); ++m) {
-      const Factor f = factor_of(modes[m]);
-      Eigen::Matrix3d by_factor;
-      by_factor << 2.0 * f.a, 0.0, 0.0, f.b, f.a, 0.0, 0.0, 2.0 * f.b, 2.0 * f.c;
-      const int at_row = 6 * m + 3;
-      gradient.segment<3>(at_row) = by_factor.transpose() * Eigen::Vector3d(gradient.segment<3>(at_row));
-      const Matrix columns = normal.middleCols(at_row, 3) * by_factor;
-      normal.middleCols(at_row, 3) = columns;
-      const Matrix rows = by_factor.transpose() * normal.middleRows(at_row, 3);
-      normal.middleRows(at_row, 3) = rows;
+      for (Eigen::Index q = 0; q < n; ++q)
+        normal(q, p) = at.matrix[static_cast<size_t>(p)][static_cast<size_t>(q)];
     }
   }
 
-  static Footprints after(const Footprints& modes, const Vector& step, bool factored) {
+  // `modes` after the step. Where that would leave the cone of positive Sigma, Sigma goes to the cheapest
+  // point of the cone's boundary and all else follows, as the quadratic model says.
+  static Footprints constrained(const Footprints& modes, const Eigen::LLT<Matrix>& solver, Vector& step) {
+    const auto n = step.size();
+    Matrix covariance;  // of what is still free; made when it is first needed
+    for (int m = 0; m < modes.size(); ++m) {
+      const Footprint& mode = modes[m];
+      const Eigen::Vector3d now(mode.xx_px2, mode.xy_px2, mode.yy_px2);
+      const Eigen::Index block = 6 * m + 3;
+      const Eigen::Vector3d free = now + step.segment<3>(block);
+      if (free[0] >= 0.0 && free[2] >= 0.0 && free[0] * free[2] >= free[1] * free[1]) continue;
+      if (covariance.size() == 0) covariance = solver.solve(Matrix::Identity(n, n));
+      const Eigen::Matrix3d metric = Eigen::Matrix3d(covariance.block<3, 3>(block, block)).inverse();
+      const Eigen::Matrix<double, Eigen::Dynamic, 3, 0, kMostParameters, 3> follow =
+          covariance.middleCols<3>(block) * metric;
+      step += follow * (nearest_positive(free, metric) - free);
+      covariance -= follow * Matrix(covariance.middleRows<3>(block));
+    }
     Footprints moved = modes;
     for (int m = 0; m < modes.size(); ++m) {
       Footprint& mode = moved[m];
@@ -125,19 +133,9 @@ class Problem {
       mode.weight += d[0];
       mode.x_px += d[1];
       mode.y_px += d[2];
-      if (factored) {
-        Factor f = factor_of(mode);
-        f.a += d[3];
-        f.b += d[4];
-        f.c += d[5];
-        mode.xx_px2 = f.a * f.a;
-        mode.xy_px2 = f.a * f.b;
-        mode.yy_px2 = f.b * f.b + f.c * f.c;
-      } else {
-        mode.xx_px2 += d[3];
-        mode.xy_px2 += d[4];
-        mode.yy_px2 += d[5];
-      }
+      mode.xx_px2 += d[3];
+      mode.xy_px2 += d[4];
+      mode.yy_px2 += d[5];
     }
     return moved;
   }
@@ -188,11 +186,8 @@ JointFit fit_jointly(const PixelSamples& samples, const Footprints& start, const
   Problem problem(samples, extent, workspace);
   NormalEquations at;
   JointFit fit{.modes = start};
-  fit.converged = problem.minimise(fit.modes, at, false, max_iterations);
-  if (!std::all_of(fit.modes.begin(), fit.modes.end(), positive)) {
-    for (Footprint& mode : fit.modes) mode = with_positive_covariance(mode, kLeastCovariance_px2);
-    fit.converged = problem.minimise(fit.modes, at, true, max_iterations);
-  }
+  fit.converged = problem.minimise(fit.modes, at, max_iterations);
+  for (Footprint& mode : fit.modes) mode = with_positive_covariance(mode, 0.0);  // rounding
   fit.chi2 = at.chi2;
   fit.near_chi2 = at.near_chi2;
   fit.near_count = at.near_count;

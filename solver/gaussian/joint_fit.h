@@ -15,7 +15,7 @@ namespace glasswing {
 
 // Where the samples of every sweep lie; the same for all pixels.
 struct SampleLayout {
-  static constexpr int kPad = 16;  // each sweep's samples fill whole vectors; the rest has weight 0
+  static constexpr int kPad = 8;  // each sweep's samples fill whole vectors; the rest has weight 0
   struct Sweep {
     StripeAxis axis;
     double first_r_px = 0.0;
@@ -23,7 +23,7 @@ struct SampleLayout {
     int count = 0;         // samples
     int padded_count = 0;  // multiple of kPad
   };
-  std::vector<Sweep> sweeps;
+  std::vector<Sweep> sweeps;     // at most 16
   std::vector<float> offset_px;  // r - first_r_px of its sweep, ascending
 
   // Appends a sweep; `r_px` ascends strictly.
@@ -51,10 +51,10 @@ struct NormalEquations {
   std::array<std::array<double, kMostParameters>, kMostParameters> matrix;  // N, symmetric, filled whole
 };
 
-// What one thread needs beside; grows to the longest sweep.
+// What one thread needs beside.
 struct JointWorkspace {
   std::vector<float> residual;  // after evaluate: y - model, as PixelSamples.y
-  std::vector<float> columns;
+  std::vector<float> columns;   // the derivatives, one after another
 };
 
 void evaluate(const PixelSamples& samples, const Footprints& modes, const MonitorExtent& extent,

@@ -21,15 +21,14 @@ using V = hn::Vec<D>;
 
 constexpr double kReach = 4.7;  // sigmas; beyond, a mode is below 2e-5 of its crest
 
-// A mode as one sweep sees it: its basis columns on [begin, end) and how they turn into the derivatives by
-// the six parameters.
-struct SweepMode {
-  bool cut = false;  // by the monitor's edge: six columns, the derivatives themselves
-  int columns = 3;   // else three: u, z u, z^2 u
+// Samples [begin, end) of a sweep: whole vectors.
+struct Range {
   int begin = 0, end = 0;
-  const float* column[6] = {};
-  double chain[3][6] = {};
 };
+
+Range Common(Range a, Range b) {
+  return {std::max(a.begin, b.begin), std::min(a.end, b.end)};
+}
 
 double Total(V v) {
   const D d;
@@ -76,7 +75,7 @@ Side Within(V mean, float sd, float extent, bool clamped) {
 
 // The six derivatives where the edge cuts the mode off; the model is taken from the residual on the way.
 void CutColumns(const Footprint& mode, const SampleLayout::Sweep& sweep, const MonitorExtent& extent,
-                const float* offset_px, float* residual, float* columns, int stride, const SweepMode& range) {
+                const float* offset_px, float* residual, float* columns, size_t stride, Range range) {
   const D d;
   const double c = sweep.axis.cos_phi, s = sweep.axis.sin_phi;
   const double variance = answered_variance(mode, sweep.axis), sigma = std::sqrt(variance);
@@ -127,124 +126,97 @@ void CutColumns(const Footprint& mode, const SampleLayout::Sweep& sweep, const M
       V sum = hn::Mul(by_centre, set(d_centre[p]));
       sum = hn::MulAdd(by_variance, set(d_variance[p]), sum);
       sum = hn::MulAdd(scaled, hn::MulAdd(y.part, d_x, hn::Mul(x.part, d_y)), sum);
-      hn::StoreU(sum, d, columns + (p + 1) * stride + i);
+      hn::StoreU(sum, d, columns + static_cast<size_t>(p + 1) * stride + i);
     }
     hn::StoreU(hn::Sub(hn::LoadU(d, residual + i), value), d, residual + i);
   }
 }
 
-void WholeColumns(const Footprint& mode, const SampleLayout::Sweep& sweep, const float* offset_px,
-                  float* residual, float* columns, int stride, SweepMode& range) {
+void WholeColumns(const Footprint& mode, const SampleLayout::Sweep& sweep, const MonitorExtent&,
+                  const float* offset_px, float* residual, float* columns, size_t stride, Range range) {
   const D d;
   const double c = sweep.axis.cos_phi, s = sweep.axis.sin_phi;
   const double variance = answered_variance(mode, sweep.axis), sigma = std::sqrt(variance);
   const double crest = sweep.axis.sigma_px / sigma, amplitude = mode.weight * crest;
-  const V centre = hn::Set(d, static_cast<float>(mode.x_px * c + mode.y_px * s - sweep.first_r_px));
-  const V inverse = hn::Set(d, static_cast<float>(1.0 / sigma));
-  const V scale = hn::Set(d, static_cast<float>(amplitude));
+  const double by_centre = amplitude / sigma, by_variance = 0.5 * amplitude / variance;
+  const auto set = [&](double v) { return hn::Set(d, static_cast<float>(v)); };
+  const V centre = set(mode.x_px * c + mode.y_px * s - sweep.first_r_px), inverse = set(1.0 / sigma);
+  const V by_weight = set(crest), by_x = set(by_centre * c), by_y = set(by_centre * s),
+          scale = set(amplitude);
+  const V by_xx = set(by_variance * c * c), by_xy = set(by_variance * 2.0 * c * s),
+          by_yy = set(by_variance * s * s);
   for (int i = range.begin; i < range.end; i += static_cast<int>(hn::Lanes(d))) {
     const V z = hn::Mul(hn::Sub(hn::LoadU(d, offset_px + i), centre), inverse);
     const V zz = hn::Mul(z, z);
-    const V u = hn::Exp(d, hn::Max(hn::Mul(hn::Set(d, -0.5f), zz), hn::Set(d, -80.0f)));
-    hn::StoreU(u, d, columns + i);
-    hn::StoreU(hn::Mul(z, u), d, columns + stride + i);
-    hn::StoreU(hn::Mul(zz, u), d, columns + 2 * stride + i);
+    const V u = hn::Exp(d, hn::Max(hn::Mul(set(-0.5), zz), set(-80.0)));
+    const V zu = hn::Mul(z, u), wide = hn::MulSub(zz, u, u);
+    hn::StoreU(hn::Mul(by_weight, u), d, columns + i);
+    hn::StoreU(hn::Mul(by_x, zu), d, columns + stride + i);
+    hn::StoreU(hn::Mul(by_y, zu), d, columns + 2 * stride + i);
+    hn::StoreU(hn::Mul(by_xx, wide), d, columns + 3 * stride + i);
+    hn::StoreU(hn::Mul(by_xy, wide), d, columns + 4 * stride + i);
+    hn::StoreU(hn::Mul(by_yy, wide), d, columns + 5 * stride + i);
     hn::StoreU(hn::NegMulAdd(scale, u, hn::LoadU(d, residual + i)), d, residual + i);
   }
-  const double by_centre = amplitude / sigma, by_variance = 0.5 * amplitude / variance;
-  const double d_variance[6] = {0.0, 0.0, 0.0, c * c, 2.0 * c * s, s * s};
-  range.chain[0][0] = crest;
-  range.chain[1][1] = by_centre * c;
-  range.chain[1][2] = by_centre * s;
-  for (int p = 3; p < 6; ++p) {
-    range.chain[0][p] = -by_variance * d_variance[p];
-    range.chain[2][p] = by_variance * d_variance[p];
-  }
 }
 
-// sums[a][b] = sum w a_column b_column, both with three columns.
-void ThreeByThree(const float* w, const SweepMode& a, const SweepMode& b, int begin, int end,
-                  double sums[6][6]) {
-  const D d;
-  V s00 = hn::Zero(d), s01 = s00, s02 = s00, s10 = s00, s11 = s00, s12 = s00, s20 = s00, s21 = s00, s22 = s00;
-  for (int i = begin; i < end; i += static_cast<int>(hn::Lanes(d))) {
-    const V weight = hn::LoadU(d, w + i);
-    const V a0 = hn::Mul(weight, hn::LoadU(d, a.column[0] + i));
-    const V a1 = hn::Mul(weight, hn::LoadU(d, a.column[1] + i));
-    const V a2 = hn::Mul(weight, hn::LoadU(d, a.column[2] + i));
-    const V b0 = hn::LoadU(d, b.column[0] + i), b1 = hn::LoadU(d, b.column[1] + i),
-            b2 = hn::LoadU(d, b.column[2] + i);
-    s00 = hn::MulAdd(a0, b0, s00), s01 = hn::MulAdd(a0, b1, s01), s02 = hn::MulAdd(a0, b2, s02);
-    s10 = hn::MulAdd(a1, b0, s10), s11 = hn::MulAdd(a1, b1, s11), s12 = hn::MulAdd(a1, b2, s12);
-    s20 = hn::MulAdd(a2, b0, s20), s21 = hn::MulAdd(a2, b1, s21), s22 = hn::MulAdd(a2, b2, s22);
-  }
-  sums[0][0] = Total(s00), sums[0][1] = Total(s01), sums[0][2] = Total(s02);
-  sums[1][0] = Total(s10), sums[1][1] = Total(s11), sums[1][2] = Total(s12);
-  sums[2][0] = Total(s20), sums[2][1] = Total(s21), sums[2][2] = Total(s22);
-}
-
-double WeightedProduct(const float* w, const float* a, const float* b, int begin, int end) {
+double WeightedSquares(const float* w, const float* a, Range range) {
   const D d;
   V sum = hn::Zero(d);
-  for (int i = begin; i < end; i += static_cast<int>(hn::Lanes(d))) {
-    sum = hn::MulAdd(hn::Mul(hn::LoadU(d, w + i), hn::LoadU(d, a + i)), hn::LoadU(d, b + i), sum);
+  for (int i = range.begin; i < range.end; i += static_cast<int>(hn::Lanes(d))) {
+    const V value = hn::LoadU(d, a + i);
+    sum = hn::MulAdd(hn::Mul(hn::LoadU(d, w + i), value), value, sum);
   }
   return Total(sum);
 }
 
-double ChainAt(const SweepMode& mode, int column, int parameter) {
-  return mode.cut ? (column == parameter ? 1.0 : 0.0) : mode.chain[column][parameter];
-}
-
-void AddPair(const float* w, const SweepMode& a, int place_a, const SweepMode& b, int place_b,
-             NormalEquations& equations) {
-  const int begin = std::max(a.begin, b.begin), end = std::min(a.end, b.end);
-  if (begin >= end) return;
-  double sums[6][6];
-  if (!a.cut && !b.cut) {
-    ThreeByThree(w, a, b, begin, end, sums);
-  } else {
-    for (int i = 0; i < a.columns; ++i) {
-      for (int j = 0; j < b.columns; ++j)
-        sums[i][j] = WeightedProduct(w, a.column[i], b.column[j], begin, end);
+// matrix[row + i][column + j] = sum w a_i b_j over three columns each, `stride` apart.
+void ThreeByThree(const float* w, const float* a, const float* b, size_t stride,
+                  std::span<const Range> ranges, int row, int column, NormalEquations& equations) {
+  const D d;
+  const float *a0 = a, *a1 = a + stride, *a2 = a1 + stride, *b0 = b, *b1 = b + stride, *b2 = b1 + stride;
+  V s00 = hn::Zero(d), s01 = s00, s02 = s00, s10 = s00, s11 = s00, s12 = s00, s20 = s00, s21 = s00, s22 = s00;
+  for (const Range range : ranges) {
+    for (int i = range.begin; i < range.end; i += static_cast<int>(hn::Lanes(d))) {
+      const V weight = hn::LoadU(d, w + i);
+      const V x0 = hn::Mul(weight, hn::LoadU(d, a0 + i));
+      const V x1 = hn::Mul(weight, hn::LoadU(d, a1 + i));
+      const V x2 = hn::Mul(weight, hn::LoadU(d, a2 + i));
+      const V y0 = hn::LoadU(d, b0 + i), y1 = hn::LoadU(d, b1 + i), y2 = hn::LoadU(d, b2 + i);
+      s00 = hn::MulAdd(x0, y0, s00), s01 = hn::MulAdd(x0, y1, s01), s02 = hn::MulAdd(x0, y2, s02);
+      s10 = hn::MulAdd(x1, y0, s10), s11 = hn::MulAdd(x1, y1, s11), s12 = hn::MulAdd(x1, y2, s12);
+      s20 = hn::MulAdd(x2, y0, s20), s21 = hn::MulAdd(x2, y1, s21), s22 = hn::MulAdd(x2, y2, s22);
     }
   }
-  double half[6][6];  // sums times b's chain
-  for (int i = 0; i < a.columns; ++i) {
-    for (int q = 0; q < 6; ++q) {
-      double sum = 0.0;
-      for (int j = 0; j < b.columns; ++j) sum += sums[i][j] * ChainAt(b, j, q);
-      half[i][q] = sum;
-    }
-  }
-  for (int p = 0; p < 6; ++p) {
-    for (int q = 0; q < 6; ++q) {
-      double sum = 0.0;
-      for (int i = 0; i < a.columns; ++i) sum += ChainAt(a, i, p) * half[i][q];
-      equations.matrix[static_cast<size_t>(6 * place_a + p)][static_cast<size_t>(6 * place_b + q)] += sum;
-      if (place_a != place_b) {
-        equations.matrix[static_cast<size_t>(6 * place_b + q)][static_cast<size_t>(6 * place_a + p)] += sum;
-      }
-    }
-  }
+  double* m = &equations.matrix[static_cast<size_t>(row)][static_cast<size_t>(column)];
+  m[0] = Total(s00), m[1] = Total(s01), m[2] = Total(s02);
+  m += kMostParameters;
+  m[0] = Total(s10), m[1] = Total(s11), m[2] = Total(s12);
+  m += kMostParameters;
+  m[0] = Total(s20), m[1] = Total(s21), m[2] = Total(s22);
 }
 
-void AddGradient(const float* w, const float* residual, const SweepMode& mode, int place,
-                 NormalEquations& equations) {
-  double sums[6];
-  for (int i = 0; i < mode.columns; ++i) {
-    sums[i] = WeightedProduct(w, mode.column[i], residual, mode.begin, mode.end);
+void Gradient(const float* w, const float* residual, const float* a, size_t stride,
+              std::span<const Range> ranges, double* gradient) {
+  const D d;
+  V s0 = hn::Zero(d), s1 = s0, s2 = s0, s3 = s0, s4 = s0, s5 = s0;
+  for (const Range range : ranges) {
+    for (int i = range.begin; i < range.end; i += static_cast<int>(hn::Lanes(d))) {
+      const V r = hn::Mul(hn::LoadU(d, w + i), hn::LoadU(d, residual + i));
+      const float* at = a + i;
+      s0 = hn::MulAdd(r, hn::LoadU(d, at), s0), s1 = hn::MulAdd(r, hn::LoadU(d, at + stride), s1);
+      s2 = hn::MulAdd(r, hn::LoadU(d, at + 2 * stride), s2),
+      s3 = hn::MulAdd(r, hn::LoadU(d, at + 3 * stride), s3);
+      s4 = hn::MulAdd(r, hn::LoadU(d, at + 4 * stride), s4),
+      s5 = hn::MulAdd(r, hn::LoadU(d, at + 5 * stride), s5);
+    }
   }
-  for (int p = 0; p < 6; ++p) {
-    double sum = 0.0;
-    for (int i = 0; i < mode.columns; ++i) sum += ChainAt(mode, i, p) * sums[i];
-    equations.gradient[static_cast<size_t>(6 * place + p)] += sum;
-  }
+  gradient[0] = Total(s0), gradient[1] = Total(s1), gradient[2] = Total(s2);
+  gradient[3] = Total(s3), gradient[4] = Total(s4), gradient[5] = Total(s5);
 }
 
-// Samples within reach of the mode, as whole vectors.
-void Reach(const Footprint& mode, const SampleLayout::Sweep& sweep, const float* offset_px,
-           SweepMode& range) {
+// Samples of the sweep within reach of the mode.
+Range Reach(const Footprint& mode, const SampleLayout::Sweep& sweep, const float* offset_px) {
   const double centre = mode.x_px * sweep.axis.cos_phi + mode.y_px * sweep.axis.sin_phi - sweep.first_r_px;
   const double reach = kReach * std::sqrt(answered_variance(mode, sweep.axis));
   const float* end = offset_px + sweep.count;
@@ -253,73 +225,74 @@ void Reach(const Footprint& mode, const SampleLayout::Sweep& sweep, const float*
   const auto last =
       static_cast<int>(std::upper_bound(offset_px, end, static_cast<float>(centre + reach)) - offset_px);
   const int lanes = static_cast<int>(hn::Lanes(D()));
-  range.begin = first / lanes * lanes;
-  range.end = last > first ? (last + lanes - 1) / lanes * lanes : range.begin;
+  const int begin = first / lanes * lanes;
+  return {begin, last > first ? (last + lanes - 1) / lanes * lanes : begin};
 }
 
+// chi2, and its part within the modes' ranges.
 void AddSquares(const PixelSamples& samples, const SampleLayout::Sweep& sweep, const float* residual,
-                std::span<const SweepMode> modes, NormalEquations& equations) {
+                std::span<Range> ranges, NormalEquations& equations) {
   const float* w = samples.weight.data() + sweep.first;
-  equations.chi2 += WeightedProduct(w, residual, residual, 0, sweep.padded_count);
-  int begin[kMostFootprints], end[kMostFootprints], count = 0;
-  for (const SweepMode& mode : modes) {
-    if (mode.begin >= mode.end) continue;
-    int at = count++;
-    while (at > 0 && begin[at - 1] > mode.begin) begin[at] = begin[at - 1], end[at] = end[at - 1], --at;
-    begin[at] = mode.begin, end[at] = mode.end;
+  equations.chi2 += WeightedSquares(w, residual, {0, sweep.padded_count});
+  for (size_t i = 1; i < ranges.size(); ++i) {
+    for (size_t k = i; k > 0 && ranges[k].begin < ranges[k - 1].begin; --k)
+      std::swap(ranges[k], ranges[k - 1]);
   }
   int done = 0;
-  for (int i = 0; i < count; ++i) {
-    const int from = std::max(begin[i], done);
-    if (from >= end[i]) continue;
-    equations.near_chi2 += WeightedProduct(w, residual, residual, from, end[i]);
-    equations.near_count += std::min(end[i], sweep.count) - from;
-    done = end[i];
+  for (const Range range : ranges) {
+    const Range rest{std::max(range.begin, done), range.end};
+    if (rest.begin >= rest.end) continue;
+    equations.near_chi2 += WeightedSquares(w, residual, rest);
+    equations.near_count += std::min(rest.end, sweep.count) - rest.begin;
+    done = rest.end;
   }
 }
 
 void Evaluate(const PixelSamples& samples, const Footprints& modes, const MonitorExtent& extent,
               JointWorkspace& workspace, NormalEquations& equations) {
+  constexpr size_t kMostSweeps = 16;
   const SampleLayout& layout = *samples.layout;
-  const D d;
-  const int parameters = 6 * modes.size();
+  const size_t stride = samples.y.size(), sweep_count = layout.sweeps.size();
+  const auto mode_count = static_cast<size_t>(modes.size());
   equations.chi2 = equations.near_chi2 = 0.0;
   equations.near_count = 0;
-  for (int p = 0; p < parameters; ++p) {
-    equations.gradient[static_cast<size_t>(p)] = 0.0;
-    std::fill_n(equations.matrix[static_cast<size_t>(p)].begin(), parameters, 0.0);
+  workspace.residual.assign(samples.y.begin(), samples.y.end());
+  if (workspace.columns.size() < 6 * mode_count * stride) workspace.columns.resize(6 * mode_count * stride);
+  const auto columns_of = [&](size_t m) { return workspace.columns.data() + 6 * m * stride; };
+  Range reach[kMostFootprints][kMostSweeps];
+  for (size_t s = 0; s < sweep_count; ++s) {
+    const SampleLayout::Sweep& sweep = layout.sweeps[s];
+    const float* offset_px = layout.offset_px.data() + sweep.first;
+    float* residual = workspace.residual.data() + sweep.first;
+    Range own[kMostFootprints];
+    for (size_t m = 0; m < mode_count; ++m) {
+      const Footprint& mode = modes[static_cast<int>(m)];
+      own[m] = Reach(mode, sweep, offset_px);
+      reach[m][s] = {own[m].begin + sweep.first, own[m].end + sweep.first};
+      const auto make = near_edge(mode, extent) ? CutColumns : WholeColumns;
+      make(mode, sweep, extent, offset_px, residual, columns_of(m) + sweep.first, stride, own[m]);
+    }
+    AddSquares(samples, sweep, residual, {own, mode_count}, equations);
   }
-  workspace.residual.resize(samples.y.size());
-  for (const SampleLayout::Sweep& sweep : layout.sweeps) {
-    const size_t first = static_cast<size_t>(sweep.first);
-    const int stride = sweep.padded_count;
-    const size_t needed = static_cast<size_t>(stride) * 6 * kMostFootprints;
-    if (workspace.columns.size() < needed) workspace.columns.resize(needed);
-    const float* offset_px = layout.offset_px.data() + first;
-    const float* w = samples.weight.data() + first;
-    float* residual = workspace.residual.data() + first;
-    std::copy_n(samples.y.data() + first, stride, residual);
-    SweepMode seen[kMostFootprints];
-    for (int m = 0; m < modes.size(); ++m) {
-      SweepMode& mode = seen[m];
-      float* columns = workspace.columns.data() + static_cast<size_t>(m) * 6 * static_cast<size_t>(stride);
-      for (int i = 0; i < 6; ++i) mode.column[i] = columns + i * stride;
-      Reach(modes[m], sweep, offset_px, mode);
-      mode.cut = near_edge(modes[m], extent);
-      mode.columns = mode.cut ? 6 : 3;
-      if (mode.cut) {
-        CutColumns(modes[m], sweep, extent, offset_px, residual, columns, stride, mode);
-      } else {
-        WholeColumns(modes[m], sweep, offset_px, residual, columns, stride, mode);
+  const float* w = samples.weight.data();
+  for (size_t m = 0; m < mode_count; ++m) {
+    Gradient(w, workspace.residual.data(), columns_of(m), stride, {reach[m], sweep_count},
+             &equations.gradient[6 * m]);
+    for (size_t n = m; n < mode_count; ++n) {
+      Range common[kMostSweeps];
+      for (size_t s = 0; s < sweep_count; ++s) common[s] = Common(reach[m][s], reach[n][s]);
+      for (size_t i = 0; i < 6; i += 3) {
+        for (size_t j = m == n ? i : 0; j < 6; j += 3) {
+          ThreeByThree(w, columns_of(m) + i * stride, columns_of(n) + j * stride, stride,
+                       {common, sweep_count}, static_cast<int>(6 * m + i), static_cast<int>(6 * n + j),
+                       equations);
+        }
       }
     }
-    for (int m = 0; m < modes.size(); ++m) {
-      AddGradient(w, residual, seen[m], m, equations);
-      for (int n = m; n < modes.size(); ++n) AddPair(w, seen[m], m, seen[n], n, equations);
-    }
-    AddSquares(samples, sweep, residual, {seen, static_cast<size_t>(modes.size())}, equations);
   }
-  (void)d;
+  for (size_t p = 0; p < 6 * mode_count; ++p) {
+    for (size_t q = 0; q < p / 3 * 3; ++q) equations.matrix[p][q] = equations.matrix[q][p];
+  }
 }
 
 }  // namespace HWY_NAMESPACE

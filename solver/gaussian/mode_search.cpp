@@ -10,8 +10,8 @@ namespace glasswing {
 namespace {
 
 constexpr int kMostMeetings = 12;
-constexpr int kFirstIterations = 10;  // of each start, to choose among them
-constexpr int kIterations = 60;
+constexpr int kFirstIterations = 6;  // of each start, to choose among them
+constexpr int kIterations = 40;
 // Residuals below this are the pixels' and footprints' own shape, whatever the frames' noise.
 constexpr double kLeastNoise = 1e-4;
 
@@ -284,23 +284,25 @@ class Search {
     return n * std::log(std::max(left_before, least) / std::max(after.near_chi2, least)) > 6.0 * std::log(n);
   }
 
+  // A few steps of each start, then the best of them to its minimum.
   bool fit_best_start(JointFit* best) {
     bool found = false;
     for (const Footprints& start : starts_) {
       const JointFit fit = fit_jointly(samples_, start, extent_, kFirstIterations, workspace_);
-      const bool physical =
-          std::all_of(fit.modes.begin(), fit.modes.end(), [](const Footprint& m) { return m.weight > 0.0; });
-      if (!physical || !std::isfinite(fit.chi2) || (found && fit.chi2 >= best->chi2)) continue;
+      if (!physical(fit) || (found && fit.chi2 >= best->chi2)) continue;
       *best = fit;
       found = true;
     }
     if (found && !best->converged) {
       const JointFit fit = fit_jointly(samples_, best->modes, extent_, kIterations, workspace_);
-      const bool physical =
-          std::all_of(fit.modes.begin(), fit.modes.end(), [](const Footprint& m) { return m.weight > 0.0; });
-      if (physical && fit.chi2 <= best->chi2) *best = fit;
+      if (physical(fit) && fit.chi2 <= best->chi2) *best = fit;
     }
     return found;
+  }
+
+  static bool physical(const JointFit& fit) {
+    return std::isfinite(fit.chi2) &&
+           std::all_of(fit.modes.begin(), fit.modes.end(), [](const Footprint& m) { return m.weight > 0.0; });
   }
 
   void add_residual_start(const Footprints& modes) {
