@@ -1,0 +1,135 @@
+// Solves the rendered scenes, clean and degraded, and prints how close the composites come to the
+// photographs.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <map>
+
+#include "core/matte/compositor.h"
+#include "tests/results/rendered_scene.h"
+#include "tests/results/sheet.h"
+
+namespace glasswing {
+namespace {
+
+// dB of simpler solvers on the clean frames: an EM fit of two Gaussians (one for C) in a hundred lines, an
+// exhaustive fit of one box, and the background without the object.
+struct Floor {
+  double quick, box, plain;
+};
+
+const std::map<std::string, Floor> kFloors = {{"A_crystal/stilllife", {43.6, 27.4, 11.0}},
+                                              {"A_crystal/stone", {41.1, 28.0, 15.0}},
+                                              {"A_crystal/landscape", {36.4, 22.5, 8.7}},
+                                              {"B_bimodal/stilllife", {37.7, 24.4, 14.5}},
+                                              {"B_bimodal/stone", {37.9, 26.9, 16.1}},
+                                              {"B_bimodal/landscape", {41.3, 29.8, 16.5}},
+                                              {"C_brushed/stilllife", {36.5, 31.8, 10.8}},
+                                              {"C_brushed/stone", {35.3, 30.4, 14.7}},
+                                              {"C_brushed/landscape", {36.3, 31.4, 8.1}},
+                                              {"C_brushed/lines", {28.5, 21.4, 8.8}},
+                                              {"D_foreground/stilllife", {44.9, 33.4, 11.6}},
+                                              {"D_foreground/stone", {47.2, 36.8, 13.9}},
+                                              {"D_foreground/landscape", {51.7, 35.6, 8.6}},
+                                              {"E_twomonitors/stilllife", {44.5, 33.1, 8.6}},
+                                              {"E_twomonitors/stone", {44.0, 34.5, 11.2}},
+                                              {"E_twomonitors/landscape", {45.5, 34.2, 8.1}},
+                                              {"E_twomonitors/left_stilllife", {47.1, 32.7, 14.7}},
+                                              {"E_twomonitors/left_stone", {45.3, 32.2, 17.8}},
+                                              {"E_twomonitors/left_landscape", {52.7, 40.3, 17.2}},
+                                              {"E_twomonitors/both", {41.9, 0.0, 9.4}},
+                                              {"G_misregistered/stilllife", {41.8, 21.9, 14.2}},
+                                              {"G_misregistered/stone", {39.7, 25.9, 16.9}},
+                                              {"G_misregistered/landscape", {43.1, 25.7, 14.9}}};
+
+struct Solved {
+  Matte matte;
+  double seconds = 0.0;
+  double flagged = 0.0;  // share of the object's pixels
+};
+
+Solved solve(const RenderedScene& scene, const Method& method, const Degradation& degradation) {
+  const FrameStack stack = scene.stack(method, degradation);
+  const auto start = std::chrono::steady_clock::now();
+  Solved solved{.matte = solve_in_bands(method, stack)};
+  solved.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  double object = 0.0, flagged = 0.0;
+  for (int y = 0; y < solved.matte.height_px(); ++y) {
+    for (int x = 0; x < solved.matte.width_px(); ++x) {
+      if (solved.matte.coverage(x, y) <= 0.0f) continue;
+      object += 1.0;
+      flagged += solved.matte.flags(x, y) != kFlagNone ? 1.0 : 0.0;
+    }
+  }
+  solved.flagged = object > 0.0 ? flagged / object : 0.0;
+  return solved;
+}
+
+void report(const RenderedScene& scene, const Method& method, bool noise, const std::string& pictures) {
+  const Solved clean = solve(scene, method, {});
+  const Solved noisy = noise ? solve(scene, method, {.noise_sd = 0.005, .bits = 12}) : Solved{};
+  bool first = true;
+  for (const std::string& name : scene.photograph_names()) {
+    const Photograph photograph = scene.photograph(name);
+    const RadianceImage ours = composite(clean.matte, photograph.backgrounds).value();
+    const double decibels = scene.psnr(ours, photograph.seen);
+    const auto floor = kFloors.find(scene.name() + "/" + name);
+    const Floor floors = floor == kFloors.end() ? Floor{} : floor->second;
+    std::string noisy_text = "–";
+    if (noise) {
+      noisy_text = fmt::format(
+          "{:.1f}", scene.psnr(composite(noisy.matte, photograph.backgrounds).value(), photograph.seen));
+    }
+    fmt::print("| {} | {} | {:.1f} | {} | {:.1f} | {:.1f} | {:.1f} | {} |\n", first ? scene.name() : "", name,
+               decibels, noisy_text, floors.quick, floors.box, floors.plain,
+               first ? fmt::format("{:.1f} s, {:.1f} % flagged{}", clean.seconds, 100.0 * clean.flagged,
+                                   noise ? fmt::format("; noisy {:.1f} s, {:.1f} %", noisy.seconds,
+                                                       100.0 * noisy.flagged)
+                                         : "")
+                     : "");
+    std::fflush(stdout);
+    if (first && !pictures.empty()) {
+      write_sheet(pictures + "/results_" + scene.name() + ".png", photograph.seen, ours, clean.matte);
+    }
+    first = false;
+  }
+}
+
+int run(int argc, char** argv) {
+  CLI::App app{"Solves rendered scenes and prints PSNR inside the object, in dB"};
+  std::string directory, pictures;
+  std::vector<std::string> scenes{"A_crystal",    "B_bimodal",     "C_brushed",
+                                  "D_foreground", "E_twomonitors", "G_misregistered"};
+  std::vector<std::string> settings;
+  bool no_noise = false;
+  app.add_option("directory", directory, "Folder with the scenes")->required()->check(CLI::ExistingDirectory);
+  app.add_option("--scenes", scenes, "Which of them")->delimiter(',');
+  app.add_option("--set", settings, "Option of the method, such as modes=2");
+  app.add_option("--pictures", pictures, "Folder for a picture a scene");
+  app.add_flag("--no-noise", no_noise, "Clean frames only");
+  CLI11_PARSE(app, argc, argv);
+  MethodOptions options;
+  for (const std::string& setting : settings) {
+    options[setting.substr(0, setting.find('='))] = setting.substr(setting.find('=') + 1);
+  }
+  const auto method = make_method("gaussian", options);
+  if (!method.ok()) {
+    fmt::print(stderr, "{}\n", std::string(method.status().message()));
+    return 1;
+  }
+  fmt::print(
+      "| scene | photograph | clean | noisy | two-mode EM | one box | bare | |\n| --- | --- | --- | --- | "
+      "--- | --- | --- | --- |\n");
+  for (const std::string& name : scenes) {
+    report(RenderedScene(std::filesystem::path(directory) / name), **method, !no_noise, pictures);
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace glasswing
+
+int main(int argc, char** argv) {
+  return glasswing::run(argc, argv);
+}

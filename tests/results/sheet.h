@@ -1,0 +1,14 @@
+// A picture of a result: photograph, composite, difference x 8, number of modes, width; side by side.
+#pragma once
+
+#include <string>
+
+#include "core/frame/image.h"
+#include "core/matte/matte.h"
+
+namespace glasswing {
+
+void write_sheet(const std::string& path, const RadianceImage& photograph, const RadianceImage& composite,
+                 const Matte& matte);
+
+}  // namespace glasswing
