@@ -10,6 +10,8 @@ namespace glasswing {
 namespace {
 
 using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMostParameters, 1>;
+constexpr double kFinestStep = 1.0 / 65535.0;  // of the frames; a fit that moves by less is settled
+
 using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMostParameters, kMostParameters>;
 
 bool sane(const Footprints& modes, const SampleLayout& layout, const MonitorExtent& extent) {
@@ -76,22 +78,29 @@ class Problem {
       const Footprints moved = constrained(modes, solver, step);
       // What the step promises, against the noise of one sample: a squared distance in standard errors.
       const double promise = 2.0 * gradient.dot(step) - step.dot(normal * step);
-      const bool last = promise <= 0.01 * at.near_chi2 / std::max(at.near_count, 1);
+      const double samples = std::max(at.near_count, 1);
+      const bool last =
+          promise <= std::max(0.01 * at.near_chi2 / samples, samples * kFinestStep * kFinestStep);
       bool better = solver.info() == Eigen::Success && sane(moved, *samples_.layout, extent_);
       if (better) {
         evaluate(samples_, moved, extent_, workspace_, next_);
         better = next_.chi2 <= at.chi2 * (1.0 + 1e-7);
       }
       if (better) {
-        const bool level = at.chi2 - next_.chi2 < 3e-4 * at.near_chi2;
+        const double gained = at.chi2 - next_.chi2;
         modes = moved;
         std::swap(at, next_);
-        if ((last || level) && damping < 0.1) return true;
-        damping = std::max(0.1 * damping, 1e-7);
+        if ((last || gained < 3e-4 * at.near_chi2) && damping < 0.1) return true;
+        // As far as the quadratic model was right.
+        damping *= gained > 0.9 * promise   ? 0.1
+                   : gained > 0.5 * promise ? 0.5
+                   : gained < 0.2 * promise ? 3.0
+                                            : 1.0;
+        damping = std::max(damping, 1e-7);
         load(at, normal, gradient);
       } else {
         if (last) return true;
-        damping *= 10.0;
+        damping = std::max(10.0 * damping, 1e-5);
         if (damping > 1e9) return false;
       }
     }
