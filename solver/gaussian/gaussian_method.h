@@ -10,20 +10,18 @@ namespace glasswing {
 
 class GaussianMethod final : public Method {
  public:
-  // Options: modes (1 to 3, most footprints a channel and monitor; default 2), silhouette_tolerance (of full
-  // scale, least rms difference that makes a pixel the object's; default 0.006).
+  // Options: modes (1 to 4, most footprints a channel; default 4), silhouette_tolerance (of full scale, least
+  // rms difference that makes a pixel the object's; default 0.003).
   static absl::StatusOr<std::unique_ptr<Method>> create(const MethodOptions& options);
 
   absl::StatusOr<std::vector<int>> frames_needed(const v1::CaptureManifest& manifest) const override;
+  // Where the manifest has no noise model, noise is estimated from each pixel's own samples.
   absl::StatusOr<Matte> solve(const FrameStack& stack) const override;
 
  private:
-  void solve_pixel(const FrameStack& stack, const StackLayout& layout, int x, int y, int modes_per_texture,
-                   Matte& matte) const;
-
   MethodOptions options_;
-  int modes_ = 4;
-  double silhouette_tolerance_ = 0.006;
+  int modes_ = kMaxModes;
+  double silhouette_tolerance_ = 0.003;
 };
 
 }  // namespace glasswing

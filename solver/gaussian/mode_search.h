@@ -8,21 +8,12 @@
 // of these is kept if the Bayesian information criterion says that it is worth its six parameters.
 #pragma once
 
-#include <array>
 #include <span>
 
+#include "solver/gaussian/crests.h"
 #include "solver/gaussian/joint_fit.h"
 
 namespace glasswing {
-
-inline constexpr int kMostCrests = 4;
-
-// One sweep's crests, highest first.
-struct Crests {
-  int count = 0;
-  std::array<Crest, kMostCrests> crests{};
-  std::span<const Crest> all() const { return {crests.data(), static_cast<size_t>(count)}; }
-};
 
 // `crests`: one entry a sweep of the layout. `noise_sd`: of a sample of weight 1. Modes come strongest first,
 // none where nothing rises above the noise; max_modes is 1 to 4.

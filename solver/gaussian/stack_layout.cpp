@@ -32,7 +32,7 @@ bool is_solid(const v1::Stimulus& stimulus, double value) {
 }
 
 struct Sample {
-  int frame;
+  ExposedFrame frame;
   double r_px;
   std::array<double, 3> peak;
 };
@@ -42,30 +42,28 @@ absl::Status check_sweeps(const StackLayout& layout, const v1::CaptureManifest& 
     return absl::FailedPreconditionError(
         "the archive has no stripe sweeps (kind gauss_stripe, with the object)");
   }
-  std::map<int, std::set<double>> orientations;
-  std::map<int, double> sigma_px;
+  std::map<int, std::multiset<double>> orientations;
   for (const SweepLayout& sweep : layout.sweeps) {
     const std::string& monitor = manifest.monitors(sweep.texture).name();
-    if (sweep.frames.size() < 5) {
+    if (sweep.shots.size() < 5) {
       return absl::FailedPreconditionError(
           fmt::format("the sweep at {} deg on monitor \"{}\" has {} steps; at least 5 are needed",
-                      sweep.phi_deg, monitor, sweep.frames.size()));
+                      sweep.phi_deg, monitor, sweep.shots.size()));
     }
-    const double first_sigma_px = sigma_px.emplace(sweep.texture, sweep.sigma_px).first->second;
-    if (sweep.sigma_px != first_sigma_px) {
-      return absl::FailedPreconditionError(fmt::format(
-          "monitor \"{}\" was swept with stripes of {} and {} px; this version solves from one width",
-          monitor, first_sigma_px, sweep.sigma_px));
+    if (orientations[sweep.texture].size() >= 16) {
+      return absl::FailedPreconditionError(
+          fmt::format("monitor \"{}\" was swept more than 16 times; at most 16 can be solved", monitor));
     }
     // A stripe turned by 180 degrees is the same stripe.
     orientations[sweep.texture].insert(std::round(std::fmod(sweep.phi_deg + 360.0, 180.0) * 1000.0));
   }
   for (const auto& [texture, angles] : orientations) {
-    if (angles.size() < 3) {
+    const std::set<double> distinct(angles.begin(), angles.end());
+    if (distinct.size() < 3) {
       return absl::FailedPreconditionError(fmt::format(
           "monitor \"{}\" was swept in {} orientations; an oriented footprint needs at least 3, such as 0, "
           "90 and 45 deg",
-          manifest.monitors(texture).name(), angles.size()));
+          manifest.monitors(texture).name(), distinct.size()));
     }
   }
   return absl::OkStatus();
@@ -77,39 +75,55 @@ absl::StatusOr<StackLayout> lay_out(const v1::CaptureManifest& manifest) {
   StackLayout layout;
   std::map<std::tuple<int, double, double>, std::vector<Sample>> sweeps;  // by texture, phi, sigma
   std::map<std::string, int> empty_frames;                                // by serialised stimulus
-  std::set<double> exposures_ms;
   for (int i = 0; i < manifest.frames_size(); ++i) {
     const v1::Frame& frame = manifest.frames(i);
     const v1::Stimulus& stimulus = frame.stimulus();
     if (stimulus.reference() || frame.also_lit_size() > 0) continue;
     const bool pattern = stimulus.kind() == "solid" || stimulus.kind() == "square";
-    if (pattern || stimulus.kind() == "gauss_stripe") exposures_ms.insert(frame.exposure_ms());
-    if (pattern && !frame.object()) {
+    if (!pattern && stimulus.kind() != "gauss_stripe") continue;
+    const double exposure_ms = frame.exposure_ms();
+    if (!(exposure_ms >= 0.0) || !std::isfinite(exposure_ms)) {
+      return absl::FailedPreconditionError(
+          fmt::format("{} has an exposure of {} ms; it must be a number from 0", frame.file(), exposure_ms));
+    }
+    if (std::find(layout.exposures_ms.begin(), layout.exposures_ms.end(), exposure_ms) ==
+        layout.exposures_ms.end())
+      layout.exposures_ms.push_back(exposure_ms);
+    const double reference_ms = layout.exposures_ms.front();
+    if (exposure_ms != reference_ms && !(exposure_ms > 0.0 && reference_ms > 0.0)) {
+      return absl::FailedPreconditionError(fmt::format(
+          "{} has an exposure of {} ms and others {} ms; where they differ every one must be known",
+          frame.file(), exposure_ms, reference_ms));
+    }
+    const bool reference = exposure_ms == reference_ms;
+    const ExposedFrame exposed{.frame = i, .scale = reference ? 1.0 : reference_ms / exposure_ms};
+    if (pattern && !frame.object() && reference) {
       empty_frames.emplace(stimulus.SerializeAsString(), i);
       if (is_solid(stimulus, 0.0) && layout.empty_black < 0) layout.empty_black = i;
       const bool first_monitor = texture_of(manifest, stimulus.panel()) == 0;
       if (is_solid(stimulus, 1.0) && first_monitor && layout.empty_white < 0) layout.empty_white = i;
     }
-    if (frame.object() && is_solid(stimulus, 0.0) && layout.black < 0) layout.black = i;
+    if (frame.object() && is_solid(stimulus, 1.0) && reference)
+      layout.white.emplace(texture_of(manifest, stimulus.panel()), i);
+    if (frame.object() && is_solid(stimulus, 0.0)) layout.black.push_back(exposed);
     if (!frame.object() || stimulus.kind() != "gauss_stripe") continue;
     const int texture = texture_of(manifest, stimulus.panel());
     if (texture < 0) {
       return absl::FailedPreconditionError(fmt::format(
           "{} names monitor \"{}\", which the manifest does not list", frame.file(), stimulus.panel()));
     }
-    if (!(stimulus.sigma_px() > 0.0) || !(stimulus.peak() > 0.0) || !std::isfinite(stimulus.r_px())) {
-      return absl::FailedPreconditionError(
-          fmt::format("{} shows a stripe without sigma_px, peak or r_px", frame.file()));
+    const auto in = [](double value, double low, double high) { return value > low && value <= high; };
+    if (!in(stimulus.sigma_px(), 0.0, 1000.0) || !in(stimulus.peak(), 0.0, 1.0) ||
+        !in(stimulus.r_px(), -1e5, 1e5) || !in(stimulus.phi_deg(), -1e4, 1e4)) {
+      return absl::FailedPreconditionError(fmt::format(
+          "{} shows a stripe of sigma {} px, peak {}, at {} px, {} deg; accepted are (0, 1000], (0, 1], "
+          "+-100000 and +-10000",
+          frame.file(), stimulus.sigma_px(), stimulus.peak(), stimulus.r_px(), stimulus.phi_deg()));
     }
-    Sample sample{.frame = i, .r_px = stimulus.r_px(), .peak = {}};
+    Sample sample{.frame = exposed, .r_px = stimulus.r_px(), .peak = {}};
     for (int c = 0; c < 3; ++c)
       sample.peak[static_cast<size_t>(c)] = stimulus.peak() * colour_of(stimulus, c);
     sweeps[{texture, stimulus.phi_deg(), stimulus.sigma_px()}].push_back(sample);
-  }
-  if (exposures_ms.size() > 1) {
-    return absl::FailedPreconditionError(
-        fmt::format("the frames have {} exposures, from {} to {} ms; this version solves from one",
-                    exposures_ms.size(), *exposures_ms.begin(), *exposures_ms.rbegin()));
   }
   for (auto& [key, samples] : sweeps) {
     std::sort(samples.begin(), samples.end(),
@@ -119,13 +133,23 @@ absl::StatusOr<StackLayout> lay_out(const v1::CaptureManifest& manifest) {
     sweep.cos_phi = std::cos(sweep.phi_deg * std::numbers::pi / 180.0);
     sweep.sin_phi = std::sin(sweep.phi_deg * std::numbers::pi / 180.0);
     for (const Sample& sample : samples) {
-      sweep.frames.push_back(sample.frame);
+      if (!sweep.r_px.empty() && sample.r_px - sweep.r_px.back() < 1e-6) {
+        if (sample.peak != sweep.peak.back()) {
+          return absl::FailedPreconditionError(
+              fmt::format("{} shows a stripe at the place of another that was brighter or darker",
+                          manifest.frames(sample.frame.frame).file()));
+        }
+        sweep.shots.back().push_back(sample.frame);
+        layout.one_frame_a_shot = false;
+        continue;
+      }
+      sweep.shots.push_back({sample.frame});
       sweep.r_px.push_back(sample.r_px);
       sweep.peak.push_back(sample.peak);
     }
     layout.sweeps.push_back(std::move(sweep));
   }
-  if (layout.black < 0) {
+  if (layout.black.empty()) {
     return absl::FailedPreconditionError(
         "the archive has no frame of the object before black (kind solid, colour 0 0 0)");
   }
@@ -133,6 +157,7 @@ absl::StatusOr<StackLayout> lay_out(const v1::CaptureManifest& manifest) {
   for (int i = 0; i < manifest.frames_size(); ++i) {
     const v1::Frame& frame = manifest.frames(i);
     if (!frame.object() || frame.stimulus().reference() || frame.also_lit_size() > 0) continue;
+    if (frame.exposure_ms() != layout.exposures_ms.front()) continue;
     const auto empty = empty_frames.find(frame.stimulus().SerializeAsString());
     if (empty != empty_frames.end()) layout.pairs.push_back({.object = i, .empty = empty->second});
   }

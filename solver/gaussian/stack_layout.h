@@ -4,11 +4,21 @@
 #include <absl/status/statusor.h>
 
 #include <array>
+#include <map>
 #include <vector>
 
 #include "glasswing/v1/archive.pb.h"
 
 namespace glasswing {
+
+// A frame, and what makes a value in it radiance on the scale of the reference exposure.
+struct ExposedFrame {
+  int frame = 0;       // place in the manifest
+  double scale = 1.0;  // reference exposure over this one
+};
+
+// All frames of one stimulus: exposures, and takes.
+using Shot = std::vector<ExposedFrame>;
 
 // One stripe, travelling; samples in order of r.
 struct SweepLayout {
@@ -17,25 +27,29 @@ struct SweepLayout {
   double cos_phi = 1.0;
   double sin_phi = 0.0;
   double sigma_px = 0.0;
-  std::vector<int> frames;  // places in the manifest
-  std::vector<double> r_px;
+  std::vector<Shot> shots;
+  std::vector<double> r_px;                 // ascends strictly
   std::vector<std::array<double, 3>> peak;  // radiance on the crest, per channel
 };
 
 struct StackLayout {
-  std::vector<SweepLayout> sweeps;
-  int black = -1;        // with the object
-  int empty_black = -1;  // without; -1: there is none
+  std::vector<SweepLayout> sweeps;  // by texture
+  Shot black;                       // with the object
+  int empty_black = -1;             // without, reference exposure; -1: there is none
   int empty_white = -1;
-  // The same stimulus with and without the object.
+  std::map<int, int> white;  // with the object, by texture, reference exposure
+  // The same stimulus with and without the object, at the reference exposure.
   struct Pair {
     int object, empty;
   };
   std::vector<Pair> pairs;
+  // Every exposure in use, the reference first: that of the manifest's first pattern.
+  std::vector<double> exposures_ms;
+  bool one_frame_a_shot = true;
 };
 
 // FAILED_PRECONDITION says what is missing or does not fit: no black with the object, sweeps in fewer than
-// three orientations on a monitor, a sweep of fewer than five steps, several exposures.
+// three orientations on a monitor, a sweep of fewer than five steps, numbers that are none.
 absl::StatusOr<StackLayout> lay_out(const v1::CaptureManifest& manifest);
 
 }  // namespace glasswing

@@ -1,0 +1,114 @@
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "solver/gaussian/crest_kernel.cpp"
+#include <hwy/foreach_target.h>
+//
+#include <hwy/highway.h>
+
+#include <cmath>
+
+#include "solver/gaussian/crests.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace glasswing {
+namespace HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+using D = hn::CappedTag<float, kBlockLanes>;
+using V = hn::Vec<D>;
+
+void Insert(internal::LaneTops& tops, float height, int place) {
+  int at = tops.count < kMostCrests ? tops.count++ : kMostCrests;
+  if (at == kMostCrests && height <= tops.height[kMostCrests - 1]) return;
+  at = std::min(at, kMostCrests - 1);
+  while (at > 0 && tops.height[static_cast<size_t>(at - 1)] < height) {
+    tops.height[static_cast<size_t>(at)] = tops.height[static_cast<size_t>(at - 1)];
+    tops.place[static_cast<size_t>(at)] = tops.place[static_cast<size_t>(at - 1)];
+    --at;
+  }
+  tops.height[static_cast<size_t>(at)] = height;
+  tops.place[static_cast<size_t>(at)] = place;
+}
+
+void FindTops(const SweepBlock& sweep, const float* floor, float* smooth, internal::LaneTops* tops) {
+  const D d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  HWY_ALIGN float heights[kBlockLanes];
+  for (int first = 0; first < kBlockLanes; first += lanes) {
+    const float* y = sweep.y + first;
+    const V least = hn::LoadU(d, floor + first), quarter = hn::Set(d, 0.25f);
+    const auto sample = [&](int i) { return hn::LoadU(d, y + i * kBlockLanes); };
+    V before = sample(0), middle = before, after = sweep.count > 1 ? sample(1) : before;
+    V last = hn::Set(d, -1e30f), now = hn::Zero(d);
+    for (int i = 0; i <= sweep.count; ++i) {
+      // `next` is the smoothed sample i; a maximum is decided one sample late.
+      V next = hn::Set(d, -1e30f);
+      if (i < sweep.count) {
+        next = hn::Mul(quarter, hn::Add(hn::Add(before, after), hn::Add(middle, middle)));
+        hn::StoreU(next, d, smooth + i * kBlockLanes + first);
+        before = middle, middle = after;
+        if (i + 2 < sweep.count) after = sample(i + 2);
+      }
+      if (i > 0) {
+        const auto top = hn::And(hn::And(hn::Gt(now, last), hn::Ge(now, next)), hn::Gt(now, least));
+        if (HWY_UNLIKELY(!hn::AllFalse(d, top))) {
+          hn::Store(hn::IfThenElse(top, now, hn::Set(d, -1.0f)), d, heights);
+          for (int lane = 0; lane < lanes; ++lane) {
+            if (heights[lane] > 0.0f) Insert(tops[first + lane], heights[lane], i - 1);
+          }
+        }
+        last = now;
+      }
+      now = next;
+    }
+  }
+}
+
+void EstimateNoise(const SweepBlock& sweep, float* noise_sd) {
+  const D d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  for (int first = 0; first < kBlockLanes; first += lanes) {
+    const float* y = sweep.y + first;
+    // Of |normal| within 3 sd, the mean is 0.7899 of the sd's own sqrt(2/pi) = 0.7979 less what was cut.
+    constexpr float kMeanWithin = 0.79116f;
+    V limit = hn::Set(d, 1e30f), sd = hn::Zero(d);
+    for (int round = 0; round < 5; ++round) {
+      V sum = hn::Zero(d), count = hn::Zero(d);
+      V a = hn::LoadU(d, y), b = hn::LoadU(d, y + kBlockLanes);
+      for (int i = 2; i < sweep.count; ++i) {
+        const V c = hn::LoadU(d, y + i * kBlockLanes);
+        const V difference = hn::Abs(hn::Sub(hn::Add(a, c), hn::Add(b, b)));
+        const auto within = hn::Le(difference, limit);
+        sum = hn::Add(sum, hn::IfThenElseZero(within, difference));
+        count = hn::Add(count, hn::IfThenElseZero(within, hn::Set(d, 1.0f)));
+        a = b, b = c;
+      }
+      sd = hn::Div(sum, hn::Mul(hn::Max(count, hn::Set(d, 1.0f)),
+                                hn::Set(d, (round == 0 ? 0.79788f : kMeanWithin) * 2.4494897f)));
+      limit = hn::Mul(sd, hn::Set(d, 3.0f * 2.4494897f));
+    }
+    hn::StoreU(sd, d, noise_sd + first);
+  }
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace glasswing
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace glasswing {
+
+HWY_EXPORT(FindTops);
+HWY_EXPORT(EstimateNoise);
+
+std::array<float, kBlockLanes> estimate_noise(const SweepBlock& sweep) {
+  std::array<float, kBlockLanes> noise_sd{};
+  if (sweep.count >= 5) HWY_DYNAMIC_DISPATCH(EstimateNoise)(sweep, noise_sd.data());
+  return noise_sd;
+}
+
+void internal::find_tops(const SweepBlock& sweep, const float* floor, float* smooth, LaneTops* tops) {
+  HWY_DYNAMIC_DISPATCH(FindTops)(sweep, floor, smooth, tops);
+}
+
+}  // namespace glasswing
+#endif

@@ -1,0 +1,140 @@
+#include "solver/gaussian/crests.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace glasswing {
+namespace {
+
+// Where a fit begins: from the smoothed top and the samples two to its left and right,
+//   (y(-2) + y(2)) / (2 y(0)) = exp(-2 / sigma^2) for a Gaussian on its centre.
+LineGaussian start_of(const float* top, int room) {
+  const int k = std::min(room, 2);
+  const float left = top[-k * kBlockLanes], right = top[k * kBlockLanes];
+  const float ratio = std::clamp(0.5f * (left + right) / top[0], 0.05f, 0.97f);
+  const auto kk = static_cast<float>(k * k);
+  // The filter has widened it by 1/2 sample^2.
+  const float sigma = std::sqrt(std::max(-0.5f * kk / std::log(ratio) - 0.5f, 1.0f));
+  const float curvature = 2.0f * top[0] - left - right;
+  const float centre =
+      curvature > 0.0f ? std::clamp(0.5f * static_cast<float>(k) * (right - left) / curvature, -1.0f, 1.0f)
+                       : 0.0f;
+  return {.amplitude = top[0] * std::sqrt(1.0f + 0.5f / (sigma * sigma)), .centre = centre, .sigma = sigma};
+}
+
+// Samples on either side until it rises again or has fallen away.
+int room_round(const float* top, int most) {
+  const float low = 0.02f * top[0];
+  int half = 1;
+  while (half < most) {
+    const int next = (half + 1) * kBlockLanes, now = half * kBlockLanes;
+    const bool valley = top[next] > top[now] || top[-next] > top[-now];
+    const bool low_both = top[now] < low && top[-now] < low;
+    if (valley && !low_both) break;
+    ++half;
+  }
+  return half;
+}
+
+}  // namespace
+
+void CrestFinder::add_tops(int sweep, const SweepBlock& block, const std::array<float, kBlockLanes>& floor,
+                           unsigned lanes) {
+  std::array<internal::LaneTops, kBlockLanes> tops{};
+  smooth_.resize(static_cast<size_t>(block.count) * kBlockLanes);
+  internal::find_tops(block, floor.data(), smooth_.data(), tops.data());
+  for (int lane = 0; lane < kBlockLanes; ++lane) {
+    if ((lanes >> lane & 1u) == 0) continue;
+    const internal::LaneTops& own = tops[static_cast<size_t>(lane)];
+    for (int t = 0; t < own.count; ++t) {
+      const int place = own.place[static_cast<size_t>(t)];
+      const int room = std::min(place, block.count - 1 - place);
+      const float* top = smooth_.data() + place * kBlockLanes + lane;
+      Top& found =
+          tops_.emplace_back(Top{.sweep = sweep, .lane = lane, .place = place, .window = {}, .fit = {}});
+      found.fit.peak =
+          room > 0 ? start_of(top, room) : LineGaussian{.amplitude = top[0], .centre = 0.0f, .sigma = 2.0f};
+      const int reach = static_cast<int>(std::ceil(4.0f * found.fit.peak.sigma));
+      found.window = {.middle = block.y + place * kBlockLanes + lane,
+                      .stride = kBlockLanes,
+                      .half = room > 0 ? room_round(top, std::min({reach, room, kMostHalf})) : 0};
+    }
+  }
+}
+
+// Windows that one Gaussian does not explain get two.
+void CrestFinder::add_doubles(const std::array<float, kBlockLanes>& noise_sd) {
+  doubles_.clear();
+  double_of_.clear();
+  windows_.clear();
+  for (size_t i = 0; i < tops_.size(); ++i) {
+    const Top& top = tops_[i];
+    const auto n = static_cast<float>(2 * top.window.half + 1);
+    if (!top.fit.settled || top.window.half < 5) continue;
+    const LineGaussian& one = top.fit.peak;
+    const float noise = std::max(noise_sd[static_cast<size_t>(top.lane)], 0.01f * one.amplitude);
+    if (top.fit.chi2 < 1.5f * n * noise * noise) continue;
+    const LineGaussian half{
+        .amplitude = 0.6f * one.amplitude, .centre = one.centre, .sigma = 0.75f * one.sigma};
+    DoubleFit& fit = doubles_.emplace_back();
+    fit.peaks[0] = fit.peaks[1] = half;
+    fit.peaks[0].centre -= 0.7f * one.sigma;
+    fit.peaks[1].centre += 0.7f * one.sigma;
+    double_of_.push_back(i);
+    windows_.push_back(top.window);
+  }
+  if (doubles_.empty()) return;
+  fit_double(windows_, doubles_);
+}
+
+void CrestFinder::find(std::span<const SweepBlock> sweeps, const std::array<float, kBlockLanes>& floor,
+                       const std::array<float, kBlockLanes>& noise_sd, unsigned lanes,
+                       std::vector<std::array<Crests, kBlockLanes>>& found) {
+  tops_.clear();
+  for (size_t s = 0; s < sweeps.size(); ++s) add_tops(static_cast<int>(s), sweeps[s], floor, lanes);
+  // Like lengths side by side.
+  std::sort(tops_.begin(), tops_.end(),
+            [](const Top& a, const Top& b) { return a.window.half < b.window.half; });
+  const auto fitted =
+      std::find_if(tops_.begin(), tops_.end(), [](const Top& t) { return t.window.half >= 2; });
+  windows_.clear();
+  singles_.clear();
+  for (auto top = fitted; top != tops_.end(); ++top) {
+    windows_.push_back(top->window);
+    singles_.push_back(top->fit);
+  }
+  fit_single(windows_, singles_);
+  for (auto top = fitted; top != tops_.end(); ++top) top->fit = singles_[static_cast<size_t>(top - fitted)];
+  add_doubles(noise_sd);
+
+  found.assign(sweeps.size(), {});
+  const auto add = [&](const Top& top, const LineGaussian& peak) {
+    const SweepBlock& sweep = sweeps[static_cast<size_t>(top.sweep)];
+    Crests& crests = found[static_cast<size_t>(top.sweep)][static_cast<size_t>(top.lane)];
+    const Crest crest{
+        .amplitude = static_cast<double>(peak.amplitude),
+        .centre_px = sweep.first_r_px + (top.place + static_cast<double>(peak.centre)) * sweep.step_px,
+        .sigma_px = static_cast<double>(peak.sigma) * sweep.step_px};
+    int at = crests.count < kMostCrests ? crests.count++ : kMostCrests - 1;
+    if (at == kMostCrests - 1 && crests.crests[static_cast<size_t>(at)].amplitude > crest.amplitude) return;
+    for (; at > 0 && crests.crests[static_cast<size_t>(at - 1)].amplitude < crest.amplitude; --at) {
+      crests.crests[static_cast<size_t>(at)] = crests.crests[static_cast<size_t>(at - 1)];
+    }
+    crests.crests[static_cast<size_t>(at)] = crest;
+  };
+  size_t next = 0;
+  for (size_t i = 0; i < tops_.size(); ++i) {
+    const Top& top = tops_[i];
+    const bool tried = next < double_of_.size() && double_of_[next] == i;
+    const DoubleFit* two = tried ? &doubles_[next++] : nullptr;
+    const auto n = static_cast<float>(2 * top.window.half + 1);
+    // The Bayesian criterion: three more parameters.
+    const bool better =
+        two != nullptr && two->settled && n * std::log(top.fit.chi2 / two->chi2) > 3.0f * std::log(n);
+    add(top, better ? two->peaks[0] : top.fit.peak);
+    if (better) add(top, two->peaks[1]);
+  }
+}
+
+}  // namespace glasswing

@@ -1,0 +1,77 @@
+// The crests of responses to sweeps (Chuang et al. 2000, section 3.2): maxima above the noise after
+// smoothing, each with a Gaussian fitted to its own surroundings; two where one does not explain them.
+//
+// Responses come in blocks of kBlockLanes side by side (a lane is one channel of one pixel), sample by
+// sample, as frames hold them.
+#pragma once
+
+#include <array>
+#include <span>
+#include <vector>
+
+#include "solver/gaussian/footprint.h"
+#include "solver/gaussian/line_fit.h"
+
+namespace glasswing {
+
+inline constexpr int kBlockLanes = 16;
+inline constexpr int kMostCrests = 4;
+
+// One sweep's crests, highest first.
+struct Crests {
+  int count = 0;
+  std::array<Crest, kMostCrests> crests{};
+  std::span<const Crest> all() const { return {crests.data(), static_cast<size_t>(count)}; }
+};
+
+// One sweep of a block: y[i * kBlockLanes + lane], baseline subtracted, at r = first_r_px + i step_px.
+struct SweepBlock {
+  const float* y = nullptr;
+  int count = 0;
+  double first_r_px = 0.0, step_px = 0.0;
+};
+
+// The noise of each lane, its samples taken as smooth but for noise: from second differences d,
+// sd(d) = sqrt(6) sd(y), those of the crests clipped away (mean |d| of what lies within 3 sd, three times
+// over).
+std::array<float, kBlockLanes> estimate_noise(const SweepBlock& sweep);
+
+class CrestFinder {
+ public:
+  // floor: what a crest must rise above; noise_sd: of a sample; both a lane. Lanes whose bit in `lanes` is
+  // not set are left out. `found`: [sweep][lane].
+  void find(std::span<const SweepBlock> sweeps, const std::array<float, kBlockLanes>& floor,
+            const std::array<float, kBlockLanes>& noise_sd, unsigned lanes,
+            std::vector<std::array<Crests, kBlockLanes>>& found);
+
+ private:
+  struct Top {
+    int sweep = 0, lane = 0, place = 0;
+    LineWindow window;
+    SingleFit fit;
+  };
+  void add_tops(int sweep, const SweepBlock& block, const std::array<float, kBlockLanes>& floor,
+                unsigned lanes);
+  void add_doubles(const std::array<float, kBlockLanes>& noise_sd);
+
+  std::vector<float> smooth_;
+  std::vector<Top> tops_;
+  std::vector<LineWindow> windows_;
+  std::vector<SingleFit> singles_;
+  std::vector<DoubleFit> doubles_;
+  std::vector<size_t> double_of_;  // the top that each is of
+};
+
+namespace internal {
+
+// The highest maxima of each lane after smoothing by (1 2 1)/4, at most kMostCrests, highest first. `smooth`
+// gets the smoothed samples.
+struct LaneTops {
+  int count = 0;
+  std::array<float, kMostCrests> height;
+  std::array<int, kMostCrests> place;
+};
+void find_tops(const SweepBlock& sweep, const float* floor, float* smooth, LaneTops* tops);
+
+}  // namespace internal
+}  // namespace glasswing

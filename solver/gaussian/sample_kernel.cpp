@@ -1,0 +1,121 @@
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "solver/gaussian/sample_kernel.cpp"
+#include <hwy/foreach_target.h>
+//
+#include <hwy/highway.h>
+
+#include "solver/gaussian/sample_kernel.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace glasswing {
+namespace HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+using D = hn::CappedTag<float, kBlockLanes>;
+using V = hn::Vec<D>;
+constexpr float kUnit = 1.0f / 65535.0f;
+
+V Radiance(const std::uint16_t* codes) {
+  const D d;
+  const hn::Rebind<std::int32_t, D> wide;
+  const hn::Rebind<std::uint16_t, D> narrow;
+  return hn::Mul(hn::ConvertTo(d, hn::PromoteTo(wide, hn::LoadU(narrow, codes))), hn::Set(d, kUnit));
+}
+
+// Returns the highest code.
+std::uint16_t LoadFrame(const std::uint16_t* codes, int lane_count, float* to, size_t block_stride) {
+  const D d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  V highest = hn::Zero(d);
+  int lane = 0;
+  for (; lane + kBlockLanes <= lane_count; lane += kBlockLanes, to += block_stride) {
+    for (int i = 0; i < kBlockLanes; i += lanes) {
+      const V value = Radiance(codes + lane + i);
+      highest = hn::Max(highest, value);
+      hn::StoreU(value, d, to + i);
+    }
+  }
+  auto most = static_cast<std::uint16_t>(hn::GetLane(hn::MaxOfLanes(d, highest)) * 65535.0f + 0.5f);
+  for (int i = 0; lane + i < lane_count; ++i) {
+    to[i] = static_cast<float>(codes[lane + i]) * kUnit;
+    most = std::max(most, codes[lane + i]);
+  }
+  return most;
+}
+
+void AddDifferences(const std::uint16_t* a, const std::uint16_t* b, size_t count, float* squares,
+                    float* sum) {
+  const D d;
+  const size_t lanes = hn::Lanes(d);
+  size_t i = 0;
+  for (; i + lanes <= count; i += lanes) {
+    const V x = Radiance(a + i), y = Radiance(b + i), difference = hn::Sub(x, y);
+    hn::StoreU(hn::MulAdd(difference, difference, hn::LoadU(d, squares + i)), d, squares + i);
+    hn::StoreU(hn::Add(hn::LoadU(d, sum + i), hn::Add(x, y)), d, sum + i);
+  }
+  for (; i < count; ++i) {
+    const float x = static_cast<float>(a[i]) * kUnit, y = static_cast<float>(b[i]) * kUnit;
+    squares[i] += (x - y) * (x - y);
+    sum[i] += x + y;
+  }
+}
+
+// By bisection: counting is all that lanes can do side by side.
+void MedianNear(const float* samples, size_t sample_count, const float* middle, const float* reach,
+                float* median) {
+  const D d;
+  for (int first = 0; first < kBlockLanes; first += static_cast<int>(hn::Lanes(d))) {
+    const V centre = hn::LoadU(d, middle + first), width = hn::LoadU(d, reach + first),
+            one = hn::Set(d, 1.0f);
+    V low = hn::Sub(centre, width), high = hn::Add(centre, width);
+    const V from = low, to = high;
+    const float* at = samples + first;
+    V total = one;
+    for (size_t i = 0; i < sample_count; ++i) {
+      const V value = hn::LoadU(d, at + i * kBlockLanes);
+      total = hn::Add(total, hn::IfThenElseZero(hn::And(hn::Ge(value, from), hn::Le(value, to)), one));
+    }
+    const V half = hn::Mul(total, hn::Set(d, 0.5f));
+    for (int round = 0; round < 8; ++round) {
+      const V guess = hn::Mul(hn::Set(d, 0.5f), hn::Add(low, high));
+      V below = hn::IfThenElseZero(hn::Le(centre, guess), one);
+      for (size_t i = 0; i < sample_count; ++i) {
+        const V value = hn::LoadU(d, at + i * kBlockLanes);
+        below = hn::Add(below, hn::IfThenElseZero(hn::And(hn::Ge(value, from), hn::Le(value, guess)), one));
+      }
+      const auto above = hn::Lt(below, half);
+      low = hn::IfThenElse(above, guess, low);
+      high = hn::IfThenElse(above, high, guess);
+    }
+    hn::StoreU(hn::Mul(hn::Set(d, 0.5f), hn::Add(low, high)), d, median + first);
+  }
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace glasswing
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace glasswing {
+
+HWY_EXPORT(LoadFrame);
+HWY_EXPORT(AddDifferences);
+HWY_EXPORT(MedianNear);
+
+std::uint16_t internal::load_frame(const std::uint16_t* codes, int lane_count, float* to,
+                                   size_t block_stride) {
+  return HWY_DYNAMIC_DISPATCH(LoadFrame)(codes, lane_count, to, block_stride);
+}
+
+void internal::add_differences(const std::uint16_t* a, const std::uint16_t* b, size_t count, float* squares,
+                               float* sum) {
+  HWY_DYNAMIC_DISPATCH(AddDifferences)(a, b, count, squares, sum);
+}
+
+void internal::median_near(const float* samples, size_t sample_count, const float* middle, const float* reach,
+                           float* median) {
+  HWY_DYNAMIC_DISPATCH(MedianNear)(samples, sample_count, middle, reach, median);
+}
+
+}  // namespace glasswing
+#endif

@@ -1,0 +1,92 @@
+#include "solver/gaussian/sample_tile.h"
+
+#include <algorithm>
+
+#include "solver/gaussian/sample_kernel.h"
+
+namespace glasswing {
+
+SampleTile::SampleTile(const StackLayout& layout) : layout_(layout) {
+  for (const SweepLayout& sweep : layout.sweeps) {
+    first_sample_.push_back(sample_count_);
+    sample_count_ += sweep.shots.size();
+  }
+  samples_.resize(sample_count_ * kBlockLanes * kMostBlocks);
+}
+
+void SampleTile::load(const FrameStack& stack, int row, int first_lane, int lane_count,
+                      const NoiseModel& noise) {
+  block_count_ = (lane_count + kBlockLanes - 1) / kBlockLanes;
+  const size_t start =
+      static_cast<size_t>(row) * static_cast<size_t>(stack.manifest.camera().width_px()) * 3 +
+      static_cast<size_t>(first_lane);
+  weighted_ = false;
+  if (!layout_.one_frame_a_shot) {
+    load_brackets(stack, start, lane_count, noise);
+    return;
+  }
+  std::uint16_t highest = 0;
+  size_t sample = 0;
+  for (const SweepLayout& sweep : layout_.sweeps) {
+    for (const Shot& shot : sweep.shots) {
+      const std::uint16_t* codes = stack.rows[static_cast<size_t>(shot.front().frame)].data() + start;
+      const std::uint16_t most = internal::load_frame(
+          codes, lane_count, samples_.data() + sample * kBlockLanes, sample_count_ * kBlockLanes);
+      highest = std::max(highest, most);
+      ++sample;
+    }
+  }
+  if (highest < kSaturatedCode) return;
+  weighted_ = true;
+  weights_.resize(samples_.size());
+  std::transform(samples_.begin(), samples_.end(), weights_.begin(), [](float value) {
+    return value * 65535.0f >= static_cast<float>(kSaturatedCode) ? 0.0f : 1.0f;
+  });
+}
+
+void SampleTile::load_brackets(const FrameStack& stack, size_t row_start, int lane_count,
+                               const NoiseModel& noise) {
+  weighted_ = true;
+  weights_.resize(samples_.size());
+  const double dark = noise.known() ? noise.variance(0.0) : 1.0;
+  size_t sample = 0;
+  for (const SweepLayout& sweep : layout_.sweeps) {
+    for (const Shot& shot : sweep.shots) {
+      for (int lane = 0; lane < lane_count; ++lane) {
+        double sum = 0.0, weight = 0.0, darkest = 1e30;
+        for (const ExposedFrame& exposed : shot) {
+          const std::uint16_t code =
+              stack.rows[static_cast<size_t>(exposed.frame)][row_start + static_cast<size_t>(lane)];
+          const double value = code / 65535.0, radiance = value * exposed.scale;
+          darkest = std::min(darkest, radiance);
+          if (code >= kSaturatedCode) continue;
+          const double variance =
+              (noise.known() ? noise.variance(value) : 1.0) * exposed.scale * exposed.scale;
+          sum += radiance / variance;
+          weight += 1.0 / variance;
+        }
+        const size_t block = static_cast<size_t>(lane / kBlockLanes);
+        const size_t at =
+            (block * sample_count_ + sample) * kBlockLanes + static_cast<size_t>(lane % kBlockLanes);
+        samples_[at] = static_cast<float>(weight > 0.0 ? sum / weight : darkest);
+        weights_[at] = static_cast<float>(weight * dark);
+      }
+      ++sample;
+    }
+  }
+}
+
+std::array<float, kBlockLanes> SampleTile::median_near(int block,
+                                                       const std::array<float, kBlockLanes>& middle,
+                                                       const std::array<float, kBlockLanes>& reach) const {
+  std::array<float, kBlockLanes> median;
+  internal::median_near(samples(block, 0), sample_count_, middle.data(), reach.data(), median.data());
+  return median;
+}
+
+void add_differences(std::span<const std::uint16_t> a, std::span<const std::uint16_t> b,
+                     std::span<float> squares, std::span<float> sum) {
+  internal::add_differences(a.data(), b.data(), squares.size(), squares.data(), sum.data());
+}
+
+}  // namespace glasswing

@@ -1,0 +1,67 @@
+// The samples of all sweeps for a stretch of one row, in blocks of kBlockLanes side by side: lane l of the
+// stretch is one channel of one pixel, in the order of a frame's own samples.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "solver/gaussian/crests.h"
+#include "solver/gaussian/stack_layout.h"
+#include "solver/method.h"
+
+namespace glasswing {
+
+// What is known of a sample's noise: variance = read_sd^2 + gain * value, on the scale 1.0 = full.
+struct NoiseModel {
+  double read_sd = 0.0, gain = 0.0;
+  bool known() const { return read_sd > 0.0 || gain > 0.0; }
+  double variance(double value) const { return read_sd * read_sd + gain * (value > 0.0 ? value : 0.0); }
+};
+
+class SampleTile {
+ public:
+  static constexpr int kMostBlocks = 16;
+
+  explicit SampleTile(const StackLayout& layout);
+
+  // Reads lanes [first_lane, first_lane + lane_count) of a row; lane_count is at most kMostBlocks *
+  // kBlockLanes. Radiance on the scale of the reference exposure. Where several exposures were taken they are
+  // merged by the inverse of their variances, saturated ones left out.
+  void load(const FrameStack& stack, int row, int first_lane, int lane_count, const NoiseModel& noise);
+
+  int block_count() const { return block_count_; }
+  // One sweep of a block; the samples may be changed.
+  float* samples(int block, size_t sweep) { return samples_.data() + place(block, sweep); }
+  const float* samples(int block, size_t sweep) const { return samples_.data() + place(block, sweep); }
+  // How many frames' worth of light a sample has: 0 saturated, 1 as one frame of the reference exposure; only
+  // where there are several exposures or a saturated sample.
+  const float* weights(int block, size_t sweep) const { return weights_.data() + place(block, sweep); }
+  bool weighted() const { return weighted_; }
+
+  // Of all samples of a lane that lie within `reach` of `middle`, and `middle` itself, the median.
+  std::array<float, kBlockLanes> median_near(int block, const std::array<float, kBlockLanes>& middle,
+                                             const std::array<float, kBlockLanes>& reach) const;
+
+ private:
+  size_t place(int block, size_t sweep) const {
+    return (static_cast<size_t>(block) * sample_count_ + first_sample_[sweep]) * kBlockLanes;
+  }
+  void load_brackets(const FrameStack& stack, size_t row_start, int lane_count, const NoiseModel& noise);
+
+  const StackLayout& layout_;
+  size_t sample_count_ = 0;           // of all sweeps
+  std::vector<size_t> first_sample_;  // by sweep
+  int block_count_ = 0;
+  bool weighted_ = false;
+  std::vector<float> samples_, weights_;
+};
+
+inline constexpr std::uint16_t kSaturatedCode = 65502;  // 0.9995 of full scale
+
+// squares[l] += (a[l] - b[l])^2 and sum[l] += a[l] + b[l], on the scale 1.0 = full.
+void add_differences(std::span<const std::uint16_t> a, std::span<const std::uint16_t> b,
+                     std::span<float> squares, std::span<float> sum);
+
+}  // namespace glasswing

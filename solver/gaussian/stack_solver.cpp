@@ -1,0 +1,323 @@
+#include "solver/gaussian/stack_solver.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace glasswing {
+namespace {
+
+constexpr int kStretch = SampleTile::kMostBlocks * kBlockLanes;
+constexpr float kLeastFloor = 0.0015f;  // of full scale: fainter crests are stray light
+
+// Outside the silhouette the camera sees the first monitor straight through.
+Mode straight_through(const FrameStack& stack, const StackLayout& layout, int x, int y, int channel) {
+  const v1::Monitor& monitor = stack.manifest.monitors(0);
+  const double scale_x = static_cast<double>(monitor.width_px()) / stack.manifest.camera().width_px();
+  const double scale_y = static_cast<double>(monitor.height_px()) / stack.manifest.camera().height_px();
+  double weight = 1.0;
+  if (layout.empty_white >= 0) {
+    weight = stack.at(layout.empty_white, x, y, channel);
+    if (layout.empty_black >= 0) weight -= stack.at(layout.empty_black, x, y, channel);
+  }
+  // A camera pixel's box on the monitor, less the monitor's own flat pixel.
+  const auto variance = [](double scale) { return std::max((scale * scale - 1.0) / 12.0, 0.0); };
+  return {.weight = static_cast<float>(std::max(weight, 0.0)),
+          .x_px = static_cast<float>((x + 0.5) * scale_x),
+          .y_px = static_cast<float>((stack.first_row + y + 0.5) * scale_y),
+          .xx_px2 = static_cast<float>(variance(scale_x)),
+          .xy_px2 = 0.0f,
+          .yy_px2 = static_cast<float>(variance(scale_y)),
+          .texture = 0};
+}
+
+Mode mode_of(const Footprint& footprint, int texture) {
+  return {.weight = static_cast<float>(footprint.weight),
+          .x_px = static_cast<float>(footprint.x_px),
+          .y_px = static_cast<float>(footprint.y_px),
+          .xx_px2 = static_cast<float>(footprint.xx_px2),
+          .xy_px2 = static_cast<float>(footprint.xy_px2),
+          .yy_px2 = static_cast<float>(footprint.yy_px2),
+          .texture = texture};
+}
+
+// Whether the steps are all alike, to a hundredth.
+bool is_even(const std::vector<double>& r_px) {
+  const double step_px = (r_px.back() - r_px.front()) / static_cast<double>(r_px.size() - 1);
+  for (size_t i = 1; i < r_px.size(); ++i) {
+    if (std::abs(r_px[i] - r_px[i - 1] - step_px) > 0.01 * step_px) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+StackSolver::StackSolver(const FrameStack& stack, const StackLayout& layout, int most_modes,
+                         double silhouette_tolerance)
+    : stack_(stack),
+      layout_(layout),
+      most_modes_(most_modes),
+      silhouette_tolerance_(silhouette_tolerance),
+      lane_count_(stack.manifest.camera().width_px() * kChannels),
+      noise_{.read_sd = stack.manifest.camera().read_sd(), .gain = stack.manifest.camera().gain()},
+      tile_(layout) {
+  for (size_t s = 0; s < layout.sweeps.size(); ++s) {
+    const SweepLayout& sweep = layout.sweeps[s];
+    if (textures_.empty() || textures_.back().texture != sweep.texture) {
+      const v1::Monitor& monitor = stack.manifest.monitors(sweep.texture);
+      textures_.push_back({.texture = sweep.texture,
+                           .extent = {.width_px = static_cast<double>(monitor.width_px()),
+                                      .height_px = static_cast<double>(monitor.height_px())},
+                           .samples = {},
+                           .sweeps = {}});
+    }
+    textures_.back().sweeps.push_back(s);
+    textures_.back().samples.add(
+        {.cos_phi = sweep.cos_phi, .sin_phi = sweep.sin_phi, .sigma_px = sweep.sigma_px}, sweep.r_px);
+    Grid grid{.even = is_even(sweep.r_px),
+              .step_px = 0.0,
+              .count = static_cast<int>(sweep.r_px.size()),
+              .samples = {}};
+    const double length_px = sweep.r_px.back() - sweep.r_px.front();
+    if (!grid.even) {
+      grid.step_px = 0.5 * sweep.sigma_px;
+      grid.count = static_cast<int>(length_px / grid.step_px) + 1;
+      grid.samples.resize(static_cast<size_t>(grid.count) * kBlockLanes);
+    } else {
+      grid.step_px = length_px / static_cast<double>(grid.count - 1);
+    }
+    grids_.push_back(std::move(grid));
+  }
+  noise_sd_.resize(static_cast<size_t>(lane_count_));
+  object_.resize(static_cast<size_t>(lane_count_ / kChannels));
+}
+
+float StackSolver::black(int y, int lane) const {
+  const auto at = static_cast<size_t>(y) * static_cast<size_t>(lane_count_) + static_cast<size_t>(lane);
+  double sum = 0.0, weight = 0.0;
+  for (const ExposedFrame& exposed : layout_.black) {
+    const double own = 1.0 / (exposed.scale * exposed.scale);
+    sum += own * exposed.scale * stack_.rows[static_cast<size_t>(exposed.frame)][at] / 65535.0;
+    weight += own;
+  }
+  return static_cast<float>(sum / weight);
+}
+
+void StackSolver::estimate_row_noise(int y) {
+  for (int first = 0; first < lane_count_; first += kStretch) {
+    const int count = std::min(kStretch, lane_count_ - first);
+    tile_.load(stack_, y, first, count, noise_);
+    for (int block = 0; block < tile_.block_count(); ++block) {
+      std::array<float, kBlockLanes> sum{};
+      for (size_t s = 0; s < layout_.sweeps.size(); ++s) {
+        const auto own = estimate_noise({.y = tile_.samples(block, s),
+                                         .count = static_cast<int>(layout_.sweeps[s].r_px.size()),
+                                         .first_r_px = 0.0,
+                                         .step_px = 1.0});
+        for (size_t lane = 0; lane < kBlockLanes; ++lane) sum[lane] += own[lane];
+      }
+      for (int lane = 0; lane < std::min(kBlockLanes, count - block * kBlockLanes); ++lane) {
+        noise_sd_[static_cast<size_t>(first + block * kBlockLanes + lane)] =
+            sum[static_cast<size_t>(lane)] / static_cast<float>(layout_.sweeps.size());
+      }
+    }
+  }
+}
+
+// A pixel is the object's where the same light looks different with it than without (section 3.1): where the
+// mean square of the differences is more than noise (by four of its own standard deviations) and more than
+// the tolerance.
+void StackSolver::find_silhouette(int y) {
+  const size_t start = static_cast<size_t>(y) * static_cast<size_t>(lane_count_);
+  const auto lanes = static_cast<size_t>(lane_count_);
+  std::vector<float> squares(lanes), sum(lanes);
+  for (const StackLayout::Pair& pair : layout_.pairs) {
+    add_differences(stack_.rows[static_cast<size_t>(pair.object)].subspan(start, lanes),
+                    stack_.rows[static_cast<size_t>(pair.empty)].subspan(start, lanes), squares, sum);
+  }
+  const double n = 3.0 * static_cast<double>(layout_.pairs.size());
+  for (size_t x = 0; x < object_.size(); ++x) {
+    double square = 0.0, variance = 0.0;
+    for (size_t lane = 3 * x; lane < 3 * x + 3; ++lane) {
+      square += static_cast<double>(squares[lane]);
+      const double sd = static_cast<double>(noise_sd_[lane]);
+      variance += noise_.known() ? 2.0 * noise_.read_sd * noise_.read_sd * n / 3.0 +
+                                       noise_.gain * static_cast<double>(sum[lane])
+                                 : 2.0 * sd * sd * n / 3.0;
+    }
+    object_[x] =
+        layout_.pairs.empty() || square / n > std::max(silhouette_tolerance_ * silhouette_tolerance_,
+                                                       variance / n * (1.0 + 4.0 * std::sqrt(2.0 / n)));
+  }
+}
+
+void StackSolver::solve_row(int y, Matte& matte) {
+  if (noise_.known()) {
+    for (int lane = 0; lane < lane_count_; ++lane) {
+      noise_sd_[static_cast<size_t>(lane)] =
+          static_cast<float>(std::sqrt(noise_.variance(static_cast<double>(black(y, lane)))));
+    }
+  } else {
+    estimate_row_noise(y);
+  }
+  find_silhouette(y);
+  for (int x = 0; x < matte.width_px(); ++x) {
+    const bool object = object_[static_cast<size_t>(x)];
+    matte.coverage(x, y) = object ? 1.0f : 0.0f;
+    for (int c = 0; c < kChannels; ++c) {
+      matte.foreground(x, y)[static_cast<size_t>(c)] = black(y, x * kChannels + c);
+      if (!object) matte.modes(x, y, c)[0] = straight_through(stack_, layout_, x, y, c);
+    }
+  }
+  for (int first = 0; first < lane_count_; first += kStretch) {
+    const int count = std::min(kStretch, lane_count_ - first);
+    const auto begin = object_.begin() + first / kChannels,
+               end = object_.begin() + (first + count - 1) / kChannels + 1;
+    if (std::find(begin, end, true) == end) continue;
+    tile_.load(stack_, y, first, count, noise_);
+    for (int block = 0; block < tile_.block_count(); ++block) {
+      solve_block(y, block, first + block * kBlockLanes, matte);
+    }
+  }
+}
+
+void StackSolver::solve_block(int y, int block, int first_lane, Matte& matte) {
+  unsigned lanes = 0;
+  std::array<float, kBlockLanes> dark{}, reach{};
+  for (int lane = 0; lane < kBlockLanes && first_lane + lane < lane_count_; ++lane) {
+    const int x = (first_lane + lane) / kChannels;
+    if (!object_[static_cast<size_t>(x)]) continue;
+    lanes |= 1u << lane;
+    dark[static_cast<size_t>(lane)] = black(y, first_lane + lane);
+    reach[static_cast<size_t>(lane)] =
+        std::max(3.0f * noise_sd_[static_cast<size_t>(first_lane + lane)], 2e-5f);
+  }
+  if (lanes == 0) return;
+  // The light without the stripes: the black frame, and with it all samples that no stripe reached.
+  dark = tile_.median_near(block, dark, reach);
+  for (float& r : reach) r *= 0.67f;
+  baseline_ = tile_.median_near(block, dark, reach);
+  std::array<float, kBlockLanes> floor{}, noise{};
+  for (size_t s = 0; s < layout_.sweeps.size(); ++s) {
+    float* samples = tile_.samples(block, s);
+    const SweepLayout& sweep = layout_.sweeps[s];
+    for (size_t i = 0; i < sweep.r_px.size(); ++i) {
+      std::array<float, 3> scale;
+      for (size_t c = 0; c < 3; ++c)
+        scale[c] = sweep.peak[i][c] > 0.0 ? static_cast<float>(1.0 / sweep.peak[i][c]) : 0.0f;
+      std::array<float, kBlockLanes> by_lane;
+      for (size_t lane = 0; lane < kBlockLanes; ++lane)
+        by_lane[lane] = scale[(static_cast<size_t>(first_lane) + lane) % 3];
+      for (size_t lane = 0; lane < kBlockLanes; ++lane) {
+        float& sample = samples[i * kBlockLanes + lane];
+        sample = (sample - baseline_[lane]) * by_lane[lane];
+      }
+    }
+  }
+  for (int lane = 0; lane < kBlockLanes && first_lane + lane < lane_count_; ++lane) {
+    const auto l = static_cast<size_t>(lane);
+    noise[l] = noise_sd_[static_cast<size_t>(first_lane + lane)];
+    floor[l] = std::max(3.5f * noise[l], kLeastFloor);
+  }
+  find_crests(block, floor, noise, lanes);
+  for (int lane = 0; lane < kBlockLanes; ++lane) {
+    if ((lanes >> lane & 1u) == 0) continue;
+    const int x = (first_lane + lane) / kChannels, channel = (first_lane + lane) % kChannels;
+    matte.foreground(x, y)[static_cast<size_t>(channel)] = baseline_[static_cast<size_t>(lane)];
+    solve_lane(block, lane, x, y, channel, matte);
+  }
+}
+
+void StackSolver::find_crests(int block, const std::array<float, kBlockLanes>& floor,
+                              const std::array<float, kBlockLanes>& noise, unsigned lanes) {
+  std::vector<SweepBlock> blocks;
+  for (size_t s = 0; s < layout_.sweeps.size(); ++s) {
+    const SweepLayout& sweep = layout_.sweeps[s];
+    Grid& grid = grids_[s];
+    const float* samples = tile_.samples(block, s);
+    if (!grid.even) {
+      size_t before = 0;
+      for (int i = 0; i < grid.count; ++i) {
+        const double r = sweep.r_px.front() + i * grid.step_px;
+        while (before + 2 < sweep.r_px.size() && sweep.r_px[before + 1] <= r) ++before;
+        const auto part =
+            static_cast<float>((r - sweep.r_px[before]) / (sweep.r_px[before + 1] - sweep.r_px[before]));
+        for (size_t lane = 0; lane < kBlockLanes; ++lane) {
+          const float a = samples[before * kBlockLanes + lane],
+                      b = samples[(before + 1) * kBlockLanes + lane];
+          grid.samples[static_cast<size_t>(i) * kBlockLanes + lane] = a + part * (b - a);
+        }
+      }
+      samples = grid.samples.data();
+    }
+    blocks.push_back(
+        {.y = samples, .count = grid.count, .first_r_px = sweep.r_px.front(), .step_px = grid.step_px});
+  }
+  finder_.find(blocks, floor, noise, lanes, crests_);
+}
+
+void StackSolver::solve_lane(int block, int lane, int x, int y, int channel, Matte& matte) {
+  const auto l = static_cast<size_t>(lane), c = static_cast<size_t>(channel);
+  const auto noise_sd = static_cast<double>(noise_sd_[static_cast<size_t>(x * kChannels + channel)]);
+  const double dark_variance = noise_.variance(static_cast<double>(baseline_[l]));
+  std::uint8_t flags = matte.flags(x, y);
+  std::vector<std::pair<Footprint, int>> found;
+  size_t lit_textures = 0;
+  for (const Texture& texture : textures_) {
+    lit_textures += std::all_of(texture.sweeps.begin(), texture.sweeps.end(),
+                                [&](size_t s) { return crests_[s][l].count > 0; })
+                        ? 1
+                        : 0;
+  }
+  double light = 0.0;
+  for (const Texture& texture : textures_) {
+    samples_.layout = &texture.samples;
+    samples_.y.assign(static_cast<size_t>(texture.samples.padded_count()), 0.0f);
+    samples_.weight.assign(samples_.y.size(), 0.0f);
+    std::vector<Crests> crests;
+    double usable = 0.0;
+    for (size_t k = 0; k < texture.sweeps.size(); ++k) {
+      const size_t s = texture.sweeps[k];
+      const SweepLayout& sweep = layout_.sweeps[s];
+      const auto first = static_cast<size_t>(texture.samples.sweeps[k].first);
+      const float* samples = tile_.samples(block, s);
+      const float* weights = tile_.weighted() ? tile_.weights(block, s) : nullptr;
+      for (size_t i = 0; i < sweep.r_px.size(); ++i) {
+        const float value = samples[i * kBlockLanes + l];
+        const double peak = sweep.peak[i][c];
+        double weight = weights != nullptr ? static_cast<double>(weights[i * kBlockLanes + l]) : 1.0;
+        if (weight == 0.0) flags |= kFlagSaturated;
+        if (peak <= 0.0) weight = 0.0;
+        // As one frame of the reference exposure would have it; brackets bring their own.
+        if (noise_.gain > 0.0 && layout_.one_frame_a_shot) {
+          weight *= dark_variance /
+                    noise_.variance(static_cast<double>(baseline_[l]) + static_cast<double>(value) * peak);
+        }
+        samples_.y[first + i] = value;
+        samples_.weight[first + i] = static_cast<float>(weight * peak * peak);
+        usable += weight > 0.0 ? 1.0 : 0.0;
+      }
+      crests.push_back(crests_[s][l]);
+    }
+    if (usable == 0.0) flags |= kFlagNoData;
+    const int most = std::max(1, most_modes_ / static_cast<int>(std::max<size_t>(lit_textures, 1)));
+    const JointFit fit = find_footprints(samples_, crests, texture.extent, noise_sd, most, workspace_);
+    double strongest = 0.0;
+    for (const Footprint& footprint : fit.modes) {
+      found.emplace_back(footprint, texture.texture);
+      strongest = std::max(strongest, footprint.weight);
+      light += footprint.weight;
+    }
+    if (!fit.modes.empty() && !fit.converged) flags |= kFlagNotConverged;
+    const double rms = std::sqrt(fit.near_chi2 / std::max(fit.near_count, 1));
+    if (rms > std::max(4.0 * noise_sd, 0.1 * strongest)) flags |= kFlagPoorFit;
+  }
+  std::stable_sort(found.begin(), found.end(),
+                   [](const auto& a, const auto& b) { return a.first.weight > b.first.weight; });
+  const std::span<Mode> modes = matte.modes(x, y, channel);
+  for (size_t m = 0; m < std::min(found.size(), modes.size()); ++m) {
+    modes[m] = mode_of(found[m].first, found[m].second);
+  }
+  matte.flags(x, y) = flags;
+}
+
+}  // namespace glasswing
