@@ -58,8 +58,8 @@ double integrate_footprint(const Mode& mode, const RadianceImage& texture, int c
   // Quadrature runs along the wider axis v; along u the conditional Gaussian has mean u0 + slope (v - v0).
   const bool exchanged = mode.xx_px2 > mode.yy_px2;
   const View view{texture, channel, exchanged};
-  const double uu = exchanged ? mode.yy_px2 : mode.xx_px2;
-  const double vv = exchanged ? mode.xx_px2 : mode.yy_px2;
+  const double uu = std::max<double>(exchanged ? mode.yy_px2 : mode.xx_px2, 0.0);
+  const double vv = std::max<double>(exchanged ? mode.xx_px2 : mode.yy_px2, 0.0);
   const double uv = mode.xy_px2;
   const double u0 = exchanged ? mode.y_px : mode.x_px;
   const double v0 = exchanged ? mode.x_px : mode.y_px;

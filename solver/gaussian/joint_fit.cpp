@@ -10,6 +10,8 @@ namespace glasswing {
 namespace {
 
 using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMostParameters, 1>;
+// A hundredth of a pixel wide: a point, to all that follows.
+constexpr double kLeastCovariance_px2 = 1e-4;
 constexpr double kFinestStep = 1.0 / 65535.0;  // of the frames; a fit that moves by less is settled
 
 using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMostParameters, kMostParameters>;
@@ -196,7 +198,7 @@ JointFit fit_jointly(const PixelSamples& samples, const Footprints& start, const
   NormalEquations at;
   JointFit fit{.modes = start};
   fit.converged = problem.minimise(fit.modes, at, max_iterations);
-  for (Footprint& mode : fit.modes) mode = with_positive_covariance(mode, 0.0);  // rounding
+  for (Footprint& mode : fit.modes) mode = with_positive_covariance(mode, kLeastCovariance_px2);
   fit.chi2 = at.chi2;
   fit.near_chi2 = at.near_chi2;
   fit.near_count = at.near_count;

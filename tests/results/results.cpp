@@ -6,6 +6,7 @@
 #include <chrono>
 #include <map>
 
+#include "core/frame/image_file.h"
 #include "core/matte/compositor.h"
 #include "tests/results/rendered_scene.h"
 #include "tests/results/sheet.h"
@@ -46,7 +47,12 @@ const std::map<std::string, Floor> kFloors = {{"A_crystal/stilllife", {43.6, 27.
 struct Solved {
   Matte matte;
   double seconds = 0.0;
-  double flagged = 0.0;  // share of the object's pixels
+  // Shares of the object's pixels: any flag, and why.
+  double flagged = 0.0, unsettled = 0.0, saturated = 0.0, poor = 0.0;
+  std::string text() const {
+    return fmt::format("{:.1f} s, {:.1f} % flagged ({:.1f} unsettled, {:.1f} saturated, {:.1f} poor)",
+                       seconds, 100.0 * flagged, 100.0 * unsettled, 100.0 * saturated, 100.0 * poor);
+  }
 };
 
 Solved solve(const RenderedScene& scene, const Method& method, const Degradation& degradation) {
@@ -54,19 +60,26 @@ Solved solve(const RenderedScene& scene, const Method& method, const Degradation
   const auto start = std::chrono::steady_clock::now();
   Solved solved{.matte = solve_in_bands(method, stack)};
   solved.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  double object = 0.0, flagged = 0.0;
+  double object = 0.0;
   for (int y = 0; y < solved.matte.height_px(); ++y) {
     for (int x = 0; x < solved.matte.width_px(); ++x) {
       if (solved.matte.coverage(x, y) <= 0.0f) continue;
       object += 1.0;
-      flagged += solved.matte.flags(x, y) != kFlagNone ? 1.0 : 0.0;
+      const std::uint8_t flags = solved.matte.flags(x, y);
+      solved.flagged += flags != kFlagNone ? 1.0 : 0.0;
+      solved.unsettled += (flags & kFlagNotConverged) != 0 ? 1.0 : 0.0;
+      solved.saturated += (flags & kFlagSaturated) != 0 ? 1.0 : 0.0;
+      solved.poor += (flags & kFlagPoorFit) != 0 ? 1.0 : 0.0;
     }
   }
-  solved.flagged = object > 0.0 ? flagged / object : 0.0;
+  for (double* share : {&solved.flagged, &solved.unsettled, &solved.saturated, &solved.poor}) {
+    *share /= std::max(object, 1.0);
+  }
   return solved;
 }
 
-void report(const RenderedScene& scene, const Method& method, bool noise, const std::string& pictures) {
+void report(const RenderedScene& scene, const Method& method, bool noise, const std::string& pictures,
+            const std::string& composites) {
   const Solved clean = solve(scene, method, {});
   const Solved noisy = noise ? solve(scene, method, {.noise_sd = 0.005, .bits = 12}) : Solved{};
   bool first = true;
@@ -76,18 +89,24 @@ void report(const RenderedScene& scene, const Method& method, bool noise, const 
     const double decibels = scene.psnr(ours, photograph.seen);
     const auto floor = kFloors.find(scene.name() + "/" + name);
     const Floor floors = floor == kFloors.end() ? Floor{} : floor->second;
+    const auto keep = [&](const char* kind, const RadianceImage& image) {
+      if (composites.empty()) return;
+      const std::string folder = fmt::format("{}/{}/{}", composites, kind, scene.name());
+      std::filesystem::create_directories(folder);
+      (void)write_radiance(folder + "/" + name + ".png", image, Encoding::kLinear);
+    };
+    keep("clean", ours);
     std::string noisy_text = "–";
     if (noise) {
-      noisy_text = fmt::format(
-          "{:.1f}", scene.psnr(composite(noisy.matte, photograph.backgrounds).value(), photograph.seen));
+      const RadianceImage noisy_composite = composite(noisy.matte, photograph.backgrounds).value();
+      keep("noisy", noisy_composite);
+      noisy_text = fmt::format("{:.1f}", scene.psnr(noisy_composite, photograph.seen));
     }
     fmt::print("| {} | {} | {:.1f} | {} | {:.1f} | {:.1f} | {:.1f} | {} |\n", first ? scene.name() : "", name,
                decibels, noisy_text, floors.quick, floors.box, floors.plain,
-               first ? fmt::format("{:.1f} s, {:.1f} % flagged{}", clean.seconds, 100.0 * clean.flagged,
-                                   noise ? fmt::format("; noisy {:.1f} s, {:.1f} %", noisy.seconds,
-                                                       100.0 * noisy.flagged)
-                                         : "")
-                     : "");
+               !first  ? ""
+               : noise ? clean.text() + "; noisy " + noisy.text()
+                       : clean.text());
     std::fflush(stdout);
     if (first && !pictures.empty()) {
       write_sheet(pictures + "/results_" + scene.name() + ".png", photograph.seen, ours, clean.matte);
@@ -98,7 +117,7 @@ void report(const RenderedScene& scene, const Method& method, bool noise, const 
 
 int run(int argc, char** argv) {
   CLI::App app{"Solves rendered scenes and prints PSNR inside the object, in dB"};
-  std::string directory, pictures;
+  std::string directory, pictures, composites;
   std::vector<std::string> scenes{"A_crystal",    "B_bimodal",     "C_brushed",
                                   "D_foreground", "E_twomonitors", "G_misregistered"};
   std::vector<std::string> settings;
@@ -107,6 +126,7 @@ int run(int argc, char** argv) {
   app.add_option("--scenes", scenes, "Which of them")->delimiter(',');
   app.add_option("--set", settings, "Option of the method, such as modes=2");
   app.add_option("--pictures", pictures, "Folder for a picture a scene");
+  app.add_option("--composites", composites, "Folder for every composite, 16-bit linear PNG");
   app.add_flag("--no-noise", no_noise, "Clean frames only");
   CLI11_PARSE(app, argc, argv);
   MethodOptions options;
@@ -122,7 +142,7 @@ int run(int argc, char** argv) {
       "| scene | photograph | clean | noisy | two-mode EM | one box | bare | |\n| --- | --- | --- | --- | "
       "--- | --- | --- | --- |\n");
   for (const std::string& name : scenes) {
-    report(RenderedScene(std::filesystem::path(directory) / name), **method, !no_noise, pictures);
+    report(RenderedScene(std::filesystem::path(directory) / name), **method, !no_noise, pictures, composites);
   }
   return 0;
 }
