@@ -102,7 +102,7 @@ class Problem {
         load(at, normal, gradient);
       } else {
         if (last) return true;
-        damping = std::max(10.0 * damping, 1e-5);
+        damping = std::max(4.0 * damping, 1e-5);
         if (damping > 1e9) return false;
       }
     }

@@ -11,7 +11,7 @@ namespace {
 
 constexpr int kMostMeetings = 12;
 constexpr int kFirstIterations = 6;  // of each start, to choose among them
-constexpr int kIterations = 40;
+constexpr int kIterations = 80;
 // Residuals below this are the pixels' and footprints' own shape, whatever the frames' noise.
 constexpr double kLeastNoise = 1e-4;
 
