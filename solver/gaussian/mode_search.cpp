@@ -267,7 +267,7 @@ class Search {
   // Nothing but noise is left.
   bool explained(const JointFit& fit) const {
     const double n = std::max(fit.near_count, 1);
-    return fit.near_chi2 < noise_sd_ * noise_sd_ * (n - 6.0 * fit.modes.size() + 2.0 * std::sqrt(2.0 * n)) &&
+    return fit.near_chi2 < noise_sd_ * noise_sd_ * (n - 6.0 * fit.modes.size() + 1.0 * std::sqrt(2.0 * n)) &&
            fit.chi2 - fit.near_chi2 < 1.5 * noise_sd_ * noise_sd_ * sample_count();
   }
 
@@ -281,7 +281,7 @@ class Search {
     const double n = std::max(after.near_count, 1), least = n * noise_sd_ * noise_sd_;
     // Where the new fit does not reach, both leave the same.
     const double left_before = before.chi2 - (after.chi2 - after.near_chi2);
-    return n * std::log(std::max(left_before, least) / std::max(after.near_chi2, least)) > 6.0 * std::log(n);
+    return n * std::log(std::max(left_before, least) / std::max(after.near_chi2, least)) > 4.0 * std::log(n);
   }
 
   // A few steps of each start, then the best of them to its minimum.

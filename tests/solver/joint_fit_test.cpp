@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Dense>
 #include <cmath>
 #include <numbers>
 #include <random>
@@ -120,6 +121,138 @@ INSTANTIATE_TEST_SUITE_P(
         Footprint{.weight = 0.8, .x_px = 3.0, .y_px = 45.0, .xx_px2 = 30.0, .xy_px2 = 8.0, .yy_px2 = 9.0},
         Footprint{
             .weight = 0.8, .x_px = 122.0, .y_px = 93.0, .xx_px2 = 90.0, .xy_px2 = -20.0, .yy_px2 = 40.0}));
+
+JointFit found(const Footprints& truth, const SampleLayout& layout, double noise_sd, std::mt19937& random,
+               int max_modes = kMostFootprints) {
+  const PixelSamples samples = recorded(truth, layout, noise_sd, random);
+  // Crests by the finder itself, this pixel in the first lane.
+  std::vector<std::vector<float>> lanes;
+  std::vector<SweepBlock> blocks;
+  for (const SampleLayout::Sweep& sweep : layout.sweeps) {
+    std::vector<float>& y = lanes.emplace_back(static_cast<size_t>(sweep.count) * kBlockLanes);
+    for (int i = 0; i < sweep.count; ++i)
+      y[static_cast<size_t>(i) * kBlockLanes] = samples.y[static_cast<size_t>(sweep.first + i)];
+    blocks.push_back({.y = y.data(),
+                      .count = sweep.count,
+                      .first_r_px = sweep.first_r_px,
+                      .step_px = 0.5 * sweep.axis.sigma_px});
+  }
+  std::array<float, kBlockLanes> floor, noise;
+  floor.fill(std::max(3.5f * static_cast<float>(noise_sd), 0.0015f));
+  noise.fill(static_cast<float>(noise_sd));
+  std::vector<std::array<Crests, kBlockLanes>> all;
+  CrestFinder().find(blocks, floor, noise, 1u, all);
+  std::vector<Crests> crests;
+  for (const auto& sweep : all) crests.push_back(sweep.front());
+  JointWorkspace workspace;
+  return find_footprints(samples, crests, kExtent, noise_sd, max_modes, workspace);
+}
+
+// The Cramer-Rao bound: the inverse of the closed form's own information matrix, per unit of noise.
+std::vector<double> bound(const Footprints& truth, const SampleLayout& layout) {
+  std::mt19937 random(1);
+  const PixelSamples samples = recorded(truth, layout, 0.0, random);
+  NormalEquations equations;
+  JointWorkspace workspace;
+  evaluate(samples, truth, kExtent, workspace, equations);
+  const int n = 6 * truth.size();
+  Eigen::MatrixXd matrix(n, n);
+  for (int p = 0; p < n; ++p) {
+    for (int q = 0; q < n; ++q)
+      matrix(p, q) = equations.matrix[static_cast<size_t>(p)][static_cast<size_t>(q)];
+  }
+  const Eigen::VectorXd variance = matrix.inverse().diagonal();
+  std::vector<double> sd;
+  for (int p = 0; p < n; ++p) sd.push_back(std::sqrt(variance[p]));
+  return sd;
+}
+
+TEST(FindFootprints, ScatterOfOneIsTheCramerRaoBound) {
+  constexpr int kTrials = 2000;
+  constexpr double kNoise = 0.005;
+  const SampleLayout layout = four_sweeps(4.0);
+  Footprints truth;
+  truth.push_back({.weight = 0.7, .x_px = 61.3, .y_px = 44.8, .xx_px2 = 6.0, .xy_px2 = 1.5, .yy_px2 = 4.0});
+  const std::vector<double> sd = bound(truth, layout);
+  std::mt19937 random(11);
+  std::array<double, 6> squares{};
+  for (int trial = 0; trial < kTrials; ++trial) {
+    JointFit fit = found(truth, layout, kNoise, random);
+    ASSERT_GE(fit.modes.size(), 1);
+    Footprints expected = truth;
+    for (int p = 0; p < 6; ++p)
+      squares[static_cast<size_t>(p)] +=
+          std::pow(*parameter(fit.modes[0], p) - *parameter(expected[0], p), 2);
+    // The fit's own opinion of its error.
+    if (fit.modes.size() == 1) {
+      EXPECT_NEAR(fit.centre_sd_px[0] / (kNoise * std::hypot(sd[1], sd[2]) / std::sqrt(2.0)), 1.0, 0.35);
+    }
+  }
+  for (size_t p = 0; p < 6; ++p) {
+    // 1 / sqrt(2 N) = 1.6 % is a standard error of the ratio; the goal is 5 %.
+    EXPECT_LE(std::sqrt(squares[p] / kTrials) / (kNoise * sd[p]), 1.05 + 0.03) << p;
+  }
+}
+
+TEST(FindFootprints, TwoOnOneLineAreBothFound) {
+  const SampleLayout layout = four_sweeps(4.0);
+  std::mt19937 random(12);
+  int both = 0;
+  for (int trial = 0; trial < 200; ++trial) {
+    // In the sweep at 0 degrees they answer at the same place.
+    Footprints truth;
+    truth.push_back({.weight = 0.5, .x_px = 60.0, .y_px = 30.0, .xx_px2 = 2.0, .xy_px2 = 0.0, .yy_px2 = 2.0});
+    truth.push_back(
+        {.weight = 0.35, .x_px = 60.0, .y_px = 66.0, .xx_px2 = 5.0, .xy_px2 = 1.0, .yy_px2 = 3.0});
+    const JointFit fit = found(truth, layout, 0.005, random);
+    both += fit.modes.size() == 2 && std::abs(fit.modes[0].y_px - 30.0) < 0.3 &&
+                    std::abs(fit.modes[1].y_px - 66.0) < 0.3
+                ? 1
+                : 0;
+  }
+  EXPECT_GE(both, 198);
+}
+
+TEST(FindFootprints, TwoSigmaApartIsEnoughAndOneIsNotTwo) {
+  const SampleLayout layout = four_sweeps(4.0);
+  std::mt19937 random(13);
+  std::uniform_real_distribution<double> angle(0.0, 2.0 * std::numbers::pi), place(-1.0, 1.0);
+  int both = 0, more = 0;
+  constexpr int kTrials = 400;
+  for (int trial = 0; trial < kTrials; ++trial) {
+    // Two of the answered width apart, so that along their line the sweeps show no dip.
+    const double turn = angle(random), apart = 2.0 * std::sqrt(4.0 * 4.0 + 4.0 + 1.0 / 12.0);
+    Footprints two, one;
+    for (const double side : {-0.5, 0.5}) {
+      two.push_back({.weight = 0.4,
+                     .x_px = 60.0 + place(random) + side * apart * std::cos(turn),
+                     .y_px = 48.0 + place(random) + side * apart * std::sin(turn),
+                     .xx_px2 = 4.0,
+                     .xy_px2 = 0.0,
+                     .yy_px2 = 4.0});
+    }
+    one.push_back({.weight = 0.8,
+                   .x_px = 60.0 + place(random),
+                   .y_px = 48.0 + place(random),
+                   .xx_px2 = 4.0,
+                   .xy_px2 = 0.0,
+                   .yy_px2 = 4.0});
+    both += found(two, layout, 0.01, random).modes.size() >= 2 ? 1 : 0;
+    more += found(one, layout, 0.01, random).modes.size() > 1 ? 1 : 0;
+  }
+  EXPECT_GE(both, kTrials * 95 / 100);
+  EXPECT_LE(more, kTrials / 100);
+}
+
+TEST(FindFootprints, NothingIsFoundInNoise) {
+  const SampleLayout layout = four_sweeps(4.0);
+  std::mt19937 random(14);
+  int found_any = 0;
+  for (int trial = 0; trial < 300; ++trial)
+    found_any += found({}, layout, 0.01, random).modes.empty() ? 0 : 1;
+  // It takes a 3.5 sd rise in four sweeps on lines that meet.
+  EXPECT_LE(found_any, 3);
+}
 
 }  // namespace
 }  // namespace glasswing

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "solver/method.h"
 
@@ -69,20 +70,53 @@ TEST(LayOut, SaysWhatIsMissing) {
   refused(manifest, "4 steps");
   manifest = good_manifest();
   manifest.mutable_frames(3)->set_exposure_ms(8.0);
-  refused(manifest, "2 exposures");
+  refused(manifest, "every one must be known");
+  for (const double bad : std::initializer_list<double>{NAN, INFINITY, -1.0}) {
+    manifest = good_manifest();
+    manifest.mutable_frames(3)->set_exposure_ms(bad);
+    refused(manifest, "it must be a number");
+    manifest = good_manifest();
+    manifest.mutable_frames(3)->mutable_stimulus()->set_sigma_px(bad);
+    refused(manifest, "shows a stripe of sigma");
+  }
   manifest = good_manifest();
-  for (int i = 1; i <= 5; ++i) manifest.mutable_frames(i)->mutable_stimulus()->set_sigma_px(2.0);
-  refused(manifest, "one width");
+  manifest.mutable_frames(3)->mutable_stimulus()->set_r_px(NAN);
+  refused(manifest, "shows a stripe of sigma");
+  manifest = good_manifest();
+  manifest.mutable_frames(4)->mutable_stimulus()->set_r_px(manifest.frames(3).stimulus().r_px());
+  manifest.mutable_frames(4)->mutable_stimulus()->set_peak(0.5);
+  refused(manifest, "brighter or darker");
   manifest = good_manifest();
   manifest.mutable_frames(2)->mutable_stimulus()->set_panel("left");
   refused(manifest, "\"left\"");
+}
+
+TEST(LayOut, PutsExposuresOfOneStripeTogether) {
+  v1::CaptureManifest manifest = good_manifest();
+  for (v1::Frame& frame : *manifest.mutable_frames()) frame.set_exposure_ms(4.0);
+  const int count = manifest.frames_size();
+  for (int i = 0; i < count; ++i) {
+    v1::Frame longer = manifest.frames(i);
+    longer.set_exposure_ms(16.0);
+    *manifest.add_frames() = longer;
+  }
+  const StackLayout layout = lay_out(manifest).value();
+  ASSERT_EQ(layout.exposures_ms.size(), 2u);
+  EXPECT_EQ(layout.black.size(), 2u);
+  for (const SweepLayout& sweep : layout.sweeps) {
+    ASSERT_EQ(sweep.shots.size(), 5u);
+    for (const Shot& shot : sweep.shots) {
+      ASSERT_EQ(shot.size(), 2u);
+      EXPECT_EQ(shot[0].scale + shot[1].scale, 1.25);
+    }
+  }
 }
 
 TEST(MakeMethod, ListsWhatThereIs) {
   EXPECT_NE(std::string(make_method("magic", {}).status().message()).find("gaussian"), std::string::npos);
   EXPECT_NE(std::string(make_method("gaussian", {{"mods", "2"}}).status().message()).find("modes"),
             std::string::npos);
-  for (const char* value : {"0", "4", "two", "", "nan"}) {
+  for (const char* value : {"0", "5", "two", "", "nan"}) {
     EXPECT_TRUE(absl::IsInvalidArgument(make_method("gaussian", {{"modes", value}}).status())) << value;
   }
 }
