@@ -99,8 +99,8 @@ double RenderedScene::psnr(const RadianceImage& composite, const RadianceImage& 
 }
 
 Matte solve_in_bands(const Method& method, const FrameStack& stack, int thread_count) {
-  constexpr int kRows = 2;
-  const int bands = (stack.row_count + kRows - 1) / kRows;
+  const int rows_per_band = std::clamp(stack.row_count / 45, 2, 16);
+  const int bands = (stack.row_count + rows_per_band - 1) / rows_per_band;
   std::vector<Matte> parts(static_cast<size_t>(bands));
   std::atomic<int> next = 0;
   const auto width = static_cast<size_t>(stack.manifest.camera().width_px());
@@ -111,8 +111,8 @@ Matte solve_in_bands(const Method& method, const FrameStack& stack, int thread_c
       threads.emplace_back([&] {
         for (int band = next++; band < bands; band = next++) {
           FrameStack part = stack;
-          part.first_row = band * kRows;
-          part.row_count = std::min(kRows, stack.row_count - band * kRows);
+          part.first_row = band * rows_per_band;
+          part.row_count = std::min(rows_per_band, stack.row_count - band * rows_per_band);
           for (auto& rows : part.rows) {
             if (rows.empty()) continue;
             rows = rows.subspan(static_cast<size_t>(part.first_row) * width * 3,

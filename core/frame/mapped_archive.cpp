@@ -1,0 +1,59 @@
+#include "core/frame/mapped_archive.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cstring>
+
+#include "core/base/status.h"
+#include "core/frame/archive.h"
+
+namespace glasswing {
+
+absl::StatusOr<std::shared_ptr<const MappedArchive>> MappedArchive::open(
+    const std::filesystem::path& directory) {
+  std::shared_ptr<MappedArchive> archive(new MappedArchive());
+  GW_ASSIGN_OR_RETURN(archive->manifest_, read_any_manifest(directory));
+  const v1::Camera& camera = archive->manifest_.camera();
+  const size_t pixels = static_cast<size_t>(camera.width_px()) * static_cast<size_t>(camera.height_px());
+  archive->file_bytes_ = kTiffPixelOffset + pixels * 6;
+  // Every file of ours starts alike, but for its pixels.
+  const std::string header = encode_tiff(Image16(camera.width_px(), 1)).substr(0, 8);
+  for (const v1::Frame& frame : archive->manifest_.frames()) {
+    const std::filesystem::path path = directory / frame.file();
+    const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+    struct stat status {};
+    const bool whole = file >= 0 && ::fstat(file, &status) == 0 &&
+                       static_cast<size_t>(status.st_size) == archive->file_bytes_;
+    void* mapping =
+        whole ? ::mmap(nullptr, archive->file_bytes_, PROT_READ, MAP_SHARED, file, 0) : MAP_FAILED;
+    if (file >= 0) ::close(file);
+    if (mapping == MAP_FAILED) {
+      return absl::DataLossError(
+          fmt::format("{} is not a frame of {} x {} px ({} bytes): {}", path.string(), camera.width_px(),
+                      camera.height_px(), archive->file_bytes_,
+                      file < 0 ? std::strerror(errno) : fmt::format("it has {} bytes", status.st_size)));
+    }
+    archive->mappings_.push_back(mapping);
+    if (std::memcmp(mapping, header.data(), header.size()) != 0) {
+      return absl::DataLossError(fmt::format("{} is not a frame as archives store them", path.string()));
+    }
+  }
+  return archive;
+}
+
+MappedArchive::~MappedArchive() {
+  for (void* mapping : mappings_) ::munmap(mapping, file_bytes_);
+}
+
+std::span<const std::uint16_t> MappedArchive::rows(int frame, int first_row, int row_count) const {
+  const size_t row = static_cast<size_t>(manifest_.camera().width_px()) * 3;
+  const auto* bytes = static_cast<const char*>(mappings_[static_cast<size_t>(frame)]) + kTiffPixelOffset;
+  return {reinterpret_cast<const std::uint16_t*>(bytes) + row * static_cast<size_t>(first_row),
+          row * static_cast<size_t>(row_count)};
+}
+
+}  // namespace glasswing

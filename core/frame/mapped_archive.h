@@ -1,0 +1,38 @@
+// The frames of an archive on this machine, mapped: pages come when a solver looks at them and go when memory
+// is short, and nothing is copied.
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "glasswing/v1/archive.pb.h"
+
+namespace glasswing {
+
+class MappedArchive {
+ public:
+  // DATA_LOSS names a frame file that is missing, of another size than the manifest's picture, or no frame of
+  // ours. Checksums are not verified: that would read every page.
+  static absl::StatusOr<std::shared_ptr<const MappedArchive>> open(const std::filesystem::path& directory);
+  ~MappedArchive();
+  MappedArchive(const MappedArchive&) = delete;
+  MappedArchive& operator=(const MappedArchive&) = delete;
+
+  const v1::CaptureManifest& manifest() const { return manifest_; }
+  // r, g, b of rows [first_row, first_row + row_count) of a frame, by its place in the manifest.
+  std::span<const std::uint16_t> rows(int frame, int first_row, int row_count) const;
+
+ private:
+  MappedArchive() = default;
+
+  v1::CaptureManifest manifest_;
+  std::vector<void*> mappings_;
+  size_t file_bytes_ = 0;
+};
+
+}  // namespace glasswing

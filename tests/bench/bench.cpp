@@ -1,0 +1,85 @@
+// tests/bench/run: every figure that is promised, measured in one run.
+#include <benchmark/benchmark.h>
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <regex>
+
+#include "tests/bench/rows.h"
+
+namespace glasswing {
+namespace {
+
+// Keeps the medians.
+class Collector : public benchmark::ConsoleReporter {
+ public:
+  Collector() : ConsoleReporter(OO_None) {}
+  void ReportRuns(const std::vector<Run>& runs) override {
+    ConsoleReporter::ReportRuns(runs);
+    for (const Run& run : runs) {
+      const auto rate = run.counters.find("items_per_second");
+      if (run.aggregate_name == "median" && rate != run.counters.end()) {
+        rates[run.run_name.function_name] = rate->second;
+      }
+    }
+  }
+  Rates rates;
+};
+
+int run(int argc, char** argv) {
+  CLI::App app{"Measures what the solver is held to.\n\nExample:  tests/bench/run --json figures.json"};
+  std::string json, filter = ".*";
+  app.add_option("--json", json, "File for the rows as JSON");
+  app.add_option("--filter", filter, "Only rows whose names match this regular expression");
+  CLI11_PARSE(app, argc, argv);
+  std::vector<Row> all, rows;
+  add_line_rows(all);
+  add_joint_rows(all);
+  add_accuracy_rows(all);
+  add_solve_rows(all);
+  const std::regex wanted(filter);
+  std::string benchmarks;
+  for (const Row& row : all) {
+    if (!std::regex_search(row.name, wanted)) continue;
+    rows.push_back(row);
+    for (const std::string& need : row.needs) benchmarks += (benchmarks.empty() ? "^" : "|^") + need + "$";
+  }
+  // Repetitions of all are shuffled into each other, so that ratios see the same machine.
+  std::vector<std::string> flags{argv[0],
+                                 "--benchmark_repetitions=7",
+                                 "--benchmark_enable_random_interleaving=true",
+                                 "--benchmark_min_time=0.15",
+                                 "--benchmark_report_aggregates_only=true",
+                                 "--benchmark_filter=" + (benchmarks.empty() ? "^$" : benchmarks)};
+  std::vector<char*> flag_pointers;
+  for (std::string& flag : flags) flag_pointers.push_back(flag.data());
+  int flag_count = static_cast<int>(flags.size());
+  benchmark::Initialize(&flag_count, flag_pointers.data());
+  Collector collector;
+  if (!benchmarks.empty()) benchmark::RunSpecifiedBenchmarks(&collector);
+
+  nlohmann::json list = nlohmann::json::array();
+  fmt::print("\n{:<64} {:>10} {:>10} {:<14} {}\n", "figure", "value", "goal", "unit", "met");
+  bool all_met = true;
+  for (const Row& row : rows) {
+    const double value = row.value(collector.rates);
+    const bool met = row.at_most ? value <= row.goal : value >= row.goal;
+    all_met = all_met && met;
+    fmt::print("{:<64} {:>10.4g} {:>2} {:>7.4g} {:<14} {}\n", row.name, value,
+               row.at_most ? "<=" : ">=", row.goal, row.unit, met ? "yes" : "NO");
+    std::fflush(stdout);
+    list.push_back(
+        {{"name", row.name}, {"value", value}, {"goal", row.goal}, {"unit", row.unit}, {"met", met}});
+  }
+  if (!json.empty()) std::ofstream(json) << nlohmann::json{{"rows", list}}.dump(2) << "\n";
+  return 0;
+}
+
+}  // namespace
+}  // namespace glasswing
+
+int main(int argc, char** argv) {
+  return glasswing::run(argc, argv);
+}

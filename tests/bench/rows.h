@@ -1,0 +1,30 @@
+// What the benchmark reports: figures, each with the goal it is held to.
+#pragma once
+
+#include <functional>
+#include <map>
+#include <string>
+#include <vector>
+
+namespace glasswing {
+
+// Items a second of each Google Benchmark that ran, by name; medians of the repetitions.
+using Rates = std::map<std::string, double>;
+
+struct Row {
+  std::string name;
+  std::string unit;
+  double goal = 0.0;
+  bool at_most = false;  // else at least
+  // The benchmarks that it needs the rate of; it is left out if they were filtered away.
+  std::vector<std::string> needs;
+  std::function<double(const Rates&)> value;
+};
+
+// Each registers its Google Benchmarks and adds its rows.
+void add_line_rows(std::vector<Row>& rows);
+void add_joint_rows(std::vector<Row>& rows);
+void add_accuracy_rows(std::vector<Row>& rows);
+void add_solve_rows(std::vector<Row>& rows);
+
+}  // namespace glasswing
