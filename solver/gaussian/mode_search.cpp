@@ -264,10 +264,9 @@ class Search {
   }
 
  private:
-  // Nothing but noise is left.
+  // Near the modes and elsewhere.
   bool explained(const JointFit& fit) const {
-    const double n = std::max(fit.near_count, 1);
-    return fit.near_chi2 < noise_sd_ * noise_sd_ * (n - 6.0 * fit.modes.size() + 1.0 * std::sqrt(2.0 * n)) &&
+    return is_explained(fit, noise_sd_) &&
            fit.chi2 - fit.near_chi2 < 1.5 * noise_sd_ * noise_sd_ * sample_count();
   }
 
@@ -374,6 +373,13 @@ class Search {
 };
 
 }  // namespace
+
+bool is_explained(const JointFit& fit, double noise_sd) {
+  const double n = std::max(fit.near_count, 1),
+               variance = std::max(noise_sd, kLeastNoise) * std::max(noise_sd, kLeastNoise);
+  // By less than twice its own standard deviation more.
+  return fit.near_chi2 < variance * (n - 6.0 * fit.modes.size() + 2.0 * std::sqrt(2.0 * n));
+}
 
 JointFit find_footprints(const PixelSamples& samples, std::span<const Crests> crests,
                          const MonitorExtent& extent, double noise_sd, int max_modes,

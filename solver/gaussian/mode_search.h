@@ -15,6 +15,9 @@
 
 namespace glasswing {
 
+// Whether a fit leaves nothing but noise.
+bool is_explained(const JointFit& fit, double noise_sd);
+
 // `crests`: one entry a sweep of the layout. `noise_sd`: of a sample of weight 1. Modes come strongest first,
 // none where nothing rises above the noise; max_modes is 1 to 4.
 JointFit find_footprints(const PixelSamples& samples, std::span<const Crests> crests,

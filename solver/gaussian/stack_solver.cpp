@@ -68,7 +68,8 @@ StackSolver::StackSolver(const FrameStack& stack, const StackLayout& layout, int
                            .extent = {.width_px = static_cast<double>(monitor.width_px()),
                                       .height_px = static_cast<double>(monitor.height_px())},
                            .samples = {},
-                           .sweeps = {}});
+                           .sweeps = {},
+                           .even = {}});
     }
     textures_.back().sweeps.push_back(s);
     textures_.back().samples.add(
@@ -87,6 +88,16 @@ StackSolver::StackSolver(const FrameStack& stack, const StackLayout& layout, int
     }
     grids_.push_back(std::move(grid));
   }
+  for (Texture& texture : textures_) {
+    const bool even =
+        std::all_of(texture.sweeps.begin(), texture.sweeps.end(), [&](size_t s) { return grids_[s].even; });
+    if (!even || texture.sweeps.size() > PlainPixel::kMostSweeps) continue;
+    for (size_t k = 0; k < texture.sweeps.size(); ++k) {
+      texture.even.push_back(
+          {.axis = texture.samples.sweeps[k].axis, .step_px = grids_[texture.sweeps[k]].step_px});
+    }
+  }
+  plain_.resize(textures_.size());
   noise_sd_.resize(static_cast<size_t>(lane_count_));
   object_.resize(static_cast<size_t>(lane_count_ / kChannels));
 }
@@ -219,6 +230,7 @@ void StackSolver::solve_block(int y, int block, int first_lane, Matte& matte) {
     floor[l] = std::max(3.5f * noise[l], kLeastFloor);
   }
   find_crests(block, floor, noise, lanes);
+  for (size_t t = 0; t < textures_.size(); ++t) fit_plain_lanes(t, block, lanes);
   for (int lane = 0; lane < kBlockLanes; ++lane) {
     if ((lanes >> lane & 1u) == 0) continue;
     const int x = (first_lane + lane) / kChannels, channel = (first_lane + lane) % kChannels;
@@ -255,10 +267,104 @@ void StackSolver::find_crests(int block, const std::array<float, kBlockLanes>& f
   finder_.find(blocks, floor, noise, lanes, crests_);
 }
 
-void StackSolver::solve_lane(int block, int lane, int x, int y, int channel, Matte& matte) {
+void StackSolver::fit_plain_lanes(size_t t, int block, unsigned lanes) {
+  const Texture& texture = textures_[t];
+  plain_[t].fill(std::nullopt);
+  if (texture.even.empty() || tile_.weighted()) return;
+  plain_lanes_.clear();
+  plain_pixels_.clear();
+  plain_fits_.clear();
+  std::array<StripeAxis, PlainPixel::kMostSweeps> axes;
+  std::array<Crest, PlainPixel::kMostSweeps> crests;
+  const size_t count = texture.sweeps.size();
+  for (size_t k = 0; k < count; ++k) axes[k] = texture.even[k].axis;
+  for (int lane = 0; lane < kBlockLanes; ++lane) {
+    if ((lanes >> lane & 1u) == 0) continue;
+    bool single = true;
+    for (size_t k = 0; k < count && single; ++k) {
+      const Crests& found = crests_[texture.sweeps[k]][static_cast<size_t>(lane)];
+      single = found.count == 1;
+      crests[k] = found.crests[0];
+    }
+    if (!single) continue;
+    double distance_px = 0.0;
+    const Footprint start = intersect({axes.data(), count}, {crests.data(), count}, &distance_px);
+    if (distance_px > 0.5 * axes[0].sigma_px || near_edge(start, texture.extent)) continue;
+    PlainPixel pixel;
+    for (size_t k = 0; k < count && single; ++k) {
+      const size_t s = texture.sweeps[k];
+      const double step_px = texture.even[k].step_px, first_r_px = texture.samples.sweeps[k].first_r_px;
+      const double centre = start.x_px * axes[k].cos_phi + start.y_px * axes[k].sin_phi;
+      const int middle = static_cast<int>(std::lround((centre - first_r_px) / step_px));
+      const int half =
+          static_cast<int>(std::ceil(4.7 * std::sqrt(answered_variance(start, axes[k])) / step_px));
+      single = middle >= half && middle + half < grids_[s].count && half <= kMostHalf;
+      if (!single) break;
+      pixel.windows[k] = {.middle = tile_.samples(block, s) + middle * kBlockLanes + lane,
+                          .stride = kBlockLanes,
+                          .half = half};
+      pixel.middle_r_px[k] = first_r_px + middle * step_px;
+    }
+    if (!single) continue;
+    plain_lanes_.push_back(lane);
+    plain_pixels_.push_back(pixel);
+    plain_fits_.emplace_back().mode = start;
+  }
+  fit_plain(texture.even, plain_pixels_, plain_fits_);
+  for (size_t i = 0; i < plain_fits_.size(); ++i) {
+    const PlainFit& fit = plain_fits_[i];
+    if (!fit.settled || near_edge(fit.mode, texture.extent)) continue;
+    JointFit joint;
+    joint.chi2 = joint.near_chi2 = fit.chi2;
+    joint.near_count = fit.sample_count;
+    joint.converged = true;
+    joint.modes.push_back(fit.mode);
+    const double sd = std::sqrt(fit.chi2 / std::max(fit.sample_count - 6, 1));
+    joint.weight_sd[0] = fit.weight_sd * sd;
+    joint.centre_sd_px[0] = fit.centre_sd_px * sd;
+    plain_[t][static_cast<size_t>(plain_lanes_[i])] = joint;
+  }
+}
+
+JointFit StackSolver::search(const Texture& texture, int block, int lane, int channel, double noise_sd,
+                             int most_modes, std::uint8_t& flags) {
   const auto l = static_cast<size_t>(lane), c = static_cast<size_t>(channel);
-  const auto noise_sd = static_cast<double>(noise_sd_[static_cast<size_t>(x * kChannels + channel)]);
   const double dark_variance = noise_.variance(static_cast<double>(baseline_[l]));
+  samples_.layout = &texture.samples;
+  samples_.y.assign(static_cast<size_t>(texture.samples.padded_count()), 0.0f);
+  samples_.weight.assign(samples_.y.size(), 0.0f);
+  std::vector<Crests> crests;
+  double usable = 0.0;
+  for (size_t k = 0; k < texture.sweeps.size(); ++k) {
+    const size_t s = texture.sweeps[k];
+    const SweepLayout& sweep = layout_.sweeps[s];
+    const auto first = static_cast<size_t>(texture.samples.sweeps[k].first);
+    const float* samples = tile_.samples(block, s);
+    const float* weights = tile_.weighted() ? tile_.weights(block, s) : nullptr;
+    for (size_t i = 0; i < sweep.r_px.size(); ++i) {
+      const float value = samples[i * kBlockLanes + l];
+      const double peak = sweep.peak[i][c];
+      double weight = weights != nullptr ? static_cast<double>(weights[i * kBlockLanes + l]) : 1.0;
+      if (weight == 0.0) flags |= kFlagSaturated;
+      if (peak <= 0.0) weight = 0.0;
+      // As one frame of the reference exposure would have it; brackets bring their own.
+      if (noise_.gain > 0.0 && layout_.one_frame_a_shot) {
+        weight *= dark_variance /
+                  noise_.variance(static_cast<double>(baseline_[l]) + static_cast<double>(value) * peak);
+      }
+      samples_.y[first + i] = value;
+      samples_.weight[first + i] = static_cast<float>(weight * peak * peak);
+      usable += weight > 0.0 ? 1.0 : 0.0;
+    }
+    crests.push_back(crests_[s][l]);
+  }
+  if (usable == 0.0) flags |= kFlagNoData;
+  return find_footprints(samples_, crests, texture.extent, noise_sd, most_modes, workspace_);
+}
+
+void StackSolver::solve_lane(int block, int lane, int x, int y, int channel, Matte& matte) {
+  const auto l = static_cast<size_t>(lane);
+  const auto noise_sd = static_cast<double>(noise_sd_[static_cast<size_t>(x * kChannels + channel)]);
   std::uint8_t flags = matte.flags(x, y);
   std::vector<std::pair<Footprint, int>> found;
   size_t lit_textures = 0;
@@ -270,37 +376,10 @@ void StackSolver::solve_lane(int block, int lane, int x, int y, int channel, Mat
   }
   double light = 0.0;
   for (const Texture& texture : textures_) {
-    samples_.layout = &texture.samples;
-    samples_.y.assign(static_cast<size_t>(texture.samples.padded_count()), 0.0f);
-    samples_.weight.assign(samples_.y.size(), 0.0f);
-    std::vector<Crests> crests;
-    double usable = 0.0;
-    for (size_t k = 0; k < texture.sweeps.size(); ++k) {
-      const size_t s = texture.sweeps[k];
-      const SweepLayout& sweep = layout_.sweeps[s];
-      const auto first = static_cast<size_t>(texture.samples.sweeps[k].first);
-      const float* samples = tile_.samples(block, s);
-      const float* weights = tile_.weighted() ? tile_.weights(block, s) : nullptr;
-      for (size_t i = 0; i < sweep.r_px.size(); ++i) {
-        const float value = samples[i * kBlockLanes + l];
-        const double peak = sweep.peak[i][c];
-        double weight = weights != nullptr ? static_cast<double>(weights[i * kBlockLanes + l]) : 1.0;
-        if (weight == 0.0) flags |= kFlagSaturated;
-        if (peak <= 0.0) weight = 0.0;
-        // As one frame of the reference exposure would have it; brackets bring their own.
-        if (noise_.gain > 0.0 && layout_.one_frame_a_shot) {
-          weight *= dark_variance /
-                    noise_.variance(static_cast<double>(baseline_[l]) + static_cast<double>(value) * peak);
-        }
-        samples_.y[first + i] = value;
-        samples_.weight[first + i] = static_cast<float>(weight * peak * peak);
-        usable += weight > 0.0 ? 1.0 : 0.0;
-      }
-      crests.push_back(crests_[s][l]);
-    }
-    if (usable == 0.0) flags |= kFlagNoData;
     const int most = std::max(1, most_modes_ / static_cast<int>(std::max<size_t>(lit_textures, 1)));
-    const JointFit fit = find_footprints(samples_, crests, texture.extent, noise_sd, most, workspace_);
+    const std::optional<JointFit>& plain = plain_[static_cast<size_t>(&texture - textures_.data())][l];
+    const bool done = plain && (most == 1 || is_explained(*plain, noise_sd)) && noise_.gain == 0.0;
+    const JointFit fit = done ? *plain : search(texture, block, lane, channel, noise_sd, most, flags);
     double strongest = 0.0;
     for (const Footprint& footprint : fit.modes) {
       found.emplace_back(footprint, texture.texture);

@@ -2,9 +2,11 @@
 // another.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "core/matte/matte.h"
+#include "solver/gaussian/joint_batch.h"
 #include "solver/gaussian/mode_search.h"
 #include "solver/gaussian/sample_tile.h"
 #include "solver/gaussian/stack_layout.h"
@@ -27,7 +29,8 @@ class StackSolver {
     int texture = 0;
     MonitorExtent extent;
     SampleLayout samples;
-    std::vector<size_t> sweeps;  // places in the layout, in the order of samples.sweeps
+    std::vector<size_t> sweeps;   // places in the layout, in the order of samples.sweeps
+    std::vector<EvenSweep> even;  // empty unless fit_plain can have them all
   };
   // What the crests of one block are found in, one for every sweep of the layout.
   struct Grid {
@@ -40,7 +43,11 @@ class StackSolver {
   void find_silhouette(int y);
   void estimate_row_noise(int y);
   void solve_block(int y, int block, int first_lane, Matte& matte);
+  // The lanes of the block that one footprint on this monitor explains.
+  void fit_plain_lanes(size_t texture, int block, unsigned lanes);
   void solve_lane(int block, int lane, int x, int y, int channel, Matte& matte);
+  JointFit search(const Texture& texture, int block, int lane, int channel, double noise_sd, int most_modes,
+                  std::uint8_t& flags);
   void find_crests(int block, const std::array<float, kBlockLanes>& floor,
                    const std::array<float, kBlockLanes>& noise, unsigned lanes);
   float black(int y, int lane) const;
@@ -60,6 +67,10 @@ class StackSolver {
   // Of the block in hand.
   std::array<float, kBlockLanes> baseline_{};
   CrestFinder finder_;
+  std::vector<std::array<std::optional<JointFit>, kBlockLanes>> plain_;  // [texture][lane]
+  std::vector<int> plain_lanes_;
+  std::vector<PlainPixel> plain_pixels_;
+  std::vector<PlainFit> plain_fits_;
   std::vector<std::array<Crests, kBlockLanes>> crests_;  // [sweep][lane]
   PixelSamples samples_;
   JointWorkspace workspace_;

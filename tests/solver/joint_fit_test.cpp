@@ -72,6 +72,54 @@ INSTANTIATE_TEST_SUITE_P(
         Footprint{
             .weight = 0.8, .x_px = 122.0, .y_px = 93.0, .xx_px2 = 90.0, .xy_px2 = -20.0, .yy_px2 = 40.0}));
 
+// Where both apply they are the same estimate.
+TEST(FitPlain, AgreesWithTheJointFit) {
+  const SampleLayout layout = four_sweeps(4.0);
+  std::mt19937 random(9);
+  std::uniform_real_distribution<double> x(40.0, 88.0), y(40.0, 56.0), variance(3.0, 9.0), turn(-0.6, 0.6);
+  std::vector<PixelSamples> samples;
+  std::vector<PlainPixel> pixels;
+  std::vector<PlainFit> fits;
+  std::vector<Footprints> truths, starts;
+  for (int i = 0; i < 100; ++i) {
+    Footprint mode{.weight = 0.6,
+                   .x_px = x(random),
+                   .y_px = y(random),
+                   .xx_px2 = variance(random),
+                   .xy_px2 = 0.0,
+                   .yy_px2 = variance(random)};
+    mode.xy_px2 = turn(random) * std::sqrt(mode.xx_px2 * mode.yy_px2);
+    Footprints truth;
+    truth.push_back(mode);
+    samples.push_back(recorded(truth, layout, 0.005, random));
+    truths.push_back(truth);
+    truth[0].x_px += 0.3, truth[0].yy_px2 *= 1.2, truth[0].weight *= 0.9;
+    starts.push_back(truth);
+  }
+  for (size_t i = 0; i < samples.size(); ++i) {
+    pixels.push_back(plain_pixel(samples[i], starts[i][0]));
+    fits.push_back({.mode = starts[i][0]});
+  }
+  fit_plain(even_sweeps(layout), pixels, fits);
+  JointWorkspace workspace;
+  for (size_t i = 0; i < fits.size(); ++i) {
+    ASSERT_TRUE(fits[i].settled) << i;
+    JointFit joint = fit_jointly(samples[i], starts[i], kExtent, 50, workspace);
+    // Windows of 4.7 sigma differ by a sample at their ends: a tenth of the standard error, which is 0.005
+    // times the bound.
+    const std::vector<double> bound = cramer_rao_bound(truths[i], layout);
+    for (int p = 0; p < 6; ++p) {
+      EXPECT_NEAR(parameter(fits[i].mode, p), parameter(joint.modes[0], p),
+                  0.1 * 0.005 * bound[static_cast<size_t>(p)])
+          << i << " " << p;
+    }
+    // Both from the information matrix; one in closed form, one by sums over the samples.
+    EXPECT_NEAR(fits[i].centre_sd_px, std::hypot(bound[1], bound[2]) / std::sqrt(2.0),
+                0.05 * fits[i].centre_sd_px);
+    EXPECT_NEAR(fits[i].weight_sd, bound[0], 0.05 * bound[0]);
+  }
+}
+
 JointFit found(const Footprints& truth, const SampleLayout& layout, double noise_sd, std::mt19937& random) {
   return solved(recorded(truth, layout, noise_sd, random), noise_sd);
 }

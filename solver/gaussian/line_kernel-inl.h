@@ -1,0 +1,79 @@
+// Gaussians along equally spaced samples, for the kernels that sum with them. Included once a target.
+#if defined(GLASSWING_LINE_KERNEL_INL_H_) == defined(HWY_TARGET_TOGGLE)
+#ifdef GLASSWING_LINE_KERNEL_INL_H_
+#undef GLASSWING_LINE_KERNEL_INL_H_
+#else
+#define GLASSWING_LINE_KERNEL_INL_H_
+#endif
+
+#include <hwy/contrib/math/math-inl.h>
+#include <hwy/highway.h>
+
+#include <numbers>
+
+HWY_BEFORE_NAMESPACE();
+namespace glasswing {
+namespace HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+constexpr int kMostLanes = 16;
+using D = hn::CappedTag<float, kMostLanes>;
+using V = hn::Vec<D>;
+
+HWY_INLINE V Set(float v) {
+  return hn::Set(D(), v);
+}
+
+// One Gaussian along k, by recurrence.
+struct Run {
+  V g, q;
+};
+
+struct Shape {
+  V inverse_variance, ratio;  // ratio = exp(-1 / sigma^2)
+  Run up, down;               // at k = 0, and q towards k = 1 and k = -1
+};
+
+HWY_INLINE Shape Begin(V mu, V sigma) {
+  const D d;
+  Shape shape;
+  shape.inverse_variance = hn::Div(Set(1.0f), hn::Mul(sigma, sigma));
+  const V half = hn::Mul(Set(0.5f), shape.inverse_variance);
+  shape.ratio = hn::Exp(d, hn::Neg(shape.inverse_variance));
+  shape.up.g = shape.down.g = hn::Exp(d, hn::Neg(hn::Mul(half, hn::Mul(mu, mu))));
+  // g(1) / g(0) = exp((2 mu - 1) / (2 sigma^2))
+  const V twice = hn::Add(mu, mu);
+  shape.up.q = hn::Exp(d, hn::Mul(half, hn::Sub(twice, Set(1.0f))));
+  shape.down.q = hn::Exp(d, hn::Mul(half, hn::Sub(hn::Neg(twice), Set(1.0f))));
+  return shape;
+}
+
+HWY_INLINE void Step(Run& run, V ratio) {
+  run.g = hn::Mul(run.g, run.q);
+  run.q = hn::Mul(run.q, ratio);
+}
+
+// sum r g, sum r g z, sum r g z^2 of one Gaussian.
+struct Moments {
+  V m0, m1, m2;
+  void Add(V h, V k) {
+    m0 = hn::Add(m0, h);
+    const V hk = hn::Mul(h, k);
+    m1 = hn::Add(m1, hk);
+    m2 = hn::MulAdd(hk, k, m2);
+  }
+  void ToUnits(V mu, V sigma) {
+    const V inverse = hn::Div(Set(1.0f), sigma);
+    const V first = hn::NegMulAdd(mu, m0, m1);
+    m2 = hn::Mul(hn::Mul(hn::NegMulAdd(mu, hn::Add(m1, first), m2), inverse), inverse);
+    m1 = hn::Mul(first, inverse);
+  }
+};
+
+constexpr float kInverseRootPi = 0.56418958f;
+
+}  // namespace HWY_NAMESPACE
+}  // namespace glasswing
+HWY_AFTER_NAMESPACE();
+
+#endif
