@@ -87,8 +87,12 @@ class BigArchive {
     twice_ = directory_ / "twice";
     fs::create_directories(twice_);
     fs::create_directory_symlink(directory_ / "frames", twice_ / "frames");
+    fs::create_directory_symlink(directory_ / "frames", twice_ / "again");
     v1::CaptureManifest twice = manifest_;
-    for (const v1::Frame& frame : manifest_.frames()) *twice.add_frames() = frame;
+    for (v1::Frame frame : manifest_.frames()) {
+      frame.set_file("again" + frame.file().substr(6));
+      *twice.add_frames() = frame;
+    }
     write_manifest(twice_, twice);
   }
   ~BigArchive() { fs::remove_all(directory_); }

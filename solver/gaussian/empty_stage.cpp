@@ -1,0 +1,405 @@
+#include "solver/gaussian/empty_stage.h"
+
+#include <absl/status/status.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+
+namespace glasswing {
+namespace {
+
+constexpr double kSaturated = 0.9995;
+constexpr double kFalsePositiveRate = 1e-4;
+
+// The one value of a gray stimulus; negative if it has a colour.
+double gray_of(const v1::Stimulus& stimulus) {
+  if (stimulus.colour_size() != 3) return 1.0;
+  const bool gray = stimulus.colour(0) == stimulus.colour(1) && stimulus.colour(1) == stimulus.colour(2);
+  return gray ? stimulus.colour(0) : -1.0;
+}
+
+// The only channel that is lit; -1 if there is none or there are several.
+int primary_of(const v1::Stimulus& stimulus) {
+  int lit = -1;
+  for (int c = 0; c < stimulus.colour_size(); ++c) {
+    if (stimulus.colour(c) <= 0.0) continue;
+    if (lit >= 0) return -1;
+    lit = c;
+  }
+  return lit;
+}
+
+bool tells_of_the_empty_stage(const v1::Frame& frame) {
+  const std::string& kind = frame.stimulus().kind();
+  return !frame.object() && !frame.stimulus().reference() && frame.also_lit_size() == 0 &&
+         (kind == "solid" || kind == "square");
+}
+
+double usual_exposure_ms(const v1::CaptureManifest& manifest) {
+  std::map<double, int> counts;
+  for (const v1::Frame& frame : manifest.frames()) {
+    if (tells_of_the_empty_stage(frame)) ++counts[frame.exposure_ms()];
+  }
+  const auto most = std::ranges::max_element(counts, {}, [](const auto& entry) { return entry.second; });
+  return most == counts.end() ? 0.0 : most->first;
+}
+
+void add_solid(const v1::Stimulus& stimulus, int frame, EmptyMonitor& monitor) {
+  const double gray = gray_of(stimulus);
+  if (gray > 0.0 && (monitor.white < 0 || gray > monitor.white_light)) {
+    monitor.white = frame;
+    monitor.white_light = gray;
+  }
+  const int lit = gray < 0.0 ? primary_of(stimulus) : -1;
+  if (lit < 0) return;
+  const auto c = static_cast<size_t>(lit);
+  if (monitor.primaries[c] >= 0 && monitor.primary_light[c] >= stimulus.colour(lit)) return;
+  monitor.primaries[c] = frame;
+  monitor.primary_light[c] = stimulus.colour(lit);
+}
+
+void add_bars(const v1::Stimulus& stimulus, int frame, EmptyMonitor& monitor) {
+  const bool vertical = stimulus.orient() == "vertical_bars";
+  const double gray = gray_of(stimulus);
+  if (!(stimulus.bar_width_px() >= 1.0) || !(gray > 0.0)) return;
+  if (!vertical && stimulus.orient() != "horizontal_bars") return;
+  std::vector<BarFrames>& bars = monitor.bars[vertical ? 0 : 1];
+  auto found = std::ranges::find_if(bars, [&](const BarFrames& known) {
+    return known.width_px == stimulus.bar_width_px() && known.light == gray;
+  });
+  if (found == bars.end()) {
+    bars.push_back({.width_px = stimulus.bar_width_px(), .light = gray});
+    found = bars.end() - 1;
+  }
+  int& slot = stimulus.inverse() ? found->inverse : found->frame;
+  if (slot < 0) slot = frame;
+}
+
+// Drops what cannot be normalised, and repeated widths; wide to narrow.
+void settle(EmptyMonitor& monitor) {
+  for (std::vector<BarFrames>& bars : monitor.bars) {
+    const bool solids = monitor.white >= 0 && monitor.black >= 0;
+    std::erase_if(bars,
+                  [&](const BarFrames& known) { return known.frame < 0 || (known.inverse < 0 && !solids); });
+    std::ranges::stable_sort(bars, [](const BarFrames& a, const BarFrames& b) {
+      return a.width_px != b.width_px ? a.width_px > b.width_px : a.inverse > b.inverse;
+    });
+    const auto repeated = std::ranges::unique(bars, {}, &BarFrames::width_px);
+    bars.erase(repeated.begin(), repeated.end());
+  }
+}
+
+std::vector<double> widths_of(const std::vector<BarFrames>& bars) {
+  std::vector<double> widths_px;
+  for (const BarFrames& known : bars) widths_px.push_back(known.width_px);
+  return widths_px;
+}
+
+Samples3 pixel_of(const FrameStack& stack, int frame, int x, int y) {
+  Samples3 samples{};
+  if (frame < 0) return samples;
+  for (int c = 0; c < kChannels; ++c) {
+    samples[static_cast<size_t>(c)] = static_cast<double>(stack.at(frame, x, y, c));
+  }
+  return samples;
+}
+
+// The footprint of a camera pixel's box of so many monitor pixels.
+double box_sigma_px(double scale) {
+  return scale / std::sqrt(12.0);
+}
+
+}  // namespace
+
+std::vector<EmptyMonitor> lay_out_empty_stage(const v1::CaptureManifest& manifest) {
+  std::vector<EmptyMonitor> monitors;
+  std::map<std::string, int> texture_of;
+  for (const v1::Monitor& monitor : manifest.monitors()) {
+    const int texture = static_cast<int>(monitors.size());
+    texture_of.emplace(monitor.name(), texture);
+    EmptyMonitor& empty = monitors.emplace_back();
+    empty.texture = texture;
+    empty.width_px = monitor.width_px();
+    empty.height_px = monitor.height_px();
+  }
+  const double exposure_ms = usual_exposure_ms(manifest);
+  int black = -1;
+  for (int i = 0; i < manifest.frames_size(); ++i) {
+    const v1::Frame& frame = manifest.frames(i);
+    const auto texture = texture_of.find(frame.stimulus().panel());
+    if (!tells_of_the_empty_stage(frame) || frame.exposure_ms() != exposure_ms) continue;
+    if (texture == texture_of.end()) continue;
+    EmptyMonitor& monitor = monitors[static_cast<size_t>(texture->second)];
+    if (frame.stimulus().kind() == "square") {
+      add_bars(frame.stimulus(), i, monitor);
+    } else if (gray_of(frame.stimulus()) == 0.0) {
+      if (black < 0) black = i;
+    } else {
+      add_solid(frame.stimulus(), i, monitor);
+    }
+  }
+  for (EmptyMonitor& monitor : monitors) {
+    monitor.black = black;
+    settle(monitor);
+  }
+  return monitors;
+}
+
+std::vector<int> frames_of(const std::vector<EmptyMonitor>& monitors) {
+  std::set<int> frames;
+  for (const EmptyMonitor& monitor : monitors) {
+    frames.insert({monitor.black, monitor.white});
+    for (const std::vector<BarFrames>& bars : monitor.bars) {
+      for (const BarFrames& known : bars) frames.insert({known.frame, known.inverse});
+    }
+  }
+  frames.erase(-1);
+  return {frames.begin(), frames.end()};
+}
+
+void gather(const FrameStack& stack, const EmptyMonitor& monitor, int x, int y, EmptyPixel& pixel) {
+  pixel.black = pixel_of(stack, monitor.black, x, y);
+  pixel.white = pixel_of(stack, monitor.white, x, y);
+  for (size_t axis = 0; axis < 2; ++axis) {
+    pixel.bars[axis].clear();
+    for (const BarFrames& known : monitor.bars[axis]) {
+      pixel.bars[axis].push_back(
+          {.lit = pixel_of(stack, known.frame, x, y), .inverse = pixel_of(stack, known.inverse, x, y)});
+    }
+  }
+}
+
+StraightView straight_view(const v1::Camera& camera, const EmptyMonitor& monitor, int x, int y) {
+  StraightView view;
+  view.scale = {static_cast<double>(monitor.width_px) / camera.width_px(),
+                static_cast<double>(monitor.height_px) / camera.height_px()};
+  view.centre_px = {(x + 0.5) * view.scale[0], (y + 0.5) * view.scale[1]};
+  return view;
+}
+
+Mode BackgroundPoint::mode(int channel, int texture) const {
+  const auto variance = [](double sigma_px) { return static_cast<float>(sigma_px * sigma_px); };
+  return {.weight = static_cast<float>(std::max(weight[static_cast<size_t>(channel)], 0.0)),
+          .x_px = static_cast<float>(axis[0].centre_px),
+          .y_px = static_cast<float>(axis[1].centre_px),
+          .xx_px2 = variance(axis[0].sigma_px),
+          .xy_px2 = 0.0f,
+          .yy_px2 = variance(axis[1].sigma_px),
+          .texture = texture};
+}
+
+BackgroundMap::BackgroundMap(const EmptyMonitor& monitor, const SampleNoise& noise)
+    : monitor_(monitor),
+      noise_(noise),
+      decoders_{BarDecoder(widths_of(monitor.bars[0]), monitor.width_px),
+                BarDecoder(widths_of(monitor.bars[1]), monitor.height_px)} {
+  const size_t solids = monitor.white >= 0 && monitor.black >= 0 ? 1 : 0;
+  const size_t samples = kChannels * (monitor.bars[0].size() + monitor.bars[1].size() + solids);
+  if (samples > 0) seen_threshold_ = chi_square_quantile(static_cast<double>(samples), kFalsePositiveRate);
+}
+
+BackgroundMap::Contrast BackgroundMap::difference_of(const EmptyPixel& pixel, size_t axis,
+                                                     size_t level) const {
+  const BarFrames& frames = monitor_.bars[axis][level];
+  const BarSamples& bars = pixel.bars[axis][level];
+  Contrast result;
+  for (size_t c = 0; c < kChannels; ++c) {
+    double difference = bars.lit[c] - bars.inverse[c];
+    double variance = noise_.variance(bars.lit[c]) + noise_.variance(bars.inverse[c]);
+    if (frames.inverse < 0) {
+      // The complement would be black + the whole light - (lit - black).
+      const double share = frames.light / monitor_.white_light;
+      difference = 2.0 * (bars.lit[c] - pixel.black[c]) - share * (pixel.white[c] - pixel.black[c]);
+      variance = 4.0 * noise_.variance(bars.lit[c]) + share * share * noise_.variance(pixel.white[c]) +
+                 (2.0 - share) * (2.0 - share) * noise_.variance(pixel.black[c]);
+    }
+    result.radiance[c] = difference / frames.light;
+    result.variance[c] = variance / (frames.light * frames.light);
+  }
+  return result;
+}
+
+// White - black for light 1; without these frames the mean of those differences of bars that are as large as
+// the largest, but for noise. It is less than that only where every wave's edges are in view.
+BackgroundMap::Contrast BackgroundMap::contrast_of(const EmptyPixel& pixel) const {
+  Contrast result;
+  if (monitor_.white >= 0 && monitor_.black >= 0) {
+    for (size_t c = 0; c < kChannels; ++c) {
+      const double light = monitor_.white_light;
+      result.radiance[c] = (pixel.white[c] - pixel.black[c]) / light;
+      result.variance[c] =
+          (noise_.variance(pixel.white[c]) + noise_.variance(pixel.black[c])) / (light * light);
+    }
+    return result;
+  }
+  std::vector<Contrast> differences;
+  for (size_t axis = 0; axis < 2; ++axis) {
+    for (size_t level = 0; level < monitor_.bars[axis].size(); ++level) {
+      differences.push_back(difference_of(pixel, axis, level));
+    }
+  }
+  for (size_t c = 0; c < kChannels; ++c) {
+    double most = 0.0;
+    for (const Contrast& difference : differences) most = std::max(most, std::abs(difference.radiance[c]));
+    double sum = 0.0, variance = 0.0, count = 0.0;
+    for (const Contrast& difference : differences) {
+      const double size = std::abs(difference.radiance[c]);
+      if (size < most - 4.0 * std::sqrt(difference.variance[c])) continue;
+      sum += size;
+      variance += difference.variance[c];
+      count += 1.0;
+    }
+    if (count == 0.0) continue;
+    result.radiance[c] = sum / count;
+    result.variance[c] = variance / (count * count);
+  }
+  return result;
+}
+
+bool BackgroundMap::sees(const EmptyPixel& pixel, const Contrast& contrast) const {
+  double chi_square = 0.0, signal = 0.0, variance = 0.0;
+  const auto add = [&](const Contrast& light) {
+    for (size_t c = 0; c < kChannels; ++c) {
+      chi_square += light.radiance[c] * light.radiance[c] / std::max(light.variance[c], 1e-20);
+    }
+  };
+  for (size_t axis = 0; axis < 2; ++axis) {
+    for (size_t level = 0; level < monitor_.bars[axis].size(); ++level) {
+      add(difference_of(pixel, axis, level));
+    }
+  }
+  if (monitor_.white >= 0 && monitor_.black >= 0) add(contrast);
+  for (size_t c = 0; c < kChannels; ++c) {
+    signal += contrast.radiance[c];
+    variance += contrast.variance[c];
+  }
+  // Light that does not stand out of the noise has no place worth finding.
+  return chi_square > seen_threshold_ && signal > 4.0 * std::sqrt(variance);
+}
+
+// F and R per channel by least squares of  sample = F + R Z light h,  h = 0 for black, 1 for white, (1 + v) /
+// 2 for bars and (1 - v) / 2 for their complement, with the v that were fitted.
+void BackgroundMap::weigh(const EmptyPixel& pixel, BackgroundPoint& point) const {
+  struct Sums {
+    double n = 0.0, h = 0.0, hh = 0.0, i = 0.0, ih = 0.0;
+  };
+  std::array<Sums, kChannels> sums;
+  const auto add = [&](const Samples3& sample, double h) {
+    for (size_t c = 0; c < kChannels; ++c) {
+      const double information = 1.0 / std::max(noise_.variance(sample[c]), 1e-20);
+      sums[c].n += information;
+      sums[c].h += information * h;
+      sums[c].hh += information * h * h;
+      sums[c].i += information * sample[c];
+      sums[c].ih += information * sample[c] * h;
+    }
+  };
+  if (monitor_.black >= 0) add(pixel.black, 0.0);
+  if (monitor_.white >= 0) add(pixel.white, monitor_.white_light);
+  for (size_t axis = 0; axis < 2; ++axis) {
+    const AxisFit& fit = point.axis[axis];
+    for (size_t level = 0; level < monitor_.bars[axis].size(); ++level) {
+      const BarFrames& frames = monitor_.bars[axis][level];
+      const double v = decoders_[axis].value(level, fit.centre_px, fit.sigma_px).v;
+      add(pixel.bars[axis][level].lit, 0.5 * frames.light * (1.0 + v));
+      if (frames.inverse >= 0) add(pixel.bars[axis][level].inverse, 0.5 * frames.light * (1.0 - v));
+    }
+  }
+  const double inside = std::max(point.axis[0].inside * point.axis[1].inside, 0.05);
+  for (size_t c = 0; c < kChannels; ++c) {
+    const Sums& s = sums[c];
+    const double determinant = s.n * s.hh - s.h * s.h;
+    const double light = (s.n * s.ih - s.h * s.i) / determinant;
+    point.weight[c] = std::max(light / inside, 0.0);
+    point.foreground[c] = std::max((s.i - std::max(light, 0.0) * s.h) / s.n, 0.0);
+  }
+}
+
+BackgroundPoint BackgroundMap::point(const EmptyPixel& pixel, const StraightView& straight) const {
+  BackgroundPoint point;
+  const bool bars = decoders_[0].wave_count() + decoders_[1].wave_count() > 0;
+  const bool solids = monitor_.white >= 0 && monitor_.black >= 0;
+  const Contrast contrast = contrast_of(pixel);
+  point.foreground = pixel.black;
+  if (bars ? !sees(pixel, contrast) : monitor_.texture != 0) return point;
+  point.seen = true;
+  for (size_t axis = 0; axis < 2; ++axis) {
+    const double scale = straight.scale[axis];
+    if (decoders_[axis].wave_count() == 0) {
+      // A camera pixel's box, less the monitor's own flat pixel.
+      point.axis[axis].centre_px = straight.centre_px[axis];
+      point.axis[axis].sigma_px = std::sqrt(std::max(scale * scale - 1.0, 0.0) / 12.0);
+      point.axis[axis].centre_sd_px = 0.25 * (axis == 0 ? monitor_.width_px : monitor_.height_px);
+      continue;
+    }
+    point.measured[axis] = true;
+    std::vector<BarDecoder::Sample> samples;
+    for (size_t level = 0; level < monitor_.bars[axis].size(); ++level) {
+      const Contrast difference = difference_of(pixel, axis, level);
+      // One v for all channels: each weighs with its contrast over its noise.
+      double top = 0.0, bottom = 0.0;
+      for (size_t c = 0; c < kChannels; ++c) {
+        const double information = 1.0 / std::max(difference.variance[c] + contrast.variance[c], 1e-20);
+        top += information * contrast.radiance[c] * difference.radiance[c];
+        bottom += information * contrast.radiance[c] * contrast.radiance[c];
+      }
+      samples.push_back({.value = top / bottom, .sd = 1.0 / std::sqrt(bottom)});
+    }
+    const BarDecoder::Guess guess{.centre_px = straight.centre_px[axis], .sigma_px = box_sigma_px(scale)};
+    point.axis[axis] = decoders_[axis].fit(samples, guess);
+    point.ambiguous = point.ambiguous || point.axis[axis].ambiguous;
+    point.chi_square += point.axis[axis].chi_square;
+    point.degrees += static_cast<int>(samples.size());
+  }
+  if (bars) {
+    weigh(pixel, point);
+  } else {
+    for (size_t c = 0; c < kChannels; ++c) {
+      point.weight[c] = solids ? std::max(contrast.radiance[c], 0.0) : 1.0;
+    }
+  }
+  return point;
+}
+
+absl::StatusOr<Crosstalk> measure_crosstalk(std::span<const PrimarySamples> pixels,
+                                            const SampleNoise& noise) {
+  std::array<Samples3, 3> sums{};  // [channel][primary], above black
+  std::array<Samples3, 3> variances{};
+  Crosstalk result;
+  for (const PrimarySamples& pixel : pixels) {
+    bool seen = true;
+    for (size_t c = 0; c < kChannels && seen; ++c) {
+      double response = 0.0, variance = 9.0 * noise.variance(pixel.black[c]);
+      for (size_t p = 0; p < 3; ++p) {
+        response += pixel.primaries[p][c] - pixel.black[c];
+        variance += noise.variance(pixel.primaries[p][c]);
+        seen = seen && pixel.primaries[p][c] < kSaturated;
+      }
+      seen = seen && response > 5.0 * std::sqrt(variance);
+    }
+    if (!seen) continue;
+    ++result.pixel_count;
+    for (size_t c = 0; c < kChannels; ++c) {
+      for (size_t p = 0; p < 3; ++p) {
+        sums[c][p] += pixel.primaries[p][c] - pixel.black[c];
+        variances[c][p] += noise.variance(pixel.primaries[p][c]) + noise.variance(pixel.black[c]);
+      }
+    }
+  }
+  if (result.pixel_count == 0) {
+    return absl::FailedPreconditionError(
+        "no pixel sees the monitor before solid red, green and blue without the object");
+  }
+  for (size_t c = 0; c < kChannels; ++c) {
+    const double white = sums[c][0] + sums[c][1] + sums[c][2];
+    for (size_t p = 0; p < 3; ++p) {
+      result.matrix[c][p] = sums[c][p] / white;
+      result.sd[c][p] = std::sqrt(variances[c][p]) / white;
+    }
+  }
+  return result;
+}
+
+}  // namespace glasswing

@@ -1,0 +1,84 @@
+#include "solver/gaussian/silhouette.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace glasswing {
+namespace {
+
+constexpr double kSaturated = 0.9995;
+
+// Regularised upper incomplete gamma function Q(a, x) (Numerical Recipes, section 6.2).
+double gamma_q(double a, double x) {
+  if (x <= 0.0) return 1.0;
+  const double front = std::exp(a * std::log(x) - x - std::lgamma(a));
+  if (x < a + 1.0) {
+    double term = 1.0 / a, sum = term;
+    for (int n = 1; n < 10000 && term > 1e-14 * sum; ++n) sum += term *= x / (a + n);
+    return 1.0 - front * sum;
+  }
+  double b = x + 1.0 - a, c = 1e300, d = 1.0 / b, h = d;  // Lentz
+  for (int n = 1; n < 10000; ++n) {
+    const double an = -n * (n - a);
+    b += 2.0;
+    d = 1.0 / (an * d + b);
+    c = b + an / c;
+    h *= c * d;
+    if (std::abs(c * d - 1.0) < 1e-14) break;
+  }
+  return front * h;
+}
+
+}  // namespace
+
+double SampleNoise::variance(double radiance) const {
+  return read_sd * read_sd + gain * std::max(radiance, 0.0);
+}
+
+SampleNoise sample_noise(const v1::Camera& camera, double unknown_sd) {
+  const bool known = camera.read_sd() > 0.0 || camera.gain() > 0.0;
+  const double bits = camera.bits() >= 1 && camera.bits() <= 16 ? camera.bits() : 16;
+  const double quantisation_sd = 1.0 / ((std::exp2(bits) - 1.0) * std::sqrt(12.0));
+  return {.read_sd = std::hypot(known ? camera.read_sd() : unknown_sd, quantisation_sd),
+          .gain = known ? camera.gain() : 0.0};
+}
+
+double chi_square_quantile(double degrees, double tail) {
+  double low = 0.0, high = degrees + 10.0;
+  while (gamma_q(0.5 * degrees, 0.5 * high) > tail) high *= 2.0;
+  for (int i = 0; i < 100 && high - low > 1e-9 * high; ++i) {
+    const double middle = 0.5 * (low + high);
+    (gamma_q(0.5 * degrees, 0.5 * middle) > tail ? low : high) = middle;
+  }
+  return 0.5 * (low + high);
+}
+
+SilhouetteTest::SilhouetteTest(const SampleNoise& noise, double tolerance, double false_positive_rate)
+    : noise_(noise), tolerance_(tolerance), false_positive_rate_(false_positive_rate) {
+  constexpr int kUsualDegrees = 300;
+  thresholds_.push_back(0.0);
+  for (int degrees = 1; degrees <= kUsualDegrees; ++degrees) {
+    thresholds_.push_back(chi_square_quantile(degrees, false_positive_rate));
+  }
+}
+
+double SilhouetteTest::threshold(int degrees) const {
+  const auto place = static_cast<size_t>(degrees);
+  return place < thresholds_.size() ? thresholds_[place] : chi_square_quantile(degrees, false_positive_rate_);
+}
+
+SilhouetteTest::Result SilhouetteTest::test(std::span<const Pair> pairs) const {
+  Result result;
+  for (const Pair& pair : pairs) {
+    if (pair.object >= kSaturated && pair.empty >= kSaturated) continue;
+    const double difference = pair.object - pair.empty;
+    const double drift = tolerance_ * std::max({pair.object, pair.empty, 0.0});
+    const double variance = noise_.variance(pair.object) + noise_.variance(pair.empty) + drift * drift;
+    result.chi_square += difference * difference / std::max(variance, 1e-20);
+    ++result.degrees;
+  }
+  result.object = result.degrees == 0 || result.chi_square > threshold(result.degrees);
+  return result;
+}
+
+}  // namespace glasswing

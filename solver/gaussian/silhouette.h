@@ -1,0 +1,50 @@
+// Whether the object changes a pixel: the same light with and without it, but for noise and drift (Chuang et
+// al. 2000, section 3.1). It depends on that pixel's own samples alone.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "glasswing/v1/archive.pb.h"
+
+namespace glasswing {
+
+// Variance of a sample of this radiance.
+struct SampleNoise {
+  double read_sd = 0.0;
+  double gain = 0.0;
+  double variance(double radiance) const;
+};
+// The camera's own, or `unknown_sd` where the manifest names none; never less than its quantisation.
+SampleNoise sample_noise(const v1::Camera& camera, double unknown_sd);
+
+// x with P(chi-square of `degrees` > x) = tail, tail in (0, 1).
+double chi_square_quantile(double degrees, double tail);
+
+// Sum over stimuli and channels of (object - empty)^2 / variance, chi-square where the object changes
+// nothing. A drift of the light by up to `tolerance`, relative, counts as noise of that size; a pair that is
+// saturated in both says nothing.
+class SilhouetteTest {
+ public:
+  SilhouetteTest(const SampleNoise& noise, double tolerance, double false_positive_rate = 1e-4);
+
+  struct Pair {
+    double object = 0.0, empty = 0.0;  // radiance of one channel before the same stimulus
+  };
+  struct Result {
+    bool object = false;  // the object changes this pixel; true, too, where there is nothing to tell from
+    double chi_square = 0.0;
+    int degrees = 0;
+  };
+  Result test(std::span<const Pair> pairs) const;
+
+ private:
+  double threshold(int degrees) const;
+
+  SampleNoise noise_;
+  double tolerance_;
+  double false_positive_rate_;
+  std::vector<double> thresholds_;  // by degrees; larger ones are worked out
+};
+
+}  // namespace glasswing
