@@ -79,6 +79,7 @@ double sign_of(size_t bar) {
 }  // namespace
 
 BarDecoder::BarDecoder(std::span<const double> bar_widths_px, int extent_px) : extent_px_(extent_px) {
+  assert(extent_px >= 1);
   for (const double bar_px : bar_widths_px) {
     assert(bar_px >= 1.0 && (waves_.empty() || bar_px < waves_.back().bar_px));
     Wave wave{.bar_px = bar_px, .regular = bar_px == std::floor(bar_px), .edges_px = {0.0}};
