@@ -9,6 +9,7 @@
 
 #include "core/base/status.h"
 #include "core/base/time.h"
+#include "solver/gaussian/empty_stage.h"
 #include "solver/gaussian/stack_solver.h"
 
 namespace glasswing {
@@ -56,10 +57,7 @@ absl::StatusOr<std::vector<int>> GaussianMethod::frames_needed(const v1::Capture
     needed.insert(pair.empty);
   }
   for (const ExposedFrame& exposed : layout.black) needed.insert(exposed.frame);
-  for (const auto& [texture, frame] : layout.white) needed.insert(frame);
-  for (const int frame : {layout.empty_black, layout.empty_white}) {
-    if (frame >= 0) needed.insert(frame);
-  }
+  for (const int frame : frames_of(lay_out_empty_stage(manifest))) needed.insert(frame);
   return std::vector<int>(needed.begin(), needed.end());
 }
 

@@ -43,23 +43,6 @@ std::uint16_t LoadFrame(const std::uint16_t* codes, int lane_count, float* to, s
   return most;
 }
 
-void AddDifferences(const std::uint16_t* a, const std::uint16_t* b, size_t count, float* squares,
-                    float* sum) {
-  const D d;
-  const size_t lanes = hn::Lanes(d);
-  size_t i = 0;
-  for (; i + lanes <= count; i += lanes) {
-    const V x = Radiance(a + i), y = Radiance(b + i), difference = hn::Sub(x, y);
-    hn::StoreU(hn::MulAdd(difference, difference, hn::LoadU(d, squares + i)), d, squares + i);
-    hn::StoreU(hn::Add(hn::LoadU(d, sum + i), hn::Add(x, y)), d, sum + i);
-  }
-  for (; i < count; ++i) {
-    const float x = static_cast<float>(a[i]) * kUnit, y = static_cast<float>(b[i]) * kUnit;
-    squares[i] += (x - y) * (x - y);
-    sum[i] += x + y;
-  }
-}
-
 // By bisection: counting is all that lanes can do side by side.
 void MedianNear(const float* samples, size_t sample_count, const float* middle, const float* reach,
                 float* median) {
@@ -99,17 +82,11 @@ HWY_AFTER_NAMESPACE();
 namespace glasswing {
 
 HWY_EXPORT(LoadFrame);
-HWY_EXPORT(AddDifferences);
 HWY_EXPORT(MedianNear);
 
 std::uint16_t internal::load_frame(const std::uint16_t* codes, int lane_count, float* to,
                                    size_t block_stride) {
   return HWY_DYNAMIC_DISPATCH(LoadFrame)(codes, lane_count, to, block_stride);
-}
-
-void internal::add_differences(const std::uint16_t* a, const std::uint16_t* b, size_t count, float* squares,
-                               float* sum) {
-  HWY_DYNAMIC_DISPATCH(AddDifferences)(a, b, count, squares, sum);
 }
 
 void internal::median_near(const float* samples, size_t sample_count, const float* middle, const float* reach,

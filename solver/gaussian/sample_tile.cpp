@@ -15,7 +15,7 @@ SampleTile::SampleTile(const StackLayout& layout) : layout_(layout) {
 }
 
 void SampleTile::load(const FrameStack& stack, int row, int first_lane, int lane_count,
-                      const NoiseModel& noise) {
+                      const SampleNoise& noise) {
   block_count_ = (lane_count + kBlockLanes - 1) / kBlockLanes;
   const size_t start =
       static_cast<size_t>(row) * static_cast<size_t>(stack.manifest.camera().width_px()) * 3 +
@@ -45,10 +45,10 @@ void SampleTile::load(const FrameStack& stack, int row, int first_lane, int lane
 }
 
 void SampleTile::load_brackets(const FrameStack& stack, size_t row_start, int lane_count,
-                               const NoiseModel& noise) {
+                               const SampleNoise& noise) {
   weighted_ = true;
   weights_.resize(samples_.size());
-  const double dark = noise.known() ? noise.variance(0.0) : 1.0;
+  const double dark = noise.variance(0.0);
   size_t sample = 0;
   for (const SweepLayout& sweep : layout_.sweeps) {
     for (const Shot& shot : sweep.shots) {
@@ -60,8 +60,7 @@ void SampleTile::load_brackets(const FrameStack& stack, size_t row_start, int la
           const double value = code / 65535.0, radiance = value * exposed.scale;
           darkest = std::min(darkest, radiance);
           if (code >= kSaturatedCode) continue;
-          const double variance =
-              (noise.known() ? noise.variance(value) : 1.0) * exposed.scale * exposed.scale;
+          const double variance = noise.variance(value) * exposed.scale * exposed.scale;
           sum += radiance / variance;
           weight += 1.0 / variance;
         }
@@ -82,11 +81,6 @@ std::array<float, kBlockLanes> SampleTile::median_near(int block,
   std::array<float, kBlockLanes> median;
   internal::median_near(samples(block, 0), sample_count_, middle.data(), reach.data(), median.data());
   return median;
-}
-
-void add_differences(std::span<const std::uint16_t> a, std::span<const std::uint16_t> b,
-                     std::span<float> squares, std::span<float> sum) {
-  internal::add_differences(a.data(), b.data(), squares.size(), squares.data(), sum.data());
 }
 
 }  // namespace glasswing

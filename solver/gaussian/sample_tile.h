@@ -8,17 +8,11 @@
 #include <vector>
 
 #include "solver/gaussian/crests.h"
+#include "solver/gaussian/silhouette.h"
 #include "solver/gaussian/stack_layout.h"
 #include "solver/method.h"
 
 namespace glasswing {
-
-// What is known of a sample's noise: variance = read_sd^2 + gain * value, on the scale 1.0 = full.
-struct NoiseModel {
-  double read_sd = 0.0, gain = 0.0;
-  bool known() const { return read_sd > 0.0 || gain > 0.0; }
-  double variance(double value) const { return read_sd * read_sd + gain * (value > 0.0 ? value : 0.0); }
-};
 
 class SampleTile {
  public:
@@ -29,7 +23,7 @@ class SampleTile {
   // Reads lanes [first_lane, first_lane + lane_count) of a row; lane_count is at most kMostBlocks *
   // kBlockLanes. Radiance on the scale of the reference exposure. Where several exposures were taken they are
   // merged by the inverse of their variances, saturated ones left out.
-  void load(const FrameStack& stack, int row, int first_lane, int lane_count, const NoiseModel& noise);
+  void load(const FrameStack& stack, int row, int first_lane, int lane_count, const SampleNoise& noise);
 
   int block_count() const { return block_count_; }
   // One sweep of a block; the samples may be changed.
@@ -48,7 +42,7 @@ class SampleTile {
   size_t place(int block, size_t sweep) const {
     return (static_cast<size_t>(block) * sample_count_ + first_sample_[sweep]) * kBlockLanes;
   }
-  void load_brackets(const FrameStack& stack, size_t row_start, int lane_count, const NoiseModel& noise);
+  void load_brackets(const FrameStack& stack, size_t row_start, int lane_count, const SampleNoise& noise);
 
   const StackLayout& layout_;
   size_t sample_count_ = 0;           // of all sweeps
@@ -59,9 +53,5 @@ class SampleTile {
 };
 
 inline constexpr std::uint16_t kSaturatedCode = 65502;  // 0.9995 of full scale
-
-// squares[l] += (a[l] - b[l])^2 and sum[l] += a[l] + b[l], on the scale 1.0 = full.
-void add_differences(std::span<const std::uint16_t> a, std::span<const std::uint16_t> b,
-                     std::span<float> squares, std::span<float> sum);
 
 }  // namespace glasswing

@@ -53,8 +53,8 @@ double chi_square_quantile(double degrees, double tail) {
   return 0.5 * (low + high);
 }
 
-SilhouetteTest::SilhouetteTest(const SampleNoise& noise, double tolerance, double false_positive_rate)
-    : noise_(noise), tolerance_(tolerance), false_positive_rate_(false_positive_rate) {
+SilhouetteTest::SilhouetteTest(double tolerance, double false_positive_rate)
+    : tolerance_(tolerance), false_positive_rate_(false_positive_rate) {
   constexpr int kUsualDegrees = 300;
   thresholds_.push_back(0.0);
   for (int degrees = 1; degrees <= kUsualDegrees; ++degrees) {
@@ -67,13 +67,13 @@ double SilhouetteTest::threshold(int degrees) const {
   return place < thresholds_.size() ? thresholds_[place] : chi_square_quantile(degrees, false_positive_rate_);
 }
 
-SilhouetteTest::Result SilhouetteTest::test(std::span<const Pair> pairs) const {
+SilhouetteTest::Result SilhouetteTest::test(std::span<const Pair> pairs, const SampleNoise& noise) const {
   Result result;
   for (const Pair& pair : pairs) {
     if (pair.object >= kSaturated && pair.empty >= kSaturated) continue;
     const double difference = pair.object - pair.empty;
     const double drift = tolerance_ * std::max({pair.object, pair.empty, 0.0});
-    const double variance = noise_.variance(pair.object) + noise_.variance(pair.empty) + drift * drift;
+    const double variance = noise.variance(pair.object) + noise.variance(pair.empty) + drift * drift;
     result.chi_square += difference * difference / std::max(variance, 1e-20);
     ++result.degrees;
   }

@@ -26,7 +26,7 @@ double chi_square_quantile(double degrees, double tail);
 // saturated in both says nothing.
 class SilhouetteTest {
  public:
-  SilhouetteTest(const SampleNoise& noise, double tolerance, double false_positive_rate = 1e-4);
+  explicit SilhouetteTest(double tolerance, double false_positive_rate = 1e-4);
 
   struct Pair {
     double object = 0.0, empty = 0.0;  // radiance of one channel before the same stimulus
@@ -36,12 +36,11 @@ class SilhouetteTest {
     double chi_square = 0.0;
     int degrees = 0;
   };
-  Result test(std::span<const Pair> pairs) const;
+  Result test(std::span<const Pair> pairs, const SampleNoise& noise) const;
 
  private:
   double threshold(int degrees) const;
 
-  SampleNoise noise_;
   double tolerance_;
   double false_positive_rate_;
   std::vector<double> thresholds_;  // by degrees; larger ones are worked out

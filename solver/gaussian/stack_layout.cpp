@@ -99,12 +99,7 @@ absl::StatusOr<StackLayout> lay_out(const v1::CaptureManifest& manifest) {
     const ExposedFrame exposed{.frame = i, .scale = reference ? 1.0 : reference_ms / exposure_ms};
     if (pattern && !frame.object() && reference) {
       empty_frames.emplace(stimulus.SerializeAsString(), i);
-      if (is_solid(stimulus, 0.0) && layout.empty_black < 0) layout.empty_black = i;
-      const bool first_monitor = texture_of(manifest, stimulus.panel()) == 0;
-      if (is_solid(stimulus, 1.0) && first_monitor && layout.empty_white < 0) layout.empty_white = i;
     }
-    if (frame.object() && is_solid(stimulus, 1.0) && reference)
-      layout.white.emplace(texture_of(manifest, stimulus.panel()), i);
     if (frame.object() && is_solid(stimulus, 0.0)) layout.black.push_back(exposed);
     if (!frame.object() || stimulus.kind() != "gauss_stripe") continue;
     const int texture = texture_of(manifest, stimulus.panel());

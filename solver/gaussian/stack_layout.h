@@ -35,9 +35,6 @@ struct SweepLayout {
 struct StackLayout {
   std::vector<SweepLayout> sweeps;  // by texture
   Shot black;                       // with the object
-  int empty_black = -1;             // without, reference exposure; -1: there is none
-  int empty_white = -1;
-  std::map<int, int> white;  // with the object, by texture, reference exposure
   // The same stimulus with and without the object, at the reference exposure.
   struct Pair {
     int object, empty;

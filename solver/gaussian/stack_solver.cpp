@@ -7,28 +7,9 @@ namespace glasswing {
 namespace {
 
 constexpr int kStretch = SampleTile::kMostBlocks * kBlockLanes;
+constexpr double kLeastStep = 1.0 / 65535.0;
+constexpr double kUsualNoise = 0.003;
 constexpr float kLeastFloor = 0.0015f;  // of full scale: fainter crests are stray light
-
-// Outside the silhouette the camera sees the first monitor straight through.
-Mode straight_through(const FrameStack& stack, const StackLayout& layout, int x, int y, int channel) {
-  const v1::Monitor& monitor = stack.manifest.monitors(0);
-  const double scale_x = static_cast<double>(monitor.width_px()) / stack.manifest.camera().width_px();
-  const double scale_y = static_cast<double>(monitor.height_px()) / stack.manifest.camera().height_px();
-  double weight = 1.0;
-  if (layout.empty_white >= 0) {
-    weight = stack.at(layout.empty_white, x, y, channel);
-    if (layout.empty_black >= 0) weight -= stack.at(layout.empty_black, x, y, channel);
-  }
-  // A camera pixel's box on the monitor, less the monitor's own flat pixel.
-  const auto variance = [](double scale) { return std::max((scale * scale - 1.0) / 12.0, 0.0); };
-  return {.weight = static_cast<float>(std::max(weight, 0.0)),
-          .x_px = static_cast<float>((x + 0.5) * scale_x),
-          .y_px = static_cast<float>((stack.first_row + y + 0.5) * scale_y),
-          .xx_px2 = static_cast<float>(variance(scale_x)),
-          .xy_px2 = 0.0f,
-          .yy_px2 = static_cast<float>(variance(scale_y)),
-          .texture = 0};
-}
 
 Mode mode_of(const Footprint& footprint, int texture) {
   return {.weight = static_cast<float>(footprint.weight),
@@ -56,9 +37,11 @@ StackSolver::StackSolver(const FrameStack& stack, const StackLayout& layout, int
     : stack_(stack),
       layout_(layout),
       most_modes_(most_modes),
-      silhouette_tolerance_(silhouette_tolerance),
       lane_count_(stack.manifest.camera().width_px() * kChannels),
-      noise_{.read_sd = stack.manifest.camera().read_sd(), .gain = stack.manifest.camera().gain()},
+      noise_known_(stack.manifest.camera().read_sd() > 0.0 || stack.manifest.camera().gain() > 0.0),
+      noise_(sample_noise(stack.manifest.camera(), kUsualNoise)),
+      silhouette_(silhouette_tolerance),
+      empty_(lay_out_empty_stage(stack.manifest)),
       tile_(layout) {
   for (size_t s = 0; s < layout.sweeps.size(); ++s) {
     const SweepLayout& sweep = layout.sweeps[s];
@@ -97,6 +80,7 @@ StackSolver::StackSolver(const FrameStack& stack, const StackLayout& layout, int
           {.axis = texture.samples.sweeps[k].axis, .step_px = grids_[texture.sweeps[k]].step_px});
     }
   }
+  for (const EmptyMonitor& monitor : empty_) background_.emplace_back(monitor, noise_);
   plain_.resize(textures_.size());
   noise_sd_.resize(static_cast<size_t>(lane_count_));
   object_.resize(static_cast<size_t>(lane_count_ / kChannels));
@@ -134,35 +118,47 @@ void StackSolver::estimate_row_noise(int y) {
   }
 }
 
-// A pixel is the object's where the same light looks different with it than without (section 3.1): where the
-// mean square of the differences is more than noise (by four of its own standard deviations) and more than
-// the tolerance.
 void StackSolver::find_silhouette(int y) {
-  const size_t start = static_cast<size_t>(y) * static_cast<size_t>(lane_count_);
-  const auto lanes = static_cast<size_t>(lane_count_);
-  std::vector<float> squares(lanes), sum(lanes);
-  for (const StackLayout::Pair& pair : layout_.pairs) {
-    add_differences(stack_.rows[static_cast<size_t>(pair.object)].subspan(start, lanes),
-                    stack_.rows[static_cast<size_t>(pair.empty)].subspan(start, lanes), squares, sum);
-  }
-  const double n = 3.0 * static_cast<double>(layout_.pairs.size());
-  for (size_t x = 0; x < object_.size(); ++x) {
-    double square = 0.0, variance = 0.0;
-    for (size_t lane = 3 * x; lane < 3 * x + 3; ++lane) {
-      square += static_cast<double>(squares[lane]);
-      const double sd = static_cast<double>(noise_sd_[lane]);
-      variance += noise_.known() ? 2.0 * noise_.read_sd * noise_.read_sd * n / 3.0 +
-                                       noise_.gain * static_cast<double>(sum[lane])
-                                 : 2.0 * sd * sd * n / 3.0;
+  std::vector<SilhouetteTest::Pair> pairs;
+  for (int x = 0; x < lane_count_ / kChannels; ++x) {
+    pairs.clear();
+    for (const StackLayout::Pair& pair : layout_.pairs) {
+      for (int c = 0; c < kChannels; ++c) {
+        pairs.push_back({.object = static_cast<double>(stack_.at(pair.object, x, y, c)),
+                         .empty = static_cast<double>(stack_.at(pair.empty, x, y, c))});
+      }
     }
-    object_[x] =
-        layout_.pairs.empty() || square / n > std::max(silhouette_tolerance_ * silhouette_tolerance_,
-                                                       variance / n * (1.0 + 4.0 * std::sqrt(2.0 / n)));
+    SampleNoise noise = noise_;
+    if (!noise_known_) {
+      double variance = 0.0;
+      for (int c = 0; c < kChannels; ++c) {
+        const auto sd = static_cast<double>(noise_sd_[static_cast<size_t>(x * kChannels + c)]);
+        variance += sd * sd / kChannels;
+      }
+      noise.read_sd = std::sqrt(std::max(variance, kLeastStep * kLeastStep));
+    }
+    object_[static_cast<size_t>(x)] = silhouette_.test(pairs, noise).object;
+  }
+}
+
+void StackSolver::map_background(int x, int y, Matte& matte) {
+  std::array<size_t, kChannels> slot{};
+  for (size_t m = 0; m < background_.size(); ++m) {
+    gather(stack_, empty_[m], x, y, empty_pixel_);
+    const StraightView straight = straight_view(stack_.manifest.camera(), empty_[m], x, stack_.first_row + y);
+    const BackgroundPoint point = background_[m].point(empty_pixel_, straight);
+    if (!point.seen) continue;
+    if (point.ambiguous) matte.flags(x, y) |= kFlagPoorFit;
+    for (int c = 0; c < kChannels; ++c) {
+      size_t& place = slot[static_cast<size_t>(c)];
+      if (place < matte.modes(x, y, c).size())
+        matte.modes(x, y, c)[place++] = point.mode(c, empty_[m].texture);
+    }
   }
 }
 
 void StackSolver::solve_row(int y, Matte& matte) {
-  if (noise_.known()) {
+  if (noise_known_) {
     for (int lane = 0; lane < lane_count_; ++lane) {
       noise_sd_[static_cast<size_t>(lane)] =
           static_cast<float>(std::sqrt(noise_.variance(static_cast<double>(black(y, lane)))));
@@ -176,8 +172,8 @@ void StackSolver::solve_row(int y, Matte& matte) {
     matte.coverage(x, y) = object ? 1.0f : 0.0f;
     for (int c = 0; c < kChannels; ++c) {
       matte.foreground(x, y)[static_cast<size_t>(c)] = black(y, x * kChannels + c);
-      if (!object) matte.modes(x, y, c)[0] = straight_through(stack_, layout_, x, y, c);
     }
+    if (!object) map_background(x, y, matte);
   }
   for (int first = 0; first < lane_count_; first += kStretch) {
     const int count = std::min(kStretch, lane_count_ - first);

@@ -6,9 +6,11 @@
 #include <vector>
 
 #include "core/matte/matte.h"
+#include "solver/gaussian/empty_stage.h"
 #include "solver/gaussian/joint_batch.h"
 #include "solver/gaussian/mode_search.h"
 #include "solver/gaussian/sample_tile.h"
+#include "solver/gaussian/silhouette.h"
 #include "solver/gaussian/stack_layout.h"
 #include "solver/method.h"
 
@@ -41,6 +43,8 @@ class StackSolver {
   };
 
   void find_silhouette(int y);
+  // What the pixel sees without the object.
+  void map_background(int x, int y, Matte& matte);
   void estimate_row_noise(int y);
   void solve_block(int y, int block, int first_lane, Matte& matte);
   // The lanes of the block that one footprint on this monitor explains.
@@ -55,9 +59,13 @@ class StackSolver {
   const FrameStack& stack_;
   const StackLayout& layout_;
   const int most_modes_;
-  const double silhouette_tolerance_;
   const int lane_count_;  // of a row
-  const NoiseModel noise_;
+  const bool noise_known_;
+  const SampleNoise noise_;  // where it is not known: as of an ordinary camera
+  const SilhouetteTest silhouette_;
+  std::vector<EmptyMonitor> empty_;
+  std::vector<BackgroundMap> background_;
+  EmptyPixel empty_pixel_;
   std::vector<Texture> textures_;
   std::vector<Grid> grids_;
   SampleTile tile_;

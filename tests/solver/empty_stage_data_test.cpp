@@ -147,7 +147,8 @@ TEST_P(Silhouette, IsTheRenderersMaskButForWhatChangesNoLight) {
   constexpr double kNoise = 0.005;
   rig.add_noise(kNoise);
   const FrameStack stack = rig.stack();
-  const SilhouetteTest test(sample_noise(rig.manifest.camera(), kNoise), 0.006);
+  const SilhouetteTest test(0.006);
+  const SampleNoise sample = sample_noise(rig.manifest.camera(), kNoise);
   std::array<int, 2> count{}, positive{};
   std::vector<SilhouetteTest::Pair> pairs;
   for (int y = 0; y < mask.height_px; ++y) {
@@ -163,7 +164,7 @@ TEST_P(Silhouette, IsTheRenderersMaskButForWhatChangesNoLight) {
       }
       const size_t inside = covered > 0 ? 1 : 0;
       ++count[inside];
-      if (test.test(pairs).object) ++positive[inside];
+      if (test.test(pairs, sample).object) ++positive[inside];
     }
   }
   const double inside = 1.0 * positive[1] / count[1], outside = 1.0 * positive[0] / count[0];
@@ -197,7 +198,8 @@ TEST_P(RealGlass, IsToldFromItsBackgroundPixelByPixel) {
   };
   const RadianceImage object = picture(".jpg"), empty = picture("_bg.jpg"), trimap = picture("_trimap.png");
   for (const double sd_codes : {1.0, 2.0, 3.0}) {
-    const SilhouetteTest test({.read_sd = sd_codes / 255.0, .gain = 0.0}, 0.006);
+    const SilhouetteTest test(0.006);
+    const SampleNoise sample{.read_sd = sd_codes / 255.0, .gain = 0.0};
     std::array<int, 2> count{}, positive{};
     for (int y = 0; y < object.height_px; ++y) {
       for (int x = 0; x < object.width_px; ++x) {
@@ -211,7 +213,7 @@ TEST_P(RealGlass, IsToldFromItsBackgroundPixelByPixel) {
         }
         const size_t inside = known > 0.5f ? 1 : 0;
         ++count[inside];
-        if (test.test(pairs).object) ++positive[inside];
+        if (test.test(pairs, sample).object) ++positive[inside];
       }
     }
     const double inside = 1.0 * positive[1] / count[1], outside = 1.0 * positive[0] / count[0];

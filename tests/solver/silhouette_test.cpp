@@ -35,10 +35,10 @@ TEST(SilhouetteTest, FalseAlarmsAreAsRareAsAsked) {
   constexpr int kTrials = 40000;
   for (const int count : {6, 99}) {
     for (const double rate : {1e-2, 1e-4}) {
-      const SilhouetteTest test(noise, 0.0, rate);
+      const SilhouetteTest test(0.0, rate);
       int alarms = 0;
       for (int i = 0; i < kTrials; ++i) {
-        if (test.test(noisy_pairs(random, noise, count, 1.0)).object) ++alarms;
+        if (test.test(noisy_pairs(random, noise, count, 1.0), noise).object) ++alarms;
       }
       // A Poisson count with four sd, and a little for variances taken from noisy samples.
       const double expected = kTrials * rate;
@@ -51,11 +51,11 @@ TEST(SilhouetteTest, FalseAlarmsAreAsRareAsAsked) {
 TEST(SilhouetteTest, DriftWithinTheToleranceIsNoObject) {
   const SampleNoise noise{.read_sd = 0.002, .gain = 0.0};
   std::mt19937 random(12);
-  const SilhouetteTest test(noise, 0.01);
+  const SilhouetteTest test(0.01);
   int drifted = 0, darker = 0;
   for (int i = 0; i < 1000; ++i) {
-    if (test.test(noisy_pairs(random, noise, 99, 1.01)).object) ++drifted;
-    if (test.test(noisy_pairs(random, noise, 99, 0.97)).object) ++darker;
+    if (test.test(noisy_pairs(random, noise, 99, 1.01), noise).object) ++drifted;
+    if (test.test(noisy_pairs(random, noise, 99, 0.97), noise).object) ++darker;
   }
   EXPECT_LE(drifted, 2);
   EXPECT_EQ(darker, 1000);  // three times the tolerance
@@ -64,22 +64,23 @@ TEST(SilhouetteTest, DriftWithinTheToleranceIsNoObject) {
 TEST(SilhouetteTest, OneChangedPairAmongManyIsEnough) {
   const SampleNoise noise{.read_sd = 0.005, .gain = 0.0};
   std::mt19937 random(13);
-  const SilhouetteTest test(noise, 0.006);
+  const SilhouetteTest test(0.006);
   for (int i = 0; i < 200; ++i) {
     std::vector<SilhouetteTest::Pair> pairs = noisy_pairs(random, noise, 99, 1.0);
     pairs[40].object = pairs[40].empty - 0.2;
-    EXPECT_TRUE(test.test(pairs).object);
+    EXPECT_TRUE(test.test(pairs, noise).object);
   }
 }
 
 TEST(SilhouetteTest, SaturatedPairsSayNothing) {
-  const SilhouetteTest test({.read_sd = 0.005, .gain = 0.0}, 0.0);
+  const SilhouetteTest test(0.0);
+  const SampleNoise noise{.read_sd = 0.005, .gain = 0.0};
   std::vector<SilhouetteTest::Pair> pairs(10, {.object = 1.0, .empty = 1.0});
-  EXPECT_EQ(test.test(pairs).degrees, 0);
-  EXPECT_TRUE(test.test(pairs).object);  // nothing shows that it is not
+  EXPECT_EQ(test.test(pairs, noise).degrees, 0);
+  EXPECT_TRUE(test.test(pairs, noise).object);  // nothing shows that it is not
   pairs.push_back({.object = 0.5, .empty = 0.5});
-  EXPECT_EQ(test.test(pairs).degrees, 1);
-  EXPECT_FALSE(test.test(pairs).object);
+  EXPECT_EQ(test.test(pairs, noise).degrees, 1);
+  EXPECT_FALSE(test.test(pairs, noise).object);
 }
 
 }  // namespace
