@@ -133,6 +133,7 @@ class SubsetChoice {
 
   // False: there is no such set with all weights positive.
   bool best(int size, Footprints* modes) {
+    if (size > count_) return false;
     size_ = size;
     best_score_ = 0.0;
     extend(0, 0);
@@ -245,6 +246,7 @@ class Search {
     const std::vector<Meeting> meetings = meetings_of(axes_, crests);
     if (meetings.empty()) return best;
     SubsetChoice subsets(axes_, crests, meetings);
+    if (as_many_as_crests(crests, max_modes, subsets, &best)) return best;
     while (best.modes.size() < max_modes) {
       starts_.clear();
       const int size = best.modes.size() + 1;
@@ -264,6 +266,28 @@ class Search {
   }
 
  private:
+  // The usual case: as many modes as some sweep shows crests, no more and no fewer, and nothing left but
+  // noise.
+  bool as_many_as_crests(std::span<const Crests> crests, int max_modes, SubsetChoice& subsets,
+                         JointFit* fit) {
+    int most = 0;
+    for (const Crests& sweep : crests) most = std::max(most, sweep.count);
+    Footprints start;
+    if (most > max_modes || !subsets.best(most, &start)) return false;
+    *fit = fit_jointly(samples_, start, extent_, kIterations / 4, workspace_);
+    if (fit->converged && physical(*fit) && explained(*fit) && all_matter(*fit)) return true;
+    *fit = {};
+    return false;
+  }
+
+  // Each by four of its standard errors.
+  static bool all_matter(const JointFit& fit) {
+    for (int m = 0; m < fit.modes.size(); ++m) {
+      if (!(fit.modes[m].weight > 4.0 * fit.weight_sd[static_cast<size_t>(m)])) return false;
+    }
+    return true;
+  }
+
   // Near the modes and elsewhere.
   bool explained(const JointFit& fit) const {
     return is_explained(fit, noise_sd_) &&
