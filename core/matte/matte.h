@@ -30,6 +30,9 @@ struct Mode {
   float xy_px2 = 0.0f;
   float yy_px2 = 0.0f;
   std::int32_t texture = 0;  // which monitor: its place in MatteMetadata.monitors
+  // Standard errors of the weight and of the centre (rms of x and y); 0: not known.
+  float weight_sd = 0.0f;
+  float centre_sd_px = 0.0f;
 };
 
 // Why a pixel is not to be trusted; 0 is good.

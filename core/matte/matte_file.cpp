@@ -94,13 +94,15 @@ struct ModeLayer {
   const char* name;
   float Mode::*member;  // null: the texture id
 };
-constexpr std::array<ModeLayer, 7> kModeLayers{{{"weight", &Mode::weight},
+constexpr std::array<ModeLayer, 9> kModeLayers{{{"weight", &Mode::weight},
                                                 {"x", &Mode::x_px},
                                                 {"y", &Mode::y_px},
                                                 {"xx", &Mode::xx_px2},
                                                 {"xy", &Mode::xy_px2},
                                                 {"yy", &Mode::yy_px2},
-                                                {"texture", nullptr}}};
+                                                {"texture", nullptr},
+                                                {"weight_sd", &Mode::weight_sd},
+                                                {"centre_sd", &Mode::centre_sd_px}}};
 
 std::vector<Part> parts_of(const Matte& matte) {
   std::vector<Part> parts;
@@ -179,8 +181,9 @@ absl::Status check(const Matte& matte) {
           for (const ModeLayer& layer : kModeLayers) {
             good = good && (layer.member == nullptr || std::isfinite(mode.*layer.member));
           }
-          good = good && mode.weight >= 0.0f && mode.xx_px2 >= 0.0f && mode.yy_px2 >= 0.0f &&
-                 mode.texture >= 0 && mode.texture < matte.metadata.monitors_size();
+          good = good && mode.weight >= 0.0f && mode.weight_sd >= 0.0f && mode.centre_sd_px >= 0.0f &&
+                 mode.xx_px2 >= 0.0f && mode.yy_px2 >= 0.0f && mode.texture >= 0 &&
+                 mode.texture < matte.metadata.monitors_size();
         }
       }
       if (!good)

@@ -4,7 +4,7 @@
 //
 #include <hwy/highway.h>
 
-#include <cmath>
+#include <algorithm>
 
 #include "solver/gaussian/crests.h"
 
@@ -29,36 +29,38 @@ void Insert(internal::LaneTops& tops, float height, int place) {
   tops.place[static_cast<size_t>(at)] = place;
 }
 
-void FindTops(const SweepBlock& sweep, const float* floor, float* smooth, internal::LaneTops* tops) {
+void FindTops(const SweepBlock& sweep, const float* floor, internal::LaneTops* tops) {
   const D d;
-  const int lanes = static_cast<int>(hn::Lanes(d));
+  constexpr int kGroup = 8;
+  const int lanes = static_cast<int>(hn::Lanes(d)), count = sweep.count;
   HWY_ALIGN float heights[kBlockLanes];
   for (int first = 0; first < kBlockLanes; first += lanes) {
     const float* y = sweep.y + first;
-    const V least = hn::LoadU(d, floor + first), quarter = hn::Set(d, 0.25f);
-    const auto sample = [&](int i) { return hn::LoadU(d, y + i * kBlockLanes); };
-    V before = sample(0), middle = before, after = sweep.count > 1 ? sample(1) : before;
-    V last = hn::Set(d, -1e30f), now = hn::Zero(d);
-    for (int i = 0; i <= sweep.count; ++i) {
-      // `next` is the smoothed sample i; a maximum is decided one sample late.
-      V next = hn::Set(d, -1e30f);
-      if (i < sweep.count) {
-        next = hn::Mul(quarter, hn::Add(hn::Add(before, after), hn::Add(middle, middle)));
-        hn::StoreU(next, d, smooth + i * kBlockLanes + first);
-        before = middle, middle = after;
-        if (i + 2 < sweep.count) after = sample(i + 2);
-      }
-      if (i > 0) {
+    const V least = hn::LoadU(d, floor + first), quarter = hn::Set(d, 0.25f), nothing = hn::Set(d, -1e30f);
+    const auto sample = [&](int i) { return hn::LoadU(d, y + std::clamp(i, 0, count - 1) * kBlockLanes); };
+    const auto smooth = [&](int i) {
+      const V middle = sample(i);
+      return hn::Mul(quarter, hn::Add(hn::Add(sample(i - 1), sample(i + 1)), hn::Add(middle, middle)));
+    };
+    for (int begin = 0; begin < count; begin += kGroup) {
+      const int end = std::min(begin + kGroup, count);
+      // Most of a sweep is dark: where no sample rises above the floor, nothing smoothed does.
+      V highest = hn::Max(sample(begin - 1), sample(end));
+      for (int i = begin; i < end; ++i) highest = hn::Max(highest, hn::LoadU(d, y + i * kBlockLanes));
+      if (hn::AllTrue(d, hn::Le(highest, least))) continue;
+      V last = begin > 0 ? smooth(begin - 1) : nothing, now = smooth(begin);
+      for (int i = begin; i < end; ++i) {
+        const V next = i + 1 < count ? smooth(i + 1) : nothing;
         const auto top = hn::And(hn::And(hn::Gt(now, last), hn::Ge(now, next)), hn::Gt(now, least));
         if (HWY_UNLIKELY(!hn::AllFalse(d, top))) {
           hn::Store(hn::IfThenElse(top, now, hn::Set(d, -1.0f)), d, heights);
           for (int lane = 0; lane < lanes; ++lane) {
-            if (heights[lane] > 0.0f) Insert(tops[first + lane], heights[lane], i - 1);
+            if (heights[lane] > 0.0f) Insert(tops[first + lane], heights[lane], i);
           }
         }
         last = now;
+        now = next;
       }
-      now = next;
     }
   }
 }
@@ -106,8 +108,8 @@ std::array<float, kBlockLanes> estimate_noise(const SweepBlock& sweep) {
   return noise_sd;
 }
 
-void internal::find_tops(const SweepBlock& sweep, const float* floor, float* smooth, LaneTops* tops) {
-  HWY_DYNAMIC_DISPATCH(FindTops)(sweep, floor, smooth, tops);
+void internal::find_tops(const SweepBlock& sweep, const float* floor, LaneTops* tops) {
+  HWY_DYNAMIC_DISPATCH(FindTops)(sweep, floor, tops);
 }
 
 }  // namespace glasswing

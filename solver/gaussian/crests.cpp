@@ -7,31 +7,48 @@
 namespace glasswing {
 namespace {
 
+// One lane's samples round a top, smoothed by (1 2 1)/4.
+class Smoothed {
+ public:
+  // `left` and `right`: samples on either side.
+  Smoothed(const float* top, int left, int right) : top_(top), left_(left), right_(right) {}
+  float operator()(int k) const {
+    const float middle = top_[k * kBlockLanes];
+    const float before = k > -left_ ? top_[(k - 1) * kBlockLanes] : middle;
+    const float after = k < right_ ? top_[(k + 1) * kBlockLanes] : middle;
+    return 0.25f * (before + 2.0f * middle + after);
+  }
+
+ private:
+  const float* top_;
+  int left_, right_;
+};
+
 // Where a fit begins: from the smoothed top and the samples two to its left and right,
 //   (y(-2) + y(2)) / (2 y(0)) = exp(-2 / sigma^2) for a Gaussian on its centre.
-LineGaussian start_of(const float* top, int room) {
+LineGaussian start_of(const Smoothed& smooth, int room) {
   const int k = std::min(room, 2);
-  const float left = top[-k * kBlockLanes], right = top[k * kBlockLanes];
-  const float ratio = std::clamp(0.5f * (left + right) / top[0], 0.05f, 0.97f);
+  const float height = smooth(0), left = smooth(-k), right = smooth(k);
+  const float ratio = std::clamp(0.5f * (left + right) / height, 0.05f, 0.97f);
   const auto kk = static_cast<float>(k * k);
   // The filter has widened it by 1/2 sample^2.
   const float sigma = std::sqrt(std::max(-0.5f * kk / std::log(ratio) - 0.5f, 1.0f));
-  const float curvature = 2.0f * top[0] - left - right;
+  const float curvature = 2.0f * height - left - right;
   const float centre =
       curvature > 0.0f ? std::clamp(0.5f * static_cast<float>(k) * (right - left) / curvature, -1.0f, 1.0f)
                        : 0.0f;
-  return {.amplitude = top[0] * std::sqrt(1.0f + 0.5f / (sigma * sigma)), .centre = centre, .sigma = sigma};
+  return {.amplitude = height * std::sqrt(1.0f + 0.5f / (sigma * sigma)), .centre = centre, .sigma = sigma};
 }
 
 // Samples on either side until it rises again or has fallen away.
-int room_round(const float* top, int most) {
-  const float low = 0.02f * top[0];
+int room_round(const Smoothed& smooth, int most) {
+  const float low = 0.02f * smooth(0);
+  float left = smooth(-1), right = smooth(1);
   int half = 1;
-  while (half < most) {
-    const int next = (half + 1) * kBlockLanes, now = half * kBlockLanes;
-    const bool valley = top[next] > top[now] || top[-next] > top[-now];
-    const bool low_both = top[now] < low && top[-now] < low;
-    if (valley && !low_both) break;
+  while (half < most && !(left < low && right < low)) {
+    const float next_left = smooth(-half - 1), next_right = smooth(half + 1);
+    if (next_left > left || next_right > right) break;
+    left = next_left, right = next_right;
     ++half;
   }
   return half;
@@ -42,23 +59,22 @@ int room_round(const float* top, int most) {
 void CrestFinder::add_tops(int sweep, const SweepBlock& block, const std::array<float, kBlockLanes>& floor,
                            unsigned lanes) {
   std::array<internal::LaneTops, kBlockLanes> tops{};
-  smooth_.resize(static_cast<size_t>(block.count) * kBlockLanes);
-  internal::find_tops(block, floor.data(), smooth_.data(), tops.data());
+  internal::find_tops(block, floor.data(), tops.data());
   for (int lane = 0; lane < kBlockLanes; ++lane) {
     if ((lanes >> lane & 1u) == 0) continue;
     const internal::LaneTops& own = tops[static_cast<size_t>(lane)];
     for (int t = 0; t < own.count; ++t) {
       const int place = own.place[static_cast<size_t>(t)];
       const int room = std::min(place, block.count - 1 - place);
-      const float* top = smooth_.data() + place * kBlockLanes + lane;
+      const Smoothed smooth(block.y + place * kBlockLanes + lane, place, block.count - 1 - place);
       Top& found =
           tops_.emplace_back(Top{.sweep = sweep, .lane = lane, .place = place, .window = {}, .fit = {}});
-      found.fit.peak =
-          room > 0 ? start_of(top, room) : LineGaussian{.amplitude = top[0], .centre = 0.0f, .sigma = 2.0f};
+      found.fit.peak = room > 0 ? start_of(smooth, room)
+                                : LineGaussian{.amplitude = smooth(0), .centre = 0.0f, .sigma = 2.0f};
       const int reach = static_cast<int>(std::ceil(4.0f * found.fit.peak.sigma));
       found.window = {.middle = block.y + place * kBlockLanes + lane,
                       .stride = kBlockLanes,
-                      .half = room > 0 ? room_round(top, std::min({reach, room, kMostHalf})) : 0};
+                      .half = room > 0 ? room_round(smooth, std::min({reach, room, kMostHalf})) : 0};
     }
   }
 }

@@ -54,7 +54,6 @@ class CrestFinder {
                 unsigned lanes);
   void add_doubles(const std::array<float, kBlockLanes>& noise_sd);
 
-  std::vector<float> smooth_;
   std::vector<Top> tops_;
   std::vector<LineWindow> windows_;
   std::vector<SingleFit> singles_;
@@ -71,7 +70,7 @@ struct LaneTops {
   std::array<float, kMostCrests> height;
   std::array<int, kMostCrests> place;
 };
-void find_tops(const SweepBlock& sweep, const float* floor, float* smooth, LaneTops* tops);
+void find_tops(const SweepBlock& sweep, const float* floor, LaneTops* tops);
 
 }  // namespace internal
 }  // namespace glasswing

@@ -30,6 +30,8 @@ void SampleTile::load(const FrameStack& stack, int row, int first_lane, int lane
   for (const SweepLayout& sweep : layout_.sweeps) {
     for (const Shot& shot : sweep.shots) {
       const std::uint16_t* codes = stack.rows[static_cast<size_t>(shot.front().frame)].data() + start;
+      // The stretch that comes after this one; frames lie too far apart for the processor to see it coming.
+      for (int ahead = lane_count; ahead < 2 * lane_count; ahead += 32) __builtin_prefetch(codes + ahead);
       const std::uint16_t most = internal::load_frame(
           codes, lane_count, samples_.data() + sample * kBlockLanes, sample_count_ * kBlockLanes);
       highest = std::max(highest, most);

@@ -11,14 +11,18 @@ constexpr double kLeastStep = 1.0 / 65535.0;
 constexpr double kUsualNoise = 0.003;
 constexpr float kLeastFloor = 0.0015f;  // of full scale: fainter crests are stray light
 
-Mode mode_of(const Footprint& footprint, int texture) {
+Mode mode_of(const JointFit& fit, int m, int texture) {
+  const Footprint& footprint = fit.modes[m];
+  const auto known = [](double sd) { return std::isfinite(sd) ? static_cast<float>(sd) : 0.0f; };
   return {.weight = static_cast<float>(footprint.weight),
           .x_px = static_cast<float>(footprint.x_px),
           .y_px = static_cast<float>(footprint.y_px),
           .xx_px2 = static_cast<float>(footprint.xx_px2),
           .xy_px2 = static_cast<float>(footprint.xy_px2),
           .yy_px2 = static_cast<float>(footprint.yy_px2),
-          .texture = texture};
+          .texture = texture,
+          .weight_sd = known(fit.weight_sd[static_cast<size_t>(m)]),
+          .centre_sd_px = known(fit.centre_sd_px[static_cast<size_t>(m)])};
 }
 
 // Whether the steps are all alike, to a hundredth.
@@ -362,7 +366,7 @@ void StackSolver::solve_lane(int block, int lane, int x, int y, int channel, Mat
   const auto l = static_cast<size_t>(lane);
   const auto noise_sd = static_cast<double>(noise_sd_[static_cast<size_t>(x * kChannels + channel)]);
   std::uint8_t flags = matte.flags(x, y);
-  std::vector<std::pair<Footprint, int>> found;
+  std::vector<Mode> found;
   size_t lit_textures = 0;
   for (const Texture& texture : textures_) {
     lit_textures += std::all_of(texture.sweeps.begin(), texture.sweeps.end(),
@@ -370,28 +374,24 @@ void StackSolver::solve_lane(int block, int lane, int x, int y, int channel, Mat
                         ? 1
                         : 0;
   }
-  double light = 0.0;
   for (const Texture& texture : textures_) {
     const int most = std::max(1, most_modes_ / static_cast<int>(std::max<size_t>(lit_textures, 1)));
     const std::optional<JointFit>& plain = plain_[static_cast<size_t>(&texture - textures_.data())][l];
     const bool done = plain && (most == 1 || is_explained(*plain, noise_sd)) && noise_.gain == 0.0;
     const JointFit fit = done ? *plain : search(texture, block, lane, channel, noise_sd, most, flags);
     double strongest = 0.0;
-    for (const Footprint& footprint : fit.modes) {
-      found.emplace_back(footprint, texture.texture);
-      strongest = std::max(strongest, footprint.weight);
-      light += footprint.weight;
+    for (int m = 0; m < fit.modes.size(); ++m) {
+      found.push_back(mode_of(fit, m, texture.texture));
+      strongest = std::max(strongest, fit.modes[m].weight);
     }
     if (!fit.modes.empty() && !fit.converged) flags |= kFlagNotConverged;
     const double rms = std::sqrt(fit.near_chi2 / std::max(fit.near_count, 1));
     if (rms > std::max(4.0 * noise_sd, 0.1 * strongest)) flags |= kFlagPoorFit;
   }
   std::stable_sort(found.begin(), found.end(),
-                   [](const auto& a, const auto& b) { return a.first.weight > b.first.weight; });
+                   [](const Mode& a, const Mode& b) { return a.weight > b.weight; });
   const std::span<Mode> modes = matte.modes(x, y, channel);
-  for (size_t m = 0; m < std::min(found.size(), modes.size()); ++m) {
-    modes[m] = mode_of(found[m].first, found[m].second);
-  }
+  std::copy_n(found.begin(), std::min(found.size(), modes.size()), modes.begin());
   matte.flags(x, y) = flags;
 }
 

@@ -79,7 +79,7 @@ Solved solve(const RenderedScene& scene, const Method& method, const Degradation
 }
 
 void report(const RenderedScene& scene, const Method& method, bool noise, const std::string& pictures,
-            const std::string& composites) {
+            const std::string& composites, bool photographs) {
   const Solved clean = solve(scene, method, {});
   const Solved noisy = noise ? solve(scene, method, {.noise_sd = 0.005, .bits = 12}) : Solved{};
   bool first = true;
@@ -109,7 +109,8 @@ void report(const RenderedScene& scene, const Method& method, bool noise, const 
                        : clean.text());
     std::fflush(stdout);
     if (first && !pictures.empty()) {
-      write_sheet(pictures + "/results_" + scene.name() + ".png", photograph.seen, ours, clean.matte);
+      write_sheet(pictures + "/results_" + scene.name() + ".png", photograph.seen, ours, clean.matte,
+                  photographs);
     }
     first = false;
   }
@@ -121,12 +122,13 @@ int run(int argc, char** argv) {
   std::vector<std::string> scenes{"A_crystal",    "B_bimodal",     "C_brushed",
                                   "D_foreground", "E_twomonitors", "G_misregistered"};
   std::vector<std::string> settings;
-  bool no_noise = false;
+  bool no_noise = false, no_photographs = false;
   app.add_option("directory", directory, "Folder with the scenes")->required()->check(CLI::ExistingDirectory);
   app.add_option("--scenes", scenes, "Which of them")->delimiter(',');
   app.add_option("--set", settings, "Option of the method, such as modes=2");
   app.add_option("--pictures", pictures, "Folder for a picture a scene");
   app.add_option("--composites", composites, "Folder for every composite, 16-bit linear PNG");
+  app.add_flag("--no-photographs", no_photographs, "Pictures of what was solved only");
   app.add_flag("--no-noise", no_noise, "Clean frames only");
   CLI11_PARSE(app, argc, argv);
   MethodOptions options;
@@ -142,7 +144,8 @@ int run(int argc, char** argv) {
       "| scene | photograph | clean | noisy | two-mode EM | one box | bare | |\n| --- | --- | --- | --- | "
       "--- | --- | --- | --- |\n");
   for (const std::string& name : scenes) {
-    report(RenderedScene(std::filesystem::path(directory) / name), **method, !no_noise, pictures, composites);
+    report(RenderedScene(std::filesystem::path(directory) / name), **method, !no_noise, pictures, composites,
+           !no_photographs);
   }
   return 0;
 }

@@ -5,6 +5,7 @@
 #include <functional>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <vector>
 
 namespace glasswing {
 namespace {
@@ -66,14 +67,16 @@ cv::Mat width(const Matte& matte) {
 }  // namespace
 
 void write_sheet(const std::string& path, const RadianceImage& photograph, const RadianceImage& composite,
-                 const Matte& matte) {
-  const std::pair<const char*, cv::Mat> panels[] = {{"photograph", shown(photograph)},
-                                                    {"composite", shown(composite)},
-                                                    {"difference x 8", difference(photograph, composite)},
-                                                    {"modes 1-4", mode_count(matte)},
-                                                    {"sigma, 0-16 px", width(matte)}};
+                 const Matte& matte, bool photographs) {
+  std::vector<std::pair<const char*, cv::Mat>> panels{{"photograph", shown(photograph)},
+                                                      {"composite", shown(composite)},
+                                                      {"difference x 8", difference(photograph, composite)},
+                                                      {"modes 1-4", mode_count(matte)},
+                                                      {"sigma, 0-16 px", width(matte)}};
+  if (!photographs) panels.erase(panels.begin(), panels.begin() + 2);
+  const int count = static_cast<int>(panels.size());
   const int w = photograph.width_px * kScale, h = photograph.height_px * kScale;
-  cv::Mat sheet(h + kCaption, 5 * w + 4 * kGap, CV_8UC3, cv::Scalar(255, 255, 255));
+  cv::Mat sheet(h + kCaption, count * w + (count - 1) * kGap, CV_8UC3, cv::Scalar(255, 255, 255));
   int at = 0;
   for (const auto& [caption, panel] : panels) {
     cv::Mat large;

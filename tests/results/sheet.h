@@ -1,4 +1,5 @@
-// A picture of a result: photograph, composite, difference x 8, number of modes, width; side by side.
+// A picture of a result: photograph, composite, difference x 8, number of modes, width; side by side. Without
+// the first two if `photographs` is false: the scenes' photographs come without a licence.
 #pragma once
 
 #include <string>
@@ -9,6 +10,6 @@
 namespace glasswing {
 
 void write_sheet(const std::string& path, const RadianceImage& photograph, const RadianceImage& composite,
-                 const Matte& matte);
+                 const Matte& matte, bool photographs);
 
 }  // namespace glasswing
