@@ -31,14 +31,8 @@ absl::StatusOr<Image16> read_verified(const fs::path& directory, const v1::Captu
                                              path.string(), checksum_of(bytes), frame.checksum()));
     }
   }
-  GW_ASSIGN_OR_RETURN(Image16 image, read_frame_file(path));
-  const v1::Camera& camera = manifest.camera();
-  if (image.width_px != camera.width_px() || image.height_px != camera.height_px()) {
-    return absl::DataLossError(fmt::format("{} is {}x{}; the manifest says that frames are {}x{}",
-                                           path.string(), image.width_px, image.height_px, camera.width_px(),
-                                           camera.height_px()));
-  }
-  return image;
+  return read_frame_file(path, PictureSize{.width_px = manifest.camera().width_px(),
+                                           .height_px = manifest.camera().height_px()});
 }
 
 absl::Status verify(const fs::path& directory, const v1::CaptureManifest& manifest) {

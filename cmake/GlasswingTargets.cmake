@@ -1,11 +1,13 @@
 # Helpers that keep every target's CMakeLists.txt to its sources and its layer.
 
 option(GLASSWING_WERROR "Treat warnings as errors" ON)
+option(GLASSWING_FUZZ "Build tests/fuzz with libFuzzer too (needs clang)" OFF)
 
 # Warnings are ours alone: they never reach a target's users.
 function(glasswing_warnings target)
   # g++ 12 takes absl::StatusOr's and TinySolver's storage for uninitialized.
-  target_compile_options(${target} PRIVATE -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-maybe-uninitialized
+  target_compile_options(${target} PRIVATE -Wall -Wextra -Wpedantic -Wshadow -Wconversion
+                         $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>
                          $<$<BOOL:${GLASSWING_WERROR}>:-Werror>)
 endfunction()
 

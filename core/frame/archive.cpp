@@ -48,6 +48,11 @@ absl::Status make_directory(const fs::path& directory) {
   return absl::ErrnoToStatus(error.value(), fmt::format("cannot create {}", directory.string()));
 }
 
+absl::Status data_loss_in(const fs::path& path, const absl::Status& status) {
+  if (status.ok()) return status;
+  return absl::DataLossError(fmt::format("{}: {}", path.string(), std::string(status.message())));
+}
+
 // Frames without a step (imported ones) are the same if their file is.
 bool same_frame(const v1::Frame& a, const v1::Frame& b) {
   return a.step() >= 0 && b.step() >= 0 ? a.step() == b.step() : a.file() == b.file();
@@ -56,7 +61,10 @@ bool same_frame(const v1::Frame& a, const v1::Frame& b) {
 }  // namespace
 
 Archive::Archive(fs::path directory, v1::CaptureManifest manifest)
-    : directory_(std::move(directory)), manifest_(std::move(manifest)) {
+    : directory_(std::move(directory)),
+      width_px_(manifest.camera().width_px()),
+      height_px_(manifest.camera().height_px()),
+      manifest_(std::move(manifest)) {
   for (int i = 0; i < manifest_.frames_size(); ++i) index_of_file_[manifest_.frames(i).file()] = i;
 }
 
@@ -71,6 +79,7 @@ absl::StatusOr<std::unique_ptr<Archive>> Archive::create(const fs::path& directo
     }
     return archive;
   }
+  GW_RETURN_IF_ERROR(check_manifest_header(header));
   GW_RETURN_IF_ERROR(make_directory(directory / "frames"));
   v1::CaptureManifest without_frames = header;
   without_frames.clear_frames();
@@ -82,7 +91,14 @@ absl::StatusOr<std::unique_ptr<Archive>> Archive::create(const fs::path& directo
 
 absl::StatusOr<std::unique_ptr<Archive>> Archive::open(const fs::path& directory) {
   v1::CaptureManifest manifest;
-  GW_RETURN_IF_ERROR(read_json(directory / "header.json", &manifest));
+  const fs::path header = directory / "header.json";
+  GW_RETURN_IF_ERROR(read_json(header, &manifest));
+  manifest.clear_frames();
+  if (manifest.format_version() != 1) {
+    return absl::DataLossError(fmt::format("{}: format_version is {}; this program reads 1", header.string(),
+                                           manifest.format_version()));
+  }
+  GW_RETURN_IF_ERROR(data_loss_in(header, check_manifest_header(manifest)));
   const fs::path journal = directory / "frames.jsonl";
   absl::StatusOr<std::string> lines = read_file(journal);
   if (absl::IsNotFound(lines.status())) lines = "";
@@ -95,7 +111,9 @@ absl::StatusOr<std::unique_ptr<Archive>> Archive::open(const fs::path& directory
   }
   std::istringstream each(*lines);
   for (std::string line; std::getline(each, line);) {
-    GW_RETURN_IF_ERROR(parse_json(line, journal, manifest.add_frames()));
+    v1::Frame& frame = *manifest.add_frames();
+    GW_RETURN_IF_ERROR(parse_json(line, journal, &frame));
+    GW_RETURN_IF_ERROR(data_loss_in(journal, check_frame(frame)));
   }
   return std::unique_ptr<Archive>(new Archive(directory, std::move(manifest)));
 }
@@ -118,6 +136,12 @@ absl::StatusOr<std::vector<v1::Frame>> Archive::add(const std::vector<NewFrame>&
     if (known != manifest_.frames().end()) {
       stored.push_back(*known);
       continue;
+    }
+    GW_RETURN_IF_ERROR(check_frame(record));
+    if (frame.image.width_px != width_px_ || frame.image.height_px != height_px_) {
+      return absl::InvalidArgumentError(fmt::format("{} is {}x{}; the camera's frames are {}x{}",
+                                                    record.file(), frame.image.width_px,
+                                                    frame.image.height_px, width_px_, height_px_));
     }
     const std::string bytes = encode_tiff(frame.image);
     record.set_checksum(checksum_of(bytes));
@@ -154,15 +178,25 @@ absl::StatusOr<v1::Frame> Archive::find(const std::string& file) const {
 absl::StatusOr<std::string> Archive::read_frame_bytes(const std::string& file) {
   GW_ASSIGN_OR_RETURN(const v1::Frame frame, find(file));
   const fs::path path = directory_ / frame.file();
+  const auto damaged = [&path](const std::string& how) {
+    return absl::DataLossError(fmt::format("{} is damaged: {}", path.string(), how));
+  };
+  const size_t size = tiff_size_bytes(width_px_, height_px_);
+  std::error_code error;
+  const std::uintmax_t held = fs::file_size(path, error);
+  if (error) return absl::DataLossError(fmt::format("cannot open {}: {}", path.string(), error.message()));
+  // Before it is read: a file may be of any size.
+  if (held != size) return damaged(fmt::format("it has {} bytes instead of {}", held, size));
   absl::StatusOr<std::string> bytes = read_file(path);
   if (!bytes.ok()) return absl::DataLossError(bytes.status().message());
-  if (bytes->size() != static_cast<size_t>(frame.size_bytes())) {
-    return absl::DataLossError(fmt::format("{} is damaged: it has {} bytes instead of {}", path.string(),
-                                           bytes->size(), frame.size_bytes()));
+  if (bytes->size() != size) {
+    return damaged(fmt::format("it has {} bytes instead of {}", bytes->size(), size));
   }
   if (checksum_of(*bytes) != frame.checksum()) {
-    return absl::DataLossError(fmt::format("{} is damaged: its checksum is {} instead of {}", path.string(),
-                                           checksum_of(*bytes), frame.checksum()));
+    return damaged(fmt::format("its checksum is {} instead of {}", checksum_of(*bytes), frame.checksum()));
+  }
+  if (const absl::Status header = check_tiff_header(*bytes, width_px_, height_px_); !header.ok()) {
+    return damaged(std::string(header.message()));
   }
   const std::lock_guard lock(mutex_);
   verified_.insert(file);
@@ -171,25 +205,19 @@ absl::StatusOr<std::string> Archive::read_frame_bytes(const std::string& file) {
 
 absl::StatusOr<std::string> Archive::read_rows(const std::string& file, int first_row, int row_count) {
   bool verified = false;
-  size_t row_bytes = 0;
-  int height = 0;
   {
     const std::lock_guard lock(mutex_);
     verified = verified_.contains(file);
-    row_bytes = static_cast<size_t>(manifest_.camera().width_px()) * 6;
-    height = manifest_.camera().height_px();
   }
-  if (first_row < 0 || row_count < 1 || first_row > height - row_count) {
-    return absl::InvalidArgumentError(fmt::format("rows {} to {} asked for; the frame has rows 0 to {}",
-                                                  first_row, first_row + row_count, height));
+  if (first_row < 0 || row_count < 1 || first_row > height_px_ - row_count) {
+    return absl::InvalidArgumentError(fmt::format("{} rows from row {} asked for; the frame has rows 0 to {}",
+                                                  row_count, first_row, height_px_ - 1));
   }
+  const size_t row_bytes = static_cast<size_t>(width_px_) * 6;
   const size_t offset = kTiffPixelOffset + static_cast<size_t>(first_row) * row_bytes;
   const size_t size = static_cast<size_t>(row_count) * row_bytes;
   if (!verified) {
     GW_ASSIGN_OR_RETURN(const std::string bytes, read_frame_bytes(file));
-    if (bytes.size() < offset + size) {
-      return absl::DataLossError(fmt::format("{} is smaller than the manifest says its camera is", file));
-    }
     return bytes.substr(offset, size);
   }
   const fs::path path = directory_ / file;

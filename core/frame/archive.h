@@ -24,20 +24,37 @@
 
 namespace glasswing {
 
+inline constexpr int kMaxSide_px = 16384;  // of cameras, monitors and pictures
+inline constexpr int kMostMonitors = 64;
+
 // A frame's own file format: little-endian TIFF, one strip, starting at a fixed offset.
 inline constexpr size_t kTiffPixelOffset = 256;
+constexpr size_t tiff_size_bytes(int width_px, int height_px) {
+  return kTiffPixelOffset + static_cast<size_t>(width_px) * static_cast<size_t>(height_px) * 6;
+}
 std::string encode_tiff(const Image16& image);
 // DATA_LOSS unless `bytes` is what encode_tiff makes.
 absl::StatusOr<Image16> decode_tiff(std::string_view bytes);
+// DATA_LOSS unless `bytes` starts as encode_tiff starts a picture of this size.
+absl::Status check_tiff_header(std::string_view bytes, int width_px, int height_px);
+
+// Whether a manifest, wherever it came from, can be true at all: sides of 1 to kMaxSide_px, 1 to
+// kMostMonitors monitors with names of their own, frame files below the archive and each listed once, numbers
+// that are finite. INVALID_ARGUMENT names the thing, its value and what would be accepted.
+absl::Status check_manifest(const v1::CaptureManifest& manifest);
+// The same of its parts. A header has no frames yet, and may lack monitors.
+absl::Status check_manifest_header(const v1::CaptureManifest& manifest);
+absl::Status check_frame(const v1::Frame& frame);
 
 // Thread-safe.
 class Archive {
  public:
-  // Starts an archive; FAILED_PRECONDITION if `directory` holds one of another session.
+  // Starts an archive; FAILED_PRECONDITION if `directory` holds one of another session, INVALID_ARGUMENT if
+  // the header cannot be true (check_manifest_header).
   static absl::StatusOr<std::unique_ptr<Archive>> create(const std::filesystem::path& directory,
                                                          const v1::CaptureManifest& header);
   // Opens one, sealed or not; a torn last line of frames.jsonl (a power cut) is dropped.
-  // NOT_FOUND, or DATA_LOSS naming the file that cannot be read.
+  // NOT_FOUND, or DATA_LOSS naming the file that cannot be read or says what cannot be.
   static absl::StatusOr<std::unique_ptr<Archive>> open(const std::filesystem::path& directory);
 
   // Header and frames so far.
@@ -50,15 +67,15 @@ class Archive {
   };
   // Stores a batch; durable when it returns. A frame whose step (or, without steps, file) is already there is
   // left as it is. Returns the records now in the archive, in the batch's order. RESOURCE_EXHAUSTED: disk
-  // full.
+  // full; INVALID_ARGUMENT: a record that cannot be true (check_frame), or a picture of another size.
   absl::StatusOr<std::vector<v1::Frame>> add(const std::vector<NewFrame>& frames);
 
   // Writes manifest.json.
   absl::Status seal();
 
   // Rows [first_row, first_row + row_count) of one frame: r, g, b, 16 bit little endian. The whole file's
-  // checksum is verified the first time that a frame is read. DATA_LOSS names a file that is missing, short
-  // or altered.
+  // checksum is verified the first time that a frame is read. DATA_LOSS names a file that is missing, short,
+  // altered or no picture of the camera's size.
   absl::StatusOr<std::string> read_rows(const std::string& file, int first_row, int row_count);
   // The file itself, verified.
   absl::StatusOr<std::string> read_frame_bytes(const std::string& file);
@@ -70,6 +87,7 @@ class Archive {
   absl::StatusOr<v1::Frame> find(const std::string& file) const;
 
   const std::filesystem::path directory_;
+  const int width_px_, height_px_;  // of every frame
   mutable std::mutex mutex_;
   v1::CaptureManifest manifest_;              // guarded by mutex_
   std::map<std::string, int> index_of_file_;  // guarded by mutex_

@@ -14,6 +14,7 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -65,6 +66,54 @@ absl::Status check_png(std::string_view bytes) {
 
 bool is_png(std::string_view bytes) {
   return bytes.substr(0, 8) == "\x89PNG\r\n\x1a\n";
+}
+
+// Little or big endian, as the file says.
+class TiffReader {
+ public:
+  explicit TiffReader(std::string_view bytes) : bytes_(bytes), big_(bytes.substr(0, 2) == "MM") {}
+  std::optional<std::uint32_t> number(size_t at, size_t size) const {
+    if (at > bytes_.size() || bytes_.size() - at < size) return std::nullopt;
+    std::uint32_t value = 0;
+    for (size_t i = 0; i < size; ++i) {
+      value = value << 8 | static_cast<unsigned char>(bytes_[big_ ? at + i : at + size - 1 - i]);
+    }
+    return value;
+  }
+
+ private:
+  std::string_view bytes_;
+  bool big_;
+};
+
+// Of the first picture in a TIFF 6.0; 0x0 where it has none.
+PictureSize tiff_size(std::string_view bytes) {
+  constexpr std::uint32_t kWidth = 256, kHeight = 257, kShort = 3, kLong = 4;
+  const TiffReader tiff(bytes);
+  PictureSize size;
+  if (tiff.number(2, 2) != 42u) return size;
+  const std::uint32_t directory = tiff.number(4, 4).value_or(0);
+  const std::uint32_t count = tiff.number(directory, 2).value_or(0);
+  for (size_t at = size_t{directory} + 2, i = 0; i < count; ++i, at += 12) {
+    const auto tag = tiff.number(at, 2), type = tiff.number(at + 2, 2);
+    if (tag != kWidth && tag != kHeight) continue;
+    if (type != kShort && type != kLong) return {};
+    const std::uint32_t value = tiff.number(at + 8, type == kShort ? 2 : 4).value_or(0);
+    (tag == kWidth ? size.width_px : size.height_px) =
+        static_cast<int>(std::min<std::uint32_t>(value, std::numeric_limits<int>::max()));
+  }
+  return size;
+}
+
+PictureSize png_size(std::string_view bytes) {
+  constexpr size_t kWidthAt = 16, kHeightAt = 20, kEnd = 24;
+  if (bytes.size() < kEnd || bytes.substr(12, 4) != "IHDR") return {};
+  const auto side = [&bytes](size_t at) {
+    std::uint32_t value = 0;
+    for (size_t i = 0; i < 4; ++i) value = value << 8 | static_cast<unsigned char>(bytes[at + i]);
+    return static_cast<int>(std::min<std::uint32_t>(value, std::numeric_limits<int>::max()));
+  };
+  return {.width_px = side(kWidthAt), .height_px = side(kHeightAt)};
 }
 
 // Three channels in OpenCV's b, g, r order; 8, 16 bit or float.
@@ -222,16 +271,36 @@ absl::Status write_radiance(const fs::path& path, const RadianceImage& image, En
   }
 }
 
-absl::StatusOr<Image16> read_frame_file(const fs::path& path) {
+absl::StatusOr<PictureSize> picture_size(std::string_view bytes) {
+  const bool tiff = bytes.substr(0, 2) == "II" || bytes.substr(0, 2) == "MM";
+  if (!tiff && !is_png(bytes)) return absl::DataLossError("it is neither PNG nor TIFF");
+  const PictureSize size = tiff ? tiff_size(bytes) : png_size(bytes);
+  const auto good = [](int side) { return side >= 1 && side <= kMaxSide_px; };
+  if (good(size.width_px) && good(size.height_px)) return size;
+  return absl::DataLossError(fmt::format("its header says {}x{}; each side must be 1 to {} px", size.width_px,
+                                         size.height_px, kMaxSide_px));
+}
+
+absl::StatusOr<Image16> read_frame_file(const fs::path& path, std::optional<PictureSize> expected) {
   absl::StatusOr<std::string> bytes = read_file(path);
   if (absl::IsNotFound(bytes.status()))
     return absl::DataLossError(fmt::format("{}: the frame is missing", path.string()));
   GW_RETURN_IF_ERROR(bytes.status());
+  const absl::StatusOr<PictureSize> size = picture_size(*bytes);
+  if (!size.ok()) return named(path, size.status());
+  if (expected && *size != *expected) {
+    return absl::DataLossError(fmt::format("{} is {}x{}; the manifest says that frames are {}x{}",
+                                           path.string(), size->width_px, size->height_px, expected->width_px,
+                                           expected->height_px));
+  }
   if (absl::StatusOr<Image16> own = decode_tiff(*bytes); own.ok()) return own;
   const absl::StatusOr<cv::Mat> mat = decode_any(*bytes);
   if (!mat.ok()) return named(path, mat.status());
   absl::StatusOr<Image16> image = image16_of(*mat);
   if (!image.ok()) return named(path, image.status());
+  if (image->width_px != size->width_px || image->height_px != size->height_px)
+    return absl::DataLossError(
+        fmt::format("{} is turned; a frame's first row must be its top", path.string()));
   return image;
 }
 
@@ -243,6 +312,8 @@ std::string encode_png16(const Image16& image) {
 
 absl::StatusOr<Image16> decode_png(std::string_view bytes) {
   if (!is_png(bytes)) return absl::InvalidArgumentError("it is not a PNG");
+  if (const auto size = picture_size(bytes); !size.ok())
+    return absl::InvalidArgumentError(size.status().message());
   const absl::StatusOr<cv::Mat> mat = decode_any(bytes);
   if (!mat.ok()) return absl::InvalidArgumentError(mat.status().message());
   return image16_of(*mat);

@@ -5,6 +5,7 @@
 #include <absl/status/statusor.h>
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -25,11 +26,22 @@ absl::StatusOr<RadianceImage> read_radiance(const std::filesystem::path& path, E
 // likewise), by the path's suffix. INVALID_ARGUMENT for another suffix.
 absl::Status write_radiance(const std::filesystem::path& path, const RadianceImage& image, Encoding encoding);
 
-// 16-bit linear frames of any file OpenCV decodes losslessly (PNG, TIFF); 8-bit ones are scaled by 257.
-// DATA_LOSS names the file: truncated, altered (a PNG's CRC is checked), or not a picture.
-absl::StatusOr<Image16> read_frame_file(const std::filesystem::path& path);
+struct PictureSize {
+  int width_px = 0, height_px = 0;
+  bool operator==(const PictureSize&) const = default;
+};
+// What the header of a PNG or TIFF says; nothing is decoded. DATA_LOSS: it is neither, damaged, or a side is
+// not 1 to 16384 px.
+absl::StatusOr<PictureSize> picture_size(std::string_view bytes);
+
+// 16-bit linear frames, PNG or TIFF; 8-bit ones are scaled by 257. DATA_LOSS names the file: truncated,
+// altered (a PNG's CRC is checked), not a picture, or of another size than `expected`, which is found out
+// before a pixel is decoded.
+absl::StatusOr<Image16> read_frame_file(const std::filesystem::path& path,
+                                        std::optional<PictureSize> expected = std::nullopt);
 
 // PNG, 16 bit, linear: how pictures travel to displays. `bytes` for decode may also be 8 bit.
+// INVALID_ARGUMENT: it is none, or a side is not 1 to 16384 px.
 std::string encode_png16(const Image16& image);
 absl::StatusOr<Image16> decode_png(std::string_view bytes);
 

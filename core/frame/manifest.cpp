@@ -2,6 +2,8 @@
 #include <fmt/format.h>
 #include <google/protobuf/util/json_util.h>
 
+#include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "core/base/file.h"
@@ -11,8 +13,10 @@
 namespace glasswing {
 namespace {
 
-using Json = nlohmann::ordered_json;  // keeps the file's order of monitors
-constexpr int kMaxSide_px = 16384;
+using Json = nlohmann::ordered_json;               // keeps the file's order of monitors
+constexpr size_t kLongestName = 255;               // of a frame's file, bytes
+constexpr std::uintmax_t kMostBytes = 256u << 20;  // of manifest.json: a million frames
+constexpr int kDeepest = 64;                       // nesting; what is read needs four
 
 absl::Status bad(const std::filesystem::path& path, const std::string& what) {
   return absl::InvalidArgumentError(fmt::format("{}: {}", path.string(), what));
@@ -89,45 +93,127 @@ absl::StatusOr<v1::CaptureManifest> translate(const Json& json, const std::files
   return manifest;
 }
 
-absl::Status check(const v1::CaptureManifest& manifest, const std::filesystem::path& path) {
-  if (manifest.format_version() != 1) {
-    return bad(path, fmt::format("format_version is {}; this program reads 1", manifest.format_version()));
+// The path of the first number below `message` that is none.
+std::string find_not_finite(const google::protobuf::Message& message) {
+  using Field = google::protobuf::FieldDescriptor;
+  const google::protobuf::Reflection& reflection = *message.GetReflection();
+  std::vector<const Field*> fields;
+  reflection.ListFields(message, &fields);
+  for (const Field* field : fields) {
+    const bool repeated = field->is_repeated();
+    const int count = repeated ? reflection.FieldSize(message, field) : 1;
+    for (int i = 0; i < count; ++i) {
+      const std::string name = repeated ? fmt::format("{}[{}]", field->name(), i) : field->name();
+      if (field->cpp_type() == Field::CPPTYPE_DOUBLE) {
+        const double value =
+            repeated ? reflection.GetRepeatedDouble(message, field, i) : reflection.GetDouble(message, field);
+        if (!std::isfinite(value)) return fmt::format("{} is {}", name, value);
+      } else if (field->cpp_type() == Field::CPPTYPE_MESSAGE) {
+        const std::string below = find_not_finite(repeated ? reflection.GetRepeatedMessage(message, field, i)
+                                                           : reflection.GetMessage(message, field));
+        if (!below.empty()) return name + "." + below;
+      }
+    }
   }
-  const auto good_side = [](int side) { return side >= 1 && side <= kMaxSide_px; };
-  if (!good_side(manifest.camera().width_px()) || !good_side(manifest.camera().height_px())) {
-    return bad(path, fmt::format("the camera's size is {}x{}; each side must be 1 to {} px",
-                                 manifest.camera().width_px(), manifest.camera().height_px(), kMaxSide_px));
+  return "";
+}
+
+absl::Status impossible(const std::string& what) {
+  return absl::InvalidArgumentError(what);
+}
+
+absl::Status check_finite(const std::string& what, const google::protobuf::Message& message) {
+  const std::string found = find_not_finite(message);
+  if (found.empty()) return absl::OkStatus();
+  return impossible(fmt::format("{}: {}; it must be finite", what, found));
+}
+
+bool good_side(int side) {
+  return side >= 1 && side <= kMaxSide_px;
+}
+
+}  // namespace
+
+absl::Status check_manifest_header(const v1::CaptureManifest& manifest) {
+  const v1::Camera& camera = manifest.camera();
+  if (!good_side(camera.width_px()) || !good_side(camera.height_px())) {
+    return impossible(fmt::format("the camera's size is {}x{}; each side must be 1 to {} px",
+                                  camera.width_px(), camera.height_px(), kMaxSide_px));
   }
-  if (manifest.monitors().empty()) return bad(path, "it names no monitor");
-  if (manifest.frames().empty()) return bad(path, "it lists no frames");
+  if (camera.read_sd() < 0.0 || camera.gain() < 0.0) {
+    return impossible(fmt::format("the camera's read_sd is {} and its gain {}; they must be 0 or more",
+                                  camera.read_sd(), camera.gain()));
+  }
+  if (manifest.monitors_size() > kMostMonitors) {
+    return impossible(
+        fmt::format("it names {} monitors; at most {} can be", manifest.monitors_size(), kMostMonitors));
+  }
+  std::set<std::string> names;
   for (const v1::Monitor& monitor : manifest.monitors()) {
     if (monitor.name().empty() || !good_side(monitor.width_px()) || !good_side(monitor.height_px())) {
-      return bad(path, fmt::format("monitor \"{}\" is {}x{}; each side must be 1 to {} px", monitor.name(),
-                                   monitor.width_px(), monitor.height_px(), kMaxSide_px));
+      return impossible(fmt::format("monitor \"{}\" is {}x{}; each side must be 1 to {} px", monitor.name(),
+                                    monitor.width_px(), monitor.height_px(), kMaxSide_px));
+    }
+    if (!names.insert(monitor.name()).second) {
+      return impossible(fmt::format("it names monitor \"{}\" twice", monitor.name()));
     }
   }
+  for (const v1::Monitor& monitor : manifest.monitors())
+    GW_RETURN_IF_ERROR(check_finite("monitor \"" + monitor.name() + "\"", monitor));
+  GW_RETURN_IF_ERROR(check_finite("camera", camera));
+  return check_finite("plan", manifest.plan());
+}
+
+absl::Status check_frame(const v1::Frame& frame) {
+  const std::filesystem::path file(frame.file());
+  const bool climbs = std::find(file.begin(), file.end(), "..") != file.end();
+  const bool control = std::any_of(frame.file().begin(), frame.file().end(),
+                                   [](char c) { return static_cast<unsigned char>(c) < 0x20; });
+  if (file.empty() || file.is_absolute() || climbs || control || frame.file().size() > kLongestName) {
+    return impossible(fmt::format("a frame's file is \"{}\"; it must lie below the archive",
+                                  frame.file().substr(0, kLongestName)));
+  }
+  if (frame.size_bytes() < 0) {
+    return impossible(
+        fmt::format("{}: size_bytes is {}; it must be 0 or more", frame.file(), frame.size_bytes()));
+  }
+  return check_finite(frame.file(), frame);
+}
+
+absl::Status check_manifest(const v1::CaptureManifest& manifest) {
+  if (manifest.format_version() != 1) {
+    return impossible(fmt::format("format_version is {}; this program reads 1", manifest.format_version()));
+  }
+  GW_RETURN_IF_ERROR(check_manifest_header(manifest));
+  if (manifest.monitors().empty()) return impossible("it names no monitor");
+  if (manifest.frames().empty()) return impossible("it lists no frames");
   std::set<std::string> files;
   for (const v1::Frame& frame : manifest.frames()) {
-    const std::filesystem::path file(frame.file());
-    const bool climbs = std::find(file.begin(), file.end(), "..") != file.end();
-    if (file.empty() || file.is_absolute() || climbs) {
-      return bad(path, fmt::format("a frame's file is \"{}\"; it must lie below the archive", frame.file()));
-    }
+    GW_RETURN_IF_ERROR(check_frame(frame));
     if (!files.insert(frame.file()).second) {
-      return bad(path, fmt::format("the frame {} is listed twice", frame.file()));
+      return impossible(fmt::format("the frame {} is listed twice", frame.file()));
     }
   }
   return absl::OkStatus();
 }
 
-}  // namespace
-
 absl::StatusOr<v1::CaptureManifest> read_any_manifest(const std::filesystem::path& directory) {
   const std::filesystem::path path = directory / "manifest.json";
+  std::error_code unknown;
+  const std::uintmax_t size_bytes = std::filesystem::file_size(path, unknown);
+  if (!unknown && size_bytes > kMostBytes) {
+    return bad(path, fmt::format("it has {} bytes; at most {} are read", size_bytes, kMostBytes));
+  }
   GW_ASSIGN_OR_RETURN(const std::string text, read_file(path));
   v1::CaptureManifest manifest;
   try {
-    const Json json = Json::parse(text);
+    // Recursion is deep as the text is; what lies too deep is not even built.
+    bool too_deep = false;
+    const Json json = Json::parse(text, [&](int depth, Json::parse_event_t, const Json&) {
+      too_deep = too_deep || depth > kDeepest;
+      return depth <= kDeepest;
+    });
+    if (too_deep) return bad(path, fmt::format("it is nested more than {} deep", kDeepest));
     if (!json.is_object()) return bad(path, "it is not a JSON object");
     if (json.contains("format_version")) {
       google::protobuf::util::JsonParseOptions options;
@@ -141,7 +227,8 @@ absl::StatusOr<v1::CaptureManifest> read_any_manifest(const std::filesystem::pat
   } catch (const Json::exception& error) {
     return absl::DataLossError(fmt::format("{}: {}", path.string(), error.what()));
   }
-  GW_RETURN_IF_ERROR(check(manifest, path));
+  if (const absl::Status status = check_manifest(manifest); !status.ok())
+    return bad(path, std::string(status.message()));
   return manifest;
 }
 

@@ -22,6 +22,9 @@ constexpr std::uint16_t kShort = 3, kLong = 4;
 constexpr size_t kEntryCount = 11;
 constexpr std::uint32_t kBitsOffset = 200;
 
+constexpr const char* kNoHeader =
+    "not a frame's header (16-bit rgb TIFF, uncompressed, one strip at byte 256)";
+
 std::string header_of(std::uint32_t width, std::uint32_t height) {
   const std::array<Entry, kEntryCount> entries{{{256, kLong, 1, width},
                                                 {257, kLong, 1, height},
@@ -62,18 +65,27 @@ absl::StatusOr<Image16> decode_tiff(std::string_view bytes) {
   std::uint32_t width = 0, height = 0;
   std::memcpy(&width, &bytes[kWidthAt], 4);
   std::memcpy(&height, &bytes[kHeightAt], 4);
-  constexpr std::uint32_t kMaxSide = 1 << 14;  // keeps width * height * 6 within 32 bits
+  constexpr std::uint32_t kMaxSide = kMaxSide_px;  // keeps width * height * 6 within 32 bits
   if (width < 1 || height < 1 || width > kMaxSide || height > kMaxSide ||
       bytes.substr(0, kTiffPixelOffset) != header_of(width, height)) {
-    return absl::DataLossError("not a frame's header (16-bit rgb TIFF, uncompressed, one strip at byte 256)");
+    return absl::DataLossError(kNoHeader);
+  }
+  // Before anything is allocated: the header may promise more than there is.
+  const size_t size = tiff_size_bytes(static_cast<int>(width), static_cast<int>(height));
+  if (bytes.size() != size) {
+    return absl::DataLossError(
+        fmt::format("holds {} bytes; {}x{} needs {}", bytes.size(), width, height, size));
   }
   Image16 image(static_cast<int>(width), static_cast<int>(height));
-  if (bytes.size() != kTiffPixelOffset + image.samples.size() * 2) {
-    return absl::DataLossError(fmt::format("holds {} bytes; {}x{} needs {}", bytes.size(), width, height,
-                                           kTiffPixelOffset + image.samples.size() * 2));
-  }
   std::memcpy(image.samples.data(), &bytes[kTiffPixelOffset], image.samples.size() * 2);
   return image;
+}
+
+absl::Status check_tiff_header(std::string_view bytes, int width_px, int height_px) {
+  const std::string header =
+      header_of(static_cast<std::uint32_t>(width_px), static_cast<std::uint32_t>(height_px));
+  if (bytes.substr(0, kTiffPixelOffset) == header) return absl::OkStatus();
+  return absl::DataLossError(fmt::format("{} of {}x{} px", kNoHeader, width_px, height_px));
 }
 
 }  // namespace glasswing

@@ -20,6 +20,7 @@
 
 #include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/frame/archive.h"
 
 namespace glasswing {
 namespace {
@@ -193,6 +194,160 @@ absl::Status check(const Matte& matte) {
   return absl::OkStatus();
 }
 
+std::vector<std::string> layers_of_mode() {
+  std::vector<std::string> layers;
+  for (const ModeLayer& layer : kModeLayers) {
+    for (const char* colour : kColours) layers.push_back(fmt::format("{}.{}", layer.name, colour));
+  }
+  return layers;
+}
+
+// Sorted, as EXR lists them.
+std::vector<std::string> layers_of(int part) {
+  std::vector<std::string> layers = part == 0 ? std::vector<std::string>{"R", "G", "B", "A"}
+                                    : part == 1
+                                        ? std::vector<std::string>{"F.R", "F.G", "F.B", "coverage", "flags"}
+                                        : layers_of_mode();
+  std::sort(layers.begin(), layers.end());
+  return layers;
+}
+
+// Walks over the headers alone. OpenEXR believes what an attribute says of its size and allocates it before
+// it reads; ours must be of the types that a matte has, be as long as those are, and lie within the file, and
+// so must every part's table of chunks.
+class HeaderWalk {
+ public:
+  explicit HeaderWalk(std::string_view bytes) : bytes_(bytes) {}
+
+  absl::Status check() {
+    while (true) {
+      std::string_view name;
+      if (!take_name(&name)) return damaged();
+      if (name.empty()) break;  // no attribute: the last header is past
+      for (; !name.empty();) {
+        if (!take_attribute(name) || !take_name(&name)) return damaged();
+      }
+    }
+    return chunk_count_ <= static_cast<std::int64_t>(bytes_.size() / 8) ? absl::OkStatus() : damaged();
+  }
+
+ private:
+  static absl::Status damaged() {
+    return absl::DataLossError("it is damaged or no matte: its header is none of a matte's");
+  }
+
+  bool take(size_t size, std::string_view* taken) {
+    if (at_ > bytes_.size() || bytes_.size() - at_ < size) return false;
+    *taken = bytes_.substr(at_, size);
+    at_ += size;
+    return true;
+  }
+  bool take_int(std::int32_t* value) {
+    std::string_view taken;
+    if (!take(sizeof *value, &taken)) return false;
+    std::memcpy(value, taken.data(), sizeof *value);
+    return true;
+  }
+  bool take_name(std::string_view* name) {
+    constexpr size_t kLongest = 255;
+    const size_t end = at_ < bytes_.size() ? bytes_.find('\0', at_) : std::string_view::npos;
+    return end != std::string_view::npos && end - at_ <= kLongest && take(end - at_, name) && ++at_ > 0;
+  }
+  // A list of channels ends with an empty name, and nothing comes after it.
+  bool take_channels(size_t size) {
+    const size_t end = at_ + size;
+    constexpr size_t kAfterName = 16;
+    for (std::string_view name, rest; take_name(&name) && at_ <= end;) {
+      if (name.empty()) return at_ == end;
+      if (!take(kAfterName, &rest)) break;
+    }
+    return false;
+  }
+  bool take_attribute(std::string_view name) {
+    struct Type {
+      std::string_view name;
+      std::int32_t size;
+    };
+    constexpr std::array<Type, 6> kTypes{
+        {{"box2i", 16}, {"compression", 1}, {"float", 4}, {"int", 4}, {"lineOrder", 1}, {"v2f", 8}}};
+    std::string_view type, value;
+    std::int32_t size = 0;
+    if (!take_name(&type) || !take_int(&size) || size < 0) return false;
+    if (type == "chlist") return take_channels(static_cast<size_t>(size));
+    const size_t start = at_;
+    if (!take(static_cast<size_t>(size), &value)) return false;
+    if (type == "string") return true;
+    const auto known = std::ranges::find(kTypes, type, &Type::name);
+    if (known == kTypes.end() || known->size != size) return false;
+    if (name == "chunkCount") {
+      std::int32_t count = 0;
+      std::memcpy(&count, &bytes_[start], sizeof count);
+      if (type != "int" || count < 0) return false;
+      chunk_count_ += count;
+    }
+    return true;
+  }
+
+  const std::string_view bytes_;
+  size_t at_ = 8;  // past magic number and version
+  std::int64_t chunk_count_ = 0;
+};
+
+// The parts that a matte has, and no more pixels than so many bytes can hold: what is read afterwards is
+// bounded by the file, whatever its header promises.
+absl::Status check_parts(const Imf::MultiPartInputFile& file, size_t file_bytes) {
+  if (file.parts() < 3 || file.parts() > 2 + kMaxModes)
+    return absl::DataLossError("it has not the parts of a matte");
+  const Imath::Box2i window = file.header(0).dataWindow();
+  constexpr int kMaxSide = kMaxSide_px;
+  if (window.isEmpty() || window.min.x < 0 || window.min.y < 0 || window.max.x >= kMaxSide ||
+      window.max.y >= kMaxSide) {
+    return absl::DataLossError("its size is out of range");
+  }
+  size_t layer_count = 0;
+  for (int i = 0; i < file.parts(); ++i) {
+    const Imf::Header& header = file.header(i);
+    if (header.dataWindow() != window) return absl::DataLossError("its parts differ in size");
+    std::vector<std::string> layers;
+    bool plain = header.compression() == Imf::ZIP_COMPRESSION && header.hasType() &&
+                 header.type() == Imf::SCANLINEIMAGE;
+    for (auto channel = header.channels().begin(); channel != header.channels().end(); ++channel) {
+      layers.emplace_back(channel.name());
+      plain = plain && channel.channel().type == Imf::FLOAT && channel.channel().xSampling == 1 &&
+              channel.channel().ySampling == 1;
+    }
+    if (!plain || layers != layers_of(i)) {
+      return absl::DataLossError(fmt::format("its part {} has not the layers of a matte", i));
+    }
+    layer_count += layers.size();
+  }
+  const size_t pixels = static_cast<size_t>(window.max.x - window.min.x + 1) *
+                        static_cast<size_t>(window.max.y - window.min.y + 1);
+  constexpr size_t kMostExpansion = 1032;  // of deflate: 258 bytes for two bits
+  if (pixels * layer_count * sizeof(float) / kMostExpansion > file_bytes) {
+    return absl::DataLossError("it is too short for its size");
+  }
+  return absl::OkStatus();
+}
+
+absl::Status check_metadata(const v1::MatteMetadata& metadata, const Imath::Box2i& window) {
+  if (metadata.format_version() > 1) {
+    return absl::FailedPreconditionError(
+        fmt::format("its format_version is {}; this program reads 1", metadata.format_version()));
+  }
+  const int width = metadata.width_px(), height = metadata.height_px();
+  if (width < 1 || height < 1 || width > kMaxSide_px || height > kMaxSide_px || window.max.x >= width ||
+      window.max.y >= height) {
+    return absl::DataLossError(fmt::format("it is of a picture of {}x{} px, but has pixels up to ({}, {})",
+                                           width, height, window.max.x, window.max.y));
+  }
+  if (metadata.monitors_size() > kMostMonitors) {
+    return absl::DataLossError(
+        fmt::format("it names {} monitors; at most {} can be", metadata.monitors_size(), kMostMonitors));
+  }
+  return absl::OkStatus();
+}
+
 Part read_part(Imf::MultiPartInputFile& file, int index) {
   const Imf::Header& header = file.header(index);
   const Imath::Box2i window = header.dataWindow();
@@ -294,25 +449,17 @@ absl::StatusOr<std::string> encode_matte(const Matte& matte) {
 }
 
 absl::StatusOr<Matte> decode_matte(std::string_view bytes) {
+  GW_RETURN_IF_ERROR(HeaderWalk(bytes).check());
   try {
     MemoryReader reader(bytes);
     Imf::MultiPartInputFile file(reader, 1, false);
-    if (file.parts() < 3 || file.parts() > 2 + kMaxModes)
-      return absl::DataLossError("it has not the parts of a matte");
+    GW_RETURN_IF_ERROR(check_parts(file, bytes.size()));
     const auto* metadata = file.header(0).findTypedAttribute<Imf::StringAttribute>(kMetadata);
     const auto* checksum = file.header(0).findTypedAttribute<Imf::StringAttribute>(kChecksum);
     if (metadata == nullptr || checksum == nullptr) return absl::DataLossError("it is no matte of ours");
     const Imath::Box2i window = file.header(0).dataWindow();
-    constexpr int kMaxSide = 16384;
-    if (window.isEmpty() || window.max.x - window.min.x >= kMaxSide ||
-        window.max.y - window.min.y >= kMaxSide) {
-      return absl::DataLossError("its size is out of range");
-    }
     std::vector<Part> parts;
-    for (int i = 0; i < file.parts(); ++i) {
-      if (file.header(i).dataWindow() != window) return absl::DataLossError("its parts differ in size");
-      parts.push_back(read_part(file, i));
-    }
+    for (int i = 0; i < file.parts(); ++i) parts.push_back(read_part(file, i));
     if (checksum_over(metadata->value(), parts) != checksum->value()) {
       return absl::DataLossError("its checksum does not agree with its pixels");
     }
@@ -322,10 +469,7 @@ absl::StatusOr<Matte> decode_matte(std::string_view bytes) {
     if (!google::protobuf::util::JsonStringToMessage(metadata->value(), &matte.metadata, options).ok()) {
       return absl::DataLossError("its metadata cannot be read");
     }
-    if (matte.metadata.format_version() > 1) {
-      return absl::FailedPreconditionError(
-          fmt::format("its format_version is {}; this program reads 1", matte.metadata.format_version()));
-    }
+    GW_RETURN_IF_ERROR(check_metadata(matte.metadata, window));
     GW_RETURN_IF_ERROR(check(matte));
     return matte;
   } catch (const std::exception& error) {
@@ -345,17 +489,26 @@ absl::StatusOr<Matte> assemble(const std::vector<Matte>& tiles) {
   if (tiles.empty()) return absl::DataLossError("no tile has been solved");
   const v1::MatteMetadata& metadata = tiles.front().metadata;
   int modes = 1;
-  for (const Matte& tile : tiles) modes = std::max(modes, tile.modes_per_channel());
-  Matte whole(0, 0, metadata.width_px(), metadata.height_px(), modes);
-  whole.metadata = metadata;
-  std::vector<int> covered(static_cast<size_t>(metadata.height_px()), 0);
+  std::vector<int> covered(static_cast<size_t>(std::max(metadata.height_px(), 0)), 0);
   for (const Matte& tile : tiles) {
-    if (tile.x0_px() < 0 || tile.y0_px() < 0 || tile.x0_px() + tile.width_px() > whole.width_px() ||
-        tile.y0_px() + tile.height_px() > whole.height_px()) {
+    modes = std::max(modes, tile.modes_per_channel());
+    if (tile.x0_px() < 0 || tile.y0_px() < 0 || tile.x0_px() + tile.width_px() > metadata.width_px() ||
+        tile.y0_px() + tile.height_px() > metadata.height_px()) {
       return absl::DataLossError("a tile lies outside the camera's picture");
     }
     for (int y = 0; y < tile.height_px(); ++y) {
       covered[static_cast<size_t>(tile.y0_px() + y)] += tile.width_px();
+    }
+  }
+  // Before the whole is allocated: it is no larger than its tiles.
+  for (size_t y = 0; y < covered.size(); ++y) {
+    if (covered[y] < metadata.width_px())
+      return absl::DataLossError(fmt::format("no tile covers row {} whole", y));
+  }
+  Matte whole(0, 0, metadata.width_px(), metadata.height_px(), modes);
+  whole.metadata = metadata;
+  for (const Matte& tile : tiles) {
+    for (int y = 0; y < tile.height_px(); ++y) {
       for (int x = 0; x < tile.width_px(); ++x) {
         const int to_x = tile.x0_px() + x;
         const int to_y = tile.y0_px() + y;
@@ -367,10 +520,6 @@ absl::StatusOr<Matte> assemble(const std::vector<Matte>& tiles) {
         }
       }
     }
-  }
-  for (size_t y = 0; y < covered.size(); ++y) {
-    if (covered[y] < whole.width_px())
-      return absl::DataLossError(fmt::format("no tile covers row {} whole", y));
   }
   return whole;
 }

@@ -3,7 +3,10 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <cmath>
 #include <fstream>
+#include <functional>
+#include <limits>
 #include <random>
 
 #include "core/base/file.h"
@@ -28,7 +31,10 @@ class ArchiveTest : public testing::Test {
     header_.set_session("s");
     header_.mutable_camera()->set_width_px(5);
     header_.mutable_camera()->set_height_px(4);
-    header_.add_monitors()->set_name("back");
+    v1::Monitor& monitor = *header_.add_monitors();
+    monitor.set_name("back");
+    monitor.set_width_px(8);
+    monitor.set_height_px(6);
   }
   void TearDown() override { fs::remove_all(root_); }
 
@@ -109,12 +115,113 @@ TEST_F(ArchiveTest, RowsOutsideTheFrameAreRefused) {
 TEST_F(ArchiveTest, ASealedArchiveReadsAsAnyManifest) {
   const auto archive = Archive::create(directory_, header_).value();
   ASSERT_TRUE(archive->add({frame(0), frame(1)}).ok());
-  v1::CaptureManifest small = archive->manifest();
-  small.mutable_monitors(0)->set_width_px(5);
   ASSERT_TRUE(archive->seal().ok());
-  // A monitor without a size is refused, and the message names it.
-  const absl::Status status = read_any_manifest(directory_).status();
-  EXPECT_NE(std::string(status.message()).find("monitor \"back\""), std::string::npos) << status;
+  EXPECT_EQ(read_any_manifest(directory_).value().SerializeAsString(),
+            archive->manifest().SerializeAsString());
+}
+
+// Of as many bytes as the camera's frames, but of another shape: rows of it would be no rows.
+TEST_F(ArchiveTest, AFrameOfAnotherShapeIsDamaged) {
+  v1::Frame record;
+  {
+    const auto archive = Archive::create(directory_, header_).value();
+    record = archive->add({frame(0)}).value()[0];
+    Archive::NewFrame turned = frame(1);
+    turned.image = noise(4, 5, 1);
+    EXPECT_TRUE(absl::IsInvalidArgument(archive->add({turned}).status()));
+  }
+  const std::string turned = encode_tiff(noise(4, 5, 1));
+  ASSERT_TRUE(write_file_durably(directory_ / record.file(), turned).ok());
+  std::string lines = read_file(directory_ / "frames.jsonl").value();
+  lines.replace(lines.find(record.checksum()), record.checksum().size(), checksum_of(turned));
+  ASSERT_TRUE(write_file_durably(directory_ / "frames.jsonl", lines).ok());
+  const absl::Status status = Archive::open(directory_).value()->read_rows(record.file(), 0, 4).status();
+  EXPECT_TRUE(absl::IsDataLoss(status)) << status;
+  EXPECT_NE(std::string(status.message()).find(record.file()), std::string::npos) << status;
+}
+
+TEST_F(ArchiveTest, AFileOfAnySizeIsNotReadToSeeThatItIsWrong) {
+  const auto archive = Archive::create(directory_, header_).value();
+  const std::string file = archive->add({frame(0)}).value()[0].file();
+  fs::resize_file(directory_ / file, std::uintmax_t{1} << 40);  // a hole: it takes no disk
+  const absl::Status status = archive->read_rows(file, 0, 1).status();
+  EXPECT_TRUE(absl::IsDataLoss(status)) << status;
+  EXPECT_NE(std::string(status.message()).find("1099511627776 bytes"), std::string::npos) << status;
+}
+
+TEST_F(ArchiveTest, WhatAManifestSaysOfItselfIsNotBelieved) {
+  v1::CaptureManifest good = header_;
+  good.set_format_version(1);
+  for (const char* file : {"frames/a.tif", "frames/b.tif"}) good.add_frames()->set_file(file);
+  ASSERT_TRUE(check_manifest(good).ok());
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  struct Lie {
+    std::function<void(v1::CaptureManifest&)> tell;
+    std::string words;
+  };
+  const std::vector<Lie> lies{
+      {[](auto& m) { m.set_format_version(2); }, "format_version is 2"},
+      {[](auto& m) { m.mutable_camera()->set_width_px(2000000000); }, "camera's size is 2000000000x4"},
+      {[](auto& m) { m.mutable_camera()->set_height_px(0); }, "camera's size is 5x0"},
+      {[](auto& m) { m.mutable_camera()->set_height_px(-4); }, "camera's size is 5x-4"},
+      {[](auto& m) { m.mutable_camera()->set_read_sd(-1.0); }, "read_sd is -1"},
+      {[&](auto& m) { m.mutable_camera()->set_gain(nan); }, "camera: gain is nan"},
+      {[](auto& m) { m.clear_monitors(); }, "no monitor"},
+      {[](auto& m) { m.mutable_monitors(0)->set_width_px(0); }, "monitor \"back\" is 0x6"},
+      {[&](auto& m) { *m.add_monitors() = m.monitors(0); }, "\"back\" twice"},
+      {[](auto& m) {
+         for (int i = 0; i < 5000; ++i) {
+           *m.add_monitors() = m.monitors(0);
+           m.mutable_monitors(i + 1)->set_name(std::to_string(i));
+         }
+       },
+       "names 5001 monitors; at most 64"},
+      {[](auto& m) { m.clear_frames(); }, "no frames"},
+      {[](auto& m) { m.mutable_frames(1)->set_file("frames/a.tif"); }, "frames/a.tif is listed twice"},
+      {[](auto& m) { m.mutable_frames(1)->set_file("frames/../../b.tif"); }, "frames/../../b.tif"},
+      {[](auto& m) { m.mutable_frames(1)->set_file("/etc/passwd"); }, "/etc/passwd"},
+      {[](auto& m) { m.mutable_frames(1)->set_file(std::string("b\0.tif", 6)); }, "below the archive"},
+      {[](auto& m) { m.mutable_frames(1)->set_file(""); }, "below the archive"},
+      {[](auto& m) { m.mutable_frames(1)->set_size_bytes(-1); }, "frames/b.tif: size_bytes is -1"},
+      {[&](auto& m) { m.mutable_frames(1)->set_exposure_ms(nan); }, "frames/b.tif: exposure_ms is nan"},
+      {[&](auto& m) { m.mutable_frames(1)->mutable_stimulus()->set_r_px(INFINITY); },
+       "frames/b.tif: stimulus.r_px is inf"},
+      {[&](auto& m) { m.mutable_frames(1)->mutable_stimulus()->add_colour(nan); },
+       "stimulus.colour[0] is nan"},
+      {[&](auto& m) { m.mutable_frames(1)->add_also_lit()->set_peak(nan); }, "also_lit[0].peak is nan"},
+      {[&](auto& m) { m.mutable_plan()->add_exposure_ms(nan); }, "plan: exposure_ms[0] is nan"}};
+  for (const Lie& lie : lies) {
+    v1::CaptureManifest manifest = good;
+    lie.tell(manifest);
+    const absl::Status status = check_manifest(manifest);
+    EXPECT_TRUE(absl::IsInvalidArgument(status)) << lie.words;
+    EXPECT_NE(std::string(status.message()).find(lie.words), std::string::npos) << status;
+  }
+}
+
+TEST_F(ArchiveTest, NothingIsStoredThatCouldNotBeReadAgain) {
+  v1::CaptureManifest huge = header_;
+  huge.mutable_camera()->set_width_px(1 << 30);
+  EXPECT_TRUE(absl::IsInvalidArgument(Archive::create(directory_, huge).status()));
+  const auto archive = Archive::create(directory_, header_).value();
+  Archive::NewFrame strange = frame(0);
+  strange.record.mutable_stimulus()->set_r_px(std::numeric_limits<double>::quiet_NaN());
+  EXPECT_TRUE(absl::IsInvalidArgument(archive->add({strange}).status()));
+  strange = frame(0);
+  strange.record.set_file("../a.tif");
+  EXPECT_TRUE(absl::IsInvalidArgument(archive->add({strange}).status()));
+  EXPECT_EQ(Archive::open(directory_).value()->manifest().frames_size(), 0);
+}
+
+TEST_F(ArchiveTest, LinesThatCannotBeTrueAreNamed) {
+  { const auto archive = Archive::create(directory_, header_).value(); }
+  for (const char* line :
+       {R"({"file": "../a.tif"})", R"({"file": "a.tif", "exposure_ms": "NaN"})", "{", "[]"}) {
+    std::ofstream(directory_ / "frames.jsonl") << line << "\n";
+    const absl::Status status = Archive::open(directory_).status();
+    EXPECT_TRUE(absl::IsDataLoss(status)) << status;
+    EXPECT_NE(std::string(status.message()).find("frames.jsonl"), std::string::npos) << status;
+  }
 }
 
 TEST_F(ArchiveTest, ForeignManifestsAreTranslated) {
@@ -162,6 +269,14 @@ TEST(Tiff, RoundTripsAndReadsElsewhere) {
   ASSERT_EQ(read.samples.size(), image.samples.size());
   for (size_t i = 0; i < read.samples.size(); ++i) EXPECT_EQ(code16_of(read.samples[i]), image.samples[i]);
   fs::remove(path);
+}
+
+TEST(Tiff, AHeaderAloneIsNotBelieved) {
+  const std::string header = encode_tiff(Image16(1, kMaxSide_px)).substr(0, kTiffPixelOffset);
+  EXPECT_TRUE(absl::IsDataLoss(decode_tiff(header).status()));
+  EXPECT_TRUE(check_tiff_header(header, 1, kMaxSide_px).ok());
+  EXPECT_FALSE(check_tiff_header(header, kMaxSide_px, 1).ok());
+  EXPECT_FALSE(check_tiff_header(header.substr(0, 255), 1, kMaxSide_px).ok());
 }
 
 TEST(Tiff, NoHeaderByteMayDiffer) {

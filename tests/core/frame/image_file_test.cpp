@@ -2,11 +2,13 @@
 
 #include <gtest/gtest.h>
 #include <unistd.h>
+#include <zlib.h>
 
 #include <cmath>
 #include <random>
 
 #include "core/base/file.h"
+#include "core/frame/archive.h"
 
 namespace glasswing {
 namespace {
@@ -73,6 +75,38 @@ TEST_F(ImageFile, DamagedPngsAreNamed) {
     EXPECT_FALSE(read_frame_file(path).ok()) << length << " bytes";
   }
   EXPECT_TRUE(absl::IsDataLoss(read_frame_file(directory_ / "missing.png").status()));
+}
+
+TEST_F(ImageFile, SizesAreKnownBeforeAPixelIsDecoded) {
+  const Image16 image(6, 4);
+  EXPECT_EQ(picture_size(encode_png16(image)).value(), (PictureSize{6, 4}));
+  EXPECT_EQ(picture_size(encode_tiff(image)).value(), (PictureSize{6, 4}));
+  // Big endian, sides of 16 bits: width 300, height 2.
+  const std::string other(
+      "MM\0\x2a\0\0\0\x08\0\x02\x01\0\0\x03\0\0\0\x01\x01\x2c\0\0"
+      "\x01\x01\0\x03\0\0\0\x01\0\x02\0\0",
+      34);
+  EXPECT_EQ(picture_size(other).value(), (PictureSize{300, 2}));
+  for (size_t length = 0; length < other.size(); ++length) (void)picture_size(other.substr(0, length));
+
+  // A small file that promises 10^9 pixels, its CRC right.
+  std::string lying = encode_png16(image);
+  const std::string sides("\0\0\x80\0\0\0\x80\0", 8);
+  lying.replace(16, 8, sides);
+  const uLong crc = crc32(0, reinterpret_cast<const Bytef*>(&lying[12]), 17);
+  for (size_t i = 0; i < 4; ++i) lying[29 + i] = static_cast<char>(crc >> (24 - 8 * i));
+  EXPECT_NE(std::string(picture_size(lying).status().message()).find("32768x32768"), std::string::npos);
+  EXPECT_TRUE(absl::IsInvalidArgument(decode_png(lying).status()));
+  const fs::path path = directory_ / "lying.png";
+  ASSERT_TRUE(write_file_durably(path, lying).ok());
+  EXPECT_TRUE(absl::IsDataLoss(read_frame_file(path).status()));
+
+  ASSERT_TRUE(write_file_durably(path, encode_png16(image)).ok());
+  EXPECT_TRUE(read_frame_file(path, PictureSize{6, 4}).ok());
+  const absl::Status status = read_frame_file(path, PictureSize{4, 6}).status();
+  EXPECT_NE(std::string(status.message()).find("lying.png is 6x4; the manifest says that frames are 4x6"),
+            std::string::npos)
+      << status;
 }
 
 TEST(Resized, KeepsTheMeanWhenItShrinks) {

@@ -3,8 +3,10 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <functional>
 #include <random>
 
 #include "core/base/file.h"
@@ -95,6 +97,36 @@ TEST(MatteFile, DamageIsSeen) {
     const absl::StatusOr<Matte> read = decode_matte(bad);
     if (read.ok()) expect_same(matte, *read);
   }
+}
+
+// With checksums that agree: only what the file says of itself is wrong.
+TEST(MatteFile, WhatItSaysOfItselfIsNotBelieved) {
+  const auto refused = [](const std::function<void(Matte&)>& change, const std::string& words) {
+    Matte matte = random_matte(0, 2);
+    change(matte);
+    const absl::Status status = decode_matte(encode_matte(matte).value()).status();
+    EXPECT_NE(std::string(status.message()).find(words), std::string::npos) << status << " for " << words;
+  };
+  refused([](Matte& m) { m.metadata.set_width_px(1000000); }, "picture of 1000000x5");
+  refused([](Matte& m) { m.metadata.set_width_px(-1); }, "picture of -1x5");
+  refused([](Matte& m) { m.metadata.set_height_px(1); }, "pixels up to (5, 1)");
+  refused([](Matte& m) { m.metadata.set_format_version(2); }, "format_version is 2");
+  refused(
+      [](Matte& m) {
+        for (int i = 0; i < 5000; ++i) m.metadata.add_monitors();
+      },
+      "names 5002 monitors");
+  refused([](Matte& m) { m.modes(5, 1, 2)[1].texture = 2; }, "pixel (5, 1)");
+  refused([](Matte& m) { m.foreground(3, 0)[1] = INFINITY; }, "pixel (3, 0)");
+}
+
+// What would take gigabytes is refused by what its tiles cover.
+TEST(MatteFile, NoWholeIsLargerThanItsTiles) {
+  Matte tile = random_matte(0, 2);
+  tile.metadata.set_width_px(16384);
+  tile.metadata.set_height_px(16384);
+  const absl::Status status = assemble({tile}).status();
+  EXPECT_NE(std::string(status.message()).find("row 0"), std::string::npos) << status;
 }
 
 TEST(MatteFile, AnotherProgramListsItsParts) {

@@ -1,0 +1,40 @@
+// decode_tiff, and what picture_size makes of TIFF and PNG.
+#include "core/frame/archive.h"
+#include "core/frame/image_file.h"
+#include "tests/fuzz/fuzz_target.h"
+
+namespace glasswing::fuzz {
+
+std::vector<std::string> seeds() {
+  std::vector<std::string> seeds;
+  for (const auto& [width, height] : {std::pair{1, 1}, {5, 4}, {4, 5}, {64, 2}}) {
+    Image16 image(width, height);
+    for (size_t i = 0; i < image.samples.size(); ++i) image.samples[i] = static_cast<std::uint16_t>(i * 977);
+    seeds.push_back(encode_tiff(image));
+  }
+  // A whole header that promises gigabytes.
+  std::string lying = encode_tiff(Image16(1, kMaxSide_px)).substr(0, kTiffPixelOffset);
+  seeds.push_back(lying);
+  seeds.push_back(encode_tiff(Image16(kMaxSide_px, 1)).substr(0, kTiffPixelOffset + 60));
+  seeds.push_back(encode_png16(Image16(9, 2)));
+  seeds.emplace_back("MM\0\x2a\0\0\0\x08\0\x01\x01\0\0\x03\0\0\0\x01\x01\x2c\0\0", 22);
+  return seeds;
+}
+
+void try_input(std::string_view input) {
+  if (const absl::StatusOr<PictureSize> size = picture_size(input); size.ok()) {
+    FUZZ_CHECK(size->width_px >= 1 && size->width_px <= kMaxSide_px);
+    FUZZ_CHECK(size->height_px >= 1 && size->height_px <= kMaxSide_px);
+  }
+  const absl::StatusOr<Image16> image = decode_tiff(input);
+  if (!image.ok()) {
+    FUZZ_CHECK(!image.status().message().empty());
+    return;
+  }
+  FUZZ_CHECK(encode_tiff(*image) == input);
+  FUZZ_CHECK(picture_size(input).value() == (PictureSize{image->width_px, image->height_px}));
+  FUZZ_CHECK(check_tiff_header(input, image->width_px, image->height_px).ok());
+  FUZZ_CHECK(!check_tiff_header(input, image->width_px + 1, image->height_px).ok());
+}
+
+}  // namespace glasswing::fuzz
