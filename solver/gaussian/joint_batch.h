@@ -1,43 +1,34 @@
-// The joint fit of joint_fit.h for the plainest pixels, as many at once as a vector has lanes: one footprint,
-// seen whole in every sweep by samples of equal weight on an even grid.
+// The joint fit of joint_fit.h for as many pixels at once as a vector has lanes.
 //
-// With the basis and the closed-form Gram matrix of line_fit.h, a sweep tells three things: R, the place c.s
-// and the variance V = s' Sigma s + sigma_s^2 + 1/12. For y = R k g with k = sigma_s / sqrt(V), A = R k, and
-// w = sqrt(pi) sigma, the place decouples from the others:
-//   N_RR = k^2 w    N_RV = -k A w / (4 V)    N_VV = 3 A^2 w / (16 V^2)    N_mm = A^2 w / (2 sigma^2)
-// so that an iteration solves a 2 x 2 system for the centre and a 4 x 4 one for R and Sigma.
+// The model without inside(r), and Sigma = L L' by its Cholesky factor, which keeps it positive: for modes
+// that the monitor's edges do not cut. With u = exp(-z^2 / 2), a = s'(l11, l21)', b = s'(0, l22)' and
+// V = a^2 + b^2 + sigma_s^2 + 1/12,
+//   dy/dR = (sigma_s / sigma_r) u      dy/d(c.s) = (A / sigma_r) z u      dy/dV = (A / 2V) (z^2 - 1) u
+// where A = R sigma_s / sigma_r. A sweep's sums over samples are of the products of (u, z u, (z^2 - 1) u) of
+// its modes; the chain rule then makes the normal equations of them.
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <span>
 
-#include "solver/gaussian/footprint.h"
-#include "solver/gaussian/line_fit.h"
+#include "solver/gaussian/joint_fit.h"
 
 namespace glasswing {
 
-struct EvenSweep {
-  StripeAxis axis;
-  double step_px = 0.0;
+// One channel of one pixel.
+struct BatchPixel {
+  static constexpr size_t kMostSweeps = 16;
+  // By sweep: the first sample's value, and weight as of PixelSamples; null: all are 1.
+  std::array<const float*, kMostSweeps> y{};
+  std::array<const float*, kMostSweeps> weight{};
+  Footprints start;
 };
 
-struct PlainPixel {
-  static constexpr size_t kMostSweeps = 8;
-  // Of every sweep: the samples, `half` on either side of a middle near the crest, and the middle's r.
-  std::array<LineWindow, kMostSweeps> windows;
-  std::array<double, kMostSweeps> middle_r_px{};
-};
-
-struct PlainFit {
-  Footprint mode;                              // in: the start
-  double chi2 = 0.0;                           // in the windows
-  int sample_count = 0;                        // in the windows
-  bool settled = false;                        // and Sigma is positive
-  double weight_sd = 0.0, centre_sd_px = 0.0;  // for a residual of standard deviation 1
-};
-
-// At most PlainPixel::kMostSweeps sweeps, of at least three directions.
-void fit_plain(std::span<const EvenSweep> sweeps, std::span<const PlainPixel> pixels,
-               std::span<PlainFit> fits);
+// Samples of a pixel lie `stride` floats apart. All starts have the same number of modes, with positive
+// weights. Of what comes out, chi2 covers the samples within five sigma_r of a start or so; not converged:
+// what fit_jointly must decide.
+void fit_batch(const SampleLayout& layout, std::ptrdiff_t stride, std::span<const BatchPixel> pixels,
+               std::span<JointFit> fits);
 
 }  // namespace glasswing

@@ -13,236 +13,439 @@ HWY_BEFORE_NAMESPACE();
 namespace glasswing {
 namespace HWY_NAMESPACE {
 
-using Row = float[kMostLanes];
+constexpr int kChunk = 16;      // samples
+constexpr double kReach = 5.0;  // in sigma_r, of the samples round a start
+constexpr float kFar = 36.0f;   // z^2
+constexpr int kIterations = 16, kPatience = 5;
+constexpr int kMostNormal = kMostParameters * (kMostParameters + 1) / 2;
+constexpr float kFinestStep = 1.0f / 65535.0f;  // of the frames; a fit that moves by less is settled
 
-// One sweep of a batch of pixels.
-struct BatchSweep {
-  int half = 0;
-  bool even = true;            // all lanes have that many samples
-  std::vector<float> samples;  // [k + half][lane]
-  HWY_ALIGN Row own_half;
-  HWY_ALIGN Row offset;  // of the start's centre from the middle sample, in samples
+// The samples of one sweep round the starts, each lane's own, mode by mode: those near mode m that no earlier
+// mode had. Of weight 0 where other lanes have more.
+struct Gathered {
+  int first[kMostFootprints + 1];                         // of each mode's samples
+  bool reaches[kMostFootprints][kMostFootprints];         // [m][n]: n's light reaches samples near m
+  std::vector<float> y, root_weight;                      // [sample][lane]; y times the weight's root
+  std::vector<float> offset_px;                           // [sample][lane], from that of mode 0's start
+  HWY_ALIGN float start_px[kMostFootprints][kMostLanes];  // c.s of each start, from that of mode 0's
 };
 
-void GatherPlain(std::span<const PlainPixel> pixels, std::span<const PlainFit> starts, const EvenSweep& sweep,
-                 size_t s, BatchSweep& batch) {
-  const size_t lanes = hn::Lanes(D());
-  batch.half = 0;
-  batch.even = true;
-  for (const PlainPixel& pixel : pixels) {
-    batch.half = std::max(batch.half, pixel.windows[s].half);
-    batch.even = batch.even && pixel.windows[s].half == pixels.front().windows[s].half;
+// What a point of the search is, and what the samples say there.
+struct Point {
+  HWY_ALIGN float p[kMostParameters][kMostLanes];  // of each mode R, x and y from its start, l11, l21, l22
+  HWY_ALIGN float gradient[kMostParameters][kMostLanes];
+  HWY_ALIGN float normal[kMostNormal][kMostLanes];  // lower triangle, packed by rows
+  HWY_ALIGN Row chi2;
+};
+
+// One mode in one sweep.
+struct InSweep {
+  V amplitude, centre, inverse_sigma;
+  V chain[6];               // of dy/dp_i over its column's sum
+  int first = 0, last = 0;  // the samples that it reaches
+};
+constexpr int kColumnOf[6] = {0, 1, 1, 2, 2, 2};
+
+struct BatchSpace {
+  std::vector<Gathered> sweeps;
+  HWY_ALIGN Row sample_count;  // of all sweeps, with any weight
+  Point best, trial;
+  HWY_ALIGN float column[kMostFootprints][3][kChunk * kMostLanes];
+  HWY_ALIGN float residual[kChunk * kMostLanes];
+  HWY_ALIGN float gram[kMostFootprints][kMostFootprints][9][kMostLanes];
+  HWY_ALIGN float gain[kMostFootprints][3][kMostLanes];
+  HWY_ALIGN float factor[kMostNormal][kMostLanes];
+  HWY_ALIGN float step[kMostParameters][kMostLanes];
+};
+
+struct Window {
+  int first = 0, last = 0;
+};
+
+void GatherSweep(const SampleLayout::Sweep& sweep, const float* offset_px, size_t s, std::ptrdiff_t stride,
+                 std::span<const BatchPixel> pixels, Gathered& gathered, Row& sample_count) {
+  const auto lanes = static_cast<int>(hn::Lanes(D()));
+  const auto count = static_cast<int>(pixels.size()), modes = pixels.front().start.size();
+  const float* const end = offset_px + sweep.count;
+  Window windows[kMostLanes][kMostFootprints];
+  int most[kMostFootprints] = {};
+  for (auto& row : gathered.reaches) std::fill(std::begin(row), std::end(row), false);
+  for (int lane = 0; lane < lanes; ++lane) {
+    // Lanes without a pixel repeat the last one.
+    const Footprints& start = pixels[static_cast<size_t>(std::min(lane, count - 1))].start;
+    double centre[kMostFootprints], reach[kMostFootprints];
+    for (int m = 0; m < modes; ++m) {
+      centre[m] = start[m].x_px * sweep.axis.cos_phi + start[m].y_px * sweep.axis.sin_phi - sweep.first_r_px;
+      reach[m] = kReach * std::sqrt(answered_variance(start[m], sweep.axis));
+      const float* const from = std::lower_bound(offset_px, end, static_cast<float>(centre[m] - reach[m]));
+      const float* const to = std::upper_bound(from, end, static_cast<float>(centre[m] + reach[m]));
+      windows[lane][m] = {static_cast<int>(from - offset_px), static_cast<int>(to - offset_px)};
+      most[m] = std::max(most[m], static_cast<int>(to - from));
+      gathered.start_px[m][lane] = static_cast<float>(centre[m] - centre[0]);
+      for (int n = 0; n <= m; ++n) {
+        const bool near = std::abs(centre[m] - centre[n]) < reach[m] + reach[n];
+        gathered.reaches[m][n] = gathered.reaches[n][m] = gathered.reaches[m][n] || near;
+      }
+    }
   }
-  batch.samples.resize(static_cast<size_t>(2 * batch.half + 1) * lanes);
-  for (size_t lane = 0; lane < lanes; ++lane) {
-    const size_t i = std::min(lane, pixels.size() - 1);
-    const LineWindow& window = pixels[i].windows[s];
-    const Footprint& start = starts[i].mode;
-    batch.own_half[lane] = static_cast<float>(window.half);
-    batch.offset[lane] = static_cast<float>(
-        (start.x_px * sweep.axis.cos_phi + start.y_px * sweep.axis.sin_phi - pixels[i].middle_r_px[s]) /
-        sweep.step_px);
-    float* to = batch.samples.data() + static_cast<size_t>(batch.half - window.half) * lanes + lane;
-    const float* from = window.middle - window.half * window.stride;
-    for (int k = -window.half; k <= window.half; ++k, to += lanes, from += window.stride) *to = *from;
+  gathered.first[0] = 0;
+  for (int m = 0; m < modes; ++m) gathered.first[m + 1] = gathered.first[m] + most[m];
+  const auto size = static_cast<size_t>(gathered.first[modes] * lanes);
+  gathered.y.assign(size, 0.0f);
+  gathered.root_weight.assign(size, 0.0f);
+  gathered.offset_px.assign(size, 0.0f);
+  for (int lane = 0; lane < lanes; ++lane) {
+    const BatchPixel& pixel = pixels[static_cast<size_t>(std::min(lane, count - 1))];
+    const double origin = pixel.start[0].x_px * sweep.axis.cos_phi +
+                          pixel.start[0].y_px * sweep.axis.sin_phi - sweep.first_r_px;
+    const Window* own = windows[lane];
+    for (int m = 0; m < modes; ++m) {
+      int at = gathered.first[m] * lanes + lane;
+      for (int i = own[m].first; i < own[m].last; ++i) {
+        bool had = false;
+        for (int n = 0; n < m; ++n) had = had || (i >= own[n].first && i < own[n].last);
+        if (had) continue;
+        const auto place = static_cast<size_t>(at);
+        const float root = pixel.weight[s] != nullptr ? std::sqrt(pixel.weight[s][i * stride]) : 1.0f;
+        gathered.y[place] = root * pixel.y[s][i * stride];
+        gathered.root_weight[place] = root;
+        gathered.offset_px[place] = static_cast<float>(static_cast<double>(offset_px[i]) - origin);
+        at += lanes;
+        if (root > 0.0f) sample_count[lane] += 1.0f;
+      }
+    }
   }
 }
 
-template <bool kEven>
-void PlainSums(const BatchSweep& batch, V a, V mu, V sigma, Moments& sums, V& chi2) {
+InSweep Place(const Row* p, const StripeAxis& axis, const Row& start_px) {
+  const D d;
+  const auto c = static_cast<float>(axis.cos_phi), s = static_cast<float>(axis.sin_phi),
+             sigma_s = static_cast<float>(axis.sigma_px);
+  const V weight = hn::Load(d, p[0]);
+  const V a = hn::MulAdd(Set(c), hn::Load(d, p[3]), hn::Mul(Set(s), hn::Load(d, p[4])));
+  const V b = hn::Mul(Set(s), hn::Load(d, p[5]));
+  const V variance =
+      hn::MulAdd(a, a, hn::MulAdd(b, b, Set(sigma_s * sigma_s + static_cast<float>(kFlatPixel_px2))));
+  const V sigma = hn::Sqrt(variance);
+  InSweep mode;
+  mode.inverse_sigma = hn::Div(Set(1.0f), sigma);
+  const V crest = hn::Mul(Set(sigma_s), mode.inverse_sigma);
+  mode.amplitude = hn::Mul(weight, crest);
+  mode.centre =
+      hn::MulAdd(Set(c), hn::Load(d, p[1]), hn::MulAdd(Set(s), hn::Load(d, p[2]), hn::Load(d, start_px)));
+  const V by_centre = hn::Mul(mode.amplitude, mode.inverse_sigma);
+  const V by_variance =  // times dV/d(a^2 + b^2), 2
+      hn::Mul(mode.amplitude, hn::Mul(mode.inverse_sigma, mode.inverse_sigma));
+  const V by_a = hn::Mul(by_variance, a);
+  mode.chain[0] = crest;
+  mode.chain[1] = hn::Mul(by_centre, Set(c)), mode.chain[2] = hn::Mul(by_centre, Set(s));
+  mode.chain[3] = hn::Mul(by_a, Set(c)), mode.chain[4] = hn::Mul(by_a, Set(s));
+  mode.chain[5] = hn::Mul(hn::Mul(by_variance, b), Set(s));
+  return mode;
+}
+
+// u = exp(-z^2 / 2) times the root of the weight. Farther off there is nothing, and it is costly to count
+// that in denormal numbers.
+HWY_INLINE V Crest(V zz, V root) {
+  const D d;
+  const hn::RebindToSigned<D> di;
+  // 2^x = 2^n 2^f with |f| <= 1/2, the latter by its Taylor series in f ln 2; relative error 2e-7.
+  const V x = hn::Mul(zz, Set(-0.72134752f)), whole = hn::Round(x), f = hn::Sub(x, whole);
+  V power = hn::MulAdd(Set(1.5403530e-4f), f, Set(1.3333558e-3f));
+  power = hn::MulAdd(power, f, Set(9.6181291e-3f));
+  power = hn::MulAdd(power, f, Set(5.5504109e-2f));
+  power = hn::MulAdd(power, f, Set(2.4022651e-1f));
+  power = hn::MulAdd(power, f, Set(6.9314718e-1f));
+  power = hn::MulAdd(power, f, Set(1.0f));
+  const auto exponent = hn::ShiftLeft<23>(hn::ConvertTo(di, whole));
+  const V u = hn::BitCast(d, hn::Add(hn::BitCast(di, power), exponent));
+  return hn::IfThenElseZero(hn::Lt(zz, Set(kFar)), hn::Mul(root, u));
+}
+
+// The sums of samples that one mode alone reaches.
+void AddSingle(const Gathered& gathered, int first, int last, const InSweep& mode, float (*gain)[kMostLanes],
+               float (*gram)[kMostLanes], V& chi2) {
   const D d;
   const auto lanes = static_cast<int>(hn::Lanes(d));
-  const float* middle = batch.samples.data() + batch.half * lanes;
-  Shape shape = Begin(mu, sigma);
-  const V own_half = hn::Load(d, batch.own_half);
-  V r = hn::NegMulAdd(a, shape.up.g, hn::LoadU(d, middle));
-  chi2 = hn::MulAdd(r, r, chi2);
-  sums.m0 = hn::Mul(r, shape.up.g);
-  sums.m1 = sums.m2 = hn::Zero(d);
-  V down_chi2 = hn::Zero(d);
-  Moments down{hn::Zero(d), hn::Zero(d), hn::Zero(d)};
-  V k = Set(1.0f);
-  for (int i = 1; i <= batch.half; ++i) {
-    Step(shape.up, shape.ratio);
-    Step(shape.down, shape.ratio);
-    r = hn::NegMulAdd(a, shape.up.g, hn::LoadU(d, middle + i * lanes));
-    V s = hn::NegMulAdd(a, shape.down.g, hn::LoadU(d, middle - i * lanes));
-    if constexpr (!kEven) {
-      const auto within = hn::Le(k, own_half);
-      r = hn::IfThenElseZero(within, r);
-      s = hn::IfThenElseZero(within, s);
-    }
+  V g0 = hn::Load(d, gain[0]), g1 = hn::Load(d, gain[1]), g2 = hn::Load(d, gain[2]);
+  V h00 = hn::Load(d, gram[0]), h01 = hn::Load(d, gram[1]), h02 = hn::Load(d, gram[2]),
+    h11 = hn::Load(d, gram[4]), h12 = hn::Load(d, gram[5]), h22 = hn::Load(d, gram[8]);
+  for (int i = first * lanes; i < last * lanes; i += lanes) {
+    const V z = hn::Mul(hn::Sub(hn::LoadU(d, gathered.offset_px.data() + i), mode.centre),
+                        mode.inverse_sigma),
+            zz = hn::Mul(z, z);
+    const V u = Crest(zz, hn::LoadU(d, gathered.root_weight.data() + i));
+    const V zu = hn::Mul(z, u), zzu = hn::MulSub(zz, u, u);
+    const V r = hn::NegMulAdd(mode.amplitude, u, hn::LoadU(d, gathered.y.data() + i));
     chi2 = hn::MulAdd(r, r, chi2);
-    down_chi2 = hn::MulAdd(s, s, down_chi2);
-    sums.Add(hn::Mul(r, shape.up.g), k);
-    down.Add(hn::Mul(s, shape.down.g), k);
-    k = hn::Add(k, Set(1.0f));
+    g0 = hn::MulAdd(u, r, g0), g1 = hn::MulAdd(zu, r, g1), g2 = hn::MulAdd(zzu, r, g2);
+    h00 = hn::MulAdd(u, u, h00), h01 = hn::MulAdd(u, zu, h01), h02 = hn::MulAdd(u, zzu, h02);
+    h11 = hn::MulAdd(zu, zu, h11), h12 = hn::MulAdd(zu, zzu, h12), h22 = hn::MulAdd(zzu, zzu, h22);
   }
-  chi2 = hn::Add(chi2, down_chi2);
-  sums.m0 = hn::Add(sums.m0, down.m0);
-  sums.m1 = hn::Sub(sums.m1, down.m1);
-  sums.m2 = hn::Add(sums.m2, down.m2);
+  hn::Store(g0, d, gain[0]), hn::Store(g1, d, gain[1]), hn::Store(g2, d, gain[2]);
+  hn::Store(h00, d, gram[0]), hn::Store(h01, d, gram[1]), hn::Store(h02, d, gram[2]);
+  hn::Store(h01, d, gram[3]), hn::Store(h11, d, gram[4]), hn::Store(h12, d, gram[5]);
+  hn::Store(h02, d, gram[6]), hn::Store(h12, d, gram[7]), hn::Store(h22, d, gram[8]);
 }
 
-// The 4 x 4 system of R and Sigma, lower triangle packed by rows: solved in place by Cholesky. `first` gets
-// the first element of the inverse's diagonal.
-void SolveFour(Row* m, Row* x, float* first) {
+// The sums of a chunk of samples that several modes reach.
+void AddChunk(const Gathered& gathered, int first, int count, const InSweep* modes, const int* reaching,
+              int reaching_count, BatchSpace& space, V& chi2) {
   const D d;
-  const auto at = [&](int i, int j) -> float* { return m[i * (i + 1) / 2 + j]; };
-  for (int j = 0; j < 4; ++j) {
-    V diagonal = hn::Load(d, at(j, j));
-    const V least = hn::MulAdd(diagonal, Set(1e-6f), Set(1e-30f));
-    for (int k = 0; k < j; ++k)
-      diagonal = hn::NegMulAdd(hn::Load(d, at(j, k)), hn::Load(d, at(j, k)), diagonal);
-    const V inverse = hn::Div(Set(1.0f), hn::Sqrt(hn::Max(diagonal, least)));
-    hn::Store(inverse, d, at(j, j));
-    for (int i = j + 1; i < 4; ++i) {
-      V sum = hn::Load(d, at(i, j));
-      for (int k = 0; k < j; ++k) sum = hn::NegMulAdd(hn::Load(d, at(i, k)), hn::Load(d, at(j, k)), sum);
-      hn::Store(hn::Mul(sum, inverse), d, at(i, j));
+  const auto lanes = static_cast<int>(hn::Lanes(d));
+  for (int i = 0; i < count; ++i) {
+    const int sample = (first + i) * lanes;
+    const V root = hn::LoadU(d, gathered.root_weight.data() + sample);
+    const V at = hn::LoadU(d, gathered.offset_px.data() + sample);
+    V residual = hn::LoadU(d, gathered.y.data() + sample);
+    for (int j = 0; j < reaching_count; ++j) {
+      const int m = reaching[j];
+      const V z = hn::Mul(hn::Sub(at, modes[m].centre), modes[m].inverse_sigma), zz = hn::Mul(z, z);
+      const V u = Crest(zz, root);
+      residual = hn::NegMulAdd(modes[m].amplitude, u, residual);
+      hn::Store(u, d, space.column[m][0] + i * lanes);
+      hn::Store(hn::Mul(z, u), d, space.column[m][1] + i * lanes);
+      hn::Store(hn::MulSub(zz, u, u), d, space.column[m][2] + i * lanes);
+    }
+    hn::Store(residual, d, space.residual + i * lanes);
+    chi2 = hn::MulAdd(residual, residual, chi2);
+  }
+  for (int j = 0; j < reaching_count; ++j) {
+    const int m = reaching[j];
+    const float *u = space.column[m][0], *zu = space.column[m][1], *zzu = space.column[m][2];
+    V g0 = hn::Load(d, space.gain[m][0]), g1 = hn::Load(d, space.gain[m][1]),
+      g2 = hn::Load(d, space.gain[m][2]);
+    for (int i = 0; i < count * lanes; i += lanes) {
+      const V r = hn::Load(d, space.residual + i);
+      g0 = hn::MulAdd(hn::Load(d, u + i), r, g0);
+      g1 = hn::MulAdd(hn::Load(d, zu + i), r, g1);
+      g2 = hn::MulAdd(hn::Load(d, zzu + i), r, g2);
+    }
+    hn::Store(g0, d, space.gain[m][0]), hn::Store(g1, d, space.gain[m][1]);
+    hn::Store(g2, d, space.gain[m][2]);
+    for (int k = 0; k <= j; ++k) {
+      const int n = reaching[k];
+      const float *v = space.column[n][0], *zv = space.column[n][1], *zzv = space.column[n][2];
+      auto& gram = space.gram[m][n];
+      V h[9];
+      for (int q = 0; q < 9; ++q) h[q] = hn::Load(d, gram[q]);
+      for (int i = 0; i < count * lanes; i += lanes) {
+        const V a = hn::Load(d, u + i), b = hn::Load(d, zu + i), c = hn::Load(d, zzu + i);
+        const V e = hn::Load(d, v + i), f = hn::Load(d, zv + i), g = hn::Load(d, zzv + i);
+        h[0] = hn::MulAdd(a, e, h[0]), h[1] = hn::MulAdd(a, f, h[1]), h[2] = hn::MulAdd(a, g, h[2]);
+        h[3] = hn::MulAdd(b, e, h[3]), h[4] = hn::MulAdd(b, f, h[4]), h[5] = hn::MulAdd(b, g, h[5]);
+        h[6] = hn::MulAdd(c, e, h[6]), h[7] = hn::MulAdd(c, f, h[7]), h[8] = hn::MulAdd(c, g, h[8]);
+      }
+      for (int q = 0; q < 9; ++q) hn::Store(h[q], d, gram[q]);
     }
   }
-  for (int i = 0; i < 4; ++i) {
-    V sum = hn::Load(d, x[i]);
-    for (int k = 0; k < i; ++k) sum = hn::NegMulAdd(hn::Load(d, at(i, k)), hn::Load(d, x[k]), sum);
-    hn::Store(hn::Mul(sum, hn::Load(d, at(i, i))), d, x[i]);
-  }
-  for (int i = 3; i >= 0; --i) {
-    V sum = hn::Load(d, x[i]);
-    for (int k = i + 1; k < 4; ++k) sum = hn::NegMulAdd(hn::Load(d, at(k, i)), hn::Load(d, x[k]), sum);
-    hn::Store(hn::Mul(sum, hn::Load(d, at(i, i))), d, x[i]);
-  }
-  // |L^-1 e_0|^2
-  V column[4] = {hn::Load(d, at(0, 0)), hn::Zero(d), hn::Zero(d), hn::Zero(d)};
-  V sum = hn::Mul(column[0], column[0]);
-  for (int i = 1; i < 4; ++i) {
-    V value = hn::Zero(d);
-    for (int k = 0; k < i; ++k) value = hn::NegMulAdd(hn::Load(d, at(i, k)), column[k], value);
-    column[i] = hn::Mul(value, hn::Load(d, at(i, i)));
-    sum = hn::MulAdd(column[i], column[i], sum);
-  }
-  hn::Store(sum, d, first);
 }
 
-void FitBatch(std::span<const EvenSweep> sweeps, std::span<const PlainPixel> pixels, std::span<PlainFit> fits,
-              std::vector<BatchSweep>& batches) {
+HWY_INLINE void AddTo(Row& to, V value) {
   const D d;
-  const size_t lanes = hn::Lanes(d);
-  for (size_t s = 0; s < sweeps.size(); ++s) GatherPlain(pixels, fits, sweeps[s], s, batches[s]);
-  HWY_ALIGN Row p[6];  // R, and from the start's centre x, y; xx, xy, yy
-  for (size_t lane = 0; lane < lanes; ++lane) {
-    const Footprint& start = fits[std::min(lane, pixels.size() - 1)].mode;
-    p[0][lane] = static_cast<float>(start.weight);
-    p[1][lane] = p[2][lane] = 0.0f;
-    p[3][lane] = static_cast<float>(start.xx_px2);
-    p[4][lane] = static_cast<float>(start.xy_px2);
-    p[5][lane] = static_cast<float>(start.yy_px2);
-  }
-  HWY_ALIGN Row matrix[10], step[4], weight_variance, out;
-  V chi2 = hn::Zero(d), centre_variance = hn::Zero(d);
-  auto settled = hn::Lt(Set(1.0f), hn::Zero(d));
-  for (int iteration = 0; iteration < 10; ++iteration) {
-    for (Row& row : matrix) hn::Store(hn::Zero(d), d, row);
-    for (Row& row : step) hn::Store(hn::Zero(d), d, row);
-    V nxx = hn::Zero(d), nxy = nxx, nyy = nxx, gx = nxx, gy = nxx, narrowest = Set(1e30f);
-    chi2 = hn::Zero(d);
-    const V weight = hn::Load(d, p[0]);
-    for (size_t i = 0; i < sweeps.size(); ++i) {
-      const auto c = static_cast<float>(sweeps[i].axis.cos_phi),
-                 s = static_cast<float>(sweeps[i].axis.sin_phi);
-      const auto step_px = static_cast<float>(sweeps[i].step_px),
-                 sigma_s = static_cast<float>(sweeps[i].axis.sigma_px);
-      const float square[3] = {c * c, 2.0f * c * s, s * s};
-      V variance = Set(sigma_s * sigma_s + static_cast<float>(kFlatPixel_px2));
-      for (int k = 0; k < 3; ++k) variance = hn::MulAdd(Set(square[k]), hn::Load(d, p[3 + k]), variance);
-      variance = hn::Max(variance, Set(0.25f * sigma_s * sigma_s));
-      const V sd_px = hn::Sqrt(variance), sigma = hn::Mul(sd_px, Set(1.0f / step_px));
-      const V crest = hn::Div(Set(sigma_s), sd_px), amplitude = hn::Mul(weight, crest);
-      const V mu =
-          hn::MulAdd(Set(c / step_px), hn::Load(d, p[1]),
-                     hn::MulAdd(Set(s / step_px), hn::Load(d, p[2]), hn::Load(d, batches[i].offset)));
-      Moments sums;
-      if (batches[i].even) {
-        PlainSums<true>(batches[i], amplitude, mu, sigma, sums, chi2);
-      } else {
-        PlainSums<false>(batches[i], amplitude, mu, sigma, sums, chi2);
+  hn::Store(hn::Add(hn::Load(d, to), value), d, to);
+}
+
+void EvaluatePoint(const SampleLayout& layout, int mode_count, BatchSpace& space, Point& point) {
+  const D d;
+  const V zero = hn::Zero(d);
+  const int parameters = 6 * mode_count;
+  for (int i = 0; i < parameters; ++i) hn::Store(zero, d, point.gradient[i]);
+  for (int i = 0; i < Packed(parameters, 0); ++i) hn::Store(zero, d, point.normal[i]);
+  V chi2 = zero;
+  for (size_t s = 0; s < layout.sweeps.size(); ++s) {
+    const Gathered& gathered = space.sweeps[s];
+    InSweep modes[kMostFootprints];
+    for (int m = 0; m < mode_count; ++m) {
+      modes[m] = Place(point.p + 6 * m, layout.sweeps[s].axis, gathered.start_px[m]);
+      for (int q = 0; q < 3; ++q) hn::Store(zero, d, space.gain[m][q]);
+      for (int n = 0; n <= m; ++n)
+        for (int q = 0; q < 9; ++q) hn::Store(zero, d, space.gram[m][n][q]);
+    }
+    for (int near = 0; near < mode_count; ++near) {
+      int reaching[kMostFootprints], reaching_count = 0;
+      for (int m = 0; m < mode_count; ++m) {
+        if (gathered.reaches[near][m]) reaching[reaching_count++] = m;
       }
-      sums.ToUnits(mu, sigma);
-      narrowest = hn::Min(narrowest, sd_px);
-      const V w = hn::Div(sigma, Set(kInverseRootPi));
-      const V by_place = hn::Div(amplitude, sd_px);  // dy/d(c.s) = by_place z g
-      const V place = hn::Mul(hn::Mul(hn::Mul(by_place, by_place), w), Set(0.5f)),
-              place_g = hn::Mul(by_place, sums.m1);
-      nxx = hn::MulAdd(place, Set(c * c), nxx), nxy = hn::MulAdd(place, Set(c * s), nxy);
-      nyy = hn::MulAdd(place, Set(s * s), nyy);
-      gx = hn::MulAdd(place_g, Set(c), gx), gy = hn::MulAdd(place_g, Set(s), gy);
-      const V by_variance = hn::Div(hn::Mul(Set(0.5f), amplitude), variance);
-      const V rr = hn::Mul(hn::Mul(crest, crest), w);
-      const V rv = hn::Mul(hn::Mul(hn::Mul(crest, by_variance), w), Set(-0.5f));
-      const V vv = hn::Mul(hn::Mul(hn::Mul(by_variance, by_variance), w), Set(0.75f));
-      const V variance_g = hn::Mul(by_variance, hn::Sub(sums.m2, sums.m0));
-      const auto add = [&](Row& to, V value) { hn::Store(hn::Add(hn::Load(d, to), value), d, to); };
-      add(matrix[0], rr);
-      add(step[0], hn::Mul(crest, sums.m0));
-      for (int k = 0; k < 3; ++k) {
-        add(matrix[(k + 1) * (k + 2) / 2], hn::Mul(rv, Set(square[k])));
-        for (int l = 0; l <= k; ++l)
-          add(matrix[(k + 1) * (k + 2) / 2 + l + 1], hn::Mul(vv, Set(square[k] * square[l])));
-        add(step[k + 1], hn::Mul(variance_g, Set(square[k])));
+      const int begin = gathered.first[near], end = gathered.first[near + 1];
+      if (reaching_count == 1) {
+        AddSingle(gathered, begin, end, modes[near], space.gain[near], space.gram[near][near], chi2);
+        continue;
+      }
+      for (int first = begin; first < end; first += kChunk)
+        AddChunk(gathered, first, std::min(kChunk, end - first), modes, reaching, reaching_count, space,
+                 chi2);
+    }
+    for (int m = 0; m < mode_count; ++m) {
+      for (int i = 0; i < 6; ++i) {
+        const V by_i = modes[m].chain[i];
+        AddTo(point.gradient[6 * m + i], hn::Mul(by_i, hn::Load(d, space.gain[m][kColumnOf[i]])));
+        for (int n = 0; n <= m; ++n) {
+          for (int j = 0; j < (n == m ? i + 1 : 6); ++j) {
+            const V sum = hn::Load(d, space.gram[m][n][3 * kColumnOf[i] + kColumnOf[j]]);
+            AddTo(point.normal[Packed(6 * m + i, 6 * n + j)], hn::Mul(hn::Mul(by_i, modes[n].chain[j]), sum));
+          }
+        }
       }
     }
-    const V determinant = hn::NegMulAdd(nxy, nxy, hn::Mul(nxx, nyy)),
-            inverse = hn::Div(Set(1.0f), determinant);
-    const V dx = hn::Mul(hn::NegMulAdd(nxy, gy, hn::Mul(nyy, gx)), inverse);
-    const V dy = hn::Mul(hn::NegMulAdd(nxy, gx, hn::Mul(nxx, gy)), inverse);
-    centre_variance = hn::Mul(hn::Mul(Set(0.5f), hn::Add(nxx, nyy)), inverse);
-    SolveFour(matrix, step, weight_variance);
-    const V limit = hn::Mul(Set(0.5f), narrowest), small = hn::Mul(Set(1e-3f), narrowest);
-    const V wide = hn::Mul(narrowest, narrowest);
-    settled = hn::And(hn::Le(hn::Abs(dx), small), hn::Le(hn::Abs(dy), small));
-    settled = hn::And(settled, hn::Le(hn::Abs(hn::Load(d, step[0])), hn::Mul(Set(1e-3f), weight)));
-    const auto clip = [](V value, V most) { return hn::Max(hn::Min(value, most), hn::Neg(most)); };
-    hn::Store(hn::Add(weight, clip(hn::Load(d, step[0]), hn::Mul(Set(0.5f), weight))), d, p[0]);
-    hn::Store(hn::Add(hn::Load(d, p[1]), clip(dx, limit)), d, p[1]);
-    hn::Store(hn::Add(hn::Load(d, p[2]), clip(dy, limit)), d, p[2]);
-    for (int k = 0; k < 3; ++k) {
-      const V move = hn::Load(d, step[k + 1]);
-      settled = hn::And(settled, hn::Le(hn::Abs(move), hn::Mul(Set(2e-3f), wide)));
-      hn::Store(hn::Add(hn::Load(d, p[3 + k]), clip(move, wide)), d, p[3 + k]);
-    }
-    if (hn::AllTrue(d, settled)) break;
   }
-  const V xx = hn::Load(d, p[3]), xy = hn::Load(d, p[4]), yy = hn::Load(d, p[5]);
-  settled = hn::And(settled, hn::Gt(hn::Load(d, p[0]), hn::Zero(d)));
-  settled = hn::And(settled, hn::And(hn::Gt(xx, hn::Zero(d)), hn::Gt(hn::Mul(xx, yy), hn::Mul(xy, xy))));
-  HWY_ALIGN Row chi, centre;
-  hn::Store(hn::IfThenElseZero(settled, Set(1.0f)), d, out);
-  hn::Store(chi2, d, chi), hn::Store(centre_variance, d, centre);
+  hn::Store(chi2, d, point.chi2);
+}
+
+// The factor of a point's normal matrix, its diagonal raised by `damping` of itself.
+void FactorNormal(const Point& point, V damping, int mode_count, BatchSpace& space) {
+  const D d;
+  const int parameters = 6 * mode_count;
+  for (int i = 0; i < Packed(parameters, 0); ++i) hn::Store(hn::Load(d, point.normal[i]), d, space.factor[i]);
+  for (int m = 0; m < mode_count; ++m) {
+    const auto diagonal = [&](int i) -> float* { return space.factor[Packed(6 * m + i, 6 * m + i)]; };
+    // Near Sigma's boundary an l moves nothing: it counts as a twelfth of sigma_r at least. Where it is that
+    // wide it has as much of the diagonal as a hundredth of the centre has.
+    const V least = hn::Mul(Set(0.005f), hn::Add(hn::Load(d, diagonal(1)), hn::Load(d, diagonal(2))));
+    for (int i = 3; i < 6; ++i) hn::Store(hn::Max(hn::Load(d, diagonal(i)), least), d, diagonal(i));
+    for (int i = 0; i < 6; ++i) {
+      const V value = hn::Load(d, diagonal(i));
+      hn::Store(hn::MulAdd(damping, value, value), d, diagonal(i));
+    }
+  }
+  FactorLower(space.factor, parameters);
+}
+
+void SetStarts(std::span<const BatchPixel> pixels, double narrowest_px, Point& point) {
+  for (size_t lane = 0; lane < hn::Lanes(D()); ++lane) {
+    const Footprints& start = pixels[std::min(lane, pixels.size() - 1)].start;
+    for (int m = 0; m < start.size(); ++m) {
+      // Nowhere narrower than an eighth of a stripe: from zero an l would not grow.
+      const Footprint mode = with_positive_covariance(start[m], narrowest_px * narrowest_px / 64.0);
+      const double l11 = std::sqrt(mode.xx_px2), l21 = mode.xy_px2 / l11;
+      const double l22 = std::sqrt(std::max(mode.yy_px2 - l21 * l21, 1e-12));
+      const double own[6] = {mode.weight, 0.0, 0.0, l11, l21, l22};
+      for (int i = 0; i < 6; ++i) point.p[6 * m + i][lane] = static_cast<float>(own[i]);
+    }
+  }
+}
+
+// Levenberg-Marquardt, each lane with its own damping. Tells which lanes settled.
+void Minimise(const SampleLayout& layout, int mode_count, float narrowest_px, BatchSpace& space,
+              Row& settled_lanes) {
+  const D d;
+  const int parameters = 6 * mode_count;
+  Point &best = space.best, &trial = space.trial;
+  EvaluatePoint(layout, mode_count, space, best);
+  const V samples = hn::Max(hn::Load(d, space.sample_count), Set(1.0f));
+  V damping = Set(1e-3f);
+  auto settled = hn::Lt(damping, hn::Zero(d));
+  for (int iteration = 0; iteration < kIterations; ++iteration) {
+    FactorNormal(best, damping, mode_count, space);
+    for (int i = 0; i < parameters; ++i) hn::Store(hn::Load(d, best.gradient[i]), d, space.step[i]);
+    SolveLower(space.factor, parameters, space.step);
+    // What the step promises, against the noise of one sample, as in fit_jointly.
+    V promise = hn::Zero(d);
+    for (int i = 0; i < parameters; ++i) {
+      const V step = hn::Load(d, space.step[i]), now = hn::Load(d, best.p[i]);
+      const V most = i % 6 == 0 ? hn::Mul(Set(0.5f), now) : Set(0.5f * narrowest_px);
+      promise = hn::MulAdd(hn::Load(d, best.gradient[i]), step, promise);
+      hn::Store(hn::Add(now, hn::Max(hn::Min(step, most), hn::Neg(most))), d, trial.p[i]);
+    }
+    EvaluatePoint(layout, mode_count, space, trial);
+    const V chi2 = hn::Load(d, best.chi2);
+    const V gained = hn::Sub(chi2, hn::Load(d, trial.chi2));
+    const V little = hn::Max(hn::Div(hn::Mul(Set(0.01f), chi2), samples),
+                             hn::Mul(samples, Set(kFinestStep * kFinestStep)));
+    const auto better = hn::Ge(gained, hn::Mul(Set(-1e-6f), chi2));
+    auto last = hn::Le(promise, little);
+    last = hn::Or(last, hn::And(better, hn::Lt(gained, hn::Mul(Set(3e-4f), chi2))));
+    settled = hn::Or(settled, hn::And(last, hn::Lt(damping, Set(0.1f))));
+    // As far as the quadratic model was right.
+    const V scale =
+        hn::IfThenElse(hn::Gt(gained, hn::Mul(Set(0.9f), promise)), Set(0.1f),
+                       hn::IfThenElse(hn::Lt(gained, hn::Mul(Set(0.2f), promise)), Set(3.0f), Set(0.5f)));
+    damping = hn::Max(hn::Mul(damping, hn::IfThenElse(better, scale, Set(4.0f))), Set(1e-6f));
+    const auto take = [&](Row& to, const Row& from) {
+      hn::Store(hn::IfThenElse(better, hn::Load(d, from), hn::Load(d, to)), d, to);
+    };
+    for (int i = 0; i < parameters; ++i) {
+      take(best.p[i], trial.p[i]);
+      take(best.gradient[i], trial.gradient[i]);
+    }
+    for (int i = 0; i < Packed(parameters, 0); ++i) take(best.normal[i], trial.normal[i]);
+    take(best.chi2, trial.chi2);
+    // The last few are not worth that all go on.
+    const size_t left = hn::CountTrue(d, hn::Not(settled));
+    if (left == 0 || (iteration >= kPatience && 4 * left <= hn::Lanes(d))) break;
+  }
+  hn::Store(hn::IfThenElseZero(settled, Set(1.0f)), d, settled_lanes);
+}
+
+// The variance of parameter i for noise of standard deviation 1: the square of L^-1 e_i.
+V VarianceOf(int i, int parameters, BatchSpace& space) {
+  const D d;
+  V sum = hn::Zero(d);
+  for (int j = i; j < parameters; ++j) {
+    V value = j == i ? Set(1.0f) : hn::Zero(d);
+    for (int k = i; k < j; ++k)
+      value = hn::NegMulAdd(hn::Load(d, space.factor[Packed(j, k)]), hn::Load(d, space.step[k]), value);
+    value = hn::Mul(value, hn::Load(d, space.factor[Packed(j, j)]));
+    hn::Store(value, d, space.step[j]);
+    sum = hn::MulAdd(value, value, sum);
+  }
+  return sum;
+}
+
+void FitLanes(const SampleLayout& layout, std::ptrdiff_t stride, std::span<const BatchPixel> pixels,
+              std::span<JointFit> fits, BatchSpace& space) {
+  const int mode_count = pixels.front().start.size(), parameters = 6 * mode_count;
+  space.sweeps.resize(std::max(space.sweeps.size(), layout.sweeps.size()));
+  hn::Store(hn::Zero(D()), D(), space.sample_count);
+  double narrowest_px = 1e30;
+  for (size_t s = 0; s < layout.sweeps.size(); ++s) {
+    const SampleLayout::Sweep& sweep = layout.sweeps[s];
+    GatherSweep(sweep, layout.offset_px.data() + sweep.first, s, stride, pixels, space.sweeps[s],
+                space.sample_count);
+    narrowest_px = std::min(narrowest_px, sweep.axis.sigma_px);
+  }
+  SetStarts(pixels, narrowest_px, space.best);
+  HWY_ALIGN Row settled;
+  Minimise(layout, mode_count, static_cast<float>(narrowest_px), space, settled);
+
+  HWY_ALIGN float weight_variance[kMostFootprints][kMostLanes], centre_variance[kMostFootprints][kMostLanes];
+  FactorNormal(space.best, Set(0.0f), mode_count, space);
+  for (int m = 0; m < mode_count; ++m) {
+    hn::Store(VarianceOf(6 * m, parameters, space), D(), weight_variance[m]);
+    hn::Store(hn::Mul(Set(0.5f), hn::Add(VarianceOf(6 * m + 1, parameters, space),
+                                         VarianceOf(6 * m + 2, parameters, space))),
+              D(), centre_variance[m]);
+  }
   for (size_t lane = 0; lane < pixels.size(); ++lane) {
-    PlainFit& fit = fits[lane];
-    fit.chi2 = static_cast<double>(chi[lane]);
-    fit.settled = out[lane] > 0.0f;
-    fit.sample_count = 0;
-    for (size_t s = 0; s < sweeps.size(); ++s) fit.sample_count += 2 * pixels[lane].windows[s].half + 1;
-    if (!fit.settled) continue;
-    fit.weight_sd = std::sqrt(static_cast<double>(weight_variance[lane]));
-    fit.centre_sd_px = std::sqrt(static_cast<double>(centre[lane]));
-    fit.mode.weight = static_cast<double>(p[0][lane]);
-    fit.mode.x_px += static_cast<double>(p[1][lane]);
-    fit.mode.y_px += static_cast<double>(p[2][lane]);
-    fit.mode.xx_px2 = static_cast<double>(p[3][lane]);
-    fit.mode.xy_px2 = static_cast<double>(p[4][lane]);
-    fit.mode.yy_px2 = static_cast<double>(p[5][lane]);
+    JointFit& fit = fits[lane];
+    fit = {};
+    fit.chi2 = fit.near_chi2 = static_cast<double>(space.best.chi2[lane]);
+    fit.near_count = static_cast<int>(space.sample_count[lane]);
+    fit.converged = settled[lane] > 0.0f && std::isfinite(fit.chi2);
+    const double variance = fit.near_chi2 / std::max(fit.near_count - parameters, 1);
+    for (int m = 0; m < mode_count; ++m) {
+      const auto p = [&](int i) { return static_cast<double>(space.best.p[6 * m + i][lane]); };
+      const Footprint& start = pixels[lane].start[m];
+      fit.modes.push_back({.weight = p(0),
+                           .x_px = start.x_px + p(1),
+                           .y_px = start.y_px + p(2),
+                           .xx_px2 = p(3) * p(3),
+                           .xy_px2 = p(3) * p(4),
+                           .yy_px2 = p(4) * p(4) + p(5) * p(5)});
+      const auto at = static_cast<size_t>(m);
+      fit.weight_sd[at] = std::sqrt(variance * static_cast<double>(weight_variance[m][lane]));
+      fit.centre_sd_px[at] = std::sqrt(variance * static_cast<double>(centre_variance[m][lane]));
+    }
   }
 }
 
-void FitPlain(std::span<const EvenSweep> sweeps, std::span<const PlainPixel> pixels,
-              std::span<PlainFit> fits) {
-  static thread_local std::vector<BatchSweep> batches(PlainPixel::kMostSweeps);
+void FitBatch(const SampleLayout& layout, std::ptrdiff_t stride, std::span<const BatchPixel> pixels,
+              std::span<JointFit> fits) {
+  static thread_local BatchSpace space;
   const size_t lanes = hn::Lanes(D());
   for (size_t first = 0; first < pixels.size(); first += lanes) {
     const size_t count = std::min(lanes, pixels.size() - first);
-    FitBatch(sweeps, pixels.subspan(first, count), fits.subspan(first, count), batches);
+    FitLanes(layout, stride, pixels.subspan(first, count), fits.subspan(first, count), space);
   }
 }
 
@@ -253,11 +456,11 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace glasswing {
 
-HWY_EXPORT(FitPlain);
+HWY_EXPORT(FitBatch);
 
-void fit_plain(std::span<const EvenSweep> sweeps, std::span<const PlainPixel> pixels,
-               std::span<PlainFit> fits) {
-  HWY_DYNAMIC_DISPATCH(FitPlain)(sweeps, pixels, fits);
+void fit_batch(const SampleLayout& layout, std::ptrdiff_t stride, std::span<const BatchPixel> pixels,
+               std::span<JointFit> fits) {
+  if (!pixels.empty()) HWY_DYNAMIC_DISPATCH(FitBatch)(layout, stride, pixels, fits);
 }
 
 }  // namespace glasswing

@@ -72,6 +72,54 @@ struct Moments {
 
 constexpr float kInverseRootPi = 0.56418958f;
 
+using Row = float[kMostLanes];
+
+// A symmetric matrix's lower triangle, packed by rows.
+HWY_INLINE int Packed(int i, int j) {
+  return i * (i + 1) / 2 + j;
+}
+
+// Its Cholesky factor L in its place, with the inverses of L's diagonal. Where it is not positive, as if the
+// diagonal were a little larger.
+HWY_INLINE void FactorLower(Row* matrix, int n) {
+  const D d;
+  for (int j = 0; j < n; ++j) {
+    const float* row = matrix[Packed(j, 0)];
+    V diagonal = hn::Load(d, matrix[Packed(j, j)]);
+    const V least = hn::MulAdd(diagonal, Set(3e-6f), Set(1e-30f));
+    for (int k = 0; k < j; ++k) {
+      const V own = hn::Load(d, row + k * kMostLanes);
+      diagonal = hn::NegMulAdd(own, own, diagonal);
+    }
+    const V inverse = hn::Div(Set(1.0f), hn::Sqrt(hn::Max(diagonal, least)));
+    hn::Store(inverse, d, matrix[Packed(j, j)]);
+    for (int i = j + 1; i < n; ++i) {
+      const float* other = matrix[Packed(i, 0)];
+      V sum = hn::Load(d, matrix[Packed(i, j)]);
+      for (int k = 0; k < j; ++k)
+        sum = hn::NegMulAdd(hn::Load(d, other + k * kMostLanes), hn::Load(d, row + k * kMostLanes), sum);
+      hn::Store(hn::Mul(sum, inverse), d, matrix[Packed(i, j)]);
+    }
+  }
+}
+
+// Solves L L' x = x.
+HWY_INLINE void SolveLower(const Row* factor, int n, Row* x) {
+  const D d;
+  for (int i = 0; i < n; ++i) {
+    V sum = hn::Load(d, x[i]);
+    for (int k = 0; k < i; ++k)
+      sum = hn::NegMulAdd(hn::Load(d, factor[Packed(i, k)]), hn::Load(d, x[k]), sum);
+    hn::Store(hn::Mul(sum, hn::Load(d, factor[Packed(i, i)])), d, x[i]);
+  }
+  for (int i = n - 1; i >= 0; --i) {
+    V sum = hn::Load(d, x[i]);
+    for (int k = i + 1; k < n; ++k)
+      sum = hn::NegMulAdd(hn::Load(d, factor[Packed(k, i)]), hn::Load(d, x[k]), sum);
+    hn::Store(hn::Mul(sum, hn::Load(d, factor[Packed(i, i)])), d, x[i]);
+  }
+}
+
 }  // namespace HWY_NAMESPACE
 }  // namespace glasswing
 HWY_AFTER_NAMESPACE();

@@ -130,7 +130,7 @@ void FitSingle(std::span<const LineWindow> windows, std::span<SingleFit> fits) {
   }
 }
 
-void DoubleSums(const Batch& batch, const float (*p)[kMostLanes], float (*gradient)[kMostLanes], V& chi2) {
+void DoubleSums(const Batch& batch, const Row* p, Row* gradient, V& chi2) {
   const D d;
   const auto lanes = static_cast<int>(hn::Lanes(d));
   const float* middle = batch.samples + batch.half * lanes;
@@ -161,17 +161,16 @@ void DoubleSums(const Batch& batch, const float (*p)[kMostLanes], float (*gradie
   hn::Store(m2.m0, d, gradient[3]), hn::Store(m2.m1, d, gradient[4]), hn::Store(m2.m2, d, gradient[5]);
 }
 
-// The basis' 6 x 6 Gram matrix, lower triangle, [row * 6 + column][lane].
-void DoubleGram(const float (*p)[kMostLanes], float (*gram)[kMostLanes]) {
+// The basis' 6 x 6 Gram matrix, its lower triangle.
+void DoubleGram(const Row* p, Row* gram) {
   const D d;
   const V zero = hn::Zero(d);
   for (int m = 0; m < 2; ++m) {
     const V sigma = hn::Load(d, p[3 * m + 2]);
     const V whole = hn::Div(sigma, Set(kInverseRootPi)), half = hn::Mul(Set(0.5f), whole);
-    const int at = 3 * m * 6 + 3 * m;
-    hn::Store(whole, d, gram[at]), hn::Store(zero, d, gram[at + 6]), hn::Store(half, d, gram[at + 7]);
-    hn::Store(half, d, gram[at + 12]), hn::Store(zero, d, gram[at + 13]);
-    hn::Store(hn::Mul(Set(0.75f), whole), d, gram[at + 14]);
+    const auto put = [&](int i, int j, V value) { hn::Store(value, d, gram[Packed(3 * m + i, 3 * m + j)]); };
+    put(0, 0, whole), put(1, 0, zero), put(1, 1, half);
+    put(2, 0, half), put(2, 1, zero), put(2, 2, hn::Mul(Set(0.75f), whole));
   }
   // g1 g2 = C N(m, s^2): with k = m + s t, z1 = d1 + e1 t and z2 = d2 + e2 t.
   const V mu1 = hn::Load(d, p[1]), s1 = hn::Load(d, p[2]), mu2 = hn::Load(d, p[4]), s2 = hn::Load(d, p[5]);
@@ -187,7 +186,7 @@ void DoubleGram(const float (*p)[kMostLanes], float (*gram)[kMostLanes]) {
   const V e1e2 = hn::Mul(e1, e2), d1d2 = hn::Mul(d1, d2), z11 = hn::Add(d1d1, e1e1),
           z22 = hn::Add(d2d2, e2e2);
   const V two = Set(2.0f);
-  const auto put = [&](int i, int j, V value) { hn::Store(hn::Mul(c, value), d, gram[(3 + j) * 6 + i]); };
+  const auto put = [&](int i, int j, V value) { hn::Store(hn::Mul(c, value), d, gram[Packed(3 + j, i)]); };
   put(0, 0, Set(1.0f)), put(0, 1, d2), put(0, 2, z22);
   put(1, 0, d1), put(1, 1, hn::Add(d1d2, e1e2));
   put(1, 2, hn::MulAdd(d1, z22, hn::Mul(two, hn::Mul(d2, e1e2))));
@@ -196,43 +195,13 @@ void DoubleGram(const float (*p)[kMostLanes], float (*gram)[kMostLanes]) {
   put(2, 2, hn::MulAdd(z11, z22, hn::Mul(two, hn::MulAdd(two, hn::Mul(d1d2, e1e2), hn::Mul(e1e1, e2e2)))));
 }
 
-// Cholesky of the damped Gram matrix, and the step in place of the gradient.
-void SolveSix(float (*gram)[kMostLanes], V damping, float (*x)[kMostLanes]) {
-  const D d;
-  const auto at = [&](int row, int column) -> float* { return gram[row * 6 + column]; };
-  for (int j = 0; j < 6; ++j) {
-    V diagonal = hn::Load(d, at(j, j));
-    diagonal = hn::MulAdd(diagonal, damping, diagonal);
-    const V least = hn::MulAdd(diagonal, Set(1e-5f), Set(1e-20f));
-    for (int k = 0; k < j; ++k)
-      diagonal = hn::NegMulAdd(hn::Load(d, at(j, k)), hn::Load(d, at(j, k)), diagonal);
-    const V inverse = hn::Div(Set(1.0f), hn::Sqrt(hn::Max(diagonal, least)));
-    hn::Store(inverse, d, at(j, j));
-    for (int i = j + 1; i < 6; ++i) {
-      V sum = hn::Load(d, at(i, j));
-      for (int k = 0; k < j; ++k) sum = hn::NegMulAdd(hn::Load(d, at(i, k)), hn::Load(d, at(j, k)), sum);
-      hn::Store(hn::Mul(sum, inverse), d, at(i, j));
-    }
-  }
-  for (int i = 0; i < 6; ++i) {
-    V sum = hn::Load(d, x[i]);
-    for (int k = 0; k < i; ++k) sum = hn::NegMulAdd(hn::Load(d, at(i, k)), hn::Load(d, x[k]), sum);
-    hn::Store(hn::Mul(sum, hn::Load(d, at(i, i))), d, x[i]);
-  }
-  for (int i = 5; i >= 0; --i) {
-    V sum = hn::Load(d, x[i]);
-    for (int k = i + 1; k < 6; ++k) sum = hn::NegMulAdd(hn::Load(d, at(k, i)), hn::Load(d, x[k]), sum);
-    hn::Store(hn::Mul(sum, hn::Load(d, at(i, i))), d, x[i]);
-  }
-}
-
 // Levenberg-Marquardt, each lane with its own damping.
 void FitDouble(std::span<const LineWindow> windows, std::span<DoubleFit> fits) {
   const D d;
   const size_t lanes = hn::Lanes(d);
   static thread_local Batch batch;
   HWY_ALIGN float best[6][kMostLanes], trial[6][kMostLanes], gradient[6][kMostLanes], fresh[6][kMostLanes];
-  HWY_ALIGN float gram[36][kMostLanes], step[6][kMostLanes], chi_out[kMostLanes], settled_out[kMostLanes];
+  HWY_ALIGN float gram[21][kMostLanes], step[6][kMostLanes], chi_out[kMostLanes], settled_out[kMostLanes];
   for (size_t first = 0; first < windows.size(); first += lanes) {
     const size_t count = std::min(lanes, windows.size() - first);
     Gather(windows.subspan(first, count), batch);
@@ -250,8 +219,13 @@ void FitDouble(std::span<const LineWindow> windows, std::span<DoubleFit> fits) {
     const V most_sigma = hn::Mul(hn::Load(d, batch.own_half), Set(3.0f));
     for (int iteration = 0; iteration < 25; ++iteration) {
       DoubleGram(best, gram);
-      for (int i = 0; i < 6; ++i) hn::Store(hn::Load(d, gradient[i]), d, step[i]);
-      SolveSix(gram, damping, step);
+      for (int i = 0; i < 6; ++i) {
+        hn::Store(hn::Load(d, gradient[i]), d, step[i]);
+        const V diagonal = hn::Load(d, gram[Packed(i, i)]);
+        hn::Store(hn::MulAdd(diagonal, damping, diagonal), d, gram[Packed(i, i)]);
+      }
+      FactorLower(gram, 6);
+      SolveLower(gram, 6, step);
       auto still = hn::Ge(chi2, hn::Zero(d));
       for (int m = 0; m < 2; ++m) {
         const V a = hn::Load(d, best[3 * m]), mu = hn::Load(d, best[3 * m + 1]),

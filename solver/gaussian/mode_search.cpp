@@ -88,7 +88,8 @@ std::vector<Meeting> meetings_of(std::span<const StripeAxis> axes, std::span<con
   for (const Meeting& meeting : meetings) {
     const double near_px = 0.35 * axes.front().sigma_px;
     const bool seen = std::any_of(distinct.begin(), distinct.end(), [&](const Meeting& other) {
-      return std::hypot(meeting.mode.x_px - other.mode.x_px, meeting.mode.y_px - other.mode.y_px) < near_px;
+      const double dx = meeting.mode.x_px - other.mode.x_px, dy = meeting.mode.y_px - other.mode.y_px;
+      return dx * dx + dy * dy < near_px * near_px;
     });
     if (!seen) distinct.push_back(meeting);
     if (distinct.size() == kMostMeetings) break;
@@ -232,6 +233,27 @@ double principal_variance(const Footprint& mode, bool larger, double* axis_x, do
   return std::max(larger ? mean + radius : mean - radius, 0.05);
 }
 
+int most_crests(std::span<const Crests> crests) {
+  int most = 0;
+  for (const Crests& sweep : crests) most = std::max(most, sweep.count);
+  return most;
+}
+
+// By less than twice its own standard deviation more than noise alone would.
+bool is_explained(const JointFit& fit, double noise_sd) {
+  const double n = std::max(fit.near_count, 1),
+               variance = std::max(noise_sd, kLeastNoise) * std::max(noise_sd, kLeastNoise);
+  return fit.near_chi2 < variance * (n - 6.0 * fit.modes.size() + 2.0 * std::sqrt(2.0 * n));
+}
+
+// Settled, and each mode's weight is beyond four of its standard errors.
+bool is_sound(const JointFit& fit) {
+  for (int m = 0; m < fit.modes.size(); ++m) {
+    if (!(fit.modes[m].weight > 4.0 * fit.weight_sd[static_cast<size_t>(m)])) return false;
+  }
+  return fit.converged;
+}
+
 class Search {
  public:
   Search(const PixelSamples& samples, const MonitorExtent& extent, double noise_sd, JointWorkspace& workspace)
@@ -241,12 +263,19 @@ class Search {
         noise_sd_(std::max(noise_sd, kLeastNoise)),
         workspace_(workspace) {}
 
-  JointFit run(std::span<const Crests> crests, int max_modes) {
+  JointFit run(std::span<const Crests> crests, int max_modes, const JointFit* usual) {
     JointFit best;
     const std::vector<Meeting> meetings = meetings_of(axes_, crests);
     if (meetings.empty()) return best;
     SubsetChoice subsets(axes_, crests, meetings);
-    if (as_many_as_crests(crests, max_modes, subsets, &best)) return best;
+    if (usual != nullptr) {
+      best = *usual;
+      evaluate(samples_, best.modes, extent_, workspace_, equations_);
+      best.chi2 = equations_.chi2, best.near_chi2 = equations_.near_chi2;
+      best.near_count = equations_.near_count;
+    } else if (as_many_as_crests(crests, max_modes, subsets, &best)) {
+      return best;
+    }
     while (best.modes.size() < max_modes) {
       starts_.clear();
       const int size = best.modes.size() + 1;
@@ -270,22 +299,13 @@ class Search {
   // noise.
   bool as_many_as_crests(std::span<const Crests> crests, int max_modes, SubsetChoice& subsets,
                          JointFit* fit) {
-    int most = 0;
-    for (const Crests& sweep : crests) most = std::max(most, sweep.count);
     Footprints start;
+    const int most = most_crests(crests);
     if (most > max_modes || !subsets.best(most, &start)) return false;
     *fit = fit_jointly(samples_, start, extent_, kIterations / 4, workspace_);
-    if (fit->converged && physical(*fit) && explained(*fit) && all_matter(*fit)) return true;
+    if (suffices(*fit, noise_sd_) && explained(*fit)) return true;
     *fit = {};
     return false;
-  }
-
-  // Each by four of its standard errors.
-  static bool all_matter(const JointFit& fit) {
-    for (int m = 0; m < fit.modes.size(); ++m) {
-      if (!(fit.modes[m].weight > 4.0 * fit.weight_sd[static_cast<size_t>(m)])) return false;
-    }
-    return true;
   }
 
   // Near the modes and elsewhere.
@@ -398,18 +418,41 @@ class Search {
 
 }  // namespace
 
-bool is_explained(const JointFit& fit, double noise_sd) {
-  const double n = std::max(fit.near_count, 1),
-               variance = std::max(noise_sd, kLeastNoise) * std::max(noise_sd, kLeastNoise);
-  // By less than twice its own standard deviation more.
-  return fit.near_chi2 < variance * (n - 6.0 * fit.modes.size() + 2.0 * std::sqrt(2.0 * n));
+Footprints usual_start(const SampleLayout& layout, std::span<const Crests> crests, int max_modes) {
+  Footprints start;
+  const int most = most_crests(crests);
+  if (most == 0 || most > max_modes) return start;
+  const std::vector<StripeAxis> axes = axes_of(layout);
+  if (most == 1) {
+    std::vector<Crest> lines;
+    for (const Crests& sweep : crests) {
+      if (sweep.count == 1) lines.push_back(sweep.crests[0]);
+    }
+    double distance_px = 0.0;
+    if (lines.size() < axes.size()) return start;
+    const Footprint mode = intersect(axes, lines, &distance_px);
+    if (distance_px <= 0.5 * axes.front().sigma_px) start.push_back(mode);
+    return start;
+  }
+  const std::vector<Meeting> meetings = meetings_of(axes, crests);
+  if (most > static_cast<int>(meetings.size())) return start;
+  SubsetChoice(axes, crests, meetings).best(most, &start);
+  return start;
+}
+
+bool suffices(const JointFit& fit, double noise_sd) {
+  return is_sound(fit) && is_explained(fit, noise_sd);
+}
+
+bool needs_more(const JointFit& fit, double noise_sd) {
+  return is_sound(fit) && !is_explained(fit, noise_sd);
 }
 
 JointFit find_footprints(const PixelSamples& samples, std::span<const Crests> crests,
                          const MonitorExtent& extent, double noise_sd, int max_modes,
-                         JointWorkspace& workspace) {
+                         JointWorkspace& workspace, const JointFit* usual) {
   JointFit fit =
-      Search(samples, extent, noise_sd, workspace).run(crests, std::min(max_modes, kMostFootprints));
+      Search(samples, extent, noise_sd, workspace).run(crests, std::min(max_modes, kMostFootprints), usual);
   for (int i = 0; i < fit.modes.size(); ++i) {
     int strongest = i;
     for (int m = i + 1; m < fit.modes.size(); ++m) {

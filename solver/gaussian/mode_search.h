@@ -15,13 +15,19 @@
 
 namespace glasswing {
 
-// Whether a fit leaves nothing but noise.
-bool is_explained(const JointFit& fit, double noise_sd);
+// The usual case's start: as many footprints as some sweep shows crests, no more and no fewer. None where the
+// crests say otherwise.
+Footprints usual_start(const SampleLayout& layout, std::span<const Crests> crests, int max_modes);
+
+// Whether a fit has settled and needs each of its modes, and leaves nothing but noise near them; or more.
+bool suffices(const JointFit& fit, double noise_sd);
+bool needs_more(const JointFit& fit, double noise_sd);
 
 // `crests`: one entry a sweep of the layout. `noise_sd`: of a sample of weight 1. Modes come strongest first,
-// none where nothing rises above the noise; max_modes is 1 to 4.
+// none where nothing rises above the noise; max_modes is 1 to 4. `usual`: what the usual start came to, where
+// it settled and left more than noise; what is searched has more modes then.
 JointFit find_footprints(const PixelSamples& samples, std::span<const Crests> crests,
                          const MonitorExtent& extent, double noise_sd, int max_modes,
-                         JointWorkspace& workspace);
+                         JointWorkspace& workspace, const JointFit* usual = nullptr);
 
 }  // namespace glasswing

@@ -14,6 +14,7 @@ namespace hn = hwy::HWY_NAMESPACE;
 using D = hn::CappedTag<float, kBlockLanes>;
 using V = hn::Vec<D>;
 constexpr float kUnit = 1.0f / 65535.0f;
+constexpr int kRounds = 5;  // of bisection
 
 V Radiance(const std::uint16_t* codes) {
   const D d;
@@ -59,7 +60,7 @@ void MedianNear(const float* samples, size_t sample_count, const float* middle, 
       total = hn::Add(total, hn::IfThenElseZero(hn::And(hn::Ge(value, from), hn::Le(value, to)), one));
     }
     const V half = hn::Mul(total, hn::Set(d, 0.5f));
-    for (int round = 0; round < 8; ++round) {
+    for (int round = 0; round < kRounds; ++round) {
       const V guess = hn::Mul(hn::Set(d, 0.5f), hn::Add(low, high));
       V below = hn::IfThenElseZero(hn::Le(centre, guess), one);
       for (size_t i = 0; i < sample_count; ++i) {

@@ -12,7 +12,7 @@ namespace glasswing::internal {
 // code.
 std::uint16_t load_frame(const std::uint16_t* codes, int lane_count, float* to, std::size_t block_stride);
 
-// Of samples[i * kBlockLanes + lane] within `reach` of `middle`, and `middle`; to 1/128 of `reach`.
+// Of samples[i * kBlockLanes + lane] within `reach` of `middle`, and `middle`; to 1/32 of `reach`.
 void median_near(const float* samples, std::size_t sample_count, const float* middle, const float* reach,
                  float* median);
 

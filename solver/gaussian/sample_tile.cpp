@@ -46,6 +46,11 @@ void SampleTile::load(const FrameStack& stack, int row, int first_lane, int lane
   });
 }
 
+void SampleTile::need_weights() {
+  if (!weighted_) weights_.assign(samples_.size(), 1.0f);
+  weighted_ = true;
+}
+
 void SampleTile::load_brackets(const FrameStack& stack, size_t row_start, int lane_count,
                                const SampleNoise& noise) {
   weighted_ = true;

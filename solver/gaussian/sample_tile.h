@@ -32,7 +32,11 @@ class SampleTile {
   // How many frames' worth of light a sample has: 0 saturated, 1 as one frame of the reference exposure; only
   // where there are several exposures or a saturated sample.
   const float* weights(int block, size_t sweep) const { return weights_.data() + place(block, sweep); }
+  float* weights(int block, size_t sweep) { return weights_.data() + place(block, sweep); }
   bool weighted() const { return weighted_; }
+  // Gives all samples weights, 1 if they have none.
+  void need_weights();
+  size_t sample_count() const { return sample_count_; }  // of all sweeps, one block's after another's
 
   // Of all samples of a lane that lie within `reach` of `middle`, and `middle` itself, the median.
   std::array<float, kBlockLanes> median_near(int block, const std::array<float, kBlockLanes>& middle,

@@ -55,8 +55,7 @@ StackSolver::StackSolver(const FrameStack& stack, const StackLayout& layout, int
                            .extent = {.width_px = static_cast<double>(monitor.width_px()),
                                       .height_px = static_cast<double>(monitor.height_px())},
                            .samples = {},
-                           .sweeps = {},
-                           .even = {}});
+                           .sweeps = {}});
     }
     textures_.back().sweeps.push_back(s);
     textures_.back().samples.add(
@@ -75,17 +74,23 @@ StackSolver::StackSolver(const FrameStack& stack, const StackLayout& layout, int
     }
     grids_.push_back(std::move(grid));
   }
-  for (Texture& texture : textures_) {
-    const bool even =
-        std::all_of(texture.sweeps.begin(), texture.sweeps.end(), [&](size_t s) { return grids_[s].even; });
-    if (!even || texture.sweeps.size() > PlainPixel::kMostSweeps) continue;
-    for (size_t k = 0; k < texture.sweeps.size(); ++k) {
-      texture.even.push_back(
-          {.axis = texture.samples.sweeps[k].axis, .step_px = grids_[texture.sweeps[k]].step_px});
+  for (int first = 0; first < kChannels; ++first) {
+    for (const SweepLayout& sweep : layout.sweeps) {
+      for (const auto& peak : sweep.peak) {
+        for (int lane = 0; lane < kBlockLanes; ++lane) {
+          const double own = peak[static_cast<size_t>((first + lane) % kChannels)];
+          inverse_peak_[first].push_back(own > 0.0 ? static_cast<float>(1.0 / own) : 0.0f);
+        }
+      }
+    }
+  }
+  for (const SweepLayout& sweep : layout.sweeps) {
+    for (const auto& peak : sweep.peak) {
+      for (const double own : peak) unit_peaks_ = unit_peaks_ && own == 1.0;
     }
   }
   for (const EmptyMonitor& monitor : empty_) background_.emplace_back(monitor, noise_);
-  plain_.resize(textures_.size());
+  usual_.resize(textures_.size());
   noise_sd_.resize(static_cast<size_t>(lane_count_));
   object_.resize(static_cast<size_t>(lane_count_ / kChannels));
 }
@@ -185,63 +190,77 @@ void StackSolver::solve_row(int y, Matte& matte) {
                end = object_.begin() + (first + count - 1) / kChannels + 1;
     if (std::find(begin, end, true) == end) continue;
     tile_.load(stack_, y, first, count, noise_);
+    if (noise_.gain > 0.0 || !unit_peaks_) tile_.need_weights();
+    blocks_.resize(static_cast<size_t>(tile_.block_count()));
     for (int block = 0; block < tile_.block_count(); ++block) {
-      solve_block(y, block, first + block * kBlockLanes, matte);
+      blocks_[static_cast<size_t>(block)].first_lane = first + block * kBlockLanes;
+      prepare_block(y, block);
+    }
+    for (size_t t = 0; t < textures_.size(); ++t) fit_usual(t);
+    for (int block = 0; block < tile_.block_count(); ++block) {
+      for (int lane = 0; lane < kBlockLanes; ++lane) {
+        if ((blocks_[static_cast<size_t>(block)].lanes >> lane & 1u) != 0) solve_lane(block, lane, y, matte);
+      }
     }
   }
 }
 
-void StackSolver::solve_block(int y, int block, int first_lane, Matte& matte) {
-  unsigned lanes = 0;
-  std::array<float, kBlockLanes> dark{}, reach{};
-  for (int lane = 0; lane < kBlockLanes && first_lane + lane < lane_count_; ++lane) {
-    const int x = (first_lane + lane) / kChannels;
-    if (!object_[static_cast<size_t>(x)]) continue;
-    lanes |= 1u << lane;
-    dark[static_cast<size_t>(lane)] = black(y, first_lane + lane);
-    reach[static_cast<size_t>(lane)] =
-        std::max(3.0f * noise_sd_[static_cast<size_t>(first_lane + lane)], 2e-5f);
+void StackSolver::prepare_block(int y, int block_index) {
+  Block& block = blocks_[static_cast<size_t>(block_index)];
+  block.lanes = block.saturated = 0;
+  std::array<float, kBlockLanes> dark{}, reach{}, floor{}, noise{};
+  for (int lane = 0; lane < kBlockLanes && block.first_lane + lane < lane_count_; ++lane) {
+    const int row_lane = block.first_lane + lane;
+    const auto l = static_cast<size_t>(lane);
+    if (!object_[static_cast<size_t>(row_lane / kChannels)]) continue;
+    block.lanes |= 1u << lane;
+    dark[l] = black(y, row_lane);
+    noise[l] = noise_sd_[static_cast<size_t>(row_lane)];
+    floor[l] = std::max(3.5f * noise[l], kLeastFloor);
+    reach[l] = std::max(3.0f * noise[l], 2e-5f);
   }
-  if (lanes == 0) return;
+  if (block.lanes == 0) return;
   // The light without the stripes: the black frame, and with it all samples that no stripe reached.
-  dark = tile_.median_near(block, dark, reach);
+  dark = tile_.median_near(block_index, dark, reach);
   for (float& r : reach) r *= 0.67f;
-  baseline_ = tile_.median_near(block, dark, reach);
-  std::array<float, kBlockLanes> floor{}, noise{};
-  for (size_t s = 0; s < layout_.sweeps.size(); ++s) {
-    float* samples = tile_.samples(block, s);
-    const SweepLayout& sweep = layout_.sweeps[s];
-    for (size_t i = 0; i < sweep.r_px.size(); ++i) {
-      std::array<float, 3> scale;
-      for (size_t c = 0; c < 3; ++c)
-        scale[c] = sweep.peak[i][c] > 0.0 ? static_cast<float>(1.0 / sweep.peak[i][c]) : 0.0f;
-      std::array<float, kBlockLanes> by_lane;
-      for (size_t lane = 0; lane < kBlockLanes; ++lane)
-        by_lane[lane] = scale[(static_cast<size_t>(first_lane) + lane) % 3];
-      for (size_t lane = 0; lane < kBlockLanes; ++lane) {
-        float& sample = samples[i * kBlockLanes + lane];
-        sample = (sample - baseline_[lane]) * by_lane[lane];
-      }
+  block.baseline = tile_.median_near(block_index, dark, reach);
+  const float* inverse_peak = inverse_peak_[block.first_lane % kChannels].data();
+  float* samples = tile_.samples(block_index, 0);
+  if (tile_.weighted()) weigh(block_index, inverse_peak);
+  for (size_t i = 0; i < tile_.sample_count(); ++i, samples += kBlockLanes, inverse_peak += kBlockLanes) {
+    for (size_t lane = 0; lane < kBlockLanes; ++lane)
+      samples[lane] = (samples[lane] - block.baseline[lane]) * inverse_peak[lane];
+  }
+  find_crests(block_index, floor, noise);
+}
+
+// As one frame of the reference exposure would have it, times the peak's square.
+void StackSolver::weigh(int block_index, const float* inverse_peak) {
+  Block& block = blocks_[static_cast<size_t>(block_index)];
+  const float* samples = tile_.samples(block_index, 0);
+  float* weights = tile_.weights(block_index, 0);
+  // Brackets bring their own noise.
+  const float gain = layout_.one_frame_a_shot ? static_cast<float>(noise_.gain) : 0.0f;
+  const auto read_variance = static_cast<float>(noise_.variance(0.0));
+  std::array<float, kBlockLanes> least;
+  least.fill(1.0f);
+  for (size_t i = 0; i < tile_.sample_count(); ++i) {
+    for (size_t lane = 0; lane < kBlockLanes; ++lane, ++samples, ++weights, ++inverse_peak) {
+      least[lane] = std::min(least[lane], *weights);
+      const float dark_variance = read_variance + gain * std::max(block.baseline[lane], 0.0f),
+                  variance = read_variance + gain * std::max(*samples, 0.0f);
+      *weights =
+          *inverse_peak > 0.0f ? *weights * dark_variance / (variance * *inverse_peak * *inverse_peak) : 0.0f;
     }
   }
-  for (int lane = 0; lane < kBlockLanes && first_lane + lane < lane_count_; ++lane) {
-    const auto l = static_cast<size_t>(lane);
-    noise[l] = noise_sd_[static_cast<size_t>(first_lane + lane)];
-    floor[l] = std::max(3.5f * noise[l], kLeastFloor);
-  }
-  find_crests(block, floor, noise, lanes);
-  for (size_t t = 0; t < textures_.size(); ++t) fit_plain_lanes(t, block, lanes);
-  for (int lane = 0; lane < kBlockLanes; ++lane) {
-    if ((lanes >> lane & 1u) == 0) continue;
-    const int x = (first_lane + lane) / kChannels, channel = (first_lane + lane) % kChannels;
-    matte.foreground(x, y)[static_cast<size_t>(channel)] = baseline_[static_cast<size_t>(lane)];
-    solve_lane(block, lane, x, y, channel, matte);
+  for (size_t lane = 0; lane < kBlockLanes; ++lane) {
+    if (least[lane] == 0.0f) block.saturated |= 1u << lane;
   }
 }
 
 void StackSolver::find_crests(int block, const std::array<float, kBlockLanes>& floor,
-                              const std::array<float, kBlockLanes>& noise, unsigned lanes) {
-  std::vector<SweepBlock> blocks;
+                              const std::array<float, kBlockLanes>& noise) {
+  std::vector<SweepBlock> sweeps;
   for (size_t s = 0; s < layout_.sweeps.size(); ++s) {
     const SweepLayout& sweep = layout_.sweeps[s];
     Grid& grid = grids_[s];
@@ -261,138 +280,126 @@ void StackSolver::find_crests(int block, const std::array<float, kBlockLanes>& f
       }
       samples = grid.samples.data();
     }
-    blocks.push_back(
+    sweeps.push_back(
         {.y = samples, .count = grid.count, .first_r_px = sweep.r_px.front(), .step_px = grid.step_px});
   }
-  finder_.find(blocks, floor, noise, lanes, crests_);
+  Block& own = blocks_[static_cast<size_t>(block)];
+  finder_.find(sweeps, floor, noise, own.lanes, own.crests);
 }
 
-void StackSolver::fit_plain_lanes(size_t t, int block, unsigned lanes) {
+int StackSolver::most_modes(int block, int lane) const {
+  const Block& own = blocks_[static_cast<size_t>(block)];
+  const auto lit = std::count_if(textures_.begin(), textures_.end(), [&](const Texture& texture) {
+    return std::all_of(texture.sweeps.begin(), texture.sweeps.end(),
+                       [&](size_t s) { return own.crests[s][static_cast<size_t>(lane)].count > 0; });
+  });
+  return std::max(1, most_modes_ / std::max(static_cast<int>(lit), 1));
+}
+
+std::vector<Crests> StackSolver::crests_of(size_t texture, int block, int lane) const {
+  std::vector<Crests> crests;
+  for (const size_t s : textures_[texture].sweeps)
+    crests.push_back(blocks_[static_cast<size_t>(block)].crests[s][static_cast<size_t>(lane)]);
+  return crests;
+}
+
+void StackSolver::fit_usual(size_t t) {
   const Texture& texture = textures_[t];
-  plain_[t].fill(std::nullopt);
-  if (texture.even.empty() || tile_.weighted()) return;
-  plain_lanes_.clear();
-  plain_pixels_.clear();
-  plain_fits_.clear();
-  std::array<StripeAxis, PlainPixel::kMostSweeps> axes;
-  std::array<Crest, PlainPixel::kMostSweeps> crests;
-  const size_t count = texture.sweeps.size();
-  for (size_t k = 0; k < count; ++k) axes[k] = texture.even[k].axis;
-  for (int lane = 0; lane < kBlockLanes; ++lane) {
-    if ((lanes >> lane & 1u) == 0) continue;
-    bool single = true;
-    for (size_t k = 0; k < count && single; ++k) {
-      const Crests& found = crests_[texture.sweeps[k]][static_cast<size_t>(lane)];
-      single = found.count == 1;
-      crests[k] = found.crests[0];
+  std::vector<std::optional<JointFit>>& usual = usual_[t];
+  usual.assign(blocks_.size() * kBlockLanes, std::nullopt);
+  if (texture.sweeps.size() > BatchPixel::kMostSweeps) return;
+  std::array<std::vector<BatchPixel>, kMostFootprints> batches;  // by count of modes
+  std::array<std::vector<size_t>, kMostFootprints> places;
+  for (int block = 0; block < static_cast<int>(blocks_.size()); ++block) {
+    for (int lane = 0; lane < kBlockLanes; ++lane) {
+      if ((blocks_[static_cast<size_t>(block)].lanes >> lane & 1u) == 0) continue;
+      BatchPixel pixel;
+      pixel.start = usual_start(texture.samples, crests_of(t, block, lane), most_modes(block, lane));
+      const bool cut = std::any_of(pixel.start.begin(), pixel.start.end(),
+                                   [&](const Footprint& mode) { return near_edge(mode, texture.extent); });
+      if (pixel.start.empty() || cut) continue;
+      for (size_t k = 0; k < texture.sweeps.size(); ++k) {
+        pixel.y[k] = tile_.samples(block, texture.sweeps[k]) + lane;
+        if (tile_.weighted()) pixel.weight[k] = tile_.weights(block, texture.sweeps[k]) + lane;
+      }
+      const auto batch = static_cast<size_t>(pixel.start.size() - 1);
+      batches[batch].push_back(pixel);
+      places[batch].push_back(static_cast<size_t>(block * kBlockLanes + lane));
     }
-    if (!single) continue;
-    double distance_px = 0.0;
-    const Footprint start = intersect({axes.data(), count}, {crests.data(), count}, &distance_px);
-    if (distance_px > 0.5 * axes[0].sigma_px || near_edge(start, texture.extent)) continue;
-    PlainPixel pixel;
-    for (size_t k = 0; k < count && single; ++k) {
-      const size_t s = texture.sweeps[k];
-      const double step_px = texture.even[k].step_px, first_r_px = texture.samples.sweeps[k].first_r_px;
-      const double centre = start.x_px * axes[k].cos_phi + start.y_px * axes[k].sin_phi;
-      const int middle = static_cast<int>(std::lround((centre - first_r_px) / step_px));
-      const int half =
-          static_cast<int>(std::ceil(4.7 * std::sqrt(answered_variance(start, axes[k])) / step_px));
-      single = middle >= half && middle + half < grids_[s].count && half <= kMostHalf;
-      if (!single) break;
-      pixel.windows[k] = {.middle = tile_.samples(block, s) + middle * kBlockLanes + lane,
-                          .stride = kBlockLanes,
-                          .half = half};
-      pixel.middle_r_px[k] = first_r_px + middle * step_px;
-    }
-    if (!single) continue;
-    plain_lanes_.push_back(lane);
-    plain_pixels_.push_back(pixel);
-    plain_fits_.emplace_back().mode = start;
   }
-  fit_plain(texture.even, plain_pixels_, plain_fits_);
-  for (size_t i = 0; i < plain_fits_.size(); ++i) {
-    const PlainFit& fit = plain_fits_[i];
-    if (!fit.settled || near_edge(fit.mode, texture.extent)) continue;
-    JointFit joint;
-    joint.chi2 = joint.near_chi2 = fit.chi2;
-    joint.near_count = fit.sample_count;
-    joint.converged = true;
-    joint.modes.push_back(fit.mode);
-    const double sd = std::sqrt(fit.chi2 / std::max(fit.sample_count - 6, 1));
-    joint.weight_sd[0] = fit.weight_sd * sd;
-    joint.centre_sd_px[0] = fit.centre_sd_px * sd;
-    plain_[t][static_cast<size_t>(plain_lanes_[i])] = joint;
+  std::vector<JointFit> fits;
+  for (size_t batch = 0; batch < batches.size(); ++batch) {
+    fits.resize(batches[batch].size());
+    fit_batch(texture.samples, kBlockLanes, batches[batch], fits);
+    for (size_t i = 0; i < fits.size(); ++i) {
+      const bool cut = std::any_of(fits[i].modes.begin(), fits[i].modes.end(),
+                                   [&](const Footprint& mode) { return near_edge(mode, texture.extent); });
+      if (!cut) usual[places[batch][i]] = fits[i];
+    }
   }
 }
 
-JointFit StackSolver::search(const Texture& texture, int block, int lane, int channel, double noise_sd,
-                             int most_modes, std::uint8_t& flags) {
-  const auto l = static_cast<size_t>(lane), c = static_cast<size_t>(channel);
-  const double dark_variance = noise_.variance(static_cast<double>(baseline_[l]));
+JointFit StackSolver::search(size_t t, int block, int lane, double noise_sd, const JointFit* usual) {
+  const Texture& texture = textures_[t];
   samples_.layout = &texture.samples;
   samples_.y.assign(static_cast<size_t>(texture.samples.padded_count()), 0.0f);
   samples_.weight.assign(samples_.y.size(), 0.0f);
-  std::vector<Crests> crests;
-  double usable = 0.0;
   for (size_t k = 0; k < texture.sweeps.size(); ++k) {
     const size_t s = texture.sweeps[k];
-    const SweepLayout& sweep = layout_.sweeps[s];
     const auto first = static_cast<size_t>(texture.samples.sweeps[k].first);
-    const float* samples = tile_.samples(block, s);
-    const float* weights = tile_.weighted() ? tile_.weights(block, s) : nullptr;
-    for (size_t i = 0; i < sweep.r_px.size(); ++i) {
-      const float value = samples[i * kBlockLanes + l];
-      const double peak = sweep.peak[i][c];
-      double weight = weights != nullptr ? static_cast<double>(weights[i * kBlockLanes + l]) : 1.0;
-      if (weight == 0.0) flags |= kFlagSaturated;
-      if (peak <= 0.0) weight = 0.0;
-      // As one frame of the reference exposure would have it; brackets bring their own.
-      if (noise_.gain > 0.0 && layout_.one_frame_a_shot) {
-        weight *= dark_variance /
-                  noise_.variance(static_cast<double>(baseline_[l]) + static_cast<double>(value) * peak);
-      }
-      samples_.y[first + i] = value;
-      samples_.weight[first + i] = static_cast<float>(weight * peak * peak);
-      usable += weight > 0.0 ? 1.0 : 0.0;
+    const float* samples = tile_.samples(block, s) + lane;
+    const float* weights = tile_.weighted() ? tile_.weights(block, s) + lane : nullptr;
+    for (size_t i = 0; i < layout_.sweeps[s].r_px.size(); ++i) {
+      samples_.y[first + i] = samples[i * kBlockLanes];
+      samples_.weight[first + i] = weights != nullptr ? weights[i * kBlockLanes] : 1.0f;
     }
-    crests.push_back(crests_[s][l]);
   }
-  if (usable == 0.0) flags |= kFlagNoData;
-  return find_footprints(samples_, crests, texture.extent, noise_sd, most_modes, workspace_);
+  return find_footprints(samples_, crests_of(t, block, lane), texture.extent, noise_sd,
+                         most_modes(block, lane), workspace_, usual);
 }
 
-void StackSolver::solve_lane(int block, int lane, int x, int y, int channel, Matte& matte) {
-  const auto l = static_cast<size_t>(lane);
-  const auto noise_sd = static_cast<double>(noise_sd_[static_cast<size_t>(x * kChannels + channel)]);
+void StackSolver::solve_lane(int block_index, int lane, int y, Matte& matte) {
+  const Block& block = blocks_[static_cast<size_t>(block_index)];
+  const int x = (block.first_lane + lane) / kChannels, channel = (block.first_lane + lane) % kChannels;
+  const auto noise_sd = static_cast<double>(noise_sd_[static_cast<size_t>(block.first_lane + lane)]);
+  matte.foreground(x, y)[static_cast<size_t>(channel)] = block.baseline[static_cast<size_t>(lane)];
   std::uint8_t flags = matte.flags(x, y);
+  if ((block.saturated >> lane & 1u) != 0) flags |= kFlagSaturated;
   std::vector<Mode> found;
-  size_t lit_textures = 0;
-  for (const Texture& texture : textures_) {
-    lit_textures += std::all_of(texture.sweeps.begin(), texture.sweeps.end(),
-                                [&](size_t s) { return crests_[s][l].count > 0; })
-                        ? 1
-                        : 0;
-  }
-  for (const Texture& texture : textures_) {
-    const int most = std::max(1, most_modes_ / static_cast<int>(std::max<size_t>(lit_textures, 1)));
-    const std::optional<JointFit>& plain = plain_[static_cast<size_t>(&texture - textures_.data())][l];
-    const bool done = plain && (most == 1 || is_explained(*plain, noise_sd)) && noise_.gain == 0.0;
-    const JointFit fit = done ? *plain : search(texture, block, lane, channel, noise_sd, most, flags);
+  bool usable = false;
+  for (size_t t = 0; t < textures_.size(); ++t) {
+    const std::optional<JointFit>& usual = usual_[t][static_cast<size_t>(block_index * kBlockLanes + lane)];
+    const JointFit fit = usual && suffices(*usual, noise_sd)
+                             ? *usual
+                             : search(t, block_index, lane, noise_sd,
+                                      usual && needs_more(*usual, noise_sd) ? &*usual : nullptr);
     double strongest = 0.0;
     for (int m = 0; m < fit.modes.size(); ++m) {
-      found.push_back(mode_of(fit, m, texture.texture));
+      found.push_back(mode_of(fit, m, textures_[t].texture));
       strongest = std::max(strongest, fit.modes[m].weight);
     }
     if (!fit.modes.empty() && !fit.converged) flags |= kFlagNotConverged;
     const double rms = std::sqrt(fit.near_chi2 / std::max(fit.near_count, 1));
     if (rms > std::max(4.0 * noise_sd, 0.1 * strongest)) flags |= kFlagPoorFit;
+    usable = usable || !fit.modes.empty() || has_samples(t, block_index, lane);
   }
+  if (!usable) flags |= kFlagNoData;
   std::stable_sort(found.begin(), found.end(),
                    [](const Mode& a, const Mode& b) { return a.weight > b.weight; });
   const std::span<Mode> modes = matte.modes(x, y, channel);
   std::copy_n(found.begin(), std::min(found.size(), modes.size()), modes.begin());
   matte.flags(x, y) = flags;
+}
+
+bool StackSolver::has_samples(size_t texture, int block, int lane) const {
+  if (!tile_.weighted()) return true;
+  for (const size_t s : textures_[texture].sweeps) {
+    const float* weights = tile_.weights(block, s) + lane;
+    for (size_t i = 0; i < layout_.sweeps[s].r_px.size(); ++i) {
+      if (weights[i * kBlockLanes] > 0.0f) return true;
+    }
+  }
+  return false;
 }
 
 }  // namespace glasswing

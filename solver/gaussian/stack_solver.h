@@ -2,6 +2,7 @@
 // another.
 #pragma once
 
+#include <array>
 #include <optional>
 #include <vector>
 
@@ -31,8 +32,7 @@ class StackSolver {
     int texture = 0;
     MonitorExtent extent;
     SampleLayout samples;
-    std::vector<size_t> sweeps;   // places in the layout, in the order of samples.sweeps
-    std::vector<EvenSweep> even;  // empty unless fit_plain can have them all
+    std::vector<size_t> sweeps;  // places in the layout, in the order of samples.sweeps
   };
   // What the crests of one block are found in, one for every sweep of the layout.
   struct Grid {
@@ -42,18 +42,31 @@ class StackSolver {
     std::vector<float> samples;  // of uneven sweeps, drawn through a straight line
   };
 
+  // A block of the tile in hand.
+  struct Block {
+    int first_lane = 0;      // of the row
+    unsigned lanes = 0;      // those that the object changes, a bit each
+    unsigned saturated = 0;  // those with a saturated sample
+    std::array<float, kBlockLanes> baseline{};
+    std::vector<std::array<Crests, kBlockLanes>> crests;  // [sweep][lane]
+  };
+
   void find_silhouette(int y);
   // What the pixel sees without the object.
   void map_background(int x, int y, Matte& matte);
   void estimate_row_noise(int y);
-  void solve_block(int y, int block, int first_lane, Matte& matte);
-  // The lanes of the block that one footprint on this monitor explains.
-  void fit_plain_lanes(size_t texture, int block, unsigned lanes);
-  void solve_lane(int block, int lane, int x, int y, int channel, Matte& matte);
-  JointFit search(const Texture& texture, int block, int lane, int channel, double noise_sd, int most_modes,
-                  std::uint8_t& flags);
+  // From the samples in the tile to samples on the scale of a stripe with crest 1, their weights, and crests.
+  void prepare_block(int y, int block);
+  void weigh(int block, const float* inverse_peak);
   void find_crests(int block, const std::array<float, kBlockLanes>& floor,
-                   const std::array<float, kBlockLanes>& noise, unsigned lanes);
+                   const std::array<float, kBlockLanes>& noise);
+  // Of one texture, all lanes of the tile that have as many footprints as crests, batch by batch.
+  void fit_usual(size_t texture);
+  void solve_lane(int block, int lane, int y, Matte& matte);
+  JointFit search(size_t texture, int block, int lane, double noise_sd, const JointFit* usual);
+  int most_modes(int block, int lane) const;  // on each of the textures
+  std::vector<Crests> crests_of(size_t texture, int block, int lane) const;
+  bool has_samples(size_t texture, int block, int lane) const;  // any that is not saturated
   float black(int y, int lane) const;
 
   const FrameStack& stack_;
@@ -72,14 +85,13 @@ class StackSolver {
   // Of the row in hand.
   std::vector<float> noise_sd_;  // a dark sample's, by lane
   std::vector<bool> object_;     // by pixel
-  // Of the block in hand.
-  std::array<float, kBlockLanes> baseline_{};
+  // Of the tile in hand.
+  bool unit_peaks_ = true;
+  std::vector<float>
+      inverse_peak_[kChannels];  // by the first lane's channel: [sample][lane], 0 for a dark one
+  std::vector<Block> blocks_;
   CrestFinder finder_;
-  std::vector<std::array<std::optional<JointFit>, kBlockLanes>> plain_;  // [texture][lane]
-  std::vector<int> plain_lanes_;
-  std::vector<PlainPixel> plain_pixels_;
-  std::vector<PlainFit> plain_fits_;
-  std::vector<std::array<Crests, kBlockLanes>> crests_;  // [sweep][lane]
+  std::vector<std::vector<std::optional<JointFit>>> usual_;  // [texture][lane of the tile]
   PixelSamples samples_;
   JointWorkspace workspace_;
 };

@@ -94,28 +94,15 @@ std::vector<double> cramer_rao_bound(const Footprints& truth, const SampleLayout
   return sd;
 }
 
-PlainPixel plain_pixel(const PixelSamples& samples, const Footprint& start) {
-  PlainPixel pixel;
+BatchPixel batch_pixel(const PixelSamples& samples, const Footprints& start) {
+  BatchPixel pixel;
+  pixel.start = start;
   for (size_t s = 0; s < samples.layout->sweeps.size(); ++s) {
-    const SampleLayout::Sweep& sweep = samples.layout->sweeps[s];
-    const double step_px = 0.5 * sweep.axis.sigma_px;
-    const double centre = start.x_px * sweep.axis.cos_phi + start.y_px * sweep.axis.sin_phi;
-    const int middle = static_cast<int>(std::lround((centre - sweep.first_r_px) / step_px));
-    const int reach =
-        static_cast<int>(std::ceil(4.7 * std::sqrt(answered_variance(start, sweep.axis)) / step_px));
-    pixel.windows[s] = {.middle = samples.y.data() + sweep.first + middle,
-                        .stride = 1,
-                        .half = std::min({reach, middle, sweep.count - 1 - middle})};
-    pixel.middle_r_px[s] = sweep.first_r_px + middle * step_px;
+    const int first = samples.layout->sweeps[s].first;
+    pixel.y[s] = samples.y.data() + first;
+    pixel.weight[s] = samples.weight.data() + first;
   }
   return pixel;
-}
-
-std::vector<EvenSweep> even_sweeps(const SampleLayout& layout) {
-  std::vector<EvenSweep> sweeps;
-  for (const SampleLayout::Sweep& sweep : layout.sweeps)
-    sweeps.push_back({.axis = sweep.axis, .step_px = 0.5 * sweep.axis.sigma_px});
-  return sweeps;
 }
 
 double& parameter(Footprint& mode, int p) {

@@ -27,9 +27,8 @@ JointFit solved(const PixelSamples& samples, double noise_sd, int max_modes = kM
 // The Cramer-Rao bound of (R, x, y, xx, xy, yy) of each mode, for noise of standard deviation 1.
 std::vector<double> cramer_rao_bound(const Footprints& truth, const SampleLayout& layout);
 
-// For fit_plain: windows of 4.7 sigma_r round the start.
-PlainPixel plain_pixel(const PixelSamples& samples, const Footprint& start);
-std::vector<EvenSweep> even_sweeps(const SampleLayout& layout);
+// For fit_batch, with stride 1.
+BatchPixel batch_pixel(const PixelSamples& samples, const Footprints& start);
 
 double& parameter(Footprint& mode, int p);
 
