@@ -5,6 +5,8 @@
 #include <hwy/highway.h>
 
 #include <algorithm>
+#include <bit>
+#include <cstdint>
 
 #include "solver/gaussian/crests.h"
 
@@ -36,26 +38,32 @@ void FindTops(const SweepBlock& sweep, const float* floor, internal::LaneTops* t
   HWY_ALIGN float heights[kBlockLanes];
   for (int first = 0; first < kBlockLanes; first += lanes) {
     const float* y = sweep.y + first;
-    const V least = hn::LoadU(d, floor + first), quarter = hn::Set(d, 0.25f), nothing = hn::Set(d, -1e30f);
+    // Four times the smoothed samples, all along.
+    const V least = hn::Mul(hn::LoadU(d, floor + first), hn::Set(d, 4.0f)), nothing = hn::Set(d, -1e30f);
     const auto sample = [&](int i) { return hn::LoadU(d, y + std::clamp(i, 0, count - 1) * kBlockLanes); };
-    const auto smooth = [&](int i) {
-      const V middle = sample(i);
-      return hn::Mul(quarter, hn::Add(hn::Add(sample(i - 1), sample(i + 1)), hn::Add(middle, middle)));
-    };
     for (int begin = 0; begin < count; begin += kGroup) {
       const int end = std::min(begin + kGroup, count);
       // Most of a sweep is dark: where no sample rises above the floor, nothing smoothed does.
       V highest = hn::Max(sample(begin - 1), sample(end));
       for (int i = begin; i < end; ++i) highest = hn::Max(highest, hn::LoadU(d, y + i * kBlockLanes));
-      if (hn::AllTrue(d, hn::Le(highest, least))) continue;
-      V last = begin > 0 ? smooth(begin - 1) : nothing, now = smooth(begin);
+      if (hn::AllTrue(d, hn::Le(hn::Mul(highest, hn::Set(d, 4.0f)), least))) continue;
+      // (1 2 1) is (1 1) twice.
+      V here = sample(begin), pair = hn::Add(sample(begin - 1), here), ahead = sample(begin + 1),
+        next_pair = hn::Add(here, ahead), now = hn::Add(pair, next_pair);
+      V last = begin > 0 ? hn::Add(hn::Add(sample(begin - 2), sample(begin - 1)), pair) : nothing;
       for (int i = begin; i < end; ++i) {
-        const V next = i + 1 < count ? smooth(i + 1) : nothing;
+        here = ahead, pair = next_pair;
+        ahead = sample(i + 2);
+        next_pair = hn::Add(here, ahead);
+        const V next = i + 1 < count ? hn::Add(pair, next_pair) : nothing;
         const auto top = hn::And(hn::And(hn::Gt(now, last), hn::Ge(now, next)), hn::Gt(now, least));
         if (HWY_UNLIKELY(!hn::AllFalse(d, top))) {
-          hn::Store(hn::IfThenElse(top, now, hn::Set(d, -1.0f)), d, heights);
-          for (int lane = 0; lane < lanes; ++lane) {
-            if (heights[lane] > 0.0f) Insert(tops[first + lane], heights[lane], i);
+          hn::Store(now, d, heights);
+          std::uint8_t bits[8] = {};
+          hn::StoreMaskBits(d, top, bits);
+          for (unsigned rest = bits[0] | bits[1] << 8; rest != 0; rest &= rest - 1) {
+            const int lane = std::countr_zero(rest);
+            Insert(tops[first + lane], 0.25f * heights[lane], i);
           }
         }
         last = now;

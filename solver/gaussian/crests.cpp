@@ -109,19 +109,21 @@ void CrestFinder::find(std::span<const SweepBlock> sweeps, const std::array<floa
                        std::vector<std::array<Crests, kBlockLanes>>& found) {
   tops_.clear();
   for (size_t s = 0; s < sweeps.size(); ++s) add_tops(static_cast<int>(s), sweeps[s], floor, lanes);
+  by_length_.clear();
+  for (size_t i = 0; i < tops_.size(); ++i) {
+    if (tops_[i].window.half >= 2) by_length_.emplace_back(tops_[i].window.half, static_cast<int>(i));
+  }
   // Like lengths side by side.
-  std::sort(tops_.begin(), tops_.end(),
-            [](const Top& a, const Top& b) { return a.window.half < b.window.half; });
-  const auto fitted =
-      std::find_if(tops_.begin(), tops_.end(), [](const Top& t) { return t.window.half >= 2; });
+  std::sort(by_length_.begin(), by_length_.end());
   windows_.clear();
   singles_.clear();
-  for (auto top = fitted; top != tops_.end(); ++top) {
-    windows_.push_back(top->window);
-    singles_.push_back(top->fit);
+  for (const auto& [half, i] : by_length_) {
+    windows_.push_back(tops_[static_cast<size_t>(i)].window);
+    singles_.push_back(tops_[static_cast<size_t>(i)].fit);
   }
   fit_single(windows_, singles_);
-  for (auto top = fitted; top != tops_.end(); ++top) top->fit = singles_[static_cast<size_t>(top - fitted)];
+  for (size_t k = 0; k < singles_.size(); ++k)
+    tops_[static_cast<size_t>(by_length_[k].second)].fit = singles_[k];
   add_doubles(noise_sd);
 
   found.assign(sweeps.size(), {});

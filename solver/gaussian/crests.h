@@ -7,6 +7,7 @@
 
 #include <array>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "solver/gaussian/footprint.h"
@@ -55,6 +56,7 @@ class CrestFinder {
   void add_doubles(const std::array<float, kBlockLanes>& noise_sd);
 
   std::vector<Top> tops_;
+  std::vector<std::pair<int, int>> by_length_;  // half a window, and the top it is of
   std::vector<LineWindow> windows_;
   std::vector<SingleFit> singles_;
   std::vector<DoubleFit> doubles_;

@@ -35,7 +35,7 @@ struct Point {
   HWY_ALIGN float p[kMostParameters][kMostLanes];  // of each mode R, x and y from its start, l11, l21, l22
   HWY_ALIGN float gradient[kMostParameters][kMostLanes];
   HWY_ALIGN float normal[kMostNormal][kMostLanes];  // lower triangle, packed by rows
-  HWY_ALIGN Row chi2;
+  HWY_ALIGN Row chi2, neighbours;
 };
 
 // One mode in one sweep.
@@ -164,9 +164,10 @@ HWY_INLINE V Crest(V zz, V root) {
 
 // The sums of samples that one mode alone reaches.
 void AddSingle(const Gathered& gathered, int first, int last, const InSweep& mode, float (*gain)[kMostLanes],
-               float (*gram)[kMostLanes], V& chi2) {
+               float (*gram)[kMostLanes], V& chi2, V& neighbours) {
   const D d;
   const auto lanes = static_cast<int>(hn::Lanes(d));
+  V before = hn::Zero(d);
   V g0 = hn::Load(d, gain[0]), g1 = hn::Load(d, gain[1]), g2 = hn::Load(d, gain[2]);
   V h00 = hn::Load(d, gram[0]), h01 = hn::Load(d, gram[1]), h02 = hn::Load(d, gram[2]),
     h11 = hn::Load(d, gram[4]), h12 = hn::Load(d, gram[5]), h22 = hn::Load(d, gram[8]);
@@ -178,6 +179,8 @@ void AddSingle(const Gathered& gathered, int first, int last, const InSweep& mod
     const V zu = hn::Mul(z, u), zzu = hn::MulSub(zz, u, u);
     const V r = hn::NegMulAdd(mode.amplitude, u, hn::LoadU(d, gathered.y.data() + i));
     chi2 = hn::MulAdd(r, r, chi2);
+    neighbours = hn::MulAdd(r, before, neighbours);
+    before = r;
     g0 = hn::MulAdd(u, r, g0), g1 = hn::MulAdd(zu, r, g1), g2 = hn::MulAdd(zzu, r, g2);
     h00 = hn::MulAdd(u, u, h00), h01 = hn::MulAdd(u, zu, h01), h02 = hn::MulAdd(u, zzu, h02);
     h11 = hn::MulAdd(zu, zu, h11), h12 = hn::MulAdd(zu, zzu, h12), h22 = hn::MulAdd(zzu, zzu, h22);
@@ -190,9 +193,10 @@ void AddSingle(const Gathered& gathered, int first, int last, const InSweep& mod
 
 // The sums of a chunk of samples that several modes reach.
 void AddChunk(const Gathered& gathered, int first, int count, const InSweep* modes, const int* reaching,
-              int reaching_count, BatchSpace& space, V& chi2) {
+              int reaching_count, BatchSpace& space, V& chi2, V& neighbours) {
   const D d;
   const auto lanes = static_cast<int>(hn::Lanes(d));
+  V before = hn::Zero(d);
   for (int i = 0; i < count; ++i) {
     const int sample = (first + i) * lanes;
     const V root = hn::LoadU(d, gathered.root_weight.data() + sample);
@@ -209,6 +213,8 @@ void AddChunk(const Gathered& gathered, int first, int count, const InSweep* mod
     }
     hn::Store(residual, d, space.residual + i * lanes);
     chi2 = hn::MulAdd(residual, residual, chi2);
+    neighbours = hn::MulAdd(residual, before, neighbours);
+    before = residual;
   }
   for (int j = 0; j < reaching_count; ++j) {
     const int m = reaching[j];
@@ -252,7 +258,7 @@ void EvaluatePoint(const SampleLayout& layout, int mode_count, BatchSpace& space
   const int parameters = 6 * mode_count;
   for (int i = 0; i < parameters; ++i) hn::Store(zero, d, point.gradient[i]);
   for (int i = 0; i < Packed(parameters, 0); ++i) hn::Store(zero, d, point.normal[i]);
-  V chi2 = zero;
+  V chi2 = zero, neighbours = zero;
   for (size_t s = 0; s < layout.sweeps.size(); ++s) {
     const Gathered& gathered = space.sweeps[s];
     InSweep modes[kMostFootprints];
@@ -269,12 +275,13 @@ void EvaluatePoint(const SampleLayout& layout, int mode_count, BatchSpace& space
       }
       const int begin = gathered.first[near], end = gathered.first[near + 1];
       if (reaching_count == 1) {
-        AddSingle(gathered, begin, end, modes[near], space.gain[near], space.gram[near][near], chi2);
+        AddSingle(gathered, begin, end, modes[near], space.gain[near], space.gram[near][near], chi2,
+                  neighbours);
         continue;
       }
       for (int first = begin; first < end; first += kChunk)
-        AddChunk(gathered, first, std::min(kChunk, end - first), modes, reaching, reaching_count, space,
-                 chi2);
+        AddChunk(gathered, first, std::min(kChunk, end - first), modes, reaching, reaching_count, space, chi2,
+                 neighbours);
     }
     for (int m = 0; m < mode_count; ++m) {
       for (int i = 0; i < 6; ++i) {
@@ -289,7 +296,7 @@ void EvaluatePoint(const SampleLayout& layout, int mode_count, BatchSpace& space
       }
     }
   }
-  hn::Store(chi2, d, point.chi2);
+  hn::Store(chi2, d, point.chi2), hn::Store(neighbours, d, point.neighbours);
 }
 
 // The factor of a point's normal matrix, its diagonal raised by `damping` of itself.
@@ -369,7 +376,7 @@ void Minimise(const SampleLayout& layout, int mode_count, float narrowest_px, Ba
       take(best.gradient[i], trial.gradient[i]);
     }
     for (int i = 0; i < Packed(parameters, 0); ++i) take(best.normal[i], trial.normal[i]);
-    take(best.chi2, trial.chi2);
+    take(best.chi2, trial.chi2), take(best.neighbours, trial.neighbours);
     // The last few are not worth that all go on.
     const size_t left = hn::CountTrue(d, hn::Not(settled));
     if (left == 0 || (iteration >= kPatience && 4 * left <= hn::Lanes(d))) break;
@@ -420,6 +427,7 @@ void FitLanes(const SampleLayout& layout, std::ptrdiff_t stride, std::span<const
     JointFit& fit = fits[lane];
     fit = {};
     fit.chi2 = fit.near_chi2 = static_cast<double>(space.best.chi2[lane]);
+    fit.near_neighbours = static_cast<double>(space.best.neighbours[lane]);
     fit.near_count = static_cast<int>(space.sample_count[lane]);
     fit.converged = settled[lane] > 0.0f && std::isfinite(fit.chi2);
     const double variance = fit.near_chi2 / std::max(fit.near_count - parameters, 1);

@@ -201,6 +201,7 @@ JointFit fit_jointly(const PixelSamples& samples, const Footprints& start, const
   for (Footprint& mode : fit.modes) mode = with_positive_covariance(mode, kLeastCovariance_px2);
   fit.chi2 = at.chi2;
   fit.near_chi2 = at.near_chi2;
+  fit.near_neighbours = at.near_neighbours;
   fit.near_count = at.near_count;
   add_errors(at, fit);
   return fit;

@@ -44,8 +44,9 @@ inline constexpr int kMostParameters = 6 * kMostFootprints;
 // At some footprints: the Gauss-Newton equations N delta = g in (R, cx, cy, xx, xy, yy) of each mode.
 struct NormalEquations {
   double chi2 = 0.0;
-  // The part of it, and how many samples, within reach of a mode (4.7 sigma_r).
-  double near_chi2 = 0.0;
+  // The part of it, and how many samples, within reach of a mode (4.7 sigma_r); and there, in place of each
+  // residual's square, its product with the one before.
+  double near_chi2 = 0.0, near_neighbours = 0.0;
   int near_count = 0;
   std::array<double, kMostParameters> gradient;                             // g
   std::array<std::array<double, kMostParameters>, kMostParameters> matrix;  // N, symmetric, filled whole
@@ -62,7 +63,7 @@ void evaluate(const PixelSamples& samples, const Footprints& modes, const Monito
 
 struct JointFit {
   Footprints modes;
-  double chi2 = 0.0, near_chi2 = 0.0;
+  double chi2 = 0.0, near_chi2 = 0.0, near_neighbours = 0.0;  // as of NormalEquations
   int near_count = 0;
   bool converged = false;
   // Standard errors, from the inverse of N times the residual's variance; infinite where N is singular.

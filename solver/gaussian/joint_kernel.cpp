@@ -242,8 +242,15 @@ void AddSquares(const PixelSamples& samples, const SampleLayout::Sweep& sweep, c
   for (const Range range : ranges) {
     const Range rest{std::max(range.begin, done), range.end};
     if (rest.begin >= rest.end) continue;
+    double before = 0.0;
     equations.near_chi2 += WeightedSquares(w, residual, rest);
-    equations.near_count += std::min(rest.end, sweep.count) - rest.begin;
+    for (int i = rest.begin; i < std::min(rest.end, sweep.count); ++i) {
+      if (w[i] == 0.0f) continue;
+      ++equations.near_count;
+      const double own = static_cast<double>(std::sqrt(w[i]) * residual[i]);
+      equations.near_neighbours += own * before;
+      before = own;
+    }
     done = rest.end;
   }
 }
@@ -254,7 +261,7 @@ void Evaluate(const PixelSamples& samples, const Footprints& modes, const Monito
   const SampleLayout& layout = *samples.layout;
   const size_t stride = samples.y.size(), sweep_count = layout.sweeps.size();
   const auto mode_count = static_cast<size_t>(modes.size());
-  equations.chi2 = equations.near_chi2 = 0.0;
+  equations.chi2 = equations.near_chi2 = equations.near_neighbours = 0.0;
   equations.near_count = 0;
   workspace.residual.assign(samples.y.begin(), samples.y.end());
   if (workspace.columns.size() < 6 * mode_count * stride) workspace.columns.resize(6 * mode_count * stride);

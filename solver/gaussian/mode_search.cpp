@@ -239,11 +239,18 @@ int most_crests(std::span<const Crests> crests) {
   return most;
 }
 
-// By less than twice its own standard deviation more than noise alone would.
+// Noise alone leaves chi2 = n - p in units of its variance, and nothing for the products of neighbours but
+// what the fit has taken: the basis of a mode is smooth, its own neighbours correlate by 0.8. Their variances
+// are 2n and n, independent. A missing mode adds nearly as much to the products as to chi2, so that the sum
+// that tells it best has 1.6 of the former to 1 of the latter. Explained: below three of its standard
+// deviations.
 bool is_explained(const JointFit& fit, double noise_sd) {
-  const double n = std::max(fit.near_count, 1),
-               variance = std::max(noise_sd, kLeastNoise) * std::max(noise_sd, kLeastNoise);
-  return fit.near_chi2 < variance * (n - 6.0 * fit.modes.size() + 2.0 * std::sqrt(2.0 * n));
+  constexpr double kSmooth = 0.8, kProducts = 1.6;
+  const double n = std::max(fit.near_count, 1), p = 6.0 * fit.modes.size();
+  const double variance = std::max(noise_sd, kLeastNoise) * std::max(noise_sd, kLeastNoise);
+  const double excess = fit.near_chi2 / variance - (n - p),
+               products = fit.near_neighbours / variance + kSmooth * p;
+  return excess + kProducts * products < 2.5 * std::sqrt((2.0 + kProducts * kProducts) * n);
 }
 
 // Settled, and each mode's weight is beyond four of its standard errors.
@@ -272,6 +279,7 @@ class Search {
       best = *usual;
       evaluate(samples_, best.modes, extent_, workspace_, equations_);
       best.chi2 = equations_.chi2, best.near_chi2 = equations_.near_chi2;
+      best.near_neighbours = equations_.near_neighbours;
       best.near_count = equations_.near_count;
     } else if (as_many_as_crests(crests, max_modes, subsets, &best)) {
       return best;

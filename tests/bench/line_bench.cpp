@@ -153,14 +153,24 @@ struct Frames {
     camera.set_read_sd(0.002);
     stack.row_count = 1;
     std::mt19937 random(2);
-    std::normal_distribution<double> noise(0.0, 0.002);
+    std::normal_distribution<double> noise(0.0, 0.002), step(0.0, 0.4), dispersion(0.0, 0.1);
     std::uniform_real_distribution<double> place(20.0, 280.0), widening(1.0, 1.5), amplitude(0.2, 0.9),
         share(0.0, 1.0);
     std::vector<std::array<double, 6>> modes(kLanes);
-    for (auto& mode : modes) {
-      mode = {amplitude(random), place(random),         2.0 * widening(random), 0.0,
-              place(random),     2.0 * widening(random)};
-      if (share(random) < 0.1) mode[3] = amplitude(random);
+    // As the views of neighbouring pixels do, the crests wander; now and then they jump.
+    std::array<double, 6> pixel{};
+    for (size_t i = 0; i < kLanes; ++i) {
+      if (i % 3 == 0) {
+        if (i == 0 || share(random) < 0.01) {
+          pixel = {amplitude(random), place(random),         2.0 * widening(random), 0.0,
+                   place(random),     2.0 * widening(random)};
+          if (share(random) < 0.1) pixel[3] = amplitude(random);
+        }
+        for (const size_t centre : {1u, 4u})
+          pixel[centre] = std::clamp(pixel[centre] + step(random), 20.0, 280.0);
+      }
+      modes[i] = pixel;
+      modes[i][1] += dispersion(random), modes[i][4] += dispersion(random);
     }
     frames.resize(kSamples);
     SweepLayout& sweep = layout.sweeps.emplace_back();
