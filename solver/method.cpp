@@ -6,6 +6,22 @@
 
 namespace glasswing {
 
+absl::Status check_rows(const FrameStack& stack, const std::vector<int>& needed) {
+  const size_t samples =
+      static_cast<size_t>(stack.row_count) * static_cast<size_t>(stack.manifest.camera().width_px()) * 3;
+  for (const int frame : needed) {
+    const auto at = static_cast<size_t>(frame);
+    const size_t found = at < stack.rows.size() ? stack.rows[at].size() : 0;
+    if (found != samples) {
+      return absl::InvalidArgumentError(
+          fmt::format("{} has {} samples in {} rows; the manifest's width of {} px makes that {}",
+                      stack.manifest.frames(frame).file(), found, stack.row_count,
+                      stack.manifest.camera().width_px(), samples));
+    }
+  }
+  return absl::OkStatus();
+}
+
 absl::StatusOr<std::unique_ptr<Method>> make_method(const std::string& name, const MethodOptions& options) {
   if (name == "gaussian") return GaussianMethod::create(options);
   return absl::InvalidArgumentError(fmt::format("method is \"{}\"; there is: gaussian", name));

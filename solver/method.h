@@ -36,6 +36,9 @@ struct FrameStack {
   }
 };
 
+// INVALID_ARGUMENT names a frame that is needed and has not the samples of the stack's rows.
+absl::Status check_rows(const FrameStack& stack, const std::vector<int>& needed);
+
 using MethodOptions = std::map<std::string, std::string>;
 
 class Method {

@@ -5,6 +5,7 @@
 
 #include <condition_variable>
 #include <cstring>
+#include <functional>
 #include <mutex>
 #include <thread>
 
@@ -13,7 +14,7 @@
 #include "core/service/service.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
 #include "glasswing/v1/work_service.grpc.pb.h"
-#include "solver/method.h"
+#include "solver/bands.h"
 
 namespace glasswing {
 namespace {
@@ -26,29 +27,41 @@ void wait(std::stop_token stop, milliseconds time) {
   std::condition_variable_any().wait_for(lock, stop, time, [] { return false; });
 }
 
-// Renews the lease of a tile while it is worked on.
+// The server no longer has this lease for us.
+bool is_gone(const grpc::Status& status) {
+  return status.error_code() == grpc::StatusCode::ABORTED ||
+         status.error_code() == grpc::StatusCode::NOT_FOUND;
+}
+
+// Renews the lease of a tile while it is worked on, and says when that is in vain: stopped, or the lease went
+// to somebody else.
 class LeaseKeeper {
  public:
-  LeaseKeeper(v1::WorkService::Stub& work, const v1::ClaimTileResponse& tile)
-      : thread_(
-            [&work, lease = tile.lease(), every = milliseconds(tile.lease_ms() / 3)](std::stop_token stop) {
-              while (!stop.stop_requested()) {
-                wait(stop, every);
-                if (stop.stop_requested()) return;
-                v1::KeepTileRequest request;
-                *request.mutable_lease() = lease;
-                v1::KeepTileResponse response;
-                grpc::ClientContext context;
-                set_deadline(context, every);
-                (void)work.KeepTile(&context, request, &response);
-              }
-            }) {}
+  LeaseKeeper(v1::WorkService::Stub& work, const v1::ClaimTileResponse& tile, std::stop_token stop)
+      : passed_on_(stop, [this] { in_vain_.request_stop(); }),
+        thread_([&work, this, lease = tile.lease(),
+                 every = milliseconds(tile.lease_ms() / 3)](std::stop_token end) {
+          while (!end.stop_requested()) {
+            wait(end, every);
+            if (end.stop_requested()) return;
+            v1::KeepTileRequest request;
+            *request.mutable_lease() = lease;
+            v1::KeepTileResponse response;
+            grpc::ClientContext context;
+            set_deadline(context, every);
+            if (is_gone(work.KeepTile(&context, request, &response))) in_vain_.request_stop();
+          }
+        }) {}
+  std::stop_token in_vain() const { return in_vain_.get_token(); }
 
  private:
+  std::stop_source in_vain_;
+  std::stop_callback<std::function<void()>> passed_on_;
   std::jthread thread_;
 };
 
-absl::StatusOr<FrameStack> read_stack(const v1::ClaimTileResponse& tile, const Method& method) {
+absl::StatusOr<FrameStack> read_stack(const v1::ClaimTileResponse& tile, const Method& method,
+                                      std::stop_token stop) {
   const std::string peer = "camera node at " + tile.archive_address();
   const auto archive = v1::ArchiveService::NewStub(dial(tile.archive_address()));
   v1::GetManifestRequest get;
@@ -79,6 +92,7 @@ absl::StatusOr<FrameStack> read_stack(const v1::ClaimTileResponse& tile, const M
   }
   grpc::ClientContext context;
   set_deadline(context, std::chrono::minutes(5));
+  const std::stop_callback cancel(stop, [&] { context.TryCancel(); });
   const auto reader = archive->ReadRows(&context, read);
   v1::ReadRowsResponse response;
   size_t received = 0;
@@ -99,11 +113,11 @@ absl::StatusOr<FrameStack> read_stack(const v1::ClaimTileResponse& tile, const M
   return stack;
 }
 
-absl::StatusOr<Matte> solve(const v1::ClaimTileResponse& tile) {
+absl::StatusOr<Matte> solve(const v1::ClaimTileResponse& tile, int thread_count, std::stop_token stop) {
   const MethodOptions options(tile.options().begin(), tile.options().end());
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<Method> method, make_method(tile.method(), options));
-  GW_ASSIGN_OR_RETURN(const FrameStack stack, read_stack(tile, *method));
-  return method->solve(stack);
+  GW_ASSIGN_OR_RETURN(const FrameStack stack, read_stack(tile, *method, stop));
+  return solve_in_bands(*method, stack, thread_count, stop);
 }
 
 grpc::Status send(v1::WorkService::Stub& work, const v1::ClaimTileResponse& tile, const Matte& matte,
@@ -133,17 +147,22 @@ grpc::Status send(v1::WorkService::Stub& work, const v1::ClaimTileResponse& tile
   return writer->Finish();
 }
 
-void work_on(v1::WorkService::Stub& work, const v1::ClaimTileResponse& tile, std::stop_token stop) {
-  const LeaseKeeper keeper(work, tile);
+void work_on(v1::WorkService::Stub& work, const v1::ClaimTileResponse& tile, int thread_count,
+             std::stop_token stop) {
+  const LeaseKeeper keeper(work, tile, stop);
+  const std::stop_token in_vain = keeper.in_vain();
   const std::string what = fmt::format("session={} tile={}", tile.lease().session(), tile.lease().tile());
-  absl::StatusOr<Matte> matte = solve(tile);
+  absl::StatusOr<Matte> matte = solve(tile, thread_count, in_vain);
   // A node that holds the frames may be starting again: its silence is no fault of the tile.
-  while (absl::IsUnavailable(matte.status()) && !stop.stop_requested()) {
+  while (absl::IsUnavailable(matte.status()) && !in_vain.stop_requested()) {
     spdlog::warn("tile waits {} error=\"{}\"", what, std::string(matte.status().message()));
-    wait(stop, std::chrono::seconds(1));
-    matte = solve(tile);
+    wait(in_vain, std::chrono::seconds(1));
+    matte = solve(tile, thread_count, in_vain);
   }
-  if (stop.stop_requested()) return;
+  if (in_vain.stop_requested()) {
+    spdlog::warn("tile given up {}", what);
+    return;
+  }
   absl::StatusOr<std::string> bytes =
       matte.ok() ? encode_matte(*matte) : absl::StatusOr<std::string>(matte.status());
   if (!bytes.ok()) {
@@ -163,9 +182,7 @@ void work_on(v1::WorkService::Stub& work, const v1::ClaimTileResponse& tile, std
   while (!stop.stop_requested()) {
     const grpc::Status status = send(work, tile, *matte, *bytes);
     if (status.ok()) return;
-    const bool gone = status.error_code() == grpc::StatusCode::ABORTED ||
-                      status.error_code() == grpc::StatusCode::NOT_FOUND ||
-                      status.error_code() == grpc::StatusCode::INVALID_ARGUMENT;
+    const bool gone = is_gone(status) || status.error_code() == grpc::StatusCode::INVALID_ARGUMENT;
     spdlog::warn("tile {} {} error=\"{}\"", gone ? "given up" : "kept for another try", what,
                  status.error_message());
     if (gone) return;
@@ -175,7 +192,8 @@ void work_on(v1::WorkService::Stub& work, const v1::ClaimTileResponse& tile, std
 
 }  // namespace
 
-void run_work_loop(const std::string& server_address, const std::string& solver_name, std::stop_token stop) {
+void run_work_loop(const std::string& server_address, const std::string& solver_name, int thread_count,
+                   std::stop_token stop) {
   const auto work = v1::WorkService::NewStub(dial(server_address));
   bool reached = true;
   while (!stop.stop_requested()) {
@@ -197,7 +215,7 @@ void run_work_loop(const std::string& server_address, const std::string& solver_
     if (!status.ok()) {
       wait(stop, milliseconds(500));
     } else if (tile.has_lease()) {
-      work_on(*work, tile, stop);
+      work_on(*work, tile, thread_count, stop);
     }
   }
 }

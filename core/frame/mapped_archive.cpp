@@ -39,7 +39,9 @@ absl::StatusOr<std::shared_ptr<const MappedArchive>> MappedArchive::open(
     }
     archive->mappings_.push_back(mapping);
     if (std::memcmp(mapping, header.data(), header.size()) != 0) {
-      return absl::DataLossError(fmt::format("{} is not a frame as archives store them", path.string()));
+      return absl::DataLossError(fmt::format(
+          "{} is not a frame as archives store them; `glasswing import` makes such an archive of others",
+          path.string()));
     }
   }
   return archive;

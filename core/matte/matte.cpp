@@ -1,5 +1,7 @@
 #include "core/matte/matte.h"
 
+#include <algorithm>
+
 namespace glasswing {
 
 Matte::Matte(int x0_px, int y0_px, int width_px, int height_px, int modes_per_channel)
@@ -14,6 +16,19 @@ Matte::Matte(int x0_px, int y0_px, int width_px, int height_px, int modes_per_ch
   coverage_.resize(pixel_count);
   flags_.resize(pixel_count);
   modes_.resize(pixel_count * kChannels * static_cast<size_t>(modes_per_channel));
+}
+
+void Matte::put(const Matte& tile) {
+  for (int y = 0; y < tile.height_px(); ++y) {
+    for (int x = 0; x < tile.width_px(); ++x) {
+      const int to_x = tile.x0_px() + x - x0_px_, to_y = tile.y0_px() + y - y0_px_;
+      foreground(to_x, to_y) = tile.foreground(x, y);
+      coverage(to_x, to_y) = tile.coverage(x, y);
+      flags(to_x, to_y) = tile.flags(x, y);
+      for (int c = 0; c < kChannels; ++c)
+        std::ranges::copy(tile.modes(x, y, c), modes(to_x, to_y, c).begin());
+    }
+  }
 }
 
 }  // namespace glasswing

@@ -72,6 +72,8 @@ class Matte {
   std::span<const Mode> modes(int x, int y, int channel) const {
     return {&modes_[mode_offset(x, y, channel)], static_cast<size_t>(modes_per_channel_)};
   }
+  // Takes over the pixels of `tile`, which must lie within; metadata stays.
+  void put(const Matte& tile);
 
  private:
   size_t pixel(int x, int y) const {

@@ -507,20 +507,7 @@ absl::StatusOr<Matte> assemble(const std::vector<Matte>& tiles) {
   }
   Matte whole(0, 0, metadata.width_px(), metadata.height_px(), modes);
   whole.metadata = metadata;
-  for (const Matte& tile : tiles) {
-    for (int y = 0; y < tile.height_px(); ++y) {
-      for (int x = 0; x < tile.width_px(); ++x) {
-        const int to_x = tile.x0_px() + x;
-        const int to_y = tile.y0_px() + y;
-        whole.foreground(to_x, to_y) = tile.foreground(x, y);
-        whole.coverage(to_x, to_y) = tile.coverage(x, y);
-        whole.flags(to_x, to_y) = tile.flags(x, y);
-        for (int c = 0; c < kChannels; ++c) {
-          std::ranges::copy(tile.modes(x, y, c), whole.modes(to_x, to_y, c).begin());
-        }
-      }
-    }
-  }
+  for (const Matte& tile : tiles) whole.put(tile);
   return whole;
 }
 

@@ -323,7 +323,8 @@ BackgroundPoint BackgroundMap::point(const EmptyPixel& pixel, const StraightView
   const bool solids = monitor_.white >= 0 && monitor_.black >= 0;
   const Contrast contrast = contrast_of(pixel);
   point.foreground = pixel.black;
-  if (bars ? !sees(pixel, contrast) : monitor_.texture != 0) return point;
+  if (!bars && monitor_.texture != 0) return point;
+  if ((bars || solids) && !sees(pixel, contrast)) return point;
   point.seen = true;
   for (size_t axis = 0; axis < 2; ++axis) {
     const double scale = straight.scale[axis];

@@ -63,6 +63,8 @@ absl::StatusOr<std::vector<int>> GaussianMethod::frames_needed(const v1::Capture
 
 absl::StatusOr<Matte> GaussianMethod::solve(const FrameStack& stack) const {
   GW_ASSIGN_OR_RETURN(const StackLayout layout, lay_out(stack.manifest));
+  GW_ASSIGN_OR_RETURN(const std::vector<int> needed, frames_needed(stack.manifest));
+  GW_RETURN_IF_ERROR(check_rows(stack, needed));
   std::set<int> textures;
   for (const SweepLayout& sweep : layout.sweeps) textures.insert(sweep.texture);
   const int texture_count = static_cast<int>(textures.size());

@@ -35,7 +35,8 @@ double light_of(const Crest& crest, const StripeAxis& axis) {
   return crest.amplitude * crest.sigma_px / axis.sigma_px;
 }
 
-// Where a crest of one sweep and a crest of another cross, if every further sweep has a crest there too.
+// Where a crest of one sweep and a crest of another cross, if every further sweep has a crest there too; in
+// two of them it may be hidden in the flank of a much brighter one.
 bool meet(std::span<const StripeAxis> axes, std::span<const Crests> crests, size_t first, const Crest& a,
           size_t second, const Crest& b, Meeting* meeting) {
   const double determinant =
@@ -43,25 +44,45 @@ bool meet(std::span<const StripeAxis> axes, std::span<const Crests> crests, size
   const double x = (a.centre_px * axes[second].sin_phi - b.centre_px * axes[first].sin_phi) / determinant;
   const double y = (b.centre_px * axes[first].cos_phi - a.centre_px * axes[second].cos_phi) / determinant;
   std::array<Crest, 16> chosen;
-  double misses = 0.0, least = INFINITY;
+  std::array<StripeAxis, 16> seen;
+  size_t count = 0;
+  int hidden_count = 0;
+  const double light_a = light_of(a, axes[first]), light_b = light_of(b, axes[second]);
+  double misses = 0.0, least = std::min(light_a, light_b);
   for (size_t s = 0; s < axes.size(); ++s) {
     const double at = x * axes[s].cos_phi + y * axes[s].sin_phi;
     const Crest* nearest = s == first ? &a : s == second ? &b : nullptr;
     double miss = 0.0;
+    bool hidden = false;
     if (nearest == nullptr) {
       miss = INFINITY;
       for (const Crest& crest : crests[s].all()) {
         // A crest of two modes lies between them.
         const double distance = std::abs(crest.centre_px - at) / crest.sigma_px;
         if (distance < miss) miss = distance, nearest = &crest;
+        hidden = hidden || (distance < 3.5 && light_of(crest, axes[s]) > 4.0 * std::max(light_a, light_b));
       }
     }
-    if (nearest == nullptr || miss > 1.2) return false;
+    if (nearest == nullptr || miss > 1.2) {
+      if (!hidden || ++hidden_count > 2) return false;
+      misses += 1.0;
+      continue;
+    }
     misses += miss * miss;
     least = std::min(least, light_of(*nearest, axes[s]));
-    chosen[s] = *nearest;
+    chosen[count] = *nearest;
+    seen[count++] = axes[s];
   }
-  meeting->mode = intersect(axes, {chosen.data(), axes.size()});
+  if (count >= 3) {
+    meeting->mode = intersect({seen.data(), count}, {chosen.data(), count});
+  } else {
+    // Two widths do not tell Sigma: a round one.
+    const auto spread = [&](size_t i) {
+      return chosen[i].sigma_px * chosen[i].sigma_px - seen[i].sigma_px * seen[i].sigma_px;
+    };
+    const double own = std::max(0.5 * (spread(0) + spread(1)) - kFlatPixel_px2, 0.01);
+    meeting->mode = {.weight = 0.0, .x_px = x, .y_px = y, .xx_px2 = own, .xy_px2 = 0.0, .yy_px2 = own};
+  }
   meeting->mode.weight = least;
   meeting->score = least * std::exp(-2.0 * misses);
   return std::isfinite(meeting->score) && meeting->mode.weight > 0.0;

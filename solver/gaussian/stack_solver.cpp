@@ -89,6 +89,9 @@ StackSolver::StackSolver(const FrameStack& stack, const StackLayout& layout, int
       for (const double own : peak) unit_peaks_ = unit_peaks_ && own == 1.0;
     }
   }
+  double exposures = 0.0;
+  for (const ExposedFrame& exposed : layout.black) exposures += 1.0 / (exposed.scale * exposed.scale);
+  dark_noise_ = static_cast<float>(1.0 / std::sqrt(exposures));
   for (const EmptyMonitor& monitor : empty_) background_.emplace_back(monitor, noise_);
   usual_.resize(textures_.size());
   noise_sd_.resize(static_cast<size_t>(lane_count_));
@@ -121,7 +124,7 @@ void StackSolver::estimate_row_noise(int y) {
       }
       for (int lane = 0; lane < std::min(kBlockLanes, count - block * kBlockLanes); ++lane) {
         noise_sd_[static_cast<size_t>(first + block * kBlockLanes + lane)] =
-            sum[static_cast<size_t>(lane)] / static_cast<float>(layout_.sweeps.size());
+            sum[static_cast<size_t>(lane)] / (dark_noise_ * static_cast<float>(layout_.sweeps.size()));
       }
     }
   }
@@ -215,7 +218,7 @@ void StackSolver::prepare_block(int y, int block_index) {
     if (!object_[static_cast<size_t>(row_lane / kChannels)]) continue;
     block.lanes |= 1u << lane;
     dark[l] = black(y, row_lane);
-    noise[l] = noise_sd_[static_cast<size_t>(row_lane)];
+    noise[l] = noise_sd_[static_cast<size_t>(row_lane)] * dark_noise_;
     floor[l] = std::max(3.5f * noise[l], kLeastFloor);
     reach[l] = std::max(3.0f * noise[l], 2e-5f);
   }

@@ -15,9 +15,9 @@
 
 #include "core/frame/archive.h"
 #include "core/frame/mapped_archive.h"
+#include "solver/bands.h"
 #include "solver/gaussian/footprint.h"
 #include "tests/bench/rows.h"
-#include "tests/results/rendered_scene.h"
 
 namespace glasswing {
 namespace {
@@ -128,7 +128,7 @@ class BigArchive {
     FrameStack stack{
         .manifest = archive->manifest(), .first_row = 0, .row_count = kHeight, .rows = {}, .owner = archive};
     for (int i = 0; i < stack.manifest.frames_size(); ++i) stack.rows.push_back(archive->rows(i, 0, kHeight));
-    const Matte matte = solve_in_bands(*method, stack);
+    const Matte matte = solve_in_bands(*method, stack).value();
     Solve solve{.seconds = seconds_since(start)};
     done = true;
     watch.join();

@@ -98,48 +98,4 @@ double RenderedScene::psnr(const RadianceImage& composite, const RadianceImage& 
   return -10.0 * std::log10(sum / count);
 }
 
-Matte solve_in_bands(const Method& method, const FrameStack& stack, int thread_count) {
-  const int rows_per_band = std::clamp(stack.row_count / 45, 2, 16);
-  const int bands = (stack.row_count + rows_per_band - 1) / rows_per_band;
-  std::vector<Matte> parts(static_cast<size_t>(bands));
-  std::atomic<int> next = 0;
-  const auto width = static_cast<size_t>(stack.manifest.camera().width_px());
-  {
-    std::vector<std::jthread> threads;
-    const int count = thread_count > 0 ? thread_count : static_cast<int>(std::thread::hardware_concurrency());
-    for (int t = 0; t < count; ++t) {
-      threads.emplace_back([&] {
-        for (int band = next++; band < bands; band = next++) {
-          FrameStack part = stack;
-          part.first_row = band * rows_per_band;
-          part.row_count = std::min(rows_per_band, stack.row_count - band * rows_per_band);
-          for (auto& rows : part.rows) {
-            if (rows.empty()) continue;
-            rows = rows.subspan(static_cast<size_t>(part.first_row) * width * 3,
-                                static_cast<size_t>(part.row_count) * width * 3);
-          }
-          parts[static_cast<size_t>(band)] = method.solve(part).value();
-        }
-      });
-    }
-  }
-  Matte whole(0, 0, stack.manifest.camera().width_px(), stack.row_count, parts.front().modes_per_channel());
-  whole.metadata = parts.front().metadata;
-  for (const Matte& part : parts) {
-    for (int y = 0; y < part.height_px(); ++y) {
-      for (int x = 0; x < part.width_px(); ++x) {
-        const int row = part.y0_px() + y;
-        whole.foreground(x, row) = part.foreground(x, y);
-        whole.coverage(x, row) = part.coverage(x, y);
-        whole.flags(x, row) = part.flags(x, y);
-        for (int c = 0; c < kChannels; ++c) {
-          const auto modes = part.modes(x, y, c);
-          std::copy(modes.begin(), modes.end(), whole.modes(x, row, c).begin());
-        }
-      }
-    }
-  }
-  return whole;
-}
-
 }  // namespace glasswing

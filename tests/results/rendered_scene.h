@@ -45,7 +45,4 @@ class RenderedScene {
   Image16 mask_;
 };
 
-// The whole matte, in bands of rows on `thread_count` threads (0: all cores).
-Matte solve_in_bands(const Method& method, const FrameStack& stack, int thread_count = 0);
-
 }  // namespace glasswing

@@ -8,6 +8,7 @@
 
 #include "core/frame/image_file.h"
 #include "core/matte/compositor.h"
+#include "solver/bands.h"
 #include "tests/results/rendered_scene.h"
 #include "tests/results/sheet.h"
 
@@ -58,7 +59,7 @@ struct Solved {
 Solved solve(const RenderedScene& scene, const Method& method, const Degradation& degradation) {
   const FrameStack stack = scene.stack(method, degradation);
   const auto start = std::chrono::steady_clock::now();
-  Solved solved{.matte = solve_in_bands(method, stack)};
+  Solved solved{.matte = solve_in_bands(method, stack).value()};
   solved.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   double object = 0.0;
   for (int y = 0; y < solved.matte.height_px(); ++y) {
