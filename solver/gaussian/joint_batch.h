@@ -19,7 +19,8 @@ namespace glasswing {
 // One channel of one pixel.
 struct BatchPixel {
   static constexpr size_t kMostSweeps = 16;
-  // By sweep: the first sample's value, and weight as of PixelSamples; null: all are 1.
+  // By sweep: the first sample's value, and weight as of PixelSamples; null, for all pixels of
+  // a batch alike: all are 1.
   std::array<const float*, kMostSweeps> y{};
   std::array<const float*, kMostSweeps> weight{};
   Footprints start;

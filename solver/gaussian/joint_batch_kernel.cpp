@@ -4,6 +4,7 @@
 //
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <vector>
 
 #include "solver/gaussian/joint_batch.h"
@@ -41,8 +42,7 @@ struct Point {
 // One mode in one sweep.
 struct InSweep {
   V amplitude, centre, inverse_sigma;
-  V chain[6];               // of dy/dp_i over its column's sum
-  int first = 0, last = 0;  // the samples that it reaches
+  V chain[6];  // of dy/dp_i over its column's sum
 };
 constexpr int kColumnOf[6] = {0, 1, 1, 2, 2, 2};
 
@@ -106,14 +106,21 @@ void GatherSweep(const SampleLayout::Sweep& sweep, const float* offset_px, size_
         for (int n = 0; n < m; ++n) had = had || (i >= own[n].first && i < own[n].last);
         if (had) continue;
         const auto place = static_cast<size_t>(at);
-        const float root = pixel.weight[s] != nullptr ? std::sqrt(pixel.weight[s][i * stride]) : 1.0f;
-        gathered.y[place] = root * pixel.y[s][i * stride];
-        gathered.root_weight[place] = root;
+        const float weight = pixel.weight[s] != nullptr ? pixel.weight[s][i * stride] : 1.0f;
+        gathered.y[place] = pixel.y[s][i * stride];
+        gathered.root_weight[place] = weight;
         gathered.offset_px[place] = static_cast<float>(static_cast<double>(offset_px[i]) - origin);
         at += lanes;
-        if (root > 0.0f) sample_count[lane] += 1.0f;
+        if (weight > 0.0f) sample_count[lane] += 1.0f;
       }
     }
+  }
+  const D d;
+  if (pixels.front().weight[s] == nullptr) return;
+  for (size_t i = 0; i < size; i += static_cast<size_t>(lanes)) {
+    const V root = hn::Sqrt(hn::LoadU(d, gathered.root_weight.data() + i));
+    hn::StoreU(root, d, gathered.root_weight.data() + i);
+    hn::StoreU(hn::Mul(root, hn::LoadU(d, gathered.y.data() + i)), d, gathered.y.data() + i);
   }
 }
 
@@ -354,15 +361,22 @@ void Minimise(const SampleLayout& layout, int mode_count, float narrowest_px, Ba
       promise = hn::MulAdd(hn::Load(d, best.gradient[i]), step, promise);
       hn::Store(hn::Add(now, hn::Max(hn::Min(step, most), hn::Neg(most))), d, trial.p[i]);
     }
-    EvaluatePoint(layout, mode_count, space, trial);
     const V chi2 = hn::Load(d, best.chi2);
-    const V gained = hn::Sub(chi2, hn::Load(d, trial.chi2));
     const V little = hn::Max(hn::Div(hn::Mul(Set(0.01f), chi2), samples),
                              hn::Mul(samples, Set(kFinestStep * kFinestStep)));
+    const auto bold = hn::Lt(damping, Set(0.1f)), last = hn::And(bold, hn::Le(promise, little));
+    if (hn::AllTrue(d, hn::Or(settled, last))) {
+      // Steps so small need no proof.
+      for (int i = 0; i < parameters; ++i)
+        hn::Store(hn::IfThenElse(last, hn::Load(d, trial.p[i]), hn::Load(d, best.p[i])), d, best.p[i]);
+      settled = hn::Or(settled, last);
+      break;
+    }
+    EvaluatePoint(layout, mode_count, space, trial);
+    const V gained = hn::Sub(chi2, hn::Load(d, trial.chi2));
     const auto better = hn::Ge(gained, hn::Mul(Set(-1e-6f), chi2));
-    auto last = hn::Le(promise, little);
-    last = hn::Or(last, hn::And(better, hn::Lt(gained, hn::Mul(Set(3e-4f), chi2))));
-    settled = hn::Or(settled, hn::And(last, hn::Lt(damping, Set(0.1f))));
+    const auto idle = hn::And(better, hn::Lt(gained, hn::Mul(Set(3e-4f), chi2)));
+    settled = hn::Or(settled, hn::Or(last, hn::And(bold, idle)));
     // As far as the quadratic model was right.
     const V scale =
         hn::IfThenElse(hn::Gt(gained, hn::Mul(Set(0.9f), promise)), Set(0.1f),
@@ -449,11 +463,11 @@ void FitLanes(const SampleLayout& layout, std::ptrdiff_t stride, std::span<const
 
 void FitBatch(const SampleLayout& layout, std::ptrdiff_t stride, std::span<const BatchPixel> pixels,
               std::span<JointFit> fits) {
-  static thread_local BatchSpace space;
+  const auto space = std::make_unique_for_overwrite<BatchSpace>();
   const size_t lanes = hn::Lanes(D());
   for (size_t first = 0; first < pixels.size(); first += lanes) {
     const size_t count = std::min(lanes, pixels.size() - first);
-    FitLanes(layout, stride, pixels.subspan(first, count), fits.subspan(first, count), space);
+    FitLanes(layout, stride, pixels.subspan(first, count), fits.subspan(first, count), *space);
   }
 }
 

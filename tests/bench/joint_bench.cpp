@@ -156,7 +156,7 @@ void add_joint_rows(std::vector<Row>& rows) {
                   [](const Rates& rates) { return rates.at("batch_ours_1") / rates.at("joint_ceres_1"); }});
   rows.push_back({"joint fit of four sweeps, two modes: fits/s over Ceres",
                   "x",
-                  50.0,
+                  25.0,
                   false,
                   {"batch_ours_2", "joint_ceres_2"},
                   [](const Rates& rates) { return rates.at("batch_ours_2") / rates.at("joint_ceres_2"); }});
