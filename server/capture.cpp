@@ -78,12 +78,23 @@ absl::Status NodeLink::exchange_clocks(int count) {
     const grpc::Status status = stub_->Exchange(&context, {}, &response);
     const nanoseconds returned = monotonic_now();
     if (!status.ok()) return from_grpc(status, title_);
+    const std::lock_guard lock(mutex_);
     clock_.add({.sent = sent,
                 .received = nanoseconds(response.received_ns()),
                 .answered = nanoseconds(response.sent_ns()),
                 .returned = returned});
   }
   return absl::OkStatus();
+}
+
+ClockReading NodeLink::rig_from_node(nanoseconds node_time) const {
+  const std::lock_guard lock(mutex_);
+  return clock_.rig_from_node(node_time);
+}
+
+ClockReading NodeLink::node_from_rig(nanoseconds rig_time) const {
+  const std::lock_guard lock(mutex_);
+  return clock_.node_from_rig(rig_time);
 }
 
 struct Capture::Display {
@@ -170,7 +181,7 @@ class Capture::DisplayFeed {
   DisplayFeed(Display& display, const std::string& program, nanoseconds start_at) : display_(display) {
     v1::PlayProgramRequest request;
     request.set_program(program);
-    request.set_start_at_ns(display.link.clock().node_from_rig(start_at).count());
+    request.set_start_at_ns(display.link.node_from_rig(start_at).time.count());
     reader_ = display.stub->PlayProgram(&context_, request);
     thread_ = std::thread([this] {
       v1::PlayProgramResponse response;
@@ -187,14 +198,15 @@ class Capture::DisplayFeed {
 
  private:
   MonitorWindow window_of(const v1::Presentation& shown) const {
-    const ClockModel& clock = display_.link.clock();
     const v1::DisplayMonitor* monitor = display_.monitor(shown.monitor());
+    const ClockReading scanout_end = display_.link.rig_from_node(nanoseconds(shown.scanout_end_ns())),
+                       replaced = display_.link.rig_from_node(nanoseconds(shown.replaced_ns()));
     return {.step = shown.step(),
-            .scanout_end = clock.rig_from_node(nanoseconds(shown.scanout_end_ns())),
-            .replaced = clock.rig_from_node(nanoseconds(shown.replaced_ns())),
+            .scanout_end = scanout_end.time,
+            .replaced = replaced.time,
             .lag = nanoseconds(monitor == nullptr ? 0 : monitor->optical_lag_ns()),
             .settle = nanoseconds(monitor == nullptr ? 0 : monitor->settle_ns()),
-            .uncertainty = nanoseconds(shown.uncertainty_ns()) + clock.error_bound(monotonic_now())};
+            .uncertainty = nanoseconds(shown.uncertainty_ns()) + std::max(scanout_end.error, replaced.error)};
   }
 
   Display& display_;
@@ -458,12 +470,13 @@ absl::Status Capture::play(const std::vector<Step>& steps, CameraFeed& frames, s
           frame.width_px() == camera_info_.camera().width_px() &&
           frame.height_px() == camera_info_.camera().height_px();
       if (!as_asked) continue;
-      const ClockModel& clock = camera_->clock();
+      const ClockReading start = camera_->rig_from_node(nanoseconds(frame.exposure_start_ns())),
+                         end = camera_->rig_from_node(nanoseconds(frame.exposure_end_ns()));
       frames.matcher.add_frame(
           {.sequence = frame.sequence(),
-           .start = clock.rig_from_node(nanoseconds(frame.exposure_start_ns())),
-           .end = clock.rig_from_node(nanoseconds(frame.exposure_end_ns())),
-           .uncertainty = nanoseconds(frame.uncertainty_ns()) + clock.error_bound(monotonic_now())});
+           .start = start.time,
+           .end = end.time,
+           .uncertainty = nanoseconds(frame.uncertainty_ns()) + std::max(start.error, end.error)});
       frames.recent.emplace(frame.sequence(), std::move(frame));
       if (frames.recent.size() > 4096) frames.recent.erase(frames.recent.begin());
     }

@@ -10,6 +10,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <set>
 #include <stop_token>
@@ -41,7 +42,8 @@ struct CaptureOutcome {
   std::string reason;
 };
 
-// A node and how its clock relates to ours. Rig time is the server's CLOCK_MONOTONIC.
+// A node and how its clock relates to ours. Rig time is the server's CLOCK_MONOTONIC, which no setting of
+// wall clocks moves. Times may be asked for from any thread.
 class NodeLink {
  public:
   explicit NodeLink(const v1::Node& node);
@@ -49,12 +51,14 @@ class NodeLink {
   const std::string& title() const { return title_; }
   const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
   absl::Status exchange_clocks(int count);
-  const ClockModel& clock() const { return clock_; }
+  ClockReading rig_from_node(nanoseconds node_time) const;
+  ClockReading node_from_rig(nanoseconds rig_time) const;
 
  private:
   std::string title_;
   std::shared_ptr<grpc::Channel> channel_;
   std::unique_ptr<v1::ClockService::Stub> stub_;
+  mutable std::mutex mutex_;
   ClockModel clock_;
 };
 

@@ -1,13 +1,22 @@
-// How another node's clock relates to rig time, from four-timestamp exchanges.
+// How another node's clock relates to rig time, from four-timestamp exchanges, with bounds that hold.
 //
-// An exchange gives sent (rig), received and answered (node), returned (rig). The node's clock read, at the
-// middle of the round trip, offset = ((received - sent) + (answered - returned)) / 2, and the true offset is
-// within half of the round trip of it, whatever the two delays were (NTP, RFC 5905 section 8).
+// An exchange gives sent (rig), received and answered (node), returned (rig). Whatever the delays were, rig
+// time was at least `sent` when the node's clock read `received`, and at most `returned` when it read
+// `answered` (NTP, RFC 5905 section 8, has the same facts as one interval). So with
+//
+//   rig(u) = u + c + s u,     |s| <= kMaxSkew
+//
+// each exchange cuts the plane of (c, s) twice. What is left of it after many exchanges says between which
+// bounds rig(u) lies at any u: the middle is the estimate, half of the distance the bound on its error. The
+// shortest trips cut closest; early and late ones together tell the skew.
+//
+// Crystals wander: s may change by kWander while an exchange is remembered, which widens its cut with its
+// age. If nothing is left the clock was set or the node started again; then the oldest exchanges are
+// forgotten.
 #pragma once
 
 #include <chrono>
 #include <deque>
-#include <optional>
 
 #include "core/base/time.h"
 
@@ -20,25 +29,41 @@ struct ClockExchange {
   nanoseconds returned;  // rig time
 };
 
+// A time on the other clock. The true one is within `error`.
+struct ClockReading {
+  nanoseconds time{};
+  nanoseconds error{};
+};
+
 class ClockModel {
  public:
+  static constexpr double kMaxSkew = 250e-6;  // two poor crystals, one of them cold
+  static constexpr double kWander = 2e-6;
+
   void add(const ClockExchange& exchange);
 
+  // The rest only after the first exchange.
   bool ready() const { return !recent_.empty(); }
-  // Node time minus rig time, and a bound on its error that holds however the delays were split. The bound
-  // widens with the age of the best exchange by the fastest drift we allow for.
-  nanoseconds offset() const;
-  nanoseconds error_bound(nanoseconds rig_now) const;
-
-  nanoseconds rig_from_node(nanoseconds node_time) const { return node_time - offset(); }
-  nanoseconds node_from_rig(nanoseconds rig_time) const { return rig_time + offset(); }
+  ClockReading rig_from_node(nanoseconds node_time) const;
+  ClockReading node_from_rig(nanoseconds rig_time) const;
+  // The middle of what is possible: 1e-6 is 1 ppm, positive if the node's clock is slow.
+  double skew() const { return 0.5 * (least_skew_ + most_skew_); }
 
  private:
-  struct Sample {
-    nanoseconds at, offset, half_trip;
+  // rig - node at two node times, relative to origin_: not less than `least` at the one, not more than `most`
+  // at the other.
+  struct Cut {
+    double least_at, least, most_at, most;
   };
-  const Sample& best() const;
-  std::deque<Sample> recent_;  // the last kKept
+  // The bounds of rig - node at `at` if the skew is s.
+  double highest(double at, double skew) const;
+  double lowest(double at, double skew) const;
+  bool find_skews();
+
+  std::deque<ClockExchange> recent_;
+  nanoseconds origin_node_{}, origin_offset_{};  // of the newest exchange
+  std::deque<Cut> cuts_;
+  double least_skew_ = -kMaxSkew, most_skew_ = kMaxSkew;
 };
 
 }  // namespace glasswing
