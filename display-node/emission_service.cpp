@@ -49,7 +49,7 @@ grpc::Status EmissionServiceImpl::WatchEmission(grpc::ServerContext* context, co
   std::vector<Emission> emissions;
   nanoseconds horizon{};
   while (!context->IsCancelled() && !stopping_) {
-    if (!display_.read_emissions(cursor, emissions, horizon, std::chrono::milliseconds(8))) {
+    if (!display_.read(cursor, emissions, horizon, std::chrono::milliseconds(8))) {
       return grpc::Status(grpc::StatusCode::RESOURCE_EXHAUSTED, "the reader fell too far behind the screens");
     }
     for (const Emission& emission : emissions) {

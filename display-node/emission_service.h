@@ -1,22 +1,22 @@
-// EmissionService over a simulated display.
+// EmissionService: what a display emitted, for cameras that are simulated.
 #pragma once
 
 #include <atomic>
 
-#include "display-node/sim_display.h"
+#include "display-node/light_tap.h"
 #include "glasswing/v1/emission_service.grpc.pb.h"
 
 namespace glasswing {
 
 class EmissionServiceImpl final : public v1::EmissionService::Service {
  public:
-  explicit EmissionServiceImpl(SimDisplay& display) : display_(display) {}
+  explicit EmissionServiceImpl(LightTap& display) : display_(display) {}
   void stop() { stopping_ = true; }
   grpc::Status WatchEmission(grpc::ServerContext* context, const v1::WatchEmissionRequest* request,
                              grpc::ServerWriter<v1::WatchEmissionResponse>* writer) override;
 
  private:
-  SimDisplay& display_;
+  LightTap& display_;
   std::atomic<bool> stopping_ = false;
 };
 

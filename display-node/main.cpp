@@ -8,6 +8,7 @@
 #include "core/service/service.h"
 #include "display-node/display_service.h"
 #include "display-node/emission_service.h"
+#include "display-node/light_tap.h"
 #include "display-node/sim_display.h"
 
 namespace {
@@ -96,7 +97,8 @@ int main(int argc, char** argv) {
     }
     screens.push_back(*screen);
   }
-  SimDisplay display(std::move(screens), faults);
+  SimDisplay sim(std::move(screens), faults);
+  LightTap display(sim);
   DisplayServiceImpl service(name, display);
   EmissionServiceImpl emission(display);
   absl::StatusOr<std::unique_ptr<ServiceHost>> host = ServiceHost::start(listen, {&service, &emission});

@@ -5,6 +5,7 @@
 
 #include "core/frame/image_file.h"
 #include "core/service/service.h"
+#include "display-node/light_tap.h"
 #include "display-node/sim_display.h"
 
 namespace glasswing {
@@ -90,14 +91,15 @@ class DisplayServiceTest : public testing::Test {
   };
   Play start(const std::string& name) { return Play(*stub_, name, monotonic_now() + milliseconds(200)); }
 
-  SimDisplay display_{{{.name = "back",
-                        .width_px = 8,
-                        .height_px = 6,
-                        .refresh_hz = 200.0,
-                        .scanout = milliseconds(5),
-                        .lag = milliseconds(3),
-                        .settle = milliseconds(1)}},
-                      {}};
+  SimDisplay sim_{{{.name = "back",
+                    .width_px = 8,
+                    .height_px = 6,
+                    .refresh_hz = 200.0,
+                    .scanout = milliseconds(5),
+                    .lag = milliseconds(3),
+                    .settle = milliseconds(1)}},
+                  {}};
+  LightTap display_{sim_};
   DisplayServiceImpl service_;
   std::unique_ptr<grpc::Server> server_;
   std::unique_ptr<v1::DisplayService::Stub> stub_;
@@ -182,13 +184,13 @@ TEST_F(DisplayServiceTest, CancellingFreesTheScreensWithinTheStep) {
   nanoseconds horizon{};
   bool lit = false;
   while (!lit) {
-    ASSERT_TRUE(display_.read_emissions(cursor, emissions, horizon, milliseconds(100)));
+    ASSERT_TRUE(display_.read(cursor, emissions, horizon, milliseconds(100)));
     for (const Emission& emission : emissions) lit = lit || emission.picture != nullptr;
   }
   held.context.TryCancel();
   EXPECT_TRUE(absl::IsCancelled(held.finish()));
   while (lit) {
-    ASSERT_TRUE(display_.read_emissions(cursor, emissions, horizon, milliseconds(100)));
+    ASSERT_TRUE(display_.read(cursor, emissions, horizon, milliseconds(100)));
     for (const Emission& emission : emissions) lit = emission.picture != nullptr;
   }
 }

@@ -9,6 +9,7 @@
 
 #include "core/service/service.h"
 #include "display-node/player.h"
+#include "display-node/sim_display.h"
 
 namespace glasswing {
 namespace {
@@ -28,8 +29,9 @@ ScreenInfo screen(const std::string& name, int width_px, int height_px, double r
 class EmissionServiceTest : public testing::Test {
  protected:
   void serve(std::vector<ScreenInfo> screens, double missed_flips) {
-    display_ = std::make_unique<SimDisplay>(std::move(screens),
-                                            SimDisplay::Faults{.seed = 3, .missed_flips = missed_flips});
+    sim_ = std::make_unique<SimDisplay>(std::move(screens),
+                                        SimDisplay::Faults{.seed = 3, .missed_flips = missed_flips});
+    display_ = std::make_unique<LightTap>(*sim_);
     service_ = std::make_unique<EmissionServiceImpl>(*display_);
     grpc::ServerBuilder builder;
     builder.RegisterService(service_.get());
@@ -45,7 +47,8 @@ class EmissionServiceTest : public testing::Test {
     server_->Shutdown();
   }
 
-  std::unique_ptr<SimDisplay> display_;
+  std::unique_ptr<SimDisplay> sim_;
+  std::unique_ptr<LightTap> display_;
   std::unique_ptr<EmissionServiceImpl> service_;
   std::unique_ptr<grpc::Server> server_;
   std::unique_ptr<v1::EmissionService::Stub> stub_;

@@ -1,0 +1,47 @@
+// Passes pictures on to a display, and remembers what it emitted from when on: the light that a simulated
+// camera sees, whatever screens stand behind.
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <mutex>
+
+#include "display-node/display.h"
+
+namespace glasswing {
+
+// A picture that starts its scan-out, on monitor screens()[monitor].
+struct Emission {
+  size_t monitor = 0;
+  nanoseconds scanout_start{};
+  Picture picture;
+};
+
+class LightTap final : public Display {
+ public:
+  // The display must outlive it, and be used through it only.
+  explicit LightTap(Display& display);
+
+  std::string backend() const override { return display_.backend(); }
+  const std::vector<ScreenInfo>& screens() const override { return display_.screens(); }
+  absl::StatusOr<std::vector<Scanout>> show(const std::vector<Picture>& pictures, nanoseconds at) override;
+
+  // Everything emitted since `cursor` (0: what is on screen now, and what follows), and a time before which
+  // nothing else starts. Waits up to `timeout` for something new. False: the reader has fallen too far
+  // behind.
+  bool read(std::uint64_t& cursor, std::vector<Emission>& emissions, nanoseconds& horizon,
+            std::chrono::milliseconds timeout);
+
+ private:
+  Display& display_;
+  const size_t log_limit_;
+  std::mutex mutex_;
+  std::condition_variable emitted_;
+  nanoseconds show_began_{};       // guarded by mutex_; 0: none is under way
+  std::vector<Emission> current_;  // guarded by mutex_, one a monitor
+  std::deque<Emission> log_;       // guarded by mutex_, the newest log_limit_
+  std::uint64_t next_ = 1;         // guarded by mutex_, number of the next emission
+};
+
+}  // namespace glasswing
