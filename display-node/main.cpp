@@ -1,15 +1,19 @@
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <iostream>
 #include <set>
 
 #include "core/base/name.h"
+#include "core/base/status.h"
 #include "core/service/registration.h"
 #include "core/service/service.h"
 #include "display-node/display_service.h"
 #include "display-node/emission_service.h"
 #include "display-node/light_tap.h"
 #include "display-node/sim_display.h"
+#include "display-node/x11_display.h"
 
 namespace {
 
@@ -17,8 +21,19 @@ using namespace glasswing;
 
 constexpr size_t kMostMonitors = 16;
 
+struct Screens {
+  std::string backend = "sim";
+  std::vector<std::string> monitors;
+  std::string x11_server;
+  double lag_ms = 3.0, settle_ms = 1.0;
+  SimDisplay::Faults faults;
+
+  nanoseconds lag() const { return nanoseconds(static_cast<std::int64_t>(lag_ms * 1e6)); }
+  nanoseconds settle() const { return nanoseconds(static_cast<std::int64_t>(settle_ms * 1e6)); }
+};
+
 // "back=128x96@60"
-absl::StatusOr<ScreenInfo> parse_screen(const std::string& text, double lag_ms, double settle_ms) {
+absl::StatusOr<ScreenInfo> parse_simulated(const std::string& text, const Screens& screens) {
   ScreenInfo screen;
   char name[65] = "";
   int read = 0;
@@ -34,9 +49,51 @@ absl::StatusOr<ScreenInfo> parse_screen(const std::string& text, double lag_ms, 
   }
   screen.name = name;
   screen.scanout = nanoseconds(static_cast<std::int64_t>(1e9 / screen.refresh_hz));
-  screen.lag = nanoseconds(static_cast<std::int64_t>(lag_ms * 1e6));
-  screen.settle = nanoseconds(static_cast<std::int64_t>(settle_ms * 1e6));
+  screen.lag = screens.lag();
+  screen.settle = screens.settle();
   return screen;
+}
+
+absl::StatusOr<std::unique_ptr<Display>> open_simulated(const Screens& screens) {
+  std::vector<ScreenInfo> parsed;
+  for (const std::string& monitor : screens.monitors) {
+    GW_ASSIGN_OR_RETURN(const ScreenInfo screen, parse_simulated(monitor, screens));
+    parsed.push_back(screen);
+  }
+  if (parsed.empty()) {
+    GW_ASSIGN_OR_RETURN(const ScreenInfo screen, parse_simulated("back=128x96@60", screens));
+    parsed.push_back(screen);
+  }
+  return std::make_unique<SimDisplay>(std::move(parsed), screens.faults);
+}
+
+absl::StatusOr<std::unique_ptr<Display>> open_x11(const Screens& screens) {
+  X11Display::Options options{
+      .server = screens.x11_server, .monitors = {}, .lag = screens.lag(), .settle = screens.settle()};
+  for (const std::string& monitor : screens.monitors) {
+    const size_t equals = monitor.find('=');
+    if (equals == std::string::npos) {
+      return absl::InvalidArgumentError("--monitor is " + monitor +
+                                        "; with --backend x11 it must be NAME=OUTPUT, such as back=HDMI-1");
+    }
+    options.monitors.emplace_back(monitor.substr(0, equals), monitor.substr(equals + 1));
+  }
+  return X11Display::open(options);
+}
+
+absl::StatusOr<std::unique_ptr<Display>> open_screens(const Screens& screens) {
+  if (screens.monitors.size() > kMostMonitors) {
+    return absl::InvalidArgumentError("--monitor is given " + std::to_string(screens.monitors.size()) +
+                                      " times; it must be 1 to " + std::to_string(kMostMonitors));
+  }
+  GW_ASSIGN_OR_RETURN(std::unique_ptr<Display> display,
+                      screens.backend == "x11" ? open_x11(screens) : open_simulated(screens));
+  std::set<std::string> names;
+  for (const ScreenInfo& screen : display->screens()) {
+    if (!names.insert(screen.name).second)
+      return absl::InvalidArgumentError("--monitor names \"" + screen.name + "\" twice");
+  }
+  return display;
 }
 
 int fail(const absl::Status& status) {
@@ -50,29 +107,32 @@ int main(int argc, char** argv) {
   CLI::App app("Glasswing's display node: pixels on screens, and when each picture was really visible.");
   app.footer(
       "Example:\n  glasswing-display --listen 127.0.0.1:7441 --server 127.0.0.1:7440 --monitor "
-      "back=128x96@60");
+      "back=128x96@60\n"
+      "  glasswing-display --backend x11 --monitor back=HDMI-1 --monitor left=DP-2");
   ListenOptions listen{.address = "127.0.0.1:7441", .reflection = false};
-  std::string server, name = "display-1", backend = "sim", level = "info";
-  std::vector<std::string> monitors{"back=128x96@60"};
-  double lag_ms = 3.0, settle_ms = 1.0;
-  SimDisplay::Faults faults;
+  std::string server, name = "display-1", level = "info";
+  Screens screens;
   app.add_option("--listen", listen.address, "host:port to listen on; loopback only")->capture_default_str();
   app.add_option("--server", server, "host:port of glasswing-server, to register with");
   app.add_option("--name", name, "this node's name in the rig")->capture_default_str();
-  app.add_option("--backend", backend, "how pictures reach screens")
-      ->check(CLI::IsMember({"sim"}))
+  app.add_option("--backend", screens.backend, "how pictures reach screens")
+      ->check(CLI::IsMember({"sim", "x11"}))
       ->capture_default_str();
-  app.add_option("--monitor", monitors, "NAME=WIDTHxHEIGHT@HZ; repeat for more")->capture_default_str();
-  app.add_option("--lag-ms", lag_ms, "scan-out of a row to its light")
+  app.add_option(
+      "--monitor", screens.monitors,
+      "sim: NAME=WIDTHxHEIGHT@HZ, back=128x96@60 if left out; x11: NAME=OUTPUT as xrandr calls it, all of "
+      "them if left out; repeat for more");
+  app.add_option("--x11-server", screens.x11_server, "x11: which, such as :0; $DISPLAY if left out");
+  app.add_option("--lag-ms", screens.lag_ms, "scan-out of a row to its light")
       ->check(CLI::Range(0.0, 200.0))
       ->capture_default_str();
-  app.add_option("--settle-ms", settle_ms, "until that light has settled")
+  app.add_option("--settle-ms", screens.settle_ms, "until that light has settled")
       ->check(CLI::Range(0.0, 200.0))
       ->capture_default_str();
-  app.add_option("--fault-missed-flips", faults.missed_flips,
+  app.add_option("--fault-missed-flips", screens.faults.missed_flips,
                  "sim: probability that a flip comes a refresh late")
       ->check(CLI::Range(0.0, 1.0));
-  app.add_option("--fault-seed", faults.seed, "sim: seed of the faults");
+  app.add_option("--fault-seed", screens.faults.seed, "sim: seed of the faults");
   app.add_flag("--reflection", listen.reflection, "let gRPC tools list the services");
   app.add_option("--log-level", level, "debug, info, warn or error")
       ->check(CLI::IsMember({"debug", "info", "warn", "error"}))
@@ -83,22 +143,9 @@ int main(int argc, char** argv) {
   block_signals();
   start_logging("glasswing-display", level);
   if (absl::Status status = check_name("node", name); !status.ok()) return fail(status);
-  if (monitors.size() > kMostMonitors) {
-    return fail(absl::InvalidArgumentError("--monitor is given " + std::to_string(monitors.size()) +
-                                           " times; it must be 1 to " + std::to_string(kMostMonitors)));
-  }
-  std::vector<ScreenInfo> screens;
-  std::set<std::string> names;
-  for (const std::string& monitor : monitors) {
-    absl::StatusOr<ScreenInfo> screen = parse_screen(monitor, lag_ms, settle_ms);
-    if (!screen.ok()) return fail(screen.status());
-    if (!names.insert(screen->name).second) {
-      return fail(absl::InvalidArgumentError("--monitor names \"" + screen->name + "\" twice"));
-    }
-    screens.push_back(*screen);
-  }
-  SimDisplay sim(std::move(screens), faults);
-  LightTap display(sim);
+  const absl::StatusOr<std::unique_ptr<Display>> opened = open_screens(screens);
+  if (!opened.ok()) return fail(opened.status());
+  LightTap display(**opened);
   DisplayServiceImpl service(name, display);
   EmissionServiceImpl emission(display);
   absl::StatusOr<std::unique_ptr<ServiceHost>> host = ServiceHost::start(listen, {&service, &emission});
@@ -107,8 +154,11 @@ int main(int argc, char** argv) {
   node.set_kind(v1::NODE_KIND_DISPLAY);
   node.set_name(name);
   node.set_address((*host)->address());
-  for (const std::string& monitor : monitors)
-    node.set_detail(node.detail() + (node.detail().empty() ? "" : ", ") + monitor);
+  for (const ScreenInfo& screen : display.screens()) {
+    node.set_detail(node.detail() + fmt::format("{}{}={}x{}@{:.4g}", node.detail().empty() ? "" : ", ",
+                                                screen.name, screen.width_px, screen.height_px,
+                                                screen.refresh_hz));
+  }
   const Registration registration(server, node);
   std::cerr << "glasswing-display: listening on " << (*host)->address() << "\n";
   wait_for_signal();

@@ -22,8 +22,19 @@ inline double period_ns_of(const ScreenInfo& screen) {
 
 class DisplayContract : public testing::TestWithParam<std::function<std::unique_ptr<Display>()>> {
  protected:
-  std::unique_ptr<Display> display_ = GetParam()();
-  const std::vector<Picture> black_ = std::vector<Picture>(display_->screens().size());
+  // A backend that this machine cannot try gives none.
+  void SetUp() override {
+    display_ = GetParam()();
+    if (display_ == nullptr) GTEST_SKIP() << "this machine lacks what the display needs";
+    black_.resize(display_->screens().size());
+  }
+  // How far from whole refreshes two pictures may be, beyond what the display says itself: a server without a
+  // screen counts refreshes by a timer, which comes late when the machine is busy.
+  double unsteady_ns(const ScreenInfo& screen) const {
+    return display_->backend() == "x11" ? 0.4 * period_ns_of(screen) : 0.0;
+  }
+  std::unique_ptr<Display> display_;
+  std::vector<Picture> black_;
 };
 
 TEST_P(DisplayContract, ScreensAreDescribed) {
@@ -65,7 +76,8 @@ TEST_P(DisplayContract, ScanoutsAreWholeRefreshesApart) {
       const nanoseconds uncertainty = after[m].uncertainty + before[m].uncertainty;
       EXPECT_GE(refreshes, 1.0);
       EXPECT_NEAR(apart_ns, refreshes * period_ns_of(display_->screens()[m]),
-                  static_cast<double>(uncertainty.count()) + 1.0);  // and the rounding to whole ns
+                  static_cast<double>(uncertainty.count()) + unsteady_ns(display_->screens()[m]) +
+                      1.0);  // and the rounding to whole ns
     }
     before = after;
   }

@@ -1,0 +1,86 @@
+// Monitors of an X server, by its Present extension (version 1.0): each picture is a pixmap that the server
+// copies or flips to a full-screen window at a refresh that we name (MSC), and it reports the refresh and its
+// time on CLOCK_MONOTONIC (UST).
+//
+// A monitor is one that RANDR (1.5) lists. Codes are 8 bits a channel, 255 times the radiance.
+#pragma once
+
+#include <xcb/present.h>
+#include <xcb/xcb.h>
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "display-node/display.h"
+
+namespace glasswing {
+
+class X11Display final : public Display {
+ public:
+  struct Options {
+    std::string server;  // ":0"; empty: $DISPLAY
+    // Name in the rig, and RANDR's; none: all monitors, by RANDR's names.
+    std::vector<std::pair<std::string, std::string>> monitors;
+    nanoseconds lag{}, settle{};
+  };
+  // UNAVAILABLE: no such server. FAILED_PRECONDITION: it lacks Present, RANDR or 24-bit colour, or a monitor
+  // does not refresh. NOT_FOUND lists the monitors that there are.
+  static absl::StatusOr<std::unique_ptr<X11Display>> open(const Options& options);
+  ~X11Display() override;
+  X11Display(const X11Display&) = delete;
+  X11Display& operator=(const X11Display&) = delete;
+
+  std::string backend() const override { return "x11"; }
+  const std::vector<ScreenInfo>& screens() const override { return screens_; }
+  // UNAVAILABLE: the server went away, or a monitor has not refreshed for two seconds.
+  absl::StatusOr<std::vector<Scanout>> show(const std::vector<Picture>& pictures, nanoseconds at) override;
+
+ private:
+  struct Buffer {
+    xcb_pixmap_t pixmap = 0;
+    Picture held;  // what the pixmap shows
+    bool filled = false;
+  };
+  struct Refresh {
+    std::uint64_t msc = 0;
+    nanoseconds time{};
+  };
+  struct Output {
+    int x = 0, y = 0;
+    xcb_window_t window = 0;
+    xcb_special_event_t* events = nullptr;
+    std::array<Buffer, 2> buffers;
+    size_t on_screen = 0;  // of buffers
+    Refresh last;          // the newest refresh that we know of
+    std::uint32_t serial = 0;
+  };
+  struct Completion {
+    Refresh refresh;
+    bool flipped = false;  // else copied
+    bool skipped = false;  // never on screen
+  };
+
+  X11Display() = default;
+  absl::Status connect(const std::string& server);
+  absl::Status find_monitors(const Options& options);
+  absl::Status open_window(size_t index);
+  absl::Status measure_refresh();
+  void fill(Buffer& buffer, const ScreenInfo& screen, const Picture& picture);
+  // Asks for an event at a refresh, without a picture.
+  void ask_for(Output& output, std::uint64_t msc);
+  void present(size_t index, const Buffer& buffer, nanoseconds at);
+  // Waits until every output has answered its serial, for a while longer than until `due`.
+  absl::StatusOr<std::vector<Completion>> wait_for_all(nanoseconds due);
+
+  xcb_connection_t* connection_ = nullptr;
+  xcb_screen_t* screen_ = nullptr;
+  xcb_gcontext_t context_ = 0;
+  std::vector<ScreenInfo> screens_;
+  std::vector<Output> outputs_;
+};
+
+}  // namespace glasswing
