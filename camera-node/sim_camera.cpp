@@ -50,6 +50,9 @@ absl::Status SimCamera::start(double exposure_ms) {
     return absl::InvalidArgumentError(fmt::format("exposure_ms is {}; this camera takes {} to {} ms",
                                                   exposure_ms, kMinExposureMs, longest_ms));
   }
+  // The light's ways through the scene are traced before the first frame wants them.
+  if (const std::vector<EmissionMonitor> monitors = timeline_.monitors(); !monitors.empty())
+    GW_RETURN_IF_ERROR(transport(monitors, true).status());
   const std::lock_guard lock(mutex_);
   running_ = true;
   exposure_ms_ = exposure_ms;
