@@ -36,11 +36,10 @@ double SampleNoise::variance(double radiance) const {
 }
 
 SampleNoise sample_noise(const v1::Camera& camera, double unknown_sd) {
-  const bool known = camera.read_sd() > 0.0 || camera.gain() > 0.0;
   const double bits = camera.bits() >= 1 && camera.bits() <= 16 ? camera.bits() : 16;
   const double quantisation_sd = 1.0 / ((std::exp2(bits) - 1.0) * std::sqrt(12.0));
-  return {.read_sd = std::hypot(known ? camera.read_sd() : unknown_sd, quantisation_sd),
-          .gain = known ? camera.gain() : 0.0};
+  return {.read_sd = std::hypot(camera.read_sd() > 0.0 ? camera.read_sd() : unknown_sd, quantisation_sd),
+          .gain = std::max(camera.gain(), 0.0)};
 }
 
 double chi_square_quantile(double degrees, double tail) {

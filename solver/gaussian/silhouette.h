@@ -15,7 +15,8 @@ struct SampleNoise {
   double gain = 0.0;
   double variance(double radiance) const;
 };
-// The camera's own, or `unknown_sd` where the manifest names none; never less than its quantisation.
+// The camera's own, with `unknown_sd` where the manifest names no read noise; never less than its
+// quantisation.
 SampleNoise sample_noise(const v1::Camera& camera, double unknown_sd);
 
 // x with P(chi-square of `degrees` > x) = tail, tail in (0, 1).

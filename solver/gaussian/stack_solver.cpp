@@ -42,7 +42,7 @@ StackSolver::StackSolver(const FrameStack& stack, const StackLayout& layout, int
       layout_(layout),
       most_modes_(most_modes),
       lane_count_(stack.manifest.camera().width_px() * kChannels),
-      noise_known_(stack.manifest.camera().read_sd() > 0.0 || stack.manifest.camera().gain() > 0.0),
+      noise_known_(stack.manifest.camera().read_sd() > 0.0),
       noise_(sample_noise(stack.manifest.camera(), kUsualNoise)),
       silhouette_(silhouette_tolerance),
       empty_(lay_out_empty_stage(stack.manifest)),
@@ -244,14 +244,18 @@ void StackSolver::weigh(int block_index, const float* inverse_peak) {
   float* weights = tile_.weights(block_index, 0);
   // Brackets bring their own noise.
   const float gain = layout_.one_frame_a_shot ? static_cast<float>(noise_.gain) : 0.0f;
-  const auto read_variance = static_cast<float>(noise_.variance(0.0));
-  std::array<float, kBlockLanes> least;
+  std::array<float, kBlockLanes> least, read_variance;
   least.fill(1.0f);
+  read_variance.fill(static_cast<float>(noise_.variance(0.0)));
+  for (int lane = 0; !noise_known_ && lane < kBlockLanes && block.first_lane + lane < lane_count_; ++lane) {
+    const float sd = noise_sd_[static_cast<size_t>(block.first_lane + lane)];
+    read_variance[static_cast<size_t>(lane)] = std::max(sd * sd, static_cast<float>(kLeastStep * kLeastStep));
+  }
   for (size_t i = 0; i < tile_.sample_count(); ++i) {
     for (size_t lane = 0; lane < kBlockLanes; ++lane, ++samples, ++weights, ++inverse_peak) {
       least[lane] = std::min(least[lane], *weights);
-      const float dark_variance = read_variance + gain * std::max(block.baseline[lane], 0.0f),
-                  variance = read_variance + gain * std::max(*samples, 0.0f);
+      const float dark_variance = read_variance[lane] + gain * std::max(block.baseline[lane], 0.0f),
+                  variance = read_variance[lane] + gain * std::max(*samples, 0.0f);
       *weights =
           *inverse_peak > 0.0f ? *weights * dark_variance / (variance * *inverse_peak * *inverse_peak) : 0.0f;
     }

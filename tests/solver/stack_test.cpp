@@ -184,6 +184,13 @@ TEST(Stack, GainMakesBrightSamplesCountLess) {
   expect_truth(simulated.solve(), one);
 }
 
+TEST(Stack, GainAloneLeavesTheReadNoiseToBeMeasured) {
+  SimulatedStack simulated(one);
+  simulated.manifest().mutable_camera()->set_read_sd(0.0);
+  simulated.manifest().mutable_camera()->set_gain(1e-5);
+  expect_truth(simulated.solve(), one);
+}
+
 TEST(Stack, SaturatedEverywhereIsFlagged) {
   SimulatedStack simulated(one);
   for (int i = 0; i < simulated.manifest().frames_size(); ++i)
