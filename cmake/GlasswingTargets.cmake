@@ -5,7 +5,7 @@ option(GLASSWING_FUZZ "Build tests/fuzz with libFuzzer too (needs clang)" OFF)
 
 # Warnings are ours alone: they never reach a target's users.
 function(glasswing_warnings target)
-  # g++ 12 takes absl::StatusOr's and TinySolver's storage for uninitialized.
+  # g++ 12 takes absl::StatusOr's storage for uninitialized.
   target_compile_options(${target} PRIVATE -Wall -Wextra -Wpedantic -Wshadow -Wconversion
                          $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>
                          $<$<BOOL:${GLASSWING_WERROR}>:-Werror>)

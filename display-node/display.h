@@ -3,6 +3,7 @@
 
 #include <absl/status/statusor.h>
 
+#include <cmath>
 #include <memory>
 #include <stop_token>
 #include <string>
@@ -22,6 +23,10 @@ struct ScreenInfo {
   nanoseconds lag{};      // from a row's scan-out to its light
   nanoseconds settle{};   // until that light has settled
 };
+
+inline nanoseconds period_of(const ScreenInfo& screen) {
+  return nanoseconds(std::llround(1e9 / screen.refresh_hz));
+}
 
 // One picture for each monitor, in the order of Display::screens(); null is black.
 using Picture = std::shared_ptr<const RadianceImage>;

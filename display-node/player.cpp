@@ -13,10 +13,6 @@
 namespace glasswing {
 namespace {
 
-nanoseconds period_of(const ScreenInfo& screen) {
-  return nanoseconds(std::llround(1e9 / screen.refresh_hz));
-}
-
 // Returns early when stopped.
 void wait_until(nanoseconds deadline, std::stop_token stop) {
   std::mutex mutex;

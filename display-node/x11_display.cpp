@@ -37,10 +37,6 @@ bool has_extension(xcb_connection_t* connection, xcb_extension_t* extension) {
   return reply != nullptr && reply->present != 0;
 }
 
-nanoseconds period_of(const ScreenInfo& screen) {
-  return nanoseconds(std::llround(1e9 / screen.refresh_hz));
-}
-
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<X11Display>> X11Display::open(const Options& options) {

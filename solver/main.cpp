@@ -53,10 +53,7 @@ absl::Status solve(const Solve& solve) {
   }
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<Method> method, make_method(solve.method, options));
   GW_ASSIGN_OR_RETURN(const auto archive, MappedArchive::open(solve.archive));
-  const int height = archive->manifest().camera().height_px();
-  FrameStack stack{
-      .manifest = archive->manifest(), .first_row = 0, .row_count = height, .rows = {}, .owner = archive};
-  for (int i = 0; i < stack.manifest.frames_size(); ++i) stack.rows.push_back(archive->rows(i, 0, height));
+  const FrameStack stack = whole_stack(archive);
   const bool watched = ::isatty(STDERR_FILENO) != 0;
   GW_ASSIGN_OR_RETURN(const Matte matte, solve_in_bands(*method, stack, solve.threads, {}, [&](double part) {
                         if (watched) std::cerr << fmt::format("\rsolved {:3.0f} %", 100.0 * part);

@@ -6,6 +6,14 @@
 
 namespace glasswing {
 
+FrameStack whole_stack(std::shared_ptr<const MappedArchive> archive) {
+  const int height = archive->manifest().camera().height_px();
+  FrameStack stack{
+      .manifest = archive->manifest(), .first_row = 0, .row_count = height, .rows = {}, .owner = archive};
+  for (int i = 0; i < stack.manifest.frames_size(); ++i) stack.rows.push_back(archive->rows(i, 0, height));
+  return stack;
+}
+
 absl::Status check_rows(const FrameStack& stack, const std::vector<int>& needed) {
   const size_t samples =
       static_cast<size_t>(stack.row_count) * static_cast<size_t>(stack.manifest.camera().width_px()) * 3;

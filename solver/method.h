@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "core/frame/mapped_archive.h"
 #include "core/matte/matte.h"
 #include "glasswing/v1/archive.pb.h"
 
@@ -35,6 +36,9 @@ struct FrameStack {
     return static_cast<float>(rows[static_cast<size_t>(frame)][i]) / 65535.0f;
   }
 };
+
+// All rows of all frames; the mappings last as long as the stack.
+FrameStack whole_stack(std::shared_ptr<const MappedArchive> archive);
 
 // INVALID_ARGUMENT names a frame that is needed and has not the samples of the stack's rows.
 absl::Status check_rows(const FrameStack& stack, const std::vector<int>& needed);

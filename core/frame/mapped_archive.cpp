@@ -20,8 +20,6 @@ absl::StatusOr<std::shared_ptr<const MappedArchive>> MappedArchive::open(
   const v1::Camera& camera = archive->manifest_.camera();
   const size_t pixels = static_cast<size_t>(camera.width_px()) * static_cast<size_t>(camera.height_px());
   archive->file_bytes_ = kTiffPixelOffset + pixels * 6;
-  // Every file of ours starts alike, but for its pixels.
-  const std::string header = encode_tiff(Image16(camera.width_px(), 1)).substr(0, 8);
   for (const v1::Frame& frame : archive->manifest_.frames()) {
     const std::filesystem::path path = directory / frame.file();
     const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
@@ -38,7 +36,8 @@ absl::StatusOr<std::shared_ptr<const MappedArchive>> MappedArchive::open(
                       file < 0 ? std::strerror(errno) : fmt::format("it has {} bytes", status.st_size)));
     }
     archive->mappings_.push_back(mapping);
-    if (std::memcmp(mapping, header.data(), header.size()) != 0) {
+    const std::string_view header(static_cast<const char*>(mapping), kTiffPixelOffset);
+    if (!check_tiff_header(header, camera.width_px(), camera.height_px()).ok()) {
       return absl::DataLossError(fmt::format(
           "{} is not a frame as archives store them; `glasswing import` makes such an archive of others",
           path.string()));

@@ -332,7 +332,7 @@ class Search {
     const int most = most_crests(crests);
     if (most > max_modes || !subsets.best(most, &start)) return false;
     *fit = fit_jointly(samples_, start, extent_, kIterations / 4, workspace_);
-    if (suffices(*fit, noise_sd_) && explained(*fit)) return true;
+    if (is_sound(*fit) && explained(*fit)) return true;
     *fit = {};
     return false;
   }

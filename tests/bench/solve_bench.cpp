@@ -125,9 +125,7 @@ class BigArchive {
     const Clock::time_point start = Clock::now();
     const auto archive = MappedArchive::open(twice ? twice_ : directory_).value();
     const auto method = make_method("gaussian", {}).value();
-    FrameStack stack{
-        .manifest = archive->manifest(), .first_row = 0, .row_count = kHeight, .rows = {}, .owner = archive};
-    for (int i = 0; i < stack.manifest.frames_size(); ++i) stack.rows.push_back(archive->rows(i, 0, kHeight));
+    const FrameStack stack = whole_stack(archive);
     const Matte matte = solve_in_bands(*method, stack).value();
     Solve solve{.seconds = seconds_since(start)};
     done = true;

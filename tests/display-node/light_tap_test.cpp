@@ -4,27 +4,19 @@
 
 #include "display-node/sim_display.h"
 #include "tests/display-node/display_contract.h"
+#include "tests/display-node/simulated_screen.h"
 
 namespace glasswing {
 namespace {
 
 using std::chrono::milliseconds;
 
-ScreenInfo screen(const std::string& name, double refresh_hz) {
-  return {.name = name,
-          .width_px = 4,
-          .height_px = 3,
-          .refresh_hz = refresh_hz,
-          .scanout = nanoseconds(static_cast<std::int64_t>(1e9 / refresh_hz)),
-          .lag = milliseconds(3),
-          .settle = milliseconds(1)};
-}
-
 // A tap with the screens that it needs.
 class TappedSim final : public Display {
  public:
   explicit TappedSim(double missed_flips)
-      : sim_({screen("back", 200.0), screen("left", 144.0)}, {.seed = 7, .missed_flips = missed_flips}),
+      : sim_({small_screen("back", 200.0), small_screen("left", 144.0)},
+             {.seed = 7, .missed_flips = missed_flips}),
         tap_(sim_) {}
   std::string backend() const override { return tap_.backend(); }
   const std::vector<ScreenInfo>& screens() const override { return tap_.screens(); }
@@ -41,19 +33,13 @@ class TappedSim final : public Display {
 INSTANTIATE_TEST_SUITE_P(Tap, DisplayContract,
                          testing::Values([] { return std::make_unique<TappedSim>(0.2); }));
 
-Picture gray(float value) {
-  auto image = std::make_shared<RadianceImage>(4, 3);
-  image->samples.assign(image->samples.size(), value);
-  return image;
-}
-
 TEST(LightTap, SeesWhatWasShownAndNothingStartsBeforeAHorizon) {
   constexpr int kShows = 40;
   TappedSim display(0.3);
   std::vector<std::vector<Scanout>> shown;
   std::jthread shows([&] {
     for (int i = 1; i <= kShows; ++i) {
-      const Picture picture = gray(static_cast<float>(i) / 64.0f);
+      const Picture picture = small_gray(static_cast<float>(i) / 64.0f);
       shown.push_back(display.show({picture, picture}, monotonic_now()).value());
     }
   });
@@ -90,7 +76,7 @@ TEST(LightTap, SeesWhatWasShownAndNothingStartsBeforeAHorizon) {
 // Until the new picture has begun, nobody may take the old one's light for all there was.
 TEST(LightTap, WhileAFlipIsUnderWayTheHorizonWaits) {
   TappedSim display(0.0);
-  const std::vector<Scanout> old_start = display.show({gray(0.25f), nullptr}, monotonic_now()).value();
+  const std::vector<Scanout> old_start = display.show({small_gray(0.25f), nullptr}, monotonic_now()).value();
   std::uint64_t cursor = 0;
   nanoseconds horizon{};
   std::vector<Emission> emissions;
@@ -100,7 +86,7 @@ TEST(LightTap, WhileAFlipIsUnderWayTheHorizonWaits) {
   EXPECT_EQ(emissions[0].picture->samples[0], 0.25f);
   std::vector<Scanout> new_start;
   std::jthread flip([&] {
-    new_start = display.show({gray(0.5f), nullptr}, monotonic_now() + milliseconds(50)).value();
+    new_start = display.show({small_gray(0.5f), nullptr}, monotonic_now() + milliseconds(50)).value();
   });
   nanoseconds dark_until = horizon;
   for (;;) {
@@ -115,7 +101,7 @@ TEST(LightTap, WhileAFlipIsUnderWayTheHorizonWaits) {
 }
 
 TEST(LightTap, AReaderThatFallsFarBehindIsTold) {
-  SimDisplay sim({screen("back", 1000.0)}, {});
+  SimDisplay sim({small_screen("back", 1000.0)}, {});
   LightTap tap(sim);
   std::uint64_t cursor = 0;
   nanoseconds horizon{};

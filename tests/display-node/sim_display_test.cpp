@@ -1,35 +1,20 @@
 #include "display-node/sim_display.h"
 
 #include "tests/display-node/display_contract.h"
+#include "tests/display-node/simulated_screen.h"
 
 namespace glasswing {
 namespace {
 
 using std::chrono::milliseconds;
 
-ScreenInfo screen(const std::string& name, double refresh_hz) {
-  return {.name = name,
-          .width_px = 4,
-          .height_px = 3,
-          .refresh_hz = refresh_hz,
-          .scanout = nanoseconds(static_cast<std::int64_t>(1e9 / refresh_hz)),
-          .lag = milliseconds(3),
-          .settle = milliseconds(1)};
-}
-
 std::unique_ptr<SimDisplay> make_sim(double missed_flips) {
-  return std::make_unique<SimDisplay>(std::vector{screen("back", 200.0), screen("left", 144.0)},
+  return std::make_unique<SimDisplay>(std::vector{small_screen("back", 200.0), small_screen("left", 144.0)},
                                       SimDisplay::Faults{.seed = 7, .missed_flips = missed_flips});
 }
 
 INSTANTIATE_TEST_SUITE_P(Sim, DisplayContract,
                          testing::Values([] { return make_sim(0.0); }, [] { return make_sim(0.4); }));
-
-Picture gray(float value) {
-  auto image = std::make_shared<RadianceImage>(4, 3);
-  image->samples.assign(image->samples.size(), value);
-  return image;
-}
 
 // Asked for long enough ahead that no scheduler makes it late.
 constexpr nanoseconds kAhead = milliseconds(200);
@@ -38,7 +23,7 @@ TEST(SimDisplay, ShowsAtTheFirstRefreshUnlessTheFlipIsMissed) {
   for (const bool missed : {false, true}) {
     const std::unique_ptr<SimDisplay> display = make_sim(missed ? 1.0 : 0.0);
     const nanoseconds at = monotonic_now() + kAhead;
-    const std::vector<Scanout> scanouts = display->show({gray(1.0f), nullptr}, at).value();
+    const std::vector<Scanout> scanouts = display->show({small_gray(1.0f), nullptr}, at).value();
     for (size_t m = 0; m < scanouts.size(); ++m) {
       const double late_refreshes =
           static_cast<double>((scanouts[m].start - at).count()) / period_ns_of(display->screens()[m]);

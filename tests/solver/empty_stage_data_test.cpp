@@ -13,6 +13,7 @@
 #include "core/matte/compositor.h"
 #include "solver/gaussian/empty_stage.h"
 #include "solver/gaussian/stack_layout.h"
+#include "tests/solver/stack_of.h"
 
 namespace glasswing {
 namespace {
@@ -41,15 +42,7 @@ struct Rig {
       for (std::uint16_t& code : frame.samples) code = code16_of(radiance_of(code) + normal(random));
     }
   }
-  FrameStack stack() const {
-    FrameStack result{.manifest = manifest,
-                      .first_row = 0,
-                      .row_count = manifest.camera().height_px(),
-                      .rows = {},
-                      .owner = nullptr};
-    for (const Image16& frame : frames) result.rows.push_back(frame.samples);
-    return result;
-  }
+  FrameStack stack() const { return stack_of(manifest, frames); }
 };
 
 // Continuous camera px to monitor px, as the renderer's manifest says; no solver reads it.

@@ -8,6 +8,7 @@
 
 #include "core/matte/compositor.h"
 #include "core/pattern/pattern.h"
+#include "tests/solver/stack_of.h"
 
 namespace glasswing {
 namespace {
@@ -120,15 +121,7 @@ constexpr double kForeground = 0.03;
 struct Rig {
   v1::CaptureManifest manifest;
   std::vector<Image16> frames;
-  FrameStack stack() const {
-    FrameStack result{.manifest = manifest,
-                      .first_row = 0,
-                      .row_count = manifest.camera().height_px(),
-                      .rows = {},
-                      .owner = nullptr};
-    for (const Image16& frame : frames) result.rows.push_back(frame.samples);
-    return result;
-  }
+  FrameStack stack() const { return stack_of(manifest, frames); }
 };
 
 // Frames as the exact compositor makes them of a known matte, with noise.

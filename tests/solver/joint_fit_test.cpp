@@ -76,6 +76,15 @@ double residual_sd(const JointFit& fit) {
   return std::sqrt(fit.near_chi2 / (fit.near_count - 6 * fit.modes.size()));
 }
 
+std::vector<JointFit> fitted_together(const SampleLayout& layout, const std::vector<PixelSamples>& samples,
+                                      const std::vector<Footprints>& starts) {
+  std::vector<BatchPixel> pixels;
+  for (size_t i = 0; i < samples.size(); ++i) pixels.push_back(batch_pixel(samples[i], starts[i]));
+  std::vector<JointFit> fits(samples.size());
+  fit_batch(layout, 1, pixels, fits);
+  return fits;
+}
+
 // Where both apply they are the same estimate.
 class FitBatch : public testing::TestWithParam<int> {};
 
@@ -109,10 +118,7 @@ TEST_P(FitBatch, AgreesWithTheJointFit) {
     for (Footprint& mode : truth) mode.x_px += 0.3, mode.yy_px2 *= 1.2, mode.weight *= 0.9;
     starts.push_back(truth);
   }
-  std::vector<BatchPixel> pixels;
-  for (size_t i = 0; i < samples.size(); ++i) pixels.push_back(batch_pixel(samples[i], starts[i]));
-  std::vector<JointFit> fits(samples.size());
-  fit_batch(layout, 1, pixels, fits);
+  std::vector<JointFit> fits = fitted_together(layout, samples, starts);
   JointWorkspace workspace;
   int settled = 0;
   for (size_t i = 0; i < fits.size(); ++i) {
@@ -155,10 +161,7 @@ TEST(FitBatch, ReachesTheBoundaryOfPositiveSigma) {
     truth[0].x_px += 0.2;
     starts.push_back(truth);
   }
-  std::vector<BatchPixel> pixels;
-  for (size_t i = 0; i < samples.size(); ++i) pixels.push_back(batch_pixel(samples[i], starts[i]));
-  std::vector<JointFit> fits(samples.size());
-  fit_batch(layout, 1, pixels, fits);
+  std::vector<JointFit> fits = fitted_together(layout, samples, starts);
   JointWorkspace workspace;
   int settled = 0;
   for (size_t i = 0; i < fits.size(); ++i) {

@@ -1,0 +1,22 @@
+// Frames in memory, as a stack.
+#pragma once
+
+#include <vector>
+
+#include "core/frame/image.h"
+#include "solver/method.h"
+
+namespace glasswing {
+
+// `frames`, in the manifest's order, must outlive it.
+inline FrameStack stack_of(const v1::CaptureManifest& manifest, const std::vector<Image16>& frames) {
+  FrameStack stack{.manifest = manifest,
+                   .first_row = 0,
+                   .row_count = manifest.camera().height_px(),
+                   .rows = {},
+                   .owner = nullptr};
+  for (const Image16& frame : frames) stack.rows.push_back(frame.samples);
+  return stack;
+}
+
+}  // namespace glasswing
