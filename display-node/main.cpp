@@ -26,6 +26,7 @@ struct Screens {
   std::vector<std::string> monitors;
   std::string x11_server;
   double lag_ms = 3.0, settle_ms = 1.0;
+  int patch_rows = 0;
   SimDisplay::Faults faults;
 
   nanoseconds lag() const { return nanoseconds(static_cast<std::int64_t>(lag_ms * 1e6)); }
@@ -123,6 +124,11 @@ int main(int argc, char** argv) {
       "sim: NAME=WIDTHxHEIGHT@HZ, back=128x96@60 if left out; x11: NAME=OUTPUT as xrandr calls it, all of "
       "them if left out; repeat for more");
   app.add_option("--x11-server", screens.x11_server, "x11: which, such as :0; $DISPLAY if left out");
+  app.add_option("--patch-rows", screens.patch_rows,
+                 "rows at the bottom of every monitor that show an id patch, by which frames are proven from "
+                 "their pixels")
+      ->check(CLI::Range(0, 4096))
+      ->capture_default_str();
   app.add_option("--lag-ms", screens.lag_ms, "scan-out of a row to its light")
       ->check(CLI::Range(0.0, 200.0))
       ->capture_default_str();
@@ -146,7 +152,9 @@ int main(int argc, char** argv) {
   const absl::StatusOr<std::unique_ptr<Display>> opened = open_screens(screens);
   if (!opened.ok()) return fail(opened.status());
   LightTap display(**opened);
-  DisplayServiceImpl service(name, display);
+  const absl::Status patch = DisplayServiceImpl::check_patch(display, screens.patch_rows);
+  if (!patch.ok()) return fail(patch);
+  DisplayServiceImpl service(name, display, screens.patch_rows);
   EmissionServiceImpl emission(display);
   absl::StatusOr<std::unique_ptr<ServiceHost>> host = ServiceHost::start(listen, {&service, &emission});
   if (!host.ok()) return fail(host.status());

@@ -10,6 +10,7 @@
 #include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
+#include "core/pattern/id_patch.h"
 #include "core/service/service.h"
 
 namespace glasswing {
@@ -18,6 +19,8 @@ namespace {
 using std::chrono::milliseconds;
 constexpr milliseconds kStartLead(120);  // from the command to the first step
 constexpr milliseconds kPoll(10);
+constexpr size_t kRecentFrames = 4096;
+constexpr int kLessons = 3;               // how often a patch that is not found is looked for
 constexpr milliseconds kLastFrame(1500);  // how long a frame may come after the last step was replaced
 
 std::string listed(const std::set<int>& steps) {
@@ -28,6 +31,10 @@ std::string listed(const std::set<int>& steps) {
     text += fmt::format("{}{}", text.empty() ? "" : ", ", step);
   }
   return text;
+}
+
+bool is_lesson(const Step& step) {
+  return step.stimulus.kind() == "patch";
 }
 
 }  // namespace
@@ -97,6 +104,8 @@ absl::Status Capture::connect() {
   for (const v1::Node& node : display_nodes) {
     displays_.push_back(std::make_unique<DisplayLink>(node));
     GW_RETURN_IF_ERROR(displays_.back()->describe());
+    for (const v1::DisplayMonitor& monitor : displays_.back()->info.monitors())
+      has_patches_ = has_patches_ || monitor.patch_rows() > 0;
   }
   GW_ASSIGN_OR_RETURN(const v1::Node camera_node, rig_.camera());
   session_.set_archive_address(camera_node.address());
@@ -129,7 +138,9 @@ absl::Status Capture::open_archive() {
   grpc::ClientContext get_context;
   set_deadline(get_context, kNodeCall);
   GW_RETURN_IF_ERROR(from_grpc(archive_stub_->GetManifest(&get_context, get, &manifest), camera_->title()));
-  for (const v1::Frame& frame : manifest.manifest().frames()) proven_.insert(frame.step());
+  session_.set_patch_proven_count(0);
+  session_.clear_warning();
+  for (const v1::Frame& frame : manifest.manifest().frames()) note_proven(frame);
   session_.set_step_count(static_cast<int>(steps_.size()));
   session_.set_proven_count(static_cast<int>(proven_.size()));
   report_(session_);
@@ -174,7 +185,7 @@ absl::StatusOr<bool> Capture::move_object(bool present) {
 absl::Status Capture::take(const Group& group, std::stop_token stop) {
   const nanoseconds began = monotonic_now();
   const double before_s = session_.capture_seconds();
-  Recording frames{.camera = {*camera_, *camera_stub_, group.exposure_ms}, .matcher = {}, .recent = {}};
+  Recording frames(*camera_, *camera_stub_, group.exposure_ms);
   GW_RETURN_IF_ERROR(frames.camera.wait_running(stop));
   GW_RETURN_IF_ERROR(camera_->exchange_clocks(8));
   for (const auto& display : displays_) GW_RETURN_IF_ERROR(display->link.exchange_clocks(8));
@@ -200,9 +211,12 @@ absl::Status Capture::take(const Group& group, std::stop_token stop) {
   return absl::OkStatus();
 }
 
-absl::Status Capture::play(const std::vector<Step>& steps, Recording& frames, std::stop_token stop) {
-  const std::string program = fmt::format("{}-{}", session_.name(), ++program_number_);
-  size_t monitor_count = 0;
+// Loads into every display what it shows; returns how many monitors will report each step.
+absl::StatusOr<int> Capture::load(const std::string& program, const std::vector<Step>& steps) {
+  // An id is never near the one before, in time or in bits.
+  constexpr std::uint32_t kSpread = 40503, kIds = 1u << IdPatch::kBits;
+  for (const Step& step : steps) patch_ids_[step.number] = ++showings_ * kSpread % kIds;
+  int monitor_count = 0;
   for (const auto& display : displays_) {
     v1::LoadProgramRequest load;
     load.set_program(program);
@@ -210,14 +224,29 @@ absl::Status Capture::play(const std::vector<Step>& steps, Recording& frames, st
     for (const Step& step : steps) {
       v1::ProgramStep& shown = *load.add_steps();
       shown.set_step(step.number);
+      if (!is_lesson(step)) shown.set_patch_id(patch_ids_.at(step.number));
       if (display->monitor(step.stimulus.panel()) != nullptr) *shown.add_stimuli() = step.stimulus;
     }
     v1::LoadProgramResponse loaded;
     grpc::ClientContext context;
     set_deadline(context, std::chrono::minutes(2));
     GW_RETURN_IF_ERROR(from_grpc(display->stub->LoadProgram(&context, load, &loaded), display->link.title()));
-    monitor_count += static_cast<size_t>(display->info.monitors_size());
+    monitor_count += display->info.monitors_size();
   }
+  return monitor_count;
+}
+
+absl::Status Capture::play(const std::vector<Step>& pending, Recording& frames, std::stop_token stop) {
+  std::set<int> lessons_due;
+  std::vector<Step> steps;
+  forget_old_lessons(frames);
+  for (const Step& step : pending) {
+    if (is_lesson(step)) lessons_due.insert(step.number);
+    if (!frames.lessons.contains(step.number)) steps.push_back(step);
+  }
+  frames.waiting.clear();
+  const std::string program = fmt::format("{}-{}", session_.name(), ++program_number_);
+  GW_ASSIGN_OR_RETURN(const int monitor_count, load(program, steps));
   const nanoseconds start_at = monotonic_now() + kStartLead;
   std::vector<std::unique_ptr<DisplayFeed>> feeds;
   for (const auto& display : displays_)
@@ -230,15 +259,14 @@ absl::Status Capture::play(const std::vector<Step>& steps, Recording& frames, st
   while (!stop.stop_requested()) {
     bool playing = false;
     for (size_t i = 0; i < feeds.size(); ++i) {
-      const auto& feed = feeds[i];
       // The end is looked at first: what was pushed before it is then surely taken.
-      const std::optional<absl::Status> end = feed->inbox.end();
-      for (const v1::Presentation& shown : feed->inbox.take()) {
+      const std::optional<absl::Status> end = feeds[i]->inbox.end();
+      for (const v1::Presentation& shown : feeds[i]->inbox.take()) {
         const MonitorWindow window = rig_time_of(shown, *displays_[i]);
         last_replaced = std::max(last_replaced.value_or(window.replaced), window.replaced);
         std::vector<MonitorWindow>& reported = incomplete[window.step];
         reported.push_back(window);
-        if (reported.size() < monitor_count) continue;
+        if (static_cast<int>(reported.size()) < monitor_count) continue;
         frames.matcher.add_window(stable_window(reported));
         incomplete.erase(window.step);
       }
@@ -246,18 +274,9 @@ absl::Status Capture::play(const std::vector<Step>& steps, Recording& frames, st
       playing = playing || !end;
     }
     if (const auto end = frames.camera.inbox.end()) return *end;
-    for (v1::FrameTaken& frame : frames.camera.inbox.take()) {
-      session_.set_frames_taken(session_.frames_taken() + 1);
-      const bool as_asked =
-          std::abs(frame.exposure_ms() - frames.camera.exposure_ms()) <= 0.01 * frames.camera.exposure_ms() &&
-          frame.width_px() == camera_info_.camera().width_px() &&
-          frame.height_px() == camera_info_.camera().height_px();
-      if (!as_asked) continue;
-      frames.matcher.add_frame(rig_time_of(frame, *camera_));
-      frames.recent.emplace(frame.sequence(), std::move(frame));
-      if (frames.recent.size() > 4096) frames.recent.erase(frames.recent.begin());
-    }
-    GW_RETURN_IF_ERROR(keep(frames.matcher.take(), frames));
+    take_frames(frames);
+    GW_ASSIGN_OR_RETURN(const bool judged, judge(frames.matcher.take(), lessons_due, frames));
+    if (!judged) return absl::OkStatus();
     const nanoseconds now = monotonic_now();
     if (playing) {
       played_at = now;
@@ -276,10 +295,64 @@ absl::Status Capture::play(const std::vector<Step>& steps, Recording& frames, st
   return absl::OkStatus();
 }
 
-absl::Status Capture::keep(const std::vector<FrameMatcher::Match>& matches, Recording& frames) {
-  if (matches.empty()) return absl::OkStatus();
+void Capture::take_frames(Recording& frames) {
+  for (v1::FrameTaken& frame : frames.camera.inbox.take()) {
+    session_.set_frames_taken(session_.frames_taken() + 1);
+    const double asked_ms = frames.camera.exposure_ms();
+    const bool as_asked = std::abs(frame.exposure_ms() - asked_ms) <= 0.01 * asked_ms &&
+                          frame.width_px() == camera_info_.camera().width_px() &&
+                          frame.height_px() == camera_info_.camera().height_px();
+    if (!as_asked) continue;
+    frames.matcher.add_frame(rig_time_of(frame, *camera_));
+    frames.recent.emplace(frame.sequence(), std::move(frame));
+    if (frames.recent.size() > kRecentFrames) frames.recent.erase(frames.recent.begin());
+  }
+}
+
+void Capture::forget_old_lessons(Recording& frames) const {
+  if (frames.recent.empty()) return;
+  // Well before the camera's ring drops them.
+  const std::int64_t oldest = frames.recent.rbegin()->first - camera_info_.ring_frames() / 2;
+  std::erase_if(frames.lessons, [&](const auto& lesson) { return lesson.second.frame.sequence < oldest; });
+}
+
+absl::StatusOr<bool> Capture::judge(const std::vector<FrameMatcher::Match>& matches,
+                                    std::set<int>& lessons_due, Recording& frames) {
+  for (const FrameMatcher::Match& match : matches) {
+    if (lessons_due.contains(match.step)) {
+      frames.lessons.emplace(match.step, match);
+    } else {
+      frames.waiting.push_back(match);
+    }
+  }
+  if (!lessons_due.empty()) {
+    // Steps are proven in order: one that follows the lessons says that a lesson was missed.
+    if (frames.lessons.size() < lessons_due.size()) return frames.waiting.empty();
+    std::vector<FrameMatcher::Match> lessons;
+    for (const auto& [step, match] : frames.lessons) lessons.push_back(match);
+    frames.lessons.clear();
+    const bool accept = ++frames.failed_lessons >= kLessons || !unseen_patches_.empty();
+    GW_ASSIGN_OR_RETURN(const v1::KeepFramesResponse kept, keep(lessons, frames, accept));
+    for (const std::string& unseen : kept.unseen_patches()) {
+      if (!accept || !unseen_patches_.insert(unseen).second) continue;
+      session_.set_warning(fmt::format("{}{}; frames of that monitor are proven by time alone",
+                                       session_.warning().empty() ? "" : session_.warning() + "; ", unseen));
+    }
+    std::erase_if(lessons_due, [this](int step) { return proven_.contains(step); });
+    if (!lessons_due.empty()) return false;
+  }
+  const std::vector<FrameMatcher::Match> ready = std::exchange(frames.waiting, {});
+  GW_RETURN_IF_ERROR(keep(ready, frames, false).status());
+  return true;
+}
+
+absl::StatusOr<v1::KeepFramesResponse> Capture::keep(const std::vector<FrameMatcher::Match>& matches,
+                                                     Recording& frames, bool accept_unseen_patch) {
+  v1::KeepFramesResponse response;
+  if (matches.empty()) return response;
   v1::KeepFramesRequest request;
   request.set_session(session_.name());
+  request.set_accept_unseen_patch(accept_unseen_patch);
   for (const FrameMatcher::Match& match : matches) {
     const v1::FrameTaken& taken = frames.recent.at(match.frame.sequence);
     const Step& step = steps_.at(static_cast<size_t>(match.step));
@@ -289,19 +362,25 @@ absl::Status Capture::keep(const std::vector<FrameMatcher::Match>& matches, Reco
     frame.set_step(step.number);
     frame.set_exposure_ms(taken.exposure_ms());
     frame.set_gain(taken.gain());
-    frame.set_proof(v1::PROOF_TIME);
     frame.set_exposure_start_ns(match.frame.start.count());
     frame.set_exposure_end_ns(match.frame.end.count());
     frame.set_sequence(match.frame.sequence);
+    if (has_patches_ && !is_lesson(step)) frame.set_patch_id(patch_ids_.at(step.number));
   }
-  v1::KeepFramesResponse response;
   grpc::ClientContext context;
   set_deadline(context, std::chrono::minutes(1));
   GW_RETURN_IF_ERROR(from_grpc(camera_stub_->KeepFrames(&context, request, &response), camera_->title()));
-  for (const v1::Frame& frame : response.frames()) proven_.insert(frame.step());
-  session_.set_proven_count(static_cast<int>(proven_.size()));
+  for (const v1::Frame& frame : response.frames()) note_proven(frame);
+  session_.set_refused_count(session_.refused_count() + response.refused());
   report_(session_);
-  return absl::OkStatus();
+  return response;
+}
+
+void Capture::note_proven(const v1::Frame& frame) {
+  if (!proven_.insert(frame.step()).second) return;
+  session_.set_proven_count(static_cast<int>(proven_.size()));
+  if (frame.proof() == v1::PROOF_TIME_AND_PATCH)
+    session_.set_patch_proven_count(session_.patch_proven_count() + 1);
 }
 
 absl::Status Capture::seal() {

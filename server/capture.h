@@ -54,9 +54,17 @@ class Capture {
   };
   // The running camera, and which of its frames prove which steps.
   struct Recording {
+    Recording(const NodeLink& node, v1::CameraService::Stub& stub, double exposure_ms)
+        : camera(node, stub, exposure_ms) {}
+
     CameraFeed camera;
     FrameMatcher matcher;
     std::map<std::int64_t, v1::FrameTaken> recent;  // by sequence
+    // Matches of the steps that teach where the id patches are, by step, until all are there; the others wait
+    // for them.
+    std::map<int, FrameMatcher::Match> lessons;
+    std::vector<FrameMatcher::Match> waiting;
+    int failed_lessons = 0;
   };
 
   absl::Status connect();
@@ -66,7 +74,15 @@ class Capture {
   absl::StatusOr<bool> move_object(bool present);
   absl::Status take(const Group& group, std::stop_token stop);
   absl::Status play(const std::vector<Step>& steps, Recording& frames, std::stop_token stop);
-  absl::Status keep(const std::vector<FrameMatcher::Match>& matches, Recording& frames);
+  absl::StatusOr<int> load(const std::string& program, const std::vector<Step>& steps);
+  void take_frames(Recording& frames);
+  // False: a lesson was missed or taught nothing, and what follows cannot be judged.
+  absl::StatusOr<bool> judge(const std::vector<FrameMatcher::Match>& matches, std::set<int>& lessons_due,
+                             Recording& frames);
+  void forget_old_lessons(Recording& frames) const;
+  absl::StatusOr<v1::KeepFramesResponse> keep(const std::vector<FrameMatcher::Match>& matches,
+                                              Recording& frames, bool accept_unseen_patch);
+  void note_proven(const v1::Frame& frame);
   absl::Status seal();
 
   const Rig& rig_;
@@ -85,6 +101,10 @@ class Capture {
   std::vector<Step> steps_;
   std::set<int> proven_;
   int program_number_ = 0;
+  bool has_patches_ = false;
+  std::uint32_t showings_ = 0;              // so far, of any step
+  std::map<int, std::uint32_t> patch_ids_;  // by step, of its last showing
+  std::set<std::string> unseen_patches_;    // what the camera node says of them
 };
 
 }  // namespace glasswing

@@ -72,6 +72,7 @@ absl::StatusOr<RigDescription> describe_rig(const Rig& rig) {
       monitor.set_name(shown.name());
       monitor.set_width_px(shown.width_px());
       monitor.set_height_px(shown.height_px());
+      monitor.set_patch_rows(shown.patch_rows());
       monitor.set_refresh_hz(shown.refresh_hz());
       monitor.set_response(shown.response());
       for (const v1::Monitor& other : description.monitors) {
