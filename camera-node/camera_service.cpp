@@ -97,19 +97,32 @@ absl::Status CameraServiceImpl::check_patches(const v1::KeepFramesRequest& reque
     GW_RETURN_IF_ERROR(proof_.learn_from(archive));
     proof_session_ = request.session();
   }
+  const auto is_lesson = [](const Archive::NewFrame& frame) {
+    return frame.record.stimulus().kind() == "patch";
+  };
   std::map<std::string, std::vector<Archive::NewFrame>> lessons;  // by monitor
   for (const Archive::NewFrame& frame : batch) {
-    if (frame.record.stimulus().kind() == "patch") lessons[frame.record.stimulus().panel()].push_back(frame);
+    if (is_lesson(frame)) lessons[frame.record.stimulus().panel()].push_back(frame);
   }
-  std::set<std::string> unseen;
+  std::set<std::string> learned;
   for (const auto& [monitor, frames] : lessons) {
-    const absl::Status learned = proof_.learn(frames);
-    if (learned.ok()) continue;
-    response.add_unseen_patches(fmt::format("{}: {}", monitor, std::string(learned.message())));
-    if (!request.accept_unseen_patch()) unseen.insert(monitor);
+    const absl::Status status = proof_.learn(frames);
+    if (status.ok()) {
+      learned.insert(monitor);
+      continue;
+    }
+    v1::UnseenPatch& patch = *response.add_unseen_patches();
+    patch.set_monitor(monitor);
+    patch.set_reason(std::string(status.message()));
+    patch.set_dark(absl::IsNotFound(status));
   }
   std::erase_if(batch, [&](Archive::NewFrame& frame) {
-    if (frame.record.stimulus().kind() == "patch") return unseen.contains(frame.record.stimulus().panel());
+    if (is_lesson(frame)) {
+      // What taught every cell was itself what it should be.
+      const bool seen = learned.contains(frame.record.stimulus().panel());
+      if (seen) frame.record.set_proof(v1::PROOF_TIME_AND_PATCH);
+      return !seen && !request.accept_unseen_patch();
+    }
     if (proof_.agrees(frame.record, frame.image)) return false;
     response.set_refused(response.refused() + 1);
     return true;

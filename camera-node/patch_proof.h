@@ -19,7 +19,8 @@ class PatchProof {
   // DATA_LOSS: a frame cannot be read.
   absl::Status learn_from(Archive& archive);
   // From one frame for each learning id, in any order, all of one monitor. It serves frames with the object
-  // where these have it, and of their exposure. FAILED_PRECONDITION: an id is missing, or no patch is seen.
+  // where these have it, and of their exposure. FAILED_PRECONDITION or NOT_FOUND: an id is missing, or
+  // PatchReader::learn's.
   absl::Status learn(std::span<const Archive::NewFrame> frames);
 
   // False: the pixels show another id than `record.patch_id`, or none that is clear, on a monitor whose patch

@@ -20,7 +20,8 @@ using std::chrono::milliseconds;
 constexpr milliseconds kStartLead(120);  // from the command to the first step
 constexpr milliseconds kPoll(10);
 constexpr size_t kRecentFrames = 4096;
-constexpr int kLessons = 3;               // how often a patch that is not found is looked for
+constexpr int kLessons = 8;               // how often a patch is looked for that is there but cannot be read
+constexpr int kDarkLessons = 2;           // how often one that the camera does not seem to look at
 constexpr milliseconds kLastFrame(1500);  // how long a frame may come after the last step was replaced
 
 std::string listed(const std::set<int>& steps) {
@@ -331,12 +332,12 @@ absl::StatusOr<bool> Capture::judge(const std::vector<FrameMatcher::Match>& matc
     std::vector<FrameMatcher::Match> lessons;
     for (const auto& [step, match] : frames.lessons) lessons.push_back(match);
     frames.lessons.clear();
-    const bool accept = ++frames.failed_lessons >= kLessons || !unseen_patches_.empty();
-    GW_ASSIGN_OR_RETURN(const v1::KeepFramesResponse kept, keep(lessons, frames, accept));
-    for (const std::string& unseen : kept.unseen_patches()) {
-      if (!accept || !unseen_patches_.insert(unseen).second) continue;
-      session_.set_warning(fmt::format("{}{}; frames of that monitor are proven by time alone",
-                                       session_.warning().empty() ? "" : session_.warning() + "; ", unseen));
+    GW_ASSIGN_OR_RETURN(const v1::KeepFramesResponse kept, keep(lessons, frames, false));
+    ++frames.failed_lessons;
+    for (const v1::UnseenPatch& unseen : kept.unseen_patches()) {
+      const int tries = unseen.dark() ? kDarkLessons : kLessons;
+      if (frames.failed_lessons >= tries || unseen_patches_.contains(unseen.monitor()))
+        GW_RETURN_IF_ERROR(do_without_patch(unseen, lessons, frames));
     }
     std::erase_if(lessons_due, [this](int step) { return proven_.contains(step); });
     if (!lessons_due.empty()) return false;
@@ -344,6 +345,22 @@ absl::StatusOr<bool> Capture::judge(const std::vector<FrameMatcher::Match>& matc
   const std::vector<FrameMatcher::Match> ready = std::exchange(frames.waiting, {});
   GW_RETURN_IF_ERROR(keep(ready, frames, false).status());
   return true;
+}
+
+absl::Status Capture::do_without_patch(const v1::UnseenPatch& unseen,
+                                       const std::vector<FrameMatcher::Match>& lessons, Recording& frames) {
+  std::vector<FrameMatcher::Match> own;
+  for (const FrameMatcher::Match& lesson : lessons) {
+    if (steps_.at(static_cast<size_t>(lesson.step)).stimulus.panel() == unseen.monitor())
+      own.push_back(lesson);
+  }
+  GW_RETURN_IF_ERROR(keep(own, frames, true).status());
+  if (!unseen_patches_.insert(unseen.monitor()).second) return absl::OkStatus();
+  session_.set_warning(fmt::format("{}{}monitor \"{}\": {}; its steps are proven by time alone",
+                                   session_.warning(), session_.warning().empty() ? "" : "; ",
+                                   unseen.monitor(), unseen.reason()));
+  report_(session_);
+  return absl::OkStatus();
 }
 
 absl::StatusOr<v1::KeepFramesResponse> Capture::keep(const std::vector<FrameMatcher::Match>& matches,

@@ -82,6 +82,8 @@ class Capture {
   void forget_old_lessons(Recording& frames) const;
   absl::StatusOr<v1::KeepFramesResponse> keep(const std::vector<FrameMatcher::Match>& matches,
                                               Recording& frames, bool accept_unseen_patch);
+  absl::Status do_without_patch(const v1::UnseenPatch& unseen,
+                                const std::vector<FrameMatcher::Match>& lessons, Recording& frames);
   void note_proven(const v1::Frame& frame);
   absl::Status seal();
 
@@ -104,7 +106,7 @@ class Capture {
   bool has_patches_ = false;
   std::uint32_t showings_ = 0;              // so far, of any step
   std::map<int, std::uint32_t> patch_ids_;  // by step, of its last showing
-  std::set<std::string> unseen_patches_;    // what the camera node says of them
+  std::set<std::string> unseen_patches_;    // monitors whose steps do without
 };
 
 }  // namespace glasswing

@@ -40,7 +40,8 @@ std::span<const std::uint16_t> patch_learning_ids();
 
 class PatchReader {
  public:
-  // `frames`: one of each learning id, of the same size. FAILED_PRECONDITION: some column is seen nowhere.
+  // `frames`: one of each learning id, of the same size. NOT_FOUND: they are all alike. FAILED_PRECONDITION:
+  // some column is seen nowhere.
   static absl::StatusOr<PatchReader> learn(std::span<const Image16> frames);
 
   // The id in a frame of that size. None where any bit is in doubt: hidden, or exposed while the picture
