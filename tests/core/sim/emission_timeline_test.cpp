@@ -65,6 +65,16 @@ TEST(EmissionTimeline, GivesThePicturesThatTouchAnInterval) {
   EXPECT_TRUE(starts(milliseconds(-50), milliseconds(5)).empty());
 }
 
+TEST(EmissionTimeline, GivesAPictureUntilTheNextHasSettled) {
+  EmissionTimeline timeline;
+  EmissionMonitor slow = monitor("back");
+  slow.settle = milliseconds(10);
+  timeline.add_monitor(slow);
+  for (const int start_ms : {0, 100}) timeline.add_picture("back", picture(milliseconds(start_ms)));
+  EXPECT_EQ(timeline.between(milliseconds(130), milliseconds(150)).at(0).pictures.size(), 2u);
+  EXPECT_EQ(timeline.between(milliseconds(131), milliseconds(150)).at(0).pictures.size(), 1u);
+}
+
 TEST(EmissionTimeline, ForgetsWhatIsOlderThanItKeeps) {
   EmissionTimeline timeline(seconds(1));
   timeline.add_monitor(monitor("back"));

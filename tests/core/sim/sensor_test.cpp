@@ -82,6 +82,63 @@ TEST(Integrate, AgreesWithManySlicesOfTime) {
   }
 }
 
+// Light that a settling monitor row gives at one moment: each change goes on for `settle`, whatever follows.
+RadianceImage settling_at(const MonitorEmission& emission, nanoseconds when) {
+  RadianceImage out(emission.monitor.width_px, emission.monitor.height_px);
+  for (int y = 0; y < out.height_px; ++y) {
+    const double delay_ns = static_cast<double>(emission.monitor.lag.count()) +
+                            static_cast<double>(emission.monitor.scanout.count()) * y / out.height_px;
+    const RadianceImage black(out.width_px, out.height_px);
+    const RadianceImage* before = &black;
+    for (const EmittedPicture& picture : emission.pictures) {
+      const double since_ns = static_cast<double>((when - picture.scanout_start).count()) - delay_ns;
+      const auto part = static_cast<float>(
+          std::clamp(since_ns / static_cast<double>(emission.monitor.settle.count()), 0.0, 1.0));
+      for (int x = 0; x < out.width_px; ++x) {
+        for (int c = 0; c < 3; ++c)
+          out.at(x, y, c) += part * (picture.image->at(x, y, c) - before->at(x, y, c));
+      }
+      before = picture.image.get();
+    }
+  }
+  return out;
+}
+
+TEST(Integrate, SettlesFromOnePictureToTheNext) {
+  std::mt19937_64 random(8);
+  const Transport transport = crystal();
+  std::vector<MonitorEmission> light{emission("back", kBack, milliseconds(7), milliseconds(2),
+                                              {milliseconds(-30), milliseconds(-1), milliseconds(9)}, random),
+                                     // The second change begins before the first has settled.
+                                     emission("left", kLeft, milliseconds(16), microseconds(3300),
+                                              {milliseconds(1), milliseconds(3)}, random)};
+  light[0].monitor.settle = milliseconds(4);
+  light[1].monitor.settle = milliseconds(5);
+  const nanoseconds readout = milliseconds(5);
+  for (const int start_ms : {-4, 1, 6, 12}) {
+    const ExposureWindow window{.start = milliseconds(start_ms), .exposure = milliseconds(8)};
+    const RadianceImage exact = integrate(transport, light, window, readout);
+    // The middle of each slice is its mean but where a ramp begins or ends: there a triangle of half a slice
+    // and of slope 1 / settle is missed, four times at most. Float sums add about 1e-5.
+    constexpr int kSlices = 500;
+    const double slice_of_settle = 8.0 / kSlices / 4.0;
+    const double tolerance = 4.0 * slice_of_settle / 8.0 / kSlices + 1e-5;
+    for (int y = 0; y < 6; ++y) {
+      const nanoseconds from = window.start + readout * y / 5;
+      RadianceImage mean(8, 6);
+      for (int s = 0; s < kSlices; ++s) {
+        const nanoseconds when = from + window.exposure * (2 * s + 1) / (2 * kSlices);
+        const RadianceImage seen = transport.respond(
+            std::vector<RadianceImage>{settling_at(light[0], when), settling_at(light[1], when)});
+        for (size_t i = 0; i < mean.samples.size(); ++i) mean.samples[i] += seen.samples[i] / kSlices;
+      }
+      for (int x = 0; x < 8; ++x) {
+        for (int c = 0; c < 3; ++c) EXPECT_NEAR(exact.at(x, y, c), mean.at(x, y, c), tolerance);
+      }
+    }
+  }
+}
+
 TEST(Integrate, IsTheTransportsResponseWhileNothingChanges) {
   std::mt19937_64 random(5);
   const Transport transport = crystal();
