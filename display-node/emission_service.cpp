@@ -42,7 +42,8 @@ grpc::Status EmissionServiceImpl::WatchEmission(grpc::ServerContext* context, co
     monitor.set_width_px(screen.width_px);
     monitor.set_height_px(screen.height_px);
     monitor.set_scanout_ns(screen.scanout.count());
-    monitor.set_lag_ns(screen.lag.count());
+    monitor.set_lag_ns(optics_.lag.value_or(screen.lag).count());
+    monitor.set_settle_ns(optics_.settle.value_or(screen.settle).count());
     if (!writer->Write(response)) return grpc::Status::OK;
   }
   std::uint64_t cursor = 0;
