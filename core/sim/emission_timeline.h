@@ -19,7 +19,7 @@ namespace glasswing {
 
 struct EmittedPicture {
   nanoseconds scanout_start{};
-  std::shared_ptr<const RadianceImage> image;  // never null
+  std::shared_ptr<const Image16> image;  // never null
 };
 
 struct EmissionMonitor {

@@ -9,7 +9,7 @@
 namespace glasswing {
 namespace {
 
-using Samples = const float*;
+using Codes = const std::uint16_t*;
 
 // Integral of r (emission_timeline.h) up to u.
 double ramp_integral_ns(double u_ns, double settle_ns) {
@@ -36,19 +36,20 @@ class RowLight {
     }
   }
   // Of all these rows, if nothing changes on them.
-  Samples steady() const { return steady_; }
+  Codes steady() const { return steady_; }
   bool black() const { return steady_ == nullptr && changing_.empty(); }
   // Mean over the exposure.
   float operator()(std::uint32_t sample) const {
     const size_t row = sample / static_cast<std::uint32_t>(3 * emission_.monitor.width_px) - first_row_;
     float light = 0.0f;
-    for (const Changing& picture : changing_) light += picture.shares[row] * picture.samples[sample];
+    for (const Changing& picture : changing_)
+      light += picture.shares[row] * radiance_of(picture.codes[sample]);
     return light;
   }
 
  private:
   struct Changing {
-    Samples samples;
+    Codes codes;
     std::vector<float> shares;  // of the exposure, by row
   };
   nanoseconds turns(size_t i, int row) const {
@@ -67,7 +68,7 @@ class RowLight {
   void add_changing(size_t i, Transport::Rows rows) {
     first_row_ = static_cast<size_t>(rows.first);
     Changing& picture = changing_.emplace_back();
-    picture.samples = emission_.pictures[i].image->samples.data();
+    picture.codes = emission_.pictures[i].image->samples.data();
     const auto exposure_ns = static_cast<double>((until_ - from_).count());
     for (int row = rows.first; row <= rows.last; ++row) {
       const double share = (turned_ns(i, row) - turned_ns(i + 1, row)) / exposure_ns;
@@ -77,7 +78,7 @@ class RowLight {
 
   const MonitorEmission& emission_;
   const nanoseconds from_, until_;
-  Samples steady_ = nullptr;
+  Codes steady_ = nullptr;
   size_t first_row_ = 0;
   std::vector<Changing> changing_;
 };
@@ -121,8 +122,8 @@ RadianceImage integrate(const Transport& transport, std::span<const MonitorEmiss
     for (size_t m = 0; m < emission.size(); ++m) {
       const RowLight light(emission[m], transport.rows_seen(m, y), from, from + window.exposure);
       if (light.black()) continue;
-      if (const Samples samples = light.steady(); samples != nullptr) {
-        transport.add_row(m, y, row, [samples](std::uint32_t sample) { return samples[sample]; });
+      if (const Codes codes = light.steady(); codes != nullptr) {
+        transport.add_row(m, y, row, [codes](std::uint32_t sample) { return radiance_of(codes[sample]); });
       } else {
         transport.add_row(m, y, row, light);
       }

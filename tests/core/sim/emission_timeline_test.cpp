@@ -16,7 +16,7 @@ EmissionMonitor monitor(const std::string& name) {
 }
 
 EmittedPicture picture(nanoseconds start) {
-  return {.scanout_start = start, .image = std::make_shared<RadianceImage>(4, 3)};
+  return {.scanout_start = start, .image = std::make_shared<Image16>(4, 3)};
 }
 
 TEST(EmissionTimeline, KnowsNothingWithoutMonitors) {

@@ -20,9 +20,9 @@ Transport crystal() {
   return *build_transport("crystal", true, {{"back", kBack}, {"left", kLeft}}, 8, 6);
 }
 
-std::shared_ptr<const RadianceImage> random_picture(MonitorSize size, std::mt19937_64& random) {
-  auto picture = std::make_shared<RadianceImage>(size.width_px, size.height_px);
-  std::uniform_real_distribution<float> uniform;
+std::shared_ptr<const Image16> random_picture(MonitorSize size, std::mt19937_64& random) {
+  auto picture = std::make_shared<Image16>(size.width_px, size.height_px);
+  std::uniform_int_distribution<std::uint16_t> uniform;
   std::generate(picture->samples.begin(), picture->samples.end(), [&] { return uniform(random); });
   return picture;
 }
@@ -34,6 +34,13 @@ MonitorEmission emission(const std::string& name, MonitorSize size, nanoseconds 
   return result;
 }
 
+RadianceImage radiance_of(const Image16& picture) {
+  RadianceImage radiance(picture.width_px, picture.height_px);
+  std::transform(picture.samples.begin(), picture.samples.end(), radiance.samples.begin(),
+                 [](std::uint16_t code) { return glasswing::radiance_of(code); });
+  return radiance;
+}
+
 // What a monitor's rows show at one moment.
 RadianceImage shown_at(const MonitorEmission& emission, nanoseconds when) {
   RadianceImage out(emission.monitor.width_px, emission.monitor.height_px);
@@ -43,7 +50,7 @@ RadianceImage shown_at(const MonitorEmission& emission, nanoseconds when) {
     for (const EmittedPicture& picture : emission.pictures) {
       if (static_cast<double>((when - picture.scanout_start).count()) < delay_ns) continue;
       for (int x = 0; x < out.width_px; ++x) {
-        for (int c = 0; c < 3; ++c) out.at(x, y, c) = picture.image->at(x, y, c);
+        for (int c = 0; c < 3; ++c) out.at(x, y, c) = glasswing::radiance_of(picture.image->at(x, y, c));
       }
     }
   }
@@ -88,15 +95,16 @@ RadianceImage settling_at(const MonitorEmission& emission, nanoseconds when) {
   for (int y = 0; y < out.height_px; ++y) {
     const double delay_ns = static_cast<double>(emission.monitor.lag.count()) +
                             static_cast<double>(emission.monitor.scanout.count()) * y / out.height_px;
-    const RadianceImage black(out.width_px, out.height_px);
-    const RadianceImage* before = &black;
+    const Image16 black(out.width_px, out.height_px);
+    const Image16* before = &black;
     for (const EmittedPicture& picture : emission.pictures) {
       const double since_ns = static_cast<double>((when - picture.scanout_start).count()) - delay_ns;
       const auto part = static_cast<float>(
           std::clamp(since_ns / static_cast<double>(emission.monitor.settle.count()), 0.0, 1.0));
       for (int x = 0; x < out.width_px; ++x) {
         for (int c = 0; c < 3; ++c)
-          out.at(x, y, c) += part * (picture.image->at(x, y, c) - before->at(x, y, c));
+          out.at(x, y, c) += part * (glasswing::radiance_of(picture.image->at(x, y, c)) -
+                                     glasswing::radiance_of(before->at(x, y, c)));
       }
       before = picture.image.get();
     }
@@ -150,7 +158,8 @@ TEST(Integrate, IsTheTransportsResponseWhileNothingChanges) {
       integrate(transport, light, {.start = milliseconds(18), .exposure = milliseconds(8)}, milliseconds(5));
   EXPECT_EQ(
       seen.samples,
-      transport.respond(std::vector<RadianceImage>{*light[0].pictures[1].image, RadianceImage()}).samples);
+      transport.respond(std::vector<RadianceImage>{radiance_of(*light[0].pictures[1].image), RadianceImage()})
+          .samples);
 }
 
 constexpr SensorModel kNoiseless{.read_sd = 0.0, .gain = 0.0, .bits = 16};
@@ -174,7 +183,7 @@ TEST(Expose, QuantisesToItsBits) {
   for (const int bits : {8, 10, 12, 14}) {
     SensorModel model = kNoiseless;
     model.bits = bits;
-    const RadianceImage light = *random_picture({20, 20}, random);
+    const RadianceImage light = radiance_of(*random_picture({20, 20}, random));
     const Image16 image = expose(light, model.full_scale_exposure_ms, model, 0);
     const double step = 1.0 / (std::exp2(bits) - 1.0);
     for (size_t i = 0; i < light.samples.size(); ++i) {
