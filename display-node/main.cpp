@@ -1,4 +1,5 @@
 #include <fmt/format.h>
+#include <malloc.h>
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
@@ -21,16 +22,27 @@ using namespace glasswing;
 
 constexpr size_t kMostMonitors = 16;
 
+nanoseconds of_ms(double ms) {
+  return nanoseconds(static_cast<std::int64_t>(ms * 1e6));
+}
+
 struct Screens {
   std::string backend = "sim";
   std::vector<std::string> monitors;
   std::string x11_server;
   double lag_ms = 3.0, settle_ms = 1.0;
   int patch_rows = 0;
+  std::optional<double> true_lag_ms, true_settle_ms;
   SimDisplay::Faults faults;
 
-  nanoseconds lag() const { return nanoseconds(static_cast<std::int64_t>(lag_ms * 1e6)); }
-  nanoseconds settle() const { return nanoseconds(static_cast<std::int64_t>(settle_ms * 1e6)); }
+  nanoseconds lag() const { return of_ms(lag_ms); }
+  nanoseconds settle() const { return of_ms(settle_ms); }
+  TrueOptics true_optics() const {
+    TrueOptics optics;
+    if (true_lag_ms) optics.lag = of_ms(*true_lag_ms);
+    if (true_settle_ms) optics.settle = of_ms(*true_settle_ms);
+    return optics;
+  }
 };
 
 // "back=128x96@60"
@@ -135,6 +147,11 @@ int main(int argc, char** argv) {
   app.add_option("--settle-ms", screens.settle_ms, "until that light has settled")
       ->check(CLI::Range(0.0, 200.0))
       ->capture_default_str();
+  app.add_option("--true-lag-ms", screens.true_lag_ms,
+                 "what the light that a simulated camera sees really does; --lag-ms if left out")
+      ->check(CLI::Range(0.0, 200.0));
+  app.add_option("--true-settle-ms", screens.true_settle_ms, "the same of --settle-ms")
+      ->check(CLI::Range(0.0, 200.0));
   app.add_option("--fault-missed-flips", screens.faults.missed_flips,
                  "sim: probability that a flip comes a refresh late")
       ->check(CLI::Range(0.0, 1.0));
@@ -146,6 +163,10 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", kVersion);
   CLI11_PARSE(app, argc, argv);
 
+  // Pictures come and go by the megabyte: their pages stay, instead of being faulted in again each time.
+  ::mallopt(M_MMAP_THRESHOLD, 1 << 30);
+  ::mallopt(M_TRIM_THRESHOLD, 1 << 30);
+  ::mallopt(M_ARENA_MAX, 1);
   block_signals();
   start_logging("glasswing-display", level);
   if (absl::Status status = check_name("node", name); !status.ok()) return fail(status);
@@ -155,7 +176,7 @@ int main(int argc, char** argv) {
   const absl::Status patch = DisplayServiceImpl::check_patch(display, screens.patch_rows);
   if (!patch.ok()) return fail(patch);
   DisplayServiceImpl service(name, display, screens.patch_rows);
-  EmissionServiceImpl emission(display);
+  EmissionServiceImpl emission(display, screens.true_optics());
   absl::StatusOr<std::unique_ptr<ServiceHost>> host = ServiceHost::start(listen, {&service, &emission});
   if (!host.ok()) return fail(host.status());
   v1::RegisterRequest node;
