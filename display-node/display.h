@@ -3,7 +3,9 @@
 
 #include <absl/status/statusor.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <memory>
 #include <stop_token>
 #include <string>
@@ -30,6 +32,12 @@ inline nanoseconds period_of(const ScreenInfo& screen) {
 
 // One picture for each monitor, in the order of Display::screens(); null is black.
 using Picture = std::shared_ptr<const RadianceImage>;
+
+// The 8-bit code of a radiance; one that is not a number is black.
+inline std::uint8_t code_of(float radiance) {
+  const float light = radiance > 0.0f ? std::min(radiance, 1.0f) : 0.0f;
+  return static_cast<std::uint8_t>(light * 255.0f + 0.5f);
+}
 
 // When a picture's first row left for the panel, CLOCK_MONOTONIC.
 struct Scanout {

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <iostream>
 #include <set>
@@ -11,6 +12,7 @@
 #include "core/service/service.h"
 #include "display-node/display_service.h"
 #include "display-node/emission_service.h"
+#include "display-node/kms_display.h"
 #include "display-node/light_tap.h"
 #include "display-node/sim_display.h"
 #include "display-node/x11_display.h"
@@ -81,13 +83,46 @@ absl::StatusOr<std::unique_ptr<Display>> open_x11(const Screens& screens) {
   return X11Display::open(options);
 }
 
+// "back=HDMI-A-1", "back=card0:HDMI-A-1@1920x1080@60"
+absl::StatusOr<KmsDisplay::Monitor> parse_connected(const std::string& text) {
+  KmsDisplay::Monitor monitor;
+  char name[65] = "", connector[129] = "";
+  int named = 0, sized = 0, timed = 0;
+  std::sscanf(text.c_str(), "%64[^=]=%128[^@]%n@%dx%d%n@%lf%n", name, connector, &named, &monitor.width_px,
+              &monitor.height_px, &sized, &monitor.refresh_hz, &timed);
+  const int read = std::max({named, sized, timed});
+  const bool good = named > 0 && static_cast<size_t>(read) == text.size() &&
+                    check_name("monitor", name).ok() &&
+                    (sized == 0 || (monitor.width_px >= 1 && monitor.height_px >= 1)) &&
+                    (timed == 0 || monitor.refresh_hz >= 1.0);
+  if (!good) {
+    return absl::InvalidArgumentError(
+        "--monitor is " + text +
+        "; with --backend kms it must be NAME=[CARD:]CONNECTOR[@WIDTHxHEIGHT[@HZ]], "
+        "such as back=HDMI-A-1 or back=card0:HDMI-A-1@1920x1080@60");
+  }
+  monitor.name = name;
+  monitor.connector = connector;
+  return monitor;
+}
+
+absl::StatusOr<std::unique_ptr<Display>> open_kms(const Screens& screens) {
+  KmsDisplay::Options options{.monitors = {}, .lag = screens.lag(), .settle = screens.settle()};
+  for (const std::string& monitor : screens.monitors) {
+    GW_ASSIGN_OR_RETURN(const KmsDisplay::Monitor parsed, parse_connected(monitor));
+    options.monitors.push_back(parsed);
+  }
+  return KmsDisplay::open(options);
+}
+
 absl::StatusOr<std::unique_ptr<Display>> open_screens(const Screens& screens) {
   if (screens.monitors.size() > kMostMonitors) {
     return absl::InvalidArgumentError("--monitor is given " + std::to_string(screens.monitors.size()) +
                                       " times; it must be 1 to " + std::to_string(kMostMonitors));
   }
-  GW_ASSIGN_OR_RETURN(std::unique_ptr<Display> display,
-                      screens.backend == "x11" ? open_x11(screens) : open_simulated(screens));
+  GW_ASSIGN_OR_RETURN(std::unique_ptr<Display> display, screens.backend == "x11"   ? open_x11(screens)
+                                                        : screens.backend == "kms" ? open_kms(screens)
+                                                                                   : open_simulated(screens));
   std::set<std::string> names;
   for (const ScreenInfo& screen : display->screens()) {
     if (!names.insert(screen.name).second)
@@ -108,7 +143,8 @@ int main(int argc, char** argv) {
   app.footer(
       "Example:\n  glasswing-display --listen 127.0.0.1:7441 --server 127.0.0.1:7440 --monitor "
       "back=128x96@60\n"
-      "  glasswing-display --backend x11 --monitor back=HDMI-1 --monitor left=DP-2");
+      "  glasswing-display --backend x11 --monitor back=HDMI-1 --monitor left=DP-2\n"
+      "  glasswing-display --backend kms --monitor back=card0:HDMI-A-1@1920x1080@60");
   ListenOptions listen{.address = "127.0.0.1:7441", .reflection = false};
   std::string server, name = "display-1", level = "info";
   Screens screens;
@@ -116,12 +152,12 @@ int main(int argc, char** argv) {
   app.add_option("--server", server, "host:port of glasswing-server, to register with");
   app.add_option("--name", name, "this node's name in the rig")->capture_default_str();
   app.add_option("--backend", screens.backend, "how pictures reach screens")
-      ->check(CLI::IsMember({"sim", "x11"}))
+      ->check(CLI::IsMember({"sim", "x11", "kms"}))
       ->capture_default_str();
   app.add_option(
       "--monitor", screens.monitors,
-      "sim: NAME=WIDTHxHEIGHT@HZ, back=128x96@60 if left out; x11: NAME=OUTPUT as xrandr calls it, all of "
-      "them if left out; repeat for more");
+      "sim: NAME=WIDTHxHEIGHT@HZ, back=128x96@60 if left out; x11: NAME=OUTPUT as xrandr calls it; kms: "
+      "NAME=[CARD:]CONNECTOR[@WIDTHxHEIGHT[@HZ]]; all monitors if left out; repeat for more");
   app.add_option("--x11-server", screens.x11_server, "x11: which, such as :0; $DISPLAY if left out");
   app.add_option("--lag-ms", screens.lag_ms, "scan-out of a row to its light")
       ->check(CLI::Range(0.0, 200.0))

@@ -214,10 +214,7 @@ void X11Display::fill(Buffer& buffer, const ScreenInfo& screen, const Picture& p
   if (picture != nullptr) {
     const float* sample = picture->samples.data();
     for (size_t at = 0; at < bytes.size(); at += 4, sample += 3) {
-      for (size_t c = 0; c < 3; ++c) {
-        const float light = sample[c] > 0.0f ? std::min(sample[c], 1.0f) : 0.0f;  // NaN is 0
-        bytes[at + 2 - c] = static_cast<std::uint8_t>(light * 255.0f + 0.5f);
-      }
+      for (size_t c = 0; c < 3; ++c) bytes[at + 2 - c] = code_of(sample[c]);
     }
   }
   // In strips that fit a request.

@@ -1,0 +1,108 @@
+// A graphics card's monitors, as the Linux kernel drives them (DRM/KMS, atomic): what is plugged in, pictures
+// in the card's memory, and requests that change what is shown.
+#pragma once
+
+#include <absl/status/statusor.h>
+#include <xf86drmMode.h>
+
+#include <cstdint>
+#include <memory>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "core/base/time.h"
+
+namespace glasswing {
+
+class DrmCard {
+ public:
+  // "/dev/dri/card0". UNAVAILABLE: it cannot be opened; FAILED_PRECONDITION: it cannot do what is needed.
+  static absl::StatusOr<std::unique_ptr<DrmCard>> open(const std::string& path);
+  // Puts back what set() changed.
+  ~DrmCard();
+  DrmCard(const DrmCard&) = delete;
+  DrmCard& operator=(const DrmCard&) = delete;
+
+  const std::string& name() const { return name_; }  // "card0"
+  int events_fd() const { return fd_; }              // readable when read_events() has something
+
+  struct Connector {
+    std::string name;  // "HDMI-A-1"
+    std::uint32_t id = 0;
+    std::uint32_t possible_crtcs = 0;    // bit i: the card's i-th
+    std::uint32_t current_crtc = 0;      // 0: none
+    std::vector<drmModeModeInfo> modes;  // the preferred one first; none: nothing is plugged in
+  };
+  const std::vector<Connector>& connectors() const { return connectors_; }
+
+  // What turns a picture into a signal.
+  struct Pipe {
+    std::uint32_t crtc = 0;
+    std::uint32_t plane = 0;  // the primary one
+    std::uint32_t framebuffer_property = 0;
+    std::vector<std::uint32_t> other_planes;  // that are on this CRTC now, such as a pointer's
+  };
+  // One that is free, for this connector from now on. FAILED_PRECONDITION: none is.
+  absl::StatusOr<Pipe> claim(const Connector& connector);
+
+  struct Framebuffer {
+    std::uint32_t id = 0;
+    std::uint8_t* pixels = nullptr;  // blue, green, red, unused; mapped until the card is closed
+    size_t stride_bytes = 0;
+  };
+  absl::StatusOr<Framebuffer> make_framebuffer(int width_px, int height_px);
+
+  // Shows the framebuffer, of the mode's size, through the pipe, codes unchanged. FAILED_PRECONDITION:
+  // another program holds the card, or the card refuses.
+  absl::Status set(const Connector& connector, const Pipe& pipe, const drmModeModeInfo& mode,
+                   const Framebuffer& framebuffer);
+
+  struct Refresh {
+    std::uint64_t number = 0;
+    nanoseconds start{};  // of its first row, CLOCK_MONOTONIC
+  };
+  struct Event {
+    std::uint64_t serial = 0;
+    nanoseconds refresh_start{};
+  };
+  // UNAVAILABLE from here on: the monitor or the card has gone.
+  absl::StatusOr<Refresh> last_refresh(const Pipe& pipe) const;
+  // Asks for an event when that refresh begins; at once if it has begun.
+  absl::Status ask_for(const Pipe& pipe, std::uint64_t refresh, std::uint64_t serial);
+  // Shows the framebuffer from the next refresh on, of which there is an event.
+  absl::Status flip(const Pipe& pipe, const Framebuffer& framebuffer, std::uint64_t serial);
+  // Those that have come.
+  absl::StatusOr<std::vector<Event>> read_events();
+
+ private:
+  struct Setting {
+    std::uint32_t object = 0, property = 0;
+    std::uint64_t value = 0;
+  };
+  struct Memory {
+    void* mapped = nullptr;
+    size_t bytes = 0;
+  };
+  class Changes;
+
+  DrmCard() = default;
+  absl::Status check_abilities();
+  void find_connectors();
+  absl::Status commit(const std::vector<Setting>& settings, std::uint32_t flags, std::uint64_t serial) const;
+
+  std::string name_;
+  int fd_ = -1;
+  std::vector<std::uint32_t> crtcs_;
+  std::vector<Connector> connectors_;
+  std::set<std::uint32_t> claimed_;  // CRTCs and planes
+  std::vector<Setting> before_;      // what set() changed
+  std::vector<Memory> memory_;
+};
+
+// Of a progressive mode.
+inline double refresh_hz_of(const drmModeModeInfo& mode) {
+  return 1e3 * mode.clock / (static_cast<double>(mode.htotal) * mode.vtotal);
+}
+
+}  // namespace glasswing

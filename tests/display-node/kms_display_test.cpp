@@ -1,0 +1,308 @@
+// On the cards without hardware of the kernel's vkms driver; tests/vm/run has three. On a real card these
+// tests would take the console from whoever uses it.
+#include "display-node/kms_display.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/mman.h>
+#include <unistd.h>
+#include <xf86drm.h>
+#include <xf86drmMode.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <random>
+#include <string_view>
+
+#include "tests/display-node/display_contract.h"
+
+namespace glasswing {
+namespace {
+
+using std::chrono::microseconds;
+using std::chrono::milliseconds;
+
+constexpr char kLacking[] = "no vkms card here; tests/vm/run has three";
+
+// A card as another program sees it.
+class Onlooker {
+ public:
+  explicit Onlooker(const std::string& card) : fd_(::open(("/dev/dri/" + card).c_str(), O_RDWR | O_CLOEXEC)) {
+    drmDropMaster(fd_);
+  }
+  ~Onlooker() { ::close(fd_); }
+  Onlooker(const Onlooker&) = delete;
+  Onlooker& operator=(const Onlooker&) = delete;
+
+  std::string driver() const {
+    drmVersion* version = drmGetVersion(fd_);
+    const std::string name = version == nullptr ? "" : version->name;
+    drmFreeVersion(version);
+    return name;
+  }
+  // The only CRTC of a vkms card.
+  drmModeCrtc crtc() const {
+    drmModeRes* resources = drmModeGetResources(fd_);
+    drmModeCrtc* found = drmModeGetCrtc(fd_, resources->crtcs[0]);
+    const drmModeCrtc crtc = *found;
+    drmModeFreeCrtc(found);
+    drmModeFreeResources(resources);
+    return crtc;
+  }
+  // What the CRTC shows now: blue, green, red, unused.
+  std::vector<std::uint8_t> on_screen() const {
+    std::vector<std::uint8_t> bytes;
+    drmModeFB* shown = drmModeGetFB(fd_, crtc().buffer_id);
+    std::uint64_t offset = 0;
+    if (shown == nullptr || drmModeMapDumbBuffer(fd_, shown->handle, &offset) != 0) return bytes;
+    const size_t size = size_t{shown->pitch} * shown->height, row = size_t{shown->width} * 4;
+    void* mapped = ::mmap(nullptr, size, PROT_READ, MAP_SHARED, fd_, static_cast<off_t>(offset));
+    if (mapped != MAP_FAILED) {
+      const auto* from = static_cast<const std::uint8_t*>(mapped);
+      for (size_t y = 0; y < shown->height; ++y)
+        bytes.insert(bytes.end(), from + y * shown->pitch, from + y * shown->pitch + row);
+      ::munmap(mapped, size);
+    }
+    drmModeFreeFB(shown);
+    return bytes;
+  }
+
+ private:
+  const int fd_;
+};
+
+std::vector<std::string> vkms_cards() {
+  std::vector<std::string> cards;
+  std::error_code none;
+  for (const auto& entry : std::filesystem::directory_iterator("/dev/dri", none)) {
+    const std::string card = entry.path().filename();
+    if (card.starts_with("card") && Onlooker(card).driver().starts_with("vkms")) cards.push_back(card);
+  }
+  std::sort(cards.begin(), cards.end());
+  return cards;
+}
+
+// "Virtual-1", from "/sys/class/drm/card0-Virtual-1".
+std::string connector_of(const std::string& card) {
+  for (const auto& entry : std::filesystem::directory_iterator("/sys/class/drm")) {
+    const std::string name = entry.path().filename();
+    if (name.starts_with(card + "-Virtual")) return name.substr(card.size() + 1);
+  }
+  return "";
+}
+
+KmsDisplay::Options small_monitors() {
+  KmsDisplay::Options options{.monitors = {}, .lag = milliseconds(3), .settle = milliseconds(1)};
+  for (const std::string& card : vkms_cards()) {
+    options.monitors.push_back({.name = "on-" + card,
+                                .connector = card + ":" + connector_of(card),
+                                .width_px = 640,
+                                .height_px = 480,
+                                .refresh_hz = 60.0});
+  }
+  return options;
+}
+
+std::unique_ptr<Display> make_kms() {
+  if (vkms_cards().empty()) return nullptr;
+  return KmsDisplay::open(small_monitors()).value();
+}
+
+INSTANTIATE_TEST_SUITE_P(Kms, DisplayContract, testing::Values(make_kms));
+
+class KmsDisplayTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    cards_ = vkms_cards();
+    if (cards_.empty()) GTEST_SKIP() << kLacking;
+  }
+  std::vector<std::string> cards_;
+};
+
+Picture noise(const ScreenInfo& screen, unsigned seed) {
+  auto image = std::make_shared<RadianceImage>(screen.width_px, screen.height_px);
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<float> light(-0.1f, 1.1f);
+  for (float& sample : image->samples) sample = light(random);
+  return image;
+}
+
+TEST_F(KmsDisplayTest, RefreshesAreStampedToAMicrosecond) {
+  const std::unique_ptr<KmsDisplay> display = KmsDisplay::open(small_monitors()).value();
+  constexpr int kFlips = 300;
+  std::vector<std::vector<nanoseconds>> starts(display->screens().size());
+  for (int i = 0; i < kFlips; ++i) {
+    const std::vector<Scanout> scanouts = display->show({}, monotonic_now()).value();
+    for (size_t m = 0; m < scanouts.size(); ++m) starts[m].push_back(scanouts[m].start);
+  }
+  for (size_t m = 0; m < starts.size(); ++m) {
+    const double period_ns = period_ns_of(display->screens()[m]);
+    double squares = 0.0;
+    int singles = 0;
+    for (size_t i = 1; i < starts[m].size(); ++i) {
+      const auto apart_ns = static_cast<double>((starts[m][i] - starts[m][i - 1]).count());
+      const double refreshes = std::round(apart_ns / period_ns);
+      EXPECT_GE(refreshes, 1.0);
+      // Both stamps are cut to whole microseconds, and the kernel's period to whole nanoseconds.
+      EXPECT_NEAR(apart_ns, refreshes * period_ns, 1000.0 + refreshes);
+      squares += std::pow(apart_ns - refreshes * period_ns, 2.0);
+      singles += refreshes == 1.0 ? 1 : 0;
+    }
+    std::cout << fmt::format(
+        "{}: {} intervals, {} of them single refreshes of {:.1f} us; from whole refreshes sd {:.2f} us\n",
+        display->screens()[m].name, kFlips - 1, singles, period_ns / 1e3,
+        std::sqrt(squares / (kFlips - 1)) / 1e3);
+  }
+}
+
+TEST_F(KmsDisplayTest, ShowsAtTheFirstRefreshAtOrAfter) {
+  const std::unique_ptr<KmsDisplay> display = KmsDisplay::open(small_monitors()).value();
+  const std::vector<ScreenInfo>& screens = display->screens();
+  std::vector<int> on_time(screens.size());
+  std::vector<Scanout> before = display->show({}, monotonic_now()).value();
+  constexpr int kTimes = 40;
+  for (int i = 0; i < kTimes; ++i) {
+    // Anywhere in a refresh, some refreshes ahead.
+    const nanoseconds at = before[0].start + nanoseconds(period_of(screens[0]).count() * (30 + 7 * i) / 10);
+    const std::vector<Scanout> scanouts = display->show({}, at).value();
+    for (size_t m = 0; m < screens.size(); ++m) {
+      const double late = static_cast<double>((scanouts[m].start - at).count()) / period_ns_of(screens[m]);
+      EXPECT_GE(scanouts[m].start, at - microseconds(1)) << screens[m].name;
+      on_time[m] += late < 1.0 ? 1 : 0;
+    }
+    before = scanouts;
+  }
+  for (size_t m = 0; m < screens.size(); ++m) {
+    // An emulated machine may sleep through a refresh, but not through all.
+    EXPECT_GT(on_time[m], 0) << screens[m].name;
+    std::cout << fmt::format("{}: {} of {} on time\n", screens[m].name, on_time[m], kTimes);
+  }
+}
+
+TEST_F(KmsDisplayTest, TheCardShowsThePicturesCodes) {
+  const std::unique_ptr<KmsDisplay> display = KmsDisplay::open(small_monitors()).value();
+  const std::vector<ScreenInfo>& screens = display->screens();
+  for (unsigned i = 0; i < 4; ++i) {
+    std::vector<Picture> pictures;
+    for (size_t m = 0; m < screens.size(); ++m)
+      pictures.push_back(i == 2 && m == 0 ? nullptr : noise(screens[m], 10 * i + static_cast<unsigned>(m)));
+    ASSERT_TRUE(display->show(pictures, monotonic_now()).ok());
+    for (size_t m = 0; m < screens.size(); ++m) {
+      const std::vector<std::uint8_t> bytes = Onlooker(cards_[m]).on_screen();
+      const size_t pixels =
+          static_cast<size_t>(screens[m].width_px) * static_cast<size_t>(screens[m].height_px);
+      ASSERT_EQ(bytes.size(), pixels * 4);
+      size_t wrong = 0;
+      for (size_t s = 0; s < pixels * 3; ++s) {
+        const float light = pictures[m] == nullptr ? 0.0f : std::clamp(pictures[m]->samples[s], 0.0f, 1.0f);
+        wrong +=
+            bytes[s / 3 * 4 + 2 - s % 3] == static_cast<std::uint8_t>(std::lround(light * 255.0f)) ? 0 : 1;
+      }
+      EXPECT_EQ(wrong, 0u) << screens[m].name;
+    }
+  }
+}
+
+TEST_F(KmsDisplayTest, TheModesTimingsAreTheScreens) {
+  const std::unique_ptr<KmsDisplay> display = KmsDisplay::open(small_monitors()).value();
+  for (size_t m = 0; m < cards_.size(); ++m) {
+    const drmModeModeInfo mode = Onlooker(cards_[m]).crtc().mode;
+    const ScreenInfo& screen = display->screens()[m];
+    EXPECT_EQ(mode.hdisplay, 640);
+    EXPECT_EQ(screen.width_px, 640);
+    EXPECT_EQ(screen.height_px, 480);
+    EXPECT_NEAR(period_ns_of(screen), 1e6 * mode.htotal * mode.vtotal / mode.clock, 1.0);
+    EXPECT_NEAR(static_cast<double>(screen.scanout.count()), 1e6 * mode.htotal * mode.vdisplay / mode.clock,
+                1.0);
+  }
+}
+
+TEST_F(KmsDisplayTest, AllThatArePluggedInIfNoneIsNamed) {
+  const std::unique_ptr<KmsDisplay> display = KmsDisplay::open({}).value();
+  ASSERT_GE(display->screens().size(), cards_.size());
+  for (size_t m = 0; m < cards_.size(); ++m) EXPECT_EQ(display->screens()[m].name, connector_of(cards_[m]));
+  EXPECT_TRUE(display->show({}, monotonic_now()).ok());
+}
+
+TEST_F(KmsDisplayTest, TheConsoleIsAsItWas) {
+  for (const std::string& card : cards_) {
+    const drmModeCrtc before = Onlooker(card).crtc();
+    {
+      const std::unique_ptr<KmsDisplay> display = KmsDisplay::open(small_monitors()).value();
+      ASSERT_TRUE(display->show({}, monotonic_now()).ok());
+      EXPECT_NE(Onlooker(card).crtc().buffer_id, before.buffer_id);
+    }
+    const drmModeCrtc after = Onlooker(card).crtc();
+    EXPECT_EQ(after.buffer_id, before.buffer_id);
+    EXPECT_EQ(after.mode_valid, before.mode_valid);
+    EXPECT_EQ(after.mode.hdisplay, before.mode.hdisplay);
+    EXPECT_EQ(after.mode.vdisplay, before.mode.vdisplay);
+  }
+}
+
+TEST_F(KmsDisplayTest, AnUnpluggedMonitorIsNamed) {
+  const std::string card = cards_.back();
+  const std::string status = fmt::format("/sys/class/drm/{}-{}/status", card, connector_of(card));
+  const auto plug = [&](const char* how) {
+    return static_cast<bool>(std::ofstream(status) << how << std::flush);
+  };
+  const std::unique_ptr<KmsDisplay> display = KmsDisplay::open(small_monitors()).value();
+  ASSERT_TRUE(display->show({}, monotonic_now()).ok());
+  ASSERT_TRUE(plug("off"));
+  const absl::Status unplugged = display->show({}, monotonic_now()).status();
+  const absl::Status not_found =
+      KmsDisplay::open({.monitors = {{.name = "back", .connector = connector_of(card)}}}).status();
+  ASSERT_TRUE(plug("detect"));
+  EXPECT_TRUE(absl::IsUnavailable(unplugged)) << unplugged;
+  EXPECT_NE(std::string(unplugged.message()).find("\"on-" + card + "\" was unplugged"), std::string::npos)
+      << unplugged;
+  EXPECT_TRUE(absl::IsNotFound(not_found)) << not_found;
+  EXPECT_NE(std::string(not_found.message()).find("nothing plugged in"), std::string::npos) << not_found;
+  EXPECT_TRUE(display->show({}, monotonic_now()).ok());
+}
+
+TEST_F(KmsDisplayTest, SaysWhatIsWrong) {
+  const std::string card = cards_.front(), connector = connector_of(card);
+  const auto error_of = [](std::vector<KmsDisplay::Monitor> monitors) {
+    return KmsDisplay::open({.monitors = std::move(monitors)}).status();
+  };
+  const auto says = [](const absl::Status& status, const std::string& words) {
+    EXPECT_NE(std::string(status.message()).find(words), std::string::npos) << status;
+  };
+  const absl::Status unknown = error_of({{.name = "back", .connector = "HDMI-A-7"}});
+  EXPECT_TRUE(absl::IsNotFound(unknown));
+  says(unknown, "HDMI-A-7");
+  for (const std::string& each : cards_) says(unknown, each + ":" + connector_of(each) + " (1024x768@60)");
+
+  const absl::Status size =
+      error_of({{.name = "back", .connector = connector, .width_px = 641, .height_px = 480}});
+  EXPECT_TRUE(absl::IsNotFound(size));
+  says(size, "641 x 480");
+  says(size, "640x480@");
+
+  const absl::Status twice = error_of(
+      {{.name = "back", .connector = connector}, {.name = "left", .connector = card + ":" + connector}});
+  EXPECT_TRUE(absl::IsInvalidArgument(twice));
+  says(twice, connector);
+
+  const std::unique_ptr<KmsDisplay> holder = KmsDisplay::open(small_monitors()).value();
+  const absl::Status held = error_of({{.name = "back", .connector = connector}});
+  EXPECT_TRUE(absl::IsFailedPrecondition(held));
+  says(held, "holds " + card);
+}
+
+TEST(KmsDisplay, AMachineWithoutACardSaysSo) {
+  std::error_code none;
+  if (std::filesystem::exists("/dev/dri", none)) GTEST_SKIP() << "this machine has graphics cards";
+  const absl::Status status = KmsDisplay::open({}).status();
+  EXPECT_TRUE(absl::IsNotFound(status));
+  EXPECT_NE(std::string(status.message()).find("/dev/dri/card*"), std::string::npos) << status;
+}
+
+}  // namespace
+}  // namespace glasswing
