@@ -60,7 +60,10 @@ LibcameraRun::LibcameraRun(std::shared_ptr<libcamera::Camera> camera,
 }
 
 LibcameraRun::~LibcameraRun() {
-  stopping_ = true;
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
   camera_->stop();
   camera_->requestCompleted.disconnect(this);
   camera_->disconnected.disconnect(this);
@@ -121,7 +124,6 @@ absl::Status LibcameraRun::stream(const libcamera::ControlList& modes,
 }
 
 void LibcameraRun::complete(libcamera::Request* request) {
-  if (stopping_) return;
   if (request->status() == libcamera::Request::RequestCancelled) {
     refused_ = true;
     arrived_.notify_all();
@@ -135,6 +137,8 @@ void LibcameraRun::complete(libcamera::Request* request) {
     if (frames_.size() > kMostWaiting) frames_.pop_front();
     arrived_.notify_all();
   }
+  const std::lock_guard lock(mutex_);
+  if (stopping_) return;
   request->reuse(libcamera::Request::ReuseBuffers);
   camera_->queueRequest(request);  // fails when the camera is gone, and then no more frames come
 }

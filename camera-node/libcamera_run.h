@@ -69,9 +69,10 @@ class LibcameraRun {
   std::map<const libcamera::FrameBuffer*, std::vector<Mapping>> mappings_;
   std::vector<std::unique_ptr<libcamera::Request>> requests_;
   RawPicture blank_;  // what all pictures of the run have in common
-  std::atomic<bool> stopping_ = false, gone_ = false, refused_ = false;
+  std::atomic<bool> gone_ = false, refused_ = false;
   std::mutex mutex_;
   std::condition_variable arrived_;
+  bool stopping_ = false;     // guarded by mutex_
   std::deque<Frame> frames_;  // guarded by mutex_
 };
 
