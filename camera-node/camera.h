@@ -19,8 +19,11 @@ namespace glasswing {
 struct CapturedFrame {
   v1::FrameTaken taken;  // times on CLOCK_MONOTONIC
   std::function<absl::StatusOr<Image16>()> image;
+  size_t held_bytes = 0;  // of memory, by the buffer
 };
 
+// What every backend keeps: tests/camera-node/camera_contract.h. describe() may be called at any time, the
+// others by one thread at a time.
 class Camera {
  public:
   virtual ~Camera() = default;

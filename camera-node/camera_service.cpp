@@ -13,6 +13,8 @@ namespace glasswing {
 namespace {
 
 constexpr int kRingFrames = 600;
+constexpr size_t kRingBytes = size_t{1} << 30;
+constexpr std::chrono::seconds kSilence(3);  // without a frame, beyond what the frame rate explains
 constexpr int kMaxBatch = 4096;
 
 }  // namespace
@@ -34,15 +36,27 @@ grpc::Status CameraServiceImpl::Capture(grpc::ServerContext* context, const v1::
   }
   if (const absl::Status status = camera_.start(request->exposure_ms()); !status.ok()) return to_grpc(status);
   writer->Write(v1::CaptureResponse());
+  const double rate_hz = camera_.describe().frame_rate_hz();
+  const nanoseconds silence = kSilence + nanoseconds(static_cast<std::int64_t>(2e9 / rate_hz));
+  nanoseconds heard = monotonic_now();
   while (!context->IsCancelled() && !stopping_) {
     std::optional<CapturedFrame> frame = camera_.next(std::chrono::milliseconds(200));
-    if (!frame) continue;
+    if (!frame && monotonic_now() - heard < silence) continue;
+    if (!frame) {
+      camera_.stop();
+      return to_grpc(absl::UnavailableError("the camera has stopped giving frames; is it still plugged in?"));
+    }
+    heard = monotonic_now();
     v1::CaptureResponse response;
     *response.mutable_frame() = frame->taken;
     {
       const std::lock_guard lock(mutex_);
+      ring_bytes_ += frame->held_bytes;
       ring_.push_back(*std::move(frame));
-      if (ring_.size() > kRingFrames) ring_.pop_front();
+      while (ring_.size() > kRingFrames || (ring_bytes_ > kRingBytes && ring_.size() > 1)) {
+        ring_bytes_ -= ring_.front().held_bytes;
+        ring_.pop_front();
+      }
     }
     if (!writer->Write(response)) break;
   }

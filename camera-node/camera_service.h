@@ -38,6 +38,7 @@ class CameraServiceImpl final : public v1::CameraService::Service {
   std::timed_mutex capturing_;  // held by the one Capture call
   std::mutex mutex_;
   std::deque<CapturedFrame> ring_;  // guarded by mutex_
+  size_t ring_bytes_ = 0;           // that ring_ holds; guarded by mutex_
   std::mutex keeping_;              // held while frames are judged and written
   std::string proof_session_;       // guarded by keeping_: whose patches proof_ knows
   PatchProof proof_;                // guarded by keeping_

@@ -8,6 +8,8 @@
 #include "camera-node/archive_service.h"
 #include "camera-node/camera_service.h"
 #include "camera-node/emission_client.h"
+#include "camera-node/libcamera_camera.h"
+#include "camera-node/replay_camera.h"
 #include "camera-node/sim_camera.h"
 #include "camera-node/stage_service.h"
 #include "core/base/file.h"
@@ -18,6 +20,60 @@
 namespace {
 
 using namespace glasswing;
+
+// The backends other than the simulated one.
+struct RealCameras {
+  LibcameraCamera::Options real;
+  std::string archive, stamp = "unknown";
+  double readout_ms = 0.0, delay_ms = 0.0, fixed_exposure_ms = 0.0;
+
+  void add_options(CLI::App& app) {
+    app.add_option("--archive", archive, "replay: directory of the session archive to show again");
+    app.add_option("--camera", real.camera, "libcamera: the camera's id or model, or a part of it");
+    app.add_option("--format", real.format,
+                   "libcamera: pixel format, such as SRGGB10 or YUYV; the best there is if left out");
+    app.add_option("--gain", real.gain, "libcamera: analogue gain")
+        ->check(CLI::Range(0.1, 1000.0))
+        ->capture_default_str();
+    app.add_option("--fixed-exposure-ms", fixed_exposure_ms, "libcamera: of a camera without a control of it")
+        ->check(CLI::Range(0.01, 10000.0));
+    app.add_option(
+           "--stamp", stamp,
+           "libcamera: what the driver's time stamps mean: start of the first row's exposure or of its "
+           "readout, or arrival of its data here")
+        ->check(CLI::IsMember({"unknown", "start", "readout", "arrival"}))
+        ->capture_default_str();
+    app.add_option("--stamp-delay-ms", delay_ms,
+                   "libcamera: at most, from a frame's readout to its data's arrival; one frame if left out")
+        ->check(CLI::Range(0.0, 1000.0));
+    app.add_option(
+           "--readout-ms", readout_ms,
+           "libcamera: from the first row's start to the last row's, 0 with a global shutter; what the "
+           "camera says, or one frame, if left out")
+        ->check(CLI::Range(0.0, 1000.0));
+  }
+
+  absl::StatusOr<std::unique_ptr<Camera>> open(const CLI::App& app, const std::string& backend,
+                                               const SimCameraOptions& common) {
+    const auto given = [&app](const char* option) { return app.count(option) > 0; };
+    const auto ms = [](double value) { return nanoseconds(static_cast<std::int64_t>(value * 1e6)); };
+    real.name = common.name;
+    if (given("--fps")) real.frame_rate_hz = common.frame_rate_hz;
+    if (backend == "replay") {
+      if (archive.empty()) return absl::InvalidArgumentError("--backend replay needs --archive DIR");
+      return ReplayCamera::open({.name = real.name, .archive = archive, .frame_rate_hz = real.frame_rate_hz});
+    }
+    if (given("--size")) real.size = PictureSize{common.width_px, common.height_px};
+    if (given("--fixed-exposure-ms")) real.fixed_exposure_ms = fixed_exposure_ms;
+    if (given("--stamp-delay-ms")) real.delay = ms(delay_ms);
+    if (given("--readout-ms")) real.readout = ms(readout_ms);
+    real.stamp = stamp == "start"     ? StampMeaning::kStart
+                 : stamp == "readout" ? StampMeaning::kReadout
+                 : stamp == "arrival" ? StampMeaning::kArrival
+                                      : StampMeaning::kUnknown;
+    return LibcameraCamera::open(real);
+  }
+};
 
 int fail(const absl::Status& status) {
   std::cerr << "glasswing-camera: " << status.message() << "\n";
@@ -30,7 +86,9 @@ int main(int argc, char** argv) {
   CLI::App app("Glasswing's camera node: exposures, when each really happened, and the frames themselves.");
   app.footer(
       "Example:\n  glasswing-camera --server 127.0.0.1:7440 --data /var/lib/glasswing-camera \\\n"
-      "                   --backend sim --scene crystal --tap 127.0.0.1:7441");
+      "                   --backend sim --scene crystal --tap 127.0.0.1:7441\n"
+      "  glasswing-camera --data DIR --backend libcamera --format YUYV --size 640x480\n"
+      "  glasswing-camera --data DIR --backend replay --archive archives/vase");
   ListenOptions listen{.address = "127.0.0.1:7442", .reflection = false};
   SimCameraOptions sim;
   std::string server, data, backend = "sim", stage = "sim", size = "128x96", level = "info";
@@ -40,10 +98,11 @@ int main(int argc, char** argv) {
   app.add_option("--name", sim.name, "this node's name in the rig")->capture_default_str();
   app.add_option("--data", data, "directory for the archives")->required();
   app.add_option("--backend", backend, "which kind of camera")
-      ->check(CLI::IsMember({"sim"}))
+      ->check(CLI::IsMember({"sim", "libcamera", "replay"}))
       ->capture_default_str();
-  app.add_option("--size", size, "sim: WIDTHxHEIGHT of its pictures")->capture_default_str();
-  app.add_option("--fps", sim.frame_rate_hz, "sim: frames a second")
+  app.add_option("--size", size, "WIDTHxHEIGHT of its pictures; libcamera: the camera's own if left out")
+      ->capture_default_str();
+  app.add_option("--fps", sim.frame_rate_hz, "frames a second; libcamera, replay: its own if left out")
       ->check(CLI::Range(1.0, 1000.0))
       ->capture_default_str();
   app.add_option("--scene", sim.scene, "sim: crystal, glass, brushed or none")->capture_default_str();
@@ -60,7 +119,9 @@ int main(int argc, char** argv) {
   app.add_option("--fault-duplicate", sim.duplicate,
                  "sim: probability that a frame repeats the last one's pixels")
       ->check(CLI::Range(0.0, 1.0));
-  app.add_option("--stage", stage, "who moves the object")
+  RealCameras others;
+  others.add_options(app);
+  app.add_option("--stage", stage, "who moves the object; manual without --backend sim")
       ->check(CLI::IsMember({"sim", "manual"}))
       ->capture_default_str();
   app.add_flag("--reflection", listen.reflection, "let gRPC tools list the services");
@@ -91,17 +152,26 @@ int main(int argc, char** argv) {
   if (absl::Status status = write_file_durably(archives / ".writable", ""); !status.ok()) return fail(status);
 
   EmissionTimeline timeline;
-  absl::StatusOr<std::unique_ptr<SimCamera>> camera = SimCamera::create(sim, timeline);
-  if (!camera.ok()) return fail(camera.status());
+  ManualStage manual;
+  Stage* object_stage = &manual;
+  std::unique_ptr<Camera> camera;
+  if (backend == "sim") {
+    absl::StatusOr<std::unique_ptr<SimCamera>> simulated = SimCamera::create(sim, timeline);
+    if (!simulated.ok()) return fail(simulated.status());
+    if (stage == "sim") object_stage = simulated->get();
+    camera = *std::move(simulated);
+  } else {
+    absl::StatusOr<std::unique_ptr<Camera>> opened = others.open(app, backend, sim);
+    if (!opened.ok()) return fail(opened.status());
+    camera = *std::move(opened);
+  }
   std::vector<std::unique_ptr<EmissionClient>> clients;
   for (const std::string& tap : taps) clients.push_back(std::make_unique<EmissionClient>(tap, timeline));
-  ManualStage manual;
-  Stage& object_stage = stage == "manual" ? static_cast<Stage&>(manual) : **camera;
 
   ArchiveStore store(archives);
-  CameraServiceImpl cameras(**camera, store);
+  CameraServiceImpl cameras(*camera, store);
   ArchiveServiceImpl archive_service(store);
-  StageServiceImpl stages(object_stage);
+  StageServiceImpl stages(*object_stage);
   absl::StatusOr<std::unique_ptr<ServiceHost>> host =
       ServiceHost::start(listen, {&cameras, &archive_service, &stages});
   if (!host.ok()) return fail(host.status());
@@ -109,8 +179,10 @@ int main(int argc, char** argv) {
   node.set_kind(v1::NODE_KIND_CAMERA);
   node.set_name(sim.name);
   node.set_address((*host)->address());
-  node.set_detail(fmt::format("{} {}x{} at {} fps, scene {}", backend, sim.width_px, sim.height_px,
-                              sim.frame_rate_hz, sim.scene));
+  const v1::GetCameraResponse described = camera->describe();
+  node.set_detail(fmt::format("{} {}x{} at {:.4g} fps{}", backend, described.camera().width_px(),
+                              described.camera().height_px(), described.frame_rate_hz(),
+                              backend == "sim" ? ", scene " + sim.scene : ""));
   const Registration registration(server, node);
   std::cerr << "glasswing-camera: listening on " << (*host)->address() << "\n";
   wait_for_signal();
