@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
@@ -23,7 +24,6 @@ constexpr milliseconds kNoFrames(5000);  // then the camera is taken for dead
 constexpr int kSettleWithin = 60;        // frames, where metadata tell
 constexpr int kSettledAfter = 10;        // frames, where they do not
 constexpr int kRateFrames = 12;
-constexpr double kUvcStep_ms = 0.1;
 
 template <typename Range, typename Name>
 std::string listed(const Range& range, const Name& name) {
@@ -45,6 +45,14 @@ std::string listed(const std::vector<std::shared_ptr<libcamera::Camera>>& camera
 const libcamera::ControlInfo* find_control(const libcamera::Camera& camera, const libcamera::ControlId& id) {
   const auto found = camera.controls().find(id.id());
   return found == camera.controls().end() ? nullptr : &found->second;
+}
+
+// libcamera ends the names of USB cameras, and of no others, with vendor and product: "-046d:0825".
+bool is_usb(const std::string& id) {
+  if (id.size() < 10) return false;
+  const std::string end = id.substr(id.size() - 10);
+  return end[0] == '-' && end[5] == ':' &&
+         std::all_of(end.begin() + 1, end.end(), [](char c) { return c == ':' || std::isxdigit(c); });
 }
 
 bool same_setting(double is, double asked) {
@@ -84,6 +92,7 @@ absl::Status LibcameraCamera::find_camera() {
   }
   if (matching.size() == 1) {
     id_ = matching.front()->id();
+    usb_ = is_usb(id_);
     return absl::OkStatus();
   }
   const std::string what =
@@ -201,7 +210,6 @@ absl::Status LibcameraCamera::learn_rate() {
     if (!frame) return why_no_frames();
     if (seen > kSettledAfter && frame->sequence > before->sequence)
       intervals.push_back((frame->stamp - before->stamp) / (frame->sequence - before->sequence));
-    reports_exposure_ = frame->exposure_ms.has_value();
     readout_ = frame->readout;
     before = std::move(frame);
   }
@@ -261,7 +269,7 @@ absl::Status LibcameraCamera::begin(double exposure_ms) {
     const std::array<std::int64_t, 2> limits{duration_us, duration_us};
     settings.set(controls::FrameDurationLimits, libcamera::Span<const std::int64_t, 2>(limits));
   }
-  GW_ASSIGN_OR_RETURN(run_, LibcameraRun::begin(camera, std::move(chosen), modes, settings));
+  GW_ASSIGN_OR_RETURN(run_, LibcameraRun::begin(camera, std::move(chosen), usb_, modes, settings));
   exposure_ms_ = exposure_ms;
   first_sequence_ = last_sequence_ + 1;
   return absl::OkStatus();
@@ -280,8 +288,8 @@ absl::Status LibcameraCamera::start(double exposure_ms) {
     return absl::InvalidArgumentError(fmt::format("exposure_ms is {}; this camera takes {:.6g} to {:.6g} ms",
                                                   exposure_ms, min_exposure_ms_, max_exposure_ms_));
   }
-  if (!reports_exposure_ && !options_.fixed_exposure_ms) {
-    const double possible_ms = std::max(std::round(exposure_ms / kUvcStep_ms), 1.0) * kUvcStep_ms;
+  if (usb_ && !options_.fixed_exposure_ms) {
+    const double possible_ms = std::max(std::round(exposure_ms * 10.0), 1.0) / 10.0;
     if (!same_setting(possible_ms, exposure_ms)) {
       return absl::InvalidArgumentError(
           fmt::format("exposure_ms is {}; this camera takes whole tenths of a millisecond, such as {:.1f}",

@@ -68,12 +68,12 @@ class LibcameraCamera final : public Camera {
   const Options options_;
   std::unique_ptr<libcamera::CameraManager> manager_;
   std::string id_;
+  bool usb_ = false;
   const PixelFormat* format_ = nullptr;
   PictureSize size_;
   double min_exposure_ms_ = 0.0, max_exposure_ms_ = 0.0;
   nanoseconds period_{};                // of a frame
   std::optional<nanoseconds> readout_;  // as the camera says
-  bool reports_exposure_ = false;       // in its frames' metadata
   double exposure_ms_ = 0.0;            // of this run
   std::int64_t first_sequence_ = 1;     // of this run
   std::int64_t last_sequence_ = 0;      // of all

@@ -18,7 +18,8 @@ namespace controls = libcamera::controls;
 
 constexpr size_t kMostWaiting = 32;  // complete frames that nobody has taken; then the oldest are lost
 
-ColourCode colour_code(const std::optional<libcamera::ColorSpace>& space) {
+// libcamera fills in RGB's full range where a USB camera says nothing; their YCbCr has the limited one.
+ColourCode colour_code(const std::optional<libcamera::ColorSpace>& space, bool usb) {
   using Space = libcamera::ColorSpace;
   ColourCode code;
   if (!space) return code;
@@ -28,7 +29,7 @@ ColourCode colour_code(const std::optional<libcamera::ColorSpace>& space) {
     code.transfer = ColourCode::Transfer::kRec709;
   if (space->ycbcrEncoding == Space::YcbcrEncoding::Rec709) code.kr = 0.2126, code.kb = 0.0722;
   if (space->ycbcrEncoding == Space::YcbcrEncoding::Rec2020) code.kr = 0.2627, code.kb = 0.0593;
-  code.full_range = space->range == Space::Range::Full;
+  code.full_range = !usb && space->range == Space::Range::Full;
   return code;
 }
 
@@ -41,13 +42,13 @@ absl::Status unavailable(const libcamera::Camera& camera, const char* what, int 
 
 absl::StatusOr<std::unique_ptr<LibcameraRun>> LibcameraRun::begin(
     std::shared_ptr<libcamera::Camera> camera, std::unique_ptr<libcamera::CameraConfiguration> configuration,
-    const libcamera::ControlList& modes, const libcamera::ControlList& settings) {
+    bool usb, const libcamera::ControlList& modes, const libcamera::ControlList& settings) {
   if (const int error = camera->acquire(); error < 0)
     return unavailable(*camera, "opened (another program may have it)", error);
   std::unique_ptr<LibcameraRun> run(new LibcameraRun(std::move(camera), std::move(configuration)));
   if (const int error = run->camera_->configure(run->configuration_.get()); error < 0)
     return unavailable(*run->camera_, "configured", error);
-  GW_RETURN_IF_ERROR(run->map_buffers());
+  GW_RETURN_IF_ERROR(run->map_buffers(usb));
   GW_RETURN_IF_ERROR(run->stream(modes, settings));
   return run;
 }
@@ -75,13 +76,13 @@ LibcameraRun::~LibcameraRun() {
   camera_->release();
 }
 
-absl::Status LibcameraRun::map_buffers() {
+absl::Status LibcameraRun::map_buffers(bool usb) {
   const libcamera::StreamConfiguration& stream = configuration_->at(0);
   blank_ = {.format = find_pixel_format(stream.pixelFormat.toString()),
             .width_px = static_cast<int>(stream.size.width),
             .height_px = static_cast<int>(stream.size.height),
             .stride_bytes = stream.stride,
-            .colour = colour_code(stream.colorSpace),
+            .colour = colour_code(stream.colorSpace, usb),
             .black = 0.0,
             .planes = {}};
   assert(blank_.format != nullptr);

@@ -36,8 +36,8 @@ class LibcameraRun {
   // automatic exposure is off. UNAVAILABLE: the camera is another program's, or it does not start.
   static absl::StatusOr<std::unique_ptr<LibcameraRun>> begin(
       std::shared_ptr<libcamera::Camera> camera,
-      std::unique_ptr<libcamera::CameraConfiguration> configuration, const libcamera::ControlList& modes,
-      const libcamera::ControlList& settings);
+      std::unique_ptr<libcamera::CameraConfiguration> configuration, bool usb,
+      const libcamera::ControlList& modes, const libcamera::ControlList& settings);
   ~LibcameraRun();
   LibcameraRun(const LibcameraRun&) = delete;
   LibcameraRun& operator=(const LibcameraRun&) = delete;
@@ -51,7 +51,7 @@ class LibcameraRun {
  private:
   LibcameraRun(std::shared_ptr<libcamera::Camera> camera,
                std::unique_ptr<libcamera::CameraConfiguration> configuration);
-  absl::Status map_buffers();
+  absl::Status map_buffers(bool usb);
   absl::Status stream(const libcamera::ControlList& modes, const libcamera::ControlList& settings);
   void complete(libcamera::Request* request);  // on libcamera's thread
   void disconnected();                         // likewise

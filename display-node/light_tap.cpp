@@ -9,6 +9,9 @@ namespace {
 // monitor.
 constexpr size_t kLogBytes = size_t{256} << 20;
 constexpr size_t kMostLogged = 256;
+// More than displays are uncertain of when they show: nothing starts earlier than this before it was asked
+// for.
+constexpr nanoseconds kEarly = std::chrono::milliseconds(5);
 
 size_t log_limit_of(const std::vector<ScreenInfo>& screens) {
   size_t largest_bytes = 1;
@@ -30,6 +33,7 @@ absl::StatusOr<std::vector<Scanout>> LightTap::show(const std::vector<Picture>& 
   {
     const std::lock_guard lock(mutex_);
     show_began_ = monotonic_now();
+    shows_nothing_to_ = std::max(show_began_, at - kEarly);
   }
   absl::StatusOr<std::vector<Scanout>> scanouts = display_.show(pictures, at);
   {
@@ -61,8 +65,9 @@ bool LightTap::read(std::uint64_t& cursor, std::vector<Emission>& emissions, nan
     emissions.assign(log_.begin() + static_cast<std::ptrdiff_t>(cursor - first), log_.end());
   }
   cursor = next_;
-  // What is under way starts after it was asked for; what is not yet asked for, after now.
-  horizon = show_began_ > nanoseconds(0) ? show_began_ : monotonic_now();
+  // What is not yet asked for starts after now.
+  horizon = monotonic_now();
+  if (show_began_ > nanoseconds(0)) horizon = std::min(horizon, shows_nothing_to_);
   return true;
 }
 

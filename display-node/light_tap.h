@@ -38,10 +38,11 @@ class LightTap final : public Display {
   const size_t log_limit_;
   std::mutex mutex_;
   std::condition_variable emitted_;
-  nanoseconds show_began_{};       // guarded by mutex_; 0: none is under way
-  std::vector<Emission> current_;  // guarded by mutex_, one a monitor
-  std::deque<Emission> log_;       // guarded by mutex_, the newest log_limit_
-  std::uint64_t next_ = 1;         // guarded by mutex_, number of the next emission
+  nanoseconds show_began_{};        // guarded by mutex_; 0: none is under way
+  nanoseconds shows_nothing_to_{};  // by the show that is under way; guarded by mutex_
+  std::vector<Emission> current_;   // guarded by mutex_, one a monitor
+  std::deque<Emission> log_;        // guarded by mutex_, the newest log_limit_
+  std::uint64_t next_ = 1;          // guarded by mutex_, number of the next emission
 };
 
 }  // namespace glasswing

@@ -1,0 +1,72 @@
+// The sensor of the USB camera of tests/vm: reads "START_NS EXPOSURE_NS" lines, and writes what a global
+// shutter saw then of the monitors' light, through a scene, as YUYV. It learns of that light from a display
+// node's tap.
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <iostream>
+#include <optional>
+
+#include "camera-node/emission_client.h"
+#include "core/sim/sensor.h"
+#include "tests/vm/camera_code.h"
+
+namespace {
+
+using namespace glasswing;
+
+constexpr nanoseconds kPatience = std::chrono::seconds(5);  // the camera drops what comes late
+
+struct Scene {
+  std::string name;
+  int width_px = 0, height_px = 0;
+  std::vector<SceneMonitor> monitors;
+  std::optional<Transport> with, without;  // the object
+
+  const Transport& transport(const std::vector<MonitorEmission>& emission, bool object) {
+    std::optional<Transport>& through = object ? with : without;
+    if (!through) {
+      std::vector<SceneMonitor> lit;
+      for (const MonitorEmission& each : emission)
+        lit.push_back({.name = each.monitor.name, .size = {each.monitor.width_px, each.monitor.height_px}});
+      through = build_transport(name, object, lit, width_px, height_px).value();
+    }
+    return *through;
+  }
+};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app("The sensor of the USB camera of tests/vm.");
+  std::string tap, object;
+  Scene scene{.name = "crystal", .width_px = 64, .height_px = 48, .monitors = {}, .with = {}, .without = {}};
+  app.add_option("--tap", tap, "host:port of the display node whose light it sees")->required();
+  app.add_option("--object", object, "the object is in view while this file is there")->required();
+  app.add_option("--scene", scene.name)->capture_default_str();
+  app.add_option("--width", scene.width_px)->capture_default_str();
+  app.add_option("--height", scene.height_px)->capture_default_str();
+  CLI11_PARSE(app, argc, argv);
+
+  EmissionTimeline timeline(std::chrono::seconds(60));
+  const EmissionClient client(tap, timeline);
+  SensorModel sensor;
+  sensor.read_sd = sensor.gain = 0.0;
+  sensor.bits = 16;
+  sensor.full_scale_exposure_ms = kFullScaleExposure_ms;
+  std::int64_t start_ns = 0, exposure_ns = 0, number = 0;
+  while (std::cin >> start_ns >> exposure_ns) {
+    const ExposureWindow window{.start = nanoseconds(start_ns), .exposure = nanoseconds(exposure_ns)};
+    const nanoseconds end = window.start + window.exposure;
+    Image16 seen(scene.width_px, scene.height_px);
+    if (timeline.wait_known_until(end, kPatience)) {
+      const std::vector<MonitorEmission> emission = timeline.between(window.start, end);
+      const Transport& through = scene.transport(emission, std::filesystem::exists(object));
+      seen = expose(integrate(through, emission, window, nanoseconds(0)),
+                    static_cast<double>(exposure_ns) / 1e6, sensor, ++number);
+    }
+    const std::vector<std::uint8_t> bytes = yuyv_of(seen);
+    std::cout.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+    std::cout.flush();
+  }
+  return 0;
+}
