@@ -15,6 +15,7 @@
 #include "display-node/emission_service.h"
 #include "display-node/kms_display.h"
 #include "display-node/light_tap.h"
+#include "display-node/repeating_display.h"
 #include "display-node/sim_display.h"
 #include "display-node/x11_display.h"
 
@@ -36,6 +37,7 @@ struct Screens {
   int patch_rows = 0;
   std::optional<double> true_lag_ms, true_settle_ms;
   SimDisplay::Faults faults;
+  double jitter_ms = 0.0, repeat = 0.0;
 
   nanoseconds lag() const { return of_ms(lag_ms); }
   nanoseconds settle() const { return of_ms(settle_ms); }
@@ -79,7 +81,15 @@ absl::StatusOr<std::unique_ptr<Display>> open_simulated(const Screens& screens) 
     GW_ASSIGN_OR_RETURN(const ScreenInfo screen, parse_simulated("back=128x96@60", screens));
     parsed.push_back(screen);
   }
-  return std::make_unique<SimDisplay>(std::move(parsed), screens.faults);
+  SimDisplay::Faults faults = screens.faults;
+  faults.jitter = of_ms(screens.jitter_ms);
+  for (const ScreenInfo& screen : parsed) {
+    if (faults.jitter < period_of(screen)) continue;
+    return absl::InvalidArgumentError(
+        fmt::format("--fault-jitter-ms is {}; it must be less than a refresh, {} ms", screens.jitter_ms,
+                    1e3 / screen.refresh_hz));
+  }
+  return std::make_unique<SimDisplay>(std::move(parsed), faults);
 }
 
 absl::StatusOr<std::unique_ptr<Display>> open_x11(const Screens& screens) {
@@ -191,6 +201,13 @@ int main(int argc, char** argv) {
   app.add_option("--fault-missed-flips", screens.faults.missed_flips,
                  "sim: probability that a flip comes a refresh late")
       ->check(CLI::Range(0.0, 1.0));
+  app.add_option("--fault-jitter-ms", screens.jitter_ms,
+                 "sim: each scan-out begins up to this late, and is reported so; less than a refresh")
+      ->check(CLI::Range(0.0, 1000.0));
+  app.add_option(
+         "--fault-repeat", screens.repeat,
+         "probability that the old picture stays a refresh longer than is reported: a display that lies")
+      ->check(CLI::Range(0.0, 1.0));
   app.add_option("--fault-seed", screens.faults.seed, "sim: seed of the faults");
   app.add_flag("--reflection", listen.reflection, "let gRPC tools list the services");
   app.add_option("--log-level", level, "debug, info, warn or error")
@@ -208,11 +225,12 @@ int main(int argc, char** argv) {
   if (absl::Status status = check_name("node", name); !status.ok()) return fail(status);
   const absl::StatusOr<std::unique_ptr<Display>> opened = open_screens(screens);
   if (!opened.ok()) return fail(opened.status());
-  LightTap display(**opened);
+  LightTap tap(**opened);
+  RepeatingDisplay display(tap, screens.repeat, screens.faults.seed);
   const absl::Status patch = DisplayServiceImpl::check_patch(display, screens.patch_rows);
   if (!patch.ok()) return fail(patch);
   DisplayServiceImpl service(name, display, screens.patch_rows);
-  EmissionServiceImpl emission(display, screens.true_optics());
+  EmissionServiceImpl emission(tap, screens.true_optics());
   absl::StatusOr<std::unique_ptr<ServiceHost>> host = ServiceHost::start(listen, {&service, &emission});
   if (!host.ok()) return fail(host.status());
   v1::RegisterRequest node;
