@@ -54,8 +54,9 @@ class DrmCard {
   };
   absl::StatusOr<Framebuffer> make_framebuffer(int width_px, int height_px);
 
-  // Shows the framebuffer, of the mode's size, through the pipe, codes unchanged. FAILED_PRECONDITION:
-  // another program holds the card, or the card refuses.
+  // Shows the framebuffer, of the mode's size, through the pipe, codes unchanged. The first call turns off
+  // all that the card showed, on whichever monitor. FAILED_PRECONDITION: another program holds the card, or
+  // the card refuses.
   absl::Status set(const Connector& connector, const Pipe& pipe, const drmModeModeInfo& mode,
                    const Framebuffer& framebuffer);
 
