@@ -1,7 +1,12 @@
 #include "camera-node/camera_service.h"
 
-#include <algorithm>
+#include <fmt/format.h>
 
+#include <algorithm>
+#include <map>
+#include <set>
+
+#include "core/base/status.h"
 #include "core/service/service.h"
 
 namespace glasswing {
@@ -66,11 +71,22 @@ grpc::Status CameraServiceImpl::KeepFrames(grpc::ServerContext*, const v1::KeepF
   }
   const absl::StatusOr<std::shared_ptr<Archive>> archive = store_.find(request->session());
   if (!archive.ok()) return to_grpc(archive.status());
+  absl::StatusOr<std::vector<Archive::NewFrame>> batch = find(*request);
+  if (!batch.ok()) return to_grpc(batch.status());
+  const std::lock_guard lock(keeping_);
+  if (const absl::Status status = check_patches(*request, **archive, *batch, *response); !status.ok())
+    return to_grpc(status);
+  const absl::StatusOr<std::vector<v1::Frame>> stored = (*archive)->add(*batch);
+  if (!stored.ok()) return to_grpc(stored.status());
+  for (const v1::Frame& frame : *stored) *response->add_frames() = frame;
+  return grpc::Status::OK;
+}
+
+absl::StatusOr<std::vector<Archive::NewFrame>> CameraServiceImpl::find(const v1::KeepFramesRequest& request) {
   std::vector<Archive::NewFrame> batch;
-  for (const v1::Frame& wanted : request->frames()) {
-    if (wanted.step() < 0 || !wanted.file().empty()) {
-      return to_grpc(absl::InvalidArgumentError("a frame to keep needs a step of 0 or more, and no file"));
-    }
+  for (const v1::Frame& wanted : request.frames()) {
+    if (wanted.step() < 0 || !wanted.file().empty())
+      return absl::InvalidArgumentError("a frame to keep needs a step of 0 or more, and no file");
     std::function<absl::StatusOr<Image16>()> image_of;
     {
       const std::lock_guard lock(mutex_);
@@ -80,14 +96,52 @@ grpc::Status CameraServiceImpl::KeepFrames(grpc::ServerContext*, const v1::KeepF
       if (found == ring_.end()) continue;
       image_of = found->image;
     }
-    absl::StatusOr<Image16> image = image_of();
-    if (!image.ok()) return to_grpc(image.status());
-    batch.push_back({.record = wanted, .image = *std::move(image)});
+    GW_ASSIGN_OR_RETURN(Image16 image, image_of());
+    batch.push_back({.record = wanted, .image = std::move(image)});
+    batch.back().record.set_proof(v1::PROOF_TIME);
   }
-  const absl::StatusOr<std::vector<v1::Frame>> stored = (*archive)->add(batch);
-  if (!stored.ok()) return to_grpc(stored.status());
-  for (const v1::Frame& frame : *stored) *response->add_frames() = frame;
-  return grpc::Status::OK;
+  return batch;
+}
+
+absl::Status CameraServiceImpl::check_patches(const v1::KeepFramesRequest& request, Archive& archive,
+                                              std::vector<Archive::NewFrame>& batch,
+                                              v1::KeepFramesResponse& response) {
+  if (proof_session_ != request.session()) {
+    proof_ = {};
+    GW_RETURN_IF_ERROR(proof_.learn_from(archive));
+    proof_session_ = request.session();
+  }
+  const auto is_lesson = [](const Archive::NewFrame& frame) {
+    return frame.record.stimulus().kind() == "patch";
+  };
+  std::map<std::string, std::vector<Archive::NewFrame>> lessons;  // by monitor
+  for (const Archive::NewFrame& frame : batch) {
+    if (is_lesson(frame)) lessons[frame.record.stimulus().panel()].push_back(frame);
+  }
+  std::set<std::string> learned;
+  for (const auto& [monitor, frames] : lessons) {
+    const absl::Status status = proof_.learn(frames);
+    if (status.ok()) {
+      learned.insert(monitor);
+      continue;
+    }
+    v1::UnseenPatch& patch = *response.add_unseen_patches();
+    patch.set_monitor(monitor);
+    patch.set_reason(std::string(status.message()));
+    patch.set_dark(absl::IsNotFound(status));
+  }
+  std::erase_if(batch, [&](Archive::NewFrame& frame) {
+    if (is_lesson(frame)) {
+      // What taught every cell was itself what it should be.
+      const bool seen = learned.contains(frame.record.stimulus().panel());
+      if (seen) frame.record.set_proof(v1::PROOF_TIME_AND_PATCH);
+      return !seen && !request.accept_unseen_patch();
+    }
+    if (proof_.agrees(frame.record, frame.image)) return false;
+    response.set_refused(response.refused() + 1);
+    return true;
+  });
+  return absl::OkStatus();
 }
 
 }  // namespace glasswing

@@ -8,6 +8,7 @@
 
 #include "camera-node/archive_store.h"
 #include "camera-node/camera.h"
+#include "camera-node/patch_proof.h"
 #include "glasswing/v1/camera_service.grpc.pb.h"
 
 namespace glasswing {
@@ -25,6 +26,12 @@ class CameraServiceImpl final : public v1::CameraService::Service {
                           v1::KeepFramesResponse*) override;
 
  private:
+  // The asked-for frames that are still in the ring.
+  absl::StatusOr<std::vector<Archive::NewFrame>> find(const v1::KeepFramesRequest& request);
+  // Takes out what its pixels do not prove, and says so in the response.
+  absl::Status check_patches(const v1::KeepFramesRequest& request, Archive& archive,
+                             std::vector<Archive::NewFrame>& batch, v1::KeepFramesResponse& response);
+
   Camera& camera_;
   ArchiveStore& store_;
   std::atomic<bool> stopping_ = false;
@@ -32,6 +39,9 @@ class CameraServiceImpl final : public v1::CameraService::Service {
   std::mutex mutex_;
   std::deque<CapturedFrame> ring_;  // guarded by mutex_
   size_t ring_bytes_ = 0;           // that ring_ holds; guarded by mutex_
+  std::mutex keeping_;              // held while frames are judged and written
+  std::string proof_session_;       // guarded by keeping_: whose patches proof_ knows
+  PatchProof proof_;                // guarded by keeping_
 };
 
 }  // namespace glasswing

@@ -2,6 +2,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <condition_variable>
 #include <cstring>
 #include <map>
@@ -33,7 +34,8 @@ void EmissionClient::run(std::stop_token stop) {
 void EmissionClient::read(grpc::ClientContext& context) {
   const auto reader = stub_->WatchEmission(&context, {});
   std::map<std::string, EmissionMonitor> monitors;
-  std::string pixels;
+  std::shared_ptr<Image16> image;  // of which so many bytes have come
+  size_t received_bytes = 0;
   v1::WatchEmissionResponse response;
   while (reader->Read(&response)) {
     if (response.has_monitor()) {
@@ -43,25 +45,25 @@ void EmissionClient::read(grpc::ClientContext& context) {
                .width_px = monitor.width_px(),
                .height_px = monitor.height_px(),
                .scanout = nanoseconds(monitor.scanout_ns()),
-               .lag = nanoseconds(monitor.lag_ns())};
+               .lag = nanoseconds(monitor.lag_ns()),
+               .settle = nanoseconds(monitor.settle_ns())};
       timeline_.add_monitor(known);
       spdlog::info("light from monitor={} size={}x{}", known.name, known.width_px, known.height_px);
     } else if (response.has_picture()) {
       const v1::EmittedPicture& picture = response.picture();
-      pixels += picture.chunk();
-      if (!picture.last_chunk()) continue;
       const EmissionMonitor& monitor = monitors[picture.monitor()];
-      auto image = std::make_shared<RadianceImage>(monitor.width_px, monitor.height_px);
-      if (pixels.size() == image->samples.size() * 2) {
-        for (size_t i = 0; i < image->samples.size(); ++i) {
-          std::uint16_t code = 0;
-          std::memcpy(&code, &pixels[2 * i], 2);
-          image->samples[i] = radiance_of(code);
-        }
+      if (received_bytes == 0) image = std::make_shared<Image16>(monitor.width_px, monitor.height_px);
+      const std::string& chunk = picture.chunk();
+      const size_t image_bytes = image->samples.size() * 2;
+      if (chunk.size() <= image_bytes - std::min(received_bytes, image_bytes))
+        std::memcpy(reinterpret_cast<char*>(image->samples.data()) + received_bytes, chunk.data(),
+                    chunk.size());
+      received_bytes += chunk.size();
+      if (!picture.last_chunk()) continue;
+      if (received_bytes == image_bytes)
         timeline_.add_picture(monitor.name,
                               {.scanout_start = nanoseconds(picture.scanout_start_ns()), .image = image});
-      }
-      pixels.clear();
+      received_bytes = 0;
     } else if (response.has_horizon()) {
       timeline_.set_horizon(response.horizon().monitor(), nanoseconds(response.horizon().until_ns()));
     }

@@ -1,6 +1,8 @@
 #include <fmt/format.h>
+#include <malloc.h>
 
 #include <CLI/CLI.hpp>
+#include <cmath>
 #include <cstdio>
 #include <iostream>
 
@@ -19,6 +21,10 @@
 namespace {
 
 using namespace glasswing;
+
+nanoseconds of_ms(double ms) {
+  return nanoseconds(std::llround(ms * 1e6));
+}
 
 // The backends other than the simulated one.
 struct RealCameras {
@@ -55,7 +61,6 @@ struct RealCameras {
   absl::StatusOr<std::unique_ptr<Camera>> open(const CLI::App& app, const std::string& backend,
                                                const SimCameraOptions& common) {
     const auto given = [&app](const char* option) { return app.count(option) > 0; };
-    const auto ms = [](double value) { return nanoseconds(static_cast<std::int64_t>(value * 1e6)); };
     real.name = common.name;
     if (given("--fps")) real.frame_rate_hz = common.frame_rate_hz;
     if (backend == "replay") {
@@ -64,8 +69,8 @@ struct RealCameras {
     }
     if (given("--size")) real.size = PictureSize{common.width_px, common.height_px};
     if (given("--fixed-exposure-ms")) real.fixed_exposure_ms = fixed_exposure_ms;
-    if (given("--stamp-delay-ms")) real.delay = ms(delay_ms);
-    if (given("--readout-ms")) real.readout = ms(readout_ms);
+    if (given("--stamp-delay-ms")) real.delay = of_ms(delay_ms);
+    if (given("--readout-ms")) real.readout = of_ms(readout_ms);
     real.stamp = stamp == "start"     ? StampMeaning::kStart
                  : stamp == "readout" ? StampMeaning::kReadout
                  : stamp == "arrival" ? StampMeaning::kArrival
@@ -92,6 +97,8 @@ int main(int argc, char** argv) {
   SimCameraOptions sim;
   std::string server, data, backend = "sim", stage = "sim", size = "128x96", level = "info";
   std::vector<std::string> taps;
+  double late_ms = 0.0, stamp_jitter_ms = 0.0, stamp_shift_ms = 0.0;
+  double clock_offset_ms = 0.0, clock_drift_ppm = 0.0;
   app.add_option("--listen", listen.address, "host:port to listen on; loopback only")->capture_default_str();
   app.add_option("--server", server, "host:port of glasswing-server, to register with");
   app.add_option("--name", sim.name, "this node's name in the rig")->capture_default_str();
@@ -118,6 +125,18 @@ int main(int argc, char** argv) {
   app.add_option("--fault-duplicate", sim.duplicate,
                  "sim: probability that a frame repeats the last one's pixels")
       ->check(CLI::Range(0.0, 1.0));
+  app.add_option("--fault-late-ms", late_ms, "sim: frames are delivered up to this late, in order")
+      ->check(CLI::Range(0.0, 1000.0));
+  app.add_option("--fault-stamp-jitter-ms", stamp_jitter_ms,
+                 "sim: frames' times are off by up to this, and are said to be")
+      ->check(CLI::Range(0.0, 1000.0));
+  app.add_option("--fault-stamp-shift-ms", stamp_shift_ms,
+                 "sim: frames' times are off by this, and are not said to be: a camera that lies")
+      ->check(CLI::Range(-1000.0, 1000.0));
+  app.add_option("--clock-offset-ms", clock_offset_ms, "sim: how far this node's clock is ahead")
+      ->check(CLI::Range(-1e9, 1e9));
+  app.add_option("--clock-drift-ppm", clock_drift_ppm, "sim: how much too fast this node's clock runs")
+      ->check(CLI::Range(-1000.0, 1000.0));
   RealCameras others;
   others.add_options(app);
   app.add_option("--stage", stage, "who moves the object; manual without --backend sim")
@@ -128,6 +147,10 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", kVersion);
   CLI11_PARSE(app, argc, argv);
 
+  // Pictures come and go by the megabyte: their pages stay, instead of being faulted in again each time.
+  ::mallopt(M_MMAP_THRESHOLD, 1 << 30);
+  ::mallopt(M_TRIM_THRESHOLD, 1 << 30);
+  ::mallopt(M_ARENA_MAX, 1);
   block_signals();
   start_logging("glasswing-camera", level);
   if (absl::Status status = check_name("node", sim.name); !status.ok()) return fail(status);
@@ -146,11 +169,16 @@ int main(int argc, char** argv) {
         absl::UnavailableError(fmt::format("cannot create {}: {}", archives.string(), error.message())));
   if (absl::Status status = write_file_durably(archives / ".writable", ""); !status.ok()) return fail(status);
 
+  sim.late = of_ms(late_ms);
+  sim.stamp_jitter = of_ms(stamp_jitter_ms);
+  sim.stamp_shift = of_ms(stamp_shift_ms);
+  sim.clock = NodeClock(of_ms(clock_offset_ms), clock_drift_ppm);
   EmissionTimeline timeline;
   ManualStage manual;
   Stage* object_stage = &manual;
   std::unique_ptr<Camera> camera;
   if (backend == "sim") {
+    listen.clock = sim.clock;
     absl::StatusOr<std::unique_ptr<SimCamera>> simulated = SimCamera::create(sim, timeline);
     if (!simulated.ok()) return fail(simulated.status());
     if (stage == "sim") object_stage = simulated->get();

@@ -72,14 +72,17 @@ bool SimCamera::move(bool present) {
 }
 
 std::optional<CapturedFrame> SimCamera::next(std::chrono::milliseconds) {
-  ExposureWindow window;
+  Exposed exposed;
   std::int64_t sequence = 0;
   double exposure_ms = 0.0;
-  bool object = false, duplicate = false;
+  nanoseconds start{}, late{}, stamp_error = options_.stamp_shift;
   const nanoseconds period(std::llround(1e9 / options_.frame_rate_hz));
   {
     const std::lock_guard lock(mutex_);
     if (!running_) return std::nullopt;
+    const auto up_to = [this](nanoseconds most) {
+      return nanoseconds(std::uniform_int_distribution<std::int64_t>(0, most.count())(random_));
+    };
     // A camera runs on whether anybody looks or not: what was missed is lost.
     const nanoseconds behind = monotonic_now() - next_start_;
     if (behind > std::chrono::seconds(1)) {
@@ -88,47 +91,50 @@ std::optional<CapturedFrame> SimCamera::next(std::chrono::milliseconds) {
     }
     do {
       ++sequence_;
-      window.start = next_start_;
+      start = next_start_;
       next_start_ += period;
     } while (std::bernoulli_distribution(options_.drop)(random_));
-    exposure_ms = exposure_ms_;
     sequence = sequence_;
-    object = object_;
-    duplicate = std::bernoulli_distribution(options_.duplicate)(random_);
+    exposure_ms = exposure_ms_;
+    const bool duplicate = std::bernoulli_distribution(options_.duplicate)(random_);
+    if (!duplicate || newest_.sequence == 0) {
+      const nanoseconds exposure(std::llround(exposure_ms * 1e6));
+      newest_ = {.sequence = sequence_, .window = {.start = start, .exposure = exposure}, .object = object_};
+    }
+    exposed = newest_;
+    late = up_to(options_.late);
+    stamp_error += up_to(2 * options_.stamp_jitter) - options_.stamp_jitter;
   }
-  window.exposure = nanoseconds(std::llround(exposure_ms * 1e6));
-  const nanoseconds end = window.start + options_.sensor.readout + window.exposure;
-  sleep_until_monotonic(end);
+  const nanoseconds end = start + options_.sensor.readout + nanoseconds(std::llround(exposure_ms * 1e6));
+  delivered_ = std::max(delivered_, end + late);
+  sleep_until_monotonic(delivered_);
   CapturedFrame frame;
   frame.taken.set_sequence(sequence);
-  frame.taken.set_exposure_start_ns(window.start.count());
-  frame.taken.set_exposure_end_ns(end.count());
-  frame.taken.set_uncertainty_ns(1000);
+  frame.taken.set_exposure_start_ns(options_.clock.reading_at(start + stamp_error).count());
+  frame.taken.set_exposure_end_ns(options_.clock.reading_at(end + stamp_error).count());
+  frame.taken.set_uncertainty_ns(1000 + options_.stamp_jitter.count());
   frame.taken.set_exposure_ms(exposure_ms);
   frame.taken.set_gain(1.0);
   frame.taken.set_width_px(options_.width_px);
   frame.taken.set_height_px(options_.height_px);
-  if (duplicate) window.start -= period;
-  frame.image = [this, sequence, window, exposure_ms, object] {
-    return expose_frame(sequence, window, exposure_ms, object);
-  };
+  frame.image = [this, exposed, exposure_ms] { return expose_frame(exposed, exposure_ms); };
   return frame;
 }
 
-absl::StatusOr<Image16> SimCamera::expose_frame(std::int64_t sequence, ExposureWindow window,
-                                                double exposure_ms, bool object) {
+absl::StatusOr<Image16> SimCamera::expose_frame(const Exposed& exposed, double exposure_ms) {
+  const ExposureWindow& window = exposed.window;
   const nanoseconds end = window.start + options_.sensor.readout + window.exposure;
   std::vector<MonitorEmission> emission;
   if (timeline_.wait_known_until(end, kLightIsLate)) emission = timeline_.between(window.start, end);
   if (emission.empty()) {
     const RadianceImage dark(options_.width_px, options_.height_px);
-    return expose(dark, exposure_ms, options_.sensor, sequence);
+    return expose(dark, exposure_ms, options_.sensor, exposed.sequence);
   }
   std::vector<EmissionMonitor> monitors;
   for (const MonitorEmission& each : emission) monitors.push_back(each.monitor);
-  GW_ASSIGN_OR_RETURN(const std::shared_ptr<const Transport> through, transport(monitors, object));
+  GW_ASSIGN_OR_RETURN(const std::shared_ptr<const Transport> through, transport(monitors, exposed.object));
   return expose(integrate(*through, emission, window, options_.sensor.readout), exposure_ms, options_.sensor,
-                sequence);
+                exposed.sequence);
 }
 
 absl::StatusOr<std::shared_ptr<const Transport>> SimCamera::transport(

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "camera-node/camera.h"
+#include "core/base/node_clock.h"
 #include "core/sim/emission_timeline.h"
 #include "core/sim/sensor.h"
 #include "core/sim/transport.h"
@@ -21,8 +22,12 @@ struct SimCameraOptions {
   int height_px = 96;
   double frame_rate_hz = 200.0;
   SensorModel sensor;
-  double drop = 0.0;       // probability that a frame is lost: its number is skipped
-  double duplicate = 0.0;  // probability that a frame holds the pixels of the one before
+  NodeClock clock = {};        // in which it stamps
+  double drop = 0.0;           // probability that a frame is lost: its number is skipped
+  double duplicate = 0.0;      // probability that a frame holds the pixels of the one before
+  nanoseconds late{};          // frames are delivered up to this late, in order
+  nanoseconds stamp_jitter{};  // stamps are off by up to this, and say so
+  nanoseconds stamp_shift{};   // stamps are off by this, and do not say so
 };
 
 class SimCamera final : public Camera, public Stage {
@@ -39,8 +44,13 @@ class SimCamera final : public Camera, public Stage {
 
  private:
   SimCamera(const SimCameraOptions& options, const EmissionTimeline& timeline);
-  absl::StatusOr<Image16> expose_frame(std::int64_t sequence, ExposureWindow window, double exposure_ms,
-                                       bool object);
+  // What lies on the sensor when a frame is read out.
+  struct Exposed {
+    std::int64_t sequence = 0;
+    ExposureWindow window;
+    bool object = false;
+  };
+  absl::StatusOr<Image16> expose_frame(const Exposed& exposed, double exposure_ms);
   // For the monitors that emit now; built again when they change.
   absl::StatusOr<std::shared_ptr<const Transport>> transport(const std::vector<EmissionMonitor>& monitors,
                                                              bool object);
@@ -53,7 +63,9 @@ class SimCamera final : public Camera, public Stage {
   double exposure_ms_ = 0.0;   // guarded by mutex_
   std::int64_t sequence_ = 0;  // guarded by mutex_
   nanoseconds next_start_{};   // guarded by mutex_
+  Exposed newest_;             // guarded by mutex_, but for duplicates
   std::mt19937_64 random_;     // guarded by mutex_
+  nanoseconds delivered_{};    // when the newest frame was; next() has one caller
   std::mutex build_mutex_;
   std::vector<SceneMonitor> built_for_;              // guarded by build_mutex_
   std::shared_ptr<const Transport> with_, without_;  // guarded by build_mutex_

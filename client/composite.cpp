@@ -21,6 +21,7 @@ struct Arguments {
   std::string matte;
   std::vector<std::string> backgrounds;
   std::string output;
+  std::string crop;
   bool linear = false;
 };
 
@@ -36,6 +37,7 @@ absl::Status composite_file(const Client& client, const Arguments& arguments) {
     picture = composite(matte, backgrounds, 0, [&progress](double fraction) { progress.update(fraction); });
   }
   GW_RETURN_IF_ERROR(picture.status());
+  GW_ASSIGN_OR_RETURN(picture, cropped(*picture, arguments.crop));
   GW_RETURN_IF_ERROR(write_radiance(arguments.output, *picture, encoding));
   if (client.json) {
     const nlohmann::ordered_json written = {
@@ -101,6 +103,7 @@ void add_composite_command(CLI::App& app, Client& client) {
   command.add_option("--background", arguments->backgrounds, "[TEXTURE=]IMAGE; may be repeated")->required();
   command.add_option("-o,--output", arguments->output, "the picture to write: .exr, .png or .tif")
       ->required();
+  command.add_option("--crop", arguments->crop, kCropHelp);
   command.add_flag("--linear", arguments->linear,
                    "PNG and TIFF values are linear radiance, value / full scale");
   command.callback([&client, arguments] {

@@ -14,14 +14,16 @@ namespace {
 struct Arguments {
   std::string input;
   std::string output;
+  std::string crop;
   bool linear = false;
 };
 
 absl::Status convert(const Client& client, const Arguments& arguments) {
   GW_RETURN_IF_ERROR(check_output(arguments.output));
   GW_ASSIGN_OR_RETURN(
-      const RadianceImage picture,
+      const RadianceImage whole,
       read_radiance(arguments.input, arguments.linear ? Encoding::kLinear : Encoding::kDisplay));
+  GW_ASSIGN_OR_RETURN(const RadianceImage picture, cropped(whole, arguments.crop));
   GW_RETURN_IF_ERROR(write_radiance(arguments.output, picture, Encoding::kDisplay));
   if (client.json) {
     const nlohmann::ordered_json written = {
@@ -43,6 +45,7 @@ void add_convert_command(CLI::App& app, Client& client) {
   auto arguments = std::make_shared<Arguments>();
   command.add_option("input", arguments->input, "the picture to read")->required();
   command.add_option("output", arguments->output, "the picture to write: .png, .tif or .exr")->required();
+  command.add_option("--crop", arguments->crop, kCropHelp);
   command.add_flag("--linear", arguments->linear,
                    "the input's PNG or TIFF values are linear radiance, as frames are");
   command.callback(

@@ -2,13 +2,23 @@
 #pragma once
 
 #include <absl/status/status.h>
+#include <absl/status/statusor.h>
 
 #include <filesystem>
+#include <string>
+
+#include "core/frame/image.h"
 
 namespace glasswing {
 
 // Before any work: INVALID_ARGUMENT for a suffix that cannot be written, NOT_FOUND for a directory that is
 // not there.
 absl::Status check_output(const std::filesystem::path& output);
+
+// The part of a picture that "WIDTHxHEIGHT+X+Y" names, px from its top-left corner; all of it if `region` is
+// empty. INVALID_ARGUMENT: it is not of that form, or reaches beyond the picture.
+absl::StatusOr<RadianceImage> cropped(const RadianceImage& picture, const std::string& region);
+inline constexpr const char* kCropHelp =
+    "WIDTHxHEIGHT+X+Y: only this part of the picture, px from its top left corner";
 
 }  // namespace glasswing

@@ -34,7 +34,7 @@ bool gives_sizes(const v1::Plan& plan) {
                      [](const auto& m) { return m.has_width_px() && m.has_height_px(); });
 }
 
-// The plan's own sizes, with the refresh rate of the rig's monitor of that name.
+// The plan's own sizes, with the refresh rate and the id patch of the rig's monitor of that name.
 std::vector<v1::Monitor> planned_monitors(const v1::Plan& plan, const RigView& rig) {
   std::vector<v1::Monitor> monitors;
   for (const v1::PlanMonitor& planned : plan.monitors()) {
@@ -43,7 +43,9 @@ std::vector<v1::Monitor> planned_monitors(const v1::Plan& plan, const RigView& r
     monitor.set_width_px(planned.width_px());
     monitor.set_height_px(planned.height_px());
     for (const v1::Monitor& real : rig.monitors) {
-      if (real.name() == planned.name()) monitor.set_refresh_hz(real.refresh_hz());
+      if (real.name() != planned.name()) continue;
+      monitor.set_refresh_hz(real.refresh_hz());
+      monitor.set_patch_rows(real.patch_rows());
     }
   }
   return monitors;

@@ -18,6 +18,7 @@ absl::Status add_monitors(const v1::Node& node, RigView& rig) {
     monitor.set_name(shown.name());
     monitor.set_width_px(shown.width_px());
     monitor.set_height_px(shown.height_px());
+    monitor.set_patch_rows(shown.patch_rows());
     monitor.set_refresh_hz(shown.refresh_hz());
     monitor.set_response(shown.response());
   }

@@ -23,6 +23,12 @@ void print_details(const v1::Session& session) {
   row("steps", fmt::format("{} of {} proven, {} retaken, {} frames taken in {}", session.proven_count(),
                            session.step_count(), session.retaken_count(), session.frames_taken(),
                            seconds_text(session.capture_seconds())));
+  if (session.frames_taken() > 0) {
+    row("proof", fmt::format("{} by time and id patch, {} by time; {} refused for their pixels",
+                             session.patch_proven_count(),
+                             session.proven_count() - session.patch_proven_count(), session.refused_count()));
+  }
+  row("warning", session.warning());
   if (session.tile_count() > 0) {
     row("solving", fmt::format("{}, {} of {} tiles, {}", session.method(), session.tiles_done(),
                                session.tile_count(), seconds_text(session.solve_seconds())));

@@ -13,6 +13,7 @@
 
 #include "core/base/time.h"
 #include "core/frame/image.h"
+#include "core/pattern/pattern.h"
 
 namespace glasswing {
 
@@ -20,11 +21,16 @@ struct ScreenInfo {
   std::string name;
   int width_px = 0;
   int height_px = 0;
+  int patch_rows = 0;  // of these, the lowest: they show the id patch and no pattern
   double refresh_hz = 60.0;
   nanoseconds scanout{};  // from a picture's first row to its last
   nanoseconds lag{};      // from a row's scan-out to its light
   nanoseconds settle{};   // until that light has settled
 };
+
+inline MonitorSize pattern_size_of(const ScreenInfo& screen) {
+  return {.width_px = screen.width_px, .height_px = screen.height_px - screen.patch_rows};
+}
 
 inline nanoseconds period_of(const ScreenInfo& screen) {
   return nanoseconds(std::llround(1e9 / screen.refresh_hz));

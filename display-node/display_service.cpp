@@ -7,6 +7,7 @@
 #include <deque>
 #include <thread>
 
+#include "core/pattern/id_patch.h"
 #include "core/service/service.h"
 #include "display-node/player.h"
 
@@ -15,17 +16,41 @@ namespace {
 
 constexpr size_t kMaxImageBytes = 64u << 20;
 
+std::vector<ScreenInfo> with_patch(std::vector<ScreenInfo> screens, int patch_rows) {
+  for (ScreenInfo& screen : screens) screen.patch_rows = patch_rows;
+  return screens;
+}
+
 }  // namespace
+
+absl::Status DisplayServiceImpl::check_patch(const Display& display, int patch_rows) {
+  if (patch_rows == 0) return absl::OkStatus();
+  for (const ScreenInfo& screen : display.screens()) {
+    const int most = screen.height_px / 2;
+    if (screen.width_px < IdPatch::kLeastWidth_px || patch_rows < IdPatch::kLeastRows || patch_rows > most) {
+      return absl::InvalidArgumentError(fmt::format(
+          "an id patch of {} rows does not fit monitor \"{}\", {} x {} px: it takes {} to half of "
+          "its rows, and {} px across",
+          patch_rows, screen.name, screen.width_px, screen.height_px, IdPatch::kLeastRows,
+          IdPatch::kLeastWidth_px));
+    }
+  }
+  return absl::OkStatus();
+}
+
+DisplayServiceImpl::DisplayServiceImpl(std::string name, Display& display, int patch_rows)
+    : name_(std::move(name)), display_(display), screens_(with_patch(display.screens(), patch_rows)) {}
 
 grpc::Status DisplayServiceImpl::GetDisplay(grpc::ServerContext*, const v1::GetDisplayRequest*,
                                             v1::GetDisplayResponse* response) {
   response->set_name(name_);
   response->set_backend(display_.backend());
-  for (const ScreenInfo& screen : display_.screens()) {
+  for (const ScreenInfo& screen : screens_) {
     v1::DisplayMonitor& monitor = *response->add_monitors();
     monitor.set_name(screen.name);
     monitor.set_width_px(screen.width_px);
-    monitor.set_height_px(screen.height_px);
+    monitor.set_height_px(pattern_size_of(screen).height_px);
+    monitor.set_patch_rows(screen.patch_rows);
     monitor.set_refresh_hz(screen.refresh_hz);
     monitor.set_optical_lag_ns(screen.lag.count());
     monitor.set_settle_ns(screen.settle.count());
@@ -54,7 +79,7 @@ grpc::Status DisplayServiceImpl::PutImage(grpc::ServerContext*,
 
 grpc::Status DisplayServiceImpl::LoadProgram(grpc::ServerContext*, const v1::LoadProgramRequest* request,
                                              v1::LoadProgramResponse*) {
-  absl::StatusOr<Program> program = Program::create(*request, display_.screens(), images_);
+  absl::StatusOr<Program> program = Program::create(*request, screens_, images_);
   if (!program.ok()) return to_grpc(program.status());
   const std::lock_guard lock(mutex_);
   play_.request_stop();

@@ -14,7 +14,10 @@ namespace glasswing {
 
 class DisplayServiceImpl final : public v1::DisplayService::Service {
  public:
-  DisplayServiceImpl(std::string name, Display& display) : name_(std::move(name)), display_(display) {}
+  // The lowest `patch_rows` of every monitor show the id patch. INVALID_ARGUMENT: they leave too little, or
+  // are too small to be told apart.
+  static absl::Status check_patch(const Display& display, int patch_rows);
+  DisplayServiceImpl(std::string name, Display& display, int patch_rows = 0);
   // Ends a playing program, so that the daemon can stop.
   void stop() { stop_.request_stop(); }
 
@@ -30,6 +33,7 @@ class DisplayServiceImpl final : public v1::DisplayService::Service {
  private:
   const std::string name_;
   Display& display_;
+  const std::vector<ScreenInfo> screens_;
   ImageStore images_;
   std::stop_source stop_;
   std::mutex mutex_;

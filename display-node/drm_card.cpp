@@ -12,7 +12,6 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
-#include <map>
 
 #include "core/base/status.h"
 
@@ -31,59 +30,12 @@ std::unique_ptr<T, Release<release>> owned(T* pointer) {
   return std::unique_ptr<T, Release<release>>(pointer);
 }
 
-struct Property {
-  std::uint32_t id = 0;
-  std::uint64_t value = 0;
-  bool blob = false;
-};
-
-std::map<std::string, Property> properties_of(int fd, std::uint32_t object) {
-  std::map<std::string, Property> properties;
-  const auto list =
-      owned<drmModeFreeObjectProperties>(drmModeObjectGetProperties(fd, object, DRM_MODE_OBJECT_ANY));
-  for (std::uint32_t i = 0; list != nullptr && i < list->count_props; ++i) {
-    const auto property = owned<drmModeFreeProperty>(drmModeGetProperty(fd, list->props[i]));
-    if (property == nullptr) continue;
-    properties[property->name] = {.id = property->prop_id,
-                                  .value = list->prop_values[i],
-                                  .blob = (property->flags & DRM_MODE_PROP_BLOB) != 0};
-  }
-  return properties;
-}
-
 bool usable(const drmModeModeInfo& mode) {
   return (mode.flags & (DRM_MODE_FLAG_INTERLACE | DRM_MODE_FLAG_DBLSCAN)) == 0 && mode.vscan <= 1 &&
          mode.clock > 0 && mode.htotal > 0 && mode.vtotal > 0;
 }
 
 }  // namespace
-
-// Changes of properties, and how these were before.
-class DrmCard::Changes {
- public:
-  explicit Changes(int fd) : fd_(fd) {}
-  // A property that the object lacks needs no change.
-  void add(std::uint32_t object, const std::map<std::string, Property>& properties, const char* name,
-           std::uint64_t value) {
-    const auto found = properties.find(name);
-    if (found == properties.end()) return;
-    const Property& property = found->second;
-    to.push_back({object, property.id, value});
-    before.push_back({object, property.id, property.blob ? copy_of(property.value) : property.value});
-  }
-  std::vector<Setting> to, before;
-
- private:
-  // A blob of another program ends with its last use.
-  std::uint64_t copy_of(std::uint64_t blob) const {
-    const auto data =
-        owned<drmModeFreePropertyBlob>(drmModeGetPropertyBlob(fd_, static_cast<std::uint32_t>(blob)));
-    std::uint32_t copy = 0;
-    if (data != nullptr) drmModeCreatePropertyBlob(fd_, data->data, data->length, &copy);
-    return copy;
-  }
-  const int fd_;
-};
 
 absl::StatusOr<std::unique_ptr<DrmCard>> DrmCard::open(const std::string& path) {
   std::unique_ptr<DrmCard> card(new DrmCard());
@@ -98,7 +50,9 @@ absl::StatusOr<std::unique_ptr<DrmCard>> DrmCard::open(const std::string& path) 
 
 DrmCard::~DrmCard() {
   // Should this fail, the kernel shows its console as soon as nobody has the card open.
-  if (!before_.empty()) (void)commit(before_, DRM_MODE_ATOMIC_ALLOW_MODESET, 0);
+  std::vector<Setting> settings;
+  for (const auto& [where, value] : before_) settings.push_back({where.first, where.second, value});
+  if (!settings.empty()) (void)commit(settings, DRM_MODE_ATOMIC_ALLOW_MODESET, 0);
   for (const Memory& memory : memory_) ::munmap(memory.mapped, memory.bytes);
   if (fd_ >= 0) ::close(fd_);
 }
@@ -147,6 +101,36 @@ void DrmCard::find_connectors() {
   }
 }
 
+DrmCard::Properties DrmCard::properties_of(std::uint32_t object) const {
+  Properties properties;
+  const auto list =
+      owned<drmModeFreeObjectProperties>(drmModeObjectGetProperties(fd_, object, DRM_MODE_OBJECT_ANY));
+  for (std::uint32_t i = 0; list != nullptr && i < list->count_props; ++i) {
+    const auto property = owned<drmModeFreeProperty>(drmModeGetProperty(fd_, list->props[i]));
+    if (property == nullptr) continue;
+    properties[property->name] = {.id = property->prop_id,
+                                  .value = list->prop_values[i],
+                                  .blob = (property->flags & DRM_MODE_PROP_BLOB) != 0};
+  }
+  return properties;
+}
+
+void DrmCard::change(std::vector<Setting>& settings, std::uint32_t object, const Properties& properties,
+                     const char* name, std::uint64_t value) {
+  const auto found = properties.find(name);
+  if (found == properties.end()) return;
+  const Property& property = found->second;
+  settings.push_back({object, property.id, value});
+  const auto [before, first] = before_.try_emplace({object, property.id}, property.value);
+  if (!first || !property.blob) return;
+  // A blob of another program ends with its last use; a copy does not.
+  const auto blob =
+      owned<drmModeFreePropertyBlob>(drmModeGetPropertyBlob(fd_, static_cast<std::uint32_t>(property.value)));
+  std::uint32_t copy = 0;
+  if (blob != nullptr) drmModeCreatePropertyBlob(fd_, blob->data, blob->length, &copy);
+  before->second = copy;
+}
+
 absl::StatusOr<DrmCard::Pipe> DrmCard::claim(const Connector& connector) {
   Pipe pipe;
   size_t index = 0;
@@ -159,18 +143,15 @@ absl::StatusOr<DrmCard::Pipe> DrmCard::claim(const Connector& connector) {
   for (std::uint32_t i = 0; pipe.crtc != 0 && planes != nullptr && i < planes->count_planes; ++i) {
     const auto plane = owned<drmModeFreePlane>(drmModeGetPlane(fd_, planes->planes[i]));
     if (plane == nullptr) continue;
-    const auto properties = properties_of(fd_, plane->plane_id);
+    const auto properties = properties_of(plane->plane_id);
     const auto type = properties.find("type"), framebuffer = properties.find("FB_ID");
     if (type == properties.end() || framebuffer == properties.end()) continue;
-    const bool fits = type->second.value == DRM_PLANE_TYPE_PRIMARY &&
-                      (plane->possible_crtcs >> index & 1) != 0 && !claimed_.contains(plane->plane_id) &&
-                      (plane->crtc_id == 0 || plane->crtc_id == pipe.crtc);
-    if (fits && pipe.plane == 0) {
-      pipe.plane = plane->plane_id;
-      pipe.framebuffer_property = framebuffer->second.id;
-    } else if (plane->crtc_id == pipe.crtc) {
-      pipe.other_planes.push_back(plane->plane_id);
-    }
+    if (type->second.value != DRM_PLANE_TYPE_PRIMARY || (plane->possible_crtcs >> index & 1) == 0 ||
+        claimed_.contains(plane->plane_id))
+      continue;
+    pipe.plane = plane->plane_id;
+    pipe.framebuffer_property = framebuffer->second.id;
+    break;
   }
   if (pipe.plane == 0) {
     return absl::FailedPreconditionError(
@@ -205,6 +186,23 @@ absl::StatusOr<DrmCard::Framebuffer> DrmCard::make_framebuffer(int width_px, int
   return made;
 }
 
+absl::Status DrmCard::turn_off() {
+  std::vector<Setting> settings;
+  for (const Connector& connector : connectors_)
+    change(settings, connector.id, properties_of(connector.id), "CRTC_ID", 0);
+  for (const std::uint32_t crtc : crtcs_) {
+    const Properties properties = properties_of(crtc);
+    for (const char* property : {"ACTIVE", "MODE_ID"}) change(settings, crtc, properties, property, 0);
+  }
+  const auto planes = owned<drmModeFreePlaneResources>(drmModeGetPlaneResources(fd_));
+  for (std::uint32_t i = 0; planes != nullptr && i < planes->count_planes; ++i) {
+    const Properties properties = properties_of(planes->planes[i]);
+    for (const char* property : {"FB_ID", "CRTC_ID"})
+      change(settings, planes->planes[i], properties, property, 0);
+  }
+  return commit(settings, DRM_MODE_ATOMIC_ALLOW_MODESET, 0);
+}
+
 absl::Status DrmCard::set(const Connector& connector, const Pipe& pipe, const drmModeModeInfo& mode,
                           const Framebuffer& framebuffer) {
   if (drmIsMaster(fd_) == 0) {
@@ -213,36 +211,32 @@ absl::Status DrmCard::set(const Connector& connector, const Pipe& pipe, const dr
                     "(--backend x11)",
                     name_));
   }
-  std::uint32_t timings = 0;
-  drmModeCreatePropertyBlob(fd_, &mode, sizeof(mode), &timings);
-  Changes changes(fd_);
-  changes.add(connector.id, properties_of(fd_, connector.id), "CRTC_ID", pipe.crtc);
-  const auto crtc = properties_of(fd_, pipe.crtc);
-  changes.add(pipe.crtc, crtc, "MODE_ID", timings);
-  changes.add(pipe.crtc, crtc, "ACTIVE", 1);
-  // Nothing between a code and the signal, and refreshes that keep their rate.
-  for (const char* property : {"DEGAMMA_LUT", "CTM", "GAMMA_LUT", "VRR_ENABLED"})
-    changes.add(pipe.crtc, crtc, property, 0);
-  const auto plane = properties_of(fd_, pipe.plane);
-  changes.add(pipe.plane, plane, "CRTC_ID", pipe.crtc);
-  changes.add(pipe.plane, plane, "FB_ID", framebuffer.id);
-  for (const char* corner : {"SRC_X", "SRC_Y", "CRTC_X", "CRTC_Y"}) changes.add(pipe.plane, plane, corner, 0);
-  changes.add(pipe.plane, plane, "SRC_W", std::uint64_t{mode.hdisplay} << 16);  // 16.16 fixed point
-  changes.add(pipe.plane, plane, "SRC_H", std::uint64_t{mode.vdisplay} << 16);
-  changes.add(pipe.plane, plane, "CRTC_W", mode.hdisplay);
-  changes.add(pipe.plane, plane, "CRTC_H", mode.vdisplay);
-  for (const std::uint32_t other : pipe.other_planes) {
-    const auto properties = properties_of(fd_, other);
-    changes.add(other, properties, "CRTC_ID", 0);
-    changes.add(other, properties, "FB_ID", 0);
+  absl::Status status = before_.empty() ? turn_off() : absl::OkStatus();
+  if (status.ok()) {
+    std::uint32_t timings = 0;
+    drmModeCreatePropertyBlob(fd_, &mode, sizeof(mode), &timings);
+    std::vector<Setting> settings;
+    change(settings, connector.id, properties_of(connector.id), "CRTC_ID", pipe.crtc);
+    const Properties crtc = properties_of(pipe.crtc), plane = properties_of(pipe.plane);
+    change(settings, pipe.crtc, crtc, "MODE_ID", timings);
+    change(settings, pipe.crtc, crtc, "ACTIVE", 1);
+    // Nothing between a code and the signal, and refreshes that keep their rate.
+    for (const char* property : {"DEGAMMA_LUT", "CTM", "GAMMA_LUT", "VRR_ENABLED"})
+      change(settings, pipe.crtc, crtc, property, 0);
+    change(settings, pipe.plane, plane, "CRTC_ID", pipe.crtc);
+    change(settings, pipe.plane, plane, "FB_ID", framebuffer.id);
+    for (const char* corner : {"SRC_X", "SRC_Y", "CRTC_X", "CRTC_Y"})
+      change(settings, pipe.plane, plane, corner, 0);
+    change(settings, pipe.plane, plane, "SRC_W", std::uint64_t{mode.hdisplay} << 16);  // 16.16 fixed point
+    change(settings, pipe.plane, plane, "SRC_H", std::uint64_t{mode.vdisplay} << 16);
+    change(settings, pipe.plane, plane, "CRTC_W", mode.hdisplay);
+    change(settings, pipe.plane, plane, "CRTC_H", mode.vdisplay);
+    status = commit(settings, DRM_MODE_ATOMIC_ALLOW_MODESET, 0);
   }
-  if (const absl::Status status = commit(changes.to, DRM_MODE_ATOMIC_ALLOW_MODESET, 0); !status.ok()) {
-    return absl::FailedPreconditionError(fmt::format("{} does not show {} x {} px at {:.2f} Hz on {}: {}",
-                                                     name_, mode.hdisplay, mode.vdisplay, refresh_hz_of(mode),
-                                                     connector.name, std::string(status.message())));
-  }
-  before_.insert(before_.end(), changes.before.begin(), changes.before.end());
-  return absl::OkStatus();
+  if (status.ok()) return status;
+  return absl::FailedPreconditionError(fmt::format("{} does not show {} x {} px at {:.2f} Hz on {}: {}",
+                                                   name_, mode.hdisplay, mode.vdisplay, refresh_hz_of(mode),
+                                                   connector.name, std::string(status.message())));
 }
 
 absl::Status DrmCard::commit(const std::vector<Setting>& settings, std::uint32_t flags,

@@ -6,9 +6,11 @@
 #include <xf86drmMode.h>
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/base/time.h"
@@ -41,7 +43,6 @@ class DrmCard {
     std::uint32_t crtc = 0;
     std::uint32_t plane = 0;  // the primary one
     std::uint32_t framebuffer_property = 0;
-    std::vector<std::uint32_t> other_planes;  // that are on this CRTC now, such as a pointer's
   };
   // One that is free, for this connector from now on. FAILED_PRECONDITION: none is.
   absl::StatusOr<Pipe> claim(const Connector& connector);
@@ -84,19 +85,29 @@ class DrmCard {
     void* mapped = nullptr;
     size_t bytes = 0;
   };
-  class Changes;
+  struct Property {
+    std::uint32_t id = 0;
+    std::uint64_t value = 0;
+    bool blob = false;
+  };
+  using Properties = std::map<std::string, Property>;
 
   DrmCard() = default;
   absl::Status check_abilities();
   void find_connectors();
+  Properties properties_of(std::uint32_t object) const;
+  // Adds a setting, and remembers how it was; a property that the object lacks needs none.
+  void change(std::vector<Setting>& settings, std::uint32_t object, const Properties& properties,
+              const char* name, std::uint64_t value);
+  absl::Status turn_off();
   absl::Status commit(const std::vector<Setting>& settings, std::uint32_t flags, std::uint64_t serial) const;
 
   std::string name_;
   int fd_ = -1;
   std::vector<std::uint32_t> crtcs_;
   std::vector<Connector> connectors_;
-  std::set<std::uint32_t> claimed_;  // CRTCs and planes
-  std::vector<Setting> before_;      // what set() changed
+  std::set<std::uint32_t> claimed_;                                          // CRTCs and planes
+  std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint64_t> before_;  // by object and property
   std::vector<Memory> memory_;
 };
 

@@ -9,22 +9,19 @@ namespace {
 
 using Writer = grpc::ServerWriter<v1::WatchEmissionResponse>;
 
-std::string bytes_of(const ScreenInfo& screen, const Picture& picture) {
-  Image16 image(screen.width_px, screen.height_px);
-  if (picture != nullptr) {
-    std::transform(picture->samples.begin(), picture->samples.end(), image.samples.begin(), code16_of);
-  }
-  return {reinterpret_cast<const char*>(image.samples.data()), image.samples.size() * 2};
-}
-
 bool send_picture(const ScreenInfo& screen, const Emission& emission, Writer& writer) {
-  const std::string bytes = bytes_of(screen, emission.picture);
+  Image16 image(screen.width_px, screen.height_px);
+  if (emission.picture != nullptr) {
+    const std::vector<float>& radiance = emission.picture->samples;
+    std::transform(radiance.begin(), radiance.end(), image.samples.begin(), code16_of);
+  }
+  const std::string_view bytes(reinterpret_cast<const char*>(image.samples.data()), image.samples.size() * 2);
   for (size_t at = 0; at < bytes.size(); at += kChunkBytes) {
     v1::WatchEmissionResponse response;
     v1::EmittedPicture& picture = *response.mutable_picture();
     picture.set_monitor(screen.name);
     picture.set_scanout_start_ns(emission.scanout_start.count());
-    picture.set_chunk(bytes.substr(at, kChunkBytes));
+    picture.set_chunk(std::string(bytes.substr(at, kChunkBytes)));
     picture.set_last_chunk(at + kChunkBytes >= bytes.size());
     if (!writer.Write(response)) return false;
   }
@@ -42,7 +39,8 @@ grpc::Status EmissionServiceImpl::WatchEmission(grpc::ServerContext* context, co
     monitor.set_width_px(screen.width_px);
     monitor.set_height_px(screen.height_px);
     monitor.set_scanout_ns(screen.scanout.count());
-    monitor.set_lag_ns(screen.lag.count());
+    monitor.set_lag_ns(optics_.lag.value_or(screen.lag).count());
+    monitor.set_settle_ns(optics_.settle.value_or(screen.settle).count());
     if (!writer->Write(response)) return grpc::Status::OK;
   }
   std::uint64_t cursor = 0;

@@ -2,21 +2,29 @@
 #pragma once
 
 #include <atomic>
+#include <optional>
 
 #include "display-node/light_tap.h"
 #include "glasswing/v1/emission_service.grpc.pb.h"
 
 namespace glasswing {
 
+// What the light really does, where that is not what the screens say of themselves.
+struct TrueOptics {
+  std::optional<nanoseconds> lag, settle;
+};
+
 class EmissionServiceImpl final : public v1::EmissionService::Service {
  public:
-  explicit EmissionServiceImpl(LightTap& display) : display_(display) {}
+  explicit EmissionServiceImpl(LightTap& display, TrueOptics optics = {})
+      : display_(display), optics_(optics) {}
   void stop() { stopping_ = true; }
   grpc::Status WatchEmission(grpc::ServerContext* context, const v1::WatchEmissionRequest* request,
                              grpc::ServerWriter<v1::WatchEmissionResponse>* writer) override;
 
  private:
   LightTap& display_;
+  const TrueOptics optics_;
   std::atomic<bool> stopping_ = false;
 };
 

@@ -1,4 +1,5 @@
 #include <fmt/format.h>
+#include <malloc.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -14,6 +15,7 @@
 #include "display-node/emission_service.h"
 #include "display-node/kms_display.h"
 #include "display-node/light_tap.h"
+#include "display-node/repeating_display.h"
 #include "display-node/sim_display.h"
 #include "display-node/x11_display.h"
 
@@ -23,15 +25,28 @@ using namespace glasswing;
 
 constexpr size_t kMostMonitors = 16;
 
+nanoseconds of_ms(double ms) {
+  return nanoseconds(static_cast<std::int64_t>(ms * 1e6));
+}
+
 struct Screens {
   std::string backend = "sim";
   std::vector<std::string> monitors;
   std::string x11_server;
   double lag_ms = 3.0, settle_ms = 1.0;
+  int patch_rows = 0;
+  std::optional<double> true_lag_ms, true_settle_ms;
   SimDisplay::Faults faults;
+  double jitter_ms = 0.0, repeat = 0.0;
 
-  nanoseconds lag() const { return nanoseconds(static_cast<std::int64_t>(lag_ms * 1e6)); }
-  nanoseconds settle() const { return nanoseconds(static_cast<std::int64_t>(settle_ms * 1e6)); }
+  nanoseconds lag() const { return of_ms(lag_ms); }
+  nanoseconds settle() const { return of_ms(settle_ms); }
+  TrueOptics true_optics() const {
+    TrueOptics optics;
+    if (true_lag_ms) optics.lag = of_ms(*true_lag_ms);
+    if (true_settle_ms) optics.settle = of_ms(*true_settle_ms);
+    return optics;
+  }
 };
 
 // "back=128x96@60"
@@ -66,7 +81,15 @@ absl::StatusOr<std::unique_ptr<Display>> open_simulated(const Screens& screens) 
     GW_ASSIGN_OR_RETURN(const ScreenInfo screen, parse_simulated("back=128x96@60", screens));
     parsed.push_back(screen);
   }
-  return std::make_unique<SimDisplay>(std::move(parsed), screens.faults);
+  SimDisplay::Faults faults = screens.faults;
+  faults.jitter = of_ms(screens.jitter_ms);
+  for (const ScreenInfo& screen : parsed) {
+    if (faults.jitter < period_of(screen)) continue;
+    return absl::InvalidArgumentError(
+        fmt::format("--fault-jitter-ms is {}; it must be less than a refresh, {} ms", screens.jitter_ms,
+                    1e3 / screen.refresh_hz));
+  }
+  return std::make_unique<SimDisplay>(std::move(parsed), faults);
 }
 
 absl::StatusOr<std::unique_ptr<Display>> open_x11(const Screens& screens) {
@@ -159,14 +182,31 @@ int main(int argc, char** argv) {
       "sim: NAME=WIDTHxHEIGHT@HZ, back=128x96@60 if left out; x11: NAME=OUTPUT as xrandr calls it; kms: "
       "NAME=[CARD:]CONNECTOR[@WIDTHxHEIGHT[@HZ]]; all monitors if left out; repeat for more");
   app.add_option("--x11-server", screens.x11_server, "x11: which, such as :0; $DISPLAY if left out");
+  app.add_option("--patch-rows", screens.patch_rows,
+                 "rows at the bottom of every monitor that show an id patch, by which frames are proven from "
+                 "their pixels")
+      ->check(CLI::Range(0, 4096))
+      ->capture_default_str();
   app.add_option("--lag-ms", screens.lag_ms, "scan-out of a row to its light")
       ->check(CLI::Range(0.0, 200.0))
       ->capture_default_str();
   app.add_option("--settle-ms", screens.settle_ms, "until that light has settled")
       ->check(CLI::Range(0.0, 200.0))
       ->capture_default_str();
+  app.add_option("--true-lag-ms", screens.true_lag_ms,
+                 "what the light that a simulated camera sees really does; --lag-ms if left out")
+      ->check(CLI::Range(0.0, 200.0));
+  app.add_option("--true-settle-ms", screens.true_settle_ms, "the same of --settle-ms")
+      ->check(CLI::Range(0.0, 200.0));
   app.add_option("--fault-missed-flips", screens.faults.missed_flips,
                  "sim: probability that a flip comes a refresh late")
+      ->check(CLI::Range(0.0, 1.0));
+  app.add_option("--fault-jitter-ms", screens.jitter_ms,
+                 "sim: each scan-out begins up to this late, and is reported so; less than a refresh")
+      ->check(CLI::Range(0.0, 1000.0));
+  app.add_option(
+         "--fault-repeat", screens.repeat,
+         "probability that the old picture stays a refresh longer than is reported: a display that lies")
       ->check(CLI::Range(0.0, 1.0));
   app.add_option("--fault-seed", screens.faults.seed, "sim: seed of the faults");
   app.add_flag("--reflection", listen.reflection, "let gRPC tools list the services");
@@ -176,14 +216,21 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", kVersion);
   CLI11_PARSE(app, argc, argv);
 
+  // Pictures come and go by the megabyte: their pages stay, instead of being faulted in again each time.
+  ::mallopt(M_MMAP_THRESHOLD, 1 << 30);
+  ::mallopt(M_TRIM_THRESHOLD, 1 << 30);
+  ::mallopt(M_ARENA_MAX, 1);
   block_signals();
   start_logging("glasswing-display", level);
   if (absl::Status status = check_name("node", name); !status.ok()) return fail(status);
   const absl::StatusOr<std::unique_ptr<Display>> opened = open_screens(screens);
   if (!opened.ok()) return fail(opened.status());
-  LightTap display(**opened);
-  DisplayServiceImpl service(name, display);
-  EmissionServiceImpl emission(display);
+  LightTap tap(**opened);
+  RepeatingDisplay display(tap, screens.repeat, screens.faults.seed);
+  const absl::Status patch = DisplayServiceImpl::check_patch(display, screens.patch_rows);
+  if (!patch.ok()) return fail(patch);
+  DisplayServiceImpl service(name, display, screens.patch_rows);
+  EmissionServiceImpl emission(tap, screens.true_optics());
   absl::StatusOr<std::unique_ptr<ServiceHost>> host = ServiceHost::start(listen, {&service, &emission});
   if (!host.ok()) return fail(host.status());
   v1::RegisterRequest node;

@@ -3,10 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <limits>
+#include <set>
 
 #include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/frame/image_file.h"
+#include "core/pattern/id_patch.h"
 
 namespace glasswing {
 namespace {
@@ -58,62 +61,101 @@ absl::StatusOr<Program> Program::create(const v1::LoadProgramRequest& request,
   Program program;
   program.name_ = request.program();
   program.hold_refreshes_ = request.hold_refreshes();
-  program.screen_count_ = screens.size();
+  program.screens_ = screens;
   size_t ahead_bytes = 0;
   for (const v1::ProgramStep& wanted : request.steps()) {
-    Step step{.number = wanted.step(), .lit = {}};
-    for (const v1::Stimulus& stimulus : wanted.stimuli()) {
-      const auto screen = std::find_if(screens.begin(), screens.end(),
-                                       [&](const ScreenInfo& s) { return s.name == stimulus.panel(); });
-      if (screen == screens.end()) {
-        std::string names;
-        for (const ScreenInfo& each : screens) names += (names.empty() ? "" : ", ") + each.name;
-        return absl::InvalidArgumentError(fmt::format("step {}: there is no monitor \"{}\"; there are: {}",
-                                                      wanted.step(), stimulus.panel(), names));
-      }
-      const auto index = static_cast<size_t>(screen - screens.begin());
-      if (std::any_of(step.lit.begin(), step.lit.end(),
-                      [&](const Lit& lit) { return lit.screen == index; })) {
-        return absl::InvalidArgumentError(fmt::format(
-            "step {}: monitor \"{}\" is lit twice; it must have one stimulus", wanted.step(), screen->name));
-      }
-      const MonitorSize size{.width_px = screen->width_px, .height_px = screen->height_px};
-      Lit lit{.screen = index, .pattern = std::nullopt, .picture = nullptr};
-      if (stimulus.kind() == "photo") {
-        lit.picture = images.find(stimulus.image());
-        if (lit.picture == nullptr) {
-          return absl::FailedPreconditionError(fmt::format("step {}: image \"{}\" is not here; send it first",
-                                                           wanted.step(), stimulus.image()));
-        }
-        if (lit.picture->width_px != size.width_px || lit.picture->height_px != size.height_px) {
-          return absl::InvalidArgumentError(fmt::format(
-              "step {}: image \"{}\" is {}x{}; monitor \"{}\" is {}x{}", wanted.step(), stimulus.image(),
-              lit.picture->width_px, lit.picture->height_px, screen->name, size.width_px, size.height_px));
-        }
-      } else {
-        absl::StatusOr<Pattern> pattern = Pattern::create(stimulus, size);
-        if (!pattern.ok()) {
-          return absl::InvalidArgumentError(
-              fmt::format("step {}: {}", wanted.step(), std::string(pattern.status().message())));
-        }
-        lit.pattern = *pattern;
-        ahead_bytes +=
-            sizeof(float) * 3 * static_cast<size_t>(size.width_px) * static_cast<size_t>(size.height_px);
-        if (ahead_bytes <= kAheadBytes) lit.picture = std::make_shared<RadianceImage>(pattern->rasterised());
-      }
-      step.lit.push_back(std::move(lit));
+    GW_ASSIGN_OR_RETURN(Step step, program.checked(wanted, images));
+    for (size_t i = 0; i < screens.size(); ++i) {
+      Shown& shown = step.shown[i];
+      if (!shown.pattern) continue;
+      ahead_bytes += sizeof(float) * 3 * static_cast<size_t>(screens[i].width_px) *
+                     static_cast<size_t>(screens[i].height_px);
+      if (ahead_bytes > kAheadBytes) continue;
+      shown = {
+          .pattern = std::nullopt, .picture = program.drawn(shown, screens[i]), .patch_id = std::nullopt};
     }
     program.steps_.push_back(std::move(step));
   }
   return program;
 }
 
-std::vector<Picture> Program::pictures(size_t index) const {
-  std::vector<Picture> pictures(screen_count_);
-  for (const Lit& lit : steps_[index].lit) {
-    pictures[lit.screen] =
-        lit.picture != nullptr ? lit.picture : std::make_shared<RadianceImage>(lit.pattern->rasterised());
+absl::StatusOr<Program::Step> Program::checked(const v1::ProgramStep& wanted,
+                                               const ImageStore& images) const {
+  const auto bad = [&](const std::string& what) {
+    return absl::InvalidArgumentError(fmt::format("step {}: {}", wanted.step(), what));
+  };
+  constexpr std::uint32_t kMostId = std::numeric_limits<std::uint16_t>::max();
+  Step step{.number = wanted.step(), .shown = std::vector<Shown>(screens_.size())};
+  if (wanted.patch_id() > kMostId)
+    return bad(fmt::format("patch_id is {}; it must be 0 to {}", wanted.patch_id(), kMostId));
+  for (size_t i = 0; i < screens_.size(); ++i) {
+    if (wanted.has_patch_id() && screens_[i].patch_rows > 0)
+      step.shown[i].patch_id = static_cast<std::uint16_t>(wanted.patch_id());
   }
+  std::set<size_t> lit;
+  for (const v1::Stimulus& stimulus : wanted.stimuli()) {
+    const auto screen = std::find_if(screens_.begin(), screens_.end(),
+                                     [&](const ScreenInfo& s) { return s.name == stimulus.panel(); });
+    if (screen == screens_.end()) {
+      std::string names;
+      for (const ScreenInfo& each : screens_) names += (names.empty() ? "" : ", ") + each.name;
+      return bad(fmt::format("there is no monitor \"{}\"; there are: {}", stimulus.panel(), names));
+    }
+    const auto index = static_cast<size_t>(screen - screens_.begin());
+    Shown& shown = step.shown[index];
+    if (!lit.insert(index).second)
+      return bad(fmt::format("monitor \"{}\" is lit twice; it must have one stimulus", screen->name));
+    const MonitorSize size = pattern_size_of(*screen);
+    if (stimulus.kind() == "photo") {
+      shown.picture = images.find(stimulus.image());
+      if (shown.picture == nullptr) {
+        return absl::FailedPreconditionError(
+            fmt::format("step {}: image \"{}\" is not here; send it first", wanted.step(), stimulus.image()));
+      }
+      if (shown.picture->width_px != size.width_px || shown.picture->height_px != size.height_px) {
+        return bad(fmt::format("image \"{}\" is {}x{}; monitor \"{}\" is {}x{}", stimulus.image(),
+                               shown.picture->width_px, shown.picture->height_px, screen->name, size.width_px,
+                               size.height_px));
+      }
+    } else if (stimulus.kind() == "patch") {
+      if (screen->patch_rows == 0) {
+        return bad(fmt::format("monitor \"{}\" shows no id patch; start its display with --patch-rows",
+                               screen->name));
+      }
+      if (stimulus.patch_id() > kMostId)
+        return bad(fmt::format("stimulus patch_id is {}; it must be 0 to {}", stimulus.patch_id(), kMostId));
+      shown.patch_id = static_cast<std::uint16_t>(stimulus.patch_id());
+    } else {
+      absl::StatusOr<Pattern> pattern = Pattern::create(stimulus, size);
+      if (!pattern.ok()) return bad(std::string(pattern.status().message()));
+      shown.pattern = *pattern;
+    }
+  }
+  return step;
+}
+
+Picture Program::drawn(const Shown& shown, const ScreenInfo& screen) const {
+  if (!shown.pattern && !shown.patch_id && shown.picture == nullptr) return nullptr;
+  if (shown.picture != nullptr && shown.picture->height_px == screen.height_px) return shown.picture;
+  auto whole = std::make_shared<RadianceImage>(screen.width_px, screen.height_px);
+  if (shown.pattern) {
+    const RadianceImage pattern = shown.pattern->rasterised();
+    std::copy(pattern.samples.begin(), pattern.samples.end(), whole->samples.begin());
+  } else if (shown.picture != nullptr) {
+    std::copy(shown.picture->samples.begin(), shown.picture->samples.end(), whole->samples.begin());
+  }
+  if (shown.patch_id) {
+    const IdPatch patch{.width_px = screen.width_px,
+                        .first_row = pattern_size_of(screen).height_px,
+                        .rows = screen.patch_rows};
+    patch.draw(*shown.patch_id, *whole);
+  }
+  return whole;
+}
+
+std::vector<Picture> Program::pictures(size_t index) const {
+  std::vector<Picture> pictures;
+  for (size_t i = 0; i < screens_.size(); ++i) pictures.push_back(drawn(steps_[index].shown[i], screens_[i]));
   return pictures;
 }
 

@@ -4,6 +4,7 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include <cstdint>
 #include <map>
 #include <mutex>
 #include <optional>
@@ -43,22 +44,26 @@ class Program {
   int hold_refreshes() const { return hold_refreshes_; }
   size_t size() const { return steps_.size(); }
   int number(size_t index) const { return steps_[index].number; }
-  // One for each screen; null is black. Rasterises unless it was done ahead.
+  // One for each screen, of its whole size; null is black. Draws what was not drawn ahead.
   std::vector<Picture> pictures(size_t index) const;
 
  private:
-  struct Lit {
-    size_t screen;
+  // What a screen shows: a picture, a pattern, or black; and below it the id patch, or dark.
+  struct Shown {
     std::optional<Pattern> pattern;
-    Picture picture;  // of a photo, or rasterised ahead
+    Picture picture;  // of a photo, or the whole screen rasterised ahead
+    std::optional<std::uint16_t> patch_id;
   };
   struct Step {
     int number;
-    std::vector<Lit> lit;
+    std::vector<Shown> shown;  // one for each screen
   };
+  absl::StatusOr<Step> checked(const v1::ProgramStep& wanted, const ImageStore& images) const;
+  Picture drawn(const Shown& shown, const ScreenInfo& screen) const;
+
   std::string name_;
   int hold_refreshes_ = 2;
-  size_t screen_count_ = 0;
+  std::vector<ScreenInfo> screens_;
   std::vector<Step> steps_;
 };
 

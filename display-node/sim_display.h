@@ -16,6 +16,7 @@ class SimDisplay final : public Display {
   struct Faults {
     std::uint64_t seed = 1;
     double missed_flips = 0.0;  // probability that a flip comes a refresh late
+    nanoseconds jitter{};       // each scan-out begins up to this late, and says so; less than a refresh
   };
   SimDisplay(std::vector<ScreenInfo> screens, Faults faults);
 
@@ -25,10 +26,10 @@ class SimDisplay final : public Display {
 
  private:
   const std::vector<ScreenInfo> screens_;
-  const double missed_flips_;
+  const Faults faults_;
   const nanoseconds phase_;
   std::mt19937_64 random_;
-  std::vector<nanoseconds> shown_;  // of each monitor, the last scan-out's start
+  std::vector<std::int64_t> shown_;  // of each monitor, the number of its last refresh with a new picture
 };
 
 }  // namespace glasswing

@@ -4,52 +4,25 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <condition_variable>
-#include <deque>
-#include <mutex>
 #include <thread>
 
 #include "core/base/file.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
+#include "core/pattern/id_patch.h"
 #include "core/service/service.h"
 
 namespace glasswing {
 namespace {
 
 using std::chrono::milliseconds;
-constexpr milliseconds kCall(10000);
 constexpr milliseconds kStartLead(120);  // from the command to the first step
 constexpr milliseconds kPoll(10);
+constexpr size_t kRecentFrames = 4096;
+constexpr int kLessons = 8;               // how often a patch is looked for that is there but cannot be read
+constexpr int kDarkLessons = 2;           // how often one that the camera does not seem to look at
 constexpr milliseconds kLastFrame(1500);  // how long a frame may come after the last step was replaced
-
-// What a stream's reader thread hands to the capture's own thread.
-template <typename T>
-class Inbox {
- public:
-  void push(T item) {
-    const std::lock_guard lock(mutex_);
-    items_.push_back(std::move(item));
-  }
-  std::deque<T> take() {
-    const std::lock_guard lock(mutex_);
-    return std::exchange(items_, {});
-  }
-  void close(absl::Status status) {
-    const std::lock_guard lock(mutex_);
-    end_ = std::move(status);
-  }
-  std::optional<absl::Status> end() const {
-    const std::lock_guard lock(mutex_);
-    return end_;
-  }
-
- private:
-  mutable std::mutex mutex_;
-  std::deque<T> items_;
-  std::optional<absl::Status> end_;
-};
 
 std::string listed(const std::set<int>& steps) {
   std::string text;
@@ -61,195 +34,11 @@ std::string listed(const std::set<int>& steps) {
   return text;
 }
 
+bool is_lesson(const Step& step) {
+  return step.stimulus.kind() == "patch";
+}
+
 }  // namespace
-
-NodeLink::NodeLink(const v1::Node& node)
-    : title_(fmt::format("{} node \"{}\" at {}", node.kind() == v1::NODE_KIND_CAMERA ? "camera" : "display",
-                         node.name(), node.address())),
-      channel_(dial(node.address())),
-      stub_(v1::ClockService::NewStub(channel_)) {}
-
-absl::Status NodeLink::exchange_clocks(int count) {
-  for (int i = 0; i < count; ++i) {
-    grpc::ClientContext context;
-    set_deadline(context, milliseconds(2000));
-    v1::ExchangeResponse response;
-    const nanoseconds sent = monotonic_now();
-    const grpc::Status status = stub_->Exchange(&context, {}, &response);
-    const nanoseconds returned = monotonic_now();
-    if (!status.ok()) return from_grpc(status, title_);
-    const std::lock_guard lock(mutex_);
-    clock_.add({.sent = sent,
-                .received = nanoseconds(response.received_ns()),
-                .answered = nanoseconds(response.sent_ns()),
-                .returned = returned});
-  }
-  return absl::OkStatus();
-}
-
-ClockReading NodeLink::rig_from_node(nanoseconds node_time) const {
-  const std::lock_guard lock(mutex_);
-  return clock_.rig_from_node(node_time);
-}
-
-ClockReading NodeLink::node_from_rig(nanoseconds rig_time) const {
-  const std::lock_guard lock(mutex_);
-  return clock_.node_from_rig(rig_time);
-}
-
-struct Capture::Display {
-  explicit Display(const v1::Node& node) : link(node), stub(v1::DisplayService::NewStub(link.channel())) {}
-  absl::Status describe() {
-    grpc::ClientContext context;
-    set_deadline(context, kCall);
-    return from_grpc(stub->GetDisplay(&context, {}, &info), link.title());
-  }
-  const v1::DisplayMonitor* monitor(const std::string& name) const {
-    for (const v1::DisplayMonitor& each : info.monitors()) {
-      if (each.name() == name) return &each;
-    }
-    return nullptr;
-  }
-
-  NodeLink link;
-  std::unique_ptr<v1::DisplayService::Stub> stub;
-  v1::GetDisplayResponse info;
-};
-
-// The camera's running Capture call.
-class Capture::CameraFeed {
- public:
-  CameraFeed(Capture& capture, double exposure_ms) : capture_(capture), exposure_ms_(exposure_ms) {
-    v1::CaptureRequest request;
-    request.set_exposure_ms(exposure_ms);
-    reader_ = capture.camera_stub_->Capture(&context_, request);
-    thread_ = std::thread([this] { read(); });
-  }
-  ~CameraFeed() {
-    context_.TryCancel();
-    thread_.join();
-  }
-
-  // Returns when the camera runs as asked.
-  absl::Status wait_running(std::stop_token stop) {
-    std::unique_lock lock(mutex_);
-    started_.wait_for(lock, stop, std::chrono::seconds(20),
-                      [this] { return running_ || inbox.end().has_value(); });
-    if (running_) return absl::OkStatus();
-    return inbox.end().value_or(
-        absl::DeadlineExceededError(capture_.camera_->title() + " did not start in time"));
-  }
-
-  double exposure_ms() const { return exposure_ms_; }
-
-  Inbox<v1::FrameTaken> inbox;
-  FrameMatcher matcher;
-  std::map<std::int64_t, v1::FrameTaken> recent;  // by sequence
-
- private:
-  void read() {
-    v1::CaptureResponse response;
-    while (reader_->Read(&response)) {
-      if (response.has_frame()) {
-        inbox.push(std::move(*response.mutable_frame()));
-        continue;
-      }
-      const std::lock_guard lock(mutex_);
-      running_ = true;
-      started_.notify_all();
-    }
-    absl::Status status = from_grpc(reader_->Finish(), capture_.camera_->title());
-    if (status.ok()) status = absl::UnavailableError(capture_.camera_->title() + " stopped sending frames");
-    inbox.close(std::move(status));
-    const std::lock_guard lock(mutex_);
-    started_.notify_all();
-  }
-
-  Capture& capture_;
-  const double exposure_ms_;
-  grpc::ClientContext context_;
-  std::unique_ptr<grpc::ClientReader<v1::CaptureResponse>> reader_;
-  std::mutex mutex_;
-  std::condition_variable_any started_;
-  bool running_ = false;
-  std::thread thread_;
-};
-
-// A display's running PlayProgram call.
-class Capture::DisplayFeed {
- public:
-  DisplayFeed(Display& display, const std::string& program, nanoseconds start_at) : display_(display) {
-    v1::PlayProgramRequest request;
-    request.set_program(program);
-    request.set_start_at_ns(display.link.node_from_rig(start_at).time.count());
-    reader_ = display.stub->PlayProgram(&context_, request);
-    thread_ = std::thread([this] {
-      v1::PlayProgramResponse response;
-      while (reader_->Read(&response)) inbox.push(window_of(response.presentation()));
-      inbox.close(from_grpc(reader_->Finish(), display_.link.title()));
-    });
-  }
-  ~DisplayFeed() {
-    context_.TryCancel();
-    thread_.join();
-  }
-
-  Inbox<MonitorWindow> inbox;
-
- private:
-  MonitorWindow window_of(const v1::Presentation& shown) const {
-    const v1::DisplayMonitor* monitor = display_.monitor(shown.monitor());
-    const ClockReading scanout_end = display_.link.rig_from_node(nanoseconds(shown.scanout_end_ns())),
-                       replaced = display_.link.rig_from_node(nanoseconds(shown.replaced_ns()));
-    return {.step = shown.step(),
-            .scanout_end = scanout_end.time,
-            .replaced = replaced.time,
-            .lag = nanoseconds(monitor == nullptr ? 0 : monitor->optical_lag_ns()),
-            .settle = nanoseconds(monitor == nullptr ? 0 : monitor->settle_ns()),
-            .uncertainty = nanoseconds(shown.uncertainty_ns()) + std::max(scanout_end.error, replaced.error)};
-  }
-
-  Display& display_;
-  grpc::ClientContext context_;
-  std::unique_ptr<grpc::ClientReader<v1::PlayProgramResponse>> reader_;
-  std::thread thread_;
-};
-
-absl::StatusOr<RigDescription> describe_rig(const Rig& rig) {
-  RigDescription description;
-  GW_ASSIGN_OR_RETURN(const std::vector<v1::Node> displays, rig.displays());
-  for (const v1::Node& node : displays) {
-    const NodeLink link(node);
-    grpc::ClientContext context;
-    set_deadline(context, kCall);
-    v1::GetDisplayResponse info;
-    GW_RETURN_IF_ERROR(from_grpc(v1::DisplayService::NewStub(link.channel())->GetDisplay(&context, {}, &info),
-                                 link.title()));
-    for (const v1::DisplayMonitor& shown : info.monitors()) {
-      v1::Monitor monitor;
-      monitor.set_name(shown.name());
-      monitor.set_width_px(shown.width_px());
-      monitor.set_height_px(shown.height_px());
-      monitor.set_refresh_hz(shown.refresh_hz());
-      monitor.set_response(shown.response());
-      for (const v1::Monitor& other : description.monitors) {
-        if (other.name() == monitor.name()) {
-          return absl::FailedPreconditionError(fmt::format(
-              "two monitors of the rig are called \"{}\"; give one another name", monitor.name()));
-        }
-      }
-      description.monitors.push_back(std::move(monitor));
-    }
-  }
-  GW_ASSIGN_OR_RETURN(const v1::Node camera, rig.camera());
-  const NodeLink link(camera);
-  grpc::ClientContext context;
-  set_deadline(context, kCall);
-  GW_RETURN_IF_ERROR(
-      from_grpc(v1::CameraService::NewStub(link.channel())->GetCamera(&context, {}, &description.camera),
-                link.title()));
-  return description;
-}
 
 Capture::Capture(const Rig& rig, std::filesystem::path images, v1::Session session,
                  std::optional<bool> object_confirmed, std::function<void(const v1::Session&)> report)
@@ -314,8 +103,10 @@ absl::Status Capture::connect() {
   camera_info_ = std::move(description.camera);
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Node> display_nodes, rig_.displays());
   for (const v1::Node& node : display_nodes) {
-    displays_.push_back(std::make_unique<Display>(node));
+    displays_.push_back(std::make_unique<DisplayLink>(node));
     GW_RETURN_IF_ERROR(displays_.back()->describe());
+    for (const v1::DisplayMonitor& monitor : displays_.back()->info.monitors())
+      has_patches_ = has_patches_ || monitor.patch_rows() > 0;
   }
   GW_ASSIGN_OR_RETURN(const v1::Node camera_node, rig_.camera());
   session_.set_archive_address(camera_node.address());
@@ -339,16 +130,18 @@ absl::Status Capture::open_archive() {
   *header.mutable_plan() = session_.plan();
   v1::CreateArchiveResponse created;
   grpc::ClientContext create_context;
-  set_deadline(create_context, kCall);
+  set_deadline(create_context, kNodeCall);
   GW_RETURN_IF_ERROR(
       from_grpc(archive_stub_->CreateArchive(&create_context, create, &created), camera_->title()));
   v1::GetManifestRequest get;
   get.set_session(session_.name());
   v1::GetManifestResponse manifest;
   grpc::ClientContext get_context;
-  set_deadline(get_context, kCall);
+  set_deadline(get_context, kNodeCall);
   GW_RETURN_IF_ERROR(from_grpc(archive_stub_->GetManifest(&get_context, get, &manifest), camera_->title()));
-  for (const v1::Frame& frame : manifest.manifest().frames()) proven_.insert(frame.step());
+  session_.set_patch_proven_count(0);
+  session_.clear_warning();
+  for (const v1::Frame& frame : manifest.manifest().frames()) note_proven(frame);
   session_.set_step_count(static_cast<int>(steps_.size()));
   session_.set_proven_count(static_cast<int>(proven_.size()));
   report_(session_);
@@ -365,7 +158,7 @@ absl::Status Capture::send_images() {
     GW_ASSIGN_OR_RETURN(const std::string bytes, read_file(images_ / image));
     for (const auto& display : displays_) {
       grpc::ClientContext context;
-      set_deadline(context, kCall);
+      set_deadline(context, kNodeCall);
       v1::PutImageResponse response;
       const auto writer = display->stub->PutImage(&context, &response);
       for (size_t at = 0; at < bytes.size(); at += kChunkBytes) {
@@ -393,8 +186,8 @@ absl::StatusOr<bool> Capture::move_object(bool present) {
 absl::Status Capture::take(const Group& group, std::stop_token stop) {
   const nanoseconds began = monotonic_now();
   const double before_s = session_.capture_seconds();
-  CameraFeed frames(*this, group.exposure_ms);
-  GW_RETURN_IF_ERROR(frames.wait_running(stop));
+  Recording frames(*camera_, *camera_stub_, group.exposure_ms);
+  GW_RETURN_IF_ERROR(frames.camera.wait_running(stop));
   GW_RETURN_IF_ERROR(camera_->exchange_clocks(8));
   for (const auto& display : displays_) GW_RETURN_IF_ERROR(display->link.exchange_clocks(8));
   std::vector<Step> pending = group.steps;
@@ -419,9 +212,12 @@ absl::Status Capture::take(const Group& group, std::stop_token stop) {
   return absl::OkStatus();
 }
 
-absl::Status Capture::play(const std::vector<Step>& steps, CameraFeed& frames, std::stop_token stop) {
-  const std::string program = fmt::format("{}-{}", session_.name(), ++program_number_);
-  size_t monitor_count = 0;
+// Loads into every display what it shows; returns how many monitors will report each step.
+absl::StatusOr<int> Capture::load(const std::string& program, const std::vector<Step>& steps) {
+  // An id is never near the one before, in time or in bits.
+  constexpr std::uint32_t kSpread = 40503, kIds = 1u << IdPatch::kBits;
+  for (const Step& step : steps) patch_ids_[step.number] = ++showings_ * kSpread % kIds;
+  int monitor_count = 0;
   for (const auto& display : displays_) {
     v1::LoadProgramRequest load;
     load.set_program(program);
@@ -429,14 +225,29 @@ absl::Status Capture::play(const std::vector<Step>& steps, CameraFeed& frames, s
     for (const Step& step : steps) {
       v1::ProgramStep& shown = *load.add_steps();
       shown.set_step(step.number);
+      if (!is_lesson(step)) shown.set_patch_id(patch_ids_.at(step.number));
       if (display->monitor(step.stimulus.panel()) != nullptr) *shown.add_stimuli() = step.stimulus;
     }
     v1::LoadProgramResponse loaded;
     grpc::ClientContext context;
     set_deadline(context, std::chrono::minutes(2));
     GW_RETURN_IF_ERROR(from_grpc(display->stub->LoadProgram(&context, load, &loaded), display->link.title()));
-    monitor_count += static_cast<size_t>(display->info.monitors_size());
+    monitor_count += display->info.monitors_size();
   }
+  return monitor_count;
+}
+
+absl::Status Capture::play(const std::vector<Step>& pending, Recording& frames, std::stop_token stop) {
+  std::set<int> lessons_due;
+  std::vector<Step> steps;
+  forget_old_lessons(frames);
+  for (const Step& step : pending) {
+    if (is_lesson(step)) lessons_due.insert(step.number);
+    if (!frames.lessons.contains(step.number)) steps.push_back(step);
+  }
+  frames.waiting.clear();
+  const std::string program = fmt::format("{}-{}", session_.name(), ++program_number_);
+  GW_ASSIGN_OR_RETURN(const int monitor_count, load(program, steps));
   const nanoseconds start_at = monotonic_now() + kStartLead;
   std::vector<std::unique_ptr<DisplayFeed>> feeds;
   for (const auto& display : displays_)
@@ -448,39 +259,25 @@ absl::Status Capture::play(const std::vector<Step>& steps, CameraFeed& frames, s
   nanoseconds clocks_at = monotonic_now();
   while (!stop.stop_requested()) {
     bool playing = false;
-    for (const auto& feed : feeds) {
+    for (size_t i = 0; i < feeds.size(); ++i) {
       // The end is looked at first: what was pushed before it is then surely taken.
-      const std::optional<absl::Status> end = feed->inbox.end();
-      for (const MonitorWindow& window : feed->inbox.take()) {
+      const std::optional<absl::Status> end = feeds[i]->inbox.end();
+      for (const v1::Presentation& shown : feeds[i]->inbox.take()) {
+        const MonitorWindow window = rig_time_of(shown, *displays_[i]);
         last_replaced = std::max(last_replaced.value_or(window.replaced), window.replaced);
         std::vector<MonitorWindow>& reported = incomplete[window.step];
         reported.push_back(window);
-        if (reported.size() < monitor_count) continue;
+        if (static_cast<int>(reported.size()) < monitor_count) continue;
         frames.matcher.add_window(stable_window(reported));
         incomplete.erase(window.step);
       }
       if (end && !end->ok()) return *end;
       playing = playing || !end;
     }
-    if (const auto end = frames.inbox.end()) return *end;
-    for (v1::FrameTaken& frame : frames.inbox.take()) {
-      session_.set_frames_taken(session_.frames_taken() + 1);
-      const bool as_asked =
-          std::abs(frame.exposure_ms() - frames.exposure_ms()) <= 0.01 * frames.exposure_ms() &&
-          frame.width_px() == camera_info_.camera().width_px() &&
-          frame.height_px() == camera_info_.camera().height_px();
-      if (!as_asked) continue;
-      const ClockReading start = camera_->rig_from_node(nanoseconds(frame.exposure_start_ns())),
-                         end = camera_->rig_from_node(nanoseconds(frame.exposure_end_ns()));
-      frames.matcher.add_frame(
-          {.sequence = frame.sequence(),
-           .start = start.time,
-           .end = end.time,
-           .uncertainty = nanoseconds(frame.uncertainty_ns()) + std::max(start.error, end.error)});
-      frames.recent.emplace(frame.sequence(), std::move(frame));
-      if (frames.recent.size() > 4096) frames.recent.erase(frames.recent.begin());
-    }
-    GW_RETURN_IF_ERROR(keep(frames.matcher.take(), frames));
+    if (const auto end = frames.camera.inbox.end()) return *end;
+    take_frames(frames);
+    GW_ASSIGN_OR_RETURN(const bool judged, judge(frames.matcher.take(), lessons_due, frames));
+    if (!judged) return absl::OkStatus();
     const nanoseconds now = monotonic_now();
     if (playing) {
       played_at = now;
@@ -499,10 +296,80 @@ absl::Status Capture::play(const std::vector<Step>& steps, CameraFeed& frames, s
   return absl::OkStatus();
 }
 
-absl::Status Capture::keep(const std::vector<FrameMatcher::Match>& matches, CameraFeed& frames) {
-  if (matches.empty()) return absl::OkStatus();
+void Capture::take_frames(Recording& frames) {
+  for (v1::FrameTaken& frame : frames.camera.inbox.take()) {
+    session_.set_frames_taken(session_.frames_taken() + 1);
+    const double asked_ms = frames.camera.exposure_ms();
+    const bool as_asked = std::abs(frame.exposure_ms() - asked_ms) <= 0.01 * asked_ms &&
+                          frame.width_px() == camera_info_.camera().width_px() &&
+                          frame.height_px() == camera_info_.camera().height_px();
+    if (!as_asked) continue;
+    frames.matcher.add_frame(rig_time_of(frame, *camera_));
+    frames.recent.emplace(frame.sequence(), std::move(frame));
+    if (frames.recent.size() > kRecentFrames) frames.recent.erase(frames.recent.begin());
+  }
+}
+
+void Capture::forget_old_lessons(Recording& frames) const {
+  if (frames.recent.empty()) return;
+  // Well before the camera's ring drops them.
+  const std::int64_t oldest = frames.recent.rbegin()->first - camera_info_.ring_frames() / 2;
+  std::erase_if(frames.lessons, [&](const auto& lesson) { return lesson.second.frame.sequence < oldest; });
+}
+
+absl::StatusOr<bool> Capture::judge(const std::vector<FrameMatcher::Match>& matches,
+                                    std::set<int>& lessons_due, Recording& frames) {
+  for (const FrameMatcher::Match& match : matches) {
+    if (lessons_due.contains(match.step)) {
+      frames.lessons.emplace(match.step, match);
+    } else {
+      frames.waiting.push_back(match);
+    }
+  }
+  if (!lessons_due.empty()) {
+    // Steps are proven in order: one that follows the lessons says that a lesson was missed.
+    if (frames.lessons.size() < lessons_due.size()) return frames.waiting.empty();
+    std::vector<FrameMatcher::Match> lessons;
+    for (const auto& [step, match] : frames.lessons) lessons.push_back(match);
+    frames.lessons.clear();
+    GW_ASSIGN_OR_RETURN(const v1::KeepFramesResponse kept, keep(lessons, frames, false));
+    ++frames.failed_lessons;
+    for (const v1::UnseenPatch& unseen : kept.unseen_patches()) {
+      const int tries = unseen.dark() ? kDarkLessons : kLessons;
+      if (frames.failed_lessons >= tries || unseen_patches_.contains(unseen.monitor()))
+        GW_RETURN_IF_ERROR(do_without_patch(unseen, lessons, frames));
+    }
+    std::erase_if(lessons_due, [this](int step) { return proven_.contains(step); });
+    if (!lessons_due.empty()) return false;
+  }
+  const std::vector<FrameMatcher::Match> ready = std::exchange(frames.waiting, {});
+  GW_RETURN_IF_ERROR(keep(ready, frames, false).status());
+  return true;
+}
+
+absl::Status Capture::do_without_patch(const v1::UnseenPatch& unseen,
+                                       const std::vector<FrameMatcher::Match>& lessons, Recording& frames) {
+  std::vector<FrameMatcher::Match> own;
+  for (const FrameMatcher::Match& lesson : lessons) {
+    if (steps_.at(static_cast<size_t>(lesson.step)).stimulus.panel() == unseen.monitor())
+      own.push_back(lesson);
+  }
+  GW_RETURN_IF_ERROR(keep(own, frames, true).status());
+  if (!unseen_patches_.insert(unseen.monitor()).second) return absl::OkStatus();
+  session_.set_warning(fmt::format("{}{}monitor \"{}\": {}; its steps are proven by time alone",
+                                   session_.warning(), session_.warning().empty() ? "" : "; ",
+                                   unseen.monitor(), unseen.reason()));
+  report_(session_);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<v1::KeepFramesResponse> Capture::keep(const std::vector<FrameMatcher::Match>& matches,
+                                                     Recording& frames, bool accept_unseen_patch) {
+  v1::KeepFramesResponse response;
+  if (matches.empty()) return response;
   v1::KeepFramesRequest request;
   request.set_session(session_.name());
+  request.set_accept_unseen_patch(accept_unseen_patch);
   for (const FrameMatcher::Match& match : matches) {
     const v1::FrameTaken& taken = frames.recent.at(match.frame.sequence);
     const Step& step = steps_.at(static_cast<size_t>(match.step));
@@ -512,19 +379,25 @@ absl::Status Capture::keep(const std::vector<FrameMatcher::Match>& matches, Came
     frame.set_step(step.number);
     frame.set_exposure_ms(taken.exposure_ms());
     frame.set_gain(taken.gain());
-    frame.set_proof(v1::PROOF_TIME);
     frame.set_exposure_start_ns(match.frame.start.count());
     frame.set_exposure_end_ns(match.frame.end.count());
     frame.set_sequence(match.frame.sequence);
+    if (has_patches_ && !is_lesson(step)) frame.set_patch_id(patch_ids_.at(step.number));
   }
-  v1::KeepFramesResponse response;
   grpc::ClientContext context;
   set_deadline(context, std::chrono::minutes(1));
   GW_RETURN_IF_ERROR(from_grpc(camera_stub_->KeepFrames(&context, request, &response), camera_->title()));
-  for (const v1::Frame& frame : response.frames()) proven_.insert(frame.step());
-  session_.set_proven_count(static_cast<int>(proven_.size()));
+  for (const v1::Frame& frame : response.frames()) note_proven(frame);
+  session_.set_refused_count(session_.refused_count() + response.refused());
   report_(session_);
-  return absl::OkStatus();
+  return response;
+}
+
+void Capture::note_proven(const v1::Frame& frame) {
+  if (!proven_.insert(frame.step()).second) return;
+  session_.set_proven_count(static_cast<int>(proven_.size()));
+  if (frame.proof() == v1::PROOF_TIME_AND_PATCH)
+    session_.set_patch_proven_count(session_.patch_proven_count() + 1);
 }
 
 absl::Status Capture::seal() {
@@ -532,7 +405,7 @@ absl::Status Capture::seal() {
   request.set_session(session_.name());
   v1::SealArchiveResponse response;
   grpc::ClientContext context;
-  set_deadline(context, kCall);
+  set_deadline(context, kNodeCall);
   return from_grpc(archive_stub_->SealArchive(&context, request, &response), camera_->title());
 }
 

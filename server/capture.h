@@ -10,23 +10,17 @@
 #include <functional>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <set>
 #include <stop_token>
 #include <string>
 #include <vector>
 
-#include "core/clock/clock_model.h"
 #include "core/pattern/plan.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
-#include "glasswing/v1/camera_service.grpc.pb.h"
-#include "glasswing/v1/clock_service.grpc.pb.h"
-#include "glasswing/v1/display_service.grpc.pb.h"
 #include "glasswing/v1/session_service.pb.h"
 #include "glasswing/v1/stage_service.grpc.pb.h"
-#include "server/proof.h"
-#include "server/rig.h"
+#include "server/feeds.h"
 
 namespace glasswing {
 
@@ -42,33 +36,6 @@ struct CaptureOutcome {
   std::string reason;
 };
 
-// A node and how its clock relates to ours. Rig time is the server's CLOCK_MONOTONIC, which no setting of
-// wall clocks moves. Times may be asked for from any thread.
-class NodeLink {
- public:
-  explicit NodeLink(const v1::Node& node);
-  // "camera node \"camera-1\" at 127.0.0.1:7442"
-  const std::string& title() const { return title_; }
-  const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
-  absl::Status exchange_clocks(int count);
-  ClockReading rig_from_node(nanoseconds node_time) const;
-  ClockReading node_from_rig(nanoseconds rig_time) const;
-
- private:
-  std::string title_;
-  std::shared_ptr<grpc::Channel> channel_;
-  std::unique_ptr<v1::ClockService::Stub> stub_;
-  mutable std::mutex mutex_;
-  ClockModel clock_;
-};
-
-// The monitors and the camera that are there now.
-struct RigDescription {
-  std::vector<v1::Monitor> monitors;
-  v1::GetCameraResponse camera;
-};
-absl::StatusOr<RigDescription> describe_rig(const Rig& rig);
-
 class Capture {
  public:
   // `images` holds what UploadImage stored. `object_confirmed`: a person has said that the object is (not) on
@@ -80,14 +47,25 @@ class Capture {
   CaptureOutcome run(std::stop_token stop);
 
  private:
-  struct Display;
   struct Group {
     bool object;
     double exposure_ms;
     std::vector<Step> steps;
   };
-  class CameraFeed;
-  class DisplayFeed;
+  // The running camera, and which of its frames prove which steps.
+  struct Recording {
+    Recording(const NodeLink& node, v1::CameraService::Stub& stub, double exposure_ms)
+        : camera(node, stub, exposure_ms) {}
+
+    CameraFeed camera;
+    FrameMatcher matcher;
+    std::map<std::int64_t, v1::FrameTaken> recent;  // by sequence
+    // Matches of the steps that teach where the id patches are, by step, until all are there; the others wait
+    // for them.
+    std::map<int, FrameMatcher::Match> lessons;
+    std::vector<FrameMatcher::Match> waiting;
+    int failed_lessons = 0;
+  };
 
   absl::Status connect();
   absl::Status open_archive();
@@ -95,8 +73,18 @@ class Capture {
   // False: a person has to move it.
   absl::StatusOr<bool> move_object(bool present);
   absl::Status take(const Group& group, std::stop_token stop);
-  absl::Status play(const std::vector<Step>& steps, CameraFeed& frames, std::stop_token stop);
-  absl::Status keep(const std::vector<FrameMatcher::Match>& matches, CameraFeed& frames);
+  absl::Status play(const std::vector<Step>& steps, Recording& frames, std::stop_token stop);
+  absl::StatusOr<int> load(const std::string& program, const std::vector<Step>& steps);
+  void take_frames(Recording& frames);
+  // False: a lesson was missed or taught nothing, and what follows cannot be judged.
+  absl::StatusOr<bool> judge(const std::vector<FrameMatcher::Match>& matches, std::set<int>& lessons_due,
+                             Recording& frames);
+  void forget_old_lessons(Recording& frames) const;
+  absl::StatusOr<v1::KeepFramesResponse> keep(const std::vector<FrameMatcher::Match>& matches,
+                                              Recording& frames, bool accept_unseen_patch);
+  absl::Status do_without_patch(const v1::UnseenPatch& unseen,
+                                const std::vector<FrameMatcher::Match>& lessons, Recording& frames);
+  void note_proven(const v1::Frame& frame);
   absl::Status seal();
 
   const Rig& rig_;
@@ -105,7 +93,7 @@ class Capture {
   const std::optional<bool> object_confirmed_;
   const std::function<void(const v1::Session&)> report_;
 
-  std::vector<std::unique_ptr<Display>> displays_;
+  std::vector<std::unique_ptr<DisplayLink>> displays_;
   std::unique_ptr<NodeLink> camera_;
   std::unique_ptr<v1::CameraService::Stub> camera_stub_;
   std::unique_ptr<v1::ArchiveService::Stub> archive_stub_;
@@ -115,6 +103,10 @@ class Capture {
   std::vector<Step> steps_;
   std::set<int> proven_;
   int program_number_ = 0;
+  bool has_patches_ = false;
+  std::uint32_t showings_ = 0;              // so far, of any step
+  std::map<int, std::uint32_t> patch_ids_;  // by step, of its last showing
+  std::set<std::string> unseen_patches_;    // monitors whose steps do without
 };
 
 }  // namespace glasswing

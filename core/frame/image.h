@@ -34,8 +34,10 @@ using Image16 = Image<std::uint16_t>;  // linear radiance, 65535 = 1.0
 using RadianceImage = Image<float>;    // linear radiance
 
 inline std::uint16_t code16_of(float radiance) {
-  const float clamped = radiance > 0.0f ? (radiance < 1.0f ? radiance : 1.0f) : 0.0f;  // NaN is 0
-  return static_cast<std::uint16_t>(clamped * 65535.0f + 0.5f);
+  // Two steps, so that a compiler sees a vector's maximum and minimum.
+  const float positive = radiance > 0.0f ? radiance : 0.0f;  // NaN is 0
+  const float clamped = positive < 1.0f ? positive : 1.0f;
+  return static_cast<std::uint16_t>(static_cast<int>(clamped * 65535.0f + 0.5f));
 }
 inline float radiance_of(std::uint16_t code) {
   return static_cast<float>(code) / 65535.0f;

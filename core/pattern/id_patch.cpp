@@ -64,6 +64,7 @@ absl::StatusOr<PatchReader> PatchReader::learn(std::span<const Image16> frames) 
   for (unsigned sequence = 0; sequence < cell_by_sequence.size(); ++sequence)
     cell_by_sequence[sequence] = cell_of(sequence);
   PatchReader reader;
+  bool dark_everywhere = true;
   reader.sample_count_ = frames.front().samples.size();
   for (size_t at = 0; at < reader.sample_count_; at += 3) {
     std::array<float, kLearningIds.size()> light;
@@ -71,6 +72,7 @@ absl::StatusOr<PatchReader> PatchReader::learn(std::span<const Image16> frames) 
     const auto [low, high] = std::minmax_element(light.begin(), light.end());
     const float contrast = *high - *low;
     if (contrast < kLeastContrast) continue;
+    dark_everywhere = false;
     float dark = 0.0f, lit = 0.0f;
     unsigned sequence = 0;
     bool clear = true;
@@ -84,6 +86,7 @@ absl::StatusOr<PatchReader> PatchReader::learn(std::span<const Image16> frames) 
     if (clear && cell >= 0)
       reader.cells_[static_cast<size_t>(cell)].push_back({.at = at, .dark = dark, .lit = lit});
   }
+  if (dark_everywhere) return absl::NotFoundError("the camera does not see the id patch");
   for (int cell = 0; cell < kCells; ++cell) {
     std::vector<Pixel>& pixels = reader.cells_[static_cast<size_t>(cell)];
     if (pixels.empty()) {

@@ -24,9 +24,11 @@ namespace glasswing {
 
 struct IdPatch {
   static constexpr int kBits = 16;
-  int width_px = 0;  // of the monitor, at least 32
+  static constexpr int kLeastWidth_px = 32;
+  static constexpr int kLeastRows = 4;
+  int width_px = 0;  // of the monitor
   int first_row = 0;
-  int rows = 0;  // at least 4
+  int rows = 0;
 
   // Draws the strip of an id, radiance 0 and 1, over what the picture has there. Cells stand apart by a
   // quarter of their size.
@@ -38,7 +40,8 @@ std::span<const std::uint16_t> patch_learning_ids();
 
 class PatchReader {
  public:
-  // `frames`: one of each learning id, of the same size. FAILED_PRECONDITION: some column is seen nowhere.
+  // `frames`: one of each learning id, of the same size. NOT_FOUND: they are all alike. FAILED_PRECONDITION:
+  // some column is seen nowhere.
   static absl::StatusOr<PatchReader> learn(std::span<const Image16> frames);
 
   // The id in a frame of that size. None where any bit is in doubt: hidden, or exposed while the picture

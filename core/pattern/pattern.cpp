@@ -71,6 +71,8 @@ Colour Pattern::radiance(double x_px, double y_px) const {
                  [&](const Stripe& stripe) {
                    const double z =
                        (x_px * stripe.cos_phi + y_px * stripe.sin_phi - stripe.r_px) / stripe.sigma_px;
+                   // Below the least float: the exponential takes longest where it is nothing.
+                   if (z * z > 210.0) return Colour{0.0f, 0.0f, 0.0f};
                    return scaled(std::exp(-0.5 * z * z));
                  },
                  [&](const Square& square) {

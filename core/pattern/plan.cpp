@@ -13,6 +13,7 @@
 #include "core/base/file.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
+#include "core/pattern/id_patch.h"
 
 namespace glasswing {
 namespace {
@@ -212,6 +213,14 @@ void add_square_waves(const v1::SquareWaves& waves, const v1::Monitor& monitor,
   }
 }
 
+void add_patch_learning(const v1::Monitor& monitor, std::vector<v1::Stimulus>& out) {
+  if (monitor.patch_rows() == 0) return;
+  for (const std::uint16_t id : patch_learning_ids()) {
+    out.push_back(stimulus_on(monitor.name(), "patch"));
+    out.back().set_patch_id(id);
+  }
+}
+
 // What one monitor shows in its turn.
 std::vector<v1::Stimulus> stimuli_of(const v1::Plan& plan, const v1::Monitor& monitor, bool object) {
   std::vector<v1::Stimulus> out;
@@ -289,6 +298,7 @@ absl::StatusOr<std::vector<Step>> expand(const v1::Plan& plan, const std::vector
   for (const bool object : {false, true}) {
     if (!object && plan.skip_empty_stage()) continue;
     std::vector<v1::Stimulus> stimuli;
+    for (const v1::Monitor& monitor : used) add_patch_learning(monitor, stimuli);
     for (const v1::Monitor& monitor : used) {
       for (v1::Stimulus& stimulus : stimuli_of(plan, monitor, object)) stimuli.push_back(std::move(stimulus));
     }

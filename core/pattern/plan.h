@@ -34,7 +34,8 @@ struct Step {
   v1::Stimulus stimulus;  // on its panel; the other monitors are black
 };
 
-// All steps, those without the object first, then by exposure. `rig` is every monitor there is; the plan
+// All steps, those without the object first, then by exposure; each such group starts with what teaches the
+// camera where it sees the id patches. `rig` is every monitor there is; the plan
 // picks from it. INVALID_ARGUMENT: a monitor that the rig lacks, of another size, or a program past 20000
 // steps.
 absl::StatusOr<std::vector<Step>> expand(const v1::Plan& plan, const std::vector<v1::Monitor>& rig);

@@ -8,19 +8,24 @@
 
 #include <csignal>
 
-#include "core/base/time.h"
 #include "glasswing/v1/clock_service.grpc.pb.h"
 
 namespace glasswing {
 namespace {
 
-class MonotonicClockService final : public v1::ClockService::Service {
+class NodeClockService final : public v1::ClockService::Service {
+ public:
+  explicit NodeClockService(const NodeClock& clock) : clock_(clock) {}
+
+ private:
   grpc::Status Exchange(grpc::ServerContext*, const v1::ExchangeRequest*,
                         v1::ExchangeResponse* response) override {
-    response->set_received_ns(monotonic_now().count());
-    response->set_sent_ns(monotonic_now().count());
+    response->set_received_ns(clock_.now().count());
+    response->set_sent_ns(clock_.now().count());
     return grpc::Status::OK;
   }
+
+  const NodeClock clock_;
 };
 
 // "host:port" -> host, without the brackets of an IPv6 address.
@@ -95,7 +100,7 @@ absl::StatusOr<std::unique_ptr<ServiceHost>> ServiceHost::start(const ListenOpti
         options.address));
   }
   std::unique_ptr<ServiceHost> self(new ServiceHost);
-  self->clock_ = std::make_unique<MonotonicClockService>();
+  self->clock_ = std::make_unique<NodeClockService>(options.clock);
   grpc::EnableDefaultHealthCheckService(true);
   if (options.reflection) {
     grpc::reflection::InitProtoReflectionServerBuilderPlugin();  // process-wide

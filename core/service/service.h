@@ -10,6 +10,8 @@
 #include <string>
 #include <vector>
 
+#include "core/base/node_clock.h"
+
 namespace glasswing {
 
 inline constexpr const char* kVersion = "0.1.0";
@@ -33,6 +35,7 @@ void set_deadline(grpc::ClientContext& context, std::chrono::milliseconds timeou
 struct ListenOptions {
   std::string address = "127.0.0.1:0";  // port 0: any free one
   bool reflection = false;
+  NodeClock clock = {};  // that ClockService tells
 };
 
 // A listening gRPC server with standard health (SERVING), the ClockService and message limits. Borrowed

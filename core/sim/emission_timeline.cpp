@@ -64,9 +64,10 @@ std::vector<MonitorEmission> EmissionTimeline::between(nanoseconds from, nanosec
     for (size_t i = 0; i < track.pictures.size(); ++i) {
       const EmittedPicture& picture = track.pictures[i];
       const nanoseconds begins = picture.scanout_start + track.monitor.lag;
-      const bool over =
-          i + 1 < track.pictures.size() &&
-          track.pictures[i + 1].scanout_start + track.monitor.lag + track.monitor.scanout <= from;
+      const bool over = i + 1 < track.pictures.size() && track.pictures[i + 1].scanout_start +
+                                                                 track.monitor.lag + track.monitor.scanout +
+                                                                 track.monitor.settle <=
+                                                             from;
       if (!over && begins < until) emission.pictures.push_back(picture);
     }
     emissions.push_back(std::move(emission));

@@ -1,5 +1,7 @@
 // What the monitors really emitted, from when to when, in physical time. A picture's rows leave one after the
-// other: row y of H shows it from scanout_start + y/H * scanout + lag until the next picture's row y.
+// other: row y of H turns to it at t = scanout_start + y/H * scanout + lag, until the next picture's row y
+// does. The light goes linearly from one picture to the next: i has the weight r(t - t_i) - r(t - t_i+1),
+// where r(u) = u / settle within [0, 1].
 #pragma once
 
 #include <condition_variable>
@@ -17,7 +19,7 @@ namespace glasswing {
 
 struct EmittedPicture {
   nanoseconds scanout_start{};
-  std::shared_ptr<const RadianceImage> image;  // never null
+  std::shared_ptr<const Image16> image;  // never null
 };
 
 struct EmissionMonitor {
@@ -26,6 +28,7 @@ struct EmissionMonitor {
   int height_px = 0;
   nanoseconds scanout{};
   nanoseconds lag{};
+  nanoseconds settle{};
 };
 
 // One monitor's light during some interval: consecutive pictures, the first of which may have started

@@ -1,35 +1,87 @@
 #include "core/sim/sensor.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <limits>
-#include <random>
+
+#include "core/sim/sample_kernel.h"
 
 namespace glasswing {
 namespace {
 
-constexpr nanoseconds kForever = nanoseconds::max() / 4;
+using Codes = const std::uint16_t*;
 
-// When picture i of a monitor is seen on its row y.
-struct Interval {
-  nanoseconds from, until;
-};
-Interval seen_on_row(const MonitorEmission& emission, size_t i, int y) {
-  const EmissionMonitor& monitor = emission.monitor;
-  const nanoseconds delay = monitor.lag + monitor.scanout * y / monitor.height_px;
-  return {
-      .from = emission.pictures[i].scanout_start + delay,
-      .until = i + 1 < emission.pictures.size() ? emission.pictures[i + 1].scanout_start + delay : kForever};
+// Integral of r (emission_timeline.h) up to u.
+double ramp_integral_ns(double u_ns, double settle_ns) {
+  if (u_ns <= 0.0) return 0.0;
+  return u_ns < settle_ns ? 0.5 * u_ns * u_ns / settle_ns : u_ns - 0.5 * settle_ns;
 }
 
-// The one picture that every row shows for the whole window, if there is one.
-const RadianceImage* steady(const MonitorEmission& emission, nanoseconds from, nanoseconds until) {
-  for (size_t i = 0; i < emission.pictures.size(); ++i) {
-    const bool shown = seen_on_row(emission, i, emission.monitor.height_px - 1).from <= from;
-    if (shown && seen_on_row(emission, i, 0).until >= until) return emission.pictures[i].image.get();
+// One monitor's light during one camera row's exposure.
+class RowLight {
+ public:
+  RowLight(const MonitorEmission& emission, Transport::Rows rows, nanoseconds from, nanoseconds until)
+      : emission_(emission), from_(from), until_(until) {
+    if (rows.last < rows.first || emission.pictures.empty()) return;  // it sees nothing
+    for (size_t i = 0; i < emission.pictures.size(); ++i) {
+      const bool over = i + 1 < emission.pictures.size() && settled(i + 1, rows.last) <= from;
+      if (over || turns(i, rows.first) >= until) continue;
+      const bool steady = settled(i, rows.last) <= from &&
+                          (i + 1 == emission.pictures.size() || turns(i + 1, rows.first) >= until);
+      if (steady) {
+        steady_ = emission.pictures[i].image->samples.data();
+        return;
+      }
+      add_changing(i, rows);
+    }
   }
-  return nullptr;
-}
+  // Of all these rows, if nothing changes on them.
+  Codes steady() const { return steady_; }
+  bool black() const { return steady_ == nullptr && changing_.empty(); }
+  // Mean over the exposure.
+  float operator()(std::uint32_t sample) const {
+    const size_t row = sample / static_cast<std::uint32_t>(3 * emission_.monitor.width_px) - first_row_;
+    float light = 0.0f;
+    for (const Changing& picture : changing_)
+      light += picture.shares[row] * radiance_of(picture.codes[sample]);
+    return light;
+  }
+
+ private:
+  struct Changing {
+    Codes codes;
+    std::vector<float> shares;  // of the exposure, by row
+  };
+  nanoseconds turns(size_t i, int row) const {
+    const EmissionMonitor& monitor = emission_.monitor;
+    return emission_.pictures[i].scanout_start + monitor.lag + monitor.scanout * row / monitor.height_px;
+  }
+  nanoseconds settled(size_t i, int row) const { return turns(i, row) + emission_.monitor.settle; }
+  // How much of the exposure a row has turned to picture i or a later one.
+  double turned_ns(size_t i, int row) const {
+    if (i == emission_.pictures.size()) return 0.0;
+    const auto settle_ns = static_cast<double>(emission_.monitor.settle.count());
+    const nanoseconds turn = turns(i, row);
+    return ramp_integral_ns(static_cast<double>((until_ - turn).count()), settle_ns) -
+           ramp_integral_ns(static_cast<double>((from_ - turn).count()), settle_ns);
+  }
+  void add_changing(size_t i, Transport::Rows rows) {
+    first_row_ = static_cast<size_t>(rows.first);
+    Changing& picture = changing_.emplace_back();
+    picture.codes = emission_.pictures[i].image->samples.data();
+    const auto exposure_ns = static_cast<double>((until_ - from_).count());
+    for (int row = rows.first; row <= rows.last; ++row) {
+      const double share = (turned_ns(i, row) - turned_ns(i + 1, row)) / exposure_ns;
+      picture.shares.push_back(static_cast<float>(share));
+    }
+  }
+
+  const MonitorEmission& emission_;
+  const nanoseconds from_, until_;
+  Codes steady_ = nullptr;
+  size_t first_row_ = 0;
+  std::vector<Changing> changing_;
+};
 
 void blur(RadianceImage& image, double sigma_px) {
   const int reach = static_cast<int>(std::ceil(4.0 * sigma_px));
@@ -61,45 +113,19 @@ void blur(RadianceImage& image, double sigma_px) {
 
 RadianceImage integrate(const Transport& transport, std::span<const MonitorEmission> emission,
                         const ExposureWindow& window, nanoseconds readout) {
-  std::vector<RadianceImage> pictures(emission.size());
-  bool all_steady = true;
-  for (size_t m = 0; m < emission.size(); ++m) {
-    if (emission[m].pictures.empty()) continue;  // black
-    const RadianceImage* image = steady(emission[m], window.start, window.start + readout + window.exposure);
-    all_steady = all_steady && image != nullptr;
-    if (image != nullptr) pictures[m] = *image;
-  }
-  if (all_steady) return transport.respond(pictures);
-
   RadianceImage out(transport.width_px(), transport.height_px());
+  const size_t row_samples = static_cast<size_t>(out.width_px) * 3;
   for (int y = 0; y < out.height_px; ++y) {
     const nanoseconds from = window.start + readout * y / std::max(out.height_px - 1, 1);
-    const nanoseconds until = from + window.exposure;
-    // share[m][i][row]: the part of this row's exposure during which a monitor's row shows picture i.
-    std::vector<std::vector<std::vector<float>>> share(emission.size());
+    const std::span<float> row(out.samples.data() + static_cast<size_t>(y) * row_samples, row_samples);
+    std::ranges::copy(transport.foreground_row(y), row.begin());
     for (size_t m = 0; m < emission.size(); ++m) {
-      for (size_t i = 0; i < emission[m].pictures.size(); ++i) {
-        std::vector<float>& rows = share[m].emplace_back();
-        for (int row = 0; row < emission[m].monitor.height_px; ++row) {
-          const Interval seen = seen_on_row(emission[m], i, row);
-          const nanoseconds overlap = std::min(seen.until, until) - std::max(seen.from, from);
-          rows.push_back(static_cast<float>(std::max(overlap, nanoseconds(0)).count()) /
-                         static_cast<float>(window.exposure.count()));
-        }
-      }
-    }
-    for (int x = 0; x < out.width_px; ++x) {
-      for (int c = 0; c < 3; ++c) {
-        float light = transport.foreground(x, y, c);
-        for (const Tap& tap : transport.taps(x, y, c)) {
-          const auto m = static_cast<size_t>(tap.monitor);
-          for (size_t i = 0; i < share[m].size(); ++i) {
-            const float part = share[m][i][static_cast<size_t>(tap.y_px)];
-            if (part > 0.0f)
-              light += tap.weight * part * emission[m].pictures[i].image->at(tap.x_px, tap.y_px, c);
-          }
-        }
-        out.at(x, y, c) = light;
+      const RowLight light(emission[m], transport.rows_seen(m, y), from, from + window.exposure);
+      if (light.black()) continue;
+      if (const Codes codes = light.steady(); codes != nullptr) {
+        transport.add_row(m, y, row, [codes](std::uint32_t sample) { return radiance_of(codes[sample]); });
+      } else {
+        transport.add_row(m, y, row, light);
       }
     }
   }
@@ -108,20 +134,25 @@ RadianceImage integrate(const Transport& transport, std::span<const MonitorEmiss
 
 Image16 expose(const RadianceImage& mean_radiance, double exposure_ms, const SensorModel& model,
                std::int64_t frame_number) {
-  RadianceImage light = mean_radiance;
-  if (model.blur_sigma_px > 0.0) blur(light, model.blur_sigma_px);
-  std::seed_seq seed{model.seed & 0xffffffffu, model.seed >> 32,
-                     static_cast<std::uint64_t>(frame_number) & 0xffffffffu,
-                     static_cast<std::uint64_t>(frame_number) >> 32};
-  std::mt19937_64 random(seed);
-  std::normal_distribution<double> normal;
-  const double levels = std::exp2(model.bits) - 1.0;
-  Image16 image(light.width_px, light.height_px);
-  for (size_t i = 0; i < light.samples.size(); ++i) {
-    const double value = static_cast<double>(light.samples[i]) * exposure_ms / model.full_scale_exposure_ms;
-    const double sd = std::sqrt(model.read_sd * model.read_sd + model.gain * std::max(value, 0.0));
-    const double noisy = std::clamp(value + sd * normal(random), 0.0, 1.0);
-    image.samples[i] = static_cast<std::uint16_t>(std::lround(std::round(noisy * levels) / levels * 65535.0));
+  RadianceImage blurred;
+  if (model.blur_sigma_px > 0.0) {
+    blurred = mean_radiance;
+    blur(blurred, model.blur_sigma_px);
+  }
+  const std::vector<float>& light = blurred.empty() ? mean_radiance.samples : blurred.samples;
+  const SampleResponse response{.scale = static_cast<float>(exposure_ms / model.full_scale_exposure_ms),
+                                .read_variance = static_cast<float>(model.read_sd * model.read_sd),
+                                .gain = static_cast<float>(model.gain),
+                                .levels = (1 << model.bits) - 1};
+  Image16 image(mean_radiance.width_px, mean_radiance.height_px);
+  std::array<float, kSampleBlock> noise{}, in{};
+  std::array<std::uint16_t, kSampleBlock> out{};
+  for (size_t at = 0; at < light.size(); at += kSampleBlock) {
+    const size_t count = std::min(kSampleBlock, light.size() - at);
+    standard_normals(model.seed, frame_number, static_cast<std::uint32_t>(at / kSampleBlock), noise);
+    std::copy_n(light.begin() + static_cast<std::ptrdiff_t>(at), count, in.begin());
+    respond(response, in, noise, out);
+    std::copy_n(out.begin(), count, image.samples.begin() + static_cast<std::ptrdiff_t>(at));
   }
   return image;
 }

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <optional>
 #include <tuple>
 
@@ -97,14 +98,30 @@ void merge(std::vector<Tap>& taps) {
 
 class TransportBuilder {
  public:
-  TransportBuilder(int width_px, int height_px) {
+  TransportBuilder(int width_px, int height_px, const std::vector<SceneMonitor>& monitors) {
     transport_.width_px_ = width_px;
     transport_.height_px_ = height_px;
-    transport_.first_tap_.push_back(0);
+    for (const SceneMonitor& monitor : monitors)
+      transport_.parts_.emplace_back().width_px = monitor.size.width_px;
+  }
+  void begin_row() {
+    for (Transport::Part& part : transport_.parts_) {
+      part.first_taps.push_back(part.taps.size());
+      part.rows.push_back({.first = std::numeric_limits<int>::max(), .last = -1});
+    }
   }
   void add(const std::vector<Tap>& taps, float foreground) {
-    transport_.taps_.insert(transport_.taps_.end(), taps.begin(), taps.end());
-    transport_.first_tap_.push_back(static_cast<std::int64_t>(transport_.taps_.size()));
+    for (Transport::Part& part : transport_.parts_) part.counts.push_back(0);
+    for (const Tap& tap : taps) {
+      Transport::Part& part = transport_.parts_[static_cast<size_t>(tap.monitor)];
+      const auto channel = static_cast<int>(transport_.foreground_.size() % 3);
+      part.taps.push_back(
+          {.sample = static_cast<std::uint32_t>((tap.y_px * part.width_px + tap.x_px) * 3 + channel),
+           .weight = tap.weight});
+      ++part.counts.back();
+      Transport::Rows& rows = part.rows.back();
+      rows = {.first = std::min(rows.first, tap.y_px), .last = std::max(rows.last, tap.y_px)};
+    }
     transport_.foreground_.push_back(foreground);
   }
   Transport built() { return std::move(transport_); }
@@ -113,27 +130,41 @@ class TransportBuilder {
   Transport transport_;
 };
 
-std::span<const Tap> Transport::taps(int x, int y, int channel) const {
-  const auto i = static_cast<size_t>((y * width_px_ + x) * 3 + channel);
-  return {taps_.data() + first_tap_[i], static_cast<size_t>(first_tap_[i + 1] - first_tap_[i])};
+std::vector<Tap> Transport::taps(int x, int y, int channel) const {
+  std::vector<Tap> taps;
+  for (size_t m = 0; m < parts_.size(); ++m) {
+    const Part& part = parts_[m];
+    const std::uint16_t* counts = part.counts.data() + row_begin(y);
+    const std::uint16_t* count = counts + 3 * x + channel;
+    const SampleTap* tap =
+        part.taps.data() + std::accumulate(counts, count, part.first_taps[static_cast<size_t>(y)]);
+    for (int left = *count; left > 0; --left, ++tap) {
+      const auto pixel = static_cast<std::int32_t>(tap->sample / 3);
+      taps.push_back({.monitor = static_cast<std::int32_t>(m),
+                      .x_px = pixel % part.width_px,
+                      .y_px = pixel / part.width_px,
+                      .weight = tap->weight});
+    }
+  }
+  return taps;
 }
 
 float Transport::foreground(int x, int y, int channel) const {
-  return foreground_[static_cast<size_t>((y * width_px_ + x) * 3 + channel)];
+  return foreground_row(y)[static_cast<size_t>(3 * x + channel)];
+}
+
+std::span<const float> Transport::foreground_row(int y) const {
+  return {foreground_.data() + row_begin(y), static_cast<size_t>(width_px_) * 3};
 }
 
 RadianceImage Transport::respond(std::span<const RadianceImage> pictures) const {
   RadianceImage out(width_px_, height_px_);
   for (int y = 0; y < height_px_; ++y) {
-    for (int x = 0; x < width_px_; ++x) {
-      for (int c = 0; c < 3; ++c) {
-        float light = foreground(x, y, c);
-        for (const Tap& tap : taps(x, y, c)) {
-          const RadianceImage& picture = pictures[static_cast<size_t>(tap.monitor)];
-          if (!picture.empty()) light += tap.weight * picture.at(tap.x_px, tap.y_px, c);
-        }
-        out.at(x, y, c) = light;
-      }
+    const std::span<float> row(out.samples.data() + row_begin(y), static_cast<size_t>(width_px_) * 3);
+    std::ranges::copy(foreground_row(y), row.begin());
+    for (size_t m = 0; m < pictures.size(); ++m) {
+      const float* samples = pictures[m].samples.data();
+      if (!pictures[m].empty()) add_row(m, y, row, [&](std::uint32_t sample) { return samples[sample]; });
     }
   }
   return out;
@@ -167,8 +198,9 @@ absl::StatusOr<Transport> build_transport(const std::string& scene_name, bool ob
 
   const Vec3 eye{0.5 * back.width_px, 0.5 * back.height_px, -kCameraWidths * back.width_px};
   const double scale = 1.0 / (kRaysAcross * kRaysAcross);
-  TransportBuilder builder(camera_width_px, camera_height_px);
+  TransportBuilder builder(camera_width_px, camera_height_px, monitors);
   for (int y = 0; y < camera_height_px; ++y) {
+    builder.begin_row();
     for (int x = 0; x < camera_width_px; ++x) {
       for (int c = 0; c < 3; ++c) {
         std::vector<Tap> taps;

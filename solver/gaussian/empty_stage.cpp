@@ -123,6 +123,7 @@ std::vector<EmptyMonitor> lay_out_empty_stage(const v1::CaptureManifest& manifes
     empty.texture = texture;
     empty.width_px = monitor.width_px();
     empty.height_px = monitor.height_px();
+    empty.patch_rows = monitor.patch_rows();
   }
   const double exposure_ms = usual_exposure_ms(manifest);
   int black = -1;
@@ -174,7 +175,7 @@ void gather(const FrameStack& stack, const EmptyMonitor& monitor, int x, int y, 
 StraightView straight_view(const v1::Camera& camera, const EmptyMonitor& monitor, int x, int y) {
   StraightView view;
   view.scale = {static_cast<double>(monitor.width_px) / camera.width_px(),
-                static_cast<double>(monitor.height_px) / camera.height_px()};
+                static_cast<double>(monitor.height_px + monitor.patch_rows) / camera.height_px()};
   view.centre_px = {(x + 0.5) * view.scale[0], (y + 0.5) * view.scale[1]};
   return view;
 }

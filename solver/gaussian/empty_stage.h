@@ -32,6 +32,7 @@ struct BarFrames {
 struct EmptyMonitor {
   int texture = 0;
   int width_px = 0, height_px = 0;
+  int patch_rows = 0;  // below those
   // [0]: vertical bars, along x; [1]: horizontal bars, along y. Wide to narrow. Bars without complement
   // count only if there is a white.
   std::array<std::vector<BarFrames>, 2> bars;

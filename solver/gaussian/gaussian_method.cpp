@@ -57,6 +57,7 @@ absl::StatusOr<std::vector<int>> GaussianMethod::frames_needed(const v1::Capture
     needed.insert(pair.empty);
   }
   for (const ExposedFrame& exposed : layout.black) needed.insert(exposed.frame);
+  for (const std::vector<int>& patch : layout.patches) needed.insert(patch.begin(), patch.end());
   for (const int frame : frames_of(lay_out_empty_stage(manifest))) needed.insert(frame);
   return std::vector<int>(needed.begin(), needed.end());
 }

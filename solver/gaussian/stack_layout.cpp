@@ -69,6 +69,18 @@ absl::Status check_sweeps(const StackLayout& layout, const v1::CaptureManifest& 
   return absl::OkStatus();
 }
 
+std::vector<std::vector<int>> patches_of(const v1::CaptureManifest& manifest) {
+  std::map<std::tuple<bool, double, std::string>, std::vector<int>> patches;
+  for (int i = 0; i < manifest.frames_size(); ++i) {
+    const v1::Frame& frame = manifest.frames(i);
+    if (frame.stimulus().kind() != "patch") continue;
+    patches[{frame.object(), frame.exposure_ms(), frame.stimulus().panel()}].push_back(i);
+  }
+  std::vector<std::vector<int>> lists;
+  for (auto& [key, frames] : patches) lists.push_back(std::move(frames));
+  return lists;
+}
+
 }  // namespace
 
 absl::StatusOr<StackLayout> lay_out(const v1::CaptureManifest& manifest) {
@@ -156,6 +168,7 @@ absl::StatusOr<StackLayout> lay_out(const v1::CaptureManifest& manifest) {
     const auto empty = empty_frames.find(frame.stimulus().SerializeAsString());
     if (empty != empty_frames.end()) layout.pairs.push_back({.object = i, .empty = empty->second});
   }
+  layout.patches = patches_of(manifest);
   return layout;
 }
 

@@ -40,6 +40,8 @@ struct StackLayout {
     int object, empty;
   };
   std::vector<Pair> pairs;
+  // Frames between which nothing but an id patch changes.
+  std::vector<std::vector<int>> patches;
   // Every exposure in use, the reference first: that of the manifest's first pattern.
   std::vector<double> exposures_ms;
   bool one_frame_a_shot = true;

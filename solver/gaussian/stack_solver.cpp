@@ -153,6 +153,23 @@ void StackSolver::find_silhouette(int y) {
   }
 }
 
+bool StackSolver::sees_patch(int x, int y) const {
+  constexpr double kSure = 8.0;  // standard deviations: noise alone never comes so far
+  for (const std::vector<int>& frames : layout_.patches) {
+    for (int c = 0; c < kChannels; ++c) {
+      float low = 1.0f, high = 0.0f;
+      for (const int frame : frames) {
+        const float sample = stack_.at(frame, x, y, c);
+        low = std::min(low, sample);
+        high = std::max(high, sample);
+      }
+      const double sd = std::sqrt(noise_.variance(static_cast<double>(high)));
+      if (static_cast<double>(high - low) > kSure * std::max(sd, kLeastStep)) return true;
+    }
+  }
+  return false;
+}
+
 void StackSolver::map_background(int x, int y, Matte& matte) {
   std::array<size_t, kChannels> slot{};
   for (size_t m = 0; m < background_.size(); ++m) {
@@ -180,6 +197,11 @@ void StackSolver::solve_row(int y, Matte& matte) {
   }
   find_silhouette(y);
   for (int x = 0; x < matte.width_px(); ++x) {
+    if (sees_patch(x, y)) {
+      object_[static_cast<size_t>(x)] = false;
+      matte.flags(x, y) |= kFlagNoData;
+      continue;
+    }
     const bool object = object_[static_cast<size_t>(x)];
     matte.coverage(x, y) = object ? 1.0f : 0.0f;
     for (int c = 0; c < kChannels; ++c) {

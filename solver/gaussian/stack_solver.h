@@ -52,6 +52,8 @@ class StackSolver {
   };
 
   void find_silhouette(int y);
+  // A pixel that sees an id patch sees other things in every frame.
+  bool sees_patch(int x, int y) const;
   // What the pixel sees without the object.
   void map_background(int x, int y, Matte& matte);
   void estimate_row_noise(int y);

@@ -99,8 +99,9 @@ class CameraNode : public testing::Test {
 };
 
 TEST_F(CameraNode, KeepsWhatTheMonitorEmittedAndFindsItAfterARestart) {
-  auto picture = std::make_shared<RadianceImage>(8, 6);
-  for (size_t i = 0; i < picture->samples.size(); ++i) picture->samples[i] = static_cast<float>(i) / 200.0f;
+  auto picture = std::make_shared<Image16>(8, 6);
+  for (size_t i = 0; i < picture->samples.size(); ++i)
+    picture->samples[i] = static_cast<std::uint16_t>(300 * i);
   timeline_.add_picture("back",
                         {.scanout_start = monotonic_now() - std::chrono::seconds(1), .image = picture});
   timeline_.set_horizon("back", monotonic_now() + std::chrono::hours(1));
@@ -152,7 +153,7 @@ TEST_F(CameraNode, KeepsWhatTheMonitorEmittedAndFindsItAfterARestart) {
       std::uint16_t sample = 0;
       std::memcpy(&sample, &rows[2 * i], 2);
       // 16 rays each carry 1/16 of a pixel: float rounding stays far below one code.
-      EXPECT_NEAR(sample, 65535.0 * static_cast<double>(picture->samples[i]), 1.0);
+      EXPECT_NEAR(sample, picture->samples[i], 1.0);
     }
   }
 }

@@ -15,8 +15,8 @@ const EmissionTimeline& changing_light() {
         {.name = "back", .width_px = 8, .height_px = 6, .scanout = milliseconds(16), .lag = milliseconds(2)});
     const nanoseconds now = monotonic_now();
     for (int i = 0; i < 400; ++i) {
-      auto picture = std::make_shared<RadianceImage>(8, 6);
-      for (float& sample : picture->samples) sample = static_cast<float>(i % 10) / 10.0f;
+      auto picture = std::make_shared<Image16>(8, 6);
+      for (std::uint16_t& sample : picture->samples) sample = static_cast<std::uint16_t>(i % 10 * 6553);
       made->add_picture("back", {.scanout_start = now + milliseconds(50 * i), .image = picture});
     }
     made->set_horizon("back", now + std::chrono::hours(1));

@@ -155,5 +155,22 @@ TEST_F(CompositeCommand, ConvertMakesAFrameVisible) {
     EXPECT_NEAR(seen.samples[i], truth.samples[i], 2.3 * 0.5 / 255 + 1e-4);
 }
 
+TEST_F(CompositeCommand, CropLeavesThePartThatItNames) {
+  const auto run = [this](const std::string& region, const std::string& output) {
+    return run_glasswing({"composite", matte_, "--background", background_, "--crop", region, "-o", output});
+  };
+  ASSERT_EQ(run("5x3+4+2", path("part.exr")).status, 0);
+  ASSERT_EQ(run("12x8+0+0", path("whole.exr")).status, 0);
+  const RadianceImage part = read_radiance(path("part.exr"), Encoding::kLinear).value(),
+                      whole = read_radiance(path("whole.exr"), Encoding::kLinear).value();
+  ASSERT_EQ(part.width_px, 5);
+  ASSERT_EQ(part.height_px, 3);
+  for (int y = 0; y < 3; ++y) {
+    for (int x = 0; x < 5; ++x) EXPECT_EQ(part.at(x, y, 1), whole.at(4 + x, 2 + y, 1));
+  }
+  for (const std::string region : {"5x3", "0x3+1+1", "5x3+8+0", "5x3+0+-1", "13x8+0+0", "5x3+1+1x"})
+    expect_one_line_error(run(region, path("out.png")), "--crop is " + region);
+}
+
 }  // namespace
 }  // namespace glasswing

@@ -28,11 +28,11 @@ ScreenInfo screen(const std::string& name, int width_px, int height_px, double r
 
 class EmissionServiceTest : public testing::Test {
  protected:
-  void serve(std::vector<ScreenInfo> screens, double missed_flips) {
+  void serve(std::vector<ScreenInfo> screens, double missed_flips, TrueOptics optics = {}) {
     sim_ = std::make_unique<SimDisplay>(std::move(screens),
                                         SimDisplay::Faults{.seed = 3, .missed_flips = missed_flips});
     display_ = std::make_unique<LightTap>(*sim_);
-    service_ = std::make_unique<EmissionServiceImpl>(*display_);
+    service_ = std::make_unique<EmissionServiceImpl>(*display_, optics);
     grpc::ServerBuilder builder;
     builder.RegisterService(service_.get());
     server_ = builder.BuildAndStart();
@@ -68,6 +68,7 @@ TEST_F(EmissionServiceTest, MonitorsComeFirstThenWhatIsOnScreenThenTime) {
     EXPECT_EQ(event.monitor().height_px(), info.height_px);
     EXPECT_EQ(event.monitor().scanout_ns(), info.scanout.count());
     EXPECT_EQ(event.monitor().lag_ns(), info.lag.count());
+    EXPECT_EQ(event.monitor().settle_ns(), info.settle.count());
   }
   for (const ScreenInfo& info : display_->screens()) {
     ASSERT_TRUE(reader_->Read(&event));
@@ -86,6 +87,15 @@ TEST_F(EmissionServiceTest, MonitorsComeFirstThenWhatIsOnScreenThenTime) {
     horizons[event.horizon().monitor()] = event.horizon().until_ns();
   }
   EXPECT_EQ(horizons.size(), 2u);
+}
+
+TEST_F(EmissionServiceTest, TheLightMayNotBeWhatTheScreenSaysOfItself) {
+  serve({screen("back", 8, 6, 200.0)}, 0.0, {.lag = milliseconds(9), .settle = milliseconds(4)});
+  v1::WatchEmissionResponse event;
+  ASSERT_TRUE(reader_->Read(&event));
+  EXPECT_EQ(nanoseconds(event.monitor().lag_ns()), milliseconds(9));
+  EXPECT_EQ(nanoseconds(event.monitor().settle_ns()), milliseconds(4));
+  EXPECT_EQ(display_->screens()[0].lag, milliseconds(3));
 }
 
 // The light and the player's word agree on every picture and time, missed flips and all; pictures larger than

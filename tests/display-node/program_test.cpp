@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "core/frame/image_file.h"
+#include "core/pattern/id_patch.h"
 
 namespace glasswing {
 namespace {
@@ -104,6 +105,44 @@ TEST(Program, ShowsPicturesThatWereSentAndFit) {
   const absl::Status missing = Program::create(request, screens(), images).status();
   EXPECT_TRUE(absl::IsFailedPrecondition(missing)) << missing;
   EXPECT_TRUE(absl::StrContains(missing.message(), "image \"nowhere\" is not here")) << missing;
+}
+
+TEST(Program, DrawsThePatchBelowThePattern) {
+  ImageStore images;
+  const std::string photo = images.add(png_of(64, 32, 13107)).value();
+  const std::vector<ScreenInfo> patched{{.name = "back", .width_px = 64, .height_px = 40, .patch_rows = 8},
+                                        {.name = "left", .width_px = 32, .height_px = 40, .patch_rows = 8}};
+  v1::LoadProgramRequest request = good_request();
+  v1::ProgramStep& step = *request.mutable_steps(0);
+  step.set_patch_id(0x1234);
+  for (const std::string kind : {"gauss_stripe", "photo", "patch"}) {
+    v1::Stimulus& stimulus = *step.mutable_stimuli(0);
+    stimulus.set_panel("back");
+    stimulus.set_kind(kind);
+    stimulus.set_image(photo);
+    stimulus.set_patch_id(0x4321);
+    const Program program = Program::create(request, patched, images).value();
+    const std::vector<Picture> pictures = program.pictures(0);
+    RadianceImage back(64, 40), left(32, 40);
+    if (kind == "gauss_stripe") {
+      const RadianceImage pattern =
+          Pattern::create(stimulus, {.width_px = 64, .height_px = 32}).value().rasterised();
+      std::copy(pattern.samples.begin(), pattern.samples.end(), back.samples.begin());
+    } else if (kind == "photo") {
+      std::fill_n(back.samples.begin(), 64 * 32 * 3, 13107.0f / 65535.0f);
+    }
+    IdPatch{.width_px = 64, .first_row = 32, .rows = 8}.draw(kind == "patch" ? 0x4321 : 0x1234, back);
+    IdPatch{.width_px = 32, .first_row = 32, .rows = 8}.draw(0x1234, left);
+    EXPECT_EQ(pictures[0]->samples, back.samples) << kind;
+    EXPECT_EQ(pictures[1]->samples, left.samples) << kind;
+  }
+  step.clear_patch_id();
+  EXPECT_EQ(Program::create(request, patched, images)->pictures(0)[1], nullptr) << "dark is black";
+  step.mutable_stimuli(0)->set_patch_id(65536);
+  EXPECT_TRUE(absl::StrContains(Program::create(request, patched, images).status().message(),
+                                "patch_id is 65536; it must be 0 to 65535"));
+  step.mutable_stimuli(0)->set_patch_id(1);
+  expect_refused(request, "monitor \"back\" shows no id patch; start its display with --patch-rows");
 }
 
 TEST(ImageStore, NamesPicturesByContent) {

@@ -33,5 +33,24 @@ TEST(SimDisplay, ShowsAtTheFirstRefreshUnlessTheFlipIsMissed) {
   }
 }
 
+TEST(SimDisplay, JitterMovesEachScanoutByLessThanItSays) {
+  const nanoseconds jitter = milliseconds(2);
+  SimDisplay display({small_screen("back", 200.0)}, {.jitter = jitter});
+  const double period_ns = period_ns_of(display.screens()[0]);
+  nanoseconds before = display.show({nullptr}, monotonic_now()).value()[0].start;
+  const nanoseconds first = before;
+  bool moved = false;
+  for (int i = 0; i < 40; ++i) {
+    const nanoseconds start = display.show({nullptr}, monotonic_now()).value()[0].start;
+    EXPECT_GT(start, before);
+    const double refreshes = static_cast<double>((start - first).count()) / period_ns;
+    const double off_ns = (refreshes - std::round(refreshes)) * period_ns;
+    EXPECT_LE(std::abs(off_ns), static_cast<double>(jitter.count()) + 1.0);  // both are moved, and rounded
+    moved = moved || std::abs(off_ns) > 1.0;
+    before = start;
+  }
+  EXPECT_TRUE(moved);
+}
+
 }  // namespace
 }  // namespace glasswing

@@ -59,6 +59,13 @@ class SimulatedStack {
     manifest_.mutable_frames()->DeleteSubrange(i, 1);
     frames_.erase(frames_.begin() + i);
   }
+  void add_patch(std::uint32_t id) {
+    v1::Stimulus stimulus;
+    stimulus.set_kind("patch");
+    stimulus.set_panel("back");
+    stimulus.set_patch_id(id);
+    add(stimulus, false, 1.0);
+  }
   FrameStack stack() const {
     FrameStack stack{
         .manifest = manifest_, .first_row = 0, .row_count = kHeight, .rows = {}, .owner = nullptr};
@@ -69,6 +76,7 @@ class SimulatedStack {
 
  private:
   double radiance(const v1::Stimulus& stimulus, bool object, int x, int y) const {
+    if (stimulus.kind() == "patch") return 0.0;
     if (!object) return stimulus.kind() == "solid" && stimulus.colour(0) > 0.0 && x >= kWidth / 2 ? 0.5 : 0.0;
     if (x >= kWidth / 2) return radiance(stimulus, false, x, y);
     double sum = kForeground;
@@ -189,6 +197,30 @@ TEST(Stack, GainAloneLeavesTheReadNoiseToBeMeasured) {
   simulated.manifest().mutable_camera()->set_read_sd(0.0);
   simulated.manifest().mutable_camera()->set_gain(1e-5);
   expect_truth(simulated.solve(), one);
+}
+
+TEST(Stack, PixelsThatSeeAnIdPatchAreFlaggedAndOthersAreNot) {
+  SimulatedStack simulated(one);
+  const auto lit = [](int frame) { return static_cast<std::uint16_t>(frame % 3 == 0 ? 30000 : 200); };
+  const int before = simulated.manifest().frames_size();
+  for (const std::uint32_t id : {0x0000u, 0xffffu, 0xaaaau}) simulated.add_patch(id);
+  // The lowest row sees a cell; in every frame another id is shown.
+  for (int i = 0; i < simulated.manifest().frames_size(); ++i) {
+    const size_t row = static_cast<size_t>(kWidth) * 3;
+    std::fill(simulated.frame(i).end() - static_cast<std::ptrdiff_t>(row), simulated.frame(i).end(), lit(i));
+  }
+  ASSERT_GE(simulated.manifest().frames_size(), before + 3);
+  const Matte matte = simulated.solve();
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      const bool patch = y == kHeight - 1;
+      EXPECT_EQ(matte.flags(x, y), patch ? kFlagNoData : kFlagNone) << x << " " << y;
+      EXPECT_EQ(matte.coverage(x, y), !patch && x < kWidth / 2 ? 1.0f : 0.0f) << x << " " << y;
+      if (!patch) continue;
+      EXPECT_EQ(matte.modes(x, y, 0)[0].weight, 0.0f);
+      EXPECT_EQ(matte.foreground(x, y)[0], 0.0f);
+    }
+  }
 }
 
 TEST(Stack, SaturatedEverywhereIsFlagged) {

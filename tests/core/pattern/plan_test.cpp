@@ -6,6 +6,8 @@
 #include <map>
 #include <set>
 
+#include "core/pattern/id_patch.h"
+
 namespace glasswing {
 namespace {
 
@@ -110,6 +112,30 @@ TEST(Plan, TheRigMustHaveWhatThePlanNames) {
   EXPECT_NE(std::string(status.message()).find("the rig has: back"), std::string::npos) << status;
   status = expand(plan, {monitor("left", 8, 8)}).status();
   EXPECT_NE(std::string(status.message()).find("it is 8x8"), std::string::npos) << status;
+}
+
+TEST(Plan, EveryGroupOfStepsStartsWithThePatchOfEachMonitorThatHasOne) {
+  const v1::Plan plan =
+      parse_plan(
+          "method: \"gaussian\" exposure_ms: [1, 4] solids { colour: [1, 1, 1] } sweeps { sigma_px: 8 }", "p")
+          .value();
+  std::vector<v1::Monitor> rig{monitor("back", 128, 96), monitor("left", 64, 96)};
+  const size_t without = expand(plan, rig)->size();
+  rig[1].set_patch_rows(8);
+  const std::vector<Step> steps = expand(plan, rig).value();
+  const std::span<const std::uint16_t> ids = patch_learning_ids();
+  EXPECT_EQ(steps.size(), without + 4 * ids.size());
+  std::set<std::pair<bool, double>> begun;
+  for (size_t i = 0; i < steps.size(); ++i) {
+    if (!begun.emplace(steps[i].object, steps[i].exposure_ms).second) continue;
+    for (size_t k = 0; k < ids.size(); ++k) {
+      EXPECT_EQ(steps[i + k].stimulus.kind(), "patch");
+      EXPECT_EQ(steps[i + k].stimulus.panel(), "left");
+      EXPECT_EQ(steps[i + k].stimulus.patch_id(), ids[k]);
+    }
+    EXPECT_NE(steps[i + ids.size()].stimulus.kind(), "patch");
+  }
+  EXPECT_EQ(begun.size(), 4u);
 }
 
 }  // namespace

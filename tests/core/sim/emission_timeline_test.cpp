@@ -16,7 +16,7 @@ EmissionMonitor monitor(const std::string& name) {
 }
 
 EmittedPicture picture(nanoseconds start) {
-  return {.scanout_start = start, .image = std::make_shared<RadianceImage>(4, 3)};
+  return {.scanout_start = start, .image = std::make_shared<Image16>(4, 3)};
 }
 
 TEST(EmissionTimeline, KnowsNothingWithoutMonitors) {
@@ -63,6 +63,16 @@ TEST(EmissionTimeline, GivesThePicturesThatTouchAnInterval) {
             (std::vector<nanoseconds>{milliseconds(100), milliseconds(200)}));
   EXPECT_EQ(starts(seconds(5), seconds(6)), (std::vector<nanoseconds>{milliseconds(300)}));
   EXPECT_TRUE(starts(milliseconds(-50), milliseconds(5)).empty());
+}
+
+TEST(EmissionTimeline, GivesAPictureUntilTheNextHasSettled) {
+  EmissionTimeline timeline;
+  EmissionMonitor slow = monitor("back");
+  slow.settle = milliseconds(10);
+  timeline.add_monitor(slow);
+  for (const int start_ms : {0, 100}) timeline.add_picture("back", picture(milliseconds(start_ms)));
+  EXPECT_EQ(timeline.between(milliseconds(130), milliseconds(150)).at(0).pictures.size(), 2u);
+  EXPECT_EQ(timeline.between(milliseconds(131), milliseconds(150)).at(0).pictures.size(), 1u);
 }
 
 TEST(EmissionTimeline, ForgetsWhatIsOlderThanItKeeps) {

@@ -20,9 +20,9 @@ Transport crystal() {
   return *build_transport("crystal", true, {{"back", kBack}, {"left", kLeft}}, 8, 6);
 }
 
-std::shared_ptr<const RadianceImage> random_picture(MonitorSize size, std::mt19937_64& random) {
-  auto picture = std::make_shared<RadianceImage>(size.width_px, size.height_px);
-  std::uniform_real_distribution<float> uniform;
+std::shared_ptr<const Image16> random_picture(MonitorSize size, std::mt19937_64& random) {
+  auto picture = std::make_shared<Image16>(size.width_px, size.height_px);
+  std::uniform_int_distribution<std::uint16_t> uniform;
   std::generate(picture->samples.begin(), picture->samples.end(), [&] { return uniform(random); });
   return picture;
 }
@@ -34,6 +34,13 @@ MonitorEmission emission(const std::string& name, MonitorSize size, nanoseconds 
   return result;
 }
 
+RadianceImage radiance_of(const Image16& picture) {
+  RadianceImage radiance(picture.width_px, picture.height_px);
+  std::transform(picture.samples.begin(), picture.samples.end(), radiance.samples.begin(),
+                 [](std::uint16_t code) { return glasswing::radiance_of(code); });
+  return radiance;
+}
+
 // What a monitor's rows show at one moment.
 RadianceImage shown_at(const MonitorEmission& emission, nanoseconds when) {
   RadianceImage out(emission.monitor.width_px, emission.monitor.height_px);
@@ -43,7 +50,7 @@ RadianceImage shown_at(const MonitorEmission& emission, nanoseconds when) {
     for (const EmittedPicture& picture : emission.pictures) {
       if (static_cast<double>((when - picture.scanout_start).count()) < delay_ns) continue;
       for (int x = 0; x < out.width_px; ++x) {
-        for (int c = 0; c < 3; ++c) out.at(x, y, c) = picture.image->at(x, y, c);
+        for (int c = 0; c < 3; ++c) out.at(x, y, c) = glasswing::radiance_of(picture.image->at(x, y, c));
       }
     }
   }
@@ -82,6 +89,64 @@ TEST(Integrate, AgreesWithManySlicesOfTime) {
   }
 }
 
+// Light that a settling monitor row gives at one moment: each change goes on for `settle`, whatever follows.
+RadianceImage settling_at(const MonitorEmission& emission, nanoseconds when) {
+  RadianceImage out(emission.monitor.width_px, emission.monitor.height_px);
+  for (int y = 0; y < out.height_px; ++y) {
+    const double delay_ns = static_cast<double>(emission.monitor.lag.count()) +
+                            static_cast<double>(emission.monitor.scanout.count()) * y / out.height_px;
+    const Image16 black(out.width_px, out.height_px);
+    const Image16* before = &black;
+    for (const EmittedPicture& picture : emission.pictures) {
+      const double since_ns = static_cast<double>((when - picture.scanout_start).count()) - delay_ns;
+      const auto part = static_cast<float>(
+          std::clamp(since_ns / static_cast<double>(emission.monitor.settle.count()), 0.0, 1.0));
+      for (int x = 0; x < out.width_px; ++x) {
+        for (int c = 0; c < 3; ++c)
+          out.at(x, y, c) += part * (glasswing::radiance_of(picture.image->at(x, y, c)) -
+                                     glasswing::radiance_of(before->at(x, y, c)));
+      }
+      before = picture.image.get();
+    }
+  }
+  return out;
+}
+
+TEST(Integrate, SettlesFromOnePictureToTheNext) {
+  std::mt19937_64 random(8);
+  const Transport transport = crystal();
+  std::vector<MonitorEmission> light{emission("back", kBack, milliseconds(7), milliseconds(2),
+                                              {milliseconds(-30), milliseconds(-1), milliseconds(9)}, random),
+                                     // The second change begins before the first has settled.
+                                     emission("left", kLeft, milliseconds(16), microseconds(3300),
+                                              {milliseconds(1), milliseconds(3)}, random)};
+  light[0].monitor.settle = milliseconds(4);
+  light[1].monitor.settle = milliseconds(5);
+  const nanoseconds readout = milliseconds(5);
+  for (const int start_ms : {-4, 1, 6, 12}) {
+    const ExposureWindow window{.start = milliseconds(start_ms), .exposure = milliseconds(8)};
+    const RadianceImage exact = integrate(transport, light, window, readout);
+    // The middle of each slice is its mean but where a ramp begins or ends: there a triangle of half a slice
+    // and of slope 1 / settle is missed, four times at most. Float sums add about 1e-5.
+    constexpr int kSlices = 500;
+    const double slice_of_settle = 8.0 / kSlices / 4.0;
+    const double tolerance = 4.0 * slice_of_settle / 8.0 / kSlices + 1e-5;
+    for (int y = 0; y < 6; ++y) {
+      const nanoseconds from = window.start + readout * y / 5;
+      RadianceImage mean(8, 6);
+      for (int s = 0; s < kSlices; ++s) {
+        const nanoseconds when = from + window.exposure * (2 * s + 1) / (2 * kSlices);
+        const RadianceImage seen = transport.respond(
+            std::vector<RadianceImage>{settling_at(light[0], when), settling_at(light[1], when)});
+        for (size_t i = 0; i < mean.samples.size(); ++i) mean.samples[i] += seen.samples[i] / kSlices;
+      }
+      for (int x = 0; x < 8; ++x) {
+        for (int c = 0; c < 3; ++c) EXPECT_NEAR(exact.at(x, y, c), mean.at(x, y, c), tolerance);
+      }
+    }
+  }
+}
+
 TEST(Integrate, IsTheTransportsResponseWhileNothingChanges) {
   std::mt19937_64 random(5);
   const Transport transport = crystal();
@@ -93,7 +158,8 @@ TEST(Integrate, IsTheTransportsResponseWhileNothingChanges) {
       integrate(transport, light, {.start = milliseconds(18), .exposure = milliseconds(8)}, milliseconds(5));
   EXPECT_EQ(
       seen.samples,
-      transport.respond(std::vector<RadianceImage>{*light[0].pictures[1].image, RadianceImage()}).samples);
+      transport.respond(std::vector<RadianceImage>{radiance_of(*light[0].pictures[1].image), RadianceImage()})
+          .samples);
 }
 
 constexpr SensorModel kNoiseless{.read_sd = 0.0, .gain = 0.0, .bits = 16};
@@ -117,7 +183,7 @@ TEST(Expose, QuantisesToItsBits) {
   for (const int bits : {8, 10, 12, 14}) {
     SensorModel model = kNoiseless;
     model.bits = bits;
-    const RadianceImage light = *random_picture({20, 20}, random);
+    const RadianceImage light = radiance_of(*random_picture({20, 20}, random));
     const Image16 image = expose(light, model.full_scale_exposure_ms, model, 0);
     const double step = 1.0 / (std::exp2(bits) - 1.0);
     for (size_t i = 0; i < light.samples.size(); ++i) {

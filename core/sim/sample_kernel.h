@@ -1,0 +1,29 @@
+// What a simulated sensor does to each sample, a vector at a time.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+namespace glasswing {
+
+inline constexpr size_t kSampleBlock = 4096;
+
+// Independent deviates of mean 0 and variance 1, the same for the same numbers and different ones for any
+// others: uniform by Threefry4x32-20 (Salmon et al. 2011, "Parallel random numbers: as easy as 1, 2, 3"),
+// made normal by Box and Muller's transform. None is beyond 6.8. The key is (seed, stream), the counter (i,
+// block, 0, 0) gives out[i + k * kSampleBlock / 4], k = 0 to 3.
+void standard_normals(std::uint64_t seed, std::int64_t stream, std::uint32_t block,
+                      std::span<float, kSampleBlock> out);
+
+// value = scale * radiance;  noisy = value + sqrt(read_variance + gain * value) * deviate
+struct SampleResponse {
+  float scale = 1.0f;
+  float read_variance = 0.0f;
+  float gain = 0.0f;
+  int levels = 65535;  // codes are 0 to this; they are stored on the 16-bit scale
+};
+void respond(const SampleResponse& response, std::span<const float, kSampleBlock> radiance,
+             std::span<const float, kSampleBlock> deviates, std::span<std::uint16_t, kSampleBlock> out);
+
+}  // namespace glasswing

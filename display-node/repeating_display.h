@@ -1,0 +1,28 @@
+// A display whose word is not to be trusted: now and then an old picture stays a refresh longer than is
+// reported. What stands behind it (a LightTap) knows the truth.
+#pragma once
+
+#include <cstdint>
+#include <random>
+
+#include "display-node/display.h"
+
+namespace glasswing {
+
+class RepeatingDisplay final : public Display {
+ public:
+  // `repeat`: the probability that a picture is repeated. The display must outlive it.
+  RepeatingDisplay(Display& display, double repeat, std::uint64_t seed)
+      : display_(display), repeat_(repeat), random_(seed) {}
+
+  std::string backend() const override { return display_.backend(); }
+  const std::vector<ScreenInfo>& screens() const override { return display_.screens(); }
+  absl::StatusOr<std::vector<Scanout>> show(const std::vector<Picture>& pictures, nanoseconds at) override;
+
+ private:
+  Display& display_;
+  std::bernoulli_distribution repeat_;
+  std::mt19937_64 random_;
+};
+
+}  // namespace glasswing

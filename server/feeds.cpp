@@ -1,0 +1,87 @@
+#include "server/feeds.h"
+
+#include <algorithm>
+
+#include "core/service/service.h"
+
+namespace glasswing {
+
+CameraFeed::CameraFeed(const NodeLink& camera, v1::CameraService::Stub& stub, double exposure_ms)
+    : camera_(camera), exposure_ms_(exposure_ms) {
+  v1::CaptureRequest request;
+  request.set_exposure_ms(exposure_ms);
+  reader_ = stub.Capture(&context_, request);
+  thread_ = std::thread([this] { read(); });
+}
+
+CameraFeed::~CameraFeed() {
+  context_.TryCancel();
+  thread_.join();
+}
+
+absl::Status CameraFeed::wait_running(std::stop_token stop) {
+  std::unique_lock lock(mutex_);
+  started_.wait_for(lock, stop, std::chrono::seconds(20),
+                    [this] { return running_ || inbox.end().has_value(); });
+  if (running_) return absl::OkStatus();
+  return inbox.end().value_or(absl::DeadlineExceededError(camera_.title() + " did not start in time"));
+}
+
+void CameraFeed::read() {
+  v1::CaptureResponse response;
+  while (reader_->Read(&response)) {
+    if (response.has_frame()) {
+      inbox.push(std::move(*response.mutable_frame()));
+      continue;
+    }
+    const std::lock_guard lock(mutex_);
+    running_ = true;
+    started_.notify_all();
+  }
+  absl::Status status = from_grpc(reader_->Finish(), camera_.title());
+  if (status.ok()) status = absl::UnavailableError(camera_.title() + " stopped sending frames");
+  inbox.close(std::move(status));
+  const std::lock_guard lock(mutex_);
+  started_.notify_all();
+}
+
+FrameTime rig_time_of(const v1::FrameTaken& frame, const NodeLink& camera) {
+  const ClockReading start = camera.rig_from_node(nanoseconds(frame.exposure_start_ns())),
+                     end = camera.rig_from_node(nanoseconds(frame.exposure_end_ns()));
+  return {.sequence = frame.sequence(),
+          .start = start.time,
+          .end = end.time,
+          .uncertainty = nanoseconds(frame.uncertainty_ns()) + std::max(start.error, end.error)};
+}
+
+DisplayFeed::DisplayFeed(const DisplayLink& display, const std::string& program, nanoseconds start_at)
+    : display_(display) {
+  v1::PlayProgramRequest request;
+  request.set_program(program);
+  request.set_start_at_ns(display.link.node_from_rig(start_at).time.count());
+  reader_ = display.stub->PlayProgram(&context_, request);
+  thread_ = std::thread([this] {
+    v1::PlayProgramResponse response;
+    while (reader_->Read(&response)) inbox.push(std::move(*response.mutable_presentation()));
+    inbox.close(from_grpc(reader_->Finish(), display_.link.title()));
+  });
+}
+
+DisplayFeed::~DisplayFeed() {
+  context_.TryCancel();
+  thread_.join();
+}
+
+MonitorWindow rig_time_of(const v1::Presentation& shown, const DisplayLink& display) {
+  const v1::DisplayMonitor* monitor = display.monitor(shown.monitor());
+  const ClockReading scanout_end = display.link.rig_from_node(nanoseconds(shown.scanout_end_ns())),
+                     replaced = display.link.rig_from_node(nanoseconds(shown.replaced_ns()));
+  return {.step = shown.step(),
+          .scanout_end = scanout_end.time,
+          .replaced = replaced.time,
+          .lag = nanoseconds(monitor == nullptr ? 0 : monitor->optical_lag_ns()),
+          .settle = nanoseconds(monitor == nullptr ? 0 : monitor->settle_ns()),
+          .uncertainty = nanoseconds(shown.uncertainty_ns()) + std::max(scanout_end.error, replaced.error)};
+}
+
+}  // namespace glasswing

@@ -1,0 +1,62 @@
+// The server's end of the rig: its nodes, how their clocks relate to ours, and what they are.
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "core/clock/clock_model.h"
+#include "glasswing/v1/camera_service.grpc.pb.h"
+#include "glasswing/v1/clock_service.grpc.pb.h"
+#include "glasswing/v1/display_service.grpc.pb.h"
+#include "server/rig.h"
+
+namespace glasswing {
+
+// For calls that a node answers at once.
+inline constexpr std::chrono::seconds kNodeCall(10);
+
+// A node and how its clock relates to ours. Rig time is the server's CLOCK_MONOTONIC, which no setting of
+// wall clocks moves. Times may be asked for from any thread.
+class NodeLink {
+ public:
+  explicit NodeLink(const v1::Node& node);
+  // "camera node \"camera-1\" at 127.0.0.1:7442"
+  const std::string& title() const { return title_; }
+  const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
+  absl::Status exchange_clocks(int count);
+  ClockReading rig_from_node(nanoseconds node_time) const;
+  ClockReading node_from_rig(nanoseconds rig_time) const;
+
+ private:
+  std::string title_;
+  std::shared_ptr<grpc::Channel> channel_;
+  std::unique_ptr<v1::ClockService::Stub> stub_;
+  mutable std::mutex mutex_;
+  ClockModel clock_;
+};
+
+struct DisplayLink {
+  explicit DisplayLink(const v1::Node& node);
+  // Asks for `info`.
+  absl::Status describe();
+  // Null: it has none of that name.
+  const v1::DisplayMonitor* monitor(const std::string& name) const;
+
+  NodeLink link;
+  std::unique_ptr<v1::DisplayService::Stub> stub;
+  v1::GetDisplayResponse info;
+};
+
+// The monitors and the camera that are there now.
+struct RigDescription {
+  std::vector<v1::Monitor> monitors;
+  v1::GetCameraResponse camera;
+};
+absl::StatusOr<RigDescription> describe_rig(const Rig& rig);
+
+}  // namespace glasswing

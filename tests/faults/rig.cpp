@@ -1,0 +1,192 @@
+#include "tests/faults/rig.h"
+
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <cstdlib>
+
+#include "camera-node/archive_service.h"
+#include "camera-node/camera_service.h"
+#include "camera-node/emission_client.h"
+#include "camera-node/stage_service.h"
+#include "core/service/registration.h"
+#include "core/service/service.h"
+#include "display-node/display_service.h"
+#include "display-node/emission_service.h"
+#include "display-node/repeating_display.h"
+#include "server/server.h"
+#include "server/session_service.h"
+#include "tests/faults/delay_relay.h"
+
+namespace glasswing {
+namespace {
+
+using std::chrono::microseconds;
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+constexpr nanoseconds kSoon = seconds(20);
+
+ScreenInfo monitor() {
+  return {.name = "back",
+          .width_px = FaultyRig::kWidth_px,
+          .height_px = FaultyRig::kHeight_px,
+          .refresh_hz = FaultyRig::kRefresh_hz,
+          .scanout = nanoseconds(std::llround(1e9 / FaultyRig::kRefresh_hz)),
+          .lag = milliseconds(3),
+          .settle = microseconds(500)};
+}
+
+v1::RegisterRequest registered(v1::NodeKind kind, const std::string& name, const std::string& address) {
+  v1::RegisterRequest node;
+  node.set_kind(kind);
+  node.set_name(name);
+  node.set_address(address);
+  return node;
+}
+
+}  // namespace
+
+struct FaultyRig::ServerNode {
+  explicit ServerNode(const std::filesystem::path& data)
+      : server(Server::open(data).value()),
+        sessions(*server),
+        nodes(*server),
+        host(ServiceHost::start({}, {&sessions, &nodes}).value()) {}
+  ~ServerNode() {
+    sessions.stop();
+    host->stop(milliseconds(500));
+  }
+  std::unique_ptr<Server> server;
+  SessionServiceImpl sessions;
+  NodeServiceImpl nodes;
+  std::unique_ptr<ServiceHost> host;
+};
+
+struct FaultyRig::DisplayNode {
+  DisplayNode(const RigFaults& faults, std::uint64_t seed, int patch_rows, const std::string& address)
+      : sim({monitor()}, faults.display),
+        tap(sim),
+        display(tap, faults.repeat, seed),
+        service("display-1", display, patch_rows),
+        emission(tap),
+        host(ServiceHost::start({.address = address}, {&service, &emission}).value()) {}
+  ~DisplayNode() {
+    service.stop();
+    emission.stop();
+    host->stop(milliseconds(0));
+  }
+  SimDisplay sim;
+  LightTap tap;
+  RepeatingDisplay display;
+  DisplayServiceImpl service;
+  EmissionServiceImpl emission;
+  std::unique_ptr<ServiceHost> host;
+};
+
+struct FaultyRig::CameraNode {
+  CameraNode(const SimCameraOptions& options, const std::filesystem::path& archives, const std::string& tap,
+             const std::string& address)
+      : light(tap, timeline),
+        camera(SimCamera::create(options, timeline).value()),
+        store(archives),
+        cameras(*camera, store),
+        archive_service(store),
+        stages(*camera),
+        host(ServiceHost::start({.address = address, .clock = options.clock},
+                                {&cameras, &archive_service, &stages})
+                 .value()) {}
+  ~CameraNode() {
+    cameras.stop();
+    host->stop(milliseconds(0));
+  }
+  EmissionTimeline timeline;
+  EmissionClient light;
+  std::unique_ptr<SimCamera> camera;
+  ArchiveStore store;
+  CameraServiceImpl cameras;
+  ArchiveServiceImpl archive_service;
+  StageServiceImpl stages;
+  std::unique_ptr<ServiceHost> host;
+};
+
+// Nodes stay registered when they are started again: at the same address, behind the same relay.
+struct FaultyRig::Network {
+  Network(nanoseconds most, std::uint64_t seed, const std::string& server, const std::string& display_address,
+          const std::string& camera_address)
+      : display_relay(display_address, most, seed),
+        camera_relay(camera_address, most, seed + 1000),
+        display(server, registered(v1::NODE_KIND_DISPLAY, "display-1",
+                                   most > nanoseconds(0) ? display_relay.address() : display_address)),
+        camera(server, registered(v1::NODE_KIND_CAMERA, "camera-1",
+                                  most > nanoseconds(0) ? camera_relay.address() : camera_address)) {}
+  DelayRelay display_relay, camera_relay;
+  Registration display, camera;
+};
+
+FaultyRig::FaultyRig(const RigFaults& faults, std::uint64_t seed, int patch_rows,
+                     const std::filesystem::path& data)
+    : faults_(faults), seed_(seed), patch_rows_(patch_rows), data_(data) {
+  std::filesystem::create_directories(data / "server");
+  std::filesystem::create_directories(data / "archives");
+  server_ = std::make_unique<ServerNode>(data / "server");
+  restart_display();
+  restart_camera();
+  network_ = std::make_unique<Network>(faults.network_delay, seed, server_->host->address(),
+                                       display_->host->address(), camera_->host->address());
+  sessions_ = v1::SessionService::NewStub(dial(server_->host->address()));
+  const Rig& rig = server_->server->rig();
+  const nanoseconds deadline = monotonic_now() + kSoon;
+  while (!rig.camera().ok() || !rig.displays().ok()) {
+    if (monotonic_now() > deadline) {
+      std::fputs("the nodes did not register\n", stderr);
+      std::abort();
+    }
+    sleep_until_monotonic(monotonic_now() + milliseconds(10));
+  }
+}
+
+FaultyRig::~FaultyRig() {
+  network_.reset();
+  server_.reset();
+  camera_.reset();
+  display_.reset();
+}
+
+std::filesystem::path FaultyRig::archive(const std::string& session) const {
+  return data_ / "archives" / session;
+}
+
+void FaultyRig::restart_display() {
+  const std::string address = display_ == nullptr ? "127.0.0.1:0" : display_->host->address();
+  display_.reset();
+  RigFaults faults = faults_;
+  faults.display.seed = seed_;
+  display_ = std::make_unique<DisplayNode>(faults, seed_, patch_rows_, address);
+}
+
+void FaultyRig::restart_camera() {
+  const std::string address = camera_ == nullptr ? "127.0.0.1:0" : camera_->host->address();
+  camera_.reset();
+  SimCameraOptions options;
+  options.scene = "none";
+  options.width_px = kWidth_px;
+  options.height_px = kHeight_px;
+  options.frame_rate_hz = 1000.0;
+  options.sensor.seed = seed_;
+  options.sensor.readout = microseconds(300);
+  options.sensor.full_scale_exposure_ms = kExposure_ms;
+  options.clock = NodeClock(faults_.clock_offset, faults_.clock_drift_ppm);
+  options.drop = faults_.drop;
+  options.duplicate = faults_.duplicate;
+  options.late = faults_.late;
+  options.stamp_jitter = faults_.stamp_jitter;
+  options.stamp_shift = faults_.stamp_shift;
+  camera_ = std::make_unique<CameraNode>(options, data_ / "archives", display_->host->address(), address);
+  if (!camera_->timeline.wait_known_until(monotonic_now(), kSoon)) {
+    std::fputs("the camera sees no display\n", stderr);
+    std::abort();
+  }
+}
+
+}  // namespace glasswing

@@ -1,0 +1,58 @@
+// A rig in one process, every daemon behind gRPC on loopback, with whatever is wrong with it.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "camera-node/sim_camera.h"
+#include "display-node/sim_display.h"
+#include "glasswing/v1/session_service.grpc.pb.h"
+
+namespace glasswing {
+
+struct RigFaults {
+  std::string name;
+  SimDisplay::Faults display = {};
+  double repeat = 0.0;  // RepeatingDisplay
+  double drop = 0.0, duplicate = 0.0;
+  nanoseconds late{}, stamp_jitter{}, stamp_shift{};  // SimCameraOptions
+  nanoseconds clock_offset{};                         // of the camera node
+  double clock_drift_ppm = 0.0;
+  nanoseconds network_delay{};                           // at most, each way between the server and the nodes
+  bool restart_camera = false, restart_display = false;  // in mid-session
+};
+
+class FaultyRig {
+ public:
+  static constexpr int kWidth_px = 192, kHeight_px = 144;  // of the monitor "back" and of the camera
+  static constexpr double kRefresh_hz = 240.0, kExposure_ms = 0.5;
+  static constexpr double kMostNoise = 0.0035;  // sd of a full-scale sample
+
+  // Returns when all know of each other.
+  FaultyRig(const RigFaults& faults, std::uint64_t seed, int patch_rows, const std::filesystem::path& data);
+  ~FaultyRig();
+
+  v1::SessionService::Stub& sessions() { return *sessions_; }
+  std::filesystem::path archive(const std::string& session) const;
+  void restart_camera();
+  void restart_display();
+
+ private:
+  struct ServerNode;
+  struct DisplayNode;
+  struct CameraNode;
+  struct Network;
+
+  const RigFaults faults_;
+  const std::uint64_t seed_;
+  const int patch_rows_;
+  const std::filesystem::path data_;
+  std::unique_ptr<ServerNode> server_;
+  std::unique_ptr<DisplayNode> display_;
+  std::unique_ptr<CameraNode> camera_;
+  std::unique_ptr<Network> network_;
+  std::unique_ptr<v1::SessionService::Stub> sessions_;
+};
+
+}  // namespace glasswing
