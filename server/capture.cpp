@@ -17,8 +17,9 @@ namespace glasswing {
 namespace {
 
 using std::chrono::milliseconds;
-constexpr milliseconds kStartLead(120);  // from the command to the first step
+constexpr nanoseconds kMostStartLead = std::chrono::seconds(2);
 constexpr milliseconds kPoll(10);
+constexpr int kNoStep = -1;
 constexpr size_t kRecentFrames = 4096;
 constexpr int kLessons = 8;               // how often a patch is looked for that is there but cannot be read
 constexpr int kDarkLessons = 2;           // how often one that the camera does not seem to look at
@@ -223,10 +224,17 @@ absl::StatusOr<int> Capture::load(const std::string& program, const std::vector<
     load.set_program(program);
     load.set_hold_refreshes(hold_refreshes_of(session_.plan()));
     for (const Step& step : steps) {
-      v1::ProgramStep& shown = *load.add_steps();
+      v1::ProgramStep shown;
       shown.set_step(step.number);
       if (!is_lesson(step)) shown.set_patch_id(patch_ids_.at(step.number));
       if (display->monitor(step.stimulus.panel()) != nullptr) *shown.add_stimuli() = step.stimulus;
+      // A lesson is shown twice and taken from the second time, when even a display or camera whose pictures
+      // are older than it says shows it: what was learned wrong could not refuse anything.
+      if (is_lesson(step)) {
+        *load.add_steps() = shown;
+        load.mutable_steps()->rbegin()->set_step(kNoStep);
+      }
+      *load.add_steps() = std::move(shown);
     }
     v1::LoadProgramResponse loaded;
     grpc::ClientContext context;
@@ -248,7 +256,7 @@ absl::Status Capture::play(const std::vector<Step>& pending, Recording& frames, 
   frames.waiting.clear();
   const std::string program = fmt::format("{}-{}", session_.name(), ++program_number_);
   GW_ASSIGN_OR_RETURN(const int monitor_count, load(program, steps));
-  const nanoseconds start_at = monotonic_now() + kStartLead;
+  const nanoseconds start_at = monotonic_now() + start_lead_;
   std::vector<std::unique_ptr<DisplayFeed>> feeds;
   for (const auto& display : displays_)
     feeds.push_back(std::make_unique<DisplayFeed>(*display, program, start_at));
@@ -265,11 +273,16 @@ absl::Status Capture::play(const std::vector<Step>& pending, Recording& frames, 
       for (const v1::Presentation& shown : feeds[i]->inbox.take()) {
         const MonitorWindow window = rig_time_of(shown, *displays_[i]);
         last_replaced = std::max(last_replaced.value_or(window.replaced), window.replaced);
+        if (window.step == kNoStep) continue;
         std::vector<MonitorWindow>& reported = incomplete[window.step];
         reported.push_back(window);
         if (static_cast<int>(reported.size()) < monitor_count) continue;
         frames.matcher.add_window(stable_window(reported));
         incomplete.erase(window.step);
+      }
+      if (end && absl::IsDeadlineExceeded(*end) && start_lead_ < kMostStartLead) {
+        start_lead_ *= 2;  // the command came too late and was refused
+        return absl::OkStatus();
       }
       if (end && !end->ok()) return *end;
       playing = playing || !end;

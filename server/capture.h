@@ -103,6 +103,7 @@ class Capture {
   std::vector<Step> steps_;
   std::set<int> proven_;
   int program_number_ = 0;
+  nanoseconds start_lead_ = std::chrono::milliseconds(120);  // from a program's command to its first step
   bool has_patches_ = false;
   std::uint32_t showings_ = 0;              // so far, of any step
   std::map<int, std::uint32_t> patch_ids_;  // by step, of its last showing

@@ -42,7 +42,7 @@ std::vector<Trial> trials() {
       {{.name = "stamp jitter to 0.4 ms", .stamp_jitter = microseconds(400)}},
       {{.name = "camera clock 40 min off", .clock_offset = std::chrono::minutes(-40)}},
       {{.name = "camera clock drifts 200 ppm", .clock_drift_ppm = 200.0}},
-      {{.name = "network delay to 50 ms", .network_delay = milliseconds(50)}, 10},
+      {{.name = "network delay to 50 ms", .frame_rate_hz = 250.0, .network_delay = milliseconds(50)}, 8},
       {{.name = "camera node started again", .restart_camera = true}},
       {{.name = "display node started again", .restart_display = true}},
       {{.name = "stamps 2 ms off, unsaid", .stamp_shift = milliseconds(2)}, 2, true},

@@ -172,7 +172,7 @@ void FaultyRig::restart_camera() {
   options.scene = "none";
   options.width_px = kWidth_px;
   options.height_px = kHeight_px;
-  options.frame_rate_hz = 1000.0;
+  options.frame_rate_hz = faults_.frame_rate_hz;
   options.sensor.seed = seed_;
   options.sensor.readout = microseconds(300);
   options.sensor.full_scale_exposure_ms = kExposure_ms;

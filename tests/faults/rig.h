@@ -19,6 +19,7 @@ struct RigFaults {
   nanoseconds late{}, stamp_jitter{}, stamp_shift{};  // SimCameraOptions
   nanoseconds clock_offset{};                         // of the camera node
   double clock_drift_ppm = 0.0;
+  double frame_rate_hz = 1000.0;
   nanoseconds network_delay{};                           // at most, each way between the server and the nodes
   bool restart_camera = false, restart_display = false;  // in mid-session
 };
