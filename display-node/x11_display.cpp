@@ -17,9 +17,9 @@ namespace {
 
 constexpr std::chrono::seconds kPatience(2);
 constexpr std::uint64_t kMeasured = 30;  // refreshes
-// A copy is made soon after its refresh began; a flip is the refresh.
-constexpr nanoseconds kCopyUncertainty = std::chrono::milliseconds(1);
-constexpr nanoseconds kFlipUncertainty = std::chrono::microseconds(100);
+// A copy is made soon after its refresh began; and the refresh's time may be told from anywhere in the
+// blanking before it, as some drivers do.
+constexpr nanoseconds kUncertainty = std::chrono::milliseconds(1);
 // A picture that is asked for this short before a refresh may come a refresh late.
 constexpr nanoseconds kHaste = std::chrono::microseconds(500);
 
@@ -258,9 +258,8 @@ absl::StatusOr<std::vector<X11Display::Completion>> X11Display::wait_for_all(nan
         if (complete->serial != output.serial) continue;
         output.last = {.msc = complete->msc,
                        .time = std::chrono::microseconds(static_cast<std::int64_t>(complete->ust))};
-        answers[i] = Completion{.refresh = output.last,
-                                .flipped = complete->mode == XCB_PRESENT_COMPLETE_MODE_FLIP,
-                                .skipped = complete->mode == XCB_PRESENT_COMPLETE_MODE_SKIP};
+        answers[i] =
+            Completion{.refresh = output.last, .skipped = complete->mode == XCB_PRESENT_COMPLETE_MODE_SKIP};
       }
       if (answers[i]) continue;
       all = false;
@@ -302,8 +301,7 @@ absl::StatusOr<std::vector<Scanout>> X11Display::show(const std::vector<Picture>
                       screens_[i].name));
     }
     outputs_[i].on_screen = 1 - outputs_[i].on_screen;
-    scanouts.push_back({.start = completions[i].refresh.time,
-                        .uncertainty = completions[i].flipped ? kFlipUncertainty : kCopyUncertainty});
+    scanouts.push_back({.start = completions[i].refresh.time, .uncertainty = kUncertainty});
   }
   return scanouts;
 }

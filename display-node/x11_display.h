@@ -60,7 +60,6 @@ class X11Display final : public Display {
   };
   struct Completion {
     Refresh refresh;
-    bool flipped = false;  // else copied
     bool skipped = false;  // never on screen
   };
 
