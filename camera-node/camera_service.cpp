@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <map>
 #include <set>
+#include <thread>
 
+#include "camera-node/preview.h"
 #include "core/base/status.h"
 #include "core/service/service.h"
 
@@ -16,6 +18,24 @@ constexpr int kRingFrames = 600;
 constexpr size_t kRingBytes = size_t{1} << 30;
 constexpr std::chrono::seconds kSilence(3);  // without a frame, beyond what the frame rate explains
 constexpr int kMaxBatch = 4096;
+constexpr double kPreviewExposureMs = 4.0;
+constexpr std::chrono::milliseconds kPreviewPause(20);  // how soon it notices that somebody wants to capture
+
+// The sample of the sensor's highest code, scaled to 16 bits.
+std::uint16_t full_scale_of(const v1::Camera& camera) {
+  const int bits = std::clamp(camera.bits(), 1, 16);
+  return static_cast<std::uint16_t>(65535 - (65535 >> bits));
+}
+
+absl::Status check_preview(const v1::PreviewRequest& request) {
+  if (!(request.max_fps() >= 0.2 && request.max_fps() <= 10.0))
+    return absl::InvalidArgumentError(fmt::format("max_fps is {}; it must be 0.2 to 10", request.max_fps()));
+  if (request.max_width_px() < 16 || request.max_width_px() > 4096) {
+    return absl::InvalidArgumentError(
+        fmt::format("max_width_px is {}; it must be 16 to 4096", request.max_width_px()));
+  }
+  return absl::OkStatus();
+}
 
 }  // namespace
 
@@ -28,8 +48,10 @@ grpc::Status CameraServiceImpl::GetCamera(grpc::ServerContext*, const v1::GetCam
 
 grpc::Status CameraServiceImpl::Capture(grpc::ServerContext* context, const v1::CaptureRequest* request,
                                         grpc::ServerWriter<v1::CaptureResponse>* writer) {
-  // A call that was just cancelled needs a moment to let go.
+  // A preview, or a call that was just cancelled, needs a moment to let go.
+  ++captures_waiting_;
   const std::unique_lock only(capturing_, std::chrono::seconds(1));
+  --captures_waiting_;
   if (!only.owns_lock()) {
     return to_grpc(absl::FailedPreconditionError(
         "the camera is capturing for somebody else; try again when it is free"));
@@ -82,21 +104,22 @@ grpc::Status CameraServiceImpl::KeepFrames(grpc::ServerContext*, const v1::KeepF
   return grpc::Status::OK;
 }
 
+std::optional<CapturedFrame> CameraServiceImpl::in_ring(std::int64_t sequence) {
+  const std::lock_guard lock(mutex_);
+  const auto found = std::find_if(ring_.begin(), ring_.end(), [&](const CapturedFrame& frame) {
+    return frame.taken.sequence() == sequence;
+  });
+  return found == ring_.end() ? std::nullopt : std::optional(*found);
+}
+
 absl::StatusOr<std::vector<Archive::NewFrame>> CameraServiceImpl::find(const v1::KeepFramesRequest& request) {
   std::vector<Archive::NewFrame> batch;
   for (const v1::Frame& wanted : request.frames()) {
     if (wanted.step() < 0 || !wanted.file().empty())
       return absl::InvalidArgumentError("a frame to keep needs a step of 0 or more, and no file");
-    std::function<absl::StatusOr<Image16>()> image_of;
-    {
-      const std::lock_guard lock(mutex_);
-      const auto found = std::find_if(ring_.begin(), ring_.end(), [&](const CapturedFrame& frame) {
-        return frame.taken.sequence() == wanted.sequence();
-      });
-      if (found == ring_.end()) continue;
-      image_of = found->image;
-    }
-    GW_ASSIGN_OR_RETURN(Image16 image, image_of());
+    const std::optional<CapturedFrame> found = in_ring(wanted.sequence());
+    if (!found) continue;
+    GW_ASSIGN_OR_RETURN(Image16 image, found->image());
     batch.push_back({.record = wanted, .image = std::move(image)});
     batch.back().record.set_proof(v1::PROOF_TIME);
   }
@@ -142,6 +165,69 @@ absl::Status CameraServiceImpl::check_patches(const v1::KeepFramesRequest& reque
     return true;
   });
   return absl::OkStatus();
+}
+
+grpc::Status CameraServiceImpl::MeasureLight(grpc::ServerContext*, const v1::MeasureLightRequest* request,
+                                             v1::MeasureLightResponse* response) {
+  if (request->sequences_size() > kMaxBatch)
+    return to_grpc(absl::InvalidArgumentError("more than 4096 frames are asked for at once"));
+  const std::uint16_t full_scale = full_scale_of(camera_.describe().camera());
+  for (const std::int64_t sequence : request->sequences()) {
+    const std::optional<CapturedFrame> found = in_ring(sequence);
+    if (!found) continue;
+    const absl::StatusOr<Image16> image = found->image();
+    if (!image.ok()) return to_grpc(image.status());
+    *response->add_frames() = light_of(*image, full_scale);
+    response->mutable_frames()->rbegin()->set_sequence(sequence);
+  }
+  return grpc::Status::OK;
+}
+
+grpc::Status CameraServiceImpl::Preview(grpc::ServerContext* context, const v1::PreviewRequest* request,
+                                        grpc::ServerWriter<v1::PreviewResponse>* writer) {
+  if (const absl::Status status = check_preview(*request); !status.ok()) return to_grpc(status);
+  const std::unique_lock only(previewing_, std::try_to_lock);
+  if (!only.owns_lock())
+    return to_grpc(absl::FailedPreconditionError("another preview runs; one at a time is served"));
+  const v1::GetCameraResponse camera = camera_.describe();
+  const double exposure_ms =
+      request->exposure_ms() != 0.0
+          ? request->exposure_ms()
+          : std::clamp(kPreviewExposureMs, camera.min_exposure_ms(), camera.max_exposure_ms());
+  const nanoseconds period(static_cast<std::int64_t>(1e9 / request->max_fps()));
+  nanoseconds due = monotonic_now();
+  std::int64_t shown = -1;
+  std::unique_lock running(capturing_, std::defer_lock);  // held while the camera runs for this call
+  const auto give_up = [&] {
+    if (!running.owns_lock()) return;
+    camera_.stop();
+    running.unlock();
+  };
+  while (!context->IsCancelled() && !stopping_) {
+    if (captures_waiting_ > 0) give_up();
+    if (!running.owns_lock() && captures_waiting_ == 0 && running.try_lock()) {
+      if (const absl::Status status = camera_.start(exposure_ms); !status.ok()) return to_grpc(status);
+    }
+    std::optional<CapturedFrame> frame;
+    if (running.owns_lock()) {
+      frame = camera_.next(kPreviewPause);
+    } else {
+      std::this_thread::sleep_for(kPreviewPause);
+      const std::lock_guard lock(mutex_);
+      if (!ring_.empty()) frame = ring_.back();
+    }
+    if (!frame || frame->taken.sequence() == shown || monotonic_now() < due) continue;
+    shown = frame->taken.sequence();
+    due = std::max(due + period, monotonic_now());
+    const absl::StatusOr<Image16> image = frame->image();
+    if (!image.ok()) continue;  // the next one may be whole
+    v1::PreviewResponse response =
+        preview_of(*image, request->max_width_px(), full_scale_of(camera.camera()));
+    response.set_exposure_ms(frame->taken.exposure_ms());
+    if (!writer->Write(response)) break;
+  }
+  give_up();
+  return grpc::Status::OK;
 }
 
 }  // namespace glasswing

@@ -24,8 +24,13 @@ class CameraServiceImpl final : public v1::CameraService::Service {
                        grpc::ServerWriter<v1::CaptureResponse>*) override;
   grpc::Status KeepFrames(grpc::ServerContext*, const v1::KeepFramesRequest*,
                           v1::KeepFramesResponse*) override;
+  grpc::Status MeasureLight(grpc::ServerContext*, const v1::MeasureLightRequest*,
+                            v1::MeasureLightResponse*) override;
+  grpc::Status Preview(grpc::ServerContext*, const v1::PreviewRequest*,
+                       grpc::ServerWriter<v1::PreviewResponse>*) override;
 
  private:
+  std::optional<CapturedFrame> in_ring(std::int64_t sequence);
   // The asked-for frames that are still in the ring.
   absl::StatusOr<std::vector<Archive::NewFrame>> find(const v1::KeepFramesRequest& request);
   // Takes out what its pixels do not prove, and says so in the response.
@@ -35,7 +40,9 @@ class CameraServiceImpl final : public v1::CameraService::Service {
   Camera& camera_;
   ArchiveStore& store_;
   std::atomic<bool> stopping_ = false;
-  std::timed_mutex capturing_;  // held by the one Capture call
+  std::timed_mutex capturing_;  // held by the one Capture call, or by a Preview while no Capture wants it
+  std::atomic<int> captures_waiting_ = 0;
+  std::mutex previewing_;  // held by the one Preview call
   std::mutex mutex_;
   std::deque<CapturedFrame> ring_;  // guarded by mutex_
   size_t ring_bytes_ = 0;           // that ring_ holds; guarded by mutex_

@@ -35,6 +35,9 @@ int run_client(int argc, const char* const* argv) {
   app.add_flag("--json", client.json, "write the answer as JSON");
 
   add_nodes_command(app, client);
+  add_doctor_command(app, client);
+  add_preview_command(app, client);
+  add_calibrate_commands(app, client);
   add_sessions_command(app, client);
   add_show_command(app, client);
   add_watch_command(app, client);

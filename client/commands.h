@@ -22,5 +22,8 @@ void add_fetch_command(CLI::App& app, Client& client);
 void add_composite_command(CLI::App& app, Client& client);
 void add_compare_command(CLI::App& app, Client& client);
 void add_convert_command(CLI::App& app, Client& client);
+void add_doctor_command(CLI::App& app, Client& client);
+void add_preview_command(CLI::App& app, Client& client);
+void add_calibrate_commands(CLI::App& app, Client& client);  // sync
 
 }  // namespace glasswing

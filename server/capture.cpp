@@ -41,9 +41,10 @@ bool is_lesson(const Step& step) {
 
 }  // namespace
 
-Capture::Capture(const Rig& rig, std::filesystem::path images, v1::Session session,
+Capture::Capture(const Rig& rig, const SyncStore& sync, std::filesystem::path images, v1::Session session,
                  std::optional<bool> object_confirmed, std::function<void(const v1::Session&)> report)
     : rig_(rig),
+      sync_(sync),
       images_(std::move(images)),
       session_(std::move(session)),
       object_confirmed_(object_confirmed),
@@ -106,6 +107,7 @@ absl::Status Capture::connect() {
   for (const v1::Node& node : display_nodes) {
     displays_.push_back(std::make_unique<DisplayLink>(node));
     GW_RETURN_IF_ERROR(displays_.back()->describe());
+    displays_.back()->use(sync_);
     for (const v1::DisplayMonitor& monitor : displays_.back()->info.monitors())
       has_patches_ = has_patches_ || monitor.patch_rows() > 0;
   }

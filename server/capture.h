@@ -40,7 +40,7 @@ class Capture {
  public:
   // `images` holds what UploadImage stored. `object_confirmed`: a person has said that the object is (not) on
   // the stage. `report` is called with the counts brought up to date, from the thread that calls run().
-  Capture(const Rig& rig, std::filesystem::path images, v1::Session session,
+  Capture(const Rig& rig, const SyncStore& sync, std::filesystem::path images, v1::Session session,
           std::optional<bool> object_confirmed, std::function<void(const v1::Session&)> report);
   ~Capture();
 
@@ -88,6 +88,7 @@ class Capture {
   absl::Status seal();
 
   const Rig& rig_;
+  const SyncStore& sync_;
   const std::filesystem::path images_;
   v1::Session session_;
   const std::optional<bool> object_confirmed_;

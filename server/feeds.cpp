@@ -5,6 +5,12 @@
 #include "core/service/service.h"
 
 namespace glasswing {
+namespace {
+
+constexpr std::int64_t kSyncErrors =
+    3;  // standard errors of measured lag and settling that a proof allows for
+
+}  // namespace
 
 CameraFeed::CameraFeed(const NodeLink& camera, v1::CameraService::Stub& stub, double exposure_ms)
     : camera_(camera), exposure_ms_(exposure_ms) {
@@ -76,12 +82,20 @@ MonitorWindow rig_time_of(const v1::Presentation& shown, const DisplayLink& disp
   const v1::DisplayMonitor* monitor = display.monitor(shown.monitor());
   const ClockReading scanout_end = display.link.rig_from_node(nanoseconds(shown.scanout_end_ns())),
                      replaced = display.link.rig_from_node(nanoseconds(shown.replaced_ns()));
-  return {.step = shown.step(),
-          .scanout_end = scanout_end.time,
-          .replaced = replaced.time,
-          .lag = nanoseconds(monitor == nullptr ? 0 : monitor->optical_lag_ns()),
-          .settle = nanoseconds(monitor == nullptr ? 0 : monitor->settle_ns()),
-          .uncertainty = nanoseconds(shown.uncertainty_ns()) + std::max(scanout_end.error, replaced.error)};
+  MonitorWindow window{
+      .step = shown.step(),
+      .scanout_end = scanout_end.time,
+      .replaced = replaced.time,
+      .lag = nanoseconds(monitor == nullptr ? 0 : monitor->optical_lag_ns()),
+      .settle = nanoseconds(monitor == nullptr ? 0 : monitor->settle_ns()),
+      .uncertainty = nanoseconds(shown.uncertainty_ns()) + std::max(scanout_end.error, replaced.error)};
+  if (const auto measured = display.sync.find(shown.monitor()); measured != display.sync.end()) {
+    window.lag = nanoseconds(measured->second.lag_ns());
+    window.settle = nanoseconds(measured->second.settle_ns());
+    window.uncertainty +=
+        nanoseconds(kSyncErrors * measured->second.error_ns() + measured->second.clock_error_ns());
+  }
+  return window;
 }
 
 }  // namespace glasswing

@@ -2,6 +2,7 @@
 #include <iostream>
 
 #include "core/service/service.h"
+#include "server/rig_service.h"
 #include "server/server.h"
 #include "server/session_service.h"
 #include "server/work_service.h"
@@ -31,11 +32,14 @@ int main(int argc, char** argv) {
   SessionServiceImpl sessions(**server);
   NodeServiceImpl nodes(**server);
   WorkServiceImpl work(**server);
-  absl::StatusOr<std::unique_ptr<ServiceHost>> host = ServiceHost::start(listen, {&sessions, &nodes, &work});
+  RigServiceImpl rig(**server);
+  absl::StatusOr<std::unique_ptr<ServiceHost>> host =
+      ServiceHost::start(listen, {&sessions, &nodes, &work, &rig});
   if (!host.ok()) return fail(host.status());
   std::cerr << "glasswing-server: listening on " << (*host)->address() << "\n";
   wait_for_signal();
   sessions.stop();
+  rig.stop();
   (*host)->stop(std::chrono::seconds(2));
   return 0;
 }

@@ -50,6 +50,13 @@ absl::Status DisplayLink::describe() {
   return from_grpc(stub->GetDisplay(&context, {}, &info), link.title());
 }
 
+void DisplayLink::use(const SyncStore& store) {
+  for (const v1::DisplayMonitor& each : info.monitors()) {
+    if (const std::optional<v1::MonitorSync> measured = store.find(each.name()))
+      sync[each.name()] = *measured;
+  }
+}
+
 const v1::DisplayMonitor* DisplayLink::monitor(const std::string& name) const {
   for (const v1::DisplayMonitor& each : info.monitors()) {
     if (each.name() == name) return &each;

@@ -4,6 +4,7 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include <map>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -14,6 +15,7 @@
 #include "glasswing/v1/clock_service.grpc.pb.h"
 #include "glasswing/v1/display_service.grpc.pb.h"
 #include "server/rig.h"
+#include "server/sync_store.h"
 
 namespace glasswing {
 
@@ -44,12 +46,15 @@ struct DisplayLink {
   explicit DisplayLink(const v1::Node& node);
   // Asks for `info`.
   absl::Status describe();
+  // From now on measured lag and settling stand in `sync` wherever there are any.
+  void use(const SyncStore& store);
   // Null: it has none of that name.
   const v1::DisplayMonitor* monitor(const std::string& name) const;
 
   NodeLink link;
   std::unique_ptr<v1::DisplayService::Stub> stub;
   v1::GetDisplayResponse info;
+  std::map<std::string, v1::MonitorSync> sync;  // by monitor; for those without, what `info` declares holds
 };
 
 // The monitors and the camera that are there now.

@@ -45,6 +45,7 @@ absl::StatusOr<std::unique_ptr<Server>> Server::open(const fs::path& data) {
   for (const char* name : {"images", "mattes", "tiles"})
     GW_RETURN_IF_ERROR(directory_below(data, name).status());
   GW_ASSIGN_OR_RETURN(server->catalogue_, Catalogue::open(data / "catalogue.sqlite"));
+  GW_ASSIGN_OR_RETURN(server->sync_, SyncStore::open(data));
   GW_ASSIGN_OR_RETURN(server->jobs_, JobStore::open(data / "jobs.sqlite"));
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> sessions, server->catalogue_->list());
   for (v1::Session session : sessions) {
@@ -68,6 +69,30 @@ Server::~Server() {
 
 void Server::join_capture() {
   if (capture_thread_.joinable()) capture_thread_.join();
+}
+
+absl::Status Server::check_rig_is_free() const {
+  if (!capturing_.empty()) {
+    return absl::FailedPreconditionError(
+        fmt::format("the rig is held by session \"{}\"; wait for it or cancel it", capturing_));
+  }
+  if (!measuring_.empty()) {
+    return absl::FailedPreconditionError(
+        fmt::format("the rig is held by \"{}\"; wait until it is done", measuring_));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<Server::RigHold> Server::hold_rig(const std::string& what) {
+  const std::lock_guard lock(mutex_);
+  GW_RETURN_IF_ERROR(check_rig_is_free());
+  measuring_ = what;
+  return RigHold(this);
+}
+
+void Server::Release::operator()(Server* server) const {
+  const std::lock_guard lock(server->mutex_);
+  server->measuring_.clear();
 }
 
 void Server::announce() {
@@ -152,10 +177,7 @@ absl::StatusOr<v1::Session> Server::create(const v1::CreateSessionRequest& reque
   session.set_state(v1::SESSION_STATE_CREATED);
 
   const std::lock_guard lock(mutex_);
-  if (!capturing_.empty()) {
-    return absl::FailedPreconditionError(
-        fmt::format("the rig is held by session \"{}\"; wait for it or cancel it", capturing_));
-  }
+  GW_RETURN_IF_ERROR(check_rig_is_free());
   GW_RETURN_IF_ERROR(catalogue_->insert(session, request.request_id()));
   start_capture(session);
   return live_.at(session.name());
@@ -196,7 +218,7 @@ void Server::capture_until_done(v1::Session session, std::optional<bool> object_
   nanoseconds lost_at{};
   while (true) {
     const int proven_before = session.proven_count();
-    outcome = Capture(rig_, data_ / "images", session, object_confirmed, report).run(stop);
+    outcome = Capture(rig_, *sync_, data_ / "images", session, object_confirmed, report).run(stop);
     if (outcome.kind != Kind::kNodeLost) break;
     const nanoseconds now = monotonic_now();
     if (lost_at == nanoseconds(0) || session.proven_count() > proven_before) lost_at = now;
@@ -279,10 +301,7 @@ absl::StatusOr<v1::Session> Server::resume(const std::string& name) {
   const bool may = session.state() == v1::SESSION_STATE_PAUSED || session.state() == v1::SESSION_STATE_FAILED;
   if (!may || session.plan().method().empty()) return not_now(session, "resumed");
   const std::lock_guard lock(mutex_);
-  if (!capturing_.empty()) {
-    return absl::FailedPreconditionError(
-        fmt::format("the rig is held by session \"{}\"; wait for it or cancel it", capturing_));
-  }
+  GW_RETURN_IF_ERROR(check_rig_is_free());
   if (session.tile_count() > 0) return not_now(session, "resumed; solve it again instead");
   start_capture(session);
   return live_.at(name);

@@ -35,6 +35,15 @@ class Server {
   ~Server();  // a running capture is paused
 
   Rig& rig() { return rig_; }
+  SyncStore& sync() { return *sync_; }
+
+  // The rig, for one measurement: nobody captures, or measures, until the hold is gone. `what` names it in
+  // others' errors. FAILED_PRECONDITION names who has the rig.
+  struct Release {
+    void operator()(Server* server) const;
+  };
+  using RigHold = std::unique_ptr<Server, Release>;
+  absl::StatusOr<RigHold> hold_rig(const std::string& what);
 
   absl::StatusOr<v1::Session> create(const v1::CreateSessionRequest& request);
   absl::StatusOr<v1::Session> begin_import(const v1::BeginImportRequest& request);
@@ -65,6 +74,7 @@ class Server {
   // Those below are called with mutex_ held.
   absl::Status change(const v1::Session& session);  // durable, then announced
   void announce();
+  absl::Status check_rig_is_free() const;
   void start_capture(const v1::Session& session);
   absl::Status finish_solve(v1::Session session);
 
@@ -73,6 +83,7 @@ class Server {
 
   const std::filesystem::path data_;
   Rig rig_;
+  std::unique_ptr<SyncStore> sync_;
   std::unique_ptr<Catalogue> catalogue_;
   std::unique_ptr<JobStore> jobs_;
 
@@ -83,6 +94,7 @@ class Server {
   std::map<std::string, v1::Session> live_;     // counts of the running capture, ahead of the catalogue
   std::map<std::string, bool> operator_asked_;  // sessions that wait for a person: where the object is to be
   std::string capturing_;                       // the session that holds the rig
+  std::string measuring_;                       // the measurement that holds it instead
   enum class Wish { kNone, kPause, kCancel } wish_ = Wish::kNone;
   std::jthread capture_thread_;
 };

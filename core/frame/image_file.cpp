@@ -213,6 +213,17 @@ cv::Mat mat16_of(const Image16& image) {
   return mat;
 }
 
+cv::Mat srgb8_of(const RadianceImage& image) {
+  cv::Mat mat(image.height_px, image.width_px, CV_8UC3);
+  for (int y = 0; y < image.height_px; ++y) {
+    for (int x = 0; x < image.width_px; ++x) {
+      for (int c = 0; c < 3; ++c)
+        mat.at<cv::Vec3b>(y, x)[2 - c] = cv::saturate_cast<uchar>(srgb_of_linear(image.at(x, y, c)) * 255.0f);
+    }
+  }
+  return mat;
+}
+
 }  // namespace
 
 absl::StatusOr<RadianceImage> read_radiance(const fs::path& path, Encoding encoding) {
@@ -253,15 +264,7 @@ absl::Status write_radiance(const fs::path& path, const RadianceImage& image, En
       std::transform(image.samples.begin(), image.samples.end(), linear.samples.begin(), code16_of);
       mat = mat16_of(linear);
     } else {
-      mat.create(image.height_px, image.width_px, CV_8UC3);
-      for (int y = 0; y < image.height_px; ++y) {
-        for (int x = 0; x < image.width_px; ++x) {
-          for (int c = 0; c < 3; ++c) {
-            mat.at<cv::Vec3b>(y, x)[2 - c] =
-                cv::saturate_cast<uchar>(srgb_of_linear(image.at(x, y, c)) * 255.0f);
-          }
-        }
-      }
+      mat = srgb8_of(image);
     }
     std::vector<uchar> bytes;
     if (!cv::imencode(suffix, mat, bytes)) return absl::InternalError("cannot encode " + path.string());
@@ -307,6 +310,12 @@ absl::StatusOr<Image16> read_frame_file(const fs::path& path, std::optional<Pict
 std::string encode_png16(const Image16& image) {
   std::vector<uchar> bytes;
   cv::imencode(".png", mat16_of(image), bytes);
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+std::string encode_jpeg(const RadianceImage& image) {
+  std::vector<uchar> bytes;
+  cv::imencode(".jpg", srgb8_of(image), bytes);
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 

@@ -45,6 +45,9 @@ absl::StatusOr<Image16> read_frame_file(const std::filesystem::path& path,
 std::string encode_png16(const Image16& image);
 absl::StatusOr<Image16> decode_png(std::string_view bytes);
 
+// JPEG, 8 bit sRGB.
+std::string encode_jpeg(const RadianceImage& image);
+
 // Resampled by area (down) or bilinearly (up) to exactly this size.
 RadianceImage resized(const RadianceImage& image, int width_px, int height_px);
 

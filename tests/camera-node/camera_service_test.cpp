@@ -158,6 +158,116 @@ TEST_F(CameraNode, KeepsWhatTheMonitorEmittedAndFindsItAfterARestart) {
   }
 }
 
+TEST_F(CameraNode, MeasuresTheLightOfEachRow) {
+  auto picture = std::make_shared<RadianceImage>(8, 6);
+  for (int y = 0; y < 6; ++y) {
+    for (int x = 0; x < 8; ++x)
+      for (int c = 0; c < 3; ++c) picture->at(x, y, c) = y == 5 ? 1.0f : 0.1f * static_cast<float>(y);
+  }
+  timeline_.add_picture("back",
+                        {.scanout_start = monotonic_now() - std::chrono::seconds(1), .image = picture});
+  timeline_.set_horizon("back", monotonic_now() + std::chrono::hours(1));
+  v1::CaptureRequest request;
+  request.set_exposure_ms(4.0);
+  grpc::ClientContext context;
+  const auto reader = camera_stub_->Capture(&context, request);
+  v1::CaptureResponse response;
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(reader->Read(&response));
+  v1::MeasureLightRequest measure;
+  measure.add_sequences(response.frame().sequence());
+  measure.add_sequences(response.frame().sequence() + 1'000'000);  // never was in the ring
+  v1::MeasureLightResponse measured;
+  grpc::ClientContext measure_context;
+  ASSERT_TRUE(camera_stub_->MeasureLight(&measure_context, measure, &measured).ok());
+  ASSERT_EQ(measured.frames_size(), 1);
+  EXPECT_EQ(measured.frames(0).sequence(), response.frame().sequence());
+  ASSERT_EQ(measured.frames(0).row_mean_size(), 6);
+  // Each camera row sees one row of the monitor; a code of 16 bits is 1.5e-5.
+  for (int y = 0; y < 6; ++y)
+    EXPECT_NEAR(measured.frames(0).row_mean(y), static_cast<double>(picture->at(0, y, 0)), 3e-5) << y;
+  EXPECT_DOUBLE_EQ(measured.frames(0).clipped_fraction(), 1.0 / 6.0);
+  context.TryCancel();
+}
+
+TEST_F(CameraNode, APreviewYieldsToACaptureAndThenLooksOn) {
+  auto picture = std::make_shared<RadianceImage>(8, 6);
+  for (float& value : picture->samples) value = 0.25f;
+  timeline_.add_picture("back",
+                        {.scanout_start = monotonic_now() - std::chrono::seconds(1), .image = picture});
+  timeline_.set_horizon("back", monotonic_now() + std::chrono::hours(1));
+  v1::PreviewRequest request;
+  request.set_max_fps(10.0);
+  request.set_max_width_px(16);
+  request.set_exposure_ms(2.0);
+  grpc::ClientContext context;
+  const auto previews = camera_stub_->Preview(&context, request);
+  v1::PreviewResponse preview;
+  ASSERT_TRUE(previews->Read(&preview));
+  EXPECT_EQ(preview.width_px(), 8);
+  EXPECT_EQ(preview.height_px(), 6);
+  EXPECT_EQ(preview.jpeg().substr(0, 3), "\xff\xd8\xff");
+  EXPECT_DOUBLE_EQ(preview.exposure_ms(), 2.0);
+  // Full scale is at 4 ms.
+  EXPECT_NEAR(preview.mean(), 0.125, 3e-5);
+  EXPECT_NEAR(preview.focus(), 0.0, 1e-3);
+  EXPECT_EQ(preview.clipped_fraction(), 0.0);
+  {
+    grpc::ClientContext other_context;
+    const auto other = camera_stub_->Preview(&other_context, request);
+    EXPECT_FALSE(other->Read(&preview));
+    EXPECT_EQ(other->Finish().error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+  }
+  {
+    v1::CaptureRequest capture;
+    capture.set_exposure_ms(4.0);
+    grpc::ClientContext capture_context;
+    const auto reader = camera_stub_->Capture(&capture_context, capture);
+    v1::CaptureResponse response;
+    ASSERT_TRUE(reader->Read(&response)) << reader->Finish().error_message();
+    // Every frame is the capture's: none is missing, all are as it asked.
+    std::int64_t last = 0;
+    for (int i = 0; i < 60; ++i) {
+      ASSERT_TRUE(reader->Read(&response));
+      EXPECT_DOUBLE_EQ(response.frame().exposure_ms(), 4.0);
+      if (i > 0) {
+        EXPECT_EQ(response.frame().sequence(), last + 1);
+      }
+      last = response.frame().sequence();
+    }
+    do {
+      ASSERT_TRUE(previews->Read(&preview));
+    } while (preview.exposure_ms() != 4.0);
+    EXPECT_NEAR(preview.mean(), 0.25, 3e-5);
+    capture_context.TryCancel();
+  }
+  do {
+    ASSERT_TRUE(previews->Read(&preview));
+  } while (preview.exposure_ms() != 2.0);
+  context.TryCancel();
+}
+
+TEST_F(CameraNode, RefusesPreviewsThatCannotBe) {
+  const auto code = [this](double fps, int width_px, double exposure_ms) {
+    v1::PreviewRequest request;
+    request.set_max_fps(fps);
+    request.set_max_width_px(width_px);
+    request.set_exposure_ms(exposure_ms);
+    grpc::ClientContext context;
+    const auto reader = camera_stub_->Preview(&context, request);
+    v1::PreviewResponse response;
+    EXPECT_FALSE(reader->Read(&response));
+    return reader->Finish().error_code();
+  };
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(code(0.1, 640, 4.0), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(code(11.0, 640, 4.0), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(code(nan, 640, 4.0), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(code(2.0, 15, 4.0), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(code(2.0, 5000, 4.0), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(code(2.0, 640, -1.0), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(code(2.0, 640, nan), grpc::StatusCode::INVALID_ARGUMENT);
+}
+
 TEST_F(CameraNode, RefusesWhatCannotBe) {
   v1::CaptureRequest request;
   for (const double exposure_ms : {0.0, -1.0, 1000.0, std::numeric_limits<double>::quiet_NaN()}) {

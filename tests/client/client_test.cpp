@@ -14,7 +14,7 @@ TEST(Client, HelpSucceedsEverywhere) {
   EXPECT_EQ(run_glasswing({"--help"}).status, 0);
   for (const std::string command :
        {"nodes", "sessions", "show", "watch", "pause", "resume", "cancel", "capture", "import", "export",
-        "solve", "fetch", "composite", "compare", "convert"}) {
+        "solve", "fetch", "composite", "compare", "convert", "doctor", "preview", "calibrate"}) {
     const Outcome outcome = run_glasswing({command, "--help"});
     EXPECT_EQ(outcome.status, 0) << command;
     EXPECT_NE(outcome.out.find("Example"), std::string::npos) << command;
@@ -29,6 +29,10 @@ TEST(Client, UsageErrorsAreOneLine) {
   expect_one_line_error(run_glasswing({"solve", "s", "--method", "magic"}), "magic");
   expect_one_line_error(run_glasswing({"solve", "s", "--set", "modes"}), "it must be KEY=VALUE");
   expect_one_line_error(run_glasswing({"nodes", "--loud"}), "--loud");
+  expect_one_line_error(run_glasswing({"calibrate"}), "subcommand is required");
+  expect_one_line_error(run_glasswing({"preview", "--fps", "30"}), "30");
+  expect_one_line_error(run_glasswing({"preview", "--width", "8"}), "8");
+  expect_one_line_error(run_glasswing({"doctor", "--plan", "nowhere.txtpb"}), "nowhere.txtpb");
 }
 
 TEST(Client, NamesTheServerThatDoesNotAnswer) {
@@ -38,6 +42,9 @@ TEST(Client, NamesTheServerThatDoesNotAnswer) {
   expect_one_line_error(run_glasswing({"nodes", "--server", "127.0.0.1:1"}), words);
   ::setenv("GLASSWING_SERVER", "127.0.0.1:1", 1);
   expect_one_line_error(run_glasswing({"sessions"}), words);
+  expect_one_line_error(run_glasswing({"doctor"}), words);
+  expect_one_line_error(run_glasswing({"preview"}), words);
+  expect_one_line_error(run_glasswing({"calibrate", "sync"}), words);
   expect_one_line_error(run_glasswing({"watch", "vase"}), words);
   ::unsetenv("GLASSWING_SERVER");
 }

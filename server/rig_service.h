@@ -1,0 +1,31 @@
+// RigService: one measurement of the rig at a time, streamed to whoever asked for it.
+#pragma once
+
+#include <atomic>
+
+#include "glasswing/v1/rig_service.grpc.pb.h"
+#include "server/server.h"
+
+namespace glasswing {
+
+class RigServiceImpl final : public v1::RigService::Service {
+ public:
+  explicit RigServiceImpl(Server& server) : server_(server) {}
+  // Ends a running measurement, so that the daemon can stop.
+  void stop() { stopping_ = true; }
+
+  grpc::Status CalibrateSync(grpc::ServerContext*, const v1::CalibrateSyncRequest*,
+                             grpc::ServerWriter<v1::CalibrateSyncResponse>*) override;
+  grpc::Status CheckRig(grpc::ServerContext*, const v1::CheckRigRequest*,
+                        grpc::ServerWriter<v1::CheckRigResponse>*) override;
+
+ private:
+  // Does the work while the call is open; it is stopped when the caller or the daemon goes.
+  grpc::Status run(grpc::ServerContext* context, const std::string& what,
+                   const std::function<absl::Status(std::stop_token)>& work);
+
+  Server& server_;
+  std::atomic<bool> stopping_ = false;
+};
+
+}  // namespace glasswing

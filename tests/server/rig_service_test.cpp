@@ -1,0 +1,227 @@
+// The server, a simulated display and a simulated camera in one process, over real channels.
+#include "server/rig_service.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <map>
+
+#include "camera-node/archive_service.h"
+#include "camera-node/camera_service.h"
+#include "camera-node/emission_client.h"
+#include "camera-node/sim_camera.h"
+#include "camera-node/stage_service.h"
+#include "core/service/registration.h"
+#include "core/service/service.h"
+#include "display-node/display_service.h"
+#include "display-node/emission_service.h"
+#include "display-node/light_tap.h"
+#include "display-node/sim_display.h"
+#include "server/session_service.h"
+
+namespace glasswing {
+namespace {
+
+namespace fs = std::filesystem;
+using std::chrono::milliseconds;
+
+class RigTest : public testing::Test {
+ protected:
+  void start(const SimDisplay::Faults& faults = {}) {
+    server_ = Server::open(data_ / "server").value();
+    sessions_ = std::make_unique<SessionServiceImpl>(*server_);
+    nodes_ = std::make_unique<NodeServiceImpl>(*server_);
+    rig_ = std::make_unique<RigServiceImpl>(*server_);
+    server_host_ = ServiceHost::start({}, {sessions_.get(), nodes_.get(), rig_.get()}).value();
+
+    ScreenInfo screen{.name = "back", .width_px = 48, .height_px = 48};
+    screen.refresh_hz = 60.0;
+    screen.scanout = period_of(screen);
+    screen.lag = milliseconds(5);
+    screen.settle = milliseconds(1);
+    display_ = std::make_unique<SimDisplay>(std::vector<ScreenInfo>{screen}, faults);
+    tap_ = std::make_unique<LightTap>(*display_);
+    display_service_ = std::make_unique<DisplayServiceImpl>("display-1", *tap_);
+    emission_ = std::make_unique<EmissionServiceImpl>(*tap_);
+    display_host_ = ServiceHost::start({}, {display_service_.get(), emission_.get()}).value();
+
+    SimCameraOptions options;
+    options.scene = "none";
+    options.width_px = 24;
+    options.height_px = 24;
+    camera_ = SimCamera::create(options, timeline_).value();
+    store_ = std::make_unique<ArchiveStore>(data_ / "camera");
+    cameras_ = std::make_unique<CameraServiceImpl>(*camera_, *store_);
+    camera_host_ = ServiceHost::start({}, {cameras_.get()}).value();
+    light_ = std::make_unique<EmissionClient>(display_host_->address(), timeline_);
+    while (timeline_.monitors().empty()) std::this_thread::yield();
+
+    for (const auto& [kind, name, address] :
+         {std::tuple(v1::NODE_KIND_DISPLAY, "display-1", display_host_->address()),
+          std::tuple(v1::NODE_KIND_CAMERA, "camera-1", camera_host_->address())}) {
+      v1::RegisterRequest node;
+      node.set_kind(kind);
+      node.set_name(name);
+      node.set_address(address);
+      registrations_.push_back(std::make_unique<Registration>(server_host_->address(), node));
+    }
+    while (server_->rig().nodes().size() < 2) std::this_thread::yield();
+    stub_ = v1::RigService::NewStub(dial(server_host_->address()));
+  }
+  void TearDown() override {
+    registrations_.clear();
+    sessions_->stop();
+    rig_->stop();
+    server_host_->stop(milliseconds(2000));
+    cameras_->stop();
+    camera_host_->stop(milliseconds(500));
+    light_ = nullptr;
+    display_service_->stop();
+    emission_->stop();
+    display_host_->stop(milliseconds(500));
+    fs::remove_all(data_);
+  }
+
+  struct Checked {
+    grpc::Status status;
+    std::map<std::string, std::vector<v1::Finding>> findings;  // by subject
+    bool has(const std::string& subject, v1::FindingLevel level) const {
+      const auto found = findings.find(subject);
+      return found != findings.end() &&
+             std::any_of(found->second.begin(), found->second.end(),
+                         [&](const v1::Finding& finding) { return finding.level() == level; });
+    }
+    std::string text() const {
+      std::string text;
+      for (const auto& [subject, each] : findings) {
+        for (const v1::Finding& finding : each) text += finding.ShortDebugString() + "\n";
+      }
+      return text;
+    }
+  };
+  Checked check(const v1::Plan& plan = {}) {
+    v1::CheckRigRequest request;
+    *request.mutable_plan() = plan;
+    grpc::ClientContext context;
+    const auto reader = stub_->CheckRig(&context, request);
+    Checked checked;
+    for (v1::CheckRigResponse response; reader->Read(&response);)
+      checked.findings[response.finding().subject()].push_back(response.finding());
+    checked.status = reader->Finish();
+    return checked;
+  }
+
+  const fs::path data_ = fs::path(testing::TempDir()) / ("rig_service." + std::to_string(::getpid()));
+  EmissionTimeline timeline_;
+  std::unique_ptr<Server> server_;
+  std::unique_ptr<SessionServiceImpl> sessions_;
+  std::unique_ptr<NodeServiceImpl> nodes_;
+  std::unique_ptr<RigServiceImpl> rig_;
+  std::unique_ptr<ServiceHost> server_host_;
+  std::unique_ptr<SimDisplay> display_;
+  std::unique_ptr<LightTap> tap_;
+  std::unique_ptr<DisplayServiceImpl> display_service_;
+  std::unique_ptr<EmissionServiceImpl> emission_;
+  std::unique_ptr<ServiceHost> display_host_;
+  std::unique_ptr<SimCamera> camera_;
+  std::unique_ptr<ArchiveStore> store_;
+  std::unique_ptr<CameraServiceImpl> cameras_;
+  std::unique_ptr<ServiceHost> camera_host_;
+  std::unique_ptr<EmissionClient> light_;
+  std::vector<std::unique_ptr<Registration>> registrations_;
+  std::unique_ptr<v1::RigService::Stub> stub_;
+};
+
+TEST_F(RigTest, SyncIsMeasuredStoredAndHoldsTheRig) {
+  start();
+  v1::CalibrateSyncRequest request;
+  grpc::ClientContext context;
+  const auto reader = stub_->CalibrateSync(&context, request);
+  v1::CalibrateSyncResponse response;
+  ASSERT_TRUE(reader->Read(&response));
+  EXPECT_FALSE(response.progress().empty());
+
+  // Nobody else has the rig meanwhile.
+  {
+    grpc::ClientContext other_context;
+    const auto other = stub_->CalibrateSync(&other_context, request);
+    v1::CalibrateSyncResponse none;
+    EXPECT_FALSE(other->Read(&none));
+    const grpc::Status refused = other->Finish();
+    EXPECT_EQ(refused.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+    EXPECT_NE(refused.error_message().find("glasswing calibrate sync"), std::string::npos);
+    EXPECT_EQ(check().status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+    v1::CreateSessionRequest create;
+    create.mutable_plan()->set_method("gaussian");
+    create.mutable_plan()->add_solids()->add_colour(1.0);
+    for (int i = 0; i < 2; ++i) create.mutable_plan()->mutable_solids(0)->add_colour(1.0);
+    EXPECT_TRUE(absl::IsFailedPrecondition(server_->create(create).status()));
+  }
+  while (!response.has_result() && reader->Read(&response)) {
+  }
+  const grpc::Status status = reader->Finish();
+  ASSERT_TRUE(status.ok()) << status.error_message();
+  const v1::MonitorSync sync = response.result();
+  EXPECT_EQ(sync.monitor(), "back");
+  // The goal for a measured lag: 0.3 ms.
+  EXPECT_NEAR(static_cast<double>(sync.lag_ns()), 5e6, 0.3e6);
+  EXPECT_NEAR(static_cast<double>(sync.scanout_ns()), 1e9 / 60.0, 0.6e6);
+  EXPECT_LT(sync.error_ns(), 150'000);
+  EXPECT_FALSE(sync.measured().empty());
+
+  const auto again = SyncStore::open(data_ / "server");
+  ASSERT_TRUE(again.ok());
+  EXPECT_EQ((*again)->find("back")->SerializeAsString(), sync.SerializeAsString());
+  const Checked checked = check();
+  ASSERT_TRUE(checked.status.ok()) << checked.status.error_message();
+  EXPECT_TRUE(checked.has("sync", v1::FINDING_LEVEL_OK)) << checked.text();
+}
+
+TEST_F(RigTest, WhatCannotBeMeasuredIsRefused) {
+  start();
+  const auto refusal = [this](const std::string& monitor, double exposure_ms) {
+    v1::CalibrateSyncRequest request;
+    request.add_monitors(monitor);
+    request.set_exposure_ms(exposure_ms);
+    grpc::ClientContext context;
+    const auto reader = stub_->CalibrateSync(&context, request);
+    for (v1::CalibrateSyncResponse response; reader->Read(&response);) {
+    }
+    return reader->Finish();
+  };
+  const grpc::Status nobody = refusal("front", 0.0);
+  EXPECT_EQ(nobody.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_NE(nobody.error_message().find("there are: back"), std::string::npos) << nobody.error_message();
+  EXPECT_EQ(refusal("back", 4000.0).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+}
+
+TEST_F(RigTest, AGoodRigHasNoProblem) {
+  start();
+  const Checked checked = check();
+  ASSERT_TRUE(checked.status.ok()) << checked.status.error_message();
+  for (const std::string subject :
+       {"nodes", "clocks", "monitors", "camera", "window", "flips", "proof", "sync"}) {
+    EXPECT_TRUE(checked.findings.contains(subject)) << subject;
+    EXPECT_FALSE(checked.has(subject, v1::FINDING_LEVEL_PROBLEM)) << checked.text();
+  }
+}
+
+TEST_F(RigTest, ABadRigIsNamed) {
+  start({.seed = 3, .missed_flips = 0.4});
+  v1::Plan plan;
+  plan.add_exposure_ms(1.0);
+  EXPECT_TRUE(check(plan).has("flips", v1::FINDING_LEVEL_PROBLEM)) << check(plan).text();
+  plan.set_exposure_ms(0, 4000.0);
+  EXPECT_TRUE(check(plan).has("camera", v1::FINDING_LEVEL_PROBLEM)) << check(plan).text();
+  plan.clear_exposure_ms();
+  plan.add_monitors()->set_name("front");
+  EXPECT_TRUE(check(plan).has("monitors", v1::FINDING_LEVEL_PROBLEM)) << check(plan).text();
+  registrations_.pop_back();
+  plan.Clear();
+  plan.set_method("magic");
+  EXPECT_EQ(check(plan).status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+}
+
+}  // namespace
+}  // namespace glasswing

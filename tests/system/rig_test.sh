@@ -1,0 +1,106 @@
+#!/bin/bash
+# The rig's own measurements through separate processes: lag found, a good rig called good and a bad one by its trouble, and
+# a preview beside a capture that costs it nothing.
+set -euo pipefail
+root=$(cd "$(dirname "$0")/../.." && pwd)
+bin=${GLASSWING_BIN:-$root/build/release/bin}
+work=$(mktemp -d)
+trap 'kill $(jobs -p) 2>/dev/null || true; wait; rm -rf "$work"' EXIT
+
+fail() {
+  echo "FAILED: $*" >&2
+  tail -n 30 "$work"/*.log >&2 || true
+  exit 1
+}
+glasswing() { "$bin/glasswing" "$@"; }
+until_true() { # SECONDS COMMAND...: asks again until it holds
+  local deadline=$((SECONDS + $1))
+  until "${@:2}" 2>/dev/null; do
+    ((SECONDS < deadline)) || return 1
+    sleep 0.05
+  done
+}
+up() { (($(glasswing nodes --json | grep -c '"up": true') == $1)); }
+field() { sed -n "s/.*\"$1\": \"\{0,1\}\([^\",]*\)\"\{0,1\},\{0,1\}\$/\1/p" "$2" | head -n 1; }
+
+port=$((20000 + RANDOM % 20000))
+server=127.0.0.1:$port
+export GLASSWING_SERVER=$server
+"$bin/glasswing-server" --listen "$server" --data "$work/server" >"$work/server.log" 2>&1 &
+display() { # OPTIONS...
+  "$bin/glasswing-display" --listen "127.0.0.1:$((port + 1))" --server "$server" "$@" >"$work/display.log" 2>&1 &
+  display=$!
+}
+camera() { # OPTIONS...
+  "$bin/glasswing-camera" --listen "127.0.0.1:$((port + 2))" --server "$server" --name camera-1 --data "$work/camera" \
+    --size 48x48 --scene crystal --tap "127.0.0.1:$((port + 1))" "$@" >"$work/camera.log" 2>&1 &
+  camera=$!
+}
+stop() { kill "$1" && wait "$1" || true; }
+ready() { until_true 20 up 2 && until_true 20 grep -q "light from" "$work/camera.log" || fail "the rig did not come up"; }
+
+lag=7.3 settle=4  # ms; the display declares less
+truth=(--lag-ms 3 --settle-ms 1 --true-lag-ms "$lag" --true-settle-ms "$settle" --patch-rows 8)
+
+echo "== lag and settling are measured, whatever the display declares"
+display --monitor back=96x96@60 "${truth[@]}"
+camera
+ready
+glasswing calibrate sync --json >"$work/sync.out" || fail "not calibrated"
+cat "$work/sync.out"
+within() { # FIELD TRUTH_MS TOLERANCE_MS
+  awk -v found="$(field "$1" "$work/sync.out")" -v truth="$2" -v most="$3" \
+    'BEGIN { off = found / 1e6 - truth; exit !(off < most && off > -most) }' ||
+    fail "$1 is $(field "$1" "$work/sync.out"); the truth is $2 ms"
+}
+within lag_ns "$lag" 0.3
+within settle_ns "$settle" 0.6
+[[ -s $work/server/calibration/sync.json ]] || fail "it was not stored"
+
+echo "== a preview beside a capture takes nothing from it"
+glasswing capture "$root/deploy/plans/quick.txtpb" --session s >/dev/null
+glasswing preview -o "$work/live.jpg" --fps 4 --width 24 --count 8 | tee "$work/preview.out"
+glasswing show s --json >"$work/during.json"
+grep -q CAPTURING "$work/during.json" || fail "the capture was over before the preview"
+glasswing watch s || fail "not captured"
+(($(wc -l <"$work/preview.out") == 8)) || fail "eight lines were expected"
+grep -q " 24x24: focus" "$work/preview.out" || fail "the preview has another size"
+[[ $(head -c 2 "$work/live.jpg" | od -An -tx1) == " ff d8" ]] || fail "live.jpg is no JPEG"
+glasswing show s --json >"$work/show.json"
+echo "retaken: $(field retaken_count "$work/show.json")"
+(($(field retaken_count "$work/show.json") == 0)) || fail "steps were retaken"
+
+echo "== a good rig has no problem; a display that declares another lag is told"
+glasswing doctor >"$work/good.out" || fail "doctor found a problem"
+cat "$work/good.out"
+grep -q "declares 3.00 ms lag" "$work/good.out" || fail "doctor believes the declared lag"
+
+problem() { # SUBJECT: doctor fails and names it
+  if glasswing doctor "${@:2}" >"$work/doctor.out" 2>&1; then
+    cat "$work/doctor.out"
+    fail "doctor did not see the trouble"
+  fi
+  grep -q "^problem *$1" "$work/doctor.out" || { cat "$work/doctor.out"; fail "doctor did not name: $1"; }
+  grep "^problem" -A 1 "$work/doctor.out"
+}
+echo "== an exposure that is too long"
+printf 'method: "gaussian"\nsolids { colour: [1, 1, 1] }\nexposure_ms: 4.9\nexposure_ms: 40\n' >"$work/long.txtpb"
+problem camera --plan "$work/long.txtpb"
+echo "== a camera that is too slow"
+stop "$camera"
+camera --fps 20
+ready
+printf 'method: "gaussian"\nsolids { colour: [1, 1, 1] }\nexposure_ms: 30\n' >"$work/slow.txtpb"
+problem window --plan "$work/slow.txtpb"
+echo "== missed flips"
+stop "$camera"
+stop "$display"
+display --monitor back=96x96@60 "${truth[@]}" --fault-missed-flips 0.4
+camera
+ready
+problem flips
+echo "== no camera"
+stop "$camera"
+until_true 20 up 1 || fail "the camera is still up"
+problem nodes
+echo "all of it held"
