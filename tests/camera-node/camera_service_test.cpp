@@ -159,10 +159,11 @@ TEST_F(CameraNode, KeepsWhatTheMonitorEmittedAndFindsItAfterARestart) {
 }
 
 TEST_F(CameraNode, MeasuresTheLightOfEachRow) {
-  auto picture = std::make_shared<RadianceImage>(8, 6);
+  auto picture = std::make_shared<Image16>(8, 6);
   for (int y = 0; y < 6; ++y) {
     for (int x = 0; x < 8; ++x)
-      for (int c = 0; c < 3; ++c) picture->at(x, y, c) = y == 5 ? 1.0f : 0.1f * static_cast<float>(y);
+      for (int c = 0; c < 3; ++c)
+        picture->at(x, y, c) = static_cast<std::uint16_t>(y == 5 ? 65535 : 6000 * y);
   }
   timeline_.add_picture("back",
                         {.scanout_start = monotonic_now() - std::chrono::seconds(1), .image = picture});
@@ -184,14 +185,14 @@ TEST_F(CameraNode, MeasuresTheLightOfEachRow) {
   ASSERT_EQ(measured.frames(0).row_mean_size(), 6);
   // Each camera row sees one row of the monitor; a code of 16 bits is 1.5e-5.
   for (int y = 0; y < 6; ++y)
-    EXPECT_NEAR(measured.frames(0).row_mean(y), static_cast<double>(picture->at(0, y, 0)), 3e-5) << y;
+    EXPECT_NEAR(measured.frames(0).row_mean(y), picture->at(0, y, 0) / 65535.0, 3e-5) << y;
   EXPECT_DOUBLE_EQ(measured.frames(0).clipped_fraction(), 1.0 / 6.0);
   context.TryCancel();
 }
 
 TEST_F(CameraNode, APreviewYieldsToACaptureAndThenLooksOn) {
-  auto picture = std::make_shared<RadianceImage>(8, 6);
-  for (float& value : picture->samples) value = 0.25f;
+  auto picture = std::make_shared<Image16>(8, 6);
+  for (std::uint16_t& sample : picture->samples) sample = code16_of(0.25f);
   timeline_.add_picture("back",
                         {.scanout_start = monotonic_now() - std::chrono::seconds(1), .image = picture});
   timeline_.set_horizon("back", monotonic_now() + std::chrono::hours(1));
