@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <map>
-#include <set>
 #include <thread>
 
 #include "camera-node/preview.h"
@@ -35,6 +34,28 @@ absl::Status check_preview(const v1::PreviewRequest& request) {
         fmt::format("max_width_px is {}; it must be 16 to 4096", request.max_width_px()));
   }
   return absl::OkStatus();
+}
+
+bool is_lesson(const Archive::NewFrame& frame) {
+  return frame.record.stimulus().kind() == "patch";
+}
+
+// Of every monitor with such frames in the batch; returns those that teach nothing.
+std::vector<v1::UnseenPatch> learn_patches(const std::vector<Archive::NewFrame>& batch, PatchProof& proof) {
+  std::map<std::string, std::vector<Archive::NewFrame>> lessons;
+  for (const Archive::NewFrame& frame : batch) {
+    if (is_lesson(frame)) lessons[frame.record.stimulus().panel()].push_back(frame);
+  }
+  std::vector<v1::UnseenPatch> unseen;
+  for (const auto& [monitor, frames] : lessons) {
+    const absl::Status status = proof.learn(frames);
+    if (status.ok()) continue;
+    v1::UnseenPatch& patch = unseen.emplace_back();
+    patch.set_monitor(monitor);
+    patch.set_reason(std::string(status.message()));
+    patch.set_dark(absl::IsNotFound(status));
+  }
+  return unseen;
 }
 
 }  // namespace
@@ -93,7 +114,7 @@ grpc::Status CameraServiceImpl::KeepFrames(grpc::ServerContext*, const v1::KeepF
   }
   const absl::StatusOr<std::shared_ptr<Archive>> archive = store_.find(request->session());
   if (!archive.ok()) return to_grpc(archive.status());
-  absl::StatusOr<std::vector<Archive::NewFrame>> batch = find(*request);
+  absl::StatusOr<std::vector<Archive::NewFrame>> batch = find(request->frames());
   if (!batch.ok()) return to_grpc(batch.status());
   const std::lock_guard lock(keeping_);
   if (const absl::Status status = check_patches(*request, **archive, *batch, *response); !status.ok())
@@ -112,9 +133,9 @@ std::optional<CapturedFrame> CameraServiceImpl::in_ring(std::int64_t sequence) {
   return found == ring_.end() ? std::nullopt : std::optional(*found);
 }
 
-absl::StatusOr<std::vector<Archive::NewFrame>> CameraServiceImpl::find(const v1::KeepFramesRequest& request) {
+absl::StatusOr<std::vector<Archive::NewFrame>> CameraServiceImpl::find(const Frames& frames) {
   std::vector<Archive::NewFrame> batch;
-  for (const v1::Frame& wanted : request.frames()) {
+  for (const v1::Frame& wanted : frames) {
     if (wanted.step() < 0 || !wanted.file().empty())
       return absl::InvalidArgumentError("a frame to keep needs a step of 0 or more, and no file");
     const std::optional<CapturedFrame> found = in_ring(wanted.sequence());
@@ -134,29 +155,16 @@ absl::Status CameraServiceImpl::check_patches(const v1::KeepFramesRequest& reque
     GW_RETURN_IF_ERROR(proof_.learn_from(archive));
     proof_session_ = request.session();
   }
-  const auto is_lesson = [](const Archive::NewFrame& frame) {
-    return frame.record.stimulus().kind() == "patch";
+  for (v1::UnseenPatch& patch : learn_patches(batch, proof_))
+    *response.add_unseen_patches() = std::move(patch);
+  const auto is_unseen = [&](const std::string& monitor) {
+    return std::any_of(response.unseen_patches().begin(), response.unseen_patches().end(),
+                       [&](const v1::UnseenPatch& patch) { return patch.monitor() == monitor; });
   };
-  std::map<std::string, std::vector<Archive::NewFrame>> lessons;  // by monitor
-  for (const Archive::NewFrame& frame : batch) {
-    if (is_lesson(frame)) lessons[frame.record.stimulus().panel()].push_back(frame);
-  }
-  std::set<std::string> learned;
-  for (const auto& [monitor, frames] : lessons) {
-    const absl::Status status = proof_.learn(frames);
-    if (status.ok()) {
-      learned.insert(monitor);
-      continue;
-    }
-    v1::UnseenPatch& patch = *response.add_unseen_patches();
-    patch.set_monitor(monitor);
-    patch.set_reason(std::string(status.message()));
-    patch.set_dark(absl::IsNotFound(status));
-  }
   std::erase_if(batch, [&](Archive::NewFrame& frame) {
     if (is_lesson(frame)) {
       // What taught every cell was itself what it should be.
-      const bool seen = learned.contains(frame.record.stimulus().panel());
+      const bool seen = !is_unseen(frame.record.stimulus().panel());
       if (seen) frame.record.set_proof(v1::PROOF_TIME_AND_PATCH);
       return !seen && !request.accept_unseen_patch();
     }
@@ -165,6 +173,18 @@ absl::Status CameraServiceImpl::check_patches(const v1::KeepFramesRequest& reque
     return true;
   });
   return absl::OkStatus();
+}
+
+grpc::Status CameraServiceImpl::LookForPatches(grpc::ServerContext*, const v1::LookForPatchesRequest* request,
+                                               v1::LookForPatchesResponse* response) {
+  if (request->frames_size() > kMaxBatch)
+    return to_grpc(absl::InvalidArgumentError("more than 4096 frames are asked for at once"));
+  const absl::StatusOr<std::vector<Archive::NewFrame>> batch = find(request->frames());
+  if (!batch.ok()) return to_grpc(batch.status());
+  PatchProof proof;
+  for (v1::UnseenPatch& patch : learn_patches(*batch, proof))
+    *response->add_unseen_patches() = std::move(patch);
+  return grpc::Status::OK;
 }
 
 grpc::Status CameraServiceImpl::MeasureLight(grpc::ServerContext*, const v1::MeasureLightRequest* request,

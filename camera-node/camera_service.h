@@ -24,6 +24,8 @@ class CameraServiceImpl final : public v1::CameraService::Service {
                        grpc::ServerWriter<v1::CaptureResponse>*) override;
   grpc::Status KeepFrames(grpc::ServerContext*, const v1::KeepFramesRequest*,
                           v1::KeepFramesResponse*) override;
+  grpc::Status LookForPatches(grpc::ServerContext*, const v1::LookForPatchesRequest*,
+                              v1::LookForPatchesResponse*) override;
   grpc::Status MeasureLight(grpc::ServerContext*, const v1::MeasureLightRequest*,
                             v1::MeasureLightResponse*) override;
   grpc::Status Preview(grpc::ServerContext*, const v1::PreviewRequest*,
@@ -32,7 +34,8 @@ class CameraServiceImpl final : public v1::CameraService::Service {
  private:
   std::optional<CapturedFrame> in_ring(std::int64_t sequence);
   // The asked-for frames that are still in the ring.
-  absl::StatusOr<std::vector<Archive::NewFrame>> find(const v1::KeepFramesRequest& request);
+  using Frames = google::protobuf::RepeatedPtrField<v1::Frame>;
+  absl::StatusOr<std::vector<Archive::NewFrame>> find(const Frames& frames);
   // Takes out what its pixels do not prove, and says so in the response.
   absl::Status check_patches(const v1::KeepFramesRequest& request, Archive& archive,
                              std::vector<Archive::NewFrame>& batch, v1::KeepFramesResponse& response);

@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <set>
 
 #include "core/base/status.h"
+#include "core/pattern/id_patch.h"
 #include "core/pattern/plan.h"
 #include "core/service/service.h"
 #include "server/rig_findings.h"
@@ -31,7 +33,6 @@ class RigCheck {
     if (!check_monitors(*links) || !check_exposures(*links)) return absl::OkStatus();
     check_clocks(*links);
     GW_RETURN_IF_ERROR(try_out(*links, stop));
-    check_patches();
     for (const v1::DisplayMonitor& monitor : monitors_)
       report_(judge_sync(monitor, sync_.find(monitor.name())));
     return absl::OkStatus();
@@ -150,6 +151,18 @@ class RigCheck {
       white.set_kind("solid");
       white.set_panel(monitors_[static_cast<size_t>(i) % monitors_.size()].name());
     }
+    // Last, so that their frames are still with the camera afterwards.
+    for (const v1::DisplayMonitor& monitor : monitors_) {
+      if (monitor.patch_rows() == 0) continue;
+      for (const std::uint16_t id : patch_learning_ids()) {
+        v1::ProgramStep& step = trial.steps.emplace_back();
+        step.set_step(static_cast<int>(trial.steps.size()) - 1);
+        v1::Stimulus& patch = *step.add_stimuli();
+        patch.set_kind("patch");
+        patch.set_panel(monitor.name());
+        patch.set_patch_id(id);
+      }
+    }
     return trial;
   }
 
@@ -201,21 +214,38 @@ class RigCheck {
     for (const double exposure_ms : exposures_ms_)
       report_(judge_window(times, nanoseconds(std::llround(1e6 * exposure_ms)), shortest));
     report_(judge_proof(times));
-    return absl::OkStatus();
+    return check_patches(links, trial, times, *record);
   }
 
-  void check_patches() {
-    for (const v1::DisplayMonitor& monitor : monitors_) {
-      if (monitor.patch_rows() > 0) {
-        tell(v1::FINDING_LEVEL_OK, "id patch",
-             fmt::format("{} shows one in its last {} rows; a capture learns where the camera sees it",
-                         monitor.name(), monitor.patch_rows()));
-      } else {
-        tell(v1::FINDING_LEVEL_WARNING, "id patch",
-             monitor.name() + " shows none: its frames are proven by time alone",
-             "start its display node with an id patch, in view of the camera");
-      }
+  // What the trial's lessons show of the monitors' id patches.
+  absl::Status check_patches(const RigLinks& links, const Trial& trial, const TrialTimes& times,
+                             const TrialRecord& record) {
+    v1::LookForPatchesRequest look;
+    for (const StableWindow& window : times.windows) {
+      const v1::ProgramStep& step = trial.steps.at(static_cast<size_t>(window.step));
+      const auto frame = std::find_if(times.frames.begin(), times.frames.end(),
+                                      [&](const FrameTime& each) { return proves(each, window); });
+      if (step.stimuli(0).kind() != "patch" || frame == times.frames.end()) continue;
+      v1::Frame& lesson = *look.add_frames();
+      lesson.set_sequence(frame->sequence);
+      lesson.set_exposure_ms(record.frames.front().exposure_ms());
+      *lesson.mutable_stimulus() = step.stimuli(0);
     }
+    v1::LookForPatchesResponse found;
+    grpc::ClientContext context;
+    set_deadline(context, kNodeCall);
+    const grpc::Status status = links.camera_stub->LookForPatches(&context, look, &found);
+    if (!status.ok()) return tell_status("id patch", from_grpc(status, links.camera->title()));
+    std::map<std::string, int> lessons;
+    for (const v1::Frame& frame : look.frames()) ++lessons[frame.stimulus().panel()];
+    for (const v1::DisplayMonitor& monitor : monitors_) {
+      const auto unseen =
+          std::find_if(found.unseen_patches().begin(), found.unseen_patches().end(),
+                       [&](const v1::UnseenPatch& patch) { return patch.monitor() == monitor.name(); });
+      report_(judge_patch(monitor, lessons[monitor.name()],
+                          unseen == found.unseen_patches().end() ? "" : unseen->reason()));
+    }
+    return absl::OkStatus();
   }
 
   const Rig& rig_;

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/pattern/id_patch.h"
+
 namespace glasswing {
 namespace {
 
@@ -163,6 +165,31 @@ v1::Finding judge_proof(const TrialTimes& times) {
                         advice);
   }
   return make_finding(v1::FINDING_LEVEL_PROBLEM, "proof", text, advice);
+}
+
+v1::Finding judge_patch(const v1::DisplayMonitor& monitor, int lessons, const std::string& unseen) {
+  const std::string& name = monitor.name();
+  if (monitor.patch_rows() == 0) {
+    return make_finding(v1::FINDING_LEVEL_WARNING, "id patch",
+                        name + " shows none: its frames are proven by time alone",
+                        "start its display node with --patch-rows, and have the camera see those rows");
+  }
+  const int wanted = static_cast<int>(patch_learning_ids().size());
+  if (lessons < wanted) {
+    return make_finding(
+        v1::FINDING_LEVEL_WARNING, "id patch",
+        fmt::format("{}: only {} of the {} pictures that teach it were recorded", name, lessons, wanted),
+        "see the other findings; a capture shows them again");
+  }
+  if (!unseen.empty()) {
+    return make_finding(
+        v1::FINDING_LEVEL_WARNING, "id patch",
+        fmt::format("{}: {}; its frames are proven by time alone", name, unseen),
+        fmt::format("have the camera see all of its last {} rows sharply, with nothing before them",
+                    monitor.patch_rows()));
+  }
+  return make_finding(v1::FINDING_LEVEL_OK, "id patch",
+                      fmt::format("{}: every bit is read in its last {} rows", name, monitor.patch_rows()));
 }
 
 v1::Finding judge_sync(const v1::DisplayMonitor& declared, const std::optional<v1::MonitorSync>& measured) {

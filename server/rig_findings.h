@@ -38,6 +38,8 @@ v1::Finding judge_frames(const TrialTimes& times);
 v1::Finding judge_window(const TrialTimes& times, nanoseconds exposure, nanoseconds shortest);
 v1::Finding judge_proof(const TrialTimes& times);
 v1::Finding judge_clocks(const std::vector<std::pair<std::string, nanoseconds>>& errors);
+// `lessons`: how many ids were shown and proven by time; `unseen`: what the camera node says against it.
+v1::Finding judge_patch(const v1::DisplayMonitor& monitor, int lessons, const std::string& unseen);
 v1::Finding judge_sync(const v1::DisplayMonitor& declared, const std::optional<v1::MonitorSync>& measured);
 
 }  // namespace glasswing

@@ -20,6 +20,7 @@ using std::chrono::milliseconds;
 constexpr int kPassesAtOnce = 4, kMostPasses = 12;
 constexpr nanoseconds kGoodEnough = std::chrono::microseconds(50);  // standard error; then no more passes
 constexpr nanoseconds kSteady = milliseconds(33);                   // what a picture is shown for, at least
+constexpr double kFramesAPicture = 3.0;
 constexpr double kClipping = 1e-3;  // of the samples: more than that come to full scale with the band's light
 constexpr double kShortestExposureMs = 0.2;
 constexpr double kOneRow_px = 0.3;  // sigma of a stripe that lights hardly more than the row in its middle
@@ -205,6 +206,9 @@ absl::StatusOr<v1::MonitorSync> measure_sync(RigLinks& rig, const std::string& m
     if (measurement.passes % kPassesAtOnce != 0) continue;
     measurement.record.band_height = {target.band_height(0), target.band_height(1)};
     const absl::StatusOr<LightStep> step = find_light_step(measurement.record);
+    // A camera that takes few frames of each picture meets few phases.
+    const bool few = camera.frame_rate_hz() * 1e-9 * static_cast<double>(kSteady.count()) < kFramesAPicture;
+    if (few && measurement.passes < 2 * kPassesAtOnce) continue;
     const bool more = measurement.passes < kMostPasses;
     if (!step.ok() && !more) {
       return absl::Status(step.status().code(),

@@ -12,7 +12,7 @@ namespace glasswing {
 namespace {
 
 using std::chrono::milliseconds;
-constexpr milliseconds kStartLead(150);  // from the command to the first step
+constexpr milliseconds kStartLead(300);  // from the command to the first step
 constexpr milliseconds kTail(100);
 constexpr milliseconds kLastFrame(1500);  // how long a frame may come after the last step was replaced
 constexpr milliseconds kPoll(10);

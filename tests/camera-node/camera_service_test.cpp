@@ -161,9 +161,9 @@ TEST_F(CameraNode, KeepsWhatTheMonitorEmittedAndFindsItAfterARestart) {
 TEST_F(CameraNode, MeasuresTheLightOfEachRow) {
   auto picture = std::make_shared<Image16>(8, 6);
   for (int y = 0; y < 6; ++y) {
-    const auto code = static_cast<std::uint16_t>(y == 5 ? 65535 : 6000 * y);
     for (int x = 0; x < 8; ++x)
-      for (int c = 0; c < 3; ++c) picture->at(x, y, c) = code;
+      for (int c = 0; c < 3; ++c)
+        picture->at(x, y, c) = static_cast<std::uint16_t>(y == 5 ? 65535 : 6000 * y);
   }
   timeline_.add_picture("back",
                         {.scanout_start = monotonic_now() - std::chrono::seconds(1), .image = picture});
@@ -192,7 +192,7 @@ TEST_F(CameraNode, MeasuresTheLightOfEachRow) {
 
 TEST_F(CameraNode, APreviewYieldsToACaptureAndThenLooksOn) {
   auto picture = std::make_shared<Image16>(8, 6);
-  picture->samples.assign(picture->samples.size(), 16384);
+  for (std::uint16_t& sample : picture->samples) sample = code16_of(0.25f);
   timeline_.add_picture("back",
                         {.scanout_start = monotonic_now() - std::chrono::seconds(1), .image = picture});
   timeline_.set_horizon("back", monotonic_now() + std::chrono::hours(1));

@@ -116,6 +116,17 @@ TEST(RigFindings, PoorClocksAreNamed) {
             v1::FINDING_LEVEL_PROBLEM);
 }
 
+TEST(RigFindings, ThePatchIsReadOrElseWhy) {
+  v1::DisplayMonitor monitor;
+  monitor.set_name("back");
+  EXPECT_NE(judge_patch(monitor, 0, "").advice().find("--patch-rows"), std::string::npos);
+  monitor.set_patch_rows(8);
+  EXPECT_EQ(judge_patch(monitor, 10, "").level(), v1::FINDING_LEVEL_OK);
+  EXPECT_EQ(judge_patch(monitor, 9, "").level(), v1::FINDING_LEVEL_WARNING);
+  EXPECT_NE(judge_patch(monitor, 9, "").text().find("9 of the 10"), std::string::npos);
+  EXPECT_EQ(judge_patch(monitor, 10, "the camera does not see it").level(), v1::FINDING_LEVEL_WARNING);
+}
+
 TEST(RigFindings, SyncIsMeasuredOrOnlyDeclared) {
   v1::DisplayMonitor declared;
   declared.set_name("back");

@@ -54,7 +54,7 @@ within() { # FIELD TRUTH_MS TOLERANCE_MS
     fail "$1 is $(field "$1" "$work/sync.out"); the truth is $2 ms"
 }
 within lag_ns "$lag" 0.3
-within settle_ns "$settle" 0.6
+within settle_ns "$settle" 0.6  # its begin and its end, each as good as the lag
 [[ -s $work/server/calibration/sync.json ]] || fail "it was not stored"
 
 echo "== a preview beside a capture takes nothing from it"
@@ -74,6 +74,7 @@ echo "== a good rig has no problem; a display that declares another lag is told"
 glasswing doctor >"$work/good.out" || fail "doctor found a problem"
 cat "$work/good.out"
 grep -q "declares 3.00 ms lag" "$work/good.out" || fail "doctor believes the declared lag"
+grep -q "back: every bit is read" "$work/good.out" || fail "doctor does not see the id patch"
 
 problem() { # SUBJECT: doctor fails and names it
   if glasswing doctor "${@:2}" >"$work/doctor.out" 2>&1; then
