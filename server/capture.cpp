@@ -266,7 +266,6 @@ absl::Status Capture::play(const std::vector<Step>& pending, Recording& frames, 
   std::map<int, std::vector<MonitorWindow>> incomplete;  // by step, until every monitor has reported
   std::optional<nanoseconds> last_replaced;
   nanoseconds played_at{};
-  nanoseconds clocks_at = monotonic_now();
   while (!stop.stop_requested()) {
     bool playing = false;
     for (size_t i = 0; i < feeds.size(); ++i) {
@@ -301,8 +300,8 @@ absl::Status Capture::play(const std::vector<Step>& pending, Recording& frames, 
                                                   *last_replaced + milliseconds(50);
       if (all_seen || now - played_at > kLastFrame) return absl::OkStatus();
     }
-    if (now - clocks_at > std::chrono::seconds(1)) {
-      clocks_at = now;
+    if (now - frames.clocks_at > std::chrono::seconds(1)) {
+      frames.clocks_at = now;
       GW_RETURN_IF_ERROR(camera_->exchange_clocks(1));
       for (const auto& display : displays_) GW_RETURN_IF_ERROR(display->link.exchange_clocks(1));
     }

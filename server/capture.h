@@ -59,6 +59,7 @@ class Capture {
 
     CameraFeed camera;
     FrameMatcher matcher;
+    nanoseconds clocks_at = monotonic_now();  // last compared; showings may be shorter than the pause between
     std::map<std::int64_t, v1::FrameTaken> recent;  // by sequence
     // Matches of the steps that teach where the id patches are, by step, until all are there; the others wait
     // for them.

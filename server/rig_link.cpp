@@ -11,7 +11,7 @@ NodeLink::NodeLink(const v1::Node& node)
     : title_(fmt::format("{} node \"{}\" at {}", node.kind() == v1::NODE_KIND_CAMERA ? "camera" : "display",
                          node.name(), node.address())),
       channel_(dial(node.address())),
-      stub_(v1::ClockService::NewStub(channel_)) {}
+      stub_(v1::ClockService::NewStub(dial(node.address()))) {}
 
 absl::Status NodeLink::exchange_clocks(int count) {
   for (int i = 0; i < count; ++i) {

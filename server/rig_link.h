@@ -37,6 +37,8 @@ class NodeLink {
  private:
   std::string title_;
   std::shared_ptr<grpc::Channel> channel_;
+  // On a connection of its own: behind the camera's stream of frames an exchange takes longer, and one way
+  // only.
   std::unique_ptr<v1::ClockService::Stub> stub_;
   mutable std::mutex mutex_;
   ClockModel clock_;

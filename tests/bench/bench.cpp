@@ -39,6 +39,7 @@ int run(int argc, char** argv) {
   add_joint_rows(all);
   add_accuracy_rows(all);
   add_solve_rows(all);
+  add_camera_rows(all);
   const std::regex wanted(filter);
   std::string benchmarks;
   for (const Row& row : all) {

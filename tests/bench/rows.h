@@ -26,5 +26,6 @@ void add_line_rows(std::vector<Row>& rows);
 void add_joint_rows(std::vector<Row>& rows);
 void add_accuracy_rows(std::vector<Row>& rows);
 void add_solve_rows(std::vector<Row>& rows);
+void add_camera_rows(std::vector<Row>& rows);
 
 }  // namespace glasswing

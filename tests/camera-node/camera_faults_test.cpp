@@ -1,9 +1,9 @@
 // Each fault of the simulated camera does what it says, and nothing else.
-#include "camera-node/sim_camera.h"
-
 #include <gtest/gtest.h>
 
 #include <set>
+
+#include "camera-node/sim_camera.h"
 
 namespace glasswing {
 namespace {

@@ -123,6 +123,7 @@ v1::Session run(FaultyRig& rig, const RigFaults& faults, const v1::Plan& plan) {
     if (faults.restart_display) rig.restart_display();
   }
   (void)reader->Finish();
+  if (!restarted) response.mutable_session()->set_step_count(0);  // nothing was tried
   return response.session();
 }
 
