@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <map>
+#include <set>
 #include <thread>
 
 #include "camera-node/preview.h"
@@ -40,22 +40,12 @@ bool is_lesson(const Archive::NewFrame& frame) {
   return frame.record.stimulus().kind() == "patch";
 }
 
-// Of every monitor with such frames in the batch; returns those that teach nothing.
-std::vector<v1::UnseenPatch> learn_patches(const std::vector<Archive::NewFrame>& batch, PatchProof& proof) {
-  std::map<std::string, std::vector<Archive::NewFrame>> lessons;
-  for (const Archive::NewFrame& frame : batch) {
-    if (is_lesson(frame)) lessons[frame.record.stimulus().panel()].push_back(frame);
-  }
-  std::vector<v1::UnseenPatch> unseen;
-  for (const auto& [monitor, frames] : lessons) {
-    const absl::Status status = proof.learn(frames);
-    if (status.ok()) continue;
-    v1::UnseenPatch& patch = unseen.emplace_back();
-    patch.set_monitor(monitor);
-    patch.set_reason(std::string(status.message()));
-    patch.set_dark(absl::IsNotFound(status));
-  }
-  return unseen;
+v1::UnseenPatch unseen_patch(const PatchProof::Lessons& lessons) {
+  v1::UnseenPatch patch;
+  patch.set_monitor(lessons.frames.front().record.stimulus().panel());
+  patch.set_reason(std::string(lessons.learned.message()));
+  patch.set_dark(absl::IsNotFound(lessons.learned));
+  return patch;
 }
 
 }  // namespace
@@ -155,23 +145,35 @@ absl::Status CameraServiceImpl::check_patches(const v1::KeepFramesRequest& reque
     GW_RETURN_IF_ERROR(proof_.learn_from(archive));
     proof_session_ = request.session();
   }
-  for (v1::UnseenPatch& patch : learn_patches(batch, proof_))
-    *response.add_unseen_patches() = std::move(patch);
-  const auto is_unseen = [&](const std::string& monitor) {
-    return std::any_of(response.unseen_patches().begin(), response.unseen_patches().end(),
-                       [&](const v1::UnseenPatch& patch) { return patch.monitor() == monitor; });
+  const auto accepted = [&](const std::string& monitor) {
+    const auto& list = request.accept_unseen_patches();
+    return std::find(list.begin(), list.end(), monitor) != list.end();
   };
-  std::erase_if(batch, [&](Archive::NewFrame& frame) {
-    if (is_lesson(frame)) {
+  std::vector<Archive::NewFrame> proven;
+  std::set<int> waiting;
+  const auto others = std::stable_partition(batch.begin(), batch.end(), is_lesson);
+  for (auto frame = batch.begin(); frame != others; ++frame) {
+    waiting.insert(frame->record.step());
+    std::optional<PatchProof::Lessons> lessons = proof_.add(std::move(*frame));
+    if (!lessons) continue;
+    if (!lessons->learned.ok()) *response.add_unseen_patches() = unseen_patch(*lessons);
+    for (Archive::NewFrame& lesson : lessons->frames) {
+      waiting.erase(lesson.record.step());
       // What taught every cell was itself what it should be.
-      const bool seen = !is_unseen(frame.record.stimulus().panel());
-      if (seen) frame.record.set_proof(v1::PROOF_TIME_AND_PATCH);
-      return !seen && !request.accept_unseen_patch();
+      if (lessons->learned.ok()) lesson.record.set_proof(v1::PROOF_TIME_AND_PATCH);
+      if (lessons->learned.ok() || accepted(lesson.record.stimulus().panel()))
+        proven.push_back(std::move(lesson));
     }
-    if (proof_.agrees(frame.record, frame.image)) return false;
-    response.set_refused(response.refused() + 1);
-    return true;
-  });
+  }
+  for (const int step : waiting) response.add_waiting_steps(step);
+  for (auto frame = others; frame != batch.end(); ++frame) {
+    if (proof_.agrees(frame->record, frame->image)) {
+      proven.push_back(std::move(*frame));
+    } else {
+      response.set_refused(response.refused() + 1);
+    }
+  }
+  batch = std::move(proven);
   return absl::OkStatus();
 }
 
@@ -179,11 +181,13 @@ grpc::Status CameraServiceImpl::LookForPatches(grpc::ServerContext*, const v1::L
                                                v1::LookForPatchesResponse* response) {
   if (request->frames_size() > kMaxBatch)
     return to_grpc(absl::InvalidArgumentError("more than 4096 frames are asked for at once"));
-  const absl::StatusOr<std::vector<Archive::NewFrame>> batch = find(request->frames());
+  absl::StatusOr<std::vector<Archive::NewFrame>> batch = find(request->frames());
   if (!batch.ok()) return to_grpc(batch.status());
   PatchProof proof;
-  for (v1::UnseenPatch& patch : learn_patches(*batch, proof))
-    *response->add_unseen_patches() = std::move(patch);
+  for (Archive::NewFrame& frame : *batch) {
+    const std::optional<PatchProof::Lessons> lessons = proof.add(std::move(frame));
+    if (lessons && !lessons->learned.ok()) *response->add_unseen_patches() = unseen_patch(*lessons);
+  }
   return grpc::Status::OK;
 }
 

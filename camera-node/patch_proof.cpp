@@ -4,8 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
-#include <tuple>
 
 #include "core/base/status.h"
 
@@ -20,32 +18,41 @@ bool same_exposure(double a_ms, double b_ms) {
 }  // namespace
 
 absl::Status PatchProof::learn_from(Archive& archive) {
-  std::map<std::tuple<bool, long, std::string>, std::vector<Archive::NewFrame>> lessons;
   const v1::CaptureManifest manifest = archive.manifest();
   for (const v1::Frame& frame : manifest.frames()) {
     if (frame.stimulus().kind() != "patch") continue;
     GW_ASSIGN_OR_RETURN(const std::string bytes, archive.read_frame_bytes(frame.file()));
     GW_ASSIGN_OR_RETURN(Image16 image, decode_tiff(bytes));
-    const long exposure_us = std::lround(1000.0 * frame.exposure_ms());
-    lessons[{frame.object(), exposure_us, frame.stimulus().panel()}].push_back(
-        {.record = frame, .image = std::move(image)});
-  }
-  for (const auto& [key, frames] : lessons) {
-    (void)learn(frames);  // if it teaches nothing, that was accepted
+    (void)add({.record = frame, .image = std::move(image)});  // if they teach nothing, that was accepted
   }
   return absl::OkStatus();
 }
 
-absl::Status PatchProof::learn(std::span<const Archive::NewFrame> frames) {
-  std::vector<Image16> images;
+std::optional<PatchProof::Lessons> PatchProof::add(Archive::NewFrame lesson) {
+  const v1::Frame newest = lesson.record;
+  std::erase_if(held_, [&](const Archive::NewFrame& other) { return other.record.step() == newest.step(); });
+  held_.push_back(std::move(lesson));
+  const auto belongs = [&](const Archive::NewFrame& other) {
+    return other.record.stimulus().panel() == newest.stimulus().panel() &&
+           other.record.object() == newest.object() &&
+           same_exposure(other.record.exposure_ms(), newest.exposure_ms());
+  };
+  Lessons lessons;
   for (const std::uint16_t id : patch_learning_ids()) {
-    const auto found = std::find_if(frames.begin(), frames.end(), [id](const Archive::NewFrame& frame) {
-      return frame.record.stimulus().patch_id() == id;
+    const auto found = std::find_if(held_.begin(), held_.end(), [&](const Archive::NewFrame& other) {
+      return belongs(other) && other.record.stimulus().patch_id() == id;
     });
-    if (found == frames.end())
-      return absl::FailedPreconditionError(fmt::format("there is no frame of the id patch {:#06x}", id));
-    images.push_back(found->image);
+    if (found == held_.end()) return std::nullopt;
+    lessons.frames.push_back(*found);
   }
+  std::erase_if(held_, belongs);
+  lessons.learned = learn(lessons.frames);
+  return lessons;
+}
+
+absl::Status PatchProof::learn(const std::vector<Archive::NewFrame>& frames) {
+  std::vector<Image16> images;
+  for (const Archive::NewFrame& frame : frames) images.push_back(frame.image);
   const v1::Frame& first = frames.front().record;
   Known known{.object = first.object(),
               .exposure_ms = first.exposure_ms(),

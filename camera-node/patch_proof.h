@@ -4,7 +4,7 @@
 
 #include <absl/status/status.h>
 
-#include <span>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,10 +18,15 @@ class PatchProof {
   // From the frames of kind "patch" that an archive holds; patches that are not seen in them stay unknown.
   // DATA_LOSS: a frame cannot be read.
   absl::Status learn_from(Archive& archive);
-  // From one frame for each learning id, in any order, all of one monitor. It serves frames with the object
-  // where these have it, and of their exposure. FAILED_PRECONDITION or NOT_FOUND: an id is missing, or
-  // PatchReader::learn's.
-  absl::Status learn(std::span<const Archive::NewFrame> frames);
+  // Frames of kind "patch", one for each learning id, all of one monitor, stage and exposure; they serve
+  // other frames of that stage and exposure.
+  struct Lessons {
+    std::vector<Archive::NewFrame> frames;
+    absl::Status learned;  // PatchReader::learn's
+  };
+  // Holds a lesson, in place of one of its step, until all that belong together are there; then gives them
+  // back.
+  std::optional<Lessons> add(Archive::NewFrame lesson);
 
   // False: the pixels show another id than `record.patch_id`, or none that is clear, on a monitor whose patch
   // is known. If the lit monitor's patch agrees, the record's proof is made PROOF_TIME_AND_PATCH.
@@ -34,7 +39,10 @@ class PatchProof {
     std::string monitor;
     PatchReader reader;
   };
+  absl::Status learn(const std::vector<Archive::NewFrame>& frames);
+
   std::vector<Known> known_;
+  std::vector<Archive::NewFrame> held_;
 };
 
 }  // namespace glasswing

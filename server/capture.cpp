@@ -250,7 +250,6 @@ absl::StatusOr<int> Capture::load(const std::string& program, const std::vector<
 absl::Status Capture::play(const std::vector<Step>& pending, Recording& frames, std::stop_token stop) {
   std::set<int> lessons_due;
   std::vector<Step> steps;
-  forget_old_lessons(frames);
   for (const Step& step : pending) {
     if (is_lesson(step)) lessons_due.insert(step.number);
     if (!frames.lessons.contains(step.number)) steps.push_back(step);
@@ -324,66 +323,56 @@ void Capture::take_frames(Recording& frames) {
   }
 }
 
-void Capture::forget_old_lessons(Recording& frames) const {
-  if (frames.recent.empty()) return;
-  // Well before the camera's ring drops them.
-  const std::int64_t oldest = frames.recent.rbegin()->first - camera_info_.ring_frames() / 2;
-  std::erase_if(frames.lessons, [&](const auto& lesson) { return lesson.second.frame.sequence < oldest; });
-}
-
 absl::StatusOr<bool> Capture::judge(const std::vector<FrameMatcher::Match>& matches,
                                     std::set<int>& lessons_due, Recording& frames) {
-  for (const FrameMatcher::Match& match : matches) {
-    if (lessons_due.contains(match.step)) {
-      frames.lessons.emplace(match.step, match);
-    } else {
-      frames.waiting.push_back(match);
-    }
-  }
-  if (!lessons_due.empty()) {
-    // Steps are proven in order: one that follows the lessons says that a lesson was missed.
-    if (frames.lessons.size() < lessons_due.size()) return frames.waiting.empty();
-    std::vector<FrameMatcher::Match> lessons;
-    for (const auto& [step, match] : frames.lessons) lessons.push_back(match);
-    frames.lessons.clear();
-    GW_ASSIGN_OR_RETURN(const v1::KeepFramesResponse kept, keep(lessons, frames, false));
-    ++frames.failed_lessons;
-    for (const v1::UnseenPatch& unseen : kept.unseen_patches()) {
-      const int tries = unseen.dark() ? kDarkLessons : kLessons;
-      if (frames.failed_lessons >= tries || unseen_patches_.contains(unseen.monitor()))
-        GW_RETURN_IF_ERROR(do_without_patch(unseen, lessons, frames));
-    }
-    std::erase_if(lessons_due, [this](int step) { return proven_.contains(step); });
-    if (!lessons_due.empty()) return false;
-  }
+  std::vector<FrameMatcher::Match> lessons;
+  for (const FrameMatcher::Match& match : matches)
+    (lessons_due.contains(match.step) ? lessons : frames.waiting).push_back(match);
+  if (!lessons.empty()) GW_RETURN_IF_ERROR(keep_lessons(lessons, frames));
+  std::erase_if(lessons_due, [this](int step) { return proven_.contains(step); });
+  // Steps are proven in order: one that follows the lessons says that a lesson was missed.
+  if (!lessons_due.empty()) return frames.waiting.empty();
   const std::vector<FrameMatcher::Match> ready = std::exchange(frames.waiting, {});
-  GW_RETURN_IF_ERROR(keep(ready, frames, false).status());
+  GW_RETURN_IF_ERROR(keep(ready, frames).status());
   return true;
 }
 
-absl::Status Capture::do_without_patch(const v1::UnseenPatch& unseen,
-                                       const std::vector<FrameMatcher::Match>& lessons, Recording& frames) {
-  std::vector<FrameMatcher::Match> own;
-  for (const FrameMatcher::Match& lesson : lessons) {
-    if (steps_.at(static_cast<size_t>(lesson.step)).stimulus.panel() == unseen.monitor())
-      own.push_back(lesson);
+absl::Status Capture::keep_lessons(const std::vector<FrameMatcher::Match>& lessons, Recording& frames) {
+  const std::vector<std::string> given_up = patches_given_up(frames);
+  GW_ASSIGN_OR_RETURN(const v1::KeepFramesResponse kept, keep(lessons, frames));
+  for (const int step : kept.waiting_steps()) frames.lessons.insert(step);
+  for (const v1::UnseenPatch& unseen : kept.unseen_patches()) {
+    const std::string& monitor = unseen.monitor();
+    std::erase_if(frames.lessons,
+                  [&](int step) { return steps_.at(static_cast<size_t>(step)).stimulus.panel() == monitor; });
+    ++frames.unseen[monitor].count;
+    frames.unseen[monitor].dark = unseen.dark();
+    const bool accepted = std::find(given_up.begin(), given_up.end(), monitor) != given_up.end();
+    if (!accepted || !unseen_patches_.insert(monitor).second) continue;
+    session_.set_warning(fmt::format("{}{}monitor \"{}\": {}; its steps are proven by time alone",
+                                     session_.warning(), session_.warning().empty() ? "" : "; ", monitor,
+                                     unseen.reason()));
+    report_(session_);
   }
-  GW_RETURN_IF_ERROR(keep(own, frames, true).status());
-  if (!unseen_patches_.insert(unseen.monitor()).second) return absl::OkStatus();
-  session_.set_warning(fmt::format("{}{}monitor \"{}\": {}; its steps are proven by time alone",
-                                   session_.warning(), session_.warning().empty() ? "" : "; ",
-                                   unseen.monitor(), unseen.reason()));
-  report_(session_);
   return absl::OkStatus();
 }
 
+// Monitors that go on without if their patch is not found this time.
+std::vector<std::string> Capture::patches_given_up(const Recording& frames) const {
+  std::vector<std::string> monitors(unseen_patches_.begin(), unseen_patches_.end());
+  for (const auto& [monitor, unseen] : frames.unseen) {
+    if (unseen.count + 1 >= (unseen.dark ? kDarkLessons : kLessons)) monitors.push_back(monitor);
+  }
+  return monitors;
+}
+
 absl::StatusOr<v1::KeepFramesResponse> Capture::keep(const std::vector<FrameMatcher::Match>& matches,
-                                                     Recording& frames, bool accept_unseen_patch) {
+                                                     Recording& frames) {
   v1::KeepFramesResponse response;
   if (matches.empty()) return response;
   v1::KeepFramesRequest request;
   request.set_session(session_.name());
-  request.set_accept_unseen_patch(accept_unseen_patch);
+  for (std::string& monitor : patches_given_up(frames)) request.add_accept_unseen_patches(std::move(monitor));
   for (const FrameMatcher::Match& match : matches) {
     const v1::FrameTaken& taken = frames.recent.at(match.frame.sequence);
     const Step& step = steps_.at(static_cast<size_t>(match.step));

@@ -61,11 +61,15 @@ class Capture {
     FrameMatcher matcher;
     nanoseconds clocks_at = monotonic_now();  // last compared; showings may be shorter than the pause between
     std::map<std::int64_t, v1::FrameTaken> recent;  // by sequence
-    // Matches of the steps that teach where the id patches are, by step, until all are there; the others wait
-    // for them.
-    std::map<int, FrameMatcher::Match> lessons;
+    // Steps that teach where the id patches are and wait with the camera for others; matches of other steps
+    // wait here until all are learned.
+    std::set<int> lessons;
     std::vector<FrameMatcher::Match> waiting;
-    int failed_lessons = 0;
+    struct Unseen {
+      int count = 0;
+      bool dark = false;
+    };
+    std::map<std::string, Unseen> unseen;  // by monitor: how often its lessons taught nothing
   };
 
   absl::Status connect();
@@ -80,11 +84,10 @@ class Capture {
   // False: a lesson was missed or taught nothing, and what follows cannot be judged.
   absl::StatusOr<bool> judge(const std::vector<FrameMatcher::Match>& matches, std::set<int>& lessons_due,
                              Recording& frames);
-  void forget_old_lessons(Recording& frames) const;
+  absl::Status keep_lessons(const std::vector<FrameMatcher::Match>& lessons, Recording& frames);
   absl::StatusOr<v1::KeepFramesResponse> keep(const std::vector<FrameMatcher::Match>& matches,
-                                              Recording& frames, bool accept_unseen_patch);
-  absl::Status do_without_patch(const v1::UnseenPatch& unseen,
-                                const std::vector<FrameMatcher::Match>& lessons, Recording& frames);
+                                              Recording& frames);
+  std::vector<std::string> patches_given_up(const Recording& frames) const;
   void note_proven(const v1::Frame& frame);
   absl::Status seal();
 

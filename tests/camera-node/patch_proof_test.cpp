@@ -36,6 +36,15 @@ std::vector<Archive::NewFrame> lessons(bool object, double exposure_ms) {
   return frames;
 }
 
+// What the last of them says.
+absl::Status learn(PatchProof& proof, const std::vector<Archive::NewFrame>& frames) {
+  absl::Status learned = absl::UnknownError("they wait for others");
+  for (const Archive::NewFrame& frame : frames) {
+    if (const auto lessons = proof.add(frame)) learned = lessons->learned;
+  }
+  return learned;
+}
+
 v1::Frame showing(std::uint32_t id, const std::string& lit) {
   v1::Frame frame;
   frame.set_exposure_ms(4.0);
@@ -47,7 +56,7 @@ v1::Frame showing(std::uint32_t id, const std::string& lit) {
 
 TEST(PatchProof, AgreesWithTheIdThatWasShownAndNoOther) {
   PatchProof proof;
-  ASSERT_TRUE(proof.learn(lessons(false, 4.0)).ok());
+  ASSERT_TRUE(learn(proof, lessons(false, 4.0)).ok());
   for (const std::uint32_t id : {0x0000u, 0x1234u, 0xfffeu, 0x8001u}) {
     v1::Frame right = showing(id, "back");
     EXPECT_TRUE(proof.agrees(right, frame_of(static_cast<std::uint16_t>(id))));
@@ -67,7 +76,7 @@ TEST(PatchProof, AgreesWithTheIdThatWasShownAndNoOther) {
 
 TEST(PatchProof, ServesOnlyTheStageAndExposureThatItWasLearnedWith) {
   PatchProof proof;
-  ASSERT_TRUE(proof.learn(lessons(true, 4.0)).ok());
+  ASSERT_TRUE(learn(proof, lessons(true, 4.0)).ok());
   v1::Frame without_object = showing(0x1234, "back");
   EXPECT_TRUE(proof.agrees(without_object, frame_of(0x4321)));
   EXPECT_EQ(without_object.proof(), v1::PROOF_TIME);
@@ -79,18 +88,33 @@ TEST(PatchProof, ServesOnlyTheStageAndExposureThatItWasLearnedWith) {
   EXPECT_FALSE(proof.agrees(longer, frame_of(0x4321)));
 }
 
-TEST(PatchProof, ALessonWithAStaleOrMissingFrameTeachesNothing) {
-  for (size_t i = 0; i < patch_learning_ids().size(); ++i) {
+TEST(PatchProof, AStaleFrameTeachesNothing) {
+  for (size_t i = 1; i < patch_learning_ids().size(); ++i) {
     std::vector<Archive::NewFrame> frames = lessons(false, 4.0);
-    if (i > 0) {
-      frames[i].image = frames[i - 1].image;
-      PatchProof proof;
-      EXPECT_TRUE(absl::IsFailedPrecondition(proof.learn(frames))) << i;
-    }
-    frames.erase(frames.begin() + static_cast<std::ptrdiff_t>(i));
+    frames[i].image = frames[i - 1].image;
     PatchProof proof;
-    EXPECT_TRUE(absl::IsFailedPrecondition(proof.learn(frames))) << i;
+    EXPECT_TRUE(absl::IsFailedPrecondition(learn(proof, frames))) << i;
+    EXPECT_TRUE(learn(proof, lessons(false, 4.0)).ok()) << "all were taken again";
   }
+  std::vector<Archive::NewFrame> dark = lessons(false, 4.0);
+  for (Archive::NewFrame& frame : dark) frame.image = Image16(64, 8);
+  PatchProof proof;
+  EXPECT_TRUE(absl::IsNotFound(learn(proof, dark)));
+}
+
+TEST(PatchProof, LessonsWaitForTheOthersOfTheirMonitorStageAndExposure) {
+  PatchProof proof;
+  std::vector<Archive::NewFrame> first = lessons(false, 4.0), other = lessons(true, 4.0);
+  const Archive::NewFrame last = first.back();
+  first.pop_back();
+  for (Archive::NewFrame& frame : other) frame.record.set_step(frame.record.step() + 100);
+  for (const Archive::NewFrame& frame : first) EXPECT_FALSE(proof.add(frame).has_value());
+  EXPECT_TRUE(learn(proof, other).ok());
+  EXPECT_FALSE(proof.add(first[3]).has_value()) << "the same step again";
+  const auto all = proof.add(last);
+  ASSERT_TRUE(all.has_value());
+  EXPECT_TRUE(all->learned.ok());
+  EXPECT_EQ(all->frames.size(), patch_learning_ids().size());
 }
 
 TEST(PatchProof, LearnsAgainFromTheArchive) {
