@@ -1,9 +1,12 @@
 #include "camera-node/sim_camera.h"
 
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <cmath>
+#include <condition_variable>
+#include <future>
 
 #include "core/base/status.h"
 
@@ -24,7 +27,10 @@ absl::StatusOr<std::unique_ptr<SimCamera>> SimCamera::create(const SimCameraOpti
 }
 
 SimCamera::SimCamera(const SimCameraOptions& options, const EmissionTimeline& timeline)
-    : options_(options), timeline_(timeline), random_(options.sensor.seed) {}
+    : options_(options),
+      timeline_(timeline),
+      random_(options.sensor.seed),
+      preparing_([this](std::stop_token stop) { prepare(stop); }) {}
 
 v1::GetCameraResponse SimCamera::describe() const {
   v1::GetCameraResponse response;
@@ -137,6 +143,30 @@ absl::StatusOr<Image16> SimCamera::expose_frame(const Exposed& exposed, double e
                 exposed.sequence);
 }
 
+void SimCamera::prepare(std::stop_token stop) {
+  constexpr std::chrono::milliseconds kPoll(50);
+  const auto key_of = [](const std::vector<EmissionMonitor>& monitors) {
+    std::string key;
+    for (const EmissionMonitor& monitor : monitors)
+      key += fmt::format("{} {}x{}, ", monitor.name, monitor.width_px, monitor.height_px);
+    return key;
+  };
+  std::string before, traced;
+  std::mutex mutex;
+  std::unique_lock lock(mutex);
+  std::condition_variable_any never;
+  while (!never.wait_for(lock, stop, kPoll, [&] { return stop.stop_requested(); })) {
+    const std::vector<EmissionMonitor> monitors = timeline_.monitors();
+    const std::string now = key_of(monitors);
+    // More monitors may follow at once.
+    if (!monitors.empty() && now == before && now != traced) {
+      if (transport(monitors, true).ok()) spdlog::info("scene={} is traced", options_.scene);
+      traced = now;
+    }
+    before = now;
+  }
+}
+
 absl::StatusOr<std::shared_ptr<const Transport>> SimCamera::transport(
     const std::vector<EmissionMonitor>& monitors, bool object) {
   std::vector<SceneMonitor> wanted;
@@ -149,11 +179,14 @@ absl::StatusOr<std::shared_ptr<const Transport>> SimCamera::transport(
       wanted.begin(), wanted.end(), built_for_.begin(), built_for_.end(),
       [](const SceneMonitor& a, const SceneMonitor& b) { return a.name == b.name && a.size == b.size; });
   if (!same || with_ == nullptr) {
-    for (const bool present : {true, false}) {
-      GW_ASSIGN_OR_RETURN(Transport built, build_transport(options_.scene, present, wanted, options_.width_px,
-                                                           options_.height_px));
-      (present ? with_ : without_) = std::make_shared<const Transport>(std::move(built));
-    }
+    const auto build = [&](bool present) {
+      return build_transport(options_.scene, present, wanted, options_.width_px, options_.height_px);
+    };
+    auto empty_stage = std::async(std::launch::async, build, false);
+    GW_ASSIGN_OR_RETURN(Transport with, build(true));
+    GW_ASSIGN_OR_RETURN(Transport without, empty_stage.get());
+    with_ = std::make_shared<const Transport>(std::move(with));
+    without_ = std::make_shared<const Transport>(std::move(without));
     built_for_ = wanted;
   }
   return object ? with_ : without_;

@@ -4,7 +4,9 @@
 #include <memory>
 #include <mutex>
 #include <random>
+#include <stop_token>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "camera-node/camera.h"
@@ -51,6 +53,7 @@ class SimCamera final : public Camera, public Stage {
     bool object = false;
   };
   absl::StatusOr<Image16> expose_frame(const Exposed& exposed, double exposure_ms);
+  void prepare(std::stop_token stop);
   // For the monitors that emit now; built again when they change.
   absl::StatusOr<std::shared_ptr<const Transport>> transport(const std::vector<EmissionMonitor>& monitors,
                                                              bool object);
@@ -69,6 +72,7 @@ class SimCamera final : public Camera, public Stage {
   std::mutex build_mutex_;
   std::vector<SceneMonitor> built_for_;              // guarded by build_mutex_
   std::shared_ptr<const Transport> with_, without_;  // guarded by build_mutex_
+  std::jthread preparing_;  // traces the scene as soon as there are monitors: a real one is simply there
 };
 
 }  // namespace glasswing
