@@ -1,0 +1,238 @@
+#include "core/radiometry/noise_model.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+
+namespace glasswing {
+namespace {
+
+constexpr double kFull = 65535.0;
+constexpr int kBins = 64;               // even in the root of the value, where shot noise is even
+constexpr size_t kFewest = 50;          // pixels of a bin
+constexpr double kClippedShare = 1e-3;  // of a bin's pixels, beyond which clipping makes its variance less
+constexpr double kOutlierSigmas = 4.5;
+constexpr double kLeastRange = 2.0;  // of brightest to darkest bin
+constexpr size_t kPileUp = 100;      // samples at the highest code
+constexpr double kNotDark = 0.25;
+
+struct PixelNoise {
+  double value;  // mean, above the black level
+  double variance;
+  int freedom;
+  bool clipped;
+};
+
+struct Bin {
+  double value = 0.0, variance = 0.0;
+  double freedom = 0.0;  // of all its pixels together
+};
+
+absl::Status check_sizes(std::span<const Image16> frames) {
+  for (const Image16& frame : frames) {
+    if (frame.empty()) return absl::InvalidArgumentError("a frame is empty");
+    if (frame.width_px != frames[0].width_px || frame.height_px != frames[0].height_px) {
+      return absl::InvalidArgumentError(
+          fmt::format("frames of a scene differ in size: {} x {} px and {} x {} px", frames[0].width_px,
+                      frames[0].height_px, frame.width_px, frame.height_px));
+    }
+  }
+  return absl::OkStatus();
+}
+
+// A code that many samples have, more than all of the percent of codes below it: the sensor or its converter
+// is full.
+std::optional<std::uint16_t> pile_up(std::span<const std::vector<Image16>> scenes) {
+  std::vector<size_t> count(65536);
+  for (const auto& frames : scenes) {
+    for (const Image16& frame : frames) {
+      for (const std::uint16_t code : frame.samples) ++count[code];
+    }
+  }
+  size_t top = count.size() - 1;
+  while (top > 0 && count[top] == 0) --top;
+  size_t below = 0;
+  for (size_t code = top - std::min<size_t>(top, 655); code < top; ++code) below += count[code];
+  if (count[top] < kPileUp || count[top] <= below) return std::nullopt;
+  return static_cast<std::uint16_t>(top);
+}
+
+// How bright each frame is beside the mean of all, least squares.
+std::vector<double> flicker_of(const std::vector<Image16>& frames, const std::vector<double>& mean,
+                               double black, std::uint16_t saturation) {
+  std::vector<double> factors;
+  for (const Image16& frame : frames) {
+    double along = 0.0, square = 0.0;
+    for (size_t i = 0; i < mean.size(); ++i) {
+      if (frame.samples[i] >= saturation || mean[i] >= 0.95 * saturation) continue;
+      const double value = mean[i] - black;
+      along += value * (frame.samples[i] - black);
+      square += value * value;
+    }
+    factors.push_back(square > 0.0 && along > 0.0 ? along / square : 1.0);
+  }
+  return factors;
+}
+
+void add_scene(const std::vector<Image16>& frames, double black_level, std::uint16_t saturation,
+               std::vector<PixelNoise>& pixels) {
+  const double n = static_cast<double>(frames.size()), black = black_level * kFull;
+  std::vector<double> mean(frames[0].samples.size());
+  for (const Image16& frame : frames) {
+    for (size_t i = 0; i < mean.size(); ++i) mean[i] += frame.samples[i] / n;
+  }
+  const std::vector<double> factors = flicker_of(frames, mean, black, saturation);
+  for (size_t i = 0; i < mean.size(); ++i) {
+    PixelNoise pixel{.value = (mean[i] - black) / kFull,
+                     .variance = 0.0,
+                     .freedom = static_cast<int>(frames.size()) - 1,
+                     .clipped = false};
+    for (size_t j = 0; j < frames.size(); ++j) {
+      const std::uint16_t code = frames[j].samples[i];
+      pixel.clipped = pixel.clipped || code == 0 || code >= saturation;
+      const double off = (code - black - factors[j] * (mean[i] - black)) / kFull;
+      pixel.variance += off * off / pixel.freedom;
+    }
+    pixels.push_back(pixel);
+  }
+}
+
+// By how much a variance of so many degrees of freedom exceeds its median at kOutlierSigmas (Wilson and
+// Hilferty 1931).
+double outlier_ratio(int freedom) {
+  const double spread = 2.0 / (9.0 * freedom);
+  return std::pow((1.0 - spread + kOutlierSigmas * std::sqrt(spread)) / (1.0 - spread), 3);
+}
+
+// The bins that clipping leaves alone; `used` counts their pixels.
+std::vector<Bin> bins_of(std::vector<PixelNoise>& pixels, size_t& used) {
+  std::array<std::vector<PixelNoise>, kBins> sorted;
+  for (const PixelNoise& pixel : pixels) {
+    const int bin = static_cast<int>(std::sqrt(std::max(pixel.value, 0.0)) * kBins);
+    sorted[static_cast<size_t>(std::min(bin, kBins - 1))].push_back(pixel);
+  }
+  std::vector<Bin> bins;
+  for (std::vector<PixelNoise>& members : sorted) {
+    const auto clipped = std::ranges::count_if(members, &PixelNoise::clipped);
+    if (members.size() < kFewest ||
+        static_cast<double>(clipped) > kClippedShare * static_cast<double>(members.size())) {
+      continue;
+    }
+    const auto middle = members.begin() + static_cast<std::ptrdiff_t>(members.size() / 2);
+    std::ranges::nth_element(members, middle, {}, &PixelNoise::variance);
+    const double median = middle->variance;
+    Bin bin;
+    for (const PixelNoise& pixel : members) {
+      if (median > 0.0 && pixel.variance > median * outlier_ratio(pixel.freedom)) continue;
+      bin.value += pixel.value * pixel.freedom;
+      bin.variance += pixel.variance * pixel.freedom;
+      bin.freedom += pixel.freedom;
+      ++used;
+    }
+    bin.value /= bin.freedom;
+    bin.variance /= bin.freedom;
+    bins.push_back(bin);
+  }
+  return bins;
+}
+
+// Weighted by what chi^2 statistics say of each bin's variance under the model of the pass before.
+NoiseModel fit_line(const std::vector<Bin>& bins) {
+  double start = 0.0, slope = 0.0;
+  NoiseModel model;
+  for (int pass = 0; pass < 8; ++pass) {
+    double n = 0.0, x = 0.0, y = 0.0, xx = 0.0, xy = 0.0, misfit = 0.0;
+    const auto weight_of = [&](const Bin& bin) {
+      const double expected =
+          pass == 0 ? bin.variance : std::max(start + slope * bin.value, 1e-3 * bin.variance);
+      return bin.freedom / (2.0 * expected * expected);
+    };
+    for (const Bin& bin : bins) {
+      const double w = weight_of(bin);
+      n += w, x += w * bin.value, y += w * bin.variance;
+      xx += w * bin.value * bin.value, xy += w * bin.value * bin.variance;
+    }
+    const double determinant = n * xx - x * x;
+    std::vector<double> weights;
+    for (const Bin& bin : bins) weights.push_back(weight_of(bin));
+    slope = (n * xy - x * y) / determinant;
+    start = (xx * y - x * xy) / determinant;
+    for (size_t i = 0; i < bins.size(); ++i) {
+      misfit += weights[i] * std::pow(bins[i].variance - start - slope * bins[i].value, 2);
+    }
+    model.misfit = misfit / static_cast<double>(bins.size() - 2);
+    const double inflation = std::sqrt(std::max(model.misfit, 1.0));
+    model.gain = slope;
+    model.gain_error = inflation * std::sqrt(n / determinant);
+    const double start_error = inflation * std::sqrt(xx / determinant);
+    model.read_sd = std::sqrt(std::max(start, 0.0));
+    // Of a root: d sqrt(v) = dv / (2 sqrt(v)), and no more than the root of what v may be off.
+    model.read_sd_error =
+        std::min(start_error / (2.0 * std::max(model.read_sd, 1e-12)), std::sqrt(start_error));
+  }
+  return model;
+}
+
+}  // namespace
+
+absl::StatusOr<BlackLevel> measure_black_level(std::span<const Image16> dark_frames) {
+  if (dark_frames.empty())
+    return absl::InvalidArgumentError("the black level needs a frame without light; there is none");
+  if (const absl::Status status = check_sizes(dark_frames); !status.ok()) return status;
+  double count = 0.0, sum = 0.0, square = 0.0;
+  for (const Image16& frame : dark_frames) {
+    for (const std::uint16_t sample : frame.samples) {
+      const double code = sample / kFull;
+      count += 1.0, sum += code, square += code * code;
+    }
+  }
+  BlackLevel black;
+  black.code = sum / count;
+  if (black.code > kNotDark) {
+    return absl::InvalidArgumentError(fmt::format(
+        "the frames without light have a mean code of {:.3f} of full scale; cover the lens", black.code));
+  }
+  black.sd = std::sqrt(std::max(square / count - black.code * black.code, 0.0));
+  black.error = black.sd / std::sqrt(count);
+  return black;
+}
+
+absl::StatusOr<NoiseModel> fit_noise(std::span<const std::vector<Image16>> scenes, double black_level) {
+  if (!(black_level >= 0.0 && black_level <= 0.5)) {
+    return absl::InvalidArgumentError(
+        fmt::format("the black level is {}; it must be in [0, 0.5]", black_level));
+  }
+  if (scenes.empty())
+    return absl::InvalidArgumentError("the noise needs repeated frames of a still scene; there are none");
+  for (const auto& frames : scenes) {
+    if (frames.size() < 2) {
+      return absl::InvalidArgumentError(
+          fmt::format("the noise needs two frames or more of a scene; one has {}", frames.size()));
+    }
+    if (const absl::Status status = check_sizes(frames); !status.ok()) return status;
+  }
+  const std::optional<std::uint16_t> full = pile_up(scenes);
+  std::vector<PixelNoise> pixels;
+  for (const auto& frames : scenes) add_scene(frames, black_level, full.value_or(65535), pixels);
+  size_t used = 0;
+  const std::vector<Bin> bins = bins_of(pixels, used);
+  if (bins.size() < 3 || bins.back().value < kLeastRange * std::max(bins.front().value, 1e-6)) {
+    return absl::FailedPreconditionError(fmt::format(
+        "only {} of {} brightnesses are seen unclipped; the noise needs three or more, from dark to "
+        "twice as bright: show a gradient, or several exposures",
+        bins.size(), kBins));
+  }
+  if (std::ranges::all_of(bins, [](const Bin& bin) { return bin.variance <= 0.0; })) {
+    return absl::FailedPreconditionError(
+        "the repeated frames are identical: they are one frame, or the camera removes noise");
+  }
+  NoiseModel model = fit_line(bins);
+  model.pixel_share = static_cast<double>(used) / static_cast<double>(pixels.size());
+  if (full) model.saturation = *full / kFull;
+  return model;
+}
+
+}  // namespace glasswing
