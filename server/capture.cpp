@@ -267,9 +267,12 @@ absl::Status Capture::play(const std::vector<Step>& pending, Recording& frames, 
   const std::string program = fmt::format("{}-{}", session_.name(), ++program_number_);
   GW_ASSIGN_OR_RETURN(const int monitor_count, load(program, steps));
   const nanoseconds start_at = monotonic_now() + start_lead_;
+  std::vector<const DisplayLink*> displays;
+  for (const auto& display : displays_) displays.push_back(display.get());
+  const nanoseconds step = common_step(displays, hold_refreshes_of(session_.plan()));
   std::vector<std::unique_ptr<DisplayFeed>> feeds;
-  for (const auto& display : displays_)
-    feeds.push_back(std::make_unique<DisplayFeed>(*display, program, start_at));
+  for (const DisplayLink* display : displays)
+    feeds.push_back(std::make_unique<DisplayFeed>(*display, program, start_at, step));
 
   std::map<int, std::vector<MonitorWindow>> incomplete;  // by step, until every monitor has reported
   std::optional<nanoseconds> last_replaced;

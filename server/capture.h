@@ -59,7 +59,7 @@ class Capture {
 
     CameraFeed camera;
     FrameMatcher matcher;
-    std::set<int> shown;  // steps, on all monitors
+    std::set<int> shown;                      // steps, on all monitors
     nanoseconds clocks_at = monotonic_now();  // last compared; showings may be shorter than the pause between
     std::map<std::int64_t, v1::FrameTaken> recent;  // by sequence
     // Steps that teach where the id patches are and wait with the camera for others; matches of other steps

@@ -121,7 +121,7 @@ TEST_F(EmissionServiceTest, LightIsWhatThePlayerReports) {
     ASSERT_TRUE(reader_->Read(&event));
   } while (!event.has_horizon());  // the tap has seen the black before the program
   std::jthread player([&] {
-    EXPECT_TRUE(play(program, *display_, monotonic_now() + milliseconds(300), {},
+    EXPECT_TRUE(play(program, *display_, monotonic_now() + milliseconds(300), {}, {},
                      [&](const v1::Presentation& report) { reports.push_back(report); })
                     .ok());
   });
