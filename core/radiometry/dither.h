@@ -29,7 +29,7 @@ class Dither {
   Image<std::uint16_t> codes(const RadianceImage& radiance) const;
 
  private:
-  void row(const float* radiance, size_t width, std::int32_t* errors, std::uint16_t* codes) const;
+  class Row;
 
   std::vector<std::uint32_t> nearest_;  // [radiance, 14 bits][channel]: radiance of 20 bits, code of 12
 };

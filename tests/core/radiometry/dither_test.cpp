@@ -81,6 +81,23 @@ TEST(Dither, BlackAndWhiteHaveOneCode) {
   }
 }
 
+// What is below makes no difference, whether rows are taken in pairs or one is left over; nor does size.
+TEST(Dither, RowsDependOnThoseAbove) {
+  const Dither dither(monitor(8));
+  for (const int width : {1, 2, 3, 17}) {
+    RadianceImage picture(width, 8);
+    for (size_t i = 0; i < picture.samples.size(); ++i) picture.samples[i] = static_cast<float>(i % 7) / 9.0f;
+    const Image<std::uint16_t> all = dither.codes(picture);
+    for (int height = 0; height < 8; ++height) {
+      RadianceImage part(width, height);
+      std::copy_n(picture.samples.begin(), part.samples.size(), part.samples.begin());
+      const Image<std::uint16_t> codes = dither.codes(part);
+      EXPECT_TRUE(std::equal(codes.samples.begin(), codes.samples.end(), all.samples.begin()))
+          << width << " x " << height;
+    }
+  }
+}
+
 // Each primary has its own curve.
 TEST(Dither, PrimariesKeepApart) {
   const std::array<ToneCurve, 3> curves{ToneCurve::power(1.0, 8), ToneCurve::power(2.2, 8),
