@@ -3,7 +3,6 @@
 
 #include <absl/status/statusor.h>
 
-#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <memory>

@@ -58,8 +58,7 @@ grpc::Status EmissionServiceImpl::WatchEmission(grpc::ServerContext* context, co
     for (const Emission& emission : emissions) {
       const ScreenInfo& screen = display_.screens()[emission.monitor];
       const nanoseconds lit = std::max(emission.scanout_start - switched_on_, nanoseconds(0));
-      const Image16 light =
-          emitted(codes_of(screen, emission.picture, optics_.panel.bits), optics_.panel, lit);
+      const Image16 light = panel_.emitted(codes_of(screen, emission.picture, optics_.panel.bits), lit);
       if (!send_picture(screen, emission, light, *writer)) return grpc::Status::OK;
     }
     for (const ScreenInfo& screen : display_.screens()) {

@@ -19,7 +19,7 @@ struct TrueOptics {
 class EmissionServiceImpl final : public v1::EmissionService::Service {
  public:
   explicit EmissionServiceImpl(LightTap& display, TrueOptics optics = {})
-      : display_(display), optics_(optics), switched_on_(monotonic_now()) {}
+      : display_(display), optics_(optics), panel_(optics.panel), switched_on_(monotonic_now()) {}
   void stop() { stopping_ = true; }
   grpc::Status WatchEmission(grpc::ServerContext* context, const v1::WatchEmissionRequest* request,
                              grpc::ServerWriter<v1::WatchEmissionResponse>* writer) override;
@@ -27,6 +27,7 @@ class EmissionServiceImpl final : public v1::EmissionService::Service {
  private:
   LightTap& display_;
   const TrueOptics optics_;
+  const Panel panel_;
   const nanoseconds switched_on_;
   std::atomic<bool> stopping_ = false;
 };

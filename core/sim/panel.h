@@ -7,6 +7,8 @@
 // so that no light exceeds 1.0.
 #pragma once
 
+#include <vector>
+
 #include "core/base/time.h"
 #include "core/frame/image.h"
 
@@ -22,8 +24,16 @@ struct PanelModel {
   friend bool operator==(const PanelModel&, const PanelModel&) = default;
 };
 
-// What `codes`, each 0 to 2^bits - 1, look like as light (radiance_of). All of the picture has the brightness
-// of one moment, `lit` after the panel was switched on.
-Image16 emitted(Image16 codes, const PanelModel& panel, nanoseconds lit);
+class Panel {
+ public:
+  explicit Panel(const PanelModel& model);
+  // What `codes`, each 0 to 2^bits - 1, look like as light (radiance_of). All of the picture has the
+  // brightness of one moment, `lit` after the panel was switched on.
+  Image16 emitted(Image16 codes, nanoseconds lit) const;
+
+ private:
+  const PanelModel model_;
+  std::vector<float> light_of_code_;
+};
 
 }  // namespace glasswing
