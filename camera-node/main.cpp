@@ -79,6 +79,22 @@ struct RealCameras {
   }
 };
 
+// Developed pictures have more contrast than their gamma gives them.
+constexpr ToneCurve kSCurve{.exponent = 1.0f / 2.2f, .contrast = 0.5f};
+
+absl::StatusOr<ToneCurve> parse_response(const std::string& text) {
+  if (text == "linear") return ToneCurve();
+  if (text == "s-curve") return kSCurve;
+  double gamma = 0.0;
+  int read = 0;
+  if (std::sscanf(text.c_str(), "gamma:%lf%n", &gamma, &read) != 1 ||
+      static_cast<size_t>(read) != text.size() || !(gamma >= 0.2 && gamma <= 5.0)) {
+    return absl::InvalidArgumentError("--response is " + text +
+                                      "; it must be linear, s-curve, or gamma:G with G 0.2 to 5");
+  }
+  return ToneCurve{.exponent = static_cast<float>(1.0 / gamma)};
+}
+
 int fail(const absl::Status& status) {
   std::cerr << "glasswing-camera: " << status.message() << "\n";
   return 1;
@@ -95,7 +111,8 @@ int main(int argc, char** argv) {
       "  glasswing-camera --data DIR --backend replay --archive archives/vase");
   ListenOptions listen{.address = "127.0.0.1:7442", .reflection = false};
   SimCameraOptions sim;
-  std::string server, data, backend = "sim", stage = "sim", size = "128x96", level = "info";
+  std::string server, data, backend = "sim", stage = "sim", size = "128x96", response = "linear",
+                            level = "info";
   std::vector<std::string> taps;
   double late_ms = 0.0, stamp_jitter_ms = 0.0, stamp_shift_ms = 0.0;
   double clock_offset_ms = 0.0, clock_drift_ppm = 0.0;
@@ -116,6 +133,19 @@ int main(int argc, char** argv) {
   app.add_option("--seed", sim.sensor.seed, "sim: seed of noise and faults")->capture_default_str();
   app.add_option("--noise-sd", sim.sensor.read_sd, "sim: read noise, of full scale")
       ->check(CLI::Range(0.0, 0.5))
+      ->capture_default_str();
+  app.add_option(
+         "--vignetting", sim.sensor.vignetting,
+         "sim: of the light in the picture's middle, what its corners lack; with the distance squared")
+      ->check(CLI::Range(0.0, 0.9))
+      ->capture_default_str();
+  app.add_option("--black-level", sim.sensor.black_level,
+                 "sim: what is read without light, of full scale, before the response")
+      ->check(CLI::Range(0.0, 0.5))
+      ->capture_default_str();
+  app.add_option("--response", response,
+                 "sim: how samples are coded after the noise: linear; gamma:G, as gamma:2.2: to the power "
+                 "1/G; s-curve: gamma:2.2 and then half way to 3u^2 - 2u^3")
       ->capture_default_str();
   app.add_option("--bits", sim.sensor.bits, "sim: bits a sample")
       ->check(CLI::Range(8, 16))
@@ -169,6 +199,9 @@ int main(int argc, char** argv) {
         absl::UnavailableError(fmt::format("cannot create {}: {}", archives.string(), error.message())));
   if (absl::Status status = write_file_durably(archives / ".writable", ""); !status.ok()) return fail(status);
 
+  const absl::StatusOr<ToneCurve> curve = parse_response(response);
+  if (!curve.ok()) return fail(curve.status());
+  sim.sensor.curve = *curve;
   sim.late = of_ms(late_ms);
   sim.stamp_jitter = of_ms(stamp_jitter_ms);
   sim.stamp_shift = of_ms(stamp_shift_ms);

@@ -39,9 +39,11 @@ v1::GetCameraResponse SimCamera::describe() const {
   camera.set_width_px(options_.width_px);
   camera.set_height_px(options_.height_px);
   camera.set_bits(options_.sensor.bits);
-  camera.set_response("linear");
-  camera.set_read_sd(options_.sensor.read_sd);
-  camera.set_gain(options_.sensor.gain);
+  // As of any camera that codes its light its own way, nothing is known but what a calibration finds.
+  const bool linear = options_.sensor.curve == ToneCurve() && options_.sensor.black_level == 0.0;
+  camera.set_response(linear ? "linear" : "unknown");
+  if (linear) camera.set_read_sd(options_.sensor.read_sd);
+  if (linear) camera.set_gain(options_.sensor.gain);
   response.set_backend("sim");
   response.set_frame_rate_hz(options_.frame_rate_hz);
   response.set_min_exposure_ms(kMinExposureMs);

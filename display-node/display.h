@@ -3,7 +3,6 @@
 
 #include <absl/status/statusor.h>
 
-#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <memory>
@@ -39,10 +38,15 @@ inline nanoseconds period_of(const ScreenInfo& screen) {
 // One picture for each monitor, in the order of Display::screens(); null is black.
 using Picture = std::shared_ptr<const RadianceImage>;
 
-// The 8-bit code of a radiance; one that is not a number is black.
+// The code of a radiance, of 8 to 16 bits; a radiance that is not a number is black.
+inline std::uint16_t code_of(float radiance, int bits) {
+  // Two steps, so that a compiler sees a vector's maximum and minimum.
+  const float positive = radiance > 0.0f ? radiance : 0.0f;
+  const float light = positive < 1.0f ? positive : 1.0f;
+  return static_cast<std::uint16_t>(static_cast<int>(light * static_cast<float>((1 << bits) - 1) + 0.5f));
+}
 inline std::uint8_t code_of(float radiance) {
-  const float light = radiance > 0.0f ? std::min(radiance, 1.0f) : 0.0f;
-  return static_cast<std::uint8_t>(light * 255.0f + 0.5f);
+  return static_cast<std::uint8_t>(code_of(radiance, 8));
 }
 
 // When a picture's first row left for the panel, CLOCK_MONOTONIC.

@@ -90,6 +90,10 @@ grpc::Status DisplayServiceImpl::LoadProgram(grpc::ServerContext*, const v1::Loa
 grpc::Status DisplayServiceImpl::PlayProgram(grpc::ServerContext* context,
                                              const v1::PlayProgramRequest* request,
                                              grpc::ServerWriter<v1::PlayProgramResponse>* writer) {
+  if (request->step_ns() < 0) {
+    return to_grpc(
+        absl::InvalidArgumentError(fmt::format("step_ns is {}; it must be 0 or more", request->step_ns())));
+  }
   std::shared_ptr<const Program> program;
   std::stop_source play_stop;
   {
@@ -110,12 +114,13 @@ grpc::Status DisplayServiceImpl::PlayProgram(grpc::ServerContext* context,
   absl::Status status;
   std::jthread player([&] {
     const std::lock_guard screens(playing_);
-    absl::Status result = play(*program, display_, nanoseconds(request->start_at_ns()), play_stop.get_token(),
-                               [&](const v1::Presentation& presentation) {
-                                 const std::lock_guard lock(mutex);
-                                 reports.push_back(presentation);
-                                 reported.notify_one();
-                               });
+    absl::Status result =
+        play(*program, display_, nanoseconds(request->start_at_ns()), nanoseconds(request->step_ns()),
+             play_stop.get_token(), [&](const v1::Presentation& presentation) {
+               const std::lock_guard lock(mutex);
+               reports.push_back(presentation);
+               reported.notify_one();
+             });
     const std::lock_guard lock(mutex);
     status = std::move(result);
     ended = true;

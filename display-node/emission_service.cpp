@@ -9,12 +9,17 @@ namespace {
 
 using Writer = grpc::ServerWriter<v1::WatchEmissionResponse>;
 
-bool send_picture(const ScreenInfo& screen, const Emission& emission, Writer& writer) {
-  Image16 image(screen.width_px, screen.height_px);
-  if (emission.picture != nullptr) {
-    const std::vector<float>& radiance = emission.picture->samples;
-    std::transform(radiance.begin(), radiance.end(), image.samples.begin(), code16_of);
+Image16 codes_of(const ScreenInfo& screen, const Picture& picture, int bits) {
+  Image16 codes(screen.width_px, screen.height_px);
+  if (picture != nullptr) {
+    const std::vector<float>& radiance = picture->samples;
+    std::transform(radiance.begin(), radiance.end(), codes.samples.begin(),
+                   [bits](float sample) { return code_of(sample, bits); });
   }
+  return codes;
+}
+
+bool send_picture(const ScreenInfo& screen, const Emission& emission, const Image16& image, Writer& writer) {
   const std::string_view bytes(reinterpret_cast<const char*>(image.samples.data()), image.samples.size() * 2);
   for (size_t at = 0; at < bytes.size(); at += kChunkBytes) {
     v1::WatchEmissionResponse response;
@@ -51,7 +56,10 @@ grpc::Status EmissionServiceImpl::WatchEmission(grpc::ServerContext* context, co
       return grpc::Status(grpc::StatusCode::RESOURCE_EXHAUSTED, "the reader fell too far behind the screens");
     }
     for (const Emission& emission : emissions) {
-      if (!send_picture(display_.screens()[emission.monitor], emission, *writer)) return grpc::Status::OK;
+      const ScreenInfo& screen = display_.screens()[emission.monitor];
+      const nanoseconds lit = std::max(emission.scanout_start - switched_on_, nanoseconds(0));
+      const Image16 light = panel_.emitted(codes_of(screen, emission.picture, optics_.panel.bits), lit);
+      if (!send_picture(screen, emission, light, *writer)) return grpc::Status::OK;
     }
     for (const ScreenInfo& screen : display_.screens()) {
       v1::WatchEmissionResponse response;

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <optional>
 
+#include "core/sim/panel.h"
 #include "display-node/light_tap.h"
 #include "glasswing/v1/emission_service.grpc.pb.h"
 
@@ -11,13 +12,14 @@ namespace glasswing {
 
 // What the light really does, where that is not what the screens say of themselves.
 struct TrueOptics {
-  std::optional<nanoseconds> lag, settle;
+  std::optional<nanoseconds> lag = {}, settle = {};
+  PanelModel panel = {};  // of every monitor; switched on with the service
 };
 
 class EmissionServiceImpl final : public v1::EmissionService::Service {
  public:
   explicit EmissionServiceImpl(LightTap& display, TrueOptics optics = {})
-      : display_(display), optics_(optics) {}
+      : display_(display), optics_(optics), panel_(optics.panel), switched_on_(monotonic_now()) {}
   void stop() { stopping_ = true; }
   grpc::Status WatchEmission(grpc::ServerContext* context, const v1::WatchEmissionRequest* request,
                              grpc::ServerWriter<v1::WatchEmissionResponse>* writer) override;
@@ -25,6 +27,8 @@ class EmissionServiceImpl final : public v1::EmissionService::Service {
  private:
   LightTap& display_;
   const TrueOptics optics_;
+  const Panel panel_;
+  const nanoseconds switched_on_;
   std::atomic<bool> stopping_ = false;
 };
 

@@ -36,13 +36,23 @@ struct Screens {
   double lag_ms = 3.0, settle_ms = 1.0;
   int patch_rows = 0;
   std::optional<double> true_lag_ms, true_settle_ms;
+  std::string true_response = "linear";
+  PanelModel panel;
   SimDisplay::Faults faults;
   double jitter_ms = 0.0, repeat = 0.0;
 
   nanoseconds lag() const { return of_ms(lag_ms); }
   nanoseconds settle() const { return of_ms(settle_ms); }
-  TrueOptics true_optics() const {
-    TrueOptics optics;
+  absl::StatusOr<TrueOptics> true_optics() const {
+    TrueOptics optics{.panel = panel};
+    int read = 0;
+    if (true_response != "linear" &&
+        (std::sscanf(true_response.c_str(), "gamma:%lf%n", &optics.panel.gamma, &read) != 1 ||
+         static_cast<size_t>(read) != true_response.size() ||
+         !(optics.panel.gamma >= 0.2 && optics.panel.gamma <= 5.0))) {
+      return absl::InvalidArgumentError("--true-response is " + true_response +
+                                        "; it must be linear, or gamma:G with G 0.2 to 5");
+    }
     if (true_lag_ms) optics.lag = of_ms(*true_lag_ms);
     if (true_settle_ms) optics.settle = of_ms(*true_settle_ms);
     return optics;
@@ -198,6 +208,29 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(0.0, 200.0));
   app.add_option("--true-settle-ms", screens.true_settle_ms, "the same of --settle-ms")
       ->check(CLI::Range(0.0, 200.0));
+  app.add_option(
+         "--bits", screens.panel.bits,
+         "bits of the codes that make the light a simulated camera sees; with 16, as fine as that light")
+      ->check(CLI::Range(8, 16))
+      ->capture_default_str();
+  app.add_option("--true-response", screens.true_response,
+                 "what that light is of a code: linear, or gamma:G, as gamma:2.2: (code / largest code)^G")
+      ->capture_default_str();
+  app.add_option("--true-black", screens.panel.black, "that light at code 0, of full scale")
+      ->check(CLI::Range(0.0, 0.9))
+      ->capture_default_str();
+  app.add_option("--true-crosstalk", screens.panel.crosstalk,
+                 "of a primary's light, what each of the other two channels gets; the primary keeps the rest")
+      ->check(CLI::Range(0.0, 0.3))
+      ->capture_default_str();
+  app.add_option("--true-falloff", screens.panel.falloff,
+                 "of the light at a monitor's middle, what its corners lack; with the distance squared")
+      ->check(CLI::Range(0.0, 0.9))
+      ->capture_default_str();
+  app.add_option("--true-drift", screens.panel.drift_per_minute,
+                 "of the light, what each minute since the start takes; from picture to picture")
+      ->check(CLI::Range(0.0, 0.5))
+      ->capture_default_str();
   app.add_option("--fault-missed-flips", screens.faults.missed_flips,
                  "sim: probability that a flip comes a refresh late")
       ->check(CLI::Range(0.0, 1.0));
@@ -223,6 +256,8 @@ int main(int argc, char** argv) {
   block_signals();
   start_logging("glasswing-display", level);
   if (absl::Status status = check_name("node", name); !status.ok()) return fail(status);
+  const absl::StatusOr<TrueOptics> optics = screens.true_optics();
+  if (!optics.ok()) return fail(optics.status());
   const absl::StatusOr<std::unique_ptr<Display>> opened = open_screens(screens);
   if (!opened.ok()) return fail(opened.status());
   LightTap tap(**opened);
@@ -230,7 +265,7 @@ int main(int argc, char** argv) {
   const absl::Status patch = DisplayServiceImpl::check_patch(display, screens.patch_rows);
   if (!patch.ok()) return fail(patch);
   DisplayServiceImpl service(name, display, screens.patch_rows);
-  EmissionServiceImpl emission(tap, screens.true_optics());
+  EmissionServiceImpl emission(tap, *optics);
   absl::StatusOr<std::unique_ptr<ServiceHost>> host = ServiceHost::start(listen, {&service, &emission});
   if (!host.ok()) return fail(host.status());
   v1::RegisterRequest node;

@@ -23,8 +23,8 @@ void wait_until(nanoseconds deadline, std::stop_token stop) {
 
 }  // namespace
 
-absl::Status play(const Program& program, Display& display, nanoseconds start, std::stop_token stop,
-                  const std::function<void(const v1::Presentation&)>& report) {
+absl::Status play(const Program& program, Display& display, nanoseconds start, nanoseconds step,
+                  std::stop_token stop, const std::function<void(const v1::Presentation&)>& report) {
   const nanoseconds now = monotonic_now();
   if (now > start) {
     return absl::DeadlineExceededError(
@@ -62,12 +62,16 @@ absl::Status play(const Program& program, Display& display, nanoseconds start, s
     }
     if (blank) return stopped ? absl::CancelledError("the program was stopped") : absl::OkStatus();
     shown = scanouts;
-    // Half a refresh early, so that rounding never adds one; every monitor is held for at least
-    // hold_refreshes.
-    at = nanoseconds::min();
-    for (size_t m = 0; m < screens.size(); ++m) {
-      const nanoseconds period = period_of(screens[m]);
-      at = std::max(at, shown[m].start + program.hold_refreshes() * period - period / 2);
+    if (step > nanoseconds(0)) {
+      at += step;  // one that came late is held for less, and the next is on time again
+    } else {
+      // Half a refresh early, so that rounding never adds one; every monitor is held for at least
+      // hold_refreshes.
+      at = nanoseconds::min();
+      for (size_t m = 0; m < screens.size(); ++m) {
+        const nanoseconds period = period_of(screens[m]);
+        at = std::max(at, shown[m].start + program.hold_refreshes() * period - period / 2);
+      }
     }
     if (i + 1 < program.size()) pictures = program.pictures(i + 1);
   }

@@ -193,19 +193,11 @@ absl::Status Capture::take(const Group& group, std::stop_token stop) {
   GW_RETURN_IF_ERROR(frames.camera.wait_running(stop));
   GW_RETURN_IF_ERROR(camera_->exchange_clocks(8));
   for (const auto& display : displays_) GW_RETURN_IF_ERROR(display->link.exchange_clocks(8));
+  const int refused_before = session_.refused_count();
   std::vector<Step> pending = group.steps;
   for (int shown = 0; !pending.empty(); ++shown) {
-    if (shown > retries_of(session_.plan())) {
-      std::set<int> unproven;
-      for (const Step& step : pending) unproven.insert(step.number);
-      return absl::FailedPreconditionError(fmt::format(
-          "{} steps had no proof after {} retries: {}; the camera's exposures ({} ms at {} fps) must fit "
-          "between a "
-          "picture's settling and the next one: try a shorter exposure_ms or a larger hold_refreshes",
-          unproven.size(), retries_of(session_.plan()), listed(unproven), group.exposure_ms,
-          camera_info_.frame_rate_hz()));
-    }
-    if (shown > 0) session_.set_retaken_count(session_.retaken_count() + static_cast<int>(pending.size()));
+    if (shown - frames.vain_lessons > retries_of(session_.plan()))
+      return unproven(group, pending, session_.refused_count() - refused_before);
     GW_RETURN_IF_ERROR(play(pending, frames, stop));
     if (stop.stop_requested()) return absl::CancelledError("stopped");
     std::erase_if(pending, [this](const Step& step) { return proven_.contains(step.number); });
@@ -213,6 +205,23 @@ absl::Status Capture::take(const Group& group, std::stop_token stop) {
     report_(session_);
   }
   return absl::OkStatus();
+}
+
+absl::Status Capture::unproven(const Group& group, const std::vector<Step>& steps, int refused) const {
+  std::set<int> numbers;
+  for (const Step& step : steps) numbers.insert(step.number);
+  const std::string what = fmt::format("{} steps had no proof after {} retries: {}", numbers.size(),
+                                       retries_of(session_.plan()), listed(numbers));
+  if (refused > static_cast<int>(steps.size())) {
+    return absl::FailedPreconditionError(fmt::format(
+        "{}; {} frames were right by their times, but their pixels showed another id: the times that "
+        "a display or the camera reports are wrong, try glasswing calibrate sync",
+        what, refused));
+  }
+  return absl::FailedPreconditionError(fmt::format(
+      "{}; the camera's exposures ({} ms at {} fps) must fit between a picture's settling and the "
+      "next one: try a shorter exposure_ms or a larger hold_refreshes",
+      what, group.exposure_ms, camera_info_.frame_rate_hz()));
 }
 
 // Loads into every display what it shows; returns how many monitors will report each step.
@@ -258,9 +267,12 @@ absl::Status Capture::play(const std::vector<Step>& pending, Recording& frames, 
   const std::string program = fmt::format("{}-{}", session_.name(), ++program_number_);
   GW_ASSIGN_OR_RETURN(const int monitor_count, load(program, steps));
   const nanoseconds start_at = monotonic_now() + start_lead_;
+  std::vector<const DisplayLink*> displays;
+  for (const auto& display : displays_) displays.push_back(display.get());
+  const nanoseconds step = common_step(displays, hold_refreshes_of(session_.plan()));
   std::vector<std::unique_ptr<DisplayFeed>> feeds;
-  for (const auto& display : displays_)
-    feeds.push_back(std::make_unique<DisplayFeed>(*display, program, start_at));
+  for (const DisplayLink* display : displays)
+    feeds.push_back(std::make_unique<DisplayFeed>(*display, program, start_at, step));
 
   std::map<int, std::vector<MonitorWindow>> incomplete;  // by step, until every monitor has reported
   std::optional<nanoseconds> last_replaced;
@@ -278,6 +290,8 @@ absl::Status Capture::play(const std::vector<Step>& pending, Recording& frames, 
         reported.push_back(window);
         if (static_cast<int>(reported.size()) < monitor_count) continue;
         frames.matcher.add_window(stable_window(reported));
+        if (!frames.shown.insert(window.step).second)
+          session_.set_retaken_count(session_.retaken_count() + 1);
         incomplete.erase(window.step);
       }
       if (end && absl::IsDeadlineExceeded(*end) && start_lead_ < kMostStartLead) {
@@ -341,6 +355,7 @@ absl::Status Capture::keep_lessons(const std::vector<FrameMatcher::Match>& lesso
   const std::vector<std::string> given_up = patches_given_up(frames);
   GW_ASSIGN_OR_RETURN(const v1::KeepFramesResponse kept, keep(lessons, frames));
   for (const int step : kept.waiting_steps()) frames.lessons.insert(step);
+  if (!kept.unseen_patches().empty()) ++frames.vain_lessons;
   for (const v1::UnseenPatch& unseen : kept.unseen_patches()) {
     const std::string& monitor = unseen.monitor();
     std::erase_if(frames.lessons,

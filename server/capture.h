@@ -59,6 +59,7 @@ class Capture {
 
     CameraFeed camera;
     FrameMatcher matcher;
+    std::set<int> shown;                      // steps, on all monitors
     nanoseconds clocks_at = monotonic_now();  // last compared; showings may be shorter than the pause between
     std::map<std::int64_t, v1::FrameTaken> recent;  // by sequence
     // Steps that teach where the id patches are and wait with the camera for others; matches of other steps
@@ -70,6 +71,7 @@ class Capture {
       bool dark = false;
     };
     std::map<std::string, Unseen> unseen;  // by monitor: how often its lessons taught nothing
+    int vain_lessons = 0;                  // showings that ended there
   };
 
   absl::Status connect();
@@ -78,6 +80,7 @@ class Capture {
   // False: a person has to move it.
   absl::StatusOr<bool> move_object(bool present);
   absl::Status take(const Group& group, std::stop_token stop);
+  absl::Status unproven(const Group& group, const std::vector<Step>& steps, int refused) const;
   absl::Status play(const std::vector<Step>& steps, Recording& frames, std::stop_token stop);
   absl::StatusOr<int> load(const std::string& program, const std::vector<Step>& steps);
   void take_frames(Recording& frames);

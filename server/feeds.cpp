@@ -1,6 +1,8 @@
 #include "server/feeds.h"
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 
 #include "core/service/service.h"
 
@@ -60,11 +62,17 @@ FrameTime rig_time_of(const v1::FrameTaken& frame, const NodeLink& camera) {
           .uncertainty = nanoseconds(frame.uncertainty_ns()) + std::max(start.error, end.error)};
 }
 
-DisplayFeed::DisplayFeed(const DisplayLink& display, const std::string& program, nanoseconds start_at)
+DisplayFeed::DisplayFeed(const DisplayLink& display, const std::string& program, nanoseconds start_at,
+                         nanoseconds step)
     : display_(display) {
+  // Over so long a time the clocks' rates tell.
+  constexpr int kManySteps = 10000;
+  const nanoseconds start = display.link.node_from_rig(start_at).time,
+                    end = display.link.node_from_rig(start_at + kManySteps * step).time;
   v1::PlayProgramRequest request;
   request.set_program(program);
-  request.set_start_at_ns(display.link.node_from_rig(start_at).time.count());
+  request.set_start_at_ns(start.count());
+  request.set_step_ns(((end - start) / kManySteps).count());
   reader_ = display.stub->PlayProgram(&context_, request);
   thread_ = std::thread([this] {
     v1::PlayProgramResponse response;
@@ -76,6 +84,16 @@ DisplayFeed::DisplayFeed(const DisplayLink& display, const std::string& program,
 DisplayFeed::~DisplayFeed() {
   context_.TryCancel();
   thread_.join();
+}
+
+nanoseconds common_step(std::span<const DisplayLink* const> displays, int hold_refreshes) {
+  if (displays.size() < 2) return {};
+  double slowest_hz = std::numeric_limits<double>::max();
+  for (const DisplayLink* display : displays) {
+    for (const v1::DisplayMonitor& monitor : display->info.monitors())
+      slowest_hz = std::min(slowest_hz, monitor.refresh_hz());
+  }
+  return nanoseconds(std::llround(hold_refreshes * 1e9 / slowest_hz));
 }
 
 MonitorWindow rig_time_of(const v1::Presentation& shown, const DisplayLink& display) {

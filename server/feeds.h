@@ -8,6 +8,7 @@
 #include <deque>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <stop_token>
 #include <string>
 #include <thread>
@@ -76,8 +77,9 @@ FrameTime rig_time_of(const v1::FrameTaken& frame, const NodeLink& camera);
 // A display's running PlayProgram call; it ends with the feed.
 class DisplayFeed {
  public:
-  // `start_at` is rig time.
-  DisplayFeed(const DisplayLink& display, const std::string& program, nanoseconds start_at);
+  // `start_at` and `step` are rig time; see PlayProgramRequest.
+  DisplayFeed(const DisplayLink& display, const std::string& program, nanoseconds start_at,
+              nanoseconds step = {});
   ~DisplayFeed();
 
   Inbox<v1::Presentation> inbox;  // times are the node's
@@ -88,6 +90,10 @@ class DisplayFeed {
   std::unique_ptr<grpc::ClientReader<v1::PlayProgramResponse>> reader_;
   std::thread thread_;
 };
+
+// What `step` must be for displays of several nodes to keep together, each holding a step for at least
+// `hold_refreshes`; 0 for one node alone, whose monitors wait for each other.
+nanoseconds common_step(std::span<const DisplayLink* const> displays, int hold_refreshes);
 
 // When a monitor showed a step, by the link's clock model.
 MonitorWindow rig_time_of(const v1::Presentation& shown, const DisplayLink& display);

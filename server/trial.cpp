@@ -67,9 +67,11 @@ absl::StatusOr<TrialRecord> run_trial(RigLinks& rig, const Trial& trial, std::st
   const std::string program = fmt::format("trial-{}", monotonic_now().count());
   for (const DisplayLink* display : trial.displays) GW_RETURN_IF_ERROR(load(*display, program, trial));
   const nanoseconds start_at = monotonic_now() + kStartLead;
+  const std::vector<const DisplayLink*> displays(trial.displays.begin(), trial.displays.end());
+  const nanoseconds step = common_step(displays, trial.hold_refreshes);
   std::vector<std::unique_ptr<DisplayFeed>> feeds;
-  for (const DisplayLink* display : trial.displays)
-    feeds.push_back(std::make_unique<DisplayFeed>(*display, program, start_at));
+  for (const DisplayLink* display : displays)
+    feeds.push_back(std::make_unique<DisplayFeed>(*display, program, start_at, step));
 
   TrialRecord record;
   nanoseconds wanted_until{}, seen_until{}, played_at{}, clocks_at = monotonic_now();

@@ -95,6 +95,15 @@ void StandardNormals(std::uint64_t seed, std::int64_t stream, std::uint32_t bloc
   }
 }
 
+hn::Vec<F> Coded(const ToneCurve& curve, hn::Vec<F> linear) {
+  const F d;
+  // 0 has no logarithm; so little light is no code.
+  const auto above_zero = hn::Max(linear, hn::Set(d, 1e-30f));
+  const auto u = hn::Exp(d, hn::Mul(hn::Set(d, curve.exponent), hn::Log(d, above_zero)));
+  const auto steep = hn::Mul(hn::Mul(u, u), hn::NegMulAdd(hn::Set(d, 2.0f), u, hn::Set(d, 3.0f)));
+  return hn::Min(hn::MulAdd(hn::Set(d, curve.contrast), hn::Sub(steep, u), u), hn::Set(d, 1.0f));
+}
+
 void Respond(const SampleResponse& response, const float* radiance, const float* deviates,
              std::uint16_t* out) {
   const F d;
@@ -103,13 +112,17 @@ void Respond(const SampleResponse& response, const float* radiance, const float*
   const auto levels = hn::Set(d, static_cast<float>(response.levels));
   const auto int_levels = hn::Set(di, response.levels);
   const auto to_16_bits = hn::Set(d, 65535.0f / static_cast<float>(response.levels));
+  const bool curved = response.curve != ToneCurve();
   for (size_t i = 0; i < kSampleBlock; i += hn::Lanes(d)) {
     const auto value = hn::Mul(hn::LoadU(d, radiance + i), hn::Set(d, response.scale));
     const auto variance = hn::MulAdd(hn::Set(d, response.gain), hn::Max(value, hn::Zero(d)),
                                      hn::Set(d, response.read_variance));
     const auto noisy = hn::MulAdd(hn::Sqrt(variance), hn::LoadU(d, deviates + i), value);
-    const auto clamped = hn::Min(hn::Max(noisy, hn::Zero(d)), hn::Set(d, 1.0f));
-    const auto code = hn::ConvertTo(di, hn::MulAdd(clamped, levels, hn::Set(d, 0.5f)));
+    const auto black = hn::Set(d, response.black);
+    const auto raised = hn::MulAdd(hn::Set(d, 1.0f - response.black), noisy, black);
+    const auto clamped = hn::Min(hn::Max(raised, hn::Zero(d)), hn::Set(d, 1.0f));
+    const auto sample = curved ? Coded(response.curve, clamped) : clamped;
+    const auto code = hn::ConvertTo(di, hn::MulAdd(sample, levels, hn::Set(d, 0.5f)));
     // code * 65535 / levels, rounded; a float may miss by one. There are no ties: levels is odd.
     auto stored = hn::ConvertTo(di, hn::MulAdd(hn::ConvertTo(d, code), to_16_bits, hn::Set(d, 0.5f)));
     const auto excess = hn::Sub(hn::Mul(code, hn::Set(di, 65535)), hn::Mul(stored, int_levels));

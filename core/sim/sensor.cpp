@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-#include "core/sim/sample_kernel.h"
+#include "core/sim/fall_off.h"
 
 namespace glasswing {
 namespace {
@@ -109,6 +109,15 @@ void blur(RadianceImage& image, double sigma_px) {
   }
 }
 
+void vignette(RadianceImage& image, double share) {
+  for (int y = 0; y < image.height_px; ++y) {
+    for (int x = 0; x < image.width_px; ++x) {
+      const float left = fall_off(share, x, y, image.width_px, image.height_px);
+      for (int c = 0; c < 3; ++c) image.at(x, y, c) *= left;
+    }
+  }
+}
+
 }  // namespace
 
 RadianceImage integrate(const Transport& transport, std::span<const MonitorEmission> emission,
@@ -134,15 +143,16 @@ RadianceImage integrate(const Transport& transport, std::span<const MonitorEmiss
 
 Image16 expose(const RadianceImage& mean_radiance, double exposure_ms, const SensorModel& model,
                std::int64_t frame_number) {
-  RadianceImage blurred;
-  if (model.blur_sigma_px > 0.0) {
-    blurred = mean_radiance;
-    blur(blurred, model.blur_sigma_px);
-  }
-  const std::vector<float>& light = blurred.empty() ? mean_radiance.samples : blurred.samples;
+  RadianceImage through_lens;
+  if (model.blur_sigma_px > 0.0 || model.vignetting > 0.0) through_lens = mean_radiance;
+  if (model.blur_sigma_px > 0.0) blur(through_lens, model.blur_sigma_px);
+  if (model.vignetting > 0.0) vignette(through_lens, model.vignetting);
+  const std::vector<float>& light = through_lens.empty() ? mean_radiance.samples : through_lens.samples;
   const SampleResponse response{.scale = static_cast<float>(exposure_ms / model.full_scale_exposure_ms),
                                 .read_variance = static_cast<float>(model.read_sd * model.read_sd),
                                 .gain = static_cast<float>(model.gain),
+                                .black = static_cast<float>(model.black_level),
+                                .curve = model.curve,
                                 .levels = (1 << model.bits) - 1};
   Image16 image(mean_radiance.width_px, mean_radiance.height_px);
   std::array<float, kSampleBlock> noise{}, in{};

@@ -1,7 +1,8 @@
 // A simulated sensor: integrates a scene's light over each row's own exposure (rolling shutter), blurs, adds
 // noise, and quantises.
 //
-//   value = exposure / full_scale_exposure * mean radiance;   variance = read_sd^2 + gain * value
+//   value = exposure / full_scale_exposure * fall_off * mean radiance;   variance = read_sd^2 + gain * value
+//   sample = curve(black_level + (1 - black_level) * (value + noise)), cut off at full scale
 #pragma once
 
 #include <cstdint>
@@ -10,6 +11,7 @@
 #include "core/base/time.h"
 #include "core/frame/image.h"
 #include "core/sim/emission_timeline.h"
+#include "core/sim/sample_kernel.h"
 #include "core/sim/transport.h"
 
 namespace glasswing {
@@ -18,6 +20,9 @@ struct SensorModel {
   double blur_sigma_px = 0.0;                          // lens
   double read_sd = 0.001;                              // of full scale
   double gain = 1e-5;                                  // shot noise: variance per value
+  double vignetting = 0.0;                             // of the middle's light, what corners lack: fall_off.h
+  double black_level = 0.0;                            // what no light reads, of full scale
+  ToneCurve curve = {};                                // linear
   int bits = 12;                                       // 8 to 16; samples are stored on the 16-bit scale
   nanoseconds readout = std::chrono::milliseconds(2);  // first row's start to last row's start
   double full_scale_exposure_ms = 4.5;                 // at which radiance 1.0 reads 1.0

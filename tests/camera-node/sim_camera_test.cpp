@@ -36,5 +36,21 @@ INSTANTIATE_TEST_SUITE_P(Sim, CameraContract,
                          testing::Values([] { return make_sim(200.0, 0.0); },
                                          [] { return make_sim(50.0, 0.3); }));
 
+TEST(SimCamera, CallsOnlyALinearResponseLinear) {
+  const auto described = [](const SensorModel& sensor) {
+    SimCameraOptions options;
+    options.sensor = sensor;
+    return SimCamera::create(options, changing_light()).value()->describe().camera();
+  };
+  EXPECT_EQ(described({.vignetting = 0.3, .bits = 10}).response(), "linear");
+  for (const SensorModel& sensor :
+       {SensorModel{.curve = {.exponent = 0.45f}}, SensorModel{.curve = {.contrast = 0.5f}},
+        SensorModel{.black_level = 0.06}}) {
+    EXPECT_EQ(described(sensor).response(), "unknown");
+    EXPECT_EQ(described(sensor).read_sd(), 0.0);
+    EXPECT_EQ(described(sensor).gain(), 0.0);
+  }
+}
+
 }  // namespace
 }  // namespace glasswing

@@ -3,6 +3,8 @@
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <map>
 #include <thread>
@@ -98,6 +100,57 @@ TEST_F(EmissionServiceTest, TheLightMayNotBeWhatTheScreenSaysOfItself) {
   EXPECT_EQ(display_->screens()[0].lag, milliseconds(3));
 }
 
+// The next whole picture's samples.
+std::vector<std::uint16_t> next_picture(grpc::ClientReader<v1::WatchEmissionResponse>& reader) {
+  v1::WatchEmissionResponse event;
+  std::string pixels;
+  while (reader.Read(&event)) {
+    if (!event.has_picture()) continue;
+    pixels += event.picture().chunk();
+    if (!event.picture().last_chunk()) continue;
+    std::vector<std::uint16_t> samples(pixels.size() / 2);
+    std::memcpy(samples.data(), pixels.data(), pixels.size());
+    return samples;
+  }
+  return {};
+}
+
+TEST_F(EmissionServiceTest, ThePanelMakesLightOfCodes) {
+  serve({screen("back", 16, 4, 200.0)}, 0.0, {.panel = {.bits = 8, .gamma = 2.2, .black = 0.003}});
+  const auto light_of = [](int code) { return 0.003 + 0.997 * std::pow(code / 255.0, 2.2); };
+  // Stored in steps of 1/65535, worked out in floats.
+  constexpr double kRounding = 0.5 / 65535.0 + 1e-6;
+  const std::vector<std::uint16_t> dark = next_picture(*reader_);
+  ASSERT_EQ(dark.size(), 16u * 4u * 3u);
+  for (const std::uint16_t sample : dark) EXPECT_NEAR(sample / 65535.0, light_of(0), kRounding);
+  auto picture = std::make_shared<RadianceImage>(16, 4);
+  for (size_t i = 0; i < picture->samples.size(); ++i)
+    picture->samples[i] = static_cast<float>(i) / 180.0f - 0.02f;  // -0.02 to 1.04
+  ASSERT_TRUE(display_->show({picture}, monotonic_now()).ok());
+  const std::vector<std::uint16_t> light = next_picture(*reader_);
+  ASSERT_EQ(light.size(), picture->samples.size());
+  for (size_t i = 0; i < light.size(); ++i)
+    EXPECT_NEAR(light[i] / 65535.0, light_of(code_of(picture->samples[i])), kRounding);
+}
+
+TEST_F(EmissionServiceTest, DriftsFromPictureToPicture) {
+  const nanoseconds before = monotonic_now();
+  serve({screen("back", 1, 1, 200.0)}, 0.0, {.panel = {.drift_per_minute = 0.5}});
+  const nanoseconds after = monotonic_now();  // the panel was switched on between the two
+  ASSERT_EQ(next_picture(*reader_), std::vector<std::uint16_t>(3, 0));
+  auto white = std::make_shared<RadianceImage>(1, 1);
+  std::fill(white->samples.begin(), white->samples.end(), 1.0f);
+  const std::vector<Scanout> scanouts = display_->show({white}, after + milliseconds(300)).value();
+  const auto left = [&](nanoseconds switched_on) {
+    const std::chrono::duration<double, std::ratio<60>> lit = scanouts[0].start - switched_on;
+    return std::pow(0.5, lit.count());
+  };
+  constexpr double kRounding = 0.5 / 65535.0 + 1e-6;
+  const double light = next_picture(*reader_).at(0) / 65535.0;
+  EXPECT_GE(light, left(before) - kRounding);
+  EXPECT_LE(light, left(after) + kRounding);
+}
+
 // The light and the player's word agree on every picture and time, missed flips and all; pictures larger than
 // one chunk come whole.
 TEST_F(EmissionServiceTest, LightIsWhatThePlayerReports) {
@@ -121,7 +174,7 @@ TEST_F(EmissionServiceTest, LightIsWhatThePlayerReports) {
     ASSERT_TRUE(reader_->Read(&event));
   } while (!event.has_horizon());  // the tap has seen the black before the program
   std::jthread player([&] {
-    EXPECT_TRUE(play(program, *display_, monotonic_now() + milliseconds(300), {},
+    EXPECT_TRUE(play(program, *display_, monotonic_now() + milliseconds(300), {}, {},
                      [&](const v1::Presentation& report) { reports.push_back(report); })
                     .ok());
   });

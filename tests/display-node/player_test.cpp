@@ -87,8 +87,9 @@ nanoseconds soon() {
 
 class Player : public testing::Test {
  protected:
-  absl::Status play_steps(int steps, nanoseconds start, int hold_refreshes = kHold) {
-    return play(program_of(steps, hold_refreshes, display_.screens()), display_, start, stop_.get_token(),
+  absl::Status play_steps(int steps, nanoseconds start, int hold_refreshes = kHold, nanoseconds step = {}) {
+    return play(program_of(steps, hold_refreshes, display_.screens()), display_, start, step,
+                stop_.get_token(),
                 [this](const v1::Presentation& presentation) { reports_.push_back(presentation); });
   }
 
@@ -141,6 +142,15 @@ TEST_F(Player, ReportsWhenEachStepWasReallyShownAndReplaced) {
   }
 }
 
+TEST_F(Player, KeepsToATimetableAndIsOnTimeAgainAfterAFlipThatWasLate) {
+  display_.misses = true;
+  const nanoseconds start = soon(), step = std::chrono::microseconds(7300);
+  ASSERT_TRUE(play_steps(8, start, kHold, step).ok());
+  ASSERT_EQ(display_.shown.size(), 9u);
+  for (size_t i = 0; i < display_.shown.size(); ++i)
+    EXPECT_EQ(display_.shown[i].at, start + static_cast<int>(i) * step) << i;
+}
+
 TEST_F(Player, NeverStartsLate) {
   const absl::Status status = play_steps(3, monotonic_now() - nanoseconds(1));
   EXPECT_TRUE(absl::IsDeadlineExceeded(status)) << status;
@@ -169,7 +179,8 @@ TEST(PlayerOnScreens, StopsWhileItWaitsToStart) {
   std::stop_source stop;
   const nanoseconds start = monotonic_now() + hours(1);
   std::future<absl::Status> played = std::async(std::launch::async, [&] {
-    return play(program, display, start, stop.get_token(), [](const v1::Presentation&) { ADD_FAILURE(); });
+    return play(program, display, start, {}, stop.get_token(),
+                [](const v1::Presentation&) { ADD_FAILURE(); });
   });
   EXPECT_EQ(played.wait_for(milliseconds(20)), std::future_status::timeout);
   stop.request_stop();

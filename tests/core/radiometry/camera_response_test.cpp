@@ -42,14 +42,14 @@ std::vector<Exposure> shoot(const Curve& curve, const std::vector<double>& times
 
 const std::vector<double> kTimes_s = {8.0, 4.0, 2.0, 1.0, 0.5};
 
-TEST(CameraResponse, RecoversAnSCurveWithinHalfAPercentOfFullScale) {
+TEST(CameraResponse, RecoversAnSCurveWithinAPercentOfFullScale) {
   const CameraResponse response = CameraResponse::fit(shoot(s_curve, kTimes_s, 1)).value();
   EXPECT_FALSE(response.is_linear());
   double top = 0.0;  // the exposure of the saturation level, by bisection
   for (double step = 0.5; step > 1e-9; step *= 0.5) top += s_curve(top + step) < kFull ? step : 0.0;
   for (int c = 0; c < 3; ++c) {
     for (double exposure = 0.001; exposure < top; exposure += 0.001) {
-      EXPECT_NEAR(response.exposure_of(s_curve(exposure), c), exposure / top, 0.005) << exposure;
+      EXPECT_NEAR(response.exposure_of(s_curve(exposure), c), exposure / top, 0.01) << exposure;
     }
   }
 }

@@ -237,6 +237,73 @@ TEST(Expose, BlursByItsSigma) {
   EXPECT_NEAR(second_moment, 2.25, 0.002 * 2.25 + most_rounding);
 }
 
+// sample = curve(black + (1 - black) * value), in doubles.
+double coded(const SensorModel& model, double value) {
+  const double raised = model.black_level + (1.0 - model.black_level) * value;
+  const double u = std::pow(std::clamp(raised, 0.0, 1.0), double{model.curve.exponent});
+  const double contrast = model.curve.contrast;
+  return (1.0 - contrast) * u + contrast * (3.0 - 2.0 * u) * u * u;
+}
+
+constexpr ToneCurve kGamma{.exponent = 1.0f / 2.2f};
+constexpr ToneCurve kSCurve{.exponent = 1.0f / 2.2f, .contrast = 0.5f};
+
+TEST(Expose, CodesFollowBlackLevelAndCurve) {
+  RadianceImage light(100, 100);
+  for (size_t i = 0; i < light.samples.size(); ++i) light.samples[i] = static_cast<float>(i) / 25000.0f;
+  for (const ToneCurve& curve : {ToneCurve(), kGamma, kSCurve}) {
+    for (const double black_level : {0.0, 0.0625}) {
+      SensorModel model = kNoiseless;
+      model.curve = curve;
+      model.black_level = black_level;
+      for (const int bits : {8, 10, 16}) {
+        model.bits = bits;
+        const Image16 image = expose(light, model.full_scale_exposure_ms, model, 0);
+        // Half a code, and half of storing it. Logarithm and exponential are good to 4 and 1 ulp, so that u,
+        // off by up to |u log u| * 4 ulp + 2 ulp <= 5e-7, moves a curve no steeper than 1.25 by less than
+        // 1e-6. Below 1e-30 light is taken for that much.
+        const double tolerance = 0.5 / ((1 << bits) - 1) + 0.5 / 65535.0 + 1e-6;
+        for (size_t i = 0; i < light.samples.size(); ++i)
+          ASSERT_NEAR(image.samples[i] / 65535.0, coded(model, light.samples[i]), tolerance)
+              << light.samples[i] << " at " << bits << " bits";
+      }
+    }
+  }
+}
+
+TEST(Expose, CornersLackTheirShareOfTheLight) {
+  SensorModel model = kNoiseless;
+  model.vignetting = 0.4;
+  const Image16 image = expose(uniform_light(5, 0.5f), model.full_scale_exposure_ms, model, 0);
+  const double rounding = 0.5 / 65535.0 + 1e-6;  // and a few operations on floats
+  // A corner pixel's centre is at 2 of the 2.5 pixels to the corner.
+  EXPECT_NEAR(image.at(2, 2, 0) / 65535.0, 0.5, rounding);
+  EXPECT_NEAR(image.at(0, 4, 1) / 65535.0, 0.5 * (1.0 - 0.4 * 0.64), rounding);
+  EXPECT_NEAR(image.at(0, 2, 2) / 65535.0, 0.5 * (1.0 - 0.4 * 0.32), rounding);
+}
+
+// Undone, the curve leaves the noise of linear light.
+TEST(Expose, NoiseComesBeforeTheCurve) {
+  constexpr int kSize_px = 120;
+  constexpr double kCount = kSize_px * kSize_px * 3;
+  for (const float value : {0.1f, 0.6f}) {
+    const SensorModel model{.read_sd = 0.004, .gain = 2e-4, .black_level = 0.05, .curve = kGamma, .bits = 16};
+    const Image16 image = expose(uniform_light(kSize_px, value), model.full_scale_exposure_ms, model, 3);
+    double sum = 0.0, sum_of_squares = 0.0;
+    for (const std::uint16_t sample : image.samples) {
+      const double raised = std::pow(sample / 65535.0, 1.0 / double{kGamma.exponent});
+      const double error = (raised - model.black_level) / (1.0 - model.black_level) - value;
+      sum += error;
+      sum_of_squares += error * error;
+    }
+    // A step of 1/65535 adds a millionth of this variance.
+    const double variance = model.read_sd * model.read_sd + model.gain * value;
+    // Five standard errors of a mean and of a Gaussian's variance.
+    EXPECT_NEAR(sum / kCount, 0.0, 5.0 * std::sqrt(variance / kCount));
+    EXPECT_NEAR(sum_of_squares / kCount, variance, 5.0 * variance * std::sqrt(2.0 / kCount));
+  }
+}
+
 TEST(Expose, TheSameFrameHasTheSameNoiseAndNoOtherHas) {
   const SensorModel model{.seed = 9};
   SensorModel other = model;

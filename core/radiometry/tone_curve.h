@@ -1,0 +1,71 @@
+// How bright each code of one primary of a monitor is: its radiance above black, L(k) in [0, 1] of that of
+// the highest code. L(0) = 0 and L(highest) = 1; it never falls.
+//
+// Between two codes radiance is mixed, not code: a fractional code k + f is code k + 1 on the share f of a
+// surface and code k on the rest,
+//
+//   L(k + f) = (1 - f) L(k) + f L(k + 1)
+//
+// so that a dither that takes f as a probability is unbiased in radiance.
+//
+// The fit. Lights y_i of codes k_i, with x = k / highest and noise variances w_i known up to a factor
+// sigma^2:
+//
+//   y_i = b + a x_i^gamma + c(x_i) + noise,     Var(noise_i) = sigma^2 w_i
+//
+// where c, what the monitor does beside a power law, is a Gaussian process, a Wiener process's integral, of
+// covariance sigma^2 tau^2 (x x' + m^3 / 3 + m^2 |x - x'| / 2), m = min(x, x'): its mean is a cubic smoothing
+// spline with c(0) = 0 (Wahba 1978). gamma and tau are those of the largest restricted likelihood, in which
+// a, b and sigma are eliminated (Patterson and Thompson 1971); so a curve that is a power law is fitted by
+// one, and any other is followed as far as the noise allows. What still falls is pooled into level steps.
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <span>
+#include <string_view>
+#include <vector>
+
+namespace glasswing {
+
+class ToneCurve {
+ public:
+  // Radiances of all 2^bits codes, 8 to 12 bits. INVALID_ARGUMENT if it falls, or does not go from 0 to 1.
+  static absl::StatusOr<ToneCurve> create(std::vector<double> radiances);
+  // A power law; exponent > 0.
+  static ToneCurve power(double exponent, int bits);
+
+  int highest_code() const { return static_cast<int>(radiances_.size()) - 1; }
+  std::span<const double> radiances() const { return radiances_; }
+
+  // Of a code, fractional or not, in [0, highest]; beyond, of the nearest end.
+  double radiance(double code) const;
+  // The least fractional code of this radiance in [0, 1]; beyond, the nearest end. Radiance 0 is code 0.
+  double code_for(double radiance) const;
+
+ private:
+  explicit ToneCurve(std::vector<double> radiances) : radiances_(std::move(radiances)) {}
+
+  std::vector<double> radiances_;
+};
+
+struct TonePoint {
+  int code = 0;
+  double light = 0.0;  // linear, any unit
+  double error = 0.0;  // standard, in that unit; 0 at all points: not known, and taken to be alike
+};
+
+struct ToneFit {
+  ToneCurve curve;
+  double gamma = 0.0;         // of the power law
+  double full_scale = 0.0;    // light of the highest code above that of code 0, as fitted
+  double residual_rms = 0.0;  // of the points, over full scale
+  std::vector<double> error;  // standard, of each code's radiance
+};
+
+// INVALID_ARGUMENT: a code or light that is none. FAILED_PRECONDITION says in plain words what was seen:
+// fewer than 6 different codes, or without 0 and the highest; light that falls by more than noise (4 standard
+// errors, and 0.5 % of full scale); or no light at all. `what` begins the message: "red".
+absl::StatusOr<ToneFit> fit_tone_curve(std::vector<TonePoint> points, int bits, std::string_view what);
+
+}  // namespace glasswing

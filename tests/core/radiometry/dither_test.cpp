@@ -1,0 +1,145 @@
+#include "core/radiometry/dither.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/pattern/pattern.h"
+
+namespace glasswing {
+namespace {
+
+constexpr double kBlack = 0.003;  // of the highest code's radiance above it
+
+std::array<ToneCurve, 3> monitor(int bits) {
+  const ToneCurve curve = ToneCurve::power(2.2, bits);
+  return {curve, curve, curve};
+}
+
+// What the screen emits, green.
+std::vector<double> emitted(const RadianceImage& picture, const ToneCurve& curve, const Dither* dither) {
+  Image<std::uint16_t> codes;
+  if (dither != nullptr) codes = dither->codes(picture);
+  std::vector<double> light;
+  for (size_t i = 1; i < picture.samples.size(); i += 3) {
+    const double wanted = static_cast<double>(picture.samples[i]);
+    const double code = dither != nullptr ? codes.samples[i] : std::round(curve.code_for(wanted));
+    light.push_back(kBlack + curve.radiance(code));
+  }
+  return light;
+}
+
+// Largest difference of means over 4 x 4 pixels, at every place.
+double worst_mean(const std::vector<double>& shown, const RadianceImage& wanted) {
+  double worst = 0.0;
+  for (int y = 0; y + 4 <= wanted.height_px; ++y) {
+    for (int x = 0; x + 4 <= wanted.width_px; ++x) {
+      double sum = 0.0;
+      for (int i = 0; i < 16; ++i) {
+        const int u = x + i % 4, v = y + i / 4;
+        sum += shown[static_cast<size_t>(v * wanted.width_px + u)] - kBlack -
+               static_cast<double>(wanted.at(u, v, 1));
+      }
+      worst = std::max(worst, std::abs(sum) / 16.0);
+    }
+  }
+  return worst;
+}
+
+RadianceImage solid(float radiance) {
+  RadianceImage picture(256, 256);
+  std::fill(picture.samples.begin(), picture.samples.end(), radiance);
+  return picture;
+}
+
+// Errors leave the picture by three of its edges only, at most half a step (and what the coarse search for
+// the nearest code adds: 2^-14) from each of 3 x 256 pixels of 256 x 256; radiances are taken to 2^-20,
+// twice.
+TEST(Dither, IsUnbiasedInRadiance) {
+  for (const int bits : {8, 10, 12}) {
+    const ToneCurve curve = ToneCurve::power(2.2, bits);
+    const Dither dither(monitor(bits));
+    for (const float wanted : {0.0f, 1e-5f, 1e-4f, 0.001f, 0.0173f, 0.2f, 0.5f, 0.777f, 0.9999f, 1.0f}) {
+      double mean = -kBlack;
+      for (const double light : emitted(solid(wanted), curve, &dither)) mean += light / 65536.0;
+      const double code = std::floor(curve.code_for(static_cast<double>(wanted)));
+      const double step = curve.radiance(code + 1.0) - curve.radiance(code);
+      EXPECT_NEAR(mean, static_cast<double>(wanted), 3.0 / 256.0 * (step / 2.0 + 0x1p-14) + 0x1p-20)
+          << wanted << " at " << bits << " bits";
+    }
+  }
+}
+
+TEST(Dither, BlackAndWhiteHaveOneCode) {
+  for (const int bits : {8, 10}) {
+    const Dither dither(monitor(bits));
+    for (const std::uint16_t code : dither.codes(solid(0.0f)).samples) ASSERT_EQ(code, 0);
+    for (const std::uint16_t code : dither.codes(solid(-1.0f)).samples) ASSERT_EQ(code, 0);
+    for (const std::uint16_t code : dither.codes(solid(std::nanf(""))).samples) ASSERT_EQ(code, 0);
+    for (const std::uint16_t code : dither.codes(solid(2.0f)).samples) ASSERT_EQ(code, (1 << bits) - 1);
+  }
+}
+
+// What is below makes no difference, whether rows are taken in pairs or one is left over; nor does size.
+TEST(Dither, RowsDependOnThoseAbove) {
+  const Dither dither(monitor(8));
+  for (const int width : {1, 2, 3, 17}) {
+    RadianceImage picture(width, 8);
+    for (size_t i = 0; i < picture.samples.size(); ++i) picture.samples[i] = static_cast<float>(i % 7) / 9.0f;
+    const Image<std::uint16_t> all = dither.codes(picture);
+    for (int height = 0; height < 8; ++height) {
+      RadianceImage part(width, height);
+      std::copy_n(picture.samples.begin(), part.samples.size(), part.samples.begin());
+      const Image<std::uint16_t> codes = dither.codes(part);
+      EXPECT_TRUE(std::equal(codes.samples.begin(), codes.samples.end(), all.samples.begin()))
+          << width << " x " << height;
+    }
+  }
+}
+
+// Each primary has its own curve.
+TEST(Dither, PrimariesKeepApart) {
+  const std::array<ToneCurve, 3> curves{ToneCurve::power(1.0, 8), ToneCurve::power(2.2, 8),
+                                        ToneCurve::power(2.6, 8)};
+  const Image<std::uint16_t> codes = Dither(curves).codes(solid(0.4f));
+  for (size_t c = 0; c < 3; ++c) {
+    double mean = 0.0;
+    for (size_t i = c; i < codes.samples.size(); i += 3)
+      mean += curves[c].radiance(codes.samples[i]) / 65536.0;
+    // Half a step is at most 2.6 / 255 / 2 = 0.0051; as above.
+    EXPECT_NEAR(mean, 0.4, 3.0 / 256.0 * (0.0051 + 0x1p-14) + 0x1p-20);
+  }
+}
+
+// The goal: 0.5 % of the peak. A stripe of full brightness without dither errs by half a step of its
+// brightest codes, 2.2 / 255 / 2 = 0.43 %; a fainter one's steps are larger beside its peak.
+TEST(Dither, StripesAreGaussianInRadiance) {
+  const ToneCurve curve = ToneCurve::power(2.2, 8);
+  const Dither dither(monitor(8));
+  for (const double peak : {1.0, 0.5, 0.25, 0.1}) {
+    double with = 0.0, without = 0.0;
+    for (const double sigma_px : {3.0, 8.0, 20.0, 60.0}) {
+      for (const double phi_deg : {0.0, 17.0, 45.0, 90.0}) {
+        v1::Stimulus stimulus;
+        stimulus.set_kind("gauss_stripe");
+        stimulus.set_peak(peak);
+        stimulus.set_sigma_px(sigma_px);
+        stimulus.set_phi_deg(phi_deg);
+        stimulus.set_r_px(120.3);
+        const RadianceImage picture = Pattern::create(stimulus, {256, 256}).value().rasterised();
+        with = std::max(with, worst_mean(emitted(picture, curve, &dither), picture) / peak);
+        without = std::max(without, worst_mean(emitted(picture, curve, nullptr), picture) / peak);
+      }
+    }
+    std::printf("peak %.2f: worst mean over 4x4 pixels off by %.2f %% of the peak, without dither %.2f %%\n",
+                peak, 100.0 * with, 100.0 * without);
+    EXPECT_LE(with, 0.005) << peak;
+    if (peak <= 0.25) {
+      EXPECT_GT(without, 0.005) << peak;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace glasswing
