@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 #include <set>
 #include <thread>
 
@@ -184,10 +185,23 @@ grpc::Status CameraServiceImpl::LookForPatches(grpc::ServerContext*, const v1::L
   absl::StatusOr<std::vector<Archive::NewFrame>> batch = find(request->frames());
   if (!batch.ok()) return to_grpc(batch.status());
   PatchProof proof;
+  std::map<std::string, v1::UnseenPatch> unseen;
+  for (const v1::Frame& frame : request->frames()) {
+    v1::UnseenPatch& patch = unseen[frame.stimulus().panel()];
+    patch.set_monitor(frame.stimulus().panel());
+    patch.set_reason("not all frames of its id patch are still with the camera");
+  }
   for (Archive::NewFrame& frame : *batch) {
     const std::optional<PatchProof::Lessons> lessons = proof.add(std::move(frame));
-    if (lessons && !lessons->learned.ok()) *response->add_unseen_patches() = unseen_patch(*lessons);
+    if (!lessons) continue;
+    const std::string& monitor = lessons->frames.front().record.stimulus().panel();
+    if (lessons->learned.ok()) {
+      unseen.erase(monitor);
+    } else {
+      unseen[monitor] = unseen_patch(*lessons);
+    }
   }
+  for (auto& [monitor, patch] : unseen) *response->add_unseen_patches() = std::move(patch);
   return grpc::Status::OK;
 }
 

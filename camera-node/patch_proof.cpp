@@ -30,13 +30,15 @@ absl::Status PatchProof::learn_from(Archive& archive) {
 
 std::optional<PatchProof::Lessons> PatchProof::add(Archive::NewFrame lesson) {
   const v1::Frame newest = lesson.record;
-  std::erase_if(held_, [&](const Archive::NewFrame& other) { return other.record.step() == newest.step(); });
-  held_.push_back(std::move(lesson));
   const auto belongs = [&](const Archive::NewFrame& other) {
     return other.record.stimulus().panel() == newest.stimulus().panel() &&
            other.record.object() == newest.object() &&
            same_exposure(other.record.exposure_ms(), newest.exposure_ms());
   };
+  std::erase_if(held_, [&](const Archive::NewFrame& other) {
+    return belongs(other) && other.record.stimulus().patch_id() == newest.stimulus().patch_id();
+  });
+  held_.push_back(std::move(lesson));
   Lessons lessons;
   for (const std::uint16_t id : patch_learning_ids()) {
     const auto found = std::find_if(held_.begin(), held_.end(), [&](const Archive::NewFrame& other) {

@@ -24,7 +24,7 @@ class PatchProof {
     std::vector<Archive::NewFrame> frames;
     absl::Status learned;  // PatchReader::learn's
   };
-  // Holds a lesson, in place of one of its step, until all that belong together are there; then gives them
+  // Holds a lesson, in place of one like it, until all that belong together are there; then gives them
   // back.
   std::optional<Lessons> add(Archive::NewFrame lesson);
 

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstring>
 #include <filesystem>
 #include <limits>
@@ -11,6 +12,7 @@
 #include "camera-node/archive_service.h"
 #include "camera-node/sim_camera.h"
 #include "core/base/file.h"
+#include "core/pattern/id_patch.h"
 #include "core/service/service.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
 
@@ -155,6 +157,59 @@ TEST_F(CameraNode, KeepsWhatTheMonitorEmittedAndFindsItAfterARestart) {
       // 16 rays each carry 1/16 of a pixel: float rounding stays far below one code.
       EXPECT_NEAR(sample, picture->samples[i], 1.0);
     }
+  }
+}
+
+TEST_F(CameraNode, SaysWhetherAPatchIsSeen) {
+  // Each learning id for a while; a camera pixel sees one of the monitor.
+  constexpr IdPatch kPatch{.width_px = 64, .first_row = 0, .rows = 8};
+  for (const bool dark : {true, false}) {
+    stop();
+    timeline_.clear();
+    options_.width_px = 64;
+    options_.height_px = 8;
+    timeline_.add_monitor({.name = "back", .width_px = 64, .height_px = 8});
+    start();
+    v1::CaptureRequest request;
+    request.set_exposure_ms(4.0);
+    grpc::ClientContext context;
+    const auto reader = camera_stub_->Capture(&context, request);
+    v1::CaptureResponse response;
+    v1::LookForPatchesRequest look;
+    ASSERT_TRUE(reader->Read(&response));
+    for (const std::uint16_t id : patch_learning_ids()) {
+      RadianceImage strip(64, 8);
+      if (!dark) kPatch.draw(id, strip);
+      auto codes = std::make_shared<Image16>(64, 8);
+      std::transform(strip.samples.begin(), strip.samples.end(), codes->samples.begin(), code16_of);
+      const nanoseconds shown = monotonic_now();
+      timeline_.add_picture("back", {.scanout_start = shown, .image = codes});
+      do {
+        ASSERT_TRUE(reader->Read(&response));
+      } while (response.frame().exposure_start_ns() < shown.count());
+      timeline_.set_horizon("back", nanoseconds(response.frame().exposure_end_ns()));
+      v1::Frame& lesson = *look.add_frames();
+      lesson.set_sequence(response.frame().sequence());
+      lesson.set_exposure_ms(4.0);
+      lesson.mutable_stimulus()->set_kind("patch");
+      lesson.mutable_stimulus()->set_panel("back");
+      lesson.mutable_stimulus()->set_patch_id(id);
+    }
+    const auto found = [&](const v1::LookForPatchesRequest& frames) {
+      v1::LookForPatchesResponse seen;
+      grpc::ClientContext look_context;
+      EXPECT_TRUE(camera_stub_->LookForPatches(&look_context, frames, &seen).ok());
+      return seen;
+    };
+    const v1::LookForPatchesResponse all = found(look);
+    ASSERT_EQ(all.unseen_patches_size(), dark ? 1 : 0);
+    if (dark) {
+      EXPECT_TRUE(all.unseen_patches(0).dark());
+    }
+    look.mutable_frames()->RemoveLast();
+    ASSERT_EQ(found(look).unseen_patches_size(), 1) << "one is missing";
+    EXPECT_EQ(found(look).unseen_patches(0).monitor(), "back");
+    context.TryCancel();
   }
 }
 
