@@ -2,6 +2,7 @@
 
 #include "client/rpc.h"
 #include "core/base/status.h"
+#include "core/service/monitor.h"
 #include "glasswing/v1/camera_service.grpc.pb.h"
 #include "glasswing/v1/display_service.grpc.pb.h"
 #include "glasswing/v1/node_service.grpc.pb.h"
@@ -13,15 +14,7 @@ absl::Status add_monitors(const v1::Node& node, RigView& rig) {
   const Peer<v1::DisplayService> display("display node at " + node.address(), node.address());
   GW_ASSIGN_OR_RETURN(const v1::GetDisplayResponse found,
                       call(display, &v1::DisplayService::Stub::GetDisplay, {}));
-  for (const v1::DisplayMonitor& shown : found.monitors()) {
-    v1::Monitor& monitor = rig.monitors.emplace_back();
-    monitor.set_name(shown.name());
-    monitor.set_width_px(shown.width_px());
-    monitor.set_height_px(shown.height_px());
-    monitor.set_patch_rows(shown.patch_rows());
-    monitor.set_refresh_hz(shown.refresh_hz());
-    monitor.set_response(shown.response());
-  }
+  for (const v1::DisplayMonitor& shown : found.monitors()) rig.monitors.push_back(listed_monitor(shown));
   return absl::OkStatus();
 }
 

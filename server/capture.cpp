@@ -57,7 +57,7 @@ CaptureOutcome Capture::run(std::stop_token stop) {
   bool needs_operator = false;
   bool object_wanted = false;
   const auto work = [&]() -> absl::Status {
-    GW_RETURN_IF_ERROR(connect());
+    GW_RETURN_IF_ERROR(find_rig());
     GW_RETURN_IF_ERROR(open_archive());
     GW_RETURN_IF_ERROR(send_images());
     std::vector<Group> groups;
@@ -99,24 +99,12 @@ CaptureOutcome Capture::run(std::stop_token stop) {
   return {lost ? Kind::kNodeLost : Kind::kFailed, std::string(status.message())};
 }
 
-absl::Status Capture::connect() {
-  GW_ASSIGN_OR_RETURN(RigDescription description, describe_rig(rig_));
-  monitors_ = std::move(description.monitors);
-  camera_info_ = std::move(description.camera);
-  GW_ASSIGN_OR_RETURN(const std::vector<v1::Node> display_nodes, rig_.displays());
-  for (const v1::Node& node : display_nodes) {
-    displays_.push_back(std::make_unique<DisplayLink>(node));
-    GW_RETURN_IF_ERROR(displays_.back()->describe());
-    displays_.back()->use(sync_);
-    for (const v1::DisplayMonitor& monitor : displays_.back()->info.monitors())
-      has_patches_ = has_patches_ || monitor.patch_rows() > 0;
-  }
-  GW_ASSIGN_OR_RETURN(const v1::Node camera_node, rig_.camera());
-  session_.set_archive_address(camera_node.address());
-  camera_ = std::make_unique<NodeLink>(camera_node);
-  camera_stub_ = v1::CameraService::NewStub(camera_->channel());
-  archive_stub_ = v1::ArchiveService::NewStub(camera_->channel());
-  stage_stub_ = v1::StageService::NewStub(camera_->channel());
+absl::Status Capture::find_rig() {
+  GW_ASSIGN_OR_RETURN(links_, connect(rig_, sync_));
+  GW_ASSIGN_OR_RETURN(monitors_, links_.monitors());
+  session_.set_archive_address(links_.camera->address());
+  archive_stub_ = v1::ArchiveService::NewStub(links_.camera->channel());
+  stage_stub_ = v1::StageService::NewStub(links_.camera->channel());
   GW_ASSIGN_OR_RETURN(steps_, expand(session_.plan(), monitors_));
   return absl::OkStatus();
 }
@@ -129,19 +117,20 @@ absl::Status Capture::open_archive() {
   header.set_created(session_.created());
   header.set_generator(fmt::format("glasswing-server {}", kVersion));
   for (const v1::Monitor& monitor : monitors_) *header.add_monitors() = monitor;
-  *header.mutable_camera() = camera_info_.camera();
+  *header.mutable_camera() = links_.camera_info.camera();
   *header.mutable_plan() = session_.plan();
   v1::CreateArchiveResponse created;
   grpc::ClientContext create_context;
   set_deadline(create_context, kNodeCall);
   GW_RETURN_IF_ERROR(
-      from_grpc(archive_stub_->CreateArchive(&create_context, create, &created), camera_->title()));
+      from_grpc(archive_stub_->CreateArchive(&create_context, create, &created), links_.camera->title()));
   v1::GetManifestRequest get;
   get.set_session(session_.name());
   v1::GetManifestResponse manifest;
   grpc::ClientContext get_context;
   set_deadline(get_context, kNodeCall);
-  GW_RETURN_IF_ERROR(from_grpc(archive_stub_->GetManifest(&get_context, get, &manifest), camera_->title()));
+  GW_RETURN_IF_ERROR(
+      from_grpc(archive_stub_->GetManifest(&get_context, get, &manifest), links_.camera->title()));
   session_.set_patch_proven_count(0);
   session_.clear_warning();
   for (const v1::Frame& frame : manifest.manifest().frames()) note_proven(frame);
@@ -159,7 +148,7 @@ absl::Status Capture::send_images() {
   for (const std::string& image : images) {
     GW_RETURN_IF_ERROR(check_name("image", image));
     GW_ASSIGN_OR_RETURN(const std::string bytes, read_file(images_ / image));
-    for (const auto& display : displays_) {
+    for (const auto& display : links_.displays) {
       grpc::ClientContext context;
       set_deadline(context, kNodeCall);
       v1::PutImageResponse response;
@@ -182,17 +171,17 @@ absl::StatusOr<bool> Capture::move_object(bool present) {
   v1::MoveObjectResponse response;
   grpc::ClientContext context;
   set_deadline(context, std::chrono::minutes(2));
-  GW_RETURN_IF_ERROR(from_grpc(stage_stub_->MoveObject(&context, request, &response), camera_->title()));
+  GW_RETURN_IF_ERROR(
+      from_grpc(stage_stub_->MoveObject(&context, request, &response), links_.camera->title()));
   return !response.needs_operator();
 }
 
 absl::Status Capture::take(const Group& group, std::stop_token stop) {
   const nanoseconds began = monotonic_now();
   const double before_s = session_.capture_seconds();
-  Recording frames(*camera_, *camera_stub_, group.exposure_ms);
+  Recording frames(*links_.camera, *links_.camera_stub, group.exposure_ms);
   GW_RETURN_IF_ERROR(frames.camera.wait_running(stop));
-  GW_RETURN_IF_ERROR(camera_->exchange_clocks(8));
-  for (const auto& display : displays_) GW_RETURN_IF_ERROR(display->link.exchange_clocks(8));
+  GW_RETURN_IF_ERROR(links_.exchange_clocks(8));
   const int refused_before = session_.refused_count();
   std::vector<Step> pending = group.steps;
   for (int shown = 0; !pending.empty(); ++shown) {
@@ -221,7 +210,7 @@ absl::Status Capture::unproven(const Group& group, const std::vector<Step>& step
   return absl::FailedPreconditionError(fmt::format(
       "{}; the camera's exposures ({} ms at {} fps) must fit between a picture's settling and the "
       "next one: try a shorter exposure_ms or a larger hold_refreshes",
-      what, group.exposure_ms, camera_info_.frame_rate_hz()));
+      what, group.exposure_ms, links_.camera_info.frame_rate_hz()));
 }
 
 // Loads into every display what it shows; returns how many monitors will report each step.
@@ -230,7 +219,7 @@ absl::StatusOr<int> Capture::load(const std::string& program, const std::vector<
   constexpr std::uint32_t kSpread = 40503, kIds = 1u << IdPatch::kBits;
   for (const Step& step : steps) patch_ids_[step.number] = ++showings_ * kSpread % kIds;
   int monitor_count = 0;
-  for (const auto& display : displays_) {
+  for (const auto& display : links_.displays) {
     v1::LoadProgramRequest load;
     load.set_program(program);
     load.set_hold_refreshes(hold_refreshes_of(session_.plan()));
@@ -268,7 +257,7 @@ absl::Status Capture::play(const std::vector<Step>& pending, Recording& frames, 
   GW_ASSIGN_OR_RETURN(const int monitor_count, load(program, steps));
   const nanoseconds start_at = monotonic_now() + start_lead_;
   std::vector<const DisplayLink*> displays;
-  for (const auto& display : displays_) displays.push_back(display.get());
+  for (const auto& display : links_.displays) displays.push_back(display.get());
   const nanoseconds step = common_step(displays, hold_refreshes_of(session_.plan()));
   std::vector<std::unique_ptr<DisplayFeed>> feeds;
   for (const DisplayLink* display : displays)
@@ -283,7 +272,7 @@ absl::Status Capture::play(const std::vector<Step>& pending, Recording& frames, 
       // The end is looked at first: what was pushed before it is then surely taken.
       const std::optional<absl::Status> end = feeds[i]->inbox.end();
       for (const v1::Presentation& shown : feeds[i]->inbox.take()) {
-        const MonitorWindow window = rig_time_of(shown, *displays_[i]);
+        const MonitorWindow window = rig_time_of(shown, *links_.displays[i]);
         last_replaced = std::max(last_replaced.value_or(window.replaced), window.replaced);
         if (window.step == kNoStep) continue;
         std::vector<MonitorWindow>& reported = incomplete[window.step];
@@ -315,8 +304,7 @@ absl::Status Capture::play(const std::vector<Step>& pending, Recording& frames, 
     }
     if (now - frames.clocks_at > std::chrono::seconds(1)) {
       frames.clocks_at = now;
-      GW_RETURN_IF_ERROR(camera_->exchange_clocks(1));
-      for (const auto& display : displays_) GW_RETURN_IF_ERROR(display->link.exchange_clocks(1));
+      GW_RETURN_IF_ERROR(links_.exchange_clocks(1));
     }
     std::this_thread::sleep_for(kPoll);
   }
@@ -328,10 +316,10 @@ void Capture::take_frames(Recording& frames) {
     session_.set_frames_taken(session_.frames_taken() + 1);
     const double asked_ms = frames.camera.exposure_ms();
     const bool as_asked = std::abs(frame.exposure_ms() - asked_ms) <= 0.01 * asked_ms &&
-                          frame.width_px() == camera_info_.camera().width_px() &&
-                          frame.height_px() == camera_info_.camera().height_px();
+                          frame.width_px() == links_.camera_info.camera().width_px() &&
+                          frame.height_px() == links_.camera_info.camera().height_px();
     if (!as_asked) continue;
-    frames.matcher.add_frame(rig_time_of(frame, *camera_));
+    frames.matcher.add_frame(rig_time_of(frame, *links_.camera));
     frames.recent.emplace(frame.sequence(), std::move(frame));
     if (frames.recent.size() > kRecentFrames) frames.recent.erase(frames.recent.begin());
   }
@@ -388,6 +376,8 @@ absl::StatusOr<v1::KeepFramesResponse> Capture::keep(const std::vector<FrameMatc
   v1::KeepFramesRequest request;
   request.set_session(session_.name());
   for (std::string& monitor : patches_given_up(frames)) request.add_accept_unseen_patches(std::move(monitor));
+  const bool has_patches = std::any_of(monitors_.begin(), monitors_.end(),
+                                       [](const v1::Monitor& monitor) { return monitor.patch_rows() > 0; });
   for (const FrameMatcher::Match& match : matches) {
     const v1::FrameTaken& taken = frames.recent.at(match.frame.sequence);
     const Step& step = steps_.at(static_cast<size_t>(match.step));
@@ -400,11 +390,12 @@ absl::StatusOr<v1::KeepFramesResponse> Capture::keep(const std::vector<FrameMatc
     frame.set_exposure_start_ns(match.frame.start.count());
     frame.set_exposure_end_ns(match.frame.end.count());
     frame.set_sequence(match.frame.sequence);
-    if (has_patches_ && !is_lesson(step)) frame.set_patch_id(patch_ids_.at(step.number));
+    if (has_patches && !is_lesson(step)) frame.set_patch_id(patch_ids_.at(step.number));
   }
   grpc::ClientContext context;
   set_deadline(context, std::chrono::minutes(1));
-  GW_RETURN_IF_ERROR(from_grpc(camera_stub_->KeepFrames(&context, request, &response), camera_->title()));
+  GW_RETURN_IF_ERROR(
+      from_grpc(links_.camera_stub->KeepFrames(&context, request, &response), links_.camera->title()));
   for (const v1::Frame& frame : response.frames()) note_proven(frame);
   session_.set_refused_count(session_.refused_count() + response.refused());
   report_(session_);
@@ -424,7 +415,7 @@ absl::Status Capture::seal() {
   v1::SealArchiveResponse response;
   grpc::ClientContext context;
   set_deadline(context, kNodeCall);
-  return from_grpc(archive_stub_->SealArchive(&context, request, &response), camera_->title());
+  return from_grpc(archive_stub_->SealArchive(&context, request, &response), links_.camera->title());
 }
 
 }  // namespace glasswing

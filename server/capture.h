@@ -74,7 +74,7 @@ class Capture {
     int vain_lessons = 0;                  // showings that ended there
   };
 
-  absl::Status connect();
+  absl::Status find_rig();
   absl::Status open_archive();
   absl::Status send_images();
   // False: a person has to move it.
@@ -101,21 +101,17 @@ class Capture {
   const std::optional<bool> object_confirmed_;
   const std::function<void(const v1::Session&)> report_;
 
-  std::vector<std::unique_ptr<DisplayLink>> displays_;
-  std::unique_ptr<NodeLink> camera_;
-  std::unique_ptr<v1::CameraService::Stub> camera_stub_;
+  RigLinks links_;
   std::unique_ptr<v1::ArchiveService::Stub> archive_stub_;
   std::unique_ptr<v1::StageService::Stub> stage_stub_;
-  v1::GetCameraResponse camera_info_;
   std::vector<v1::Monitor> monitors_;
   std::vector<Step> steps_;
   std::set<int> proven_;
   int program_number_ = 0;
   nanoseconds start_lead_ = std::chrono::milliseconds(120);  // from a program's command to its first step
-  bool has_patches_ = false;
-  std::uint32_t showings_ = 0;              // so far, of any step
-  std::map<int, std::uint32_t> patch_ids_;  // by step, of its last showing
-  std::set<std::string> unseen_patches_;    // monitors whose steps do without
+  std::uint32_t showings_ = 0;                               // so far, of any step
+  std::map<int, std::uint32_t> patch_ids_;                   // by step, of its last showing
+  std::set<std::string> unseen_patches_;                     // monitors whose steps do without
 };
 
 }  // namespace glasswing

@@ -151,16 +151,18 @@ class RigCheck {
       white.set_kind("solid");
       white.set_panel(monitors_[static_cast<size_t>(i) % monitors_.size()].name());
     }
-    // Last, so that their frames are still with the camera afterwards.
-    for (const v1::DisplayMonitor& monitor : monitors_) {
-      if (monitor.patch_rows() == 0) continue;
-      for (const std::uint16_t id : patch_learning_ids()) {
-        v1::ProgramStep& step = trial.steps.emplace_back();
-        step.set_step(static_cast<int>(trial.steps.size()) - 1);
-        v1::Stimulus& patch = *step.add_stimuli();
-        patch.set_kind("patch");
-        patch.set_panel(monitor.name());
-        patch.set_patch_id(id);
+    // Last, so that their frames are still with the camera afterwards; twice, as in a capture.
+    for (int showing = 0; showing < 2; ++showing) {
+      for (const v1::DisplayMonitor& monitor : monitors_) {
+        if (monitor.patch_rows() == 0) continue;
+        for (const std::uint16_t id : patch_learning_ids()) {
+          v1::ProgramStep& step = trial.steps.emplace_back();
+          step.set_step(static_cast<int>(trial.steps.size()) - 1);
+          v1::Stimulus& patch = *step.add_stimuli();
+          patch.set_kind("patch");
+          patch.set_panel(monitor.name());
+          patch.set_patch_id(id);
+        }
       }
     }
     return trial;
@@ -221,15 +223,18 @@ class RigCheck {
   absl::Status check_patches(const RigLinks& links, const Trial& trial, const TrialTimes& times,
                              const TrialRecord& record) {
     v1::LookForPatchesRequest look;
+    std::set<std::pair<std::string, std::uint32_t>> learnt;  // monitor and id
     for (const StableWindow& window : times.windows) {
       const v1::ProgramStep& step = trial.steps.at(static_cast<size_t>(window.step));
       const auto frame = std::find_if(times.frames.begin(), times.frames.end(),
                                       [&](const FrameTime& each) { return proves(each, window); });
-      if (step.stimuli(0).kind() != "patch" || frame == times.frames.end()) continue;
+      const v1::Stimulus& shown = step.stimuli(0);
+      if (shown.kind() != "patch" || frame == times.frames.end()) continue;
+      if (!learnt.emplace(shown.panel(), shown.patch_id()).second) continue;
       v1::Frame& lesson = *look.add_frames();
       lesson.set_sequence(frame->sequence);
       lesson.set_exposure_ms(record.frames.front().exposure_ms());
-      *lesson.mutable_stimulus() = step.stimuli(0);
+      *lesson.mutable_stimulus() = shown;
     }
     v1::LookForPatchesResponse found;
     grpc::ClientContext context;

@@ -2,7 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <set>
+
 #include "core/base/status.h"
+#include "core/service/monitor.h"
 #include "core/service/service.h"
 
 namespace glasswing {
@@ -10,6 +13,7 @@ namespace glasswing {
 NodeLink::NodeLink(const v1::Node& node)
     : title_(fmt::format("{} node \"{}\" at {}", node.kind() == v1::NODE_KIND_CAMERA ? "camera" : "display",
                          node.name(), node.address())),
+      address_(node.address()),
       channel_(dial(node.address())),
       stub_(v1::ClockService::NewStub(dial(node.address()))) {}
 
@@ -64,41 +68,43 @@ const v1::DisplayMonitor* DisplayLink::monitor(const std::string& name) const {
   return nullptr;
 }
 
-absl::StatusOr<RigDescription> describe_rig(const Rig& rig) {
-  RigDescription description;
+absl::Status RigLinks::exchange_clocks(int count) {
+  GW_RETURN_IF_ERROR(camera->exchange_clocks(count));
+  for (const auto& display : displays) GW_RETURN_IF_ERROR(display->link.exchange_clocks(count));
+  return absl::OkStatus();
+}
+
+absl::StatusOr<RigLinks> connect(const Rig& rig, const SyncStore& sync) {
+  RigLinks links;
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Node> displays, rig.displays());
   for (const v1::Node& node : displays) {
-    const NodeLink link(node);
-    grpc::ClientContext context;
-    set_deadline(context, kNodeCall);
-    v1::GetDisplayResponse info;
-    GW_RETURN_IF_ERROR(from_grpc(v1::DisplayService::NewStub(link.channel())->GetDisplay(&context, {}, &info),
-                                 link.title()));
-    for (const v1::DisplayMonitor& shown : info.monitors()) {
-      v1::Monitor monitor;
-      monitor.set_name(shown.name());
-      monitor.set_width_px(shown.width_px());
-      monitor.set_height_px(shown.height_px());
-      monitor.set_patch_rows(shown.patch_rows());
-      monitor.set_refresh_hz(shown.refresh_hz());
-      monitor.set_response(shown.response());
-      for (const v1::Monitor& other : description.monitors) {
-        if (other.name() == monitor.name()) {
-          return absl::FailedPreconditionError(fmt::format(
-              "two monitors of the rig are called \"{}\"; give one another name", monitor.name()));
-        }
-      }
-      description.monitors.push_back(std::move(monitor));
-    }
+    links.displays.push_back(std::make_unique<DisplayLink>(node));
+    GW_RETURN_IF_ERROR(links.displays.back()->describe());
+    links.displays.back()->use(sync);
   }
   GW_ASSIGN_OR_RETURN(const v1::Node camera, rig.camera());
-  const NodeLink link(camera);
+  links.camera = std::make_unique<NodeLink>(camera);
+  links.camera_stub = v1::CameraService::NewStub(links.camera->channel());
   grpc::ClientContext context;
   set_deadline(context, kNodeCall);
   GW_RETURN_IF_ERROR(
-      from_grpc(v1::CameraService::NewStub(link.channel())->GetCamera(&context, {}, &description.camera),
-                link.title()));
-  return description;
+      from_grpc(links.camera_stub->GetCamera(&context, {}, &links.camera_info), links.camera->title()));
+  return links;
+}
+
+absl::StatusOr<std::vector<v1::Monitor>> RigLinks::monitors() const {
+  std::vector<v1::Monitor> monitors;
+  std::set<std::string> names;
+  for (const auto& display : displays) {
+    for (const v1::DisplayMonitor& shown : display->info.monitors()) {
+      if (!names.insert(shown.name()).second) {
+        return absl::FailedPreconditionError(
+            fmt::format("two monitors of the rig are called \"{}\"; give one another name", shown.name()));
+      }
+      monitors.push_back(listed_monitor(shown));
+    }
+  }
+  return monitors;
 }
 
 }  // namespace glasswing

@@ -29,13 +29,14 @@ class NodeLink {
   explicit NodeLink(const v1::Node& node);
   // "camera node \"camera-1\" at 127.0.0.1:7442"
   const std::string& title() const { return title_; }
+  const std::string& address() const { return address_; }
   const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
   absl::Status exchange_clocks(int count);
   ClockReading rig_from_node(nanoseconds node_time) const;
   ClockReading node_from_rig(nanoseconds rig_time) const;
 
  private:
-  std::string title_;
+  std::string title_, address_;
   std::shared_ptr<grpc::Channel> channel_;
   // On a connection of its own: behind the camera's stream of frames an exchange takes longer, and one way
   // only.
@@ -59,11 +60,18 @@ struct DisplayLink {
   std::map<std::string, v1::MonitorSync> sync;  // by monitor; for those without, what `info` declares holds
 };
 
-// The monitors and the camera that are there now.
-struct RigDescription {
-  std::vector<v1::Monitor> monitors;
-  v1::GetCameraResponse camera;
+// Links to every display and the camera.
+struct RigLinks {
+  std::vector<std::unique_ptr<DisplayLink>> displays;
+  std::unique_ptr<NodeLink> camera;
+  std::unique_ptr<v1::CameraService::Stub> camera_stub;
+  v1::GetCameraResponse camera_info;
+
+  absl::Status exchange_clocks(int count);
+  // FAILED_PRECONDITION: two have the same name.
+  absl::StatusOr<std::vector<v1::Monitor>> monitors() const;
 };
-absl::StatusOr<RigDescription> describe_rig(const Rig& rig);
+// UNAVAILABLE: a node is away.
+absl::StatusOr<RigLinks> connect(const Rig& rig, const SyncStore& sync);
 
 }  // namespace glasswing

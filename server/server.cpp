@@ -143,13 +143,15 @@ absl::StatusOr<v1::Session> Server::create(const v1::CreateSessionRequest& reque
   const absl::StatusOr<v1::Session> before = catalogue_->find_request(request.request_id());
   if (!absl::IsNotFound(before.status())) return before;
   GW_RETURN_IF_ERROR(check_plan(request.plan()));
-  GW_ASSIGN_OR_RETURN(const RigDescription rig, describe_rig(rig_));
-  GW_ASSIGN_OR_RETURN(const std::vector<Step> steps, expand(request.plan(), rig.monitors));
+  GW_ASSIGN_OR_RETURN(const RigLinks links, connect(rig_, *sync_));
+  GW_ASSIGN_OR_RETURN(const std::vector<v1::Monitor> monitors, links.monitors());
+  GW_ASSIGN_OR_RETURN(const std::vector<Step> steps, expand(request.plan(), monitors));
+  const v1::GetCameraResponse& camera = links.camera_info;
   for (const Step& step : steps) {
-    if (step.exposure_ms < rig.camera.min_exposure_ms() || step.exposure_ms > rig.camera.max_exposure_ms()) {
+    if (step.exposure_ms < camera.min_exposure_ms() || step.exposure_ms > camera.max_exposure_ms()) {
       return absl::InvalidArgumentError(fmt::format("exposure_ms is {}; the camera takes {} to {} ms",
-                                                    step.exposure_ms, rig.camera.min_exposure_ms(),
-                                                    rig.camera.max_exposure_ms()));
+                                                    step.exposure_ms, camera.min_exposure_ms(),
+                                                    camera.max_exposure_ms()));
     }
     const std::string& image = step.stimulus.image();
     if (!image.empty() && (!check_name("image", image).ok() || !fs::exists(data_ / "images" / image))) {
@@ -172,8 +174,8 @@ absl::StatusOr<v1::Session> Server::create(const v1::CreateSessionRequest& reque
   *session.mutable_plan() = request.plan();
   session.set_method(request.plan().method());
   session.set_step_count(static_cast<int>(steps.size()));
-  session.set_pixel_count(static_cast<std::int64_t>(rig.camera.camera().width_px()) *
-                          rig.camera.camera().height_px());
+  session.set_pixel_count(static_cast<std::int64_t>(camera.camera().width_px()) *
+                          camera.camera().height_px());
   session.set_state(v1::SESSION_STATE_CREATED);
 
   const std::lock_guard lock(mutex_);

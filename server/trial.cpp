@@ -36,30 +36,6 @@ absl::Status load(const DisplayLink& display, const std::string& program, const 
 
 }  // namespace
 
-absl::Status RigLinks::exchange_clocks(int count) {
-  GW_RETURN_IF_ERROR(camera->exchange_clocks(count));
-  for (const auto& display : displays) GW_RETURN_IF_ERROR(display->link.exchange_clocks(count));
-  return absl::OkStatus();
-}
-
-absl::StatusOr<RigLinks> connect(const Rig& rig, const SyncStore& sync) {
-  RigLinks links;
-  GW_ASSIGN_OR_RETURN(const std::vector<v1::Node> displays, rig.displays());
-  for (const v1::Node& node : displays) {
-    links.displays.push_back(std::make_unique<DisplayLink>(node));
-    GW_RETURN_IF_ERROR(links.displays.back()->describe());
-    links.displays.back()->use(sync);
-  }
-  GW_ASSIGN_OR_RETURN(const v1::Node camera, rig.camera());
-  links.camera = std::make_unique<NodeLink>(camera);
-  links.camera_stub = v1::CameraService::NewStub(links.camera->channel());
-  grpc::ClientContext context;
-  set_deadline(context, kNodeCall);
-  GW_RETURN_IF_ERROR(
-      from_grpc(links.camera_stub->GetCamera(&context, {}, &links.camera_info), links.camera->title()));
-  return links;
-}
-
 absl::StatusOr<TrialRecord> run_trial(RigLinks& rig, const Trial& trial, std::stop_token stop) {
   CameraFeed camera(*rig.camera, *rig.camera_stub, trial.exposure_ms);
   GW_RETURN_IF_ERROR(camera.wait_running(stop));

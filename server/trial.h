@@ -12,18 +12,6 @@
 
 namespace glasswing {
 
-// Links to every display and the camera.
-struct RigLinks {
-  std::vector<std::unique_ptr<DisplayLink>> displays;
-  std::unique_ptr<NodeLink> camera;
-  std::unique_ptr<v1::CameraService::Stub> camera_stub;
-  v1::GetCameraResponse camera_info;
-
-  absl::Status exchange_clocks(int count);
-};
-// UNAVAILABLE: a node is away.
-absl::StatusOr<RigLinks> connect(const Rig& rig, const SyncStore& sync);
-
 struct Trial {
   std::vector<DisplayLink*> displays;  // those that play
   std::vector<v1::ProgramStep> steps;  // each display takes the stimuli of its own monitors
