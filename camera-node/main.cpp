@@ -80,10 +80,10 @@ struct RealCameras {
 };
 
 // Developed pictures have more contrast than their gamma gives them.
-constexpr ToneCurve kSCurve{.exponent = 1.0f / 2.2f, .contrast = 0.5f};
+constexpr SensorCurve kSCurve{.exponent = 1.0f / 2.2f, .contrast = 0.5f};
 
-absl::StatusOr<ToneCurve> parse_response(const std::string& text) {
-  if (text == "linear") return ToneCurve();
+absl::StatusOr<SensorCurve> parse_response(const std::string& text) {
+  if (text == "linear") return SensorCurve();
   if (text == "s-curve") return kSCurve;
   double gamma = 0.0;
   int read = 0;
@@ -92,7 +92,7 @@ absl::StatusOr<ToneCurve> parse_response(const std::string& text) {
     return absl::InvalidArgumentError("--response is " + text +
                                       "; it must be linear, s-curve, or gamma:G with G 0.2 to 5");
   }
-  return ToneCurve{.exponent = static_cast<float>(1.0 / gamma)};
+  return SensorCurve{.exponent = static_cast<float>(1.0 / gamma)};
 }
 
 int fail(const absl::Status& status) {
@@ -199,7 +199,7 @@ int main(int argc, char** argv) {
         absl::UnavailableError(fmt::format("cannot create {}: {}", archives.string(), error.message())));
   if (absl::Status status = write_file_durably(archives / ".writable", ""); !status.ok()) return fail(status);
 
-  const absl::StatusOr<ToneCurve> curve = parse_response(response);
+  const absl::StatusOr<SensorCurve> curve = parse_response(response);
   if (!curve.ok()) return fail(curve.status());
   sim.sensor.curve = *curve;
   sim.late = of_ms(late_ms);

@@ -40,7 +40,7 @@ v1::GetCameraResponse SimCamera::describe() const {
   camera.set_height_px(options_.height_px);
   camera.set_bits(options_.sensor.bits);
   // As of any camera that codes its light its own way, nothing is known but what a calibration finds.
-  const bool linear = options_.sensor.curve == ToneCurve() && options_.sensor.black_level == 0.0;
+  const bool linear = options_.sensor.curve == SensorCurve() && options_.sensor.black_level == 0.0;
   camera.set_response(linear ? "linear" : "unknown");
   if (linear) camera.set_read_sd(options_.sensor.read_sd);
   if (linear) camera.set_gain(options_.sensor.gain);

@@ -13,6 +13,7 @@
 #include "core/base/file.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
+#include "core/pattern/calibration_steps.h"
 #include "core/pattern/id_patch.h"
 
 namespace glasswing {
@@ -106,9 +107,28 @@ absl::Status check_sweep(const v1::Sweep& sweep, const Place& place) {
   return absl::OkStatus();
 }
 
+absl::Status check_calibration(const v1::Plan& plan, bool shows_nothing, const Place& place) {
+  if (plan.method() != kCalibrationMethod || !plan.has_calibration() || !shows_nothing ||
+      plan.has_white_every()) {
+    return place.bad(plan, "calibration", 0, plan.has_calibration() ? "given" : "left out",
+                     fmt::format("given with method \"{}\", without anything else to show, and only then",
+                                 kCalibrationMethod));
+  }
+  const v1::CalibrationFrames& frames = plan.calibration();
+  const Place here = place.nested(plan, "calibration", 0);
+  if (frames.of() != "camera" && frames.of() != "display")
+    return here.bad(frames, "of", 0, fmt::format("\"{}\"", frames.of()), "\"camera\" or \"display\"");
+  if (frames.has_takes() && !within(frames.takes(), 1, 100))
+    return here.bad(frames, "takes", 0, frames.takes(), "1 to 100");
+  if (frames.has_grays() && !within(frames.grays(), 6, 256))
+    return here.bad(frames, "grays", 0, frames.grays(), "6 to 256");
+  return absl::OkStatus();
+}
+
 absl::Status check(const v1::Plan& plan, const Place& place) {
-  if (plan.method() != "gaussian") {
-    return place.bad(plan, "method", 0, fmt::format("\"{}\"", plan.method()), "\"gaussian\"");
+  if (plan.method() != "gaussian" && plan.method() != kCalibrationMethod) {
+    return place.bad(plan, "method", 0, fmt::format("\"{}\"", plan.method()),
+                     fmt::format("\"gaussian\" or \"{}\"", kCalibrationMethod));
   }
   std::set<std::string> names;
   for (int i = 0; i < plan.monitors_size(); ++i) {
@@ -152,8 +172,15 @@ absl::Status check(const v1::Plan& plan, const Place& place) {
   if (plan.has_retries() && !within(plan.retries(), 0, 100)) {
     return place.bad(plan, "retries", 0, plan.retries(), "0 to 100");
   }
-  if (plan.sweeps().empty() && plan.solids().empty() && !plan.has_square_waves() && !plan.has_ramp() &&
-      plan.photos().empty()) {
+  if (plan.has_white_every() && !within(plan.white_every(), 2, 10000)) {
+    return place.bad(plan, "white_every", 0, plan.white_every(), "2 to 10000");
+  }
+  const bool shows_nothing = plan.sweeps().empty() && plan.solids().empty() && !plan.has_square_waves() &&
+                             !plan.has_ramp() && plan.photos().empty();
+  if (plan.has_calibration() || plan.method() == kCalibrationMethod) {
+    return check_calibration(plan, shows_nothing, place);
+  }
+  if (shows_nothing) {
     return place.bad(plan, "sweeps", 0, "empty, and so is everything else",
                      "at least one sweep, solid, ramp or photo");
   }
@@ -221,9 +248,31 @@ void add_patch_learning(const v1::Monitor& monitor, std::vector<v1::Stimulus>& o
   }
 }
 
+// White and black first, again after every `every` of the others, and last.
+std::vector<v1::Stimulus> with_white(std::vector<v1::Stimulus> stimuli, const v1::Monitor& monitor,
+                                     int every) {
+  std::vector<v1::Stimulus> out;
+  const auto add = [&] {
+    for (const double light : {1.0, 0.0}) {
+      out.push_back(stimulus_on(monitor.name(), "solid"));
+      for (int c = 0; c < 3; ++c) out.back().add_colour(light);
+    }
+  };
+  add();
+  for (size_t i = 0; i < stimuli.size(); ++i) {
+    out.push_back(std::move(stimuli[i]));
+    if ((i + 1) % static_cast<size_t>(every) == 0 || i + 1 == stimuli.size()) add();
+  }
+  return out;
+}
+
 // What one monitor shows in its turn.
 std::vector<v1::Stimulus> stimuli_of(const v1::Plan& plan, const v1::Monitor& monitor, bool object) {
   std::vector<v1::Stimulus> out;
+  if (plan.has_calibration()) {
+    if (!object) out = calibration_stimuli(plan.calibration(), monitor);
+    return out;
+  }
   for (const v1::Solid& solid : plan.solids()) {
     v1::Stimulus stimulus = stimulus_on(monitor.name(), "solid");
     *stimulus.mutable_colour() = solid.colour();
@@ -231,8 +280,10 @@ std::vector<v1::Stimulus> stimuli_of(const v1::Plan& plan, const v1::Monitor& mo
   }
   if (plan.has_square_waves()) add_square_waves(plan.square_waves(), monitor, out);
   if (plan.has_ramp()) out.push_back(stimulus_on(monitor.name(), "ramp"));
-  if (!object) return out;
-  for (const v1::Sweep& sweep : plan.sweeps()) add_sweep(sweep, monitor, out);
+  if (object) {
+    for (const v1::Sweep& sweep : plan.sweeps()) add_sweep(sweep, monitor, out);
+  }
+  if (plan.has_white_every()) out = with_white(std::move(out), monitor, plan.white_every());
   return out;
 }
 
@@ -298,7 +349,10 @@ absl::StatusOr<std::vector<Step>> expand(const v1::Plan& plan, const std::vector
   for (const bool object : {false, true}) {
     if (!object && plan.skip_empty_stage()) continue;
     std::vector<v1::Stimulus> stimuli;
-    for (const v1::Monitor& monitor : used) add_patch_learning(monitor, stimuli);
+    // An exposure that suits a measurement may be too dark or too bright for a patch.
+    for (const v1::Monitor& monitor : used) {
+      if (!plan.has_calibration()) add_patch_learning(monitor, stimuli);
+    }
     for (const v1::Monitor& monitor : used) {
       for (v1::Stimulus& stimulus : stimuli_of(plan, monitor, object)) stimuli.push_back(std::move(stimulus));
     }

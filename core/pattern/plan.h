@@ -16,6 +16,7 @@
 namespace glasswing {
 
 inline constexpr int kDefaultHoldRefreshes = 2;
+inline constexpr std::string_view kCalibrationMethod = "calibration";
 inline constexpr int kDefaultRetries = 10;
 inline constexpr double kDefaultExposureMs = 4.0;
 

@@ -95,7 +95,7 @@ void StandardNormals(std::uint64_t seed, std::int64_t stream, std::uint32_t bloc
   }
 }
 
-hn::Vec<F> Coded(const ToneCurve& curve, hn::Vec<F> linear) {
+hn::Vec<F> Coded(const SensorCurve& curve, hn::Vec<F> linear) {
   const F d;
   // 0 has no logarithm; so little light is no code.
   const auto above_zero = hn::Max(linear, hn::Set(d, 1e-30f));
@@ -112,7 +112,7 @@ void Respond(const SampleResponse& response, const float* radiance, const float*
   const auto levels = hn::Set(d, static_cast<float>(response.levels));
   const auto int_levels = hn::Set(di, response.levels);
   const auto to_16_bits = hn::Set(d, 65535.0f / static_cast<float>(response.levels));
-  const bool curved = response.curve != ToneCurve();
+  const bool curved = response.curve != SensorCurve();
   for (size_t i = 0; i < kSampleBlock; i += hn::Lanes(d)) {
     const auto value = hn::Mul(hn::LoadU(d, radiance + i), hn::Set(d, response.scale));
     const auto variance = hn::MulAdd(hn::Set(d, response.gain), hn::Max(value, hn::Zero(d)),

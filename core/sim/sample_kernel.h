@@ -18,10 +18,10 @@ void standard_normals(std::uint64_t seed, std::int64_t stream, std::uint32_t blo
 
 // How a camera codes its samples, after the noise: u = linear^exponent, then (1 - contrast) * u + contrast *
 // (3 u^2 - 2 u^3), which rises from 0 to 1 as linear does.
-struct ToneCurve {
+struct SensorCurve {
   float exponent = 1.0f;  // more than 0
   float contrast = 0.0f;  // 0 to 1
-  friend bool operator==(const ToneCurve&, const ToneCurve&) = default;
+  friend bool operator==(const SensorCurve&, const SensorCurve&) = default;
 };
 
 // value = scale * radiance;  noisy = value + sqrt(read_variance + gain * value) * deviate;
@@ -31,7 +31,7 @@ struct SampleResponse {
   float read_variance = 0.0f;
   float gain = 0.0f;
   float black = 0.0f;
-  ToneCurve curve = {};
+  SensorCurve curve = {};
   int levels = 65535;  // codes are 0 to this; they are stored on the 16-bit scale
 };
 void respond(const SampleResponse& response, std::span<const float, kSampleBlock> radiance,

@@ -22,7 +22,7 @@ struct SensorModel {
   double gain = 1e-5;                                  // shot noise: variance per value
   double vignetting = 0.0;                             // of the middle's light, what corners lack: fall_off.h
   double black_level = 0.0;                            // what no light reads, of full scale
-  ToneCurve curve = {};                                // linear
+  SensorCurve curve = {};                              // linear
   int bits = 12;                                       // 8 to 16; samples are stored on the 16-bit scale
   nanoseconds readout = std::chrono::milliseconds(2);  // first row's start to last row's start
   double full_scale_exposure_ms = 4.5;                 // at which radiance 1.0 reads 1.0

@@ -245,13 +245,13 @@ double coded(const SensorModel& model, double value) {
   return (1.0 - contrast) * u + contrast * (3.0 - 2.0 * u) * u * u;
 }
 
-constexpr ToneCurve kGamma{.exponent = 1.0f / 2.2f};
-constexpr ToneCurve kSCurve{.exponent = 1.0f / 2.2f, .contrast = 0.5f};
+constexpr SensorCurve kGamma{.exponent = 1.0f / 2.2f};
+constexpr SensorCurve kSCurve{.exponent = 1.0f / 2.2f, .contrast = 0.5f};
 
 TEST(Expose, CodesFollowBlackLevelAndCurve) {
   RadianceImage light(100, 100);
   for (size_t i = 0; i < light.samples.size(); ++i) light.samples[i] = static_cast<float>(i) / 25000.0f;
-  for (const ToneCurve& curve : {ToneCurve(), kGamma, kSCurve}) {
+  for (const SensorCurve& curve : {SensorCurve(), kGamma, kSCurve}) {
     for (const double black_level : {0.0, 0.0625}) {
       SensorModel model = kNoiseless;
       model.curve = curve;
