@@ -1,3 +1,5 @@
+#include "client/capture.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -74,8 +76,18 @@ absl::Status capture(const Client& client, const std::string& plan_path, const s
   GW_ASSIGN_OR_RETURN(*request.mutable_plan(), read_plan(plan_path));
   const Peer<v1::SessionService> server(client.server_title(), client.server);
   GW_RETURN_IF_ERROR(upload_photos(client, server, plan_path, *request.mutable_plan()));
-  request.set_request_id(random_request_id());
   request.set_name(name);
+  GW_ASSIGN_OR_RETURN(const v1::Session session, create_session(client, std::move(request)));
+  if (watch) return follow_to_outcome(client, session.name());
+  print_session(session, client.json);
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<v1::Session> create_session(const Client& client, v1::CreateSessionRequest request) {
+  const Peer<v1::SessionService> server(client.server_title(), client.server);
+  request.set_request_id(random_request_id());
   absl::StatusOr<v1::CreateSessionResponse> created =
       call(server, &v1::SessionService::Stub::CreateSession, request, kLongCallTimeout);
   // The request id makes asking again safe when only the answer was lost.
@@ -83,12 +95,8 @@ absl::Status capture(const Client& client, const std::string& plan_path, const s
     created = call(server, &v1::SessionService::Stub::CreateSession, request, kLongCallTimeout);
   }
   GW_RETURN_IF_ERROR(created.status());
-  if (watch) return follow_to_outcome(client, created->session().name());
-  print_session(created->session(), client.json);
-  return absl::OkStatus();
+  return std::move(*created->mutable_session());
 }
-
-}  // namespace
 
 void add_capture_command(CLI::App& app, Client& client) {
   struct Arguments {

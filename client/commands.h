@@ -24,6 +24,6 @@ void add_compare_command(CLI::App& app, Client& client);
 void add_convert_command(CLI::App& app, Client& client);
 void add_doctor_command(CLI::App& app, Client& client);
 void add_preview_command(CLI::App& app, Client& client);
-void add_calibrate_commands(CLI::App& app, Client& client);  // sync
+void add_calibrate_commands(CLI::App& app, Client& client);  // all, camera, display, sync, list, forget
 
 }  // namespace glasswing

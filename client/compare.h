@@ -22,4 +22,9 @@ struct Difference {
 // differ, or no pixel is covered.
 absl::StatusOr<Difference> difference_of(const RadianceImage& a, const RadianceImage& b, const Matte* matte);
 
+// `a` with the gain and offset of each channel that bring it nearest to `b` (least squares over the same
+// pixels): for pictures of two exposures, or before and after somebody drew a curtain. Errors are those of
+// difference_of().
+absl::StatusOr<RadianceImage> matched(const RadianceImage& a, const RadianceImage& b, const Matte* matte);
+
 }  // namespace glasswing

@@ -68,7 +68,7 @@ absl::StatusOr<Estimate> estimate_of(const v1::Plan& plan, const absl::StatusOr<
     estimate.assumed.push_back(fmt::format("{} refreshes at {} Hz", monitor.name(), kAssumedRefresh_hz));
   }
   if (rig.ok() && rig->camera) {
-    estimate.camera = *rig->camera;
+    estimate.camera = rig->camera->camera();
   } else {
     estimate.camera.set_width_px(estimate.monitors[0].width_px());
     estimate.camera.set_height_px(estimate.monitors[0].height_px());

@@ -30,9 +30,7 @@ absl::StatusOr<RigView> look_at_rig(const Client& client) {
     if (node.kind() == v1::NODE_KIND_DISPLAY) GW_RETURN_IF_ERROR(add_monitors(node, rig));
     if (node.kind() == v1::NODE_KIND_CAMERA && !rig.camera) {
       const Peer<v1::CameraService> camera("camera node at " + node.address(), node.address());
-      GW_ASSIGN_OR_RETURN(const v1::GetCameraResponse found,
-                          call(camera, &v1::CameraService::Stub::GetCamera, {}));
-      rig.camera = found.camera();
+      GW_ASSIGN_OR_RETURN(rig.camera, call(camera, &v1::CameraService::Stub::GetCamera, {}));
     }
   }
   return rig;

@@ -8,12 +8,13 @@
 
 #include "client/client.h"
 #include "glasswing/v1/archive.pb.h"
+#include "glasswing/v1/camera_service.pb.h"
 
 namespace glasswing {
 
 struct RigView {
-  std::vector<v1::Monitor> monitors;  // of all displays that are up
-  std::optional<v1::Camera> camera;   // the first that is up
+  std::vector<v1::Monitor> monitors;            // of all displays that are up
+  std::optional<v1::GetCameraResponse> camera;  // the first that is up
 };
 
 // UNAVAILABLE: the server or a node does not answer.

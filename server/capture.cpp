@@ -12,6 +12,7 @@
 #include "core/base/time.h"
 #include "core/pattern/id_patch.h"
 #include "core/service/service.h"
+#include "server/embed_calibrations.h"
 
 namespace glasswing {
 namespace {
@@ -41,10 +42,11 @@ bool is_lesson(const Step& step) {
 
 }  // namespace
 
-Capture::Capture(const Rig& rig, const SyncStore& sync, std::filesystem::path images, v1::Session session,
-                 std::optional<bool> object_confirmed, std::function<void(const v1::Session&)> report)
+Capture::Capture(const Rig& rig, const CalibrationStore& calibrations, std::filesystem::path images,
+                 v1::Session session, std::optional<bool> object_confirmed,
+                 std::function<void(const v1::Session&)> report)
     : rig_(rig),
-      sync_(sync),
+      calibrations_(calibrations),
       images_(std::move(images)),
       session_(std::move(session)),
       object_confirmed_(object_confirmed),
@@ -100,7 +102,7 @@ CaptureOutcome Capture::run(std::stop_token stop) {
 }
 
 absl::Status Capture::find_rig() {
-  GW_ASSIGN_OR_RETURN(links_, connect(rig_, sync_));
+  GW_ASSIGN_OR_RETURN(links_, connect(rig_, calibrations_));
   GW_ASSIGN_OR_RETURN(monitors_, links_.monitors());
   session_.set_archive_address(links_.camera->address());
   archive_stub_ = v1::ArchiveService::NewStub(links_.camera->channel());
@@ -119,6 +121,7 @@ absl::Status Capture::open_archive() {
   for (const v1::Monitor& monitor : monitors_) *header.add_monitors() = monitor;
   *header.mutable_camera() = links_.camera_info.camera();
   *header.mutable_plan() = session_.plan();
+  GW_RETURN_IF_ERROR(embed_calibrations(calibrations_, header));
   v1::CreateArchiveResponse created;
   grpc::ClientContext create_context;
   set_deadline(create_context, kNodeCall);
@@ -132,7 +135,10 @@ absl::Status Capture::open_archive() {
   GW_RETURN_IF_ERROR(
       from_grpc(archive_stub_->GetManifest(&get_context, get, &manifest), links_.camera->title()));
   session_.set_patch_proven_count(0);
-  session_.clear_warning();
+  // A session that goes on keeps to what its archive was begun with.
+  embedded_ = manifest.manifest();
+  embedded_.clear_frames();
+  session_.set_warning(uncalibrated_warning(embedded_));
   for (const v1::Frame& frame : manifest.manifest().frames()) note_proven(frame);
   session_.set_step_count(static_cast<int>(steps_.size()));
   session_.set_proven_count(static_cast<int>(proven_.size()));
@@ -223,6 +229,9 @@ absl::StatusOr<int> Capture::load(const std::string& program, const std::vector<
     v1::LoadProgramRequest load;
     load.set_program(program);
     load.set_hold_refreshes(hold_refreshes_of(session_.plan()));
+    for (const v1::DisplayCalibration& calibration : embedded_.display_calibrations()) {
+      if (display->monitor(calibration.monitor()) != nullptr) *load.add_calibrations() = calibration;
+    }
     for (const Step& step : steps) {
       v1::ProgramStep shown;
       shown.set_step(step.number);
@@ -380,6 +389,13 @@ absl::StatusOr<v1::KeepFramesResponse> Capture::keep(const std::vector<FrameMatc
                                        [](const v1::Monitor& monitor) { return monitor.patch_rows() > 0; });
   for (const FrameMatcher::Match& match : matches) {
     const v1::FrameTaken& taken = frames.recent.at(match.frame.sequence);
+    const double gain = embedded_.camera_calibration().gain();
+    if (gain != 0.0 && std::abs(taken.gain() - gain) > 0.01 * gain) {
+      return absl::FailedPreconditionError(fmt::format(
+          "the camera runs at gain {}, its calibration is of gain {}: set it back, or measure it again with "
+          "glasswing calibrate camera",
+          taken.gain(), gain));
+    }
     const Step& step = steps_.at(static_cast<size_t>(match.step));
     v1::Frame& frame = *request.add_frames();
     frame.set_object(step.object);

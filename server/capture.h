@@ -40,8 +40,9 @@ class Capture {
  public:
   // `images` holds what UploadImage stored. `object_confirmed`: a person has said that the object is (not) on
   // the stage. `report` is called with the counts brought up to date, from the thread that calls run().
-  Capture(const Rig& rig, const SyncStore& sync, std::filesystem::path images, v1::Session session,
-          std::optional<bool> object_confirmed, std::function<void(const v1::Session&)> report);
+  Capture(const Rig& rig, const CalibrationStore& calibrations, std::filesystem::path images,
+          v1::Session session, std::optional<bool> object_confirmed,
+          std::function<void(const v1::Session&)> report);
   ~Capture();
 
   CaptureOutcome run(std::stop_token stop);
@@ -95,7 +96,7 @@ class Capture {
   absl::Status seal();
 
   const Rig& rig_;
-  const SyncStore& sync_;
+  const CalibrationStore& calibrations_;
   const std::filesystem::path images_;
   v1::Session session_;
   const std::optional<bool> object_confirmed_;
@@ -105,6 +106,7 @@ class Capture {
   std::unique_ptr<v1::ArchiveService::Stub> archive_stub_;
   std::unique_ptr<v1::StageService::Stub> stage_stub_;
   std::vector<v1::Monitor> monitors_;
+  v1::CaptureManifest embedded_;  // the archive's header
   std::vector<Step> steps_;
   std::set<int> proven_;
   int program_number_ = 0;

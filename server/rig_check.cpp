@@ -21,20 +21,20 @@ constexpr nanoseconds kTrialTime = std::chrono::seconds(2);
 
 class RigCheck {
  public:
-  RigCheck(const Rig& rig, const SyncStore& sync, const v1::Plan& plan,
+  RigCheck(const Rig& rig, const CalibrationStore& calibrations, const v1::Plan& plan,
            const std::function<void(const v1::Finding&)>& report)
-      : rig_(rig), sync_(sync), plan_(plan), report_(report) {}
+      : rig_(rig), calibrations_(calibrations), plan_(plan), report_(report) {}
 
   absl::Status run(std::stop_token stop) {
     if (!check_nodes()) return absl::OkStatus();
-    absl::StatusOr<RigLinks> links = connect(rig_, sync_);
+    absl::StatusOr<RigLinks> links = connect(rig_, calibrations_);
     if (links.ok()) links->exchange_clocks(16).IgnoreError();  // the trial meets it again
     if (!links.ok()) return tell_status("nodes", links.status());
     if (!check_monitors(*links) || !check_exposures(*links)) return absl::OkStatus();
     check_clocks(*links);
     GW_RETURN_IF_ERROR(try_out(*links, stop));
     for (const v1::DisplayMonitor& monitor : monitors_)
-      report_(judge_sync(monitor, sync_.find(monitor.name())));
+      report_(judge_sync(monitor, calibrations_.sync(monitor.name())));
     return absl::OkStatus();
   }
 
@@ -254,7 +254,7 @@ class RigCheck {
   }
 
   const Rig& rig_;
-  const SyncStore& sync_;
+  const CalibrationStore& calibrations_;
   const v1::Plan& plan_;
   const std::function<void(const v1::Finding&)>& report_;
   std::vector<v1::DisplayMonitor> monitors_;  // those that a plan would light
@@ -263,10 +263,10 @@ class RigCheck {
 
 }  // namespace
 
-absl::Status check_rig(const Rig& rig, const SyncStore& sync, const v1::Plan& plan,
+absl::Status check_rig(const Rig& rig, const CalibrationStore& calibrations, const v1::Plan& plan,
                        const std::function<void(const v1::Finding&)>& report, std::stop_token stop) {
   if (!plan.method().empty()) GW_RETURN_IF_ERROR(check_plan(plan));
-  return RigCheck(rig, sync, plan, report).run(stop);
+  return RigCheck(rig, calibrations, plan, report).run(stop);
 }
 
 }  // namespace glasswing

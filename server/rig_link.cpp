@@ -54,9 +54,9 @@ absl::Status DisplayLink::describe() {
   return from_grpc(stub->GetDisplay(&context, {}, &info), link.title());
 }
 
-void DisplayLink::use(const SyncStore& store) {
+void DisplayLink::use(const CalibrationStore& store) {
   for (const v1::DisplayMonitor& each : info.monitors()) {
-    if (const std::optional<v1::MonitorSync> measured = store.find(each.name()))
+    if (const std::optional<v1::MonitorSync> measured = store.sync(each.name()))
       sync[each.name()] = *measured;
   }
 }
@@ -74,13 +74,13 @@ absl::Status RigLinks::exchange_clocks(int count) {
   return absl::OkStatus();
 }
 
-absl::StatusOr<RigLinks> connect(const Rig& rig, const SyncStore& sync) {
+absl::StatusOr<RigLinks> connect(const Rig& rig, const CalibrationStore& calibrations) {
   RigLinks links;
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Node> displays, rig.displays());
   for (const v1::Node& node : displays) {
     links.displays.push_back(std::make_unique<DisplayLink>(node));
     GW_RETURN_IF_ERROR(links.displays.back()->describe());
-    links.displays.back()->use(sync);
+    links.displays.back()->use(calibrations);
   }
   GW_ASSIGN_OR_RETURN(const v1::Node camera, rig.camera());
   links.camera = std::make_unique<NodeLink>(camera);

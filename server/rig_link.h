@@ -14,8 +14,8 @@
 #include "glasswing/v1/camera_service.grpc.pb.h"
 #include "glasswing/v1/clock_service.grpc.pb.h"
 #include "glasswing/v1/display_service.grpc.pb.h"
+#include "server/calibration_store.h"
 #include "server/rig.h"
-#include "server/sync_store.h"
 
 namespace glasswing {
 
@@ -50,7 +50,7 @@ struct DisplayLink {
   // Asks for `info`.
   absl::Status describe();
   // From now on measured lag and settling stand in `sync` wherever there are any.
-  void use(const SyncStore& store);
+  void use(const CalibrationStore& store);
   // Null: it has none of that name.
   const v1::DisplayMonitor* monitor(const std::string& name) const;
 
@@ -72,6 +72,6 @@ struct RigLinks {
   absl::StatusOr<std::vector<v1::Monitor>> monitors() const;
 };
 // UNAVAILABLE: a node is away.
-absl::StatusOr<RigLinks> connect(const Rig& rig, const SyncStore& sync);
+absl::StatusOr<RigLinks> connect(const Rig& rig, const CalibrationStore& calibrations);
 
 }  // namespace glasswing

@@ -1,11 +1,13 @@
 #include "server/rig_service.h"
 
+#include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
 #include <condition_variable>
 
 #include "core/base/status.h"
 #include "core/service/service.h"
+#include "glasswing/v1/calibration_service.grpc.pb.h"
 #include "server/rig_check.h"
 #include "server/sync_calibration.h"
 
@@ -37,7 +39,7 @@ grpc::Status RigServiceImpl::CalibrateSync(grpc::ServerContext* context,
                                            const v1::CalibrateSyncRequest* request,
                                            grpc::ServerWriter<v1::CalibrateSyncResponse>* writer) {
   return run(context, "glasswing calibrate sync", [&](std::stop_token stop) -> absl::Status {
-    GW_ASSIGN_OR_RETURN(RigLinks rig, connect(server_.rig(), server_.sync()));
+    GW_ASSIGN_OR_RETURN(RigLinks rig, connect(server_.rig(), server_.calibrations()));
     std::vector<std::string> monitors(request->monitors().begin(), request->monitors().end());
     if (monitors.empty()) {
       for (const auto& display : rig.displays) {
@@ -58,7 +60,7 @@ grpc::Status RigServiceImpl::CalibrateSync(grpc::ServerContext* context,
         continue;
       }
       GW_ASSIGN_OR_RETURN(const v1::MonitorSync sync, measured);
-      GW_RETURN_IF_ERROR(server_.sync().put(sync));
+      GW_RETURN_IF_ERROR(server_.calibrations().put(sync));
       spdlog::info("calibrated monitor={} lag_ms={:.3f} settle_ms={:.3f} error_ms={:.3f}", monitor,
                    1e-6 * static_cast<double>(sync.lag_ns()), 1e-6 * static_cast<double>(sync.settle_ns()),
                    1e-6 * static_cast<double>(sync.error_ns()));
@@ -74,7 +76,7 @@ grpc::Status RigServiceImpl::CheckRig(grpc::ServerContext* context, const v1::Ch
                                       grpc::ServerWriter<v1::CheckRigResponse>* writer) {
   return run(context, "glasswing doctor", [&](std::stop_token stop) {
     return check_rig(
-        server_.rig(), server_.sync(), request->plan(),
+        server_.rig(), server_.calibrations(), request->plan(),
         [&](const v1::Finding& finding) {
           v1::CheckRigResponse response;
           *response.mutable_finding() = finding;
@@ -82,6 +84,78 @@ grpc::Status RigServiceImpl::CheckRig(grpc::ServerContext* context, const v1::Ch
         },
         stop);
   });
+}
+
+namespace {
+
+// What the camera node that holds the session's frames makes of them.
+absl::StatusOr<v1::FitCalibrationResponse> fit(const v1::Session& session) {
+  const auto node = v1::CalibrationService::NewStub(dial(session.archive_address()));
+  const std::string peer = "camera node at " + session.archive_address();
+  grpc::ClientContext context;
+  set_deadline(context, std::chrono::minutes(10));
+  v1::FitCalibrationResponse fitted;
+  if (session.plan().calibration().of() == "camera") {
+    v1::FitCameraRequest request;
+    request.set_session(session.name());
+    v1::FitCameraResponse response;
+    GW_RETURN_IF_ERROR(from_grpc(node->FitCamera(&context, request, &response), peer));
+    *fitted.mutable_camera() = std::move(*response.mutable_calibration());
+  } else {
+    v1::FitDisplaysRequest request;
+    request.set_session(session.name());
+    v1::FitDisplaysResponse response;
+    GW_RETURN_IF_ERROR(from_grpc(node->FitDisplays(&context, request, &response), peer));
+    *fitted.mutable_displays() = std::move(*response.mutable_calibrations());
+  }
+  return fitted;
+}
+
+absl::StatusOr<v1::FitCalibrationResponse> fit_and_store(Server& server, const std::string& name) {
+  GW_ASSIGN_OR_RETURN(const v1::Session session, server.find(name));
+  if (!session.plan().has_calibration()) {
+    return absl::FailedPreconditionError(
+        fmt::format("session \"{}\" measured no device; its method is {}", name, session.method()));
+  }
+  if (session.state() != v1::SESSION_STATE_CAPTURED) {
+    return absl::FailedPreconditionError(fmt::format(
+        "session \"{}\" is not captured to its end; go on with: glasswing resume {}", name, name));
+  }
+  GW_ASSIGN_OR_RETURN(v1::FitCalibrationResponse fitted, fit(session));
+  if (fitted.has_camera()) {
+    GW_RETURN_IF_ERROR(server.calibrations().put(fitted.camera()));
+    spdlog::info("calibrated camera={} session={}", fitted.camera().camera(), name);
+  }
+  for (const v1::DisplayCalibration& display : fitted.displays()) {
+    GW_RETURN_IF_ERROR(server.calibrations().put(display));
+    spdlog::info("calibrated monitor={} session={}", display.monitor(), name);
+  }
+  return fitted;
+}
+
+}  // namespace
+
+grpc::Status RigServiceImpl::FitCalibration(grpc::ServerContext*, const v1::FitCalibrationRequest* request,
+                                            v1::FitCalibrationResponse* response) {
+  absl::StatusOr<v1::FitCalibrationResponse> fitted = fit_and_store(server_, request->session());
+  if (!fitted.ok()) return to_grpc(fitted.status());
+  *response = *std::move(fitted);
+  return grpc::Status::OK;
+}
+
+grpc::Status RigServiceImpl::ListCalibrations(grpc::ServerContext*, const v1::ListCalibrationsRequest*,
+                                              v1::ListCalibrationsResponse* response) {
+  const CalibrationStore& store = server_.calibrations();
+  for (v1::CameraCalibration& camera : store.cameras()) *response->add_cameras() = std::move(camera);
+  for (v1::DisplayCalibration& display : store.displays()) *response->add_displays() = std::move(display);
+  *response->mutable_sync() = store.all_sync();
+  return grpc::Status::OK;
+}
+
+grpc::Status RigServiceImpl::ForgetCalibration(grpc::ServerContext*,
+                                               const v1::ForgetCalibrationRequest* request,
+                                               v1::ForgetCalibrationResponse*) {
+  return to_grpc(server_.calibrations().forget(request->device()));
 }
 
 }  // namespace glasswing

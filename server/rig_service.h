@@ -18,6 +18,12 @@ class RigServiceImpl final : public v1::RigService::Service {
                              grpc::ServerWriter<v1::CalibrateSyncResponse>*) override;
   grpc::Status CheckRig(grpc::ServerContext*, const v1::CheckRigRequest*,
                         grpc::ServerWriter<v1::CheckRigResponse>*) override;
+  grpc::Status FitCalibration(grpc::ServerContext*, const v1::FitCalibrationRequest*,
+                              v1::FitCalibrationResponse*) override;
+  grpc::Status ListCalibrations(grpc::ServerContext*, const v1::ListCalibrationsRequest*,
+                                v1::ListCalibrationsResponse*) override;
+  grpc::Status ForgetCalibration(grpc::ServerContext*, const v1::ForgetCalibrationRequest*,
+                                 v1::ForgetCalibrationResponse*) override;
 
  private:
   // Does the work while the call is open; it is stopped when the caller or the daemon goes.

@@ -11,6 +11,7 @@
 #include "core/base/time.h"
 #include "core/matte/matte_file.h"
 #include "core/service/service.h"
+#include "server/embed_calibrations.h"
 
 namespace glasswing {
 namespace {
@@ -45,7 +46,7 @@ absl::StatusOr<std::unique_ptr<Server>> Server::open(const fs::path& data) {
   for (const char* name : {"images", "mattes", "tiles"})
     GW_RETURN_IF_ERROR(directory_below(data, name).status());
   GW_ASSIGN_OR_RETURN(server->catalogue_, Catalogue::open(data / "catalogue.sqlite"));
-  GW_ASSIGN_OR_RETURN(server->sync_, SyncStore::open(data));
+  GW_ASSIGN_OR_RETURN(server->calibrations_, CalibrationStore::open(data));
   GW_ASSIGN_OR_RETURN(server->jobs_, JobStore::open(data / "jobs.sqlite"));
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> sessions, server->catalogue_->list());
   for (v1::Session session : sessions) {
@@ -143,7 +144,7 @@ absl::StatusOr<v1::Session> Server::create(const v1::CreateSessionRequest& reque
   const absl::StatusOr<v1::Session> before = catalogue_->find_request(request.request_id());
   if (!absl::IsNotFound(before.status())) return before;
   GW_RETURN_IF_ERROR(check_plan(request.plan()));
-  GW_ASSIGN_OR_RETURN(const RigLinks links, connect(rig_, *sync_));
+  GW_ASSIGN_OR_RETURN(const RigLinks links, connect(rig_, *calibrations_));
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Monitor> monitors, links.monitors());
   GW_ASSIGN_OR_RETURN(const std::vector<Step> steps, expand(request.plan(), monitors));
   const v1::GetCameraResponse& camera = links.camera_info;
@@ -159,6 +160,11 @@ absl::StatusOr<v1::Session> Server::create(const v1::CreateSessionRequest& reque
           fmt::format("photo \"{}\" has not been uploaded", step.stimulus.name()));
     }
   }
+  v1::CaptureManifest header;
+  for (const v1::Monitor& monitor : monitors) *header.add_monitors() = monitor;
+  *header.mutable_camera() = camera.camera();
+  *header.mutable_plan() = request.plan();
+  GW_RETURN_IF_ERROR(embed_calibrations(*calibrations_, header));
   v1::Session session;
   session.set_name(request.name());
   session.set_created(utc_now_rfc3339());
@@ -220,7 +226,7 @@ void Server::capture_until_done(v1::Session session, std::optional<bool> object_
   nanoseconds lost_at{};
   while (true) {
     const int proven_before = session.proven_count();
-    outcome = Capture(rig_, *sync_, data_ / "images", session, object_confirmed, report).run(stop);
+    outcome = Capture(rig_, *calibrations_, data_ / "images", session, object_confirmed, report).run(stop);
     if (outcome.kind != Kind::kNodeLost) break;
     const nanoseconds now = monotonic_now();
     if (lost_at == nanoseconds(0) || session.proven_count() > proven_before) lost_at = now;

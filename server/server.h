@@ -35,7 +35,7 @@ class Server {
   ~Server();  // a running capture is paused
 
   Rig& rig() { return rig_; }
-  SyncStore& sync() { return *sync_; }
+  CalibrationStore& calibrations() { return *calibrations_; }
 
   // The rig, for one measurement: nobody captures, or measures, until the hold is gone. `what` names it in
   // others' errors. FAILED_PRECONDITION names who has the rig.
@@ -83,7 +83,7 @@ class Server {
 
   const std::filesystem::path data_;
   Rig rig_;
-  std::unique_ptr<SyncStore> sync_;
+  std::unique_ptr<CalibrationStore> calibrations_;
   std::unique_ptr<Catalogue> catalogue_;
   std::unique_ptr<JobStore> jobs_;
 

@@ -7,8 +7,8 @@
 #include <stop_token>
 #include <vector>
 
+#include "server/calibration_store.h"
 #include "server/feeds.h"
-#include "server/sync_store.h"
 
 namespace glasswing {
 

@@ -14,6 +14,7 @@ inline v1::Monitor listed_monitor(const v1::DisplayMonitor& shown) {
   monitor.set_patch_rows(shown.patch_rows());
   monitor.set_refresh_hz(shown.refresh_hz());
   monitor.set_response(shown.response());
+  monitor.set_bits(shown.bits());
   return monitor;
 }
 

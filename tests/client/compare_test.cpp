@@ -40,6 +40,27 @@ TEST(Difference, RefusesOtherSizesAndEmptyMattes) {
   EXPECT_TRUE(absl::IsInvalidArgument(difference_of(flat(5, 4, 0), flat(5, 4, 0), &other).status()));
 }
 
+TEST(Matched, TakesOutGainAndOffsetOfWhatIsCountedAndNothingElse) {
+  RadianceImage a(6, 1), b(6, 1);
+  Matte matte(0, 0, 6, 1, 1);
+  for (int x = 0; x < 6; ++x) {
+    matte.coverage(x, 0) = x < 5 ? 1.0f : 0.0f;
+    for (int c = 0; c < 3; ++c) {
+      a.at(x, 0, c) = 0.125f * static_cast<float>(x);
+      b.at(x, 0, c) = x == 5 ? 9.0f : 0.5f * static_cast<float>(c + 1) * a.at(x, 0, c) + 0.25f;
+    }
+  }
+  const RadianceImage fitted = matched(a, b, &matte).value();
+  EXPECT_LT(difference_of(fitted, b, &matte)->rms, 1e-7);  // float rounding
+  EXPECT_NEAR(fitted.at(5, 0, 1), 1.0f * a.at(5, 0, 1) + 0.25f, 1e-6);
+  // A wave that neither gain nor offset make stays: its rms is all that is left.
+  for (int x = 0; x < 6; ++x) b.at(x, 0, 0) += x % 2 == 0 ? 0.1f : -0.1f;
+  const double before = difference_of(a, b, &matte)->rms;
+  const double after = difference_of(matched(a, b, &matte).value(), b, &matte)->rms;
+  EXPECT_LT(after, before);
+  EXPECT_GT(after, 0.04);  // 0.1 in one channel of three, but for a straight line's part in it
+}
+
 using CompareCommand = ScratchTest;
 
 TEST_F(CompareCommand, EqualPicturesHaveNoNumberInJson) {

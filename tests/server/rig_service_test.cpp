@@ -170,9 +170,9 @@ TEST_F(RigTest, SyncIsMeasuredStoredAndHoldsTheRig) {
   EXPECT_LT(sync.error_ns(), 150'000);
   EXPECT_FALSE(sync.measured().empty());
 
-  const auto again = SyncStore::open(data_ / "server");
+  const auto again = CalibrationStore::open(data_ / "server");
   ASSERT_TRUE(again.ok());
-  EXPECT_EQ((*again)->find("back")->SerializeAsString(), sync.SerializeAsString());
+  EXPECT_EQ((*again)->sync("back")->SerializeAsString(), sync.SerializeAsString());
   const Checked checked = check();
   ASSERT_TRUE(checked.status.ok()) << checked.status.error_message();
   EXPECT_TRUE(checked.has("sync", v1::FINDING_LEVEL_OK)) << checked.text();

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <map>
 #include <set>
@@ -112,6 +113,89 @@ TEST(Plan, TheRigMustHaveWhatThePlanNames) {
   EXPECT_NE(std::string(status.message()).find("the rig has: back"), std::string::npos) << status;
   status = expand(plan, {monitor("left", 8, 8)}).status();
   EXPECT_NE(std::string(status.message()).find("it is 8x8"), std::string::npos) << status;
+}
+
+TEST(Plan, ACalibrationShowsCodesWithoutTheObjectAndTeachesNoPatch) {
+  std::vector<v1::Monitor> rig{monitor("back", 128, 96), monitor("left", 64, 96)};
+  for (v1::Monitor& each : rig) {
+    each.set_patch_rows(8);
+    each.set_bits(10);
+  }
+  const v1::Plan camera =
+      parse_plan("method: \"calibration\" calibration { of: \"camera\" takes: 3 } exposure_ms: [1, 4]", "p")
+          .value();
+  std::map<std::tuple<std::string, double, std::string>, int> count;
+  const std::vector<Step> camera_steps = expand(camera, rig).value();
+  for (const Step& step : camera_steps) {
+    EXPECT_FALSE(step.object);
+    EXPECT_TRUE(step.stimulus.codes());
+    v1::Stimulus picture = step.stimulus;
+    ++count[{picture.panel(), step.exposure_ms, picture.SerializeAsString()}];
+  }
+  EXPECT_EQ(count.size(), 2u * 2u * 3u);  // monitors, exposures; stripe, black and white
+  for (const auto& [what, times] : count) EXPECT_EQ(times, 3);
+
+  const v1::Plan display =
+      parse_plan("method: \"calibration\" calibration { of: \"display\" takes: 1 grays: 17 }", "p").value();
+  std::map<std::string, std::array<std::set<double>, 3>> grays;
+  std::map<std::string, int> whites;
+  int since_white = 0;
+  const std::vector<Step> display_steps = expand(display, rig).value();
+  for (const Step& step : display_steps) {
+    const v1::Stimulus& shown = step.stimulus;
+    EXPECT_FALSE(step.object);
+    EXPECT_TRUE(shown.codes());
+    int lit = 0;
+    for (int c = 0; c < 3; ++c) {
+      const double code = 1023.0 * shown.colour(c);
+      EXPECT_NEAR(code, std::round(code), 1e-9);  // 10 bits
+      lit += code > 0.0 ? 1 : 0;
+    }
+    since_white = lit == 1 ? since_white + 1 : 0;
+    EXPECT_LE(since_white, 8);
+    if (lit == 3 && shown.kind() == "solid") ++whites[shown.panel()];
+    for (int c = 0; c < 3 && lit == 1; ++c) {
+      if (shown.colour(c) > 0.0) grays[shown.panel()][static_cast<size_t>(c)].insert(shown.colour(c));
+    }
+  }
+  for (const v1::Monitor& each : rig) {
+    EXPECT_GE(whites[each.name()], 2);
+    for (const std::set<double>& primary : grays[each.name()]) EXPECT_EQ(primary.size(), 16u);
+  }
+}
+
+TEST(Plan, ACalibrationTakesNothingElse) {
+  for (const char* text : {"method: \"calibration\"", "method: \"gaussian\" calibration { of: \"camera\" }",
+                           "method: \"calibration\" calibration { of: \"camera\" } ramp {}",
+                           "method: \"calibration\" calibration { of: \"camera\" } white_every: 9"}) {
+    const absl::Status status = parse_plan(text, "p").status();
+    EXPECT_NE(std::string(status.message()).find("calibration"), std::string::npos) << text << status;
+  }
+  for (const char* inside : {"of: \"lamp\"", "of: \"camera\" takes: 0", "of: \"display\" grays: 5"}) {
+    const std::string text = std::string("method: \"calibration\" calibration { ") + inside + " }";
+    EXPECT_TRUE(absl::IsInvalidArgument(parse_plan(text, "p").status())) << text;
+  }
+}
+
+TEST(Plan, WhiteAndBlackComeFirstAgainAndLast) {
+  const v1::Plan plan =
+      parse_plan("method: \"gaussian\" sweeps { sigma_px: 8 } white_every: 10 skip_empty_stage: true", "p")
+          .value();
+  const std::vector<Step> steps = expand(plan, {monitor("back", 128, 96)}).value();
+  const auto light = [&](size_t i) {
+    return steps[i].stimulus.kind() == "solid" ? steps[i].stimulus.colour(0) : -1.0;
+  };
+  int stripes = 0;
+  for (size_t i = 0; i < steps.size(); ++i) {
+    const bool due = stripes == 10 || i == 0 || i + 2 == steps.size();
+    EXPECT_EQ(light(i) == 1.0, due) << i;
+    if (light(i) == 1.0) {
+      EXPECT_EQ(light(++i), 0.0);
+      stripes = 0;
+    } else {
+      ++stripes;
+    }
+  }
 }
 
 TEST(Plan, EveryGroupOfStepsStartsWithThePatchOfEachMonitorThatHasOne) {

@@ -1,0 +1,53 @@
+// What was measured of the rig's devices, one file each below DATA/calibration, that survive the server:
+//
+//   sync.json           when the monitors' light follows their scan-out   (glasswing calibrate sync)
+//   camera-NAME.json    which light a camera's codes stand for            (glasswing calibrate camera)
+//   monitor-NAME.json   which light a monitor makes of its codes          (glasswing calibrate display)
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "glasswing/v1/calibration.pb.h"
+
+namespace glasswing {
+
+// Thread-safe. Of each device the newest is kept. What put() was given is durable when it returns OK.
+class CalibrationStore {
+ public:
+  // Missing files are an empty store. DATA_LOSS: one cannot be read as what it should be.
+  static absl::StatusOr<std::unique_ptr<CalibrationStore>> open(const std::filesystem::path& data);
+
+  std::optional<v1::MonitorSync> sync(const std::string& monitor) const;
+  std::optional<v1::CameraCalibration> camera(const std::string& name) const;
+  std::optional<v1::DisplayCalibration> display(const std::string& monitor) const;
+  v1::SyncCalibration all_sync() const;
+  std::vector<v1::CameraCalibration> cameras() const;
+  std::vector<v1::DisplayCalibration> displays() const;
+
+  absl::Status put(const v1::MonitorSync& sync);
+  // INVALID_ARGUMENT: a device's name that is none.
+  absl::Status put(const v1::CameraCalibration& camera);
+  absl::Status put(const v1::DisplayCalibration& display);
+  // The light of this camera or monitor, not the monitor's sync. NOT_FOUND: nothing is known of it.
+  absl::Status forget(const std::string& device);
+
+ private:
+  explicit CalibrationStore(std::filesystem::path directory) : directory_(std::move(directory)) {}
+
+  const std::filesystem::path directory_;
+  mutable std::mutex mutex_;
+  v1::SyncCalibration sync_;                                // guarded by mutex_
+  std::map<std::string, v1::CameraCalibration> cameras_;    // guarded by mutex_
+  std::map<std::string, v1::DisplayCalibration> displays_;  // guarded by mutex_
+};
+
+}  // namespace glasswing
