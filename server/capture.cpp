@@ -40,6 +40,11 @@ bool is_lesson(const Step& step) {
   return step.stimulus.kind() == "patch";
 }
 
+// A lesson shows its own, and a calibration's exposures suit none.
+bool shows_id(const Step& step) {
+  return !is_lesson(step) && !step.stimulus.codes();
+}
+
 }  // namespace
 
 Capture::Capture(const Rig& rig, const CalibrationStore& calibrations, std::filesystem::path images,
@@ -235,7 +240,7 @@ absl::StatusOr<int> Capture::load(const std::string& program, const std::vector<
     for (const Step& step : steps) {
       v1::ProgramStep shown;
       shown.set_step(step.number);
-      if (!is_lesson(step)) shown.set_patch_id(patch_ids_.at(step.number));
+      if (shows_id(step)) shown.set_patch_id(patch_ids_.at(step.number));
       if (display->monitor(step.stimulus.panel()) != nullptr) *shown.add_stimuli() = step.stimulus;
       // A lesson is shown twice and taken from the second time, when even a display or camera whose pictures
       // are older than it says shows it: what was learned wrong could not refuse anything.
@@ -406,7 +411,7 @@ absl::StatusOr<v1::KeepFramesResponse> Capture::keep(const std::vector<FrameMatc
     frame.set_exposure_start_ns(match.frame.start.count());
     frame.set_exposure_end_ns(match.frame.end.count());
     frame.set_sequence(match.frame.sequence);
-    if (has_patches && !is_lesson(step)) frame.set_patch_id(patch_ids_.at(step.number));
+    if (has_patches && shows_id(step)) frame.set_patch_id(patch_ids_.at(step.number));
   }
   grpc::ClientContext context;
   set_deadline(context, std::chrono::minutes(1));

@@ -413,6 +413,11 @@ absl::StatusOr<v1::Session> Server::finish_import(const std::string& name) {
 
 absl::StatusOr<v1::Session> Server::solve(const v1::SolveSessionRequest& request) {
   GW_ASSIGN_OR_RETURN(v1::Session session, find(request.name()));
+  if (session.plan().has_calibration()) {
+    return absl::FailedPreconditionError(fmt::format(
+        "session \"{}\" measured devices and holds no object; what it found: glasswing calibrate list",
+        session.name()));
+  }
   const std::string method = request.method().empty() ? session.method() : request.method();
   if (method != "gaussian") {
     return absl::InvalidArgumentError(fmt::format("method is \"{}\"; this version solves: gaussian", method));
