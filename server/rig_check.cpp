@@ -33,6 +33,12 @@ class RigCheck {
     if (!check_monitors(*links) || !check_exposures(*links)) return absl::OkStatus();
     check_clocks(*links);
     GW_RETURN_IF_ERROR(try_out(*links, stop));
+    const v1::Camera& camera = links->camera_info.camera();
+    const double longest_ms = *std::max_element(exposures_ms_.begin(), exposures_ms_.end());
+    report_(judge_camera_light(camera, calibrations_.camera(camera.name()),
+                               nanoseconds(std::llround(1e6 * longest_ms))));
+    for (const v1::DisplayMonitor& monitor : monitors_)
+      report_(judge_monitor_light(monitor, calibrations_.display(monitor.name())));
     for (const v1::DisplayMonitor& monitor : monitors_)
       report_(judge_sync(monitor, calibrations_.sync(monitor.name())));
     return absl::OkStatus();

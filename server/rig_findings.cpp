@@ -192,6 +192,43 @@ v1::Finding judge_patch(const v1::DisplayMonitor& monitor, int lessons, const st
                       fmt::format("{}: every bit is read in its last {} rows", name, monitor.patch_rows()));
 }
 
+v1::Finding judge_camera_light(const v1::Camera& camera, const std::optional<v1::CameraCalibration>& measured,
+                               nanoseconds longest) {
+  if (!measured) {
+    const bool linear = camera.response() == "linear";
+    return make_finding(linear ? v1::FINDING_LEVEL_OK : v1::FINDING_LEVEL_WARNING, "light",
+                        fmt::format("{} {}; nobody has measured it", camera.name(),
+                                    linear ? "says that it is linear"
+                                           : "codes light in a way of its own, and is taken for linear"),
+                        linear ? "" : "glasswing calibrate camera");
+  }
+  const std::string text =
+      fmt::format("{} is {} (measured {})", camera.name(),
+                  measured->linear() ? "linear" : "curved, and its curve is known", measured->measured());
+  if (measured->white_ms() > 0.0 && ms(longest) > measured->white_ms()) {
+    return make_finding(
+        v1::FINDING_LEVEL_WARNING, "light",
+        fmt::format(
+            "{}; white reaches full scale at {:.3g} ms, exposures are up to {:.3g} ms: bright pixels clip",
+            text, measured->white_ms(), ms(longest)),
+        fmt::format("expose for less than {:.3g} ms, or for that as well", measured->white_ms()));
+  }
+  return make_finding(v1::FINDING_LEVEL_OK, "light", text);
+}
+
+v1::Finding judge_monitor_light(const v1::DisplayMonitor& monitor,
+                                const std::optional<v1::DisplayCalibration>& measured) {
+  if (measured) {
+    return make_finding(
+        v1::FINDING_LEVEL_OK, "light",
+        fmt::format("{} has curves of its own (measured {})", monitor.name(), measured->measured()));
+  }
+  return make_finding(
+      v1::FINDING_LEVEL_WARNING, "light",
+      monitor.name() + " is taken for linear, which no real monitor is; nobody has measured it",
+      "glasswing calibrate display --monitor " + monitor.name());
+}
+
 v1::Finding judge_sync(const v1::DisplayMonitor& declared, const std::optional<v1::MonitorSync>& measured) {
   const std::string said = fmt::format("{} declares {:.2f} ms lag and {:.2f} ms settling", declared.name(),
                                        ms(declared.optical_lag_ns()), ms(declared.settle_ns()));

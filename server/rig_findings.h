@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "glasswing/v1/archive.pb.h"
 #include "glasswing/v1/display_service.pb.h"
 #include "glasswing/v1/rig_service.pb.h"
 #include "server/proof.h"
@@ -40,6 +41,11 @@ v1::Finding judge_proof(const TrialTimes& times);
 v1::Finding judge_clocks(const std::vector<std::pair<std::string, nanoseconds>>& errors);
 // `lessons`: how many ids were shown and proven by time; `unseen`: what the camera node says against it.
 v1::Finding judge_patch(const v1::DisplayMonitor& monitor, int lessons, const std::string& unseen);
+// Whether codes are known in light. `longest`: of the exposures that a capture would make.
+v1::Finding judge_camera_light(const v1::Camera& camera, const std::optional<v1::CameraCalibration>& measured,
+                               nanoseconds longest);
+v1::Finding judge_monitor_light(const v1::DisplayMonitor& monitor,
+                                const std::optional<v1::DisplayCalibration>& measured);
 v1::Finding judge_sync(const v1::DisplayMonitor& declared, const std::optional<v1::MonitorSync>& measured);
 
 }  // namespace glasswing

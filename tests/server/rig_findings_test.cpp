@@ -127,6 +127,22 @@ TEST(RigFindings, ThePatchIsReadOrElseWhy) {
   EXPECT_EQ(judge_patch(monitor, 10, "the camera does not see it").level(), v1::FINDING_LEVEL_WARNING);
 }
 
+TEST(RigFindings, LightIsMeasuredOrTakenForLinear) {
+  v1::Camera camera;
+  camera.set_response("linear");
+  EXPECT_EQ(judge_camera_light(camera, std::nullopt, milliseconds(4)).level(), v1::FINDING_LEVEL_OK);
+  camera.set_response("unknown");
+  EXPECT_EQ(judge_camera_light(camera, std::nullopt, milliseconds(4)).advice(), "glasswing calibrate camera");
+  v1::CameraCalibration calibration;
+  calibration.set_white_ms(4.5);
+  EXPECT_EQ(judge_camera_light(camera, calibration, milliseconds(4)).level(), v1::FINDING_LEVEL_OK);
+  EXPECT_EQ(judge_camera_light(camera, calibration, milliseconds(5)).level(), v1::FINDING_LEVEL_WARNING);
+  v1::DisplayMonitor monitor;
+  monitor.set_name("back");
+  EXPECT_EQ(judge_monitor_light(monitor, std::nullopt).level(), v1::FINDING_LEVEL_WARNING);
+  EXPECT_EQ(judge_monitor_light(monitor, v1::DisplayCalibration()).level(), v1::FINDING_LEVEL_OK);
+}
+
 TEST(RigFindings, SyncIsMeasuredOrOnlyDeclared) {
   v1::DisplayMonitor declared;
   declared.set_name("back");
