@@ -1,5 +1,7 @@
 #include "core/radiometry/display_calibration.h"
 
+#include <random>
+
 #include "tests/core/radiometry/simulated_grays.h"
 
 namespace glasswing {
@@ -87,6 +89,33 @@ TEST_F(DisplayCalibration, OtherTones) {
       EXPECT_EQ(calibration.warnings_size(), 0) << calibration.warnings(0);
     }
   }
+}
+
+// Flicker of 0.2 %, less than what is told. The curves' errors say what it does to them.
+TEST_F(DisplayCalibration, Flicker) {
+  double worst = 0.0, square = 0.0, count = 0.0;
+  for (unsigned seed = 0; seed < 3; ++seed) {
+    Rig rig;
+    std::mt19937 random(seed);
+    std::normal_distribution<float> normal(1.0f, 0.002f);
+    rig.disturb = [&](v1::Frame&, RadianceImage& light) {
+      const float flicker = normal(random);
+      for (float& sample : light.samples) sample *= flicker;
+    };
+    const v1::DisplayCalibration calibration = calibrated(rig);
+    EXPECT_EQ(calibration.warnings_size(), 0) << calibration.warnings(0);
+    worst = std::max(worst, worst_curve_error(calibration, rig));
+    for (const v1::ToneCurve& curve : calibration.primaries()) {
+      for (int k = 1; k < 255; ++k) {
+        square += std::pow((curve.radiance(k) - rig.share_of(k / 255.0)) / curve.error(k), 2);
+        count += 1.0;
+      }
+    }
+  }
+  std::printf("flicker of 0.2 %%: curves %.2f %%, errors %.1f times the claimed\n", 100.0 * worst,
+              std::sqrt(square / count));
+  EXPECT_LE(worst, kGoal);
+  EXPECT_LT(std::sqrt(square / count), 2.0);
 }
 
 // A camera whose calibration is off by 0.3 % of full scale: light l, of which the brightest is a, becomes l +
