@@ -21,6 +21,7 @@ struct ScreenInfo {
   int width_px = 0;
   int height_px = 0;
   int patch_rows = 0;  // of these, the lowest: they show the id patch and no pattern
+  int bits = 16;       // of a code, 8 to 16; 0 is black, the highest full scale
   double refresh_hz = 60.0;
   nanoseconds scanout{};  // from a picture's first row to its last
   nanoseconds lag{};      // from a row's scan-out to its light
@@ -35,18 +36,14 @@ inline nanoseconds period_of(const ScreenInfo& screen) {
   return nanoseconds(std::llround(1e9 / screen.refresh_hz));
 }
 
-// One picture for each monitor, in the order of Display::screens(); null is black.
-using Picture = std::shared_ptr<const RadianceImage>;
+// The codes of a monitor's pixels, each of ScreenInfo::bits. One for each monitor, in the order of
+// Display::screens(); null is black.
+using Picture = std::shared_ptr<const Image<std::uint16_t>>;
 
-// The code of a radiance, of 8 to 16 bits; a radiance that is not a number is black.
-inline std::uint16_t code_of(float radiance, int bits) {
-  // Two steps, so that a compiler sees a vector's maximum and minimum.
-  const float positive = radiance > 0.0f ? radiance : 0.0f;
-  const float light = positive < 1.0f ? positive : 1.0f;
-  return static_cast<std::uint16_t>(static_cast<int>(light * static_cast<float>((1 << bits) - 1) + 0.5f));
-}
-inline std::uint8_t code_of(float radiance) {
-  return static_cast<std::uint8_t>(code_of(radiance, 8));
+// A pixel as graphics memory has it, from its red code on: blue in the lowest bits.
+inline std::uint32_t packed(const std::uint16_t* codes, int bits) {
+  return static_cast<std::uint32_t>(codes[0]) << (2 * bits) | static_cast<std::uint32_t>(codes[1]) << bits |
+         codes[2];
 }
 
 // When a picture's first row left for the panel, CLOCK_MONOTONIC.

@@ -55,6 +55,7 @@ grpc::Status DisplayServiceImpl::GetDisplay(grpc::ServerContext*, const v1::GetD
     monitor.set_optical_lag_ns(screen.lag.count());
     monitor.set_settle_ns(screen.settle.count());
     monitor.set_response("linear");
+    monitor.set_bits(screen.bits);
   }
   return grpc::Status::OK;
 }

@@ -3,6 +3,7 @@
 #include <drm_fourcc.h>
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <sys/mman.h>
 #include <unistd.h>
 #include <xf86drm.h>
@@ -12,6 +13,7 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <span>
 
 #include "core/base/status.h"
 
@@ -28,6 +30,10 @@ struct Release {
 template <auto release, typename T>
 std::unique_ptr<T, Release<release>> owned(T* pointer) {
   return std::unique_ptr<T, Release<release>>(pointer);
+}
+
+std::uint32_t format_of(int bits) {
+  return bits == 10 ? DRM_FORMAT_XRGB2101010 : DRM_FORMAT_XRGB8888;
 }
 
 bool usable(const drmModeModeInfo& mode) {
@@ -131,7 +137,7 @@ void DrmCard::change(std::vector<Setting>& settings, std::uint32_t object, const
   before->second = copy;
 }
 
-absl::StatusOr<DrmCard::Pipe> DrmCard::claim(const Connector& connector) {
+absl::StatusOr<DrmCard::Pipe> DrmCard::claim(const Connector& connector, int bits) {
   Pipe pipe;
   size_t index = 0;
   for (size_t i = 0; i < crtcs_.size(); ++i) {
@@ -149,6 +155,17 @@ absl::StatusOr<DrmCard::Pipe> DrmCard::claim(const Connector& connector) {
     if (type->second.value != DRM_PLANE_TYPE_PRIMARY || (plane->possible_crtcs >> index & 1) == 0 ||
         claimed_.contains(plane->plane_id))
       continue;
+    const std::span formats(plane->formats, plane->count_formats);
+    std::vector<int> taken;
+    for (const int each : {8, 10}) {
+      if (std::find(formats.begin(), formats.end(), format_of(each)) != formats.end()) taken.push_back(each);
+    }
+    if (std::find(taken.begin(), taken.end(), bits) == taken.end()) {
+      return absl::FailedPreconditionError(
+          fmt::format("{} takes no pictures with codes of {} bits for {}; there is: {}", name_, bits,
+                      connector.name, fmt::join(taken, ", ")));
+    }
+    pipe.bits = bits;
     pipe.plane = plane->plane_id;
     pipe.framebuffer_property = framebuffer->second.id;
     break;
@@ -161,7 +178,8 @@ absl::StatusOr<DrmCard::Pipe> DrmCard::claim(const Connector& connector) {
   return pipe;
 }
 
-absl::StatusOr<DrmCard::Framebuffer> DrmCard::make_framebuffer(int width_px, int height_px) {
+absl::StatusOr<DrmCard::Framebuffer> DrmCard::make_framebuffer(const Pipe& pipe, int width_px,
+                                                               int height_px) {
   const auto width = static_cast<std::uint32_t>(width_px), height = static_cast<std::uint32_t>(height_px);
   std::uint32_t handle = 0, stride = 0;
   std::uint64_t bytes = 0, offset = 0;
@@ -169,8 +187,8 @@ absl::StatusOr<DrmCard::Framebuffer> DrmCard::make_framebuffer(int width_px, int
   void* mapped = MAP_FAILED;
   if (drmModeCreateDumbBuffer(fd_, width, height, 32, 0, &handle, &stride, &bytes) == 0) {
     const std::array<std::uint32_t, 4> handles{handle}, strides{stride}, offsets{};
-    if (drmModeAddFB2(fd_, width, height, DRM_FORMAT_XRGB8888, handles.data(), strides.data(), offsets.data(),
-                      &made.id, 0) == 0 &&
+    if (drmModeAddFB2(fd_, width, height, format_of(pipe.bits), handles.data(), strides.data(),
+                      offsets.data(), &made.id, 0) == 0 &&
         drmModeMapDumbBuffer(fd_, handle, &offset) == 0) {
       mapped = ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, fd_, static_cast<off_t>(offset));
     }
@@ -216,7 +234,12 @@ absl::Status DrmCard::set(const Connector& connector, const Pipe& pipe, const dr
     std::uint32_t timings = 0;
     drmModeCreatePropertyBlob(fd_, &mode, sizeof(mode), &timings);
     std::vector<Setting> settings;
-    change(settings, connector.id, properties_of(connector.id), "CRTC_ID", pipe.crtc);
+    const Properties plug = properties_of(connector.id);
+    change(settings, connector.id, plug, "CRTC_ID", pipe.crtc);
+    // Some drivers send no more than 8 bits to the monitor unless they are told to.
+    const auto most_bits = plug.find("max bpc");
+    if (most_bits != plug.end() && most_bits->second.value < static_cast<std::uint64_t>(pipe.bits))
+      change(settings, connector.id, plug, "max bpc", static_cast<std::uint64_t>(pipe.bits));
     const Properties crtc = properties_of(pipe.crtc), plane = properties_of(pipe.plane);
     change(settings, pipe.crtc, crtc, "MODE_ID", timings);
     change(settings, pipe.crtc, crtc, "ACTIVE", 1);

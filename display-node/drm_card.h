@@ -43,16 +43,18 @@ class DrmCard {
     std::uint32_t crtc = 0;
     std::uint32_t plane = 0;  // the primary one
     std::uint32_t framebuffer_property = 0;
+    int bits = 8;  // of a code
   };
-  // One that is free, for this connector from now on. FAILED_PRECONDITION: none is.
-  absl::StatusOr<Pipe> claim(const Connector& connector);
+  // One that is free, for this connector from now on. FAILED_PRECONDITION: none is, or it takes no pictures
+  // of so many bits a code, 8 or 10.
+  absl::StatusOr<Pipe> claim(const Connector& connector, int bits);
 
   struct Framebuffer {
     std::uint32_t id = 0;
-    std::uint8_t* pixels = nullptr;  // blue, green, red, unused; mapped until the card is closed
+    std::uint8_t* pixels = nullptr;  // words of 32 bits, blue lowest; mapped until the card is closed
     size_t stride_bytes = 0;
   };
-  absl::StatusOr<Framebuffer> make_framebuffer(int width_px, int height_px);
+  absl::StatusOr<Framebuffer> make_framebuffer(const Pipe& pipe, int width_px, int height_px);
 
   // Shows the framebuffer, of the mode's size, through the pipe, codes unchanged. The first call turns off
   // all that the card showed, on whichever monitor. FAILED_PRECONDITION: another program holds the card, or

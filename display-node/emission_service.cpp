@@ -9,14 +9,13 @@ namespace {
 
 using Writer = grpc::ServerWriter<v1::WatchEmissionResponse>;
 
-Image16 codes_of(const ScreenInfo& screen, const Picture& picture, int bits) {
-  Image16 codes(screen.width_px, screen.height_px);
-  if (picture != nullptr) {
-    const std::vector<float>& radiance = picture->samples;
-    std::transform(radiance.begin(), radiance.end(), codes.samples.begin(),
-                   [bits](float sample) { return code_of(sample, bits); });
+std::vector<Panel> panels_of(const std::vector<ScreenInfo>& screens, PanelModel model) {
+  std::vector<Panel> panels;
+  for (const ScreenInfo& screen : screens) {
+    model.bits = screen.bits;
+    panels.emplace_back(model);
   }
-  return codes;
+  return panels;
 }
 
 bool send_picture(const ScreenInfo& screen, const Emission& emission, const Image16& image, Writer& writer) {
@@ -34,6 +33,12 @@ bool send_picture(const ScreenInfo& screen, const Emission& emission, const Imag
 }
 
 }  // namespace
+
+EmissionServiceImpl::EmissionServiceImpl(LightTap& display, TrueOptics optics)
+    : display_(display),
+      optics_(optics),
+      panels_(panels_of(display.screens(), optics.panel)),
+      switched_on_(monotonic_now()) {}
 
 grpc::Status EmissionServiceImpl::WatchEmission(grpc::ServerContext* context, const v1::WatchEmissionRequest*,
                                                 Writer* writer) {
@@ -58,7 +63,10 @@ grpc::Status EmissionServiceImpl::WatchEmission(grpc::ServerContext* context, co
     for (const Emission& emission : emissions) {
       const ScreenInfo& screen = display_.screens()[emission.monitor];
       const nanoseconds lit = std::max(emission.scanout_start - switched_on_, nanoseconds(0));
-      const Image16 light = panel_.emitted(codes_of(screen, emission.picture, optics_.panel.bits), lit);
+      const Image16 black =
+          emission.picture == nullptr ? Image16(screen.width_px, screen.height_px) : Image16();
+      const Image16& codes = emission.picture == nullptr ? black : *emission.picture;
+      const Image16 light = panels_[emission.monitor].emitted(codes, lit);
       if (!send_picture(screen, emission, light, *writer)) return grpc::Status::OK;
     }
     for (const ScreenInfo& screen : display_.screens()) {

@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <optional>
+#include <vector>
 
 #include "core/sim/panel.h"
 #include "display-node/light_tap.h"
@@ -13,13 +14,13 @@ namespace glasswing {
 // What the light really does, where that is not what the screens say of themselves.
 struct TrueOptics {
   std::optional<nanoseconds> lag = {}, settle = {};
-  PanelModel panel = {};  // of every monitor; switched on with the service
+  PanelModel panel =
+      {};  // of every monitor, but for the bits: those are the screen's; switched on with the service
 };
 
 class EmissionServiceImpl final : public v1::EmissionService::Service {
  public:
-  explicit EmissionServiceImpl(LightTap& display, TrueOptics optics = {})
-      : display_(display), optics_(optics), panel_(optics.panel), switched_on_(monotonic_now()) {}
+  explicit EmissionServiceImpl(LightTap& display, TrueOptics optics = {});
   void stop() { stopping_ = true; }
   grpc::Status WatchEmission(grpc::ServerContext* context, const v1::WatchEmissionRequest* request,
                              grpc::ServerWriter<v1::WatchEmissionResponse>* writer) override;
@@ -27,7 +28,7 @@ class EmissionServiceImpl final : public v1::EmissionService::Service {
  private:
   LightTap& display_;
   const TrueOptics optics_;
-  const Panel panel_;
+  const std::vector<Panel> panels_;  // one a screen
   const nanoseconds switched_on_;
   std::atomic<bool> stopping_ = false;
 };

@@ -120,13 +120,14 @@ absl::StatusOr<std::unique_ptr<KmsDisplay>> KmsDisplay::open(const Options& opti
     if (!taken.insert(socket->name).second)
       return absl::InvalidArgumentError(fmt::format("two monitors are asked for at {}", socket->name));
     GW_ASSIGN_OR_RETURN(const drmModeModeInfo mode, choose_mode(monitor, *socket));
-    GW_RETURN_IF_ERROR(display->open_output(*socket->card, *socket->connector, mode));
+    GW_RETURN_IF_ERROR(display->open_output(*socket->card, *socket->connector, mode, options.bits));
     const double period_ns = 1e9 / refresh_hz_of(mode);
     const double lit = static_cast<double>(mode.vdisplay) / mode.vtotal;
     display->outputs_.back().blanking = nanoseconds(std::llround(period_ns * (1.0 - lit)));
     display->screens_.push_back({.name = monitor.name,
                                  .width_px = mode.hdisplay,
                                  .height_px = mode.vdisplay,
+                                 .bits = options.bits,
                                  .refresh_hz = refresh_hz_of(mode),
                                  .scanout = nanoseconds(std::llround(period_ns * lit)),
                                  .lag = options.lag,
@@ -148,7 +149,7 @@ KmsDisplay::~KmsDisplay() {
 }
 
 absl::Status KmsDisplay::open_output(DrmCard& card, const DrmCard::Connector& connector,
-                                     const drmModeModeInfo& mode) {
+                                     const drmModeModeInfo& mode, int bits) {
   Output& output = outputs_.emplace_back();
   output.card = &card;
   const std::string status = fmt::format("/sys/class/drm/{}-{}/status", card.name(), connector.name);
@@ -158,9 +159,9 @@ absl::Status KmsDisplay::open_output(DrmCard& card, const DrmCard::Connector& co
         fmt::format("{}, which says whether a monitor is plugged in, cannot be opened: {}", status,
                     std::strerror(errno)));
   }
-  GW_ASSIGN_OR_RETURN(output.pipe, card.claim(connector));
+  GW_ASSIGN_OR_RETURN(output.pipe, card.claim(connector, bits));
   for (Buffer& buffer : output.buffers) {
-    GW_ASSIGN_OR_RETURN(buffer.memory, card.make_framebuffer(mode.hdisplay, mode.vdisplay));
+    GW_ASSIGN_OR_RETURN(buffer.memory, card.make_framebuffer(output.pipe, mode.hdisplay, mode.vdisplay));
   }
   GW_RETURN_IF_ERROR(card.set(connector, output.pipe, mode, output.buffers[output.on_screen].memory));
   if (!card.last_refresh(output.pipe).ok()) {
@@ -179,11 +180,11 @@ void KmsDisplay::fill(Buffer& buffer, const ScreenInfo& screen, const Picture& p
       std::memset(pixel, 0, width * 4);
       continue;
     }
-    const float* sample = picture->samples.data() + y * width * 3;
-    for (size_t x = 0; x < width; ++x, sample += 3, pixel += 4) {
-      // A card's memory takes whole words in order best: blue, green, red, unused.
-      const std::array<std::uint8_t, 4> codes{code_of(sample[2]), code_of(sample[1]), code_of(sample[0]), 0};
-      std::memcpy(pixel, codes.data(), codes.size());
+    const std::uint16_t* codes = picture->samples.data() + y * width * 3;
+    for (size_t x = 0; x < width; ++x, codes += 3, pixel += 4) {
+      // A card's memory takes whole words in order best.
+      const std::uint32_t word = packed(codes, screen.bits);
+      std::memcpy(pixel, &word, sizeof(word));
     }
   }
   buffer.held = picture;

@@ -4,7 +4,7 @@
 // That time is when the refresh's first row begins to be scanned out (Linux,
 // drm_crtc_funcs.get_vblank_timestamp: "the time immediately after end of the vblank interval"),
 // CLOCK_MONOTONIC in microseconds. Of a period htotal vtotal / clock the rows take vdisplay / vtotal; the
-// rest is blanking. Codes are 8 bits a channel, 255 times the radiance.
+// rest is blanking. Codes are of 8 bits, or of 10 where the card's plane takes XRGB2101010.
 #pragma once
 
 #include <array>
@@ -29,6 +29,7 @@ class KmsDisplay final : public Display {
   };
   struct Options {
     std::vector<Monitor> monitors;  // none: all that are plugged in, by their connectors' names
+    int bits = 8;                   // of a code: 8 or 10
     nanoseconds lag{}, settle{};
   };
   // NOT_FOUND: no card, no such monitor or no such mode; lists what there is. INVALID_ARGUMENT: a monitor
@@ -63,7 +64,8 @@ class KmsDisplay final : public Display {
   };
 
   KmsDisplay() = default;
-  absl::Status open_output(DrmCard& card, const DrmCard::Connector& connector, const drmModeModeInfo& mode);
+  absl::Status open_output(DrmCard& card, const DrmCard::Connector& connector, const drmModeModeInfo& mode,
+                           int bits);
   void fill(Buffer& buffer, const ScreenInfo& screen, const Picture& picture);
   // Hands the picture to the card when the refresh before the one it is for has begun; until then, waits for
   // that.

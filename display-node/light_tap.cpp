@@ -17,7 +17,7 @@ size_t log_limit_of(const std::vector<ScreenInfo>& screens) {
   size_t largest_bytes = 1;
   for (const ScreenInfo& screen : screens) {
     const size_t pixels = static_cast<size_t>(screen.width_px) * static_cast<size_t>(screen.height_px);
-    largest_bytes = std::max(largest_bytes, pixels * 3 * sizeof(float));
+    largest_bytes = std::max(largest_bytes, pixels * 3 * sizeof(std::uint16_t));
   }
   return std::max(std::min(kLogBytes / largest_bytes, kMostLogged), 2 * screens.size());
 }

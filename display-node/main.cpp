@@ -37,6 +37,7 @@ struct Screens {
   int patch_rows = 0;
   std::optional<double> true_lag_ms, true_settle_ms;
   std::string true_response = "linear";
+  std::optional<int> bits;  // of a code; the backend's own, if left out
   PanelModel panel;
   SimDisplay::Faults faults;
   double jitter_ms = 0.0, repeat = 0.0;
@@ -75,6 +76,7 @@ absl::StatusOr<ScreenInfo> parse_simulated(const std::string& text, const Screen
                                       "; it must be NAME=WIDTHxHEIGHT@HZ, such as back=1920x1080@60");
   }
   screen.name = name;
+  screen.bits = screens.bits.value_or(16);
   screen.scanout = nanoseconds(static_cast<std::int64_t>(1e9 / screen.refresh_hz));
   screen.lag = screens.lag();
   screen.settle = screens.settle();
@@ -103,8 +105,11 @@ absl::StatusOr<std::unique_ptr<Display>> open_simulated(const Screens& screens) 
 }
 
 absl::StatusOr<std::unique_ptr<Display>> open_x11(const Screens& screens) {
-  X11Display::Options options{
-      .server = screens.x11_server, .monitors = {}, .lag = screens.lag(), .settle = screens.settle()};
+  X11Display::Options options{.server = screens.x11_server,
+                              .monitors = {},
+                              .bits = screens.bits.value_or(8),
+                              .lag = screens.lag(),
+                              .settle = screens.settle()};
   for (const std::string& monitor : screens.monitors) {
     const size_t equals = monitor.find('=');
     if (equals == std::string::npos) {
@@ -140,7 +145,8 @@ absl::StatusOr<KmsDisplay::Monitor> parse_connected(const std::string& text) {
 }
 
 absl::StatusOr<std::unique_ptr<Display>> open_kms(const Screens& screens) {
-  KmsDisplay::Options options{.monitors = {}, .lag = screens.lag(), .settle = screens.settle()};
+  KmsDisplay::Options options{
+      .monitors = {}, .bits = screens.bits.value_or(8), .lag = screens.lag(), .settle = screens.settle()};
   for (const std::string& monitor : screens.monitors) {
     GW_ASSIGN_OR_RETURN(const KmsDisplay::Monitor parsed, parse_connected(monitor));
     options.monitors.push_back(parsed);
@@ -152,6 +158,10 @@ absl::StatusOr<std::unique_ptr<Display>> open_screens(const Screens& screens) {
   if (screens.monitors.size() > kMostMonitors) {
     return absl::InvalidArgumentError("--monitor is given " + std::to_string(screens.monitors.size()) +
                                       " times; it must be 1 to " + std::to_string(kMostMonitors));
+  }
+  if (screens.backend != "sim" && screens.bits && *screens.bits != 8 && *screens.bits != 10) {
+    return absl::InvalidArgumentError(
+        fmt::format("--bits is {}; with --backend {} it must be 8 or 10", *screens.bits, screens.backend));
   }
   GW_ASSIGN_OR_RETURN(std::unique_ptr<Display> display, screens.backend == "x11"   ? open_x11(screens)
                                                         : screens.backend == "kms" ? open_kms(screens)
@@ -209,10 +219,10 @@ int main(int argc, char** argv) {
   app.add_option("--true-settle-ms", screens.true_settle_ms, "the same of --settle-ms")
       ->check(CLI::Range(0.0, 200.0));
   app.add_option(
-         "--bits", screens.panel.bits,
-         "bits of the codes that make the light a simulated camera sees; with 16, as fine as that light")
-      ->check(CLI::Range(8, 16))
-      ->capture_default_str();
+         "--bits", screens.bits,
+         "of a code; sim: 8 to 16, 16 if left out, which is ideal: calibrated monitors have 8 to 12; x11, "
+         "kms: 8, or 10 where the screen has them, 8 if left out")
+      ->check(CLI::Range(8, 16));
   app.add_option("--true-response", screens.true_response,
                  "what that light is of a code: linear, or gamma:G, as gamma:2.2: (code / largest code)^G")
       ->capture_default_str();

@@ -21,12 +21,11 @@ constexpr size_t kAheadBytes = 256u << 20;  // rasterised when the program is lo
 }  // namespace
 
 absl::StatusOr<std::string> ImageStore::add(const std::string& png) {
-  GW_ASSIGN_OR_RETURN(const Image16 image, decode_png(png));
-  auto radiance = std::make_shared<RadianceImage>(image.width_px, image.height_px);
-  std::transform(image.samples.begin(), image.samples.end(), radiance->samples.begin(), radiance_of);
+  GW_ASSIGN_OR_RETURN(Image16 decoded, decode_png(png));
+  auto image = std::make_shared<const Image16>(std::move(decoded));
   std::string name = checksum_of(png);
   std::erase(name, ':');
-  const size_t bytes = radiance->samples.size() * sizeof(float);
+  const size_t bytes = image->samples.size() * sizeof(std::uint16_t);
   const std::lock_guard lock(mutex_);
   if (images_.contains(name)) return name;
   if (images_.size() >= kMaxImages || held_bytes_ + bytes > capacity_bytes_) {
@@ -35,11 +34,11 @@ absl::StatusOr<std::string> ImageStore::add(const std::string& png) {
         images_.size(), held_bytes_, bytes, kMaxImages, capacity_bytes_));
   }
   held_bytes_ += bytes;
-  images_[name] = std::move(radiance);
+  images_[name] = std::move(image);
   return name;
 }
 
-Picture ImageStore::find(const std::string& name) const {
+std::shared_ptr<const Image16> ImageStore::find(const std::string& name) const {
   const std::lock_guard lock(mutex_);
   const auto found = images_.find(name);
   return found == images_.end() ? nullptr : found->second;
@@ -62,17 +61,16 @@ absl::StatusOr<Program> Program::create(const v1::LoadProgramRequest& request,
   program.name_ = request.program();
   program.hold_refreshes_ = request.hold_refreshes();
   program.screens_ = screens;
+  GW_ASSIGN_OR_RETURN(program.dithers_, dithers_of(request.calibrations(), screens));
   size_t ahead_bytes = 0;
   for (const v1::ProgramStep& wanted : request.steps()) {
     GW_ASSIGN_OR_RETURN(Step step, program.checked(wanted, images));
     for (size_t i = 0; i < screens.size(); ++i) {
       Shown& shown = step.shown[i];
-      if (!shown.pattern) continue;
-      ahead_bytes += sizeof(float) * 3 * static_cast<size_t>(screens[i].width_px) *
+      if (!shown.pattern && shown.photo == nullptr) continue;
+      ahead_bytes += sizeof(std::uint16_t) * 3 * static_cast<size_t>(screens[i].width_px) *
                      static_cast<size_t>(screens[i].height_px);
-      if (ahead_bytes > kAheadBytes) continue;
-      shown = {
-          .pattern = std::nullopt, .picture = program.drawn(shown, screens[i]), .patch_id = std::nullopt};
+      if (ahead_bytes <= kAheadBytes) shown.ahead = program.drawn(shown, i);
     }
     program.steps_.push_back(std::move(step));
   }
@@ -97,24 +95,24 @@ absl::StatusOr<Program::Step> Program::checked(const v1::ProgramStep& wanted,
     const auto screen = std::find_if(screens_.begin(), screens_.end(),
                                      [&](const ScreenInfo& s) { return s.name == stimulus.panel(); });
     if (screen == screens_.end()) {
-      std::string names;
-      for (const ScreenInfo& each : screens_) names += (names.empty() ? "" : ", ") + each.name;
-      return bad(fmt::format("there is no monitor \"{}\"; there are: {}", stimulus.panel(), names));
+      return bad(
+          fmt::format("there is no monitor \"{}\"; there are: {}", stimulus.panel(), names_of(screens_)));
     }
     const auto index = static_cast<size_t>(screen - screens_.begin());
     Shown& shown = step.shown[index];
     if (!lit.insert(index).second)
       return bad(fmt::format("monitor \"{}\" is lit twice; it must have one stimulus", screen->name));
+    shown.are_codes = stimulus.codes();
     const MonitorSize size = pattern_size_of(*screen);
     if (stimulus.kind() == "photo") {
-      shown.picture = images.find(stimulus.image());
-      if (shown.picture == nullptr) {
+      shown.photo = images.find(stimulus.image());
+      if (shown.photo == nullptr) {
         return absl::FailedPreconditionError(
             fmt::format("step {}: image \"{}\" is not here; send it first", wanted.step(), stimulus.image()));
       }
-      if (shown.picture->width_px != size.width_px || shown.picture->height_px != size.height_px) {
+      if (shown.photo->width_px != size.width_px || shown.photo->height_px != size.height_px) {
         return bad(fmt::format("image \"{}\" is {}x{}; monitor \"{}\" is {}x{}", stimulus.image(),
-                               shown.picture->width_px, shown.picture->height_px, screen->name, size.width_px,
+                               shown.photo->width_px, shown.photo->height_px, screen->name, size.width_px,
                                size.height_px));
       }
     } else if (stimulus.kind() == "patch") {
@@ -134,28 +132,43 @@ absl::StatusOr<Program::Step> Program::checked(const v1::ProgramStep& wanted,
   return step;
 }
 
-Picture Program::drawn(const Shown& shown, const ScreenInfo& screen) const {
-  if (!shown.pattern && !shown.patch_id && shown.picture == nullptr) return nullptr;
-  if (shown.picture != nullptr && shown.picture->height_px == screen.height_px) return shown.picture;
-  auto whole = std::make_shared<RadianceImage>(screen.width_px, screen.height_px);
+Picture Program::drawn(const Shown& shown, size_t index) const {
+  if (shown.ahead != nullptr) return shown.ahead;
+  if (!shown.pattern && shown.photo == nullptr && !shown.patch_id) return nullptr;
+  const ScreenInfo& screen = screens_[index];
+  auto whole = std::make_shared<Image<std::uint16_t>>(screen.width_px, screen.height_px);
+  const size_t row_size = 3 * static_cast<size_t>(screen.width_px);
+  const size_t above_patch = row_size * static_cast<size_t>(pattern_size_of(screen).height_px);
+  const std::span<std::uint16_t> codes(whole->samples);
+  const auto draw = [&](const Dither::Rows& radiance) {
+    if (dithers_[index] && !shown.are_codes)
+      dithers_[index]->codes(radiance, screen.width_px, codes.first(above_patch));
+    else
+      round_to_codes(radiance, screen.width_px, screen.bits, codes.first(above_patch));
+  };
   if (shown.pattern) {
-    const RadianceImage pattern = shown.pattern->rasterised();
-    std::copy(pattern.samples.begin(), pattern.samples.end(), whole->samples.begin());
-  } else if (shown.picture != nullptr) {
-    std::copy(shown.picture->samples.begin(), shown.picture->samples.end(), whole->samples.begin());
+    draw([&](int y_px, std::span<float> row) { shown.pattern->rasterise(y_px, row); });
+  } else if (shown.photo != nullptr) {
+    draw([&](int y_px, std::span<float> row) {
+      const std::uint16_t* const from = shown.photo->samples.data() + static_cast<size_t>(y_px) * row_size;
+      std::transform(from, from + row_size, row.begin(), radiance_of);
+    });
   }
   if (shown.patch_id) {
-    const IdPatch patch{.width_px = screen.width_px,
-                        .first_row = pattern_size_of(screen).height_px,
-                        .rows = screen.patch_rows};
-    patch.draw(*shown.patch_id, *whole);
+    RadianceImage strip(screen.width_px, screen.patch_rows);
+    IdPatch{.width_px = screen.width_px, .first_row = 0, .rows = screen.patch_rows}.draw(*shown.patch_id,
+                                                                                         strip);
+    const auto highest = static_cast<std::uint16_t>((1 << screen.bits) - 1);
+    std::transform(strip.samples.begin(), strip.samples.end(),
+                   codes.begin() + static_cast<std::ptrdiff_t>(above_patch),
+                   [&](float lit) { return lit > 0.0f ? highest : std::uint16_t{0}; });
   }
   return whole;
 }
 
 std::vector<Picture> Program::pictures(size_t index) const {
   std::vector<Picture> pictures;
-  for (size_t i = 0; i < screens_.size(); ++i) pictures.push_back(drawn(steps_[index].shown[i], screens_[i]));
+  for (size_t i = 0; i < screens_.size(); ++i) pictures.push_back(drawn(steps_[index].shown[i], i));
   return pictures;
 }
 

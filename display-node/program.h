@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -14,6 +15,7 @@
 #include "core/frame/image.h"
 #include "core/pattern/pattern.h"
 #include "display-node/display.h"
+#include "display-node/screen_response.h"
 #include "glasswing/v1/display_service.pb.h"
 
 namespace glasswing {
@@ -21,22 +23,24 @@ namespace glasswing {
 // Photo pictures by content hash. Thread-safe.
 class ImageStore {
  public:
-  // Capacity for pictures as they are shown: 4 bytes a sample.
+  // Capacity for pictures as they are kept: 2 bytes a sample.
   explicit ImageStore(size_t capacity_bytes = size_t{512} << 20) : capacity_bytes_(capacity_bytes) {}
   // INVALID_ARGUMENT: no PNG; RESOURCE_EXHAUSTED: the store is full. Returns the name.
   absl::StatusOr<std::string> add(const std::string& png);
-  Picture find(const std::string& name) const;
+  // Null: it is not here.
+  std::shared_ptr<const Image16> find(const std::string& name) const;
 
  private:
   const size_t capacity_bytes_;
   mutable std::mutex mutex_;
-  std::map<std::string, Picture> images_;  // guarded by mutex_
-  size_t held_bytes_ = 0;                  // guarded by mutex_
+  std::map<std::string, std::shared_ptr<const Image16>> images_;  // guarded by mutex_
+  size_t held_bytes_ = 0;                                         // guarded by mutex_
 };
 
 class Program {
  public:
-  // INVALID_ARGUMENT names the step and what is wrong; FAILED_PRECONDITION: an image is missing.
+  // INVALID_ARGUMENT names the step and what is wrong, or the calibration; FAILED_PRECONDITION: an image is
+  // missing.
   static absl::StatusOr<Program> create(const v1::LoadProgramRequest& request,
                                         const std::vector<ScreenInfo>& screens, const ImageStore& images);
 
@@ -48,22 +52,25 @@ class Program {
   std::vector<Picture> pictures(size_t index) const;
 
  private:
-  // What a screen shows: a picture, a pattern, or black; and below it the id patch, or dark.
+  // What a screen shows: a photo, a pattern, or black; and below it the id patch, or dark.
   struct Shown {
     std::optional<Pattern> pattern;
-    Picture picture;  // of a photo, or the whole screen rasterised ahead
+    std::shared_ptr<const Image16> photo;
+    bool are_codes = false;  // the pattern's values: nothing stands between them and the screen
     std::optional<std::uint16_t> patch_id;
+    Picture ahead;  // all of it, if it was drawn when the program was loaded
   };
   struct Step {
     int number;
     std::vector<Shown> shown;  // one for each screen
   };
   absl::StatusOr<Step> checked(const v1::ProgramStep& wanted, const ImageStore& images) const;
-  Picture drawn(const Shown& shown, const ScreenInfo& screen) const;
+  Picture drawn(const Shown& shown, size_t screen) const;
 
   std::string name_;
   int hold_refreshes_ = 2;
   std::vector<ScreenInfo> screens_;
+  std::vector<std::optional<Dither>> dithers_;  // one for each screen; none: it is taken for linear
   std::vector<Step> steps_;
 };
 

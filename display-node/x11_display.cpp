@@ -41,7 +41,7 @@ bool has_extension(xcb_connection_t* connection, xcb_extension_t* extension) {
 
 absl::StatusOr<std::unique_ptr<X11Display>> X11Display::open(const Options& options) {
   std::unique_ptr<X11Display> display(new X11Display());
-  GW_RETURN_IF_ERROR(display->connect(options.server));
+  GW_RETURN_IF_ERROR(display->connect(options));
   GW_RETURN_IF_ERROR(display->find_monitors(options));
   for (size_t i = 0; i < display->outputs_.size(); ++i) GW_RETURN_IF_ERROR(display->open_window(i));
   GW_RETURN_IF_ERROR(display->measure_refresh());
@@ -56,7 +56,8 @@ X11Display::~X11Display() {
   xcb_disconnect(connection_);
 }
 
-absl::Status X11Display::connect(const std::string& server) {
+absl::Status X11Display::connect(const Options& options) {
+  const std::string& server = options.server;
   int number = 0;
   connection_ = xcb_connect(server.empty() ? nullptr : server.c_str(), &number);
   const char* const named = server.empty() ? std::getenv("DISPLAY") : server.c_str();
@@ -72,12 +73,14 @@ absl::Status X11Display::connect(const std::string& server) {
     return absl::FailedPreconditionError(
         fmt::format("the X server {} has no Present or no RANDR extension; both are needed", named));
   }
+  const std::uint32_t blue = (1u << options.bits) - 1, green = blue << options.bits,
+                      red = green << options.bits;
   for (auto depths = xcb_screen_allowed_depths_iterator(screen_); depths.rem > 0; xcb_depth_next(&depths)) {
     for (auto visuals = xcb_depth_visuals_iterator(depths.data); visuals.rem > 0;
          xcb_visualtype_next(&visuals)) {
       const xcb_visualtype_t& visual = *visuals.data;
-      if (visual.visual_id == screen_->root_visual && depths.data->depth == 24 &&
-          visual.red_mask == 0xff0000 && visual.green_mask == 0xff00 && visual.blue_mask == 0xff) {
+      if (visual.visual_id == screen_->root_visual && depths.data->depth == 3 * options.bits &&
+          visual.red_mask == red && visual.green_mask == green && visual.blue_mask == blue) {
         context_ = xcb_generate_id(connection_);
         const std::uint32_t no_exposures = 0;
         xcb_create_gc(connection_, context_, screen_->root, XCB_GC_GRAPHICS_EXPOSURES, &no_exposures);
@@ -92,7 +95,8 @@ absl::Status X11Display::connect(const std::string& server) {
     }
   }
   return absl::FailedPreconditionError(
-      fmt::format("the X server {} shows {} bit colour; 24 bit are needed", named, screen_->root_depth));
+      fmt::format("the X server {} shows colour of {} bits; codes of {} bits need one of {}", named,
+                  screen_->root_depth, options.bits, 3 * options.bits));
 }
 
 absl::Status X11Display::find_monitors(const Options& options) {
@@ -132,6 +136,7 @@ absl::Status X11Display::find_monitors(const Options& options) {
     screens_.push_back({.name = name,
                         .width_px = monitor->info.width,
                         .height_px = monitor->info.height,
+                        .bits = options.bits,
                         .refresh_hz = 0.0,
                         .scanout = {},
                         .lag = options.lag,
@@ -210,12 +215,9 @@ absl::Status X11Display::measure_refresh() {
 void X11Display::fill(Buffer& buffer, const ScreenInfo& screen, const Picture& picture) {
   if (buffer.filled && buffer.held == picture) return;
   const auto width = static_cast<size_t>(screen.width_px), height = static_cast<size_t>(screen.height_px);
-  std::vector<std::uint8_t> bytes(width * height * 4, 0);  // blue, green, red, unused
+  std::vector<std::uint32_t> pixels(width * height, 0);
   if (picture != nullptr) {
-    const float* sample = picture->samples.data();
-    for (size_t at = 0; at < bytes.size(); at += 4, sample += 3) {
-      for (size_t c = 0; c < 3; ++c) bytes[at + 2 - c] = code_of(sample[c]);
-    }
+    for (size_t i = 0; i < pixels.size(); ++i) pixels[i] = packed(&picture->samples[3 * i], screen.bits);
   }
   // In strips that fit a request.
   const size_t row = width * 4, most = size_t{4} * xcb_get_maximum_request_length(connection_) - 64;
@@ -225,7 +227,8 @@ void X11Display::fill(Buffer& buffer, const ScreenInfo& screen, const Picture& p
     xcb_put_image(connection_, XCB_IMAGE_FORMAT_Z_PIXMAP, buffer.pixmap, context_,
                   static_cast<std::uint16_t>(width), static_cast<std::uint16_t>(count), 0,
                   static_cast<std::int16_t>(y), 0, screen_->root_depth,
-                  static_cast<std::uint32_t>(count * row), bytes.data() + y * row);
+                  static_cast<std::uint32_t>(count * row),
+                  reinterpret_cast<const std::uint8_t*>(pixels.data() + y * width));
   }
   buffer.held = picture;
   buffer.filled = true;

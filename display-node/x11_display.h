@@ -2,7 +2,7 @@
 // copies or flips to a full-screen window at a refresh that we name (MSC), and it reports the refresh and its
 // time on CLOCK_MONOTONIC (UST).
 //
-// A monitor is one that RANDR (1.5) lists. Codes are 8 bits a channel, 255 times the radiance.
+// A monitor is one that RANDR (1.5) lists. Codes are of 8 bits on a server of depth 24, of 10 on one of 30.
 #pragma once
 
 #include <xcb/present.h>
@@ -25,10 +25,11 @@ class X11Display final : public Display {
     std::string server;  // ":0"; empty: $DISPLAY
     // Name in the rig, and RANDR's; none: all monitors, by RANDR's names.
     std::vector<std::pair<std::string, std::string>> monitors;
+    int bits = 8;  // of a code: 8 or 10
     nanoseconds lag{}, settle{};
   };
-  // UNAVAILABLE: no such server. FAILED_PRECONDITION: it lacks Present, RANDR or 24-bit colour, or a monitor
-  // does not refresh. NOT_FOUND lists the monitors that there are.
+  // UNAVAILABLE: no such server. FAILED_PRECONDITION: it lacks Present, RANDR or colour of so many bits, or
+  // a monitor does not refresh. NOT_FOUND lists the monitors that there are.
   static absl::StatusOr<std::unique_ptr<X11Display>> open(const Options& options);
   ~X11Display() override;
   X11Display(const X11Display&) = delete;
@@ -64,7 +65,7 @@ class X11Display final : public Display {
   };
 
   X11Display() = default;
-  absl::Status connect(const std::string& server);
+  absl::Status connect(const Options& options);
   absl::Status find_monitors(const Options& options);
   absl::Status open_window(size_t index);
   absl::Status measure_refresh();

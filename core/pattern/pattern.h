@@ -13,6 +13,7 @@
 #include <absl/status/statusor.h>
 
 #include <array>
+#include <span>
 #include <variant>
 
 #include "core/frame/image.h"
@@ -37,7 +38,9 @@ class Pattern {
   // Radiance at a point.
   Colour radiance(double x_px, double y_px) const;
 
-  // Radiance at the centre of every pixel.
+  // Radiance at the centre of every pixel, as radiance() has it but for a float's rounding; of the row y_px,
+  // in [0, height), r, g, b interleaved in a `row` of 3 width.
+  void rasterise(int y_px, std::span<float> row) const;
   RadianceImage rasterised() const;
 
  private:
@@ -54,6 +57,7 @@ class Pattern {
   using Shape = std::variant<Solid, Stripe, Square, Ramp>;
 
   Pattern(Shape shape, Colour colour, MonitorSize size) : shape_(shape), colour_(colour), size_(size) {}
+  void rasterise(const Stripe& stripe, int y_px, std::span<float> row) const;
 
   Shape shape_;
   Colour colour_;

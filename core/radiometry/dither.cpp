@@ -1,6 +1,7 @@
 #include "core/radiometry/dither.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 
 namespace glasswing {
@@ -12,19 +13,33 @@ constexpr int kCoarse = 6;
 constexpr size_t kEntries = size_t{1} << (20 - kCoarse);
 constexpr int kCodeBits = 12;
 constexpr std::uint32_t kCodeMask = (1u << kCodeBits) - 1;
+constexpr size_t kBlock_px = 16;
 
-std::int32_t fixed_of(float radiance) {
-  const float positive = radiance > 0.0f ? radiance : 0.0f;  // NaN is 0
-  const float clamped = positive < 1.0f ? positive : 1.0f;
-  return static_cast<std::int32_t>(clamped * static_cast<float>(kOne) + 0.5f);
+void make_fixed(std::span<const float> radiances, std::int32_t* fixed) {
+  constexpr auto kMost = static_cast<float>(kOne);
+  for (const float radiance : radiances) {
+    // Clamped last, and in two steps, so that a compiler makes vectors of it. NaN is 0.
+    const float scaled = radiance * kMost + 0.5f;
+    const float positive = scaled > 0.0f ? scaled : 0.0f;
+    const float clamped = positive < kMost ? positive : kMost;
+    *fixed++ = static_cast<std::int32_t>(clamped);
+  }
+}
+
+// 0 or 1
+bool is_extreme(std::int32_t radiance) {
+  return static_cast<std::uint32_t>(radiance - 1) >= static_cast<std::uint32_t>(kOne - 1);
 }
 
 }  // namespace
 
-Dither::Dither(const std::array<ToneCurve, 3>& curves) : nearest_(3 * kEntries) {
+Dither::Dither(const std::array<ToneCurve, 3>& curves)
+    : highest_(curves[0].highest_code()), nearest_(3 * kEntries) {
   for (size_t c = 0; c < 3; ++c) {
+    assert(curves[c].highest_code() == highest_);
     for (size_t i = 0; i < kEntries; ++i) {
-      const double radiance = static_cast<double>(i << kCoarse) / kOne;
+      // The last entry is of radiance 1.
+      const double radiance = i + 1 == kEntries ? 1.0 : static_cast<double>(i << kCoarse) / kOne;
       const double code = std::floor(curves[c].code_for(radiance) + 0.5);
       const auto shown = static_cast<std::uint32_t>(std::lround(curves[c].radiance(code) * kOne));
       nearest_[3 * i + c] = (shown << kCodeBits) | static_cast<std::uint32_t>(code);
@@ -33,35 +48,50 @@ Dither::Dither(const std::array<ToneCurve, 3>& curves) : nearest_(3 * kEntries) 
 }
 
 // One row, pixel by pixel. `errors` is what the row above hands down to each sample, and behind the pixel
-// what this one does.
+// what this one does; there is room for a pixel before the first and one after the last.
 class Dither::Row {
  public:
-  Row(const std::uint32_t* nearest, const float* radiance, std::int32_t* errors, std::uint16_t* codes)
+  Row(const std::uint32_t* nearest, const std::int32_t* radiance, std::int32_t* errors, std::uint16_t* codes)
       : nearest_(nearest), radiance_(radiance), errors_(errors), codes_(codes) {}
+
+  // Whether all of these pixels' primaries are 0 or 1.
+  bool all_extreme(size_t from, size_t to) const {
+    std::uint32_t between = 0;
+    for (size_t i = 3 * from; i < 3 * to; ++i) between |= is_extreme(radiance_[i]) ? 0u : 1u;
+    return between == 0;
+  }
+  void fill(size_t from, size_t to, int highest) {
+    for (size_t i = 3 * from; i < 3 * to; ++i) codes_[i] = static_cast<std::uint16_t>(radiance_[i] & highest);
+  }
 
   void step(size_t x) {
     for (size_t c = 0; c < 3; ++c) {
       const size_t i = 3 * x + c;
-      const std::int32_t wanted = fixed_of(radiance_[i]) + left_[c] + errors_[i];
+      const std::int32_t handed = is_extreme(radiance_[i]) ? 0 : left_[c] + errors_[i];
+      const std::int32_t wanted = radiance_[i] + handed;
       const auto coarse = static_cast<size_t>(std::clamp(wanted, 0, kOne) >> kCoarse);
       const std::uint32_t entry = nearest_[3 * coarse + c];
       codes_[i] = static_cast<std::uint16_t>(entry & kCodeMask);
       const std::int32_t error = wanted - static_cast<std::int32_t>(entry >> kCodeBits);
       const std::int32_t below_before = (3 * error) >> 4, below = (5 * error) >> 4, below_after = error >> 4;
       left_[c] = error - below_before - below - below_after;
-      if (x > 0) errors_[i - 3] = before_[c] + below_before;
+      errors_[static_cast<std::ptrdiff_t>(i) - 3] = before_[c] + below_before;
       before_[c] = here_[c] + below;
       here_[c] = below_after;
     }
   }
-  // After the last pixel.
-  void finish(size_t width) {
-    for (size_t c = 0; c < 3; ++c) errors_[3 * (width - 1) + c] = before_[c];
+  // After the last pixel of a run, before `end`.
+  void finish(size_t end) {
+    for (size_t c = 0; c < 3; ++c) {
+      errors_[static_cast<std::ptrdiff_t>(3 * end + c) - 3] = before_[c];
+      errors_[3 * end + c] = here_[c];
+    }
+    left_ = before_ = here_ = {};
   }
 
  private:
   const std::uint32_t* nearest_;
-  const float* radiance_;
+  const std::int32_t* radiance_;
   std::int32_t* errors_;
   std::uint16_t* codes_;
   std::array<std::int32_t, 3> left_{};    // handed on to the next pixel
@@ -69,34 +99,72 @@ class Dither::Row {
   std::array<std::int32_t, 3> here_{};    // to the one below the next, so far
 };
 
-Image<std::uint16_t> Dither::codes(const RadianceImage& radiance) const {
-  Image<std::uint16_t> codes(radiance.width_px, radiance.height_px);
-  const auto width = static_cast<size_t>(radiance.width_px);
-  std::vector<std::int32_t> errors(3 * width, 0);
-  const auto row = [&](size_t at) {
-    return Row(nearest_.data(), radiance.samples.data() + at, errors.data(), codes.samples.data() + at);
-  };
+void Dither::run(std::span<Row> rows, size_t from, size_t to) {
   // A pixel waits for the one before. Two rows at once, the lower two pixels behind, keep a processor busy.
-  size_t at = 0;
-  for (; width > 2 && at + 3 * width < codes.samples.size(); at += 6 * width) {
-    Row upper = row(at), lower = row(at + 3 * width);
-    upper.step(0);
-    upper.step(1);
-    for (size_t x = 2; x < width; ++x) {
-      upper.step(x);
-      lower.step(x - 2);
+  if (rows.size() == 2 && to - from > 2) {
+    rows[0].step(from);
+    rows[0].step(from + 1);
+    for (size_t x = from + 2; x < to; ++x) {
+      rows[0].step(x);
+      rows[1].step(x - 2);
     }
-    upper.finish(width);
-    lower.step(width - 2);
-    lower.step(width - 1);
-    lower.finish(width);
+    rows[0].finish(to);
+    rows[1].step(to - 2);
+    rows[1].step(to - 1);
+    rows[1].finish(to);
+    return;
   }
-  for (; at < codes.samples.size(); at += 3 * width) {
-    Row last = row(at);
-    for (size_t x = 0; x < width; ++x) last.step(x);
-    last.finish(width);
+  for (Row& row : rows) {
+    for (size_t x = from; x < to; ++x) row.step(x);
+    row.finish(to);
   }
-  return codes;
+}
+
+void Dither::codes(const Rows& radiance, int width_px, std::span<std::uint16_t> codes) const {
+  const auto width = static_cast<size_t>(width_px), samples = 3 * width;
+  const size_t height = samples == 0 ? 0 : codes.size() / samples;
+  std::vector<float> asked(samples);
+  std::vector<std::int32_t> wanted(2 * samples), with_room(samples + 6, 0);
+  std::int32_t* const errors = with_room.data() + 3;
+  std::vector<Row> rows;
+  for (size_t y = 0; y < height; y += rows.size()) {
+    rows.clear();
+    for (size_t i = 0; i < 2 && y + i < height; ++i) {
+      radiance(static_cast<int>(y + i), asked);
+      make_fixed(asked, wanted.data() + i * samples);
+      rows.emplace_back(nearest_.data(), wanted.data() + i * samples, errors,
+                        codes.data() + (y + i) * samples);
+    }
+    const auto is_plain = [&](size_t block) {
+      const size_t from = block * kBlock_px, to = std::min(from + kBlock_px, width);
+      return std::all_of(rows.begin(), rows.end(), [&](const Row& row) { return row.all_extreme(from, to); });
+    };
+    // Surfaces of which each primary is 0 or 1 hand nothing on.
+    const size_t blocks = (width + kBlock_px - 1) / kBlock_px;
+    for (size_t first = 0, end = 0; first < blocks; first = end) {
+      const bool plain = is_plain(first);
+      for (end = first + 1; end < blocks && is_plain(end) == plain;) ++end;
+      const size_t from = first * kBlock_px, to = std::min(end * kBlock_px, width);
+      if (plain) {
+        for (Row& row : rows) row.fill(from, to, highest_);
+        // But for what the pixel before handed to the one below.
+        const size_t clean = from == 0 ? 0 : from + 1;
+        std::fill(errors + 3 * clean, errors + 3 * to, 0);
+      } else {
+        run(rows, from, to);
+      }
+    }
+  }
+}
+
+Image<std::uint16_t> Dither::codes(const RadianceImage& radiance) const {
+  Image<std::uint16_t> shown(radiance.width_px, radiance.height_px);
+  const auto samples = 3 * static_cast<std::ptrdiff_t>(radiance.width_px);
+  const auto copy = [&](int y_px, std::span<float> row) {
+    std::copy_n(radiance.samples.begin() + y_px * samples, samples, row.begin());
+  };
+  codes(copy, radiance.width_px, shown.samples);
+  return shown;
 }
 
 }  // namespace glasswing

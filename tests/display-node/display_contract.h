@@ -45,6 +45,8 @@ TEST_P(DisplayContract, ScreensAreDescribed) {
     EXPECT_TRUE(names.insert(screen.name).second) << screen.name;
     EXPECT_GT(screen.width_px, 0);
     EXPECT_GT(screen.height_px, 0);
+    EXPECT_GE(screen.bits, 8);
+    EXPECT_LE(screen.bits, 16);
     EXPECT_GT(screen.refresh_hz, 0.0);
     EXPECT_GT(screen.scanout.count(), 0);
     EXPECT_LE(static_cast<double>(screen.scanout.count()), period_ns_of(screen) + 1.0);

@@ -94,6 +94,7 @@ class DisplayServiceTest : public testing::Test {
   SimDisplay sim_{{{.name = "back",
                     .width_px = 8,
                     .height_px = 6,
+                    .bits = 8,
                     .refresh_hz = 200.0,
                     .scanout = milliseconds(5),
                     .lag = milliseconds(3),
@@ -119,6 +120,7 @@ TEST_F(DisplayServiceTest, DescribesItsMonitors) {
   EXPECT_EQ(response.monitors(0).optical_lag_ns(), 3'000'000);
   EXPECT_EQ(response.monitors(0).settle_ns(), 1'000'000);
   EXPECT_EQ(response.monitors(0).response(), "linear");
+  EXPECT_EQ(response.monitors(0).bits(), 8);
 }
 
 TEST_F(DisplayServiceTest, PlaysAProgramAndReportsEveryStep) {
@@ -193,6 +195,48 @@ TEST_F(DisplayServiceTest, CancellingFreesTheScreensWithinTheStep) {
     ASSERT_TRUE(display_.read(cursor, emissions, horizon, milliseconds(100)));
     for (const Emission& emission : emissions) lit = emission.picture != nullptr;
   }
+}
+
+// A program shows through the calibration that came with it, and the next one through its own.
+TEST_F(DisplayServiceTest, EveryProgramBringsItsCalibrations) {
+  v1::LoadProgramRequest request = program("p", 1, 2);
+  for (int c = 0; c < 3; ++c) request.mutable_steps(0)->mutable_stimuli(0)->add_colour(0.5);
+  v1::DisplayCalibration calibration;
+  calibration.set_format_version(1);
+  calibration.set_monitor("back");
+  calibration.set_width_px(8);
+  calibration.set_height_px(6);
+  calibration.set_bits(8);
+  // Up to code 99 the first half of the light, from code 100 on the other: no code but 100 has half of it.
+  for (int c = 0; c < 3; ++c) {
+    v1::ToneCurve& curve = *calibration.add_primaries();
+    for (int code = 0; code < 256; ++code)
+      curve.add_radiance(code <= 100 ? static_cast<float>(code) / 200.0f
+                                     : static_cast<float>(code + 55) / 310.0f);
+  }
+  const auto shown = [&] {
+    EXPECT_TRUE(load(request).ok());
+    std::uint64_t cursor = 0;
+    std::vector<Emission> emissions;
+    nanoseconds horizon{};
+    EXPECT_TRUE(display_.read(cursor, emissions, horizon, milliseconds(0)));
+    Play play = start("p");
+    EXPECT_TRUE(play.finish().ok());
+    EXPECT_TRUE(display_.read(cursor, emissions, horizon, milliseconds(0)));
+    return emissions.at(0).picture->samples;
+  };
+  EXPECT_EQ(shown(), std::vector<std::uint16_t>(8 * 6 * 3, 128));  // 127.5, rounded
+  *request.add_calibrations() = calibration;
+  EXPECT_EQ(shown(), std::vector<std::uint16_t>(8 * 6 * 3, 100));
+  request.clear_calibrations();
+  EXPECT_EQ(shown(), std::vector<std::uint16_t>(8 * 6 * 3, 128));
+  calibration.set_bits(10);
+  *request.add_calibrations() = calibration;
+  const absl::Status status = load(request);
+  EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
+  EXPECT_NE(std::string(status.message()).find("10 bits; the monitor has 8 x 6 px and 8 bits"),
+            std::string::npos)
+      << status;
 }
 
 TEST_F(DisplayServiceTest, TakesPicturesInChunks) {

@@ -154,10 +154,10 @@ class KmsDisplayTest : public testing::Test {
 };
 
 Picture noise(const ScreenInfo& screen, unsigned seed) {
-  auto image = std::make_shared<RadianceImage>(screen.width_px, screen.height_px);
+  auto image = std::make_shared<Image<std::uint16_t>>(screen.width_px, screen.height_px);
   std::mt19937 random(seed);
-  std::uniform_real_distribution<float> light(-0.1f, 1.1f);
-  for (float& sample : image->samples) sample = light(random);
+  for (std::uint16_t& code : image->samples)
+    code = static_cast<std::uint16_t>(random() >> (32 - screen.bits));
   return image;
 }
 
@@ -205,9 +205,8 @@ TEST_F(KmsDisplayTest, TheCardShowsThePicturesCodes) {
       ASSERT_EQ(bytes.size(), pixels * 4);
       size_t wrong = 0;
       for (size_t s = 0; s < pixels * 3; ++s) {
-        const float light = pictures[m] == nullptr ? 0.0f : std::clamp(pictures[m]->samples[s], 0.0f, 1.0f);
-        wrong +=
-            bytes[s / 3 * 4 + 2 - s % 3] == static_cast<std::uint8_t>(std::lround(light * 255.0f)) ? 0 : 1;
+        const int shown = pictures[m] == nullptr ? 0 : pictures[m]->samples[s];
+        wrong += bytes[s / 3 * 4 + 2 - s % 3] == shown ? 0 : 1;
       }
       EXPECT_EQ(wrong, 0u) << screens[m].name;
     }
@@ -357,6 +356,13 @@ TEST_F(KmsDisplayTest, SaysWhatIsWrong) {
       {{.name = "back", .connector = connector}, {.name = "left", .connector = card + ":" + connector}});
   EXPECT_TRUE(absl::IsInvalidArgument(twice));
   says(twice, connector);
+
+  // vkms has XRGB8888 and no XRGB2101010.
+  const absl::Status deep =
+      KmsDisplay::open({.monitors = {{.name = "back", .connector = connector}}, .bits = 10}).status();
+  EXPECT_TRUE(absl::IsFailedPrecondition(deep)) << deep;
+  says(deep, "codes of 10 bits");
+  says(deep, "there is: 8");
 
   const std::unique_ptr<KmsDisplay> holder = KmsDisplay::open(small_monitors()).value();
   const absl::Status held = error_of({{.name = "back", .connector = connector}});

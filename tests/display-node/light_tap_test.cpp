@@ -39,7 +39,7 @@ TEST(LightTap, SeesWhatWasShownAndNothingStartsBeforeAHorizon) {
   std::vector<std::vector<Scanout>> shown;
   std::jthread shows([&] {
     for (int i = 1; i <= kShows; ++i) {
-      const Picture picture = small_gray(static_cast<float>(i) / 64.0f);
+      const Picture picture = small_gray(i);
       shown.push_back(display.show({picture, picture}, monotonic_now()).value());
     }
   });
@@ -49,7 +49,7 @@ TEST(LightTap, SeesWhatWasShownAndNothingStartsBeforeAHorizon) {
   std::vector<Emission> emissions;
   bool first = true;
   while (seen[0].empty() || seen[0].back().picture == nullptr ||
-         seen[0].back().picture->samples[0] < static_cast<float>(kShows) / 64.0f) {
+         seen[0].back().picture->samples[0] < kShows) {
     ASSERT_TRUE(display.tap().read(cursor, emissions, later_horizon, milliseconds(100)));
     EXPECT_GE(later_horizon, horizon);
     for (const Emission& emission : emissions) {
@@ -68,7 +68,7 @@ TEST(LightTap, SeesWhatWasShownAndNothingStartsBeforeAHorizon) {
     const size_t skipped = shown.size() - seen[m].size();  // replaced before the tap was there
     for (size_t i = 0; i < seen[m].size(); ++i) {
       EXPECT_EQ(seen[m][i].scanout_start, shown[skipped + i][m].start);
-      EXPECT_EQ(seen[m][i].picture->samples[0], static_cast<float>(skipped + i + 1) / 64.0f);
+      EXPECT_EQ(seen[m][i].picture->samples[0], skipped + i + 1);
     }
   }
 }
@@ -76,17 +76,17 @@ TEST(LightTap, SeesWhatWasShownAndNothingStartsBeforeAHorizon) {
 // Until the new picture has begun, nobody may take the old one's light for all there was.
 TEST(LightTap, WhileAFlipIsUnderWayTheHorizonWaits) {
   TappedSim display(0.0);
-  const std::vector<Scanout> old_start = display.show({small_gray(0.25f), nullptr}, monotonic_now()).value();
+  const std::vector<Scanout> old_start = display.show({small_gray(25), nullptr}, monotonic_now()).value();
   std::uint64_t cursor = 0;
   nanoseconds horizon{};
   std::vector<Emission> emissions;
   ASSERT_TRUE(display.tap().read(cursor, emissions, horizon, milliseconds(0)));
   ASSERT_EQ(emissions.size(), 2u);
   EXPECT_EQ(emissions[0].scanout_start, old_start[0].start);
-  EXPECT_EQ(emissions[0].picture->samples[0], 0.25f);
+  EXPECT_EQ(emissions[0].picture->samples[0], 25);
   std::vector<Scanout> new_start;
   std::jthread flip([&] {
-    new_start = display.show({small_gray(0.5f), nullptr}, monotonic_now() + milliseconds(50)).value();
+    new_start = display.show({small_gray(50), nullptr}, monotonic_now() + milliseconds(50)).value();
   });
   nanoseconds dark_until = horizon;
   for (;;) {
@@ -97,7 +97,7 @@ TEST(LightTap, WhileAFlipIsUnderWayTheHorizonWaits) {
   flip.join();
   EXPECT_LE(dark_until, new_start[0].start);
   EXPECT_EQ(emissions[0].scanout_start, new_start[0].start);
-  EXPECT_EQ(emissions[0].picture->samples[0], 0.5f);
+  EXPECT_EQ(emissions[0].picture->samples[0], 50);
 }
 
 TEST(LightTap, AReaderThatFallsFarBehindIsTold) {

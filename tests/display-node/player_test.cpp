@@ -45,7 +45,7 @@ Program program_of(int steps, int hold_refreshes, const std::vector<ScreenInfo>&
 class FakeDisplay final : public Display {
  public:
   struct Shown {
-    float gray;  // of "back"; 0 is black
+    int gray;  // code of "back"; 0 is black
     nanoseconds at;
     std::vector<Scanout> scanouts;
   };
@@ -63,7 +63,7 @@ class FakeDisplay final : public Display {
           {.start = nanoseconds(std::llround(refresh * period_ns)), .uncertainty = nanoseconds(10)});
     }
     shown.push_back(
-        {.gray = pictures[0] == nullptr ? 0.0f : pictures[0]->samples[0], .at = at, .scanouts = scanouts});
+        {.gray = pictures[0] == nullptr ? 0 : pictures[0]->samples[0], .at = at, .scanouts = scanouts});
     EXPECT_EQ(pictures[1], nullptr);
     if (on_show) on_show();
     return scanouts;
@@ -103,8 +103,9 @@ TEST_F(Player, ShowsEveryStepInOrderAndThenBlack) {
   ASSERT_TRUE(play_steps(8, start).ok());
   ASSERT_EQ(display_.shown.size(), 9u);
   EXPECT_EQ(display_.shown[0].at, start);
-  for (size_t i = 0; i < 8; ++i) EXPECT_EQ(display_.shown[i].gray, static_cast<float>(i + 1) / 64.0f);
-  EXPECT_EQ(display_.shown[8].gray, 0.0f);
+  for (size_t i = 0; i < 8; ++i)
+    EXPECT_EQ(display_.shown[i].gray, code16_of(static_cast<float>(i + 1) / 64.0f));
+  EXPECT_EQ(display_.shown[8].gray, 0);
 }
 
 TEST_F(Player, ReportsWhenEachStepWasReallyShownAndReplaced) {
@@ -163,7 +164,7 @@ TEST_F(Player, StopsAtTheNextRefreshNotAtTheStepsEnd) {
   const absl::Status status = play_steps(3, soon(), 600);
   EXPECT_TRUE(absl::IsCancelled(status)) << status;
   ASSERT_EQ(display_.shown.size(), 2u);
-  EXPECT_EQ(display_.shown[1].gray, 0.0f);
+  EXPECT_EQ(display_.shown[1].gray, 0);
   EXPECT_LE(display_.shown[1].at, std::max(monotonic_now(), display_.shown[0].scanouts[0].start));
   EXPECT_EQ(reports_.size(), 2u) << "what was shown is reported, cut short or not";
 }

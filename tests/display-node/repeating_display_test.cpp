@@ -26,7 +26,7 @@ TEST(RepeatingDisplay, ThePictureComesARefreshLaterThanItSays) {
     int repeated = 0;
     nanoseconds at = monotonic_now();
     for (int i = 0; i < kShown; ++i) {
-      const nanoseconds said = display.show({small_gray(1.0f)}, at).value()[0].start;
+      const nanoseconds said = display.show({small_gray(65535)}, at).value()[0].start;
       ASSERT_TRUE(tap.read(cursor, emissions, horizon, milliseconds(0)));
       ASSERT_EQ(emissions.size(), 1u);
       const double late = static_cast<double>((emissions[0].scanout_start - said).count()) / period_ns;

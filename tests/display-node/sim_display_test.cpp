@@ -23,7 +23,7 @@ TEST(SimDisplay, ShowsAtTheFirstRefreshUnlessTheFlipIsMissed) {
   for (const bool missed : {false, true}) {
     const std::unique_ptr<SimDisplay> display = make_sim(missed ? 1.0 : 0.0);
     const nanoseconds at = monotonic_now() + kAhead;
-    const std::vector<Scanout> scanouts = display->show({small_gray(1.0f), nullptr}, at).value();
+    const std::vector<Scanout> scanouts = display->show({small_gray(65535), nullptr}, at).value();
     for (size_t m = 0; m < scanouts.size(); ++m) {
       const double late_refreshes =
           static_cast<double>((scanouts[m].start - at).count()) / period_ns_of(display->screens()[m]);

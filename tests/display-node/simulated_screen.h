@@ -19,9 +19,9 @@ inline ScreenInfo small_screen(const std::string& name, double refresh_hz) {
           .settle = std::chrono::milliseconds(1)};
 }
 
-inline Picture small_gray(float value) {
-  auto image = std::make_shared<RadianceImage>(4, 3);
-  image->samples.assign(image->samples.size(), value);
+inline Picture small_gray(int code) {
+  auto image = std::make_shared<Image<std::uint16_t>>(4, 3);
+  image->samples.assign(image->samples.size(), static_cast<std::uint16_t>(code));
   return image;
 }
 

@@ -1,5 +1,6 @@
 #include "display-node/x11_display.h"
 
+#include <cstring>
 #include <random>
 
 #include "tests/display-node/display_contract.h"
@@ -35,16 +36,15 @@ std::unique_ptr<Display> make_x11() {
 
 INSTANTIATE_TEST_SUITE_P(X11, DisplayContract, testing::Values(make_x11));
 
-Picture noise(int width, int height, unsigned seed) {
-  auto image = std::make_shared<RadianceImage>(width, height);
+Picture noise(int width, int height, unsigned seed, int bits = 8) {
+  auto image = std::make_shared<Image<std::uint16_t>>(width, height);
   std::mt19937 random(seed);
-  std::uniform_real_distribution<float> light(-0.1f, 1.1f);
-  for (float& sample : image->samples) sample = light(random);
+  for (std::uint16_t& code : image->samples) code = static_cast<std::uint16_t>(random() >> (32 - bits));
   return image;
 }
 
-// What another client finds on the screen, blue, green, red, unused.
-std::vector<std::uint8_t> on_screen(const std::string& name, int x, int y, int width, int height) {
+// What another client finds on the screen, a word a pixel.
+std::vector<std::uint32_t> on_screen(const std::string& name, int x, int y, int width, int height) {
   xcb_connection_t* connection = xcb_connect(name.c_str(), nullptr);
   const xcb_window_t root = xcb_setup_roots_iterator(xcb_get_setup(connection)).data->root;
   xcb_get_image_reply_t* reply = xcb_get_image_reply(
@@ -53,23 +53,25 @@ std::vector<std::uint8_t> on_screen(const std::string& name, int x, int y, int w
                     static_cast<std::int16_t>(y), static_cast<std::uint16_t>(width),
                     static_cast<std::uint16_t>(height), ~0u),
       nullptr);
-  std::vector<std::uint8_t> bytes;
-  if (reply != nullptr)
-    bytes.assign(xcb_get_image_data(reply), xcb_get_image_data(reply) + xcb_get_image_data_length(reply));
+  std::vector<std::uint32_t> words;
+  if (reply != nullptr) {
+    words.resize(static_cast<size_t>(xcb_get_image_data_length(reply)) / sizeof(std::uint32_t));
+    std::memcpy(words.data(), xcb_get_image_data(reply), words.size() * sizeof(std::uint32_t));
+  }
   std::free(reply);
   xcb_disconnect(connection);
-  return bytes;
+  return words;
 }
 
-void expect_on_screen(const ScreenInfo& screen, int x, int y, const Picture& picture) {
-  const std::vector<std::uint8_t> bytes =
-      on_screen(server()->name(), x, y, screen.width_px, screen.height_px);
+void expect_on_screen(const Xvfb& xvfb, const ScreenInfo& screen, int x, int y, const Picture& picture) {
+  const std::vector<std::uint32_t> words = on_screen(xvfb.name(), x, y, screen.width_px, screen.height_px);
   const size_t pixels = static_cast<size_t>(screen.width_px) * static_cast<size_t>(screen.height_px);
-  ASSERT_EQ(bytes.size(), pixels * 4);
+  ASSERT_EQ(words.size(), pixels);
   size_t wrong = 0;
   for (size_t i = 0; i < pixels * 3; ++i) {
-    const float light = picture == nullptr ? 0.0f : std::clamp(picture->samples[i], 0.0f, 1.0f);
-    wrong += bytes[i / 3 * 4 + 2 - i % 3] == static_cast<std::uint8_t>(std::lround(light * 255.0f)) ? 0 : 1;
+    const std::uint32_t code = words[i / 3] >> (static_cast<size_t>(screen.bits) * (2 - i % 3));
+    const std::uint32_t shown = picture == nullptr ? 0u : picture->samples[i];
+    wrong += (code & ((1u << screen.bits) - 1)) == shown ? 0 : 1;
   }
   EXPECT_EQ(wrong, 0u) << screen.name;
 }
@@ -84,9 +86,31 @@ TEST(X11Display, TheFramebufferHoldsThePicturesCodes) {
   for (unsigned i = 0; i < 4; ++i) {
     const Picture back = noise(320, 240, i), left = i == 2 ? nullptr : noise(128, 96, 100 + i);
     ASSERT_TRUE(display->show({back, left}, monotonic_now()).ok());
-    expect_on_screen(screens[0], 0, 0, back);
-    expect_on_screen(screens[1], 320, 100, left);
+    expect_on_screen(*server(), screens[0], 0, 0, back);
+    expect_on_screen(*server(), screens[1], 320, 100, left);
   }
+}
+
+TEST(X11Display, CodesOf10BitsNeedAServerThatHasThem) {
+  const std::unique_ptr<Xvfb> deep = Xvfb::start(30);
+  if (deep == nullptr) GTEST_SKIP() << "no Xvfb of depth 30 here";
+  const std::unique_ptr<X11Display> display =
+      X11Display::open({.server = deep->name(), .monitors = {}, .bits = 10}).value();
+  const ScreenInfo& screen = display->screens()[0];
+  EXPECT_EQ(screen.bits, 10);
+  for (unsigned i = 0; i < 4; ++i) {
+    const Picture picture = i == 2 ? nullptr : noise(screen.width_px, screen.height_px, i, 10);
+    ASSERT_TRUE(display->show({picture}, monotonic_now()).ok());
+    expect_on_screen(*deep, screen, 0, 0, picture);
+  }
+  const auto refused = [](const Xvfb& xvfb, int bits, const std::string& words) {
+    const absl::Status status =
+        X11Display::open({.server = xvfb.name(), .monitors = {}, .bits = bits}).status();
+    EXPECT_TRUE(absl::IsFailedPrecondition(status)) << status;
+    EXPECT_NE(std::string(status.message()).find(words), std::string::npos) << status;
+  };
+  refused(*deep, 8, "shows colour of 30 bits; codes of 8 bits need one of 24");
+  if (server() != nullptr) refused(*server(), 10, "shows colour of 24 bits; codes of 10 bits need one of 30");
 }
 
 TEST(X11Display, ShowsAtTheRefreshThatWasAskedFor) {

@@ -23,16 +23,17 @@ bool answers(const std::string& name) {
 
 }  // namespace
 
-std::unique_ptr<Xvfb> Xvfb::start() {
+std::unique_ptr<Xvfb> Xvfb::start(int depth) {
   static int started = 0;
   std::unique_ptr<Xvfb> server(new Xvfb());
   // One of its own for every process and start.
   server->name_ = fmt::format(":{}", 1000 + (::getpid() * 4 + started++) % 30000);
+  const std::string screen = fmt::format("640x400x{}", depth);
   server->process_ = ::fork();
   if (server->process_ == 0) {
     const int nowhere = ::open("/dev/null", O_RDWR);
     for (const int stream : {0, 1, 2}) ::dup2(nowhere, stream);
-    ::execlp("Xvfb", "Xvfb", server->name_.c_str(), "-screen", "0", "640x400x24", "-nolisten", "tcp",
+    ::execlp("Xvfb", "Xvfb", server->name_.c_str(), "-screen", "0", screen.c_str(), "-nolisten", "tcp",
              "-noreset", nullptr);
     ::_exit(127);
   }

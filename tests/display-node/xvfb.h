@@ -9,8 +9,9 @@ namespace glasswing {
 
 class Xvfb {
  public:
-  // Of 640 x 400 px. Null where Xvfb is not installed, or does not start within ten seconds.
-  static std::unique_ptr<Xvfb> start();
+  // Of 640 x 400 px. Null where Xvfb is not installed, lacks that depth, or does not start within ten
+  // seconds.
+  static std::unique_ptr<Xvfb> start(int depth = 24);
   ~Xvfb();
   Xvfb(const Xvfb&) = delete;
   Xvfb& operator=(const Xvfb&) = delete;

@@ -143,14 +143,18 @@ TEST(Pattern, SolidIsItsColourAndWhiteUnlessTold) {
   EXPECT_EQ(pattern_of(stimulus).radiance(7.0, 9.0), (Colour{0.0f, 0.5f, 1.0f}));
 }
 
+// A stripe's row is a product of factors, exact to a float's rounding.
 TEST(Pattern, RasterIsTheRadianceAtPixelCentres) {
-  const Pattern pattern = pattern_of(stripe(33.0, 50.0, 4.0));
-  const RadianceImage image = pattern.rasterised();
-  ASSERT_EQ(image.width_px, kSize.width_px);
-  ASSERT_EQ(image.height_px, kSize.height_px);
-  for (int y = 0; y < kSize.height_px; y += 7) {
-    for (int x = 0; x < kSize.width_px; x += 5) {
-      EXPECT_EQ(image.at(x, y, 2), pattern.radiance(x + 0.5, y + 0.5)[2]);
+  for (const double phi_deg : {0.0, 33.0, 90.0, 180.0, -120.0}) {
+    for (const double sigma_px : {1e-3, 0.4, 4.0, 300.0}) {
+      const Pattern pattern = pattern_of(stripe(phi_deg, 30.5, sigma_px));
+      const RadianceImage image = pattern.rasterised();
+      ASSERT_EQ(image.width_px, kSize.width_px);
+      ASSERT_EQ(image.height_px, kSize.height_px);
+      for (int y = 0; y < kSize.height_px; ++y) {
+        for (int x = 0; x < kSize.width_px; ++x)
+          ASSERT_FLOAT_EQ(image.at(x, y, 2), pattern.radiance(x + 0.5, y + 0.5)[2]) << x << ", " << y;
+      }
     }
   }
 }

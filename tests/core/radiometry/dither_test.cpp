@@ -98,6 +98,41 @@ TEST(Dither, RowsDependOnThoseAbove) {
   }
 }
 
+// Black and full light have their codes beside anything, and hand nothing on: what lies between two such
+// surfaces is the same wherever they are.
+TEST(Dither, WhatIsBlackOrFullLightStaysSoAndKeepsTheRestApart) {
+  constexpr int kWidth = 96, kHeight = 24, kWide = 21, kTall = 11;
+  const Dither dither(monitor(8));
+  const auto lit = [](int x, int y, int c) { return 0.02f + 0.001f * static_cast<float>(7 * x + 5 * y + c); };
+  for (const float around : {0.0f, 1.0f}) {
+    std::vector<std::uint16_t> first;
+    for (const auto& [left, top] : {std::pair{0, 0}, {1, 0}, {15, 1}, {16, 6}, {40, 13}, {75, 12}}) {
+      RadianceImage picture(kWidth, kHeight);
+      std::fill(picture.samples.begin(), picture.samples.end(), around);
+      for (int y = 0; y < kTall; ++y) {
+        for (int x = 0; x < kWide; ++x) {
+          for (int c = 0; c < 3; ++c) picture.at(left + x, top + y, c) = lit(x, y, c);
+        }
+      }
+      const Image<std::uint16_t> codes = dither.codes(picture);
+      std::vector<std::uint16_t> inside;
+      for (int y = 0; y < kHeight; ++y) {
+        for (int x = 0; x < kWidth; ++x) {
+          for (int c = 0; c < 3; ++c) {
+            if (x >= left && x < left + kWide && y >= top && y < top + kTall) {
+              inside.push_back(codes.at(x, y, c));
+            } else {
+              ASSERT_EQ(codes.at(x, y, c), around > 0.0f ? 255 : 0) << x << ", " << y;
+            }
+          }
+        }
+      }
+      if (first.empty()) first = inside;
+      EXPECT_EQ(inside, first) << "at " << left << ", " << top;
+    }
+  }
+}
+
 // Each primary has its own curve.
 TEST(Dither, PrimariesKeepApart) {
   const std::array<ToneCurve, 3> curves{ToneCurve::power(1.0, 8), ToneCurve::power(2.2, 8),
