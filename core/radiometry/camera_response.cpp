@@ -20,9 +20,9 @@ constexpr double kStandardErrors = 3.0;
 constexpr std::array<const char*, 3> kChannelNames = {"red", "green", "blue"};
 
 absl::Status check(std::span<const Exposure> exposures, const ResponseOptions& options) {
-  const double black = options.black_level.value_or(0.0);
+  const auto [lowest, black] = std::ranges::minmax(options.black_level.value_or(std::array{0.0, 0.0, 0.0}));
   if (!(options.darkest >= 0.0 && options.darkest < options.saturation && options.saturation <= 1.0) ||
-      !(black >= 0.0 && black < options.saturation)) {
+      !(lowest >= 0.0 && black < options.saturation)) {
     return absl::InvalidArgumentError(fmt::format(
         "black level {}, darkest code {} and saturation {} must lie in [0, 1], saturation highest", black,
         options.darkest, options.saturation));
@@ -156,12 +156,12 @@ absl::StatusOr<CameraResponse> CameraResponse::fit(std::span<const Exposure> exp
   response.exposures_ = found.exposures;
   response.errors_ = found.errors;
   response.exposures_s_ = std::move(found.exposures_s);
-  response.straighten_if_linear();
+  response.straighten_if_linear(options);
   for (int c = 0; c < 3; ++c) response.black_level_[static_cast<size_t>(c)] = response.code_of(0.0, c);
   return response;
 }
 
-void CameraResponse::straighten_if_linear() {
+void CameraResponse::straighten_if_linear(const ResponseOptions& options) {
   std::array<Curve, 3> lines;
   for (size_t c = 0; c < 3; ++c) {
     const int first = static_cast<int>(std::ceil(darkest_seen_[c] * (kKnots - 1)));
@@ -173,7 +173,11 @@ void CameraResponse::straighten_if_linear() {
       const double w = 1.0 / variance(at);
       n += w, x += w * k, y += w * exposures_[c][at], xx += w * k * k, xy += w * k * exposures_[c][at];
     }
-    const double slope = (n * xy - x * y) / (n * xx - x * x), start = (y - slope * x) / n;
+    double slope = (n * xy - x * y) / (n * xx - x * x), start = (y - slope * x) / n;
+    if (options.black_level) {
+      slope = 1.0 / ((options.saturation - (*options.black_level)[c]) * (kKnots - 1));
+      start = 1.0 - slope * options.saturation * (kKnots - 1);
+    }
     if (!std::isfinite(slope)) return;
     for (int k = 0; k < kKnots; ++k) lines[c][static_cast<size_t>(k)] = start + slope * k;
     for (int k = first; k <= last; ++k) {

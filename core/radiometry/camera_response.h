@@ -6,14 +6,16 @@
 // that a code stands for. Debevec and Malik solve for g = ln f on some 70 pixels with a hat-shaped weight.
 // Here
 //
-//   sum_ij w_ij (ln f(z_ij) - ln t_j - ln E_i)^2 + smoothness of d ln f / d ln z
+//   sum_ij w_ij (ln f(z_ij) - ln t_j - ln E_i)^2 + (1 / b) int (d/du d ln f / du)^2 du,  u = ln(z - black)
 //
-// is least over f and E, with tens of thousands of pixels; ln f is linear between 256 knots. Weights are the
+// is least over f, E and t, with tens of thousands of pixels; log_curve.h says what f is between 256 knots.
+// b is what makes the samples likeliest (f, E and t integrated out), up to what cameras need. Weights are the
 // inverse variance of ln f(z): the codes' noise, which the residuals of each pass tell, and what a small
-// shift of the picture does where it has edges. Residuals beyond four standard deviations (Tukey's biweight)
-// do not count: something moved. Pooling of adjacent violators makes f monotone after each pass. A shutter's
-// times are not what its dial says: between passes each moves by its frame's median residual, but for mean
-// and slope of ln t against what is declared, since f and t may be raised to any power together.
+// shift of the picture does where it has edges. Reading f at noisy codes would make it flat wherever that
+// hides noise; so f is read at the code that it predicts, and residuals are those of codes. Those beyond four
+// standard deviations (Tukey's biweight) do not count: something moved. Pooling of adjacent violators keeps f
+// monotone. A shutter's times are not what its dial says: each may move, but for mean and slope of ln t
+// against what is declared, since f and t may be raised to any power together.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -33,8 +35,9 @@ struct Exposure {
 };
 
 struct ResponseOptions {
-  std::optional<double> black_level;  // code without light, full scale 1; otherwise fitted
-  double darkest = 0.005;             // codes outside [darkest, saturation] are clipped
+  // Codes without light, full scale 1; otherwise taken for 0, and the curve may end above.
+  std::optional<std::array<double, 3>> black_level;
+  double darkest = 0.005;  // codes outside [darkest, saturation] are clipped
   double saturation = 0.99;
   double exposure_sd = 0.03;      // relative standard deviation of declared exposure times; > 0
   double alignment_sd_px = 0.25;  // how far frames may be shifted against each other; >= 0
@@ -62,7 +65,8 @@ class CameraResponse {
   // The codes that pixels were seen at; outside, the curve is continued.
   double darkest_seen(int channel) const { return darkest_seen_[static_cast<size_t>(channel)]; }
   double brightest_seen(int channel) const { return brightest_seen_[static_cast<size_t>(channel)]; }
-  // Of the exposure at knot k, on the scale of exposure_of; from residuals taken as independent.
+  // Of the exposure at knot k, on the scale of exposure_of, if the declared times are right on the whole (an
+  // error of 1 % in d ln t / d ln declared is one of 1 % of f |ln f|).
   double standard_error(int knot, int channel) const {
     return errors_[static_cast<size_t>(channel)][static_cast<size_t>(knot)];
   }
@@ -72,7 +76,7 @@ class CameraResponse {
  private:
   using Curve = std::array<double, kKnots>;
   CameraResponse() = default;
-  void straighten_if_linear();
+  void straighten_if_linear(const ResponseOptions& options);
 
   std::array<Curve, 3> exposures_{};
   std::array<Curve, 3> errors_{};

@@ -3,21 +3,27 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <optional>
+
+#include "core/radiometry/log_curve.h"
 
 namespace glasswing {
 namespace {
 
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
 constexpr int kKnots = CameraResponse::kKnots;
 constexpr double kKnotsPerCode = kKnots - 1;
-constexpr int kPasses = 12;
-constexpr int kPassesToTrust = 4;      // before residuals tell what moved
-constexpr double kSmoothness = 0.004;  // per sample, of the squared change of d ln f / d ln z, by ln z
-constexpr double kLeastRise = 1e-6;    // of ln f, from knot to knot
-constexpr size_t kFewestAtKnot = 20;   // samples; a darker curve is continued as a straight line
-constexpr double kFirstPower = 2.2;    // for the first weights only
-constexpr double kHold = 1e12;         // weight of what is so by definition
-constexpr double kMostTimeSigmas = 3.0;
-constexpr double kLeastPower = 0.5;    // d ln f / d ln z, for weights only
+constexpr int kPasses = 10;
+constexpr int kPassesToTrust = 4;  // before residuals tell what moved, and codes are predicted
+// Of d ln f / d ln z, variance per ln z. Simulated cameras of gamma 1.8 to 2.6, sRGB, film's shoulder and S
+// shapes of contrast 0.2 to 0.8 are likeliest at 0 to 0.9; more is no camera but a staircase
+// (docs/calibration.md).
+constexpr double kMostBend = 1.0, kFirstBend = 0.02, kLeastBend = 1e-8;
+constexpr size_t kFewestAtKnot = 20;  // samples; a darker curve is continued as a straight line
+constexpr double kHoldTimes = 1e12;   // weights of what is so by definition
+constexpr double kHoldTop = 1e8;
 constexpr double kOutlier = 4.0;       // standard deviations
 constexpr double kMostRelative = 0.3;  // noise of an exposure, beyond which its logarithm means nothing
 constexpr double kLeastNoise = 1e-4;   // of a code; far below 8 bits' steps
@@ -26,79 +32,70 @@ constexpr double kLeastKept = 0.3;     // of a residual; else its sample set ln 
 constexpr int kNoiseBins = 16;
 constexpr size_t kFewest = 100;  // samples, to learn a bin's noise from
 
-using Curve = std::array<double, kKnots>;
-
-struct Place {
-  int knot;
-  double above;  // share of the next knot
+// What all samples say of changes of s (per channel) and of ln t: matrices and right sides of least squares.
+struct Equations {
+  explicit Equations(Eigen::Index frames)
+      : times(MatrixXd::Zero(frames, frames)), right_times(VectorXd::Zero(frames)) {
+    for (size_t c = 0; c < 3; ++c) {
+      curves[c] = MatrixXd::Zero(kKnots, kKnots);
+      both[c] = MatrixXd::Zero(kKnots, frames);
+      right[c] = VectorXd::Zero(kKnots);
+    }
+  }
+  std::array<MatrixXd, 3> curves, both;
+  std::array<VectorXd, 3> right;
+  MatrixXd times;
+  VectorXd right_times;
 };
 
-Place place_of(double code) {
-  const double at = code * kKnotsPerCode;
-  const int knot = std::clamp(static_cast<int>(at), 0, kKnots - 2);
-  return {knot, at - knot};
-}
+struct Solution {
+  std::array<VectorXd, 3> curves;
+  VectorXd times;
+  std::array<Eigen::LLT<MatrixXd>, 3> factors;
+  std::array<MatrixXd, 3> coupling;  // curves^-1 both
+  Eigen::LLT<MatrixXd> time_factors;
+  double log_likelihood = 0.0;
 
-double value_at(const Curve& curve, double code) {
-  const Place place = place_of(code);
-  const auto knot = static_cast<size_t>(place.knot);
-  return (1.0 - place.above) * curve[knot] + place.above * curve[knot + 1];
-}
-
-// d ln f / d code, over a share of the code, as single steps are noisy; cameras' curves are never all flat.
-double slope_at(const Curve& curve, int knot) {
-  const int reach = std::max(2, knot / 4);
-  const int low = std::max(knot - reach, 0), high = std::min(knot + reach, kKnots - 1);
-  const double rise = curve[static_cast<size_t>(high)] - curve[static_cast<size_t>(low)];
-  return std::max(rise / (high - low), kLeastPower / (knot + 1)) * kKnotsPerCode;
-}
-
-// The closest curve, weighted, that rises by kLeastRise and more at every knot: adjacent violators are
-// pooled.
-void make_monotone(Curve& curve, const Eigen::VectorXd& weights) {
-  struct Pool {
-    double value, weight;
-    int count;
-  };
-  std::vector<Pool> pools;
-  for (int k = 0; k < kKnots; ++k) {
-    Pool pool{curve[static_cast<size_t>(k)] - kLeastRise * k, weights[k], 1};
-    while (!pools.empty() && pools.back().value >= pool.value) {
-      const Pool& last = pools.back();
-      const double weight = last.weight + pool.weight;
-      pool = {(last.value * last.weight + pool.value * pool.weight) / weight, weight,
-              last.count + pool.count};
-      pools.pop_back();
-    }
-    pools.push_back(pool);
+  VectorXd variances(size_t c) const {
+    const MatrixXd own = factors[c].solve(MatrixXd::Identity(kKnots, kKnots));
+    const MatrixXd spread = time_factors.solve(coupling[c].transpose());
+    return own.diagonal() + coupling[c].cwiseProduct(spread.transpose()).rowwise().sum();
   }
-  size_t k = 0;
-  for (const Pool& pool : pools) {
-    for (int i = 0; i < pool.count; ++i, ++k) curve[k] = pool.value + kLeastRise * static_cast<double>(k);
-  }
+};
+
+double log_determinant(const Eigen::LLT<MatrixXd>& factors) {
+  return 2.0 * MatrixXd(factors.matrixL()).diagonal().array().log().sum();
 }
 
 class Fit {
  public:
   Fit(const std::array<ChannelSamples, 3>& channels, std::span<const double> declared_s,
       const ResponseOptions& options)
-      : channels_(channels), declared_s_(declared_s), options_(options) {
-    result_.exposures_s.assign(declared_s.begin(), declared_s.end());
+      : channels_(channels),
+        options_(options),
+        declared_(static_cast<Eigen::Index>(declared_s.size())),
+        black_(options.black_level.value_or(std::array{0.0, 0.0, 0.0})),
+        curves_{LogCurve(black_[0]), LogCurve(black_[1]), LogCurve(black_[2])} {
+    for (size_t j = 0; j < declared_s.size(); ++j)
+      declared_[static_cast<Eigen::Index>(j)] = std::log(declared_s[j]);
+    times_ = declared_;
     for (size_t c = 0; c < 3; ++c) {
-      for (int k = 0; k < kKnots; ++k) {
-        logs_[c][static_cast<size_t>(k)] = kFirstPower * std::log((k + 0.5) / kKnots);
-      }
       noise_[c].fill(kFirstNoise);
+      lights_[c].resize(channels[c].first.size() - 1);
+      roughness_[c] = roughness_of(black_[c]);
     }
   }
 
   ResponseFit run() {
+    Solution solution;
     for (; passes_ < kPasses; ++passes_) {
-      for (size_t c = 0; c < 3; ++c) solve(c, passes_ + 1 == kPasses);
+      solution = step();
       for (size_t c = 0; c < 3; ++c) learn_noise(c);
-      if (passes_ >= kPassesToTrust && passes_ + 1 < kPasses) refine_times();
     }
-    return result_;
+    ResponseFit result;
+    for (size_t c = 0; c < 3; ++c) finish(c, solution.variances(c), result);
+    for (const double time : times_) result.exposures_s.push_back(std::exp(time));
+    return result;
   }
 
  private:
@@ -106,182 +103,208 @@ class Fit {
     double weight;    // inverse variance of ln f; 0: does not count
     double residual;  // ln f - ln t - ln E
     double per_code;  // of ln f
+    double code;      // where the curve is changed
   };
 
-  // Weights and residuals of one pixel's samples, with ln E their weighted mean.
-  void weigh(size_t c, size_t pixel, bool robust) {
+  bool predicts() const { return passes_ >= kPassesToTrust; }
+
+  // Weights and residuals of one pixel's samples, with ln E their weighted mean, which it returns. A curve
+  // that is read at noisy codes gets flatter wherever that hides noise. So once there is a curve it is read
+  // at the codes that it predicts itself: residuals then are those of codes, in units of ln f.
+  double weigh(size_t c, size_t pixel, bool robust) {
     const ChannelSamples& channel = channels_[c];
-    const Curve& curve = logs_[c];
+    const LogCurve& curve = curves_[c];
+    const double light = lights_[c][pixel];
     terms_.clear();
-    double sum = 0.0, weights = 0.0;
     for (size_t s = channel.first[pixel]; s < channel.first[pixel + 1]; ++s) {
       const CodeSample& sample = channel.samples[s];
-      const double code = static_cast<double>(sample.code);
-      const double per_code = slope_at(curve, place_of(code).knot);
-      const double noise = per_code * code_noise(c, sample);
-      Term term{0.0, 0.0, per_code};
+      const double seen = static_cast<double>(sample.code), time = times_[sample.frame];
+      const double code = predicts() ? curve.code_of(light + time) : seen;
+      Term term{0.0, 0.0, curve.slope(code), code};
+      const double noise = term.per_code * code_noise(c, code, sample);
       if (noise < kMostRelative) {
         term.weight = 1.0 / (noise * noise);
-        term.residual = value_at(curve, code) - std::log(time_of(sample.frame));
+        term.residual = curve(code) + term.per_code * (seen - code) - time;
       }
-      sum += term.weight * term.residual;
-      weights += term.weight;
       terms_.push_back(term);
     }
+    const double found = mean_residual().value_or(light);
     for (Term& term : terms_) {
       if (term.weight == 0.0) continue;
-      term.residual -= sum / weights;
+      term.residual -= found;
       if (!robust) continue;
       const double off = term.residual * std::sqrt(term.weight) / kOutlier;
       const double keep = std::max(1.0 - off * off, 0.0);
       term.weight *= keep * keep;
     }
+    return found + (robust ? mean_residual().value_or(0.0) : 0.0);
   }
 
-  double code_noise(size_t c, const CodeSample& sample) const {
-    return std::hypot(noise_[c][bin_of(sample.code)],
+  std::optional<double> mean_residual() const {
+    double sum = 0.0, weights = 0.0;
+    for (const Term& term : terms_) sum += term.weight * term.residual, weights += term.weight;
+    if (weights == 0.0) return std::nullopt;
+    return sum / weights;
+  }
+
+  double code_noise(size_t c, double code, const CodeSample& sample) const {
+    return std::hypot(noise_[c][bin_of(code)],
                       options_.alignment_sd_px * static_cast<double>(sample.gradient));
   }
-  double time_of(int frame) const { return result_.exposures_s[static_cast<size_t>(frame)]; }
-  static size_t bin_of(float code) {
+  static size_t bin_of(double code) {
     return static_cast<size_t>(std::clamp(static_cast<int>(code * kNoiseBins), 0, kNoiseBins - 1));
   }
 
-  // One pixel's samples, J x + r with x the new ln f, ln E eliminated:
-  // sum w J J' - (sum w J)(sum w J)' / sum w.
-  void add_pixel(size_t c, size_t pixel, Eigen::MatrixXd& normal, Eigen::VectorXd& right) {
+  // One pixel's samples, J x + r, ln E eliminated: sum w J J' - (sum w J)(sum w J)' / sum w.
+  void add_pixel(size_t c, size_t pixel, Equations& equations) {
     entries_.clear();
     double weights = 0.0, offset = 0.0;
+    MatrixXd& curve = equations.curves[c];
     for (size_t i = 0; i < terms_.size(); ++i) {
       const Term& term = terms_[i];
       if (term.weight == 0.0) continue;
-      const CodeSample& sample = channels_[c].samples[channels_[c].first[pixel] + i];
-      const Place place = place_of(static_cast<double>(sample.code));
-      const int base = place.knot;
-      const std::array<std::pair<int, double>, 2> row = {
-          {{base, 1.0 - place.above}, {base + 1, place.above}}};
-      const double constant = -std::log(time_of(sample.frame));
-      for (const auto& [k, a] : row) {
-        for (const auto& [l, b] : row) normal(k, l) += term.weight * a * b;
-        right[k] -= term.weight * a * constant;
-        entries_.emplace_back(k, term.weight * a);
-      }
-      weights += term.weight;
-      offset += term.weight * constant;
+      const int frame = channels_[c].samples[channels_[c].first[pixel] + i].frame;
+      const KnotPlace place = knot_place_of(term.code);
+      const int k = place.knot;
+      const double a = 1.0 - place.above, b = place.above, w = term.weight;
+      curve(k, k) += w * a * a, curve(k, k + 1) += w * a * b;
+      curve(k + 1, k) += w * a * b, curve(k + 1, k + 1) += w * b * b;
+      equations.both[c](k, frame) -= w * a, equations.both[c](k + 1, frame) -= w * b;
+      equations.times(frame, frame) += w;
+      equations.right[c][k] -= w * a * term.residual, equations.right[c][k + 1] -= w * b * term.residual;
+      equations.right_times[frame] += w * term.residual;
+      entries_.push_back({k, w * a}), entries_.push_back({k + 1, w * b});
+      entries_.push_back({kKnots + frame, -w});
+      weights += w, offset += w * term.residual;
     }
     for (const auto& [k, a] : entries_) {
-      for (const auto& [l, b] : entries_) normal(k, l) -= a * b / weights;
-      right[k] += a * offset / weights;
+      for (const auto& [l, b] : entries_) {
+        const double change = a * b / weights;
+        if (k < kKnots && l < kKnots) curve(k, l) -= change;
+        if (k < kKnots && l >= kKnots) equations.both[c](k, l - kKnots) -= change;
+        if (k >= kKnots && l >= kKnots) equations.times(k - kKnots, l - kKnots) -= change;
+      }
+      (k < kKnots ? equations.right[c][k] : equations.right_times[k - kKnots]) += a * offset / weights;
     }
   }
 
-  // Between exposures of a constant ratio, a staircase of that ratio's steps has no residual at all, and
-  // hides noise: what forbids it must grow with the samples. A power law has no cost.
-  void add_smoothness(size_t c, Eigen::MatrixXd& normal) const {
+  // What the bends of ln f cost, times b.
+  static MatrixXd roughness_of(double black) {
+    MatrixXd roughness = MatrixXd::Zero(kKnots, kKnots);
     for (int k = 1; k < kKnots - 1; ++k) {
-      const double above = std::max(k - options_.black_level.value_or(0.0) * kKnotsPerCode, 1.0);
-      const double before = std::log((above + 1.0) / above), after = std::log((above + 2.0) / (above + 1.0));
+      const double above = k - black * kKnotsPerCode, here = soft_log(above);
+      const double before = here - soft_log(above - 1.0), after = soft_log(above + 1.0) - here;
       const Eigen::Vector3d bend(1.0 / before, -1.0 / before - 1.0 / after, 1.0 / after);
-      const double weight =
-          kSmoothness * static_cast<double>(channels_[c].samples.size()) / (0.5 * (before + after));
-      normal.block<3, 3>(k - 1, k - 1) += weight * bend * bend.transpose();
+      roughness.block<3, 3>(k - 1, k - 1) += bend * bend.transpose() / (0.5 * (before + after));
     }
+    return roughness;
   }
 
-  // f(saturation) = 1.
-  void hold_scale(Eigen::MatrixXd& normal) const {
-    const Place place = place_of(options_.saturation);
-    const int base = place.knot;
-    const Eigen::Vector2d row(1.0 - place.above, place.above);
-    normal.block<2, 2>(base, base) += kHold * row * row.transpose();
-  }
-
-  void solve(size_t c, bool last) {
-    Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(kKnots, kKnots);
-    Eigen::VectorXd right = Eigen::VectorXd::Zero(kKnots);
-    for (size_t i = 0; i + 1 < channels_[c].first.size(); ++i) {
-      weigh(c, i, passes_ >= kPassesToTrust);
-      add_pixel(c, i, normal, right);
-    }
-    add_smoothness(c, normal);
-    hold_scale(normal);
-    const Eigen::LLT<Eigen::MatrixXd> factors(normal);
-    const Eigen::VectorXd solution = factors.solve(right);
-    for (int k = 0; k < kKnots; ++k) logs_[c][static_cast<size_t>(k)] = solution[k];
-    make_monotone(logs_[c], normal.diagonal());
-    if (last) finish(c, factors.solve(Eigen::MatrixXd::Identity(kKnots, kKnots)));
-  }
-
-  // By the median residual of each frame: least squares over f and t together would have both flat, which
-  // hides noise. Mean and slope of ln t against what is declared stay, as f and t may be raised to any power
-  // together.
-  void refine_times() {
-    const auto n = static_cast<Eigen::Index>(declared_s_.size());
-    Eigen::VectorXd declared(n), off(n);
-    std::vector<std::vector<double>> residuals(declared_s_.size());
+  Solution solve(const Equations& equations, double cost, double bend) const {
+    Solution solution;
+    const Eigen::Index frames = times_.size();
+    // Times as declared, but for what the frames say; mean and slope of ln t stay.
+    const VectorXd off = times_ - declared_,
+                   centred = (declared_.array() - declared_.mean()).matrix().normalized();
+    const double precision = 1.0 / (options_.exposure_sd * options_.exposure_sd);
+    MatrixXd times = equations.times + precision * MatrixXd::Identity(frames, frames);
+    times += kHoldTimes * (centred * centred.transpose() +
+                           MatrixXd::Constant(frames, frames, 1.0 / static_cast<double>(frames)));
+    VectorXd right = equations.right_times - precision * off;
+    std::array<VectorXd, 3> rights;
+    const KnotPlace top = knot_place_of(options_.saturation);
+    const Eigen::Vector2d hold(1.0 - top.above, top.above);
+    double determinants = 0.0;
+    cost += precision * off.squaredNorm();
     for (size_t c = 0; c < 3; ++c) {
-      for (size_t i = 0; i + 1 < channels_[c].first.size(); ++i) {
-        weigh(c, i, true);
-        for (size_t s = 0; s < terms_.size(); ++s) {
-          if (terms_[s].weight <= 0.0) continue;
-          const CodeSample& sample = channels_[c].samples[channels_[c].first[i] + s];
-          residuals[static_cast<size_t>(sample.frame)].push_back(terms_[s].residual);
-        }
+      MatrixXd curve = equations.curves[c] + roughness_[c] / bend;
+      curve.block<2, 2>(top.knot, top.knot) += kHoldTop * hold * hold.transpose();
+      const Eigen::Map<const VectorXd> rest(curves_[c].rest().data(), kKnots);
+      const VectorXd rough = roughness_[c] * rest / bend;
+      cost += rest.dot(rough);
+      rights[c] = equations.right[c] - rough;
+      solution.factors[c].compute(curve);
+      solution.coupling[c] = solution.factors[c].solve(equations.both[c]);
+      times -= equations.both[c].transpose() * solution.coupling[c];
+      right -= solution.coupling[c].transpose() * rights[c];
+      determinants += log_determinant(solution.factors[c]);
+    }
+    solution.time_factors.compute(times);
+    solution.times = solution.time_factors.solve(right);
+    cost -= solution.times.dot(right);
+    for (size_t c = 0; c < 3; ++c) {
+      const VectorXd alone = solution.factors[c].solve(rights[c]);
+      cost -= alone.dot(rights[c]);
+      solution.curves[c] = alone - solution.coupling[c] * solution.times;
+    }
+    determinants += log_determinant(solution.time_factors);
+    solution.log_likelihood = -0.5 * (cost + determinants + 3.0 * (kKnots - 2) * std::log(bend));
+    return solution;
+  }
+
+  // One step of Gauss and Newton, with the bend that makes the samples likeliest.
+  Solution step() {
+    Equations equations(times_.size());
+    double cost = 0.0;
+    for (size_t c = 0; c < 3; ++c) {
+      for (size_t i = 0; i < lights_[c].size(); ++i) {
+        lights_[c][i] = weigh(c, i, predicts());
+        if (predicts()) lights_[c][i] = weigh(c, i, true);
+        const std::optional<double> mean = mean_residual();
+        if (!mean) continue;
+        for (const Term& term : terms_) cost += term.weight * std::pow(term.residual - *mean, 2);
+        add_pixel(c, i, equations);
       }
     }
-    for (Eigen::Index j = 0; j < n; ++j) {
-      const auto frame = static_cast<size_t>(j);
-      declared[j] = std::log(declared_s_[frame]);
-      off[j] = std::log(result_.exposures_s[frame]) - declared[j];
-      std::vector<double>& own = residuals[frame];
-      if (own.size() < kFewest) continue;
-      const auto middle = own.begin() + static_cast<std::ptrdiff_t>(own.size() / 2);
-      std::nth_element(own.begin(), middle, own.end());
-      off[j] += *middle;
+    Solution best = solve(equations, cost, bend_);
+    const auto try_factor = [&](double factor) {
+      const double bend = std::clamp(bend_ * factor, kLeastBend, kMostBend);
+      if (bend == bend_) return false;
+      Solution other = solve(equations, cost, bend);
+      if (!(other.log_likelihood > best.log_likelihood)) return false;
+      best = std::move(other);
+      bend_ = bend;
+      return true;
+    };
+    for (const double factor : {4.0, 0.25, 1.4, 1.0 / 1.4}) {
+      while (predicts() && try_factor(factor)) continue;
     }
-    const Eigen::VectorXd centred = (declared.array() - declared.mean()).matrix().normalized();
-    off.array() -= off.mean();
-    off -= centred.dot(off) * centred;
-    for (Eigen::Index j = 0; j < n; ++j) {
-      const double most = kMostTimeSigmas * options_.exposure_sd;
-      result_.exposures_s[static_cast<size_t>(j)] = std::exp(declared[j] + std::clamp(off[j], -most, most));
-    }
+    for (size_t c = 0; c < 3; ++c) curves_[c].add(best.curves[c], equations.curves[c].diagonal());
+    times_ += best.times;
+    return best;
   }
 
-  void finish(size_t c, const Eigen::MatrixXd& covariance) {
-    Curve& curve = result_.exposures[c];
-    const double top = value_at(logs_[c], options_.saturation);
+  void finish(size_t c, const VectorXd& variances, ResponseFit& result) {
+    LogCurve::Knots& curve = result.exposures[c];
+    const double top = curves_[c](options_.saturation);
     for (size_t k = 0; k < kKnots; ++k) {
-      const auto at = static_cast<Eigen::Index>(k);
-      curve[k] = std::exp(logs_[c][k] - top);
-      result_.errors[c][k] = curve[k] * std::sqrt(std::max(covariance(at, at), 0.0));
+      curve[k] = std::exp(curves_[c].at_knot(k) - top);
+      result.errors[c][k] = curve[k] * std::sqrt(std::max(variances[static_cast<Eigen::Index>(k)], 0.0));
     }
-    continue_to_black(c);
+    continue_to_black(c, result);
   }
 
   // Where noise is most of the exposure its logarithm is not fitted. From there the curve goes straight: to
   // the black level if that is known.
-  void continue_to_black(size_t c) {
-    Curve& curve = result_.exposures[c];
+  void continue_to_black(size_t c, ResponseFit& result) {
+    LogCurve::Knots& curve = result.exposures[c];
     std::array<size_t, kKnots> count{};
-    for (size_t i = 0; i + 1 < channels_[c].first.size(); ++i) {
+    for (size_t i = 0; i < lights_[c].size(); ++i) {
       weigh(c, i, true);
-      for (size_t s = 0; s < terms_.size(); ++s) {
-        const CodeSample& sample = channels_[c].samples[channels_[c].first[i] + s];
-        if (terms_[s].weight > 0.0)
-          ++count[static_cast<size_t>(place_of(static_cast<double>(sample.code)).knot)];
+      for (const Term& term : terms_) {
+        if (term.weight > 0.0) ++count[static_cast<size_t>(knot_place_of(term.code).knot)];
       }
     }
     size_t first = 1;
     while (first + 8 < kKnots && count[first] < kFewestAtKnot) ++first;
     double slope = (curve[first + 3] - curve[first]) / 3.0;
     if (options_.black_level) {
-      const double steps = static_cast<double>(first) - *options_.black_level * kKnotsPerCode;
+      const double steps = static_cast<double>(first) - black_[c] * kKnotsPerCode;
       if (steps > 0.0) slope = curve[first] / steps;
     }
     for (size_t k = 0; k < first; ++k) {
       curve[k] = curve[first] - slope * static_cast<double>(first - k);
-      result_.errors[c][k] = std::max(result_.errors[c][first], std::abs(curve[k]));
+      result.errors[c][k] = std::max(result.errors[c][first], std::abs(curve[k]));
     }
   }
 
@@ -289,7 +312,7 @@ class Fit {
   // pixel's fitted E takes from its residuals.
   void learn_noise(size_t c) {
     std::array<std::vector<double>, kNoiseBins> off;
-    for (size_t i = 0; i + 1 < channels_[c].first.size(); ++i) {
+    for (size_t i = 0; i < lights_[c].size(); ++i) {
       weigh(c, i, false);
       double weights = 0.0;
       for (const Term& term : terms_) weights += term.weight;
@@ -298,8 +321,8 @@ class Fit {
         const double kept = 1.0 - term.weight / weights;
         if (term.weight == 0.0 || kept < kLeastKept) continue;
         const CodeSample& sample = channels_[c].samples[channels_[c].first[i] + s];
-        const size_t bin = bin_of(sample.code);
-        const double share = noise_[c][bin] / code_noise(c, sample);
+        const size_t bin = bin_of(term.code);
+        const double share = noise_[c][bin] / code_noise(c, term.code, sample);
         off[bin].push_back(std::abs(term.residual) / term.per_code * share / std::sqrt(kept));
       }
     }
@@ -312,11 +335,14 @@ class Fit {
   }
 
   const std::array<ChannelSamples, 3>& channels_;
-  std::span<const double> declared_s_;
   const ResponseOptions& options_;
-  ResponseFit result_{};
-  std::array<Curve, 3> logs_{};  // ln f
+  VectorXd declared_, times_;  // ln t
+  const std::array<double, 3> black_;
+  std::array<LogCurve, 3> curves_;
+  std::array<std::vector<double>, 3> lights_;  // ln E, of each pixel
   std::array<std::array<double, kNoiseBins>, 3> noise_;
+  std::array<MatrixXd, 3> roughness_;
+  double bend_ = kFirstBend;
   std::vector<Term> terms_;
   std::vector<std::pair<int, double>> entries_;
   int passes_ = 0;

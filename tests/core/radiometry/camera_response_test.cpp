@@ -69,7 +69,7 @@ TEST(CameraResponse, RecognisesALinearCameraAndItsBlackLevel) {
   constexpr double kBlack = 0.0625;
   const auto exposures = shoot([](double value) { return kBlack + value; }, kTimes_s, 3);
   ResponseOptions options;
-  options.black_level = kBlack;
+  options.black_level = {kBlack, kBlack, kBlack};
   const CameraResponse response = CameraResponse::fit(exposures, options).value();
   EXPECT_TRUE(response.is_linear());
   for (int c = 0; c < 3; ++c) {

@@ -1,0 +1,30 @@
+// What frames for a camera's calibration show that they should not: a camera that sets exposure, gain or
+// white balance itself, light that flickers, codes that are clipped. In plain words, with what to do.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "core/radiometry/calibration_samples.h"
+#include "core/radiometry/camera_response.h"
+#include "core/radiometry/frame_light.h"
+
+namespace glasswing {
+
+// Relative; beyond it a camera has changed by itself: errors of shutters and of curves are smaller.
+inline constexpr double kOwnChange = 0.03;
+
+// How far the exposure times that the frames speak of are from the declared ones: the largest |ratio - 1|,
+// and in words which.
+struct TimesOff {
+  double most = 0.0;
+  std::string text;
+};
+TimesOff times_off(const std::vector<double>& declared_ms, const std::vector<double>& fitted_s);
+
+// `noise` has curves, saturation, read_sd and shot_gain. Repeats count as flickering if that adds more than 5
+// % to the noise of a bright pixel.
+std::vector<std::string> symptoms(const CalibrationSamples& samples, const v1::CameraCalibration& calibration,
+                                  const FrameLight& light);
+
+}  // namespace glasswing

@@ -1,0 +1,25 @@
+// How a picture darkens towards its corners:
+//
+//   light = a_g (1 + r2 r^2 + r4 r^4)
+//
+// r is 1 in the corners; each group of points (a channel of a monitor) has a brightness of its own.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "glasswing/v1/calibration.pb.h"
+
+namespace glasswing {
+
+struct FallOffPoint {
+  size_t group = 0;
+  double radius2 = 0.0;
+  double light = 0.0;  // > 0
+};
+
+// Least squares; what lies beyond four standard deviations does not count. Nothing if the points do not reach
+// from the middle (r <= 0.35) well towards the corners (r >= 0.7).
+std::optional<v1::FallOff> fit_fall_off(const std::vector<FallOffPoint>& points);
+
+}  // namespace glasswing
