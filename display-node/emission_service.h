@@ -4,6 +4,7 @@
 #include <atomic>
 #include <optional>
 
+#include "core/sim/flicker.h"
 #include "core/sim/panel.h"
 #include "display-node/light_tap.h"
 #include "glasswing/v1/emission_service.grpc.pb.h"
@@ -14,6 +15,7 @@ namespace glasswing {
 struct TrueOptics {
   std::optional<nanoseconds> lag = {}, settle = {};
   PanelModel panel = {};  // of every monitor; switched on with the service
+  Flicker flicker = {};   // of every backlight
 };
 
 class EmissionServiceImpl final : public v1::EmissionService::Service {

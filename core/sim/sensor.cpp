@@ -26,7 +26,7 @@ class RowLight {
     for (size_t i = 0; i < emission.pictures.size(); ++i) {
       const bool over = i + 1 < emission.pictures.size() && settled(i + 1, rows.last) <= from;
       if (over || turns(i, rows.first) >= until) continue;
-      const bool steady = settled(i, rows.last) <= from &&
+      const bool steady = flicker().amplitude == 0.0 && settled(i, rows.last) <= from &&
                           (i + 1 == emission.pictures.size() || turns(i + 1, rows.first) >= until);
       if (steady) {
         steady_ = emission.pictures[i].image->samples.data();
@@ -56,14 +56,18 @@ class RowLight {
     const EmissionMonitor& monitor = emission_.monitor;
     return emission_.pictures[i].scanout_start + monitor.lag + monitor.scanout * row / monitor.height_px;
   }
+  const Flicker& flicker() const { return emission_.monitor.flicker; }
   nanoseconds settled(size_t i, int row) const { return turns(i, row) + emission_.monitor.settle; }
-  // How much of the exposure a row has turned to picture i or a later one.
+  // How much of the exposure a row has turned to picture i or a later one, by the light of those moments.
   double turned_ns(size_t i, int row) const {
     if (i == emission_.pictures.size()) return 0.0;
     const auto settle_ns = static_cast<double>(emission_.monitor.settle.count());
     const nanoseconds turn = turns(i, row);
-    return ramp_integral_ns(static_cast<double>((until_ - turn).count()), settle_ns) -
-           ramp_integral_ns(static_cast<double>((from_ - turn).count()), settle_ns);
+    const double turned = ramp_integral_ns(static_cast<double>((until_ - turn).count()), settle_ns) -
+                          ramp_integral_ns(static_cast<double>((from_ - turn).count()), settle_ns);
+    if (flicker().amplitude == 0.0) return turned;
+    return turned + flicker().amplitude *
+                        flicker_integral_ns(flicker().hz, turn, emission_.monitor.settle, from_, until_);
   }
   void add_changing(size_t i, Transport::Rows rows) {
     first_row_ = static_cast<size_t>(rows.first);

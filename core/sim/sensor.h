@@ -35,9 +35,9 @@ struct ExposureWindow {
 };
 
 // Mean radiance over each row's exposure. Exact in time: where a picture changes on some row of a monitor
-// during a camera row's exposure, both count by their share. `emission` covers the window, in the order of
-// the monitors that `transport` was built with. Camera rows that see a change cost a few times what others
-// do.
+// during a camera row's exposure, both count by their share, and so does a backlight's flicker. `emission`
+// covers the window, in the order of the monitors that `transport` was built with. Camera rows that see a
+// change cost a few times what others do.
 RadianceImage integrate(const Transport& transport, std::span<const MonitorEmission> emission,
                         const ExposureWindow& window, nanoseconds readout);
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <random>
 
 namespace glasswing {
@@ -89,7 +90,8 @@ TEST(Integrate, AgreesWithManySlicesOfTime) {
   }
 }
 
-// Light that a settling monitor row gives at one moment: each change goes on for `settle`, whatever follows.
+// Light that a settling, flickering monitor row gives at one moment: each change goes on for `settle`,
+// whatever follows.
 RadianceImage settling_at(const MonitorEmission& emission, nanoseconds when) {
   RadianceImage out(emission.monitor.width_px, emission.monitor.height_px);
   for (int y = 0; y < out.height_px; ++y) {
@@ -109,10 +111,15 @@ RadianceImage settling_at(const MonitorEmission& emission, nanoseconds when) {
       before = picture.image.get();
     }
   }
+  const Flicker& flicker = emission.monitor.flicker;
+  const double turns = flicker.hz * std::chrono::duration<double>(when).count();
+  const auto backlight =
+      static_cast<float>(1.0 + flicker.amplitude * std::sin(2.0 * std::numbers::pi * turns));
+  for (float& light : out.samples) light *= backlight;
   return out;
 }
 
-TEST(Integrate, SettlesFromOnePictureToTheNext) {
+void expect_settling(const Flicker& flicker) {
   std::mt19937_64 random(8);
   const Transport transport = crystal();
   std::vector<MonitorEmission> light{emission("back", kBack, milliseconds(7), milliseconds(2),
@@ -122,15 +129,19 @@ TEST(Integrate, SettlesFromOnePictureToTheNext) {
                                               {milliseconds(1), milliseconds(3)}, random)};
   light[0].monitor.settle = milliseconds(4);
   light[1].monitor.settle = milliseconds(5);
+  light[0].monitor.flicker = flicker;
   const nanoseconds readout = milliseconds(5);
   for (const int start_ms : {-4, 1, 6, 12}) {
     const ExposureWindow window{.start = milliseconds(start_ms), .exposure = milliseconds(8)};
     const RadianceImage exact = integrate(transport, light, window, readout);
     // The middle of each slice is its mean but where a ramp begins or ends: there a triangle of half a slice
-    // and of slope 1 / settle is missed, four times at most. Float sums add about 1e-5.
+    // and of slope 1 / settle is missed, four times at most; and of a sine (2 pi f slice)^2 / 24. Float sums
+    // add about 1e-5.
     constexpr int kSlices = 500;
     const double slice_of_settle = 8.0 / kSlices / 4.0;
-    const double tolerance = 4.0 * slice_of_settle / 8.0 / kSlices + 1e-5;
+    const double angle = 2.0 * std::numbers::pi * flicker.hz * 0.008 / kSlices;
+    const double tolerance = (1.0 + flicker.amplitude) * 4.0 * slice_of_settle / 8.0 / kSlices +
+                             flicker.amplitude * angle * angle / 24.0 + 1e-5;
     for (int y = 0; y < 6; ++y) {
       const nanoseconds from = window.start + readout * y / 5;
       RadianceImage mean(8, 6);
@@ -145,6 +156,15 @@ TEST(Integrate, SettlesFromOnePictureToTheNext) {
       }
     }
   }
+}
+
+TEST(Integrate, SettlesFromOnePictureToTheNext) {
+  expect_settling({});
+}
+
+TEST(Integrate, FlickersAsTheBacklightDoes) {
+  expect_settling({.amplitude = 0.4, .hz = 100.0});
+  expect_settling({.amplitude = 1.0, .hz = 370.0});
 }
 
 TEST(Integrate, IsTheTransportsResponseWhileNothingChanges) {
