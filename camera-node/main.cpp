@@ -134,7 +134,7 @@ int main(int argc, char** argv) {
   app.add_option("--noise-sd", sim.sensor.read_sd, "sim: read noise, of full scale")
       ->check(CLI::Range(0.0, 0.5))
       ->capture_default_str();
-  app.add_option("--blur", sim.sensor.blur_sigma_px, "sim: sigma of the lens's blur, px of the camera")
+  app.add_option("--blur", sim.blur_sigma_px, "sim: sigma of the lens's blur, px of the camera")
       ->check(CLI::Range(0.0, 20.0))
       ->capture_default_str();
   app.add_option(

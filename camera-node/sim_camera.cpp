@@ -152,7 +152,8 @@ absl::StatusOr<RadianceImage> SimCamera::radiance_on(const Exposed& exposed) {
   std::vector<EmissionMonitor> monitors;
   for (const MonitorEmission& each : emission) monitors.push_back(each.monitor);
   GW_ASSIGN_OR_RETURN(const std::shared_ptr<const Transport> through, transport(monitors, exposed.object));
-  return integrate(*through, emission, window, options_.sensor.readout);
+  RadianceImage radiance = integrate(*through, emission, window, options_.sensor.readout);
+  return blurs() ? through_lens(radiance, options_.blur_sigma_px) : radiance;
 }
 
 // The frames before are worked out anew, so that the gains of a frame depend on the light alone, and not on
@@ -214,7 +215,9 @@ absl::StatusOr<std::shared_ptr<const Transport>> SimCamera::transport(
       [](const SceneMonitor& a, const SceneMonitor& b) { return a.name == b.name && a.size == b.size; });
   if (!same || with_ == nullptr) {
     const auto build = [&](bool present) {
-      return build_transport(options_.scene, present, wanted, options_.width_px, options_.height_px);
+      const int finer = blurs() ? kRaysAcross : 1;
+      return build_transport(options_.scene, present, wanted, finer * options_.width_px,
+                             finer * options_.height_px, kRaysAcross / finer);
     };
     auto empty_stage = std::async(std::launch::async, build, false);
     GW_ASSIGN_OR_RETURN(Transport with, build(true));

@@ -24,6 +24,7 @@ struct SimCameraOptions {
   int width_px = 128;
   int height_px = 96;
   double frame_rate_hz = 200.0;
+  double blur_sigma_px = 0.0;  // of the lens
   SensorModel sensor;
   Automatics automatics = {};  // that it does not tell of: exposure and gain are reported as asked for
   NodeClock clock = {};        // in which it stamps
@@ -54,6 +55,7 @@ class SimCamera final : public Camera, public Stage {
     ExposureWindow window;
     bool object = false;
   };
+  bool blurs() const { return options_.blur_sigma_px > 0.0; }
   nanoseconds end_of(const ExposureWindow& window) const;
   absl::StatusOr<Image16> expose_frame(const Exposed& exposed, double exposure_ms);
   // Mean radiance over each row's exposure, as far as the light is known by now.

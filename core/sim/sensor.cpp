@@ -145,13 +145,27 @@ RadianceImage integrate(const Transport& transport, std::span<const MonitorEmiss
   return out;
 }
 
+RadianceImage through_lens(const RadianceImage& rays, double sigma_px) {
+  RadianceImage blurred = rays;
+  blur(blurred, kRaysAcross * sigma_px);
+  RadianceImage out(rays.width_px / kRaysAcross, rays.height_px / kRaysAcross);
+  constexpr float kShare = 1.0f / (kRaysAcross * kRaysAcross);
+  for (int y = 0; y < kRaysAcross * out.height_px; ++y) {
+    for (int x = 0; x < kRaysAcross * out.width_px; ++x) {
+      for (int c = 0; c < 3; ++c) out.at(x / kRaysAcross, y / kRaysAcross, c) += kShare * blurred.at(x, y, c);
+    }
+  }
+  return out;
+}
+
 Image16 expose(const RadianceImage& mean_radiance, double exposure_ms, const SensorModel& model,
                std::int64_t frame_number) {
-  RadianceImage through_lens;
-  if (model.blur_sigma_px > 0.0 || model.vignetting > 0.0) through_lens = mean_radiance;
-  if (model.blur_sigma_px > 0.0) blur(through_lens, model.blur_sigma_px);
-  if (model.vignetting > 0.0) vignette(through_lens, model.vignetting);
-  const std::vector<float>& light = through_lens.empty() ? mean_radiance.samples : through_lens.samples;
+  RadianceImage vignetted;
+  if (model.vignetting > 0.0) {
+    vignetted = mean_radiance;
+    vignette(vignetted, model.vignetting);
+  }
+  const std::vector<float>& light = vignetted.empty() ? mean_radiance.samples : vignetted.samples;
   const SampleResponse response{.scale = static_cast<float>(exposure_ms / model.full_scale_exposure_ms),
                                 .read_variance = static_cast<float>(model.read_sd * model.read_sd),
                                 .gain = static_cast<float>(model.gain),

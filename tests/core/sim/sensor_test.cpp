@@ -233,28 +233,29 @@ TEST(Expose, NoiseHasTheModelsMeanAndVariance) {
   }
 }
 
-TEST(Expose, BlursByItsSigma) {
+TEST(ThroughLens, PixelsGatherWhatIsBlurred) {
   constexpr int kSize_px = 31, kMiddle_px = 15;
-  SensorModel model = kNoiseless;
-  model.blur_sigma_px = 1.5;
-  RadianceImage light(kSize_px, kSize_px);
-  light.at(kMiddle_px, kMiddle_px, 1) = 1.0f;
-  const Image16 image = expose(light, model.full_scale_exposure_ms, model, 0);
-  double total = 0.0, second_moment = 0.0, most_rounding = 0.0;
+  constexpr double kSigma_px = 1.5;
+  RadianceImage rays(kRaysAcross * kSize_px, kRaysAcross * kSize_px);
+  for (int y = 0; y < kRaysAcross; ++y) {
+    for (int x = 0; x < kRaysAcross; ++x)
+      rays.at(kRaysAcross * kMiddle_px + x, kRaysAcross * kMiddle_px + y, 1) = 1.0f;
+  }
+  const RadianceImage picture = through_lens(rays, kSigma_px);
+  ASSERT_EQ(picture.width_px, kSize_px);
+  double total = 0.0, second_moment = 0.0;
   for (int y = 0; y < kSize_px; ++y) {
     for (int x = 0; x < kSize_px; ++x) {
-      const double value = image.at(x, y, 1) / 65535.0;
-      total += value;
-      second_moment += value * (x - kMiddle_px) * (x - kMiddle_px);
-      if (std::abs(x - kMiddle_px) <= 6 && std::abs(y - kMiddle_px) <= 6) {
-        most_rounding += 0.5 / 65535.0 * (x - kMiddle_px) * (x - kMiddle_px);
-      }
-      EXPECT_EQ(image.at(x, y, 0), 0);
+      total += static_cast<double>(picture.at(x, y, 1));
+      second_moment += static_cast<double>(picture.at(x, y, 1)) * (x - kMiddle_px) * (x - kMiddle_px);
+      EXPECT_EQ(picture.at(x, y, 0), 0.0f);
     }
   }
-  EXPECT_NEAR(total, 1.0, 169 * 0.5 / 65535.0);  // 13 x 13 rounded samples
-  // A Gaussian cut at four sigma lacks 0.11 % of its variance.
-  EXPECT_NEAR(second_moment, 2.25, 0.002 * 2.25 + most_rounding);
+  EXPECT_NEAR(total, 1.0, 1e-4);  // float sums
+  // The lens's, that of four rays in a row, and that of four rays gathered. A Gaussian cut at four sigma
+  // lacks 0.11 % of its variance.
+  const double four_rays = (1.0 - 1.0 / (kRaysAcross * kRaysAcross)) / 12.0;
+  EXPECT_NEAR(second_moment, kSigma_px * kSigma_px + 2.0 * four_rays, 0.002 * kSigma_px * kSigma_px);
 }
 
 // sample = curve(black + (1 - black) * value), in doubles.
