@@ -209,13 +209,17 @@ grpc::Status CameraServiceImpl::MeasureLight(grpc::ServerContext*, const v1::Mea
                                              v1::MeasureLightResponse* response) {
   if (request->sequences_size() > kMaxBatch)
     return to_grpc(absl::InvalidArgumentError("more than 4096 frames are asked for at once"));
+  const absl::StatusOr<FrameLight> light = request->has_calibration()
+                                               ? FrameLight::create(request->calibration())
+                                               : FrameLight::create(v1::CaptureManifest());
+  if (!light.ok()) return to_grpc(light.status());
   const std::uint16_t full_scale = full_scale_of(camera_.describe().camera());
   for (const std::int64_t sequence : request->sequences()) {
     const std::optional<CapturedFrame> found = in_ring(sequence);
     if (!found) continue;
     const absl::StatusOr<Image16> image = found->image();
     if (!image.ok()) return to_grpc(image.status());
-    *response->add_frames() = light_of(*image, full_scale);
+    *response->add_frames() = light_of(*image, *light, full_scale);
     response->mutable_frames()->rbegin()->set_sequence(sequence);
   }
   return grpc::Status::OK;

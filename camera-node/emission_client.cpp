@@ -46,7 +46,8 @@ void EmissionClient::read(grpc::ClientContext& context) {
                .height_px = monitor.height_px(),
                .scanout = nanoseconds(monitor.scanout_ns()),
                .lag = nanoseconds(monitor.lag_ns()),
-               .settle = nanoseconds(monitor.settle_ns())};
+               .settle = nanoseconds(monitor.settle_ns()),
+               .flicker = {.amplitude = monitor.flicker(), .hz = monitor.flicker_hz()}};
       timeline_.add_monitor(known);
       spdlog::info("light from monitor={} size={}x{}", known.name, known.width_px, known.height_px);
     } else if (response.has_picture()) {

@@ -134,6 +134,9 @@ int main(int argc, char** argv) {
   app.add_option("--noise-sd", sim.sensor.read_sd, "sim: read noise, of full scale")
       ->check(CLI::Range(0.0, 0.5))
       ->capture_default_str();
+  app.add_option("--blur", sim.blur_sigma_px, "sim: sigma of the lens's blur, px of the camera")
+      ->check(CLI::Range(0.0, 20.0))
+      ->capture_default_str();
   app.add_option(
          "--vignetting", sim.sensor.vignetting,
          "sim: of the light in the picture's middle, what its corners lack; with the distance squared")
@@ -150,6 +153,10 @@ int main(int argc, char** argv) {
   app.add_option("--bits", sim.sensor.bits, "sim: bits a sample")
       ->check(CLI::Range(8, 16))
       ->capture_default_str();
+  app.add_flag("--true-auto-gain", sim.automatics.gain,
+               "sim: its gain follows the last frames' light, and is reported as constant");
+  app.add_flag("--true-auto-white-balance", sim.automatics.white_balance,
+               "sim: its channels' gains follow the last frames' colour");
   app.add_option("--fault-drop", sim.drop, "sim: probability that a frame is lost")
       ->check(CLI::Range(0.0, 0.99));
   app.add_option("--fault-duplicate", sim.duplicate,

@@ -49,16 +49,22 @@ v1::PreviewResponse preview_of(const Image16& image, int max_width_px, std::uint
   return response;
 }
 
-v1::FrameLight light_of(const Image16& image, std::uint16_t full_scale) {
-  v1::FrameLight light;
-  const auto row_samples = static_cast<size_t>(image.width_px) * 3;
-  for (size_t y = 0; y < static_cast<size_t>(image.height_px); ++y) {
+v1::FrameLight light_of(const Image16& image, const FrameLight& light, std::uint16_t full_scale) {
+  v1::FrameLight result;
+  std::int64_t clipped = 0;
+  for (int y = 0; y < image.height_px; ++y) {
     double sum = 0.0;
-    for (size_t i = y * row_samples; i < (y + 1) * row_samples; ++i) sum += image.samples[i];
-    light.add_row_mean(static_cast<float>(sum / (65535.0 * static_cast<double>(row_samples))));
+    for (int x = 0; x < image.width_px; ++x) {
+      for (int c = 0; c < 3; ++c) {
+        const std::uint16_t sample = image.at(x, y, c);
+        sum += static_cast<double>(light.light(sample, c));
+        clipped += sample >= full_scale || light.saturated(sample);
+      }
+    }
+    result.add_row_mean(static_cast<float>(sum / (3.0 * image.width_px)));
   }
-  light.set_clipped_fraction(clipped_fraction(image, full_scale));
-  return light;
+  result.set_clipped_fraction(static_cast<double>(clipped) / static_cast<double>(image.samples.size()));
+  return result;
 }
 
 }  // namespace glasswing

@@ -4,6 +4,7 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <condition_variable>
 #include <future>
@@ -130,19 +131,51 @@ std::optional<CapturedFrame> SimCamera::next(std::chrono::milliseconds) {
 }
 
 absl::StatusOr<Image16> SimCamera::expose_frame(const Exposed& exposed, double exposure_ms) {
-  const ExposureWindow& window = exposed.window;
-  const nanoseconds end = window.start + options_.sensor.readout + window.exposure;
-  std::vector<MonitorEmission> emission;
-  if (timeline_.wait_known_until(end, kLightIsLate)) emission = timeline_.between(window.start, end);
-  if (emission.empty()) {
-    const RadianceImage dark(options_.width_px, options_.height_px);
-    return expose(dark, exposure_ms, options_.sensor, exposed.sequence);
+  RadianceImage radiance(options_.width_px, options_.height_px);
+  if (timeline_.wait_known_until(end_of(exposed.window), kLightIsLate)) {
+    GW_ASSIGN_OR_RETURN(radiance, radiance_on(exposed));
   }
+  const Automatics& automatics = options_.automatics;
+  if (automatics.gain || automatics.white_balance)
+    GW_RETURN_IF_ERROR(apply_automatics(exposed, exposure_ms, radiance));
+  return expose(radiance, exposure_ms, options_.sensor, exposed.sequence);
+}
+
+nanoseconds SimCamera::end_of(const ExposureWindow& window) const {
+  return window.start + options_.sensor.readout + window.exposure;
+}
+
+absl::StatusOr<RadianceImage> SimCamera::radiance_on(const Exposed& exposed) {
+  const ExposureWindow& window = exposed.window;
+  const std::vector<MonitorEmission> emission = timeline_.between(window.start, end_of(window));
+  if (emission.empty()) return RadianceImage(options_.width_px, options_.height_px);
   std::vector<EmissionMonitor> monitors;
   for (const MonitorEmission& each : emission) monitors.push_back(each.monitor);
   GW_ASSIGN_OR_RETURN(const std::shared_ptr<const Transport> through, transport(monitors, exposed.object));
-  return expose(integrate(*through, emission, window, options_.sensor.readout), exposure_ms, options_.sensor,
-                exposed.sequence);
+  RadianceImage radiance = integrate(*through, emission, window, options_.sensor.readout);
+  return blurs() ? through_lens(radiance, options_.blur_sigma_px) : radiance;
+}
+
+// The frames before are worked out anew, so that the gains of a frame depend on the light alone, and not on
+// which frames somebody wanted to see.
+absl::Status SimCamera::apply_automatics(const Exposed& exposed, double exposure_ms,
+                                         RadianceImage& radiance) {
+  const nanoseconds period(std::llround(1e9 / options_.frame_rate_hz));
+  const double scale = exposure_ms / options_.sensor.full_scale_exposure_ms;
+  std::vector<Colour> light_before;
+  Exposed before = exposed;
+  for (int k = 1; k <= kFramesRemembered; ++k) {
+    before.window.start -= period;
+    GW_ASSIGN_OR_RETURN(const RadianceImage seen, radiance_on(before));
+    std::array<double, 3> sums{};
+    for (size_t i = 0; i < seen.samples.size(); ++i) sums[i % 3] += static_cast<double>(seen.samples[i]);
+    Colour& light = light_before.emplace_back();
+    for (size_t c = 0; c < 3; ++c)
+      light[c] = static_cast<float>(3.0 * scale * sums[c] / static_cast<double>(seen.samples.size()));
+  }
+  const Colour gains = automatic_gains(options_.automatics, light_before);
+  for (size_t i = 0; i < radiance.samples.size(); ++i) radiance.samples[i] *= gains[i % 3];
+  return absl::OkStatus();
 }
 
 void SimCamera::prepare(std::stop_token stop) {
@@ -182,7 +215,9 @@ absl::StatusOr<std::shared_ptr<const Transport>> SimCamera::transport(
       [](const SceneMonitor& a, const SceneMonitor& b) { return a.name == b.name && a.size == b.size; });
   if (!same || with_ == nullptr) {
     const auto build = [&](bool present) {
-      return build_transport(options_.scene, present, wanted, options_.width_px, options_.height_px);
+      const int finer = blurs() ? kRaysAcross : 1;
+      return build_transport(options_.scene, present, wanted, finer * options_.width_px,
+                             finer * options_.height_px, kRaysAcross / finer);
     };
     auto empty_stage = std::async(std::launch::async, build, false);
     GW_ASSIGN_OR_RETURN(Transport with, build(true));

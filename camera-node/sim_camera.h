@@ -11,6 +11,7 @@
 
 #include "camera-node/camera.h"
 #include "core/base/node_clock.h"
+#include "core/sim/automatics.h"
 #include "core/sim/emission_timeline.h"
 #include "core/sim/sensor.h"
 #include "core/sim/transport.h"
@@ -23,7 +24,9 @@ struct SimCameraOptions {
   int width_px = 128;
   int height_px = 96;
   double frame_rate_hz = 200.0;
+  double blur_sigma_px = 0.0;  // of the lens
   SensorModel sensor;
+  Automatics automatics = {};  // that it does not tell of: exposure and gain are reported as asked for
   NodeClock clock = {};        // in which it stamps
   double drop = 0.0;           // probability that a frame is lost: its number is skipped
   double duplicate = 0.0;      // probability that a frame holds the pixels of the one before
@@ -52,7 +55,12 @@ class SimCamera final : public Camera, public Stage {
     ExposureWindow window;
     bool object = false;
   };
+  bool blurs() const { return options_.blur_sigma_px > 0.0; }
+  nanoseconds end_of(const ExposureWindow& window) const;
   absl::StatusOr<Image16> expose_frame(const Exposed& exposed, double exposure_ms);
+  // Mean radiance over each row's exposure, as far as the light is known by now.
+  absl::StatusOr<RadianceImage> radiance_on(const Exposed& exposed);
+  absl::Status apply_automatics(const Exposed& exposed, double exposure_ms, RadianceImage& radiance);
   void prepare(std::stop_token stop);
   // For the monitors that emit now; built again when they change.
   absl::StatusOr<std::shared_ptr<const Transport>> transport(const std::vector<EmissionMonitor>& monitors,

@@ -54,6 +54,7 @@ int run_client(int argc, const char* const* argv) {
   add_fetch_command(app, client);
   add_composite_command(app, client);
   add_compare_command(app, client);
+  add_blur_command(app, client);
   add_convert_command(app, client);
 
   try {

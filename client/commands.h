@@ -21,6 +21,7 @@ void add_solve_command(CLI::App& app, Client& client);
 void add_fetch_command(CLI::App& app, Client& client);
 void add_composite_command(CLI::App& app, Client& client);
 void add_compare_command(CLI::App& app, Client& client);
+void add_blur_command(CLI::App& app, Client& client);
 void add_convert_command(CLI::App& app, Client& client);
 void add_doctor_command(CLI::App& app, Client& client);
 void add_preview_command(CLI::App& app, Client& client);

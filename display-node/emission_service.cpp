@@ -51,6 +51,8 @@ grpc::Status EmissionServiceImpl::WatchEmission(grpc::ServerContext* context, co
     monitor.set_scanout_ns(screen.scanout.count());
     monitor.set_lag_ns(optics_.lag.value_or(screen.lag).count());
     monitor.set_settle_ns(optics_.settle.value_or(screen.settle).count());
+    monitor.set_flicker(optics_.flicker.amplitude);
+    monitor.set_flicker_hz(optics_.flicker.hz);
     if (!writer->Write(response)) return grpc::Status::OK;
   }
   std::uint64_t cursor = 0;

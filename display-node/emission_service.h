@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "core/sim/flicker.h"
 #include "core/sim/panel.h"
 #include "display-node/light_tap.h"
 #include "glasswing/v1/emission_service.grpc.pb.h"
@@ -14,8 +15,9 @@ namespace glasswing {
 // What the light really does, where that is not what the screens say of themselves.
 struct TrueOptics {
   std::optional<nanoseconds> lag = {}, settle = {};
-  PanelModel panel =
-      {};  // of every monitor, but for the bits: those are the screen's; switched on with the service
+  // Of every monitor, switched on with the service; bits are the screen's.
+  PanelModel panel = {};
+  Flicker flicker = {};  // of every backlight
 };
 
 class EmissionServiceImpl final : public v1::EmissionService::Service {

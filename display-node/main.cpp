@@ -36,7 +36,7 @@ struct Screens {
   double lag_ms = 3.0, settle_ms = 1.0;
   int patch_rows = 0;
   std::optional<double> true_lag_ms, true_settle_ms;
-  std::string true_response = "linear";
+  std::string true_response = "linear", true_flicker;
   std::optional<int> bits;  // of a code; the backend's own, if left out
   PanelModel panel;
   SimDisplay::Faults faults;
@@ -53,6 +53,15 @@ struct Screens {
          !(optics.panel.gamma >= 0.2 && optics.panel.gamma <= 5.0))) {
       return absl::InvalidArgumentError("--true-response is " + true_response +
                                         "; it must be linear, or gamma:G with G 0.2 to 5");
+    }
+    if (!true_flicker.empty() && (std::sscanf(true_flicker.c_str(), "%lf@%lf%n", &optics.flicker.amplitude,
+                                              &optics.flicker.hz, &read) != 2 ||
+                                  static_cast<size_t>(read) != true_flicker.size() ||
+                                  !(optics.flicker.amplitude >= 0.0 && optics.flicker.amplitude <= 1.0) ||
+                                  !(optics.flicker.hz >= 0.1 && optics.flicker.hz <= 1e5))) {
+      return absl::InvalidArgumentError("--true-flicker is " + true_flicker +
+                                        "; it must be AMPLITUDE@HZ, such as 0.1@100, with AMPLITUDE 0 to 1 "
+                                        "and HZ 0.1 to 100000");
     }
     if (true_lag_ms) optics.lag = of_ms(*true_lag_ms);
     if (true_settle_ms) optics.settle = of_ms(*true_settle_ms);
@@ -241,6 +250,8 @@ int main(int argc, char** argv) {
                  "of the light, what each minute since the start takes; from picture to picture")
       ->check(CLI::Range(0.0, 0.5))
       ->capture_default_str();
+  app.add_option("--true-flicker", screens.true_flicker,
+                 "AMPLITUDE@HZ, as 0.1@100: that light is times 1 + AMPLITUDE sin(2 pi HZ t)");
   app.add_option("--fault-missed-flips", screens.faults.missed_flips,
                  "sim: probability that a flip comes a refresh late")
       ->check(CLI::Range(0.0, 1.0));

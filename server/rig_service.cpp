@@ -54,7 +54,7 @@ grpc::Status RigServiceImpl::CalibrateSync(grpc::ServerContext* context,
     absl::Status unmeasured;  // the first that could not be; the others are measured all the same
     for (const std::string& monitor : monitors) {
       const absl::StatusOr<v1::MonitorSync> measured =
-          measure_sync(rig, monitor, request->exposure_ms(), progress, stop);
+          measure_sync(rig, monitor, request->exposure_ms(), nullptr, progress, stop);
       if (absl::IsFailedPrecondition(measured.status())) {
         unmeasured.Update(measured.status());
         continue;

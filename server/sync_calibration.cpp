@@ -62,11 +62,13 @@ v1::Stimulus band_stimulus(const Target& target, size_t band) {
 }
 
 absl::StatusOr<v1::MeasureLightResponse> measure_light(RigLinks& rig,
-                                                       const std::vector<v1::FrameTaken>& frames) {
+                                                       const std::vector<v1::FrameTaken>& frames,
+                                                       const v1::CameraCalibration* calibration) {
   constexpr size_t kBatch = 32;
   v1::MeasureLightResponse measured;
   for (size_t first = 0; first < frames.size(); first += kBatch) {
     v1::MeasureLightRequest request;
+    if (calibration != nullptr) *request.mutable_calibration() = *calibration;
     for (size_t i = first; i < std::min(first + kBatch, frames.size()); ++i)
       request.add_sequences(frames[i].sequence());
     v1::MeasureLightResponse response;
@@ -91,7 +93,8 @@ struct Measurement {
   bool clips() const { return most_clipped - least_clipped > kClipping; }
 };
 
-absl::Status add_pass(RigLinks& rig, const Target& target, double exposure_ms, std::stop_token stop,
+absl::Status add_pass(RigLinks& rig, const Target& target, double exposure_ms,
+                      const v1::CameraCalibration* calibration, std::stop_token stop,
                       Measurement& measurement) {
   const std::vector<std::optional<size_t>> sequence = band_sequence();
   const size_t steps = sequence.size() / kPassesAtOnce;
@@ -141,7 +144,7 @@ absl::Status add_pass(RigLinks& rig, const Target& target, double exposure_ms, s
     wanted.push_back(frame);
   }
   measurement.clock_errors += display_error + camera_error;
-  GW_ASSIGN_OR_RETURN(const v1::MeasureLightResponse measured, measure_light(rig, wanted));
+  GW_ASSIGN_OR_RETURN(const v1::MeasureLightResponse measured, measure_light(rig, wanted, calibration));
   for (const v1::FrameLight& light : measured.frames()) {
     LightFrame& frame = measurement.record.frames.emplace_back(times.at(light.sequence()));
     frame.row_mean.assign(light.row_mean().begin(), light.row_mean().end());
@@ -179,6 +182,7 @@ v1::MonitorSync sync_of(const Target& target, const Measurement& measurement, co
 }  // namespace
 
 absl::StatusOr<v1::MonitorSync> measure_sync(RigLinks& rig, const std::string& monitor, double exposure_ms,
+                                             const v1::CameraCalibration* calibration,
                                              const std::function<void(const std::string&)>& progress,
                                              std::stop_token stop) {
   GW_ASSIGN_OR_RETURN(const Target target, find(rig, monitor));
@@ -190,7 +194,7 @@ absl::StatusOr<v1::MonitorSync> measure_sync(RigLinks& rig, const std::string& m
   while (true) {
     progress(fmt::format("{}: showing bands to the camera, {:.3g} ms exposures, pass {}", monitor, exposure,
                          measurement.passes + 1));
-    GW_RETURN_IF_ERROR(add_pass(rig, target, exposure, stop, measurement));
+    GW_RETURN_IF_ERROR(add_pass(rig, target, exposure, calibration, stop, measurement));
     if (measurement.clips()) {
       const double shorter = 0.5 * exposure;
       if (exposure_ms != 0.0 || shorter < std::max(camera.min_exposure_ms(), kShortestExposureMs)) {

@@ -13,9 +13,11 @@
 namespace glasswing {
 
 // `exposure_ms` 0: four fifths of the time between frames, halved until nothing that changes is clipped.
+// With `calibration` (may be null) the camera makes light of its codes; without, they are taken for linear.
 // `progress` is called with words for people. INVALID_ARGUMENT: no such monitor, or an exposure that the
 // camera cannot make. FAILED_PRECONDITION: why it cannot be measured. CANCELLED: stopped.
 absl::StatusOr<v1::MonitorSync> measure_sync(RigLinks& rig, const std::string& monitor, double exposure_ms,
+                                             const v1::CameraCalibration* calibration,
                                              const std::function<void(const std::string&)>& progress,
                                              std::stop_token stop);
 

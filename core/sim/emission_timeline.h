@@ -1,7 +1,7 @@
 // What the monitors really emitted, from when to when, in physical time. A picture's rows leave one after the
 // other: row y of H turns to it at t = scanout_start + y/H * scanout + lag, until the next picture's row y
 // does. The light goes linearly from one picture to the next: i has the weight r(t - t_i) - r(t - t_i+1),
-// where r(u) = u / settle within [0, 1].
+// where r(u) = u / settle within [0, 1]. All of it flickers as the backlight does.
 #pragma once
 
 #include <condition_variable>
@@ -14,6 +14,7 @@
 
 #include "core/base/time.h"
 #include "core/frame/image.h"
+#include "core/sim/flicker.h"
 
 namespace glasswing {
 
@@ -29,6 +30,7 @@ struct EmissionMonitor {
   nanoseconds scanout{};
   nanoseconds lag{};
   nanoseconds settle{};
+  Flicker flicker = {};
 };
 
 // One monitor's light during some interval: consecutive pictures, the first of which may have started

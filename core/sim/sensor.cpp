@@ -26,7 +26,7 @@ class RowLight {
     for (size_t i = 0; i < emission.pictures.size(); ++i) {
       const bool over = i + 1 < emission.pictures.size() && settled(i + 1, rows.last) <= from;
       if (over || turns(i, rows.first) >= until) continue;
-      const bool steady = settled(i, rows.last) <= from &&
+      const bool steady = flicker().amplitude == 0.0 && settled(i, rows.last) <= from &&
                           (i + 1 == emission.pictures.size() || turns(i + 1, rows.first) >= until);
       if (steady) {
         steady_ = emission.pictures[i].image->samples.data();
@@ -56,14 +56,18 @@ class RowLight {
     const EmissionMonitor& monitor = emission_.monitor;
     return emission_.pictures[i].scanout_start + monitor.lag + monitor.scanout * row / monitor.height_px;
   }
+  const Flicker& flicker() const { return emission_.monitor.flicker; }
   nanoseconds settled(size_t i, int row) const { return turns(i, row) + emission_.monitor.settle; }
-  // How much of the exposure a row has turned to picture i or a later one.
+  // How much of the exposure a row has turned to picture i or a later one, by the light of those moments.
   double turned_ns(size_t i, int row) const {
     if (i == emission_.pictures.size()) return 0.0;
     const auto settle_ns = static_cast<double>(emission_.monitor.settle.count());
     const nanoseconds turn = turns(i, row);
-    return ramp_integral_ns(static_cast<double>((until_ - turn).count()), settle_ns) -
-           ramp_integral_ns(static_cast<double>((from_ - turn).count()), settle_ns);
+    const double turned = ramp_integral_ns(static_cast<double>((until_ - turn).count()), settle_ns) -
+                          ramp_integral_ns(static_cast<double>((from_ - turn).count()), settle_ns);
+    if (flicker().amplitude == 0.0) return turned;
+    return turned + flicker().amplitude *
+                        flicker_integral_ns(flicker().hz, turn, emission_.monitor.settle, from_, until_);
   }
   void add_changing(size_t i, Transport::Rows rows) {
     first_row_ = static_cast<size_t>(rows.first);
@@ -141,13 +145,27 @@ RadianceImage integrate(const Transport& transport, std::span<const MonitorEmiss
   return out;
 }
 
+RadianceImage through_lens(const RadianceImage& rays, double sigma_px) {
+  RadianceImage blurred = rays;
+  blur(blurred, kRaysAcross * sigma_px);
+  RadianceImage out(rays.width_px / kRaysAcross, rays.height_px / kRaysAcross);
+  constexpr float kShare = 1.0f / (kRaysAcross * kRaysAcross);
+  for (int y = 0; y < kRaysAcross * out.height_px; ++y) {
+    for (int x = 0; x < kRaysAcross * out.width_px; ++x) {
+      for (int c = 0; c < 3; ++c) out.at(x / kRaysAcross, y / kRaysAcross, c) += kShare * blurred.at(x, y, c);
+    }
+  }
+  return out;
+}
+
 Image16 expose(const RadianceImage& mean_radiance, double exposure_ms, const SensorModel& model,
                std::int64_t frame_number) {
-  RadianceImage through_lens;
-  if (model.blur_sigma_px > 0.0 || model.vignetting > 0.0) through_lens = mean_radiance;
-  if (model.blur_sigma_px > 0.0) blur(through_lens, model.blur_sigma_px);
-  if (model.vignetting > 0.0) vignette(through_lens, model.vignetting);
-  const std::vector<float>& light = through_lens.empty() ? mean_radiance.samples : through_lens.samples;
+  RadianceImage vignetted;
+  if (model.vignetting > 0.0) {
+    vignetted = mean_radiance;
+    vignette(vignetted, model.vignetting);
+  }
+  const std::vector<float>& light = vignetted.empty() ? mean_radiance.samples : vignetted.samples;
   const SampleResponse response{.scale = static_cast<float>(exposure_ms / model.full_scale_exposure_ms),
                                 .read_variance = static_cast<float>(model.read_sd * model.read_sd),
                                 .gain = static_cast<float>(model.gain),

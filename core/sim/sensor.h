@@ -1,5 +1,5 @@
-// A simulated sensor: integrates a scene's light over each row's own exposure (rolling shutter), blurs, adds
-// noise, and quantises.
+// A simulated sensor behind a lens: integrates a scene's light over each row's own exposure (rolling
+// shutter), adds noise, and quantises.
 //
 //   value = exposure / full_scale_exposure * fall_off * mean radiance;   variance = read_sd^2 + gain * value
 //   sample = curve(black_level + (1 - black_level) * (value + noise)), cut off at full scale
@@ -17,7 +17,6 @@
 namespace glasswing {
 
 struct SensorModel {
-  double blur_sigma_px = 0.0;                          // lens
   double read_sd = 0.001;                              // of full scale
   double gain = 1e-5;                                  // shot noise: variance per value
   double vignetting = 0.0;                             // of the middle's light, what corners lack: fall_off.h
@@ -35,11 +34,15 @@ struct ExposureWindow {
 };
 
 // Mean radiance over each row's exposure. Exact in time: where a picture changes on some row of a monitor
-// during a camera row's exposure, both count by their share. `emission` covers the window, in the order of
-// the monitors that `transport` was built with. Camera rows that see a change cost a few times what others
-// do.
+// during a camera row's exposure, both count by their share, and so does a backlight's flicker. `emission`
+// covers the window, in the order of the monitors that `transport` was built with. Camera rows that see a
+// change cost a few times what others do.
 RadianceImage integrate(const Transport& transport, std::span<const MonitorEmission> emission,
                         const ExposureWindow& window, nanoseconds readout);
+
+// What the sensor's pixels get through a lens whose blur is a Gaussian of `sigma_px` of them, from a picture
+// with kRaysAcross x kRaysAcross samples to each: light is blurred before pixels gather it, not after.
+RadianceImage through_lens(const RadianceImage& rays, double sigma_px);
 
 // Response to that light; the same (model.seed, frame_number) gives the same noise.
 Image16 expose(const RadianceImage& mean_radiance, double exposure_ms, const SensorModel& model,

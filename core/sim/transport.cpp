@@ -15,7 +15,6 @@
 namespace glasswing {
 namespace {
 
-constexpr int kRaysAcross = 4;         // per camera pixel, each way
 constexpr double kCameraWidths = 4.0;  // distance of the camera, in widths of the back monitor
 
 enum class Side { kBack, kLeft, kRight, kTop };
@@ -172,7 +171,7 @@ RadianceImage Transport::respond(std::span<const RadianceImage> pictures) const 
 
 absl::StatusOr<Transport> build_transport(const std::string& scene_name, bool object,
                                           const std::vector<SceneMonitor>& monitors, int camera_width_px,
-                                          int camera_height_px) {
+                                          int camera_height_px, int rays_across) {
   MonitorSize back;
   std::vector<Panel> panels;
   for (size_t i = 0; i < monitors.size(); ++i) {
@@ -197,7 +196,7 @@ absl::StatusOr<Transport> build_transport(const std::string& scene_name, bool ob
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<Scene> scene, make_scene(scene_name, back));
 
   const Vec3 eye{0.5 * back.width_px, 0.5 * back.height_px, -kCameraWidths * back.width_px};
-  const double scale = 1.0 / (kRaysAcross * kRaysAcross);
+  const double scale = 1.0 / (rays_across * rays_across);
   TransportBuilder builder(camera_width_px, camera_height_px, monitors);
   for (int y = 0; y < camera_height_px; ++y) {
     builder.begin_row();
@@ -205,13 +204,16 @@ absl::StatusOr<Transport> build_transport(const std::string& scene_name, bool ob
       for (int c = 0; c < 3; ++c) {
         std::vector<Tap> taps;
         int hits = 0;
-        for (int s = 0; s < kRaysAcross * kRaysAcross; ++s) {
-          const Vec3 target{(x + (s % kRaysAcross + 0.5) / kRaysAcross) * back.width_px / camera_width_px,
-                            (y + (s / kRaysAcross + 0.5) / kRaysAcross) * back.height_px / camera_height_px,
+        for (int s = 0; s < rays_across * rays_across; ++s) {
+          const Vec3 target{(x + (s % rays_across + 0.5) / rays_across) * back.width_px / camera_width_px,
+                            (y + (s / rays_across + 0.5) / rays_across) * back.height_px / camera_height_px,
                             0.0};
           const Ray ray{eye, normalized(target - eye)};
+          // Within kRaysAcross x kRaysAcross of them, whatever pixels they make.
+          const int number = (y * rays_across + s / rays_across) % kRaysAcross * kRaysAcross +
+                             (x * rays_across + s % rays_across) % kRaysAcross;
           std::optional<std::vector<Path>> paths;
-          if (object && scene != nullptr) paths = scene->trace(ray, c, s);
+          if (object && scene != nullptr) paths = scene->trace(ray, c, number);
           if (!paths) {
             add_path({.ray = ray, .weight = 1.0}, panels, back, scale, taps);
             continue;

@@ -82,12 +82,15 @@ void Transport::add_row(size_t monitor, int y, std::span<float> row, const Radia
   }
 }
 
+inline constexpr int kRaysAcross = 4;  // to a camera pixel, each way
+
 // Scenes: "crystal", "glass", "brushed", "none". With object = false the stage is empty, whatever the scene.
 // Geometry: the back monitor fills the camera's view, one camera pixel to (monitor / camera size) monitor
-// pixels; "left", "right" and "top" stand at its edges, perpendicular, towards the camera. Deterministic.
+// pixels; "left", "right" and "top" stand at its edges, perpendicular, towards the camera. `rays_across` 1
+// makes of every ray a pixel, where the picture is kRaysAcross times as large. Deterministic.
 // INVALID_ARGUMENT: an unknown scene or monitor name lists what there is.
 absl::StatusOr<Transport> build_transport(const std::string& scene, bool object,
                                           const std::vector<SceneMonitor>& monitors, int camera_width_px,
-                                          int camera_height_px);
+                                          int camera_height_px, int rays_across = kRaysAcross);
 
 }  // namespace glasswing

@@ -242,6 +242,28 @@ TEST_F(CameraNode, MeasuresTheLightOfEachRow) {
   for (int y = 0; y < 6; ++y)
     EXPECT_NEAR(measured.frames(0).row_mean(y), picture->at(0, y, 0) / 65535.0, 3e-5) << y;
   EXPECT_DOUBLE_EQ(measured.frames(0).clipped_fraction(), 1.0 / 6.0);
+
+  // With a calibration it is the curves' light, and what they call saturated.
+  v1::CameraCalibration& calibration = *measure.mutable_calibration();
+  calibration.set_format_version(1);
+  calibration.set_saturation(20'000.0 / 65535.0);
+  for (int c = 0; c < 3; ++c) {
+    v1::CameraCurve& curve = *calibration.add_curves();
+    for (const float light : {-0.1f, 0.2f, 2.0f + static_cast<float>(c)}) curve.add_light(light);
+  }
+  grpc::ClientContext calibrated_context;
+  ASSERT_TRUE(camera_stub_->MeasureLight(&calibrated_context, measure, &measured).ok());
+  for (int y = 0; y < 6; ++y) {
+    const double code = picture->at(0, y, 0) / 65535.0;
+    const double light = code < 0.5 ? -0.1 + 0.6 * code : 0.2 + 2.0 * (code - 0.5) * (3.0 - 0.2);
+    // The third channel's mean of 2, 3 and 4 at full scale is 3; a code is 4 * 1.5e-5 at most.
+    EXPECT_NEAR(measured.frames(0).row_mean(y), light, 2e-4) << y;
+  }
+  EXPECT_DOUBLE_EQ(measured.frames(0).clipped_fraction(), 2.0 / 6.0);  // codes of 24000 and 65535
+  calibration.set_saturation(0.0);
+  grpc::ClientContext broken_context;
+  EXPECT_EQ(camera_stub_->MeasureLight(&broken_context, measure, &measured).error_code(),
+            grpc::StatusCode::INVALID_ARGUMENT);
   context.TryCancel();
 }
 

@@ -25,16 +25,18 @@ const EmissionTimeline& changing_light() {
   return *timeline;
 }
 
-std::unique_ptr<Camera> make_sim(double frame_rate_hz, double faults) {
+std::unique_ptr<Camera> make_sim(double frame_rate_hz, double faults, const Automatics& automatics = {}) {
   SimCameraOptions options;
   options.frame_rate_hz = frame_rate_hz;
   options.drop = options.duplicate = faults;
+  options.automatics = automatics;
   return SimCamera::create(options, changing_light()).value();
 }
 
-INSTANTIATE_TEST_SUITE_P(Sim, CameraContract,
-                         testing::Values([] { return make_sim(200.0, 0.0); },
-                                         [] { return make_sim(50.0, 0.3); }));
+INSTANTIATE_TEST_SUITE_P(
+    Sim, CameraContract,
+    testing::Values([] { return make_sim(200.0, 0.0); }, [] { return make_sim(50.0, 0.3); },
+                    [] { return make_sim(200.0, 0.0, {.gain = true, .white_balance = true}); }));
 
 TEST(SimCamera, CallsOnlyALinearResponseLinear) {
   const auto described = [](const SensorModel& sensor) {
@@ -49,6 +51,53 @@ TEST(SimCamera, CallsOnlyALinearResponseLinear) {
     EXPECT_EQ(described(sensor).response(), "unknown");
     EXPECT_EQ(described(sensor).read_sd(), 0.0);
     EXPECT_EQ(described(sensor).gain(), 0.0);
+  }
+}
+
+TEST(SimCamera, AutomaticsFollowTheLightOfTheFramesBeforeAndSayNothing) {
+  // Black, and from one moment on a light red that is none after a white balance.
+  constexpr std::array<float, 3> kRed{0.6f, 0.3f, 0.3f};
+  const nanoseconds exposure = milliseconds(1), period = milliseconds(2);
+  EmissionTimeline timeline;
+  timeline.add_monitor({.name = "back", .width_px = 4, .height_px = 4});
+  auto picture = std::make_shared<Image16>(4, 4);
+  for (size_t i = 0; i < picture->samples.size(); ++i) picture->samples[i] = code16_of(kRed[i % 3]);
+  const nanoseconds step = monotonic_now() + milliseconds(20);
+  timeline.add_picture("back", {.scanout_start = step, .image = picture});
+  timeline.set_horizon("back", step + std::chrono::hours(1));
+  for (const Automatics& automatics :
+       {Automatics{.gain = true}, Automatics{.white_balance = true}, Automatics{true, true}}) {
+    SimCameraOptions options;
+    options.scene = "none";
+    options.width_px = options.height_px = 4;
+    options.frame_rate_hz = 500.0;
+    options.sensor = {
+        .read_sd = 0.0, .gain = 0.0, .bits = 16, .readout = nanoseconds(0), .full_scale_exposure_ms = 4.0};
+    options.automatics = automatics;
+    const auto camera = SimCamera::create(options, timeline).value();
+    ASSERT_TRUE(camera->start(1.0).ok());
+    for (int i = 0; i < 30; ++i) {
+      const CapturedFrame frame = camera->next(milliseconds(1000)).value();
+      EXPECT_EQ(frame.taken.exposure_ms(), 1.0);
+      EXPECT_EQ(frame.taken.gain(), 1.0);
+      // The exposure is a quarter of that of full scale.
+      const auto light_at = [&](nanoseconds start) {
+        const double lit_ns = static_cast<double>((start + exposure - step).count());
+        const auto share =
+            0.25f * static_cast<float>(std::clamp(lit_ns / static_cast<double>(exposure.count()), 0.0, 1.0));
+        return Colour{share * kRed[0], share * kRed[1], share * kRed[2]};
+      };
+      const nanoseconds start(frame.taken.exposure_start_ns());
+      std::vector<Colour> before;
+      for (int k = 1; k <= kFramesRemembered; ++k) before.push_back(light_at(start - k * period));
+      const Colour light = light_at(start), gains = automatic_gains(automatics, before);
+      const Image16 image = frame.image().value();
+      for (int c = 0; c < 3; ++c) {
+        const auto place = static_cast<size_t>(c);
+        // Half a code of 16 bits, gained, and a few operations on floats.
+        EXPECT_NEAR(image.at(1, 1, c) / 65535.0, std::min(light[place] * gains[place], 1.0f), 5e-5);
+      }
+    }
   }
 }
 

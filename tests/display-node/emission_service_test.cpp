@@ -93,11 +93,14 @@ TEST_F(EmissionServiceTest, MonitorsComeFirstThenWhatIsOnScreenThenTime) {
 }
 
 TEST_F(EmissionServiceTest, TheLightMayNotBeWhatTheScreenSaysOfItself) {
-  serve({screen("back", 8, 6, 200.0)}, 0.0, {.lag = milliseconds(9), .settle = milliseconds(4)});
+  serve({screen("back", 8, 6, 200.0)}, 0.0,
+        {.lag = milliseconds(9), .settle = milliseconds(4), .flicker = {.amplitude = 0.2, .hz = 120.0}});
   v1::WatchEmissionResponse event;
   ASSERT_TRUE(reader_->Read(&event));
   EXPECT_EQ(nanoseconds(event.monitor().lag_ns()), milliseconds(9));
   EXPECT_EQ(nanoseconds(event.monitor().settle_ns()), milliseconds(4));
+  EXPECT_EQ(event.monitor().flicker(), 0.2);
+  EXPECT_EQ(event.monitor().flicker_hz(), 120.0);
   EXPECT_EQ(display_->screens()[0].lag, milliseconds(3));
 }
 

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <cmath>
 #include <filesystem>
 #include <map>
 
@@ -19,6 +20,7 @@
 #include "display-node/light_tap.h"
 #include "display-node/sim_display.h"
 #include "server/session_service.h"
+#include "server/sync_calibration.h"
 
 namespace glasswing {
 namespace {
@@ -28,7 +30,7 @@ using std::chrono::milliseconds;
 
 class RigTest : public testing::Test {
  protected:
-  void start(const SimDisplay::Faults& faults = {}) {
+  void start(const SimDisplay::Faults& faults = {}, const SensorCurve& response = {}) {
     server_ = Server::open(data_ / "server").value();
     sessions_ = std::make_unique<SessionServiceImpl>(*server_);
     nodes_ = std::make_unique<NodeServiceImpl>(*server_);
@@ -50,6 +52,7 @@ class RigTest : public testing::Test {
     options.scene = "none";
     options.width_px = 24;
     options.height_px = 24;
+    options.sensor.curve = response;
     camera_ = SimCamera::create(options, timeline_).value();
     store_ = std::make_unique<ArchiveStore>(data_ / "camera");
     cameras_ = std::make_unique<CameraServiceImpl>(*camera_, *store_);
@@ -176,6 +179,47 @@ TEST_F(RigTest, SyncIsMeasuredStoredAndHoldsTheRig) {
   const Checked checked = check();
   ASSERT_TRUE(checked.status.ok()) << checked.status.error_message();
   EXPECT_TRUE(checked.has("sync", v1::FINDING_LEVEL_OK)) << checked.text();
+}
+
+// What undoes a simulated camera's curve.
+v1::CameraCalibration calibration_of(const SensorCurve& response) {
+  const auto coded = [&](double linear) {
+    const double u = std::pow(linear, double{response.exponent});
+    return (1.0 - response.contrast) * u + response.contrast * (3.0 - 2.0 * u) * u * u;
+  };
+  v1::CameraCalibration calibration;
+  calibration.set_format_version(1);
+  calibration.set_camera("camera-1");
+  calibration.set_saturation(1.0);
+  v1::CameraCurve curve;
+  constexpr int kLast = 4095;
+  for (int k = 0; k <= kLast; ++k) {
+    double low = 0.0, high = 1.0;
+    for (int halving = 0; halving < 60; ++halving) {
+      const double middle = 0.5 * (low + high);
+      (coded(middle) < static_cast<double>(k) / kLast ? low : high) = middle;
+    }
+    curve.add_light(static_cast<float>(0.5 * (low + high)));
+  }
+  for (int c = 0; c < 3; ++c) *calibration.add_curves() = curve;
+  return calibration;
+}
+
+TEST_F(RigTest, SyncIsMeasuredInTheLightThatACalibrationTells) {
+  const SensorCurve s_curve{.exponent = 1.0f / 2.2f, .contrast = 0.5f};
+  start({}, s_curve);
+  RigLinks rig = connect(server_->rig(), server_->sync()).value();
+  const v1::CameraCalibration calibration = calibration_of(s_curve);
+  const absl::StatusOr<v1::MonitorSync> sync =
+      measure_sync(rig, "back", 0.0, &calibration, [](const std::string&) {}, {});
+  ASSERT_TRUE(sync.ok()) << sync.status();
+  // The goals of a linear camera; codes taken for light are off by more.
+  EXPECT_NEAR(static_cast<double>(sync->lag_ns()), 5e6, 0.3e6);
+  EXPECT_NEAR(static_cast<double>(sync->settle_ns()), 1e6, 0.6e6);
+  v1::CameraCalibration broken = calibration;
+  broken.mutable_curves()->RemoveLast();
+  EXPECT_EQ(measure_sync(rig, "back", 0.0, &broken, [](const std::string&) {}, {}).status().code(),
+            absl::StatusCode::kInvalidArgument);
 }
 
 TEST_F(RigTest, WhatCannotBeMeasuredIsRefused) {

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <random>
@@ -194,6 +195,39 @@ TEST(BarDecoder, WithoutWavesTheGuessIsTheAnswer) {
   EXPECT_EQ(fit.centre_px, 40.5);
   EXPECT_EQ(fit.sigma_px, 0.3);
   EXPECT_GE(fit.centre_sd_px, 30.0);
+}
+
+// A camera pixel's box behind a lens whose blur is a Gaussian of b pixels: the variance is b^2 + 1/12 px^2.
+TEST(BarDecoder, TellsTheWidthOfABlurredPixel) {
+  constexpr int kExtent_px = 256, kPixels = 61, kRays = 64;
+  constexpr double kNoise = 0.005;
+  const std::vector<double> bars = {128, 64, 32, 16, 8, 4, 2, 1};
+  const BarDecoder decoder(bars, kExtent_px);
+  std::mt19937 random(6);
+  std::normal_distribution<double> noise(0.0, kNoise);
+  for (const double scale : {1.0, 1.8, 2.0, 3.1}) {  // monitor px a camera px
+    for (const double blur_px : {0.5, 1.0, 2.0, 4.0}) {
+      std::vector<double> widths;
+      for (int pixel = 0; pixel < kPixels; ++pixel) {
+        const double left_px = 100.0 + scale * (pixel % 16) + 0.13 * pixel;
+        std::vector<BarDecoder::Sample> samples;
+        for (size_t wave = 0; wave < bars.size(); ++wave) {
+          double v = 0.0;
+          for (int ray = 0; ray < kRays; ++ray)
+            v += decoder.value(wave, left_px + scale * (ray + 0.5) / kRays, scale * blur_px).v / kRays;
+          samples.push_back({.value = v + noise(random), .sd = kNoise});
+        }
+        const AxisFit fit = decoder.fit(
+            samples, {.centre_px = left_px + 0.5 * scale + 3.0, .sigma_px = scale / std::sqrt(12.0)});
+        widths.push_back(fit.sigma_px / scale);
+      }
+      std::ranges::nth_element(widths, widths.begin() + kPixels / 2);
+      // Box and Gaussian together are no Gaussian, but nearly: the excess kurtosis is the box's, -1.2, times
+      // the square of its share of the variance, 1/4 at most; a hundredth of the width. As much for noise.
+      EXPECT_NEAR(widths[kPixels / 2] / std::sqrt(blur_px * blur_px + 1.0 / 12.0), 1.0, 0.02)
+          << scale << " monitor px a camera px, blur " << blur_px;
+    }
+  }
 }
 
 }  // namespace

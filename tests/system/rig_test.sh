@@ -1,31 +1,8 @@
 #!/bin/bash
 # The rig's own measurements through separate processes: lag found, a good rig called good and a bad one by its trouble, and
 # a preview beside a capture that costs it nothing.
-set -euo pipefail
-root=$(cd "$(dirname "$0")/../.." && pwd)
-bin=${GLASSWING_BIN:-$root/build/release/bin}
-work=$(mktemp -d)
-trap 'kill $(jobs -p) 2>/dev/null || true; wait; rm -rf "$work"' EXIT
+source "$(dirname "$0")/rig.sh"
 
-fail() {
-  echo "FAILED: $*" >&2
-  tail -n 30 "$work"/*.log >&2 || true
-  exit 1
-}
-glasswing() { "$bin/glasswing" "$@"; }
-until_true() { # SECONDS COMMAND...: asks again until it holds
-  local deadline=$((SECONDS + $1))
-  until "${@:2}" 2>/dev/null; do
-    ((SECONDS < deadline)) || return 1
-    sleep 0.05
-  done
-}
-up() { (($(glasswing nodes --json | grep -c '"up": true') == $1)); }
-field() { sed -n "s/.*\"$1\": \"\{0,1\}\([^\",]*\)\"\{0,1\},\{0,1\}\$/\1/p" "$2" | head -n 1; }
-
-port=$((20000 + RANDOM % 20000))
-server=127.0.0.1:$port
-export GLASSWING_SERVER=$server
 "$bin/glasswing-server" --listen "$server" --data "$work/server" >"$work/server.log" 2>&1 &
 display() { # OPTIONS...
   "$bin/glasswing-display" --listen "127.0.0.1:$((port + 1))" --server "$server" "$@" >"$work/display.log" 2>&1 &

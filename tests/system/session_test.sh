@@ -1,28 +1,12 @@
 #!/bin/bash
 # A whole session through separate processes, as a person would run it: plan, capture, solve, fetch, composite, export,
 # import; then each daemon killed in the middle; then input that is wrong.
-set -euo pipefail
-root=$(cd "$(dirname "$0")/../.." && pwd)
-bin=${GLASSWING_BIN:-$root/build/release/bin}
-work=$(mktemp -d)
+source "$(dirname "$0")/rig.sh"
 rig=("$root/deploy/local-rig")
 trap '"${rig[@]}" down --data "$work/rig" >/dev/null; rm -rf "$work"' EXIT
 
-fail() {
-  echo "FAILED: $*" >&2
-  tail -n 30 "$work"/rig/logs/*.log >&2 || true
-  exit 1
-}
-glasswing() { "$bin/glasswing" "$@"; }
-field() { glasswing show "$1" --json | sed -n "s/.*\"$2\": \"\{0,1\}\([^\",]*\)\"\{0,1\},\{0,1\}\$/\1/p" | head -n 1; }
-until_true() { # SECONDS COMMAND...: asks again until it holds
-  local deadline=$((SECONDS + $1))
-  until "${@:2}"; do
-    ((SECONDS < deadline)) || return 1
-    sleep 0.05
-  done
-}
-proven_at_least() { (($(field "$1" proven_count) >= $2)); }
+shown() { glasswing show "$1" --json | field "$2"; } # SESSION NAME
+proven_at_least() { (($(shown "$1" proven_count) >= $2)); }
 refused() { # WORDS COMMAND...: fails, with one line on standard error that holds these words
   local words=$1
   shift
@@ -31,20 +15,18 @@ refused() { # WORDS COMMAND...: fails, with one line on standard error that hold
   grep -qF -- "$words" "$work/stderr" || fail "\"$(cat "$work/stderr")\" does not say \"$words\""
 }
 
-port=$((20000 + RANDOM % 20000))
-export GLASSWING_SERVER=127.0.0.1:$port
 "${rig[@]}" up --data "$work/rig" --port "$port" --solvers 2
 plan=$root/deploy/plans/quick.txtpb
 
 echo "== a session from plan to composite"
 glasswing capture "$plan" --session s --watch
-[[ $(field s state) == SESSION_STATE_CAPTURED ]] || fail "s is $(field s state)"
-steps=$(field s step_count)
-awk -v s="$(field s capture_seconds)" -v n="$steps" 'BEGIN { printf "%d steps in %.2f s: %.2f of the limit\n", n, s, s * 30 / n }'
+[[ $(shown s state) == SESSION_STATE_CAPTURED ]] || fail "s is $(shown s state)"
+steps=$(shown s step_count)
+awk -v s="$(shown s capture_seconds)" -v n="$steps" 'BEGIN { printf "%d steps in %.2f s: %.2f of the limit\n", n, s, s * 30 / n }'
 glasswing solve s --watch
 glasswing fetch s -o "$work/s.exr"
 glasswing composite "$work/s.exr" --background "$root/deploy/pictures/quilt.png" -o "$work/s.png"
-(($(field s object_pixel_count) > 1000)) || fail "the crystal covers $(field s object_pixel_count) pixels"
+(($(shown s object_pixel_count) > 1000)) || fail "the crystal covers $(shown s object_pixel_count) pixels"
 
 echo "== export, import, and the same matte again"
 glasswing export s "$work/s"
@@ -69,7 +51,7 @@ for daemon in camera-1 display-1 server; do
   "${rig[@]}" up --data "$work/rig" >/dev/null
   glasswing resume "$s" >/dev/null
   glasswing watch "$s" || fail "$s did not finish after its $daemon was killed"
-  [[ $(field "$s" proven_count) == "$steps" ]] || fail "$s has $(field "$s" proven_count) of $steps steps"
+  [[ $(shown "$s" proven_count) == "$steps" ]] || fail "$s has $(shown "$s" proven_count) of $steps steps"
   (cd "$frames" && sha256sum --quiet -c "$work/proven") || fail "$s captured again what was proven"
 done
 

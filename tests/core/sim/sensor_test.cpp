@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <random>
 
 namespace glasswing {
@@ -89,7 +90,8 @@ TEST(Integrate, AgreesWithManySlicesOfTime) {
   }
 }
 
-// Light that a settling monitor row gives at one moment: each change goes on for `settle`, whatever follows.
+// Light that a settling, flickering monitor row gives at one moment: each change goes on for `settle`,
+// whatever follows.
 RadianceImage settling_at(const MonitorEmission& emission, nanoseconds when) {
   RadianceImage out(emission.monitor.width_px, emission.monitor.height_px);
   for (int y = 0; y < out.height_px; ++y) {
@@ -109,10 +111,15 @@ RadianceImage settling_at(const MonitorEmission& emission, nanoseconds when) {
       before = picture.image.get();
     }
   }
+  const Flicker& flicker = emission.monitor.flicker;
+  const double turns = flicker.hz * std::chrono::duration<double>(when).count();
+  const auto backlight =
+      static_cast<float>(1.0 + flicker.amplitude * std::sin(2.0 * std::numbers::pi * turns));
+  for (float& light : out.samples) light *= backlight;
   return out;
 }
 
-TEST(Integrate, SettlesFromOnePictureToTheNext) {
+void expect_settling(const Flicker& flicker) {
   std::mt19937_64 random(8);
   const Transport transport = crystal();
   std::vector<MonitorEmission> light{emission("back", kBack, milliseconds(7), milliseconds(2),
@@ -122,15 +129,19 @@ TEST(Integrate, SettlesFromOnePictureToTheNext) {
                                               {milliseconds(1), milliseconds(3)}, random)};
   light[0].monitor.settle = milliseconds(4);
   light[1].monitor.settle = milliseconds(5);
+  light[0].monitor.flicker = flicker;
   const nanoseconds readout = milliseconds(5);
   for (const int start_ms : {-4, 1, 6, 12}) {
     const ExposureWindow window{.start = milliseconds(start_ms), .exposure = milliseconds(8)};
     const RadianceImage exact = integrate(transport, light, window, readout);
     // The middle of each slice is its mean but where a ramp begins or ends: there a triangle of half a slice
-    // and of slope 1 / settle is missed, four times at most. Float sums add about 1e-5.
+    // and of slope 1 / settle is missed, four times at most; and of a sine (2 pi f slice)^2 / 24. Float sums
+    // add about 1e-5.
     constexpr int kSlices = 500;
     const double slice_of_settle = 8.0 / kSlices / 4.0;
-    const double tolerance = 4.0 * slice_of_settle / 8.0 / kSlices + 1e-5;
+    const double angle = 2.0 * std::numbers::pi * flicker.hz * 0.008 / kSlices;
+    const double tolerance = (1.0 + flicker.amplitude) * 4.0 * slice_of_settle / 8.0 / kSlices +
+                             flicker.amplitude * angle * angle / 24.0 + 1e-5;
     for (int y = 0; y < 6; ++y) {
       const nanoseconds from = window.start + readout * y / 5;
       RadianceImage mean(8, 6);
@@ -145,6 +156,15 @@ TEST(Integrate, SettlesFromOnePictureToTheNext) {
       }
     }
   }
+}
+
+TEST(Integrate, SettlesFromOnePictureToTheNext) {
+  expect_settling({});
+}
+
+TEST(Integrate, FlickersAsTheBacklightDoes) {
+  expect_settling({.amplitude = 0.4, .hz = 100.0});
+  expect_settling({.amplitude = 1.0, .hz = 370.0});
 }
 
 TEST(Integrate, IsTheTransportsResponseWhileNothingChanges) {
@@ -213,28 +233,29 @@ TEST(Expose, NoiseHasTheModelsMeanAndVariance) {
   }
 }
 
-TEST(Expose, BlursByItsSigma) {
+TEST(ThroughLens, PixelsGatherWhatIsBlurred) {
   constexpr int kSize_px = 31, kMiddle_px = 15;
-  SensorModel model = kNoiseless;
-  model.blur_sigma_px = 1.5;
-  RadianceImage light(kSize_px, kSize_px);
-  light.at(kMiddle_px, kMiddle_px, 1) = 1.0f;
-  const Image16 image = expose(light, model.full_scale_exposure_ms, model, 0);
-  double total = 0.0, second_moment = 0.0, most_rounding = 0.0;
+  constexpr double kSigma_px = 1.5;
+  RadianceImage rays(kRaysAcross * kSize_px, kRaysAcross * kSize_px);
+  for (int y = 0; y < kRaysAcross; ++y) {
+    for (int x = 0; x < kRaysAcross; ++x)
+      rays.at(kRaysAcross * kMiddle_px + x, kRaysAcross * kMiddle_px + y, 1) = 1.0f;
+  }
+  const RadianceImage picture = through_lens(rays, kSigma_px);
+  ASSERT_EQ(picture.width_px, kSize_px);
+  double total = 0.0, second_moment = 0.0;
   for (int y = 0; y < kSize_px; ++y) {
     for (int x = 0; x < kSize_px; ++x) {
-      const double value = image.at(x, y, 1) / 65535.0;
-      total += value;
-      second_moment += value * (x - kMiddle_px) * (x - kMiddle_px);
-      if (std::abs(x - kMiddle_px) <= 6 && std::abs(y - kMiddle_px) <= 6) {
-        most_rounding += 0.5 / 65535.0 * (x - kMiddle_px) * (x - kMiddle_px);
-      }
-      EXPECT_EQ(image.at(x, y, 0), 0);
+      total += static_cast<double>(picture.at(x, y, 1));
+      second_moment += static_cast<double>(picture.at(x, y, 1)) * (x - kMiddle_px) * (x - kMiddle_px);
+      EXPECT_EQ(picture.at(x, y, 0), 0.0f);
     }
   }
-  EXPECT_NEAR(total, 1.0, 169 * 0.5 / 65535.0);  // 13 x 13 rounded samples
-  // A Gaussian cut at four sigma lacks 0.11 % of its variance.
-  EXPECT_NEAR(second_moment, 2.25, 0.002 * 2.25 + most_rounding);
+  EXPECT_NEAR(total, 1.0, 1e-4);  // float sums
+  // The lens's, that of four rays in a row, and that of four rays gathered. A Gaussian cut at four sigma
+  // lacks 0.11 % of its variance.
+  const double four_rays = (1.0 - 1.0 / (kRaysAcross * kRaysAcross)) / 12.0;
+  EXPECT_NEAR(second_moment, kSigma_px * kSigma_px + 2.0 * four_rays, 0.002 * kSigma_px * kSigma_px);
 }
 
 // sample = curve(black + (1 - black) * value), in doubles.

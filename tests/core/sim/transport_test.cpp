@@ -215,5 +215,25 @@ TEST(Transport, NamesWhatItDoesNotHave) {
   EXPECT_EQ(message("none", {{"left", kSize}}), "a scene needs a monitor \"back\", behind the object");
 }
 
+// Every ray of a pixel as a pixel of its own: together they see what the pixel does, scattered or not.
+TEST(Transport, RaysAsPixelsSeeTheSameLight) {
+  const RadianceImage picture = random_picture(kWidth_px, kHeight_px);
+  for (const std::string scene : {"crystal", "brushed"}) {
+    const RadianceImage whole = respond(built(scene), picture);
+    const RadianceImage rays = respond(*build_transport(scene, true, {{"back", kSize}},
+                                                        kRaysAcross * kWidth_px, kRaysAcross * kHeight_px, 1),
+                                       picture);
+    RadianceImage sum(kWidth_px, kHeight_px);
+    for (int y = 0; y < rays.height_px; ++y) {
+      for (int x = 0; x < rays.width_px; ++x) {
+        for (int c = 0; c < 3; ++c)
+          sum.at(x / kRaysAcross, y / kRaysAcross, c) += rays.at(x, y, c) / (kRaysAcross * kRaysAcross);
+      }
+    }
+    for (size_t i = 0; i < whole.samples.size(); ++i)
+      ASSERT_NEAR(sum.samples[i], whole.samples[i], 1e-5) << scene;  // float sums
+  }
+}
+
 }  // namespace
 }  // namespace glasswing

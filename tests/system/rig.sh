@@ -1,0 +1,28 @@
+# What the tests of a rig of separate processes share; to be sourced. It sets `root`, `bin`, `work` (a directory of the
+# test's own), `port` and `server`; the directory and all background jobs end with the test.
+set -euo pipefail
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
+bin=${GLASSWING_BIN:-$root/build/release/bin}
+work=$(mktemp -d)
+trap 'kill $(jobs -p) 2>/dev/null || true; wait; rm -rf "$work"' EXIT
+port=$((20000 + RANDOM % 20000))
+server=127.0.0.1:$port
+export GLASSWING_SERVER=$server
+
+fail() {
+  echo "FAILED: $*" >&2
+  tail -n 30 "$work"/*.log "$work"/rig/logs/*.log 2>/dev/null >&2 || true
+  exit 1
+}
+glasswing() { "$bin/glasswing" "$@"; }
+until_true() { # SECONDS COMMAND...: asks again until it holds
+  local deadline=$((SECONDS + $1))
+  until "${@:2}" 2>/dev/null; do
+    ((SECONDS < deadline)) || return 1
+    sleep 0.05
+  done
+}
+up() { (($(glasswing nodes --json | grep -c '"up": true') == $1)); } # COUNT: so many nodes are
+field() { # NAME [FILE]: its first value in JSON
+  sed -n "s/.*\"$1\": \"\{0,1\}\([^\",]*\)\"\{0,1\},\{0,1\}\$/\1/p" "${@:2}" | head -n 1
+}
