@@ -6,6 +6,7 @@
 #include <thread>
 
 #include "core/base/status.h"
+#include "solver/linear_stack.h"
 
 namespace glasswing {
 namespace {
@@ -30,6 +31,7 @@ absl::StatusOr<Matte> solve_in_bands(const Method& method, const FrameStack& sta
                                      std::stop_token stop, const std::function<void(double)>& progress) {
   GW_ASSIGN_OR_RETURN(const std::vector<int> needed, method.frames_needed(stack.manifest));
   GW_RETURN_IF_ERROR(check_rows(stack, needed));
+  GW_ASSIGN_OR_RETURN(const LinearStack linear, LinearStack::create(stack.manifest));
   if (thread_count <= 0) thread_count = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   // Small enough that the last ones keep all threads busy, large enough to be worth a solver's set-up.
   const int band_rows = std::clamp(stack.row_count / (8 * thread_count), 2, 16);
@@ -41,7 +43,8 @@ absl::StatusOr<Matte> solve_in_bands(const Method& method, const FrameStack& sta
     for (int band = next++; band < band_count && !failed && !stop.stop_requested(); band = next++) {
       const int first = band * band_rows;
       auto& solved = bands[static_cast<size_t>(band)];
-      solved = method.solve(rows_of(stack, needed, first, std::min(band_rows, stack.row_count - first)));
+      const int count = std::min(band_rows, stack.row_count - first);
+      solved = method.solve(linear.of(rows_of(stack, needed, first, count)));
       if (!solved->ok()) failed = true;
       ++done;
       if (progress) progress(static_cast<double>(done) / band_count);
@@ -56,10 +59,11 @@ absl::StatusOr<Matte> solve_in_bands(const Method& method, const FrameStack& sta
     if (band && !band->ok()) return band->status();
   }
   if (stop.stop_requested()) return absl::CancelledError("solving was stopped");
-  if (band_count == 0) return method.solve(stack);
+  if (band_count == 0) return method.solve(linear.of(stack));
   const Matte& first = **bands.front();
   Matte whole(first.x0_px(), first.y0_px(), first.width_px(), stack.row_count, first.modes_per_channel());
   whole.metadata = first.metadata;
+  linear.describe(whole.metadata);
   for (const auto& band : bands) whole.put(**band);
   return whole;
 }

@@ -1,4 +1,4 @@
-// A stack solved band of rows by band, on several threads.
+// A stack solved band of rows by band, on several threads, its samples made light first.
 #pragma once
 
 #include <functional>

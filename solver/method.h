@@ -4,6 +4,7 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include <array>
 #include <cstdint>
 #include <map>
 #include <memory>
@@ -17,23 +18,34 @@
 
 namespace glasswing {
 
+inline constexpr std::uint16_t kSaturatedCode =
+    65502;  // 0.9995 of full scale; samples from it on say nothing
+
 // Some rows of the frames that a method asked for. The pixels belong to `owner`: buffers read from a node, or
 // mapped files.
 struct FrameStack {
   v1::CaptureManifest manifest;
   int first_row = 0;
   int row_count = 0;
-  // By place in manifest.frames: r, g, b for each pixel of the rows, 65535 = 1.0. Empty if it was not asked
-  // for.
+  // By place in manifest.frames: r, g, b for each pixel of the rows. Empty if it was not asked for.
   std::vector<std::span<const std::uint16_t>> rows;
   std::shared_ptr<const void> owner;
+  // Radiance = (sample - zero) * unit.
+  float zero = 0.0f, unit = 1.0f / 65535.0f;
+  // By channel: the standard deviation of its noise over what the manifest's camera says.
+  std::array<double, 3> noise_factor = {1.0, 1.0, 1.0};
+  // By place in manifest.frames: how bright its monitor was, relative to the session's first white (drift.h).
+  // Empty: always the same.
+  std::vector<float> brightness = {};
 
+  size_t place(int x, int y, int channel) const {
+    const auto width = static_cast<size_t>(manifest.camera().width_px());
+    return (static_cast<size_t>(y) * width + static_cast<size_t>(x)) * 3 + static_cast<size_t>(channel);
+  }
+  float radiance(std::uint16_t sample) const { return (static_cast<float>(sample) - zero) * unit; }
   // Radiance; x from the left, y from first_row.
   float at(int frame, int x, int y, int channel) const {
-    const auto width = static_cast<size_t>(manifest.camera().width_px());
-    const size_t i =
-        (static_cast<size_t>(y) * width + static_cast<size_t>(x)) * 3 + static_cast<size_t>(channel);
-    return static_cast<float>(rows[static_cast<size_t>(frame)][i]) / 65535.0f;
+    return radiance(rows[static_cast<size_t>(frame)][place(x, y, channel)]);
   }
 };
 
@@ -51,7 +63,8 @@ class Method {
   // Which frames it reads: places in manifest.frames. Never a reference. FAILED_PRECONDITION says what the
   // archive lacks.
   virtual absl::StatusOr<std::vector<int>> frames_needed(const v1::CaptureManifest& manifest) const = 0;
-  // The matte of those rows. Each pixel depends on its own samples only, so tiles join without seams.
+  // The matte of those rows, whose samples are light (linear_stack.h). Each pixel depends on its own samples
+  // only, so tiles join without seams.
   virtual absl::StatusOr<Matte> solve(const FrameStack& stack) const = 0;
 };
 

@@ -1,7 +1,5 @@
 #include "solver/gaussian/empty_stage.h"
 
-#include <absl/status/status.h>
-
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -10,7 +8,6 @@
 namespace glasswing {
 namespace {
 
-constexpr double kSaturated = 0.9995;
 constexpr double kFalsePositiveRate = 1e-4;
 
 // The one value of a gray stimulus; negative if it has a colour.
@@ -18,17 +15,6 @@ double gray_of(const v1::Stimulus& stimulus) {
   if (stimulus.colour_size() != 3) return 1.0;
   const bool gray = stimulus.colour(0) == stimulus.colour(1) && stimulus.colour(1) == stimulus.colour(2);
   return gray ? stimulus.colour(0) : -1.0;
-}
-
-// The only channel that is lit; -1 if there is none or there are several.
-int primary_of(const v1::Stimulus& stimulus) {
-  int lit = -1;
-  for (int c = 0; c < stimulus.colour_size(); ++c) {
-    if (stimulus.colour(c) <= 0.0) continue;
-    if (lit >= 0) return -1;
-    lit = c;
-  }
-  return lit;
 }
 
 bool tells_of_the_empty_stage(const v1::Frame& frame) {
@@ -48,16 +34,9 @@ double usual_exposure_ms(const v1::CaptureManifest& manifest) {
 
 void add_solid(const v1::Stimulus& stimulus, int frame, EmptyMonitor& monitor) {
   const double gray = gray_of(stimulus);
-  if (gray > 0.0 && (monitor.white < 0 || gray > monitor.white_light)) {
-    monitor.white = frame;
-    monitor.white_light = gray;
-  }
-  const int lit = gray < 0.0 ? primary_of(stimulus) : -1;
-  if (lit < 0) return;
-  const auto c = static_cast<size_t>(lit);
-  if (monitor.primaries[c] >= 0 && monitor.primary_light[c] >= stimulus.colour(lit)) return;
-  monitor.primaries[c] = frame;
-  monitor.primary_light[c] = stimulus.colour(lit);
+  if (gray <= 0.0 || (monitor.white >= 0 && gray <= monitor.white_light)) return;
+  monitor.white = frame;
+  monitor.white_light = gray;
 }
 
 void add_bars(const v1::Stimulus& stimulus, int frame, EmptyMonitor& monitor) {
@@ -191,7 +170,7 @@ Mode BackgroundPoint::mode(int channel, int texture) const {
           .texture = texture};
 }
 
-BackgroundMap::BackgroundMap(const EmptyMonitor& monitor, const SampleNoise& noise)
+BackgroundMap::BackgroundMap(const EmptyMonitor& monitor, const ChannelNoise& noise)
     : monitor_(monitor),
       noise_(noise),
       decoders_{BarDecoder(widths_of(monitor.bars[0]), monitor.width_px),
@@ -208,13 +187,13 @@ BackgroundMap::Contrast BackgroundMap::difference_of(const EmptyPixel& pixel, si
   Contrast result;
   for (size_t c = 0; c < kChannels; ++c) {
     double difference = bars.lit[c] - bars.inverse[c];
-    double variance = noise_.variance(bars.lit[c]) + noise_.variance(bars.inverse[c]);
+    double variance = noise_[c].variance(bars.lit[c]) + noise_[c].variance(bars.inverse[c]);
     if (frames.inverse < 0) {
       // The complement would be black + the whole light - (lit - black).
       const double share = frames.light / monitor_.white_light;
       difference = 2.0 * (bars.lit[c] - pixel.black[c]) - share * (pixel.white[c] - pixel.black[c]);
-      variance = 4.0 * noise_.variance(bars.lit[c]) + share * share * noise_.variance(pixel.white[c]) +
-                 (2.0 - share) * (2.0 - share) * noise_.variance(pixel.black[c]);
+      variance = 4.0 * noise_[c].variance(bars.lit[c]) + share * share * noise_[c].variance(pixel.white[c]) +
+                 (2.0 - share) * (2.0 - share) * noise_[c].variance(pixel.black[c]);
     }
     result.radiance[c] = difference / frames.light;
     result.variance[c] = variance / (frames.light * frames.light);
@@ -231,7 +210,7 @@ BackgroundMap::Contrast BackgroundMap::contrast_of(const EmptyPixel& pixel) cons
       const double light = monitor_.white_light;
       result.radiance[c] = (pixel.white[c] - pixel.black[c]) / light;
       result.variance[c] =
-          (noise_.variance(pixel.white[c]) + noise_.variance(pixel.black[c])) / (light * light);
+          (noise_[c].variance(pixel.white[c]) + noise_[c].variance(pixel.black[c])) / (light * light);
     }
     return result;
   }
@@ -289,7 +268,7 @@ void BackgroundMap::weigh(const EmptyPixel& pixel, BackgroundPoint& point) const
   std::array<Sums, kChannels> sums;
   const auto add = [&](const Samples3& sample, double h) {
     for (size_t c = 0; c < kChannels; ++c) {
-      const double information = 1.0 / std::max(noise_.variance(sample[c]), 1e-20);
+      const double information = 1.0 / std::max(noise_[c].variance(sample[c]), 1e-20);
       sums[c].n += information;
       sums[c].h += information * h;
       sums[c].hh += information * h * h;
@@ -363,45 +342,6 @@ BackgroundPoint BackgroundMap::point(const EmptyPixel& pixel, const StraightView
     }
   }
   return point;
-}
-
-absl::StatusOr<Crosstalk> measure_crosstalk(std::span<const PrimarySamples> pixels,
-                                            const SampleNoise& noise) {
-  std::array<Samples3, 3> sums{};  // [channel][primary], above black
-  std::array<Samples3, 3> variances{};
-  Crosstalk result;
-  for (const PrimarySamples& pixel : pixels) {
-    bool seen = true;
-    for (size_t c = 0; c < kChannels && seen; ++c) {
-      double response = 0.0, variance = 9.0 * noise.variance(pixel.black[c]);
-      for (size_t p = 0; p < 3; ++p) {
-        response += pixel.primaries[p][c] - pixel.black[c];
-        variance += noise.variance(pixel.primaries[p][c]);
-        seen = seen && pixel.primaries[p][c] < kSaturated;
-      }
-      seen = seen && response > 5.0 * std::sqrt(variance);
-    }
-    if (!seen) continue;
-    ++result.pixel_count;
-    for (size_t c = 0; c < kChannels; ++c) {
-      for (size_t p = 0; p < 3; ++p) {
-        sums[c][p] += pixel.primaries[p][c] - pixel.black[c];
-        variances[c][p] += noise.variance(pixel.primaries[p][c]) + noise.variance(pixel.black[c]);
-      }
-    }
-  }
-  if (result.pixel_count == 0) {
-    return absl::FailedPreconditionError(
-        "no pixel sees the monitor before solid red, green and blue without the object");
-  }
-  for (size_t c = 0; c < kChannels; ++c) {
-    const double white = sums[c][0] + sums[c][1] + sums[c][2];
-    for (size_t p = 0; p < 3; ++p) {
-      result.matrix[c][p] = sums[c][p] / white;
-      result.sd[c][p] = std::sqrt(variances[c][p]) / white;
-    }
-  }
-  return result;
 }
 
 }  // namespace glasswing

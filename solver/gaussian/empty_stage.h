@@ -1,12 +1,8 @@
-// What the frames without the object say about a pixel: which part of which monitor it looks at, and how the
-// monitors' primaries reach the camera's channels. All of it depends on that pixel's own samples alone, so
-// tiles join without seams.
+// What the frames without the object say about a pixel: which part of which monitor it looks at. It depends
+// on that pixel's own samples alone, so tiles join without seams.
 #pragma once
 
-#include <absl/status/statusor.h>
-
 #include <array>
-#include <span>
 #include <vector>
 
 #include "core/matte/matte.h"
@@ -39,15 +35,13 @@ struct EmptyMonitor {
   int black = -1;  // all monitors black
   int white = -1;  // the brightest gray solid
   double white_light = 1.0;
-  std::array<int, 3> primaries{-1, -1, -1};  // solid r, g, b
-  std::array<double, 3> primary_light{1.0, 1.0, 1.0};
 };
 
 // By texture, one for every monitor of the manifest, with whatever frames there are. Where frames of several
 // exposures are, those of the exposure that has most.
 std::vector<EmptyMonitor> lay_out_empty_stage(const v1::CaptureManifest& manifest);
 
-// Every frame that lay_out_empty_stage() names, without the primaries.
+// Every frame that lay_out_empty_stage() names.
 std::vector<int> frames_of(const std::vector<EmptyMonitor>& monitors);
 
 // --- The background map -----------------------------------------------------------------------------------
@@ -86,7 +80,7 @@ StraightView straight_view(const v1::Camera& camera, const EmptyMonitor& monitor
 // Measures points on one monitor. Thread-safe.
 class BackgroundMap {
  public:
-  BackgroundMap(const EmptyMonitor& monitor, const SampleNoise& noise);
+  BackgroundMap(const EmptyMonitor& monitor, const ChannelNoise& noise);
 
   // Centre and width of each axis by least squares over its bars, all channels together; weights and
   // foreground by least squares over black, white and all bars. `straight` breaks ties that the bars leave
@@ -104,28 +98,9 @@ class BackgroundMap {
   void weigh(const EmptyPixel& pixel, BackgroundPoint& point) const;
 
   EmptyMonitor monitor_;
-  SampleNoise noise_;
+  ChannelNoise noise_;
   double seen_threshold_ = 0.0;
   std::array<BarDecoder, 2> decoders_;
 };
-
-// --- Primaries ------------------------------------------------------------------------------------------
-
-// One pixel before black and solid r, g, b of full light.
-struct PrimarySamples {
-  Samples3 black{};
-  std::array<Samples3, 3> primaries{};
-};
-// matrix[channel][primary]: the camera's channel for light 1 of the monitor's primary, on the scale where
-// white gives 1 in every channel: each row's sum is 1. A sharp monitor and camera without crosstalk give the
-// unit matrix.
-struct Crosstalk {
-  std::array<Samples3, 3> matrix{};
-  std::array<Samples3, 3> sd{};
-  int pixel_count = 0;
-};
-// Ratios of sums over those pixels that see the monitor: whose response to all three primaries together is
-// above 5 sd of the noise in every channel. FAILED_PRECONDITION: there are none.
-absl::StatusOr<Crosstalk> measure_crosstalk(std::span<const PrimarySamples> pixels, const SampleNoise& noise);
 
 }  // namespace glasswing

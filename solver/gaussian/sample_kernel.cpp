@@ -13,32 +13,33 @@ namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 using D = hn::CappedTag<float, kBlockLanes>;
 using V = hn::Vec<D>;
-constexpr float kUnit = 1.0f / 65535.0f;
 constexpr int kRounds = 5;  // of bisection
 
-V Radiance(const std::uint16_t* codes) {
+V Codes(const std::uint16_t* codes) {
   const D d;
   const hn::Rebind<std::int32_t, D> wide;
   const hn::Rebind<std::uint16_t, D> narrow;
-  return hn::Mul(hn::ConvertTo(d, hn::PromoteTo(wide, hn::LoadU(narrow, codes))), hn::Set(d, kUnit));
+  return hn::ConvertTo(d, hn::PromoteTo(wide, hn::LoadU(narrow, codes)));
 }
 
 // Returns the highest code.
-std::uint16_t LoadFrame(const std::uint16_t* codes, int lane_count, float* to, size_t block_stride) {
+std::uint16_t LoadFrame(const std::uint16_t* codes, int lane_count, float zero, float unit, float* to,
+                        size_t block_stride) {
   const D d;
+  const V none = hn::Set(d, zero), one = hn::Set(d, unit);
   const int lanes = static_cast<int>(hn::Lanes(d));
   V highest = hn::Zero(d);
   int lane = 0;
   for (; lane + kBlockLanes <= lane_count; lane += kBlockLanes, to += block_stride) {
     for (int i = 0; i < kBlockLanes; i += lanes) {
-      const V value = Radiance(codes + lane + i);
-      highest = hn::Max(highest, value);
-      hn::StoreU(value, d, to + i);
+      const V code = Codes(codes + lane + i);
+      highest = hn::Max(highest, code);
+      hn::StoreU(hn::Mul(hn::Sub(code, none), one), d, to + i);
     }
   }
-  auto most = static_cast<std::uint16_t>(hn::GetLane(hn::MaxOfLanes(d, highest)) * 65535.0f + 0.5f);
+  auto most = static_cast<std::uint16_t>(hn::GetLane(hn::MaxOfLanes(d, highest)));
   for (int i = 0; lane + i < lane_count; ++i) {
-    to[i] = static_cast<float>(codes[lane + i]) * kUnit;
+    to[i] = (static_cast<float>(codes[lane + i]) - zero) * unit;
     most = std::max(most, codes[lane + i]);
   }
   return most;
@@ -85,9 +86,9 @@ namespace glasswing {
 HWY_EXPORT(LoadFrame);
 HWY_EXPORT(MedianNear);
 
-std::uint16_t internal::load_frame(const std::uint16_t* codes, int lane_count, float* to,
-                                   size_t block_stride) {
-  return HWY_DYNAMIC_DISPATCH(LoadFrame)(codes, lane_count, to, block_stride);
+std::uint16_t internal::load_frame(const std::uint16_t* codes, int lane_count, float zero, float unit,
+                                   float* to, size_t block_stride) {
+  return HWY_DYNAMIC_DISPATCH(LoadFrame)(codes, lane_count, zero, unit, to, block_stride);
 }
 
 void internal::median_near(const float* samples, size_t sample_count, const float* middle, const float* reach,

@@ -8,9 +8,10 @@
 
 namespace glasswing::internal {
 
-// 16-bit codes to radiance, kBlockLanes at a time to places `block_stride` floats apart. Returns the highest
-// code.
-std::uint16_t load_frame(const std::uint16_t* codes, int lane_count, float* to, std::size_t block_stride);
+// 16-bit codes to radiance (code - zero) * unit, kBlockLanes at a time to places `block_stride` floats apart.
+// Returns the highest code.
+std::uint16_t load_frame(const std::uint16_t* codes, int lane_count, float zero, float unit, float* to,
+                         std::size_t block_stride);
 
 // Of samples[i * kBlockLanes + lane] within `reach` of `middle`, and `middle`; to 1/32 of `reach`.
 void median_near(const float* samples, std::size_t sample_count, const float* middle, const float* reach,

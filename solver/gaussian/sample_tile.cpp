@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "solver/gaussian/exposure_merge.h"
 #include "solver/gaussian/sample_kernel.h"
 
 namespace glasswing {
@@ -15,7 +16,7 @@ SampleTile::SampleTile(const StackLayout& layout) : layout_(layout) {
 }
 
 void SampleTile::load(const FrameStack& stack, int row, int first_lane, int lane_count,
-                      const SampleNoise& noise) {
+                      const ChannelNoise& noise) {
   block_count_ = (lane_count + kBlockLanes - 1) / kBlockLanes;
   const size_t start =
       static_cast<size_t>(row) * static_cast<size_t>(stack.manifest.camera().width_px()) * 3 +
@@ -32,8 +33,9 @@ void SampleTile::load(const FrameStack& stack, int row, int first_lane, int lane
       const std::uint16_t* codes = stack.rows[static_cast<size_t>(shot.front().frame)].data() + start;
       // The stretch that comes after this one; frames lie too far apart for the processor to see it coming.
       for (int ahead = lane_count; ahead < 2 * lane_count; ahead += 32) __builtin_prefetch(codes + ahead);
-      const std::uint16_t most = internal::load_frame(
-          codes, lane_count, samples_.data() + sample * kBlockLanes, sample_count_ * kBlockLanes);
+      const std::uint16_t most =
+          internal::load_frame(codes, lane_count, stack.zero, stack.unit,
+                               samples_.data() + sample * kBlockLanes, sample_count_ * kBlockLanes);
       highest = std::max(highest, most);
       ++sample;
     }
@@ -41,9 +43,9 @@ void SampleTile::load(const FrameStack& stack, int row, int first_lane, int lane
   if (highest < kSaturatedCode) return;
   weighted_ = true;
   weights_.resize(samples_.size());
-  std::transform(samples_.begin(), samples_.end(), weights_.begin(), [](float value) {
-    return value * 65535.0f >= static_cast<float>(kSaturatedCode) ? 0.0f : 1.0f;
-  });
+  const float saturated = stack.radiance(kSaturatedCode) - 0.5f * stack.unit;
+  std::transform(samples_.begin(), samples_.end(), weights_.begin(),
+                 [=](float value) { return value >= saturated ? 0.0f : 1.0f; });
 }
 
 void SampleTile::need_weights() {
@@ -52,30 +54,21 @@ void SampleTile::need_weights() {
 }
 
 void SampleTile::load_brackets(const FrameStack& stack, size_t row_start, int lane_count,
-                               const SampleNoise& noise) {
+                               const ChannelNoise& noise) {
   weighted_ = true;
   weights_.resize(samples_.size());
-  const double dark = noise.variance(0.0);
   size_t sample = 0;
   for (const SweepLayout& sweep : layout_.sweeps) {
     for (const Shot& shot : sweep.shots) {
       for (int lane = 0; lane < lane_count; ++lane) {
-        double sum = 0.0, weight = 0.0, darkest = 1e30;
-        for (const ExposedFrame& exposed : shot) {
-          const std::uint16_t code =
-              stack.rows[static_cast<size_t>(exposed.frame)][row_start + static_cast<size_t>(lane)];
-          const double value = code / 65535.0, radiance = value * exposed.scale;
-          darkest = std::min(darkest, radiance);
-          if (code >= kSaturatedCode) continue;
-          const double variance = noise.variance(value) * exposed.scale * exposed.scale;
-          sum += radiance / variance;
-          weight += 1.0 / variance;
-        }
+        const size_t place = row_start + static_cast<size_t>(lane);
+        const SampleNoise& own = noise[place % kChannels];
+        const MergedSample merged = merge(stack, shot, place, own);
         const size_t block = static_cast<size_t>(lane / kBlockLanes);
         const size_t at =
             (block * sample_count_ + sample) * kBlockLanes + static_cast<size_t>(lane % kBlockLanes);
-        samples_[at] = static_cast<float>(weight > 0.0 ? sum / weight : darkest);
-        weights_[at] = static_cast<float>(weight * dark);
+        samples_[at] = static_cast<float>(merged.radiance);
+        weights_[at] = merged.saturated ? 0.0f : static_cast<float>(own.variance(0.0) / merged.variance);
       }
       ++sample;
     }

@@ -6,8 +6,6 @@
 namespace glasswing {
 namespace {
 
-constexpr double kSaturated = 0.9995;
-
 // Regularised upper incomplete gamma function Q(a, x) (Numerical Recipes, section 6.2).
 double gamma_q(double a, double x) {
   if (x <= 0.0) return 1.0;
@@ -66,14 +64,13 @@ double SilhouetteTest::threshold(int degrees) const {
   return place < thresholds_.size() ? thresholds_[place] : chi_square_quantile(degrees, false_positive_rate_);
 }
 
-SilhouetteTest::Result SilhouetteTest::test(std::span<const Pair> pairs, const SampleNoise& noise) const {
+SilhouetteTest::Result SilhouetteTest::test(std::span<const Pair> pairs) const {
   Result result;
   for (const Pair& pair : pairs) {
-    if (pair.object >= kSaturated && pair.empty >= kSaturated) continue;
+    if (pair.saturated) continue;
     const double difference = pair.object - pair.empty;
     const double drift = tolerance_ * std::max({pair.object, pair.empty, 0.0});
-    const double variance = noise.variance(pair.object) + noise.variance(pair.empty) + drift * drift;
-    result.chi_square += difference * difference / std::max(variance, 1e-20);
+    result.chi_square += difference * difference / std::max(pair.variance + drift * drift, 1e-20);
     ++result.degrees;
   }
   result.object = result.degrees == 0 || result.chi_square > threshold(result.degrees);

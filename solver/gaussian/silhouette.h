@@ -2,6 +2,7 @@
 // al. 2000, section 3.1). It depends on that pixel's own samples alone.
 #pragma once
 
+#include <array>
 #include <span>
 #include <vector>
 
@@ -15,6 +16,8 @@ struct SampleNoise {
   double gain = 0.0;
   double variance(double radiance) const;
 };
+using ChannelNoise = std::array<SampleNoise, 3>;  // r, g, b
+
 // The camera's own, with `unknown_sd` where the manifest names no read noise; never less than its
 // quantisation.
 SampleNoise sample_noise(const v1::Camera& camera, double unknown_sd);
@@ -31,13 +34,15 @@ class SilhouetteTest {
 
   struct Pair {
     double object = 0.0, empty = 0.0;  // radiance of one channel before the same stimulus
+    double variance = 0.0;             // of the noise of both together
+    bool saturated = false;            // both
   };
   struct Result {
     bool object = false;  // the object changes this pixel; true, too, where there is nothing to tell from
     double chi_square = 0.0;
     int degrees = 0;
   };
-  Result test(std::span<const Pair> pairs, const SampleNoise& noise) const;
+  Result test(std::span<const Pair> pairs) const;
 
  private:
   double threshold(int degrees) const;

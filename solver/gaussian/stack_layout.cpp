@@ -86,7 +86,7 @@ std::vector<std::vector<int>> patches_of(const v1::CaptureManifest& manifest) {
 absl::StatusOr<StackLayout> lay_out(const v1::CaptureManifest& manifest) {
   StackLayout layout;
   std::map<std::tuple<int, double, double>, std::vector<Sample>> sweeps;  // by texture, phi, sigma
-  std::map<std::string, int> empty_frames;                                // by serialised stimulus
+  std::map<std::string, StackLayout::Pair> pairs;                         // by serialised stimulus
   for (int i = 0; i < manifest.frames_size(); ++i) {
     const v1::Frame& frame = manifest.frames(i);
     const v1::Stimulus& stimulus = frame.stimulus();
@@ -109,8 +109,9 @@ absl::StatusOr<StackLayout> lay_out(const v1::CaptureManifest& manifest) {
     }
     const bool reference = exposure_ms == reference_ms;
     const ExposedFrame exposed{.frame = i, .scale = reference ? 1.0 : reference_ms / exposure_ms};
-    if (pattern && !frame.object() && reference) {
-      empty_frames.emplace(stimulus.SerializeAsString(), i);
+    if (pattern) {
+      StackLayout::Pair& pair = pairs[stimulus.SerializeAsString()];
+      (frame.object() ? pair.object : pair.empty).push_back(exposed);
     }
     if (frame.object() && is_solid(stimulus, 0.0)) layout.black.push_back(exposed);
     if (!frame.object() || stimulus.kind() != "gauss_stripe") continue;
@@ -161,12 +162,8 @@ absl::StatusOr<StackLayout> lay_out(const v1::CaptureManifest& manifest) {
         "the archive has no frame of the object before black (kind solid, colour 0 0 0)");
   }
   if (absl::Status status = check_sweeps(layout, manifest); !status.ok()) return status;
-  for (int i = 0; i < manifest.frames_size(); ++i) {
-    const v1::Frame& frame = manifest.frames(i);
-    if (!frame.object() || frame.stimulus().reference() || frame.also_lit_size() > 0) continue;
-    if (frame.exposure_ms() != layout.exposures_ms.front()) continue;
-    const auto empty = empty_frames.find(frame.stimulus().SerializeAsString());
-    if (empty != empty_frames.end()) layout.pairs.push_back({.object = i, .empty = empty->second});
+  for (auto& [stimulus, pair] : pairs) {
+    if (!pair.object.empty() && !pair.empty.empty()) layout.pairs.push_back(std::move(pair));
   }
   layout.patches = patches_of(manifest);
   return layout;

@@ -35,9 +35,9 @@ struct SweepLayout {
 struct StackLayout {
   std::vector<SweepLayout> sweeps;  // by texture
   Shot black;                       // with the object
-  // The same stimulus with and without the object, at the reference exposure.
+  // The same stimulus with and without the object.
   struct Pair {
-    int object, empty;
+    Shot object, empty;
   };
   std::vector<Pair> pairs;
   // Frames between which nothing but an id patch changes.

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "solver/gaussian/exposure_merge.h"
+
 namespace glasswing {
 namespace {
 
@@ -25,6 +27,16 @@ Mode mode_of(const JointFit& fit, int m, int texture) {
           .centre_sd_px = known(fit.centre_sd_px[static_cast<size_t>(m)])};
 }
 
+ChannelNoise noise_of(const FrameStack& stack) {
+  const SampleNoise camera = sample_noise(stack.manifest.camera(), kUsualNoise);
+  ChannelNoise noise;
+  for (size_t c = 0; c < noise.size(); ++c) {
+    const double factor = stack.noise_factor[c];
+    noise[c] = {.read_sd = camera.read_sd * factor, .gain = camera.gain * factor * factor};
+  }
+  return noise;
+}
+
 // Whether the steps are all alike, to a hundredth.
 bool is_even(const std::vector<double>& r_px) {
   const double step_px = (r_px.back() - r_px.front()) / static_cast<double>(r_px.size() - 1);
@@ -43,7 +55,7 @@ StackSolver::StackSolver(const FrameStack& stack, const StackLayout& layout, int
       most_modes_(most_modes),
       lane_count_(stack.manifest.camera().width_px() * kChannels),
       noise_known_(stack.manifest.camera().read_sd() > 0.0),
-      noise_(sample_noise(stack.manifest.camera(), kUsualNoise)),
+      noise_(noise_of(stack)),
       silhouette_(silhouette_tolerance),
       empty_(lay_out_empty_stage(stack.manifest)),
       tile_(layout) {
@@ -99,14 +111,9 @@ StackSolver::StackSolver(const FrameStack& stack, const StackLayout& layout, int
 }
 
 float StackSolver::black(int y, int lane) const {
-  const auto at = static_cast<size_t>(y) * static_cast<size_t>(lane_count_) + static_cast<size_t>(lane);
-  double sum = 0.0, weight = 0.0;
-  for (const ExposedFrame& exposed : layout_.black) {
-    const double own = 1.0 / (exposed.scale * exposed.scale);
-    sum += own * exposed.scale * stack_.rows[static_cast<size_t>(exposed.frame)][at] / 65535.0;
-    weight += own;
-  }
-  return static_cast<float>(sum / weight);
+  const size_t place = stack_.place(0, y, 0) + static_cast<size_t>(lane);
+  return static_cast<float>(
+      merge(stack_, layout_.black, place, noise_[static_cast<size_t>(lane % kChannels)]).radiance);
 }
 
 void StackSolver::estimate_row_noise(int y) {
@@ -133,23 +140,28 @@ void StackSolver::estimate_row_noise(int y) {
 void StackSolver::find_silhouette(int y) {
   std::vector<SilhouetteTest::Pair> pairs;
   for (int x = 0; x < lane_count_ / kChannels; ++x) {
-    pairs.clear();
-    for (const StackLayout::Pair& pair : layout_.pairs) {
-      for (int c = 0; c < kChannels; ++c) {
-        pairs.push_back({.object = static_cast<double>(stack_.at(pair.object, x, y, c)),
-                         .empty = static_cast<double>(stack_.at(pair.empty, x, y, c))});
-      }
-    }
-    SampleNoise noise = noise_;
+    ChannelNoise noise = noise_;
     if (!noise_known_) {
       double variance = 0.0;
       for (int c = 0; c < kChannels; ++c) {
         const auto sd = static_cast<double>(noise_sd_[static_cast<size_t>(x * kChannels + c)]);
         variance += sd * sd / kChannels;
       }
-      noise.read_sd = std::sqrt(std::max(variance, kLeastStep * kLeastStep));
+      for (SampleNoise& own : noise) own.read_sd = std::sqrt(std::max(variance, kLeastStep * kLeastStep));
     }
-    object_[static_cast<size_t>(x)] = silhouette_.test(pairs, noise).object;
+    pairs.clear();
+    for (const StackLayout::Pair& pair : layout_.pairs) {
+      for (int c = 0; c < kChannels; ++c) {
+        const size_t place = stack_.place(x, y, c);
+        const MergedSample object = merge(stack_, pair.object, place, noise[static_cast<size_t>(c)]);
+        const MergedSample empty = merge(stack_, pair.empty, place, noise[static_cast<size_t>(c)]);
+        pairs.push_back({.object = object.radiance,
+                         .empty = empty.radiance,
+                         .variance = object.variance + empty.variance,
+                         .saturated = object.saturated && empty.saturated});
+      }
+    }
+    object_[static_cast<size_t>(x)] = silhouette_.test(pairs).object;
   }
 }
 
@@ -157,13 +169,13 @@ bool StackSolver::sees_patch(int x, int y) const {
   constexpr double kSure = 8.0;  // standard deviations: noise alone never comes so far
   for (const std::vector<int>& frames : layout_.patches) {
     for (int c = 0; c < kChannels; ++c) {
-      float low = 1.0f, high = 0.0f;
+      float low = INFINITY, high = -INFINITY;
       for (const int frame : frames) {
         const float sample = stack_.at(frame, x, y, c);
         low = std::min(low, sample);
         high = std::max(high, sample);
       }
-      const double sd = std::sqrt(noise_.variance(static_cast<double>(high)));
+      const double sd = std::sqrt(noise_[static_cast<size_t>(c)].variance(static_cast<double>(high)));
       if (static_cast<double>(high - low) > kSure * std::max(sd, kLeastStep)) return true;
     }
   }
@@ -189,8 +201,8 @@ void StackSolver::map_background(int x, int y, Matte& matte) {
 void StackSolver::solve_row(int y, Matte& matte) {
   if (noise_known_) {
     for (int lane = 0; lane < lane_count_; ++lane) {
-      noise_sd_[static_cast<size_t>(lane)] =
-          static_cast<float>(std::sqrt(noise_.variance(static_cast<double>(black(y, lane)))));
+      noise_sd_[static_cast<size_t>(lane)] = static_cast<float>(std::sqrt(
+          noise_[static_cast<size_t>(lane % kChannels)].variance(static_cast<double>(black(y, lane)))));
     }
   } else {
     estimate_row_noise(y);
@@ -215,7 +227,7 @@ void StackSolver::solve_row(int y, Matte& matte) {
                end = object_.begin() + (first + count - 1) / kChannels + 1;
     if (std::find(begin, end, true) == end) continue;
     tile_.load(stack_, y, first, count, noise_);
-    if (noise_.gain > 0.0 || !unit_peaks_) tile_.need_weights();
+    if (noise_.front().gain > 0.0 || !unit_peaks_) tile_.need_weights();
     blocks_.resize(static_cast<size_t>(tile_.block_count()));
     for (int block = 0; block < tile_.block_count(); ++block) {
       blocks_[static_cast<size_t>(block)].first_lane = first + block * kBlockLanes;
@@ -264,22 +276,25 @@ void StackSolver::weigh(int block_index, const float* inverse_peak) {
   Block& block = blocks_[static_cast<size_t>(block_index)];
   const float* samples = tile_.samples(block_index, 0);
   float* weights = tile_.weights(block_index, 0);
-  // Brackets bring their own noise.
-  const float gain = layout_.one_frame_a_shot ? static_cast<float>(noise_.gain) : 0.0f;
-  std::array<float, kBlockLanes> least, read_variance;
+  std::array<float, kBlockLanes> least, read_variance{}, dark_variance{}, gain{};
   least.fill(1.0f);
-  read_variance.fill(static_cast<float>(noise_.variance(0.0)));
-  for (int lane = 0; !noise_known_ && lane < kBlockLanes && block.first_lane + lane < lane_count_; ++lane) {
+  for (int lane = 0; lane < kBlockLanes && block.first_lane + lane < lane_count_; ++lane) {
+    const auto l = static_cast<size_t>(lane);
+    const SampleNoise& own = noise_[static_cast<size_t>((block.first_lane + lane) % kChannels)];
+    // Brackets bring their own noise.
+    if (layout_.one_frame_a_shot) gain[l] = static_cast<float>(own.gain);
     const float sd = noise_sd_[static_cast<size_t>(block.first_lane + lane)];
-    read_variance[static_cast<size_t>(lane)] = std::max(sd * sd, static_cast<float>(kLeastStep * kLeastStep));
+    read_variance[l] = noise_known_ ? static_cast<float>(own.variance(0.0))
+                                    : std::max(sd * sd, static_cast<float>(kLeastStep * kLeastStep));
+    dark_variance[l] = read_variance[l] + static_cast<float>(own.gain) * std::max(block.baseline[l], 0.0f);
   }
   for (size_t i = 0; i < tile_.sample_count(); ++i) {
     for (size_t lane = 0; lane < kBlockLanes; ++lane, ++samples, ++weights, ++inverse_peak) {
       least[lane] = std::min(least[lane], *weights);
-      const float dark_variance = read_variance[lane] + gain * std::max(block.baseline[lane], 0.0f),
-                  variance = read_variance[lane] + gain * std::max(*samples, 0.0f);
-      *weights =
-          *inverse_peak > 0.0f ? *weights * dark_variance / (variance * *inverse_peak * *inverse_peak) : 0.0f;
+      const float variance = read_variance[lane] + gain[lane] * std::max(*samples, 0.0f);
+      *weights = *inverse_peak > 0.0f
+                     ? *weights * dark_variance[lane] / (variance * *inverse_peak * *inverse_peak)
+                     : 0.0f;
     }
   }
   for (size_t lane = 0; lane < kBlockLanes; ++lane) {

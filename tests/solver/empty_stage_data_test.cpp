@@ -12,6 +12,7 @@
 #include "core/frame/image_file.h"
 #include "core/matte/compositor.h"
 #include "solver/gaussian/empty_stage.h"
+#include "solver/gaussian/exposure_merge.h"
 #include "solver/gaussian/stack_layout.h"
 #include "tests/solver/stack_of.h"
 
@@ -76,7 +77,9 @@ void expect_map_of_misregistered_rig(double noise_sd, double worst_allowed_px, d
   if (noise_sd > 0.0) rig.add_noise(noise_sd);
   const FrameStack stack = rig.stack();
   const v1::Camera& camera = rig.manifest.camera();
-  const BackgroundMap map(monitors[0], sample_noise(camera, noise_sd));
+  ChannelNoise noise;
+  noise.fill(sample_noise(camera, noise_sd));
+  const BackgroundMap map(monitors[0], noise);
   Matte matte(0, 0, camera.width_px(), camera.height_px(), 1);
   *matte.metadata.mutable_monitors() = rig.manifest.monitors();
   EmptyPixel pixel;
@@ -134,7 +137,11 @@ TEST_P(Silhouette, IsTheRenderersMaskButForWhatChangesNoLight) {
   if (!fs::exists(directory)) GTEST_SKIP() << "no data at " << directory << "; set GLASSWING_DATA";
   const std::vector<StackLayout::Pair> layout = lay_out(read_any_manifest(directory).value()).value().pairs;
   std::vector<int> wanted;
-  for (const StackLayout::Pair& pair : layout) wanted.insert(wanted.end(), {pair.object, pair.empty});
+  for (const StackLayout::Pair& pair : layout) {
+    for (const Shot& shot : {pair.object, pair.empty}) {
+      for (const ExposedFrame& exposed : shot) wanted.push_back(exposed.frame);
+    }
+  }
   Rig rig(directory, wanted);
   const Image16 mask = read_frame_file(directory / "mask_true.png").value();
   constexpr double kNoise = 0.005;
@@ -151,13 +158,17 @@ TEST_P(Silhouette, IsTheRenderersMaskButForWhatChangesNoLight) {
       pairs.clear();
       for (const StackLayout::Pair& pair : layout) {
         for (int c = 0; c < kChannels; ++c) {
-          pairs.push_back({.object = static_cast<double>(stack.at(pair.object, x, y, c)),
-                           .empty = static_cast<double>(stack.at(pair.empty, x, y, c))});
+          const MergedSample object = merge(stack, pair.object, stack.place(x, y, c), sample);
+          const MergedSample empty = merge(stack, pair.empty, stack.place(x, y, c), sample);
+          pairs.push_back({.object = object.radiance,
+                           .empty = empty.radiance,
+                           .variance = object.variance + empty.variance,
+                           .saturated = object.saturated && empty.saturated});
         }
       }
       const size_t inside = covered > 0 ? 1 : 0;
       ++count[inside];
-      if (test.test(pairs, sample).object) ++positive[inside];
+      if (test.test(pairs).object) ++positive[inside];
     }
   }
   const double inside = 1.0 * positive[1] / count[1], outside = 1.0 * positive[0] / count[0];
@@ -201,12 +212,16 @@ TEST_P(RealGlass, IsToldFromItsBackgroundPixelByPixel) {
         if (known > 0.1f && known < 0.9f) continue;
         std::array<SilhouetteTest::Pair, 3> pairs;
         for (int c = 0; c < kChannels; ++c) {
-          pairs[static_cast<size_t>(c)] = {.object = static_cast<double>(object.at(x, y, c)),
-                                           .empty = static_cast<double>(empty.at(x, y, c))};
+          const auto with = static_cast<double>(object.at(x, y, c)),
+                     without = static_cast<double>(empty.at(x, y, c));
+          pairs[static_cast<size_t>(c)] = {.object = with,
+                                           .empty = without,
+                                           .variance = 2.0 * sample.variance(0.0),
+                                           .saturated = with == 1.0 && without == 1.0};
         }
         const size_t inside = known > 0.5f ? 1 : 0;
         ++count[inside];
-        if (test.test(pairs, sample).object) ++positive[inside];
+        if (test.test(pairs).object) ++positive[inside];
       }
     }
     const double inside = 1.0 * positive[1] / count[1], outside = 1.0 * positive[0] / count[0];

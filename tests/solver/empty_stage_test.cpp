@@ -59,7 +59,7 @@ TEST(LayOutEmptyStage, FindsEveryRole) {
   manifest.add_monitors()->set_name("left");
   add_frame(manifest, "solid", "back", {0.5, 0.5, 0.5});     // 14: darker than white
   add_frame(manifest, "solid", "left", {0.25, 0.25, 0.25});  // 15
-  add_frame(manifest, "solid", "back", {0.0, 0.75, 0.0});    // 16
+  add_frame(manifest, "solid", "back", {0.0, 0.75, 0.0});    // 16: a colour
   add_bars(manifest, "left", true, 4.0, false);              // 17: without complement, but with white
   add_bars(manifest, "back", true, 2.0, true);               // 18: only the complement
   add_bars(manifest, "back", true, 4.0, false);              // 19: with the object
@@ -75,8 +75,6 @@ TEST(LayOutEmptyStage, FindsEveryRole) {
   EXPECT_EQ(back.black, 0);
   EXPECT_EQ(back.white, 1);
   EXPECT_EQ(back.white_light, 1.0);
-  EXPECT_EQ(back.primaries, (std::array<int, 3>{-1, 16, -1}));
-  EXPECT_EQ(back.primary_light[1], 0.75);
   ASSERT_EQ(back.bars[0].size(), 3u);
   ASSERT_EQ(back.bars[1].size(), 3u);
   for (size_t i = 0; i < 3; ++i) {
@@ -108,6 +106,12 @@ TEST(LayOutEmptyStage, AnArchiveWithoutSuchFramesIsNoError) {
 }
 
 // --- The background map ---
+
+ChannelNoise even_noise(const v1::CaptureManifest& manifest, double sd) {
+  ChannelNoise noise;
+  noise.fill(sample_noise(manifest.camera(), sd));
+  return noise;
+}
 
 // Continuous camera px to monitor px.
 struct Affine {
@@ -171,7 +175,7 @@ struct Measured {
 Measured measure(const Rig& rig, const Affine& affine, double sigma_px, double noise_sd) {
   const FrameStack stack = rig.stack();
   const EmptyMonitor monitor = lay_out_empty_stage(rig.manifest)[0];
-  const BackgroundMap map(monitor, sample_noise(rig.manifest.camera(), noise_sd));
+  const BackgroundMap map(monitor, even_noise(rig.manifest, noise_sd));
   Measured result;
   EmptyPixel pixel;
   for (int y = 0; y < stack.row_count; ++y) {
@@ -273,7 +277,7 @@ TEST(BackgroundMap, PixelsThatLookPastTheMonitorHaveNoWeight) {
   const Rig rig = rig_of(manifest_of({64, 48}, {20, 15}, 1.0), affine, 0.8, kNoise);
   const FrameStack stack = rig.stack();
   const EmptyMonitor monitor = lay_out_empty_stage(rig.manifest)[0];
-  const BackgroundMap map(monitor, sample_noise(rig.manifest.camera(), kNoise));
+  const BackgroundMap map(monitor, even_noise(rig.manifest, kNoise));
   EmptyPixel pixel;
   for (int y = 0; y < 15; ++y) {
     for (int x = 0; x < 20; ++x) {
@@ -327,7 +331,7 @@ TEST(BackgroundMap, WithoutBarsTheViewIsStraight) {
   v1::CaptureManifest manifest = manifest_of({64, 48}, {32, 24}, 64.0);
   ASSERT_EQ(manifest.frames_size(), 2);
   const EmptyMonitor monitor = lay_out_empty_stage(manifest)[0];
-  const BackgroundMap map(monitor, sample_noise(manifest.camera(), 0.01));
+  const BackgroundMap map(monitor, even_noise(manifest, 0.01));
   const EmptyPixel pixel{.black = {0.1, 0.1, 0.1}, .white = {0.9, 0.8, 0.7}, .bars = {}};
   const BackgroundPoint point = map.point(pixel, straight_view(manifest.camera(), monitor, 10, 4));
   EXPECT_TRUE(point.seen);
@@ -340,46 +344,9 @@ TEST(BackgroundMap, WithoutBarsTheViewIsStraight) {
   // Of a second monitor nothing can be said.
   EmptyMonitor second = monitor;
   second.texture = 1;
-  EXPECT_FALSE(BackgroundMap(second, sample_noise(manifest.camera(), 0.01))
+  EXPECT_FALSE(BackgroundMap(second, even_noise(manifest, 0.01))
                    .point(pixel, straight_view(manifest.camera(), monitor, 10, 4))
                    .seen);
-}
-
-// --- Primaries ---
-
-TEST(MeasureCrosstalk, FindsTheMatrixThroughAmbientLightAndNoise) {
-  const std::array<Samples3, 3> truth = {{{0.90, 0.08, 0.02}, {0.10, 0.80, 0.10}, {0.01, 0.14, 0.85}}};
-  const SampleNoise noise{.read_sd = 0.01, .gain = 0.0};
-  std::mt19937 random(17);
-  std::normal_distribution<double> normal(0.0, 0.01);
-  std::uniform_real_distribution<double> uniform(0.0, 1.0);
-  std::vector<PrimarySamples> pixels;
-  for (int i = 0; i < 3000; ++i) {
-    const double light = i % 3 == 0 ? 0.0 : 0.3 + 0.5 * uniform(random);  // a third looks past the monitor
-    PrimarySamples pixel;
-    for (size_t c = 0; c < 3; ++c) {
-      const double ambient = 0.05, channel_gain = 1.0 - 0.1 * static_cast<double>(c);
-      pixel.black[c] = ambient + normal(random);
-      for (size_t p = 0; p < 3; ++p) {
-        pixel.primaries[p][c] = ambient + light * channel_gain * truth[c][p] + normal(random);
-      }
-    }
-    pixels.push_back(pixel);
-  }
-  const Crosstalk crosstalk = measure_crosstalk(pixels, noise).value();
-  EXPECT_NEAR(crosstalk.pixel_count, 2000, 20);  // the faintest may not stand out
-  for (size_t c = 0; c < 3; ++c) {
-    for (size_t p = 0; p < 3; ++p) {
-      EXPECT_NEAR(crosstalk.matrix[c][p], truth[c][p], 5.0 * crosstalk.sd[c][p]);
-      EXPECT_LT(crosstalk.sd[c][p], 0.001);  // 0.014 / sqrt(2000) / (0.55 * 0.8)
-    }
-    EXPECT_NEAR(crosstalk.matrix[c][0] + crosstalk.matrix[c][1] + crosstalk.matrix[c][2], 1.0, 1e-12);
-  }
-}
-
-TEST(MeasureCrosstalk, NeedsAPixelThatSeesTheMonitor) {
-  EXPECT_EQ(measure_crosstalk({}, {.read_sd = 0.01, .gain = 0.0}).status().code(),
-            absl::StatusCode::kFailedPrecondition);
 }
 
 }  // namespace
