@@ -43,7 +43,7 @@ struct Rig {
   nanoseconds between = std::chrono::milliseconds(100);  // frames
   float room = 0.0f;                                     // light that the screen mirrors
   bool calibrated = true;
-  double curve_off = 0.0, waves = 0.5;  // of the calibration's curve, at most
+  double curve_off = 0.0, waves = 0.5;  // the calibration adds curve_off sin(2 pi waves light)
   std::string response = "unknown";
   // What goes wrong with the light, or the frame.
   std::function<void(v1::Frame&, RadianceImage&)> disturb = [](v1::Frame&, RadianceImage&) {};
