@@ -21,7 +21,7 @@
 namespace glasswing {
 
 inline constexpr MonitorSize kScreen{.width_px = 128, .height_px = 96};
-inline constexpr int kPatchRows = 8, kLeft_px = 16, kTop_px = 6;  // in the camera's picture
+inline constexpr int kPatchRows = 16, kLeft_px = 16, kTop_px = 2;  // in the camera's picture
 inline constexpr int kWidth_px = 160, kHeight_px = 120;
 inline constexpr double kGoal = 0.005;  // of full scale
 
