@@ -199,7 +199,7 @@ TEST(BarDecoder, WithoutWavesTheGuessIsTheAnswer) {
 
 // A camera pixel's box behind a lens whose blur is a Gaussian of b pixels: the variance is b^2 + 1/12 px^2.
 TEST(BarDecoder, TellsTheWidthOfABlurredPixel) {
-  constexpr int kExtent_px = 256, kPixels = 61, kRays = 64;
+  constexpr int kExtent_px = 256, kPixels = 61, kRays = 16;
   constexpr double kNoise = 0.005;
   const std::vector<double> bars = {128, 64, 32, 16, 8, 4, 2, 1};
   const BarDecoder decoder(bars, kExtent_px);
