@@ -7,6 +7,7 @@
 #include <iostream>
 
 #include "camera-node/archive_service.h"
+#include "camera-node/calibration_service.h"
 #include "camera-node/camera_service.h"
 #include "camera-node/emission_client.h"
 #include "camera-node/libcamera_camera.h"
@@ -234,9 +235,10 @@ int main(int argc, char** argv) {
   ArchiveStore store(archives);
   CameraServiceImpl cameras(*camera, store);
   ArchiveServiceImpl archive_service(store);
+  CalibrationServiceImpl calibrations(store);
   StageServiceImpl stages(*object_stage);
   absl::StatusOr<std::unique_ptr<ServiceHost>> host =
-      ServiceHost::start(listen, {&cameras, &archive_service, &stages});
+      ServiceHost::start(listen, {&cameras, &archive_service, &calibrations, &stages});
   if (!host.ok()) return fail(host.status());
   v1::RegisterRequest node;
   node.set_kind(v1::NODE_KIND_CAMERA);

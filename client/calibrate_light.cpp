@@ -176,7 +176,11 @@ absl::Status fit(const Client& client, const std::string& session, const std::st
                       call(server, &v1::RigService::Stub::FitCalibration, request, kFitTimeout));
   std::vector<v1::CameraCalibration> cameras;
   if (fitted.has_camera()) cameras.push_back(fitted.camera());
-  return print_all(client, fitted, charts, cameras);
+  GW_RETURN_IF_ERROR(print_all(client, fitted, charts, cameras));
+  for (const std::string& why : fitted.unmeasured())
+    std::cerr << "not measured: " << why
+              << "; point the camera at it, then: glasswing calibrate display --monitor NAME\n";
+  return absl::OkStatus();
 }
 
 // The plan that the calibration is for, or an empty one; its monitors unless others are named.

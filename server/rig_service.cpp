@@ -51,10 +51,12 @@ grpc::Status RigServiceImpl::CalibrateSync(grpc::ServerContext* context,
       response.set_progress(words);
       writer->Write(response);
     };
+    const std::optional<v1::CameraCalibration> camera =
+        server_.calibrations().camera(rig.camera_info.camera().name());
     absl::Status unmeasured;  // the first that could not be; the others are measured all the same
     for (const std::string& monitor : monitors) {
       const absl::StatusOr<v1::MonitorSync> measured =
-          measure_sync(rig, monitor, request->exposure_ms(), nullptr, progress, stop);
+          measure_sync(rig, monitor, request->exposure_ms(), camera ? &*camera : nullptr, progress, stop);
       if (absl::IsFailedPrecondition(measured.status())) {
         unmeasured.Update(measured.status());
         continue;
@@ -107,6 +109,7 @@ absl::StatusOr<v1::FitCalibrationResponse> fit(const v1::Session& session) {
     v1::FitDisplaysResponse response;
     GW_RETURN_IF_ERROR(from_grpc(node->FitDisplays(&context, request, &response), peer));
     *fitted.mutable_displays() = std::move(*response.mutable_calibrations());
+    *fitted.mutable_unmeasured() = std::move(*response.mutable_unmeasured());
   }
   return fitted;
 }

@@ -1,6 +1,7 @@
 #include "core/radiometry/display_calibration.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -193,7 +194,7 @@ absl::StatusOr<v1::DisplayCalibration> calibrate(const MappedArchive& archive, c
 
 }  // namespace
 
-absl::StatusOr<std::vector<v1::DisplayCalibration>> calibrate_displays(const MappedArchive& archive) {
+absl::StatusOr<DisplayCalibrations> calibrate_displays(const MappedArchive& archive) {
   const v1::CaptureManifest& manifest = archive.manifest();
   if (const std::string& of = manifest.plan().calibration().of(); of != "display") {
     return absl::FailedPreconditionError(fmt::format(
@@ -207,19 +208,21 @@ absl::StatusOr<std::vector<v1::DisplayCalibration>> calibrate_displays(const Map
                     manifest.camera().name()));
   }
   GW_ASSIGN_OR_RETURN(const FrameLight light, FrameLight::create(manifest));
-  std::vector<v1::DisplayCalibration> calibrations;
+  DisplayCalibrations calibrations;
   for (const v1::Monitor& monitor : manifest.monitors()) {
     const ShownFrames shown = shown_frames(manifest, monitor);
     if (shown.solids.empty() && shown.ramps.empty()) continue;
     absl::StatusOr<v1::DisplayCalibration> calibration = calibrate(archive, light, monitor, shown);
-    if (!calibration.ok()) {
-      return absl::Status(
-          absl::StatusCode::kFailedPrecondition,
+    if (calibration.ok()) {
+      calibrations.measured.push_back(*std::move(calibration));
+    } else {
+      calibrations.unmeasured.push_back(
           fmt::format("monitor \"{}\": {}", monitor.name(), std::string(calibration.status().message())));
     }
-    calibrations.push_back(*std::move(calibration));
   }
-  if (calibrations.empty()) {
+  if (calibrations.measured.empty() && !calibrations.unmeasured.empty())
+    return absl::FailedPreconditionError(fmt::format("{}", fmt::join(calibrations.unmeasured, "; ")));
+  if (calibrations.measured.empty()) {
     return absl::FailedPreconditionError(
         fmt::format("session \"{}\" has no frames of any monitor's codes", manifest.session()));
   }

@@ -13,6 +13,7 @@
 
 #include <absl/status/statusor.h>
 
+#include <string>
 #include <vector>
 
 #include "core/frame/mapped_archive.h"
@@ -20,10 +21,16 @@
 
 namespace glasswing {
 
-// One for each monitor shown, in the manifest's order; `warnings` say in plain words what is not as it should
-// be, with what to do. FAILED_PRECONDITION names the monitor and says what the frames lack or show: no
-// display calibration; a camera of unknown response that was not calibrated; what find_screen, without_drift
-// and fit_display_response say. Without a calibration, the camera is taken for linear.
-absl::StatusOr<std::vector<v1::DisplayCalibration>> calibrate_displays(const MappedArchive& archive);
+struct DisplayCalibrations {
+  std::vector<v1::DisplayCalibration> measured;  // in the manifest's order
+  std::vector<std::string> unmeasured;           // names the monitor, and says why
+};
+
+// Of the monitors shown; `warnings` say in plain words what is not as it should be, with what to do. A camera
+// that looks at one of them sees no other. FAILED_PRECONDITION, where none could be measured, names the
+// monitor and says what the frames lack or show: no display calibration; a camera of unknown response that
+// was not calibrated; what find_screen, without_drift and fit_display_response say. Without a calibration,
+// the camera is taken for linear.
+absl::StatusOr<DisplayCalibrations> calibrate_displays(const MappedArchive& archive);
 
 }  // namespace glasswing

@@ -182,7 +182,7 @@ class SimulatedGrays : public testing::Test {
     return MappedArchive::open(directory_).value();
   }
   v1::DisplayCalibration calibrated(const Rig& rig) {
-    return calibrate_displays(*captured(rig)).value().at(0);
+    return calibrate_displays(*captured(rig)).value().measured.at(0);
   }
   std::string refusal(const Rig& rig) {
     const absl::Status status = calibrate_displays(*captured(rig)).status();

@@ -1,0 +1,20 @@
+// CalibrationService: what this node's archives of method "calibration" say about devices.
+#pragma once
+
+#include "camera-node/archive_store.h"
+#include "glasswing/v1/calibration_service.grpc.pb.h"
+
+namespace glasswing {
+
+class CalibrationServiceImpl final : public v1::CalibrationService::Service {
+ public:
+  explicit CalibrationServiceImpl(ArchiveStore& store) : store_(store) {}
+  grpc::Status FitCamera(grpc::ServerContext*, const v1::FitCameraRequest*, v1::FitCameraResponse*) override;
+  grpc::Status FitDisplays(grpc::ServerContext*, const v1::FitDisplaysRequest*,
+                           v1::FitDisplaysResponse*) override;
+
+ private:
+  ArchiveStore& store_;
+};
+
+}  // namespace glasswing

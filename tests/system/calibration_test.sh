@@ -1,0 +1,90 @@
+#!/bin/bash
+# Devices that are neither linear nor ideal, measured through separate processes: what comes out is what they are, sessions
+# carry it, and it can be measured again from its frames.
+set -euo pipefail
+root=$(cd "$(dirname "$0")/../.." && pwd)
+bin=${GLASSWING_BIN:-$root/build/release/bin}
+export GLASSWING_BIN=$bin
+work=$(mktemp -d)
+trap '"$root/deploy/local-rig" down --data "$work/rig" >/dev/null || true; rm -rf "$work"' EXIT
+
+fail() {
+  echo "FAILED: $*" >&2
+  tail -n 30 "$work"/rig/logs/*.log >&2 || true
+  exit 1
+}
+glasswing() { "$bin/glasswing" "$@"; }
+port=$((20000 + RANDOM % 20000))
+export GLASSWING_SERVER=127.0.0.1:$port
+"$root/deploy/local-rig" up --data "$work/rig" --port "$port" --solvers 1 --devices real >/dev/null
+
+echo "== without calibration a session says what it lacks"
+glasswing capture "$root/deploy/plans/quick.txtpb" --session before --watch >/dev/null 2>&1 || fail "not captured"
+glasswing show before | tee "$work/before.out" | grep -q "^warning .*calibrate camera" || { cat "$work/before.out"; fail "no warning"; }
+
+echo "== the camera"
+glasswing calibrate camera -o "$work" >"$work/camera.out" 2>"$work/camera.err" || { cat "$work/camera.err"; fail "camera not calibrated"; }
+cat "$work/camera.out"
+grep -q "^  warning" "$work/camera.out" && fail "a good camera is warned of"
+[[ -s $work/camera-camera-1.svg ]] || fail "no picture of the curve"
+
+echo "== the monitor"
+glasswing calibrate display -o "$work" >"$work/display.out" 2>"$work/display.err" || { cat "$work/display.err"; fail "display not calibrated"; }
+cat "$work/display.out"
+grep -q "^  warning" "$work/display.out" && fail "a good monitor is warned of"
+[[ -s $work/monitor-back.svg ]] || fail "no picture of the curve"
+
+# The numbers of the first list of this name in a JSON file, one a line.
+list() { # NAME FILE NTH
+  awk -v wanted="\"$1\": [" -v nth="$3" '
+    inside && /\]/ { exit }
+    inside { gsub(/[ ,]/, ""); print }
+    index($0, wanted) && ++seen == nth { inside = 1 }' "$2"
+}
+echo "== both are what the devices do, within 0.5 % of full scale at every code that was measured"
+monitor=$work/rig/server/calibration/monitor-back.json
+for primary in 1 2 3; do
+  list radiance "$monitor" "$primary" | awk '
+    { off = $1 - ((NR - 1) / 255) ^ 2.2; off = off < 0 ? -off : off; if (off > worst) worst = off }
+    END { printf "monitor, primary: %d codes, worst %.3f %%\n", NR, 100 * worst; exit !(NR == 256 && worst <= 0.005) }' ||
+    fail "the monitor is not of gamma 2.2"
+done
+camera=$work/rig/server/calibration/camera-camera-1.json
+value() { sed -n "s/^ *\"$1\": \([0-9.e-]*\),\{0,1\}\$/\1/p" "$camera" | sed -n "$2p"; }
+for channel in 1 2 3; do
+  list light "$camera" "$channel" | awk -v saturation="$(value saturation 1)" -v darkest="$(value darkest_seen "$channel")" \
+    -v brightest="$(value brightest_seen "$channel")" '
+    function coded(linear, u) { u = linear ^ (1 / 2.2); return 0.5 * u + 0.5 * (3 * u * u - 2 * u * u * u) }
+    function value(code, low, high, i) { # the inverse, less the black level
+      low = 0; high = 1
+      for (i = 0; i < 50; ++i) { if (coded((low + high) / 2) < code) low = (low + high) / 2; else high = (low + high) / 2 }
+      return (low - 0.03) / 0.97
+    }
+    { code = (NR - 1) / 255
+      if (code < darkest || code > brightest) next
+      off = $1 - value(code) / value(saturation); off = off < 0 ? -off : off; ++seen
+      if (off > worst) worst = off }
+    END { printf "camera, channel: %d knots, worst %.3f %%\n", seen, 100 * worst; exit !(seen > 128 && worst <= 0.005) }' ||
+    fail "the camera has another curve"
+done
+
+echo "== a session carries them"
+glasswing capture "$root/deploy/plans/quick.txtpb" --session after --watch >/dev/null 2>&1 || fail "not captured"
+glasswing show after | grep "^warning" && fail "a calibrated session is warned of"
+glasswing solve after --watch >/dev/null || fail "not solved"
+for kind in camera_calibration display_calibrations; do
+  grep -q "\"$kind\"" "$work/rig/camera/archives/after/header.json" || fail "the archive lacks $kind"
+done
+grep -q calibration\" "$work/rig/camera/archives/before/header.json" && fail "an old session was changed"
+
+echo "== it can be measured again from its frames, and forgotten"
+session=$(glasswing sessions --json | sed -n 's/.*"name": "\(calibrate-display-[^"]*\)".*/\1/p' | head -n 1)
+glasswing calibrate display --session "$session" -o "$work" >"$work/again.out" || fail "not fitted again"
+grep -q "gamma" "$work/again.out" || fail "nothing was fitted"
+glasswing calibrate forget back
+glasswing calibrate list | grep -q "^monitor" && fail "it was not forgotten"
+glasswing calibrate forget back 2>"$work/forget.err" && fail "it could be forgotten twice"
+grep -q "no calibration of \"back\"" "$work/forget.err" || fail "the error does not say what is missing"
+glasswing solve "$session" 2>"$work/solve.err" && fail "a calibration has no matte"
+cat "$work/solve.err"
+echo "all of it held"
