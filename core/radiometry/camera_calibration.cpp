@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -63,9 +64,12 @@ double median_code(const std::vector<size_t>& count) {
   return (from + share * (until - from)) / kFull;
 }
 
-// Of one channel: the code of black without room light, which grows with the exposure.
+// Of one channel: the code of black without room light, which grows with the exposure; codes of a curved
+// camera do so along a bow, which is least at short exposures.
 double find_black_level(const CalibrationSamples& samples, size_t channel) {
-  double n = 0.0, x = 0.0, y = 0.0, xx = 0.0, xy = 0.0;
+  const auto terms = std::min<Eigen::Index>(3, static_cast<Eigen::Index>(samples.exposures_ms.size()));
+  Eigen::MatrixXd rows(samples.exposures_ms.size(), terms);
+  Eigen::VectorXd codes(rows.rows());
   for (size_t j = 0; j < samples.exposures_ms.size(); ++j) {
     std::vector<size_t> count(65536);
     for (const SampledMonitor& monitor : samples.monitors) {
@@ -73,11 +77,12 @@ double find_black_level(const CalibrationSamples& samples, size_t channel) {
         for (size_t i = channel; i < take.size(); i += 3) ++count[take[i]];
       }
     }
-    const double code = median_code(count), t = samples.exposures_ms[j];
-    const double w = 1.0 / (t * t);  // a camera's curve bends with room light, more so in a longer exposure
-    n += w, x += w * t, y += w * code, xx += w * t * t, xy += w * t * code;
+    const double time = samples.exposures_ms[j] / samples.exposures_ms[0], weight = 1.0 / (time * time);
+    const auto row = static_cast<Eigen::Index>(j);
+    for (Eigen::Index k = 0; k < terms; ++k) rows(row, k) = weight * std::pow(time, k);
+    codes[row] = weight * median_code(count);
   }
-  return std::max((xx * y - x * xy) / (n * xx - x * x), 0.0);
+  return std::max(rows.colPivHouseholderQr().solve(codes)[0], 0.0);
 }
 
 // The stripe at one exposure, all pixels of all monitors in rows, takes averaged. Clipped ones are full or 0.
@@ -231,6 +236,7 @@ absl::StatusOr<v1::CameraCalibration> calibrate_camera(const MappedArchive& arch
 
   std::array<double, 3> black{};
   for (size_t c = 0; c < 3; ++c) black[c] = find_black_level(samples, c);
+  GW_RETURN_IF_ERROR(check_codes_follow(samples, black, calibration.saturation()));
   GW_ASSIGN_OR_RETURN(const CameraResponse response, fit_response(samples, calibration.saturation(), black));
   const TimesOff off = times_off(samples.exposures_ms, response.exposures_s());
   if (off.most > kHopeless) {

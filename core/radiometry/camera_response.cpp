@@ -14,6 +14,7 @@ namespace {
 
 constexpr int kLeastSide_px = 16;
 constexpr double kMostPixels = 20000.0;  // more make it slower, not better
+constexpr double kTells = 0.01;          // code above black
 constexpr size_t kLeastShared = 50;      // pixels, by neighbouring exposures
 constexpr double kBend = 0.002;          // of full scale, that a linear camera may have
 constexpr double kStandardErrors = 3.0;
@@ -100,6 +101,7 @@ ChannelSamples gather(std::span<const Exposure> exposures, int channel, const Re
 absl::Status check_overlap(std::span<const Exposure> exposures, int channel, const ResponseOptions& options,
                            const ChannelSamples& gathered) {
   const char* name = kChannelNames[static_cast<size_t>(channel)];
+  const double black = options.black_level ? (*options.black_level)[static_cast<size_t>(channel)] : 0.0;
   const bool seen = std::ranges::any_of(exposures, [&](const Exposure& exposure) {
     for (size_t i = static_cast<size_t>(channel); i < exposure.codes.samples.size(); i += 3) {
       const double code = exposure.codes.samples[i] / 65535.0;
@@ -120,6 +122,7 @@ absl::Status check_overlap(std::span<const Exposure> exposures, int channel, con
   for (size_t i = 0; i + 1 < gathered.first.size(); ++i) {
     std::vector<bool> has(order.size());
     for (size_t s = gathered.first[i]; s < gathered.first[i + 1]; ++s) {
+      if (static_cast<double>(gathered.samples[s].code) < black + kTells) continue;
       has[rank[static_cast<size_t>(gathered.samples[s].frame)]] = true;
     }
     for (size_t r = 1; r < order.size(); ++r) shared[r] += has[r] && has[r - 1] ? 1 : 0;
@@ -147,7 +150,8 @@ absl::StatusOr<CameraResponse> CameraResponse::fit(std::span<const Exposure> exp
     const absl::Status status = check_overlap(exposures, static_cast<int>(c), options, channels[c]);
     if (!status.ok()) return status;
     const auto [low, high] = std::ranges::minmax(channels[c].samples, {}, &CodeSample::code);
-    response.darkest_seen_[c] = static_cast<double>(low.code);
+    response.darkest_seen_[c] =
+        std::max(static_cast<double>(low.code), options.black_level ? (*options.black_level)[c] : 0.0);
     response.brightest_seen_[c] = static_cast<double>(high.code);
   }
   std::vector<double> declared_s;

@@ -16,7 +16,8 @@ constexpr double kBright = 0.1, kNearlyFull = 0.95;  // light
 constexpr size_t kFewest = 200;                      // pixels
 constexpr double kPeak = 0.98;                       // quantile: where the stripe is as bright as white
 constexpr double kClippedShare = 0.01;
-constexpr double kReaches = 0.8;  // of the saturation
+constexpr double kTwoExposures = 1.2;  // ratio, of which codes must tell
+constexpr double kReaches = 0.8;       // of the saturation
 
 double median(std::vector<double>& values) {
   const auto at = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -306,6 +307,32 @@ class Symptoms {
 };
 
 }  // namespace
+
+absl::Status check_codes_follow(const CalibrationSamples& samples, const std::array<double, 3>& black_level,
+                                double saturation) {
+  const std::vector<double>& times = samples.exposures_ms;
+  for (const SampledMonitor& monitor : samples.monitors) {
+    for (size_t j = 0; j + 1 < times.size(); ++j) {
+      const auto &before = monitor.takes(j, Shown::kStripe).front(),
+                 &after = monitor.takes(j + 1, Shown::kStripe).front();
+      std::vector<double> ratios;
+      for (size_t i = 0; i < before.size(); ++i) {
+        const double a = before[i] / 65535.0 - black_level[i % 3],
+                     b = after[i] / 65535.0 - black_level[i % 3];
+        if (a > kBright && b + black_level[i % 3] < kNearlyFull * saturation) ratios.push_back(b / a);
+      }
+      if (ratios.size() < kFewest || times[j + 1] < kTwoExposures * times[j]) continue;
+      if (const double ratio = median(ratios); ratio < 1.0 + kOwnChange) {
+        return absl::FailedPreconditionError(
+            fmt::format("codes do not follow the exposure times: frames of {} ms have codes {:.2f} times "
+                        "those of {} ms, so that no curve can "
+                        "be found; turn automatic exposure and automatic gain of the camera off",
+                        times[j + 1], ratio, times[j]));
+      }
+    }
+  }
+  return absl::OkStatus();
+}
 
 TimesOff times_off(const std::vector<double>& declared_ms, const std::vector<double>& fitted_s) {
   TimesOff off;

@@ -284,8 +284,8 @@ class Fit {
     continue_to_black(c, result);
   }
 
-  // Where noise is most of the exposure its logarithm is not fitted. From there the curve goes straight: to
-  // the black level if that is known.
+  // Where noise is most of the exposure its logarithm is not fitted. From there the curve goes on as a
+  // parabola to the black level, and below it straight; all straight if the black level is not known.
   void continue_to_black(size_t c, ResponseFit& result) {
     LogCurve::Knots& curve = result.exposures[c];
     std::array<size_t, kKnots> count{};
@@ -297,14 +297,26 @@ class Fit {
     }
     size_t first = 1;
     while (first + 8 < kKnots && count[first] < kFewestAtKnot) ++first;
-    double slope = (curve[first + 3] - curve[first]) / 3.0;
-    if (options_.black_level) {
-      const double steps = static_cast<double>(first) - black_[c] * kKnotsPerCode;
-      if (steps > 0.0) slope = curve[first] / steps;
+    const double black = black_[c] * kKnotsPerCode, near = static_cast<double>(first) - black,
+                 far = near + 4.0;
+    const double error = result.errors[c][first];
+    if (!options_.black_level || near <= 0.0) {
+      const double slope = (curve[first + 3] - curve[first]) / 3.0;
+      for (size_t k = 0; k < first; ++k) {
+        curve[k] = curve[first] - slope * static_cast<double>(first - k);
+        result.errors[c][k] = std::max(error, std::abs(curve[k]));
+      }
+      return;
     }
+    // Through both points, where it neither falls nor turns down before them.
+    const double chord = curve[first] / near;
+    const double bend = std::clamp((curve[first + 4] / far - chord) / (far - near), -chord / (2.0 * far),
+                                   chord / (2.0 * near));
+    const double slope = chord - bend * near;
     for (size_t k = 0; k < first; ++k) {
-      curve[k] = curve[first] - slope * static_cast<double>(first - k);
-      result.errors[c][k] = std::max(result.errors[c][first], std::abs(curve[k]));
+      const double above = static_cast<double>(k) - black;
+      curve[k] = above * (slope + (above > 0.0 ? bend * above : 0.0));
+      result.errors[c][k] = error;
     }
   }
 

@@ -76,9 +76,9 @@ bool warns(const v1::CameraCalibration& calibration, const std::string& of) {
 bool warns_only(const v1::CameraCalibration& calibration, const std::string& of) {
   return calibration.warnings_size() == 1 && warns(calibration, of);
 }
-bool says(const absl::Status& status, std::string_view what) {
+bool says(const absl::Status& status, absl::string_view what) {
   return status.code() == absl::StatusCode::kFailedPrecondition &&
-         status.message().find(what) != std::string_view::npos;
+         status.message().find(what) != absl::string_view::npos;
 }
 
 class CameraCalibrationTest : public testing::Test {
