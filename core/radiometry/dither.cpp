@@ -26,7 +26,7 @@ void make_fixed(std::span<const float> radiances, std::int32_t* fixed) {
   }
 }
 
-// 0 or 1
+// 0 or 1: it takes no part.
 bool is_extreme(std::int32_t radiance) {
   return static_cast<std::uint32_t>(radiance - 1) >= static_cast<std::uint32_t>(kOne - 1);
 }
@@ -54,7 +54,7 @@ class Dither::Row {
   Row(const std::uint32_t* nearest, const std::int32_t* radiance, std::int32_t* errors, std::uint16_t* codes)
       : nearest_(nearest), radiance_(radiance), errors_(errors), codes_(codes) {}
 
-  // Whether all of these pixels' primaries are 0 or 1.
+  // Whether of all these pixels no primary takes part.
   bool all_extreme(size_t from, size_t to) const {
     std::uint32_t between = 0;
     for (size_t i = 3 * from; i < 3 * to; ++i) between |= is_extreme(radiance_[i]) ? 0u : 1u;
@@ -139,7 +139,7 @@ void Dither::codes(const Rows& radiance, int width_px, std::span<std::uint16_t> 
       const size_t from = block * kBlock_px, to = std::min(from + kBlock_px, width);
       return std::all_of(rows.begin(), rows.end(), [&](const Row& row) { return row.all_extreme(from, to); });
     };
-    // Surfaces of which each primary is 0 or 1 hand nothing on.
+    // Where each primary is 0 or 1 there is nothing to hand on.
     const size_t blocks = (width + kBlock_px - 1) / kBlock_px;
     for (size_t first = 0, end = 0; first < blocks; first = end) {
       const bool plain = is_plain(first);

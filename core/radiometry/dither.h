@@ -5,11 +5,11 @@
 //   v = T + (7 e_left + 1 e_above_left + 5 e_above + 3 e_above_right) / 16,   code: nearest to v,   e = v -
 //   L(code)
 //
-// A pixel whose primaries are each 0 or 1 (to 2^-21) has their codes whatever is around it, and what is
-// handed to it is lost: black stays black, and costs nothing. Otherwise nothing is lost but over the
-// picture's edges. So the mean over any area is off by no more than what passes its border and the borders of
-// such surfaces in it: at most half a step between two codes for each pixel there. Radiances are mixed, not
-// codes, which makes it unbiased in light. tests/bench/dither_bench compares it with threshold matrices.
+// A primary that is wanted 0 or 1 (to 2^-21) has its code whatever is around it, and what is handed to it is
+// lost: black stays black, and costs little. Otherwise nothing is lost but over the picture's edges. So the
+// mean over any area is off by no more than what passes its border and the borders of such surfaces in it: at
+// most half a step between two codes for each pixel there. Radiances are mixed, not codes, which makes it
+// unbiased in light. tests/bench/dither_bench compares it with threshold matrices.
 #pragma once
 
 #include <array>
