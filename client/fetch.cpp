@@ -32,16 +32,19 @@ absl::Status fetch(const Client& client, const std::string& name, const std::str
                                                            std::string(matte.status().message())));
   }
   GW_RETURN_IF_ERROR(write_file_durably(output, bytes));
+  const auto& warnings = matte->metadata.warnings();
   if (client.json) {
-    const nlohmann::ordered_json written = {{"session", name},
-                                            {"file", output},
-                                            {"bytes", bytes.size()},
-                                            {"width_px", matte->width_px()},
-                                            {"height_px", matte->height_px()}};
+    nlohmann::ordered_json written = {{"session", name},
+                                      {"file", output},
+                                      {"bytes", bytes.size()},
+                                      {"width_px", matte->width_px()},
+                                      {"height_px", matte->height_px()}};
+    if (!warnings.empty()) written["warnings"] = std::vector<std::string>(warnings.begin(), warnings.end());
     std::cout << written.dump(1) << "\n";
   } else {
     std::cout << fmt::format("{}: the matte of session {}, {}x{}\n", output, name, matte->width_px(),
                              matte->height_px());
+    for (const std::string& warning : warnings) std::cout << fmt::format("warning: {}\n", warning);
   }
   return absl::OkStatus();
 }

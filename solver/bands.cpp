@@ -6,6 +6,7 @@
 #include <thread>
 
 #include "core/base/status.h"
+#include "core/radiometry/evenness.h"
 #include "solver/linear_stack.h"
 
 namespace glasswing {
@@ -25,6 +26,26 @@ FrameStack rows_of(const FrameStack& stack, const std::vector<int>& needed, int 
   return band;
 }
 
+// Of the finished matte, not of samples, whose noise stays as it is.
+void take_out(const Evenness& evenness, Matte& matte) {
+  if (evenness.is_even()) return;
+  for (int y = 0; y < matte.height_px(); ++y) {
+    for (int x = 0; x < matte.width_px(); ++x) {
+      const double camera = evenness.camera(matte.x0_px() + x, matte.y0_px() + y);
+      for (int c = 0; c < kChannels; ++c) {
+        matte.foreground(x, y)[static_cast<size_t>(c)] /= static_cast<float>(camera);
+        for (Mode& mode : matte.modes(x, y, c)) {
+          const double monitor =
+              evenness.monitor(mode.texture, static_cast<double>(mode.x_px), static_cast<double>(mode.y_px));
+          const auto light = static_cast<float>(camera * monitor);
+          mode.weight /= light;
+          mode.weight_sd /= light;
+        }
+      }
+    }
+  }
+}
+
 }  // namespace
 
 absl::StatusOr<Matte> solve_in_bands(const Method& method, const FrameStack& stack, int thread_count,
@@ -32,6 +53,7 @@ absl::StatusOr<Matte> solve_in_bands(const Method& method, const FrameStack& sta
   GW_ASSIGN_OR_RETURN(const std::vector<int> needed, method.frames_needed(stack.manifest));
   GW_RETURN_IF_ERROR(check_rows(stack, needed));
   GW_ASSIGN_OR_RETURN(const LinearStack linear, LinearStack::create(stack.manifest));
+  GW_ASSIGN_OR_RETURN(const Evenness evenness, Evenness::create(stack.manifest));
   if (thread_count <= 0) thread_count = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   // Small enough that the last ones keep all threads busy, large enough to be worth a solver's set-up.
   const int band_rows = std::clamp(stack.row_count / (8 * thread_count), 2, 16);
@@ -65,6 +87,7 @@ absl::StatusOr<Matte> solve_in_bands(const Method& method, const FrameStack& sta
   whole.metadata = first.metadata;
   linear.describe(whole.metadata);
   for (const auto& band : bands) whole.put(**band);
+  take_out(evenness, whole);
   return whole;
 }
 

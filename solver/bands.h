@@ -1,4 +1,5 @@
-// A stack solved band of rows by band, on several threads, its samples made light first.
+// A stack solved band of rows by band, on several threads, its samples made light first, and the fall-off of
+// camera and monitors taken out of the matte, as the archive's calibrations say.
 #pragma once
 
 #include <functional>

@@ -2,15 +2,26 @@
 
 #include <fmt/format.h>
 
+#include "core/base/status.h"
+#include "solver/drift.h"
 #include "solver/gaussian/gaussian_method.h"
 
 namespace glasswing {
 
-FrameStack whole_stack(std::shared_ptr<const MappedArchive> archive) {
+absl::StatusOr<FrameStack> whole_stack(std::shared_ptr<const MappedArchive> archive) {
   const int height = archive->manifest().camera().height_px();
   FrameStack stack{
       .manifest = archive->manifest(), .first_row = 0, .row_count = height, .rows = {}, .owner = archive};
   for (int i = 0; i < stack.manifest.frames_size(); ++i) stack.rows.push_back(archive->rows(i, 0, height));
+  const auto read_row = [&](int row, const std::vector<int>& frames) {
+    std::vector<std::uint16_t> samples;
+    for (const int frame : frames) {
+      const std::span<const std::uint16_t> own = archive->rows(frame, row, 1);
+      samples.insert(samples.end(), own.begin(), own.end());
+    }
+    return absl::StatusOr<std::vector<std::uint16_t>>(std::move(samples));
+  };
+  GW_ASSIGN_OR_RETURN(stack.brightness, measure_drift(stack.manifest, read_row));
   return stack;
 }
 

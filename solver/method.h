@@ -49,8 +49,8 @@ struct FrameStack {
   }
 };
 
-// All rows of all frames; the mappings last as long as the stack.
-FrameStack whole_stack(std::shared_ptr<const MappedArchive> archive);
+// All rows of all frames, and the drift of the monitors (drift.h); the mappings last as long as the stack.
+absl::StatusOr<FrameStack> whole_stack(std::shared_ptr<const MappedArchive> archive);
 
 // INVALID_ARGUMENT names a frame that is needed and has not the samples of the stack's rows.
 absl::Status check_rows(const FrameStack& stack, const std::vector<int>& needed);

@@ -15,6 +15,7 @@
 #include "glasswing/v1/archive_service.grpc.pb.h"
 #include "glasswing/v1/work_service.grpc.pb.h"
 #include "solver/bands.h"
+#include "solver/drift.h"
 
 namespace glasswing {
 namespace {
@@ -60,56 +61,89 @@ class LeaseKeeper {
   std::jthread thread_;
 };
 
+// A session's frames on the node that holds them.
+class RemoteArchive {
+ public:
+  RemoteArchive(const v1::ClaimTileResponse& tile, std::stop_token stop)
+      : peer_("camera node at " + tile.archive_address()),
+        session_(tile.lease().session()),
+        stub_(v1::ArchiveService::NewStub(dial(tile.archive_address()))),
+        stop_(std::move(stop)) {}
+
+  absl::StatusOr<v1::CaptureManifest> manifest() const {
+    v1::GetManifestRequest get;
+    get.set_session(session_);
+    v1::GetManifestResponse got;
+    grpc::ClientContext context;
+    set_deadline(context, std::chrono::seconds(30));
+    GW_RETURN_IF_ERROR(from_grpc(stub_->GetManifest(&context, get, &got), peer_));
+    return std::move(*got.mutable_manifest());
+  }
+
+  // Of each of these frames, one after another.
+  absl::StatusOr<std::vector<std::uint16_t>> rows(const v1::CaptureManifest& manifest,
+                                                  const std::vector<int>& frames, int first_row,
+                                                  int row_count) const {
+    const size_t frame_bytes =
+        static_cast<size_t>(row_count) * static_cast<size_t>(manifest.camera().width_px()) * 6;
+    v1::ReadRowsRequest read;
+    read.set_session(session_);
+    read.set_first_row(first_row);
+    read.set_row_count(row_count);
+    for (const int frame : frames) read.add_files(manifest.frames(frame).file());
+    std::vector<std::uint16_t> samples(frames.size() * frame_bytes / 2);
+    grpc::ClientContext context;
+    set_deadline(context, std::chrono::minutes(5));
+    const std::stop_callback cancel(stop_, [&] { context.TryCancel(); });
+    const auto reader = stub_->ReadRows(&context, read);
+    v1::ReadRowsResponse response;
+    size_t received = 0;
+    while (reader->Read(&response)) {
+      const auto index = static_cast<size_t>(response.file_index());
+      const auto offset = static_cast<size_t>(response.offset_bytes());
+      if (index >= frames.size() || offset + response.chunk().size() > frame_bytes) {
+        context.TryCancel();
+        return absl::DataLossError(peer_ + " sent rows that were not asked for");
+      }
+      auto* bytes = reinterpret_cast<char*>(samples.data()) + index * frame_bytes;
+      std::memcpy(bytes + offset, response.chunk().data(), response.chunk().size());
+      received += response.chunk().size();
+    }
+    GW_RETURN_IF_ERROR(from_grpc(reader->Finish(), peer_));
+    if (received != frames.size() * frame_bytes)
+      return absl::UnavailableError(peer_ + " sent fewer rows than asked for");
+    return samples;
+  }
+
+ private:
+  std::string peer_, session_;
+  std::unique_ptr<v1::ArchiveService::Stub> stub_;
+  std::stop_token stop_;
+};
+
 absl::StatusOr<FrameStack> read_stack(const v1::ClaimTileResponse& tile, const Method& method,
                                       std::stop_token stop) {
-  const std::string peer = "camera node at " + tile.archive_address();
-  const auto archive = v1::ArchiveService::NewStub(dial(tile.archive_address()));
-  v1::GetManifestRequest get;
-  get.set_session(tile.lease().session());
-  v1::GetManifestResponse got;
-  grpc::ClientContext get_context;
-  set_deadline(get_context, std::chrono::seconds(30));
-  GW_RETURN_IF_ERROR(from_grpc(archive->GetManifest(&get_context, get, &got), peer));
-
-  FrameStack stack{.manifest = std::move(*got.mutable_manifest()),
+  const RemoteArchive archive(tile, std::move(stop));
+  GW_ASSIGN_OR_RETURN(v1::CaptureManifest manifest, archive.manifest());
+  FrameStack stack{.manifest = std::move(manifest),
                    .first_row = tile.first_row(),
                    .row_count = tile.row_count(),
                    .rows = {},
                    .owner = nullptr};
   GW_ASSIGN_OR_RETURN(const std::vector<int> needed, method.frames_needed(stack.manifest));
+  GW_ASSIGN_OR_RETURN(std::vector<std::uint16_t> samples,
+                      archive.rows(stack.manifest, needed, stack.first_row, stack.row_count));
+  const auto owned = std::make_shared<const std::vector<std::uint16_t>>(std::move(samples));
+  stack.owner = owned;
   stack.rows.resize(static_cast<size_t>(stack.manifest.frames_size()));
-  const auto buffers = std::make_shared<std::vector<std::vector<std::uint16_t>>>();
-  stack.owner = buffers;
-  const size_t samples =
-      static_cast<size_t>(stack.row_count) * static_cast<size_t>(stack.manifest.camera().width_px()) * 3;
-  v1::ReadRowsRequest read;
-  read.set_session(tile.lease().session());
-  read.set_first_row(tile.first_row());
-  read.set_row_count(tile.row_count());
-  for (const int frame : needed) {
-    read.add_files(stack.manifest.frames(frame).file());
-    stack.rows[static_cast<size_t>(frame)] = buffers->emplace_back(samples);
+  const size_t frame_samples = owned->size() / std::max<size_t>(needed.size(), 1);
+  for (size_t i = 0; i < needed.size(); ++i) {
+    stack.rows[static_cast<size_t>(needed[i])] = std::span(*owned).subspan(i * frame_samples, frame_samples);
   }
-  grpc::ClientContext context;
-  set_deadline(context, std::chrono::minutes(5));
-  const std::stop_callback cancel(stop, [&] { context.TryCancel(); });
-  const auto reader = archive->ReadRows(&context, read);
-  v1::ReadRowsResponse response;
-  size_t received = 0;
-  while (reader->Read(&response)) {
-    const auto index = static_cast<size_t>(response.file_index());
-    const auto offset = static_cast<size_t>(response.offset_bytes());
-    if (index >= needed.size() || offset + response.chunk().size() > samples * 2) {
-      context.TryCancel();
-      return absl::DataLossError(peer + " sent rows that were not asked for");
-    }
-    auto* bytes = reinterpret_cast<char*>((*buffers)[index].data());
-    std::memcpy(bytes + offset, response.chunk().data(), response.chunk().size());
-    received += response.chunk().size();
-  }
-  GW_RETURN_IF_ERROR(from_grpc(reader->Finish(), peer));
-  if (received != needed.size() * samples * 2)
-    return absl::UnavailableError(peer + " sent fewer rows than asked for");
+  GW_ASSIGN_OR_RETURN(stack.brightness,
+                      measure_drift(stack.manifest, [&](int row, const std::vector<int>& frames) {
+                        return archive.rows(stack.manifest, frames, row, 1);
+                      }));
   return stack;
 }
 

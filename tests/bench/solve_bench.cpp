@@ -125,7 +125,7 @@ class BigArchive {
     const Clock::time_point start = Clock::now();
     const auto archive = MappedArchive::open(twice ? twice_ : directory_).value();
     const auto method = make_method("gaussian", {}).value();
-    const FrameStack stack = whole_stack(archive);
+    const FrameStack stack = whole_stack(archive).value();
     const Matte matte = solve_in_bands(*method, stack).value();
     Solve solve{.seconds = seconds_since(start)};
     done = true;

@@ -1,8 +1,12 @@
 #include "client/compare.h"
 
+#include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "core/base/file.h"
+#include "core/frame/archive.h"
 #include "core/frame/image_file.h"
 #include "tests/client/run_glasswing.h"
 
@@ -69,6 +73,28 @@ TEST_F(CompareCommand, EqualPicturesHaveNoNumberInJson) {
   const Outcome outcome = run_glasswing({"compare", path, path, "--json"});
   EXPECT_EQ(outcome.status, 0) << outcome.err;
   EXPECT_TRUE(nlohmann::json::parse(outcome.out)["psnr_db"].is_null());
+}
+
+TEST_F(CompareCommand, AFrameOfACalibratedArchiveIsLight) {
+  const std::filesystem::path archive = scratch_ / "archive";
+  std::filesystem::create_directories(archive / "frames");
+  Image16 frame(4, 4);
+  std::ranges::fill(frame.samples, std::uint16_t{16384});  // a quarter
+  ASSERT_TRUE(write_file_durably(archive / "frames/000000.tif", encode_tiff(frame)).ok());
+  // Light is half of the code.
+  const std::string manifest = R"({"format_version": 1, "session": "s", "monitors": [
+      {"name": "back", "width_px": 4, "height_px": 4}],
+    "camera": {"name": "cam", "width_px": 4, "height_px": 4},
+    "frames": [{"file": "frames/000000.tif", "stimulus": {"kind": "solid", "colour": [1, 1, 1], "panel": "back"}}],
+    "camera_calibration": {"format_version": 1, "camera": "cam", "saturation": 1,
+      "curves": [{"light": [0, 0.5]}, {"light": [0, 0.5]}, {"light": [0, 0.5]}]}})";
+  ASSERT_TRUE(write_file_durably(archive / "manifest.json", manifest).ok());
+  const std::string light = (scratch_ / "light.exr").string();
+  ASSERT_TRUE(write_radiance(light, flat(4, 4, 0.125f), Encoding::kLinear).ok());
+  const Outcome outcome =
+      run_glasswing({"compare", (archive / "frames/000000.tif").string(), light, "--linear", "--json"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_LT(nlohmann::json::parse(outcome.out)["rms"].get<double>(), 0.5 / 65535.0);  // a code is not quite a quarter
 }
 
 }  // namespace
