@@ -26,6 +26,7 @@ constexpr double kBelowFull = 0.99;   // of the saturation: noise there is clipp
 constexpr size_t kPileUp = 1000;      // samples of the highest code
 constexpr double kFewClipped = 1e-3;  // share of white's samples
 constexpr double kBrightest = 0.99;   // quantile of pixels
+constexpr double kReach = 3.0;        // standard deviations
 // Light as codes for fit_noise: room for noise below black and above the saturation.
 constexpr double kPedestal = 0.1, kUnit = 0.8;
 
@@ -156,6 +157,18 @@ Image16 as_light(const std::vector<std::uint16_t>& codes, const FrameLight& ligh
   return image;
 }
 
+// Relative standard error of the curves' slope near black, as far as noise reaches: of all noise made light
+// there.
+double slope_error(const v1::CameraCalibration& calibration, double read_sd) {
+  double most = 0.0;
+  for (const v1::CameraCurve& curve : calibration.curves()) {
+    int k = 0;
+    while (k + 1 < curve.light_size() && static_cast<double>(curve.light(k)) < kReach * read_sd) ++k;
+    most = std::max(most, static_cast<double>(curve.error(k) / curve.light(k)));
+  }
+  return most;
+}
+
 absl::Status add_noise(const CalibrationSamples& samples, const FrameLight& light,
                        v1::CameraCalibration& calibration) {
   std::vector<std::vector<Image16>> scenes;
@@ -167,7 +180,8 @@ absl::Status add_noise(const CalibrationSamples& samples, const FrameLight& ligh
   }
   GW_ASSIGN_OR_RETURN(const NoiseModel noise, fit_noise(scenes, kPedestal));
   calibration.set_read_sd(noise.read_sd / kUnit);
-  calibration.set_read_sd_error(noise.read_sd_error / kUnit);
+  const double of_slope = calibration.linear() ? 0.0 : slope_error(calibration, calibration.read_sd());
+  calibration.set_read_sd_error(std::hypot(noise.read_sd_error / kUnit, of_slope * calibration.read_sd()));
   calibration.set_shot_gain(std::max(noise.gain, 0.0) / kUnit);
   calibration.set_shot_gain_error(noise.gain_error / kUnit);
   return absl::OkStatus();

@@ -20,7 +20,7 @@ constexpr int kPassesToTrust = 4;  // before residuals tell what moved, and code
 // Of d ln f / d ln z, variance per ln z. Simulated cameras of gamma 1.8 to 2.6, sRGB, film's shoulder and S
 // shapes of contrast 0.2 to 0.8 are likeliest at 0 to 0.9; more is no camera but a staircase
 // (docs/calibration.md).
-constexpr double kMostBend = 1.0, kFirstBend = 0.02, kLeastBend = 1e-8;
+constexpr double kMostBend = 1.0, kFirstBend = 0.02, kLeastBend = 1e-4;
 constexpr size_t kFewestAtKnot = 20;  // samples; a darker curve is continued as a straight line
 constexpr double kHoldTimes = 1e12;   // weights of what is so by definition
 constexpr double kHoldTop = 1e8;

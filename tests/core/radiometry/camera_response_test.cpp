@@ -14,14 +14,26 @@ using Curve = std::function<double(double exposure)>;  // 0 to 1 to a code of 0 
 
 constexpr double kFull = 0.99;  // the saturation level, where a response is 1
 
+Curve gamma(double power) {
+  return [power](double exposure) { return std::pow(std::min(exposure, 1.0), 1.0 / power); };
+}
 double s_curve(double exposure) {
-  const double raised = std::pow(std::min(exposure, 1.0), 1.0 / 2.2);
+  const double raised = gamma(2.2)(exposure);
   return 0.8 * raised + 0.2 * raised * raised * (3.0 - 2.0 * raised);
 }
+double srgb(double exposure) {
+  return exposure < 0.0031308 ? 12.92 * exposure
+                              : 1.055 * std::pow(std::min(exposure, 1.0), 1.0 / 2.4) - 0.055;
+}
+// A shoulder as of film.
+double film(double exposure) {
+  return (1.0 - std::exp(-2.5 * gamma(2.0)(exposure))) / (1.0 - std::exp(-2.5));
+}
 
-// A scene over three decades, every pixel by chance, with read and shot noise in the exposure, rounded to 10
-// bits.
-std::vector<Exposure> shoot(const Curve& curve, const std::vector<double>& times_s, unsigned seed) {
+// A scene over three decades, with read and shot noise in the exposure, rounded to 10 bits, `takes` averaged
+// where none is clipped.
+std::vector<Exposure> shoot(const Curve& curve, const std::vector<double>& times_s, unsigned seed,
+                            int takes = 1) {
   std::mt19937 random(seed);
   std::normal_distribution<double> normal;
   std::vector<Exposure> exposures;
@@ -32,9 +44,13 @@ std::vector<Exposure> shoot(const Curve& curve, const std::vector<double>& times
         std::pow(10.0, -3.0 + 3.0 * static_cast<double>(i) / static_cast<double>(first.samples.size()));
     for (size_t j = 0; j < times_s.size(); ++j) {
       const double value = radiance * times_s[j];
-      const double seen = value + std::sqrt(1e-7 + 2e-5 * value) * normal(random);
-      const double code = std::round(1023.0 * std::min(curve(std::max(seen, 0.0)), 1.0)) / 1023.0;
-      exposures[j].codes.samples[i] = code16_of(static_cast<float>(code));
+      double sum = 0.0, most = 0.0;
+      for (int take = 0; take < takes; ++take) {
+        const double seen = value + std::sqrt(1e-7 + 2e-5 * value) * normal(random);
+        const double code = std::round(1023.0 * std::min(curve(std::max(seen, 0.0)), 1.0)) / 1023.0;
+        sum += code, most = std::max(most, code);
+      }
+      exposures[j].codes.samples[i] = code16_of(static_cast<float>(most < 1.0 ? sum / takes : 1.0));
     }
   }
   return exposures;
@@ -42,15 +58,77 @@ std::vector<Exposure> shoot(const Curve& curve, const std::vector<double>& times
 
 const std::vector<double> kTimes_s = {8.0, 4.0, 2.0, 1.0, 0.5};
 
-TEST(CameraResponse, RecoversAnSCurveWithinAPercentOfFullScale) {
-  const CameraResponse response = CameraResponse::fit(shoot(s_curve, kTimes_s, 1)).value();
-  EXPECT_FALSE(response.is_linear());
-  double top = 0.0;  // the exposure of the saturation level, by bisection
-  for (double step = 0.5; step > 1e-9; step *= 0.5) top += s_curve(top + step) < kFull ? step : 0.0;
+// As `glasswing calibrate camera` takes them.
+std::vector<double> ladder_s() {
+  std::vector<double> times;
+  for (const double part : {1.0, 1.6, 2.9, 5.1, 8.3, 15.0, 25.0, 43.0}) times.push_back(8.0 / part);
+  return times;
+}
+
+// The exposure that a code stands for, by bisection.
+double truth(const Curve& curve, double code) {
+  double exposure = 0.0;
+  for (double step = 0.5; step > 1e-9; step *= 0.5) exposure += curve(exposure + step) < code ? step : 0.0;
+  return exposure;
+}
+
+// Of codes to 10 bits, averaged over a few pixels; the fit takes it for noise, which it is not quite.
+constexpr double kRounded = 1e-4;
+
+struct Off {
+  double worst = 0.0;             // of full scale
+  double squares = 0.0, n = 0.0;  // of errors in units of those that are claimed
+  double in_claims() const { return std::sqrt(squares / n); }
+};
+
+// At every code that was seen.
+void compare(const Curve& curve, const CameraResponse& response, Off& off) {
+  const double top = truth(curve, kFull);
   for (int c = 0; c < 3; ++c) {
-    for (double exposure = 0.001; exposure < top; exposure += 0.001) {
-      EXPECT_NEAR(response.exposure_of(s_curve(exposure), c), exposure / top, 0.01) << exposure;
+    for (int k = 0; k < CameraResponse::kKnots; ++k) {
+      const double code = k / (CameraResponse::kKnots - 1.0);
+      if (code < response.darkest_seen(c) || code > response.brightest_seen(c)) continue;
+      const double error = std::abs(response.exposure_of(code, c) - truth(curve, code) / top);
+      off.worst = std::max(off.worst, error);
+      off.squares += std::pow(error / std::hypot(response.standard_error(k, c), kRounded), 2);
+      off.n += 1.0;
     }
+  }
+}
+
+// Half a percent of full scale is the goal. A curve has about ten independent errors, and cameras' bends are
+// not spread evenly over their codes as the fit supposes: a factor of four for what it claims.
+TEST(CameraResponse, RecoversCamerasWithinHalfAPercentOfFullScale) {
+  const std::vector<std::pair<const char*, Curve>> cameras = {{"gamma 1.8", gamma(1.8)},
+                                                              {"gamma 2.2", gamma(2.2)},
+                                                              {"gamma 2.6", gamma(2.6)},
+                                                              {"sRGB", srgb},
+                                                              {"S", s_curve},
+                                                              {"film", film}};
+  ResponseOptions options;
+  options.black_level = {0.0, 0.0, 0.0};
+  options.alignment_sd_px = 0.0;
+  for (const auto& [name, curve] : cameras) {
+    Off uneven, powers;
+    compare(curve, CameraResponse::fit(shoot(curve, ladder_s(), 1, 4), options).value(), uneven);
+    compare(curve, CameraResponse::fit(shoot(curve, kTimes_s, 1), options).value(), powers);
+    std::printf("%s: worst %.2f %%, %.1f times what is claimed; powers of two %.2f %%, %.1f times\n", name,
+                100.0 * uneven.worst, uneven.in_claims(), 100.0 * powers.worst, powers.in_claims());
+    EXPECT_LT(uneven.worst, 0.005) << name;
+    EXPECT_LT(powers.worst, 0.005) << name;
+    for (const Off& off : {uneven, powers}) {
+      EXPECT_LT(off.in_claims(), 4.0) << name;
+      EXPECT_GT(off.in_claims(), 0.25) << name;
+    }
+  }
+}
+
+TEST(CameraResponse, RecoversAnSCurveInSeveralSeeds) {
+  for (unsigned seed = 1; seed <= 4; ++seed) {
+    Off off;
+    compare(s_curve, CameraResponse::fit(shoot(s_curve, kTimes_s, seed)).value(), off);
+    compare(s_curve, CameraResponse::fit(shoot(s_curve, ladder_s(), seed, 4)).value(), off);
+    EXPECT_LT(off.worst, 0.005) << seed;
   }
 }
 
