@@ -94,7 +94,8 @@ TEST_F(CompareCommand, AFrameOfACalibratedArchiveIsLight) {
   const Outcome outcome =
       run_glasswing({"compare", (archive / "frames/000000.tif").string(), light, "--linear", "--json"});
   ASSERT_EQ(outcome.status, 0) << outcome.err;
-  EXPECT_LT(nlohmann::json::parse(outcome.out)["rms"].get<double>(), 0.5 / 65535.0);  // a code is not quite a quarter
+  EXPECT_LT(nlohmann::json::parse(outcome.out)["rms"].get<double>(),
+            0.5 / 65535.0);  // a code is not quite a quarter
 }
 
 }  // namespace
