@@ -4,18 +4,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <iostream>
 #include <nlohmann/json.hpp>
 #include <optional>
 
 #include "client/commands.h"
+#include "client/picture.h"
 #include "core/base/status.h"
-#include "core/frame/archive.h"
-#include "core/frame/image_file.h"
 #include "core/matte/matte_file.h"
-#include "core/radiometry/evenness.h"
-#include "core/radiometry/session_light.h"
 
 namespace glasswing {
 namespace {
@@ -27,30 +23,6 @@ struct Arguments {
   bool linear = false;
   bool match = false;
 };
-
-// A frame of an archive whose calibrations say what its samples mean is light by these, as a matte solved
-// from it is.
-absl::StatusOr<RadianceImage> read_picture(const std::string& file, Encoding encoding) {
-  const std::filesystem::path path(file), archive = path.parent_path().parent_path();
-  const std::string name = (path.parent_path().filename() / path.filename()).string();
-  if (!std::filesystem::exists(archive / "manifest.json")) return read_radiance(path, encoding);
-  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, read_any_manifest(archive));
-  if (std::ranges::none_of(manifest.frames(), [&](const v1::Frame& frame) { return frame.file() == name; }))
-    return read_radiance(path, encoding);
-  GW_ASSIGN_OR_RETURN(const SessionLight light, SessionLight::create(manifest));
-  if (!light.linearises() && !light.unmixes()) return read_radiance(path, encoding);
-  GW_ASSIGN_OR_RETURN(const Evenness evenness, Evenness::create(manifest));
-  GW_ASSIGN_OR_RETURN(const Image16 frame, read_frame_file(path));
-  RadianceImage picture(frame.width_px, frame.height_px);
-  for (int y = 0; y < frame.height_px; ++y) {
-    for (int x = 0; x < frame.width_px; ++x) {
-      const SessionLight::Pixel pixel = light.pixel(&frame.at(x, y, 0));
-      const auto left = static_cast<float>(evenness.camera(x, y));
-      for (int c = 0; c < 3; ++c) picture.at(x, y, c) = pixel.light[static_cast<size_t>(c)] / left;
-    }
-  }
-  return picture;
-}
 
 absl::Status compare(const Client& client, const Arguments& arguments) {
   const Encoding encoding = arguments.linear ? Encoding::kLinear : Encoding::kDisplay;

@@ -22,7 +22,7 @@ absl::Status convert(const Client& client, const Arguments& arguments) {
   GW_RETURN_IF_ERROR(check_output(arguments.output));
   GW_ASSIGN_OR_RETURN(
       const RadianceImage whole,
-      read_radiance(arguments.input, arguments.linear ? Encoding::kLinear : Encoding::kDisplay));
+      read_picture(arguments.input, arguments.linear ? Encoding::kLinear : Encoding::kDisplay));
   GW_ASSIGN_OR_RETURN(const RadianceImage picture, cropped(whole, arguments.crop));
   GW_RETURN_IF_ERROR(write_radiance(arguments.output, picture, Encoding::kDisplay));
   if (client.json) {

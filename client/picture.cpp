@@ -6,6 +6,12 @@
 #include <array>
 #include <cstdio>
 
+#include "core/base/status.h"
+#include "core/frame/archive.h"
+#include "core/radiometry/evenness.h"
+#include "core/radiometry/frame_light.h"
+#include "core/radiometry/primary_mix.h"
+
 namespace glasswing {
 
 absl::Status check_output(const std::filesystem::path& output) {
@@ -21,6 +27,31 @@ absl::Status check_output(const std::filesystem::path& output) {
         fmt::format("the output is {}; there is no directory {}", output.string(), directory.string()));
   }
   return absl::OkStatus();
+}
+
+absl::StatusOr<RadianceImage> read_picture(const std::filesystem::path& file, Encoding encoding) {
+  const std::filesystem::path archive = file.parent_path().parent_path();
+  const std::string name = (file.parent_path().filename() / file.filename()).string();
+  if (!std::filesystem::exists(archive / "manifest.json")) return read_radiance(file, encoding);
+  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, read_any_manifest(archive));
+  if (std::ranges::none_of(manifest.frames(), [&](const v1::Frame& frame) { return frame.file() == name; }))
+    return read_radiance(file, encoding);
+  GW_ASSIGN_OR_RETURN(const FrameLight light, FrameLight::create(manifest));
+  GW_ASSIGN_OR_RETURN(const PrimaryMix mix, PrimaryMix::create(manifest));
+  if (light.is_identity() && mix.is_unit()) return read_radiance(file, encoding);
+  GW_ASSIGN_OR_RETURN(const Evenness evenness, Evenness::create(manifest));
+  GW_ASSIGN_OR_RETURN(const Image16 frame, read_frame_file(file));
+  RadianceImage picture(frame.width_px, frame.height_px);
+  for (int y = 0; y < frame.height_px; ++y) {
+    for (int x = 0; x < frame.width_px; ++x) {
+      const auto left = static_cast<float>(evenness.camera(x, y));
+      PrimaryMix::Light seen{};
+      for (int c = 0; c < 3; ++c) seen[static_cast<size_t>(c)] = light.light(frame.at(x, y, c), c) / left;
+      const PrimaryMix::Light primaries = mix.primaries(seen);
+      for (int c = 0; c < 3; ++c) picture.at(x, y, c) = primaries[static_cast<size_t>(c)];
+    }
+  }
+  return picture;
 }
 
 absl::StatusOr<RadianceImage> cropped(const RadianceImage& picture, const std::string& region) {

@@ -8,12 +8,18 @@
 #include <string>
 
 #include "core/frame/image.h"
+#include "core/frame/image_file.h"
 
 namespace glasswing {
 
 // Before any work: INVALID_ARGUMENT for a suffix that cannot be written, NOT_FOUND for a directory that is
 // not there.
 absl::Status check_output(const std::filesystem::path& output);
+
+// A frame of an archive whose calibrations say what its samples mean is light by these, as a composite of its
+// matte is; any other picture as `encoding` says. Errors are those of read_radiance() and of the archive's
+// calibrations.
+absl::StatusOr<RadianceImage> read_picture(const std::filesystem::path& file, Encoding encoding);
 
 // The part of a picture that "WIDTHxHEIGHT+X+Y" names, px from its top-left corner; all of it if `region` is
 // empty. INVALID_ARGUMENT: it is not of that form, or reaches beyond the picture.

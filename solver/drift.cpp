@@ -10,7 +10,7 @@
 #include <tuple>
 
 #include "core/base/status.h"
-#include "core/radiometry/session_light.h"
+#include "core/radiometry/frame_light.h"
 
 namespace glasswing {
 namespace {
@@ -92,7 +92,7 @@ double weighted_median(std::vector<RowSums> rows) {
 
 class Measurement {
  public:
-  Measurement(const v1::CaptureManifest& manifest, SessionLight light, const RowReader& read)
+  Measurement(const v1::CaptureManifest& manifest, FrameLight light, const RowReader& read)
       : manifest_(manifest), light_(std::move(light)), read_(read) {
     const bool calibrated = manifest.has_camera_calibration();
     const double read_sd = calibrated ? manifest.camera_calibration().read_sd() : manifest.camera().read_sd();
@@ -137,28 +137,25 @@ class Measurement {
                    size_t r, const White& reference) const {
     RowSums sums;
     const auto row = static_cast<size_t>(width) * 3;
-    for (size_t at = 0; at < row; at += 3) {
-      const auto pixel = [&](size_t frame) { return light_.pixel(samples.data() + frame * row + at); };
-      const SessionLight::Pixel lit = pixel(2 * w), dark = pixel(2 * w + 1), first_lit = pixel(2 * r),
-                                first_dark = pixel(2 * r + 1);
-      for (size_t c = 0; c < 3; ++c) {
-        if (lit.saturated[c] || first_lit.saturated[c]) continue;
-        const auto seen = static_cast<double>(lit.light[c]);
-        sums.light += (seen - static_cast<double>(dark.light[c])) / white.exposure_ms;
-        sums.reference +=
-            static_cast<double>(first_lit.light[c] - first_dark.light[c]) / reference.exposure_ms;
-        const double variance = read_sd_ * read_sd_ + gain_ * std::max(seen, 0.0),
-                     first =
-                         read_sd_ * read_sd_ + gain_ * std::max(static_cast<double>(first_lit.light[c]), 0.0);
-        sums.variance += 2.0 * variance / (white.exposure_ms * white.exposure_ms) +
-                         2.0 * first / (reference.exposure_ms * reference.exposure_ms);
-      }
+    for (size_t at = 0; at < row; ++at) {
+      const auto sample = [&](size_t frame) { return samples[frame * row + at]; };
+      const auto light = [&](size_t frame) {
+        return static_cast<double>(light_.light(sample(frame), static_cast<int>(at % 3)));
+      };
+      if (light_.saturated(sample(2 * w)) || light_.saturated(sample(2 * r))) continue;
+      const double lit = light(2 * w), first_lit = light(2 * r);
+      sums.light += (lit - light(2 * w + 1)) / white.exposure_ms;
+      sums.reference += (first_lit - light(2 * r + 1)) / reference.exposure_ms;
+      const double variance = read_sd_ * read_sd_ + gain_ * std::max(lit, 0.0),
+                   first = read_sd_ * read_sd_ + gain_ * std::max(first_lit, 0.0);
+      sums.variance += 2.0 * variance / (white.exposure_ms * white.exposure_ms) +
+                       2.0 * first / (reference.exposure_ms * reference.exposure_ms);
     }
     return sums;
   }
 
   const v1::CaptureManifest& manifest_;
-  const SessionLight light_;
+  const FrameLight light_;
   const RowReader& read_;
   double read_sd_ = 0.0, gain_ = 0.0;
 };
@@ -177,7 +174,7 @@ double brightness_at(const std::vector<Point>& points, std::int64_t time_ns) {
 absl::StatusOr<std::vector<float>> measure_drift(const v1::CaptureManifest& manifest, const RowReader& read) {
   const std::map<Key, std::vector<White>> whites = find_whites(manifest);
   if (whites.empty()) return std::vector<float>();
-  GW_ASSIGN_OR_RETURN(SessionLight light, SessionLight::create(manifest));
+  GW_ASSIGN_OR_RETURN(FrameLight light, FrameLight::create(manifest));
   const Measurement measurement(manifest, std::move(light), read);
   std::map<std::pair<std::string, bool>, std::vector<Point>> of_monitors;
   for (const auto& [key, list] : whites) {

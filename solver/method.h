@@ -32,8 +32,6 @@ struct FrameStack {
   std::shared_ptr<const void> owner;
   // Radiance = (sample - zero) * unit.
   float zero = 0.0f, unit = 1.0f / 65535.0f;
-  // By channel: the standard deviation of its noise over what the manifest's camera says.
-  std::array<double, 3> noise_factor = {1.0, 1.0, 1.0};
   // By place in manifest.frames: how bright its monitor was, relative to the session's first white (drift.h).
   // Empty: always the same.
   std::vector<float> brightness = {};

@@ -8,6 +8,9 @@
 #include <numbers>
 #include <thread>
 
+#include "core/base/status.h"
+#include "core/radiometry/primary_mix.h"
+
 namespace glasswing {
 namespace {
 
@@ -49,6 +52,19 @@ double integrate_row(const View& view, int v, double mean, double sigma) {
     before = after;
   }
   return 0.5 * sum;
+}
+
+std::vector<RadianceImage> as_seen(const PrimaryMix& mix, const std::vector<RadianceImage>& pictures,
+                                   int count) {
+  std::vector<RadianceImage> seen = pictures;
+  for (int t = 0; t < count && t < static_cast<int>(seen.size()); ++t) {
+    std::vector<float>& samples = seen[static_cast<size_t>(t)].samples;
+    for (size_t at = 0; at + 3 <= samples.size(); at += 3) {
+      const PrimaryMix::Light light = mix.seen(t, {samples[at], samples[at + 1], samples[at + 2]});
+      std::copy(light.begin(), light.end(), samples.begin() + static_cast<std::ptrdiff_t>(at));
+    }
+  }
+  return seen;
 }
 
 }  // namespace
@@ -94,8 +110,12 @@ double integrate_footprint(const Mode& mode, const RadianceImage& texture, int c
   return sum;
 }
 
-absl::StatusOr<RadianceImage> composite(const Matte& matte, const std::vector<RadianceImage>& backgrounds,
+absl::StatusOr<RadianceImage> composite(const Matte& matte, const std::vector<RadianceImage>& pictures,
                                         int thread_count, const std::function<void(double)>& progress) {
+  GW_ASSIGN_OR_RETURN(const PrimaryMix mix, PrimaryMix::create(matte.metadata));
+  std::vector<RadianceImage> seen;
+  if (!mix.is_unit()) seen = as_seen(mix, pictures, matte.metadata.monitors_size());
+  const std::vector<RadianceImage>& backgrounds = mix.is_unit() ? pictures : seen;
   const auto& monitors = matte.metadata.monitors();
   for (int t = 0; t < monitors.size() && t < static_cast<int>(backgrounds.size()); ++t) {
     const RadianceImage& background = backgrounds[static_cast<size_t>(t)];
@@ -121,6 +141,10 @@ absl::StatusOr<RadianceImage> composite(const Matte& matte, const std::vector<Ra
           }
           out.at(x, y, c) = static_cast<float>(light);
         }
+        if (mix.is_unit()) continue;
+        const PrimaryMix::Light primaries =
+            mix.primaries({out.at(x, y, 0), out.at(x, y, 1), out.at(x, y, 2)});
+        for (int c = 0; c < kChannels; ++c) out.at(x, y, c) = primaries[static_cast<size_t>(c)];
       }
       if (reports && progress) progress(static_cast<double>(y + 1) / matte.height_px());
     }

@@ -5,6 +5,9 @@
 // with T constant on each flat monitor pixel and zero beyond the monitor's edge. Along x the Gaussian,
 // conditioned on y, is integrated in closed form (differences of erf); along y by Gauss-Legendre panels no
 // wider than a pixel or half the footprint's sigma.
+//
+// T is as the camera's channels see it, and C is taken back to the monitors' primaries, where the matte says
+// how these differ (core/radiometry/primary_mix).
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -20,7 +23,7 @@ namespace glasswing {
 // `backgrounds[t]` is the picture on texture t, of exactly that monitor's size; an empty one is black.
 // Linear radiance in, linear radiance out (unclamped). Rows are shared among `thread_count` threads (0: all
 // cores); the result does not depend on their number. `progress`, if set, is called with the fraction done.
-// INVALID_ARGUMENT: a background's size is not its monitor's.
+// INVALID_ARGUMENT: a background's size is not its monitor's, or the matte's crosstalk cannot be one.
 absl::StatusOr<RadianceImage> composite(const Matte& matte, const std::vector<RadianceImage>& backgrounds,
                                         int thread_count = 0,
                                         const std::function<void(double)>& progress = nullptr);

@@ -170,7 +170,7 @@ Mode BackgroundPoint::mode(int channel, int texture) const {
           .texture = texture};
 }
 
-BackgroundMap::BackgroundMap(const EmptyMonitor& monitor, const ChannelNoise& noise)
+BackgroundMap::BackgroundMap(const EmptyMonitor& monitor, const SampleNoise& noise)
     : monitor_(monitor),
       noise_(noise),
       decoders_{BarDecoder(widths_of(monitor.bars[0]), monitor.width_px),
@@ -187,13 +187,13 @@ BackgroundMap::Contrast BackgroundMap::difference_of(const EmptyPixel& pixel, si
   Contrast result;
   for (size_t c = 0; c < kChannels; ++c) {
     double difference = bars.lit[c] - bars.inverse[c];
-    double variance = noise_[c].variance(bars.lit[c]) + noise_[c].variance(bars.inverse[c]);
+    double variance = noise_.variance(bars.lit[c]) + noise_.variance(bars.inverse[c]);
     if (frames.inverse < 0) {
       // The complement would be black + the whole light - (lit - black).
       const double share = frames.light / monitor_.white_light;
       difference = 2.0 * (bars.lit[c] - pixel.black[c]) - share * (pixel.white[c] - pixel.black[c]);
-      variance = 4.0 * noise_[c].variance(bars.lit[c]) + share * share * noise_[c].variance(pixel.white[c]) +
-                 (2.0 - share) * (2.0 - share) * noise_[c].variance(pixel.black[c]);
+      variance = 4.0 * noise_.variance(bars.lit[c]) + share * share * noise_.variance(pixel.white[c]) +
+                 (2.0 - share) * (2.0 - share) * noise_.variance(pixel.black[c]);
     }
     result.radiance[c] = difference / frames.light;
     result.variance[c] = variance / (frames.light * frames.light);
@@ -210,7 +210,7 @@ BackgroundMap::Contrast BackgroundMap::contrast_of(const EmptyPixel& pixel) cons
       const double light = monitor_.white_light;
       result.radiance[c] = (pixel.white[c] - pixel.black[c]) / light;
       result.variance[c] =
-          (noise_[c].variance(pixel.white[c]) + noise_[c].variance(pixel.black[c])) / (light * light);
+          (noise_.variance(pixel.white[c]) + noise_.variance(pixel.black[c])) / (light * light);
     }
     return result;
   }
@@ -268,7 +268,7 @@ void BackgroundMap::weigh(const EmptyPixel& pixel, BackgroundPoint& point) const
   std::array<Sums, kChannels> sums;
   const auto add = [&](const Samples3& sample, double h) {
     for (size_t c = 0; c < kChannels; ++c) {
-      const double information = 1.0 / std::max(noise_[c].variance(sample[c]), 1e-20);
+      const double information = 1.0 / std::max(noise_.variance(sample[c]), 1e-20);
       sums[c].n += information;
       sums[c].h += information * h;
       sums[c].hh += information * h * h;

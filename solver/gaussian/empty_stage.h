@@ -80,7 +80,7 @@ StraightView straight_view(const v1::Camera& camera, const EmptyMonitor& monitor
 // Measures points on one monitor. Thread-safe.
 class BackgroundMap {
  public:
-  BackgroundMap(const EmptyMonitor& monitor, const ChannelNoise& noise);
+  BackgroundMap(const EmptyMonitor& monitor, const SampleNoise& noise);
 
   // Centre and width of each axis by least squares over its bars, all channels together; weights and
   // foreground by least squares over black, white and all bars. `straight` breaks ties that the bars leave
@@ -98,7 +98,7 @@ class BackgroundMap {
   void weigh(const EmptyPixel& pixel, BackgroundPoint& point) const;
 
   EmptyMonitor monitor_;
-  ChannelNoise noise_;
+  SampleNoise noise_;
   double seen_threshold_ = 0.0;
   std::array<BarDecoder, 2> decoders_;
 };

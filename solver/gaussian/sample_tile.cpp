@@ -16,7 +16,7 @@ SampleTile::SampleTile(const StackLayout& layout) : layout_(layout) {
 }
 
 void SampleTile::load(const FrameStack& stack, int row, int first_lane, int lane_count,
-                      const ChannelNoise& noise) {
+                      const SampleNoise& noise) {
   block_count_ = (lane_count + kBlockLanes - 1) / kBlockLanes;
   const size_t start =
       static_cast<size_t>(row) * static_cast<size_t>(stack.manifest.camera().width_px()) * 3 +
@@ -54,7 +54,7 @@ void SampleTile::need_weights() {
 }
 
 void SampleTile::load_brackets(const FrameStack& stack, size_t row_start, int lane_count,
-                               const ChannelNoise& noise) {
+                               const SampleNoise& noise) {
   weighted_ = true;
   weights_.resize(samples_.size());
   size_t sample = 0;
@@ -62,13 +62,12 @@ void SampleTile::load_brackets(const FrameStack& stack, size_t row_start, int la
     for (const Shot& shot : sweep.shots) {
       for (int lane = 0; lane < lane_count; ++lane) {
         const size_t place = row_start + static_cast<size_t>(lane);
-        const SampleNoise& own = noise[place % kChannels];
-        const MergedSample merged = merge(stack, shot, place, own);
+        const MergedSample merged = merge(stack, shot, place, noise);
         const size_t block = static_cast<size_t>(lane / kBlockLanes);
         const size_t at =
             (block * sample_count_ + sample) * kBlockLanes + static_cast<size_t>(lane % kBlockLanes);
         samples_[at] = static_cast<float>(merged.radiance);
-        weights_[at] = merged.saturated ? 0.0f : static_cast<float>(own.variance(0.0) / merged.variance);
+        weights_[at] = merged.saturated ? 0.0f : static_cast<float>(noise.variance(0.0) / merged.variance);
       }
       ++sample;
     }

@@ -23,7 +23,7 @@ class SampleTile {
   // Reads lanes [first_lane, first_lane + lane_count) of a row; lane_count is at most kMostBlocks *
   // kBlockLanes. Radiance on the scale of the reference exposure. Where several exposures were taken they are
   // merged (exposure_merge.h).
-  void load(const FrameStack& stack, int row, int first_lane, int lane_count, const ChannelNoise& noise);
+  void load(const FrameStack& stack, int row, int first_lane, int lane_count, const SampleNoise& noise);
 
   int block_count() const { return block_count_; }
   // One sweep of a block; the samples may be changed.
@@ -46,7 +46,7 @@ class SampleTile {
   size_t place(int block, size_t sweep) const {
     return (static_cast<size_t>(block) * sample_count_ + first_sample_[sweep]) * kBlockLanes;
   }
-  void load_brackets(const FrameStack& stack, size_t row_start, int lane_count, const ChannelNoise& noise);
+  void load_brackets(const FrameStack& stack, size_t row_start, int lane_count, const SampleNoise& noise);
 
   const StackLayout& layout_;
   size_t sample_count_ = 0;           // of all sweeps

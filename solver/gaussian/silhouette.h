@@ -2,7 +2,6 @@
 // al. 2000, section 3.1). It depends on that pixel's own samples alone.
 #pragma once
 
-#include <array>
 #include <span>
 #include <vector>
 
@@ -16,7 +15,6 @@ struct SampleNoise {
   double gain = 0.0;
   double variance(double radiance) const;
 };
-using ChannelNoise = std::array<SampleNoise, 3>;  // r, g, b
 
 // The camera's own, with `unknown_sd` where the manifest names no read noise; never less than its
 // quantisation.

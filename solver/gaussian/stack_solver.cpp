@@ -27,16 +27,6 @@ Mode mode_of(const JointFit& fit, int m, int texture) {
           .centre_sd_px = known(fit.centre_sd_px[static_cast<size_t>(m)])};
 }
 
-ChannelNoise noise_of(const FrameStack& stack) {
-  const SampleNoise camera = sample_noise(stack.manifest.camera(), kUsualNoise);
-  ChannelNoise noise;
-  for (size_t c = 0; c < noise.size(); ++c) {
-    const double factor = stack.noise_factor[c];
-    noise[c] = {.read_sd = camera.read_sd * factor, .gain = camera.gain * factor * factor};
-  }
-  return noise;
-}
-
 // Whether the steps are all alike, to a hundredth.
 bool is_even(const std::vector<double>& r_px) {
   const double step_px = (r_px.back() - r_px.front()) / static_cast<double>(r_px.size() - 1);
@@ -55,7 +45,7 @@ StackSolver::StackSolver(const FrameStack& stack, const StackLayout& layout, int
       most_modes_(most_modes),
       lane_count_(stack.manifest.camera().width_px() * kChannels),
       noise_known_(stack.manifest.camera().read_sd() > 0.0),
-      noise_(noise_of(stack)),
+      noise_(sample_noise(stack.manifest.camera(), kUsualNoise)),
       silhouette_(silhouette_tolerance),
       empty_(lay_out_empty_stage(stack.manifest)),
       tile_(layout) {
@@ -112,8 +102,7 @@ StackSolver::StackSolver(const FrameStack& stack, const StackLayout& layout, int
 
 float StackSolver::black(int y, int lane) const {
   const size_t place = stack_.place(0, y, 0) + static_cast<size_t>(lane);
-  return static_cast<float>(
-      merge(stack_, layout_.black, place, noise_[static_cast<size_t>(lane % kChannels)]).radiance);
+  return static_cast<float>(merge(stack_, layout_.black, place, noise_).radiance);
 }
 
 void StackSolver::estimate_row_noise(int y) {
@@ -140,21 +129,21 @@ void StackSolver::estimate_row_noise(int y) {
 void StackSolver::find_silhouette(int y) {
   std::vector<SilhouetteTest::Pair> pairs;
   for (int x = 0; x < lane_count_ / kChannels; ++x) {
-    ChannelNoise noise = noise_;
+    SampleNoise noise = noise_;
     if (!noise_known_) {
       double variance = 0.0;
       for (int c = 0; c < kChannels; ++c) {
         const auto sd = static_cast<double>(noise_sd_[static_cast<size_t>(x * kChannels + c)]);
         variance += sd * sd / kChannels;
       }
-      for (SampleNoise& own : noise) own.read_sd = std::sqrt(std::max(variance, kLeastStep * kLeastStep));
+      noise.read_sd = std::sqrt(std::max(variance, kLeastStep * kLeastStep));
     }
     pairs.clear();
     for (const StackLayout::Pair& pair : layout_.pairs) {
       for (int c = 0; c < kChannels; ++c) {
         const size_t place = stack_.place(x, y, c);
-        const MergedSample object = merge(stack_, pair.object, place, noise[static_cast<size_t>(c)]);
-        const MergedSample empty = merge(stack_, pair.empty, place, noise[static_cast<size_t>(c)]);
+        const MergedSample object = merge(stack_, pair.object, place, noise);
+        const MergedSample empty = merge(stack_, pair.empty, place, noise);
         pairs.push_back({.object = object.radiance,
                          .empty = empty.radiance,
                          .variance = object.variance + empty.variance,
@@ -175,7 +164,7 @@ bool StackSolver::sees_patch(int x, int y) const {
         low = std::min(low, sample);
         high = std::max(high, sample);
       }
-      const double sd = std::sqrt(noise_[static_cast<size_t>(c)].variance(static_cast<double>(high)));
+      const double sd = std::sqrt(noise_.variance(static_cast<double>(high)));
       if (static_cast<double>(high - low) > kSure * std::max(sd, kLeastStep)) return true;
     }
   }
@@ -201,8 +190,8 @@ void StackSolver::map_background(int x, int y, Matte& matte) {
 void StackSolver::solve_row(int y, Matte& matte) {
   if (noise_known_) {
     for (int lane = 0; lane < lane_count_; ++lane) {
-      noise_sd_[static_cast<size_t>(lane)] = static_cast<float>(std::sqrt(
-          noise_[static_cast<size_t>(lane % kChannels)].variance(static_cast<double>(black(y, lane)))));
+      noise_sd_[static_cast<size_t>(lane)] =
+          static_cast<float>(std::sqrt(noise_.variance(static_cast<double>(black(y, lane)))));
     }
   } else {
     estimate_row_noise(y);
@@ -227,7 +216,7 @@ void StackSolver::solve_row(int y, Matte& matte) {
                end = object_.begin() + (first + count - 1) / kChannels + 1;
     if (std::find(begin, end, true) == end) continue;
     tile_.load(stack_, y, first, count, noise_);
-    if (noise_.front().gain > 0.0 || !unit_peaks_) tile_.need_weights();
+    if (noise_.gain > 0.0 || !unit_peaks_) tile_.need_weights();
     blocks_.resize(static_cast<size_t>(tile_.block_count()));
     for (int block = 0; block < tile_.block_count(); ++block) {
       blocks_[static_cast<size_t>(block)].first_lane = first + block * kBlockLanes;
@@ -280,7 +269,7 @@ void StackSolver::weigh(int block_index, const float* inverse_peak) {
   least.fill(1.0f);
   for (int lane = 0; lane < kBlockLanes && block.first_lane + lane < lane_count_; ++lane) {
     const auto l = static_cast<size_t>(lane);
-    const SampleNoise& own = noise_[static_cast<size_t>((block.first_lane + lane) % kChannels)];
+    const SampleNoise& own = noise_;
     // Brackets bring their own noise.
     if (layout_.one_frame_a_shot) gain[l] = static_cast<float>(own.gain);
     const float sd = noise_sd_[static_cast<size_t>(block.first_lane + lane)];

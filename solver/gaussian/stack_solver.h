@@ -76,8 +76,8 @@ class StackSolver {
   const int most_modes_;
   const int lane_count_;  // of a row
   const bool noise_known_;
-  const ChannelNoise noise_;  // where it is not known: as of an ordinary camera
-  float dark_noise_ = 1.0f;   // of a dark sample with all its exposures, over that of the reference exposure
+  const SampleNoise noise_;  // where it is not known: as of an ordinary camera
+  float dark_noise_ = 1.0f;  // of a dark sample with all its exposures, over that of the reference exposure
   const SilhouetteTest silhouette_;
   std::vector<EmptyMonitor> empty_;
   std::vector<BackgroundMap> background_;

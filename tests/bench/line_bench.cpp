@@ -200,8 +200,7 @@ struct Frames {
 
 void stage(benchmark::State& state) {
   static const Frames frames;
-  ChannelNoise noise;
-  noise.fill({.read_sd = 0.002, .gain = 0.0});
+  const SampleNoise noise{.read_sd = 0.002, .gain = 0.0};
   SampleTile tile(frames.layout);
   CrestFinder finder;
   std::vector<std::array<Crests, kBlockLanes>> found;

@@ -77,9 +77,7 @@ void expect_map_of_misregistered_rig(double noise_sd, double worst_allowed_px, d
   if (noise_sd > 0.0) rig.add_noise(noise_sd);
   const FrameStack stack = rig.stack();
   const v1::Camera& camera = rig.manifest.camera();
-  ChannelNoise noise;
-  noise.fill(sample_noise(camera, noise_sd));
-  const BackgroundMap map(monitors[0], noise);
+  const BackgroundMap map(monitors[0], sample_noise(camera, noise_sd));
   Matte matte(0, 0, camera.width_px(), camera.height_px(), 1);
   *matte.metadata.mutable_monitors() = rig.manifest.monitors();
   EmptyPixel pixel;

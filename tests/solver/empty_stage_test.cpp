@@ -107,12 +107,6 @@ TEST(LayOutEmptyStage, AnArchiveWithoutSuchFramesIsNoError) {
 
 // --- The background map ---
 
-ChannelNoise even_noise(const v1::CaptureManifest& manifest, double sd) {
-  ChannelNoise noise;
-  noise.fill(sample_noise(manifest.camera(), sd));
-  return noise;
-}
-
 // Continuous camera px to monitor px.
 struct Affine {
   double a, b, c, d, e, f;
@@ -175,7 +169,7 @@ struct Measured {
 Measured measure(const Rig& rig, const Affine& affine, double sigma_px, double noise_sd) {
   const FrameStack stack = rig.stack();
   const EmptyMonitor monitor = lay_out_empty_stage(rig.manifest)[0];
-  const BackgroundMap map(monitor, even_noise(rig.manifest, noise_sd));
+  const BackgroundMap map(monitor, sample_noise(rig.manifest.camera(), noise_sd));
   Measured result;
   EmptyPixel pixel;
   for (int y = 0; y < stack.row_count; ++y) {
@@ -277,7 +271,7 @@ TEST(BackgroundMap, PixelsThatLookPastTheMonitorHaveNoWeight) {
   const Rig rig = rig_of(manifest_of({64, 48}, {20, 15}, 1.0), affine, 0.8, kNoise);
   const FrameStack stack = rig.stack();
   const EmptyMonitor monitor = lay_out_empty_stage(rig.manifest)[0];
-  const BackgroundMap map(monitor, even_noise(rig.manifest, kNoise));
+  const BackgroundMap map(monitor, sample_noise(rig.manifest.camera(), kNoise));
   EmptyPixel pixel;
   for (int y = 0; y < 15; ++y) {
     for (int x = 0; x < 20; ++x) {
@@ -331,7 +325,7 @@ TEST(BackgroundMap, WithoutBarsTheViewIsStraight) {
   v1::CaptureManifest manifest = manifest_of({64, 48}, {32, 24}, 64.0);
   ASSERT_EQ(manifest.frames_size(), 2);
   const EmptyMonitor monitor = lay_out_empty_stage(manifest)[0];
-  const BackgroundMap map(monitor, even_noise(manifest, 0.01));
+  const BackgroundMap map(monitor, sample_noise(manifest.camera(), 0.01));
   const EmptyPixel pixel{.black = {0.1, 0.1, 0.1}, .white = {0.9, 0.8, 0.7}, .bars = {}};
   const BackgroundPoint point = map.point(pixel, straight_view(manifest.camera(), monitor, 10, 4));
   EXPECT_TRUE(point.seen);
@@ -344,7 +338,7 @@ TEST(BackgroundMap, WithoutBarsTheViewIsStraight) {
   // Of a second monitor nothing can be said.
   EmptyMonitor second = monitor;
   second.texture = 1;
-  EXPECT_FALSE(BackgroundMap(second, even_noise(manifest, 0.01))
+  EXPECT_FALSE(BackgroundMap(second, sample_noise(manifest.camera(), 0.01))
                    .point(pixel, straight_view(manifest.camera(), monitor, 10, 4))
                    .seen);
 }

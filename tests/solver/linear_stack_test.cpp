@@ -121,66 +121,24 @@ constexpr double kCrosstalk[3][3] = {{0.45, 0.04, 0.01}, {0.10, 0.80, 0.10}, {0.
 void add_display(v1::CaptureManifest& manifest, const std::string& monitor, double more_green = 0.0) {
   v1::DisplayCalibration& display = *manifest.add_display_calibrations();
   display.set_monitor(monitor);
+  manifest.add_monitors()->set_name(monitor);
   for (int c = 0; c < 3; ++c) {
     for (int p = 0; p < 3; ++p) display.add_crosstalk(kCrosstalk[c][p] + (p == 1 ? more_green : 0.0));
   }
 }
 
-TEST(LinearStack, PrimariesComeApartAndWhiteStaysWhite) {
-  v1::CaptureManifest manifest = manifest_of(2, 2, 4);
+TEST(LinearStack, ChannelsStayTheCamerasAndTheMatteSaysWhatTheySee) {
+  v1::CaptureManifest manifest = manifest_of(2, 2, 1);
   add_display(manifest, "back");
-  std::vector<Image16> frames;
-  const std::vector<std::array<double, 3>> shown = {{0.5, 0.5, 0.5}, {0.6, 0.0, 0.0}, {0.0, 0.7, 0.1}};
-  for (const auto& light : shown) {
-    std::array<double, 3> seen{};
-    for (size_t c = 0; c < 3; ++c) {
-      const double white = kCrosstalk[c][0] + kCrosstalk[c][1] + kCrosstalk[c][2];
-      for (size_t p = 0; p < 3; ++p) seen[c] += kCrosstalk[c][p] / white * light[p];
-    }
-    frames.push_back(even_frame(2, 2, seen));
-  }
-  frames.push_back(even_frame(2, 2, {0.2, 1.0, 0.2}));
   const auto linear = LinearStack::create(manifest).value();
-  const FrameStack stack = linear.of(stack_of(manifest, frames));
-  for (size_t i = 0; i < shown.size(); ++i) {
-    for (int c = 0; c < 3; ++c) {
-      // Three roundings of 16 bits, amplified by no more than 1.5 in sum, and the stack's own.
-      EXPECT_NEAR(static_cast<double>(stack.at(static_cast<int>(i), 1, 1, c)),
-                  shown[i][static_cast<size_t>(c)],
-                  0.75 / 65535.0 + 0.5 * static_cast<double>(stack.unit) + 1e-6);
-    }
-  }
-  for (size_t c = 0; c < 3; ++c) {
-    EXPECT_EQ(stack.rows[3][c], 65535);  // what one saturated channel brings to the others is not known
-    EXPECT_GT(stack.noise_factor[c], 1.0);
-  }
+  const FrameStack stack = linear.of(stack_of(manifest, {even_frame(2, 2, {0.2, 0.4, 0.6})}));
+  EXPECT_NEAR(static_cast<double>(stack.at(0, 1, 1, 2)), 0.6, 1.0 / 65535.0);
   v1::MatteMetadata metadata;
   linear.describe(metadata);
-  EXPECT_TRUE(metadata.unmixed());
+  ASSERT_EQ(metadata.crosstalk_size(), manifest.monitors_size());
+  EXPECT_EQ(metadata.crosstalk(0).share_size(), 9);
   EXPECT_FALSE(metadata.linearised());
   EXPECT_EQ(metadata.warnings_size(), 0);
-}
-
-TEST(LinearStack, NoiseIsAsTheStackSays) {
-  constexpr int kWidth = 200, kHeight = 100;
-  v1::CaptureManifest manifest = manifest_of(kWidth, kHeight, 1);
-  add_display(manifest, "back");
-  std::vector<Image16> frames = {Image16(kWidth, kHeight)};
-  std::mt19937 random(6);
-  std::normal_distribution<double> noise(0.4, 0.01);
-  for (std::uint16_t& sample : frames[0].samples)
-    sample = static_cast<std::uint16_t>(std::lround(65535.0 * noise(random)));
-  const FrameStack stack = LinearStack::create(manifest).value().of(stack_of(manifest, frames));
-  for (int c = 0; c < 3; ++c) {
-    double squares = 0.0;
-    for (int y = 0; y < kHeight; ++y) {
-      for (int x = 0; x < kWidth; ++x)
-        squares += std::pow(static_cast<double>(stack.at(0, x, y, c)) - 0.4, 2) / (kWidth * kHeight);
-    }
-    // A standard deviation of n samples has an error of 1 / sqrt(2 n).
-    EXPECT_NEAR(std::sqrt(squares) / (0.01 * stack.noise_factor[static_cast<size_t>(c)]), 1.0,
-                4.0 / std::sqrt(2.0 * kWidth * kHeight));
-  }
 }
 
 TEST(LinearStack, SaysWhatMayBeWrongAndRefusesWhatCannotBe) {
@@ -214,13 +172,6 @@ TEST(LinearStack, SaysWhatMayBeWrongAndRefusesWhatCannotBe) {
   };
   manifest.mutable_display_calibrations(1)->mutable_crosstalk()->RemoveLast();
   refused("8 long");
-  for (int i = 0; i < 2; ++i) {
-    manifest.mutable_display_calibrations(i)->mutable_crosstalk()->Clear();
-    for (int k = 0; k < 9; ++k) manifest.mutable_display_calibrations(i)->add_crosstalk(0.3);
-  }
-  refused("hardly tells primaries apart");
-  manifest.mutable_display_calibrations(1)->set_crosstalk(4, NAN);
-  refused("finite");
   manifest.mutable_camera_calibration()->mutable_curves()->RemoveLast();
   refused("2 long");
 }

@@ -104,5 +104,35 @@ TEST(Composite, AddsForegroundAndEveryModeOnItsOwnMonitor) {
   EXPECT_TRUE(absl::IsInvalidArgument(composite(matte, {RadianceImage(7, 8)}).status()));
 }
 
+// Glass bends each channel of the camera to another place, and a monitor's primaries reach all channels: what
+// the camera sees is worked out channel by channel, and taken back to primaries.
+TEST(Composite, GoesThroughTheCamerasChannelsWhereThePrimariesMix) {
+  constexpr double kShare[3][3] = {{0.9, 0.08, 0.02}, {0.1, 0.8, 0.1}, {0.0, 0.15, 0.85}};
+  Matte matte(0, 0, 1, 1, 1);
+  v1::Monitor& monitor = *matte.metadata.add_monitors();
+  monitor.set_width_px(12);
+  monitor.set_height_px(9);
+  v1::Crosstalk& crosstalk = *matte.metadata.add_crosstalk();
+  for (const auto& row : kShare) crosstalk.mutable_share()->Add(row, row + 3);
+  for (int c = 0; c < kChannels; ++c) {
+    Mode mode = oriented(4.0 + c, 5.0 - 0.5 * c, 1.0, 1.5, 0.3);
+    mode.weight = 0.5f + 0.1f * static_cast<float>(c);
+    matte.modes(0, 0, c)[0] = mode;
+    matte.foreground(0, 0)[static_cast<size_t>(c)] = 0.02f;
+  }
+  const RadianceImage picture = random_picture(12, 9);
+  const RadianceImage out = composite(matte, {picture}).value();
+  for (int c = 0; c < kChannels; ++c) {
+    double seen = 0.0, through = 0.02;
+    for (int p = 0; p < kChannels; ++p) {
+      seen += kShare[c][p] * static_cast<double>(out.at(0, 0, p));
+      // The integral is linear in the picture.
+      const Mode& mode = matte.modes(0, 0, c)[0];
+      through += static_cast<double>(mode.weight) * kShare[c][p] * integrate_footprint(mode, picture, p);
+    }
+    EXPECT_NEAR(seen, through, 1e-6) << c;  // floats
+  }
+}
+
 }  // namespace
 }  // namespace glasswing
