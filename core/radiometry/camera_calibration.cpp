@@ -5,10 +5,12 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <optional>
 
 #include "core/base/status.h"
 #include "core/base/time.h"
+#include "core/radiometry/below_black.h"
 #include "core/radiometry/calibration_samples.h"
 #include "core/radiometry/camera_response.h"
 #include "core/radiometry/camera_symptoms.h"
@@ -65,6 +67,28 @@ double median_code(const std::vector<size_t>& count) {
   return (from + share * (until - from)) / kFull;
 }
 
+// How often black has each code, of one channel with one exposure.
+std::vector<size_t> black_codes(const CalibrationSamples& samples, size_t exposure, size_t channel) {
+  std::vector<size_t> count(65536);
+  for (const SampledMonitor& monitor : samples.monitors) {
+    for (const auto& take : monitor.takes(exposure, Shown::kBlack)) {
+      for (size_t i = channel; i < take.size(); i += 3) ++count[take[i]];
+    }
+  }
+  return count;
+}
+
+// Of all exposures in which black is no brighter than without room light, to half a knot of the curve.
+std::vector<size_t> unlit_codes(const CalibrationSamples& samples, size_t channel, double black_level) {
+  std::vector<size_t> all(65536);
+  for (size_t j = 0; j < samples.exposures_ms.size(); ++j) {
+    const std::vector<size_t> count = black_codes(samples, j, channel);
+    if (std::abs(median_code(count) - black_level) > 0.5 / (CameraResponse::kKnots - 1)) continue;
+    std::transform(all.begin(), all.end(), count.begin(), all.begin(), std::plus<>());
+  }
+  return all;
+}
+
 // Of one channel: the code of black without room light, which grows with the exposure; codes of a curved
 // camera do so along a bow, which is least at short exposures.
 double find_black_level(const CalibrationSamples& samples, size_t channel) {
@@ -72,12 +96,7 @@ double find_black_level(const CalibrationSamples& samples, size_t channel) {
   Eigen::MatrixXd rows(samples.exposures_ms.size(), terms);
   Eigen::VectorXd codes(rows.rows());
   for (size_t j = 0; j < samples.exposures_ms.size(); ++j) {
-    std::vector<size_t> count(65536);
-    for (const SampledMonitor& monitor : samples.monitors) {
-      for (const auto& take : monitor.takes(j, Shown::kBlack)) {
-        for (size_t i = channel; i < take.size(); i += 3) ++count[take[i]];
-      }
-    }
+    const std::vector<size_t> count = black_codes(samples, j, channel);
     const double time = samples.exposures_ms[j] / samples.exposures_ms[0], weight = 1.0 / (time * time);
     const auto row = static_cast<Eigen::Index>(j);
     for (Eigen::Index k = 0; k < terms; ++k) rows(row, k) = weight * std::pow(time, k);
@@ -259,7 +278,10 @@ absl::StatusOr<v1::CameraCalibration> calibrate_camera(const MappedArchive& arch
         off.text));
   }
   calibration.set_linear(response.is_linear());
-  for (int c = 0; c < 3; ++c) add_curve(response, c, black[static_cast<size_t>(c)], calibration);
+  for (size_t c = 0; c < 3; ++c) {
+    add_curve(response, static_cast<int>(c), black[c], calibration);
+    continue_below_black(unlit_codes(samples, c, black[c]), *calibration.mutable_curves()->rbegin());
+  }
   GW_ASSIGN_OR_RETURN(const FrameLight light, FrameLight::create(calibration));
   GW_RETURN_IF_ERROR(add_noise(samples, light, calibration));
   add_white(samples, light, calibration);

@@ -18,6 +18,8 @@ constexpr double kOutlierSigmas = 4.5;
 constexpr double kLeastRange = 2.0;  // of brightest to darkest bin
 constexpr size_t kPileUp = 100;      // samples at the highest code
 constexpr double kNotDark = 0.25;
+constexpr double kLeastExpected =
+    0.1;  // of a bin's variance: a line that is not yet right is not believed beyond
 
 struct PixelNoise {
   double value;  // mean, above the black level
@@ -147,7 +149,7 @@ NoiseModel fit_line(const std::vector<Bin>& bins) {
     double n = 0.0, x = 0.0, y = 0.0, xx = 0.0, xy = 0.0, misfit = 0.0;
     const auto weight_of = [&](const Bin& bin) {
       const double expected =
-          pass == 0 ? bin.variance : std::max(start + slope * bin.value, 1e-3 * bin.variance);
+          pass == 0 ? bin.variance : std::max(start + slope * bin.value, kLeastExpected * bin.variance);
       return bin.freedom / (2.0 * expected * expected);
     };
     for (const Bin& bin : bins) {
@@ -160,6 +162,10 @@ NoiseModel fit_line(const std::vector<Bin>& bins) {
     for (const Bin& bin : bins) weights.push_back(weight_of(bin));
     slope = (n * xy - x * y) / determinant;
     start = (xx * y - x * xy) / determinant;
+    if (start < 0.0) {  // no read noise that could be told: the line through 0
+      start = 0.0;
+      slope = xy / xx;
+    }
     for (size_t i = 0; i < bins.size(); ++i) {
       misfit += weights[i] * std::pow(bins[i].variance - start - slope * bins[i].value, 2);
     }

@@ -76,6 +76,32 @@ TEST(NoiseModel, ClippedSamplesAreLeftOutAndTheirCodeIsTold) {
   EXPECT_LT(model.pixel_share, 0.95);
 }
 
+// Black at code 0 cuts off half of the dark's noise, and noise is no more than a code.
+TEST(NoiseModel, CoarseCodesThatAreCutOffInTheDark) {
+  constexpr double kCoarseSd = 0.001, kCoarseGain = 1e-5;
+  std::mt19937 random(8);
+  std::normal_distribution<double> normal;
+  std::vector<std::vector<Image16>> scenes;
+  for (const double brightest : {0.02, 0.05, 0.2, 0.6, 1.1}) {
+    std::vector<Image16>& frames = scenes.emplace_back();
+    for (int j = 0; j < 4; ++j) {
+      Image16 frame(128, 100);
+      for (size_t i = 0; i < frame.samples.size(); ++i) {
+        const double across = (static_cast<double>(i / 3 % 128) - 64.0) / 16.0;
+        const double value = brightest * std::exp(-0.5 * across * across);
+        const double code = value + std::sqrt(kCoarseSd * kCoarseSd + kCoarseGain * value) * normal(random);
+        frame.samples[i] =
+            code16_of(static_cast<float>(std::round(1023.0 * std::clamp(code, 0.0, 1.0)) / 1023.0));
+      }
+      frames.push_back(std::move(frame));
+    }
+  }
+  const NoiseModel model = fit_noise(scenes, 0.0).value();
+  const double rounded = std::hypot(kCoarseSd, 1.0 / 1023.0 / std::sqrt(12.0));
+  EXPECT_NEAR(model.read_sd, rounded, 0.1 * rounded);
+  EXPECT_NEAR(model.gain, kCoarseGain, 0.1 * kCoarseGain);
+}
+
 TEST(NoiseModel, BlackLevel) {
   const std::vector<Image16> dark = ramp(4, 0.0, 0.0, 1.0, 5);
   const BlackLevel black = measure_black_level(dark).value();
