@@ -29,6 +29,8 @@ constexpr size_t kPileUp = 1000;      // samples of the highest code
 constexpr double kFewClipped = 1e-3;  // share of white's samples
 constexpr double kBrightest = 0.99;   // quantile of pixels
 constexpr double kReach = 3.0;        // standard deviations
+constexpr double kOneSigma = 0.8413;  // quantile
+constexpr double kUnlit = 0.1;        // of the noise
 // Light as codes for fit_noise: room for noise below black and above the saturation.
 constexpr double kPedestal = 0.1, kUnit = 0.8;
 
@@ -48,12 +50,13 @@ double find_saturation(const CalibrationSamples& samples) {
   return count[top] >= kPileUp && count[top] > below ? static_cast<double>(top) / kFull : 1.0;
 }
 
-// The median, as if codes were spread over their steps; a curve or clipping below it do not move it.
-double median_code(const std::vector<size_t>& count) {
+// A quantile, as if codes were spread over their steps; a curve or clipping below it do not move it.
+double quantile_code(const std::vector<size_t>& count, double quantile) {
   size_t all = 0, below = 0;
   for (const size_t n : count) all += n;
   size_t code = 0;
-  while (2 * (below + count[code]) < all) below += count[code++];
+  const double wanted = quantile * static_cast<double>(all);
+  while (static_cast<double>(below + count[code]) < wanted) below += count[code++];
   if (code == 0) return 0.0;
   const auto neighbour = [&](int direction) {
     int at = static_cast<int>(code) + direction;
@@ -62,8 +65,7 @@ double median_code(const std::vector<size_t>& count) {
   };
   const double from = 0.5 * (neighbour(-1) + static_cast<double>(code)),
                until = 0.5 * (neighbour(1) + static_cast<double>(code));
-  const double share =
-      (0.5 * static_cast<double>(all) - static_cast<double>(below)) / static_cast<double>(count[code]);
+  const double share = (wanted - static_cast<double>(below)) / static_cast<double>(count[code]);
   return (from + share * (until - from)) / kFull;
 }
 
@@ -78,12 +80,13 @@ std::vector<size_t> black_codes(const CalibrationSamples& samples, size_t exposu
   return count;
 }
 
-// Of all exposures in which black is no brighter than without room light, to half a knot of the curve.
+// Of all exposures in which room light shifts black by less than a tenth of its noise.
 std::vector<size_t> unlit_codes(const CalibrationSamples& samples, size_t channel, double black_level) {
   std::vector<size_t> all(65536);
   for (size_t j = 0; j < samples.exposures_ms.size(); ++j) {
     const std::vector<size_t> count = black_codes(samples, j, channel);
-    if (std::abs(median_code(count) - black_level) > 0.5 / (CameraResponse::kKnots - 1)) continue;
+    const double median = quantile_code(count, 0.5), sd = quantile_code(count, kOneSigma) - median;
+    if (std::abs(median - black_level) > kUnlit * sd) continue;
     std::transform(all.begin(), all.end(), count.begin(), all.begin(), std::plus<>());
   }
   return all;
@@ -100,7 +103,7 @@ double find_black_level(const CalibrationSamples& samples, size_t channel) {
     const double time = samples.exposures_ms[j] / samples.exposures_ms[0], weight = 1.0 / (time * time);
     const auto row = static_cast<Eigen::Index>(j);
     for (Eigen::Index k = 0; k < terms; ++k) rows(row, k) = weight * std::pow(time, k);
-    codes[row] = weight * median_code(count);
+    codes[row] = weight * quantile_code(count, 0.5);
   }
   return std::max(rows.colPivHouseholderQr().solve(codes)[0], 0.0);
 }
@@ -280,7 +283,8 @@ absl::StatusOr<v1::CameraCalibration> calibrate_camera(const MappedArchive& arch
   calibration.set_linear(response.is_linear());
   for (size_t c = 0; c < 3; ++c) {
     add_curve(response, static_cast<int>(c), black[c], calibration);
-    continue_below_black(unlit_codes(samples, c, black[c]), *calibration.mutable_curves()->rbegin());
+    if (!response.is_linear())
+      continue_below_black(unlit_codes(samples, c, black[c]), *calibration.mutable_curves()->rbegin());
   }
   GW_ASSIGN_OR_RETURN(const FrameLight light, FrameLight::create(calibration));
   GW_RETURN_IF_ERROR(add_noise(samples, light, calibration));
