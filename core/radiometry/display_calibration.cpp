@@ -153,7 +153,8 @@ void set_response(const DisplayResponse& response, v1::DisplayCalibration& calib
 }
 
 absl::StatusOr<v1::DisplayCalibration> calibrate(const MappedArchive& archive, const FrameLight& light,
-                                                 const v1::Monitor& monitor, const ShownFrames& shown) {
+                                                 const Evenness& evenness, const v1::Monitor& monitor,
+                                                 const ShownFrames& shown) {
   const int bits = bits_of(monitor), highest = (1 << bits) - 1;
   if (std::any_of(shown.solids.begin(), shown.solids.end(),
                   [](const ShownFrame& solid) { return solid.at == nanoseconds(0); })) {
@@ -185,7 +186,7 @@ absl::StatusOr<v1::DisplayCalibration> calibrate(const MappedArchive& archive, c
   calibration.set_exposure_ms(view.exposure_ms);
   calibration.set_drift(drift_of(whites));
   set_response(response, calibration);
-  if (const auto uniformity = uniformity_of(view, response, manifest))
+  if (const auto uniformity = uniformity_of(view, response, evenness))
     *calibration.mutable_uniformity() = *uniformity;
   for (std::string& warning : display_warnings(calibration, steady, response, flicker))
     calibration.add_warnings(std::move(warning));
@@ -208,11 +209,12 @@ absl::StatusOr<DisplayCalibrations> calibrate_displays(const MappedArchive& arch
                     manifest.camera().name()));
   }
   GW_ASSIGN_OR_RETURN(const FrameLight light, FrameLight::create(manifest));
+  GW_ASSIGN_OR_RETURN(const Evenness evenness, Evenness::create(manifest));
   DisplayCalibrations calibrations;
   for (const v1::Monitor& monitor : manifest.monitors()) {
     const ShownFrames shown = shown_frames(manifest, monitor);
     if (shown.solids.empty() && shown.ramps.empty()) continue;
-    absl::StatusOr<v1::DisplayCalibration> calibration = calibrate(archive, light, monitor, shown);
+    absl::StatusOr<v1::DisplayCalibration> calibration = calibrate(archive, light, evenness, monitor, shown);
     if (calibration.ok()) {
       calibrations.measured.push_back(*std::move(calibration));
     } else {

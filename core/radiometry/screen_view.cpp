@@ -130,7 +130,8 @@ absl::StatusOr<ScreenView> view_of(const MappedArchive& archive, const FrameLigh
   for (std::uint32_t pixel = 0; pixel < seen.size(); ++pixel) {
     if (seen[pixel]) seen[pixel] = is_ramp(ramp_at(pixel), white_at(pixel));
   }
-  ScreenView view{.exposure_ms = exposure_ms, .pixels = {}, .white = {}, .ramp = {}};
+  ScreenView view{
+      .exposure_ms = exposure_ms, .width_px = white.width_px, .pixels = {}, .white = {}, .ramp = {}};
   for (std::uint32_t pixel = 0; pixel < seen.size(); ++pixel) {
     const int width_px = white.width_px;
     const int x = static_cast<int>(pixel) % width_px, y = static_cast<int>(pixel) / width_px;

@@ -42,6 +42,7 @@ struct ScreenView {
   using Light = std::array<float, 3>;
 
   double exposure_ms = 0.0;           // the longest at which white is not cut off
+  int width_px = 0;                   // the camera's
   std::vector<std::uint32_t> pixels;  // y * width + x, rising
   // Of each of them, at that exposure; white less black.
   std::vector<Light> white, ramp;

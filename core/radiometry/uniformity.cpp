@@ -20,18 +20,6 @@ struct Cell {
   bool seen() const { return pixels >= kLeastPixels; }
 };
 
-double fall_off_at(const v1::CaptureManifest& manifest, std::uint32_t pixel) {
-  if (!manifest.camera_calibration().has_fall_off()) return 1.0;
-  const v1::FallOff& of = manifest.camera_calibration().fall_off();
-  const double width_px = manifest.camera().width_px(), height_px = manifest.camera().height_px();
-  const auto columns = static_cast<std::uint32_t>(manifest.camera().width_px());
-  const double across_px = pixel % columns + 0.5 - 0.5 * width_px;
-  const double down_px = pixel / columns + 0.5 - 0.5 * height_px;
-  const double r2 =
-      4.0 * (across_px * across_px + down_px * down_px) / (width_px * width_px + height_px * height_px);
-  return 1.0 + of.r2() * r2 + of.r4() * r2 * r2;
-}
-
 // The place in the grid that a pixel sees; none if what it sees is not the ramp.
 std::optional<size_t> cell_of(const Eigen::Vector3d& radiance, const DisplayResponse& response) {
   std::array<double, 3> code{};
@@ -70,7 +58,7 @@ void fill(std::vector<Cell>& cells) {
 }  // namespace
 
 std::optional<v1::Uniformity> uniformity_of(const ScreenView& view, const DisplayResponse& response,
-                                            const v1::CaptureManifest& manifest) {
+                                            const Evenness& camera) {
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   for (const ScreenView::Light& white : view.white)
     mean += Eigen::Vector3d(white[0], white[1], white[2]) / static_cast<double>(view.white.size());
@@ -91,7 +79,9 @@ std::optional<v1::Uniformity> uniformity_of(const ScreenView& view, const Displa
         primaries_of_light * (Eigen::Array3d(ramp[0], ramp[1], ramp[2]) / here).matrix();
     const std::optional<size_t> at = cell_of(radiance, response);
     if (!at) continue;
-    const double light = here.mean() / fall_off_at(manifest, view.pixels[i]);
+    const int x = static_cast<int>(view.pixels[i]) % view.width_px,
+              y = static_cast<int>(view.pixels[i]) / view.width_px;
+    const double light = here.mean() / camera.camera(x, y);
     cells[*at].light += light;
     ++cells[*at].pixels;
     all += light;

@@ -11,14 +11,14 @@
 
 #include <optional>
 
+#include "core/radiometry/evenness.h"
 #include "core/radiometry/screen_view.h"
-#include "glasswing/v1/archive.pb.h"
 
 namespace glasswing {
 
 // 16 x 12 cells. Those that the camera does not see are filled so that each is the mean of its neighbours.
 // None: it sees less than half of them, or the ramp does not tell where it looks.
 std::optional<v1::Uniformity> uniformity_of(const ScreenView& view, const DisplayResponse& response,
-                                            const v1::CaptureManifest& manifest);
+                                            const Evenness& camera);
 
 }  // namespace glasswing
