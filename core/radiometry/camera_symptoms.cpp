@@ -123,14 +123,14 @@ class Symptoms {
     const double rms = std::sqrt(std::max(all, 0.0));
     if (rms < kShareOfNoise * pixel_noise_) return;
     const auto at = static_cast<size_t>(std::ranges::max_element(worst) - worst.begin());
-    out_.push_back(
-        fmt::format("flicker: repeats of one picture differ in brightness by {:.2g} % (rms), most at {} ms "
-                    "({:.2g} %), where noise explains "
-                    "{:.2g} %; use exposures that are whole multiples of the light's period (room light: 10 "
-                    "ms or 8.33 ms; a dimmed "
-                    "backlight: its refresh), or other light",
-                    100.0 * rms, samples_.exposures_ms[at], 100.0 * std::sqrt(worst[at]),
-                    100.0 * repeats_.front().error));
+    out_.push_back(fmt::format(
+        "flicker: repeats of one picture differ in brightness by {:.2g} % (rms), most at {:.4g} ms "
+        "({:.2g} %), where noise explains "
+        "{:.2g} %; use exposures that are whole multiples of the light's period (room light: 10 "
+        "ms or 8.33 ms; a dimmed "
+        "backlight: its refresh), or other light",
+        100.0 * rms, samples_.exposures_ms[at], 100.0 * std::sqrt(worst[at]),
+        100.0 * repeats_.front().error));
   }
 
   // The first take follows another exposure, the others do not.
@@ -194,7 +194,8 @@ class Symptoms {
       std::nth_element(sorted.begin(), peak, sorted.end());
       if (*peak > 1.0 + kOwnChange + 3.0 * noise) {
         out_.push_back(fmt::format(
-            "automatic exposure or gain: at {} ms a stripe on monitor \"{}\" is {:.2g} % brighter than its "
+            "automatic exposure or gain: at {:.4g} ms a stripe on monitor \"{}\" is {:.2g} % brighter than "
+            "its "
             "white; turn automatic "
             "exposure and gain of the camera off, and whatever dims the monitor when its picture is bright",
             samples_.exposures_ms[j], monitor.name, 100.0 * (*peak - 1.0)));
@@ -240,12 +241,12 @@ class Symptoms {
     static constexpr const char* kAdvice = "turn the camera's automatic white balance off";
     const std::optional<ColourStep> step = largest_colour_step();
     if (step && step->most() > kOwnChange) {
-      out_.push_back(
-          fmt::format("automatic white balance: from {} ms to {} ms red, green and blue change by {:+.2g} %, "
-                      "{:+.2g} % and {:+.2g} % beside "
-                      "their mean; {}",
-                      samples_.exposures_ms[step->exposure], samples_.exposures_ms[step->exposure + 1],
-                      100.0 * step->off[0], 100.0 * step->off[1], 100.0 * step->off[2], kAdvice));
+      out_.push_back(fmt::format(
+          "automatic white balance: from {:.4g} ms to {:.4g} ms red, green and blue change by {:+.2g} %, "
+          "{:+.2g} % and {:+.2g} % beside "
+          "their mean; {}",
+          samples_.exposures_ms[step->exposure], samples_.exposures_ms[step->exposure + 1],
+          100.0 * step->off[0], 100.0 * step->off[1], 100.0 * step->off[2], kAdvice));
       return;
     }
     double all = 0.0;
@@ -272,7 +273,7 @@ class Symptoms {
       if (static_cast<double>(clipped) > kClippedShare * static_cast<double>(monitor.sample_count())) {
         out_.push_back(fmt::format(
             "clipping: white of monitor \"{}\" is clipped in {:.0f} % of samples even at the shortest "
-            "exposure, {} ms, so that its "
+            "exposure, {:.4g} ms, so that its "
             "brightness and the fall-off were not measured; add shorter exposures, or close the aperture",
             monitor.name, 100.0 * static_cast<double>(clipped) / static_cast<double>(monitor.sample_count()),
             samples_.exposures_ms[0]));
@@ -324,8 +325,8 @@ absl::Status check_codes_follow(const CalibrationSamples& samples, const std::ar
       if (ratios.size() < kFewest || times[j + 1] < kTwoExposures * times[j]) continue;
       if (const double ratio = median(ratios); ratio < 1.0 + kOwnChange) {
         return absl::FailedPreconditionError(
-            fmt::format("codes do not follow the exposure times: frames of {} ms have codes {:.2f} times "
-                        "those of {} ms, so that no curve can "
+            fmt::format("codes do not follow the exposure times: frames of {:.4g} ms have codes {:.2f} times "
+                        "those of {:.4g} ms, so that no curve can "
                         "be found; turn automatic exposure and automatic gain of the camera off",
                         times[j + 1], ratio, times[j]));
       }
@@ -341,7 +342,7 @@ TimesOff times_off(const std::vector<double>& declared_ms, const std::vector<dou
     if (std::abs(ratio - 1.0) <= off.most) continue;
     off.most = std::abs(ratio - 1.0);
     off.text = fmt::format(
-        "codes do not follow the exposure times: frames of {} ms are as bright as {:.3g} ms would be",
+        "codes do not follow the exposure times: frames of {:.4g} ms are as bright as {:.3g} ms would be",
         declared_ms[j], 1000.0 * fitted_s[j]);
   }
   return off;
