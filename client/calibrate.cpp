@@ -56,10 +56,6 @@ absl::Status calibrate_sync(const Client& client, const v1::CalibrateSyncRequest
   return status.ok() ? absl::OkStatus() : status_from(status, server.title);
 }
 
-}  // namespace
-
-namespace {
-
 using Arguments = std::shared_ptr<CalibrateArguments>;
 
 Arguments add_light_options(CLI::App& command) {
