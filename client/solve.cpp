@@ -5,6 +5,7 @@
 #include "client/rpc.h"
 #include "client/watch.h"
 #include "core/base/status.h"
+#include "core/pattern/plan.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 
 namespace glasswing {
@@ -44,7 +45,7 @@ void add_solve_command(CLI::App& app, Client& client) {
   auto arguments = std::make_shared<Arguments>();
   command.add_option("session", arguments->session, "the session's name")->required();
   command.add_option("--method", arguments->method, "how; the plan's method if left out")
-      ->check(CLI::IsMember({"gaussian", "hierarchical", "ramp", "fringe"}));
+      ->check(CLI::IsMember(std::vector<std::string>(kMethods.begin(), kMethods.end())));
   command.add_option("--set", arguments->options, "KEY=VALUE, an option of the method; may be repeated")
       ->allow_extra_args(false);
   command.add_flag("--watch", arguments->watch, "wait until it is done; any other end is a failure");

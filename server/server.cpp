@@ -419,9 +419,7 @@ absl::StatusOr<v1::Session> Server::solve(const v1::SolveSessionRequest& request
         session.name()));
   }
   const std::string method = request.method().empty() ? session.method() : request.method();
-  if (method != "gaussian") {
-    return absl::InvalidArgumentError(fmt::format("method is \"{}\"; this version solves: gaussian", method));
-  }
+  GW_RETURN_IF_ERROR(check_method(method));
   const bool captured = session.state() == v1::SESSION_STATE_CAPTURED ||
                         session.state() == v1::SESSION_STATE_DONE ||
                         (session.state() == v1::SESSION_STATE_FAILED && session.tile_count() > 0);

@@ -1,6 +1,7 @@
 #include "core/pattern/plan.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <google/protobuf/io/tokenizer.h>
 #include <google/protobuf/text_format.h>
 
@@ -21,6 +22,7 @@ namespace {
 
 using google::protobuf::TextFormat;
 constexpr int kMaxSteps = 20000;
+constexpr int kDefaultPhases = 4;
 
 // Where a message of the plan stands, so that a complaint can name the line (from a file) or the path (from
 // the wire).
@@ -104,6 +106,31 @@ absl::Status check_sweep(const v1::Sweep& sweep, const Place& place) {
   if (sweep.has_peak() && !(sweep.peak() > 0.0 && sweep.peak() <= 1.0)) {
     return place.bad(sweep, "peak", 0, sweep.peak(), "in (0, 1]");
   }
+  for (int i = 0; i < sweep.comb_px_size(); ++i) {
+    if (!within(sweep.comb_px(i), 6.0 * sweep.sigma_px(), 20000.0))
+      return place.bad(sweep, "comb_px", i, sweep.comb_px(i), "6 sigma_px to 20000");
+  }
+  return absl::OkStatus();
+}
+
+absl::Status check_square_waves(const v1::SquareWaves& waves, const Place& place) {
+  if (!within(waves.levels(), 1, 14)) return place.bad(waves, "levels", 0, waves.levels(), "1 to 14");
+  if (waves.has_first_level() && !within(waves.first_level(), 1, waves.levels()))
+    return place.bad(waves, "first_level", 0, waves.first_level(), fmt::format("1 to {}", waves.levels()));
+  return absl::OkStatus();
+}
+
+absl::Status check_fringes(const v1::Fringes& fringes, const Place& place) {
+  if (!within(fringes.orientation_deg(), -180.0, 180.0))
+    return place.bad(fringes, "orientation_deg", 0, fringes.orientation_deg(), "in [-180, 180]");
+  if (fringes.period_px().empty())
+    return place.bad(fringes, "period_px", 0, "left out", "given at least once, in [2, 100000]");
+  for (int i = 0; i < fringes.period_px_size(); ++i) {
+    if (!within(fringes.period_px(i), 2.0, 100000.0))
+      return place.bad(fringes, "period_px", i, fringes.period_px(i), "in [2, 100000]");
+  }
+  if (fringes.has_phases() && !within(fringes.phases(), 3, 32))
+    return place.bad(fringes, "phases", 0, fringes.phases(), "3 to 32");
   return absl::OkStatus();
 }
 
@@ -126,9 +153,9 @@ absl::Status check_calibration(const v1::Plan& plan, bool shows_nothing, const P
 }
 
 absl::Status check(const v1::Plan& plan, const Place& place) {
-  if (plan.method() != "gaussian" && plan.method() != kCalibrationMethod) {
+  if (plan.method() != kCalibrationMethod && !check_method(plan.method()).ok()) {
     return place.bad(plan, "method", 0, fmt::format("\"{}\"", plan.method()),
-                     fmt::format("\"gaussian\" or \"{}\"", kCalibrationMethod));
+                     fmt::format("\"{}\" or \"{}\"", fmt::join(kMethods, "\", \""), kCalibrationMethod));
   }
   std::set<std::string> names;
   for (int i = 0; i < plan.monitors_size(); ++i) {
@@ -151,9 +178,11 @@ absl::Status check(const v1::Plan& plan, const Place& place) {
   for (int i = 0; i < plan.solids_size(); ++i) {
     GW_RETURN_IF_ERROR(check_colour(plan.solids(i), place.nested(plan, "solids", i)));
   }
-  if (plan.has_square_waves() && !within(plan.square_waves().levels(), 1, 14)) {
-    return place.nested(plan, "square_waves", 0)
-        .bad(plan.square_waves(), "levels", 0, plan.square_waves().levels(), "1 to 14");
+  if (plan.has_square_waves()) {
+    GW_RETURN_IF_ERROR(check_square_waves(plan.square_waves(), place.nested(plan, "square_waves", 0)));
+  }
+  for (int i = 0; i < plan.fringes_size(); ++i) {
+    GW_RETURN_IF_ERROR(check_fringes(plan.fringes(i), place.nested(plan, "fringes", i)));
   }
   for (int i = 0; i < plan.photos_size(); ++i) {
     if (plan.photos(i).file().empty()) {
@@ -176,13 +205,13 @@ absl::Status check(const v1::Plan& plan, const Place& place) {
     return place.bad(plan, "white_every", 0, plan.white_every(), "2 to 10000");
   }
   const bool shows_nothing = plan.sweeps().empty() && plan.solids().empty() && !plan.has_square_waves() &&
-                             !plan.has_ramp() && plan.photos().empty();
+                             !plan.has_ramp() && plan.fringes().empty() && plan.photos().empty();
   if (plan.has_calibration() || plan.method() == kCalibrationMethod) {
     return check_calibration(plan, shows_nothing, place);
   }
   if (shows_nothing) {
     return place.bad(plan, "sweeps", 0, "empty, and so is everything else",
-                     "at least one sweep, solid, ramp or photo");
+                     "at least one sweep, solid, ramp, fringe or photo");
   }
   return absl::OkStatus();
 }
@@ -194,28 +223,66 @@ v1::Stimulus stimulus_on(const std::string& panel, const std::string& kind) {
   return stimulus;
 }
 
+double step_of(const v1::Sweep& sweep) {
+  return sweep.has_step_px() ? sweep.step_px() : 0.5 * sweep.sigma_px();
+}
+
+v1::Stimulus stripe_of(const v1::Sweep& sweep, const std::string& panel, const std::string& kind) {
+  v1::Stimulus stripe = stimulus_on(panel, kind);
+  stripe.set_phi_deg(sweep.orientation_deg());
+  stripe.set_sigma_px(sweep.sigma_px());
+  stripe.set_peak(sweep.has_peak() ? sweep.peak() : 1.0);
+  for (int i = 0; i < 3; ++i) stripe.add_colour(1.0);
+  return stripe;
+}
+
+// Each comb moves by its own period.
+void add_combs(const v1::Sweep& sweep, const v1::Monitor& monitor, std::vector<v1::Stimulus>& out) {
+  for (const double period_px : sweep.comb_px()) {
+    for (double r_px = 0.0; r_px < period_px - 1e-9; r_px += step_of(sweep)) {
+      v1::Stimulus comb = stripe_of(sweep, monitor.name(), "gauss_comb");
+      comb.set_r_px(r_px);
+      comb.set_period_px(period_px);
+      out.push_back(std::move(comb));
+      if (out.size() > kMaxSteps) return;
+    }
+  }
+}
+
 // Crests k * step for every whole k whose stripe is within the margin of the monitor's extent along the
 // sweep.
 void add_sweep(const v1::Sweep& sweep, const v1::Monitor& monitor, std::vector<v1::Stimulus>& out) {
+  if (!sweep.comb_px().empty()) return add_combs(sweep, monitor, out);
   const double phi_rad = sweep.orientation_deg() * std::numbers::pi / 180.0;
   const double across_px = monitor.width_px() * std::cos(phi_rad);
   const double down_px = monitor.height_px() * std::sin(phi_rad);
   const double margin_px = (sweep.has_margin_sigmas() ? sweep.margin_sigmas() : 2.0) * sweep.sigma_px();
-  const double step_px = sweep.has_step_px() ? sweep.step_px() : 0.5 * sweep.sigma_px();
+  const double step_px = step_of(sweep);
   const double low_px = std::min(across_px, 0.0) + std::min(down_px, 0.0) - margin_px;
   const double high_px = std::max(across_px, 0.0) + std::max(down_px, 0.0) + margin_px;
   // A crest exactly on the margin must not depend on how cos(90 deg) rounds.
   constexpr double kSlack = 1e-9;
   for (double k = std::ceil(low_px / step_px - kSlack); k <= std::floor(high_px / step_px + kSlack);
        k += 1.0) {
-    v1::Stimulus stripe = stimulus_on(monitor.name(), "gauss_stripe");
-    stripe.set_phi_deg(sweep.orientation_deg());
+    v1::Stimulus stripe = stripe_of(sweep, monitor.name(), "gauss_stripe");
     stripe.set_r_px(k * step_px);
-    stripe.set_sigma_px(sweep.sigma_px());
-    stripe.set_peak(sweep.has_peak() ? sweep.peak() : 1.0);
-    for (int i = 0; i < 3; ++i) stripe.add_colour(1.0);
     out.push_back(std::move(stripe));
     if (out.size() > kMaxSteps) return;
+  }
+}
+
+void add_fringes(const v1::Fringes& fringes, const v1::Monitor& monitor, std::vector<v1::Stimulus>& out) {
+  const int phases = fringes.has_phases() ? fringes.phases() : kDefaultPhases;
+  for (const double period_px : fringes.period_px()) {
+    for (int k = 0; k < phases; ++k) {
+      v1::Stimulus wave = stimulus_on(monitor.name(), "sinusoid");
+      wave.set_phi_deg(fringes.orientation_deg());
+      wave.set_period_px(period_px);
+      wave.set_phase_deg(360.0 * k / phases);
+      wave.set_peak(1.0);
+      for (int i = 0; i < 3; ++i) wave.add_colour(1.0);
+      out.push_back(std::move(wave));
+    }
   }
 }
 
@@ -224,10 +291,11 @@ void add_square_waves(const v1::SquareWaves& waves, const v1::Monitor& monitor,
   double period_px = 1.0;
   while (period_px < std::max(monitor.width_px(), monitor.height_px())) period_px *= 2.0;
   for (const char* orient : {"vertical_bars", "horizontal_bars"}) {
-    for (int level = 1; level <= waves.levels(); ++level) {
+    for (int level = std::max(waves.first_level(), 1); level <= waves.levels(); ++level) {
       const double bar_px = period_px / std::exp2(level);
       if (bar_px < 1.0) break;  // finer than a pixel
       for (const bool inverse : {false, true}) {
+        if (inverse && waves.without_complements()) continue;
         v1::Stimulus bars = stimulus_on(monitor.name(), "square");
         bars.set_orient(orient);
         bars.set_level(level);
@@ -280,6 +348,7 @@ std::vector<v1::Stimulus> stimuli_of(const v1::Plan& plan, const v1::Monitor& mo
   }
   if (plan.has_square_waves()) add_square_waves(plan.square_waves(), monitor, out);
   if (plan.has_ramp()) out.push_back(stimulus_on(monitor.name(), "ramp"));
+  for (const v1::Fringes& fringes : plan.fringes()) add_fringes(fringes, monitor, out);
   if (object) {
     for (const v1::Sweep& sweep : plan.sweeps()) add_sweep(sweep, monitor, out);
   }
@@ -310,6 +379,12 @@ absl::StatusOr<v1::Plan> read_plan(const std::filesystem::path& path) {
 
 absl::Status check_plan(const v1::Plan& plan) {
   return check(plan, Place("", nullptr, "plan."));
+}
+
+absl::Status check_method(std::string_view name) {
+  if (std::ranges::find(kMethods, name) != kMethods.end()) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      fmt::format("method is \"{}\"; it must be one of: {}", name, fmt::join(kMethods, ", ")));
 }
 
 int hold_refreshes_of(const v1::Plan& plan) {

@@ -5,6 +5,7 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include <array>
 #include <filesystem>
 #include <string>
 #include <string_view>
@@ -17,6 +18,8 @@ namespace glasswing {
 
 inline constexpr int kDefaultHoldRefreshes = 2;
 inline constexpr std::string_view kCalibrationMethod = "calibration";
+// What frames can be solved by.
+inline constexpr std::array<std::string_view, 4> kMethods{"gaussian", "hierarchical", "fringe", "alpha"};
 inline constexpr int kDefaultRetries = 10;
 inline constexpr double kDefaultExposureMs = 4.0;
 
@@ -40,6 +43,9 @@ struct Step {
 // picks from it. INVALID_ARGUMENT: a monitor that the rig lacks, of another size, or a program past 20000
 // steps.
 absl::StatusOr<std::vector<Step>> expand(const v1::Plan& plan, const std::vector<v1::Monitor>& rig);
+
+// INVALID_ARGUMENT lists kMethods.
+absl::Status check_method(std::string_view name);
 
 // Defaults filled in.
 int hold_refreshes_of(const v1::Plan& plan);

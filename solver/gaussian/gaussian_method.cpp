@@ -9,7 +9,6 @@
 
 #include "core/base/status.h"
 #include "core/base/time.h"
-#include "solver/gaussian/empty_stage.h"
 #include "solver/gaussian/stack_solver.h"
 
 namespace glasswing {
@@ -46,20 +45,13 @@ absl::StatusOr<std::unique_ptr<Method>> GaussianMethod::create(const MethodOptio
 
 absl::StatusOr<std::vector<int>> GaussianMethod::frames_needed(const v1::CaptureManifest& manifest) const {
   GW_ASSIGN_OR_RETURN(const StackLayout layout, lay_out(manifest));
-  std::set<int> needed;
-  const auto need = [&](const Shot& shot) {
-    for (const ExposedFrame& exposed : shot) needed.insert(exposed.frame);
-  };
+  const std::vector<int> stage = frames_of(layout.stage, manifest);
+  std::set<int> needed(stage.begin(), stage.end());
   for (const SweepLayout& sweep : layout.sweeps) {
-    for (const Shot& shot : sweep.shots) need(shot);
+    for (const Shot& shot : sweep.shots) {
+      for (const ExposedFrame& exposed : shot) needed.insert(exposed.frame);
+    }
   }
-  for (const StackLayout::Pair& pair : layout.pairs) {
-    need(pair.object);
-    need(pair.empty);
-  }
-  need(layout.black);
-  for (const std::vector<int>& patch : layout.patches) needed.insert(patch.begin(), patch.end());
-  for (const int frame : frames_of(lay_out_empty_stage(manifest))) needed.insert(frame);
   return std::vector<int>(needed.begin(), needed.end());
 }
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "solver/gaussian/exposure_merge.h"
+#include "solver/exposure_merge.h"
 #include "solver/gaussian/sample_kernel.h"
 
 namespace glasswing {

@@ -7,8 +7,8 @@
 #include <span>
 #include <vector>
 
+#include "solver/background/silhouette.h"
 #include "solver/gaussian/crests.h"
-#include "solver/gaussian/silhouette.h"
 #include "solver/gaussian/stack_layout.h"
 #include "solver/method.h"
 

@@ -9,6 +9,8 @@
 #include <set>
 #include <tuple>
 
+#include "core/base/status.h"
+
 namespace glasswing {
 namespace {
 
@@ -17,18 +19,6 @@ int texture_of(const v1::CaptureManifest& manifest, const std::string& panel) {
     if (manifest.monitors(i).name() == panel) return i;
   }
   return -1;
-}
-
-double colour_of(const v1::Stimulus& stimulus, int channel) {
-  return stimulus.colour_size() == 3 ? stimulus.colour(channel) : 1.0;
-}
-
-bool is_solid(const v1::Stimulus& stimulus, double value) {
-  if (stimulus.kind() != "solid") return false;
-  for (int c = 0; c < 3; ++c) {
-    if (colour_of(stimulus, c) != value) return false;
-  }
-  return true;
 }
 
 struct Sample {
@@ -69,52 +59,16 @@ absl::Status check_sweeps(const StackLayout& layout, const v1::CaptureManifest& 
   return absl::OkStatus();
 }
 
-std::vector<std::vector<int>> patches_of(const v1::CaptureManifest& manifest) {
-  std::map<std::tuple<bool, double, std::string>, std::vector<int>> patches;
-  for (int i = 0; i < manifest.frames_size(); ++i) {
-    const v1::Frame& frame = manifest.frames(i);
-    if (frame.stimulus().kind() != "patch") continue;
-    patches[{frame.object(), frame.exposure_ms(), frame.stimulus().panel()}].push_back(i);
-  }
-  std::vector<std::vector<int>> lists;
-  for (auto& [key, frames] : patches) lists.push_back(std::move(frames));
-  return lists;
-}
-
 }  // namespace
 
 absl::StatusOr<StackLayout> lay_out(const v1::CaptureManifest& manifest) {
+  GW_ASSIGN_OR_RETURN(const Exposures exposures, Exposures::of(manifest));
   StackLayout layout;
   std::map<std::tuple<int, double, double>, std::vector<Sample>> sweeps;  // by texture, phi, sigma
-  std::map<std::string, StackLayout::Pair> pairs;                         // by serialised stimulus
   for (int i = 0; i < manifest.frames_size(); ++i) {
     const v1::Frame& frame = manifest.frames(i);
     const v1::Stimulus& stimulus = frame.stimulus();
-    if (stimulus.reference() || frame.also_lit_size() > 0) continue;
-    const bool pattern = stimulus.kind() == "solid" || stimulus.kind() == "square";
-    if (!pattern && stimulus.kind() != "gauss_stripe") continue;
-    const double exposure_ms = frame.exposure_ms();
-    if (!(exposure_ms >= 0.0) || !std::isfinite(exposure_ms)) {
-      return absl::FailedPreconditionError(
-          fmt::format("{} has an exposure of {} ms; it must be a number from 0", frame.file(), exposure_ms));
-    }
-    if (std::find(layout.exposures_ms.begin(), layout.exposures_ms.end(), exposure_ms) ==
-        layout.exposures_ms.end())
-      layout.exposures_ms.push_back(exposure_ms);
-    const double reference_ms = layout.exposures_ms.front();
-    if (exposure_ms != reference_ms && !(exposure_ms > 0.0 && reference_ms > 0.0)) {
-      return absl::FailedPreconditionError(fmt::format(
-          "{} has an exposure of {} ms and others {} ms; where they differ every one must be known",
-          frame.file(), exposure_ms, reference_ms));
-    }
-    const bool reference = exposure_ms == reference_ms;
-    const ExposedFrame exposed{.frame = i, .scale = reference ? 1.0 : reference_ms / exposure_ms};
-    if (pattern) {
-      StackLayout::Pair& pair = pairs[stimulus.SerializeAsString()];
-      (frame.object() ? pair.object : pair.empty).push_back(exposed);
-    }
-    if (frame.object() && is_solid(stimulus, 0.0)) layout.black.push_back(exposed);
-    if (!frame.object() || stimulus.kind() != "gauss_stripe") continue;
+    if (!is_pattern(frame) || !frame.object() || stimulus.kind() != "gauss_stripe") continue;
     const int texture = texture_of(manifest, stimulus.panel());
     if (texture < 0) {
       return absl::FailedPreconditionError(fmt::format(
@@ -128,7 +82,7 @@ absl::StatusOr<StackLayout> lay_out(const v1::CaptureManifest& manifest) {
           "+-100000 and +-10000",
           frame.file(), stimulus.sigma_px(), stimulus.peak(), stimulus.r_px(), stimulus.phi_deg()));
     }
-    Sample sample{.frame = exposed, .r_px = stimulus.r_px(), .peak = {}};
+    Sample sample{.frame = exposures.exposed(manifest, i), .r_px = stimulus.r_px(), .peak = {}};
     for (int c = 0; c < 3; ++c)
       sample.peak[static_cast<size_t>(c)] = stimulus.peak() * colour_of(stimulus, c);
     sweeps[{texture, stimulus.phi_deg(), stimulus.sigma_px()}].push_back(sample);
@@ -157,15 +111,8 @@ absl::StatusOr<StackLayout> lay_out(const v1::CaptureManifest& manifest) {
     }
     layout.sweeps.push_back(std::move(sweep));
   }
-  if (layout.black.empty()) {
-    return absl::FailedPreconditionError(
-        "the archive has no frame of the object before black (kind solid, colour 0 0 0)");
-  }
-  if (absl::Status status = check_sweeps(layout, manifest); !status.ok()) return status;
-  for (auto& [stimulus, pair] : pairs) {
-    if (!pair.object.empty() && !pair.empty.empty()) layout.pairs.push_back(std::move(pair));
-  }
-  layout.patches = patches_of(manifest);
+  GW_ASSIGN_OR_RETURN(layout.stage, lay_out_stage(manifest, exposures));
+  GW_RETURN_IF_ERROR(check_sweeps(layout, manifest));
   return layout;
 }
 

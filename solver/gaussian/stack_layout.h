@@ -4,21 +4,11 @@
 #include <absl/status/statusor.h>
 
 #include <array>
-#include <map>
 #include <vector>
 
-#include "glasswing/v1/archive.pb.h"
+#include "solver/background/stage_layout.h"
 
 namespace glasswing {
-
-// A frame, and what makes a value in it radiance on the scale of the reference exposure.
-struct ExposedFrame {
-  int frame = 0;       // place in the manifest
-  double scale = 1.0;  // reference exposure over this one
-};
-
-// All frames of one stimulus: exposures, and takes.
-using Shot = std::vector<ExposedFrame>;
 
 // One stripe, travelling; samples in order of r.
 struct SweepLayout {
@@ -34,16 +24,7 @@ struct SweepLayout {
 
 struct StackLayout {
   std::vector<SweepLayout> sweeps;  // by texture
-  Shot black;                       // with the object
-  // The same stimulus with and without the object.
-  struct Pair {
-    Shot object, empty;
-  };
-  std::vector<Pair> pairs;
-  // Frames between which nothing but an id patch changes.
-  std::vector<std::vector<int>> patches;
-  // Every exposure in use, the reference first: that of the manifest's first pattern.
-  std::vector<double> exposures_ms;
+  StageLayout stage;
   bool one_frame_a_shot = true;
 };
 

@@ -3,14 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
-#include "solver/gaussian/exposure_merge.h"
+#include "solver/exposure_merge.h"
 
 namespace glasswing {
 namespace {
 
 constexpr int kStretch = SampleTile::kMostBlocks * kBlockLanes;
 constexpr double kLeastStep = 1.0 / 65535.0;
-constexpr double kUsualNoise = 0.003;
 constexpr float kLeastFloor = 0.0015f;  // of full scale: fainter crests are stray light
 
 Mode mode_of(const JointFit& fit, int m, int texture) {
@@ -44,10 +43,9 @@ StackSolver::StackSolver(const FrameStack& stack, const StackLayout& layout, int
       layout_(layout),
       most_modes_(most_modes),
       lane_count_(stack.manifest.camera().width_px() * kChannels),
-      noise_known_(stack.manifest.camera().read_sd() > 0.0),
-      noise_(sample_noise(stack.manifest.camera(), kUsualNoise)),
-      silhouette_(silhouette_tolerance),
-      empty_(lay_out_empty_stage(stack.manifest)),
+      surroundings_(stack, layout.stage, silhouette_tolerance),
+      noise_known_(surroundings_.noise_known()),
+      noise_(surroundings_.noise()),
       tile_(layout) {
   for (size_t s = 0; s < layout.sweeps.size(); ++s) {
     const SweepLayout& sweep = layout.sweeps[s];
@@ -92,17 +90,11 @@ StackSolver::StackSolver(const FrameStack& stack, const StackLayout& layout, int
     }
   }
   double exposures = 0.0;
-  for (const ExposedFrame& exposed : layout.black) exposures += 1.0 / (exposed.scale * exposed.scale);
+  for (const ExposedFrame& exposed : layout.stage.black) exposures += 1.0 / (exposed.scale * exposed.scale);
   dark_noise_ = static_cast<float>(1.0 / std::sqrt(exposures));
-  for (const EmptyMonitor& monitor : empty_) background_.emplace_back(monitor, noise_);
   usual_.resize(textures_.size());
   noise_sd_.resize(static_cast<size_t>(lane_count_));
   object_.resize(static_cast<size_t>(lane_count_ / kChannels));
-}
-
-float StackSolver::black(int y, int lane) const {
-  const size_t place = stack_.place(0, y, 0) + static_cast<size_t>(lane);
-  return static_cast<float>(merge(stack_, layout_.black, place, noise_).radiance);
 }
 
 void StackSolver::estimate_row_noise(int y) {
@@ -126,90 +118,29 @@ void StackSolver::estimate_row_noise(int y) {
   }
 }
 
-void StackSolver::find_silhouette(int y) {
-  std::vector<SilhouetteTest::Pair> pairs;
-  for (int x = 0; x < lane_count_ / kChannels; ++x) {
-    SampleNoise noise = noise_;
-    if (!noise_known_) {
-      double variance = 0.0;
-      for (int c = 0; c < kChannels; ++c) {
-        const auto sd = static_cast<double>(noise_sd_[static_cast<size_t>(x * kChannels + c)]);
-        variance += sd * sd / kChannels;
-      }
-      noise.read_sd = std::sqrt(std::max(variance, kLeastStep * kLeastStep));
+std::vector<double> StackSolver::read_noise() const {
+  std::vector<double> read_sd(object_.size());
+  for (size_t x = 0; x < read_sd.size(); ++x) {
+    double variance = 0.0;
+    for (size_t c = 0; c < kChannels; ++c) {
+      const auto sd = static_cast<double>(noise_sd_[x * kChannels + c]);
+      variance += sd * sd / kChannels;
     }
-    pairs.clear();
-    for (const StackLayout::Pair& pair : layout_.pairs) {
-      for (int c = 0; c < kChannels; ++c) {
-        const size_t place = stack_.place(x, y, c);
-        const MergedSample object = merge(stack_, pair.object, place, noise);
-        const MergedSample empty = merge(stack_, pair.empty, place, noise);
-        pairs.push_back({.object = object.radiance,
-                         .empty = empty.radiance,
-                         .variance = object.variance + empty.variance,
-                         .saturated = object.saturated && empty.saturated});
-      }
-    }
-    object_[static_cast<size_t>(x)] = silhouette_.test(pairs).object;
+    read_sd[x] = std::sqrt(std::max(variance, kLeastStep * kLeastStep));
   }
-}
-
-bool StackSolver::sees_patch(int x, int y) const {
-  constexpr double kSure = 8.0;  // standard deviations: noise alone never comes so far
-  for (const std::vector<int>& frames : layout_.patches) {
-    for (int c = 0; c < kChannels; ++c) {
-      float low = INFINITY, high = -INFINITY;
-      for (const int frame : frames) {
-        const float sample = stack_.at(frame, x, y, c);
-        low = std::min(low, sample);
-        high = std::max(high, sample);
-      }
-      const double sd = std::sqrt(noise_.variance(static_cast<double>(high)));
-      if (static_cast<double>(high - low) > kSure * std::max(sd, kLeastStep)) return true;
-    }
-  }
-  return false;
-}
-
-void StackSolver::map_background(int x, int y, Matte& matte) {
-  std::array<size_t, kChannels> slot{};
-  for (size_t m = 0; m < background_.size(); ++m) {
-    gather(stack_, empty_[m], x, y, empty_pixel_);
-    const StraightView straight = straight_view(stack_.manifest.camera(), empty_[m], x, stack_.first_row + y);
-    const BackgroundPoint point = background_[m].point(empty_pixel_, straight);
-    if (!point.seen) continue;
-    if (point.ambiguous) matte.flags(x, y) |= kFlagPoorFit;
-    for (int c = 0; c < kChannels; ++c) {
-      size_t& place = slot[static_cast<size_t>(c)];
-      if (place < matte.modes(x, y, c).size())
-        matte.modes(x, y, c)[place++] = point.mode(c, empty_[m].texture);
-    }
-  }
+  return read_sd;
 }
 
 void StackSolver::solve_row(int y, Matte& matte) {
   if (noise_known_) {
     for (int lane = 0; lane < lane_count_; ++lane) {
       noise_sd_[static_cast<size_t>(lane)] =
-          static_cast<float>(std::sqrt(noise_.variance(static_cast<double>(black(y, lane)))));
+          static_cast<float>(std::sqrt(noise_.variance(static_cast<double>(surroundings_.black(y, lane)))));
     }
   } else {
     estimate_row_noise(y);
   }
-  find_silhouette(y);
-  for (int x = 0; x < matte.width_px(); ++x) {
-    if (sees_patch(x, y)) {
-      object_[static_cast<size_t>(x)] = false;
-      matte.flags(x, y) |= kFlagNoData;
-      continue;
-    }
-    const bool object = object_[static_cast<size_t>(x)];
-    matte.coverage(x, y) = object ? 1.0f : 0.0f;
-    for (int c = 0; c < kChannels; ++c) {
-      matte.foreground(x, y)[static_cast<size_t>(c)] = black(y, x * kChannels + c);
-    }
-    if (!object) map_background(x, y, matte);
-  }
+  object_ = surroundings_.settle_row(y, noise_known_ ? std::vector<double>{} : read_noise(), matte);
   for (int first = 0; first < lane_count_; first += kStretch) {
     const int count = std::min(kStretch, lane_count_ - first);
     const auto begin = object_.begin() + first / kChannels,
@@ -240,7 +171,7 @@ void StackSolver::prepare_block(int y, int block_index) {
     const auto l = static_cast<size_t>(lane);
     if (!object_[static_cast<size_t>(row_lane / kChannels)]) continue;
     block.lanes |= 1u << lane;
-    dark[l] = black(y, row_lane);
+    dark[l] = surroundings_.black(y, row_lane);
     noise[l] = noise_sd_[static_cast<size_t>(row_lane)] * dark_noise_;
     floor[l] = std::max(3.5f * noise[l], kLeastFloor);
     reach[l] = std::max(3.0f * noise[l], 2e-5f);

@@ -7,11 +7,10 @@
 #include <vector>
 
 #include "core/matte/matte.h"
-#include "solver/gaussian/empty_stage.h"
+#include "solver/background/surroundings.h"
 #include "solver/gaussian/joint_batch.h"
 #include "solver/gaussian/mode_search.h"
 #include "solver/gaussian/sample_tile.h"
-#include "solver/gaussian/silhouette.h"
 #include "solver/gaussian/stack_layout.h"
 #include "solver/method.h"
 
@@ -51,12 +50,9 @@ class StackSolver {
     std::vector<std::array<Crests, kBlockLanes>> crests;  // [sweep][lane]
   };
 
-  void find_silhouette(int y);
-  // A pixel that sees an id patch sees other things in every frame.
-  bool sees_patch(int x, int y) const;
-  // What the pixel sees without the object.
-  void map_background(int x, int y, Matte& matte);
   void estimate_row_noise(int y);
+  // noise_sd_ by pixel.
+  std::vector<double> read_noise() const;
   // From the samples in the tile to samples on the scale of a stripe with crest 1, their weights, and crests.
   void prepare_block(int y, int block);
   void weigh(int block, const float* inverse_peak);
@@ -69,19 +65,15 @@ class StackSolver {
   int most_modes(int block, int lane) const;  // on each of the textures
   std::vector<Crests> crests_of(size_t texture, int block, int lane) const;
   bool has_samples(size_t texture, int block, int lane) const;  // any that is not saturated
-  float black(int y, int lane) const;
 
   const FrameStack& stack_;
   const StackLayout& layout_;
   const int most_modes_;
   const int lane_count_;  // of a row
+  Surroundings surroundings_;
   const bool noise_known_;
-  const SampleNoise noise_;  // where it is not known: as of an ordinary camera
+  const SampleNoise noise_;
   float dark_noise_ = 1.0f;  // of a dark sample with all its exposures, over that of the reference exposure
-  const SilhouetteTest silhouette_;
-  std::vector<EmptyMonitor> empty_;
-  std::vector<BackgroundMap> background_;
-  EmptyPixel empty_pixel_;
   std::vector<Texture> textures_;
   std::vector<Grid> grids_;
   SampleTile tile_;

@@ -191,7 +191,6 @@ struct Frames {
       sweep.r_px.push_back(2.0 * k);
       sweep.peak.push_back({1.0, 1.0, 1.0});
     }
-    layout.exposures_ms = {1.0};
   }
   std::vector<std::vector<std::uint16_t>> frames;
   FrameStack stack;

@@ -1,5 +1,5 @@
 // Footprints of known place and width, seen through square waves, come back.
-#include "solver/gaussian/bar_decoder.h"
+#include "solver/background/bar_decoder.h"
 
 #include <gtest/gtest.h>
 

@@ -11,8 +11,8 @@
 #include "core/frame/archive.h"
 #include "core/frame/image_file.h"
 #include "core/matte/compositor.h"
-#include "solver/gaussian/empty_stage.h"
-#include "solver/gaussian/exposure_merge.h"
+#include "solver/background/empty_stage.h"
+#include "solver/exposure_merge.h"
 #include "solver/gaussian/stack_layout.h"
 #include "tests/solver/stack_of.h"
 
@@ -133,9 +133,10 @@ INSTANTIATE_TEST_SUITE_P(Scenes, Silhouette,
 TEST_P(Silhouette, IsTheRenderersMaskButForWhatChangesNoLight) {
   const fs::path directory = data_directory() / "rendered/dev" / GetParam();
   if (!fs::exists(directory)) GTEST_SKIP() << "no data at " << directory << "; set GLASSWING_DATA";
-  const std::vector<StackLayout::Pair> layout = lay_out(read_any_manifest(directory).value()).value().pairs;
+  const std::vector<StageLayout::Pair> layout =
+      lay_out(read_any_manifest(directory).value()).value().stage.pairs;
   std::vector<int> wanted;
-  for (const StackLayout::Pair& pair : layout) {
+  for (const StageLayout::Pair& pair : layout) {
     for (const Shot& shot : {pair.object, pair.empty}) {
       for (const ExposedFrame& exposed : shot) wanted.push_back(exposed.frame);
     }
@@ -154,7 +155,7 @@ TEST_P(Silhouette, IsTheRenderersMaskButForWhatChangesNoLight) {
       const int covered = mask.at(x, y, 0);
       if (covered > 0 && covered < 65535) continue;
       pairs.clear();
-      for (const StackLayout::Pair& pair : layout) {
+      for (const StageLayout::Pair& pair : layout) {
         for (int c = 0; c < kChannels; ++c) {
           const MergedSample object = merge(stack, pair.object, stack.place(x, y, c), sample);
           const MergedSample empty = merge(stack, pair.empty, stack.place(x, y, c), sample);

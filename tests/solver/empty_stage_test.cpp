@@ -1,5 +1,5 @@
 // What the frames without the object tell, in simulated rigs of known geometry.
-#include "solver/gaussian/empty_stage.h"
+#include "solver/background/empty_stage.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // Brackets of one light, merged: right on average, and as little noise as can be.
-#include "solver/gaussian/exposure_merge.h"
+#include "solver/exposure_merge.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // How often the silhouette's test errs, and what it must not miss.
-#include "solver/gaussian/silhouette.h"
+#include "solver/background/silhouette.h"
 
 #include <gtest/gtest.h>
 

@@ -101,8 +101,8 @@ TEST(LayOut, PutsExposuresOfOneStripeTogether) {
     *manifest.add_frames() = longer;
   }
   const StackLayout layout = lay_out(manifest).value();
-  ASSERT_EQ(layout.exposures_ms.size(), 2u);
-  EXPECT_EQ(layout.black.size(), 2u);
+  EXPECT_EQ(Exposures::of(manifest).value().times_ms().size(), 2u);
+  EXPECT_EQ(layout.stage.black.size(), 2u);
   for (const SweepLayout& sweep : layout.sweeps) {
     ASSERT_EQ(sweep.shots.size(), 5u);
     for (const Shot& shot : sweep.shots) {

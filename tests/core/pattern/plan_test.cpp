@@ -29,7 +29,7 @@ TEST(Plan, ComplaintsNameFileLineValueAndWhatIsAccepted) {
            Case{"method: \"gaussian\"\nsweeps {\n  orientation_deg: 0\n  sigma_px: 0\n}",
                 "p.txtpb:4: sigma_px is 0; it must be in (0, 200]"},
            {"method: \"magic\"\nsolids { colour: [0, 0, 0] }",
-            "p.txtpb:1: method is \"magic\"; it must be \"gaussian\""},
+            "p.txtpb:1: method is \"magic\"; it must be \"gaussian\", \"hierarchical\""},
            {"method: \"gaussian\"\nsolids { colour: [0, 2, 0] }",
             "p.txtpb:2: colour is 2; it must be in [0, 1]"},
            {"method: \"gaussian\"\nhold_refreshes: 1\nramp {}",

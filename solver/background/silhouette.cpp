@@ -1,4 +1,4 @@
-#include "solver/gaussian/silhouette.h"
+#include "solver/background/silhouette.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "solver/gaussian/empty_stage.h"
+#include "solver/background/empty_stage.h"
 
 #include <algorithm>
 #include <cmath>

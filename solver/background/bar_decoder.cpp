@@ -1,4 +1,4 @@
-#include "solver/gaussian/bar_decoder.h"
+#include "solver/background/bar_decoder.h"
 
 #include <algorithm>
 #include <array>

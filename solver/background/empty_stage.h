@@ -7,8 +7,8 @@
 
 #include "core/matte/matte.h"
 #include "glasswing/v1/archive.pb.h"
-#include "solver/gaussian/bar_decoder.h"
-#include "solver/gaussian/silhouette.h"
+#include "solver/background/bar_decoder.h"
+#include "solver/background/silhouette.h"
 #include "solver/method.h"
 
 namespace glasswing {

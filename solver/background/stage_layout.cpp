@@ -1,0 +1,75 @@
+#include "solver/background/stage_layout.h"
+
+#include <map>
+#include <set>
+#include <tuple>
+
+#include "solver/background/empty_stage.h"
+
+namespace glasswing {
+namespace {
+
+bool is_black(const v1::Stimulus& stimulus) {
+  if (stimulus.kind() != "solid") return false;
+  for (int c = 0; c < 3; ++c) {
+    if (colour_of(stimulus, c) != 0.0) return false;
+  }
+  return true;
+}
+
+std::vector<std::vector<int>> patches_of(const v1::CaptureManifest& manifest) {
+  std::map<std::tuple<bool, double, std::string>, std::vector<int>> patches;
+  for (int i = 0; i < manifest.frames_size(); ++i) {
+    const v1::Frame& frame = manifest.frames(i);
+    if (frame.stimulus().kind() != "patch") continue;
+    patches[{frame.object(), frame.exposure_ms(), frame.stimulus().panel()}].push_back(i);
+  }
+  std::vector<std::vector<int>> lists;
+  for (auto& [key, frames] : patches) lists.push_back(std::move(frames));
+  return lists;
+}
+
+}  // namespace
+
+double colour_of(const v1::Stimulus& stimulus, int channel) {
+  return stimulus.colour_size() == 3 ? stimulus.colour(channel) : 1.0;
+}
+
+absl::StatusOr<StageLayout> lay_out_stage(const v1::CaptureManifest& manifest, const Exposures& exposures) {
+  StageLayout layout;
+  std::map<std::string, StageLayout::Pair> pairs;  // by serialised stimulus
+  for (int i = 0; i < manifest.frames_size(); ++i) {
+    const v1::Frame& frame = manifest.frames(i);
+    if (!is_pattern(frame)) continue;
+    const ExposedFrame exposed = exposures.exposed(manifest, i);
+    StageLayout::Pair& pair = pairs[frame.stimulus().SerializeAsString()];
+    (frame.object() ? pair.object : pair.empty).push_back(exposed);
+    if (frame.object() && is_black(frame.stimulus())) layout.black.push_back(exposed);
+  }
+  if (layout.black.empty()) {
+    return absl::FailedPreconditionError(
+        "the archive has no frame of the object before black (kind solid, colour 0 0 0)");
+  }
+  for (auto& [stimulus, pair] : pairs) {
+    if (!pair.object.empty() && !pair.empty.empty()) layout.pairs.push_back(std::move(pair));
+  }
+  layout.patches = patches_of(manifest);
+  return layout;
+}
+
+std::vector<int> frames_of(const StageLayout& layout, const v1::CaptureManifest& manifest) {
+  std::set<int> frames;
+  const auto need = [&](const Shot& shot) {
+    for (const ExposedFrame& exposed : shot) frames.insert(exposed.frame);
+  };
+  for (const StageLayout::Pair& pair : layout.pairs) {
+    need(pair.object);
+    need(pair.empty);
+  }
+  need(layout.black);
+  for (const std::vector<int>& patch : layout.patches) frames.insert(patch.begin(), patch.end());
+  for (const int frame : frames_of(lay_out_empty_stage(manifest))) frames.insert(frame);
+  return {frames.begin(), frames.end()};
+}
+
+}  // namespace glasswing

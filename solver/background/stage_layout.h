@@ -1,0 +1,32 @@
+// Which frames tell the object from the stage behind it, for whatever method.
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <vector>
+
+#include "solver/exposure_merge.h"
+
+namespace glasswing {
+
+struct StageLayout {
+  // The same stimulus with and without the object.
+  struct Pair {
+    Shot object, empty;
+  };
+  std::vector<Pair> pairs;
+  Shot black;  // with the object
+  // Frames between which nothing but an id patch changes.
+  std::vector<std::vector<int>> patches;
+};
+
+// The radiance of a channel's light, in [0, 1]: no colour is white.
+double colour_of(const v1::Stimulus& stimulus, int channel);
+
+// FAILED_PRECONDITION: no black with the object.
+absl::StatusOr<StageLayout> lay_out_stage(const v1::CaptureManifest& manifest, const Exposures& exposures);
+
+// Every frame that the layout names, and those that tell of the empty stage (empty_stage.h).
+std::vector<int> frames_of(const StageLayout& layout, const v1::CaptureManifest& manifest);
+
+}  // namespace glasswing

@@ -1,0 +1,100 @@
+#include "solver/background/surroundings.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "solver/exposure_merge.h"
+
+namespace glasswing {
+namespace {
+
+constexpr double kLeastStep = 1.0 / 65535.0;
+constexpr double kUsualNoise = 0.003;
+
+}  // namespace
+
+Surroundings::Surroundings(const FrameStack& stack, const StageLayout& layout, double tolerance)
+    : stack_(stack),
+      layout_(layout),
+      noise_known_(stack.manifest.camera().read_sd() > 0.0),
+      noise_(sample_noise(stack.manifest.camera(), kUsualNoise)),
+      silhouette_(tolerance),
+      empty_(lay_out_empty_stage(stack.manifest)) {
+  for (const EmptyMonitor& monitor : empty_) background_.emplace_back(monitor, noise_);
+}
+
+float Surroundings::black(int y, int lane) const {
+  const size_t place = stack_.place(0, y, 0) + static_cast<size_t>(lane);
+  return static_cast<float>(merge(stack_, layout_.black, place, noise_).radiance);
+}
+
+bool Surroundings::has_object(int x, int y, double read_sd) {
+  SampleNoise noise = noise_;
+  noise.read_sd = read_sd;
+  pairs_.clear();
+  for (const StageLayout::Pair& pair : layout_.pairs) {
+    for (int c = 0; c < kChannels; ++c) {
+      const size_t place = stack_.place(x, y, c);
+      const MergedSample object = merge(stack_, pair.object, place, noise);
+      const MergedSample empty = merge(stack_, pair.empty, place, noise);
+      pairs_.push_back({.object = object.radiance,
+                        .empty = empty.radiance,
+                        .variance = object.variance + empty.variance,
+                        .saturated = object.saturated && empty.saturated});
+    }
+  }
+  return silhouette_.test(pairs_).object;
+}
+
+bool Surroundings::sees_patch(int x, int y) const {
+  constexpr double kSure = 8.0;  // standard deviations: noise alone never comes so far
+  for (const std::vector<int>& frames : layout_.patches) {
+    for (int c = 0; c < kChannels; ++c) {
+      float low = INFINITY, high = -INFINITY;
+      for (const int frame : frames) {
+        const float sample = stack_.at(frame, x, y, c);
+        low = std::min(low, sample);
+        high = std::max(high, sample);
+      }
+      const double sd = std::sqrt(noise_.variance(static_cast<double>(high)));
+      if (static_cast<double>(high - low) > kSure * std::max(sd, kLeastStep)) return true;
+    }
+  }
+  return false;
+}
+
+void Surroundings::map_background(int x, int y, Matte& matte) {
+  std::array<size_t, kChannels> slot{};
+  for (size_t m = 0; m < background_.size(); ++m) {
+    gather(stack_, empty_[m], x, y, empty_pixel_);
+    const StraightView straight = straight_view(stack_.manifest.camera(), empty_[m], x, stack_.first_row + y);
+    const BackgroundPoint point = background_[m].point(empty_pixel_, straight);
+    if (!point.seen) continue;
+    if (point.ambiguous) matte.flags(x, y) |= kFlagPoorFit;
+    for (int c = 0; c < kChannels; ++c) {
+      size_t& place = slot[static_cast<size_t>(c)];
+      if (place < matte.modes(x, y, c).size())
+        matte.modes(x, y, c)[place++] = point.mode(c, empty_[m].texture);
+    }
+  }
+}
+
+std::vector<bool> Surroundings::settle_row(int y, std::span<const double> read_sd, Matte& matte) {
+  std::vector<bool> object(static_cast<size_t>(matte.width_px()));
+  for (int x = 0; x < matte.width_px(); ++x) {
+    const auto pixel = static_cast<size_t>(x);
+    const bool patch = sees_patch(x, y);
+    object[pixel] = !patch && has_object(x, y, read_sd.empty() ? noise_.read_sd : read_sd[pixel]);
+    if (patch) {
+      matte.flags(x, y) |= kFlagNoData;
+      continue;
+    }
+    matte.coverage(x, y) = object[pixel] ? 1.0f : 0.0f;
+    for (int c = 0; c < kChannels; ++c)
+      matte.foreground(x, y)[static_cast<size_t>(c)] = black(y, x * kChannels + c);
+    if (!object[pixel]) map_background(x, y, matte);
+  }
+  return object;
+}
+
+}  // namespace glasswing
