@@ -10,8 +10,7 @@ namespace glasswing {
 bool is_pattern(const v1::Frame& frame) {
   const std::string& kind = frame.stimulus().kind();
   return !frame.stimulus().reference() && frame.also_lit_size() == 0 &&
-         (kind == "solid" || kind == "square" || kind == "gauss_stripe" || kind == "gauss_comb" ||
-          kind == "sinusoid");
+         (kind == "solid" || kind == "square" || kind == "gauss_stripe" || kind == "sinusoid");
 }
 
 absl::StatusOr<Exposures> Exposures::of(const v1::CaptureManifest& manifest) {

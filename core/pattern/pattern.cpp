@@ -12,8 +12,6 @@ namespace {
 // Standard deviations from a stripe's crest, beyond which there is no light: exp(-z^2 / 2) is 5e-32, and
 // where floats end, further out, arithmetic is slow.
 constexpr double kReach = 12.0;
-// Of a comb, in standard deviations: the crests are then 1 + 3e-8.
-constexpr double kLeastPeriod = 6.0;
 
 template <typename Value>
 absl::Status bad(const std::string& field, const Value& value, const std::string& accepted) {
@@ -39,7 +37,7 @@ absl::StatusOr<Pattern> Pattern::create(const v1::Stimulus& stimulus, MonitorSiz
   }
   if (stimulus.kind() == "solid") return Pattern(Solid{}, colour, size);
   if (stimulus.kind() == "ramp") return Pattern(Ramp{}, colour, size);
-  if (stimulus.kind() == "gauss_stripe" || stimulus.kind() == "gauss_comb" || stimulus.kind() == "sinusoid") {
+  if (stimulus.kind() == "gauss_stripe" || stimulus.kind() == "sinusoid") {
     if (!(stimulus.peak() > 0.0 && stimulus.peak() <= 1.0)) return bad("peak", stimulus.peak(), "in (0, 1]");
     if (!std::isfinite(stimulus.phi_deg())) return bad("phi_deg", stimulus.phi_deg(), "finite");
     for (float& value : colour) value *= static_cast<float>(stimulus.peak());
@@ -54,11 +52,7 @@ absl::StatusOr<Pattern> Pattern::create(const v1::Stimulus& stimulus, MonitorSiz
     if (!(stimulus.sigma_px() > 0.0) || !std::isfinite(stimulus.sigma_px()))
       return bad("sigma_px", stimulus.sigma_px(), "> 0");
     if (!std::isfinite(stimulus.r_px())) return bad("r_px", stimulus.r_px(), "finite");
-    const Stripe stripe{cos_phi, sin_phi, stimulus.r_px(), stimulus.sigma_px()};
-    if (stimulus.kind() == "gauss_stripe") return Pattern(stripe, colour, size);
-    if (!(period_px >= kLeastPeriod * stripe.sigma_px) || !std::isfinite(period_px))
-      return bad("period_px", period_px, fmt::format("at least {} sigma_px", kLeastPeriod));
-    return Pattern(Comb{stripe, period_px}, colour, size);
+    return Pattern(Stripe{cos_phi, sin_phi, stimulus.r_px(), stimulus.sigma_px()}, colour, size);
   }
   if (stimulus.kind() == "square") {
     if (stimulus.orient() != "vertical_bars" && stimulus.orient() != "horizontal_bars") {
@@ -74,8 +68,7 @@ absl::StatusOr<Pattern> Pattern::create(const v1::Stimulus& stimulus, MonitorSiz
                           .inverse = stimulus.inverse()},
                    colour, size);
   }
-  return bad("kind", "\"" + stimulus.kind() + "\"",
-             "solid, gauss_stripe, gauss_comb, sinusoid, square or ramp");
+  return bad("kind", "\"" + stimulus.kind() + "\"", "solid, gauss_stripe, sinusoid, square or ramp");
 }
 
 Colour Pattern::radiance(double x_px, double y_px) const {
@@ -90,18 +83,6 @@ Colour Pattern::radiance(double x_px, double y_px) const {
                        (x_px * stripe.cos_phi + y_px * stripe.sin_phi - stripe.r_px) / stripe.sigma_px;
                    if (std::abs(z) > kReach) return Colour{0.0f, 0.0f, 0.0f};
                    return scaled(std::exp(-0.5 * z * z));
-                 },
-                 [&](const Comb& comb) {
-                   const Stripe& first = comb.first;
-                   const double t = x_px * first.cos_phi + y_px * first.sin_phi - first.r_px;
-                   const double reach = kReach * first.sigma_px;
-                   double sum = 0.0;
-                   for (double k = std::ceil((t - reach) / comb.period_px);
-                        k <= std::floor((t + reach) / comb.period_px); k += 1.0) {
-                     const double z = (t - k * comb.period_px) / first.sigma_px;
-                     sum += std::exp(-0.5 * z * z);
-                   }
-                   return scaled(sum);
                  },
                  [&](const Sinusoid& wave) {
                    const double t = x_px * wave.cos_phi + y_px * wave.sin_phi;
@@ -124,11 +105,7 @@ Colour Pattern::radiance(double x_px, double y_px) const {
 }
 
 void Pattern::rasterise(int y_px, std::span<float> row) const {
-  if (const auto* const stripe = std::get_if<Stripe>(&shape_)) {
-    std::ranges::fill(row, 0.0f);
-    return add(*stripe, y_px, row);
-  }
-  if (const auto* const comb = std::get_if<Comb>(&shape_)) return rasterise(*comb, y_px, row);
+  if (const auto* const stripe = std::get_if<Stripe>(&shape_)) return rasterise(*stripe, y_px, row);
   if (const auto* const wave = std::get_if<Sinusoid>(&shape_)) return rasterise(*wave, y_px, row);
   for (int x = 0; x < size_.width_px; ++x) {
     const Colour colour = radiance(x + 0.5, y_px + 0.5);
@@ -138,7 +115,7 @@ void Pattern::rasterise(int y_px, std::span<float> row) const {
 
 // Along a row z rises by d a pixel, and exp(-z^2 / 2) has factors q = exp(-z d - d^2 / 2), which have the
 // factor exp(-d^2). After n pixels the product is off by n^2 roundings of a double: nothing in a float.
-void Pattern::add(const Stripe& stripe, int y_px, std::span<float> row) const {
+void Pattern::rasterise(const Stripe& stripe, int y_px, std::span<float> row) const {
   const double off_px = (y_px + 0.5) * stripe.sin_phi - stripe.r_px;
   // The pixels where |z| < kReach; all, should their numbers not be finite.
   const double middle = -off_px / stripe.cos_phi - 0.5;
@@ -147,27 +124,16 @@ void Pattern::add(const Stripe& stripe, int y_px, std::span<float> row) const {
   const double from = std::min(width, std::max(0.0, std::ceil(middle - half)));
   const double to = std::max(from, std::min(width, std::floor(middle + half) + 1.0));
   const auto begin = static_cast<size_t>(from), end = static_cast<size_t>(to);
+  std::fill_n(row.begin(), 3 * begin, 0.0f);
+  std::fill(row.begin() + static_cast<std::ptrdiff_t>(3 * end), row.end(), 0.0f);
   const double z = ((from + 0.5) * stripe.cos_phi + off_px) / stripe.sigma_px;
   const double d = stripe.cos_phi / stripe.sigma_px;
   double value = std::exp(-0.5 * z * z), factor = std::exp(-z * d - 0.5 * d * d);
   const double change = std::exp(-d * d);
   for (size_t x = begin; x < end; ++x) {
-    for (size_t c = 0; c < 3; ++c) row[3 * x + c] += colour_[c] * static_cast<float>(value);
+    for (size_t c = 0; c < 3; ++c) row[3 * x + c] = colour_[c] * static_cast<float>(value);
     value *= factor;
     factor *= change;
-  }
-}
-
-void Pattern::rasterise(const Comb& comb, int y_px, std::span<float> row) const {
-  std::ranges::fill(row, 0.0f);
-  const double t0 = (y_px + 0.5) * comb.first.sin_phi - comb.first.r_px;
-  const double t1 = t0 + size_.width_px * comb.first.cos_phi;
-  const double reach = kReach * comb.first.sigma_px;
-  for (double k = std::ceil((std::min(t0, t1) - reach) / comb.period_px);
-       k <= std::floor((std::max(t0, t1) + reach) / comb.period_px); k += 1.0) {
-    Stripe stripe = comb.first;
-    stripe.r_px += k * comb.period_px;
-    add(stripe, y_px, row);
   }
 }
 

@@ -2,7 +2,6 @@
 // here once: the display rasterises it, the simulator integrates it, the solver inverts it.
 //
 //   gauss_stripe  T(x, y) = peak exp(-(x cos phi + y sin phi - r)^2 / (2 sigma^2))
-//   gauss_comb    the sum of such stripes at r + k period, k whole
 //   sinusoid      T(x, y) = peak (1 + cos(2 pi (x cos phi + y sin phi) / period - phase)) / 2
 //   square        T = 1 where floor((t - offset) / bar_width) is even (odd if inverse), t = x or y
 //   ramp          u = x/W, v = y/H: r = .1 + .8u, g = .1 + .8v, b = .9 - .4u - .4v   (r + g + 2b = 2)
@@ -50,10 +49,6 @@ class Pattern {
   struct Stripe {
     double cos_phi, sin_phi, r_px, sigma_px;
   };
-  struct Comb {
-    Stripe first;
-    double period_px;
-  };
   struct Sinusoid {
     double cos_phi, sin_phi, period_px, phase_rad;
   };
@@ -63,11 +58,10 @@ class Pattern {
     bool inverse;
   };
   struct Ramp {};
-  using Shape = std::variant<Solid, Stripe, Comb, Sinusoid, Square, Ramp>;
+  using Shape = std::variant<Solid, Stripe, Sinusoid, Square, Ramp>;
 
   Pattern(Shape shape, Colour colour, MonitorSize size) : shape_(shape), colour_(colour), size_(size) {}
-  void add(const Stripe& stripe, int y_px, std::span<float> row) const;
-  void rasterise(const Comb& comb, int y_px, std::span<float> row) const;
+  void rasterise(const Stripe& stripe, int y_px, std::span<float> row) const;
   void rasterise(const Sinusoid& sinusoid, int y_px, std::span<float> row) const;
 
   Shape shape_;

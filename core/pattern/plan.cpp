@@ -23,6 +23,7 @@ namespace {
 using google::protobuf::TextFormat;
 constexpr int kMaxSteps = 20000;
 constexpr int kDefaultPhases = 4;
+constexpr double kWidestStep = 1.5;  // of a sweep, in sigmas: beyond, its steps miss detail
 
 // Where a message of the plan stands, so that a complaint can name the line (from a file) or the path (from
 // the wire).
@@ -97,18 +98,16 @@ absl::Status check_sweep(const v1::Sweep& sweep, const Place& place) {
   if (!(sweep.sigma_px() > 0.0 && sweep.sigma_px() <= 200.0)) {
     return place.bad(sweep, "sigma_px", 0, sweep.sigma_px(), "in (0, 200]");
   }
-  if (sweep.has_step_px() && !(sweep.step_px() >= 0.01 && sweep.step_px() <= sweep.sigma_px())) {
-    return place.bad(sweep, "step_px", 0, sweep.step_px(), "in [0.01, sigma_px]");
+  if (sweep.has_step_px() &&
+      !(sweep.step_px() >= 0.01 && sweep.step_px() <= kWidestStep * sweep.sigma_px())) {
+    return place.bad(sweep, "step_px", 0, sweep.step_px(),
+                     fmt::format("in [0.01, {} sigma_px]", kWidestStep));
   }
   if (sweep.has_margin_sigmas() && !within(sweep.margin_sigmas(), 0.0, 10.0)) {
     return place.bad(sweep, "margin_sigmas", 0, sweep.margin_sigmas(), "in [0, 10]");
   }
   if (sweep.has_peak() && !(sweep.peak() > 0.0 && sweep.peak() <= 1.0)) {
     return place.bad(sweep, "peak", 0, sweep.peak(), "in (0, 1]");
-  }
-  for (int i = 0; i < sweep.comb_px_size(); ++i) {
-    if (!within(sweep.comb_px(i), 6.0 * sweep.sigma_px(), 20000.0))
-      return place.bad(sweep, "comb_px", i, sweep.comb_px(i), "6 sigma_px to 20000");
   }
   return absl::OkStatus();
 }
@@ -223,49 +222,26 @@ v1::Stimulus stimulus_on(const std::string& panel, const std::string& kind) {
   return stimulus;
 }
 
-double step_of(const v1::Sweep& sweep) {
-  return sweep.has_step_px() ? sweep.step_px() : 0.5 * sweep.sigma_px();
-}
-
-v1::Stimulus stripe_of(const v1::Sweep& sweep, const std::string& panel, const std::string& kind) {
-  v1::Stimulus stripe = stimulus_on(panel, kind);
-  stripe.set_phi_deg(sweep.orientation_deg());
-  stripe.set_sigma_px(sweep.sigma_px());
-  stripe.set_peak(sweep.has_peak() ? sweep.peak() : 1.0);
-  for (int i = 0; i < 3; ++i) stripe.add_colour(1.0);
-  return stripe;
-}
-
-// Each comb moves by its own period.
-void add_combs(const v1::Sweep& sweep, const v1::Monitor& monitor, std::vector<v1::Stimulus>& out) {
-  for (const double period_px : sweep.comb_px()) {
-    for (double r_px = 0.0; r_px < period_px - 1e-9; r_px += step_of(sweep)) {
-      v1::Stimulus comb = stripe_of(sweep, monitor.name(), "gauss_comb");
-      comb.set_r_px(r_px);
-      comb.set_period_px(period_px);
-      out.push_back(std::move(comb));
-      if (out.size() > kMaxSteps) return;
-    }
-  }
-}
-
 // Crests k * step for every whole k whose stripe is within the margin of the monitor's extent along the
 // sweep.
 void add_sweep(const v1::Sweep& sweep, const v1::Monitor& monitor, std::vector<v1::Stimulus>& out) {
-  if (!sweep.comb_px().empty()) return add_combs(sweep, monitor, out);
   const double phi_rad = sweep.orientation_deg() * std::numbers::pi / 180.0;
   const double across_px = monitor.width_px() * std::cos(phi_rad);
   const double down_px = monitor.height_px() * std::sin(phi_rad);
   const double margin_px = (sweep.has_margin_sigmas() ? sweep.margin_sigmas() : 2.0) * sweep.sigma_px();
-  const double step_px = step_of(sweep);
+  const double step_px = sweep.has_step_px() ? sweep.step_px() : 0.5 * sweep.sigma_px();
   const double low_px = std::min(across_px, 0.0) + std::min(down_px, 0.0) - margin_px;
   const double high_px = std::max(across_px, 0.0) + std::max(down_px, 0.0) + margin_px;
   // A crest exactly on the margin must not depend on how cos(90 deg) rounds.
   constexpr double kSlack = 1e-9;
   for (double k = std::ceil(low_px / step_px - kSlack); k <= std::floor(high_px / step_px + kSlack);
        k += 1.0) {
-    v1::Stimulus stripe = stripe_of(sweep, monitor.name(), "gauss_stripe");
+    v1::Stimulus stripe = stimulus_on(monitor.name(), "gauss_stripe");
+    stripe.set_phi_deg(sweep.orientation_deg());
     stripe.set_r_px(k * step_px);
+    stripe.set_sigma_px(sweep.sigma_px());
+    stripe.set_peak(sweep.has_peak() ? sweep.peak() : 1.0);
+    for (int i = 0; i < 3; ++i) stripe.add_colour(1.0);
     out.push_back(std::move(stripe));
     if (out.size() > kMaxSteps) return;
   }

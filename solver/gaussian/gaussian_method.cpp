@@ -9,6 +9,7 @@
 
 #include "core/base/status.h"
 #include "core/base/time.h"
+#include "solver/gaussian/fewer_images.h"
 #include "solver/gaussian/stack_solver.h"
 
 namespace glasswing {
@@ -35,18 +36,24 @@ absl::StatusOr<std::unique_ptr<Method>> GaussianMethod::create(const MethodOptio
       method->modes_ = static_cast<int>(modes);
     } else if (key == "silhouette_tolerance") {
       GW_ASSIGN_OR_RETURN(method->silhouette_tolerance_, number_of(key, value, 0.0, 1.0));
+    } else if (key == "images") {
+      GW_ASSIGN_OR_RETURN(const double images, number_of(key, value, kLeastImages, kMostImages));
+      method->images_ = static_cast<int>(images);
     } else {
-      return absl::InvalidArgumentError(
-          fmt::format("option \"{}\" is not known to gaussian; it has: modes, silhouette_tolerance", key));
+      return absl::InvalidArgumentError(fmt::format(
+          "option \"{}\" is not known to gaussian; it has: modes, silhouette_tolerance, images", key));
     }
   }
   return method;
 }
 
-absl::StatusOr<std::vector<int>> GaussianMethod::frames_needed(const v1::CaptureManifest& manifest) const {
+namespace {
+
+absl::StatusOr<std::vector<int>> frames_to_solve(const v1::CaptureManifest& manifest) {
   GW_ASSIGN_OR_RETURN(const StackLayout layout, lay_out(manifest));
   const std::vector<int> stage = frames_of(layout.stage, manifest);
   std::set<int> needed(stage.begin(), stage.end());
+  for (const int frame : WaveNoise(manifest).frames()) needed.insert(frame);
   for (const SweepLayout& sweep : layout.sweeps) {
     for (const Shot& shot : sweep.shots) {
       for (const ExposedFrame& exposed : shot) needed.insert(exposed.frame);
@@ -55,9 +62,26 @@ absl::StatusOr<std::vector<int>> GaussianMethod::frames_needed(const v1::Capture
   return std::vector<int>(needed.begin(), needed.end());
 }
 
+}  // namespace
+
+absl::StatusOr<std::vector<int>> GaussianMethod::frames_needed(const v1::CaptureManifest& manifest) const {
+  if (images_ == 0) return frames_to_solve(manifest);
+  GW_ASSIGN_OR_RETURN(const MadeCapture fewer, fewer_images(manifest, images_));
+  GW_ASSIGN_OR_RETURN(const std::vector<int> made, frames_to_solve(fewer.manifest));
+  return frames_of(fewer, made);
+}
+
 absl::StatusOr<Matte> GaussianMethod::solve(const FrameStack& stack) const {
+  if (images_ == 0) return solve_all(stack);
+  GW_ASSIGN_OR_RETURN(const MadeCapture fewer, fewer_images(stack.manifest, images_));
+  GW_ASSIGN_OR_RETURN(const std::vector<int> made, frames_to_solve(fewer.manifest));
+  GW_RETURN_IF_ERROR(check_rows(stack, frames_of(fewer, made)));
+  return solve_all(made_stack(stack, fewer, made));
+}
+
+absl::StatusOr<Matte> GaussianMethod::solve_all(const FrameStack& stack) const {
   GW_ASSIGN_OR_RETURN(const StackLayout layout, lay_out(stack.manifest));
-  GW_ASSIGN_OR_RETURN(const std::vector<int> needed, frames_needed(stack.manifest));
+  GW_ASSIGN_OR_RETURN(const std::vector<int> needed, frames_to_solve(stack.manifest));
   GW_RETURN_IF_ERROR(check_rows(stack, needed));
   std::set<int> textures;
   for (const SweepLayout& sweep : layout.sweeps) textures.insert(sweep.texture);

@@ -11,7 +11,8 @@ namespace glasswing {
 class GaussianMethod final : public Method {
  public:
   // Options: modes (1 to 4, most footprints a channel; default 4), silhouette_tolerance (of full scale, least
-  // rms difference that makes a pixel the object's; default 0.003).
+  // rms difference that makes a pixel the object's; default 0.003), images (40 to 20000: solves as if no more
+  // than these had been taken, fewer_images.h; default: all).
   static absl::StatusOr<std::unique_ptr<Method>> create(const MethodOptions& options);
 
   absl::StatusOr<std::vector<int>> frames_needed(const v1::CaptureManifest& manifest) const override;
@@ -19,9 +20,12 @@ class GaussianMethod final : public Method {
   absl::StatusOr<Matte> solve(const FrameStack& stack) const override;
 
  private:
+  absl::StatusOr<Matte> solve_all(const FrameStack& stack) const;
+
   MethodOptions options_;
   int modes_ = kMaxModes;
   double silhouette_tolerance_ = 0.003;
+  int images_ = 0;  // 0: all
 };
 
 }  // namespace glasswing

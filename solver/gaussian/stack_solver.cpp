@@ -35,6 +35,12 @@ bool is_even(const std::vector<double>& r_px) {
   return true;
 }
 
+// Whether a sweep's steps are so wide that a crest's own second differences are as large as its height.
+bool is_coarse(const SweepLayout& sweep) {
+  const double length_px = sweep.r_px.back() - sweep.r_px.front();
+  return length_px > 0.75 * sweep.sigma_px * static_cast<double>(sweep.r_px.size() - 1);
+}
+
 }  // namespace
 
 StackSolver::StackSolver(const FrameStack& stack, const StackLayout& layout, int most_modes,
@@ -45,6 +51,8 @@ StackSolver::StackSolver(const FrameStack& stack, const StackLayout& layout, int
       lane_count_(stack.manifest.camera().width_px() * kChannels),
       surroundings_(stack, layout.stage, silhouette_tolerance),
       noise_known_(surroundings_.noise_known()),
+      coarse_(std::ranges::any_of(layout.sweeps, is_coarse)),
+      wave_noise_(stack.manifest),
       noise_(surroundings_.noise()),
       tile_(layout) {
   for (size_t s = 0; s < layout.sweeps.size(); ++s) {
@@ -98,6 +106,10 @@ StackSolver::StackSolver(const FrameStack& stack, const StackLayout& layout, int
 }
 
 void StackSolver::estimate_row_noise(int y) {
+  if (coarse_ && wave_noise_.known()) {
+    std::ranges::fill(noise_sd_, static_cast<float>(wave_noise_.of_row(stack_, y)));
+    return;
+  }
   for (int first = 0; first < lane_count_; first += kStretch) {
     const int count = std::min(kStretch, lane_count_ - first);
     tile_.load(stack_, y, first, count, noise_);

@@ -8,6 +8,7 @@
 
 #include "core/matte/matte.h"
 #include "solver/background/surroundings.h"
+#include "solver/background/wave_noise.h"
 #include "solver/gaussian/joint_batch.h"
 #include "solver/gaussian/mode_search.h"
 #include "solver/gaussian/sample_tile.h"
@@ -72,6 +73,8 @@ class StackSolver {
   const int lane_count_;  // of a row
   Surroundings surroundings_;
   const bool noise_known_;
+  const bool coarse_;  // second differences of the samples are not noise alone
+  const WaveNoise wave_noise_;
   const SampleNoise noise_;
   float dark_noise_ = 1.0f;  // of a dark sample with all its exposures, over that of the reference exposure
   std::vector<Texture> textures_;

@@ -121,6 +121,52 @@ TEST(Pattern, SquareHierarchyTellsEveryColumnApart) {
   EXPECT_EQ(std::set<std::string>(codes.begin(), codes.end()).size(), codes.size());
 }
 
+TEST(Pattern, SquareBeginsABarAtItsOffset) {
+  v1::Stimulus bars = square("vertical_bars", 8.0);
+  for (const double offset_px : {-20.0, 0.0, 4.0, 37.5}) {
+    bars.set_offset_px(offset_px);
+    const Pattern shifted = pattern_of(bars), plain = pattern_of(square("vertical_bars", 8.0));
+    for (int x = 0; x < kSize.width_px; ++x)
+      EXPECT_EQ(shifted.radiance(x + offset_px, 3.5), plain.radiance(x, 3.5)) << x << " from " << offset_px;
+  }
+}
+
+v1::Stimulus sinusoid(double phi_deg, double period_px, double phase_deg) {
+  v1::Stimulus stimulus;
+  stimulus.set_kind("sinusoid");
+  stimulus.set_phi_deg(phi_deg);
+  stimulus.set_period_px(period_px);
+  stimulus.set_phase_deg(phase_deg);
+  stimulus.set_peak(1.0);
+  return stimulus;
+}
+
+// Equally spaced phases of a wave add up to a constant, and their first moment is the wave's own phasor.
+TEST(Pattern, PhasesOfASinusoidGiveItsPhasorBack) {
+  constexpr int kPhases = 5;
+  for (const double phi_deg : {0.0, 90.0, 30.0}) {
+    for (const double period_px : {7.3, 40.0, 300.0}) {
+      for (const auto& [x, y] : {std::pair(3.5, 9.5), std::pair(60.5, 40.5)}) {
+        double sum = 0.0, re = 0.0, im = 0.0;
+        for (int k = 0; k < kPhases; ++k) {
+          const double phase = 360.0 * k / kPhases;
+          const auto light =
+              static_cast<double>(pattern_of(sinusoid(phi_deg, period_px, phase)).radiance(x, y)[0]);
+          sum += light;
+          re += light * std::cos(phase * std::numbers::pi / 180.0);
+          im += light * std::sin(phase * std::numbers::pi / 180.0);
+        }
+        const double phi_rad = phi_deg * std::numbers::pi / 180.0;
+        const double angle =
+            2.0 * std::numbers::pi * (x * std::cos(phi_rad) + y * std::sin(phi_rad)) / period_px;
+        EXPECT_NEAR(sum, 0.5 * kPhases, 1e-6);
+        EXPECT_NEAR(re, 0.25 * kPhases * std::cos(angle), 1e-6);
+        EXPECT_NEAR(im, 0.25 * kPhases * std::sin(angle), 1e-6);
+      }
+    }
+  }
+}
+
 TEST(Pattern, RampLiesInItsPlaneAndTellsPointsApart) {
   v1::Stimulus stimulus;
   stimulus.set_kind("ramp");
@@ -141,6 +187,18 @@ TEST(Pattern, SolidIsItsColourAndWhiteUnlessTold) {
   EXPECT_EQ(pattern_of(stimulus).radiance(7.0, 9.0), (Colour{1.0f, 1.0f, 1.0f}));
   colour(stimulus, 0.0, 0.5, 1.0);
   EXPECT_EQ(pattern_of(stimulus).radiance(7.0, 9.0), (Colour{0.0f, 0.5f, 1.0f}));
+}
+
+// Along a row a wave is turned pixel by pixel: 96 roundings of a double.
+TEST(Pattern, RasterOfASinusoidIsItsRadiance) {
+  for (const double phi_deg : {0.0, 45.0, -120.0}) {
+    const Pattern pattern = pattern_of(sinusoid(phi_deg, 9.7, 33.0));
+    const RadianceImage image = pattern.rasterised();
+    for (int y = 0; y < kSize.height_px; ++y) {
+      for (int x = 0; x < kSize.width_px; ++x)
+        ASSERT_NEAR(image.at(x, y, 1), pattern.radiance(x + 0.5, y + 0.5)[1], 1.2e-7) << x << ", " << y;
+    }
+  }
 }
 
 // A stripe's row is a product of factors, exact to a float's rounding.

@@ -38,6 +38,14 @@ TEST(Plan, ComplaintsNameFileLineValueAndWhatIsAccepted) {
            {"method: \"gaussian\"\nsweeps { sigma_px: nan }", "p.txtpb:2: sigma_px is nan"},
            {"method: \"gaussian\"\nsweps { }", "p.txtpb:2: "},
            {"method: \"gaussian\"", "must be at least one sweep"},
+           {"method: \"gaussian\"\nsweeps { sigma_px: 4 step_px: 6.1 }",
+            "p.txtpb:2: step_px is 6.1; it must be in [0.01, 1.5 sigma_px]"},
+           {"method: \"fringe\"\nfringes { period_px: 1 }",
+            "p.txtpb:2: period_px is 1; it must be in [2, 100000]"},
+           {"method: \"fringe\"\nfringes { phases: 4 }", "period_px is left out"},
+           {"method: \"fringe\"\nfringes {\n  period_px: 64\n  phases: 2\n}", "p.txtpb:4: phases is 2"},
+           {"method: \"hierarchical\"\nsquare_waves { levels: 4 first_level: 5 }",
+            "p.txtpb:2: first_level is 5; it must be 1 to 4"},
        }) {
     const absl::Status status = parse_plan(each.text, "p.txtpb").status();
     EXPECT_TRUE(absl::IsInvalidArgument(status));
@@ -52,6 +60,39 @@ TEST(Plan, FromTheWireComplaintsNameTheField) {
   plan.add_sweeps()->set_sigma_px(-4);
   const absl::Status status = check_plan(plan);
   EXPECT_NE(std::string(status.message()).find("plan.sweeps[1].sigma_px is -4"), std::string::npos) << status;
+}
+
+std::vector<v1::Stimulus> shown(const v1::Plan& plan) {
+  std::vector<v1::Stimulus> stimuli;
+  for (const Step& step : expand(plan, {monitor("back", 128, 96)}).value()) {
+    if (step.object) stimuli.push_back(step.stimulus);
+  }
+  return stimuli;
+}
+
+TEST(Plan, FringesShowEveryPeriodAtEqualPhases) {
+  const std::vector<v1::Stimulus> stimuli = shown(
+      parse_plan("method: \"fringe\" fringes { orientation_deg: 90 period_px: [128, 16] phases: 3 }", "p")
+          .value());
+  ASSERT_EQ(stimuli.size(), 6u);
+  for (size_t i = 0; i < stimuli.size(); ++i) {
+    EXPECT_EQ(stimuli[i].kind(), "sinusoid");
+    EXPECT_EQ(stimuli[i].phi_deg(), 90.0);
+    EXPECT_EQ(stimuli[i].period_px(), i < 3 ? 128.0 : 16.0);
+    EXPECT_EQ(stimuli[i].phase_deg(), 120.0 * static_cast<double>(i % 3));
+  }
+}
+
+TEST(Plan, SquareWavesLeaveOutWhatTheyAreTold) {
+  const std::vector<v1::Stimulus> stimuli = shown(
+      parse_plan("method: \"gaussian\" square_waves { levels: 3 first_level: 2 without_complements: true }",
+                 "p")
+          .value());
+  ASSERT_EQ(stimuli.size(), 4u);
+  for (const v1::Stimulus& bars : stimuli) {
+    EXPECT_FALSE(bars.inverse());
+    EXPECT_TRUE(bars.bar_width_px() == 32.0 || bars.bar_width_px() == 16.0);
+  }
 }
 
 TEST(Plan, SweepsCoverTheMonitorWithEvenSteps) {

@@ -1,0 +1,223 @@
+#include "solver/gaussian/fewer_images.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <optional>
+#include <set>
+
+#include "core/base/status.h"
+#include "solver/exposure_merge.h"
+
+namespace glasswing {
+namespace {
+
+constexpr double kStep = 1.1;    // of a stripe's sigma
+constexpr double kMargin = 1.5;  // sigmas past the monitor's edge
+constexpr double kFinestStep = 0.5;
+constexpr int kLeastSteps = 5;  // of a sweep
+// Bars along the monitor's longer side that tell the silhouette: broad ones see light that comes from afar,
+// narrow ones a view that is shifted by a fraction of a pixel. The narrow ones have complements, which tell
+// the noise.
+constexpr double kBroadBars = 8.0, kNarrowBars = 32.0;
+
+// One monitor's sweeps as they were recorded.
+struct Swept {
+  v1::Monitor monitor;
+  std::map<double, double> sigma_px;  // by direction, the narrowest
+};
+
+// What to show in place of them.
+struct Choice {
+  std::vector<double> phi_deg;
+  double sigma_px = 0.0, step_px = 0.0;
+};
+
+std::vector<Swept> swept_monitors(const v1::CaptureManifest& recorded) {
+  std::vector<Swept> all;
+  for (const v1::Monitor& monitor : recorded.monitors()) {
+    Swept swept{.monitor = monitor, .sigma_px = {}};
+    for (const v1::Frame& frame : recorded.frames()) {
+      const v1::Stimulus& stimulus = frame.stimulus();
+      if (!is_pattern(frame) || !frame.object() || stimulus.kind() != "gauss_stripe" ||
+          stimulus.panel() != monitor.name())
+        continue;
+      const auto [known, added] = swept.sigma_px.emplace(stimulus.phi_deg(), stimulus.sigma_px());
+      if (!added) known->second = std::min(known->second, stimulus.sigma_px());
+    }
+    if (!swept.sigma_px.empty()) all.push_back(std::move(swept));
+  }
+  return all;
+}
+
+// Of the directions, those nearest to 0, 90, 45 and -45 degrees, in that order, each once.
+std::vector<double> usual_directions(const std::map<double, double>& recorded) {
+  std::vector<double> chosen;
+  for (const double usual : {0.0, 90.0, 45.0, -45.0}) {
+    std::optional<double> nearest;
+    const auto miss = [&](double phi_deg) { return std::abs(std::remainder(phi_deg - usual, 180.0)); };
+    for (const auto& [phi_deg, sigma_px] : recorded) {
+      if (std::ranges::find(chosen, phi_deg) != chosen.end()) continue;
+      if (!nearest || miss(phi_deg) < miss(*nearest)) nearest = phi_deg;
+    }
+    if (nearest) chosen.push_back(*nearest);
+  }
+  return chosen;
+}
+
+// Crests k step_px, out to the margin.
+struct Travel {
+  double first = 0.0, last = 0.0;  // k
+  int count() const { return static_cast<int>(last - first) + 1; }
+};
+
+Travel travel_of(const v1::Monitor& monitor, double phi_deg, double sigma_px, double step_px) {
+  const double phi_rad = phi_deg * std::numbers::pi / 180.0;
+  const double across = monitor.width_px() * std::cos(phi_rad),
+               down = monitor.height_px() * std::sin(phi_rad);
+  const double low = std::min(across, 0.0) + std::min(down, 0.0) - kMargin * sigma_px;
+  const double high = std::max(across, 0.0) + std::max(down, 0.0) + kMargin * sigma_px;
+  constexpr double kSlack = 1e-9;
+  return {.first = std::ceil(low / step_px - kSlack), .last = std::floor(high / step_px + kSlack)};
+}
+
+int count_of(const Swept& swept, const Choice& choice) {
+  int count = 0;
+  for (const double phi_deg : choice.phi_deg)
+    count += travel_of(swept.monitor, phi_deg, choice.sigma_px, choice.step_px).count();
+  return count;
+}
+
+// The choice with the least sigma, no less than `least_px`, for a step of so many sigmas.
+Choice narrowest(const Swept& swept, std::vector<double> phi_deg, double step, double least_px, int images) {
+  const auto with = [&](double sigma_px) {
+    return Choice{.phi_deg = phi_deg, .sigma_px = sigma_px, .step_px = step * sigma_px};
+  };
+  double low = least_px, high = least_px;
+  if (count_of(swept, with(low)) <= images) return with(low);
+  while (count_of(swept, with(high)) > images) high *= 2.0;
+  while (high - low > 1e-3 * low) {
+    const double middle = 0.5 * (low + high);
+    (count_of(swept, with(middle)) > images ? low : high) = middle;
+  }
+  return with(high);
+}
+
+absl::StatusOr<Choice> choose(const Swept& swept, int images) {
+  const std::vector<double> all = usual_directions(swept.sigma_px);
+  double least_px = 0.0;
+  for (const double phi_deg : all) least_px = std::max(least_px, swept.sigma_px.at(phi_deg));
+  const std::vector<double> three(all.begin(), all.begin() + std::min<std::ptrdiff_t>(3, std::ssize(all)));
+  const auto too_few = [&] {
+    return absl::FailedPreconditionError(fmt::format(
+        "so few images leave {} for the sweeps of monitor \"{}\"; they must leave at least {} for each of 3 "
+        "directions",
+        std::max(images, 0), swept.monitor.name(), kLeastSteps));
+  };
+  if (images < 3 * kLeastSteps) return too_few();
+  Choice choice = narrowest(swept, three, kStep, least_px, images);
+  for (const double phi_deg : choice.phi_deg) {
+    if (travel_of(swept.monitor, phi_deg, choice.sigma_px, choice.step_px).count() < kLeastSteps)
+      return too_few();
+  }
+  const Choice with_all{.phi_deg = all, .sigma_px = least_px, .step_px = kStep * least_px};
+  if (choice.sigma_px > least_px || count_of(swept, with_all) > images) return choice;
+  choice = with_all;
+  for (double step = kStep; step > kFinestStep; step -= 0.01) {
+    Choice finer = choice;
+    finer.step_px = step * least_px;
+    if (count_of(swept, finer) > images) break;
+    choice = finer;
+  }
+  return choice;
+}
+
+// Of one monitor, the recorded widths nearest to what is wanted.
+struct Bars {
+  double broad_px = 0.0, narrow_px = 0.0;
+};
+
+std::map<std::string, Bars> bars_of(const v1::CaptureManifest& recorded) {
+  std::map<std::string, Bars> bars;
+  for (const v1::Monitor& monitor : recorded.monitors()) {
+    const int side_px = std::max(monitor.width_px(), monitor.height_px());
+    const auto nearest = [&](double wanted_px) {
+      double best = 0.0;
+      const auto miss = [&](double px) { return std::abs(std::log(px / wanted_px)); };
+      for (const v1::Frame& frame : recorded.frames()) {
+        const v1::Stimulus& stimulus = frame.stimulus();
+        if (!is_pattern(frame) || stimulus.kind() != "square" || stimulus.panel() != monitor.name()) continue;
+        if (best == 0.0 || miss(stimulus.bar_width_px()) < miss(best)) best = stimulus.bar_width_px();
+      }
+      return best;
+    };
+    bars[monitor.name()] = {.broad_px = nearest(side_px / kBroadBars),
+                            .narrow_px = nearest(side_px / kNarrowBars)};
+  }
+  return bars;
+}
+
+bool tells_the_stage(const v1::Frame& frame, const std::map<std::string, Bars>& bars) {
+  const v1::Stimulus& stimulus = frame.stimulus();
+  if (stimulus.kind() == "solid") {
+    const double light = stimulus.colour_size() == 3 ? stimulus.colour(0) : 1.0;
+    return (light == 0.0 || light == 1.0) &&
+           std::ranges::all_of(stimulus.colour(), [&](double other) { return other == light; });
+  }
+  const auto own = bars.find(stimulus.panel());
+  if (stimulus.kind() != "square" || own == bars.end()) return false;
+  return stimulus.bar_width_px() == own->second.narrow_px ||
+         (stimulus.bar_width_px() == own->second.broad_px && !stimulus.inverse());
+}
+
+absl::Status add_sweeps(const Swept& swept, const Choice& choice, StripeSums& sums, double exposure_ms,
+                        MadeCapture& capture) {
+  for (const double phi_deg : choice.phi_deg) {
+    const Travel travel = travel_of(swept.monitor, phi_deg, choice.sigma_px, choice.step_px);
+    for (double k = travel.first; k <= travel.last; k += 1.0) {
+      v1::Frame frame;
+      frame.set_file(fmt::format("stripe {:g} deg {:g} px", phi_deg, k * choice.step_px));
+      frame.set_object(true);
+      frame.set_exposure_ms(exposure_ms);
+      v1::Stimulus& stripe = *frame.mutable_stimulus();
+      stripe.set_kind("gauss_stripe");
+      stripe.set_panel(swept.monitor.name());
+      stripe.set_phi_deg(phi_deg);
+      stripe.set_r_px(k * choice.step_px);
+      stripe.set_sigma_px(choice.sigma_px);
+      stripe.set_peak(1.0);
+      GW_ASSIGN_OR_RETURN(std::vector<Part> parts, sums.parts(stripe, phi_deg));
+      capture.add(frame, std::move(parts));
+    }
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<MadeCapture> fewer_images(const v1::CaptureManifest& recorded, int images) {
+  GW_ASSIGN_OR_RETURN(const Exposures exposures, Exposures::of(recorded));
+  const auto usable = [&](const v1::Frame& frame) {
+    return is_pattern(frame) && frame.exposure_ms() == exposures.times_ms().front();
+  };
+  const std::vector<Swept> monitors = swept_monitors(recorded);
+  if (std::ranges::count_if(recorded.frames(), usable) <= images || monitors.empty())
+    return part_of(recorded, [&](const v1::Frame& f) { return usable(f) || f.stimulus().kind() == "patch"; });
+  const std::map<std::string, Bars> bars = bars_of(recorded);
+  MadeCapture capture = part_of(recorded, [&](const v1::Frame& frame) {
+    return frame.stimulus().kind() == "patch" || (usable(frame) && tells_the_stage(frame, bars));
+  });
+  const auto stage = std::ranges::count_if(capture.manifest.frames(), usable);
+  const int each = (images - static_cast<int>(stage)) / static_cast<int>(monitors.size());
+  StripeSums sums(recorded);
+  for (const Swept& swept : monitors) {
+    GW_ASSIGN_OR_RETURN(const Choice choice, choose(swept, each));
+    GW_RETURN_IF_ERROR(add_sweeps(swept, choice, sums, exposures.times_ms().front(), capture));
+  }
+  return capture;
+}
+
+}  // namespace glasswing
