@@ -62,6 +62,7 @@ BoxFitter::BoxFitter(std::span<const BoxMonitor> monitors) : monitors_(monitors)
     const size_t most = kChannels * (monitor.patterns.size() + 1);
     seen_thresholds_.push_back(chi_square_quantile(static_cast<double>(most), kFalsePositiveRate));
     lit_.emplace_back(monitor.patterns.size(), 1.0);
+    information_.emplace_back(monitor.patterns.size());
   }
 }
 
@@ -139,8 +140,8 @@ void BoxFitter::place(const BoxPixel& pixel, bool anew, BoxFit& fit) {
           const double half = 0.5 * box.weight[c] * pattern.light[c];
           const double rest =
               samples[p].radiance[c] - fit.foreground[c] - fit.straight * samples[p].straight[c] - half;
-          top[pattern.wave] += samples[p].information[c] * half * pattern.sign * rest;
-          bottom[pattern.wave] += samples[p].information[c] * half * half;
+          top[pattern.wave] += information_[m][p][c] * half * pattern.sign * rest;
+          bottom[pattern.wave] += information_[m][p][c] * half * half;
         }
       }
       seen_.resize(axis.wave_count());
@@ -200,7 +201,7 @@ void BoxFitter::weigh(const BoxPixel& pixel, bool straight_is_free, BoxFit& fit)
       none[c][1 + m] = !fit.boxes[m].seen;
       for (size_t p = 0; p < lit_[m].size(); ++p) {
         const BoxSample& sample = pixel.samples[m][p];
-        const double information = sample.information[c];
+        const double information = information_[m][p][c];
         const double lit = fit.boxes[m].seen ? lit_[m][p] * monitors_[m].patterns[p].light[c] : 0.0;
         normal[c](0, 0) += information;
         normal[c](0, at) += information * lit;
@@ -253,19 +254,52 @@ void BoxFitter::judge(const BoxPixel& pixel, BoxFit& fit) const {
     for (size_t m = 0; m < monitors_.size(); ++m) {
       for (size_t p = 0; p < lit_[m].size(); ++p) {
         const BoxSample& sample = pixel.samples[m][p];
-        const double model = fit.foreground[c] + fit.straight * sample.straight[c] +
-                             fit.boxes[m].weight[c] * monitors_[m].patterns[p].light[c] * lit_[m][p];
-        add(sample.radiance[c] - model, sample.information[c]);
+        add(sample.radiance[c] - model(fit, sample, m, p, c), information_[m][p][c]);
       }
     }
   }
   fit.rms = std::sqrt(squares / std::max(fit.sample_count, 1));
 }
 
-void BoxFitter::settle(const BoxPixel& pixel, bool straight_is_free, BoxFit& fit) {
+// What waves are off by more than noise explains, mean square: the footprint is no box. Solids know nothing
+// of its shape.
+double BoxFitter::misfit_of(const BoxPixel& pixel, const BoxFit& fit) const {
+  double sum = 0.0, count = 0.0;
+  for (size_t m = 0; m < monitors_.size(); ++m) {
+    for (size_t p = 0; p < lit_[m].size(); ++p) {
+      if (monitors_[m].patterns[p].axis == BoxPattern::kSolid) continue;
+      const BoxSample& sample = pixel.samples[m][p];
+      for (size_t c = 0; c < kChannels; ++c) {
+        if (sample.information[c] <= 0.0) continue;
+        const double miss = sample.radiance[c] - model(fit, sample, m, p, c);
+        sum += miss * miss - 1.0 / sample.information[c];
+        count += 1.0;
+      }
+    }
+  }
+  return count > 0.0 ? std::max(sum / count, 0.0) : 0.0;
+}
+
+void BoxFitter::doubt(const BoxPixel& pixel, double misfit) {
+  for (size_t m = 0; m < monitors_.size(); ++m) {
+    for (size_t p = 0; p < lit_[m].size(); ++p) {
+      const double own = monitors_[m].patterns[p].axis == BoxPattern::kSolid ? 0.0 : misfit;
+      for (size_t c = 0; c < kChannels; ++c) {
+        const double information = pixel.samples[m][p].information[c];
+        information_[m][p][c] = information / (1.0 + own * information);
+      }
+    }
+  }
+}
+
+double BoxFitter::model(const BoxFit& fit, const BoxSample& sample, size_t m, size_t p, size_t c) const {
+  return fit.foreground[c] + fit.straight * sample.straight[c] +
+         fit.boxes[m].weight[c] * monitors_[m].patterns[p].light[c] * lit_[m][p];
+}
+
+void BoxFitter::settle(const BoxPixel& pixel, bool anew, bool straight_is_free, BoxFit& fit) {
   fit.chi_square = INFINITY;
   BoxFit next = fit;
-  bool anew = true;
   for (int round = 0; round < kMostRounds; ++round) {
     const std::vector<PixelBox> before = next.boxes;
     place(pixel, anew, next);
@@ -273,7 +307,7 @@ void BoxFitter::settle(const BoxPixel& pixel, bool straight_is_free, BoxFit& fit
     weigh(pixel, straight_is_free, next);
     judge(pixel, next);
     // A first guess of the light may be far off without solids, and where 1 - alpha moves.
-    anew = round == 0 && changed(before, next.boxes);
+    anew = anew && round == 0 && changed(before, next.boxes);
     if (!(next.chi_square < fit.chi_square)) break;
     const bool enough = next.chi_square > (1.0 - kEnoughGained) * fit.chi_square;
     fit = next;
@@ -285,15 +319,20 @@ BoxFit BoxFitter::fit(const BoxPixel& pixel) {
   BoxFit start;
   begin(pixel, start);
   BoxFit best = start;
+  doubt(pixel, 0.0);
   if (std::ranges::none_of(start.boxes, &PixelBox::seen)) {
     see(best);
     weigh(pixel, false, best);
     judge(pixel, best);
     return best;
   }
-  settle(pixel, false, best);
+  settle(pixel, true, false, best);
   const auto count = static_cast<double>(best.sample_count);
-  if (pixel.has_straight && best.chi_square > kPoor * count) {
+  const bool poor = best.chi_square > kPoor * count;
+  see(best);
+  doubt(pixel, misfit_of(pixel, best));
+  settle(pixel, false, false, best);
+  if (pixel.has_straight && poor) {
     double enough = best.chi_square * std::exp(-kCriterion * std::log(count) / count);
     for (const double straight : kStraightStarts) {
       BoxFit partly = start;
@@ -309,18 +348,23 @@ BoxFit BoxFitter::fit(const BoxPixel& pixel) {
           }
         }
       }
-      settle(pixel, true, partly);
+      settle(pixel, true, true, partly);
       if (partly.chi_square >= enough || partly.straight <= 0.0) continue;
       enough = partly.chi_square;
       best = partly;
     }
+  }
+  if (best.straight > 0.0) {
+    see(best);
+    doubt(pixel, misfit_of(pixel, best));
+    settle(pixel, false, true, best);
   }
   see(best);
   estimate_errors(pixel, best);
   return best;
 }
 
-// From the inverse of the normal matrix, scaled by what the model leaves more than noise would.
+// From the inverse of the normal matrix.
 void BoxFitter::estimate_errors(const BoxPixel& pixel, BoxFit& fit) const {
   const auto monitors = static_cast<Eigen::Index>(monitors_.size());
   const Eigen::Index light_count = 1 + monitors, first_light = 4 * monitors;
@@ -357,7 +401,7 @@ void BoxFitter::estimate_errors(const BoxPixel& pixel, BoxFit& fit) const {
         const auto channel = static_cast<size_t>(c);
         const double light = pattern.light[channel], weight = light * box.weight[channel];
         const Eigen::Index foreground = first_light + c * light_count;
-        add(sample.information[channel],
+        add(information_[own][p][channel],
             std::array{std::pair(low, weight * by_low), std::pair(low + 1, weight * by_high),
                        std::pair(foreground, 1.0), std::pair(foreground + 1 + m, light * lit_[own][p]),
                        std::pair(straight, fit.straight > 0.0 ? sample.straight[channel] : 0.0)});
@@ -374,20 +418,18 @@ void BoxFitter::estimate_errors(const BoxPixel& pixel, BoxFit& fit) const {
     if (normal(i, i) <= 0.0) normal(i, i) = 1.0;
   }
   const AllMatrix covariance = normal.ldlt().solve(AllMatrix::Identity(straight + 1, straight + 1));
-  const double excess =
-      std::max(1.0, fit.chi_square / std::max(fit.sample_count - static_cast<double>(straight), 1.0));
   for (Eigen::Index m = 0; m < monitors; ++m) {
     PixelBox& box = fit.boxes[static_cast<size_t>(m)];
     if (!box.seen) continue;
     for (Eigen::Index c = 0; c < kChannels; ++c) {
       const Eigen::Index weight = first_light + c * light_count + 1 + m;
-      box.weight_sd[static_cast<size_t>(c)] = std::sqrt(std::max(excess * covariance(weight, weight), 0.0));
+      box.weight_sd[static_cast<size_t>(c)] = std::sqrt(std::max(covariance(weight, weight), 0.0));
     }
     double variance = 0.0;  // of both coordinates of the centre
     for (const Eigen::Index low : {4 * m, 4 * m + 2})
       variance +=
           0.25 * (covariance(low, low) + covariance(low + 1, low + 1) + 2.0 * covariance(low, low + 1));
-    box.centre_sd_px = std::sqrt(std::max(0.5 * excess * variance, 0.0));
+    box.centre_sd_px = std::sqrt(std::max(0.5 * variance, 0.0));
   }
 }
 

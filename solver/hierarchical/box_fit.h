@@ -5,8 +5,9 @@
 //
 // h is the part of the box that is lit: 1 of a solid, (1 +- v) / 2 of a wave and its complement, where v is
 // the mean of the wave over the box's side across the bars (wave_axis.h). Least squares over all patterns and
-// channels together, each sample by its own noise: F, R and alpha are linear; the box's two sides are
-// independent of each other, so each is searched for by itself; both in turn, until neither gains.
+// channels together, each sample by its own noise, waves' plus what a box leaves of them: F, R and alpha are
+// linear; the box's two sides are independent of each other, so each is searched for by itself; both in turn,
+// until neither gains.
 #pragma once
 
 #include <array>
@@ -58,20 +59,27 @@ class BoxFitter {
  private:
   void begin(const BoxPixel& pixel, BoxFit& fit) const;
   bool sees(const BoxPixel& pixel, size_t monitor, const Samples3& weight) const;
-  void settle(const BoxPixel& pixel, bool straight_is_free, BoxFit& fit);
+  // `anew`: the boxes are searched for.
+  void settle(const BoxPixel& pixel, bool anew, bool straight_is_free, BoxFit& fit);
   // All sides; `anew`: searched for, else moved from where they are.
   void place(const BoxPixel& pixel, bool anew, BoxFit& fit);
   // h of the patterns.
   void see(const BoxFit& fit);
   void weigh(const BoxPixel& pixel, bool straight_is_free, BoxFit& fit) const;
   void judge(const BoxPixel& pixel, BoxFit& fit) const;
+  double model(const BoxFit& fit, const BoxSample& sample, size_t monitor, size_t pattern,
+               size_t channel) const;
+  double misfit_of(const BoxPixel& pixel, const BoxFit& fit) const;
+  // Waves count as noisier by so much variance.
+  void doubt(const BoxPixel& pixel, double misfit);
   void estimate_errors(const BoxPixel& pixel, BoxFit& fit) const;
 
   std::span<const BoxMonitor> monitors_;
   std::vector<std::array<WaveAxis, 2>> axes_;
   std::vector<double> seen_thresholds_;  // by monitor
   // Of the pixel in hand.
-  std::vector<std::vector<double>> lit_;  // h, [monitor][pattern]
+  std::vector<std::vector<double>> lit_;            // h, [monitor][pattern]
+  std::vector<std::vector<Samples3>> information_;  // the same, of what is believed
   std::vector<WaveAxis::Seen> seen_;
 };
 
