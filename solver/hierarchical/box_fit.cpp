@@ -8,6 +8,7 @@ namespace glasswing {
 namespace {
 
 constexpr double kFalsePositiveRate = 1e-4;  // of light that only noise makes
+constexpr double kFaintest = 0.0015;         // weights below are stray light, as of gaussian
 constexpr int kMostRounds = 6;
 constexpr double kEnoughGained = 1e-3;  // of chi-square, in a round
 constexpr double kMuch = 0.1;           // of the strongest weight
@@ -108,9 +109,9 @@ void BoxFitter::begin(const BoxPixel& pixel, BoxFit& fit) const {
 // Whether waves and solids change more than noise does.
 bool BoxFitter::sees(const BoxPixel& pixel, size_t m, const Samples3& weight) const {
   const std::vector<BoxSample>& samples = pixel.samples[m];
-  double chi_square = 0.0, light = 0.0;
+  if (*std::ranges::max_element(weight) < kFaintest) return false;
+  double chi_square = 0.0;
   for (size_t c = 0; c < kChannels; ++c) {
-    light += weight[c];
     const auto add = [&](const BoxSample& a, const BoxSample& b) {
       const double difference = a.radiance[c] - b.radiance[c];
       if (a.information[c] > 0.0 && b.information[c] > 0.0)
@@ -121,7 +122,7 @@ bool BoxFitter::sees(const BoxPixel& pixel, size_t m, const Samples3& weight) co
       if (monitors_[m].patterns[p].axis == BoxPattern::kSolid) add(samples[p], pixel.black);
     }
   }
-  return light > 0.0 && chi_square > seen_thresholds_[m];
+  return chi_square > seen_thresholds_[m];
 }
 
 void BoxFitter::place(const BoxPixel& pixel, bool anew, BoxFit& fit) {

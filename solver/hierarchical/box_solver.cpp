@@ -11,7 +11,6 @@ namespace {
 // Of the noise, and of the strongest weight: a residual above both is no box's.
 constexpr double kPoorNoise = 4.0, kPoorShare = 0.05;
 constexpr size_t kLeastSums = 4;
-constexpr double kLeastNoise = 0.3 / 65535.0;  // quantisation of 16 bits
 
 // The box that a background point's footprint is stored as.
 Interval straight_side(const AxisFit& fit) {
@@ -64,6 +63,7 @@ void BoxSolver::load_row(int y) {
 }
 
 std::vector<double> BoxSolver::estimate_noise() const {
+  const double least = sample_noise(stack_.manifest.camera(), 0.0).read_sd;  // quantisation
   std::vector<double> sd(static_cast<size_t>(width_), 0.0);
   for (size_t x = 0; x < sd.size(); ++x) {
     double squares = 0.0, degrees = 0.0;
@@ -87,8 +87,7 @@ std::vector<double> BoxSolver::estimate_noise() const {
         degrees += count - 1.0;
       }
     }
-    sd[x] =
-        degrees > 0.0 ? std::max(std::sqrt(squares / degrees), kLeastNoise) : surroundings_.noise().read_sd;
+    sd[x] = degrees > 0.0 ? std::max(std::sqrt(squares / degrees), least) : surroundings_.noise().read_sd;
   }
   return sd;
 }

@@ -6,10 +6,11 @@
 #include <cmath>
 #include <limits>
 
+#include "solver/hierarchical/wave_kernel.h"
+
 namespace glasswing {
 namespace {
 
-constexpr size_t kLanes = 4;      // waves are padded to whole vectors
 constexpr size_t kMostOpen = 80;  // three nodes wait on each of at most 16 levels
 constexpr size_t kKept = 3;       // of the best points of the grid, those that are refined
 
@@ -20,14 +21,18 @@ double drawn(const BarWave& wave, int pixel) {
 
 }  // namespace
 
+struct WaveAxis::Lanes {
+  std::array<float, kMostWaves> u{}, weight{};
+};
+
 WaveAxis::WaveAxis(std::span<const BarWave> waves, int extent_px)
     : wave_count_(waves.size()),
-      stride_((waves.size() + kLanes - 1) / kLanes * kLanes),
+      stride_((waves.size() + internal::kWaveLanes - 1) / internal::kWaveLanes * internal::kWaveLanes),
       extent_px_(extent_px),
       finest_bar_px_(extent_px) {
   assert(!waves.empty() && waves.size() <= kMostWaves && extent_px > 0);
   for (const BarWave& wave : waves) finest_bar_px_ = std::min(finest_bar_px_, wave.bar_px);
-  per_px_ = finest_bar_px_ < 2.0 ? 2 : 1;
+  per_px_ = finest_bar_px_ < 2.0 ? 4 : 1;
   last_point_ = extent_px * per_px_;
   auto cells = static_cast<size_t>(last_point_) + 1;
   sums_.resize(cells * stride_);
@@ -81,7 +86,7 @@ double WaveAxis::wave_at(size_t wave, double t_px) const {
 double WaveAxis::cost(std::span<const Seen> seen, const Interval& interval) const {
   std::array<double, kMostWaves> v;
   means(interval, v);
-  double sum = 0.0;
+  double sum = interval.length_px() / extent_px_;
   for (size_t k = 0; k < wave_count_; ++k) {
     const double miss = static_cast<double>(seen[k].u) - v[k];
     sum += static_cast<double>(seen[k].weight) * miss * miss;
@@ -89,35 +94,28 @@ double WaveAxis::cost(std::span<const Seen> seen, const Interval& interval) cons
   return sum;
 }
 
-// With a in [a0, a1], b in [b0, b1], the length b - a from `shortest` to `longest`: v lies between the least
-// and the most of P(b) - P(a) over either; and what [a0, b1] has of the other sign is all that [a, b] can.
-float WaveAxis::bound(std::span<const Seen> seen, const Node& node) const {
+float WaveAxis::bound(const Lanes& seen, const Node& node) const {
   const int size = 1 << node.level;
   const int low_first = node.low * size, high_first = node.high * size;
   const int low_last = std::min(low_first + size - 1, last_point_);
   const int high_last = std::min(high_first + size - 1, last_point_);
-  const auto hull = static_cast<float>(high_last - low_first);
-  const float by_shortest = 1.0f / static_cast<float>(std::max(high_first - low_last, 1));
-  const float by_longest = 1.0f / hull;
-  const float* low = least(node.level, node.low);
-  const float* high = least(node.level, node.high);
-  const float* first = sums_.data() + static_cast<size_t>(low_first) * stride_;
-  const float* last = sums_.data() + static_cast<size_t>(high_last) * stride_;
-  float sum = 0.0f;
-  for (size_t k = 0; k < wave_count_; ++k) {
-    const float bottom = high[k] - low[k + stride_], top = high[k + stride_] - low[k];
-    const float inside = last[k] - first[k];
-    float least_v = std::min(bottom * by_shortest, bottom * by_longest);
-    float most_v = std::max(top * by_shortest, top * by_longest);
-    least_v = std::max({least_v, 1.0f - (hull - inside) * by_shortest, -1.0f});
-    most_v = std::min({most_v, (hull + inside) * by_shortest - 1.0f, 1.0f});
-    const float miss = std::max({0.0f, least_v - seen[k].u, seen[k].u - most_v});
-    sum += seen[k].weight * miss * miss;
-  }
-  return sum;
+  const int shortest = std::max(high_first - low_last, 1);
+  const float miss = internal::bound_of({.low = least(node.level, node.low),
+                                         .high = least(node.level, node.high),
+                                         .first = sums_.data() + static_cast<size_t>(low_first) * stride_,
+                                         .last = sums_.data() + static_cast<size_t>(high_last) * stride_,
+                                         .shortest = static_cast<float>(shortest),
+                                         .longest = static_cast<float>(high_last - low_first)},
+                                        seen.u.data(), seen.weight.data(), stride_);
+  return miss + static_cast<float>(shortest) / static_cast<float>(last_point_);
 }
 
 IntervalFit WaveAxis::search(std::span<const Seen> seen) const {
+  Lanes lanes;
+  for (size_t k = 0; k < wave_count_; ++k) {
+    lanes.u[k] = seen[k].u;
+    lanes.weight[k] = seen[k].weight;
+  }
   std::array<Node, kMostOpen> open;
   size_t open_count = 0;
   open[open_count++] = {.level = static_cast<int>(first_cell_.size()) - 1};
@@ -139,7 +137,7 @@ IntervalFit WaveAxis::search(std::span<const Seen> seen) const {
       for (int high = 2 * node.high; high <= std::min(2 * node.high + 1, last); ++high) {
         if (low > high || (low == high && node.level == 1)) continue;
         Node part{.level = node.level - 1, .low = low, .high = high};
-        part.bound = bound(seen, part);
+        part.bound = bound(lanes, part);
         if (part.bound >= enough) continue;
         size_t place = part_count++;
         for (; place > 0 && parts[place - 1].bound < part.bound; --place) parts[place] = parts[place - 1];

@@ -5,10 +5,12 @@
 // is what the interval [a, b] sees of a wave s_k = +-1, +1 on its lit bars. Sought is the interval with the
 // least
 //
-//   sum_k w_k (u_k - v_k(a, b))^2
+//   sum_k w_k (u_k - v_k(a, b))^2 + (b - a) / extent
 //
-// for the u_k that were seen: one side of the rectangle of Zongker et al. 1999 (Chuang et al. 2000, eq. 8).
-// P_k is a table of sums, straight between its entries because a monitor's pixels are flat.
+// for the u_k that were seen, w_k the inverse of their variance. (Bars that share edges leave some intervals
+// alike; the last term, as small against noise as it is, takes the shortest of these.) It is one side of the
+// rectangle of Zongker et al. 1999 (Chuang et al. 2000, eq. 8). P_k is a table of sums, straight between its
+// entries because a monitor's pixels are flat.
 #pragma once
 
 #include <span>
@@ -42,8 +44,8 @@ class WaveAxis {
 
   size_t wave_count() const { return wave_count_; }
   double finest_bar_px() const { return finest_bar_px_; }
-  // Ends on this grid are what search() looks through: half a pixel if there are bars of less than two, else
-  // one.
+  // Ends on this grid are what search() looks through: a quarter of a pixel if there are bars of less than
+  // two, else one.
   double grid_px() const { return 1.0 / per_px_; }
 
   // v_k of every wave.
@@ -56,8 +58,8 @@ class WaveAxis {
     float weight = 0.0f;  // w, >= 0
   };
   double cost(std::span<const Seen> seen, const Interval& interval) const;
-  // Of all intervals on the grid none has a lower cost (but for a float's rounding); nor does any that a
-  // shift of its ends by less, down to kLeastLength_px, would lead to. One Seen a wave.
+  // Of all intervals on the grid none has a lower cost (but for a float's rounding); then its ends are
+  // shifted by less, down to kLeastLength_px, while that helps. One Seen a wave.
   //
   // Coarse to fine: ends lie in cells, a pair of cells is halved while a bound on its least cost, from the
   // least and most of P_k in each, is below the best cost known.
@@ -71,7 +73,9 @@ class WaveAxis {
     int level = 0, low = 0, high = 0;
     float bound = 0.0f;
   };
-  float bound(std::span<const Seen> seen, const Node& node) const;
+  // By wave, padded with weight 0.
+  struct Lanes;
+  float bound(const Lanes& seen, const Node& node) const;
   // The least of P over a cell, by wave; stride_ further on the most.
   const float* least(int level, int cell) const {
     return cells_.data() +

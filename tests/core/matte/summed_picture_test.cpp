@@ -28,8 +28,8 @@ struct Box {
 };
 
 double overlap(int pixel, double centre, double length) {
-  return std::max(std::min(pixel + 1.0, centre + 0.5 * length) - std::max<double>(pixel, centre - 0.5 * length),
-                  0.0);
+  return std::max(
+      std::min(pixel + 1.0, centre + 0.5 * length) - std::max<double>(pixel, centre - 0.5 * length), 0.0);
 }
 
 // Pixel by pixel, the area that both share.
@@ -51,8 +51,8 @@ TEST(SummedPicture, AgreesWithBruteForce) {
   std::mt19937 random(1);
   std::uniform_real_distribution<double> unit(0.0, 1.0);
   for (int i = 0; i < 400; ++i) {
-    const Box box{-5.0 + 50.0 * unit(random), -5.0 + 40.0 * unit(random), 0.02 + 45.0 * std::pow(unit(random), 4),
-                  0.02 + 35.0 * std::pow(unit(random), 4)};
+    const Box box{-5.0 + 50.0 * unit(random), -5.0 + 40.0 * unit(random),
+                  0.02 + 45.0 * std::pow(unit(random), 4), 0.02 + 35.0 * std::pow(unit(random), 4)};
     // A mode's floats place an edge at 50 px within 4e-6 px; of a side of 0.02 px that is 4e-4.
     EXPECT_NEAR(summed.mean(box.mode(), i % 3), brute_force(box, picture, i % 3), 5e-4) << i;
   }
