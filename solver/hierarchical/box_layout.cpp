@@ -96,6 +96,18 @@ absl::StatusOr<BoxMonitor> monitor_of(const Shown& shown, const v1::Monitor& mon
   return result;
 }
 
+void warn(const BoxMonitor& monitor, const std::string& name, std::vector<std::string>& warnings) {
+  for (size_t axis = 0; axis < 2; ++axis) {
+    const int extent_px = axis == 0 ? monitor.width_px : monitor.height_px;
+    const auto alike_px = WaveAxis(monitor.waves[axis], extent_px).alike_px();
+    if (!alike_px) continue;
+    warnings.push_back(fmt::format(
+        "the {} bars of monitor \"{}\" are alike at {:g} px and at {:g} px: small boxes may lie at "
+        "either",
+        axis == 0 ? "vertical" : "horizontal", name, (*alike_px)[0], (*alike_px)[1]));
+  }
+}
+
 }  // namespace
 
 absl::StatusOr<BoxLayout> lay_out_boxes(const v1::CaptureManifest& manifest) {
@@ -133,6 +145,7 @@ absl::StatusOr<BoxLayout> lay_out_boxes(const v1::CaptureManifest& manifest) {
     if (own.waves[0].empty() && own.waves[1].empty()) continue;
     GW_ASSIGN_OR_RETURN(BoxMonitor monitor,
                         monitor_of(own, manifest.monitors(texture), texture, !layout.stage.black.empty()));
+    warn(monitor, manifest.monitors(texture).name(), layout.warnings);
     layout.monitors.push_back(std::move(monitor));
   }
   if (layout.monitors.empty()) {

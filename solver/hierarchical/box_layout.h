@@ -4,6 +4,7 @@
 #include <absl/status/statusor.h>
 
 #include <array>
+#include <string>
 #include <vector>
 
 #include "solver/background/stage_layout.h"
@@ -30,7 +31,8 @@ struct BoxMonitor {
 
 struct BoxLayout {
   StageLayout stage;
-  std::vector<BoxMonitor> monitors;  // those that showed waves, by texture
+  std::vector<BoxMonitor> monitors;   // those that showed waves, by texture
+  std::vector<std::string> warnings;  // for people: places that the waves do not tell apart
 };
 
 // FAILED_PRECONDITION says what is missing or does not fit: waves along one axis only, no way to tell F and R

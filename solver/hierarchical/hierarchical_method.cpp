@@ -51,6 +51,7 @@ absl::StatusOr<Matte> HierarchicalMethod::solve(const FrameStack& stack) const {
   Matte matte =
       blank_matte(stack, "hierarchical", options_, std::min(straight ? 2 * boxes : boxes, kMaxModes));
   matte.metadata.set_footprint(std::string(kBoxFootprint));
+  for (const std::string& warning : layout.warnings) matte.metadata.add_warnings(warning);
   BoxSolver solver(stack, layout, straight, silhouette_tolerance_);
   for (int y = 0; y < stack.row_count; ++y) solver.solve_row(y, matte);
   return matte;

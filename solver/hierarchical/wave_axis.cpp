@@ -4,7 +4,9 @@
 #include <array>
 #include <cassert>
 #include <cmath>
+#include <cstdint>
 #include <limits>
+#include <map>
 
 #include "solver/hierarchical/wave_kernel.h"
 
@@ -23,6 +25,13 @@ double drawn(const BarWave& wave, int pixel) {
 
 struct WaveAxis::Lanes {
   std::array<float, kMostWaves> u{}, weight{};
+
+  explicit Lanes(std::span<const Seen> seen) {
+    for (size_t k = 0; k < seen.size(); ++k) {
+      u[k] = seen[k].u;
+      weight[k] = seen[k].weight;
+    }
+  }
 };
 
 WaveAxis::WaveAxis(std::span<const BarWave> waves, int extent_px)
@@ -60,6 +69,18 @@ WaveAxis::WaveAxis(std::span<const BarWave> waves, int extent_px)
   }
 }
 
+std::optional<std::array<double, 2>> WaveAxis::alike_px() const {
+  std::map<std::uint32_t, double> last_seen_px;  // by the signs of all waves, where they were so last
+  for (double t_px = 0.5; t_px < extent_px_; t_px += 1.0) {
+    std::uint32_t signs = 0;
+    for (size_t k = 0; k < wave_count_; ++k) signs |= wave_at(k, t_px) > 0.0 ? 1u << k : 0u;
+    const auto [last, first_time] = last_seen_px.try_emplace(signs, t_px);
+    if (!first_time && t_px - last->second > 1.0) return std::array{last->second, t_px};
+    last->second = t_px;
+  }
+  return std::nullopt;
+}
+
 void WaveAxis::means(const Interval& interval, std::span<double> v) const {
   const auto place = [&](double t_px) {
     const double t = t_px * per_px_;
@@ -84,14 +105,20 @@ double WaveAxis::wave_at(size_t wave, double t_px) const {
 }
 
 double WaveAxis::cost(std::span<const Seen> seen, const Interval& interval) const {
-  std::array<double, kMostWaves> v;
-  means(interval, v);
-  double sum = interval.length_px() / extent_px_;
-  for (size_t k = 0; k < wave_count_; ++k) {
-    const double miss = static_cast<double>(seen[k].u) - v[k];
-    sum += static_cast<double>(seen[k].weight) * miss * miss;
-  }
-  return sum;
+  return cost(Lanes(seen), interval);
+}
+
+double WaveAxis::cost(const Lanes& seen, const Interval& interval) const {
+  const auto place = [&](double t) { return std::clamp(static_cast<int>(t), 0, last_point_ - 1); };
+  const double low = interval.low_px * per_px_, high = interval.high_px * per_px_;
+  const int low_point = place(low), high_point = place(high);
+  const float miss = internal::cost_of({.low = sums_.data() + static_cast<size_t>(low_point) * stride_,
+                                        .high = sums_.data() + static_cast<size_t>(high_point) * stride_,
+                                        .low_part = static_cast<float>(low - low_point),
+                                        .high_part = static_cast<float>(high - high_point),
+                                        .distance = static_cast<float>(high - low)},
+                                       seen.u.data(), seen.weight.data(), stride_);
+  return static_cast<double>(miss) + interval.length_px() / extent_px_;
 }
 
 float WaveAxis::bound(const Lanes& seen, const Node& node) const {
@@ -111,11 +138,7 @@ float WaveAxis::bound(const Lanes& seen, const Node& node) const {
 }
 
 IntervalFit WaveAxis::search(std::span<const Seen> seen) const {
-  Lanes lanes;
-  for (size_t k = 0; k < wave_count_; ++k) {
-    lanes.u[k] = seen[k].u;
-    lanes.weight[k] = seen[k].weight;
-  }
+  const Lanes lanes(seen);
   std::array<Node, kMostOpen> open;
   size_t open_count = 0;
   open[open_count++] = {.level = static_cast<int>(first_cell_.size()) - 1};
@@ -149,13 +172,17 @@ IntervalFit WaveAxis::search(std::span<const Seen> seen) const {
   }
   IntervalFit best{.interval = {}, .cost = std::numeric_limits<double>::infinity()};
   for (size_t i = 0; i < std::min(found, kKept); ++i) {
-    const IntervalFit fit = refine(seen, kept[i]);
+    const IntervalFit fit = refine(lanes, kept[i]);
     if (fit.cost < best.cost) best = fit;
   }
   return best;
 }
 
 IntervalFit WaveAxis::refine(std::span<const Seen> seen, const Interval& start) const {
+  return refine(Lanes(seen), start);
+}
+
+IntervalFit WaveAxis::refine(const Lanes& seen, const Interval& start) const {
   constexpr std::array<std::array<double, 2>, 8> kShifts{
       {{-1, 0}, {1, 0}, {0, -1}, {0, 1}, {1, 1}, {-1, -1}, {1, -1}, {-1, 1}}};
   IntervalFit best{.interval = start, .cost = cost(seen, start)};

@@ -13,6 +13,8 @@
 // entries because a monitor's pixels are flat.
 #pragma once
 
+#include <array>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -48,6 +50,10 @@ class WaveAxis {
   // two, else one.
   double grid_px() const { return 1.0 / per_px_; }
 
+  // Two places further apart than the finest bar that all waves show alike, as where one of them was left
+  // out; none if they can be told apart.
+  std::optional<std::array<double, 2>> alike_px() const;
+
   // v_k of every wave.
   void means(const Interval& interval, std::span<double> v) const;
   // s_k at a point.
@@ -75,6 +81,8 @@ class WaveAxis {
   };
   // By wave, padded with weight 0.
   struct Lanes;
+  IntervalFit refine(const Lanes& seen, const Interval& start) const;
+  double cost(const Lanes& seen, const Interval& interval) const;
   float bound(const Lanes& seen, const Node& node) const;
   // The least of P over a cell, by wave; stride_ further on the most.
   const float* least(int level, int cell) const {

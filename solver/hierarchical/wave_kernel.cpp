@@ -34,6 +34,24 @@ float BoundOf(const internal::CellPair& pair, const float* u, const float* weigh
   return hn::GetLane(hn::SumOfLanes(d, sum));
 }
 
+float CostOf(const internal::PlacePair& pair, const float* u, const float* weight, size_t stride) {
+  const hn::CappedTag<float, internal::kWaveLanes> d;
+  using V = hn::Vec<decltype(d)>;
+  const V scale = hn::Set(d, 1.0f / pair.distance), low_part = hn::Set(d, pair.low_part),
+          high_part = hn::Set(d, pair.high_part);
+  V sum = hn::Zero(d);
+  for (size_t k = 0; k < stride; k += hn::Lanes(d)) {
+    const V low = hn::LoadU(d, pair.low + k), high = hn::LoadU(d, pair.high + k);
+    const V at_low = hn::Sub(hn::LoadU(d, pair.low + stride + k), low);
+    const V at_high = hn::Sub(hn::LoadU(d, pair.high + stride + k), high);
+    // Whole numbers first, whose difference is exact.
+    const V inside = hn::MulAdd(high_part, at_high, hn::NegMulAdd(low_part, at_low, hn::Sub(high, low)));
+    const V miss = hn::NegMulAdd(inside, scale, hn::LoadU(d, u + k));
+    sum = hn::MulAdd(hn::Mul(hn::LoadU(d, weight + k), miss), miss, sum);
+  }
+  return hn::GetLane(hn::SumOfLanes(d, sum));
+}
+
 }  // namespace HWY_NAMESPACE
 }  // namespace glasswing
 HWY_AFTER_NAMESPACE();
@@ -42,9 +60,14 @@ HWY_AFTER_NAMESPACE();
 namespace glasswing::internal {
 
 HWY_EXPORT(BoundOf);
+HWY_EXPORT(CostOf);
 
 float bound_of(const CellPair& pair, const float* u, const float* weight, size_t stride) {
   return HWY_DYNAMIC_DISPATCH(BoundOf)(pair, u, weight, stride);
+}
+
+float cost_of(const PlacePair& pair, const float* u, const float* weight, size_t stride) {
+  return HWY_DYNAMIC_DISPATCH(CostOf)(pair, u, weight, stride);
 }
 
 }  // namespace glasswing::internal

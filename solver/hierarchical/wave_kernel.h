@@ -20,4 +20,15 @@ struct CellPair {
 // interval can.
 float bound_of(const CellPair& pair, const float* u, const float* weight, size_t stride);
 
+// Two places between points of the table of sums: P at the point before, `stride` further on at the next,
+// and the part of the way between.
+struct PlacePair {
+  const float *low = nullptr, *high = nullptr;
+  float low_part = 0.0f, high_part = 0.0f;
+  float distance = 1.0f;  // in steps of the grid
+};
+
+// sum_k w_k (u_k - v_k)^2 of the interval between them.
+float cost_of(const PlacePair& pair, const float* u, const float* weight, size_t stride);
+
 }  // namespace glasswing::internal
