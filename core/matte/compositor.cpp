@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "core/base/status.h"
+#include "core/matte/summed_picture.h"
 #include "core/radiometry/primary_mix.h"
 
 namespace glasswing {
@@ -126,6 +127,14 @@ absl::StatusOr<RadianceImage> composite(const Matte& matte, const std::vector<Ra
           background.width_px, background.height_px, monitors[t].width_px(), monitors[t].height_px()));
     }
   }
+  std::vector<SummedPicture> summed;
+  if (matte.metadata.footprint() == kBoxFootprint) {
+    for (const RadianceImage& background : backgrounds) summed.emplace_back(background);
+  }
+  const auto integral = [&](const Mode& mode, size_t texture, int channel) {
+    return summed.empty() ? integrate_footprint(mode, backgrounds[texture], channel)
+                          : summed[texture].mean(mode, channel);
+  };
   RadianceImage out(matte.width_px(), matte.height_px());
   std::atomic<int> next_row = 0;
   const auto work = [&](bool reports) {
@@ -136,7 +145,7 @@ absl::StatusOr<RadianceImage> composite(const Matte& matte, const std::vector<Ra
           for (const Mode& mode : matte.modes(x, y, c)) {
             const auto texture = static_cast<size_t>(mode.texture);
             if (mode.weight > 0.0f && texture < backgrounds.size()) {
-              light += static_cast<double>(mode.weight) * integrate_footprint(mode, backgrounds[texture], c);
+              light += static_cast<double>(mode.weight) * integral(mode, texture, c);
             }
           }
           out.at(x, y, c) = static_cast<float>(light);

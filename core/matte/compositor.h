@@ -4,7 +4,8 @@
 //
 // with T constant on each flat monitor pixel and zero beyond the monitor's edge. Along x the Gaussian,
 // conditioned on y, is integrated in closed form (differences of erf); along y by Gauss-Legendre panels no
-// wider than a pixel or half the footprint's sigma.
+// wider than a pixel or half the footprint's sigma. Where the matte's footprints are boxes, G is a box
+// (summed_picture.h).
 //
 // T is as the camera's channels see it, and C is taken back to the monitors' primaries, where the matte says
 // how these differ (core/radiometry/primary_mix).
@@ -28,8 +29,8 @@ absl::StatusOr<RadianceImage> composite(const Matte& matte, const std::vector<Ra
                                         int thread_count = 0,
                                         const std::function<void(double)>& progress = nullptr);
 
-// \int G over the flat pixels of `texture`, one channel; the integral of a single footprint. Exposed for
-// tests.
+// \int G over the flat pixels of `texture`, one channel; the integral of a single Gaussian footprint. Exposed
+// for tests.
 double integrate_footprint(const Mode& mode, const RadianceImage& texture, int channel);
 
 }  // namespace glasswing

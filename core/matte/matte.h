@@ -3,7 +3,8 @@
 //   C = F + sum_i R_i \int G(x; c_i, Sigma_i) T(x) dx                (Chuang et al. 2000, eq. 12)
 //
 // per colour channel, with the orientation kept in the 2x2 covariance Sigma (docs/matte.md says why
-// no angle is stored). T is the picture on the monitor that the mode names; nothing beyond its edge.
+// no angle is stored). T is the picture on the monitor that the mode names; nothing beyond its edge. G is a
+// Gaussian, or, where the metadata says so, an upright box of the same covariance.
 #pragma once
 
 #include <array>
@@ -12,6 +13,7 @@
 #include <cstdint>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "glasswing/v1/matte.pb.h"
@@ -21,13 +23,16 @@ namespace glasswing {
 inline constexpr int kMaxModes = 4;
 inline constexpr int kChannels = 3;
 
-// One Gaussian footprint. An unused mode has weight 0.
+// MatteMetadata.footprint of mattes whose modes are upright boxes, sides sqrt(12 xx) and sqrt(12 yy).
+inline constexpr std::string_view kBoxFootprint = "box";
+
+// One footprint. An unused mode has weight 0.
 struct Mode {
   float weight = 0.0f;  // R, the fraction of the radiance that arrives; >= 0
   float x_px = 0.0f;    // centre c, monitor px
   float y_px = 0.0f;
   float xx_px2 = 0.0f;  // covariance Sigma, monitor px^2, positive semi-definite
-  float xy_px2 = 0.0f;
+  float xy_px2 = 0.0f;  // 0 of a box
   float yy_px2 = 0.0f;
   std::int32_t texture = 0;  // which monitor: its place in MatteMetadata.monitors
   // Standard errors of the weight and of the centre (rms of x and y); 0: not known.
@@ -59,7 +64,7 @@ class Matte {
   int modes_per_channel() const { return modes_per_channel_; }  // 1 to kMaxModes
 
   // x and y count from this tile's own corner. foreground: F, linear. coverage: 1 inside the silhouette,
-  // 0 outside. flags: PixelFlag bits.
+  // 0 outside, between where a method finds the object to cover a part of the pixel. flags: PixelFlag bits.
   std::array<float, kChannels>& foreground(int x, int y) { return foreground_[pixel(x, y)]; }
   const std::array<float, kChannels>& foreground(int x, int y) const { return foreground_[pixel(x, y)]; }
   float& coverage(int x, int y) { return coverage_[pixel(x, y)]; }

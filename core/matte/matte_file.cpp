@@ -31,9 +31,10 @@ constexpr const char* kChecksum = "glasswing:checksum";
 constexpr const char* kConventionsText =
     "C = F + sum R integral G(x; c, S) T(x) dx per channel, linear light. Monitor px: origin at the outer "
     "corner of "
-    "the top-left pixel, x right, y down, pixel centres at +0.5. S = [xx xy; xy yy] in px^2. texture counts "
-    "the "
-    "monitors listed in the attribute \"glasswing\".";
+    "the top-left pixel, x right, y down, pixel centres at +0.5. S = [xx xy; xy yy] in px^2. G is a "
+    "Gaussian, "
+    "or where the attribute \"glasswing\" has footprint \"box\" an upright box. texture counts the "
+    "monitors listed in that attribute.";
 constexpr std::array<const char*, 3> kColours{"R", "G", "B"};
 
 // One layer of one part: its name and its pixels, row by row.
@@ -173,6 +174,7 @@ Imf::FrameBuffer buffer_over(std::vector<Plane>& planes, const Imath::Box2i& win
 }
 
 absl::Status check(const Matte& matte) {
+  const bool boxes = matte.metadata.footprint() == kBoxFootprint;
   for (int y = 0; y < matte.height_px(); ++y) {
     for (int x = 0; x < matte.width_px(); ++x) {
       bool good = std::isfinite(matte.coverage(x, y));
@@ -183,8 +185,8 @@ absl::Status check(const Matte& matte) {
             good = good && (layer.member == nullptr || std::isfinite(mode.*layer.member));
           }
           good = good && mode.weight >= 0.0f && mode.weight_sd >= 0.0f && mode.centre_sd_px >= 0.0f &&
-                 mode.xx_px2 >= 0.0f && mode.yy_px2 >= 0.0f && mode.texture >= 0 &&
-                 mode.texture < matte.metadata.monitors_size();
+                 mode.xx_px2 >= 0.0f && mode.yy_px2 >= 0.0f && (!boxes || mode.xy_px2 == 0.0f) &&
+                 mode.texture >= 0 && mode.texture < matte.metadata.monitors_size();
         }
       }
       if (!good)
@@ -344,6 +346,11 @@ absl::Status check_metadata(const v1::MatteMetadata& metadata, const Imath::Box2
   if (metadata.monitors_size() > kMostMonitors) {
     return absl::DataLossError(
         fmt::format("it names {} monitors; at most {} can be", metadata.monitors_size(), kMostMonitors));
+  }
+  const std::string& footprint = metadata.footprint();
+  if (!footprint.empty() && footprint != "gaussian" && footprint != kBoxFootprint) {
+    return absl::FailedPreconditionError(
+        fmt::format("its footprints are \"{}\"; this program reads \"gaussian\" and \"box\"", footprint));
   }
   return absl::OkStatus();
 }

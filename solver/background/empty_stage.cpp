@@ -44,6 +44,7 @@ void add_bars(const v1::Stimulus& stimulus, int frame, EmptyMonitor& monitor) {
   const double gray = gray_of(stimulus);
   if (!(stimulus.bar_width_px() >= 1.0) || !(gray > 0.0)) return;
   if (!vertical && stimulus.orient() != "horizontal_bars") return;
+  if (stimulus.offset_px() != 0.0) return;  // BarDecoder's waves begin at the edge
   std::vector<BarFrames>& bars = monitor.bars[vertical ? 0 : 1];
   auto found = std::ranges::find_if(bars, [&](const BarFrames& known) {
     return known.width_px == stimulus.bar_width_px() && known.light == gray;

@@ -104,6 +104,19 @@ TEST(Composite, AddsForegroundAndEveryModeOnItsOwnMonitor) {
   EXPECT_TRUE(absl::IsInvalidArgument(composite(matte, {RadianceImage(7, 8)}).status()));
 }
 
+TEST(Composite, TakesBoxesWhereTheMatteHasThem) {
+  Matte matte(0, 0, 1, 1, 1);
+  matte.metadata.set_footprint("box");
+  v1::Monitor& monitor = *matte.metadata.add_monitors();
+  monitor.set_width_px(8);
+  monitor.set_height_px(8);
+  RadianceImage picture(8, 8);
+  picture.at(2, 3, 0) = 0.9f;
+  // Over pixels (2, 3) and (3, 3), a row of two: half of the light.
+  matte.modes(0, 0, 0)[0] = oriented(3.0, 3.5, std::sqrt(4.0 / 12.0), std::sqrt(1.0 / 12.0), 0.0);
+  EXPECT_NEAR(composite(matte, {picture}).value().at(0, 0, 0), 0.45, 1e-6);
+}
+
 // Glass bends each channel of the camera to another place, and a monitor's primaries reach all channels: what
 // the camera sees is worked out channel by channel, and taken back to primaries.
 TEST(Composite, GoesThroughTheCamerasChannelsWhereThePrimariesMix) {

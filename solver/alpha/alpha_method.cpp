@@ -1,0 +1,170 @@
+#include "solver/alpha/alpha_method.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "core/base/status.h"
+#include "solver/background/surroundings.h"
+
+namespace glasswing {
+namespace {
+
+constexpr double kPoorNoise = 4.0, kPoorLight = 0.05;  // a residual above both, of full scale, is poor
+constexpr double kLeastInside = 0.05;
+
+class AlphaSolver {
+ public:
+  // All must outlive it.
+  AlphaSolver(const FrameStack& stack, const BackingLayout& layout, int backings, const Vlahos& constants,
+              double silhouette_tolerance)
+      : stack_(stack),
+        layout_(layout),
+        backings_(backings),
+        constants_(constants),
+        surroundings_(stack, layout.stage, silhouette_tolerance),
+        samples_(layout.backings.size()) {}
+
+  void solve_row(int y, Matte& matte) {
+    const std::vector<bool> object = surroundings_.settle_row(y, {}, matte);
+    for (int x = 0; x < matte.width_px(); ++x) {
+      if (object[static_cast<size_t>(x)]) solve_pixel(x, y, matte);
+    }
+  }
+
+ private:
+  // True if something is saturated.
+  bool gather(int x, int y) {
+    bool saturated = false;
+    for (size_t s = 0; s < samples_.size(); ++s) {
+      for (int c = 0; c < kChannels; ++c) {
+        const size_t place = stack_.place(x, y, c), channel = static_cast<size_t>(c);
+        const MergedSample object = merge(stack_, layout_.backings[s].object, place, surroundings_.noise());
+        const MergedSample empty = merge(stack_, layout_.backings[s].empty, place, surroundings_.noise());
+        samples_[s].object[channel] = object.radiance;
+        samples_[s].empty[channel] = empty.radiance;
+        samples_[s].variance[channel] = object.variance + empty.variance;
+        saturated = saturated || object.saturated || empty.saturated;
+      }
+    }
+    return saturated;
+  }
+
+  // Of a channel of the empty stage: its light without the monitor, and what light 1 adds. By least squares
+  // over the backings; where these do not differ in the channel, there is taken to be nothing but the
+  // monitor.
+  struct Line {
+    double dark = 0.0, slope = 0.0;
+    bool known = false;
+  };
+  Line line_of(size_t c) const {
+    double light = 0.0, seen = 0.0, square = 0.0, product = 0.0;
+    for (size_t s = 0; s < samples_.size(); ++s) {
+      const double own = layout_.backings[s].light[c];
+      light += own;
+      seen += samples_[s].empty[c];
+      square += own * own;
+      product += own * samples_[s].empty[c];
+    }
+    const auto count = static_cast<double>(samples_.size());
+    const double spread = square - light * light / count;
+    if (spread > 1e-9) {
+      const double slope = (product - light * seen / count) / spread;
+      return {.dark = (seen - slope * light) / count, .slope = std::max(slope, 0.0), .known = true};
+    }
+    if (light > 0.0) return {.dark = 0.0, .slope = seen / light, .known = true};
+    return {.dark = seen / count, .slope = 0.0, .known = false};
+  }
+
+  void solve_pixel(int x, int y, Matte& matte) {
+    std::uint8_t& flags = matte.flags(x, y);
+    if (gather(x, y)) flags |= kFlagSaturated;
+    const Cover cover = backings_ == 2 ? triangulate(samples_) : key_out(samples_.front(), constants_);
+    const double noise_sd = std::sqrt(surroundings_.noise().variance(0.0));
+    if (cover.rms > std::max(kPoorNoise * noise_sd, kPoorLight)) flags |= kFlagPoorFit;
+    matte.coverage(x, y) = static_cast<float>(1.0 - cover.straight);
+    std::array<Line, kChannels> lines;
+    double slopes = 0.0, known = 0.0;
+    for (size_t c = 0; c < kChannels; ++c) {
+      lines[c] = line_of(c);
+      slopes += lines[c].known ? lines[c].slope : 0.0;
+      known += lines[c].known ? 1.0 : 0.0;
+    }
+    const BackgroundPoint& point = surroundings_.background(x, y)[static_cast<size_t>(layout_.texture)];
+    const double inside = std::max(point.axis[0].inside * point.axis[1].inside, kLeastInside);
+    for (int c = 0; c < kChannels; ++c) {
+      const auto channel = static_cast<size_t>(c);
+      // A channel in which no backing has light is taken to be as the others are.
+      const double slope = lines[channel].known ? lines[channel].slope : slopes / std::max(known, 1.0);
+      matte.foreground(x, y)[channel] =
+          static_cast<float>(cover.foreground[channel] + cover.straight * lines[channel].dark);
+      if (!point.seen || cover.straight * slope <= 0.0) continue;
+      Mode& mode = matte.modes(x, y, c)[0] = point.mode(c, layout_.texture);
+      mode.weight = static_cast<float>(cover.straight * slope / inside);
+      mode.weight_sd = static_cast<float>(cover.straight_sd * slope / inside);
+    }
+  }
+
+  const FrameStack& stack_;
+  const BackingLayout& layout_;
+  const int backings_;
+  const Vlahos constants_;
+  Surroundings surroundings_;
+  std::vector<BackingSample> samples_;
+};
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<Method>> AlphaMethod::create(const MethodOptions& options) {
+  auto method = std::make_unique<AlphaMethod>();
+  method->options_ = options;
+  for (const auto& [key, value] : options) {
+    if (key == "backings") {
+      if (value != "1" && value != "2")
+        return absl::InvalidArgumentError(fmt::format("{} is \"{}\"; it must be 1 or 2", key, value));
+      method->backings_ = value == "1" ? 1 : 2;
+    } else if (key == "a1") {
+      GW_ASSIGN_OR_RETURN(method->constants_.a1, number_option(key, value, 0.1, 10.0));
+    } else if (key == "a2") {
+      GW_ASSIGN_OR_RETURN(method->constants_.a2, number_option(key, value, 0.5, 1.5));
+    } else if (key == "silhouette_tolerance") {
+      GW_ASSIGN_OR_RETURN(method->silhouette_tolerance_, number_option(key, value, 0.0, 1.0));
+    } else {
+      return absl::InvalidArgumentError(fmt::format(
+          "option \"{}\" is not known to alpha; it has: backings, a1, a2, silhouette_tolerance", key));
+    }
+  }
+  if (method->backings_ == 2 && (options.contains("a1") || options.contains("a2")))
+    return absl::InvalidArgumentError(
+        "a1 and a2 are constants of a single backing; set backings=1 with them");
+  return method;
+}
+
+absl::StatusOr<std::vector<int>> AlphaMethod::frames_needed(const v1::CaptureManifest& manifest) const {
+  GW_ASSIGN_OR_RETURN(const BackingLayout layout, lay_out_backings(manifest, backings_));
+  const std::vector<int> stage = frames_of(layout.stage, manifest);
+  std::set<int> needed(stage.begin(), stage.end());
+  for (const Backing& backing : layout.backings) {
+    for (const Shot& shot : {backing.object, backing.empty}) {
+      for (const ExposedFrame& exposed : shot) needed.insert(exposed.frame);
+    }
+  }
+  return std::vector<int>(needed.begin(), needed.end());
+}
+
+absl::StatusOr<Matte> AlphaMethod::solve(const FrameStack& stack) const {
+  GW_ASSIGN_OR_RETURN(const BackingLayout layout, lay_out_backings(stack.manifest, backings_));
+  GW_ASSIGN_OR_RETURN(const std::vector<int> needed, frames_needed(stack.manifest));
+  GW_RETURN_IF_ERROR(check_rows(stack, needed));
+  Matte matte =
+      blank_matte(stack, "alpha", options_, std::clamp(stack.manifest.monitors_size(), 1, kMaxModes));
+  Vlahos constants = constants_;
+  constants.key = layout.key;
+  AlphaSolver solver(stack, layout, backings_, constants, silhouette_tolerance_);
+  for (int y = 0; y < stack.row_count; ++y) solver.solve_row(y, matte);
+  return matte;
+}
+
+}  // namespace glasswing

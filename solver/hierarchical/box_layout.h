@@ -1,0 +1,42 @@
+// Which frames of an archive play which part for square waves.
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include "solver/background/stage_layout.h"
+#include "solver/hierarchical/wave_axis.h"
+
+namespace glasswing {
+
+// One picture on a monitor, with the object: bars, or all of it lit.
+struct BoxPattern {
+  static constexpr int kSolid = -1;
+  int axis = kSolid;                           // 0: vertical bars, along x; 1: horizontal bars, along y
+  size_t wave = 0;                             // place in BoxMonitor::waves
+  double sign = 1.0;                           // -1: the complement
+  std::array<double, 3> light{1.0, 1.0, 1.0};  // radiance of what is lit
+  Shot shot;
+};
+
+struct BoxMonitor {
+  int texture = 0;
+  int width_px = 0, height_px = 0;
+  std::array<std::vector<BarWave>, 2> waves;  // wide to narrow
+  std::vector<BoxPattern> patterns;           // solids first; a wave's complement right after it
+};
+
+struct BoxLayout {
+  StageLayout stage;
+  std::vector<BoxMonitor> monitors;   // those that showed waves, by texture
+  std::vector<std::string> warnings;  // for people: places that the waves do not tell apart
+};
+
+// FAILED_PRECONDITION says what is missing or does not fit: waves along one axis only, no way to tell F and R
+// (neither complements nor black and a solid), numbers that are none.
+absl::StatusOr<BoxLayout> lay_out_boxes(const v1::CaptureManifest& manifest);
+
+}  // namespace glasswing

@@ -1,0 +1,206 @@
+#include "solver/hierarchical/wave_axis.h"
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <map>
+
+#include "solver/hierarchical/wave_kernel.h"
+
+namespace glasswing {
+namespace {
+
+constexpr size_t kMostOpen = 80;  // three nodes wait on each of at most 16 levels
+constexpr size_t kKept = 3;       // of the best points of the grid, those that are refined
+
+double drawn(const BarWave& wave, int pixel) {
+  const double bar = std::floor((pixel + 0.5 - wave.offset_px) / wave.bar_px);
+  return std::fmod(bar, 2.0) == 0.0 ? 1.0 : -1.0;
+}
+
+}  // namespace
+
+struct WaveAxis::Lanes {
+  std::array<float, kMostWaves> u{}, weight{};
+
+  explicit Lanes(std::span<const Seen> seen) {
+    for (size_t k = 0; k < seen.size(); ++k) {
+      u[k] = seen[k].u;
+      weight[k] = seen[k].weight;
+    }
+  }
+};
+
+WaveAxis::WaveAxis(std::span<const BarWave> waves, int extent_px)
+    : wave_count_(waves.size()),
+      stride_((waves.size() + internal::kWaveLanes - 1) / internal::kWaveLanes * internal::kWaveLanes),
+      extent_px_(extent_px),
+      finest_bar_px_(extent_px) {
+  assert(!waves.empty() && waves.size() <= kMostWaves && extent_px > 0);
+  for (const BarWave& wave : waves) finest_bar_px_ = std::min(finest_bar_px_, wave.bar_px);
+  per_px_ = finest_bar_px_ < 2.0 ? 4 : 1;
+  last_point_ = extent_px * per_px_;
+  auto cells = static_cast<size_t>(last_point_) + 1;
+  sums_.resize(cells * stride_);
+  for (size_t k = 0; k < wave_count_; ++k) {
+    for (int point = 0; point < last_point_; ++point) {
+      const size_t at = static_cast<size_t>(point) * stride_ + k;
+      sums_[at + stride_] = sums_[at] + static_cast<float>(drawn(waves[k], point / per_px_));
+    }
+  }
+  first_cell_.push_back(0);
+  for (size_t point = 0; point < cells; ++point) {
+    const auto* own = sums_.data() + point * stride_;
+    for (int twice = 0; twice < 2; ++twice) cells_.insert(cells_.end(), own, own + stride_);
+  }
+  while (cells > 1) {
+    const size_t finer = first_cell_.back(), count = cells;
+    first_cell_.push_back(finer + count);
+    cells = (count + 1) / 2;
+    for (size_t cell = 0; cell < cells; ++cell) {
+      const size_t a = (finer + 2 * cell) * 2 * stride_;
+      const size_t b = 2 * cell + 1 < count ? a + 2 * stride_ : a;
+      for (size_t k = 0; k < stride_; ++k) cells_.push_back(std::min(cells_[a + k], cells_[b + k]));
+      for (size_t k = stride_; k < 2 * stride_; ++k) cells_.push_back(std::max(cells_[a + k], cells_[b + k]));
+    }
+  }
+}
+
+std::optional<std::array<double, 2>> WaveAxis::alike_px() const {
+  std::map<std::uint32_t, double> last_seen_px;  // by the signs of all waves, where they were so last
+  for (double t_px = 0.5; t_px < extent_px_; t_px += 1.0) {
+    std::uint32_t signs = 0;
+    for (size_t k = 0; k < wave_count_; ++k) signs |= wave_at(k, t_px) > 0.0 ? 1u << k : 0u;
+    const auto [last, first_time] = last_seen_px.try_emplace(signs, t_px);
+    if (!first_time && t_px - last->second > 1.0) return std::array{last->second, t_px};
+    last->second = t_px;
+  }
+  return std::nullopt;
+}
+
+void WaveAxis::means(const Interval& interval, std::span<double> v) const {
+  const auto place = [&](double t_px) {
+    const double t = t_px * per_px_;
+    const int point = std::clamp(static_cast<int>(t), 0, last_point_ - 1);
+    return std::pair(sums_.data() + static_cast<size_t>(point) * stride_, t - point);
+  };
+  const auto [low, low_part] = place(interval.low_px);
+  const auto [high, high_part] = place(interval.high_px);
+  const double scale = 1.0 / (interval.length_px() * per_px_);
+  for (size_t k = 0; k < wave_count_; ++k) {
+    const auto whole = static_cast<double>(high[k] - low[k]);
+    const auto at_high = static_cast<double>(high[k + stride_] - high[k]);
+    const auto at_low = static_cast<double>(low[k + stride_] - low[k]);
+    v[k] = (whole + high_part * at_high - low_part * at_low) * scale;
+  }
+}
+
+double WaveAxis::wave_at(size_t wave, double t_px) const {
+  const int point = std::clamp(static_cast<int>(t_px * per_px_), 0, last_point_ - 1);
+  const size_t at = static_cast<size_t>(point) * stride_ + wave;
+  return static_cast<double>(sums_[at + stride_] - sums_[at]);
+}
+
+double WaveAxis::cost(std::span<const Seen> seen, const Interval& interval) const {
+  return cost(Lanes(seen), interval);
+}
+
+double WaveAxis::cost(const Lanes& seen, const Interval& interval) const {
+  const auto place = [&](double t) { return std::clamp(static_cast<int>(t), 0, last_point_ - 1); };
+  const double low = interval.low_px * per_px_, high = interval.high_px * per_px_;
+  const int low_point = place(low), high_point = place(high);
+  const float miss = internal::cost_of({.low = sums_.data() + static_cast<size_t>(low_point) * stride_,
+                                        .high = sums_.data() + static_cast<size_t>(high_point) * stride_,
+                                        .low_part = static_cast<float>(low - low_point),
+                                        .high_part = static_cast<float>(high - high_point),
+                                        .distance = static_cast<float>(high - low)},
+                                       seen.u.data(), seen.weight.data(), stride_);
+  return static_cast<double>(miss) + interval.length_px() / extent_px_;
+}
+
+float WaveAxis::bound(const Lanes& seen, const Node& node) const {
+  const int size = 1 << node.level;
+  const int low_first = node.low * size, high_first = node.high * size;
+  const int low_last = std::min(low_first + size - 1, last_point_);
+  const int high_last = std::min(high_first + size - 1, last_point_);
+  const int shortest = std::max(high_first - low_last, 1);
+  const float miss = internal::bound_of({.low = least(node.level, node.low),
+                                         .high = least(node.level, node.high),
+                                         .first = sums_.data() + static_cast<size_t>(low_first) * stride_,
+                                         .last = sums_.data() + static_cast<size_t>(high_last) * stride_,
+                                         .shortest = static_cast<float>(shortest),
+                                         .longest = static_cast<float>(high_last - low_first)},
+                                        seen.u.data(), seen.weight.data(), stride_);
+  return miss + static_cast<float>(shortest) / static_cast<float>(last_point_);
+}
+
+IntervalFit WaveAxis::search(std::span<const Seen> seen) const {
+  const Lanes lanes(seen);
+  std::array<Node, kMostOpen> open;
+  size_t open_count = 0;
+  open[open_count++] = {.level = static_cast<int>(first_cell_.size()) - 1};
+  float enough = std::numeric_limits<float>::infinity();
+  std::array<Interval, kKept> kept;
+  size_t found = 0;
+  while (open_count > 0) {
+    const Node node = open[--open_count];
+    if (node.bound >= enough) continue;
+    if (node.level == 0) {
+      enough = node.bound;
+      kept[found++ % kKept] = {.low_px = node.low * grid_px(), .high_px = node.high * grid_px()};
+      continue;
+    }
+    std::array<Node, 4> parts;
+    size_t part_count = 0;
+    const int last = last_point_ >> (node.level - 1);
+    for (int low = 2 * node.low; low <= 2 * node.low + 1; ++low) {
+      for (int high = 2 * node.high; high <= std::min(2 * node.high + 1, last); ++high) {
+        if (low > high || (low == high && node.level == 1)) continue;
+        Node part{.level = node.level - 1, .low = low, .high = high};
+        part.bound = bound(lanes, part);
+        if (part.bound >= enough) continue;
+        size_t place = part_count++;
+        for (; place > 0 && parts[place - 1].bound < part.bound; --place) parts[place] = parts[place - 1];
+        parts[place] = part;
+      }
+    }
+    // The best comes last, and is looked into first.
+    for (size_t i = 0; i < part_count; ++i) open[open_count++] = parts[i];
+  }
+  IntervalFit best{.interval = {}, .cost = std::numeric_limits<double>::infinity()};
+  for (size_t i = 0; i < std::min(found, kKept); ++i) {
+    const IntervalFit fit = refine(lanes, kept[i]);
+    if (fit.cost < best.cost) best = fit;
+  }
+  return best;
+}
+
+IntervalFit WaveAxis::refine(std::span<const Seen> seen, const Interval& start) const {
+  return refine(Lanes(seen), start);
+}
+
+IntervalFit WaveAxis::refine(const Lanes& seen, const Interval& start) const {
+  constexpr std::array<std::array<double, 2>, 8> kShifts{
+      {{-1, 0}, {1, 0}, {0, -1}, {0, 1}, {1, 1}, {-1, -1}, {1, -1}, {-1, 1}}};
+  IntervalFit best{.interval = start, .cost = cost(seen, start)};
+  for (double step_px = 0.5 * grid_px(); step_px >= kLeastLength_px; step_px *= 0.5) {
+    for (bool shifted = true; shifted;) {
+      shifted = false;
+      const Interval from = best.interval;
+      for (const auto& [low, high] : kShifts) {
+        const Interval to{.low_px = from.low_px + low * step_px, .high_px = from.high_px + high * step_px};
+        if (to.low_px < 0.0 || to.high_px > extent_px_ || to.length_px() < kLeastLength_px) continue;
+        const double own = cost(seen, to);
+        if (own >= best.cost) continue;
+        best = {.interval = to, .cost = own};
+        shifted = true;
+      }
+    }
+  }
+  return best;
+}
+
+}  // namespace glasswing

@@ -1,0 +1,227 @@
+#include "solver/hierarchical/box_fit.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+namespace glasswing {
+namespace {
+
+constexpr double kNoise = 0.002;
+
+BoxMonitor monitor(bool solids, bool complements, int width_px = 96, int height_px = 64) {
+  BoxMonitor monitor;
+  monitor.width_px = width_px;
+  monitor.height_px = height_px;
+  const auto add = [&](int axis, size_t wave, double sign) {
+    monitor.patterns.push_back(
+        {.axis = axis, .wave = wave, .sign = sign, .light = {1.0, 1.0, 1.0}, .shot = {}});
+  };
+  if (solids) add(BoxPattern::kSolid, 0, 1.0);
+  for (int axis = 0; axis < 2; ++axis) {
+    for (double bar_px = 64.0; bar_px >= 1.0; bar_px *= 0.5) {
+      std::vector<BarWave>& waves = monitor.waves[static_cast<size_t>(axis)];
+      add(axis, waves.size(), 1.0);
+      if (complements) add(axis, waves.size(), -1.0);
+      waves.push_back({.bar_px = bar_px});
+    }
+  }
+  return monitor;
+}
+
+struct Truth {
+  Interval x, y;
+  Samples3 weight{};
+};
+
+// What a pixel sees whose boxes are these, one on each monitor.
+class SimulatedPixel {
+ public:
+  SimulatedPixel(const std::vector<BoxMonitor>& monitors, bool black, double noise, unsigned seed)
+      : monitors_(monitors), noise_(0.0, noise), random_(seed) {
+    for (size_t m = 0; m < monitors.size(); ++m) pixel_.samples.emplace_back(monitors[m].patterns.size());
+    if (black) add(pixel_.black, [](size_t) { return 0.0; });
+  }
+  void foreground(const Samples3& light) {
+    if (pixel_.black.information[0] > 0.0) add(pixel_.black, [&](size_t c) { return light[c]; });
+    for (auto& samples : pixel_.samples) {
+      for (BoxSample& sample : samples) add(sample, [&](size_t c) { return light[c]; });
+    }
+  }
+  void box(size_t m, const Truth& truth) {
+    for (size_t p = 0; p < monitors_[m].patterns.size(); ++p) {
+      const double lit = lit_of(m, p, truth);
+      for (size_t c = 0; c < kChannels; ++c) pixel_.samples[m][p].radiance[c] += truth.weight[c] * lit;
+    }
+  }
+  // The object leaves a part of what lies behind uncovered.
+  void straight(size_t m, const Truth& behind, double part) {
+    pixel_.has_straight = true;
+    for (size_t p = 0; p < monitors_[m].patterns.size(); ++p) {
+      const double lit = lit_of(m, p, behind);
+      for (size_t c = 0; c < kChannels; ++c) {
+        pixel_.samples[m][p].straight[c] = behind.weight[c] * lit;
+        pixel_.samples[m][p].radiance[c] += part * behind.weight[c] * lit;
+      }
+    }
+  }
+  BoxPixel& pixel() { return pixel_; }
+
+ private:
+  template <typename Light>
+  void add(BoxSample& sample, const Light& light) {
+    for (size_t c = 0; c < kChannels; ++c) {
+      if (sample.information[c] == 0.0) {
+        sample.information[c] = 1.0 / (noise_.stddev() * noise_.stddev());
+        sample.radiance[c] = noise_(random_);
+      }
+      sample.radiance[c] += light(c);
+    }
+  }
+  double lit_of(size_t m, size_t p, const Truth& truth) const {
+    const BoxPattern& pattern = monitors_[m].patterns[p];
+    if (pattern.axis == BoxPattern::kSolid) return 1.0;
+    const auto axis = static_cast<size_t>(pattern.axis);
+    const WaveAxis waves(monitors_[m].waves[axis],
+                         axis == 0 ? monitors_[m].width_px : monitors_[m].height_px);
+    std::vector<double> v(waves.wave_count());
+    waves.means(axis == 0 ? truth.x : truth.y, v);
+    return 0.5 * (1.0 + pattern.sign * v[pattern.wave]);
+  }
+
+  const std::vector<BoxMonitor>& monitors_;
+  std::normal_distribution<double> noise_;
+  std::mt19937 random_;
+  BoxPixel pixel_;
+};
+
+const Truth kBox{{30.2, 41.5}, {20.0, 23.6}, {0.7, 0.5, 0.3}};
+
+// Bars that share edges leave some boxes alike: what is found sees of every wave what the truth does. Of K
+// waves, the best fit is no further from what was seen than the truth is, so no further from the truth than
+// twice the noise of all: sqrt(K) of one's, and six more to be sure.
+void expect_box(const BoxMonitor& monitor, const PixelBox& found, const Truth& truth) {
+  ASSERT_TRUE(found.seen);
+  const std::array<Interval, 2> sides{truth.x, truth.y};
+  for (size_t a = 0; a < 2; ++a) {
+    const WaveAxis axis(monitor.waves[a], a == 0 ? monitor.width_px : monitor.height_px);
+    const auto count = axis.wave_count();
+    std::vector<double> seen(count), true_v(count);
+    axis.means(found.side[a], seen);
+    axis.means(sides[a], true_v);
+    const double noise = 2.0 * kNoise / *std::ranges::max_element(truth.weight);  // of v, from one picture
+    for (size_t k = 0; k < count; ++k)
+      EXPECT_NEAR(seen[k], true_v[k], 2.0 * noise * (std::sqrt(static_cast<double>(count)) + 6.0)) << a << k;
+    EXPECT_NEAR(found.side[a].centre_px(), sides[a].centre_px(), 0.5 * sides[a].length_px());
+  }
+  for (size_t c = 0; c < kChannels; ++c)
+    EXPECT_NEAR(found.weight[c], truth.weight[c], 6.0 * found.weight_sd[c]);
+  EXPECT_LT(found.centre_sd_px, 0.1);
+}
+
+TEST(BoxFit, FindsBoxLightAndForeground) {
+  const std::vector<BoxMonitor> monitors{monitor(true, true)};
+  BoxFitter fitter(monitors);
+  SimulatedPixel simulated(monitors, true, kNoise, 1);
+  simulated.foreground({0.02, 0.1, 0.05});
+  simulated.box(0, kBox);
+  const BoxFit fit = fitter.fit(simulated.pixel());
+  expect_box(monitors[0], fit.boxes[0], kBox);
+  EXPECT_NEAR(fit.foreground[1], 0.1, 6.0 * kNoise / std::sqrt(15.0));
+  EXPECT_EQ(fit.straight, 0.0);
+  // Chi-square of n samples less unknowns: within six standard deviations, sqrt(2 n).
+  EXPECT_NEAR(fit.chi_square, fit.sample_count, 6.0 * std::sqrt(2.0 * fit.sample_count) + 11.0);
+}
+
+// Without black and white: waves and complements tell F and R by themselves.
+TEST(BoxFit, NeedsNoSolids) {
+  const std::vector<BoxMonitor> monitors{monitor(false, true)};
+  BoxFitter fitter(monitors);
+  SimulatedPixel simulated(monitors, false, kNoise, 2);
+  simulated.foreground({0.02, 0.1, 0.05});
+  simulated.box(0, kBox);
+  const BoxFit fit = fitter.fit(simulated.pixel());
+  expect_box(monitors[0], fit.boxes[0], kBox);
+  EXPECT_NEAR(fit.foreground[1], 0.1, 6.0 * kNoise / std::sqrt(15.0));
+}
+
+TEST(BoxFit, NeedsNoComplements) {
+  const std::vector<BoxMonitor> monitors{monitor(true, false)};
+  BoxFitter fitter(monitors);
+  SimulatedPixel simulated(monitors, true, kNoise, 3);
+  simulated.foreground({0.02, 0.1, 0.05});
+  simulated.box(0, kBox);
+  expect_box(monitors[0], fitter.fit(simulated.pixel()).boxes[0], kBox);
+}
+
+TEST(BoxFit, OneBoxOnEachMonitor) {
+  const std::vector<BoxMonitor> monitors{monitor(true, true), monitor(true, true, 80, 64)};
+  const Truth other{{5.0, 9.25}, {50.5, 63.0}, {0.1, 0.2, 0.25}};
+  BoxFitter fitter(monitors);
+  SimulatedPixel simulated(monitors, true, kNoise, 4);
+  simulated.foreground({0.0, 0.01, 0.02});
+  simulated.box(0, kBox);
+  simulated.box(1, other);
+  const BoxFit both = fitter.fit(simulated.pixel());
+  expect_box(monitors[0], both.boxes[0], kBox);
+  expect_box(monitors[1], both.boxes[1], other);
+  SimulatedPixel dark(monitors, true, kNoise, 5);
+  dark.foreground({0.0, 0.01, 0.02});
+  dark.box(0, kBox);
+  const BoxFit one = fitter.fit(dark.pixel());
+  expect_box(monitors[0], one.boxes[0], kBox);
+  EXPECT_FALSE(one.boxes[1].seen);
+  EXPECT_EQ(one.boxes[1].weight, Samples3{});
+}
+
+// Half of the pixel shows what lies straight behind, the other half a box elsewhere.
+TEST(BoxFit, PartialCoverIsFound) {
+  const std::vector<BoxMonitor> monitors{monitor(true, true)};
+  BoxFitter fitter(monitors);
+  const Truth behind{{70.0, 71.0}, {40.0, 41.0}, {1.0, 1.0, 1.0}};
+  SimulatedPixel simulated(monitors, true, kNoise, 6);
+  simulated.foreground({0.02, 0.02, 0.02});
+  simulated.box(0, kBox);
+  simulated.straight(0, behind, 0.4);
+  const BoxFit fit = fitter.fit(simulated.pixel());
+  expect_box(monitors[0], fit.boxes[0], kBox);
+  // Some thirty samples a channel tell of it, each as surely as its noise.
+  EXPECT_NEAR(fit.straight, 0.4, 6.0 * kNoise);
+  SimulatedPixel whole(monitors, true, kNoise, 7);
+  whole.foreground({0.02, 0.02, 0.02});
+  whole.box(0, kBox);
+  whole.straight(0, behind, 0.0);
+  EXPECT_EQ(fitter.fit(whole.pixel()).straight, 0.0);
+}
+
+// Two places at once are no box: it says so.
+TEST(BoxFit, TwoPlacesLeaveMoreThanNoise) {
+  const std::vector<BoxMonitor> monitors{monitor(true, true)};
+  BoxFitter fitter(monitors);
+  SimulatedPixel simulated(monitors, true, kNoise, 8);
+  simulated.foreground({0.0, 0.0, 0.0});
+  simulated.box(0, kBox);
+  simulated.box(0, {{80.0, 81.0}, {50.0, 51.0}, {0.5, 0.5, 0.5}});
+  const BoxFit fit = fitter.fit(simulated.pixel());
+  EXPECT_GT(fit.rms, 10.0 * kNoise);
+  // Solids are exact whatever the footprint: the whole of both weights.
+  EXPECT_NEAR(fit.boxes[0].weight[0], 1.2, 0.05);
+}
+
+TEST(BoxFit, NoLightAndNoSamplesAreNoBox) {
+  const std::vector<BoxMonitor> monitors{monitor(true, true)};
+  BoxFitter fitter(monitors);
+  SimulatedPixel dark(monitors, true, kNoise, 9);
+  dark.foreground({0.3, 0.3, 0.3});
+  const BoxFit fit = fitter.fit(dark.pixel());
+  EXPECT_FALSE(fit.boxes[0].seen);
+  EXPECT_NEAR(fit.foreground[2], 0.3, 6.0 * kNoise / std::sqrt(30.0));
+  for (BoxSample& sample : dark.pixel().samples[0]) sample.information = {};
+  dark.pixel().black.information = {};
+  EXPECT_EQ(fitter.fit(dark.pixel()).sample_count, 0);
+}
+
+}  // namespace
+}  // namespace glasswing
