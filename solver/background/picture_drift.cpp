@@ -1,0 +1,309 @@
+#include "solver/background/picture_drift.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <vector>
+
+#include "core/base/status.h"
+#include "core/frame/image_file.h"
+
+namespace glasswing {
+namespace {
+
+constexpr int kMotions = 6, kUnknowns = 12, kColumns = 8;  // in all; of one channel
+constexpr double kMostDrift = 0.02;                        // of the longer side
+constexpr double kMostGain = 1.4;
+constexpr double kMostRest = 0.05;        // noise of a photograph is less
+constexpr int kCoarsest_px = 160;         // longer side
+constexpr double kMostSamples = 100'000;  // of a level
+constexpr double kLeastSd = 0.1 / 255.0;
+
+using Step = Eigen::Matrix<double, kUnknowns, 1>;
+using Normal = Eigen::Matrix<double, kUnknowns, kUnknowns>;
+
+struct Point {
+  double x = 0.0, y = 0.0;
+};
+
+// Weights of four neighbours at t of the way from the second to the third (Catmull-Rom), and their slopes.
+struct Cubic {
+  std::array<double, 4> weight, slope;
+
+  explicit Cubic(double t)
+      : weight{((-0.5 * t + 1.0) * t - 0.5) * t, (1.5 * t - 2.5) * t * t + 1.0,
+               ((-1.5 * t + 2.0) * t + 0.5) * t, (0.5 * t - 0.5) * t * t},
+        slope{(-1.5 * t + 2.0) * t - 0.5, (4.5 * t - 5.0) * t, (-4.5 * t + 4.0) * t + 0.5,
+              (1.5 * t - 1.0) * t} {}
+};
+
+struct Sample {
+  std::array<double, 3> value{}, x_slope{}, y_slope{};
+};
+
+// At a place in px, pixel centres at +0.5; false: beyond the picture.
+bool sample_at(const RadianceImage& image, Point place, Sample& sample) {
+  const double x = place.x - 0.5, y = place.y - 0.5;
+  const double left = std::floor(x), top = std::floor(y);
+  if (!(place.x >= 0.0 && place.y >= 0.0 && place.x <= image.width_px && place.y <= image.height_px))
+    return false;
+  const Cubic across(x - left), down(y - top);
+  sample = {};
+  for (int j = 0; j < 4; ++j) {
+    const int v = std::clamp(static_cast<int>(top) + j - 1, 0, image.height_px - 1);
+    const auto row = static_cast<size_t>(j);
+    for (int i = 0; i < 4; ++i) {
+      const int u = std::clamp(static_cast<int>(left) + i - 1, 0, image.width_px - 1);
+      const auto column = static_cast<size_t>(i);
+      const float* const code = &image.samples[image.index(u, v, 0)];
+      for (size_t c = 0; c < 3; ++c) {
+        const auto value = static_cast<double>(code[c]);
+        sample.value[c] += value * across.weight[column] * down.weight[row];
+        sample.x_slope[c] += value * across.slope[column] * down.weight[row];
+        sample.y_slope[c] += value * across.weight[column] * down.slope[row];
+      }
+    }
+  }
+  return true;
+}
+
+RadianceImage shares_of(const Image16& codes) {
+  RadianceImage image(codes.width_px, codes.height_px);
+  std::transform(codes.samples.begin(), codes.samples.end(), image.samples.begin(), radiance_of);
+  return image;
+}
+
+Point moved_point(const PictureDrift& drift, Point p) {
+  return {p.x + drift.shift_px[0] + drift.stretch[0] * p.x + drift.stretch[1] * p.y,
+          p.y + drift.shift_px[1] + drift.stretch[2] * p.x + drift.stretch[3] * p.y};
+}
+
+// A median of absolute values, as the standard deviation of normal ones.
+double robust_sd(std::vector<double> differences) {
+  if (differences.empty()) return kLeastSd;
+  for (double& difference : differences) difference = std::abs(difference);
+  const auto middle = differences.begin() + static_cast<std::ptrdiff_t>(differences.size() / 2);
+  std::nth_element(differences.begin(), middle, differences.end());
+  return std::max(1.4826 * *middle, kLeastSd);
+}
+
+// Both pictures at one scale.
+class Level {
+ public:
+  Level(const RadianceImage& with, const RadianceImage& without, double scale)
+      : full_width_px_(with.width_px),
+        full_height_px_(with.height_px),
+        with_(shrunk(with, scale)),
+        without_(shrunk(without, scale)),
+        x_scale_(1.0 * with_.width_px / with.width_px),
+        y_scale_(1.0 * with_.height_px / with.height_px),
+        stride_(std::max(
+            1, static_cast<int>(std::sqrt(1.0 * with_.width_px * with_.height_px / kMostSamples)))) {}
+
+  // One step of Gauss-Newton; how far it moves a corner, in px of this level.
+  double step(PictureDrift& drift) {
+    look(drift);
+    Normal normal = prior();
+    Step gradient = -normal * unknowns(drift);
+    for (size_t c = 0; c < 3; ++c) add_channel(c, drift, normal, gradient);
+    const Step change = normal.ldlt().solve(gradient);
+    PictureDrift moves;
+    for (int i = 0; i < 2; ++i) moves.shift_px[static_cast<size_t>(i)] = change[i];
+    for (int i = 0; i < 4; ++i) moves.stretch[static_cast<size_t>(i)] = change[2 + i] / half_px();
+    for (size_t i = 0; i < 2; ++i) drift.shift_px[i] += moves.shift_px[i];
+    for (size_t i = 0; i < 4; ++i) drift.stretch[i] += moves.stretch[i];
+    for (size_t c = 0; c < 3; ++c) {
+      drift.gain[c] += change[kMotions + 2 * static_cast<int>(c)];
+      drift.offset[c] += change[kMotions + 2 * static_cast<int>(c) + 1];
+    }
+    return moves.most_px(full_width_px_, full_height_px_) * x_scale_;
+  }
+
+  // Of the differences that are left: a robust standard deviation, of the worst channel.
+  double rest(const PictureDrift& drift) {
+    look(drift);
+    return *std::max_element(sd_.begin(), sd_.end());
+  }
+
+ private:
+  struct Seen {
+    Sample sample;
+    std::array<double, 3> difference{};
+    Point p;  // px of the whole picture, from its middle
+  };
+
+  // Blurred, too: where noise is interpolated there is less of it, which would draw the fit to places between
+  // pixels.
+  static RadianceImage shrunk(const RadianceImage& image, double scale) {
+    constexpr double kBlur_px = 1.0;
+    RadianceImage small = resized(image, std::max(1, static_cast<int>(std::lround(image.width_px * scale))),
+                                  std::max(1, static_cast<int>(std::lround(image.height_px * scale))));
+    cv::Mat samples(small.height_px, small.width_px, CV_32FC3, small.samples.data());
+    cv::GaussianBlur(samples, samples, {}, kBlur_px);
+    return small;
+  }
+  double half_px() const { return 0.5 * std::max(full_width_px_, full_height_px_); }
+
+  // Without texture the pictures say nothing of a shift: then there is none. Standard deviations.
+  Normal prior() const {
+    Step sd;
+    sd.head<kMotions>().setConstant(kMostDrift * half_px());
+    for (int c = 0; c < 3; ++c) sd.segment<2>(kMotions + 2 * c) << 0.2, 0.2;
+    return sd.cwiseAbs2().cwiseInverse().asDiagonal();
+  }
+  Step unknowns(const PictureDrift& drift) const {
+    Step all;
+    for (int i = 0; i < 2; ++i) all[i] = drift.shift_px[static_cast<size_t>(i)];
+    for (int i = 0; i < 4; ++i) all[2 + i] = drift.stretch[static_cast<size_t>(i)] * half_px();
+    for (int c = 0; c < 3; ++c) {
+      all[kMotions + 2 * c] = drift.gain[static_cast<size_t>(c)] - 1.0;
+      all[kMotions + 2 * c + 1] = drift.offset[static_cast<size_t>(c)];
+    }
+    return all;
+  }
+
+  void look(const PictureDrift& drift) {
+    seen_.clear();
+    for (int y = stride_ / 2; y < with_.height_px; y += stride_) {
+      for (int x = stride_ / 2; x < with_.width_px; x += stride_) {
+        Seen seen;
+        seen.p = {(x + 0.5) / x_scale_ - 0.5 * full_width_px_, (y + 0.5) / y_scale_ - 0.5 * full_height_px_};
+        const Point to = moved_point(drift, seen.p);
+        if (!sample_at(without_,
+                       {(to.x + 0.5 * full_width_px_) * x_scale_, (to.y + 0.5 * full_height_px_) * y_scale_},
+                       seen.sample))
+          continue;
+        for (size_t c = 0; c < 3; ++c) {
+          seen.difference[c] = static_cast<double>(with_.at(x, y, static_cast<int>(c))) -
+                               drift.gain[c] * seen.sample.value[c] - drift.offset[c];
+        }
+        seen_.push_back(seen);
+      }
+    }
+    std::vector<double> differences(seen_.size());
+    for (size_t c = 0; c < 3; ++c) {
+      std::transform(seen_.begin(), seen_.end(), differences.begin(),
+                     [c](const Seen& seen) { return seen.difference[c]; });
+      sd_[c] = robust_sd(differences);
+    }
+  }
+
+  void add_channel(size_t c, const PictureDrift& drift, Normal& normal, Step& gradient) const {
+    Eigen::Matrix<double, kColumns, kColumns> squares = Eigen::Matrix<double, kColumns, kColumns>::Zero();
+    Eigen::Matrix<double, kColumns, 1> products = Eigen::Matrix<double, kColumns, 1>::Zero(), column;
+    for (const Seen& seen : seen_) {
+      const double x_slope = drift.gain[c] * seen.sample.x_slope[c] * x_scale_;
+      const double y_slope = drift.gain[c] * seen.sample.y_slope[c] * y_scale_;
+      const double u = seen.p.x / half_px(), v = seen.p.y / half_px();
+      column << x_slope, y_slope, x_slope * u, x_slope * v, y_slope * u, y_slope * v, seen.sample.value[c],
+          1.0;
+      const double z = seen.difference[c] / (3.0 * sd_[c]), belief = 1.0 / (1.0 + z * z);
+      const double weight = belief * belief / (sd_[c] * sd_[c]);
+      squares.noalias() += (weight * column) * column.transpose();
+      products.noalias() += (weight * seen.difference[c]) * column;
+    }
+    const auto place = [c](int i) { return i < kMotions ? i : i + 2 * static_cast<int>(c); };
+    for (int i = 0; i < kColumns; ++i) {
+      gradient[place(i)] += products[i];
+      for (int j = 0; j < kColumns; ++j) normal(place(i), place(j)) += squares(i, j);
+    }
+  }
+
+  const int full_width_px_, full_height_px_;
+  const RadianceImage with_, without_;
+  const double x_scale_, y_scale_;
+  const int stride_;
+  std::vector<Seen> seen_;
+  std::array<double, 3> sd_{};
+};
+
+absl::Status check_small(const PictureDrift& drift, double rest, int width_px, int height_px) {
+  const double most_px = drift.most_px(width_px, height_px),
+               allowed_px = kMostDrift * std::max(width_px, height_px);
+  if (!(most_px <= allowed_px)) {
+    return absl::FailedPreconditionError(fmt::format(
+        "the pictures lie {:.1f} px apart; at most {:.1f} px can be a drift: the camera must stand where "
+        "it stood",
+        most_px, allowed_px));
+  }
+  for (const double gain : drift.gain) {
+    if (!(gain <= kMostGain && gain >= 1.0 / kMostGain)) {
+      return absl::FailedPreconditionError(
+          fmt::format("one picture is {:.2f} times as bright as the other; it must be between {:.2f} and "
+                      "{:.2f}: exposure and "
+                      "light must be the same",
+                      gain, 1.0 / kMostGain, kMostGain));
+    }
+  }
+  if (rest <= kMostRest) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      fmt::format("the pictures differ by {:.0f} % of full scale in most of their pixels; at most {:.0f} % "
+                  "can be noise: both must "
+                  "show the same stage, more of it than of the object",
+                  100.0 * rest, 100.0 * kMostRest));
+}
+
+}  // namespace
+
+double PictureDrift::most_px(int width_px, int height_px) const {
+  double most = 0.0;
+  for (const double x : {-0.5 * width_px, 0.5 * width_px}) {
+    for (const double y : {-0.5 * height_px, 0.5 * height_px}) {
+      const Point to = moved_point(*this, {x, y});
+      most = std::max(most, std::hypot(to.x - x, to.y - y));
+    }
+  }
+  return most;
+}
+
+absl::Status check_same_size(const Image16& with, const Image16& without) {
+  if (with.width_px == without.width_px && with.height_px == without.height_px) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      fmt::format("the picture with the object is {}x{}, that without {}x{}; they must be of one size",
+                  with.width_px, with.height_px, without.width_px, without.height_px));
+}
+
+absl::StatusOr<PictureDrift> find_drift(const Image16& with, const Image16& without) {
+  constexpr int kMostSteps = 20;
+  constexpr double kConverged_px = 0.005;
+  GW_RETURN_IF_ERROR(check_same_size(with, without));
+  const RadianceImage object = shares_of(with), empty = shares_of(without);
+  PictureDrift drift;
+  double rest = 0.0;
+  const double side_px = std::max(with.width_px, with.height_px);
+  const int halvings = std::max(0, static_cast<int>(std::ceil(std::log2(side_px / kCoarsest_px))));
+  for (int i = halvings; i >= 0; --i) {
+    Level level(object, empty, std::exp2(-i));
+    for (int step = 0; step < kMostSteps && level.step(drift) > kConverged_px; ++step) {
+    }
+    rest = level.rest(drift);
+  }
+  GW_RETURN_IF_ERROR(check_small(drift, rest, with.width_px, with.height_px));
+  return drift;
+}
+
+RadianceImage moved(const Image16& without, const PictureDrift& drift) {
+  const RadianceImage empty = shares_of(without);
+  RadianceImage image(empty.width_px, empty.height_px);
+  const double middle_x = 0.5 * image.width_px, middle_y = 0.5 * image.height_px;
+  for (int y = 0; y < image.height_px; ++y) {
+    for (int x = 0; x < image.width_px; ++x) {
+      const Point to = moved_point(drift, {x + 0.5 - middle_x, y + 0.5 - middle_y});
+      Sample sample;
+      const bool seen = sample_at(empty, {to.x + middle_x, to.y + middle_y}, sample);
+      for (size_t c = 0; c < 3; ++c) {
+        image.at(x, y, static_cast<int>(c)) =
+            seen ? static_cast<float>(drift.gain[c] * sample.value[c] + drift.offset[c])
+                 : std::numeric_limits<float>::quiet_NaN();
+      }
+    }
+  }
+  return image;
+}
+
+}  // namespace glasswing
