@@ -2,6 +2,7 @@
 // against trimaps that somebody drew; MASKS is where to write the masks.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
@@ -61,9 +62,13 @@ bool check(const fs::path& directory, const std::string& name, const fs::path& m
   const auto start = std::chrono::steady_clock::now();
   const ObjectMask object = ObjectMask::of_pair(with, without, {}).value();
   const double prepared_s = seconds_since(start);
-  const auto then = std::chrono::steady_clock::now();
-  const Mask mask = object.mask(with);
-  const double masked_s = seconds_since(then);
+  Mask mask;
+  double masked_s = 1e9;
+  for (int i = 0; i < 5; ++i) {
+    const auto then = std::chrono::steady_clock::now();
+    mask = object.mask(with);
+    masked_s = std::min(masked_s, seconds_since(then));
+  }
   const Shares after = compare(mask, trimap);
   const PictureDrift& drift = object.drift();
   fmt::print(
@@ -85,6 +90,10 @@ int main(int argc, char** argv) {
   if (argc < 2) {
     std::fprintf(stderr, "usage: real-silhouettes DIRECTORY [MASKS]\n");
     return 2;
+  }
+  if (!std::filesystem::exists(argv[1])) {
+    std::printf("skipped: no data at %s; set GLASSWING_DATA\n", argv[1]);
+    return 77;
   }
   bool good = true;
   for (const char* name : {"dragon", "two_glass", "horse"})
