@@ -2,6 +2,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <iostream>
 #include <thread>
 
@@ -73,8 +74,9 @@ struct MaskPictures {
 absl::Status make_mask(const MaskPictures& pictures) {
   GW_ASSIGN_OR_RETURN(const Photograph with, read_photograph(pictures.with));
   GW_ASSIGN_OR_RETURN(const Photograph without, read_photograph(pictures.without));
-  GW_ASSIGN_OR_RETURN(const ObjectMask object,
-                      ObjectMask::of_pair(with.codes, without.codes, pictures.options));
+  MaskOptions options = pictures.options;
+  options.bits = std::min(with.bits, without.bits);
+  GW_ASSIGN_OR_RETURN(const ObjectMask object, ObjectMask::of_pair(with.codes, without.codes, options));
   const Mask mask = object.mask(with.codes);
   RadianceImage picture(mask.width_px, mask.height_px);
   for (size_t i = 0; i < picture.samples.size(); ++i)

@@ -3,13 +3,12 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <vector>
+#include <span>
 
 namespace glasswing {
 namespace {
 
-constexpr double kLeastVariance = 1.0 / 12.0 / 65535.0 / 65535.0;  // of rounding to 16 bits
-constexpr double kMost = 9.0;                                      // variances that a square may have
+constexpr double kMost = 9.0;  // variances that a square may have
 // What is left of the variance of normal differences: E[z^2 | z^2 < 9].
 constexpr double kTrimmedMean = 0.9733;
 
@@ -44,22 +43,54 @@ Vector non_negative(const Eigen::Matrix3d& squares, const Vector& products) {
   return best;
 }
 
-double median_square(std::span<const DifferenceSample> samples) {
-  std::vector<double> squares;
-  squares.reserve(samples.size());
-  for (const DifferenceSample& sample : samples) squares.push_back(sample.square);
-  const auto middle = squares.begin() + static_cast<std::ptrdiff_t>(squares.size() / 2);
-  std::nth_element(squares.begin(), middle, squares.end());
-  return *middle;
+// The part of so many equal ones.
+std::span<DifferenceSample> part_of(std::span<DifferenceSample> all, size_t part, size_t parts) {
+  const size_t begin = all.size() * part / parts, end = all.size() * (part + 1) / parts;
+  return all.subspan(begin, end - begin);
+}
+
+double median_square(std::span<DifferenceSample> samples) {
+  const auto middle = samples.begin() + static_cast<std::ptrdiff_t>(samples.size() / 2);
+  std::nth_element(samples.begin(), middle, samples.end(),
+                   [](const DifferenceSample& a, const DifferenceSample& b) { return a.square < b.square; });
+  return middle->square;
+}
+
+// To the median of each of 8 x 4 lots of samples alike in level and range, all of one weight: a lot that is
+// all object pulls no harder than any other.
+Vector fit_to_lots(std::span<DifferenceSample> samples, double median, double least) {
+  constexpr size_t kLevels = 8, kRanges = 4;
+  Eigen::Matrix3d squares = Eigen::Matrix3d::Zero();
+  Vector products = Vector::Zero();
+  std::ranges::sort(samples, {}, &DifferenceSample::level);
+  for (size_t i = 0; i < kLevels; ++i) {
+    const std::span<DifferenceSample> alike = part_of(samples, i, kLevels);
+    std::ranges::sort(alike, {}, &DifferenceSample::range);
+    for (size_t j = 0; j < kRanges; ++j) {
+      const std::span<DifferenceSample> lot = part_of(alike, j, kRanges);
+      if (lot.empty()) continue;
+      const double variance = std::max(median_square(lot) / median, least);
+      Vector mean = Vector::Zero();
+      for (const DifferenceSample& sample : lot) mean += columns_of(sample);
+      const Vector columns = mean / (static_cast<double>(lot.size()) * variance);
+      squares += columns * columns.transpose();
+      products += columns;
+    }
+  }
+  return non_negative(squares, products);
 }
 
 }  // namespace
 
-DifferenceNoise fit_difference_noise(std::span<const DifferenceSample> samples, bool several) {
+DifferenceNoise fit_difference_noise(std::vector<DifferenceSample> samples, bool several, double least) {
   constexpr int kRounds = 20;
   constexpr double kNormalMedian = 0.4549;  // of z^2
   DifferenceNoise noise;
-  noise.weight[0] = std::max(median_square(samples) / (several ? 1.0 : kNormalMedian), kLeastVariance);
+  const auto take = [&](Vector weights) {
+    weights[0] = std::max(weights[0], least);
+    std::copy(weights.begin(), weights.end(), noise.weight.begin());
+  };
+  take(fit_to_lots(samples, several ? 1.0 : kNormalMedian, least));
   for (int round = 0; round < kRounds; ++round) {
     Eigen::Matrix3d squares = Eigen::Matrix3d::Zero();
     Vector products = Vector::Zero();
@@ -70,9 +101,7 @@ DifferenceNoise fit_difference_noise(std::span<const DifferenceSample> samples, 
       squares += columns * columns.transpose();
       products += columns * (sample.square / variance / (several ? 1.0 : kTrimmedMean));
     }
-    Vector weights = non_negative(squares, products);
-    weights[0] = std::max(weights[0], kLeastVariance);
-    std::copy(weights.begin(), weights.end(), noise.weight.begin());
+    take(non_negative(squares, products));
   }
   return noise;
 }

@@ -9,7 +9,7 @@
 #pragma once
 
 #include <array>
-#include <span>
+#include <vector>
 
 namespace glasswing {
 
@@ -27,7 +27,8 @@ struct DifferenceSample {
   double level = 0.0, range = 0.0;
 };
 
-// `samples` is not empty. `several`: squares are means of several, without an object.
-DifferenceNoise fit_difference_noise(std::span<const DifferenceSample> samples, bool several);
+// `several`: squares are means of several, without an object. `least`: the variance that rounding to codes
+// alone makes.
+DifferenceNoise fit_difference_noise(std::vector<DifferenceSample> samples, bool several, double least);
 
 }  // namespace glasswing

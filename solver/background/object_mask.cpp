@@ -65,6 +65,7 @@ double Mask::coverage() const {
 
 ObjectMask::ObjectMask(Image16 empty, const MaskOptions& options)
     : empty_(std::move(empty)),
+      rounding_(2.0 / 12.0 / std::pow(std::exp2(options.bits) - 1.0, 2)),
       inverse_sd_(empty_.samples.size()),
       threshold_(static_cast<float>(chi_square_quantile(3.0, options.false_positive_rate))),
       dilation_px_(options.dilation_px.value_or(std::max(
@@ -76,7 +77,7 @@ ObjectMask::ObjectMask(Image16 empty, const MaskOptions& options)
 template <typename Square>
 void ObjectMask::learn_noise(const Square& square, bool several, double factor) {
   const Image16 range = range_of(empty_);
-  const DifferenceNoise noise = fit_difference_noise(samples_of(empty_, range, square), several);
+  const DifferenceNoise noise = fit_difference_noise(samples_of(empty_, range, square), several, rounding_);
   for (size_t i = 0; i < inverse_sd_.size(); ++i) {
     const double variance = noise.variance(static_cast<double>(radiance_of(empty_.samples[i])),
                                            static_cast<double>(radiance_of(range.samples[i])));

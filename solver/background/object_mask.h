@@ -28,13 +28,15 @@ struct Mask {
 };
 
 struct MaskOptions {
+  int bits = 16;                      // of a code in the pictures, before it was scaled to 16
   double false_positive_rate = 1e-6;  // of the difference test at a pixel of normal noise, in (0, 1)
   // Half sides of the squares that dilate and erode; 0: neither. Left out: 0.3 % of the picture's diagonal,
-  // which closes gaps where the object happens to show what is behind it.
-  std::optional<int> dilation_px, erosion_px;  // erosion_px: as dilation_px
+  // which closes gaps where the object happens to show what is behind it; eroded as dilated.
+  std::optional<int> dilation_px = std::nullopt;
+  std::optional<int> erosion_px = std::nullopt;
   bool fill_holes = true;
-  std::optional<int>
-      least_px;  // what hangs together in fewer pixels is noise; the area of the square that dilates
+  // What hangs together in fewer pixels is noise. Left out: the area of the square that dilates.
+  std::optional<int> least_px = std::nullopt;
   bool follow_drift = true;  // of the pair (PictureDrift)
 };
 
@@ -62,6 +64,7 @@ class ObjectMask {
   void learn_noise(const Square& square, bool several, double factor);
 
   Image16 empty_;
+  double rounding_;  // the variance that a code's bits make of a difference
   PictureDrift drift_;
   std::vector<float> inverse_sd_;  // of codes of 16 bits; 0 where the empty stage was not seen
   float threshold_;

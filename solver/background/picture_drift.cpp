@@ -44,6 +44,8 @@ struct Cubic {
 
 struct Sample {
   std::array<double, 3> value{}, x_slope{}, y_slope{};
+
+  double steepness(size_t c) const { return x_slope[c] * x_slope[c] + y_slope[c] * y_slope[c]; }
 };
 
 // At a place in px, pixel centres at +0.5; false: beyond the picture.
@@ -83,13 +85,18 @@ Point moved_point(const PictureDrift& drift, Point p) {
           p.y + drift.shift_px[1] + drift.stretch[2] * p.x + drift.stretch[3] * p.y};
 }
 
-// A median of absolute values, as the standard deviation of normal ones.
+// 0 of none.
+double median_of(std::vector<double> values) {
+  if (values.empty()) return 0.0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// From the median of absolute values, as of normal ones.
 double robust_sd(std::vector<double> differences) {
-  if (differences.empty()) return kLeastSd;
   for (double& difference : differences) difference = std::abs(difference);
-  const auto middle = differences.begin() + static_cast<std::ptrdiff_t>(differences.size() / 2);
-  std::nth_element(differences.begin(), middle, differences.end());
-  return std::max(1.4826 * *middle, kLeastSd);
+  return std::max(1.4826 * median_of(std::move(differences)), kLeastSd);
 }
 
 // Both pictures at one scale.
@@ -127,7 +134,9 @@ class Level {
   // Of the differences that are left: a robust standard deviation, of the worst channel.
   double rest(const PictureDrift& drift) {
     look(drift);
-    return *std::max_element(sd_.begin(), sd_.end());
+    double most = 0.0;
+    for (size_t c = 0; c < 3; ++c) most = std::max(most, robust_sd(differences_of(c, -1.0)));
+    return most;
   }
 
  private:
@@ -185,12 +194,23 @@ class Level {
         seen_.push_back(seen);
       }
     }
-    std::vector<double> differences(seen_.size());
-    for (size_t c = 0; c < 3; ++c) {
-      std::transform(seen_.begin(), seen_.end(), differences.begin(),
-                     [c](const Seen& seen) { return seen.difference[c]; });
-      sd_[c] = robust_sd(differences);
+    for (size_t c = 0; c < 3; ++c) sd_[c] = robust_sd(differences_of(c, median_steepness(c)));
+  }
+
+  double median_steepness(size_t c) const {
+    std::vector<double> all;
+    all.reserve(seen_.size());
+    for (const Seen& seen : seen_) all.push_back(seen.sample.steepness(c));
+    return median_of(std::move(all));
+  }
+  // Of the samples that are steeper than this, if any is: what is dark or even agrees wherever it is moved
+  // to.
+  std::vector<double> differences_of(size_t c, double steepness) const {
+    std::vector<double> differences;
+    for (const Seen& seen : seen_) {
+      if (seen.sample.steepness(c) > steepness) differences.push_back(seen.difference[c]);
     }
+    return differences.empty() && steepness >= 0.0 ? differences_of(c, -1.0) : differences;
   }
 
   void add_channel(size_t c, const PictureDrift& drift, Normal& normal, Step& gradient) const {

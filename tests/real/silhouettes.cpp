@@ -56,11 +56,12 @@ bool check(const fs::path& directory, const std::string& name, const fs::path& m
   const Image16 with = read_photograph(directory / (name + ".jpg")).value().codes;
   const Image16 without = read_photograph(directory / (name + "_bg.jpg")).value().codes;
   const Image16 trimap = read_photograph(directory / (name + "_trimap.png")).value().codes;
-  MaskOptions plain;
+  const MaskOptions options{.bits = 8};
+  MaskOptions plain = options;
   plain.follow_drift = false;
   const Shares before = compare(ObjectMask::of_pair(with, without, plain).value().mask(with), trimap);
   const auto start = std::chrono::steady_clock::now();
-  const ObjectMask object = ObjectMask::of_pair(with, without, {}).value();
+  const ObjectMask object = ObjectMask::of_pair(with, without, options).value();
   const double prepared_s = seconds_since(start);
   Mask mask;
   double masked_s = 1e9;

@@ -39,22 +39,34 @@ constexpr DifferenceNoise kTruth{
 
 // 10^5 squares tell each of three weights to about 1 %, the sd to half of that.
 TEST(DifferenceNoise, IsFoundFromOnePair) {
-  expect_close(fit_difference_noise(samples_of(kTruth, 1, 0.0), false), kTruth, 0.02);
+  expect_close(fit_difference_noise(samples_of(kTruth, 1, 0.0), false, 0.0), kTruth, 0.02);
 }
 
 // Of an object's differences, evenly spread over full scale, those count that are within three sd: a share of
 // 0.03 at most of a quarter of the samples.
 TEST(DifferenceNoise, AnObjectDoesNotCount) {
-  expect_close(fit_difference_noise(samples_of(kTruth, 1, 0.25), false), kTruth, 0.06);
+  expect_close(fit_difference_noise(samples_of(kTruth, 1, 0.25), false, 0.0), kTruth, 0.06);
 }
 
 TEST(DifferenceNoise, IsFoundFromManyFrames) {
-  expect_close(fit_difference_noise(samples_of(kTruth, 10, 0.0), true), kTruth, 0.01);
+  expect_close(fit_difference_noise(samples_of(kTruth, 10, 0.0), true, 0.0), kTruth, 0.01);
 }
 
-TEST(DifferenceNoise, IsNeverNone) {
+// Half of a photograph is black, of code 0 in both pictures: the noise of the rest is still known.
+TEST(DifferenceNoise, WhatIsBlackDoesNotHideTheRest) {
+  const DifferenceNoise truth{.weight = {0.0, 1e-4, 4e-4}};
+  std::vector<DifferenceSample> samples = samples_of(truth, 1, 0.1);
+  for (size_t i = 0; i < samples.size(); i += 2) samples[i] = {};
+  const DifferenceNoise found = fit_difference_noise(samples, false, 1e-7);
+  for (const double level : {0.3, 1.0}) {
+    EXPECT_NEAR(std::sqrt(found.variance(level, 0.1) / truth.variance(level, 0.1)), 1.0, 0.06);
+  }
+}
+
+TEST(DifferenceNoise, IsNeverLessThanRounding) {
   const std::vector<DifferenceSample> same(100, {.square = 0.0, .level = 0.5, .range = 0.1});
-  EXPECT_GT(fit_difference_noise(same, false).variance(0.5, 0.1), 0.0);
+  EXPECT_GE(fit_difference_noise(same, false, 1e-6).variance(0.5, 0.1), 1e-6);
+  EXPECT_EQ(fit_difference_noise({}, false, 1e-6).variance(0.5, 0.1), 1e-6);
 }
 
 }  // namespace

@@ -94,6 +94,19 @@ TEST(ObjectMask, NoiseThatIsAloneIsNoObject) {
   EXPECT_EQ(ObjectMask::of_pair(with, without, {})->mask(with).coverage(), 400.0 / kPixels);
 }
 
+// Most of it is black, as a projector's light in a dark room: there both pictures are the same, to the code.
+TEST(ObjectMask, TheDarkDoesNotHideTheNoiseOfTheRest) {
+  Image16 with = stage(1), without = stage(2);
+  for (Image16* const image : {&with, &without}) {
+    for (size_t i = 0; i < image->samples.size(); ++i) {
+      std::uint16_t& code = image->samples[i];
+      code = i < image->samples.size() * 7 / 10 ? std::uint16_t{0}
+                                                : static_cast<std::uint16_t>(code / 257 * 257);
+    }
+  }
+  EXPECT_EQ(ObjectMask::of_pair(with, without, {.bits = 8})->mask(with).coverage(), 0.0);
+}
+
 TEST(ObjectMask, ComplaintsNameTheFrame) {
   EmptyAverage average;
   ASSERT_TRUE(average.add(Image16(8, 6)).ok());
