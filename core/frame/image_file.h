@@ -37,9 +37,9 @@ struct PictureSize {
 // a side is not 1 to 16384 px.
 absl::StatusOr<PictureSize> picture_size(std::string_view bytes);
 
-// 16-bit linear frames, PNG or TIFF; 8-bit ones, JPEG too, are scaled by 257. DATA_LOSS names the file: truncated,
-// altered (a PNG's CRC is checked), not a picture, or of another size than `expected`, which is found out
-// before a pixel is decoded.
+// 16-bit linear frames, PNG or TIFF; 8-bit ones, JPEG too, are scaled by 257. DATA_LOSS names the file:
+// truncated, altered (a PNG's CRC is checked), not a picture, or of another size than `expected`, which is
+// found out before a pixel is decoded.
 absl::StatusOr<Image16> read_frame_file(const std::filesystem::path& path,
                                         std::optional<PictureSize> expected = std::nullopt);
 
