@@ -103,6 +103,15 @@ DifferenceNoise fit_difference_noise(std::vector<DifferenceSample> samples, bool
     }
     take(non_negative(squares, products));
   }
+  if (several || samples.empty()) return noise;
+  // Differences that are nothing like normal ones may be trimmed for ever. An object in less than half of the
+  // picture does not make their median this large.
+  constexpr double kMostMedian = 4.0 * kNormalMedian;
+  for (DifferenceSample& sample : samples) sample.square /= noise.variance(sample.level, sample.range);
+  const double median = median_square(samples);
+  if (median > kMostMedian) {
+    for (double& weight : noise.weight) weight *= median / kNormalMedian;
+  }
   return noise;
 }
 

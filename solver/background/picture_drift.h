@@ -5,7 +5,8 @@
 //   with(p) = gain_c without(p + shift + stretch p) + offset_c,    p in px from the picture's middle
 //
 // by Gauss-Newton from coarse to fine, every difference weighed 1 / (1 + (r / 3 sd)^2)^2 (Geman and McClure
-// 1985), sd from the median of all: the object, where nothing agrees, does not count.
+// 1985), sd from the median of all: the object, where nothing agrees, does not count. Where motion takes less
+// than 2 % of the differences away, as where there is little to see, there is none.
 #pragma once
 
 #include <absl/status/statusor.h>

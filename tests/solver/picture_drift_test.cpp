@@ -73,6 +73,24 @@ TEST(PictureDrift, IsNoneWhereThereIsNone) {
   EXPECT_NEAR(65535.0 * (flat.gain[0] * 30000.0 / 65535.0 + flat.offset[0]), 31000.0, 10.0);
 }
 
+// In even ramps a shift and a change of light are the same; noise must not make one of them up.
+TEST(PictureDrift, NoiseDoesNotMakeItUp) {
+  std::mt19937 random(4);
+  std::normal_distribution<double> normal(0.0, 0.01);
+  Image16 with(kWidth, kHeight), without(kWidth, kHeight);
+  for (Image16* const image : {&with, &without}) {
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = 0; x < kWidth; ++x) {
+        const double u = (x + 0.5) / kWidth, v = (y + 0.5) / kHeight;
+        const std::array<double, 3> ramp = {0.1 + 0.8 * u, 0.1 + 0.8 * v, 0.9 - 0.4 * u - 0.4 * v};
+        for (int c = 0; c < 3; ++c)
+          image->at(x, y, c) = code16_of(static_cast<float>(ramp[static_cast<size_t>(c)] + normal(random)));
+      }
+    }
+  }
+  EXPECT_EQ(find_drift(with, without).value().most_px(kWidth, kHeight), 0.0);
+}
+
 TEST(PictureDrift, WhatIsNoDriftIsSaid) {
   const Image16 without = stage_picture(kWidth, kHeight, {}, 0.005, 1);
   EXPECT_NE(complaint(stage_picture(kWidth, kHeight, {.shift_px = {9.0, 3.0}}, 0.005, 2), without)
