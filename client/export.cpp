@@ -1,12 +1,11 @@
 #include <fmt/format.h>
-#include <google/protobuf/util/json_util.h>
-#include <unistd.h>
 
 #include <iostream>
 #include <nlohmann/json.hpp>
 
 #include "client/commands.h"
 #include "client/output.h"
+#include "client/partial_directory.h"
 #include "client/progress.h"
 #include "client/rpc.h"
 #include "core/base/file.h"
@@ -18,43 +17,6 @@ namespace glasswing {
 namespace {
 
 namespace fs = std::filesystem;
-
-// A directory under a name of its own until it is whole; what is not kept is removed.
-class PartialDirectory {
- public:
-  static absl::StatusOr<std::unique_ptr<PartialDirectory>> create(fs::path target) {
-    target = fs::absolute(target).lexically_normal();
-    if (!target.has_filename()) target = target.parent_path();
-    std::error_code error;
-    if (fs::exists(target, error) && !(fs::is_directory(target, error) && fs::is_empty(target, error))) {
-      return absl::AlreadyExistsError(
-          fmt::format("{} is there already; it must be a new or an empty directory", target.string()));
-    }
-    fs::path partial = fmt::format("{}.partial-{}", target.string(), ::getpid());
-    if (!fs::create_directories(partial / "frames", error)) {
-      return absl::ErrnoToStatus(error.value(), "cannot create " + partial.string());
-    }
-    return std::unique_ptr<PartialDirectory>(new PartialDirectory(std::move(target), std::move(partial)));
-  }
-  ~PartialDirectory() {
-    std::error_code ignored;
-    fs::remove_all(partial_, ignored);
-  }
-
-  const fs::path& path() const { return partial_; }
-
-  absl::Status keep() {
-    std::error_code error;
-    fs::rename(partial_, target_, error);
-    return error ? absl::ErrnoToStatus(error.value(), "cannot create " + target_.string()) : absl::OkStatus();
-  }
-
- private:
-  PartialDirectory(fs::path target, fs::path partial)
-      : target_(std::move(target)), partial_(std::move(partial)) {}
-  const fs::path target_;
-  const fs::path partial_;
-};
 
 absl::StatusOr<std::string> read_verified(const Peer<v1::ArchiveService>& archive, const std::string& session,
                                           const v1::Frame& frame) {
@@ -91,18 +53,7 @@ absl::Status write_frames(const Peer<v1::ArchiveService>& archive, const v1::Cap
     progress.update((i + 1.0) / manifest.frames_size(),
                     fmt::format("{} of {} frames", i + 1, manifest.frames_size()));
   }
-  return flush_directory(directory / "frames");
-}
-
-absl::Status write_manifest(const v1::CaptureManifest& manifest, const fs::path& path) {
-  google::protobuf::util::JsonPrintOptions options;
-  options.add_whitespace = true;
-  options.preserve_proto_field_names = true;
-  std::string json;
-  const auto status = google::protobuf::util::MessageToJsonString(manifest, &json, options);
-  if (!status.ok())
-    return absl::InternalError(fmt::format("{}: {}", path.string(), std::string(status.message())));
-  return write_file_durably(path, json);
+  return absl::OkStatus();
 }
 
 bool is_being_captured(v1::SessionState state) {
@@ -129,8 +80,7 @@ absl::Status export_archive(const Client& client, const std::string& name, const
                       call(archive, &v1::ArchiveService::Stub::GetManifest, request, kLongCallTimeout));
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<PartialDirectory> partial, PartialDirectory::create(directory));
   GW_RETURN_IF_ERROR(write_frames(archive, answer.manifest(), partial->path()));
-  GW_RETURN_IF_ERROR(write_manifest(answer.manifest(), partial->path() / "manifest.json"));
-  GW_RETURN_IF_ERROR(partial->keep());
+  GW_RETURN_IF_ERROR(partial->keep(answer.manifest()));
   if (client.json) {
     const nlohmann::ordered_json exported = {
         {"session", name}, {"directory", directory}, {"frames", answer.manifest().frames_size()}};

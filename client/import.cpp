@@ -1,16 +1,19 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <iostream>
+#include <nlohmann/json.hpp>
 
 #include "client/commands.h"
+#include "client/frame_source.h"
 #include "client/output.h"
+#include "client/partial_directory.h"
 #include "client/progress.h"
 #include "client/rpc.h"
 #include "core/base/file.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/frame/archive.h"
-#include "core/frame/image_file.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 
@@ -19,28 +22,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Whole, of the announced checksum, and of the camera's size; otherwise DATA_LOSS or NOT_FOUND names the
-// file.
-absl::StatusOr<Image16> read_verified(const fs::path& directory, const v1::CaptureManifest& manifest,
-                                      const v1::Frame& frame) {
-  const fs::path path = directory / frame.file();
-  if (!frame.checksum().empty()) {
-    GW_ASSIGN_OR_RETURN(const std::string bytes, read_file(path));
-    if (checksum_of(bytes) != frame.checksum()) {
-      return absl::DataLossError(fmt::format("{} is damaged: its checksum is {}, the manifest says {}",
-                                             path.string(), checksum_of(bytes), frame.checksum()));
-    }
-  }
-  return read_frame_file(path, PictureSize{.width_px = manifest.camera().width_px(),
-                                           .height_px = manifest.camera().height_px()});
-}
-
-absl::Status verify(const fs::path& directory, const v1::CaptureManifest& manifest) {
+absl::Status verify(const FrameSource& source) {
   Progress progress("checking");
-  for (int i = 0; i < manifest.frames_size(); ++i) {
-    GW_RETURN_IF_ERROR(read_verified(directory, manifest, manifest.frames(i)).status());
-    progress.update((i + 1.0) / manifest.frames_size(),
-                    fmt::format("{} of {} frames", i + 1, manifest.frames_size()));
+  const int count = source.manifest.frames_size();
+  for (int i = 0; i < count; ++i) {
+    GW_RETURN_IF_ERROR(source.read(i).status());
+    progress.update((i + 1.0) / count, fmt::format("{} of {} frames", i + 1, count));
   }
   return absl::OkStatus();
 }
@@ -73,21 +60,22 @@ bool has_own_names(const v1::CaptureManifest& manifest) {
   });
 }
 
-absl::Status send_frames(const fs::path& directory, const v1::CaptureManifest& manifest,
-                         const std::string& session, const std::string& address) {
-  const Peer<v1::ArchiveService> archive("camera node at " + address, address);
-  const bool own_names = has_own_names(manifest);
+// What a frame becomes: its record, and the bytes of its file.
+using Store = std::function<absl::Status(const v1::Frame&, const std::string& tiff)>;
+
+absl::Status store_frames(const FrameSource& source, const Store& store) {
+  const bool own_names = has_own_names(source.manifest);
   Progress progress("importing");
-  for (int i = 0; i < manifest.frames_size(); ++i) {
-    v1::Frame frame = manifest.frames(i);
-    GW_ASSIGN_OR_RETURN(const Image16 image, read_verified(directory, manifest, frame));
+  const int count = source.manifest.frames_size();
+  for (int i = 0; i < count; ++i) {
+    v1::Frame frame = source.manifest.frames(i);
+    GW_ASSIGN_OR_RETURN(const Image16 image, source.read(i));
     const std::string tiff = encode_tiff(image);
     if (!own_names) frame.set_file(fmt::format("frames/{:06d}.tif", i));
     frame.set_checksum(checksum_of(tiff));
     frame.set_size_bytes(static_cast<std::int64_t>(tiff.size()));
-    GW_RETURN_IF_ERROR(put_frame(archive, session, frame, tiff));
-    progress.update((i + 1.0) / manifest.frames_size(),
-                    fmt::format("{} of {} frames", i + 1, manifest.frames_size()));
+    GW_RETURN_IF_ERROR(store(frame, tiff));
+    progress.update((i + 1.0) / count, fmt::format("{} of {} frames", i + 1, count));
   }
   return absl::OkStatus();
 }
@@ -98,20 +86,29 @@ std::string name_of_directory(const fs::path& directory) {
   return (normal.has_filename() ? normal : normal.parent_path()).filename().string();
 }
 
-absl::Status import(const Client& client, const std::string& directory, std::string name) {
-  GW_ASSIGN_OR_RETURN(v1::CaptureManifest manifest, read_any_manifest(directory));
-  if (name.empty()) name = name_of_directory(directory);
-  GW_RETURN_IF_ERROR(check_name("session", name));
-  GW_RETURN_IF_ERROR(verify(directory, manifest));
+struct Arguments {
+  std::string directory;
+  std::string session;
+  std::string archive;  // empty: the server's
+  std::string list;     // empty: the directory is an archive
+  PhotographOptions photographs;
+};
+
+absl::Status send(const Client& client, const FrameSource& source) {
+  GW_RETURN_IF_ERROR(verify(source));
+  const std::string& name = source.manifest.session();
   const Peer<v1::SessionService> server(client.server_title(), client.server);
   v1::BeginImportRequest begin;
   begin.set_name(name);
-  *begin.mutable_manifest() = manifest;
+  *begin.mutable_manifest() = source.manifest;
   begin.mutable_manifest()->clear_frames();
-  begin.mutable_manifest()->set_session(name);
   GW_ASSIGN_OR_RETURN(const v1::BeginImportResponse begun,
                       call(server, &v1::SessionService::Stub::BeginImport, begin, kLongCallTimeout));
-  GW_RETURN_IF_ERROR(send_frames(directory, manifest, name, begun.session().archive_address()));
+  const std::string& address = begun.session().archive_address();
+  const Peer<v1::ArchiveService> archive("camera node at " + address, address);
+  GW_RETURN_IF_ERROR(store_frames(source, [&](const v1::Frame& frame, const std::string& tiff) {
+    return put_frame(archive, name, frame, tiff);
+  }));
   v1::FinishImportRequest finish;
   finish.set_name(name);
   GW_ASSIGN_OR_RETURN(const v1::FinishImportResponse finished,
@@ -120,24 +117,80 @@ absl::Status import(const Client& client, const std::string& directory, std::str
   return absl::OkStatus();
 }
 
+absl::Status write(const Client& client, const FrameSource& source, const std::string& directory) {
+  GW_ASSIGN_OR_RETURN(const std::unique_ptr<PartialDirectory> partial, PartialDirectory::create(directory));
+  GW_RETURN_IF_ERROR(verify(source));
+  v1::CaptureManifest manifest = source.manifest;
+  manifest.clear_frames();
+  GW_RETURN_IF_ERROR(store_frames(source, [&](const v1::Frame& frame, const std::string& tiff) {
+    *manifest.add_frames() = frame;
+    return write_file_flushed(partial->path() / frame.file(), tiff);
+  }));
+  GW_RETURN_IF_ERROR(partial->keep(manifest));
+  if (client.json) {
+    const nlohmann::ordered_json written = {
+        {"session", manifest.session()}, {"directory", directory}, {"frames", manifest.frames_size()}};
+    std::cout << written.dump(1) << "\n";
+  } else {
+    std::cout << fmt::format("{}: {} frames\n", directory, manifest.frames_size());
+  }
+  return absl::OkStatus();
+}
+
+absl::Status import(const Client& client, const Arguments& arguments) {
+  GW_ASSIGN_OR_RETURN(FrameSource source,
+                      arguments.list.empty()
+                          ? archive_source(arguments.directory)
+                          : photograph_source(arguments.directory, arguments.list, arguments.photographs));
+  const std::string& named_after = arguments.archive.empty() ? arguments.directory : arguments.archive;
+  source.manifest.set_session(arguments.session.empty() ? name_of_directory(named_after) : arguments.session);
+  GW_RETURN_IF_ERROR(check_name("session", source.manifest.session()));
+  return arguments.archive.empty() ? send(client, source) : write(client, source, arguments.archive);
+}
+
 }  // namespace
 
 void add_import_command(CLI::App& app, Client& client) {
-  struct Arguments {
-    std::string directory;
-    std::string session;
-  };
-  CLI::App& command = *app.add_subcommand("import", "Make a session of frames that lie in a directory.");
+  CLI::App& command =
+      *app.add_subcommand("import", "Make a session of frames or photographs that lie in a directory.");
   command.footer(
       "Every frame is checked before any is sent. An import that broke off may be started again.\n\n"
-      "Example:\n  glasswing import archives/vase --session vase");
+      "A list names photographs, one in a line, and what the monitor showed: a table with a tab between "
+      "cells, and a\n"
+      "header row: file, object (true or false), kind, and what else describes it (docs/archive.md):\n\n"
+      "  #monitor back:1920x1080\n"
+      "  #response srgb\n"
+      "  file\tobject\tkind\torient\tbar_width_px\tcolour\n"
+      "  IMG_1.jpg\ttrue\tsolid\t\t\t0,0,0\n"
+      "  IMG_2.jpg\ttrue\tsquare\tvertical_bars\t960\t\n\n"
+      "Examples:\n"
+      "  glasswing import archives/vase --session vase\n"
+      "  glasswing import photographs --list photographs/list.tsv --session vase\n"
+      "  glasswing import photographs --list photographs/list.tsv --archive archives/vase");
   auto arguments = std::make_shared<Arguments>();
-  command.add_option("directory", arguments->directory, "a session archive: manifest.json and its frames")
+  command
+      .add_option("directory", arguments->directory,
+                  "a session archive, manifest.json and its frames; or photographs")
       ->required();
   command.add_option("--session", arguments->session, "its name; the directory's if left out");
-  command.callback([&client, arguments] {
-    client.run = [&client, arguments] { return import(client, arguments->directory, arguments->session); };
-  });
+  command.add_option("--archive", arguments->archive,
+                     "write an archive to this directory, new or empty, and ask no server");
+  CLI::Option* list = command.add_option("--list", arguments->list, "the photographs' list");
+  command
+      .add_option("--monitor", arguments->photographs.monitors,
+                  "NAME:WIDTHxHEIGHT, a monitor of the list, px, instead of its own; may be repeated")
+      ->allow_extra_args(false)
+      ->needs(list);
+  command
+      .add_option("--response", arguments->photographs.response,
+                  "what light the photographs' codes stand for: srgb, linear, or gamma:G: (share of the "
+                  "highest code)^G")
+      ->needs(list);
+  command
+      .add_option("--black", arguments->photographs.black, "the photographs' code where there is no light; 0")
+      ->needs(list);
+  command.callback(
+      [&client, arguments] { client.run = [&client, arguments] { return import(client, *arguments); }; });
 }
 
 }  // namespace glasswing

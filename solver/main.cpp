@@ -2,16 +2,19 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <iostream>
 #include <thread>
 
 #include "core/base/file.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
+#include "core/frame/image_file.h"
 #include "core/frame/mapped_archive.h"
 #include "core/matte/matte_file.h"
 #include "core/service/registration.h"
 #include "core/service/service.h"
+#include "solver/background/object_mask.h"
 #include "solver/bands.h"
 #include "solver/work_loop.h"
 
@@ -63,6 +66,66 @@ absl::Status solve(const Solve& solve) {
   return write_file_durably(solve.matte, bytes);
 }
 
+struct MaskPictures {
+  std::string with, without, mask;
+  MaskOptions options;
+};
+
+absl::Status make_mask(const MaskPictures& pictures) {
+  GW_ASSIGN_OR_RETURN(const Photograph with, read_photograph(pictures.with));
+  GW_ASSIGN_OR_RETURN(const Photograph without, read_photograph(pictures.without));
+  MaskOptions options = pictures.options;
+  options.bits = std::min(with.bits, without.bits);
+  GW_ASSIGN_OR_RETURN(const ObjectMask object, ObjectMask::of_pair(with.codes, without.codes, options));
+  const Mask mask = object.mask(with.codes);
+  RadianceImage picture(mask.width_px, mask.height_px);
+  for (size_t i = 0; i < picture.samples.size(); ++i)
+    picture.samples[i] = mask.samples[i / 3] != 0 ? 1.0f : 0.0f;
+  GW_RETURN_IF_ERROR(write_radiance(pictures.mask, picture, Encoding::kDisplay));
+  const PictureDrift& drift = object.drift();
+  std::cout << fmt::format(
+      "{}: {:.1f} % of the picture; shifted by {:+.2f} {:+.2f} px, corners by up to {:.2f} px; {:.3f} {:.3f} "
+      "{:.3f} times as bright; noise "
+      "{:.2f} codes of 255\n",
+      pictures.mask, 100.0 * mask.coverage(), drift.shift_px[0], drift.shift_px[1],
+      drift.most_px(mask.width_px, mask.height_px), drift.gain[0], drift.gain[1], drift.gain[2],
+      255.0 * object.usual_noise());
+  return absl::OkStatus();
+}
+
+CLI::App& add_mask_command(CLI::App& app, MaskPictures& pictures) {
+  CLI::App& command = *app.add_subcommand("mask", "Find the object in a photograph, by one without it");
+  command.footer(
+      "The picture without the object is first moved and brightened to lie on the other, as far as a camera "
+      "that was touched "
+      "needs\nit; then what differs by more than noise is the object, cleaned by dilation, hole filling and "
+      "erosion. White is the "
+      "object.\n\nExample:\n  glasswing-solver mask vase.jpg empty.jpg mask.png");
+  command.add_option("with", pictures.with, "photograph with the object: PNG, JPEG or TIFF")->required();
+  command.add_option("without", pictures.without, "one without it, of the same size")->required();
+  command.add_option("mask", pictures.mask, "PNG or TIFF to write")->required();
+  MaskOptions& options = pictures.options;
+  command
+      .add_option(
+          "--false-positive-rate", options.false_positive_rate,
+          "of the difference test, where noise is normal: the share of other pixels taken for the object's")
+      ->check(CLI::Range(1e-12, 0.5))
+      ->capture_default_str();
+  command
+      .add_option("--dilate", options.dilation_px,
+                  "px: half the side of the square that closes gaps; 0.3 % of the diagonal if left out")
+      ->check(CLI::Range(0, 1000));
+  command.add_option("--erode", options.erosion_px, "px, likewise; as --dilate if left out")
+      ->check(CLI::Range(0, 1000));
+  command
+      .add_option("--least", options.least_px,
+                  "px: what hangs together in fewer is noise; the square's area if left out")
+      ->check(CLI::Range(0, 1 << 28));
+  command.add_flag("!--keep-holes", options.fill_holes, "leave holes in it open");
+  command.add_flag("!--no-drift", options.follow_drift, "the pictures lie on each other as they are");
+  return command;
+}
+
 }  // namespace
 }  // namespace glasswing
 
@@ -71,7 +134,8 @@ int main(int argc, char** argv) {
   CLI::App app("Glasswing's solver: turns frames into tiles of a matte, for as long as the server has any.");
   app.footer(
       "Examples:\n  glasswing-solver --server 127.0.0.1:7440 --name solver-1\n"
-      "  glasswing-solver solve out/archives/crystal crystal.exr --set modes=2");
+      "  glasswing-solver solve out/archives/crystal crystal.exr --set modes=2\n"
+      "  glasswing-solver mask vase.jpg empty.jpg mask.png");
   Work work;
   std::string level = "info";
   app.add_option("--server", work.server, "host:port of glasswing-server")->capture_default_str();
@@ -92,10 +156,14 @@ int main(int argc, char** argv) {
   solve_command->add_option("--threads", here.threads, "0: one for each core")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
+  MaskPictures pictures;
+  const CLI::App& mask_command = add_mask_command(app, pictures);
   CLI11_PARSE(app, argc, argv);
   absl::Status status;
   if (solve_command->parsed()) {
     status = solve(here);
+  } else if (mask_command.parsed()) {
+    status = make_mask(pictures);
   } else {
     block_signals();
     start_logging("glasswing-solver", level);

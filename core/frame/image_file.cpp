@@ -21,6 +21,7 @@
 #include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/frame/archive.h"
+#include "core/frame/jpeg_header.h"
 
 namespace glasswing {
 namespace {
@@ -35,9 +36,6 @@ std::string suffix_of(const fs::path& path) {
 }
 
 // IEC 61966-2-1.
-float linear_of_srgb(float code) {
-  return code <= 0.04045f ? code / 12.92f : std::pow((code + 0.055f) / 1.055f, 2.4f);
-}
 float srgb_of_linear(float light) {
   const float x = std::clamp(light, 0.0f, 1.0f);
   return x <= 0.0031308f ? 12.92f * x : 1.055f * std::pow(x, 1.0f / 2.4f) - 0.055f;
@@ -120,6 +118,7 @@ PictureSize png_size(std::string_view bytes) {
 absl::StatusOr<cv::Mat> decode_any(std::string_view bytes) {
   if (bytes.empty()) return absl::DataLossError("it is empty");
   if (is_png(bytes)) GW_RETURN_IF_ERROR(check_png(bytes));
+  if (is_jpeg(bytes)) GW_RETURN_IF_ERROR(check_jpeg(bytes));
   try {
     const cv::Mat raw(1, static_cast<int>(bytes.size()), CV_8U, const_cast<char*>(bytes.data()));
     cv::Mat image = cv::imdecode(raw, cv::IMREAD_ANYDEPTH | cv::IMREAD_COLOR);
@@ -226,6 +225,10 @@ cv::Mat srgb8_of(const RadianceImage& image) {
 
 }  // namespace
 
+float linear_of_srgb(float code) {
+  return code <= 0.04045f ? code / 12.92f : std::pow((code + 0.055f) / 1.055f, 2.4f);
+}
+
 absl::StatusOr<RadianceImage> read_radiance(const fs::path& path, Encoding encoding) {
   if (suffix_of(path) == ".exr") {
     if (!fs::exists(path)) return absl::NotFoundError(fmt::format("there is no file {}", path.string()));
@@ -276,8 +279,8 @@ absl::Status write_radiance(const fs::path& path, const RadianceImage& image, En
 
 absl::StatusOr<PictureSize> picture_size(std::string_view bytes) {
   const bool tiff = bytes.substr(0, 2) == "II" || bytes.substr(0, 2) == "MM";
-  if (!tiff && !is_png(bytes)) return absl::DataLossError("it is neither PNG nor TIFF");
-  const PictureSize size = tiff ? tiff_size(bytes) : png_size(bytes);
+  if (!tiff && !is_png(bytes) && !is_jpeg(bytes)) return absl::DataLossError("it is no PNG, JPEG or TIFF");
+  const PictureSize size = tiff ? tiff_size(bytes) : is_png(bytes) ? png_size(bytes) : jpeg_size(bytes);
   const auto good = [](int side) { return side >= 1 && side <= kMaxSide_px; };
   if (good(size.width_px) && good(size.height_px)) return size;
   return absl::DataLossError(fmt::format("its header says {}x{}; each side must be 1 to {} px", size.width_px,
@@ -305,6 +308,19 @@ absl::StatusOr<Image16> read_frame_file(const fs::path& path, std::optional<Pict
     return absl::DataLossError(
         fmt::format("{} is turned; a frame's first row must be its top", path.string()));
   return image;
+}
+
+absl::StatusOr<Photograph> read_photograph(const fs::path& path) {
+  const absl::StatusOr<std::string> bytes = read_file(path);
+  if (absl::IsNotFound(bytes.status()))
+    return absl::DataLossError(fmt::format("{}: the photograph is missing", path.string()));
+  GW_RETURN_IF_ERROR(bytes.status());
+  if (const auto size = picture_size(*bytes); !size.ok()) return named(path, size.status());
+  const absl::StatusOr<cv::Mat> mat = decode_any(*bytes);
+  if (!mat.ok()) return named(path, mat.status());
+  absl::StatusOr<Image16> codes = image16_of(*mat);
+  if (!codes.ok()) return named(path, codes.status());
+  return Photograph{.codes = *std::move(codes), .bits = mat->depth() == CV_16U ? 16 : 8};
 }
 
 std::string encode_png16(const Image16& image) {

@@ -22,6 +22,9 @@ enum class Encoding {
 // DATA_LOSS names a file that is damaged or no picture; NOT_FOUND one that is missing.
 absl::StatusOr<RadianceImage> read_radiance(const std::filesystem::path& path, Encoding encoding);
 
+// The light of an sRGB code (IEC 61966-2-1), both 0 to 1.
+float linear_of_srgb(float code);
+
 // Linear radiance to .exr (float32, ZIP), .png (8 bit sRGB, or 16 bit linear) or .tif/.tiff (16 bit
 // likewise), by the path's suffix. INVALID_ARGUMENT for another suffix.
 absl::Status write_radiance(const std::filesystem::path& path, const RadianceImage& image, Encoding encoding);
@@ -30,15 +33,24 @@ struct PictureSize {
   int width_px = 0, height_px = 0;
   bool operator==(const PictureSize&) const = default;
 };
-// What the header of a PNG or TIFF says; nothing is decoded. DATA_LOSS: it is neither, damaged, or a side is
-// not 1 to 16384 px.
+// What the header of a PNG, JPEG or TIFF says; nothing is decoded. DATA_LOSS: it is none of them, damaged, or
+// a side is not 1 to 16384 px.
 absl::StatusOr<PictureSize> picture_size(std::string_view bytes);
 
-// 16-bit linear frames, PNG or TIFF; 8-bit ones are scaled by 257. DATA_LOSS names the file: truncated,
-// altered (a PNG's CRC is checked), not a picture, or of another size than `expected`, which is found out
-// before a pixel is decoded.
+// 16-bit linear frames, PNG or TIFF; 8-bit ones, JPEG too, are scaled by 257. DATA_LOSS names the file:
+// truncated, altered (a PNG's CRC is checked), not a picture, or of another size than `expected`, which is
+// found out before a pixel is decoded.
 absl::StatusOr<Image16> read_frame_file(const std::filesystem::path& path,
                                         std::optional<PictureSize> expected = std::nullopt);
+
+// A photograph in its own codes. PNG, JPEG or TIFF; gray becomes r = g = b, alpha is dropped, and a JPEG is
+// turned as its EXIF says. DATA_LOSS names a file that is missing, truncated, of float samples, or none of
+// these.
+struct Photograph {
+  Image16 codes;  // 65535 = the highest code
+  int bits = 0;   // of a code in the file: 8 or 16
+};
+absl::StatusOr<Photograph> read_photograph(const std::filesystem::path& path);
 
 // PNG, 16 bit, linear: how pictures travel to displays. `bytes` for decode may also be 8 bit.
 // INVALID_ARGUMENT: it is none, or a side is not 1 to 16384 px.

@@ -1,0 +1,344 @@
+#include "solver/background/picture_drift.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <vector>
+
+#include "core/base/status.h"
+#include "core/frame/image_file.h"
+
+namespace glasswing {
+namespace {
+
+constexpr int kMotions = 6, kUnknowns = 12, kColumns = 8;  // in all; of one channel
+constexpr double kMostDrift = 0.02;                        // of the longer side
+constexpr double kMostGain = 1.4;
+constexpr double kMostRest = 0.05;        // noise of a photograph is less
+constexpr int kCoarsest_px = 160;         // longer side
+constexpr double kMostSamples = 100'000;  // of a level
+constexpr double kLeastSd = 0.1 / 255.0;
+constexpr double kBlur_px = 1.0;  // slopes of noise tell nothing
+constexpr double kAlike =
+    4.0 * std::numbers::pi * kBlur_px * kBlur_px;  // samples that then share their noise
+
+using Step = Eigen::Matrix<double, kUnknowns, 1>;
+using Normal = Eigen::Matrix<double, kUnknowns, kUnknowns>;
+
+struct Point {
+  double x = 0.0, y = 0.0;
+};
+
+// Weights of four neighbours at t of the way from the second to the third (Catmull-Rom).
+std::array<double, 4> cubic(double t) {
+  return {((-0.5 * t + 1.0) * t - 0.5) * t, (1.5 * t - 2.5) * t * t + 1.0, ((-1.5 * t + 2.0) * t + 0.5) * t,
+          (0.5 * t - 0.5) * t * t};
+}
+
+// At a place in px, pixel centres at +0.5; false: beyond the picture.
+bool sample_at(const RadianceImage& image, Point place, std::array<double, 3>& value) {
+  if (!(place.x >= 0.0 && place.y >= 0.0 && place.x <= image.width_px && place.y <= image.height_px))
+    return false;
+  const double x = place.x - 0.5, y = place.y - 0.5;
+  const double left = std::floor(x), top = std::floor(y);
+  const std::array<double, 4> across = cubic(x - left), down = cubic(y - top);
+  value = {};
+  for (int j = 0; j < 4; ++j) {
+    const int v = std::clamp(static_cast<int>(top) + j - 1, 0, image.height_px - 1);
+    for (int i = 0; i < 4; ++i) {
+      const int u = std::clamp(static_cast<int>(left) + i - 1, 0, image.width_px - 1);
+      const double weight = across[static_cast<size_t>(i)] * down[static_cast<size_t>(j)];
+      const float* const code = &image.samples[image.index(u, v, 0)];
+      for (size_t c = 0; c < 3; ++c) value[c] += weight * static_cast<double>(code[c]);
+    }
+  }
+  return true;
+}
+
+RadianceImage shares_of(const Image16& codes) {
+  RadianceImage image(codes.width_px, codes.height_px);
+  std::transform(codes.samples.begin(), codes.samples.end(), image.samples.begin(), radiance_of);
+  return image;
+}
+
+Point moved_point(const PictureDrift& drift, Point p) {
+  return {p.x + drift.shift_px[0] + drift.stretch[0] * p.x + drift.stretch[1] * p.y,
+          p.y + drift.shift_px[1] + drift.stretch[2] * p.x + drift.stretch[3] * p.y};
+}
+
+// 0 of none.
+double median_of(std::vector<double> values) {
+  if (values.empty()) return 0.0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// From the median of absolute values, as of normal ones.
+double robust_sd(std::vector<double> differences) {
+  for (double& difference : differences) difference = std::abs(difference);
+  return std::max(1.4826 * median_of(std::move(differences)), kLeastSd);
+}
+
+// Both pictures at one scale.
+class Level {
+ public:
+  Level(const RadianceImage& with, const RadianceImage& without, double scale)
+      : full_width_px_(with.width_px),
+        full_height_px_(with.height_px),
+        with_(shrunk(with, scale)),
+        without_(shrunk(without, scale)),
+        x_scale_(1.0 * with_.width_px / with.width_px),
+        y_scale_(1.0 * with_.height_px / with.height_px),
+        stride_(std::max(
+            1, static_cast<int>(std::sqrt(1.0 * with_.width_px * with_.height_px / kMostSamples)))) {}
+
+  // One step of Gauss-Newton, of light alone or of motion too; how far it moves a corner, in px of this
+  // level.
+  double step(PictureDrift& drift, bool moves_too) {
+    look(drift);
+    Normal normal = prior();
+    Step gradient = -normal * unknowns(drift);
+    for (size_t c = 0; c < 3; ++c) add_channel(c, drift, normal, gradient);
+    if (!moves_too) {
+      normal.topRows<kMotions>().setZero();
+      normal.leftCols<kMotions>().setZero();
+      normal.topLeftCorner<kMotions, kMotions>().setIdentity();
+      gradient.head<kMotions>().setZero();
+    }
+    const Step change = normal.ldlt().solve(gradient);
+    PictureDrift moves;
+    for (int i = 0; i < 2; ++i) moves.shift_px[static_cast<size_t>(i)] = change[i];
+    for (int i = 0; i < 4; ++i) moves.stretch[static_cast<size_t>(i)] = change[2 + i] / half_px();
+    for (size_t i = 0; i < 2; ++i) drift.shift_px[i] += moves.shift_px[i];
+    for (size_t i = 0; i < 4; ++i) drift.stretch[i] += moves.stretch[i];
+    for (size_t c = 0; c < 3; ++c) {
+      drift.gain[c] += change[kMotions + 2 * static_cast<int>(c)];
+      drift.offset[c] += change[kMotions + 2 * static_cast<int>(c) + 1];
+    }
+    return moves.most_px(full_width_px_, full_height_px_) * x_scale_;
+  }
+
+  // Of the differences that are left where the picture is steep: standard deviations, added up.
+  double steep_rest(const PictureDrift& drift) {
+    look(drift);
+    return sd_[0] + sd_[1] + sd_[2];
+  }
+  // Of all that are left: that of the worst channel.
+  double rest(const PictureDrift& drift) {
+    look(drift);
+    double most = 0.0;
+    for (size_t c = 0; c < 3; ++c) most = std::max(most, robust_sd(differences_of(c, -1.0)));
+    return most;
+  }
+
+ private:
+  struct Seen {
+    std::array<double, 3> without{}, difference{}, x_slope{},
+        y_slope{};  // slopes per px of the whole picture
+    Point p;        // px of it, from its middle
+
+    double steepness(size_t c) const { return x_slope[c] * x_slope[c] + y_slope[c] * y_slope[c]; }
+  };
+
+  // Blurred, too: where noise is interpolated there is less of it, which would draw the fit to places between
+  // pixels.
+  static RadianceImage shrunk(const RadianceImage& image, double scale) {
+    RadianceImage small = resized(image, std::max(1, static_cast<int>(std::lround(image.width_px * scale))),
+                                  std::max(1, static_cast<int>(std::lround(image.height_px * scale))));
+    cv::Mat samples(small.height_px, small.width_px, CV_32FC3, small.samples.data());
+    cv::GaussianBlur(samples, samples, {}, kBlur_px);
+    return small;
+  }
+  double half_px() const { return 0.5 * std::max(full_width_px_, full_height_px_); }
+
+  // Without texture the pictures say nothing of a shift: then there is none. Standard deviations.
+  Normal prior() const {
+    Step sd;
+    sd.head<kMotions>().setConstant(kMostDrift * half_px());
+    for (int c = 0; c < 3; ++c) sd.segment<2>(kMotions + 2 * c) << 0.1, 0.1;
+    return sd.cwiseAbs2().cwiseInverse().asDiagonal();
+  }
+  Step unknowns(const PictureDrift& drift) const {
+    Step all;
+    for (int i = 0; i < 2; ++i) all[i] = drift.shift_px[static_cast<size_t>(i)];
+    for (int i = 0; i < 4; ++i) all[2 + i] = drift.stretch[static_cast<size_t>(i)] * half_px();
+    for (int c = 0; c < 3; ++c) {
+      all[kMotions + 2 * c] = drift.gain[static_cast<size_t>(c)] - 1.0;
+      all[kMotions + 2 * c + 1] = drift.offset[static_cast<size_t>(c)];
+    }
+    return all;
+  }
+
+  void look(const PictureDrift& drift) {
+    seen_.clear();
+    for (int y = stride_ / 2; y < with_.height_px; y += stride_) {
+      for (int x = stride_ / 2; x < with_.width_px; x += stride_) {
+        Seen seen;
+        seen.p = {(x + 0.5) / x_scale_ - 0.5 * full_width_px_, (y + 0.5) / y_scale_ - 0.5 * full_height_px_};
+        const Point to = moved_point(drift, seen.p);
+        const Point from = {(to.x + 0.5 * full_width_px_) * x_scale_,
+                            (to.y + 0.5 * full_height_px_) * y_scale_};
+        if (!sample_at(without_, from, seen.without)) continue;
+        for (int c = 0; c < 3; ++c) {
+          const auto i = static_cast<size_t>(c);
+          seen.difference[i] =
+              static_cast<double>(with_.at(x, y, c)) - drift.gain[i] * seen.without[i] - drift.offset[i];
+          seen.x_slope[i] = 0.5 * x_scale_ * (with(x + 1, y, c) - with(x - 1, y, c));
+          seen.y_slope[i] = 0.5 * y_scale_ * (with(x, y + 1, c) - with(x, y - 1, c));
+        }
+        seen_.push_back(seen);
+      }
+    }
+    for (size_t c = 0; c < 3; ++c) sd_[c] = robust_sd(differences_of(c, median_steepness(c)));
+  }
+
+  double with(int x, int y, int c) const {
+    return static_cast<double>(
+        with_.at(std::clamp(x, 0, with_.width_px - 1), std::clamp(y, 0, with_.height_px - 1), c));
+  }
+  double median_steepness(size_t c) const {
+    std::vector<double> all;
+    all.reserve(seen_.size());
+    for (const Seen& seen : seen_) all.push_back(seen.steepness(c));
+    return median_of(std::move(all));
+  }
+  // Of the samples that are steeper than this, if any is: what is dark or even agrees wherever it is moved
+  // to.
+  std::vector<double> differences_of(size_t c, double steepness) const {
+    std::vector<double> differences;
+    for (const Seen& seen : seen_) {
+      if (seen.steepness(c) > steepness) differences.push_back(seen.difference[c]);
+    }
+    return differences.empty() && steepness >= 0.0 ? differences_of(c, -1.0) : differences;
+  }
+
+  // Slopes are those of the picture with the object, at its pixels: there a slope's noise and the noise of
+  // the difference have nothing in common. Between pixels noise is less, so that slopes of the other picture
+  // would draw the fit there. The gain's column is the mean of both pictures for the like reason.
+  void add_channel(size_t c, const PictureDrift& drift, Normal& normal, Step& gradient) const {
+    Eigen::Matrix<double, kColumns, kColumns> squares = Eigen::Matrix<double, kColumns, kColumns>::Zero();
+    Eigen::Matrix<double, kColumns, 1> products = Eigen::Matrix<double, kColumns, 1>::Zero(), column;
+    for (const Seen& seen : seen_) {
+      const double x_slope = seen.x_slope[c], y_slope = seen.y_slope[c];
+      const double u = seen.p.x / half_px(), v = seen.p.y / half_px();
+      const double code = seen.without[c] + 0.5 * seen.difference[c] / drift.gain[c];
+      column << x_slope, y_slope, x_slope * u, x_slope * v, y_slope * u, y_slope * v, code, 1.0;
+      const double z = seen.difference[c] / (3.0 * sd_[c]), belief = 1.0 / (1.0 + z * z);
+      const double weight = belief * belief / (kAlike * sd_[c] * sd_[c]);
+      squares.noalias() += (weight * column) * column.transpose();
+      products.noalias() += (weight * seen.difference[c]) * column;
+    }
+    const auto place = [c](int i) { return i < kMotions ? i : i + 2 * static_cast<int>(c); };
+    for (int i = 0; i < kColumns; ++i) {
+      gradient[place(i)] += products[i];
+      for (int j = 0; j < kColumns; ++j) normal(place(i), place(j)) += squares(i, j);
+    }
+  }
+
+  const int full_width_px_, full_height_px_;
+  const RadianceImage with_, without_;
+  const double x_scale_, y_scale_;
+  const int stride_;
+  std::vector<Seen> seen_;
+  std::array<double, 3> sd_{};
+};
+
+absl::Status check_small(const PictureDrift& drift, double rest, int width_px, int height_px) {
+  const double most_px = drift.most_px(width_px, height_px),
+               allowed_px = kMostDrift * std::max(width_px, height_px);
+  if (!(most_px <= allowed_px)) {
+    return absl::FailedPreconditionError(fmt::format(
+        "the pictures lie {:.1f} px apart; at most {:.1f} px can be a drift: the camera must stand where "
+        "it stood",
+        most_px, allowed_px));
+  }
+  for (const double gain : drift.gain) {
+    if (!(gain <= kMostGain && gain >= 1.0 / kMostGain)) {
+      return absl::FailedPreconditionError(
+          fmt::format("one picture is {:.2f} times as bright as the other; it must be between {:.2f} and "
+                      "{:.2f}: exposure and "
+                      "light must be the same",
+                      gain, 1.0 / kMostGain, kMostGain));
+    }
+  }
+  if (rest <= kMostRest) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      fmt::format("the pictures differ by {:.0f} % of full scale in most of their pixels; at most {:.0f} % "
+                  "can be noise: both must "
+                  "show the same stage, more of it than of the object",
+                  100.0 * rest, 100.0 * kMostRest));
+}
+
+}  // namespace
+
+double PictureDrift::most_px(int width_px, int height_px) const {
+  double most = 0.0;
+  for (const double x : {-0.5 * width_px, 0.5 * width_px}) {
+    for (const double y : {-0.5 * height_px, 0.5 * height_px}) {
+      const Point to = moved_point(*this, {x, y});
+      most = std::max(most, std::hypot(to.x - x, to.y - y));
+    }
+  }
+  return most;
+}
+
+absl::Status check_same_size(const Image16& with, const Image16& without) {
+  if (with.width_px == without.width_px && with.height_px == without.height_px) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      fmt::format("the picture with the object is {}x{}, that without {}x{}; they must be of one size",
+                  with.width_px, with.height_px, without.width_px, without.height_px));
+}
+
+absl::StatusOr<PictureDrift> find_drift(const Image16& with, const Image16& without) {
+  constexpr int kMostSteps = 20;
+  constexpr int kLightSteps = 8;  // a linear fit but for its weights
+  constexpr double kConverged_px = 0.005;
+  // Interpolated noise alone makes up to 1 % of a difference go away, and chance a few thousandths.
+  constexpr double kWorthMoving = 0.98;
+  GW_RETURN_IF_ERROR(check_same_size(with, without));
+  const RadianceImage object = shares_of(with), empty = shares_of(without);
+  const double side_px = std::max(with.width_px, with.height_px);
+  const int halvings = std::max(0, static_cast<int>(std::ceil(std::log2(side_px / kCoarsest_px))));
+  PictureDrift drift;
+  for (int i = halvings; i > 0; --i) {
+    Level level(object, empty, std::exp2(-i));
+    for (int step = 0; step < kMostSteps && level.step(drift, true) > kConverged_px; ++step) {
+    }
+  }
+  Level whole(object, empty, 1.0);
+  for (int step = 0; step < kMostSteps && whole.step(drift, true) > kConverged_px; ++step) {
+  }
+  PictureDrift still;
+  for (int step = 0; step < kLightSteps; ++step) whole.step(still, false);
+  if (whole.steep_rest(drift) > kWorthMoving * whole.steep_rest(still)) drift = still;
+  GW_RETURN_IF_ERROR(check_small(drift, whole.rest(drift), with.width_px, with.height_px));
+  return drift;
+}
+
+RadianceImage moved(const Image16& without, const PictureDrift& drift) {
+  const RadianceImage empty = shares_of(without);
+  RadianceImage image(empty.width_px, empty.height_px);
+  const double middle_x = 0.5 * image.width_px, middle_y = 0.5 * image.height_px;
+  for (int y = 0; y < image.height_px; ++y) {
+    for (int x = 0; x < image.width_px; ++x) {
+      const Point to = moved_point(drift, {x + 0.5 - middle_x, y + 0.5 - middle_y});
+      std::array<double, 3> value{};
+      const bool seen = sample_at(empty, {to.x + middle_x, to.y + middle_y}, value);
+      for (size_t c = 0; c < 3; ++c) {
+        image.at(x, y, static_cast<int>(c)) =
+            seen ? static_cast<float>(drift.gain[c] * value[c] + drift.offset[c])
+                 : std::numeric_limits<float>::quiet_NaN();
+      }
+    }
+  }
+  return image;
+}
+
+}  // namespace glasswing
