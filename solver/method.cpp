@@ -4,6 +4,7 @@
 
 #include "core/base/status.h"
 #include "solver/drift.h"
+#include "solver/fringe/fringe_method.h"
 #include "solver/gaussian/gaussian_method.h"
 
 namespace glasswing {
@@ -43,7 +44,8 @@ absl::Status check_rows(const FrameStack& stack, const std::vector<int>& needed)
 
 absl::StatusOr<std::unique_ptr<Method>> make_method(const std::string& name, const MethodOptions& options) {
   if (name == "gaussian") return GaussianMethod::create(options);
-  return absl::InvalidArgumentError(fmt::format("method is \"{}\"; there is: gaussian", name));
+  if (name == "fringe") return FringeMethod::create(options);
+  return absl::InvalidArgumentError(fmt::format("method is \"{}\"; there is: gaussian, fringe", name));
 }
 
 }  // namespace glasswing

@@ -119,13 +119,14 @@ void report(const RenderedScene& scene, const Method& method, bool noise, const 
 
 int run(int argc, char** argv) {
   CLI::App app{"Solves rendered scenes and prints PSNR inside the object, in dB"};
-  std::string directory, pictures, composites;
+  std::string directory, pictures, composites, method_name = "gaussian";
   std::vector<std::string> scenes{"A_crystal",    "B_bimodal",     "C_brushed",
                                   "D_foreground", "E_twomonitors", "G_misregistered"};
   std::vector<std::string> settings;
   bool no_noise = false, no_photographs = false;
   app.add_option("directory", directory, "Folder with the scenes")->required()->check(CLI::ExistingDirectory);
   app.add_option("--scenes", scenes, "Which of them")->delimiter(',');
+  app.add_option("--method", method_name, "Which method")->capture_default_str();
   app.add_option("--set", settings, "Option of the method, such as modes=2");
   app.add_option("--pictures", pictures, "Folder for a picture a scene");
   app.add_option("--composites", composites, "Folder for every composite, 16-bit linear PNG");
@@ -136,7 +137,7 @@ int run(int argc, char** argv) {
   for (const std::string& setting : settings) {
     options[setting.substr(0, setting.find('='))] = setting.substr(setting.find('=') + 1);
   }
-  const auto method = make_method("gaussian", options);
+  const auto method = make_method(method_name, options);
   if (!method.ok()) {
     fmt::print(stderr, "{}\n", std::string(method.status().message()));
     return 1;
