@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdlib>
 
 #include "core/base/status.h"
@@ -26,13 +27,16 @@ absl::StatusOr<std::unique_ptr<Method>> FringeMethod::create(const MethodOptions
   auto method = std::make_unique<FringeMethod>();
   method->options_ = options;
   for (const auto& [key, value] : options) {
-    if (key == "tolerance") {
+    if (key == "modes") {
+      GW_ASSIGN_OR_RETURN(const double modes, number_of(key, value, 1, kMaxModes));
+      method->modes_ = static_cast<int>(modes);
+    } else if (key == "tolerance") {
       GW_ASSIGN_OR_RETURN(method->tolerance_, number_of(key, value, 0.0, 0.5));
     } else if (key == "silhouette_tolerance") {
       GW_ASSIGN_OR_RETURN(method->silhouette_tolerance_, number_of(key, value, 0.0, 1.0));
     } else {
-      return absl::InvalidArgumentError(
-          fmt::format("option \"{}\" is not known to fringe; it has: silhouette_tolerance, tolerance", key));
+      return absl::InvalidArgumentError(fmt::format(
+          "option \"{}\" is not known to fringe; it has: modes, silhouette_tolerance, tolerance", key));
     }
   }
   return method;
@@ -51,7 +55,8 @@ absl::StatusOr<Matte> FringeMethod::solve(const FrameStack& stack) const {
     return absl::FailedPreconditionError(
         fmt::format("{} monitors showed sinusoids; at most {} can be solved", monitors, kMaxModes));
   }
-  Matte matte(0, stack.first_row, stack.manifest.camera().width_px(), stack.row_count, monitors);
+  const int most = std::min(modes_, kMaxModes / monitors);
+  Matte matte(0, stack.first_row, stack.manifest.camera().width_px(), stack.row_count, most * monitors);
   v1::MatteMetadata& metadata = matte.metadata;
   metadata.set_format_version(1);
   metadata.set_session(stack.manifest.session());
@@ -61,7 +66,7 @@ absl::StatusOr<Matte> FringeMethod::solve(const FrameStack& stack) const {
   metadata.set_width_px(stack.manifest.camera().width_px());
   metadata.set_height_px(stack.manifest.camera().height_px());
   metadata.set_generator("glasswing");
-  FringeSolver solver(stack, layout, tolerance_, silhouette_tolerance_);
+  FringeSolver solver(stack, layout, most, tolerance_, silhouette_tolerance_);
   for (int y = 0; y < stack.row_count; ++y) solver.solve_row(y, matte);
   return matte;
 }

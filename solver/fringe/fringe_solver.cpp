@@ -3,11 +3,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "solver/fringe/wave_answer.h"
+
 namespace glasswing {
 namespace {
 
 constexpr double kFalsePositiveRate = 1e-4;
 constexpr int kFewestDegrees = 4;  // that tell how noisy a pixel is
+constexpr int kMostSteps = 60;
 
 Mode mode_of(const SpectrumFit& fit, int m, int texture, double share = 1.0) {
   const Footprint& footprint = fit.modes[m];
@@ -63,10 +66,11 @@ double share_of(const Spectrum& part, const Spectrum& whole) {
 
 }  // namespace
 
-FringeSolver::FringeSolver(const FrameStack& stack, const FringeLayout& layout, double tolerance,
-                           double silhouette_tolerance)
+FringeSolver::FringeSolver(const FrameStack& stack, const FringeLayout& layout, int most_modes,
+                           double tolerance, double silhouette_tolerance)
     : stack_(stack),
       layout_(layout),
+      most_modes_(most_modes),
       tolerance_(tolerance),
       surroundings_(stack, layout.stage, silhouette_tolerance) {
   for (const WaveMonitor& monitor : layout.object)
@@ -119,6 +123,10 @@ void FringeSolver::solve_row(int y, Matte& matte) {
   }
 }
 
+bool FringeSolver::earns_its_place(const SpectrumFit& before, const SpectrumFit& after) {
+  return after.tolerated < 0.5 * before.tolerated;
+}
+
 FringeSolver::Found FringeSolver::find(const Monitor& monitor, const Spectrum& spectrum) const {
   Found found;
   double most = spectrum.level, least_sd = spectrum.level_sd;
@@ -148,7 +156,12 @@ FringeSolver::Found FringeSolver::find(const Monitor& monitor, const Spectrum& s
   }
   Footprints start;
   start.push_back(monitor.fitter.guess(spectrum, place));
-  found.fit = monitor.fitter.fit(spectrum, place.used, start);
+  found.fit = monitor.fitter.fit(spectrum, place.used, start, kMostSteps);
+  while (too_poor(found.fit) && found.fit.modes.size() < most_modes_) {
+    const SpectrumFit more = monitor.fitter.fit_one_more(spectrum, found.fit);
+    if (more.modes.empty() || more.degrees < 1 || !earns_its_place(found.fit, more)) break;
+    found.fit = more;
+  }
   if (!found.fit.converged) found.flags |= kFlagNotConverged;
   if (too_poor(found.fit)) found.flags |= kFlagPoorFit;
   return found;

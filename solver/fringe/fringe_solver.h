@@ -16,7 +16,7 @@ namespace glasswing {
 class FringeSolver {
  public:
   // Both must outlive it. `tolerance`: of SpectrumFitter.
-  FringeSolver(const FrameStack& stack, const FringeLayout& layout, double tolerance,
+  FringeSolver(const FrameStack& stack, const FringeLayout& layout, int most_modes, double tolerance,
                double silhouette_tolerance);
 
   // Row y of the stack into row y of the matte.
@@ -41,10 +41,12 @@ class FringeSolver {
   Found find(const Monitor& monitor, const Spectrum& spectrum) const;
   void solve_pixel(int x, int y, const SampleNoise& noise, Matte& matte);
   void map_background(int x, int y, const SampleNoise& noise, Matte& matte);
+  static bool earns_its_place(const SpectrumFit& before, const SpectrumFit& after);
   bool too_poor(const SpectrumFit& fit) const;
 
   const FrameStack& stack_;
   const FringeLayout& layout_;
+  const int most_modes_;  // on a monitor
   const double tolerance_;
   Surroundings surroundings_;
   std::vector<Monitor> object_, empty_;

@@ -1,88 +1,42 @@
 #include "solver/fringe/spectrum_fit.h"
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+
+#include "solver/fringe/wave_answer.h"
 
 namespace glasswing {
 namespace {
 
 using Complex = std::complex<double>;
 constexpr double kPi = std::numbers::pi;
-constexpr double kLeastVariance_px2 = 1e-6;  // narrower footprints are points, as far as an edge is concerned
-constexpr double kMostTurn = 12.0;           // of complex_erf: such a wave is gone, e^-144
-constexpr int kMostSteps = 40;
 constexpr Eigen::Index kParameters = 6;
+constexpr int kFirstSteps = 6, kMostSteps = 60;
+constexpr double kPointsAPeriod = 5.0;  // of the finest wave
+constexpr double kHeld = 1e12;          // information on a parameter that is not to move
 
-double sinc(double t) {
-  return t == 0.0 ? 1.0 : std::sin(kPi * t) / (kPi * t);
+// Of an axis: the highest frequency that a wave has along it.
+double highest(const std::vector<Wave>& waves, double Wave::*frequency) {
+  double high = 0.0;
+  for (const Wave& wave : waves) high = std::max(high, std::abs(wave.*frequency));
+  return high;
 }
 
-// \int_0^extent of the Gaussian of this variance and complex mean, and its slopes.
-struct Part {
-  Complex value{1.0, 0.0}, by_mean, by_variance;
-};
-
-Part part_within(Complex mean, double variance, double extent) {
-  const double v = std::max(variance, kLeastVariance_px2), scale = 1.0 / std::sqrt(2.0 * v);
-  if (std::abs(mean.imag()) * scale > kMostTurn) return {};
-  const auto density = [&](double t) {
-    return std::exp(-(t - mean) * (t - mean) / (2.0 * v)) / std::sqrt(2.0 * kPi * v);
-  };
-  const Complex low = density(0.0), high = density(extent);
-  return {.value = 0.5 * (complex_erf((extent - mean) * scale) - complex_erf(-mean * scale)),
-          .by_mean = low - high,
-          .by_variance = -0.5 * (low * mean + high * (extent - mean)) / v};
+bool sane(const Footprints& modes, const MonitorExtent& extent) {
+  const double limit = 2.0 * (extent.width_px + extent.height_px);
+  return std::all_of(modes.begin(), modes.end(), [&](const Footprint& mode) {
+    return mode.weight > 0.0 && std::abs(mode.x_px) < limit && std::abs(mode.y_px) < limit &&
+           mode.xx_px2 + mode.yy_px2 < limit * limit;
+  });
 }
 
 }  // namespace
 
-Complex complex_erf(Complex z) {
-  const double x = z.real(), y = z.imag();
-  const double fall = std::exp(-x * x);
-  Complex sum = std::erf(x);
-  if (y == 0.0) return sum;
-  const double cos2xy = std::cos(2.0 * x * y), sin2xy = std::sin(2.0 * x * y);
-  sum += std::abs(x) < 1e-9 ? Complex(0.0, y / kPi) : fall / (2.0 * kPi * x) * Complex(1.0 - cos2xy, sin2xy);
-  const int terms = static_cast<int>(2.0 * std::abs(y)) + 14;
-  Complex series = 0.0;
-  for (int n = 1; n <= terms; ++n) {
-    const double up = std::exp(n * y - 0.25 * n * n), down = std::exp(-n * y - 0.25 * n * n);
-    const double cosh_ny = 0.5 * (up + down), sinh_ny = 0.5 * (up - down), flat = std::exp(-0.25 * n * n);
-    series += Complex(2.0 * x * flat - 2.0 * x * cosh_ny * cos2xy + n * sinh_ny * sin2xy,
-                      2.0 * x * cosh_ny * sin2xy + n * sinh_ny * cos2xy) /
-              (n * n + 4.0 * x * x);
-  }
-  return sum + 2.0 / kPi * fall * series;
-}
-
-Answer answer_of(const Footprint& mode, double fx, double fy, const MonitorExtent& extent) {
-  const double turned = fx * fx * mode.xx_px2 + 2.0 * fx * fy * mode.xy_px2 + fy * fy * mode.yy_px2;
-  const Complex unit =
-      sinc(fx) * sinc(fy) *
-      std::exp(Complex(-2.0 * kPi * kPi * turned, 2.0 * kPi * (fx * mode.x_px + fy * mode.y_px)));
-  const Complex ix(0.0, 2.0 * kPi * fx), iy(0.0, 2.0 * kPi * fy);
-  Part x, y;
-  if (near_edge(mode, extent)) {
-    x = part_within(mode.x_px + ix * mode.xx_px2 + iy * mode.xy_px2, mode.xx_px2, extent.width_px);
-    y = part_within(mode.y_px + ix * mode.xy_px2 + iy * mode.yy_px2, mode.yy_px2, extent.height_px);
-  }
-  const Complex both = unit * x.value * y.value;
-  const Complex edge_x = mode.weight * unit * x.by_mean * y.value,
-                edge_y = mode.weight * unit * x.value * y.by_mean;
-  const Complex whole = mode.weight * both;
-  return {.value = whole,
-          .slope = {both, whole * ix + edge_x, whole * iy + edge_y,
-                    0.5 * whole * ix * ix + edge_x * ix + mode.weight * unit * x.by_variance * y.value,
-                    whole * ix * iy + edge_x * iy + edge_y * ix,
-                    0.5 * whole * iy * iy + edge_y * iy + mode.weight * unit * x.value * y.by_variance}};
-}
-
 // J'J, J'r and r'r over what is measured.
 struct SpectrumFitter::Normal {
-  Eigen::MatrixXd matrix;
-  Eigen::VectorXd gradient;
+  FootprintMatrix matrix;
+  FootprintVector gradient;
   double cost = 0.0, tolerated = 0.0;
   int count = 0;
 
@@ -90,8 +44,8 @@ struct SpectrumFitter::Normal {
     matrix.setZero();
     gradient.setZero();
   }
-  void add(const Eigen::VectorXd& slope, double left, double variance, double tolerance) {
-    matrix.selfadjointView<Eigen::Lower>().rankUpdate(slope, 1.0 / variance);
+  void add(const FootprintVector& slope, double left, double variance, double tolerance) {
+    matrix.noalias() += slope * slope.transpose() / variance;
     gradient += slope * (left / variance);
     cost += left * left / variance;
     tolerated += left * left / (variance + tolerance * tolerance);
@@ -99,12 +53,29 @@ struct SpectrumFitter::Normal {
   }
 };
 
+SpectrumFitter::SpectrumFitter(const WaveMonitor& monitor, double tolerance)
+    : monitor_(monitor), tolerance_(tolerance) {
+  for (const Wave& wave : monitor.waves) oblique_ = oblique_ || wave.fx * wave.fy != 0.0;
+  const double step_x = 1.0 / (kPointsAPeriod * highest(monitor.waves, &Wave::fx)),
+               step_y = 1.0 / (kPointsAPeriod * highest(monitor.waves, &Wave::fy));
+  const double variance_x = step_x * step_x / 12.0, variance_y = step_y * step_y / 12.0;
+  for (double y = 0.5 * step_y; y < monitor.extent.height_px; y += step_y) {
+    for (double x = 0.5 * step_x; x < monitor.extent.width_px; x += step_x) {
+      points_.push_back(
+          {.weight = 1.0, .x_px = x, .y_px = y, .xx_px2 = variance_x, .xy_px2 = 0.0, .yy_px2 = variance_y});
+      for (const Wave& wave : monitor.waves)
+        answers_.emplace_back(answer_of(points_.back(), wave.fx, wave.fy, monitor.extent).value);
+      answers_.emplace_back(answer_of(points_.back(), 0.0, 0.0, monitor.extent).value);
+    }
+  }
+}
+
 SpectrumFitter::Normal SpectrumFitter::normal_at(const Spectrum& spectrum,
                                                  const std::vector<bool>& phase_known,
                                                  const Footprints& modes) const {
   const Eigen::Index size = kParameters * modes.size();
   Normal normal(size);
-  Eigen::VectorXd re(size), im(size);
+  FootprintVector re(size), im(size);
   double light = 0.0;
   for (const Footprint& mode : modes) light += mode.weight;
   const double tolerance = tolerance_ * light;
@@ -112,7 +83,7 @@ SpectrumFitter::Normal SpectrumFitter::normal_at(const Spectrum& spectrum,
     Complex sum = 0.0;
     Eigen::Index at = 0;
     for (const Footprint& mode : modes) {
-      const Answer own = answer_of(mode, fx, fy, monitor_.extent);
+      const WaveAnswer own = answer_of(mode, fx, fy, monitor_.extent);
       sum += own.value;
       for (const Complex& slope : own.slope) {
         re[at] = slope.real();
@@ -136,24 +107,30 @@ SpectrumFitter::Normal SpectrumFitter::normal_at(const Spectrum& spectrum,
       continue;
     }
     const double size_model = std::abs(model);
-    // Noise lengthens a phasor; below it there is nothing to tell but that it is short.
+    // Noise lengthens a phasor.
     const double seen = std::sqrt(std::max(std::norm(phasor.value) - variance, 0.0));
     if (size_model > 0.0) re = (model.real() * re + model.imag() * im) / size_model;
     normal.add(re, seen - size_model, variance, tolerance);
   }
-  normal.matrix = normal.matrix.selfadjointView<Eigen::Lower>();
+  for (Eigen::Index m = 0; !oblique_ && m < modes.size(); ++m) {
+    const Eigen::Index xy = kParameters * m + 4;
+    normal.matrix.row(xy).setZero();
+    normal.matrix.col(xy).setZero();
+    normal.matrix(xy, xy) = kHeld;
+    normal.gradient[xy] = 0.0;
+  }
   return normal;
 }
 
-Footprint SpectrumFitter::guess(const Spectrum& spectrum, const Unwrapped& unwrapped) const {
-  // ln |H| - ln sinc = ln R - 2 pi^2 f' Sigma f; each weighs by |H|^2 / variance. The little that holds Sigma
-  // where nothing else does says about a pixel.
-  Eigen::Matrix4d matrix = Eigen::Vector4d(0.0, 1e-6, 1e-6, 1e-6).asDiagonal();
+// ln |H| - ln sinc = ln R - 2 pi^2 f' Sigma f; each weighs by |H|^2 / variance.
+Footprint SpectrumFitter::guess(const Spectrum& spectrum, const Unwrapped& place) const {
+  Eigen::Matrix4d matrix =
+      Eigen::Vector4d(0.0, 1e-6, 1e-6, 1e-6).asDiagonal();  // should nothing tell of them
   Eigen::Vector4d right = Eigen::Vector4d::Zero();
   const auto add = [&](double fx, double fy, double size, double sd) {
     if (!(size > 3.0 * sd)) return;
-    const Eigen::Vector4d row = Eigen::Vector4d(1.0, -2.0 * kPi * kPi * fx * fx, -4.0 * kPi * kPi * fx * fy,
-                                                -2.0 * kPi * kPi * fy * fy);
+    const double scale = -2.0 * kPi * kPi;
+    const Eigen::Vector4d row(1.0, scale * fx * fx, 2.0 * scale * fx * fy, scale * fy * fy);
     const double weight = size * size / (sd * sd);
     matrix += weight * row * row.transpose();
     right += weight * row * std::log(size / (sinc(fx) * sinc(fy)));
@@ -166,103 +143,147 @@ Footprint SpectrumFitter::guess(const Spectrum& spectrum, const Unwrapped& unwra
   }
   const Eigen::Vector4d found = matrix.ldlt().solve(right);
   return with_positive_covariance({.weight = std::exp(found[0]),
-                                   .x_px = unwrapped.centre_px.x(),
-                                   .y_px = unwrapped.centre_px.y(),
+                                   .x_px = place.centre_px.x(),
+                                   .y_px = place.centre_px.y(),
                                    .xx_px2 = found[1],
-                                   .xy_px2 = found[2],
+                                   .xy_px2 = oblique_ ? found[2] : 0.0,
                                    .yy_px2 = found[3]},
                                   0.0);
 }
 
 SpectrumFit SpectrumFitter::fit(const Spectrum& spectrum, const std::vector<bool>& phase_known,
-                                const Footprints& start) const {
+                                const Footprints& start, int most_steps) const {
   SpectrumFit result{.modes = start};
-  const bool oblique = std::ranges::any_of(monitor_.waves, [](const Wave& w) { return w.fx * w.fy != 0.0; });
   const Eigen::Index size = kParameters * start.size();
-  // What no wave tells of stays as it is.
-  const auto hold = [&](Eigen::MatrixXd& matrix) {
-    for (Eigen::Index m = 0; !oblique && m < start.size(); ++m) {
-      const Eigen::Index xy = kParameters * m + 4;
-      matrix.row(xy).setZero();
-      matrix.col(xy).setZero();
-      matrix(xy, xy) = 1.0;
-    }
-  };
   Normal normal = normal_at(spectrum, phase_known, result.modes);
   double damping = 1e-3;
-  for (int step = 0; step < kMostSteps && !result.converged; ++step) {
-    Eigen::MatrixXd damped = normal.matrix;
-    hold(damped);
-    damped.diagonal() *= 1.0 + damping;
-    damped.diagonal().array() += 1e-12;
-    const Eigen::LDLT<Eigen::MatrixXd> solver(damped);
-    Eigen::VectorXd gradient = normal.gradient;
-    if (!oblique) {
-      for (Eigen::Index m = 0; m < start.size(); ++m) gradient[kParameters * m + 4] = 0.0;
-    }
-    Eigen::VectorXd change = solver.solve(gradient);
-    Footprints next = result.modes;
-    Eigen::Index at = 0;
-    bool bounded = false;
-    Eigen::VectorXd bound = Eigen::VectorXd::Zero(size);  // how far Sigma goes
-    for (Footprint& mode : next) {
-      mode.xx_px2 += change[at + 3];
-      mode.xy_px2 += change[at + 4];
-      mode.yy_px2 += change[at + 5];
-      const Footprint inside = with_positive_covariance(mode, 0.0);
-      bound.segment(at + 3, 3) = change.segment(at + 3, 3) + Eigen::Vector3d(inside.xx_px2 - mode.xx_px2,
-                                                                             inside.xy_px2 - mode.xy_px2,
-                                                                             inside.yy_px2 - mode.yy_px2);
-      bounded = bounded || !bound.segment(at + 3, 3).isApprox(change.segment(at + 3, 3));
-      mode = inside;
-      at += kParameters;
-    }
-    if (bounded) {
-      // The other parameters follow.
-      Eigen::MatrixXd others = damped;
-      Eigen::VectorXd left = gradient - damped * bound;
-      for (Eigen::Index i = 0; i < size; ++i) {
-        if (i % kParameters < 3) continue;
-        others.row(i).setZero();
-        others.col(i).setZero();
-        others(i, i) = 1.0;
-        left[i] = 0.0;
+  for (int i = 0; i < most_steps && !result.converged; ++i) {
+    FootprintMatrix damped = normal.matrix;
+    const double floor = 1e-12 * normal.matrix.diagonal().head(3).maxCoeff();
+    damped.diagonal() += damping * normal.matrix.diagonal() + FootprintVector::Constant(size, floor);
+    const Eigen::LLT<FootprintMatrix> solver(damped);
+    FootprintVector step = solver.solve(normal.gradient);
+    const Footprints moved = step_within_cone(result.modes, solver, step);
+    const double promise = 2.0 * normal.gradient.dot(step) - step.dot(normal.matrix * step);
+    // A hundredth of what one number leaves, or of its noise.
+    const bool last = promise <= 0.01 * std::max(normal.cost / std::max(normal.count, 1), 1.0);
+    if (solver.info() == Eigen::Success && sane(moved, monitor_.extent)) {
+      const Normal there = normal_at(spectrum, phase_known, moved);
+      if (there.cost <= normal.cost * (1.0 + 1e-9)) {
+        const double gained = normal.cost - there.cost;
+        result.modes = moved;
+        normal = there;
+        result.converged = last && damping < 0.1;
+        damping *= gained > 0.5 * promise ? 0.1 : gained < 0.2 * promise ? 3.0 : 1.0;
+        damping = std::max(damping, 1e-7);
+        continue;
       }
-      change = bound + others.ldlt().solve(left);
     }
-    at = 0;
-    for (Footprint& mode : next) {
-      mode.weight = std::max(mode.weight + change[at], 0.0);
-      mode.x_px += change[at + 1];
-      mode.y_px += change[at + 2];
-      at += kParameters;
-    }
-    const Normal there = normal_at(spectrum, phase_known, next);
-    const double promised = 2.0 * change.dot(gradient) - change.dot(normal.matrix * change);
-    if (there.cost <= normal.cost) {
-      result.converged = normal.cost - there.cost < 1e-2 + 1e-6 * normal.cost;
-      result.modes = next;
-      normal = there;
-      damping = std::max(0.1 * damping, 1e-9);
-    } else {
-      result.converged = std::abs(promised) < 1e-2 + 1e-6 * normal.cost;
-      damping *= 8.0;
-    }
+    result.converged = last;
+    damping = std::max(4.0 * damping, 1e-5);
   }
+  for (Footprint& mode : result.modes) mode = with_positive_covariance(mode, 0.0);
   result.chi_square = normal.cost;
   result.tolerated = normal.tolerated;
-  result.degrees = normal.count - static_cast<int>(size) + (oblique ? 0 : start.size());
-  hold(normal.matrix);
-  const Eigen::MatrixXd inverse =
-      normal.matrix.selfadjointView<Eigen::Lower>().ldlt().solve(Eigen::MatrixXd::Identity(size, size));
+  result.count = normal.count;
+  result.degrees = normal.count - static_cast<int>(oblique_ ? size : size - start.size());
+  result.weight_sd.fill(kUnknown);
+  result.centre_sd_px.fill(kUnknown);
+  const Eigen::LLT<FootprintMatrix> solver(normal.matrix);
+  if (solver.info() != Eigen::Success) return result;
+  const FootprintMatrix covariance = solver.solve(FootprintMatrix::Identity(size, size));
   for (int m = 0; m < result.modes.size(); ++m) {
     const Eigen::Index at = kParameters * m;
-    const auto sd = [](double variance) { return variance > 0.0 ? std::sqrt(variance) : kUnknown; };
-    result.weight_sd[static_cast<size_t>(m)] = sd(inverse(at, at));
-    result.centre_sd_px[static_cast<size_t>(m)] =
-        sd(0.5 * (inverse(at + 1, at + 1) + inverse(at + 2, at + 2)));
+    const auto i = static_cast<size_t>(m);
+    result.weight_sd[i] = std::sqrt(covariance(at, at));
+    result.centre_sd_px[i] = std::sqrt(0.5 * (covariance(at + 1, at + 1) + covariance(at + 2, at + 2)));
   }
   return result;
+}
+
+std::vector<Complex> SpectrumFitter::left_by(const Spectrum& spectrum, const Footprints& modes) const {
+  std::vector<Complex> left;
+  const auto add = [&](Complex seen, double sd, double fx, double fy) {
+    left.push_back(std::isfinite(sd) ? seen : 0.0);
+    for (const Footprint& mode : modes) {
+      if (std::isfinite(sd)) left.back() -= answer_of(mode, fx, fy, monitor_.extent).value;
+    }
+  };
+  for (size_t w = 0; w < monitor_.waves.size(); ++w)
+    add(spectrum.phasors[w].value, spectrum.phasors[w].sd, monitor_.waves[w].fx, monitor_.waves[w].fy);
+  add(spectrum.level, spectrum.level_sd, 0.0, 0.0);
+  return left;
+}
+
+Footprint SpectrumFitter::best_point(const Spectrum& spectrum, std::span<const Complex> left) const {
+  std::vector<float> information;
+  std::vector<std::complex<float>> weighted;
+  for (size_t w = 0; w < left.size(); ++w) {
+    const double sd = w < spectrum.phasors.size() ? spectrum.phasors[w].sd : spectrum.level_sd;
+    information.push_back(std::isfinite(sd) ? static_cast<float>(1.0 / (sd * sd)) : 0.0f);
+    weighted.push_back(std::complex<float>(left[w]) * information.back());
+  }
+  float best_gain = -1.0f, best_weight = 0.0f;
+  size_t best = 0;
+  const std::complex<float>* answer = answers_.data();
+  for (size_t p = 0; p < points_.size(); ++p) {
+    float both = 0.0f, square = 0.0f;
+    for (size_t w = 0; w < left.size(); ++w, ++answer) {
+      both += answer->real() * weighted[w].real() + answer->imag() * weighted[w].imag();
+      square += information[w] * (answer->real() * answer->real() + answer->imag() * answer->imag());
+    }
+    const float gain = std::max(both, 0.0f) * both / square;
+    if (gain <= best_gain) continue;
+    best = p;
+    best_gain = gain;
+    best_weight = both / square;
+  }
+  Footprint point = points_[best];
+  point.weight = static_cast<double>(best_weight);
+  return point;
+}
+
+SpectrumFit SpectrumFitter::fit_one_more(const Spectrum& spectrum, const SpectrumFit& fit) const {
+  std::vector<Footprints> starts;
+  const std::vector<bool> all(monitor_.waves.size(), true);
+  const auto add_best_point = [&](Footprints modes) {
+    const Footprint point = best_point(spectrum, left_by(spectrum, modes));
+    if (!(point.weight > 0.0)) return modes;
+    modes.push_back(point);
+    return modes;
+  };
+  starts.push_back(add_best_point(fit.modes));
+  // From nothing.
+  Footprints points;
+  while (points.size() <= fit.modes.size()) {
+    const int before = points.size();
+    points = add_best_point(points);
+    if (points.size() == before) break;
+  }
+  starts.push_back(points);
+  for (int m = 0; m < fit.modes.size(); ++m) {
+    for (const bool along_x : {true, false}) {
+      Footprints split = fit.modes;
+      Footprint& half = split[m];
+      const double shift = 0.8 * std::sqrt(along_x ? half.xx_px2 : half.yy_px2);
+      half.weight *= 0.5;
+      (along_x ? half.xx_px2 : half.yy_px2) *= 0.4;
+      half.xy_px2 = 0.0;
+      Footprint other = half;
+      (along_x ? half.x_px : half.y_px) += shift;
+      (along_x ? other.x_px : other.y_px) -= shift;
+      split.push_back(other);
+      starts.push_back(split);
+    }
+  }
+  SpectrumFit best;
+  for (const Footprints& start : starts) {
+    if (start.size() != fit.modes.size() + 1) continue;
+    const SpectrumFit own = this->fit(spectrum, all, start, kFirstSteps);
+    if (best.modes.empty() || own.chi_square < best.chi_square) best = own;
+  }
+  if (!best.modes.empty() && !best.converged) best = this->fit(spectrum, all, best.modes, kMostSteps);
+  return best;
 }
 
 }  // namespace glasswing

@@ -1,62 +1,61 @@
-// Footprints from phasors, by least squares.
+// Footprints from phasors: the sum of their answers to every wave (wave_answer.h) fitted by least squares,
 //
-// A sinusoid of frequency f, constant on each flat monitor pixel, is seen by a footprint (R, c, Sigma) as
+//   chi^2 = sum_f |H_seen(f) - sum_m H_m(f)|^2 / sd(f)^2 + (H_seen(0) - sum_m H_m(0))^2 / sd(0)^2
 //
-//   H(f) = R sinc(fx) sinc(fy) exp(2 pi i f.c - 2 pi^2 f' Sigma f) inside(f)
-//
-// with sinc(t) = sin(pi t) / (pi t). inside(f) is what the monitor's edge leaves of it: G times a wave is a
-// Gaussian whose centre has moved to c + 2 pi i Sigma f, and its integral over the monitor's rectangle is
-// taken as the product of those over its two sides, exact where Sigma has no xy. R, c and Sigma are linear in
-// ln H, which is where the first guess comes from; Levenberg-Marquardt ends it.
+// ln H is linear in ln R, c and Sigma, which is where a single footprint starts; further ones start where
+// what is left of the phasors looks most like one. Levenberg-Marquardt, every derivative analytic.
 #pragma once
 
-#include <complex>
 #include <span>
 #include <vector>
 
 #include "solver/fringe/fringe_unwrap.h"
 #include "solver/fringe/phasor.h"
+#include "solver/gaussian/cone_step.h"
 #include "solver/gaussian/footprint.h"
 
 namespace glasswing {
 
-// Error function of a complex number with |Im z| <= 12 (Abramowitz and Stegun, 7.1.29).
-std::complex<double> complex_erf(std::complex<double> z);
-
-// H and its slopes by R, x, y, xx, xy, yy.
-struct Answer {
-  std::complex<double> value;
-  std::array<std::complex<double>, 6> slope;
-};
-Answer answer_of(const Footprint& mode, double fx, double fy, const MonitorExtent& extent);
-
 struct SpectrumFit {
   Footprints modes;
-  std::array<double, kMostFootprints> weight_sd{}, centre_sd_px{};  // infinite: not determined
+  // Standard errors; infinite: not determined.
+  std::array<double, kMostFootprints> weight_sd{}, centre_sd_px{};
   bool converged = false;
-  // Squares of what is left, each over its variance, and over that with the tolerance.
-  double chi_square = 0.0, tolerated = 0.0;
-  int degrees = 0;
+  double chi_square = 0.0;
+  double tolerated = 0.0;  // chi-square with the tolerance's square added to each variance
+  int count = 0;           // of real numbers that were fitted
+  int degrees = 0;         // count less parameters
 };
 
-// Fits all phasors: as they are where `unwrapped` says that their period is known, by their size where not.
+// Thread-safe.
 class SpectrumFitter {
  public:
   // `monitor` must outlive it. `tolerance`: what a phasor may be off, relative to the light that arrives.
-  SpectrumFitter(const WaveMonitor& monitor, double tolerance) : monitor_(monitor), tolerance_(tolerance) {}
+  SpectrumFitter(const WaveMonitor& monitor, double tolerance);
 
-  // R, and Sigma from how the sizes fall with frequency, at the unwrapped place.
-  Footprint guess(const Spectrum& spectrum, const Unwrapped& unwrapped) const;
-  SpectrumFit fit(const Spectrum& spectrum, const std::vector<bool>& phase_known,
-                  const Footprints& start) const;
+  // A single footprint at the unwrapped place, its width from how the sizes of phasors fall with frequency.
+  Footprint guess(const Spectrum& spectrum, const Unwrapped& place) const;
+  // From `start` to the nearest minimum. A wave whose phase is not known counts by the size of its phasor.
+  SpectrumFit fit(const Spectrum& spectrum, const std::vector<bool>& phase_known, const Footprints& start,
+                  int most_steps) const;
+  // With one mode more than `fit`, by all phases.
+  SpectrumFit fit_one_more(const Spectrum& spectrum, const SpectrumFit& fit) const;
 
  private:
   struct Normal;
   Normal normal_at(const Spectrum& spectrum, const std::vector<bool>& phase_known,
                    const Footprints& modes) const;
+  std::vector<std::complex<double>> left_by(const Spectrum& spectrum, const Footprints& modes) const;
+  // The narrow footprint that explains most of these phasors, the last of them H(0).
+  Footprint best_point(const Spectrum& spectrum, std::span<const std::complex<double>> left) const;
 
   const WaveMonitor& monitor_;
-  double tolerance_;
+  const double tolerance_;
+  bool oblique_ = false;  // some wave tells of xy
+  // Places all over the monitor, and what a narrow footprint of weight 1 there answers: by place, then wave,
+  // then H(0).
+  std::vector<Footprint> points_;
+  std::vector<std::complex<float>> answers_;
 };
 
 }  // namespace glasswing
