@@ -35,7 +35,7 @@ double colour_of(const v1::Stimulus& stimulus, int channel) {
   return stimulus.colour_size() == 3 ? stimulus.colour(channel) : 1.0;
 }
 
-absl::StatusOr<StageLayout> lay_out_stage(const v1::CaptureManifest& manifest, const Exposures& exposures) {
+StageLayout lay_out_stage(const v1::CaptureManifest& manifest, const Exposures& exposures) {
   StageLayout layout;
   std::map<std::string, StageLayout::Pair> pairs;  // by serialised stimulus
   for (int i = 0; i < manifest.frames_size(); ++i) {
@@ -46,15 +46,17 @@ absl::StatusOr<StageLayout> lay_out_stage(const v1::CaptureManifest& manifest, c
     (frame.object() ? pair.object : pair.empty).push_back(exposed);
     if (frame.object() && is_black(frame.stimulus())) layout.black.push_back(exposed);
   }
-  if (layout.black.empty()) {
-    return absl::FailedPreconditionError(
-        "the archive has no frame of the object before black (kind solid, colour 0 0 0)");
-  }
   for (auto& [stimulus, pair] : pairs) {
     if (!pair.object.empty() && !pair.empty.empty()) layout.pairs.push_back(std::move(pair));
   }
   layout.patches = patches_of(manifest);
   return layout;
+}
+
+absl::Status check_black(const StageLayout& layout) {
+  if (!layout.black.empty()) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      "the archive has no frame of the object before black (kind solid, colour 0 0 0)");
 }
 
 std::vector<int> frames_of(const StageLayout& layout, const v1::CaptureManifest& manifest) {

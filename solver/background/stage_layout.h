@@ -1,7 +1,7 @@
 // Which frames tell the object from the stage behind it, for whatever method.
 #pragma once
 
-#include <absl/status/statusor.h>
+#include <absl/status/status.h>
 
 #include <vector>
 
@@ -15,7 +15,7 @@ struct StageLayout {
     Shot object, empty;
   };
   std::vector<Pair> pairs;
-  Shot black;  // with the object
+  Shot black;  // with the object; empty if it was not taken
   // Frames between which nothing but an id patch changes.
   std::vector<std::vector<int>> patches;
 };
@@ -23,8 +23,10 @@ struct StageLayout {
 // The radiance of a channel's light, in [0, 1]: no colour is white.
 double colour_of(const v1::Stimulus& stimulus, int channel);
 
-// FAILED_PRECONDITION: no black with the object.
-absl::StatusOr<StageLayout> lay_out_stage(const v1::CaptureManifest& manifest, const Exposures& exposures);
+StageLayout lay_out_stage(const v1::CaptureManifest& manifest, const Exposures& exposures);
+
+// FAILED_PRECONDITION: black was not taken.
+absl::Status check_black(const StageLayout& layout);
 
 // Every frame that the layout names, and those that tell of the empty stage (empty_stage.h).
 std::vector<int> frames_of(const StageLayout& layout, const v1::CaptureManifest& manifest);

@@ -63,13 +63,24 @@ bool Surroundings::sees_patch(int x, int y) const {
   return false;
 }
 
-void Surroundings::map_background(int x, int y, Matte& matte) {
-  std::array<size_t, kChannels> slot{};
+std::span<const BackgroundPoint> Surroundings::background(int x, int y) {
+  points_.clear();
   for (size_t m = 0; m < background_.size(); ++m) {
     gather(stack_, empty_[m], x, y, empty_pixel_);
     const StraightView straight = straight_view(stack_.manifest.camera(), empty_[m], x, stack_.first_row + y);
-    const BackgroundPoint point = background_[m].point(empty_pixel_, straight);
+    points_.push_back(background_[m].point(empty_pixel_, straight));
+  }
+  return points_;
+}
+
+void Surroundings::map_background(int x, int y, Matte& matte) {
+  std::array<size_t, kChannels> slot{};
+  const std::span<const BackgroundPoint> points = background(x, y);
+  for (size_t m = 0; m < points.size(); ++m) {
+    const BackgroundPoint& point = points[m];
     if (!point.seen) continue;
+    for (size_t c = 0; c < kChannels && layout_.black.empty(); ++c)
+      matte.foreground(x, y)[c] = static_cast<float>(point.foreground[c]);
     if (point.ambiguous) matte.flags(x, y) |= kFlagPoorFit;
     for (int c = 0; c < kChannels; ++c) {
       size_t& place = slot[static_cast<size_t>(c)];
@@ -90,7 +101,7 @@ std::vector<bool> Surroundings::settle_row(int y, std::span<const double> read_s
       continue;
     }
     matte.coverage(x, y) = object[pixel] ? 1.0f : 0.0f;
-    for (int c = 0; c < kChannels; ++c)
+    for (int c = 0; c < kChannels && !layout_.black.empty(); ++c)
       matte.foreground(x, y)[static_cast<size_t>(c)] = black(y, x * kChannels + c);
     if (!object[pixel]) map_background(x, y, matte);
   }

@@ -20,10 +20,15 @@ class Surroundings {
   // Row y of the stack into row y of the matte: F and coverage of every pixel, the modes of those that the
   // object does not change, a flag for those that see an id patch. True where the object is.
   // `read_sd`: by pixel, where the camera's noise is not known; empty: that of an ordinary camera.
+  // F is the light before black with the object; where that was not taken, it is the background map's, and 0
+  // where the object is.
   std::vector<bool> settle_row(int y, std::span<const double> read_sd, Matte& matte);
 
-  // Radiance before black with the object; `lane` counts channels of a row.
+  // Radiance before black with the object, which must have been taken; `lane` counts channels of a row.
   float black(int y, int lane) const;
+
+  // What the pixel sees without the object, by texture; none of it is seen where that was not taken.
+  std::span<const BackgroundPoint> background(int x, int y);
 
   bool noise_known() const { return noise_known_; }
   // Where it is not known: as of an ordinary camera.
@@ -33,7 +38,6 @@ class Surroundings {
   bool has_object(int x, int y, double read_sd);
   // A pixel that sees an id patch sees other things in every frame.
   bool sees_patch(int x, int y) const;
-  // What the pixel sees without the object.
   void map_background(int x, int y, Matte& matte);
 
   const FrameStack& stack_;
@@ -43,6 +47,7 @@ class Surroundings {
   const SilhouetteTest silhouette_;
   std::vector<EmptyMonitor> empty_;
   std::vector<BackgroundMap> background_;
+  std::vector<BackgroundPoint> points_;
   EmptyPixel empty_pixel_;
   std::vector<SilhouetteTest::Pair> pairs_;
 };

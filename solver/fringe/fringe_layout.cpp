@@ -172,7 +172,7 @@ absl::StatusOr<FringeLayout> lay_out_fringes(const v1::CaptureManifest& manifest
     monitor.solids = solids[0][texture];
     layout.empty.push_back(monitor);
   }
-  GW_ASSIGN_OR_RETURN(layout.stage, lay_out_stage(manifest, exposures));
+  layout.stage = lay_out_stage(manifest, exposures);
   return layout;
 }
 

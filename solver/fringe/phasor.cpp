@@ -1,6 +1,7 @@
 #include "solver/fringe/phasor.h"
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
 
 namespace glasswing {
@@ -17,24 +18,30 @@ struct Line {
     y += information * sample;
     xy += information * light * sample;
   }
+  double spread() const { return n > 0.0 ? xx - x * x / n : 0.0; }
+  bool known() const { return spread() > 1e-6 * xx; }
+  double slope() const { return (xy - x * y / n) / spread(); }
+  double at(double light) const { return y / n + slope() * (light - x / n); }
 };
 
 }  // namespace
 
 PhasorMeter::PhasorMeter(const WaveMonitor& monitor, const Shot& black) : monitor_(monitor), black_(black) {
   for (const Wave& wave : monitor.waves)
-    solvers_.push_back(solver_of(wave, std::vector<bool>(wave.shots.size(), true)));
+    solvers_.push_back(solver_of(wave, std::vector<bool>(wave.shots.size(), true), false));
 }
 
-PhasorMeter::Solver PhasorMeter::solver_of(const Wave& wave, const std::vector<bool>& used) {
-  Solver solver{.row = std::vector<std::array<double, 3>>(wave.shots.size()), .covariance = {}};
+PhasorMeter::Solver PhasorMeter::solver_of(const Wave& wave, const std::vector<bool>& used, bool mean_known) {
+  Solver solver{.row = std::vector<std::array<double, 3>>(wave.shots.size() + 1), .covariance = {}};
   const auto basis = [&](size_t i) {
+    if (i == wave.shots.size()) return Eigen::Vector3d(1.0, 0.0, 0.0);
     return Eigen::Vector3d(1.0, std::cos(wave.phase_rad[i]), std::sin(wave.phase_rad[i]));
   };
   Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
   double count = 0.0;
-  for (size_t i = 0; i < wave.shots.size(); ++i) {
-    if (!used[i]) continue;
+  const auto is_used = [&](size_t i) { return i < used.size() ? used[i] : mean_known; };
+  for (size_t i = 0; i <= used.size(); ++i) {
+    if (!is_used(i)) continue;
     normal += basis(i) * basis(i).transpose();
     count += 1.0;
   }
@@ -45,8 +52,8 @@ PhasorMeter::Solver PhasorMeter::solver_of(const Wave& wave, const std::vector<b
   for (size_t k = 0; k < 3; ++k) {
     const auto row = static_cast<Eigen::Index>(k);
     solver.covariance[k] = inverse(row, row);
-    for (size_t i = 0; i < wave.shots.size(); ++i) {
-      if (used[i]) solver.row[i][k] = inverse.row(row).dot(basis(i));
+    for (size_t i = 0; i <= used.size(); ++i) {
+      if (is_used(i)) solver.row[i][k] = inverse.row(row).dot(basis(i));
     }
   }
   return solver;
@@ -65,23 +72,21 @@ void PhasorMeter::measure(const FrameStack& stack, size_t place, int channel, co
     if (!sample.saturated) line.add(light, sample.radiance, sample.variance);
   };
   std::vector<MergedSample> samples;
-  for (size_t w = 0; w < monitor_.waves.size(); ++w) {
-    const Wave& wave = monitor_.waves[w];
-    if (!(wave.peak[c] > 0.0)) continue;
+  std::vector<bool> used;
+  const auto load = [&](const Wave& wave) {
     samples.clear();
-    std::vector<bool> used;
-    bool all = true;
+    used.clear();
     for (const Shot& shot : wave.shots) {
       samples.push_back(merge(stack, shot, place, noise));
       used.push_back(!samples.back().saturated);
-      all = all && used.back();
     }
-    spectrum.saturated = spectrum.saturated || !all;
-    const Solver some = all ? Solver{} : solver_of(wave, used);
-    const Solver& solver = all ? solvers_[w] : some;
-    if (!solver.solvable) continue;
-    // Equal weights: those from noisy samples would favour what noise made darker.
+    return std::ranges::find(used, false) == used.end();
+  };
+  // Equal weights: those from noisy samples would favour what noise made darker.
+  const auto solve = [&](size_t w, const Solver& solver, double mean) {
+    const Wave& wave = monitor_.waves[w];
     std::array<double, 3> found{};
+    for (size_t k = 0; k < 3; ++k) found[k] = solver.row[samples.size()][k] * mean;
     double variance = 0.0, count = 0.0;
     for (size_t i = 0; i < samples.size(); ++i) {
       if (!used[i]) continue;
@@ -90,28 +95,44 @@ void PhasorMeter::measure(const FrameStack& stack, size_t place, int channel, co
       count += 1.0;
     }
     variance /= count;
-    for (size_t i = 0; i < samples.size(); ++i) {
-      if (!used[i]) continue;
-      const double left = samples[i].radiance - found[0] - found[1] * std::cos(wave.phase_rad[i]) -
-                          found[2] * std::sin(wave.phase_rad[i]);
-      spectrum.residual += left * left;
-    }
-    spectrum.degrees += static_cast<int>(count) - 3;
     const double scale = 2.0 / wave.peak[c];
     spectrum.phasors[w] = {
         .value = {scale * found[1], scale * found[2]},
         .sd = scale * std::sqrt(0.5 * variance * (solver.covariance[1] + solver.covariance[2]))};
-    line.add(0.5 * wave.peak[c], found[0], variance * solver.covariance[0]);
-  }
+    return MergedSample{.radiance = found[0], .variance = variance * solver.covariance[0]};
+  };
   for (const Solid& solid : monitor_.solids) add_solid(solid.shot, solid.light[c]);
   add_solid(black_, 0.0);
+  std::vector<size_t> cut;
+  for (size_t w = 0; w < monitor_.waves.size(); ++w) {
+    const Wave& wave = monitor_.waves[w];
+    if (!(wave.peak[c] > 0.0)) continue;
+    if (!load(wave)) {
+      cut.push_back(w);
+      continue;
+    }
+    const MergedSample mean = solve(w, solvers_[w], 0.0);
+    line.add(0.5 * wave.peak[c], mean.radiance, mean.variance);
+    for (size_t i = 0; i < samples.size(); ++i) {
+      const std::complex<double> turn = std::polar(0.5 * wave.peak[c], -wave.phase_rad[i]);
+      const double left = samples[i].radiance - mean.radiance - std::real(spectrum.phasors[w].value * turn);
+      spectrum.residual += left * left;
+    }
+    spectrum.degrees += static_cast<int>(samples.size()) - 3;
+  }
+  for (const size_t w : cut) {
+    const Wave& wave = monitor_.waves[w];
+    load(wave);
+    const Solver solver = solver_of(wave, used, line.known());
+    if (solver.solvable) solve(w, solver, line.known() ? line.at(0.5 * wave.peak[c]) : 0.0);
+  }
+  spectrum.saturated = spectrum.saturated || !cut.empty();
   if (line.n == 0.0) return;
   spectrum.mean_light = line.x / line.n;
   spectrum.mean_sample = line.y / line.n;
-  const double spread = line.xx - line.x * line.x / line.n;
-  if (!(spread > 1e-6 * line.xx)) return;
-  spectrum.level = (line.xy - line.x * line.y / line.n) / spread;
-  spectrum.level_sd = 1.0 / std::sqrt(spread);
+  if (!line.known()) return;
+  spectrum.level = line.slope();
+  spectrum.level_sd = 1.0 / std::sqrt(line.spread());
 }
 
 }  // namespace glasswing

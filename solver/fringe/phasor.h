@@ -6,7 +6,8 @@
 //
 // so H(f), the Fourier transform of the footprint, follows by linear least squares over the phases, its noise
 // from that of the samples, and with more than three phases the noise itself from what is left. H(0), all the
-// light that arrives, comes from the means of the waves, black, and the other solids.
+// light that arrives, comes from the means of the waves, black, and the other solids; it gives the mean of a
+// wave, some of whose samples are saturated.
 #pragma once
 
 #include <complex>
@@ -54,7 +55,8 @@ class PhasorMeter {
     std::array<double, 3> covariance{};      // its diagonal, for samples of variance 1
     bool solvable = false;
   };
-  static Solver solver_of(const Wave& wave, const std::vector<bool>& used);
+  // With `mean_known`, one more row, of a sample that is the mean.
+  static Solver solver_of(const Wave& wave, const std::vector<bool>& used, bool mean_known);
 
   const WaveMonitor& monitor_;
   const Shot black_;

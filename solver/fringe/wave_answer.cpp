@@ -10,6 +10,7 @@ namespace {
 using Complex = std::complex<double>;
 constexpr double kPi = std::numbers::pi;
 constexpr double kLeastVariance_px2 = 1e-6;  // narrower footprints are points, as far as an edge is concerned
+constexpr int kMostTerms = 38;               // of its series then
 constexpr double kMostTurn = 12.0;           // of complex_erf: such a wave is gone, e^-144
 
 // \int_0^extent of the Gaussian of this variance and complex mean, and its slopes.
@@ -29,6 +30,13 @@ Part part_within(Complex mean, double variance, double extent) {
           .by_variance = -0.5 * (low * mean + high * (extent - mean)) / v};
 }
 
+// e^(-n^2 / 4).
+const std::array<double, kMostTerms + 1> kFlat = [] {
+  std::array<double, kMostTerms + 1> flat{};
+  for (int n = 0; n <= kMostTerms; ++n) flat[static_cast<size_t>(n)] = std::exp(-0.25 * n * n);
+  return flat;
+}();
+
 }  // namespace
 
 double sinc(double t) {
@@ -43,11 +51,15 @@ Complex complex_erf(Complex z) {
   const double cos2xy = std::cos(2.0 * x * y), sin2xy = std::sin(2.0 * x * y);
   sum += std::abs(x) < 1e-9 ? Complex(0.0, y / kPi) : fall / (2.0 * kPi * x) * Complex(1.0 - cos2xy, sin2xy);
   const int terms = static_cast<int>(2.0 * std::abs(y)) + 14;
+  const double grow = std::exp(y), shrink = 1.0 / grow;
+  double up = 1.0, down = 1.0;  // e^(ny), e^(-ny)
   Complex series = 0.0;
   for (int n = 1; n <= terms; ++n) {
-    const double up = std::exp(n * y - 0.25 * n * n), down = std::exp(-n * y - 0.25 * n * n);
-    const double cosh_ny = 0.5 * (up + down), sinh_ny = 0.5 * (up - down), flat = std::exp(-0.25 * n * n);
-    series += Complex(2.0 * x * flat - 2.0 * x * cosh_ny * cos2xy + n * sinh_ny * sin2xy,
+    const double flat = kFlat[static_cast<size_t>(n)];
+    up *= grow;
+    down *= shrink;
+    const double cosh_ny = 0.5 * flat * (up + down), sinh_ny = 0.5 * flat * (up - down);
+    series += Complex(2.0 * x * (flat - cosh_ny * cos2xy) + n * sinh_ny * sin2xy,
                       2.0 * x * cosh_ny * sin2xy + n * sinh_ny * cos2xy) /
               (n * n + 4.0 * x * x);
   }

@@ -111,7 +111,8 @@ absl::StatusOr<StackLayout> lay_out(const v1::CaptureManifest& manifest) {
     }
     layout.sweeps.push_back(std::move(sweep));
   }
-  GW_ASSIGN_OR_RETURN(layout.stage, lay_out_stage(manifest, exposures));
+  layout.stage = lay_out_stage(manifest, exposures);
+  GW_RETURN_IF_ERROR(check_black(layout.stage));
   GW_RETURN_IF_ERROR(check_sweeps(layout, manifest));
   return layout;
 }
