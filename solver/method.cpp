@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <cstdlib>
+
 #include "core/base/status.h"
 #include "solver/drift.h"
 #include "solver/fringe/fringe_method.h"
@@ -40,6 +42,33 @@ absl::Status check_rows(const FrameStack& stack, const std::vector<int>& needed)
     }
   }
   return absl::OkStatus();
+}
+
+absl::StatusOr<double> number_option(const std::string& key, const std::string& value, double low,
+                                     double high) {
+  char* end = nullptr;
+  const double number = std::strtod(value.c_str(), &end);
+  if (value.empty() || *end != '\0' || !(number >= low && number <= high)) {
+    return absl::InvalidArgumentError(
+        fmt::format("{} is \"{}\"; it must be {} to {}", key, value, low, high));
+  }
+  return number;
+}
+
+Matte blank_matte(const FrameStack& stack, const std::string& method, const MethodOptions& options,
+                  int modes_per_channel) {
+  const v1::Camera& camera = stack.manifest.camera();
+  Matte matte(0, stack.first_row, camera.width_px(), stack.row_count, modes_per_channel);
+  v1::MatteMetadata& metadata = matte.metadata;
+  metadata.set_format_version(1);
+  metadata.set_session(stack.manifest.session());
+  metadata.set_method(method);
+  for (const auto& [key, value] : options) (*metadata.mutable_options())[key] = value;
+  *metadata.mutable_monitors() = stack.manifest.monitors();
+  metadata.set_width_px(camera.width_px());
+  metadata.set_height_px(camera.height_px());
+  metadata.set_generator("glasswing");
+  return matte;
 }
 
 absl::StatusOr<std::unique_ptr<Method>> make_method(const std::string& name, const MethodOptions& options) {

@@ -55,6 +55,14 @@ absl::Status check_rows(const FrameStack& stack, const std::vector<int>& needed)
 
 using MethodOptions = std::map<std::string, std::string>;
 
+// A method's option as a number. INVALID_ARGUMENT: it is none, or outside [low, high].
+absl::StatusOr<double> number_option(const std::string& key, const std::string& value, double low,
+                                     double high);
+
+// A matte of the stack's rows, all of it but pixels and footprints filled in.
+Matte blank_matte(const FrameStack& stack, const std::string& method, const MethodOptions& options,
+                  int modes_per_channel);
+
 class Method {
  public:
   virtual ~Method() = default;

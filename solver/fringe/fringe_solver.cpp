@@ -11,6 +11,7 @@ namespace {
 constexpr double kFalsePositiveRate = 1e-4;
 constexpr int kFewestDegrees = 4;  // that tell how noisy a pixel is
 constexpr int kMostSteps = 60;
+constexpr double kMostVeil = 0.25;
 
 Mode mode_of(const SpectrumFit& fit, int m, int texture, double share = 1.0) {
   const Footprint& footprint = fit.modes[m];
@@ -74,8 +75,9 @@ FringeSolver::FringeSolver(const FrameStack& stack, const FringeLayout& layout, 
       tolerance_(tolerance),
       surroundings_(stack, layout.stage, silhouette_tolerance) {
   for (const WaveMonitor& monitor : layout.object)
-    object_.emplace_back(monitor, layout.stage.black, tolerance);
-  for (const WaveMonitor& monitor : layout.empty) empty_.emplace_back(monitor, layout.empty_black, tolerance);
+    object_.emplace_back(monitor, layout.stage.black, tolerance, most_modes > 1);
+  for (const WaveMonitor& monitor : layout.empty)
+    empty_.emplace_back(monitor, layout.empty_black, tolerance, false);
   for (const EmptyMonitor& monitor : lay_out_empty_stage(stack.manifest))
     bars_ = bars_ || !monitor.bars[0].empty() || !monitor.bars[1].empty();
   size_t most = 0;
@@ -127,7 +129,23 @@ bool FringeSolver::earns_its_place(const SpectrumFit& before, const SpectrumFit&
   return after.tolerated < 0.5 * before.tolerated;
 }
 
-FringeSolver::Found FringeSolver::find(const Monitor& monitor, const Spectrum& spectrum) const {
+SpectrumFit FringeSolver::fit_veiled(const Monitor& monitor, const Spectrum& spectrum, const Unwrapped& place,
+                                     const Footprints& start) const {
+  if (!std::isfinite(spectrum.level_sd)) return {};
+  Spectrum waves = spectrum;
+  waves.level_sd = kUnknown;
+  SpectrumFit fit = monitor.fitter.fit(waves, place.used, start, kMostSteps);
+  Footprint& mode = fit.modes[0];
+  const double seen = answer_of(mode, 0.0, 0.0, monitor.layout->extent).value.real();
+  const double veil = spectrum.level - seen;
+  if (too_poor(fit) || !(veil > 0.0 && veil < kMostVeil * spectrum.level)) return {};
+  mode.weight *= spectrum.level / seen;
+  fit.weight_sd[0] = spectrum.level_sd * mode.weight / spectrum.level;
+  return fit;
+}
+
+FringeSolver::Found FringeSolver::find(const Monitor& monitor, const Spectrum& spectrum,
+                                       int most_modes) const {
   Found found;
   double most = spectrum.level, least_sd = spectrum.level_sd;
   if (!std::isfinite(spectrum.level_sd)) {
@@ -138,26 +156,19 @@ FringeSolver::Found FringeSolver::find(const Monitor& monitor, const Spectrum& s
     }
   }
   if (!(most > kWrongPeriod * least_sd)) return found;
-  found.lit = true;
   const Unwrapped place = unwrap(*monitor.layout, spectrum, tolerance_);
   if (!place.found) {
-    // It may come from anywhere.
-    const MonitorExtent& extent = monitor.layout->extent;
-    found.fit.modes.push_back({.weight = most,
-                               .x_px = 0.5 * extent.width_px,
-                               .y_px = 0.5 * extent.height_px,
-                               .xx_px2 = extent.width_px * extent.width_px / 12.0,
-                               .xy_px2 = 0.0,
-                               .yy_px2 = extent.height_px * extent.height_px / 12.0});
-    found.fit.weight_sd[0] = least_sd;
-    found.fit.centre_sd_px[0] = std::hypot(extent.width_px, extent.height_px) / std::sqrt(24.0);
-    found.flags = kFlagNotConverged;
+    found.flags = kFlagNoData;
     return found;
   }
   Footprints start;
   start.push_back(monitor.fitter.guess(spectrum, place));
   found.fit = monitor.fitter.fit(spectrum, place.used, start, kMostSteps);
-  while (too_poor(found.fit) && found.fit.modes.size() < most_modes_) {
+  if (too_poor(found.fit)) {
+    const SpectrumFit veiled = fit_veiled(monitor, spectrum, place, start);
+    if (!veiled.modes.empty()) found.fit = veiled;
+  }
+  while (too_poor(found.fit) && found.fit.modes.size() < most_modes) {
     const SpectrumFit more = monitor.fitter.fit_one_more(spectrum, found.fit);
     if (more.modes.empty() || more.degrees < 1 || !earns_its_place(found.fit, more)) break;
     found.fit = more;
@@ -175,7 +186,7 @@ void FringeSolver::solve_pixel(int x, int y, const SampleNoise& noise, Matte& ma
     for (const Monitor& monitor : object_) {
       monitor.meter.measure(stack_, stack_.place(x, y, c), c, noise, spectrum_);
       if (spectrum_.saturated) matte.flags(x, y) |= kFlagSaturated;
-      const Found found = find(monitor, spectrum_);
+      const Found found = find(monitor, spectrum_, most_modes_);
       matte.flags(x, y) |= found.flags;
       double light = 0.0;
       for (int m = 0; m < found.fit.modes.size(); ++m) {
@@ -197,8 +208,8 @@ void FringeSolver::map_background(int x, int y, const SampleNoise& noise, Matte&
     for (int c = 0; c < kChannels; ++c)
       monitor.meter.measure(stack_, stack_.place(x, y, c), c, noise, spectra_[static_cast<size_t>(c)]);
     const Spectrum mean = mean_of(spectra_);
-    const Found found = find(monitor, mean);
-    if (!found.lit || slot == matte.modes(x, y, 0).size()) continue;
+    const Found found = find(monitor, mean, 1);
+    if (found.fit.modes.empty() || slot == matte.modes(x, y, 0).size()) continue;
     matte.flags(x, y) |= found.flags;
     for (int c = 0; c < kChannels; ++c) {
       const double share = share_of(spectra_[static_cast<size_t>(c)], mean);

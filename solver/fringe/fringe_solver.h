@@ -27,18 +27,21 @@ class FringeSolver {
     const WaveMonitor* layout = nullptr;
     PhasorMeter meter;
     SpectrumFitter fitter;
-    Monitor(const WaveMonitor& waves, const Shot& black, double tolerance)
-        : layout(&waves), meter(waves, black), fitter(waves, tolerance) {}
+    Monitor(const WaveMonitor& waves, const Shot& black, double tolerance, bool several)
+        : layout(&waves), meter(waves, black), fitter(waves, tolerance, several) {}
   };
   struct Found {
-    bool lit = false;  // light from that monitor arrives
     std::uint8_t flags = kFlagNone;
-    SpectrumFit fit;
+    SpectrumFit fit;  // without modes where no light arrives, or nobody knows whence
   };
 
   // Standard deviation by pixel, of what the waves leave unexplained in all channels.
   void estimate_row_noise(int y);
-  Found find(const Monitor& monitor, const Spectrum& spectrum) const;
+  // A display's glare takes from every wave the same part, and it is light still: a single footprint, its
+  // shape from the waves, its weight from the level. No modes if this does not explain them.
+  SpectrumFit fit_veiled(const Monitor& monitor, const Spectrum& spectrum, const Unwrapped& place,
+                         const Footprints& start) const;
+  Found find(const Monitor& monitor, const Spectrum& spectrum, int most_modes) const;
   void solve_pixel(int x, int y, const SampleNoise& noise, Matte& matte);
   void map_background(int x, int y, const SampleNoise& noise, Matte& matte);
   static bool earns_its_place(const SpectrumFit& before, const SpectrumFit& after);

@@ -14,13 +14,14 @@ constexpr double kPi = std::numbers::pi;
 constexpr Eigen::Index kParameters = 6;
 constexpr int kFirstSteps = 6, kMostSteps = 60;
 constexpr double kPointsAPeriod = 5.0;  // of the finest wave
+constexpr double kMostPoints = 64.0;    // along an axis
 constexpr double kHeld = 1e12;          // information on a parameter that is not to move
 
-// Of an axis: the highest frequency that a wave has along it.
-double highest(const std::vector<Wave>& waves, double Wave::*frequency) {
+// Between the points along an axis.
+double step_of(const std::vector<Wave>& waves, double Wave::*frequency, double side_px) {
   double high = 0.0;
   for (const Wave& wave : waves) high = std::max(high, std::abs(wave.*frequency));
-  return high;
+  return std::max(1.0 / (kPointsAPeriod * high), side_px / kMostPoints);
 }
 
 bool sane(const Footprints& modes, const MonitorExtent& extent) {
@@ -53,11 +54,12 @@ struct SpectrumFitter::Normal {
   }
 };
 
-SpectrumFitter::SpectrumFitter(const WaveMonitor& monitor, double tolerance)
+SpectrumFitter::SpectrumFitter(const WaveMonitor& monitor, double tolerance, bool several)
     : monitor_(monitor), tolerance_(tolerance) {
   for (const Wave& wave : monitor.waves) oblique_ = oblique_ || wave.fx * wave.fy != 0.0;
-  const double step_x = 1.0 / (kPointsAPeriod * highest(monitor.waves, &Wave::fx)),
-               step_y = 1.0 / (kPointsAPeriod * highest(monitor.waves, &Wave::fy));
+  if (!several) return;
+  const double step_x = step_of(monitor.waves, &Wave::fx, monitor.extent.width_px),
+               step_y = step_of(monitor.waves, &Wave::fy, monitor.extent.height_px);
   const double variance_x = step_x * step_x / 12.0, variance_y = step_y * step_y / 12.0;
   for (double y = 0.5 * step_y; y < monitor.extent.height_px; y += step_y) {
     for (double x = 0.5 * step_x; x < monitor.extent.width_px; x += step_x) {

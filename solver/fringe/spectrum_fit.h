@@ -30,8 +30,9 @@ struct SpectrumFit {
 // Thread-safe.
 class SpectrumFitter {
  public:
-  // `monitor` must outlive it. `tolerance`: what a phasor may be off, relative to the light that arrives.
-  SpectrumFitter(const WaveMonitor& monitor, double tolerance);
+  // `monitor` must outlive it. `tolerance`: what a phasor may be off, relative to the light that arrives;
+  // `several`: fit_one_more() will be asked.
+  SpectrumFitter(const WaveMonitor& monitor, double tolerance, bool several);
 
   // A single footprint at the unwrapped place, its width from how the sizes of phasors fall with frequency.
   Footprint guess(const Spectrum& spectrum, const Unwrapped& place) const;

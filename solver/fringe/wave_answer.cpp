@@ -50,7 +50,7 @@ Complex complex_erf(Complex z) {
   if (y == 0.0) return sum;
   const double cos2xy = std::cos(2.0 * x * y), sin2xy = std::sin(2.0 * x * y);
   sum += std::abs(x) < 1e-9 ? Complex(0.0, y / kPi) : fall / (2.0 * kPi * x) * Complex(1.0 - cos2xy, sin2xy);
-  const int terms = static_cast<int>(2.0 * std::abs(y)) + 14;
+  const int terms = std::min(static_cast<int>(2.0 * std::abs(y)) + 14, kMostTerms);
   const double grow = std::exp(y), shrink = 1.0 / grow;
   double up = 1.0, down = 1.0;  // e^(ny), e^(-ny)
   Complex series = 0.0;
