@@ -30,8 +30,10 @@ absl::StatusOr<Image16> read_verified(const fs::path& directory, const v1::Camer
 }
 
 // Of the list's frame, whose complaints name its line too.
-absl::StatusOr<Photograph> read_listed(const fs::path& directory, const PhotographList& list, int frame) {
-  absl::StatusOr<Photograph> photograph = read_photograph(directory / list.manifest.frames(frame).file());
+absl::StatusOr<CodedPhotograph> read_listed(const fs::path& directory, const PhotographList& list,
+                                            int frame) {
+  absl::StatusOr<CodedPhotograph> photograph =
+      read_photograph(directory / list.manifest.frames(frame).file());
   if (photograph.ok()) return photograph;
   const absl::Status& status = photograph.status();
   return absl::Status(status.code(), fmt::format("{}: {}", list.place(frame), std::string(status.message())));
@@ -50,7 +52,7 @@ absl::StatusOr<FrameSource> archive_source(const fs::path& directory) {
 absl::StatusOr<FrameSource> photograph_source(const fs::path& directory, const fs::path& path,
                                               const PhotographOptions& options) {
   GW_ASSIGN_OR_RETURN(PhotographList list, read_photograph_list(path, options));
-  GW_ASSIGN_OR_RETURN(const Photograph first, read_listed(directory, list, 0));
+  GW_ASSIGN_OR_RETURN(const CodedPhotograph first, read_listed(directory, list, 0));
   v1::Camera& camera = *list.manifest.mutable_camera();
   camera.set_width_px(first.codes.width_px);
   camera.set_height_px(first.codes.height_px);
@@ -66,7 +68,7 @@ absl::StatusOr<FrameSource> photograph_source(const fs::path& directory, const f
   return FrameSource{
       .manifest = std::move(list.manifest),
       .read = [shared, directory, light = *std::move(response)](int frame) -> absl::StatusOr<Image16> {
-        GW_ASSIGN_OR_RETURN(Photograph photograph, read_listed(directory, *shared, frame));
+        GW_ASSIGN_OR_RETURN(CodedPhotograph photograph, read_listed(directory, *shared, frame));
         Image16& image = photograph.codes;
         const v1::Camera& all = shared->manifest.camera();
         if (image.width_px != all.width_px() || image.height_px != all.height_px() ||

@@ -21,6 +21,8 @@ constexpr double kMostError = 1e-3;
 // out.
 constexpr double kRidge = 1e-9;
 constexpr double kPointStep_px = 0.5;
+// A weight below which it does not matter that a sample is saturated.
+constexpr double kLeastHeard = 0.02;
 
 bool is_solid(const v1::Stimulus& stimulus, double gray) {
   return stimulus.kind() == "solid" && stimulus.colour_size() == 3 &&
@@ -104,9 +106,10 @@ FrameStack made_stack(const FrameStack& recorded, const MadeCapture& capture, co
     for (const Part& part : parts) {
       const std::span<const std::uint16_t> rows = rows_of(part);
       const auto weight = static_cast<float>(part.weight);
+      const bool heard = std::abs(part.weight) > kLeastHeard;
       for (size_t i = 0; i < count; ++i) {
         light[i] += weight * (static_cast<float>(rows[i]) - recorded.zero);
-        if (rows[i] >= kSaturatedCode) saturated[i] = true;
+        if (heard && rows[i] >= kSaturatedCode) saturated[i] = true;
       }
     }
     std::vector<std::uint16_t>& sum = sums->emplace_back(count);
@@ -130,8 +133,8 @@ struct StripeSums::Basis {
 };
 
 absl::StatusOr<std::shared_ptr<const StripeSums::Basis>> StripeSums::basis(const std::string& panel,
-                                                                           double phi_deg) {
-  std::shared_ptr<const Basis>& known = bases_[{panel, phi_deg}];
+                                                                           double phi_deg, bool white) {
+  std::shared_ptr<const Basis>& known = bases_[{panel, phi_deg, white}];
   if (known) return known;
   auto basis = std::make_shared<Basis>();
   for (const v1::Monitor& monitor : recorded_.monitors()) {
@@ -146,7 +149,7 @@ absl::StatusOr<std::shared_ptr<const StripeSums::Basis>> StripeSums::basis(const
     if (is_solid(stimulus, 0.0)) basis->black = i;
     if (stimulus.panel() != panel) continue;
     const bool stripe = stimulus.kind() == "gauss_stripe" && stimulus.phi_deg() == phi_deg;
-    if (stripe || is_solid(stimulus, 1.0)) basis->frames.push_back(i);
+    if (stripe || (white && is_solid(stimulus, 1.0))) basis->frames.push_back(i);
   }
   if (basis->frames.size() < 2 || basis->black < 0) {
     return absl::FailedPreconditionError(
@@ -165,10 +168,17 @@ absl::StatusOr<std::shared_ptr<const StripeSums::Basis>> StripeSums::basis(const
 }
 
 absl::StatusOr<std::vector<Part>> StripeSums::parts(const v1::Stimulus& wanted, double phi_deg) {
-  GW_ASSIGN_OR_RETURN(const std::shared_ptr<const Basis> own, basis(wanted.panel(), phi_deg));
-  GW_ASSIGN_OR_RETURN(const Eigen::VectorXd points, shown(wanted, own->axis));
-  const Eigen::VectorXd weights = own->products.solve(own->patterns.transpose() * points);
-  const double error = (own->patterns * weights - points).cwiseAbs().maxCoeff();
+  std::shared_ptr<const Basis> own;
+  Eigen::VectorXd weights;
+  double error = INFINITY;
+  // White is nearly a sum of stripes, and the brightest there is: better left out.
+  for (const bool white : {false, true}) {
+    GW_ASSIGN_OR_RETURN(own, basis(wanted.panel(), phi_deg, white));
+    GW_ASSIGN_OR_RETURN(const Eigen::VectorXd points, shown(wanted, own->axis));
+    weights = own->products.solve(own->patterns.transpose() * points);
+    error = (own->patterns * weights - points).cwiseAbs().maxCoeff();
+    if (error <= kMostError) break;
+  }
   if (error > kMostError) {
     return absl::FailedPreconditionError(
         fmt::format("of stripes as they were recorded at {} deg, {} can be made within {:.2g} of white only",

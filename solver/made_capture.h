@@ -9,6 +9,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -53,10 +54,10 @@ class StripeSums {
 
  private:
   struct Basis;
-  absl::StatusOr<std::shared_ptr<const Basis>> basis(const std::string& panel, double phi_deg);
+  absl::StatusOr<std::shared_ptr<const Basis>> basis(const std::string& panel, double phi_deg, bool white);
 
   const v1::CaptureManifest& recorded_;
-  std::map<std::pair<std::string, double>, std::shared_ptr<const Basis>> bases_;
+  std::map<std::tuple<std::string, double, bool>, std::shared_ptr<const Basis>> bases_;
 };
 
 }  // namespace glasswing

@@ -72,8 +72,8 @@ struct MaskPictures {
 };
 
 absl::Status make_mask(const MaskPictures& pictures) {
-  GW_ASSIGN_OR_RETURN(const Photograph with, read_photograph(pictures.with));
-  GW_ASSIGN_OR_RETURN(const Photograph without, read_photograph(pictures.without));
+  GW_ASSIGN_OR_RETURN(const CodedPhotograph with, read_photograph(pictures.with));
+  GW_ASSIGN_OR_RETURN(const CodedPhotograph without, read_photograph(pictures.without));
   MaskOptions options = pictures.options;
   options.bits = std::min(with.bits, without.bits);
   GW_ASSIGN_OR_RETURN(const ObjectMask object, ObjectMask::of_pair(with.codes, without.codes, options));

@@ -5,8 +5,10 @@
 #include <cstdlib>
 
 #include "core/base/status.h"
+#include "core/pattern/plan.h"
 #include "solver/alpha/alpha_method.h"
 #include "solver/drift.h"
+#include "solver/fringe/fringe_method.h"
 #include "solver/gaussian/gaussian_method.h"
 #include "solver/hierarchical/hierarchical_method.h"
 
@@ -75,9 +77,9 @@ Matte blank_matte(const FrameStack& stack, const std::string& method, const Meth
 absl::StatusOr<std::unique_ptr<Method>> make_method(const std::string& name, const MethodOptions& options) {
   if (name == "gaussian") return GaussianMethod::create(options);
   if (name == "hierarchical") return HierarchicalMethod::create(options);
+  if (name == "fringe") return FringeMethod::create(options);
   if (name == "alpha") return AlphaMethod::create(options);
-  return absl::InvalidArgumentError(
-      fmt::format("method is \"{}\"; there is: gaussian, hierarchical, alpha", name));
+  return check_method(name);  // says what there is
 }
 
 }  // namespace glasswing

@@ -310,7 +310,7 @@ absl::StatusOr<Image16> read_frame_file(const fs::path& path, std::optional<Pict
   return image;
 }
 
-absl::StatusOr<Photograph> read_photograph(const fs::path& path) {
+absl::StatusOr<CodedPhotograph> read_photograph(const fs::path& path) {
   const absl::StatusOr<std::string> bytes = read_file(path);
   if (absl::IsNotFound(bytes.status()))
     return absl::DataLossError(fmt::format("{}: the photograph is missing", path.string()));
@@ -320,7 +320,7 @@ absl::StatusOr<Photograph> read_photograph(const fs::path& path) {
   if (!mat.ok()) return named(path, mat.status());
   absl::StatusOr<Image16> codes = image16_of(*mat);
   if (!codes.ok()) return named(path, codes.status());
-  return Photograph{.codes = *std::move(codes), .bits = mat->depth() == CV_16U ? 16 : 8};
+  return CodedPhotograph{.codes = *std::move(codes), .bits = mat->depth() == CV_16U ? 16 : 8};
 }
 
 std::string encode_png16(const Image16& image) {

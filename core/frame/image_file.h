@@ -46,11 +46,11 @@ absl::StatusOr<Image16> read_frame_file(const std::filesystem::path& path,
 // A photograph in its own codes. PNG, JPEG or TIFF; gray becomes r = g = b, alpha is dropped, and a JPEG is
 // turned as its EXIF says. DATA_LOSS names a file that is missing, truncated, of float samples, or none of
 // these.
-struct Photograph {
+struct CodedPhotograph {
   Image16 codes;  // 65535 = the highest code
   int bits = 0;   // of a code in the file: 8 or 16
 };
-absl::StatusOr<Photograph> read_photograph(const std::filesystem::path& path);
+absl::StatusOr<CodedPhotograph> read_photograph(const std::filesystem::path& path);
 
 // PNG, 16 bit, linear: how pictures travel to displays. `bytes` for decode may also be 8 bit.
 // INVALID_ARGUMENT: it is none, or a side is not 1 to 16384 px.

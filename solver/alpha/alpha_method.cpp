@@ -28,7 +28,7 @@ class AlphaSolver {
         samples_(layout.backings.size()) {}
 
   void solve_row(int y, Matte& matte) {
-    const std::vector<bool> object = surroundings_.settle_row(y, {}, matte);
+    const std::vector<bool> object = surroundings_.settle_row(y, {}, matte).object;
     for (int x = 0; x < matte.width_px(); ++x) {
       if (object[static_cast<size_t>(x)]) solve_pixel(x, y, matte);
     }

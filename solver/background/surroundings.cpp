@@ -73,7 +73,8 @@ std::span<const BackgroundPoint> Surroundings::background(int x, int y) {
   return points_;
 }
 
-void Surroundings::map_background(int x, int y, Matte& matte) {
+bool Surroundings::map_background(int x, int y, Matte& matte) {
+  bool sure = true;
   std::array<size_t, kChannels> slot{};
   const std::span<const BackgroundPoint> points = background(x, y);
   for (size_t m = 0; m < points.size(); ++m) {
@@ -82,30 +83,33 @@ void Surroundings::map_background(int x, int y, Matte& matte) {
     for (size_t c = 0; c < kChannels && layout_.black.empty(); ++c)
       matte.foreground(x, y)[c] = static_cast<float>(point.foreground[c]);
     if (point.ambiguous) matte.flags(x, y) |= kFlagPoorFit;
+    sure = sure && !point.ambiguous;
     for (int c = 0; c < kChannels; ++c) {
       size_t& place = slot[static_cast<size_t>(c)];
       if (place < matte.modes(x, y, c).size())
         matte.modes(x, y, c)[place++] = point.mode(c, empty_[m].texture);
     }
   }
+  return sure;
 }
 
-std::vector<bool> Surroundings::settle_row(int y, std::span<const double> read_sd, Matte& matte) {
-  std::vector<bool> object(static_cast<size_t>(matte.width_px()));
+SettledRow Surroundings::settle_row(int y, std::span<const double> read_sd, Matte& matte) {
+  const auto width = static_cast<size_t>(matte.width_px());
+  SettledRow row{.object = std::vector<bool>(width), .open = std::vector<bool>(width)};
   for (int x = 0; x < matte.width_px(); ++x) {
     const auto pixel = static_cast<size_t>(x);
     const bool patch = sees_patch(x, y);
-    object[pixel] = !patch && has_object(x, y, read_sd.empty() ? noise_.read_sd : read_sd[pixel]);
+    row.object[pixel] = !patch && has_object(x, y, read_sd.empty() ? noise_.read_sd : read_sd[pixel]);
     if (patch) {
       matte.flags(x, y) |= kFlagNoData;
       continue;
     }
-    matte.coverage(x, y) = object[pixel] ? 1.0f : 0.0f;
+    matte.coverage(x, y) = row.object[pixel] ? 1.0f : 0.0f;
     for (int c = 0; c < kChannels && !layout_.black.empty(); ++c)
       matte.foreground(x, y)[static_cast<size_t>(c)] = black(y, x * kChannels + c);
-    if (!object[pixel]) map_background(x, y, matte);
+    row.open[pixel] = !row.object[pixel] && !map_background(x, y, matte);
   }
-  return object;
+  return row;
 }
 
 }  // namespace glasswing

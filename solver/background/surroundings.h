@@ -12,17 +12,25 @@
 
 namespace glasswing {
 
+// By pixel of a row.
+struct SettledRow {
+  std::vector<bool> object;
+  // Background, but the empty stage's bars leave open which part of a monitor it is: its modes are a guess,
+  // and flagged.
+  std::vector<bool> open;
+};
+
 class Surroundings {
  public:
   // Both must outlive it. `tolerance`: of SilhouetteTest.
   Surroundings(const FrameStack& stack, const StageLayout& layout, double tolerance);
 
   // Row y of the stack into row y of the matte: F and coverage of every pixel, the modes of those that the
-  // object does not change, a flag for those that see an id patch. True where the object is.
+  // object does not change, a flag for those that see an id patch.
   // `read_sd`: by pixel, where the camera's noise is not known; empty: that of an ordinary camera.
   // F is the light before black with the object; where that was not taken, it is the background map's, and 0
   // where the object is.
-  std::vector<bool> settle_row(int y, std::span<const double> read_sd, Matte& matte);
+  SettledRow settle_row(int y, std::span<const double> read_sd, Matte& matte);
 
   // Radiance before black with the object, which must have been taken; `lane` counts channels of a row.
   float black(int y, int lane) const;
@@ -38,7 +46,8 @@ class Surroundings {
   bool has_object(int x, int y, double read_sd);
   // A pixel that sees an id patch sees other things in every frame.
   bool sees_patch(int x, int y) const;
-  void map_background(int x, int y, Matte& matte);
+  // False: it is a guess.
+  bool map_background(int x, int y, Matte& matte);
 
   const FrameStack& stack_;
   const StageLayout& layout_;

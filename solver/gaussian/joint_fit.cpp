@@ -4,17 +4,15 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
+
+#include "solver/gaussian/cone_step.h"
 
 namespace glasswing {
 namespace {
 
-using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMostParameters, 1>;
 // A hundredth of a pixel wide: a point, to all that follows.
 constexpr double kLeastCovariance_px2 = 1e-4;
 constexpr double kFinestStep = 1.0 / 65535.0;  // of the frames; a fit that moves by less is settled
-
-using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMostParameters, kMostParameters>;
 
 bool sane(const Footprints& modes, const SampleLayout& layout, const MonitorExtent& extent) {
   const double limit = 2.0 * (extent.width_px + extent.height_px);
@@ -31,33 +29,6 @@ bool sane(const Footprints& modes, const SampleLayout& layout, const MonitorExte
   return true;
 }
 
-// The positive semi-definite (xx, xy, yy) nearest to `target` in the metric H: rank one, found along its
-// direction.
-Eigen::Vector3d nearest_positive(const Eigen::Vector3d& target, const Eigen::Matrix3d& metric) {
-  const auto at = [&](double angle) {
-    const double c = std::cos(angle), s = std::sin(angle);
-    return Eigen::Vector3d(c * c, c * s, s * s);
-  };
-  const auto gain = [&](double angle) {
-    const Eigen::Vector3d a = at(angle);
-    const double along = std::max(a.dot(metric * target), 0.0);
-    return along * along / a.dot(metric * a);
-  };
-  constexpr int kDirections = 12;
-  double best = 0.0, best_gain = -1.0;
-  for (int i = 0; i < kDirections; ++i) {
-    const double angle = i * std::numbers::pi / kDirections;
-    if (const double g = gain(angle); g > best_gain) best = angle, best_gain = g;
-  }
-  for (double width = 0.5 * std::numbers::pi / kDirections; width > 1e-4; width *= 0.5) {
-    for (const double angle : {best - width, best + width}) {
-      if (const double g = gain(angle); g > best_gain) best = angle, best_gain = g;
-    }
-  }
-  const Eigen::Vector3d a = at(best);
-  return std::max(a.dot(metric * target), 0.0) / a.dot(metric * a) * a;
-}
-
 class Problem {
  public:
   Problem(const PixelSamples& samples, const MonitorExtent& extent, JointWorkspace& workspace)
@@ -67,17 +38,17 @@ class Problem {
   bool minimise(Footprints& modes, NormalEquations& at, int max_iterations) {
     const int n = 6 * modes.size();
     double damping = 1e-3;
-    Matrix normal(n, n);
-    Vector gradient(n);
+    FootprintMatrix normal(n, n);
+    FootprintVector gradient(n);
     evaluate(samples_, modes, extent_, workspace_, at);
     load(at, normal, gradient);
     for (int iteration = 0; iteration < max_iterations; ++iteration) {
-      Matrix damped = normal;
+      FootprintMatrix damped = normal;
       const double floor = 1e-12 * normal.diagonal().maxCoeff();
-      damped.diagonal() += damping * normal.diagonal() + Vector::Constant(n, floor);
-      const Eigen::LLT<Matrix> solver(damped);
-      Vector step = solver.solve(gradient);
-      const Footprints moved = constrained(modes, solver, step);
+      damped.diagonal() += damping * normal.diagonal() + FootprintVector::Constant(n, floor);
+      const Eigen::LLT<FootprintMatrix> solver(damped);
+      FootprintVector step = solver.solve(gradient);
+      const Footprints moved = step_within_cone(modes, solver, step);
       // What the step promises, against the noise of one sample: a squared distance in standard errors.
       const double promise = 2.0 * gradient.dot(step) - step.dot(normal * step);
       const double samples = std::max(at.near_count, 1);
@@ -110,45 +81,13 @@ class Problem {
   }
 
  private:
-  static void load(const NormalEquations& at, Matrix& normal, Vector& gradient) {
+  static void load(const NormalEquations& at, FootprintMatrix& normal, FootprintVector& gradient) {
     const auto n = gradient.size();
     for (Eigen::Index p = 0; p < n; ++p) {
       gradient[p] = at.gradient[static_cast<size_t>(p)];
       for (Eigen::Index q = 0; q < n; ++q)
         normal(q, p) = at.matrix[static_cast<size_t>(p)][static_cast<size_t>(q)];
     }
-  }
-
-  // `modes` after the step. Where that would leave the cone of positive Sigma, Sigma goes to the cheapest
-  // point of the cone's boundary and all else follows, as the quadratic model says.
-  static Footprints constrained(const Footprints& modes, const Eigen::LLT<Matrix>& solver, Vector& step) {
-    const auto n = step.size();
-    Matrix covariance;  // of what is still free; made when it is first needed
-    for (int m = 0; m < modes.size(); ++m) {
-      const Footprint& mode = modes[m];
-      const Eigen::Vector3d now(mode.xx_px2, mode.xy_px2, mode.yy_px2);
-      const Eigen::Index block = 6 * m + 3;
-      const Eigen::Vector3d free = now + step.segment<3>(block);
-      if (free[0] >= 0.0 && free[2] >= 0.0 && free[0] * free[2] >= free[1] * free[1]) continue;
-      if (covariance.size() == 0) covariance = solver.solve(Matrix::Identity(n, n));
-      const Eigen::Matrix3d metric = Eigen::Matrix3d(covariance.block<3, 3>(block, block)).inverse();
-      const Eigen::Matrix<double, Eigen::Dynamic, 3, 0, kMostParameters, 3> follow =
-          covariance.middleCols<3>(block) * metric;
-      step += follow * (nearest_positive(free, metric) - free);
-      covariance -= follow * Matrix(covariance.middleRows<3>(block));
-    }
-    Footprints moved = modes;
-    for (int m = 0; m < modes.size(); ++m) {
-      Footprint& mode = moved[m];
-      const double* d = step.data() + 6 * m;
-      mode.weight += d[0];
-      mode.x_px += d[1];
-      mode.y_px += d[2];
-      mode.xx_px2 += d[3];
-      mode.xy_px2 += d[4];
-      mode.yy_px2 += d[5];
-    }
-    return moved;
   }
 
   const PixelSamples& samples_;
@@ -159,15 +98,15 @@ class Problem {
 
 void add_errors(const NormalEquations& at, JointFit& fit) {
   const int n = 6 * fit.modes.size();
-  Matrix normal(n, n);
+  FootprintMatrix normal(n, n);
   for (int p = 0; p < n; ++p) {
     for (int q = 0; q < n; ++q) normal(p, q) = at.matrix[static_cast<size_t>(p)][static_cast<size_t>(q)];
   }
   fit.weight_sd.fill(std::numeric_limits<double>::infinity());
   fit.centre_sd_px.fill(std::numeric_limits<double>::infinity());
-  const Eigen::LLT<Matrix> solver(normal);
+  const Eigen::LLT<FootprintMatrix> solver(normal);
   if (solver.info() != Eigen::Success) return;
-  const Matrix covariance = solver.solve(Matrix::Identity(n, n));
+  const FootprintMatrix covariance = solver.solve(FootprintMatrix::Identity(n, n));
   const double variance = at.near_chi2 / std::max(at.near_count - n, 1);
   for (int m = 0; m < fit.modes.size(); ++m) {
     const auto sd = [&](double v) {

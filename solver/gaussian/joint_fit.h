@@ -9,6 +9,7 @@
 
 #include <vector>
 
+#include "solver/gaussian/cone_step.h"
 #include "solver/gaussian/footprint.h"
 
 namespace glasswing {
@@ -38,8 +39,6 @@ struct PixelSamples {
   // The variance of ordinary samples over that of this one; 0: saturated, missing or padding.
   std::vector<float> weight;
 };
-
-inline constexpr int kMostParameters = 6 * kMostFootprints;
 
 // At some footprints: the Gauss-Newton equations N delta = g in (R, cx, cy, xx, xy, yy) of each mode.
 struct NormalEquations {

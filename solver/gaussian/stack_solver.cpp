@@ -41,6 +41,11 @@ bool is_coarse(const SweepLayout& sweep) {
   return length_px > 0.75 * sweep.sigma_px * static_cast<double>(sweep.r_px.size() - 1);
 }
 
+void forget_modes(int x, int y, Matte& matte) {
+  matte.flags(x, y) &= static_cast<std::uint8_t>(~kFlagPoorFit);
+  for (int c = 0; c < kChannels; ++c) std::ranges::fill(matte.modes(x, y, c), Mode{});
+}
+
 }  // namespace
 
 StackSolver::StackSolver(const FrameStack& stack, const StackLayout& layout, int most_modes,
@@ -102,7 +107,7 @@ StackSolver::StackSolver(const FrameStack& stack, const StackLayout& layout, int
   dark_noise_ = static_cast<float>(1.0 / std::sqrt(exposures));
   usual_.resize(textures_.size());
   noise_sd_.resize(static_cast<size_t>(lane_count_));
-  object_.resize(static_cast<size_t>(lane_count_ / kChannels));
+  to_solve_.resize(static_cast<size_t>(lane_count_ / kChannels));
 }
 
 void StackSolver::estimate_row_noise(int y) {
@@ -131,7 +136,7 @@ void StackSolver::estimate_row_noise(int y) {
 }
 
 std::vector<double> StackSolver::read_noise() const {
-  std::vector<double> read_sd(object_.size());
+  std::vector<double> read_sd(to_solve_.size());
   for (size_t x = 0; x < read_sd.size(); ++x) {
     double variance = 0.0;
     for (size_t c = 0; c < kChannels; ++c) {
@@ -152,11 +157,17 @@ void StackSolver::solve_row(int y, Matte& matte) {
   } else {
     estimate_row_noise(y);
   }
-  object_ = surroundings_.settle_row(y, noise_known_ ? std::vector<double>{} : read_noise(), matte);
+  const SettledRow row =
+      surroundings_.settle_row(y, noise_known_ ? std::vector<double>{} : read_noise(), matte);
+  for (size_t x = 0; x < to_solve_.size(); ++x) {
+    to_solve_[x] = row.object[x] || row.open[x];
+    // The sweeps know better where it looks.
+    if (row.open[x]) forget_modes(static_cast<int>(x), y, matte);
+  }
   for (int first = 0; first < lane_count_; first += kStretch) {
     const int count = std::min(kStretch, lane_count_ - first);
-    const auto begin = object_.begin() + first / kChannels,
-               end = object_.begin() + (first + count - 1) / kChannels + 1;
+    const auto begin = to_solve_.begin() + first / kChannels,
+               end = to_solve_.begin() + (first + count - 1) / kChannels + 1;
     if (std::find(begin, end, true) == end) continue;
     tile_.load(stack_, y, first, count, noise_);
     if (noise_.gain > 0.0 || !unit_peaks_) tile_.need_weights();
@@ -181,7 +192,7 @@ void StackSolver::prepare_block(int y, int block_index) {
   for (int lane = 0; lane < kBlockLanes && block.first_lane + lane < lane_count_; ++lane) {
     const int row_lane = block.first_lane + lane;
     const auto l = static_cast<size_t>(lane);
-    if (!object_[static_cast<size_t>(row_lane / kChannels)]) continue;
+    if (!to_solve_[static_cast<size_t>(row_lane / kChannels)]) continue;
     block.lanes |= 1u << lane;
     dark[l] = surroundings_.black(y, row_lane);
     noise[l] = noise_sd_[static_cast<size_t>(row_lane)] * dark_noise_;

@@ -45,7 +45,7 @@ class StackSolver {
   // A block of the tile in hand.
   struct Block {
     int first_lane = 0;      // of the row
-    unsigned lanes = 0;      // those that the object changes, a bit each
+    unsigned lanes = 0;      // those to be solved, a bit each
     unsigned saturated = 0;  // those with a saturated sample
     std::array<float, kBlockLanes> baseline{};
     std::vector<std::array<Crests, kBlockLanes>> crests;  // [sweep][lane]
@@ -82,7 +82,7 @@ class StackSolver {
   SampleTile tile_;
   // Of the row in hand.
   std::vector<float> noise_sd_;  // a dark sample's, by lane
-  std::vector<bool> object_;     // by pixel
+  std::vector<bool> to_solve_;   // by pixel
   // Of the tile in hand.
   bool unit_peaks_ = true;
   std::vector<float>

@@ -147,7 +147,7 @@ void BoxSolver::solve_row(int y, Matte& matte) {
   load_row(y);
   const bool known = surroundings_.noise_known();
   const std::vector<double> noise = known ? std::vector<double>() : estimate_noise();
-  const std::vector<bool> object = surroundings_.settle_row(y, noise, matte);
+  const std::vector<bool> object = surroundings_.settle_row(y, noise, matte).object;
   const double usual_variance = surroundings_.noise().variance(0.0);
   for (int x = 0; x < width_; ++x) {
     if (!object[static_cast<size_t>(x)]) continue;

@@ -112,14 +112,14 @@ TEST_F(ImageFile, SizesAreKnownBeforeAPixelIsDecoded) {
 TEST_F(ImageFile, PhotographsKeepTheirCodes) {
   const fs::path path = directory_ / "photo.png";
   ASSERT_TRUE(write_radiance(path, random_picture(9, 5), Encoding::kDisplay).ok());
-  const Photograph coarse = read_photograph(path).value();
+  const CodedPhotograph coarse = read_photograph(path).value();
   EXPECT_EQ(coarse.bits, 8);
   for (const std::uint16_t code : coarse.codes.samples) EXPECT_EQ(code % 257, 0);
   Image16 fine(3, 2);
   for (size_t i = 0; i < fine.samples.size(); ++i) fine.samples[i] = static_cast<std::uint16_t>(i * 3641);
   for (const std::string& bytes : {encode_png16(fine), encode_tiff(fine)}) {
     ASSERT_TRUE(write_file_durably(path, bytes).ok());
-    const Photograph back = read_photograph(path).value();
+    const CodedPhotograph back = read_photograph(path).value();
     EXPECT_EQ(back.bits, 16);
     EXPECT_EQ(back.codes.samples, fine.samples);
   }
@@ -134,7 +134,7 @@ TEST_F(ImageFile, AJpegThatIsCutOffIsNamed) {
   EXPECT_EQ(picture_size(good).value(), (PictureSize{40, 30}));
   const fs::path path = directory_ / "photo.jpg";
   ASSERT_TRUE(write_file_durably(path, good).ok());
-  const Photograph photograph = read_photograph(path).value();
+  const CodedPhotograph photograph = read_photograph(path).value();
   EXPECT_EQ(photograph.bits, 8);
   EXPECT_EQ(photograph.codes.width_px, 40);
   for (size_t length = 0; length < good.size(); length += 7) {

@@ -1,0 +1,63 @@
+// The pixels of a stack, solved from fringes, row by row.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "core/matte/matte.h"
+#include "solver/background/surroundings.h"
+#include "solver/fringe/fringe_layout.h"
+#include "solver/fringe/fringe_unwrap.h"
+#include "solver/fringe/phasor.h"
+#include "solver/fringe/spectrum_fit.h"
+
+namespace glasswing {
+
+class FringeSolver {
+ public:
+  // Both must outlive it. `tolerance`: of SpectrumFitter.
+  FringeSolver(const FrameStack& stack, const FringeLayout& layout, int most_modes, double tolerance,
+               double silhouette_tolerance);
+
+  // Row y of the stack into row y of the matte.
+  void solve_row(int y, Matte& matte);
+
+ private:
+  struct Monitor {
+    const WaveMonitor* layout = nullptr;
+    PhasorMeter meter;
+    SpectrumFitter fitter;
+    Monitor(const WaveMonitor& waves, const Shot& black, double tolerance, bool several)
+        : layout(&waves), meter(waves, black), fitter(waves, tolerance, several) {}
+  };
+  struct Found {
+    std::uint8_t flags = kFlagNone;
+    SpectrumFit fit;  // without modes where no light arrives, or nobody knows whence
+  };
+
+  // Standard deviation by pixel, of what the waves leave unexplained in all channels.
+  void estimate_row_noise(int y);
+  // A display's glare takes from every wave the same part, and it is light still: a single footprint, its
+  // shape from the waves, its weight from the level. No modes if this does not explain them.
+  SpectrumFit fit_veiled(const Monitor& monitor, const Spectrum& spectrum, const Unwrapped& place,
+                         const Footprints& start) const;
+  Found find(const Monitor& monitor, const Spectrum& spectrum, int most_modes) const;
+  void solve_pixel(int x, int y, const SampleNoise& noise, Matte& matte);
+  void map_background(int x, int y, const SampleNoise& noise, Matte& matte);
+  static bool earns_its_place(const SpectrumFit& before, const SpectrumFit& after);
+  bool too_poor(const SpectrumFit& fit) const;
+
+  const FrameStack& stack_;
+  const FringeLayout& layout_;
+  const int most_modes_;  // on a monitor
+  const double tolerance_;
+  Surroundings surroundings_;
+  std::vector<Monitor> object_, empty_;
+  bool bars_ = false;               // the empty stage was shown square waves
+  std::vector<double> thresholds_;  // of chi-square, by degrees
+  std::vector<double> read_sd_;     // by pixel of the row; empty where the camera's noise is known
+  Spectrum spectrum_;
+  std::array<Spectrum, kChannels> spectra_;
+};
+
+}  // namespace glasswing
