@@ -12,7 +12,7 @@ class FringeMethod final : public Method {
  public:
   // Options: modes (1 to 4, most footprints a channel and monitor; default 1), tolerance (0 to 0.5: how far
   // the answer to a wave may be from a Gaussian footprint's, relative to the light that arrives, before the
-  // pixel is flagged; default 0.03), silhouette_tolerance (as of GaussianMethod).
+  // pixel is flagged; default 0.02), silhouette_tolerance (as of GaussianMethod).
   static absl::StatusOr<std::unique_ptr<Method>> create(const MethodOptions& options);
 
   absl::StatusOr<std::vector<int>> frames_needed(const v1::CaptureManifest& manifest) const override;
@@ -22,7 +22,7 @@ class FringeMethod final : public Method {
  private:
   MethodOptions options_;
   int modes_ = 1;
-  double tolerance_ = 0.03;
+  double tolerance_ = 0.02;
   double silhouette_tolerance_ = 0.003;
 };
 

@@ -164,14 +164,14 @@ FringeSolver::Found FringeSolver::find(const Monitor& monitor, const Spectrum& s
   Footprints start;
   start.push_back(monitor.fitter.guess(spectrum, place));
   found.fit = monitor.fitter.fit(spectrum, place.used, start, kMostSteps);
-  if (too_poor(found.fit)) {
-    const SpectrumFit veiled = fit_veiled(monitor, spectrum, place, start);
-    if (!veiled.modes.empty()) found.fit = veiled;
-  }
   while (too_poor(found.fit) && found.fit.modes.size() < most_modes) {
     const SpectrumFit more = monitor.fitter.fit_one_more(spectrum, found.fit);
     if (more.modes.empty() || more.degrees < 1 || !earns_its_place(found.fit, more)) break;
     found.fit = more;
+  }
+  if (too_poor(found.fit) && found.fit.modes.size() == 1) {
+    const SpectrumFit veiled = fit_veiled(monitor, spectrum, place, start);
+    if (!veiled.modes.empty() && veiled.tolerated < 0.25 * found.fit.tolerated) found.fit = veiled;
   }
   if (!found.fit.converged) found.flags |= kFlagNotConverged;
   if (too_poor(found.fit)) found.flags |= kFlagPoorFit;

@@ -1,13 +1,14 @@
-// real-mirror ARCHIVE [BACKGROUND COMPOSITE]: solves photographs of a mirror before a fringe display (method
-// fringe), and holds the map against a plain four-step decode and against its own standard errors; puts the
-// picture BACKGROUND into the mirror.
+// real-mirror ARCHIVE MATTE PICTURES: photographs of a mirror before a fringe display, solved by the method
+// fringe: the map against a plain four-step decode, and against its own standard errors. Puts a photograph of
+// GLASSWING_DATA (../shared/data if it is not set) into the mirror, below PICTURES.
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
+#include <filesystem>
 #include <map>
 #include <numbers>
 #include <optional>
@@ -15,12 +16,17 @@
 #include "core/frame/image_file.h"
 #include "core/frame/mapped_archive.h"
 #include "core/matte/compositor.h"
-#include "solver/bands.h"
+#include "core/matte/matte_file.h"
+#include "solver/method.h"
 
 namespace glasswing {
 namespace {
 
+namespace fs = std::filesystem;
+
+constexpr const char* kPicture = "real/backgrounds_cc0/astronaut.png";
 constexpr int kChannel = 1;
+constexpr float kWidest_px2 = 400.0f;
 constexpr float kLit = 0.25f;                   // the mirror, white less black
 constexpr double kLeastModulation = 8.0 / 255;  // below it a plain decode means nothing
 constexpr int kReach = 3;                       // of the window in which the map is smooth, px
@@ -91,12 +97,10 @@ std::array<double, kWindow> residual_filter() {
   return filter;
 }
 
-bool check(const std::string& folder, const std::string& background, const std::string& out) {
+bool check(const std::string& folder, const std::string& matte_file, const fs::path& pictures) {
   const auto archive = MappedArchive::open(folder).value();
   const FrameStack stack = whole_stack(archive).value();
-  const auto start = std::chrono::steady_clock::now();
-  const Matte matte = solve_in_bands(*make_method("fringe", {}).value(), stack).value();
-  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  const Matte matte = read_matte(matte_file).value();
   const auto fringes = fringes_of(stack.manifest);
   const int width = matte.width_px(), height = matte.height_px();
   const auto good = [&](int x, int y) {
@@ -142,8 +146,8 @@ bool check(const std::string& folder, const std::string& background, const std::
     }
   }
   const double ratio = median(ratios);
-  fmt::print("{} lit pixels of {}x{}, solved in {:.2f} s, {:.2f} % flagged ({:.2f} % poor)\n", lit, width,
-             height, seconds, 100.0 * flagged / lit, 100.0 * poor / lit);
+  fmt::print("{} lit pixels of {}x{}, {:.2f} % flagged ({:.2f} % poor)\n", lit, width, height,
+             100.0 * flagged / lit, 100.0 * poor / lit);
   fmt::print(
       "{} of {} pixels in another period than a plain decode has them; the median distance is {:.3f} px\n",
       wrong, compared, median(differences));
@@ -151,18 +155,25 @@ bool check(const std::string& folder, const std::string& background, const std::
       "local residual along rows {:.3f} px in x, {:.3f} px in y; standard error {:.3f} px; median ratio "
       "{:.2f}\n",
       median(residuals[0]), median(residuals[1]), median(errors), ratio);
-  if (!background.empty()) {
+  std::fflush(stdout);
+  const char* const data = std::getenv("GLASSWING_DATA");
+  const fs::path background = fs::path(data != nullptr ? data : "../shared/data") / kPicture;
+  if (!fs::exists(background)) {
+    fmt::print("no picture to put into the mirror at {}\n", background.string());
+  } else {
     const v1::Monitor& monitor = matte.metadata.monitors(0);
     const RadianceImage picture = resized(read_radiance(background, Encoding::kDisplay).value(),
                                           monitor.width_px(), monitor.height_px());
-    // The rest sees the room, lit by the whole screen: dim, and slow to integrate.
+    // The rest, and the mirror's rim, sees the whole screen: slow to integrate.
     Matte mirror = matte;
     for (int y = 0; y < height; ++y) {
       for (int x = 0; x < width; ++x) {
-        for (int c = 0; c < kChannels && !good(x, y); ++c) std::ranges::fill(mirror.modes(x, y, c), Mode{});
+        for (int c = 0; c < kChannels && !(good(x, y) && matte.modes(x, y, c)[0].yy_px2 < kWidest_px2); ++c)
+          std::ranges::fill(mirror.modes(x, y, c), Mode{});
       }
     }
-    const absl::Status written = write_radiance(out, composite(matte, {picture}).value(), Encoding::kDisplay);
+    const absl::Status written =
+        write_radiance(pictures / "mirror.png", composite(mirror, {picture}).value(), Encoding::kDisplay);
     if (!written.ok()) fmt::print(stderr, "{}\n", std::string(written.message()));
   }
   return compared > 0 && wrong == 0 && ratio >= 0.5 && ratio <= 2.0;
@@ -172,9 +183,9 @@ bool check(const std::string& folder, const std::string& background, const std::
 }  // namespace glasswing
 
 int main(int argc, char** argv) {
-  if (argc != 2 && argc != 4) {
-    std::fprintf(stderr, "usage: real-mirror ARCHIVE [BACKGROUND COMPOSITE]\n");
+  if (argc != 4) {
+    std::fprintf(stderr, "usage: real-mirror ARCHIVE MATTE PICTURES\n");
     return 2;
   }
-  return glasswing::check(argv[1], argc == 4 ? argv[2] : "", argc == 4 ? argv[3] : "") ? 0 : 1;
+  return glasswing::check(argv[1], argv[2], argv[3]) ? 0 : 1;
 }
