@@ -25,6 +25,17 @@ absl::StatusOr<double> number_of(const std::string& key, const std::string& valu
   return number;
 }
 
+// Leaves the widths along x and y.
+void forget_orientation(Matte& matte) {
+  for (int y = 0; y < matte.height_px(); ++y) {
+    for (int x = 0; x < matte.width_px(); ++x) {
+      for (int c = 0; c < kChannels; ++c) {
+        for (Mode& mode : matte.modes(x, y, c)) mode.xy_px2 = 0.0f;
+      }
+    }
+  }
+}
+
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<Method>> GaussianMethod::create(const MethodOptions& options) {
@@ -34,6 +45,10 @@ absl::StatusOr<std::unique_ptr<Method>> GaussianMethod::create(const MethodOptio
     if (key == "modes") {
       GW_ASSIGN_OR_RETURN(const double modes, number_of(key, value, 1, kMaxModes));
       method->modes_ = static_cast<int>(modes);
+    } else if (key == "oriented") {
+      if (value != "0" && value != "1")
+        return absl::InvalidArgumentError(fmt::format("oriented is \"{}\"; it must be 0 or 1", value));
+      method->oriented_ = value == "1";
     } else if (key == "silhouette_tolerance") {
       GW_ASSIGN_OR_RETURN(method->silhouette_tolerance_, number_of(key, value, 0.0, 1.0));
     } else if (key == "images") {
@@ -41,7 +56,8 @@ absl::StatusOr<std::unique_ptr<Method>> GaussianMethod::create(const MethodOptio
       method->images_ = static_cast<int>(images);
     } else {
       return absl::InvalidArgumentError(fmt::format(
-          "option \"{}\" is not known to gaussian; it has: modes, silhouette_tolerance, images", key));
+          "option \"{}\" is not known to gaussian; it has: modes, oriented, silhouette_tolerance, images",
+          key));
     }
   }
   return method;
@@ -103,6 +119,7 @@ absl::StatusOr<Matte> GaussianMethod::solve_all(const FrameStack& stack) const {
   metadata.set_generator("glasswing");
   StackSolver solver(stack, layout, modes_, silhouette_tolerance_);
   for (int y = 0; y < stack.row_count; ++y) solver.solve_row(y, matte);
+  if (!oriented_) forget_orientation(matte);
   return matte;
 }
 

@@ -10,9 +10,11 @@ namespace glasswing {
 
 class GaussianMethod final : public Method {
  public:
-  // Options: modes (1 to 4, most footprints a channel; default 4), silhouette_tolerance (of full scale, least
-  // rms difference that makes a pixel the object's; default 0.003), images (40 to 20000: solves as if no more
-  // than these had been taken, fewer_images.h; default: all).
+  // Options: modes (1 to 4, most footprints a channel; default 4), oriented (0: footprints have only the
+  // widths along x and y that were found, as in Chuang et al. 2000, figure 6 b; default 1),
+  // silhouette_tolerance (of full scale, least rms difference that makes a pixel the object's; default
+  // 0.003), images (40 to 20000: solves as if no more than these had been taken, fewer_images.h; default:
+  // all).
   static absl::StatusOr<std::unique_ptr<Method>> create(const MethodOptions& options);
 
   absl::StatusOr<std::vector<int>> frames_needed(const v1::CaptureManifest& manifest) const override;
@@ -24,6 +26,7 @@ class GaussianMethod final : public Method {
 
   MethodOptions options_;
   int modes_ = kMaxModes;
+  bool oriented_ = true;
   double silhouette_tolerance_ = 0.003;
   int images_ = 0;  // 0: all
 };

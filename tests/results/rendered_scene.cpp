@@ -1,13 +1,15 @@
 #include "tests/results/rendered_scene.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <random>
-#include <thread>
 
+#include "core/base/file.h"
+#include "core/base/status.h"
 #include "core/frame/archive.h"
 #include "core/frame/image_file.h"
+#include "core/pattern/pattern.h"
 
 namespace glasswing {
 namespace {
@@ -18,15 +20,18 @@ RadianceImage picture(const fs::path& path) {
   return read_radiance(path, Encoding::kLinear).value();
 }
 
-void degrade(Image16& image, const Degradation& degradation, unsigned frame) {
-  if (degradation.noise_sd == 0.0 && degradation.bits == 16) return;
+Image16 degraded(const RadianceImage& light, const Degradation& degradation, unsigned frame) {
   std::mt19937 random(degradation.seed * 100003 + frame);
   std::normal_distribution<double> noise(0.0, degradation.noise_sd);
   const double levels = std::exp2(degradation.bits) - 1.0;
-  for (std::uint16_t& sample : image.samples) {
-    const double value = std::clamp(sample / 65535.0 + noise(random), 0.0, 1.0);
-    sample = static_cast<std::uint16_t>(std::lround(std::round(value * levels) / levels * 65535.0));
+  Image16 image(light.width_px, light.height_px);
+  for (size_t i = 0; i < light.samples.size(); ++i) {
+    const double noisy =
+        static_cast<double>(light.samples[i]) + (degradation.noise_sd > 0.0 ? noise(random) : 0.0);
+    const double value = std::clamp(noisy, 0.0, 1.0);
+    image.samples[i] = static_cast<std::uint16_t>(std::lround(std::round(value * levels) / levels * 65535.0));
   }
+  return image;
 }
 
 }  // namespace
@@ -35,7 +40,11 @@ RenderedScene::RenderedScene(fs::path directory)
     : directory_(std::move(directory)),
       name_(directory_.filename().string()),
       manifest_(read_any_manifest(directory_).value()),
-      mask_(read_frame_file(directory_ / "mask_true.png").value()) {}
+      mask_(read_frame_file(directory_ / "mask_true.png").value()) {
+  nlohmann::json::parse(read_file(directory_ / "manifest.json").value())
+      .at("cam_to_mon_affine")
+      .get_to(monitor_from_camera_);
+}
 
 std::vector<std::string> RenderedScene::photograph_names() const {
   std::vector<std::string> names;
@@ -53,7 +62,12 @@ Photograph RenderedScene::photograph(const std::string& name) const {
   Photograph photograph{
       .name = name,
       .backgrounds = std::vector<RadianceImage>(static_cast<size_t>(manifest_.monitors_size())),
-      .seen = picture(directory_ / "ref" / (name + "_obj.png"))};
+      .seen = picture(directory_ / "ref" / (name + "_obj.png")),
+      .bare = {}};
+  // What only a monitor at the side shows, the camera does not see without the object.
+  const fs::path bare = directory_ / "ref" / (name + "_bg.png");
+  photograph.bare =
+      fs::exists(bare) ? picture(bare) : RadianceImage(photograph.seen.width_px, photograph.seen.height_px);
   const auto shown = [&](const std::string& file) { return picture(directory_ / "stim" / file); };
   if (name == "both") {
     photograph.backgrounds[0] = shown("photo_stilllife.png");
@@ -66,20 +80,64 @@ Photograph RenderedScene::photograph(const std::string& name) const {
   return photograph;
 }
 
-FrameStack RenderedScene::stack(const Method& method, const Degradation& degradation) const {
-  FrameStack stack{.manifest = manifest_,
+const Image16& RenderedScene::recorded(int frame) const {
+  const auto known = recorded_.find(frame);
+  if (known != recorded_.end()) return known->second;
+  return recorded_[frame] = read_frame_file(directory_ / manifest_.frames(frame).file()).value();
+}
+
+// Of several monitors the camera looks at the first.
+RadianceImage RenderedScene::seen_straight(const v1::Stimulus& stimulus) const {
+  constexpr int kRays = 4;  // across a pixel, as the renderer has them
+  RadianceImage seen(manifest_.camera().width_px(), manifest_.camera().height_px());
+  const v1::Monitor& monitor = manifest_.monitors(0);
+  if (stimulus.panel() != monitor.name()) return seen;
+  const RadianceImage shown =
+      Pattern::create(stimulus, {monitor.width_px(), monitor.height_px()}).value().rasterised();
+  for (int y = 0; y < seen.height_px; ++y) {
+    for (int x = 0; x < seen.width_px; ++x) {
+      for (int ray = 0; ray < kRays * kRays; ++ray) {
+        const double u = x + (ray % kRays + 0.5) / kRays, v = y + (ray / kRays + 0.5) / kRays;
+        std::array<int, 2> at{};
+        for (size_t axis = 0; axis < 2; ++axis) {
+          const auto& [xx, xy, x0] = monitor_from_camera_[axis];
+          at[axis] = static_cast<int>(std::floor(xx * u + xy * v + x0));
+        }
+        if (at[0] < 0 || at[1] < 0 || at[0] >= shown.width_px || at[1] >= shown.height_px) continue;
+        for (int c = 0; c < 3; ++c) seen.at(x, y, c) += shown.at(at[0], at[1], c) / (kRays * kRays);
+      }
+    }
+  }
+  return seen;
+}
+
+RadianceImage RenderedScene::made(const v1::Frame& frame, const std::vector<Part>& parts) const {
+  if (parts.empty()) return seen_straight(frame.stimulus());
+  RadianceImage light(manifest_.camera().width_px(), manifest_.camera().height_px());
+  std::vector<double> sum(light.samples.size());
+  for (const Part& part : parts) {
+    const std::vector<std::uint16_t>& samples = recorded(part.frame).samples;
+    for (size_t i = 0; i < sum.size(); ++i) sum[i] += part.weight * samples[i];
+  }
+  for (size_t i = 0; i < sum.size(); ++i) light.samples[i] = static_cast<float>(sum[i] / 65535.0);
+  return light;
+}
+
+absl::StatusOr<FrameStack> RenderedScene::stack(const Method& method, const MadeCapture& capture,
+                                                const Degradation& degradation) const {
+  FrameStack stack{.manifest = capture.manifest,
                    .first_row = 0,
                    .row_count = manifest_.camera().height_px(),
                    .rows = {},
                    .owner = nullptr};
-  stack.rows.resize(static_cast<size_t>(manifest_.frames_size()));
-  const std::vector<int> needed = method.frames_needed(manifest_).value();
+  stack.rows.resize(static_cast<size_t>(capture.manifest.frames_size()));
+  GW_ASSIGN_OR_RETURN(const std::vector<int> needed, method.frames_needed(capture.manifest));
   const auto frames = std::make_shared<std::vector<Image16>>();
   stack.owner = frames;
   for (const int frame : needed) {
-    Image16 image = read_frame_file(directory_ / manifest_.frames(frame).file()).value();
-    degrade(image, degradation, static_cast<unsigned>(frame));
-    frames->push_back(std::move(image));
+    const RadianceImage light =
+        made(capture.manifest.frames(frame), capture.parts[static_cast<size_t>(frame)]);
+    frames->push_back(degraded(light, degradation, static_cast<unsigned>(frame)));
   }
   for (size_t i = 0; i < needed.size(); ++i)
     stack.rows[static_cast<size_t>(needed[i])] = (*frames)[i].samples;

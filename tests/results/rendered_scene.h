@@ -2,11 +2,14 @@
 // photographs to hold composites against.
 #pragma once
 
+#include <array>
 #include <filesystem>
+#include <map>
 #include <string>
 #include <vector>
 
 #include "core/frame/image.h"
+#include "solver/made_capture.h"
 #include "solver/method.h"
 
 namespace glasswing {
@@ -18,11 +21,11 @@ struct Degradation {
   unsigned seed = 1;
 };
 
-// A reference photograph: what was on every monitor, and what the camera saw.
+// A reference photograph: what was on every monitor, and what the camera saw, with and without the object.
 struct Photograph {
   std::string name;
   std::vector<RadianceImage> backgrounds;  // by texture; empty: black
-  RadianceImage seen;
+  RadianceImage seen, bare;
 };
 
 class RenderedScene {
@@ -30,18 +33,30 @@ class RenderedScene {
   explicit RenderedScene(std::filesystem::path directory);
 
   const std::string& name() const { return name_; }
+  // Everything that was recorded.
+  const v1::CaptureManifest& manifest() const { return manifest_; }
   std::vector<std::string> photograph_names() const;
   Photograph photograph(const std::string& name) const;
-  // Every frame that the method needs.
-  FrameStack stack(const Method& method, const Degradation& degradation = {}) const;
+  // Every frame of a capture that the method needs: what it is made of summed up first, then degraded. One
+  // that is made of nothing is its pattern as the camera sees it without the object.
+  absl::StatusOr<FrameStack> stack(const Method& method, const MadeCapture& capture,
+                                   const Degradation& degradation = {}) const;
   // dB, linear light of full scale 1, over the pixels of which more than half is the object's.
   double psnr(const RadianceImage& composite, const RadianceImage& seen) const;
   const Image16& mask() const { return mask_; }
 
  private:
+  // As recorded, decoded once.
+  const Image16& recorded(int frame) const;
+  RadianceImage made(const v1::Frame& frame, const std::vector<Part>& parts) const;
+  // A pattern without the object: what each of a camera pixel's rays hits.
+  RadianceImage seen_straight(const v1::Stimulus& stimulus) const;
+
   std::filesystem::path directory_;
   std::string name_;
   v1::CaptureManifest manifest_;
+  std::array<std::array<double, 3>, 2> monitor_from_camera_;  // of pixels; affine
+  mutable std::map<int, Image16> recorded_;
   Image16 mask_;
 };
 

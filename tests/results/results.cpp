@@ -3,14 +3,13 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <chrono>
 #include <map>
 
 #include "core/frame/image_file.h"
 #include "core/matte/compositor.h"
-#include "solver/bands.h"
 #include "tests/results/rendered_scene.h"
 #include "tests/results/sheet.h"
+#include "tests/results/solved.h"
 
 namespace glasswing {
 namespace {
@@ -45,44 +44,14 @@ const std::map<std::string, Floor> kFloors = {{"A_crystal/stilllife", {43.6, 27.
                                               {"G_misregistered/stone", {39.7, 25.9, 16.9}},
                                               {"G_misregistered/landscape", {43.1, 25.7, 14.9}}};
 
-struct Solved {
-  Matte matte;
-  double seconds = 0.0;
-  // Shares of the object's pixels: any flag, and why.
-  double flagged = 0.0, unsettled = 0.0, saturated = 0.0, poor = 0.0;
-  std::string text() const {
-    return fmt::format("{:.1f} s, {:.1f} % flagged ({:.1f} unsettled, {:.1f} saturated, {:.1f} poor)",
-                       seconds, 100.0 * flagged, 100.0 * unsettled, 100.0 * saturated, 100.0 * poor);
-  }
-};
-
-Solved solve(const RenderedScene& scene, const Method& method, const Degradation& degradation) {
-  const FrameStack stack = scene.stack(method, degradation);
-  const auto start = std::chrono::steady_clock::now();
-  Solved solved{.matte = solve_in_bands(method, stack).value()};
-  solved.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  double object = 0.0;
-  for (int y = 0; y < solved.matte.height_px(); ++y) {
-    for (int x = 0; x < solved.matte.width_px(); ++x) {
-      if (solved.matte.coverage(x, y) <= 0.0f) continue;
-      object += 1.0;
-      const std::uint8_t flags = solved.matte.flags(x, y);
-      solved.flagged += flags != kFlagNone ? 1.0 : 0.0;
-      solved.unsettled += (flags & kFlagNotConverged) != 0 ? 1.0 : 0.0;
-      solved.saturated += (flags & kFlagSaturated) != 0 ? 1.0 : 0.0;
-      solved.poor += (flags & kFlagPoorFit) != 0 ? 1.0 : 0.0;
-    }
-  }
-  for (double* share : {&solved.flagged, &solved.unsettled, &solved.saturated, &solved.poor}) {
-    *share /= std::max(object, 1.0);
-  }
-  return solved;
-}
-
 void report(const RenderedScene& scene, const Method& method, bool noise, const std::string& pictures,
             const std::string& composites, bool photographs) {
-  const Solved clean = solve(scene, method, {});
-  const Solved noisy = noise ? solve(scene, method, {.noise_sd = 0.005, .bits = 12}) : Solved{};
+  const MadeCapture capture = as_recorded(scene.manifest());
+  const auto solved = [&](const Degradation& degradation) {
+    return solve(method, scene.stack(method, capture, degradation).value()).value();
+  };
+  const Solved clean = solved({});
+  const Solved noisy = noise ? solved({.noise_sd = 0.005, .bits = 12}) : Solved{};
   bool first = true;
   for (const std::string& name : scene.photograph_names()) {
     const Photograph photograph = scene.photograph(name);
@@ -126,7 +95,7 @@ int run(int argc, char** argv) {
   bool no_noise = false, no_photographs = false;
   app.add_option("directory", directory, "Folder with the scenes")->required()->check(CLI::ExistingDirectory);
   app.add_option("--scenes", scenes, "Which of them")->delimiter(',');
-  app.add_option("--method", method_name)->capture_default_str();
+  app.add_option("--method", method_name, "Which method")->capture_default_str();
   app.add_option("--set", settings, "Option of the method, such as modes=2");
   app.add_option("--pictures", pictures, "Folder for a picture a scene");
   app.add_option("--composites", composites, "Folder for every composite, 16-bit linear PNG");

@@ -2,34 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
 #include <vector>
+
+#include "tests/results/panels.h"
 
 namespace glasswing {
 namespace {
-
-constexpr int kScale = 2, kGap = 6, kCaption = 18;
-
-std::uint8_t shade(double radiance) {
-  return static_cast<std::uint8_t>(std::lround(255.0 * std::pow(std::clamp(radiance, 0.0, 1.0), 1.0 / 2.2)));
-}
-
-cv::Mat painted(int width, int height, const std::function<cv::Vec3b(int, int)>& colour) {
-  cv::Mat picture(height, width, CV_8UC3);
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) picture.at<cv::Vec3b>(y, x) = colour(x, y);
-  }
-  return picture;
-}
-
-cv::Mat shown(const RadianceImage& image) {
-  return painted(image.width_px, image.height_px, [&](int x, int y) {
-    const auto at = [&](int c) { return shade(static_cast<double>(image.samples[image.index(x, y, c)])); };
-    return cv::Vec3b(at(2), at(1), at(0));
-  });
-}
 
 cv::Mat difference(const RadianceImage& a, const RadianceImage& b) {
   return painted(a.width_px, a.height_px, [&](int x, int y) {
@@ -68,25 +47,13 @@ cv::Mat width(const Matte& matte) {
 
 void write_sheet(const std::string& path, const RadianceImage& photograph, const RadianceImage& composite,
                  const Matte& matte, bool photographs) {
-  std::vector<std::pair<const char*, cv::Mat>> panels{{"photograph", shown(photograph)},
+  std::vector<std::pair<std::string, cv::Mat>> panels{{"photograph", shown(photograph)},
                                                       {"composite", shown(composite)},
                                                       {"difference x 8", difference(photograph, composite)},
                                                       {"modes 1-4", mode_count(matte)},
                                                       {"sigma, 0-16 px", width(matte)}};
   if (!photographs) panels.erase(panels.begin(), panels.begin() + 2);
-  const int count = static_cast<int>(panels.size());
-  const int w = photograph.width_px * kScale, h = photograph.height_px * kScale;
-  cv::Mat sheet(h + kCaption, count * w + (count - 1) * kGap, CV_8UC3, cv::Scalar(255, 255, 255));
-  int at = 0;
-  for (const auto& [caption, panel] : panels) {
-    cv::Mat large;
-    cv::resize(panel, large, {w, h}, 0.0, 0.0, cv::INTER_NEAREST);
-    large.copyTo(sheet(cv::Rect(at, kCaption, w, h)));
-    cv::putText(sheet, caption, {at + 2, kCaption - 5}, cv::FONT_HERSHEY_SIMPLEX, 0.42, cv::Scalar(0, 0, 0),
-                1, cv::LINE_AA);
-    at += w + kGap;
-  }
-  cv::imwrite(path, sheet);
+  cv::imwrite(path, side_by_side(panels, 2, static_cast<int>(panels.size())));
 }
 
 }  // namespace glasswing

@@ -119,6 +119,7 @@ TEST(MakeMethod, ListsWhatThereIs) {
   for (const char* value : {"0", "5", "two", "", "nan"}) {
     EXPECT_TRUE(absl::IsInvalidArgument(make_method("gaussian", {{"modes", value}}).status())) << value;
   }
+  EXPECT_TRUE(absl::IsInvalidArgument(make_method("gaussian", {{"oriented", "0.5"}}).status()));
 }
 
 }  // namespace

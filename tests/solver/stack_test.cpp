@@ -196,6 +196,23 @@ TEST(Stack, GivesBackTheMatte) {
   }
 }
 
+TEST(Stack, WithoutOrientationWidthsAlongTheAxesStay) {
+  SimulatedStack simulated(one);
+  const Matte oriented = simulated.solve();
+  const Matte upright =
+      solve_in_bands(*make_method("gaussian", {{"oriented", "0"}}).value(), simulated.stack()).value();
+  for_object(upright, [&](int x, int y, const Matte& m) {
+    for (int c = 0; c < kChannels; ++c) {
+      const Mode &a = oriented.modes(x, y, c)[0], &b = m.modes(x, y, c)[0];
+      EXPECT_NE(a.xy_px2, 0.0f);
+      EXPECT_EQ(b.xy_px2, 0.0f);
+      EXPECT_EQ(a.xx_px2, b.xx_px2);
+      EXPECT_EQ(a.yy_px2, b.yy_px2);
+      EXPECT_EQ(a.weight, b.weight);
+    }
+  });
+}
+
 TEST(Stack, AMissingStepIsAnUnevenSweep) {
   SimulatedStack simulated(one);
   // Of the first sweep, the step before the middle of most crests; of the third, two in a row.

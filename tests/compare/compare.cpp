@@ -1,0 +1,105 @@
+// Runs every method over every rendered scene, at several counts of images and levels of noise, and writes
+// what came out: docs/comparison.csv, charts, rows of pictures and the tables of docs/comparison.md.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <chrono>
+#include <iostream>
+#include <tuple>
+
+#include "core/base/status.h"
+#include "tests/compare/candidate.h"
+#include "tests/compare/figures.h"
+#include "tests/compare/measure.h"
+#include "tests/compare/report.h"
+
+namespace glasswing {
+namespace {
+
+struct Options {
+  std::filesystem::path directory, docs = "docs", composites = "build/compare";
+  std::vector<std::string> scenes{"A_crystal",    "B_bimodal",     "C_brushed",
+                                  "D_foreground", "E_twomonitors", "G_misregistered"};
+  std::vector<std::string> only;
+  bool report_only = false;
+  bool some_scenes = false;
+};
+
+bool wanted(const Options& options, const std::string& family) {
+  return options.only.empty() || std::ranges::find(options.only, family) != options.only.end();
+}
+
+// Takes the place of what was measured of the same before.
+void put(Figures figures, std::vector<Figures>& all) {
+  const auto key = [](const Figures& own) { return std::tie(own.scene, own.family, own.variant, own.noise); };
+  const auto known =
+      std::ranges::find_if(all, [&](const Figures& other) { return key(other) == key(figures); });
+  if (known == all.end()) {
+    all.push_back(std::move(figures));
+  } else {
+    *known = std::move(figures);
+  }
+}
+
+// Kept scene by scene: a run that breaks off has not been for nothing.
+absl::Status measure_all(const Options& options, const std::filesystem::path& kept,
+                         std::vector<Figures>& all) {
+  const std::vector<Candidate> competing = candidates();
+  const auto start = std::chrono::steady_clock::now();
+  for (const std::string& name : options.scenes) {
+    const RenderedScene scene(options.directory / name);
+    put(measure_bare(scene), all);
+    for (const Candidate& candidate : competing) {
+      if (!wanted(options, candidate.family)) continue;
+      GW_ASSIGN_OR_RETURN(const MadeCapture capture, candidate.capture(scene));
+      for (const NoiseLevel& noise : kNoiseLevels) {
+        GW_ASSIGN_OR_RETURN(Figures figures, measure(scene, candidate, capture, noise, options.composites));
+        const double since = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+        fmt::print(
+            "{:6.0f} s  {:16} {:24} {:12} {:6} {:3}+{:<3} images {:6.2f} s {:5.1f} % flagged {:5.1f} dB\n",
+            since, figures.scene, figures.family, figures.variant, figures.noise, figures.images_with_object,
+            figures.images_without, figures.solve_seconds, 100.0 * figures.flagged, figures.mean_psnr());
+        std::fflush(stdout);
+        put(std::move(figures), all);
+      }
+    }
+    GW_RETURN_IF_ERROR(write_figures(kept, all));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status run(const Options& options) {
+  const std::filesystem::path kept = options.docs / "comparison.csv";
+  std::vector<Figures> all;
+  const bool partly = options.some_scenes || !options.only.empty();
+  if (options.report_only || (partly && std::filesystem::exists(kept))) {
+    GW_ASSIGN_OR_RETURN(all, read_figures(kept));
+  }
+  if (!options.report_only) GW_RETURN_IF_ERROR(measure_all(options, kept, all));
+  return write_report(options.directory, options.docs, options.composites, all);
+}
+
+}  // namespace
+}  // namespace glasswing
+
+int main(int argc, char** argv) {
+  CLI::App app{"Compares the methods on rendered scenes and writes docs/comparison.*"};
+  glasswing::Options options;
+  app.add_option("directory", options.directory, "Folder with the scenes")
+      ->required()
+      ->check(CLI::ExistingDirectory);
+  const CLI::Option* const scenes =
+      app.add_option("--scenes", options.scenes, "Which of them; what was measured of the others stays")
+          ->delimiter(',');
+  app.add_option("--only", options.only, "Which methods, as the table names them; the others' figures stay");
+  app.add_flag("--report", options.report_only, "Measure nothing, write tables, charts and pictures again");
+  app.add_option("--docs", options.docs, "Folder with comparison.md")->capture_default_str();
+  app.add_option("--composites", options.composites, "Folder for every composite, 16-bit linear PNG")
+      ->capture_default_str();
+  CLI11_PARSE(app, argc, argv);
+  options.some_scenes = scenes->count() > 0;
+  const absl::Status status = glasswing::run(options);
+  if (!status.ok()) std::cerr << "glasswing-compare: " << status.message() << "\n";
+  return status.ok() ? 0 : 1;
+}
