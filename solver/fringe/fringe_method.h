@@ -10,7 +10,8 @@ namespace glasswing {
 
 class FringeMethod final : public Method {
  public:
-  // Options: modes (1 to 4, most footprints a channel and monitor; default 1), tolerance (0 to 0.5: how far
+  // Options: modes (1 to 4, most footprints a channel and monitor; default 1; more are
+  // tried where a quarter of the tolerance is exceeded), tolerance (0 to 0.5: how far
   // the answer to a wave may be from a Gaussian footprint's, relative to the light that arrives, before the
   // pixel is flagged; default 0.02), silhouette_tolerance (as of GaussianMethod).
   static absl::StatusOr<std::unique_ptr<Method>> create(const MethodOptions& options);

@@ -88,8 +88,8 @@ FringeSolver::FringeSolver(const FrameStack& stack, const FringeLayout& layout, 
     thresholds_.push_back(chi_square_quantile(static_cast<double>(degrees), kFalsePositiveRate));
 }
 
-bool FringeSolver::too_poor(const SpectrumFit& fit) const {
-  return fit.degrees > 0 && fit.tolerated > thresholds_[static_cast<size_t>(fit.degrees)];
+bool FringeSolver::exceeds(double chi_square, const SpectrumFit& fit) const {
+  return fit.degrees > 0 && chi_square > thresholds_[static_cast<size_t>(fit.degrees)];
 }
 
 void FringeSolver::estimate_row_noise(int y) {
@@ -126,7 +126,7 @@ void FringeSolver::solve_row(int y, Matte& matte) {
 }
 
 bool FringeSolver::earns_its_place(const SpectrumFit& before, const SpectrumFit& after) {
-  return after.tolerated < 0.5 * before.tolerated;
+  return after.closely < 0.5 * before.closely;
 }
 
 SpectrumFit FringeSolver::fit_veiled(const Monitor& monitor, const Spectrum& spectrum, const Unwrapped& place,
@@ -138,7 +138,7 @@ SpectrumFit FringeSolver::fit_veiled(const Monitor& monitor, const Spectrum& spe
   Footprint& mode = fit.modes[0];
   const double seen = answer_of(mode, 0.0, 0.0, monitor.layout->extent).value.real();
   const double veil = spectrum.level - seen;
-  if (too_poor(fit) || !(veil > 0.0 && veil < kMostVeil * spectrum.level)) return {};
+  if (exceeds(fit.tolerated, fit) || !(veil > 0.0 && veil < kMostVeil * spectrum.level)) return {};
   mode.weight *= spectrum.level / seen;
   fit.weight_sd[0] = spectrum.level_sd * mode.weight / spectrum.level;
   return fit;
@@ -164,17 +164,17 @@ FringeSolver::Found FringeSolver::find(const Monitor& monitor, const Spectrum& s
   Footprints start;
   start.push_back(monitor.fitter.guess(spectrum, place));
   found.fit = monitor.fitter.fit(spectrum, place.used, start, kMostSteps);
-  while (too_poor(found.fit) && found.fit.modes.size() < most_modes) {
+  while (exceeds(found.fit.closely, found.fit) && found.fit.modes.size() < most_modes) {
     const SpectrumFit more = monitor.fitter.fit_one_more(spectrum, found.fit);
     if (more.modes.empty() || more.degrees < 1 || !earns_its_place(found.fit, more)) break;
     found.fit = more;
   }
-  if (too_poor(found.fit) && found.fit.modes.size() == 1) {
+  if (exceeds(found.fit.tolerated, found.fit) && found.fit.modes.size() == 1) {
     const SpectrumFit veiled = fit_veiled(monitor, spectrum, place, start);
     if (!veiled.modes.empty() && veiled.tolerated < 0.25 * found.fit.tolerated) found.fit = veiled;
   }
   if (!found.fit.converged) found.flags |= kFlagNotConverged;
-  if (too_poor(found.fit)) found.flags |= kFlagPoorFit;
+  if (exceeds(found.fit.tolerated, found.fit)) found.flags |= kFlagPoorFit;
   return found;
 }
 

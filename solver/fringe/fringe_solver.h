@@ -45,7 +45,8 @@ class FringeSolver {
   void solve_pixel(int x, int y, const SampleNoise& noise, Matte& matte);
   void map_background(int x, int y, const SampleNoise& noise, Matte& matte);
   static bool earns_its_place(const SpectrumFit& before, const SpectrumFit& after);
-  bool too_poor(const SpectrumFit& fit) const;
+  // Whether that chi-square of the fit is more than chance.
+  bool exceeds(double chi_square, const SpectrumFit& fit) const;
 
   const FrameStack& stack_;
   const FringeLayout& layout_;

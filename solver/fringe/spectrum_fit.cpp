@@ -38,7 +38,7 @@ bool sane(const Footprints& modes, const MonitorExtent& extent) {
 struct SpectrumFitter::Normal {
   FootprintMatrix matrix;
   FootprintVector gradient;
-  double cost = 0.0, tolerated = 0.0;
+  double cost = 0.0, tolerated = 0.0, closely = 0.0;
   int count = 0;
 
   explicit Normal(Eigen::Index size) : matrix(size, size), gradient(size) {
@@ -50,6 +50,7 @@ struct SpectrumFitter::Normal {
     gradient += slope * (left / variance);
     cost += left * left / variance;
     tolerated += left * left / (variance + tolerance * tolerance);
+    closely += left * left / (variance + tolerance * tolerance / 16.0);
     ++count;
   }
 };
@@ -187,6 +188,7 @@ SpectrumFit SpectrumFitter::fit(const Spectrum& spectrum, const std::vector<bool
   for (Footprint& mode : result.modes) mode = with_positive_covariance(mode, 0.0);
   result.chi_square = normal.cost;
   result.tolerated = normal.tolerated;
+  result.closely = normal.closely;
   result.count = normal.count;
   result.degrees = normal.count - static_cast<int>(oblique_ ? size : size - start.size());
   result.weight_sd.fill(kUnknown);

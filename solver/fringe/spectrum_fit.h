@@ -22,9 +22,10 @@ struct SpectrumFit {
   std::array<double, kMostFootprints> weight_sd{}, centre_sd_px{};
   bool converged = false;
   double chi_square = 0.0;
-  double tolerated = 0.0;  // chi-square with the tolerance's square added to each variance
-  int count = 0;           // of real numbers that were fitted
-  int degrees = 0;         // count less parameters
+  // Chi-square with the square of the tolerance added to each variance, and of a quarter of it.
+  double tolerated = 0.0, closely = 0.0;
+  int count = 0;    // of real numbers that were fitted
+  int degrees = 0;  // count less parameters
 };
 
 // Thread-safe.
