@@ -41,7 +41,10 @@ absl::Status solve(const Client& client, const Arguments& arguments) {
 
 void add_solve_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand("solve", "Hand a captured session to the solvers.");
-  command.footer("Example:\n  glasswing solve vase --method gaussian --watch");
+  command.footer(
+      "Examples:\n  glasswing solve vase --watch\n"
+      "  glasswing solve vase --method gaussian --set images=100\n"
+      "  glasswing solve vase --method fringe --set modes=2");
   auto arguments = std::make_shared<Arguments>();
   command.add_option("session", arguments->session, "the session's name")->required();
   command.add_option("--method", arguments->method, "how; the plan's method if left out")

@@ -16,7 +16,7 @@ namespace glasswing {
 namespace {
 
 // Of white: how far a point of the monitor may be from the pattern that was asked for.
-constexpr double kMostError = 1e-3;
+constexpr double kMostError = 2e-3;
 // Of the trace of the stripes' products: what periods much shorter than a stripe is wide would need is left
 // out.
 constexpr double kRidge = 1e-9;

@@ -4,26 +4,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <set>
 
 #include "core/base/status.h"
-#include "core/base/time.h"
 #include "solver/gaussian/fewer_images.h"
 #include "solver/gaussian/stack_solver.h"
 
 namespace glasswing {
 namespace {
-
-absl::StatusOr<double> number_of(const std::string& key, const std::string& value, double low, double high) {
-  char* end = nullptr;
-  const double number = std::strtod(value.c_str(), &end);
-  if (value.empty() || *end != '\0' || !(number >= low && number <= high)) {
-    return absl::InvalidArgumentError(
-        fmt::format("{} is \"{}\"; it must be {} to {}", key, value, low, high));
-  }
-  return number;
-}
 
 // Leaves the widths along x and y.
 void forget_orientation(Matte& matte) {
@@ -43,16 +31,16 @@ absl::StatusOr<std::unique_ptr<Method>> GaussianMethod::create(const MethodOptio
   method->options_ = options;
   for (const auto& [key, value] : options) {
     if (key == "modes") {
-      GW_ASSIGN_OR_RETURN(const double modes, number_of(key, value, 1, kMaxModes));
+      GW_ASSIGN_OR_RETURN(const double modes, number_option(key, value, 1, kMaxModes));
       method->modes_ = static_cast<int>(modes);
     } else if (key == "oriented") {
       if (value != "0" && value != "1")
         return absl::InvalidArgumentError(fmt::format("oriented is \"{}\"; it must be 0 or 1", value));
       method->oriented_ = value == "1";
     } else if (key == "silhouette_tolerance") {
-      GW_ASSIGN_OR_RETURN(method->silhouette_tolerance_, number_of(key, value, 0.0, 1.0));
+      GW_ASSIGN_OR_RETURN(method->silhouette_tolerance_, number_option(key, value, 0.0, 1.0));
     } else if (key == "images") {
-      GW_ASSIGN_OR_RETURN(const double images, number_of(key, value, kLeastImages, kMostImages));
+      GW_ASSIGN_OR_RETURN(const double images, number_option(key, value, kLeastImages, kMostImages));
       method->images_ = static_cast<int>(images);
     } else {
       return absl::InvalidArgumentError(fmt::format(
@@ -82,17 +70,29 @@ absl::StatusOr<std::vector<int>> frames_to_solve(const v1::CaptureManifest& mani
 
 absl::StatusOr<std::vector<int>> GaussianMethod::frames_needed(const v1::CaptureManifest& manifest) const {
   if (images_ == 0) return frames_to_solve(manifest);
-  GW_ASSIGN_OR_RETURN(const MadeCapture fewer, fewer_images(manifest, images_));
-  GW_ASSIGN_OR_RETURN(const std::vector<int> made, frames_to_solve(fewer.manifest));
-  return frames_of(fewer, made);
+  GW_ASSIGN_OR_RETURN(const std::shared_ptr<const Fewer> fewer, fewer_of(manifest));
+  return frames_of(fewer->capture, fewer->made);
+}
+
+// Every band of a solve asks for the same.
+absl::StatusOr<std::shared_ptr<const GaussianMethod::Fewer>> GaussianMethod::fewer_of(
+    const v1::CaptureManifest& manifest) const {
+  const std::lock_guard lock(mutex_);
+  std::string recorded = manifest.SerializeAsString();
+  if (fewer_ != nullptr && fewer_->recorded == recorded) return fewer_;
+  auto fewer = std::make_shared<Fewer>();
+  fewer->recorded = std::move(recorded);
+  GW_ASSIGN_OR_RETURN(fewer->capture, fewer_images(manifest, images_));
+  GW_ASSIGN_OR_RETURN(fewer->made, frames_to_solve(fewer->capture.manifest));
+  fewer_ = fewer;
+  return fewer_;
 }
 
 absl::StatusOr<Matte> GaussianMethod::solve(const FrameStack& stack) const {
   if (images_ == 0) return solve_all(stack);
-  GW_ASSIGN_OR_RETURN(const MadeCapture fewer, fewer_images(stack.manifest, images_));
-  GW_ASSIGN_OR_RETURN(const std::vector<int> made, frames_to_solve(fewer.manifest));
-  GW_RETURN_IF_ERROR(check_rows(stack, frames_of(fewer, made)));
-  return solve_all(made_stack(stack, fewer, made));
+  GW_ASSIGN_OR_RETURN(const std::shared_ptr<const Fewer> fewer, fewer_of(stack.manifest));
+  GW_RETURN_IF_ERROR(check_rows(stack, frames_of(fewer->capture, fewer->made)));
+  return solve_all(made_stack(stack, fewer->capture, fewer->made));
 }
 
 absl::StatusOr<Matte> GaussianMethod::solve_all(const FrameStack& stack) const {
@@ -106,17 +106,7 @@ absl::StatusOr<Matte> GaussianMethod::solve_all(const FrameStack& stack) const {
     return absl::FailedPreconditionError(
         fmt::format("{} monitors were swept; at most {} can be solved", texture_count, kMaxModes));
   }
-  Matte matte(0, stack.first_row, stack.manifest.camera().width_px(), stack.row_count,
-              std::max(modes_, texture_count));
-  v1::MatteMetadata& metadata = matte.metadata;
-  metadata.set_format_version(1);
-  metadata.set_session(stack.manifest.session());
-  metadata.set_method("gaussian");
-  for (const auto& [key, value] : options_) (*metadata.mutable_options())[key] = value;
-  *metadata.mutable_monitors() = stack.manifest.monitors();
-  metadata.set_width_px(stack.manifest.camera().width_px());
-  metadata.set_height_px(stack.manifest.camera().height_px());
-  metadata.set_generator("glasswing");
+  Matte matte = blank_matte(stack, "gaussian", options_, std::max(modes_, texture_count));
   StackSolver solver(stack, layout, modes_, silhouette_tolerance_);
   for (int y = 0; y < stack.row_count; ++y) solver.solve_row(y, matte);
   if (!oriented_) forget_orientation(matte);

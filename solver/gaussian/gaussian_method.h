@@ -2,8 +2,12 @@
 #pragma once
 
 #include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
 
 #include "solver/gaussian/stack_layout.h"
+#include "solver/made_capture.h"
 #include "solver/method.h"
 
 namespace glasswing {
@@ -22,6 +26,12 @@ class GaussianMethod final : public Method {
   absl::StatusOr<Matte> solve(const FrameStack& stack) const override;
 
  private:
+  struct Fewer {
+    std::string recorded;  // the manifest that it was made of
+    MadeCapture capture;
+    std::vector<int> made;  // frames of it to solve from
+  };
+  absl::StatusOr<std::shared_ptr<const Fewer>> fewer_of(const v1::CaptureManifest& manifest) const;
   absl::StatusOr<Matte> solve_all(const FrameStack& stack) const;
 
   MethodOptions options_;
@@ -29,6 +39,8 @@ class GaussianMethod final : public Method {
   bool oriented_ = true;
   double silhouette_tolerance_ = 0.003;
   int images_ = 0;  // 0: all
+  mutable std::mutex mutex_;
+  mutable std::shared_ptr<const Fewer> fewer_;  // the last
 };
 
 }  // namespace glasswing

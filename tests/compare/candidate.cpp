@@ -39,9 +39,9 @@ struct Waves {
   bool without_object = false;  // too
 };
 
-// Black, white and four phases of each wave, on each monitor.
-absl::StatusOr<MadeCapture> fringes(const RenderedScene& scene, const std::vector<Waves>& directions) {
-  constexpr int kPhases = 4;
+// Black, white and the phases of each wave, on each monitor.
+absl::StatusOr<MadeCapture> fringes(const RenderedScene& scene, const std::vector<Waves>& directions,
+                                    int phases) {
   const v1::CaptureManifest& recorded = scene.manifest();
   StripeSums sums(recorded);
   MadeCapture capture =
@@ -49,14 +49,14 @@ absl::StatusOr<MadeCapture> fringes(const RenderedScene& scene, const std::vecto
   for (const v1::Monitor& monitor : recorded.monitors()) {
     for (const Waves& waves : directions) {
       for (const double period_px : waves.period_px) {
-        for (int phase = 0; phase < kPhases; ++phase) {
+        for (int phase = 0; phase < phases; ++phase) {
           v1::Frame frame;
           v1::Stimulus& wave = *frame.mutable_stimulus();
           wave.set_kind("sinusoid");
           wave.set_panel(monitor.name());
           wave.set_phi_deg(waves.phi_deg);
           wave.set_period_px(period_px);
-          wave.set_phase_deg(360.0 * phase / kPhases);
+          wave.set_phase_deg(360.0 * phase / phases);
           wave.set_peak(1.0);
           frame.set_object(true);
           GW_ASSIGN_OR_RETURN(std::vector<Part> parts, sums.parts(wave, waves.phi_deg));
@@ -84,22 +84,32 @@ std::vector<Candidate> candidates() {
                    {},
                    [=](const RenderedScene& scene) { return square_waves(scene, levels); }});
   }
-  // The first period is longer than any monitor's side; two on the empty stage tell the object from it.
-  const std::vector<std::pair<std::string, std::vector<Waves>>> directions = {
-      {"2 periods", {{0.0, {144.0, 24.0}, true}, {90.0, {144.0, 24.0}, true}}},
-      {"3 periods", {{0.0, {144.0, 24.0}, true}, {90.0, {144.0, 24.0}, true}, {0.0, {48.0}}, {90.0, {48.0}}}},
+  // The first period is longer than any monitor's side; two on the empty stage tell the object from it. The
+  // last are those of deploy/plans/fringe.txtpb.
+  struct Fringes {
+    std::string variant;
+    int phases;
+    std::vector<Waves> waves;
+  };
+  const std::vector<Fringes> sets = {
+      {"2 periods", 4, {{0.0, {144.0, 24.0}, true}, {90.0, {144.0, 24.0}, true}}},
       {"4 periods",
+       4,
        {{0.0, {144.0, 24.0}, true}, {90.0, {144.0, 24.0}, true}, {0.0, {48.0, 16.0}}, {90.0, {48.0, 16.0}}}},
       {"4 periods, oblique too",
-       {{0.0, {144.0, 24.0}, true},
-        {90.0, {144.0, 24.0}, true},
-        {0.0, {48.0, 16.0}},
-        {90.0, {48.0, 16.0}},
-        {45.0, {24.0}}}}};
-  for (const auto& [variant, waves] : directions) {
-    all.push_back({"fringe", variant, "fringe", {}, [waves](const RenderedScene& scene) {
-                     return fringes(scene, waves);
-                   }});
+       3,
+       {{0.0, {144.0, 64.0, 28.0, 12.0}, true},
+        {90.0, {144.0, 64.0, 28.0, 12.0}, true},
+        {45.0, {32.0, 14.0}, true},
+        {-45.0, {32.0, 14.0}, true}}}};
+  for (const char* modes : {"1", "2"}) {
+    for (const Fringes& set : sets) {
+      all.push_back({modes[0] == '1' ? "fringe" : "fringe, two modes",
+                     set.variant,
+                     "fringe",
+                     {{"modes", modes}},
+                     [set](const RenderedScene& scene) { return fringes(scene, set.waves, set.phases); }});
+    }
   }
   for (const int images : {50, 70, 100, 150, 200}) {
     all.push_back({"gaussian, few images",
