@@ -39,6 +39,19 @@ absl::StatusOr<fs::path> directory_below(const fs::path& data, const char* name)
   return data / name;
 }
 
+// How frames are to be solved where nobody says.
+std::string usual_method(const v1::CaptureManifest& manifest) {
+  if (check_method(manifest.plan().method()).ok()) return manifest.plan().method();
+  const std::pair<std::string_view, std::string_view> methods[] = {
+      {"gauss_stripe", "gaussian"}, {"sinusoid", "fringe"}, {"square", "hierarchical"}, {"solid", "alpha"}};
+  for (const auto& [kind, method] : methods) {
+    const bool shown = std::ranges::any_of(
+        manifest.frames(), [&](const v1::Frame& frame) { return frame.stimulus().kind() == kind; });
+    if (shown) return std::string(method);
+  }
+  return "gaussian";
+}
+
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<Server>> Server::open(const fs::path& data) {
@@ -357,7 +370,6 @@ absl::StatusOr<v1::Session> Server::begin_import(const v1::BeginImportRequest& r
   session.set_created(utc_now_rfc3339());
   session.set_state(v1::SESSION_STATE_CREATED);
   session.set_reason("frames are being imported");
-  session.set_method("gaussian");
   session.set_archive_address(camera.address());
   const v1::Camera& shape = request.manifest().camera();
   session.set_pixel_count(static_cast<std::int64_t>(shape.width_px()) * shape.height_px());
@@ -402,6 +414,7 @@ absl::StatusOr<v1::Session> Server::finish_import(const std::string& name) {
   grpc::ClientContext get_context;
   set_deadline(get_context, std::chrono::seconds(30));
   GW_RETURN_IF_ERROR(from_grpc(archive->GetManifest(&get_context, get, &manifest), peer));
+  session.set_method(usual_method(manifest.manifest()));
   session.set_step_count(manifest.manifest().frames_size());
   session.set_proven_count(manifest.manifest().frames_size());
   session.set_state(v1::SESSION_STATE_CAPTURED);
