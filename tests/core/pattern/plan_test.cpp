@@ -64,7 +64,8 @@ TEST(Plan, FromTheWireComplaintsNameTheField) {
 
 std::vector<v1::Stimulus> shown(const v1::Plan& plan) {
   std::vector<v1::Stimulus> stimuli;
-  for (const Step& step : expand(plan, {monitor("back", 128, 96)}).value()) {
+  const std::vector<Step> steps = expand(plan, {monitor("back", 128, 96)}).value();
+  for (const Step& step : steps) {
     if (step.object) stimuli.push_back(step.stimulus);
   }
   return stimuli;
