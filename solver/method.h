@@ -69,8 +69,8 @@ class Method {
   // Which frames it reads: places in manifest.frames. Never a reference. FAILED_PRECONDITION says what the
   // archive lacks.
   virtual absl::StatusOr<std::vector<int>> frames_needed(const v1::CaptureManifest& manifest) const = 0;
-  // The matte of those rows, whose samples are light (linear_stack.h). Each pixel depends on samples of its own
-  // row only, so tiles join without seams.
+  // The matte of those rows, whose samples are light (linear_stack.h). Each pixel depends on samples of its
+  // own row only, so tiles join without seams.
   virtual absl::StatusOr<Matte> solve(const FrameStack& stack) const = 0;
 };
 
