@@ -52,9 +52,15 @@ absl::Status measure_all(const Options& options, const std::filesystem::path& ke
     put(measure_bare(scene), all);
     for (const Candidate& candidate : competing) {
       if (!wanted(options, candidate.family)) continue;
-      GW_ASSIGN_OR_RETURN(const MadeCapture capture, candidate.capture(scene));
+      const absl::StatusOr<MadeCapture> capture = candidate.capture(scene);
+      if (absl::IsFailedPrecondition(capture.status())) {
+        fmt::print("{}, {} of {}: {}\n", candidate.family, candidate.variant, scene.name(),
+                   std::string(capture.status().message()));
+        continue;
+      }
+      GW_RETURN_IF_ERROR(capture.status());
       for (const NoiseLevel& noise : kNoiseLevels) {
-        GW_ASSIGN_OR_RETURN(Figures figures, measure(scene, candidate, capture, noise, options.composites));
+        GW_ASSIGN_OR_RETURN(Figures figures, measure(scene, candidate, *capture, noise, options.composites));
         const double since = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
         fmt::print(
             "{:6.0f} s  {:16} {:24} {:12} {:6} {:3}+{:<3} images {:6.2f} s {:5.1f} % flagged {:5.1f} dB\n",

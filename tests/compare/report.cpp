@@ -25,6 +25,7 @@ const std::map<std::string, std::string> kColours = {{"gaussian", "#1565c0"},
                                                      {"gaussian, unoriented", "#64b5f6"},
                                                      {"hierarchical", "#2e7d32"},
                                                      {"fringe", "#8e24aa"},
+                                                     {"fringe, two modes", "#d81b60"},
                                                      {"alpha", "#ef6c00"}};
 
 using Measured = std::vector<const Figures*>;
