@@ -90,7 +90,7 @@ std::string legend_of(const Chart& chart) {
   const auto add = [&](const std::string& name, const std::string& sample) {
     svg += fmt::format("<g transform='translate({:.0f},18)'>{}<text x='24' y='4'>{}</text></g>\n", x, sample,
                        name);
-    x += 44.0 + 6.6 * static_cast<double>(name.size());
+    x += 36.0 + 6.0 * static_cast<double>(name.size());
   };
   for (const ChartPanel& panel : chart.panels) {
     for (const ChartCurve& curve : panel.curves) {
