@@ -10,6 +10,7 @@
 
 #include "core/base/status.h"
 #include "core/pattern/pattern.h"
+#include "solver/background/stage_layout.h"
 #include "solver/exposure_merge.h"
 
 namespace glasswing {
@@ -23,11 +24,6 @@ constexpr double kRidge = 1e-9;
 constexpr double kPointStep_px = 0.5;
 // A weight below which it does not matter that a sample is saturated.
 constexpr double kLeastHeard = 0.02;
-
-bool is_solid(const v1::Stimulus& stimulus, double gray) {
-  return stimulus.kind() == "solid" && stimulus.colour_size() == 3 &&
-         std::ranges::all_of(stimulus.colour(), [&](double light) { return light == gray; });
-}
 
 // Points along a direction, from the monitor's one end to the other.
 struct Axis {
@@ -146,10 +142,11 @@ absl::StatusOr<std::shared_ptr<const StripeSums::Basis>> StripeSums::basis(const
     const v1::Stimulus& stimulus = frame.stimulus();
     if (!is_pattern(frame) || !frame.object() || frame.exposure_ms() != exposures.times_ms().front())
       continue;
-    if (is_solid(stimulus, 0.0)) basis->black = i;
+    const double solid = stimulus.kind() == "solid" ? gray_of(stimulus) : -1.0;
+    if (solid == 0.0) basis->black = i;
     if (stimulus.panel() != panel) continue;
     const bool stripe = stimulus.kind() == "gauss_stripe" && stimulus.phi_deg() == phi_deg;
-    if (stripe || (white && is_solid(stimulus, 1.0))) basis->frames.push_back(i);
+    if (stripe || (white && solid == 1.0)) basis->frames.push_back(i);
   }
   if (basis->frames.size() < 2 || basis->black < 0) {
     return absl::FailedPreconditionError(

@@ -5,17 +5,12 @@
 #include <map>
 #include <set>
 
+#include "solver/background/stage_layout.h"
+
 namespace glasswing {
 namespace {
 
 constexpr double kFalsePositiveRate = 1e-4;
-
-// The one value of a gray stimulus; negative if it has a colour.
-double gray_of(const v1::Stimulus& stimulus) {
-  if (stimulus.colour_size() != 3) return 1.0;
-  const bool gray = stimulus.colour(0) == stimulus.colour(1) && stimulus.colour(1) == stimulus.colour(2);
-  return gray ? stimulus.colour(0) : -1.0;
-}
 
 bool tells_of_the_empty_stage(const v1::Frame& frame) {
   const std::string& kind = frame.stimulus().kind();

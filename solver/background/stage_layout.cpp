@@ -9,14 +9,6 @@
 namespace glasswing {
 namespace {
 
-bool is_black(const v1::Stimulus& stimulus) {
-  if (stimulus.kind() != "solid") return false;
-  for (int c = 0; c < 3; ++c) {
-    if (colour_of(stimulus, c) != 0.0) return false;
-  }
-  return true;
-}
-
 std::vector<std::vector<int>> patches_of(const v1::CaptureManifest& manifest) {
   std::map<std::tuple<bool, double, std::string>, std::vector<int>> patches;
   for (int i = 0; i < manifest.frames_size(); ++i) {
@@ -35,6 +27,18 @@ double colour_of(const v1::Stimulus& stimulus, int channel) {
   return stimulus.colour_size() == 3 ? stimulus.colour(channel) : 1.0;
 }
 
+double gray_of(const v1::Stimulus& stimulus) {
+  const double red = colour_of(stimulus, 0);
+  return red == colour_of(stimulus, 1) && red == colour_of(stimulus, 2) ? red : -1.0;
+}
+
+int texture_of(const v1::CaptureManifest& manifest, const std::string& panel) {
+  for (int i = 0; i < manifest.monitors_size(); ++i) {
+    if (manifest.monitors(i).name() == panel) return i;
+  }
+  return -1;
+}
+
 StageLayout lay_out_stage(const v1::CaptureManifest& manifest, const Exposures& exposures) {
   StageLayout layout;
   std::map<std::string, StageLayout::Pair> pairs;  // by serialised stimulus
@@ -44,7 +48,8 @@ StageLayout lay_out_stage(const v1::CaptureManifest& manifest, const Exposures& 
     const ExposedFrame exposed = exposures.exposed(manifest, i);
     StageLayout::Pair& pair = pairs[frame.stimulus().SerializeAsString()];
     (frame.object() ? pair.object : pair.empty).push_back(exposed);
-    if (frame.object() && is_black(frame.stimulus())) layout.black.push_back(exposed);
+    if (frame.object() && frame.stimulus().kind() == "solid" && gray_of(frame.stimulus()) == 0.0)
+      layout.black.push_back(exposed);
   }
   for (auto& [stimulus, pair] : pairs) {
     if (!pair.object.empty() && !pair.empty.empty()) layout.pairs.push_back(std::move(pair));

@@ -3,6 +3,7 @@
 
 #include <absl/status/status.h>
 
+#include <string>
 #include <vector>
 
 #include "solver/exposure_merge.h"
@@ -22,6 +23,10 @@ struct StageLayout {
 
 // The radiance of a channel's light, in [0, 1]: no colour is white.
 double colour_of(const v1::Stimulus& stimulus, int channel);
+// The one value of a gray stimulus; negative if it has a colour.
+double gray_of(const v1::Stimulus& stimulus);
+// The monitor's place in the manifest; -1: it lists none of that name.
+int texture_of(const v1::CaptureManifest& manifest, const std::string& panel);
 
 StageLayout lay_out_stage(const v1::CaptureManifest& manifest, const Exposures& exposures);
 

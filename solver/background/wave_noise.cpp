@@ -17,13 +17,6 @@ namespace {
 constexpr double kMedianOfNormal = 0.67449;  // of |x|, in standard deviations
 constexpr double kLeast = 1.0 / 65535.0;
 
-bool is_gray(const v1::Stimulus& stimulus, double light) {
-  for (int c = 0; c < 3; ++c) {
-    if (colour_of(stimulus, c) != light) return false;
-  }
-  return true;
-}
-
 }  // namespace
 
 WaveNoise::WaveNoise(const v1::CaptureManifest& manifest) {
@@ -43,9 +36,9 @@ WaveNoise::WaveNoise(const v1::CaptureManifest& manifest) {
     v1::Stimulus stimulus = frame.stimulus();
     if (!is_pattern(frame) || frame.exposure_ms() != first->exposure_ms()) continue;
     if (stimulus.kind() == "solid") {
-      if (is_gray(stimulus, 0.0)) black[frame.object()] = i;
-      if (is_gray(stimulus, 1.0)) white[{frame.object(), stimulus.panel()}] = i;
-    } else if (stimulus.kind() == "square" && is_gray(stimulus, 1.0)) {
+      if (gray_of(stimulus) == 0.0) black[frame.object()] = i;
+      if (gray_of(stimulus) == 1.0) white[{frame.object(), stimulus.panel()}] = i;
+    } else if (stimulus.kind() == "square" && gray_of(stimulus) == 1.0) {
       const bool inverse = stimulus.inverse();
       stimulus.clear_inverse();
       Bars& own = bars[{frame.object(), stimulus.panel(), stimulus.SerializeAsString()}];

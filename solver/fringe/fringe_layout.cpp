@@ -19,13 +19,6 @@ constexpr double kNoFrequency = 1e-9;
 constexpr double kSamePhase_rad = 1e-6;
 constexpr size_t kMostWaves = 64;
 
-int texture_of(const v1::CaptureManifest& manifest, const std::string& panel) {
-  for (int i = 0; i < manifest.monitors_size(); ++i) {
-    if (manifest.monitors(i).name() == panel) return i;
-  }
-  return -1;
-}
-
 bool oblique(const Wave& wave) {
   return wave.fx != 0.0 && wave.fy != 0.0;
 }

@@ -14,18 +14,10 @@ constexpr int kMostSteps = 60;
 constexpr double kMostVeil = 0.25;
 
 Mode mode_of(const SpectrumFit& fit, int m, int texture, double share = 1.0) {
-  const Footprint& footprint = fit.modes[m];
+  Footprint footprint = fit.modes[m];
+  footprint.weight *= share;
   const auto i = static_cast<size_t>(m);
-  const auto known = [](double sd) { return std::isfinite(sd) ? static_cast<float>(sd) : 0.0f; };
-  return {.weight = static_cast<float>(share * footprint.weight),
-          .x_px = static_cast<float>(footprint.x_px),
-          .y_px = static_cast<float>(footprint.y_px),
-          .xx_px2 = static_cast<float>(footprint.xx_px2),
-          .xy_px2 = static_cast<float>(footprint.xy_px2),
-          .yy_px2 = static_cast<float>(footprint.yy_px2),
-          .texture = texture,
-          .weight_sd = known(share * fit.weight_sd[i]),
-          .centre_sd_px = known(fit.centre_sd_px[i])};
+  return glasswing::mode_of(footprint, share * fit.weight_sd[i], fit.centre_sd_px[i], texture);
 }
 
 // The mean of the channels.

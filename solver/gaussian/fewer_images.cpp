@@ -10,6 +10,7 @@
 #include <set>
 
 #include "core/base/status.h"
+#include "solver/background/stage_layout.h"
 #include "solver/exposure_merge.h"
 
 namespace glasswing {
@@ -162,11 +163,7 @@ std::map<std::string, Bars> bars_of(const v1::CaptureManifest& recorded) {
 
 bool tells_the_stage(const v1::Frame& frame, const std::map<std::string, Bars>& bars) {
   const v1::Stimulus& stimulus = frame.stimulus();
-  if (stimulus.kind() == "solid") {
-    const double light = stimulus.colour_size() == 3 ? stimulus.colour(0) : 1.0;
-    return (light == 0.0 || light == 1.0) &&
-           std::ranges::all_of(stimulus.colour(), [&](double other) { return other == light; });
-  }
+  if (stimulus.kind() == "solid") return gray_of(stimulus) == 0.0 || gray_of(stimulus) == 1.0;
   const auto own = bars.find(stimulus.panel());
   if (stimulus.kind() != "square" || own == bars.end()) return false;
   return stimulus.bar_width_px() == own->second.narrow_px ||

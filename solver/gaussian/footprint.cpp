@@ -20,6 +20,19 @@ void Footprints::remove(int i) {
   --size_;
 }
 
+Mode mode_of(const Footprint& footprint, double weight_sd, double centre_sd_px, int texture) {
+  const auto known = [](double sd) { return std::isfinite(sd) ? static_cast<float>(sd) : 0.0f; };
+  return {.weight = static_cast<float>(footprint.weight),
+          .x_px = static_cast<float>(footprint.x_px),
+          .y_px = static_cast<float>(footprint.y_px),
+          .xx_px2 = static_cast<float>(footprint.xx_px2),
+          .xy_px2 = static_cast<float>(footprint.xy_px2),
+          .yy_px2 = static_cast<float>(footprint.yy_px2),
+          .texture = texture,
+          .weight_sd = known(weight_sd),
+          .centre_sd_px = known(centre_sd_px)};
+}
+
 double answered_variance(const Footprint& mode, const StripeAxis& axis) {
   const double c = axis.cos_phi, s = axis.sin_phi;
   return c * c * mode.xx_px2 + 2.0 * c * s * mode.xy_px2 + s * s * mode.yy_px2 +

@@ -15,6 +15,8 @@
 #include <array>
 #include <span>
 
+#include "core/matte/matte.h"
+
 namespace glasswing {
 
 inline constexpr int kMostFootprints = 4;
@@ -49,6 +51,9 @@ class Footprints {
 struct MonitorExtent {
   double width_px = 0.0, height_px = 0.0;
 };
+
+// As the matte keeps it. A standard error that is not finite is not known.
+Mode mode_of(const Footprint& footprint, double weight_sd, double centre_sd_px, int texture);
 
 // A stripe's direction and width.
 struct StripeAxis {

@@ -14,13 +14,6 @@
 namespace glasswing {
 namespace {
 
-int texture_of(const v1::CaptureManifest& manifest, const std::string& panel) {
-  for (int i = 0; i < manifest.monitors_size(); ++i) {
-    if (manifest.monitors(i).name() == panel) return i;
-  }
-  return -1;
-}
-
 struct Sample {
   ExposedFrame frame;
   double r_px;

@@ -12,20 +12,6 @@ constexpr int kStretch = SampleTile::kMostBlocks * kBlockLanes;
 constexpr double kLeastStep = 1.0 / 65535.0;
 constexpr float kLeastFloor = 0.0015f;  // of full scale: fainter crests are stray light
 
-Mode mode_of(const JointFit& fit, int m, int texture) {
-  const Footprint& footprint = fit.modes[m];
-  const auto known = [](double sd) { return std::isfinite(sd) ? static_cast<float>(sd) : 0.0f; };
-  return {.weight = static_cast<float>(footprint.weight),
-          .x_px = static_cast<float>(footprint.x_px),
-          .y_px = static_cast<float>(footprint.y_px),
-          .xx_px2 = static_cast<float>(footprint.xx_px2),
-          .xy_px2 = static_cast<float>(footprint.xy_px2),
-          .yy_px2 = static_cast<float>(footprint.yy_px2),
-          .texture = texture,
-          .weight_sd = known(fit.weight_sd[static_cast<size_t>(m)]),
-          .centre_sd_px = known(fit.centre_sd_px[static_cast<size_t>(m)])};
-}
-
 // Whether the steps are all alike, to a hundredth.
 bool is_even(const std::vector<double>& r_px) {
   const double step_px = (r_px.back() - r_px.front()) / static_cast<double>(r_px.size() - 1);
@@ -362,7 +348,8 @@ void StackSolver::solve_lane(int block_index, int lane, int y, Matte& matte) {
                                       usual && needs_more(*usual, noise_sd) ? &*usual : nullptr);
     double strongest = 0.0;
     for (int m = 0; m < fit.modes.size(); ++m) {
-      found.push_back(mode_of(fit, m, textures_[t].texture));
+      const auto i = static_cast<size_t>(m);
+      found.push_back(mode_of(fit.modes[m], fit.weight_sd[i], fit.centre_sd_px[i], textures_[t].texture));
       strongest = std::max(strongest, fit.modes[m].weight);
     }
     if (!fit.modes.empty() && !fit.converged) flags |= kFlagNotConverged;
