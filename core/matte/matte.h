@@ -7,6 +7,7 @@
 // Gaussian, or, where the metadata says so, an upright box of the same covariance.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cassert>
 #include <cstddef>
@@ -53,7 +54,8 @@ enum PixelFlag : std::uint8_t {
 class Matte {
  public:
   Matte() = default;
-  Matte(int x0_px, int y0_px, int width_px, int height_px, int modes_per_channel);
+  // `colourless`: the modes are alike in all channels, and kept once.
+  Matte(int x0_px, int y0_px, int width_px, int height_px, int modes_per_channel, bool colourless = false);
 
   v1::MatteMetadata metadata;
 
@@ -62,6 +64,7 @@ class Matte {
   int width_px() const { return width_px_; }
   int height_px() const { return height_px_; }
   int modes_per_channel() const { return modes_per_channel_; }  // 1 to kMaxModes
+  bool is_colourless() const { return mode_channels_ == 1; }
 
   // x and y count from this tile's own corner. foreground: F, linear. coverage: 1 inside the silhouette,
   // 0 outside, between where a method finds the object to cover a part of the pixel. flags: PixelFlag bits.
@@ -87,7 +90,9 @@ class Matte {
   }
   size_t mode_offset(int x, int y, int channel) const {
     assert(channel >= 0 && channel < kChannels);
-    return (pixel(x, y) * kChannels + static_cast<size_t>(channel)) * static_cast<size_t>(modes_per_channel_);
+    const size_t channels = mode_channels_;
+    return (pixel(x, y) * channels + std::min(static_cast<size_t>(channel), channels - 1)) *
+           static_cast<size_t>(modes_per_channel_);
   }
 
   int x0_px_ = 0;
@@ -95,6 +100,7 @@ class Matte {
   int width_px_ = 0;
   int height_px_ = 0;
   int modes_per_channel_ = 0;
+  size_t mode_channels_ = kChannels;
   std::vector<std::array<float, kChannels>> foreground_;
   std::vector<float> coverage_;
   std::vector<std::uint8_t> flags_;

@@ -33,7 +33,8 @@ constexpr const char* kConventionsText =
     "corner of "
     "the top-left pixel, x right, y down, pixel centres at +0.5. S = [xx xy; xy yy] in px^2. G is a "
     "Gaussian, "
-    "or where the attribute \"glasswing\" has footprint \"box\" an upright box. texture counts the "
+    "or where the attribute \"glasswing\" has footprint \"box\" an upright box. Layers of modes "
+    "without a colour are the same in all. texture counts the "
     "monitors listed in that attribute.";
 constexpr std::array<const char*, 3> kColours{"R", "G", "B"};
 
@@ -106,6 +107,11 @@ constexpr std::array<ModeLayer, 9> kModeLayers{{{"weight", &Mode::weight},
                                                 {"weight_sd", &Mode::weight_sd},
                                                 {"centre_sd", &Mode::centre_sd_px}}};
 
+// "weight.R"; "weight" where it is the same in all channels.
+std::string layer_name(const ModeLayer& layer, int channel, bool colourless) {
+  return colourless ? layer.name : fmt::format("{}.{}", layer.name, kColours[static_cast<size_t>(channel)]);
+}
+
 std::vector<Part> parts_of(const Matte& matte) {
   std::vector<Part> parts;
   // For people: total weight and foreground, so that any viewer shows the object.
@@ -130,12 +136,11 @@ std::vector<Part> parts_of(const Matte& matte) {
   for (int m = 0; m < matte.modes_per_channel(); ++m) {
     Part& part = parts.emplace_back(Part{fmt::format("mode{}", m + 1), {}});
     for (const ModeLayer& layer : kModeLayers) {
-      for (int c = 0; c < 3; ++c) {
-        part.planes.push_back(plane_of(
-            matte, fmt::format("{}.{}", layer.name, kColours[static_cast<size_t>(c)]), [&](int x, int y) {
-              const Mode& mode = matte.modes(x, y, c)[static_cast<size_t>(m)];
-              return layer.member != nullptr ? mode.*layer.member : static_cast<float>(mode.texture);
-            }));
+      for (int c = 0; c < (matte.is_colourless() ? 1 : 3); ++c) {
+        part.planes.push_back(plane_of(matte, layer_name(layer, c, matte.is_colourless()), [&](int x, int y) {
+          const Mode& mode = matte.modes(x, y, c)[static_cast<size_t>(m)];
+          return layer.member != nullptr ? mode.*layer.member : static_cast<float>(mode.texture);
+        }));
       }
     }
   }
@@ -180,6 +185,7 @@ absl::Status check(const Matte& matte) {
       bool good = std::isfinite(matte.coverage(x, y));
       for (int c = 0; c < 3; ++c) {
         good = good && std::isfinite(matte.foreground(x, y)[static_cast<size_t>(c)]);
+        if (matte.is_colourless() && c > 0) continue;
         for (const Mode& mode : matte.modes(x, y, c)) {
           for (const ModeLayer& layer : kModeLayers) {
             good = good && (layer.member == nullptr || std::isfinite(mode.*layer.member));
@@ -196,20 +202,20 @@ absl::Status check(const Matte& matte) {
   return absl::OkStatus();
 }
 
-std::vector<std::string> layers_of_mode() {
+std::vector<std::string> layers_of_mode(bool colourless) {
   std::vector<std::string> layers;
   for (const ModeLayer& layer : kModeLayers) {
-    for (const char* colour : kColours) layers.push_back(fmt::format("{}.{}", layer.name, colour));
+    for (int c = 0; c < (colourless ? 1 : 3); ++c) layers.push_back(layer_name(layer, c, colourless));
   }
   return layers;
 }
 
 // Sorted, as EXR lists them.
-std::vector<std::string> layers_of(int part) {
+std::vector<std::string> layers_of(int part, bool colourless) {
   std::vector<std::string> layers = part == 0 ? std::vector<std::string>{"R", "G", "B", "A"}
                                     : part == 1
                                         ? std::vector<std::string>{"F.R", "F.G", "F.B", "coverage", "flags"}
-                                        : layers_of_mode();
+                                        : layers_of_mode(colourless);
   std::sort(layers.begin(), layers.end());
   return layers;
 }
@@ -295,6 +301,10 @@ class HeaderWalk {
   std::int64_t chunk_count_ = 0;
 };
 
+bool is_colourless(const Imf::MultiPartInputFile& file) {
+  return file.header(2).channels().findChannel(kModeLayers[0].name) != nullptr;
+}
+
 // The parts that a matte has, and no more pixels than so many bytes can hold: what is read afterwards is
 // bounded by the file, whatever its header promises.
 absl::Status check_parts(const Imf::MultiPartInputFile& file, size_t file_bytes) {
@@ -307,6 +317,7 @@ absl::Status check_parts(const Imf::MultiPartInputFile& file, size_t file_bytes)
     return absl::DataLossError("its size is out of range");
   }
   size_t layer_count = 0;
+  const bool colourless = is_colourless(file);
   for (int i = 0; i < file.parts(); ++i) {
     const Imf::Header& header = file.header(i);
     if (header.dataWindow() != window) return absl::DataLossError("its parts differ in size");
@@ -318,7 +329,7 @@ absl::Status check_parts(const Imf::MultiPartInputFile& file, size_t file_bytes)
       plain = plain && channel.channel().type == Imf::FLOAT && channel.channel().xSampling == 1 &&
               channel.channel().ySampling == 1;
     }
-    if (!plain || layers != layers_of(i)) {
+    if (!plain || layers != layers_of(i, colourless)) {
       return absl::DataLossError(fmt::format("its part {} has not the layers of a matte", i));
     }
     layer_count += layers.size();
@@ -377,10 +388,10 @@ const Plane& plane_named(const Part& part, const std::string& name) {
   throw std::runtime_error(fmt::format("part {} has no layer {}", part.name, name));
 }
 
-Matte matte_of(const std::vector<Part>& parts, const Imath::Box2i& window) {
+Matte matte_of(const std::vector<Part>& parts, const Imath::Box2i& window, bool colourless) {
   const int width = window.max.x - window.min.x + 1;
   Matte matte(window.min.x, window.min.y, width, window.max.y - window.min.y + 1,
-              static_cast<int>(parts.size()) - 2);
+              static_cast<int>(parts.size()) - 2, colourless);
   const auto fill = [&](const Part& part, const std::string& name, const auto& set) {
     const Plane& plane = plane_named(part, name);
     for (size_t i = 0; i < plane.values.size(); ++i) {
@@ -396,9 +407,10 @@ Matte matte_of(const std::vector<Part>& parts, const Imath::Box2i& window) {
     const std::string colour = kColours[static_cast<size_t>(c)];
     fill(parts[1], "F." + colour,
          [&](int x, int y, float value) { matte.foreground(x, y)[static_cast<size_t>(c)] = value; });
+    if (colourless && c > 0) continue;
     for (int m = 0; m < matte.modes_per_channel(); ++m) {
       for (const ModeLayer& layer : kModeLayers) {
-        fill(parts[static_cast<size_t>(m) + 2], fmt::format("{}.{}", layer.name, colour),
+        fill(parts[static_cast<size_t>(m) + 2], layer_name(layer, c, colourless),
              [&](int x, int y, float value) {
                Mode& mode = matte.modes(x, y, c)[static_cast<size_t>(m)];
                if (layer.member != nullptr) {
@@ -470,7 +482,7 @@ absl::StatusOr<Matte> decode_matte(std::string_view bytes) {
     if (checksum_over(metadata->value(), parts) != checksum->value()) {
       return absl::DataLossError("its checksum does not agree with its pixels");
     }
-    Matte matte = matte_of(parts, window);
+    Matte matte = matte_of(parts, window, is_colourless(file));
     google::protobuf::util::JsonParseOptions options;
     options.ignore_unknown_fields = true;
     if (!google::protobuf::util::JsonStringToMessage(metadata->value(), &matte.metadata, options).ok()) {
@@ -512,7 +524,8 @@ absl::StatusOr<Matte> assemble(const std::vector<Matte>& tiles) {
     if (covered[y] < metadata.width_px())
       return absl::DataLossError(fmt::format("no tile covers row {} whole", y));
   }
-  Matte whole(0, 0, metadata.width_px(), metadata.height_px(), modes);
+  const bool colourless = std::ranges::all_of(tiles, &Matte::is_colourless);
+  Matte whole(0, 0, metadata.width_px(), metadata.height_px(), modes, colourless);
   whole.metadata = metadata;
   for (const Matte& tile : tiles) whole.put(tile);
   return whole;

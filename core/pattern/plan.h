@@ -19,7 +19,7 @@ namespace glasswing {
 inline constexpr int kDefaultHoldRefreshes = 2;
 inline constexpr std::string_view kCalibrationMethod = "calibration";
 // What frames can be solved by.
-inline constexpr std::array<std::string_view, 4> kMethods{"gaussian", "hierarchical", "fringe", "alpha"};
+inline constexpr std::array<std::string_view, 5> kMethods{"gaussian", "hierarchical", "fringe", "alpha", "ramp"};
 inline constexpr int kDefaultRetries = 10;
 inline constexpr double kDefaultExposureMs = 4.0;
 

@@ -1,0 +1,69 @@
+// The seam for methods that make a matte of every frame of a video. What Method is to rows of one matte, this
+// is to ranges of frames.
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "core/matte/matte.h"
+#include "glasswing/v1/archive.pb.h"
+#include "solver/method.h"
+
+namespace glasswing {
+
+// Which frames of an archive are the video: places in manifest.frames.
+struct VideoLayout {
+  int texture = 0;          // the monitor that shows the ramp: its place in manifest.monitors
+  std::vector<int> empty;   // of the ramp without the object
+  std::vector<int> frames;  // by time; -1 where a frame of the plan was not captured
+};
+
+// FAILED_PRECONDITION says what the archive lacks.
+absl::StatusOr<VideoLayout> lay_out_video(const v1::CaptureManifest& manifest);
+
+// One frame's samples: r, g, b by rows. Radiance = (sample - zero) * unit.
+struct FrameView {
+  int width_px = 0, height_px = 0;
+  std::span<const std::uint16_t> samples;
+  float zero = 0.0f, unit = 1.0f / 65535.0f;
+};
+
+// Where the frames of one archive come from. Samples are light (linear_stack.h); the frame's memory lasts as
+// long as `owner`.
+struct VideoFrame {
+  FrameView view;
+  std::shared_ptr<const void> owner;
+};
+class VideoSource {
+ public:
+  virtual ~VideoSource() = default;
+  virtual const v1::CaptureManifest& manifest() const = 0;
+  // By place in manifest.frames. DATA_LOSS names a frame that cannot be read.
+  virtual absl::StatusOr<VideoFrame> read(int frame) = 0;
+};
+
+class VideoMethod {
+ public:
+  virtual ~VideoMethod() = default;
+  // Hands out the mattes of frames [first, first + count) of the video, each of the whole picture, in order,
+  // lost ones left out. A matte depends on the empty stage and on frames near its own alone, so that ranges
+  // join without seams. Stops with the first error, its own or that of `done`; CANCELLED once `stop` was
+  // asked for.
+  virtual absl::Status solve(VideoSource& source, int first, int count, int thread_count,
+                             std::stop_token stop,
+                             const std::function<absl::Status(int frame, const Matte&)>& done) const = 0;
+};
+
+// Null where the method is not of this kind. INVALID_ARGUMENT: an option it has not, or a value out of range.
+absl::StatusOr<std::unique_ptr<VideoMethod>> make_video_method(const std::string& name,
+                                                               const MethodOptions& options);
+
+}  // namespace glasswing
