@@ -35,12 +35,6 @@ std::string suffix_of(const fs::path& path) {
   return suffix;
 }
 
-// IEC 61966-2-1.
-float srgb_of_linear(float light) {
-  const float x = std::clamp(light, 0.0f, 1.0f);
-  return x <= 0.0031308f ? 12.92f * x : 1.055f * std::pow(x, 1.0f / 2.4f) - 0.055f;
-}
-
 // libpng warns about damage and goes on; we do not. Every chunk's CRC, up to and with IEND.
 absl::Status check_png(std::string_view bytes) {
   const auto word = [&](size_t at) {
@@ -224,6 +218,11 @@ cv::Mat srgb8_of(const RadianceImage& image) {
 }
 
 }  // namespace
+
+float srgb_of_linear(float light) {
+  const float x = std::clamp(light, 0.0f, 1.0f);
+  return x <= 0.0031308f ? 12.92f * x : 1.055f * std::pow(x, 1.0f / 2.4f) - 0.055f;
+}
 
 float linear_of_srgb(float code) {
   return code <= 0.04045f ? code / 12.92f : std::pow((code + 0.055f) / 1.055f, 2.4f);

@@ -22,8 +22,9 @@ enum class Encoding {
 // DATA_LOSS names a file that is damaged or no picture; NOT_FOUND one that is missing.
 absl::StatusOr<RadianceImage> read_radiance(const std::filesystem::path& path, Encoding encoding);
 
-// The light of an sRGB code (IEC 61966-2-1), both 0 to 1.
+// The light of an sRGB code (IEC 61966-2-1), both 0 to 1, and the code of a light, which is clamped.
 float linear_of_srgb(float code);
+float srgb_of_linear(float light);
 
 // Linear radiance to .exr (float32, ZIP), .png (8 bit sRGB, or 16 bit linear) or .tif/.tiff (16 bit
 // likewise), by the path's suffix. INVALID_ARGUMENT for another suffix.

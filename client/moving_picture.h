@@ -1,0 +1,36 @@
+// What may stand behind an object: a still, a directory of pictures in the order of their names, or a video
+// file. The latter two begin again after their end.
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <filesystem>
+#include <optional>
+#include <vector>
+
+#include "client/video_file.h"
+#include "core/frame/image_file.h"
+
+namespace glasswing {
+
+class MovingPicture {
+ public:
+  // `encoding`: of PNG and TIFF; videos are sRGB. NOT_FOUND: there is nothing, or a directory without
+  // pictures.
+  static absl::StatusOr<MovingPicture> open(const std::filesystem::path& path, Encoding encoding);
+
+  bool is_still() const { return files_.size() == 1; }
+  // Linear radiance. DATA_LOSS names what cannot be read.
+  absl::StatusOr<RadianceImage> next();
+
+ private:
+  MovingPicture() = default;
+
+  std::filesystem::path path_;
+  Encoding encoding_ = Encoding::kDisplay;
+  std::vector<std::filesystem::path> files_;  // none: a video
+  size_t place_ = 0;
+  std::optional<VideoReader> video_;
+};
+
+}  // namespace glasswing
