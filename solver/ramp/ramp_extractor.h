@@ -54,10 +54,10 @@ class RampExtractor {
   const std::vector<std::string>& warnings() const;
 
  private:
-  struct Stage;
-  explicit RampExtractor(std::shared_ptr<const Stage> stage) : stage_(std::move(stage)) {}
+  struct Prepared;
+  explicit RampExtractor(std::shared_ptr<const Prepared> prepared) : prepared_(std::move(prepared)) {}
 
-  std::shared_ptr<const Stage> stage_;
+  std::shared_ptr<const Prepared> prepared_;
 };
 
 }  // namespace glasswing
