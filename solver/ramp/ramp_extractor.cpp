@@ -18,7 +18,14 @@ namespace {
 
 // Darker than so many standard deviations of the noise there is no telling where light comes from.
 constexpr float kDarkest_sd = 3.0f;
+constexpr double kUsualLight = 0.5;       // of the ramp
 constexpr double kHighlightReach = 0.04;  // of the picture's diagonal
+
+SampleNoise noise_of(const RampStage& stage, const FrameView& view) {
+  SampleNoise noise = stage.noise;
+  if (!stage.noise_known) noise.read_sd = std::max(noise.read_sd, roughness(view));
+  return noise;
+}
 
 // The frame's light without the stage's own, r, g, b by rows.
 std::vector<float> light_of(const RampStage& stage, const FrameView& view, int thread_count) {
@@ -104,14 +111,13 @@ absl::StatusOr<RampFrame> RampExtractor::extract(const FrameView& view, int thre
                                                   view.width_px, view.height_px, stage.width_px,
                                                   stage.height_px));
   }
-  SampleNoise noise = stage.noise;
-  if (!stage.noise_known) noise.read_sd = std::max(noise.read_sd, roughness(view));
+  const SampleNoise noise = noise_of(stage, view);
   const std::vector<float> light = light_of(stage, view, thread_count);
   GW_RETURN_IF_ERROR(check_shows_ramp(stage, light));
   const std::vector<std::uint8_t> object =
       object_of(stage, light, noise, prepared_->options, prepared_->cleaning, thread_count);
   RampFrame frame(stage.width_px, stage.height_px);
-  const double usual_variance = noise.variance(0.5);
+  const double usual_variance = noise.variance(kUsualLight);
   frame.alpha = partial_cover({.width_px = stage.width_px,
                                .height_px = stage.height_px,
                                .light = light,
@@ -163,6 +169,10 @@ absl::StatusOr<RampFrame> RampExtractor::extract(const FrameView& view, int thre
     if (!highlights.empty()) bridge_highlights(highlights, prepared_->options.highlight_blur_px, frame);
   }
   return frame;
+}
+
+double RampExtractor::noise_sd(const FrameView& view) const {
+  return std::sqrt(noise_of(prepared_->stage, view).variance(kUsualLight));
 }
 
 void RampExtractor::finish(const FrameView& view, RampFrame& frame, int thread_count) const {

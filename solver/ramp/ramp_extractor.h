@@ -48,7 +48,10 @@ class RampExtractor {
 
   // Colourless, footprints are boxes: rho at c, as wide as c's steps from pixel to pixel (eq. 23 and 24), and
   // 1 - alpha of the place straight behind.
-  Matte matte(const RampFrame& frame) const;
+  Matte matte(const RampFrame& frame, int thread_count = 1) const;
+
+  // Standard deviation of the noise of that frame's samples, light.
+  double noise_sd(const FrameView& view) const;
 
   // What may be wrong with the empty stage, for people.
   const std::vector<std::string>& warnings() const;

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 
 #include "solver/ramp/for_rows.h"
@@ -44,7 +45,7 @@ Steps steps_along(const RampFrame& frame, size_t at, size_t behind, size_t ahead
 
 }  // namespace
 
-Matte RampExtractor::matte(const RampFrame& frame) const {
+Matte RampExtractor::matte(const RampFrame& frame, int thread_count) const {
   const RampStage& stage = prepared_->stage;
   const int width = frame.width_px, height = frame.height_px;
   Matte matte(0, 0, width, height, 2, true);
@@ -61,38 +62,44 @@ Matte RampExtractor::matte(const RampFrame& frame) const {
     mode.texture = stage.texture;
     return mode;
   };
-  size_t at = 0, ramp = 0, covered = 0;
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x, ++at) {
-      matte.flags(x, y) = frame.flags[at];
-      const float alpha = frame.alpha[at], f = frame.highlight[at];
-      matte.coverage(x, y) = alpha;
-      matte.foreground(x, y) = {f, f, f};
-      if (stage.behind[at] == Behind::kRamp) ++ramp;
-      if (stage.behind[at] == Behind::kRamp && alpha > 0.0f) ++covered;
-      std::span<Mode> modes = matte.modes(x, y, 0);
-      if (alpha < 1.0f && stage.behind[at] == Behind::kRamp) {
-        const std::array<double, 4> slope = stage.map.slope(x + 0.5, y + 0.5);
-        modes.front() = box(1.0f - alpha, stage.x_px[at], stage.y_px[at],
-                            static_cast<float>(std::hypot(slope[0], slope[1])),
-                            static_cast<float>(std::hypot(slope[2], slope[3])));
-        modes = modes.subspan(1);
+  std::atomic<size_t> ramp = 0, covered = 0;
+  for_rows(height, thread_count, [&](int first, int last) {
+    size_t at = static_cast<size_t>(first) * row, own_ramp = 0, own_covered = 0;
+    for (int y = first; y < last; ++y) {
+      for (int x = 0; x < width; ++x, ++at) {
+        matte.flags(x, y) = frame.flags[at];
+        const float alpha = frame.alpha[at], f = frame.highlight[at];
+        matte.coverage(x, y) = alpha;
+        matte.foreground(x, y) = {f, f, f};
+        if (stage.behind[at] == Behind::kRamp) ++own_ramp;
+        if (stage.behind[at] == Behind::kRamp && alpha > 0.0f) ++own_covered;
+        std::span<Mode> modes = matte.modes(x, y, 0);
+        if (alpha < 1.0f && stage.behind[at] == Behind::kRamp) {
+          const std::array<double, 4> slope = stage.map.slope(x + 0.5, y + 0.5);
+          modes.front() = box(1.0f - alpha, stage.x_px[at], stage.y_px[at],
+                              static_cast<float>(std::hypot(slope[0], slope[1])),
+                              static_cast<float>(std::hypot(slope[2], slope[3])));
+          modes = modes.subspan(1);
+        }
+        if (alpha == 0.0f || frame.rho[at] == 0.0f) continue;
+        const Steps across = steps_along(frame, at, x > 0 ? 1 : 0, x + 1 < width ? 1 : 0);
+        const Steps down = steps_along(frame, at, y > 0 ? row : 0, y + 1 < height ? row : 0);
+        // The ramp does not tell places within a pixel of the monitor apart: c between two pixels is how much
+        // of each was seen, which a box of a pixel's width says exactly.
+        Mode& mode = modes.front();
+        mode = box(frame.rho[at], frame.x_px[at], frame.y_px[at],
+                   std::max(1.0f, std::hypot(across.x_px, down.x_px)),
+                   std::max(1.0f, std::hypot(across.y_px, down.y_px)));
+        const float determinant =
+            frame.info_xx[at] * frame.info_yy[at] - frame.info_xy[at] * frame.info_xy[at];
+        if (determinant > 0.0f)
+          mode.centre_sd_px = std::sqrt(0.5f * (frame.info_xx[at] + frame.info_yy[at]) / determinant);
       }
-      if (alpha == 0.0f || frame.rho[at] == 0.0f) continue;
-      const Steps across = steps_along(frame, at, x > 0 ? 1 : 0, x + 1 < width ? 1 : 0);
-      const Steps down = steps_along(frame, at, y > 0 ? row : 0, y + 1 < height ? row : 0);
-      // The ramp does not tell places within a pixel of the monitor apart: c between two pixels is how much
-      // of each was seen, which a box of a pixel's width says exactly.
-      Mode& mode = modes.front();
-      mode = box(frame.rho[at], frame.x_px[at], frame.y_px[at],
-                 std::max(1.0f, std::hypot(across.x_px, down.x_px)),
-                 std::max(1.0f, std::hypot(across.y_px, down.y_px)));
-      const float determinant = frame.info_xx[at] * frame.info_yy[at] - frame.info_xy[at] * frame.info_xy[at];
-      if (determinant > 0.0f)
-        mode.centre_sd_px = std::sqrt(0.5f * (frame.info_xx[at] + frame.info_yy[at]) / determinant);
     }
-  }
-  if (static_cast<double>(covered) > kCovered * static_cast<double>(ramp)) {
+    ramp += own_ramp;
+    covered += own_covered;
+  });
+  if (static_cast<double>(covered.load()) > kCovered * static_cast<double>(ramp.load())) {
     matte.metadata.add_warnings(
         "the object covers all of the background: nothing tells whether that still is where it was without "
         "the object");
