@@ -118,6 +118,8 @@ absl::StatusOr<RampFrame> RampExtractor::extract(const FrameView& view, int thre
       object_of(stage, light, noise, prepared_->options, prepared_->cleaning, thread_count);
   RampFrame frame(stage.width_px, stage.height_px);
   const double usual_variance = noise.variance(kUsualLight);
+  const auto usual = static_cast<float>(usual_variance);
+  frame.rho_sd = manifold.level_sd({usual, usual, usual});
   frame.alpha = partial_cover({.width_px = stage.width_px,
                                .height_px = stage.height_px,
                                .light = light,
@@ -159,12 +161,11 @@ absl::StatusOr<RampFrame> RampExtractor::extract(const FrameView& view, int thre
   });
   GW_RETURN_IF_ERROR(check_background_stands(stage, frame));
   if (prepared_->options.highlights) {
-    const auto usual = static_cast<float>(usual_variance);
     const std::vector<std::uint8_t> highlights =
         find_highlights(frame, clipped,
                         {.delta = prepared_->options.delta,
                          .rise = prepared_->options.highlight_rise,
-                         .rho_sd = static_cast<double>(manifold.level_sd({usual, usual, usual})),
+                         .rho_sd = static_cast<double>(frame.rho_sd),
                          .reach_px = prepared_->highlight_reach_px});
     if (!highlights.empty()) bridge_highlights(highlights, prepared_->options.highlight_blur_px, frame);
   }

@@ -1,4 +1,12 @@
-// Smoothing of a noisy video matte: c and rho of one frame from those of its neighbourhood in space and time.
+// Smoothing of a noisy video matte: c and rho of one frame from what is around in space and time.
+//
+// adaptive: each pixel's own window, fitted by planes in c and rho, which grows over the piece of the object
+// that it belongs to and stops at its edges (ramp_smoother_kernel.h); before that, frames near in time are
+// averaged along the object's motion where they agree within the noise (ramp_smoother_motion.h). Nothing is
+// to be tuned: all it goes by is the noise that the frame states.
+//
+// perona-malik: anisotropic diffusion of c in space and time (ramp_smoother_diffusion.h), as in Chuang et
+// al. 2000, section 4.2.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -7,9 +15,9 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <string_view>
 
 #include "solver/ramp/ramp_frame.h"
-#include "solver/video_method.h"
 
 namespace glasswing {
 
@@ -20,46 +28,48 @@ struct SmoothingOptions {
   int reach = 1;        // frames before and after that take part, 0 to 4
   bool causal = false;  // frames after take no part, as live
   // Of Perona-Malik alone.
-  int iterations = 10;       // 1 to 100
-  double contrast_px = 4.0;  // K, monitor px: steps well above it are edges; (0, 1000]
+  int iterations = 10;       // 1 to 1000
+  double contrast_px = 4.0;  // K, monitor px: steps well above it are edges; (0, 10000]
   bool exponential = true;   // g = exp(-(d/K)^2); else 1 / (1 + (d/K)^2)
 };
 
-// Takes a method's option if it is one of these: smoothing (adaptive, perona-malik, none), smoothing_reach,
-// and with perona-malik smoothing_iterations, smoothing_contrast and smoothing_conductance (exponential,
-// rational). False: it is not. INVALID_ARGUMENT: a value out of range.
+// Names, ranges and defaults of the options, for people; and as a list.
+std::string_view smoothing_options_help();
+std::string_view smoothing_option_names();
+
+// Takes a method's option if it is one of these. False: it is not. INVALID_ARGUMENT: a value out of range.
 absl::StatusOr<bool> parse_smoothing_option(const std::string& key, const std::string& value,
                                             SmoothingOptions& options);
 
 struct SmoothPilot;
 
-// A frame as extracted, before finishing, and its samples. Both must last as long as they are used.
+// A frame as extracted, before finishing. It must last as long as it is used.
 struct SmoothInput {
   const RampFrame* frame = nullptr;
-  FrameView view;
   std::shared_ptr<const SmoothPilot> pilot = nullptr;  // by prepare(); may be left out
 };
 
-// Thread-safe. Results depend on the frames in reach alone, and not on the count of threads.
+// Thread-safe. Results depend on the frames in reach alone, and not on the count of threads (0: all cores).
 class RampSmoother {
  public:
-  // noise_sd: of the samples, radiance; >= 0.
-  RampSmoother(const SmoothingOptions& options, double noise_sd) : options_(options), noise_sd_(noise_sd) {}
+  explicit RampSmoother(const SmoothingOptions& options) : options_(options) {}
 
   // How many frames on each side smooth() makes use of.
-  int frames_before() const;
-  int frames_after() const;
+  int frames_before() const { return options_.smoothing == Smoothing::kNone ? 0 : options_.reach; }
+  int frames_after() const { return options_.causal ? 0 : frames_before(); }
 
   // Works out once what every frame in reach needs of this one; smooth() does it itself where it is missing.
   void prepare(SmoothInput& input, int thread_count) const;
 
-  // window[at], smoothed; the others are the frames before and after it, by time, all of one size. At the ends
-  // of a video there are fewer. Pixels of alpha 0 stay as they are.
+  // window[at], smoothed; the others are frames before and after it, by time, all of one size. Some may be
+  // missing. Pixels of alpha 0 stay as they are; so does rho where the information is 0, but c comes from
+  // neighbours there, if there are any.
   RampFrame smooth(std::span<const SmoothInput> window, size_t at, int thread_count) const;
 
  private:
+  RampFrame adapt(std::span<const SmoothInput> window, size_t at, int thread_count) const;
+
   SmoothingOptions options_;
-  double noise_sd_;
 };
 
 }  // namespace glasswing
