@@ -8,7 +8,6 @@
 #include <mutex>
 
 #include "core/base/status.h"
-#include "core/pattern/video_frames.h"
 #include "core/radiometry/evenness.h"
 #include "solver/bands.h"
 #include "solver/linear_stack.h"
@@ -32,6 +31,7 @@ class ReadAhead final : public VideoSource {
         linear_(std::move(linear)),
         read_(std::move(read)),
         order_(layout.empty) {
+    order_.insert(order_.end(), layout.black.begin(), layout.black.end());
     const int size = static_cast<int>(layout.frames.size());
     for (int i = 0; i < size; ++i) {
       const int place = layout.frames[static_cast<size_t>(i)];
@@ -107,12 +107,8 @@ absl::Status solve_video(const VideoMethod& method, VideoSource& source, int fir
                          const std::function<absl::Status(int, Matte)>& done) {
   GW_ASSIGN_OR_RETURN(const LinearStack linear, LinearStack::create(source.manifest()));
   GW_ASSIGN_OR_RETURN(const Evenness evenness, Evenness::create(source.manifest()));
-  const std::vector<int> video = video_frames(source.manifest());
   return method.solve(source, first, count, thread_count, stop, [&](int frame, const Matte& solved) {
     Matte matte = solved;
-    matte.metadata.set_frame(frame);
-    matte.metadata.set_exposure_start_ns(
-        source.manifest().frames(video[static_cast<size_t>(frame)]).exposure_start_ns());
     linear.describe(matte.metadata);
     take_out_fall_off(evenness, matte);
     return done(frame, std::move(matte));

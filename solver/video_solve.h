@@ -16,8 +16,8 @@ namespace glasswing {
 // The codes of a whole frame, by place in manifest.frames; called from several threads.
 using ReadFrame = std::function<absl::StatusOr<std::vector<std::uint16_t>>(int frame)>;
 
-// A source whose samples are light. Frames of the empty stage and [first, first + count) of the video are
-// read ahead, a few at a time. Errors name the frame of the video. `read` must outlive it.
+// A source whose samples are light. Frames of the empty stage, of black, and [first, first + count) of the
+// video are read ahead, a few at a time. Errors name the frame of the video. `read` must outlive it.
 absl::StatusOr<std::unique_ptr<VideoSource>> read_ahead(const v1::CaptureManifest& manifest, int first,
                                                         int count, ReadFrame read);
 
