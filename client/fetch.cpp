@@ -1,9 +1,14 @@
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
+#include <algorithm>
 #include <iostream>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "client/commands.h"
+#include "client/output.h"
+#include "client/progress.h"
 #include "client/rpc.h"
 #include "core/base/file.h"
 #include "core/base/status.h"
@@ -13,57 +18,188 @@
 namespace glasswing {
 namespace {
 
+namespace fs = std::filesystem;
 constexpr std::chrono::minutes kFetchTimeout(10);
 
-absl::Status fetch(const Client& client, const std::string& name, const std::string& output) {
-  const Peer<v1::SessionService> server(client.server_title(), client.server);
+using Sessions = Peer<v1::SessionService>;
+
+struct Arguments {
+  std::string session, output;
+  std::optional<int> frame;
+};
+
+struct Fetched {
+  std::string bytes;
+  Matte matte;
+};
+absl::StatusOr<Fetched> fetched(const Sessions& server, const std::string& name, std::optional<int> frame) {
   grpc::ClientContext context;
   set_deadline(context, kFetchTimeout);
   v1::FetchMatteRequest request;
   request.set_name(name);
+  if (frame) request.set_frame(*frame);
   const auto reader = server.stub->FetchMatte(&context, request);
-  std::string bytes;
-  for (v1::FetchMatteResponse response; reader->Read(&response);) bytes += response.chunk();
+  Fetched fetched;
+  for (v1::FetchMatteResponse response; reader->Read(&response);) fetched.bytes += response.chunk();
   const grpc::Status status = reader->Finish();
   if (!status.ok()) return status_from(status, server.title);
-  const absl::StatusOr<Matte> matte = decode_matte(bytes);
+  absl::StatusOr<Matte> matte = decode_matte(fetched.bytes);
   if (!matte.ok()) {
-    return absl::Status(matte.status().code(), fmt::format("the matte of session {} came damaged: {}", name,
-                                                           std::string(matte.status().message())));
+    return absl::Status(matte.status().code(), fmt::format("the matte of {}session {} came damaged: {}",
+                                                           frame ? fmt::format("frame {} of ", *frame) : "",
+                                                           name, std::string(matte.status().message())));
   }
-  GW_RETURN_IF_ERROR(write_file_durably(output, bytes));
-  const auto& warnings = matte->metadata.warnings();
+  fetched.matte = *std::move(matte);
+  return fetched;
+}
+
+absl::Status fetch_file(const Client& client, const Sessions& server, const Arguments& arguments) {
+  GW_ASSIGN_OR_RETURN(const Fetched whole, fetched(server, arguments.session, arguments.frame));
+  GW_RETURN_IF_ERROR(write_file_durably(arguments.output, whole.bytes));
+  const auto& warnings = whole.matte.metadata.warnings();
   if (client.json) {
-    nlohmann::ordered_json written = {{"session", name},
-                                      {"file", output},
-                                      {"bytes", bytes.size()},
-                                      {"width_px", matte->width_px()},
-                                      {"height_px", matte->height_px()}};
+    nlohmann::ordered_json written = {{"session", arguments.session},
+                                      {"file", arguments.output},
+                                      {"bytes", whole.bytes.size()},
+                                      {"width_px", whole.matte.width_px()},
+                                      {"height_px", whole.matte.height_px()}};
     if (!warnings.empty()) written["warnings"] = std::vector<std::string>(warnings.begin(), warnings.end());
     std::cout << written.dump(1) << "\n";
   } else {
-    std::cout << fmt::format("{}: the matte of session {}, {}x{}\n", output, name, matte->width_px(),
-                             matte->height_px());
+    std::cout << fmt::format("{}: the matte of session {}, {}x{}\n", arguments.output, arguments.session,
+                             whole.matte.width_px(), whole.matte.height_px());
     for (const std::string& warning : warnings) std::cout << fmt::format("warning: {}\n", warning);
   }
   return absl::OkStatus();
 }
 
+// Whether this file is what the session's last solve made of the frame: an older solve may have left another
+// there.
+bool is_there(const fs::path& path, const v1::Session& session, int frame) {
+  const absl::StatusOr<Matte> matte = fs::exists(path) ? read_matte(path) : absl::NotFoundError("");
+  if (!matte.ok()) return false;
+  const v1::MatteMetadata& made = matte->metadata;
+  return made.session() == session.name() && made.method() == session.method() && made.frame() == frame &&
+         std::map<std::string, std::string>(made.options().begin(), made.options().end()) ==
+             std::map<std::string, std::string>(session.options().begin(), session.options().end());
+}
+
+struct Frames {
+  int fetched = 0, there_before = 0;
+  std::vector<std::string> warnings;  // of mattes
+};
+
+absl::StatusOr<Frames> fetch_frames(const Sessions& server, const v1::Session& session,
+                                    const fs::path& directory) {
+  Frames frames;
+  Progress progress("fetching");
+  const int count = session.solved_frames_size();
+  for (int i = 0; i < count; ++i) {
+    const int frame = session.solved_frames(i);
+    const fs::path path = directory / fmt::format("{:04d}.exr", frame);
+    if (is_there(path, session, frame)) {
+      ++frames.there_before;
+    } else {
+      GW_ASSIGN_OR_RETURN(const Fetched whole, fetched(server, session.name(), frame));
+      GW_RETURN_IF_ERROR(write_file_flushed(path, whole.bytes));
+      ++frames.fetched;
+      if (frames.warnings.empty())
+        frames.warnings.assign(whole.matte.metadata.warnings().begin(),
+                               whole.matte.metadata.warnings().end());
+    }
+    progress.update((i + 1.0) / count, fmt::format("{} of {} frames", i + 1, count));
+  }
+  GW_RETURN_IF_ERROR(flush_directory(directory));
+  return frames;
+}
+
+google::protobuf::RepeatedField<std::int32_t> unsolved_frames(const v1::Session& session) {
+  const auto has = [](const auto& rising, int frame) {
+    return std::binary_search(rising.begin(), rising.end(), frame);
+  };
+  google::protobuf::RepeatedField<std::int32_t> unsolved;
+  for (int frame = 0; frame < session.frame_count(); ++frame) {
+    if (!has(session.solved_frames(), frame) && !has(session.lost_frames(), frame)) unsolved.Add(frame);
+  }
+  return unsolved;
+}
+
+absl::Status fetch_video(const Client& client, const Sessions& server, const v1::Session& session,
+                         const fs::path& directory) {
+  std::error_code error;
+  fs::create_directories(directory, error);
+  if (error) return absl::ErrnoToStatus(error.value(), fmt::format("cannot create {}", directory.string()));
+  GW_ASSIGN_OR_RETURN(const Frames frames, fetch_frames(server, session, directory));
+  const auto unsolved = unsolved_frames(session);
+  if (client.json) {
+    const nlohmann::ordered_json written = {
+        {"session", session.name()},
+        {"directory", directory.string()},
+        {"fetched", frames.fetched},
+        {"there_before", frames.there_before},
+        {"lost", std::vector<int>(session.lost_frames().begin(), session.lost_frames().end())},
+        {"not_solved", std::vector<int>(unsolved.begin(), unsolved.end())},
+        {"warnings", frames.warnings}};
+    std::cout << written.dump(1) << "\n";
+  } else {
+    std::cout << fmt::format(
+        "{}: mattes of {} of {} frames of session {}{}\n", directory.string(), session.solved_frames_size(),
+        session.frame_count(), session.name(),
+        frames.there_before > 0 ? fmt::format("; {} were there before", frames.there_before) : "");
+    if (!session.lost_frames().empty())
+      std::cout << fmt::format("lost, not captured: frames {}\n", ranges_text(session.lost_frames()));
+    for (const std::string& warning : frames.warnings) std::cout << fmt::format("warning: {}\n", warning);
+  }
+  if (unsolved.empty()) return absl::OkStatus();
+  return absl::FailedPreconditionError(fmt::format("{} frames are not solved: {}; {}", unsolved.size(),
+                                                   ranges_text(unsolved), summary_of(session)));
+}
+
+absl::Status fetch(const Client& client, const Arguments& arguments) {
+  const Sessions server(client.server_title(), client.server);
+  if (arguments.frame) return fetch_file(client, server, arguments);
+  v1::GetSessionRequest request;
+  request.set_name(arguments.session);
+  GW_ASSIGN_OR_RETURN(const v1::GetSessionResponse found,
+                      call(server, &v1::SessionService::Stub::GetSession, request));
+  const bool to_directory = arguments.output.ends_with('/') || fs::is_directory(arguments.output);
+  if (is_video(found.session())) {
+    if (to_directory || !arguments.output.ends_with(".exr"))
+      return fetch_video(client, server, found.session(), arguments.output);
+    return absl::InvalidArgumentError(fmt::format(
+        "session {} is a video of {} frames; -o is {}: it must be a directory, or --frame must name one",
+        arguments.session, found.session().frame_count(), arguments.output));
+  }
+  Arguments still = arguments;
+  if (to_directory) {
+    std::error_code error;
+    fs::create_directories(arguments.output, error);
+    if (error) return absl::ErrnoToStatus(error.value(), fmt::format("cannot create {}", arguments.output));
+    still.output = (fs::path(arguments.output) / "0000.exr").string();
+  }
+  return fetch_file(client, server, still);
+}
+
 }  // namespace
 
 void add_fetch_command(CLI::App& app, Client& client) {
-  struct Arguments {
-    std::string session;
-    std::string output;
-  };
-  CLI::App& command = *app.add_subcommand("fetch", "Fetch a finished matte.");
-  command.footer("Example:\n  glasswing fetch vase -o vase.exr");
+  CLI::App& command = *app.add_subcommand("fetch", "Fetch a finished matte, or those of a video.");
+  command.footer(
+      "A video's frames become 0000.exr, 0001.exr, ... of a directory, as many as are solved; what is there "
+      "already is not "
+      "fetched again.\n\n"
+      "Examples:\n"
+      "  glasswing fetch vase -o vase.exr\n"
+      "  glasswing fetch pouring -o pouring/\n"
+      "  glasswing fetch pouring --frame 7 -o pouring-7.exr");
   auto arguments = std::make_shared<Arguments>();
   command.add_option("session", arguments->session, "the session's name")->required();
-  command.add_option("-o,--output", arguments->output, "the OpenEXR file to write")->required();
-  command.callback([&client, arguments] {
-    client.run = [&client, arguments] { return fetch(client, arguments->session, arguments->output); };
-  });
+  command.add_option("-o,--output", arguments->output, "the OpenEXR file to write, or a video's directory")
+      ->required();
+  command.add_option("--frame", arguments->frame, "of a video, from 0: fetch only this one")
+      ->check(CLI::Range(0, 17999));
+  command.callback(
+      [&client, arguments] { client.run = [&client, arguments] { return fetch(client, *arguments); }; });
 }
 
 }  // namespace glasswing

@@ -10,6 +10,7 @@
 #include "core/frame/archive.h"
 #include "core/frame/image_file.h"
 #include "core/frame/photograph_response.h"
+#include "core/frame/sequences.h"
 
 namespace glasswing {
 namespace {
@@ -39,14 +40,23 @@ absl::StatusOr<CodedPhotograph> read_listed(const fs::path& directory, const Pho
   return absl::Status(status.code(), fmt::format("{}: {}", list.place(frame), std::string(status.message())));
 }
 
-}  // namespace
-
-absl::StatusOr<FrameSource> archive_source(const fs::path& directory) {
-  GW_ASSIGN_OR_RETURN(v1::CaptureManifest manifest, read_any_manifest(directory));
+FrameSource source_of(v1::CaptureManifest manifest, const fs::path& directory) {
   const auto shared = std::make_shared<const v1::CaptureManifest>(manifest);
   return FrameSource{.manifest = std::move(manifest), .read = [shared, directory](int frame) {
                        return read_verified(directory, shared->camera(), shared->frames(frame));
                      }};
+}
+
+}  // namespace
+
+absl::StatusOr<FrameSource> archive_source(const fs::path& directory) {
+  GW_ASSIGN_OR_RETURN(v1::CaptureManifest manifest, read_any_manifest(directory));
+  return source_of(std::move(manifest), directory);
+}
+
+absl::StatusOr<FrameSource> sequence_source(const fs::path& directory, const std::string& sequence) {
+  GW_ASSIGN_OR_RETURN(v1::CaptureManifest manifest, read_sequence(directory, sequence));
+  return source_of(std::move(manifest), directory);
 }
 
 absl::StatusOr<FrameSource> photograph_source(const fs::path& directory, const fs::path& path,

@@ -10,10 +10,12 @@
 #include "client/partial_directory.h"
 #include "client/progress.h"
 #include "client/rpc.h"
+#include "client/video_file.h"
 #include "core/base/file.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/frame/archive.h"
+#include "core/frame/sequences.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 
@@ -90,12 +92,34 @@ struct Arguments {
   std::string directory;
   std::string session;
   std::string archive;  // empty: the server's
-  std::string list;     // empty: the directory is an archive
-  PhotographOptions photographs;
+  std::string list;
+  std::string sequence;
+  VideoOptions video;
 };
 
+// A folder of nothing but pictures.
+bool is_video_folder(const fs::path& path) {
+  return !fs::exists(path / "manifest.json") && !numbered_pictures(path).empty();
+}
+
+absl::StatusOr<FrameSource> source_of(const Arguments& arguments) {
+  const fs::path path = arguments.directory;
+  const PhotographOptions& photographs = arguments.video.photographs;
+  if (!arguments.list.empty()) return photograph_source(path, arguments.list, photographs);
+  if (is_video_file(path) || (arguments.sequence.empty() && is_video_folder(path)))
+    return video_source(path, arguments.video);
+  if (!photographs.monitors.empty() || photographs.response || photographs.black ||
+      arguments.video.empty_frames != 0 || !arguments.video.empty_directory.empty()) {
+    return absl::InvalidArgumentError(fmt::format(
+        "{} is an archive; --monitor, --response, --black, --empty-frames and --empty are for photographs "
+        "and videos",
+        path.string()));
+  }
+  return arguments.sequence.empty() ? archive_source(path) : sequence_source(path, arguments.sequence);
+}
+
 absl::Status send(const Client& client, const FrameSource& source) {
-  GW_RETURN_IF_ERROR(verify(source));
+  if (!source.was_read) GW_RETURN_IF_ERROR(verify(source));
   const std::string& name = source.manifest.session();
   const Peer<v1::SessionService> server(client.server_title(), client.server);
   v1::BeginImportRequest begin;
@@ -119,7 +143,7 @@ absl::Status send(const Client& client, const FrameSource& source) {
 
 absl::Status write(const Client& client, const FrameSource& source, const std::string& directory) {
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<PartialDirectory> partial, PartialDirectory::create(directory));
-  GW_RETURN_IF_ERROR(verify(source));
+  if (!source.was_read) GW_RETURN_IF_ERROR(verify(source));
   v1::CaptureManifest manifest = source.manifest;
   manifest.clear_frames();
   GW_RETURN_IF_ERROR(store_frames(source, [&](const v1::Frame& frame, const std::string& tiff) {
@@ -138,21 +162,20 @@ absl::Status write(const Client& client, const FrameSource& source, const std::s
 }
 
 absl::Status import(const Client& client, const Arguments& arguments) {
-  GW_ASSIGN_OR_RETURN(FrameSource source,
-                      arguments.list.empty()
-                          ? archive_source(arguments.directory)
-                          : photograph_source(arguments.directory, arguments.list, arguments.photographs));
+  GW_ASSIGN_OR_RETURN(FrameSource source, source_of(arguments));
   const std::string& named_after = arguments.archive.empty() ? arguments.directory : arguments.archive;
   source.manifest.set_session(arguments.session.empty() ? name_of_directory(named_after) : arguments.session);
   GW_RETURN_IF_ERROR(check_name("session", source.manifest.session()));
-  return arguments.archive.empty() ? send(client, source) : write(client, source, arguments.archive);
+  GW_RETURN_IF_ERROR(arguments.archive.empty() ? send(client, source)
+                                               : write(client, source, arguments.archive));
+  for (const std::string& warning : source.warnings) std::cerr << fmt::format("warning: {}\n", warning);
+  return absl::OkStatus();
 }
 
 }  // namespace
 
 void add_import_command(CLI::App& app, Client& client) {
-  CLI::App& command =
-      *app.add_subcommand("import", "Make a session of frames or photographs that lie in a directory.");
+  CLI::App& command = *app.add_subcommand("import", "Make a session of frames, photographs or a video.");
   command.footer(
       "Every frame is checked before any is sent. An import that broke off may be started again.\n\n"
       "A list names photographs, one in a line, and what the monitor showed: a table with a tab between "
@@ -163,32 +186,47 @@ void add_import_command(CLI::App& app, Client& client) {
       "  file\tobject\tkind\torient\tbar_width_px\tcolour\n"
       "  IMG_1.jpg\ttrue\tsolid\t\t\t0,0,0\n"
       "  IMG_2.jpg\ttrue\tsquare\tvertical_bars\t960\t\n\n"
+      "A video of the ramp is a video file, or a directory of pictures whose names end in a number; the "
+      "monitor must be "
+      "named, and\nwhich frames show the empty stage: the first ones, or those in a directory.\n\n"
       "Examples:\n"
       "  glasswing import archives/vase --session vase\n"
+      "  glasswing import archives/pouring --sequence ramp_dark --session pouring\n"
+      "  glasswing import clip.mp4 --monitor back:1920x1080 --empty-frames 60 --session pouring\n"
       "  glasswing import photographs --list photographs/list.tsv --session vase\n"
       "  glasswing import photographs --list photographs/list.tsv --archive archives/vase");
   auto arguments = std::make_shared<Arguments>();
   command
-      .add_option("directory", arguments->directory,
-                  "a session archive, manifest.json and its frames; or photographs")
+      .add_option(
+          "directory", arguments->directory,
+          "a session archive, manifest.json and its frames; photographs; or a video, pictures or a file")
       ->required();
   command.add_option("--session", arguments->session, "its name; the directory's if left out");
   command.add_option("--archive", arguments->archive,
                      "write an archive to this directory, new or empty, and ask no server");
   CLI::Option* list = command.add_option("--list", arguments->list, "the photographs' list");
   command
-      .add_option("--monitor", arguments->photographs.monitors,
-                  "NAME:WIDTHxHEIGHT, a monitor of the list, px, instead of its own; may be repeated")
-      ->allow_extra_args(false)
-      ->needs(list);
+      .add_option("--sequence", arguments->sequence,
+                  "one of the sequences that the archive holds, with its backgrounds")
+      ->excludes(list);
   command
-      .add_option("--response", arguments->photographs.response,
-                  "what light the photographs' codes stand for: srgb, linear, or gamma:G: (share of the "
-                  "highest code)^G")
-      ->needs(list);
+      .add_option("--empty-frames", arguments->video.empty_frames,
+                  "of a video: the first so many show the empty stage")
+      ->check(CLI::Range(1, 18000));
   command
-      .add_option("--black", arguments->photographs.black, "the photographs' code where there is no light; 0")
-      ->needs(list);
+      .add_option("--empty", arguments->video.empty_directory,
+                  "directory of pictures of the empty stage, instead")
+      ->excludes("--empty-frames");
+  command
+      .add_option(
+          "--monitor", arguments->video.photographs.monitors,
+          "NAME:WIDTHxHEIGHT, px, a video's monitor; or one of the list, instead of its own: may be repeated")
+      ->allow_extra_args(false);
+  command.add_option("--response", arguments->video.photographs.response,
+                     "what light the pictures' codes stand for: srgb, linear, or gamma:G: (share of the "
+                     "highest code)^G; a video's are srgb if left out");
+  command.add_option("--black", arguments->video.photographs.black,
+                     "the pictures' code where there is no light; 0 if left out");
   command.callback(
       [&client, arguments] { client.run = [&client, arguments] { return import(client, *arguments); }; });
 }

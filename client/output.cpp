@@ -7,6 +7,16 @@
 #include <iostream>
 
 namespace glasswing {
+namespace {
+
+// "300 frames, 7 of them lost"
+std::string video_text(const v1::Session& session) {
+  const int lost = session.lost_frames_size();
+  return fmt::format("{} frames{}", session.frame_count(),
+                     lost > 0 ? fmt::format(", {} of them lost", lost) : "");
+}
+
+}  // namespace
 
 void print_json(const google::protobuf::Message& message) {
   google::protobuf::util::JsonPrintOptions options;
@@ -50,14 +60,21 @@ std::string summary_of(const v1::Session& session) {
     case v1::SESSION_STATE_PAUSED:
       return line + fmt::format(": {} of {} steps", session.proven_count(), session.step_count());
     case v1::SESSION_STATE_CAPTURED:
+      if (session.frame_count() > 0) line += fmt::format(": a video of {}", video_text(session));
       // Imported frames were never timed here.
       if (session.frames_taken() == 0) return line + fmt::format(": {} frames", session.step_count());
       return line + fmt::format(": {} steps ({} retaken) in {}, {} frames taken", session.step_count(),
                                 session.retaken_count(), seconds_text(session.capture_seconds()),
                                 session.frames_taken());
     case v1::SESSION_STATE_SOLVING:
+      if (is_video(session))
+        return line +
+               fmt::format(": {} of {} frames", session.solved_frames_size(), frames_to_solve(session));
       return line + fmt::format(": {} of {} tiles", session.tiles_done(), session.tile_count());
     case v1::SESSION_STATE_DONE:
+      if (is_video(session))
+        return line + fmt::format(": mattes of {}, solved in {}", video_text(session),
+                                  seconds_text(session.solve_seconds()));
       return line + fmt::format(": {} of {} pixels show the object ({} flagged), solved in {}",
                                 session.object_pixel_count(), session.pixel_count(),
                                 session.flagged_pixel_count(), seconds_text(session.solve_seconds()));
@@ -72,6 +89,26 @@ void print_session(const v1::Session& session, bool json) {
   } else {
     std::cout << summary_of(session) << "\n";
   }
+}
+
+bool is_video(const v1::Session& session) {
+  return session.frame_count() > 0 && session.method() == "ramp";
+}
+
+int frames_to_solve(const v1::Session& session) {
+  return session.frame_count() - session.lost_frames_size();
+}
+
+std::string ranges_text(const google::protobuf::RepeatedField<std::int32_t>& numbers) {
+  std::string text;
+  for (int i = 0; i < numbers.size();) {
+    int last = i;
+    while (last + 1 < numbers.size() && numbers[last + 1] == numbers[last] + 1) ++last;
+    text += fmt::format("{}{}{}", text.empty() ? "" : ", ", numbers[i],
+                        last > i ? fmt::format(" to {}", numbers[last]) : "");
+    i = last + 1;
+  }
+  return text;
 }
 
 std::string seconds_text(double seconds) {

@@ -21,6 +21,13 @@ std::string summary_of(const v1::Session& session);
 // The session as JSON or as its summary.
 void print_session(const v1::Session& session, bool json);
 
+// Solved frame by frame.
+bool is_video(const v1::Session& session);
+int frames_to_solve(const v1::Session& session);  // of a video: those that were captured
+
+// Of rising numbers: "3, 17 to 20".
+std::string ranges_text(const google::protobuf::RepeatedField<std::int32_t>& numbers);
+
 // "9.2 s", "3 min 20 s"; "22.9 MB"
 std::string seconds_text(double seconds);
 std::string bytes_text(double bytes);

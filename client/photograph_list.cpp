@@ -63,21 +63,6 @@ absl::StatusOr<bool> truth_of(const std::string& name, const std::string& text) 
   return bad(fmt::format("{} is \"{}\"; it must be true or false", name, text));
 }
 
-absl::StatusOr<v1::Monitor> monitor_of(const std::string& text) {
-  char name[65] = {};
-  int width = 0, height = 0, read = 0;
-  const bool parsed = std::sscanf(text.c_str(), "%64[^:]:%dx%d%n", name, &width, &height, &read) == 3 &&
-                      static_cast<size_t>(read) == text.size();
-  if (!parsed)
-    return bad(fmt::format("monitor is \"{}\"; it must be NAME:WIDTHxHEIGHT, as back:1920x1080", text));
-  v1::Monitor monitor;
-  monitor.set_name(name);
-  monitor.set_width_px(width);
-  monitor.set_height_px(height);
-  monitor.set_response("linear");
-  return monitor;
-}
-
 // A field of Stimulus from its cell.
 absl::Status set_field(const Field& field, const std::string& text, v1::Stimulus& stimulus) {
   const google::protobuf::Reflection& reflection = *stimulus.GetReflection();
@@ -272,6 +257,21 @@ class Reader {
 };
 
 }  // namespace
+
+absl::StatusOr<v1::Monitor> monitor_of(const std::string& text) {
+  char name[65] = {};
+  int width = 0, height = 0, read = 0;
+  const bool parsed = std::sscanf(text.c_str(), "%64[^:]:%dx%d%n", name, &width, &height, &read) == 3 &&
+                      static_cast<size_t>(read) == text.size();
+  if (!parsed)
+    return bad(fmt::format("monitor is \"{}\"; it must be NAME:WIDTHxHEIGHT, as back:1920x1080", text));
+  v1::Monitor monitor;
+  monitor.set_name(name);
+  monitor.set_width_px(width);
+  monitor.set_height_px(height);
+  monitor.set_response("linear");
+  return monitor;
+}
 
 std::string PhotographList::place(int frame) const {
   return fmt::format("{}:{}", path.string(), lines[static_cast<size_t>(frame)]);

@@ -32,6 +32,9 @@ struct PhotographList {
   std::filesystem::path path;
 };
 
+// Of "NAME:WIDTHxHEIGHT". INVALID_ARGUMENT: it is not that.
+absl::StatusOr<v1::Monitor> monitor_of(const std::string& text);
+
 // INVALID_ARGUMENT names file, line, what is wrong and what would be accepted; NOT_FOUND: there is none.
 absl::StatusOr<PhotographList> read_photograph_list(const std::filesystem::path& path,
                                                     const PhotographOptions& options);

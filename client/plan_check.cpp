@@ -30,10 +30,17 @@ absl::Status check(const Client& client, const std::string& path) {
                                            {"solids", plan.solids_size()},
                                            {"square_wave_levels", plan.square_waves().levels()},
                                            {"ramp", plan.has_ramp()},
+                                           {"video_frames", is_video(plan) ? ramp_frames_of(plan.ramp()) : 0},
                                            {"photos", plan.photos_size()},
                                            {"hold_refreshes", hold_refreshes_of(plan)},
                                            {"retries", retries_of(plan)}};
     std::cout << answer.dump(1) << "\n";
+    return absl::OkStatus();
+  }
+  if (is_video(plan)) {
+    std::cout << fmt::format(
+        "{} is good: a video of {} frames, {} frames of the empty stage before, {} refreshes a frame\n", path,
+        ramp_frames_of(plan.ramp()), empty_ramp_frames_of(plan.ramp()), hold_refreshes_of(plan));
     return absl::OkStatus();
   }
   std::cout << fmt::format(

@@ -26,7 +26,14 @@ struct Estimate {
   int steps_without_object = 0;
   double seconds = 0.0;
   double bytes = 0.0;
+  // The video, if it is one; included above.
+  int video_frames = 0;
+  double video_seconds = 0.0;
 };
+
+double frame_bytes(const Estimate& estimate) {
+  return static_cast<double>(tiff_size_bytes(estimate.camera.width_px(), estimate.camera.height_px()));
+}
 
 bool gives_sizes(const v1::Plan& plan) {
   return plan.monitors_size() > 0 &&
@@ -82,10 +89,13 @@ absl::StatusOr<Estimate> estimate_of(const v1::Plan& plan, const absl::StatusOr<
   for (const Step& step : steps) {
     estimate.steps += 1;
     estimate.steps_without_object += step.object ? 0 : 1;
-    estimate.seconds += hold_refreshes_of(plan) / refresh_hz.at(step.stimulus.panel());
+    const double step_seconds = hold_refreshes_of(plan) / refresh_hz.at(step.stimulus.panel());
+    estimate.seconds += step_seconds;
+    if (!is_video(plan) || !step.object || step.stimulus.kind() != "ramp") continue;
+    estimate.video_frames += 1;
+    estimate.video_seconds += step_seconds;
   }
-  const double pixel_bytes = 6.0 * estimate.camera.width_px() * estimate.camera.height_px();
-  estimate.bytes = estimate.steps * (static_cast<double>(kTiffPixelOffset) + pixel_bytes);
+  estimate.bytes = estimate.steps * frame_bytes(estimate);
   return estimate;
 }
 
@@ -97,6 +107,10 @@ void print_json(const std::string& path, const v1::Plan& plan, const Estimate& e
       {"hold_refreshes", hold_refreshes_of(plan)},
       {"seconds", estimate.seconds},
       {"bytes", static_cast<std::int64_t>(estimate.bytes)},
+      {"video",
+       {{"frames", estimate.video_frames},
+        {"seconds", estimate.video_seconds},
+        {"bytes", static_cast<std::int64_t>(estimate.video_frames * frame_bytes(estimate))}}},
       {"camera", {{"width_px", estimate.camera.width_px()}, {"height_px", estimate.camera.height_px()}}},
       {"monitors", nlohmann::json::array()},
       {"assumed", estimate.assumed}};
@@ -128,6 +142,12 @@ absl::Status print_estimate(const Client& client, const std::string& path) {
             << fmt::format("data      {} ({} frames of {}x{})\n", bytes_text(estimate.bytes), estimate.steps,
                            estimate.camera.width_px(), estimate.camera.height_px())
             << fmt::format("monitors  {}\n", fmt::join(monitors, ", "));
+  if (estimate.video_frames > 0) {
+    std::cout << fmt::format("video     {} at {:.4g} frames a second, {} of it; each frame once\n",
+                             seconds_text(estimate.video_seconds),
+                             estimate.video_frames / estimate.video_seconds,
+                             bytes_text(estimate.video_frames * frame_bytes(estimate)));
+  }
   if (!estimate.assumed.empty())
     std::cout << fmt::format("assumed   {}\n", fmt::join(estimate.assumed, "; "));
   return absl::OkStatus();

@@ -28,6 +28,15 @@ void print_details(const v1::Session& session) {
                              session.patch_proven_count(),
                              session.proven_count() - session.patch_proven_count(), session.refused_count()));
   }
+  if (session.frame_count() > 0) {
+    row("video", fmt::format("{} frames", session.frame_count()));
+    if (!session.lost_frames().empty())
+      row("lost",
+          fmt::format("{} of them: {}", session.lost_frames_size(), ranges_text(session.lost_frames())));
+    if (!session.solved_frames().empty())
+      row("solved",
+          fmt::format("{} of them: {}", session.solved_frames_size(), ranges_text(session.solved_frames())));
+  }
   row("warning", session.warning());
   if (session.tile_count() > 0) {
     row("solving", fmt::format("{}, {} of {} tiles, {}", session.method(), session.tiles_done(),

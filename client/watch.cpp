@@ -25,13 +25,21 @@ class SessionProgress {
   void update(const v1::Session& session) {
     if (session.state() != state_) progress_.emplace(state_name(session.state()));
     state_ = session.state();
-    const bool solving = state_ == v1::SESSION_STATE_SOLVING;
-    const int done = solving ? session.tiles_done() : session.proven_count();
-    const int count = solving ? session.tile_count() : session.step_count();
+    const bool solving = state_ == v1::SESSION_STATE_SOLVING, frames = solving && is_video(session);
+    const int done = frames    ? session.solved_frames_size()
+                     : solving ? session.tiles_done()
+                               : session.proven_count();
+    const int count = frames    ? frames_to_solve(session)
+                      : solving ? session.tile_count()
+                                : session.step_count();
     const std::string retaken =
         !solving && session.retaken_count() > 0 ? fmt::format(", {} retaken", session.retaken_count()) : "";
     progress_->update(count > 0 ? static_cast<double>(done) / count : 0.0,
-                      fmt::format("{} of {} {}{}", done, count, solving ? "tiles" : "steps", retaken));
+                      fmt::format("{} of {} {}{}", done, count,
+                                  frames    ? "frames"
+                                  : solving ? "tiles"
+                                            : "steps",
+                                  retaken));
   }
 
  private:

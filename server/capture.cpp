@@ -26,12 +26,12 @@ constexpr int kLessons = 8;               // how often a patch is looked for tha
 constexpr int kDarkLessons = 2;           // how often one that the camera does not seem to look at
 constexpr milliseconds kLastFrame(1500);  // how long a frame may come after the last step was replaced
 
-std::string listed(const std::set<int>& steps) {
+std::string listed(const std::vector<Step>& steps) {
   std::string text;
   int count = 0;
-  for (const int step : steps) {
+  for (const Step& step : steps) {
     if (++count > 10) return text + ", ...";
-    text += fmt::format("{}{}", text.empty() ? "" : ", ", step);
+    text += fmt::format("{}{}", text.empty() ? "" : ", ", step.number);
   }
   return text;
 }
@@ -67,9 +67,10 @@ CaptureOutcome Capture::run(std::stop_token stop) {
     GW_RETURN_IF_ERROR(find_rig());
     GW_RETURN_IF_ERROR(open_archive());
     GW_RETURN_IF_ERROR(send_images());
+    const bool has_run = video_has_run();
     std::vector<Group> groups;
     for (const Step& step : steps_) {
-      if (proven_.contains(step.number)) continue;
+      if (proven_.contains(step.number) || (step.object && has_run)) continue;
       if (groups.empty() || groups.back().object != step.object ||
           groups.back().exposure_ms != step.exposure_ms) {
         groups.push_back({.object = step.object, .exposure_ms = step.exposure_ms, .steps = {}});
@@ -89,15 +90,18 @@ CaptureOutcome Capture::run(std::stop_token stop) {
       }
       GW_RETURN_IF_ERROR(take(group, stop));
     }
+    if (is_video(session_.plan())) note_lost(has_run);
     return seal();
   };
   const absl::Status status = work();
-  if (stop.stop_requested()) return {Kind::kStopped, ""};
+  if (stop.stop_requested()) {
+    return {Kind::kStopped, video_has_run() ? "the video is over, what was recorded of it stays" : ""};
+  }
   if (needs_operator) {
-    return {Kind::kNeedsOperator,
-            fmt::format("{}, then: glasswing resume {}",
-                        object_wanted ? "place the object on the stage" : "take the object off the stage",
-                        session_.name())};
+    const char* what = !object_wanted              ? "take the object off the stage, then"
+                       : is_video(session_.plan()) ? "place the object on the stage; to start the video"
+                                                   : "place the object on the stage, then";
+    return {Kind::kNeedsOperator, fmt::format("{}: glasswing resume {}", what, session_.name())};
   }
   if (status.ok()) return {Kind::kCaptured, ""};
   // ABORTED: another program took the screens, as after a display was started again.
@@ -194,25 +198,43 @@ absl::Status Capture::take(const Group& group, std::stop_token stop) {
   GW_RETURN_IF_ERROR(frames.camera.wait_running(stop));
   GW_RETURN_IF_ERROR(links_.exchange_clocks(8));
   const int refused_before = session_.refused_count();
-  std::vector<Step> pending = group.steps;
+  std::vector<Step> pending, video;
+  for (const Step& step : group.steps) (runs_once(step) ? video : pending).push_back(step);
   for (int shown = 0; !pending.empty(); ++shown) {
     if (shown - frames.vain_lessons > retries_of(session_.plan()))
-      return unproven(group, pending, session_.refused_count() - refused_before);
+      return unproven(fmt::format("{} steps had no proof after {} retries: {}", pending.size(),
+                                  retries_of(session_.plan()), listed(pending)),
+                      group, static_cast<int>(pending.size()), session_.refused_count() - refused_before);
     GW_RETURN_IF_ERROR(play(pending, frames, stop));
     if (stop.stop_requested()) return absl::CancelledError("stopped");
     std::erase_if(pending, [this](const Step& step) { return proven_.contains(step.number); });
     session_.set_capture_seconds(before_s + std::chrono::duration<double>(monotonic_now() - began).count());
     report_(session_);
   }
+  if (video.empty()) return absl::OkStatus();
+  GW_RETURN_IF_ERROR(take_video(group, video, frames, stop));
+  session_.set_capture_seconds(before_s + std::chrono::duration<double>(monotonic_now() - began).count());
   return absl::OkStatus();
 }
 
-absl::Status Capture::unproven(const Group& group, const std::vector<Step>& steps, int refused) const {
-  std::set<int> numbers;
-  for (const Step& step : steps) numbers.insert(step.number);
-  const std::string what = fmt::format("{} steps had no proof after {} retries: {}", numbers.size(),
-                                       retries_of(session_.plan()), listed(numbers));
-  if (refused > static_cast<int>(steps.size())) {
+absl::Status Capture::take_video(const Group& group, const std::vector<Step>& video, Recording& frames,
+                                 std::stop_token stop) {
+  const int refused_before = session_.refused_count();
+  const auto was_shown = [&frames](const Step& step) { return frames.shown.contains(step.number); };
+  // Only a start that came too late is made again: then nothing was shown.
+  for (int start = 0; start <= retries_of(session_.plan()) && std::ranges::none_of(video, was_shown);
+       ++start) {
+    GW_RETURN_IF_ERROR(play(video, frames, stop));
+    if (stop.stop_requested()) return absl::CancelledError("stopped");
+  }
+  if (video_has_run()) return absl::OkStatus();
+  return unproven(fmt::format("none of the video's {} frames has a proof", video.size()), group,
+                  static_cast<int>(video.size()), session_.refused_count() - refused_before);
+}
+
+absl::Status Capture::unproven(const std::string& what, const Group& group, int step_count,
+                               int refused) const {
+  if (refused > step_count) {
     return absl::FailedPreconditionError(fmt::format(
         "{}; {} frames were right by their times, but their pixels showed another id: the times that "
         "a display or the camera reports are wrong, try glasswing calibrate sync",
@@ -366,10 +388,7 @@ absl::Status Capture::keep_lessons(const std::vector<FrameMatcher::Match>& lesso
     frames.unseen[monitor].dark = unseen.dark();
     const bool accepted = std::find(given_up.begin(), given_up.end(), monitor) != given_up.end();
     if (!accepted || !unseen_patches_.insert(monitor).second) continue;
-    session_.set_warning(fmt::format("{}{}monitor \"{}\": {}; its steps are proven by time alone",
-                                     session_.warning(), session_.warning().empty() ? "" : "; ", monitor,
-                                     unseen.reason()));
-    report_(session_);
+    warn(fmt::format("monitor \"{}\": {}; its steps are proven by time alone", monitor, unseen.reason()));
   }
   return absl::OkStatus();
 }
@@ -428,6 +447,45 @@ void Capture::note_proven(const v1::Frame& frame) {
   session_.set_proven_count(static_cast<int>(proven_.size()));
   if (frame.proof() == v1::PROOF_TIME_AND_PATCH)
     session_.set_patch_proven_count(session_.patch_proven_count() + 1);
+}
+
+void Capture::warn(const std::string& what) {
+  session_.set_warning(session_.warning().empty() ? what : session_.warning() + "; " + what);
+  report_(session_);
+}
+
+bool Capture::runs_once(const Step& step) const {
+  return step.object && is_video(session_.plan()) && !is_lesson(step);
+}
+
+std::vector<int> Capture::video_steps() const {
+  std::vector<int> video;
+  for (const Step& step : steps_) {
+    if (runs_once(step)) video.push_back(step.number);
+  }
+  return video;
+}
+
+bool Capture::video_has_run() const {
+  return std::ranges::any_of(video_steps(), [this](int step) { return proven_.contains(step); });
+}
+
+void Capture::note_lost(bool broken_off) {
+  const std::vector<int> video = video_steps();
+  session_.clear_lost_frames();
+  int run = 0, longest = 0;
+  for (size_t i = 0; i < video.size(); ++i) {
+    run = proven_.contains(video[i]) ? 0 : run + 1;
+    longest = std::max(longest, run);
+    if (run > 0) session_.add_lost_frames(static_cast<int>(i));
+  }
+  const int count = static_cast<int>(video.size()), lost = session_.lost_frames_size();
+  if (broken_off && run > 0) {
+    warn(fmt::format("the video ended early: {} of {} frames{}", count - run, count,
+                     lost > run ? fmt::format(", {} of them lost", lost - run) : ""));
+  } else if (lost > 0) {
+    warn(fmt::format("{} of {} frames of the video were lost, at most {} in a row", lost, count, longest));
+  }
 }
 
 absl::Status Capture::seal() {

@@ -1,6 +1,9 @@
 // One capture, from the first step without proof to the sealed archive. Loads programs into the displays,
 // lets the camera run, listens to both, proves, and has the camera keep what is proven. No RPC stands between
 // one step and the next.
+//
+// A video (core/pattern/plan) runs once: its steps that get no proof are lost. One that broke off, for
+// whatever reason, is not gone on with: what was recorded stays, and the rest is lost too.
 #pragma once
 
 #include <absl/status/status.h>
@@ -81,7 +84,10 @@ class Capture {
   // False: a person has to move it.
   absl::StatusOr<bool> move_object(bool present);
   absl::Status take(const Group& group, std::stop_token stop);
-  absl::Status unproven(const Group& group, const std::vector<Step>& steps, int refused) const;
+  absl::Status take_video(const Group& group, const std::vector<Step>& video, Recording& frames,
+                          std::stop_token stop);
+  // `what` has no proof; says what may help.
+  absl::Status unproven(const std::string& what, const Group& group, int step_count, int refused) const;
   absl::Status play(const std::vector<Step>& steps, Recording& frames, std::stop_token stop);
   absl::StatusOr<int> load(const std::string& program, const std::vector<Step>& steps);
   void take_frames(Recording& frames);
@@ -93,6 +99,11 @@ class Capture {
                                               Recording& frames);
   std::vector<std::string> patches_given_up(const Recording& frames) const;
   void note_proven(const v1::Frame& frame);
+  bool runs_once(const Step& step) const;  // a frame of the video
+  std::vector<int> video_steps() const;    // in order
+  bool video_has_run() const;              // or some of it
+  void note_lost(bool broken_off);
+  void warn(const std::string& what);
   absl::Status seal();
 
   const Rig& rig_;

@@ -2,26 +2,43 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
+#include <utility>
 
 #include "core/base/status.h"
 
 namespace glasswing {
+namespace {
+
+// Tiles were of rows only, once.
+absl::Status rename_columns(Database& database) {
+  for (const auto& [old, now] : {std::pair("first_row", "first"), std::pair("row_count", "count")}) {
+    Database::Query query = database.query("SELECT 1 FROM pragma_table_info('tiles') WHERE name = ?");
+    query.bind(std::string_view(old));
+    const bool is_old = query.next();
+    GW_RETURN_IF_ERROR(query.finish());
+    if (is_old)
+      GW_RETURN_IF_ERROR(database.run(fmt::format("ALTER TABLE tiles RENAME COLUMN {} TO {}", old, now)));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
 
 absl::StatusOr<std::unique_ptr<JobStore>> JobStore::open(const std::filesystem::path& path) {
   GW_ASSIGN_OR_RETURN(Database database, Database::open(path));
   // Leases of an earlier process ended with it; attempt numbers go on, so its solvers stay fenced.
   GW_RETURN_IF_ERROR(database.run(
       "CREATE TABLE IF NOT EXISTS tiles (id INTEGER PRIMARY KEY AUTOINCREMENT, session TEXT NOT NULL, "
-      "number INTEGER NOT NULL, first_row INTEGER NOT NULL, row_count INTEGER NOT NULL, "
+      "number INTEGER NOT NULL, first INTEGER NOT NULL, count INTEGER NOT NULL, "
       "attempt INTEGER NOT NULL DEFAULT 0, failures INTEGER NOT NULL DEFAULT 0, "
       "lease_until INTEGER NOT NULL DEFAULT 0, solver TEXT NOT NULL DEFAULT '', result TEXT NOT NULL DEFAULT "
       "'', "
       "UNIQUE (session, number)); UPDATE tiles SET lease_until = 0"));
+  GW_RETURN_IF_ERROR(rename_columns(database));
   return std::unique_ptr<JobStore>(new JobStore(std::move(database)));
 }
 
-absl::Status JobStore::create(const std::string& session, int row_count, int rows_per_tile) {
+absl::Status JobStore::create(const std::string& session, std::span<const int> counts) {
   const std::lock_guard lock(mutex_);
   // A re-solve must not accept results of the solve before it: attempts go on from the highest one so far.
   Database::Query highest =
@@ -31,17 +48,18 @@ absl::Status JobStore::create(const std::string& session, int row_count, int row
   GW_RETURN_IF_ERROR(highest.finish());
   GW_RETURN_IF_ERROR(database_.run("BEGIN IMMEDIATE"));
   absl::Status status = database_.query("DELETE FROM tiles WHERE session = ?").bind(session).finish();
-  for (int row = 0, number = 0; row < row_count && status.ok(); row += rows_per_tile, ++number) {
+  int first = 0, number = 0;
+  for (const int count : counts) {
+    if (!status.ok()) break;
     status =
-        database_
-            .query(
-                "INSERT INTO tiles (session, number, first_row, row_count, attempt) VALUES (?, ?, ?, ?, ?)")
+        database_.query("INSERT INTO tiles (session, number, first, count, attempt) VALUES (?, ?, ?, ?, ?)")
             .bind(session)
-            .bind(number)
-            .bind(row)
-            .bind(std::min(rows_per_tile, row_count - row))
+            .bind(number++)
+            .bind(first)
+            .bind(count)
             .bind(attempt)
             .finish();
+    first += count;
   }
   if (!status.ok()) {
     (void)database_.run("ROLLBACK");
@@ -50,9 +68,13 @@ absl::Status JobStore::create(const std::string& session, int row_count, int row
   return database_.run("COMMIT");
 }
 
-absl::Status JobStore::remove(const std::string& session) {
+absl::Status JobStore::give_up(const std::string& session) {
   const std::lock_guard lock(mutex_);
-  return database_.query("DELETE FROM tiles WHERE session = ?").bind(session).finish();
+  // They stay, done for good: a later solve counts its attempts on from theirs, and their late results are
+  // refused.
+  return database_.query("UPDATE tiles SET result = 'void', lease_until = 0 WHERE session = ?")
+      .bind(session)
+      .finish();
 }
 
 absl::StatusOr<std::optional<Tile>> JobStore::claim(const std::string& solver, nanoseconds now) {
@@ -60,14 +82,14 @@ absl::StatusOr<std::optional<Tile>> JobStore::claim(const std::string& solver, n
   Database::Query query = database_.query(
       "UPDATE tiles SET attempt = attempt + 1, solver = ?, lease_until = ? WHERE id = (SELECT id FROM tiles "
       "WHERE result = '' AND lease_until < ? ORDER BY failures, id LIMIT 1) "
-      "RETURNING session, number, first_row, row_count, attempt");
+      "RETURNING session, number, first, count, attempt");
   query.bind(solver).bind((now + kLease).count()).bind(now.count());
   std::optional<Tile> tile;
   if (query.next()) {
     tile = Tile{.session = query.text(0),
                 .number = static_cast<int>(query.integer(1)),
-                .first_row = static_cast<int>(query.integer(2)),
-                .row_count = static_cast<int>(query.integer(3)),
+                .first = static_cast<int>(query.integer(2)),
+                .count = static_cast<int>(query.integer(3)),
                 .attempt = static_cast<int>(query.integer(4)),
                 .result = ""};
   }
@@ -127,14 +149,14 @@ absl::StatusOr<bool> JobStore::fail(const Tile& lease) {
 absl::StatusOr<std::vector<Tile>> JobStore::tiles(const std::string& session) {
   const std::lock_guard lock(mutex_);
   Database::Query query = database_.query(
-      "SELECT number, first_row, row_count, attempt, result FROM tiles WHERE session = ? ORDER BY number");
+      "SELECT number, first, count, attempt, result FROM tiles WHERE session = ? ORDER BY number");
   query.bind(session);
   std::vector<Tile> tiles;
   while (query.next()) {
     tiles.push_back({.session = session,
                      .number = static_cast<int>(query.integer(0)),
-                     .first_row = static_cast<int>(query.integer(1)),
-                     .row_count = static_cast<int>(query.integer(2)),
+                     .first = static_cast<int>(query.integer(1)),
+                     .count = static_cast<int>(query.integer(2)),
                      .attempt = static_cast<int>(query.integer(3)),
                      .result = query.text(4)});
   }

@@ -10,6 +10,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -21,13 +22,16 @@ namespace glasswing {
 inline constexpr std::chrono::seconds kLease(10);
 inline constexpr int kMaxAttempts = 3;
 
+// Rows of the camera's picture; of a video frames.
 struct Tile {
   std::string session;
   int number = 0;
-  int first_row = 0;
-  int row_count = 0;
+  int first = 0;
+  int count = 0;
   int attempt = 0;
-  std::string result;  // file name, once it is done
+  std::string result;  // once it is done; of rows their file's name
+
+  bool is_done() const { return !result.empty(); }
 };
 
 // Thread-safe. `now` is any monotonic time; leases do not outlive the process that granted them.
@@ -35,9 +39,10 @@ class JobStore {
  public:
   static absl::StatusOr<std::unique_ptr<JobStore>> open(const std::filesystem::path& path);
 
-  // Replaces whatever tiles the session had: one for every `rows_per_tile` rows.
-  absl::Status create(const std::string& session, int row_count, int rows_per_tile);
-  absl::Status remove(const std::string& session);
+  // Replaces whatever tiles the session had, by tiles of so many rows or frames each, one after another.
+  absl::Status create(const std::string& session, std::span<const int> counts);
+  // Nobody works on the session's tiles any more.
+  absl::Status give_up(const std::string& session);
 
   // The oldest tile that is free or whose lease has ended; none if there is none.
   absl::StatusOr<std::optional<Tile>> claim(const std::string& solver, nanoseconds now);

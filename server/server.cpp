@@ -9,9 +9,9 @@
 #include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
-#include "core/matte/matte_file.h"
 #include "core/service/service.h"
 #include "server/embed_calibrations.h"
+#include "server/session_facts.h"
 
 namespace glasswing {
 namespace {
@@ -19,37 +19,12 @@ namespace {
 namespace fs = std::filesystem;
 constexpr std::chrono::seconds kNodeGrace(30);  // how long a capture waits for a lost node before it pauses
 
-std::string state_of(const v1::Session& session) {
-  std::string name = v1::SessionState_Name(session.state()).substr(std::string("SESSION_STATE_").size());
-  std::transform(name.begin(), name.end(), name.begin(),
-                 [](char c) { return static_cast<char>(std::tolower(c)); });
-  return name;
-}
-
-absl::Status not_now(const v1::Session& session, const std::string& verb) {
-  return absl::FailedPreconditionError(
-      fmt::format("session \"{}\" is {}; it cannot be {}", session.name(), state_of(session), verb));
-}
-
 absl::StatusOr<fs::path> directory_below(const fs::path& data, const char* name) {
   std::error_code error;
   fs::create_directories(data / name, error);
   if (error)
     return absl::ErrnoToStatus(error.value(), fmt::format("cannot create {}", (data / name).string()));
   return data / name;
-}
-
-// How frames are to be solved where nobody says.
-std::string usual_method(const v1::CaptureManifest& manifest) {
-  if (check_method(manifest.plan().method()).ok()) return manifest.plan().method();
-  const std::pair<std::string_view, std::string_view> methods[] = {
-      {"gauss_stripe", "gaussian"}, {"sinusoid", "fringe"}, {"square", "hierarchical"}, {"solid", "alpha"}};
-  for (const auto& [kind, method] : methods) {
-    const bool shown = std::ranges::any_of(
-        manifest.frames(), [&](const v1::Frame& frame) { return frame.stimulus().kind() == kind; });
-    if (shown) return std::string(method);
-  }
-  return "gaussian";
 }
 
 }  // namespace
@@ -192,6 +167,7 @@ absl::StatusOr<v1::Session> Server::create(const v1::CreateSessionRequest& reque
   GW_RETURN_IF_ERROR(check_name("session", session.name()));
   *session.mutable_plan() = request.plan();
   session.set_method(request.plan().method());
+  if (is_video(request.plan())) session.set_frame_count(ramp_frames_of(request.plan().ramp()));
   session.set_step_count(static_cast<int>(steps.size()));
   session.set_pixel_count(static_cast<std::int64_t>(camera.camera().width_px()) *
                           camera.camera().height_px());
@@ -268,7 +244,8 @@ void Server::capture_until_done(v1::Session session, std::optional<bool> object_
       break;
     case Kind::kStopped:
       session.set_state(wish_ == Wish::kCancel ? v1::SESSION_STATE_CANCELLED : v1::SESSION_STATE_PAUSED);
-      if (wish_ != Wish::kCancel) session.set_reason("asked to" + go_on);
+      if (wish_ != Wish::kCancel)
+        session.set_reason("asked to" + (outcome.reason.empty() ? "" : "; " + outcome.reason) + go_on);
       break;
     case Kind::kNodeLost:
       session.set_state(v1::SESSION_STATE_PAUSED);
@@ -349,7 +326,7 @@ absl::StatusOr<v1::Session> Server::cancel(const std::string& name) {
   const std::lock_guard lock(mutex_);
   if (session.state() == v1::SESSION_STATE_SOLVING) {
     // Its frames are all there: only the solve is given up.
-    GW_RETURN_IF_ERROR(jobs_->remove(name));
+    GW_RETURN_IF_ERROR(jobs_->give_up(name));
     session.set_state(v1::SESSION_STATE_CAPTURED);
     session.set_reason("the solve was cancelled");
   } else if (session.state() == v1::SESSION_STATE_PAUSED || session.state() == v1::SESSION_STATE_CREATED) {
@@ -415,6 +392,7 @@ absl::StatusOr<v1::Session> Server::finish_import(const std::string& name) {
   set_deadline(get_context, std::chrono::seconds(30));
   GW_RETURN_IF_ERROR(from_grpc(archive->GetManifest(&get_context, get, &manifest), peer));
   session.set_method(usual_method(manifest.manifest()));
+  note_video(manifest.manifest(), session);
   session.set_step_count(manifest.manifest().frames_size());
   session.set_proven_count(manifest.manifest().frames_size());
   session.set_state(v1::SESSION_STATE_CAPTURED);
@@ -422,187 +400,6 @@ absl::StatusOr<v1::Session> Server::finish_import(const std::string& name) {
   const std::lock_guard lock(mutex_);
   GW_RETURN_IF_ERROR(change(session));
   return session;
-}
-
-absl::StatusOr<v1::Session> Server::solve(const v1::SolveSessionRequest& request) {
-  GW_ASSIGN_OR_RETURN(v1::Session session, find(request.name()));
-  if (session.plan().has_calibration()) {
-    return absl::FailedPreconditionError(fmt::format(
-        "session \"{}\" measured devices and holds no object; what it found: glasswing calibrate list",
-        session.name()));
-  }
-  const std::string method = request.method().empty() ? session.method() : request.method();
-  GW_RETURN_IF_ERROR(check_method(method));
-  const bool captured = session.state() == v1::SESSION_STATE_CAPTURED ||
-                        session.state() == v1::SESSION_STATE_DONE ||
-                        (session.state() == v1::SESSION_STATE_FAILED && session.tile_count() > 0);
-  if (!captured) return not_now(session, "solved (it must be captured first)");
-  v1::GetManifestRequest get;
-  get.set_session(session.name());
-  v1::GetManifestResponse manifest;
-  grpc::ClientContext context;
-  set_deadline(context, std::chrono::seconds(30));
-  GW_RETURN_IF_ERROR(from_grpc(
-      v1::ArchiveService::NewStub(dial(session.archive_address()))->GetManifest(&context, get, &manifest),
-      "camera node at " + session.archive_address()));
-  const int height = manifest.manifest().camera().height_px();
-  const int width = std::max(manifest.manifest().camera().width_px(), 1);
-  // About a second of work each, and enough of them for several solvers.
-  constexpr int kPixelsPerTile = 1024;
-  const int rows_per_tile = std::clamp(kPixelsPerTile / width, 1, std::max(height, 1));
-
-  const std::lock_guard lock(mutex_);
-  GW_RETURN_IF_ERROR(jobs_->create(session.name(), height, rows_per_tile));
-  session.set_method(method);
-  *session.mutable_options() = request.options();
-  session.set_tile_count((height + rows_per_tile - 1) / rows_per_tile);
-  session.set_tiles_done(0);
-  session.set_object_pixel_count(0);
-  session.set_flagged_pixel_count(0);
-  session.set_solve_seconds(0.0);
-  session.set_state(v1::SESSION_STATE_SOLVING);
-  session.clear_reason();
-  solve_began_[session.name()] = monotonic_now();
-  GW_RETURN_IF_ERROR(change(session));
-  spdlog::info("solving session={} method={} tiles={}", session.name(), method, session.tile_count());
-  return session;
-}
-
-absl::StatusOr<v1::ClaimTileResponse> Server::claim(const v1::ClaimTileRequest& request) {
-  v1::ClaimTileResponse response;
-  const std::lock_guard lock(mutex_);
-  GW_ASSIGN_OR_RETURN(const std::optional<Tile> tile, jobs_->claim(request.solver(), monotonic_now()));
-  if (!tile) {
-    rig_.note(request.solver(), "waiting for work");
-    return response;
-  }
-  GW_ASSIGN_OR_RETURN(const v1::Session session, catalogue_->find(tile->session));
-  rig_.note(request.solver(), fmt::format("solving {} tile {}", tile->session, tile->number));
-  response.mutable_lease()->set_session(tile->session);
-  response.mutable_lease()->set_tile(tile->number);
-  response.mutable_lease()->set_attempt(tile->attempt);
-  response.set_lease_ms(std::chrono::milliseconds(kLease).count());
-  response.set_first_row(tile->first_row);
-  response.set_row_count(tile->row_count);
-  response.set_method(session.method());
-  *response.mutable_options() = session.options();
-  response.set_archive_address(session.archive_address());
-  return response;
-}
-
-absl::Status Server::keep(const v1::TileLease& lease) {
-  return jobs_->keep({.session = lease.session(),
-                      .number = lease.tile(),
-                      .first_row = 0,
-                      .row_count = 0,
-                      .attempt = lease.attempt(),
-                      .result = ""},
-                     monotonic_now());
-}
-
-absl::Status Server::complete(const v1::CompleteTileRequest& header, const std::string& matte) {
-  const v1::TileLease& lease = header.lease();
-  GW_RETURN_IF_ERROR(check_name("session", lease.session()));
-  GW_RETURN_IF_ERROR(decode_matte(matte).status());
-  const fs::path directory = data_ / "tiles" / lease.session();
-  std::error_code error;
-  fs::create_directories(directory, error);
-  if (error) return absl::ErrnoToStatus(error.value(), fmt::format("cannot create {}", directory.string()));
-  const std::string file = fmt::format("{}-{}.exr", lease.tile(), lease.attempt());
-  GW_RETURN_IF_ERROR(write_file_durably(directory / file, matte));
-  const std::lock_guard lock(mutex_);
-  GW_ASSIGN_OR_RETURN(v1::Session session, catalogue_->find(lease.session()));
-  GW_ASSIGN_OR_RETURN(std::vector<Tile> tiles, jobs_->tiles(lease.session()));
-  const auto known =
-      std::find_if(tiles.begin(), tiles.end(), [&](const Tile& t) { return t.number == lease.tile(); });
-  const bool again = known != tiles.end() && known->result == file;
-  GW_RETURN_IF_ERROR(jobs_->complete({.session = lease.session(),
-                                      .number = lease.tile(),
-                                      .first_row = 0,
-                                      .row_count = 0,
-                                      .attempt = lease.attempt(),
-                                      .result = ""},
-                                     file));
-  if (again && session.state() != v1::SESSION_STATE_SOLVING) return absl::OkStatus();
-  if (!again) {
-    known->result = file;
-    session.set_object_pixel_count(session.object_pixel_count() + header.object_pixel_count());
-    session.set_flagged_pixel_count(session.flagged_pixel_count() + header.flagged_pixel_count());
-  }
-  // Counted from the store, not added up: a crash between its commit and ours must not lose one.
-  session.set_tiles_done(static_cast<int>(
-      std::count_if(tiles.begin(), tiles.end(), [](const Tile& tile) { return !tile.result.empty(); })));
-  if (const auto began = solve_began_.find(session.name()); began != solve_began_.end()) {
-    session.set_solve_seconds(std::chrono::duration<double>(monotonic_now() - began->second).count());
-  }
-  if (session.tiles_done() == session.tile_count()) return finish_solve(std::move(session));
-  return change(session);
-}
-
-absl::Status Server::finish_solve(v1::Session session) {
-  GW_ASSIGN_OR_RETURN(const std::vector<Tile> tiles, jobs_->tiles(session.name()));
-  const auto assembled = [&]() -> absl::Status {
-    std::vector<Matte> parts;
-    std::int64_t object = 0, flagged = 0;
-    for (const Tile& tile : tiles) {
-      GW_ASSIGN_OR_RETURN(Matte part, read_matte(data_ / "tiles" / session.name() / tile.result));
-      for (int y = 0; y < part.height_px(); ++y) {
-        for (int x = 0; x < part.width_px(); ++x) {
-          object += part.coverage(x, y) > 0.0f ? 1 : 0;
-          flagged += part.flags(x, y) != kFlagNone ? 1 : 0;
-        }
-      }
-      parts.push_back(std::move(part));
-    }
-    GW_ASSIGN_OR_RETURN(const Matte matte, assemble(parts));
-    session.set_object_pixel_count(object);
-    session.set_flagged_pixel_count(flagged);
-    GW_ASSIGN_OR_RETURN(const std::string bytes, encode_matte(matte));
-    return write_file_durably(data_ / "mattes" / (session.name() + ".exr"), bytes);
-  }();
-  if (assembled.ok()) {
-    session.set_state(v1::SESSION_STATE_DONE);
-    session.clear_reason();
-  } else {
-    session.set_state(v1::SESSION_STATE_FAILED);
-    session.set_reason(std::string(assembled.message()));
-  }
-  GW_RETURN_IF_ERROR(change(session));
-  std::error_code ignored;
-  if (assembled.ok()) fs::remove_all(data_ / "tiles" / session.name(), ignored);
-  spdlog::info("{} session={} seconds={:.1f} flagged={}", state_of(session), session.name(),
-               session.solve_seconds(), session.flagged_pixel_count());
-  return absl::OkStatus();
-}
-
-absl::Status Server::fail(const v1::FailTileRequest& request) {
-  const v1::TileLease& lease = request.lease();
-  const Tile tile{.session = lease.session(),
-                  .number = lease.tile(),
-                  .first_row = 0,
-                  .row_count = 0,
-                  .attempt = lease.attempt(),
-                  .result = ""};
-  const std::lock_guard lock(mutex_);
-  GW_ASSIGN_OR_RETURN(const bool exhausted, jobs_->fail(tile));
-  if (!exhausted && !request.permanent()) return absl::OkStatus();
-  GW_ASSIGN_OR_RETURN(v1::Session session, catalogue_->find(lease.session()));
-  if (session.state() != v1::SESSION_STATE_SOLVING) return absl::OkStatus();
-  GW_RETURN_IF_ERROR(jobs_->remove(lease.session()));
-  session.set_state(v1::SESSION_STATE_FAILED);
-  session.set_reason(request.error());
-  spdlog::error("solve failed session={} tile={} reason=\"{}\"", session.name(), lease.tile(),
-                request.error());
-  return change(session);
-}
-
-absl::StatusOr<fs::path> Server::matte(const std::string& name) {
-  GW_ASSIGN_OR_RETURN(const v1::Session session, find(name));
-  if (session.state() != v1::SESSION_STATE_DONE) {
-    return absl::FailedPreconditionError(fmt::format(
-        "session \"{}\" is {}; solve it first: glasswing solve {} --watch", name, state_of(session), name));
-  }
-  return data_ / "mattes" / (name + ".exr");
 }
 
 }  // namespace glasswing

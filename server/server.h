@@ -11,6 +11,7 @@
 
 #include <condition_variable>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -22,6 +23,7 @@
 #include "glasswing/v1/work_service.pb.h"
 #include "server/capture.h"
 #include "server/catalogue.h"
+#include "server/frame_mattes.h"
 #include "server/job_store.h"
 #include "server/rig.h"
 
@@ -55,8 +57,8 @@ class Server {
   absl::StatusOr<v1::Session> resume(const std::string& name);
   absl::StatusOr<v1::Session> cancel(const std::string& name);
   absl::StatusOr<v1::Session> solve(const v1::SolveSessionRequest& request);
-  // Path of the finished matte.
-  absl::StatusOr<std::filesystem::path> matte(const std::string& name);
+  // Path of the finished matte, or of that of a video's frame.
+  absl::StatusOr<std::filesystem::path> matte(const std::string& name, std::optional<int> frame);
 
   // Waits for any session to change after `seen` (0: none yet), at most `timeout`; returns the number of the
   // last change.
@@ -64,8 +66,11 @@ class Server {
 
   absl::StatusOr<v1::ClaimTileResponse> claim(const v1::ClaimTileRequest& request);
   absl::Status keep(const v1::TileLease& lease);
+  // Where the files of a video's tile go as they come; none for a tile of rows.
+  absl::StatusOr<std::optional<FrameMattes>> frames_of(const v1::TileLease& lease);
   // `matte` is the tile's file, whole.
   absl::Status complete(const v1::CompleteTileRequest& header, const std::string& matte);
+  absl::Status complete(const v1::CompleteTileRequest& header, FrameMattes mattes);
   absl::Status fail(const v1::FailTileRequest& request);
 
  private:
@@ -76,10 +81,16 @@ class Server {
   void announce();
   absl::Status check_rig_is_free() const;
   void start_capture(const v1::Session& session);
+  // Notes that the tile is done. Before, if this is news, `place` puts what came to where it is read.
+  absl::Status accept(const v1::CompleteTileRequest& header, const std::string& result,
+                      const std::function<absl::Status(const v1::Session&, const Tile&)>& place);
+  absl::Status assemble_rows(v1::Session& session);
   absl::Status finish_solve(v1::Session session);
 
   void capture_until_done(v1::Session session, std::optional<bool> object_confirmed, std::stop_token stop);
   void join_capture();  // without mutex_
+  std::filesystem::path matte_path(const v1::Session& session, int frame) const;
+  absl::StatusOr<std::filesystem::path> frame_matte(const v1::Session& session, int frame) const;
 
   const std::filesystem::path data_;
   Rig rig_;

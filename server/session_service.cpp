@@ -116,7 +116,8 @@ grpc::Status SessionServiceImpl::SolveSession(grpc::ServerContext*, const v1::So
 
 grpc::Status SessionServiceImpl::FetchMatte(grpc::ServerContext*, const v1::FetchMatteRequest* request,
                                             grpc::ServerWriter<v1::FetchMatteResponse>* writer) {
-  const absl::StatusOr<std::filesystem::path> path = server_.matte(request->name());
+  const std::optional<int> frame = request->has_frame() ? std::optional<int>(request->frame()) : std::nullopt;
+  const absl::StatusOr<std::filesystem::path> path = server_.matte(request->name(), frame);
   if (!path.ok()) return to_grpc(path.status());
   const absl::StatusOr<std::string> bytes = read_file(*path);
   if (!bytes.ok()) return to_grpc(absl::DataLossError(bytes.status().message()));

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "core/base/status.h"
 #include "core/base/time.h"
 #include "core/service/service.h"
 
@@ -11,6 +12,19 @@ namespace glasswing {
 namespace {
 
 constexpr size_t kMaxTileBytes = 256u << 20;
+
+absl::Status complete_frames(Server& server, const v1::CompleteTileRequest& header, FrameMattes mattes,
+                             grpc::ServerReader<v1::CompleteTileRequest>& reader) {
+  int frame = -1;
+  for (v1::CompleteTileRequest request; reader.Read(&request);) {
+    if (request.has_frame() && request.frame() != frame) {
+      frame = request.frame();
+      GW_RETURN_IF_ERROR(mattes.begin(frame));
+    }
+    GW_RETURN_IF_ERROR(mattes.add(request.chunk()));
+  }
+  return server.complete(header, std::move(mattes));
+}
 
 }  // namespace
 
@@ -48,6 +62,9 @@ grpc::Status WorkServiceImpl::CompleteTile(grpc::ServerContext*,
   if (!reader->Read(&header) || !header.has_lease()) {
     return to_grpc(absl::InvalidArgumentError("the first message must name the tile"));
   }
+  absl::StatusOr<std::optional<FrameMattes>> mattes = server_.frames_of(header.lease());
+  if (!mattes.ok()) return to_grpc(mattes.status());
+  if (*mattes) return to_grpc(complete_frames(server_, header, **std::move(mattes), *reader));
   std::string matte = header.chunk();
   v1::CompleteTileRequest more;
   while (reader->Read(&more)) {

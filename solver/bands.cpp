@@ -6,7 +6,6 @@
 #include <thread>
 
 #include "core/base/status.h"
-#include "core/radiometry/evenness.h"
 #include "solver/linear_stack.h"
 
 namespace glasswing {
@@ -26,14 +25,15 @@ FrameStack rows_of(const FrameStack& stack, const std::vector<int>& needed, int 
   return band;
 }
 
-// Of the finished matte, not of samples, whose noise stays as it is.
-void take_out(const Evenness& evenness, Matte& matte) {
+}  // namespace
+
+void take_out_fall_off(const Evenness& evenness, Matte& matte) {
   if (evenness.is_even()) return;
   for (int y = 0; y < matte.height_px(); ++y) {
     for (int x = 0; x < matte.width_px(); ++x) {
       const double camera = evenness.camera(matte.x0_px() + x, matte.y0_px() + y);
-      for (int c = 0; c < kChannels; ++c) {
-        matte.foreground(x, y)[static_cast<size_t>(c)] /= static_cast<float>(camera);
+      for (float& light : matte.foreground(x, y)) light /= static_cast<float>(camera);
+      for (int c = 0; c < (matte.is_colourless() ? 1 : kChannels); ++c) {
         for (Mode& mode : matte.modes(x, y, c)) {
           const double monitor =
               evenness.monitor(mode.texture, static_cast<double>(mode.x_px), static_cast<double>(mode.y_px));
@@ -45,8 +45,6 @@ void take_out(const Evenness& evenness, Matte& matte) {
     }
   }
 }
-
-}  // namespace
 
 absl::StatusOr<Matte> solve_in_bands(const Method& method, const FrameStack& stack, int thread_count,
                                      std::stop_token stop, const std::function<void(double)>& progress) {
@@ -87,7 +85,7 @@ absl::StatusOr<Matte> solve_in_bands(const Method& method, const FrameStack& sta
   whole.metadata = first.metadata;
   linear.describe(whole.metadata);
   for (const auto& band : bands) whole.put(**band);
-  take_out(evenness, whole);
+  take_out_fall_off(evenness, whole);
   return whole;
 }
 

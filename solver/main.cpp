@@ -16,6 +16,8 @@
 #include "core/service/service.h"
 #include "solver/background/object_mask.h"
 #include "solver/bands.h"
+#include "solver/ramp/ramp_options.h"
+#include "solver/video_solve.h"
 #include "solver/work_loop.h"
 
 namespace glasswing {
@@ -44,6 +46,33 @@ struct Solve {
   int threads = 0;
 };
 
+// A matte a frame, 0000.exr and so on; those finished before an error stay.
+absl::Status solve_each_frame(const VideoMethod& method, const MappedArchive& archive, const Solve& solve) {
+  const v1::CaptureManifest& manifest = archive.manifest();
+  GW_ASSIGN_OR_RETURN(const VideoLayout layout, lay_out_video(manifest));
+  const int count = static_cast<int>(layout.frames.size());
+  const ReadFrame read = [&](int frame) -> absl::StatusOr<std::vector<std::uint16_t>> {
+    const std::span<const std::uint16_t> rows = archive.rows(frame, 0, manifest.camera().height_px());
+    return std::vector<std::uint16_t>(rows.begin(), rows.end());
+  };
+  GW_ASSIGN_OR_RETURN(const std::unique_ptr<VideoSource> source, read_ahead(manifest, 0, count, read));
+  std::error_code failed;
+  std::filesystem::create_directories(solve.matte, failed);
+  if (failed)
+    return absl::InvalidArgumentError(
+        fmt::format("{}: it must be a directory: {}", solve.matte, failed.message()));
+  const bool watched = ::isatty(STDERR_FILENO) != 0;
+  const absl::Status status = solve_video(
+      method, *source, 0, count, solve.threads, {}, [&](int frame, const Matte& matte) -> absl::Status {
+        GW_ASSIGN_OR_RETURN(const std::string bytes, encode_matte(matte));
+        if (watched) std::cerr << fmt::format("\rsolved {} of {} frames", frame + 1, count);
+        return write_file_durably(std::filesystem::path(solve.matte) / fmt::format("{:04}.exr", frame),
+                                  bytes);
+      });
+  if (watched) std::cerr << "\n";
+  return status;
+}
+
 absl::Status solve(const Solve& solve) {
   MethodOptions options;
   for (const std::string& setting : solve.settings) {
@@ -53,6 +82,11 @@ absl::Status solve(const Solve& solve) {
           fmt::format("--set {}: it must be NAME=VALUE, such as modes=2", setting));
     }
     options[setting.substr(0, equals)] = setting.substr(equals + 1);
+  }
+  GW_ASSIGN_OR_RETURN(const std::unique_ptr<VideoMethod> video, make_video_method(solve.method, options));
+  if (video != nullptr) {
+    GW_ASSIGN_OR_RETURN(const auto archive, MappedArchive::open(solve.archive));
+    return solve_each_frame(*video, *archive, solve);
   }
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<Method> method, make_method(solve.method, options));
   GW_ASSIGN_OR_RETURN(const auto archive, MappedArchive::open(solve.archive));
@@ -149,8 +183,12 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", kVersion);
   Solve here;
   CLI::App* solve_command = app.add_subcommand("solve", "Solve an archive on this machine, without a server");
+  solve_command->footer("Options of method ramp:\n" + std::string(ramp_options_help()));
   solve_command->add_option("archive", here.archive, "folder with manifest.json")->required();
-  solve_command->add_option("matte", here.matte, "EXR file to write")->required();
+  solve_command
+      ->add_option("matte", here.matte,
+                   "EXR file to write; a directory for a file a frame of a video (method ramp)")
+      ->required();
   solve_command->add_option("--method", here.method)->capture_default_str();
   solve_command->add_option("--set", here.settings, "NAME=VALUE, an option of the method");
   solve_command->add_option("--threads", here.threads, "0: one for each core")

@@ -23,6 +23,7 @@ namespace glasswing {
 struct VideoLayout {
   int texture = 0;          // the monitor that shows the ramp: its place in manifest.monitors
   std::vector<int> empty;   // of the ramp without the object
+  std::vector<int> black;   // without the object, all monitors black
   std::vector<int> frames;  // by time; -1 where a frame of the plan was not captured
 };
 

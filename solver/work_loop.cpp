@@ -4,18 +4,20 @@
 #include <spdlog/spdlog.h>
 
 #include <condition_variable>
-#include <cstring>
 #include <functional>
+#include <future>
 #include <mutex>
+#include <optional>
 #include <thread>
 
 #include "core/base/status.h"
 #include "core/matte/matte_file.h"
 #include "core/service/service.h"
-#include "glasswing/v1/archive_service.grpc.pb.h"
 #include "glasswing/v1/work_service.grpc.pb.h"
 #include "solver/bands.h"
 #include "solver/drift.h"
+#include "solver/remote_archive.h"
+#include "solver/video_solve.h"
 
 namespace glasswing {
 namespace {
@@ -61,69 +63,9 @@ class LeaseKeeper {
   std::jthread thread_;
 };
 
-// A session's frames on the node that holds them.
-class RemoteArchive {
- public:
-  RemoteArchive(const v1::ClaimTileResponse& tile, std::stop_token stop)
-      : peer_("camera node at " + tile.archive_address()),
-        session_(tile.lease().session()),
-        stub_(v1::ArchiveService::NewStub(dial(tile.archive_address()))),
-        stop_(std::move(stop)) {}
-
-  absl::StatusOr<v1::CaptureManifest> manifest() const {
-    v1::GetManifestRequest get;
-    get.set_session(session_);
-    v1::GetManifestResponse got;
-    grpc::ClientContext context;
-    set_deadline(context, std::chrono::seconds(30));
-    GW_RETURN_IF_ERROR(from_grpc(stub_->GetManifest(&context, get, &got), peer_));
-    return std::move(*got.mutable_manifest());
-  }
-
-  // Of each of these frames, one after another.
-  absl::StatusOr<std::vector<std::uint16_t>> rows(const v1::CaptureManifest& manifest,
-                                                  const std::vector<int>& frames, int first_row,
-                                                  int row_count) const {
-    const size_t frame_bytes =
-        static_cast<size_t>(row_count) * static_cast<size_t>(manifest.camera().width_px()) * 6;
-    v1::ReadRowsRequest read;
-    read.set_session(session_);
-    read.set_first_row(first_row);
-    read.set_row_count(row_count);
-    for (const int frame : frames) read.add_files(manifest.frames(frame).file());
-    std::vector<std::uint16_t> samples(frames.size() * frame_bytes / 2);
-    grpc::ClientContext context;
-    set_deadline(context, std::chrono::minutes(5));
-    const std::stop_callback cancel(stop_, [&] { context.TryCancel(); });
-    const auto reader = stub_->ReadRows(&context, read);
-    v1::ReadRowsResponse response;
-    size_t received = 0;
-    while (reader->Read(&response)) {
-      const auto index = static_cast<size_t>(response.file_index());
-      const auto offset = static_cast<size_t>(response.offset_bytes());
-      if (index >= frames.size() || offset + response.chunk().size() > frame_bytes) {
-        context.TryCancel();
-        return absl::DataLossError(peer_ + " sent rows that were not asked for");
-      }
-      auto* bytes = reinterpret_cast<char*>(samples.data()) + index * frame_bytes;
-      std::memcpy(bytes + offset, response.chunk().data(), response.chunk().size());
-      received += response.chunk().size();
-    }
-    GW_RETURN_IF_ERROR(from_grpc(reader->Finish(), peer_));
-    if (received != frames.size() * frame_bytes)
-      return absl::UnavailableError(peer_ + " sent fewer rows than asked for");
-    return samples;
-  }
-
- private:
-  std::string peer_, session_;
-  std::unique_ptr<v1::ArchiveService::Stub> stub_;
-  std::stop_token stop_;
-};
-
 absl::StatusOr<FrameStack> read_stack(const v1::ClaimTileResponse& tile, const Method& method,
                                       std::stop_token stop) {
-  const RemoteArchive archive(tile, std::move(stop));
+  const RemoteArchive archive(tile.archive_address(), tile.lease().session(), std::move(stop));
   GW_ASSIGN_OR_RETURN(v1::CaptureManifest manifest, archive.manifest());
   FrameStack stack{.manifest = std::move(manifest),
                    .first_row = tile.first_row(),
@@ -147,35 +89,97 @@ absl::StatusOr<FrameStack> read_stack(const v1::ClaimTileResponse& tile, const M
   return stack;
 }
 
-absl::StatusOr<Matte> solve(const v1::ClaimTileResponse& tile, int thread_count, std::stop_token stop) {
-  const MethodOptions options(tile.options().begin(), tile.options().end());
-  GW_ASSIGN_OR_RETURN(const std::unique_ptr<Method> method, make_method(tile.method(), options));
-  GW_ASSIGN_OR_RETURN(const FrameStack stack, read_stack(tile, *method, stop));
-  return solve_in_bands(*method, stack, thread_count, stop);
-}
+// What a tile became: the file of its rows, or a file for each of its frames.
+struct SolvedFile {
+  std::optional<int> frame;
+  std::string bytes;
+};
+struct SolvedTile {
+  std::int64_t object_pixel_count = 0, flagged_pixel_count = 0;
+  std::vector<SolvedFile> files;
 
-grpc::Status send(v1::WorkService::Stub& work, const v1::ClaimTileResponse& tile, const Matte& matte,
-                  const std::string& bytes) {
-  v1::CompleteTileRequest first;
-  *first.mutable_lease() = tile.lease();
-  std::int64_t object = 0, flagged = 0;
-  for (int y = 0; y < matte.height_px(); ++y) {
-    for (int x = 0; x < matte.width_px(); ++x) {
-      object += matte.coverage(x, y) > 0.0f ? 1 : 0;
-      flagged += matte.flags(x, y) != kFlagNone ? 1 : 0;
+  void count(const Matte& matte) {
+    for (int y = 0; y < matte.height_px(); ++y) {
+      for (int x = 0; x < matte.width_px(); ++x) {
+        object_pixel_count += matte.coverage(x, y) > 0.0f ? 1 : 0;
+        flagged_pixel_count += matte.flags(x, y) != kFlagNone ? 1 : 0;
+      }
     }
   }
-  first.set_object_pixel_count(object);
-  first.set_flagged_pixel_count(flagged);
+};
+
+absl::StatusOr<SolvedTile> solve_rows(const v1::ClaimTileResponse& tile, const MethodOptions& options,
+                                      int thread_count, std::stop_token stop) {
+  GW_ASSIGN_OR_RETURN(const std::unique_ptr<Method> method, make_method(tile.method(), options));
+  GW_ASSIGN_OR_RETURN(const FrameStack stack, read_stack(tile, *method, stop));
+  GW_ASSIGN_OR_RETURN(const Matte matte, solve_in_bands(*method, stack, thread_count, stop));
+  SolvedTile solved;
+  solved.count(matte);
+  GW_ASSIGN_OR_RETURN(std::string bytes, encode_matte(matte));
+  solved.files.push_back({.frame = std::nullopt, .bytes = std::move(bytes)});
+  return solved;
+}
+
+absl::StatusOr<SolvedTile> solve_frames(const v1::ClaimTileResponse& tile, const MethodOptions& options,
+                                        int thread_count, std::stop_token stop) {
+  GW_ASSIGN_OR_RETURN(const std::unique_ptr<VideoMethod> method, make_video_method(tile.method(), options));
+  if (method == nullptr)
+    return absl::InvalidArgumentError(fmt::format("method \"{}\" makes no mattes of frames", tile.method()));
+  const RemoteArchive archive(tile.archive_address(), tile.lease().session(), stop);
+  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, archive.manifest());
+  const auto read = [&](int frame) {
+    return archive.rows(manifest, {frame}, 0, manifest.camera().height_px());
+  };
+  GW_ASSIGN_OR_RETURN(const std::unique_ptr<VideoSource> video,
+                      read_ahead(manifest, tile.first_frame(), tile.frame_count(), read));
+  SolvedTile solved;
+  // Encoded while the next one is solved: one at a time, so that no more wait in memory.
+  std::future<absl::StatusOr<std::string>> encoded;
+  int encoding = 0;  // which frame
+  const auto take_encoded = [&]() -> absl::Status {
+    if (!encoded.valid()) return absl::OkStatus();
+    absl::StatusOr<std::string> bytes = encoded.get();
+    if (!bytes.ok()) return in_frame(encoding, bytes.status());
+    solved.files.push_back({.frame = encoding, .bytes = *std::move(bytes)});
+    return absl::OkStatus();
+  };
+  GW_RETURN_IF_ERROR(solve_video(*method, *video, tile.first_frame(), tile.frame_count(), thread_count, stop,
+                                 [&](int frame, Matte matte) {
+                                   solved.count(matte);
+                                   const absl::Status taken = take_encoded();
+                                   encoding = frame;
+                                   encoded = std::async(std::launch::async, [matte = std::move(matte)] {
+                                     return encode_matte(matte);
+                                   });
+                                   return taken;
+                                 }));
+  GW_RETURN_IF_ERROR(take_encoded());
+  return solved;
+}
+
+absl::StatusOr<SolvedTile> solve(const v1::ClaimTileResponse& tile, int thread_count, std::stop_token stop) {
+  const MethodOptions options(tile.options().begin(), tile.options().end());
+  return tile.frame_count() > 0 ? solve_frames(tile, options, thread_count, stop)
+                                : solve_rows(tile, options, thread_count, stop);
+}
+
+grpc::Status send(v1::WorkService::Stub& work, const v1::ClaimTileResponse& tile, const SolvedTile& solved) {
+  v1::CompleteTileRequest first;
+  *first.mutable_lease() = tile.lease();
+  first.set_object_pixel_count(solved.object_pixel_count);
+  first.set_flagged_pixel_count(solved.flagged_pixel_count);
   grpc::ClientContext context;
-  set_deadline(context, std::chrono::minutes(1));
+  set_deadline(context, std::chrono::minutes(1) + solved.files.size() * std::chrono::seconds(10));
   v1::CompleteTileResponse response;
   const auto writer = work.CompleteTile(&context, &response);
-  writer->Write(first);
-  for (size_t at = 0; at < bytes.size(); at += kChunkBytes) {
-    v1::CompleteTileRequest chunk;
-    chunk.set_chunk(bytes.substr(at, kChunkBytes));
-    if (!writer->Write(chunk)) break;
+  bool open = writer->Write(first);
+  for (const SolvedFile& file : solved.files) {
+    for (size_t at = 0; open && at < file.bytes.size(); at += kChunkBytes) {
+      v1::CompleteTileRequest chunk;
+      if (file.frame) chunk.set_frame(*file.frame);
+      chunk.set_chunk(file.bytes.substr(at, kChunkBytes));
+      open = writer->Write(chunk);  // once false, Finish() says why
+    }
   }
   writer->WritesDone();
   return writer->Finish();
@@ -186,21 +190,19 @@ void work_on(v1::WorkService::Stub& work, const v1::ClaimTileResponse& tile, int
   const LeaseKeeper keeper(work, tile, stop);
   const std::stop_token in_vain = keeper.in_vain();
   const std::string what = fmt::format("session={} tile={}", tile.lease().session(), tile.lease().tile());
-  absl::StatusOr<Matte> matte = solve(tile, thread_count, in_vain);
+  absl::StatusOr<SolvedTile> solved = solve(tile, thread_count, in_vain);
   // A node that holds the frames may be starting again: its silence is no fault of the tile.
-  while (absl::IsUnavailable(matte.status()) && !in_vain.stop_requested()) {
-    spdlog::warn("tile waits {} error=\"{}\"", what, std::string(matte.status().message()));
+  while (absl::IsUnavailable(solved.status()) && !in_vain.stop_requested()) {
+    spdlog::warn("tile waits {} error=\"{}\"", what, std::string(solved.status().message()));
     wait(in_vain, std::chrono::seconds(1));
-    matte = solve(tile, thread_count, in_vain);
+    solved = solve(tile, thread_count, in_vain);
   }
   if (in_vain.stop_requested()) {
     spdlog::warn("tile given up {}", what);
     return;
   }
-  absl::StatusOr<std::string> bytes =
-      matte.ok() ? encode_matte(*matte) : absl::StatusOr<std::string>(matte.status());
-  if (!bytes.ok()) {
-    const absl::Status& status = bytes.status();
+  if (!solved.ok()) {
+    const absl::Status& status = solved.status();
     spdlog::error("tile not solved {} error=\"{}\"", what, std::string(status.message()));
     v1::FailTileRequest request;
     *request.mutable_lease() = tile.lease();
@@ -214,7 +216,7 @@ void work_on(v1::WorkService::Stub& work, const v1::ClaimTileResponse& tile, int
     return;
   }
   while (!stop.stop_requested()) {
-    const grpc::Status status = send(work, tile, *matte, *bytes);
+    const grpc::Status status = send(work, tile, *solved);
     if (status.ok()) return;
     const bool gone = is_gone(status) || status.error_code() == grpc::StatusCode::INVALID_ARGUMENT;
     spdlog::warn("tile {} {} error=\"{}\"", gone ? "given up" : "kept for another try", what,

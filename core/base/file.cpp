@@ -7,6 +7,7 @@
 #include <xxhash.h>
 
 #include <cerrno>
+#include <utility>
 
 #include "core/base/status.h"
 
@@ -32,7 +33,7 @@ class FileDescriptor {
   int fd_;
 };
 
-absl::Status write_and_flush(int fd, std::string_view bytes, const std::filesystem::path& path) {
+absl::Status write_all(int fd, std::string_view bytes, const std::filesystem::path& path) {
   while (!bytes.empty()) {
     const ssize_t written = ::write(fd, bytes.data(), bytes.size());
     if (written < 0) {
@@ -41,6 +42,11 @@ absl::Status write_and_flush(int fd, std::string_view bytes, const std::filesyst
     }
     bytes.remove_prefix(static_cast<size_t>(written));
   }
+  return absl::OkStatus();
+}
+
+absl::Status write_and_flush(int fd, std::string_view bytes, const std::filesystem::path& path) {
+  GW_RETURN_IF_ERROR(write_all(fd, bytes, path));
   if (::fsync(fd) != 0) return error_of(errno, "cannot flush", path);
   return absl::OkStatus();
 }
@@ -92,6 +98,32 @@ absl::Status flush_directory(const std::filesystem::path& directory) {
 absl::Status write_file_durably(const std::filesystem::path& path, std::string_view bytes) {
   GW_RETURN_IF_ERROR(write_file_flushed(path, bytes));
   return flush_directory(path.has_parent_path() ? path.parent_path() : ".");
+}
+
+absl::Status rename_file(const std::filesystem::path& from, const std::filesystem::path& to) {
+  if (::rename(from.c_str(), to.c_str()) != 0) return error_of(errno, "cannot rename to", to);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<FileWriter> FileWriter::create(std::filesystem::path path) {
+  const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  if (fd < 0) return error_of(errno, "cannot create", path);
+  return FileWriter(fd, std::move(path));
+}
+
+FileWriter::FileWriter(FileWriter&& other) noexcept
+    : fd_(std::exchange(other.fd_, -1)), path_(std::move(other.path_)) {}
+
+FileWriter::~FileWriter() {
+  if (fd_ >= 0) ::close(fd_);
+}
+
+absl::Status FileWriter::add(std::string_view bytes) {
+  return write_all(fd_, bytes, path_);
+}
+
+absl::Status FileWriter::flush() {
+  return write_and_flush(fd_, "", path_);
 }
 
 absl::Status append_file_durably(const std::filesystem::path& path, std::string_view bytes) {

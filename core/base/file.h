@@ -23,6 +23,30 @@ absl::Status write_file_durably(const std::filesystem::path& path, std::string_v
 absl::Status write_file_flushed(const std::filesystem::path& path, std::string_view bytes);
 absl::Status flush_directory(const std::filesystem::path& directory);
 
+// Gives a file that is flushed another name, in the place of whatever had it; flush_directory() makes that
+// last.
+absl::Status rename_file(const std::filesystem::path& from, const std::filesystem::path& to);
+
+// A file that is written piece by piece. What was not flushed may be lost.
+class FileWriter {
+ public:
+  // Creates the file, or empties it.
+  static absl::StatusOr<FileWriter> create(std::filesystem::path path);
+  FileWriter(FileWriter&& other) noexcept;
+  FileWriter& operator=(FileWriter&&) = delete;
+  ~FileWriter();
+
+  // RESOURCE_EXHAUSTED: the disk is full.
+  absl::Status add(std::string_view bytes);
+  absl::Status flush();
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  FileWriter(int fd, std::filesystem::path path) : fd_(fd), path_(std::move(path)) {}
+  int fd_ = -1;
+  std::filesystem::path path_;
+};
+
 // Appends and flushes.
 absl::Status append_file_durably(const std::filesystem::path& path, std::string_view bytes);
 

@@ -4,11 +4,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <nlohmann/json.hpp>
 
 #include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/frame/archive.h"
+#include "core/frame/sequences.h"
 
 namespace glasswing {
 namespace {
@@ -44,7 +46,8 @@ absl::StatusOr<v1::Stimulus> stimulus_of(const Json& entry, const std::string& w
   return stimulus;
 }
 
-absl::StatusOr<v1::CaptureManifest> translate(const Json& json, const std::filesystem::path& path) {
+// All of it but frames.
+absl::StatusOr<v1::CaptureManifest> translate_header(const Json& json, const std::filesystem::path& path) {
   v1::CaptureManifest manifest;
   manifest.set_format_version(1);
   if (json.contains("scene") && json["scene"].is_string())
@@ -69,6 +72,11 @@ absl::StatusOr<v1::CaptureManifest> translate(const Json& json, const std::files
   manifest.mutable_camera()->set_height_px(height);
   manifest.mutable_camera()->set_bits(16);
   manifest.mutable_camera()->set_response("linear");
+  return manifest;
+}
+
+absl::StatusOr<v1::CaptureManifest> translate(const Json& json, const std::filesystem::path& path) {
+  GW_ASSIGN_OR_RETURN(v1::CaptureManifest manifest, translate_header(json, path));
   if (!json.contains("frames") || !json["frames"].is_array() || json["frames"].empty()) {
     return bad(path, "it lists no frames");
   }
@@ -130,6 +138,31 @@ absl::Status check_finite(const std::string& what, const google::protobuf::Messa
 
 bool good_side(int side) {
   return side >= 1 && side <= kMaxSide_px;
+}
+
+// What `make` makes of manifest.json; whatever it complains about, the path is named.
+absl::StatusOr<v1::CaptureManifest> read_manifest(
+    const std::filesystem::path& path,
+    const std::function<absl::StatusOr<v1::CaptureManifest>(const Json&, const std::string& text)>& make) {
+  std::error_code unknown;
+  const std::uintmax_t size_bytes = std::filesystem::file_size(path, unknown);
+  if (!unknown && size_bytes > kMostBytes) {
+    return bad(path, fmt::format("it has {} bytes; at most {} are read", size_bytes, kMostBytes));
+  }
+  GW_ASSIGN_OR_RETURN(const std::string text, read_file(path));
+  try {
+    // Recursion is deep as the text is; what lies too deep is not even built.
+    bool too_deep = false;
+    const Json json = Json::parse(text, [&](int depth, Json::parse_event_t, const Json&) {
+      too_deep = too_deep || depth > kDeepest;
+      return depth <= kDeepest;
+    });
+    if (too_deep) return bad(path, fmt::format("it is nested more than {} deep", kDeepest));
+    if (!json.is_object()) return bad(path, "it is not a JSON object");
+    return make(json, text);
+  } catch (const Json::exception& error) {
+    return absl::DataLossError(fmt::format("{}: {}", path.string(), error.what()));
+  }
 }
 
 }  // namespace
@@ -199,35 +232,31 @@ absl::Status check_manifest(const v1::CaptureManifest& manifest) {
 
 absl::StatusOr<v1::CaptureManifest> read_any_manifest(const std::filesystem::path& directory) {
   const std::filesystem::path path = directory / "manifest.json";
-  std::error_code unknown;
-  const std::uintmax_t size_bytes = std::filesystem::file_size(path, unknown);
-  if (!unknown && size_bytes > kMostBytes) {
-    return bad(path, fmt::format("it has {} bytes; at most {} are read", size_bytes, kMostBytes));
-  }
-  GW_ASSIGN_OR_RETURN(const std::string text, read_file(path));
-  v1::CaptureManifest manifest;
-  try {
-    // Recursion is deep as the text is; what lies too deep is not even built.
-    bool too_deep = false;
-    const Json json = Json::parse(text, [&](int depth, Json::parse_event_t, const Json&) {
-      too_deep = too_deep || depth > kDeepest;
-      return depth <= kDeepest;
-    });
-    if (too_deep) return bad(path, fmt::format("it is nested more than {} deep", kDeepest));
-    if (!json.is_object()) return bad(path, "it is not a JSON object");
-    if (json.contains("format_version")) {
-      google::protobuf::util::JsonParseOptions options;
-      options.ignore_unknown_fields = true;
-      const auto status = google::protobuf::util::JsonStringToMessage(text, &manifest, options);
-      if (!status.ok())
-        return absl::DataLossError(fmt::format("{}: {}", path.string(), std::string(status.message())));
-    } else {
-      GW_ASSIGN_OR_RETURN(manifest, translate(json, path));
-    }
-  } catch (const Json::exception& error) {
-    return absl::DataLossError(fmt::format("{}: {}", path.string(), error.what()));
-  }
+  const auto make = [&](const Json& json, const std::string& text) -> absl::StatusOr<v1::CaptureManifest> {
+    if (!json.contains("format_version")) return translate(json, path);
+    v1::CaptureManifest manifest;
+    google::protobuf::util::JsonParseOptions options;
+    options.ignore_unknown_fields = true;
+    const auto status = google::protobuf::util::JsonStringToMessage(text, &manifest, options);
+    if (!status.ok())
+      return absl::DataLossError(fmt::format("{}: {}", path.string(), std::string(status.message())));
+    return manifest;
+  };
+  GW_ASSIGN_OR_RETURN(v1::CaptureManifest manifest, read_manifest(path, make));
   if (const absl::Status status = check_manifest(manifest); !status.ok())
+    return bad(path, std::string(status.message()));
+  return manifest;
+}
+
+absl::StatusOr<v1::CaptureManifest> read_sequences_header(const std::filesystem::path& directory) {
+  const std::filesystem::path path = directory / "manifest.json";
+  const auto make = [&](const Json& json, const std::string&) -> absl::StatusOr<v1::CaptureManifest> {
+    if (json.contains("format_version"))
+      return bad(path, "it is of an archive with one list of frames, and holds no sequences");
+    return translate_header(json, path);
+  };
+  GW_ASSIGN_OR_RETURN(v1::CaptureManifest manifest, read_manifest(path, make));
+  if (const absl::Status status = check_manifest_header(manifest); !status.ok())
     return bad(path, std::string(status.message()));
   return manifest;
 }

@@ -23,6 +23,8 @@ namespace {
 using google::protobuf::TextFormat;
 constexpr int kMaxSteps = 20000;
 constexpr int kDefaultPhases = 4;
+constexpr int kMostFrames = 18000, kMostEmptyFrames = 1000;  // of a ramp
+constexpr int kUsualEmptyFrames = 16;
 constexpr double kWidestStep = 1.5;  // of a sweep, in sigmas: beyond, its steps miss detail
 
 // Where a message of the plan stands, so that a complaint can name the line (from a file) or the path (from
@@ -133,6 +135,38 @@ absl::Status check_fringes(const v1::Fringes& fringes, const Place& place) {
   return absl::OkStatus();
 }
 
+// `ramp` of any method, and what method "ramp" needs of the rest.
+absl::Status check_ramp(const v1::Plan& plan, const Place& place) {
+  const v1::Ramp& ramp = plan.ramp();
+  const Place here = place.nested(plan, "ramp", 0);
+  if (plan.method() != kRampMethod) {
+    const std::string alone = "left out: only method \"ramp\" takes several";
+    if (ramp.has_frames()) return here.bad(ramp, "frames", 0, ramp.frames(), alone);
+    if (ramp.has_empty_frames()) return here.bad(ramp, "empty_frames", 0, ramp.empty_frames(), alone);
+    return absl::OkStatus();
+  }
+  if (!plan.has_ramp())
+    return place.bad(plan, "ramp", 0, "left out", "given with method \"ramp\", as ramp { frames: 300 }");
+  if (ramp.has_frames() && !within(ramp.frames(), 1, kMostFrames))
+    return here.bad(ramp, "frames", 0, ramp.frames(), fmt::format("1 to {}", kMostFrames));
+  if (ramp.has_empty_frames() && !within(ramp.empty_frames(), 1, kMostEmptyFrames))
+    return here.bad(ramp, "empty_frames", 0, ramp.empty_frames(), fmt::format("1 to {}", kMostEmptyFrames));
+  if (plan.skip_empty_stage()) {
+    return place.bad(plan, "skip_empty_stage", 0, "true",
+                     "left out: method \"ramp\" finds the object by the stage without it");
+  }
+  if (!is_video(plan)) return absl::OkStatus();
+  const std::string alone = "left out: while a video runs nothing but the ramp is shown";
+  if (!plan.sweeps().empty()) return place.bad(plan, "sweeps", 0, "given", alone);
+  if (!plan.photos().empty()) return place.bad(plan, "photos", 0, "given", alone);
+  if (plan.has_white_every()) return place.bad(plan, "white_every", 0, plan.white_every(), alone);
+  if (plan.monitors_size() > 1)
+    return place.bad(plan, "monitors", 1, "a second one", "left out: a video is of one monitor");
+  if (plan.exposure_ms_size() > 1)
+    return place.bad(plan, "exposure_ms", 1, "a second one", "left out: all frames of a video have the same");
+  return absl::OkStatus();
+}
+
 absl::Status check_calibration(const v1::Plan& plan, bool shows_nothing, const Place& place) {
   if (plan.method() != kCalibrationMethod || !plan.has_calibration() || !shows_nothing ||
       plan.has_white_every()) {
@@ -208,6 +242,7 @@ absl::Status check(const v1::Plan& plan, const Place& place) {
   if (plan.has_calibration() || plan.method() == kCalibrationMethod) {
     return check_calibration(plan, shows_nothing, place);
   }
+  GW_RETURN_IF_ERROR(check_ramp(plan, place));
   if (shows_nothing) {
     return place.bad(plan, "sweeps", 0, "empty, and so is everything else",
                      "at least one sweep, solid, ramp, fringe or photo");
@@ -317,13 +352,20 @@ std::vector<v1::Stimulus> stimuli_of(const v1::Plan& plan, const v1::Monitor& mo
     if (!object) out = calibration_stimuli(plan.calibration(), monitor);
     return out;
   }
+  const auto add_ramp = [&](int count) {
+    out.insert(out.end(), static_cast<size_t>(count), stimulus_on(monitor.name(), "ramp"));
+  };
+  if (object && is_video(plan)) {
+    add_ramp(ramp_frames_of(plan.ramp()));
+    return out;
+  }
   for (const v1::Solid& solid : plan.solids()) {
     v1::Stimulus stimulus = stimulus_on(monitor.name(), "solid");
     *stimulus.mutable_colour() = solid.colour();
     out.push_back(std::move(stimulus));
   }
   if (plan.has_square_waves()) add_square_waves(plan.square_waves(), monitor, out);
-  if (plan.has_ramp()) out.push_back(stimulus_on(monitor.name(), "ramp"));
+  if (plan.has_ramp()) add_ramp(object ? ramp_frames_of(plan.ramp()) : empty_ramp_frames_of(plan.ramp()));
   for (const v1::Fringes& fringes : plan.fringes()) add_fringes(fringes, monitor, out);
   if (object) {
     for (const v1::Sweep& sweep : plan.sweeps()) add_sweep(sweep, monitor, out);
@@ -371,6 +413,18 @@ int retries_of(const v1::Plan& plan) {
   return plan.has_retries() ? plan.retries() : kDefaultRetries;
 }
 
+int ramp_frames_of(const v1::Ramp& ramp) {
+  return ramp.has_frames() ? ramp.frames() : 1;
+}
+
+int empty_ramp_frames_of(const v1::Ramp& ramp) {
+  return ramp.has_empty_frames() ? ramp.empty_frames() : std::min(ramp_frames_of(ramp), kUsualEmptyFrames);
+}
+
+bool is_video(const v1::Plan& plan) {
+  return plan.method() == kRampMethod && ramp_frames_of(plan.ramp()) > 1;
+}
+
 absl::StatusOr<std::vector<Step>> expand(const v1::Plan& plan, const std::vector<v1::Monitor>& rig) {
   std::vector<v1::Monitor> used;
   for (const v1::PlanMonitor& wanted : plan.monitors()) {
@@ -393,6 +447,11 @@ absl::StatusOr<std::vector<Step>> expand(const v1::Plan& plan, const std::vector
   }
   if (plan.monitors().empty()) used = rig;
   if (used.empty()) return absl::InvalidArgumentError("the rig has no monitor");
+  if (is_video(plan) && used.size() > 1) {
+    return absl::InvalidArgumentError(fmt::format(
+        "a video is of one monitor; the rig has {}: name one in the plan, monitors {{ name: \"{}\" }}",
+        used.size(), used.front().name()));
+  }
 
   std::vector<double> exposures_ms(plan.exposure_ms().begin(), plan.exposure_ms().end());
   if (exposures_ms.empty()) exposures_ms.push_back(kDefaultExposureMs);

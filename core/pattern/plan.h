@@ -18,8 +18,10 @@ namespace glasswing {
 
 inline constexpr int kDefaultHoldRefreshes = 2;
 inline constexpr std::string_view kCalibrationMethod = "calibration";
+inline constexpr std::string_view kRampMethod = "ramp";
 // What frames can be solved by.
-inline constexpr std::array<std::string_view, 5> kMethods{"gaussian", "hierarchical", "fringe", "alpha", "ramp"};
+inline constexpr std::array<std::string_view, 5> kMethods{"gaussian", "hierarchical", "fringe", "alpha",
+                                                          "ramp"};
 inline constexpr int kDefaultRetries = 10;
 inline constexpr double kDefaultExposureMs = 4.0;
 
@@ -39,9 +41,9 @@ struct Step {
 };
 
 // All steps, those without the object first, then by exposure; each such group starts with what teaches the
-// camera where it sees the id patches. `rig` is every monitor there is; the plan
-// picks from it. INVALID_ARGUMENT: a monitor that the rig lacks, of another size, or a program past 20000
-// steps.
+// camera where it sees the id patches. A video's come last, in their order. `rig` is every monitor there is;
+// the plan picks from it. INVALID_ARGUMENT: a monitor that the rig lacks, of another size, a program past
+// 20000 steps, or a video that does not say which of several monitors it is of.
 absl::StatusOr<std::vector<Step>> expand(const v1::Plan& plan, const std::vector<v1::Monitor>& rig);
 
 // INVALID_ARGUMENT lists kMethods.
@@ -50,5 +52,10 @@ absl::Status check_method(std::string_view name);
 // Defaults filled in.
 int hold_refreshes_of(const v1::Plan& plan);
 int retries_of(const v1::Plan& plan);
+int ramp_frames_of(const v1::Ramp& ramp);
+int empty_ramp_frames_of(const v1::Ramp& ramp);
+
+// The plan records a video: with the object it shows the ramp and nothing else, and none of it twice.
+bool is_video(const v1::Plan& plan);
 
 }  // namespace glasswing

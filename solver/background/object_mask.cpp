@@ -11,13 +11,12 @@
 
 #include "core/base/status.h"
 #include "solver/background/difference_noise.h"
-#include "solver/background/mask_regions.h"
+#include "solver/background/mask_cleaning.h"
 #include "solver/background/silhouette.h"
 
 namespace glasswing {
 namespace {
 
-constexpr double kUsualReach = 0.003;     // of a picture's diagonal
 constexpr size_t kMostSamples = 300'000;  // that noise is learnt from
 
 // Of the 3x3 codes around each.
@@ -68,8 +67,7 @@ ObjectMask::ObjectMask(Image16 empty, const MaskOptions& options)
       rounding_(2.0 / 12.0 / std::pow(std::exp2(options.bits) - 1.0, 2)),
       inverse_sd_(empty_.samples.size()),
       threshold_(static_cast<float>(chi_square_quantile(3.0, options.false_positive_rate))),
-      dilation_px_(options.dilation_px.value_or(std::max(
-          1, static_cast<int>(std::lround(kUsualReach * std::hypot(empty_.width_px, empty_.height_px)))))),
+      dilation_px_(options.dilation_px.value_or(usual_dilation_px(empty_.width_px, empty_.height_px))),
       erosion_px_(options.erosion_px.value_or(dilation_px_)),
       least_px_(options.least_px.value_or((2 * dilation_px_ + 1) * (2 * dilation_px_ + 1))),
       fill_holes_(options.fill_holes) {}
@@ -119,10 +117,8 @@ double ObjectMask::usual_noise() const {
 
 Mask ObjectMask::mask(const Image16& frame) const {
   assert(frame.width_px == empty_.width_px && frame.height_px == empty_.height_px);
-  // A margin that nothing reaches: what lies outside is connected.
-  const int margin = dilation_px_ + 1;
-  cv::Mat padded = cv::Mat::zeros(frame.height_px + 2 * margin, frame.width_px + 2 * margin, CV_8U);
-  const cv::Rect picture(margin, margin, frame.width_px, frame.height_px);
+  Mask mask{.width_px = frame.width_px, .height_px = frame.height_px, .samples = {}};
+  mask.samples.resize(static_cast<size_t>(frame.width_px) * static_cast<size_t>(frame.height_px));
   const size_t row_samples = 3 * static_cast<size_t>(frame.width_px);
   std::vector<float> squares(row_samples);
   for (int y = 0; y < frame.height_px; ++y) {
@@ -132,21 +128,15 @@ Mask ObjectMask::mask(const Image16& frame) const {
       const float z = static_cast<float>(difference) * inverse_sd_[first + i];
       squares[i] = z * z;
     }
-    std::uint8_t* const row = padded.ptr(y + margin) + margin;
+    std::uint8_t* const row = mask.samples.data() + first / 3;
     for (size_t x = 0; x < static_cast<size_t>(frame.width_px); ++x)
       row[x] = squares[3 * x] + squares[3 * x + 1] + squares[3 * x + 2] > threshold_ ? 255 : 0;
   }
-  const auto square = [](int reach) {
-    return cv::getStructuringElement(cv::MORPH_RECT, {2 * reach + 1, 2 * reach + 1});
-  };
-  if (dilation_px_ > 0) cv::dilate(padded, padded, square(dilation_px_));
-  const BinaryView view{.samples = {padded.data, padded.total()}, .width_px = padded.cols};
-  if (fill_holes_) fill_holes(view);
-  if (erosion_px_ > 0) cv::erode(padded, padded, square(erosion_px_));
-  if (least_px_ > 1) drop_specks(view, least_px_);
-  Mask mask{.width_px = frame.width_px, .height_px = frame.height_px, .samples = {}};
-  mask.samples.resize(static_cast<size_t>(frame.width_px) * static_cast<size_t>(frame.height_px));
-  padded(picture).copyTo(cv::Mat(frame.height_px, frame.width_px, CV_8U, mask.samples.data()));
+  clean_mask(mask.samples, mask.width_px, mask.height_px,
+             {.dilation_px = dilation_px_,
+              .erosion_px = erosion_px_,
+              .fill_holes = fill_holes_,
+              .least_px = least_px_});
   return mask;
 }
 

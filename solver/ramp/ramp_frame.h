@@ -29,6 +29,7 @@ struct RampFrame {
   // Inverse covariance of c, 1/px^2, from the noise and the manifold's Jacobian. 0: c says nothing, as in a
   // highlight.
   std::vector<float> info_xx, info_xy, info_yy;
+  float rho_sd = 0.0f;              // standard deviation of rho, from the noise
   std::vector<std::uint8_t> flags;  // PixelFlag bits
 };
 

@@ -24,6 +24,8 @@ class FakeServer {
     std::vector<std::string> finished;
     v1::Session session;  // what GetSession and WatchSession tell
     std::string matte;
+    std::map<int, std::string> frame_mattes;  // of a video
+    std::vector<int> frames_fetched;
 
     grpc::Status BeginImport(grpc::ServerContext*, const v1::BeginImportRequest* request,
                              v1::BeginImportResponse* response) override {
@@ -55,10 +57,11 @@ class FakeServer {
       writer->Write(response);
       return grpc::Status::OK;
     }
-    grpc::Status FetchMatte(grpc::ServerContext*, const v1::FetchMatteRequest*,
+    grpc::Status FetchMatte(grpc::ServerContext*, const v1::FetchMatteRequest* request,
                             grpc::ServerWriter<v1::FetchMatteResponse>* writer) override {
       v1::FetchMatteResponse response;
-      response.set_chunk(matte);
+      response.set_chunk(request->has_frame() ? frame_mattes[request->frame()] : matte);
+      if (request->has_frame()) frames_fetched.push_back(request->frame());
       writer->Write(response);
       return grpc::Status::OK;
     }

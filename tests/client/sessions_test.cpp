@@ -172,5 +172,87 @@ TEST_F(SessionCommands, FetchWritesOnlyAWholeMatte) {
   EXPECT_FALSE(std::filesystem::exists(other));
 }
 
+std::string matte_of_frame(int frame) {
+  Matte matte(0, 0, kWidth, kHeight, 1);
+  matte.metadata.set_format_version(1);
+  matte.metadata.set_session("vase");
+  matte.metadata.set_method("ramp");
+  matte.metadata.set_frame(frame);
+  matte.metadata.add_monitors()->set_name("back");
+  matte.metadata.set_width_px(kWidth);
+  matte.metadata.set_height_px(kHeight);
+  return encode_matte(matte).value();
+}
+
+class VideoFetch : public SessionCommands {
+ protected:
+  VideoFetch() {
+    session_.set_name("vase");
+    session_.set_method("ramp");
+    session_.set_state(v1::SESSION_STATE_DONE);
+    session_.set_frame_count(7);
+    for (const int frame : {2, 3}) session_.add_lost_frames(frame);
+    for (const int frame : {0, 1, 4, 5, 6}) {
+      session_.add_solved_frames(frame);
+      server_.sessions_.frame_mattes[frame] = matte_of_frame(frame);
+    }
+  }
+  std::vector<int> fetched_now(const std::string& directory) {
+    server_.sessions_.frames_fetched.clear();
+    outcome_ = run({"fetch", "vase", "-o", directory});
+    return server_.sessions_.frames_fetched;
+  }
+
+  v1::Session& session_ = server_.sessions_.session;
+  Outcome outcome_;
+};
+
+TEST_F(VideoFetch, EveryFrameBecomesAFileAndIsNotFetchedTwice) {
+  const std::filesystem::path directory = scratch_ / "mattes";
+  EXPECT_EQ(fetched_now(directory.string() + "/"), (std::vector{0, 1, 4, 5, 6})) << outcome_.err;
+  EXPECT_EQ(outcome_.status, 0);
+  EXPECT_NE(outcome_.out.find("lost, not captured: frames 2 to 3"), std::string::npos) << outcome_.out;
+  for (const auto& [frame, bytes] : server_.sessions_.frame_mattes)
+    EXPECT_EQ(read_file(directory / ("000" + std::to_string(frame) + ".exr")).value(), bytes);
+  EXPECT_FALSE(std::filesystem::exists(directory / "0002.exr"));
+  EXPECT_TRUE(fetched_now(directory.string()).empty());
+  EXPECT_EQ(outcome_.status, 0);
+
+  // One is missing, one is cut off, one is of an older solve.
+  std::filesystem::remove(directory / "0001.exr");
+  std::filesystem::resize_file(directory / "0004.exr", 500);
+  EXPECT_EQ(fetched_now(directory.string()), (std::vector{1, 4}));
+  (*session_.mutable_options())["smooth"] = "1";
+  EXPECT_EQ(fetched_now(directory.string()).size(), 5u);
+}
+
+TEST_F(VideoFetch, WhatIsNotSolvedIsNamedAndTheRestIsThere) {
+  session_.set_state(v1::SESSION_STATE_FAILED);
+  session_.set_reason("frame 4: it is damaged");
+  session_.clear_solved_frames();
+  for (const int frame : {0, 1}) session_.add_solved_frames(frame);
+  const std::filesystem::path directory = scratch_ / "mattes";
+  EXPECT_EQ(fetched_now(directory.string()), (std::vector{0, 1}));
+  EXPECT_EQ(outcome_.status, 1);
+  EXPECT_NE(outcome_.err.find("3 frames are not solved: 4 to 6"), std::string::npos) << outcome_.err;
+  EXPECT_NE(outcome_.err.find("frame 4: it is damaged"), std::string::npos) << outcome_.err;
+  EXPECT_TRUE(std::filesystem::exists(directory / "0001.exr"));
+}
+
+TEST_F(VideoFetch, OneFrameIsAFile) {
+  const std::string path = (scratch_ / "seven.exr").string();
+  expect_one_line_error(run({"fetch", "vase", "-o", path}), "session vase is a video of 7 frames");
+  ASSERT_EQ(run({"fetch", "vase", "-o", path, "--frame", "6"}).status, 0);
+  EXPECT_EQ(read_file(path).value(), matte_of_frame(6));
+}
+
+TEST_F(VideoFetch, ShowTellsWhatTheVideoIs) {
+  const Outcome outcome = run({"show", "vase"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_NE(outcome.out.find("video     7 frames"), std::string::npos) << outcome.out;
+  EXPECT_NE(outcome.out.find("2 of them: 2 to 3"), std::string::npos) << outcome.out;
+  EXPECT_NE(outcome.out.find("5 of them: 0 to 1, 4 to 6"), std::string::npos) << outcome.out;
+}
+
 }  // namespace
 }  // namespace glasswing

@@ -14,7 +14,6 @@
 #include "display-node/display_service.h"
 #include "display-node/emission_service.h"
 #include "display-node/repeating_display.h"
-#include "server/server.h"
 #include "server/session_service.h"
 #include "tests/faults/delay_relay.h"
 
@@ -151,6 +150,10 @@ FaultyRig::~FaultyRig() {
   server_.reset();
   camera_.reset();
   display_.reset();
+}
+
+Server& FaultyRig::server() {
+  return *server_->server;
 }
 
 std::filesystem::path FaultyRig::archive(const std::string& session) const {

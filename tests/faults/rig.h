@@ -8,6 +8,7 @@
 #include "camera-node/sim_camera.h"
 #include "display-node/sim_display.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
+#include "server/server.h"
 
 namespace glasswing {
 
@@ -35,6 +36,7 @@ class FaultyRig {
   ~FaultyRig();
 
   v1::SessionService::Stub& sessions() { return *sessions_; }
+  Server& server();
   std::filesystem::path archive(const std::string& session) const;
   void restart_camera();
   void restart_display();

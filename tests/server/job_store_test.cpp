@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <vector>
+
 namespace glasswing {
 namespace {
 
@@ -26,19 +28,19 @@ class Jobs : public testing::Test {
 };
 
 TEST_F(Jobs, TilesCoverEveryRowOnce) {
-  ASSERT_TRUE(store_->create("s", 10, 4).ok());
+  ASSERT_TRUE(store_->create("s", std::vector{4, 4, 2}).ok());
   int next_row = 0;
   for (int i = 0; i < 3; ++i) {
     const Tile tile = store_->claim("solver", seconds(1)).value().value();
-    EXPECT_EQ(tile.first_row, next_row);
-    next_row += tile.row_count;
+    EXPECT_EQ(tile.first, next_row);
+    next_row += tile.count;
   }
   EXPECT_EQ(next_row, 10);
   EXPECT_FALSE(store_->claim("solver", seconds(1)).value().has_value());
 }
 
 TEST_F(Jobs, ALostLeaseIsFenced) {
-  ASSERT_TRUE(store_->create("s", 4, 4).ok());
+  ASSERT_TRUE(store_->create("s", std::vector{4}).ok());
   const Tile slow = store_->claim("slow", seconds(1)).value().value();
   EXPECT_FALSE(store_->claim("quick", seconds(1) + kLease).value().has_value());  // still held
   ASSERT_TRUE(store_->keep(slow, seconds(5)).ok());
@@ -54,7 +56,7 @@ TEST_F(Jobs, ALostLeaseIsFenced) {
 }
 
 TEST_F(Jobs, DoneTilesOutliveTheServerAndLeasesDoNot) {
-  ASSERT_TRUE(store_->create("s", 8, 4).ok());
+  ASSERT_TRUE(store_->create("s", std::vector{4, 4}).ok());
   const Tile done = store_->claim("a", seconds(1)).value().value();
   const Tile held = store_->claim("a", seconds(1)).value().value();
   ASSERT_TRUE(store_->complete(done, "done.exr").ok());
@@ -66,15 +68,53 @@ TEST_F(Jobs, DoneTilesOutliveTheServerAndLeasesDoNot) {
 }
 
 TEST_F(Jobs, AttemptsAreCountedAndANewSolveFencesTheOld) {
-  ASSERT_TRUE(store_->create("s", 4, 4).ok());
+  ASSERT_TRUE(store_->create("s", std::vector{4}).ok());
   Tile tile;
   for (int i = 1; i <= kMaxAttempts; ++i) {
     tile = store_->claim("a", seconds(1)).value().value();
     EXPECT_EQ(store_->fail(tile).value(), i == kMaxAttempts);
   }
   const Tile old = store_->claim("a", seconds(1)).value().value();
-  ASSERT_TRUE(store_->create("s", 4, 4).ok());
+  ASSERT_TRUE(store_->create("s", std::vector{4}).ok());
   EXPECT_TRUE(absl::IsAborted(store_->complete(old, "old.exr")));
+}
+
+TEST_F(Jobs, WhatWasGivenUpIsFencedFromALaterSolve) {
+  ASSERT_TRUE(store_->create("s", std::vector{4, 4}).ok());
+  const Tile held = store_->claim("a", seconds(1)).value().value();
+  ASSERT_TRUE(store_->give_up("s").ok());
+  EXPECT_TRUE(absl::IsAborted(store_->keep(held, seconds(1))));
+  EXPECT_FALSE(store_->claim("b", seconds(100)).value().has_value());
+  ASSERT_TRUE(store_->create("s", std::vector{4, 4}).ok());
+  const Tile again = store_->claim("b", seconds(100)).value().value();
+  EXPECT_EQ(again.number, held.number);
+  EXPECT_TRUE(absl::IsAborted(store_->complete(held, "late.exr")));
+  EXPECT_TRUE(store_->complete(again, "new.exr").ok());
+}
+
+TEST_F(Jobs, AStoreOfBeforeTilesOfFramesOpens) {
+  store_ = nullptr;
+  {
+    fs::remove(directory_ / "jobs.sqlite");
+    Database old = Database::open(directory_ / "jobs.sqlite").value();
+    ASSERT_TRUE(old.run("CREATE TABLE tiles (id INTEGER PRIMARY KEY AUTOINCREMENT, session TEXT NOT NULL, "
+                        "number INTEGER NOT NULL, first_row INTEGER NOT NULL, row_count INTEGER NOT NULL, "
+                        "attempt INTEGER NOT NULL DEFAULT 0, failures INTEGER NOT NULL DEFAULT 0, "
+                        "lease_until INTEGER NOT NULL DEFAULT 0, solver TEXT NOT NULL DEFAULT '', "
+                        "result TEXT NOT NULL DEFAULT '', UNIQUE (session, number)); "
+                        "INSERT INTO tiles (session, number, first_row, row_count, attempt, result) VALUES "
+                        "('s', 0, 0, 7, 1, '0-1.exr'), ('s', 1, 7, 5, 0, '')")
+                    .ok());
+  }
+  for (int opened = 0; opened < 2; ++opened) {
+    open();
+    const std::vector<Tile> tiles = store_->tiles("s").value();
+    ASSERT_EQ(tiles.size(), 2u);
+    EXPECT_EQ(tiles[0].result, "0-1.exr");
+    EXPECT_EQ(tiles[1].first, 7);
+    EXPECT_EQ(tiles[1].count, 5);
+  }
+  EXPECT_EQ(store_->claim("a", seconds(1)).value().value().number, 1);
 }
 
 }  // namespace

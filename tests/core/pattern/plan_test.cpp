@@ -44,6 +44,18 @@ TEST(Plan, ComplaintsNameFileLineValueAndWhatIsAccepted) {
             "p.txtpb:2: period_px is 1; it must be in [2, 100000]"},
            {"method: \"fringe\"\nfringes { phases: 4 }", "period_px is left out"},
            {"method: \"fringe\"\nfringes {\n  period_px: 64\n  phases: 2\n}", "p.txtpb:4: phases is 2"},
+           {"method: \"ramp\"\nsolids { colour: [0, 0, 0] }",
+            "ramp is left out; it must be given with method"},
+           {"method: \"ramp\"\nramp { frames: 0 }", "p.txtpb:2: frames is 0; it must be 1 to 18000"},
+           {"method: \"ramp\"\nramp {\n  frames: 9\n  empty_frames: 1001\n}",
+            "p.txtpb:4: empty_frames is 1001; it must be 1 to 1000"},
+           {"method: \"ramp\"\nramp {}\nskip_empty_stage: true", "p.txtpb:3: skip_empty_stage is true"},
+           {"method: \"ramp\"\nramp { frames: 9 }\nsweeps { sigma_px: 4 }", "p.txtpb:3: sweeps is given"},
+           {"method: \"ramp\"\nramp { frames: 9 }\nexposure_ms: [1, 4]",
+            "p.txtpb:3: exposure_ms is a second one"},
+           {"method: \"ramp\"\nramp { frames: 9 }\nmonitors { name: \"a\" }\nmonitors { name: \"b\" }",
+            "p.txtpb:4: monitors is a second one"},
+           {"method: \"gaussian\"\nramp { frames: 9 }", "p.txtpb:2: frames is 9; it must be left out"},
            {"method: \"hierarchical\"\nsquare_waves { levels: 4 first_level: 5 }",
             "p.txtpb:2: first_level is 5; it must be 1 to 4"},
        }) {
@@ -94,6 +106,48 @@ TEST(Plan, SquareWavesLeaveOutWhatTheyAreTold) {
     EXPECT_FALSE(bars.inverse());
     EXPECT_TRUE(bars.bar_width_px() == 32.0 || bars.bar_width_px() == 16.0);
   }
+}
+
+TEST(Plan, AVideoShowsTheRampAloneAfterTheEmptyStage) {
+  const v1::Plan plan =
+      parse_plan(
+          "method: \"ramp\" ramp { frames: 300 } solids { colour: [0, 0, 0] } square_waves { "
+          "levels: 2 } monitors { name: \"back\" }",
+          "p")
+          .value();
+  ASSERT_TRUE(is_video(plan));
+  std::vector<v1::Monitor> rig{monitor("back", 128, 96), monitor("left", 8, 8)};
+  rig[0].set_patch_rows(8);
+  const std::vector<Step> steps = expand(plan, rig).value();
+  std::map<std::pair<bool, std::string>, int> count;
+  for (const Step& step : steps) {
+    ++count[{step.object, step.stimulus.kind()}];
+    EXPECT_EQ(step.stimulus.panel(), "back");
+  }
+  const int lessons = static_cast<int>(patch_learning_ids().size());
+  const std::map<std::pair<bool, std::string>, int> expected{
+      {{false, "patch"}, lessons}, {{false, "solid"}, 1},      {{false, "square"}, 8},
+      {{false, "ramp"}, 16},       {{true, "patch"}, lessons}, {{true, "ramp"}, 300}};
+  EXPECT_EQ(count, expected);
+
+  v1::Plan unnamed = plan;
+  unnamed.clear_monitors();
+  EXPECT_TRUE(expand(unnamed, {rig[0]}).ok());
+  const absl::Status status = expand(unnamed, rig).status();
+  EXPECT_NE(std::string(status.message()).find("a video is of one monitor; the rig has 2"), std::string::npos)
+      << status;
+}
+
+TEST(Plan, AStillOfTheRampIsLikeAnyOtherFrame) {
+  const v1::Plan plan =
+      parse_plan("method: \"ramp\" ramp { empty_frames: 5 } solids { colour: [0, 0, 0] }", "p").value();
+  EXPECT_FALSE(is_video(plan));
+  int empty = 0, with = 0;
+  for (const Step& step : expand(plan, {monitor("back", 8, 8)}).value()) {
+    if (step.stimulus.kind() == "ramp") ++(step.object ? with : empty);
+  }
+  EXPECT_EQ(empty, 5);
+  EXPECT_EQ(with, 1);
 }
 
 TEST(Plan, SweepsCoverTheMonitorWithEvenSteps) {

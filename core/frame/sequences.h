@@ -1,0 +1,29 @@
+// Archives that hold several sequences of frames, each in a folder of its own.
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "glasswing/v1/archive.pb.h"
+
+namespace glasswing {
+
+// Monitors, camera and scene of a manifest.json of the rendered data sets (read_any_manifest), whose frames,
+// if it lists any, are left out. INVALID_ARGUMENT or DATA_LOSS name the file and what is wrong.
+absl::StatusOr<v1::CaptureManifest> read_sequences_header(const std::filesystem::path& directory);
+
+// Pictures (PNG, JPEG, TIFF) whose names end in a number, by that number. Empty where there are none.
+std::vector<std::filesystem::path> numbered_pictures(const std::filesystem::path& directory);
+
+// The frames of one sequence, as a manifest: those of DIR/NAME in the order of their numbers, with the
+// object; and of DIR/bg those without it. What a sequence shows is its name's first word, "ramp"; its
+// backgrounds are named after that word and as many of the name's last words as can be had: of
+// ramp_dark_noise ramp_dark_noise, ramp_noise or ramp, with a number or without. NOT_FOUND lists the
+// sequences that there are.
+absl::StatusOr<v1::CaptureManifest> read_sequence(const std::filesystem::path& directory,
+                                                  const std::string& name);
+
+}  // namespace glasswing

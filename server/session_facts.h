@@ -1,0 +1,27 @@
+// What a session is, from its record and its archive.
+#pragma once
+
+#include <absl/status/status.h>
+
+#include <string>
+
+#include "glasswing/v1/archive.pb.h"
+#include "glasswing/v1/session_service.pb.h"
+
+namespace glasswing {
+
+// "paused"
+std::string state_of(const v1::Session& session);
+// FAILED_PRECONDITION: "session "vase" is paused; it cannot be " and `verb`.
+absl::Status not_now(const v1::Session& session, const std::string& verb);
+
+// How frames are to be solved where nobody says.
+std::string usual_method(const v1::CaptureManifest& manifest);
+
+// Fills in the video's frames, and those that were lost.
+void note_video(const v1::CaptureManifest& manifest, v1::Session& session);
+
+// A matte for each frame, rather than one for all.
+bool is_solved_by_frames(const v1::Session& session);
+
+}  // namespace glasswing

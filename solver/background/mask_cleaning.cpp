@@ -1,0 +1,35 @@
+#include "solver/background/mask_cleaning.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "solver/background/mask_regions.h"
+
+namespace glasswing {
+
+int usual_dilation_px(int width_px, int height_px) {
+  constexpr double kUsualReach = 0.003;
+  return std::max(1, static_cast<int>(std::lround(kUsualReach * std::hypot(width_px, height_px))));
+}
+
+void clean_mask(std::span<std::uint8_t> samples, int width_px, int height_px, const MaskCleaning& cleaning) {
+  // A margin that nothing reaches: what lies outside is connected.
+  const int margin = cleaning.dilation_px + 1;
+  cv::Mat padded = cv::Mat::zeros(height_px + 2 * margin, width_px + 2 * margin, CV_8U);
+  const cv::Mat mask(height_px, width_px, CV_8U, samples.data());
+  const cv::Rect picture(margin, margin, width_px, height_px);
+  mask.copyTo(padded(picture));
+  const auto square = [](int reach) {
+    return cv::getStructuringElement(cv::MORPH_RECT, {2 * reach + 1, 2 * reach + 1});
+  };
+  if (cleaning.dilation_px > 0) cv::dilate(padded, padded, square(cleaning.dilation_px));
+  const BinaryView view{.samples = {padded.data, padded.total()}, .width_px = padded.cols};
+  if (cleaning.fill_holes) fill_holes(view);
+  if (cleaning.erosion_px > 0) cv::erode(padded, padded, square(cleaning.erosion_px));
+  if (cleaning.least_px > 1) drop_specks(view, cleaning.least_px);
+  padded(picture).copyTo(mask);
+}
+
+}  // namespace glasswing

@@ -1,0 +1,263 @@
+#include "solver/ramp/colour_manifold.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+
+namespace glasswing {
+namespace {
+
+// P_0 .. P_degree at s, and their derivatives.
+template <size_t Count>
+void legendre(double s, std::array<double, Count>& value, std::array<double, Count>& slope) {
+  value[0] = 1.0;
+  slope[0] = 0.0;
+  value[1] = s;
+  slope[1] = 1.0;
+  for (size_t i = 2; i < Count; ++i) {
+    const double n = static_cast<double>(i);
+    value[i] = ((2.0 * n - 1.0) * s * value[i - 1] - (n - 1.0) * value[i - 2]) / n;
+    slope[i] = slope[i - 2] + (2.0 * n - 1.0) * value[i - 1];
+  }
+}
+
+// Each term's factors: (i, j) in the order of `terms_`.
+template <int Degree, typename Visit>
+void for_terms(const Visit& visit) {
+  size_t term = 0;
+  for (size_t i = 0; i <= Degree; ++i) {
+    for (size_t j = 0; i + j <= Degree; ++j) visit(term++, i, j);
+  }
+}
+
+ColourManifold::Light ramp_at(double u, double v) {
+  return {0.1 + 0.8 * u, 0.1 + 0.8 * v, 0.9 - 0.4 * u - 0.4 * v};
+}
+
+double dot(const ColourManifold::Light& a, const ColourManifold::Light& b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+ColourManifold::Light times(const std::array<double, 9>& matrix, const ColourManifold::Light& light) {
+  ColourManifold::Light out{};
+  for (size_t row = 0; row < 3; ++row)
+    out[row] = matrix[3 * row] * light[0] + matrix[3 * row + 1] * light[1] + matrix[3 * row + 2] * light[2];
+  return out;
+}
+
+}  // namespace
+
+absl::StatusOr<ColourManifold> ColourManifold::fit(std::span<const ManifoldSample> samples,
+                                                   const std::array<double, 9>& mix, int monitor_width_px,
+                                                   int monitor_height_px) {
+  if (samples.size() < 4 * kTerms) {
+    return absl::FailedPreconditionError(
+        "too little of the ramp is seen without the object to measure its colours");
+  }
+  ColourManifold manifold;
+  manifold.width_px_ = monitor_width_px;
+  manifold.height_px_ = monitor_height_px;
+  manifold.mix_ = mix;
+  const Eigen::Matrix3d inverse =
+      Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(mix.data()).inverse();
+  for (size_t c = 0; c < 3; ++c) {
+    const auto column = static_cast<Eigen::Index>(c);
+    manifold.to_u_[c] = static_cast<float>(1.25 * inverse(0, column));
+    manifold.to_v_[c] = static_cast<float>(1.25 * inverse(1, column));
+    manifold.level_[c] =
+        static_cast<float>(0.5 * (inverse(0, column) + inverse(1, column)) + inverse(2, column));
+  }
+  auto& range = manifold.measured_px_;
+  range = {manifold.width_px_, 0.0, manifold.height_px_, 0.0};
+  for (const ManifoldSample& sample : samples) {
+    range = {std::min(range[0], sample.x_px), std::max(range[1], sample.x_px),
+             std::min(range[2], sample.y_px), std::max(range[3], sample.y_px)};
+  }
+  if (range[1] - range[0] < 1.0 || range[3] - range[2] < 1.0)
+    return absl::FailedPreconditionError("hardly any of the ramp is seen without the object");
+
+  using Terms = Eigen::Matrix<double, kTerms, 1>;
+  std::vector<double> weights(samples.size(), 1.0);
+  std::vector<double> misfit(samples.size());
+  Eigen::Matrix<double, kTerms, 3> solution;
+  // Twice, the second time without what the first could not explain: dust, a dead pixel, the monitor's rim.
+  for (int round = 0; round < 2; ++round) {
+    Eigen::Matrix<double, kTerms, kTerms> squares = Eigen::Matrix<double, kTerms, kTerms>::Zero();
+    Eigen::Matrix<double, kTerms, 3> sums = Eigen::Matrix<double, kTerms, 3>::Zero();
+    const auto row_of = [&](const ManifoldSample& sample) {
+      std::array<double, kDegree + 1> p, q, unused;
+      legendre(2.0 * (sample.x_px - range[0]) / (range[1] - range[0]) - 1.0, p, unused);
+      legendre(2.0 * (sample.y_px - range[2]) / (range[3] - range[2]) - 1.0, q, unused);
+      Terms row;
+      for_terms<kDegree>(
+          [&](size_t term, size_t i, size_t j) { row[static_cast<Eigen::Index>(term)] = p[i] * q[j]; });
+      return row;
+    };
+    const auto beyond_plane = [&](const ManifoldSample& sample) {
+      const Light base =
+          times(mix, ramp_at(sample.x_px / manifold.width_px_, sample.y_px / manifold.height_px_));
+      return Eigen::RowVector3d(sample.light[0] - base[0], sample.light[1] - base[1],
+                                sample.light[2] - base[2]);
+    };
+    for (size_t i = 0; i < samples.size(); ++i) {
+      if (weights[i] == 0.0) continue;
+      const Terms row = row_of(samples[i]);
+      squares.selfadjointView<Eigen::Lower>().rankUpdate(row);
+      sums += row * beyond_plane(samples[i]);
+    }
+    solution = squares.selfadjointView<Eigen::Lower>().ldlt().solve(sums);
+    for (size_t i = 0; i < samples.size(); ++i)
+      misfit[i] = (beyond_plane(samples[i]) - row_of(samples[i]).transpose() * solution).norm();
+    std::vector<double> sorted = misfit;
+    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+    std::nth_element(sorted.begin(), middle, sorted.end());
+    manifold.residual_ = *middle / 1.538;  // the median length of three normal numbers
+    for (size_t i = 0; i < samples.size(); ++i)
+      weights[i] = misfit[i] <= std::max(5.0 * manifold.residual_, 1e-6) ? 1.0 : 0.0;
+  }
+  if (!solution.allFinite()) return absl::FailedPreconditionError("the ramp's colours make no surface");
+  for (size_t c = 0; c < 3; ++c) {
+    for (size_t term = 0; term < kTerms; ++term)
+      manifold.terms_[c][term] = solution(static_cast<Eigen::Index>(term), static_cast<Eigen::Index>(c));
+  }
+  manifold.fill_table();
+  return manifold;
+}
+
+ColourManifold::Sides ColourManifold::sides(double x_px, double y_px) const {
+  Sides out{.light = times(mix_, ramp_at(x_px / width_px_, y_px / height_px_)),
+            .along_x = times(mix_, {0.8 / width_px_, 0.0, -0.4 / width_px_}),
+            .along_y = times(mix_, {0.0, 0.8 / height_px_, -0.4 / height_px_})};
+  const double wide = measured_px_[1] - measured_px_[0], high = measured_px_[3] - measured_px_[2];
+  const double s = 2.0 * (x_px - measured_px_[0]) / wide - 1.0,
+               t = 2.0 * (y_px - measured_px_[2]) / high - 1.0;
+  std::array<double, kDegree + 1> p, q, ps, qs;
+  legendre(std::clamp(s, -1.0, 1.0), p, ps);
+  legendre(std::clamp(t, -1.0, 1.0), q, qs);
+  const double ds = std::abs(s) <= 1.0 ? 2.0 / wide : 0.0, dt = std::abs(t) <= 1.0 ? 2.0 / high : 0.0;
+  for_terms<kDegree>([&](size_t term, size_t i, size_t j) {
+    for (size_t c = 0; c < 3; ++c) {
+      out.light[c] += terms_[c][term] * p[i] * q[j];
+      out.along_x[c] += terms_[c][term] * ps[i] * q[j] * ds;
+      out.along_y[c] += terms_[c][term] * p[i] * qs[j] * dt;
+    }
+  });
+  return out;
+}
+
+ColourManifold::Light ColourManifold::light(double x_px, double y_px) const {
+  return sides(x_px, y_px).light;
+}
+
+// The place of the monitor with the least distance of T from the line along `direction`: projected
+// Gauss-Newton; a coordinate that would leave the monitor is held at its edge and the other solved again.
+std::array<double, 2> ColourManifold::nearest(const Light& direction, std::array<double, 2> start) const {
+  const std::array<double, 2> most{width_px_, height_px_};
+  std::array<double, 2> at{std::clamp(start[0], 0.0, most[0]), std::clamp(start[1], 0.0, most[1])};
+  const double length = dot(direction, direction);
+  const auto across = [&](Light light) {
+    const double along = dot(light, direction) / length;
+    for (size_t c = 0; c < 3; ++c) light[c] -= along * direction[c];
+    return light;
+  };
+  for (int round = 0; round < 30; ++round) {
+    const Sides here = sides(at[0], at[1]);
+    const Light miss = across(here.light), dx = across(here.along_x), dy = across(here.along_y);
+    const double xx = dot(dx, dx), xy = dot(dx, dy), yy = dot(dy, dy), gx = -dot(dx, miss),
+                 gy = -dot(dy, miss);
+    const double determinant = xx * yy - xy * xy;
+    std::array<double, 2> next = at;
+    if (determinant > 1e-12 * xx * yy) {
+      next = {at[0] + (yy * gx - xy * gy) / determinant, at[1] + (xx * gy - xy * gx) / determinant};
+    }
+    const bool x_out = next[0] < 0.0 || next[0] > most[0], y_out = next[1] < 0.0 || next[1] > most[1];
+    if (x_out || y_out) {
+      // The best on either edge that it crosses.
+      double least = INFINITY;
+      std::array<double, 2> best = at;
+      for (size_t axis = 0; axis < 2; ++axis) {
+        if (!(axis == 0 ? x_out : y_out)) continue;
+        std::array<double, 2> held = at;
+        held[axis] = std::clamp(next[axis], 0.0, most[axis]);
+        const double moved = held[axis] - at[axis];
+        const size_t other = 1 - axis;
+        const double step = axis == 0 ? (gy - xy * moved) / yy : (gx - xy * moved) / xx;
+        held[other] = std::clamp(at[other] + step, 0.0, most[other]);
+        const Light there = across(light(held[0], held[1]));
+        if (dot(there, there) < least) {
+          least = dot(there, there);
+          best = held;
+        }
+      }
+      next = best;
+    }
+    const double moved = std::hypot(next[0] - at[0], next[1] - at[1]);
+    at = next;
+    if (moved < 1e-7 * (width_px_ + height_px_)) break;
+  }
+  return at;
+}
+
+void ColourManifold::fill_table() {
+  constexpr size_t kSide = kCells + 1;
+  table_.resize(kSide * kSide);
+  slope_.resize(kSide * kSide);
+  const Eigen::RowVector3f level(level_[0], level_[1], level_[2]);
+  for (size_t row = 0; row < kSide; ++row) {
+    std::array<double, 2> start{};
+    for (size_t column = 0; column < kSide; ++column) {
+      const double u = static_cast<double>(column) / kCells * (1.0 + 2.0 * kMargin) - kMargin;
+      const double v = static_cast<double>(row) / kCells * (1.0 + 2.0 * kMargin) - kMargin;
+      const Light direction = times(mix_, ramp_at(u, v));
+      start = nearest(direction, {u * width_px_, v * height_px_});
+      const Sides here = sides(start[0], start[1]);
+      const size_t node = row * kSide + column;
+      table_[node] = {static_cast<float>(start[0]), static_cast<float>(start[1]),
+                      static_cast<float>(dot(direction, here.light) / dot(here.light, here.light))};
+      // d(u, v) / d(x, y) of the colours here, inverted.
+      const auto per = [&](const std::array<float, 3>& to, const Light& along) {
+        double top = 0.0, top_along = 0.0, bottom = 0.0, bottom_along = 0.0;
+        for (size_t c = 0; c < 3; ++c) {
+          top += static_cast<double>(to[c]) * here.light[c];
+          top_along += static_cast<double>(to[c]) * along[c];
+          bottom += static_cast<double>(level_[c]) * here.light[c];
+          bottom_along += static_cast<double>(level_[c]) * along[c];
+        }
+        return (top_along - top / bottom * bottom_along) / bottom;
+      };
+      Eigen::Matrix2d forward;
+      forward << per(to_u_, here.along_x), per(to_u_, here.along_y), per(to_v_, here.along_x),
+          per(to_v_, here.along_y);
+      const Eigen::Matrix2d slope = forward.inverse();
+      slope_[node] = {static_cast<float>(slope(0, 0)), static_cast<float>(slope(0, 1)),
+                      static_cast<float>(slope(1, 0)), static_cast<float>(slope(1, 1))};
+    }
+  }
+}
+
+std::array<float, 3> ColourManifold::information(float r, float g, float b,
+                                                 const std::array<float, 3>& variance) const {
+  const float per_level = 1.0f / level(r, g, b);
+  const float top_u = (to_u_[0] * r + to_u_[1] * g + to_u_[2] * b) * per_level;
+  const float top_v = (to_v_[0] * r + to_v_[1] * g + to_v_[2] * b) * per_level;
+  float uu = 0.0f, uv = 0.0f, vv = 0.0f;
+  for (size_t c = 0; c < 3; ++c) {
+    const float du = (to_u_[c] - top_u * level_[c]) * per_level,
+                dv = (to_v_[c] - top_v * level_[c]) * per_level;
+    uu += variance[c] * du * du;
+    uv += variance[c] * du * dv;
+    vv += variance[c] * dv * dv;
+  }
+  constexpr float kScale = kCells / static_cast<float>(1.0 + 2.0 * kMargin);  // top is u + kMargin
+  const auto index = [&](float top) {
+    return static_cast<size_t>(std::clamp(top * kScale, 0.0f, static_cast<float>(kCells)));
+  };
+  const std::array<float, 4>& s = slope_[index(top_v) * (kCells + 1) + index(top_u)];
+  const float xu = s[0] * uu + s[1] * uv, xv = s[0] * uv + s[1] * vv, yu = s[2] * uu + s[3] * uv,
+              yv = s[2] * uv + s[3] * vv;
+  const float xx = xu * s[0] + xv * s[1], xy = xu * s[2] + xv * s[3], yy = yu * s[2] + yv * s[3];
+  const float determinant = xx * yy - xy * xy;
+  if (!(determinant > 0.0f)) return {0.0f, 0.0f, 0.0f};
+  return {yy / determinant, -xy / determinant, xx / determinant};
+}
+
+}  // namespace glasswing

@@ -1,0 +1,174 @@
+#include "solver/ramp/highlights.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+
+namespace glasswing {
+namespace {
+
+constexpr float kCovered = 0.5f;  // alpha
+
+cv::Mat plane_of(const std::vector<float>& plane, const RampFrame& frame, const cv::Rect& box) {
+  return cv::Mat(frame.height_px, frame.width_px, CV_32F, const_cast<float*>(plane.data()))(box);
+}
+
+// Where the predicate holds, and so many pixels around; within the picture.
+template <typename Predicate>
+cv::Rect box_round(const RampFrame& frame, int margin_px, const Predicate& predicate) {
+  int left = frame.width_px, right = -1, top = frame.height_px, bottom = -1;
+  size_t at = 0;
+  for (int y = 0; y < frame.height_px; ++y) {
+    for (int x = 0; x < frame.width_px; ++x, ++at) {
+      if (!predicate(at)) continue;
+      left = std::min(left, x);
+      right = std::max(right, x);
+      top = std::min(top, y);
+      bottom = y;
+    }
+  }
+  if (right < 0) return {};
+  const cv::Rect box(left - margin_px, top - margin_px, right - left + 1 + 2 * margin_px,
+                     bottom - top + 1 + 2 * margin_px);
+  return box & cv::Rect(0, 0, frame.width_px, frame.height_px);
+}
+
+// What rho is without peaks narrower than the disc.
+cv::Mat without_peaks(const cv::Mat& rho, const cv::Mat& alpha, int reach_px) {
+  const int block = std::max(1, reach_px / 6), reach = std::max(1, reach_px / block);
+  const cv::Mat covered = alpha > kCovered;
+  const cv::Size coarse((rho.cols + block - 1) / block, (rho.rows + block - 1) / block);
+  cv::Mat padded_rho = cv::Mat::zeros(coarse * block, CV_32F), padded_share = padded_rho.clone();
+  rho.copyTo(padded_rho(cv::Rect(0, 0, rho.cols, rho.rows)), covered);
+  padded_share(cv::Rect(0, 0, rho.cols, rho.rows)).setTo(1.0f, covered);
+  cv::Mat sum, share;
+  cv::resize(padded_rho, sum, coarse, 0, 0, cv::INTER_AREA);
+  cv::resize(padded_share, share, coarse, 0, 0, cv::INTER_AREA);
+  const cv::Mat none = share <= 0.0f;
+  cv::Mat mean = sum / share;
+  mean.setTo(1e9f, none);
+  const cv::Mat disc = cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * reach + 1, 2 * reach + 1});
+  cv::erode(mean, mean, disc);
+  mean.setTo(-1e9f, none);
+  cv::dilate(mean, mean, disc);
+  cv::Mat fine;
+  cv::resize(mean, fine, coarse * block, 0, 0, cv::INTER_LINEAR);
+  return fine(cv::Rect(0, 0, rho.cols, rho.rows));
+}
+
+// Three values and 1 where they are known; fills the rest, all 0, from means over ever larger squares.
+cv::Mat filled(const cv::Mat& known) {
+  cv::Mat out(known.size(), CV_32FC4);
+  const bool last = known.cols == 1 && known.rows == 1;
+  cv::Mat under;
+  if (!last) {
+    const cv::Size half((known.cols + 1) / 2, (known.rows + 1) / 2);
+    cv::Mat even = cv::Mat::zeros(half * 2, CV_32FC4), coarse;
+    known.copyTo(even(cv::Rect(0, 0, known.cols, known.rows)));
+    cv::resize(even, coarse, half, 0, 0, cv::INTER_AREA);
+    for (cv::Vec4f& value : cv::Mat_<cv::Vec4f>(coarse)) {
+      if (value[3] > 0.0f) value *= 1.0f / value[3];
+    }
+    cv::resize(filled(coarse), under, half * 2, 0, 0, cv::INTER_LINEAR);
+  }
+  for (int y = 0; y < known.rows; ++y) {
+    for (int x = 0; x < known.cols; ++x) {
+      const cv::Vec4f& here = known.at<cv::Vec4f>(y, x);
+      out.at<cv::Vec4f>(y, x) = here[3] > 0.0f || last ? here : under.at<cv::Vec4f>(y, x);
+    }
+  }
+  return out;
+}
+
+}  // namespace
+
+std::vector<std::uint8_t> find_highlights(const RampFrame& frame, std::span<const std::uint8_t> clipped,
+                                          const HighlightRule& rule) {
+  const auto least = static_cast<float>(1.0 + std::max(rule.delta, 3.0 * rule.rho_sd));
+  const auto sure = [&](size_t at) {
+    return frame.alpha[at] > kCovered && (frame.rho[at] > least || clipped[at] != 0);
+  };
+  const cv::Rect box = box_round(frame, 2 * rule.reach_px, sure);
+  if (box.empty()) return {};
+  const cv::Mat rho = plane_of(frame.rho, frame, box), alpha = plane_of(frame.alpha, frame, box);
+  const cv::Mat base = without_peaks(rho, alpha, rule.reach_px);
+  const auto rise = static_cast<float>(rule.rise + 3.0 * rule.rho_sd);
+  // From the sure ones to all that rise and touch.
+  std::vector<std::uint8_t> found(frame.alpha.size());
+  std::vector<cv::Point> open;
+  const auto place = [&](int x, int y) {
+    return static_cast<size_t>(box.y + y) * static_cast<size_t>(frame.width_px) +
+           static_cast<size_t>(box.x + x);
+  };
+  const auto take = [&](int x, int y) {
+    found[place(x, y)] = 1;
+    open.emplace_back(x, y);
+  };
+  for (int y = 0; y < box.height; ++y) {
+    for (int x = 0; x < box.width; ++x) {
+      if (sure(place(x, y))) take(x, y);
+    }
+  }
+  while (!open.empty()) {
+    const cv::Point at = open.back();
+    open.pop_back();
+    for (int y = std::max(at.y - 1, 0); y <= std::min(at.y + 1, box.height - 1); ++y) {
+      for (int x = std::max(at.x - 1, 0); x <= std::min(at.x + 1, box.width - 1); ++x) {
+        if (found[place(x, y)] != 0 || !(alpha.at<float>(y, x) > kCovered)) continue;
+        if (rho.at<float>(y, x) - base.at<float>(y, x) > rise) take(x, y);
+      }
+    }
+  }
+  return found;
+}
+
+void bridge_highlights(std::span<const std::uint8_t> highlights, double blur_px, RampFrame& frame) {
+  const int reach_px = std::max(1, static_cast<int>(std::ceil(3.0 * blur_px)));
+  const cv::Rect core = box_round(frame, 0, [&](size_t at) { return highlights[at] != 0; });
+  if (core.empty()) return;
+  // As much around as the highlights are wide, from which to tell.
+  const int margin = std::max({core.width, core.height, reach_px});
+  const cv::Rect box =
+      cv::Rect(core.x - margin, core.y - margin, core.width + 2 * margin, core.height + 2 * margin) &
+      cv::Rect(0, 0, frame.width_px, frame.height_px);
+  const auto place = [&](int x, int y) {
+    return static_cast<size_t>(box.y + y) * static_cast<size_t>(frame.width_px) +
+           static_cast<size_t>(box.x + x);
+  };
+  cv::Mat known = cv::Mat::zeros(box.size(), CV_32FC4);
+  for (int y = 0; y < box.height; ++y) {
+    for (int x = 0; x < box.width; ++x) {
+      const size_t at = place(x, y);
+      if (highlights[at] != 0 || frame.alpha[at] < 1.0f || !(frame.info_xx[at] > 0.0f)) continue;
+      known.at<cv::Vec4f>(y, x) = {frame.x_px[at], frame.y_px[at], frame.rho[at], 1.0f};
+    }
+  }
+  cv::Mat bridged = filled(known);
+  // The blur runs over the object alone.
+  for (int y = 0; y < box.height; ++y) {
+    for (int x = 0; x < box.width; ++x) {
+      const size_t at = place(x, y);
+      if (highlights[at] == 0 && known.at<cv::Vec4f>(y, x)[3] == 0.0f) bridged.at<cv::Vec4f>(y, x) = {};
+    }
+  }
+  if (blur_px > 0.0) {
+    const int side = 2 * reach_px + 1;
+    cv::GaussianBlur(bridged, bridged, {side, side}, blur_px, blur_px, cv::BORDER_REPLICATE);
+  }
+  for (int y = 0; y < box.height; ++y) {
+    for (int x = 0; x < box.width; ++x) {
+      const size_t at = place(x, y);
+      if (highlights[at] == 0) continue;
+      frame.highlight[at] = 1.0f;
+      frame.info_xx[at] = frame.info_xy[at] = frame.info_yy[at] = 0.0f;
+      const cv::Vec4f& value = bridged.at<cv::Vec4f>(y, x);
+      if (!(value[3] > 0.0f)) continue;  // nothing around is known: as it was seen
+      frame.x_px[at] = value[0] / value[3];
+      frame.y_px[at] = value[1] / value[3];
+      frame.rho[at] = value[2] / value[3];
+    }
+  }
+}
+
+}  // namespace glasswing

@@ -1,0 +1,72 @@
+#include "solver/ramp/moved_background.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace glasswing {
+namespace {
+
+constexpr double kLeastRamp = 0.02;   // of the empty stage's light
+constexpr double kMostOfFrame = 0.5;  // an object that covers less leaves enough of the background to see
+constexpr double kAlike = 0.7;        // of these pixels: no object keeps its background so straight
+constexpr float kSamePlace_px = 1.0f, kSameRho = 0.03f;
+constexpr size_t kEvery = 7;  // pixels are many
+
+float median_of(std::vector<float> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+}  // namespace
+
+absl::Status check_shows_ramp(const RampStage& stage, std::span<const float> light) {
+  double seen = 0.0, empty = 0.0;
+  for (size_t i = 0; i < light.size(); i += kEvery) {
+    if (stage.behind[i / 3] != Behind::kRamp) continue;
+    seen += static_cast<double>(light[i]);
+    empty += static_cast<double>(stage.average[i]);
+  }
+  if (seen > kLeastRamp * empty) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      fmt::format("the frame does not show the ramp: it has {:.1f} % of the empty stage's light",
+                  100.0 * std::max(seen, 0.0) / empty));
+}
+
+absl::Status check_background_stands(const RampStage& stage, const RampFrame& frame) {
+  size_t ramp = 0, changed = 0;
+  std::vector<float> dx_px, dy_px, rho, sd_px;
+  for (size_t i = 0; i < stage.behind.size(); i += kEvery) {
+    if (stage.behind[i] != Behind::kRamp) continue;
+    ++ramp;
+    if (frame.alpha[i] == 0.0f) continue;
+    ++changed;
+    if (!(frame.info_xx[i] > 0.0f && frame.info_yy[i] > 0.0f)) continue;
+    dx_px.push_back(frame.x_px[i] - stage.x_px[i]);
+    dy_px.push_back(frame.y_px[i] - stage.y_px[i]);
+    rho.push_back(frame.rho[i]);
+    sd_px.push_back(1.0f / std::sqrt(std::min(frame.info_xx[i], frame.info_yy[i])));
+  }
+  if (static_cast<double>(changed) < kMostOfFrame * static_cast<double>(ramp) || rho.empty())
+    return absl::OkStatus();
+  const float x = median_of(dx_px), y = median_of(dy_px), bright = median_of(rho);
+  size_t alike = 0;
+  for (size_t i = 0; i < rho.size(); ++i) {
+    // Noise moves places by sd, and rho by about sd of a place in shares of the monitor.
+    const float near_px = kSamePlace_px + 3.0f * sd_px[i];
+    const float near_rho = kSameRho + 3.0f * sd_px[i] / static_cast<float>(stage.monitor.width_px());
+    if (std::hypot(dx_px[i] - x, dy_px[i] - y) < near_px && std::abs(rho[i] - bright) < near_rho) ++alike;
+  }
+  if (static_cast<double>(alike) < kAlike * static_cast<double>(changed)) return absl::OkStatus();
+  return absl::FailedPreconditionError(fmt::format(
+      "the background is not that of the empty stage: {:.0f} % of it is moved by {:+.1f} {:+.1f} px of the "
+      "monitor and {:.2f} times as bright; camera and monitor must stay as they were, or the empty stage be "
+      "captured again",
+      100.0 * static_cast<double>(changed) / static_cast<double>(ramp), static_cast<double>(x),
+      static_cast<double>(y), static_cast<double>(bright)));
+}
+
+}  // namespace glasswing

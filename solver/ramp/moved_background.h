@@ -1,0 +1,20 @@
+// Frames that no matte can be made of.
+#pragma once
+
+#include <absl/status/status.h>
+
+#include <span>
+
+#include "solver/ramp/ramp_frame.h"
+#include "solver/ramp/ramp_stage.h"
+
+namespace glasswing {
+
+// FAILED_PRECONDITION: all but dark where the empty stage shows the ramp. `light`: r, g, b by rows.
+absl::Status check_shows_ramp(const RampStage& stage, std::span<const float> light);
+
+// FAILED_PRECONDITION: most of the frame differs from the empty stage, and most of that is the ramp itself,
+// moved as one piece or of another brightness.
+absl::Status check_background_stands(const RampStage& stage, const RampFrame& frame);
+
+}  // namespace glasswing

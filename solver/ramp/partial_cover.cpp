@@ -1,0 +1,59 @@
+#include "solver/ramp/partial_cover.h"
+
+#include <algorithm>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "solver/ramp/for_rows.h"
+
+namespace glasswing {
+
+std::vector<float> partial_cover(const CoverPictures& pictures, int edge_px, double noise_variance,
+                                 int thread_count) {
+  const int width = pictures.width_px, height = pictures.height_px;
+  std::vector<float> alpha(pictures.object.size());
+  for (size_t i = 0; i < alpha.size(); ++i) alpha[i] = pictures.object[i] != 0 ? 1.0f : 0.0f;
+  if (edge_px <= 0) return alpha;
+  const cv::Mat object(height, width, CV_8U, const_cast<std::uint8_t*>(pictures.object.data()));
+  cv::Mat inner;
+  // The picture's own border is no edge of the object.
+  cv::erode(object, inner, cv::getStructuringElement(cv::MORPH_CROSS, {3, 3}), {-1, -1}, edge_px);
+  const int reach = edge_px + 1;
+  const auto cover = [&](int x, int y) {
+    const auto place = [&](int column, int row) {
+      return (static_cast<size_t>(row) * static_cast<size_t>(width) + static_cast<size_t>(column)) * 3;
+    };
+    std::array<float, 3> own{};
+    float weights = 0.0f;
+    for (int row = std::max(y - reach, 0); row <= std::min(y + reach, height - 1); ++row) {
+      for (int column = std::max(x - reach, 0); column <= std::min(x + reach, width - 1); ++column) {
+        if (inner.at<std::uint8_t>(row, column) == 0) continue;
+        const int dx = column - x, dy = row - y;
+        const float weight = 1.0f / static_cast<float>(dx * dx + dy * dy);
+        weights += weight;
+        for (size_t c = 0; c < 3; ++c) own[c] += weight * pictures.light[place(column, row) + c];
+      }
+    }
+    if (weights == 0.0f) return 1.0f;  // thinner than its edges
+    // One standard deviation of noise counts as much towards 1 as what is seen.
+    float along = static_cast<float>(noise_variance), square = along;
+    for (size_t c = 0; c < 3; ++c) {
+      const float empty = pictures.empty[place(x, y) + c], span = empty - own[c] / weights;
+      along += (empty - pictures.light[place(x, y) + c]) * span;
+      square += span * span;
+    }
+    return square > 0.0f ? std::clamp(along / square, 0.0f, 1.0f) : 1.0f;
+  };
+  for_rows(height, thread_count, [&](int first, int last) {
+    for (int y = first; y < last; ++y) {
+      const std::uint8_t *const whole = object.ptr(y), *const core = inner.ptr(y);
+      float* const row = alpha.data() + static_cast<size_t>(y) * static_cast<size_t>(width);
+      for (int x = 0; x < width; ++x) {
+        if (whole[x] != core[x]) row[x] = cover(x, y);
+      }
+    }
+  });
+  return alpha;
+}
+
+}  // namespace glasswing

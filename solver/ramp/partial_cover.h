@@ -1,0 +1,27 @@
+// Alpha of pixels at the object's edge. Such a pixel's light lies between that of the empty stage and that of
+// the object:
+//
+//   C = (1 - alpha) B + alpha O,   alpha = (B - C) . (B - O) / (B - O)^2
+//
+// O is the mean, weighed 1 / distance^2, of pixels just inside. Where O hardly differs from B by more than
+// the noise alpha is 1, and nothing is lost.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace glasswing {
+
+struct CoverPictures {
+  int width_px = 0, height_px = 0;
+  std::span<const float> light, empty;   // r, g, b by rows
+  std::span<const std::uint8_t> object;  // by rows, not 0 on the object
+};
+
+// By pixel: 0 off the object, 1 on it, between at pixels that are no further than `edge_px` steps along sides
+// from what is not the object. `noise_variance`: of a channel.
+std::vector<float> partial_cover(const CoverPictures& pictures, int edge_px, double noise_variance,
+                                 int thread_count);
+
+}  // namespace glasswing

@@ -1,0 +1,208 @@
+#include "solver/ramp/ramp_extractor.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/base/status.h"
+#include "solver/background/mask_cleaning.h"
+#include "solver/ramp/for_rows.h"
+#include "solver/ramp/highlights.h"
+#include "solver/ramp/moved_background.h"
+#include "solver/ramp/partial_cover.h"
+#include "solver/ramp/prepared_stage.h"
+
+namespace glasswing {
+namespace {
+
+// Darker than so many standard deviations of the noise there is no telling where light comes from.
+constexpr float kDarkest_sd = 3.0f;
+constexpr double kUsualLight = 0.5;       // of the ramp
+constexpr double kHighlightReach = 0.04;  // of the picture's diagonal
+
+SampleNoise noise_of(const RampStage& stage, const FrameView& view) {
+  SampleNoise noise = stage.noise;
+  if (!stage.noise_known) noise.read_sd = std::max(noise.read_sd, roughness(view));
+  return noise;
+}
+
+// The frame's light without the stage's own, r, g, b by rows.
+std::vector<float> light_of(const RampStage& stage, const FrameView& view, int thread_count) {
+  std::vector<float> light(view.samples.size());
+  for_rows(view.height_px, thread_count, [&](int first, int last) {
+    const size_t row = 3 * static_cast<size_t>(view.width_px);
+    const size_t begin = static_cast<size_t>(first) * row, end = static_cast<size_t>(last) * row;
+    const float offset = -view.zero * view.unit;
+    for (size_t i = begin; i < end; ++i) light[i] = static_cast<float>(view.samples[i]) * view.unit + offset;
+    if (stage.black.empty()) return;
+    for (size_t i = begin; i < end; ++i) light[i] -= stage.black[i];
+  });
+  return light;
+}
+
+// 255 where the light differs from the empty stage's, cleaned.
+std::vector<std::uint8_t> object_of(const RampStage& stage, std::span<const float> light,
+                                    const SampleNoise& noise, const RampOptions& options,
+                                    const MaskCleaning& cleaning, int thread_count) {
+  const double least = options.least_difference / options.threshold_sd;
+  const auto threshold = static_cast<float>(options.threshold_sd * options.threshold_sd);
+  const auto share = static_cast<float>(1.0 + stage.empty_share);
+  const float read = static_cast<float>(noise.read_sd * noise.read_sd) * share;
+  const float gain = static_cast<float>(noise.gain) * share, floor = static_cast<float>(least * least);
+  std::vector<std::uint8_t> object(stage.behind.size());
+  for_rows(stage.height_px, thread_count, [&](int first, int last) {
+    const auto width = static_cast<size_t>(stage.width_px);
+    std::vector<float> squares(3 * width);
+    for (int y = first; y < last; ++y) {
+      const size_t from = static_cast<size_t>(y) * width;
+      for (size_t i = 0; i < 3 * width; ++i) {
+        const float empty = stage.average[3 * from + i], difference = light[3 * from + i] - empty;
+        const float variance = read + gain * (empty > 0.0f ? empty : 0.0f);
+        squares[i] = difference * difference / (variance > floor ? variance : floor);
+      }
+      for (size_t x = 0; x < width; ++x) {
+        const bool differs = squares[3 * x] + squares[3 * x + 1] + squares[3 * x + 2] > threshold;
+        object[from + x] = differs && stage.behind[from + x] != Behind::kPatch ? 255 : 0;
+      }
+    }
+  });
+  clean_mask(object, stage.width_px, stage.height_px, cleaning);
+  return object;
+}
+
+}  // namespace
+
+absl::StatusOr<RampExtractor> RampExtractor::create(const v1::CaptureManifest& manifest,
+                                                    const VideoLayout& layout,
+                                                    std::span<const FrameView> empties,
+                                                    const RampOptions& options,
+                                                    std::span<const FrameView> black) {
+  GW_ASSIGN_OR_RETURN(RampStage stage, RampStage::measure(manifest, layout, empties, black));
+  const int usual = usual_dilation_px(stage.width_px, stage.height_px);
+  MaskCleaning cleaning{.dilation_px = options.dilation_px.value_or(usual), .fill_holes = options.fill_holes};
+  cleaning.erosion_px = options.erosion_px.value_or(cleaning.dilation_px);
+  cleaning.least_px = (2 * cleaning.dilation_px + 1) * (2 * cleaning.dilation_px + 1);
+  const double diagonal = std::hypot(stage.width_px, stage.height_px);
+  v1::MatteMetadata metadata;
+  metadata.set_format_version(1);
+  metadata.set_session(manifest.session());
+  metadata.set_method("ramp");
+  *metadata.mutable_monitors() = manifest.monitors();
+  metadata.set_width_px(stage.width_px);
+  metadata.set_height_px(stage.height_px);
+  metadata.set_generator("glasswing");
+  metadata.set_footprint(std::string(kBoxFootprint));
+  for (const std::string& warning : stage.warnings) metadata.add_warnings(warning);
+  const int reach = std::max(2, static_cast<int>(std::lround(kHighlightReach * diagonal)));
+  return RampExtractor(
+      std::make_shared<Prepared>(Prepared{.stage = std::move(stage),
+                                          .options = options,
+                                          .cleaning = cleaning,
+                                          .highlight_reach_px = options.highlight_reach_px.value_or(reach),
+                                          .metadata = std::move(metadata)}));
+}
+
+absl::StatusOr<RampFrame> RampExtractor::extract(const FrameView& view, int thread_count) const {
+  const RampStage& stage = prepared_->stage;
+  const ColourManifold& manifold = stage.manifold;
+  if (view.width_px != stage.width_px || view.height_px != stage.height_px) {
+    return absl::InvalidArgumentError(fmt::format("the frame is {}x{}; the empty stage is {}x{}",
+                                                  view.width_px, view.height_px, stage.width_px,
+                                                  stage.height_px));
+  }
+  const SampleNoise noise = noise_of(stage, view);
+  const std::vector<float> light = light_of(stage, view, thread_count);
+  GW_RETURN_IF_ERROR(check_shows_ramp(stage, light));
+  const std::vector<std::uint8_t> object =
+      object_of(stage, light, noise, prepared_->options, prepared_->cleaning, thread_count);
+  RampFrame frame(stage.width_px, stage.height_px);
+  const double usual_variance = noise.variance(kUsualLight);
+  const auto usual = static_cast<float>(usual_variance);
+  frame.rho_sd = manifold.level_sd({usual, usual, usual});
+  frame.alpha = partial_cover({.width_px = stage.width_px,
+                               .height_px = stage.height_px,
+                               .light = light,
+                               .empty = stage.average,
+                               .object = object},
+                              prepared_->options.edge_px, usual_variance, thread_count);
+  frame.x_px = stage.x_px;
+  frame.y_px = stage.y_px;
+  std::vector<std::uint8_t> clipped(stage.behind.size());
+  for_rows(stage.height_px, thread_count, [&](int first, int last) {
+    const auto read = static_cast<float>(noise.read_sd * noise.read_sd),
+               gain = static_cast<float>(noise.gain);
+    const size_t end = static_cast<size_t>(last) * static_cast<size_t>(stage.width_px);
+    for (size_t at = static_cast<size_t>(first) * static_cast<size_t>(stage.width_px); at < end; ++at) {
+      if (stage.behind[at] == Behind::kPatch) frame.flags[at] = kFlagNoData;
+      if (object[at] == 0) continue;
+      std::array<float, 3> own{}, variance{};
+      const float rest = 1.0f - frame.alpha[at];
+      for (size_t c = 0; c < 3; ++c) {
+        const float seen = light[3 * at + c];
+        own[c] = seen - rest * stage.average[3 * at + c];
+        variance[c] = read + gain * std::max(seen, 0.0f);
+        if (view.samples[3 * at + c] >= kSaturatedCode) clipped[at] = 1;
+      }
+      const float level = manifold.level(own[0], own[1], own[2]);
+      if (!(level > kDarkest_sd * manifold.level_sd(variance)) || frame.alpha[at] == 0.0f) {
+        frame.rho[at] = std::max(level, 0.0f);
+        continue;
+      }
+      const ColourManifold::Found found = manifold.find(own[0], own[1], own[2]);
+      frame.x_px[at] = found.x_px;
+      frame.y_px[at] = found.y_px;
+      frame.rho[at] = found.rho;
+      const std::array<float, 3> info = manifold.information(own[0], own[1], own[2], variance);
+      frame.info_xx[at] = info[0];
+      frame.info_xy[at] = info[1];
+      frame.info_yy[at] = info[2];
+    }
+  });
+  GW_RETURN_IF_ERROR(check_background_stands(stage, frame));
+  if (prepared_->options.highlights) {
+    const std::vector<std::uint8_t> highlights =
+        find_highlights(frame, clipped,
+                        {.delta = prepared_->options.delta,
+                         .rise = prepared_->options.highlight_rise,
+                         .rho_sd = static_cast<double>(frame.rho_sd),
+                         .reach_px = prepared_->highlight_reach_px});
+    if (!highlights.empty()) bridge_highlights(highlights, prepared_->options.highlight_blur_px, frame);
+  }
+  return frame;
+}
+
+double RampExtractor::noise_sd(const FrameView& view) const {
+  return std::sqrt(noise_of(prepared_->stage, view).variance(kUsualLight));
+}
+
+void RampExtractor::finish(const FrameView& view, RampFrame& frame, int thread_count) const {
+  const RampStage& stage = prepared_->stage;
+  const RampOptions& options = prepared_->options;
+  for_rows(stage.height_px, thread_count, [&](int first, int last) {
+    const size_t end = static_cast<size_t>(last) * static_cast<size_t>(stage.width_px);
+    for (size_t at = static_cast<size_t>(first) * static_cast<size_t>(stage.width_px); at < end; ++at) {
+      frame.rho[at] = std::clamp(frame.rho[at], 0.0f, 1.0f);
+      if (frame.highlight[at] == 0.0f) continue;
+      const ColourManifold::Light ramp =
+          stage.manifold.light(static_cast<double>(frame.x_px[at]), static_cast<double>(frame.y_px[at]));
+      float most = 0.0f;
+      bool all_clipped = true;
+      for (size_t c = 0; c < 3; ++c) {
+        const std::uint16_t sample = view.samples[3 * at + c];
+        const float seen = (static_cast<float>(sample) - view.zero) * view.unit -
+                           (stage.black.empty() ? 0.0f : stage.black[3 * at + c]);
+        most = std::max(most, seen - (1.0f - frame.alpha[at]) * stage.average[3 * at + c] -
+                                  frame.rho[at] * static_cast<float>(ramp[c]));
+        all_clipped = all_clipped && sample >= kSaturatedCode;
+      }
+      if (all_clipped) {
+        most = std::max(most, static_cast<float>(options.clipped_highlight));
+        frame.flags[at] |= kFlagSaturated;
+      }
+      frame.highlight[at] = most * static_cast<float>(options.highlight_gain);
+    }
+  });
+}
+
+}  // namespace glasswing

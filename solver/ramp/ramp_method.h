@@ -1,0 +1,29 @@
+// Video mattes from the colour ramp (Chuang et al. 2000, section 4): each frame is extracted, smoothed with
+// those near it, and finished. ramp_options.h has the options.
+#pragma once
+
+#include <memory>
+
+#include "solver/ramp/ramp_options.h"
+#include "solver/video_method.h"
+
+namespace glasswing {
+
+class RampMethod final : public VideoMethod {
+ public:
+  static absl::StatusOr<std::unique_ptr<VideoMethod>> create(const MethodOptions& options);
+
+  // At most one frame more than the smoother looks at is in memory. A frame beyond the range that cannot be
+  // read or extracted is left out of what its neighbours are smoothed with.
+  absl::Status solve(VideoSource& source, int first, int count, int thread_count, std::stop_token stop,
+                     const std::function<absl::Status(int frame, const Matte&)>& done) const override;
+
+ private:
+  RampMethod(MethodOptions options, const RampOptions& parsed)
+      : options_(std::move(options)), parsed_(parsed) {}
+
+  MethodOptions options_;
+  RampOptions parsed_;
+};
+
+}  // namespace glasswing

@@ -1,0 +1,32 @@
+// A rendered video before the ramp (F_video's layout): several sequences of frames of one object in one
+// directory, with empty stages, photographs of other backgrounds, and the object's coverage.
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/frame/image.h"
+#include "solver/video_method.h"
+
+namespace glasswing {
+
+// Frames of one sequence as a source: the empty stage from bg/ramp.png, or from bg/ramp_noise*.png where the
+// sequence is noisy.
+absl::StatusOr<std::unique_ptr<VideoSource>> rendered_video(const std::filesystem::path& directory,
+                                                            const std::string& sequence);
+
+struct VideoScore {
+  std::string sequence, photograph;  // ramp_dark, stilllife_dark
+  double psnr_db = 0.0;              // mean over the frames, inside the object
+};
+
+// Solves every sequence that there is, composites it exactly over every background that it was photographed
+// before, and compares: PSNR of linear light on 16 bits, peak 1, where the true coverage is above a half.
+absl::StatusOr<std::vector<VideoScore>> score_video(const std::filesystem::path& directory,
+                                                    const MethodOptions& options);
+
+}  // namespace glasswing

@@ -1,0 +1,282 @@
+// A video on a simulated rig that loses frames, from its capture to the mattes of its frames.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <set>
+
+#include "core/base/file.h"
+#include "core/frame/archive.h"
+#include "core/matte/matte_file.h"
+#include "core/pattern/plan.h"
+#include "core/pattern/video_frames.h"
+#include "core/service/service.h"
+#include "server/work_service.h"
+#include "tests/faults/rig.h"
+
+namespace glasswing {
+namespace {
+
+namespace fs = std::filesystem;
+using std::chrono::seconds;
+
+v1::Plan video_plan(int frames) {
+  v1::Plan plan;
+  plan.set_method("ramp");
+  plan.mutable_ramp()->set_frames(frames);
+  plan.mutable_ramp()->set_empty_frames(3);
+  plan.add_exposure_ms(FaultyRig::kExposure_ms);
+  plan.set_hold_refreshes(4);
+  plan.set_retries(100);
+  return plan;
+}
+
+class VideoTest : public testing::Test {
+ protected:
+  void start(const RigFaults& faults) { rig_ = std::make_unique<FaultyRig>(faults, 1, 16, data_); }
+  void TearDown() override {
+    rig_ = nullptr;
+    fs::remove_all(data_);
+  }
+
+  // Until it rests. `seen` hears of every change.
+  v1::Session capture(const v1::Plan& plan, const std::function<void(const v1::Session&)>& seen = nullptr) {
+    v1::CreateSessionRequest create;
+    create.set_name("s");
+    *create.mutable_plan() = plan;
+    v1::CreateSessionResponse created;
+    grpc::ClientContext context;
+    set_deadline(context, seconds(30));
+    const grpc::Status status = rig_->sessions().CreateSession(&context, create, &created);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    return watch(seen);
+  }
+  v1::Session watch(const std::function<void(const v1::Session&)>& seen = nullptr) {
+    v1::WatchSessionRequest request;
+    request.set_name("s");
+    grpc::ClientContext context;
+    const auto reader = rig_->sessions().WatchSession(&context, request);
+    v1::WatchSessionResponse response;
+    while (reader->Read(&response)) {
+      if (seen) seen(response.session());
+    }
+    (void)reader->Finish();
+    return response.session();
+  }
+  v1::CaptureManifest archive() const { return Archive::open(rig_->archive("s")).value()->manifest(); }
+
+  // A capture in which each frame of the camera is lost with this probability, so that some windows have
+  // none.
+  v1::Session lossy_capture(int frames) {
+    start({.name = "drops", .drop = 0.6, .frame_rate_hz = 120.0});
+    return capture(video_plan(frames));
+  }
+
+  const fs::path data_ = fs::path(testing::TempDir()) / ("video." + std::to_string(::getpid()));
+  std::unique_ptr<FaultyRig> rig_;
+};
+
+std::vector<int> list(const google::protobuf::RepeatedField<std::int32_t>& numbers) {
+  return {numbers.begin(), numbers.end()};
+}
+
+TEST_F(VideoTest, FramesWithoutProofAreLostAndNoneIsTakenAgain) {
+  constexpr int kFrames = 60;
+  const v1::Session session = lossy_capture(kFrames);
+  ASSERT_EQ(session.state(), v1::SESSION_STATE_CAPTURED) << session.reason();
+  EXPECT_EQ(session.frame_count(), kFrames);
+  const v1::CaptureManifest manifest = archive();
+  const std::vector<int> video = video_frames(manifest);
+  ASSERT_EQ(video.size(), size_t{kFrames});
+  EXPECT_EQ(list(session.lost_frames()), lost_frames(video));
+  EXPECT_GT(session.lost_frames_size(), 0);
+  EXPECT_EQ(session.proven_count(), session.step_count() - session.lost_frames_size());
+  EXPECT_NE(session.warning().find(std::to_string(session.lost_frames_size()) +
+                                   " of 60 frames of the video were lost, at most "),
+            std::string::npos)
+      << session.warning();
+  // What is shown once is exposed in its order.
+  std::int64_t last_ns = 0;
+  for (const int place : video) {
+    if (place < 0) continue;
+    EXPECT_GT(manifest.frames(place).exposure_start_ns(), last_ns);
+    last_ns = manifest.frames(place).exposure_start_ns();
+  }
+  int empty = 0;
+  for (const v1::Frame& frame : manifest.frames()) {
+    if (frame.stimulus().kind() != "ramp" || frame.object()) continue;
+    ++empty;
+    EXPECT_LT(frame.exposure_end_ns(),
+              manifest.frames(*std::ranges::find_if(video, [](int place) { return place >= 0; }))
+                  .exposure_start_ns());
+  }
+  EXPECT_EQ(empty, 3);  // these are taken until they are there
+}
+
+TEST_F(VideoTest, AVideoThatBrokeOffKeepsWhatItHasAndDoesNotGoOn) {
+  constexpr int kFrames = 400;
+  start({.name = "camera dies"});
+  std::set<std::string> before;
+  const v1::Session session = capture(video_plan(kFrames), [&](const v1::Session& now) {
+    const int others = now.step_count() - kFrames;
+    if (!before.empty() || others <= 0 || now.proven_count() < others + 20) return;
+    const v1::CaptureManifest kept = archive();
+    for (const v1::Frame& frame : kept.frames()) before.insert(frame.file() + frame.checksum());
+    rig_->restart_camera();
+  });
+  ASSERT_EQ(session.state(), v1::SESSION_STATE_CAPTURED) << session.reason();
+  ASSERT_FALSE(before.empty());
+  const v1::CaptureManifest manifest = archive();
+  std::set<std::string> after;
+  for (const v1::Frame& frame : manifest.frames()) after.insert(frame.file() + frame.checksum());
+  EXPECT_TRUE(std::ranges::includes(after, before));
+  const std::vector<int> video = video_frames(manifest);
+  EXPECT_EQ(list(session.lost_frames()), lost_frames(video));
+  const auto last = std::ranges::find_if(video.rbegin(), video.rend(), [](int place) { return place >= 0; });
+  const auto length = video.rend() - last;
+  EXPECT_LT(length, kFrames);
+  const std::string says = "the video ended early: " + std::to_string(length) + " of 400 frames";
+  EXPECT_NE(session.warning().find(says), std::string::npos) << session.warning();
+}
+
+// A solver that makes no effort: each frame's matte says which one it is.
+class IdleSolver {
+ public:
+  explicit IdleSolver(Server& server) : service_(server), host_(ServiceHost::start({}, {&service_}).value()) {
+    stub_ = v1::WorkService::NewStub(dial(host_->address()));
+  }
+  v1::ClaimTileResponse claim() {
+    v1::ClaimTileRequest request;
+    request.set_solver("idle");
+    request.set_version(kVersion);
+    v1::ClaimTileResponse response;
+    grpc::ClientContext context;
+    EXPECT_TRUE(stub_->ClaimTile(&context, request, &response).ok());
+    return response;
+  }
+  static std::string matte(int frame, float mark) {
+    Matte matte(0, 0, 5, 4, 1);
+    matte.metadata.set_format_version(1);
+    matte.metadata.add_monitors()->set_name("back");
+    matte.metadata.set_width_px(5);
+    matte.metadata.set_height_px(4);
+    matte.metadata.set_frame(frame);
+    matte.foreground(0, 0) = {mark, mark, mark};
+    return encode_matte(matte).value();
+  }
+  // Mattes of the tile's frames but those left out; the last file lacks so many bytes.
+  grpc::Status complete(const v1::ClaimTileResponse& tile, const std::set<int>& left_out, float mark = 1.0f,
+                        size_t lacks = 0) {
+    v1::CompleteTileResponse response;
+    grpc::ClientContext context;
+    const auto writer = stub_->CompleteTile(&context, &response);
+    v1::CompleteTileRequest request;
+    *request.mutable_lease() = tile.lease();
+    request.set_object_pixel_count(10);
+    writer->Write(request);
+    for (int frame = tile.first_frame(); frame < tile.first_frame() + tile.frame_count(); ++frame) {
+      if (left_out.contains(frame)) continue;
+      std::string bytes = matte(frame, mark);
+      if (frame + 1 == tile.first_frame() + tile.frame_count()) bytes = bytes.substr(0, bytes.size() - lacks);
+      v1::CompleteTileRequest chunk;
+      chunk.set_frame(frame);
+      chunk.set_chunk(bytes.substr(0, 100));
+      writer->Write(chunk);
+      chunk.clear_frame();
+      chunk.set_chunk(bytes.substr(100));
+      writer->Write(chunk);
+    }
+    writer->WritesDone();
+    return writer->Finish();
+  }
+  grpc::Status fail(const v1::ClaimTileResponse& tile, const std::string& why) {
+    v1::FailTileRequest request;
+    *request.mutable_lease() = tile.lease();
+    request.set_error(why);
+    request.set_permanent(true);
+    v1::FailTileResponse response;
+    grpc::ClientContext context;
+    return stub_->FailTile(&context, request, &response);
+  }
+
+ private:
+  WorkServiceImpl service_;
+  std::unique_ptr<ServiceHost> host_;
+  std::unique_ptr<v1::WorkService::Stub> stub_;
+};
+
+TEST_F(VideoTest, MattesOfFramesAreKeptAsTheyAreSolved) {
+  constexpr int kFrames = 50;
+  const v1::Session captured = lossy_capture(kFrames);
+  ASSERT_EQ(captured.state(), v1::SESSION_STATE_CAPTURED) << captured.reason();
+  const std::set<int> lost(captured.lost_frames().begin(), captured.lost_frames().end());
+  ASSERT_FALSE(lost.empty());
+  Server& server = rig_->server();
+  IdleSolver solver(server);
+  v1::SolveSessionRequest request;
+  request.set_name("s");
+  ASSERT_EQ(server.solve(request)->method(), "ramp");
+
+  const v1::ClaimTileResponse first = solver.claim();
+  EXPECT_EQ(first.first_frame(), 0);
+  EXPECT_EQ(first.frame_count(), 16);
+  EXPECT_EQ(first.row_count(), 0);
+  // A tile that lacks a frame, or whose last file is cut off, is refused, and shows nowhere.
+  std::set<int> too_few = lost;
+  int last = first.frame_count() - 1;
+  while (lost.contains(last)) --last;
+  too_few.insert(last);
+  EXPECT_EQ(solver.complete(first, too_few).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  if (!lost.contains(first.frame_count() - 1)) {
+    EXPECT_EQ(solver.complete(first, lost, 1.0f, 1).error_code(), grpc::StatusCode::DATA_LOSS);
+  }
+  EXPECT_TRUE(server.find("s")->solved_frames().empty());
+  EXPECT_FALSE(fs::exists(data_ / "server" / "mattes" / "s" / "0000.exr"));
+
+  ASSERT_TRUE(solver.complete(first, lost).ok());
+  ASSERT_TRUE(solver.complete(first, lost).ok());  // its answer was lost on the way
+  std::vector<int> solved;
+  for (int frame = 0; frame < first.frame_count(); ++frame) {
+    if (!lost.contains(frame)) solved.push_back(frame);
+  }
+  v1::Session session = *server.find("s");
+  EXPECT_EQ(list(session.solved_frames()), solved);
+  EXPECT_EQ(session.object_pixel_count(), 10);
+  EXPECT_EQ(session.state(), v1::SESSION_STATE_SOLVING);
+  for (const int frame : solved)
+    EXPECT_EQ(read_file(*server.matte("s", frame)).value(), IdleSolver::matte(frame, 1.0f));
+  EXPECT_TRUE(absl::IsNotFound(server.matte("s", *lost.begin()).status()));
+  EXPECT_TRUE(absl::IsNotFound(server.matte("s", kFrames).status()));
+  EXPECT_TRUE(absl::IsFailedPrecondition(server.matte("s", first.frame_count() + 1).status()) ||
+              lost.contains(first.frame_count() + 1));
+  EXPECT_TRUE(absl::IsFailedPrecondition(server.matte("s", std::nullopt).status()));
+
+  // A solve that fails keeps them, also past the server's end.
+  ASSERT_TRUE(solver.fail(solver.claim(), "frame 17: it cannot be read").ok());
+  session = *server.find("s");
+  EXPECT_EQ(session.state(), v1::SESSION_STATE_FAILED);
+  EXPECT_EQ(session.reason(), "frame 17: it cannot be read");
+  EXPECT_EQ(list(session.solved_frames()), solved);
+  {
+    const auto again = Server::open(data_ / "server").value();
+    EXPECT_EQ(read_file(*again->matte("s", solved.back())).value(), IdleSolver::matte(solved.back(), 1.0f));
+  }
+
+  // The next solve replaces them, and what is left of the last one is void.
+  ASSERT_TRUE(server.solve(request).ok());
+  EXPECT_TRUE(server.find("s")->solved_frames().empty());
+  EXPECT_EQ(solver.complete(first, lost).error_code(), grpc::StatusCode::ABORTED);
+  int tiles = 0, smallest = kFrames;
+  for (v1::ClaimTileResponse tile = solver.claim(); tile.has_lease(); tile = solver.claim(), ++tiles) {
+    smallest = std::min(smallest, tile.frame_count());
+    ASSERT_TRUE(solver.complete(tile, lost, 2.0f).ok());
+  }
+  EXPECT_LT(smallest, 16);  // the last ones
+  session = *server.find("s");
+  EXPECT_EQ(session.state(), v1::SESSION_STATE_DONE);
+  EXPECT_EQ(session.tiles_done(), tiles);
+  EXPECT_EQ(session.solved_frames_size(), kFrames - static_cast<int>(lost.size()));
+  EXPECT_EQ(read_file(*server.matte("s", solved.front())).value(), IdleSolver::matte(solved.front(), 2.0f));
+}
+
+}  // namespace
+}  // namespace glasswing

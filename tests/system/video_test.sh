@@ -1,0 +1,78 @@
+#!/bin/bash
+# Videos through separate processes, as a person would run them: captured, solved, fetched, exported and imported again; solver and
+# server killed in the middle of a solve; a sequence imported; what is wrong said.
+source "$(dirname "$0")/rig.sh"
+rig=("$root/deploy/local-rig")
+trap '"${rig[@]}" down --data "$work/rig" >/dev/null; rm -rf "$work"' EXIT
+
+shown() { glasswing show "$1" --json | field "$2"; } # SESSION NAME
+solved() { # SESSION: how many frames are
+  glasswing show "$1" --json | awk '/"solved_frames": \[/ { inside = 1; next } inside && /\]/ { exit } inside { ++n } END { print n + 0 }'
+}
+solved_at_least() { (($(solved "$1") >= $2)); }
+refused() { # WORDS COMMAND...: fails, with one line on standard error that holds these words
+  local words=$1
+  shift
+  if "$@" >/dev/null 2>"$work/stderr"; then fail "accepted: $*"; fi
+  grep -qF -- "$words" "$work/stderr" || fail "\"$(cat "$work/stderr")\" does not say \"$words\""
+}
+
+"${rig[@]}" up --data "$work/rig" --port "$port" --solvers 1 --scene glass
+sed 's/frames: 300/frames: 40/; s/levels: 7/levels: 4/' "$root/deploy/plans/video.txtpb" >"$work/plan.txtpb"
+
+echo "== what a plan says of its video"
+glasswing plan check "$work/plan.txtpb" | grep -q "a video of 40 frames, 16 frames of the empty stage" || fail "plan check"
+glasswing plan estimate "$work/plan.txtpb" | tee "$work/estimate"
+grep -q "^video     1.3 s at 30 frames a second" "$work/estimate" || fail "plan estimate"
+
+echo "== a video from capture to mattes"
+glasswing capture "$work/plan.txtpb" --session pour --watch || fail "not captured"
+[[ $(shown pour state) == SESSION_STATE_CAPTURED && $(shown pour frame_count) == 40 ]] || fail "pour is no video"
+glasswing solve pour --watch || fail "not solved"
+glasswing fetch pour -o "$work/pour/" || fail "not fetched"
+frames=$(find "$work/pour" -name '[0-9][0-9][0-9][0-9].exr' | wc -l)
+lost=$(glasswing show pour --json | awk '/"lost_frames": \[/ { inside = 1; next } inside && /\]/ { exit } inside { ++n } END { print n + 0 }')
+((frames + lost == 40)) || fail "$frames frames are fetched, $lost were lost"
+
+echo "== export, import, and the same mattes again"
+glasswing export pour "$work/archive"
+glasswing import "$work/archive" --session again
+[[ $(shown again frame_count) == 40 && $(shown again method) == ramp ]] || fail "the import is no video"
+glasswing solve again --watch
+glasswing fetch again -o "$work/again"
+for file in "$work"/pour/*.exr; do
+  glasswing composite "$file" --background "$root/deploy/pictures/quilt.png" -o "$work/a.exr" >/dev/null
+  glasswing composite "$work/again/$(basename "$file")" --background "$root/deploy/pictures/quilt.png" -o "$work/b.exr" >/dev/null
+  cmp "$work/a.exr" "$work/b.exr" || fail "$(basename "$file") became another"
+done
+
+echo "== solver and server killed in the middle of a solve: what was solved stays"
+glasswing solve pour >/dev/null
+until_true 120 solved_at_least pour 1 || fail "nothing is solved"
+kill -KILL "$(cat "$work/rig/run/solver-1.pid")"
+kill -KILL "$(cat "$work/rig/run/server.pid")"
+mattes=$work/rig/server/mattes/pour
+(cd "$mattes" && sha256sum ./*.exr) >"$work/solved"
+"${rig[@]}" up --data "$work/rig" --port "$port" --solvers 1 >/dev/null
+(cd "$mattes" && sha256sum --quiet -c "$work/solved") || fail "solved frames changed"
+[[ $(solved pour) -gt 0 ]] || fail "solved frames are forgotten"
+glasswing watch pour || fail "the solve did not go on"
+(cd "$mattes" && sha256sum --quiet -c "$work/solved") || fail "solved frames were solved again"
+[[ $(solved pour) == "$frames" ]] || fail "$(solved pour) of $frames frames are solved"
+rm "$work/pour/0003.exr"
+glasswing fetch pour -o "$work/pour/" | grep -q "$((frames - 1)) were there before" || fail "what was there was fetched again"
+cmp "$work/pour/0003.exr" "$work/again/0003.exr" >/dev/null || [[ -s $work/pour/0003.exr ]] || fail "the missing frame was not fetched"
+
+echo "== what is wrong is said"
+refused "is a video of 40 frames" glasswing fetch pour -o "$work/pour.exr"
+refused "has no frame 40" glasswing fetch pour --frame 40 -o "$work/40.exr"
+frame=$(find "$work/rig/camera/archives/again/frames" -type f | sort | tail -n 1)
+printf 'x' | dd of="$frame" bs=1 seek=1000 conv=notrunc status=none
+"${rig[@]}" down --data "$work/rig" >/dev/null
+"${rig[@]}" up --data "$work/rig" --port "$port" --solvers 1 >/dev/null
+refused "$(basename "$frame")" glasswing solve again --watch
+glasswing show again | grep -q "^reason .*frame 39" || fail "the reason does not name the frame"
+if glasswing fetch again -o "$work/part" >"$work/part.out" 2>&1; then fail "not all frames can be there"; fi
+grep -q "are not solved" "$work/part.out" || fail "it does not say what is missing"
+(($(find "$work/part" -name '*.exr' | wc -l) > 0)) || fail "frames that were solved are not kept"
+echo "all of it held"
