@@ -8,6 +8,7 @@
 #include "core/pattern/video_frames.h"
 #include "solver/background/stage_layout.h"
 #include "solver/ramp/ramp_extractor.h"
+#include "solver/ramp/ramp_smoother.h"
 
 namespace glasswing {
 namespace {
@@ -38,6 +39,7 @@ struct Extracted {
   int number = 0;
   VideoFrame read;
   RampFrame frame;
+  SmoothInput input;
 };
 
 }  // namespace
@@ -110,15 +112,35 @@ absl::Status RampMethod::solve(VideoSource& source, int first, int count, int th
     GW_ASSIGN_OR_RETURN(VideoFrame read, source.read(layout.frames[static_cast<size_t>(number)]));
     absl::StatusOr<RampFrame> frame = extractor->extract(read.view, thread_count);
     if (!frame.ok()) return in_frame(number, frame.status());
-    return Extracted{.number = number, .read = std::move(read), .frame = *std::move(frame)};
+    return Extracted{.number = number, .read = std::move(read), .frame = *std::move(frame), .input = {}};
   };
+  const RampSmoother smoother(parsed_.smoothing);
+  std::deque<Extracted> near;  // by time; deques keep their elements where they are
+  int next = std::max(0, first - smoother.frames_before());
   for (int number = first; number < first + count; ++number) {
     if (stop.stop_requested()) return absl::CancelledError("solving was stopped");
     const int place = layout.frames[static_cast<size_t>(number)];
     if (place < 0) continue;
-    GW_ASSIGN_OR_RETURN(Extracted extracted, extract(number));
-    RampFrame& frame = extracted.frame;
-    extractor->finish(extracted.read.view, frame, thread_count);
+    while (!near.empty() && near.front().number < number - smoother.frames_before()) near.pop_front();
+    for (; next < size && next <= number + smoother.frames_after(); ++next) {
+      if (layout.frames[static_cast<size_t>(next)] < 0) continue;
+      absl::StatusOr<Extracted> extracted = extract(next);
+      if (!extracted.ok() && next == number) return extracted.status();
+      if (!extracted.ok()) continue;
+      near.push_back(*std::move(extracted));
+      near.back().input.frame = &near.back().frame;
+      smoother.prepare(near.back().input, thread_count);
+    }
+    std::vector<SmoothInput> window;
+    size_t at = near.size();
+    for (size_t i = 0; i < near.size(); ++i) {
+      if (near[i].number == number) at = i;
+      window.push_back(near[i].input);
+    }
+    // It could not be extracted when its neighbours looked at it; say why.
+    if (at == near.size()) return extract(number).status();
+    RampFrame frame = smoother.smooth(window, at, thread_count);
+    extractor->finish(near[at].read.view, frame, thread_count);
     Matte matte = extractor->matte(frame, thread_count);
     for (const auto& [key, value] : options_) (*matte.metadata.mutable_options())[key] = value;
     matte.metadata.set_frame(number);

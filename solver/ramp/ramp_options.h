@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "solver/method.h"
+#include "solver/ramp/ramp_smoother.h"
 
 namespace glasswing {
 
@@ -37,6 +38,8 @@ struct RampOptions {
   double highlight_gain = 1.0;     // what f is multiplied by
   // Least f where all channels are clipped: how much brighter it was nobody knows.
   double clipped_highlight = 1.0;
+
+  SmoothingOptions smoothing;
 };
 
 // Name, range and default of every option, for people.
