@@ -15,6 +15,7 @@
 #include "core/base/node_clock.h"
 #include "core/sim/automatics.h"
 #include "core/sim/emission_timeline.h"
+#include "core/sim/scene.h"
 #include "core/sim/sensor.h"
 #include "core/sim/transport.h"
 

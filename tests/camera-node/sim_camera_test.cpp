@@ -1,5 +1,9 @@
 #include "camera-node/sim_camera.h"
 
+#include <set>
+
+#include "core/sim/scene.h"
+
 #include "tests/camera-node/camera_contract.h"
 
 namespace glasswing {
