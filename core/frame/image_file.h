@@ -22,6 +22,9 @@ enum class Encoding {
 // DATA_LOSS names a file that is damaged or no picture; NOT_FOUND one that is missing.
 absl::StatusOr<RadianceImage> read_radiance(const std::filesystem::path& path, Encoding encoding);
 
+// The same of a file's bytes; not of an EXR. DATA_LOSS: it is damaged or no picture.
+absl::StatusOr<RadianceImage> decode_radiance(std::string_view bytes, Encoding encoding);
+
 // The light of an sRGB code (IEC 61966-2-1), both 0 to 1, and the code of a light, which is clamped.
 float linear_of_srgb(float code);
 float srgb_of_linear(float light);
