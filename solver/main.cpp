@@ -34,7 +34,7 @@ absl::Status serve(const Work& work) {
   v1::RegisterRequest node;
   node.set_kind(v1::NODE_KIND_SOLVER);
   node.set_name(work.name);
-  LiveServiceImpl live(work.threads);
+  LiveServiceImpl live(0);  // somebody watches: it takes all cores
   std::unique_ptr<ServiceHost> host;
   if (!work.listen.empty()) {
     GW_ASSIGN_OR_RETURN(host, ServiceHost::start({.address = work.listen}, {&live}));

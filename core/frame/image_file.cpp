@@ -291,6 +291,18 @@ absl::Status write_radiance(const fs::path& path, const RadianceImage& image, En
   }
 }
 
+absl::Status write_srgb8(const fs::path& path, std::span<const std::uint8_t> codes, int width_px,
+                         int height_px) {
+  try {
+    cv::Mat mat(height_px, width_px, CV_8UC3);
+    for (size_t i = 0; i < codes.size(); ++i) mat.data[i / 3 * 3 + 2 - i % 3] = codes[i];
+    if (cv::imwrite(path.string(), mat)) return absl::OkStatus();
+    return absl::UnavailableError(fmt::format("cannot write {}", path.string()));
+  } catch (const cv::Exception& error) {
+    return absl::UnavailableError(fmt::format("cannot write {}: {}", path.string(), error.err));
+  }
+}
+
 absl::StatusOr<PictureSize> picture_size(std::string_view bytes) {
   const bool tiff = bytes.substr(0, 2) == "II" || bytes.substr(0, 2) == "MM";
   if (!tiff && !is_png(bytes) && !is_jpeg(bytes)) return absl::DataLossError("it is no PNG, JPEG or TIFF");

@@ -4,8 +4,10 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include <cstdint>
 #include <filesystem>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -32,6 +34,10 @@ float srgb_of_linear(float light);
 // Linear radiance to .exr (float32, ZIP), .png (8 bit sRGB, or 16 bit linear) or .tif/.tiff (16 bit
 // likewise), by the path's suffix. INVALID_ARGUMENT for another suffix.
 absl::Status write_radiance(const std::filesystem::path& path, const RadianceImage& image, Encoding encoding);
+
+// sRGB codes, r, g, b by rows, to a PNG. It need not outlive a power cut. UNAVAILABLE: it cannot be written.
+absl::Status write_srgb8(const std::filesystem::path& path, std::span<const std::uint8_t> codes, int width_px,
+                         int height_px);
 
 struct PictureSize {
   int width_px = 0, height_px = 0;
