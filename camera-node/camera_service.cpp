@@ -37,6 +37,21 @@ absl::Status check_preview(const v1::PreviewRequest& request) {
   return absl::OkStatus();
 }
 
+bool write_whole(const Image16& image, const v1::FrameTaken& taken,
+                 grpc::ServerWriter<v1::StreamFramesResponse>& writer) {
+  const char* const bytes = reinterpret_cast<const char*>(image.samples.data());
+  const size_t size = image.samples.size() * sizeof(std::uint16_t);
+  v1::StreamFramesResponse response;
+  *response.mutable_frame() = taken;
+  bool written = true;
+  for (size_t at = 0; written && at < size; at += kChunkBytes) {
+    response.set_chunk(bytes + at, std::min(kChunkBytes, size - at));
+    written = writer.Write(response);
+    response.clear_frame();
+  }
+  return written;
+}
+
 bool is_lesson(const Archive::NewFrame& frame) {
   return frame.record.stimulus().kind() == "patch";
 }
@@ -58,44 +73,82 @@ grpc::Status CameraServiceImpl::GetCamera(grpc::ServerContext*, const v1::GetCam
   return grpc::Status::OK;
 }
 
-grpc::Status CameraServiceImpl::Capture(grpc::ServerContext* context, const v1::CaptureRequest* request,
-                                        grpc::ServerWriter<v1::CaptureResponse>* writer) {
+absl::Status CameraServiceImpl::run(grpc::ServerContext& context, double exposure_ms, size_t keep,
+                                    const std::function<bool(const v1::FrameTaken*)>& take) {
   // A preview, or a call that was just cancelled, needs a moment to let go.
   ++captures_waiting_;
   const std::unique_lock only(capturing_, std::chrono::seconds(1));
   --captures_waiting_;
   if (!only.owns_lock()) {
-    return to_grpc(absl::FailedPreconditionError(
-        "the camera is capturing for somebody else; try again when it is free"));
+    return absl::FailedPreconditionError(
+        "the camera is capturing for somebody else; try again when it is free");
   }
-  if (const absl::Status status = camera_.start(request->exposure_ms()); !status.ok()) return to_grpc(status);
-  writer->Write(v1::CaptureResponse());
+  GW_RETURN_IF_ERROR(camera_.start(exposure_ms));
   const double rate_hz = camera_.describe().frame_rate_hz();
   const nanoseconds silence = kSilence + nanoseconds(static_cast<std::int64_t>(2e9 / rate_hz));
   nanoseconds heard = monotonic_now();
-  while (!context->IsCancelled() && !stopping_) {
+  bool wanted = take(nullptr);
+  while (wanted && !context.IsCancelled() && !stopping_) {
     std::optional<CapturedFrame> frame = camera_.next(std::chrono::milliseconds(200));
     if (!frame && monotonic_now() - heard < silence) continue;
     if (!frame) {
       camera_.stop();
-      return to_grpc(absl::UnavailableError("the camera has stopped giving frames; is it still plugged in?"));
+      return absl::UnavailableError("the camera has stopped giving frames; is it still plugged in?");
     }
     heard = monotonic_now();
-    v1::CaptureResponse response;
-    *response.mutable_frame() = frame->taken;
+    const v1::FrameTaken taken = frame->taken;
     {
       const std::lock_guard lock(mutex_);
       ring_bytes_ += frame->held_bytes;
       ring_.push_back(*std::move(frame));
-      while (ring_.size() > kRingFrames || (ring_bytes_ > kRingBytes && ring_.size() > 1)) {
+      while (ring_.size() > keep || (ring_bytes_ > kRingBytes && ring_.size() > 1)) {
         ring_bytes_ -= ring_.front().held_bytes;
         ring_.pop_front();
       }
     }
-    if (!writer->Write(response)) break;
+    frame_came_.notify_all();
+    wanted = take(&taken);
   }
   camera_.stop();
-  return grpc::Status::OK;
+  return absl::OkStatus();
+}
+
+grpc::Status CameraServiceImpl::Capture(grpc::ServerContext* context, const v1::CaptureRequest* request,
+                                        grpc::ServerWriter<v1::CaptureResponse>* writer) {
+  return to_grpc(run(*context, request->exposure_ms(), kRingFrames, [&](const v1::FrameTaken* taken) {
+    v1::CaptureResponse response;
+    if (taken != nullptr) *response.mutable_frame() = *taken;
+    return writer->Write(response);
+  }));
+}
+
+grpc::Status CameraServiceImpl::StreamFrames(grpc::ServerContext* context,
+                                             const v1::StreamFramesRequest* request,
+                                             grpc::ServerWriter<v1::StreamFramesResponse>* writer) {
+  std::atomic<bool> wanted = true;
+  std::jthread sender;  // converts and sends, while the camera goes on
+  const auto send = [&](std::stop_token stop) {
+    std::int64_t sent = -1;
+    while (wanted && !stop.stop_requested()) {
+      const std::optional<CapturedFrame> frame = newer_than(sent, std::chrono::milliseconds(50));
+      if (!frame) continue;
+      sent = frame->taken.sequence();
+      const absl::StatusOr<Image16> image = frame->image();
+      if (!image.ok()) continue;  // the next one may be whole
+      wanted = write_whole(*image, frame->taken, *writer);
+    }
+  };
+  const auto take = [&](const v1::FrameTaken* taken) {
+    if (taken == nullptr) {
+      wanted = writer->Write(v1::StreamFramesResponse());
+      const std::lock_guard lock(mutex_);
+      ring_.clear();  // what another call left
+      ring_bytes_ = 0;
+      sender = std::jthread(send);
+    }
+    return wanted.load();
+  };
+  return to_grpc(run(*context, request->exposure_ms(), 1, take));
 }
 
 grpc::Status CameraServiceImpl::KeepFrames(grpc::ServerContext*, const v1::KeepFramesRequest* request,
@@ -114,6 +167,13 @@ grpc::Status CameraServiceImpl::KeepFrames(grpc::ServerContext*, const v1::KeepF
   if (!stored.ok()) return to_grpc(stored.status());
   for (const v1::Frame& frame : *stored) *response->add_frames() = frame;
   return grpc::Status::OK;
+}
+
+std::optional<CapturedFrame> CameraServiceImpl::newer_than(std::int64_t sequence,
+                                                           std::chrono::milliseconds timeout) {
+  std::unique_lock lock(mutex_);
+  const auto is_there = [&] { return !ring_.empty() && ring_.back().taken.sequence() != sequence; };
+  return frame_came_.wait_for(lock, timeout, is_there) ? std::optional(ring_.back()) : std::nullopt;
 }
 
 std::optional<CapturedFrame> CameraServiceImpl::in_ring(std::int64_t sequence) {

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <atomic>
+#include <condition_variable>
 #include <deque>
+#include <functional>
 #include <mutex>
 #include <stop_token>
 
@@ -30,8 +32,16 @@ class CameraServiceImpl final : public v1::CameraService::Service {
                             v1::MeasureLightResponse*) override;
   grpc::Status Preview(grpc::ServerContext*, const v1::PreviewRequest*,
                        grpc::ServerWriter<v1::PreviewResponse>*) override;
+  grpc::Status StreamFrames(grpc::ServerContext*, const v1::StreamFramesRequest*,
+                            grpc::ServerWriter<v1::StreamFramesResponse>*) override;
 
  private:
+  // Runs the camera for one call, until it is cancelled or `take` has had enough: it is called without a
+  // frame when the camera runs, and then with each. `keep` of the newest frames stay in the ring.
+  absl::Status run(grpc::ServerContext& context, double exposure_ms, size_t keep,
+                   const std::function<bool(const v1::FrameTaken*)>& take);
+  // The newest frame, once it is another one than `sequence`; none after `timeout`.
+  std::optional<CapturedFrame> newer_than(std::int64_t sequence, std::chrono::milliseconds timeout);
   std::optional<CapturedFrame> in_ring(std::int64_t sequence);
   // The asked-for frames that are still in the ring.
   using Frames = google::protobuf::RepeatedPtrField<v1::Frame>;
@@ -43,10 +53,12 @@ class CameraServiceImpl final : public v1::CameraService::Service {
   Camera& camera_;
   ArchiveStore& store_;
   std::atomic<bool> stopping_ = false;
-  std::timed_mutex capturing_;  // held by the one Capture call, or by a Preview while no Capture wants it
+  // Held by the one Capture or StreamFrames call, or by a Preview while none of them wants it.
+  std::timed_mutex capturing_;
   std::atomic<int> captures_waiting_ = 0;
   std::mutex previewing_;  // held by the one Preview call
   std::mutex mutex_;
+  std::condition_variable frame_came_;
   std::deque<CapturedFrame> ring_;  // guarded by mutex_
   size_t ring_bytes_ = 0;           // that ring_ holds; guarded by mutex_
   std::mutex keeping_;              // held while frames are judged and written

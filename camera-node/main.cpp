@@ -129,7 +129,11 @@ int main(int argc, char** argv) {
   app.add_option("--fps", sim.frame_rate_hz, "frames a second; libcamera, replay: its own if left out")
       ->check(CLI::Range(1.0, 1000.0))
       ->capture_default_str();
-  app.add_option("--scene", sim.scene, "sim: crystal, glass, brushed or none")->capture_default_str();
+  app.add_option(
+         "--scene", sim.scene,
+         "sim: crystal, glass, brushed, wobble (a drop of water that moves), wobble-lit (with a lamp's "
+         "highlight) or none")
+      ->capture_default_str();
   app.add_option("--tap", taps, "sim: host:port of a display node whose light it sees; repeat for more");
   app.add_option("--seed", sim.sensor.seed, "sim: seed of noise and faults")->capture_default_str();
   app.add_option("--noise-sd", sim.sensor.read_sd, "sim: read noise, of full scale")

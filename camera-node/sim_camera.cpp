@@ -7,7 +7,6 @@
 #include <array>
 #include <cmath>
 #include <condition_variable>
-#include <future>
 
 #include "core/base/status.h"
 
@@ -30,6 +29,7 @@ absl::StatusOr<std::unique_ptr<SimCamera>> SimCamera::create(const SimCameraOpti
 SimCamera::SimCamera(const SimCameraOptions& options, const EmissionTimeline& timeline)
     : options_(options),
       timeline_(timeline),
+      motion_(motion_of(options.scene)),
       random_(options.sensor.seed),
       preparing_([this](std::stop_token stop) { prepare(stop); }) {}
 
@@ -61,7 +61,7 @@ absl::Status SimCamera::start(double exposure_ms) {
   }
   // The light's ways through the scene are traced before the first frame wants them.
   if (const std::vector<EmissionMonitor> monitors = timeline_.monitors(); !monitors.empty())
-    GW_RETURN_IF_ERROR(transport(monitors, true).status());
+    GW_RETURN_IF_ERROR(stage(monitors).status());
   const std::lock_guard lock(mutex_);
   running_ = true;
   exposure_ms_ = exposure_ms;
@@ -151,8 +151,11 @@ absl::StatusOr<RadianceImage> SimCamera::radiance_on(const Exposed& exposed) {
   if (emission.empty()) return RadianceImage(options_.width_px, options_.height_px);
   std::vector<EmissionMonitor> monitors;
   for (const MonitorEmission& each : emission) monitors.push_back(each.monitor);
-  GW_ASSIGN_OR_RETURN(const std::shared_ptr<const Transport> through, transport(monitors, exposed.object));
-  RadianceImage radiance = integrate(*through, emission, window, options_.sensor.readout);
+  GW_ASSIGN_OR_RETURN(const StageTransports through, stage(monitors));
+  const nanoseconds middle = options_.clock.reading_at((window.start + end_of(window)) / 2);
+  const auto phase = static_cast<size_t>(motion_.phase_at(middle));
+  RadianceImage radiance = integrate(exposed.object ? *through.phases[phase] : *through.empty, emission,
+                                     window, options_.sensor.readout);
   return blurs() ? through_lens(radiance, options_.blur_sigma_px) : radiance;
 }
 
@@ -195,15 +198,14 @@ void SimCamera::prepare(std::stop_token stop) {
     const std::string now = key_of(monitors);
     // More monitors may follow at once.
     if (!monitors.empty() && now == before && now != traced) {
-      if (transport(monitors, true).ok()) spdlog::info("scene={} is traced", options_.scene);
+      if (stage(monitors).ok()) spdlog::info("scene={} is traced", options_.scene);
       traced = now;
     }
     before = now;
   }
 }
 
-absl::StatusOr<std::shared_ptr<const Transport>> SimCamera::transport(
-    const std::vector<EmissionMonitor>& monitors, bool object) {
+absl::StatusOr<StageTransports> SimCamera::stage(const std::vector<EmissionMonitor>& monitors) {
   std::vector<SceneMonitor> wanted;
   for (const EmissionMonitor& monitor : monitors) {
     wanted.push_back(
@@ -213,20 +215,13 @@ absl::StatusOr<std::shared_ptr<const Transport>> SimCamera::transport(
   const bool same = std::equal(
       wanted.begin(), wanted.end(), built_for_.begin(), built_for_.end(),
       [](const SceneMonitor& a, const SceneMonitor& b) { return a.name == b.name && a.size == b.size; });
-  if (!same || with_ == nullptr) {
-    const auto build = [&](bool present) {
-      const int finer = blurs() ? kRaysAcross : 1;
-      return build_transport(options_.scene, present, wanted, finer * options_.width_px,
-                             finer * options_.height_px, kRaysAcross / finer);
-    };
-    auto empty_stage = std::async(std::launch::async, build, false);
-    GW_ASSIGN_OR_RETURN(Transport with, build(true));
-    GW_ASSIGN_OR_RETURN(Transport without, empty_stage.get());
-    with_ = std::make_shared<const Transport>(std::move(with));
-    without_ = std::make_shared<const Transport>(std::move(without));
+  if (!same || stage_.empty == nullptr) {
+    const int finer = blurs() ? kRaysAcross : 1;
+    GW_ASSIGN_OR_RETURN(stage_, build_phases(options_.scene, wanted, finer * options_.width_px,
+                                             finer * options_.height_px, kRaysAcross / finer));
     built_for_ = wanted;
   }
-  return object ? with_ : without_;
+  return stage_;
 }
 
 }  // namespace glasswing

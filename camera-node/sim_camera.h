@@ -1,4 +1,6 @@
 // A simulated camera, free-running, that sees a scene lit by what displays really emitted; and its stage.
+// What moves there stands still during an exposure, where it is in the middle of it by the camera's own
+// clock.
 #pragma once
 
 #include <memory>
@@ -13,6 +15,7 @@
 #include "core/base/node_clock.h"
 #include "core/sim/automatics.h"
 #include "core/sim/emission_timeline.h"
+#include "core/sim/scene.h"
 #include "core/sim/sensor.h"
 #include "core/sim/transport.h"
 
@@ -63,11 +66,11 @@ class SimCamera final : public Camera, public Stage {
   absl::Status apply_automatics(const Exposed& exposed, double exposure_ms, RadianceImage& radiance);
   void prepare(std::stop_token stop);
   // For the monitors that emit now; built again when they change.
-  absl::StatusOr<std::shared_ptr<const Transport>> transport(const std::vector<EmissionMonitor>& monitors,
-                                                             bool object);
+  absl::StatusOr<StageTransports> stage(const std::vector<EmissionMonitor>& monitors);
 
   const SimCameraOptions options_;
   const EmissionTimeline& timeline_;
+  const Motion motion_;
   std::mutex mutex_;
   bool object_ = false;        // guarded by mutex_
   bool running_ = false;       // guarded by mutex_
@@ -78,8 +81,8 @@ class SimCamera final : public Camera, public Stage {
   std::mt19937_64 random_;     // guarded by mutex_
   nanoseconds delivered_{};    // when the newest frame was; next() has one caller
   std::mutex build_mutex_;
-  std::vector<SceneMonitor> built_for_;              // guarded by build_mutex_
-  std::shared_ptr<const Transport> with_, without_;  // guarded by build_mutex_
+  std::vector<SceneMonitor> built_for_;  // guarded by build_mutex_
+  StageTransports stage_;                // guarded by build_mutex_
   std::jthread preparing_;  // traces the scene as soon as there are monitors: a real one is simply there
 };
 

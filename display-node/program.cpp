@@ -63,7 +63,16 @@ absl::StatusOr<Program> Program::create(const v1::LoadProgramRequest& request,
   program.screens_ = screens;
   GW_ASSIGN_OR_RETURN(program.dithers_, dithers_of(request.calibrations(), screens));
   size_t ahead_bytes = 0;
+  std::string before;
   for (const v1::ProgramStep& wanted : request.steps()) {
+    v1::ProgramStep shows = wanted;
+    shows.clear_step();
+    std::string now = shows.SerializeAsString();
+    if (now == before) {  // what stands for long is drawn once
+      program.steps_.push_back({.number = wanted.step(), .shown = program.steps_.back().shown});
+      continue;
+    }
+    before = std::move(now);
     GW_ASSIGN_OR_RETURN(Step step, program.checked(wanted, images));
     for (size_t i = 0; i < screens.size(); ++i) {
       Shown& shown = step.shown[i];

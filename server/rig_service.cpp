@@ -8,6 +8,7 @@
 #include "core/base/status.h"
 #include "core/service/service.h"
 #include "glasswing/v1/calibration_service.grpc.pb.h"
+#include "server/ramp_show.h"
 #include "server/rig_check.h"
 #include "server/sync_calibration.h"
 
@@ -85,6 +86,23 @@ grpc::Status RigServiceImpl::CheckRig(grpc::ServerContext* context, const v1::Ch
           writer->Write(response);
         },
         stop);
+  });
+}
+
+grpc::Status RigServiceImpl::ShowRamp(grpc::ServerContext* context, RampStream* stream) {
+  v1::ShowRampRequest request;
+  if (!stream->Read(&request)) return grpc::Status::OK;
+  return run(context, "glasswing live", [&](std::stop_token stop) -> absl::Status {
+    GW_ASSIGN_OR_RETURN(const std::unique_ptr<RampShow> show,
+                        RampShow::start(server_.rig(), server_.calibrations(), request.monitor(), stop));
+    bool object = false;
+    do {
+      if (stop.stop_requested()) return absl::CancelledError("stopped");
+      GW_RETURN_IF_ERROR(show->check());
+      if (request.object() != object) GW_RETURN_IF_ERROR(show->move_object(request.object()));
+      object = request.object();
+    } while (stream->Write(show->description()) && stream->Read(&request));
+    return absl::OkStatus();
   });
 }
 

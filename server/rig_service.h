@@ -24,6 +24,8 @@ class RigServiceImpl final : public v1::RigService::Service {
                                 v1::ListCalibrationsResponse*) override;
   grpc::Status ForgetCalibration(grpc::ServerContext*, const v1::ForgetCalibrationRequest*,
                                  v1::ForgetCalibrationResponse*) override;
+  using RampStream = grpc::ServerReaderWriter<v1::ShowRampResponse, v1::ShowRampRequest>;
+  grpc::Status ShowRamp(grpc::ServerContext*, RampStream*) override;
 
  private:
   // Does the work while the call is open; it is stopped when the caller or the daemon goes.

@@ -83,6 +83,41 @@ class Ball final : public ClearBody {
   double radius_;
 };
 
+// Turned about the z axis.
+class Ellipsoid final : public ClearBody {
+ public:
+  Ellipsoid(Vec3 centre, Vec3 semiaxes, double turn_rad)
+      : centre_(centre), semiaxes_(semiaxes), cos_(std::cos(turn_rad)), sin_(std::sin(turn_rad)) {}
+  std::optional<Hit> enter(const Ray& ray) const override {
+    const Vec3 from = to_ball(ray.origin - centre_), along = to_ball(ray.direction);
+    const double a = dot(along, along), b = dot(from, along);
+    const double root = b * b - a * (dot(from, from) - 1.0);
+    if (root <= 0.0) return std::nullopt;
+    return hit_at(from, along, (-b - std::sqrt(root)) / a);
+  }
+  Hit leave(const Ray& ray) const override {
+    const Vec3 from = to_ball(ray.origin - centre_), along = to_ball(ray.direction);
+    const double a = dot(along, along), b = dot(from, along);
+    return hit_at(from, along, (-b + std::sqrt(std::max(b * b - a * (dot(from, from) - 1.0), 0.0))) / a);
+  }
+
+ private:
+  // To where the body is a ball of radius 1. What keeps a ray's parameter keeps its distances.
+  Vec3 to_ball(Vec3 p) const {
+    return {(cos_ * p.x + sin_ * p.y) / semiaxes_.x, (cos_ * p.y - sin_ * p.x) / semiaxes_.y,
+            p.z / semiaxes_.z};
+  }
+  Hit hit_at(Vec3 from, Vec3 along, double distance) const {
+    const Vec3 q = from + distance * along;
+    const Vec3 gradient{q.x / semiaxes_.x, q.y / semiaxes_.y, q.z / semiaxes_.z};
+    return {.distance = distance,
+            .normal = normalized(
+                {cos_ * gradient.x - sin_ * gradient.y, sin_ * gradient.x + cos_ * gradient.y, gradient.z})};
+  }
+  Vec3 centre_, semiaxes_;
+  double cos_, sin_;
+};
+
 // The inside of planes dot(normal, p - centre) <= distance.
 class CutStone final : public ClearBody {
  public:
@@ -209,6 +244,7 @@ class Glass final : public Scene {
     return std::vector<Path>{{.ray = {*point, reflected(ray.direction, sheet_.normal)}, .weight = mirrored},
                              {.ray = {*point, ray.direction}, .weight = 1.0 - mirrored}};
   }
+  bool is_colourless() const override { return true; }
 
  private:
   Ball ball_;
@@ -259,15 +295,60 @@ class Brushed final : public Scene {
   std::vector<Vec3> facets_;  // normals, kPoints of them
 };
 
+// A flat drop of water that floats to and fro and wobbles, twice as fast, in its lowest mode: long, then wide, its
+// volume kept.
+class Drop final : public Scene {
+ public:
+  static constexpr Motion kMotion{.phases = 36, .period = std::chrono::milliseconds(1200)};
+
+  Drop(MonitorSize back, int phase, bool lit) : body_(at_phase(back, phase)) {
+    const double width = back.width_px, height = back.height_px;
+    if (lit)
+      lamp_ = Lamp{
+          .centre = {0.1 * width, -0.5 * height, -2.0 * width}, .radius = 0.12 * width, .radiance = 40.0};
+  }
+  std::optional<std::vector<Path>> trace(const Ray& ray, int, int) const override {
+    constexpr double kIndex = 1.333;
+    return body_.trace(ray, kIndex);
+  }
+  std::optional<Lamp> lamp() const override { return lamp_; }
+  bool is_colourless() const override { return true; }
+
+ private:
+  static Ellipsoid at_phase(MonitorSize back, int phase) {
+    const double side = std::min(back.width_px, back.height_px), radius = 0.27 * side;
+    const double turn_rad = 2.0 * std::numbers::pi * phase / kMotion.phases;
+    const double longer = 1.0 + 0.18 * std::cos(2.0 * turn_rad), wider = 2.0 - longer;
+    return {{0.5 * back.width_px + 0.08 * side * std::cos(turn_rad),
+             0.5 * back.height_px + 0.05 * side * std::sin(2.0 * turn_rad), -0.35 * side},
+            {radius * wider, radius * longer, 0.5 * radius / (wider * longer)},
+            0.35 * std::sin(turn_rad)};
+  }
+  Ellipsoid body_;
+  std::optional<Lamp> lamp_;
+};
+
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<Scene>> make_scene(const std::string& name, MonitorSize back) {
+bool Lamp::lights(const Ray& ray) const {
+  const Vec3 from = ray.origin - centre;
+  const double towards = -dot(from, ray.direction);
+  return towards > 0.0 && dot(from, from) - towards * towards < radius * radius;
+}
+
+Motion motion_of(const std::string& scene) {
+  return scene == "wobble" || scene == "wobble-lit" ? Drop::kMotion : Motion();
+}
+
+absl::StatusOr<std::unique_ptr<Scene>> make_scene(const std::string& name, MonitorSize back, int phase) {
   if (name == "crystal") return std::make_unique<Crystal>(back);
   if (name == "glass") return std::make_unique<Glass>(back);
   if (name == "brushed") return std::make_unique<Brushed>(back);
+  if (name == "wobble") return std::make_unique<Drop>(back, phase, false);
+  if (name == "wobble-lit") return std::make_unique<Drop>(back, phase, true);
   if (name == "none") return nullptr;
   return absl::InvalidArgumentError(
-      fmt::format("scene is \"{}\"; there are: crystal, glass, brushed, none", name));
+      fmt::format("scene is \"{}\"; there are: crystal, glass, brushed, wobble, wobble-lit, none", name));
 }
 
 }  // namespace glasswing

@@ -131,7 +131,7 @@ RadianceImage integrate(const Transport& transport, std::span<const MonitorEmiss
   for (int y = 0; y < out.height_px; ++y) {
     const nanoseconds from = window.start + readout * y / std::max(out.height_px - 1, 1);
     const std::span<float> row(out.samples.data() + static_cast<size_t>(y) * row_samples, row_samples);
-    std::ranges::copy(transport.foreground_row(y), row.begin());
+    transport.start_row(y, row);
     for (size_t m = 0; m < emission.size(); ++m) {
       const RowLight light(emission[m], transport.rows_seen(m, y), from, from + window.exposure);
       if (light.black()) continue;

@@ -3,10 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <numeric>
 #include <optional>
+#include <thread>
 #include <tuple>
 
 #include "core/base/status.h"
@@ -97,23 +99,33 @@ void merge(std::vector<Tap>& taps) {
 
 class TransportBuilder {
  public:
-  TransportBuilder(int width_px, int height_px, const std::vector<SceneMonitor>& monitors) {
+  // With `around`, each row begins where begin_row() says, and ends with the last pixel added.
+  TransportBuilder(int width_px, int height_px, const std::vector<SceneMonitor>& monitors, bool colourless,
+                   std::shared_ptr<const Transport> around) {
     transport_.width_px_ = width_px;
     transport_.height_px_ = height_px;
+    transport_.colourless_ = colourless;
+    transport_.around_ = std::move(around);
     for (const SceneMonitor& monitor : monitors)
       transport_.parts_.emplace_back().width_px = monitor.size.width_px;
   }
-  void begin_row() {
-    for (Transport::Part& part : transport_.parts_) {
+  void begin_row(int first_px) {
+    const auto y = static_cast<int>(transport_.own_.size());
+    transport_.own_.push_back(
+        {.first = first_px, .last = first_px, .first_pixel = transport_.foreground_.size() / 3});
+    for (size_t m = 0; m < transport_.parts_.size(); ++m) {
+      Transport::Part& part = transport_.parts_[m];
       part.first_taps.push_back(part.taps.size());
-      part.rows.push_back({.first = std::numeric_limits<int>::max(), .last = -1});
+      part.rows.push_back(transport_.around_ != nullptr
+                              ? transport_.around_->rows_seen(m, y)
+                              : Transport::Rows{.first = std::numeric_limits<int>::max(), .last = -1});
     }
   }
-  void add(const std::vector<Tap>& taps, float foreground) {
+  // One channel's, or, if the transport is colourless, those of all.
+  void add_taps(const std::vector<Tap>& taps, int channel) {
     for (Transport::Part& part : transport_.parts_) part.counts.push_back(0);
     for (const Tap& tap : taps) {
       Transport::Part& part = transport_.parts_[static_cast<size_t>(tap.monitor)];
-      const auto channel = static_cast<int>(transport_.foreground_.size() % 3);
       part.taps.push_back(
           {.sample = static_cast<std::uint32_t>((tap.y_px * part.width_px + tap.x_px) * 3 + channel),
            .weight = tap.weight});
@@ -121,22 +133,39 @@ class TransportBuilder {
       Transport::Rows& rows = part.rows.back();
       rows = {.first = std::min(rows.first, tap.y_px), .last = std::max(rows.last, tap.y_px)};
     }
-    transport_.foreground_.push_back(foreground);
   }
-  Transport built() { return std::move(transport_); }
+  void end_pixel(const Colour& foreground) {
+    transport_.foreground_.insert(transport_.foreground_.end(), foreground.begin(), foreground.end());
+    ++transport_.own_.back().last;
+  }
+  Transport built() {
+    for (Transport::Part& part : transport_.parts_) {
+      part.taps.shrink_to_fit();
+      part.counts.shrink_to_fit();
+    }
+    transport_.foreground_.shrink_to_fit();
+    return std::move(transport_);
+  }
 
  private:
   Transport transport_;
 };
 
+Transport::Place Transport::find(const Part& part, int x, int y) const {
+  const Columns& own = own_[static_cast<size_t>(y)];
+  const std::uint16_t* counts = part.counts.data() + own.first_pixel * samples_a_pixel();
+  const std::uint16_t* count = counts + static_cast<size_t>(x - own.first) * samples_a_pixel();
+  return {.tap = part.taps.data() + std::accumulate(counts, count, part.first_taps[static_cast<size_t>(y)]),
+          .count = count};
+}
+
 std::vector<Tap> Transport::taps(int x, int y, int channel) const {
+  if (!owns(x, y)) return around_->taps(x, y, channel);
   std::vector<Tap> taps;
   for (size_t m = 0; m < parts_.size(); ++m) {
     const Part& part = parts_[m];
-    const std::uint16_t* counts = part.counts.data() + row_begin(y);
-    const std::uint16_t* count = counts + 3 * x + channel;
-    const SampleTap* tap =
-        part.taps.data() + std::accumulate(counts, count, part.first_taps[static_cast<size_t>(y)]);
+    auto [tap, count] = find(part, x, y);
+    for (int c = 0; c < channel && !colourless_; ++c) tap += *count++;
     for (int left = *count; left > 0; --left, ++tap) {
       const auto pixel = static_cast<std::int32_t>(tap->sample / 3);
       taps.push_back({.monitor = static_cast<std::int32_t>(m),
@@ -149,18 +178,24 @@ std::vector<Tap> Transport::taps(int x, int y, int channel) const {
 }
 
 float Transport::foreground(int x, int y, int channel) const {
-  return foreground_row(y)[static_cast<size_t>(3 * x + channel)];
+  if (!owns(x, y)) return around_->foreground(x, y, channel);
+  const Columns& own = own_[static_cast<size_t>(y)];
+  return foreground_[3 * (own.first_pixel + static_cast<size_t>(x - own.first)) +
+                     static_cast<size_t>(channel)];
 }
 
-std::span<const float> Transport::foreground_row(int y) const {
-  return {foreground_.data() + row_begin(y), static_cast<size_t>(width_px_) * 3};
+void Transport::start_row(int y, std::span<float> row) const {
+  if (around_ != nullptr) around_->start_row(y, row);
+  const Columns& own = own_[static_cast<size_t>(y)];
+  const auto from = foreground_.begin() + static_cast<std::ptrdiff_t>(3 * own.first_pixel);
+  std::copy(from, from + 3 * (own.last - own.first), row.begin() + 3 * own.first);
 }
 
 RadianceImage Transport::respond(std::span<const RadianceImage> pictures) const {
   RadianceImage out(width_px_, height_px_);
   for (int y = 0; y < height_px_; ++y) {
-    const std::span<float> row(out.samples.data() + row_begin(y), static_cast<size_t>(width_px_) * 3);
-    std::ranges::copy(foreground_row(y), row.begin());
+    const std::span<float> row(out.samples.data() + out.index(0, y, 0), static_cast<size_t>(width_px_) * 3);
+    start_row(y, row);
     for (size_t m = 0; m < pictures.size(); ++m) {
       const float* samples = pictures[m].samples.data();
       if (!pictures[m].empty()) add_row(m, y, row, [&](std::uint32_t sample) { return samples[sample]; });
@@ -169,65 +204,160 @@ RadianceImage Transport::respond(std::span<const RadianceImage> pictures) const 
   return out;
 }
 
+namespace {
+
+class EmptyStage final : public Scene {
+ public:
+  std::optional<std::vector<Path>> trace(const Ray&, int, int) const override { return std::nullopt; }
+  bool is_colourless() const override { return true; }
+};
+
+// Follows the rays of a camera's pixels.
+class Tracer {
+ public:
+  static absl::StatusOr<Tracer> create(const std::vector<SceneMonitor>& monitors, int camera_width_px,
+                                       int camera_height_px, int rays_across) {
+    Tracer tracer;
+    tracer.monitors_ = monitors;
+    tracer.width_px_ = camera_width_px;
+    tracer.height_px_ = camera_height_px;
+    tracer.rays_across_ = rays_across;
+    for (size_t i = 0; i < monitors.size(); ++i) {
+      Panel panel{.side = Side::kBack, .monitor = static_cast<std::int32_t>(i), .size = monitors[i].size};
+      const std::string& name = monitors[i].name;
+      if (name == "back") {
+        tracer.back_ = panel.size;
+      } else if (name == "left") {
+        panel.side = Side::kLeft;
+      } else if (name == "right") {
+        panel.side = Side::kRight;
+      } else if (name == "top") {
+        panel.side = Side::kTop;
+      } else {
+        return absl::InvalidArgumentError(
+            fmt::format("monitor \"{}\" has no place in the scene; there are: back, left, right, top", name));
+      }
+      tracer.panels_.push_back(panel);
+    }
+    if (tracer.back_.width_px == 0)
+      return absl::InvalidArgumentError("a scene needs a monitor \"back\", behind the object");
+    const double width = tracer.back_.width_px, height = tracer.back_.height_px;
+    tracer.eye_ = {0.5 * width, 0.5 * height, -kCameraWidths * width};
+    return tracer;
+  }
+  MonitorSize back() const { return back_; }
+
+  // With `around`, only what lies between the object's edges is kept.
+  Transport trace(const Scene& scene, std::shared_ptr<const Transport> around) const {
+    const bool colourless = scene.is_colourless();
+    TransportBuilder builder(width_px_, height_px_, monitors_, colourless, around);
+    for (int y = 0; y < height_px_; ++y) {
+      int first = 0, last = width_px_;
+      if (around != nullptr) {
+        while (first < last && !hits(scene, first, y)) ++first;
+        while (first < last && !hits(scene, last - 1, y)) --last;
+      }
+      builder.begin_row(first);
+      for (int x = first; x < last; ++x) {
+        Colour foreground{};
+        for (int c = 0; c < (colourless ? 1 : kChannels); ++c)
+          builder.add_taps(taps(scene, x, y, c, foreground[static_cast<size_t>(c)]), c);
+        if (colourless) foreground.fill(foreground[0]);
+        builder.end_pixel(foreground);
+      }
+    }
+    return builder.built();
+  }
+
+ private:
+  static constexpr int kChannels = 3;
+
+  int rays() const { return rays_across_ * rays_across_; }
+  Ray ray(int x, int y, int number) const {
+    const int i = number % rays_across_, j = number / rays_across_;
+    const Vec3 target{(x + (i + 0.5) / rays_across_) * back_.width_px / width_px_,
+                      (y + (j + 0.5) / rays_across_) * back_.height_px / height_px_, 0.0};
+    return {eye_, normalized(target - eye_)};
+  }
+  bool hits(const Scene& scene, int x, int y) const {
+    for (int s = 0; s < rays(); ++s) {
+      if (scene.trace(ray(x, y, s), 0, 0)) return true;
+    }
+    return false;
+  }
+  std::vector<Tap> taps(const Scene& scene, int x, int y, int channel, float& foreground) const {
+    const double scale = 1.0 / rays();
+    std::vector<Tap> taps;
+    int hits = 0;
+    double lamp_light = 0.0;
+    for (int s = 0; s < rays(); ++s) {
+      const Ray seen = ray(x, y, s);
+      // Within kRaysAcross x kRaysAcross of them, whatever pixels they make.
+      const int number = (y * rays_across_ + s / rays_across_) % kRaysAcross * kRaysAcross +
+                         (x * rays_across_ + s % rays_across_) % kRaysAcross;
+      const std::optional<std::vector<Path>> paths = scene.trace(seen, channel, number);
+      if (!paths) {
+        add_path({.ray = seen, .weight = 1.0}, panels_, back_, scale, taps);
+        continue;
+      }
+      ++hits;
+      for (const Path& path : *paths) {
+        add_path(path, panels_, back_, scale, taps);
+        if (const std::optional<Lamp> lamp = scene.lamp(); lamp && lamp->lights(path.ray))
+          lamp_light += path.weight * lamp->radiance;
+      }
+    }
+    merge(taps);
+    foreground = scene.foreground()[static_cast<size_t>(channel)] * static_cast<float>(hits * scale) +
+                 static_cast<float>(lamp_light * scale);
+    return taps;
+  }
+
+  std::vector<SceneMonitor> monitors_;
+  int width_px_ = 0, height_px_ = 0, rays_across_ = 1;
+  MonitorSize back_;
+  std::vector<Panel> panels_;
+  Vec3 eye_;
+};
+
+}  // namespace
+
 absl::StatusOr<Transport> build_transport(const std::string& scene_name, bool object,
                                           const std::vector<SceneMonitor>& monitors, int camera_width_px,
                                           int camera_height_px, int rays_across) {
-  MonitorSize back;
-  std::vector<Panel> panels;
-  for (size_t i = 0; i < monitors.size(); ++i) {
-    Panel panel{.side = Side::kBack, .monitor = static_cast<std::int32_t>(i), .size = monitors[i].size};
-    const std::string& name = monitors[i].name;
-    if (name == "back") {
-      back = panel.size;
-    } else if (name == "left") {
-      panel.side = Side::kLeft;
-    } else if (name == "right") {
-      panel.side = Side::kRight;
-    } else if (name == "top") {
-      panel.side = Side::kTop;
-    } else {
-      return absl::InvalidArgumentError(
-          fmt::format("monitor \"{}\" has no place in the scene; there are: back, left, right, top", name));
-    }
-    panels.push_back(panel);
-  }
-  if (back.width_px == 0)
-    return absl::InvalidArgumentError("a scene needs a monitor \"back\", behind the object");
-  GW_ASSIGN_OR_RETURN(const std::unique_ptr<Scene> scene, make_scene(scene_name, back));
+  GW_ASSIGN_OR_RETURN(const Tracer tracer,
+                      Tracer::create(monitors, camera_width_px, camera_height_px, rays_across));
+  GW_ASSIGN_OR_RETURN(const std::unique_ptr<Scene> scene, make_scene(scene_name, tracer.back()));
+  if (!object || scene == nullptr) return tracer.trace(EmptyStage(), nullptr);
+  return tracer.trace(*scene, nullptr);
+}
 
-  const Vec3 eye{0.5 * back.width_px, 0.5 * back.height_px, -kCameraWidths * back.width_px};
-  const double scale = 1.0 / (rays_across * rays_across);
-  TransportBuilder builder(camera_width_px, camera_height_px, monitors);
-  for (int y = 0; y < camera_height_px; ++y) {
-    builder.begin_row();
-    for (int x = 0; x < camera_width_px; ++x) {
-      for (int c = 0; c < 3; ++c) {
-        std::vector<Tap> taps;
-        int hits = 0;
-        for (int s = 0; s < rays_across * rays_across; ++s) {
-          const Vec3 target{(x + (s % rays_across + 0.5) / rays_across) * back.width_px / camera_width_px,
-                            (y + (s / rays_across + 0.5) / rays_across) * back.height_px / camera_height_px,
-                            0.0};
-          const Ray ray{eye, normalized(target - eye)};
-          // Within kRaysAcross x kRaysAcross of them, whatever pixels they make.
-          const int number = (y * rays_across + s / rays_across) % kRaysAcross * kRaysAcross +
-                             (x * rays_across + s % rays_across) % kRaysAcross;
-          std::optional<std::vector<Path>> paths;
-          if (object && scene != nullptr) paths = scene->trace(ray, c, number);
-          if (!paths) {
-            add_path({.ray = ray, .weight = 1.0}, panels, back, scale, taps);
-            continue;
-          }
-          ++hits;
-          for (const Path& path : *paths) add_path(path, panels, back, scale, taps);
-        }
-        merge(taps);
-        const float own = hits == 0 ? 0.0f : scene->foreground()[static_cast<size_t>(c)];
-        builder.add(taps, own * static_cast<float>(hits * scale));
-      }
-    }
+absl::StatusOr<StageTransports> build_phases(const std::string& scene_name,
+                                             const std::vector<SceneMonitor>& monitors, int camera_width_px,
+                                             int camera_height_px, int rays_across) {
+  GW_ASSIGN_OR_RETURN(const Tracer tracer,
+                      Tracer::create(monitors, camera_width_px, camera_height_px, rays_across));
+  StageTransports stage;
+  const auto share = [](Transport transport) {
+    return std::make_shared<const Transport>(std::move(transport));
+  };
+  std::vector<std::unique_ptr<Scene>> scenes;
+  for (int phase = 0; phase < motion_of(scene_name).phases; ++phase) {
+    GW_ASSIGN_OR_RETURN(scenes.emplace_back(), make_scene(scene_name, tracer.back(), phase));
   }
-  return builder.built();
+  stage.empty = share(tracer.trace(EmptyStage(), nullptr));
+  stage.phases.resize(scenes.size(), stage.empty);
+  std::atomic<size_t> next = 0;
+  const auto work = [&] {
+    for (size_t phase = next++; phase < scenes.size(); phase = next++) {
+      if (scenes[phase] != nullptr) stage.phases[phase] = share(tracer.trace(*scenes[phase], stage.empty));
+    }
+  };
+  std::vector<std::jthread> helpers;
+  for (unsigned i = 1; i < std::thread::hardware_concurrency(); ++i) helpers.emplace_back(work);
+  work();
+  helpers.clear();
+  return stage;
 }
 
 }  // namespace glasswing

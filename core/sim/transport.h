@@ -5,6 +5,7 @@
 #include <absl/status/statusor.h>
 
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
@@ -37,8 +38,8 @@ class Transport {
   // The picture that a perfect camera takes while the monitors show these; an empty one is black.
   RadianceImage respond(std::span<const RadianceImage> pictures) const;
 
-  // The same, row by row: what is there without monitors, r, g, b interleaved,
-  std::span<const float> foreground_row(int y) const;
+  // The same, row by row. A row, r, g, b interleaved, starts as what is there without monitors,
+  void start_row(int y, std::span<float> row) const;
   // to which each monitor adds its light. `radiance` gives that of one of its samples (RadianceImage::index).
   template <typename Radiance>
   void add_row(size_t monitor, int y, std::span<float> row, const Radiance& radiance) const;
@@ -51,46 +52,104 @@ class Transport {
  private:
   friend class TransportBuilder;
   struct SampleTap {
-    std::uint32_t sample;
+    std::uint32_t sample;  // of red, if one tap stands for all channels
     float weight;
   };
   // Of one monitor.
   struct Part {
     int width_px = 0;
     std::vector<SampleTap> taps;
-    std::vector<std::uint16_t> counts;  // of each camera sample
+    std::vector<std::uint16_t> counts;  // of each camera sample, or pixel if one tap stands for all channels
     std::vector<size_t> first_taps;     // of each camera row
     std::vector<Rows> rows;             // seen by each camera row
   };
-  size_t row_begin(int y) const { return static_cast<size_t>(y) * static_cast<size_t>(width_px_) * 3; }
+  // Of a camera row, [first, last) px.
+  struct Columns {
+    int first = 0, last = 0;
+    size_t first_pixel = 0;  // how many pixels the rows above have
+  };
+  bool owns(int x, int y) const {
+    const Columns& own = own_[static_cast<size_t>(y)];
+    return x >= own.first && x < own.last;
+  }
+  size_t samples_a_pixel() const { return colourless_ ? 1 : 3; }
+  // Where the taps of one of the row's own pixels begin, and how many each of its samples has.
+  struct Place {
+    const SampleTap* tap;
+    const std::uint16_t* count;
+  };
+  Place find(const Part& part, int x, int y) const;
+  template <typename Radiance>
+  void add_columns(size_t monitor, int y, int first, int last, std::span<float> row,
+                   const Radiance& radiance) const;
 
   int width_px_ = 0;
   int height_px_ = 0;
+  bool colourless_ = false;
+  std::vector<Columns> own_;                 // what is kept here of each row
+  std::shared_ptr<const Transport> around_;  // the rest; null if all is kept here
   std::vector<Part> parts_;
   std::vector<float> foreground_;
 };
 
 template <typename Radiance>
 void Transport::add_row(size_t monitor, int y, std::span<float> row, const Radiance& radiance) const {
-  const Part& part = parts_[monitor];
-  const SampleTap* tap = part.taps.data() + part.first_taps[static_cast<size_t>(y)];
-  const std::uint16_t* counts = part.counts.data() + row_begin(y);
-  for (size_t i = 0; i < row.size(); ++i) {
+  const Columns& own = own_[static_cast<size_t>(y)];
+  if (around_ != nullptr) {
+    around_->add_columns(monitor, y, 0, own.first, row, radiance);
+    around_->add_columns(monitor, y, own.last, width_px_, row, radiance);
+  }
+  add_columns(monitor, y, own.first, own.last, row, radiance);
+}
+
+template <typename Radiance>
+void Transport::add_columns(size_t monitor, int y, int first, int last, std::span<float> row,
+                            const Radiance& radiance) const {
+  if (first == last) return;
+  auto [tap, count] = find(parts_[monitor], first, y);
+  const size_t begin = 3 * static_cast<size_t>(first), end = 3 * static_cast<size_t>(last);
+  if (colourless_) {
+    for (size_t i = begin; i < end; i += 3, ++count) {
+      float red = row[i], green = row[i + 1], blue = row[i + 2];
+      for (int left = *count; left > 0; --left, ++tap) {
+        red += tap->weight * radiance(tap->sample);
+        green += tap->weight * radiance(tap->sample + 1);
+        blue += tap->weight * radiance(tap->sample + 2);
+      }
+      row[i] = red;
+      row[i + 1] = green;
+      row[i + 2] = blue;
+    }
+    return;
+  }
+  for (size_t i = begin; i < end; ++i, ++count) {
     float light = row[i];
-    for (int left = counts[i]; left > 0; --left, ++tap) light += tap->weight * radiance(tap->sample);
+    for (int left = *count; left > 0; --left, ++tap) light += tap->weight * radiance(tap->sample);
     row[i] = light;
   }
 }
 
 inline constexpr int kRaysAcross = 4;  // to a camera pixel, each way
 
-// Scenes: "crystal", "glass", "brushed", "none". With object = false the stage is empty, whatever the scene.
+// Scenes: "crystal", "glass", "brushed", "wobble", "wobble-lit", "none". With object = false the stage is
+// empty, whatever the scene.
 // Geometry: the back monitor fills the camera's view, one camera pixel to (monitor / camera size) monitor
 // pixels; "left", "right" and "top" stand at its edges, perpendicular, towards the camera. `rays_across` 1
-// makes of every ray a pixel, where the picture is kRaysAcross times as large. Deterministic.
-// INVALID_ARGUMENT: an unknown scene or monitor name lists what there is.
+// makes of every ray a pixel, where the picture is kRaysAcross times as large. Deterministic. Of a scene that
+// moves, the first phase. INVALID_ARGUMENT: an unknown scene or monitor name lists what there is.
 absl::StatusOr<Transport> build_transport(const std::string& scene, bool object,
                                           const std::vector<SceneMonitor>& monitors, int camera_width_px,
                                           int camera_height_px, int rays_across = kRaysAcross);
+
+// The same with the empty stage and all phases of a scene (scene.h), traced on all cores. Of a phase only the
+// columns between the object's edges are kept; all share the empty stage around them. The 36 phases of
+// "wobble" take 0.2 GB at 640x480, in proportion to the camera's pixels.
+struct StageTransports {
+  std::shared_ptr<const Transport> empty;
+  std::vector<std::shared_ptr<const Transport>> phases;
+};
+absl::StatusOr<StageTransports> build_phases(const std::string& scene,
+                                             const std::vector<SceneMonitor>& monitors, int camera_width_px,
+                                             int camera_height_px, int rays_across = kRaysAcross);
 
 }  // namespace glasswing

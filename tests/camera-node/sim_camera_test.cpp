@@ -1,5 +1,9 @@
 #include "camera-node/sim_camera.h"
 
+#include <set>
+
+#include "core/sim/scene.h"
+
 #include "tests/camera-node/camera_contract.h"
 
 namespace glasswing {
@@ -52,6 +56,48 @@ TEST(SimCamera, CallsOnlyALinearResponseLinear) {
     EXPECT_EQ(described(sensor).read_sd(), 0.0);
     EXPECT_EQ(described(sensor).gain(), 0.0);
   }
+}
+
+TEST(SimCamera, SeesAMovingSceneWhereItIsByTheCamerasClock) {
+  constexpr int kSide_px = 24;
+  EmissionTimeline timeline;
+  timeline.add_monitor({.name = "back", .width_px = kSide_px, .height_px = kSide_px});
+  auto picture = std::make_shared<Image16>(kSide_px, kSide_px);
+  RadianceImage shown(kSide_px, kSide_px);
+  for (size_t i = 0; i < shown.samples.size(); ++i) {
+    picture->samples[i] = static_cast<std::uint16_t>(i * 7919);
+    shown.samples[i] = radiance_of(picture->samples[i]);
+  }
+  timeline.add_picture("back",
+                       {.scanout_start = monotonic_now() - std::chrono::seconds(1), .image = picture});
+  timeline.set_horizon("back", monotonic_now() + std::chrono::hours(1));
+  const StageTransports stage =
+      build_phases("wobble", {{"back", {kSide_px, kSide_px}}}, kSide_px, kSide_px).value();
+  SimCameraOptions options;
+  options.scene = "wobble";
+  options.width_px = options.height_px = kSide_px;
+  options.frame_rate_hz = 100.0;
+  options.sensor = {.read_sd = 0.0, .gain = 0.0, .bits = 16, .full_scale_exposure_ms = 4.0};
+  options.clock = NodeClock(milliseconds(512), 0.0);
+  const auto camera = SimCamera::create(options, timeline).value();
+  ASSERT_TRUE(camera->start(4.0).ok());
+  std::set<int> phases;
+  for (const bool object : {false, true}) {
+    camera->move(object);
+    // A third of a turn.
+    for (int i = 0; i < 40; ++i) {
+      const CapturedFrame frame = camera->next(milliseconds(1000)).value();
+      const int phase = motion_of("wobble").phase_at(
+          nanoseconds((frame.taken.exposure_start_ns() + frame.taken.exposure_end_ns()) / 2));
+      phases.insert(phase);
+      const RadianceImage truth = (object ? *stage.phases[static_cast<size_t>(phase)] : *stage.empty)
+                                      .respond(std::vector<RadianceImage>{shown});
+      const Image16 image = frame.image().value();
+      for (size_t s = 0; s < truth.samples.size(); ++s)
+        ASSERT_NEAR(image.samples[s], 65535.0f * truth.samples[s], 1.0) << i;  // rounded
+    }
+  }
+  EXPECT_GT(phases.size(), 8u);
 }
 
 TEST(SimCamera, AutomaticsFollowTheLightOfTheFramesBeforeAndSayNothing) {

@@ -74,6 +74,25 @@ TEST(Program, RastersItsPatternsOnTheirMonitorAndLeavesOthersBlack) {
   EXPECT_EQ(pictures[1]->samples, codes_of(pattern.rasterised()));
 }
 
+TEST(Program, DrawsWhatStandsForManyStepsOnce) {
+  v1::LoadProgramRequest request;
+  request.set_program("p");
+  request.set_hold_refreshes(2);
+  for (int i = 0; i < 20000; ++i) {
+    v1::ProgramStep& step = *request.add_steps();
+    step.set_step(i);
+    v1::Stimulus& stimulus = *step.add_stimuli();
+    stimulus.set_kind(i < 19999 ? "ramp" : "solid");
+    stimulus.set_panel("back");
+  }
+  const Program program =
+      Program::create(request, {{.name = "back", .width_px = 512, .height_px = 256}}, ImageStore()).value();
+  const Picture first = program.pictures(0)[0];
+  for (const size_t step : {1u, 10000u, 19998u}) EXPECT_EQ(program.pictures(step)[0], first);
+  EXPECT_EQ(program.number(19998), 19998);
+  EXPECT_NE(program.pictures(19999)[0]->samples, first->samples);
+}
+
 TEST(Program, RefusesWhatItCannotShowAndSaysWhy) {
   v1::LoadProgramRequest request = good_request();
   for (const int hold : {1, 0, -2, 601}) {

@@ -91,7 +91,7 @@ TEST(Transport, AFinerCameraSeesFlatPixels) {
 TEST(Transport, GivesNoMoreLightThanThereIs) {
   const std::vector<SceneMonitor> room{
       {"left", {40, 48}}, {"back", kSize}, {"top", {64, 30}}, {"right", {50, 48}}};
-  for (const char* scene : {"crystal", "glass", "brushed"}) {
+  for (const char* scene : {"crystal", "glass", "brushed", "wobble"}) {
     const Transport transport = built(scene, true, room);
     std::vector<double> light_of(room.size());
     for (int i = 0; i < kWidth_px * kHeight_px * 3; ++i) {
@@ -209,16 +209,91 @@ TEST(Transport, NamesWhatItDoesNotHave) {
     return std::string(transport.status().message());
   };
   EXPECT_EQ(message("vase", {{"back", kSize}}),
-            "scene is \"vase\"; there are: crystal, glass, brushed, none");
+            "scene is \"vase\"; there are: crystal, glass, brushed, wobble, wobble-lit, none");
   EXPECT_EQ(message("none", {{"front", kSize}}),
             "monitor \"front\" has no place in the scene; there are: back, left, right, top");
   EXPECT_EQ(message("none", {{"left", kSize}}), "a scene needs a monitor \"back\", behind the object");
 }
 
+TEST(Transport, APhaseIsTheObjectBeforeTheEmptyStage) {
+  const StageTransports stage = build_phases("wobble", {{"back", kSize}}, kWidth_px, kHeight_px).value();
+  ASSERT_EQ(stage.phases.size(), static_cast<size_t>(motion_of("wobble").phases));
+  const RadianceImage picture = random_picture(kWidth_px, kHeight_px);
+  EXPECT_EQ(respond(*stage.empty, picture).samples, picture.samples);
+  EXPECT_EQ(respond(*stage.phases[0], picture).samples, respond(built("wobble"), picture).samples);
+  for (const auto& phase : stage.phases) {
+    int object = 0;
+    for (int y = 0; y < kHeight_px; ++y) {
+      for (int x = 0; x < kWidth_px; ++x) object += !is_empty_stage(phase->taps(x, y, y % 3), x, y);
+    }
+    // It is all in the picture.
+    EXPECT_GT(object, kWidth_px * kHeight_px / 10);
+    EXPECT_LT(object, kWidth_px * kHeight_px / 3);
+    for (const int x : {0, kWidth_px - 1}) {
+      for (int y = 0; y < kHeight_px; ++y) EXPECT_TRUE(is_empty_stage(phase->taps(x, y, 0), x, y));
+    }
+  }
+  // What stands still has one phase, and is the same however it is kept.
+  for (const std::string scene : {"crystal", "glass", "brushed"}) {
+    const StageTransports still = build_phases(scene, {{"back", kSize}}, kWidth_px, kHeight_px).value();
+    ASSERT_EQ(still.phases.size(), 1u);
+    EXPECT_EQ(respond(*still.phases[0], picture).samples, respond(built(scene), picture).samples);
+  }
+}
+
+// From the last phase to the first too.
+TEST(Transport, AMovingSceneGoesRoundInSmallSteps) {
+  const StageTransports stage = build_phases("wobble", {{"back", kSize}}, kWidth_px, kHeight_px).value();
+  const auto change = [&](size_t a, size_t b) {
+    int changed = 0;
+    for (int y = 0; y < kHeight_px; ++y) {
+      for (int x = 0; x < kWidth_px; ++x) {
+        changed += is_empty_stage(stage.phases[a]->taps(x, y, 0), x, y) !=
+                   is_empty_stage(stage.phases[b]->taps(x, y, 0), x, y);
+      }
+    }
+    return changed;
+  };
+  const size_t count = stage.phases.size();
+  for (size_t i = 0; i < count; ++i) {
+    EXPECT_GT(change(i, (i + count / 2) % count) + change(i, (i + count / 4) % count), 0);
+    EXPECT_LT(change(i, (i + 1) % count), change(i, (i + count / 4) % count));
+  }
+  const Motion motion = motion_of("wobble");
+  EXPECT_EQ(motion.phase_at(nanoseconds(0)), 0);
+  EXPECT_EQ(motion.phase_at(motion.period - nanoseconds(1)), motion.phases - 1);
+  EXPECT_EQ(motion.phase_at(-nanoseconds(1)), motion.phases - 1);
+  EXPECT_EQ(motion.phase_at(7 * motion.period + motion.period / 4), motion.phases / 4);
+  EXPECT_EQ(motion_of("crystal").phase_at(std::chrono::hours(1)), 0);
+}
+
+// The lamp is seen mirrored, and nowhere else; it changes nothing of the monitors' light.
+TEST(Transport, ALampAddsHighlightsAlone) {
+  const Transport dark = built("wobble"), lit = built("wobble-lit");
+  const RadianceImage picture = random_picture(kWidth_px, kHeight_px), black(kWidth_px, kHeight_px);
+  const RadianceImage without = respond(dark, picture), with = respond(lit, picture),
+                      own = respond(lit, black);
+  EXPECT_EQ(respond(dark, black).samples, black.samples);
+  int highlight = 0;
+  for (int y = 0; y < kHeight_px; ++y) {
+    for (int x = 0; x < kWidth_px; ++x) {
+      const float f = lit.foreground(x, y, 0);
+      highlight += f > 0.0f;
+      for (int c = 0; c < 3; ++c) {
+        EXPECT_EQ(own.at(x, y, c), f);
+        EXPECT_NEAR(with.at(x, y, c), without.at(x, y, c) + f, 1e-5);  // float sums
+      }
+      EXPECT_FALSE(f > 0.0f && is_empty_stage(lit.taps(x, y, 0), x, y));
+    }
+  }
+  EXPECT_GT(highlight, 0);
+  EXPECT_LT(highlight, kWidth_px * kHeight_px / 50);
+}
+
 // Every ray of a pixel as a pixel of its own: together they see what the pixel does, scattered or not.
 TEST(Transport, RaysAsPixelsSeeTheSameLight) {
   const RadianceImage picture = random_picture(kWidth_px, kHeight_px);
-  for (const std::string scene : {"crystal", "brushed"}) {
+  for (const std::string scene : {"crystal", "brushed", "wobble-lit"}) {
     const RadianceImage whole = respond(built(scene), picture);
     const RadianceImage rays = respond(*build_transport(scene, true, {{"back", kSize}},
                                                         kRaysAcross * kWidth_px, kRaysAcross * kHeight_px, 1),

@@ -1,0 +1,33 @@
+// Means of a picture over upright boxes, all channels at once, for composites while a camera runs. What
+// core/matte/summed_picture.h says, but that no side is narrower than kLeastSide_px.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "core/frame/image.h"
+
+namespace glasswing {
+
+class BoxTable {
+ public:
+  static constexpr float kLeastSide_px = 1.0f / 32.0f;
+  using Light = std::array<float, 3>;
+
+  explicit BoxTable(const RadianceImage& picture);
+
+  // Of the box round (x, y); its part beyond the picture counts as dark.
+  Light mean(float x_px, float y_px, float width_px, float height_px) const;
+
+ private:
+  // Red, green, blue and nothing: two vectors of two.
+  using Sums = std::array<double, 4>;
+  const Sums& at(int x, int y) const {
+    return sums_[static_cast<size_t>(y) * static_cast<size_t>(width_px_ + 1) + static_cast<size_t>(x)];
+  }
+
+  int width_px_, height_px_;
+  std::vector<Sums> sums_;  // [y][x] of the pixels above and left of a corner
+};
+
+}  // namespace glasswing

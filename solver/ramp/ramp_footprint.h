@@ -1,0 +1,49 @@
+// How wide the place c is that a pixel of a ramp frame sees: as wide as c's steps from pixel to pixel
+// (Chuang et al. 2000, eq. 23 and 24, with the steps across and down the picture together).
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include "solver/ramp/ramp_frame.h"
+
+namespace glasswing {
+
+// An upright box, monitor px.
+struct RampFootprint {
+  float width_px, height_px;
+};
+
+// Of a pixel on the object.
+inline RampFootprint ramp_footprint(const RampFrame& frame, int x, int y) {
+  constexpr float kSurely = 0.3f;  // covered so far, a pixel's c is the object's
+  const auto row = static_cast<size_t>(frame.width_px);
+  const size_t at = static_cast<size_t>(y) * row + static_cast<size_t>(x);
+  const auto is_known = [&](size_t i) {
+    return frame.alpha[i] > kSurely && (frame.info_xx[i] > 0.0f || frame.highlight[i] > 0.0f);
+  };
+  struct Steps {
+    float x_px, y_px;
+  };
+  // Of c along one axis of the picture: the harmonic mean of the steps to both neighbours, which the smaller
+  // one rules, so that no footprint spans a jump of c.
+  const auto along = [&](bool has_before, bool has_after, size_t step) {
+    has_before = has_before && is_known(at - step);
+    has_after = has_after && is_known(at + step);
+    const auto of = [&](const std::vector<float>& plane) {
+      const float before = has_before ? std::abs(plane[at] - plane[at - step]) : 0.0f;
+      const float after = has_after ? std::abs(plane[at + step] - plane[at]) : 0.0f;
+      if (!has_before || !has_after) return before + after;
+      return before + after > 0.0f ? 2.0f * before * after / (before + after) : 0.0f;
+    };
+    return Steps{of(frame.x_px), of(frame.y_px)};
+  };
+  const Steps across = along(x > 0, x + 1 < frame.width_px, 1);
+  const Steps down = along(y > 0, y + 1 < frame.height_px, row);
+  // The ramp does not tell places within a pixel of the monitor apart: c between two pixels is how much
+  // of each was seen, which a box of a pixel's width says exactly.
+  return {.width_px = std::max(1.0f, std::hypot(across.x_px, down.x_px)),
+          .height_px = std::max(1.0f, std::hypot(across.y_px, down.y_px))};
+}
+
+}  // namespace glasswing
