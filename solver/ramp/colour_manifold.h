@@ -2,12 +2,13 @@
 // a colour's direction from black tells.
 //
 //   T_c(x, y) = (ramp's plane)_c + sum_ij k_cij P_i(s) P_j(t),  i + j <= 6, P Legendre's polynomials, s and t
-//   over the part of the monitor that was measured; beyond it the sum stays as at its edge.
+//   over the part of the monitor that was measured; beyond it they go straight on.
 //
-// A line from black through a colour C meets the plane n . C = 2 at (u, v), two coordinates of its direction.
-// A table over these holds, for each direction D with n . D = 2, the place c of the monitor whose colour is
-// nearest to the line, on the edge where the line misses, and rho = D . T(c) / T(c)^2: solved once by
-// Gauss-Newton on the model, bilinear in between. On a manifold that is plane the table is exact.
+// A line from black through a colour C meets the plane n . C = 2 at (a, b), its light of the ramp's red and
+// green, which tell its direction. A table over these holds, for each direction D with n . D = 2, the place c
+// whose colour is nearest to the line, and rho = D . T(c) / T(c)^2: solved once by Gauss-Newton on the model,
+// bilinear in between. On a manifold that is plane the table is exact. Where the line misses the monitor, so
+// that c would lie beyond its edge, a second table has the nearest point of the edge.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -39,8 +40,7 @@ class ColourManifold {
 
   struct Found {
     float x_px, y_px;
-    float rho;      // not clamped
-    float outside;  // how far beyond the monitor's edge the direction points, shares of its sides
+    float rho;  // not clamped
   };
   // Of light that is not 0 or less in all: level() > 0.
   Found find(float r, float g, float b) const;
@@ -62,8 +62,7 @@ class ColourManifold {
 
  private:
   static constexpr int kDegree = 6, kTerms = (kDegree + 1) * (kDegree + 2) / 2;
-  static constexpr int kCells = 160;        // a side of the table
-  static constexpr double kMargin = 0.125;  // of (u, v) beyond [0, 1]
+  static constexpr int kCells = 160;  // a side of the table
 
   struct Node {
     float x_px, y_px, rho;
@@ -73,41 +72,48 @@ class ColourManifold {
   };
   ColourManifold() = default;
   Sides sides(double x_px, double y_px) const;
+  void frame_table();
   void fill_table();
-  std::array<double, 2> nearest(const Light& direction, std::array<double, 2> start) const;
+  // `held`: on the monitor.
+  std::array<double, 2> nearest(const Light& direction, std::array<double, 2> start, bool held) const;
 
   double width_px_ = 0.0, height_px_ = 0.0;
   std::array<double, 9> mix_{};
   std::array<double, 9> ramp_of_light_{};  // rows: r, g and level of the ramp, linear in light
-  std::array<float, 3> level_{}, to_u_{}, to_v_{};
-  std::array<double, 4> measured_px_{};  // x from, to, y from, to
+  std::array<float, 3> level_{}, to_a_{}, to_b_{};
+  std::array<float, 2> from_{}, scale_{};  // cell of the table = (a - from) * scale
+  std::array<double, 4> measured_px_{};    // x from, to, y from, to
   std::array<std::array<double, kTerms>, 3> terms_{};
   double residual_ = 0.0;
-  std::vector<Node> table_;                  // (kCells + 1)^2, by rows of v
-  std::vector<std::array<float, 4>> slope_;  // of the cells: d(x, y) / d(u, v), px
+  // (kCells + 1)^2, by rows of b; the second: held on the monitor.
+  std::vector<Node> table_, held_;
+  std::vector<std::array<float, 4>> slope_;  // of the cells: d(x, y) / d(a, b), px
 };
 
 inline ColourManifold::Found ColourManifold::find(float r, float g, float b) const {
-  constexpr float kScale = kCells / static_cast<float>(1.0 + 2.0 * kMargin), kFrom = kMargin;
   const float per_level = 1.0f / level(r, g, b);
-  const float u = (to_u_[0] * r + to_u_[1] * g + to_u_[2] * b) * per_level - 0.125f;
-  const float v = (to_v_[0] * r + to_v_[1] * g + to_v_[2] * b) * per_level - 0.125f;
   const auto inside = [](float value) { return std::fmin(std::fmax(value, 0.0f), kCells - 1e-3f); };
-  const float across = inside((u + kFrom) * kScale), down = inside((v + kFrom) * kScale);
+  const float across =
+      inside(((to_a_[0] * r + to_a_[1] * g + to_a_[2] * b) * per_level - from_[0]) * scale_[0]);
+  const float down =
+      inside(((to_b_[0] * r + to_b_[1] * g + to_b_[2] * b) * per_level - from_[1]) * scale_[1]);
   const int column = static_cast<int>(across), row = static_cast<int>(down);
   const float fx = across - static_cast<float>(column), fy = down - static_cast<float>(row);
-  const Node* const top = &table_[static_cast<size_t>(row) * (kCells + 1) + static_cast<size_t>(column)];
-  const Node* const low = top + kCells + 1;
-  const auto blend = [&](float Node::*part) {
-    const float above = top[0].*part + fx * (top[1].*part - top[0].*part);
-    const float below = low[0].*part + fx * (low[1].*part - low[0].*part);
-    return above + fy * (below - above);
+  const size_t first = static_cast<size_t>(row) * (kCells + 1) + static_cast<size_t>(column);
+  const auto look_up = [&](const std::vector<Node>& table) {
+    const Node *const top = &table[first], *const low = top + kCells + 1;
+    const auto blend = [&](float Node::*part) {
+      const float above = top[0].*part + fx * (top[1].*part - top[0].*part);
+      const float below = low[0].*part + fx * (low[1].*part - low[0].*part);
+      return above + fy * (below - above);
+    };
+    return Found{
+        .x_px = blend(&Node::x_px), .y_px = blend(&Node::y_px), .rho = blend(&Node::rho) / per_level};
   };
-  const float off = std::fmax(std::fmax(-u, u - 1.0f), std::fmax(-v, v - 1.0f));
-  return {.x_px = blend(&Node::x_px),
-          .y_px = blend(&Node::y_px),
-          .rho = blend(&Node::rho) / per_level,
-          .outside = std::fmax(off, 0.0f)};
+  const Found found = look_up(table_);
+  const bool on_monitor = found.x_px >= 0.0f && found.x_px <= static_cast<float>(width_px_) &&
+                          found.y_px >= 0.0f && found.y_px <= static_cast<float>(height_px_);
+  return on_monitor ? found : look_up(held_);
 }
 
 }  // namespace glasswing

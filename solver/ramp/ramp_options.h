@@ -4,9 +4,10 @@
 #include <absl/status/statusor.h>
 
 #include <optional>
-#include <string_view>
+#include <string>
 
 #include "solver/method.h"
+#include "solver/ramp/ramp_smoother.h"
 
 namespace glasswing {
 
@@ -37,10 +38,12 @@ struct RampOptions {
   double highlight_gain = 1.0;     // what f is multiplied by
   // Least f where all channels are clipped: how much brighter it was nobody knows.
   double clipped_highlight = 1.0;
+
+  SmoothingOptions smoothing;
 };
 
 // Name, range and default of every option, for people.
-std::string_view ramp_options_help();
+std::string ramp_options_help();
 
 // INVALID_ARGUMENT: an option that ramp has not, or a value out of range.
 absl::StatusOr<RampOptions> parse_ramp_options(const MethodOptions& options);
