@@ -272,30 +272,4 @@ void ColourManifold::fill_table() {
   }
 }
 
-std::array<float, 3> ColourManifold::information(float r, float g, float b,
-                                                 const std::array<float, 3>& variance) const {
-  const float per_level = 1.0f / level(r, g, b);
-  const float top_a = (to_a_[0] * r + to_a_[1] * g + to_a_[2] * b) * per_level;
-  const float top_b = (to_b_[0] * r + to_b_[1] * g + to_b_[2] * b) * per_level;
-  float uu = 0.0f, uv = 0.0f, vv = 0.0f;
-  for (size_t c = 0; c < 3; ++c) {
-    const float du = (to_a_[c] - top_a * level_[c]) * per_level,
-                dv = (to_b_[c] - top_b * level_[c]) * per_level;
-    uu += variance[c] * du * du;
-    uv += variance[c] * du * dv;
-    vv += variance[c] * dv * dv;
-  }
-  const auto cell = [&](float top, size_t axis) {
-    return static_cast<size_t>(
-        std::clamp((top - from_[axis]) * scale_[axis], 0.0f, static_cast<float>(kCells)));
-  };
-  const std::array<float, 4>& s = slope_[cell(top_b, 1) * (kCells + 1) + cell(top_a, 0)];
-  const float xu = s[0] * uu + s[1] * uv, xv = s[0] * uv + s[1] * vv, yu = s[2] * uu + s[3] * uv,
-              yv = s[2] * uv + s[3] * vv;
-  const float xx = xu * s[0] + xv * s[1], xy = xu * s[2] + xv * s[3], yy = yu * s[2] + yv * s[3];
-  const float determinant = xx * yy - xy * xy;
-  if (!(determinant > 0.0f)) return {0.0f, 0.0f, 0.0f};
-  return {yy / determinant, -xy / determinant, xx / determinant};
-}
-
 }  // namespace glasswing

@@ -47,11 +47,10 @@ class ColourManifold {
   // n . C / 2: 1 on the plane.
   float level(float r, float g, float b) const { return level_[0] * r + level_[1] * g + level_[2] * b; }
 
-  // Standard deviation of level(), and on the manifold of rho, of light with these variances of its channels.
-  float level_sd(const std::array<float, 3>& variance) const {
-    float sum = 0.0f;
-    for (size_t c = 0; c < 3; ++c) sum += level_[c] * level_[c] * variance[c];
-    return std::sqrt(sum);
+  // Variance of level(), and on the manifold of rho, of light with these variances of its channels.
+  float level_variance(const std::array<float, 3>& variance) const {
+    return level_[0] * level_[0] * variance[0] + level_[1] * level_[1] * variance[1] +
+           level_[2] * level_[2] * variance[2];
   }
 
   // Inverse covariance of c, xx, xy, yy, 1/px^2, of this light with these variances of its channels.
@@ -92,7 +91,10 @@ class ColourManifold {
 
 inline ColourManifold::Found ColourManifold::find(float r, float g, float b) const {
   const float per_level = 1.0f / level(r, g, b);
-  const auto inside = [](float value) { return std::fmin(std::fmax(value, 0.0f), kCells - 1e-3f); };
+  const auto inside = [](float value) {
+    const float positive = value > 0.0f ? value : 0.0f;
+    return positive < kCells - 1e-3f ? positive : kCells - 1e-3f;
+  };
   const float across =
       inside(((to_a_[0] * r + to_a_[1] * g + to_a_[2] * b) * per_level - from_[0]) * scale_[0]);
   const float down =
@@ -114,6 +116,32 @@ inline ColourManifold::Found ColourManifold::find(float r, float g, float b) con
   const bool on_monitor = found.x_px >= 0.0f && found.x_px <= static_cast<float>(width_px_) &&
                           found.y_px >= 0.0f && found.y_px <= static_cast<float>(height_px_);
   return on_monitor ? found : look_up(held_);
+}
+
+inline std::array<float, 3> ColourManifold::information(float r, float g, float b,
+                                                        const std::array<float, 3>& variance) const {
+  const float per_level = 1.0f / level(r, g, b);
+  const float top_a = (to_a_[0] * r + to_a_[1] * g + to_a_[2] * b) * per_level;
+  const float top_b = (to_b_[0] * r + to_b_[1] * g + to_b_[2] * b) * per_level;
+  float aa = 0.0f, ab = 0.0f, bb = 0.0f;
+  for (size_t c = 0; c < 3; ++c) {
+    const float da = to_a_[c] - top_a * level_[c], db = to_b_[c] - top_b * level_[c];
+    aa += variance[c] * da * da;
+    ab += variance[c] * da * db;
+    bb += variance[c] * db * db;
+  }
+  const auto cell = [&](float top, size_t axis) {
+    const float at = (top - from_[axis]) * scale_[axis], positive = at > 0.0f ? at : 0.0f;
+    return static_cast<size_t>(static_cast<int>(positive < kCells ? positive : kCells));
+  };
+  const std::array<float, 4>& s = slope_[cell(top_b, 1) * (kCells + 1) + cell(top_a, 0)];
+  const float xa = s[0] * aa + s[1] * ab, xb = s[0] * ab + s[1] * bb, ya = s[2] * aa + s[3] * ab,
+              yb = s[2] * ab + s[3] * bb;
+  const float xx = xa * s[0] + xb * s[1], xy = xa * s[2] + xb * s[3], yy = ya * s[2] + yb * s[3];
+  const float square = per_level * per_level, determinant = (xx * yy - xy * xy) * square;
+  if (!(determinant > 0.0f)) return {0.0f, 0.0f, 0.0f};
+  const float share = 1.0f / determinant;
+  return {yy * share, -xy * share, xx * share};
 }
 
 }  // namespace glasswing
