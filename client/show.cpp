@@ -43,8 +43,9 @@ void print_details(const v1::Session& session) {
                                session.tile_count(), seconds_text(session.solve_seconds())));
     for (const auto& [key, value] : session.options()) row("", key + "=" + value);
   }
-  row("pixels", fmt::format("{}, {} show the object, {} of them flagged", session.pixel_count(),
-                            session.object_pixel_count(), session.flagged_pixel_count()));
+  row("pixels", fmt::format("{}{}, {} show the object{}, {} of them flagged", session.pixel_count(),
+                            is_video(session) ? " a frame" : "", session.object_pixel_count(),
+                            is_video(session) ? " in all frames" : "", session.flagged_pixel_count()));
 }
 
 absl::Status show(const Client& client, const std::string& name) {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdlib>
 #include <opencv2/videoio.hpp>
 
 #include "core/frame/image_file.h"
@@ -37,6 +38,8 @@ absl::StatusOr<VideoReader> VideoReader::open(const std::filesystem::path& path)
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(path, ignored))
     return absl::NotFoundError(fmt::format("{}: no such file", path.string()));
+  // Its own complaints would stand beside ours.
+  ::setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);
   VideoReader reader;
   reader.capture_ = std::make_shared<cv::VideoCapture>(path.string());
   if (!reader.capture_->isOpened())

@@ -27,6 +27,11 @@
 
 namespace glasswing {
 
+// Of those that teach the camera where an id patch is.
+inline bool is_lesson(const Step& step) {
+  return step.stimulus.kind() == "patch";
+}
+
 struct CaptureOutcome {
   enum class Kind {
     kCaptured,

@@ -133,12 +133,15 @@ absl::StatusOr<v1::ClaimTileResponse> Server::claim(const v1::ClaimTileRequest& 
     return response;
   }
   GW_ASSIGN_OR_RETURN(const v1::Session session, catalogue_->find(tile->session));
-  rig_.note(request.solver(), fmt::format("solving {} tile {}", tile->session, tile->number));
+  const bool frames = is_solved_by_frames(session);
+  rig_.note(request.solver(), frames ? fmt::format("solving {} frames {} to {}", tile->session, tile->first,
+                                                   tile->first + tile->count - 1)
+                                     : fmt::format("solving {} tile {}", tile->session, tile->number));
   response.mutable_lease()->set_session(tile->session);
   response.mutable_lease()->set_tile(tile->number);
   response.mutable_lease()->set_attempt(tile->attempt);
   response.set_lease_ms(std::chrono::milliseconds(kLease).count());
-  if (is_solved_by_frames(session)) {
+  if (frames) {
     response.set_first_frame(tile->first);
     response.set_frame_count(tile->count);
   } else {

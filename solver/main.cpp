@@ -195,7 +195,7 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", kVersion);
   Solve here;
   CLI::App* solve_command = app.add_subcommand("solve", "Solve an archive on this machine, without a server");
-  solve_command->footer("Options of method ramp:\n" + std::string(ramp_options_help()));
+  solve_command->footer("Options of method ramp:\n" + ramp_options_help());
   solve_command->add_option("archive", here.archive, "folder with manifest.json")->required();
   solve_command
       ->add_option("matte", here.matte,

@@ -6,18 +6,20 @@
 namespace glasswing {
 namespace {
 
-// P_0 .. P_degree at s, and their derivatives.
+// P_0 .. P_degree at s, and their derivatives; beyond [-1, 1] straight on.
 template <size_t Count>
 void legendre(double s, std::array<double, Count>& value, std::array<double, Count>& slope) {
+  const double inside = std::clamp(s, -1.0, 1.0);
   value[0] = 1.0;
   slope[0] = 0.0;
-  value[1] = s;
+  value[1] = inside;
   slope[1] = 1.0;
   for (size_t i = 2; i < Count; ++i) {
     const double n = static_cast<double>(i);
-    value[i] = ((2.0 * n - 1.0) * s * value[i - 1] - (n - 1.0) * value[i - 2]) / n;
+    value[i] = ((2.0 * n - 1.0) * inside * value[i - 1] - (n - 1.0) * value[i - 2]) / n;
     slope[i] = slope[i - 2] + (2.0 * n - 1.0) * value[i - 1];
   }
+  for (size_t i = 0; i < Count; ++i) value[i] += (s - inside) * slope[i];
 }
 
 // Each term's factors: (i, j) in the order of `terms_`.
@@ -61,8 +63,8 @@ absl::StatusOr<ColourManifold> ColourManifold::fit(std::span<const ManifoldSampl
       Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(mix.data()).inverse();
   for (size_t c = 0; c < 3; ++c) {
     const auto column = static_cast<Eigen::Index>(c);
-    manifold.to_u_[c] = static_cast<float>(1.25 * inverse(0, column));
-    manifold.to_v_[c] = static_cast<float>(1.25 * inverse(1, column));
+    manifold.to_a_[c] = static_cast<float>(inverse(0, column));
+    manifold.to_b_[c] = static_cast<float>(inverse(1, column));
     manifold.level_[c] =
         static_cast<float>(0.5 * (inverse(0, column) + inverse(1, column)) + inverse(2, column));
   }
@@ -131,9 +133,9 @@ ColourManifold::Sides ColourManifold::sides(double x_px, double y_px) const {
   const double s = 2.0 * (x_px - measured_px_[0]) / wide - 1.0,
                t = 2.0 * (y_px - measured_px_[2]) / high - 1.0;
   std::array<double, kDegree + 1> p, q, ps, qs;
-  legendre(std::clamp(s, -1.0, 1.0), p, ps);
-  legendre(std::clamp(t, -1.0, 1.0), q, qs);
-  const double ds = std::abs(s) <= 1.0 ? 2.0 / wide : 0.0, dt = std::abs(t) <= 1.0 ? 2.0 / high : 0.0;
+  legendre(s, p, ps);
+  legendre(t, q, qs);
+  const double ds = 2.0 / wide, dt = 2.0 / high;
   for_terms<kDegree>([&](size_t term, size_t i, size_t j) {
     for (size_t c = 0; c < 3; ++c) {
       out.light[c] += terms_[c][term] * p[i] * q[j];
@@ -148,11 +150,13 @@ ColourManifold::Light ColourManifold::light(double x_px, double y_px) const {
   return sides(x_px, y_px).light;
 }
 
-// The place of the monitor with the least distance of T from the line along `direction`: projected
-// Gauss-Newton; a coordinate that would leave the monitor is held at its edge and the other solved again.
-std::array<double, 2> ColourManifold::nearest(const Light& direction, std::array<double, 2> start) const {
+// The place with the least distance of T from the line along `direction`: projected Gauss-Newton; a
+// coordinate that would leave the monitor is held at its edge and the other solved again.
+std::array<double, 2> ColourManifold::nearest(const Light& direction, std::array<double, 2> start,
+                                              bool held) const {
   const std::array<double, 2> most{width_px_, height_px_};
-  std::array<double, 2> at{std::clamp(start[0], 0.0, most[0]), std::clamp(start[1], 0.0, most[1])};
+  std::array<double, 2> at = start;
+  if (held) at = {std::clamp(start[0], 0.0, most[0]), std::clamp(start[1], 0.0, most[1])};
   const double length = dot(direction, direction);
   const auto across = [&](Light light) {
     const double along = dot(light, direction) / length;
@@ -170,22 +174,22 @@ std::array<double, 2> ColourManifold::nearest(const Light& direction, std::array
       next = {at[0] + (yy * gx - xy * gy) / determinant, at[1] + (xx * gy - xy * gx) / determinant};
     }
     const bool x_out = next[0] < 0.0 || next[0] > most[0], y_out = next[1] < 0.0 || next[1] > most[1];
-    if (x_out || y_out) {
+    if (held && (x_out || y_out)) {
       // The best on either edge that it crosses.
       double least = INFINITY;
       std::array<double, 2> best = at;
       for (size_t axis = 0; axis < 2; ++axis) {
         if (!(axis == 0 ? x_out : y_out)) continue;
-        std::array<double, 2> held = at;
-        held[axis] = std::clamp(next[axis], 0.0, most[axis]);
-        const double moved = held[axis] - at[axis];
+        std::array<double, 2> edge = at;
+        edge[axis] = std::clamp(next[axis], 0.0, most[axis]);
+        const double moved = edge[axis] - at[axis];
         const size_t other = 1 - axis;
         const double step = axis == 0 ? (gy - xy * moved) / yy : (gx - xy * moved) / xx;
-        held[other] = std::clamp(at[other] + step, 0.0, most[other]);
-        const Light there = across(light(held[0], held[1]));
+        edge[other] = std::clamp(at[other] + step, 0.0, most[other]);
+        const Light there = across(light(edge[0], edge[1]));
         if (dot(there, there) < least) {
           least = dot(there, there);
-          best = held;
+          best = edge;
         }
       }
       next = best;
@@ -197,23 +201,57 @@ std::array<double, 2> ColourManifold::nearest(const Light& direction, std::array
   return at;
 }
 
+// The table's range: that of the monitor's colours, and an eighth of it on each side.
+void ColourManifold::frame_table() {
+  constexpr int kSteps = 64;
+  std::array<double, 2> least{INFINITY, INFINITY}, most{-INFINITY, -INFINITY};
+  for (int j = 0; j <= kSteps; ++j) {
+    for (int i = 0; i <= kSteps; ++i) {
+      const Light here = light(width_px_ * i / kSteps, height_px_ * j / kSteps);
+      const auto part = [&](const std::array<float, 3>& of) {
+        return static_cast<double>(of[0]) * here[0] + static_cast<double>(of[1]) * here[1] +
+               static_cast<double>(of[2]) * here[2];
+      };
+      const std::array<double, 2> at{part(to_a_) / part(level_), part(to_b_) / part(level_)};
+      for (size_t axis = 0; axis < 2; ++axis) {
+        least[axis] = std::min(least[axis], at[axis]);
+        most[axis] = std::max(most[axis], at[axis]);
+      }
+    }
+  }
+  for (size_t axis = 0; axis < 2; ++axis) {
+    const double margin = 0.125 * (most[axis] - least[axis]);
+    from_[axis] = static_cast<float>(least[axis] - margin);
+    scale_[axis] = static_cast<float>(kCells / (most[axis] - least[axis] + 2.0 * margin));
+  }
+}
+
 void ColourManifold::fill_table() {
   constexpr size_t kSide = kCells + 1;
   table_.resize(kSide * kSide);
+  held_.resize(kSide * kSide);
+  frame_table();
   slope_.resize(kSide * kSide);
-  const Eigen::RowVector3f level(level_[0], level_[1], level_[2]);
   for (size_t row = 0; row < kSide; ++row) {
-    std::array<double, 2> start{};
     for (size_t column = 0; column < kSide; ++column) {
-      const double u = static_cast<double>(column) / kCells * (1.0 + 2.0 * kMargin) - kMargin;
-      const double v = static_cast<double>(row) / kCells * (1.0 + 2.0 * kMargin) - kMargin;
-      const Light direction = times(mix_, ramp_at(u, v));
-      start = nearest(direction, {u * width_px_, v * height_px_});
-      const Sides here = sides(start[0], start[1]);
+      const double a = static_cast<double>(from_[0]) + static_cast<double>(column) / scale_[0];
+      const double b = static_cast<double>(from_[1]) + static_cast<double>(row) / scale_[1];
+      const double u = (a - 0.1) / 0.8, v = (b - 0.1) / 0.8;
+      const Light direction = times(mix_, {a, b, 1.0 - 0.5 * (a + b)});
+      const std::array<double, 2> guess{u * width_px_, v * height_px_};
+      const auto node_at = [&](const std::array<double, 2>& place) {
+        const Light here = light(place[0], place[1]);
+        return Node{static_cast<float>(place[0]), static_cast<float>(place[1]),
+                    static_cast<float>(dot(direction, here) / dot(here, here))};
+      };
+      const std::array<double, 2> place = nearest(direction, guess, false);
       const size_t node = row * kSide + column;
-      table_[node] = {static_cast<float>(start[0]), static_cast<float>(start[1]),
-                      static_cast<float>(dot(direction, here.light) / dot(here.light, here.light))};
-      // d(u, v) / d(x, y) of the colours here, inverted.
+      table_[node] = node_at(place);
+      const bool on_monitor =
+          place[0] >= 0.0 && place[0] <= width_px_ && place[1] >= 0.0 && place[1] <= height_px_;
+      held_[node] = on_monitor ? table_[node] : node_at(nearest(direction, guess, true));
+      const Sides here = sides(place[0], place[1]);
+      // d(a, b) / d(x, y) of the colours here, inverted.
       const auto per = [&](const std::array<float, 3>& to, const Light& along) {
         double top = 0.0, top_along = 0.0, bottom = 0.0, bottom_along = 0.0;
         for (size_t c = 0; c < 3; ++c) {
@@ -225,39 +263,13 @@ void ColourManifold::fill_table() {
         return (top_along - top / bottom * bottom_along) / bottom;
       };
       Eigen::Matrix2d forward;
-      forward << per(to_u_, here.along_x), per(to_u_, here.along_y), per(to_v_, here.along_x),
-          per(to_v_, here.along_y);
+      forward << per(to_a_, here.along_x), per(to_a_, here.along_y), per(to_b_, here.along_x),
+          per(to_b_, here.along_y);
       const Eigen::Matrix2d slope = forward.inverse();
       slope_[node] = {static_cast<float>(slope(0, 0)), static_cast<float>(slope(0, 1)),
                       static_cast<float>(slope(1, 0)), static_cast<float>(slope(1, 1))};
     }
   }
-}
-
-std::array<float, 3> ColourManifold::information(float r, float g, float b,
-                                                 const std::array<float, 3>& variance) const {
-  const float per_level = 1.0f / level(r, g, b);
-  const float top_u = (to_u_[0] * r + to_u_[1] * g + to_u_[2] * b) * per_level;
-  const float top_v = (to_v_[0] * r + to_v_[1] * g + to_v_[2] * b) * per_level;
-  float uu = 0.0f, uv = 0.0f, vv = 0.0f;
-  for (size_t c = 0; c < 3; ++c) {
-    const float du = (to_u_[c] - top_u * level_[c]) * per_level,
-                dv = (to_v_[c] - top_v * level_[c]) * per_level;
-    uu += variance[c] * du * du;
-    uv += variance[c] * du * dv;
-    vv += variance[c] * dv * dv;
-  }
-  constexpr float kScale = kCells / static_cast<float>(1.0 + 2.0 * kMargin);  // top is u + kMargin
-  const auto index = [&](float top) {
-    return static_cast<size_t>(std::clamp(top * kScale, 0.0f, static_cast<float>(kCells)));
-  };
-  const std::array<float, 4>& s = slope_[index(top_v) * (kCells + 1) + index(top_u)];
-  const float xu = s[0] * uu + s[1] * uv, xv = s[0] * uv + s[1] * vv, yu = s[2] * uu + s[3] * uv,
-              yv = s[2] * uv + s[3] * vv;
-  const float xx = xu * s[0] + xv * s[1], xy = xu * s[2] + xv * s[3], yy = yu * s[2] + yv * s[3];
-  const float determinant = xx * yy - xy * xy;
-  if (!(determinant > 0.0f)) return {0.0f, 0.0f, 0.0f};
-  return {yy / determinant, -xy / determinant, xx / determinant};
 }
 
 }  // namespace glasswing

@@ -53,7 +53,7 @@ std::vector<Pixel> lit_pixels(const RadianceImage& empty) {
       pixels.push_back({x + 0.5, y + 0.5, light});
     }
   }
-  std::erase_if(pixels, [&](const Pixel& pixel) { return pixel.light.sum() < kLeastLight * brightest; });
+  std::erase_if(pixels, [&](const Pixel& pixel) { return pixel.light.sum() <= kLeastLight * brightest; });
   return pixels;
 }
 

@@ -13,7 +13,11 @@ constexpr double kLeastRamp = 0.02;   // of the empty stage's light
 constexpr double kMostOfFrame = 0.5;  // an object that covers less leaves enough of the background to see
 constexpr double kAlike = 0.7;        // of these pixels: no object keeps its background so straight
 constexpr float kSamePlace_px = 1.0f, kSameRho = 0.03f;
-constexpr size_t kEvery = 7;  // pixels are many
+constexpr size_t kMostPixels = 20'000;  // that are looked at
+
+size_t step_of(const RampStage& stage) {
+  return stage.behind.size() / kMostPixels + 1;
+}
 
 float median_of(std::vector<float> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -25,10 +29,12 @@ float median_of(std::vector<float> values) {
 
 absl::Status check_shows_ramp(const RampStage& stage, std::span<const float> light) {
   double seen = 0.0, empty = 0.0;
-  for (size_t i = 0; i < light.size(); i += kEvery) {
-    if (stage.behind[i / 3] != Behind::kRamp) continue;
-    seen += static_cast<double>(light[i]);
-    empty += static_cast<double>(stage.average[i]);
+  for (size_t i = 0; i < stage.behind.size(); i += step_of(stage)) {
+    if (stage.behind[i] != Behind::kRamp) continue;
+    for (size_t c = 0; c < 3; ++c) {
+      seen += static_cast<double>(light[3 * i + c]);
+      empty += static_cast<double>(stage.average[3 * i + c]);
+    }
   }
   if (seen > kLeastRamp * empty) return absl::OkStatus();
   return absl::FailedPreconditionError(
@@ -39,7 +45,7 @@ absl::Status check_shows_ramp(const RampStage& stage, std::span<const float> lig
 absl::Status check_background_stands(const RampStage& stage, const RampFrame& frame) {
   size_t ramp = 0, changed = 0;
   std::vector<float> dx_px, dy_px, rho, sd_px;
-  for (size_t i = 0; i < stage.behind.size(); i += kEvery) {
+  for (size_t i = 0; i < stage.behind.size(); i += step_of(stage)) {
     if (stage.behind[i] != Behind::kRamp) continue;
     ++ramp;
     if (frame.alpha[i] == 0.0f) continue;

@@ -119,7 +119,7 @@ absl::StatusOr<RampFrame> RampExtractor::extract(const FrameView& view, int thre
   RampFrame frame(stage.width_px, stage.height_px);
   const double usual_variance = noise.variance(kUsualLight);
   const auto usual = static_cast<float>(usual_variance);
-  frame.rho_sd = manifold.level_sd({usual, usual, usual});
+  frame.rho_sd = std::sqrt(manifold.level_variance({usual, usual, usual}));
   frame.alpha = partial_cover({.width_px = stage.width_px,
                                .height_px = stage.height_px,
                                .light = light,
@@ -145,7 +145,8 @@ absl::StatusOr<RampFrame> RampExtractor::extract(const FrameView& view, int thre
         if (view.samples[3 * at + c] >= kSaturatedCode) clipped[at] = 1;
       }
       const float level = manifold.level(own[0], own[1], own[2]);
-      if (!(level > kDarkest_sd * manifold.level_sd(variance)) || frame.alpha[at] == 0.0f) {
+      if (!(level > 0.0f && level * level > kDarkest_sd * kDarkest_sd * manifold.level_variance(variance)) ||
+          frame.alpha[at] == 0.0f) {
         frame.rho[at] = std::max(level, 0.0f);
         continue;
       }
@@ -161,12 +162,11 @@ absl::StatusOr<RampFrame> RampExtractor::extract(const FrameView& view, int thre
   });
   GW_RETURN_IF_ERROR(check_background_stands(stage, frame));
   if (prepared_->options.highlights) {
-    const std::vector<std::uint8_t> highlights =
-        find_highlights(frame, clipped,
-                        {.delta = prepared_->options.delta,
-                         .rise = prepared_->options.highlight_rise,
-                         .rho_sd = static_cast<double>(frame.rho_sd),
-                         .reach_px = prepared_->highlight_reach_px});
+    const std::vector<std::uint8_t> highlights = find_highlights(frame, clipped,
+                                                                 {.delta = prepared_->options.delta,
+                                                                  .rise = prepared_->options.highlight_rise,
+                                                                  .rho_sd = static_cast<double>(frame.rho_sd),
+                                                                  .reach_px = prepared_->highlight_reach_px});
     if (!highlights.empty()) bridge_highlights(highlights, prepared_->options.highlight_blur_px, frame);
   }
   return frame;

@@ -2,13 +2,14 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <deque>
+#include <optional>
 
 #include "core/base/status.h"
 #include "core/pattern/video_frames.h"
 #include "solver/background/stage_layout.h"
 #include "solver/ramp/ramp_extractor.h"
-#include "solver/ramp/ramp_smoother.h"
 
 namespace glasswing {
 namespace {
@@ -38,6 +39,7 @@ bool is_black(const v1::Frame& frame) {
 struct Extracted {
   int number = 0;
   VideoFrame read;
+  absl::Status status;
   RampFrame frame;
   SmoothInput input;
 };
@@ -106,41 +108,47 @@ absl::Status RampMethod::solve(VideoSource& source, int first, int count, int th
                         RampExtractor::create(manifest, layout, empties.views, parsed_, black.views));
   }
   const auto in_frame = [](int number, const absl::Status& status) {
+    if (status.ok()) return status;
     return absl::Status(status.code(), fmt::format("frame {}: {}", number, std::string(status.message())));
   };
-  const auto extract = [&](int number) -> absl::StatusOr<Extracted> {
-    GW_ASSIGN_OR_RETURN(VideoFrame read, source.read(layout.frames[static_cast<size_t>(number)]));
-    absl::StatusOr<RampFrame> frame = extractor->extract(read.view, thread_count);
-    if (!frame.ok()) return in_frame(number, frame.status());
-    return Extracted{.number = number, .read = std::move(read), .frame = *std::move(frame), .input = {}};
-  };
   const RampSmoother smoother(parsed_.smoothing);
-  std::deque<Extracted> near;  // by time; deques keep their elements where they are
+  std::deque<Extracted> near;  // in order, lost frames left out
   int next = std::max(0, first - smoother.frames_before());
+  const auto extract = [&](int number) {
+    Extracted& extracted = near.emplace_back();
+    extracted.number = number;
+    absl::StatusOr<VideoFrame> read = source.read(layout.frames[static_cast<size_t>(number)]);
+    extracted.status = read.status();
+    if (!read.ok()) return;
+    extracted.read = *std::move(read);
+    absl::StatusOr<RampFrame> frame = extractor->extract(extracted.read.view, thread_count);
+    extracted.status = in_frame(number, frame.status());
+    if (!frame.ok()) return;
+    extracted.frame = *std::move(frame);
+    extracted.input.frame = &extracted.frame;
+    smoother.prepare(extracted.input, thread_count);
+  };
   for (int number = first; number < first + count; ++number) {
-    if (stop.stop_requested()) return absl::CancelledError("solving was stopped");
     const int place = layout.frames[static_cast<size_t>(number)];
     if (place < 0) continue;
-    while (!near.empty() && near.front().number < number - smoother.frames_before()) near.pop_front();
     for (; next < size && next <= number + smoother.frames_after(); ++next) {
-      if (layout.frames[static_cast<size_t>(next)] < 0) continue;
-      absl::StatusOr<Extracted> extracted = extract(next);
-      if (!extracted.ok() && next == number) return extracted.status();
-      if (!extracted.ok()) continue;
-      near.push_back(*std::move(extracted));
-      near.back().input.frame = &near.back().frame;
-      smoother.prepare(near.back().input, thread_count);
+      if (stop.stop_requested()) return absl::CancelledError("solving was stopped");
+      if (layout.frames[static_cast<size_t>(next)] >= 0) extract(next);
     }
+    while (near.front().number < number - smoother.frames_before()) near.pop_front();
     std::vector<SmoothInput> window;
-    size_t at = near.size();
-    for (size_t i = 0; i < near.size(); ++i) {
-      if (near[i].number == number) at = i;
-      window.push_back(near[i].input);
+    size_t at = 0;
+    const Extracted* own = nullptr;
+    for (const Extracted& each : near) {
+      if (each.number == number) {
+        GW_RETURN_IF_ERROR(each.status);
+        own = &each;
+        at = window.size();
+      }
+      if (each.status.ok()) window.push_back(each.input);
     }
-    // It could not be extracted when its neighbours looked at it; say why.
-    if (at == near.size()) return extract(number).status();
     RampFrame frame = smoother.smooth(window, at, thread_count);
-    extractor->finish(near[at].read.view, frame, thread_count);
+    extractor->finish(own->read.view, frame, thread_count);
     Matte matte = extractor->matte(frame, thread_count);
     for (const auto& [key, value] : options_) (*matte.metadata.mutable_options())[key] = value;
     matte.metadata.set_frame(number);

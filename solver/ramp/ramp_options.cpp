@@ -40,37 +40,40 @@ const std::vector<Option>& table() {
 
 }  // namespace
 
-std::string_view ramp_options_help() {
-  static const std::string help =
-      "threshold_sd       1 to 1000, default 5.5: a colour that is so many standard deviations of the "
-      "noise from the empty stage's shows the object\n"
-      "least_difference   0 to 1, default 0.002: and by so much of full scale\n"
-      "dilation_px        0 to 1000, default 0.3 % of the picture's diagonal: closes gaps in the object\n"
-      "erosion_px         0 to 1000, default dilation_px\n"
-      "fill_holes         0 or 1, default 1\n"
-      "edge_px            0 to 20, default 1: how wide the camera sees an edge; there alpha may be "
-      "between 0 and 1\n"
-      "highlights         0 or 1, default 1: 0 where the ramp is the only light\n"
-      "delta              0 to 1, default 0.05: what is brighter than the ramp by this share of it is a "
-      "highlight; the paper used 0.03 to 0.10\n"
-      "highlight_rise     0.001 to 1, default 0.02: and round it what is so much brighter than the "
-      "object further off\n"
-      "highlight_reach_px 1 to 1000, default 4 % of the picture's diagonal: half the width of the widest "
-      "highlight\n"
-      "highlight_blur_px  0 to 100, default 1: sigma that smoothes what is interpolated across a "
-      "highlight\n"
-      "highlight_gain     0 to 100, default 1: what highlights are multiplied by\n"
-      "clipped_highlight  0 to 100, default 1: a highlight that clips all channels is at least so bright; "
-      "0: as bright as is seen\n" +
-      std::string(smoothing_options_help());
-  return help;
+std::string ramp_options_help() {
+  return std::string(
+             "threshold_sd       1 to 1000, default 5.5: a colour that is so many standard deviations of the "
+             "noise from the empty stage's shows the object\n"
+             "least_difference   0 to 1, default 0.002: and by so much of full scale\n"
+             "dilation_px        0 to 1000, default 0.3 % of the picture's diagonal: closes gaps in the "
+             "object\n"
+             "erosion_px         0 to 1000, default dilation_px\n"
+             "fill_holes         0 or 1, default 1\n"
+             "edge_px            0 to 20, default 1: how wide the camera sees an edge; there alpha may be "
+             "between 0 and 1\n"
+             "highlights         0 or 1, default 1: 0 where the ramp is the only light\n"
+             "delta              0 to 1, default 0.05: what is brighter than the ramp by this share of it is "
+             "a "
+             "highlight; the paper used 0.03 to 0.10\n"
+             "highlight_rise     0.001 to 1, default 0.02: and round it what is so much brighter than the "
+             "object further off\n"
+             "highlight_reach_px 1 to 1000, default 4 % of the picture's diagonal: half the width of the "
+             "widest "
+             "highlight\n"
+             "highlight_blur_px  0 to 100, default 1: sigma that smoothes what is interpolated across a "
+             "highlight\n"
+             "highlight_gain     0 to 100, default 1: what highlights are multiplied by\n"
+             "clipped_highlight  0 to 100, default 1: a highlight that clips all channels is at least so "
+             "bright; "
+             "0: as bright as is seen\n") +
+         std::string(smoothing_options_help());
 }
 
 absl::StatusOr<RampOptions> parse_ramp_options(const MethodOptions& options) {
   RampOptions parsed;
   for (const auto& [key, value] : options) {
-    GW_ASSIGN_OR_RETURN(const bool smoothing, parse_smoothing_option(key, value, parsed.smoothing));
-    if (smoothing) continue;
+    GW_ASSIGN_OR_RETURN(const bool smooths, parse_smoothing_option(key, value, parsed.smoothing));
+    if (smooths) continue;
     const auto known =
         std::ranges::find(table(), key, [](const Option& option) { return std::string(option.name); });
     if (known == table().end()) {

@@ -4,7 +4,7 @@
 #include <absl/status/statusor.h>
 
 #include <optional>
-#include <string_view>
+#include <string>
 
 #include "solver/method.h"
 #include "solver/ramp/ramp_smoother.h"
@@ -43,7 +43,7 @@ struct RampOptions {
 };
 
 // Name, range and default of every option, for people.
-std::string_view ramp_options_help();
+std::string ramp_options_help();
 
 // INVALID_ARGUMENT: an option that ramp has not, or a value out of range.
 absl::StatusOr<RampOptions> parse_ramp_options(const MethodOptions& options);

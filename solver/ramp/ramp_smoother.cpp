@@ -17,7 +17,6 @@
 namespace glasswing {
 namespace {
 
-constexpr int kRadius_px = 4;  // of the last step, after the pilot's
 // Standard deviations by which rho may be moved: a rim a pixel wide is no plane.
 constexpr float kMostRho_sd = 3.0f;
 
@@ -46,6 +45,7 @@ void put_row(const SmoothPilot& pilot, const SmoothState& state, int y, RampFram
     const int column = pilot.area.x0 + x, row = pilot.area.y0 + y;
     const size_t to =
         static_cast<size_t>(row) * static_cast<size_t>(frame.width_px) + static_cast<size_t>(column);
+    if (frame.highlight[to] > 0.0f) continue;
     const auto fx = static_cast<float>(column), fy = static_cast<float>(row);
     frame.x_px[to] = state.value[0][from] + (s[0] + s[1] * fx + s[2] * fy);
     frame.y_px[to] = state.value[1][from] + (s[3] + s[4] * fx + s[5] * fy);
@@ -123,8 +123,9 @@ RampFrame RampSmoother::adapt(std::span<const SmoothInput> window, size_t at, in
   }
   const SmoothPilot& pilot = *inputs[at].pilot;
   const SmoothSamples joined = join_along_motion(pilot, others, thread_count);
-  SmoothState state = pilot.state, spare;
-  widen(pilot.area, joined, pilot.rho_info, kRadius_px, thread_count, state, spare);
+  SmoothState wider, state;
+  widen(pilot.area, joined, pilot.rho_info, 3, thread_count, pilot.state, wider);
+  widen(pilot.area, joined, pilot.rho_info, 4, thread_count, wider, state);
   RampFrame result = *inputs[at].frame;
   for_rows(pilot.area.height, thread_count, [&](int first, int last) {
     for (int y = first; y < last; ++y) put_row(pilot, state, y, result);

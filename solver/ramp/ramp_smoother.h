@@ -62,8 +62,8 @@ class RampSmoother {
   void prepare(SmoothInput& input, int thread_count) const;
 
   // window[at], smoothed; the others are frames before and after it, by time, all of one size. Some may be
-  // missing. Pixels of alpha 0 stay as they are; so does rho where the information is 0, but c comes from
-  // neighbours there, if there are any.
+  // missing. Pixels of alpha 0 stay as they are, and highlights, which are bridged already. Where else the
+  // information is 0 rho stays, and c comes from neighbours, if there are any within 4 px.
   RampFrame smooth(std::span<const SmoothInput> window, size_t at, int thread_count) const;
 
  private:

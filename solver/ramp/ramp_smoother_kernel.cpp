@@ -17,7 +17,7 @@ using internal::SmoothStep;
 using D = hn::CappedTag<float, SmoothArea::kMargin>;
 using V = hn::Vec<D>;
 
-constexpr float kDoubt = 8.0f;   // chi^2 from which a neighbour counts less; none at twice that
+constexpr float kDoubt = 6.0f;   // chi^2 from which a neighbour counts less; none at twice that
 constexpr float kRidge = 0.05f;  // px^2: steps of windows that are but a line or a point stay small
 constexpr float kTiny = 1e-30f;
 

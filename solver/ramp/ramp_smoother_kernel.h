@@ -8,8 +8,8 @@
 //
 //   s_ij = |a_j - a_i - g_i (j - i)|^2 / (v_j + v_i (1 + |j - i|^2 / spread_i)),   summed over x, y, rho
 //
-// chi^2 of three degrees of freedom where both are of one piece: full weight up to 8 (95 %), none from 16
-// (99.9 %) on. A window thus grows over the piece that it belongs to, and stops at its edges.
+// chi^2 of three degrees of freedom where both are of one piece: full weight up to 6 (nine of ten), none from
+// 12 on (99.3 %). A window thus grows over the piece that it belongs to, and stops at its edges.
 #pragma once
 
 #include "solver/ramp/ramp_smoother_planes.h"

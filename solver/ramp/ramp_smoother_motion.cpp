@@ -9,11 +9,11 @@
 namespace glasswing {
 namespace {
 
-constexpr int kBlock_px = 16;  // side of what moves as one
-constexpr int kRim_px = 8;     // a block's neighbourhood that is compared with it
-constexpr int kEvery_px = 4;   // pilots are smooth: every fourth pixel tells
-constexpr int kLongest_px = 16;
-constexpr float kGain = 0.5f;
+constexpr int kRim_px = 8;   // a block's neighbourhood that is compared with it
+constexpr int kAcross = 8;   // pilots are smooth: so many pixels across block and rim tell
+constexpr int kPace_px = 4;  // of the first search, and how often
+constexpr int kPaces = 4;
+constexpr float kExpected = 3.0f, kGain = 0.5f;
 constexpr float kMost = 32.0f;
 constexpr int kMean_px = 4;  // half the side of the square of which m is the mean
 
@@ -21,39 +21,94 @@ struct Step {
   int x = 0, y = 0;
 };
 
-class Matcher {
- public:
-  Matcher(const SmoothPilot& pilot, const SmoothPilot& other)
-      : pilot_(pilot),
-        other_(other),
-        offset_{.x = pilot.area.x0 - other.area.x0, .y = pilot.area.y0 - other.area.y0} {}
+// chi^2 of pixels `own` of the one and `there` of the other, at most kMost.
+struct Difference {
+  const SmoothState& one;
+  const SmoothState& other;
+  float rho_info;
 
-  // Where pixel (x, y) of the pilot's area lies in the other's, moved; false: beyond it.
-  bool place(int x, int y, Step step, size_t& at) const {
-    const int column = x + offset_.x + step.x, row = y + offset_.y + step.y;
-    if (column < 0 || row < 0 || column >= other_.area.width || row >= other_.area.height) return false;
-    at = other_.area.at(column, row);
-    return other_.samples.object[at] > 0.0f;
-  }
-
-  float difference(size_t own, size_t there) const {
-    const SmoothState &a = pilot_.state, &b = other_.state;
-    float squares[3];
-    for (size_t k = 0; k < 3; ++k) {
-      const float off = b.value[k][there] - a.value[k][own];
-      squares[k] = off * off;
-    }
-    const auto harmonic = [](float one, float two) { return one > 0.0f ? one * two / (one + two) : 0.0f; };
-    const float rho_info = std::min(pilot_.rho_info, other_.rho_info);
-    const float s = (squares[0] + squares[1]) * harmonic(a.info[own], b.info[there]) +
-                    squares[2] * rho_info * harmonic(a.count[own], b.count[there]);
+  float operator()(size_t own, size_t there) const {
+    const float right = other.value[0][there] - one.value[0][own];
+    const float down = other.value[1][there] - one.value[1][own];
+    const float darker = other.value[2][there] - one.value[2][own];
+    const float s = (right * right + down * down) * both(one.info[own], other.info[there]) +
+                    darker * darker * rho_info * both(one.count[own], other.count[there]);
     return s < kMost ? s : kMost;
   }
 
-  Step of_block(int x0, int y0) const {
+ private:
+  static float both(float a, float b) { return a * b / (a + b + 1e-30f); }
+};
+
+// One other frame, and where the blocks of this one have gone in it.
+class Joiner {
+ public:
+  Joiner(const SmoothPilot& pilot, const SmoothPilot& other, int thread_count)
+      : pilot_(pilot),
+        other_(other),
+        offset_{.x = pilot.area.x0 - other.area.x0, .y = pilot.area.y0 - other.area.y0},
+        difference_{
+            .one = pilot.state, .other = other.state, .rho_info = std::min(pilot.rho_info, other.rho_info)},
+        thread_count_(thread_count),
+        block_px_(std::min(pilot.area.width, pilot.area.height) < 256 ? 16 : 32),
+        across_((pilot.area.width + block_px_ - 1) / block_px_) {
+    const int down = (pilot.area.height + block_px_ - 1) / block_px_;
+    steps_.resize(static_cast<size_t>(across_) * static_cast<size_t>(down));
+    for_rows(down, thread_count, [&](int first, int last) {
+      for (int j = first; j < last; ++j) {
+        for (int i = 0; i < across_; ++i)
+          steps_[static_cast<size_t>(j * across_ + i)] = search(i * block_px_, j * block_px_);
+      }
+    });
+  }
+
+  // Sums of weight, and of weight times sample, grow in `sums` and `rho_weight`.
+  void add_to(SmoothSamples& sums, Plane& rho_weight) const {
+    const SmoothArea& area = pilot_.area;
+    Plane difference(area.size()), found(area.size()), summed(area.size()), counted(area.size());
+    for_rows(area.height, thread_count_, [&](int first, int last) {
+      for (int y = first; y < last; ++y) {
+        each_run(y, [&](size_t own, size_t there, size_t count) {
+          for (size_t i = 0; i < count; ++i)
+            found[own + i] = pilot_.samples.object[own + i] * other_.samples.object[there + i];
+          for (size_t i = 0; i < count; ++i)
+            difference[own + i] = found[own + i] * difference_(own + i, there + i);
+        });
+        sum_along_row(y, difference, summed);
+        sum_along_row(y, found, counted);
+      }
+    });
+    for_rows(area.height, thread_count_, [&](int first, int last) {
+      std::vector<float> mean(area.stride());
+      for (int y = first; y < last; ++y) {
+        const size_t row = area.at(0, y);
+        mean_of_rows(row, summed, counted, mean);
+        each_run(y, [&](size_t own, size_t there, size_t count) {
+          const SmoothSamples& samples = other_.samples;
+          for (size_t i = own, j = there; i < own + count; ++i, ++j) {
+            const float agreement =
+                found[i] * clamp(2.0f - difference[i] / 6.0f) * clamp(2.0f - mean[i - row] / kExpected);
+            const float weight = agreement * samples.info[j];
+            const float rho = samples.info[j] > 0.0f ? agreement : 0.0f;
+            sums.info[i] += weight;
+            rho_weight[i] += rho;
+            sums.value[0][i] += weight * samples.value[0][j];
+            sums.value[1][i] += weight * samples.value[1][j];
+            sums.value[2][i] += rho * samples.value[2][j];
+          }
+        });
+      }
+    });
+  }
+
+ private:
+  static float clamp(float value) { return value < 0.0f ? 0.0f : value > 1.0f ? 1.0f : value; }
+
+  Step search(int x0, int y0) const {
     Step best;
     float least = cost(x0, y0, best);
-    const auto try_around = [&](Step centre, int pace, int rings) {
+    if (least <= kExpected) return best;
+    const auto look_around = [&](Step centre, int pace, int rings) {
       for (int ring = 1; ring <= rings; ++ring) {
         for (int v = -ring; v <= ring; ++v) {
           for (int u = -ring; u <= ring; ++u) {
@@ -67,117 +122,74 @@ class Matcher {
         }
       }
     };
-    if (least < kGain) return best;
-    try_around({}, kEvery_px, kLongest_px / kEvery_px);
-    for (int pace = kEvery_px / 2; pace > 0; pace /= 2) try_around(best, pace, 1);
+    look_around({}, kPace_px, kPaces);
+    for (int pace = kPace_px / 2; pace > 0; pace /= 2) look_around(best, pace, 1);
     return best;
   }
 
- private:
   float cost(int x0, int y0, Step step) const {
-    float sum = 0.0f;
-    int count = 0;
-    const int right = std::min(x0 + kBlock_px + kRim_px, pilot_.area.width);
-    const int bottom = std::min(y0 + kBlock_px + kRim_px, pilot_.area.height);
-    for (int y = std::max(y0 - kRim_px, 0); y < bottom; y += kEvery_px) {
-      for (int x = std::max(x0 - kRim_px, 0); x < right; x += kEvery_px) {
-        const size_t own = pilot_.area.at(x, y);
+    const SmoothArea &area = pilot_.area, &beyond = other_.area;
+    const int every = (block_px_ + 2 * kRim_px) / kAcross;
+    const int right = std::min(x0 + block_px_ + kRim_px, area.width);
+    const int bottom = std::min(y0 + block_px_ + kRim_px, area.height);
+    float sum = 0.0f, count = 0.0f;
+    for (int y = std::max(y0 - kRim_px, 0); y < bottom; y += every) {
+      const int row = y + offset_.y + step.y;
+      for (int x = std::max(x0 - kRim_px, 0); x < right; x += every) {
+        const size_t own = area.at(x, y);
         if (pilot_.samples.object[own] == 0.0f) continue;
-        size_t there = 0;
-        sum += place(x, y, step, there) ? difference(own, there) : kMost;
-        ++count;
+        count += 1.0f;
+        const int column = x + offset_.x + step.x;
+        const bool inside = column >= 0 && row >= 0 && column < beyond.width && row < beyond.height;
+        const size_t there = inside ? beyond.at(column, row) : 0;
+        sum += inside && other_.samples.object[there] > 0.0f ? difference_(own, there) : kMost;
       }
     }
-    return count > 0 ? sum / static_cast<float>(count) : 0.0f;
+    return count > 0.0f ? sum / count : 0.0f;
+  }
+
+  // use(own, there, count): pixels of a row that moved as one, within both areas.
+  template <typename Use>
+  void each_run(int y, const Use& use) const {
+    for (int i = 0; i < across_; ++i) {
+      const Step& step = steps_[static_cast<size_t>((y / block_px_) * across_ + i)];
+      const int row = y + offset_.y + step.y, moved = offset_.x + step.x;
+      if (row < 0 || row >= other_.area.height) continue;
+      const int first = std::max(i * block_px_, -moved);
+      const int last = std::min({(i + 1) * block_px_, pilot_.area.width, other_.area.width - moved});
+      if (first >= last) continue;
+      use(pilot_.area.at(first, y), other_.area.at(first + moved, row), static_cast<size_t>(last - first));
+    }
+  }
+
+  // Over 2 kMean_px + 1 pixels.
+  void sum_along_row(int y, const Plane& from, Plane& to) const {
+    const float* const row = &from[pilot_.area.at(0, y)];
+    float* const out = &to[pilot_.area.at(0, y)];
+    for (int x = 0; x < pilot_.area.width; ++x) {
+      float sum = 0.0f;
+      for (int u = -kMean_px; u <= kMean_px; ++u) sum += row[x + u];
+      out[x] = sum;
+    }
+  }
+
+  void mean_of_rows(size_t row, const Plane& summed, const Plane& counted, std::vector<float>& mean) const {
+    const size_t stride = pilot_.area.stride(), above = row - kMean_px * stride;
+    for (size_t x = 0; x < static_cast<size_t>(pilot_.area.width); ++x) {
+      float sum = 0.0f, count = 1e-30f;
+      for (size_t v = 0; v <= 2 * kMean_px; ++v) {
+        sum += summed[above + v * stride + x];
+        count += counted[above + v * stride + x];
+      }
+      mean[x] = sum / count;
+    }
   }
 
   const SmoothPilot& pilot_;
   const SmoothPilot& other_;
   const Step offset_;
-};
-
-// Sums over 2 kMean_px + 1 pixels along each row.
-void sum_along_row(const SmoothArea& area, int y, const Plane& from, Plane& to) {
-  float sum = 0.0f;
-  const float* const row = &from[area.at(0, y)];
-  float* const out = &to[area.at(0, y)];
-  for (int x = -kMean_px; x <= kMean_px; ++x) sum += row[x];
-  for (int x = 0; x < area.width; ++x) {
-    out[x] = sum;
-    sum += row[x + kMean_px + 1] - row[x - kMean_px];
-  }
-}
-
-class Joiner {
- public:
-  Joiner(const SmoothPilot& pilot, const SmoothPilot& other, int thread_count)
-      : pilot_(pilot), other_(other), matcher_(pilot, other), thread_count_(thread_count) {
-    const SmoothArea& area = pilot.area;
-    across_ = (area.width + kBlock_px - 1) / kBlock_px;
-    const int down = (area.height + kBlock_px - 1) / kBlock_px;
-    steps_.resize(static_cast<size_t>(across_) * static_cast<size_t>(down));
-    for_rows(down, thread_count, [&](int first, int last) {
-      for (int j = first; j < last; ++j) {
-        for (int i = 0; i < across_; ++i)
-          steps_[static_cast<size_t>(j * across_ + i)] = matcher_.of_block(i * kBlock_px, j * kBlock_px);
-      }
-    });
-  }
-
-  // Sums of weight and weight times sample grow in `sums`.
-  void add_to(SmoothSamples& sums, Plane& rho_weight) const {
-    const SmoothArea& area = pilot_.area;
-    Plane difference(area.size()), found(area.size()), summed(area.size()), counted(area.size());
-    for_rows(area.height, thread_count_, [&](int first, int last) {
-      for (int y = first; y < last; ++y) {
-        each_found(y, [&](size_t own, size_t there) {
-          difference[own] = matcher_.difference(own, there);
-          found[own] = 1.0f;
-        });
-        sum_along_row(area, y, difference, summed);
-        sum_along_row(area, y, found, counted);
-      }
-    });
-    for_rows(area.height, thread_count_, [&](int first, int last) {
-      for (int y = first; y < last; ++y) {
-        each_found(y, [&](size_t own, size_t there) {
-          float sum = 0.0f, count = 0.0f;
-          for (int v = -kMean_px; v <= kMean_px; ++v) {
-            const size_t at =
-                own + static_cast<size_t>(v + kMean_px) * area.stride() - kMean_px * area.stride();
-            sum += summed[at];
-            count += counted[at];
-          }
-          const float agreement = std::clamp(2.0f - difference[own] / 8.0f, 0.0f, 1.0f) *
-                                  std::clamp(2.0f - sum / (4.0f * count), 0.0f, 1.0f);
-          const float weight = agreement * other_.samples.info[there];
-          if (weight <= 0.0f) return;
-          sums.info[own] += weight;
-          rho_weight[own] += agreement;
-          for (size_t k = 0; k < 2; ++k) sums.value[k][own] += weight * other_.samples.value[k][there];
-          sums.value[2][own] += agreement * other_.samples.value[2][there];
-        });
-      }
-    });
-  }
-
- private:
-  template <typename Use>
-  void each_found(int y, const Use& use) const {
-    for (int x = 0; x < pilot_.area.width; ++x) {
-      const size_t own = pilot_.area.at(x, y);
-      if (pilot_.samples.object[own] == 0.0f) continue;
-      size_t there = 0;
-      if (matcher_.place(x, y, steps_[static_cast<size_t>((y / kBlock_px) * across_ + x / kBlock_px)], there))
-        use(own, there);
-    }
-  }
-
-  const SmoothPilot& pilot_;
-  const SmoothPilot& other_;
-  const Matcher matcher_;
-  const int thread_count_;
-  int across_ = 0;
+  const Difference difference_;
+  const int thread_count_, block_px_, across_;
   std::vector<Step> steps_;
 };
 

@@ -4,10 +4,10 @@
 //
 //   mean over the block and a rim of min(s_p, 32),   s_p = |a'_{p+v} - a_p|^2 / (v_p + v'_{p+v})
 //
-// over x, y and rho; a longer step must beat a shorter one by 0.5, more than noise does. A pixel's sample of
-// the other frame then joins with weight
+// over x, y and rho, of all up to 19 px; it is 0 where that is at most 3, as noise alone leaves it, and a
+// longer step must beat a shorter one by 0.5. A pixel's sample of the other frame then joins with weight
 //
-//   [2 - s_p / 8] [2 - m_p / 4],   each cut to [0, 1],   m: mean of s over 9 x 9 pixels
+//   [2 - s_p / 6] [2 - m_p / 3],   each cut to [0, 1],   m: mean of s over 9 x 9 pixels
 //
 // so that what changed its shape, or was not found again, takes no part: s is chi^2 of three degrees of
 // freedom where both frames show the same.

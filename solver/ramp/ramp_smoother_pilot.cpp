@@ -9,7 +9,6 @@
 namespace glasswing {
 namespace {
 
-constexpr std::array<int, 2> kRadii_px = {1, 2};
 constexpr float kLeastRhoSd = 1e-6f;
 
 SmoothArea area_of(const RampFrame& frame) {
@@ -84,16 +83,15 @@ void resize(SmoothState& state, size_t size) {
 }  // namespace
 
 void widen(const SmoothArea& area, const SmoothSamples& samples, float rho_info, int radius_px,
-           int thread_count, SmoothState& state, SmoothState& spare) {
-  resize(spare, area.size());
+           int thread_count, const SmoothState& before, SmoothState& after) {
+  resize(after, area.size());
   const internal::SmoothStep step{.area = area,
                                   .radius = radius_px,
                                   .rho_info = rho_info,
                                   .samples = &samples,
-                                  .before = &state,
-                                  .after = &spare};
+                                  .before = &before,
+                                  .after = &after};
   for_rows(area.height, thread_count, [&](int first, int last) { smooth_rows(step, first, last); });
-  std::swap(state, spare);
 }
 
 SmoothPilot make_pilot(const RampFrame& frame, int thread_count) {
@@ -110,13 +108,13 @@ SmoothPilot make_pilot(const RampFrame& frame, int thread_count) {
   for_rows(pilot.area.height, thread_count, [&](int first, int last) {
     for (int y = first; y < last; ++y) take_row(frame, y, pilot);
   });
-  resize(pilot.state, size);
-  pilot.state.value = samples.value;
-  pilot.state.info = samples.info;
-  for (size_t i = 0; i < size; ++i) pilot.state.count[i] = samples.info[i] > 0.0f ? 1.0f : 0.0f;
-  SmoothState spare;
-  for (const int radius_px : kRadii_px)
-    widen(pilot.area, samples, pilot.rho_info, radius_px, thread_count, pilot.state, spare);
+  SmoothState raw, narrow;
+  resize(raw, size);
+  raw.value = samples.value;
+  raw.info = samples.info;
+  for (size_t i = 0; i < size; ++i) raw.count[i] = samples.info[i] > 0.0f ? 1.0f : 0.0f;
+  widen(pilot.area, samples, pilot.rho_info, 1, thread_count, raw, narrow);
+  widen(pilot.area, samples, pilot.rho_info, 2, thread_count, narrow, pilot.state);
   return pilot;
 }
 

@@ -17,11 +17,10 @@ struct SmoothPilot {
   std::array<float, 6> straight{};
 };
 
-// Smoothed by steps of these radii, px, one after another.
 SmoothPilot make_pilot(const RampFrame& frame, int thread_count);
 
-// Goes on from `state`: one more step. `spare` is of any size.
+// One more step, from `before` to `after`, which is of any size.
 void widen(const SmoothArea& area, const SmoothSamples& samples, float rho_info, int radius_px,
-           int thread_count, SmoothState& state, SmoothState& spare);
+           int thread_count, const SmoothState& before, SmoothState& after);
 
 }  // namespace glasswing

@@ -27,5 +27,6 @@ void add_joint_rows(std::vector<Row>& rows);
 void add_accuracy_rows(std::vector<Row>& rows);
 void add_solve_rows(std::vector<Row>& rows);
 void add_camera_rows(std::vector<Row>& rows);
+void add_ramp_rows(std::vector<Row>& rows);
 
 }  // namespace glasswing

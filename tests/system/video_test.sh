@@ -7,7 +7,7 @@ trap '"${rig[@]}" down --data "$work/rig" >/dev/null; rm -rf "$work"' EXIT
 
 shown() { glasswing show "$1" --json | field "$2"; } # SESSION NAME
 solved() { # SESSION: how many frames are
-  glasswing show "$1" --json | awk '/"solved_frames": \[/ { inside = 1; next } inside && /\]/ { exit } inside { ++n } END { print n + 0 }'
+  glasswing show "$1" --json | awk '/"solved_frames": \[$/ { inside = 1; next } inside && /\]/ { exit } inside { ++n } END { print n + 0 }'
 }
 solved_at_least() { (($(solved "$1") >= $2)); }
 refused() { # WORDS COMMAND...: fails, with one line on standard error that holds these words
@@ -31,7 +31,7 @@ glasswing capture "$work/plan.txtpb" --session pour --watch || fail "not capture
 glasswing solve pour --watch || fail "not solved"
 glasswing fetch pour -o "$work/pour/" || fail "not fetched"
 frames=$(find "$work/pour" -name '[0-9][0-9][0-9][0-9].exr' | wc -l)
-lost=$(glasswing show pour --json | awk '/"lost_frames": \[/ { inside = 1; next } inside && /\]/ { exit } inside { ++n } END { print n + 0 }')
+lost=$(glasswing show pour --json | awk '/"lost_frames": \[$/ { inside = 1; next } inside && /\]/ { exit } inside { ++n } END { print n + 0 }')
 ((frames + lost == 40)) || fail "$frames frames are fetched, $lost were lost"
 
 echo "== export, import, and the same mattes again"
