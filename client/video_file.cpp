@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <cstdlib>
+#include <opencv2/core/utils/logger.hpp>
 #include <opencv2/videoio.hpp>
 
 #include "core/frame/image_file.h"
@@ -40,6 +41,7 @@ absl::StatusOr<VideoReader> VideoReader::open(const std::filesystem::path& path)
     return absl::NotFoundError(fmt::format("{}: no such file", path.string()));
   // Its own complaints would stand beside ours.
   ::setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);
+  cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
   VideoReader reader;
   reader.capture_ = std::make_shared<cv::VideoCapture>(path.string());
   if (!reader.capture_->isOpened())

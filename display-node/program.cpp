@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <map>
 #include <set>
 
 #include "core/base/file.h"
@@ -62,28 +63,37 @@ absl::StatusOr<Program> Program::create(const v1::LoadProgramRequest& request,
   program.hold_refreshes_ = request.hold_refreshes();
   program.screens_ = screens;
   GW_ASSIGN_OR_RETURN(program.dithers_, dithers_of(request.calibrations(), screens));
-  size_t ahead_bytes = 0;
-  std::string before;
   for (const v1::ProgramStep& wanted : request.steps()) {
-    v1::ProgramStep shows = wanted;
-    shows.clear_step();
-    std::string now = shows.SerializeAsString();
-    if (now == before) {  // what stands for long is drawn once
-      program.steps_.push_back({.number = wanted.step(), .shown = program.steps_.back().shown});
-      continue;
-    }
-    before = std::move(now);
     GW_ASSIGN_OR_RETURN(Step step, program.checked(wanted, images));
-    for (size_t i = 0; i < screens.size(); ++i) {
-      Shown& shown = step.shown[i];
-      if (!shown.pattern && shown.photo == nullptr) continue;
-      ahead_bytes += sizeof(std::uint16_t) * 3 * static_cast<size_t>(screens[i].width_px) *
-                     static_cast<size_t>(screens[i].height_px);
-      if (ahead_bytes <= kAheadBytes) shown.ahead = program.drawn(shown, i);
-    }
     program.steps_.push_back(std::move(step));
   }
+  program.draw_ahead(request);
   return program;
+}
+
+void Program::draw_ahead(const v1::LoadProgramRequest& request) {
+  // What is shown more than once, as a video's ramp, is drawn once.
+  std::map<std::pair<std::string, bool>, Picture> shared;  // by stimulus, and whether a patch is below
+  size_t bytes = 0;
+  for (size_t s = 0; s < steps_.size(); ++s) {
+    for (const v1::Stimulus& stimulus : request.steps(static_cast<int>(s)).stimuli()) {
+      const auto found = std::ranges::find(screens_, stimulus.panel(), &ScreenInfo::name);
+      const auto screen = static_cast<size_t>(found - screens_.begin());
+      Shown& shown = steps_[s].shown[screen];
+      if (!shown.pattern && shown.photo == nullptr) continue;
+      Picture& picture = shared[{stimulus.SerializeAsString(), shown.patch_id.has_value()}];
+      if (picture == nullptr) {
+        bytes += sizeof(std::uint16_t) * 3 * static_cast<size_t>(screens_[screen].width_px) *
+                 static_cast<size_t>(screens_[screen].height_px);
+        if (bytes > kAheadBytes) continue;
+        picture = shown.ahead = drawn(shown, screen);
+      } else if (shown.patch_id) {
+        shown.above_patch = picture;
+      } else {
+        shown.ahead = picture;
+      }
+    }
+  }
 }
 
 absl::StatusOr<Program::Step> Program::checked(const v1::ProgramStep& wanted,
@@ -155,7 +165,10 @@ Picture Program::drawn(const Shown& shown, size_t index) const {
     else
       round_to_codes(radiance, screen.width_px, screen.bits, codes.first(above_patch));
   };
-  if (shown.pattern) {
+  if (shown.above_patch != nullptr) {
+    const std::span<const std::uint16_t> above(shown.above_patch->samples);
+    std::ranges::copy(above.first(above_patch), codes.begin());
+  } else if (shown.pattern) {
     draw([&](int y_px, std::span<float> row) { shown.pattern->rasterise(y_px, row); });
   } else if (shown.photo != nullptr) {
     draw([&](int y_px, std::span<float> row) {

@@ -58,7 +58,9 @@ class Program {
     std::shared_ptr<const Image16> photo;
     bool are_codes = false;  // the pattern's values: nothing stands between them and the screen
     std::optional<std::uint16_t> patch_id;
-    Picture ahead;  // all of it, if it was drawn when the program was loaded
+    // Drawn when the program was loaded: all of it, or, where it differs from an earlier step in its patch
+    // alone, what is above that.
+    Picture ahead, above_patch;
   };
   struct Step {
     int number;
@@ -66,6 +68,7 @@ class Program {
   };
   absl::StatusOr<Step> checked(const v1::ProgramStep& wanted, const ImageStore& images) const;
   Picture drawn(const Shown& shown, size_t screen) const;
+  void draw_ahead(const v1::LoadProgramRequest& request);
 
   std::string name_;
   int hold_refreshes_ = 2;

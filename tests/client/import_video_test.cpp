@@ -145,12 +145,17 @@ TEST_F(ImportVideo, TheEmptyStageMayLieElsewhere) {
 TEST_F(ImportVideo, AVideoFileIsDecodedAsFarAsItCanBe) {
   const fs::path path = scratch_ / "clip.avi";
   {
-    absl::StatusOr<VideoWriter> writer = VideoWriter::create(path, kWidth, kHeight, 25.0);
+    constexpr int kWide = 128, kHigh = 96;
+    absl::StatusOr<VideoWriter> writer = VideoWriter::create(path, kWide, kHigh, 25.0);
     if (!writer.ok()) GTEST_SKIP() << writer.status();
+    std::mt19937 random(1);
     for (int i = 0; i < 20; ++i) {
-      RadianceImage radiance(kWidth, kHeight);
-      for (float& sample : radiance.samples)
-        sample = linear_of_srgb(static_cast<float>(10 * (i + 1)) / 255.0f);
+      // Even above, and below what no codec makes small, so that frames are most of the file.
+      RadianceImage radiance(kWide, kHigh);
+      for (size_t at = 0; at < radiance.samples.size(); ++at) {
+        const int code = at < radiance.samples.size() / 2 ? 10 * (i + 1) : static_cast<int>(random() % 256);
+        radiance.samples[at] = linear_of_srgb(static_cast<float>(code) / 255.0f);
+      }
       ASSERT_TRUE(writer->add(radiance).ok());
     }
   }
@@ -173,7 +178,6 @@ TEST_F(ImportVideo, AVideoFileIsDecodedAsFarAsItCanBe) {
   const int kept = server_.archive_.manifest.frames_size();
   EXPECT_GT(kept, 5);
   EXPECT_LT(kept, 20);
-  if (outcome.err.empty()) GTEST_SKIP() << "this OpenCV says nothing of a cut video's length";
   EXPECT_NE(outcome.err.find(fmt::format("ends early: {} frames could be decoded", kept)), std::string::npos)
       << outcome.err;
 

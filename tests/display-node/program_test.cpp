@@ -178,6 +178,29 @@ TEST(Program, DrawsThePatchBelowThePattern) {
   expect_refused(request, "monitor \"back\" shows no id patch; start its display with --patch-rows");
 }
 
+TEST(Program, APictureThatIsShownAgainHasEachTimeItsOwnPatch) {
+  std::vector<ScreenInfo> list{{.name = "back", .width_px = 64, .height_px = 24}};
+  list[0].patch_rows = 8;
+  v1::LoadProgramRequest again;
+  again.set_program("video");
+  again.set_hold_refreshes(2);
+  for (int i = 0; i < 3; ++i) {
+    v1::ProgramStep& step = *again.add_steps();
+    step.set_step(i);
+    step.set_patch_id(static_cast<std::uint32_t>(1000 * i));
+    step.add_stimuli()->set_kind("ramp");
+    step.mutable_stimuli(0)->set_panel("back");
+  }
+  const Program video = Program::create(again, list, ImageStore()).value();
+  for (int i = 0; i < 3; ++i) {
+    v1::LoadProgramRequest once = again;
+    once.clear_steps();
+    *once.add_steps() = again.steps(i);
+    const Program alone = Program::create(once, list, ImageStore()).value();
+    EXPECT_EQ(video.pictures(static_cast<size_t>(i))[0]->samples, alone.pictures(0)[0]->samples) << i;
+  }
+}
+
 TEST(Program, WithoutACalibrationRoundsRadianceToCodes) {
   for (const int bits : {8, 10, 12, 16}) {
     const std::vector<ScreenInfo> screen{{.name = "left", .width_px = 33, .height_px = 7, .bits = bits}};

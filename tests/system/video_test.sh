@@ -3,7 +3,7 @@
 # server killed in the middle of a solve; a sequence imported; what is wrong said.
 source "$(dirname "$0")/rig.sh"
 rig=("$root/deploy/local-rig")
-trap '"${rig[@]}" down --data "$work/rig" >/dev/null; rm -rf "$work"' EXIT
+trap '"${rig[@]}" down --data "$work/rig" >/dev/null; kill $(jobs -p) 2>/dev/null || true; wait; rm -rf "$work"' EXIT
 
 shown() { glasswing show "$1" --json | field "$2"; } # SESSION NAME
 solved() { # SESSION: how many frames are
@@ -75,4 +75,20 @@ glasswing show again | grep -q "^reason .*frame 39" || fail "the reason does not
 if glasswing fetch again -o "$work/part" >"$work/part.out" 2>&1; then fail "not all frames can be there"; fi
 grep -q "are not solved" "$work/part.out" || fail "it does not say what is missing"
 (($(find "$work/part" -name '*.exr' | wc -l) > 0)) || fail "frames that were solved are not kept"
+
+echo "== where a person places the object, resume starts the video"
+"${rig[@]}" down --data "$work/rig" >/dev/null
+"$bin/glasswing-server" --listen "$server" --data "$work/server" >"$work/server.log" 2>&1 &
+"$bin/glasswing-display" --listen "127.0.0.1:$((port + 1))" --server "$server" --name display-1 --patch-rows 8 --monitor back=96x80@60 \
+  >"$work/display.log" 2>&1 &
+"$bin/glasswing-camera" --listen "127.0.0.1:$((port + 2))" --server "$server" --name camera-1 --data "$work/camera" --stage manual \
+  --size 72x60 --scene glass --tap "127.0.0.1:$((port + 1))" >"$work/camera.log" 2>&1 &
+until_true 20 up 2 || fail "not all nodes came up"
+until_true 20 grep -q "light from" "$work/camera.log" || fail "the camera does not see the monitor"
+refused "take the object off the stage, then: glasswing resume hand" glasswing capture "$work/plan.txtpb" --session hand --watch
+glasswing resume hand >/dev/null
+refused "place the object on the stage; to start the video: glasswing resume hand" glasswing watch hand
+(($(shown hand proven_count) == $(shown hand step_count) - 50)) || fail "the empty stage is not all there" # lessons and frames
+glasswing resume hand >/dev/null
+glasswing watch hand || fail "not captured"
 echo "all of it held"
