@@ -8,8 +8,6 @@
 #include <mutex>
 
 #include "core/base/status.h"
-#include "core/radiometry/evenness.h"
-#include "solver/bands.h"
 #include "solver/linear_stack.h"
 
 namespace glasswing {
@@ -106,11 +104,9 @@ absl::Status solve_video(const VideoMethod& method, VideoSource& source, int fir
                          int thread_count, std::stop_token stop,
                          const std::function<absl::Status(int, Matte)>& done) {
   GW_ASSIGN_OR_RETURN(const LinearStack linear, LinearStack::create(source.manifest()));
-  GW_ASSIGN_OR_RETURN(const Evenness evenness, Evenness::create(source.manifest()));
   return method.solve(source, first, count, thread_count, stop, [&](int frame, const Matte& solved) {
     Matte matte = solved;
     linear.describe(matte.metadata);
-    take_out_fall_off(evenness, matte);
     return done(frame, std::move(matte));
   });
 }

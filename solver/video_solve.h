@@ -1,6 +1,6 @@
-// Frames of a video from wherever they are read to finished mattes: samples are made light first, and the
-// fall-off of camera and monitors taken out of the matte, as the archive's calibrations say. What
-// solve_in_bands() is to rows of one matte.
+// Frames of a video from wherever they are read to finished mattes: samples are made light first. What
+// solve_in_bands() is to rows of one matte, but that nothing need be taken out of it afterwards: shares are
+// of the ramp as the camera saw it, the fall-off of camera and monitor with it.
 #pragma once
 
 #include <functional>
