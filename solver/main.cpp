@@ -16,6 +16,7 @@
 #include "core/service/service.h"
 #include "solver/background/object_mask.h"
 #include "solver/bands.h"
+#include "solver/live/live_service.h"
 #include "solver/ramp/ramp_options.h"
 #include "solver/video_solve.h"
 #include "solver/work_loop.h"
@@ -24,7 +25,7 @@ namespace glasswing {
 namespace {
 
 struct Work {
-  std::string server = "127.0.0.1:7440", name = "solver-1";
+  std::string server = "127.0.0.1:7440", name = "solver-1", listen;
   int threads = 0;
 };
 
@@ -33,10 +34,18 @@ absl::Status serve(const Work& work) {
   v1::RegisterRequest node;
   node.set_kind(v1::NODE_KIND_SOLVER);
   node.set_name(work.name);
+  LiveServiceImpl live(0);  // somebody watches: it takes all cores
+  std::unique_ptr<ServiceHost> host;
+  if (!work.listen.empty()) {
+    GW_ASSIGN_OR_RETURN(host, ServiceHost::start({.address = work.listen}, {&live}));
+    node.set_address(host->address());
+  }
   const Registration registration(work.server, node);
   const std::jthread worker(
       [&](std::stop_token stop) { run_work_loop(work.server, work.name, work.threads, stop); });
   wait_for_signal();
+  live.stop();
+  if (host != nullptr) host->stop(std::chrono::seconds(2));
   return absl::OkStatus();
 }
 
@@ -168,12 +177,15 @@ int main(int argc, char** argv) {
   CLI::App app("Glasswing's solver: turns frames into tiles of a matte, for as long as the server has any.");
   app.footer(
       "Examples:\n  glasswing-solver --server 127.0.0.1:7440 --name solver-1\n"
+      "  glasswing-solver --name live-1 --listen 127.0.0.1:0\n"
       "  glasswing-solver solve out/archives/crystal crystal.exr --set modes=2\n"
       "  glasswing-solver mask vase.jpg empty.jpg mask.png");
   Work work;
   std::string level = "info";
   app.add_option("--server", work.server, "host:port of glasswing-server")->capture_default_str();
   app.add_option("--name", work.name, "this node's name in the rig")->capture_default_str();
+  app.add_option("--listen", work.listen,
+                 "host:port to offer live mattes on, loopback only, port 0: any free one; none if left out");
   app.add_option("--threads", work.threads, "that solve; 0: one for each core")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();

@@ -228,27 +228,42 @@ float linear_of_srgb(float code) {
   return code <= 0.04045f ? code / 12.92f : std::pow((code + 0.055f) / 1.055f, 2.4f);
 }
 
+absl::StatusOr<RadianceImage> decode_radiance(std::string_view bytes, Encoding encoding) {
+  GW_ASSIGN_OR_RETURN(const cv::Mat mat, decode_any(bytes));
+  static const std::array<float, 256> kLight = [] {
+    std::array<float, 256> light{};
+    for (size_t code = 0; code < 256; ++code) light[code] = linear_of_srgb(static_cast<float>(code) / 255.0f);
+    return light;
+  }();
+  const bool coded = encoding == Encoding::kDisplay;
+  RadianceImage image(mat.cols, mat.rows);
+  for (int y = 0; y < mat.rows; ++y) {
+    for (int x = 0; x < mat.cols; ++x) {
+      for (int c = 0; c < 3; ++c) {
+        float& light = image.at(x, y, c);
+        if (mat.depth() == CV_8U) {
+          const std::uint8_t code = mat.at<cv::Vec3b>(y, x)[2 - c];
+          light = coded ? kLight[code] : static_cast<float>(code) / 255.0f;
+        } else if (mat.depth() == CV_16U) {
+          const float value = static_cast<float>(mat.at<cv::Vec3w>(y, x)[2 - c]) / 65535.0f;
+          light = coded ? linear_of_srgb(value) : value;
+        } else if (mat.depth() == CV_32F) {
+          light = mat.at<cv::Vec3f>(y, x)[2 - c];
+        }
+      }
+    }
+  }
+  return image;
+}
+
 absl::StatusOr<RadianceImage> read_radiance(const fs::path& path, Encoding encoding) {
   if (suffix_of(path) == ".exr") {
     if (!fs::exists(path)) return absl::NotFoundError(fmt::format("there is no file {}", path.string()));
     return read_exr(path);
   }
   GW_ASSIGN_OR_RETURN(const std::string bytes, read_file(path));
-  const absl::StatusOr<cv::Mat> mat = decode_any(bytes);
-  if (!mat.ok()) return named(path, mat.status());
-  RadianceImage image(mat->cols, mat->rows);
-  for (int y = 0; y < mat->rows; ++y) {
-    for (int x = 0; x < mat->cols; ++x) {
-      for (int c = 0; c < 3; ++c) {
-        float value = 0.0f;
-        if (mat->depth() == CV_8U) value = static_cast<float>(mat->at<cv::Vec3b>(y, x)[2 - c]) / 255.0f;
-        if (mat->depth() == CV_16U) value = static_cast<float>(mat->at<cv::Vec3w>(y, x)[2 - c]) / 65535.0f;
-        if (mat->depth() == CV_32F) value = mat->at<cv::Vec3f>(y, x)[2 - c];
-        const bool coded = encoding == Encoding::kDisplay && mat->depth() != CV_32F;
-        image.at(x, y, c) = coded ? linear_of_srgb(value) : value;
-      }
-    }
-  }
+  absl::StatusOr<RadianceImage> image = decode_radiance(bytes, encoding);
+  if (!image.ok()) return named(path, image.status());
   return image;
 }
 
@@ -273,6 +288,18 @@ absl::Status write_radiance(const fs::path& path, const RadianceImage& image, En
     return write_file_durably(path, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
   } catch (const cv::Exception& error) {
     return absl::InternalError(fmt::format("cannot write {}: {}", path.string(), error.err));
+  }
+}
+
+absl::Status write_srgb8(const fs::path& path, std::span<const std::uint8_t> codes, int width_px,
+                         int height_px) {
+  try {
+    cv::Mat mat(height_px, width_px, CV_8UC3);
+    for (size_t i = 0; i < codes.size(); ++i) mat.data[i / 3 * 3 + 2 - i % 3] = codes[i];
+    if (cv::imwrite(path.string(), mat)) return absl::OkStatus();
+    return absl::UnavailableError(fmt::format("cannot write {}", path.string()));
+  } catch (const cv::Exception& error) {
+    return absl::UnavailableError(fmt::format("cannot write {}: {}", path.string(), error.err));
   }
 }
 

@@ -4,8 +4,10 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include <cstdint>
 #include <filesystem>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -22,6 +24,9 @@ enum class Encoding {
 // DATA_LOSS names a file that is damaged or no picture; NOT_FOUND one that is missing.
 absl::StatusOr<RadianceImage> read_radiance(const std::filesystem::path& path, Encoding encoding);
 
+// The same of a file's bytes; not of an EXR. DATA_LOSS: it is damaged or no picture.
+absl::StatusOr<RadianceImage> decode_radiance(std::string_view bytes, Encoding encoding);
+
 // The light of an sRGB code (IEC 61966-2-1), both 0 to 1, and the code of a light, which is clamped.
 float linear_of_srgb(float code);
 float srgb_of_linear(float light);
@@ -29,6 +34,10 @@ float srgb_of_linear(float light);
 // Linear radiance to .exr (float32, ZIP), .png (8 bit sRGB, or 16 bit linear) or .tif/.tiff (16 bit
 // likewise), by the path's suffix. INVALID_ARGUMENT for another suffix.
 absl::Status write_radiance(const std::filesystem::path& path, const RadianceImage& image, Encoding encoding);
+
+// sRGB codes, r, g, b by rows, to a PNG. It need not outlive a power cut. UNAVAILABLE: it cannot be written.
+absl::Status write_srgb8(const std::filesystem::path& path, std::span<const std::uint8_t> codes, int width_px,
+                         int height_px);
 
 struct PictureSize {
   int width_px = 0, height_px = 0;
