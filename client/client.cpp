@@ -37,6 +37,7 @@ int run_client(int argc, const char* const* argv) {
   add_nodes_command(app, client);
   add_doctor_command(app, client);
   add_preview_command(app, client);
+  add_live_command(app, client);
   add_calibrate_commands(app, client);
   add_sessions_command(app, client);
   add_show_command(app, client);

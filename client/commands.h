@@ -25,6 +25,7 @@ void add_blur_command(CLI::App& app, Client& client);
 void add_convert_command(CLI::App& app, Client& client);
 void add_doctor_command(CLI::App& app, Client& client);
 void add_preview_command(CLI::App& app, Client& client);
+void add_live_command(CLI::App& app, Client& client);
 void add_calibrate_commands(CLI::App& app, Client& client);  // all, camera, display, sync, list, forget
 
 }  // namespace glasswing
