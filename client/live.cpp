@@ -96,7 +96,7 @@ class Live {
     }
     const absl::Status shown = show_frames();
     moving.request_stop();
-    context_.TryCancel();
+    if (enough_ || !shown.ok()) context_.TryCancel();
     if (moving.joinable()) moving.join();
     const grpc::Status ended = stream_->Finish();
     GW_RETURN_IF_ERROR(ramp_->status());

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <xcb/xcb.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <cstring>
 #include <string_view>
@@ -117,7 +118,7 @@ class Window final : public LiveOutput {
     xcb_connection_t* const x = connection_.get();
     const Owned<xcb_intern_atom_reply_t> reply(xcb_intern_atom_reply(
         x, xcb_intern_atom(x, 0, static_cast<std::uint16_t>(name.size()), name.data()), nullptr));
-    return reply == nullptr ? XCB_ATOM_NONE : reply->atom;
+    return reply == nullptr ? xcb_atom_t{XCB_ATOM_NONE} : reply->atom;
   }
   // Without modifiers.
   xcb_keysym_t key_of(xcb_keycode_t code) const {

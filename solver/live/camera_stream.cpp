@@ -49,7 +49,10 @@ void CameraStream::read() {
     }
     if (samples == nullptr) continue;
     const size_t size_bytes = samples->size() * sizeof(std::uint16_t);
-    if (response.chunk().size() > size_bytes - filled_bytes) break;
+    if (response.chunk().size() > size_bytes - filled_bytes) {  // no frame of the size it said
+      context_.TryCancel();
+      continue;
+    }
     std::memcpy(reinterpret_cast<char*>(samples->data()) + filled_bytes, response.chunk().data(),
                 response.chunk().size());
     filled_bytes += response.chunk().size();
@@ -60,7 +63,6 @@ void CameraStream::read() {
     newest_ = frame;
     changed_.notify_all();
   }
-  context_.TryCancel();
   absl::Status status = from_grpc(reader_->Finish(), title_);
   if (status.ok() || absl::IsCancelled(status))
     status = absl::UnavailableError(title_ + " stopped sending frames");

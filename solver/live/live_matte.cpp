@@ -7,20 +7,10 @@
 namespace glasswing {
 namespace {
 
-struct Options {
-  RampOptions ramp;
-  SmoothingOptions smoothing;
-};
-
-absl::StatusOr<Options> parse(const v1::LiveStart& start) {
-  Options options;
-  MethodOptions others;
+absl::StatusOr<RampOptions> parse(const v1::LiveStart& start) {
+  GW_ASSIGN_OR_RETURN(RampOptions options,
+                      parse_ramp_options(MethodOptions(start.options().begin(), start.options().end())));
   options.smoothing.causal = true;
-  for (const auto& [key, value] : start.options()) {
-    GW_ASSIGN_OR_RETURN(const bool taken, parse_smoothing_option(key, value, options.smoothing));
-    if (!taken) others[key] = value;
-  }
-  GW_ASSIGN_OR_RETURN(options.ramp, parse_ramp_options(others));
   return options;
 }
 
@@ -51,7 +41,7 @@ absl::Status LiveMatte::check_options(const v1::LiveStart& start) {
 
 absl::StatusOr<LiveMatte> LiveMatte::create(const v1::LiveStart& start, const v1::Camera& camera,
                                             std::span<const StreamedFrame> empties, int thread_count) {
-  GW_ASSIGN_OR_RETURN(const Options options, parse(start));
+  GW_ASSIGN_OR_RETURN(const RampOptions options, parse(start));
   v1::CaptureManifest manifest;
   *manifest.add_monitors() = start.monitor();
   *manifest.mutable_camera() = camera;
@@ -72,22 +62,22 @@ absl::StatusOr<LiveMatte> LiveMatte::create(const v1::LiveStart& start, const v1
     views.push_back(view_of(stacks.back(), frame));
   }
   const v1::CaptureManifest& linear = stacks.front().manifest;
-  GW_ASSIGN_OR_RETURN(RampExtractor extractor, RampExtractor::create(linear, layout, views, options.ramp));
+  GW_ASSIGN_OR_RETURN(RampExtractor extractor, RampExtractor::create(linear, layout, views, options));
   GW_ASSIGN_OR_RETURN(RampFrame empty, extractor.extract(views.back(), thread_count));
   // Whatever noise took for an object there is none.
   std::ranges::fill(empty.alpha, 0.0f);
   Matte empty_stage = extractor.matte(empty);
-  RampSmoother smoother(options.smoothing, extractor.noise_sd(views.back()));
+  RampSmoother smoother(options.smoothing);
   return LiveMatte(std::move(light), std::move(manifest), std::move(extractor), std::move(smoother),
                    std::move(empty_stage), thread_count);
 }
 
 absl::StatusOr<RampFrame> LiveMatte::next(const StreamedFrame& frame) {
   auto seen = std::make_unique<Seen>();
-  seen->light = light_of(light_, manifest_, frame);
-  const FrameView view = view_of(seen->light, frame);
+  const FrameStack light = light_of(light_, manifest_, frame);
+  const FrameView view = view_of(light, frame);
   GW_ASSIGN_OR_RETURN(seen->raw, extractor_.extract(view, thread_count_));
-  seen->input = {.frame = &seen->raw, .view = view};
+  seen->input.frame = &seen->raw;
   smoother_.prepare(seen->input, thread_count_);
   before_.push_back(std::move(seen));
   while (before_.size() > static_cast<size_t>(smoother_.frames_before()) + 1) before_.pop_front();

@@ -31,7 +31,6 @@ class LiveMatte {
 
  private:
   struct Seen {
-    FrameStack light;
     RampFrame raw;
     SmoothInput input;
   };

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <condition_variable>
 #include <mutex>
-#include <numeric>
 #include <optional>
 #include <thread>
 
@@ -28,6 +27,16 @@ constexpr std::chrono::seconds kPatience(5);
 
 double ms_since(nanoseconds then) {
   return 1e-6 * static_cast<double>((monotonic_now() - then).count());
+}
+
+void count_pixels(const RampFrame& matte, v1::LiveFrame& live) {
+  std::int64_t object = 0, flagged = 0;
+  for (size_t i = 0; i < matte.alpha.size(); ++i) {
+    object += matte.alpha[i] > 0.0f;
+    flagged += matte.alpha[i] > 0.0f && matte.flags[i] != kFlagNone;
+  }
+  live.set_object_pixel_count(object);
+  live.set_flagged_pixel_count(flagged);
 }
 
 }  // namespace
@@ -90,7 +99,7 @@ class LiveServiceImpl::Call final : public grpc::ServerBidiReactor<v1::RunLiveRe
   }
   void finish(const absl::Status& status) {
     if (alone_) service_.busy_ = false;
-    if (!status.ok()) spdlog::warn("live mattes ended: {}", status.message());
+    if (!status.ok()) spdlog::warn("live mattes ended: {}", std::string(status.message()));
     {
       std::unique_lock lock(mutex_);
       changed_.wait(lock, [this] { return !writing_; });
@@ -159,9 +168,7 @@ class LiveServiceImpl::Call final : public grpc::ServerBidiReactor<v1::RunLiveRe
       v1::LiveFrame& live = *response.mutable_frame();
       *live.mutable_taken() = frame->taken;
       live.set_frames_passed_over(frame->taken.sequence() - first + 1 - made);
-      live.set_object_pixel_count(std::ranges::count_if(matte->alpha, [](float a) { return a > 0.0f; }));
-      live.set_flagged_pixel_count(
-          std::ranges::count_if(matte->flags, [](auto flags) { return flags != 0; }));
+      count_pixels(*matte, live);
       const std::vector<std::uint8_t> picture = composite(*matte, *background, service_.thread_count_);
       live.set_solve_ms(ms_since(frame->came));
       write_picture(picture, std::move(response));
@@ -200,8 +207,8 @@ class LiveServiceImpl::Call final : public grpc::ServerBidiReactor<v1::RunLiveRe
       const std::lock_guard lock(mutex_);
       if (picture.ok()) background_ = std::move(made);
       if (!picture.ok())
-        background_error_ = absl::InvalidArgumentError(
-            fmt::format("the background cannot be read: {}", picture.status().message()));
+        background_error_ = absl::InvalidArgumentError("the background cannot be read: " +
+                                                       std::string(picture.status().message()));
     }
   }
 

@@ -22,7 +22,7 @@ refused() { # WORDS OPTIONS...: it fails and says so
   local words=$1
   shift
   "$bin/glasswing" live "$@" >"$work/out" 2>&1 && fail "live $* went well"
-  grep -q "$words" "$work/out" || fail "live $* says: $(cat "$work/out")"
+  grep -q -e "$words" "$work/out" || fail "live $* says: $(cat "$work/out")"
 }
 refused "there is no X display" --background "$back"
 refused "no.such.png" --background "$work/no.such.png" --output /dev/null
