@@ -17,6 +17,7 @@
 namespace glasswing {
 namespace {
 
+constexpr int kRadius_px = 4;  // of the last steps, after the pilot's
 // Standard deviations by which rho may be moved: a rim a pixel wide is no plane.
 constexpr float kMostRho_sd = 3.0f;
 
@@ -123,9 +124,10 @@ RampFrame RampSmoother::adapt(std::span<const SmoothInput> window, size_t at, in
   }
   const SmoothPilot& pilot = *inputs[at].pilot;
   const SmoothSamples joined = join_along_motion(pilot, others, thread_count);
+  // Twice: gradients from the first narrow down which pixels are of one piece.
   SmoothState wider, state;
-  widen(pilot.area, joined, pilot.rho_info, 3, thread_count, pilot.state, wider);
-  widen(pilot.area, joined, pilot.rho_info, 4, thread_count, wider, state);
+  widen(pilot.area, joined, pilot.rho_info, kRadius_px, thread_count, pilot.state, wider);
+  widen(pilot.area, joined, pilot.rho_info, kRadius_px, thread_count, wider, state);
   RampFrame result = *inputs[at].frame;
   for_rows(pilot.area.height, thread_count, [&](int first, int last) {
     for (int y = first; y < last; ++y) put_row(pilot, state, y, result);
