@@ -2,16 +2,20 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <vector>
 
+#include "core/base/status.h"
+
 namespace glasswing {
 namespace {
 
-constexpr double kLeastRamp = 0.02;   // of the empty stage's light
-constexpr double kMostOfFrame = 0.5;  // an object that covers less leaves enough of the background to see
-constexpr double kAlike = 0.7;        // of these pixels: no object keeps its background so straight
+constexpr double kLeastRamp = 0.02;    // of the empty stage's light
+constexpr double kMostOfFrame = 0.9;   // an object that covers less leaves enough of the background to see
+constexpr double kMostShift_px = 1.0;  // of the camera, and five standard errors
+constexpr double kAlike = 0.7;         // of these pixels: no object keeps its background so straight
 constexpr float kSamePlace_px = 1.0f, kSameRho = 0.03f;
 constexpr size_t kMostPixels = 20'000;  // that are looked at
 
@@ -23,6 +27,44 @@ float median_of(std::vector<float> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
+}
+
+// Off the object, where each pixel by itself shows no change.
+absl::Status check_surroundings(const RampStage& stage, std::span<const float> light,
+                                const RampFrame& frame) {
+  constexpr int kArm_px = 4;  // over which the average's slope is taken
+  const auto row = static_cast<size_t>(stage.width_px);
+  Eigen::Matrix3d squares = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d sums = Eigen::Vector3d::Zero();
+  double rest = 0.0, count = 0.0;
+  for (size_t i = 0; i < stage.behind.size(); i += step_of(stage)) {
+    const auto x = static_cast<int>(i % row), y = static_cast<int>(i / row);
+    if (x < kArm_px || x >= stage.width_px - kArm_px || y < kArm_px || y >= stage.height_px - kArm_px)
+      continue;
+    const std::array<size_t, 5> cross{i, i - kArm_px, i + kArm_px, i - kArm_px * row, i + kArm_px * row};
+    const bool background = std::ranges::all_of(
+        cross, [&](size_t at) { return stage.behind[at] == Behind::kRamp && frame.alpha[at] == 0.0f; });
+    if (!background) continue;
+    for (size_t c = 0; c < 3; ++c) {
+      const auto empty = [&](size_t arm) { return static_cast<double>(stage.average[3 * cross[arm] + c]); };
+      const Eigen::Vector3d along((empty(1) - empty(2)) / (2 * kArm_px),
+                                  (empty(3) - empty(4)) / (2 * kArm_px), empty(0));
+      const double difference = static_cast<double>(light[3 * i + c]) - empty(0);
+      squares += along * along.transpose();
+      sums += along * difference;
+      rest += difference * difference;
+      count += 1.0;
+    }
+  }
+  if (count < 300.0) return absl::OkStatus();
+  const Eigen::Matrix3d inverse = squares.inverse();
+  const Eigen::Vector3d moved = inverse * sums;
+  if (!moved.allFinite()) return absl::OkStatus();
+  const double variance = std::max(rest - moved.dot(sums), 0.0) / count;
+  const double error_px = std::sqrt(variance * (inverse(0, 0) + inverse(1, 1)));
+  if (std::hypot(moved[0], moved[1]) < kMostShift_px + 5.0 * error_px) return absl::OkStatus();
+  return absl::FailedPreconditionError(fmt::format(
+      "the background moved by {:+.1f} {:+.1f} px since the empty stage was captured", moved[0], moved[1]));
 }
 
 }  // namespace
@@ -42,7 +84,9 @@ absl::Status check_shows_ramp(const RampStage& stage, std::span<const float> lig
                   100.0 * std::max(seen, 0.0) / empty));
 }
 
-absl::Status check_background_stands(const RampStage& stage, const RampFrame& frame) {
+absl::Status check_background_stands(const RampStage& stage, std::span<const float> light,
+                                     const RampFrame& frame) {
+  GW_RETURN_IF_ERROR(check_surroundings(stage, light, frame));
   size_t ramp = 0, changed = 0;
   std::vector<float> dx_px, dy_px, rho, sd_px;
   for (size_t i = 0; i < stage.behind.size(); i += step_of(stage)) {

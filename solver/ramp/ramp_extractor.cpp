@@ -160,7 +160,7 @@ absl::StatusOr<RampFrame> RampExtractor::extract(const FrameView& view, int thre
       frame.info_yy[at] = info[2];
     }
   });
-  GW_RETURN_IF_ERROR(check_background_stands(stage, frame));
+  GW_RETURN_IF_ERROR(check_background_stands(stage, light, frame));
   if (prepared_->options.highlights) {
     const std::vector<std::uint8_t> highlights = find_highlights(frame, clipped,
                                                                  {.delta = prepared_->options.delta,

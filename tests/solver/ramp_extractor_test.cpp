@@ -284,6 +284,24 @@ TEST(RampExtractor, SaysWhatIsWrongWithAFrame) {
             std::string::npos);
 }
 
+// Each pixel is within its noise, all together are not.
+TEST(RampExtractor, ABackgroundThatMovedALittleIsSeenThroughNoise) {
+  RampScene scene;
+  scene.read_sd = 0.01;
+  const auto extractor = scene.extractor({}, 8);
+  ASSERT_TRUE(extractor.ok()) << extractor.status();
+  for (const double shift_px : {0.0, 2.0}) {
+    RampScene moved = scene;
+    moved.behind = [&](double x, double y) { return std::array<double, 2>{x - shift_px, y}; };
+    const auto lens = [&](int x, int y) { return scene.lens(x, y); };
+    const auto frame = extractor->extract(moved.view(moved.frame(lens)), 1);
+    EXPECT_EQ(frame.ok(), shift_px == 0.0) << frame.status();
+    if (!frame.ok()) {
+      EXPECT_NE(message_of(frame.status()).find("the background moved by +"), std::string::npos) << frame.status();
+    }
+  }
+}
+
 TEST(RampExtractor, AnObjectOverEverythingIsSolvedWithAWarning) {
   RampScene scene;
   const auto samples = scene.frame([&](int x, int y) {
