@@ -7,41 +7,12 @@
 
 #include "solver/ramp/for_rows.h"
 #include "solver/ramp/prepared_stage.h"
+#include "solver/ramp/ramp_footprint.h"
 
 namespace glasswing {
 namespace {
 
-constexpr float kSurely = 0.3f;    // covered so far, a pixel's c is the object's
 constexpr double kCovered = 0.98;  // of what shows the ramp: nothing of the background is left
-
-// Where c can be compared with its neighbours'.
-bool is_known(const RampFrame& frame, size_t at) {
-  return frame.alpha[at] > kSurely && (frame.info_xx[at] > 0.0f || frame.highlight[at] > 0.0f);
-}
-
-// How far c goes from a pixel to the next, from the steps to both neighbours: their harmonic mean, which the
-// smaller one rules, so that no footprint spans a jump of c.
-float step_between(float before, float after) {
-  const float a = std::abs(before), b = std::abs(after);
-  return a + b > 0.0f ? 2.0f * a * b / (a + b) : 0.0f;
-}
-
-struct Steps {
-  float x_px = 0.0f, y_px = 0.0f;
-};
-
-// Of c along one axis of the picture; `behind` and `ahead` are 0 where there is no neighbour.
-Steps steps_along(const RampFrame& frame, size_t at, size_t behind, size_t ahead) {
-  const bool has_behind = behind != 0 && is_known(frame, at - behind);
-  const bool has_ahead = ahead != 0 && is_known(frame, at + ahead);
-  const auto of = [&](const std::vector<float>& plane) {
-    const float before = has_behind ? plane[at] - plane[at - behind] : 0.0f;
-    const float after = has_ahead ? plane[at + ahead] - plane[at] : 0.0f;
-    if (has_behind && has_ahead) return step_between(before, after);
-    return std::abs(before + after);
-  };
-  return {of(frame.x_px), of(frame.y_px)};
-}
 
 }  // namespace
 
@@ -82,14 +53,9 @@ Matte RampExtractor::matte(const RampFrame& frame, int thread_count) const {
           modes = modes.subspan(1);
         }
         if (alpha == 0.0f || frame.rho[at] == 0.0f) continue;
-        const Steps across = steps_along(frame, at, x > 0 ? 1 : 0, x + 1 < width ? 1 : 0);
-        const Steps down = steps_along(frame, at, y > 0 ? row : 0, y + 1 < height ? row : 0);
-        // The ramp does not tell places within a pixel of the monitor apart: c between two pixels is how much
-        // of each was seen, which a box of a pixel's width says exactly.
+        const RampFootprint wide = ramp_footprint(frame, x, y);
         Mode& mode = modes.front();
-        mode = box(frame.rho[at], frame.x_px[at], frame.y_px[at],
-                   std::max(1.0f, std::hypot(across.x_px, down.x_px)),
-                   std::max(1.0f, std::hypot(across.y_px, down.y_px)));
+        mode = box(frame.rho[at], frame.x_px[at], frame.y_px[at], wide.width_px, wide.height_px);
         const float determinant =
             frame.info_xx[at] * frame.info_yy[at] - frame.info_xy[at] * frame.info_xy[at];
         if (determinant > 0.0f)

@@ -3,7 +3,6 @@
 #include <set>
 
 #include "core/sim/scene.h"
-
 #include "tests/camera-node/camera_contract.h"
 
 namespace glasswing {
