@@ -49,6 +49,11 @@ FrameSource source_of(v1::CaptureManifest manifest, const fs::path& directory) {
 
 }  // namespace
 
+std::string missing_text(const fs::path& directory, std::int64_t count) {
+  return fmt::format("{} lacks {} of its numbers; the video goes on as if nothing was between",
+                     directory.string(), count);
+}
+
 absl::StatusOr<FrameSource> archive_source(const fs::path& directory) {
   GW_ASSIGN_OR_RETURN(v1::CaptureManifest manifest, read_any_manifest(directory));
   return source_of(std::move(manifest), directory);
@@ -56,7 +61,10 @@ absl::StatusOr<FrameSource> archive_source(const fs::path& directory) {
 
 absl::StatusOr<FrameSource> sequence_source(const fs::path& directory, const std::string& sequence) {
   GW_ASSIGN_OR_RETURN(v1::CaptureManifest manifest, read_sequence(directory, sequence));
-  return source_of(std::move(manifest), directory);
+  FrameSource source = source_of(std::move(manifest), directory);
+  if (const std::int64_t missing = missing_numbers(numbered_pictures(directory / sequence)); missing > 0)
+    source.warnings.push_back(missing_text(directory / sequence, missing));
+  return source;
 }
 
 absl::StatusOr<FrameSource> photograph_source(const fs::path& directory, const fs::path& path,

@@ -3,6 +3,7 @@
 
 #include <absl/status/statusor.h>
 
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <string>
@@ -33,6 +34,9 @@ absl::StatusOr<FrameSource> sequence_source(const std::filesystem::path& directo
 absl::StatusOr<FrameSource> photograph_source(const std::filesystem::path& directory,
                                               const std::filesystem::path& list,
                                               const PhotographOptions& options);
+
+// What to say of numbered pictures of which some are missing.
+std::string missing_text(const std::filesystem::path& directory, std::int64_t count);
 
 // A video of the ramp, made linear: a video file, or a directory of numbered pictures.
 struct VideoOptions {

@@ -104,6 +104,9 @@ absl::StatusOr<FrameSource> picture_source(const fs::path& directory, const Vide
   GW_ASSIGN_OR_RETURN(std::vector<fs::path> files, empty_pictures(options));
   const std::vector<fs::path> video = numbered_pictures(directory);
   GW_RETURN_IF_ERROR(check_empty_frames(directory, static_cast<int>(video.size()), options));
+  std::vector<std::string> warnings;
+  if (const std::int64_t missing = missing_numbers(video); missing > 0)
+    warnings.push_back(missing_text(directory, missing));
   const size_t empty = files.empty() ? static_cast<size_t>(options.empty_frames) : files.size();
   files.insert(files.end(), video.begin(), video.end());
   GW_ASSIGN_OR_RETURN(const CodedPhotograph first, read_photograph(files.front()));
@@ -114,7 +117,8 @@ absl::StatusOr<FrameSource> picture_source(const fs::path& directory, const Vide
   const auto pictures = std::make_shared<const Pictures>(
       Pictures{.files = std::move(files), .camera = manifest.camera(), .response = std::move(response)});
   return FrameSource{.manifest = std::move(manifest),
-                     .read = [pictures](int frame) { return pictures->read(static_cast<size_t>(frame)); }};
+                     .read = [pictures](int frame) { return pictures->read(static_cast<size_t>(frame)); },
+                     .warnings = std::move(warnings)};
 }
 
 // A video file, read forwards; what lies behind is decoded anew.

@@ -100,6 +100,15 @@ std::vector<fs::path> numbered_pictures(const fs::path& directory) {
   return files;
 }
 
+std::int64_t missing_numbers(const std::vector<fs::path>& numbered) {
+  if (numbered.empty()) return 0;
+  const std::string first = stem_of(numbered.front()).digits, last = stem_of(numbered.back()).digits;
+  constexpr size_t kMostDigits = 15;
+  if (first.size() > kMostDigits || last.size() > kMostDigits) return 0;
+  const std::int64_t count = std::stoll(last) - std::stoll(first) + 1;
+  return std::max<std::int64_t>(count - static_cast<std::int64_t>(numbered.size()), 0);
+}
+
 absl::StatusOr<v1::CaptureManifest> read_sequence(const fs::path& directory, const std::string& name) {
   GW_ASSIGN_OR_RETURN(v1::CaptureManifest manifest, read_sequences_header(directory));
   const std::vector<std::string> names = sequences_in(directory);

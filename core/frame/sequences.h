@@ -3,6 +3,7 @@
 
 #include <absl/status/statusor.h>
 
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -17,6 +18,10 @@ absl::StatusOr<v1::CaptureManifest> read_sequences_header(const std::filesystem:
 
 // Pictures (PNG, JPEG, TIFF) whose names end in a number, by that number. Empty where there are none.
 std::vector<std::filesystem::path> numbered_pictures(const std::filesystem::path& directory);
+
+// How many numbers between the first and the last of these have no picture; 0 where they are no numbers that
+// can be counted.
+std::int64_t missing_numbers(const std::vector<std::filesystem::path>& numbered);
 
 // The frames of one sequence, as a manifest: those of DIR/NAME in the order of their numbers, with the
 // object; and of DIR/bg those without it. What a sequence shows is its name's first word, "ramp"; its

@@ -96,6 +96,14 @@ TEST_F(ImportSequence, WhatIsNotThereIsSaid) {
                         "it holds: ramp_dark");
   expect_one_line_error(run({"import", set_.string(), "--sequence", "ramp_dark", "--empty-frames", "3"}),
                         "is an archive");
+  const Outcome whole =
+      run({"import", set_.string(), "--sequence", "ramp_dark", "--archive", (scratch_ / "whole").string()});
+  EXPECT_EQ(whole.err, "");
+  fs::rename(set_ / "ramp_dark/5.png", set_ / "ramp_dark/15.png");
+  const Outcome holes =
+      run({"import", set_.string(), "--sequence", "ramp_dark", "--archive", (scratch_ / "holes").string()});
+  EXPECT_EQ(holes.status, 0);
+  EXPECT_NE(holes.err.find("ramp_dark lacks 4 of its numbers"), std::string::npos) << holes.err;
   put(set_ / "ramp_dark/5.png", picture(3, kWidth + 1));
   expect_one_line_error(run({"import", set_.string(), "--sequence", "ramp_dark"}),
                         "ramp_dark/5.png is 33x16");
