@@ -73,7 +73,7 @@ class Live {
       return absl::InvalidArgumentError(
           "--json and --output - both want standard output; choose a file for one");
     GW_ASSIGN_OR_RETURN(ramp_, RampHolder::hold(client_, arguments_.monitor));
-    const v1::ShowRampResponse& rig = ramp_->shown();
+    const v1::ShowRampResponse rig = ramp_->shown();  // bring_object() gets another
     if (rig.needs_operator()) wait_for_person("Take the object off the stage");
     GW_ASSIGN_OR_RETURN(clock_, CameraClock::follow(rig.camera_address()));
     const Peer<v1::CameraService> camera("camera node at " + rig.camera_address(), rig.camera_address());

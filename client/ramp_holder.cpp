@@ -14,7 +14,7 @@ absl::StatusOr<std::unique_ptr<RampHolder>> RampHolder::hold(const Client& clien
   std::unique_ptr<RampHolder> holder(new RampHolder(client));
   holder->stream_ = holder->server_.stub->ShowRamp(&holder->context_);
   holder->request_.set_monitor(monitor);
-  GW_RETURN_IF_ERROR(holder->ask());
+  GW_ASSIGN_OR_RETURN(holder->shown_, holder->ask());
   return holder;
 }
 
@@ -23,12 +23,9 @@ RampHolder::~RampHolder() {
   context_.TryCancel();
 }
 
-absl::Status RampHolder::ask() {
+absl::StatusOr<v1::ShowRampResponse> RampHolder::ask() {
   v1::ShowRampResponse response;
-  if (stream_->Write(request_) && stream_->Read(&response)) {
-    shown_ = std::move(response);
-    return absl::OkStatus();
-  }
+  if (stream_->Write(request_) && stream_->Read(&response)) return response;
   const grpc::Status status = stream_->Finish();
   if (status.ok()) return absl::UnavailableError(server_.title + " took the ramp away");
   return status_from(status, server_.title);
@@ -36,13 +33,13 @@ absl::Status RampHolder::ask() {
 
 absl::Status RampHolder::bring_object(std::function<void()> lost) {
   request_.set_object(true);
-  GW_RETURN_IF_ERROR(ask());
+  GW_ASSIGN_OR_RETURN(shown_, ask());
   asking_ = std::jthread([this, lost = std::move(lost)](std::stop_token stop) {
     std::mutex mutex;
     std::unique_lock lock(mutex);
     std::condition_variable_any never;
     while (!never.wait_for(lock, stop, kBetweenQuestions, [&] { return stop.stop_requested(); })) {
-      const absl::Status asked = ask();
+      const absl::Status asked = ask().status();
       if (asked.ok()) continue;
       {
         const std::lock_guard guard(mutex_);

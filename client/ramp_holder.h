@@ -32,7 +32,7 @@ class RampHolder {
 
  private:
   explicit RampHolder(const Client& client) : server_(client.server_title(), client.server) {}
-  absl::Status ask();
+  absl::StatusOr<v1::ShowRampResponse> ask();
 
   const Peer<v1::RigService> server_;
   grpc::ClientContext context_;
