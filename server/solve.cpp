@@ -226,20 +226,17 @@ absl::Status Server::accept(const v1::CompleteTileRequest& header, const std::st
 absl::Status Server::assemble_rows(v1::Session& session) {
   GW_ASSIGN_OR_RETURN(const std::vector<Tile> tiles, jobs_->tiles(session.name()));
   std::vector<Matte> parts;
-  std::int64_t object = 0, flagged = 0;
+  ObjectPixels pixels;
   for (const Tile& tile : tiles) {
     GW_ASSIGN_OR_RETURN(Matte part, read_matte(data_ / "tiles" / session.name() / tile.result));
-    for (int y = 0; y < part.height_px(); ++y) {
-      for (int x = 0; x < part.width_px(); ++x) {
-        object += part.coverage(x, y) > 0.0f ? 1 : 0;
-        flagged += part.flags(x, y) != kFlagNone ? 1 : 0;
-      }
-    }
+    const ObjectPixels own = object_pixels(part);
+    pixels.all += own.all;
+    pixels.flagged += own.flagged;
     parts.push_back(std::move(part));
   }
   GW_ASSIGN_OR_RETURN(const Matte matte, assemble(parts));
-  session.set_object_pixel_count(object);
-  session.set_flagged_pixel_count(flagged);
+  session.set_object_pixel_count(pixels.all);
+  session.set_flagged_pixel_count(pixels.flagged);
   GW_ASSIGN_OR_RETURN(const std::string bytes, encode_matte(matte));
   return write_file_durably(data_ / "mattes" / (session.name() + ".exr"), bytes);
 }

@@ -99,12 +99,9 @@ struct SolvedTile {
   std::vector<SolvedFile> files;
 
   void count(const Matte& matte) {
-    for (int y = 0; y < matte.height_px(); ++y) {
-      for (int x = 0; x < matte.width_px(); ++x) {
-        object_pixel_count += matte.coverage(x, y) > 0.0f ? 1 : 0;
-        flagged_pixel_count += matte.flags(x, y) != kFlagNone ? 1 : 0;
-      }
-    }
+    const ObjectPixels pixels = object_pixels(matte);
+    object_pixel_count += pixels.all;
+    flagged_pixel_count += pixels.flagged;
   }
 };
 

@@ -32,4 +32,16 @@ void Matte::put(const Matte& tile) {
   }
 }
 
+ObjectPixels object_pixels(const Matte& matte) {
+  ObjectPixels count;
+  for (int y = 0; y < matte.height_px(); ++y) {
+    for (int x = 0; x < matte.width_px(); ++x) {
+      if (matte.coverage(x, y) <= 0.0f) continue;
+      ++count.all;
+      if (matte.flags(x, y) != kFlagNone) ++count.flagged;
+    }
+  }
+  return count;
+}
+
 }  // namespace glasswing

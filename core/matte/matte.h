@@ -107,4 +107,10 @@ class Matte {
   std::vector<Mode> modes_;
 };
 
+// Pixels that show the object, and those of them that are not to be trusted.
+struct ObjectPixels {
+  std::int64_t all = 0, flagged = 0;
+};
+ObjectPixels object_pixels(const Matte& matte);
+
 }  // namespace glasswing
