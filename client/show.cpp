@@ -33,6 +33,9 @@ void print_details(const v1::Session& session) {
     if (!session.lost_frames().empty())
       row("lost",
           fmt::format("{} of them: {}", session.lost_frames_size(), ranges_text(session.lost_frames())));
+    if (!session.refused_frames().empty())
+      row("refused", fmt::format("{} of them: {}; {}", session.refused_frames_size(),
+                                 ranges_text(session.refused_frames()), session.refusal()));
     if (!session.solved_frames().empty())
       row("solved",
           fmt::format("{} of them: {}", session.solved_frames_size(), ranges_text(session.solved_frames())));

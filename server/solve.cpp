@@ -60,11 +60,22 @@ bool holds(const google::protobuf::RepeatedField<std::int32_t>& rising, int valu
   return std::binary_search(rising.begin(), rising.end(), value);
 }
 
+void note_refused_frames(const v1::CompleteTileRequest& header, v1::Session& session) {
+  for (const v1::RefusedFrame& refused : header.refused()) {
+    if (holds(session.refused_frames(), refused.frame())) continue;
+    session.add_refused_frames(refused.frame());
+    std::sort(session.mutable_refused_frames()->begin(), session.mutable_refused_frames()->end());
+    // That of the first one tells most: what follows it often fails alike.
+    if (session.refused_frames(0) == refused.frame()) session.set_refusal(refused.error());
+  }
+}
+
 void note_solved_frames(const std::vector<Tile>& tiles, v1::Session& session) {
   session.clear_solved_frames();
   for (const Tile& tile : tiles) {
     for (int frame = tile.first; tile.is_done() && frame < tile.first + tile.count; ++frame) {
-      if (!holds(session.lost_frames(), frame)) session.add_solved_frames(frame);
+      if (!holds(session.lost_frames(), frame) && !holds(session.refused_frames(), frame))
+        session.add_solved_frames(frame);
     }
   }
 }
@@ -108,6 +119,8 @@ absl::StatusOr<v1::Session> Server::solve(const v1::SolveSessionRequest& request
   *session.mutable_options() = request.options();
   note_video(manifest.manifest(), session);
   session.clear_solved_frames();
+  session.clear_refused_frames();
+  session.clear_refusal();
   session.set_tile_count(static_cast<int>(tiles.size()));
   session.set_tiles_done(0);
   session.set_object_pixel_count(0);
@@ -187,7 +200,8 @@ absl::Status Server::complete(const v1::CompleteTileRequest& header, FrameMattes
   const std::lock_guard lock(mutex_);
   return accept(header, result, [&](const v1::Session& session, const Tile& tile) -> absl::Status {
     for (int frame = tile.first; frame < tile.first + tile.count; ++frame) {
-      if (!mattes.has(frame) && !holds(session.lost_frames(), frame))
+      const bool refused = std::ranges::count(header.refused(), frame, &v1::RefusedFrame::frame) > 0;
+      if (!mattes.has(frame) && !refused && !holds(session.lost_frames(), frame))
         return absl::InvalidArgumentError(fmt::format("there is no matte of frame {}", frame));
     }
     // A void attempt must not replace what a later one has made.
@@ -206,6 +220,11 @@ absl::Status Server::accept(const v1::CompleteTileRequest& header, const std::st
   const auto known = std::ranges::find(tiles, lease.tile(), &Tile::number);
   const bool again = known != tiles.end() && known->result == result;
   if (known != tiles.end() && !again) GW_RETURN_IF_ERROR(place(session, *known));
+  if (known != tiles.end() && !again && header.refused_size() > 0) {
+    // Before the tile is done: a crash in between must not make them pass for solved.
+    note_refused_frames(header, session);
+    GW_RETURN_IF_ERROR(change(session));
+  }
   GW_RETURN_IF_ERROR(jobs_->complete(tile_of(lease), result));
   if (again && session.state() != v1::SESSION_STATE_SOLVING) return absl::OkStatus();
   if (!again) {
@@ -242,7 +261,11 @@ absl::Status Server::assemble_rows(v1::Session& session) {
 }
 
 absl::Status Server::finish_solve(v1::Session session) {
-  const absl::Status assembled = is_solved_by_frames(session) ? absl::OkStatus() : assemble_rows(session);
+  absl::Status assembled = is_solved_by_frames(session) ? absl::OkStatus() : assemble_rows(session);
+  if (!session.refused_frames().empty()) {
+    assembled = absl::FailedPreconditionError(fmt::format("no matte can be made of {} of its frames; {}",
+                                                          session.refused_frames_size(), session.refusal()));
+  }
   if (assembled.ok()) {
     session.set_state(v1::SESSION_STATE_DONE);
     session.clear_reason();

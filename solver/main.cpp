@@ -55,7 +55,8 @@ struct Solve {
   int threads = 0;
 };
 
-// A matte a frame, 0000.exr and so on; those finished before an error stay.
+// A matte a frame, 0000.exr and so on. The first error of a frame that none can be made of, once all others
+// are there.
 absl::Status solve_each_frame(const VideoMethod& method, const MappedArchive& archive, const Solve& solve) {
   const v1::CaptureManifest& manifest = archive.manifest();
   GW_ASSIGN_OR_RETURN(const VideoLayout layout, lay_out_video(manifest));
@@ -71,15 +72,20 @@ absl::Status solve_each_frame(const VideoMethod& method, const MappedArchive& ar
     return absl::InvalidArgumentError(
         fmt::format("{}: it must be a directory: {}", solve.matte, failed.message()));
   const bool watched = ::isatty(STDERR_FILENO) != 0;
-  const absl::Status status = solve_video(
-      method, *source, 0, count, solve.threads, {}, [&](int frame, const Matte& matte) -> absl::Status {
-        GW_ASSIGN_OR_RETURN(const std::string bytes, encode_matte(matte));
-        if (watched) std::cerr << fmt::format("\rsolved {} of {} frames", frame + 1, count);
-        return write_file_durably(std::filesystem::path(solve.matte) / fmt::format("{:04}.exr", frame),
-                                  bytes);
-      });
+  absl::Status refused;  // the first of them
+  const absl::Status status =
+      solve_video(method, *source, 0, count, solve.threads, {},
+                  [&](int frame, const absl::StatusOr<Matte>& matte) -> absl::Status {
+                    refused.Update(matte.status());
+                    if (!matte.ok()) return absl::OkStatus();
+                    GW_ASSIGN_OR_RETURN(const std::string bytes, encode_matte(*matte));
+                    if (watched) std::cerr << fmt::format("\rsolved {} of {} frames", frame + 1, count);
+                    return write_file_durably(
+                        std::filesystem::path(solve.matte) / fmt::format("{:04}.exr", frame), bytes);
+                  });
   if (watched) std::cerr << "\n";
-  return status;
+  GW_RETURN_IF_ERROR(status);
+  return refused;
 }
 
 absl::Status solve(const Solve& solve) {

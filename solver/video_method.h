@@ -51,16 +51,19 @@ class VideoSource {
   virtual absl::StatusOr<VideoFrame> read(int frame) = 0;
 };
 
+// Takes a frame's matte, or why there is none.
+using FrameDone = std::function<absl::Status(int frame, absl::StatusOr<Matte> matte)>;
+
 class VideoMethod {
  public:
   virtual ~VideoMethod() = default;
   // Hands out the mattes of frames [first, first + count) of the video, each of the whole picture, in order,
   // lost ones left out. A matte depends on the empty stage and on frames near its own alone, so that ranges
-  // join without seams. Stops with the first error, its own or that of `done`; CANCELLED once `stop` was
-  // asked for.
+  // join without seams. A frame that none can be made of is handed out as an error that names it, and the
+  // others go on. Stops with the first error of anything else, or of `done`; CANCELLED once `stop` was asked
+  // for; UNAVAILABLE: frames cannot be read now.
   virtual absl::Status solve(VideoSource& source, int first, int count, int thread_count,
-                             std::stop_token stop,
-                             const std::function<absl::Status(int frame, const Matte&)>& done) const = 0;
+                             std::stop_token stop, const FrameDone& done) const = 0;
 };
 
 // Null where the method is not of this kind. INVALID_ARGUMENT: an option it has not, or a value out of range.

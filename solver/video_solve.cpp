@@ -101,12 +101,10 @@ absl::StatusOr<std::unique_ptr<VideoSource>> read_ahead(const v1::CaptureManifes
 }
 
 absl::Status solve_video(const VideoMethod& method, VideoSource& source, int first, int count,
-                         int thread_count, std::stop_token stop,
-                         const std::function<absl::Status(int, Matte)>& done) {
+                         int thread_count, std::stop_token stop, const FrameDone& done) {
   GW_ASSIGN_OR_RETURN(const LinearStack linear, LinearStack::create(source.manifest()));
-  return method.solve(source, first, count, thread_count, stop, [&](int frame, const Matte& solved) {
-    Matte matte = solved;
-    linear.describe(matte.metadata);
+  return method.solve(source, first, count, thread_count, stop, [&](int frame, absl::StatusOr<Matte> matte) {
+    if (matte.ok()) linear.describe(matte->metadata);
     return done(frame, std::move(matte));
   });
 }

@@ -23,8 +23,7 @@ absl::StatusOr<std::unique_ptr<VideoSource>> read_ahead(const v1::CaptureManifes
 
 // VideoMethod::solve, the mattes finished.
 absl::Status solve_video(const VideoMethod& method, VideoSource& source, int first, int count,
-                         int thread_count, std::stop_token stop,
-                         const std::function<absl::Status(int frame, Matte)>& done);
+                         int thread_count, std::stop_token stop, const FrameDone& done);
 
 // "frame 7: " before what is wrong with it.
 absl::Status in_frame(int frame, const absl::Status& status);

@@ -97,6 +97,7 @@ struct SolvedFile {
 struct SolvedTile {
   std::int64_t object_pixel_count = 0, flagged_pixel_count = 0;
   std::vector<SolvedFile> files;
+  std::vector<v1::RefusedFrame> refused;
 
   void count(const Matte& matte) {
     const ObjectPixels pixels = object_pixels(matte);
@@ -140,13 +141,20 @@ absl::StatusOr<SolvedTile> solve_frames(const v1::ClaimTileResponse& tile, const
     solved.files.push_back({.frame = encoding, .bytes = *std::move(bytes)});
     return absl::OkStatus();
   };
+  const auto refuse = [&](int frame, const absl::Status& why) {
+    v1::RefusedFrame& refused = solved.refused.emplace_back();
+    refused.set_frame(frame);
+    refused.set_error(std::string(why.message()));
+    return absl::OkStatus();
+  };
   GW_RETURN_IF_ERROR(solve_video(*method, *video, tile.first_frame(), tile.frame_count(), thread_count, stop,
-                                 [&](int frame, Matte matte) {
-                                   solved.count(matte);
+                                 [&](int frame, absl::StatusOr<Matte> matte) {
+                                   if (!matte.ok()) return refuse(frame, matte.status());
+                                   solved.count(*matte);
                                    const absl::Status taken = take_encoded();
                                    encoding = frame;
-                                   encoded = std::async(std::launch::async, [matte = std::move(matte)] {
-                                     return encode_matte(matte);
+                                   encoded = std::async(std::launch::async, [of = *std::move(matte)] {
+                                     return encode_matte(of);
                                    });
                                    return taken;
                                  }));
@@ -165,6 +173,7 @@ grpc::Status send(v1::WorkService::Stub& work, const v1::ClaimTileResponse& tile
   *first.mutable_lease() = tile.lease();
   first.set_object_pixel_count(solved.object_pixel_count);
   first.set_flagged_pixel_count(solved.flagged_pixel_count);
+  for (const v1::RefusedFrame& refused : solved.refused) *first.add_refused() = refused;
   grpc::ClientContext context;
   set_deadline(context, std::chrono::minutes(1) + solved.files.size() * std::chrono::seconds(10));
   v1::CompleteTileResponse response;

@@ -91,8 +91,7 @@ absl::StatusOr<std::unique_ptr<VideoMethod>> RampMethod::create(const MethodOpti
 }
 
 absl::Status RampMethod::solve(VideoSource& source, int first, int count, int thread_count,
-                               std::stop_token stop,
-                               const std::function<absl::Status(int, const Matte&)>& done) const {
+                               std::stop_token stop, const FrameDone& done) const {
   const v1::CaptureManifest& manifest = source.manifest();
   GW_ASSIGN_OR_RETURN(const VideoLayout layout, lay_out_video(manifest));
   const int size = static_cast<int>(layout.frames.size());
@@ -141,11 +140,15 @@ absl::Status RampMethod::solve(VideoSource& source, int first, int count, int th
     const Extracted* own = nullptr;
     for (const Extracted& each : near) {
       if (each.number == number) {
-        GW_RETURN_IF_ERROR(each.status);
         own = &each;
         at = window.size();
       }
       if (each.status.ok()) window.push_back(each.input);
+    }
+    if (!own->status.ok()) {
+      if (absl::IsUnavailable(own->status) || absl::IsCancelled(own->status)) return own->status;
+      GW_RETURN_IF_ERROR(done(number, own->status));
+      continue;
     }
     RampFrame frame = smoother.smooth(window, at, thread_count);
     extractor->finish(own->read.view, frame, thread_count);
@@ -153,7 +156,7 @@ absl::Status RampMethod::solve(VideoSource& source, int first, int count, int th
     for (const auto& [key, value] : options_) (*matte.metadata.mutable_options())[key] = value;
     matte.metadata.set_frame(number);
     matte.metadata.set_exposure_start_ns(manifest.frames(place).exposure_start_ns());
-    GW_RETURN_IF_ERROR(done(number, matte));
+    GW_RETURN_IF_ERROR(done(number, std::move(matte)));
   }
   return absl::OkStatus();
 }

@@ -16,7 +16,7 @@ class RampMethod final : public VideoMethod {
   // At most one frame more than the smoother looks at is in memory. A frame beyond the range that cannot be
   // read or extracted is left out of what its neighbours are smoothed with.
   absl::Status solve(VideoSource& source, int first, int count, int thread_count, std::stop_token stop,
-                     const std::function<absl::Status(int frame, const Matte&)>& done) const override;
+                     const FrameDone& done) const override;
 
  private:
   RampMethod(MethodOptions options, const RampOptions& parsed)

@@ -103,9 +103,9 @@ absl::StatusOr<std::vector<VideoScore>> score_video(const fs::path& directory, c
     GW_ASSIGN_OR_RETURN(const VideoLayout layout, lay_out_video(source->manifest()));
     std::vector<Matte> mattes;
     GW_RETURN_IF_ERROR(method->solve(*source, 0, static_cast<int>(layout.frames.size()), 0, {},
-                                     [&](int, const Matte& matte) {
-                                       mattes.push_back(matte);
-                                       return absl::OkStatus();
+                                     [&](int, absl::StatusOr<Matte> matte) {
+                                       if (matte.ok()) mattes.push_back(*std::move(matte));
+                                       return matte.status();
                                      }));
     for (const fs::path& photograph : photographs) {
       const std::string of = photograph.filename().string();

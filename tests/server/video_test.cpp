@@ -1,4 +1,5 @@
 // A video on a simulated rig that loses frames, from its capture to the mattes of its frames.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -165,16 +166,20 @@ class IdleSolver {
   }
   // Mattes of the tile's frames but those left out; the last file lacks so many bytes.
   grpc::Status complete(const v1::ClaimTileResponse& tile, const std::set<int>& left_out, float mark = 1.0f,
-                        size_t lacks = 0) {
+                        size_t lacks = 0, const std::set<int>& refused = {}) {
     v1::CompleteTileResponse response;
     grpc::ClientContext context;
     const auto writer = stub_->CompleteTile(&context, &response);
     v1::CompleteTileRequest request;
     *request.mutable_lease() = tile.lease();
     request.set_object_pixel_count(10);
+    for (const int frame : refused) {
+      request.add_refused()->set_frame(frame);
+      request.mutable_refused()->rbegin()->set_error(fmt::format("frame {}: the background moved", frame));
+    }
     writer->Write(request);
     for (int frame = tile.first_frame(); frame < tile.first_frame() + tile.frame_count(); ++frame) {
-      if (left_out.contains(frame)) continue;
+      if (left_out.contains(frame) || refused.contains(frame)) continue;
       std::string bytes = matte(frame, mark);
       if (frame + 1 == tile.first_frame() + tile.frame_count()) bytes = bytes.substr(0, bytes.size() - lacks);
       v1::CompleteTileRequest chunk;
@@ -276,6 +281,22 @@ TEST_F(VideoTest, MattesOfFramesAreKeptAsTheyAreSolved) {
   EXPECT_EQ(session.tiles_done(), tiles);
   EXPECT_EQ(session.solved_frames_size(), kFrames - static_cast<int>(lost.size()));
   EXPECT_EQ(read_file(*server.matte("s", solved.front())).value(), IdleSolver::matte(solved.front(), 2.0f));
+
+  // Frames that no matte can be made of fail the session, when all others are solved.
+  ASSERT_TRUE(server.solve(request).ok());
+  const std::set<int> refused{solved.front(), solved.back()};
+  for (v1::ClaimTileResponse tile = solver.claim(); tile.has_lease(); tile = solver.claim())
+    ASSERT_TRUE(
+        solver.complete(tile, lost, 3.0f, 0, tile.first_frame() == 0 ? refused : std::set<int>()).ok());
+  session = *server.find("s");
+  EXPECT_EQ(session.state(), v1::SESSION_STATE_FAILED);
+  EXPECT_EQ(
+      session.reason(),
+      fmt::format("no matte can be made of 2 of its frames; frame {}: the background moved", solved.front()));
+  EXPECT_EQ(std::set<int>(session.refused_frames().begin(), session.refused_frames().end()), refused);
+  EXPECT_EQ(session.solved_frames_size(), kFrames - static_cast<int>(lost.size()) - 2);
+  EXPECT_TRUE(absl::IsFailedPrecondition(server.matte("s", solved.front()).status()));
+  EXPECT_EQ(read_file(*server.matte("s", solved[1])).value(), IdleSolver::matte(solved[1], 3.0f));
 }
 
 }  // namespace

@@ -71,7 +71,7 @@ class Copies final : public VideoMethod {
  public:
   explicit Copies(Node& node) : node_(node) {}
   absl::Status solve(VideoSource& source, int first, int count, int, std::stop_token,
-                     const std::function<absl::Status(int, const Matte&)>& done) const override {
+                     const FrameDone& done) const override {
     for (int i = 0; i < kEmpty; ++i) {
       if (const auto frame = source.read(i); !frame.ok()) return frame.status();
       node_.asked();
@@ -97,8 +97,8 @@ TEST(VideoSolve, FramesAreReadAheadOnceEachAndAFewAtATime) {
   const auto source = read_ahead(archive, 4, 6, [&](int frame) { return node.read(frame); }).value();
   std::vector<int> solved;
   const absl::Status status =
-      solve_video(Copies(node), *source, 4, 6, 1, {}, [&](int frame, const Matte& matte) {
-        EXPECT_EQ(matte.foreground(1, 1)[0], static_cast<float>(kEmpty + frame));
+      solve_video(Copies(node), *source, 4, 6, 1, {}, [&](int frame, const absl::StatusOr<Matte>& matte) {
+        EXPECT_EQ(matte->foreground(1, 1)[0], static_cast<float>(kEmpty + frame));
         solved.push_back(frame);
         return absl::OkStatus();
       });
@@ -118,7 +118,7 @@ TEST(VideoSolve, WhatGoesWrongNamesTheFrame) {
   const auto source = read_ahead(archive, 0, kFrames, [&](int frame) { return node.read(frame); }).value();
   std::vector<int> solved;
   const absl::Status status =
-      solve_video(Copies(node), *source, 0, kFrames, 1, {}, [&](int frame, const Matte&) {
+      solve_video(Copies(node), *source, 0, kFrames, 1, {}, [&](int frame, const absl::StatusOr<Matte>&) {
         solved.push_back(frame);
         return absl::OkStatus();
       });
@@ -131,9 +131,10 @@ TEST(VideoSolve, AnErrorOfWhoTakesTheMattesEndsIt) {
   Node node;
   const v1::CaptureManifest archive = manifest();
   const auto source = read_ahead(archive, 0, kFrames, [&](int frame) { return node.read(frame); }).value();
-  const absl::Status status = solve_video(
-      Copies(node), *source, 0, kFrames, 1, {},
-      [](int frame, const Matte&) { return frame < 2 ? absl::OkStatus() : absl::AbortedError("enough"); });
+  const absl::Status status =
+      solve_video(Copies(node), *source, 0, kFrames, 1, {}, [](int frame, const absl::StatusOr<Matte>&) {
+        return frame < 2 ? absl::OkStatus() : absl::AbortedError("enough");
+      });
   EXPECT_TRUE(absl::IsAborted(status));
 }
 
