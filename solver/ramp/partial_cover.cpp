@@ -8,16 +8,15 @@
 
 namespace glasswing {
 
-std::vector<float> partial_cover(const CoverPictures& pictures, int edge_px, double noise_variance,
-                                 int thread_count) {
+void partial_cover(const CoverPictures& pictures, int edge_px, double noise_variance, int thread_count,
+                   std::span<float> alpha) {
   const int width = pictures.width_px, height = pictures.height_px;
-  std::vector<float> alpha(pictures.object.size());
-  for (size_t i = 0; i < alpha.size(); ++i) alpha[i] = pictures.object[i] != 0 ? 1.0f : 0.0f;
-  if (edge_px <= 0) return alpha;
   const cv::Mat object(height, width, CV_8U, const_cast<std::uint8_t*>(pictures.object.data()));
-  cv::Mat inner;
-  // The picture's own border is no edge of the object.
-  cv::erode(object, inner, cv::getStructuringElement(cv::MORPH_CROSS, {3, 3}), {-1, -1}, edge_px);
+  cv::Mat inner = object;
+  if (edge_px > 0) {  // the picture's own border is no edge of the object
+    inner = cv::Mat();
+    cv::erode(object, inner, cv::getStructuringElement(cv::MORPH_CROSS, {3, 3}), {-1, -1}, edge_px);
+  }
   const int reach = edge_px + 1;
   const auto cover = [&](int x, int y) {
     const auto place = [&](int column, int row) {
@@ -48,12 +47,12 @@ std::vector<float> partial_cover(const CoverPictures& pictures, int edge_px, dou
     for (int y = first; y < last; ++y) {
       const std::uint8_t *const whole = object.ptr(y), *const core = inner.ptr(y);
       float* const row = alpha.data() + static_cast<size_t>(y) * static_cast<size_t>(width);
+      for (int x = 0; x < width; ++x) row[x] = core[x] != 0 ? 1.0f : 0.0f;
       for (int x = 0; x < width; ++x) {
         if (whole[x] != core[x]) row[x] = cover(x, y);
       }
     }
   });
-  return alpha;
 }
 
 }  // namespace glasswing

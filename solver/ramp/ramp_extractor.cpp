@@ -27,24 +27,10 @@ SampleNoise noise_of(const RampStage& stage, const FrameView& view) {
   return noise;
 }
 
-// The frame's light without the stage's own, r, g, b by rows.
-std::vector<float> light_of(const RampStage& stage, const FrameView& view, int thread_count) {
-  std::vector<float> light(view.samples.size());
-  for_rows(view.height_px, thread_count, [&](int first, int last) {
-    const size_t row = 3 * static_cast<size_t>(view.width_px);
-    const size_t begin = static_cast<size_t>(first) * row, end = static_cast<size_t>(last) * row;
-    const float offset = -view.zero * view.unit;
-    for (size_t i = begin; i < end; ++i) light[i] = static_cast<float>(view.samples[i]) * view.unit + offset;
-    if (stage.black.empty()) return;
-    for (size_t i = begin; i < end; ++i) light[i] -= stage.black[i];
-  });
-  return light;
-}
-
 // 255 where the light differs from the empty stage's, cleaned.
-std::vector<std::uint8_t> object_of(const RampStage& stage, std::span<const float> light,
-                                    const SampleNoise& noise, const RampOptions& options,
-                                    const MaskCleaning& cleaning, int thread_count) {
+std::vector<std::uint8_t> object_of(const RampStage& stage, const FrameLight& light, const SampleNoise& noise,
+                                    const RampOptions& options, const MaskCleaning& cleaning,
+                                    int thread_count) {
   const double least = options.least_difference / options.threshold_sd;
   const auto threshold = static_cast<float>(options.threshold_sd * options.threshold_sd);
   const auto share = static_cast<float>(1.0 + stage.empty_share);
@@ -70,6 +56,73 @@ std::vector<std::uint8_t> object_of(const RampStage& stage, std::span<const floa
   clean_mask(object, stage.width_px, stage.height_px, cleaning);
   return object;
 }
+
+// As there is no object, but for alpha.
+void put_empty_stage(const RampStage& stage, size_t begin, size_t end, RampFrame& frame) {
+  const auto from = static_cast<std::ptrdiff_t>(begin), to = static_cast<std::ptrdiff_t>(end);
+  std::copy(stage.x_px.begin() + from, stage.x_px.begin() + to, frame.x_px.begin() + from);
+  std::copy(stage.y_px.begin() + from, stage.y_px.begin() + to, frame.y_px.begin() + from);
+  for (std::vector<float>* plane :
+       {&frame.rho, &frame.highlight, &frame.info_xx, &frame.info_xy, &frame.info_yy})
+    std::fill(plane->begin() + from, plane->begin() + to, 0.0f);
+  for (size_t at = begin; at < end; ++at)
+    frame.flags[at] = stage.behind[at] == Behind::kPatch ? kFlagNoData : kFlagNone;
+}
+
+// The object's pixels, of which some at once are looked up.
+class ObjectPixels {
+ public:
+  ObjectPixels(const RampStage& stage, const SampleNoise& noise, RampFrame& frame)
+      : stage_(stage),
+        read_(static_cast<float>(noise.read_sd * noise.read_sd)),
+        gain_(static_cast<float>(noise.gain)),
+        frame_(frame) {}
+
+  // `seen`: light.
+  void add(size_t at, const std::array<float, 3>& seen) {
+    const ColourManifold& manifold = stage_.manifold;
+    const float rest = 1.0f - frame_.alpha[at];
+    std::array<float, 3> own, variance;
+    for (size_t c = 0; c < 3; ++c) {
+      own[c] = seen[c] - rest * stage_.average[3 * at + c];
+      variance[c] = read_ + gain_ * std::max(seen[c], 0.0f);
+    }
+    const float level = manifold.level(own[0], own[1], own[2]);
+    if (!(level > 0.0f && level * level > kDarkest_sd * kDarkest_sd * manifold.level_variance(variance)) ||
+        frame_.alpha[at] == 0.0f) {
+      frame_.rho[at] = std::max(level, 0.0f);
+      return;
+    }
+    for (size_t c = 0; c < 3; ++c) {
+      colours_.light[c][count_] = own[c];
+      colours_.variance[c][count_] = variance[c];
+    }
+    places_[count_++] = at;
+    if (count_ == places_.size()) finish();
+  }
+
+  void finish() {
+    stage_.manifold.find(colours_, count_);
+    for (size_t i = 0; i < count_; ++i) {
+      const size_t at = places_[i];
+      frame_.x_px[at] = colours_.x_px[i];
+      frame_.y_px[at] = colours_.y_px[i];
+      frame_.rho[at] = colours_.rho[i];
+      frame_.info_xx[at] = colours_.information_per_px2[0][i];
+      frame_.info_xy[at] = colours_.information_per_px2[1][i];
+      frame_.info_yy[at] = colours_.information_per_px2[2][i];
+    }
+    count_ = 0;
+  }
+
+ private:
+  const RampStage& stage_;
+  float read_, gain_;
+  RampFrame& frame_;
+  ColourManifold::Colours colours_{};
+  std::array<size_t, ColourManifold::Colours::kMost> places_{};
+  size_t count_ = 0;
+};
 
 }  // namespace
 
@@ -103,77 +156,60 @@ absl::StatusOr<RampExtractor> RampExtractor::create(const v1::CaptureManifest& m
                                           .metadata = std::move(metadata)}));
 }
 
-absl::StatusOr<RampFrame> RampExtractor::extract(const FrameView& view, int thread_count) const {
+absl::StatusOr<RampFrame> RampExtractor::extract(const FrameView& view, int thread_count,
+                                                 RampFrame spent) const {
   const RampStage& stage = prepared_->stage;
-  const ColourManifold& manifold = stage.manifold;
   if (view.width_px != stage.width_px || view.height_px != stage.height_px) {
     return absl::InvalidArgumentError(fmt::format("the frame is {}x{}; the empty stage is {}x{}",
                                                   view.width_px, view.height_px, stage.width_px,
                                                   stage.height_px));
   }
   const SampleNoise noise = noise_of(stage, view);
-  const std::vector<float> light = light_of(stage, view, thread_count);
+  const FrameLight light(view, stage.black);
   GW_RETURN_IF_ERROR(check_shows_ramp(stage, light));
   const std::vector<std::uint8_t> object =
       object_of(stage, light, noise, prepared_->options, prepared_->cleaning, thread_count);
-  RampFrame frame(stage.width_px, stage.height_px);
+  RampFrame frame = std::move(spent);
+  frame.resize(stage.width_px, stage.height_px);
   const double usual_variance = noise.variance(kUsualLight);
   const auto usual = static_cast<float>(usual_variance);
-  frame.rho_sd = std::sqrt(manifold.level_variance({usual, usual, usual}));
-  frame.alpha = partial_cover({.width_px = stage.width_px,
-                               .height_px = stage.height_px,
-                               .light = light,
-                               .empty = stage.average,
-                               .object = object},
-                              prepared_->options.edge_px, usual_variance, thread_count);
-  frame.x_px = stage.x_px;
-  frame.y_px = stage.y_px;
+  frame.rho_sd = std::sqrt(stage.manifold.level_variance({usual, usual, usual}));
+  partial_cover({.width_px = stage.width_px,
+                 .height_px = stage.height_px,
+                 .light = light,
+                 .empty = stage.average,
+                 .object = object},
+                prepared_->options.edge_px, usual_variance, thread_count, frame.alpha);
   std::vector<std::uint8_t> clipped(stage.behind.size());
   for_rows(stage.height_px, thread_count, [&](int first, int last) {
-    const auto read = static_cast<float>(noise.read_sd * noise.read_sd),
-               gain = static_cast<float>(noise.gain);
-    const size_t end = static_cast<size_t>(last) * static_cast<size_t>(stage.width_px);
-    for (size_t at = static_cast<size_t>(first) * static_cast<size_t>(stage.width_px); at < end; ++at) {
-      if (stage.behind[at] == Behind::kPatch) frame.flags[at] = kFlagNoData;
+    const auto row = static_cast<size_t>(stage.width_px);
+    const size_t begin = static_cast<size_t>(first) * row, end = static_cast<size_t>(last) * row;
+    put_empty_stage(stage, begin, end, frame);
+    ObjectPixels pixels(stage, noise, frame);
+    for (size_t at = begin; at < end; ++at) {
       if (object[at] == 0) continue;
-      std::array<float, 3> own{}, variance{};
-      const float rest = 1.0f - frame.alpha[at];
       for (size_t c = 0; c < 3; ++c) {
-        const float seen = light[3 * at + c];
-        own[c] = seen - rest * stage.average[3 * at + c];
-        variance[c] = read + gain * std::max(seen, 0.0f);
         if (view.samples[3 * at + c] >= kSaturatedCode) clipped[at] = 1;
       }
-      const float level = manifold.level(own[0], own[1], own[2]);
-      if (!(level > 0.0f && level * level > kDarkest_sd * kDarkest_sd * manifold.level_variance(variance)) ||
-          frame.alpha[at] == 0.0f) {
-        frame.rho[at] = std::max(level, 0.0f);
-        continue;
-      }
-      const ColourManifold::Found found = manifold.find(own[0], own[1], own[2]);
-      frame.x_px[at] = found.x_px;
-      frame.y_px[at] = found.y_px;
-      frame.rho[at] = found.rho;
-      const std::array<float, 3> info = manifold.information(own[0], own[1], own[2], variance);
-      frame.info_xx[at] = info[0];
-      frame.info_xy[at] = info[1];
-      frame.info_yy[at] = info[2];
+      pixels.add(at, {light[3 * at], light[3 * at + 1], light[3 * at + 2]});
     }
+    pixels.finish();
   });
-  GW_RETURN_IF_ERROR(check_background_stands(stage, light, frame));
-  if (prepared_->options.highlights) {
-    const std::vector<std::uint8_t> highlights = find_highlights(frame, clipped,
-                                                                 {.delta = prepared_->options.delta,
-                                                                  .rise = prepared_->options.highlight_rise,
-                                                                  .rho_sd = static_cast<double>(frame.rho_sd),
-                                                                  .reach_px = prepared_->highlight_reach_px});
-    if (!highlights.empty()) bridge_highlights(highlights, prepared_->options.highlight_blur_px, frame);
-  }
+  // Both look at the frame.
+  absl::Status stands;
+  std::vector<std::uint8_t> highlights;
+  for_rows(2, std::min(thread_count, 2), [&](int first, int last) {
+    if (first == 0) stands = check_background_stands(stage, light, frame);
+    if (last < 2 || !prepared_->options.highlights) return;
+    highlights = find_highlights(frame, clipped,
+                                 {.delta = prepared_->options.delta,
+                                  .rise = prepared_->options.highlight_rise,
+                                  .rho_sd = static_cast<double>(frame.rho_sd),
+                                  .reach_px = prepared_->highlight_reach_px});
+  });
+  GW_RETURN_IF_ERROR(stands);
+  if (!highlights.empty()) bridge_highlights(highlights, prepared_->options.highlight_blur_px, frame);
   return frame;
-}
-
-double RampExtractor::noise_sd(const FrameView& view) const {
-  return std::sqrt(noise_of(prepared_->stage, view).variance(kUsualLight));
 }
 
 void RampExtractor::finish(const FrameView& view, RampFrame& frame, int thread_count) const {
