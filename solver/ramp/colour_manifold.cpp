@@ -3,6 +3,8 @@
 #include <Eigen/Dense>
 #include <algorithm>
 
+#include "solver/ramp/colour_manifold_kernel.h"
+
 namespace glasswing {
 namespace {
 
@@ -150,70 +152,20 @@ ColourManifold::Light ColourManifold::light(double x_px, double y_px) const {
   return sides(x_px, y_px).light;
 }
 
-// In passes, so that compilers make vectors of all but the looking up.
 void ColourManifold::find(Colours& colours, size_t count) const {
-  using Values = Colours::Values;
-  Values level, top_a, top_b, across, down;
-  std::array<int, Colours::kMost> node;
-  const auto& [r, g, b] = colours.light;
-  constexpr float kInside = kCells - 1e-3f;
-  for (size_t i = 0; i < count; ++i) {
-    level[i] = this->level(r[i], g[i], b[i]);
-    const float per_level = 1.0f / level[i];
-    top_a[i] = (to_a_[0] * r[i] + to_a_[1] * g[i] + to_a_[2] * b[i]) * per_level;
-    top_b[i] = (to_b_[0] * r[i] + to_b_[1] * g[i] + to_b_[2] * b[i]) * per_level;
-    const auto inside = [](float value) {
-      const float positive = value > 0.0f ? value : 0.0f;
-      return positive < kInside ? positive : kInside;
-    };
-    const float x = inside((top_a[i] - from_[0]) * scale_[0]), y = inside((top_b[i] - from_[1]) * scale_[1]);
-    const int column = static_cast<int>(x), row = static_cast<int>(y);
-    across[i] = x - static_cast<float>(column);
-    down[i] = y - static_cast<float>(row);
-    node[i] = row * (kCells + 1) + column;
-  }
-  std::array<Values, 4> slope;
-  const auto width = static_cast<float>(width_px_), height = static_cast<float>(height_px_);
-  for (size_t i = 0; i < count; ++i) {
-    const auto first = static_cast<size_t>(node[i]);
-    const auto look_up = [&](const std::vector<Node>& table) {
-      const Node *const top = &table[first], *const low = top + kCells + 1;
-      Node found;
-      for (size_t part = 0; part < found.size(); ++part) {
-        const float above = top[0][part] + across[i] * (top[1][part] - top[0][part]);
-        const float below = low[0][part] + across[i] * (low[1][part] - low[0][part]);
-        found[part] = above + down[i] * (below - above);
-      }
-      return found;
-    };
-    Node found = look_up(table_);
-    const bool on_monitor = found[0] >= 0.0f && found[0] <= width && found[1] >= 0.0f && found[1] <= height;
-    if (!on_monitor) found = look_up(held_);
-    colours.x_px[i] = found[0];
-    colours.y_px[i] = found[1];
-    colours.rho[i] = found[2] * level[i];
-    for (size_t part = 0; part < slope.size(); ++part) slope[part][i] = slope_[first][part];
-  }
-  for (size_t i = 0; i < count; ++i) {
-    float aa = 0.0f, ab = 0.0f, bb = 0.0f;
-    for (size_t c = 0; c < 3; ++c) {
-      const float variance = colours.variance[c][i];
-      const float da = to_a_[c] - top_a[i] * level_[c], db = to_b_[c] - top_b[i] * level_[c];
-      aa += variance * da * da;
-      ab += variance * da * db;
-      bb += variance * db * db;
-    }
-    const float xa = slope[0][i] * aa + slope[1][i] * ab, xb = slope[0][i] * ab + slope[1][i] * bb,
-                ya = slope[2][i] * aa + slope[3][i] * ab, yb = slope[2][i] * ab + slope[3][i] * bb;
-    const float xx = xa * slope[0][i] + xb * slope[1][i], xy = xa * slope[2][i] + xb * slope[3][i],
-                yy = ya * slope[2][i] + yb * slope[3][i];
-    // Covariances are of light on the plane n . C = 2.
-    const float determinant = xx * yy - xy * xy;
-    const float share = determinant > 0.0f ? level[i] * level[i] / determinant : 0.0f;
-    colours.information_per_px2[0][i] = yy * share;
-    colours.information_per_px2[1][i] = -xy * share;
-    colours.information_per_px2[2][i] = xx * share;
-  }
+  internal::find_colours({.row = kCells + 1,
+                          .most = kCells - 1e-3f,
+                          .level = level_,
+                          .to_a = to_a_,
+                          .to_b = to_b_,
+                          .from = from_,
+                          .scale = scale_,
+                          .width_px = static_cast<float>(width_px_),
+                          .height_px = static_cast<float>(height_px_),
+                          .nodes = table_.data()->data(),
+                          .held = held_.data()->data(),
+                          .slopes = slope_.data()->data()},
+                         colours, count);
 }
 
 // The place with the least distance of T from the line along `direction`: projected Gauss-Newton; a

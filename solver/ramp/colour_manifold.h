@@ -65,7 +65,7 @@ class ColourManifold {
   static constexpr int kDegree = 6, kTerms = (kDegree + 1) * (kDegree + 2) / 2;
   static constexpr int kCells = 160;  // a side of the table
 
-  // x, y, rho and nothing: a vector.
+  // x, y, rho and nothing.
   using Node = std::array<float, 4>;
   struct Sides {
     Light light, along_x, along_y;

@@ -65,8 +65,8 @@ void put_empty_stage(const RampStage& stage, size_t begin, size_t end, RampFrame
   for (std::vector<float>* plane :
        {&frame.rho, &frame.highlight, &frame.info_xx, &frame.info_xy, &frame.info_yy})
     std::fill(plane->begin() + from, plane->begin() + to, 0.0f);
-  for (size_t at = begin; at < end; ++at)
-    frame.flags[at] = stage.behind[at] == Behind::kPatch ? kFlagNoData : kFlagNone;
+  std::transform(stage.behind.begin() + from, stage.behind.begin() + to, frame.flags.begin() + from,
+                 [](Behind behind) { return behind == Behind::kPatch ? kFlagNoData : kFlagNone; });
 }
 
 // The object's pixels, of which some at once are looked up.
