@@ -69,59 +69,53 @@ void put_empty_stage(const RampStage& stage, size_t begin, size_t end, RampFrame
                  [](Behind behind) { return behind == Behind::kPatch ? kFlagNoData : kFlagNone; });
 }
 
-// The object's pixels, of which some at once are looked up.
+// c, rho and the information of pixels of the object.
 class ObjectPixels {
  public:
-  ObjectPixels(const RampStage& stage, const SampleNoise& noise, RampFrame& frame)
+  static constexpr size_t kMost = ColourManifold::Colours::kMost;
+
+  ObjectPixels(const RampStage& stage, const SampleNoise& noise)
       : stage_(stage),
         read_(static_cast<float>(noise.read_sd * noise.read_sd)),
-        gain_(static_cast<float>(noise.gain)),
-        frame_(frame) {}
+        gain_(static_cast<float>(noise.gain)) {}
 
-  // `seen`: light.
-  void add(size_t at, const std::array<float, 3>& seen) {
+  // Of `count` from `first` on, at most kMost.
+  void find(const FrameLight& light, size_t first, size_t count, RampFrame& frame) {
     const ColourManifold& manifold = stage_.manifold;
-    const float rest = 1.0f - frame_.alpha[at];
-    std::array<float, 3> own, variance;
     for (size_t c = 0; c < 3; ++c) {
-      own[c] = seen[c] - rest * stage_.average[3 * at + c];
-      variance[c] = read_ + gain_ * std::max(seen[c], 0.0f);
+      for (size_t i = 0; i < count; ++i) {
+        const size_t at = 3 * (first + i) + c;
+        const float seen = light[at];
+        colours_.light[c][i] = seen - (1.0f - frame.alpha[first + i]) * stage_.average[at];
+        colours_.variance[c][i] = read_ + gain_ * (seen > 0.0f ? seen : 0.0f);
+      }
     }
-    const float level = manifold.level(own[0], own[1], own[2]);
-    if (!(level > 0.0f && level * level > kDarkest_sd * kDarkest_sd * manifold.level_variance(variance)) ||
-        frame_.alpha[at] == 0.0f) {
-      frame_.rho[at] = std::max(level, 0.0f);
-      return;
+    manifold.find(colours_, count);
+    for (size_t i = 0; i < count; ++i) {
+      const size_t at = first + i;
+      const auto of = [&](const std::array<ColourManifold::Colours::Values, 3>& channels) {
+        return std::array<float, 3>{channels[0][i], channels[1][i], channels[2][i]};
+      };
+      const std::array<float, 3> own = of(colours_.light);
+      const float level = manifold.level(own[0], own[1], own[2]);
+      const float darkest = kDarkest_sd * kDarkest_sd * manifold.level_variance(of(colours_.variance));
+      if (!(level > 0.0f && level * level > darkest) || frame.alpha[at] == 0.0f) {
+        frame.rho[at] = std::max(level, 0.0f);
+        continue;
+      }
+      frame.x_px[at] = colours_.x_px[i];
+      frame.y_px[at] = colours_.y_px[i];
+      frame.rho[at] = colours_.rho[i];
+      frame.info_xx[at] = colours_.information_per_px2[0][i];
+      frame.info_xy[at] = colours_.information_per_px2[1][i];
+      frame.info_yy[at] = colours_.information_per_px2[2][i];
     }
-    for (size_t c = 0; c < 3; ++c) {
-      colours_.light[c][count_] = own[c];
-      colours_.variance[c][count_] = variance[c];
-    }
-    places_[count_++] = at;
-    if (count_ == places_.size()) finish();
-  }
-
-  void finish() {
-    stage_.manifold.find(colours_, count_);
-    for (size_t i = 0; i < count_; ++i) {
-      const size_t at = places_[i];
-      frame_.x_px[at] = colours_.x_px[i];
-      frame_.y_px[at] = colours_.y_px[i];
-      frame_.rho[at] = colours_.rho[i];
-      frame_.info_xx[at] = colours_.information_per_px2[0][i];
-      frame_.info_xy[at] = colours_.information_per_px2[1][i];
-      frame_.info_yy[at] = colours_.information_per_px2[2][i];
-    }
-    count_ = 0;
   }
 
  private:
   const RampStage& stage_;
   float read_, gain_;
-  RampFrame& frame_;
   ColourManifold::Colours colours_{};
-  std::array<size_t, ColourManifold::Colours::kMost> places_{};
-  size_t count_ = 0;
 };
 
 }  // namespace
@@ -185,15 +179,20 @@ absl::StatusOr<RampFrame> RampExtractor::extract(const FrameView& view, int thre
     const auto row = static_cast<size_t>(stage.width_px);
     const size_t begin = static_cast<size_t>(first) * row, end = static_cast<size_t>(last) * row;
     put_empty_stage(stage, begin, end, frame);
-    ObjectPixels pixels(stage, noise, frame);
-    for (size_t at = begin; at < end; ++at) {
-      if (object[at] == 0) continue;
-      for (size_t c = 0; c < 3; ++c) {
-        if (view.samples[3 * at + c] >= kSaturatedCode) clipped[at] = 1;
+    ObjectPixels pixels(stage, noise);
+    const auto is_object = [](std::uint8_t pixel) { return pixel != 0; };
+    const std::uint8_t *const from = object.data(), *const to = from + end;
+    for (const std::uint8_t* run = from + begin; (run = std::find_if(run, to, is_object)) != to;) {
+      const auto most = static_cast<size_t>(to - run);
+      const std::uint8_t* const run_end =
+          std::find_if_not(run, run + std::min(most, ObjectPixels::kMost), is_object);
+      const auto at = static_cast<size_t>(run - from), count = static_cast<size_t>(run_end - run);
+      pixels.find(light, at, count, frame);
+      for (size_t i = 3 * at; i < 3 * (at + count); ++i) {
+        if (view.samples[i] >= kSaturatedCode) clipped[i / 3] = 1;
       }
-      pixels.add(at, {light[3 * at], light[3 * at + 1], light[3 * at + 2]});
+      run = run_end;
     }
-    pixels.finish();
   });
   // Both look at the frame.
   absl::Status stands;
