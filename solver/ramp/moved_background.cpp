@@ -17,10 +17,11 @@ constexpr double kMostOfFrame = 0.9;   // an object that covers less leaves enou
 constexpr double kMostShift_px = 1.0;  // of the camera, and five standard errors
 constexpr double kAlike = 0.7;         // of these pixels: no object keeps its background so straight
 constexpr float kSamePlace_px = 1.0f, kSameRho = 0.03f;
-constexpr size_t kMostPixels = 20'000;  // that are looked at
+constexpr size_t kMostPixels = 20'000;  // that are looked at; a mean needs fewer
+constexpr size_t kMostOfMean = 2'000;
 
-size_t step_of(const RampStage& stage) {
-  return stage.behind.size() / kMostPixels + 1;
+size_t step_of(const RampStage& stage, size_t most) {
+  return stage.behind.size() / most + 1;
 }
 
 float median_of(std::vector<float> values) {
@@ -30,13 +31,13 @@ float median_of(std::vector<float> values) {
 }
 
 // Off the object, where each pixel by itself shows no change.
-absl::Status check_surroundings(const RampStage& stage, const FrameLight& light, const RampFrame& frame) {
+absl::Status check_surroundings(const RampStage& stage, const RampLight& light, const RampFrame& frame) {
   constexpr int kArm_px = 4;  // over which the average's slope is taken
   const auto row = static_cast<size_t>(stage.width_px);
   Eigen::Matrix3d squares = Eigen::Matrix3d::Zero();
   Eigen::Vector3d sums = Eigen::Vector3d::Zero();
   double rest = 0.0, count = 0.0;
-  const size_t step = step_of(stage);
+  const size_t step = step_of(stage, kMostPixels);
   for (size_t i = 0; i < stage.behind.size(); i += step) {
     const auto x = static_cast<int>(i % row), y = static_cast<int>(i / row);
     if (x < kArm_px || x >= stage.width_px - kArm_px || y < kArm_px || y >= stage.height_px - kArm_px)
@@ -69,9 +70,9 @@ absl::Status check_surroundings(const RampStage& stage, const FrameLight& light,
 
 }  // namespace
 
-absl::Status check_shows_ramp(const RampStage& stage, const FrameLight& light) {
+absl::Status check_shows_ramp(const RampStage& stage, const RampLight& light) {
   double seen = 0.0, empty = 0.0;
-  const size_t step = step_of(stage);
+  const size_t step = step_of(stage, kMostOfMean);
   for (size_t i = 0; i < stage.behind.size(); i += step) {
     if (stage.behind[i] != Behind::kRamp) continue;
     for (size_t c = 0; c < 3; ++c) {
@@ -85,11 +86,10 @@ absl::Status check_shows_ramp(const RampStage& stage, const FrameLight& light) {
                   100.0 * std::max(seen, 0.0) / empty));
 }
 
-absl::Status check_background_stands(const RampStage& stage, const FrameLight& light,
-                                     const RampFrame& frame) {
+absl::Status check_background_stands(const RampStage& stage, const RampLight& light, const RampFrame& frame) {
   GW_RETURN_IF_ERROR(check_surroundings(stage, light, frame));
   size_t ramp = 0, changed = 0;
-  const size_t step = step_of(stage);
+  const size_t step = step_of(stage, kMostPixels);
   for (size_t i = 0; i < stage.behind.size(); i += step) {
     if (stage.behind[i] != Behind::kRamp) continue;
     ++ramp;

@@ -4,6 +4,7 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "solver/ramp/byte_runs.h"
 #include "solver/ramp/for_rows.h"
 
 namespace glasswing {
@@ -17,6 +18,7 @@ void partial_cover(const CoverPictures& pictures, int edge_px, double noise_vari
     inner = cv::Mat();
     cv::erode(object, inner, cv::getStructuringElement(cv::MORPH_CROSS, {3, 3}), {-1, -1}, edge_px);
   }
+  const cv::Mat edge = object - inner;
   const int reach = edge_px + 1;
   const auto cover = [&](int x, int y) {
     const auto place = [&](int column, int row) {
@@ -45,11 +47,14 @@ void partial_cover(const CoverPictures& pictures, int edge_px, double noise_vari
   };
   for_rows(height, thread_count, [&](int first, int last) {
     for (int y = first; y < last; ++y) {
-      const std::uint8_t *const whole = object.ptr(y), *const core = inner.ptr(y);
+      const std::uint8_t* const core = inner.ptr(y);
       float* const row = alpha.data() + static_cast<size_t>(y) * static_cast<size_t>(width);
       for (int x = 0; x < width; ++x) row[x] = core[x] != 0 ? 1.0f : 0.0f;
-      for (int x = 0; x < width; ++x) {
-        if (whole[x] != core[x]) row[x] = cover(x, y);
+      // Few pixels are the edge's.
+      const std::uint8_t *at = edge.ptr(y), *const end = at + width;
+      while ((at = next_set(at, end)) != end) {
+        const auto x = static_cast<int>(at++ - edge.ptr(y));
+        row[x] = cover(x, y);
       }
     }
   });

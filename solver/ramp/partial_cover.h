@@ -10,15 +10,15 @@
 #include <cstdint>
 #include <span>
 
-#include "solver/ramp/frame_light.h"
+#include "solver/ramp/ramp_light.h"
 
 namespace glasswing {
 
 struct CoverPictures {
   int width_px = 0, height_px = 0;
-  FrameLight light;
+  RampLight light;
   std::span<const float> empty;          // likewise
-  std::span<const std::uint8_t> object;  // by rows, not 0 on the object
+  std::span<const std::uint8_t> object;  // by rows, 255 on the object, else 0
 };
 
 // `alpha`, by pixel: 0 off the object, 1 on it, between at pixels that are no further than `edge_px` steps

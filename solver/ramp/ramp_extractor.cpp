@@ -7,6 +7,7 @@
 
 #include "core/base/status.h"
 #include "solver/background/mask_cleaning.h"
+#include "solver/ramp/byte_runs.h"
 #include "solver/ramp/for_rows.h"
 #include "solver/ramp/highlights.h"
 #include "solver/ramp/moved_background.h"
@@ -28,7 +29,7 @@ SampleNoise noise_of(const RampStage& stage, const FrameView& view) {
 }
 
 // 255 where the light differs from the empty stage's, cleaned.
-std::vector<std::uint8_t> object_of(const RampStage& stage, const FrameLight& light, const SampleNoise& noise,
+std::vector<std::uint8_t> object_of(const RampStage& stage, const RampLight& light, const SampleNoise& noise,
                                     const RampOptions& options, const MaskCleaning& cleaning,
                                     int thread_count) {
   const double least = options.least_difference / options.threshold_sd;
@@ -47,9 +48,12 @@ std::vector<std::uint8_t> object_of(const RampStage& stage, const FrameLight& li
         const float variance = read + gain * (empty > 0.0f ? empty : 0.0f);
         squares[i] = difference * difference / (variance > floor ? variance : floor);
       }
-      for (size_t x = 0; x < width; ++x) {
-        const bool differs = squares[3 * x] + squares[3 * x + 1] + squares[3 * x + 2] > threshold;
-        object[from + x] = differs && stage.behind[from + x] != Behind::kPatch ? 255 : 0;
+      const float* square = squares.data();
+      const Behind* const behind = stage.behind.data() + from;
+      std::uint8_t* const to = object.data() + from;
+      for (size_t x = 0; x < width; ++x, square += 3) {
+        const bool differs = square[0] + square[1] + square[2] > threshold;
+        to[x] = differs && behind[x] != Behind::kPatch ? 255 : 0;
       }
     }
   });
@@ -74,18 +78,21 @@ class ObjectPixels {
  public:
   static constexpr size_t kMost = ColourManifold::Colours::kMost;
 
-  ObjectPixels(const RampStage& stage, const SampleNoise& noise)
+  ObjectPixels(const RampStage& stage, const SampleNoise& noise, const FrameView& view,
+               const RampLight& light)
       : stage_(stage),
+        view_(view),
+        light_(light),
         read_(static_cast<float>(noise.read_sd * noise.read_sd)),
         gain_(static_cast<float>(noise.gain)) {}
 
   // Of `count` from `first` on, at most kMost.
-  void find(const FrameLight& light, size_t first, size_t count, RampFrame& frame) {
+  void find(size_t first, size_t count, RampFrame& frame) {
     const ColourManifold& manifold = stage_.manifold;
     for (size_t c = 0; c < 3; ++c) {
       for (size_t i = 0; i < count; ++i) {
         const size_t at = 3 * (first + i) + c;
-        const float seen = light[at];
+        const float seen = light_[at];
         colours_.light[c][i] = seen - (1.0f - frame.alpha[first + i]) * stage_.average[at];
         colours_.variance[c][i] = read_ + gain_ * (seen > 0.0f ? seen : 0.0f);
       }
@@ -112,8 +119,24 @@ class ObjectPixels {
     }
   }
 
+  // 255 where the highlights surely are.
+  void mark_highlights(size_t first, size_t count, float rho, const RampFrame& frame,
+                       std::span<std::uint8_t> sure) const {
+    const auto covered = [&](size_t at) { return frame.alpha[at] > kHighlightCover; };
+    for (size_t at = first; at < first + count; ++at) sure[at] = frame.rho[at] > rho && covered(at) ? 255 : 0;
+    const auto samples = view_.samples.subspan(3 * first, 3 * count);
+    std::uint16_t most = 0;
+    for (const std::uint16_t sample : samples) most = std::max(most, sample);
+    if (most < kSaturatedCode) return;
+    for (size_t i = 0; i < samples.size(); ++i) {
+      if (samples[i] >= kSaturatedCode && covered(first + i / 3)) sure[first + i / 3] = 255;
+    }
+  }
+
  private:
   const RampStage& stage_;
+  const FrameView& view_;
+  const RampLight& light_;
   float read_, gain_;
   ColourManifold::Colours colours_{};
 };
@@ -159,7 +182,7 @@ absl::StatusOr<RampFrame> RampExtractor::extract(const FrameView& view, int thre
                                                   stage.height_px));
   }
   const SampleNoise noise = noise_of(stage, view);
-  const FrameLight light(view, stage.black);
+  const RampLight light(view, stage.black);
   GW_RETURN_IF_ERROR(check_shows_ramp(stage, light));
   const std::vector<std::uint8_t> object =
       object_of(stage, light, noise, prepared_->options, prepared_->cleaning, thread_count);
@@ -174,24 +197,26 @@ absl::StatusOr<RampFrame> RampExtractor::extract(const FrameView& view, int thre
                  .empty = stage.average,
                  .object = object},
                 prepared_->options.edge_px, usual_variance, thread_count, frame.alpha);
-  std::vector<std::uint8_t> clipped(stage.behind.size());
+  const HighlightRule rule{.delta = prepared_->options.delta,
+                           .rise = prepared_->options.highlight_rise,
+                           .rho_sd = static_cast<double>(frame.rho_sd),
+                           .reach_px = prepared_->highlight_reach_px};
+  std::vector<std::uint8_t> sure(stage.behind.size());
   for_rows(stage.height_px, thread_count, [&](int first, int last) {
+    ObjectPixels pixels(stage, noise, view, light);
     const auto row = static_cast<size_t>(stage.width_px);
-    const size_t begin = static_cast<size_t>(first) * row, end = static_cast<size_t>(last) * row;
-    put_empty_stage(stage, begin, end, frame);
-    ObjectPixels pixels(stage, noise);
-    const auto is_object = [](std::uint8_t pixel) { return pixel != 0; };
-    const std::uint8_t *const from = object.data(), *const to = from + end;
-    for (const std::uint8_t* run = from + begin; (run = std::find_if(run, to, is_object)) != to;) {
-      const auto most = static_cast<size_t>(to - run);
-      const std::uint8_t* const run_end =
-          std::find_if_not(run, run + std::min(most, ObjectPixels::kMost), is_object);
-      const auto at = static_cast<size_t>(run - from), count = static_cast<size_t>(run_end - run);
-      pixels.find(light, at, count, frame);
-      for (size_t i = 3 * at; i < 3 * (at + count); ++i) {
-        if (view.samples[i] >= kSaturatedCode) clipped[i / 3] = 1;
+    for (int y = first; y < last; ++y) {
+      const size_t begin = static_cast<size_t>(y) * row;
+      put_empty_stage(stage, begin, begin + row, frame);
+      const std::uint8_t *run = object.data() + begin, *const end = run + row;
+      while ((run = next_set(run, end)) != end) {
+        const std::uint8_t* const run_end =
+            next_clear(run, run + std::min(end - run, std::ptrdiff_t{ObjectPixels::kMost}));
+        const auto at = static_cast<size_t>(run - object.data()), count = static_cast<size_t>(run_end - run);
+        pixels.find(at, count, frame);
+        pixels.mark_highlights(at, count, rule.sure_rho(), frame, sure);
+        run = run_end;
       }
-      run = run_end;
     }
   });
   // Both look at the frame.
@@ -200,11 +225,7 @@ absl::StatusOr<RampFrame> RampExtractor::extract(const FrameView& view, int thre
   for_rows(2, std::min(thread_count, 2), [&](int first, int last) {
     if (first == 0) stands = check_background_stands(stage, light, frame);
     if (last < 2 || !prepared_->options.highlights) return;
-    highlights = find_highlights(frame, clipped,
-                                 {.delta = prepared_->options.delta,
-                                  .rise = prepared_->options.highlight_rise,
-                                  .rho_sd = static_cast<double>(frame.rho_sd),
-                                  .reach_px = prepared_->highlight_reach_px});
+    highlights = find_highlights(frame, sure, rule);
   });
   GW_RETURN_IF_ERROR(stands);
   if (!highlights.empty()) bridge_highlights(highlights, prepared_->options.highlight_blur_px, frame);

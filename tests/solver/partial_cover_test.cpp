@@ -46,7 +46,7 @@ struct Disc {
         edge_px, noise_variance, threads, alpha);
     return alpha;
   }
-  FrameLight light() const { return {{.width_px = kSide_px, .height_px = kSide_px, .samples = samples}, {}}; }
+  RampLight light() const { return {{.width_px = kSide_px, .height_px = kSide_px, .samples = samples}, {}}; }
 };
 
 // Root mean square over the pixels at the edge.

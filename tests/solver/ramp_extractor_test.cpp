@@ -78,6 +78,56 @@ TEST(RampExtractor, ErrorsAreAsItsInformationSays) {
   EXPECT_NEAR(chi_square / count, 2.0, 10.0 / std::sqrt(count) + 0.04);
 }
 
+TEST(RampExtractor, LightThatIsThereWithoutTheRampIsTakenOff) {
+  constexpr int kLit = 3'277;  // codes
+  const RampScene scene;
+  const auto truth = [&](int x, int y) { return scene.lens(x, y); };
+  const auto lit = [&](const RampScene::Truth& of) {
+    return scene.frame([&](int x, int y) {
+      RampTruth here = of(x, y);
+      here.f = kLit / 65535.0;
+      return here;
+    });
+  };
+  const std::vector<std::uint16_t> empty = lit([](int, int) { return RampTruth{}; }),
+                                   black(empty.size(), kLit);
+  const std::array<FrameView, 1> empties{scene.view(empty)}, blacks{scene.view(black)};
+  const auto extractor = RampExtractor::create(scene.manifest(), {}, empties, {}, blacks);
+  ASSERT_TRUE(extractor.ok()) << extractor.status();
+  const auto frame = extractor->extract(scene.view(lit(truth)), 1);
+  ASSERT_TRUE(frame.ok()) << frame.status();
+  const auto unlit = scene.extractor()->extract(scene.view(scene.frame(truth)), 1);
+  ASSERT_TRUE(unlit.ok()) << unlit.status();
+  EXPECT_EQ(frame->alpha, unlit->alpha);
+  for_pixels(scene, [&](int x, int y, size_t at) {
+    if (!is_inside(truth, x, y)) return;
+    // A code more or less is 0.003 px.
+    EXPECT_NEAR(frame->x_px[at], unlit->x_px[at], 0.01) << x << " " << y;
+    EXPECT_NEAR(frame->y_px[at], unlit->y_px[at], 0.01) << x << " " << y;
+    EXPECT_NEAR(frame->rho[at], unlit->rho[at], 1e-4) << x << " " << y;
+  });
+}
+
+TEST(RampExtractor, AFrameTakesTheMemoryOfAnotherAndNothingElseOfIt) {
+  RampScene scene;
+  scene.read_sd = 0.004;
+  const auto extractor = scene.extractor();
+  ASSERT_TRUE(extractor.ok()) << extractor.status();
+  const auto samples = scene.frame([&](int x, int y) { return scene.lens(x, y); });
+  const auto fresh = extractor->extract(scene.view(samples), 1);
+  ASSERT_TRUE(fresh.ok()) << fresh.status();
+  RampFrame spent(scene.width_px, scene.height_px);
+  std::vector<float> RampFrame::*const planes[] = {
+      &RampFrame::alpha,     &RampFrame::rho,     &RampFrame::x_px,    &RampFrame::y_px,
+      &RampFrame::highlight, &RampFrame::info_xx, &RampFrame::info_xy, &RampFrame::info_yy};
+  for (const auto plane : planes) std::ranges::fill(spent.*plane, 7.0f);
+  std::ranges::fill(spent.flags, std::uint8_t{7});
+  const auto other = extractor->extract(scene.view(samples), 3, std::move(spent));
+  ASSERT_TRUE(other.ok()) << other.status();
+  for (const auto plane : planes) EXPECT_EQ((*fresh).*plane, (*other).*plane);
+  EXPECT_EQ(fresh->flags, other->flags);
+}
+
 TEST(RampExtractor, LearnsTheNoiseFromTheEmptyFrames) {
   RampScene scene;
   scene.read_sd = 0.01;

@@ -8,10 +8,10 @@
 
 namespace glasswing {
 
-class FrameLight {
+class RampLight {
  public:
   // `black`: light that is there with the monitors black; empty: none.
-  FrameLight(const FrameView& view, std::span<const float> black)
+  RampLight(const FrameView& view, std::span<const float> black)
       : samples_(view.samples), unit_(view.unit), offset_(-view.zero * view.unit), black_(black) {}
 
   float operator[](size_t i) const {
