@@ -6,6 +6,7 @@
 #include <thread>
 
 #include "core/base/status.h"
+#include "core/radiometry/evenness.h"
 #include "solver/linear_stack.h"
 
 namespace glasswing {
@@ -25,8 +26,7 @@ FrameStack rows_of(const FrameStack& stack, const std::vector<int>& needed, int 
   return band;
 }
 
-}  // namespace
-
+// Out of a finished matte, not out of samples, whose noise stays as it is.
 void take_out_fall_off(const Evenness& evenness, Matte& matte) {
   if (evenness.is_even()) return;
   for (int y = 0; y < matte.height_px(); ++y) {
@@ -45,6 +45,8 @@ void take_out_fall_off(const Evenness& evenness, Matte& matte) {
     }
   }
 }
+
+}  // namespace
 
 absl::StatusOr<Matte> solve_in_bands(const Method& method, const FrameStack& stack, int thread_count,
                                      std::stop_token stop, const std::function<void(double)>& progress) {

@@ -5,7 +5,6 @@
 #include <functional>
 #include <stop_token>
 
-#include "core/radiometry/evenness.h"
 #include "solver/method.h"
 
 namespace glasswing {
@@ -16,8 +15,5 @@ namespace glasswing {
 absl::StatusOr<Matte> solve_in_bands(const Method& method, const FrameStack& stack, int thread_count = 0,
                                      std::stop_token stop = {},
                                      const std::function<void(double)>& progress = nullptr);
-
-// Out of a finished matte, not out of samples, whose noise stays as it is.
-void take_out_fall_off(const Evenness& evenness, Matte& matte);
 
 }  // namespace glasswing

@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "core/base/file.h"
+#include "core/base/freed_memory.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/frame/image_file.h"
@@ -180,6 +181,7 @@ CLI::App& add_mask_command(CLI::App& app, MaskPictures& pictures) {
 
 int main(int argc, char** argv) {
   using namespace glasswing;
+  keep_freed_memory();
   CLI::App app("Glasswing's solver: turns frames into tiles of a matte, for as long as the server has any.");
   app.footer(
       "Examples:\n  glasswing-solver --server 127.0.0.1:7440 --name solver-1\n"

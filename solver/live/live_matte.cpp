@@ -76,11 +76,12 @@ absl::StatusOr<RampFrame> LiveMatte::next(const StreamedFrame& frame) {
   auto seen = std::make_unique<Seen>();
   const FrameStack light = light_of(light_, manifest_, frame);
   const FrameView view = view_of(light, frame);
-  GW_ASSIGN_OR_RETURN(seen->raw, extractor_.extract(view, thread_count_));
+  GW_ASSIGN_OR_RETURN(seen->raw, extractor_.extract(view, thread_count_, std::move(spent_)));
   seen->input.frame = &seen->raw;
   smoother_.prepare(seen->input, thread_count_);
   before_.push_back(std::move(seen));
-  while (before_.size() > static_cast<size_t>(smoother_.frames_before()) + 1) before_.pop_front();
+  for (; before_.size() > static_cast<size_t>(smoother_.frames_before()) + 1; before_.pop_front())
+    spent_ = std::move(before_.front()->raw);
   std::vector<SmoothInput> window;
   for (const auto& each : before_) window.push_back(each->input);
   RampFrame smooth = smoother_.smooth(window, window.size() - 1, thread_count_);

@@ -50,6 +50,7 @@ class LiveMatte {
   Matte empty_stage_;
   int thread_count_;
   std::deque<std::unique_ptr<Seen>> before_;
+  RampFrame spent_;  // whose memory the next takes
 };
 
 }  // namespace glasswing

@@ -3,6 +3,8 @@
 #include <Eigen/Dense>
 #include <algorithm>
 
+#include "solver/ramp/colour_manifold_kernel.h"
+
 namespace glasswing {
 namespace {
 
@@ -150,6 +152,22 @@ ColourManifold::Light ColourManifold::light(double x_px, double y_px) const {
   return sides(x_px, y_px).light;
 }
 
+void ColourManifold::find(Colours& colours, size_t count) const {
+  internal::find_colours({.row = kCells + 1,
+                          .most = kCells - 1e-3f,
+                          .level = level_,
+                          .to_a = to_a_,
+                          .to_b = to_b_,
+                          .from = from_,
+                          .scale = scale_,
+                          .width_px = static_cast<float>(width_px_),
+                          .height_px = static_cast<float>(height_px_),
+                          .nodes = table_.data()->data(),
+                          .held = held_.data()->data(),
+                          .slopes = slope_.data()->data()},
+                         colours, count);
+}
+
 // The place with the least distance of T from the line along `direction`: projected Gauss-Newton; a
 // coordinate that would leave the monitor is held at its edge and the other solved again.
 std::array<double, 2> ColourManifold::nearest(const Light& direction, std::array<double, 2> start,
@@ -242,7 +260,7 @@ void ColourManifold::fill_table() {
       const auto node_at = [&](const std::array<double, 2>& place) {
         const Light here = light(place[0], place[1]);
         return Node{static_cast<float>(place[0]), static_cast<float>(place[1]),
-                    static_cast<float>(dot(direction, here) / dot(here, here))};
+                    static_cast<float>(dot(direction, here) / dot(here, here)), 0.0f};
       };
       const std::array<double, 2> place = nearest(direction, guess, false);
       const size_t node = row * kSide + column;

@@ -38,12 +38,17 @@ class ColourManifold {
   // T at a place of the monitor.
   Light light(double x_px, double y_px) const;
 
-  struct Found {
-    float x_px, y_px;
-    float rho;  // not clamped
+  // The colours of some pixels, and what they tell.
+  struct Colours {
+    static constexpr size_t kMost = 64;
+    using Values = std::array<float, kMost>;
+    std::array<Values, 3> light, variance;      // of the channels
+    Values x_px, y_px;                          // c
+    Values rho;                                 // not clamped
+    std::array<Values, 3> information_per_px2;  // xx, xy, yy: inverse covariance of c
   };
-  // Of light that is not 0 or less in all: level() > 0.
-  Found find(float r, float g, float b) const;
+  // Of the first `count`, whose light is not 0 or less in all: level() > 0.
+  void find(Colours& colours, size_t count) const;
   // n . C / 2: 1 on the plane.
   float level(float r, float g, float b) const { return level_[0] * r + level_[1] * g + level_[2] * b; }
 
@@ -53,9 +58,6 @@ class ColourManifold {
            level_[2] * level_[2] * variance[2];
   }
 
-  // Inverse covariance of c, xx, xy, yy, 1/px^2, of this light with these variances of its channels.
-  std::array<float, 3> information(float r, float g, float b, const std::array<float, 3>& variance) const;
-
   // Standard deviation of the colours from the model.
   double residual() const { return residual_; }
 
@@ -63,9 +65,8 @@ class ColourManifold {
   static constexpr int kDegree = 6, kTerms = (kDegree + 1) * (kDegree + 2) / 2;
   static constexpr int kCells = 160;  // a side of the table
 
-  struct Node {
-    float x_px, y_px, rho;
-  };
+  // x, y, rho and nothing.
+  using Node = std::array<float, 4>;
   struct Sides {
     Light light, along_x, along_y;
   };
@@ -88,60 +89,5 @@ class ColourManifold {
   std::vector<Node> table_, held_;
   std::vector<std::array<float, 4>> slope_;  // of the cells: d(x, y) / d(a, b), px
 };
-
-inline ColourManifold::Found ColourManifold::find(float r, float g, float b) const {
-  const float per_level = 1.0f / level(r, g, b);
-  const auto inside = [](float value) {
-    const float positive = value > 0.0f ? value : 0.0f;
-    return positive < kCells - 1e-3f ? positive : kCells - 1e-3f;
-  };
-  const float across =
-      inside(((to_a_[0] * r + to_a_[1] * g + to_a_[2] * b) * per_level - from_[0]) * scale_[0]);
-  const float down =
-      inside(((to_b_[0] * r + to_b_[1] * g + to_b_[2] * b) * per_level - from_[1]) * scale_[1]);
-  const int column = static_cast<int>(across), row = static_cast<int>(down);
-  const float fx = across - static_cast<float>(column), fy = down - static_cast<float>(row);
-  const size_t first = static_cast<size_t>(row) * (kCells + 1) + static_cast<size_t>(column);
-  const auto look_up = [&](const std::vector<Node>& table) {
-    const Node *const top = &table[first], *const low = top + kCells + 1;
-    const auto blend = [&](float Node::*part) {
-      const float above = top[0].*part + fx * (top[1].*part - top[0].*part);
-      const float below = low[0].*part + fx * (low[1].*part - low[0].*part);
-      return above + fy * (below - above);
-    };
-    return Found{
-        .x_px = blend(&Node::x_px), .y_px = blend(&Node::y_px), .rho = blend(&Node::rho) / per_level};
-  };
-  const Found found = look_up(table_);
-  const bool on_monitor = found.x_px >= 0.0f && found.x_px <= static_cast<float>(width_px_) &&
-                          found.y_px >= 0.0f && found.y_px <= static_cast<float>(height_px_);
-  return on_monitor ? found : look_up(held_);
-}
-
-inline std::array<float, 3> ColourManifold::information(float r, float g, float b,
-                                                        const std::array<float, 3>& variance) const {
-  const float per_level = 1.0f / level(r, g, b);
-  const float top_a = (to_a_[0] * r + to_a_[1] * g + to_a_[2] * b) * per_level;
-  const float top_b = (to_b_[0] * r + to_b_[1] * g + to_b_[2] * b) * per_level;
-  float aa = 0.0f, ab = 0.0f, bb = 0.0f;
-  for (size_t c = 0; c < 3; ++c) {
-    const float da = to_a_[c] - top_a * level_[c], db = to_b_[c] - top_b * level_[c];
-    aa += variance[c] * da * da;
-    ab += variance[c] * da * db;
-    bb += variance[c] * db * db;
-  }
-  const auto cell = [&](float top, size_t axis) {
-    const float at = (top - from_[axis]) * scale_[axis], positive = at > 0.0f ? at : 0.0f;
-    return static_cast<size_t>(static_cast<int>(positive < kCells ? positive : kCells));
-  };
-  const std::array<float, 4>& s = slope_[cell(top_b, 1) * (kCells + 1) + cell(top_a, 0)];
-  const float xa = s[0] * aa + s[1] * ab, xb = s[0] * ab + s[1] * bb, ya = s[2] * aa + s[3] * ab,
-              yb = s[2] * ab + s[3] * bb;
-  const float xx = xa * s[0] + xb * s[1], xy = xa * s[2] + xb * s[3], yy = ya * s[2] + yb * s[3];
-  const float square = per_level * per_level, determinant = (xx * yy - xy * xy) * square;
-  if (!(determinant > 0.0f)) return {0.0f, 0.0f, 0.0f};
-  const float share = 1.0f / determinant;
-  return {yy * share, -xy * share, xx * share};
-}
 
 }  // namespace glasswing

@@ -5,28 +5,29 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "solver/ramp/byte_runs.h"
+
 namespace glasswing {
 namespace {
-
-constexpr float kCovered = 0.5f;  // alpha
 
 cv::Mat plane_of(const std::vector<float>& plane, const RampFrame& frame, const cv::Rect& box) {
   return cv::Mat(frame.height_px, frame.width_px, CV_32F, const_cast<float*>(plane.data()))(box);
 }
 
-// Where the predicate holds, and so many pixels around; within the picture.
-template <typename Predicate>
-cv::Rect box_round(const RampFrame& frame, int margin_px, const Predicate& predicate) {
+// Round what is 255, and so many pixels more; within the picture.
+cv::Rect box_round(std::span<const std::uint8_t> mask, const RampFrame& frame, int margin_px) {
   int left = frame.width_px, right = -1, top = frame.height_px, bottom = -1;
-  size_t at = 0;
   for (int y = 0; y < frame.height_px; ++y) {
-    for (int x = 0; x < frame.width_px; ++x, ++at) {
-      if (!predicate(at)) continue;
-      left = std::min(left, x);
-      right = std::max(right, x);
-      top = std::min(top, y);
-      bottom = y;
-    }
+    const std::uint8_t* const row =
+        mask.data() + static_cast<size_t>(y) * static_cast<size_t>(frame.width_px);
+    const std::uint8_t *const end = row + frame.width_px, *const first = next_set(row, end);
+    if (first == end) continue;
+    const std::uint8_t* last = end - 1;
+    while (*last == 0) --last;
+    left = std::min(left, static_cast<int>(first - row));
+    right = std::max(right, static_cast<int>(last - row));
+    top = std::min(top, y);
+    bottom = y;
   }
   if (right < 0) return {};
   const cv::Rect box(left - margin_px, top - margin_px, right - left + 1 + 2 * margin_px,
@@ -37,7 +38,7 @@ cv::Rect box_round(const RampFrame& frame, int margin_px, const Predicate& predi
 // What rho is without peaks narrower than the disc.
 cv::Mat without_peaks(const cv::Mat& rho, const cv::Mat& alpha, int reach_px) {
   const int block = std::max(1, reach_px / 6), reach = std::max(1, reach_px / block);
-  const cv::Mat covered = alpha > kCovered;
+  const cv::Mat covered = alpha > kHighlightCover;
   const cv::Size coarse((rho.cols + block - 1) / block, (rho.rows + block - 1) / block);
   cv::Mat padded_rho = cv::Mat::zeros(coarse * block, CV_32F), padded_share = padded_rho.clone();
   rho.copyTo(padded_rho(cv::Rect(0, 0, rho.cols, rho.rows)), covered);
@@ -83,13 +84,9 @@ cv::Mat filled(const cv::Mat& known) {
 
 }  // namespace
 
-std::vector<std::uint8_t> find_highlights(const RampFrame& frame, std::span<const std::uint8_t> clipped,
+std::vector<std::uint8_t> find_highlights(const RampFrame& frame, std::span<const std::uint8_t> sure,
                                           const HighlightRule& rule) {
-  const auto least = static_cast<float>(1.0 + std::max(rule.delta, 3.0 * rule.rho_sd));
-  const auto sure = [&](size_t at) {
-    return frame.alpha[at] > kCovered && (frame.rho[at] > least || clipped[at] != 0);
-  };
-  const cv::Rect box = box_round(frame, 2 * rule.reach_px, sure);
+  const cv::Rect box = box_round(sure, frame, 2 * rule.reach_px);
   if (box.empty()) return {};
   const cv::Mat rho = plane_of(frame.rho, frame, box), alpha = plane_of(frame.alpha, frame, box);
   const cv::Mat base = without_peaks(rho, alpha, rule.reach_px);
@@ -102,12 +99,12 @@ std::vector<std::uint8_t> find_highlights(const RampFrame& frame, std::span<cons
            static_cast<size_t>(box.x + x);
   };
   const auto take = [&](int x, int y) {
-    found[place(x, y)] = 1;
+    found[place(x, y)] = 255;
     open.emplace_back(x, y);
   };
   for (int y = 0; y < box.height; ++y) {
     for (int x = 0; x < box.width; ++x) {
-      if (sure(place(x, y))) take(x, y);
+      if (sure[place(x, y)] != 0) take(x, y);
     }
   }
   while (!open.empty()) {
@@ -115,7 +112,7 @@ std::vector<std::uint8_t> find_highlights(const RampFrame& frame, std::span<cons
     open.pop_back();
     for (int y = std::max(at.y - 1, 0); y <= std::min(at.y + 1, box.height - 1); ++y) {
       for (int x = std::max(at.x - 1, 0); x <= std::min(at.x + 1, box.width - 1); ++x) {
-        if (found[place(x, y)] != 0 || !(alpha.at<float>(y, x) > kCovered)) continue;
+        if (found[place(x, y)] != 0 || !(alpha.at<float>(y, x) > kHighlightCover)) continue;
         if (rho.at<float>(y, x) - base.at<float>(y, x) > rise) take(x, y);
       }
     }
@@ -125,7 +122,7 @@ std::vector<std::uint8_t> find_highlights(const RampFrame& frame, std::span<cons
 
 void bridge_highlights(std::span<const std::uint8_t> highlights, double blur_px, RampFrame& frame) {
   const int reach_px = std::max(1, static_cast<int>(std::ceil(3.0 * blur_px)));
-  const cv::Rect core = box_round(frame, 0, [&](size_t at) { return highlights[at] != 0; });
+  const cv::Rect core = box_round(highlights, frame, 0);
   if (core.empty()) return;
   // As much around as the highlights are wide, from which to tell.
   const int margin = std::max({core.width, core.height, reach_px});

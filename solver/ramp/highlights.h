@@ -6,6 +6,7 @@
 //                                         a sixth of its radius
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -14,15 +15,20 @@
 
 namespace glasswing {
 
+constexpr float kHighlightCover = 0.5f;  // less of the object in a pixel says nothing about highlights
+
 struct HighlightRule {
   double delta = 0.05, rise = 0.02;
   double rho_sd = 0.0;  // of rho, from the noise
   int reach_px = 6;     // the disc's radius
+
+  // From where on a pixel surely lies in a highlight.
+  float sure_rho() const { return static_cast<float>(1.0 + std::max(delta, 3.0 * rho_sd)); }
 };
 
-// By pixel, 1 in a highlight; empty if there is none. `clipped`: by pixel, not 0 where a channel of the frame
-// is. Only pixels of which the object covers more than half count.
-std::vector<std::uint8_t> find_highlights(const RampFrame& frame, std::span<const std::uint8_t> clipped,
+// By pixel, 255 in a highlight, else 0; empty if there is none. `sure`: 255 where alpha is
+// more than kHighlightCover, and rho more than sure_rho or a channel clipped.
+std::vector<std::uint8_t> find_highlights(const RampFrame& frame, std::span<const std::uint8_t> sure,
                                           const HighlightRule& rule);
 
 // Replaces c and rho there by what lies around, coarse to fine, smoothed by a Gaussian; sets `highlight` to 1

@@ -17,10 +17,11 @@ constexpr double kMostOfFrame = 0.9;   // an object that covers less leaves enou
 constexpr double kMostShift_px = 1.0;  // of the camera, and five standard errors
 constexpr double kAlike = 0.7;         // of these pixels: no object keeps its background so straight
 constexpr float kSamePlace_px = 1.0f, kSameRho = 0.03f;
-constexpr size_t kMostPixels = 20'000;  // that are looked at
+constexpr size_t kMostPixels = 20'000;  // that are looked at; a mean needs fewer
+constexpr size_t kMostOfMean = 2'000;
 
-size_t step_of(const RampStage& stage) {
-  return stage.behind.size() / kMostPixels + 1;
+size_t step_of(const RampStage& stage, size_t most) {
+  return stage.behind.size() / most + 1;
 }
 
 float median_of(std::vector<float> values) {
@@ -30,14 +31,14 @@ float median_of(std::vector<float> values) {
 }
 
 // Off the object, where each pixel by itself shows no change.
-absl::Status check_surroundings(const RampStage& stage, std::span<const float> light,
-                                const RampFrame& frame) {
+absl::Status check_surroundings(const RampStage& stage, const RampLight& light, const RampFrame& frame) {
   constexpr int kArm_px = 4;  // over which the average's slope is taken
   const auto row = static_cast<size_t>(stage.width_px);
   Eigen::Matrix3d squares = Eigen::Matrix3d::Zero();
   Eigen::Vector3d sums = Eigen::Vector3d::Zero();
   double rest = 0.0, count = 0.0;
-  for (size_t i = 0; i < stage.behind.size(); i += step_of(stage)) {
+  const size_t step = step_of(stage, kMostPixels);
+  for (size_t i = 0; i < stage.behind.size(); i += step) {
     const auto x = static_cast<int>(i % row), y = static_cast<int>(i / row);
     if (x < kArm_px || x >= stage.width_px - kArm_px || y < kArm_px || y >= stage.height_px - kArm_px)
       continue;
@@ -69,9 +70,10 @@ absl::Status check_surroundings(const RampStage& stage, std::span<const float> l
 
 }  // namespace
 
-absl::Status check_shows_ramp(const RampStage& stage, std::span<const float> light) {
+absl::Status check_shows_ramp(const RampStage& stage, const RampLight& light) {
   double seen = 0.0, empty = 0.0;
-  for (size_t i = 0; i < stage.behind.size(); i += step_of(stage)) {
+  const size_t step = step_of(stage, kMostOfMean);
+  for (size_t i = 0; i < stage.behind.size(); i += step) {
     if (stage.behind[i] != Behind::kRamp) continue;
     for (size_t c = 0; c < 3; ++c) {
       seen += static_cast<double>(light[3 * i + c]);
@@ -84,24 +86,26 @@ absl::Status check_shows_ramp(const RampStage& stage, std::span<const float> lig
                   100.0 * std::max(seen, 0.0) / empty));
 }
 
-absl::Status check_background_stands(const RampStage& stage, std::span<const float> light,
-                                     const RampFrame& frame) {
+absl::Status check_background_stands(const RampStage& stage, const RampLight& light, const RampFrame& frame) {
   GW_RETURN_IF_ERROR(check_surroundings(stage, light, frame));
   size_t ramp = 0, changed = 0;
-  std::vector<float> dx_px, dy_px, rho, sd_px;
-  for (size_t i = 0; i < stage.behind.size(); i += step_of(stage)) {
+  const size_t step = step_of(stage, kMostPixels);
+  for (size_t i = 0; i < stage.behind.size(); i += step) {
     if (stage.behind[i] != Behind::kRamp) continue;
     ++ramp;
-    if (frame.alpha[i] == 0.0f) continue;
-    ++changed;
+    if (frame.alpha[i] > 0.0f) ++changed;
+  }
+  if (static_cast<double>(changed) < kMostOfFrame * static_cast<double>(ramp)) return absl::OkStatus();
+  std::vector<float> dx_px, dy_px, rho, sd_px;
+  for (size_t i = 0; i < stage.behind.size(); i += step) {
+    if (stage.behind[i] != Behind::kRamp || frame.alpha[i] == 0.0f) continue;
     if (!(frame.info_xx[i] > 0.0f && frame.info_yy[i] > 0.0f)) continue;
     dx_px.push_back(frame.x_px[i] - stage.x_px[i]);
     dy_px.push_back(frame.y_px[i] - stage.y_px[i]);
     rho.push_back(frame.rho[i]);
     sd_px.push_back(1.0f / std::sqrt(std::min(frame.info_xx[i], frame.info_yy[i])));
   }
-  if (static_cast<double>(changed) < kMostOfFrame * static_cast<double>(ramp) || rho.empty())
-    return absl::OkStatus();
+  if (rho.empty()) return absl::OkStatus();
   const float x = median_of(dx_px), y = median_of(dy_px), bright = median_of(rho);
   size_t alike = 0;
   for (size_t i = 0; i < rho.size(); ++i) {

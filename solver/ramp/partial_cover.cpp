@@ -4,20 +4,21 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "solver/ramp/byte_runs.h"
 #include "solver/ramp/for_rows.h"
 
 namespace glasswing {
 
-std::vector<float> partial_cover(const CoverPictures& pictures, int edge_px, double noise_variance,
-                                 int thread_count) {
+void partial_cover(const CoverPictures& pictures, int edge_px, double noise_variance, int thread_count,
+                   std::span<float> alpha) {
   const int width = pictures.width_px, height = pictures.height_px;
-  std::vector<float> alpha(pictures.object.size());
-  for (size_t i = 0; i < alpha.size(); ++i) alpha[i] = pictures.object[i] != 0 ? 1.0f : 0.0f;
-  if (edge_px <= 0) return alpha;
   const cv::Mat object(height, width, CV_8U, const_cast<std::uint8_t*>(pictures.object.data()));
-  cv::Mat inner;
-  // The picture's own border is no edge of the object.
-  cv::erode(object, inner, cv::getStructuringElement(cv::MORPH_CROSS, {3, 3}), {-1, -1}, edge_px);
+  cv::Mat inner = object;
+  if (edge_px > 0) {  // the picture's own border is no edge of the object
+    inner = cv::Mat();
+    cv::erode(object, inner, cv::getStructuringElement(cv::MORPH_CROSS, {3, 3}), {-1, -1}, edge_px);
+  }
+  const cv::Mat edge = object - inner;
   const int reach = edge_px + 1;
   const auto cover = [&](int x, int y) {
     const auto place = [&](int column, int row) {
@@ -46,14 +47,17 @@ std::vector<float> partial_cover(const CoverPictures& pictures, int edge_px, dou
   };
   for_rows(height, thread_count, [&](int first, int last) {
     for (int y = first; y < last; ++y) {
-      const std::uint8_t *const whole = object.ptr(y), *const core = inner.ptr(y);
+      const std::uint8_t* const core = inner.ptr(y);
       float* const row = alpha.data() + static_cast<size_t>(y) * static_cast<size_t>(width);
-      for (int x = 0; x < width; ++x) {
-        if (whole[x] != core[x]) row[x] = cover(x, y);
+      for (int x = 0; x < width; ++x) row[x] = core[x] != 0 ? 1.0f : 0.0f;
+      // Few pixels are the edge's.
+      const std::uint8_t *at = edge.ptr(y), *const end = at + width;
+      while ((at = next_set(at, end)) != end) {
+        const auto x = static_cast<int>(at++ - edge.ptr(y));
+        row[x] = cover(x, y);
       }
     }
   });
-  return alpha;
 }
 
 }  // namespace glasswing

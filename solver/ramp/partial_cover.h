@@ -9,19 +9,21 @@
 
 #include <cstdint>
 #include <span>
-#include <vector>
+
+#include "solver/ramp/ramp_light.h"
 
 namespace glasswing {
 
 struct CoverPictures {
   int width_px = 0, height_px = 0;
-  std::span<const float> light, empty;   // r, g, b by rows
-  std::span<const std::uint8_t> object;  // by rows, not 0 on the object
+  RampLight light;
+  std::span<const float> empty;          // likewise
+  std::span<const std::uint8_t> object;  // by rows, 255 on the object, else 0
 };
 
-// By pixel: 0 off the object, 1 on it, between at pixels that are no further than `edge_px` steps along sides
-// from what is not the object. `noise_variance`: of a channel.
-std::vector<float> partial_cover(const CoverPictures& pictures, int edge_px, double noise_variance,
-                                 int thread_count);
+// `alpha`, by pixel: 0 off the object, 1 on it, between at pixels that are no further than `edge_px` steps
+// along sides from what is not the object. `noise_variance`: of a channel.
+void partial_cover(const CoverPictures& pictures, int edge_px, double noise_variance, int thread_count,
+                   std::span<float> alpha);
 
 }  // namespace glasswing

@@ -7,6 +7,7 @@
 
 #include "core/base/status.h"
 #include "solver/background/mask_cleaning.h"
+#include "solver/ramp/byte_runs.h"
 #include "solver/ramp/for_rows.h"
 #include "solver/ramp/highlights.h"
 #include "solver/ramp/moved_background.h"
@@ -27,24 +28,10 @@ SampleNoise noise_of(const RampStage& stage, const FrameView& view) {
   return noise;
 }
 
-// The frame's light without the stage's own, r, g, b by rows.
-std::vector<float> light_of(const RampStage& stage, const FrameView& view, int thread_count) {
-  std::vector<float> light(view.samples.size());
-  for_rows(view.height_px, thread_count, [&](int first, int last) {
-    const size_t row = 3 * static_cast<size_t>(view.width_px);
-    const size_t begin = static_cast<size_t>(first) * row, end = static_cast<size_t>(last) * row;
-    const float offset = -view.zero * view.unit;
-    for (size_t i = begin; i < end; ++i) light[i] = static_cast<float>(view.samples[i]) * view.unit + offset;
-    if (stage.black.empty()) return;
-    for (size_t i = begin; i < end; ++i) light[i] -= stage.black[i];
-  });
-  return light;
-}
-
 // 255 where the light differs from the empty stage's, cleaned.
-std::vector<std::uint8_t> object_of(const RampStage& stage, std::span<const float> light,
-                                    const SampleNoise& noise, const RampOptions& options,
-                                    const MaskCleaning& cleaning, int thread_count) {
+std::vector<std::uint8_t> object_of(const RampStage& stage, const RampLight& light, const SampleNoise& noise,
+                                    const RampOptions& options, const MaskCleaning& cleaning,
+                                    int thread_count) {
   const double least = options.least_difference / options.threshold_sd;
   const auto threshold = static_cast<float>(options.threshold_sd * options.threshold_sd);
   const auto share = static_cast<float>(1.0 + stage.empty_share);
@@ -61,15 +48,98 @@ std::vector<std::uint8_t> object_of(const RampStage& stage, std::span<const floa
         const float variance = read + gain * (empty > 0.0f ? empty : 0.0f);
         squares[i] = difference * difference / (variance > floor ? variance : floor);
       }
-      for (size_t x = 0; x < width; ++x) {
-        const bool differs = squares[3 * x] + squares[3 * x + 1] + squares[3 * x + 2] > threshold;
-        object[from + x] = differs && stage.behind[from + x] != Behind::kPatch ? 255 : 0;
+      const float* square = squares.data();
+      const Behind* const behind = stage.behind.data() + from;
+      std::uint8_t* const to = object.data() + from;
+      for (size_t x = 0; x < width; ++x, square += 3) {
+        const bool differs = square[0] + square[1] + square[2] > threshold;
+        to[x] = differs && behind[x] != Behind::kPatch ? 255 : 0;
       }
     }
   });
   clean_mask(object, stage.width_px, stage.height_px, cleaning);
   return object;
 }
+
+// As there is no object, but for alpha.
+void put_empty_stage(const RampStage& stage, size_t begin, size_t end, RampFrame& frame) {
+  const auto from = static_cast<std::ptrdiff_t>(begin), to = static_cast<std::ptrdiff_t>(end);
+  std::copy(stage.x_px.begin() + from, stage.x_px.begin() + to, frame.x_px.begin() + from);
+  std::copy(stage.y_px.begin() + from, stage.y_px.begin() + to, frame.y_px.begin() + from);
+  for (std::vector<float>* plane :
+       {&frame.rho, &frame.highlight, &frame.info_xx, &frame.info_xy, &frame.info_yy})
+    std::fill(plane->begin() + from, plane->begin() + to, 0.0f);
+  std::transform(stage.behind.begin() + from, stage.behind.begin() + to, frame.flags.begin() + from,
+                 [](Behind behind) { return behind == Behind::kPatch ? kFlagNoData : kFlagNone; });
+}
+
+// c, rho and the information of pixels of the object.
+class ObjectPixels {
+ public:
+  static constexpr size_t kMost = ColourManifold::Colours::kMost;
+
+  ObjectPixels(const RampStage& stage, const SampleNoise& noise, const FrameView& view,
+               const RampLight& light)
+      : stage_(stage),
+        view_(view),
+        light_(light),
+        read_(static_cast<float>(noise.read_sd * noise.read_sd)),
+        gain_(static_cast<float>(noise.gain)) {}
+
+  // Of `count` from `first` on, at most kMost.
+  void find(size_t first, size_t count, RampFrame& frame) {
+    const ColourManifold& manifold = stage_.manifold;
+    for (size_t c = 0; c < 3; ++c) {
+      for (size_t i = 0; i < count; ++i) {
+        const size_t at = 3 * (first + i) + c;
+        const float seen = light_[at];
+        colours_.light[c][i] = seen - (1.0f - frame.alpha[first + i]) * stage_.average[at];
+        colours_.variance[c][i] = read_ + gain_ * (seen > 0.0f ? seen : 0.0f);
+      }
+    }
+    manifold.find(colours_, count);
+    for (size_t i = 0; i < count; ++i) {
+      const size_t at = first + i;
+      const auto of = [&](const std::array<ColourManifold::Colours::Values, 3>& channels) {
+        return std::array<float, 3>{channels[0][i], channels[1][i], channels[2][i]};
+      };
+      const std::array<float, 3> own = of(colours_.light);
+      const float level = manifold.level(own[0], own[1], own[2]);
+      const float darkest = kDarkest_sd * kDarkest_sd * manifold.level_variance(of(colours_.variance));
+      if (!(level > 0.0f && level * level > darkest) || frame.alpha[at] == 0.0f) {
+        frame.rho[at] = std::max(level, 0.0f);
+        continue;
+      }
+      frame.x_px[at] = colours_.x_px[i];
+      frame.y_px[at] = colours_.y_px[i];
+      frame.rho[at] = colours_.rho[i];
+      frame.info_xx[at] = colours_.information_per_px2[0][i];
+      frame.info_xy[at] = colours_.information_per_px2[1][i];
+      frame.info_yy[at] = colours_.information_per_px2[2][i];
+    }
+  }
+
+  // 255 where the highlights surely are.
+  void mark_highlights(size_t first, size_t count, float rho, const RampFrame& frame,
+                       std::span<std::uint8_t> sure) const {
+    const auto covered = [&](size_t at) { return frame.alpha[at] > kHighlightCover; };
+    for (size_t at = first; at < first + count; ++at) sure[at] = frame.rho[at] > rho && covered(at) ? 255 : 0;
+    const auto samples = view_.samples.subspan(3 * first, 3 * count);
+    std::uint16_t most = 0;
+    for (const std::uint16_t sample : samples) most = std::max(most, sample);
+    if (most < kSaturatedCode) return;
+    for (size_t i = 0; i < samples.size(); ++i) {
+      if (samples[i] >= kSaturatedCode && covered(first + i / 3)) sure[first + i / 3] = 255;
+    }
+  }
+
+ private:
+  const RampStage& stage_;
+  const FrameView& view_;
+  const RampLight& light_;
+  float read_, gain_;
+  ColourManifold::Colours colours_{};
+};
 
 }  // namespace
 
@@ -103,77 +173,63 @@ absl::StatusOr<RampExtractor> RampExtractor::create(const v1::CaptureManifest& m
                                           .metadata = std::move(metadata)}));
 }
 
-absl::StatusOr<RampFrame> RampExtractor::extract(const FrameView& view, int thread_count) const {
+absl::StatusOr<RampFrame> RampExtractor::extract(const FrameView& view, int thread_count,
+                                                 RampFrame spent) const {
   const RampStage& stage = prepared_->stage;
-  const ColourManifold& manifold = stage.manifold;
   if (view.width_px != stage.width_px || view.height_px != stage.height_px) {
     return absl::InvalidArgumentError(fmt::format("the frame is {}x{}; the empty stage is {}x{}",
                                                   view.width_px, view.height_px, stage.width_px,
                                                   stage.height_px));
   }
   const SampleNoise noise = noise_of(stage, view);
-  const std::vector<float> light = light_of(stage, view, thread_count);
+  const RampLight light(view, stage.black);
   GW_RETURN_IF_ERROR(check_shows_ramp(stage, light));
   const std::vector<std::uint8_t> object =
       object_of(stage, light, noise, prepared_->options, prepared_->cleaning, thread_count);
-  RampFrame frame(stage.width_px, stage.height_px);
+  RampFrame frame = std::move(spent);
+  frame.resize(stage.width_px, stage.height_px);
   const double usual_variance = noise.variance(kUsualLight);
   const auto usual = static_cast<float>(usual_variance);
-  frame.rho_sd = std::sqrt(manifold.level_variance({usual, usual, usual}));
-  frame.alpha = partial_cover({.width_px = stage.width_px,
-                               .height_px = stage.height_px,
-                               .light = light,
-                               .empty = stage.average,
-                               .object = object},
-                              prepared_->options.edge_px, usual_variance, thread_count);
-  frame.x_px = stage.x_px;
-  frame.y_px = stage.y_px;
-  std::vector<std::uint8_t> clipped(stage.behind.size());
+  frame.rho_sd = std::sqrt(stage.manifold.level_variance({usual, usual, usual}));
+  partial_cover({.width_px = stage.width_px,
+                 .height_px = stage.height_px,
+                 .light = light,
+                 .empty = stage.average,
+                 .object = object},
+                prepared_->options.edge_px, usual_variance, thread_count, frame.alpha);
+  const HighlightRule rule{.delta = prepared_->options.delta,
+                           .rise = prepared_->options.highlight_rise,
+                           .rho_sd = static_cast<double>(frame.rho_sd),
+                           .reach_px = prepared_->highlight_reach_px};
+  std::vector<std::uint8_t> sure(stage.behind.size());
   for_rows(stage.height_px, thread_count, [&](int first, int last) {
-    const auto read = static_cast<float>(noise.read_sd * noise.read_sd),
-               gain = static_cast<float>(noise.gain);
-    const size_t end = static_cast<size_t>(last) * static_cast<size_t>(stage.width_px);
-    for (size_t at = static_cast<size_t>(first) * static_cast<size_t>(stage.width_px); at < end; ++at) {
-      if (stage.behind[at] == Behind::kPatch) frame.flags[at] = kFlagNoData;
-      if (object[at] == 0) continue;
-      std::array<float, 3> own{}, variance{};
-      const float rest = 1.0f - frame.alpha[at];
-      for (size_t c = 0; c < 3; ++c) {
-        const float seen = light[3 * at + c];
-        own[c] = seen - rest * stage.average[3 * at + c];
-        variance[c] = read + gain * std::max(seen, 0.0f);
-        if (view.samples[3 * at + c] >= kSaturatedCode) clipped[at] = 1;
+    ObjectPixels pixels(stage, noise, view, light);
+    const auto row = static_cast<size_t>(stage.width_px);
+    for (int y = first; y < last; ++y) {
+      const size_t begin = static_cast<size_t>(y) * row;
+      put_empty_stage(stage, begin, begin + row, frame);
+      const std::uint8_t *run = object.data() + begin, *const end = run + row;
+      while ((run = next_set(run, end)) != end) {
+        const std::uint8_t* const run_end =
+            next_clear(run, run + std::min(end - run, std::ptrdiff_t{ObjectPixels::kMost}));
+        const auto at = static_cast<size_t>(run - object.data()), count = static_cast<size_t>(run_end - run);
+        pixels.find(at, count, frame);
+        pixels.mark_highlights(at, count, rule.sure_rho(), frame, sure);
+        run = run_end;
       }
-      const float level = manifold.level(own[0], own[1], own[2]);
-      if (!(level > 0.0f && level * level > kDarkest_sd * kDarkest_sd * manifold.level_variance(variance)) ||
-          frame.alpha[at] == 0.0f) {
-        frame.rho[at] = std::max(level, 0.0f);
-        continue;
-      }
-      const ColourManifold::Found found = manifold.find(own[0], own[1], own[2]);
-      frame.x_px[at] = found.x_px;
-      frame.y_px[at] = found.y_px;
-      frame.rho[at] = found.rho;
-      const std::array<float, 3> info = manifold.information(own[0], own[1], own[2], variance);
-      frame.info_xx[at] = info[0];
-      frame.info_xy[at] = info[1];
-      frame.info_yy[at] = info[2];
     }
   });
-  GW_RETURN_IF_ERROR(check_background_stands(stage, light, frame));
-  if (prepared_->options.highlights) {
-    const std::vector<std::uint8_t> highlights = find_highlights(frame, clipped,
-                                                                 {.delta = prepared_->options.delta,
-                                                                  .rise = prepared_->options.highlight_rise,
-                                                                  .rho_sd = static_cast<double>(frame.rho_sd),
-                                                                  .reach_px = prepared_->highlight_reach_px});
-    if (!highlights.empty()) bridge_highlights(highlights, prepared_->options.highlight_blur_px, frame);
-  }
+  // Both look at the frame.
+  absl::Status stands;
+  std::vector<std::uint8_t> highlights;
+  for_rows(2, std::min(thread_count, 2), [&](int first, int last) {
+    if (first == 0) stands = check_background_stands(stage, light, frame);
+    if (last < 2 || !prepared_->options.highlights) return;
+    highlights = find_highlights(frame, sure, rule);
+  });
+  GW_RETURN_IF_ERROR(stands);
+  if (!highlights.empty()) bridge_highlights(highlights, prepared_->options.highlight_blur_px, frame);
   return frame;
-}
-
-double RampExtractor::noise_sd(const FrameView& view) const {
-  return std::sqrt(noise_of(prepared_->stage, view).variance(kUsualLight));
 }
 
 void RampExtractor::finish(const FrameView& view, RampFrame& frame, int thread_count) const {

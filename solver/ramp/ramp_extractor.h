@@ -41,7 +41,8 @@ class RampExtractor {
   // and rho are what lies around it; there, and where the object is too dark to tell, the information is 0.
   // Off the object rho and the information are 0. INVALID_ARGUMENT: another size. FAILED_PRECONDITION: the
   // frame does not show the ramp, or the background moved.
-  absl::StatusOr<RampFrame> extract(const FrameView& view, int thread_count) const;
+  // `spent`: a frame that nobody needs any more, whose memory the new one takes.
+  absl::StatusOr<RampFrame> extract(const FrameView& view, int thread_count, RampFrame spent = {}) const;
 
   // Once c is smoothed: f (eq. 32 and 33) where there is a highlight, rho at most 1.
   void finish(const FrameView& view, RampFrame& frame, int thread_count) const;
@@ -49,9 +50,6 @@ class RampExtractor {
   // Colourless, footprints are boxes: rho at c, as wide as c's steps from pixel to pixel (eq. 23 and 24), and
   // 1 - alpha of the place straight behind.
   Matte matte(const RampFrame& frame, int thread_count = 1) const;
-
-  // Standard deviation of the noise of that frame's samples, light.
-  double noise_sd(const FrameView& view) const;
 
   // What may be wrong with the empty stage, for people.
   const std::vector<std::string>& warnings() const;

@@ -13,7 +13,12 @@ namespace glasswing {
 
 struct RampFrame {
   RampFrame() = default;
-  RampFrame(int width, int height) : width_px(width), height_px(height) {
+  // All 0.
+  RampFrame(int width, int height) { resize(width, height); }
+  // What it held stays, anywhere.
+  void resize(int width, int height) {
+    width_px = width;
+    height_px = height;
     const size_t count = static_cast<size_t>(width) * static_cast<size_t>(height);
     for (std::vector<float>* plane : {&alpha, &rho, &x_px, &y_px, &highlight, &info_xx, &info_xy, &info_yy})
       plane->resize(count);

@@ -112,6 +112,7 @@ absl::Status RampMethod::solve(VideoSource& source, int first, int count, int th
   };
   const RampSmoother smoother(parsed_.smoothing);
   std::deque<Extracted> near;  // in order, lost frames left out
+  RampFrame spent;
   int next = std::max(0, first - smoother.frames_before());
   const auto extract = [&](int number) {
     Extracted& extracted = near.emplace_back();
@@ -120,7 +121,7 @@ absl::Status RampMethod::solve(VideoSource& source, int first, int count, int th
     extracted.status = read.status();
     if (!read.ok()) return;
     extracted.read = *std::move(read);
-    absl::StatusOr<RampFrame> frame = extractor->extract(extracted.read.view, thread_count);
+    absl::StatusOr<RampFrame> frame = extractor->extract(extracted.read.view, thread_count, std::move(spent));
     extracted.status = in_frame(number, frame.status());
     if (!frame.ok()) return;
     extracted.frame = *std::move(frame);
@@ -134,7 +135,8 @@ absl::Status RampMethod::solve(VideoSource& source, int first, int count, int th
       if (stop.stop_requested()) return absl::CancelledError("solving was stopped");
       if (layout.frames[static_cast<size_t>(next)] >= 0) extract(next);
     }
-    while (near.front().number < number - smoother.frames_before()) near.pop_front();
+    for (; near.front().number < number - smoother.frames_before(); near.pop_front())
+      spent = std::move(near.front().frame);
     std::vector<SmoothInput> window;
     size_t at = 0;
     const Extracted* own = nullptr;

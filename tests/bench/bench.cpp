@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <regex>
 
+#include "core/base/freed_memory.h"
 #include "tests/bench/rows.h"
 
 namespace glasswing {
@@ -83,5 +84,6 @@ int run(int argc, char** argv) {
 }  // namespace glasswing
 
 int main(int argc, char** argv) {
+  glasswing::keep_freed_memory();  // as glasswing-solver does
   return glasswing::run(argc, argv);
 }

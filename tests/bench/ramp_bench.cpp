@@ -64,9 +64,10 @@ const Video& video(int height_px) {
 void extract(benchmark::State& state, int height_px) {
   const Video& of = video(height_px);
   size_t i = 0;
+  RampFrame frame;
   for (auto _ : state) {
     const FrameView view = of.view(i++);
-    RampFrame frame = of.extractor.extract(view, kThreads).value();
+    frame = of.extractor.extract(view, kThreads, std::move(frame)).value();
     of.extractor.finish(view, frame, kThreads);
     benchmark::DoNotOptimize(frame);
   }
@@ -84,9 +85,10 @@ void whole(benchmark::State& state, int height_px) {
   std::deque<Extracted> near;
   const auto length = static_cast<size_t>(smoother.frames_before() + 1 + smoother.frames_after());
   size_t i = 0;
+  RampFrame spent;
   const auto add = [&] {
     Extracted& extracted = near.emplace_back();
-    extracted.frame = of.extractor.extract(of.view(i++), kThreads).value();
+    extracted.frame = of.extractor.extract(of.view(i++), kThreads, std::move(spent)).value();
     extracted.input.frame = &extracted.frame;
     smoother.prepare(extracted.input, kThreads);
   };
@@ -99,6 +101,7 @@ void whole(benchmark::State& state, int height_px) {
     RampFrame frame = smoother.smooth(window, at, kThreads);
     of.extractor.finish(of.view(i - length + at), frame, kThreads);
     benchmark::DoNotOptimize(frame);
+    spent = std::move(near.front().frame);
     near.pop_front();
   }
   state.SetItemsProcessed(state.iterations());

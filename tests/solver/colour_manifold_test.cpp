@@ -48,9 +48,21 @@ double distance_from_line(const Light& point, const Light& direction) {
   return std::sqrt(std::max(0.0, square - along * along / length));
 }
 
-ColourManifold::Found find(const ColourManifold& manifold, const Light& light, double share = 1.0) {
-  return manifold.find(static_cast<float>(share * light[0]), static_cast<float>(share * light[1]),
-                       static_cast<float>(share * light[2]));
+struct Found {
+  float x_px, y_px, rho;
+  std::array<float, 3> information_per_px2;
+};
+Found find(const ColourManifold& manifold, const Light& light, double share = 1.0, float variance = 1e-6f) {
+  ColourManifold::Colours one{};
+  for (size_t c = 0; c < 3; ++c) {
+    one.light[c][0] = static_cast<float>(share * light[c]);
+    one.variance[c][0] = variance;
+  }
+  manifold.find(one, 1);
+  return {one.x_px[0],
+          one.y_px[0],
+          one.rho[0],
+          {one.information_per_px2[0][0], one.information_per_px2[1][0], one.information_per_px2[2][0]}};
 }
 
 TEST(ColourManifold, OnThePlaneEveryPlaceIsFoundExactly) {
@@ -123,8 +135,7 @@ TEST(ColourManifold, InformationIsThatOfPlacesFoundInNoise) {
   constexpr double kSd = 1e-3;
   const Light seen = manifold.light(70.0, 90.0);
   const auto variance = static_cast<float>(kSd * kSd);
-  const auto info = manifold.information(static_cast<float>(0.5 * seen[0]), static_cast<float>(0.5 * seen[1]),
-                                         static_cast<float>(0.5 * seen[2]), {variance, variance, variance});
+  const auto info = find(manifold, seen, 0.5, variance).information_per_px2;
   std::mt19937 random(2);
   std::normal_distribution<double> noise(0.0, kSd);
   constexpr int kTrials = 4000;

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 
@@ -12,7 +13,8 @@ constexpr int kSide_px = 60;
 
 // A disc of one colour before another, each pixel's cover counted by 8x8 rays.
 struct Disc {
-  std::vector<float> light, empty, cover;
+  std::vector<std::uint16_t> samples;
+  std::vector<float> empty, cover;
   std::vector<std::uint8_t> object;
 
   explicit Disc(double noise_sd = 0.0) {
@@ -30,17 +32,21 @@ struct Disc {
         object.push_back(hits > 0 ? 255 : 0);
         for (const auto& [behind, own] : {std::pair{0.7f, 0.1f}, {0.5f, 0.15f}, {0.4f, 0.05f}}) {
           empty.push_back(behind);
-          light.push_back((1.0f - share) * behind + share * own +
-                          static_cast<float>(noise_sd * noise(random)));
+          const float seen =
+              (1.0f - share) * behind + share * own + static_cast<float>(noise_sd * noise(random));
+          samples.push_back(static_cast<std::uint16_t>(std::lround(65535.0f * seen)));
         }
       }
     }
   }
   std::vector<float> alpha(int edge_px, double noise_variance, int threads = 1) const {
-    return partial_cover(
-        {.width_px = kSide_px, .height_px = kSide_px, .light = light, .empty = empty, .object = object},
-        edge_px, noise_variance, threads);
+    std::vector<float> alpha(object.size());
+    partial_cover(
+        {.width_px = kSide_px, .height_px = kSide_px, .light = light(), .empty = empty, .object = object},
+        edge_px, noise_variance, threads, alpha);
+    return alpha;
   }
+  RampLight light() const { return {{.width_px = kSide_px, .height_px = kSide_px, .samples = samples}, {}}; }
 };
 
 // Root mean square over the pixels at the edge.
@@ -69,7 +75,8 @@ TEST(PartialCover, IsTheShareOfTheObjectInTheLight) {
 
 TEST(PartialCover, WhereTheObjectShowsWhatIsBehindItIsWhole) {
   Disc disc;
-  disc.light = disc.empty;
+  std::ranges::fill(disc.samples, std::uint16_t{30'000});
+  std::ranges::fill(disc.empty, disc.light()[0]);
   for (const float alpha : disc.alpha(1, 1e-6)) EXPECT_TRUE(alpha == 0.0f || alpha == 1.0f);
 }
 
