@@ -18,7 +18,8 @@
 namespace glasswing {
 namespace {
 
-constexpr int kRadius_px = 4;  // of the last steps, after the pilot's
+// Of the last steps, after the pilot's. At half resolution the first of them need not reach as far.
+constexpr int kRadius_px = 4, kHalfRadius_px = 3;
 
 absl::StatusOr<int> whole_option(const std::string& key, const std::string& value, int low, int high) {
   GW_ASSIGN_OR_RETURN(const double number, number_option(key, value, low, high));
@@ -106,7 +107,8 @@ RampFrame RampSmoother::adapt(std::span<const SmoothInput> window, size_t at, in
   const SmoothSamples joined = join_along_motion(pilot, others, thread_count);
   // Twice: gradients from the first narrow down which pixels are of one piece.
   SmoothState wider, state;
-  widen(pilot.area, joined, pilot.rho_info, kRadius_px, thread_count, pilot.state, wider);
+  const int radius_px = pilot.fine.has_value() ? kHalfRadius_px : kRadius_px;
+  widen(pilot.area, joined, pilot.rho_info, radius_px, thread_count, pilot.state, wider);
   widen(pilot.area, joined, pilot.rho_info, kRadius_px, thread_count, wider, state);
   RampFrame result = *inputs[at].frame;
   if (pilot.fine.has_value()) {

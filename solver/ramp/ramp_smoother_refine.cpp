@@ -7,7 +7,7 @@
 namespace glasswing {
 namespace {
 
-constexpr int kRows = 16;  // at a time, that all stays in the cache
+constexpr int kRows = 32;  // at a time, that all stays in the cache
 constexpr int kFirstRadius_px = 1, kRadius_px = 2;
 constexpr int kRim = kFirstRadius_px + kRadius_px;  // rows above and below that are looked at
 
