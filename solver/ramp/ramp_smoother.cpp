@@ -13,13 +13,13 @@
 #include "solver/ramp/ramp_smoother_diffusion.h"
 #include "solver/ramp/ramp_smoother_motion.h"
 #include "solver/ramp/ramp_smoother_pilot.h"
+#include "solver/ramp/ramp_smoother_refine.h"
 
 namespace glasswing {
 namespace {
 
-constexpr int kRadius_px = 4;  // of the last steps, after the pilot's
-// Standard deviations by which rho may be moved: a rim a pixel wide is no plane.
-constexpr float kMostRho_sd = 3.0f;
+// Of the last steps, after the pilot's. At half resolution the first of them need not reach as far.
+constexpr int kRadius_px = 4, kHalfRadius_px = 3;
 
 absl::StatusOr<int> whole_option(const std::string& key, const std::string& value, int low, int high) {
   GW_ASSIGN_OR_RETURN(const double number, number_option(key, value, low, high));
@@ -35,25 +35,6 @@ absl::StatusOr<int> named_option(const std::string& key, const std::string& valu
   if (found != names.end()) return static_cast<int>(found - names.begin());
   return absl::InvalidArgumentError(
       fmt::format("{} is \"{}\"; it must be one of: {}", key, value, fmt::join(names, ", ")));
-}
-
-void put_row(const SmoothPilot& pilot, const SmoothState& state, int y, RampFrame& frame) {
-  const std::array<float, 6>& s = pilot.straight;
-  const float most = kMostRho_sd * kMostRho_sd / pilot.rho_info;
-  for (int x = 0; x < pilot.area.width; ++x) {
-    const size_t from = pilot.area.at(x, y);
-    if (pilot.samples.object[from] == 0.0f || state.info[from] <= 0.0f) continue;
-    const int column = pilot.area.x0 + x, row = pilot.area.y0 + y;
-    const size_t to =
-        static_cast<size_t>(row) * static_cast<size_t>(frame.width_px) + static_cast<size_t>(column);
-    if (frame.highlight[to] > 0.0f) continue;
-    const auto fx = static_cast<float>(column), fy = static_cast<float>(row);
-    frame.x_px[to] = state.value[0][from] + (s[0] + s[1] * fx + s[2] * fy);
-    frame.y_px[to] = state.value[1][from] + (s[3] + s[4] * fx + s[5] * fy);
-    if (pilot.samples.info[from] <= 0.0f) continue;
-    const float moved = state.value[2][from] - frame.rho[to];
-    if (moved * moved < most) frame.rho[to] = state.value[2][from];
-  }
 }
 
 }  // namespace
@@ -126,12 +107,17 @@ RampFrame RampSmoother::adapt(std::span<const SmoothInput> window, size_t at, in
   const SmoothSamples joined = join_along_motion(pilot, others, thread_count);
   // Twice: gradients from the first narrow down which pixels are of one piece.
   SmoothState wider, state;
-  widen(pilot.area, joined, pilot.rho_info, kRadius_px, thread_count, pilot.state, wider);
+  const int radius_px = pilot.fine.has_value() ? kHalfRadius_px : kRadius_px;
+  widen(pilot.area, joined, pilot.rho_info, radius_px, thread_count, pilot.state, wider);
   widen(pilot.area, joined, pilot.rho_info, kRadius_px, thread_count, wider, state);
   RampFrame result = *inputs[at].frame;
-  for_rows(pilot.area.height, thread_count, [&](int first, int last) {
-    for (int y = first; y < last; ++y) put_row(pilot, state, y, result);
-  });
+  if (pilot.fine.has_value()) {
+    refine(pilot, state, thread_count, result);
+  } else {
+    for_rows(pilot.area.height, thread_count, [&](int first, int last) {
+      put_rows(pilot.straight, pilot.area, pilot.samples, pilot.rho_info, state, first, last, result);
+    });
+  }
   return result;
 }
 

@@ -3,7 +3,10 @@
 #include <hwy/foreach_target.h>
 //
 #include <hwy/highway.h>
+//
+#include <hwy/contrib/math/math-inl.h>
 
+#include <cmath>
 #include <cstddef>
 
 #include "solver/ramp/ramp_smoother_kernel.h"
@@ -13,13 +16,17 @@ namespace glasswing {
 namespace HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
+using internal::RefineStep;
 using internal::SmoothStep;
 using D = hn::CappedTag<float, SmoothArea::kMargin>;
 using V = hn::Vec<D>;
 
-constexpr float kDoubt = 6.0f;   // chi^2 from which a neighbour counts less; none at twice that
+constexpr float kDoubt = 6.0f;  // chi^2 from which a neighbour counts less; none at twice that
+// The same of a coarse plane against what it would take the place of: what is left in error is noisy.
+constexpr float kCoarseDoubt = 9.0f;
 constexpr float kRidge = 0.05f;  // px^2: steps of windows that are but a line or a point stay small
 constexpr float kTiny = 1e-30f;
+constexpr float kCells = 4.0f;  // pixels to a coarse one
 
 // The sums of one window's fit.
 struct Sums {
@@ -28,20 +35,54 @@ struct Sums {
   V kernel, kernel2;
 };
 
-// Lanes of pixels whose first is at `centre`.
-Sums Gather(const SmoothStep& step, size_t centre) {
+// 1 / (v' + v widening), each v = 1 / info.
+V Both(const V info, const V other, const V widening) {
+  const V sum = hn::MulAdd(other, widening, hn::Add(info, hn::Set(D(), kTiny)));
+  return hn::Mul(hn::Mul(info, other), hn::ApproximateReciprocal(sum));
+}
+
+V Agreement(const V chi2, float doubt) {
   const D d;
-  const SmoothState& before = *step.before;
-  const V zero = hn::Zero(d), one = hn::Set(d, 1.0f), tiny = hn::Set(d, kTiny);
+  const V left = hn::NegMulAdd(chi2, hn::Set(d, 1.0f / doubt), hn::Set(d, 2.0f));
+  return hn::Min(hn::Set(d, 1.0f), hn::Max(hn::Zero(d), left));
+}
+
+// The step before: a state, ...
+struct Estimates {
+  const SmoothState& state;
+
+  V value(int k, size_t at) const { return hn::LoadU(D(), &state.value[k][at]); }
+  V across(int k, size_t at) const { return hn::LoadU(D(), &state.across[k][at]); }
+  V down(int k, size_t at) const { return hn::LoadU(D(), &state.down[k][at]); }
+  V info(size_t at) const { return hn::LoadU(D(), &state.info[at]); }
+  V count(size_t at) const { return hn::LoadU(D(), &state.count[at]); }
+  V tightness(size_t at) const { return hn::LoadU(D(), &state.tightness[at]); }
+};
+
+// ... or there was none.
+struct Raw {
+  const SmoothSamples& samples;
+
+  V value(int k, size_t at) const { return hn::LoadU(D(), &samples.value[k][at]); }
+  V across(int /*k*/, size_t /*at*/) const { return hn::Zero(D()); }
+  V down(int /*k*/, size_t /*at*/) const { return hn::Zero(D()); }
+  V info(size_t at) const { return hn::LoadU(D(), &samples.info[at]); }
+  V count(size_t at) const { return hn::IfThenElseZero(hn::Gt(info(at), hn::Zero(D())), hn::Set(D(), 1.0f)); }
+  V tightness(size_t /*at*/) const { return hn::Zero(D()); }
+};
+
+// Lanes of pixels whose first is at `centre`.
+template <typename Before>
+Sums Gather(const SmoothStep& step, const Before& before, size_t centre) {
+  const D d;
+  const V zero = hn::Zero(d), one = hn::Set(d, 1.0f);
   const V rho_info = hn::Set(d, step.rho_info);
-  const V info = hn::LoadU(d, &before.info[centre]);
-  const V count = hn::LoadU(d, &before.count[centre]);
-  const V tightness = hn::LoadU(d, &before.tightness[centre]);
+  const V info = before.info(centre), count = before.count(centre), tightness = before.tightness(centre);
   V value[3], across[3], down[3];
   for (int k = 0; k < 3; ++k) {
-    value[k] = hn::LoadU(d, &before.value[k][centre]);
-    across[k] = hn::LoadU(d, &before.across[k][centre]);
-    down[k] = hn::LoadU(d, &before.down[k][centre]);
+    value[k] = before.value(k, centre);
+    across[k] = before.across(k, centre);
+    down[k] = before.down(k, centre);
   }
   Sums sums{zero, zero, zero, zero, zero, zero, {zero, zero, zero}, {zero, zero, zero}, {zero, zero, zero},
             zero, zero};
@@ -57,23 +98,16 @@ Sums Gather(const SmoothStep& step, size_t centre) {
       const V right = hn::Set(d, static_cast<float>(u)), below = hn::Set(d, static_cast<float>(v));
       V off2[3];
       for (int k = 0; k < 3; ++k) {
-        const V there = hn::LoadU(d, &before.value[k][at]);
+        const V there = before.value(k, at);
         const V off =
             hn::Sub(hn::Sub(there, value[k]), hn::MulAdd(across[k], right, hn::Mul(down[k], below)));
         off2[k] = hn::Mul(off, off);
       }
       const V widening = hn::MulAdd(tightness, hn::Set(d, distance2), one);
-      const V info_there = hn::LoadU(d, &before.info[at]), count_there = hn::LoadU(d, &before.count[at]);
-      // 1 / (v_j + v_i widening), each v = 1 / info
-      const V of_c =
-          hn::Mul(hn::Mul(info, info_there),
-                  hn::ApproximateReciprocal(hn::MulAdd(info_there, widening, hn::Add(info, tiny))));
-      const V of_rho =
-          hn::Mul(hn::Mul(count, count_there),
-                  hn::ApproximateReciprocal(hn::MulAdd(count_there, widening, hn::Add(count, tiny))));
+      const V info_there = before.info(at), count_there = before.count(at);
+      const V of_c = Both(info, info_there, widening), of_rho = Both(count, count_there, widening);
       const V chi2 = hn::MulAdd(hn::Add(off2[0], off2[1]), of_c, hn::Mul(off2[2], hn::Mul(of_rho, rho_info)));
-      const V agreement =
-          hn::Min(one, hn::Max(zero, hn::NegMulAdd(chi2, hn::Set(d, 1.0f / kDoubt), hn::Set(d, 2.0f))));
+      const V agreement = Agreement(chi2, kDoubt);
       const V sample_info = hn::LoadU(d, &step.samples->info[at]);
       const V kernel = hn::IfThenElseZero(hn::Gt(sample_info, zero),
                                           hn::Mul(agreement, hn::Set(d, 1.0f - distance2 * fall)));
@@ -98,8 +132,15 @@ Sums Gather(const SmoothStep& step, size_t centre) {
   return sums;
 }
 
+// An estimate for each lane.
+struct Fit {
+  V value[3], across[3], down[3];
+  V info, count, tightness;
+};
+
 // Where no sample says anything the estimate stays.
-void Solve(const Sums& sums, const SmoothStep& step, size_t centre) {
+template <typename Before>
+Fit Solve(const Sums& sums, const Before& before, size_t centre) {
   const D d;
   const V one = hn::Set(d, 1.0f), ridge = hn::Set(d, kRidge);
   const auto known = hn::Gt(sums.weight, hn::Zero(d));
@@ -109,9 +150,8 @@ void Solve(const Sums& sums, const SmoothStep& step, size_t centre) {
   const V xy = hn::NegMulAdd(mean_x, mean_y, hn::Mul(sums.xy, per_weight));
   const V yy = hn::Add(hn::NegMulAdd(mean_y, mean_y, hn::Mul(sums.yy, per_weight)), ridge);
   const V per_det = hn::Div(one, hn::NegMulAdd(xy, xy, hn::Mul(xx, yy)));
-  const auto keep = [&](const V value, const Plane& before, Plane& after) {
-    hn::StoreU(hn::IfThenElse(known, value, hn::LoadU(d, &before[centre])), d, &after[centre]);
-  };
+  const auto choose = [&](const V value, const V old) { return hn::IfThenElse(known, value, old); };
+  Fit fit;
   for (int k = 0; k < 3; ++k) {
     const V mean = hn::Mul(sums.value[k], per_weight);
     const V with_x = hn::NegMulAdd(mean, mean_x, hn::Mul(sums.value_x[k], per_weight));
@@ -119,9 +159,9 @@ void Solve(const Sums& sums, const SmoothStep& step, size_t centre) {
     const V across = hn::Mul(hn::NegMulAdd(xy, with_y, hn::Mul(yy, with_x)), per_det);
     const V down = hn::Mul(hn::NegMulAdd(xy, with_x, hn::Mul(xx, with_y)), per_det);
     const V value = hn::NegMulAdd(down, mean_y, hn::NegMulAdd(across, mean_x, mean));
-    keep(value, step.before->value[k], step.after->value[k]);
-    keep(across, step.before->across[k], step.after->across[k]);
-    keep(down, step.before->down[k], step.after->down[k]);
+    fit.value[k] = choose(value, before.value(k, centre));
+    fit.across[k] = choose(across, before.across(k, centre));
+    fit.down[k] = choose(down, before.down(k, centre));
   }
   // The fit's variance at the pixel, in units of that of the window's mean.
   const V lever = hn::Mul(per_det, hn::MulAdd(hn::Mul(mean_x, mean_x), yy,
@@ -130,19 +170,129 @@ void Solve(const Sums& sums, const SmoothStep& step, size_t centre) {
   const V per_kernel2 = hn::Div(one, hn::IfThenElse(known, sums.kernel2, one));
   const V per_lever = hn::Div(one, hn::Add(lever, one));
   const V kernel_count = hn::Mul(sums.kernel, hn::Mul(per_kernel2, per_lever));
-  keep(hn::Mul(kernel_count, sums.weight), step.before->info, step.after->info);
-  keep(hn::Mul(kernel_count, sums.kernel), step.before->count, step.after->count);
-  keep(hn::Div(hn::Set(d, 2.0f), hn::Add(xx, yy)), step.before->tightness, step.after->tightness);
+  fit.info = choose(hn::Mul(kernel_count, sums.weight), before.info(centre));
+  fit.count = choose(hn::Mul(kernel_count, sums.kernel), before.count(centre));
+  fit.tightness = choose(hn::Div(hn::Set(d, 2.0f), hn::Add(xx, yy)), before.tightness(centre));
+  return fit;
 }
 
-void SmoothRows(const SmoothStep& step, int first, int last) {
+void Store(const Fit& fit, size_t at, SmoothState& state) {
+  const D d;
+  for (int k = 0; k < 3; ++k) {
+    hn::StoreU(fit.value[k], d, &state.value[k][at]);
+    hn::StoreU(fit.across[k], d, &state.across[k][at]);
+    hn::StoreU(fit.down[k], d, &state.down[k][at]);
+  }
+  hn::StoreU(fit.info, d, &state.info[at]);
+  hn::StoreU(fit.count, d, &state.count[at]);
+  hn::StoreU(fit.tightness, d, &state.tightness[at]);
+}
+
+template <typename Before>
+void SmoothFrom(const Before& before, const SmoothStep& step, int first, int last) {
   const D d;
   const int lanes = static_cast<int>(hn::Lanes(d));
   for (int y = first; y < last; ++y) {
     for (int x = 0; x < step.area.width; x += lanes) {
       const size_t centre = step.area.at(x, y);
       if (!hn::AllFalse(d, hn::Gt(hn::LoadU(d, &step.samples->object[centre]), hn::Zero(d))))
-        Solve(Gather(step, centre), step, centre);
+        Store(Solve(Gather(step, before, centre), before, centre), centre, *step.after);
+    }
+  }
+}
+
+void SmoothRows(const SmoothStep& step, int first, int last) {
+  if (step.before != nullptr) {
+    SmoothFrom(Estimates{*step.before}, step, first, last);
+  } else {
+    SmoothFrom(Raw{*step.samples}, step, first, last);
+  }
+}
+
+// What a window of the picture's own pixels says.
+struct Narrow {
+  V value[3], info, count;
+};
+
+// A row's pixels with even and with odd places.
+void Split(const V low, const V high, V& even, V& odd) {
+  const D d;
+  float row[2 * SmoothArea::kMargin];
+  hn::StoreU(low, d, row);
+  hn::StoreU(high, d, row + hn::Lanes(d));
+  hn::LoadInterleaved2(d, row, even, odd);
+}
+void Split(const Fit& low, const Fit& high, Narrow& even, Narrow& odd) {
+  for (int k = 0; k < 3; ++k) Split(low.value[k], high.value[k], even.value[k], odd.value[k]);
+  Split(low.info, high.info, even.info, odd.info);
+  Split(low.count, high.count, even.count, odd.count);
+}
+
+// The planes of coarse pixels that agree with `narrow` take its place. The nearest is `centre`, whose middle
+// is a quarter of a coarse pixel away; `right` and `below`: on which side, 1 or -1.
+void TakeCoarse(const RefineStep& step, size_t centre, int right, int below, Narrow& narrow) {
+  const D d;
+  const V zero = hn::Zero(d), one = hn::Set(d, 1.0f), tiny = hn::Set(d, kTiny);
+  const SmoothState& coarse = *step.coarse;
+  V weights = zero, most = zero, infos = zero, sums[3] = {zero, zero, zero};
+  for (const int v : {0, below}) {
+    for (const int u : {0, right}) {
+      const auto at = static_cast<size_t>(static_cast<std::ptrdiff_t>(centre) +
+                                          v * static_cast<std::ptrdiff_t>(step.coarse_area.stride()) + u);
+      const float x = 0.25f * static_cast<float>(right) - static_cast<float>(u),
+                  y = 0.25f * static_cast<float>(below) - static_cast<float>(v);
+      V value[3], off2[3];
+      for (int k = 0; k < 3; ++k) {
+        value[k] = hn::MulAdd(
+            hn::LoadU(d, &coarse.across[k][at]), hn::Set(d, x),
+            hn::MulAdd(hn::LoadU(d, &coarse.down[k][at]), hn::Set(d, y), hn::LoadU(d, &coarse.value[k][at])));
+        const V off = hn::Sub(value[k], narrow.value[k]);
+        off2[k] = hn::Mul(off, off);
+      }
+      const V info = hn::LoadU(d, &coarse.info[at]);
+      const V count = hn::Mul(hn::LoadU(d, &coarse.count[at]), hn::Set(d, kCells));
+      const V widening = hn::MulAdd(hn::LoadU(d, &coarse.tightness[at]), hn::Set(d, x * x + y * y), one);
+      const V chi2 = hn::MulAdd(
+          hn::Add(off2[0], off2[1]), Both(info, narrow.info, widening),
+          hn::Mul(off2[2], hn::Mul(Both(count, narrow.count, widening), hn::Set(d, step.fine.rho_info))));
+      const V agreement = hn::IfThenElseZero(hn::Gt(info, zero), Agreement(chi2, kCoarseDoubt));
+      // Of several that could be right the likelier.
+      const V likelihood = hn::Exp(d, hn::Mul(chi2, hn::Set(d, -0.5f)));
+      const V weight = hn::Mul(hn::IfThenElseZero(hn::Gt(agreement, zero), likelihood),
+                               hn::Set(d, (1.0f - std::abs(x)) * (1.0f - std::abs(y))));
+      most = hn::Max(most, agreement);
+      weights = hn::Add(weights, weight);
+      infos = hn::MulAdd(weight, info, infos);
+      for (int k = 0; k < 3; ++k) sums[k] = hn::MulAdd(weight, value[k], sums[k]);
+    }
+  }
+  const V share = hn::Div(most, hn::Max(weights, tiny));
+  const V rest = hn::Sub(one, most);
+  for (int k = 0; k < 3; ++k) narrow.value[k] = hn::MulAdd(rest, narrow.value[k], hn::Mul(share, sums[k]));
+  narrow.info = hn::MulAdd(rest, narrow.info, hn::Mul(share, infos));
+}
+
+void RefineRows(const RefineStep& step, int first, int last) {
+  const D d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const SmoothStep& fine = step.fine;
+  const Estimates before{*fine.before};
+  for (int y = first; y < last; ++y) {
+    const int row = fine.area.y0 + y, below = row % 2 == 0 ? -1 : 1;
+    for (int x = 0; x < fine.area.width; x += 2 * lanes) {
+      const size_t low = fine.area.at(x, y), high = low + static_cast<size_t>(lanes);
+      const auto on = [&](size_t at) { return hn::LoadU(d, &fine.samples->object[at]); };
+      if (hn::AllFalse(d, hn::Gt(hn::Add(on(low), on(high)), hn::Zero(d)))) continue;
+      const Fit left = Solve(Gather(fine, before, low), before, low);
+      const Fit right = Solve(Gather(fine, before, high), before, high);
+      Narrow even, odd;
+      Split(left, right, even, odd);
+      const size_t coarse = step.coarse_area.at(x / 2, row / 2 - step.coarse_area.y0);
+      TakeCoarse(step, coarse, -1, below, even);
+      TakeCoarse(step, coarse, 1, below, odd);
+      for (int k = 0; k < 3; ++k)
+        hn::StoreInterleaved2(even.value[k], odd.value[k], d, &fine.after->value[k][low]);
+      hn::StoreInterleaved2(even.info, odd.info, d, &fine.after->info[low]);
     }
   }
 }
@@ -155,9 +305,14 @@ HWY_AFTER_NAMESPACE();
 namespace glasswing {
 
 HWY_EXPORT(SmoothRows);
+HWY_EXPORT(RefineRows);
 
 void internal::smooth_rows(const SmoothStep& step, int first, int last) {
   HWY_DYNAMIC_DISPATCH(SmoothRows)(step, first, last);
+}
+
+void internal::refine_rows(const RefineStep& step, int first, int last) {
+  HWY_DYNAMIC_DISPATCH(RefineRows)(step, first, last);
 }
 
 }  // namespace glasswing

@@ -21,11 +21,21 @@ struct SmoothStep {
   int radius = 1;         // px, at most 8
   float rho_info = 0.0f;  // of one sample of rho
   const SmoothSamples* samples = nullptr;
-  const SmoothState* before = nullptr;
-  SmoothState* after = nullptr;  // of the same size; not `before`
+  const SmoothState* before = nullptr;  // null: the samples themselves, each by itself
+  SmoothState* after = nullptr;         // of the same size; not `before`
+};
+
+// A step at full resolution, after others at half: at each pixel the planes of the four coarse pixels between
+// which it lies take the place of its own, as far as they agree with it (s_ij above); of those that do, the
+// likelier ones.
+struct RefineStep {
+  SmoothStep fine;         // of its state after, values and info alone
+  SmoothArea coarse_area;  // coarse pixel (x, y) is (2 x, 2 y) to (2 x + 1, 2 y + 1) of the picture
+  const SmoothState* coarse = nullptr;
 };
 
 // Rows [first, last) of the area.
 void smooth_rows(const SmoothStep& step, int first, int last);
+void refine_rows(const RefineStep& step, int first, int last);
 
 }  // namespace glasswing::internal

@@ -106,15 +106,19 @@ class Joiner {
 
   Step search(int x0, int y0) const {
     Step best;
-    float least = cost(x0, y0, best);
-    if (least <= kExpected) return best;
+    const std::vector<Place> places = places_of(x0, y0);
+    if (places.empty()) return best;
+    const auto count = static_cast<float>(places.size());
+    float least = cost(places, best, kMost * count);
+    if (least <= kExpected * count) return best;
     const auto look_around = [&](Step centre, int pace, int rings) {
       for (int ring = 1; ring <= rings; ++ring) {
         for (int v = -ring; v <= ring; ++v) {
           for (int u = -ring; u <= ring; ++u) {
             if (std::max(std::abs(u), std::abs(v)) != ring) continue;
             const Step step{.x = centre.x + u * pace, .y = centre.y + v * pace};
-            if (const float own = cost(x0, y0, step); own < least - kGain) {
+            const float most = least - kGain * count;
+            if (const float own = cost(places, step, most); own < most) {
               least = own;
               best = step;
             }
@@ -127,25 +131,41 @@ class Joiner {
     return best;
   }
 
-  float cost(int x0, int y0, Step step) const {
-    const SmoothArea &area = pilot_.area, &beyond = other_.area;
+  // A pixel of this frame, and where it would be in the other if nothing moved.
+  struct Place {
+    size_t own = 0;
+    int x = 0, y = 0;
+  };
+
+  // Of a block and its rim, some pixels on the object.
+  std::vector<Place> places_of(int x0, int y0) const {
+    const SmoothArea& area = pilot_.area;
     const int every = (block_px_ + 2 * kRim_px) / kAcross;
     const int right = std::min(x0 + block_px_ + kRim_px, area.width);
     const int bottom = std::min(y0 + block_px_ + kRim_px, area.height);
-    float sum = 0.0f, count = 0.0f;
+    std::vector<Place> places;
     for (int y = std::max(y0 - kRim_px, 0); y < bottom; y += every) {
-      const int row = y + offset_.y + step.y;
       for (int x = std::max(x0 - kRim_px, 0); x < right; x += every) {
         const size_t own = area.at(x, y);
-        if (pilot_.samples.object[own] == 0.0f) continue;
-        count += 1.0f;
-        const int column = x + offset_.x + step.x;
-        const bool inside = column >= 0 && row >= 0 && column < beyond.width && row < beyond.height;
-        const size_t there = inside ? beyond.at(column, row) : 0;
-        sum += inside && other_.samples.object[there] > 0.0f ? difference_(own, there) : kMost;
+        if (pilot_.samples.object[own] > 0.0f)
+          places.push_back({.own = own, .x = x + offset_.x, .y = y + offset_.y});
       }
     }
-    return count > 0.0f ? sum / count : 0.0f;
+    return places;
+  }
+
+  // The sum over the places; once it is `most` or more, so much as is summed by then.
+  float cost(const std::vector<Place>& places, Step step, float most) const {
+    const SmoothArea& beyond = other_.area;
+    float sum = 0.0f;
+    for (const Place& place : places) {
+      const int column = place.x + step.x, row = place.y + step.y;
+      const bool inside = column >= 0 && row >= 0 && column < beyond.width && row < beyond.height;
+      const size_t there = inside ? beyond.at(column, row) : 0;
+      sum += inside && other_.samples.object[there] > 0.0f ? difference_(place.own, there) : kMost;
+      if (sum >= most) break;
+    }
+    return sum;
   }
 
   // use(own, there, count): pixels of a row that moved as one, within both areas.

@@ -9,7 +9,12 @@
 namespace glasswing {
 namespace {
 
+// Standard deviations by which rho may be moved.
+constexpr float kMostRho_sd = 3.0f;
 constexpr float kLeastRhoSd = 1e-6f;
+// Pictures of so many pixels are smoothed at half resolution: the same windows then reach twice as far, at a
+// quarter of the cost.
+constexpr int kLarge_px = 500'000;
 
 SmoothArea area_of(const RampFrame& frame) {
   int left = frame.width_px, right = -1, top = frame.height_px, bottom = -1;
@@ -52,14 +57,13 @@ std::array<float, 6> straight_of(const RampFrame& frame) {
   return straight;
 }
 
-void take_row(const RampFrame& frame, int y, SmoothPilot& pilot) {
-  SmoothSamples& samples = pilot.samples;
-  const std::array<float, 6>& s = pilot.straight;
-  for (int x = 0; x < pilot.area.width; ++x) {
-    const int column = pilot.area.x0 + x, row = pilot.area.y0 + y;
+void take_row(const RampFrame& frame, const std::array<float, 6>& s, const SmoothArea& area, int y,
+              SmoothSamples& samples) {
+  for (int x = 0; x < area.width; ++x) {
+    const int column = area.x0 + x, row = area.y0 + y;
     const size_t from =
         static_cast<size_t>(row) * static_cast<size_t>(frame.width_px) + static_cast<size_t>(column);
-    const size_t to = pilot.area.at(x, y);
+    const size_t to = area.at(x, y);
     if (frame.alpha[from] <= 0.0f) continue;
     const auto fx = static_cast<float>(column), fy = static_cast<float>(row);
     samples.object[to] = 1.0f;
@@ -73,6 +77,106 @@ void take_row(const RampFrame& frame, int y, SmoothPilot& pilot) {
   }
 }
 
+SmoothSamples samples_of(const RampFrame& frame, const std::array<float, 6>& straight, const SmoothArea& area,
+                         int thread_count) {
+  SmoothSamples samples;
+  resize(samples, area.size());
+  for_rows(area.height, thread_count, [&](int first, int last) {
+    for (int y = first; y < last; ++y) take_row(frame, straight, area, y, samples);
+  });
+  return samples;
+}
+
+// That begins and ends at even places.
+SmoothArea even(const SmoothArea& area) {
+  const int x0 = area.x0 / 2 * 2, y0 = area.y0 / 2 * 2;
+  const auto up = [](int length) { return (length + 1) / 2 * 2; };
+  return {
+      .x0 = x0, .y0 = y0, .width = up(area.x0 + area.width - x0), .height = up(area.y0 + area.height - y0)};
+}
+
+// Means of 2 x 2 pixels by their information. Where one of them says nothing, so does the mean, which would
+// be of another place.
+void halve_row(const SmoothFine& fine, const SmoothArea& area, int y, SmoothSamples& samples) {
+  for (int x = 0; x < area.width; ++x) {
+    const size_t to = area.at(x, y), above = fine.area.at(2 * x, 2 * y), below = above + fine.area.stride();
+    const std::array<size_t, 4> from{above, above + 1, below, below + 1};
+    const SmoothSamples& all = fine.samples;
+    float info = 0.0f, least = all.info[above];
+    std::array<float, 3> sum{};
+    for (const size_t i : from) {
+      const float own = all.info[i];
+      samples.object[to] = std::max(samples.object[to], all.object[i]);
+      least = std::min(least, own);
+      info += own;
+      sum[0] += own * all.value[0][i];
+      sum[1] += own * all.value[1][i];
+      sum[2] += all.value[2][i];
+    }
+    if (least <= 0.0f) continue;
+    samples.value[0][to] = sum[0] / info;
+    samples.value[1][to] = sum[1] / info;
+    samples.value[2][to] = 0.25f * sum[2];
+    samples.info[to] = info;
+  }
+}
+
+void halve(SmoothPilot& pilot, int thread_count) {
+  const SmoothFine& fine =
+      pilot.fine.emplace(SmoothFine{pilot.area, std::move(pilot.samples), pilot.rho_info});
+  pilot.area = {.x0 = fine.area.x0 / 2,
+                .y0 = fine.area.y0 / 2,
+                .width = fine.area.width / 2,
+                .height = fine.area.height / 2};
+  pilot.rho_info = 4.0f * fine.rho_info;
+  pilot.samples = {};
+  resize(pilot.samples, pilot.area.size());
+  for_rows(pilot.area.height, thread_count, [&](int first, int last) {
+    for (int y = first; y < last; ++y) halve_row(fine, pilot.area, y, pilot.samples);
+  });
+}
+
+void widen(const SmoothPilot& pilot, int radius_px, int thread_count, const SmoothState* before,
+           SmoothState& after) {
+  resize(after, pilot.area.size());
+  const internal::SmoothStep step{.area = pilot.area,
+                                  .radius = radius_px,
+                                  .rho_info = pilot.rho_info,
+                                  .samples = &pilot.samples,
+                                  .before = before,
+                                  .after = &after};
+  for_rows(pilot.area.height, thread_count,
+           [&](int first, int last) { internal::smooth_rows(step, first, last); });
+}
+
+// Row y of the area.
+void put_row(const std::array<float, 6>& s, const SmoothArea& area, const SmoothSamples& samples,
+             float rho_info, const SmoothState& state, int y, RampFrame& frame) {
+  const float most = kMostRho_sd * kMostRho_sd / rho_info;
+  for (int x = 0; x < area.width; ++x) {
+    const size_t from = area.at(x, y);
+    if (samples.object[from] == 0.0f || state.info[from] <= 0.0f) continue;
+    const int column = area.x0 + x, row = area.y0 + y;
+    const size_t to =
+        static_cast<size_t>(row) * static_cast<size_t>(frame.width_px) + static_cast<size_t>(column);
+    if (frame.highlight[to] > 0.0f) continue;
+    const auto fx = static_cast<float>(column), fy = static_cast<float>(row);
+    frame.x_px[to] = state.value[0][from] + (s[0] + s[1] * fx + s[2] * fy);
+    frame.y_px[to] = state.value[1][from] + (s[3] + s[4] * fx + s[5] * fy);
+    if (samples.info[from] <= 0.0f) continue;
+    const float moved = state.value[2][from] - frame.rho[to];
+    if (moved * moved < most) frame.rho[to] = state.value[2][from];
+  }
+}
+
+}  // namespace
+
+void resize(SmoothSamples& samples, size_t size) {
+  for (Plane& plane : samples.value) plane.resize(size);
+  samples.info.resize(size);
+  samples.object.resize(size);
+}
+
 void resize(SmoothState& state, size_t size) {
   for (auto* planes : {&state.value, &state.across, &state.down}) {
     for (Plane& plane : *planes) plane.resize(size);
@@ -80,7 +184,10 @@ void resize(SmoothState& state, size_t size) {
   for (Plane* plane : {&state.info, &state.count, &state.tightness}) plane->resize(size);
 }
 
-}  // namespace
+void put_rows(const std::array<float, 6>& straight, const SmoothArea& area, const SmoothSamples& samples,
+              float rho_info, const SmoothState& state, int first, int last, RampFrame& frame) {
+  for (int y = first; y < last; ++y) put_row(straight, area, samples, rho_info, state, y, frame);
+}
 
 void widen(const SmoothArea& area, const SmoothSamples& samples, float rho_info, int radius_px,
            int thread_count, const SmoothState& before, SmoothState& after) {
@@ -91,30 +198,21 @@ void widen(const SmoothArea& area, const SmoothSamples& samples, float rho_info,
                                   .samples = &samples,
                                   .before = &before,
                                   .after = &after};
-  for_rows(area.height, thread_count, [&](int first, int last) { smooth_rows(step, first, last); });
+  for_rows(area.height, thread_count, [&](int first, int last) { internal::smooth_rows(step, first, last); });
 }
 
 SmoothPilot make_pilot(const RampFrame& frame, int thread_count) {
   SmoothPilot pilot;
-  pilot.area = area_of(frame);
+  const bool large = frame.width_px * frame.height_px >= kLarge_px;
+  pilot.area = large ? even(area_of(frame)) : area_of(frame);
   pilot.straight = straight_of(frame);
   const float rho_sd = std::max(frame.rho_sd, kLeastRhoSd);
   pilot.rho_info = 1.0f / (rho_sd * rho_sd);
-  SmoothSamples& samples = pilot.samples;
-  const size_t size = pilot.area.size();
-  for (Plane* plane :
-       {&samples.value[0], &samples.value[1], &samples.value[2], &samples.info, &samples.object})
-    plane->resize(size);
-  for_rows(pilot.area.height, thread_count, [&](int first, int last) {
-    for (int y = first; y < last; ++y) take_row(frame, y, pilot);
-  });
-  SmoothState raw, narrow;
-  resize(raw, size);
-  raw.value = samples.value;
-  raw.info = samples.info;
-  for (size_t i = 0; i < size; ++i) raw.count[i] = samples.info[i] > 0.0f ? 1.0f : 0.0f;
-  widen(pilot.area, samples, pilot.rho_info, 1, thread_count, raw, narrow);
-  widen(pilot.area, samples, pilot.rho_info, 2, thread_count, narrow, pilot.state);
+  pilot.samples = samples_of(frame, pilot.straight, pilot.area, thread_count);
+  if (large) halve(pilot, thread_count);
+  SmoothState narrow;
+  widen(pilot, 1, thread_count, nullptr, narrow);
+  widen(pilot, 2, thread_count, &narrow, pilot.state);
   return pilot;
 }
 
