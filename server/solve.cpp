@@ -245,10 +245,10 @@ absl::Status Server::accept(const v1::CompleteTileRequest& header, const std::st
 absl::Status Server::assemble_rows(v1::Session& session) {
   GW_ASSIGN_OR_RETURN(const std::vector<Tile> tiles, jobs_->tiles(session.name()));
   std::vector<Matte> parts;
-  ObjectPixels pixels;
+  ObjectCount pixels;
   for (const Tile& tile : tiles) {
     GW_ASSIGN_OR_RETURN(Matte part, read_matte(data_ / "tiles" / session.name() / tile.result));
-    const ObjectPixels own = object_pixels(part);
+    const ObjectCount own = count_object(part);
     pixels.all += own.all;
     pixels.flagged += own.flagged;
     parts.push_back(std::move(part));

@@ -100,7 +100,7 @@ struct SolvedTile {
   std::vector<v1::RefusedFrame> refused;
 
   void count(const Matte& matte) {
-    const ObjectPixels pixels = object_pixels(matte);
+    const ObjectCount pixels = count_object(matte);
     object_pixel_count += pixels.all;
     flagged_pixel_count += pixels.flagged;
   }

@@ -32,8 +32,8 @@ void Matte::put(const Matte& tile) {
   }
 }
 
-ObjectPixels object_pixels(const Matte& matte) {
-  ObjectPixels count;
+ObjectCount count_object(const Matte& matte) {
+  ObjectCount count;
   for (int y = 0; y < matte.height_px(); ++y) {
     for (int x = 0; x < matte.width_px(); ++x) {
       if (matte.coverage(x, y) <= 0.0f) continue;

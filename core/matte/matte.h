@@ -108,9 +108,9 @@ class Matte {
 };
 
 // Pixels that show the object, and those of them that are not to be trusted.
-struct ObjectPixels {
+struct ObjectCount {
   std::int64_t all = 0, flagged = 0;
 };
-ObjectPixels object_pixels(const Matte& matte);
+ObjectCount count_object(const Matte& matte);
 
 }  // namespace glasswing
