@@ -125,8 +125,8 @@ RampFrame RampSmoother::adapt(std::span<const SmoothInput> window, size_t at, in
   // Twice: gradients from the first narrow down which pixels are of one piece.
   SmoothState wider, state;
   const int radius_px = pilot.fine.has_value() ? kHalfRadius_px : kRadius_px;
-  widen(pilot.area, joined, pilot.rho_info, radius_px, thread_count, pilot.state, wider);
-  widen(pilot.area, joined, pilot.rho_info, kRadius_px, thread_count, wider, state);
+  widen(pilot.area, joined, pilot.rho_info, radius_px, thread_count, &pilot.state, wider);
+  widen(pilot.area, joined, pilot.rho_info, kRadius_px, thread_count, &wider, state);
   RampFrame result = copy_of(*inputs[at].frame, thread_count);
   if (pilot.fine.has_value()) {
     refine(pilot, state, thread_count, result);
