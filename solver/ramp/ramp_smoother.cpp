@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cassert>
 #include <cmath>
 #include <vector>
@@ -35,6 +36,22 @@ absl::StatusOr<int> named_option(const std::string& key, const std::string& valu
   if (found != names.end()) return static_cast<int>(found - names.begin());
   return absl::InvalidArgumentError(
       fmt::format("{} is \"{}\"; it must be one of: {}", key, value, fmt::join(names, ", ")));
+}
+
+RampFrame copy_of(const RampFrame& frame, int thread_count) {
+  constexpr std::array kPlanes{&RampFrame::alpha,     &RampFrame::rho,     &RampFrame::x_px,
+                               &RampFrame::y_px,      &RampFrame::info_xx, &RampFrame::info_xy,
+                               &RampFrame::highlight, &RampFrame::info_yy};
+  RampFrame copy;
+  copy.width_px = frame.width_px;
+  copy.height_px = frame.height_px;
+  copy.rho_sd = frame.rho_sd;
+  copy.flags = frame.flags;
+  for_rows(static_cast<int>(kPlanes.size()), thread_count, [&](int first, int last) {
+    for (auto i = static_cast<size_t>(first); i < static_cast<size_t>(last); ++i)
+      copy.*kPlanes[i] = frame.*kPlanes[i];
+  });
+  return copy;
 }
 
 }  // namespace
@@ -108,9 +125,9 @@ RampFrame RampSmoother::adapt(std::span<const SmoothInput> window, size_t at, in
   // Twice: gradients from the first narrow down which pixels are of one piece.
   SmoothState wider, state;
   const int radius_px = pilot.fine.has_value() ? kHalfRadius_px : kRadius_px;
-  widen(pilot.area, joined, pilot.rho_info, radius_px, thread_count, pilot.state, wider);
-  widen(pilot.area, joined, pilot.rho_info, kRadius_px, thread_count, wider, state);
-  RampFrame result = *inputs[at].frame;
+  widen(pilot.area, joined, pilot.rho_info, radius_px, thread_count, &pilot.state, wider);
+  widen(pilot.area, joined, pilot.rho_info, kRadius_px, thread_count, &wider, state);
+  RampFrame result = copy_of(*inputs[at].frame, thread_count);
   if (pilot.fine.has_value()) {
     refine(pilot, state, thread_count, result);
   } else {

@@ -2,8 +2,9 @@
 //
 // adaptive: each pixel's own window, fitted by planes in c and rho, which grows over the piece of the object
 // that it belongs to and stops at its edges (ramp_smoother_kernel.h); before that, frames near in time are
-// averaged along the object's motion where they agree within the noise (ramp_smoother_motion.h). Nothing is
-// to be tuned: all it goes by is the noise that the frame states.
+// averaged along the object's motion where they agree within the noise (ramp_smoother_motion.h). Large
+// pictures go through this at half resolution and are then refined (ramp_smoother_refine.h). Nothing is to be
+// tuned: all it goes by is the noise that the frame states.
 //
 // perona-malik: anisotropic diffusion of c in space and time (ramp_smoother_diffusion.h), as in Chuang et
 // al. 2000, section 4.2.

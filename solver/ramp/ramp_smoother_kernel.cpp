@@ -91,42 +91,51 @@ Sums Gather(const SmoothStep& step, const Before& before, size_t centre) {
   const float fall = 1.0f / static_cast<float>((r + 1) * (r + 1));
   const auto stride = static_cast<std::ptrdiff_t>(step.area.stride());
   for (int v = -r; v <= r; ++v) {
+    const V below = hn::Set(d, static_cast<float>(v));
+    V expected[3];  // of this row, in the pixel's own column
+    for (int k = 0; k < 3; ++k) expected[k] = hn::MulAdd(down[k], below, value[k]);
+    V weights = zero, x = zero, xx = zero, values[3] = {zero, zero, zero}, values_x[3] = {zero, zero, zero};
     for (int u = -r; u <= r; ++u) {
       const auto distance2 = static_cast<float>(u * u + v * v);
       if (distance2 > reach) continue;
       const auto at = static_cast<size_t>(static_cast<std::ptrdiff_t>(centre) + v * stride + u);
-      const V right = hn::Set(d, static_cast<float>(u)), below = hn::Set(d, static_cast<float>(v));
+      const V right = hn::Set(d, static_cast<float>(u));
       V off2[3];
       for (int k = 0; k < 3; ++k) {
-        const V there = before.value(k, at);
-        const V off =
-            hn::Sub(hn::Sub(there, value[k]), hn::MulAdd(across[k], right, hn::Mul(down[k], below)));
+        const V off = hn::NegMulAdd(across[k], right, hn::Sub(before.value(k, at), expected[k]));
         off2[k] = hn::Mul(off, off);
       }
       const V widening = hn::MulAdd(tightness, hn::Set(d, distance2), one);
-      const V info_there = before.info(at), count_there = before.count(at);
-      const V of_c = Both(info, info_there, widening), of_rho = Both(count, count_there, widening);
+      const V of_c = Both(info, before.info(at), widening);
+      const V of_rho = Both(count, before.count(at), widening);
       const V chi2 = hn::MulAdd(hn::Add(off2[0], off2[1]), of_c, hn::Mul(off2[2], hn::Mul(of_rho, rho_info)));
       const V agreement = Agreement(chi2, kDoubt);
       const V sample_info = hn::LoadU(d, &step.samples->info[at]);
       const V kernel = hn::IfThenElseZero(hn::Gt(sample_info, zero),
                                           hn::Mul(agreement, hn::Set(d, 1.0f - distance2 * fall)));
-      const V weight = hn::Mul(kernel, sample_info);
-      const V weight_x = hn::Mul(weight, right), weight_y = hn::Mul(weight, below);
+      const V weight = hn::Mul(kernel, sample_info), weight_x = hn::Mul(weight, right);
       sums.kernel = hn::Add(sums.kernel, kernel);
       sums.kernel2 = hn::MulAdd(kernel, kernel, sums.kernel2);
-      sums.weight = hn::Add(sums.weight, weight);
-      sums.x = hn::Add(sums.x, weight_x);
-      sums.y = hn::Add(sums.y, weight_y);
-      sums.xx = hn::MulAdd(weight_x, right, sums.xx);
-      sums.xy = hn::MulAdd(weight_x, below, sums.xy);
-      sums.yy = hn::MulAdd(weight_y, below, sums.yy);
+      weights = hn::Add(weights, weight);
+      x = hn::Add(x, weight_x);
+      xx = hn::MulAdd(weight_x, right, xx);
       for (int k = 0; k < 3; ++k) {
         const V sample = hn::LoadU(d, &step.samples->value[k][at]);
-        sums.value[k] = hn::MulAdd(weight, sample, sums.value[k]);
-        sums.value_x[k] = hn::MulAdd(weight_x, sample, sums.value_x[k]);
-        sums.value_y[k] = hn::MulAdd(weight_y, sample, sums.value_y[k]);
+        values[k] = hn::MulAdd(weight, sample, values[k]);
+        values_x[k] = hn::MulAdd(weight_x, sample, values_x[k]);
       }
+    }
+    const V weights_y = hn::Mul(weights, below);
+    sums.weight = hn::Add(sums.weight, weights);
+    sums.x = hn::Add(sums.x, x);
+    sums.y = hn::Add(sums.y, weights_y);
+    sums.xx = hn::Add(sums.xx, xx);
+    sums.xy = hn::MulAdd(x, below, sums.xy);
+    sums.yy = hn::MulAdd(weights_y, below, sums.yy);
+    for (int k = 0; k < 3; ++k) {
+      sums.value[k] = hn::Add(sums.value[k], values[k]);
+      sums.value_x[k] = hn::Add(sums.value_x[k], values_x[k]);
+      sums.value_y[k] = hn::MulAdd(values[k], below, sums.value_y[k]);
     }
   }
   return sums;

@@ -59,7 +59,8 @@ std::array<float, 6> straight_of(const RampFrame& frame) {
 
 void take_row(const RampFrame& frame, const std::array<float, 6>& s, const SmoothArea& area, int y,
               SmoothSamples& samples) {
-  for (int x = 0; x < area.width; ++x) {
+  const int width = std::min(area.width, frame.width_px - area.x0);
+  for (int x = 0; x < width; ++x) {
     const int column = area.x0 + x, row = area.y0 + y;
     const size_t from =
         static_cast<size_t>(row) * static_cast<size_t>(frame.width_px) + static_cast<size_t>(column);
@@ -81,13 +82,14 @@ SmoothSamples samples_of(const RampFrame& frame, const std::array<float, 6>& str
                          int thread_count) {
   SmoothSamples samples;
   resize(samples, area.size());
-  for_rows(area.height, thread_count, [&](int first, int last) {
+  const int height = std::min(area.height, frame.height_px - area.y0);
+  for_rows(height, thread_count, [&](int first, int last) {
     for (int y = first; y < last; ++y) take_row(frame, straight, area, y, samples);
   });
   return samples;
 }
 
-// That begins and ends at even places.
+// That begins and ends at even places, if need be beyond the picture.
 SmoothArea even(const SmoothArea& area) {
   const int x0 = area.x0 / 2 * 2, y0 = area.y0 / 2 * 2;
   const auto up = [](int length) { return (length + 1) / 2 * 2; };
@@ -136,19 +138,6 @@ void halve(SmoothPilot& pilot, int thread_count) {
   });
 }
 
-void widen(const SmoothPilot& pilot, int radius_px, int thread_count, const SmoothState* before,
-           SmoothState& after) {
-  resize(after, pilot.area.size());
-  const internal::SmoothStep step{.area = pilot.area,
-                                  .radius = radius_px,
-                                  .rho_info = pilot.rho_info,
-                                  .samples = &pilot.samples,
-                                  .before = before,
-                                  .after = &after};
-  for_rows(pilot.area.height, thread_count,
-           [&](int first, int last) { internal::smooth_rows(step, first, last); });
-}
-
 // Row y of the area.
 void put_row(const std::array<float, 6>& s, const SmoothArea& area, const SmoothSamples& samples,
              float rho_info, const SmoothState& state, int y, RampFrame& frame) {
@@ -190,13 +179,13 @@ void put_rows(const std::array<float, 6>& straight, const SmoothArea& area, cons
 }
 
 void widen(const SmoothArea& area, const SmoothSamples& samples, float rho_info, int radius_px,
-           int thread_count, const SmoothState& before, SmoothState& after) {
+           int thread_count, const SmoothState* before, SmoothState& after) {
   resize(after, area.size());
   const internal::SmoothStep step{.area = area,
                                   .radius = radius_px,
                                   .rho_info = rho_info,
                                   .samples = &samples,
-                                  .before = &before,
+                                  .before = before,
                                   .after = &after};
   for_rows(area.height, thread_count, [&](int first, int last) { internal::smooth_rows(step, first, last); });
 }
@@ -211,8 +200,8 @@ SmoothPilot make_pilot(const RampFrame& frame, int thread_count) {
   pilot.samples = samples_of(frame, pilot.straight, pilot.area, thread_count);
   if (large) halve(pilot, thread_count);
   SmoothState narrow;
-  widen(pilot, 1, thread_count, nullptr, narrow);
-  widen(pilot, 2, thread_count, &narrow, pilot.state);
+  widen(pilot.area, pilot.samples, pilot.rho_info, 1, thread_count, nullptr, narrow);
+  widen(pilot.area, pilot.samples, pilot.rho_info, 2, thread_count, &narrow, pilot.state);
   return pilot;
 }
 

@@ -36,9 +36,9 @@ SmoothPilot make_pilot(const RampFrame& frame, int thread_count);
 void put_rows(const std::array<float, 6>& straight, const SmoothArea& area, const SmoothSamples& samples,
               float rho_info, const SmoothState& state, int first, int last, RampFrame& frame);
 
-// One more step, from `before` to `after`, which is of any size.
+// One more step, from `before` (null: the samples themselves) to `after`, which is of any size.
 void widen(const SmoothArea& area, const SmoothSamples& samples, float rho_info, int radius_px,
-           int thread_count, const SmoothState& before, SmoothState& after);
+           int thread_count, const SmoothState* before, SmoothState& after);
 
 // Of that size; what is new is 0.
 void resize(SmoothSamples& samples, size_t size);

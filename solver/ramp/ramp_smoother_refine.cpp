@@ -19,7 +19,8 @@ class Strip {
     area_.height = kRows + 2 * kRim;
     resize(samples_, area_.size());
     resize(narrow_, area_.size());
-    resize(refined_, area_.size());
+    for (Plane& plane : refined_.value) plane.resize(area_.size());
+    refined_.info.resize(area_.size());
   }
 
   // Rows [first, last) of the fine area, at most kRows.

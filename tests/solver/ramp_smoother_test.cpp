@@ -24,14 +24,15 @@ bool in_disc(float x, float y, float centre_x, float centre_y, float radius) {
 }
 
 // What an extraction would hand over, with noise of kSd_px and kRhoSd times `noise`.
-RampFrame frame_of(const Scene& scene, unsigned seed, float noise = 1.0f) {
-  RampFrame frame(kWidth, kHeight);
+RampFrame frame_of(const Scene& scene, unsigned seed, float noise = 1.0f, int width_px = kWidth,
+                   int height_px = kHeight) {
+  RampFrame frame(width_px, height_px);
   std::mt19937 random(seed);
   std::normal_distribution<float> normal;
   frame.rho_sd = kRhoSd * noise;
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x) {
-      const auto i = static_cast<size_t>(y * kWidth + x);
+  for (int y = 0; y < frame.height_px; ++y) {
+    for (int x = 0; x < frame.width_px; ++x) {
+      const auto i = static_cast<size_t>(y * frame.width_px + x);
       const float px = static_cast<float>(x) + 0.5f, py = static_cast<float>(y) + 0.5f;
       frame.x_px[i] = px;
       frame.y_px[i] = py;
@@ -51,9 +52,9 @@ RampFrame frame_of(const Scene& scene, unsigned seed, float noise = 1.0f) {
 // Root mean square of the error of c, monitor px, of x and y each, where `counts` says so.
 double error_px(const RampFrame& frame, const Scene& scene, const std::function<bool(float, float)>& counts) {
   double sum = 0.0, count = 0.0;
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x) {
-      const auto i = static_cast<size_t>(y * kWidth + x);
+  for (int y = 0; y < frame.height_px; ++y) {
+    for (int x = 0; x < frame.width_px; ++x) {
+      const auto i = static_cast<size_t>(y * frame.width_px + x);
       const float px = static_cast<float>(x) + 0.5f, py = static_cast<float>(y) + 0.5f;
       if (!counts(px, py)) continue;
       const Truth truth = scene(px, py);
@@ -266,6 +267,66 @@ TEST(RampSmoother, ThreadsChangeNothing) {
       EXPECT_EQ(one.y_px, several.y_px);
       EXPECT_EQ(one.rho, several.rho);
     }
+  }
+}
+
+// Two panes that meet at an odd column, in a picture large enough to be smoothed at half resolution.
+constexpr int kLargeWidth = 1000, kLargeHeight = 500;
+Truth large_panes(float x, float y) {
+  Truth truth = pane(x, y);
+  truth.object = in_disc(x, y, 500.0f, 250.0f, 150.0f);
+  if (x > 501.0f) truth.x_px += 12.0f;
+  return truth;
+}
+RampFrame large_frame(unsigned seed) {
+  return frame_of(large_panes, seed, 1.0f, kLargeWidth, kLargeHeight);
+}
+
+TEST(RampSmoother, LargePicturesAreSmoothedFurther) {
+  const RampFrame frame = large_frame(120);
+  const RampFrame result = smoothed({.reach = 0}, {&frame}, 0);
+  const auto middle = [](float x, float y) {
+    return in_disc(x, y, 500.0f, 250.0f, 130.0f) && std::abs(x - 501.0f) > 20.0f;
+  };
+  // 53 pixels of half the resolution (see PlanesAreFittedAsWellAsTheWindowAllows) are 212.
+  const double best = kSd_px / 0.9 / std::sqrt(212.0);
+  EXPECT_GT(error_px(result, large_panes, middle), 0.9 * best);
+  EXPECT_LT(error_px(result, large_panes, middle), 1.3 * best);
+}
+
+TEST(RampSmoother, EdgesOfLargePicturesStay) {
+  const RampFrame frame = large_frame(121);
+  const auto at_edge = [](float x, float y) {
+    return std::abs(x - 501.0f) < 2.0f && in_disc(x, y, 500.0f, 250.0f, 140.0f);
+  };
+  const auto at_rim = [](float x, float y) {
+    return in_disc(x, y, 500.0f, 250.0f, 150.0f) && !in_disc(x, y, 500.0f, 250.0f, 148.0f);
+  };
+  const RampFrame result = smoothed({.reach = 0}, {&frame}, 0);
+  // Coarse pixels across the edge are 6 px off, on both sides.
+  EXPECT_LT(error_px(result, large_panes, at_edge), error_px(frame, large_panes, at_edge));
+  EXPECT_LT(error_px(result, large_panes, at_rim), 0.5 * error_px(frame, large_panes, at_rim));
+}
+
+TEST(RampSmoother, LargePicturesMayHaveOddSides) {
+  // The object reaches every side of the picture.
+  const Scene all = [](float x, float y) {
+    Truth truth = pane(x, y);
+    truth.object = true;
+    return truth;
+  };
+  const RampFrame frame = frame_of(all, 124, 1.0f, 1001, 501);
+  const RampFrame result = smoothed({.reach = 0}, {&frame}, 0);
+  EXPECT_LT(error_px(result, all, [](float, float) { return true; }), kSd_px / 0.9 / std::sqrt(53.0));
+}
+
+TEST(RampSmoother, ThreadsChangeNothingInLargePictures) {
+  const std::vector<RampFrame> frames{large_frame(122), large_frame(123)};
+  const RampFrame one = smoothed({}, {&frames[0], &frames[1]}, 1, 1);
+  for (const int thread_count : {2, 7}) {
+    const RampFrame several = smoothed({}, {&frames[0], &frames[1]}, 1, thread_count);
+    EXPECT_EQ(one.x_px, several.x_px);
+    EXPECT_EQ(one.rho, several.rho);
   }
 }
 
