@@ -11,6 +11,8 @@ absl::StatusOr<RampOptions> parse(const v1::LiveStart& start) {
   GW_ASSIGN_OR_RETURN(RampOptions options,
                       parse_ramp_options(MethodOptions(start.options().begin(), start.options().end())));
   options.smoothing.causal = true;
+  // What frames before add is not worth their time, unless somebody asks for it.
+  if (!start.options().contains("smoothing_reach")) options.smoothing.reach = 0;
   return options;
 }
 

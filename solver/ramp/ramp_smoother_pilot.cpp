@@ -14,7 +14,7 @@ constexpr float kMostRho_sd = 3.0f;
 constexpr float kLeastRhoSd = 1e-6f;
 // Pictures of so many pixels are smoothed at half resolution: the same windows then reach twice as far, at a
 // quarter of the cost.
-constexpr int kLarge_px = 500'000;
+constexpr int kLarge_px = 300'000;
 
 SmoothArea area_of(const RampFrame& frame) {
   int left = frame.width_px, right = -1, top = frame.height_px, bottom = -1;
