@@ -295,8 +295,8 @@ class Brushed final : public Scene {
   std::vector<Vec3> facets_;  // normals, kPoints of them
 };
 
-// A flat drop of water that floats to and fro and wobbles, twice as fast, in its lowest mode: long, then wide, its
-// volume kept.
+// A flat drop of water that floats to and fro and wobbles, twice as fast, in its lowest mode: long, then
+// wide, its volume kept.
 class Drop final : public Scene {
  public:
   static constexpr Motion kMotion{.phases = 36, .period = std::chrono::milliseconds(1200)};

@@ -119,7 +119,8 @@ TEST(RampMethod, AFrameThatCannotBeSolvedIsNamed) {
   const Solved solved = solve(clip, 0, kFrames);
   EXPECT_EQ(solved.numbers.size(), static_cast<size_t>(kFrames) - 1);
   ASSERT_EQ(solved.refused.size(), 1u);
-  EXPECT_EQ(std::string(solved.refused.at(1).message()).find("frame 1: the frame does not show the ramp"), 0u);
+  EXPECT_EQ(std::string(solved.refused.at(1).message()).find("frame 1: the frame does not show the ramp"),
+            0u);
 }
 
 TEST(RampMethod, StopsWhenAsked) {
