@@ -304,7 +304,8 @@ TEST_F(LiveTest, RefusesWhatCannotBe) {
   // The monitors are black: that is no ramp.
   ramp_context.TryCancel();
   ASSERT_TRUE(becomes_free());
-  const grpc::Status dark = status_of(start_of(*rig), {});
+  // The first frames may still be of the ramp: then those that follow are refused.
+  const grpc::Status dark = status_of(start_of(*rig), picture_of(waves()));
   EXPECT_EQ(dark.error_code(), grpc::StatusCode::FAILED_PRECONDITION) << dark.error_message();
 }
 
