@@ -143,7 +143,8 @@ TEST(Plan, AStillOfTheRampIsLikeAnyOtherFrame) {
       parse_plan("method: \"ramp\" ramp { empty_frames: 5 } solids { colour: [0, 0, 0] }", "p").value();
   EXPECT_FALSE(is_video(plan));
   int empty = 0, with = 0;
-  for (const Step& step : expand(plan, {monitor("back", 8, 8)}).value()) {
+  const std::vector<Step> steps = expand(plan, {monitor("back", 8, 8)}).value();
+  for (const Step& step : steps) {
     if (step.stimulus.kind() == "ramp") ++(step.object ? with : empty);
   }
   EXPECT_EQ(empty, 5);
