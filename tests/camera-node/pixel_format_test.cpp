@@ -191,7 +191,8 @@ TEST(PixelFormat, JpegIsRead) {
   RawPicture picture = blank("MJPEG", 24, 16, 0, 0);
   ASSERT_TRUE(cv::imencode(".jpg", gray, picture.planes[0], {cv::IMWRITE_JPEG_QUALITY, 100}));
   picture.colour.transfer = ColourCode::Transfer::kLinear;
-  for (const std::uint16_t sample : image_of(picture)->samples) EXPECT_NEAR(sample, 128 * 257, 257);
+  const auto image = image_of(picture);
+  for (const std::uint16_t sample : image->samples) EXPECT_NEAR(sample, 128 * 257, 257);
   picture.width_px = 32;
   EXPECT_TRUE(absl::IsDataLoss(image_of(picture).status()));
   picture.planes[0].resize(40);
