@@ -3,7 +3,6 @@
 
 #include <csignal>
 #include <iostream>
-#include <map>
 #include <thread>
 
 #include "client/camera_clock.h"
@@ -12,6 +11,7 @@
 #include "client/live_output.h"
 #include "client/moving_picture.h"
 #include "client/ramp_holder.h"
+#include "client/settings.h"
 #include "core/base/status.h"
 #include "core/frame/image_file.h"
 #include "glasswing/v1/camera_service.grpc.pb.h"
@@ -30,17 +30,6 @@ struct Arguments {
 };
 
 using LiveStream = grpc::ClientReaderWriter<v1::RunLiveRequest, v1::RunLiveResponse>;
-
-absl::StatusOr<std::map<std::string, std::string>> options_of(const std::vector<std::string>& settings) {
-  std::map<std::string, std::string> options;
-  for (const std::string& setting : settings) {
-    const size_t equals = setting.find('=');
-    if (equals == std::string::npos || equals == 0)
-      return absl::InvalidArgumentError(fmt::format("--set {}: it must be NAME=VALUE", setting));
-    options[setting.substr(0, equals)] = setting.substr(equals + 1);
-  }
-  return options;
-}
 
 bool send_picture(LiveStream& stream, const std::string& file) {
   for (size_t at = 0; at < file.size(); at += kChunkBytes) {
@@ -64,7 +53,7 @@ class Live {
   Live(const Client& client, const Arguments& arguments) : client_(client), arguments_(arguments) {}
 
   absl::Status run() {
-    GW_ASSIGN_OR_RETURN(const auto options, options_of(arguments_.settings));
+    GW_ASSIGN_OR_RETURN(const auto options, parse_settings(arguments_.settings));
     GW_ASSIGN_OR_RETURN(MovingPicture background,
                         MovingPicture::open(arguments_.background, Encoding::kDisplay));
     GW_ASSIGN_OR_RETURN(const RadianceImage first, background.next());
@@ -215,7 +204,7 @@ void add_live_command(CLI::App& app, Client& client) {
   command.add_option("--exposure-ms", arguments->exposure_ms, "of each frame")
       ->check(CLI::Range(0.01, 10000.0))
       ->capture_default_str();
-  command.add_option("--set", arguments->settings, "NAME=VALUE, an option of method ramp; repeat for more");
+  command.add_option("--set", arguments->settings, "KEY=VALUE, an option of method ramp; repeat for more");
   command
       .add_option("--output", arguments->output,
                   "window; - (standard output) or FILE: YUV4MPEG2; DIR/: numbered PNGs")

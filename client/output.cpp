@@ -6,6 +6,8 @@
 #include <cmath>
 #include <iostream>
 
+#include "core/pattern/plan.h"
+
 namespace glasswing {
 namespace {
 
@@ -92,7 +94,7 @@ void print_session(const v1::Session& session, bool json) {
 }
 
 bool is_video(const v1::Session& session) {
-  return session.frame_count() > 0 && session.method() == "ramp";
+  return session.frame_count() > 0 && session.method() == kRampMethod;
 }
 
 int frames_to_solve(const v1::Session& session) {

@@ -1,8 +1,7 @@
-#include <fmt/format.h>
-
 #include "client/commands.h"
 #include "client/output.h"
 #include "client/rpc.h"
+#include "client/settings.h"
 #include "client/watch.h"
 #include "core/base/status.h"
 #include "core/pattern/plan.h"
@@ -22,13 +21,8 @@ absl::Status solve(const Client& client, const Arguments& arguments) {
   v1::SolveSessionRequest request;
   request.set_name(arguments.session);
   request.set_method(arguments.method);
-  for (const std::string& option : arguments.options) {
-    const size_t equals = option.find('=');
-    if (equals == std::string::npos || equals == 0) {
-      return absl::InvalidArgumentError(fmt::format("--set is \"{}\"; it must be KEY=VALUE", option));
-    }
-    (*request.mutable_options())[option.substr(0, equals)] = option.substr(equals + 1);
-  }
+  GW_ASSIGN_OR_RETURN(const auto options, parse_settings(arguments.options));
+  request.mutable_options()->insert(options.begin(), options.end());
   const Peer<v1::SessionService> server(client.server_title(), client.server);
   GW_ASSIGN_OR_RETURN(const v1::SolveSessionResponse started,
                       call(server, &v1::SessionService::Stub::SolveSession, request, kLongCallTimeout));

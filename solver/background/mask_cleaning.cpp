@@ -9,9 +9,15 @@
 
 namespace glasswing {
 
-int usual_dilation_px(int width_px, int height_px) {
+MaskCleaning usual_cleaning(int width_px, int height_px, std::optional<int> dilation_px,
+                            std::optional<int> erosion_px, std::optional<int> least_px) {
   constexpr double kUsualReach = 0.003;
-  return std::max(1, static_cast<int>(std::lround(kUsualReach * std::hypot(width_px, height_px))));
+  const int usual_px =
+      std::max(1, static_cast<int>(std::lround(kUsualReach * std::hypot(width_px, height_px))));
+  MaskCleaning cleaning{.dilation_px = dilation_px.value_or(usual_px)};
+  cleaning.erosion_px = erosion_px.value_or(cleaning.dilation_px);
+  cleaning.least_px = least_px.value_or((2 * cleaning.dilation_px + 1) * (2 * cleaning.dilation_px + 1));
+  return cleaning;
 }
 
 void clean_mask(std::span<std::uint8_t> samples, int width_px, int height_px, const MaskCleaning& cleaning) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 
 namespace glasswing {
@@ -13,8 +14,10 @@ struct MaskCleaning {
   int least_px = 0;  // what hangs together in fewer pixels is noise
 };
 
-// Half a side that closes gaps where the object happens to show what is behind it: 0.3 % of the diagonal.
-int usual_dilation_px(int width_px, int height_px);
+// What was left out filled in: dilated by what closes gaps where the object happens to show what is behind
+// it, 0.3 % of the diagonal; eroded as dilated; specks of less than the dilating square's area dropped.
+MaskCleaning usual_cleaning(int width_px, int height_px, std::optional<int> dilation_px,
+                            std::optional<int> erosion_px, std::optional<int> least_px = std::nullopt);
 
 // `samples`: by rows, 0 or 255.
 void clean_mask(std::span<std::uint8_t> samples, int width_px, int height_px, const MaskCleaning& cleaning);

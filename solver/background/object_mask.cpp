@@ -67,10 +67,10 @@ ObjectMask::ObjectMask(Image16 empty, const MaskOptions& options)
       rounding_(2.0 / 12.0 / std::pow(std::exp2(options.bits) - 1.0, 2)),
       inverse_sd_(empty_.samples.size()),
       threshold_(static_cast<float>(chi_square_quantile(3.0, options.false_positive_rate))),
-      dilation_px_(options.dilation_px.value_or(usual_dilation_px(empty_.width_px, empty_.height_px))),
-      erosion_px_(options.erosion_px.value_or(dilation_px_)),
-      least_px_(options.least_px.value_or((2 * dilation_px_ + 1) * (2 * dilation_px_ + 1))),
-      fill_holes_(options.fill_holes) {}
+      cleaning_(usual_cleaning(empty_.width_px, empty_.height_px, options.dilation_px, options.erosion_px,
+                               options.least_px)) {
+  cleaning_.fill_holes = options.fill_holes;
+}
 
 template <typename Square>
 void ObjectMask::learn_noise(const Square& square, bool several, double factor) {
@@ -132,11 +132,7 @@ Mask ObjectMask::mask(const Image16& frame) const {
     for (size_t x = 0; x < static_cast<size_t>(frame.width_px); ++x)
       row[x] = squares[3 * x] + squares[3 * x + 1] + squares[3 * x + 2] > threshold_ ? 255 : 0;
   }
-  clean_mask(mask.samples, mask.width_px, mask.height_px,
-             {.dilation_px = dilation_px_,
-              .erosion_px = erosion_px_,
-              .fill_holes = fill_holes_,
-              .least_px = least_px_});
+  clean_mask(mask.samples, mask.width_px, mask.height_px, cleaning_);
   return mask;
 }
 

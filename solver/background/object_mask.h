@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "core/frame/image.h"
+#include "solver/background/mask_cleaning.h"
 #include "solver/background/picture_drift.h"
 
 namespace glasswing {
@@ -68,8 +69,7 @@ class ObjectMask {
   PictureDrift drift_;
   std::vector<float> inverse_sd_;  // of codes of 16 bits; 0 where the empty stage was not seen
   float threshold_;
-  int dilation_px_, erosion_px_, least_px_;
-  bool fill_holes_;
+  MaskCleaning cleaning_;
 };
 
 // The mean of many frames of the empty stage, as of the seconds before an object comes, and their noise; one

@@ -149,10 +149,9 @@ absl::StatusOr<RampExtractor> RampExtractor::create(const v1::CaptureManifest& m
                                                     const RampOptions& options,
                                                     std::span<const FrameView> black) {
   GW_ASSIGN_OR_RETURN(RampStage stage, RampStage::measure(manifest, layout, empties, black));
-  const int usual = usual_dilation_px(stage.width_px, stage.height_px);
-  MaskCleaning cleaning{.dilation_px = options.dilation_px.value_or(usual), .fill_holes = options.fill_holes};
-  cleaning.erosion_px = options.erosion_px.value_or(cleaning.dilation_px);
-  cleaning.least_px = (2 * cleaning.dilation_px + 1) * (2 * cleaning.dilation_px + 1);
+  MaskCleaning cleaning =
+      usual_cleaning(stage.width_px, stage.height_px, options.dilation_px, options.erosion_px);
+  cleaning.fill_holes = options.fill_holes;
   const double diagonal = std::hypot(stage.width_px, stage.height_px);
   v1::MatteMetadata metadata;
   metadata.set_format_version(1);

@@ -7,9 +7,11 @@
 #include <optional>
 
 #include "core/base/status.h"
+#include "core/pattern/plan.h"
 #include "core/pattern/video_frames.h"
 #include "solver/background/stage_layout.h"
 #include "solver/ramp/ramp_extractor.h"
+#include "solver/video_solve.h"
 
 namespace glasswing {
 namespace {
@@ -81,7 +83,7 @@ absl::StatusOr<VideoLayout> lay_out_video(const v1::CaptureManifest& manifest) {
 
 absl::StatusOr<std::unique_ptr<VideoMethod>> make_video_method(const std::string& name,
                                                                const MethodOptions& options) {
-  if (name == "ramp") return RampMethod::create(options);
+  if (name == kRampMethod) return RampMethod::create(options);
   return nullptr;
 }
 
@@ -106,10 +108,6 @@ absl::Status RampMethod::solve(VideoSource& source, int first, int count, int th
     GW_ASSIGN_OR_RETURN(extractor,
                         RampExtractor::create(manifest, layout, empties.views, parsed_, black.views));
   }
-  const auto in_frame = [](int number, const absl::Status& status) {
-    if (status.ok()) return status;
-    return absl::Status(status.code(), fmt::format("frame {}: {}", number, std::string(status.message())));
-  };
   const RampSmoother smoother(parsed_.smoothing);
   std::deque<Extracted> near;  // in order, lost frames left out
   RampFrame spent;
@@ -122,8 +120,10 @@ absl::Status RampMethod::solve(VideoSource& source, int first, int count, int th
     if (!read.ok()) return;
     extracted.read = *std::move(read);
     absl::StatusOr<RampFrame> frame = extractor->extract(extracted.read.view, thread_count, std::move(spent));
-    extracted.status = in_frame(number, frame.status());
-    if (!frame.ok()) return;
+    if (!frame.ok()) {
+      extracted.status = in_frame(number, frame.status());
+      return;
+    }
     extracted.frame = *std::move(frame);
     extracted.input.frame = &extracted.frame;
     smoother.prepare(extracted.input, thread_count);
