@@ -16,6 +16,7 @@
 #include "camera-node/stage_service.h"
 #include "core/base/file.h"
 #include "core/base/name.h"
+#include "core/service/man_page.h"
 #include "core/service/registration.h"
 #include "core/service/service.h"
 
@@ -105,6 +106,7 @@ int fail(const absl::Status& status) {
 
 int main(int argc, char** argv) {
   CLI::App app("Glasswing's camera node: exposures, when each really happened, and the frames themselves.");
+  set_up_help(app, "glasswing-camera");
   app.footer(
       "Example:\n  glasswing-camera --server 127.0.0.1:7440 --data /var/lib/glasswing-camera \\\n"
       "                   --backend sim --scene crystal --tap 127.0.0.1:7441\n"

@@ -8,7 +8,9 @@
 #include <nlohmann/json.hpp>
 
 #include "client/commands.h"
+#include "client/output.h"
 #include "client/picture.h"
+#include "client/progress.h"
 #include "core/base/status.h"
 #include "core/frame/image_file.h"
 #include "core/matte/matte_file.h"
@@ -109,24 +111,49 @@ nlohmann::ordered_json json_of(const BlurRegion& region) {
           {"sigma_camera_px", pair(region.camera_px)}};
 }
 
-void print_row(const std::string& name, const BlurRegion& region) {
-  std::string row = fmt::format("{:<13}{:>9}", name, region.pixel_count);
+std::vector<std::string> row_of(const std::string& name, const BlurRegion& region) {
+  std::vector<std::string> row = {name, std::to_string(region.pixel_count)};
   for (const auto& sigma : {region.monitor_px, region.camera_px}) {
     for (size_t axis = 0; axis < 2; ++axis)
-      row += sigma ? fmt::format("{:>9.3f}", (*sigma)[axis]) : fmt::format("{:>9}", "-");
+      row.push_back(sigma ? fmt::format("{:.3f}", (*sigma)[axis]) : "-");
   }
-  std::cout << row << "\n";
+  return row;
+}
+
+void print_rows(const Client& client, const Blur& found) {
+  std::vector<std::vector<std::string>> rows;
+  for (size_t i = 0; i < kRegions.size(); ++i) rows.push_back(row_of(kRegions[i], found.regions[i]));
+  rows.push_back(row_of("whole", found.whole));
+  if (!client.tsv) std::cout << "sigma, medians, in pixels of the monitor and of the camera\n";
+  print_table(client,
+              {{"REGION"},
+               {"PIXELS", true},
+               {"MONITOR_X", true},
+               {"MONITOR_Y", true},
+               {"CAMERA_X", true},
+               {"CAMERA_Y", true}},
+              rows);
+}
+
+// A round number above the usual widths: what is brightest in the picture.
+double most_px_of(const Blur& blur) {
+  return std::ceil(3.0 * std::max((*blur.whole.monitor_px)[0], (*blur.whole.monitor_px)[1]));
+}
+
+absl::StatusOr<Blur> measured(const Arguments& arguments) {
+  const Waiting waiting("measuring");
+  GW_ASSIGN_OR_RETURN(const Matte matte, read_matte(arguments.matte));
+  GW_ASSIGN_OR_RETURN(const Blur found, blur_of(matte));
+  if (!arguments.output.empty())
+    GW_RETURN_IF_ERROR(
+        write_radiance(arguments.output, blur_picture(matte, most_px_of(found)), Encoding::kDisplay));
+  return found;
 }
 
 absl::Status blur(const Client& client, const Arguments& arguments) {
   if (!arguments.output.empty()) GW_RETURN_IF_ERROR(check_output(arguments.output));
-  GW_ASSIGN_OR_RETURN(const Matte matte, read_matte(arguments.matte));
-  GW_ASSIGN_OR_RETURN(const Blur found, blur_of(matte));
-  // A round number above the usual widths.
-  const double most_px =
-      std::ceil(3.0 * std::max((*found.whole.monitor_px)[0], (*found.whole.monitor_px)[1]));
-  if (!arguments.output.empty())
-    GW_RETURN_IF_ERROR(write_radiance(arguments.output, blur_picture(matte, most_px), Encoding::kDisplay));
+  GW_ASSIGN_OR_RETURN(const Blur found, measured(arguments));
+  const double most_px = most_px_of(found);
   if (client.json) {
     nlohmann::ordered_json answer = {{"regions", nlohmann::ordered_json::object()}};
     for (size_t i = 0; i < kRegions.size(); ++i) answer["regions"][kRegions[i]] = json_of(found.regions[i]);
@@ -136,11 +163,8 @@ absl::Status blur(const Client& client, const Arguments& arguments) {
     std::cout << answer.dump(1) << "\n";
     return absl::OkStatus();
   }
-  std::cout << "sigma, medians       monitor px        camera px\n"
-               "                pixels        x        y        x        y\n";
-  for (size_t i = 0; i < kRegions.size(); ++i) print_row(kRegions[i], found.regions[i]);
-  print_row("whole", found.whole);
-  if (!arguments.output.empty())
+  print_rows(client, found);
+  if (!arguments.output.empty() && !client.tsv)
     std::cout << fmt::format("{}: the larger sigma, 0 (left of the bar) to {:g} monitor px (right)\n",
                              arguments.output, most_px);
   return absl::OkStatus();

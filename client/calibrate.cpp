@@ -5,7 +5,9 @@
 
 #include "client/calibrate_light.h"
 #include "client/commands.h"
+#include "client/interrupt.h"
 #include "client/output.h"
+#include "client/progress.h"
 #include "client/rpc.h"
 #include "core/base/status.h"
 #include "glasswing/v1/rig_service.grpc.pb.h"
@@ -25,16 +27,28 @@ std::string scanout_text(const v1::MonitorSync& sync) {
                      sync.scanout_ns() > 0 ? "first row first" : "last row first");
 }
 
-void print_table(const v1::SyncCalibration& measured) {
-  std::cout << fmt::format("{:16} {:>9} {:>12} {:>11}  {}\n", "MONITOR", "LAG", "SETTLING", "ERROR",
-                           "SCAN-OUT");
+void print_monitors(const Client& client, const v1::SyncCalibration& measured) {
+  std::vector<std::vector<std::string>> rows;
   for (const v1::MonitorSync& sync : measured.monitors()) {
-    std::cout << fmt::format("{:16} {:6.2f} ms {:9.2f} ms {:8.2f} ms  {}\n", sync.monitor(),
-                             ms(sync.lag_ns()), ms(sync.settle_ns()), ms(sync.error_ns()),
-                             scanout_text(sync));
+    rows.push_back({sync.monitor(), fmt::format("{:.2f}", ms(sync.lag_ns())),
+                    fmt::format("{:.2f}", ms(sync.settle_ns())), fmt::format("{:.2f}", ms(sync.error_ns())),
+                    scanout_text(sync)});
   }
+  print_table(client,
+              {{"MONITOR"}, {"LAG_MS", true}, {"SETTLING_MS", true}, {"ERROR_MS", true}, {"SCAN-OUT"}}, rows);
+  if (client.tsv) return;
   std::cout << "Light follows a row's scan-out by the lag and has settled after that time more; proofs of "
                "captures count on it from now on.\n";
+}
+
+v1::SyncCalibration read_measured(grpc::ClientReader<v1::CalibrateSyncResponse>& reader) {
+  Waiting waiting("measuring");
+  v1::SyncCalibration measured;
+  for (v1::CalibrateSyncResponse response; reader.Read(&response);) {
+    if (response.has_result()) *measured.add_monitors() = response.result();
+    if (!response.progress().empty()) waiting.aside([&] { std::cerr << response.progress() << "\n"; });
+  }
+  return measured;
 }
 
 absl::Status calibrate_sync(const Client& client, const v1::CalibrateSyncRequest& request) {
@@ -42,16 +56,18 @@ absl::Status calibrate_sync(const Client& client, const v1::CalibrateSyncRequest
   grpc::ClientContext context;
   set_deadline(context, kCalibrateTimeout);
   const auto reader = server.stub->CalibrateSync(&context, request);
-  v1::SyncCalibration measured;
-  for (v1::CalibrateSyncResponse response; reader->Read(&response);) {
-    if (response.has_result()) *measured.add_monitors() = response.result();
-    if (!response.progress().empty()) std::cerr << response.progress() << "\n";
-  }
+  const Interruptible ctrl_c([&context] { context.TryCancel(); });
+  const v1::SyncCalibration measured = read_measured(*reader);
   const grpc::Status status = reader->Finish();
   if (client.json) {
     print_json(measured);
   } else if (measured.monitors_size() > 0) {
-    print_table(measured);
+    print_monitors(client, measured);
+  }
+  if (interrupted()) {
+    return absl::CancelledError(fmt::format(
+        "the measurement was broken off; the rig is free again, and {} of its monitors {} measured",
+        measured.monitors_size(), measured.monitors_size() == 1 ? "was" : "were"));
   }
   return status.ok() ? absl::OkStatus() : status_from(status, server.title);
 }

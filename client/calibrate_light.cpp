@@ -1,6 +1,7 @@
 #include "client/calibrate_light.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -10,7 +11,9 @@
 #include "client/calibration_plan.h"
 #include "client/capture.h"
 #include "client/curve_chart.h"
+#include "client/interrupt.h"
 #include "client/output.h"
+#include "client/progress.h"
 #include "client/rig.h"
 #include "client/rpc.h"
 #include "client/watch.h"
@@ -159,7 +162,13 @@ absl::StatusOr<std::string> captured(const Client& client, const v1::Plan& plan)
   request.set_name(fmt::format("calibrate-{}-{}", plan.calibration().of(), stamp));
   *request.mutable_plan() = plan;
   GW_ASSIGN_OR_RETURN(const v1::Session begun, create_session(client, std::move(request)));
-  GW_ASSIGN_OR_RETURN(const v1::Session session, follow(client, begun.name()));
+  const absl::StatusOr<v1::Session> followed = follow(client, begun.name());
+  if (absl::IsCancelled(followed.status())) {
+    return absl::CancelledError(fmt::format("{}; when it is captured: glasswing calibrate {} --session {}",
+                                            std::string(followed.status().message()), plan.calibration().of(),
+                                            begun.name()));
+  }
+  GW_ASSIGN_OR_RETURN(const v1::Session session, followed);
   if (const absl::Status outcome = outcome_of(session); !outcome.ok()) {
     return absl::Status(outcome.code(),
                         fmt::format("{}; when it is captured: glasswing calibrate {} --session {}",
@@ -168,12 +177,25 @@ absl::StatusOr<std::string> captured(const Client& client, const v1::Plan& plan)
   return session.name();
 }
 
+absl::StatusOr<v1::FitCalibrationResponse> fitted_by(const Peer<v1::RigService>& server,
+                                                     const v1::FitCalibrationRequest& request) {
+  grpc::ClientContext context;
+  set_deadline(context, kFitTimeout);
+  const Interruptible ctrl_c([&context] { context.TryCancel(); });
+  const Waiting waiting("fitting");
+  v1::FitCalibrationResponse fitted;
+  const grpc::Status status = server.stub->FitCalibration(&context, request, &fitted);
+  if (interrupted())
+    return absl::CancelledError("the rig goes on fitting; glasswing calibrate list shows what it finds");
+  if (!status.ok()) return status_from(status, server.title);
+  return fitted;
+}
+
 absl::Status fit(const Client& client, const std::string& session, const std::string& charts) {
   const Peer<v1::RigService> server(client.server_title(), client.server);
   v1::FitCalibrationRequest request;
   request.set_session(session);
-  GW_ASSIGN_OR_RETURN(const v1::FitCalibrationResponse fitted,
-                      call(server, &v1::RigService::Stub::FitCalibration, request, kFitTimeout));
+  GW_ASSIGN_OR_RETURN(const v1::FitCalibrationResponse fitted, fitted_by(server, request));
   std::vector<v1::CameraCalibration> cameras;
   if (fitted.has_camera()) cameras.push_back(fitted.camera());
   GW_RETURN_IF_ERROR(print_all(client, fitted, charts, cameras));
@@ -236,6 +258,17 @@ absl::Status calibrate_display_light(const Client& client, const CalibrateArgume
 
 absl::Status list_calibrations(const Client& client, const std::string& charts) {
   GW_ASSIGN_OR_RETURN(const v1::ListCalibrationsResponse calibrations, known(client));
+  if (client.tsv) {
+    std::vector<std::vector<std::string>> rows;
+    for (const v1::CameraCalibration& camera : calibrations.cameras())
+      rows.push_back({"camera", camera.camera(), camera.measured(),
+                      fmt::format("{}", fmt::join(camera.warnings(), "; "))});
+    for (const v1::DisplayCalibration& display : calibrations.displays())
+      rows.push_back({"monitor", display.monitor(), display.measured(),
+                      fmt::format("{}", fmt::join(display.warnings(), "; "))});
+    print_table(client, {{"KIND"}, {"NAME"}, {"MEASURED"}, {"WARNINGS"}}, rows);
+    return absl::OkStatus();
+  }
   if (calibrations.cameras().empty() && calibrations.displays().empty() && !client.json)
     std::cout << "No camera or monitor is calibrated; glasswing calibrate all does it.\n";
   return print_all(client, calibrations, charts,
@@ -246,7 +279,10 @@ absl::Status forget_calibration(const Client& client, const std::string& device)
   const Peer<v1::RigService> server(client.server_title(), client.server);
   v1::ForgetCalibrationRequest request;
   request.set_device(device);
-  return call(server, &v1::RigService::Stub::ForgetCalibration, request).status();
+  GW_ASSIGN_OR_RETURN(const v1::ForgetCalibrationResponse forgotten,
+                      call(server, &v1::RigService::Stub::ForgetCalibration, request));
+  if (client.json) print_json(forgotten);
+  return absl::OkStatus();
 }
 
 }  // namespace glasswing

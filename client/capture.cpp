@@ -8,6 +8,7 @@
 #include "client/commands.h"
 #include "client/output.h"
 #include "client/photo.h"
+#include "client/progress.h"
 #include "client/rig.h"
 #include "client/rpc.h"
 #include "client/watch.h"
@@ -58,6 +59,8 @@ absl::Status upload_photos(const Client& client, const Peer<v1::SessionService>&
   if (plan.photos().empty()) return absl::OkStatus();
   GW_ASSIGN_OR_RETURN(const RigView rig, look_at_rig(client));
   GW_ASSIGN_OR_RETURN(const v1::Monitor monitor, photo_monitor(plan, rig));
+  Progress progress("uploading photos");
+  double sent = 0.0;
   for (v1::Photo& photo : *plan.mutable_photos()) {
     GW_ASSIGN_OR_RETURN(const RadianceImage picture,
                         read_radiance(photo_path(plan_path, photo), Encoding::kDisplay));
@@ -66,6 +69,7 @@ absl::Status upload_photos(const Client& client, const Peer<v1::SessionService>&
     std::transform(fitted.samples.begin(), fitted.samples.end(), codes.samples.begin(), code16_of);
     photo.set_name(photo_name(photo));
     GW_ASSIGN_OR_RETURN(*photo.mutable_file(), upload(server, encode_png16(codes)));
+    progress.update(++sent / plan.photos_size(), photo.name());
   }
   return absl::OkStatus();
 }

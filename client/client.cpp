@@ -1,46 +1,59 @@
 #include "client/client.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <iostream>
+#include <map>
 
+#include "client/colour.h"
 #include "client/commands.h"
+#include "client/interrupt.h"
+#include "core/service/help.h"
 #include "core/service/service.h"
+#include "core/service/tls.h"
 
 namespace glasswing {
 namespace {
 
-int fail(std::string message) {
+int fail(std::string message, bool coloured, int status = kFailure) {
   std::replace(message.begin(), message.end(), '\n', ' ');
-  std::cerr << "glasswing: " << message << "\n";
-  return 1;
+  std::cerr << painted("glasswing:", coloured ? Paint::kBad : Paint::kNone) << " " << message << "\n";
+  return status;
+}
+
+// What kind of word an option or argument of this name takes, for --help and completion; commands say so
+// themselves where the name does not.
+void name_values(CLI::App& app) {
+  static const std::map<std::string, const char*> kKinds = {
+      {"session", "SESSION"}, {"matte", "FILE"},    {"plan", "FILE"},         {"input", "FILE"},
+      {"a", "FILE"},          {"b", "FILE"},        {"output", "FILE"},       {"directory", "FILE"},
+      {"--plan", "FILE"},     {"--output", "FILE"}, {"--background", "FILE"}, {"--match", "FILE"},
+      {"--matte", "FILE"},    {"--list", "FILE"},   {"--archive", "DIR"},     {"--empty", "DIR"}};
+  for (CLI::Option* option : app.get_options({})) {
+    const auto kind = kKinds.find(option->get_positional() ? option->get_name(true) : option->get_name());
+    if (kind != kKinds.end() && option->get_type_name() == "TEXT") option->type_name(kind->second);
+  }
+  for (CLI::App* sub : app.get_subcommands({})) name_values(*sub);
+}
+
+// Subcommands of subcommands begin in the group of these.
+void ungroup_inner(CLI::App& app) {
+  for (CLI::App* command : app.get_subcommands({})) {
+    for (CLI::App* inner : command->get_subcommands({})) inner->group("Commands");
+  }
 }
 
 }  // namespace
 
-int run_client(int argc, const char* const* argv) {
-  Client client;
-  CLI::App app("Captures environment mattes and puts the object in front of other pictures.", "glasswing");
-  app.footer(
-      "Examples:\n"
-      "  glasswing capture deploy/plans/crystal.txtpb --session vase --watch\n"
-      "  glasswing solve vase --watch\n"
-      "  glasswing fetch vase -o vase.exr\n"
-      "  glasswing composite vase.exr --background harbour.png -o vase.png");
-  app.fallthrough();
-  app.require_subcommand(1);
-  app.set_version_flag("--version", kVersion);
-  app.add_option("--server", client.server, "HOST:PORT of glasswing-server")
-      ->envname("GLASSWING_SERVER")
-      ->capture_default_str();
-  app.add_flag("--json", client.json, "write the answer as JSON");
-  app.add_flag("--tsv", client.tsv, "write lists as a line of titles and rows, a tab between cells")
-      ->excludes("--json");
-
+void add_commands(CLI::App& app, Client& client, const Config& config) {
+  app.group("Rig");
   add_nodes_command(app, client);
   add_doctor_command(app, client);
   add_preview_command(app, client);
   add_live_command(app, client);
   add_calibrate_commands(app, client);
+  app.group("Sessions");
   add_sessions_command(app, client);
   add_show_command(app, client);
   add_watch_command(app, client);
@@ -53,26 +66,66 @@ int run_client(int argc, const char* const* argv) {
   add_capture_command(app, client);
   add_import_command(app, client);
   add_export_command(app, client);
+  app.group("Mattes");
   add_solve_command(app, client);
   add_fetch_command(app, client);
   add_composite_command(app, client);
+  app.group("Pictures");
   add_compare_command(app, client);
   add_blur_command(app, client);
   add_convert_command(app, client);
 
+  app.group("This program");
+  add_config_command(app, client, config);
+  add_completion_commands(app, client);
+  add_man_command(app, client);
+  ungroup_inner(app);
+  name_values(app);
+}
+
+int run_client(int argc, const char* const* argv) {
+  Client client;
+  CLI::App app("Captures environment mattes and puts the object in front of other pictures.", "glasswing");
+  use_help_format(app);
+  app.footer(
+      "Examples:\n"
+      "  glasswing capture deploy/plans/crystal.txtpb --session vase --watch\n"
+      "  glasswing solve vase --watch\n"
+      "  glasswing fetch vase -o vase.exr\n"
+      "  glasswing composite vase.exr --background harbour.png -o vase.png");
+  app.fallthrough();
+  app.require_subcommand(1);
+  app.set_version_flag("--version", kVersion, "print the version and exit");
+  app.get_help_ptr()->description("say how it is used and exit");
+  Config config(app);
+  app.add_flag("--json", client.json, "write the answer as JSON");
+  app.add_flag("--tsv", client.tsv, "write lists as a line of titles and rows, a tab between cells")
+      ->excludes("--json");
+  add_commands(app, client, config);
+
+  const auto coloured = [&config](int fd) { return is_coloured(config["color"], fd); };
   try {
     app.parse(argc, argv);
+    const absl::Status configured = config.resolve();
+    if (!configured.ok())
+      return fail(std::string(configured.message()), coloured(STDERR_FILENO), kUsageError);
+    client.server = config["server"];
+    client.coloured = coloured(STDOUT_FILENO);
+    // What is wrong with the files is told by the first call: commands that make none do without.
+    (void)use_tls({config["ca"], config["certificate"], config["key"]});
     const absl::Status status = client.run();
-    return status.ok() ? 0 : fail(std::string(status.message()));
+    if (status.ok()) return 0;
+    const bool broken_off = absl::IsCancelled(status) && interrupted();
+    return fail(std::string(status.message()), coloured(STDERR_FILENO), broken_off ? kInterrupted : kFailure);
   } catch (const CLI::Success& help) {
     return app.exit(help);
   } catch (const CLI::ParseError& error) {
     const bool unknown_command = app.get_subcommands().empty() && !app.remaining().empty();
     const std::string what =
         unknown_command ? "there is no command " + app.remaining().front() : error.what();
-    return fail(what + " (glasswing --help lists what there is)");
+    return fail(what + " (glasswing --help lists what there is)", coloured(STDERR_FILENO), kUsageError);
   } catch (const std::exception& error) {
-    return fail(error.what());
+    return fail(error.what(), coloured(STDERR_FILENO));
   }
 }
 

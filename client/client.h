@@ -12,14 +12,17 @@ namespace glasswing {
 struct Client {
   std::string server = "127.0.0.1:7440";
   bool json = false;
-  bool tsv = false;  // lists only
+  bool tsv = false;       // lists only
+  bool coloured = false;  // what goes to standard output
   std::function<absl::Status()> run;
 
   std::string server_title() const { return "server at " + server; }
 };
 
-// Parses and runs; the exit status: 0 only on success. Every failure, of usage too, is one line on standard
-// error.
+// The exit status: 0 only on success.
+inline constexpr int kFailure = 1, kUsageError = 2, kInterrupted = 130;
+
+// Parses and runs. Every failure, of usage too, is one line on standard error.
 int run_client(int argc, const char* const* argv);
 
 }  // namespace glasswing

@@ -4,8 +4,12 @@
 #include <CLI/CLI.hpp>
 
 #include "client/client.h"
+#include "client/config.h"
 
 namespace glasswing {
+
+// Declares them all.
+void add_commands(CLI::App& app, Client& client, const Config& config);
 
 void add_nodes_command(CLI::App& app, Client& client);
 void add_sessions_command(CLI::App& app, Client& client);
@@ -27,5 +31,8 @@ void add_doctor_command(CLI::App& app, Client& client);
 void add_preview_command(CLI::App& app, Client& client);
 void add_live_command(CLI::App& app, Client& client);
 void add_calibrate_commands(CLI::App& app, Client& client);  // all, camera, display, sync, list, forget
+void add_config_command(CLI::App& app, Client& client, const Config& config);
+void add_completion_commands(CLI::App& app, Client& client);  // completion, and what the shells ask
+void add_man_command(CLI::App& app, Client& client);
 
 }  // namespace glasswing

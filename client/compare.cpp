@@ -9,7 +9,9 @@
 #include <optional>
 
 #include "client/commands.h"
+#include "client/output.h"
 #include "client/picture.h"
+#include "client/progress.h"
 #include "core/base/status.h"
 #include "core/matte/matte_file.h"
 
@@ -24,7 +26,8 @@ struct Arguments {
   bool match = false;
 };
 
-absl::Status compare(const Client& client, const Arguments& arguments) {
+absl::StatusOr<Difference> compared(const Arguments& arguments) {
+  const Waiting waiting("comparing");
   const Encoding encoding = arguments.linear ? Encoding::kLinear : Encoding::kDisplay;
   GW_ASSIGN_OR_RETURN(RadianceImage a, read_picture(arguments.a, encoding));
   GW_ASSIGN_OR_RETURN(const RadianceImage b, read_picture(arguments.b, encoding));
@@ -36,8 +39,16 @@ absl::Status compare(const Client& client, const Arguments& arguments) {
   if (arguments.match) {
     GW_ASSIGN_OR_RETURN(a, matched(a, b, counted));
   }
-  GW_ASSIGN_OR_RETURN(const Difference difference, difference_of(a, b, counted));
-  if (client.json) {
+  return difference_of(a, b, counted);
+}
+
+absl::Status compare(const Client& client, const Arguments& arguments) {
+  GW_ASSIGN_OR_RETURN(const Difference difference, compared(arguments));
+  if (client.tsv) {
+    print_table(client, {{"RMS"}, {"PSNR_DB"}, {"PIXELS"}},
+                {{fmt::format("{:.9g}", difference.rms), fmt::format("{:.4f}", difference.psnr_db),
+                  std::to_string(difference.pixel_count)}});
+  } else if (client.json) {
     nlohmann::ordered_json answer = {
         {"rms", difference.rms}, {"psnr_db", difference.psnr_db}, {"pixels", difference.pixel_count}};
     if (std::isinf(difference.psnr_db)) answer["psnr_db"] = nullptr;  // JSON has no infinity

@@ -5,6 +5,7 @@
 
 #include "client/commands.h"
 #include "client/picture.h"
+#include "client/progress.h"
 #include "core/base/status.h"
 #include "core/frame/image_file.h"
 
@@ -18,13 +19,19 @@ struct Arguments {
   bool linear = false;
 };
 
-absl::Status convert(const Client& client, const Arguments& arguments) {
-  GW_RETURN_IF_ERROR(check_output(arguments.output));
+absl::StatusOr<RadianceImage> converted(const Arguments& arguments) {
+  const Waiting waiting("converting");
   GW_ASSIGN_OR_RETURN(
       const RadianceImage whole,
       read_picture(arguments.input, arguments.linear ? Encoding::kLinear : Encoding::kDisplay));
   GW_ASSIGN_OR_RETURN(const RadianceImage picture, cropped(whole, arguments.crop));
   GW_RETURN_IF_ERROR(write_radiance(arguments.output, picture, Encoding::kDisplay));
+  return picture;
+}
+
+absl::Status convert(const Client& client, const Arguments& arguments) {
+  GW_RETURN_IF_ERROR(check_output(arguments.output));
+  GW_ASSIGN_OR_RETURN(const RadianceImage picture, converted(arguments));
   if (client.json) {
     const nlohmann::ordered_json written = {
         {"file", arguments.output}, {"width_px", picture.width_px}, {"height_px", picture.height_px}};

@@ -1,9 +1,14 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "client/colour.h"
 #include "client/commands.h"
+#include "client/interrupt.h"
+#include "client/output.h"
+#include "client/progress.h"
 #include "client/rpc.h"
 #include "core/base/status.h"
 #include "core/pattern/plan.h"
@@ -27,6 +32,40 @@ const char* level_name(v1::FindingLevel level) {
   }
 }
 
+void print_finding(const Client& client, const v1::Finding& finding) {
+  const std::string level = level_name(finding.level());
+  std::cout << painted(level, client.coloured ? paint_of(level) : Paint::kNone)
+            << fmt::format("{:{}} {:9} {}\n", "", 8 - level.size(), finding.subject(), finding.text());
+  if (!finding.advice().empty()) std::cout << fmt::format("{:18} -> {}\n", "", finding.advice());
+  std::cout.flush();
+}
+
+// As JSON or tab-separated.
+void print_together(const Client& client, const std::vector<v1::Finding>& findings) {
+  nlohmann::ordered_json array = nlohmann::ordered_json::array();
+  std::vector<std::vector<std::string>> rows;
+  for (const v1::Finding& finding : findings) {
+    array.push_back({{"level", level_name(finding.level())},
+                     {"subject", finding.subject()},
+                     {"text", finding.text()},
+                     {"advice", finding.advice()}});
+    rows.push_back({level_name(finding.level()), finding.subject(), finding.text(), finding.advice()});
+  }
+  if (client.json) std::cout << array.dump(1) << "\n";
+  if (client.tsv) print_table(client, {{"LEVEL"}, {"SUBJECT"}, {"TEXT"}, {"ADVICE"}}, rows);
+}
+
+std::vector<v1::Finding> read_findings(const Client& client,
+                                       grpc::ClientReader<v1::CheckRigResponse>& reader) {
+  Waiting waiting("checking the rig");
+  std::vector<v1::Finding> findings;
+  for (v1::CheckRigResponse response; reader.Read(&response);) {
+    findings.push_back(response.finding());
+    if (!client.json && !client.tsv) waiting.aside([&] { print_finding(client, findings.back()); });
+  }
+  return findings;
+}
+
 absl::Status check_rig(const Client& client, const std::string& plan) {
   v1::CheckRigRequest request;
   if (!plan.empty()) {
@@ -36,26 +75,14 @@ absl::Status check_rig(const Client& client, const std::string& plan) {
   grpc::ClientContext context;
   set_deadline(context, kDoctorTimeout);
   const auto reader = server.stub->CheckRig(&context, request);
-  int problems = 0;
-  nlohmann::ordered_json findings = nlohmann::ordered_json::array();
-  for (v1::CheckRigResponse response; reader->Read(&response);) {
-    const v1::Finding& finding = response.finding();
-    if (finding.level() == v1::FINDING_LEVEL_PROBLEM) ++problems;
-    if (client.json) {
-      findings.push_back({{"level", level_name(finding.level())},
-                          {"subject", finding.subject()},
-                          {"text", finding.text()},
-                          {"advice", finding.advice()}});
-      continue;
-    }
-    std::cout << fmt::format("{:8} {:9} {}\n", level_name(finding.level()), finding.subject(),
-                             finding.text());
-    if (!finding.advice().empty()) std::cout << fmt::format("{:18} -> {}\n", "", finding.advice());
-    std::cout.flush();
-  }
+  const Interruptible ctrl_c([&context] { context.TryCancel(); });
+  const std::vector<v1::Finding> findings = read_findings(client, *reader);
   const grpc::Status status = reader->Finish();
-  if (client.json && status.ok()) std::cout << findings.dump(1) << "\n";
+  if (interrupted())
+    return absl::CancelledError("the check was broken off; the rig is free again, and nothing of it changed");
+  if (status.ok()) print_together(client, findings);
   if (!status.ok()) return status_from(status, server.title);
+  const auto problems = std::ranges::count(findings, v1::FINDING_LEVEL_PROBLEM, &v1::Finding::level);
   if (problems > 0) {
     return absl::FailedPreconditionError(
         fmt::format("the rig has {} problem{}; mend what is said above", problems, problems == 1 ? "" : "s"));

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "client/commands.h"
+#include "client/interrupt.h"
 #include "client/output.h"
 #include "client/partial_directory.h"
 #include "client/progress.h"
@@ -41,7 +42,9 @@ absl::StatusOr<std::string> read_verified(const Peer<v1::ArchiveService>& archiv
 absl::Status write_frames(const Peer<v1::ArchiveService>& archive, const v1::CaptureManifest& manifest,
                           const fs::path& directory) {
   Progress progress("exporting");
+  const Interruptible ctrl_c;
   for (int i = 0; i < manifest.frames_size(); ++i) {
+    if (interrupted()) return absl::CancelledError("the export was broken off; nothing of it stays");
     const v1::Frame& frame = manifest.frames(i);
     const fs::path file(frame.file());
     if (file.parent_path() != "frames" || !file.has_filename() || file.filename() == "..") {
@@ -53,6 +56,7 @@ absl::Status write_frames(const Peer<v1::ArchiveService>& archive, const v1::Cap
     progress.update((i + 1.0) / manifest.frames_size(),
                     fmt::format("{} of {} frames", i + 1, manifest.frames_size()));
   }
+  progress.done(fmt::format("{} frames", manifest.frames_size()));
   return absl::OkStatus();
 }
 

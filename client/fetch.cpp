@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "client/commands.h"
+#include "client/interrupt.h"
 #include "client/output.h"
 #include "client/progress.h"
 #include "client/rpc.h"
@@ -32,7 +33,8 @@ struct Fetched {
   std::string bytes;
   Matte matte;
 };
-absl::StatusOr<Fetched> fetched(const Sessions& server, const std::string& name, std::optional<int> frame) {
+absl::StatusOr<Fetched> fetched(const Sessions& server, const std::string& name, std::optional<int> frame,
+                                Waiting* waiting = nullptr) {
   grpc::ClientContext context;
   set_deadline(context, kFetchTimeout);
   v1::FetchMatteRequest request;
@@ -40,7 +42,10 @@ absl::StatusOr<Fetched> fetched(const Sessions& server, const std::string& name,
   if (frame) request.set_frame(*frame);
   const auto reader = server.stub->FetchMatte(&context, request);
   Fetched fetched;
-  for (v1::FetchMatteResponse response; reader->Read(&response);) fetched.bytes += response.chunk();
+  for (v1::FetchMatteResponse response; reader->Read(&response);) {
+    fetched.bytes += response.chunk();
+    if (waiting != nullptr) waiting->tell(bytes_text(static_cast<double>(fetched.bytes.size())));
+  }
   const grpc::Status status = reader->Finish();
   if (!status.ok()) return status_from(status, server.title);
   absl::StatusOr<Matte> matte = decode_matte(fetched.bytes);
@@ -53,9 +58,15 @@ absl::StatusOr<Fetched> fetched(const Sessions& server, const std::string& name,
   return fetched;
 }
 
-absl::Status fetch_file(const Client& client, const Sessions& server, const Arguments& arguments) {
-  GW_ASSIGN_OR_RETURN(const Fetched whole, fetched(server, arguments.session, arguments.frame));
+absl::StatusOr<Fetched> fetched_to_file(const Sessions& server, const Arguments& arguments) {
+  Waiting waiting("fetching");
+  GW_ASSIGN_OR_RETURN(Fetched whole, fetched(server, arguments.session, arguments.frame, &waiting));
   GW_RETURN_IF_ERROR(write_file_durably(arguments.output, whole.bytes));
+  return whole;
+}
+
+absl::Status fetch_file(const Client& client, const Sessions& server, const Arguments& arguments) {
+  GW_ASSIGN_OR_RETURN(const Fetched whole, fetched_to_file(server, arguments));
   const auto& warnings = whole.matte.metadata.warnings();
   if (client.json) {
     nlohmann::ordered_json written = {{"session", arguments.session},
@@ -93,8 +104,14 @@ absl::StatusOr<Frames> fetch_frames(const Sessions& server, const v1::Session& s
                                     const fs::path& directory) {
   Frames frames;
   Progress progress("fetching");
+  const Interruptible ctrl_c;
   const int count = session.solved_frames_size();
   for (int i = 0; i < count; ++i) {
+    if (interrupted()) {
+      return absl::CancelledError(
+          fmt::format("{} of {} mattes are in {}; the same command again fetches the rest", i, count,
+                      directory.string()));
+    }
     const int frame = session.solved_frames(i);
     const fs::path path = directory / fmt::format("{:04d}.exr", frame);
     if (is_there(path, session, frame)) {
@@ -110,6 +127,7 @@ absl::StatusOr<Frames> fetch_frames(const Sessions& server, const v1::Session& s
     progress.update((i + 1.0) / count, fmt::format("{} of {} frames", i + 1, count));
   }
   GW_RETURN_IF_ERROR(flush_directory(directory));
+  progress.done(fmt::format("{} frames", count));
   return frames;
 }
 

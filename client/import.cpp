@@ -6,6 +6,7 @@
 
 #include "client/commands.h"
 #include "client/frame_source.h"
+#include "client/interrupt.h"
 #include "client/output.h"
 #include "client/partial_directory.h"
 #include "client/progress.h"
@@ -28,6 +29,7 @@ absl::Status verify(const FrameSource& source) {
   Progress progress("checking");
   const int count = source.manifest.frames_size();
   for (int i = 0; i < count; ++i) {
+    if (interrupted()) return absl::CancelledError("the import was broken off before anything was written");
     GW_RETURN_IF_ERROR(source.read(i).status());
     progress.update((i + 1.0) / count, fmt::format("{} of {} frames", i + 1, count));
   }
@@ -65,11 +67,13 @@ bool has_own_names(const v1::CaptureManifest& manifest) {
 // What a frame becomes: its record, and the bytes of its file.
 using Store = std::function<absl::Status(const v1::Frame&, const std::string& tiff)>;
 
-absl::Status store_frames(const FrameSource& source, const Store& store) {
+// `broken_off`: what to say of what Ctrl-C leaves.
+absl::Status store_frames(const FrameSource& source, const std::string& broken_off, const Store& store) {
   const bool own_names = has_own_names(source.manifest);
   Progress progress("importing");
   const int count = source.manifest.frames_size();
   for (int i = 0; i < count; ++i) {
+    if (interrupted()) return absl::CancelledError(broken_off);
     v1::Frame frame = source.manifest.frames(i);
     GW_ASSIGN_OR_RETURN(const Image16 image, source.read(i));
     const std::string tiff = encode_tiff(image);
@@ -79,6 +83,7 @@ absl::Status store_frames(const FrameSource& source, const Store& store) {
     GW_RETURN_IF_ERROR(store(frame, tiff));
     progress.update((i + 1.0) / count, fmt::format("{} of {} frames", i + 1, count));
   }
+  progress.done(fmt::format("{} frames", count));
   return absl::OkStatus();
 }
 
@@ -130,7 +135,9 @@ absl::Status send(const Client& client, const FrameSource& source) {
                       call(server, &v1::SessionService::Stub::BeginImport, begin, kLongCallTimeout));
   const std::string& address = begun.session().archive_address();
   const Peer<v1::ArchiveService> archive("camera node at " + address, address);
-  GW_RETURN_IF_ERROR(store_frames(source, [&](const v1::Frame& frame, const std::string& tiff) {
+  const std::string broken_off =
+      fmt::format("session {} is not whole; the same command again completes it", name);
+  GW_RETURN_IF_ERROR(store_frames(source, broken_off, [&](const v1::Frame& frame, const std::string& tiff) {
     return put_frame(archive, name, frame, tiff);
   }));
   v1::FinishImportRequest finish;
@@ -146,7 +153,8 @@ absl::Status write(const Client& client, const FrameSource& source, const std::s
   if (!source.was_read) GW_RETURN_IF_ERROR(verify(source));
   v1::CaptureManifest manifest = source.manifest;
   manifest.clear_frames();
-  GW_RETURN_IF_ERROR(store_frames(source, [&](const v1::Frame& frame, const std::string& tiff) {
+  const std::string broken_off = "the import was broken off; nothing of it stays";
+  GW_RETURN_IF_ERROR(store_frames(source, broken_off, [&](const v1::Frame& frame, const std::string& tiff) {
     *manifest.add_frames() = frame;
     return write_file_flushed(partial->path() / frame.file(), tiff);
   }));
@@ -162,6 +170,7 @@ absl::Status write(const Client& client, const FrameSource& source, const std::s
 }
 
 absl::Status import(const Client& client, const Arguments& arguments) {
+  const Interruptible ctrl_c;
   GW_ASSIGN_OR_RETURN(FrameSource source, source_of(arguments));
   const std::string& named_after = arguments.archive.empty() ? arguments.directory : arguments.archive;
   source.manifest.set_session(arguments.session.empty() ? name_of_directory(named_after) : arguments.session);

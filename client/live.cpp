@@ -7,9 +7,11 @@
 
 #include "client/camera_clock.h"
 #include "client/commands.h"
+#include "client/interrupt.h"
 #include "client/live_figures.h"
 #include "client/live_output.h"
 #include "client/moving_picture.h"
+#include "client/progress.h"
 #include "client/ramp_holder.h"
 #include "client/settings.h"
 #include "core/base/status.h"
@@ -68,6 +70,7 @@ class Live {
     const Peer<v1::CameraService> camera("camera node at " + rig.camera_address(), rig.camera_address());
     GW_ASSIGN_OR_RETURN(camera_, call(camera, &v1::CameraService::Stub::GetCamera, {}));
 
+    const Interruptible ctrl_c([this] { context_.TryCancel(); });
     const Peer<v1::LiveService> solver("solver at " + rig.solver_address(), rig.solver_address());
     stream_ = solver.stub->RunLive(&context_);
     v1::RunLiveRequest request;
@@ -85,15 +88,16 @@ class Live {
     }
     const absl::Status shown = show_frames();
     moving.request_stop();
+    const bool broken_off = interrupted();
     if (enough_ || !shown.ok()) context_.TryCancel();
     if (moving.joinable()) moving.join();
     const grpc::Status ended = stream_->Finish();
     GW_RETURN_IF_ERROR(ramp_->status());
     GW_RETURN_IF_ERROR(background_error_);
     GW_RETURN_IF_ERROR(shown);
-    if (!enough_) return status_from(ended, solver.title);
+    if (!enough_ && !broken_off) return status_from(ended, solver.title);
     report();
-    return absl::OkStatus();
+    return enough_ ? absl::OkStatus() : absl::CancelledError("broken off; the rig is free again");
   }
 
  private:
@@ -103,10 +107,12 @@ class Live {
     std::string picture;
     v1::LiveFrame frame;
     bool object = false;
+    std::optional<Waiting> waiting("learning the empty stage");
     for (v1::RunLiveResponse response; !enough_ && stream_->Read(&response);) {
       if (!response.has_frame()) {
         if (response.empty_frames_left() > 0 || object) continue;
         object = true;
+        waiting.reset();
         GW_RETURN_IF_ERROR(ramp_->bring_object([this] { context_.TryCancel(); }));
         if (ramp_->shown().needs_operator()) wait_for_person("The empty stage is known. Bring the object");
         go_ = monotonic_now();

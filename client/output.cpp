@@ -7,6 +7,7 @@
 #include <cmath>
 #include <iostream>
 
+#include "client/colour.h"
 #include "core/pattern/plan.h"
 
 namespace glasswing {
@@ -35,11 +36,13 @@ void print_tab_separated(const std::vector<std::string>& cells) {
 }
 
 void print_aligned(const std::vector<Column>& columns, const std::vector<size_t>& widths,
-                   const std::vector<std::string>& cells) {
+                   const std::vector<std::string>& cells, bool coloured) {
   std::string line;
   for (size_t c = 0; c < cells.size(); ++c) {
     const std::string room(widths[c] - width_of(cells[c]), ' ');
-    line += (c > 0 ? "  " : "") + (columns[c].right ? room + cells[c] : cells[c] + room);
+    const std::string cell =
+        painted(cells[c], coloured && columns[c].title == "STATE" ? paint_of(cells[c]) : Paint::kNone);
+    line += (c > 0 ? "  " : "") + (columns[c].right ? room + cell : cell + room);
   }
   line.erase(line.find_last_not_of(' ') + 1);
   std::cout << line << "\n";
@@ -71,7 +74,7 @@ void print_table(const Client& client, const std::vector<Column>& columns,
     if (client.tsv) {
       print_tab_separated(line);
     } else {
-      print_aligned(columns, widths, line);
+      print_aligned(columns, widths, line, client.coloured);
     }
   }
 }

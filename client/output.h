@@ -19,7 +19,8 @@ struct Column {
   bool right = false;  // numbers
 };
 // A list: columns in line under their titles; with --tsv a line of titles and one a row, a tab between cells
-// (tabs and line breaks within a cell become spaces). A row has a cell a column. JSON is each command's own.
+// (tabs and line breaks within a cell become spaces). A row has a cell a column. What stands under STATE is
+// coloured. JSON is each command's own.
 void print_table(const Client& client, const std::vector<Column>& columns,
                  const std::vector<std::vector<std::string>>& rows);
 

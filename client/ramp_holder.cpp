@@ -1,5 +1,7 @@
 #include "client/ramp_holder.h"
 
+#include "client/interrupt.h"
+#include "client/progress.h"
 #include "core/base/status.h"
 
 namespace glasswing {
@@ -14,7 +16,11 @@ absl::StatusOr<std::unique_ptr<RampHolder>> RampHolder::hold(const Client& clien
   std::unique_ptr<RampHolder> holder(new RampHolder(client));
   holder->stream_ = holder->server_.stub->ShowRamp(&holder->context_);
   holder->request_.set_monitor(monitor);
-  GW_ASSIGN_OR_RETURN(holder->shown_, holder->ask());
+  const Interruptible ctrl_c([&holder] { holder->context_.TryCancel(); });
+  const Waiting waiting("showing the ramp");
+  absl::StatusOr<v1::ShowRampResponse> shown = holder->ask();
+  if (interrupted()) return absl::CancelledError("the rig is free again");
+  GW_ASSIGN_OR_RETURN(holder->shown_, std::move(shown));
   return holder;
 }
 

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "client/frame_source.h"
+#include "client/interrupt.h"
 #include "client/progress.h"
 #include "client/video_file.h"
 #include "core/base/status.h"
@@ -162,6 +163,7 @@ absl::StatusOr<FrameSource> file_source(const fs::path& path, const VideoOptions
   int count = 0;
   Progress progress("decoding");
   for (std::optional<Image16> image; (image = reader.next()); ++count) {
+    if (interrupted()) return absl::CancelledError("the import was broken off before anything was written");
     if (count == 0) set_camera(image->width_px, image->height_px, kBits, manifest);
     GW_RETURN_IF_ERROR(
         check_likeness(fmt::format("{}: frame {}", path.string(), count), *image, kBits, manifest.camera()));

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "client/commands.h"
+#include "client/interrupt.h"
 #include "client/output.h"
 #include "client/progress.h"
 #include "client/rpc.h"
@@ -58,6 +59,7 @@ absl::StatusOr<v1::Session> follow(const Client& client, const std::string& name
     grpc::ClientContext context;
     set_deadline(context, kLongCallTimeout);  // the watch is renewed, so a server that hangs is noticed
     const auto reader = server.stub->WatchSession(&context, request);
+    const Interruptible ctrl_c([&context] { context.TryCancel(); });
     v1::WatchSessionResponse response;
     bool heard = false;
     while (reader->Read(&response)) {
@@ -66,6 +68,10 @@ absl::StatusOr<v1::Session> follow(const Client& client, const std::string& name
     }
     const grpc::Status status = reader->Finish();
     if (heard && rests(response.session().state())) return response.session();
+    if (interrupted()) {
+      return absl::CancelledError(fmt::format(
+          "session {} goes on; glasswing watch {} shows it, glasswing cancel {} ends it", name, name, name));
+    }
     const bool renew = status.ok() || status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED;
     if (!heard || !renew) return status_from(status, server.title);
   }

@@ -12,7 +12,7 @@
 namespace glasswing {
 
 // Shows progress until the session rests (paused, captured, done, failed, cancelled); the session as it is
-// then.
+// then. CANCELLED: Ctrl-C, and what to do about the session, which goes on.
 absl::StatusOr<v1::Session> follow(const Client& client, const std::string& name);
 
 // OK for a session that is captured or done; otherwise why it is not, and how to go on.

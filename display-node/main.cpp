@@ -9,6 +9,7 @@
 
 #include "core/base/name.h"
 #include "core/base/status.h"
+#include "core/service/man_page.h"
 #include "core/service/registration.h"
 #include "core/service/service.h"
 #include "display-node/display_service.h"
@@ -192,6 +193,7 @@ int fail(const absl::Status& status) {
 
 int main(int argc, char** argv) {
   CLI::App app("Glasswing's display node: pixels on screens, and when each picture was really visible.");
+  set_up_help(app, "glasswing-display");
   app.footer(
       "Example:\n  glasswing-display --listen 127.0.0.1:7441 --server 127.0.0.1:7440 --monitor "
       "back=128x96@60\n"

@@ -1,6 +1,7 @@
 #include <CLI/CLI.hpp>
 #include <iostream>
 
+#include "core/service/man_page.h"
 #include "core/service/service.h"
 #include "server/rig_service.h"
 #include "server/server.h"
@@ -10,6 +11,7 @@
 int main(int argc, char** argv) {
   using namespace glasswing;
   CLI::App app("Glasswing's server: rigs, sessions, the proof of each frame, and finished mattes.");
+  set_up_help(app, "glasswing-server");
   app.footer("Example:\n  glasswing-server --listen 127.0.0.1:7440 --data /var/lib/glasswing");
   ListenOptions listen{.address = "127.0.0.1:7440", .reflection = false};
   std::string data;

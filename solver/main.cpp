@@ -13,6 +13,7 @@
 #include "core/frame/image_file.h"
 #include "core/frame/mapped_archive.h"
 #include "core/matte/matte_file.h"
+#include "core/service/man_page.h"
 #include "core/service/registration.h"
 #include "core/service/service.h"
 #include "solver/background/object_mask.h"
@@ -183,6 +184,7 @@ int main(int argc, char** argv) {
   using namespace glasswing;
   keep_freed_memory();
   CLI::App app("Glasswing's solver: turns frames into tiles of a matte, for as long as the server has any.");
+  set_up_help(app, "glasswing-solver");
   app.footer(
       "Examples:\n  glasswing-solver --server 127.0.0.1:7440 --name solver-1\n"
       "  glasswing-solver --name live-1 --listen 127.0.0.1:0\n"

@@ -8,6 +8,7 @@
 
 #include <csignal>
 
+#include "core/service/tls.h"
 #include "glasswing/v1/clock_service.grpc.pb.h"
 
 namespace glasswing {
@@ -28,16 +29,6 @@ class NodeClockService final : public v1::ClockService::Service {
   const NodeClock clock_;
 };
 
-// "host:port" -> host, without the brackets of an IPv6 address.
-std::string host_of(const std::string& address) {
-  const std::string host = address.substr(0, address.rfind(':'));
-  return host.size() > 2 && host.front() == '[' ? host.substr(1, host.size() - 2) : host;
-}
-
-bool is_loopback(const std::string& host) {
-  return host == "localhost" || host == "::1" || host.starts_with("127.");
-}
-
 }  // namespace
 
 grpc::Status to_grpc(const absl::Status& status) {
@@ -51,6 +42,8 @@ absl::Status from_grpc(const grpc::Status& status) {
 }
 
 absl::Status from_grpc(const grpc::Status& status, const std::string& peer) {
+  if (const std::string failure = tls_failure(status, peer); !failure.empty())
+    return absl::UnavailableError(failure);
   // gRPC's own words for a peer that is gone are about sockets; ours name the peer.
   switch (status.error_code()) {
     case grpc::StatusCode::OK:
@@ -83,7 +76,7 @@ std::shared_ptr<grpc::Channel> dial(const std::string& address) {
   // A peer that is killed and started again must not be reached through a shared, backed-off connection.
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
-  return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
+  return grpc::CreateCustomChannel(address, credentials_for(address), arguments);
 }
 
 void set_deadline(grpc::ClientContext& context, std::chrono::milliseconds timeout) {
@@ -92,8 +85,7 @@ void set_deadline(grpc::ClientContext& context, std::chrono::milliseconds timeou
 
 absl::StatusOr<std::unique_ptr<ServiceHost>> ServiceHost::start(const ListenOptions& options,
                                                                 const std::vector<grpc::Service*>& services) {
-  const std::string host = host_of(options.address);
-  if (!is_loopback(host)) {
+  if (!is_loopback(options.address)) {
     return absl::InvalidArgumentError(fmt::format(
         "--listen is {}; it must be a loopback address (127.0.0.1:PORT): other machines need TLS, "
         "which this version does not have",

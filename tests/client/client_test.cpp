@@ -22,17 +22,42 @@ TEST(Client, HelpSucceedsEverywhere) {
 }
 
 TEST(Client, UsageErrorsAreOneLine) {
-  expect_one_line_error(run_glasswing({}), "subcommand is required");
-  expect_one_line_error(run_glasswing({"captrue", "plan.txtpb"}), "there is no command captrue");
-  expect_one_line_error(run_glasswing({"plan"}), "subcommand is required");
-  expect_one_line_error(run_glasswing({"show"}), "session is required");
-  expect_one_line_error(run_glasswing({"solve", "s", "--method", "magic"}), "magic");
+  const auto expect_usage_error = [](const std::vector<std::string>& arguments, const std::string& words) {
+    const Outcome outcome = run_glasswing(arguments);
+    expect_one_line_error(outcome, words);
+    EXPECT_EQ(outcome.status, kUsageError) << words;
+  };
+  expect_usage_error({}, "subcommand is required");
+  expect_usage_error({"captrue", "plan.txtpb"}, "there is no command captrue");
+  expect_usage_error({"plan"}, "subcommand is required");
+  expect_usage_error({"show"}, "session is required");
+  expect_usage_error({"solve", "s", "--method", "magic"}, "magic");
+  expect_usage_error({"nodes", "--loud"}, "--loud");
+  expect_usage_error({"nodes", "--json", "--tsv"}, "--tsv");
+  expect_usage_error({"nodes", "--color", "pink"}, "pink");
+  expect_usage_error({"calibrate"}, "subcommand is required");
+  expect_usage_error({"preview", "--fps", "30"}, "30");
+  expect_usage_error({"preview", "--width", "8"}, "8");
+}
+
+TEST(Client, OtherFailuresHaveAnotherExitStatus) {
+  for (const std::vector<std::string>& arguments :
+       {std::vector<std::string>{"solve", "s", "--set", "modes"}, {"doctor", "--plan", "nowhere.txtpb"}})
+    EXPECT_EQ(run_glasswing(arguments).status, kFailure);
   expect_one_line_error(run_glasswing({"solve", "s", "--set", "modes"}), "it must be KEY=VALUE");
-  expect_one_line_error(run_glasswing({"nodes", "--loud"}), "--loud");
-  expect_one_line_error(run_glasswing({"calibrate"}), "subcommand is required");
-  expect_one_line_error(run_glasswing({"preview", "--fps", "30"}), "30");
-  expect_one_line_error(run_glasswing({"preview", "--width", "8"}), "8");
   expect_one_line_error(run_glasswing({"doctor", "--plan", "nowhere.txtpb"}), "nowhere.txtpb");
+}
+
+TEST(Client, ColoursOnlyWhereAskedFor) {
+  const std::vector<std::string> failing = {"nodes", "--server", "127.0.0.1:1"};
+  const auto with = [&](const char* when) {
+    std::vector<std::string> arguments = failing;
+    arguments.insert(arguments.end(), {"--color", when});
+    return run_glasswing(arguments).err;
+  };
+  EXPECT_TRUE(with("always").starts_with("\x1b[31mglasswing:\x1b[m server at"));
+  EXPECT_TRUE(with("never").starts_with("glasswing: server at"));
+  EXPECT_TRUE(with("auto").starts_with("glasswing: server at"));  // no terminal
 }
 
 TEST(Client, NamesTheServerThatDoesNotAnswer) {

@@ -1,0 +1,34 @@
+// A little colour, where there is somebody to see it.
+#pragma once
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <string>
+
+namespace glasswing {
+
+enum class Paint { kNone = 0, kBad = 31, kGood = 32, kCaution = 33 };  // codes of terminals
+
+// Whether what goes to `fd` is coloured. `when` is auto, always or never; auto: on a terminal, and not if
+// NO_COLOR (no-color.org) is set.
+inline bool is_coloured(const std::string& when, int fd) {
+  const char* no_color = std::getenv("NO_COLOR");
+  const bool wanted = no_color == nullptr || *no_color == '\0';
+  return when == "always" || (when == "auto" && wanted && ::isatty(fd) == 1);
+}
+
+// By what a state or a level means.
+inline Paint paint_of(const std::string& word) {
+  if (word == "ok" || word == "up" || word == "captured" || word == "done") return Paint::kGood;
+  if (word == "warning" || word == "paused") return Paint::kCaution;
+  if (word == "problem" || word == "away" || word == "failed") return Paint::kBad;
+  return Paint::kNone;
+}
+
+inline std::string painted(const std::string& text, Paint paint) {
+  return paint == Paint::kNone ? text : fmt::format("\x1b[{}m{}\x1b[m", static_cast<int>(paint), text);
+}
+
+}  // namespace glasswing

@@ -1,0 +1,174 @@
+#include "client/config.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <regex>
+#include <set>
+#include <sstream>
+
+#include "client/commands.h"
+#include "client/output.h"
+#include "core/base/file.h"
+#include "core/base/status.h"
+#include "core/service/tls.h"
+
+namespace glasswing {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kFileVariable = "GLASSWING_CONFIG";
+
+std::string environment(const std::string& variable) {
+  const char* value = variable.empty() ? nullptr : std::getenv(variable.c_str());
+  return value == nullptr ? "" : value;
+}
+
+// Empty where nobody is at home.
+fs::path usual_file() {
+  const std::string config_home = environment("XDG_CONFIG_HOME"), home = environment("HOME");
+  if (config_home.empty() && home.empty()) return {};
+  return (config_home.empty() ? fs::path(home) / ".config" : fs::path(config_home)) / "glasswing" /
+         "config.toml";
+}
+
+// KEY = "VALUE" or KEY = 'VALUE', with a comment after it; nothing for a line without either.
+struct Line {
+  std::string key, value;
+};
+absl::StatusOr<std::optional<Line>> parse_line(const std::string& text) {
+  static const std::regex kEmpty(R"(\s*(#.*)?)");
+  static const std::regex kSetting(R"(\s*([A-Za-z0-9_-]+)\s*=\s*("([^"\\]|\\["\\])*"|'[^']*')\s*(#.*)?)");
+  std::smatch match;
+  if (std::regex_match(text, kEmpty)) return std::nullopt;
+  if (!std::regex_match(text, match, kSetting)) {
+    return absl::InvalidArgumentError(
+        fmt::format("it is {}; it must be KEY = \"VALUE\", as TOML has it", text));
+  }
+  const std::string quoted = match[2];
+  std::string value = quoted.substr(1, quoted.size() - 2);
+  if (quoted.front() == '"') value = std::regex_replace(value, std::regex(R"(\\(["\\]))"), "$1");
+  return Line{match[1], value};
+}
+
+absl::Status print_config(const Client& client, const Config& config) {
+  if (client.json) {
+    nlohmann::ordered_json answer = {
+        {"file", config.file().string()}, {"file_is_there", config.file_is_there()}, {"settings", {}}};
+    for (const Setting& setting : config.settings())
+      answer["settings"][setting.key] = {{"value", setting.value}, {"from", setting.from}};
+    std::cout << answer.dump(1) << "\n";
+  } else {
+    std::vector<std::vector<std::string>> rows;
+    for (const Setting& setting : config.settings())
+      rows.push_back({setting.key, setting.value.empty() ? "-" : setting.value, setting.from});
+    print_table(client, {{"SETTING"}, {"VALUE"}, {"FROM"}}, rows);
+    if (!config.file_is_there() && !client.tsv)
+      std::cout << fmt::format("The file {} is not there.\n", config.file().string());
+  }
+  return use_tls({config["ca"], config["certificate"], config["key"]});
+}
+
+}  // namespace
+
+Config::Config(CLI::App& app)
+    : settings_({{"server", "GLASSWING_SERVER", "127.0.0.1:7440"},
+                 {"ca", "GLASSWING_CA", "", true},
+                 {"certificate", "GLASSWING_CERTIFICATE", "", true},
+                 {"key", "GLASSWING_KEY", "", true},
+                 {"color", "", "auto"}}) {
+  const auto add = [&](Setting& setting, const std::string& type, const std::string& description) {
+    const std::string variable = setting.environment.empty() ? "" : "; or $" + setting.environment;
+    return app.add_option("--" + setting.key, setting.given, description + variable)->type_name(type);
+  };
+  add(settings_[0], "ADDRESS", "HOST:PORT of glasswing-server (default: 127.0.0.1:7440)");
+  add(settings_[1], "FILE",
+      "PEM of the CA that signed the certificates of server and nodes; calls then use TLS, which those "
+      "beyond "
+      "this machine need");
+  add(settings_[2], "FILE", "PEM of your own certificate, for a server that wants to know who calls");
+  add(settings_[3], "FILE", "PEM of the key to it");
+  add(settings_[4], "", "colours; auto: on a terminal, if NO_COLOR is not set")
+      ->check(CLI::IsMember({"auto", "always", "never"}));
+  app.add_option("--config", file_option_,
+                 std::string("of such settings; or $") + kFileVariable +
+                     "; ~/.config/glasswing/config.toml if it is there")
+      ->type_name("FILE");
+}
+
+const std::string& Config::operator[](const std::string& key) const {
+  return std::ranges::find(settings_, key, &Setting::key)->value;
+}
+
+absl::Status Config::read(const fs::path& path) {
+  GW_ASSIGN_OR_RETURN(const std::string text, read_file(path));
+  std::istringstream in(text);
+  std::set<std::string> seen;
+  int number = 0;
+  for (std::string line; std::getline(in, line);) {
+    const std::string place = fmt::format("{}:{}: ", path.string(), ++number);
+    const absl::StatusOr<std::optional<Line>> parsed = parse_line(line);
+    if (!parsed.ok()) return absl::InvalidArgumentError(place + std::string(parsed.status().message()));
+    if (!*parsed) continue;
+    const auto& [key, value] = **parsed;
+    const auto setting = std::ranges::find(settings_, key, &Setting::key);
+    if (setting == settings_.end()) {
+      std::vector<std::string> keys;
+      for (const Setting& known : settings_) keys.push_back(known.key);
+      return absl::InvalidArgumentError(
+          fmt::format("{}there is no key {}; there are {}", place, key, fmt::join(keys, ", ")));
+    }
+    if (!seen.insert(key).second)
+      return absl::InvalidArgumentError(fmt::format("{}{} is there a second time", place, key));
+    setting->value = setting->is_file && !value.empty() ? (path.parent_path() / value).string() : value;
+    setting->from = path.string();
+  }
+  return absl::OkStatus();
+}
+
+absl::Status Config::resolve() {
+  const std::string asked = file_option_.empty() ? environment(kFileVariable) : file_option_;
+  file_ = asked.empty() ? usual_file() : fs::path(asked);
+  std::error_code ignored;
+  file_is_there_ = !file_.empty() && fs::exists(file_, ignored);
+  if (file_is_there_ || !asked.empty()) GW_RETURN_IF_ERROR(read(file_));
+  for (Setting& setting : settings_) {
+    if (setting.given) {
+      setting.value = *setting.given;
+      setting.from = "option";
+    } else if (const std::string value = environment(setting.environment); !value.empty()) {
+      setting.value = value;
+      setting.from = setting.environment;
+    }
+  }
+  const Setting& color = *std::ranges::find(settings_, "color", &Setting::key);
+  if (color.value == "auto" || color.value == "always" || color.value == "never") return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      fmt::format("{}: color is {}; it must be auto, always or never", color.from, color.value));
+}
+
+void add_config_command(CLI::App& app, Client& client, const Config& config) {
+  CLI::App& command = *app.add_subcommand(
+      "config", "Show the settings in force and where each came from, and check the certificates.");
+  command.footer(
+      "A setting is what its option says, else its environment variable, else the configuration file, else "
+      "the "
+      "default.\n"
+      "The file has a line for each:\n\n"
+      "  server = \"rig.example.org:7440\"\n"
+      "  ca = \"rig-ca.pem\"            # relative to the file's directory\n"
+      "  certificate = \"me.pem\"\n"
+      "  key = \"me.key\"\n"
+      "  color = \"auto\"\n\n"
+      "Example:\n  glasswing config");
+  command.callback(
+      [&client, &config] { client.run = [&client, &config] { return print_config(client, config); }; });
+}
+
+}  // namespace glasswing

@@ -1,0 +1,36 @@
+// TLS of calls to other programs: whose signature on a peer's certificate counts, and who calls.
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+#include <grpcpp/grpcpp.h>
+
+#include <memory>
+#include <string>
+
+namespace glasswing {
+
+// PEM files; empty: none.
+struct TlsFiles {
+  std::string ca;           // that signed the certificates of the peers
+  std::string certificate;  // this program's own, which peers may ask for
+  std::string key;          // that belongs to it, without a passphrase
+};
+
+// What dial() uses from now on, in the whole process: TLS to every peer if `ca` is given, else none. One
+// program speaks for one user. INVALID_ARGUMENT names the file that cannot be read, is no PEM, has expired,
+// or lacks its partner; who goes on all the same gets this answer to every call.
+absl::Status use_tls(const TlsFiles& files);
+
+// Whether host:port is this machine, and so may be called without TLS.
+bool is_loopback(const std::string& address);
+
+// For calls to host:port; null where they need TLS and have none, for which gRPC answers every call with
+// INVALID_ARGUMENT.
+std::shared_ptr<grpc::ChannelCredentials> credentials_for(const std::string& address);
+
+// Why a call that never reached `peer` failed, if the cause is TLS: one sentence that says what to set; else
+// empty.
+std::string tls_failure(const grpc::Status& status, const std::string& peer);
+
+}  // namespace glasswing

@@ -1,0 +1,144 @@
+#include "core/service/tls.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+
+#include "core/base/file.h"
+#include "core/service/service.h"
+#include "glasswing/v1/clock_service.grpc.pb.h"
+#include "tests/core/service/made_certificates.h"
+
+namespace glasswing {
+namespace {
+
+const char* const kPeer = "server at the rig";
+
+struct ClockService final : v1::ClockService::Service {
+  grpc::Status Exchange(grpc::ServerContext*, const v1::ExchangeRequest*, v1::ExchangeResponse*) override {
+    return grpc::Status::OK;
+  }
+};
+
+// A server with a certificate for 127.0.0.1 that wants one from every caller, and what callers may have.
+class Tls : public testing::Test {
+ protected:
+  Tls() {
+    std::filesystem::create_directories(scratch_);
+    write("ca", ca_);
+    write("foreign-ca", foreign_ca_);
+    write("me", make_certificate("me", &ca_));
+    write("foreign", make_certificate("foreign", &foreign_ca_));
+    write("old", make_certificate("old", &ca_, "", 0));
+    const MadeCertificate own = make_certificate("server", &ca_, "IP:127.0.0.1");
+    grpc::SslServerCredentialsOptions options(GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY);
+    options.pem_root_certs = ca_.certificate_pem();
+    options.pem_key_cert_pairs.push_back({own.key_pem(), own.certificate_pem()});
+    grpc::ServerBuilder builder;
+    builder.AddListeningPort("127.0.0.1:0", grpc::SslServerCredentials(options), &port_);
+    builder.RegisterService(&service_);
+    server_ = builder.BuildAndStart();
+  }
+  ~Tls() override {
+    (void)use_tls({});
+    std::filesystem::remove_all(scratch_);
+  }
+
+  std::string file(const std::string& name) const { return (scratch_ / name).string(); }
+  void write(const std::string& name, const MadeCertificate& made) const {
+    ASSERT_TRUE(write_file_durably(file(name + ".pem"), made.certificate_pem()).ok());
+    ASSERT_TRUE(write_file_durably(file(name + ".key"), made.key_pem()).ok());
+  }
+  TlsFiles files(const std::string& ca, const std::string& own) const {
+    return {file(ca + ".pem"), own.empty() ? "" : file(own + ".pem"), own.empty() ? "" : file(own + ".key")};
+  }
+
+  static absl::Status call(const std::string& address) {
+    const auto stub = v1::ClockService::NewStub(dial(address));
+    grpc::ClientContext context;
+    set_deadline(context, std::chrono::seconds(10));
+    v1::ExchangeResponse response;
+    return from_grpc(stub->Exchange(&context, {}, &response), kPeer);
+  }
+  std::string told(const TlsFiles& files, const std::string& host = "127.0.0.1") const {
+    EXPECT_TRUE(use_tls(files).ok());
+    return std::string(call(host + ":" + std::to_string(port_)).message());
+  }
+
+  const std::filesystem::path scratch_ =
+      std::filesystem::temp_directory_path() / ("glasswing-tls-" + std::to_string(::getpid()));
+  const MadeCertificate ca_ = make_certificate("ca"), foreign_ca_ = make_certificate("foreign ca");
+  ClockService service_;
+  std::unique_ptr<grpc::Server> server_;
+  int port_ = 0;
+};
+
+TEST_F(Tls, CallsGoThroughOnlyWhenEachKnowsTheOther) {
+  EXPECT_EQ(told(files("ca", "me")), "");
+  EXPECT_EQ(told(files("foreign-ca", "me")), std::string(kPeer) + " shows a certificate that the CA " +
+                                                 file("foreign-ca.pem") +
+                                                 " did not sign, or that has expired");
+  EXPECT_EQ(told(files("ca", "")),
+            std::string(kPeer) + " wants to know who calls; set --certificate and --key");
+  EXPECT_EQ(told(files("ca", "foreign")), std::string(kPeer) + " refuses the certificate " +
+                                              file("foreign.pem") + "; its own CA must have signed it");
+  EXPECT_EQ(told(files("ca", "me"), "localhost"),
+            std::string(kPeer) +
+                " shows a certificate of another host; call it by a name that its certificate has");
+}
+
+TEST_F(Tls, APlainServerIsNotCalledWithTls) {
+  ASSERT_TRUE(use_tls(files("ca", "me")).ok());
+  const auto plain = ServiceHost::start({}, {}).value();
+  EXPECT_EQ(call(plain->address()).message(),
+            std::string(kPeer) + " does not speak TLS; leave out --ca if it need not");
+  ASSERT_TRUE(use_tls({}).ok());
+  EXPECT_TRUE(call(plain->address()).ok());
+}
+
+TEST_F(Tls, BeyondThisMachineNothingGoesInTheClear) {
+  ASSERT_TRUE(use_tls({}).ok());
+  // 192.0.2.0/24 is for documentation: nobody is there.
+  for (const char* address : {"192.0.2.1:7440", "127.example.org:1", "[2001:db8::1]:7440"}) {
+    EXPECT_EQ(call(address).message(), std::string(kPeer) +
+                                           " is beyond this machine, where calls need TLS; set --ca, and "
+                                           "--certificate and --key")
+        << address;
+  }
+  EXPECT_TRUE(is_loopback("127.0.0.1:1"));
+  EXPECT_TRUE(is_loopback("127.8.8.8:1"));
+  EXPECT_TRUE(is_loopback("localhost:1"));
+  EXPECT_TRUE(is_loopback("[::1]:1"));
+}
+
+TEST_F(Tls, NamesTheFileThatIsWrong) {
+  ASSERT_TRUE(write_file_durably(file("words.pem"), "no certificate").ok());
+  const struct {
+    TlsFiles files;
+    std::string words;
+  } kCases[] = {
+      {{file("ca.pem"), file("me.pem"), ""}, "the certificate " + file("me.pem") + " lacks its key"},
+      {{file("ca.pem"), "", file("me.key")}, "the key " + file("me.key") + " lacks its certificate"},
+      {{"", file("me.pem"), file("me.key")}, "the certificate " + file("me.pem") + " lacks the CA"},
+      {{file("nowhere.pem"), "", ""}, "the CA cannot be read: "},
+      {{file("words.pem"), "", ""}, "the CA is " + file("words.pem") + "; it must be a certificate in PEM"},
+      {{file("ca.pem"), file("words.pem"), file("me.key")},
+       "the certificate is " + file("words.pem") + "; it must be"},
+      {{file("ca.pem"), file("me.pem"), file("words.pem")},
+       "the key is " + file("words.pem") + "; it must be a private key in PEM"},
+      {{file("ca.pem"), file("me.pem"), file("foreign.key")},
+       "the key " + file("foreign.key") + " does not belong to the certificate " + file("me.pem")},
+      {{file("ca.pem"), file("old.pem"), file("old.key")},
+       "the certificate " + file("old.pem") + " has expired"}};
+  for (const auto& [files, words] : kCases) {
+    const absl::Status status = use_tls(files);
+    EXPECT_TRUE(absl::IsInvalidArgument(status));
+    EXPECT_TRUE(status.message().starts_with(words)) << status.message();
+    // Who goes on all the same is told so, rather than called in the clear.
+    EXPECT_EQ(call("127.0.0.1:" + std::to_string(port_)).message(), status.message());
+  }
+}
+
+}  // namespace
+}  // namespace glasswing
