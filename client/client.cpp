@@ -33,6 +33,8 @@ int run_client(int argc, const char* const* argv) {
       ->envname("GLASSWING_SERVER")
       ->capture_default_str();
   app.add_flag("--json", client.json, "write the answer as JSON");
+  app.add_flag("--tsv", client.tsv, "write lists as a line of titles and rows, a tab between cells")
+      ->excludes("--json");
 
   add_nodes_command(app, client);
   add_doctor_command(app, client);

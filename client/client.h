@@ -12,6 +12,7 @@ namespace glasswing {
 struct Client {
   std::string server = "127.0.0.1:7440";
   bool json = false;
+  bool tsv = false;  // lists only
   std::function<absl::Status()> run;
 
   std::string server_title() const { return "server at " + server; }

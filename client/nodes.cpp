@@ -1,7 +1,3 @@
-#include <fmt/format.h>
-
-#include <iostream>
-
 #include "client/commands.h"
 #include "client/output.h"
 #include "client/rpc.h"
@@ -32,12 +28,12 @@ absl::Status list_nodes(const Client& client) {
     print_json(listed);
     return absl::OkStatus();
   }
-  std::cout << fmt::format("{:8} {:16} {:6} {:22} {}\n", "KIND", "NAME", "STATE", "ADDRESS", "DETAIL");
+  std::vector<std::vector<std::string>> rows;
   for (const v1::Node& node : listed.nodes()) {
-    std::cout << fmt::format("{:8} {:16} {:6} {:22} {}\n", kind_name(node.kind()), node.name(),
-                             node.up() ? "up" : "away", node.address().empty() ? "-" : node.address(),
-                             node.detail());
+    rows.push_back({kind_name(node.kind()), node.name(), node.up() ? "up" : "away",
+                    node.address().empty() ? "-" : node.address(), node.detail()});
   }
+  print_table(client, {{"KIND"}, {"NAME"}, {"STATE"}, {"ADDRESS"}, {"DETAIL"}}, rows);
   return absl::OkStatus();
 }
 

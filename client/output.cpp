@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <google/protobuf/util/json_util.h>
 
+#include <algorithm>
 #include <cmath>
 #include <iostream>
 
@@ -18,6 +19,32 @@ std::string video_text(const v1::Session& session) {
                      lost > 0 ? fmt::format(", {} of them lost", lost) : "");
 }
 
+// Of UTF-8: all bytes but those that continue a character.
+size_t width_of(const std::string& text) {
+  return static_cast<size_t>(std::ranges::count_if(text, [](char byte) { return (byte & 0xC0) != 0x80; }));
+}
+
+void print_tab_separated(const std::vector<std::string>& cells) {
+  for (size_t c = 0; c < cells.size(); ++c) {
+    std::string cell = cells[c];
+    std::ranges::replace_if(
+        cell, [](char byte) { return byte == '\t' || byte == '\n' || byte == '\r'; }, ' ');
+    std::cout << (c > 0 ? "\t" : "") << cell;
+  }
+  std::cout << "\n";
+}
+
+void print_aligned(const std::vector<Column>& columns, const std::vector<size_t>& widths,
+                   const std::vector<std::string>& cells) {
+  std::string line;
+  for (size_t c = 0; c < cells.size(); ++c) {
+    const std::string room(widths[c] - width_of(cells[c]), ' ');
+    line += (c > 0 ? "  " : "") + (columns[c].right ? room + cells[c] : cells[c] + room);
+  }
+  line.erase(line.find_last_not_of(' ') + 1);
+  std::cout << line << "\n";
+}
+
 }  // namespace
 
 void print_json(const google::protobuf::Message& message) {
@@ -29,6 +56,24 @@ void print_json(const google::protobuf::Message& message) {
   // Fails only for messages that hold invalid Any or Timestamp values; ours have none.
   (void)google::protobuf::util::MessageToJsonString(message, &json, options);
   std::cout << json;
+}
+
+void print_table(const Client& client, const std::vector<Column>& columns,
+                 const std::vector<std::vector<std::string>>& rows) {
+  std::vector<std::vector<std::string>> lines(1);
+  for (const Column& column : columns) lines[0].push_back(column.title);
+  lines.insert(lines.end(), rows.begin(), rows.end());
+  std::vector<size_t> widths(columns.size(), 0);
+  for (const auto& line : lines) {
+    for (size_t c = 0; c < widths.size(); ++c) widths[c] = std::max(widths[c], width_of(line[c]));
+  }
+  for (const auto& line : lines) {
+    if (client.tsv) {
+      print_tab_separated(line);
+    } else {
+      print_aligned(columns, widths, line);
+    }
+  }
 }
 
 std::string state_name(v1::SessionState state) {

@@ -4,13 +4,24 @@
 #include <google/protobuf/message.h>
 
 #include <string>
+#include <vector>
 
+#include "client/client.h"
 #include "glasswing/v1/session_service.pb.h"
 
 namespace glasswing {
 
 // protobuf's JSON mapping, with the field names of the .proto files and every plain field present.
 void print_json(const google::protobuf::Message& message);
+
+struct Column {
+  std::string title;   // "NAME"
+  bool right = false;  // numbers
+};
+// A list: columns in line under their titles; with --tsv a line of titles and one a row, a tab between cells
+// (tabs and line breaks within a cell become spaces). A row has a cell a column. JSON is each command's own.
+void print_table(const Client& client, const std::vector<Column>& columns,
+                 const std::vector<std::vector<std::string>>& rows);
 
 // "paused"
 std::string state_name(v1::SessionState state);
