@@ -115,4 +115,24 @@ grpc::Status ArchiveServiceImpl::SealArchive(grpc::ServerContext*, const v1::Sea
   return to_grpc((*archive)->seal());
 }
 
+grpc::Status ArchiveServiceImpl::DeleteArchive(grpc::ServerContext*, const v1::DeleteArchiveRequest* request,
+                                               v1::DeleteArchiveResponse* response) {
+  const absl::StatusOr<std::int64_t> freed = store_.remove(request->session());
+  if (!freed.ok()) return to_grpc(freed.status());
+  response->set_freed_bytes(*freed);
+  return grpc::Status::OK;
+}
+
+grpc::Status ArchiveServiceImpl::GetSpace(grpc::ServerContext*, const v1::GetSpaceRequest*,
+                                          v1::GetSpaceResponse* response) {
+  std::error_code error;
+  const std::filesystem::space_info space = std::filesystem::space(store_.directory(), error);
+  if (error)
+    return to_grpc(
+        absl::ErrnoToStatus(error.value(), "cannot tell the space below " + store_.directory().string()));
+  response->set_free_bytes(static_cast<std::int64_t>(space.available));
+  response->set_total_bytes(static_cast<std::int64_t>(space.capacity));
+  return grpc::Status::OK;
+}
+
 }  // namespace glasswing

@@ -21,6 +21,9 @@ class ArchiveServiceImpl final : public v1::ArchiveService::Service {
                         v1::PutFrameResponse*) override;
   grpc::Status SealArchive(grpc::ServerContext*, const v1::SealArchiveRequest*,
                            v1::SealArchiveResponse*) override;
+  grpc::Status DeleteArchive(grpc::ServerContext*, const v1::DeleteArchiveRequest*,
+                             v1::DeleteArchiveResponse*) override;
+  grpc::Status GetSpace(grpc::ServerContext*, const v1::GetSpaceRequest*, v1::GetSpaceResponse*) override;
 
  private:
   ArchiveStore& store_;

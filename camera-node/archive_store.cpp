@@ -2,10 +2,13 @@
 
 #include <fmt/format.h>
 
+#include "core/base/file.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
 
 namespace glasswing {
+
+namespace fs = std::filesystem;
 
 absl::StatusOr<std::shared_ptr<Archive>> ArchiveStore::create(const v1::CaptureManifest& header) {
   GW_RETURN_IF_ERROR(check_name("session", header.session()));
@@ -31,6 +34,33 @@ absl::StatusOr<std::shared_ptr<Archive>> ArchiveStore::find(const std::string& s
   GW_ASSIGN_OR_RETURN(std::shared_ptr<Archive> archive, Archive::open(directory_ / session));
   open_[session] = archive;
   return archive;
+}
+
+absl::StatusOr<std::int64_t> ArchiveStore::remove(const std::string& session) {
+  GW_RETURN_IF_ERROR(check_name("session", session));
+  // No session is called so. Out of the way first: half an archive must never be taken for one.
+  const fs::path archive = directory_ / session, aside = directory_ / (".removed-" + session);
+  std::error_code error;
+  std::int64_t bytes = 0;
+  fs::remove_all(aside, error);
+  if (!error) {
+    const std::lock_guard lock(mutex_);
+    open_.erase(session);
+    if (fs::exists(archive)) {
+      GW_RETURN_IF_ERROR(rename_file(archive, aside));
+      GW_RETURN_IF_ERROR(flush_directory(directory_));
+    }
+  }
+  if (!error && fs::exists(aside)) {
+    std::error_code unknown;  // of what is broken anyway
+    for (const fs::directory_entry& frame : fs::directory_iterator(aside / "frames", unknown)) {
+      const std::uintmax_t size = frame.file_size(unknown);
+      if (!unknown) bytes += static_cast<std::int64_t>(size);
+    }
+    fs::remove_all(aside, error);
+  }
+  if (error) return absl::ErrnoToStatus(error.value(), fmt::format("cannot remove {}", archive.string()));
+  return bytes;
 }
 
 }  // namespace glasswing

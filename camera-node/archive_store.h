@@ -19,6 +19,10 @@ class ArchiveStore {
   absl::StatusOr<std::shared_ptr<Archive>> create(const v1::CaptureManifest& header);
   // INVALID_ARGUMENT: a bad name; NOT_FOUND: no such archive here; DATA_LOSS: it cannot be read.
   absl::StatusOr<std::shared_ptr<Archive>> find(const std::string& session);
+  // Removes it for good; returns how many bytes its frames had. None there: 0, and what a broken-off removal
+  // left goes too.
+  absl::StatusOr<std::int64_t> remove(const std::string& session);
+  const std::filesystem::path& directory() const { return directory_; }
 
  private:
   const std::filesystem::path directory_;

@@ -32,6 +32,11 @@ inline bool is_lesson(const Step& step) {
   return step.stimulus.kind() == "patch";
 }
 
+// A lesson shows its own, and a calibration's exposures suit none.
+inline bool shows_id(const Step& step) {
+  return !is_lesson(step) && !step.stimulus.codes();
+}
+
 struct CaptureOutcome {
   enum class Kind {
     kCaptured,
@@ -93,6 +98,7 @@ class Capture {
                           std::stop_token stop);
   // `what` has no proof; says what may help.
   absl::Status unproven(const std::string& what, const Group& group, int step_count, int refused) const;
+  void note_unproven(const std::vector<Step>& steps);
   absl::Status play(const std::vector<Step>& steps, Recording& frames, std::stop_token stop);
   absl::StatusOr<int> load(const std::string& program, const std::vector<Step>& steps);
   void take_frames(Recording& frames);

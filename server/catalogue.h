@@ -16,6 +16,11 @@
 
 namespace glasswing {
 
+inline constexpr size_t kMostNoteBytes = 4096;
+
+// Whether a session is one of those that are asked for. INVALID_ARGUMENT: a time that cannot be read.
+absl::StatusOr<bool> matches(const v1::Session& session, const v1::ListSessionsRequest& request);
+
 // Thread-safe.
 class Catalogue {
  public:
@@ -23,8 +28,17 @@ class Catalogue {
 
   // ALREADY_EXISTS: the name is taken.
   absl::Status insert(const v1::Session& session, const std::string& request_id);
-  // Durable when it returns.
+  // Durable when it returns. The note and the tags stay as they are: what runs knows nothing of them.
   absl::Status update(const v1::Session& session);
+  // Changes the note and the tags alone. NOT_FOUND: no such session. INVALID_ARGUMENT: a tag that is no name,
+  // a note of more than kMostNoteBytes.
+  absl::StatusOr<v1::Session> annotate(const v1::AnnotateSessionRequest& request);
+  // The session as it was when its last solve finished, kept while it is solved anew. NOT_FOUND: no solve
+  // before this one finished.
+  absl::Status keep_finished(const v1::Session& session);
+  absl::Status drop_finished(const std::string& name);
+  absl::StatusOr<v1::Session> finished(const std::string& name);
+  // With all that is known of it.
   absl::Status remove(const std::string& name);
   // NOT_FOUND: "there is no session ...".
   absl::StatusOr<v1::Session> find(const std::string& name);
@@ -34,7 +48,9 @@ class Catalogue {
 
  private:
   explicit Catalogue(Database database) : database_(std::move(database)) {}
+  // Of rows (session, note, tags), with mutex_ held.
   absl::StatusOr<v1::Session> first(Database::Query query, const std::string& missing);
+  absl::StatusOr<v1::Session> find_locked(const std::string& name);
 
   std::mutex mutex_;
   Database database_;  // guarded by mutex_

@@ -33,39 +33,73 @@ absl::StatusOr<std::unique_ptr<JobStore>> JobStore::open(const std::filesystem::
       "attempt INTEGER NOT NULL DEFAULT 0, failures INTEGER NOT NULL DEFAULT 0, "
       "lease_until INTEGER NOT NULL DEFAULT 0, solver TEXT NOT NULL DEFAULT '', result TEXT NOT NULL DEFAULT "
       "'', "
-      "UNIQUE (session, number)); UPDATE tiles SET lease_until = 0"));
+      "UNIQUE (session, number)); UPDATE tiles SET lease_until = 0; "
+      "CREATE TEMP TABLE held (session TEXT PRIMARY KEY)"));
   GW_RETURN_IF_ERROR(rename_columns(database));
   return std::unique_ptr<JobStore>(new JobStore(std::move(database)));
 }
 
 absl::Status JobStore::create(const std::string& session, std::span<const int> counts) {
-  const std::lock_guard lock(mutex_);
-  // A re-solve must not accept results of the solve before it: attempts go on from the highest one so far.
-  Database::Query highest =
-      database_.query("SELECT COALESCE(MAX(attempt) + 1, 0) FROM tiles WHERE session = ?");
-  highest.bind(session);
-  const std::int64_t attempt = highest.next() ? highest.integer(0) : 0;
-  GW_RETURN_IF_ERROR(highest.finish());
-  GW_RETURN_IF_ERROR(database_.run("BEGIN IMMEDIATE"));
-  absl::Status status = database_.query("DELETE FROM tiles WHERE session = ?").bind(session).finish();
-  int first = 0, number = 0;
+  std::vector<FrameRange> ranges;
+  int first = 0;
   for (const int count : counts) {
+    ranges.push_back({.first = first, .count = count});
+    first += count;
+  }
+  const std::lock_guard lock(mutex_);
+  GW_RETURN_IF_ERROR(insert(session, ranges, "DELETE FROM tiles WHERE session = ?"));
+  return database_.query("DELETE FROM held WHERE session = ?").bind(session).finish();
+}
+
+absl::Status JobStore::add(const std::string& session, std::span<const FrameRange> frames) {
+  const std::lock_guard lock(mutex_);
+  return insert(session, frames, "");
+}
+
+absl::Status JobStore::insert(const std::string& session, std::span<const FrameRange> ranges,
+                              const std::string& before) {
+  // Results of earlier solves must not be accepted: attempts go on from the highest one so far.
+  Database::Query last = database_.query(
+      "SELECT COALESCE(MAX(attempt) + 1, 0), COALESCE(MAX(number) + 1, 0) FROM tiles WHERE session = ?");
+  last.bind(session);
+  const bool known = last.next();
+  const std::int64_t attempt = known ? last.integer(0) : 0;
+  std::int64_t number = known && before.empty() ? last.integer(1) : 0;
+  GW_RETURN_IF_ERROR(last.finish());
+  GW_RETURN_IF_ERROR(database_.run("BEGIN IMMEDIATE"));
+  absl::Status status;
+  if (!before.empty()) status = database_.query(before).bind(session).finish();
+  for (const FrameRange& range : ranges) {
     if (!status.ok()) break;
     status =
         database_.query("INSERT INTO tiles (session, number, first, count, attempt) VALUES (?, ?, ?, ?, ?)")
             .bind(session)
             .bind(number++)
-            .bind(first)
-            .bind(count)
+            .bind(range.first)
+            .bind(range.count)
             .bind(attempt)
             .finish();
-    first += count;
   }
   if (!status.ok()) {
     (void)database_.run("ROLLBACK");
     return status;
   }
   return database_.run("COMMIT");
+}
+
+absl::Status JobStore::retry(const std::string& session) {
+  const std::lock_guard lock(mutex_);
+  return database_.query("UPDATE tiles SET failures = 0 WHERE session = ?").bind(session).finish();
+}
+
+absl::Status JobStore::hold(const std::string& session) {
+  const std::lock_guard lock(mutex_);
+  return database_.query("INSERT OR IGNORE INTO held VALUES (?)").bind(session).finish();
+}
+
+absl::Status JobStore::release(const std::string& session) {
+  const std::lock_guard lock(mutex_);
+  return database_.query("DELETE FROM held WHERE session = ?").bind(session).finish();
 }
 
 absl::Status JobStore::give_up(const std::string& session) {
@@ -77,11 +111,24 @@ absl::Status JobStore::give_up(const std::string& session) {
       .finish();
 }
 
+absl::Status JobStore::remove(const std::string& session) {
+  GW_RETURN_IF_ERROR(give_up(session));
+  const std::lock_guard lock(mutex_);
+  return database_
+      .query(
+          "DELETE FROM tiles WHERE session = ? AND id != (SELECT id FROM tiles WHERE session = ? "
+          "ORDER BY attempt DESC LIMIT 1)")
+      .bind(session)
+      .bind(session)
+      .finish();
+}
+
 absl::StatusOr<std::optional<Tile>> JobStore::claim(const std::string& solver, nanoseconds now) {
   const std::lock_guard lock(mutex_);
   Database::Query query = database_.query(
       "UPDATE tiles SET attempt = attempt + 1, solver = ?, lease_until = ? WHERE id = (SELECT id FROM tiles "
-      "WHERE result = '' AND lease_until < ? ORDER BY failures, id LIMIT 1) "
+      "WHERE result = '' AND lease_until < ? AND session NOT IN (SELECT session FROM held) "
+      "ORDER BY failures, id LIMIT 1) "
       "RETURNING session, number, first, count, attempt");
   query.bind(solver).bind((now + kLease).count()).bind(now.count());
   std::optional<Tile> tile;

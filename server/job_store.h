@@ -34,15 +34,32 @@ struct Tile {
   bool is_done() const { return !result.empty(); }
 };
 
+struct FrameRange {
+  int first = 0;
+  int count = 0;
+};
+
 // Thread-safe. `now` is any monotonic time; leases do not outlive the process that granted them.
 class JobStore {
  public:
   static absl::StatusOr<std::unique_ptr<JobStore>> open(const std::filesystem::path& path);
 
-  // Replaces whatever tiles the session had, by tiles of so many rows or frames each, one after another.
+  // Replaces whatever tiles the session had, held or not, by tiles of so many rows or frames each, one after
+  // another.
   absl::Status create(const std::string& session, std::span<const int> counts);
+  // More tiles, of these frames: what was made of them before is made anew.
+  absl::Status add(const std::string& session, std::span<const FrameRange> frames);
+  // Tiles that failed may be tried again, as often as new ones.
+  absl::Status retry(const std::string& session);
+  // The session's tiles are not handed out until it is released, or this store is opened again. What was
+  // handed out may be completed.
+  absl::Status hold(const std::string& session);
+  absl::Status release(const std::string& session);
   // Nobody works on the session's tiles any more.
   absl::Status give_up(const std::string& session);
+  // As give_up(), and forgets them but for one: a later session of that name must not accept results of this
+  // one.
+  absl::Status remove(const std::string& session);
 
   // The oldest tile that is free or whose lease has ended; none if there is none.
   absl::StatusOr<std::optional<Tile>> claim(const std::string& solver, nanoseconds now);
@@ -57,6 +74,9 @@ class JobStore {
  private:
   explicit JobStore(Database database) : database_(std::move(database)) {}
   absl::Status fenced(const Tile& lease);
+  // With mutex_ held. `before`, if any, removes those there are, in the same transaction.
+  absl::Status insert(const std::string& session, std::span<const FrameRange> ranges,
+                      const std::string& before);
 
   std::mutex mutex_;
   Database database_;  // guarded by mutex_

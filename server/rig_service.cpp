@@ -8,16 +8,23 @@
 #include "core/base/status.h"
 #include "core/service/service.h"
 #include "glasswing/v1/calibration_service.grpc.pb.h"
+#include "server/caller.h"
 #include "server/ramp_show.h"
 #include "server/rig_check.h"
 #include "server/sync_calibration.h"
 
 namespace glasswing {
 
+namespace {
+
+constexpr size_t kMostReasonBytes = 200;
+
+}  // namespace
+
 grpc::Status RigServiceImpl::run(grpc::ServerContext* context, const std::string& what,
                                  const std::function<absl::Status(std::stop_token)>& work) {
-  const absl::StatusOr<Server::RigHold> hold = server_.hold_rig(what);
-  if (!hold.ok()) return to_grpc(hold.status());
+  const absl::StatusOr<RigLock::Drive> drive = server_.rig_lock().drive(caller_of(*context), what);
+  if (!drive.ok()) return to_grpc(drive.status());
   std::mutex mutex;
   std::condition_variable ended;
   std::optional<absl::Status> result;  // guarded by mutex
@@ -39,7 +46,7 @@ grpc::Status RigServiceImpl::run(grpc::ServerContext* context, const std::string
 grpc::Status RigServiceImpl::CalibrateSync(grpc::ServerContext* context,
                                            const v1::CalibrateSyncRequest* request,
                                            grpc::ServerWriter<v1::CalibrateSyncResponse>* writer) {
-  return run(context, "glasswing calibrate sync", [&](std::stop_token stop) -> absl::Status {
+  return run(context, "calibrate sync", [&](std::stop_token stop) -> absl::Status {
     GW_ASSIGN_OR_RETURN(RigLinks rig, connect(server_.rig(), server_.calibrations()));
     std::vector<std::string> monitors(request->monitors().begin(), request->monitors().end());
     if (monitors.empty()) {
@@ -77,7 +84,7 @@ grpc::Status RigServiceImpl::CalibrateSync(grpc::ServerContext* context,
 
 grpc::Status RigServiceImpl::CheckRig(grpc::ServerContext* context, const v1::CheckRigRequest* request,
                                       grpc::ServerWriter<v1::CheckRigResponse>* writer) {
-  return run(context, "glasswing doctor", [&](std::stop_token stop) {
+  return run(context, "doctor", [&](std::stop_token stop) {
     return check_rig(
         server_.rig(), server_.calibrations(), request->plan(),
         [&](const v1::Finding& finding) {
@@ -92,7 +99,7 @@ grpc::Status RigServiceImpl::CheckRig(grpc::ServerContext* context, const v1::Ch
 grpc::Status RigServiceImpl::ShowRamp(grpc::ServerContext* context, RampStream* stream) {
   v1::ShowRampRequest request;
   if (!stream->Read(&request)) return grpc::Status::OK;
-  return run(context, "glasswing live", [&](std::stop_token stop) -> absl::Status {
+  return run(context, "live", [&](std::stop_token stop) -> absl::Status {
     GW_ASSIGN_OR_RETURN(const std::unique_ptr<RampShow> show,
                         RampShow::start(server_.rig(), server_.calibrations(), request.monitor(), stop));
     bool object = false;
@@ -104,6 +111,25 @@ grpc::Status RigServiceImpl::ShowRamp(grpc::ServerContext* context, RampStream* 
     } while (stream->Write(show->description()) && stream->Read(&request));
     return absl::OkStatus();
   });
+}
+
+grpc::Status RigServiceImpl::HoldRig(grpc::ServerContext* context, const v1::HoldRigRequest* request,
+                                     grpc::ServerWriter<v1::HoldRigResponse>* writer) {
+  if (request->reason().empty() || request->reason().size() > kMostReasonBytes) {
+    return to_grpc(absl::InvalidArgumentError(
+        fmt::format("the reason is of {} bytes; it must be of 1 to {}: others are shown it",
+                    request->reason().size(), kMostReasonBytes)));
+  }
+  const Caller caller = caller_of(*context);
+  const absl::StatusOr<RigLock::Hold> hold = server_.rig_lock().hold(caller, request->reason());
+  if (!hold.ok()) return to_grpc(hold.status());
+  spdlog::info("the rig is held client=\"{}\" reason=\"{}\"", caller.client, request->reason());
+  v1::HoldRigResponse response;
+  response.set_token(server_.rig_lock().token());
+  writer->Write(response);
+  while (!context->IsCancelled() && !stopping_) std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  spdlog::info("the rig is freed client=\"{}\"", caller.client);
+  return stopping_ ? to_grpc(absl::UnavailableError("the server is stopping")) : grpc::Status::OK;
 }
 
 namespace {

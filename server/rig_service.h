@@ -1,4 +1,4 @@
-// RigService: one measurement of the rig at a time, streamed to whoever asked for it.
+// RigService: one measurement of the rig at a time, streamed to whoever asked for it; and who has the rig.
 #pragma once
 
 #include <atomic>
@@ -11,7 +11,7 @@ namespace glasswing {
 class RigServiceImpl final : public v1::RigService::Service {
  public:
   explicit RigServiceImpl(Server& server) : server_(server) {}
-  // Ends a running measurement, so that the daemon can stop.
+  // Ends a running measurement and a hold, so that the daemon can stop.
   void stop() { stopping_ = true; }
 
   grpc::Status CalibrateSync(grpc::ServerContext*, const v1::CalibrateSyncRequest*,
@@ -26,6 +26,8 @@ class RigServiceImpl final : public v1::RigService::Service {
                                  v1::ForgetCalibrationResponse*) override;
   using RampStream = grpc::ServerReaderWriter<v1::ShowRampResponse, v1::ShowRampRequest>;
   grpc::Status ShowRamp(grpc::ServerContext*, RampStream*) override;
+  grpc::Status HoldRig(grpc::ServerContext*, const v1::HoldRigRequest*,
+                       grpc::ServerWriter<v1::HoldRigResponse>*) override;
 
  private:
   // Does the work while the call is open; it is stopped when the caller or the daemon goes.

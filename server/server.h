@@ -1,6 +1,8 @@
 // The sessions of one rig: who may capture now, how far each one came, and what wakes those who watch.
 //
 //   created -> capturing <-> paused;  capturing -> captured -> solving -> done;  any -> failed or cancelled
+//   solving <-> paused;  failed -> capturing or solving (tried again);  done -> solving (anew; cancelled:
+//   done as before)
 //
 // Every change is in the catalogue before anybody hears of it. After a restart a session that was capturing
 // is paused (its proven frames are with the camera node), one that was solving goes on.
@@ -16,6 +18,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <thread>
 #include <vector>
@@ -25,7 +28,9 @@
 #include "server/catalogue.h"
 #include "server/frame_mattes.h"
 #include "server/job_store.h"
+#include "server/matte_files.h"
 #include "server/rig.h"
+#include "server/rig_lock.h"
 
 namespace glasswing {
 
@@ -39,25 +44,24 @@ class Server {
   Rig& rig() { return rig_; }
   CalibrationStore& calibrations() { return *calibrations_; }
 
-  // The rig, for one measurement: nobody captures, or measures, until the hold is gone. `what` names it in
-  // others' errors. FAILED_PRECONDITION names who has the rig.
-  struct Release {
-    void operator()(Server* server) const;
-  };
-  using RigHold = std::unique_ptr<Server, Release>;
-  absl::StatusOr<RigHold> hold_rig(const std::string& what);
+  RigLock& rig_lock() { return rig_lock_; }
 
-  absl::StatusOr<v1::Session> create(const v1::CreateSessionRequest& request);
-  absl::StatusOr<v1::Session> begin_import(const v1::BeginImportRequest& request);
+  absl::StatusOr<v1::Session> create(const v1::CreateSessionRequest& request, const Caller& caller);
+  absl::StatusOr<v1::EstimateSessionResponse> estimate(const v1::EstimateSessionRequest& request);
+  absl::StatusOr<v1::Session> begin_import(const v1::BeginImportRequest& request, const Caller& caller);
   absl::StatusOr<v1::Session> finish_import(const std::string& name);
   absl::StatusOr<std::string> store_image(const std::string& png);
   absl::StatusOr<v1::Session> find(const std::string& name);
-  absl::StatusOr<std::vector<v1::Session>> list();
-  absl::StatusOr<v1::Session> pause(const std::string& name);
-  absl::StatusOr<v1::Session> resume(const std::string& name);
-  absl::StatusOr<v1::Session> cancel(const std::string& name);
+  absl::StatusOr<std::vector<v1::Session>> list(const v1::ListSessionsRequest& request);
+  absl::StatusOr<v1::Session> annotate(const v1::AnnotateSessionRequest& request);
+  absl::StatusOr<v1::Session> pause(const std::string& name, const Caller& caller);
+  absl::StatusOr<v1::Session> resume(const v1::ResumeSessionRequest& request, const Caller& caller);
+  absl::StatusOr<v1::Session> cancel(const std::string& name, const Caller& caller);
+  // Bytes freed.
+  absl::StatusOr<std::int64_t> remove(const std::string& name);
   absl::StatusOr<v1::Session> solve(const v1::SolveSessionRequest& request);
-  // Path of the finished matte, or of that of a video's frame.
+  // Path of the last finished solve's matte, or of that of a video's frame. It may be gone by the time it is
+  // read: then ask again.
   absl::StatusOr<std::filesystem::path> matte(const std::string& name, std::optional<int> frame);
 
   // Waits for any session to change after `seen` (0: none yet), at most `timeout`; returns the number of the
@@ -74,26 +78,41 @@ class Server {
   absl::Status fail(const v1::FailTileRequest& request);
 
  private:
-  explicit Server(std::filesystem::path data) : data_(std::move(data)) {}
+  enum class Wish { kNone, kPause, kCancel };
+
+  explicit Server(std::filesystem::path data) : data_(std::move(data)), mattes_(data_) {}
 
   // Those below are called with mutex_ held.
+  absl::Status take_up(v1::Session session);        // as an earlier server left it
   absl::Status change(const v1::Session& session);  // durable, then announced
   void announce();
-  absl::Status check_rig_is_free() const;
-  void start_capture(const v1::Session& session);
+  absl::StatusOr<v1::Session> find_locked(const std::string& name);
+  absl::Status check_stays(const std::string& name) const;  // it is not being deleted
+  absl::StatusOr<RigLock::Drive> drive_for(const std::string& session, const Caller& caller);
+  void start_capture(const v1::Session& session, RigLock::Drive drive);
+  void start_solve_clock(const v1::Session& session);
+  absl::StatusOr<v1::Session> pause_solve(v1::Session session);
+  absl::StatusOr<v1::Session> resume_solve(v1::Session session);
+  absl::StatusOr<v1::Session> cancel_solve(v1::Session session);
   // Notes that the tile is done. Before, if this is news, `place` puts what came to where it is read.
   absl::Status accept(const v1::CompleteTileRequest& header, const std::string& result,
                       const std::function<absl::Status(const v1::Session&, const Tile&)>& place);
   absl::Status assemble_rows(v1::Session& session);
   absl::Status finish_solve(v1::Session session);
 
+  // Those below are called without mutex_.
+  absl::Status check_new_name(const std::string& name);
+  absl::StatusOr<std::int64_t> remove_all_of(v1::Session session);
+  // Stops the session's capture and waits until it rests.
+  absl::StatusOr<v1::Session> end_capture(const std::string& name, Wish wish);
   void capture_until_done(v1::Session session, std::optional<bool> object_confirmed, std::stop_token stop);
-  void join_capture();  // without mutex_
-  std::filesystem::path matte_path(const v1::Session& session, int frame) const;
-  absl::StatusOr<std::filesystem::path> frame_matte(const v1::Session& session, int frame) const;
+  void note_outcome(v1::Session session, const CaptureOutcome& outcome);
+  void join_capture();
 
   const std::filesystem::path data_;
+  const MatteFiles mattes_;
   Rig rig_;
+  RigLock rig_lock_;
   std::unique_ptr<CalibrationStore> calibrations_;
   std::unique_ptr<Catalogue> catalogue_;
   std::unique_ptr<JobStore> jobs_;
@@ -104,9 +123,10 @@ class Server {
   std::map<std::string, nanoseconds> solve_began_;
   std::map<std::string, v1::Session> live_;     // counts of the running capture, ahead of the catalogue
   std::map<std::string, bool> operator_asked_;  // sessions that wait for a person: where the object is to be
-  std::string capturing_;                       // the session that holds the rig
-  std::string measuring_;                       // the measurement that holds it instead
-  enum class Wish { kNone, kPause, kCancel } wish_ = Wish::kNone;
+  std::set<std::string> going_;                 // sessions that are being deleted
+  std::string capturing_;                       // the session that drives the rig
+  RigLock::Drive drive_;                        // meanwhile
+  Wish wish_ = Wish::kNone;
   std::jthread capture_thread_;
 };
 

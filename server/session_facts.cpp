@@ -53,4 +53,24 @@ bool is_solved_by_frames(const v1::Session& session) {
   return session.method() == kRampMethod;
 }
 
+bool has_frame_files(const v1::Session& session) {
+  return session.frame_count() > 0 && is_solved_by_frames(session);
+}
+
+bool rests_in_solve(const v1::Session& session) {
+  const bool rests =
+      session.state() == v1::SESSION_STATE_PAUSED || session.state() == v1::SESSION_STATE_FAILED;
+  return rests && session.tile_count() > 0;
+}
+
+bool has_number(const google::protobuf::RepeatedField<std::int32_t>& rising, int number) {
+  return std::binary_search(rising.begin(), rising.end(), number);
+}
+
+void note_archive_bytes(const v1::CaptureManifest& manifest, v1::Session& session) {
+  std::int64_t bytes = 0;
+  for (const v1::Frame& frame : manifest.frames()) bytes += frame.size_bytes();
+  session.set_archive_bytes(bytes);
+}
+
 }  // namespace glasswing

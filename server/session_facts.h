@@ -23,5 +23,14 @@ void note_video(const v1::CaptureManifest& manifest, v1::Session& session);
 
 // A matte for each frame, rather than one for all.
 bool is_solved_by_frames(const v1::Session& session);
+// Each in a file of its own: a single frame has one as any still.
+bool has_frame_files(const v1::Session& session);
+
+// It is its solve that is paused or failed, not its capture.
+bool rests_in_solve(const v1::Session& session);
+
+bool has_number(const google::protobuf::RepeatedField<std::int32_t>& rising, int number);
+
+void note_archive_bytes(const v1::CaptureManifest& manifest, v1::Session& session);
 
 }  // namespace glasswing

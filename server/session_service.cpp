@@ -4,6 +4,7 @@
 
 #include "core/base/file.h"
 #include "core/service/service.h"
+#include "server/caller.h"
 
 namespace glasswing {
 namespace {
@@ -25,14 +26,25 @@ grpc::Status answer(const absl::StatusOr<v1::Session>& session, Response* respon
 
 }  // namespace
 
-grpc::Status SessionServiceImpl::CreateSession(grpc::ServerContext*, const v1::CreateSessionRequest* request,
+grpc::Status SessionServiceImpl::CreateSession(grpc::ServerContext* context,
+                                               const v1::CreateSessionRequest* request,
                                                v1::CreateSessionResponse* response) {
-  return answer(server_.create(*request), response);
+  return answer(server_.create(*request, caller_of(*context)), response);
 }
 
-grpc::Status SessionServiceImpl::BeginImport(grpc::ServerContext*, const v1::BeginImportRequest* request,
+grpc::Status SessionServiceImpl::EstimateSession(grpc::ServerContext*,
+                                                 const v1::EstimateSessionRequest* request,
+                                                 v1::EstimateSessionResponse* response) {
+  absl::StatusOr<v1::EstimateSessionResponse> estimate = server_.estimate(*request);
+  if (!estimate.ok()) return to_grpc(estimate.status());
+  *response = *std::move(estimate);
+  return grpc::Status::OK;
+}
+
+grpc::Status SessionServiceImpl::BeginImport(grpc::ServerContext* context,
+                                             const v1::BeginImportRequest* request,
                                              v1::BeginImportResponse* response) {
-  return answer(server_.begin_import(*request), response);
+  return answer(server_.begin_import(*request, caller_of(*context)), response);
 }
 
 grpc::Status SessionServiceImpl::FinishImport(grpc::ServerContext*, const v1::FinishImportRequest* request,
@@ -58,9 +70,9 @@ grpc::Status SessionServiceImpl::UploadImage(grpc::ServerContext*,
   return grpc::Status::OK;
 }
 
-grpc::Status SessionServiceImpl::ListSessions(grpc::ServerContext*, const v1::ListSessionsRequest*,
+grpc::Status SessionServiceImpl::ListSessions(grpc::ServerContext*, const v1::ListSessionsRequest* request,
                                               v1::ListSessionsResponse* response) {
-  const absl::StatusOr<std::vector<v1::Session>> sessions = server_.list();
+  const absl::StatusOr<std::vector<v1::Session>> sessions = server_.list(*request);
   if (!sessions.ok()) return to_grpc(sessions.status());
   for (const v1::Session& session : *sessions) *response->add_sessions() = session;
   return grpc::Status::OK;
@@ -94,19 +106,36 @@ grpc::Status SessionServiceImpl::WatchSession(grpc::ServerContext* context,
   return grpc::Status(grpc::StatusCode::UNAVAILABLE, "the server is stopping");
 }
 
-grpc::Status SessionServiceImpl::PauseSession(grpc::ServerContext*, const v1::PauseSessionRequest* request,
+grpc::Status SessionServiceImpl::PauseSession(grpc::ServerContext* context,
+                                              const v1::PauseSessionRequest* request,
                                               v1::PauseSessionResponse* response) {
-  return answer(server_.pause(request->name()), response);
+  return answer(server_.pause(request->name(), caller_of(*context)), response);
 }
 
-grpc::Status SessionServiceImpl::ResumeSession(grpc::ServerContext*, const v1::ResumeSessionRequest* request,
+grpc::Status SessionServiceImpl::ResumeSession(grpc::ServerContext* context,
+                                               const v1::ResumeSessionRequest* request,
                                                v1::ResumeSessionResponse* response) {
-  return answer(server_.resume(request->name()), response);
+  return answer(server_.resume(*request, caller_of(*context)), response);
 }
 
-grpc::Status SessionServiceImpl::CancelSession(grpc::ServerContext*, const v1::CancelSessionRequest* request,
+grpc::Status SessionServiceImpl::CancelSession(grpc::ServerContext* context,
+                                               const v1::CancelSessionRequest* request,
                                                v1::CancelSessionResponse* response) {
-  return answer(server_.cancel(request->name()), response);
+  return answer(server_.cancel(request->name(), caller_of(*context)), response);
+}
+
+grpc::Status SessionServiceImpl::DeleteSession(grpc::ServerContext*, const v1::DeleteSessionRequest* request,
+                                               v1::DeleteSessionResponse* response) {
+  const absl::StatusOr<std::int64_t> freed_bytes = server_.remove(request->name());
+  if (!freed_bytes.ok()) return to_grpc(freed_bytes.status());
+  response->set_freed_bytes(*freed_bytes);
+  return grpc::Status::OK;
+}
+
+grpc::Status SessionServiceImpl::AnnotateSession(grpc::ServerContext*,
+                                                 const v1::AnnotateSessionRequest* request,
+                                                 v1::AnnotateSessionResponse* response) {
+  return answer(server_.annotate(*request), response);
 }
 
 grpc::Status SessionServiceImpl::SolveSession(grpc::ServerContext*, const v1::SolveSessionRequest* request,
@@ -117,9 +146,12 @@ grpc::Status SessionServiceImpl::SolveSession(grpc::ServerContext*, const v1::So
 grpc::Status SessionServiceImpl::FetchMatte(grpc::ServerContext*, const v1::FetchMatteRequest* request,
                                             grpc::ServerWriter<v1::FetchMatteResponse>* writer) {
   const std::optional<int> frame = request->has_frame() ? std::optional<int>(request->frame()) : std::nullopt;
-  const absl::StatusOr<std::filesystem::path> path = server_.matte(request->name(), frame);
-  if (!path.ok()) return to_grpc(path.status());
-  const absl::StatusOr<std::string> bytes = read_file(*path);
+  absl::StatusOr<std::string> bytes;
+  for (int attempt = 0; attempt < 2 && !bytes.ok(); ++attempt) {
+    const absl::StatusOr<std::filesystem::path> path = server_.matte(request->name(), frame);
+    if (!path.ok()) return to_grpc(path.status());
+    bytes = read_file(*path);
+  }
   if (!bytes.ok()) return to_grpc(absl::DataLossError(bytes.status().message()));
   for (size_t at = 0; at < bytes->size(); at += kChunkBytes) {
     v1::FetchMatteResponse response;
@@ -137,6 +169,7 @@ grpc::Status NodeServiceImpl::Register(grpc::ServerContext*, const v1::RegisterR
 grpc::Status NodeServiceImpl::ListNodes(grpc::ServerContext*, const v1::ListNodesRequest*,
                                         v1::ListNodesResponse* response) {
   for (const v1::Node& node : server_.rig().nodes()) *response->add_nodes() = node;
+  if (const auto holder = server_.rig_lock().holder()) *response->mutable_holder() = *holder;
   return grpc::Status::OK;
 }
 

@@ -17,6 +17,8 @@ class SessionServiceImpl final : public v1::SessionService::Service {
 
   grpc::Status CreateSession(grpc::ServerContext*, const v1::CreateSessionRequest*,
                              v1::CreateSessionResponse*) override;
+  grpc::Status EstimateSession(grpc::ServerContext*, const v1::EstimateSessionRequest*,
+                               v1::EstimateSessionResponse*) override;
   grpc::Status BeginImport(grpc::ServerContext*, const v1::BeginImportRequest*,
                            v1::BeginImportResponse*) override;
   grpc::Status FinishImport(grpc::ServerContext*, const v1::FinishImportRequest*,
@@ -35,6 +37,10 @@ class SessionServiceImpl final : public v1::SessionService::Service {
                              v1::ResumeSessionResponse*) override;
   grpc::Status CancelSession(grpc::ServerContext*, const v1::CancelSessionRequest*,
                              v1::CancelSessionResponse*) override;
+  grpc::Status DeleteSession(grpc::ServerContext*, const v1::DeleteSessionRequest*,
+                             v1::DeleteSessionResponse*) override;
+  grpc::Status AnnotateSession(grpc::ServerContext*, const v1::AnnotateSessionRequest*,
+                               v1::AnnotateSessionResponse*) override;
   grpc::Status SolveSession(grpc::ServerContext*, const v1::SolveSessionRequest*,
                             v1::SolveSessionResponse*) override;
   grpc::Status FetchMatte(grpc::ServerContext*, const v1::FetchMatteRequest*,

@@ -102,6 +102,10 @@ absl::StatusOr<std::unique_ptr<ServiceHost>> ServiceHost::start(const ListenOpti
   builder.AddListeningPort(options.address, grpc::InsecureServerCredentials(), &port);
   builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);  // a second daemon on this port is an error
   builder.AddChannelArgument("grpc.server_handshake_timeout_ms", 5000);
+  // Whoever vanished without a word, machine and all, is noticed within 20 s, and what it asked for ends.
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 10000);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 10000);
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
   builder.SetMaxReceiveMessageSize(8 << 20);
   builder.RegisterService(self->clock_.get());
   for (grpc::Service* service : services) builder.RegisterService(service);

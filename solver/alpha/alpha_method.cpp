@@ -7,6 +7,7 @@
 #include <set>
 
 #include "core/base/status.h"
+#include "core/pattern/method_options.h"
 #include "solver/background/surroundings.h"
 
 namespace glasswing {
@@ -132,8 +133,7 @@ absl::StatusOr<std::unique_ptr<Method>> AlphaMethod::create(const MethodOptions&
     } else if (key == "silhouette_tolerance") {
       GW_ASSIGN_OR_RETURN(method->silhouette_tolerance_, number_option(key, value, 0.0, 1.0));
     } else {
-      return absl::InvalidArgumentError(fmt::format(
-          "option \"{}\" is not known to alpha; it has: backings, a1, a2, silhouette_tolerance", key));
+      return unknown_option("alpha", key);
     }
   }
   if (method->backings_ == 2 && (options.contains("a1") || options.contains("a2")))

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "core/base/status.h"
+#include "core/pattern/method_options.h"
 #include "solver/fringe/fringe_solver.h"
 
 namespace glasswing {
@@ -21,8 +22,7 @@ absl::StatusOr<std::unique_ptr<Method>> FringeMethod::create(const MethodOptions
     } else if (key == "silhouette_tolerance") {
       GW_ASSIGN_OR_RETURN(method->silhouette_tolerance_, number_option(key, value, 0.0, 1.0));
     } else {
-      return absl::InvalidArgumentError(fmt::format(
-          "option \"{}\" is not known to fringe; it has: modes, silhouette_tolerance, tolerance", key));
+      return unknown_option("fringe", key);
     }
   }
   return method;

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "core/base/status.h"
+#include "core/pattern/method_options.h"
 #include "solver/gaussian/fewer_images.h"
 #include "solver/gaussian/stack_solver.h"
 
@@ -43,9 +44,7 @@ absl::StatusOr<std::unique_ptr<Method>> GaussianMethod::create(const MethodOptio
       GW_ASSIGN_OR_RETURN(const double images, number_option(key, value, kLeastImages, kMostImages));
       method->images_ = static_cast<int>(images);
     } else {
-      return absl::InvalidArgumentError(fmt::format(
-          "option \"{}\" is not known to gaussian; it has: modes, oriented, silhouette_tolerance, images",
-          key));
+      return unknown_option("gaussian", key);
     }
   }
   return method;

@@ -6,6 +6,7 @@
 #include <set>
 
 #include "core/base/status.h"
+#include "core/pattern/method_options.h"
 #include "solver/hierarchical/box_solver.h"
 
 namespace glasswing {
@@ -21,8 +22,7 @@ absl::StatusOr<std::unique_ptr<Method>> HierarchicalMethod::create(const MethodO
     } else if (key == "silhouette_tolerance") {
       GW_ASSIGN_OR_RETURN(method->silhouette_tolerance_, number_option(key, value, 0.0, 1.0));
     } else {
-      return absl::InvalidArgumentError(fmt::format(
-          "option \"{}\" is not known to hierarchical; it has: partial_cover, silhouette_tolerance", key));
+      return unknown_option("hierarchical", key);
     }
   }
   return method;

@@ -6,6 +6,7 @@
 #include <functional>
 
 #include "core/base/status.h"
+#include "core/pattern/method_options.h"
 
 namespace glasswing {
 namespace {
@@ -76,12 +77,7 @@ absl::StatusOr<RampOptions> parse_ramp_options(const MethodOptions& options) {
     if (smooths) continue;
     const auto known =
         std::ranges::find(table(), key, [](const Option& option) { return std::string(option.name); });
-    if (known == table().end()) {
-      std::string names;
-      for (const Option& option : table()) names += (names.empty() ? "" : ", ") + std::string(option.name);
-      return absl::InvalidArgumentError(fmt::format("option \"{}\" is not known to ramp; it has: {}, {}", key,
-                                                    names, smoothing_option_names()));
-    }
+    if (known == table().end()) return unknown_option("ramp", key);
     GW_ASSIGN_OR_RETURN(const double number, number_option(key, value, known->low, known->high));
     if (known->whole && number != std::floor(number))
       return absl::InvalidArgumentError(fmt::format("{} is \"{}\"; it must be a whole number", key, value));

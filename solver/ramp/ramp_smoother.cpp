@@ -66,10 +66,6 @@ std::string_view smoothing_options_help() {
          "smoothing_conductance exponential (default) or rational: of perona-malik";
 }
 
-std::string_view smoothing_option_names() {
-  return "smoothing, smoothing_reach, smoothing_iterations, smoothing_contrast, smoothing_conductance";
-}
-
 absl::StatusOr<bool> parse_smoothing_option(const std::string& key, const std::string& value,
                                             SmoothingOptions& options) {
   if (key == "smoothing") {

@@ -34,9 +34,8 @@ struct SmoothingOptions {
   bool exponential = true;   // g = exp(-(d/K)^2); else 1 / (1 + (d/K)^2)
 };
 
-// Names, ranges and defaults of the options, for people; and as a list.
+// Names, ranges and defaults of the options, for people.
 std::string_view smoothing_options_help();
-std::string_view smoothing_option_names();
 
 // Takes a method's option if it is one of these. False: it is not. INVALID_ARGUMENT: a value out of range.
 absl::StatusOr<bool> parse_smoothing_option(const std::string& key, const std::string& value,

@@ -121,7 +121,7 @@ class LiveTest : public testing::Test {
   bool becomes_free() {
     const nanoseconds until = monotonic_now() + std::chrono::seconds(20);
     while (monotonic_now() < until) {
-      if (server_->hold_rig("a test").ok()) return true;
+      if (server_->rig_lock().drive({}, "a test").ok()) return true;
       std::this_thread::yield();
     }
     return false;
@@ -202,7 +202,7 @@ TEST_F(LiveTest, CompositesAreWhatTheCameraWouldSee) {
   ASSERT_TRUE(rig) << ramp->Finish().error_message();
   EXPECT_EQ(rig->monitor().name(), "back");
   EXPECT_FALSE(rig->needs_operator());
-  EXPECT_EQ(server_->hold_rig("a test").status().code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_EQ(server_->rig_lock().drive({}, "a test").status().code(), absl::StatusCode::kFailedPrecondition);
 
   const auto live = live_stub_->RunLive(&live_context);
   ASSERT_TRUE(live->Write(start_of(*rig)));

@@ -1,0 +1,13 @@
+// A step in words.
+#pragma once
+
+#include <string>
+
+#include "core/pattern/plan.h"
+
+namespace glasswing {
+
+// "back stripe at 45 deg, r 120.0 px, 4 ms"
+std::string words_for(const Step& step);
+
+}  // namespace glasswing

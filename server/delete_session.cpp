@@ -1,0 +1,73 @@
+// The server's removal of sessions. What holds most goes first, and the catalogue's row last: whatever breaks
+// off in between, asking again finishes it.
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include "core/base/status.h"
+#include "core/service/service.h"
+#include "server/server.h"
+#include "server/session_facts.h"
+
+namespace glasswing {
+namespace {
+
+absl::StatusOr<std::int64_t> delete_archive(const v1::Session& session) {
+  v1::DeleteArchiveRequest request;
+  request.set_session(session.name());
+  v1::DeleteArchiveResponse response;
+  grpc::ClientContext context;
+  set_deadline(context, std::chrono::minutes(5));
+  GW_RETURN_IF_ERROR(from_grpc(v1::ArchiveService::NewStub(dial(session.archive_address()))
+                                   ->DeleteArchive(&context, request, &response),
+                               "camera node at " + session.archive_address()));
+  return response.freed_bytes();
+}
+
+}  // namespace
+
+absl::StatusOr<std::int64_t> Server::remove(const std::string& name) {
+  v1::Session session;
+  {
+    const std::lock_guard lock(mutex_);
+    GW_ASSIGN_OR_RETURN(session, find_locked(name));
+    if (session.state() == v1::SESSION_STATE_CAPTURING || session.state() == v1::SESSION_STATE_SOLVING ||
+        session.state() == v1::SESSION_STATE_CREATED) {
+      return absl::FailedPreconditionError(fmt::format(
+          "session \"{}\" is {}; wait for it, or cancel it first: glasswing cancel {}", name,
+          session.state() == v1::SESSION_STATE_CREATED ? "being imported" : state_of(session), name));
+    }
+    GW_RETURN_IF_ERROR(check_stays(name));
+    going_.insert(name);
+  }
+  const absl::StatusOr<std::int64_t> freed_bytes = remove_all_of(session);
+  const std::lock_guard lock(mutex_);
+  going_.erase(name);
+  announce();
+  if (freed_bytes.ok()) spdlog::info("deleted session={} bytes={}", name, *freed_bytes);
+  return freed_bytes;
+}
+
+absl::StatusOr<std::int64_t> Server::remove_all_of(v1::Session session) {
+  const std::string& name = session.name();
+  std::int64_t freed_bytes = 0;
+  if (!session.archive_address().empty()) {
+    GW_ASSIGN_OR_RETURN(freed_bytes, delete_archive(session));
+    // Should the rest fail, nobody is to take this for a session with frames.
+    session.set_state(v1::SESSION_STATE_CANCELLED);
+    session.set_reason("its frames were deleted; finish with: glasswing delete " + name);
+    session.set_archive_bytes(0);
+    session.set_matte_ready(false);
+    const std::lock_guard lock(mutex_);
+    GW_RETURN_IF_ERROR(change(session));
+    GW_RETURN_IF_ERROR(jobs_->give_up(name));
+  }
+  GW_ASSIGN_OR_RETURN(const std::int64_t matte_bytes, mattes_.remove(name));
+  const std::lock_guard lock(mutex_);
+  GW_RETURN_IF_ERROR(jobs_->remove(name));
+  GW_RETURN_IF_ERROR(catalogue_->remove(name));
+  solve_began_.erase(name);
+  operator_asked_.erase(name);
+  return freed_bytes + matte_bytes;
+}
+
+}  // namespace glasswing
