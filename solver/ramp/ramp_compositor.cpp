@@ -5,7 +5,7 @@
 #include <cassert>
 #include <cmath>
 
-#include "solver/ramp/for_rows.h"
+#include "core/base/for_rows.h"
 #include "solver/ramp/ramp_footprint.h"
 
 namespace glasswing {

@@ -1,4 +1,4 @@
-#include "solver/ramp/box_table.h"
+#include "core/matte/box_table.h"
 
 #include <algorithm>
 
