@@ -145,7 +145,8 @@ absl::StatusOr<RadianceImage> FastCompositor::composite(const std::vector<Radian
       std::fill(samples.get() + texture.shape.levels().front().offset, samples.get() + texture.shape.end(),
                 0.0f);
     }
-    tables.emplace_back(texture.has_wide_boxes && picture != nullptr ? *picture : RadianceImage());
+    tables.emplace_back(texture.has_wide_boxes && picture != nullptr ? *picture : RadianceImage(),
+                        thread_count);
   }
   RadianceImage out(width_px_, static_cast<int>(rows_.size()));
   std::atomic<int> next_row = 0;

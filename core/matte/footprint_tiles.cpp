@@ -12,8 +12,8 @@ namespace {
 // Samples of a Gaussian of variance v have the sum 1 and the middle where they should within 2 exp(-2 pi^2 v)
 // and 4 pi v exp(-2 pi^2 v): 0.0008 and 0.002 samples at 0.4.
 constexpr double kLeastVariance = 0.4;
-// Sigmas; beyond them lies 0.27 % of a Gaussian along an axis.
-constexpr double kReach = 3.0;
+// Sigmas; the 0.5 % of a Gaussian that lies beyond them along an axis is given to the ends.
+constexpr double kReach = 2.8;
 // A correlation that is left out changes the footprint by half of it, of the whole, in the mean square.
 constexpr double kUpright = 0.02;
 constexpr double kPointSigma_px = 1e-4;  // as in compositor.cpp
@@ -92,29 +92,38 @@ FootprintTiles::Place FootprintTiles::place_of(const Mode& mode) const {
   return place;
 }
 
-// Of samples -kBorder to `extent` + kBorder - 1.
-void FootprintTiles::sample(double centre, double variance, int extent, Taps& taps) const {
+// Of samples -kBorder to `extent` + kBorder - 1. What lies beyond the reach is given to the samples at its
+// ends, so that the sum is 1 and the middle where it should be.
+void FootprintTiles::sample(double centre, double variance, double reach, int extent, Taps& taps) const {
   taps.weights.clear();
-  const double reach = kReach * std::sqrt(variance), scale = -0.5 / variance;
-  const double low = std::ceil(centre - reach - 0.5), high = std::floor(centre + reach - 0.5);
-  double sum = 0.0;
+  const double sigma = std::sqrt(variance), scale = -0.5 / variance;
+  double low = std::floor(centre - reach * sigma), high = std::floor(centre + reach * sigma);
+  // A tile for one sample is not worth its time.
+  if (static_cast<int>(high - low) == kTileWidth)
+    (centre - low > high + 1.0 - centre ? low += 1.0 : high -= 1.0);
+  const auto weight = [&](double at) {
+    const double away = at + 0.5 - centre;
+    return std::exp(scale * away * away) / (sigma * std::sqrt(2.0 * std::numbers::pi));
+  };
+  double before = 0.5 * std::erfc(reach / std::numbers::sqrt2), after = before;
   constexpr double kManySamples = 32.0;
-  if (high - low > kManySamples) {
-    sum = std::sqrt(2.0 * std::numbers::pi * variance) * std::erf(kReach / std::numbers::sqrt2);
-  } else {
+  if (high > low && high - low <= kManySamples) {
+    double sum = 0.0, moment = 0.0;  // about the centre
     for (double at = low; at <= high; at += 1.0) {
-      const double away = at + 0.5 - centre;
-      sum += std::exp(scale * away * away);
+      const double each = weight(at);
+      sum += each;
+      moment += each * (at + 0.5 - centre);
     }
+    after = ((sum - 1.0) * (low + 0.5 - centre) - moment) / (high - low);
+    before = 1.0 - sum - after;
   }
   const double from = std::max<double>(low, -PyramidShape::kBorder);
   const double to = std::min(high, extent + PyramidShape::kBorder - 1.0);
   if (!(from <= to)) return;
   taps.first = static_cast<int>(from);
-  for (double at = from; at <= to; at += 1.0) {
-    const double away = at + 0.5 - centre;
-    taps.weights.push_back(static_cast<float>(std::exp(scale * away * away) / sum));
-  }
+  for (double at = from; at <= to; at += 1.0)
+    taps.weights.push_back(
+        static_cast<float>(weight(at) + (at == low ? before : 0.0) + (at == high ? after : 0.0)));
 }
 
 // Over pixels 0 to `extent` - 1. What lies beyond the reach is given to the pixels at its ends.
@@ -151,7 +160,7 @@ int FootprintTiles::add(const Mode& mode, int channel, std::vector<std::uint16_t
       if (left < kLeastVariance) {
         integrate(centre, std::max(variance, 0.0), extent, taps);
       } else {
-        sample(centre, left, extent, taps);
+        sample(centre, left, kReach, extent, taps);
       }
     };
     along(place.x, place.xx, static_cast<double>(mode.xx_px2), level.width_px, across_);
@@ -178,7 +187,8 @@ int FootprintTiles::add_box(const Mode& mode, int channel, std::vector<std::uint
 }
 
 bool FootprintTiles::is_small_box(const Mode& mode) {
-  return side_of(mode.xx_px2) <= kTileWidth - 1 && side_of(mode.yy_px2) <= kTileWidth - 1;
+  const double columns = side_of(mode.xx_px2) + 1.0, rows = side_of(mode.yy_px2) + 1.0;
+  return std::ceil(columns / kTileWidth) * rows <= kMaxTileRows;
 }
 
 void FootprintTiles::add_product(const PyramidShape::Level& level, double weight, int channel) {
@@ -210,10 +220,12 @@ void FootprintTiles::add_row(const PyramidShape::Level& level, int x, int y, std
 void FootprintTiles::add_oriented(const Place& place, double weight, int channel) {
   const PyramidShape::Level& level = shape_.levels()[static_cast<size_t>(place.level)];
   const double slope = place.xy / place.yy, cut = place.xx - slope * place.xy;
-  sample(place.y, place.yy, level.height_px, down_);
+  sample(place.y, place.yy, kReach, level.height_px, down_);
   for (size_t i = 0; i < down_.weights.size(); ++i) {
     const int y = down_.first + static_cast<int>(i);
-    sample(place.x + slope * (y + 0.5 - place.y), cut, level.width_px, across_);
+    const double away = y + 0.5 - place.y;
+    const double reach = std::sqrt(std::max(kReach * kReach - away * away / place.yy, 1.0));
+    sample(place.x + slope * away, cut, reach, level.width_px, across_);
     if (!across_.empty())
       add_row(level, across_.first, y, across_.weights, weight * static_cast<double>(down_.weights[i]),
               channel);

@@ -36,7 +36,7 @@ class FootprintTiles {
   int add(const Mode& mode, int channel, std::vector<std::uint16_t>& words);
   // Of an upright box (kBoxFootprint), from the picture itself.
   int add_box(const Mode& mode, int channel, std::vector<std::uint16_t>& words);
-  // Of boxes: no more than a tile.
+  // Few enough pixels that a table of sums would take no less time.
   static bool is_small_box(const Mode& mode);
 
   // The highest level that a tile was of.
@@ -59,7 +59,7 @@ class FootprintTiles {
   };
 
   Place place_of(const Mode& mode) const;
-  void sample(double centre, double variance, int extent, Taps& taps) const;
+  void sample(double centre, double variance, double reach, int extent, Taps& taps) const;
   void integrate(double centre, double variance, int extent, Taps& taps) const;
   void add_product(const PyramidShape::Level& level, double weight, int channel);
   void add_oriented(const Place& place, double weight, int channel);

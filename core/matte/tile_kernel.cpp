@@ -17,28 +17,26 @@ using T = hn::CappedTag<float, kTileWidth>;
 using H = hn::Rebind<hwy::float16_t, T>;
 
 struct Tile {
-  std::uint32_t offset;
-  size_t stride, rows;
+  size_t offset, stride, rows;
   const hwy::float16_t* across;
-  const hwy::float16_t* down;
 };
 
-HWY_INLINE Tile NextTile(const std::uint16_t*& words) {
-  Tile tile{.offset = words[0] | static_cast<std::uint32_t>(words[1]) << 16,
-            .stride = words[2],
-            .rows = words[3],
-            .across = reinterpret_cast<const hwy::float16_t*>(words + kTileHeader),
-            .down = reinterpret_cast<const hwy::float16_t*>(words + kTileHeader + kTileWidth)};
-  words += kTileHeader + kTileWidth + tile.rows;
-  return tile;
-}
-
-HWY_INLINE void Down(const Tile& tile, float* down) {
+// Where it has several rows, their weights go to `down`.
+HWY_INLINE Tile NextTile(const std::uint16_t*& words, float* down) {
   const T d;
   const H half;
-  // The last vector reads into the next tile; one is always there (add_tile).
+  const Tile tile{.offset = words[0] | static_cast<size_t>(words[1]) << 16,
+                  .stride = words[2],
+                  .rows = words[3],
+                  .across = reinterpret_cast<const hwy::float16_t*>(words + kTileHeader)};
+  words += kTileHeader + kTileWidth;
+  if (tile.rows == 1) return tile;
+  // The last vector may hold what is beyond the tile.
+  const auto* weights = reinterpret_cast<const hwy::float16_t*>(words);
   for (size_t r = 0; r < tile.rows; r += hn::Lanes(d))
-    hn::Store(hn::PromoteTo(d, hn::LoadU(half, tile.down + r)), d, down + r);
+    hn::StoreU(hn::PromoteTo(d, hn::LoadU(half, weights + r)), d, down + r);
+  words += tile.rows;
+  return tile;
 }
 
 HWY_INLINE hn::Vec<T> Sum(const Tile& tile, const float* down, const float* samples, hn::Vec<T> sum) {
@@ -46,10 +44,15 @@ HWY_INLINE hn::Vec<T> Sum(const Tile& tile, const float* down, const float* samp
   const H half;
   const size_t row = 3 * tile.stride;
   for (size_t part = 0; part < kTileWidth; part += hn::Lanes(d)) {
-    auto column = hn::Zero(d);
     const float* from = samples + part;
-    for (size_t r = 0; r < tile.rows; ++r, from += row)
-      column = hn::MulAdd(hn::Set(d, down[r]), hn::LoadU(d, from), column);
+    auto column = hn::LoadU(d, from);
+    if (tile.rows > 1) {
+      column = hn::Mul(column, hn::Set(d, down[0]));
+      for (size_t r = 1; r < tile.rows; ++r) {
+        from += row;
+        column = hn::MulAdd(hn::Set(d, down[r]), hn::LoadU(d, from), column);
+      }
+    }
     sum = hn::MulAdd(hn::PromoteTo(d, hn::LoadU(half, tile.across + part)), column, sum);
   }
   return sum;
@@ -63,8 +66,7 @@ void EvaluateTiles(const PixelTiles* pixels, size_t count, const std::uint16_t* 
     const PixelTiles& pixel = pixels[p];
     auto r = hn::Zero(d), g = hn::Zero(d), b = hn::Zero(d);
     for (int i = 0; i < pixel.shared; ++i) {
-      const Tile tile = NextTile(words);
-      Down(tile, down);
+      const Tile tile = NextTile(words, down);
       const float* from = samples + tile.offset;
       r = Sum(tile, down, from, r);
       g = Sum(tile, down, from + tile.stride, g);
@@ -72,8 +74,7 @@ void EvaluateTiles(const PixelTiles* pixels, size_t count, const std::uint16_t* 
     }
     const auto own = [&](int tiles, hn::Vec<T> sum) HWY_ATTR {
       for (int i = 0; i < tiles; ++i) {
-        const Tile tile = NextTile(words);
-        Down(tile, down);
+        const Tile tile = NextTile(words, down);
         sum = Sum(tile, down, samples + tile.offset, sum);
       }
       return sum;
@@ -162,8 +163,10 @@ void add_tile(std::uint32_t offset, std::uint16_t stride, std::span<const float>
   words.push_back(stride);
   words.push_back(static_cast<std::uint16_t>(down.size()));
   const auto add = [&words](float weight) { words.push_back(Imath::half(weight).bits()); };
-  for (const float weight : across) add(weight);
-  for (size_t u = across.size(); u < kTileWidth; ++u) words.push_back(0);
+  const float common = down.size() == 1 ? down.front() : 1.0f;
+  for (const float weight : across) add(common * weight);
+  words.resize(words.size() + kTileWidth - across.size());
+  if (down.size() == 1) return;
   for (const float weight : down) add(weight);
 }
 

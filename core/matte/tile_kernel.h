@@ -14,7 +14,7 @@ namespace glasswing {
 //   sum over r of down[r] * sum over u of across[u] * samples[offset + 3 stride r + u]
 //
 // As words of 16 bits: the offset (two, the lower first), the stride, the count of rows, across, down; the
-// weights are half floats.
+// weights are half floats. Of a single row, down is multiplied into across.
 inline constexpr int kTileWidth = 8;
 inline constexpr int kMaxTileRows = 64;
 inline constexpr int kTileHeader = 4;
@@ -26,7 +26,7 @@ struct PixelTiles {
   std::uint16_t own[3] = {};
 };
 
-// Every down of `rows` weights, across of kTileWidth. Ranges of half floats are kept: |weight| <= 65504.
+// `across`: up to kTileWidth; `down`: up to kMaxTileRows.
 void add_tile(std::uint32_t offset, std::uint16_t stride, std::span<const float> across,
               std::span<const float> down, std::vector<std::uint16_t>& words);
 
