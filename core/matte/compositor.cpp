@@ -111,13 +111,9 @@ double integrate_footprint(const Mode& mode, const RadianceImage& texture, int c
   return sum;
 }
 
-absl::StatusOr<RadianceImage> composite(const Matte& matte, const std::vector<RadianceImage>& pictures,
-                                        int thread_count, const std::function<void(double)>& progress) {
-  GW_ASSIGN_OR_RETURN(const PrimaryMix mix, PrimaryMix::create(matte.metadata));
-  std::vector<RadianceImage> seen;
-  if (!mix.is_unit()) seen = as_seen(mix, pictures, matte.metadata.monitors_size());
-  const std::vector<RadianceImage>& backgrounds = mix.is_unit() ? pictures : seen;
-  const auto& monitors = matte.metadata.monitors();
+absl::Status check_backgrounds(const v1::MatteMetadata& metadata,
+                               const std::vector<RadianceImage>& backgrounds) {
+  const auto& monitors = metadata.monitors();
   for (int t = 0; t < monitors.size() && t < static_cast<int>(backgrounds.size()); ++t) {
     const RadianceImage& background = backgrounds[static_cast<size_t>(t)];
     if (background.empty()) continue;
@@ -127,6 +123,16 @@ absl::StatusOr<RadianceImage> composite(const Matte& matte, const std::vector<Ra
           background.width_px, background.height_px, monitors[t].width_px(), monitors[t].height_px()));
     }
   }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<RadianceImage> composite(const Matte& matte, const std::vector<RadianceImage>& pictures,
+                                        int thread_count, const std::function<void(double)>& progress) {
+  GW_ASSIGN_OR_RETURN(const PrimaryMix mix, PrimaryMix::create(matte.metadata));
+  std::vector<RadianceImage> seen;
+  if (!mix.is_unit()) seen = as_seen(mix, pictures, matte.metadata.monitors_size());
+  const std::vector<RadianceImage>& backgrounds = mix.is_unit() ? pictures : seen;
+  GW_RETURN_IF_ERROR(check_backgrounds(matte.metadata, backgrounds));
   std::vector<SummedPicture> summed;
   if (matte.metadata.footprint() == kBoxFootprint) {
     for (const RadianceImage& background : backgrounds) summed.emplace_back(background);

@@ -29,6 +29,10 @@ absl::StatusOr<RadianceImage> composite(const Matte& matte, const std::vector<Ra
                                         int thread_count = 0,
                                         const std::function<void(double)>& progress = nullptr);
 
+// INVALID_ARGUMENT: a background's size is not its monitor's.
+absl::Status check_backgrounds(const v1::MatteMetadata& metadata,
+                               const std::vector<RadianceImage>& backgrounds);
+
 // \int G over the flat pixels of `texture`, one channel; the integral of a single Gaussian footprint. Exposed
 // for tests.
 double integrate_footprint(const Mode& mode, const RadianceImage& texture, int channel);

@@ -5,7 +5,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "solver/ramp/byte_runs.h"
-#include "solver/ramp/for_rows.h"
+#include "core/base/for_rows.h"
 
 namespace glasswing {
 

@@ -5,7 +5,7 @@
 #include <cassert>
 #include <cmath>
 
-#include "solver/ramp/for_rows.h"
+#include "core/base/for_rows.h"
 #include "solver/ramp/ramp_footprint.h"
 
 namespace glasswing {
@@ -45,7 +45,7 @@ float side_of(float variance_px2) {
 }  // namespace
 
 RampBackground::RampBackground(const RadianceImage& picture, const Matte& empty_stage, int thread_count)
-    : table_(picture),
+    : table_(picture, thread_count),
       behind_(empty_stage.width_px(), empty_stage.height_px()),
       encoded_(behind_.samples.size()) {
   const Encoder encode;

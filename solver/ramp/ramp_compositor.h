@@ -9,7 +9,7 @@
 
 #include "core/frame/image.h"
 #include "core/matte/matte.h"
-#include "solver/ramp/box_table.h"
+#include "core/matte/box_table.h"
 #include "solver/ramp/ramp_frame.h"
 
 namespace glasswing {

@@ -8,7 +8,7 @@
 #include "core/base/status.h"
 #include "solver/background/mask_cleaning.h"
 #include "solver/ramp/byte_runs.h"
-#include "solver/ramp/for_rows.h"
+#include "core/base/for_rows.h"
 #include "solver/ramp/highlights.h"
 #include "solver/ramp/moved_background.h"
 #include "solver/ramp/partial_cover.h"

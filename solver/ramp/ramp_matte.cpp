@@ -5,7 +5,7 @@
 #include <atomic>
 #include <cmath>
 
-#include "solver/ramp/for_rows.h"
+#include "core/base/for_rows.h"
 #include "solver/ramp/prepared_stage.h"
 #include "solver/ramp/ramp_footprint.h"
 

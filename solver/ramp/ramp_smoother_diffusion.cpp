@@ -4,7 +4,7 @@
 #include <cmath>
 #include <vector>
 
-#include "solver/ramp/for_rows.h"
+#include "core/base/for_rows.h"
 
 namespace glasswing {
 namespace {

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "solver/ramp/for_rows.h"
+#include "core/base/for_rows.h"
 
 namespace glasswing {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "solver/ramp/for_rows.h"
+#include "core/base/for_rows.h"
 
 namespace glasswing {
 namespace {

@@ -42,6 +42,7 @@ int run(int argc, char** argv) {
   add_solve_rows(all);
   add_camera_rows(all);
   add_ramp_rows(all);
+  add_composite_rows(all);
   const std::regex wanted(filter);
   std::string benchmarks;
   for (const Row& row : all) {

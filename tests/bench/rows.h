@@ -28,5 +28,6 @@ void add_accuracy_rows(std::vector<Row>& rows);
 void add_solve_rows(std::vector<Row>& rows);
 void add_camera_rows(std::vector<Row>& rows);
 void add_ramp_rows(std::vector<Row>& rows);
+void add_composite_rows(std::vector<Row>& rows);
 
 }  // namespace glasswing

@@ -1,5 +1,5 @@
-// Means of a picture over upright boxes, all channels at once, for composites while a camera runs. What
-// core/matte/summed_picture.h says, but that no side is narrower than kLeastSide_px.
+// Means of a picture over upright boxes, all channels at once, for fast composites. What
+// summed_picture.h says, but that no side is narrower than kLeastSide_px.
 #pragma once
 
 #include <array>
@@ -14,7 +14,8 @@ class BoxTable {
   static constexpr float kLeastSide_px = 1.0f / 32.0f;
   using Light = std::array<float, 3>;
 
-  explicit BoxTable(const RadianceImage& picture);
+  // The result does not depend on `thread_count` (0: all cores).
+  BoxTable(const RadianceImage& picture, int thread_count);
 
   // Of the box round (x, y); its part beyond the picture counts as dark.
   Light mean(float x_px, float y_px, float width_px, float height_px) const;

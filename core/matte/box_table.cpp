@@ -1,6 +1,8 @@
-#include "solver/ramp/box_table.h"
+#include "core/matte/box_table.h"
 
 #include <algorithm>
+
+#include "core/base/for_rows.h"
 
 namespace glasswing {
 namespace {
@@ -26,20 +28,31 @@ struct Side {
 
 }  // namespace
 
-BoxTable::BoxTable(const RadianceImage& picture)
+BoxTable::BoxTable(const RadianceImage& picture, int thread_count)
     : width_px_(picture.width_px),
       height_px_(picture.height_px),
       sums_(static_cast<size_t>(width_px_ + 1) * static_cast<size_t>(height_px_ + 1)) {
   const auto row = static_cast<size_t>(width_px_ + 1);
-  for (int y = 0; y < height_px_; ++y) {
-    Sums along{};
-    Sums* to = sums_.data() + (static_cast<size_t>(y) + 1) * row + 1;
-    const float* from = picture.samples.data() + picture.index(0, y, 0);
-    for (int x = 0; x < width_px_; ++x, ++to, from += 3) {
-      for (size_t c = 0; c < 3; ++c) along[c] += static_cast<double>(from[c]);
-      for (size_t c = 0; c < 4; ++c) (*to)[c] = (*(to - row))[c] + along[c];
+  for_rows(height_px_, thread_count, [&](int first, int last) {
+    for (int y = first; y < last; ++y) {
+      Sums along{};
+      Sums* to = sums_.data() + (static_cast<size_t>(y) + 1) * row + 1;
+      const float* from = picture.samples.data() + picture.index(0, y, 0);
+      for (int x = 0; x < width_px_; ++x, ++to, from += 3) {
+        for (size_t c = 0; c < 3; ++c) along[c] += static_cast<double>(from[c]);
+        *to = along;
+      }
     }
-  }
+  });
+  // Then down, columns shared.
+  for_rows(width_px_, thread_count, [&](int first, int last) {
+    for (size_t y = 2; y <= static_cast<size_t>(height_px_); ++y) {
+      Sums* const to = sums_.data() + y * row + 1;
+      for (int x = first; x < last; ++x) {
+        for (size_t c = 0; c < 4; ++c) to[x][c] += to[x - static_cast<int>(row)][c];
+      }
+    }
+  });
 }
 
 BoxTable::Light BoxTable::mean(float x_px, float y_px, float width_px, float height_px) const {

@@ -1,0 +1,291 @@
+#include "core/matte/footprint_tiles.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "core/matte/tile_kernel.h"
+
+namespace glasswing {
+namespace {
+
+// Samples of a Gaussian of variance v have the sum 1 and the middle where they should within 2 exp(-2 pi^2 v)
+// and 4 pi v exp(-2 pi^2 v): 0.0008 and 0.002 samples at 0.4.
+constexpr double kLeastVariance = 0.4;
+// Sigmas; the 0.5 % of a Gaussian that lies beyond them along an axis is given to the ends.
+constexpr double kReach = 2.8;
+// A correlation that is left out changes the footprint by half of it, of the whole, in the mean square.
+constexpr double kUpright = 0.02;
+constexpr double kPointSigma_px = 1e-4;  // as in compositor.cpp
+
+// Nodes of the 4-point Gauss-Legendre rule on [-1, 1], and weights.
+constexpr std::array<double, 4> kNodes{-0.8611363115940526, -0.3399810435848563, 0.3399810435848563,
+                                       0.8611363115940526};
+constexpr std::array<double, 4> kNodeWeights{0.3478548451374538, 0.6521451548625461, 0.6521451548625461,
+                                             0.3478548451374538};
+
+double side_of(float variance_px2) {
+  return std::sqrt(12.0 * std::max<double>(variance_px2, 0.0));
+}
+
+// Samples or pixels that [centre - reach, centre + reach] touches.
+double length_of(double variance) {
+  return 2.0 * kReach * std::sqrt(variance) + 1.0;
+}
+
+// The share of a box's side that lies on each pixel that it touches; a line is on one.
+void overlap(double centre, double side, int extent, int& first, std::vector<float>& weights) {
+  weights.clear();
+  const double low = centre - 0.5 * side, high = centre + 0.5 * side;
+  const double from = std::max(std::floor(low), 0.0);
+  const double to =
+      std::min(side > 0.0 ? std::ceil(high) : std::floor(low) + 1.0, static_cast<double>(extent));
+  if (!(from < to)) return;
+  first = static_cast<int>(from);
+  for (double pixel = from; pixel < to; pixel += 1.0) {
+    const double part = std::min(high, pixel + 1.0) - std::max(low, pixel);
+    weights.push_back(side > 0.0 ? static_cast<float>(part / side) : 1.0f);
+  }
+}
+
+}  // namespace
+
+FootprintTiles::Place FootprintTiles::place_of(const Mode& mode) const {
+  const double xx = std::max<double>(mode.xx_px2, 0.0), yy = std::max<double>(mode.yy_px2, 0.0),
+               xy = mode.xy_px2;
+  const auto on = [&](int level) {
+    const double scale = std::ldexp(1.0, -level);
+    return Place{.level = level,
+                 .x = mode.x_px * scale,
+                 .y = mode.y_px * scale,
+                 .xx = (xx + 0.5) * scale * scale - 5.0 / 12.0,
+                 .xy = xy * scale * scale,
+                 .yy = (yy + 0.5) * scale * scale - 5.0 / 12.0};
+  };
+  // The least variance of a cut along x or y.
+  const auto narrowest = [](const Place& p) { return (p.xx * p.yy - p.xy * p.xy) / std::max(p.xx, p.yy); };
+  const int last = static_cast<int>(shape_.levels().size()) - 1;
+  Place place = on(0);
+  while (place.level < last) {
+    const Place next = on(place.level + 1);
+    if (next.xx <= 0.0 || next.yy <= 0.0 || narrowest(next) < kLeastVariance) break;
+    place = next;
+  }
+  const auto tiles = [](const Place& p) {
+    const double rows = length_of(p.yy), columns = length_of(p.xx);
+    if (p.xy * p.xy <= kUpright * kUpright * p.xx * p.yy)
+      return std::ceil(columns / kTileWidth) * std::ceil(rows / kMaxTileRows);
+    const double cut = std::max(p.xx - p.xy * p.xy / p.yy, 0.0), slide = std::abs(p.xy) / p.yy;
+    return rows * std::ceil(std::min(columns, length_of(cut) + slide) / kTileWidth);
+  };
+  while (place.level < last && tiles(place) > most_tiles_) {
+    place = on(place.level + 1);
+    const double mean = 0.5 * (place.xx + place.yy), half = 0.5 * (place.xx - place.yy);
+    const double away = std::hypot(half, place.xy);
+    if (mean - away >= kLeastVariance) continue;
+    const double wide = std::max(mean + away, kLeastVariance);
+    const double share = away > 0.0 ? 0.5 * (wide - kLeastVariance) / away : 0.0;
+    place.xx = 0.5 * (wide + kLeastVariance) + share * half;
+    place.yy = 0.5 * (wide + kLeastVariance) - share * half;
+    place.xy *= share;
+  }
+  return place;
+}
+
+// Of samples -kBorder to `extent` + kBorder - 1. What lies beyond the reach is given to the samples at its
+// ends, so that the sum is 1 and the middle where it should be.
+void FootprintTiles::sample(double centre, double variance, double reach, int extent, Taps& taps) const {
+  taps.weights.clear();
+  const double sigma = std::sqrt(variance), scale = -0.5 / variance;
+  double low = std::floor(centre - reach * sigma), high = std::floor(centre + reach * sigma);
+  // A tile for one sample is not worth its time.
+  if (static_cast<int>(high - low) == kTileWidth)
+    (centre - low > high + 1.0 - centre ? low += 1.0 : high -= 1.0);
+  const auto weight = [&](double at) {
+    const double away = at + 0.5 - centre;
+    return std::exp(scale * away * away) / (sigma * std::sqrt(2.0 * std::numbers::pi));
+  };
+  double before = 0.5 * std::erfc(reach / std::numbers::sqrt2), after = before;
+  constexpr double kManySamples = 32.0;
+  if (high > low && high - low <= kManySamples) {
+    double sum = 0.0, moment = 0.0;  // about the centre
+    for (double at = low; at <= high; at += 1.0) {
+      const double each = weight(at);
+      sum += each;
+      moment += each * (at + 0.5 - centre);
+    }
+    after = ((sum - 1.0) * (low + 0.5 - centre) - moment) / (high - low);
+    before = 1.0 - sum - after;
+  }
+  const double from = std::max<double>(low, -PyramidShape::kBorder);
+  const double to = std::min(high, extent + PyramidShape::kBorder - 1.0);
+  if (!(from <= to)) return;
+  taps.first = static_cast<int>(from);
+  for (double at = from; at <= to; at += 1.0)
+    taps.weights.push_back(
+        static_cast<float>(weight(at) + (at == low ? before : 0.0) + (at == high ? after : 0.0)));
+}
+
+// Over pixels 0 to `extent` - 1. What lies beyond the reach is given to the pixels at its ends.
+void FootprintTiles::integrate(double centre, double variance, int extent, Taps& taps) const {
+  taps.weights.clear();
+  const double sigma = std::sqrt(variance);
+  const double reach = sigma < kPointSigma_px ? 0.0 : kReach * sigma;
+  const double low = std::floor(centre - reach), high = std::floor(centre + reach);
+  const double from = std::max(low, 0.0), to = std::min(high, extent - 1.0);
+  if (!(from <= to)) return;
+  taps.first = static_cast<int>(from);
+  const auto below = [&](double edge) {  // of the Gaussian
+    if (edge <= low) return 0.0;
+    if (edge > high) return 1.0;
+    return 0.5 + 0.5 * std::erf((edge - centre) / (sigma * std::numbers::sqrt2));
+  };
+  double before = below(from);
+  for (double at = from; at <= to; at += 1.0) {
+    const double after = below(at + 1.0);
+    taps.weights.push_back(static_cast<float>(after - before));
+    before = after;
+  }
+}
+
+int FootprintTiles::add(const Mode& mode, int channel, std::vector<std::uint16_t>& words) {
+  words_ = &words;
+  count_ = 0;
+  const Place place = place_of(mode);
+  const PyramidShape::Level& level = shape_.levels()[static_cast<size_t>(place.level)];
+  const bool upright = place.xy * place.xy <= kUpright * kUpright * place.xx * place.yy;
+  const double weight = static_cast<double>(mode.weight);
+  if (upright) {
+    const auto along = [&](double centre, double left, double variance, int extent, Taps& taps) {
+      if (left < kLeastVariance) {
+        integrate(centre, std::max(variance, 0.0), extent, taps);
+      } else {
+        sample(centre, left, kReach, extent, taps);
+      }
+    };
+    along(place.x, place.xx, static_cast<double>(mode.xx_px2), level.width_px, across_);
+    along(place.y, place.yy, static_cast<double>(mode.yy_px2), level.height_px, down_);
+    add_product(level, weight, channel);
+  } else if (place.level == 0 &&
+             (place.xx * place.yy - place.xy * place.xy) / std::max(place.xx, place.yy) < kLeastVariance) {
+    add_thin(mode, channel);
+  } else {
+    add_oriented(place, weight, channel);
+  }
+  if (count_ > 0) highest_level_ = std::max(highest_level_, place.level);
+  return count_;
+}
+
+int FootprintTiles::add_box(const Mode& mode, int channel, std::vector<std::uint16_t>& words) {
+  words_ = &words;
+  count_ = 0;
+  const PyramidShape::Level& picture = shape_.levels().front();
+  overlap(mode.x_px, side_of(mode.xx_px2), picture.width_px, across_.first, across_.weights);
+  overlap(mode.y_px, side_of(mode.yy_px2), picture.height_px, down_.first, down_.weights);
+  add_product(picture, static_cast<double>(mode.weight), channel);
+  return count_;
+}
+
+bool FootprintTiles::is_small_box(const Mode& mode) {
+  const double columns = side_of(mode.xx_px2) + 1.0, rows = side_of(mode.yy_px2) + 1.0;
+  return std::ceil(columns / kTileWidth) * rows <= kMaxTileRows;
+}
+
+void FootprintTiles::add_product(const PyramidShape::Level& level, double weight, int channel) {
+  if (across_.empty() || down_.empty()) return;
+  for (float& each : down_.weights) each *= static_cast<float>(weight);
+  const std::span<const float> across(across_.weights), down(down_.weights);
+  for (size_t x = 0; x < across.size(); x += kTileWidth) {
+    const auto columns = across.subspan(x, std::min<size_t>(kTileWidth, across.size() - x));
+    for (size_t y = 0; y < down.size(); y += kMaxTileRows) {
+      const size_t offset =
+          level.at(across_.first + static_cast<int>(x), down_.first + static_cast<int>(y), channel);
+      add_tile(static_cast<std::uint32_t>(offset), level.stride, columns,
+               down.subspan(y, std::min<size_t>(kMaxTileRows, down.size() - y)), *words_);
+      ++count_;
+    }
+  }
+}
+
+void FootprintTiles::add_row(const PyramidShape::Level& level, int x, int y, std::span<const float> across,
+                             double weight, int channel) {
+  const auto down = static_cast<float>(weight);
+  for (size_t u = 0; u < across.size(); u += kTileWidth) {
+    add_tile(static_cast<std::uint32_t>(level.at(x + static_cast<int>(u), y, channel)), level.stride,
+             across.subspan(u, std::min<size_t>(kTileWidth, across.size() - u)), {&down, 1}, *words_);
+    ++count_;
+  }
+}
+
+void FootprintTiles::add_oriented(const Place& place, double weight, int channel) {
+  const PyramidShape::Level& level = shape_.levels()[static_cast<size_t>(place.level)];
+  const double slope = place.xy / place.yy, cut = place.xx - slope * place.xy;
+  sample(place.y, place.yy, kReach, level.height_px, down_);
+  for (size_t i = 0; i < down_.weights.size(); ++i) {
+    const int y = down_.first + static_cast<int>(i);
+    const double away = y + 0.5 - place.y;
+    const double reach = std::sqrt(std::max(kReach * kReach - away * away / place.yy, 1.0));
+    sample(place.x + slope * away, cut, reach, level.width_px, across_);
+    if (!across_.empty())
+      add_row(level, across_.first, y, across_.weights, weight * static_cast<double>(down_.weights[i]),
+              channel);
+  }
+}
+
+// As the exact compositor does it: along the narrower axis u in closed form, along the other, v, by
+// Gauss-Legendre panels. Slopes are at most 1, so few pixels of a row or column are touched.
+void FootprintTiles::add_thin(const Mode& mode, int channel) {
+  const PyramidShape::Level& picture = shape_.levels().front();
+  const bool exchanged = mode.xx_px2 > mode.yy_px2;
+  const double vv = exchanged ? mode.xx_px2 : mode.yy_px2, uv = mode.xy_px2;
+  const double uu = std::max<double>(exchanged ? mode.yy_px2 : mode.xx_px2, 0.0);
+  const double u0 = exchanged ? mode.y_px : mode.x_px, v0 = exchanged ? mode.x_px : mode.y_px;
+  const int u_extent = exchanged ? picture.height_px : picture.width_px;
+  const int v_extent = exchanged ? picture.width_px : picture.height_px;
+  const double sigma = std::sqrt(vv), slope = uv / vv, cut = std::max(uu - slope * uv, 0.0);
+  const double slide = std::abs(slope) / std::max(std::sqrt(cut), 0.02);
+  const double finest = std::max({1.0, 2.0 / sigma, std::min(slide, 50.0)});
+  const double whole = std::erf(kReach / std::numbers::sqrt2);
+  thin_.clear();
+  const double first = std::max(std::floor(v0 - kReach * sigma), 0.0);
+  const double last = std::min(std::ceil(v0 + kReach * sigma), static_cast<double>(v_extent));
+  for (double v = first; v < last; v += 1.0) {
+    const double low = std::max(v, v0 - kReach * sigma), high = std::min(v + 1.0, v0 + kReach * sigma);
+    const int panels = std::max(1, static_cast<int>(std::ceil((high - low) * finest)));
+    const double half = 0.5 * (high - low) / panels;
+    const size_t begin = thin_.size();
+    for (int p = 0; p < panels; ++p) {
+      for (size_t n = 0; n < kNodes.size(); ++n) {
+        const double away = low + (2 * p + 1 + kNodes[n]) * half - v0;
+        const double density =
+            std::exp(-0.5 * away * away / vv) / (sigma * std::sqrt(2.0 * std::numbers::pi) * whole);
+        integrate(u0 + slope * away, cut, u_extent, across_);
+        for (size_t i = 0; i < across_.weights.size(); ++i) {
+          const int u = across_.first + static_cast<int>(i), at = static_cast<int>(v);
+          const double weight = kNodeWeights[n] * half * density * static_cast<double>(across_.weights[i]);
+          const int x = exchanged ? at : u, y = exchanged ? u : at;
+          const auto same = std::find_if(thin_.begin() + static_cast<std::ptrdiff_t>(begin), thin_.end(),
+                                         [&](const Tap& tap) { return tap.x == x && tap.y == y; });
+          if (same == thin_.end()) {
+            thin_.push_back({x, y, weight});
+          } else {
+            same->weight += weight;
+          }
+        }
+      }
+    }
+  }
+  std::ranges::sort(thin_, [](const Tap& a, const Tap& b) { return a.y != b.y ? a.y < b.y : a.x < b.x; });
+  for (size_t i = 0; i < thin_.size();) {
+    const Tap& start = thin_[i];
+    std::array<float, kTileWidth> across{};
+    size_t count = 0;
+    for (; i < thin_.size() && thin_[i].y == start.y && thin_[i].x < start.x + kTileWidth; ++i) {
+      count = static_cast<size_t>(thin_[i].x - start.x) + 1;
+      across[count - 1] = static_cast<float>(thin_[i].weight);
+    }
+    add_row(picture, start.x, start.y, {across.data(), count}, static_cast<double>(mode.weight), channel);
+  }
+}
+
+}  // namespace glasswing

@@ -1,0 +1,88 @@
+#include "core/matte/pyramid.h"
+
+#include <algorithm>
+#include <array>
+
+#include "core/base/for_rows.h"
+#include "core/matte/tile_kernel.h"
+
+namespace glasswing {
+namespace {
+
+constexpr int kLeastSide_px = 4;
+
+constexpr int kBorder = PyramidShape::kBorder;
+
+void fill_first(const RadianceImage& picture, const PrimaryMix& mix, int texture,
+                const PyramidShape::Level& level, int first, int last, float* samples) {
+  const auto width = static_cast<size_t>(level.width_px);
+  std::vector<float> seen(mix.is_unit() ? 0 : 3 * width);
+  for (int y = first; y < last; ++y) {
+    std::fill_n(samples + level.at(-kBorder, y, 0), 3 * size_t{level.stride}, 0.0f);
+    if (y < 0 || y >= level.height_px) continue;
+    const float* from = picture.samples.data() + picture.index(0, y, 0);
+    if (!mix.is_unit()) {
+      for (size_t i = 0; i < seen.size(); i += 3) {
+        const PrimaryMix::Light light = mix.seen(texture, {from[i], from[i + 1], from[i + 2]});
+        std::ranges::copy(light, seen.begin() + static_cast<std::ptrdiff_t>(i));
+      }
+      from = seen.data();
+    }
+    split_row(from, width, samples + level.at(0, y, 0), samples + level.at(0, y, 1),
+              samples + level.at(0, y, 2));
+  }
+}
+
+void fill_next(const PyramidShape::Level& above, const PyramidShape::Level& level, int first, int last,
+               float* samples) {
+  const auto length = static_cast<size_t>(above.width_px + 2 * kBorder);
+  const auto kept = static_cast<size_t>(level.width_px + 2 * kBorder);
+  // The first sample that is kept begins this far left of what the level above keeps.
+  constexpr size_t kLead = kBorder + 2;
+  std::vector<float> blended(std::max(kLead + length, 2 * kept + 4)), dark(length);
+  for (int y = first; y < last; ++y) {
+    for (int c = 0; c < 3; ++c) {
+      std::array<const float*, 6> rows{};
+      for (int k = 0; k < 6; ++k) {
+        const int from = 2 * y + k - 2;
+        const bool is_there = from >= -kBorder && from < above.height_px + kBorder;
+        rows[static_cast<size_t>(k)] = is_there ? samples + above.at(-kBorder, from, c) : dark.data();
+      }
+      blend_rows(rows.data(), length, blended.data() + kLead);
+      float* const out = samples + level.at(-kBorder, y, c);
+      halve_row(blended.data(), kept, out);
+      std::fill(out + kept, out + level.stride, 0.0f);
+    }
+  }
+}
+
+}  // namespace
+
+PyramidShape::PyramidShape(int width_px, int height_px, size_t offset) : end_(offset) {
+  for (;;) {
+    // A tile may begin at the last sample.
+    const auto stride = static_cast<std::uint16_t>(width_px + 2 * kBorder + kTileWidth);
+    levels_.push_back({.width_px = width_px, .height_px = height_px, .stride = stride, .offset = end_});
+    end_ += static_cast<size_t>(height_px + 2 * kBorder) * 3 * stride;
+    if (std::max(width_px, height_px) <= kLeastSide_px) return;
+    width_px = (width_px + 1) / 2;
+    height_px = (height_px + 1) / 2;
+  }
+}
+
+void fill_pyramid(const RadianceImage& picture, const PrimaryMix& mix, int texture, const PyramidShape& shape,
+                  int level_count, int thread_count, float* samples) {
+  for (int l = 0; l < level_count; ++l) {
+    const PyramidShape::Level& level = shape.levels()[static_cast<size_t>(l)];
+    for_rows(level.height_px + 2 * kBorder, thread_count, [&](int first, int last) {
+      first -= kBorder, last -= kBorder;
+      if (l == 0) {
+        fill_first(picture, mix, texture, level, first, last, samples);
+      } else {
+        fill_next(shape.levels()[static_cast<size_t>(l) - 1], level, first, last, samples);
+      }
+    });
+  }
+}
+
+}  // namespace glasswing

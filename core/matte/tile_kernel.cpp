@@ -1,0 +1,191 @@
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "core/matte/tile_kernel.cpp"
+#include <hwy/foreach_target.h>
+//
+#include <half.h>
+#include <hwy/highway.h>
+
+#include "core/matte/tile_kernel.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace glasswing {
+namespace HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+using F = hn::ScalableTag<float>;
+using T = hn::CappedTag<float, kTileWidth>;
+using H = hn::Rebind<hwy::float16_t, T>;
+
+struct Tile {
+  size_t offset, stride, rows;
+  const hwy::float16_t* across;
+};
+
+// Where it has several rows, their weights go to `down`.
+HWY_INLINE Tile NextTile(const std::uint16_t*& words, float* down) {
+  const T d;
+  const H half;
+  const Tile tile{.offset = words[0] | static_cast<size_t>(words[1]) << 16,
+                  .stride = words[2],
+                  .rows = words[3],
+                  .across = reinterpret_cast<const hwy::float16_t*>(words + kTileHeader)};
+  words += kTileHeader + kTileWidth;
+  if (tile.rows == 1) return tile;
+  // The last vector may hold what is beyond the tile.
+  const auto* weights = reinterpret_cast<const hwy::float16_t*>(words);
+  for (size_t r = 0; r < tile.rows; r += hn::Lanes(d))
+    hn::StoreU(hn::PromoteTo(d, hn::LoadU(half, weights + r)), d, down + r);
+  words += tile.rows;
+  return tile;
+}
+
+HWY_INLINE hn::Vec<T> Sum(const Tile& tile, const float* down, const float* samples, hn::Vec<T> sum) {
+  const T d;
+  const H half;
+  const size_t row = 3 * tile.stride;
+  for (size_t part = 0; part < kTileWidth; part += hn::Lanes(d)) {
+    const float* from = samples + part;
+    auto column = hn::LoadU(d, from);
+    if (tile.rows > 1) {
+      column = hn::Mul(column, hn::Set(d, down[0]));
+      for (size_t r = 1; r < tile.rows; ++r) {
+        from += row;
+        column = hn::MulAdd(hn::Set(d, down[r]), hn::LoadU(d, from), column);
+      }
+    }
+    sum = hn::MulAdd(hn::PromoteTo(d, hn::LoadU(half, tile.across + part)), column, sum);
+  }
+  return sum;
+}
+
+void EvaluateTiles(const PixelTiles* pixels, size_t count, const std::uint16_t* words, const float* samples,
+                   float* light) {
+  const T d;
+  HWY_ALIGN float down[kMaxTileRows + kTileWidth];
+  for (size_t p = 0; p < count; ++p, light += 3) {
+    const PixelTiles& pixel = pixels[p];
+    auto r = hn::Zero(d), g = hn::Zero(d), b = hn::Zero(d);
+    for (int i = 0; i < pixel.shared; ++i) {
+      const Tile tile = NextTile(words, down);
+      const float* from = samples + tile.offset;
+      r = Sum(tile, down, from, r);
+      g = Sum(tile, down, from + tile.stride, g);
+      b = Sum(tile, down, from + 2 * tile.stride, b);
+    }
+    const auto own = [&](int tiles, hn::Vec<T> sum) HWY_ATTR {
+      for (int i = 0; i < tiles; ++i) {
+        const Tile tile = NextTile(words, down);
+        sum = Sum(tile, down, samples + tile.offset, sum);
+      }
+      return sum;
+    };
+    r = own(pixel.own[0], r);
+    g = own(pixel.own[1], g);
+    b = own(pixel.own[2], b);
+    light[0] += hn::GetLane(hn::SumOfLanes(d, r));
+    light[1] += hn::GetLane(hn::SumOfLanes(d, g));
+    light[2] += hn::GetLane(hn::SumOfLanes(d, b));
+  }
+}
+
+void SplitRow(const float* interleaved, size_t count, float* r, float* g, float* b) {
+  const F d;
+  size_t i = 0;
+  for (; i + hn::Lanes(d) <= count; i += hn::Lanes(d)) {
+    hn::Vec<F> red, green, blue;
+    hn::LoadInterleaved3(d, interleaved + 3 * i, red, green, blue);
+    hn::StoreU(red, d, r + i);
+    hn::StoreU(green, d, g + i);
+    hn::StoreU(blue, d, b + i);
+  }
+  for (; i < count; ++i) {
+    r[i] = interleaved[3 * i];
+    g[i] = interleaved[3 * i + 1];
+    b[i] = interleaved[3 * i + 2];
+  }
+}
+
+// [1 5 10 10 5 1] / 32 of pairs from the middle outwards.
+template <class V>
+HWY_INLINE V Blend(V inner, V middle, V outer) {
+  const F d;
+  return hn::MulAdd(hn::Set(d, 0.3125f), inner,
+                    hn::MulAdd(hn::Set(d, 0.15625f), middle, hn::Mul(hn::Set(d, 0.03125f), outer)));
+}
+
+float Blend(float inner, float middle, float outer) {
+  return 0.3125f * inner + (0.15625f * middle + 0.03125f * outer);
+}
+
+void BlendRows(const float* const* rows, size_t count, float* out) {
+  const F d;
+  size_t i = 0;
+  const auto pair = [&](int a, int b)
+                        HWY_ATTR { return hn::Add(hn::LoadU(d, rows[a] + i), hn::LoadU(d, rows[b] + i)); };
+  for (; i + hn::Lanes(d) <= count; i += hn::Lanes(d))
+    hn::StoreU(Blend(pair(2, 3), pair(1, 4), pair(0, 5)), d, out + i);
+  for (; i < count; ++i)
+    out[i] = Blend(rows[2][i] + rows[3][i], rows[1][i] + rows[4][i], rows[0][i] + rows[5][i]);
+}
+
+void HalveRow(const float* in, size_t count, float* out) {
+  const F d;
+  size_t i = 0;
+  for (; i + hn::Lanes(d) <= count; i += hn::Lanes(d)) {
+    hn::Vec<F> v0, v1, v2, v3, v4, v5;
+    hn::LoadInterleaved2(d, in + 2 * i, v0, v1);
+    hn::LoadInterleaved2(d, in + 2 * i + 2, v2, v3);
+    hn::LoadInterleaved2(d, in + 2 * i + 4, v4, v5);
+    hn::StoreU(Blend(hn::Add(v2, v3), hn::Add(v1, v4), hn::Add(v0, v5)), d, out + i);
+  }
+  for (; i < count; ++i) {
+    const float* at = in + 2 * i;
+    out[i] = Blend(at[2] + at[3], at[1] + at[4], at[0] + at[5]);
+  }
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace glasswing
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace glasswing {
+
+HWY_EXPORT(EvaluateTiles);
+HWY_EXPORT(SplitRow);
+HWY_EXPORT(BlendRows);
+HWY_EXPORT(HalveRow);
+
+void add_tile(std::uint32_t offset, std::uint16_t stride, std::span<const float> across,
+              std::span<const float> down, std::vector<std::uint16_t>& words) {
+  words.push_back(static_cast<std::uint16_t>(offset));
+  words.push_back(static_cast<std::uint16_t>(offset >> 16));
+  words.push_back(stride);
+  words.push_back(static_cast<std::uint16_t>(down.size()));
+  const auto add = [&words](float weight) { words.push_back(Imath::half(weight).bits()); };
+  const float common = down.size() == 1 ? down.front() : 1.0f;
+  for (const float weight : across) add(common * weight);
+  words.resize(words.size() + kTileWidth - across.size());
+  if (down.size() == 1) return;
+  for (const float weight : down) add(weight);
+}
+
+void evaluate_tiles(std::span<const PixelTiles> pixels, const std::uint16_t* words, const float* samples,
+                    float* light) {
+  HWY_DYNAMIC_DISPATCH(EvaluateTiles)(pixels.data(), pixels.size(), words, samples, light);
+}
+
+void split_row(const float* interleaved, size_t count, float* r, float* g, float* b) {
+  HWY_DYNAMIC_DISPATCH(SplitRow)(interleaved, count, r, g, b);
+}
+
+void blend_rows(const float* const rows[6], size_t count, float* out) {
+  HWY_DYNAMIC_DISPATCH(BlendRows)(rows, count, out);
+}
+
+void halve_row(const float* in, size_t count, float* out) {
+  HWY_DYNAMIC_DISPATCH(HalveRow)(in, count, out);
+}
+
+}  // namespace glasswing
+#endif

@@ -1,0 +1,255 @@
+// Composites of a matte over a background that changes with every frame, on two threads: the fast compositor
+// beside the exact one, and beside OpenCV's remap, which looks up one place a pixel, of the same frame.
+#include <benchmark/benchmark.h>
+
+#include <array>
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <thread>
+
+#include "core/matte/compositor.h"
+#include "core/matte/fast_compositor.h"
+#include "tests/bench/rows.h"
+
+namespace glasswing {
+namespace {
+
+constexpr int kThreads = 2, kWidth = 1280, kHeight = 720, kPictures = 4;
+
+struct Kind {
+  const char* name;
+  double sigma_px, ratio;  // of the wider axis, and to the narrower one
+  int modes;
+  bool boxes;
+};
+constexpr std::array<Kind, 5> kKinds{{{"narrow", 0.4, 1.0, 1, false},
+                                      {"wide", 8.0, 1.0, 1, false},
+                                      {"oriented", 4.0, 2.0, 1, false},
+                                      {"two modes, oriented", 2.0, 2.0, 2, false},
+                                      {"boxes", 4.0, 1.0, 1, true}}};
+
+// A lens over a third of the picture. Channels differ, as through glass; around it the monitor is seen
+// plainly. Its rows are kHeight, or so many of these, evenly spread.
+Matte lens(const Kind& kind, int rows = kHeight) {
+  Matte matte(0, 0, kWidth, rows, kind.modes);
+  v1::Monitor& monitor = *matte.metadata.add_monitors();
+  monitor.set_width_px(kWidth);
+  monitor.set_height_px(kHeight);
+  if (kind.boxes) matte.metadata.set_footprint(std::string(kBoxFootprint));
+  const double radius = std::sqrt(kWidth * kHeight / 3.0 / std::numbers::pi);
+  for (int row = 0; row < rows; ++row) {
+    const double y = (row + 0.5) * kHeight / rows;
+    for (int x = 0; x < kWidth; ++x) {
+      const double dx = x + 0.5 - 0.5 * kWidth, dy = y - 0.5 * kHeight, away = std::hypot(dx, dy) / radius;
+      for (int c = 0; c < kChannels; ++c) {
+        const std::span<Mode> modes = matte.modes(x, row, c);
+        if (away > 1.0) {
+          modes[0] = {.weight = 1.0f,
+                      .x_px = static_cast<float>(x) + 0.5f,
+                      .y_px = static_cast<float>(y),
+                      .xx_px2 = 0.08f,
+                      .yy_px2 = 0.08f};
+          continue;
+        }
+        for (size_t m = 0; m < modes.size(); ++m) {
+          // Sizes vary by a factor of two, angles go all round.
+          const double wide = kind.sigma_px * std::exp2(away - 0.5), narrow = wide / kind.ratio;
+          const double angle = std::atan2(dy, dx) + 0.3 * static_cast<double>(m);
+          const double cosine = std::cos(angle), sine = std::sin(angle), u = wide * wide, v = narrow * narrow;
+          const double shrink = (0.4 + 0.01 * c + 0.3 * away) * (m == 0 ? -1.0 : 0.8);
+          modes[m] = {.weight = 0.9f / static_cast<float>(modes.size()),
+                      .x_px = static_cast<float>(0.5 * kWidth + shrink * dx),
+                      .y_px = static_cast<float>(0.5 * kHeight + shrink * dy),
+                      .xx_px2 = static_cast<float>(cosine * cosine * u + sine * sine * v),
+                      .xy_px2 = static_cast<float>(kind.ratio > 1.0 ? cosine * sine * (u - v) : 0.0),
+                      .yy_px2 = static_cast<float>(sine * sine * u + cosine * cosine * v)};
+        }
+      }
+    }
+  }
+  return matte;
+}
+
+// Waves of all lengths that run on from picture to picture.
+const std::vector<std::vector<RadianceImage>>& pictures() {
+  static const std::vector<std::vector<RadianceImage>> made = [] {
+    std::vector<std::vector<RadianceImage>> all(kPictures, {RadianceImage(kWidth, kHeight)});
+    for (size_t i = 0; i < all.size(); ++i) {
+      for (int y = 0; y < kHeight; ++y) {
+        for (int x = 0; x < kWidth; ++x) {
+          for (int c = 0; c < kChannels; ++c) {
+            double light = 0.5;
+            for (int octave = 1; octave < 8; ++octave)
+              light += 0.06 * std::sin((x + 7.0 * static_cast<double>(i) + (0.6 + 0.1 * c) * y) *
+                                       std::exp2(octave) * 0.005);
+            all[i][0].at(x, y, c) = static_cast<float>(light);
+          }
+        }
+      }
+    }
+    return all;
+  }();
+  return made;
+}
+
+struct Prepared {
+  Matte matte;
+  FastCompositor fast;
+};
+const Prepared& prepared(size_t kind) {
+  static std::map<size_t, Prepared> all;
+  const auto known = all.find(kind);
+  if (known != all.end()) return known->second;
+  Matte matte = lens(kKinds[kind]);
+  FastCompositor fast = FastCompositor::create(matte, kThreads).value();
+  return all.emplace(kind, Prepared{std::move(matte), std::move(fast)}).first->second;
+}
+
+void fast(benchmark::State& state, size_t kind) {
+  const Prepared& of = prepared(kind);
+  size_t i = 0;
+  for (auto _ : state)
+    benchmark::DoNotOptimize(of.fast.composite(pictures()[i++ % kPictures], kThreads).value());
+  state.SetItemsProcessed(state.iterations());
+}
+
+// Of three rows, since a frame takes minutes where footprints are wide.
+void exact(benchmark::State& state, size_t kind) {
+  constexpr int kRows = 3;
+  const Matte matte = lens(kKinds[kind], kRows);
+  size_t i = 0;
+  for (auto _ : state)
+    benchmark::DoNotOptimize(composite(matte, pictures()[i++ % kPictures], kThreads).value());
+  state.SetItemsProcessed(state.iterations());
+  state.counters["items_per_second"] = benchmark::Counter(
+      static_cast<double>(state.iterations() * kRows) / kHeight, benchmark::Counter::kIsRate);
+}
+
+void prepare(benchmark::State& state, size_t kind) {
+  const Prepared& of = prepared(kind);
+  for (auto _ : state) benchmark::DoNotOptimize(FastCompositor::create(of.matte, kThreads).value());
+  state.SetItemsProcessed(state.iterations());
+}
+
+// Every mode is looked up bilinearly at its centre, channel by channel where they differ, and weighed.
+void remap(benchmark::State& state, size_t kind) {
+  const Prepared& of = prepared(kind);
+  const int modes = of.matte.modes_per_channel();
+  struct Map {
+    int channel;
+    cv::Mat x, y, weight;
+  };
+  std::vector<Map> maps;
+  for (int c = 0; c < kChannels; ++c) {
+    for (int m = 0; m < modes; ++m) {
+      Map map{c, cv::Mat(kHeight, kWidth, CV_32F), cv::Mat(kHeight, kWidth, CV_32F),
+              cv::Mat(kHeight, kWidth, CV_32F)};
+      for (int y = 0; y < kHeight; ++y) {
+        for (int x = 0; x < kWidth; ++x) {
+          const Mode& mode = of.matte.modes(x, y, c)[static_cast<size_t>(m)];
+          map.x.at<float>(y, x) = mode.x_px - 0.5f;
+          map.y.at<float>(y, x) = mode.y_px - 0.5f;
+          map.weight.at<float>(y, x) = mode.weight;
+        }
+      }
+      maps.push_back(map);
+    }
+  }
+  cv::setNumThreads(kThreads);
+  size_t i = 0;
+  for (auto _ : state) {
+    const RadianceImage& picture = pictures()[i++ % kPictures][0];
+    const cv::Mat whole(kHeight, kWidth, CV_32FC3, const_cast<float*>(picture.samples.data()));
+    std::array<cv::Mat, 3> planes, sums;
+    cv::split(whole, planes.data());
+    for (cv::Mat& sum : sums) sum = cv::Mat::zeros(kHeight, kWidth, CV_32F);
+    for (const Map& map : maps) {
+      const auto c = static_cast<size_t>(map.channel);
+      cv::Mat seen;
+      cv::remap(planes[c], seen, map.x, map.y, cv::INTER_LINEAR, cv::BORDER_CONSTANT);
+      cv::accumulateProduct(seen, map.weight, sums[c]);
+    }
+    cv::Mat out;
+    cv::merge(sums.data(), 3, out);
+    benchmark::DoNotOptimize(out.data);
+  }
+  state.SetItemsProcessed(state.iterations());
+}
+
+// Reading as many bytes as the weights take and a picture's samples, by as many threads: what memory alone
+// allows.
+void read_memory(benchmark::State& state, size_t kind) {
+  const Prepared& of = prepared(kind);
+  const std::vector<std::uint64_t> bytes(of.fast.size_bytes() / 8, 1);
+  for (auto _ : state) {
+    std::array<std::uint64_t, kThreads> sums{};
+    std::vector<std::jthread> threads;
+    for (size_t t = 0; t < kThreads; ++t) {
+      threads.emplace_back([&, t] {
+        std::uint64_t sum = 0;
+        for (size_t i = bytes.size() * t / kThreads; i < bytes.size() * (t + 1) / kThreads; ++i)
+          sum += bytes[i];
+        sums[t] = sum;
+      });
+    }
+    threads.clear();
+    benchmark::DoNotOptimize(sums);
+  }
+  state.SetItemsProcessed(state.iterations());
+}
+
+}  // namespace
+
+void add_composite_rows(std::vector<Row>& rows) {
+  for (size_t kind = 0; kind < kKinds.size(); ++kind) {
+    const std::string name = std::string("composite, ") + kKinds[kind].name;
+    const std::string key = "composite/" + std::to_string(kind);
+    const auto add = [&](const std::string& what, void (*run)(benchmark::State&, size_t)) {
+      benchmark::RegisterBenchmark((key + what).c_str(), [=](benchmark::State& state) { run(state, kind); })
+          ->UseRealTime()
+          ->MeasureProcessCPUTime()
+          ->Unit(benchmark::kMillisecond);
+      return key + what;
+    };
+    const std::string own = add("", fast), oracle = add("/exact", exact), looked_up = add("/remap", remap),
+                      made = add("/prepare", prepare), memory = add("/memory", read_memory);
+    // As Google Benchmark names what is timed so.
+    const auto timed = [](const std::string& of) { return of + "/process_time/real_time"; };
+    const auto ratio = [](const std::string& a, const std::string& b) {
+      return [a, b](const Rates& rates) { return rates.at(a) / rates.at(b); };
+    };
+    rows.push_back(
+        {name + ", 1280x720, two threads", "frames/s", 15.0, false, {timed(own)}, [own](const Rates& rates) {
+           return rates.at(own);
+         }});
+    rows.push_back({name + ", over the exact one",
+                    "x the rate",
+                    10.0,
+                    false,
+                    {timed(own), timed(oracle)},
+                    ratio(own, oracle)});
+    rows.push_back({name + ", over OpenCV's remap at the centres",
+                    "x the rate",
+                    0.2,
+                    false,
+                    {timed(own), timed(looked_up)},
+                    ratio(own, looked_up)});
+    rows.push_back({name + ", over reading its weights once",
+                    "x the time",
+                    10.0,
+                    true,
+                    {timed(own), timed(memory)},
+                    ratio(memory, own)});
+    rows.push_back({name + ", preparing the matte",
+                    "frames' time",
+                    60.0,
+                    true,
+                    {timed(own), timed(made)},
+                    ratio(own, made)});
+  }
+}
+
+}  // namespace glasswing
