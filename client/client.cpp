@@ -54,6 +54,8 @@ int run_client(int argc, const char* const* argv) {
   add_solve_command(app, client);
   add_fetch_command(app, client);
   add_composite_command(app, client);
+  add_stmap_command(app, client);
+  add_view_command(app, client);
   add_compare_command(app, client);
   add_blur_command(app, client);
   add_convert_command(app, client);

@@ -34,7 +34,10 @@ int strongest_channel(const Matte& matte, int texture) {
       }
     }
   }
-  return static_cast<int>(std::ranges::max_element(weight) - weight.begin());
+  constexpr int kGreen = 1;
+  constexpr double kMuchMore = 1.1;
+  const auto most = std::ranges::max_element(weight);
+  return *most > kMuchMore * weight[kGreen] ? static_cast<int>(most - weight.begin()) : kGreen;
 }
 
 absl::StatusOr<std::string> encode_stmap(const Matte& matte, int texture, int channel) {

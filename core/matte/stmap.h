@@ -18,7 +18,8 @@ namespace glasswing {
 // The mode of `channel` with the most weight on a monitor, or on any (`texture` -1); null: none has weight.
 const Mode* strongest_mode(const Matte& matte, int x, int y, int channel, int texture = -1);
 
-// The channel whose strongest modes have the most weight, all pixels together; the first of those alike.
+// Green, whose path lies in the middle of what glass disperses; or the channel whose strongest modes, all
+// pixels together, have the most weight, where that is a tenth more than green's.
 int strongest_channel(const Matte& matte, int texture = -1);
 
 // An OpenEXR file of one part, float32, the matte's window:
