@@ -21,7 +21,8 @@ namespace glasswing {
 namespace {
 
 constexpr int kWidth = 24, kHeight = 18;
-constexpr int kBackWidth = 40, kBackHeight = 30, kLeftWidth = 16, kLeftHeight = 50;
+// No smaller than the camera's picture: oiiotool warps no further than what it warps reaches.
+constexpr int kBackWidth = 40, kBackHeight = 30, kLeftWidth = 26, kLeftHeight = 50;
 
 Matte empty_matte() {
   Matte matte(0, 0, kWidth, kHeight, 2);
@@ -146,8 +147,8 @@ TEST_F(StMap, OiiotoolWarpsAsTheCompositorDoes) {
         fmt::format("cd {} && oiiotool behind.exr st.exr --st_warp:filter=triangle:flip_t=1 "
                     "st.exr --ch weight.R,weight.G,weight.B --mul "
                     "vase.exr --subimage foreground --ch foreground.F.R,foreground.F.G,foreground.F.B --add "
-                    "--chnames R,G,B -d float -o out.exr",
-                    scratch_.string()));
+                    "--chnames R,G,B --cut {}x{}+0+0 -d float -o out.exr",
+                    scratch_.string(), kWidth, kHeight));
     ASSERT_EQ(said.status, 0) << said.text;
     const auto planes = read_exr(path("out.exr"));
     // s and t are rounded to 2^-24, twice where t is turned; a pixel's neighbours differ by 1 at most.
@@ -160,6 +161,83 @@ TEST_F(StMap, OiiotoolWarpsAsTheCompositorDoes) {
               << x << " " << y << " " << monitor.name();
         }
       }
+    }
+  }
+}
+
+// A compositor of one node, Map UV.
+constexpr const char* kMapUv = R"(
+import sys
+import bpy
+behind, stmap, output, width, height = sys.argv[sys.argv.index("--") + 1:]
+scene = bpy.context.scene
+scene.use_nodes = True
+tree = scene.node_tree
+tree.nodes.clear()
+def image(path):
+    node = tree.nodes.new("CompositorNodeImage")
+    node.image = bpy.data.images.load(path)
+    node.image.colorspace_settings.name = "Non-Color"
+    return node.outputs[0]
+warp = tree.nodes.new("CompositorNodeMapUV")
+warp.alpha = 0
+end = tree.nodes.new("CompositorNodeComposite")
+tree.links.new(image(behind), warp.inputs["Image"])
+tree.links.new(image(stmap), warp.inputs["UV"])
+tree.links.new(warp.outputs["Image"], end.inputs["Image"])
+render = scene.render
+render.resolution_x, render.resolution_y, render.resolution_percentage = int(width), int(height), 100
+render.image_settings.file_format = "OPEN_EXR"
+render.image_settings.color_depth = "32"
+render.image_settings.color_mode = "RGBA"
+render.filepath = output
+bpy.ops.render.render(write_still=True)
+)";
+
+// Blender filters by how far neighbours are apart, which leaves a ramp a ramp: where a straight view sees it
+// is read off its light. A map that is half a pixel off, as conventions differ by, would show.
+TEST_F(StMap, BlenderWarpsToTheSamePlace) {
+  if (!is_installed("blender")) GTEST_SKIP() << "blender is not installed";
+  if (!is_installed("oiiotool")) GTEST_SKIP() << "oiiotool is not installed";
+  constexpr int kRampWidth = 400, kRampHeight = 300;
+  RadianceImage ramp(kRampWidth, kRampHeight);
+  for (int y = 0; y < kRampHeight; ++y) {
+    for (int x = 0; x < kRampWidth; ++x) {
+      ramp.at(x, y, 0) = (static_cast<float>(x) + 0.5f) / kRampWidth;
+      ramp.at(x, y, 1) = (static_cast<float>(y) + 0.5f) / kRampHeight;
+    }
+  }
+  ASSERT_TRUE(write_radiance(path("ramp.exr"), ramp, Encoding::kLinear).ok());
+  Matte matte = empty_matte();
+  matte.metadata.mutable_monitors(0)->set_width_px(kRampWidth);
+  matte.metadata.mutable_monitors(0)->set_height_px(kRampHeight);
+  const auto seen_x = [](int x, int) { return 340.0f - 10.0f * static_cast<float>(x); };
+  const auto seen_y = [](int x, int y) {
+    return 40.0f + 2.0f * static_cast<float>(x) + 9.0f * static_cast<float>(y);
+  };
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      for (int c = 0; c < kChannels; ++c)
+        matte.modes(x, y, c)[0] = {.weight = 1.0f, .x_px = seen_x(x, y), .y_px = seen_y(x, y)};
+    }
+  }
+  for (int c = 0; c < kChannels; ++c) matte.modes(12, 9, c)[0].texture = 1;
+  ASSERT_EQ(run_glasswing({"stmap", write_matte(matte), "-o", path("st.exr")}).status, 0);
+  ASSERT_TRUE(write_file_durably(path("map_uv.py"), kMapUv).ok());
+  const Said said = run_program(
+      fmt::format("cd {0} && blender -b --factory-startup -P map_uv.py -- {0}/ramp.exr {0}/st.exr "
+                  "{0}/out.exr {1} {2}",
+                  scratch_.string(), kWidth, kHeight));
+  ASSERT_EQ(said.status, 0) << said.text;
+  ASSERT_TRUE(std::filesystem::exists(path("out.exr"))) << said.text;
+  const auto planes = read_exr(path("out.exr"));
+  EXPECT_EQ(planes.at("A")[9 * kWidth + 12], 0.0f);  // looks at the other monitor
+  for (int y = 2; y < kHeight - 2; ++y) {
+    for (int x = 2; x < kWidth - 2; ++x) {
+      if (std::abs(x - 12) <= 2 && std::abs(y - 9) <= 2) continue;  // its neighbours' filters are wide
+      const auto at = static_cast<size_t>(y * kWidth + x);
+      EXPECT_NEAR(planes.at("R")[at] * kRampWidth, seen_x(x, y), 0.05);
+      EXPECT_NEAR(planes.at("G")[at] * kRampHeight, seen_y(x, y), 0.05);
     }
   }
 }
