@@ -24,6 +24,8 @@ void add_export_command(CLI::App& app, Client& client);
 void add_solve_command(CLI::App& app, Client& client);
 void add_fetch_command(CLI::App& app, Client& client);
 void add_composite_command(CLI::App& app, Client& client);
+void add_stmap_command(CLI::App& app, Client& client);
+void add_view_command(CLI::App& app, Client& client);
 void add_compare_command(CLI::App& app, Client& client);
 void add_blur_command(CLI::App& app, Client& client);
 void add_convert_command(CLI::App& app, Client& client);

@@ -7,8 +7,6 @@
 #include <OpenEXR/ImfIO.h>
 #include <OpenEXR/ImfInputPart.h>
 #include <OpenEXR/ImfMultiPartInputFile.h>
-#include <OpenEXR/ImfMultiPartOutputFile.h>
-#include <OpenEXR/ImfOutputPart.h>
 #include <OpenEXR/ImfPartType.h>
 #include <OpenEXR/ImfStringAttribute.h>
 #include <fmt/format.h>
@@ -21,6 +19,8 @@
 #include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/frame/archive.h"
+#include "core/matte/exr_header.h"
+#include "core/matte/exr_parts.h"
 
 namespace glasswing {
 namespace {
@@ -30,40 +30,19 @@ constexpr const char* kConventions = "glasswing:conventions";
 constexpr const char* kChecksum = "glasswing:checksum";
 constexpr const char* kConventionsText =
     "C = F + sum R integral G(x; c, S) T(x) dx per channel, linear light. Monitor px: origin at the outer "
-    "corner of "
-    "the top-left pixel, x right, y down, pixel centres at +0.5. S = [xx xy; xy yy] in px^2. G is a "
-    "Gaussian, "
-    "or where the attribute \"glasswing\" has footprint \"box\" an upright box. Layers of modes "
-    "without a colour are the same in all. texture counts the "
-    "monitors listed in that attribute.";
+    "corner of the top-left pixel, x right, y down, pixel centres at +0.5. S = [xx xy; xy yy] in px^2. G is "
+    "a "
+    "Gaussian, or where the attribute \"glasswing\" has footprint \"box\" an upright box. Of a mode, Y is "
+    "the "
+    "same in all colours. texture counts the monitors listed in that attribute.";
 constexpr std::array<const char*, 3> kColours{"R", "G", "B"};
+constexpr const char* kGray = "Y";
+constexpr const char* kCoverage = "foreground.coverage.Y";
+constexpr const char* kFlags = "foreground.flags.Y";
 
-// One layer of one part: its name and its pixels, row by row.
-struct Plane {
-  std::string name;
-  std::vector<float> values;
-};
-struct Part {
-  std::string name;
-  std::vector<Plane> planes;
-};
-
-class MemoryWriter final : public Imf::OStream {
- public:
-  MemoryWriter() : OStream("matte") {}
-  void write(const char c[], int n) override {
-    const auto size = static_cast<size_t>(n);
-    if (bytes.size() < at_ + size) bytes.resize(at_ + size);
-    std::memcpy(&bytes[at_], c, size);
-    at_ += size;
-  }
-  uint64_t tellp() override { return at_; }
-  void seekp(uint64_t position) override { at_ = position; }
-  std::string bytes;
-
- private:
-  size_t at_ = 0;
-};
+std::string foreground_name(size_t channel) {
+  return fmt::format("foreground.F.{}", kColours[channel]);
+}
 
 class MemoryReader final : public Imf::IStream {
  public:
@@ -83,16 +62,6 @@ class MemoryReader final : public Imf::IStream {
   size_t at_ = 0;
 };
 
-template <typename Get>
-Plane plane_of(const Matte& matte, std::string name, const Get& get) {
-  Plane plane{.name = std::move(name), .values = {}};
-  plane.values.reserve(static_cast<size_t>(matte.width_px()) * static_cast<size_t>(matte.height_px()));
-  for (int y = 0; y < matte.height_px(); ++y) {
-    for (int x = 0; x < matte.width_px(); ++x) plane.values.push_back(get(x, y));
-  }
-  return plane;
-}
-
 struct ModeLayer {
   const char* name;
   float Mode::*member;  // null: the texture id
@@ -107,15 +76,17 @@ constexpr std::array<ModeLayer, 9> kModeLayers{{{"weight", &Mode::weight},
                                                 {"weight_sd", &Mode::weight_sd},
                                                 {"centre_sd", &Mode::centre_sd_px}}};
 
-// "weight.R"; "weight" where it is the same in all channels.
-std::string layer_name(const ModeLayer& layer, int channel, bool colourless) {
-  return colourless ? layer.name : fmt::format("{}.{}", layer.name, kColours[static_cast<size_t>(channel)]);
+// "mode1.weight.R"; "mode1.weight.Y" where it is the same in all channels. A compositor knows a layer by its
+// channels' names alone, so the part's is in them.
+std::string channel_name(size_t mode, const ModeLayer& layer, int channel, bool colourless) {
+  return fmt::format("mode{}.{}.{}", mode + 1, layer.name,
+                     colourless ? kGray : kColours[static_cast<size_t>(channel)]);
 }
 
-std::vector<Part> parts_of(const Matte& matte) {
-  std::vector<Part> parts;
+std::vector<ExrPart> parts_of(const Matte& matte) {
+  std::vector<ExrPart> parts;
   // For people: total weight and foreground, so that any viewer shows the object.
-  Part& preview = parts.emplace_back(Part{"preview", {}});
+  ExrPart& preview = parts.emplace_back(ExrPart{"preview", {}});
   for (size_t c = 0; c < 3; ++c) {
     preview.planes.push_back(plane_of(matte, kColours[c], [&](int x, int y) {
       float light = matte.foreground(x, y)[c];
@@ -124,23 +95,23 @@ std::vector<Part> parts_of(const Matte& matte) {
     }));
   }
   preview.planes.push_back(plane_of(matte, "A", [&](int x, int y) { return matte.coverage(x, y); }));
-  Part& foreground = parts.emplace_back(Part{"foreground", {}});
+  ExrPart& foreground = parts.emplace_back(ExrPart{"foreground", {}});
   for (size_t c = 0; c < 3; ++c) {
-    foreground.planes.push_back(plane_of(matte, fmt::format("F.{}", kColours[c]),
-                                         [&](int x, int y) { return matte.foreground(x, y)[c]; }));
+    foreground.planes.push_back(
+        plane_of(matte, foreground_name(c), [&](int x, int y) { return matte.foreground(x, y)[c]; }));
   }
+  foreground.planes.push_back(plane_of(matte, kCoverage, [&](int x, int y) { return matte.coverage(x, y); }));
   foreground.planes.push_back(
-      plane_of(matte, "coverage", [&](int x, int y) { return matte.coverage(x, y); }));
-  foreground.planes.push_back(
-      plane_of(matte, "flags", [&](int x, int y) { return static_cast<float>(matte.flags(x, y)); }));
-  for (int m = 0; m < matte.modes_per_channel(); ++m) {
-    Part& part = parts.emplace_back(Part{fmt::format("mode{}", m + 1), {}});
+      plane_of(matte, kFlags, [&](int x, int y) { return static_cast<float>(matte.flags(x, y)); }));
+  for (size_t m = 0; m < static_cast<size_t>(matte.modes_per_channel()); ++m) {
+    ExrPart& part = parts.emplace_back(ExrPart{fmt::format("mode{}", m + 1), {}});
     for (const ModeLayer& layer : kModeLayers) {
       for (int c = 0; c < (matte.is_colourless() ? 1 : 3); ++c) {
-        part.planes.push_back(plane_of(matte, layer_name(layer, c, matte.is_colourless()), [&](int x, int y) {
-          const Mode& mode = matte.modes(x, y, c)[static_cast<size_t>(m)];
-          return layer.member != nullptr ? mode.*layer.member : static_cast<float>(mode.texture);
-        }));
+        part.planes.push_back(
+            plane_of(matte, channel_name(m, layer, c, matte.is_colourless()), [&](int x, int y) {
+              const Mode& mode = matte.modes(x, y, c)[m];
+              return layer.member != nullptr ? mode.*layer.member : static_cast<float>(mode.texture);
+            }));
       }
     }
   }
@@ -148,11 +119,11 @@ std::vector<Part> parts_of(const Matte& matte) {
 }
 
 // Over the metadata and every plane, names included.
-std::string checksum_over(const std::string& metadata, const std::vector<Part>& parts) {
+std::string checksum_over(const std::string& metadata, const std::vector<ExrPart>& parts) {
   std::string bytes = metadata;
-  for (const Part& part : parts) {
+  for (const ExrPart& part : parts) {
     bytes += part.name;
-    for (const Plane& plane : part.planes) {
+    for (const ExrPlane& plane : part.planes) {
       bytes += plane.name;
       bytes.append(reinterpret_cast<const char*>(plane.values.data()), plane.values.size() * sizeof(float));
     }
@@ -166,16 +137,6 @@ std::string json_of(const v1::MatteMetadata& metadata) {
   std::string json;
   (void)google::protobuf::util::MessageToJsonString(metadata, &json, options);
   return json;
-}
-
-Imf::FrameBuffer buffer_over(std::vector<Plane>& planes, const Imath::Box2i& window) {
-  const auto width = static_cast<size_t>(window.max.x - window.min.x + 1);
-  Imf::FrameBuffer buffer;
-  for (Plane& plane : planes) {
-    buffer.insert(plane.name, Imf::Slice::Make(Imf::FLOAT, plane.values.data(), window, sizeof(float),
-                                               width * sizeof(float)));
-  }
-  return buffer;
 }
 
 absl::Status check(const Matte& matte) {
@@ -202,107 +163,21 @@ absl::Status check(const Matte& matte) {
   return absl::OkStatus();
 }
 
-std::vector<std::string> layers_of_mode(bool colourless) {
-  std::vector<std::string> layers;
-  for (const ModeLayer& layer : kModeLayers) {
-    for (int c = 0; c < (colourless ? 1 : 3); ++c) layers.push_back(layer_name(layer, c, colourless));
-  }
-  return layers;
-}
-
 // Sorted, as EXR lists them.
-std::vector<std::string> layers_of(int part, bool colourless) {
-  std::vector<std::string> layers = part == 0 ? std::vector<std::string>{"R", "G", "B", "A"}
-                                    : part == 1
-                                        ? std::vector<std::string>{"F.R", "F.G", "F.B", "coverage", "flags"}
-                                        : layers_of_mode(colourless);
-  std::sort(layers.begin(), layers.end());
-  return layers;
+std::vector<std::string> channels_of(int part, bool colourless) {
+  std::vector<std::string> names;
+  if (part == 0) names = {"R", "G", "B", "A"};
+  if (part == 1) names = {foreground_name(0), foreground_name(1), foreground_name(2), kCoverage, kFlags};
+  for (const ModeLayer& layer : kModeLayers) {
+    for (int c = 0; part > 1 && c < (colourless ? 1 : kChannels); ++c)
+      names.push_back(channel_name(static_cast<size_t>(part) - 2, layer, c, colourless));
+  }
+  std::ranges::sort(names);
+  return names;
 }
-
-// Walks over the headers alone. OpenEXR believes what an attribute says of its size and allocates it before
-// it reads; ours must be of the types that a matte has, be as long as those are, and lie within the file, and
-// so must every part's table of chunks.
-class HeaderWalk {
- public:
-  explicit HeaderWalk(std::string_view bytes) : bytes_(bytes) {}
-
-  absl::Status check() {
-    while (true) {
-      std::string_view name;
-      if (!take_name(&name)) return damaged();
-      if (name.empty()) break;  // no attribute: the last header is past
-      for (; !name.empty();) {
-        if (!take_attribute(name) || !take_name(&name)) return damaged();
-      }
-    }
-    return chunk_count_ <= static_cast<std::int64_t>(bytes_.size() / 8) ? absl::OkStatus() : damaged();
-  }
-
- private:
-  static absl::Status damaged() {
-    return absl::DataLossError("it is damaged or no matte: its header is none of a matte's");
-  }
-
-  bool take(size_t size, std::string_view* taken) {
-    if (at_ > bytes_.size() || bytes_.size() - at_ < size) return false;
-    *taken = bytes_.substr(at_, size);
-    at_ += size;
-    return true;
-  }
-  bool take_int(std::int32_t* value) {
-    std::string_view taken;
-    if (!take(sizeof *value, &taken)) return false;
-    std::memcpy(value, taken.data(), sizeof *value);
-    return true;
-  }
-  bool take_name(std::string_view* name) {
-    constexpr size_t kLongest = 255;
-    const size_t end = at_ < bytes_.size() ? bytes_.find('\0', at_) : std::string_view::npos;
-    return end != std::string_view::npos && end - at_ <= kLongest && take(end - at_, name) && ++at_ > 0;
-  }
-  // A list of channels ends with an empty name, and nothing comes after it.
-  bool take_channels(size_t size) {
-    const size_t end = at_ + size;
-    constexpr size_t kAfterName = 16;
-    for (std::string_view name, rest; take_name(&name) && at_ <= end;) {
-      if (name.empty()) return at_ == end;
-      if (!take(kAfterName, &rest)) break;
-    }
-    return false;
-  }
-  bool take_attribute(std::string_view name) {
-    struct Type {
-      std::string_view name;
-      std::int32_t size;
-    };
-    constexpr std::array<Type, 6> kTypes{
-        {{"box2i", 16}, {"compression", 1}, {"float", 4}, {"int", 4}, {"lineOrder", 1}, {"v2f", 8}}};
-    std::string_view type, value;
-    std::int32_t size = 0;
-    if (!take_name(&type) || !take_int(&size) || size < 0) return false;
-    if (type == "chlist") return take_channels(static_cast<size_t>(size));
-    const size_t start = at_;
-    if (!take(static_cast<size_t>(size), &value)) return false;
-    if (type == "string") return true;
-    const auto known = std::ranges::find(kTypes, type, &Type::name);
-    if (known == kTypes.end() || known->size != size) return false;
-    if (name == "chunkCount") {
-      std::int32_t count = 0;
-      std::memcpy(&count, &bytes_[start], sizeof count);
-      if (type != "int" || count < 0) return false;
-      chunk_count_ += count;
-    }
-    return true;
-  }
-
-  const std::string_view bytes_;
-  size_t at_ = 8;  // past magic number and version
-  std::int64_t chunk_count_ = 0;
-};
 
 bool is_colourless(const Imf::MultiPartInputFile& file) {
-  return file.header(2).channels().findChannel(kModeLayers[0].name) != nullptr;
+  return file.header(2).channels().findChannel(channel_name(0, kModeLayers[0], 0, true)) != nullptr;
 }
 
 // The parts that a matte has, and no more pixels than so many bytes can hold: what is read afterwards is
@@ -329,7 +204,7 @@ absl::Status check_parts(const Imf::MultiPartInputFile& file, size_t file_bytes)
       plain = plain && channel.channel().type == Imf::FLOAT && channel.channel().xSampling == 1 &&
               channel.channel().ySampling == 1;
     }
-    if (!plain || layers != layers_of(i, colourless)) {
+    if (!plain || layers != channels_of(i, colourless)) {
       return absl::DataLossError(fmt::format("its part {} has not the layers of a matte", i));
     }
     layer_count += layers.size();
@@ -366,59 +241,60 @@ absl::Status check_metadata(const v1::MatteMetadata& metadata, const Imath::Box2
   return absl::OkStatus();
 }
 
-Part read_part(Imf::MultiPartInputFile& file, int index) {
+ExrPart read_part(Imf::MultiPartInputFile& file, int index) {
   const Imf::Header& header = file.header(index);
   const Imath::Box2i window = header.dataWindow();
   const size_t count = static_cast<size_t>(window.max.x - window.min.x + 1) *
                        static_cast<size_t>(window.max.y - window.min.y + 1);
-  Part part{.name = header.hasName() ? header.name() : "", .planes = {}};
+  ExrPart part{.name = header.hasName() ? header.name() : "", .planes = {}};
+  Imf::FrameBuffer buffer;
   for (auto channel = header.channels().begin(); channel != header.channels().end(); ++channel) {
-    part.planes.push_back({.name = channel.name(), .values = std::vector<float>(count)});
+    ExrPlane& plane =
+        part.planes.emplace_back(ExrPlane{.name = channel.name(), .values = std::vector<float>(count)});
+    buffer.insert(plane.name, Imf::Slice::Make(Imf::FLOAT, plane.values.data(), window));
   }
   Imf::InputPart input(file, index);
-  input.setFrameBuffer(buffer_over(part.planes, window));
+  input.setFrameBuffer(buffer);
   input.readPixels(window.min.y, window.max.y);
   return part;
 }
 
-const Plane& plane_named(const Part& part, const std::string& name) {
-  for (const Plane& plane : part.planes) {
+const ExrPlane& plane_named(const ExrPart& part, const std::string& name) {
+  for (const ExrPlane& plane : part.planes) {
     if (plane.name == name) return plane;
   }
-  throw std::runtime_error(fmt::format("part {} has no layer {}", part.name, name));
+  throw std::runtime_error(fmt::format("part {} has no channel {}", part.name, name));
 }
 
-Matte matte_of(const std::vector<Part>& parts, const Imath::Box2i& window, bool colourless) {
+Matte matte_of(const std::vector<ExrPart>& parts, const Imath::Box2i& window, bool colourless) {
   const int width = window.max.x - window.min.x + 1;
   Matte matte(window.min.x, window.min.y, width, window.max.y - window.min.y + 1,
               static_cast<int>(parts.size()) - 2, colourless);
-  const auto fill = [&](const Part& part, const std::string& name, const auto& set) {
-    const Plane& plane = plane_named(part, name);
+  const auto fill = [&](const ExrPart& part, const std::string& name, const auto& set) {
+    const ExrPlane& plane = plane_named(part, name);
     for (size_t i = 0; i < plane.values.size(); ++i) {
       set(static_cast<int>(i) % width, static_cast<int>(i) / width, plane.values[i]);
     }
   };
-  fill(parts[1], "coverage", [&](int x, int y, float value) { matte.coverage(x, y) = value; });
-  fill(parts[1], "flags", [&](int x, int y, float value) {
+  fill(parts[1], kCoverage, [&](int x, int y, float value) { matte.coverage(x, y) = value; });
+  fill(parts[1], kFlags, [&](int x, int y, float value) {
     matte.flags(x, y) =
         value >= 0.0f && value <= 255.0f ? static_cast<std::uint8_t>(value) : std::uint8_t{kFlagNoData};
   });
   for (int c = 0; c < 3; ++c) {
-    const std::string colour = kColours[static_cast<size_t>(c)];
-    fill(parts[1], "F." + colour,
+    fill(parts[1], foreground_name(static_cast<size_t>(c)),
          [&](int x, int y, float value) { matte.foreground(x, y)[static_cast<size_t>(c)] = value; });
     if (colourless && c > 0) continue;
-    for (int m = 0; m < matte.modes_per_channel(); ++m) {
+    for (size_t m = 0; m + 2 < parts.size(); ++m) {
       for (const ModeLayer& layer : kModeLayers) {
-        fill(parts[static_cast<size_t>(m) + 2], layer_name(layer, c, colourless),
-             [&](int x, int y, float value) {
-               Mode& mode = matte.modes(x, y, c)[static_cast<size_t>(m)];
-               if (layer.member != nullptr) {
-                 mode.*layer.member = value;
-               } else {
-                 mode.texture = value >= 0.0f && value < 1024.0f ? static_cast<std::int32_t>(value) : -1;
-               }
-             });
+        fill(parts[m + 2], channel_name(m, layer, c, colourless), [&](int x, int y, float value) {
+          Mode& mode = matte.modes(x, y, c)[m];
+          if (layer.member != nullptr) {
+            mode.*layer.member = value;
+          } else {
+            mode.texture = value >= 0.0f && value < 1024.0f ? static_cast<std::int32_t>(value) : -1;
+          }
+        });
       }
     }
   }
@@ -428,47 +304,17 @@ Matte matte_of(const std::vector<Part>& parts, const Imath::Box2i& window, bool 
 }  // namespace
 
 absl::StatusOr<std::string> encode_matte(const Matte& matte) {
-  try {
-    std::vector<Part> parts = parts_of(matte);
-    // EXR lists layers by name, so the checksum is taken in that order.
-    for (Part& part : parts) {
-      std::sort(part.planes.begin(), part.planes.end(),
-                [](const Plane& a, const Plane& b) { return a.name < b.name; });
-    }
-    const std::string metadata = json_of(matte.metadata);
-    const Imath::Box2i window({matte.x0_px(), matte.y0_px()},
-                              {matte.x0_px() + matte.width_px() - 1, matte.y0_px() + matte.height_px() - 1});
-    const int full_width = std::max(matte.metadata.width_px(), matte.x0_px() + matte.width_px());
-    const int full_height = std::max(matte.metadata.height_px(), matte.y0_px() + matte.height_px());
-    std::vector<Imf::Header> headers;
-    for (const Part& part : parts) {
-      Imf::Header header(Imath::Box2i({0, 0}, {full_width - 1, full_height - 1}), window);
-      header.compression() = Imf::ZIP_COMPRESSION;
-      header.setType(Imf::SCANLINEIMAGE);
-      header.setName(part.name);
-      header.insert(kMetadata, Imf::StringAttribute(metadata));
-      header.insert(kConventions, Imf::StringAttribute(kConventionsText));
-      header.insert(kChecksum, Imf::StringAttribute(checksum_over(metadata, parts)));
-      for (const Plane& plane : part.planes) header.channels().insert(plane.name, Imf::Channel(Imf::FLOAT));
-      headers.push_back(std::move(header));
-    }
-    MemoryWriter writer;
-    {
-      Imf::MultiPartOutputFile file(writer, headers.data(), static_cast<int>(headers.size()));
-      for (size_t i = 0; i < parts.size(); ++i) {
-        Imf::OutputPart part(file, static_cast<int>(i));
-        part.setFrameBuffer(buffer_over(parts[i].planes, window));
-        part.writePixels(matte.height_px());
-      }
-    }
-    return std::move(writer.bytes);
-  } catch (const std::exception& error) {
-    return absl::InternalError(fmt::format("the matte cannot be written: {}", error.what()));
-  }
+  std::vector<ExrPart> parts = parts_of(matte);
+  // EXR lists channels by name, so the checksum is taken in that order.
+  for (ExrPart& part : parts) std::ranges::sort(part.planes, {}, &ExrPlane::name);
+  const std::string metadata = json_of(matte.metadata);
+  return encode_exr(
+      parts, matte,
+      {{kMetadata, metadata}, {kConventions, kConventionsText}, {kChecksum, checksum_over(metadata, parts)}});
 }
 
 absl::StatusOr<Matte> decode_matte(std::string_view bytes) {
-  GW_RETURN_IF_ERROR(HeaderWalk(bytes).check());
+  GW_RETURN_IF_ERROR(check_exr_header(bytes));
   try {
     MemoryReader reader(bytes);
     Imf::MultiPartInputFile file(reader, 1, false);
@@ -477,7 +323,7 @@ absl::StatusOr<Matte> decode_matte(std::string_view bytes) {
     const auto* checksum = file.header(0).findTypedAttribute<Imf::StringAttribute>(kChecksum);
     if (metadata == nullptr || checksum == nullptr) return absl::DataLossError("it is no matte of ours");
     const Imath::Box2i window = file.header(0).dataWindow();
-    std::vector<Part> parts;
+    std::vector<ExrPart> parts;
     for (int i = 0; i < file.parts(); ++i) parts.push_back(read_part(file, i));
     if (checksum_over(metadata->value(), parts) != checksum->value()) {
       return absl::DataLossError("its checksum does not agree with its pixels");

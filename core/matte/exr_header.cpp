@@ -1,0 +1,95 @@
+#include "core/matte/exr_header.h"
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <cstring>
+
+namespace glasswing {
+namespace {
+
+class HeaderWalk {
+ public:
+  explicit HeaderWalk(std::string_view bytes) : bytes_(bytes) {}
+
+  absl::Status check() {
+    while (true) {
+      std::string_view name;
+      if (!take_name(&name)) return damaged();
+      if (name.empty()) break;  // no attribute: the last header is past
+      for (; !name.empty();) {
+        if (!take_attribute(name) || !take_name(&name)) return damaged();
+      }
+    }
+    return chunk_count_ <= static_cast<std::int64_t>(bytes_.size() / 8) ? absl::OkStatus() : damaged();
+  }
+
+ private:
+  static absl::Status damaged() {
+    return absl::DataLossError("it is damaged or no matte: its header is none of a matte's");
+  }
+
+  bool take(size_t size, std::string_view* taken) {
+    if (at_ > bytes_.size() || bytes_.size() - at_ < size) return false;
+    *taken = bytes_.substr(at_, size);
+    at_ += size;
+    return true;
+  }
+  bool take_int(std::int32_t* value) {
+    std::string_view taken;
+    if (!take(sizeof *value, &taken)) return false;
+    std::memcpy(value, taken.data(), sizeof *value);
+    return true;
+  }
+  bool take_name(std::string_view* name) {
+    constexpr size_t kLongest = 255;
+    const size_t end = at_ < bytes_.size() ? bytes_.find('\0', at_) : std::string_view::npos;
+    return end != std::string_view::npos && end - at_ <= kLongest && take(end - at_, name) && ++at_ > 0;
+  }
+  // A list of channels ends with an empty name, and nothing comes after it.
+  bool take_channels(size_t size) {
+    const size_t end = at_ + size;
+    constexpr size_t kAfterName = 16;
+    for (std::string_view name, rest; take_name(&name) && at_ <= end;) {
+      if (name.empty()) return at_ == end;
+      if (!take(kAfterName, &rest)) break;
+    }
+    return false;
+  }
+  bool take_attribute(std::string_view name) {
+    struct Type {
+      std::string_view name;
+      std::int32_t size;
+    };
+    constexpr std::array<Type, 6> kTypes{
+        {{"box2i", 16}, {"compression", 1}, {"float", 4}, {"int", 4}, {"lineOrder", 1}, {"v2f", 8}}};
+    std::string_view type, value;
+    std::int32_t size = 0;
+    if (!take_name(&type) || !take_int(&size) || size < 0) return false;
+    if (type == "chlist") return take_channels(static_cast<size_t>(size));
+    const size_t start = at_;
+    if (!take(static_cast<size_t>(size), &value)) return false;
+    if (type == "string") return true;
+    const auto known = std::ranges::find(kTypes, type, &Type::name);
+    if (known == kTypes.end() || known->size != size) return false;
+    if (name == "chunkCount") {
+      std::int32_t count = 0;
+      std::memcpy(&count, &bytes_[start], sizeof count);
+      if (type != "int" || count < 0) return false;
+      chunk_count_ += count;
+    }
+    return true;
+  }
+
+  const std::string_view bytes_;
+  size_t at_ = 8;  // past magic number and version
+  std::int64_t chunk_count_ = 0;
+};
+
+}  // namespace
+
+absl::Status check_exr_header(std::string_view bytes) {
+  return HeaderWalk(bytes).check();
+}
+
+}  // namespace glasswing

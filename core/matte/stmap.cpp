@@ -1,0 +1,95 @@
+#include "core/matte/stmap.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/base/status.h"
+#include "core/matte/exr_parts.h"
+
+namespace glasswing {
+namespace {
+
+constexpr std::array<const char*, kChannels> kColours{"R", "G", "B"};
+
+}  // namespace
+
+const Mode* strongest_mode(const Matte& matte, int x, int y, int channel, int texture) {
+  const Mode* strongest = nullptr;
+  for (const Mode& mode : matte.modes(x, y, channel)) {
+    if (mode.weight <= 0.0f || (texture >= 0 && mode.texture != texture)) continue;
+    if (strongest == nullptr || mode.weight > strongest->weight) strongest = &mode;
+  }
+  return strongest;
+}
+
+int strongest_channel(const Matte& matte, int texture) {
+  std::array<double, kChannels> weight{};
+  for (int y = 0; y < matte.height_px(); ++y) {
+    for (int x = 0; x < matte.width_px(); ++x) {
+      for (int c = 0; c < kChannels; ++c) {
+        const Mode* mode = strongest_mode(matte, x, y, c, texture);
+        if (mode != nullptr) weight[static_cast<size_t>(c)] += static_cast<double>(mode->weight);
+      }
+    }
+  }
+  constexpr int kGreen = 1;
+  constexpr double kMuchMore = 1.1;
+  const auto most = std::ranges::max_element(weight);
+  return *most > kMuchMore * weight[kGreen] ? static_cast<int>(most - weight.begin()) : kGreen;
+}
+
+absl::StatusOr<std::string> encode_stmap(const Matte& matte, int texture, int channel) {
+  const v1::MatteMetadata& metadata = matte.metadata;
+  if (texture < 0 || texture >= metadata.monitors_size()) {
+    return absl::InvalidArgumentError(
+        fmt::format("there is no texture {}; the matte has {} monitors", texture, metadata.monitors_size()));
+  }
+  const v1::Monitor& monitor = metadata.monitors(texture);
+  if (monitor.width_px() < 1 || monitor.height_px() < 1) {
+    return absl::InvalidArgumentError(
+        fmt::format("the matte does not say how large its monitor \"{}\" is", monitor.name()));
+  }
+  const auto width = static_cast<double>(monitor.width_px());
+  const auto height = static_cast<double>(monitor.height_px());
+  const auto on_monitor = [&](int x, int y) -> const Mode* {
+    const Mode* mode = strongest_mode(matte, x, y, channel, texture);
+    const bool inside = mode != nullptr && mode->x_px >= 0.0f && static_cast<double>(mode->x_px) <= width &&
+                        mode->y_px >= 0.0f && static_cast<double>(mode->y_px) <= height;
+    return inside ? mode : nullptr;
+  };
+  const auto place = [&](const char* name, const auto& of) {
+    return plane_of(matte, name, [&](int x, int y) {
+      const Mode* mode = on_monitor(x, y);
+      return mode != nullptr ? static_cast<float>(of(*mode)) : 0.0f;
+    });
+  };
+  ExrPart part{.name = "stmap", .planes = {}};
+  part.planes.push_back(place("R", [&](const Mode& mode) { return static_cast<double>(mode.x_px) / width; }));
+  part.planes.push_back(
+      place("G", [&](const Mode& mode) { return 1.0 - static_cast<double>(mode.y_px) / height; }));
+  part.planes.push_back(place("B", [](const Mode&) { return 1.0; }));
+  part.planes.push_back(place("A", [](const Mode&) { return 1.0; }));
+  part.planes.push_back(place("blur.Y", [](const Mode& mode) {
+    return std::sqrt(std::max(0.5f * (mode.xx_px2 + mode.yy_px2), 0.0f));
+  }));
+  for (int c = 0; c < kChannels; ++c) {
+    const std::string name = fmt::format("weight.{}", kColours[static_cast<size_t>(c)]);
+    part.planes.push_back(plane_of(matte, name, [&](int x, int y) {
+      const Mode* mode = strongest_mode(matte, x, y, c, texture);
+      return mode != nullptr ? mode->weight : 0.0f;
+    }));
+  }
+  return encode_exr(
+      {part}, matte,
+      {{"glasswing:conventions",
+        fmt::format(
+            "R = x / {}, G = 1 - y / {}: where channel {} of session {} looks on monitor {}, from its "
+            "bottom left corner; B = A = 1 where it does. weight: of the path. blur: its sigma, "
+            "monitor px.",
+            monitor.width_px(), monitor.height_px(), kColours[static_cast<size_t>(channel)],
+            metadata.session(), monitor.name())}});
+}
+
+}  // namespace glasswing
