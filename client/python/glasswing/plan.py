@@ -77,7 +77,7 @@ class SquareWaves:
 
 @dataclasses.dataclass(frozen=True)
 class Fringes(_Value):
-    """Light that varies as a sine along one direction; each period (2 to 100000 px) at 3 to 32 ``phases``, default 4."""
+    """Light that varies as a sine along one direction: each period, 2 to 100000 px, at 3 to 32 ``phases`` (default 4)."""
 
     orientation_deg: float
     period_px: Sequence[float]
@@ -86,7 +86,7 @@ class Fringes(_Value):
 
 @dataclasses.dataclass(frozen=True)
 class Ramp:
-    """The colour ramp of method "ramp": ``frames`` (1 to 18000) of the object, after ``empty_frames`` (1 to 1000) without."""
+    """The colour ramp of method "ramp": ``frames`` (1 to 18000) of the object, after ``empty_frames`` (1 to 1000)."""
 
     empty_frames: int | None = None
     frames: int | None = None
@@ -116,11 +116,12 @@ class CalibrationFrames:
 class Plan(_Value):
     """What a session captures. Change one with ``dataclasses.replace(plan, exposure_ms=[2.0])``.
 
-    ``method``: "gaussian", "hierarchical", "fringe", "alpha" or "ramp". ``monitors``: each takes its turn while the others
-    are black; none: every monitor of the rig. ``hold_refreshes``: for which a step stays on screen, 2 to 600, default 2.
-    ``exposure_ms``: 0.01 to 10000, default 4; every step is taken once with each. ``retries``: how often a step without
-    proof is shown again, 0 to 100, default 10. ``white_every``: white and black again after so many steps, 2 to 10000,
-    default never.
+    ``method``: "gaussian", "hierarchical", "fringe", "alpha" or "ramp". ``monitors``: each takes its turn while the
+    others are black; none: every monitor of the rig. ``hold_refreshes``: for which a step stays on screen, 2 to 600,
+    default 2. ``exposure_ms``: 0.01 to 10000, default 4; every step is taken once with each. ``retries``: how often a
+    step without proof is shown again, 0 to 100, default 10. ``skip_empty_stage``: leaves out the frames without the
+    object: no silhouette is found, every pixel is solved. ``white_every``: white and black again after so many steps, 2
+    to 10000, default never.
 
     >>> plan = Plan(
     ...     method="gaussian",

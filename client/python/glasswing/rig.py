@@ -112,9 +112,9 @@ def connect(
     """Connects to a glasswing-server, and asks it something to see that it answers.
 
     ``server``: "host:port". ``ca``: PEM file of the authority that signed the server's certificate; with it the
-    connection is encrypted. ``certificate``, ``key``: PEM files of this client's own, for a server that asks for them. What is
-    left out comes from the environment and the file that the command line reads too (``glasswing.settings``); without any,
-    127.0.0.1:7440. ``timeout``: seconds that an ordinary call may take.
+    connection is encrypted. ``certificate``, ``key``: PEM files of this client's own, for a server that asks for them.
+    What is left out comes from the environment and the file that the command line reads too (``glasswing.settings``);
+    without any, 127.0.0.1:7440. ``timeout``: seconds that an ordinary call may take.
 
     InvalidInput: another machine than this one without ``ca``, or files that are no PEM. Unavailable: it does not answer.
     """
@@ -197,9 +197,9 @@ class Rig:
     def capture(self, plan: Plan, name: str = "") -> Session:
         """Starts a capture, and returns at once; the server chooses a ``name`` if none is given.
 
-        The plan's photos are read and sent, scaled to the first monitor. InvalidInput: the plan or the name, naming the field;
-        AlreadyExists: the name is taken; Refused: somebody has the rig, or it lacks what the plan needs; Unavailable: a
-        node is away.
+        The plan's photos are read and sent, scaled to the first monitor. InvalidInput: the plan or the name, naming the
+        field; AlreadyExists: the name is taken; Refused: somebody has the rig, or it lacks what the plan needs;
+        Unavailable: a node is away.
         """
         message = plan.to_message()
         self._upload_photos(message)
@@ -226,6 +226,8 @@ class Rig:
                 token = next(call).token
             except grpc.RpcError as error:
                 raise self._connection.error_of(error) from None
+            except StopIteration:
+                raise Unavailable(f"{self._connection.title} ended the hold") from None
             self._connection.hold = Hold(token, reason, call)
             yield
         finally:

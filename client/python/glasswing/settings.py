@@ -43,7 +43,9 @@ def load_settings(
     in_file = _read_file()
 
     def chosen(name: str, given: str | os.PathLike[str] | None) -> str:
-        return os.fspath(given or os.environ.get(f"GLASSWING_{name.upper()}") or in_file.get(name, ""))
+        if given:
+            return os.fspath(given)
+        return os.environ.get(f"GLASSWING_{name.upper()}", "") or in_file.get(name, "")
 
     def chosen_file(name: str, given: str | os.PathLike[str] | None) -> pathlib.Path | None:
         path = chosen(name, given)

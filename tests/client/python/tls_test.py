@@ -90,7 +90,8 @@ class TlsTest(unittest.TestCase):
 
     def test_a_client_of_a_foreign_authority_is_refused(self):
         certificate, key = self.foreign.issue("client")
-        self.refused("refuses the certificate", glasswing.Unavailable, ca=self.ours.certificate, certificate=certificate, key=key)
+        self.refused("refuses the certificate", glasswing.Unavailable, ca=self.ours.certificate,
+                     certificate=certificate, key=key)
 
     def test_a_server_of_a_foreign_authority_is_not_believed(self):
         self.refused("did not sign", glasswing.Unavailable, ca=self.foreign.certificate,
@@ -102,6 +103,13 @@ class TlsTest(unittest.TestCase):
 
     def test_a_server_that_wants_tls_does_not_answer_without(self):
         self.refused("does not answer", glasswing.Unavailable)
+
+    def test_a_server_without_tls_is_told(self):
+        server = grpc.server(concurrent.futures.ThreadPoolExecutor(1))
+        port = server.add_insecure_port("localhost:0")
+        server.start()
+        self.addCleanup(lambda: server.stop(None).wait())
+        self.refused("does not speak TLS", glasswing.Unavailable, f"localhost:{port}", ca=self.ours.certificate)
 
 
 if __name__ == "__main__":
