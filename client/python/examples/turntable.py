@@ -96,6 +96,14 @@ def wait_for_capture(session: glasswing.Session) -> None:
             session.resume()
 
 
+def finish_what_was_begun(rig: glasswing.Rig, views: list[View], plan: glasswing.Plan) -> None:
+    """Waits for a capture that an earlier run left behind: it has the rig."""
+    for view in views:
+        session = find(rig, view, plan)
+        if session is not None and session.info.state is State.CAPTURING:
+            wait_for_capture(session)
+
+
 def capture(rig: glasswing.Rig, view: View, plan: glasswing.Plan, table: Table) -> glasswing.Session:
     """The view's session, captured now or before."""
     session = find(rig, view, plan)
@@ -117,11 +125,12 @@ def run(arguments: argparse.Namespace) -> None:
     table = Table(arguments.turn_command)
     directory = pathlib.Path(arguments.output or arguments.series)
     directory.mkdir(parents=True, exist_ok=True)
+    views = [View(arguments.series, number, arguments.views) for number in range(arguments.views)]
     with glasswing.connect(arguments.server) as rig:
+        finish_what_was_begun(rig, views, plan)
         sessions = []
         with rig.hold(f"turntable series {arguments.series}"):
-            for number in range(arguments.views):
-                view = View(arguments.series, number, arguments.views)
+            for view in views:
                 session = capture(rig, view, plan, table)
                 if session.info.state not in (State.SOLVING, State.DONE):
                     session.solve()  # goes on while the next view is captured

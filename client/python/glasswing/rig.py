@@ -8,6 +8,7 @@ import datetime
 import enum
 import os
 import pathlib
+import time
 import uuid
 from collections.abc import Iterable, Iterator
 from types import TracebackType
@@ -17,7 +18,7 @@ import grpc
 
 from glasswing import pictures
 from glasswing.connection import CHUNK_BYTES, LONG_CALL_SECONDS, Connection, Hold
-from glasswing.errors import Refused, TimedOut, Unavailable
+from glasswing.errors import Error, Refused, TimedOut, Unavailable
 from glasswing.plan import Plan
 from glasswing.session import Session, SessionInfo, State
 from glasswing.settings import load_settings
@@ -233,6 +234,7 @@ class Rig:
         finally:
             self._connection.hold = None
             call.cancel()
+            self._wait_until_freed(reason)
 
     def upload(self, picture: pictures.Picture) -> str:
         """Stores a picture (linear, H x W x 3) for plans, and returns the name by which a ``Photo.file`` may call it."""
@@ -245,6 +247,13 @@ class Rig:
 
     def _session(self, message: pb.Session) -> Session:
         return Session(self._connection, SessionInfo.from_message(message))
+
+    def _wait_until_freed(self, reason: str) -> None:
+        """The server learns of the call's end a little later; what comes next shall find the rig free."""
+        ends = time.monotonic() + self._connection.timeout
+        with contextlib.suppress(Error):  # a server that is gone holds nothing
+            while time.monotonic() < ends and (holder := self.holder()) is not None and holder.what == reason:
+                time.sleep(0.02)
 
     def _list_nodes(self) -> node_service_pb2.ListNodesResponse:
         request = node_service_pb2.ListNodesRequest()

@@ -4,6 +4,7 @@ import json
 import os
 import pathlib
 import random
+import signal
 import subprocess
 import tempfile
 
@@ -37,6 +38,14 @@ class SimulatedRig:
     def shown(self, session: str) -> dict[str, object]:
         """The session as the command line shows it."""
         return json.loads(self.glasswing("show", session, "--json"))
+
+    def kill(self, daemon: str) -> None:
+        """Ends a daemon, which has no time for good-byes."""
+        os.kill(int((self.work / f"rig/run/{daemon}.pid").read_text()), signal.SIGKILL)
+
+    def start_again(self) -> None:
+        """Starts what was killed."""
+        self._run("up")
 
     def _run(self, verb: str, *options: str) -> None:
         command = [str(ROOT / "deploy/local-rig"), verb, "--data", str(self.work / "rig"), *options]
