@@ -56,10 +56,10 @@ class Connection:
             raise Unavailable(f'the hold "{self.hold.reason}" was lost: {self.title} ended it')
         return [*who, ("glasswing-hold", self.hold.token)]
 
-    def call(self, rpc: Callable[..., Response], request: Any, timeout: float | None = None) -> Response:
-        """One answer to one request, or to an iterator of them, within ``timeout`` seconds (default: the connection's)."""
+    def call(self, rpc: Callable[..., Response], request: Any, seconds: float = 0.0) -> Response:
+        """One answer to one request, or to an iterator of them, which may take ``seconds`` if ``timeout`` is less."""
         try:
-            return rpc(request, timeout=timeout or self.timeout, metadata=self.metadata())
+            return rpc(request, timeout=max(self.timeout, seconds), metadata=self.metadata())
         except grpc.RpcError as error:
             raise self.error_of(error) from None
 

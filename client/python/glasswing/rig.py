@@ -216,11 +216,16 @@ class Rig:
     def hold(self, reason: str) -> Iterator[None]:
         """Keeps the rig for this object, between sessions too, for as long as the block lasts.
 
-        ``reason`` is told to whoever else wants the rig ("turntable series"). Refused names who has it. If the server is
-        lost meanwhile, so is the hold: every call then raises ``Unavailable``.
+        ``reason`` is told to whoever else wants the rig ("turntable series"), 1 to 200 bytes. Refused names who has it.
+        If the server is lost meanwhile, so is the hold: every call then raises ``Unavailable``. A program that was started
+        under a hold (GLASSWING_HOLD is its token) goes on under that one.
         """
-        if self._connection.hold is not None:
-            raise Refused("the rig is held by this program already, or by GLASSWING_HOLD")
+        held = self._connection.hold
+        if held is not None and held.call is not None:
+            raise Refused(f'this program holds the rig already, for "{held.reason}"')
+        if held is not None:
+            yield
+            return
         call = self._rig.HoldRig(rig_service_pb2.HoldRigRequest(reason=reason), metadata=self._connection.metadata())
         try:
             try:

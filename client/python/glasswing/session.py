@@ -178,7 +178,7 @@ class Session:
 
     def refresh(self) -> SessionInfo:
         """Asks the server how the session stands."""
-        return self._ask(self._stub.GetSession, pb.GetSessionRequest(name=self.name))
+        return self._ask(self._stub.GetSession, pb.GetSessionRequest(name=self.name), 0.0)
 
     def events(self) -> Iterator[SessionInfo]:
         """The session now and after every change, until it rests. Breaking off the loop leaves the session alone."""
@@ -266,8 +266,8 @@ class Session:
         answers = self._connection.stream(self._stub.FetchMatte, request, _FETCH_SECONDS)
         return b"".join(answer.chunk for answer in answers)
 
-    def _ask(self, rpc: Any, request: Any) -> SessionInfo:
-        answer = self._connection.call(rpc, request, LONG_CALL_SECONDS)
+    def _ask(self, rpc: Any, request: Any, seconds: float = LONG_CALL_SECONDS) -> SessionInfo:
+        answer = self._connection.call(rpc, request, seconds)
         self.info = SessionInfo.from_message(answer.session)
         return self.info
 

@@ -1,5 +1,6 @@
 """The example scripts, run as a person would on a simulated rig of two monitors."""
 
+import dataclasses
 import pathlib
 import signal
 import subprocess
@@ -14,22 +15,24 @@ EXAMPLES = simulated_rig.ROOT / "client/python/examples"
 WAVES = glasswing.Plan(
     method="hierarchical",
     monitors=[glasswing.PlanMonitor("back"), glasswing.PlanMonitor("left")],
-    square_waves=glasswing.SquareWaves(levels=4),
+    square_waves=glasswing.SquareWaves(levels=2),
     solids=[glasswing.Solid(glasswing.BLACK), glasswing.Solid(glasswing.WHITE)],
-    hold_refreshes=3,  # long enough for an exposure of 6 ms, whatever the camera's phase
 )
+# Long enough for an exposure of 6 ms, whatever the camera's phase.
+SLOW = dataclasses.replace(WAVES, monitors=[glasswing.PlanMonitor("back")], hold_refreshes=3)
 
 
 class ExamplesTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         # Exposures of up to 6.7 ms; this camera clips white from 4.5 ms on.
-        cls.daemons = simulated_rig.SimulatedRig("--monitors", "2", "--fps", "150")
+        cls.daemons = simulated_rig.SimulatedRig("--monitors", "2", "--fps", "150", "--size", "96x80")
         cls.addClassCleanup(cls.daemons.stop)
         cls.rig = glasswing.connect(cls.daemons.server)
         cls.addClassCleanup(cls.rig.close)
-        cls.plan = cls.daemons.work / "plan.txtpb"
+        cls.plan, cls.slow_plan = cls.daemons.work / "plan.txtpb", cls.daemons.work / "slow.txtpb"
         WAVES.write(cls.plan)
+        SLOW.write(cls.slow_plan)
 
     def start(self, script: str, *arguments: str) -> subprocess.Popen:
         return subprocess.Popen(
@@ -39,8 +42,8 @@ class ExamplesTest(unittest.TestCase):
 
     def run_script(self, script: str, *arguments: str, status: int = 0) -> str:
         """What it says."""
-        process = self.start(script, *arguments)
-        said, _ = process.communicate(timeout=120)
+        with self.start(script, *arguments) as process:
+            said, _ = process.communicate(timeout=120)
         self.assertEqual(process.returncode, status, said)
         return said
 
@@ -58,11 +61,11 @@ class ExamplesTest(unittest.TestCase):
         turn.write_text(f'#!/bin/sh\necho "$1" >> {self.daemons.work}/turns\n')
         turn.chmod(0o755)
         series = ("turntable.py", "cup", "--views", "3", "--plan", str(self.plan), "--turn-command", str(turn))
-        begun = self.start(*series)
-        first = begun.stdout.readline()
-        self.assertTrue(first.startswith("cup-000: view 1 of 3, 0 degrees"), first)
-        begun.send_signal(signal.SIGINT)
-        said, _ = begun.communicate(timeout=60)
+        with self.start(*series) as begun:
+            first = begun.stdout.readline()
+            self.assertTrue(first.startswith("cup-000: view 1 of 3, 0 degrees"), first)
+            begun.send_signal(signal.SIGINT)
+            said, _ = begun.communicate(timeout=60)
         self.assertEqual(begun.returncode, 1, said)
         self.assertIn("takes the series up again", said)
 
@@ -85,13 +88,14 @@ class ExamplesTest(unittest.TestCase):
         self.assertIn("mug-000 has another plan", self.run_script(*other, status=1))
 
     def test_exposure_sweep_finds_the_longest_that_does_not_clip(self):
-        said = self.run_script("exposure_sweep.py", "bowl", "--exposures", "6", "4", "50", "--plan", str(self.plan))
+        said = self.run_script("exposure_sweep.py", "bowl", "--exposures", "6", "4", "50", "--plan", str(self.slow_plan))
         rows = {line.split()[0]: line.split()[1:] for line in said.splitlines()[1:]}
         self.assertEqual(rows["4"][2], "0")
         self.assertGreater(int(rows["6"][2]), 0)
         self.assertIn("exposure", " ".join(rows["50"]))  # which the camera cannot make
         self.assertIn("best: 4 ms, session bowl-4ms", said)
-        self.assertEqual([session.name for session in self.rig.sessions(tags=["exposure-sweep"])], ["bowl-6ms", "bowl-4ms"])
+        swept = [session.name for session in self.rig.sessions(tags=["exposure-sweep"])]
+        self.assertEqual(swept, ["bowl-6ms", "bowl-4ms"])
 
     def test_sessions_are_solved_again_past_failures(self):
         for name in ("jug-1", "jug-2"):

@@ -62,25 +62,26 @@ class LifecycleTest(unittest.TestCase):
         self.refused(glasswing.InvalidInput, "retries is -1", self.rig.estimate, bad)
 
     def test_notes_and_tags_are_found(self):
-        before = datetime.datetime.now()
-        for name in ("red", "green"):
-            self.captured(name)
-        red = self.rig.session("red")
+        red, green = (self.captured(name) for name in ("red", "green"))
+        for session in (red, green):
+            session.annotate(add_tags=["glass"])
         info = red.annotate(note="A Crystal from Bohemia", add_tags=["cut", "lead"])
-        self.assertEqual((info.note, info.tags), ("A Crystal from Bohemia", ("cut", "lead")))
+        self.assertEqual((info.note, info.tags), ("A Crystal from Bohemia", ("cut", "glass", "lead")))
         self.assertEqual(red.annotate(remove_tags=["lead"]).note, "A Crystal from Bohemia")
+        self.refused(glasswing.InvalidInput, "tag", red.annotate, add_tags=["two words"])
 
-        def found(**conditions):
-            return [session.name for session in self.rig.sessions(since=before, **conditions)]
+        def found(tags=("glass",), **conditions):
+            return [session.name for session in self.rig.sessions(tags=tags, **conditions)]
 
         self.assertEqual(found(), ["green", "red"])
         self.assertEqual(found(text="crystal"), ["red"])
-        self.assertEqual(found(tags=["cut"]), ["red"])
-        self.assertEqual(found(tags=["cut", "lead"]), [])
+        self.assertEqual(found(["glass", "cut"]), ["red"])
+        self.assertEqual(found(["glass", "lead"]), [])
         self.assertEqual(found(states=[glasswing.State.CAPTURED]), ["green", "red"])
         self.assertEqual(found(states=[glasswing.State.DONE]), [])
+        self.assertEqual(found(since=red.info.created), ["green", "red"])
+        self.assertEqual(found(since=green.info.created + datetime.timedelta(seconds=1)), [])
         self.assertEqual(found(before=red.info.created), [])
-        self.refused(glasswing.InvalidInput, "tag", red.annotate, add_tags=["two words"])
 
     def test_a_session_is_deleted(self):
         session = self.rig.capture(PLAN, name="short-lived")
@@ -99,7 +100,7 @@ class LifecycleTest(unittest.TestCase):
                 self.refused(glasswing.Refused, "a series", other.hold("another series").__enter__)
                 self.captured("in-series-1")
                 self.captured("in-series-2")
-                self.refused(glasswing.Refused, "held by this program already", self.rig.hold("twice").__enter__)
+                self.refused(glasswing.Refused, "holds the rig already", self.rig.hold("twice").__enter__)
             other.capture(PLAN, name="after").wait()
             self.assertIsNone(other.holder())
 
