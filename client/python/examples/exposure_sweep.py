@@ -75,8 +75,8 @@ def best_of(results: list[Result]) -> Result:
 def run(arguments: argparse.Namespace) -> None:
     plan = glasswing.Plan.read(arguments.plan)
     results = []
-    print(HEADING)
     with glasswing.connect(arguments.server) as rig, rig.hold(f"exposure sweep {arguments.name}"):
+        print(HEADING)
         for exposure_ms in sorted(set(arguments.exposures)):
             results.append(try_exposure(rig, plan, arguments.name, exposure_ms))
             print(results[-1], flush=True)
