@@ -1,0 +1,96 @@
+"""Glasswing from Python: drive a rig, and put what it captured in front of other pictures.
+
+    import glasswing
+
+    with glasswing.connect("127.0.0.1:7440") as rig:
+        session = rig.capture(glasswing.Plan.read("crystal.txtpb"), name="vase")
+        for event in session.events():
+            print(f"{event.steps_proven} of {event.steps}")
+        session.solve()
+        session.wait()
+        matte = session.fetch()
+
+    picture = matte.composite({"back": glasswing.read_picture("harbour.png")})
+    glasswing.write_picture("vase.png", picture)
+
+Everything that fails raises an ``Error`` whose text is one line that says what to do.
+"""
+
+from glasswing.errors import (
+    AlreadyExists,
+    Damaged,
+    Error,
+    InvalidInput,
+    NotAllowed,
+    NotFound,
+    NotSupported,
+    Refused,
+    TimedOut,
+    Unavailable,
+)
+from glasswing.matte import Matte, Modes, PixelFlag
+from glasswing.pictures import Picture, linear_to_srgb, read_picture, resized, srgb_to_linear, write_picture
+from glasswing.plan import (
+    BLACK,
+    WHITE,
+    CalibrationFrames,
+    Colour,
+    Fringes,
+    Photo,
+    Plan,
+    PlanMonitor,
+    Ramp,
+    Solid,
+    SquareWaves,
+    Sweep,
+)
+from glasswing.rig import Estimate, Holder, Monitor, Node, NodeKind, Rig, connect
+from glasswing.session import Session, SessionInfo, State, Stopped, UnprovenStep
+
+__version__ = "@glasswing_VERSION@"
+
+__all__ = [
+    "BLACK",
+    "WHITE",
+    "AlreadyExists",
+    "CalibrationFrames",
+    "Colour",
+    "Damaged",
+    "Error",
+    "Estimate",
+    "Fringes",
+    "Holder",
+    "InvalidInput",
+    "Matte",
+    "Modes",
+    "Monitor",
+    "Node",
+    "NodeKind",
+    "NotAllowed",
+    "NotFound",
+    "NotSupported",
+    "Photo",
+    "Picture",
+    "PixelFlag",
+    "Plan",
+    "PlanMonitor",
+    "Ramp",
+    "Refused",
+    "Rig",
+    "Session",
+    "SessionInfo",
+    "Solid",
+    "SquareWaves",
+    "State",
+    "Stopped",
+    "Sweep",
+    "TimedOut",
+    "Unavailable",
+    "UnprovenStep",
+    "connect",
+    "linear_to_srgb",
+    "read_picture",
+    "resized",
+    "srgb_to_linear",
+    "write_picture",
+]

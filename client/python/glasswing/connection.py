@@ -1,0 +1,158 @@
+"""One channel to a server: how it is dialled, what every call carries, and how failures become errors."""
+
+from __future__ import annotations
+
+import dataclasses
+import getpass
+import os
+import pathlib
+import socket
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, TypeVar
+
+import grpc
+
+from glasswing.errors import Error, InvalidInput, NotFound, NotSupported, TimedOut, Unavailable, error_of
+from glasswing.settings import Settings
+
+CHUNK_BYTES = 1 << 20
+LONG_CALL_SECONDS = 60.0
+"""For calls that make the server talk to nodes, or that carry one file."""
+
+Response = TypeVar("Response")
+
+
+@dataclasses.dataclass(frozen=True)
+class Hold:
+    """A hold of the rig: the token that calls bring, and the call that lasts as long as it; None: somebody else's."""
+
+    token: str
+    reason: str = ""
+    call: Any = None
+
+
+class Connection:
+    """A channel to the server at ``settings.server``, which no call has used yet."""
+
+    def __init__(self, settings: Settings, timeout: float) -> None:
+        self.title = f"server at {settings.server}"
+        self.timeout = timeout
+        token = os.environ.get("GLASSWING_HOLD")
+        self.hold = Hold(token) if token else None
+        self._settings = settings
+        self._channel = _dial(settings)
+        self._client = f"{_user()}@{socket.gethostname()}"
+
+    def stub(self, stub_class: Callable[[grpc.Channel], Any]) -> Any:
+        """A service of the server."""
+        return stub_class(self._channel)
+
+    def metadata(self) -> list[tuple[str, str]]:
+        """Who calls, and the token of the hold under which."""
+        who = [("glasswing-client", self._client)]
+        if self.hold is None:
+            return who
+        if self.hold.call is not None and not self.hold.call.is_active():
+            raise Unavailable(f'the hold "{self.hold.reason}" was lost: {self.title} ended it')
+        return [*who, ("glasswing-hold", self.hold.token)]
+
+    def call(self, rpc: Callable[..., Response], request: Any, seconds: float = 0.0) -> Response:
+        """One answer to one request, or to an iterator of them, which may take ``seconds`` if ``timeout`` is less."""
+        try:
+            return rpc(request, timeout=max(self.timeout, seconds), metadata=self.metadata())
+        except grpc.RpcError as error:
+            raise self.error_of(error) from None
+
+    def stream(self, rpc: Callable[..., Iterable[Response]], request: Any, timeout: float) -> Iterator[Response]:
+        """All answers to one request; the call ends with the iterator."""
+        call: Any = rpc(request, timeout=timeout, metadata=self.metadata())
+        try:
+            yield from call
+        except grpc.RpcError as error:
+            raise self.error_of(error) from None
+        finally:
+            call.cancel()
+
+    def error_of(self, error: grpc.RpcError) -> Error:
+        """What a failed call means."""
+        code, details = error.code().name, error.details() or ""
+        if code == "UNAVAILABLE" and "node" not in details:
+            # gRPC's own words for a peer that is gone are about sockets; a server that does answer tells of its nodes.
+            return Unavailable(f"{self.title} {_why_unreachable(details, self._settings)}")
+        if code == "DEADLINE_EXCEEDED" and "Deadline Exceeded" in details:
+            return TimedOut(f"{self.title} did not answer in time")
+        if code == "UNIMPLEMENTED":
+            return NotSupported(f"{self.title} does not know this call; it is of another version than this package")
+        return error_of(code, details or f"{self.title}: {code}")
+
+    def close(self) -> None:
+        """Ends every call."""
+        self._channel.close()
+
+
+def _dial(settings: Settings) -> grpc.Channel:
+    options = [
+        ("grpc.initial_reconnect_backoff_ms", 100),
+        ("grpc.min_reconnect_backoff_ms", 100),
+        ("grpc.max_reconnect_backoff_ms", 1000),
+        ("grpc.use_local_subchannel_pool", 1),
+        ("grpc.enable_http_proxy", 0),
+    ]
+    if (settings.certificate is None) != (settings.key is None):
+        raise InvalidInput("certificate and key belong together; give both or neither")
+    if settings.ca is not None:
+        credentials = grpc.ssl_channel_credentials(
+            root_certificates=_pem(settings.ca, "ca"),
+            private_key=_pem(settings.key, "key") if settings.key else None,
+            certificate_chain=_pem(settings.certificate, "certificate") if settings.certificate else None,
+        )
+        return grpc.secure_channel(settings.server, credentials, options)
+    if settings.certificate is not None:
+        raise InvalidInput("certificate and key need a ca, which the server's own certificate is checked against")
+    if not _is_loopback(settings.server):
+        raise InvalidInput(
+            f"server is {settings.server}, another machine, which needs TLS: give ca (and certificate and key), "
+            "or name 127.0.0.1:PORT"
+        )
+    return grpc.insecure_channel(settings.server, options)
+
+
+def _why_unreachable(details: str, settings: Settings) -> str:
+    if settings.ca is None or "failed to connect" not in details:
+        return "does not answer"
+    if "certificate verify failed" in details:
+        return f"shows a certificate that the ca {settings.ca} did not sign, or that has expired"
+    if "is not in peer certificate" in details:
+        return "shows a certificate of another host; call it by a name that its certificate has"
+    if "wrong version number" in details:
+        return "does not speak TLS; leave out ca if it need not"
+    if "Socket closed" not in details:
+        return "does not answer"
+    # How a handshake ends for gRPC when the other side refuses us.
+    if settings.certificate is None:
+        return "wants to know who calls; give certificate and key"
+    return f"refuses the certificate {settings.certificate}; its own ca must have signed it"
+
+
+def _is_loopback(address: str) -> bool:
+    host = address.rpartition(":")[0].removeprefix("[").removesuffix("]")
+    return host in ("localhost", "::1") or host.startswith("127.")
+
+
+def _pem(path: pathlib.Path, what: str) -> bytes:
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError:
+        raise NotFound(f"{what} is {path}; there is no such file") from None
+    except OSError as error:
+        raise InvalidInput(f"{what} is {path}; it cannot be read: {error.strerror}") from None
+    if b"-----BEGIN" not in content:
+        raise InvalidInput(f"{what} is {path}; it must be a PEM file")
+    return content
+
+
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):  # a process without a name
+        return f"uid {os.getuid()}"

@@ -1,0 +1,133 @@
+"""Mattes: for every camera pixel, where its light came from.
+
+    C = F + sum over modes of R * integral over the monitor of G(x; c, S) T(x) dx
+
+per colour channel (Chuang et al. 2000, eq. 12); docs/matte.md has every convention. Light is linear; monitor coordinates are
+pixels, origin at the outer corner of the top-left pixel, x right, y down, pixel centres at +0.5.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+import os
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from glasswing import _native
+from glasswing.errors import InvalidInput
+from glasswing.pictures import Picture, as_picture
+from glasswing.v1 import matte_pb2
+
+_Floats = npt.NDArray[np.float32]
+
+
+class PixelFlag(enum.IntFlag):
+    """Why a pixel is not to be trusted; 0 is good."""
+
+    NOT_CONVERGED = 1
+    SATURATED = 2
+    """Frames clipped where it looked."""
+    POOR_FIT = 4
+    """The model leaves more than the noise explains."""
+    NO_DATA = 8
+    """Not solved."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Modes:
+    """The footprints of all pixels, as arrays of H x W x 3 x M: rows, columns, channels, modes.
+
+    An unused mode has weight 0. The widths of a footprint are the square roots of the eigenvalues of
+    [[xx, xy], [xy, yy]]. The arrays are read-only looks into the matte: copy one to change it.
+    """
+
+    weight: _Floats
+    """R, the fraction of the radiance that arrives; >= 0."""
+    x_px: _Floats
+    """Centre, monitor px."""
+    y_px: _Floats
+    xx_px2: _Floats
+    """Covariance, monitor px^2."""
+    xy_px2: _Floats
+    yy_px2: _Floats
+    texture: npt.NDArray[np.int32]
+    """Which monitor: its place in ``Matte.monitors``."""
+    weight_sd: _Floats
+    """Standard error of the weight; 0: not known."""
+    centre_sd_px: _Floats
+    """Standard error of the centre, rms of x and y; 0: not known."""
+
+
+class Matte:
+    """A finished matte of H x W camera pixels; ``Session.fetch()`` and ``Matte.read()`` make one.
+
+    Its arrays are read-only looks into one copy; they stay valid for as long as they are kept.
+    """
+
+    def __init__(self, native: _native.NativeMatte) -> None:
+        self._native = native
+        self.metadata = matte_pb2.MatteMetadata.FromString(native.metadata)
+        """The message MatteMetadata of proto/glasswing/v1/matte.proto: session, method, options, warnings and more."""
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> Matte:
+        """Reads a matte's file. NotFound, or Damaged: truncated, altered or not a matte; both name the path."""
+        return cls(_native.NativeMatte.read(os.fspath(path)))
+
+    @classmethod
+    def from_bytes(cls, content: bytes) -> Matte:
+        """The matte whose file has these bytes. Damaged: truncated, altered or not a matte."""
+        return cls(_native.NativeMatte.decode(content))
+
+    def __repr__(self) -> str:
+        height, width = self.coverage.shape
+        return f"<matte of session {self.metadata.session}, {width}x{height}, method {self.metadata.method}>"
+
+    @property
+    def monitors(self) -> tuple[str, ...]:
+        """Names of the monitors that its light came from; a mode's ``texture`` is a place in this."""
+        return tuple(monitor.name for monitor in self.metadata.monitors)
+
+    @property
+    def foreground(self) -> _Floats:
+        """H x W x 3: F, the light that is there without the monitors; linear."""
+        return self._native.foreground
+
+    @property
+    def coverage(self) -> _Floats:
+        """H x W: 1 inside the object's silhouette, 0 outside, between where the object covers a part of the pixel."""
+        return self._native.coverage
+
+    @property
+    def flags(self) -> npt.NDArray[np.uint8]:
+        """H x W: sums of ``PixelFlag``."""
+        return self._native.flags
+
+    @property
+    def modes(self) -> Modes:
+        """Where the monitors' light came from."""
+        return Modes(**{field.name: getattr(self._native, field.name) for field in dataclasses.fields(Modes)})
+
+    def composite(
+        self, backgrounds: Mapping[str, npt.ArrayLike], *, exact: bool = False, threads: int = 0
+    ) -> Picture:
+        """The object in front of other pictures: H x W x 3, linear, not clamped.
+
+        ``backgrounds``: by monitor, linear light of h x w x 3, any size: it is scaled to the monitor. A monitor that is not
+        named is black. The first call prepares the matte, and further ones are much faster. ``exact``: integrates every
+        footprint, which the usual way agrees with to 0.002 of full scale (rms) and takes far longer. ``threads``: 0 is all
+        cores; the result does not depend on it. Other threads of Python run meanwhile.
+
+        InvalidInput: a monitor that the matte does not have, or what is no picture of linear light.
+        """
+        unknown = [name for name in backgrounds if name not in self.monitors]
+        if unknown:
+            raise InvalidInput(f'there is no monitor "{unknown[0]}"; this matte has: {", ".join(self.monitors)}')
+        pictures = [
+            as_picture(backgrounds[name], f"background {name}") if name in backgrounds else None
+            for name in self.monitors
+        ]
+        return self._native.composite(pictures, exact, threads)

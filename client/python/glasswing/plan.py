@@ -1,0 +1,242 @@
+"""Capture plans: what the monitors show and how it is exposed.
+
+The fields and their meaning are those of proto/glasswing/v1/plan.proto. What is left out (``None``) takes the default
+that is told there. Nothing is checked here: the server checks a plan when it is estimated or captured, and its complaint
+names the field, its value and what would be accepted.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import pathlib
+import typing
+from collections.abc import Sequence
+
+from google.protobuf import text_format
+
+from glasswing.errors import InvalidInput, NotFound
+from glasswing.v1 import plan_pb2
+
+Colour = tuple[float, float, float]
+"""Linear red, green and blue, each in [0, 1]."""
+
+BLACK: Colour = (0.0, 0.0, 0.0)
+WHITE: Colour = (1.0, 1.0, 1.0)
+
+
+class _Value:
+    """Keeps lists as tuples, so that a plan equals the one that comes back from the server."""
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if isinstance(value, list):
+                object.__setattr__(self, name, tuple(value))
+
+
+@dataclasses.dataclass(frozen=True)
+class PlanMonitor:
+    """A monitor of the rig to use. With sizes (px), the rig's must have exactly these."""
+
+    name: str
+    width_px: int | None = None
+    height_px: int | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Sweep:
+    """A Gaussian stripe that moves across the whole monitor, with the object only.
+
+    ``orientation_deg``: direction of travel from +x (right) towards +y (down), -180 to 180. ``sigma_px``: half width, in
+    (0, 200]. ``step_px``: from one picture to the next, in (0, 1.5 sigma_px], default sigma_px / 2. ``margin_sigmas``:
+    travel past the monitor's edge, 0 to 10, default 2. ``peak``: radiance, in (0, 1], default 1.
+    """
+
+    orientation_deg: float
+    sigma_px: float
+    step_px: float | None = None
+    margin_sigmas: float | None = None
+    peak: float | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Solid(_Value):
+    """One colour on the whole monitor, with and without the object."""
+
+    colour: Colour
+
+
+@dataclasses.dataclass(frozen=True)
+class SquareWaves:
+    """Bars of halving widths, upright and level, each with its complement; 1 to 14 ``levels``, 1 being the widest."""
+
+    levels: int
+    first_level: int | None = None
+    without_complements: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class Fringes(_Value):
+    """Light that varies as a sine along one direction: each period, 2 to 100000 px, at 3 to 32 ``phases`` (default 4)."""
+
+    orientation_deg: float
+    period_px: Sequence[float]
+    phases: int | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Ramp:
+    """The colour ramp of method "ramp": ``frames`` (1 to 18000) of the object, after ``empty_frames`` (1 to 1000)."""
+
+    empty_frames: int | None = None
+    frames: int | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Photo:
+    """A picture to show behind the object, for comparison only; sRGB unless its ``file`` is OpenEXR.
+
+    ``name``: of its frame in the archive; default: the file's stem.
+    """
+
+    file: str
+    name: str | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class CalibrationFrames:
+    """What devices are measured from (method "calibration"): ``of`` is "camera" or "display"."""
+
+    of: str
+    takes: int | None = None
+    grays: int | None = None
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Plan(_Value):
+    """What a session captures. Change one with ``dataclasses.replace(plan, exposure_ms=[2.0])``.
+
+    ``method``: "gaussian", "hierarchical", "fringe", "alpha" or "ramp". ``monitors``: each takes its turn while the
+    others are black; none: every monitor of the rig. ``hold_refreshes``: for which a step stays on screen, 2 to 600,
+    default 2. ``exposure_ms``: 0.01 to 10000, default 4; every step is taken once with each. ``retries``: how often a
+    step without proof is shown again, 0 to 100, default 10. ``skip_empty_stage``: leaves out the frames without the
+    object: no silhouette is found, every pixel is solved. ``white_every``: white and black again after so many steps, 2
+    to 10000, default never.
+
+    >>> plan = Plan(
+    ...     method="gaussian",
+    ...     monitors=[PlanMonitor("back")],
+    ...     sweeps=[Sweep(angle, sigma_px=4) for angle in (0, 90, 45, -45)],
+    ...     solids=[Solid(BLACK), Solid(WHITE)],
+    ...     square_waves=SquareWaves(levels=7),
+    ... )
+    """
+
+    method: str
+    monitors: Sequence[PlanMonitor] = ()
+    sweeps: Sequence[Sweep] = ()
+    solids: Sequence[Solid] = ()
+    square_waves: SquareWaves | None = None
+    ramp: Ramp | None = None
+    photos: Sequence[Photo] = ()
+    hold_refreshes: int | None = None
+    exposure_ms: Sequence[float] = ()
+    retries: int | None = None
+    skip_empty_stage: bool = False
+    calibration: CalibrationFrames | None = None
+    white_every: int | None = None
+    fringes: Sequence[Fringes] = ()
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> Plan:
+        """Reads a .txtpb file; its photos are found beside it. NotFound, or InvalidInput naming file and line."""
+        file = pathlib.Path(path)
+        try:
+            text = file.read_text(encoding="utf-8")
+        except FileNotFoundError:
+            raise NotFound(f"{file}: there is no such file") from None
+        except (OSError, UnicodeDecodeError) as error:
+            raise InvalidInput(f"{file}: it cannot be read: {error}") from None
+        plan = cls.parse(text, name=str(file))
+        photos = [dataclasses.replace(photo, file=str(file.parent / photo.file)) for photo in plan.photos]
+        return dataclasses.replace(plan, photos=tuple(photos))
+
+    @classmethod
+    def parse(cls, text: str, name: str = "plan") -> Plan:
+        """The plan that a .txtpb file's text describes. InvalidInput names the line, as one of the file ``name``."""
+        try:
+            message = text_format.Parse(text, plan_pb2.Plan())
+        except text_format.ParseError as error:
+            raise InvalidInput(f"{name}:{error}") from None
+        return cls.from_message(message)
+
+    def text(self) -> str:
+        """The plan as a .txtpb file's text."""
+        return str(text_format.MessageToString(self.to_message()))
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Writes a .txtpb file, for ``glasswing capture`` too."""
+        pathlib.Path(path).write_text(self.text(), encoding="utf-8")
+
+    @classmethod
+    def from_message(cls, message: plan_pb2.Plan) -> Plan:
+        """The plan that a message of the wire holds."""
+        return typing.cast(Plan, _value_of(cls, message))
+
+    def to_message(self) -> plan_pb2.Plan:
+        """The plan as a message of the wire. InvalidInput: a value is not even of the right type."""
+        message = plan_pb2.Plan()
+        _fill(message, self, "")
+        return message
+
+
+# The classes above have the fields of the messages, of the same names; a tuple stands for a repeated field.
+
+
+def _fill(message: typing.Any, value: typing.Any, path: str) -> None:
+    for field in dataclasses.fields(value):
+        part = getattr(value, field.name)
+        where = path + field.name
+        try:
+            if part is None:
+                continue
+            if dataclasses.is_dataclass(part):
+                nested = getattr(message, field.name)
+                nested.SetInParent()
+                _fill(nested, part, f"{where}.")
+            elif not isinstance(part, str) and isinstance(part, Sequence):
+                repeated = getattr(message, field.name)
+                for index, item in enumerate(part):
+                    if dataclasses.is_dataclass(item):
+                        _fill(repeated.add(), item, f"{where}[{index}].")
+                    else:
+                        repeated.append(item)
+            else:
+                setattr(message, field.name, part)
+        except (AttributeError, TypeError, ValueError):
+            raise InvalidInput(f"{where} is {part!r}; it must be of type {field.type}") from None
+
+
+def _value_of(cls: type, message: typing.Any) -> typing.Any:
+    types = typing.get_type_hints(cls)
+    values: dict[str, typing.Any] = {}
+    for descriptor, part in message.ListFields():
+        repeated = descriptor.label == descriptor.LABEL_REPEATED
+        if descriptor.message_type is None:
+            values[descriptor.name] = tuple(part) if repeated else part
+            continue
+        item = _class_in(types[descriptor.name])
+        values[descriptor.name] = tuple(_value_of(item, each) for each in part) if repeated else _value_of(item, part)
+    return cls(**{**_zeros(cls, message), **values})
+
+
+def _class_in(hint: typing.Any) -> type:
+    """The dataclass in "Sequence[Sweep]" or "Ramp | None"."""
+    return typing.cast(type, next(arg for arg in typing.get_args(hint) if dataclasses.is_dataclass(arg)))
+
+
+def _zeros(cls: type, message: typing.Any) -> dict[str, typing.Any]:
+    """What the wire leaves out because it is 0 or empty, of the fields without a default."""
+    required = [f.name for f in dataclasses.fields(cls) if f.default is dataclasses.MISSING]
+    found = {name: getattr(message, name) for name in required}
+    return {name: part if isinstance(part, (str, int, float)) else tuple(part) for name, part in found.items()}

@@ -1,0 +1,295 @@
+"""Sessions: a capture, its frames, and the matte that was made of them."""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime
+import enum
+import os
+import pathlib
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+from glasswing.connection import LONG_CALL_SECONDS, Connection
+from glasswing.errors import Error, TimedOut
+from glasswing.matte import Matte
+from glasswing.plan import Plan
+from glasswing.v1 import session_service_pb2 as pb
+from glasswing.v1.session_service_pb2_grpc import SessionServiceStub
+
+_FETCH_SECONDS = 600.0
+
+
+class State(enum.Enum):
+    """Where a session stands. It rests in all but CREATED, CAPTURING and SOLVING."""
+
+    CREATED = pb.SESSION_STATE_CREATED
+    CAPTURING = pb.SESSION_STATE_CAPTURING
+    PAUSED = pb.SESSION_STATE_PAUSED
+    CAPTURED = pb.SESSION_STATE_CAPTURED
+    SOLVING = pb.SESSION_STATE_SOLVING
+    DONE = pb.SESSION_STATE_DONE
+    FAILED = pb.SESSION_STATE_FAILED
+    CANCELLED = pb.SESSION_STATE_CANCELLED
+
+    @property
+    def rests(self) -> bool:
+        """Nothing more happens by itself."""
+        return self not in (State.CREATED, State.CAPTURING, State.SOLVING)
+
+
+@dataclasses.dataclass(frozen=True)
+class UnprovenStep:
+    """A step that a failed capture got no proof for."""
+
+    step: int
+    what: str
+
+
+@dataclasses.dataclass(frozen=True)
+class SessionInfo:
+    """What is known of a session at one moment; an event of ``Session.events()`` is one of these.
+
+    Counts of steps are those of the expanded plan; ``tiles`` are those of the newest solve, and ``frames`` those of a video
+    (0: the session has one matte). ``plan`` is None where sessions were listed.
+    """
+
+    name: str
+    state: State
+    reason: str
+    """Why it is paused or failed, and what to do; else empty."""
+    warning: str
+    """What makes the capture less sure than it could be; else empty."""
+    created: datetime.datetime
+    started_by: str
+    note: str
+    tags: tuple[str, ...]
+    plan: Plan | None
+    steps: int
+    steps_proven: int
+    steps_proven_by_patch: int
+    """Of the proven ones: by the id patch too."""
+    steps_retaken: int
+    """Steps shown again."""
+    frames_refused: int
+    """Frames right by time whose pixels showed another id."""
+    unproven: tuple[UnprovenStep, ...]
+    frames_taken: int
+    """By the camera, kept or not."""
+    capture_seconds: float
+    """Of showing and recording, without pauses."""
+    archive_bytes: int
+    method: str
+    options: Mapping[str, str]
+    tiles: int
+    tiles_done: int
+    solve_seconds: float
+    matte_ready: bool
+    """A matte can be fetched: that of the last solve that was finished."""
+    pixels: int
+    object_pixels: int
+    """Inside the silhouette, once solved."""
+    flagged_pixels: int
+    """Of those, not to be trusted."""
+    frames: int
+    lost_frames: tuple[int, ...]
+    solved_frames: tuple[int, ...]
+    refused_frames: tuple[int, ...]
+    refusal: str
+    """Why no matte can be made of one of the refused frames; else empty."""
+
+    @classmethod
+    def from_message(cls, message: pb.Session) -> SessionInfo:
+        """What a message of the wire says."""
+        return cls(
+            name=message.name,
+            state=State(message.state),
+            reason=message.reason,
+            warning=message.warning,
+            created=datetime.datetime.fromisoformat(message.created),
+            started_by=message.started_by,
+            note=message.note,
+            tags=tuple(message.tags),
+            plan=Plan.from_message(message.plan) if message.HasField("plan") else None,
+            steps=message.step_count,
+            steps_proven=message.proven_count,
+            steps_proven_by_patch=message.patch_proven_count,
+            steps_retaken=message.retaken_count,
+            frames_refused=message.refused_count,
+            unproven=tuple(UnprovenStep(each.step, each.what) for each in message.unproven),
+            frames_taken=message.frames_taken,
+            capture_seconds=message.capture_seconds,
+            archive_bytes=message.archive_bytes,
+            method=message.method,
+            options=dict(message.options),
+            tiles=message.tile_count,
+            tiles_done=message.tiles_done,
+            solve_seconds=message.solve_seconds,
+            matte_ready=message.matte_ready,
+            pixels=message.pixel_count,
+            object_pixels=message.object_pixel_count,
+            flagged_pixels=message.flagged_pixel_count,
+            frames=message.frame_count,
+            lost_frames=tuple(message.lost_frames),
+            solved_frames=tuple(message.solved_frames),
+            refused_frames=tuple(message.refused_frames),
+            refusal=message.refusal,
+        )
+
+    def __str__(self) -> str:
+        line = f"session {self.name} is {self.state.name.lower()}"
+        if self.reason:
+            return f"{line}: {self.reason}"
+        if self.state is State.SOLVING:
+            return f"{line}: {self.tiles_done} of {self.tiles} tiles"
+        if self.state is State.DONE:
+            return f"{line}: {self.object_pixels} of {self.pixels} pixels show the object ({self.flagged_pixels} flagged)"
+        return f"{line}: {self.steps_proven} of {self.steps} steps, {self.steps_retaken} retaken"
+
+
+class Stopped(Error):
+    """A session came to rest otherwise than was waited for: paused, failed or cancelled. ``info`` says how it stands."""
+
+    def __init__(self, info: SessionInfo) -> None:
+        super().__init__(str(info))
+        self.info = info
+
+
+class Session:
+    """A session on the server. ``info`` is what was last heard of it; ``refresh()`` asks again.
+
+    Every method raises ``NotFound`` once the session is deleted, and ``Refused`` where its state does not allow what was
+    asked for. Asking for what is already so is no error.
+    """
+
+    def __init__(self, connection: Connection, info: SessionInfo) -> None:
+        self._connection = connection
+        self._stub = connection.stub(SessionServiceStub)
+        self.info = info
+
+    def __repr__(self) -> str:
+        return f"<{self.info}>"
+
+    @property
+    def name(self) -> str:
+        """Its name on the server."""
+        return self.info.name
+
+    def refresh(self) -> SessionInfo:
+        """Asks the server how the session stands."""
+        return self._ask(self._stub.GetSession, pb.GetSessionRequest(name=self.name), 0.0)
+
+    def events(self) -> Iterator[SessionInfo]:
+        """The session now and after every change, until it rests. Breaking off the loop leaves the session alone."""
+        return self._events(None)
+
+    def wait(self, timeout: float | None = None) -> SessionInfo:
+        """Waits until the session is captured or done, as it was told to be.
+
+        ``Stopped`` if it comes to rest otherwise (a session paused for somebody to place the object can be resumed and
+        waited for again), ``TimedOut`` after ``timeout`` seconds.
+        """
+        for _ in self._events(timeout):
+            pass
+        if self.info.state not in (State.CAPTURED, State.DONE):
+            raise Stopped(self.info)
+        return self.info
+
+    def pause(self) -> SessionInfo:
+        """Stops showing and recording; what was proven stays."""
+        return self._ask(self._stub.PauseSession, pb.PauseSessionRequest(name=self.name))
+
+    def resume(self, retries: int | None = None) -> SessionInfo:
+        """Goes on with a paused session, or with the steps that a failed one got no proof for.
+
+        ``retries``: how often a step may be shown again from now on; the plan's if left out.
+        """
+        return self._ask(self._stub.ResumeSession, pb.ResumeSessionRequest(name=self.name, retries=retries))
+
+    def cancel(self) -> SessionInfo:
+        """Ends a capture or a solve for good."""
+        return self._ask(self._stub.CancelSession, pb.CancelSessionRequest(name=self.name))
+
+    def solve(self, method: str = "", options: Mapping[str, object] | None = None) -> SessionInfo:
+        """Hands the captured frames to the solvers; ``wait()`` or ``events()`` tell when they are done.
+
+        ``method``: the plan's if left out. ``options``: those of the method, such as ``{"images": 100}``; docs/methods.md
+        tells them. The matte of an earlier solve can be fetched until this one is done. InvalidInput: a method or
+        option that is not known.
+        """
+        text = {key: str(value) for key, value in (options or {}).items()}
+        return self._ask(
+            self._stub.SolveSession, pb.SolveSessionRequest(name=self.name, method=method, options=text)
+        )
+
+    def annotate(
+        self, note: str | None = None, add_tags: Iterable[str] = (), remove_tags: Iterable[str] = ()
+    ) -> SessionInfo:
+        """Changes the note (up to 4096 bytes; None leaves it) and the tags ([A-Za-z0-9._-], 1 to 64)."""
+        request = pb.AnnotateSessionRequest(
+            name=self.name, note=note, add_tags=list(add_tags), remove_tags=list(remove_tags)
+        )
+        return self._ask(self._stub.AnnotateSession, request)
+
+    def delete(self) -> int:
+        """Removes the session, its frames and its mattes for good, and returns how many bytes became free.
+
+        Refused: it is being captured, imported or solved. Unavailable: the node that holds its frames is away; nothing was
+        removed.
+        """
+        request = pb.DeleteSessionRequest(name=self.name)
+        answer: pb.DeleteSessionResponse = self._connection.call(
+            self._stub.DeleteSession, request, LONG_CALL_SECONDS
+        )
+        return answer.freed_bytes
+
+    def fetch(self, frame: int | None = None) -> Matte:
+        """The finished matte; of a video that of one ``frame``, from 0. Refused: it is not solved."""
+        return Matte.from_bytes(self._matte_bytes(frame))
+
+    def download(self, path: str | os.PathLike[str], frame: int | None = None) -> Matte:
+        """As ``fetch``, and keeps the matte's file (OpenEXR, docs/matte.md) at ``path``."""
+        content = self._matte_bytes(frame)
+        matte = Matte.from_bytes(content)
+        final = pathlib.Path(path)
+        unfinished = final.with_name(f".{final.name}.{os.getpid()}")
+        try:
+            unfinished.write_bytes(content)
+            unfinished.replace(final)
+        finally:
+            unfinished.unlink(missing_ok=True)
+        return matte
+
+    def _matte_bytes(self, frame: int | None) -> bytes:
+        request = pb.FetchMatteRequest(name=self.name, frame=frame)
+        answers = self._connection.stream(self._stub.FetchMatte, request, _FETCH_SECONDS)
+        return b"".join(answer.chunk for answer in answers)
+
+    def _ask(self, rpc: Any, request: Any, seconds: float = LONG_CALL_SECONDS) -> SessionInfo:
+        answer = self._connection.call(rpc, request, seconds)
+        self.info = SessionInfo.from_message(answer.session)
+        return self.info
+
+    def _events(self, timeout: float | None) -> Iterator[SessionInfo]:
+        ends = None if timeout is None else time.monotonic() + timeout
+        last: SessionInfo | None = None
+        while True:
+            # The watch is renewed, so that a server that hangs is noticed.
+            left = LONG_CALL_SECONDS if ends is None else min(LONG_CALL_SECONDS, max(ends - time.monotonic(), 0.0))
+            heard = False
+            try:
+                request = pb.WatchSessionRequest(name=self.name)
+                for answer in self._connection.stream(self._stub.WatchSession, request, left):
+                    heard = True
+                    self.info = SessionInfo.from_message(answer.session)
+                    if self.info != last:
+                        last = self.info
+                        yield self.info
+            except TimedOut:
+                if ends is not None and time.monotonic() >= ends:
+                    raise TimedOut(f"{self.info} after {timeout:g} s") from None
+                if not heard:
+                    raise
+            if heard and self.info.state.rests:
+                return

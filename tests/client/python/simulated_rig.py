@@ -1,0 +1,52 @@
+"""A rig of simulated devices for a test: every daemon a process of its own, as deploy/local-rig starts them."""
+
+import json
+import os
+import pathlib
+import random
+import signal
+import subprocess
+import tempfile
+
+ROOT = pathlib.Path(__file__).resolve().parents[3]
+BIN = pathlib.Path(os.environ["GLASSWING_BIN"])
+
+
+class SimulatedRig:
+    """Runs until `stop()`; `work` is a directory of the test's own."""
+
+    def __init__(self, *options: str) -> None:
+        self._directory = tempfile.TemporaryDirectory()
+        self.work = pathlib.Path(self._directory.name)
+        port = random.randrange(20000, 40000)
+        self.server = f"127.0.0.1:{port}"
+        self.environment = dict(os.environ, GLASSWING_SERVER=self.server)
+        self._run("up", "--port", str(port), "--solvers", "1", *options)
+
+    def stop(self) -> None:
+        self._run("down")
+        self._directory.cleanup()
+
+    def glasswing(self, *arguments: str) -> str:
+        """What the command line answers; it must succeed."""
+        command = [str(BIN / "glasswing"), *arguments]
+        done = subprocess.run(command, env=self.environment, capture_output=True, text=True, timeout=100)
+        if done.returncode != 0:
+            raise AssertionError(f"{' '.join(command)}: {done.stderr}")
+        return done.stdout
+
+    def shown(self, session: str) -> dict[str, object]:
+        """The session as the command line shows it."""
+        return json.loads(self.glasswing("show", session, "--json"))
+
+    def kill(self, daemon: str) -> None:
+        """Ends a daemon, which has no time for good-byes."""
+        os.kill(int((self.work / f"rig/run/{daemon}.pid").read_text()), signal.SIGKILL)
+
+    def start_again(self) -> None:
+        """Starts what was killed."""
+        self._run("up")
+
+    def _run(self, verb: str, *options: str) -> None:
+        command = [str(ROOT / "deploy/local-rig"), verb, "--data", str(self.work / "rig"), *options]
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL, timeout=100)
