@@ -85,8 +85,9 @@ Arguments add_light_options(CLI::App& command) {
 }
 
 void add_session_option(CLI::App& command, const Arguments& arguments) {
-  command.add_option("--session", arguments->session,
-                     "fit this captured session again, rather than a new one");
+  command
+      .add_option("--session", arguments->session, "fit this captured session again, rather than a new one")
+      ->type_name("SESSION");
 }
 
 absl::Status calibrate_all(const Client& client, const CalibrateArguments& arguments) {

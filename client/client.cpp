@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <iostream>
 #include <map>
 
@@ -86,6 +87,7 @@ void add_commands(CLI::App& app, Client& client, const Config& config) {
 }
 
 int run_client(int argc, const char* const* argv) {
+  ::setenv("GRPC_VERBOSITY", "NONE", 0);  // what went wrong is said once, in our words
   Client client;
   CLI::App app("Captures environment mattes and puts the object in front of other pictures.", "glasswing");
   use_help_format(app);

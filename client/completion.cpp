@@ -129,7 +129,7 @@ complete -F _glasswing glasswing
 std::string zsh_action(const std::string& kind) {
   if (kind == "FILE") return "_files";
   if (kind == "DIR") return "_files -/";
-  if (kind == "SESSION") return "_glasswing_sessions";
+  if (kind == "SESSION") return "__glasswing_known_sessions";
   return kind == "-" ? " " : "(" + kind + ")";
 }
 
@@ -222,7 +222,7 @@ std::string bash_completion(const CLI::App& app) {
 
 std::string zsh_completion(const CLI::App& app) {
   std::string text =
-      "#compdef glasswing\n\n_glasswing_sessions() {\n"
+      "#compdef glasswing\n\n__glasswing_known_sessions() {  # a command could have no such name\n"
       "  local -a names=(${(f)\"$(glasswing __sessions 2>/dev/null)\"})\n  compadd -a names\n}\n\n";
   const std::string global = zsh_specs(app);
   visit(app, "", [&](const CLI::App& command, const std::string& path) {

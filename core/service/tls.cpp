@@ -132,7 +132,7 @@ std::string tls_failure(const grpc::Status& status, const std::string& peer) {
   if (contains(words, "is not in peer certificate"))
     return peer + " shows a certificate of another host; call it by a name that its certificate has";
   if (contains(words, "wrong version number"))
-    return peer + " does not speak TLS; leave out --ca if it need not";
+    return peer + " does not speak TLS; if it need not, call it without a CA";
   if (!contains(words, "Socket closed")) return "";
   // How a handshake ends for gRPC when the other side refuses us.
   return files.certificate.empty()

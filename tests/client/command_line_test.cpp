@@ -74,9 +74,10 @@ TEST_F(CommandLine, ManualPagesAreGoodTroff) {
     std::ranges::replace(name, ' ', '-');
     EXPECT_TRUE(std::filesystem::exists(directory + "/glasswing-" + name + ".1")) << name;
   });
-  if (has("man"))
-    EXPECT_EQ(output_of("for page in " + directory + "/*; do man --warnings -l \"$page\" >/dev/null; done"),
-              "");
+  if (has("man")) {
+    const std::string pages = directory + "/*";
+    EXPECT_EQ(output_of("for page in " + pages + "; do man --warnings -l \"$page\" >/dev/null; done"), "");
+  }
   if (!has("mandoc")) GTEST_SKIP() << "mandoc, which checks the pages, is not installed";
   // STYLE speaks of taste only.
   EXPECT_EQ(output_of("mandoc -T lint -W warning " + directory + "/*"), "");

@@ -24,8 +24,8 @@ TEST(BarLine, IsNeverWiderThanTheTerminal) {
 TEST(BarLine, KeepsWhatMattersMost) {
   const auto line = [](int columns) { return bar_line("solving", 0.25, "3 of 12 tiles", "8 s", columns); };
   EXPECT_EQ(line(100), "solving [#######.......................]  25 %  3 of 12 tiles  8 s left");
-  EXPECT_EQ(line(37), "solving  25 %  3 of 12 tiles  8 s left");
-  EXPECT_EQ(line(20), "solving  25 %  8 s left");
+  EXPECT_EQ(line(38), "solving  25 %  3 of 12 tiles  8 s left");
+  EXPECT_EQ(line(23), "solving  25 %  8 s left");
 }
 
 TEST(TimeLeft, IsCoarseAndNeverTooShort) {

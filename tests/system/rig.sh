@@ -7,7 +7,7 @@ work=$(mktemp -d)
 trap 'kill $(jobs -p) 2>/dev/null || true; wait; rm -rf "$work"' EXIT
 port=$((20000 + RANDOM % 20000))
 server=127.0.0.1:$port
-export GLASSWING_SERVER=$server
+export GLASSWING_SERVER=$server GLASSWING_CONFIG=/dev/null
 
 fail() {
   echo "FAILED: $*" >&2

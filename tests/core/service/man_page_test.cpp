@@ -17,7 +17,7 @@ class Pages : public testing::Test {
     app_.add_option("input", input_, ".dots and 'quotes' may begin a line")->required();
     app_.add_option("--part", part_, "of the whole")->check(CLI::Range(0.0, 1.0))->capture_default_str();
     app_.add_option("-k,--kind", kind_, "what comes out")->check(CLI::IsMember({"exr", "png"}));
-    app_.add_flag("--fast", "sooner");
+    app_.add_flag("--fast", fast_, "sooner");
     CLI::App& cut = *app_.add_subcommand("cut", "Cut it.");
     cut.group("Work");
     app_.add_subcommand("secret", "Not for people.")->group("");
@@ -34,6 +34,7 @@ class Pages : public testing::Test {
       std::filesystem::temp_directory_path() / ("glasswing-man-" + std::to_string(::getpid()));
   std::string input_, kind_;
   double part_ = 0.5;
+  bool fast_ = false;
   CLI::App app_{"Does something.", "tool"};
 };
 
