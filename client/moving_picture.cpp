@@ -53,9 +53,13 @@ absl::StatusOr<MovingPicture> MovingPicture::open(const fs::path& path, Encoding
 }
 
 absl::StatusOr<RadianceImage> MovingPicture::next() {
-  if (!video_) return read_radiance(files_[place_++ % files_.size()], encoding_);
+  if (!video_) {
+    begun_again_ = place_ >= files_.size();
+    return read_radiance(files_[place_++ % files_.size()], encoding_);
+  }
   std::optional<Image16> frame = video_->next();
   if (!frame) {
+    begun_again_ = true;
     GW_ASSIGN_OR_RETURN(video_, VideoReader::open(path_));
     frame = video_->next();
   }

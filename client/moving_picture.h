@@ -20,6 +20,12 @@ class MovingPicture {
   static absl::StatusOr<MovingPicture> open(const std::filesystem::path& path, Encoding encoding);
 
   bool is_still() const { return files_.size() == 1; }
+  // The picture that next() gave last was one that it had given before.
+  bool has_begun_again() const { return begun_again_; }
+  // How many pictures there are until then, as far as is known; 0: it is not.
+  int announced_frames() const {
+    return video_ ? video_->announced_frames() : static_cast<int>(files_.size());
+  }
   // Linear radiance. DATA_LOSS names what cannot be read.
   absl::StatusOr<RadianceImage> next();
 
@@ -30,6 +36,7 @@ class MovingPicture {
   Encoding encoding_ = Encoding::kDisplay;
   std::vector<std::filesystem::path> files_;  // none: a video
   size_t place_ = 0;
+  bool begun_again_ = false;
   std::optional<VideoReader> video_;
 };
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdio>
 
 #include "core/base/status.h"
@@ -14,12 +15,13 @@
 
 namespace glasswing {
 
-absl::Status check_output(const std::filesystem::path& output) {
+absl::Status check_output(const std::filesystem::path& output, int bits) {
   static constexpr std::array<std::string_view, 4> kSuffixes = {".exr", ".png", ".tif", ".tiff"};
   if (std::find(kSuffixes.begin(), kSuffixes.end(), output.extension().string()) == kSuffixes.end()) {
     return absl::InvalidArgumentError(
         fmt::format("the output is {}; its name must end in .exr, .png, .tif or .tiff", output.string()));
   }
+  GW_RETURN_IF_ERROR(check_picture_file(output, bits));
   std::error_code ignored;
   const std::filesystem::path directory = output.has_parent_path() ? output.parent_path() : ".";
   if (!std::filesystem::is_directory(directory, ignored)) {
@@ -74,6 +76,42 @@ absl::StatusOr<RadianceImage> cropped(const RadianceImage& picture, const std::s
     }
   }
   return part;
+}
+
+RadianceImage shifted(const RadianceImage& picture, double dx_px, double dy_px) {
+  // Of every column or row: where the two that it is made of are, and the part of the second.
+  struct Parts {
+    std::vector<int> first, second;
+    float part;
+  };
+  const auto parts_of = [](double shift, int extent) {
+    const double whole = std::floor(shift);
+    const int away = static_cast<int>(std::fmod(whole, extent));
+    Parts parts{.first = {}, .second = {}, .part = static_cast<float>(shift - whole)};
+    for (int i = 0; i < extent; ++i) {
+      parts.first.push_back((i - away + 2 * extent) % extent);
+      parts.second.push_back((i - away - 1 + 2 * extent) % extent);
+    }
+    return parts;
+  };
+  const Parts across = parts_of(dx_px, picture.width_px), down = parts_of(dy_px, picture.height_px);
+  RadianceImage out(picture.width_px, picture.height_px);
+  for (int y = 0; y < out.height_px; ++y) {
+    const auto row = static_cast<size_t>(y);
+    for (int x = 0; x < out.width_px; ++x) {
+      const auto column = static_cast<size_t>(x);
+      for (int c = 0; c < 3; ++c) {
+        const auto along = [&](int from) {
+          return (1.0f - across.part) * picture.at(across.first[column], from, c) +
+                 across.part * picture.at(across.second[column], from, c);
+        };
+        out.at(x, y, c) = down.part == 0.0f ? along(down.first[row])
+                                            : (1.0f - down.part) * along(down.first[row]) +
+                                                  down.part * along(down.second[row]);
+      }
+    }
+  }
+  return out;
 }
 
 }  // namespace glasswing

@@ -1,6 +1,7 @@
 #include "client/video_file.h"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -9,6 +10,7 @@
 #include <opencv2/core/utils/logger.hpp>
 #include <opencv2/videoio.hpp>
 
+#include "core/base/file.h"
 #include "core/frame/image_file.h"
 
 namespace glasswing {
@@ -79,9 +81,12 @@ absl::StatusOr<VideoWriter> VideoWriter::create(const std::filesystem::path& pat
   writer.path_ = path;
   writer.width_px_ = width_px;
   writer.height_px_ = height_px;
-  writer.writer_ = std::make_shared<cv::VideoWriter>(
-      path.string(), cv::VideoWriter::fourcc(codec[0], codec[1], codec[2], codec[3]), frame_rate_hz,
-      cv::Size(width_px, height_px));
+  // OpenCV goes by the suffix.
+  writer.partial_ = path.parent_path() / fmt::format("{}.partial-{}{}", path.stem().string(), ::getpid(),
+                                                     path.extension().string());
+  writer.writer_ = std::make_unique<cv::VideoWriter>(
+      writer.partial_.string(), cv::VideoWriter::fourcc(codec[0], codec[1], codec[2], codec[3]),
+      frame_rate_hz, cv::Size(width_px, height_px));
   if (!writer.writer_->isOpened()) {
     return absl::InvalidArgumentError(
         fmt::format("{} cannot be written; pictures can: give a directory", path.string()));
@@ -105,6 +110,21 @@ absl::Status VideoWriter::add(const RadianceImage& picture) {
   }
   writer_->write(frame);
   return absl::OkStatus();
+}
+
+VideoWriter::VideoWriter(VideoWriter&&) noexcept = default;
+
+absl::Status VideoWriter::finish() {
+  writer_->release();
+  writer_.reset();
+  return rename_file(partial_, path_);
+}
+
+VideoWriter::~VideoWriter() {
+  if (!writer_) return;
+  writer_->release();
+  std::error_code ignored;
+  std::filesystem::remove(partial_, ignored);
 }
 
 }  // namespace glasswing

@@ -37,19 +37,26 @@ class VideoReader {
   int announced_frames_ = 0;
 };
 
+// Written under a name of its own, beside the one that it is to have; what is not finished is removed.
 class VideoWriter {
  public:
   // INVALID_ARGUMENT: the suffix is none of is_video_file(), or OpenCV cannot write it.
   static absl::StatusOr<VideoWriter> create(const std::filesystem::path& path, int width_px, int height_px,
                                             double frame_rate_hz);
+  VideoWriter(VideoWriter&&) noexcept;
+  VideoWriter& operator=(VideoWriter&&) = delete;
+  ~VideoWriter();
+
   // Linear radiance. INVALID_ARGUMENT: it is of another size.
   absl::Status add(const RadianceImage& picture);
+  // After the last picture.
+  absl::Status finish();
 
  private:
   VideoWriter() = default;
-  std::filesystem::path path_;
+  std::filesystem::path path_, partial_;
   int width_px_ = 0, height_px_ = 0;
-  std::shared_ptr<cv::VideoWriter> writer_;
+  std::unique_ptr<cv::VideoWriter> writer_;  // none: finished, or moved away
 };
 
 }  // namespace glasswing

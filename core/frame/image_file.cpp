@@ -8,6 +8,7 @@
 #include <OpenEXR/ImfOutputFile.h>
 #include <OpenEXR/ImfRgbaFile.h>
 #include <fmt/format.h>
+#include <unistd.h>
 #include <zlib.h>
 
 #include <algorithm>
@@ -174,24 +175,35 @@ absl::StatusOr<RadianceImage> read_exr(const fs::path& path) {
   }
 }
 
-absl::Status write_exr(const fs::path& path, const RadianceImage& image) {
+absl::Status write_exr(const fs::path& path, const RadianceImage& image, bool half) {
+  const fs::path partial = fmt::format("{}.{}.tmp", path.string(), ::getpid());
   try {
     Imf::Header header(image.width_px, image.height_px);
     header.compression() = Imf::ZIP_COMPRESSION;
+    std::vector<Imath::half> halves(half ? image.samples.size() : 0);
+    std::ranges::transform(image.samples.begin(),
+                           image.samples.begin() + static_cast<std::ptrdiff_t>(halves.size()), halves.begin(),
+                           [](float light) { return Imath::half(light); });
+    const Imf::PixelType type = half ? Imf::HALF : Imf::FLOAT;
+    const size_t sample = half ? sizeof(Imath::half) : sizeof(float), pixel = 3 * sample;
+    auto* samples = half ? reinterpret_cast<char*>(halves.data())
+                         : reinterpret_cast<char*>(const_cast<float*>(image.samples.data()));
     Imf::FrameBuffer buffer;
-    auto* samples = reinterpret_cast<char*>(const_cast<float*>(image.samples.data()));
-    const size_t pixel = 3 * sizeof(float);
     for (int c = 0; c < 3; ++c) {
       const char* name = c == 0 ? "R" : c == 1 ? "G" : "B";
-      header.channels().insert(name, Imf::Channel(Imf::FLOAT));
-      buffer.insert(name, Imf::Slice(Imf::FLOAT, samples + static_cast<size_t>(c) * sizeof(float), pixel,
+      header.channels().insert(name, Imf::Channel(type));
+      buffer.insert(name, Imf::Slice(type, samples + static_cast<size_t>(c) * sample, pixel,
                                      pixel * static_cast<size_t>(image.width_px)));
     }
-    Imf::OutputFile file(path.c_str(), header);
-    file.setFrameBuffer(buffer);
-    file.writePixels(image.height_px);
-    return absl::OkStatus();
+    {
+      Imf::OutputFile file(partial.c_str(), header);
+      file.setFrameBuffer(buffer);
+      file.writePixels(image.height_px);
+    }
+    return rename_file(partial, path);
   } catch (const std::exception& error) {
+    std::error_code ignored;
+    fs::remove(partial, ignored);
     return absl::UnavailableError(fmt::format("cannot write {}: {}", path.string(), error.what()));
   }
 }
@@ -206,12 +218,19 @@ cv::Mat mat16_of(const Image16& image) {
   return mat;
 }
 
-cv::Mat srgb8_of(const RadianceImage& image) {
-  cv::Mat mat(image.height_px, image.width_px, CV_8UC3);
+// `Sample` is std::uint8_t or std::uint16_t.
+template <typename Sample>
+cv::Mat codes_of(const RadianceImage& image, Encoding encoding) {
+  using Pixel = cv::Vec<Sample, 3>;
+  constexpr float kWhite = std::numeric_limits<Sample>::max();
+  cv::Mat mat(image.height_px, image.width_px, cv::traits::Type<Pixel>::value);
   for (int y = 0; y < image.height_px; ++y) {
     for (int x = 0; x < image.width_px; ++x) {
-      for (int c = 0; c < 3; ++c)
-        mat.at<cv::Vec3b>(y, x)[2 - c] = cv::saturate_cast<uchar>(srgb_of_linear(image.at(x, y, c)) * 255.0f);
+      for (int c = 0; c < 3; ++c) {
+        const float light = image.at(x, y, c);
+        mat.at<Pixel>(y, x)[2 - c] = cv::saturate_cast<Sample>(
+            kWhite * (encoding == Encoding::kLinear ? light : srgb_of_linear(light)));
+      }
     }
   }
   return mat;
@@ -267,22 +286,27 @@ absl::StatusOr<RadianceImage> read_radiance(const fs::path& path, Encoding encod
   return image;
 }
 
-absl::Status write_radiance(const fs::path& path, const RadianceImage& image, Encoding encoding) {
+absl::Status check_picture_file(const fs::path& path, int bits) {
   const std::string suffix = suffix_of(path);
-  if (suffix == ".exr") return write_exr(path, image);
-  if (suffix != ".png" && suffix != ".tif" && suffix != ".tiff") {
+  const bool floats = suffix == ".exr";
+  if (!floats && suffix != ".png" && suffix != ".tif" && suffix != ".tiff") {
     return absl::InvalidArgumentError(
         fmt::format("{} ends in \"{}\"; it must be .exr, .png, .tif or .tiff", path.string(), suffix));
   }
+  if (bits == 0 || bits == 16 || bits == (floats ? 32 : 8)) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      fmt::format("{} is to have {} bits; {}", path.string(), bits,
+                  floats ? "an EXR has 16 or 32" : "PNG and TIFF have 8 or 16"));
+}
+
+absl::Status write_radiance(const fs::path& path, const RadianceImage& image, Encoding encoding, int bits) {
+  GW_RETURN_IF_ERROR(check_picture_file(path, bits));
+  const std::string suffix = suffix_of(path);
+  if (suffix == ".exr") return write_exr(path, image, bits == 16);
+  if (bits == 0) bits = encoding == Encoding::kLinear ? 16 : 8;
   try {
-    cv::Mat mat;
-    if (encoding == Encoding::kLinear) {
-      Image16 linear(image.width_px, image.height_px);
-      std::transform(image.samples.begin(), image.samples.end(), linear.samples.begin(), code16_of);
-      mat = mat16_of(linear);
-    } else {
-      mat = srgb8_of(image);
-    }
+    const cv::Mat mat =
+        bits == 16 ? codes_of<std::uint16_t>(image, encoding) : codes_of<std::uint8_t>(image, encoding);
     std::vector<uchar> bytes;
     if (!cv::imencode(suffix, mat, bytes)) return absl::InternalError("cannot encode " + path.string());
     return write_file_durably(path, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
@@ -357,7 +381,7 @@ std::string encode_png16(const Image16& image) {
 
 std::string encode_jpeg(const RadianceImage& image) {
   std::vector<uchar> bytes;
-  cv::imencode(".jpg", srgb8_of(image), bytes);
+  cv::imencode(".jpg", codes_of<std::uint8_t>(image, Encoding::kDisplay), bytes);
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
@@ -374,9 +398,10 @@ RadianceImage resized(const RadianceImage& image, int width_px, int height_px) {
   if (image.width_px == width_px && image.height_px == height_px) return image;
   RadianceImage out(width_px, height_px);
   const cv::Mat from(image.height_px, image.width_px, CV_32FC3, const_cast<float*>(image.samples.data()));
-  cv::Mat to(height_px, width_px, CV_32FC3, out.samples.data());
-  const bool down = width_px <= image.width_px && height_px <= image.height_px;
-  cv::resize(from, to, to.size(), 0, 0, down ? cv::INTER_AREA : cv::INTER_LINEAR);
+  cv::Mat to(height_px, width_px, CV_32FC3, out.samples.data()), less;
+  cv::resize(from, less, {std::min(width_px, image.width_px), std::min(height_px, image.height_px)}, 0, 0,
+             cv::INTER_AREA);
+  cv::resize(less, to, to.size(), 0, 0, cv::INTER_LINEAR);
   return out;
 }
 

@@ -31,9 +31,13 @@ absl::StatusOr<RadianceImage> decode_radiance(std::string_view bytes, Encoding e
 float linear_of_srgb(float code);
 float srgb_of_linear(float light);
 
-// Linear radiance to .exr (float32, ZIP), .png (8 bit sRGB, or 16 bit linear) or .tif/.tiff (16 bit
-// likewise), by the path's suffix. INVALID_ARGUMENT for another suffix.
-absl::Status write_radiance(const std::filesystem::path& path, const RadianceImage& image, Encoding encoding);
+// Linear radiance to .exr (ZIP; 16 or 32 bit floats), .png or .tif/.tiff (8 or 16 bit), by the path's suffix.
+// `bits` 0: 32 of an EXR, 8 of sRGB, 16 of linear codes. The file is whole or not there. INVALID_ARGUMENT:
+// another suffix, or bits that it cannot have.
+absl::Status write_radiance(const std::filesystem::path& path, const RadianceImage& image, Encoding encoding,
+                            int bits = 0);
+// That error, before there is a picture.
+absl::Status check_picture_file(const std::filesystem::path& path, int bits);
 
 // sRGB codes, r, g, b by rows, to a PNG. It need not outlive a power cut. UNAVAILABLE: it cannot be written.
 absl::Status write_srgb8(const std::filesystem::path& path, std::span<const std::uint8_t> codes, int width_px,
@@ -70,7 +74,7 @@ absl::StatusOr<Image16> decode_png(std::string_view bytes);
 // JPEG, 8 bit sRGB.
 std::string encode_jpeg(const RadianceImage& image);
 
-// Resampled by area (down) or bilinearly (up) to exactly this size.
+// Resampled to exactly this size, each axis by area (down) or bilinearly (up).
 RadianceImage resized(const RadianceImage& image, int width_px, int height_px);
 
 }  // namespace glasswing

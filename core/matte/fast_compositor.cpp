@@ -98,7 +98,8 @@ class FastCompositor::Preparation {
   std::vector<bool> wide_;
 };
 
-absl::StatusOr<FastCompositor> FastCompositor::create(const Matte& matte, int thread_count) {
+absl::StatusOr<FastCompositor> FastCompositor::create(const Matte& matte, int thread_count,
+                                                      const std::function<void(double)>& progress) {
   GW_ASSIGN_OR_RETURN(PrimaryMix mix, PrimaryMix::create(matte.metadata));
   FastCompositor made(matte.metadata, std::move(mix));
   made.width_px_ = matte.width_px();
@@ -114,12 +115,13 @@ absl::StatusOr<FastCompositor> FastCompositor::create(const Matte& matte, int th
     std::atomic<size_t> bytes = 0;
     std::mutex mutex;
     const bool must_fit = most_tiles > kFewestTiles;
-    for_rows(std::max(1, matte.height_px()), thread_count, [&](int, int) {
+    for_rows(std::max(1, matte.height_px()), thread_count, [&](int first, int) {
       Preparation preparation(matte, made.textures_, most_tiles);
       for (int y = next_row++; y < matte.height_px(); y = next_row++) {
         Row& row = made.rows_[static_cast<size_t>(y)] = preparation.prepare(y);
         bytes += 2 * row.words.size();
         if (must_fit && bytes > kMostBytes) return;
+        if (first == 0 && progress) progress(static_cast<double>(y + 1) / matte.height_px());
       }
       const std::lock_guard lock(mutex);
       preparation.report(made.textures_);

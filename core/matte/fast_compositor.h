@@ -7,7 +7,9 @@
 
 #include <absl/status/statusor.h>
 
+#include <array>
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "core/frame/image.h"
@@ -23,7 +25,8 @@ class FastCompositor {
   // Takes some 40 bytes a mode and channel, and of long, narrow and oblique footprints as many a row that
   // they touch; these lose sharpness rather than that all take more than 2 GiB. `thread_count` 0: all cores.
   // INVALID_ARGUMENT: the matte's crosstalk cannot be one.
-  static absl::StatusOr<FastCompositor> create(const Matte& matte, int thread_count = 0);
+  static absl::StatusOr<FastCompositor> create(const Matte& matte, int thread_count = 0,
+                                               const std::function<void(double)>& progress = nullptr);
 
   // As composite(), of the matte that it was created for. The result does not depend on `thread_count`.
   absl::StatusOr<RadianceImage> composite(const std::vector<RadianceImage>& backgrounds,

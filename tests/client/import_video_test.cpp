@@ -166,6 +166,7 @@ TEST_F(ImportVideo, AVideoFileIsDecodedAsFarAsItCanBe) {
       }
       ASSERT_TRUE(writer->add(radiance).ok());
     }
+    ASSERT_TRUE(writer->finish().ok());
   }
   const std::vector<std::string> command{"import",     path.string(),    "--monitor",
                                          "back:64x48", "--empty-frames", "5"};

@@ -2,11 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <numbers>
 #include <random>
-#include <fmt/format.h>
 
 #include "core/matte/compositor.h"
 
@@ -33,7 +33,7 @@ Mode oriented(double x, double y, double sigma_u, double sigma_v, double angle_r
           .yy_px2 = static_cast<float>(s * s * u + c * c * v)};
 }
 
-[[maybe_unused]] Mode round(double x, double y, double sigma) {
+Mode round(double x, double y, double sigma) {
   return oriented(x, y, sigma, sigma, 0.0);
 }
 
@@ -73,26 +73,211 @@ double rms(const RadianceImage& a, const RadianceImage& b) {
   return std::sqrt(sum / static_cast<double>(a.samples.size()));
 }
 
-TEST(Probe, Widths) {
+// Waves of all lengths above two pixels, as strong as photographs have them.
+RadianceImage waves(int width, int height) {
+  RadianceImage image(width, height);
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      for (int c = 0; c < kChannels; ++c) {
+        double light = 0.5;
+        for (int octave = 1; octave <= 8; ++octave) {
+          const double angle = 1.3 * octave + c;
+          light += 0.12 * std::exp2(-0.3 * octave) *
+                   std::sin((x * std::cos(angle) + y * std::sin(angle)) * std::numbers::pi * 1.6 *
+                            std::exp2(octave - 8));
+        }
+        image.at(x, y, c) = static_cast<float>(light);
+      }
+    }
+  }
+  return image;
+}
+
+RadianceImage even(int width, int height, float light) {
+  RadianceImage image(width, height);
+  std::fill(image.samples.begin(), image.samples.end(), light);
+  return image;
+}
+
+RadianceImage fast_composite(const Matte& matte, const std::vector<RadianceImage>& backgrounds) {
+  return FastCompositor::create(matte).value().composite(backgrounds).value();
+}
+
+double error_of(const Matte& matte, const std::vector<RadianceImage>& backgrounds) {
+  return rms(fast_composite(matte, backgrounds), composite(matte, backgrounds).value());
+}
+
+// Of a width, anywhere, past the edge too. Harder than any photograph: every pixel of the noise is another
+// gray, and beyond white there is black.
+class Widths : public testing::TestWithParam<double> {
+ protected:
+  double x(Random& random) const { return uniform(random, -0.2 * kWidth, 1.2 * kWidth); }
+  double y(Random& random) const { return uniform(random, -0.2 * kHeight, 1.2 * kHeight); }
+  void expect_held(const Matte& matte) const {
+    for (const RadianceImage& picture :
+         {noise(kWidth, kHeight), waves(kWidth, kHeight), even(kWidth, kHeight, 1.0f)})
+      EXPECT_LE(error_of(matte, {picture}), kHeldTo);
+  }
+};
+
+TEST_P(Widths, RoundFootprintsAreTheExactOnes) {
+  expect_held(matte_of(12, 8, [&](Random& random) { return round(x(random), y(random), GetParam()); }));
+}
+
+TEST_P(Widths, OrientedFootprintsAreTheExactOnes) {
+  expect_held(matte_of(12, 8, [&](Random& random) {
+    return oriented(x(random), y(random), GetParam(), GetParam() * uniform(random, 0.3, 1.0),
+                    uniform(random, 0.0, std::numbers::pi));
+  }));
+}
+
+TEST_P(Widths, LinesAreTheExactOnes) {
+  expect_held(matte_of(8, 4, [&](Random& random) {
+    return oriented(x(random), y(random), GetParam(), 0.0, uniform(random, 0.0, std::numbers::pi));
+  }));
+}
+
+TEST_P(Widths, BoxesAreTheExactOnes) {
+  Matte matte = matte_of(12, 8, [&](Random& random) {
+    return oriented(x(random), y(random), GetParam(), GetParam() * uniform(random, 0.3, 1.0), 0.0);
+  });
+  matte.metadata.set_footprint("box");
+  expect_held(matte);
+}
+
+INSTANTIATE_TEST_SUITE_P(Sigmas, Widths,
+                         testing::Values(0.0, 0.01, 0.1, 0.3, 0.5, 0.6, 1.0, 1.5, 2.2, 3.3, 7.0, 20.0, 60.0,
+                                         300.0));
+
+TEST(FastCompositor, PointsAreTheirPixels) {
   const RadianceImage picture = noise(kWidth, kHeight);
-  RadianceImage edge(kWidth, kHeight), white(kWidth, kHeight);
-  for (int y = 0; y < kHeight; ++y) for (int x = 0; x < kWidth; ++x) for (int c = 0; c < 3; ++c) {
-    edge.at(x, y, c) = ((x / 20 + y / 20) % 2) ? 1.0f : 0.0f;
-    white.at(x, y, c) = 1.0f;
+  Matte matte = matte_of(30, 20, [](Random& random) {
+    return round(uniform(random, 0, kWidth), uniform(random, 0, kHeight), 0.0);
+  });
+  const RadianceImage out = fast_composite(matte, {picture});
+  for (int y = 0; y < 20; ++y) {
+    for (int x = 0; x < 30; ++x) {
+      const Mode& mode = matte.modes(x, y, 1)[0];
+      EXPECT_EQ(out.at(x, y, 1), picture.at(static_cast<int>(mode.x_px), static_cast<int>(mode.y_px), 1));
+    }
   }
-  for (const double ratio : {1.0, 2.0}) {
-  for (const double sigma : {0.3, 0.5, 0.6, 1.0, 1.6, 1.8, 2.5, 3.2, 3.6,5.0,7.0}) {
-    const double major = sigma, minor = sigma / ratio;
-    const Matte matte = matte_of(32, 12, [&](Random& random) {
-      return oriented(uniform(random, -5, kWidth + 5), uniform(random, -5, kHeight + 5), major, minor, ratio == 1.0 ? 0.0 : uniform(random, 0, 3.2));
-    });
-    const auto fast = FastCompositor::create(matte).value();
-    double e[3]; int i = 0;
-    for (const RadianceImage* p : std::initializer_list<const RadianceImage*>{&picture, &edge, &white}) e[i++] = rms(fast.composite({*p}).value(), composite(matte, {*p}).value());
-    fmt::print("ratio {:5.1f} sigma {:6.2f}: noise {:.5f} checker {:.5f} white {:.5f}  {:.0f} bytes\n", ratio, sigma, e[0], e[1], e[2],
-               static_cast<double>(fast.size_bytes()) / (32 * 12 * 3) - 12./3-8./3);
+}
+
+// What a footprint has on the monitor, and no more.
+TEST(FastCompositor, WhiteGivesTheWeightOfWhatIsOnTheMonitor) {
+  const Matte matte = matte_of(40, 20, [](Random& random) {
+    const double sigma = std::exp2(uniform(random, -4, 5));
+    Mode mode = oriented(uniform(random, 0, kWidth), uniform(random, 0, kHeight), sigma, 0.5 * sigma,
+                         uniform(random, 0, 3));
+    mode.weight = static_cast<float>(uniform(random, 0.1, 1.2));
+    return mode;
+  });
+  const RadianceImage out = fast_composite(matte, {even(kWidth, kHeight, 1.0f)});
+  for (int y = 0; y < 20; ++y) {
+    for (int x = 0; x < 40; ++x) {
+      const Mode& mode = matte.modes(x, y, 2)[0];
+      const double reach = 3.0 * std::sqrt(std::max(mode.xx_px2, mode.yy_px2)) + 20.0;
+      const bool within =
+          mode.x_px > reach && mode.x_px < kWidth - reach && mode.y_px > reach && mode.y_px < kHeight - reach;
+      // A half float is off by 2^-11 at most, and so is a product of two by twice that.
+      EXPECT_LE(out.at(x, y, 2), mode.weight * (1 + 2e-3));
+      if (within) EXPECT_NEAR(out.at(x, y, 2), mode.weight, mode.weight * 0x1p-10);
+    }
   }
+}
+
+Matte mixed(int width, int height) {
+  return matte_of(width, height, [](Random& random) {
+    const double sigma = std::exp2(uniform(random, -4, 5));
+    return oriented(uniform(random, 0.2 * kWidth, 0.8 * kWidth),
+                    uniform(random, 0.2 * kHeight, 0.8 * kHeight), sigma, sigma * uniform(random, 0.3, 1.0),
+                    uniform(random, 0, 3));
+  });
+}
+
+TEST(FastCompositor, IsLinearInThePicture) {
+  const FastCompositor fast = FastCompositor::create(mixed(30, 20)).value();
+  const RadianceImage a = noise(kWidth, kHeight), b = waves(kWidth, kHeight);
+  RadianceImage sum = a;
+  for (size_t i = 0; i < sum.samples.size(); ++i) sum.samples[i] = 0.25f * a.samples[i] + 3.0f * b.samples[i];
+  const RadianceImage of_a = fast.composite({a}).value(), of_b = fast.composite({b}).value(),
+                      of_sum = fast.composite({sum}).value();
+  // Floats: some hundred products of values below 4.
+  for (size_t i = 0; i < of_a.samples.size(); ++i)
+    EXPECT_NEAR(of_sum.samples[i], 0.25f * of_a.samples[i] + 3.0f * of_b.samples[i], 1e-5);
+}
+
+// By whole pixels of the coarsest level that these go to, so that every level moves by whole samples.
+TEST(FastCompositor, MovingThePictureIsMovingTheFootprints) {
+  constexpr int kStep = 32;
+  const Matte matte = mixed(30, 20);
+  Matte moved = matte;
+  for (int y = 0; y < 20; ++y) {
+    for (int x = 0; x < 30; ++x) {
+      for (int c = 0; c < kChannels; ++c) moved.modes(x, y, c)[0].x_px -= kStep;
+    }
   }
+  // A picture that is black wherever the other one's part leaves the monitor.
+  const RadianceImage all = noise(kWidth, kHeight);
+  RadianceImage right(kWidth, kHeight), left(kWidth, kHeight);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = kStep; x < kWidth; ++x) {
+      for (int c = 0; c < kChannels; ++c) right.at(x, y, c) = left.at(x - kStep, y, c) = all.at(x, y, c);
+    }
+  }
+  const RadianceImage a = fast_composite(matte, {right}), b = fast_composite(moved, {left});
+  // Positions are floats: 2^-17 px at 100 px, and weights of half floats are rounded anew.
+  for (size_t i = 0; i < a.samples.size(); ++i) EXPECT_NEAR(a.samples[i], b.samples[i], 1e-3);
+}
+
+TEST(FastCompositor, ThreadsDoNotChangeABit) {
+  const Matte matte = mixed(30, 23);
+  const RadianceImage picture = noise(kWidth, kHeight);
+  const RadianceImage one = FastCompositor::create(matte, 1).value().composite({picture}, 1).value();
+  for (const int threads : {2, 3, 7})
+    EXPECT_EQ(FastCompositor::create(matte, threads).value().composite({picture}, threads)->samples,
+              one.samples);
+}
+
+TEST(FastCompositor, SumsModesOfSeveralMonitorsForegroundAndPrimaries) {
+  Matte matte(0, 0, 20, 10, 3);
+  add_monitor(matte, kWidth, kHeight);
+  add_monitor(matte, 61, 83, "left");
+  constexpr double kShare[9] = {0.9, 0.08, 0.02, 0.1, 0.8, 0.1, 0.0, 0.15, 0.85};
+  for (int t = 0; t < 2; ++t) matte.metadata.add_crosstalk()->mutable_share()->Add(kShare, kShare + 9);
+  Random random(8);
+  for (int y = 0; y < 10; ++y) {
+    for (int x = 0; x < 20; ++x) {
+      for (int c = 0; c < kChannels; ++c) {
+        matte.foreground(x, y)[static_cast<size_t>(c)] = static_cast<float>(uniform(random, 0.0, 0.1));
+        for (Mode& mode : matte.modes(x, y, c)) {
+          mode = round(uniform(random, 0, 60), uniform(random, 0, 80), uniform(random, 0, 6));
+          mode.weight = static_cast<float>(uniform(random, 0.0, 0.4));
+          mode.texture = static_cast<int>(random() % 2);
+        }
+      }
+    }
+  }
+  const RadianceImage back = noise(kWidth, kHeight), left = waves(61, 83);
+  EXPECT_LE(error_of(matte, {back, left}), kHeldTo);
+  EXPECT_LE(error_of(matte, {RadianceImage(), left}), kHeldTo);  // no picture is black
+  EXPECT_LE(error_of(matte, {back}), kHeldTo);
+  const FastCompositor fast = FastCompositor::create(matte).value();
+  EXPECT_TRUE(absl::IsInvalidArgument(fast.composite({left, back}).status()));
+}
+
+TEST(FastCompositor, TakesMattesThatAreAlikeInAllChannels) {
+  Matte matte(0, 0, 20, 10, 1, true);
+  add_monitor(matte, kWidth, kHeight);
+  Random random(9);
+  for (int y = 0; y < 10; ++y) {
+    for (int x = 0; x < 20; ++x)
+      matte.modes(x, y, 0)[0] =
+          round(uniform(random, 0, kWidth), uniform(random, 0, kHeight), uniform(random, 0, 9));
+  }
+  EXPECT_LE(error_of(matte, {noise(kWidth, kHeight)}), kHeldTo);
+  matte.metadata.set_footprint("box");
+  EXPECT_LE(error_of(matte, {noise(kWidth, kHeight)}), kHeldTo);
 }
 
 }  // namespace
