@@ -133,7 +133,7 @@ MattePanel preview_of(const Matte& matte) {
     return code;
   };
   return {.name = "preview",
-          .title = "In front of an even gray, half as bright as white",
+          .title = "Preview: F + half of the weights",
           .picture = painted(matte, colour),
           .keys = {},
           .bar = std::nullopt};
