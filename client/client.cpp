@@ -4,6 +4,7 @@
 #include <iostream>
 
 #include "client/commands.h"
+#include "client/signature.h"
 #include "core/service/service.h"
 
 namespace glasswing {
@@ -18,6 +19,7 @@ int fail(std::string message) {
 }  // namespace
 
 int run_client(int argc, const char* const* argv) {
+  sign_calls();
   Client client;
   CLI::App app("Captures environment mattes and puts the object in front of other pictures.", "glasswing");
   app.footer(
@@ -45,6 +47,10 @@ int run_client(int argc, const char* const* argv) {
   add_show_command(app, client);
   add_watch_command(app, client);
   add_control_commands(app, client);
+  add_retry_command(app, client);
+  add_delete_command(app, client);
+  add_annotate_commands(app, client);
+  add_hold_command(app, client);
   CLI::App& plan = *app.add_subcommand("plan", "Check a plan, or say what it costs.");
   plan.require_subcommand(1);
   plan.footer("Examples:\n  glasswing plan check vase.txtpb\n  glasswing plan estimate vase.txtpb");
@@ -63,7 +69,7 @@ int run_client(int argc, const char* const* argv) {
   try {
     app.parse(argc, argv);
     const absl::Status status = client.run();
-    return status.ok() ? 0 : fail(std::string(status.message()));
+    return status.ok() ? client.exit_status : fail(std::string(status.message()));
   } catch (const CLI::Success& help) {
     return app.exit(help);
   } catch (const CLI::ParseError& error) {

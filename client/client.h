@@ -14,6 +14,7 @@ struct Client {
   bool json = false;
   bool tsv = false;  // lists only
   std::function<absl::Status()> run;
+  int exit_status = 0;  // on success: of a command that was run
 
   std::string server_title() const { return "server at " + server; }
 };
