@@ -6,12 +6,14 @@
 #include <random>
 
 #include "client/commands.h"
+#include "client/estimate.h"
 #include "client/output.h"
 #include "client/photo.h"
 #include "client/progress.h"
 #include "client/rig.h"
 #include "client/rpc.h"
 #include "client/watch.h"
+#include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/frame/image_file.h"
 #include "core/pattern/plan.h"
@@ -74,15 +76,48 @@ absl::Status upload_photos(const Client& client, const Peer<v1::SessionService>&
   return absl::OkStatus();
 }
 
-absl::Status capture(const Client& client, const std::string& plan_path, const std::string& name,
-                     bool watch) {
-  v1::CreateSessionRequest request;
-  GW_ASSIGN_OR_RETURN(*request.mutable_plan(), read_plan(plan_path));
+struct Arguments {
+  std::string plan, session, note;
+  std::vector<std::string> tags;
+  bool watch = false, dry_run = false;
+};
+
+absl::Status dry_run(const Client& client, const Peer<v1::SessionService>& server,
+                     const Arguments& arguments) {
+  v1::EstimateSessionRequest request;
+  request.set_name(arguments.session);
+  GW_ASSIGN_OR_RETURN(*request.mutable_plan(), read_plan(arguments.plan));
+  GW_ASSIGN_OR_RETURN(const v1::EstimateSessionResponse estimate,
+                      call(server, &v1::SessionService::Stub::EstimateSession, request, kLongCallTimeout));
+  if (client.json) {
+    print_json(estimate);
+    return absl::OkStatus();
+  }
+  print_cost(request.plan(), estimate);
+  print_rig_state(estimate);
+  return absl::OkStatus();
+}
+
+absl::Status capture(const Client& client, const Arguments& arguments) {
   const Peer<v1::SessionService> server(client.server_title(), client.server);
-  GW_RETURN_IF_ERROR(upload_photos(client, server, plan_path, *request.mutable_plan()));
-  request.set_name(name);
-  GW_ASSIGN_OR_RETURN(const v1::Session session, create_session(client, std::move(request)));
-  if (watch) return follow_to_outcome(client, session.name());
+  if (arguments.dry_run) return dry_run(client, server, arguments);
+  // What the server would refuse after the start is refused before it.
+  for (const std::string& tag : arguments.tags) GW_RETURN_IF_ERROR(check_name("tag", tag));
+  v1::CreateSessionRequest request;
+  GW_ASSIGN_OR_RETURN(*request.mutable_plan(), read_plan(arguments.plan));
+  GW_RETURN_IF_ERROR(upload_photos(client, server, arguments.plan, *request.mutable_plan()));
+  request.set_name(arguments.session);
+  GW_ASSIGN_OR_RETURN(v1::Session session, create_session(client, std::move(request)));
+  if (!arguments.note.empty() || !arguments.tags.empty()) {
+    v1::AnnotateSessionRequest annotation;
+    annotation.set_name(session.name());
+    if (!arguments.note.empty()) annotation.set_note(arguments.note);
+    annotation.mutable_add_tags()->Assign(arguments.tags.begin(), arguments.tags.end());
+    GW_ASSIGN_OR_RETURN(const v1::AnnotateSessionResponse annotated,
+                        call(server, &v1::SessionService::Stub::AnnotateSession, annotation));
+    session = annotated.session();
+  }
+  if (arguments.watch) return follow_to_outcome(client, session.name());
   print_session(session, client.json);
   return absl::OkStatus();
 }
@@ -103,22 +138,23 @@ absl::StatusOr<v1::Session> create_session(const Client& client, v1::CreateSessi
 }
 
 void add_capture_command(CLI::App& app, Client& client) {
-  struct Arguments {
-    std::string plan;
-    std::string session;
-    bool watch = false;
-  };
   CLI::App& command = *app.add_subcommand("capture", "Start a capture session from a plan.");
-  command.footer("Example:\n  glasswing capture deploy/plans/crystal.txtpb --session vase --watch");
+  command.footer(
+      "Examples:\n"
+      "  glasswing capture deploy/plans/crystal.txtpb --session vase --watch\n"
+      "  glasswing capture deploy/plans/crystal.txtpb --dry-run\n"
+      "  glasswing capture deploy/plans/crystal.txtpb --note \"handle to the left\" --tag vases --tag lab3");
   auto arguments = std::make_shared<Arguments>();
   command.add_option("plan", arguments->plan, "the plan, a .txtpb file")->required();
   command.add_option("--session", arguments->session, "its name; the server chooses one if left out");
+  command.add_option("--note", arguments->note, "a note to keep with it");
+  command.add_option("--tag", arguments->tags, "a tag to find it by; may be repeated")
+      ->allow_extra_args(false);
   command.add_flag("--watch", arguments->watch, "wait until it is captured; any other end is a failure");
-  command.callback([&client, arguments] {
-    client.run = [&client, arguments] {
-      return capture(client, arguments->plan, arguments->session, arguments->watch);
-    };
-  });
+  command.add_flag("--dry-run", arguments->dry_run,
+                   "capture nothing: check everything, and say what it would cost and who holds the rig");
+  command.callback(
+      [&client, arguments] { client.run = [&client, arguments] { return capture(client, *arguments); }; });
 }
 
 }  // namespace glasswing

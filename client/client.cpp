@@ -10,6 +10,7 @@
 #include "client/colour.h"
 #include "client/commands.h"
 #include "client/interrupt.h"
+#include "client/signature.h"
 #include "core/service/help.h"
 #include "core/service/service.h"
 #include "core/service/tls.h"
@@ -50,6 +51,7 @@ void ungroup_inner(CLI::App& app) {
 void add_commands(CLI::App& app, Client& client, const Config& config) {
   app.group("Rig");
   add_nodes_command(app, client);
+  add_hold_command(app, client);
   add_doctor_command(app, client);
   add_preview_command(app, client);
   add_live_command(app, client);
@@ -59,6 +61,9 @@ void add_commands(CLI::App& app, Client& client, const Config& config) {
   add_show_command(app, client);
   add_watch_command(app, client);
   add_control_commands(app, client);
+  add_retry_command(app, client);
+  add_delete_command(app, client);
+  add_annotate_commands(app, client);
   CLI::App& plan = *app.add_subcommand("plan", "Check a plan, or say what it costs.");
   plan.require_subcommand(1);
   plan.footer("Examples:\n  glasswing plan check vase.txtpb\n  glasswing plan estimate vase.txtpb");
@@ -88,6 +93,7 @@ void add_commands(CLI::App& app, Client& client, const Config& config) {
 
 int run_client(int argc, const char* const* argv) {
   ::setenv("GRPC_VERBOSITY", "NONE", 0);  // what went wrong is said once, in our words
+  sign_calls();
   Client client;
   CLI::App app("Captures environment mattes and puts the object in front of other pictures.", "glasswing");
   use_help_format(app);
@@ -118,7 +124,7 @@ int run_client(int argc, const char* const* argv) {
     // What is wrong with the files is told by the first call: commands that make none do without.
     (void)use_tls({config["ca"], config["certificate"], config["key"]});
     const absl::Status status = client.run();
-    if (status.ok()) return 0;
+    if (status.ok()) return client.exit_status;
     const bool broken_off = absl::IsCancelled(status) && interrupted();
     return fail(std::string(status.message()), coloured(STDERR_FILENO), broken_off ? kInterrupted : kFailure);
   } catch (const CLI::Success& help) {

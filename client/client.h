@@ -15,6 +15,7 @@ struct Client {
   bool tsv = false;       // lists only
   bool coloured = false;  // what goes to standard output
   std::function<absl::Status()> run;
+  int exit_status = 0;  // on success: of a command that was run
 
   std::string server_title() const { return "server at " + server; }
 };

@@ -16,6 +16,10 @@ void add_sessions_command(CLI::App& app, Client& client);
 void add_show_command(CLI::App& app, Client& client);
 void add_watch_command(CLI::App& app, Client& client);
 void add_control_commands(CLI::App& app, Client& client);  // pause, resume, cancel
+void add_retry_command(CLI::App& app, Client& client);
+void add_delete_command(CLI::App& app, Client& client);
+void add_annotate_commands(CLI::App& app, Client& client);  // note, tag
+void add_hold_command(CLI::App& app, Client& client);
 void add_plan_check_command(CLI::App& plan, Client& client);
 void add_plan_estimate_command(CLI::App& plan, Client& client);
 void add_capture_command(CLI::App& app, Client& client);

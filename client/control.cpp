@@ -31,11 +31,14 @@ void add(CLI::App& app, Client& client, const std::string& verb, const std::stri
 }  // namespace
 
 void add_control_commands(CLI::App& app, Client& client) {
-  add(app, client, "pause", "Stop a capture after the step on screen; what is proven stays.",
+  add(app, client, "pause",
+      "Stop a capture after the step on screen, or a solve; what is proven or solved stays.",
       &Stub::PauseSession);
-  add(app, client, "resume", "Go on with a paused session; only steps without proof are shown.",
+  add(app, client, "resume", "Go on with a paused session; only what is not proven or solved yet is done.",
       &Stub::ResumeSession);
-  add(app, client, "cancel", "End a session for good; its frames stay.", &Stub::CancelSession);
+  add(app, client, "cancel",
+      "End a capture for good, its frames stay; or a solve, and an earlier matte is there again.",
+      &Stub::CancelSession);
 }
 
 }  // namespace glasswing

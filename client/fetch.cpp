@@ -95,6 +95,11 @@ bool is_there(const fs::path& path, const v1::Session& session, int frame) {
              std::map<std::string, std::string>(session.options().begin(), session.options().end());
 }
 
+// What can be fetched is of the last solve that finished; what the session says of its solve, of the last.
+bool tells_what_is_fetched(const v1::Session& session) {
+  return session.state() == v1::SESSION_STATE_DONE || !session.matte_ready();
+}
+
 struct Frames {
   int fetched = 0, there_before = 0;
   std::vector<std::string> warnings;  // of mattes
@@ -114,7 +119,7 @@ absl::StatusOr<Frames> fetch_frames(const Sessions& server, const v1::Session& s
     }
     const int frame = session.solved_frames(i);
     const fs::path path = directory / fmt::format("{:04d}.exr", frame);
-    if (is_there(path, session, frame)) {
+    if (tells_what_is_fetched(session) && is_there(path, session, frame)) {
       ++frames.there_before;
     } else {
       GW_ASSIGN_OR_RETURN(const Fetched whole, fetched(server, session.name(), frame));
@@ -181,7 +186,9 @@ absl::Status fetch(const Client& client, const Arguments& arguments) {
   GW_ASSIGN_OR_RETURN(const v1::GetSessionResponse found,
                       call(server, &v1::SessionService::Stub::GetSession, request));
   const bool to_directory = arguments.output.ends_with('/') || fs::is_directory(arguments.output);
-  if (is_video(found.session())) {
+  const bool frames = tells_what_is_fetched(found.session()) ? is_video(found.session())
+                                                             : !found.session().solved_frames().empty();
+  if (frames) {
     if (to_directory || !arguments.output.ends_with(".exr"))
       return fetch_video(client, server, found.session(), arguments.output);
     return absl::InvalidArgumentError(fmt::format(

@@ -1,4 +1,9 @@
+#include <fmt/format.h>
+
+#include <iostream>
+
 #include "client/commands.h"
+#include "client/estimate.h"
 #include "client/output.h"
 #include "client/rpc.h"
 #include "core/base/status.h"
@@ -34,6 +39,8 @@ absl::Status list_nodes(const Client& client) {
                     node.address().empty() ? "-" : node.address(), node.detail()});
   }
   print_table(client, {{"KIND"}, {"NAME"}, {"STATE"}, {"ADDRESS"}, {"DETAIL"}}, rows);
+  if (listed.has_holder() && !client.tsv)
+    std::cout << fmt::format("the rig is held by {}\n", holder_text(listed.holder()));
   return absl::OkStatus();
 }
 

@@ -117,7 +117,7 @@ std::string summary_of(const v1::Session& session) {
                                 session.retaken_count(), seconds_text(session.capture_seconds()),
                                 session.frames_taken());
     case v1::SESSION_STATE_SOLVING:
-      if (is_video(session))
+      if (is_video(session) && !session.matte_ready())  // else those of the solve before
         return line +
                fmt::format(": {} of {} frames", session.solved_frames_size(), frames_to_solve(session));
       return line + fmt::format(": {} of {} tiles", session.tiles_done(), session.tile_count());

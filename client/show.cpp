@@ -1,4 +1,5 @@
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <iostream>
 
@@ -18,8 +19,14 @@ void print_details(const v1::Session& session) {
   row("session", session.name());
   row("state", state_name(session.state()));
   row("reason", session.reason());
-  row("created", session.created());
-  row("frames", session.archive_address().empty() ? "" : "on the node at " + session.archive_address());
+  row("created", session.created() + (session.started_by().empty() ? "" : " by " + session.started_by()));
+  row("note", session.note());
+  row("tags", fmt::format("{}", fmt::join(session.tags(), " ")));
+  row("frames",
+      session.archive_address().empty()
+          ? ""
+          : fmt::format("{} on the node at {}", bytes_text(static_cast<double>(session.archive_bytes())),
+                        session.archive_address()));
   row("steps", fmt::format("{} of {} proven, {} retaken, {} frames taken in {}", session.proven_count(),
                            session.step_count(), session.retaken_count(), session.frames_taken(),
                            seconds_text(session.capture_seconds())));
@@ -28,6 +35,8 @@ void print_details(const v1::Session& session) {
                              session.patch_proven_count(),
                              session.proven_count() - session.patch_proven_count(), session.refused_count()));
   }
+  for (const v1::UnprovenStep& step : session.unproven())
+    row(&step == &session.unproven(0) ? "unproven" : "", fmt::format("{:5}  {}", step.step(), step.what()));
   if (session.frame_count() > 0) {
     row("video", fmt::format("{} frames", session.frame_count()));
     if (!session.lost_frames().empty())
@@ -46,6 +55,8 @@ void print_details(const v1::Session& session) {
                                session.tile_count(), seconds_text(session.solve_seconds())));
     for (const auto& [key, value] : session.options()) row("", key + "=" + value);
   }
+  if (session.matte_ready() && session.state() != v1::SESSION_STATE_DONE)
+    row("matte", "that of the solve before can be fetched");
   row("pixels", fmt::format("{}{}, {} show the object{}, {} of them flagged", session.pixel_count(),
                             is_video(session) ? " a frame" : "", session.object_pixel_count(),
                             is_video(session) ? " in all frames" : "", session.flagged_pixel_count()));

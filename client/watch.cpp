@@ -26,7 +26,8 @@ class SessionProgress {
   void update(const v1::Session& session) {
     if (session.state() != state_) progress_.emplace(state_name(session.state()));
     state_ = session.state();
-    const bool solving = state_ == v1::SESSION_STATE_SOLVING, frames = solving && is_video(session);
+    const bool solving = state_ == v1::SESSION_STATE_SOLVING,
+               frames = solving && is_video(session) && !session.matte_ready();
     const int done = frames    ? session.solved_frames_size()
                      : solving ? session.tiles_done()
                                : session.proven_count();

@@ -232,8 +232,11 @@ absl::StatusOr<v1::Session> Server::cancel(const std::string& name, const Caller
   const std::lock_guard lock(mutex_);
   GW_ASSIGN_OR_RETURN(session, find_locked(name));
   if (session.state() == v1::SESSION_STATE_CANCELLED) return session;
-  if (session.state() == v1::SESSION_STATE_SOLVING || rests_in_solve(session))
-    return cancel_solve(std::move(session));
+  // Of a solve that failed there is nothing to cancel unless an earlier matte comes back.
+  const bool has_solve =
+      session.state() == v1::SESSION_STATE_SOLVING ||
+      (rests_in_solve(session) && (session.state() == v1::SESSION_STATE_PAUSED || session.matte_ready()));
+  if (has_solve) return cancel_solve(std::move(session));
   if (session.state() != v1::SESSION_STATE_PAUSED && session.state() != v1::SESSION_STATE_CREATED)
     return not_now(session, "cancelled");
   session.set_state(v1::SESSION_STATE_CANCELLED);

@@ -89,7 +89,12 @@ absl::Status JobStore::insert(const std::string& session, std::span<const FrameR
 
 absl::Status JobStore::retry(const std::string& session) {
   const std::lock_guard lock(mutex_);
-  return database_.query("UPDATE tiles SET failures = 0 WHERE session = ?").bind(session).finish();
+  return database_
+      .query(
+          "UPDATE tiles SET failures = 0, result = CASE result WHEN 'void' THEN '' ELSE result END "
+          "WHERE session = ?")
+      .bind(session)
+      .finish();
 }
 
 absl::Status JobStore::hold(const std::string& session) {

@@ -32,6 +32,7 @@ struct Tile {
   std::string result;  // once it is done; of rows their file's name
 
   bool is_done() const { return !result.empty(); }
+  bool is_given_up() const { return result == "void"; }
 };
 
 struct FrameRange {
@@ -49,7 +50,7 @@ class JobStore {
   absl::Status create(const std::string& session, std::span<const int> counts);
   // More tiles, of these frames: what was made of them before is made anew.
   absl::Status add(const std::string& session, std::span<const FrameRange> frames);
-  // Tiles that failed may be tried again, as often as new ones.
+  // Tiles that failed or were given up may be tried again, as often as new ones.
   absl::Status retry(const std::string& session);
   // The session's tiles are not handed out until it is released, or this store is opened again. What was
   // handed out may be completed.

@@ -47,8 +47,9 @@ absl::Status Server::take_up(v1::Session session) {
       return catalogue_->update(session);
     case v1::SESSION_STATE_SOLVING: {
       start_solve_clock(session);
-      // Its last tile may have come just before the end.
+      // Its last tile may have come just before the end, or its cancelling begun.
       GW_ASSIGN_OR_RETURN(const std::vector<Tile> tiles, jobs_->tiles(name));
+      if (std::ranges::any_of(tiles, &Tile::is_given_up)) return cancel_solve(session).status();
       const bool all = !tiles.empty() && std::ranges::all_of(tiles, &Tile::is_done);
       return all ? finish_solve(session) : absl::OkStatus();
     }

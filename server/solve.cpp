@@ -156,11 +156,10 @@ absl::StatusOr<v1::Session> Server::pause_solve(v1::Session session) {
 
 absl::StatusOr<v1::Session> Server::resume_solve(v1::Session session) {
   const std::string name = session.name();
+  GW_RETURN_IF_ERROR(jobs_->retry(name));
   if (session.state() == v1::SESSION_STATE_FAILED) {
-    GW_RETURN_IF_ERROR(jobs_->retry(name));
     // Frames that were refused become tiles of their own, so that none of the others is solved again.
-    if (!session.refused_frames().empty())
-      GW_RETURN_IF_ERROR(jobs_->add(name, runs_of(session.refused_frames())));
+    GW_RETURN_IF_ERROR(jobs_->add(name, runs_of(session.refused_frames())));
     session.clear_refused_frames();
     session.clear_refusal();
   }
@@ -178,6 +177,10 @@ absl::StatusOr<v1::Session> Server::resume_solve(v1::Session session) {
 }
 
 absl::StatusOr<v1::Session> Server::cancel_solve(v1::Session session) {
+  // Tiles given up say that this was begun, should it break off. What was made goes before the session is
+  // done again: what is there then counts as finished.
+  GW_RETURN_IF_ERROR(jobs_->give_up(session.name()));
+  mattes_.drop_next(session.name());
   if (session.matte_ready()) {
     GW_ASSIGN_OR_RETURN(session, catalogue_->finished(session.name()));
   } else {
@@ -191,9 +194,7 @@ absl::StatusOr<v1::Session> Server::cancel_solve(v1::Session session) {
     session.clear_refusal();
   }
   GW_RETURN_IF_ERROR(change(session));
-  GW_RETURN_IF_ERROR(jobs_->give_up(session.name()));
   GW_RETURN_IF_ERROR(catalogue_->drop_finished(session.name()));
-  mattes_.drop_next(session.name());
   spdlog::info("solve cancelled session={}", session.name());
   return session;
 }

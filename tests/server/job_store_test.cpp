@@ -117,5 +117,52 @@ TEST_F(Jobs, AStoreOfBeforeTilesOfFramesOpens) {
   EXPECT_EQ(store_->claim("a", seconds(1)).value().value().number, 1);
 }
 
+TEST_F(Jobs, WhatIsHeldIsNotHandedOutAndMayBeCompleted) {
+  ASSERT_TRUE(store_->create("s", std::vector{4, 4}).ok());
+  ASSERT_TRUE(store_->create("t", std::vector{4}).ok());
+  const Tile under_way = store_->claim("a", seconds(1)).value().value();
+  ASSERT_EQ(under_way.session, "s");
+  ASSERT_TRUE(store_->hold("s").ok());
+  EXPECT_EQ(store_->claim("b", seconds(1)).value().value().session, "t");
+  EXPECT_FALSE(store_->claim("b", seconds(1)).value().has_value());
+  EXPECT_TRUE(store_->complete(under_way, "0.exr").ok());
+  ASSERT_TRUE(store_->release("s").ok());
+  EXPECT_EQ(store_->claim("b", seconds(1)).value().value().number, 1);
+}
+
+TEST_F(Jobs, FailedTilesAndRefusedFramesAreTriedAgainAlone) {
+  ASSERT_TRUE(store_->create("s", std::vector{16, 16}).ok());
+  const Tile done = store_->claim("a", seconds(1)).value().value();
+  ASSERT_TRUE(store_->complete(done, "attempt").ok());
+  for (int i = 0; i < kMaxAttempts; ++i) {
+    const Tile failing = store_->claim("a", seconds(1)).value().value();
+    EXPECT_EQ(store_->fail(failing).value(), i + 1 == kMaxAttempts);
+  }
+  ASSERT_TRUE(store_->retry("s").ok());
+  ASSERT_TRUE(store_->add("s", std::vector<FrameRange>{{.first = 3, .count = 2}}).ok());
+  const Tile again = store_->claim("a", seconds(1)).value().value();
+  EXPECT_EQ(again.number, 1);
+  EXPECT_FALSE(store_->fail(again).value()) << "it counts as new";
+  const Tile added = store_->claim("a", seconds(1)).value().value();
+  EXPECT_EQ(added.number, 2);
+  EXPECT_EQ(added.first, 3);
+  EXPECT_EQ(added.count, 2);
+  EXPECT_GT(added.attempt, again.attempt);
+  EXPECT_EQ(store_->tiles("s")->at(0).result, "attempt");
+}
+
+TEST_F(Jobs, ALaterSessionOfARemovedOnesNameTakesNoneOfItsResults) {
+  ASSERT_TRUE(store_->create("s", std::vector{4, 4}).ok());
+  const Tile slow = store_->claim("slow", seconds(1)).value().value();
+  ASSERT_TRUE(store_->remove("s").ok());
+  EXPECT_FALSE(store_->claim("a", seconds(60)).value().has_value());
+  EXPECT_TRUE(absl::IsAborted(store_->complete(slow, "slow.exr")));
+  ASSERT_TRUE(store_->create("s", std::vector{4, 4}).ok());
+  EXPECT_TRUE(absl::IsAborted(store_->complete(slow, "slow.exr")));
+  const Tile quick = store_->claim("a", seconds(1)).value().value();
+  EXPECT_TRUE(absl::IsAborted(store_->complete(slow, "slow.exr")));
+  EXPECT_TRUE(store_->complete(quick, "quick.exr").ok());
+}
+
 }  // namespace
 }  // namespace glasswing

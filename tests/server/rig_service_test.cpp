@@ -8,7 +8,7 @@
 #include <filesystem>
 #include <map>
 
-#include "camera-node/archive_service.h"
+#include "camera-node/archive_store.h"
 #include "camera-node/camera_service.h"
 #include "camera-node/emission_client.h"
 #include "camera-node/sim_camera.h"
@@ -19,6 +19,7 @@
 #include "display-node/emission_service.h"
 #include "display-node/light_tap.h"
 #include "display-node/sim_display.h"
+#include "glasswing/v1/archive_service.grpc.pb.h"
 #include "server/session_service.h"
 #include "server/sync_calibration.h"
 
@@ -27,6 +28,16 @@ namespace {
 
 namespace fs = std::filesystem;
 using std::chrono::milliseconds;
+
+// The camera node's disk, as full as wanted.
+struct Disk final : v1::ArchiveService::Service {
+  std::int64_t free_bytes = 1 << 30;
+  grpc::Status GetSpace(grpc::ServerContext*, const v1::GetSpaceRequest*,
+                        v1::GetSpaceResponse* response) override {
+    response->set_free_bytes(free_bytes);
+    return grpc::Status::OK;
+  }
+};
 
 class RigTest : public testing::Test {
  protected:
@@ -56,7 +67,7 @@ class RigTest : public testing::Test {
     camera_ = SimCamera::create(options, timeline_).value();
     store_ = std::make_unique<ArchiveStore>(data_ / "camera");
     cameras_ = std::make_unique<CameraServiceImpl>(*camera_, *store_);
-    camera_host_ = ServiceHost::start({}, {cameras_.get()}).value();
+    camera_host_ = ServiceHost::start({}, {cameras_.get(), &disk_}).value();
     light_ = std::make_unique<EmissionClient>(display_host_->address(), timeline_);
     while (timeline_.monitors().empty()) std::this_thread::yield();
 
@@ -130,6 +141,7 @@ class RigTest : public testing::Test {
   std::unique_ptr<SimCamera> camera_;
   std::unique_ptr<ArchiveStore> store_;
   std::unique_ptr<CameraServiceImpl> cameras_;
+  Disk disk_;
   std::unique_ptr<ServiceHost> camera_host_;
   std::unique_ptr<EmissionClient> light_;
   std::vector<std::unique_ptr<Registration>> registrations_;
@@ -153,13 +165,13 @@ TEST_F(RigTest, SyncIsMeasuredStoredAndHoldsTheRig) {
     EXPECT_FALSE(other->Read(&none));
     const grpc::Status refused = other->Finish();
     EXPECT_EQ(refused.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
-    EXPECT_NE(refused.error_message().find("glasswing calibrate sync"), std::string::npos);
+    EXPECT_NE(refused.error_message().find("held by calibrate sync, started"), std::string::npos);
     EXPECT_EQ(check().status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
     v1::CreateSessionRequest create;
     create.mutable_plan()->set_method("gaussian");
     create.mutable_plan()->add_solids()->add_colour(1.0);
     for (int i = 0; i < 2; ++i) create.mutable_plan()->mutable_solids(0)->add_colour(1.0);
-    EXPECT_TRUE(absl::IsFailedPrecondition(server_->create(create).status()));
+    EXPECT_TRUE(absl::IsFailedPrecondition(server_->create(create, {}).status()));
   }
   while (!response.has_result() && reader->Read(&response)) {
   }
@@ -179,6 +191,65 @@ TEST_F(RigTest, SyncIsMeasuredStoredAndHoldsTheRig) {
   const Checked checked = check();
   ASSERT_TRUE(checked.status.ok()) << checked.status.error_message();
   EXPECT_TRUE(checked.has("sync", v1::FINDING_LEVEL_OK)) << checked.text();
+}
+
+TEST_F(RigTest, AHoldLastsAsLongAsItsCall) {
+  start();
+  grpc::ClientContext context;
+  context.AddMetadata("glasswing-client", "anna@lab3");
+  v1::HoldRigRequest request;
+  request.set_reason("turntable series");
+  const auto reader = stub_->HoldRig(&context, request);
+  v1::HoldRigResponse held;
+  ASSERT_TRUE(reader->Read(&held));
+
+  // Whoever comes without the token is told who has the rig, and with it may use it.
+  const Checked refused = check();
+  EXPECT_EQ(refused.status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+  EXPECT_NE(refused.status.error_message().find("\"turntable series\", taken by anna@lab3"),
+            std::string::npos)
+      << refused.status.error_message();
+  v1::ListNodesResponse listed;
+  {
+    grpc::ClientContext list;
+    ASSERT_TRUE(v1::NodeService::NewStub(dial(server_host_->address()))->ListNodes(&list, {}, &listed).ok());
+  }
+  EXPECT_EQ(listed.holder().client(), "anna@lab3");
+  EXPECT_EQ(listed.holder().what(), "turntable series");
+  {
+    grpc::ClientContext with_token;
+    with_token.AddMetadata("glasswing-hold", held.token());
+    const auto other = stub_->CheckRig(&with_token, {});
+    for (v1::CheckRigResponse finding; other->Read(&finding);) {
+    }
+    const grpc::Status status = other->Finish();
+    EXPECT_TRUE(status.ok()) << status.error_message();
+  }
+  context.TryCancel();
+  EXPECT_EQ(reader->Finish().error_code(), grpc::StatusCode::CANCELLED);
+  while (server_->rig_lock().holder()) std::this_thread::yield();
+  EXPECT_TRUE(check().status.ok());
+}
+
+TEST_F(RigTest, ACaptureThatDoesNotFitIsRefusedBeforeItBegins) {
+  start();
+  v1::EstimateSessionRequest request;
+  request.mutable_plan()->set_method("gaussian");
+  request.mutable_plan()->add_sweeps()->set_sigma_px(8.0);
+  const absl::StatusOr<v1::EstimateSessionResponse> estimate = server_->estimate(request);
+  ASSERT_TRUE(estimate.ok()) << estimate.status();
+  EXPECT_EQ(estimate->free_bytes(), disk_.free_bytes);
+  disk_.free_bytes = estimate->bytes();
+  EXPECT_TRUE(server_->estimate(request).ok());
+  disk_.free_bytes -= 1;
+  v1::CreateSessionRequest create;
+  *create.mutable_plan() = request.plan();
+  for (const absl::Status& status :
+       {server_->estimate(request).status(), server_->create(create, {}).status()}) {
+    EXPECT_TRUE(absl::IsFailedPrecondition(status)) << status;
+    EXPECT_NE(status.message().find("camera node \"camera-1\""), std::string::npos) << status;
+  }
+  EXPECT_TRUE(server_->list({})->empty());
 }
 
 // What undoes a simulated camera's curve.

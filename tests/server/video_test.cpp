@@ -11,8 +11,8 @@
 #include "core/pattern/plan.h"
 #include "core/pattern/video_frames.h"
 #include "core/service/service.h"
-#include "server/work_service.h"
 #include "tests/faults/rig.h"
+#include "tests/server/idle_solver.h"
 
 namespace glasswing {
 namespace {
@@ -139,76 +139,6 @@ TEST_F(VideoTest, AVideoThatBrokeOffKeepsWhatItHasAndDoesNotGoOn) {
   EXPECT_NE(session.warning().find(says), std::string::npos) << session.warning();
 }
 
-// A solver that makes no effort: each frame's matte says which one it is.
-class IdleSolver {
- public:
-  explicit IdleSolver(Server& server) : service_(server), host_(ServiceHost::start({}, {&service_}).value()) {
-    stub_ = v1::WorkService::NewStub(dial(host_->address()));
-  }
-  v1::ClaimTileResponse claim() {
-    v1::ClaimTileRequest request;
-    request.set_solver("idle");
-    request.set_version(kVersion);
-    v1::ClaimTileResponse response;
-    grpc::ClientContext context;
-    EXPECT_TRUE(stub_->ClaimTile(&context, request, &response).ok());
-    return response;
-  }
-  static std::string matte(int frame, float mark) {
-    Matte matte(0, 0, 5, 4, 1);
-    matte.metadata.set_format_version(1);
-    matte.metadata.add_monitors()->set_name("back");
-    matte.metadata.set_width_px(5);
-    matte.metadata.set_height_px(4);
-    matte.metadata.set_frame(frame);
-    matte.foreground(0, 0) = {mark, mark, mark};
-    return encode_matte(matte).value();
-  }
-  // Mattes of the tile's frames but those left out; the last file lacks so many bytes.
-  grpc::Status complete(const v1::ClaimTileResponse& tile, const std::set<int>& left_out, float mark = 1.0f,
-                        size_t lacks = 0, const std::set<int>& refused = {}) {
-    v1::CompleteTileResponse response;
-    grpc::ClientContext context;
-    const auto writer = stub_->CompleteTile(&context, &response);
-    v1::CompleteTileRequest request;
-    *request.mutable_lease() = tile.lease();
-    request.set_object_pixel_count(10);
-    for (const int frame : refused) {
-      request.add_refused()->set_frame(frame);
-      request.mutable_refused()->rbegin()->set_error(fmt::format("frame {}: the background moved", frame));
-    }
-    writer->Write(request);
-    for (int frame = tile.first_frame(); frame < tile.first_frame() + tile.frame_count(); ++frame) {
-      if (left_out.contains(frame) || refused.contains(frame)) continue;
-      std::string bytes = matte(frame, mark);
-      if (frame + 1 == tile.first_frame() + tile.frame_count()) bytes = bytes.substr(0, bytes.size() - lacks);
-      v1::CompleteTileRequest chunk;
-      chunk.set_frame(frame);
-      chunk.set_chunk(bytes.substr(0, 100));
-      writer->Write(chunk);
-      chunk.clear_frame();
-      chunk.set_chunk(bytes.substr(100));
-      writer->Write(chunk);
-    }
-    writer->WritesDone();
-    return writer->Finish();
-  }
-  grpc::Status fail(const v1::ClaimTileResponse& tile, const std::string& why) {
-    v1::FailTileRequest request;
-    *request.mutable_lease() = tile.lease();
-    request.set_error(why);
-    request.set_permanent(true);
-    v1::FailTileResponse response;
-    grpc::ClientContext context;
-    return stub_->FailTile(&context, request, &response);
-  }
-
- private:
-  WorkServiceImpl service_;
-  std::unique_ptr<ServiceHost> host_;
-  std::unique_ptr<v1::WorkService::Stub> stub_;
-};
-
 TEST_F(VideoTest, MattesOfFramesAreKeptAsTheyAreSolved) {
   constexpr int kFrames = 50;
   const v1::Session captured = lossy_capture(kFrames);
@@ -282,7 +212,8 @@ TEST_F(VideoTest, MattesOfFramesAreKeptAsTheyAreSolved) {
   EXPECT_EQ(session.solved_frames_size(), kFrames - static_cast<int>(lost.size()));
   EXPECT_EQ(read_file(*server.matte("s", solved.front())).value(), IdleSolver::matte(solved.front(), 2.0f));
 
-  // Frames that no matte can be made of fail the session, when all others are solved.
+  // What was finished stays until another solve is. Frames that no matte can be made of fail the session,
+  // when all others are solved.
   ASSERT_TRUE(server.solve(request).ok());
   const std::set<int> refused{solved.front(), solved.back()};
   for (v1::ClaimTileResponse tile = solver.claim(); tile.has_lease(); tile = solver.claim())
@@ -294,9 +225,28 @@ TEST_F(VideoTest, MattesOfFramesAreKeptAsTheyAreSolved) {
       session.reason(),
       fmt::format("no matte can be made of 2 of its frames; frame {}: the background moved", solved.front()));
   EXPECT_EQ(std::set<int>(session.refused_frames().begin(), session.refused_frames().end()), refused);
-  EXPECT_EQ(session.solved_frames_size(), kFrames - static_cast<int>(lost.size()) - 2);
-  EXPECT_TRUE(absl::IsFailedPrecondition(server.matte("s", solved.front()).status()));
-  EXPECT_EQ(read_file(*server.matte("s", solved[1])).value(), IdleSolver::matte(solved[1], 3.0f));
+  EXPECT_EQ(session.solved_frames_size(), kFrames - static_cast<int>(lost.size()));
+  for (const int frame : {solved.front(), solved[1]})
+    EXPECT_EQ(read_file(*server.matte("s", frame)).value(), IdleSolver::matte(frame, 2.0f));
+
+  // Tried again, they alone are solved; and then all are of the new solve.
+  v1::ResumeSessionRequest retry;
+  retry.set_name("s");
+  ASSERT_TRUE(server.resume(retry, {}).ok());
+  std::set<int> again;
+  for (v1::ClaimTileResponse tile = solver.claim(); tile.has_lease(); tile = solver.claim()) {
+    for (int i = 0; i < tile.frame_count(); ++i) again.insert(tile.first_frame() + i);
+    ASSERT_TRUE(solver.complete(tile, lost, 4.0f).ok());
+  }
+  EXPECT_EQ(again, refused);
+  session = *server.find("s");
+  EXPECT_EQ(session.state(), v1::SESSION_STATE_DONE) << session.reason();
+  EXPECT_TRUE(session.refused_frames().empty());
+  EXPECT_EQ(session.solved_frames_size(), kFrames - static_cast<int>(lost.size()));
+  for (const int frame : solved) {
+    EXPECT_EQ(read_file(*server.matte("s", frame)).value(),
+              IdleSolver::matte(frame, refused.contains(frame) ? 4.0f : 3.0f));
+  }
 }
 
 }  // namespace
