@@ -211,7 +211,7 @@ int main(int argc, char** argv) {
       ->add_option("matte", here.matte,
                    "EXR file to write; a directory for a file a frame of a video (method ramp)")
       ->required();
-  solve_command->add_option("--method", here.method)->capture_default_str();
+  solve_command->add_option("--method", here.method, "how (docs/methods.md)")->capture_default_str();
   solve_command->add_option("--set", here.settings, "NAME=VALUE, an option of the method");
   solve_command->add_option("--threads", here.threads, "0: one for each core")
       ->check(CLI::Range(0, 1024))

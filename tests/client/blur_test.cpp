@@ -130,7 +130,7 @@ TEST_F(BlurCommand, PrintsATableAndWritesAPicture) {
   ASSERT_TRUE(write_file_durably(matte, encode_matte(empty_stage()).value()).ok());
   const Outcome table = run_glasswing({"blur", matte, "-o", picture});
   EXPECT_EQ(table.status, 0) << table.err;
-  EXPECT_NE(table.out.find("bottom right        80    2.500    2.000"), std::string::npos) << table.out;
+  EXPECT_NE(table.out.find("bottom right      80      2.500      2.000"), std::string::npos) << table.out;
   EXPECT_NE(table.out.find("to 8 monitor px"), std::string::npos) << table.out;
   EXPECT_EQ(read_radiance(picture, Encoding::kDisplay)->width_px, kWidth_px);
   const Outcome json = run_glasswing({"blur", matte, "--json"});
