@@ -12,8 +12,12 @@ namespace {
 // Samples of a Gaussian of variance v have the sum 1 and the middle where they should within 2 exp(-2 pi^2 v)
 // and 4 pi v exp(-2 pi^2 v): 0.0008 and 0.002 samples at 0.4.
 constexpr double kLeastVariance = 0.4;
-// Sigmas; the 0.5 % of a Gaussian that lies beyond them along an axis is given to the ends.
+// Sigmas; the 0.5 % of a Gaussian that lies beyond them along an axis is given to the ends. Weights above 1
+// reach further, so that no more light is: a bright mode may lie beyond the monitor, which sees its tail
+// alone.
 constexpr double kReach = 2.8;
+// Along thin ones nothing is given to the ends; 0.1 % is left out.
+constexpr double kThinReach = 3.3;
 // A correlation that is left out changes the footprint by half of it, of the whole, in the mean square.
 constexpr double kUpright = 0.02;
 constexpr double kPointSigma_px = 1e-4;  // as in compositor.cpp
@@ -71,8 +75,10 @@ FootprintTiles::Place FootprintTiles::place_of(const Mode& mode) const {
     if (next.xx <= 0.0 || next.yy <= 0.0 || narrowest(next) < kLeastVariance) break;
     place = next;
   }
-  const auto tiles = [](const Place& p) {
-    const double rows = length_of(p.yy), columns = length_of(p.xx);
+  const auto tiles = [&](const Place& p) {
+    const PyramidShape::Level& level = shape_.levels()[static_cast<size_t>(p.level)];
+    const double rows = std::min<double>(length_of(p.yy), level.height_px);
+    const double columns = std::min<double>(length_of(p.xx), level.width_px);
     if (p.xy * p.xy <= kUpright * kUpright * p.xx * p.yy)
       return std::ceil(columns / kTileWidth) * std::ceil(rows / kMaxTileRows);
     const double cut = std::max(p.xx - p.xy * p.xy / p.yy, 0.0), slide = std::abs(p.xy) / p.yy;
@@ -130,7 +136,7 @@ void FootprintTiles::sample(double centre, double variance, double reach, int ex
 void FootprintTiles::integrate(double centre, double variance, int extent, Taps& taps) const {
   taps.weights.clear();
   const double sigma = std::sqrt(variance);
-  const double reach = sigma < kPointSigma_px ? 0.0 : kReach * sigma;
+  const double reach = sigma < kPointSigma_px ? 0.0 : reach_ * sigma;
   const double low = std::floor(centre - reach), high = std::floor(centre + reach);
   const double from = std::max(low, 0.0), to = std::min(high, extent - 1.0);
   if (!(from <= to)) return;
@@ -151,6 +157,9 @@ void FootprintTiles::integrate(double centre, double variance, int extent, Taps&
 int FootprintTiles::add(const Mode& mode, int channel, std::vector<std::uint16_t>& words) {
   words_ = &words;
   count_ = 0;
+  const double brighter = 2.0 * std::log(std::max(mode.weight, 1.0f));
+  reach_ = std::sqrt(kReach * kReach + brighter);
+  thin_reach_ = std::sqrt(kThinReach * kThinReach + brighter);
   const Place place = place_of(mode);
   const PyramidShape::Level& level = shape_.levels()[static_cast<size_t>(place.level)];
   const bool upright = place.xy * place.xy <= kUpright * kUpright * place.xx * place.yy;
@@ -160,7 +169,7 @@ int FootprintTiles::add(const Mode& mode, int channel, std::vector<std::uint16_t
       if (left < kLeastVariance) {
         integrate(centre, std::max(variance, 0.0), extent, taps);
       } else {
-        sample(centre, left, kReach, extent, taps);
+        sample(centre, left, reach_, extent, taps);
       }
     };
     along(place.x, place.xx, static_cast<double>(mode.xx_px2), level.width_px, across_);
@@ -220,11 +229,11 @@ void FootprintTiles::add_row(const PyramidShape::Level& level, int x, int y, std
 void FootprintTiles::add_oriented(const Place& place, double weight, int channel) {
   const PyramidShape::Level& level = shape_.levels()[static_cast<size_t>(place.level)];
   const double slope = place.xy / place.yy, cut = place.xx - slope * place.xy;
-  sample(place.y, place.yy, kReach, level.height_px, down_);
+  sample(place.y, place.yy, reach_, level.height_px, down_);
   for (size_t i = 0; i < down_.weights.size(); ++i) {
     const int y = down_.first + static_cast<int>(i);
     const double away = y + 0.5 - place.y;
-    const double reach = std::sqrt(std::max(kReach * kReach - away * away / place.yy, 1.0));
+    const double reach = std::sqrt(std::max(reach_ * reach_ - away * away / place.yy, 1.0));
     sample(place.x + slope * away, cut, reach, level.width_px, across_);
     if (!across_.empty())
       add_row(level, across_.first, y, across_.weights, weight * static_cast<double>(down_.weights[i]),
@@ -245,12 +254,13 @@ void FootprintTiles::add_thin(const Mode& mode, int channel) {
   const double sigma = std::sqrt(vv), slope = uv / vv, cut = std::max(uu - slope * uv, 0.0);
   const double slide = std::abs(slope) / std::max(std::sqrt(cut), 0.02);
   const double finest = std::max({1.0, 2.0 / sigma, std::min(slide, 50.0)});
-  const double whole = std::erf(kReach / std::numbers::sqrt2);
+  const double whole = std::erf(thin_reach_ / std::numbers::sqrt2);
   thin_.clear();
-  const double first = std::max(std::floor(v0 - kReach * sigma), 0.0);
-  const double last = std::min(std::ceil(v0 + kReach * sigma), static_cast<double>(v_extent));
+  const double first = std::max(std::floor(v0 - thin_reach_ * sigma), 0.0);
+  const double last = std::min(std::ceil(v0 + thin_reach_ * sigma), static_cast<double>(v_extent));
   for (double v = first; v < last; v += 1.0) {
-    const double low = std::max(v, v0 - kReach * sigma), high = std::min(v + 1.0, v0 + kReach * sigma);
+    const double low = std::max(v, v0 - thin_reach_ * sigma),
+                 high = std::min(v + 1.0, v0 + thin_reach_ * sigma);
     const int panels = std::max(1, static_cast<int>(std::ceil((high - low) * finest)));
     const double half = 0.5 * (high - low) / panels;
     const size_t begin = thin_.size();

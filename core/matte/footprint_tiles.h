@@ -71,6 +71,7 @@ class FootprintTiles {
   const int most_tiles_;
   int highest_level_ = 0;
   // Of the footprint at hand.
+  double reach_ = 0.0, thin_reach_ = 0.0;  // sigmas
   Taps across_, down_;
   std::vector<Tap> thin_;
   std::vector<std::uint16_t>* words_ = nullptr;

@@ -172,5 +172,71 @@ TEST_F(CompositeCommand, CropLeavesThePartThatItNames) {
     expect_one_line_error(run(region, path("out.png")), "--crop is " + region);
 }
 
+// The matte looks straight through, half of the light arrives, and pixels are whole px apart.
+TEST_F(CompositeCommand, ShiftMovesThePictureRoundTheMonitor) {
+  const auto run = [this](const std::string& shift, const std::string& output) {
+    return run_glasswing({"composite", matte_, "--background", background_, "--shift", shift, "-o", output});
+  };
+  ASSERT_EQ(run("back=3,-2", path("out.exr")).status, 0);
+  const RadianceImage picture = read_radiance(path("out.exr"), Encoding::kLinear).value(), still = gradient();
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      const float there = still.at((x - 3 + kWidth) % kWidth, (y + 2) % kHeight, 1);
+      EXPECT_NEAR(picture.at(x, y, 1), 0.125f + 0.5f * there, 2 * kExrRounding);
+    }
+  }
+  expect_one_line_error(run("3", path("out.png")), "it must be DX,DY");
+  expect_one_line_error(run("left=3,4", path("out.png")), "\"left\", which has no --background");
+  expect_one_line_error(run("roof=3,4", path("out.png")), "--shift names the texture \"roof\"");
+}
+
+TEST_F(CompositeCommand, ExactIsAskedForByName) {
+  for (const std::string output : {"fast.exr", "exact.exr"}) {
+    std::vector<std::string> command{"composite", matte_, "--background", background_, "-o", path(output)};
+    if (output == "exact.exr") command.push_back("--exact");
+    ASSERT_EQ(run_glasswing(command).status, 0);
+  }
+  const RadianceImage fast = read_radiance(path("fast.exr"), Encoding::kLinear).value();
+  const RadianceImage exact = read_radiance(path("exact.exr"), Encoding::kLinear).value();
+  for (size_t i = 0; i < exact.samples.size(); ++i)
+    EXPECT_NEAR(fast.samples[i], exact.samples[i], 2 * kExrRounding);
+}
+
+TEST_F(CompositeCommand, BitsAreThoseOfTheFile) {
+  const auto run = [this](const std::string& output, const std::string& bits) {
+    return run_glasswing(
+        {"composite", matte_, "--background", background_, "-o", path(output), "--bits", bits});
+  };
+  for (const std::string output : {"out.png", "out.tif"}) {
+    for (const int bits : {8, 16}) {
+      ASSERT_EQ(run(output, std::to_string(bits)).status, 0);
+      EXPECT_EQ(read_photograph(path(output))->bits, bits);
+    }
+  }
+  ASSERT_EQ(run("half.exr", "16").status, 0);
+  ASSERT_EQ(run("float.exr", "32").status, 0);
+  EXPECT_EQ(read_radiance(path("half.exr"), Encoding::kLinear)->samples,
+            read_radiance(path("float.exr"), Encoding::kLinear)->samples);  // which reads halves
+  EXPECT_LT(std::filesystem::file_size(path("half.exr")), std::filesystem::file_size(path("float.exr")));
+  expect_one_line_error(run("out8.exr", "8"), "an EXR has 16 or 32");
+  expect_one_line_error(run("out32.png", "32"), "PNG and TIFF have 8 or 16");
+}
+
+// A picture twice as wide and half as high as the monitor: columns are means of two.
+TEST_F(CompositeCommand, EachAxisIsScaledAsItNeeds) {
+  RadianceImage stripes(2 * kWidth, kHeight / 2);
+  for (int y = 0; y < stripes.height_px; ++y) {
+    for (int x = 0; x < stripes.width_px; x += 2) {
+      for (int c = 0; c < 3; ++c) stripes.at(x, y, c) = 1.0f;
+    }
+  }
+  ASSERT_TRUE(write_radiance(path("stripes.exr"), stripes, Encoding::kLinear).ok());
+  ASSERT_EQ(
+      run_glasswing({"composite", matte_, "--background", path("stripes.exr"), "-o", path("out.exr")}).status,
+      0);
+  const RadianceImage picture = read_radiance(path("out.exr"), Encoding::kLinear).value();
+  for (const float sample : picture.samples) EXPECT_NEAR(sample, 0.375f, kExrRounding);
+}
+
 }  // namespace
 }  // namespace glasswing

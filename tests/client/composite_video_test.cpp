@@ -119,6 +119,59 @@ TEST_F(CompositeVideo, AVideoIsWrittenAndReadAgain) {
   }
 }
 
+TEST_F(CompositeVideo, OneMatteIsAsLongAsWhatMovesBehindIt) {
+  const std::string matte = path("pour/0001.exr");
+  const Outcome outcome =
+      run_glasswing({"composite", matte, "--background", path("behind"), "-o", path("out"), "--json"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_EQ(nlohmann::json::parse(outcome.out)["frames"], 2);
+  for (int i = 0; i < 2; ++i) {
+    const RadianceImage picture = written(fmt::format("out/{:04d}.exr", i));
+    for (const float sample : picture.samples)
+      EXPECT_NEAR(sample, 0.125 + (i == 0 ? 0.125 : 0.25), 2 * kExrRounding);
+  }
+  ASSERT_EQ(
+      run_glasswing({"composite", matte, "--background", path("behind"), "-o", path("made.avi")}).status, 0);
+  ASSERT_EQ(
+      run_glasswing({"composite", matte, "--background", path("made.avi"), "-o", path("again.avi")}).status,
+      0);
+  VideoReader reader = VideoReader::open(path("again.avi")).value();
+  EXPECT_TRUE(reader.next());
+  EXPECT_TRUE(reader.next());
+  EXPECT_FALSE(reader.next());
+  for (const auto& entry : std::filesystem::directory_iterator(scratch_))
+    EXPECT_EQ(entry.path().string().find("partial"), std::string::npos) << entry.path();
+}
+
+TEST_F(CompositeVideo, PanMovesAStillOnWithEveryFrame) {
+  RadianceImage post(kWidth, kHeight);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int c = 0; c < 3; ++c) post.at(kWidth - 2, y, c) = 1.0f;
+  }
+  ASSERT_TRUE(write_radiance(path("post.exr"), post, Encoding::kLinear).ok());
+  const auto run = [this](std::vector<std::string> more) {
+    std::vector<std::string> command{
+        "composite", path("pour/0000.exr"), "--background", path("post.exr"), "-o", path("out")};
+    command.insert(command.end(), more.begin(), more.end());
+    return run_glasswing(command);
+  };
+  ASSERT_EQ(run({"--pan", "1.5,0", "--frames", "3"}).status, 0);
+  // Round the monitor's edge; half a pixel on, two share it.
+  const std::vector<std::vector<float>> light{{0, 0, 0.5f, 0}, {0, 0, 0, 0.25f}, {0, 0.5f, 0, 0}};
+  const std::vector<int> columns{0, 1, kWidth - 2, kWidth - 1};
+  for (size_t i = 0; i < light.size(); ++i) {
+    const RadianceImage picture = written(fmt::format("out/{:04d}.exr", i));
+    for (size_t k = 0; k < columns.size(); ++k) {
+      const float expected = i == 1 && columns[k] == 0 ? 0.25f : light[i][k];
+      EXPECT_NEAR(picture.at(columns[k], 5, 1), expected, kExrRounding) << i << " " << columns[k];
+    }
+  }
+  expect_one_line_error(run({"--pan", "1,0"}), "--frames is not given");
+  expect_one_line_error(run_glasswing({"composite", path("pour"), "--background", path("post.exr"), "-o",
+                                       path("out"), "--frames", "3"}),
+                        "--frames is for one matte");
+}
+
 TEST_F(CompositeVideo, ABackgroundTakesThePhotographsColours) {
   RadianceImage source = even(0.0f);
   for (size_t i = 0; i < source.samples.size(); ++i)
