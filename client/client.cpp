@@ -28,10 +28,11 @@ int fail(std::string message, bool coloured, int status = kFailure) {
 // themselves where the name does not.
 void name_values(CLI::App& app) {
   static const std::map<std::string, const char*> kKinds = {
-      {"session", "SESSION"}, {"matte", "FILE"},    {"plan", "FILE"},         {"input", "FILE"},
-      {"a", "FILE"},          {"b", "FILE"},        {"output", "FILE"},       {"directory", "FILE"},
-      {"--plan", "FILE"},     {"--output", "FILE"}, {"--background", "FILE"}, {"--match", "FILE"},
-      {"--matte", "FILE"},    {"--list", "FILE"},   {"--archive", "DIR"},     {"--empty", "DIR"}};
+      {"session", "SESSION"}, {"sessions", "SESSION"}, {"matte", "FILE"},    {"plan", "FILE"},
+      {"input", "FILE"},      {"a", "FILE"},           {"b", "FILE"},        {"output", "FILE"},
+      {"directory", "FILE"},  {"--plan", "FILE"},      {"--output", "FILE"}, {"--background", "FILE"},
+      {"--match", "FILE"},    {"--matte", "FILE"},     {"--list", "FILE"},   {"--archive", "DIR"},
+      {"--empty", "DIR"}};
   for (CLI::Option* option : app.get_options({})) {
     const auto kind = kKinds.find(option->get_positional() ? option->get_name(true) : option->get_name());
     if (kind != kKinds.end() && option->get_type_name() == "TEXT") option->type_name(kind->second);
