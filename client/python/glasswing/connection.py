@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import getpass
+import ipaddress
 import os
 import pathlib
 import socket
@@ -136,7 +137,10 @@ def _why_unreachable(details: str, settings: Settings) -> str:
 
 def _is_loopback(address: str) -> bool:
     host = address.rpartition(":")[0].removeprefix("[").removesuffix("]")
-    return host in ("localhost", "::1") or host.startswith("127.")
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:  # a name
+        return host == "localhost"
 
 
 def _pem(path: pathlib.Path, what: str) -> bytes:

@@ -78,8 +78,8 @@ class SessionTest(unittest.TestCase):
         foreground, modes = parts["foreground"], self.matte.modes
         for channel, letter in enumerate("RGB"):
             np.testing.assert_array_equal(self.matte.foreground[:, :, channel], foreground[f"F.{letter}"])
-        np.testing.assert_array_equal(self.matte.coverage, foreground["coverage"])
-        np.testing.assert_array_equal(self.matte.flags, foreground["flags"])
+        np.testing.assert_array_equal(self.matte.coverage, foreground["coverage.Y"])
+        np.testing.assert_array_equal(self.matte.flags, foreground["flags.Y"])
         names = {field.name.removesuffix("_px2").removesuffix("_px"): field.name for field in dataclasses.fields(modes)}
         for mode in range(modes.weight.shape[3]):
             for layer, name in names.items():

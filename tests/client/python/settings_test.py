@@ -54,7 +54,7 @@ class SettingsTest(unittest.TestCase):
         self.refused(glasswing.NotFound, "/nonexistent/file")
 
     def test_another_machine_needs_tls(self):
-        for server in ("rig.example:7440", "10.0.0.7:7440", "[2001:db8::1]:7440"):
+        for server in ("rig.example:7440", "10.0.0.7:7440", "[2001:db8::1]:7440", "127.example.org:7440"):
             self.refused(glasswing.InvalidInput, f"server is {server}, another machine, which needs TLS", server)
 
     def test_certificates_that_cannot_be(self):
