@@ -204,8 +204,9 @@ TEST_F(SessionLife, APausedSolveKeepsItsTilesAlsoPastTheServersEnd) {
 }
 
 TEST_F(SessionLife, AFailedCaptureNamesItsStepsAndCanBeTriedAgain) {
-  start({.name = "no frame arrives", .drop = 1.0});
+  start({.name = "slow camera", .frame_rate_hz = 30.0});
   v1::Plan plan = small_plan();
+  plan.set_exposure_ms(0, 20.0);  // longer than the picture stands: 4 refreshes of 240 Hz are 16.7 ms
   plan.set_retries(0);
   v1::Session session = capture(plan);
   ASSERT_EQ(session.state(), v1::SESSION_STATE_FAILED) << session.reason();

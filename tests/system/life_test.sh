@@ -60,6 +60,7 @@ until_true 10 held "vanished" || fail "the rig is not held"
 kill -STOP "$holder"
 until_true 30 is_free || fail "a vanished client holds the rig"
 kill -KILL "$holder"
+wait "$holder" 2>/dev/null || true
 glasswing capture "$plan" --session first >/dev/null
 refused "the rig is held by session first, started by $(id -un)@$(uname -n)" glasswing capture "$plan" --session second
 glasswing cancel first >/dev/null
@@ -107,6 +108,6 @@ refused 'nothing was deleted' glasswing delete s busy --yes
 glasswing cancel busy >/dev/null
 glasswing delete s member inner first second busy --yes
 [[ -z $(listed) ]] || fail "left: $(listed)"
-left=$(find "$work/rig/camera/archives" "$work/rig/server/mattes" "$work/rig/server/tiles" -mindepth 1)
+left=$(find "$work/rig/camera/archives" "$work/rig/server/mattes" "$work/rig/server/tiles" -mindepth 1 ! -name .writable)  # which is the node's own
 [[ -z $left ]] || fail "left: $left"
 echo "all of it held"
