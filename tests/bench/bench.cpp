@@ -66,16 +66,20 @@ int run(int argc, char** argv) {
 
   nlohmann::json list = nlohmann::json::array();
   fmt::print("\n{:<64} {:>10} {:>10} {:<14} {}\n", "figure", "value", "goal", "unit", "met");
-  bool all_met = true;
   for (const Row& row : rows) {
     const double value = row.value(collector.rates);
-    const bool met = row.at_most ? value <= row.goal : value >= row.goal;
-    all_met = all_met && met;
-    fmt::print("{:<64} {:>10.4g} {:>2} {:>7.4g} {:<14} {}\n", row.name, value,
-               row.at_most ? "<=" : ">=", row.goal, row.unit, met ? "yes" : "NO");
+    nlohmann::json entry = {{"name", row.name}, {"value", value}, {"unit", row.unit}};
+    std::string goal, met;
+    if (row.goal) {
+      const bool is_met = row.at_most ? value <= *row.goal : value >= *row.goal;
+      goal = fmt::format("{} {:.4g}", row.at_most ? "<=" : ">=", *row.goal);
+      met = is_met ? "yes" : "NO";
+      entry["goal"] = *row.goal;
+      entry["met"] = is_met;
+    }
+    fmt::print("{:<64} {:>10.4g} {:>10} {:<14} {}\n", row.name, value, goal, row.unit, met);
     std::fflush(stdout);
-    list.push_back(
-        {{"name", row.name}, {"value", value}, {"goal", row.goal}, {"unit", row.unit}, {"met", met}});
+    list.push_back(std::move(entry));
   }
   if (!json.empty()) std::ofstream(json) << nlohmann::json{{"rows", list}}.dump(2) << "\n";
   return 0;

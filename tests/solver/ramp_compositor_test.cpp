@@ -80,7 +80,7 @@ RampFrame object() {
 
 TEST(BoxTable, IsTheMeanOfTheExactOne) {
   const RadianceImage picture = random_picture(1);
-  const BoxTable table(picture);
+  const BoxTable table(picture, 1);
   const SummedPicture exact(picture);
   std::mt19937 random(2);
   std::uniform_real_distribution<float> place(-10.0f, 70.0f), exponent(-5.0f, 6.0f);
