@@ -73,11 +73,11 @@ void add_stmap_command(CLI::App& app, Client& client) {
       "one. Layer\n"
       "weight is how much of the light arrives, blur how wide the path is, in monitor pixels. All of a "
       "matte's paths and\n"
-      "widths at once: glasswing composite.\n\n"
+      "widths at once: glasswing composite.\nOpenImageIO warps by it with: oiiotool PICTURE vase_st.exr "
+      "--st_warp:flip_t=1 -o WARPED\n\n"
       "Examples:\n"
       "  glasswing stmap vase.exr -o vase_st.exr\n"
-      "  glasswing stmap vase.exr --monitor left --channel b -o vase_left_b.exr\n"
-      "  oiiotool harbour.exr vase_st.exr --st_warp:flip_t=1 -o warped.exr");
+      "  glasswing stmap vase.exr --monitor left --channel b -o vase_left_b.exr");
   auto arguments = std::make_shared<Arguments>();
   command.add_option("matte", arguments->matte, "a matte that glasswing fetch wrote")->required();
   command.add_option("-o,--output", arguments->output, "the OpenEXR file to write")->required();

@@ -4,8 +4,8 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "solver/ramp/byte_runs.h"
 #include "core/base/for_rows.h"
+#include "solver/ramp/byte_runs.h"
 
 namespace glasswing {
 

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "core/frame/image.h"
-#include "core/matte/matte.h"
 #include "core/matte/box_table.h"
+#include "core/matte/matte.h"
 #include "solver/ramp/ramp_frame.h"
 
 namespace glasswing {

@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/base/for_rows.h"
 #include "core/base/status.h"
 #include "solver/background/mask_cleaning.h"
 #include "solver/ramp/byte_runs.h"
-#include "core/base/for_rows.h"
 #include "solver/ramp/highlights.h"
 #include "solver/ramp/moved_background.h"
 #include "solver/ramp/partial_cover.h"

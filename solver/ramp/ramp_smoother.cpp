@@ -8,9 +8,9 @@
 #include <cmath>
 #include <vector>
 
+#include "core/base/for_rows.h"
 #include "core/base/status.h"
 #include "solver/method.h"
-#include "core/base/for_rows.h"
 #include "solver/ramp/ramp_smoother_diffusion.h"
 #include "solver/ramp/ramp_smoother_motion.h"
 #include "solver/ramp/ramp_smoother_pilot.h"

@@ -16,7 +16,7 @@ struct Row {
   std::string name;
   std::string unit;
   std::optional<double> goal;  // none: told for comparison
-  bool at_most = false;  // else at least
+  bool at_most = false;        // else at least
   // The benchmarks that it needs the rate of; it is left out if they were filtered away.
   std::vector<std::string> needs;
   std::function<double(const Rates&)> value;

@@ -66,13 +66,14 @@ cmp "$work/pour/0003.exr" "$work/again/0003.exr" >/dev/null || [[ -s $work/pour/
 echo "== what is wrong is said"
 refused "is a video of 40 frames" glasswing fetch pour -o "$work/pour.exr"
 refused "has no frame 40" glasswing fetch pour --frame 40 -o "$work/40.exr"
-frame=$(find "$work/rig/camera/archives/again/frames" -type f | sort | tail -n 1)
+glasswing import "$work/archive" --session broken
+frame=$(find "$work/rig/camera/archives/broken/frames" -type f | sort | tail -n 1)
 printf 'x' | dd of="$frame" bs=1 seek=1000 conv=notrunc status=none
 "${rig[@]}" down --data "$work/rig" >/dev/null
 "${rig[@]}" up --data "$work/rig" --port "$port" --solvers 1 >/dev/null
-refused "$(basename "$frame")" glasswing solve again --watch
-glasswing show again | grep -q "^reason .*frame 39" || fail "the reason does not name the frame"
-if glasswing fetch again -o "$work/part" >"$work/part.out" 2>&1; then fail "not all frames can be there"; fi
+refused "$(basename "$frame")" glasswing solve broken --watch
+glasswing show broken | grep -q "^reason .*frame 39" || fail "the reason does not name the frame"
+if glasswing fetch broken -o "$work/part" >"$work/part.out" 2>&1; then fail "not all frames can be there"; fi
 grep -q "are not solved" "$work/part.out" || fail "it does not say what is missing"
 (($(find "$work/part" -name '*.exr' | wc -l) > 0)) || fail "frames that were solved are not kept"
 
