@@ -36,7 +36,7 @@ refused "cannot write" --background "$back" --output "$work/none/live.y4m"
 "$bin/glasswing" live --background "$back" --output "$work/held.y4m" &
 holder=$!
 until_true 30 test -s "$work/held.y4m" || fail "the first live call shows nothing"
-refused 'held by "glasswing live"' --background "$back" --output /dev/null
+refused 'the rig is held by live, started by' --background "$back" --output /dev/null
 kill -KILL $holder
 until_true 20 live --output /dev/null --frames 1 >/dev/null || fail "the rig was not released"
 
