@@ -7,8 +7,6 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <iostream>
-#include <nlohmann/json.hpp>
 
 #include "client/commands.h"
 #include "client/composite_video.h"
@@ -34,13 +32,7 @@ absl::Status composite_still(const Client& client, const CompositeArguments& arg
   }
   GW_RETURN_IF_ERROR(picture.status());
   GW_RETURN_IF_ERROR(write_radiance(arguments.output, *picture, arguments.encoding(), arguments.bits));
-  if (client.json) {
-    const nlohmann::ordered_json written = {
-        {"file", arguments.output}, {"width_px", picture->width_px}, {"height_px", picture->height_px}};
-    std::cout << written.dump(1) << "\n";
-  } else {
-    std::cout << fmt::format("{}: {}x{}\n", arguments.output, picture->width_px, picture->height_px);
-  }
+  print_written(client, arguments.output, picture->width_px, picture->height_px);
   return absl::OkStatus();
 }
 

@@ -1,8 +1,3 @@
-#include <fmt/format.h>
-
-#include <iostream>
-#include <nlohmann/json.hpp>
-
 #include "client/commands.h"
 #include "client/picture.h"
 #include "client/progress.h"
@@ -32,13 +27,7 @@ absl::StatusOr<RadianceImage> converted(const Arguments& arguments) {
 absl::Status convert(const Client& client, const Arguments& arguments) {
   GW_RETURN_IF_ERROR(check_output(arguments.output));
   GW_ASSIGN_OR_RETURN(const RadianceImage picture, converted(arguments));
-  if (client.json) {
-    const nlohmann::ordered_json written = {
-        {"file", arguments.output}, {"width_px", picture.width_px}, {"height_px", picture.height_px}};
-    std::cout << written.dump(1) << "\n";
-  } else {
-    std::cout << fmt::format("{}: {}x{}\n", arguments.output, picture.width_px, picture.height_px);
-  }
+  print_written(client, arguments.output, picture.width_px, picture.height_px);
   return absl::OkStatus();
 }
 

@@ -6,6 +6,8 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <iostream>
+#include <nlohmann/json.hpp>
 
 #include "core/base/status.h"
 #include "core/frame/archive.h"
@@ -14,6 +16,15 @@
 #include "core/radiometry/primary_mix.h"
 
 namespace glasswing {
+
+void print_written(const Client& client, const std::string& file, int width_px, int height_px) {
+  if (client.json) {
+    const nlohmann::ordered_json written = {{"file", file}, {"width_px", width_px}, {"height_px", height_px}};
+    std::cout << written.dump(1) << "\n";
+  } else {
+    std::cout << fmt::format("{}: {}x{}\n", file, width_px, height_px);
+  }
+}
 
 absl::Status check_output(const std::filesystem::path& output, int bits) {
   static constexpr std::array<std::string_view, 4> kSuffixes = {".exr", ".png", ".tif", ".tiff"};

@@ -7,10 +7,14 @@
 #include <filesystem>
 #include <string>
 
+#include "client/client.h"
 #include "core/frame/image.h"
 #include "core/frame/image_file.h"
 
 namespace glasswing {
+
+// Says that a picture was written: "vase.png: 1280x720", or the same as JSON.
+void print_written(const Client& client, const std::string& file, int width_px, int height_px);
 
 // Before any work: INVALID_ARGUMENT for a suffix that cannot be written, or not with so many bits (0: the
 // usual ones), NOT_FOUND for a directory that is not there.

@@ -2,12 +2,11 @@
 #include <fmt/ranges.h>
 
 #include <filesystem>
-#include <iostream>
-#include <nlohmann/json.hpp>
 
 #include "client/commands.h"
 #include "client/contact_sheet.h"
 #include "client/matte_panels.h"
+#include "client/picture.h"
 #include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/matte/matte_file.h"
@@ -65,13 +64,7 @@ absl::Status view(const Client& client, const Arguments& arguments) {
                              : std::ranges::find(panels, arguments.only, &MattePanel::name)->picture;
   GW_ASSIGN_OR_RETURN(const std::string bytes, encode_png8(picture));
   GW_RETURN_IF_ERROR(write_file_durably(arguments.output, bytes));
-  if (client.json) {
-    const nlohmann::ordered_json written = {
-        {"file", arguments.output}, {"width_px", picture.width_px}, {"height_px", picture.height_px}};
-    std::cout << written.dump(1) << "\n";
-  } else {
-    std::cout << fmt::format("{}: {}x{}\n", arguments.output, picture.width_px, picture.height_px);
-  }
+  print_written(client, arguments.output, picture.width_px, picture.height_px);
   return absl::OkStatus();
 }
 
