@@ -21,7 +21,7 @@ sed 's/^monitors .*/monitors { name: "back" } monitors { name: "left" }/; s/^hol
 glasswing capture "$work/plan.txtpb" --session s --watch || fail "not captured"
 glasswing show s
 glasswing show s --json >"$work/show.json"
-shown() { field "$1" "$work/show.json"; }
-(($(shown proven_count) == $(shown step_count))) || fail "not every step was proved"
+in_show() { field "$1" "$work/show.json"; }
+(($(in_show proven_count) == $(in_show step_count))) || fail "not every step was proved"
 # Three refreshes less the worst phase leave more than one: a camera of 200 frames a second finds it.
-(($(shown retaken_count) * 10 <= $(shown step_count))) || fail "$(shown retaken_count) steps were shown again"
+(($(in_show retaken_count) * 10 <= $(in_show step_count))) || fail "$(in_show retaken_count) steps were shown again"

@@ -5,18 +5,10 @@ source "$(dirname "$0")/rig.sh"
 rig=("$root/deploy/local-rig")
 trap 'kill -CONT $(jobs -p) 2>/dev/null || true; kill $(jobs -p) 2>/dev/null || true; "${rig[@]}" down --data "$work/rig" >/dev/null; rm -rf "$work"' EXIT
 
-shown() { glasswing show "$1" --json | field "$2"; } # SESSION NAME
 is() { [[ $(shown "$1" state) == SESSION_STATE_$2 ]]; } # SESSION STATE
 held() { glasswing nodes --json | grep -q "\"what\": \"$1\""; } # WHAT
 is_free() { ! glasswing nodes --json | grep -q '"holder"'; }
 listed() { glasswing sessions "$@" --tsv | tail -n +2 | cut -f 1 | sort | tr '\n' ' '; } # CONDITIONS...
-refused() { # WORDS COMMAND...: fails, with one line on standard error that holds these words
-  local words=$1
-  shift
-  if "$@" >/dev/null 2>"$work/stderr"; then fail "accepted: $*"; fi
-  [[ $(wc -l <"$work/stderr") == 1 ]] || fail "not one line: $(cat "$work/stderr")"
-  grep -qF -- "$words" "$work/stderr" || fail "\"$(cat "$work/stderr")\" does not say \"$words\""
-}
 
 "${rig[@]}" up --data "$work/rig" --port "$port" --solvers 1
 plan=$root/deploy/plans/quick.txtpb

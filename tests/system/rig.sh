@@ -26,3 +26,11 @@ up() { (($(glasswing nodes --json | grep -c '"up": true') == $1)); } # COUNT: so
 field() { # NAME [FILE]: its first value in JSON
   sed -n "s/.*\"$1\": \"\{0,1\}\([^\",]*\)\"\{0,1\},\{0,1\}\$/\1/p" "${@:2}" | head -n 1
 }
+shown() { glasswing show "$1" --json | field "$2"; } # SESSION NAME
+refused() { # WORDS COMMAND...: fails, with one line beside those of progress on standard error, which holds these words
+  local words=$1
+  shift
+  if "$@" >/dev/null 2>"$work/stderr"; then fail "accepted: $*"; fi
+  [[ $(grep -vc '^[a-z]*ing: ' "$work/stderr") == 0 && $(grep -c '^glasswing: ' "$work/stderr") == 1 ]] || fail "not one line: $(cat "$work/stderr")"
+  grep -qF -- "$words" "$work/stderr" || fail "\"$(cat "$work/stderr")\" does not say \"$words\""
+}

@@ -5,15 +5,7 @@ source "$(dirname "$0")/rig.sh"
 rig=("$root/deploy/local-rig")
 trap '"${rig[@]}" down --data "$work/rig" >/dev/null; rm -rf "$work"' EXIT
 
-shown() { glasswing show "$1" --json | field "$2"; } # SESSION NAME
 proven_at_least() { (($(shown "$1" proven_count) >= $2)); }
-refused() { # WORDS COMMAND...: fails, with one line on standard error that holds these words
-  local words=$1
-  shift
-  if "$@" >/dev/null 2>"$work/stderr"; then fail "accepted: $*"; fi
-  [[ $(wc -l <"$work/stderr") == 1 ]] || fail "not one line: $(cat "$work/stderr")"
-  grep -qF -- "$words" "$work/stderr" || fail "\"$(cat "$work/stderr")\" does not say \"$words\""
-}
 
 "${rig[@]}" up --data "$work/rig" --port "$port" --solvers 2
 plan=$root/deploy/plans/quick.txtpb

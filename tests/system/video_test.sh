@@ -5,17 +5,10 @@ source "$(dirname "$0")/rig.sh"
 rig=("$root/deploy/local-rig")
 trap '"${rig[@]}" down --data "$work/rig" >/dev/null; kill $(jobs -p) 2>/dev/null || true; wait; rm -rf "$work"' EXIT
 
-shown() { glasswing show "$1" --json | field "$2"; } # SESSION NAME
 solved() { # SESSION: how many frames are
   glasswing show "$1" --json | awk '/"solved_frames": \[$/ { inside = 1; next } inside && /\]/ { exit } inside { ++n } END { print n + 0 }'
 }
 solved_at_least() { (($(solved "$1") >= $2)); }
-refused() { # WORDS COMMAND...: fails, with one line on standard error that holds these words
-  local words=$1
-  shift
-  if "$@" >/dev/null 2>"$work/stderr"; then fail "accepted: $*"; fi
-  grep -qF -- "$words" "$work/stderr" || fail "\"$(cat "$work/stderr")\" does not say \"$words\""
-}
 
 "${rig[@]}" up --data "$work/rig" --port "$port" --solvers 1 --scene glass
 sed 's/frames: 300/frames: 40/; s/levels: 7/levels: 4/' "$root/deploy/plans/video.txtpb" >"$work/plan.txtpb"
