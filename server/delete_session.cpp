@@ -4,26 +4,11 @@
 #include <spdlog/spdlog.h>
 
 #include "core/base/status.h"
-#include "core/service/service.h"
 #include "server/server.h"
+#include "server/session_archive.h"
 #include "server/session_facts.h"
 
 namespace glasswing {
-namespace {
-
-absl::StatusOr<std::int64_t> delete_archive(const v1::Session& session) {
-  v1::DeleteArchiveRequest request;
-  request.set_session(session.name());
-  v1::DeleteArchiveResponse response;
-  grpc::ClientContext context;
-  set_deadline(context, std::chrono::minutes(5));
-  GW_RETURN_IF_ERROR(from_grpc(v1::ArchiveService::NewStub(dial(session.archive_address()))
-                                   ->DeleteArchive(&context, request, &response),
-                               "camera node at " + session.archive_address()));
-  return response.freed_bytes();
-}
-
-}  // namespace
 
 absl::StatusOr<std::int64_t> Server::remove(const std::string& name) {
   v1::Session session;
@@ -51,7 +36,7 @@ absl::StatusOr<std::int64_t> Server::remove_all_of(v1::Session session) {
   const std::string& name = session.name();
   std::int64_t freed_bytes = 0;
   if (!session.archive_address().empty()) {
-    GW_ASSIGN_OR_RETURN(freed_bytes, delete_archive(session));
+    GW_ASSIGN_OR_RETURN(freed_bytes, SessionArchive(session).remove());
     // Should the rest fail, nobody is to take this for a session with frames.
     session.set_state(v1::SESSION_STATE_CANCELLED);
     session.set_reason("its frames were deleted; finish with: glasswing delete " + name);

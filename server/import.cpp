@@ -4,6 +4,7 @@
 #include "core/base/time.h"
 #include "core/service/service.h"
 #include "server/server.h"
+#include "server/session_archive.h"
 #include "server/session_facts.h"
 
 namespace glasswing {
@@ -48,26 +49,14 @@ absl::StatusOr<v1::Session> Server::finish_import(const std::string& name) {
   GW_ASSIGN_OR_RETURN(v1::Session session, catalogue_->find(name));
   if (session.state() == v1::SESSION_STATE_CAPTURED) return session;
   if (session.state() != v1::SESSION_STATE_CREATED || session.has_plan()) return not_now(session, "imported");
-  const std::unique_ptr<v1::ArchiveService::Stub> archive =
-      v1::ArchiveService::NewStub(dial(session.archive_address()));
-  const std::string peer = "camera node at " + session.archive_address();
-  v1::SealArchiveRequest seal;
-  seal.set_session(name);
-  v1::SealArchiveResponse sealed;
-  grpc::ClientContext seal_context;
-  set_deadline(seal_context, std::chrono::seconds(30));
-  GW_RETURN_IF_ERROR(from_grpc(archive->SealArchive(&seal_context, seal, &sealed), peer));
-  v1::GetManifestRequest get;
-  get.set_session(name);
-  v1::GetManifestResponse manifest;
-  grpc::ClientContext get_context;
-  set_deadline(get_context, std::chrono::seconds(30));
-  GW_RETURN_IF_ERROR(from_grpc(archive->GetManifest(&get_context, get, &manifest), peer));
-  session.set_method(usual_method(manifest.manifest()));
-  note_video(manifest.manifest(), session);
-  note_archive_bytes(manifest.manifest(), session);
-  session.set_step_count(manifest.manifest().frames_size());
-  session.set_proven_count(manifest.manifest().frames_size());
+  SessionArchive archive(session);
+  GW_RETURN_IF_ERROR(archive.seal());
+  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, archive.manifest());
+  session.set_method(usual_method(manifest));
+  note_video(manifest, session);
+  note_archive_bytes(manifest, session);
+  session.set_step_count(manifest.frames_size());
+  session.set_proven_count(manifest.frames_size());
   session.set_state(v1::SESSION_STATE_CAPTURED);
   session.clear_reason();
   const std::lock_guard lock(mutex_);

@@ -9,8 +9,8 @@
 #include "core/base/time.h"
 #include "core/pattern/method_options.h"
 #include "core/pattern/video_frames.h"
-#include "core/service/service.h"
 #include "server/server.h"
+#include "server/session_archive.h"
 #include "server/session_facts.h"
 
 namespace glasswing {
@@ -42,18 +42,6 @@ absl::Status check_solvable(const v1::Session& session) {
   const bool captured = session.state() == v1::SESSION_STATE_CAPTURED ||
                         session.state() == v1::SESSION_STATE_DONE || rests_in_solve(session);
   return captured ? absl::OkStatus() : not_now(session, "solved (it must be captured first)");
-}
-
-absl::StatusOr<v1::CaptureManifest> manifest_of(const v1::Session& session) {
-  v1::GetManifestRequest get;
-  get.set_session(session.name());
-  v1::GetManifestResponse manifest;
-  grpc::ClientContext context;
-  set_deadline(context, std::chrono::seconds(30));
-  GW_RETURN_IF_ERROR(from_grpc(
-      v1::ArchiveService::NewStub(dial(session.archive_address()))->GetManifest(&context, get, &manifest),
-      "camera node at " + session.archive_address()));
-  return std::move(*manifest.mutable_manifest());
 }
 
 absl::StatusOr<std::vector<int>> tiles_for(const v1::Session& session, const std::string& method,
@@ -109,7 +97,7 @@ absl::StatusOr<v1::Session> Server::solve(const v1::SolveSessionRequest& request
   GW_RETURN_IF_ERROR(check_method(method));
   for (const auto& [option, value] : request.options()) GW_RETURN_IF_ERROR(check_option(method, option));
   GW_RETURN_IF_ERROR(check_solvable(session));
-  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, manifest_of(session));
+  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, SessionArchive(session).manifest());
   GW_ASSIGN_OR_RETURN(const std::vector<int> tiles, tiles_for(session, method, manifest));
 
   const std::lock_guard lock(mutex_);
