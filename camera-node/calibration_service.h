@@ -1,7 +1,7 @@
 // CalibrationService: what this node's archives of method "calibration" say about devices.
 #pragma once
 
-#include "camera-node/archive_store.h"
+#include "core/archive/archive_store.h"
 #include "glasswing/v1/calibration_service.grpc.pb.h"
 
 namespace glasswing {

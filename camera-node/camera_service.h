@@ -8,9 +8,9 @@
 #include <mutex>
 #include <stop_token>
 
-#include "camera-node/archive_store.h"
 #include "camera-node/camera.h"
 #include "camera-node/patch_proof.h"
+#include "core/archive/archive_store.h"
 #include "glasswing/v1/camera_service.grpc.pb.h"
 
 namespace glasswing {

@@ -6,7 +6,6 @@
 #include <cstdio>
 #include <iostream>
 
-#include "camera-node/archive_service.h"
 #include "camera-node/calibration_service.h"
 #include "camera-node/camera_service.h"
 #include "camera-node/emission_client.h"
@@ -14,8 +13,10 @@
 #include "camera-node/replay_camera.h"
 #include "camera-node/sim_camera.h"
 #include "camera-node/stage_service.h"
+#include "core/archive/archive_service.h"
 #include "core/base/file.h"
 #include "core/base/name.h"
+#include "core/service/build_id.h"
 #include "core/service/man_page.h"
 #include "core/service/registration.h"
 #include "core/service/service.h"
@@ -249,6 +250,7 @@ int main(int argc, char** argv) {
   v1::RegisterRequest node;
   node.set_kind(v1::NODE_KIND_CAMERA);
   node.set_name(sim.name);
+  node.set_build(build_id());
   node.set_address((*host)->address());
   const v1::GetCameraResponse described = camera->describe();
   node.set_detail(fmt::format("{} {}x{} at {:.4g} fps{}", backend, described.camera().width_px(),

@@ -9,6 +9,7 @@
 
 #include "core/base/name.h"
 #include "core/base/status.h"
+#include "core/service/build_id.h"
 #include "core/service/man_page.h"
 #include "core/service/registration.h"
 #include "core/service/service.h"
@@ -294,6 +295,7 @@ int main(int argc, char** argv) {
   v1::RegisterRequest node;
   node.set_kind(v1::NODE_KIND_DISPLAY);
   node.set_name(name);
+  node.set_build(build_id());
   node.set_address((*host)->address());
   for (const ScreenInfo& screen : display.screens()) {
     node.set_detail(node.detail() + fmt::format("{}{}={}x{}@{:.4g}", node.detail().empty() ? "" : ", ",

@@ -32,6 +32,7 @@ absl::Status Rig::add(const v1::RegisterRequest& request) {
   entry.node.set_name(request.name());
   entry.node.set_address(request.address());
   entry.node.set_version(request.version());
+  entry.node.set_build(request.build());
   if (!request.detail().empty()) entry.node.set_detail(request.detail());
   entry.heard = monotonic_now();
   return absl::OkStatus();

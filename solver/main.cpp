@@ -13,6 +13,7 @@
 #include "core/frame/image_file.h"
 #include "core/frame/mapped_archive.h"
 #include "core/matte/matte_file.h"
+#include "core/service/build_id.h"
 #include "core/service/man_page.h"
 #include "core/service/registration.h"
 #include "core/service/service.h"
@@ -36,6 +37,7 @@ absl::Status serve(const Work& work) {
   v1::RegisterRequest node;
   node.set_kind(v1::NODE_KIND_SOLVER);
   node.set_name(work.name);
+  node.set_build(build_id());
   LiveServiceImpl live(0);  // somebody watches: it takes all cores
   std::unique_ptr<ServiceHost> host;
   if (!work.listen.empty()) {

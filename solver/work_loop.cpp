@@ -10,13 +10,13 @@
 #include <optional>
 #include <thread>
 
+#include "core/archive/remote_archive.h"
 #include "core/base/status.h"
 #include "core/matte/matte_file.h"
 #include "core/service/service.h"
 #include "glasswing/v1/work_service.grpc.pb.h"
 #include "solver/bands.h"
 #include "solver/drift.h"
-#include "solver/remote_archive.h"
 #include "solver/video_solve.h"
 
 namespace glasswing {

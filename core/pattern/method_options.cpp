@@ -9,6 +9,12 @@
 
 namespace glasswing {
 
+const std::map<std::string, int>& method_versions() {
+  static const std::map<std::string, int> versions = {{"alpha", 1},        {"fringe", 1}, {"gaussian", 1},
+                                                      {"hierarchical", 1}, {"ramp", 1},   {"matte", 1}};
+  return versions;
+}
+
 std::span<const std::string_view> option_names(std::string_view method) {
   static const std::map<std::string_view, std::vector<std::string_view>> names = {
       {"gaussian", {"modes", "oriented", "silhouette_tolerance", "images"}},

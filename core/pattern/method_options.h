@@ -1,13 +1,19 @@
-// The names of the options that each way to solve has, for those who do not solve: a server refuses others at
-// once. What values they take the solvers know.
+// The names and versions of the ways to solve, and the names of the options that each has, for those who do
+// not solve: a server refuses others at once. What values they take the solvers know.
 #pragma once
 
 #include <absl/status/status.h>
 
+#include <map>
 #include <span>
+#include <string>
 #include <string_view>
 
 namespace glasswing {
+
+// What each method computes, and how mattes are written ("matte"). Raised whenever a change of the code makes
+// other numbers of the same frames: tiles of two versions must not meet in one matte.
+const std::map<std::string, int>& method_versions();
 
 // Empty: there is no such method.
 std::span<const std::string_view> option_names(std::string_view method);

@@ -9,8 +9,8 @@
 #include <filesystem>
 #include <limits>
 
-#include "camera-node/archive_service.h"
 #include "camera-node/sim_camera.h"
+#include "core/archive/archive_service.h"
 #include "core/base/file.h"
 #include "core/pattern/id_patch.h"
 #include "core/service/service.h"

@@ -5,10 +5,10 @@
 #include <cstdio>
 #include <cstdlib>
 
-#include "camera-node/archive_service.h"
 #include "camera-node/camera_service.h"
 #include "camera-node/emission_client.h"
 #include "camera-node/stage_service.h"
+#include "core/archive/archive_service.h"
 #include "core/service/registration.h"
 #include "core/service/service.h"
 #include "display-node/display_service.h"

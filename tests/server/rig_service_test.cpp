@@ -8,11 +8,11 @@
 #include <filesystem>
 #include <map>
 
-#include "camera-node/archive_store.h"
 #include "camera-node/camera_service.h"
 #include "camera-node/emission_client.h"
 #include "camera-node/sim_camera.h"
 #include "camera-node/stage_service.h"
+#include "core/archive/archive_store.h"
 #include "core/service/registration.h"
 #include "core/service/service.h"
 #include "display-node/display_service.h"

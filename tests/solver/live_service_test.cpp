@@ -11,11 +11,11 @@
 #include <numbers>
 #include <optional>
 
-#include "camera-node/archive_service.h"
 #include "camera-node/camera_service.h"
 #include "camera-node/emission_client.h"
 #include "camera-node/sim_camera.h"
 #include "camera-node/stage_service.h"
+#include "core/archive/archive_service.h"
 #include "core/base/file.h"
 #include "core/frame/image_file.h"
 #include "core/service/registration.h"

@@ -1,4 +1,4 @@
-#include "camera-node/archive_service.h"
+#include "core/archive/archive_service.h"
 
 #include <fmt/format.h>
 
@@ -73,17 +73,18 @@ grpc::Status ArchiveServiceImpl::ReadRows(grpc::ServerContext* context, const v1
                                           grpc::ServerWriter<v1::ReadRowsResponse>* writer) {
   const absl::StatusOr<std::shared_ptr<Archive>> archive = store_.find(request->session());
   if (!archive.ok()) return to_grpc(archive.status());
+  std::int64_t start = 0;
   for (int i = 0; i < request->files_size() && !context->IsCancelled(); ++i) {
     const absl::StatusOr<std::string> rows =
         (*archive)->read_rows(request->files(i), request->first_row(), request->row_count());
     if (!rows.ok()) return to_grpc(rows.status());
     for (size_t at = 0; at < rows->size(); at += kChunkBytes) {
       v1::ReadRowsResponse response;
-      response.set_file_index(i);
-      response.set_offset_bytes(static_cast<std::int64_t>(at));
+      response.set_offset_bytes(start + static_cast<std::int64_t>(at));
       response.set_chunk(rows->substr(at, kChunkBytes));
       if (!writer->Write(response)) return grpc::Status::OK;
     }
+    start += static_cast<std::int64_t>(rows->size());
   }
   return grpc::Status::OK;
 }

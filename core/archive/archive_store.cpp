@@ -1,4 +1,4 @@
-#include "camera-node/archive_store.h"
+#include "core/archive/archive_store.h"
 
 #include <fmt/format.h>
 

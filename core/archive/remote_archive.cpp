@@ -1,4 +1,4 @@
-#include "solver/remote_archive.h"
+#include "core/archive/remote_archive.h"
 
 #include <cstring>
 
@@ -41,13 +41,12 @@ absl::StatusOr<std::vector<std::uint16_t>> RemoteArchive::rows(const v1::Capture
   v1::ReadRowsResponse response;
   size_t received = 0;
   while (reader->Read(&response)) {
-    const auto index = static_cast<size_t>(response.file_index());
     const auto offset = static_cast<size_t>(response.offset_bytes());
-    if (index >= frames.size() || offset + response.chunk().size() > frame_bytes) {
+    if (offset + response.chunk().size() > samples.size() * 2) {
       context.TryCancel();
       return absl::DataLossError(peer_ + " sent rows that were not asked for");
     }
-    auto* bytes = reinterpret_cast<char*>(samples.data()) + index * frame_bytes;
+    auto* bytes = reinterpret_cast<char*>(samples.data());
     std::memcpy(bytes + offset, response.chunk().data(), response.chunk().size());
     received += response.chunk().size();
   }

@@ -1,7 +1,7 @@
 // ArchiveService over an ArchiveStore.
 #pragma once
 
-#include "camera-node/archive_store.h"
+#include "core/archive/archive_store.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
 
 namespace glasswing {

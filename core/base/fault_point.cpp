@@ -1,0 +1,41 @@
+#include "core/base/fault_point.h"
+
+#include <unistd.h>
+
+#include <atomic>
+#include <csignal>
+#include <cstdlib>
+#include <string>
+
+namespace glasswing {
+namespace {
+
+struct Fault {
+  std::string point;
+  int signal = 0;
+  int left = 1;  // visits until it strikes
+};
+
+Fault parse() {
+  const char* text = std::getenv("GLASSWING_FAULT");
+  if (text == nullptr) return {};
+  const std::string fault = text;
+  const size_t equals = fault.find('='), at = fault.find('@', equals);
+  if (equals == std::string::npos) return {};
+  const std::string action = fault.substr(equals + 1, at == std::string::npos ? at : at - equals - 1);
+  return {.point = fault.substr(0, equals),
+          .signal = action == "kill"   ? SIGKILL
+                    : action == "stop" ? SIGSTOP
+                                       : 0,
+          .left = at == std::string::npos ? 1 : std::atoi(fault.c_str() + at + 1)};
+}
+
+}  // namespace
+
+void fault_point(std::string_view name) {
+  static const Fault fault = parse();
+  static std::atomic<int> left = fault.left;
+  if (name == fault.point && --left == 0) ::kill(::getpid(), fault.signal);
+}
+
+}  // namespace glasswing
