@@ -27,19 +27,17 @@ using Sessions = Peer<v1::SessionService>;
 struct Arguments {
   std::string session, output;
   std::optional<int> frame;
+  bool partial = false;
 };
 
 struct Fetched {
   std::string bytes;
   Matte matte;
 };
-absl::StatusOr<Fetched> fetched(const Sessions& server, const std::string& name, std::optional<int> frame,
+absl::StatusOr<Fetched> fetched(const Sessions& server, const v1::FetchMatteRequest& request,
                                 Waiting* waiting = nullptr) {
   grpc::ClientContext context;
   set_deadline(context, kFetchTimeout);
-  v1::FetchMatteRequest request;
-  request.set_name(name);
-  if (frame) request.set_frame(*frame);
   const auto reader = server.stub->FetchMatte(&context, request);
   Fetched fetched;
   for (v1::FetchMatteResponse response; reader->Read(&response);) {
@@ -50,17 +48,32 @@ absl::StatusOr<Fetched> fetched(const Sessions& server, const std::string& name,
   if (!status.ok()) return status_from(status, server.title);
   absl::StatusOr<Matte> matte = decode_matte(fetched.bytes);
   if (!matte.ok()) {
-    return absl::Status(matte.status().code(), fmt::format("the matte of {}session {} came damaged: {}",
-                                                           frame ? fmt::format("frame {} of ", *frame) : "",
-                                                           name, std::string(matte.status().message())));
+    return absl::Status(matte.status().code(),
+                        fmt::format("the matte of {}session {} came damaged: {}",
+                                    request.has_frame() ? fmt::format("frame {} of ", request.frame()) : "",
+                                    request.name(), std::string(matte.status().message())));
   }
   fetched.matte = *std::move(matte);
   return fetched;
 }
 
+int unsolved_rows(const Matte& matte) {
+  int rows = 0;
+  for (int y = 0; y < matte.height_px(); ++y) {
+    bool solved = false;
+    for (int x = 0; x < matte.width_px() && !solved; ++x) solved = (matte.flags(x, y) & kFlagNoData) == 0;
+    if (!solved) ++rows;
+  }
+  return rows;
+}
+
 absl::StatusOr<Fetched> fetched_to_file(const Sessions& server, const Arguments& arguments) {
   Waiting waiting("fetching");
-  GW_ASSIGN_OR_RETURN(Fetched whole, fetched(server, arguments.session, arguments.frame, &waiting));
+  v1::FetchMatteRequest request;
+  request.set_name(arguments.session);
+  if (arguments.frame) request.set_frame(*arguments.frame);
+  request.set_partial(arguments.partial);
+  GW_ASSIGN_OR_RETURN(Fetched whole, fetched(server, request, &waiting));
   GW_RETURN_IF_ERROR(write_file_durably(arguments.output, whole.bytes));
   return whole;
 }
@@ -69,16 +82,17 @@ absl::Status fetch_file(const Client& client, const Sessions& server, const Argu
   GW_ASSIGN_OR_RETURN(const Fetched whole, fetched_to_file(server, arguments));
   const auto& warnings = whole.matte.metadata.warnings();
   if (client.json) {
-    nlohmann::ordered_json written = {{"session", arguments.session},
-                                      {"file", arguments.output},
-                                      {"bytes", whole.bytes.size()},
-                                      {"width_px", whole.matte.width_px()},
-                                      {"height_px", whole.matte.height_px()}};
+    nlohmann::ordered_json written = {
+        {"session", arguments.session},         {"file", arguments.output},
+        {"bytes", whole.bytes.size()},          {"width_px", whole.matte.width_px()},
+        {"height_px", whole.matte.height_px()}, {"unsolved_rows", unsolved_rows(whole.matte)}};
     if (!warnings.empty()) written["warnings"] = std::vector<std::string>(warnings.begin(), warnings.end());
     std::cout << written.dump(1) << "\n";
   } else {
     std::cout << fmt::format("{}: the matte of session {}, {}x{}\n", arguments.output, arguments.session,
                              whole.matte.width_px(), whole.matte.height_px());
+    if (const int rows = unsolved_rows(whole.matte); rows > 0)
+      std::cout << fmt::format("{} of its {} rows are not solved yet\n", rows, whole.matte.height_px());
     for (const std::string& warning : warnings) std::cout << fmt::format("warning: {}\n", warning);
   }
   return absl::OkStatus();
@@ -122,7 +136,10 @@ absl::StatusOr<Frames> fetch_frames(const Sessions& server, const v1::Session& s
     if (tells_what_is_fetched(session) && is_there(path, session, frame)) {
       ++frames.there_before;
     } else {
-      GW_ASSIGN_OR_RETURN(const Fetched whole, fetched(server, session.name(), frame));
+      v1::FetchMatteRequest request;
+      request.set_name(session.name());
+      request.set_frame(frame);
+      GW_ASSIGN_OR_RETURN(const Fetched whole, fetched(server, request));
       GW_RETURN_IF_ERROR(write_file_flushed(path, whole.bytes));
       ++frames.fetched;
       if (frames.warnings.empty())
@@ -180,7 +197,7 @@ absl::Status fetch_video(const Client& client, const Sessions& server, const v1:
 
 absl::Status fetch(const Client& client, const Arguments& arguments) {
   const Sessions server(client.server_title(), client.server);
-  if (arguments.frame) return fetch_file(client, server, arguments);
+  if (arguments.frame || arguments.partial) return fetch_file(client, server, arguments);
   v1::GetSessionRequest request;
   request.set_name(arguments.session);
   GW_ASSIGN_OR_RETURN(const v1::GetSessionResponse found,
@@ -208,13 +225,14 @@ absl::Status fetch(const Client& client, const Arguments& arguments) {
 }  // namespace
 
 void add_fetch_command(CLI::App& app, Client& client) {
-  CLI::App& command = *app.add_subcommand("fetch", "Fetch a finished matte, or those of a video.");
+  CLI::App& command = *app.add_subcommand("fetch", "Fetch a matte, or those of a video.");
   command.footer(
       "A video's frames become 0000.exr, 0001.exr, ... of a directory, as many as are solved; what is there "
       "already is not "
       "fetched again.\n\n"
       "Examples:\n"
       "  glasswing fetch vase -o vase.exr\n"
+      "  glasswing fetch vase -o so-far.exr --partial\n"
       "  glasswing fetch pouring -o pouring/\n"
       "  glasswing fetch pouring --frame 7 -o pouring-7.exr");
   auto arguments = std::make_shared<Arguments>();
@@ -223,6 +241,11 @@ void add_fetch_command(CLI::App& app, Client& client) {
       ->required();
   command.add_option("--frame", arguments->frame, "of a video, from 0: fetch only this one")
       ->check(CLI::Range(0, 17999));
+  command
+      .add_flag(
+          "--partial", arguments->partial,
+          "what is solved so far of a solve that goes on, or failed; the rest is flagged \"not solved\"")
+      ->excludes("--frame");
   command.callback(
       [&client, arguments] { client.run = [&client, arguments] { return fetch(client, *arguments); }; });
 }

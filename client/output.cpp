@@ -102,6 +102,11 @@ std::string state_name(v1::SessionState state) {
   }
 }
 
+std::string tiles_text(const v1::Session& session) {
+  if (session.tile_count() == 0) return "a solver measures the work";
+  return fmt::format("{} of {} tiles", session.tiles_done(), session.tile_count());
+}
+
 std::string summary_of(const v1::Session& session) {
   std::string line = fmt::format("session {} is {}", session.name(), state_name(session.state()));
   if (!session.reason().empty()) return line + ": " + session.reason();
@@ -120,7 +125,7 @@ std::string summary_of(const v1::Session& session) {
       if (is_video(session) && !session.matte_ready())  // else those of the solve before
         return line +
                fmt::format(": {} of {} frames", session.solved_frames_size(), frames_to_solve(session));
-      return line + fmt::format(": {} of {} tiles", session.tiles_done(), session.tile_count());
+      return line + ": " + tiles_text(session);
     case v1::SESSION_STATE_DONE:
       if (is_video(session))
         return line + fmt::format(": mattes of {}, solved in {}", video_text(session),

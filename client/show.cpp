@@ -50,11 +50,15 @@ void print_details(const v1::Session& session) {
           fmt::format("{} of them: {}", session.solved_frames_size(), ranges_text(session.solved_frames())));
   }
   row("warning", session.warning());
-  if (session.tile_count() > 0) {
-    row("solving", fmt::format("{}, {} of {} tiles, {}", session.method(), session.tiles_done(),
-                               session.tile_count(), seconds_text(session.solve_seconds())));
+  if (session.job() != 0) {
+    row("solving", fmt::format("{}, {}, {}", session.method(), tiles_text(session),
+                               seconds_text(session.solve_seconds())));
     for (const auto& [key, value] : session.options()) row("", key + "=" + value);
   }
+  for (const v1::QuarantinedTile& tile : session.quarantined())
+    row(&tile == &session.quarantined(0) ? "failed" : "",
+        fmt::format("tile {}, {} {} to {}: {}", tile.tile(), is_video(session) ? "frames" : "rows",
+                    tile.first(), tile.first() + tile.count() - 1, tile.error()));
   if (session.matte_ready() && session.state() != v1::SESSION_STATE_DONE)
     row("matte", "that of the solve before can be fetched");
   row("pixels", fmt::format("{}{}, {} show the object{}, {} of them flagged", session.pixel_count(),

@@ -36,6 +36,7 @@ class SessionProgress {
                                 : session.step_count();
     const std::string retaken =
         !solving && session.retaken_count() > 0 ? fmt::format(", {} retaken", session.retaken_count()) : "";
+    if (solving && count == 0) return progress_->update(0.0, tiles_text(session));
     progress_->update(count > 0 ? static_cast<double>(done) / count : 0.0,
                       fmt::format("{} of {} {}{}", done, count,
                                   frames    ? "frames"

@@ -236,7 +236,7 @@ absl::StatusOr<v1::Session> Server::cancel(const std::string& name, const Caller
   const bool has_solve =
       session.state() == v1::SESSION_STATE_SOLVING ||
       (rests_in_solve(session) && (session.state() == v1::SESSION_STATE_PAUSED || session.matte_ready()));
-  if (has_solve) return cancel_solve(std::move(session));
+  if (has_solve) return cancel_solve(std::move(session), "the solve was cancelled");
   if (session.state() != v1::SESSION_STATE_PAUSED && session.state() != v1::SESSION_STATE_CREATED)
     return not_now(session, "cancelled");
   session.set_state(v1::SESSION_STATE_CANCELLED);

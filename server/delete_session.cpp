@@ -44,11 +44,10 @@ absl::StatusOr<std::int64_t> Server::remove_all_of(v1::Session session) {
     session.set_matte_ready(false);
     const std::lock_guard lock(mutex_);
     GW_RETURN_IF_ERROR(change(session));
-    GW_RETURN_IF_ERROR(jobs_->give_up(name));
   }
   GW_ASSIGN_OR_RETURN(const std::int64_t matte_bytes, mattes_.remove(name));
   const std::lock_guard lock(mutex_);
-  GW_RETURN_IF_ERROR(jobs_->remove(name));
+  if (session.job() != 0) GW_RETURN_IF_ERROR(jobs_->remove(session.job()));
   GW_RETURN_IF_ERROR(catalogue_->remove(name));
   solve_began_.erase(name);
   operator_asked_.erase(name);

@@ -1,4 +1,5 @@
 #include <CLI/CLI.hpp>
+#include <cmath>
 #include <iostream>
 
 #include "core/service/man_page.h"
@@ -13,11 +14,20 @@ int main(int argc, char** argv) {
   CLI::App app("Glasswing's server: rigs, sessions, the proof of each frame, and finished mattes.");
   set_up_help(app, "glasswing-server");
   app.footer("Example:\n  glasswing-server --listen 127.0.0.1:7440 --data /var/lib/glasswing");
+  ServerOptions options;
   ListenOptions listen{.address = "127.0.0.1:7440", .reflection = false};
-  std::string data;
   std::string level = "info";
   app.add_option("--listen", listen.address, "host:port to listen on; loopback only")->capture_default_str();
-  app.add_option("--data", data, "directory for the catalogue and the mattes")->required();
+  app.add_option("--data", options.data, "directory for the catalogue and the mattes")->required();
+  app.add_option("--jobs", options.jobs,
+                 "PostgreSQL that holds the tiles of solves, as postgresql://user@host/glasswing; several "
+                 "servers may share "
+                 "one. SQLite below --data if left out");
+  double lease_seconds = 10.0;
+  app.add_option("--lease", lease_seconds,
+                 "seconds after which the tile of a silent solver is given to another")
+      ->check(CLI::Range(1.0, 3600.0))
+      ->capture_default_str();
   app.add_flag("--reflection", listen.reflection, "let gRPC tools list the services");
   app.add_option("--log-level", level, "debug, info, warn or error")->capture_default_str();
   app.set_version_flag("--version", kVersion);
@@ -29,7 +39,9 @@ int main(int argc, char** argv) {
     std::cerr << "glasswing-server: " << status.message() << "\n";
     return 1;
   };
-  absl::StatusOr<std::unique_ptr<Server>> server = Server::open(data);
+  options.address = listen.address;
+  options.lease = std::chrono::milliseconds(std::llround(1000.0 * lease_seconds));
+  absl::StatusOr<std::unique_ptr<Server>> server = Server::open(options);
   if (!server.ok()) return fail(server.status());
   SessionServiceImpl sessions(**server);
   NodeServiceImpl nodes(**server);

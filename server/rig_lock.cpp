@@ -2,8 +2,7 @@
 
 #include <fmt/format.h>
 
-#include <random>
-
+#include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
 
@@ -22,12 +21,6 @@ v1::RigHolder holder_of(const Caller& caller, const std::string& what) {
 std::string origin(const v1::RigHolder& holder, const char* verb) {
   return fmt::format("{}{} at {}", verb, holder.client().empty() ? "" : " by " + holder.client(),
                      holder.since().substr(holder.since().find('T') + 1));
-}
-
-// Nobody is to come by it unawares.
-std::string random_token() {
-  std::random_device entropy;
-  return fmt::format("{:08x}{:08x}{:08x}{:08x}", entropy(), entropy(), entropy(), entropy());
 }
 
 }  // namespace

@@ -6,8 +6,10 @@
 #include <algorithm>
 
 #include "core/base/file.h"
+#include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
+#include "server/session_facts.h"
 
 namespace glasswing {
 namespace {
@@ -22,24 +24,49 @@ absl::StatusOr<fs::path> directory_below(const fs::path& data, const char* name)
   return data / name;
 }
 
+// What the job store knows this server by; it stays when the address changes.
+absl::StatusOr<std::string> server_id(const fs::path& data) {
+  const fs::path path = data / "server-id";
+  if (!fs::exists(path)) GW_RETURN_IF_ERROR(write_file_durably(path, random_token()));
+  return read_file(path);
+}
+
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<Server>> Server::open(const fs::path& data) {
+absl::StatusOr<std::unique_ptr<Server>> Server::open(const ServerOptions& options) {
+  const fs::path& data = options.data;
   std::unique_ptr<Server> server(new Server(data));
   for (const char* name : {"images", "mattes", "tiles"})
     GW_RETURN_IF_ERROR(directory_below(data, name).status());
   GW_ASSIGN_OR_RETURN(server->catalogue_, Catalogue::open(data / "catalogue.sqlite"));
   GW_ASSIGN_OR_RETURN(server->calibrations_, CalibrationStore::open(data));
-  GW_ASSIGN_OR_RETURN(server->jobs_, JobStore::open(data / "jobs.sqlite"));
+  GW_ASSIGN_OR_RETURN(const std::string id, server_id(data));
+  GW_ASSIGN_OR_RETURN(
+      server->jobs_,
+      open_job_store(options.jobs, data,
+                     {.server_id = id, .server_address = options.address, .lease = options.lease}));
+  server->lease_ = options.lease;
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> sessions, server->catalogue_->list());
   const std::lock_guard lock(server->mutex_);
+  GW_RETURN_IF_ERROR(server->drop_orphans(sessions));
   for (const v1::Session& session : sessions) GW_RETURN_IF_ERROR(server->take_up(session));
+  server->finish_thread_ =
+      std::jthread([self = server.get()](std::stop_token stop) { self->finish_solves(stop); });
   return server;
+}
+
+absl::Status Server::drop_orphans(const std::vector<v1::Session>& sessions) {
+  GW_ASSIGN_OR_RETURN(const std::vector<std::int64_t> jobs, jobs_->own_jobs());
+  for (const std::int64_t job : jobs) {
+    if (std::ranges::count(sessions, job, &v1::Session::job) == 0) GW_RETURN_IF_ERROR(jobs_->remove(job));
+  }
+  return absl::OkStatus();
 }
 
 absl::Status Server::take_up(v1::Session session) {
   const std::string& name = session.name();
-  if (session.state() != v1::SESSION_STATE_SOLVING) GW_RETURN_IF_ERROR(jobs_->hold(name));
+  if (session.state() != v1::SESSION_STATE_SOLVING && session.job() != 0)
+    GW_RETURN_IF_ERROR(jobs_->hold(session.job()));
   switch (session.state()) {
     case v1::SESSION_STATE_CAPTURING:
       session.set_state(v1::SESSION_STATE_PAUSED);
@@ -48,10 +75,20 @@ absl::Status Server::take_up(v1::Session session) {
     case v1::SESSION_STATE_SOLVING: {
       start_solve_clock(session);
       // Its last tile may have come just before the end, or its cancelling begun.
-      GW_ASSIGN_OR_RETURN(const std::vector<Tile> tiles, jobs_->tiles(name));
-      if (std::ranges::any_of(tiles, &Tile::is_given_up)) return cancel_solve(session).status();
-      const bool all = !tiles.empty() && std::ranges::all_of(tiles, &Tile::is_done);
-      return all ? finish_solve(session) : absl::OkStatus();
+      GW_ASSIGN_OR_RETURN(const JobCounts counts, jobs_->counts(session.job()));
+      if (counts.tiles == 0)
+        return cancel_solve(session,
+                            fmt::format("its tiles are gone; solve it again: glasswing solve {}", name))
+            .status();
+      count_tiles(counts, session);
+      if (has_frame_files(session) && !session.matte_ready()) {
+        GW_ASSIGN_OR_RETURN(const std::vector<TileState> tiles, jobs_->tiles(session.job()));
+        note_solved_frames(tiles, session);
+      }
+      GW_RETURN_IF_ERROR(catalogue_->update(session));
+      GW_RETURN_IF_ERROR(jobs_->release(session.job()));
+      if (counts.rests()) to_finish_.insert(name);
+      return absl::OkStatus();
     }
     case v1::SESSION_STATE_DONE:
       if (!session.matte_ready()) {  // of a server that did not say so
@@ -72,6 +109,7 @@ Server::~Server() {
     capture_thread_.request_stop();
   }
   join_capture();
+  finish_thread_ = {};
 }
 
 void Server::join_capture() {

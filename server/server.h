@@ -26,19 +26,27 @@
 #include "glasswing/v1/work_service.pb.h"
 #include "server/capture.h"
 #include "server/catalogue.h"
+#include "server/fleet.h"
 #include "server/frame_mattes.h"
-#include "server/job_store.h"
+#include "server/jobs/job_store.h"
 #include "server/matte_files.h"
 #include "server/rig.h"
 #include "server/rig_lock.h"
 
 namespace glasswing {
 
+struct ServerOptions {
+  std::filesystem::path data;
+  std::string jobs;     // connection string of a PostgreSQL; empty: SQLite below `data`
+  std::string address;  // where solvers of other servers reach this one; empty: there are none
+  std::chrono::milliseconds lease{10000};
+};
+
 // Thread-safe. Errors are those that session_service.proto and work_service.proto list.
 class Server {
  public:
-  // Opens the catalogue below `data`; UNAVAILABLE or DATA_LOSS name what cannot be opened.
-  static absl::StatusOr<std::unique_ptr<Server>> open(const std::filesystem::path& data);
+  // Opens the catalogue and the job store; UNAVAILABLE or DATA_LOSS name what cannot be opened.
+  static absl::StatusOr<std::unique_ptr<Server>> open(const ServerOptions& options);
   ~Server();  // a running capture is paused
 
   Rig& rig() { return rig_; }
@@ -63,19 +71,26 @@ class Server {
   // Path of the last finished solve's matte, or of that of a video's frame. It may be gone by the time it is
   // read: then ask again.
   absl::StatusOr<std::filesystem::path> matte(const std::string& name, std::optional<int> frame);
+  // What there is so far of a solve that goes on or broke off, as a matte's file; of one that finished, its
+  // matte. FAILED_PRECONDITION: nothing yet.
+  absl::StatusOr<std::string> partial_matte(const std::string& name);
 
   // Waits for any session to change after `seen` (0: none yet), at most `timeout`; returns the number of the
   // last change.
   std::int64_t wait_change(std::int64_t seen, std::chrono::milliseconds timeout);
 
   absl::StatusOr<v1::ClaimTileResponse> claim(const v1::ClaimTileRequest& request);
+  // A hint that claim() may have something now; returns after `timeout` at the latest.
+  void wait_for_tiles(std::chrono::milliseconds timeout) { jobs_->wait_for_tiles(timeout); }
   absl::Status keep(const v1::TileLease& lease);
+  absl::Status complete_survey(const v1::CompleteSurveyRequest& request);
   // Where the files of a video's tile go as they come; none for a tile of rows.
   absl::StatusOr<std::optional<FrameMattes>> frames_of(const v1::TileLease& lease);
   // `matte` is the tile's file, whole.
   absl::Status complete(const v1::CompleteTileRequest& header, const std::string& matte);
   absl::Status complete(const v1::CompleteTileRequest& header, FrameMattes mattes);
   absl::Status fail(const v1::FailTileRequest& request);
+  absl::StatusOr<v1::GetFleetResponse> fleet();
 
  private:
   enum class Wish { kNone, kPause, kCancel };
@@ -83,8 +98,9 @@ class Server {
   explicit Server(std::filesystem::path data) : data_(std::move(data)), mattes_(data_) {}
 
   // Those below are called with mutex_ held.
-  absl::Status take_up(v1::Session session);        // as an earlier server left it
-  absl::Status change(const v1::Session& session);  // durable, then announced
+  absl::Status take_up(v1::Session session);                            // as an earlier server left it
+  absl::Status drop_orphans(const std::vector<v1::Session>& sessions);  // jobs that no session knows of
+  absl::Status change(const v1::Session& session);                      // durable, then announced
   void announce();
   absl::StatusOr<v1::Session> find_locked(const std::string& name);
   absl::Status check_stays(const std::string& name) const;  // it is not being deleted
@@ -93,15 +109,21 @@ class Server {
   void start_solve_clock(const v1::Session& session);
   absl::StatusOr<v1::Session> pause_solve(v1::Session session);
   absl::StatusOr<v1::Session> resume_solve(v1::Session session);
-  absl::StatusOr<v1::Session> cancel_solve(v1::Session session);
-  // Notes that the tile is done. Before, if this is news, `place` puts what came to where it is read.
-  absl::Status accept(const v1::CompleteTileRequest& header, const std::string& result,
-                      const std::function<absl::Status(const v1::Session&, const Tile&)>& place);
-  absl::Status assemble_rows(v1::Session& session);
-  absl::Status finish_solve(v1::Session session);
+  // `reason`: why nothing came of the solve.
+  absl::StatusOr<v1::Session> cancel_solve(v1::Session session, const std::string& reason);
+  // The session that this lease is of. ABORTED: it is not being solved, or in another job by now.
+  absl::StatusOr<v1::Session> session_of(const v1::TileLease& lease);
+  // Counts the tiles; once none is left, the solve is finished by a thread of its own.
+  absl::Status note_progress(const v1::TileLease& lease);
+  absl::Status settle(v1::Session session, absl::Status made);
 
   // Those below are called without mutex_.
   absl::Status check_new_name(const std::string& name);
+  absl::Status complete_frames(const v1::CompleteTileRequest& header, FrameMattes& mattes);
+  absl::Status done(const v1::CompleteTileRequest& header, const TileAttempt& attempt,
+                    const std::string& result);
+  void finish_solves(std::stop_token stop);
+  void finish_solve(const std::string& name);
   absl::StatusOr<std::int64_t> remove_all_of(v1::Session session);
   // Stops the session's capture and waits until it rests.
   absl::StatusOr<v1::Session> end_capture(const std::string& name, Wish wish);
@@ -111,11 +133,13 @@ class Server {
 
   const std::filesystem::path data_;
   const MatteFiles mattes_;
+  std::chrono::milliseconds lease_{};
   Rig rig_;
   RigLock rig_lock_;
   std::unique_ptr<CalibrationStore> calibrations_;
   std::unique_ptr<Catalogue> catalogue_;
   std::unique_ptr<JobStore> jobs_;
+  Fleet fleet_;
 
   std::mutex mutex_;
   std::condition_variable changed_;
@@ -128,6 +152,9 @@ class Server {
   RigLock::Drive drive_;                        // meanwhile
   Wish wish_ = Wish::kNone;
   std::jthread capture_thread_;
+  std::set<std::string> to_finish_;  // sessions whose tiles are all done, or given up
+  std::condition_variable_any finish_wanted_;
+  std::jthread finish_thread_;
 };
 
 }  // namespace glasswing

@@ -3,9 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <set>
 #include <string_view>
 #include <utility>
 
+#include "core/pattern/method_options.h"
 #include "core/pattern/plan.h"
 #include "core/pattern/video_frames.h"
 
@@ -60,11 +62,46 @@ bool has_frame_files(const v1::Session& session) {
 bool rests_in_solve(const v1::Session& session) {
   const bool rests =
       session.state() == v1::SESSION_STATE_PAUSED || session.state() == v1::SESSION_STATE_FAILED;
-  return rests && session.tile_count() > 0;
+  return rests && session.job() != 0;
+}
+
+void count_tiles(const JobCounts& counts, v1::Session& session) {
+  session.set_tile_count(counts.tiles);
+  session.set_tiles_done(counts.done);
+  session.set_object_pixel_count(counts.object_pixels);
+  session.set_flagged_pixel_count(counts.flagged_pixels);
+}
+
+std::string computes(const std::string& method) {
+  const std::map<std::string, int>& versions = method_versions();
+  return fmt::format("{}/{} matte/{}", method, versions.at(method), versions.at("matte"));
+}
+
+TileAttempt attempt_of(const v1::TileLease& lease) {
+  return {.job = lease.job(), .tile = lease.tile(), .attempt = lease.attempt()};
 }
 
 bool has_number(const google::protobuf::RepeatedField<std::int32_t>& rising, int number) {
   return std::binary_search(rising.begin(), rising.end(), number);
+}
+
+// A frame that is solved once more, in a tile of its own, is in two.
+void note_solved_frames(const std::vector<TileState>& tiles, v1::Session& session) {
+  std::set<int> solved;
+  for (const bool done : {true, false}) {
+    for (const TileState& tile : tiles) {
+      if (tile.is_done() != done) continue;
+      for (int frame = tile.range.first; frame < tile.range.first + tile.range.count; ++frame) {
+        if (done) solved.insert(frame);
+        if (!done) solved.erase(frame);
+      }
+    }
+  }
+  session.clear_solved_frames();
+  for (const int frame : solved) {
+    if (!has_number(session.lost_frames(), frame) && !has_number(session.refused_frames(), frame))
+      session.add_solved_frames(frame);
+  }
 }
 
 void note_archive_bytes(const v1::CaptureManifest& manifest, v1::Session& session) {

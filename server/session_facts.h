@@ -4,9 +4,12 @@
 #include <absl/status/status.h>
 
 #include <string>
+#include <vector>
 
 #include "glasswing/v1/archive.pb.h"
 #include "glasswing/v1/session_service.pb.h"
+#include "glasswing/v1/work_service.pb.h"
+#include "server/jobs/job_store.h"
 
 namespace glasswing {
 
@@ -28,6 +31,17 @@ bool has_frame_files(const v1::Session& session);
 
 // It is its solve that is paused or failed, not its capture.
 bool rests_in_solve(const v1::Session& session);
+
+// How far the solve came.
+void count_tiles(const JobCounts& counts, v1::Session& session);
+
+// Which frames of a video have mattes by now.
+void note_solved_frames(const std::vector<TileState>& tiles, v1::Session& session);
+
+// What solvers must compute to work on tiles of this method: its version and that of the matte's file.
+std::string computes(const std::string& method);
+// Names an attempt.
+TileAttempt attempt_of(const v1::TileLease& lease);
 
 bool has_number(const google::protobuf::RepeatedField<std::int32_t>& rising, int number);
 

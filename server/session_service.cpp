@@ -147,6 +147,10 @@ grpc::Status SessionServiceImpl::FetchMatte(grpc::ServerContext*, const v1::Fetc
                                             grpc::ServerWriter<v1::FetchMatteResponse>* writer) {
   const std::optional<int> frame = request->has_frame() ? std::optional<int>(request->frame()) : std::nullopt;
   absl::StatusOr<std::string> bytes;
+  if (request->partial()) {
+    bytes = server_.partial_matte(request->name());
+    if (!bytes.ok()) return to_grpc(bytes.status());
+  }
   for (int attempt = 0; attempt < 2 && !bytes.ok(); ++attempt) {
     const absl::StatusOr<std::filesystem::path> path = server_.matte(request->name(), frame);
     if (!path.ok()) return to_grpc(path.status());

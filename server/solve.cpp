@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "core/base/fault_point.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
 #include "core/pattern/method_options.h"
@@ -12,31 +13,15 @@
 #include "server/server.h"
 #include "server/session_archive.h"
 #include "server/session_facts.h"
+#include "server/tile_sizes.h"
 
 namespace glasswing {
 namespace {
 
 namespace fs = std::filesystem;
 
-// About a second of work each, and enough of them for several solvers.
-constexpr int kPixelsPerTile = 1024;
-constexpr int kMostFramesPerTile = 16, kFewestFramesPerTile = 4;
-
-std::vector<int> row_tiles(const v1::Camera& camera) {
-  const int rows =
-      std::clamp(kPixelsPerTile / std::max(camera.width_px(), 1), 1, std::max(camera.height_px(), 1));
-  std::vector<int> tiles;
-  for (int left = camera.height_px(); left > 0; left -= rows) tiles.push_back(std::min(rows, left));
-  return tiles;
-}
-
-// The last ones are smaller, so that all solvers end together.
-std::vector<int> frame_tiles(int frames) {
-  std::vector<int> tiles;
-  for (int left = frames; left > 0; left -= tiles.back())
-    tiles.push_back(std::min(left, std::clamp(left / 2, kFewestFramesPerTile, kMostFramesPerTile)));
-  return tiles;
-}
+// Of frames' samples, that a solver holds of one tile, and of the tile's own pixels.
+constexpr std::int64_t kMostTileBytes = 256 << 20, kMostTilePixels = 400'000;
 
 absl::Status check_solvable(const v1::Session& session) {
   const bool captured = session.state() == v1::SESSION_STATE_CAPTURED ||
@@ -44,18 +29,33 @@ absl::Status check_solvable(const v1::Session& session) {
   return captured ? absl::OkStatus() : not_now(session, "solved (it must be captured first)");
 }
 
-absl::StatusOr<std::vector<int>> tiles_for(const v1::Session& session, const std::string& method,
-                                           const v1::CaptureManifest& manifest) {
-  if (method != kRampMethod) return row_tiles(manifest.camera());
-  std::vector<int> tiles = frame_tiles(static_cast<int>(video_frames(manifest).size()));
+// What a solver is told of every tile.
+v1::ClaimTileResponse work_of(const v1::Session& session, const v1::CaptureManifest& manifest) {
+  v1::ClaimTileResponse work;
+  work.set_method(session.method());
+  *work.mutable_options() = session.options();
+  work.set_archive_address(session.archive_address());
+  if (is_solved_by_frames(session)) return work;
+  for (const int row : survey_rows(manifest.camera().height_px())) work.add_survey_rows(row);
+  return work;
+}
+
+// Of a matte of rows, nothing is known of the work yet: its first tile is a survey of the whole.
+absl::StatusOr<std::vector<TileRange>> first_tiles(const v1::Session& session,
+                                                   const v1::CaptureManifest& manifest) {
+  const v1::Camera& camera = manifest.camera();
+  if (!is_solved_by_frames(session)) return std::vector{TileRange{.first = 0, .count = camera.height_px()}};
+  std::vector<TileRange> tiles =
+      frame_tiles(static_cast<int>(video_frames(manifest).size()),
+                  static_cast<std::int64_t>(camera.width_px()) * camera.height_px());
   if (!tiles.empty()) return tiles;
   return absl::FailedPreconditionError(fmt::format(
       "session \"{}\" has no frame of the ramp with the object; method \"{}\" makes mattes of such",
-      session.name(), method));
+      session.name(), session.method()));
 }
 
-std::vector<FrameRange> runs_of(const google::protobuf::RepeatedField<std::int32_t>& rising) {
-  std::vector<FrameRange> runs;
+std::vector<TileRange> runs_of(const google::protobuf::RepeatedField<std::int32_t>& rising) {
+  std::vector<TileRange> runs;
   for (const int frame : rising) {
     if (!runs.empty() && frame == runs.back().first + runs.back().count) {
       ++runs.back().count;
@@ -98,32 +98,67 @@ absl::StatusOr<v1::Session> Server::solve(const v1::SolveSessionRequest& request
   for (const auto& [option, value] : request.options()) GW_RETURN_IF_ERROR(check_option(method, option));
   GW_RETURN_IF_ERROR(check_solvable(session));
   GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, SessionArchive(session).manifest());
-  GW_ASSIGN_OR_RETURN(const std::vector<int> tiles, tiles_for(session, method, manifest));
 
   const std::lock_guard lock(mutex_);
   GW_ASSIGN_OR_RETURN(session, find_locked(request.name()));
   GW_RETURN_IF_ERROR(check_stays(session.name()));
   GW_RETURN_IF_ERROR(check_solvable(session));
   if (session.state() == v1::SESSION_STATE_DONE) GW_RETURN_IF_ERROR(catalogue_->keep_finished(session));
-  GW_RETURN_IF_ERROR(jobs_->create(session.name(), tiles));
+  const std::int64_t job_before = session.job();
   session.set_method(method);
   *session.mutable_options() = request.options();
   note_video(manifest, session);
+  GW_ASSIGN_OR_RETURN(const std::vector<TileRange> tiles, first_tiles(session, manifest));
+  const v1::ClaimTileResponse work = work_of(session, manifest);
+  GW_ASSIGN_OR_RETURN(const std::int64_t job, jobs_->create({.session = session.name(),
+                                                             .computes = computes(method),
+                                                             .work = work.SerializeAsString()},
+                                                            tiles));
+  session.set_job(job);
   if (!session.matte_ready()) session.clear_solved_frames();
   session.clear_refused_frames();
   session.clear_refusal();
-  session.set_tile_count(static_cast<int>(tiles.size()));
-  session.set_tiles_done(0);
-  session.set_object_pixel_count(0);
-  session.set_flagged_pixel_count(0);
+  session.clear_quarantined();
+  // That of a survey tells nothing.
+  count_tiles({.tiles = work.survey_rows().empty() ? static_cast<int>(tiles.size()) : 0}, session);
   session.set_solve_seconds(0.0);
   session.set_state(v1::SESSION_STATE_SOLVING);
   session.clear_reason();
   start_solve_clock(session);
   mattes_.drop_next(session.name());
   GW_RETURN_IF_ERROR(change(session));
-  spdlog::info("solving session={} method={} tiles={}", session.name(), method, session.tile_count());
+  // Only now: had this ended in between, the session would still be of the old job.
+  if (job_before != 0) GW_RETURN_IF_ERROR(jobs_->remove(job_before));
+  spdlog::info("solving session={} method={} job={}", session.name(), method, job);
   return session;
+}
+
+absl::Status Server::complete_survey(const v1::CompleteSurveyRequest& request) {
+  v1::Session session;
+  {
+    const std::lock_guard lock(mutex_);
+    GW_ASSIGN_OR_RETURN(session, session_of(request.lease()));
+  }
+  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, SessionArchive(session).manifest());
+  const v1::Camera& camera = manifest.camera();
+  v1::ClaimTileResponse work = work_of(session, manifest);
+  const std::vector<int> rows(work.survey_rows().begin(), work.survey_rows().end());
+  const std::vector<double> seconds(request.row_seconds().begin(), request.row_seconds().end());
+  const bool sensible = std::ranges::all_of(seconds, [](double s) { return s >= 0.0 && s < 1e6; });
+  if (rows.empty() || seconds.size() != rows.size() || !sensible) {
+    return absl::InvalidArgumentError(
+        fmt::format("the survey of session \"{}\" must tell the seconds of each of its {} rows",
+                    session.name(), rows.size()));
+  }
+  const std::int64_t row_samples = std::int64_t{camera.width_px()} * manifest.frames_size() * 3;
+  const std::int64_t most_bytes = std::min(kMostTileBytes, kMostTilePixels * manifest.frames_size() * 6);
+  const std::vector<TileRange> tiles =
+      row_tiles(camera.height_px(), rows, seconds, row_samples * 2, most_bytes);
+  work.clear_survey_rows();
+  GW_RETURN_IF_ERROR(jobs_->recut(attempt_of(request.lease()), work.SerializeAsString(), tiles));
+  fault_point("survey committed");
+  spdlog::info("surveyed session={} tiles={} solver={}", session.name(), tiles.size(), request.solver());
+  return note_progress(request.lease());
 }
 
 // What it has taken so far counts.
@@ -136,7 +171,7 @@ absl::StatusOr<v1::Session> Server::pause_solve(v1::Session session) {
   session.set_state(v1::SESSION_STATE_PAUSED);
   session.set_reason("asked to; go on with: glasswing resume " + session.name());
   GW_RETURN_IF_ERROR(change(session));
-  GW_RETURN_IF_ERROR(jobs_->hold(session.name()));
+  GW_RETURN_IF_ERROR(jobs_->hold(session.job()));
   spdlog::info("paused session={} tiles={} of={}", session.name(), session.tiles_done(),
                session.tile_count());
   return session;
@@ -144,42 +179,47 @@ absl::StatusOr<v1::Session> Server::pause_solve(v1::Session session) {
 
 absl::StatusOr<v1::Session> Server::resume_solve(v1::Session session) {
   const std::string name = session.name();
-  GW_RETURN_IF_ERROR(jobs_->retry(name));
+  GW_RETURN_IF_ERROR(jobs_->retry(session.job()));
   if (session.state() == v1::SESSION_STATE_FAILED) {
     // Frames that were refused become tiles of their own, so that none of the others is solved again.
-    GW_RETURN_IF_ERROR(jobs_->add(name, runs_of(session.refused_frames())));
+    if (!session.refused_frames().empty())
+      GW_RETURN_IF_ERROR(jobs_->add(session.job(), runs_of(session.refused_frames())));
     session.clear_refused_frames();
     session.clear_refusal();
+    session.clear_quarantined();
   }
-  GW_ASSIGN_OR_RETURN(const std::vector<Tile> tiles, jobs_->tiles(name));
-  session.set_tile_count(static_cast<int>(tiles.size()));
-  session.set_tiles_done(static_cast<int>(std::ranges::count_if(tiles, &Tile::is_done)));
+  GW_ASSIGN_OR_RETURN(const JobCounts counts, jobs_->counts(session.job()));
+  if (session.tile_count() > 0) count_tiles(counts, session);
   session.set_state(v1::SESSION_STATE_SOLVING);
   session.clear_reason();
   start_solve_clock(session);
   GW_RETURN_IF_ERROR(change(session));
-  GW_RETURN_IF_ERROR(jobs_->release(name));
+  GW_RETURN_IF_ERROR(jobs_->release(session.job()));
   spdlog::info("solving on session={} tiles={} of={}", name, session.tiles_done(), session.tile_count());
-  if (session.tiles_done() == session.tile_count()) GW_RETURN_IF_ERROR(finish_solve(session));
-  return find_locked(name);
+  if (counts.rests()) {
+    to_finish_.insert(name);
+    finish_wanted_.notify_all();
+  }
+  return session;
 }
 
-absl::StatusOr<v1::Session> Server::cancel_solve(v1::Session session) {
-  // Tiles given up say that this was begun, should it break off. What was made goes before the session is
-  // done again: what is there then counts as finished.
-  GW_RETURN_IF_ERROR(jobs_->give_up(session.name()));
+absl::StatusOr<v1::Session> Server::cancel_solve(v1::Session session, const std::string& reason) {
+  // A job that is gone says that this was begun, should it break off. What was made goes before the session
+  // is done again: what is there then counts as finished.
+  GW_RETURN_IF_ERROR(jobs_->remove(session.job()));
   mattes_.drop_next(session.name());
   if (session.matte_ready()) {
     GW_ASSIGN_OR_RETURN(session, catalogue_->finished(session.name()));
   } else {
     // Its frames are all there: only the solve is given up.
     session.set_state(v1::SESSION_STATE_CAPTURED);
-    session.set_reason("the solve was cancelled");
-    session.set_tile_count(0);
-    session.set_tiles_done(0);
+    session.set_reason(reason);
+    session.clear_job();
+    count_tiles({}, session);
     session.clear_solved_frames();
     session.clear_refused_frames();
     session.clear_refusal();
+    session.clear_quarantined();
   }
   GW_RETURN_IF_ERROR(change(session));
   GW_RETURN_IF_ERROR(catalogue_->drop_finished(session.name()));

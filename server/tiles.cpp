@@ -3,13 +3,16 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <set>
 
+#include "core/base/fault_point.h"
 #include "core/base/file.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
 #include "core/matte/matte_file.h"
+#include "core/pattern/method_options.h"
+#include "core/pattern/plan.h"
+#include "core/service/service.h"
 #include "server/server.h"
 #include "server/session_facts.h"
 
@@ -17,15 +20,6 @@ namespace glasswing {
 namespace {
 
 namespace fs = std::filesystem;
-
-Tile tile_of(const v1::TileLease& lease) {
-  return {.session = lease.session(),
-          .number = lease.tile(),
-          .first = 0,
-          .count = 0,
-          .attempt = lease.attempt(),
-          .result = ""};
-}
 
 void note_refused_frames(const v1::CompleteTileRequest& header, v1::Session& session) {
   for (const v1::RefusedFrame& refused : header.refused()) {
@@ -37,200 +31,255 @@ void note_refused_frames(const v1::CompleteTileRequest& header, v1::Session& ses
   }
 }
 
-// A frame that is solved once more, in a tile of its own, is in two.
-void note_solved_frames(const std::vector<Tile>& tiles, v1::Session& session) {
-  std::set<int> solved;
-  for (const bool done : {true, false}) {
-    for (const Tile& tile : tiles) {
-      if (tile.is_done() != done) continue;
-      for (int frame = tile.first; frame < tile.first + tile.count; ++frame) {
-        if (done) solved.insert(frame);
-        if (!done) solved.erase(frame);
-      }
-    }
+// What this server's own methods compute; solvers must agree.
+absl::Status check_versions(const v1::ClaimTileRequest& request) {
+  if (request.version() != kVersion) {
+    return absl::FailedPreconditionError(fmt::format(
+        "solver \"{}\" is Glasswing {}, the server {}; install the same on both", request.solver(),
+        request.version().empty() ? "of no known version" : request.version(), kVersion));
   }
-  session.clear_solved_frames();
-  for (const int frame : solved) {
-    if (!has_number(session.lost_frames(), frame) && !has_number(session.refused_frames(), frame))
-      session.add_solved_frames(frame);
+  for (const auto& [method, version] : method_versions()) {
+    const auto theirs = request.method_versions().find(method);
+    if (theirs != request.method_versions().end() && theirs->second == version) continue;
+    return absl::FailedPreconditionError(fmt::format(
+        "solver \"{}\" computes {}, the server expects version {}: their mattes would differ; install the "
+        "same build on both",
+        request.solver(),
+        theirs == request.method_versions().end() ? fmt::format("no \"{}\"", method)
+                                                  : fmt::format("\"{}\" version {}", method, theirs->second),
+        version));
   }
+  return absl::OkStatus();
+}
+
+std::vector<std::string> all_that_is_computed() {
+  std::vector<std::string> all;
+  for (const auto& [method, version] : method_versions()) all.push_back(computes(method));
+  return all;
+}
+
+// For people.
+std::string words_for(const Lease& lease, const v1::ClaimTileResponse& work) {
+  if (!work.survey_rows().empty()) return fmt::format("surveying {}", lease.session);
+  if (work.frame_count() == 0) return fmt::format("solving {} tile {}", lease.session, lease.id.tile);
+  return fmt::format("solving {} frames {} to {}", lease.session, lease.range.first,
+                     lease.range.first + lease.range.count - 1);
+}
+
+absl::Status check_rows(const Matte& matte, const TileRange& rows, const v1::Session& session) {
+  if (matte.y0_px() == rows.first && matte.height_px() == rows.count && matte.x0_px() == 0 &&
+      std::int64_t{matte.width_px()} * matte.metadata.height_px() == session.pixel_count())
+    return absl::OkStatus();
+  return absl::InvalidArgumentError(fmt::format(
+      "the tile of session \"{}\" holds {} rows of {} px from row {}; it must hold {} rows of the whole "
+      "picture from row {}",
+      session.name(), matte.height_px(), matte.width_px(), matte.y0_px(), rows.count, rows.first));
 }
 
 }  // namespace
 
 absl::StatusOr<v1::ClaimTileResponse> Server::claim(const v1::ClaimTileRequest& request) {
+  if (const absl::Status same = check_versions(request); !same.ok()) {
+    fleet_.refused(request.solver(), std::string(same.message()));
+    return same;
+  }
+  static const std::vector<std::string> computed = all_that_is_computed();
   v1::ClaimTileResponse response;
-  const std::lock_guard lock(mutex_);
-  GW_ASSIGN_OR_RETURN(const std::optional<Tile> tile, jobs_->claim(request.solver(), monotonic_now()));
-  if (!tile) {
-    rig_.note(request.solver(), "waiting for work");
+  GW_ASSIGN_OR_RETURN(const std::optional<Lease> lease,
+                      jobs_->claim(request.solver(), computed, request.ahead()));
+  if (!lease) {
+    if (!request.ahead()) rig_.note(request.solver(), "waiting for work");
     return response;
   }
-  GW_ASSIGN_OR_RETURN(const v1::Session session, catalogue_->find(tile->session));
-  const bool frames = is_solved_by_frames(session);
-  rig_.note(request.solver(), frames ? fmt::format("solving {} frames {} to {}", tile->session, tile->first,
-                                                   tile->first + tile->count - 1)
-                                     : fmt::format("solving {} tile {}", tile->session, tile->number));
-  response.mutable_lease()->set_session(tile->session);
-  response.mutable_lease()->set_tile(tile->number);
-  response.mutable_lease()->set_attempt(tile->attempt);
-  response.set_lease_ms(std::chrono::milliseconds(kLease).count());
-  if (frames) {
-    response.set_first_frame(tile->first);
-    response.set_frame_count(tile->count);
-  } else {
-    response.set_first_row(tile->first);
-    response.set_row_count(tile->count);
+  if (!response.ParseFromString(lease->work)) {
+    return absl::DataLossError(
+        fmt::format("the job store's entry of session \"{}\" cannot be read", lease->session));
   }
-  response.set_method(session.method());
-  *response.mutable_options() = session.options();
-  response.set_archive_address(session.archive_address());
+  response.mutable_lease()->set_session(lease->session);
+  response.mutable_lease()->set_job(lease->id.job);
+  response.mutable_lease()->set_tile(lease->id.tile);
+  response.mutable_lease()->set_attempt(lease->id.attempt);
+  response.set_lease_ms(lease_.count());
+  if (response.method() == kRampMethod) {
+    response.set_first_frame(lease->range.first);
+    response.set_frame_count(lease->range.count);
+  } else {
+    response.set_first_row(lease->range.first);
+    response.set_row_count(lease->range.count);
+  }
+  if (lease->own) {
+    // Copies may have been made since.
+    GW_ASSIGN_OR_RETURN(const v1::Session session, catalogue_->find(lease->session));
+    for (const v1::ArchiveCopy& copy : session.copies()) response.add_copy_addresses(copy.address());
+  } else {
+    response.set_server_address(lease->server_address);
+  }
+  fleet_.claimed(request.solver());
+  rig_.note(request.solver(), words_for(*lease, response));
   return response;
 }
 
 absl::Status Server::keep(const v1::TileLease& lease) {
-  return jobs_->keep(tile_of(lease), monotonic_now());
+  return jobs_->keep(attempt_of(lease));
+}
+
+absl::StatusOr<v1::Session> Server::session_of(const v1::TileLease& lease) {
+  GW_RETURN_IF_ERROR(check_name("session", lease.session()));
+  const absl::StatusOr<v1::Session> session = find_locked(lease.session());
+  if (session.ok() && lease.job() != 0 && session->job() == lease.job()) return session;
+  if (!session.ok() && !absl::IsNotFound(session.status())) return session.status();
+  return absl::AbortedError(
+      fmt::format("session \"{}\" is not being solved in job {} any more", lease.session(), lease.job()));
 }
 
 absl::StatusOr<std::optional<FrameMattes>> Server::frames_of(const v1::TileLease& lease) {
-  GW_RETURN_IF_ERROR(check_name("session", lease.session()));
-  GW_ASSIGN_OR_RETURN(const v1::Session session, catalogue_->find(lease.session()));
-  if (!is_solved_by_frames(session)) return std::nullopt;
-  GW_ASSIGN_OR_RETURN(const std::vector<Tile> tiles, jobs_->tiles(lease.session()));
-  const auto tile = std::ranges::find(tiles, lease.tile(), &Tile::number);
-  if (tile == tiles.end())
-    return absl::AbortedError(fmt::format("session \"{}\" has no tile {}", lease.session(), lease.tile()));
+  {
+    const std::lock_guard lock(mutex_);
+    GW_ASSIGN_OR_RETURN(const v1::Session session, session_of(lease));
+    if (!is_solved_by_frames(session)) return std::nullopt;
+  }
+  GW_ASSIGN_OR_RETURN(const TileState tile, jobs_->tile(attempt_of(lease)));
   GW_ASSIGN_OR_RETURN(const fs::path directory, mattes_.tiles(lease.session()));
-  return FrameMattes(directory, tile->first, tile->count);
+  return FrameMattes(directory, tile.range.first, tile.range.count);
 }
 
 absl::Status Server::complete(const v1::CompleteTileRequest& header, const std::string& matte) {
+  fault_point("tile received");
   const v1::TileLease& lease = header.lease();
-  GW_RETURN_IF_ERROR(check_name("session", lease.session()));
-  GW_RETURN_IF_ERROR(decode_matte(matte).status());
-  GW_ASSIGN_OR_RETURN(const fs::path directory, mattes_.tiles(lease.session()));
-  const std::string file = fmt::format("{}-{}.exr", lease.tile(), lease.attempt());
-  GW_RETURN_IF_ERROR(write_file_durably(directory / file, matte));
-  const std::lock_guard lock(mutex_);
-  return accept(header, file, [](const v1::Session&, const Tile&) { return absl::OkStatus(); });
+  const TileAttempt attempt = attempt_of(lease);
+  v1::Session session;
+  {
+    const std::lock_guard lock(mutex_);
+    GW_ASSIGN_OR_RETURN(session, session_of(lease));
+  }
+  GW_ASSIGN_OR_RETURN(const TileState tile, jobs_->tile(attempt));
+  const std::string file = fmt::format("{}-{}-{}.exr", lease.job(), lease.tile(), lease.attempt());
+  if (!tile.is_done()) {
+    GW_ASSIGN_OR_RETURN(const Matte decoded, decode_matte(matte));
+    GW_RETURN_IF_ERROR(check_rows(decoded, tile.range, session));
+    GW_ASSIGN_OR_RETURN(const fs::path directory, mattes_.tiles(lease.session()));
+    GW_RETURN_IF_ERROR(write_file_durably(directory / file, matte));
+    fault_point("tile written");
+  }
+  return done(header, attempt, file);
 }
 
 absl::Status Server::complete(const v1::CompleteTileRequest& header, FrameMattes mattes) {
+  fault_point("tile received");
   GW_RETURN_IF_ERROR(mattes.finish());
-  const std::string result = fmt::format("attempt {}", header.lease().attempt());
-  const std::lock_guard lock(mutex_);
-  return accept(header, result, [&](const v1::Session& session, const Tile& tile) -> absl::Status {
-    for (int frame = tile.first; frame < tile.first + tile.count; ++frame) {
-      const bool refused = std::ranges::count(header.refused(), frame, &v1::RefusedFrame::frame) > 0;
-      if (!mattes.has(frame) && !refused && !has_number(session.lost_frames(), frame))
-        return absl::InvalidArgumentError(fmt::format("there is no matte of frame {}", frame));
-    }
-    // A void attempt must not replace what a later one has made.
-    GW_RETURN_IF_ERROR(jobs_->keep(tile_of(header.lease()), monotonic_now()));
-    const std::string& name = session.name();
-    if (!has_frame_files(session)) return mattes.place([&](int) { return mattes_.next(name); });
-    GW_RETURN_IF_ERROR(mattes_.make_next(name));
-    return mattes.place([&](int frame) { return mattes_.next(name, frame); });
-  });
+  GW_RETURN_IF_ERROR(complete_frames(header, mattes));
+  return done(header, attempt_of(header.lease()), fmt::format("attempt {}", header.lease().attempt()));
 }
 
-absl::Status Server::accept(const v1::CompleteTileRequest& header, const std::string& result,
-                            const std::function<absl::Status(const v1::Session&, const Tile&)>& place) {
-  const v1::TileLease& lease = header.lease();
-  GW_ASSIGN_OR_RETURN(v1::Session session, catalogue_->find(lease.session()));
-  GW_ASSIGN_OR_RETURN(std::vector<Tile> tiles, jobs_->tiles(lease.session()));
-  const auto known = std::ranges::find(tiles, lease.tile(), &Tile::number);
-  const bool again = known != tiles.end() && known->result == result;
-  if (!again && session.state() != v1::SESSION_STATE_SOLVING && !rests_in_solve(session))
-    return absl::AbortedError(fmt::format("session \"{}\" is not being solved", session.name()));
-  if (known != tiles.end() && !again) GW_RETURN_IF_ERROR(place(session, *known));
-  if (known != tiles.end() && !again && header.refused_size() > 0) {
-    // Before the tile is done: a crash in between must not make them pass for solved.
-    note_refused_frames(header, session);
-    GW_RETURN_IF_ERROR(change(session));
+absl::Status Server::complete_frames(const v1::CompleteTileRequest& header, FrameMattes& mattes) {
+  const std::lock_guard lock(mutex_);
+  GW_ASSIGN_OR_RETURN(v1::Session session, session_of(header.lease()));
+  GW_ASSIGN_OR_RETURN(const TileState tile, jobs_->tile(attempt_of(header.lease())));
+  if (tile.is_done()) return absl::OkStatus();  // by this attempt, or it will be refused
+  for (int frame = tile.range.first; frame < tile.range.first + tile.range.count; ++frame) {
+    const bool refused = std::ranges::count(header.refused(), frame, &v1::RefusedFrame::frame) > 0;
+    if (!mattes.has(frame) && !refused && !has_number(session.lost_frames(), frame))
+      return absl::InvalidArgumentError(fmt::format("there is no matte of frame {}", frame));
   }
-  GW_RETURN_IF_ERROR(jobs_->complete(tile_of(lease), result));
-  if (again && session.state() != v1::SESSION_STATE_SOLVING) return absl::OkStatus();
-  if (!again) {
-    known->result = result;
-    session.set_object_pixel_count(session.object_pixel_count() + header.object_pixel_count());
-    session.set_flagged_pixel_count(session.flagged_pixel_count() + header.flagged_pixel_count());
+  // A void attempt must not replace what a later one has made.
+  GW_RETURN_IF_ERROR(jobs_->keep(attempt_of(header.lease())));
+  const std::string& name = session.name();
+  if (has_frame_files(session)) {
+    GW_RETURN_IF_ERROR(mattes_.make_next(name));
+    GW_RETURN_IF_ERROR(mattes.place([&](int frame) { return mattes_.next(name, frame); }));
+  } else {
+    GW_RETURN_IF_ERROR(mattes.place([&](int) { return mattes_.next(name); }));
   }
-  // Counted from the store, not added up: a crash between its commit and ours must not lose one.
-  session.set_tiles_done(static_cast<int>(std::ranges::count_if(tiles, &Tile::is_done)));
-  if (has_frame_files(session) && !session.matte_ready()) note_solved_frames(tiles, session);
-  if (const auto began = solve_began_.find(session.name()); began != solve_began_.end()) {
-    session.set_solve_seconds(std::chrono::duration<double>(monotonic_now() - began->second).count());
-  }
-  const bool finished = session.tiles_done() == session.tile_count();
-  if (finished && session.state() == v1::SESSION_STATE_SOLVING) return finish_solve(std::move(session));
+  fault_point("tile written");
+  if (header.refused_size() == 0) return absl::OkStatus();
+  // Before the tile is done: a crash in between must not make them pass for solved.
+  note_refused_frames(header, session);
   return change(session);
 }
 
-absl::Status Server::assemble_rows(v1::Session& session) {
-  GW_ASSIGN_OR_RETURN(const std::vector<Tile> tiles, jobs_->tiles(session.name()));
-  GW_ASSIGN_OR_RETURN(const fs::path directory, mattes_.tiles(session.name()));
-  std::vector<Matte> parts;
-  ObjectCount pixels;
-  for (const Tile& tile : tiles) {
-    GW_ASSIGN_OR_RETURN(Matte part, read_matte(directory / tile.result));
-    const ObjectCount own = count_object(part);
-    pixels.all += own.all;
-    pixels.flagged += own.flagged;
-    parts.push_back(std::move(part));
-  }
-  GW_ASSIGN_OR_RETURN(const Matte matte, assemble(parts));
-  session.set_object_pixel_count(pixels.all);
-  session.set_flagged_pixel_count(pixels.flagged);
-  GW_ASSIGN_OR_RETURN(const std::string bytes, encode_matte(matte));
-  return write_file_durably(mattes_.next(session.name()), bytes);
+absl::Status Server::done(const v1::CompleteTileRequest& header, const TileAttempt& attempt,
+                          const std::string& result) {
+  const v1::TileLease& lease = header.lease();
+  GW_RETURN_IF_ERROR(jobs_->complete(attempt, {.result = result,
+                                               .object_pixels = header.object_pixel_count(),
+                                               .flagged_pixels = header.flagged_pixel_count(),
+                                               .seconds = header.seconds()}));
+  fault_point("tile committed");
+  fleet_.completed(header.solver(), lease.session(), header.seconds());
+  spdlog::info("tile done session={} job={} tile={} attempt={} solver={} seconds={:.2f}", lease.session(),
+               lease.job(), lease.tile(), lease.attempt(), header.solver(), header.seconds());
+  return note_progress(lease);
 }
 
-absl::Status Server::finish_solve(v1::Session session) {
-  absl::Status assembled = is_solved_by_frames(session) ? absl::OkStatus() : assemble_rows(session);
-  if (!session.refused_frames().empty()) {
-    assembled = absl::FailedPreconditionError(fmt::format("no matte can be made of {} of its frames; {}",
-                                                          session.refused_frames_size(), session.refusal()));
+absl::Status Server::note_progress(const v1::TileLease& lease) {
+  const std::lock_guard lock(mutex_);
+  const absl::StatusOr<v1::Session> found = session_of(lease);
+  if (absl::IsAborted(found.status())) return absl::OkStatus();  // cancelled just now
+  GW_RETURN_IF_ERROR(found.status());
+  v1::Session session = *found;
+  if (session.state() != v1::SESSION_STATE_SOLVING && !rests_in_solve(session)) return absl::OkStatus();
+  GW_ASSIGN_OR_RETURN(const JobCounts counts, jobs_->counts(lease.job()));
+  count_tiles(counts, session);
+  if (has_frame_files(session) && !session.matte_ready()) {
+    GW_ASSIGN_OR_RETURN(const std::vector<TileState> tiles, jobs_->tiles(lease.job()));
+    note_solved_frames(tiles, session);
   }
-  if (assembled.ok()) {
-    session.set_state(v1::SESSION_STATE_DONE);
-    session.clear_reason();
-    session.set_matte_ready(true);
-    if (has_frame_files(session)) {
-      GW_ASSIGN_OR_RETURN(const std::vector<Tile> tiles, jobs_->tiles(session.name()));
-      note_solved_frames(tiles, session);
-    } else {
-      session.clear_solved_frames();
-    }
-  } else {
-    session.set_state(v1::SESSION_STATE_FAILED);
-    session.set_reason(std::string(assembled.message()));
-    GW_RETURN_IF_ERROR(jobs_->hold(session.name()));
+  if (const auto began = solve_began_.find(session.name()); began != solve_began_.end())
+    session.set_solve_seconds(std::chrono::duration<double>(monotonic_now() - began->second).count());
+  // The store has it: the catalogue need not be told of every tile.
+  live_[session.name()] = session;
+  announce();
+  if (counts.rests() && session.state() == v1::SESSION_STATE_SOLVING) {
+    to_finish_.insert(session.name());
+    finish_wanted_.notify_all();
   }
-  GW_RETURN_IF_ERROR(change(session));
-  if (assembled.ok()) {
-    GW_RETURN_IF_ERROR(catalogue_->drop_finished(session.name()));
-    GW_RETURN_IF_ERROR(mattes_.finish(session.name()));
-  }
-  spdlog::info("{} session={} seconds={:.1f} flagged={}", state_of(session), session.name(),
-               session.solve_seconds(), session.flagged_pixel_count());
   return absl::OkStatus();
 }
 
 absl::Status Server::fail(const v1::FailTileRequest& request) {
   const v1::TileLease& lease = request.lease();
-  const std::lock_guard lock(mutex_);
-  GW_ASSIGN_OR_RETURN(const bool exhausted, jobs_->fail(tile_of(lease)));
-  if (!exhausted && !request.permanent()) return absl::OkStatus();
-  GW_ASSIGN_OR_RETURN(v1::Session session, catalogue_->find(lease.session()));
-  if (session.state() != v1::SESSION_STATE_SOLVING) return absl::OkStatus();
-  // Tiles that others work on may still come, and are kept for a later try.
-  GW_RETURN_IF_ERROR(jobs_->hold(lease.session()));
-  session.set_state(v1::SESSION_STATE_FAILED);
-  session.set_reason(request.error());
-  spdlog::error("solve failed session={} tile={} reason=\"{}\"", session.name(), lease.tile(),
+  if (request.handed_back()) {
+    spdlog::info("tile handed back session={} tile={} attempt={} solver={}", lease.session(), lease.tile(),
+                 lease.attempt(), request.solver());
+    return jobs_->hand_back(attempt_of(lease));
+  }
+  fleet_.failed(request.solver(), lease.session(), lease.tile(), request.error());
+  GW_ASSIGN_OR_RETURN(const bool quarantined,
+                      jobs_->fail(attempt_of(lease), request.error(), request.permanent()));
+  spdlog::error("tile failed session={} tile={} attempt={} solver={} quarantined={} error=\"{}\"",
+                lease.session(), lease.tile(), lease.attempt(), request.solver(), quarantined,
                 request.error());
-  return change(session);
+  if (!quarantined) return absl::OkStatus();
+  GW_ASSIGN_OR_RETURN(const TileState tile, jobs_->tile(attempt_of(lease)));
+  {
+    const std::lock_guard lock(mutex_);
+    GW_ASSIGN_OR_RETURN(v1::Session session, session_of(lease));
+    v1::QuarantinedTile& named = *session.add_quarantined();
+    named.set_tile(lease.tile());
+    named.set_first(tile.range.first);
+    named.set_count(tile.range.count);
+    named.set_error(request.error());
+    if (session.state() != v1::SESSION_STATE_SOLVING) return change(session);
+    if (request.permanent()) {
+      // The others would fail alike. Those that are worked on may still come, and are kept for a later try.
+      GW_RETURN_IF_ERROR(jobs_->hold(lease.job()));
+      session.set_state(v1::SESSION_STATE_FAILED);
+      session.set_reason(request.error());
+      spdlog::error("solve failed session={} tile={} reason=\"{}\"", session.name(), lease.tile(),
+                    request.error());
+      return change(session);
+    }
+    GW_RETURN_IF_ERROR(change(session));
+  }
+  return note_progress(lease);
+}
+
+absl::StatusOr<v1::GetFleetResponse> Server::fleet() {
+  GW_ASSIGN_OR_RETURN(const std::vector<JobState> jobs, jobs_->jobs());
+  GW_ASSIGN_OR_RETURN(const std::vector<LeaseState> leases, jobs_->leases());
+  std::vector<v1::Node> solvers = rig_.nodes();
+  std::erase_if(solvers, [](const v1::Node& node) { return node.kind() != v1::NODE_KIND_SOLVER; });
+  return fleet_.describe(solvers, jobs, leases, jobs_->title());
 }
 
 }  // namespace glasswing

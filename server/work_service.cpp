@@ -30,23 +30,17 @@ absl::Status complete_frames(Server& server, const v1::CompleteTileRequest& head
 
 grpc::Status WorkServiceImpl::ClaimTile(grpc::ServerContext* context, const v1::ClaimTileRequest* request,
                                         v1::ClaimTileResponse* response) {
-  if (request->version() != kVersion) {
-    return to_grpc(absl::FailedPreconditionError(
-        fmt::format("solver \"{}\" is version {}, the server {}; install the same", request->solver(),
-                    request->version(), kVersion)));
-  }
   const nanoseconds until =
       monotonic_now() + std::chrono::milliseconds(std::clamp(request->wait_ms(), 0, 10000));
-  std::int64_t seen = server_.wait_change(0, std::chrono::milliseconds(0));
   while (true) {
-    const absl::StatusOr<v1::ClaimTileResponse> claimed = server_.claim(*request);
+    absl::StatusOr<v1::ClaimTileResponse> claimed = server_.claim(*request);
     if (!claimed.ok()) return to_grpc(claimed.status());
     if (claimed->has_lease() || monotonic_now() >= until || context->IsCancelled()) {
-      *response = *claimed;
+      *response = *std::move(claimed);
       return grpc::Status::OK;
     }
     // Leases end without an announcement, so look again every half second.
-    seen = server_.wait_change(seen, std::chrono::milliseconds(500));
+    server_.wait_for_tiles(std::chrono::milliseconds(500));
   }
 }
 
@@ -75,6 +69,11 @@ grpc::Status WorkServiceImpl::CompleteTile(grpc::ServerContext*,
     }
   }
   return to_grpc(server_.complete(header, matte));
+}
+
+grpc::Status WorkServiceImpl::CompleteSurvey(grpc::ServerContext*, const v1::CompleteSurveyRequest* request,
+                                             v1::CompleteSurveyResponse*) {
+  return to_grpc(server_.complete_survey(*request));
 }
 
 grpc::Status WorkServiceImpl::FailTile(grpc::ServerContext*, const v1::FailTileRequest* request,

@@ -13,6 +13,8 @@ class WorkServiceImpl final : public v1::WorkService::Service {
   grpc::Status KeepTile(grpc::ServerContext*, const v1::KeepTileRequest*, v1::KeepTileResponse*) override;
   grpc::Status CompleteTile(grpc::ServerContext*, grpc::ServerReader<v1::CompleteTileRequest>*,
                             v1::CompleteTileResponse*) override;
+  grpc::Status CompleteSurvey(grpc::ServerContext*, const v1::CompleteSurveyRequest*,
+                              v1::CompleteSurveyResponse*) override;
   grpc::Status FailTile(grpc::ServerContext*, const v1::FailTileRequest*, v1::FailTileResponse*) override;
 
  private:

@@ -45,8 +45,9 @@ absl::Status serve(const Work& work) {
     node.set_address(host->address());
   }
   const Registration registration(work.server, node);
-  const std::jthread worker(
-      [&](std::stop_token stop) { run_work_loop(work.server, work.name, work.threads, stop); });
+  const std::jthread worker([&](std::stop_token stop) {
+    (void)run_work_loop({.server = work.server, .name = work.name, .threads = work.threads}, stop);
+  });
   wait_for_signal();
   live.stop();
   if (host != nullptr) host->stop(std::chrono::seconds(2));

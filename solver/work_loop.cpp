@@ -6,23 +6,29 @@
 #include <condition_variable>
 #include <functional>
 #include <future>
+#include <map>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <thread>
 
-#include "core/archive/remote_archive.h"
+#include "core/base/fault_point.h"
 #include "core/base/status.h"
-#include "core/matte/matte_file.h"
+#include "core/base/time.h"
+#include "core/pattern/method_options.h"
 #include "core/service/service.h"
 #include "glasswing/v1/work_service.grpc.pb.h"
-#include "solver/bands.h"
-#include "solver/drift.h"
-#include "solver/video_solve.h"
+#include "solver/tile_solver.h"
 
 namespace glasswing {
 namespace {
 
 using std::chrono::milliseconds;
+using std::chrono::seconds;
+using Stub = v1::WorkService::Stub;
+
+// How long a solver that is asked to end still tries to hand in what is done.
+constexpr seconds kLastTry(10);
 
 void wait(std::stop_token stop, milliseconds time) {
   std::mutex mutex;
@@ -36,11 +42,15 @@ bool is_gone(const grpc::Status& status) {
          status.error_code() == grpc::StatusCode::NOT_FOUND;
 }
 
+std::string words_for(const v1::TileLease& lease) {
+  return fmt::format("session={} tile={} attempt={}", lease.session(), lease.tile(), lease.attempt());
+}
+
 // Renews the lease of a tile while it is worked on, and says when that is in vain: stopped, or the lease went
 // to somebody else.
 class LeaseKeeper {
  public:
-  LeaseKeeper(v1::WorkService::Stub& work, const v1::ClaimTileResponse& tile, std::stop_token stop)
+  LeaseKeeper(Stub& work, const v1::ClaimTileResponse& tile, std::stop_token stop)
       : passed_on_(stop, [this] { in_vain_.request_stop(); }),
         thread_([&work, this, lease = tile.lease(),
                  every = milliseconds(tile.lease_ms() / 3)](std::stop_token end) {
@@ -52,6 +62,7 @@ class LeaseKeeper {
             v1::KeepTileResponse response;
             grpc::ClientContext context;
             set_deadline(context, every);
+            const std::stop_callback cancel(end, [&] { context.TryCancel(); });
             if (is_gone(work.KeepTile(&context, request, &response))) in_vain_.request_stop();
           }
         }) {}
@@ -63,203 +74,294 @@ class LeaseKeeper {
   std::jthread thread_;
 };
 
-absl::StatusOr<FrameStack> read_stack(const v1::ClaimTileResponse& tile, const Method& method,
-                                      std::stop_token stop) {
-  const RemoteArchive archive(tile.archive_address(), tile.lease().session(), std::move(stop));
-  GW_ASSIGN_OR_RETURN(v1::CaptureManifest manifest, archive.manifest());
-  FrameStack stack{.manifest = std::move(manifest),
-                   .first_row = tile.first_row(),
-                   .row_count = tile.row_count(),
-                   .rows = {},
-                   .owner = nullptr};
-  GW_ASSIGN_OR_RETURN(const std::vector<int> needed, method.frames_needed(stack.manifest));
-  GW_ASSIGN_OR_RETURN(std::vector<std::uint16_t> samples,
-                      archive.rows(stack.manifest, needed, stack.first_row, stack.row_count));
-  const auto owned = std::make_shared<const std::vector<std::uint16_t>>(std::move(samples));
-  stack.owner = owned;
-  stack.rows.resize(static_cast<size_t>(stack.manifest.frames_size()));
-  const size_t frame_samples = owned->size() / std::max<size_t>(needed.size(), 1);
-  for (size_t i = 0; i < needed.size(); ++i) {
-    stack.rows[static_cast<size_t>(needed[i])] = std::span(*owned).subspan(i * frame_samples, frame_samples);
-  }
-  GW_ASSIGN_OR_RETURN(stack.brightness,
-                      measure_drift(stack.manifest, [&](int row, const std::vector<int>& frames) {
-                        return archive.rows(stack.manifest, frames, row, 1);
-                      }));
-  return stack;
-}
+// A tile that this solver has, from its claim to the server's answer to its result.
+struct OwnTile {
+  v1::ClaimTileResponse claim;
+  std::chrono::steady_clock::time_point since = std::chrono::steady_clock::now();
+  std::unique_ptr<LeaseKeeper> keeper;
+  std::future<absl::StatusOr<TileInHand>> read;
 
-// What a tile became: the file of its rows, or a file for each of its frames.
-struct SolvedFile {
-  std::optional<int> frame;
-  std::string bytes;
-};
-struct SolvedTile {
-  std::int64_t object_pixel_count = 0, flagged_pixel_count = 0;
-  std::vector<SolvedFile> files;
-  std::vector<v1::RefusedFrame> refused;
-
-  void count(const Matte& matte) {
-    const ObjectCount pixels = count_object(matte);
-    object_pixel_count += pixels.all;
-    flagged_pixel_count += pixels.flagged;
+  double age() const {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - since).count();
   }
 };
 
-absl::StatusOr<SolvedTile> solve_rows(const v1::ClaimTileResponse& tile, const MethodOptions& options,
-                                      int thread_count, std::stop_token stop) {
-  GW_ASSIGN_OR_RETURN(const std::unique_ptr<Method> method, make_method(tile.method(), options));
-  GW_ASSIGN_OR_RETURN(const FrameStack stack, read_stack(tile, *method, stop));
-  GW_ASSIGN_OR_RETURN(const Matte matte, solve_in_bands(*method, stack, thread_count, stop));
-  SolvedTile solved;
-  solved.count(matte);
-  GW_ASSIGN_OR_RETURN(std::string bytes, encode_matte(matte));
-  solved.files.push_back({.frame = std::nullopt, .bytes = std::move(bytes)});
-  return solved;
+class WorkLoop {
+ public:
+  WorkLoop(const WorkOptions& options, std::stop_token stop)
+      : options_(options), stop_(std::move(stop)), asked_(v1::WorkService::NewStub(dial(options.server))) {}
+
+  absl::Status run();
+
+ private:
+  // None: nothing to do, or the server is away.
+  absl::StatusOr<std::unique_ptr<OwnTile>> claim(bool ahead);
+  void start(OwnTile& tile);
+  absl::StatusOr<std::shared_ptr<const SolveSource>> source_of(const v1::ClaimTileResponse& tile);
+  // Again and again while a node that holds the frames is away: its silence is no fault of the tile.
+  template <typename T>
+  absl::StatusOr<T> patiently(const OwnTile& tile, const std::function<absl::StatusOr<T>()>& what);
+  // Returns the tile that was read meanwhile, if there was one.
+  std::unique_ptr<OwnTile> work_on(std::unique_ptr<OwnTile> tile);
+  std::unique_ptr<OwnTile> claim_ahead();
+  void survey_for(OwnTile& tile);
+  void hand_in(std::unique_ptr<OwnTile> tile, SolvedTile solved);
+  void give_up(const OwnTile& tile, const absl::Status& why);
+  void hand_back(const OwnTile& tile);
+  void fail(const OwnTile& tile, v1::FailTileRequest request);
+  // Until the server has answered, or has no use for it.
+  void insist(const OwnTile& tile, const std::function<grpc::Status(grpc::ClientContext&)>& call);
+  // The server whose session the tile is of.
+  Stub& owner_of(const v1::ClaimTileResponse& tile);
+
+  const WorkOptions options_;
+  const std::stop_token stop_;
+  const std::unique_ptr<Stub> asked_;
+  std::mutex mutex_;
+  std::map<std::string, std::unique_ptr<Stub>> owners_;  // by address; guarded by mutex_
+  std::mutex source_mutex_;
+  std::int64_t source_job_ = 0;                // guarded by source_mutex_
+  std::shared_ptr<const SolveSource> source_;  // of that job; guarded by source_mutex_
+  std::future<void> handing_in_;
+  bool reached_ = true;
+};
+
+Stub& WorkLoop::owner_of(const v1::ClaimTileResponse& tile) {
+  if (tile.server_address().empty()) return *asked_;
+  const std::lock_guard lock(mutex_);
+  std::unique_ptr<Stub>& stub = owners_[tile.server_address()];
+  if (stub == nullptr) stub = v1::WorkService::NewStub(dial(tile.server_address()));
+  return *stub;
 }
 
-absl::StatusOr<SolvedTile> solve_frames(const v1::ClaimTileResponse& tile, const MethodOptions& options,
-                                        int thread_count, std::stop_token stop) {
-  GW_ASSIGN_OR_RETURN(const std::unique_ptr<VideoMethod> method, make_video_method(tile.method(), options));
-  if (method == nullptr)
-    return absl::InvalidArgumentError(fmt::format("method \"{}\" makes no mattes of frames", tile.method()));
-  const RemoteArchive archive(tile.archive_address(), tile.lease().session(), stop);
-  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, archive.manifest());
-  const auto read = [&](int frame) {
-    return archive.rows(manifest, {frame}, 0, manifest.camera().height_px());
-  };
-  GW_ASSIGN_OR_RETURN(const std::unique_ptr<VideoSource> video,
-                      read_ahead(manifest, tile.first_frame(), tile.frame_count(), read));
-  SolvedTile solved;
-  // Encoded while the next one is solved: one at a time, so that no more wait in memory.
-  std::future<absl::StatusOr<std::string>> encoded;
-  int encoding = 0;  // which frame
-  const auto take_encoded = [&]() -> absl::Status {
-    if (!encoded.valid()) return absl::OkStatus();
-    absl::StatusOr<std::string> bytes = encoded.get();
-    if (!bytes.ok()) return in_frame(encoding, bytes.status());
-    solved.files.push_back({.frame = encoding, .bytes = *std::move(bytes)});
-    return absl::OkStatus();
-  };
-  const auto refuse = [&](int frame, const absl::Status& why) {
-    v1::RefusedFrame& refused = solved.refused.emplace_back();
-    refused.set_frame(frame);
-    refused.set_error(std::string(why.message()));
-    return absl::OkStatus();
-  };
-  GW_RETURN_IF_ERROR(solve_video(*method, *video, tile.first_frame(), tile.frame_count(), thread_count, stop,
-                                 [&](int frame, absl::StatusOr<Matte> matte) {
-                                   if (!matte.ok()) return refuse(frame, matte.status());
-                                   solved.count(*matte);
-                                   const absl::Status taken = take_encoded();
-                                   encoding = frame;
-                                   encoded = std::async(std::launch::async, [of = *std::move(matte)] {
-                                     return encode_matte(of);
-                                   });
-                                   return taken;
-                                 }));
-  GW_RETURN_IF_ERROR(take_encoded());
-  return solved;
-}
-
-absl::StatusOr<SolvedTile> solve(const v1::ClaimTileResponse& tile, int thread_count, std::stop_token stop) {
-  const MethodOptions options(tile.options().begin(), tile.options().end());
-  return tile.frame_count() > 0 ? solve_frames(tile, options, thread_count, stop)
-                                : solve_rows(tile, options, thread_count, stop);
-}
-
-grpc::Status send(v1::WorkService::Stub& work, const v1::ClaimTileResponse& tile, const SolvedTile& solved) {
-  v1::CompleteTileRequest first;
-  *first.mutable_lease() = tile.lease();
-  first.set_object_pixel_count(solved.object_pixel_count);
-  first.set_flagged_pixel_count(solved.flagged_pixel_count);
-  for (const v1::RefusedFrame& refused : solved.refused) *first.add_refused() = refused;
+absl::StatusOr<std::unique_ptr<OwnTile>> WorkLoop::claim(bool ahead) {
+  v1::ClaimTileRequest request;
+  request.set_solver(options_.name);
+  request.set_wait_ms(ahead ? 0 : 2000);
+  request.set_version(kVersion);
+  request.set_ahead(ahead);
+  for (const auto& [method, version] : method_versions())
+    (*request.mutable_method_versions())[method] = version;
+  auto tile = std::make_unique<OwnTile>();
   grpc::ClientContext context;
-  set_deadline(context, std::chrono::minutes(1) + solved.files.size() * std::chrono::seconds(10));
-  v1::CompleteTileResponse response;
-  const auto writer = work.CompleteTile(&context, &response);
-  bool open = writer->Write(first);
-  for (const SolvedFile& file : solved.files) {
-    for (size_t at = 0; open && at < file.bytes.size(); at += kChunkBytes) {
-      v1::CompleteTileRequest chunk;
-      if (file.frame) chunk.set_frame(*file.frame);
-      chunk.set_chunk(file.bytes.substr(at, kChunkBytes));
-      open = writer->Write(chunk);  // once false, Finish() says why
-    }
-  }
-  writer->WritesDone();
-  return writer->Finish();
+  set_deadline(context, seconds(ahead ? 1 : 5));
+  context.set_wait_for_ready(!ahead);
+  const std::stop_callback cancel(stop_, [&] { context.TryCancel(); });
+  const grpc::Status status = asked_->ClaimTile(&context, request, &tile->claim);
+  if (!status.ok()) return from_grpc(status);
+  if (!tile->claim.has_lease()) return nullptr;
+  fault_point("tile claimed");
+  tile->since = std::chrono::steady_clock::now();
+  tile->keeper = std::make_unique<LeaseKeeper>(*asked_, tile->claim, stop_);
+  return tile;
 }
 
-void work_on(v1::WorkService::Stub& work, const v1::ClaimTileResponse& tile, int thread_count,
-             std::stop_token stop) {
-  const LeaseKeeper keeper(work, tile, stop);
-  const std::stop_token in_vain = keeper.in_vain();
-  const std::string what = fmt::format("session={} tile={}", tile.lease().session(), tile.lease().tile());
-  absl::StatusOr<SolvedTile> solved = solve(tile, thread_count, in_vain);
-  // A node that holds the frames may be starting again: its silence is no fault of the tile.
-  while (absl::IsUnavailable(solved.status()) && !in_vain.stop_requested()) {
-    spdlog::warn("tile waits {} error=\"{}\"", what, std::string(solved.status().message()));
-    wait(in_vain, std::chrono::seconds(1));
-    solved = solve(tile, thread_count, in_vain);
+absl::StatusOr<std::shared_ptr<const SolveSource>> WorkLoop::source_of(const v1::ClaimTileResponse& tile) {
+  const std::lock_guard lock(source_mutex_);
+  if (source_ != nullptr && source_job_ == tile.lease().job()) return source_;
+  source_ = nullptr;
+  GW_ASSIGN_OR_RETURN(source_, SolveSource::open(tile, stop_));
+  source_job_ = tile.lease().job();
+  return source_;
+}
+
+template <typename T>
+absl::StatusOr<T> WorkLoop::patiently(const OwnTile& tile, const std::function<absl::StatusOr<T>()>& what) {
+  const std::stop_token in_vain = tile.keeper->in_vain();
+  while (true) {
+    absl::StatusOr<T> result = what();
+    if (in_vain.stop_requested()) return absl::CancelledError("in vain");
+    if (!absl::IsUnavailable(result.status())) return result;
+    spdlog::warn("tile waits {} error=\"{}\"", words_for(tile.claim.lease()),
+                 std::string(result.status().message()));
+    wait(in_vain, seconds(1));
   }
-  if (in_vain.stop_requested()) {
-    spdlog::warn("tile given up {}", what);
-    return;
-  }
-  if (!solved.ok()) {
-    const absl::Status& status = solved.status();
-    spdlog::error("tile not solved {} error=\"{}\"", what, std::string(status.message()));
-    v1::FailTileRequest request;
-    *request.mutable_lease() = tile.lease();
-    request.set_error(std::string(status.message()));
-    request.set_permanent(absl::IsInvalidArgument(status) || absl::IsFailedPrecondition(status) ||
-                          absl::IsDataLoss(status));
-    v1::FailTileResponse response;
+}
+
+void WorkLoop::start(OwnTile& tile) {
+  tile.read = std::async(std::launch::async, [this, &tile] {
+    return patiently<TileInHand>(tile, [&]() -> absl::StatusOr<TileInHand> {
+      GW_ASSIGN_OR_RETURN(std::shared_ptr<const SolveSource> source, source_of(tile.claim));
+      return TileInHand::read(tile.claim, std::move(source));
+    });
+  });
+}
+
+void WorkLoop::insist(const OwnTile& tile, const std::function<grpc::Status(grpc::ClientContext&)>& call) {
+  std::optional<nanoseconds> end;
+  while (!end || monotonic_now() < *end) {
+    if (stop_.stop_requested() && !end) end = monotonic_now() + kLastTry;
     grpc::ClientContext context;
-    set_deadline(context, std::chrono::seconds(10));
-    (void)work.FailTile(&context, request, &response);  // unheard, the lease runs out
+    const grpc::Status status = call(context);
+    if (status.ok()) {
+      spdlog::info("tile done {} seconds={:.2f}", words_for(tile.claim.lease()), tile.age());
+      return;
+    }
+    const bool gone = is_gone(status) || status.error_code() == grpc::StatusCode::INVALID_ARGUMENT;
+    spdlog::warn("tile {} {} error=\"{}\"", gone ? "given up" : "kept for another try",
+                 words_for(tile.claim.lease()), status.error_message());
+    if (gone) return;
+    wait(stop_.stop_requested() ? std::stop_token() : stop_, milliseconds(500));
+  }
+}
+
+void WorkLoop::hand_in(std::unique_ptr<OwnTile> tile, SolvedTile solved) {
+  Stub& owner = owner_of(tile->claim);
+  insist(*tile, [&](grpc::ClientContext& context) {
+    v1::CompleteTileRequest first;
+    *first.mutable_lease() = tile->claim.lease();
+    first.set_solver(options_.name);
+    first.set_seconds(tile->age());
+    first.set_object_pixel_count(solved.object_pixel_count);
+    first.set_flagged_pixel_count(solved.flagged_pixel_count);
+    for (const v1::RefusedFrame& refused : solved.refused) *first.add_refused() = refused;
+    set_deadline(context, std::chrono::minutes(1) + solved.files.size() * seconds(10));
+    v1::CompleteTileResponse response;
+    const auto writer = owner.CompleteTile(&context, &response);
+    bool open = writer->Write(first);
+    for (const SolvedFile& file : solved.files) {
+      for (size_t at = 0; open && at < file.bytes.size(); at += kChunkBytes) {
+        v1::CompleteTileRequest chunk;
+        if (file.frame) chunk.set_frame(*file.frame);
+        chunk.set_chunk(file.bytes.substr(at, kChunkBytes));
+        open = writer->Write(chunk);  // once false, Finish() says why
+      }
+    }
+    writer->WritesDone();
+    return writer->Finish();
+  });
+  fault_point("tile sent");
+}
+
+void WorkLoop::survey_for(OwnTile& tile) {
+  const std::stop_token in_vain = tile.keeper->in_vain();
+  const absl::StatusOr<std::vector<double>> row_seconds =
+      patiently<std::vector<double>>(tile, [&]() -> absl::StatusOr<std::vector<double>> {
+        GW_ASSIGN_OR_RETURN(const std::shared_ptr<const SolveSource> source, source_of(tile.claim));
+        return survey(tile.claim, *source, options_.threads, in_vain);
+      });
+  if (!row_seconds.ok()) return give_up(tile, row_seconds.status());
+  v1::CompleteSurveyRequest request;
+  *request.mutable_lease() = tile.claim.lease();
+  request.set_solver(options_.name);
+  request.mutable_row_seconds()->Add(row_seconds->begin(), row_seconds->end());
+  insist(tile, [&](grpc::ClientContext& context) {
+    set_deadline(context, std::chrono::minutes(1));
+    v1::CompleteSurveyResponse response;
+    return owner_of(tile.claim).CompleteSurvey(&context, request, &response);
+  });
+}
+
+void WorkLoop::fail(const OwnTile& tile, v1::FailTileRequest request) {
+  *request.mutable_lease() = tile.claim.lease();
+  request.set_solver(options_.name);
+  v1::FailTileResponse response;
+  grpc::ClientContext context;
+  set_deadline(context, seconds(5));
+  (void)owner_of(tile.claim).FailTile(&context, request, &response);  // unheard, the lease runs out
+}
+
+void WorkLoop::hand_back(const OwnTile& tile) {
+  spdlog::info("tile handed back {}", words_for(tile.claim.lease()));
+  v1::FailTileRequest request;
+  request.set_handed_back(true);
+  fail(tile, request);
+}
+
+void WorkLoop::give_up(const OwnTile& tile, const absl::Status& why) {
+  if (stop_.stop_requested()) return hand_back(tile);
+  if (tile.keeper->in_vain().stop_requested()) {
+    spdlog::warn("tile given up {}: the lease was lost, or another solver was quicker",
+                 words_for(tile.claim.lease()));
     return;
   }
-  while (!stop.stop_requested()) {
-    const grpc::Status status = send(work, tile, *solved);
-    if (status.ok()) return;
-    const bool gone = is_gone(status) || status.error_code() == grpc::StatusCode::INVALID_ARGUMENT;
-    spdlog::warn("tile {} {} error=\"{}\"", gone ? "given up" : "kept for another try", what,
-                 status.error_message());
-    if (gone) return;
-    wait(stop, milliseconds(500));
+  spdlog::error("tile not solved {} error=\"{}\"", words_for(tile.claim.lease()), std::string(why.message()));
+  v1::FailTileRequest request;
+  request.set_error(std::string(why.message()));
+  request.set_permanent(absl::IsInvalidArgument(why) || absl::IsFailedPrecondition(why) ||
+                        absl::IsDataLoss(why));
+  fail(tile, request);
+}
+
+std::unique_ptr<OwnTile> WorkLoop::claim_ahead() {
+  absl::StatusOr<std::unique_ptr<OwnTile>> claimed = claim(true);
+  if (!claimed.ok() || *claimed == nullptr) return nullptr;
+  if ((*claimed)->claim.survey_rows().empty()) start(**claimed);
+  return *std::move(claimed);
+}
+
+std::unique_ptr<OwnTile> WorkLoop::work_on(std::unique_ptr<OwnTile> tile) {
+  absl::StatusOr<TileInHand> in_hand = tile->read.get();
+  if (!in_hand.ok()) {
+    give_up(*tile, in_hand.status());
+    return nullptr;
   }
+  fault_point("tile read");
+  // Frames of a video are read while they are solved.
+  std::future<std::unique_ptr<OwnTile>> ahead;
+  if (tile->claim.frame_count() == 0)
+    ahead = std::async(std::launch::async, [this] { return claim_ahead(); });
+  const std::stop_token in_vain = tile->keeper->in_vain();
+  absl::StatusOr<SolvedTile> solved =
+      patiently<SolvedTile>(*tile, [&] { return in_hand->solve(options_.threads, in_vain); });
+  in_hand = absl::CancelledError();  // its memory is wanted by the next one
+  if (solved.ok()) {
+    fault_point("tile solved");
+    if (handing_in_.valid()) handing_in_.wait();
+    handing_in_ =
+        std::async(std::launch::async, [this, own = std::move(tile), result = *std::move(solved)]() mutable {
+          hand_in(std::move(own), std::move(result));
+        });
+  } else {
+    give_up(*tile, solved.status());
+  }
+  return ahead.valid() ? ahead.get() : nullptr;
+}
+
+absl::Status WorkLoop::run() {
+  std::unique_ptr<OwnTile> next;
+  auto busy = std::chrono::steady_clock::now();
+  while (!stop_.stop_requested()) {
+    if (next == nullptr) {
+      absl::StatusOr<std::unique_ptr<OwnTile>> claimed = claim(false);
+      if (stop_.stop_requested() && !(claimed.ok() && *claimed != nullptr)) break;
+      if (claimed.ok() != reached_) {
+        reached_ = claimed.ok();
+        if (!reached_)
+          spdlog::warn("no work from the server, trying on: {}", std::string(claimed.status().message()));
+      }
+      const bool refused = absl::IsFailedPrecondition(claimed.status());
+      if (refused && options_.until_idle.count() > 0) return claimed.status();
+      if (!claimed.ok() || *claimed == nullptr) {
+        const bool idle = std::chrono::steady_clock::now() - busy >= options_.until_idle;
+        if (options_.until_idle.count() > 0 && idle) return absl::OkStatus();
+        if (!claimed.ok()) wait(stop_, refused ? milliseconds(5000) : milliseconds(500));
+        continue;
+      }
+      next = *std::move(claimed);
+      if (next->claim.survey_rows().empty()) start(*next);
+    }
+    std::unique_ptr<OwnTile> tile = std::move(next);
+    busy = std::chrono::steady_clock::now();
+    if (tile->claim.survey_rows().empty()) {
+      next = work_on(std::move(tile));
+    } else {
+      survey_for(*tile);
+    }
+    busy = std::chrono::steady_clock::now();
+  }
+  if (next != nullptr) {
+    if (next->read.valid()) next->read.wait();
+    hand_back(*next);
+  }
+  if (handing_in_.valid()) handing_in_.wait();
+  return absl::OkStatus();
 }
 
 }  // namespace
 
-void run_work_loop(const std::string& server_address, const std::string& solver_name, int thread_count,
-                   std::stop_token stop) {
-  const auto work = v1::WorkService::NewStub(dial(server_address));
-  bool reached = true;
-  while (!stop.stop_requested()) {
-    v1::ClaimTileRequest request;
-    request.set_solver(solver_name);
-    request.set_wait_ms(2000);
-    request.set_version(kVersion);
-    v1::ClaimTileResponse tile;
-    grpc::ClientContext context;
-    set_deadline(context, std::chrono::seconds(5));
-    context.set_wait_for_ready(true);
-    const std::stop_callback cancel(stop, [&] { context.TryCancel(); });
-    const grpc::Status status = work->ClaimTile(&context, request, &tile);
-    if (stop.stop_requested()) return;
-    if (status.ok() != reached) {
-      reached = status.ok();
-      if (!reached) spdlog::warn("no work from the server, trying on: {}", status.error_message());
-    }
-    if (!status.ok()) {
-      wait(stop, milliseconds(500));
-    } else if (tile.has_lease()) {
-      work_on(*work, tile, thread_count, stop);
-    }
-  }
+absl::Status run_work_loop(const WorkOptions& options, std::stop_token stop) {
+  return WorkLoop(options, std::move(stop)).run();
 }
 
 }  // namespace glasswing

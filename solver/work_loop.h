@@ -1,16 +1,23 @@
-// Asks the server for tiles, reads their frames from the node that holds them, solves, and hands the result
-// in.
+// A solver's work: tiles from the server, solved, and handed in, for as long as there are any.
 #pragma once
 
+#include <absl/status/status.h>
+
+#include <chrono>
 #include <stop_token>
 #include <string>
 
 namespace glasswing {
 
-// Runs until stopped; a tile in hand is given up then. `thread_count` 0: one for each core. A server that
-// does not answer is tried again for ever; a result is kept until the server says that it is durable, or that
-// the lease went to somebody else.
-void run_work_loop(const std::string& server_address, const std::string& solver_name, int thread_count,
-                   std::stop_token stop);
+struct WorkOptions {
+  std::string server, name;
+  int threads = 0;                          // that solve; 0: one for each core
+  std::chrono::milliseconds until_idle{0};  // ends when there was nothing to do for so long; 0: never
+};
+
+// Until `stop` is asked for; a tile that is not solved by then is handed back. While one tile is solved the
+// next one is read and the last one handed in. FAILED_PRECONDITION, if it is to end when idle: the server
+// refuses this solver, and why.
+absl::Status run_work_loop(const WorkOptions& options, std::stop_token stop);
 
 }  // namespace glasswing

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <random>
 
 namespace glasswing {
 namespace {
@@ -23,6 +24,11 @@ absl::Status check_name(std::string_view what, std::string_view name) {
       fmt::format("{} name is \"{}\"; it must be 1 to 64 letters, digits, '.', '_' or '-', and start with a "
                   "letter or digit",
                   what, name));
+}
+
+std::string random_token() {
+  std::random_device entropy;
+  return fmt::format("{:08x}{:08x}{:08x}{:08x}", entropy(), entropy(), entropy(), entropy());
 }
 
 }  // namespace glasswing

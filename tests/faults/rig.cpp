@@ -48,7 +48,7 @@ v1::RegisterRequest registered(v1::NodeKind kind, const std::string& name, const
 
 struct FaultyRig::ServerNode {
   explicit ServerNode(const std::filesystem::path& data)
-      : server(Server::open(data).value()),
+      : server(Server::open({.data = data}).value()),
         sessions(*server),
         nodes(*server),
         host(ServiceHost::start({}, {&sessions, &nodes}).value()) {}

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "core/matte/matte_file.h"
+#include "core/pattern/method_options.h"
 #include "core/service/service.h"
 #include "server/work_service.h"
 
@@ -20,14 +21,33 @@ class IdleSolver {
   explicit IdleSolver(Server& server) : service_(server), host_(ServiceHost::start({}, {&service_}).value()) {
     stub_ = v1::WorkService::NewStub(dial(host_->address()));
   }
-  v1::ClaimTileResponse claim() {
+  static v1::ClaimTileRequest request() {
     v1::ClaimTileRequest request;
     request.set_solver("idle");
     request.set_version(kVersion);
-    v1::ClaimTileResponse response;
+    for (const auto& [method, version] : method_versions())
+      (*request.mutable_method_versions())[method] = version;
+    return request;
+  }
+  grpc::Status try_to_claim(const v1::ClaimTileRequest& request, v1::ClaimTileResponse& response) {
     grpc::ClientContext context;
-    EXPECT_TRUE(stub_->ClaimTile(&context, request, &response).ok());
-    return response;
+    return stub_->ClaimTile(&context, request, &response);
+  }
+  // A tile; surveys are answered on the way.
+  v1::ClaimTileResponse claim() {
+    v1::ClaimTileResponse response;
+    EXPECT_TRUE(try_to_claim(request(), response).ok());
+    if (response.survey_rows().empty()) return response;
+    EXPECT_TRUE(complete_survey(response).ok());
+    return claim();
+  }
+  grpc::Status complete_survey(const v1::ClaimTileResponse& survey) {
+    v1::CompleteSurveyRequest request;
+    *request.mutable_lease() = survey.lease();
+    for (int i = 0; i < survey.survey_rows_size(); ++i) request.add_row_seconds(0.1);
+    v1::CompleteSurveyResponse response;
+    grpc::ClientContext context;
+    return stub_->CompleteSurvey(&context, request, &response);
   }
   static std::string matte(int frame, float mark) {
     Matte matte(0, 0, 5, 4, 1);

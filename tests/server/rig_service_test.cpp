@@ -42,7 +42,7 @@ struct Disk final : v1::ArchiveService::Service {
 class RigTest : public testing::Test {
  protected:
   void start(const SimDisplay::Faults& faults = {}, const SensorCurve& response = {}) {
-    server_ = Server::open(data_ / "server").value();
+    server_ = Server::open({.data = data_ / "server"}).value();
     sessions_ = std::make_unique<SessionServiceImpl>(*server_);
     nodes_ = std::make_unique<NodeServiceImpl>(*server_);
     rig_ = std::make_unique<RigServiceImpl>(*server_);

@@ -64,6 +64,24 @@ class SessionLife : public testing::Test {
     EXPECT_TRUE(session.ok()) << session.status();
     return session.ok() ? *session : v1::Session();
   }
+  // As solve(), and the survey is done. Returns how many tiles there are.
+  int solve_in_tiles(const std::string& method, std::map<std::string, std::string> options = {}) {
+    solve(method, std::move(options));
+    v1::ClaimTileResponse survey;
+    EXPECT_TRUE(solver_->try_to_claim(IdleSolver::request(), survey).ok());
+    EXPECT_GT(survey.survey_rows_size(), 0);
+    EXPECT_TRUE(solver_->complete_survey(survey).ok());
+    return server().find("s")->tile_count();
+  }
+  // Once all tiles are done, or the solve has failed.
+  v1::Session settled() {
+    while (true) {
+      const std::int64_t seen = server().wait_change(0, std::chrono::milliseconds(0));
+      const v1::Session session = server().find("s").value();
+      if (session.state() != v1::SESSION_STATE_SOLVING) return session;
+      server().wait_change(seen, std::chrono::seconds(1));
+    }
+  }
   absl::StatusOr<v1::Session> resume(std::optional<int> retries = std::nullopt) {
     v1::ResumeSessionRequest request;
     request.set_name("s");
@@ -128,10 +146,10 @@ TEST_F(SessionLife, TheFinishedMatteStaysUntilAnotherIs) {
   start();
   ASSERT_EQ(capture(small_plan()).state(), v1::SESSION_STATE_CAPTURED);
   EXPECT_TRUE(absl::IsFailedPrecondition(server().matte("s", std::nullopt).status()));
-  const int tiles = solve("alpha", {{"backings", "1"}}).tile_count();
+  const int tiles = solve_in_tiles("alpha", {{"backings", "1"}});
   EXPECT_FALSE(server().find("s")->matte_ready());
   EXPECT_EQ(complete(1.0f), tiles);
-  const v1::Session first = server().find("s").value();
+  const v1::Session first = settled();
   EXPECT_EQ(first.state(), v1::SESSION_STATE_DONE) << first.reason();
   EXPECT_TRUE(first.matte_ready());
   EXPECT_EQ(marks(), Marks(1.0f, 1.0f));
@@ -165,12 +183,12 @@ TEST_F(SessionLife, TheFinishedMatteStaysUntilAnotherIs) {
   EXPECT_EQ(marks(), Marks(1.0f, 1.0f));
   EXPECT_EQ(complete(4.0f), 0);
   {
-    const auto again = Server::open(data_ / "server").value();
+    const auto again = Server::open({.data = data_ / "server"}).value();
     EXPECT_TRUE(again->matte("s", std::nullopt).ok());
   }
   ASSERT_EQ(resume()->state(), v1::SESSION_STATE_SOLVING);
   EXPECT_EQ(complete(4.0f), tiles - 5);
-  session = server().find("s").value();
+  session = settled();
   EXPECT_EQ(session.state(), v1::SESSION_STATE_DONE) << session.reason();
   EXPECT_EQ(session.method(), "hierarchical");
   EXPECT_EQ(marks(), Marks(3.0f, 4.0f));
@@ -179,7 +197,7 @@ TEST_F(SessionLife, TheFinishedMatteStaysUntilAnotherIs) {
 TEST_F(SessionLife, APausedSolveKeepsItsTilesAlsoPastTheServersEnd) {
   start();
   ASSERT_EQ(capture(small_plan()).state(), v1::SESSION_STATE_CAPTURED);
-  const int tiles = solve("alpha").tile_count();
+  const int tiles = solve_in_tiles("alpha");
   EXPECT_EQ(complete(1.0f, 2), 2);
   const v1::ClaimTileResponse under_way = solver_->claim();
   const absl::StatusOr<v1::Session> paused = server().pause("s", {});
@@ -191,15 +209,13 @@ TEST_F(SessionLife, APausedSolveKeepsItsTilesAlsoPastTheServersEnd) {
   EXPECT_EQ(server().find("s")->tiles_done(), 3);
   EXPECT_EQ(server().find("s")->state(), v1::SESSION_STATE_PAUSED);
   {
-    const auto again = Server::open(data_ / "server").value();
+    const auto again = Server::open({.data = data_ / "server"}).value();
     EXPECT_EQ(again->find("s")->state(), v1::SESSION_STATE_PAUSED);
-    v1::ClaimTileRequest claim;
-    claim.set_solver("idle");
-    EXPECT_FALSE(again->claim(claim)->has_lease());
+    EXPECT_FALSE(again->claim(IdleSolver::request())->has_lease());
   }
   ASSERT_TRUE(resume().ok());
   EXPECT_EQ(complete(2.0f), tiles - 3);
-  EXPECT_EQ(server().find("s")->state(), v1::SESSION_STATE_DONE);
+  EXPECT_EQ(settled().state(), v1::SESSION_STATE_DONE);
   EXPECT_EQ(marks(), Marks(1.0f, 2.0f));
 }
 
@@ -228,7 +244,7 @@ TEST_F(SessionLife, NothingIsLeftOfADeletedSession) {
   solve("alpha");
   EXPECT_TRUE(absl::IsFailedPrecondition(server().remove("s").status())) << "it is being solved";
   complete(1.0f);
-  const v1::Session session = server().find("s").value();
+  const v1::Session session = settled();
   const fs::path matte = server().matte("s", std::nullopt).value();
   const auto matte_bytes = static_cast<std::int64_t>(fs::file_size(matte));
   const absl::StatusOr<std::int64_t> freed = server().remove("s");
@@ -246,6 +262,7 @@ TEST_F(SessionLife, WhatBrokeOffWhileDeletingIsFinishedByAskingAgain) {
   ASSERT_EQ(captured.state(), v1::SESSION_STATE_CAPTURED);
   solve("alpha");
   complete(1.0f);
+  EXPECT_EQ(settled().state(), v1::SESSION_STATE_DONE);
   // As after the server's end between the first step and the second, and the node's in the middle of its own.
   fs::rename(data_ / "archives" / "s", data_ / "archives" / ".removed-s");
   fs::remove(data_ / "archives" / ".removed-s" / "header.json");

@@ -63,6 +63,15 @@ class VideoTest : public testing::Test {
     (void)reader->Finish();
     return response.session();
   }
+  // Once all tiles are done, or the solve has failed.
+  v1::Session settled() {
+    while (true) {
+      const std::int64_t seen = rig_->server().wait_change(0, std::chrono::milliseconds(0));
+      const v1::Session session = rig_->server().find("s").value();
+      if (session.state() != v1::SESSION_STATE_SOLVING) return session;
+      rig_->server().wait_change(seen, seconds(1));
+    }
+  }
   v1::CaptureManifest archive() const { return Archive::open(rig_->archive("s")).value()->manifest(); }
 
   // A capture in which each frame of the camera is lost with this probability, so that some windows have
@@ -153,7 +162,7 @@ TEST_F(VideoTest, MattesOfFramesAreKeptAsTheyAreSolved) {
 
   const v1::ClaimTileResponse first = solver.claim();
   EXPECT_EQ(first.first_frame(), 0);
-  EXPECT_EQ(first.frame_count(), 16);
+  EXPECT_EQ(first.frame_count(), kFrames / 2);
   EXPECT_EQ(first.row_count(), 0);
   // A tile that lacks a frame, or whose last file is cut off, is refused, and shows nowhere.
   std::set<int> too_few = lost;
@@ -192,7 +201,7 @@ TEST_F(VideoTest, MattesOfFramesAreKeptAsTheyAreSolved) {
   EXPECT_EQ(session.reason(), "frame 17: it cannot be read");
   EXPECT_EQ(list(session.solved_frames()), solved);
   {
-    const auto again = Server::open(data_ / "server").value();
+    const auto again = Server::open({.data = data_ / "server"}).value();
     EXPECT_EQ(read_file(*again->matte("s", solved.back())).value(), IdleSolver::matte(solved.back(), 1.0f));
   }
 
@@ -205,8 +214,8 @@ TEST_F(VideoTest, MattesOfFramesAreKeptAsTheyAreSolved) {
     smallest = std::min(smallest, tile.frame_count());
     ASSERT_TRUE(solver.complete(tile, lost, 2.0f).ok());
   }
-  EXPECT_LT(smallest, 16);  // the last ones
-  session = *server.find("s");
+  EXPECT_LT(smallest, first.frame_count());  // the last ones
+  session = settled();
   EXPECT_EQ(session.state(), v1::SESSION_STATE_DONE);
   EXPECT_EQ(session.tiles_done(), tiles);
   EXPECT_EQ(session.solved_frames_size(), kFrames - static_cast<int>(lost.size()));
@@ -219,7 +228,7 @@ TEST_F(VideoTest, MattesOfFramesAreKeptAsTheyAreSolved) {
   for (v1::ClaimTileResponse tile = solver.claim(); tile.has_lease(); tile = solver.claim())
     ASSERT_TRUE(
         solver.complete(tile, lost, 3.0f, 0, tile.first_frame() == 0 ? refused : std::set<int>()).ok());
-  session = *server.find("s");
+  session = settled();
   EXPECT_EQ(session.state(), v1::SESSION_STATE_FAILED);
   EXPECT_EQ(
       session.reason(),
@@ -239,7 +248,7 @@ TEST_F(VideoTest, MattesOfFramesAreKeptAsTheyAreSolved) {
     ASSERT_TRUE(solver.complete(tile, lost, 4.0f).ok());
   }
   EXPECT_EQ(again, refused);
-  session = *server.find("s");
+  session = settled();
   EXPECT_EQ(session.state(), v1::SESSION_STATE_DONE) << session.reason();
   EXPECT_TRUE(session.refused_frames().empty());
   EXPECT_EQ(session.solved_frames_size(), kFrames - static_cast<int>(lost.size()));

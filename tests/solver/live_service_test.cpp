@@ -56,7 +56,7 @@ RadianceImage waves() {
 class LiveTest : public testing::Test {
  protected:
   void start(bool solver_listens = true) {
-    server_ = Server::open(data_ / "server").value();
+    server_ = Server::open({.data = data_ / "server"}).value();
     sessions_ = std::make_unique<SessionServiceImpl>(*server_);
     nodes_ = std::make_unique<NodeServiceImpl>(*server_);
     rig_ = std::make_unique<RigServiceImpl>(*server_);

@@ -1,0 +1,160 @@
+// The ends of the server's solves: tiles put together to the matte that can be fetched. That takes seconds,
+// so a thread of its own does it, and claims and results go on meanwhile.
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+
+#include "core/base/fault_point.h"
+#include "core/base/file.h"
+#include "core/base/status.h"
+#include "core/matte/matte_file.h"
+#include "server/server.h"
+#include "server/session_facts.h"
+
+namespace glasswing {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Of those tiles that are done; rows that none holds stay blank, and are flagged.
+absl::StatusOr<Matte> put_together(const std::vector<TileState>& tiles, const fs::path& directory,
+                                   int height_px) {
+  std::vector<Matte> parts;
+  std::vector<bool> there(static_cast<size_t>(height_px), false);
+  for (const TileState& tile : tiles) {
+    if (!tile.is_done()) continue;
+    GW_ASSIGN_OR_RETURN(Matte part, read_matte(directory / tile.done.result));
+    std::fill_n(there.begin() + tile.range.first, tile.range.count, true);
+    parts.push_back(std::move(part));
+  }
+  if (parts.empty()) return absl::FailedPreconditionError("none of its tiles is solved yet");
+  const Matte like = parts.front();
+  for (int y = 0; y < height_px; ++y) {
+    if (there[static_cast<size_t>(y)]) continue;
+    Matte blank(0, y, like.width_px(), 1, 1, like.is_colourless());
+    for (int x = 0; x < blank.width_px(); ++x) blank.flags(x, 0) = kFlagNoData;
+    parts.push_back(std::move(blank));
+  }
+  return assemble(parts);
+}
+
+int height_of(const std::vector<TileState>& tiles) {
+  int height_px = 0;
+  for (const TileState& tile : tiles) height_px = std::max(height_px, tile.range.first + tile.range.count);
+  return height_px;
+}
+
+// "tiles 3 and 7 of 40", with the first one's error.
+absl::Status not_solved(const v1::Session& session) {
+  const v1::QuarantinedTile& first = session.quarantined(0);
+  const char* unit = is_solved_by_frames(session) ? "frames" : "rows";
+  return absl::FailedPreconditionError(fmt::format(
+      "{} of {} tiles could not be solved, {} {} to {} first: {}; try them again: glasswing retry {}",
+      session.quarantined_size(), session.tile_count(), unit, first.first(),
+      first.first() + first.count() - 1, first.error(), session.name()));
+}
+
+}  // namespace
+
+void Server::finish_solves(std::stop_token stop) {
+  while (true) {
+    std::string name;
+    {
+      std::unique_lock lock(mutex_);
+      if (!finish_wanted_.wait(lock, stop, [&] { return !to_finish_.empty(); })) return;
+      name = *to_finish_.begin();
+      to_finish_.erase(to_finish_.begin());
+    }
+    finish_solve(name);
+  }
+}
+
+void Server::finish_solve(const std::string& name) {
+  v1::Session session;
+  {
+    const std::lock_guard lock(mutex_);
+    const absl::StatusOr<v1::Session> found = find_locked(name);
+    if (!found.ok() || found->state() != v1::SESSION_STATE_SOLVING) return;
+    session = *found;
+  }
+  absl::Status made;
+  if (session.quarantined_size() > 0) {
+    made = not_solved(session);
+  } else if (!is_solved_by_frames(session)) {
+    made = [&]() -> absl::Status {
+      GW_ASSIGN_OR_RETURN(const std::vector<TileState> tiles, jobs_->tiles(session.job()));
+      GW_ASSIGN_OR_RETURN(const fs::path directory, mattes_.tiles(name));
+      GW_ASSIGN_OR_RETURN(const Matte matte, put_together(tiles, directory, height_of(tiles)));
+      GW_ASSIGN_OR_RETURN(const std::string bytes, encode_matte(matte));
+      return write_file_durably(mattes_.next(name), bytes);
+    }();
+    fault_point("matte written");
+  } else if (!session.refused_frames().empty()) {
+    made = absl::FailedPreconditionError(fmt::format("no matte can be made of {} of its frames; {}",
+                                                     session.refused_frames_size(), session.refusal()));
+  }
+  const std::lock_guard lock(mutex_);
+  const absl::StatusOr<v1::Session> now = find_locked(name);
+  // It may have been paused, cancelled or deleted meanwhile.
+  if (!now.ok() || now->job() != session.job() || now->state() != v1::SESSION_STATE_SOLVING) {
+    if (absl::IsNotFound(now.status())) mattes_.drop_next(name);
+    return;
+  }
+  if (const absl::Status settled = settle(*now, made); !settled.ok())
+    spdlog::error("solve not finished session={} error=\"{}\"", name, std::string(settled.message()));
+}
+
+absl::Status Server::settle(v1::Session session, absl::Status made) {
+  if (made.ok() && has_frame_files(session)) {
+    GW_ASSIGN_OR_RETURN(const std::vector<TileState> tiles, jobs_->tiles(session.job()));
+    note_solved_frames(tiles, session);
+  } else if (made.ok()) {
+    session.clear_solved_frames();
+  }
+  if (made.ok()) {
+    session.set_state(v1::SESSION_STATE_DONE);
+    session.clear_reason();
+    session.set_matte_ready(true);
+  } else {
+    session.set_state(v1::SESSION_STATE_FAILED);
+    session.set_reason(std::string(made.message()));
+    GW_RETURN_IF_ERROR(jobs_->hold(session.job()));
+  }
+  GW_RETURN_IF_ERROR(change(session));
+  if (made.ok()) {
+    fault_point("session done");
+    GW_RETURN_IF_ERROR(catalogue_->drop_finished(session.name()));
+    GW_RETURN_IF_ERROR(mattes_.finish(session.name()));
+  }
+  spdlog::info("{} session={} seconds={:.1f} flagged={}", state_of(session), session.name(),
+               session.solve_seconds(), session.flagged_pixel_count());
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::string> Server::partial_matte(const std::string& name) {
+  v1::Session session;
+  {
+    const std::lock_guard lock(mutex_);
+    GW_ASSIGN_OR_RETURN(session, find_locked(name));
+  }
+  if (is_solved_by_frames(session)) {
+    return absl::FailedPreconditionError(fmt::format(
+        "session \"{}\" is a video: what is solved of it can be fetched into a directory as it is", name));
+  }
+  if (session.state() != v1::SESSION_STATE_SOLVING && !rests_in_solve(session)) {
+    GW_ASSIGN_OR_RETURN(const fs::path path, matte(name, std::nullopt));
+    return read_file(path);
+  }
+  GW_ASSIGN_OR_RETURN(const std::vector<TileState> tiles, jobs_->tiles(session.job()));
+  GW_ASSIGN_OR_RETURN(const fs::path directory, mattes_.tiles(name));
+  const absl::StatusOr<Matte> matte = put_together(tiles, directory, height_of(tiles));
+  if (absl::IsFailedPrecondition(matte.status())) {
+    return absl::FailedPreconditionError(
+        fmt::format("session \"{}\": {}", name, std::string(matte.status().message())));
+  }
+  GW_RETURN_IF_ERROR(matte.status());
+  return encode_matte(*matte);
+}
+
+}  // namespace glasswing

@@ -1,0 +1,28 @@
+// How a solve is cut into tiles: each large enough that handing it out costs nothing beside it, small enough
+// that a solver that dies loses little, and that all end together.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "server/jobs/job_store.h"
+
+namespace glasswing {
+
+// Seconds of work that tiles are cut to.
+inline constexpr double kLeastTileSeconds = 0.5, kMostTileSeconds = 2.0;
+
+// The rows that a survey solves: evenly spread, a thirtieth of them or so.
+std::vector<int> survey_rows(int height_px);
+
+// Tiles of whole rows of equal work, by what the survey's rows took (`rows`, rising, and `seconds`, as many);
+// between two of them it changes evenly. None holds more than `most_bytes` of frames' samples where a row has
+// `row_bytes`, but for tiles of one row.
+std::vector<TileRange> row_tiles(int height_px, std::span<const int> rows, std::span<const double> seconds,
+                                 std::int64_t row_bytes, std::int64_t most_bytes);
+
+// Tiles of a video's frames, of so many pixels each. The last ones are smaller, so that all solvers end
+// together.
+std::vector<TileRange> frame_tiles(int frames, std::int64_t pixels);
+
+}  // namespace glasswing
