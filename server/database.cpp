@@ -9,7 +9,8 @@ namespace glasswing {
 namespace {
 
 absl::Status error_of(sqlite3* connection) {
-  const std::string message = fmt::format("catalogue: {}", sqlite3_errmsg(connection));
+  const std::filesystem::path file = sqlite3_db_filename(connection, "main");
+  const std::string message = fmt::format("{}: {}", file.filename().string(), sqlite3_errmsg(connection));
   switch (sqlite3_errcode(connection)) {
     case SQLITE_FULL:
       return absl::ResourceExhaustedError(message);
@@ -74,6 +75,11 @@ Database::Query& Database::Query::bind(std::int64_t value) {
   return *this;
 }
 
+Database::Query& Database::Query::bind(double value) {
+  sqlite3_bind_double(statement_.get(), ++bound_, value);
+  return *this;
+}
+
 Database::Query& Database::Query::bind(std::string_view value) {
   sqlite3_bind_text64(statement_.get(), ++bound_, value.data(), value.size(), SQLITE_TRANSIENT, SQLITE_UTF8);
   return *this;
@@ -91,6 +97,10 @@ absl::Status Database::Query::finish() {
   while (next()) {
   }
   return status_;
+}
+
+int Database::Query::columns() const {
+  return sqlite3_column_count(statement_.get());
 }
 
 std::int64_t Database::Query::integer(int column) const {

@@ -27,12 +27,15 @@ class Database {
   class Query {
    public:
     Query& bind(std::int64_t value);
+    Query& bind(int value) { return bind(std::int64_t{value}); }
+    Query& bind(double value);
     Query& bind(std::string_view value);  // text or bytes
     // True: a row is there to be read. False: none are left, or it failed (see status()).
     bool next();
     // To the end, for statements without rows.
     absl::Status finish();
     const absl::Status& status() const { return status_; }
+    int columns() const;
     std::int64_t integer(int column) const;
     std::string text(int column) const;
 

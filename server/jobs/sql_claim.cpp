@@ -1,0 +1,194 @@
+// Leases are given and given back.
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "core/base/status.h"
+#include "server/jobs/sql_job_store.h"
+#include "server/jobs/sql_text.h"
+
+namespace glasswing {
+namespace {
+
+constexpr char kLeaseOfClaim[] =
+    " RETURNING job, number, attempts, first, count, (SELECT session FROM jobs WHERE id = job), "
+    "(SELECT work FROM jobs WHERE id = job), (SELECT server FROM jobs WHERE id = job), "
+    "(SELECT address FROM servers WHERE id = (SELECT server FROM jobs WHERE id = job))";
+
+// Where `condition` holds the first lease stays, else the second takes its place.
+std::string first_lease_if(const std::string& condition) {
+  std::vector<std::string> columns;
+  for (const char* column : {"attempt", "solver", "since", "until"}) {
+    columns.push_back(
+        fmt::format("lease_{0} = CASE WHEN {1} THEN lease_{0} ELSE twin_{0} END", column, condition));
+  }
+  return fmt::format("{}", fmt::join(columns, ", "));
+}
+
+std::string placeholders(size_t first, size_t count) {
+  std::vector<std::string> names;
+  for (size_t i = 0; i < count; ++i) names.push_back(fmt::format("?{}", first + i));
+  return fmt::format("({})", fmt::join(names, ", "));
+}
+
+// Of a job that computes what stands from ?`first` on.
+std::string free_tiles(const std::string& columns, size_t first, size_t computes) {
+  return fmt::format(
+      "SELECT {} FROM jobs j CROSS JOIN tiles t WHERE t.job = j.id AND j.held = 0 AND j.computes IN {} AND "
+      "{} "
+      "AND t.lease_until <= :now AND t.twin_until <= :now ",
+      columns, placeholders(first, computes), kOpen);
+}
+
+// Held by one other than ?1 for longer than ?2.
+constexpr char kSlow[] =
+    "lease_attempt > 0 AND ("
+    "(t.lease_until > :now AND t.twin_until <= :now AND t.lease_solver <> ?1 AND t.lease_since < :now - ?2) "
+    "OR "
+    "(t.twin_until > :now AND t.lease_until <= :now AND t.twin_solver <> ?1 AND t.twin_since < :now - ?2))";
+
+SqlValues with(SqlValues values, std::span<const std::string> computes) {
+  values.insert(values.end(), computes.begin(), computes.end());
+  return values;
+}
+
+absl::StatusOr<bool> may_claim_ahead(SqlConnection& connection, std::span<const std::string> computes) {
+  GW_ASSIGN_OR_RETURN(
+      const SqlRows solvers,
+      connection.run(
+          fmt::format("SELECT count(*) FROM (SELECT lease_solver FROM tiles WHERE {0} AND lease_until > :now "
+                      "UNION SELECT twin_solver FROM tiles WHERE {0} AND twin_until > :now) AS solvers",
+                      kLeased),
+          {}));
+  GW_ASSIGN_OR_RETURN(const SqlRows free,
+                      connection.run(fmt::format("SELECT count(*) FROM ({} LIMIT ?1) AS enough",
+                                                 free_tiles("1", 2, computes.size())),
+                                     with({solvers.integer(0, 0)}, computes)));
+  return free.integer(0, 0) >= solvers.integer(0, 0);
+}
+
+absl::StatusOr<SqlRows> claim_free(SqlConnection& connection, const std::string& solver,
+                                   std::int64_t lease_us, std::span<const std::string> computes) {
+  return connection.run(
+      fmt::format(
+          "UPDATE tiles SET {}, attempts = attempts + 1, lease_attempt = attempts + 1, lease_solver = ?1, "
+          "lease_since = :now, lease_until = :now + ?2 WHERE (job, number) = ({} "
+          "ORDER BY j.id, t.failures, t.number LIMIT 1 :locking){}",
+          "twin_attempt = 0, twin_solver = '', twin_since = 0, twin_until = 0",
+          free_tiles("t.job, t.number", 3, computes.size()), kLeaseOfClaim),
+      with({solver, lease_us}, computes));
+}
+
+absl::StatusOr<SqlRows> claim_twice(SqlConnection& connection, const std::string& solver,
+                                    const JobStoreOptions& options, std::span<const std::string> computes) {
+  const std::int64_t least_us = std::chrono::microseconds(options.least_before_twice).count();
+  GW_ASSIGN_OR_RETURN(
+      const SqlRows jobs,
+      connection.run(
+          fmt::format("SELECT j.id, (SELECT coalesce(avg(seconds), 0) FROM tiles WHERE job = j.id AND "
+                      "done_attempt > 0) FROM jobs j WHERE j.held = 0 AND j.computes IN {} AND EXISTS "
+                      "(SELECT 1 FROM tiles t WHERE t.job = j.id AND {}) ORDER BY j.id",
+                      placeholders(3, computes.size()), kSlow),
+          with({solver, least_us}, computes)));
+  for (size_t i = 0; i < jobs.size(); ++i) {
+    const std::int64_t age_us = std::max(least_us, static_cast<std::int64_t>(jobs.real(i, 1) * 1e6));
+    GW_ASSIGN_OR_RETURN(
+        SqlRows claimed,
+        connection.run(
+            fmt::format(
+                "UPDATE tiles SET {}, attempts = attempts + 1, twin_attempt = attempts + 1, twin_solver = "
+                "?1, "
+                "twin_since = :now, twin_until = :now + ?3 WHERE (job, number) = ("
+                "SELECT t.job, t.number FROM tiles t WHERE t.job = ?4 AND {} "
+                "ORDER BY CASE WHEN t.lease_until > :now THEN t.lease_since ELSE t.twin_since END, t.number "
+                "LIMIT 1 :locking){}",
+                first_lease_if("lease_until > :now"), kSlow, kLeaseOfClaim),
+            {solver, age_us, std::chrono::microseconds(options.lease).count(), jobs.integer(i, 0)}));
+    if (!claimed.empty()) return claimed;
+  }
+  return SqlRows();
+}
+
+// Ends the attempt ?3; another one's lease stays.
+std::string end_lease() {
+  return first_lease_if("lease_attempt <> ?3") +
+         ", twin_attempt = 0, twin_solver = '', twin_since = 0, twin_until = 0";
+}
+
+}  // namespace
+
+absl::StatusOr<std::optional<Lease>> SqlJobStore::claim(const std::string& solver,
+                                                        std::span<const std::string> computes, bool ahead) {
+  std::optional<Lease> lease;
+  if (computes.empty()) return lease;
+  const absl::Status status = statements([&](SqlConnection& connection) -> absl::Status {
+    lease.reset();
+    if (ahead) {
+      GW_ASSIGN_OR_RETURN(const bool may, may_claim_ahead(connection, computes));
+      if (!may) return absl::OkStatus();
+    }
+    GW_ASSIGN_OR_RETURN(
+        SqlRows rows,
+        claim_free(connection, solver, std::chrono::microseconds(options_.lease).count(), computes));
+    if (rows.empty() && !ahead) {
+      GW_ASSIGN_OR_RETURN(rows, claim_twice(connection, solver, options_, computes));
+    }
+    if (rows.empty()) return absl::OkStatus();
+    lease = Lease{.id = {.job = rows.integer(0, 0),
+                         .tile = static_cast<int>(rows.integer(0, 1)),
+                         .attempt = static_cast<int>(rows.integer(0, 2))},
+                  .session = rows.text(0, 5),
+                  .work = rows.text(0, 6),
+                  .range = {.first = static_cast<int>(rows.integer(0, 3)),
+                            .count = static_cast<int>(rows.integer(0, 4))},
+                  .server_address = rows.text(0, 8),
+                  .own = rows.text(0, 7) == options_.server_id};
+    return absl::OkStatus();
+  });
+  GW_RETURN_IF_ERROR(status);
+  return lease;
+}
+
+absl::StatusOr<bool> SqlJobStore::fail(const TileAttempt& lease, const std::string& error, bool permanent) {
+  bool quarantined = false, freed = false;
+  const absl::Status status = transaction([&](SqlConnection& connection) -> absl::Status {
+    GW_ASSIGN_OR_RETURN(
+        const SqlRows failed,
+        connection.run(
+            fmt::format(
+                "UPDATE tiles SET failures = failures + 1, error = ?4, quarantined = CASE WHEN "
+                "(?5 > 0 OR failures + 1 >= {}) AND NOT (lease_attempt <> ?3 AND lease_until > :now) AND NOT "
+                "(twin_attempt <> ?3 AND twin_until > :now) THEN 1 ELSE 0 END, {} "
+                "WHERE {} RETURNING quarantined",
+                kMaxAttempts, end_lease(), kAttempt),
+            {lease.job, std::int64_t{lease.tile}, std::int64_t{lease.attempt}, SqlBytes{error},
+             std::int64_t{permanent}}));
+    freed = !failed.empty();
+    quarantined = freed && failed.integer(0, 0) != 0;
+    if (!quarantined) return absl::OkStatus();
+    // A lease that had ended could still go on.
+    return connection
+        .run(fmt::format("UPDATE tiles SET {} WHERE job = ?1 AND number = ?2", kNoLease),
+             {lease.job, std::int64_t{lease.tile}})
+        .status();
+  });
+  GW_RETURN_IF_ERROR(status);
+  if (freed) tiles_became_free();
+  return quarantined;
+}
+
+absl::Status SqlJobStore::hand_back(const TileAttempt& lease) {
+  bool freed = false;
+  const absl::Status status = statements([&](SqlConnection& connection) -> absl::Status {
+    GW_ASSIGN_OR_RETURN(
+        const SqlRows ended,
+        connection.run(fmt::format("UPDATE tiles SET {} WHERE {} RETURNING number", end_lease(), kAttempt),
+                       {lease.job, std::int64_t{lease.tile}, std::int64_t{lease.attempt}}));
+    freed = !ended.empty();
+    return absl::OkStatus();
+  });
+  GW_RETURN_IF_ERROR(status);
+  if (freed) tiles_became_free();
+  return absl::OkStatus();
+}
+
+}  // namespace glasswing

@@ -1,0 +1,207 @@
+#include "server/jobs/sql_job_store.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <cstdlib>
+#include <utility>
+
+#include "core/base/status.h"
+#include "server/jobs/sql_text.h"
+
+namespace glasswing {
+namespace {
+
+// Keeps statements at some ten kilobytes.
+constexpr size_t kTilesAStatement = 1000;
+
+// Numbers only, so they stand in the statement itself.
+absl::Status insert(SqlConnection& connection, std::int64_t job, std::int64_t number, std::int64_t attempts,
+                    std::span<const TileRange> ranges) {
+  while (!ranges.empty()) {
+    std::vector<std::string> rows;
+    for (const TileRange& range : ranges.first(std::min(ranges.size(), kTilesAStatement))) {
+      rows.push_back(fmt::format("({}, {}, {}, {}, {})", job, number++, range.first, range.count, attempts));
+    }
+    ranges = ranges.subspan(rows.size());
+    GW_RETURN_IF_ERROR(
+        connection
+            .run(fmt::format("INSERT INTO tiles (job, number, first, count, attempts) VALUES {}",
+                             fmt::join(rows, ", ")),
+                 {})
+            .status());
+  }
+  return absl::OkStatus();
+}
+
+// Locks the job's row, so that of two such changes one comes after the other.
+absl::Status find_job(SqlConnection& connection, std::int64_t job) {
+  GW_ASSIGN_OR_RETURN(const SqlRows found,
+                      connection.run("UPDATE jobs SET held = held WHERE id = ?1 RETURNING id", {job}));
+  if (found.empty()) return absl::NotFoundError(fmt::format("there is no job {}", job));
+  return absl::OkStatus();
+}
+
+absl::Status is_void(const TileAttempt& attempt) {
+  return absl::AbortedError(
+      fmt::format("attempt {} at tile {} of job {} is void: the tile is done or gone, or "
+                  "its lease ended and it was handed out again",
+                  attempt.attempt, attempt.tile, attempt.job));
+}
+
+}  // namespace
+
+std::int64_t SqlRows::integer(size_t row, size_t column) const {
+  return std::strtoll(text(row, column).c_str(), nullptr, 10);
+}
+double SqlRows::real(size_t row, size_t column) const {
+  return std::strtod(text(row, column).c_str(), nullptr);
+}
+
+absl::StatusOr<std::int64_t> SqlJobStore::create(const JobSpec& spec, std::span<const TileRange> tiles) {
+  std::int64_t job = 0;
+  const absl::Status status = transaction([&](SqlConnection& connection) -> absl::Status {
+    GW_ASSIGN_OR_RETURN(
+        const SqlRows created,
+        connection.run("INSERT INTO jobs (server, session, computes, work, created) "
+                       "VALUES (?1, ?2, ?3, ?4, :now) RETURNING id",
+                       {options_.server_id, spec.session, spec.computes, SqlBytes{spec.work}}));
+    job = created.integer(0, 0);
+    return insert(connection, job, 0, 0, tiles);
+  });
+  GW_RETURN_IF_ERROR(status);
+  tiles_became_free();
+  return job;
+}
+
+absl::Status SqlJobStore::recut(const TileAttempt& survey, const std::string& work,
+                                std::span<const TileRange> tiles) {
+  const absl::Status status = transaction([&](SqlConnection& connection) -> absl::Status {
+    GW_ASSIGN_OR_RETURN(
+        const SqlRows before,
+        connection.run(
+            "UPDATE jobs SET held = held WHERE id = ?1 "
+            "RETURNING CASE WHEN survey_tile = ?2 AND survey_attempt = ?3 AND ?3 > 0 THEN 1 ELSE 0 END, "
+            "(SELECT max(attempts) FROM tiles WHERE job = ?1)",
+            {survey.job, std::int64_t{survey.tile}, std::int64_t{survey.attempt}}));
+    if (before.empty()) return is_void(survey);
+    if (before.integer(0, 0) != 0) return absl::OkStatus();
+    GW_ASSIGN_OR_RETURN(
+        const SqlRows held,
+        connection.run(fmt::format("DELETE FROM tiles WHERE {} RETURNING job", kAttempt),
+                       {survey.job, std::int64_t{survey.tile}, std::int64_t{survey.attempt}}));
+    if (held.empty()) return is_void(survey);
+    GW_RETURN_IF_ERROR(connection.run("DELETE FROM tiles WHERE job = ?1", {survey.job}).status());
+    GW_RETURN_IF_ERROR(
+        connection
+            .run("UPDATE jobs SET work = ?1, survey_tile = ?2, survey_attempt = ?3 WHERE id = ?4",
+                 {SqlBytes{work}, std::int64_t{survey.tile}, std::int64_t{survey.attempt}, survey.job})
+            .status());
+    // Attempts go on from those that were, so that none of them can pass for one at a new tile.
+    return insert(connection, survey.job, 0, before.integer(0, 1), tiles);
+  });
+  GW_RETURN_IF_ERROR(status);
+  tiles_became_free();
+  return absl::OkStatus();
+}
+
+absl::Status SqlJobStore::add(std::int64_t job, std::span<const TileRange> tiles) {
+  const absl::Status status = transaction([&](SqlConnection& connection) -> absl::Status {
+    GW_RETURN_IF_ERROR(find_job(connection, job));
+    GW_ASSIGN_OR_RETURN(
+        const SqlRows last,
+        connection.run(
+            "SELECT coalesce(max(number) + 1, 0), coalesce(max(attempts), 0) FROM tiles WHERE job = ?1",
+            {job}));
+    return insert(connection, job, last.integer(0, 0), last.integer(0, 1), tiles);
+  });
+  GW_RETURN_IF_ERROR(status);
+  tiles_became_free();
+  return absl::OkStatus();
+}
+
+absl::Status SqlJobStore::retry(std::int64_t job) {
+  return change_job(job, "UPDATE tiles SET quarantined = 0, failures = 0 WHERE job = ?1");
+}
+absl::Status SqlJobStore::hold(std::int64_t job) {
+  return change_job(job, "UPDATE jobs SET held = 1 WHERE id = ?1");
+}
+absl::Status SqlJobStore::release(std::int64_t job) {
+  return change_job(job, "UPDATE jobs SET held = 0 WHERE id = ?1");
+}
+
+absl::Status SqlJobStore::change_job(std::int64_t job, const std::string& sql) {
+  const absl::Status status = transaction([&](SqlConnection& connection) -> absl::Status {
+    GW_RETURN_IF_ERROR(find_job(connection, job));
+    return connection.run(sql, {job}).status();
+  });
+  GW_RETURN_IF_ERROR(status);
+  tiles_became_free();
+  return absl::OkStatus();
+}
+
+absl::Status SqlJobStore::remove(std::int64_t job) {
+  return statements([&](SqlConnection& connection) {
+    return connection.run("DELETE FROM jobs WHERE id = ?1", {job}).status();
+  });
+}
+
+absl::Status SqlJobStore::keep(const TileAttempt& lease) {
+  return statements([&](SqlConnection& connection) -> absl::Status {
+    GW_ASSIGN_OR_RETURN(
+        const SqlRows kept,
+        connection.run(
+            fmt::format("UPDATE tiles SET "
+                        "lease_until = CASE WHEN lease_attempt = ?3 THEN :now + ?4 ELSE lease_until END, "
+                        "twin_until = CASE WHEN twin_attempt = ?3 THEN :now + ?4 ELSE twin_until END "
+                        "WHERE {} RETURNING number",
+                        kAttempt),
+            {lease.job, std::int64_t{lease.tile}, std::int64_t{lease.attempt},
+             std::chrono::microseconds(options_.lease).count()}));
+    return kept.empty() ? is_void(lease) : absl::OkStatus();
+  });
+}
+
+absl::Status SqlJobStore::complete(const TileAttempt& lease, const TileResult& result) {
+  if (result.result.empty())
+    return absl::InvalidArgumentError("the result of a tile is empty; it must say something");
+  return statements([&](SqlConnection& connection) -> absl::Status {
+    GW_ASSIGN_OR_RETURN(
+        const SqlRows done,
+        connection.run(
+            fmt::format("UPDATE tiles SET done_attempt = ?3, done_at = :now, result = ?4, "
+                        "object_pixels = ?5, flagged_pixels = ?6, seconds = ?7, {} "
+                        "WHERE {} RETURNING number",
+                        kNoLease, kAttempt),
+            {lease.job, std::int64_t{lease.tile}, std::int64_t{lease.attempt}, SqlBytes{result.result},
+             result.object_pixels, result.flagged_pixels, result.seconds}));
+    if (!done.empty()) return absl::OkStatus();
+    GW_ASSIGN_OR_RETURN(
+        const SqlRows before,
+        connection.run("SELECT 1 FROM tiles WHERE job = ?1 AND number = ?2 AND done_attempt = ?3 "
+                       "AND done_attempt > 0",
+                       {lease.job, std::int64_t{lease.tile}, std::int64_t{lease.attempt}}));
+    return before.empty() ? is_void(lease) : absl::OkStatus();
+  });
+}
+
+void SqlJobStore::tiles_became_free() {
+  hinted();
+  tell_others();
+}
+
+void SqlJobStore::hinted() {
+  const std::lock_guard lock(hint_mutex_);
+  ++hints_;
+  hint_.notify_all();
+}
+
+void SqlJobStore::wait_for_tiles(std::chrono::milliseconds timeout) {
+  std::unique_lock lock(hint_mutex_);
+  // All who wait at once are woken by one hint.
+  const std::int64_t seen = hints_seen_;
+  hint_.wait_for(lock, timeout, [&] { return hints_ != seen; });
+  hints_seen_ = hints_;
+}
+
+}  // namespace glasswing

@@ -1,0 +1,46 @@
+// One suite for every kind of job store.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <functional>
+
+#include "server/jobs/job_store.h"
+
+namespace glasswing {
+
+// Where a store's data are; removed with it.
+class JobBackend {
+ public:
+  virtual ~JobBackend() = default;
+  virtual std::unique_ptr<JobStore> open(const JobStoreOptions& options) = 0;
+};
+
+class JobContract : public testing::TestWithParam<std::string> {
+ protected:
+  void SetUp() override;
+
+  // Leases that do not end, and nothing is handed out twice, unless a test says otherwise.
+  static JobStoreOptions options(std::chrono::milliseconds lease = std::chrono::hours(1),
+                                 std::chrono::milliseconds least_before_twice = std::chrono::hours(1));
+  // The store of before, if any, is closed first.
+  void open(const JobStoreOptions& options);
+  // Of "session", computing "gaussian/1", work "work"; tiles of 4 rows each.
+  std::int64_t create(int tiles, const std::string& session = "session");
+  std::optional<Lease> claim(const std::string& solver, bool ahead = false);
+  Lease claimed(const std::string& solver);
+  // Asks until there is one.
+  Lease claim_at_last(const std::string& solver);
+  TileState tile(const Lease& lease) { return store_->tile(lease.id).value(); }
+
+  std::unique_ptr<JobBackend> backend_;
+  std::unique_ptr<JobStore> store_;
+};
+
+// `seconds` of work.
+TileResult result(const std::string& name, double seconds = 1.0);
+// Asks until it is so; false: not within half a minute.
+bool comes_true(const std::function<bool()>& condition);
+std::vector<TileRange> ranges(int count);
+
+}  // namespace glasswing

@@ -1,0 +1,57 @@
+// What a store that is opened again still knows.
+#include "tests/server/jobs/contract.h"
+
+namespace glasswing {
+namespace {
+
+TEST_P(JobContract, AStoreOpenedAgainKeepsAll) {
+  const std::int64_t job = create(5);
+  const Lease done = claimed("a"), leased = claimed("a"), failed = claimed("a"), quarantined = claimed("a");
+  ASSERT_TRUE(store_->complete(done.id, result("done.exr", 2.5)).ok());
+  ASSERT_FALSE(store_->fail(failed.id, "dark", false).value());
+  ASSERT_TRUE(store_->fail(quarantined.id, "no", true).value());
+  open(options());
+  EXPECT_EQ(store_->own_jobs().value(), std::vector{job});
+  EXPECT_EQ(tile(done).done.result, "done.exr");
+  EXPECT_EQ(tile(done).done.seconds, 2.5);
+  EXPECT_EQ(tile(failed).failures, 1);
+  EXPECT_EQ(tile(failed).error, "dark");
+  EXPECT_TRUE(tile(quarantined).quarantined);
+  // Leases go on, and completions may be said again.
+  EXPECT_EQ(store_->leases()->size(), 1u);
+  EXPECT_TRUE(store_->keep(leased.id).ok());
+  EXPECT_TRUE(store_->complete(leased.id, result("leased.exr")).ok());
+  EXPECT_TRUE(store_->complete(done.id, result("done.exr")).ok());
+  EXPECT_EQ(claimed("a").id.tile, 4);
+  EXPECT_GT(create(1), job);
+}
+
+TEST_P(JobContract, ASurveyMayBeSaidAgainToAStoreOpenedAgain) {
+  const std::int64_t job = create(1);
+  const Lease survey = claimed("a");
+  ASSERT_TRUE(store_->recut(survey.id, "plan", ranges(3)).ok());
+  open(options());
+  ASSERT_TRUE(store_->recut(survey.id, "plan", ranges(3)).ok());
+  EXPECT_EQ(store_->counts(job)->tiles, 3);
+}
+
+TEST_P(JobContract, HoldsEndWhenTheServerOpensTheStoreAgain) {
+  const std::int64_t job = create(1);
+  ASSERT_TRUE(store_->hold(job).ok());
+  open(options());
+  EXPECT_EQ(claimed("a").id.job, job);
+}
+
+TEST_P(JobContract, AServerMayMove) {
+  create(2);
+  claimed("a");
+  JobStoreOptions moved = options();
+  moved.server_address = "elsewhere.lab:7000";
+  open(moved);
+  const Lease lease = claimed("a");
+  EXPECT_EQ(lease.server_address, "elsewhere.lab:7000");
+  EXPECT_TRUE(lease.own);
+}
+
+}  // namespace
+}  // namespace glasswing

@@ -1,0 +1,229 @@
+// Leases: kept, ended, fenced, handed out twice, failed.
+#include "tests/server/jobs/contract.h"
+
+namespace glasswing {
+namespace {
+
+using std::chrono::hours;
+using std::chrono::milliseconds;
+
+constexpr milliseconds kShort(30);
+
+TEST_P(JobContract, ALostLeaseIsFenced) {
+  open(options(kShort));
+  create(1);
+  const Lease slow = claimed("slow");
+  const Lease quick = claim_at_last("quick");
+  EXPECT_EQ(quick.id.tile, slow.id.tile);
+  EXPECT_GT(quick.id.attempt, slow.id.attempt);
+  EXPECT_TRUE(absl::IsAborted(store_->keep(slow.id)));
+  EXPECT_TRUE(absl::IsAborted(store_->complete(slow.id, result("slow"))));
+  EXPECT_FALSE(store_->fail(slow.id, "late", true).value());
+  EXPECT_TRUE(store_->hand_back(slow.id).ok());
+  EXPECT_TRUE(store_->complete(quick.id, result("quick")).ok());
+  EXPECT_TRUE(absl::IsAborted(store_->complete(slow.id, result("slow"))));
+  EXPECT_EQ(tile(quick).done.result, "quick");
+  EXPECT_EQ(tile(quick).failures, 0);
+}
+
+TEST_P(JobContract, ALeaseThatEndedAndWasNotHandedOutAgainGoesOn) {
+  open(options(kShort));
+  create(2);
+  const Lease kept = claimed("a"), completed = claimed("a");
+  ASSERT_TRUE(comes_true([&] { return store_->leases()->empty(); }));
+  EXPECT_TRUE(store_->keep(kept.id).ok());
+  EXPECT_TRUE(store_->complete(completed.id, result("x")).ok());
+  EXPECT_TRUE(store_->complete(kept.id, result("y")).ok());
+}
+
+TEST_P(JobContract, AKeptLeaseDoesNotEnd) {
+  open(options(kShort));
+  create(1);
+  const Lease lease = claimed("a");
+  open(options());  // a keeper's pace must not decide: this one lasts
+  ASSERT_TRUE(store_->keep(lease.id).ok());
+  EXPECT_EQ(store_->leases()->size(), 1u);
+  EXPECT_FALSE(claim("b").has_value());
+}
+
+TEST_P(JobContract, ACompletionMayBeSaidAgain) {
+  const std::int64_t job = create(2);
+  const Lease lease = claimed("a");
+  ASSERT_TRUE(store_->complete(lease.id, result("x")).ok());
+  EXPECT_TRUE(store_->complete(lease.id, result("x")).ok());
+  EXPECT_EQ(store_->counts(job)->done, 1);
+  EXPECT_EQ(store_->counts(job)->object_pixels, 10);
+  // Done is done.
+  EXPECT_TRUE(absl::IsAborted(store_->keep(lease.id)));
+  EXPECT_FALSE(store_->fail(lease.id, "late", true).value());
+  EXPECT_TRUE(store_->hand_back(lease.id).ok());
+  const TileState state = tile(lease);
+  EXPECT_EQ(state.done.result, "x");
+  EXPECT_EQ(state.done.seconds, 1.0);
+  EXPECT_FALSE(state.quarantined);
+  EXPECT_TRUE(absl::IsInvalidArgument(store_->complete(claimed("a").id, result(""))));
+}
+
+TEST_P(JobContract, NumbersThatWereNeverHandedOutAreVoid) {
+  const std::int64_t job = create(1);
+  for (const int attempt : {-1, 0, 1}) {  // not claimed yet
+    const TileAttempt id{.job = job, .tile = 0, .attempt = attempt};
+    EXPECT_TRUE(absl::IsAborted(store_->keep(id)));
+    EXPECT_TRUE(absl::IsAborted(store_->complete(id, result("x"))));
+    EXPECT_TRUE(absl::IsAborted(store_->recut(id, "", ranges(1))));
+    EXPECT_FALSE(store_->fail(id, "error", true).value());
+    EXPECT_TRUE(store_->hand_back(id).ok());
+  }
+  EXPECT_EQ(store_->counts(job)->failures, 0);
+}
+
+TEST_P(JobContract, OfTwoAtOneTileTheFirstResultCounts) {
+  open(options(hours(1), milliseconds(0)));
+  create(1);
+  const Lease slow = claimed("slow");
+  EXPECT_FALSE(claim("slow").has_value());  // not twice by the same
+  const Lease quick = claim_at_last("quick");
+  EXPECT_EQ(quick.id.tile, slow.id.tile);
+  EXPECT_NE(quick.id.attempt, slow.id.attempt);
+  EXPECT_FALSE(claim("third").has_value());
+  const std::vector<LeaseState> leases = store_->leases().value();
+  ASSERT_EQ(leases.size(), 2u);
+  EXPECT_TRUE(leases[0].twice && leases[1].twice);
+  EXPECT_EQ(store_->counts(slow.id.job)->leased, 1);
+  EXPECT_TRUE(store_->keep(slow.id).ok());
+  EXPECT_TRUE(store_->keep(quick.id).ok());
+  ASSERT_TRUE(store_->complete(quick.id, result("quick")).ok());
+  EXPECT_TRUE(absl::IsAborted(store_->keep(slow.id)));
+  EXPECT_TRUE(absl::IsAborted(store_->complete(slow.id, result("slow"))));
+  EXPECT_TRUE(store_->complete(quick.id, result("quick")).ok());
+  EXPECT_EQ(tile(quick).done.result, "quick");
+  EXPECT_TRUE(store_->leases()->empty());
+}
+
+TEST_P(JobContract, TheOneWhoHadItFirstMayBeFirst) {
+  open(options(hours(1), milliseconds(0)));
+  create(1);
+  const Lease first = claimed("a"), second = claim_at_last("b");
+  ASSERT_TRUE(store_->complete(first.id, result("first")).ok());
+  EXPECT_TRUE(absl::IsAborted(store_->complete(second.id, result("second"))));
+  EXPECT_EQ(tile(first).done.result, "first");
+}
+
+TEST_P(JobContract, WhoGivesUpDoesNotHurtTheOther) {
+  open(options(hours(1), milliseconds(0)));
+  for (const bool first_gives_up : {true, false}) {
+    for (const bool fails : {true, false}) {
+      create(1);
+      const Lease first = claimed("a"), second = claim_at_last("b");
+      const Lease& gone = first_gives_up ? first : second;
+      const Lease& rest = first_gives_up ? second : first;
+      if (fails) {
+        EXPECT_FALSE(store_->fail(gone.id, "broken", true).value());  // the other still works on it
+      } else {
+        EXPECT_TRUE(store_->hand_back(gone.id).ok());
+      }
+      EXPECT_TRUE(absl::IsAborted(store_->keep(gone.id)));
+      EXPECT_TRUE(absl::IsAborted(store_->complete(gone.id, result("gone"))));
+      EXPECT_TRUE(store_->keep(rest.id).ok());
+      const std::vector<LeaseState> leases = store_->leases().value();
+      ASSERT_EQ(leases.size(), 1u);
+      EXPECT_EQ(leases[0].id.attempt, rest.id.attempt);
+      EXPECT_FALSE(leases[0].twice);
+      EXPECT_EQ(tile(rest).failures, fails ? 1 : 0);
+      ASSERT_TRUE(store_->complete(rest.id, result("rest")).ok());
+    }
+  }
+}
+
+TEST_P(JobContract, YoungLeasesAreNotHandedOutTwice) {
+  open(options(hours(1), hours(1)));
+  create(1);
+  claimed("a");
+  EXPECT_FALSE(claim("b").has_value());
+}
+
+TEST_P(JobContract, LeasesYoungerThanTilesTakeAreNotHandedOutTwice) {
+  open(options(hours(1), milliseconds(0)));
+  const std::int64_t job = create(3);
+  ASSERT_TRUE(store_->complete(claimed("a").id, result("x", 7200.0)).ok());
+  ASSERT_TRUE(store_->complete(claimed("a").id, result("y", 0.0)).ok());
+  const Lease slow = claimed("a");
+  EXPECT_FALSE(claim("b").has_value());  // an hour on average
+  // Another job's average is its own.
+  ASSERT_TRUE(store_->hold(job).ok());
+  const std::int64_t other = create(2, "other");
+  ASSERT_TRUE(store_->complete(claimed("a").id, result("x", 0.001)).ok());
+  claimed("a");
+  EXPECT_EQ(claim_at_last("b").id.job, other);
+  EXPECT_TRUE(store_->keep(slow.id).ok());
+}
+
+TEST_P(JobContract, AheadOnlyWhileThereIsEnoughForAll) {
+  open(options(hours(1), milliseconds(0)));
+  create(5);
+  claimed("a");
+  claimed("b");
+  EXPECT_TRUE(claim("a", true).has_value());   // three are free, two solvers hold leases
+  EXPECT_TRUE(claim("b", true).has_value());   // two are free
+  EXPECT_FALSE(claim("a", true).has_value());  // one is
+  claimed("c");
+  EXPECT_FALSE(claim("c", true).has_value());  // none is, and nobody's is handed out twice
+}
+
+TEST_P(JobContract, AFailedTileIsTriedAgainThenQuarantined) {
+  const std::int64_t job = create(2);
+  const Lease first = claimed("a");
+  EXPECT_FALSE(store_->fail(first.id, "one", false).value());
+  EXPECT_FALSE(store_->fail(first.id, "again", false).value());      // void now
+  ASSERT_TRUE(store_->complete(claimed("a").id, result("x")).ok());  // the failed one comes last
+  for (int failures = 1; failures < kMaxAttempts; ++failures) {
+    const Lease lease = claimed("b");
+    EXPECT_EQ(lease.id.tile, first.id.tile);
+    EXPECT_EQ(tile(lease).failures, failures);
+    EXPECT_EQ(store_->fail(lease.id, "two", false).value(), failures + 1 == kMaxAttempts);
+  }
+  EXPECT_TRUE(tile(first).quarantined);
+  EXPECT_EQ(tile(first).error, "two");
+  EXPECT_FALSE(claim("a").has_value());
+  EXPECT_TRUE(store_->counts(job)->rests());
+
+  ASSERT_TRUE(store_->retry(job).ok());
+  EXPECT_FALSE(tile(first).quarantined);
+  EXPECT_EQ(tile(first).failures, 0);
+  EXPECT_TRUE(store_->complete(claimed("a").id, result("y")).ok());
+}
+
+TEST_P(JobContract, APermanentFailureQuarantinesAtOnce) {
+  create(1);
+  const Lease lease = claimed("a");
+  EXPECT_TRUE(store_->fail(lease.id, "no such method", true).value());
+  EXPECT_TRUE(tile(lease).quarantined);
+  EXPECT_TRUE(absl::IsAborted(store_->complete(lease.id, result("x"))));
+}
+
+TEST_P(JobContract, AQuarantinedTileIsDoneByNobody) {
+  open(options(hours(1), milliseconds(0)));
+  create(1);
+  const Lease first = claimed("a");
+  open(options(kShort, milliseconds(0)));
+  const Lease second = claim_at_last("b");
+  ASSERT_TRUE(comes_true([&] { return store_->leases()->size() == 1; }));  // the second one's has ended
+  EXPECT_TRUE(store_->fail(first.id, "broken", true).value());
+  EXPECT_TRUE(absl::IsAborted(store_->complete(second.id, result("x"))));
+  EXPECT_TRUE(store_->counts(first.id.job)->rests());
+}
+
+TEST_P(JobContract, HandingBackIsNoFailure) {
+  const std::int64_t job = create(1);
+  for (int i = 0; i < kMaxAttempts + 1; ++i) {
+    const Lease lease = claimed("a");
+    ASSERT_TRUE(store_->hand_back(lease.id).ok());
+    EXPECT_TRUE(store_->hand_back(lease.id).ok());
+    EXPECT_TRUE(absl::IsAborted(store_->complete(lease.id, result("x"))));
+  }
+  EXPECT_EQ(store_->counts(job)->failures, 0);
+  EXPECT_EQ(store_->counts(job)->quarantined, 0);
+}
+
+}  // namespace
+}  // namespace glasswing
