@@ -63,9 +63,20 @@ class LeaseKeeper {
   std::jthread thread_;
 };
 
-absl::StatusOr<FrameStack> read_stack(const v1::ClaimTileResponse& tile, const Method& method,
-                                      std::stop_token stop) {
-  const RemoteArchive archive(tile.archive_address(), tile.lease().session(), std::move(stop));
+RemoteArchive archive_of(const v1::ClaimTileResponse& tile, std::stop_token stop) {
+  std::vector<std::string> addresses = {tile.archive_address()};
+  addresses.insert(addresses.end(), tile.copy_addresses().begin(), tile.copy_addresses().end());
+  return RemoteArchive(addresses, tile.lease().session(), std::move(stop));
+}
+
+struct ReadStack {
+  FrameStack stack;
+  FrameRows rows;  // that it is made of: to be asked for intact() once it is solved
+};
+
+absl::StatusOr<ReadStack> read_stack(const v1::ClaimTileResponse& tile, const Method& method,
+                                     std::stop_token stop) {
+  const RemoteArchive archive = archive_of(tile, std::move(stop));
   GW_ASSIGN_OR_RETURN(v1::CaptureManifest manifest, archive.manifest());
   FrameStack stack{.manifest = std::move(manifest),
                    .first_row = tile.first_row(),
@@ -73,20 +84,15 @@ absl::StatusOr<FrameStack> read_stack(const v1::ClaimTileResponse& tile, const M
                    .rows = {},
                    .owner = nullptr};
   GW_ASSIGN_OR_RETURN(const std::vector<int> needed, method.frames_needed(stack.manifest));
-  GW_ASSIGN_OR_RETURN(std::vector<std::uint16_t> samples,
-                      archive.rows(stack.manifest, needed, stack.first_row, stack.row_count));
-  const auto owned = std::make_shared<const std::vector<std::uint16_t>>(std::move(samples));
-  stack.owner = owned;
+  GW_ASSIGN_OR_RETURN(FrameRows rows, archive.rows(stack.manifest, needed, stack.first_row, stack.row_count));
+  stack.owner = rows.owner;
   stack.rows.resize(static_cast<size_t>(stack.manifest.frames_size()));
-  const size_t frame_samples = owned->size() / std::max<size_t>(needed.size(), 1);
-  for (size_t i = 0; i < needed.size(); ++i) {
-    stack.rows[static_cast<size_t>(needed[i])] = std::span(*owned).subspan(i * frame_samples, frame_samples);
-  }
+  for (size_t i = 0; i < needed.size(); ++i) stack.rows[static_cast<size_t>(needed[i])] = rows.rows[i];
   GW_ASSIGN_OR_RETURN(stack.brightness,
                       measure_drift(stack.manifest, [&](int row, const std::vector<int>& frames) {
-                        return archive.rows(stack.manifest, frames, row, 1);
+                        return archive.samples(stack.manifest, frames, row, 1);
                       }));
-  return stack;
+  return ReadStack{.stack = std::move(stack), .rows = std::move(rows)};
 }
 
 // What a tile became: the file of its rows, or a file for each of its frames.
@@ -109,8 +115,9 @@ struct SolvedTile {
 absl::StatusOr<SolvedTile> solve_rows(const v1::ClaimTileResponse& tile, const MethodOptions& options,
                                       int thread_count, std::stop_token stop) {
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<Method> method, make_method(tile.method(), options));
-  GW_ASSIGN_OR_RETURN(const FrameStack stack, read_stack(tile, *method, stop));
-  GW_ASSIGN_OR_RETURN(const Matte matte, solve_in_bands(*method, stack, thread_count, stop));
+  GW_ASSIGN_OR_RETURN(const ReadStack read, read_stack(tile, *method, stop));
+  GW_ASSIGN_OR_RETURN(const Matte matte, solve_in_bands(*method, read.stack, thread_count, stop));
+  GW_RETURN_IF_ERROR(read.rows.intact());
   SolvedTile solved;
   solved.count(matte);
   GW_ASSIGN_OR_RETURN(std::string bytes, encode_matte(matte));
@@ -123,10 +130,10 @@ absl::StatusOr<SolvedTile> solve_frames(const v1::ClaimTileResponse& tile, const
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<VideoMethod> method, make_video_method(tile.method(), options));
   if (method == nullptr)
     return absl::InvalidArgumentError(fmt::format("method \"{}\" makes no mattes of frames", tile.method()));
-  const RemoteArchive archive(tile.archive_address(), tile.lease().session(), stop);
+  const RemoteArchive archive = archive_of(tile, stop);
   GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, archive.manifest());
   const auto read = [&](int frame) {
-    return archive.rows(manifest, {frame}, 0, manifest.camera().height_px());
+    return archive.samples(manifest, {frame}, 0, manifest.camera().height_px());
   };
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<VideoSource> video,
                       read_ahead(manifest, tile.first_frame(), tile.frame_count(), read));
