@@ -207,12 +207,8 @@ int main(int argc, char** argv) {
         absl::InvalidArgumentError("--size is " + size + "; it must be WIDTHxHEIGHT, each 1 to 16384"));
   }
   const std::filesystem::path archives = std::filesystem::path(data) / "archives";
-  std::error_code error;
-  std::filesystem::create_directories(archives, error);
-  if (error)
-    return fail(
-        absl::UnavailableError(fmt::format("cannot create {}: {}", archives.string(), error.message())));
-  if (absl::Status status = write_file_durably(archives / ".writable", ""); !status.ok()) return fail(status);
+  ArchiveStore store(archives);
+  if (absl::Status status = store.prepare(); !status.ok()) return fail(status);
 
   const absl::StatusOr<SensorCurve> curve = parse_response(response);
   if (!curve.ok()) return fail(curve.status());
@@ -239,7 +235,6 @@ int main(int argc, char** argv) {
   std::vector<std::unique_ptr<EmissionClient>> clients;
   for (const std::string& tap : taps) clients.push_back(std::make_unique<EmissionClient>(tap, timeline));
 
-  ArchiveStore store(archives);
   CameraServiceImpl cameras(*camera, store);
   ArchiveServiceImpl archive_service(store);
   CalibrationServiceImpl calibrations(store);
@@ -260,6 +255,7 @@ int main(int argc, char** argv) {
   std::cerr << "glasswing-camera: listening on " << (*host)->address() << "\n";
   wait_for_signal();
   cameras.stop();
+  archive_service.stop();
   (*host)->stop(std::chrono::seconds(2));
   return 0;
 }

@@ -6,6 +6,7 @@
 #include <iostream>
 #include <thread>
 
+#include "core/archive/archive_service.h"
 #include "core/base/file.h"
 #include "core/base/freed_memory.h"
 #include "core/base/name.h"
@@ -28,7 +29,7 @@ namespace glasswing {
 namespace {
 
 struct Work {
-  std::string server = "127.0.0.1:7440", name = "solver-1", listen;
+  std::string server = "127.0.0.1:7440", name = "solver-1", listen, archives;
   int threads = 0;
 };
 
@@ -39,9 +40,18 @@ absl::Status serve(const Work& work) {
   node.set_name(work.name);
   node.set_build(build_id());
   LiveServiceImpl live(0);  // somebody watches: it takes all cores
+  ArchiveStore archives(work.archives);
+  ArchiveServiceImpl archive_service(archives);
+  std::vector<grpc::Service*> services = {&live};
+  if (!work.archives.empty()) {
+    if (work.listen.empty())
+      return absl::InvalidArgumentError("--archives needs --listen: others read from it");
+    GW_RETURN_IF_ERROR(archives.prepare());
+    services.push_back(&archive_service);
+  }
   std::unique_ptr<ServiceHost> host;
   if (!work.listen.empty()) {
-    GW_ASSIGN_OR_RETURN(host, ServiceHost::start({.address = work.listen}, {&live}));
+    GW_ASSIGN_OR_RETURN(host, ServiceHost::start({.address = work.listen}, services));
     node.set_address(host->address());
   }
   const Registration registration(work.server, node);
@@ -50,6 +60,7 @@ absl::Status serve(const Work& work) {
   });
   wait_for_signal();
   live.stop();
+  archive_service.stop();
   if (host != nullptr) host->stop(std::chrono::seconds(2));
   return absl::OkStatus();
 }
@@ -191,6 +202,7 @@ int main(int argc, char** argv) {
   app.footer(
       "Examples:\n  glasswing-solver --server 127.0.0.1:7440 --name solver-1\n"
       "  glasswing-solver --name live-1 --listen 127.0.0.1:0\n"
+      "  glasswing-solver --name solver-2 --listen 127.0.0.1:0 --archives /srv/glasswing\n"
       "  glasswing-solver solve out/archives/crystal crystal.exr --set modes=2\n"
       "  glasswing-solver mask vase.jpg empty.jpg mask.png");
   Work work;
@@ -198,7 +210,11 @@ int main(int argc, char** argv) {
   app.add_option("--server", work.server, "host:port of glasswing-server")->capture_default_str();
   app.add_option("--name", work.name, "this node's name in the rig")->capture_default_str();
   app.add_option("--listen", work.listen,
-                 "host:port to offer live mattes on, loopback only, port 0: any free one; none if left out");
+                 "host:port to offer live mattes and copies of archives on, loopback only, port 0: any free "
+                 "one; none if "
+                 "left out");
+  app.add_option("--archives", work.archives,
+                 "directory to keep copies of archives in, for `glasswing replicate`; none if left out");
   app.add_option("--threads", work.threads, "that solve; 0: one for each core")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();

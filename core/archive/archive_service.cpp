@@ -2,6 +2,9 @@
 
 #include <fmt/format.h>
 
+#include "core/archive/copy_archive.h"
+#include "core/archive/place.h"
+#include "core/archive/row_chunks.h"
 #include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/service/service.h"
@@ -54,6 +57,56 @@ absl::Status put(ArchiveStore& store, grpc::ServerReader<v1::PutFrameRequest>& r
   return archive->add({{.record = frame, .image = *std::move(image)}}).status();
 }
 
+// Answers one ReadRows, and ends itself.
+class RowSender final : public grpc::ServerWriteReactor<grpc::ByteBuffer> {
+ public:
+  RowSender(ArchiveStore& store, grpc::ByteBuffer request) {
+    v1::ReadRowsRequest parsed;
+    const grpc::Status whole = grpc::SerializationTraits<v1::ReadRowsRequest>::Deserialize(&request, &parsed);
+    if (!whole.ok()) {
+      Finish(whole);
+      return;
+    }
+    absl::StatusOr<std::unique_ptr<RowChunks>> chunks = RowChunks::create(store, std::move(parsed));
+    if (!chunks.ok()) {
+      Finish(to_grpc(chunks.status()));
+      return;
+    }
+    chunks_ = *std::move(chunks);
+    send_next();
+  }
+
+ private:
+  void OnWriteDone(bool ok) override {
+    if (ok) {
+      send_next();
+    } else {
+      Finish(grpc::Status(grpc::StatusCode::CANCELLED, "the reader is gone"));
+    }
+  }
+  void OnDone() override { delete this; }
+
+  void send_next() {
+    absl::StatusOr<std::optional<grpc::ByteBuffer>> message = chunks_->next();
+    if (!message.ok() || !message->has_value()) {
+      Finish(to_grpc(message.status()));
+      return;
+    }
+    message_ = **std::move(message);
+    StartWrite(&message_);
+  }
+
+  std::unique_ptr<RowChunks> chunks_;
+  grpc::ByteBuffer message_;  // that is on its way
+};
+
+absl::Status locate(ArchiveStore& store, const v1::LocateArchiveRequest& request,
+                    v1::LocateArchiveResponse& response) {
+  GW_ASSIGN_OR_RETURN(const std::shared_ptr<Archive> archive, store.find(request.session()));
+  for (const std::string& file : request.files()) GW_RETURN_IF_ERROR(archive->map(file).status());
+  return describe_place(archive->directory(), response);
+}
+
 }  // namespace
 
 grpc::Status ArchiveServiceImpl::CreateArchive(grpc::ServerContext*, const v1::CreateArchiveRequest* request,
@@ -69,24 +122,9 @@ grpc::Status ArchiveServiceImpl::GetManifest(grpc::ServerContext*, const v1::Get
   return grpc::Status::OK;
 }
 
-grpc::Status ArchiveServiceImpl::ReadRows(grpc::ServerContext* context, const v1::ReadRowsRequest* request,
-                                          grpc::ServerWriter<v1::ReadRowsResponse>* writer) {
-  const absl::StatusOr<std::shared_ptr<Archive>> archive = store_.find(request->session());
-  if (!archive.ok()) return to_grpc(archive.status());
-  std::int64_t start = 0;
-  for (int i = 0; i < request->files_size() && !context->IsCancelled(); ++i) {
-    const absl::StatusOr<std::string> rows =
-        (*archive)->read_rows(request->files(i), request->first_row(), request->row_count());
-    if (!rows.ok()) return to_grpc(rows.status());
-    for (size_t at = 0; at < rows->size(); at += kChunkBytes) {
-      v1::ReadRowsResponse response;
-      response.set_offset_bytes(start + static_cast<std::int64_t>(at));
-      response.set_chunk(rows->substr(at, kChunkBytes));
-      if (!writer->Write(response)) return grpc::Status::OK;
-    }
-    start += static_cast<std::int64_t>(rows->size());
-  }
-  return grpc::Status::OK;
+grpc::ServerWriteReactor<grpc::ByteBuffer>* ArchiveServiceImpl::ReadRows(grpc::CallbackServerContext*,
+                                                                         const grpc::ByteBuffer* request) {
+  return new RowSender(store_, *request);
 }
 
 grpc::Status ArchiveServiceImpl::ReadFile(grpc::ServerContext*, const v1::ReadFileRequest* request,
@@ -114,6 +152,20 @@ grpc::Status ArchiveServiceImpl::SealArchive(grpc::ServerContext*, const v1::Sea
   const absl::StatusOr<std::shared_ptr<Archive>> archive = store_.find(request->session());
   if (!archive.ok()) return to_grpc(archive.status());
   return to_grpc((*archive)->seal());
+}
+
+grpc::Status ArchiveServiceImpl::LocateArchive(grpc::ServerContext*, const v1::LocateArchiveRequest* request,
+                                               v1::LocateArchiveResponse* response) {
+  return to_grpc(locate(store_, *request, *response));
+}
+
+grpc::Status ArchiveServiceImpl::CopyArchive(grpc::ServerContext* context,
+                                             const v1::CopyArchiveRequest* request,
+                                             grpc::ServerWriter<v1::CopyArchiveResponse>* writer) {
+  return to_grpc(
+      copy_archive(store_, *request, stopping_.get_token(), [&](const v1::CopyArchiveResponse& progress) {
+        return !context->IsCancelled() && writer->Write(progress);
+      }));
 }
 
 grpc::Status ArchiveServiceImpl::DeleteArchive(grpc::ServerContext*, const v1::DeleteArchiveRequest* request,

@@ -10,6 +10,17 @@ namespace glasswing {
 
 namespace fs = std::filesystem;
 
+namespace {
+constexpr size_t kMostMapped = 8;  // archives
+}
+
+absl::Status ArchiveStore::prepare() const {
+  std::error_code error;
+  fs::create_directories(directory_, error);
+  if (error) return absl::ErrnoToStatus(error.value(), fmt::format("cannot create {}", directory_.string()));
+  return write_file_durably(directory_ / ".writable", "");
+}
+
 absl::StatusOr<std::shared_ptr<Archive>> ArchiveStore::create(const v1::CaptureManifest& header) {
   GW_RETURN_IF_ERROR(check_name("session", header.session()));
   const std::lock_guard lock(mutex_);
@@ -27,6 +38,7 @@ absl::StatusOr<std::shared_ptr<Archive>> ArchiveStore::create(const v1::CaptureM
 absl::StatusOr<std::shared_ptr<Archive>> ArchiveStore::find(const std::string& session) {
   GW_RETURN_IF_ERROR(check_name("session", session));
   const std::lock_guard lock(mutex_);
+  note_use(session);
   if (const auto found = open_.find(session); found != open_.end()) return found->second;
   if (!std::filesystem::exists(directory_ / session / "header.json")) {
     return absl::NotFoundError(fmt::format("this node holds no archive of session \"{}\"", session));
@@ -34,6 +46,28 @@ absl::StatusOr<std::shared_ptr<Archive>> ArchiveStore::find(const std::string& s
   GW_ASSIGN_OR_RETURN(std::shared_ptr<Archive> archive, Archive::open(directory_ / session));
   open_[session] = archive;
   return archive;
+}
+
+void ArchiveStore::note_use(const std::string& session) {
+  if (!used_.empty() && used_.back() == session) return;
+  std::erase(used_, session);
+  used_.push_back(session);
+  if (used_.size() <= kMostMapped) return;
+  if (const auto oldest = open_.find(used_.front()); oldest != open_.end()) oldest->second->unmap();
+  used_.pop_front();
+}
+
+absl::Status ArchiveStore::begin_copy(const std::string& session) {
+  GW_RETURN_IF_ERROR(check_name("session", session));
+  const std::lock_guard lock(mutex_);
+  if (copying_.insert(session).second) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      fmt::format("this node is copying the archive of session \"{}\" already", session));
+}
+
+void ArchiveStore::end_copy(const std::string& session) {
+  const std::lock_guard lock(mutex_);
+  copying_.erase(session);
 }
 
 absl::StatusOr<std::int64_t> ArchiveStore::remove(const std::string& session) {

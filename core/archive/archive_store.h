@@ -1,10 +1,12 @@
 // The archives below a node's data directory, opened when they are asked for.
 #pragma once
 
+#include <deque>
 #include <filesystem>
 #include <map>
 #include <memory>
 #include <mutex>
+#include <set>
 #include <string>
 
 #include "core/frame/archive.h"
@@ -16,6 +18,8 @@ class ArchiveStore {
  public:
   explicit ArchiveStore(std::filesystem::path directory) : directory_(std::move(directory)) {}
 
+  // Makes the directory. The system's own error if it cannot be written to.
+  absl::Status prepare() const;
   absl::StatusOr<std::shared_ptr<Archive>> create(const v1::CaptureManifest& header);
   // INVALID_ARGUMENT: a bad name; NOT_FOUND: no such archive here; DATA_LOSS: it cannot be read.
   absl::StatusOr<std::shared_ptr<Archive>> find(const std::string& session);
@@ -24,10 +28,19 @@ class ArchiveStore {
   absl::StatusOr<std::int64_t> remove(const std::string& session);
   const std::filesystem::path& directory() const { return directory_; }
 
+  // One at a time copies an archive here. FAILED_PRECONDITION: another one does.
+  absl::Status begin_copy(const std::string& session);
+  void end_copy(const std::string& session);
+
  private:
+  // With mutex_ held: the files of archives that nobody asked for of late are let go.
+  void note_use(const std::string& session);
+
   const std::filesystem::path directory_;
   std::mutex mutex_;
   std::map<std::string, std::shared_ptr<Archive>> open_;  // guarded by mutex_
+  std::deque<std::string> used_;                          // guarded by mutex_; the last ones, newest last
+  std::set<std::string> copying_;                         // guarded by mutex_
 };
 
 }  // namespace glasswing

@@ -1,58 +1,271 @@
 #include "core/archive/remote_archive.h"
 
-#include <cstring>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <unistd.h>
 
+#include <algorithm>
+#include <array>
+#include <condition_variable>
+#include <functional>
+#include <future>
+
+#include "core/archive/row_call.h"
+#include "core/archive/row_message.h"
 #include "core/base/status.h"
+#include "core/frame/archive.h"
 #include "core/service/service.h"
 
 namespace glasswing {
+namespace {
 
-RemoteArchive::RemoteArchive(const std::string& address, std::string session, std::stop_token stop)
-    : peer_("camera node at " + address),
-      session_(std::move(session)),
-      stub_(v1::ArchiveService::NewStub(dial(address))),
-      stop_(std::move(stop)) {}
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+constexpr seconds kPatience(20);  // with a node that sends nothing; it may have to verify a large frame first
+constexpr int kTries = 4, kRounds = 2;  // of a node whose connection breaks; of all nodes
+constexpr milliseconds kFirstPause(100);
+// So many bytes of frames are verified in the time for one answer.
+constexpr std::int64_t kLocatedBytes = std::int64_t{1} << 30;
+constexpr seconds kLocateTime(60), kFirstLocateTime(2);
+
+void pause(const std::stop_token& stop, milliseconds time) {
+  std::mutex mutex;
+  std::unique_lock lock(mutex);
+  std::condition_variable_any().wait_for(lock, stop, time, [] { return false; });
+}
+
+// Of this process, for the order in which it asks.
+size_t own_number() {
+  std::array<char, 256> host{};
+  ::gethostname(host.data(), host.size() - 1);
+  return std::hash<std::string>()(fmt::format("{}:{}", host.data(), ::getpid()));
+}
+
+// Of a call, rather than of what the node says of its files.
+bool is_broken(const absl::Status& status) {
+  return absl::IsUnavailable(status) || absl::IsDeadlineExceeded(status) || absl::IsCancelled(status) ||
+         absl::IsInternal(status) || absl::IsUnknown(status) || absl::IsResourceExhausted(status);
+}
+
+absl::Status naming(const std::string& what, const absl::Status& status) {
+  return absl::Status(status.code(), fmt::format("{}: {}", what, std::string(status.message())));
+}
+
+}  // namespace
+
+struct RemoteArchive::Source {
+  explicit Source(const std::string& address)
+      : peer("node at " + address), channel(dial(address)), stub(v1::ArchiveService::NewStub(channel)) {}
+
+  absl::StatusOr<v1::LocateArchiveResponse> locate(const v1::LocateArchiveRequest& request, milliseconds time,
+                                                   const std::stop_token& stop) const {
+    v1::LocateArchiveResponse place;
+    grpc::ClientContext context;
+    set_deadline(context, time);
+    const std::stop_callback cancel(stop, [&] { context.TryCancel(); });
+    GW_RETURN_IF_ERROR(from_grpc(stub->LocateArchive(&context, request, &place), peer));
+    return place;
+  }
+
+  const std::string peer;
+  const std::shared_ptr<grpc::Channel> channel;
+  const std::unique_ptr<v1::ArchiveService::Stub> stub;
+  bool is_here = false;                 // on this machine
+  std::shared_ptr<LocalArchive> local;  // and its directory can be seen
+};
+
+struct RemoteArchive::Request {
+  v1::ReadRowsRequest read;
+  int width_px = 0, height_px = 0;
+
+  size_t frame_bytes() const {
+    return static_cast<size_t>(read.row_count()) * static_cast<size_t>(width_px) * 6;
+  }
+  size_t size_bytes() const { return frame_bytes() * static_cast<size_t>(read.files_size()); }
+  const std::string& file_at(std::int64_t offset) const {
+    return read.files(static_cast<int>(static_cast<size_t>(offset) / frame_bytes()));
+  }
+  static Request of(const std::string& session, const v1::CaptureManifest& manifest,
+                    const std::vector<int>& frames, int first_row, int row_count) {
+    Request request{
+        .read = {}, .width_px = manifest.camera().width_px(), .height_px = manifest.camera().height_px()};
+    request.read.set_session(session);
+    request.read.set_first_row(first_row);
+    request.read.set_row_count(row_count);
+    for (const int frame : frames) request.read.add_files(manifest.frames(frame).file());
+    return request;
+  }
+};
+
+absl::Status FrameRows::intact() const {
+  if (std::ranges::all_of(
+          mapped, &MappedFile::intact, [](const auto& file) -> auto& { return *file; }))
+    return absl::OkStatus();
+  return absl::UnavailableError(
+      "a frame's file on this machine could not be read to its end while it was mapped");
+}
+
+RemoteArchive::RemoteArchive(const std::vector<std::string>& addresses, std::string session,
+                             std::stop_token stop, Reading reading)
+    : session_(std::move(session)), stop_(std::move(stop)), reading_(reading) {
+  for (const std::string& address : addresses) sources_.push_back(std::make_unique<Source>(address));
+  std::ranges::rotate(sources_,
+                      sources_.begin() + static_cast<std::ptrdiff_t>(own_number() % sources_.size()));
+}
+
+RemoteArchive::~RemoteArchive() = default;
 
 absl::StatusOr<v1::CaptureManifest> RemoteArchive::manifest() const {
   v1::GetManifestRequest get;
   get.set_session(session_);
-  v1::GetManifestResponse got;
-  grpc::ClientContext context;
-  set_deadline(context, std::chrono::seconds(30));
-  GW_RETURN_IF_ERROR(from_grpc(stub_->GetManifest(&context, get, &got), peer_));
-  return std::move(*got.mutable_manifest());
+  look_for_places();
+  absl::Status failure;
+  for (const auto& source : sources_) {
+    v1::GetManifestResponse got;
+    grpc::ClientContext context;
+    set_deadline(context, kPatience);
+    const std::stop_callback cancel(stop_, [&] { context.TryCancel(); });
+    const absl::Status status = from_grpc(source->stub->GetManifest(&context, get, &got), source->peer);
+    if (status.ok()) return std::move(*got.mutable_manifest());
+    // That it is away says less than what another says about the archive, but may change.
+    if (failure.ok() || absl::IsUnavailable(status)) failure = status;
+  }
+  return failure;
 }
 
-absl::StatusOr<std::vector<std::uint16_t>> RemoteArchive::rows(const v1::CaptureManifest& manifest,
-                                                               const std::vector<int>& frames, int first_row,
-                                                               int row_count) const {
-  const size_t frame_bytes =
-      static_cast<size_t>(row_count) * static_cast<size_t>(manifest.camera().width_px()) * 6;
-  v1::ReadRowsRequest read;
-  read.set_session(session_);
-  read.set_first_row(first_row);
-  read.set_row_count(row_count);
-  for (const int frame : frames) read.add_files(manifest.frames(frame).file());
-  std::vector<std::uint16_t> samples(frames.size() * frame_bytes / 2);
-  grpc::ClientContext context;
-  set_deadline(context, std::chrono::minutes(5));
-  const std::stop_callback cancel(stop_, [&] { context.TryCancel(); });
-  const auto reader = stub_->ReadRows(&context, read);
-  v1::ReadRowsResponse response;
-  size_t received = 0;
-  while (reader->Read(&response)) {
-    const auto offset = static_cast<size_t>(response.offset_bytes());
-    if (offset + response.chunk().size() > samples.size() * 2) {
-      context.TryCancel();
-      return absl::DataLossError(peer_ + " sent rows that were not asked for");
+void RemoteArchive::look_for_places() const {
+  std::call_once(places_known_, [this] {
+    v1::LocateArchiveRequest request;
+    request.set_session(session_);
+    std::vector<std::future<void>> asked;
+    for (const auto& source : sources_) {
+      asked.push_back(std::async(std::launch::async, [&, to = source.get()] {
+        const absl::StatusOr<v1::LocateArchiveResponse> place = to->locate(request, kFirstLocateTime, stop_);
+        if (!place.ok()) return;
+        to->is_here = place->boot_id() == boot_id();
+        if (reading_ == Reading::kMappedIfHere) to->local = LocalArchive::open(*place);
+      }));
     }
-    auto* bytes = reinterpret_cast<char*>(samples.data());
-    std::memcpy(bytes + offset, response.chunk().data(), response.chunk().size());
-    received += response.chunk().size();
+    asked.clear();  // waits
+    std::ranges::stable_partition(sources_, [](const auto& source) { return source->is_here; });
+  });
+}
+
+absl::StatusOr<FrameRows> RemoteArchive::map(const Request& request, const Source& source) const {
+  const int at_once = static_cast<int>(std::max<std::int64_t>(
+      1, kLocatedBytes / static_cast<std::int64_t>(tiff_size_bytes(request.width_px, request.height_px))));
+  for (int first = 0; first < request.read.files_size(); first += at_once) {
+    v1::LocateArchiveRequest verify;
+    verify.set_session(session_);
+    for (int i = first; i < std::min(first + at_once, request.read.files_size()); ++i)
+      verify.add_files(request.read.files(i));
+    GW_RETURN_IF_ERROR(source.locate(verify, kLocateTime, stop_).status());
   }
-  GW_RETURN_IF_ERROR(from_grpc(reader->Finish(), peer_));
-  if (received != frames.size() * frame_bytes)
-    return absl::UnavailableError(peer_ + " sent fewer rows than asked for");
+  FrameRows rows;
+  const size_t begin = kTiffPixelOffset + static_cast<size_t>(request.read.first_row()) *
+                                              static_cast<size_t>(request.width_px) * 6;
+  for (const std::string& file : request.read.files()) {
+    GW_ASSIGN_OR_RETURN(std::shared_ptr<const MappedFile> mapped,
+                        source.local->map(file, request.width_px, request.height_px));
+    const auto* samples = reinterpret_cast<const std::uint16_t*>(mapped->bytes().data() + begin);
+    rows.rows.emplace_back(samples, request.frame_bytes() / 2);
+    rows.mapped.push_back(std::move(mapped));
+  }
+  rows.owner = std::make_shared<const std::vector<std::shared_ptr<const MappedFile>>>(rows.mapped);
+  return rows;
+}
+
+absl::StatusOr<FrameRows> RemoteArchive::map_any(const Request& request) const {
+  look_for_places();
+  if (request.read.first_row() < 0 || request.read.row_count() < 1 ||
+      request.read.first_row() > request.height_px - request.read.row_count())
+    return absl::InvalidArgumentError("no such rows");  // reading says it better
+  for (const auto& source : sources_) {
+    if (source->local == nullptr) continue;
+    absl::StatusOr<FrameRows> rows = map(request, *source);
+    if (rows.ok()) return rows;
+  }
+  return absl::NotFoundError("no archive on this machine");
+}
+
+RemoteArchive::Outcome RemoteArchive::read_from(const Source& source, const Request& request,
+                                                std::span<char> rows, std::int64_t& done) const {
+  v1::ReadRowsRequest read = request.read;
+  read.set_offset_bytes(done);
+  RowCall call(source.channel, read, kPatience, stop_);
+  for (grpc::ByteBuffer message; call.next(message); message.Clear()) {
+    const std::string& file = request.file_at(done);
+    const absl::Status taken = take_row_chunk(message, rows, done);
+    if (!taken.ok()) return {naming(fmt::format("{} from the {}", file, source.peer), taken), Next::kOther};
+    if (done == static_cast<std::int64_t>(rows.size())) return {absl::OkStatus(), Next::kNone};
+  }
+  const grpc::Status end = call.finish();
+  if (end.ok()) return {absl::InternalError(source.peer + " sent fewer rows than asked for"), Next::kOther};
+  if (!is_broken(from_grpc(end))) return {naming(source.peer, from_grpc(end)), Next::kOnlyOthers};
+  const absl::Status why = from_grpc(end, source.peer);
+  return {absl::UnavailableError(why.message()), Next::kSame};
+}
+
+absl::Status RemoteArchive::read(const Request& request, std::span<char> rows) const {
+  std::vector<Outcome> last(sources_.size());  // of each node
+  std::int64_t done = 0;
+  if (rows.empty()) return absl::OkStatus();
+  for (int round = 0; round < kRounds; ++round) {
+    for (size_t i = 0; i < sources_.size(); ++i) {
+      for (int attempt = 0; attempt < kTries && !stop_.stop_requested(); ++attempt) {
+        if (last[i].next == Next::kOnlyOthers) break;
+        if (attempt > 0) pause(stop_, kFirstPause * (1 << (attempt - 1)));
+        const std::int64_t before = done;
+        last[i] = read_from(*sources_[i], request, rows, done);
+        if (last[i].status.ok()) return absl::OkStatus();
+        if (last[i].next != Next::kSame) break;
+        if (done > before) attempt = 0;  // it goes on, if haltingly
+      }
+    }
+  }
+  if (stop_.stop_requested()) return absl::CancelledError("stopped");
+  std::vector<std::string> what;
+  absl::StatusCode code = last.front().status.code();
+  for (const Outcome& outcome : last) {
+    what.emplace_back(outcome.status.message());
+    if (absl::IsDataLoss(outcome.status)) code = absl::StatusCode::kDataLoss;
+  }
+  // A node that may come back is worth waiting for, whatever the others say of theirs.
+  if (std::ranges::any_of(last, [](const Outcome& outcome) { return outcome.next == Next::kSame; }))
+    code = absl::StatusCode::kUnavailable;
+  return absl::Status(code, fmt::format("{}", fmt::join(what, "; ")));
+}
+
+absl::StatusOr<FrameRows> RemoteArchive::rows(const v1::CaptureManifest& manifest,
+                                              const std::vector<int>& frames, int first_row,
+                                              int row_count) const {
+  const Request request = Request::of(session_, manifest, frames, first_row, row_count);
+  if (absl::StatusOr<FrameRows> mapped = map_any(request); mapped.ok()) return mapped;
+  const size_t frame_samples = request.frame_bytes() / 2;
+  const std::shared_ptr<std::uint16_t[]> samples =
+      std::make_shared_for_overwrite<std::uint16_t[]>(frame_samples * frames.size());
+  GW_RETURN_IF_ERROR(read(request, {reinterpret_cast<char*>(samples.get()), request.size_bytes()}));
+  FrameRows rows;
+  for (size_t i = 0; i < frames.size(); ++i)
+    rows.rows.emplace_back(samples.get() + i * frame_samples, frame_samples);
+  rows.owner = samples;
+  return rows;
+}
+
+absl::StatusOr<std::vector<std::uint16_t>> RemoteArchive::samples(const v1::CaptureManifest& manifest,
+                                                                  const std::vector<int>& frames,
+                                                                  int first_row, int row_count) const {
+  const Request request = Request::of(session_, manifest, frames, first_row, row_count);
+  std::vector<std::uint16_t> samples;
+  if (const absl::StatusOr<FrameRows> mapped = map_any(request); mapped.ok()) {
+    samples.reserve(request.size_bytes() / 2);
+    for (const std::span<const std::uint16_t> rows : mapped->rows)
+      samples.insert(samples.end(), rows.begin(), rows.end());
+    if (mapped->intact().ok()) return samples;
+  }
+  samples.resize(request.size_bytes() / 2);
+  GW_RETURN_IF_ERROR(read(request, {reinterpret_cast<char*>(samples.data()), request.size_bytes()}));
   return samples;
 }
 

@@ -1,12 +1,9 @@
 #include "core/frame/archive.h"
 
-#include <fcntl.h>
 #include <fmt/format.h>
 #include <google/protobuf/util/json_util.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <sstream>
 
 #include "core/base/file.h"
@@ -16,6 +13,9 @@ namespace glasswing {
 namespace {
 
 namespace fs = std::filesystem;
+
+// A process may have some 65,000.
+constexpr size_t kMostMappings = 4096;
 
 std::string json_of(const google::protobuf::Message& message, bool indented) {
   google::protobuf::util::JsonPrintOptions options;
@@ -126,7 +126,6 @@ v1::CaptureManifest Archive::manifest() const {
 absl::StatusOr<std::vector<v1::Frame>> Archive::add(const std::vector<NewFrame>& frames) {
   const std::lock_guard lock(mutex_);
   std::vector<v1::Frame> stored;
-  std::string journal_lines;
   std::vector<v1::Frame> fresh;
   for (const NewFrame& frame : frames) {
     v1::Frame record = frame.record;
@@ -147,18 +146,45 @@ absl::StatusOr<std::vector<v1::Frame>> Archive::add(const std::vector<NewFrame>&
     record.set_checksum(checksum_of(bytes));
     record.set_size_bytes(static_cast<std::int64_t>(bytes.size()));
     GW_RETURN_IF_ERROR(write_file_flushed(directory_ / record.file(), bytes));
-    journal_lines += json_of(record, false) + "\n";
     fresh.push_back(record);
     stored.push_back(std::move(record));
   }
   if (fresh.empty()) return stored;
+  GW_RETURN_IF_ERROR(enter(fresh));
+  return stored;
+}
+
+absl::Status Archive::enter(const std::vector<v1::Frame>& fresh) {
+  std::string journal_lines;
+  for (const v1::Frame& record : fresh) journal_lines += json_of(record, false) + "\n";
   GW_RETURN_IF_ERROR(flush_directory(directory_ / "frames"));
   GW_RETURN_IF_ERROR(append_file_durably(directory_ / "frames.jsonl", journal_lines));
-  for (v1::Frame& record : fresh) {
+  for (const v1::Frame& record : fresh) {
     index_of_file_[record.file()] = manifest_.frames_size();
-    *manifest_.add_frames() = std::move(record);
+    *manifest_.add_frames() = record;
   }
-  return stored;
+  return absl::OkStatus();
+}
+
+absl::Status Archive::add_copies(const std::vector<CopiedFrame>& frames) {
+  for (const auto& [record, bytes] : frames) {
+    GW_RETURN_IF_ERROR(check_frame(record));
+    if (checksum_of(bytes) != record.checksum() || !check_tiff_header(bytes, width_px_, height_px_).ok()) {
+      return absl::InvalidArgumentError(fmt::format("{} has checksum {}, announced was {}", record.file(),
+                                                    checksum_of(bytes), record.checksum()));
+    }
+    const absl::StatusOr<v1::Frame> known = find(record.file());
+    if (known.ok() && known->checksum() != record.checksum()) {
+      return absl::AlreadyExistsError(fmt::format("{} holds another {}", directory_.string(), record.file()));
+    }
+    GW_RETURN_IF_ERROR(write_file_flushed(directory_ / record.file(), bytes));
+  }
+  GW_RETURN_IF_ERROR(flush_directory(directory_ / "frames"));
+  const std::lock_guard lock(mutex_);
+  std::vector<v1::Frame> fresh;
+  for (const CopiedFrame& frame : frames)
+    if (!index_of_file_.contains(frame.record.file())) fresh.push_back(frame.record);
+  return fresh.empty() ? absl::OkStatus() : enter(fresh);
 }
 
 absl::Status Archive::seal() {
@@ -175,59 +201,80 @@ absl::StatusOr<v1::Frame> Archive::find(const std::string& file) const {
   return manifest_.frames(found->second);
 }
 
-absl::StatusOr<std::string> Archive::read_frame_bytes(const std::string& file) {
+absl::Status Archive::verify(const MappedFile& mapped, const v1::Frame& frame) const {
+  const std::string checksum = checksum_of(mapped.bytes());
+  const absl::Status header = check_tiff_header(mapped.bytes(), width_px_, height_px_);
+  if (!mapped.intact()) return absl::DataLossError("it cannot be read to its end");
+  if (checksum != frame.checksum()) {
+    return absl::DataLossError(fmt::format("its checksum is {} instead of {}", checksum, frame.checksum()));
+  }
+  return header;
+}
+
+absl::StatusOr<std::shared_ptr<const MappedFile>> Archive::map(const std::string& file) {
   GW_ASSIGN_OR_RETURN(const v1::Frame frame, find(file));
-  const fs::path path = directory_ / frame.file();
-  const auto damaged = [&path](const std::string& how) {
-    return absl::DataLossError(fmt::format("{} is damaged: {}", path.string(), how));
-  };
-  const size_t size = tiff_size_bytes(width_px_, height_px_);
-  std::error_code error;
-  const std::uintmax_t held = fs::file_size(path, error);
-  if (error) return absl::DataLossError(fmt::format("cannot open {}: {}", path.string(), error.message()));
-  // Before it is read: a file may be of any size.
-  if (held != size) return damaged(fmt::format("it has {} bytes instead of {}", held, size));
-  absl::StatusOr<std::string> bytes = read_file(path);
-  if (!bytes.ok()) return absl::DataLossError(bytes.status().message());
-  if (bytes->size() != size) {
-    return damaged(fmt::format("it has {} bytes instead of {}", bytes->size(), size));
+  const fs::path path = directory_ / file;
+  const absl::StatusOr<FileIdentity> identity = identity_of(path);
+  FileIdentity verified;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto mapped = mapped_.find(file);
+    if (mapped != mapped_.end()) {
+      if (identity.ok() && mapped->second->identity() == *identity && mapped->second->intact())
+        return mapped->second;
+      mapped_.erase(mapped);
+    }
+    const auto known = verified_.find(file);
+    if (known != verified_.end()) verified = known->second;
   }
-  if (checksum_of(*bytes) != frame.checksum()) {
-    return damaged(fmt::format("its checksum is {} instead of {}", checksum_of(*bytes), frame.checksum()));
+  const absl::StatusOr<std::shared_ptr<const MappedFile>> mapped =
+      MappedFile::open(path, tiff_size_bytes(width_px_, height_px_));
+  if (absl::IsOutOfRange(mapped.status()) && identity.ok()) {
+    return absl::DataLossError(fmt::format("{} is damaged: it has {} bytes instead of {}", path.string(),
+                                           identity->size_bytes, tiff_size_bytes(width_px_, height_px_)));
   }
-  if (const absl::Status header = check_tiff_header(*bytes, width_px_, height_px_); !header.ok()) {
-    return damaged(std::string(header.message()));
+  if (absl::IsResourceExhausted(mapped.status())) return mapped;  // files or mappings, of this process
+  if (!mapped.ok()) return absl::DataLossError(mapped.status().message());
+  if ((*mapped)->identity() != verified) {
+    const absl::Status whole = verify(**mapped, frame);
+    if (!whole.ok()) {
+      return absl::DataLossError(
+          fmt::format("{} is damaged: {}", path.string(), std::string(whole.message())));
+    }
   }
   const std::lock_guard lock(mutex_);
-  verified_.insert(file);
+  if (mapped_.size() >= kMostMappings) mapped_.erase(mapped_.begin());
+  verified_[file] = (*mapped)->identity();
+  mapped_[file] = *mapped;
+  return mapped;
+}
+
+void Archive::unmap() {
+  const std::lock_guard lock(mutex_);
+  mapped_.clear();
+}
+
+absl::StatusOr<std::string> Archive::read_frame_bytes(const std::string& file) {
+  GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> mapped, map(file));
+  std::string bytes(mapped->bytes());
+  if (!mapped->intact())
+    return absl::DataLossError(fmt::format("{} is truncated", (directory_ / file).string()));
   return bytes;
 }
 
+absl::Status Archive::check_rows(int first_row, int row_count) const {
+  if (first_row >= 0 && row_count >= 1 && first_row <= height_px_ - row_count) return absl::OkStatus();
+  return absl::InvalidArgumentError(fmt::format("{} rows from row {} asked for; the frame has rows 0 to {}",
+                                                row_count, first_row, height_px_ - 1));
+}
+
 absl::StatusOr<std::string> Archive::read_rows(const std::string& file, int first_row, int row_count) {
-  bool verified = false;
-  {
-    const std::lock_guard lock(mutex_);
-    verified = verified_.contains(file);
-  }
-  if (first_row < 0 || row_count < 1 || first_row > height_px_ - row_count) {
-    return absl::InvalidArgumentError(fmt::format("{} rows from row {} asked for; the frame has rows 0 to {}",
-                                                  row_count, first_row, height_px_ - 1));
-  }
-  const size_t row_bytes = static_cast<size_t>(width_px_) * 6;
-  const size_t offset = kTiffPixelOffset + static_cast<size_t>(first_row) * row_bytes;
-  const size_t size = static_cast<size_t>(row_count) * row_bytes;
-  if (!verified) {
-    GW_ASSIGN_OR_RETURN(const std::string bytes, read_frame_bytes(file));
-    return bytes.substr(offset, size);
-  }
-  const fs::path path = directory_ / file;
-  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  if (fd < 0) return absl::DataLossError(absl::ErrnoToStatus(errno, path.string()).message());
-  std::string rows(size, '\0');
-  const ssize_t got = ::pread(fd, rows.data(), size, static_cast<off_t>(offset));
-  ::close(fd);
-  if (got != static_cast<ssize_t>(size))
-    return absl::DataLossError(fmt::format("{} is truncated", path.string()));
+  GW_RETURN_IF_ERROR(check_rows(first_row, row_count));
+  GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> mapped, map(file));
+  std::string rows(mapped->bytes().substr(kTiffPixelOffset + static_cast<size_t>(first_row) * row_bytes(),
+                                          static_cast<size_t>(row_count) * row_bytes()));
+  if (!mapped->intact())
+    return absl::DataLossError(fmt::format("{} is truncated", (directory_ / file).string()));
   return rows;
 }
 

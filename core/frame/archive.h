@@ -13,12 +13,13 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <memory>
 #include <mutex>
-#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "core/base/mapped_file.h"
 #include "core/frame/image.h"
 #include "glasswing/v1/archive.pb.h"
 
@@ -70,28 +71,48 @@ class Archive {
   // full; INVALID_ARGUMENT: a record that cannot be true (check_frame), or a picture of another size.
   absl::StatusOr<std::vector<v1::Frame>> add(const std::vector<NewFrame>& frames);
 
+  // A frame's file as another archive of the session holds it.
+  struct CopiedFrame {
+    v1::Frame record;
+    std::string bytes;
+  };
+  // Stores a batch, byte for byte; durable when it returns. A frame that is here already is written anew, so
+  // that a damaged one is put right. INVALID_ARGUMENT: bytes that are not what the record announces;
+  // ALREADY_EXISTS: another frame has that name here.
+  absl::Status add_copies(const std::vector<CopiedFrame>& frames);
+
   // Writes manifest.json.
   absl::Status seal();
 
-  // Rows [first_row, first_row + row_count) of one frame: r, g, b, 16 bit little endian. The whole file's
-  // checksum is verified the first time that a frame is read. DATA_LOSS names a file that is missing, short,
-  // altered or no picture of the camera's size.
+  // A frame's file, verified: the whole file's checksum the first time that a frame is read, and again when
+  // the file has changed since. DATA_LOSS names a file that is missing, short, altered or no picture of the
+  // camera's size. Some thousand mappings are kept for the next time, until unmap().
+  absl::StatusOr<std::shared_ptr<const MappedFile>> map(const std::string& file);
+  void unmap();
+  // Rows [first_row, first_row + row_count) of one frame: r, g, b, 16 bit little endian. Errors as map().
   absl::StatusOr<std::string> read_rows(const std::string& file, int first_row, int row_count);
   // The file itself, verified.
   absl::StatusOr<std::string> read_frame_bytes(const std::string& file);
+  // INVALID_ARGUMENT unless every frame has these rows.
+  absl::Status check_rows(int first_row, int row_count) const;
+  size_t row_bytes() const { return static_cast<size_t>(width_px_) * 6; }
 
   const std::filesystem::path& directory() const { return directory_; }
 
  private:
   Archive(std::filesystem::path directory, v1::CaptureManifest manifest);
   absl::StatusOr<v1::Frame> find(const std::string& file) const;
+  absl::Status verify(const MappedFile& mapped, const v1::Frame& frame) const;
+  // With mutex_ held: durable in the journal, then known.
+  absl::Status enter(const std::vector<v1::Frame>& fresh);
 
   const std::filesystem::path directory_;
   const int width_px_, height_px_;  // of every frame
   mutable std::mutex mutex_;
-  v1::CaptureManifest manifest_;              // guarded by mutex_
-  std::map<std::string, int> index_of_file_;  // guarded by mutex_
-  std::set<std::string> verified_;            // guarded by mutex_
+  v1::CaptureManifest manifest_;                                     // guarded by mutex_
+  std::map<std::string, int> index_of_file_;                         // guarded by mutex_
+  std::map<std::string, FileIdentity> verified_;                     // guarded by mutex_
+  std::map<std::string, std::shared_ptr<const MappedFile>> mapped_;  // guarded by mutex_
 };
 
 // Any archive a user may bring: ours, or a directory with a manifest.json of the rendered data sets

@@ -1,0 +1,98 @@
+#include "core/archive/copy_archive.h"
+
+#include <absl/cleanup/cleanup.h>
+#include <fmt/format.h>
+#include <google/protobuf/util/message_differencer.h>
+
+#include <vector>
+
+#include "core/archive/remote_archive.h"
+#include "core/base/file.h"
+#include "core/base/status.h"
+#include "core/frame/archive.h"
+
+namespace glasswing {
+namespace {
+
+// In memory at a time, and lost if the copying breaks off.
+constexpr size_t kBatchBytes = size_t{64} << 20;
+
+// Those of `manifest` that the archive lacks, or cannot read.
+absl::StatusOr<std::vector<int>> missing_in(Archive& archive, const v1::CaptureManifest& manifest) {
+  std::vector<int> missing;
+  for (int i = 0; i < manifest.frames_size(); ++i) {
+    const absl::Status here = archive.map(manifest.frames(i).file()).status();
+    if (!here.ok() && !absl::IsNotFound(here) && !absl::IsDataLoss(here)) return here;
+    if (!here.ok()) missing.push_back(i);
+  }
+  return missing;
+}
+
+absl::Status check_room(const std::filesystem::path& directory, std::int64_t bytes) {
+  std::error_code error;
+  const std::filesystem::space_info space = std::filesystem::space(directory, error);
+  if (error || static_cast<std::int64_t>(space.available) >= bytes) return absl::OkStatus();
+  return absl::ResourceExhaustedError(
+      fmt::format("{} bytes are free in {}; the copy needs {}", space.available, directory.string(), bytes));
+}
+
+absl::StatusOr<std::string> read_frame(const RemoteArchive& from, const v1::CaptureManifest& manifest,
+                                       int frame) {
+  Image16 image(manifest.camera().width_px(), manifest.camera().height_px());
+  GW_ASSIGN_OR_RETURN(image.samples, from.samples(manifest, {frame}, 0, image.height_px));
+  std::string bytes = encode_tiff(image);
+  const v1::Frame& record = manifest.frames(frame);
+  if (checksum_of(bytes) == record.checksum()) return bytes;
+  return absl::DataLossError(fmt::format("{} came with checksum {} instead of {}", record.file(),
+                                         checksum_of(bytes), record.checksum()));
+}
+
+}  // namespace
+
+absl::Status copy_archive(ArchiveStore& store, const v1::CopyArchiveRequest& request, std::stop_token stop,
+                          const std::function<bool(const v1::CopyArchiveResponse&)>& tell) {
+  GW_RETURN_IF_ERROR(store.begin_copy(request.session()));
+  const absl::Cleanup end = [&] { store.end_copy(request.session()); };
+  const RemoteArchive from({request.from_address()}, request.session(), stop);
+  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, from.manifest());
+  GW_ASSIGN_OR_RETURN(const std::shared_ptr<Archive> archive, store.create(manifest));
+  v1::CaptureManifest there = manifest, here = archive->manifest();
+  there.clear_frames();
+  here.clear_frames();
+  there.set_format_version(here.format_version());
+  if (!google::protobuf::util::MessageDifferencer::Equals(here, there)) {
+    return absl::AlreadyExistsError(
+        fmt::format("{} holds another session \"{}\"", archive->directory().string(), request.session()));
+  }
+
+  v1::CopyArchiveResponse progress;
+  progress.set_frame_count(manifest.frames_size());
+  for (const v1::Frame& frame : manifest.frames())
+    progress.set_byte_count(progress.byte_count() + frame.size_bytes());
+  GW_ASSIGN_OR_RETURN(const std::vector<int> missing, missing_in(*archive, manifest));
+  std::int64_t left = 0;
+  for (const int frame : missing) left += manifest.frames(frame).size_bytes();
+  GW_RETURN_IF_ERROR(check_room(store.directory(), left));
+  progress.set_frames_done(manifest.frames_size() - static_cast<int>(missing.size()));
+  progress.set_bytes_done(progress.byte_count() - left);
+
+  for (size_t next = 0; next < missing.size();) {
+    if (!tell(progress)) return absl::CancelledError("nobody waits for the copy any more");
+    std::vector<Archive::CopiedFrame> batch;
+    for (size_t bytes = 0; next < missing.size() && bytes < kBatchBytes && !stop.stop_requested(); ++next) {
+      GW_ASSIGN_OR_RETURN(std::string frame, read_frame(from, manifest, missing[next]));
+      bytes += frame.size();
+      batch.push_back({.record = manifest.frames(missing[next]), .bytes = std::move(frame)});
+    }
+    if (stop.stop_requested()) return absl::CancelledError("this node is stopping");
+    GW_RETURN_IF_ERROR(archive->add_copies(batch));
+    progress.set_frames_done(progress.frames_done() + static_cast<int>(batch.size()));
+    for (const Archive::CopiedFrame& frame : batch)
+      progress.set_bytes_done(progress.bytes_done() + frame.record.size_bytes());
+  }
+  GW_RETURN_IF_ERROR(archive->seal());
+  tell(progress);
+  return absl::OkStatus();
+}
+
+}  // namespace glasswing

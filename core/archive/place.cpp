@@ -1,0 +1,67 @@
+#include "core/archive/place.h"
+
+#include <absl/strings/ascii.h>
+
+#include <fstream>
+#include <utility>
+
+#include "core/base/status.h"
+#include "core/frame/archive.h"
+
+namespace glasswing {
+
+namespace fs = std::filesystem;
+
+const std::string& boot_id() {
+  static const std::string* const id = [] {
+    auto* text = new std::string;
+    std::getline(std::ifstream("/proc/sys/kernel/random/boot_id"), *text);
+    return text;
+  }();
+  return *id;
+}
+
+absl::Status describe_place(const fs::path& directory, v1::LocateArchiveResponse& place) {
+  GW_ASSIGN_OR_RETURN(const FileIdentity identity, identity_of(directory));
+  std::error_code error;
+  place.set_directory(fs::absolute(directory, error).string());
+  place.set_device(identity.device);
+  place.set_inode(identity.inode);
+  place.set_boot_id(boot_id());
+  return absl::OkStatus();
+}
+
+std::shared_ptr<LocalArchive> LocalArchive::open(const v1::LocateArchiveResponse& place) {
+  if (place.boot_id().empty() || place.boot_id() != boot_id()) return nullptr;
+  const absl::StatusOr<FileIdentity> here = identity_of(fs::path(place.directory()));
+  if (!here.ok() || here->device != place.device() || here->inode != place.inode()) return nullptr;
+  // Only while somebody holds one: a removed archive's room on the disk is free once nobody maps its files.
+  static std::mutex* const mutex = new std::mutex;
+  static auto* const held = new std::map<std::string, std::weak_ptr<LocalArchive>>;
+  const std::lock_guard lock(*mutex);
+  std::erase_if(*held, [](const auto& entry) { return entry.second.expired(); });
+  std::weak_ptr<LocalArchive>& known = (*held)[place.directory()];
+  std::shared_ptr<LocalArchive> archive = known.lock();
+  if (archive == nullptr) {
+    archive = std::make_shared<LocalArchive>(place.directory());
+    known = archive;
+  }
+  return archive;
+}
+
+absl::StatusOr<std::shared_ptr<const MappedFile>> LocalArchive::map(const std::string& file, int width_px,
+                                                                    int height_px) {
+  const fs::path path = directory_ / file;
+  GW_ASSIGN_OR_RETURN(const FileIdentity identity, identity_of(path));
+  const std::lock_guard lock(mutex_);
+  std::shared_ptr<const MappedFile>& known = mapped_[file];
+  if (known != nullptr && known->identity() == identity && known->intact()) return known;
+  known = nullptr;
+  GW_ASSIGN_OR_RETURN(std::shared_ptr<const MappedFile> mapped,
+                      MappedFile::open(path, tiff_size_bytes(width_px, height_px)));
+  GW_RETURN_IF_ERROR(check_tiff_header(mapped->bytes(), width_px, height_px));
+  known = std::move(mapped);
+  return known;
+}
+
+}  // namespace glasswing

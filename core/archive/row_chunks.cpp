@@ -1,0 +1,78 @@
+#include "core/archive/row_chunks.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <vector>
+
+#include "core/archive/row_message.h"
+#include "core/base/status.h"
+#include "core/service/service.h"
+
+namespace glasswing {
+namespace {
+
+// Pieces that are smaller are copied: a slice of its own costs more.
+constexpr size_t kLeastMappedPiece_bytes = 16 << 10;
+
+using Mapping = std::shared_ptr<const MappedFile>;
+
+grpc::Slice slice_of(const Mapping& mapped, std::string_view bytes) {
+  return grpc::Slice(
+      const_cast<char*>(bytes.data()), bytes.size(), [](void* owner) { delete static_cast<Mapping*>(owner); },
+      new Mapping(mapped));
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<RowChunks>> RowChunks::create(ArchiveStore& store,
+                                                             v1::ReadRowsRequest request) {
+  GW_ASSIGN_OR_RETURN(std::shared_ptr<Archive> archive, store.find(request.session()));
+  GW_RETURN_IF_ERROR(archive->check_rows(request.first_row(), request.row_count()));
+  const std::int64_t size =
+      static_cast<std::int64_t>(archive->row_bytes()) * request.row_count() * request.files_size();
+  if (request.offset_bytes() < 0 || request.offset_bytes() > size) {
+    return absl::OutOfRangeError(
+        fmt::format("offset_bytes is {}; it must be 0 to {}", request.offset_bytes(), size));
+  }
+  return std::unique_ptr<RowChunks>(new RowChunks(std::move(archive), std::move(request)));
+}
+
+absl::StatusOr<std::optional<grpc::ByteBuffer>> RowChunks::next() {
+  const size_t frame_bytes = archive_->row_bytes() * static_cast<size_t>(request_.row_count());
+  const size_t first = kTiffPixelOffset + archive_->row_bytes() * static_cast<size_t>(request_.first_row());
+  std::vector<grpc::Slice> pieces;
+  std::vector<Mapping> mappings;
+  std::string copied;
+  size_t size = 0;
+  while (size < kChunkBytes) {
+    const size_t at = static_cast<size_t>(offset_) + size;
+    const auto frame = static_cast<int>(at / frame_bytes);
+    if (frame == request_.files_size()) break;
+    GW_ASSIGN_OR_RETURN(const Mapping mapped, archive_->map(request_.files(frame)));
+    const size_t within = at % frame_bytes;
+    const std::string_view piece =
+        mapped->bytes().substr(first + within, std::min(frame_bytes - within, kChunkBytes - size));
+    if (frame_bytes < kLeastMappedPiece_bytes) {
+      copied += piece;
+    } else {
+      pieces.push_back(slice_of(mapped, piece));
+    }
+    mappings.push_back(mapped);
+    size += piece.size();
+  }
+  if (size == 0) return std::nullopt;
+  if (!copied.empty()) pieces.emplace_back(copied);
+  grpc::ByteBuffer message = encode_row_chunk(offset_, std::move(pieces));
+  // The checksum looked at every byte: it is that of the files' own, or none.
+  for (size_t i = 0; i < mappings.size(); ++i) {
+    if (mappings[i]->intact()) continue;
+    const auto frame = static_cast<int>(static_cast<size_t>(offset_) / frame_bytes + i);
+    return absl::DataLossError(fmt::format("{} is damaged: it cannot be read to its end",
+                                           (archive_->directory() / request_.files(frame)).string()));
+  }
+  offset_ += static_cast<std::int64_t>(size);
+  return message;
+}
+
+}  // namespace glasswing

@@ -1,0 +1,33 @@
+// The server's half of ReadRows: rows of an archive's frames as messages, one after another.
+#pragma once
+
+#include <absl/status/statusor.h>
+#include <grpcpp/support/byte_buffer.h>
+
+#include <memory>
+#include <optional>
+
+#include "core/archive/archive_store.h"
+#include "glasswing/v1/archive_service.pb.h"
+
+namespace glasswing {
+
+class RowChunks {
+ public:
+  // Errors are those of ReadRows.
+  static absl::StatusOr<std::unique_ptr<RowChunks>> create(ArchiveStore& store, v1::ReadRowsRequest request);
+
+  // The next message, which keeps the mappings of its frames alive; none at the end. DATA_LOSS names a frame
+  // that cannot be read.
+  absl::StatusOr<std::optional<grpc::ByteBuffer>> next();
+
+ private:
+  RowChunks(std::shared_ptr<Archive> archive, v1::ReadRowsRequest request)
+      : archive_(std::move(archive)), request_(std::move(request)), offset_(request_.offset_bytes()) {}
+
+  const std::shared_ptr<Archive> archive_;
+  const v1::ReadRowsRequest request_;
+  std::int64_t offset_;  // of the next chunk
+};
+
+}  // namespace glasswing

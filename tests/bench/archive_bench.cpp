@@ -1,0 +1,235 @@
+// How fast regions of frames come over loopback, as a part of what a plain TCP connection carries of the same bytes:
+// sender and reader run at the same time, alternating with the connection, and the median of the rounds counts.
+#include <arpa/inet.h>
+#include <fmt/format.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <chrono>
+#include <fstream>
+#include <functional>
+#include <iostream>
+#include <random>
+#include <thread>
+
+#include "core/archive/archive_service.h"
+#include "core/archive/remote_archive.h"
+#include "core/base/freed_memory.h"
+#include "core/service/service.h"
+#include "core/service/tls.h"
+#include "tests/core/service/made_certificates.h"
+
+namespace glasswing {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kWidth = 2000, kHeight = 1500, kFrames = 24;
+constexpr int kBandRows = 32;
+
+struct Options {
+  int rounds = 9;
+};
+
+// ---- the plain connection
+
+int listening(sockaddr_in& address) {
+  const int listener = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  address = {};
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  socklen_t size = sizeof address;
+  if (::bind(listener, reinterpret_cast<sockaddr*>(&address), size) != 0 || ::listen(listener, 1) != 0 ||
+      ::getsockname(listener, reinterpret_cast<sockaddr*>(&address), &size) != 0)
+    std::abort();
+  return listener;
+}
+
+void send_all(int to, std::string_view bytes) {
+  while (!bytes.empty()) {
+    const ssize_t sent = ::write(to, bytes.data(), bytes.size());
+    if (sent <= 0) std::abort();
+    bytes.remove_prefix(static_cast<size_t>(sent));
+  }
+}
+
+// From these pieces of mapped files into one buffer, each way as much at once as the system takes.
+double plain_seconds(const std::vector<std::string_view>& pieces, size_t size) {
+  sockaddr_in address;
+  const int listener = listening(address);
+  const int to = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  if (::connect(to, reinterpret_cast<sockaddr*>(&address), sizeof address) != 0) std::abort();
+  const int from = ::accept(listener, nullptr, nullptr);
+  const auto begin = std::chrono::steady_clock::now();
+  const auto buffer = std::make_unique_for_overwrite<char[]>(size);
+  {
+    const std::jthread sender([&] {
+      for (const std::string_view piece : pieces) send_all(to, piece);
+    });
+    for (size_t at = 0; at < size;) {
+      const ssize_t got = ::read(from, buffer.get() + at, size - at);
+      if (got <= 0) std::abort();
+      at += static_cast<size_t>(got);
+    }
+  }
+  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
+  for (const int fd : {listener, to, from}) ::close(fd);
+  return took.count();
+}
+
+// ---- as it was before: pixels as a field of a message, copied at every step
+
+// Serves ReadRows as a message with a field of bytes, without checksums.
+class FieldService final : public v1::ArchiveService::Service {
+ public:
+  explicit FieldService(Archive& archive) : archive_(archive) {}
+  grpc::Status ReadRows(grpc::ServerContext*, const v1::ReadRowsRequest* request,
+                        grpc::ServerWriter<v1::ReadRowsResponse>* writer) override {
+    std::int64_t start = 0;
+    for (const std::string& file : request->files()) {
+      const std::string rows =
+          archive_.read_rows(file, request->first_row(), request->row_count()).value();
+      for (size_t at = 0; at < rows.size(); at += kChunkBytes) {
+        v1::ReadRowsResponse response;
+        response.set_offset_bytes(start + static_cast<std::int64_t>(at));
+        response.set_chunk(rows.substr(at, kChunkBytes));
+        if (!writer->Write(response)) return grpc::Status::OK;
+      }
+      start += static_cast<std::int64_t>(rows.size());
+    }
+    return grpc::Status::OK;
+  }
+
+ private:
+  Archive& archive_;
+};
+
+double fields_seconds(v1::ArchiveService::Stub& stub, const v1::ReadRowsRequest& request, size_t size) {
+  const auto begin = std::chrono::steady_clock::now();
+  const auto buffer = std::make_unique_for_overwrite<char[]>(size);
+  grpc::ClientContext context;
+  const auto reader = stub.ReadRows(&context, request);
+  size_t received = 0;
+  for (v1::ReadRowsResponse response; reader->Read(&response);) {
+    std::ranges::copy(response.chunk(), buffer.get() + response.offset_bytes());
+    received += response.chunk().size();
+  }
+  if (!reader->Finish().ok() || received != size) std::abort();
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+}
+
+// ----
+
+double median(std::vector<double> values) {
+  std::ranges::sort(values);
+  return values[values.size() / 2];
+}
+
+struct Bench {
+  fs::path directory;
+  std::unique_ptr<ArchiveStore> store;
+  std::shared_ptr<Archive> archive;
+  v1::CaptureManifest manifest;
+
+  explicit Bench(const fs::path& root) : directory(root), store(std::make_unique<ArchiveStore>(root)) {
+    v1::CaptureManifest header;
+    header.set_session("bench");
+    header.mutable_camera()->set_width_px(kWidth);
+    header.mutable_camera()->set_height_px(kHeight);
+    archive = store->create(header).value();
+    std::mt19937 random(1);
+    for (int i = 0; i < kFrames; ++i) {
+      Archive::NewFrame frame{.record = {}, .image = Image16(kWidth, kHeight)};
+      frame.record.set_step(i);
+      frame.record.mutable_stimulus()->set_kind("solid");
+      for (std::uint16_t& sample : frame.image.samples) sample = static_cast<std::uint16_t>(random());
+      if (!archive->add({std::move(frame)}).ok()) std::abort();
+    }
+    manifest = archive->manifest();
+    for (const v1::Frame& frame : manifest.frames())
+      if (!archive->map(frame.file()).ok()) std::abort();  // verified, and in the page cache
+  }
+};
+
+struct Region {
+  std::string name;
+  int first_row, row_count, repeats;
+};
+
+void report(const std::string& name, double bytes, const std::vector<double>& seconds,
+            const std::vector<double>& plain) {
+  std::vector<double> ratios;
+  for (size_t i = 0; i < seconds.size(); ++i) ratios.push_back(plain[i] / seconds[i]);
+  std::cout << fmt::format("{:44} {:6.2f} GB/s  {:5.2f} of plain TCP\n", name, bytes / median(seconds) / 1e9,
+                           median(ratios));
+}
+
+void run(const Options& options, const fs::path& root, bool tls) {
+  Bench bench(root / (tls ? "tls" : "plain"));
+  ArchiveServiceImpl service(*bench.store);
+  FieldService fields(*bench.archive);
+  const std::unique_ptr<ServiceHost> host = ServiceHost::start({}, {&service}).value();
+  const std::unique_ptr<ServiceHost> old_host = ServiceHost::start({}, {&fields}).value();
+  const auto old = v1::ArchiveService::NewStub(dial(old_host->address()));
+  RemoteArchive remote({host->address()}, "bench", {}, Reading::kNeverMapped);
+  std::vector<int> all;
+  for (int i = 0; i < kFrames; ++i) all.push_back(i);
+  for (const Region& region : {Region{"whole frames, 18 MB each", 0, kHeight, 1},
+                               Region{"bands of 32 rows, 384 kB of each frame", 700, kBandRows, 40}}) {
+    std::vector<std::string_view> pieces;
+    v1::ReadRowsRequest request;
+    request.set_session("bench");
+    request.set_first_row(region.first_row);
+    request.set_row_count(region.row_count);
+    const size_t row = bench.archive->row_bytes();
+    std::vector<std::shared_ptr<const MappedFile>> mapped;
+    for (const v1::Frame& frame : bench.manifest.frames()) {
+      mapped.push_back(bench.archive->map(frame.file()).value());
+      pieces.push_back(mapped.back()->bytes().substr(
+          kTiffPixelOffset + row * static_cast<size_t>(region.first_row),
+          row * static_cast<size_t>(region.row_count)));
+      request.add_files(frame.file());
+    }
+    const size_t size = row * static_cast<size_t>(region.row_count) * kFrames;
+    std::vector<double> plain, ours, as_fields;
+    for (int round = 0; round < options.rounds + 1; ++round) {
+      double seconds[3] = {};
+      for (int i = 0; i < region.repeats; ++i) {
+        seconds[0] += plain_seconds(pieces, size);
+        const auto begin = std::chrono::steady_clock::now();
+        if (!remote.rows(bench.manifest, all, region.first_row, region.row_count).ok()) std::abort();
+        seconds[1] += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+        seconds[2] += fields_seconds(*old, request, size);
+      }
+      if (round == 0) continue;  // everything is warm after it
+      plain.push_back(seconds[0]);
+      ours.push_back(seconds[1]);
+      as_fields.push_back(seconds[2]);
+    }
+    const double bytes = static_cast<double>(size) * region.repeats;
+    std::cout << fmt::format("{}{}\n", region.name, tls ? ", TLS" : "");
+    report("  plain TCP", bytes, plain, plain);
+    report("  ReadRows", bytes, ours, plain);
+    report("  a field of bytes, copied, no checksums", bytes, as_fields, plain);
+  }
+}
+
+}  // namespace
+}  // namespace glasswing
+
+int main(int argc, char** argv) {
+  using namespace glasswing;
+  keep_freed_memory();
+  CLI::App app("Measures the reading of regions of frames over loopback. Takes 1 GB below the directory for temporary files.");
+  Options options;
+  app.add_option("--rounds", options.rounds, "of each, alternating")->capture_default_str();
+  CLI11_PARSE(app, argc, argv);
+  const fs::path root = fs::temp_directory_path() / fmt::format("glasswing-archive-bench.{}", ::getpid());
+  fs::create_directories(root);
+  run(options, root, false);
+  fs::remove_all(root);
+  return 0;
+}
