@@ -1,7 +1,9 @@
 #include <CLI/CLI.hpp>
 #include <iostream>
 
+#include "core/service/build_id.h"
 #include "core/service/man_page.h"
+#include "core/service/metrics.h"
 #include "core/service/service.h"
 #include "server/rig_service.h"
 #include "server/server.h"
@@ -20,6 +22,8 @@ int main(int argc, char** argv) {
   app.add_option("--data", data, "directory for the catalogue and the mattes")->required();
   app.add_flag("--reflection", listen.reflection, "let gRPC tools list the services");
   app.add_option("--log-level", level, "debug, info, warn or error")->capture_default_str();
+  MetricsOptions metrics{.address = "", .program = "glasswing-server", .build = build_id()};
+  add_metrics_option(app, metrics);
   app.set_version_flag("--version", kVersion);
   CLI11_PARSE(app, argc, argv);
 
@@ -29,6 +33,8 @@ int main(int argc, char** argv) {
     std::cerr << "glasswing-server: " << status.message() << "\n";
     return 1;
   };
+  const absl::StatusOr<std::unique_ptr<MetricsHost>> metrics_host = MetricsHost::start(metrics);
+  if (!metrics_host.ok()) return fail(metrics_host.status());
   absl::StatusOr<std::unique_ptr<Server>> server = Server::open(data);
   if (!server.ok()) return fail(server.status());
   SessionServiceImpl sessions(**server);
