@@ -18,6 +18,7 @@
 #include "core/base/name.h"
 #include "core/service/build_id.h"
 #include "core/service/man_page.h"
+#include "core/service/metrics.h"
 #include "core/service/registration.h"
 #include "core/service/service.h"
 
@@ -189,6 +190,8 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   app.add_flag("--reflection", listen.reflection, "let gRPC tools list the services");
   app.add_option("--log-level", level, "debug, info, warn or error")->capture_default_str();
+  MetricsOptions metrics{.address = "", .program = "glasswing-camera", .build = build_id()};
+  add_metrics_option(app, metrics);
   app.set_version_flag("--version", kVersion);
   CLI11_PARSE(app, argc, argv);
 
@@ -251,6 +254,8 @@ int main(int argc, char** argv) {
   node.set_detail(fmt::format("{} {}x{} at {:.4g} fps{}", backend, described.camera().width_px(),
                               described.camera().height_px(), described.frame_rate_hz(),
                               backend == "sim" ? ", scene " + sim.scene : ""));
+  const absl::StatusOr<std::unique_ptr<MetricsHost>> metrics_host = MetricsHost::start(metrics);
+  if (!metrics_host.ok()) return fail(metrics_host.status());
   const Registration registration(server, node);
   std::cerr << "glasswing-camera: listening on " << (*host)->address() << "\n";
   wait_for_signal();

@@ -11,6 +11,7 @@
 #include "core/base/status.h"
 #include "core/service/build_id.h"
 #include "core/service/man_page.h"
+#include "core/service/metrics.h"
 #include "core/service/registration.h"
 #include "core/service/service.h"
 #include "display-node/display_service.h"
@@ -270,6 +271,8 @@ int main(int argc, char** argv) {
   app.add_option("--log-level", level, "debug, info, warn or error")
       ->check(CLI::IsMember({"debug", "info", "warn", "error"}))
       ->capture_default_str();
+  MetricsOptions metrics{.address = "", .program = "glasswing-display", .build = build_id()};
+  add_metrics_option(app, metrics);
   app.set_version_flag("--version", kVersion);
   CLI11_PARSE(app, argc, argv);
 
@@ -302,6 +305,8 @@ int main(int argc, char** argv) {
                                                 screen.name, screen.width_px, screen.height_px,
                                                 screen.refresh_hz));
   }
+  const absl::StatusOr<std::unique_ptr<MetricsHost>> metrics_host = MetricsHost::start(metrics);
+  if (!metrics_host.ok()) return fail(metrics_host.status());
   const Registration registration(server, node);
   std::cerr << "glasswing-display: listening on " << (*host)->address() << "\n";
   wait_for_signal();

@@ -2,7 +2,9 @@
 #include <cmath>
 #include <iostream>
 
+#include "core/service/build_id.h"
 #include "core/service/man_page.h"
+#include "core/service/metrics.h"
 #include "core/service/service.h"
 #include "server/rig_service.h"
 #include "server/server.h"
@@ -30,6 +32,8 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   app.add_flag("--reflection", listen.reflection, "let gRPC tools list the services");
   app.add_option("--log-level", level, "debug, info, warn or error")->capture_default_str();
+  MetricsOptions metrics{.address = "", .program = "glasswing-server", .build = build_id()};
+  add_metrics_option(app, metrics);
   app.set_version_flag("--version", kVersion);
   CLI11_PARSE(app, argc, argv);
 
@@ -39,6 +43,8 @@ int main(int argc, char** argv) {
     std::cerr << "glasswing-server: " << status.message() << "\n";
     return 1;
   };
+  const absl::StatusOr<std::unique_ptr<MetricsHost>> metrics_host = MetricsHost::start(metrics);
+  if (!metrics_host.ok()) return fail(metrics_host.status());
   options.address = listen.address;
   options.lease = std::chrono::milliseconds(std::llround(1000.0 * lease_seconds));
   absl::StatusOr<std::unique_ptr<Server>> server = Server::open(options);

@@ -16,6 +16,7 @@
 #include "core/matte/matte_file.h"
 #include "core/service/build_id.h"
 #include "core/service/man_page.h"
+#include "core/service/metrics.h"
 #include "core/service/registration.h"
 #include "core/service/service.h"
 #include "solver/background/object_mask.h"
@@ -31,6 +32,7 @@ namespace {
 struct Work {
   std::string server = "127.0.0.1:7440", name = "solver-1", listen, archives;
   int threads = 0;
+  MetricsOptions metrics{.address = "", .program = "glasswing-solver", .build = build_id()};
 };
 
 absl::Status serve(const Work& work) {
@@ -54,6 +56,7 @@ absl::Status serve(const Work& work) {
     GW_ASSIGN_OR_RETURN(host, ServiceHost::start({.address = work.listen}, services));
     node.set_address(host->address());
   }
+  GW_ASSIGN_OR_RETURN(const std::unique_ptr<MetricsHost> metrics, MetricsHost::start(work.metrics));
   const Registration registration(work.server, node);
   const std::jthread worker([&](std::stop_token stop) {
     (void)run_work_loop({.server = work.server, .name = work.name, .threads = work.threads}, stop);
@@ -221,6 +224,7 @@ int main(int argc, char** argv) {
   app.add_option("--log-level", level, "debug, info, warn or error")
       ->check(CLI::IsMember({"debug", "info", "warn", "error"}))
       ->capture_default_str();
+  add_metrics_option(app, work.metrics);
   app.set_version_flag("--version", kVersion);
   Solve here;
   CLI::App* solve_command = app.add_subcommand("solve", "Solve an archive on this machine, without a server");

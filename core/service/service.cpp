@@ -8,6 +8,7 @@
 
 #include <csignal>
 
+#include "core/service/rpc_metrics.h"
 #include "core/service/tls.h"
 #include "glasswing/v1/clock_service.grpc.pb.h"
 
@@ -109,6 +110,9 @@ absl::StatusOr<std::unique_ptr<ServiceHost>> ServiceHost::start(const ListenOpti
   builder.SetMaxReceiveMessageSize(8 << 20);
   builder.RegisterService(self->clock_.get());
   for (grpc::Service* service : services) builder.RegisterService(service);
+  std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> interceptors;
+  interceptors.push_back(std::make_unique<RpcMetricsFactory>());
+  builder.experimental().SetInterceptorCreators(std::move(interceptors));
   self->server_ = builder.BuildAndStart();
   if (self->server_ == nullptr || port == 0) {
     return absl::UnavailableError(

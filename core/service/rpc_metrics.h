@@ -1,0 +1,15 @@
+// Counts the calls that a server answers, and how long each took.
+#pragma once
+
+#include <grpcpp/support/server_interceptor.h>
+
+namespace glasswing {
+
+// For every call, streams too: glasswing_rpcs_total by method and code, glasswing_rpc_seconds and
+// glasswing_rpcs_running by method. It looks at no message.
+class RpcMetricsFactory final : public grpc::experimental::ServerInterceptorFactoryInterface {
+ public:
+  grpc::experimental::Interceptor* CreateServerInterceptor(grpc::experimental::ServerRpcInfo* info) override;
+};
+
+}  // namespace glasswing
