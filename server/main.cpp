@@ -1,6 +1,7 @@
 #include <CLI/CLI.hpp>
 #include <iostream>
 
+#include "core/service/daemon_options.h"
 #include "core/service/man_page.h"
 #include "core/service/service.h"
 #include "server/rig_service.h"
@@ -16,9 +17,10 @@ int main(int argc, char** argv) {
   ListenOptions listen{.address = "127.0.0.1:7440", .reflection = false};
   std::string data;
   std::string level = "info";
-  app.add_option("--listen", listen.address, "host:port to listen on; loopback only")->capture_default_str();
+  add_listen_options(app, listen);
   app.add_option("--data", data, "directory for the catalogue and the mattes")->required();
-  app.add_flag("--reflection", listen.reflection, "let gRPC tools list the services");
+  TlsFiles tls;
+  add_tls_options(app, tls);
   app.add_option("--log-level", level, "debug, info, warn or error")->capture_default_str();
   app.set_version_flag("--version", kVersion);
   CLI11_PARSE(app, argc, argv);
@@ -29,6 +31,7 @@ int main(int argc, char** argv) {
     std::cerr << "glasswing-server: " << status.message() << "\n";
     return 1;
   };
+  if (absl::Status status = use_tls(tls); !status.ok()) return fail(status);
   absl::StatusOr<std::unique_ptr<Server>> server = Server::open(data);
   if (!server.ok()) return fail(server.status());
   SessionServiceImpl sessions(**server);

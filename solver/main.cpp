@@ -14,6 +14,7 @@
 #include "core/frame/mapped_archive.h"
 #include "core/matte/matte_file.h"
 #include "core/service/build_id.h"
+#include "core/service/daemon_options.h"
 #include "core/service/man_page.h"
 #include "core/service/registration.h"
 #include "core/service/service.h"
@@ -21,6 +22,7 @@
 #include "solver/bands.h"
 #include "solver/live/live_service.h"
 #include "solver/ramp/ramp_options.h"
+#include "solver/solver_name.h"
 #include "solver/video_solve.h"
 #include "solver/work_loop.h"
 
@@ -28,25 +30,29 @@ namespace glasswing {
 namespace {
 
 struct Work {
-  std::string server = "127.0.0.1:7440", name = "solver-1", listen;
+  std::string server = "127.0.0.1:7440", name;
+  ListenOptions listen{.address = ""};
+  TlsFiles tls;
   int threads = 0;
 };
 
 absl::Status serve(const Work& work) {
-  GW_RETURN_IF_ERROR(check_name("node", work.name));
+  const std::string name = work.name.empty() ? solver_name() : work.name;
+  GW_RETURN_IF_ERROR(check_name("node", name));
+  GW_RETURN_IF_ERROR(use_tls(work.tls));
   v1::RegisterRequest node;
   node.set_kind(v1::NODE_KIND_SOLVER);
-  node.set_name(work.name);
+  node.set_name(name);
   node.set_build(build_id());
   LiveServiceImpl live(0);  // somebody watches: it takes all cores
   std::unique_ptr<ServiceHost> host;
-  if (!work.listen.empty()) {
-    GW_ASSIGN_OR_RETURN(host, ServiceHost::start({.address = work.listen}, {&live}));
-    node.set_address(host->address());
+  if (!work.listen.address.empty()) {
+    GW_ASSIGN_OR_RETURN(host, ServiceHost::start(work.listen, {&live}));
+    node.set_address(host->advertised());
   }
   const Registration registration(work.server, node);
   const std::jthread worker(
-      [&](std::stop_token stop) { run_work_loop(work.server, work.name, work.threads, stop); });
+      [&](std::stop_token stop) { run_work_loop(work.server, name, work.threads, stop); });
   wait_for_signal();
   live.stop();
   if (host != nullptr) host->stop(std::chrono::seconds(2));
@@ -188,16 +194,17 @@ int main(int argc, char** argv) {
   CLI::App app("Glasswing's solver: turns frames into tiles of a matte, for as long as the server has any.");
   set_up_help(app, "glasswing-solver");
   app.footer(
-      "Examples:\n  glasswing-solver --server 127.0.0.1:7440 --name solver-1\n"
+      "Examples:\n  glasswing-solver --server 127.0.0.1:7440\n"
       "  glasswing-solver --name live-1 --listen 127.0.0.1:0\n"
       "  glasswing-solver solve out/archives/crystal crystal.exr --set modes=2\n"
       "  glasswing-solver mask vase.jpg empty.jpg mask.png");
   Work work;
   std::string level = "info";
   app.add_option("--server", work.server, "host:port of glasswing-server")->capture_default_str();
-  app.add_option("--name", work.name, "this node's name in the rig")->capture_default_str();
-  app.add_option("--listen", work.listen,
-                 "host:port to offer live mattes on, loopback only, port 0: any free one; none if left out");
+  app.add_option("--name", work.name,
+                 "this node's name in the rig; of its host and its process, or Slurm's job, if left out");
+  add_listen_options(app, work.listen, "to offer live mattes on, port 0: any free one; none if left out");
+  add_tls_options(app, work.tls);
   app.add_option("--threads", work.threads, "that solve; 0: one for each core")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
