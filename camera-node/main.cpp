@@ -17,6 +17,7 @@
 #include "core/base/file.h"
 #include "core/base/name.h"
 #include "core/service/build_id.h"
+#include "core/service/daemon_options.h"
 #include "core/service/man_page.h"
 #include "core/service/metrics.h"
 #include "core/service/registration.h"
@@ -121,7 +122,7 @@ int main(int argc, char** argv) {
   std::vector<std::string> taps;
   double late_ms = 0.0, stamp_jitter_ms = 0.0, stamp_shift_ms = 0.0;
   double clock_offset_ms = 0.0, clock_drift_ppm = 0.0;
-  app.add_option("--listen", listen.address, "host:port to listen on; loopback only")->capture_default_str();
+  add_listen_options(app, listen);
   app.add_option("--server", server, "host:port of glasswing-server, to register with");
   app.add_option("--name", sim.name, "this node's name in the rig")->capture_default_str();
   app.add_option("--data", data, "directory for the archives")->required();
@@ -188,7 +189,8 @@ int main(int argc, char** argv) {
   app.add_option("--stage", stage, "who moves the object; manual without --backend sim")
       ->check(CLI::IsMember({"sim", "manual"}))
       ->capture_default_str();
-  app.add_flag("--reflection", listen.reflection, "let gRPC tools list the services");
+  TlsFiles tls;
+  add_tls_options(app, tls);
   app.add_option("--log-level", level, "debug, info, warn or error")->capture_default_str();
   MetricsOptions metrics{.address = "", .program = "glasswing-camera", .build = build_id()};
   add_metrics_option(app, metrics);
@@ -201,6 +203,7 @@ int main(int argc, char** argv) {
   ::mallopt(M_ARENA_MAX, 1);
   block_signals();
   start_logging("glasswing-camera", level);
+  if (absl::Status status = use_tls(tls); !status.ok()) return fail(status);
   if (absl::Status status = check_name("node", sim.name); !status.ok()) return fail(status);
   int read = 0;
   if (std::sscanf(size.c_str(), "%dx%d%n", &sim.width_px, &sim.height_px, &read) != 2 ||
@@ -249,7 +252,7 @@ int main(int argc, char** argv) {
   node.set_kind(v1::NODE_KIND_CAMERA);
   node.set_name(sim.name);
   node.set_build(build_id());
-  node.set_address((*host)->address());
+  node.set_address((*host)->advertised());
   const v1::GetCameraResponse described = camera->describe();
   node.set_detail(fmt::format("{} {}x{} at {:.4g} fps{}", backend, described.camera().width_px(),
                               described.camera().height_px(), described.frame_rate_hz(),

@@ -10,6 +10,7 @@
 #include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/service/build_id.h"
+#include "core/service/daemon_options.h"
 #include "core/service/man_page.h"
 #include "core/service/metrics.h"
 #include "core/service/registration.h"
@@ -204,7 +205,7 @@ int main(int argc, char** argv) {
   ListenOptions listen{.address = "127.0.0.1:7441", .reflection = false};
   std::string server, name = "display-1", level = "info";
   Screens screens;
-  app.add_option("--listen", listen.address, "host:port to listen on; loopback only")->capture_default_str();
+  add_listen_options(app, listen);
   app.add_option("--server", server, "host:port of glasswing-server, to register with");
   app.add_option("--name", name, "this node's name in the rig")->capture_default_str();
   app.add_option("--backend", screens.backend, "how pictures reach screens")
@@ -267,7 +268,8 @@ int main(int argc, char** argv) {
          "probability that the old picture stays a refresh longer than is reported: a display that lies")
       ->check(CLI::Range(0.0, 1.0));
   app.add_option("--fault-seed", screens.faults.seed, "sim: seed of the faults");
-  app.add_flag("--reflection", listen.reflection, "let gRPC tools list the services");
+  TlsFiles tls;
+  add_tls_options(app, tls);
   app.add_option("--log-level", level, "debug, info, warn or error")
       ->check(CLI::IsMember({"debug", "info", "warn", "error"}))
       ->capture_default_str();
@@ -282,6 +284,7 @@ int main(int argc, char** argv) {
   ::mallopt(M_ARENA_MAX, 1);
   block_signals();
   start_logging("glasswing-display", level);
+  if (absl::Status status = use_tls(tls); !status.ok()) return fail(status);
   if (absl::Status status = check_name("node", name); !status.ok()) return fail(status);
   const absl::StatusOr<TrueOptics> optics = screens.true_optics();
   if (!optics.ok()) return fail(optics.status());
@@ -299,7 +302,7 @@ int main(int argc, char** argv) {
   node.set_kind(v1::NODE_KIND_DISPLAY);
   node.set_name(name);
   node.set_build(build_id());
-  node.set_address((*host)->address());
+  node.set_address((*host)->advertised());
   for (const ScreenInfo& screen : display.screens()) {
     node.set_detail(node.detail() + fmt::format("{}{}={}x{}@{:.4g}", node.detail().empty() ? "" : ", ",
                                                 screen.name, screen.width_px, screen.height_px,

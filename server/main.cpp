@@ -3,6 +3,7 @@
 #include <iostream>
 
 #include "core/service/build_id.h"
+#include "core/service/daemon_options.h"
 #include "core/service/man_page.h"
 #include "core/service/metrics.h"
 #include "core/service/service.h"
@@ -19,18 +20,18 @@ int main(int argc, char** argv) {
   ServerOptions options;
   ListenOptions listen{.address = "127.0.0.1:7440", .reflection = false};
   std::string level = "info";
-  app.add_option("--listen", listen.address, "host:port to listen on; loopback only")->capture_default_str();
+  add_listen_options(app, listen);
   app.add_option("--data", options.data, "directory for the catalogue and the mattes")->required();
   app.add_option("--jobs", options.jobs,
                  "PostgreSQL that holds the tiles of solves, as postgresql://user@host/glasswing; several "
-                 "servers may share "
-                 "one. SQLite below --data if left out");
+                 "servers may share one. SQLite below --data if left out");
   double lease_seconds = 10.0;
   app.add_option("--lease", lease_seconds,
                  "seconds after which the tile of a silent solver is given to another")
       ->check(CLI::Range(1.0, 3600.0))
       ->capture_default_str();
-  app.add_flag("--reflection", listen.reflection, "let gRPC tools list the services");
+  TlsFiles tls;
+  add_tls_options(app, tls);
   app.add_option("--log-level", level, "debug, info, warn or error")->capture_default_str();
   MetricsOptions metrics{.address = "", .program = "glasswing-server", .build = build_id()};
   add_metrics_option(app, metrics);
@@ -45,7 +46,8 @@ int main(int argc, char** argv) {
   };
   const absl::StatusOr<std::unique_ptr<MetricsHost>> metrics_host = MetricsHost::start(metrics);
   if (!metrics_host.ok()) return fail(metrics_host.status());
-  options.address = listen.address;
+  if (absl::Status status = use_tls(tls); !status.ok()) return fail(status);
+  options.address = listen.advertise.empty() ? listen.address : listen.advertise;
   options.lease = std::chrono::milliseconds(std::llround(1000.0 * lease_seconds));
   absl::StatusOr<std::unique_ptr<Server>> server = Server::open(options);
   if (!server.ok()) return fail(server.status());

@@ -3,6 +3,8 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
+#include <csignal>
 #include <iostream>
 #include <thread>
 
@@ -15,6 +17,7 @@
 #include "core/frame/mapped_archive.h"
 #include "core/matte/matte_file.h"
 #include "core/service/build_id.h"
+#include "core/service/daemon_options.h"
 #include "core/service/man_page.h"
 #include "core/service/metrics.h"
 #include "core/service/registration.h"
@@ -23,6 +26,8 @@
 #include "solver/bands.h"
 #include "solver/live/live_service.h"
 #include "solver/ramp/ramp_options.h"
+#include "solver/solver_name.h"
+#include "solver/vector_target.h"
 #include "solver/video_solve.h"
 #include "solver/work_loop.h"
 
@@ -30,42 +35,62 @@ namespace glasswing {
 namespace {
 
 struct Work {
-  std::string server = "127.0.0.1:7440", name = "solver-1", listen, archives;
+  std::string server = "127.0.0.1:7440", name, archives;
+  ListenOptions listen{.address = ""};
+  TlsFiles tls;
+  double until_idle_seconds = 0.0;
   int threads = 0;
   MetricsOptions metrics{.address = "", .program = "glasswing-solver", .build = build_id()};
 };
 
 absl::Status serve(const Work& work) {
-  GW_RETURN_IF_ERROR(check_name("node", work.name));
+  const std::string name = work.name.empty() ? solver_name() : work.name;
+  GW_RETURN_IF_ERROR(check_name("node", name));
+  GW_RETURN_IF_ERROR(use_tls(work.tls));
   v1::RegisterRequest node;
   node.set_kind(v1::NODE_KIND_SOLVER);
-  node.set_name(work.name);
+  node.set_name(name);
   node.set_build(build_id());
+  char hostname[256] = "";
+  ::gethostname(hostname, sizeof(hostname) - 1);
+  node.mutable_solver()->set_host(hostname);
+  node.mutable_solver()->set_threads(
+      work.threads > 0 ? work.threads : static_cast<int>(std::thread::hardware_concurrency()));
+  node.mutable_solver()->set_vectors(vector_target());
   LiveServiceImpl live(0);  // somebody watches: it takes all cores
   ArchiveStore archives(work.archives);
   ArchiveServiceImpl archive_service(archives);
   std::vector<grpc::Service*> services = {&live};
   if (!work.archives.empty()) {
-    if (work.listen.empty())
+    if (work.listen.address.empty())
       return absl::InvalidArgumentError("--archives needs --listen: others read from it");
     GW_RETURN_IF_ERROR(archives.prepare());
     services.push_back(&archive_service);
   }
   std::unique_ptr<ServiceHost> host;
-  if (!work.listen.empty()) {
-    GW_ASSIGN_OR_RETURN(host, ServiceHost::start({.address = work.listen}, services));
-    node.set_address(host->address());
+  if (!work.listen.address.empty()) {
+    GW_ASSIGN_OR_RETURN(host, ServiceHost::start(work.listen, services));
+    node.set_address(host->advertised());
   }
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<MetricsHost> metrics, MetricsHost::start(work.metrics));
   const Registration registration(work.server, node);
-  const std::jthread worker([&](std::stop_token stop) {
-    (void)run_work_loop({.server = work.server, .name = work.name, .threads = work.threads}, stop);
-  });
-  wait_for_signal();
+  absl::Status ended;
+  {
+    const std::jthread worker([&](std::stop_token stop) {
+      ended = run_work_loop(
+          {.server = work.server,
+           .name = name,
+           .threads = work.threads,
+           .until_idle = std::chrono::milliseconds(std::llround(1000.0 * work.until_idle_seconds))},
+          stop);
+      ::kill(::getpid(), SIGTERM);  // for whoever waits below
+    });
+    wait_for_signal();
+  }
   live.stop();
   archive_service.stop();
   if (host != nullptr) host->stop(std::chrono::seconds(2));
-  return absl::OkStatus();
+  return ended;
 }
 
 struct Solve {
@@ -203,7 +228,7 @@ int main(int argc, char** argv) {
   CLI::App app("Glasswing's solver: turns frames into tiles of a matte, for as long as the server has any.");
   set_up_help(app, "glasswing-solver");
   app.footer(
-      "Examples:\n  glasswing-solver --server 127.0.0.1:7440 --name solver-1\n"
+      "Examples:\n  glasswing-solver --server 127.0.0.1:7440\n"
       "  glasswing-solver --name live-1 --listen 127.0.0.1:0\n"
       "  glasswing-solver --name solver-2 --listen 127.0.0.1:0 --archives /srv/glasswing\n"
       "  glasswing-solver solve out/archives/crystal crystal.exr --set modes=2\n"
@@ -211,13 +236,18 @@ int main(int argc, char** argv) {
   Work work;
   std::string level = "info";
   app.add_option("--server", work.server, "host:port of glasswing-server")->capture_default_str();
-  app.add_option("--name", work.name, "this node's name in the rig")->capture_default_str();
-  app.add_option("--listen", work.listen,
-                 "host:port to offer live mattes and copies of archives on, loopback only, port 0: any free "
-                 "one; none if "
-                 "left out");
+  app.add_option("--name", work.name,
+                 "this node's name in the rig; of its host and its process, or Slurm's job, if left out");
+  app.add_option("--until-idle", work.until_idle_seconds,
+                 "end when there was nothing to do for so many seconds; 0: never")
+      ->check(CLI::Range(0.0, 86400.0))
+      ->capture_default_str();
+  add_listen_options(
+      app, work.listen,
+      "to offer live mattes and copies of archives on, port 0: any free one; none if left out");
   app.add_option("--archives", work.archives,
                  "directory to keep copies of archives in, for `glasswing replicate`; none if left out");
+  add_tls_options(app, work.tls);
   app.add_option("--threads", work.threads, "that solve; 0: one for each core")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();

@@ -26,13 +26,6 @@ std::vector<std::string> addresses_of(const v1::ClaimTileResponse& tile) {
   return addresses;
 }
 
-std::vector<std::uint16_t> joined(const FrameRows& frames) {
-  std::vector<std::uint16_t> samples;
-  for (const std::span<const std::uint16_t> rows : frames.rows)
-    samples.insert(samples.end(), rows.begin(), rows.end());
-  return samples;
-}
-
 void count(const Matte& matte, SolvedTile& solved) {
   const ObjectCount pixels = count_object(matte);
   solved.object_pixel_count += pixels.all;
@@ -46,10 +39,8 @@ absl::StatusOr<SolvedTile> solve_frames(const v1::ClaimTileResponse& tile, const
   if (method == nullptr)
     return absl::InvalidArgumentError(fmt::format("method \"{}\" makes no mattes of frames", tile.method()));
   const v1::CaptureManifest& manifest = source.manifest();
-  const auto read = [&](int frame) -> absl::StatusOr<std::vector<std::uint16_t>> {
-    GW_ASSIGN_OR_RETURN(const FrameRows rows,
-                        source.archive().rows(manifest, {frame}, 0, manifest.camera().height_px()));
-    return joined(rows);
+  const auto read = [&](int frame) {
+    return source.archive().samples(manifest, {frame}, 0, manifest.camera().height_px());
   };
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<VideoSource> video,
                       read_ahead(manifest, tile.first_frame(), tile.frame_count(), read));
@@ -94,10 +85,8 @@ absl::StatusOr<std::shared_ptr<const SolveSource>> SolveSource::open(const v1::C
                                                                      std::stop_token stop) {
   std::shared_ptr<SolveSource> source(new SolveSource(tile, std::move(stop)));
   GW_ASSIGN_OR_RETURN(source->manifest_, source->archive_.manifest());
-  const auto read = [&](int row,
-                        const std::vector<int>& frames) -> absl::StatusOr<std::vector<std::uint16_t>> {
-    GW_ASSIGN_OR_RETURN(const FrameRows rows, source->archive_.rows(source->manifest_, frames, row, 1));
-    return joined(rows);
+  const auto read = [&](int row, const std::vector<int>& frames) {
+    return source->archive_.samples(source->manifest_, frames, row, 1);
   };
   if (tile.frame_count() == 0) {
     GW_ASSIGN_OR_RETURN(source->brightness_, measure_drift(source->manifest_, read));
@@ -105,19 +94,21 @@ absl::StatusOr<std::shared_ptr<const SolveSource>> SolveSource::open(const v1::C
   return source;
 }
 
-absl::StatusOr<FrameStack> SolveSource::stack(const Method& method, int first_row, int row_count) const {
-  FrameStack stack{.manifest = manifest_,
-                   .first_row = first_row,
-                   .row_count = row_count,
-                   .rows = {},
-                   .owner = nullptr,
-                   .brightness = brightness_};
+absl::StatusOr<ReadStack> SolveSource::stack(const Method& method, int first_row, int row_count) const {
+  ReadStack read;
+  FrameStack& stack = read.stack;
+  stack = {.manifest = manifest_,
+           .first_row = first_row,
+           .row_count = row_count,
+           .rows = {},
+           .owner = nullptr,
+           .brightness = brightness_};
   GW_ASSIGN_OR_RETURN(const std::vector<int> needed, method.frames_needed(manifest_));
-  GW_ASSIGN_OR_RETURN(FrameRows frames, archive_.rows(manifest_, needed, first_row, row_count));
-  stack.owner = std::move(frames.owner);
+  GW_ASSIGN_OR_RETURN(read.rows, archive_.rows(manifest_, needed, first_row, row_count));
+  stack.owner = read.rows.owner;
   stack.rows.resize(static_cast<size_t>(manifest_.frames_size()));
-  for (size_t i = 0; i < needed.size(); ++i) stack.rows[static_cast<size_t>(needed[i])] = frames.rows[i];
-  return stack;
+  for (size_t i = 0; i < needed.size(); ++i) stack.rows[static_cast<size_t>(needed[i])] = read.rows.rows[i];
+  return read;
 }
 
 absl::StatusOr<TileInHand> TileInHand::read(const v1::ClaimTileResponse& tile,
@@ -127,14 +118,16 @@ absl::StatusOr<TileInHand> TileInHand::read(const v1::ClaimTileResponse& tile,
   in_hand.source_ = std::move(source);
   if (tile.frame_count() > 0) return in_hand;
   GW_ASSIGN_OR_RETURN(in_hand.method_, make_method(tile.method(), options_of(tile)));
-  GW_ASSIGN_OR_RETURN(in_hand.stack_,
+  GW_ASSIGN_OR_RETURN(in_hand.read_,
                       in_hand.source_->stack(*in_hand.method_, tile.first_row(), tile.row_count()));
   return in_hand;
 }
 
 absl::StatusOr<SolvedTile> TileInHand::solve(int thread_count, std::stop_token stop) const {
   if (method_ == nullptr) return solve_frames(tile_, *source_, thread_count, std::move(stop));
-  GW_ASSIGN_OR_RETURN(const Matte matte, solve_in_bands(*method_, stack_, thread_count, std::move(stop)));
+  GW_ASSIGN_OR_RETURN(const Matte matte,
+                      solve_in_bands(*method_, read_.stack, thread_count, std::move(stop)));
+  GW_RETURN_IF_ERROR(read_.rows.intact());
   SolvedTile solved;
   count(matte, solved);
   GW_ASSIGN_OR_RETURN(std::string bytes, encode_matte(matte));
@@ -152,10 +145,10 @@ absl::StatusOr<std::vector<double>> survey(const v1::ClaimTileResponse& tile, co
   const auto work = [&] {
     for (size_t i = next++; i < seconds.size() && !stop.stop_requested(); i = next++) {
       failed[i] = [&]() -> absl::Status {
-        GW_ASSIGN_OR_RETURN(const FrameStack row,
+        GW_ASSIGN_OR_RETURN(const ReadStack row,
                             source.stack(*method, tile.survey_rows(static_cast<int>(i)), 1));
         const auto start = std::chrono::steady_clock::now();
-        GW_RETURN_IF_ERROR(solve_in_bands(*method, row, 1, stop).status());
+        GW_RETURN_IF_ERROR(solve_in_bands(*method, row.stack, 1, stop).status());
         seconds[i] =
             std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() / thread_count;
         return absl::OkStatus();

@@ -29,6 +29,12 @@ struct SolvedTile {
   std::vector<v1::RefusedFrame> refused;
 };
 
+// Rows of frames, and where they lie: to be asked whether they are intact() once they were solved.
+struct ReadStack {
+  FrameStack stack;
+  FrameRows rows;
+};
+
 // The frames of one solve, and what is the same for all its tiles. Thread-safe.
 class SolveSource {
  public:
@@ -39,7 +45,7 @@ class SolveSource {
   const RemoteArchive& archive() const { return archive_; }
   const v1::CaptureManifest& manifest() const { return manifest_; }
   // The rows that the method needs. FAILED_PRECONDITION says what the archive lacks.
-  absl::StatusOr<FrameStack> stack(const Method& method, int first_row, int row_count) const;
+  absl::StatusOr<ReadStack> stack(const Method& method, int first_row, int row_count) const;
 
  private:
   SolveSource(const v1::ClaimTileResponse& tile, std::stop_token stop);
@@ -62,7 +68,7 @@ class TileInHand {
   v1::ClaimTileResponse tile_;
   std::shared_ptr<const SolveSource> source_;
   std::shared_ptr<const Method> method_;  // null: of frames
-  FrameStack stack_;
+  ReadStack read_;
 };
 
 // Seconds that each of the survey's rows takes all threads together.

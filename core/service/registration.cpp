@@ -9,7 +9,7 @@
 namespace glasswing {
 
 Registration::Registration(const std::string& server_address, v1::RegisterRequest node)
-    : node_(std::move(node)) {
+    : server_address_(server_address), node_(std::move(node)) {
   if (server_address.empty()) return;
   node_.set_version(kVersion);
   stub_ = v1::NodeService::NewStub(dial(server_address));
@@ -18,22 +18,29 @@ Registration::Registration(const std::string& server_address, v1::RegisterReques
 
 Registration::~Registration() = default;
 
+grpc::Status Registration::call(std::stop_token stop, bool wait_for_ready) {
+  grpc::ClientContext context;
+  set_deadline(context, std::chrono::seconds(2));
+  context.set_wait_for_ready(wait_for_ready);
+  const std::stop_callback cancel(stop, [&] { context.TryCancel(); });
+  v1::RegisterResponse response;
+  return stub_->Register(&context, node_, &response);
+}
+
 void Registration::run(std::stop_token stop) {
   bool known = true;  // so that the first failure is logged
   while (!stop.stop_requested()) {
-    grpc::ClientContext context;
-    set_deadline(context, std::chrono::seconds(2));
-    context.set_wait_for_ready(true);  // a server that starts now is heard at once
-    const std::stop_callback cancel(stop, [&] { context.TryCancel(); });
-    v1::RegisterResponse response;
-    const grpc::Status status = stub_->Register(&context, node_, &response);
+    grpc::Status status = call(stop, true);  // a server that starts now is heard at once
+    // Who waits is not told what keeps the two apart; who does not wait is.
+    if (!status.ok() && known) status = call(stop, false);
     if (stop.stop_requested()) return;
     if (status.ok() != known) {
       known = status.ok();
       if (known) {
         spdlog::info("the server knows this node node={}", node_.name());
       } else {
-        spdlog::warn("the server does not take this node yet, trying on: {}", status.error_message());
+        const absl::Status why = from_grpc(status, "the server at " + server_address_);
+        spdlog::warn("the server does not take this node yet, trying on: {}", std::string(why.message()));
       }
     }
     std::unique_lock lock(mutex_);

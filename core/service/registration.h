@@ -20,7 +20,9 @@ class Registration {
 
  private:
   void run(std::stop_token stop);
+  grpc::Status call(std::stop_token stop, bool wait_for_ready);
 
+  const std::string server_address_;
   std::unique_ptr<v1::NodeService::Stub> stub_;
   v1::RegisterRequest node_;
   std::mutex mutex_;

@@ -7,7 +7,9 @@
 #include <spdlog/spdlog.h>
 
 #include <csignal>
+#include <regex>
 
+#include "core/base/status.h"
 #include "core/service/rpc_metrics.h"
 #include "core/service/tls.h"
 #include "glasswing/v1/clock_service.grpc.pb.h"
@@ -29,6 +31,28 @@ class NodeClockService final : public v1::ClockService::Service {
 
   const NodeClock clock_;
 };
+
+std::string host_of(const std::string& address) {
+  return address.substr(0, address.rfind(':'));
+}
+
+absl::Status check_advertised(const ListenOptions& options) {
+  const std::string& advertised = options.advertised;
+  const std::string host = host_of(options.address);
+  if (advertised.empty()) {
+    if (host != "0.0.0.0" && host != "[::]") return absl::OkStatus();
+    return absl::InvalidArgumentError(
+        fmt::format("--listen is {}, which is every address of this machine; set --advertise HOST:PORT, by "
+                    "which the others call it",
+                    options.address));
+  }
+  static const std::regex kHostAndPort(R"(([^:/\s]+|\[[0-9A-Fa-f:.]+\]):([1-9][0-9]{0,4}))");
+  if (std::regex_match(advertised, kHostAndPort) && host_of(advertised) != "0.0.0.0" &&
+      host_of(advertised) != "[::]")
+    return absl::OkStatus();
+  return absl::InvalidArgumentError(fmt::format(
+      "--advertise is {}; it must be the HOST:PORT by which the others call this machine", advertised));
+}
 
 }  // namespace
 
@@ -86,12 +110,8 @@ void set_deadline(grpc::ClientContext& context, std::chrono::milliseconds timeou
 
 absl::StatusOr<std::unique_ptr<ServiceHost>> ServiceHost::start(const ListenOptions& options,
                                                                 const std::vector<grpc::Service*>& services) {
-  if (!is_loopback(options.address)) {
-    return absl::InvalidArgumentError(fmt::format(
-        "--listen is {}; it must be a loopback address (127.0.0.1:PORT): other machines need TLS, "
-        "which this version does not have",
-        options.address));
-  }
+  GW_ASSIGN_OR_RETURN(const auto credentials, listening_credentials(options.address));
+  GW_RETURN_IF_ERROR(check_advertised(options));
   std::unique_ptr<ServiceHost> self(new ServiceHost);
   self->clock_ = std::make_unique<NodeClockService>(options.clock);
   grpc::EnableDefaultHealthCheckService(true);
@@ -100,7 +120,7 @@ absl::StatusOr<std::unique_ptr<ServiceHost>> ServiceHost::start(const ListenOpti
   }
   grpc::ServerBuilder builder;
   int port = 0;
-  builder.AddListeningPort(options.address, grpc::InsecureServerCredentials(), &port);
+  builder.AddListeningPort(options.address, credentials, &port);
   builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);  // a second daemon on this port is an error
   builder.AddChannelArgument("grpc.server_handshake_timeout_ms", 5000);
   // Whoever vanished without a word, machine and all, is noticed within 20 s, and what it asked for ends.
@@ -118,7 +138,8 @@ absl::StatusOr<std::unique_ptr<ServiceHost>> ServiceHost::start(const ListenOpti
     return absl::UnavailableError(
         fmt::format("cannot listen on {}; is another daemon running there?", options.address));
   }
-  self->address_ = fmt::format("{}:{}", options.address.substr(0, options.address.rfind(':')), port);
+  self->address_ = fmt::format("{}:{}", host_of(options.address), port);
+  self->advertised_ = options.advertised.empty() ? self->address_ : options.advertised;
   self->server_->GetHealthCheckService()->SetServingStatus(true);
   return self;
 }

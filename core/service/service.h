@@ -34,27 +34,29 @@ void set_deadline(grpc::ClientContext& context, std::chrono::milliseconds timeou
 
 struct ListenOptions {
   std::string address = "127.0.0.1:0";  // port 0: any free one
+  std::string advertised = {};          // host:port that others call; empty: `address`
   bool reflection = false;
   NodeClock clock = {};  // that ClockService tells
 };
 
-// A listening gRPC server with standard health (SERVING), the ClockService and message limits. Borrowed
-// services must outlive it.
+// A listening gRPC server with standard health (SERVING), the ClockService and message limits, and TLS as
+// use_tls() says. Borrowed services must outlive it.
 class ServiceHost {
  public:
-  // INVALID_ARGUMENT: the address is not loopback (that needs TLS, which this version does not have);
-  // UNAVAILABLE: it cannot be listened on.
+  // INVALID_ARGUMENT: the address is not loopback, and use_tls() got no certificate; or it is every address
+  // of this machine, and none is advertised. UNAVAILABLE: it cannot be listened on.
   static absl::StatusOr<std::unique_ptr<ServiceHost>> start(const ListenOptions& options,
                                                             const std::vector<grpc::Service*>& services);
   ~ServiceHost();
 
-  const std::string& address() const { return address_; }  // with the real port
+  const std::string& address() const { return address_; }        // with the real port
+  const std::string& advertised() const { return advertised_; }  // where others call it, likewise
   // Stops listening, gives running calls until `grace` to end, then cancels them.
   void stop(std::chrono::milliseconds grace);
 
  private:
   ServiceHost() = default;
-  std::string address_;
+  std::string address_, advertised_;
   std::unique_ptr<grpc::Service> clock_;
   std::unique_ptr<grpc::Server> server_;
 };

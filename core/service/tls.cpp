@@ -12,9 +12,10 @@ namespace glasswing {
 namespace {
 
 struct Tls {
-  TlsFiles files;
-  std::shared_ptr<grpc::ChannelCredentials> credentials;  // null: no TLS
-  absl::Status problem;                                   // with the files
+  TlsFiles files = {};
+  std::shared_ptr<grpc::ChannelCredentials> calling = nullptr;   // null: no TLS
+  std::shared_ptr<grpc::ServerCredentials> listening = nullptr;  // likewise
+  absl::Status problem = {};                                     // with the files
 };
 
 Tls& in_force() {
@@ -68,26 +69,33 @@ absl::Status check_pair(const TlsFiles& files, const std::string& certificate_pe
       fmt::format("the key {} does not belong to the certificate {}", files.key, files.certificate));
 }
 
-absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> credentials_of(const TlsFiles& files) {
+// Null without a CA.
+absl::StatusOr<Tls> credentials_of(const TlsFiles& files) {
   if (files.certificate.empty() != files.key.empty()) {
     return absl::InvalidArgumentError(
         files.key.empty() ? fmt::format("the certificate {} lacks its key; set --key", files.certificate)
                           : fmt::format("the key {} lacks its certificate; set --certificate", files.key));
   }
+  Tls tls{.files = files};
   if (files.ca.empty()) {
-    if (files.certificate.empty()) return nullptr;
+    if (files.certificate.empty()) return tls;
     return absl::InvalidArgumentError(fmt::format(
         "the certificate {} lacks the CA that signs those of the peers; set --ca", files.certificate));
   }
-  grpc::SslCredentialsOptions options;
-  GW_ASSIGN_OR_RETURN(options.pem_root_certs, read_pem("CA", files.ca));
-  GW_RETURN_IF_ERROR(certificate_of("CA", files.ca, options.pem_root_certs).status());
+  grpc::SslCredentialsOptions calling;
+  GW_ASSIGN_OR_RETURN(calling.pem_root_certs, read_pem("CA", files.ca));
+  GW_RETURN_IF_ERROR(certificate_of("CA", files.ca, calling.pem_root_certs).status());
   if (!files.certificate.empty()) {
-    GW_ASSIGN_OR_RETURN(options.pem_cert_chain, read_pem("certificate", files.certificate));
-    GW_ASSIGN_OR_RETURN(options.pem_private_key, read_pem("key", files.key));
-    GW_RETURN_IF_ERROR(check_pair(files, options.pem_cert_chain, options.pem_private_key));
+    GW_ASSIGN_OR_RETURN(calling.pem_cert_chain, read_pem("certificate", files.certificate));
+    GW_ASSIGN_OR_RETURN(calling.pem_private_key, read_pem("key", files.key));
+    GW_RETURN_IF_ERROR(check_pair(files, calling.pem_cert_chain, calling.pem_private_key));
+    grpc::SslServerCredentialsOptions listening(GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY);
+    listening.pem_root_certs = calling.pem_root_certs;
+    listening.pem_key_cert_pairs.push_back({calling.pem_private_key, calling.pem_cert_chain});
+    tls.listening = grpc::SslServerCredentials(listening);
   }
-  return grpc::SslCredentials(options);
+  tls.calling = grpc::SslCredentials(calling);
+  return tls;
 }
 
 bool contains(const std::string& text, const char* words) {
@@ -97,9 +105,9 @@ bool contains(const std::string& text, const char* words) {
 }  // namespace
 
 absl::Status use_tls(const TlsFiles& files) {
-  const auto credentials = credentials_of(files);
-  in_force() = {files, credentials.ok() ? *credentials : nullptr, credentials.status()};
-  return credentials.status();
+  const absl::StatusOr<Tls> tls = credentials_of(files);
+  in_force() = tls.ok() ? *tls : Tls{.files = files, .problem = tls.status()};
+  return tls.status();
 }
 
 bool is_loopback(const std::string& address) {
@@ -111,8 +119,19 @@ bool is_loopback(const std::string& address) {
 }
 
 std::shared_ptr<grpc::ChannelCredentials> credentials_for(const std::string& address) {
-  if (in_force().credentials != nullptr) return in_force().credentials;
+  if (in_force().calling != nullptr) return in_force().calling;
   return is_loopback(address) && in_force().problem.ok() ? grpc::InsecureChannelCredentials() : nullptr;
+}
+
+absl::StatusOr<std::shared_ptr<grpc::ServerCredentials>> listening_credentials(const std::string& address) {
+  GW_RETURN_IF_ERROR(in_force().problem);
+  if (in_force().listening != nullptr) return in_force().listening;
+  if (is_loopback(address)) return grpc::InsecureServerCredentials();
+  return absl::InvalidArgumentError(
+      fmt::format("--listen is {}, which other machines reach: they need TLS; set --ca, --certificate and "
+                  "--key, or listen on "
+                  "127.0.0.1:PORT",
+                  address));
 }
 
 std::string tls_failure(const grpc::Status& status, const std::string& peer) {
@@ -122,9 +141,12 @@ std::string tls_failure(const grpc::Status& status, const std::string& peer) {
     if (!in_force().problem.ok()) return std::string(in_force().problem.message());
     return peer + " is beyond this machine, where calls need TLS; set --ca, and --certificate and --key";
   }
-  if (files.ca.empty()) return "";
   if (status.error_code() != grpc::StatusCode::UNAVAILABLE || !contains(words, "failed to connect"))
     return "";
+  if (files.ca.empty()) {
+    if (!contains(words, "Socket closed")) return "";  // which is how a TLS server ends it
+    return peer + " does not answer in the clear; if it speaks TLS, set --ca, --certificate and --key";
+  }
   if (contains(words, "certificate verify failed")) {
     return fmt::format("{} shows a certificate that the CA {} did not sign, or that has expired", peer,
                        files.ca);

@@ -15,13 +15,7 @@ namespace {
 
 const char* const kPeer = "server at the rig";
 
-struct ClockService final : v1::ClockService::Service {
-  grpc::Status Exchange(grpc::ServerContext*, const v1::ExchangeRequest*, v1::ExchangeResponse*) override {
-    return grpc::Status::OK;
-  }
-};
-
-// A server with a certificate for 127.0.0.1 that wants one from every caller, and what callers may have.
+// A server with a certificate for 127.0.0.1, and what callers may have.
 class Tls : public testing::Test {
  protected:
   Tls() {
@@ -31,14 +25,10 @@ class Tls : public testing::Test {
     write("me", make_certificate("me", &ca_));
     write("foreign", make_certificate("foreign", &foreign_ca_));
     write("old", make_certificate("old", &ca_, "", 0));
-    const MadeCertificate own = make_certificate("server", &ca_, "IP:127.0.0.1");
-    grpc::SslServerCredentialsOptions options(GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY);
-    options.pem_root_certs = ca_.certificate_pem();
-    options.pem_key_cert_pairs.push_back({own.key_pem(), own.certificate_pem()});
-    grpc::ServerBuilder builder;
-    builder.AddListeningPort("127.0.0.1:0", grpc::SslServerCredentials(options), &port_);
-    builder.RegisterService(&service_);
-    server_ = builder.BuildAndStart();
+    write("server", make_certificate("server", &ca_, "IP:127.0.0.1"));
+    EXPECT_TRUE(use_tls(files("ca", "server")).ok());
+    server_ = ServiceHost::start({}, {}).value();
+    address_ = server_->address();
   }
   ~Tls() override {
     (void)use_tls({});
@@ -63,15 +53,14 @@ class Tls : public testing::Test {
   }
   std::string told(const TlsFiles& files, const std::string& host = "127.0.0.1") const {
     EXPECT_TRUE(use_tls(files).ok());
-    return std::string(call(host + ":" + std::to_string(port_)).message());
+    return std::string(call(host + address_.substr(address_.rfind(':'))).message());
   }
 
   const std::filesystem::path scratch_ =
       std::filesystem::temp_directory_path() / ("glasswing-tls-" + std::to_string(::getpid()));
   const MadeCertificate ca_ = make_certificate("ca"), foreign_ca_ = make_certificate("foreign ca");
-  ClockService service_;
-  std::unique_ptr<grpc::Server> server_;
-  int port_ = 0;
+  std::unique_ptr<ServiceHost> server_;
+  std::string address_;
 };
 
 TEST_F(Tls, CallsGoThroughOnlyWhenEachKnowsTheOther) {
@@ -89,12 +78,81 @@ TEST_F(Tls, CallsGoThroughOnlyWhenEachKnowsTheOther) {
 }
 
 TEST_F(Tls, APlainServerIsNotCalledWithTls) {
-  ASSERT_TRUE(use_tls(files("ca", "me")).ok());
+  ASSERT_TRUE(use_tls({}).ok());
   const auto plain = ServiceHost::start({}, {}).value();
+  ASSERT_TRUE(use_tls(files("ca", "me")).ok());
   EXPECT_EQ(call(plain->address()).message(),
             std::string(kPeer) + " does not speak TLS; if it need not, call it without a CA");
   ASSERT_TRUE(use_tls({}).ok());
   EXPECT_TRUE(call(plain->address()).ok());
+}
+
+TEST_F(Tls, ATlsServerTakesNoCallInTheClear) {
+  EXPECT_EQ(told({}),
+            std::string(kPeer) +
+                " does not answer in the clear; if it speaks TLS, set --ca, --certificate and --key");
+}
+
+// Its owner could not have started it with either; one that has run for long may have them.
+TEST_F(Tls, CertificatesThatExpiredAreRefusedByBothSides) {
+  const MadeCertificate old = make_certificate("old", &ca_, "IP:127.0.0.1", 0);
+  const auto stub = v1::ClockService::NewStub(grpc::CreateChannel(
+      address_, grpc::SslCredentials({ca_.certificate_pem(), old.key_pem(), old.certificate_pem()})));
+  grpc::ClientContext context;
+  set_deadline(context, std::chrono::seconds(10));
+  v1::ExchangeResponse response;
+  EXPECT_EQ(stub->Exchange(&context, {}, &response).error_code(), grpc::StatusCode::UNAVAILABLE);
+
+  grpc::SslServerCredentialsOptions options(GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY);
+  options.pem_root_certs = ca_.certificate_pem();
+  options.pem_key_cert_pairs.push_back({old.key_pem(), old.certificate_pem()});
+  v1::ClockService::Service service;
+  grpc::ServerBuilder builder;
+  int port = 0;
+  builder.AddListeningPort("127.0.0.1:0", grpc::SslServerCredentials(options), &port);
+  builder.RegisterService(&service);
+  const std::unique_ptr<grpc::Server> server = builder.BuildAndStart();
+  ASSERT_TRUE(use_tls(files("ca", "me")).ok());
+  EXPECT_EQ(call("127.0.0.1:" + std::to_string(port)).message(),
+            std::string(kPeer) + " shows a certificate that the CA " + file("ca.pem") +
+                " did not sign, or that has expired");
+}
+
+TEST_F(Tls, OtherMachinesAreListenedToWithACertificateOnly) {
+  for (const TlsFiles& without : {TlsFiles(), files("ca", "")}) {
+    ASSERT_TRUE(use_tls(without).ok());
+    const absl::Status status =
+        ServiceHost::start({.address = "0.0.0.0:0", .advertised = "rig:1"}, {}).status();
+    EXPECT_TRUE(absl::IsInvalidArgument(status));
+    EXPECT_EQ(
+        status.message().find("--listen is 0.0.0.0:0, which other machines reach: they need TLS; set --ca, "
+                              "--certificate and --key"),
+        0u)
+        << status;
+  }
+  ASSERT_TRUE(use_tls(files("ca", "server")).ok());
+  for (const char* everywhere : {"0.0.0.0:0", "[::]:0"}) {
+    const absl::Status unnamed = ServiceHost::start({.address = everywhere}, {}).status();
+    EXPECT_TRUE(absl::IsInvalidArgument(unnamed));
+    EXPECT_NE(unnamed.message().find("set --advertise HOST:PORT"), std::string::npos) << unnamed;
+  }
+  for (const char* advertised : {"rig", "rig:", "rig:0", "rig:1:2", ":1", "0.0.0.0:1", "[::]:1", "a rig:1"}) {
+    const absl::Status status =
+        ServiceHost::start({.address = "0.0.0.0:0", .advertised = advertised}, {}).status();
+    EXPECT_TRUE(absl::IsInvalidArgument(status)) << advertised << ": " << status;
+  }
+  for (const char* advertised : {"rig.example.org:7440", "192.0.2.1:7440", "[2001:db8::1]:7440"}) {
+    const auto host = ServiceHost::start({.address = "0.0.0.0:0", .advertised = advertised}, {}).value();
+    EXPECT_EQ(host->advertised(), advertised);
+    EXPECT_TRUE(call("127.0.0.1" + host->address().substr(host->address().rfind(':'))).ok());
+  }
+  EXPECT_EQ(server_->advertised(), server_->address());
+}
+
+TEST_F(Tls, WithFilesThatAreWrongNothingIsListenedOn) {
+  const absl::Status problem = use_tls(files("ca", "old"));
+  EXPECT_EQ(ServiceHost::start({}, {}).status(), problem);
+  EXPECT_FALSE(problem.ok());
 }
 
 TEST_F(Tls, BeyondThisMachineNothingGoesInTheClear) {
@@ -136,7 +194,7 @@ TEST_F(Tls, NamesTheFileThatIsWrong) {
     EXPECT_TRUE(absl::IsInvalidArgument(status));
     EXPECT_EQ(status.message().find(words), 0u) << status.message();
     // Who goes on all the same is told so, rather than called in the clear.
-    EXPECT_EQ(call("127.0.0.1:" + std::to_string(port_)).message(), status.message());
+    EXPECT_EQ(call(address_).message(), status.message());
   }
 }
 
