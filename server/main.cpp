@@ -47,7 +47,7 @@ int main(int argc, char** argv) {
   const absl::StatusOr<std::unique_ptr<MetricsHost>> metrics_host = MetricsHost::start(metrics);
   if (!metrics_host.ok()) return fail(metrics_host.status());
   if (absl::Status status = use_tls(tls); !status.ok()) return fail(status);
-  options.address = listen.advertise.empty() ? listen.address : listen.advertise;
+  options.address = listen.advertised.empty() ? listen.address : listen.advertised;
   options.lease = std::chrono::milliseconds(std::llround(1000.0 * lease_seconds));
   absl::StatusOr<std::unique_ptr<Server>> server = Server::open(options);
   if (!server.ok()) return fail(server.status());
