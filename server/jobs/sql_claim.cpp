@@ -99,9 +99,10 @@ absl::StatusOr<SqlRows> claim_twice(SqlConnection& connection, const std::string
                 "?1, "
                 "twin_since = :now, twin_until = :now + ?3 WHERE (job, number) = ("
                 "SELECT t.job, t.number FROM tiles t WHERE t.job = ?4 AND {} "
-                "ORDER BY CASE WHEN t.lease_until > :now THEN t.lease_since ELSE t.twin_since END, t.number "
+                "ORDER BY CASE WHEN t.lease_until > t.twin_until THEN t.lease_since ELSE t.twin_since END, "
+                "t.number "
                 "LIMIT 1 :locking){}",
-                first_lease_if("lease_until > :now"), kSlow, kLeaseOfClaim),
+                first_lease_if("lease_until > twin_until"), kSlow, kLeaseOfClaim),
             {solver, age_us, std::chrono::microseconds(options.lease).count(), jobs.integer(i, 0)}));
     if (!claimed.empty()) return claimed;
   }

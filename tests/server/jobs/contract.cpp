@@ -4,6 +4,8 @@
 
 #include <thread>
 
+#include "tests/server/jobs/postgres_fixture.h"
+
 namespace glasswing {
 namespace {
 
@@ -13,7 +15,7 @@ class SqliteBackend : public JobBackend {
  public:
   SqliteBackend() {
     static int count = 0;
-    directory_ = fs::path(testing::TempDir()) / fmt_name(++count);
+    directory_ = fs::path(testing::TempDir()) / name(++count);
     fs::remove_all(directory_);
     fs::create_directories(directory_);
   }
@@ -23,16 +25,33 @@ class SqliteBackend : public JobBackend {
   }
 
  private:
-  static std::string fmt_name(int count) {
+  static std::string name(int count) {
     return "jobs." + std::to_string(::getpid()) + "." + std::to_string(count);
   }
   fs::path directory_;
 };
 
+class PostgresBackend : public JobBackend {
+ public:
+  explicit PostgresBackend(const PostgresFixture& postgres) : postgres_(postgres) { postgres.clear(); }
+  std::unique_ptr<JobStore> open(const JobStoreOptions& options) override {
+    return open_job_store(postgres_.connection(), "", options).value();
+  }
+
+ private:
+  const PostgresFixture& postgres_;
+};
+
 }  // namespace
 
 void JobContract::SetUp() {
-  backend_ = std::make_unique<SqliteBackend>();
+  if (GetParam() == "SQLite") {
+    backend_ = std::make_unique<SqliteBackend>();
+  } else if (const PostgresFixture* postgres = PostgresFixture::shared()) {
+    backend_ = std::make_unique<PostgresBackend>(*postgres);
+  } else {
+    GTEST_SKIP() << PostgresFixture::kMissing;
+  }
   open(options());
 }
 
@@ -88,7 +107,7 @@ std::vector<TileRange> ranges(int count) {
   return ranges;
 }
 
-INSTANTIATE_TEST_SUITE_P(Stores, JobContract, testing::Values("SQLite"),
+INSTANTIATE_TEST_SUITE_P(Stores, JobContract, testing::Values("SQLite", "PostgreSQL"),
                          [](const auto& parameter) { return parameter.param; });
 
 }  // namespace glasswing
