@@ -2,8 +2,6 @@
 
 #include <unistd.h>
 
-#include <thread>
-
 #include "tests/server/jobs/postgres_fixture.h"
 
 namespace glasswing {
@@ -86,25 +84,6 @@ Lease JobContract::claim_at_last(const std::string& solver) {
   std::optional<Lease> lease;
   if (!comes_true([&] { return (lease = claim(solver)).has_value(); })) ADD_FAILURE() << "nothing to claim";
   return lease.value();
-}
-
-TileResult result(const std::string& name, double seconds) {
-  return {.result = name, .object_pixels = 10, .flagged_pixels = 3, .seconds = seconds};
-}
-
-bool comes_true(const std::function<bool()>& condition) {
-  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(30);
-  while (!condition()) {
-    if (std::chrono::steady_clock::now() > deadline) return false;
-    std::this_thread::sleep_for(std::chrono::milliseconds(2));
-  }
-  return true;
-}
-
-std::vector<TileRange> ranges(int count) {
-  std::vector<TileRange> ranges;
-  for (int i = 0; i < count; ++i) ranges.push_back({.first = 4 * i, .count = 4});
-  return ranges;
 }
 
 INSTANTIATE_TEST_SUITE_P(Stores, JobContract, testing::Values("SQLite", "PostgreSQL"),
