@@ -128,6 +128,14 @@ absl::Status PostgresJobStore::statements(Change change) {
   return with_connection([&](PostgresConnection& connection) { return change(connection); });
 }
 
+std::string PostgresJobStore::oldest_tile(const std::string& open, const std::string& free) const {
+  return fmt::format(
+      "SELECT f.job, f.number FROM (SELECT id FROM jobs WHERE {} ORDER BY id) j CROSS JOIN LATERAL "
+      "(SELECT t.job, t.number FROM tiles t WHERE t.job = j.id AND {} ORDER BY t.failures, t.number "
+      "LIMIT 1 :locking) f LIMIT 1",
+      open, free);
+}
+
 absl::StatusOr<SqlRows> PostgresJobStore::read(const std::string& sql, const SqlValues& values) {
   SqlRows rows;
   const absl::Status status = with_connection([&](PostgresConnection& connection) -> absl::Status {
