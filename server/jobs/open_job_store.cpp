@@ -1,4 +1,5 @@
 #include "server/jobs/job_store.h"
+#include "server/jobs/postgres_job_store.h"
 #include "server/jobs/sqlite_job_store.h"
 
 namespace glasswing {
@@ -7,8 +8,7 @@ absl::StatusOr<std::unique_ptr<JobStore>> open_job_store(const std::string& conn
                                                          const std::filesystem::path& data,
                                                          JobStoreOptions options) {
   if (connection.empty()) return SqliteJobStore::open(data / "jobs.sqlite", std::move(options));
-  // What was given is not repeated: it may have a password in it.
-  return absl::InvalidArgumentError("the job store's connection cannot be read; it must be empty (SQLite)");
+  return PostgresJobStore::open(connection, std::move(options));
 }
 
 }  // namespace glasswing

@@ -30,13 +30,14 @@ std::string placeholders(size_t first, size_t count) {
   return fmt::format("({})", fmt::join(names, ", "));
 }
 
-// Of a job that computes what stands from ?`first` on.
-std::string free_tiles(const std::string& columns, size_t first, size_t computes) {
-  return fmt::format(
-      "SELECT {} FROM jobs j CROSS JOIN tiles t WHERE t.job = j.id AND j.held = 0 AND j.computes IN {} AND "
-      "{} "
-      "AND t.lease_until <= :now AND t.twin_until <= :now ",
-      columns, placeholders(first, computes), kOpen);
+// Of table jobs: tiles may be handed out to one that computes what stands from ?`first` on.
+std::string open_jobs(size_t first, size_t computes) {
+  return fmt::format("held = 0 AND computes IN {}", placeholders(first, computes));
+}
+
+// Of table tiles.
+std::string is_free() {
+  return fmt::format("{} AND lease_until <= :now AND twin_until <= :now", kOpen);
 }
 
 // Held by one other than ?1 for longer than ?2.
@@ -59,22 +60,28 @@ absl::StatusOr<bool> may_claim_ahead(SqlConnection& connection, std::span<const 
                       "UNION SELECT twin_solver FROM tiles WHERE {0} AND twin_until > :now) AS solvers",
                       kLeased),
           {}));
-  GW_ASSIGN_OR_RETURN(const SqlRows free,
-                      connection.run(fmt::format("SELECT count(*) FROM ({} LIMIT ?1) AS enough",
-                                                 free_tiles("1", 2, computes.size())),
-                                     with({solvers.integer(0, 0)}, computes)));
+  // Job by job, each with its part of the index.
+  GW_ASSIGN_OR_RETURN(
+      const SqlRows free,
+      connection.run(
+          fmt::format("SELECT coalesce(sum(free), 0) FROM (SELECT (SELECT count(*) FROM (SELECT 1 FROM "
+                      "tiles WHERE job = jobs.id AND {} LIMIT ?1) AS enough) AS free FROM jobs WHERE {}) "
+                      "AS each",
+                      is_free(), open_jobs(2, computes.size())),
+          with({solvers.integer(0, 0)}, computes)));
   return free.integer(0, 0) >= solvers.integer(0, 0);
 }
 
+// `oldest` finds the tile.
 absl::StatusOr<SqlRows> claim_free(SqlConnection& connection, const std::string& solver,
-                                   std::int64_t lease_us, std::span<const std::string> computes) {
+                                   std::int64_t lease_us, const std::string& oldest,
+                                   std::span<const std::string> computes) {
   return connection.run(
       fmt::format(
-          "UPDATE tiles SET {}, attempts = attempts + 1, lease_attempt = attempts + 1, lease_solver = ?1, "
-          "lease_since = :now, lease_until = :now + ?2 WHERE (job, number) = ({} "
-          "ORDER BY j.id, t.failures, t.number LIMIT 1 :locking){}",
-          "twin_attempt = 0, twin_solver = '', twin_since = 0, twin_until = 0",
-          free_tiles("t.job, t.number", 3, computes.size()), kLeaseOfClaim),
+          "UPDATE tiles SET attempts = attempts + 1, lease_attempt = attempts + 1, lease_solver = ?1, "
+          "lease_since = :now, lease_until = :now + ?2, twin_attempt = 0, twin_solver = '', twin_since = 0, "
+          "twin_until = 0 WHERE (job, number) = ({}){}",
+          oldest, kLeaseOfClaim),
       with({solver, lease_us}, computes));
 }
 
@@ -85,9 +92,9 @@ absl::StatusOr<SqlRows> claim_twice(SqlConnection& connection, const std::string
       const SqlRows jobs,
       connection.run(
           fmt::format("SELECT j.id, (SELECT coalesce(avg(seconds), 0) FROM tiles WHERE job = j.id AND "
-                      "done_attempt > 0) FROM jobs j WHERE j.held = 0 AND j.computes IN {} AND EXISTS "
+                      "done_attempt > 0) FROM jobs j WHERE {} AND EXISTS "
                       "(SELECT 1 FROM tiles t WHERE t.job = j.id AND {}) ORDER BY j.id",
-                      placeholders(3, computes.size()), kSlow),
+                      open_jobs(3, computes.size()), kSlow),
           with({solver, least_us}, computes)));
   for (size_t i = 0; i < jobs.size(); ++i) {
     const std::int64_t age_us = std::max(least_us, static_cast<std::int64_t>(jobs.real(i, 1) * 1e6));
@@ -99,9 +106,10 @@ absl::StatusOr<SqlRows> claim_twice(SqlConnection& connection, const std::string
                 "?1, "
                 "twin_since = :now, twin_until = :now + ?3 WHERE (job, number) = ("
                 "SELECT t.job, t.number FROM tiles t WHERE t.job = ?4 AND {} "
-                "ORDER BY CASE WHEN t.lease_until > :now THEN t.lease_since ELSE t.twin_since END, t.number "
+                "ORDER BY CASE WHEN t.lease_until > t.twin_until THEN t.lease_since ELSE t.twin_since END, "
+                "t.number "
                 "LIMIT 1 :locking){}",
-                first_lease_if("lease_until > :now"), kSlow, kLeaseOfClaim),
+                first_lease_if("lease_until > twin_until"), kSlow, kLeaseOfClaim),
             {solver, age_us, std::chrono::microseconds(options.lease).count(), jobs.integer(i, 0)}));
     if (!claimed.empty()) return claimed;
   }
@@ -126,9 +134,9 @@ absl::StatusOr<std::optional<Lease>> SqlJobStore::claim(const std::string& solve
       GW_ASSIGN_OR_RETURN(const bool may, may_claim_ahead(connection, computes));
       if (!may) return absl::OkStatus();
     }
-    GW_ASSIGN_OR_RETURN(
-        SqlRows rows,
-        claim_free(connection, solver, std::chrono::microseconds(options_.lease).count(), computes));
+    GW_ASSIGN_OR_RETURN(SqlRows rows,
+                        claim_free(connection, solver, std::chrono::microseconds(options_.lease).count(),
+                                   oldest_tile(open_jobs(3, computes.size()), is_free()), computes));
     if (rows.empty() && !ahead) {
       GW_ASSIGN_OR_RETURN(rows, claim_twice(connection, solver, options_, computes));
     }

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <utility>
 
@@ -76,29 +77,30 @@ absl::StatusOr<std::int64_t> SqlJobStore::create(const JobSpec& spec, std::span<
 
 absl::Status SqlJobStore::recut(const TileAttempt& survey, const std::string& work,
                                 std::span<const TileRange> tiles) {
+  const SqlValues attempt{survey.job, std::int64_t{survey.tile}, std::int64_t{survey.attempt}};
   const absl::Status status = transaction([&](SqlConnection& connection) -> absl::Status {
     GW_ASSIGN_OR_RETURN(
         const SqlRows before,
-        connection.run(
-            "UPDATE jobs SET held = held WHERE id = ?1 "
-            "RETURNING CASE WHEN survey_tile = ?2 AND survey_attempt = ?3 AND ?3 > 0 THEN 1 ELSE 0 END, "
-            "(SELECT max(attempts) FROM tiles WHERE job = ?1)",
-            {survey.job, std::int64_t{survey.tile}, std::int64_t{survey.attempt}}));
+        connection.run("UPDATE jobs SET held = held WHERE id = ?1 RETURNING CASE WHEN "
+                       "survey_tile = ?2 AND survey_attempt = ?3 AND ?3 > 0 THEN 1 ELSE 0 END",
+                       attempt));
     if (before.empty()) return is_void(survey);
     if (before.integer(0, 0) != 0) return absl::OkStatus();
     GW_ASSIGN_OR_RETURN(
         const SqlRows held,
-        connection.run(fmt::format("DELETE FROM tiles WHERE {} RETURNING job", kAttempt),
-                       {survey.job, std::int64_t{survey.tile}, std::int64_t{survey.attempt}}));
+        connection.run(fmt::format("DELETE FROM tiles WHERE {} RETURNING attempts", kAttempt), attempt));
     if (held.empty()) return is_void(survey);
-    GW_RETURN_IF_ERROR(connection.run("DELETE FROM tiles WHERE job = ?1", {survey.job}).status());
+    GW_ASSIGN_OR_RETURN(const SqlRows others,
+                        connection.run("DELETE FROM tiles WHERE job = ?1 RETURNING attempts", {survey.job}));
     GW_RETURN_IF_ERROR(
         connection
-            .run("UPDATE jobs SET work = ?1, survey_tile = ?2, survey_attempt = ?3 WHERE id = ?4",
-                 {SqlBytes{work}, std::int64_t{survey.tile}, std::int64_t{survey.attempt}, survey.job})
+            .run("UPDATE jobs SET survey_tile = ?2, survey_attempt = ?3, work = ?4 WHERE id = ?1",
+                 {survey.job, std::int64_t{survey.tile}, std::int64_t{survey.attempt}, SqlBytes{work}})
             .status());
     // Attempts go on from those that were, so that none of them can pass for one at a new tile.
-    return insert(connection, survey.job, 0, before.integer(0, 1), tiles);
+    std::int64_t attempts = held.integer(0, 0);
+    for (size_t i = 0; i < others.size(); ++i) attempts = std::max(attempts, others.integer(i, 0));
+    return insert(connection, survey.job, 0, attempts, tiles);
   });
   GW_RETURN_IF_ERROR(status);
   tiles_became_free();
@@ -121,23 +123,26 @@ absl::Status SqlJobStore::add(std::int64_t job, std::span<const TileRange> tiles
 }
 
 absl::Status SqlJobStore::retry(std::int64_t job) {
-  return change_job(job, "UPDATE tiles SET quarantined = 0, failures = 0 WHERE job = ?1");
+  GW_RETURN_IF_ERROR(change_job(job, "UPDATE tiles SET quarantined = 0, failures = 0 WHERE job = ?1"));
+  tiles_became_free();
+  return absl::OkStatus();
 }
+
 absl::Status SqlJobStore::hold(std::int64_t job) {
   return change_job(job, "UPDATE jobs SET held = 1 WHERE id = ?1");
 }
+
 absl::Status SqlJobStore::release(std::int64_t job) {
-  return change_job(job, "UPDATE jobs SET held = 0 WHERE id = ?1");
+  GW_RETURN_IF_ERROR(change_job(job, "UPDATE jobs SET held = 0 WHERE id = ?1"));
+  tiles_became_free();
+  return absl::OkStatus();
 }
 
 absl::Status SqlJobStore::change_job(std::int64_t job, const std::string& sql) {
-  const absl::Status status = transaction([&](SqlConnection& connection) -> absl::Status {
+  return transaction([&](SqlConnection& connection) -> absl::Status {
     GW_RETURN_IF_ERROR(find_job(connection, job));
     return connection.run(sql, {job}).status();
   });
-  GW_RETURN_IF_ERROR(status);
-  tiles_became_free();
-  return absl::OkStatus();
 }
 
 absl::Status SqlJobStore::remove(std::int64_t job) {

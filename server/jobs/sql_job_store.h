@@ -81,6 +81,9 @@ class SqlJobStore : public JobStore {
   virtual absl::Status statements(Change change) = 0;
   // Statements that change nothing.
   virtual absl::StatusOr<SqlRows> read(const std::string& sql, const SqlValues& values) = 0;
+  // A statement for job and number of the first tile that is `free`, of the oldest job that is `open`: it
+  // goes from job to job, so that what an index still holds of tiles long done or gone is not in the way.
+  virtual std::string oldest_tile(const std::string& open, const std::string& free) const = 0;
   // Tells the other servers, if any, that tiles may have become free.
   virtual void tell_others() {}
 

@@ -166,6 +166,13 @@ void SqliteJobStore::commit_all(std::span<Waiting* const> batch) {
   for (Waiting* each : batch) each->status = status;
 }
 
+std::string SqliteJobStore::oldest_tile(const std::string& open, const std::string& free) const {
+  return fmt::format(
+      "SELECT t.job, t.number FROM jobs j CROSS JOIN tiles t WHERE {} AND t.job = j.id AND {} "
+      "ORDER BY j.id, t.failures, t.number LIMIT 1",
+      open, free);
+}
+
 absl::StatusOr<SqlRows> SqliteJobStore::read(const std::string& sql, const SqlValues& values) {
   const std::lock_guard lock(reader_mutex_);
   return run_in(reader_, sql, values);

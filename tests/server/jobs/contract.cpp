@@ -2,7 +2,7 @@
 
 #include <unistd.h>
 
-#include <thread>
+#include "tests/server/jobs/postgres_fixture.h"
 
 namespace glasswing {
 namespace {
@@ -13,7 +13,7 @@ class SqliteBackend : public JobBackend {
  public:
   SqliteBackend() {
     static int count = 0;
-    directory_ = fs::path(testing::TempDir()) / fmt_name(++count);
+    directory_ = fs::path(testing::TempDir()) / name(++count);
     fs::remove_all(directory_);
     fs::create_directories(directory_);
   }
@@ -23,16 +23,33 @@ class SqliteBackend : public JobBackend {
   }
 
  private:
-  static std::string fmt_name(int count) {
+  static std::string name(int count) {
     return "jobs." + std::to_string(::getpid()) + "." + std::to_string(count);
   }
   fs::path directory_;
 };
 
+class PostgresBackend : public JobBackend {
+ public:
+  explicit PostgresBackend(const PostgresFixture& postgres) : postgres_(postgres) { postgres.clear(); }
+  std::unique_ptr<JobStore> open(const JobStoreOptions& options) override {
+    return open_job_store(postgres_.connection(), "", options).value();
+  }
+
+ private:
+  const PostgresFixture& postgres_;
+};
+
 }  // namespace
 
 void JobContract::SetUp() {
-  backend_ = std::make_unique<SqliteBackend>();
+  if (GetParam() == "SQLite") {
+    backend_ = std::make_unique<SqliteBackend>();
+  } else if (const PostgresFixture* postgres = PostgresFixture::shared()) {
+    backend_ = std::make_unique<PostgresBackend>(*postgres);
+  } else {
+    GTEST_SKIP() << PostgresFixture::kMissing;
+  }
   open(options());
 }
 
@@ -69,26 +86,7 @@ Lease JobContract::claim_at_last(const std::string& solver) {
   return lease.value();
 }
 
-TileResult result(const std::string& name, double seconds) {
-  return {.result = name, .object_pixels = 10, .flagged_pixels = 3, .seconds = seconds};
-}
-
-bool comes_true(const std::function<bool()>& condition) {
-  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(30);
-  while (!condition()) {
-    if (std::chrono::steady_clock::now() > deadline) return false;
-    std::this_thread::sleep_for(std::chrono::milliseconds(2));
-  }
-  return true;
-}
-
-std::vector<TileRange> ranges(int count) {
-  std::vector<TileRange> ranges;
-  for (int i = 0; i < count; ++i) ranges.push_back({.first = 4 * i, .count = 4});
-  return ranges;
-}
-
-INSTANTIATE_TEST_SUITE_P(Stores, JobContract, testing::Values("SQLite"),
+INSTANTIATE_TEST_SUITE_P(Stores, JobContract, testing::Values("SQLite", "PostgreSQL"),
                          [](const auto& parameter) { return parameter.param; });
 
 }  // namespace glasswing

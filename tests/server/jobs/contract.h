@@ -3,9 +3,8 @@
 
 #include <gtest/gtest.h>
 
-#include <functional>
-
 #include "server/jobs/job_store.h"
+#include "tests/server/jobs/helpers.h"
 
 namespace glasswing {
 
@@ -36,11 +35,5 @@ class JobContract : public testing::TestWithParam<std::string> {
   std::unique_ptr<JobBackend> backend_;
   std::unique_ptr<JobStore> store_;
 };
-
-// `seconds` of work.
-TileResult result(const std::string& name, double seconds = 1.0);
-// Asks until it is so; false: not within half a minute.
-bool comes_true(const std::function<bool()>& condition);
-std::vector<TileRange> ranges(int count);
 
 }  // namespace glasswing

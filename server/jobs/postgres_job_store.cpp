@@ -1,0 +1,176 @@
+#include "server/jobs/postgres_job_store.h"
+
+#include <fmt/format.h>
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include "core/base/status.h"
+#include "server/jobs/sql_text.h"
+
+namespace glasswing {
+namespace {
+
+constexpr int kMostConnections = 8;
+constexpr int kTries = 5;
+constexpr std::int64_t kVersion = 1;
+// Any number, the same for all servers: of several that start at once one makes the tables.
+constexpr std::int64_t kSchemaLock = 0x676c617373;
+
+// Rows are changed in place where there is room, hence fillfactor.
+std::string schema() {
+  return fmt::format(
+      "CREATE TABLE version (number bigint NOT NULL); INSERT INTO version VALUES ({}); "
+      "CREATE TABLE servers (id text PRIMARY KEY, address text NOT NULL); "
+      "CREATE TABLE jobs (id bigint GENERATED ALWAYS AS IDENTITY PRIMARY KEY, "
+      "server text NOT NULL REFERENCES servers, session text NOT NULL, computes text NOT NULL, "
+      "work bytea NOT NULL, held int NOT NULL DEFAULT 0, created bigint NOT NULL, "
+      "survey_tile int NOT NULL DEFAULT 0, survey_attempt int NOT NULL DEFAULT 0); "
+      "CREATE TABLE tiles (job bigint NOT NULL REFERENCES jobs ON DELETE CASCADE, number int NOT NULL, "
+      "first int NOT NULL, count int NOT NULL, attempts int NOT NULL, "
+      "failures int NOT NULL DEFAULT 0, quarantined int NOT NULL DEFAULT 0, error bytea NOT NULL DEFAULT '', "
+      "lease_attempt int NOT NULL DEFAULT 0, lease_solver text NOT NULL DEFAULT '', "
+      "lease_since bigint NOT NULL DEFAULT 0, lease_until bigint NOT NULL DEFAULT 0, "
+      "twin_attempt int NOT NULL DEFAULT 0, twin_solver text NOT NULL DEFAULT '', "
+      "twin_since bigint NOT NULL DEFAULT 0, twin_until bigint NOT NULL DEFAULT 0, "
+      "done_attempt int NOT NULL DEFAULT 0, done_at bigint NOT NULL DEFAULT 0, "
+      "result bytea NOT NULL DEFAULT '', object_pixels bigint NOT NULL DEFAULT 0, "
+      "flagged_pixels bigint NOT NULL DEFAULT 0, seconds double precision NOT NULL DEFAULT 0, "
+      "PRIMARY KEY (job, number)) WITH (fillfactor = 70); "
+      "CREATE INDEX tiles_open ON tiles (job, failures, number) WHERE {}; "
+      "CREATE INDEX tiles_leased ON tiles (job, number) WHERE {}",
+      kVersion, kOpen, kLeased);
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<PostgresJobStore>> PostgresJobStore::open(const std::string& connection,
+                                                                         JobStoreOptions options) {
+  GW_ASSIGN_OR_RETURN(PostgresAddress address, PostgresAddress::parse(connection));
+  std::unique_ptr<PostgresJobStore> store(new PostgresJobStore(std::move(address), std::move(options)));
+  GW_RETURN_IF_ERROR(store->prepare());
+  store->listener_ = std::jthread([&store = *store](std::stop_token stop) { store.listen(stop); });
+  return store;
+}
+
+absl::Status PostgresJobStore::prepare() {
+  return transaction([&](SqlConnection& connection) -> absl::Status {
+    GW_RETURN_IF_ERROR(connection.run("SELECT pg_advisory_xact_lock(?1)", {kSchemaLock}).status());
+    GW_ASSIGN_OR_RETURN(const SqlRows made,
+                        connection.run("SELECT 1 FROM pg_namespace WHERE nspname = 'glasswing'", {}));
+    if (made.empty()) {
+      GW_RETURN_IF_ERROR(connection.run("CREATE SCHEMA glasswing", {}).status());
+      GW_RETURN_IF_ERROR(connection.run(schema(), {}).status());
+    }
+    GW_ASSIGN_OR_RETURN(const SqlRows version, connection.run("SELECT max(number) FROM version", {}));
+    if (version.integer(0, 0) != kVersion) {
+      return absl::FailedPreconditionError(
+          fmt::format("{} has tables of version {}; this server knows version {}: update it, or give it a "
+                      "database of its own",
+                      title(), version.integer(0, 0), kVersion));
+    }
+    GW_RETURN_IF_ERROR(connection
+                           .run("INSERT INTO servers VALUES (?1, ?2) "
+                                "ON CONFLICT (id) DO UPDATE SET address = excluded.address",
+                                {options_.server_id, options_.server_address})
+                           .status());
+    return connection.run("UPDATE jobs SET held = 0 WHERE server = ?1 AND held <> 0", {options_.server_id})
+        .status();
+  });
+}
+
+absl::StatusOr<std::unique_ptr<PostgresConnection>> PostgresJobStore::borrow() {
+  std::unique_lock lock(mutex_);
+  given_back_.wait(lock, [&] { return borrowed_ < kMostConnections; });
+  ++borrowed_;
+  while (!idle_.empty()) {
+    std::unique_ptr<PostgresConnection> connection = std::move(idle_.back());
+    idle_.pop_back();
+    if (!connection->is_lost()) return connection;
+  }
+  lock.unlock();
+  return PostgresConnection::open(address_);
+}
+
+void PostgresJobStore::give_back(std::unique_ptr<PostgresConnection> connection) {
+  const std::lock_guard lock(mutex_);
+  --borrowed_;
+  if (connection != nullptr) idle_.push_back(std::move(connection));
+  given_back_.notify_one();
+}
+
+absl::Status PostgresJobStore::with_connection(absl::FunctionRef<absl::Status(PostgresConnection&)> use) {
+  absl::StatusOr<std::unique_ptr<PostgresConnection>> connection = borrow();
+  if (!connection.ok()) {
+    give_back(nullptr);
+    return connection.status();
+  }
+  absl::Status status;
+  for (int i = 0; i < kTries; ++i) {
+    status = use(**connection);
+    if (status.ok() || !(*connection)->had_conflict()) break;
+  }
+  give_back((*connection)->is_lost() ? nullptr : *std::move(connection));
+  return status;
+}
+
+absl::Status PostgresJobStore::transaction(Change change) {
+  return with_connection([&](PostgresConnection& connection) -> absl::Status {
+    GW_RETURN_IF_ERROR(connection.run("BEGIN", {}).status());
+    const absl::Status status = change(connection);
+    if (status.ok()) return connection.run("COMMIT", {}).status();
+    connection.roll_back();
+    return status;
+  });
+}
+
+absl::Status PostgresJobStore::statements(Change change) {
+  return with_connection([&](PostgresConnection& connection) { return change(connection); });
+}
+
+std::string PostgresJobStore::oldest_tile(const std::string& open, const std::string& free) const {
+  return fmt::format(
+      "SELECT f.job, f.number FROM (SELECT id FROM jobs WHERE {} ORDER BY id) j CROSS JOIN LATERAL "
+      "(SELECT t.job, t.number FROM tiles t WHERE t.job = j.id AND {} ORDER BY t.failures, t.number "
+      "LIMIT 1 :locking) f LIMIT 1",
+      open, free);
+}
+
+absl::StatusOr<SqlRows> PostgresJobStore::read(const std::string& sql, const SqlValues& values) {
+  SqlRows rows;
+  const absl::Status status = with_connection([&](PostgresConnection& connection) -> absl::Status {
+    GW_ASSIGN_OR_RETURN(rows, connection.run(sql, values));
+    return absl::OkStatus();
+  });
+  GW_RETURN_IF_ERROR(status);
+  return rows;
+}
+
+void PostgresJobStore::tell_others() {
+  (void)with_connection(
+      [](PostgresConnection& connection) { return connection.run("NOTIFY glasswing_tiles", {}).status(); });
+}
+
+void PostgresJobStore::listen(std::stop_token stop) {
+  const int stopped = ::eventfd(0, EFD_CLOEXEC);
+  const std::stop_callback wake(stop, [&] { (void)!::eventfd_write(stopped, 1); });
+  while (!stop.stop_requested()) {
+    const auto connection = PostgresConnection::open(address_);
+    bool listens = connection.ok() && (*connection)->run("LISTEN glasswing_tiles", {}).ok();
+    // What was told in between is not known.
+    if (listens) hinted();
+    while (listens && !stop.stop_requested()) {
+      pollfd wait[] = {{.fd = (*connection)->socket(), .events = POLLIN, .revents = 0},
+                       {.fd = stopped, .events = POLLIN, .revents = 0}};
+      ::poll(wait, 2, -1);
+      const absl::StatusOr<int> notifications = (*connection)->take_notifications();
+      listens = notifications.ok();
+      if (listens && *notifications > 0) hinted();
+    }
+    pollfd pause{.fd = stopped, .events = POLLIN, .revents = 0};
+    ::poll(&pause, 1, 1000);
+  }
+  ::close(stopped);
+}
+
+}  // namespace glasswing

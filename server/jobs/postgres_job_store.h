@@ -1,0 +1,45 @@
+// Tiles in a PostgreSQL that several servers may share. Tables are in the schema "glasswing"; the first
+// server makes them.
+#pragma once
+
+#include <thread>
+
+#include "server/jobs/postgres_connection.h"
+#include "server/jobs/sql_job_store.h"
+
+namespace glasswing {
+
+// Its clock is the database's.
+class PostgresJobStore : public SqlJobStore {
+ public:
+  static absl::StatusOr<std::unique_ptr<PostgresJobStore>> open(const std::string& connection,
+                                                                JobStoreOptions options);
+  std::string title() const override { return address_.title(); }
+
+ protected:
+  absl::Status transaction(Change change) override;
+  absl::Status statements(Change change) override;
+  absl::StatusOr<SqlRows> read(const std::string& sql, const SqlValues& values) override;
+  std::string oldest_tile(const std::string& open, const std::string& free) const override;
+  void tell_others() override;
+
+ private:
+  PostgresJobStore(PostgresAddress address, JobStoreOptions options)
+      : SqlJobStore(std::move(options)), address_(std::move(address)) {}
+  absl::Status prepare();
+  // With a connection of the pool; again if it failed only because of another change at the same time.
+  absl::Status with_connection(absl::FunctionRef<absl::Status(PostgresConnection&)> use);
+  absl::StatusOr<std::unique_ptr<PostgresConnection>> borrow();
+  void give_back(std::unique_ptr<PostgresConnection> connection);
+  // Hints of other servers, until it is stopped.
+  void listen(std::stop_token stop);
+
+  const PostgresAddress address_;
+  std::mutex mutex_;
+  std::condition_variable given_back_;
+  std::vector<std::unique_ptr<PostgresConnection>> idle_;  // guarded by mutex_
+  int borrowed_ = 0;                                       // likewise
+  std::jthread listener_;
+};
+
+}  // namespace glasswing

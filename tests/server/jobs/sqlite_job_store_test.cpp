@@ -1,0 +1,66 @@
+// What only SQLite does: the files of earlier and of later versions.
+#include "server/jobs/sqlite_job_store.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include "tests/server/jobs/helpers.h"
+
+namespace glasswing {
+namespace {
+
+namespace fs = std::filesystem;
+
+class JobsFile : public testing::Test {
+ protected:
+  void SetUp() override {
+    fs::remove_all(path_.parent_path());
+    fs::create_directories(path_.parent_path());
+  }
+  void TearDown() override { fs::remove_all(path_.parent_path()); }
+  absl::StatusOr<std::unique_ptr<SqliteJobStore>> open() {
+    return SqliteJobStore::open(
+        path_, {.server_id = "a", .server_address = "a.lab:7000", .lease = std::chrono::hours(1)});
+  }
+  void run(const std::string& sql) { ASSERT_TRUE(Database::open(path_)->run(sql).ok()); }
+
+  const fs::path path_ =
+      fs::path(testing::TempDir()) / ("sqlite_job_store." + std::to_string(::getpid())) / "jobs.sqlite";
+};
+
+TEST_F(JobsFile, TilesOfAnEarlierVersionAreDropped) {
+  run("CREATE TABLE tiles (id INTEGER PRIMARY KEY AUTOINCREMENT, session TEXT NOT NULL, number INTEGER NOT "
+      "NULL, "
+      "first INTEGER NOT NULL, count INTEGER NOT NULL, attempt INTEGER NOT NULL DEFAULT 0, "
+      "failures INTEGER NOT NULL DEFAULT 0, lease_until INTEGER NOT NULL DEFAULT 0, "
+      "solver TEXT NOT NULL DEFAULT '', result TEXT NOT NULL DEFAULT '', UNIQUE (session, number)); "
+      "INSERT INTO tiles (session, number, first, count) VALUES ('s', 0, 0, 4)");
+  const auto store = open().value();
+  EXPECT_TRUE(store->own_jobs()->empty());
+  EXPECT_TRUE(store->create({.session = "s", .computes = "c", .work = ""}, ranges(2)).ok());
+}
+
+TEST_F(JobsFile, AnotherBootEndsLeases) {
+  const auto before = open().value();
+  const std::int64_t job = before->create({.session = "s", .computes = "c", .work = ""}, ranges(1)).value();
+  const std::vector<std::string> computes{"c"};
+  const Lease lease = before->claim("a", computes, false)->value();
+  run("UPDATE boot SET id = 'another'");
+  const auto after = open().value();
+  EXPECT_TRUE(after->leases()->empty());
+  EXPECT_TRUE(after->keep(lease.id).ok());  // goes on, as any that ended
+  EXPECT_EQ(after->leases()->size(), 1u);
+  run("UPDATE boot SET id = 'a third'");
+  EXPECT_EQ(open().value()->claim("b", computes, false)->value().id.job, job);
+}
+
+TEST_F(JobsFile, ANewerVersionIsRefused) {
+  ASSERT_TRUE(open().ok());
+  run("PRAGMA user_version = 2");
+  const absl::Status refused = open().status();
+  EXPECT_TRUE(absl::IsFailedPrecondition(refused)) << refused;
+  EXPECT_NE(refused.message().find("version 2"), std::string::npos) << refused;
+}
+
+}  // namespace
+}  // namespace glasswing
