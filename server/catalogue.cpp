@@ -143,7 +143,10 @@ absl::Status Catalogue::set_copy(const std::string& name, const v1::ArchiveCopy&
 absl::Status Catalogue::drop_copy(const std::string& name, const std::string& node) {
   const std::lock_guard lock(mutex_);
   GW_ASSIGN_OR_RETURN(v1::Session session, find_locked(name));
-  std::erase_if(*session.mutable_copies(), [&](const v1::ArchiveCopy& copy) { return copy.node() == node; });
+  auto& copies = *session.mutable_copies();
+  copies.erase(std::remove_if(copies.begin(), copies.end(),
+                              [&](const v1::ArchiveCopy& copy) { return copy.node() == node; }),
+               copies.end());
   return store_copies(session);
 }
 
