@@ -85,10 +85,10 @@ absl::Status Server::replicate_to(const v1::Session& session, const std::string&
   }
   v1::ArchiveCopy copied;
   copied.set_node(node);
-  const bool known = std::ranges::any_of(
-      session.copies(), [&](const v1::ArchiveCopy& copy) { return copy.node() == node && is_whole(copy); });
+  const auto known = std::ranges::find(session.copies(), node, &v1::ArchiveCopy::node);
+  const bool listed = known != session.copies().end();
   // From now on there may be a part of it, which goes when the session does.
-  if (!known) GW_RETURN_IF_ERROR(catalogue_->set_copy(session.name(), copied));
+  if (!listed) GW_RETURN_IF_ERROR(catalogue_->set_copy(session.name(), copied));
   v1::CopyArchiveRequest request;
   request.set_session(session.name());
   request.set_from_address(session.archive_address());
@@ -100,6 +100,8 @@ absl::Status Server::replicate_to(const v1::Session& session, const std::string&
     const absl::Status again = copy(node, address, request, tell, is_wanted);
     if (again.ok()) status = again;
   }
+  if (!listed && (absl::IsFailedPrecondition(status) || absl::IsAlreadyExists(status)))
+    GW_RETURN_IF_ERROR(catalogue_->drop_copy(session.name(), node));  // nothing was begun there
   GW_RETURN_IF_ERROR(status);
   copied.set_address(address);
   GW_RETURN_IF_ERROR(catalogue_->set_copy(session.name(), copied));

@@ -186,14 +186,35 @@ void report(const std::string& name, double bytes, const Times& times, const Tim
                            median(times.cpu_seconds) / bytes * 1e9);
 }
 
-void run(const Options& options, const fs::path& root, bool tls) {
-  Bench bench(root / (tls ? "tls" : "plain"));
-  ArchiveServiceImpl service(*bench.store);
-  FieldService fields(*bench.archive);
-  const std::unique_ptr<ServiceHost> host = ServiceHost::start({}, {&service}).value();
-  const std::unique_ptr<ServiceHost> old_host = ServiceHost::start({}, {&fields}).value();
-  const auto old = v1::ArchiveService::NewStub(dial(old_host->address()));
-  RemoteArchive remote({host->address()}, "bench", {}, Reading::kNeverMapped);
+// Serves over TLS, and has this process's calls use it from now on.
+class TlsHost {
+ public:
+  TlsHost(const fs::path& root, grpc::Service& service) {
+    const MadeCertificate ca = make_certificate("ca"), own = make_certificate("node", &ca, "IP:127.0.0.1");
+    const std::string ca_file = (root / "ca.pem").string();
+    std::ofstream(ca_file) << ca.certificate_pem();
+    if (!use_tls({.ca = ca_file, .certificate = "", .key = ""}).ok()) std::abort();
+    grpc::SslServerCredentialsOptions options;
+    options.pem_key_cert_pairs.push_back({own.key_pem(), own.certificate_pem()});
+    grpc::ServerBuilder builder;
+    int port = 0;
+    builder.AddListeningPort("127.0.0.1:0", grpc::SslServerCredentials(options), &port);
+    builder.RegisterService(&service);
+    server_ = builder.BuildAndStart();
+    address_ = fmt::format("127.0.0.1:{}", port);
+  }
+  ~TlsHost() { server_->Shutdown(std::chrono::system_clock::now()); }
+  const std::string& address() const { return address_; }
+
+ private:
+  std::unique_ptr<grpc::Server> server_;
+  std::string address_;
+};
+
+void run(const Options& options, Bench& bench, const std::string& address, const std::string& old_address,
+         bool tls) {
+  const auto old = v1::ArchiveService::NewStub(dial(old_address));
+  const RemoteArchive remote({address}, "bench", {}, Reading::kNeverMapped);
   std::vector<int> all;
   for (int i = 0; i < kFrames; ++i) all.push_back(i);
   for (const Region& region : {Region{"whole frames, 18 MB each", 0, kHeight, 1},
@@ -243,7 +264,18 @@ int main(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
   const fs::path root = fs::temp_directory_path() / fmt::format("glasswing-archive-bench.{}", ::getpid());
   fs::create_directories(root);
-  run(options, root, false);
+  {
+    Bench bench(root);
+    ArchiveServiceImpl service(*bench.store);
+    FieldService fields(*bench.archive);
+    {
+      const auto host = ServiceHost::start({}, {&service}).value(),
+                 old = ServiceHost::start({}, {&fields}).value();
+      run(options, bench, host->address(), old->address(), false);
+    }
+    const TlsHost host(root, service), old(root, fields);
+    run(options, bench, host.address(), old.address(), true);
+  }
   fs::remove_all(root);
   return 0;
 }

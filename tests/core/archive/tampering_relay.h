@@ -44,7 +44,8 @@ class TamperingRelay {
     ::close(listener_);
   }
   const std::string& address() const { return address_; }
-  size_t sent() const { return sent_; }  // by the node
+  size_t sent() const { return sent_; }          // by the node
+  size_t received() const { return received_; }  // by the node
 
  private:
   static sockaddr_in loopback(int port) {
@@ -78,7 +79,7 @@ class TamperingRelay {
         const ssize_t got = ::recv(from, buffer.data(), buffer.size(), 0);
         std::string bytes(buffer.data(), static_cast<size_t>(std::max<ssize_t>(got, 0)));
         open = open && got > 0 && (from == client || tamper_(bytes, sent_));
-        if (from == node) sent_ += bytes.size();
+        (from == node ? sent_ : received_) += bytes.size();
         if (open && ::send(from == client ? node : client, bytes.data(), bytes.size(), MSG_NOSIGNAL) < 0)
           open = false;
       }
@@ -91,7 +92,7 @@ class TamperingRelay {
   const Tamper tamper_;
   const int listener_;
   std::string address_;
-  std::atomic<size_t> sent_ = 0;
+  std::atomic<size_t> sent_ = 0, received_ = 0;
   std::list<std::jthread> passing_;  // of the accepting thread; after its end, of the destructor
   std::jthread accepting_;
 };
