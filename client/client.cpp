@@ -73,6 +73,7 @@ void add_commands(CLI::App& app, Client& client, const Config& config) {
   add_capture_command(app, client);
   add_import_command(app, client);
   add_export_command(app, client);
+  add_replicate_command(app, client);
   app.group("Mattes");
   add_solve_command(app, client);
   add_fetch_command(app, client);

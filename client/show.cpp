@@ -27,6 +27,12 @@ void print_details(const v1::Session& session) {
           ? ""
           : fmt::format("{} on the node at {}", bytes_text(static_cast<double>(session.archive_bytes())),
                         session.archive_address()));
+  for (const v1::ArchiveCopy& copy : session.copies()) {
+    row(&copy == &session.copies(0) ? "copies" : "",
+        copy.address().empty() ? copy.node() + ", a part; finish it with: glasswing replicate " +
+                                     session.name() + " " + copy.node()
+                               : fmt::format("{} at {}", copy.node(), copy.address()));
+  }
   row("steps", fmt::format("{} of {} proven, {} retaken, {} frames taken in {}", session.proven_count(),
                            session.step_count(), session.retaken_count(), session.frames_taken(),
                            seconds_text(session.capture_seconds())));

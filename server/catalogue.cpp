@@ -15,7 +15,7 @@
 namespace glasswing {
 namespace {
 
-constexpr const char* kRow = "SELECT session, note, tags FROM sessions ";
+constexpr const char* kRow = "SELECT session, note, tags, copies FROM sessions ";
 
 absl::StatusOr<v1::Session> parsed(const std::string& bytes) {
   v1::Session session;
@@ -28,6 +28,8 @@ absl::StatusOr<v1::Session> parsed(const Database::Query& row) {
   session.set_note(row.text(1));
   const std::vector<std::string> tags = absl::StrSplit(row.text(2), ' ', absl::SkipEmpty());
   session.mutable_tags()->Assign(tags.begin(), tags.end());
+  GW_ASSIGN_OR_RETURN(const v1::Session copied, parsed(row.text(3)));
+  *session.mutable_copies() = copied.copies();
   return session;
 }
 
@@ -35,7 +37,7 @@ absl::StatusOr<v1::Session> parsed(const Database::Query& row) {
 absl::Status add_columns(Database& database) {
   for (const auto& [column, type] :
        {std::pair("note", "TEXT NOT NULL DEFAULT ''"), std::pair("tags", "TEXT NOT NULL DEFAULT ''"),
-        std::pair("finished", "BLOB NOT NULL DEFAULT ''")}) {
+        std::pair("finished", "BLOB NOT NULL DEFAULT ''"), std::pair("copies", "BLOB NOT NULL DEFAULT ''")}) {
     Database::Query query = database.query("SELECT 1 FROM pragma_table_info('sessions') WHERE name = ?");
     query.bind(std::string_view(column));
     const bool is_there = query.next();
@@ -126,6 +128,37 @@ absl::StatusOr<v1::Session> Catalogue::annotate(const v1::AnnotateSessionRequest
   return find_locked(request.name());
 }
 
+absl::Status Catalogue::set_copy(const std::string& name, const v1::ArchiveCopy& copy) {
+  const std::lock_guard lock(mutex_);
+  GW_ASSIGN_OR_RETURN(v1::Session session, find_locked(name));
+  for (v1::ArchiveCopy& known : *session.mutable_copies()) {
+    if (known.node() != copy.node()) continue;
+    known = copy;
+    return store_copies(session);
+  }
+  *session.add_copies() = copy;
+  return store_copies(session);
+}
+
+absl::Status Catalogue::drop_copy(const std::string& name, const std::string& node) {
+  const std::lock_guard lock(mutex_);
+  GW_ASSIGN_OR_RETURN(v1::Session session, find_locked(name));
+  auto& copies = *session.mutable_copies();
+  copies.erase(std::remove_if(copies.begin(), copies.end(),
+                              [&](const v1::ArchiveCopy& copy) { return copy.node() == node; }),
+               copies.end());
+  return store_copies(session);
+}
+
+absl::Status Catalogue::store_copies(const v1::Session& session) {
+  v1::Session alone;
+  *alone.mutable_copies() = session.copies();
+  return database_.query("UPDATE sessions SET copies = ? WHERE name = ?")
+      .bind(alone.SerializeAsString())
+      .bind(session.name())
+      .finish();
+}
+
 absl::Status Catalogue::keep_finished(const v1::Session& session) {
   const std::lock_guard lock(mutex_);
   return database_.query("UPDATE sessions SET finished = ? WHERE name = ?")
@@ -142,7 +175,7 @@ absl::Status Catalogue::drop_finished(const std::string& name) {
 absl::StatusOr<v1::Session> Catalogue::finished(const std::string& name) {
   const std::lock_guard lock(mutex_);
   Database::Query query =
-      database_.query("SELECT finished, note, tags FROM sessions WHERE name = ? AND finished != ''");
+      database_.query("SELECT finished, note, tags, copies FROM sessions WHERE name = ? AND finished != ''");
   query.bind(name);
   return first(std::move(query), fmt::format("no solve of session \"{}\" has finished", name));
 }

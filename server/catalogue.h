@@ -28,11 +28,15 @@ class Catalogue {
 
   // ALREADY_EXISTS: the name is taken.
   absl::Status insert(const v1::Session& session, const std::string& request_id);
-  // Durable when it returns. The note and the tags stay as they are: what runs knows nothing of them.
+  // Durable when it returns. The note, the tags and the copies stay as they are: what runs knows nothing of
+  // them.
   absl::Status update(const v1::Session& session);
   // Changes the note and the tags alone. NOT_FOUND: no such session. INVALID_ARGUMENT: a tag that is no name,
   // a note of more than kMostNoteBytes.
   absl::StatusOr<v1::Session> annotate(const v1::AnnotateSessionRequest& request);
+  // The nodes with copies of its archive are changed alone too, one a name.
+  absl::Status set_copy(const std::string& name, const v1::ArchiveCopy& copy);
+  absl::Status drop_copy(const std::string& name, const std::string& node);
   // The session as it was when its last solve finished, kept while it is solved anew. NOT_FOUND: no solve
   // before this one finished.
   absl::Status keep_finished(const v1::Session& session);
@@ -48,9 +52,10 @@ class Catalogue {
 
  private:
   explicit Catalogue(Database database) : database_(std::move(database)) {}
-  // Of rows (session, note, tags), with mutex_ held.
+  // Of rows (session, note, tags, copies), with mutex_ held.
   absl::StatusOr<v1::Session> first(Database::Query query, const std::string& missing);
   absl::StatusOr<v1::Session> find_locked(const std::string& name);
+  absl::Status store_copies(const v1::Session& session);
 
   std::mutex mutex_;
   Database database_;  // guarded by mutex_

@@ -146,6 +146,7 @@ absl::StatusOr<v1::Session> Server::find_locked(const std::string& name) {
   v1::Session session = live->second;
   session.set_note(stored.note());
   *session.mutable_tags() = stored.tags();
+  *session.mutable_copies() = stored.copies();
   return session;
 }
 

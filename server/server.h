@@ -67,6 +67,11 @@ class Server {
   absl::StatusOr<v1::Session> cancel(const std::string& name, const Caller& caller);
   // Bytes freed.
   absl::StatusOr<std::int64_t> remove(const std::string& name);
+  // `tell` hears how far it came; false: nobody listens any more. It ends when `is_wanted` says no, which is
+  // asked now and then. What was copied until then stays.
+  absl::Status replicate(const v1::ReplicateSessionRequest& request,
+                         const std::function<bool(const v1::ReplicateSessionResponse&)>& tell,
+                         const std::function<bool()>& is_wanted);
   absl::StatusOr<v1::Session> solve(const v1::SolveSessionRequest& request);
   // Path of the last finished solve's matte, or of that of a video's frame. It may be gone by the time it is
   // read: then ask again.
@@ -125,6 +130,11 @@ class Server {
   void finish_solves(std::stop_token stop);
   void finish_solve(const std::string& name);
   absl::StatusOr<std::int64_t> remove_all_of(v1::Session session);
+  absl::Status check_archives_answer(const v1::Session& session);
+  absl::StatusOr<std::int64_t> remove_copies(const v1::Session& session);
+  absl::Status replicate_to(const v1::Session& session, const std::string& node,
+                            const std::function<bool(const v1::ReplicateSessionResponse&)>& tell,
+                            const std::function<bool()>& is_wanted);
   // Stops the session's capture and waits until it rests.
   absl::StatusOr<v1::Session> end_capture(const std::string& name, Wish wish);
   void capture_until_done(v1::Session session, std::optional<bool> object_confirmed, std::stop_token stop);
@@ -148,6 +158,7 @@ class Server {
   std::map<std::string, v1::Session> live_;     // counts of the running capture, ahead of the catalogue
   std::map<std::string, bool> operator_asked_;  // sessions that wait for a person: where the object is to be
   std::set<std::string> going_;                 // sessions that are being deleted
+  std::multiset<std::string> replicating_;      // sessions that are being copied
   std::string capturing_;                       // the session that drives the rig
   RigLock::Drive drive_;                        // meanwhile
   Wish wish_ = Wish::kNone;

@@ -1,6 +1,9 @@
 #include "server/session_archive.h"
 
+#include <fmt/format.h>
+
 #include <chrono>
+#include <utility>
 
 #include "core/base/status.h"
 #include "core/service/service.h"
@@ -11,6 +14,18 @@ SessionArchive::SessionArchive(const v1::Session& session)
     : session_(session.name()),
       peer_("camera node at " + session.archive_address()),
       stub_(v1::ArchiveService::NewStub(dial(session.archive_address()))) {}
+
+SessionArchive::SessionArchive(std::string session, const std::string& node, const std::string& address)
+    : session_(std::move(session)),
+      peer_(fmt::format("node \"{}\" at {}", node, address)),
+      stub_(v1::ArchiveService::NewStub(dial(address))) {}
+
+absl::Status SessionArchive::check_answers() {
+  v1::GetSpaceResponse response;
+  grpc::ClientContext context;
+  set_deadline(context, std::chrono::seconds(10));
+  return from_grpc(stub_->GetSpace(&context, {}, &response), peer_);
+}
 
 absl::Status SessionArchive::seal() {
   v1::SealArchiveRequest request;

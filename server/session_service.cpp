@@ -143,6 +143,14 @@ grpc::Status SessionServiceImpl::SolveSession(grpc::ServerContext*, const v1::So
   return answer(server_.solve(*request), response);
 }
 
+grpc::Status SessionServiceImpl::ReplicateSession(grpc::ServerContext* context,
+                                                  const v1::ReplicateSessionRequest* request,
+                                                  grpc::ServerWriter<v1::ReplicateSessionResponse>* writer) {
+  return to_grpc(server_.replicate(
+      *request, [&](const v1::ReplicateSessionResponse& progress) { return writer->Write(progress); },
+      [&] { return !context->IsCancelled() && !stopping_; }));
+}
+
 grpc::Status SessionServiceImpl::FetchMatte(grpc::ServerContext*, const v1::FetchMatteRequest* request,
                                             grpc::ServerWriter<v1::FetchMatteResponse>* writer) {
   const std::optional<int> frame = request->has_frame() ? std::optional<int>(request->frame()) : std::nullopt;

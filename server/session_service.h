@@ -43,6 +43,8 @@ class SessionServiceImpl final : public v1::SessionService::Service {
                                v1::AnnotateSessionResponse*) override;
   grpc::Status SolveSession(grpc::ServerContext*, const v1::SolveSessionRequest*,
                             v1::SolveSessionResponse*) override;
+  grpc::Status ReplicateSession(grpc::ServerContext*, const v1::ReplicateSessionRequest*,
+                                grpc::ServerWriter<v1::ReplicateSessionResponse>*) override;
   grpc::Status FetchMatte(grpc::ServerContext*, const v1::FetchMatteRequest*,
                           grpc::ServerWriter<v1::FetchMatteResponse>*) override;
 

@@ -61,7 +61,7 @@ absl::Status ArchiveStore::begin_copy(const std::string& session) {
   GW_RETURN_IF_ERROR(check_name("session", session));
   const std::lock_guard lock(mutex_);
   if (copying_.insert(session).second) return absl::OkStatus();
-  return absl::FailedPreconditionError(
+  return absl::AbortedError(
       fmt::format("this node is copying the archive of session \"{}\" already", session));
 }
 

@@ -28,7 +28,7 @@ class ArchiveStore {
   absl::StatusOr<std::int64_t> remove(const std::string& session);
   const std::filesystem::path& directory() const { return directory_; }
 
-  // One at a time copies an archive here. FAILED_PRECONDITION: another one does.
+  // One at a time copies an archive here. ABORTED: another one does.
   absl::Status begin_copy(const std::string& session);
   void end_copy(const std::string& session);
 

@@ -79,13 +79,17 @@ absl::Status copy_archive(ArchiveStore& store, const v1::CopyArchiveRequest& req
   for (size_t next = 0; next < missing.size();) {
     if (!tell(progress)) return absl::CancelledError("nobody waits for the copy any more");
     std::vector<Archive::CopiedFrame> batch;
+    absl::Status read;
     for (size_t bytes = 0; next < missing.size() && bytes < kBatchBytes && !stop.stop_requested(); ++next) {
-      GW_ASSIGN_OR_RETURN(std::string frame, read_frame(from, manifest, missing[next]));
-      bytes += frame.size();
-      batch.push_back({.record = manifest.frames(missing[next]), .bytes = std::move(frame)});
+      absl::StatusOr<std::string> frame = read_frame(from, manifest, missing[next]);
+      read = frame.status();
+      if (!read.ok()) break;
+      bytes += frame->size();
+      batch.push_back({.record = manifest.frames(missing[next]), .bytes = *std::move(frame)});
     }
-    if (stop.stop_requested()) return absl::CancelledError("this node is stopping");
     GW_RETURN_IF_ERROR(archive->add_copies(batch));
+    GW_RETURN_IF_ERROR(read);
+    if (stop.stop_requested()) return absl::CancelledError("this node is stopping");
     progress.set_frames_done(progress.frames_done() + static_cast<int>(batch.size()));
     for (const Archive::CopiedFrame& frame : batch)
       progress.set_bytes_done(progress.bytes_done() + frame.record.size_bytes());

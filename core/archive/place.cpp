@@ -1,6 +1,6 @@
 #include "core/archive/place.h"
 
-#include <absl/strings/ascii.h>
+#include <fmt/format.h>
 
 #include <fstream>
 #include <utility>
@@ -55,12 +55,12 @@ absl::StatusOr<std::shared_ptr<const MappedFile>> LocalArchive::map(const std::s
   GW_ASSIGN_OR_RETURN(const FileIdentity identity, identity_of(path));
   const std::lock_guard lock(mutex_);
   std::shared_ptr<const MappedFile>& known = mapped_[file];
-  if (known != nullptr && known->identity() == identity && known->intact()) return known;
-  known = nullptr;
-  GW_ASSIGN_OR_RETURN(std::shared_ptr<const MappedFile> mapped,
-                      MappedFile::open(path, tiff_size_bytes(width_px, height_px)));
-  GW_RETURN_IF_ERROR(check_tiff_header(mapped->bytes(), width_px, height_px));
-  known = std::move(mapped);
+  if (known == nullptr || known->identity() != identity || !known->intact()) {
+    GW_ASSIGN_OR_RETURN(known, MappedFile::open(path, tiff_size_bytes(width_px, height_px)));
+  }
+  if (known->bytes().size() != tiff_size_bytes(width_px, height_px))
+    return absl::OutOfRangeError(fmt::format("{} is of another size", path.string()));
+  GW_RETURN_IF_ERROR(check_tiff_header(known->bytes(), width_px, height_px));
   return known;
 }
 

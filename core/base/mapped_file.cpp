@@ -10,6 +10,7 @@
 #include <cerrno>
 #include <csignal>
 #include <mutex>
+#include <utility>
 #include <vector>
 
 namespace glasswing {
@@ -124,11 +125,11 @@ absl::StatusOr<std::shared_ptr<const MappedFile>> MappedFile::open(const std::fi
   }
   if (mapped == MAP_FAILED) return cannot_open(error_number, path);
   return std::shared_ptr<const MappedFile>(
-      new MappedFile({static_cast<const char*>(mapped), size_bytes}, identity_of(status)));
+      new MappedFile(path, {static_cast<const char*>(mapped), size_bytes}, identity_of(status)));
 }
 
-MappedFile::MappedFile(std::string_view bytes, const FileIdentity& identity)
-    : bytes_(bytes), identity_(identity), region_(regions().add(bytes)) {}
+MappedFile::MappedFile(std::filesystem::path path, std::string_view bytes, const FileIdentity& identity)
+    : path_(std::move(path)), bytes_(bytes), identity_(identity), region_(regions().add(bytes)) {}
 
 MappedFile::~MappedFile() {
   regions().remove(region_);
@@ -136,7 +137,11 @@ MappedFile::~MappedFile() {
 }
 
 bool MappedFile::intact() const {
-  return !region_->damaged;
+  if (region_->damaged) return false;
+  const absl::StatusOr<FileIdentity> now = identity_of(path_);
+  if (!now.ok()) return absl::IsNotFound(now.status());
+  const bool replaced = now->device != identity_.device || now->inode != identity_.inode;
+  return replaced || *now == identity_;
 }
 
 }  // namespace glasswing

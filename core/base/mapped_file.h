@@ -34,12 +34,15 @@ class MappedFile {
 
   std::string_view bytes() const { return bytes_; }
   const FileIdentity& identity() const { return identity_; }
-  // Whether every byte that was read so far was the file's own.
+  // Whether every byte that was read so far was the file's, as it was when it was mapped. Asks the system: a
+  // file that is cut short within a page raises nothing. One that was removed or replaced meanwhile stays
+  // whole as long as it is mapped.
   bool intact() const;
 
  private:
-  MappedFile(std::string_view bytes, const FileIdentity& identity);
+  MappedFile(std::filesystem::path path, std::string_view bytes, const FileIdentity& identity);
 
+  const std::filesystem::path path_;
   const std::string_view bytes_;
   const FileIdentity identity_;
   MappedRegion* const region_;

@@ -1,8 +1,10 @@
-// How fast regions of frames come over loopback, as a part of what a plain TCP connection carries of the same bytes:
-// sender and reader run at the same time, alternating with the connection, and the median of the rounds counts.
+// How fast regions of frames come over loopback, as a part of what a plain TCP connection carries of the same
+// bytes: sender and reader run at the same time, alternating with the connection, and the median of the
+// rounds counts.
 #include <arpa/inet.h>
 #include <fmt/format.h>
 #include <netinet/in.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -57,13 +59,12 @@ void send_all(int to, std::string_view bytes) {
 }
 
 // From these pieces of mapped files into one buffer, each way as much at once as the system takes.
-double plain_seconds(const std::vector<std::string_view>& pieces, size_t size) {
+void plain_copy(const std::vector<std::string_view>& pieces, size_t size) {
   sockaddr_in address;
   const int listener = listening(address);
   const int to = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
   if (::connect(to, reinterpret_cast<sockaddr*>(&address), sizeof address) != 0) std::abort();
   const int from = ::accept(listener, nullptr, nullptr);
-  const auto begin = std::chrono::steady_clock::now();
   const auto buffer = std::make_unique_for_overwrite<char[]>(size);
   {
     const std::jthread sender([&] {
@@ -75,9 +76,7 @@ double plain_seconds(const std::vector<std::string_view>& pieces, size_t size) {
       at += static_cast<size_t>(got);
     }
   }
-  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
   for (const int fd : {listener, to, from}) ::close(fd);
-  return took.count();
 }
 
 // ---- as it was before: pixels as a field of a message, copied at every step
@@ -90,8 +89,7 @@ class FieldService final : public v1::ArchiveService::Service {
                         grpc::ServerWriter<v1::ReadRowsResponse>* writer) override {
     std::int64_t start = 0;
     for (const std::string& file : request->files()) {
-      const std::string rows =
-          archive_.read_rows(file, request->first_row(), request->row_count()).value();
+      const std::string rows = archive_.read_rows(file, request->first_row(), request->row_count()).value();
       for (size_t at = 0; at < rows.size(); at += kChunkBytes) {
         v1::ReadRowsResponse response;
         response.set_offset_bytes(start + static_cast<std::int64_t>(at));
@@ -107,8 +105,7 @@ class FieldService final : public v1::ArchiveService::Service {
   Archive& archive_;
 };
 
-double fields_seconds(v1::ArchiveService::Stub& stub, const v1::ReadRowsRequest& request, size_t size) {
-  const auto begin = std::chrono::steady_clock::now();
+void read_fields(v1::ArchiveService::Stub& stub, const v1::ReadRowsRequest& request, size_t size) {
   const auto buffer = std::make_unique_for_overwrite<char[]>(size);
   grpc::ClientContext context;
   const auto reader = stub.ReadRows(&context, request);
@@ -118,7 +115,6 @@ double fields_seconds(v1::ArchiveService::Stub& stub, const v1::ReadRowsRequest&
     received += response.chunk().size();
   }
   if (!reader->Finish().ok() || received != size) std::abort();
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 }
 
 // ----
@@ -159,22 +155,66 @@ struct Region {
   int first_row, row_count, repeats;
 };
 
-void report(const std::string& name, double bytes, const std::vector<double>& seconds,
-            const std::vector<double>& plain) {
-  std::vector<double> ratios;
-  for (size_t i = 0; i < seconds.size(); ++i) ratios.push_back(plain[i] / seconds[i]);
-  std::cout << fmt::format("{:44} {:6.2f} GB/s  {:5.2f} of plain TCP\n", name, bytes / median(seconds) / 1e9,
-                           median(ratios));
+// Of this process, all threads together: unlike the time that passes, it does not depend on what else runs.
+double cpu_seconds() {
+  rusage usage{};
+  ::getrusage(RUSAGE_SELF, &usage);
+  const auto seconds = [](const timeval& time) {
+    return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
+  };
+  return seconds(usage.ru_utime) + seconds(usage.ru_stime);
 }
 
-void run(const Options& options, const fs::path& root, bool tls) {
-  Bench bench(root / (tls ? "tls" : "plain"));
-  ArchiveServiceImpl service(*bench.store);
-  FieldService fields(*bench.archive);
-  const std::unique_ptr<ServiceHost> host = ServiceHost::start({}, {&service}).value();
-  const std::unique_ptr<ServiceHost> old_host = ServiceHost::start({}, {&fields}).value();
-  const auto old = v1::ArchiveService::NewStub(dial(old_host->address()));
-  RemoteArchive remote({host->address()}, "bench", {}, Reading::kNeverMapped);
+// Of one way, a round each.
+struct Times {
+  std::vector<double> seconds, cpu_seconds;
+
+  void measure(int repeats, const std::function<void()>& once) {
+    const double cpu = glasswing::cpu_seconds();
+    const auto begin = std::chrono::steady_clock::now();
+    for (int i = 0; i < repeats; ++i) once();
+    seconds.push_back(std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
+    cpu_seconds.push_back(glasswing::cpu_seconds() - cpu);
+  }
+};
+
+void report(const std::string& name, double bytes, const Times& times, const Times& plain) {
+  std::vector<double> ratios;
+  for (size_t i = 1; i < times.seconds.size(); ++i) ratios.push_back(plain.seconds[i] / times.seconds[i]);
+  std::cout << fmt::format("{:44} {:6.2f} GB/s  {:5.2f} of plain TCP  {:6.2f} CPU s/GB\n", name,
+                           bytes / median(times.seconds) / 1e9, median(ratios),
+                           median(times.cpu_seconds) / bytes * 1e9);
+}
+
+// Serves over TLS, and has this process's calls use it from now on.
+class TlsHost {
+ public:
+  TlsHost(const fs::path& root, grpc::Service& service) {
+    const MadeCertificate ca = make_certificate("ca"), own = make_certificate("node", &ca, "IP:127.0.0.1");
+    const std::string ca_file = (root / "ca.pem").string();
+    std::ofstream(ca_file) << ca.certificate_pem();
+    if (!use_tls({.ca = ca_file, .certificate = "", .key = ""}).ok()) std::abort();
+    grpc::SslServerCredentialsOptions options;
+    options.pem_key_cert_pairs.push_back({own.key_pem(), own.certificate_pem()});
+    grpc::ServerBuilder builder;
+    int port = 0;
+    builder.AddListeningPort("127.0.0.1:0", grpc::SslServerCredentials(options), &port);
+    builder.RegisterService(&service);
+    server_ = builder.BuildAndStart();
+    address_ = fmt::format("127.0.0.1:{}", port);
+  }
+  ~TlsHost() { server_->Shutdown(std::chrono::system_clock::now()); }
+  const std::string& address() const { return address_; }
+
+ private:
+  std::unique_ptr<grpc::Server> server_;
+  std::string address_;
+};
+
+void run(const Options& options, Bench& bench, const std::string& address, const std::string& old_address,
+         bool tls) {
+  const auto old = v1::ArchiveService::NewStub(dial(old_address));
+  const RemoteArchive remote({address}, "bench", {}, Reading::kNeverMapped);
   std::vector<int> all;
   for (int i = 0; i < kFrames; ++i) all.push_back(i);
   for (const Region& region : {Region{"whole frames, 18 MB each", 0, kHeight, 1},
@@ -188,26 +228,19 @@ void run(const Options& options, const fs::path& root, bool tls) {
     std::vector<std::shared_ptr<const MappedFile>> mapped;
     for (const v1::Frame& frame : bench.manifest.frames()) {
       mapped.push_back(bench.archive->map(frame.file()).value());
-      pieces.push_back(mapped.back()->bytes().substr(
-          kTiffPixelOffset + row * static_cast<size_t>(region.first_row),
-          row * static_cast<size_t>(region.row_count)));
+      pieces.push_back(
+          mapped.back()->bytes().substr(kTiffPixelOffset + row * static_cast<size_t>(region.first_row),
+                                        row * static_cast<size_t>(region.row_count)));
       request.add_files(frame.file());
     }
     const size_t size = row * static_cast<size_t>(region.row_count) * kFrames;
-    std::vector<double> plain, ours, as_fields;
-    for (int round = 0; round < options.rounds + 1; ++round) {
-      double seconds[3] = {};
-      for (int i = 0; i < region.repeats; ++i) {
-        seconds[0] += plain_seconds(pieces, size);
-        const auto begin = std::chrono::steady_clock::now();
+    Times plain, ours, as_fields;
+    for (int round = 0; round < options.rounds + 1; ++round) {  // all is warm after the first
+      plain.measure(region.repeats, [&] { plain_copy(pieces, size); });
+      ours.measure(region.repeats, [&] {
         if (!remote.rows(bench.manifest, all, region.first_row, region.row_count).ok()) std::abort();
-        seconds[1] += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-        seconds[2] += fields_seconds(*old, request, size);
-      }
-      if (round == 0) continue;  // everything is warm after it
-      plain.push_back(seconds[0]);
-      ours.push_back(seconds[1]);
-      as_fields.push_back(seconds[2]);
+      });
+      as_fields.measure(region.repeats, [&] { read_fields(*old, request, size); });
     }
     const double bytes = static_cast<double>(size) * region.repeats;
     std::cout << fmt::format("{}{}\n", region.name, tls ? ", TLS" : "");
@@ -223,13 +256,26 @@ void run(const Options& options, const fs::path& root, bool tls) {
 int main(int argc, char** argv) {
   using namespace glasswing;
   keep_freed_memory();
-  CLI::App app("Measures the reading of regions of frames over loopback. Takes 1 GB below the directory for temporary files.");
+  CLI::App app(
+      "Measures the reading of regions of frames over loopback. Takes 1 GB below the directory for temporary "
+      "files.");
   Options options;
   app.add_option("--rounds", options.rounds, "of each, alternating")->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   const fs::path root = fs::temp_directory_path() / fmt::format("glasswing-archive-bench.{}", ::getpid());
   fs::create_directories(root);
-  run(options, root, false);
+  {
+    Bench bench(root);
+    ArchiveServiceImpl service(*bench.store);
+    FieldService fields(*bench.archive);
+    {
+      const auto host = ServiceHost::start({}, {&service}).value(),
+                 old = ServiceHost::start({}, {&fields}).value();
+      run(options, bench, host->address(), old->address(), false);
+    }
+    const TlsHost host(root, service), old(root, fields);
+    run(options, bench, host.address(), old.address(), true);
+  }
   fs::remove_all(root);
   return 0;
 }

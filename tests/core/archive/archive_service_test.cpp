@@ -1,0 +1,211 @@
+// What a node sends of an archive, against its files.
+#include "core/archive/archive_service.h"
+
+#include <xxhash.h>
+
+#include "core/archive/place.h"
+#include "tests/core/archive/made_archive.h"
+
+namespace glasswing {
+namespace {
+
+class ArchiveService : public ArchiveTest {
+ protected:
+  void SetUp() override {
+    node_ = std::make_unique<ArchiveNode>(root_);
+    MadeArchive::fill(node_->store);
+    stub_ = v1::ArchiveService::NewStub(dial(node_->address()));
+  }
+  void TearDown() override {
+    node_ = nullptr;
+    ArchiveTest::TearDown();
+  }
+  // Every chunk is checked: its place, its size, its checksum.
+  grpc::Status read(const v1::ReadRowsRequest& request, std::string& rows) const {
+    grpc::ClientContext context;
+    const auto reader = stub_->ReadRows(&context, request);
+    rows.clear();
+    for (v1::ReadRowsResponse response; reader->Read(&response);) {
+      EXPECT_EQ(response.offset_bytes(), request.offset_bytes() + static_cast<std::int64_t>(rows.size()));
+      EXPECT_GT(response.chunk().size(), 0u);
+      EXPECT_LE(response.chunk().size(), kChunkBytes);
+      EXPECT_EQ(response.checksum(), XXH3_64bits(response.chunk().data(), response.chunk().size()));
+      rows += response.chunk();
+    }
+    return reader->Finish();
+  }
+  static v1::ReadRowsRequest request_for(const std::vector<int>& frames, int first, int count) {
+    v1::ReadRowsRequest request;
+    request.set_session("s");
+    request.set_first_row(first);
+    request.set_row_count(count);
+    for (const int frame : frames) request.add_files(MadeArchive::file(frame));
+    return request;
+  }
+  grpc::Status locate(const std::vector<int>& frames, v1::LocateArchiveResponse& place) const {
+    v1::LocateArchiveRequest request;
+    request.set_session("s");
+    for (const int frame : frames) request.add_files(MadeArchive::file(frame));
+    grpc::ClientContext context;
+    return stub_->LocateArchive(&context, request, &place);
+  }
+
+  std::unique_ptr<ArchiveNode> node_;
+  std::unique_ptr<v1::ArchiveService::Stub> stub_;
+};
+
+TEST_F(ArchiveService, AnyRegionIsTheFilesBytesFromAnyOffset) {
+  std::mt19937 random(11);
+  const auto below = [&](int end) { return static_cast<int>(random() % static_cast<unsigned>(end)); };
+  for (int trial = 0; trial < 60; ++trial) {
+    std::vector<int> frames(static_cast<size_t>(1 + below(7)));  // in any order, some twice
+    for (int& frame : frames) frame = below(MadeArchive::kFrames);
+    const int first = below(MadeArchive::kHeight), count = 1 + below(MadeArchive::kHeight - first);
+    const std::string expected = rows_of(node_->archive(), frames, first, count);
+    v1::ReadRowsRequest request = request_for(frames, first, count);
+    std::string rows;
+    ASSERT_TRUE(read(request, rows).ok());
+    ASSERT_EQ(rows, expected);
+    const auto offset = static_cast<size_t>(below(static_cast<int>(expected.size()) + 1));
+    request.set_offset_bytes(static_cast<std::int64_t>(offset));
+    ASSERT_TRUE(read(request, rows).ok());
+    ASSERT_EQ(rows, expected.substr(offset));
+  }
+}
+
+TEST_F(ArchiveService, RowsThatAreNotThereAreRefused) {
+  std::string rows;
+  v1::ReadRowsRequest request = request_for({0, 1}, 0, 2);
+  for (const std::int64_t offset :
+       {std::int64_t{-1}, static_cast<std::int64_t>(4 * MadeArchive::kRowBytes + 1)}) {
+    request.set_offset_bytes(offset);
+    EXPECT_EQ(read(request, rows).error_code(), grpc::StatusCode::OUT_OF_RANGE) << offset;
+  }
+  EXPECT_EQ(read(request_for({0}, -1, 2), rows).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(read(request_for({0}, 0, 0), rows).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(read(request_for({0}, 1, MadeArchive::kHeight), rows).error_code(),
+            grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(read(request_for({7}, 0, 1), rows).error_code(), grpc::StatusCode::NOT_FOUND);
+  request = request_for({0}, 0, 1);
+  request.set_session("another");
+  EXPECT_EQ(read(request, rows).error_code(), grpc::StatusCode::NOT_FOUND);
+  request.set_session("../s");
+  EXPECT_EQ(read(request, rows).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+}
+
+TEST_F(ArchiveService, AFileThatChangesLaterIsFoundOut) {
+  const std::filesystem::path path = node_->archive() / MadeArchive::file(1);
+  const std::string whole = bytes_of(path);
+  std::string rows;
+  v1::LocateArchiveResponse place;
+  const v1::ReadRowsRequest request = request_for({0, 1}, 0, MadeArchive::kHeight);
+  ASSERT_TRUE(read(request, rows).ok());
+  const auto expect_damaged = [&](const std::string& how) {
+    for (const grpc::Status& status : {read(request, rows), locate({0, 1}, place)}) {
+      EXPECT_EQ(status.error_code(), grpc::StatusCode::DATA_LOSS) << how;
+      EXPECT_NE(status.error_message().find("frames/000001.tif"), std::string::npos)
+          << status.error_message();
+    }
+    EXPECT_TRUE(read(request_for({0}, 0, 1), rows).ok()) << "the others can be read";
+  };
+  write_over(path, whole.size() / 2, static_cast<char>(whole[whole.size() / 2] ^ 1));
+  expect_damaged("altered");
+  std::filesystem::resize_file(path, whole.size() / 2);
+  expect_damaged("cut short");
+  std::filesystem::remove(path);
+  expect_damaged("removed");
+  std::ofstream(path, std::ios::binary) << whole;
+  EXPECT_TRUE(read(request, rows).ok());
+}
+
+TEST_F(ArchiveService, WhoReadsWhatIsDeletedReadsOn) {
+  // One message has come; the flow control of a stream lets only a part of the rest come before it is asked
+  // for.
+  const std::vector<int> frames(40, 3);
+  const std::string expected = rows_of(node_->archive(), frames, 0, MadeArchive::kHeight);
+  grpc::ClientContext context;
+  const auto reader = stub_->ReadRows(&context, request_for(frames, 0, MadeArchive::kHeight));
+  v1::ReadRowsResponse response;
+  ASSERT_TRUE(reader->Read(&response));
+  std::string rows = response.chunk();
+  const std::shared_ptr<const MappedFile> mapped =
+      node_->store.find("s").value()->map(MadeArchive::file(3)).value();
+  ASSERT_TRUE(node_->store.remove("s").ok());
+  EXPECT_FALSE(std::filesystem::exists(node_->archive()));
+  EXPECT_EQ(mapped->bytes().substr(256), std::string_view(expected).substr(0, expected.size() / 40));
+  while (reader->Read(&response)) rows += response.chunk();
+  // It either went on to the end, or says that the file is gone: never other bytes.
+  const grpc::Status status = reader->Finish();
+  EXPECT_EQ(rows, expected.substr(0, rows.size()));
+  EXPECT_TRUE(status.ok() ? rows == expected : status.error_code() == grpc::StatusCode::DATA_LOSS);
+}
+
+TEST_F(ArchiveService, ToldWhereItLiesASecondReaderFindsTheSameDirectory) {
+  v1::LocateArchiveResponse place;
+  ASSERT_TRUE(locate({0, 1, 2}, place).ok());
+  EXPECT_TRUE(std::filesystem::equivalent(place.directory(), node_->archive()));
+  const std::shared_ptr<LocalArchive> local = LocalArchive::open(place);
+  ASSERT_NE(local, nullptr);
+  EXPECT_EQ(LocalArchive::open(place), local) << "one is enough";
+  const auto mapped = local->map(MadeArchive::file(2), MadeArchive::kWidth, MadeArchive::kHeight);
+  ASSERT_TRUE(mapped.ok()) << mapped.status();
+  EXPECT_EQ((*mapped)->bytes(), bytes_of(node_->archive() / MadeArchive::file(2)));
+  EXPECT_FALSE(local->map(MadeArchive::file(2), MadeArchive::kWidth, MadeArchive::kHeight + 1).ok());
+  EXPECT_FALSE(local->map(MadeArchive::file(2), MadeArchive::kHeight, MadeArchive::kWidth).ok());
+
+  for (int other = 0; other < 4; ++other) {
+    v1::LocateArchiveResponse elsewhere = place;
+    if (other == 0) elsewhere.set_boot_id("another machine's");
+    if (other == 1) elsewhere.set_inode(place.inode() + 1);
+    if (other == 2) elsewhere.set_device(place.device() + 1);
+    if (other == 3) elsewhere.set_directory(root_.string());
+    EXPECT_EQ(LocalArchive::open(elsewhere), nullptr) << other;
+  }
+}
+
+// Cut short under the mapping after the checksum was verified: no signal, no made-up pixels.
+TEST_F(ArchiveService, AMappingWhoseFileIsCutShortSaysSo) {
+  const std::shared_ptr<const MappedFile> mapped =
+      MappedFile::open(node_->archive() / MadeArchive::file(0),
+                       256 + MadeArchive::kHeight * MadeArchive::kRowBytes)
+          .value();
+  EXPECT_TRUE(mapped->intact());
+  std::filesystem::resize_file(node_->archive() / MadeArchive::file(0), 256);
+  EXPECT_EQ(mapped->bytes().back(), '\0');
+  EXPECT_FALSE(mapped->intact());
+  EXPECT_EQ(mapped->bytes()[8192], '\0') << "all after it reads as zeros";
+}
+
+TEST_F(ArchiveService, FilesCutShortWhileTheyAreReadEndNoNodeAndMakeUpNothing) {
+  const std::filesystem::path path = node_->archive() / MadeArchive::file(0);
+  const std::string whole = bytes_of(path);
+  const std::vector<int> frames(12, 0);
+  const std::string expected = rows_of(node_->archive(), frames, 0, MadeArchive::kHeight);
+  const v1::ReadRowsRequest request = request_for(frames, 0, MadeArchive::kHeight);
+  std::mt19937 random(5);
+  int damaged = 0;
+  for (int trial = 0; trial < 40; ++trial) {
+    grpc::ClientContext context;
+    const auto reader = stub_->ReadRows(&context, request);
+    v1::ReadRowsResponse response;
+    ASSERT_TRUE(reader->Read(&response));
+    std::string rows = response.chunk();
+    std::filesystem::resize_file(path, random() % whole.size());
+    while (reader->Read(&response)) {
+      // What the reader would refuse may be anything.
+      if (response.checksum() != XXH3_64bits(response.chunk().data(), response.chunk().size())) break;
+      rows += response.chunk();
+    }
+    context.TryCancel();
+    damaged += !reader->Finish().ok();
+    EXPECT_EQ(rows, expected.substr(0, rows.size()));
+    std::ofstream(path, std::ios::binary) << whole;
+  }
+  EXPECT_GT(damaged, 0) << "every cut came too late";
+  std::string rows;
+  EXPECT_TRUE(read(request, rows).ok());
+  EXPECT_EQ(rows, expected);
+}
+
+}  // namespace
+}  // namespace glasswing

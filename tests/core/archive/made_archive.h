@@ -1,0 +1,104 @@
+// A node that holds an archive of noise, and a reader of its files that knows nothing of our code: pixels
+// begin at byte 256 and lie row by row.
+#pragma once
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <random>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "core/archive/archive_service.h"
+#include "core/service/service.h"
+
+namespace glasswing {
+
+struct MadeArchive {
+  static constexpr int kWidth = 301, kHeight = 157, kFrames = 5;  // several chunks, none of whole rows
+  static constexpr size_t kRowBytes = size_t{6} * kWidth;
+
+  static v1::CaptureManifest header() {
+    v1::CaptureManifest manifest;
+    manifest.set_session("s");
+    manifest.set_created("2026-11-01T12:00:00Z");
+    manifest.mutable_camera()->set_width_px(kWidth);
+    manifest.mutable_camera()->set_height_px(kHeight);
+    return manifest;
+  }
+  static void fill(ArchiveStore& store) {
+    const std::shared_ptr<Archive> archive = store.create(header()).value();
+    std::mt19937 random(7);
+    std::vector<Archive::NewFrame> frames(kFrames);
+    for (int i = 0; i < kFrames; ++i) {
+      frames[static_cast<size_t>(i)].record.set_step(i);
+      frames[static_cast<size_t>(i)].record.mutable_stimulus()->set_kind("solid");
+      frames[static_cast<size_t>(i)].image = Image16(kWidth, kHeight);
+      for (std::uint16_t& sample : frames[static_cast<size_t>(i)].image.samples)
+        sample = static_cast<std::uint16_t>(random());
+    }
+    ASSERT_TRUE(archive->add(frames).ok());
+    ASSERT_TRUE(archive->seal().ok());
+  }
+  static std::string file(int frame) { return "frames/00000" + std::to_string(frame) + ".tif"; }
+};
+
+inline std::string bytes_of(const std::filesystem::path& path) {
+  std::ostringstream bytes;
+  bytes << std::ifstream(path, std::ios::binary).rdbuf();
+  return bytes.str();
+}
+
+inline void write_over(const std::filesystem::path& path, size_t at, char with) {
+  std::fstream file(path, std::ios::in | std::ios::out | std::ios::binary);
+  file.seekp(static_cast<std::streamoff>(at));
+  file.put(with);
+}
+
+// Those rows of those frames, one frame after another, from the files.
+inline std::string rows_of(const std::filesystem::path& archive, const std::vector<int>& frames, int first,
+                           int count) {
+  std::string rows;
+  for (const int frame : frames) {
+    rows += bytes_of(archive / MadeArchive::file(frame))
+                .substr(256 + MadeArchive::kRowBytes * static_cast<size_t>(first),
+                        MadeArchive::kRowBytes * static_cast<size_t>(count));
+  }
+  return rows;
+}
+
+// One that serves archives below a directory.
+struct ArchiveNode {
+  explicit ArchiveNode(const std::filesystem::path& archives, const std::string& address = "127.0.0.1:0")
+      : directory(archives), store(archives), service(store) {
+    EXPECT_TRUE(store.prepare().ok());
+    host = ServiceHost::start({.address = address}, {&service}).value();
+  }
+  ~ArchiveNode() {
+    service.stop();
+    host->stop(std::chrono::milliseconds(0));
+  }
+  const std::string& address() const { return host->address(); }
+  std::filesystem::path archive() const { return directory / "s"; }
+
+  const std::filesystem::path directory;
+  ArchiveStore store;
+  ArchiveServiceImpl service;
+  std::unique_ptr<ServiceHost> host;
+};
+
+class ArchiveTest : public testing::Test {
+ protected:
+  void TearDown() override { std::filesystem::remove_all(root_); }
+
+  const std::filesystem::path root_ = std::filesystem::path(testing::TempDir()) /
+                                      ("glasswing-" + std::to_string(::getpid()) + "-" +
+                                       testing::UnitTest::GetInstance()->current_test_info()->name());
+};
+
+}  // namespace glasswing

@@ -1,0 +1,321 @@
+// Reading from nodes that are well, away, damaged, or lie.
+#include "core/archive/remote_archive.h"
+
+#include <xxhash.h>
+
+#include <mutex>
+
+#include "tests/core/archive/made_archive.h"
+#include "tests/core/archive/tampering_relay.h"
+
+namespace glasswing {
+namespace {
+
+std::string text_of(const FrameRows& rows) {
+  std::string text;
+  for (const auto& frame : rows.rows)
+    text.append(reinterpret_cast<const char*>(frame.data()), frame.size_bytes());
+  return text;
+}
+
+// Serves an archive's rows by plain messages, as `spoil` wants them.
+class FakeNode final : public v1::ArchiveService::Service {
+ public:
+  // Called before a chunk is sent, the how manieth of all; not OK: the call ends so.
+  using Spoil = std::function<grpc::Status(int chunk, v1::ReadRowsResponse& response)>;
+
+  FakeNode(std::filesystem::path archive, bool first, Spoil spoil)
+      : archive_(std::move(archive)), first_(first), spoil_(std::move(spoil)) {
+    host_ = ServiceHost::start({}, {this}).value();
+  }
+  const std::string& address() const { return host_->address(); }
+  std::vector<std::int64_t> offsets_asked() const {
+    const std::lock_guard lock(mutex_);
+    return offsets_;
+  }
+
+ private:
+  static constexpr size_t kChunk = 50'000;
+
+  grpc::Status GetManifest(grpc::ServerContext*, const v1::GetManifestRequest*,
+                           v1::GetManifestResponse* response) override {
+    *response->mutable_manifest() = read_any_manifest(archive_).value();
+    return grpc::Status::OK;
+  }
+  // Those on the reader's machine are asked first.
+  grpc::Status LocateArchive(grpc::ServerContext*, const v1::LocateArchiveRequest*,
+                             v1::LocateArchiveResponse* response) override {
+    response->set_directory("/nonexistent");
+    response->set_boot_id(first_ ? boot_id() : "another machine's");
+    return grpc::Status::OK;
+  }
+  grpc::Status ReadRows(grpc::ServerContext*, const v1::ReadRowsRequest* request,
+                        grpc::ServerWriter<v1::ReadRowsResponse>* writer) override {
+    std::vector<int> frames;
+    for (const std::string& file : request->files()) frames.push_back(file[12] - '0');
+    const std::string rows = rows_of(archive_, frames, request->first_row(), request->row_count());
+    {
+      const std::lock_guard lock(mutex_);
+      offsets_.push_back(request->offset_bytes());
+    }
+    for (auto at = static_cast<size_t>(request->offset_bytes()); at < rows.size(); at += kChunk) {
+      v1::ReadRowsResponse response;
+      response.set_offset_bytes(static_cast<std::int64_t>(at));
+      response.set_chunk(rows.substr(at, kChunk));
+      response.set_checksum(XXH3_64bits(response.chunk().data(), response.chunk().size()));
+      const grpc::Status spoilt = spoil_(chunks_++, response);
+      if (!spoilt.ok()) return spoilt;
+      writer->Write(response);
+    }
+    return grpc::Status::OK;
+  }
+
+  const std::filesystem::path archive_;
+  const bool first_;
+  const Spoil spoil_;
+  std::atomic<int> chunks_ = 0;
+  mutable std::mutex mutex_;
+  std::vector<std::int64_t> offsets_;  // guarded by mutex_
+  std::unique_ptr<ServiceHost> host_;
+};
+
+grpc::Status well(int, v1::ReadRowsResponse&) {
+  return grpc::Status::OK;
+}
+
+class RemoteArchiveTest : public ArchiveTest {
+ protected:
+  static constexpr int kFirst = 20, kCount = 100;
+
+  void SetUp() override {
+    for (std::unique_ptr<ArchiveNode>* node : {&a_, &b_}) {
+      *node = std::make_unique<ArchiveNode>(root_ / (node == &a_ ? "a" : "b"));
+      MadeArchive::fill((*node)->store);
+    }
+    manifest_ = a_->store.find("s").value()->manifest();
+    expected_ = rows_of(a_->archive(), all_, kFirst, kCount);
+  }
+  void TearDown() override {
+    a_ = nullptr;
+    b_ = nullptr;
+    ArchiveTest::TearDown();
+  }
+  absl::StatusOr<FrameRows> read(const std::vector<std::string>& addresses,
+                                 Reading reading = Reading::kNeverMapped) const {
+    return RemoteArchive(addresses, "s", {}, reading).rows(manifest_, all_, kFirst, kCount);
+  }
+  void expect_read(const absl::StatusOr<FrameRows>& rows) const {
+    ASSERT_TRUE(rows.ok()) << rows.status();
+    EXPECT_EQ(text_of(*rows), expected_);
+    EXPECT_TRUE(rows->intact().ok());
+  }
+  // A bit of frame 2, in the rows that are read.
+  static void damage(const ArchiveNode& node) {
+    const std::filesystem::path path = node.archive() / MadeArchive::file(2);
+    const size_t at = 256 + 50 * MadeArchive::kRowBytes;
+    write_over(path, at, static_cast<char>(bytes_of(path)[at] ^ 4));
+  }
+
+  const std::vector<int> all_ = {0, 1, 2, 3, 4};
+  std::unique_ptr<ArchiveNode> a_, b_;
+  v1::CaptureManifest manifest_;
+  std::string expected_;
+};
+
+TEST_F(RemoteArchiveTest, RegionsAreTheFilesBytesMappedOrRead) {
+  std::mt19937 random(3);
+  const auto below = [&](int end) { return static_cast<int>(random() % static_cast<unsigned>(end)); };
+  for (const Reading reading : {Reading::kMappedIfHere, Reading::kNeverMapped}) {
+    const RemoteArchive archive({a_->address(), b_->address()}, "s", {}, reading);
+    const absl::StatusOr<v1::CaptureManifest> manifest = archive.manifest();
+    ASSERT_TRUE(manifest.ok()) << manifest.status();
+    EXPECT_EQ(manifest->SerializeAsString(), manifest_.SerializeAsString());
+    for (int trial = 0; trial < 25; ++trial) {
+      std::vector<int> frames(static_cast<size_t>(1 + below(6)));
+      for (int& frame : frames) frame = below(MadeArchive::kFrames);
+      const int first = below(MadeArchive::kHeight), count = 1 + below(MadeArchive::kHeight - first);
+      const absl::StatusOr<FrameRows> rows = archive.rows(manifest_, frames, first, count);
+      ASSERT_TRUE(rows.ok()) << rows.status();
+      EXPECT_EQ(text_of(*rows), rows_of(a_->archive(), frames, first, count));
+      EXPECT_EQ(rows->mapped.size(), reading == Reading::kMappedIfHere ? frames.size() : 0);
+      const absl::StatusOr<std::vector<std::uint16_t>> samples =
+          archive.samples(manifest_, frames, first, count);
+      ASSERT_TRUE(samples.ok());
+      EXPECT_EQ(std::string(reinterpret_cast<const char*>(samples->data()), samples->size() * 2),
+                text_of(*rows));
+    }
+    EXPECT_TRUE(absl::IsInvalidArgument(archive.rows(manifest_, {0}, 0, MadeArchive::kHeight + 1).status()));
+  }
+}
+
+TEST_F(RemoteArchiveTest, WhatBreaksOffIsTakenUpWhereItWas) {
+  // Each call ends after three chunks; the reader asks for what is missing and for nothing twice.
+  const FakeNode halting(a_->archive(), true, [](int chunk, v1::ReadRowsResponse&) {
+    return chunk % 3 == 2 ? grpc::Status(grpc::StatusCode::UNAVAILABLE, "gone") : grpc::Status::OK;
+  });
+  expect_read(read({halting.address()}));
+  const std::vector<std::int64_t> asked = halting.offsets_asked();
+  ASSERT_EQ(asked.size(), (expected_.size() / 50'000) / 2 + 1);
+  for (size_t i = 0; i < asked.size(); ++i) EXPECT_EQ(asked[i], static_cast<std::int64_t>(i) * 100'000);
+}
+
+TEST_F(RemoteArchiveTest, ANodeThatNeverGoesOnIsLeftForTheNextCopyAtTheSameOffset) {
+  const FakeNode stuck(a_->archive(), true, [](int chunk, v1::ReadRowsResponse&) {
+    return chunk >= 2 ? grpc::Status(grpc::StatusCode::UNAVAILABLE, "gone") : grpc::Status::OK;
+  });
+  const FakeNode other(b_->archive(), false, well);
+  expect_read(read({other.address(), stuck.address()}));
+  EXPECT_EQ(other.offsets_asked(), std::vector<std::int64_t>{100'000});
+}
+
+TEST_F(RemoteArchiveTest, ADamagedChunkIsNeverUsed) {
+  const auto flip = [](int chunk, v1::ReadRowsResponse& response) {
+    if (chunk >= 4) (*response.mutable_chunk())[17] ^= 1;
+    return grpc::Status::OK;
+  };
+  const FakeNode lying(a_->archive(), true, flip);
+  const FakeNode other(b_->archive(), false, well);
+  expect_read(read({lying.address(), other.address()}));
+  EXPECT_EQ(other.offsets_asked(), std::vector<std::int64_t>{4 * 50'000});
+
+  const FakeNode alone(a_->archive(), true, flip);
+  const absl::Status status = read({alone.address()}).status();
+  EXPECT_TRUE(absl::IsDataLoss(status)) << status;
+  // The byte at 200,000 is in the second frame.
+  EXPECT_NE(status.message().find("frames/000001.tif"), std::string::npos) << status;
+  EXPECT_NE(status.message().find(alone.address()), std::string::npos) << status;
+
+  const FakeNode once(a_->archive(), true, [](int chunk, v1::ReadRowsResponse& response) {
+    if (chunk == 4) (*response.mutable_chunk())[17] ^= 1;
+    return grpc::Status::OK;
+  });
+  expect_read(read({once.address()}));  // damaged on its way: another try is worth it
+}
+
+TEST_F(RemoteArchiveTest, AConnectionThatIsCutAgainAndAgainCostsLittleMore) {
+  // Cut after every 400 kB or so; what was on its way then, and one chunk that was not whole, come again.
+  size_t cuts = 0, next = 400'000;
+  TamperingRelay relay(a_->address(), [&](std::string&, size_t before) {
+    if (before < next) return true;
+    next = before + 400'000;
+    ++cuts;
+    return false;
+  });
+  const RemoteArchive archive({relay.address()}, "s", {}, Reading::kNeverMapped);
+  std::vector<int> frames;
+  for (int i = 0; i < 40; ++i) frames.push_back(i % MadeArchive::kFrames);
+  const absl::StatusOr<FrameRows> rows = archive.rows(manifest_, frames, 0, MadeArchive::kHeight);
+  // A chunk of 1 MiB never comes through whole: it says so, and neither hangs nor makes anything up.
+  EXPECT_TRUE(absl::IsUnavailable(rows.status())) << rows.status();
+  EXPECT_GE(cuts, 4u);
+}
+
+TEST_F(RemoteArchiveTest, AConnectionThatIsCutIsTakenUp) {
+  size_t cuts = 0, next = 3'000'000;
+  TamperingRelay relay(a_->address(), [&](std::string&, size_t before) {
+    if (before < next) return true;
+    next = before + 3'000'000;
+    ++cuts;
+    return false;
+  });
+  const RemoteArchive archive({relay.address()}, "s", {}, Reading::kNeverMapped);
+  std::vector<int> frames;
+  for (int i = 0; i < 40; ++i) frames.push_back(i % MadeArchive::kFrames);
+  const absl::StatusOr<FrameRows> rows = archive.rows(manifest_, frames, 0, MadeArchive::kHeight);
+  ASSERT_TRUE(rows.ok()) << rows.status();
+  const std::string expected = rows_of(a_->archive(), frames, 0, MadeArchive::kHeight);
+  EXPECT_EQ(text_of(*rows), expected);
+  EXPECT_GE(cuts, 2u);
+  // Twice only what had come of a chunk that was not whole; a little for the protocol.
+  EXPECT_LE(relay.sent(), expected.size() + (cuts + 1) * (1 << 20) + expected.size() / 50);
+}
+
+TEST_F(RemoteArchiveTest, WhateverTheNetworkFlipsTheRowsAreRightOrNone) {
+  std::mt19937 random(9);
+  int failed = 0;
+  for (int trial = 0; trial < 12; ++trial) {
+    const size_t at = random() % (2 * expected_.size());
+    TamperingRelay relay(a_->address(), [&](std::string& bytes, size_t before) {
+      if (before <= at && at < before + bytes.size())
+        bytes[at - before] = static_cast<char>(bytes[at - before] ^ (1 << (at % 8)));
+      return true;
+    });
+    const absl::StatusOr<FrameRows> rows = read({relay.address()});
+    if (rows.ok()) {
+      EXPECT_EQ(text_of(*rows), expected_) << at;
+    } else {
+      ++failed;
+    }
+  }
+  EXPECT_EQ(failed, 0) << "one flipped bit is mended by another try";
+}
+
+TEST_F(RemoteArchiveTest, ADamagedFileIsReadFromAnotherNode) {
+  for (const Reading reading : {Reading::kMappedIfHere, Reading::kNeverMapped}) {
+    if (reading == Reading::kMappedIfHere) damage(*a_);
+    expect_read(read({a_->address(), b_->address()}, reading));
+    expect_read(read({b_->address(), a_->address()}, reading));
+  }
+  damage(*b_);
+  for (const Reading reading : {Reading::kMappedIfHere, Reading::kNeverMapped}) {
+    const absl::Status status = read({a_->address(), b_->address()}, reading).status();
+    EXPECT_TRUE(absl::IsDataLoss(status)) << status;
+    for (const ArchiveNode* node : {a_.get(), b_.get()}) {
+      const std::string file = (node->archive() / MadeArchive::file(2)).string();
+      EXPECT_NE(status.message().find(file), std::string::npos) << status;
+      EXPECT_NE(status.message().find(node->address()), std::string::npos) << status;
+    }
+  }
+}
+
+TEST_F(RemoteArchiveTest, ANodeThatIsAwayMayHaveWhatTheOthersLack) {
+  const std::string away = b_->address();
+  b_ = nullptr;
+  expect_read(read({away, a_->address()}));
+  expect_read(read({a_->address(), away}));
+  damage(*a_);
+  const absl::Status status = read({a_->address(), away}).status();
+  EXPECT_TRUE(absl::IsUnavailable(status)) << status;
+  EXPECT_NE(status.message().find("frames/000002.tif"), std::string::npos) << status;
+  EXPECT_NE(status.message().find(away), std::string::npos) << status;
+}
+
+TEST_F(RemoteArchiveTest, AMappedFileThatIsCutShortIsReadOtherwiseTheNextTime) {
+  const RemoteArchive archive({a_->address(), b_->address()}, "s", {});
+  const absl::StatusOr<FrameRows> rows = archive.rows(manifest_, all_, kFirst, kCount);
+  ASSERT_TRUE(rows.ok()) << rows.status();
+  ASSERT_EQ(rows->mapped.size(), all_.size());
+  for (const ArchiveNode* node : {a_.get(), b_.get()})
+    std::filesystem::resize_file(node->archive() / MadeArchive::file(3), 5000);
+  EXPECT_NE(text_of(*rows), expected_);
+  EXPECT_TRUE(absl::IsUnavailable(rows->intact())) << rows->intact();
+  const absl::Status again = archive.rows(manifest_, all_, kFirst, kCount).status();
+  EXPECT_TRUE(absl::IsDataLoss(again)) << again;
+}
+
+TEST_F(RemoteArchiveTest, ADirectoryThatCannotBeSeenIsReadFrom) {
+  // The archive is where the node says, and yet another: its files were moved away after the node looked.
+  const FakeNode elsewhere(a_->archive(), true, well);
+  const absl::StatusOr<FrameRows> rows = read({elsewhere.address()}, Reading::kMappedIfHere);
+  expect_read(rows);
+  EXPECT_TRUE(rows->mapped.empty());
+}
+
+TEST_F(RemoteArchiveTest, AStopEndsTheWaiting) {
+  std::stop_source stop;
+  std::atomic<bool> asked = false;
+  const FakeNode slow(a_->archive(), true, [&](int, v1::ReadRowsResponse&) {
+    asked = true;
+    asked.notify_all();
+    return grpc::Status(grpc::StatusCode::UNAVAILABLE, "gone");
+  });
+  const std::jthread stopping([&] {
+    asked.wait(false);
+    stop.request_stop();
+  });
+  const RemoteArchive archive({slow.address()}, "s", stop.get_token());
+  EXPECT_TRUE(absl::IsCancelled(archive.rows(manifest_, all_, kFirst, kCount).status()));
+}
+
+}  // namespace
+}  // namespace glasswing
