@@ -9,6 +9,7 @@ lab=gw$$
 space() { echo "$lab-$1"; } # HOST: its network namespace
 stop_all() {
   local space
+  exec 2>/dev/null
   for space in $(ip netns list | grep -o "^$lab-[a-z0-9]*"); do
     kill -KILL $(ip netns pids "$space") 2>/dev/null || true
     ip netns del "$space"
@@ -65,7 +66,7 @@ start_solver() { start "$1" glasswing-solver --server "$GLASSWING_SERVER" --thre
 start rig glasswing-server --listen 0.0.0.0:7440 --advertise "$GLASSWING_SERVER" --data server
 start rig glasswing-display --listen "${address[rig]}:7441" --server "$GLASSWING_SERVER" --monitor back=128x104@60 --patch-rows 8
 start rig glasswing-camera --listen "${address[rig]}:7442" --server "$GLASSWING_SERVER" --tap "${address[rig]}:7441" \
-  --data camera --scene crystal --size 128x104 --fps 200
+  --data camera --scene crystal --size 192x156 --fps 200
 start_solver lab2
 start_solver lab3
 lab3=$!
@@ -115,7 +116,7 @@ echo "$SECONDS s"
 
 echo "== the server's host is cut off from all"
 start_solver lab3
-until_true 20 up 5 || true
+until_true 20 up 4 || fail "the solver did not come"
 SECONDS=0
 begin
 cut_off rig
