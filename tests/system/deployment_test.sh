@@ -37,6 +37,11 @@ until_true 20 up 3 || fail "the rig did not come up"
 glasswing nodes
 (GLASSWING_CA='' GLASSWING_CERTIFICATE='' GLASSWING_KEY='' refused "does not answer in the clear; if it speaks TLS, set --ca" glasswing nodes)
 GLASSWING_SERVER=127.0.0.1:$port refused "shows a certificate of another host; call it by a name that its certificate has" glasswing nodes
+"$root/deploy/make-certificates" "$work/foreign" stranger >/dev/null
+"$bin/glasswing-solver" --server "$GLASSWING_SERVER" --certificate "$work/foreign/stranger.pem" --key "$work/foreign/stranger.key" 2>"$work/stranger.log" &
+until_true 20 grep -q "does not take this node yet, .* refuses the certificate $work/foreign/stranger.pem" "$work/stranger.log" || fail "it does not say so"
+kill $!
+up 3 || fail "a stranger is in"
 glasswing capture "$root/deploy/plans/quick.txtpb" --session s --watch
 glasswing solve s --watch
 glasswing fetch s -o "$work/s.exr"
