@@ -11,7 +11,7 @@ export GLASSWING_SERVER=$server GLASSWING_CONFIG=/dev/null
 
 fail() {
   echo "FAILED: $*" >&2
-  tail -n 30 "$work"/*.log "$work"/rig/logs/*.log 2>/dev/null >&2 || true
+  tail -n 30 "$work"/*.log "$work"/rig/logs/*.log >&2 2>/dev/null || true
   exit 1
 }
 glasswing() { "$bin/glasswing" "$@"; }

@@ -1,0 +1,65 @@
+#!/bin/bash
+# The units of deploy/systemd: systemd has no complaint, and what they start is a rig over TLS that captures and solves, with
+# the configuration and the certificates of docs/deployment.md but for ports, directories and simulated devices.
+source "$(dirname "$0")/rig.sh"
+units=$root/deploy/systemd
+
+if command -v systemd-analyze >/dev/null; then
+  echo "== what systemd says of the units"
+  mkdir "$work/units"
+  for unit in "$units"/*.service; do sed "s#/usr/local/bin#$bin#" "$unit" >"$work/units/$(basename "$unit")"; done
+  systemd-analyze verify --man=no "$work/units"/*.service 2>"$work/complaints" || fail "$(cat "$work/complaints")"
+  ! grep -F "$work/units" "$work/complaints" || fail "that is a complaint"
+else
+  echo "there is no systemd-analyze: the units are only run"
+fi
+
+echo "== the rig that they start"
+"$root/deploy/make-certificates" "$work/certificates" machine=localhost me >/dev/null
+sed -e "s#rig\.lab#localhost#g; s#/etc/glasswing/#$work/certificates/#" -e "s#:7440#:$port#g; s#:7441#:$((port + 1))#g; s#:7442#:$((port + 2))#g" \
+  -e "s#--backend kms.*#--monitor back=128x104@60 --patch-rows 8\"#" \
+  -e "s#--backend libcamera#--fps 200 --size 128x104 --scene crystal --tap localhost:$((port + 1))#" "$units/glasswing.conf" >"$work/glasswing.conf"
+start() { # UNIT: what it starts, as systemd would
+  local unit=$units/glasswing-$1.service
+  (
+    set -a
+    source "$work/glasswing.conf"
+    directory=$(sed -n 's/^StateDirectory=//p' "$unit")
+    mkdir -p "$work/state/$directory"
+    eval "exec $(sed -n "s#^ExecStart=/usr/local/bin#$bin#p" "$unit" | sed "s#%S#$work/state#")"
+  ) >"$work/$1.log" 2>&1 &
+}
+for unit in server display camera solver; do start "$unit"; done
+export GLASSWING_SERVER=localhost:$port GLASSWING_CA=$work/certificates/ca.pem
+refused "wants to know who calls; set --certificate and --key" glasswing nodes
+export GLASSWING_CERTIFICATE=$work/certificates/me.pem GLASSWING_KEY=$work/certificates/me.key
+until_true 20 up 3 || fail "the rig did not come up"
+glasswing nodes
+(GLASSWING_CA='' GLASSWING_CERTIFICATE='' GLASSWING_KEY='' refused "does not answer in the clear; if it speaks TLS, set --ca" glasswing nodes)
+GLASSWING_SERVER=127.0.0.1:$port refused "shows a certificate of another host; call it by a name that its certificate has" glasswing nodes
+"$root/deploy/make-certificates" "$work/foreign" stranger >/dev/null
+"$bin/glasswing-solver" --server "$GLASSWING_SERVER" --certificate "$work/foreign/stranger.pem" --key "$work/foreign/stranger.key" 2>"$work/stranger.log" &
+until_true 20 grep -q "does not take this node yet, .* refuses the certificate $work/foreign/stranger.pem" "$work/stranger.log" || fail "it does not say so"
+kill $!
+up 3 || fail "a stranger is in"
+glasswing capture "$root/deploy/plans/quick.txtpb" --session s --watch
+glasswing solve s --watch
+glasswing fetch s -o "$work/s.exr"
+glasswing export s "$work/s"
+glasswing composite "$work/s.exr" --background "$root/deploy/pictures/quilt.png" -o "$work/s.png"
+
+echo "== a daemon that other machines should reach says what it lacks"
+says() { # WORDS PROGRAM OPTIONS...
+  if env -u GLASSWING_CA -u GLASSWING_CERTIFICATE -u GLASSWING_KEY timeout 20 "$bin/$2" "${@:3}" 2>"$work/stderr"; then fail "accepted: ${*:2}"; fi
+  grep -qF -- "$1" "$work/stderr" || fail "\"$(cat "$work/stderr")\" does not say \"$1\""
+}
+needs_tls="--listen is 0.0.0.0:0, which other machines reach: they need TLS; set --ca, --certificate and --key"
+says "$needs_tls" glasswing-server --listen 0.0.0.0:0 --data "$work/none"
+says "$needs_tls" glasswing-display --listen 0.0.0.0:0
+says "$needs_tls" glasswing-camera --listen 0.0.0.0:0 --data "$work/none"
+says "$needs_tls" glasswing-solver --listen 0.0.0.0:0
+says "set --advertise HOST:PORT" glasswing-server --listen 0.0.0.0:0 --data "$work/none" \
+  --ca "$GLASSWING_CA" --certificate "$GLASSWING_CERTIFICATE" --key "$GLASSWING_KEY"
+says "the certificate cannot be read: cannot open $work/none.pem" glasswing-server --data "$work/none" \
+  --ca "$GLASSWING_CA" --certificate "$work/none.pem" --key "$GLASSWING_KEY"
+echo "all of it held"

@@ -1,0 +1,126 @@
+#!/bin/bash
+# Solvers as jobs of a real Slurm, whose three machines are this one: they come when there is work, one machine dies in the
+# middle of a solve, its job goes on elsewhere, the matte is that of a solve on the spot, and all leave when nothing is left.
+[[ $(id -u) == 0 ]] || { echo "skipped: only root runs a Slurm of its own here"; exit 77; }
+for program in munged slurmctld slurmd sbatch squeue; do
+  PATH=$PATH:/usr/sbin command -v "$program" >/dev/null || { echo "skipped: there is no $program"; exit 77; }
+done
+source "$(dirname "$0")/rig.sh"
+export PATH=$PATH:/usr/sbin GLASSWING_BIN=$bin SLURM_CONF=$work/slurm.conf GLASSWING_UNTIL_IDLE=4
+rig=$root/deploy/local-rig
+of_test() { # VARIABLE=VALUE: processes with this in their environment, of this test's cluster
+  local pid environment
+  for pid in $(pgrep -x 'slurm.*|glasswing-solve'); do
+    environment=$({ tr '\0' '\n' <"/proc/$pid/environ"; } 2>/dev/null) || continue
+    grep -qxF "SLURM_CONF=$SLURM_CONF" <<<"$environment" && grep -qxF "$1" <<<"$environment" && echo "$pid"
+  done
+  return 0
+}
+stop_all() {
+  "$rig" down --data "$work/rig" >/dev/null || true
+  scancel --me 2>/dev/null || true
+  exec 2>/dev/null
+  # A slurmstepd outlives its slurmd, and a solver both.
+  kill -KILL $(of_test "SLURM_CONF=$SLURM_CONF") $(jobs -p) || true
+  wait
+  rm -rf "$work"
+}
+trap stop_all EXIT
+
+echo "== a cluster of three machines"
+mkdir "$work"/{munge,state,logs}
+chmod 755 "$work" "$work/munge"
+head -c 1024 /dev/urandom >"$work/munge/key"
+chmod 400 "$work/munge/key"
+host=$(hostname -s) first=$((port + 10))
+cat >"$SLURM_CONF" <<CONF
+ClusterName=glasswing
+SlurmctldHost=$host(127.0.0.1)
+SlurmctldPort=$first
+SlurmUser=root
+AuthType=auth/munge
+CredType=cred/munge
+# A job that is queued again waits until its old credential is void: two minutes, unless told otherwise.
+AuthInfo=socket=$work/munge/socket,cred_expire=5
+StateSaveLocation=$work/state
+SlurmdSpoolDir=$work/spool-%n
+SlurmctldPidFile=$work/slurmctld.pid
+SlurmdPidFile=$work/slurmd-%n.pid
+SlurmctldLogFile=$work/slurmctld.log
+SlurmdLogFile=$work/slurmd-%n.log
+ProctrackType=proctrack/linuxproc
+TaskPlugin=task/none
+SwitchType=switch/none
+MpiDefault=none
+SelectType=select/cons_tres
+SelectTypeParameters=CR_Core
+SchedulerType=sched/backfill
+SchedulerParameters=sched_interval=1,bf_interval=1,batch_sched_delay=1
+ReturnToService=2
+SlurmdParameters=config_overrides
+AccountingStorageType=accounting_storage/none
+JobCompType=jobcomp/none
+JobAcctGatherType=jobacct_gather/none
+NodeName=lab[1-3] NodeAddr=127.0.0.1 NodeHostname=$host Port=[$((first + 1))-$((first + 3))] CPUs=1 RealMemory=500 State=UNKNOWN
+PartitionName=lab Nodes=lab[1-3] Default=YES MaxTime=INFINITE State=UP
+CONF
+munged --foreground --force --key-file="$work/munge/key" --socket="$work/munge/socket" --pid-file="$work/munge/pid" \
+  --log-file="$work/munge/log" --seed-file="$work/munge/seed" >"$work/munged.log" 2>&1 &
+until_true 10 test -S "$work/munge/socket" || fail "munged did not start"
+slurmctld -D -i >"$work/slurmctld.out" 2>&1 &
+declare -A slurmd
+for machine in lab1 lab2 lab3; do
+  slurmd -D -N "$machine" >"$work/slurmd-$machine.out" 2>&1 &
+  slurmd[$machine]=$!
+done
+same_picture() { cmp "$1" "$2"; } # MATTE MATTE
+machines() { [[ $(sinfo --noheader --states=idle --format=%D) == 3 ]]; }
+until_true 20 machines || fail "$(sinfo 2>&1)"
+sinfo
+
+echo "== a rig without solvers; nothing to solve, nothing submitted"
+"$rig" up --data "$work/rig" --port "$port" --solvers 0 --size 192x152
+scale() { (cd "$work" && "$root/deploy/slurm/scale" --tiles 1 "$@"); }
+said() { # WORDS COMMAND...: which it says
+  "${@:2}" | tee "$work/said"
+  grep -qF -- "$1" "$work/said" || fail "that is not \"$1\""
+}
+said "nothing to submit: 0 tiles left, 0 solvers in the queue" scale
+glasswing capture "$root/deploy/plans/quick.txtpb" --session s --watch
+glasswing export s "$work/archive" >/dev/null
+
+echo "== solvers come when there is work"
+solvers() { squeue --me --array --noheader --states="${1:-pending,configuring,running,completing}" --format='%i %N'; } # [STATE]: their jobs and machines
+running() { (($(solvers running | wc -l) >= $1)); } # COUNT
+tiles_done() { (($(shown s tiles_done) >= $1)); } # COUNT
+is_done() { [[ $(shown s state) == SESSION_STATE_DONE ]]; }
+glasswing solve s >/dev/null
+said "submitted 2 as job " scale --most 2
+until_true 20 running 2 || fail "they do not run: $(squeue)"
+until_true 30 tiles_done 1 || fail "no tile was solved"
+
+echo "== a machine dies in the middle"
+read -r job machine < <(solvers running | tail -n 1)
+echo "job $job runs on $machine, which dies"
+doomed=("${slurmd[$machine]}")
+for pid in $(of_test "SLURMD_NODENAME=$machine"); do doomed+=("$pid" "$(ps -o ppid= -p "$pid")"); done  # its slurmstepd
+kill -KILL "${doomed[@]}"
+[[ $(shown s state) == SESSION_STATE_SOLVING ]] || fail "the solve was over too soon"
+scontrol update nodename="$machine" state=down reason=died
+said ", 2 solvers in the queue, at most 2" scale --most 2
+elsewhere() { solvers running | grep "^$job " | grep -qvw "$machine"; }
+until_true 30 elsewhere || fail "job $job was not queued again: $(squeue)"
+solvers running
+until_true 60 is_done || fail "the session is $(shown s state)"
+
+echo "== the matte is that of a solve on the spot"
+glasswing fetch s -o "$work/s.exr"
+"$bin/glasswing-solver" solve "$work/archive" "$work/here.exr"
+same_picture "$work/s.exr" "$work/here.exr" || fail "it is another"
+
+echo "== solvers leave when there is none"
+gone() { [[ -z $(solvers) ]]; }
+until_true 30 gone || fail "still there: $(squeue)"
+said "nothing to submit: 0 tiles left, 0 solvers in the queue" scale
+cat "$work"/glasswing-solver-*.log
+echo "all of it held"
