@@ -1,0 +1,133 @@
+"""A server, a camera node with an archive that was captured before, and solvers: each a process of its own."""
+
+from __future__ import annotations
+
+import os
+import pathlib
+import subprocess
+import time
+from collections.abc import Callable, Mapping
+
+import grpc
+
+from glasswing.v1 import node_service_pb2, session_service_pb2 as sessions
+from glasswing.v1.node_service_pb2_grpc import NodeServiceStub
+from glasswing.v1.session_service_pb2_grpc import SessionServiceStub
+
+from daemon import BIN, ROOT, Daemon, free_port
+
+SESSION = "vase"
+
+
+def until(holds: Callable[[], bool], what: str, seconds: float = 60.0) -> None:
+    """Returns once it holds; says what did not in that time."""
+    deadline = time.monotonic() + seconds
+    while not holds():
+        if time.monotonic() > deadline:
+            raise AssertionError(f"after {seconds:.0f} s still not: {what}")
+        time.sleep(0.02)
+
+
+def glasswing(server: str, *arguments: str, timeout: float = 300.0) -> str:
+    """What the command line answers; it must succeed."""
+    environment = dict(os.environ, GLASSWING_SERVER=server, GLASSWING_CONFIG="/dev/null")
+    command = [str(BIN / "glasswing"), *arguments]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=timeout)
+    if done.returncode != 0:
+        raise AssertionError(f"{' '.join(command)}: {done.stderr}")
+    return done.stdout
+
+
+def capture_archive(directory: pathlib.Path, work: pathlib.Path, plan: pathlib.Path, size: str, scene: str = "crystal") -> None:
+    """Captures the plan on a simulated rig, and exports what was captured to `directory`."""
+    rig = [str(ROOT / "deploy/local-rig")]
+    port = free_port()
+    options = ["--data", str(work / "capture-rig")]
+    shown = {"stdout": subprocess.DEVNULL, "timeout": 100.0, "check": True}
+    environment = dict(os.environ, GLASSWING_BIN=str(BIN), GLASSWING_SERVER=f"127.0.0.1:{port}")
+    up = ["--port", str(port), "--solvers", "1", "--size", size, "--scene", scene]
+    subprocess.run([*rig, "up", *options, *up], env=environment, **shown)  # type: ignore[call-overload]
+    try:
+        glasswing(f"127.0.0.1:{port}", "capture", str(plan), "--session", SESSION, "--watch")
+        glasswing(f"127.0.0.1:{port}", "export", SESSION, str(directory))
+    finally:
+        subprocess.run([*rig, "down", *options], env=environment, **shown)  # type: ignore[call-overload]
+
+
+class Lab:
+    """Its session SESSION has the archive's frames; nothing else is there yet."""
+
+    def __init__(self, work: pathlib.Path, archive: pathlib.Path, server_options: tuple[str, ...] = ()) -> None:
+        self.work = work
+        self.data = work / "server"
+        self.port = free_port()
+        self.address = f"127.0.0.1:{self.port}"
+        self.archive_port = free_port()  # that the session knows
+        listen = ["--listen", self.address, "--data", str(self.data)]
+        self.server = Daemon("server", ["glasswing-server", *listen, *server_options], work / "server.log")
+        self.camera = self.camera_at(self.archive_port)
+        self.solvers: list[Daemon] = []
+        self._channel = grpc.insecure_channel(
+            self.address, [("grpc.max_reconnect_backoff_ms", 200), ("grpc.initial_reconnect_backoff_ms", 100)]
+        )
+        self.sessions = SessionServiceStub(self._channel)
+        self._nodes = NodeServiceStub(self._channel)
+        self.server.start()
+        self.camera.start()
+        until(lambda: self.nodes_up() == 1, "the camera is known to the server")
+        glasswing(self.address, "import", str(archive), "--session", SESSION)
+
+    def camera_at(self, port: int) -> Daemon:
+        """A camera node with this lab's archives that listens there."""
+        options = ["--listen", f"127.0.0.1:{port}", "--server", self.address, "--data", str(self.work / "camera")]
+        return Daemon("camera", ["glasswing-camera", *options, "--scene", "none"], self.work / "camera.log")
+
+    def add_solver(self, server_port: int | None = None, threads: int = 1) -> Daemon:
+        """Not started. `server_port`: the server's own, if left out."""
+        name = f"solver-{len(self.solvers) + 1}"
+        options = ["--server", f"127.0.0.1:{server_port or self.port}", "--name", name, "--threads", str(threads)]
+        self.solvers.append(Daemon(name, ["glasswing-solver", *options], self.work / f"{name}.log"))
+        return self.solvers[-1]
+
+    def daemons(self) -> list[Daemon]:
+        """All of them."""
+        return [self.server, self.camera, *self.solvers]
+
+    def nodes_up(self) -> int:
+        """How many nodes the server has heard of lately; 0: it does not answer."""
+        try:
+            answer = self._nodes.ListNodes(node_service_pb2.ListNodesRequest(), timeout=5.0)
+        except grpc.RpcError:
+            return 0
+        return sum(node.up for node in answer.nodes)
+
+    def session(self, timeout: float = 5.0) -> sessions.Session:
+        """As the server tells it. RpcError: it does not answer."""
+        return self.sessions.GetSession(sessions.GetSessionRequest(name=SESSION), timeout=timeout).session
+
+    def solve(self, method: str = "", options: Mapping[str, str] = {}) -> None:
+        """Asks for it, and does not wait."""
+        request = sessions.SolveSessionRequest(name=SESSION, method=method, options=options)
+        self.sessions.SolveSession(request, timeout=30.0)
+
+    def wait_until_done(self, seconds: float = 600.0) -> sessions.Session:
+        """The session as it ended; it must end well."""
+        until(lambda: self.session(30.0).state != sessions.SESSION_STATE_SOLVING, "the solve has ended", seconds)
+        session = self.session()
+        assert session.state == sessions.SESSION_STATE_DONE, f"{session.reason}\n{self.server.last_words()}"
+        return session
+
+    def fetch(self) -> bytes:
+        """The finished matte, as the server hands it out."""
+        request = sessions.FetchMatteRequest(name=SESSION)
+        return b"".join(part.chunk for part in self.sessions.FetchMatte(request, timeout=60.0))
+
+    def matte(self) -> pathlib.Path:
+        """The finished one's file."""
+        return self.data / "mattes" / f"{SESSION}.exr"
+
+    def close(self) -> None:
+        """Ends every process."""
+        self._channel.close()
+        for daemon in reversed(self.daemons()):
+            daemon.end()
