@@ -74,7 +74,7 @@ class Lab:
         self._nodes = NodeServiceStub(self._channel)
         self.server.start()
         self.camera.start()
-        until(lambda: self.nodes_up() == 1, "the camera is known to the server")
+        until(lambda: self.nodes_up(node_service_pb2.NODE_KIND_CAMERA) == 1, "the camera is known to the server")
         glasswing(self.address, "import", str(archive), "--session", SESSION)
 
     def camera_at(self, port: int) -> Daemon:
@@ -93,13 +93,17 @@ class Lab:
         """All of them."""
         return [self.server, self.camera, *self.solvers]
 
-    def nodes_up(self) -> int:
-        """How many nodes the server has heard of lately; 0: it does not answer."""
+    def nodes_up(self, kind: int) -> int:
+        """How many nodes of that kind the server has heard of lately; 0: it does not answer."""
         try:
             answer = self._nodes.ListNodes(node_service_pb2.ListNodesRequest(), timeout=5.0)
         except grpc.RpcError:
             return 0
-        return sum(node.up for node in answer.nodes)
+        return sum(node.up and node.kind == kind for node in answer.nodes)
+
+    def solvers_up(self) -> int:
+        """How many solvers the server has heard of in the last five seconds."""
+        return self.nodes_up(node_service_pb2.NODE_KIND_SOLVER)
 
     def session(self, timeout: float = 5.0) -> sessions.Session:
         """As the server tells it. RpcError: it does not answer."""

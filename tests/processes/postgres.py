@@ -1,72 +1,53 @@
-"""A PostgreSQL of a test's own, on loopback."""
+"""A PostgreSQL of a test's own, on loopback: tests/server/jobs/postgres, which says more."""
 
 from __future__ import annotations
 
 import os
 import pathlib
-import shutil
 import subprocess
 
-from daemon import free_port
+from daemon import ROOT
+
+_NOT_INSTALLED = 77
 
 
-def programs() -> pathlib.Path | None:
-    """Where Debian puts them, of the newest version; None: not installed."""
-    found = sorted(pathlib.Path("/usr/lib/postgresql").glob("*/bin/initdb"), key=lambda path: int(path.parts[4]))
-    return found[-1].parent if found and shutil.which("psql") else None
+class NotInstalled(Exception):
+    """There is no PostgreSQL on this machine."""
 
 
 class Postgres:
-    """Runs, with an empty database, until `close()`; `directory` must not exist. Refuses to run as root, so it does not."""
+    """Runs, with an empty database, until `close()` or the end of this process; `directory` must not exist."""
 
     def __init__(self, directory: pathlib.Path) -> None:
-        bin_directory = programs()
-        assert bin_directory, "PostgreSQL is not installed"
-        self._bin = bin_directory
-        self._data = directory / "data"
-        self._log = directory / "log"
-        self._port = free_port()
-        directory.mkdir()
-        if os.geteuid() == 0:
-            shutil.chown(directory, "postgres", "postgres")
-            for parent in directory.parents:  # a temporary directory of root's
-                if parent.stat().st_uid == 0 and parent != parent.parent and not parent.stat().st_mode & 0o001:
-                    parent.chmod(parent.stat().st_mode | 0o011)
-        self._do("initdb", "-D", str(self._data), "-U", "glasswing", "--auth=trust", "--no-locale", "-E", "UTF8")
-        self.connection = f"postgresql://glasswing@127.0.0.1:{self._port}/postgres"
-        self.start()
-
-    def start(self) -> None:
-        """Returns once it answers; recovers first if it was stopped at once."""
-        options = f"-p {self._port} -c listen_addresses=127.0.0.1 -c unix_socket_directories='' -c max_connections=60"
-        self._do("pg_ctl", "-D", str(self._data), "-l", str(self._log), "-o", options, "-w", "-t", "60", "start")
+        self._directory = directory
+        directory.parent.chmod(0o755)  # it does not run as root
+        self.connection = self._do("up", str(os.getpid())).strip()
 
     def stop_at_once(self) -> None:
         """As if all its processes were killed: nothing is written down, all connections break."""
-        if self.is_up():
-            self._do("pg_ctl", "-D", str(self._data), "-m", "immediate", "-w", "stop")
+        self._do("stop")
+
+    def start(self) -> None:
+        """Returns once it answers; it recovers first if it was stopped at once."""
+        self._do("start")
 
     def is_up(self) -> bool:
-        """It runs."""
-        return self._run("pg_ctl", "-D", str(self._data), "status").returncode == 0
+        """It was not stopped."""
+        return (self._directory / "data/postmaster.pid").exists()
 
     def process(self) -> int:
-        """Of the first of its processes, whose children the others are."""
-        return int((self._data / "postmaster.pid").read_text().splitlines()[0])
+        """Of its first process, whose children the others are."""
+        return int((self._directory / "data/postmaster.pid").read_text().splitlines()[0])
 
     def close(self) -> None:
         """Stops it for good."""
-        self.stop_at_once()
+        self._do("down")
 
-    def _do(self, *command: str) -> None:
-        done = self._run(*command)
+    def _do(self, command: str, *more: str) -> str:
+        script = [str(ROOT / "tests/server/jobs/postgres"), command, str(self._directory), *more]
+        done = subprocess.run(script, capture_output=True, text=True, timeout=120.0)
+        if done.returncode == _NOT_INSTALLED:
+            raise NotInstalled(done.stderr.strip())
         if done.returncode != 0:
-            log = self._log.read_text(errors="replace")[-2000:] if self._log.exists() else ""
-            raise AssertionError(f"{command[0]}: {done.stdout}{log}")
-
-    def _run(self, program: str, *options: str) -> subprocess.CompletedProcess[str]:
-        command = [str(self._bin / program), *options]
-        if os.geteuid() == 0:
-            command = ["setpriv", "--reuid", "postgres", "--regid", "postgres", "--clear-groups", *command]
-        # What it starts keeps our pipe; a file ends with the command.
-        return subprocess.run(command, cwd="/", stdin=subprocess.DEVNULL, stdout=subprocess.PIPE if program != "pg_ctl" else subprocess.DEVNULL, stderr=subprocess.STDOUT, text=True, timeout=120.0)
+            raise AssertionError(f"{' '.join(script)}: {done.stderr}")
+        return done.stdout

@@ -8,7 +8,7 @@ import pathlib
 import sqlite3
 import subprocess
 
-_QUERY = "SELECT job, number, first, count, coalesce(result, '') FROM tiles WHERE job IN (SELECT id FROM jobs WHERE session = '{}')"
+_QUERY = "SELECT job, number, first, count, {result} FROM tiles WHERE job IN (SELECT id FROM jobs WHERE session = '{session}')"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,7 +37,7 @@ class SqliteView:
         try:
             with contextlib.closing(sqlite3.connect(self._path, timeout=2.0)) as database:
                 database.execute("PRAGMA query_only = 1")
-                return [StoredTile(*row) for row in database.execute(_QUERY.format(session))]
+                return [StoredTile(*row) for row in database.execute(_QUERY.format(result="CAST(result AS TEXT)", session=session))]
         except sqlite3.OperationalError as error:
             raise Unreadable(str(error)) from None
 
@@ -50,7 +50,8 @@ class PostgresView:
 
     def tiles(self, session: str) -> list[StoredTile]:
         """Of all its jobs."""
-        command = ["psql", self._connection, "-X", "-At", "-F", "\t", "-c", _QUERY.format(session)]
+        query = _QUERY.format(result="convert_from(result, 'UTF8')", session=session)
+        command = ["psql", self._connection, "-X", "-At", "-F", "\t", "-c", query]
         asked = subprocess.run(command, capture_output=True, text=True, timeout=30.0)
         if asked.returncode != 0:
             raise Unreadable(asked.stderr)
