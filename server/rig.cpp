@@ -12,6 +12,10 @@ namespace {
 
 constexpr nanoseconds kSilence = std::chrono::seconds(5);
 
+bool has_left(const v1::Node& node, nanoseconds silent) {
+  return node.kind() == v1::NODE_KIND_SOLVER && silent >= kForgotten;
+}
+
 }  // namespace
 
 absl::Status Rig::add(const v1::RegisterRequest& request) {
@@ -20,9 +24,12 @@ absl::Status Rig::add(const v1::RegisterRequest& request) {
     return absl::InvalidArgumentError("kind is not given; it must be display, camera or solver");
   }
   const std::lock_guard lock(mutex_);
+  const nanoseconds now = now_();
+  std::erase_if(entries_,
+                [now](const auto& known) { return has_left(known.second.node, now - known.second.heard); });
   Entry& entry = entries_[request.name()];
   const bool taken = !entry.node.address().empty() && entry.node.address() != request.address() &&
-                     monotonic_now() - entry.heard < kSilence;
+                     now - entry.heard < kSilence;
   if (taken) {
     return absl::AlreadyExistsError(
         fmt::format("another node is \"{}\", at {}; give this one a --name of its own", request.name(),
@@ -34,7 +41,8 @@ absl::Status Rig::add(const v1::RegisterRequest& request) {
   entry.node.set_version(request.version());
   entry.node.set_build(request.build());
   if (!request.detail().empty()) entry.node.set_detail(request.detail());
-  entry.heard = monotonic_now();
+  entry.solver = request.solver();
+  entry.heard = now;
   return absl::OkStatus();
 }
 
@@ -44,13 +52,29 @@ void Rig::note(const std::string& name, const std::string& doing) {
   if (found != entries_.end()) found->second.node.set_detail(doing);
 }
 
+std::vector<RegisteredSolver> Rig::current() const {
+  const nanoseconds now = now_();
+  std::vector<RegisteredSolver> nodes;
+  for (const auto& [name, entry] : entries_) {
+    if (has_left(entry.node, now - entry.heard)) continue;
+    nodes.push_back({.node = entry.node, .info = entry.solver});
+    nodes.back().node.set_up(now - entry.heard < kSilence);
+  }
+  return nodes;
+}
+
+std::vector<RegisteredSolver> Rig::solvers() const {
+  const std::lock_guard lock(mutex_);
+  std::vector<RegisteredSolver> solvers = current();
+  std::erase_if(solvers,
+                [](const RegisteredSolver& solver) { return solver.node.kind() != v1::NODE_KIND_SOLVER; });
+  return solvers;
+}
+
 std::vector<v1::Node> Rig::nodes() const {
   const std::lock_guard lock(mutex_);
   std::vector<v1::Node> nodes;
-  for (const auto& [name, entry] : entries_) {
-    nodes.push_back(entry.node);
-    nodes.back().set_up(monotonic_now() - entry.heard < kSilence);
-  }
+  for (RegisteredSolver& known : current()) nodes.push_back(std::move(known.node));
   std::stable_sort(nodes.begin(), nodes.end(),
                    [](const v1::Node& a, const v1::Node& b) { return a.kind() < b.kind(); });
   return nodes;

@@ -4,6 +4,7 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
+#include <functional>
 #include <map>
 #include <mutex>
 #include <string>
@@ -14,15 +15,26 @@
 
 namespace glasswing {
 
+// What has been silent for so long has left. Displays and cameras are the rig's own, and stay, as away.
+inline constexpr nanoseconds kForgotten = std::chrono::minutes(10);
+
+struct RegisteredSolver {
+  v1::Node node;
+  v1::SolverInfo info;
+};
+
 // Thread-safe.
 class Rig {
  public:
+  explicit Rig(std::function<nanoseconds()> now = monotonic_now) : now_(std::move(now)) {}
+
   absl::Status add(const v1::RegisterRequest& node);
   // A solver is also known by its claims; `doing` is what `nodes` shows.
   void note(const std::string& name, const std::string& doing);
 
   std::vector<v1::Node> nodes() const;  // by kind, then name
   std::vector<v1::Node> up(v1::NodeKind kind) const;
+  std::vector<RegisteredSolver> solvers() const;  // by name
   // The camera; UNAVAILABLE if none is up.
   absl::StatusOr<v1::Node> camera() const;
   // All displays; UNAVAILABLE if none is up.
@@ -31,8 +43,13 @@ class Rig {
  private:
   struct Entry {
     v1::Node node;
+    v1::SolverInfo solver;
     nanoseconds heard{};
   };
+  // Those that have not left, with `up` as it is now. With mutex_ held.
+  std::vector<RegisteredSolver> current() const;
+
+  const std::function<nanoseconds()> now_;
   mutable std::mutex mutex_;
   std::map<std::string, Entry> entries_;  // by name
 };

@@ -87,6 +87,7 @@ absl::StatusOr<v1::ClaimTileResponse> Server::claim(const v1::ClaimTileRequest& 
   v1::ClaimTileResponse response;
   GW_ASSIGN_OR_RETURN(const std::optional<Lease> lease,
                       jobs_->claim(request.solver(), computed, request.ahead()));
+  fleet_.claimed(request.solver());
   if (!lease) {
     if (!request.ahead()) rig_.note(request.solver(), "waiting for work");
     return response;
@@ -114,7 +115,6 @@ absl::StatusOr<v1::ClaimTileResponse> Server::claim(const v1::ClaimTileRequest& 
   } else {
     response.set_server_address(lease->server_address);
   }
-  fleet_.claimed(request.solver());
   rig_.note(request.solver(), words_for(*lease, response));
   return response;
 }
@@ -211,7 +211,7 @@ absl::Status Server::done(const v1::CompleteTileRequest& header, const TileAttem
   }
   GW_RETURN_IF_ERROR(completed);
   fault_point("tile committed");
-  fleet_.completed(header.solver(), lease.session(), header.seconds());
+  fleet_.completed(header.solver(), header.seconds());
   spdlog::info("tile done session={} job={} tile={} attempt={} solver={} seconds={:.2f}", lease.session(),
                lease.job(), lease.tile(), lease.attempt(), header.solver(), header.seconds());
   return note_progress(lease);
@@ -285,9 +285,7 @@ absl::Status Server::fail(const v1::FailTileRequest& request) {
 absl::StatusOr<v1::GetFleetResponse> Server::fleet() {
   GW_ASSIGN_OR_RETURN(const std::vector<JobState> jobs, jobs_->jobs());
   GW_ASSIGN_OR_RETURN(const std::vector<LeaseState> leases, jobs_->leases());
-  std::vector<v1::Node> solvers = rig_.nodes();
-  std::erase_if(solvers, [](const v1::Node& node) { return node.kind() != v1::NODE_KIND_SOLVER; });
-  return fleet_.describe(solvers, jobs, leases, jobs_->title());
+  return fleet_.describe(rig_.solvers(), jobs, leases, jobs_->title());
 }
 
 }  // namespace glasswing

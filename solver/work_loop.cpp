@@ -99,6 +99,7 @@ class WorkLoop {
   absl::StatusOr<std::unique_ptr<OwnTile>> claim(bool ahead);
   void start(OwnTile& tile);
   absl::StatusOr<std::shared_ptr<const SolveSource>> source_of(const v1::ClaimTileResponse& tile);
+  absl::StatusOr<TileInHand> read(const v1::ClaimTileResponse& tile);
   // Again and again while a node that holds the frames is away: its silence is no fault of the tile.
   template <typename T>
   absl::StatusOr<T> patiently(const OwnTile& tile, const std::function<absl::StatusOr<T>()>& what);
@@ -179,12 +180,14 @@ absl::StatusOr<T> WorkLoop::patiently(const OwnTile& tile, const std::function<a
   }
 }
 
+absl::StatusOr<TileInHand> WorkLoop::read(const v1::ClaimTileResponse& tile) {
+  GW_ASSIGN_OR_RETURN(std::shared_ptr<const SolveSource> source, source_of(tile));
+  return TileInHand::read(tile, std::move(source));
+}
+
 void WorkLoop::start(OwnTile& tile) {
   tile.read = std::async(std::launch::async, [this, &tile] {
-    return patiently<TileInHand>(tile, [&]() -> absl::StatusOr<TileInHand> {
-      GW_ASSIGN_OR_RETURN(std::shared_ptr<const SolveSource> source, source_of(tile.claim));
-      return TileInHand::read(tile.claim, std::move(source));
-    });
+    return patiently<TileInHand>(tile, [&] { return read(tile.claim); });
   });
 }
 
@@ -304,8 +307,14 @@ std::unique_ptr<OwnTile> WorkLoop::work_on(std::unique_ptr<OwnTile> tile) {
   if (tile->claim.frame_count() == 0)
     ahead = std::async(std::launch::async, [this] { return claim_ahead(); });
   const std::stop_token in_vain = tile->keeper->in_vain();
-  absl::StatusOr<SolvedTile> solved =
-      patiently<SolvedTile>(*tile, [&] { return in_hand->solve(options_.threads, in_vain); });
+  absl::StatusOr<SolvedTile> solved = patiently<SolvedTile>(*tile, [&]() -> absl::StatusOr<SolvedTile> {
+    if (!in_hand.ok()) in_hand = read(tile->claim);
+    GW_RETURN_IF_ERROR(in_hand.status());
+    absl::StatusOr<SolvedTile> result = in_hand->solve(options_.threads, in_vain);
+    // What was read is worth nothing then.
+    if (absl::IsUnavailable(result.status())) in_hand = result.status();
+    return result;
+  });
   in_hand = absl::CancelledError();  // its memory is wanted by the next one
   if (solved.ok()) {
     fault_point("tile solved");
