@@ -38,26 +38,27 @@ def glasswing(server: str, *arguments: str, timeout: float = 300.0) -> str:
     return done.stdout
 
 
-def capture_archive(directory: pathlib.Path, work: pathlib.Path, plan: pathlib.Path, size: str, scene: str = "crystal") -> None:
-    """Captures the plan on a simulated rig, and exports what was captured to `directory`."""
+def capture_archives(plans: Mapping[pathlib.Path, pathlib.Path], work: pathlib.Path, size: str, scene: str = "crystal") -> None:
+    """Captures these plans on one simulated rig, and exports what was captured: by directory, which must not exist, its plan."""
     rig = [str(ROOT / "deploy/local-rig")]
     port = free_port()
-    options = ["--data", str(work / "capture-rig")]
+    options = ["--data", str(work / f"capture-rig-{port}")]
     shown = {"stdout": subprocess.DEVNULL, "timeout": 100.0, "check": True}
     environment = dict(os.environ, GLASSWING_BIN=str(BIN), GLASSWING_SERVER=f"127.0.0.1:{port}")
     up = ["--port", str(port), "--solvers", "1", "--size", size, "--scene", scene]
     subprocess.run([*rig, "up", *options, *up], env=environment, **shown)  # type: ignore[call-overload]
     try:
-        glasswing(f"127.0.0.1:{port}", "capture", str(plan), "--session", SESSION, "--watch")
-        glasswing(f"127.0.0.1:{port}", "export", SESSION, str(directory))
+        for i, (directory, plan) in enumerate(plans.items()):
+            glasswing(f"127.0.0.1:{port}", "capture", str(plan), "--session", f"s{i}", "--watch")
+            glasswing(f"127.0.0.1:{port}", "export", f"s{i}", str(directory))
     finally:
         subprocess.run([*rig, "down", *options], env=environment, **shown)  # type: ignore[call-overload]
 
 
 class Lab:
-    """Its session SESSION has the archive's frames; nothing else is there yet."""
+    """Its sessions have the archives' frames, by name; there are no solvers yet."""
 
-    def __init__(self, work: pathlib.Path, archive: pathlib.Path, server_options: tuple[str, ...] = ()) -> None:
+    def __init__(self, work: pathlib.Path, archives: Mapping[str, pathlib.Path], server_options: tuple[str, ...] = ()) -> None:
         self.work = work
         self.data = work / "server"
         self.port = free_port()
@@ -75,12 +76,13 @@ class Lab:
         self.server.start()
         self.camera.start()
         until(lambda: self.nodes_up(node_service_pb2.NODE_KIND_CAMERA) == 1, "the camera is known to the server")
-        glasswing(self.address, "import", str(archive), "--session", SESSION)
+        for name, archive in archives.items():
+            glasswing(self.address, "import", str(archive), "--session", name)
 
-    def camera_at(self, port: int) -> Daemon:
-        """A camera node with this lab's archives that listens there."""
-        options = ["--listen", f"127.0.0.1:{port}", "--server", self.address, "--data", str(self.work / "camera")]
-        return Daemon("camera", ["glasswing-camera", *options, "--scene", "none"], self.work / "camera.log")
+    def camera_at(self, port: int, name: str = "camera-1") -> Daemon:
+        """A camera node that listens there, not started. `name`: also of its archives' directory."""
+        options = ["--listen", f"127.0.0.1:{port}", "--server", self.address, "--data", str(self.work / name)]
+        return Daemon(name, ["glasswing-camera", *options, "--name", name, "--scene", "none"], self.work / f"{name}.log")
 
     def add_solver(self, server_port: int | None = None, threads: int = 1) -> Daemon:
         """Not started. `server_port`: the server's own, if left out."""
@@ -105,30 +107,30 @@ class Lab:
         """How many solvers the server has heard of in the last five seconds."""
         return self.nodes_up(node_service_pb2.NODE_KIND_SOLVER)
 
-    def session(self, timeout: float = 5.0) -> sessions.Session:
+    def session(self, timeout: float = 5.0, name: str = SESSION) -> sessions.Session:
         """As the server tells it. RpcError: it does not answer."""
-        return self.sessions.GetSession(sessions.GetSessionRequest(name=SESSION), timeout=timeout).session
+        return self.sessions.GetSession(sessions.GetSessionRequest(name=name), timeout=timeout).session
 
-    def solve(self, method: str = "", options: Mapping[str, str] = {}) -> None:
+    def solve(self, method: str = "", name: str = SESSION) -> sessions.Session:
         """Asks for it, and does not wait."""
-        request = sessions.SolveSessionRequest(name=SESSION, method=method, options=options)
-        self.sessions.SolveSession(request, timeout=30.0)
+        request = sessions.SolveSessionRequest(name=name, method=method)
+        return self.sessions.SolveSession(request, timeout=30.0).session
 
-    def wait_until_done(self, seconds: float = 600.0) -> sessions.Session:
+    def wait_until_done(self, seconds: float = 600.0, name: str = SESSION) -> sessions.Session:
         """The session as it ended; it must end well."""
-        until(lambda: self.session(30.0).state != sessions.SESSION_STATE_SOLVING, "the solve has ended", seconds)
-        session = self.session()
+        until(lambda: self.session(30.0, name).state != sessions.SESSION_STATE_SOLVING, "the solve has ended", seconds)
+        session = self.session(5.0, name)
         assert session.state == sessions.SESSION_STATE_DONE, f"{session.reason}\n{self.server.last_words()}"
         return session
 
     def fetch(self) -> bytes:
-        """The finished matte, as the server hands it out."""
+        """The finished matte of SESSION, as the server hands it out."""
         request = sessions.FetchMatteRequest(name=SESSION)
         return b"".join(part.chunk for part in self.sessions.FetchMatte(request, timeout=60.0))
 
-    def matte(self) -> pathlib.Path:
-        """The finished one's file."""
-        return self.data / "mattes" / f"{SESSION}.exr"
+    def matte(self, name: str = SESSION) -> pathlib.Path:
+        """The finished one's file; of a video, whose mattes have no suffix, their directory is beside it."""
+        return self.data / "mattes" / f"{name}.exr"
 
     def close(self) -> None:
         """Ends every process."""

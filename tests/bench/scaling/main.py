@@ -16,7 +16,8 @@ import time
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "processes"))
 
 from daemon import BIN, ROOT  # noqa: E402
-from lab import Lab, capture_archive, until  # noqa: E402
+from bits import planes  # noqa: E402
+from lab import SESSION, Lab, capture_archives, until  # noqa: E402
 
 _WAYS = ("in one process", "server, 1 solver", "server, 2 solvers")
 
@@ -56,8 +57,8 @@ def main() -> int:
         work = pathlib.Path(temporary)
         archive = options.archive or work / "archive"
         if not options.archive:
-            capture_archive(archive, work, options.plan, options.size)
-        lab = Lab(work, archive, ("--jobs", options.jobs) if options.jobs else ())
+            capture_archives({archive: options.plan}, work, options.size)
+        lab = Lab(work, {SESSION: archive}, ("--jobs", options.jobs) if options.jobs else ())
         try:
             for _ in range(2):
                 lab.add_solver()
@@ -67,9 +68,10 @@ def main() -> int:
             for _ in range(options.runs):
                 loads.append(os.getloadavg()[0])
                 seconds[_WAYS[0]].append(in_process(archive, matte, ["--method", options.method] if options.method else []))
+                whole = planes(matte)
                 for solvers in (1, 2):
                     seconds[_WAYS[solvers]].append(distributed(lab, solvers, options.method))
-                    same = same and lab.same_pixels(matte)
+                    same = same and planes(lab.matte()) == whole
             tiles = lab.session().tile_count
         finally:
             lab.close()

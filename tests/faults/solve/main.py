@@ -14,7 +14,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "processes"
 from daemon import ROOT  # noqa: E402
 from faults import Draws  # noqa: E402
 from history import Reference  # noqa: E402
-from lab import capture_archive  # noqa: E402
+from lab import capture_archives  # noqa: E402
 from postgres import NotInstalled  # noqa: E402
 from rig import LEASE_SECONDS, SOLVERS, FaultyRig  # noqa: E402
 from trial import Trial  # noqa: E402
@@ -93,7 +93,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as temporary:
         work = options.keep or pathlib.Path(temporary)
         archive = work / "archive"
-        capture_archive(archive, work, ROOT / "deploy/plans/quick.txtpb", "48x44")
+        capture_archives({archive: ROOT / "deploy/plans/quick.txtpb"}, work, "64x56")
         for i, store in enumerate(stores):
             share = options.runs // len(stores) + (i < options.runs % len(stores))
             try:

@@ -9,12 +9,13 @@ import grpc
 
 from daemon import Daemon, free_port
 from faults import Fault
-from lab import Lab, until
+from lab import SESSION, Lab, until
 from postgres import Postgres
 from relay import Relay
 from store_view import PostgresView, SqliteView
 
 LEASE_SECONDS = 1.0
+TILE_SECONDS = 0.02  # so that there are some twenty
 SOLVERS = 3
 
 
@@ -22,11 +23,11 @@ class FaultyRig:
     """Solvers reach the server, and whoever reads frames the camera, through relays."""
 
     def __init__(self, work: pathlib.Path, archive: pathlib.Path, with_postgres: bool) -> None:
-        options = ["--lease", f"{LEASE_SECONDS}"]
+        options = ["--lease", f"{LEASE_SECONDS}", "--least-tile", f"{TILE_SECONDS}"]
         self.postgres = Postgres(work / "postgres") if with_postgres else None
         if self.postgres:
             options += ["--jobs", self.postgres.connection]
-        self.lab = Lab(work, archive, tuple(options))
+        self.lab = Lab(work, {SESSION: archive}, tuple(options))
         # From now on the camera listens elsewhere, and a relay where the session says that its frames are.
         self.lab.camera.end()
         behind = free_port()

@@ -11,7 +11,6 @@ from glasswing.v1 import session_service_pb2 as sessions
 
 from faults import Fault
 from history import History, Reference
-from lab import SESSION
 from rig import FaultyRig
 
 MOST_SECONDS = 90.0
@@ -44,8 +43,7 @@ class Trial:
         rig, lab = self._rig, self._rig.lab
         rig.make_ready(self._faults)
         history = History(lab, rig.view, self._reference)
-        asked = lab.sessions.SolveSession(sessions.SolveSessionRequest(name=SESSION), timeout=30.0)
-        history.begin(asked.session.job)
+        history.begin(lab.solve().job)
         began = time.monotonic()
         state = sessions.SESSION_STATE_SOLVING
         while state == sessions.SESSION_STATE_SOLVING and time.monotonic() - began < MOST_SECONDS:
