@@ -66,18 +66,32 @@ void Server::finish_solves(std::stop_token stop) {
       name = *to_finish_.begin();
       to_finish_.erase(to_finish_.begin());
     }
-    finish_solve(name);
+    const absl::Status status = finish_solve(name);
+    if (status.ok()) continue;
+    spdlog::error("solve not finished session={} error=\"{}\"", name, std::string(status.message()));
+    if (!absl::IsUnavailable(status)) continue;
+    // The job store is away, and comes back.
+    std::unique_lock lock(mutex_);
+    to_finish_.insert(name);
+    finish_wanted_.wait_for(lock, stop, std::chrono::seconds(1), [] { return false; });
   }
 }
 
-void Server::finish_solve(const std::string& name) {
+void Server::look_whether_finished(const std::string& name) {
+  to_finish_.insert(name);
+  finish_wanted_.notify_all();
+}
+
+absl::Status Server::finish_solve(const std::string& name) {
   v1::Session session;
   {
     const std::lock_guard lock(mutex_);
     const absl::StatusOr<v1::Session> found = find_locked(name);
-    if (!found.ok() || found->state() != v1::SESSION_STATE_SOLVING) return;
+    if (!found.ok() || found->state() != v1::SESSION_STATE_SOLVING) return absl::OkStatus();
     session = *found;
   }
+  GW_ASSIGN_OR_RETURN(const JobCounts counts, jobs_->counts(session.job()));
+  if (!counts.rests()) return absl::OkStatus();
   absl::Status made;
   if (session.quarantined_size() > 0) {
     made = not_solved(session);
@@ -94,15 +108,15 @@ void Server::finish_solve(const std::string& name) {
     made = absl::FailedPreconditionError(fmt::format("no matte can be made of {} of its frames; {}",
                                                      session.refused_frames_size(), session.refusal()));
   }
+  if (absl::IsUnavailable(made)) return made;
   const std::lock_guard lock(mutex_);
   const absl::StatusOr<v1::Session> now = find_locked(name);
   // It may have been paused, cancelled or deleted meanwhile.
   if (!now.ok() || now->job() != session.job() || now->state() != v1::SESSION_STATE_SOLVING) {
     if (absl::IsNotFound(now.status())) mattes_.drop_next(name);
-    return;
+    return absl::OkStatus();
   }
-  if (const absl::Status settled = settle(*now, made); !settled.ok())
-    spdlog::error("solve not finished session={} error=\"{}\"", name, std::string(settled.message()));
+  return settle(*now, made);
 }
 
 absl::Status Server::settle(v1::Session session, absl::Status made) {

@@ -30,6 +30,10 @@ int main(int argc, char** argv) {
                  "seconds after which the tile of a silent solver is given to another")
       ->check(CLI::Range(1.0, 3600.0))
       ->capture_default_str();
+  app.add_option("--least-tile", options.least_tile_seconds,
+                 "seconds of work that the smallest tiles are cut to: less is lost where a solver dies, more is handed out")
+      ->check(CLI::Range(0.01, 2.0))
+      ->capture_default_str();
   TlsFiles tls;
   add_tls_options(app, tls);
   app.add_option("--log-level", level, "debug, info, warn or error")->capture_default_str();

@@ -46,6 +46,7 @@ absl::StatusOr<std::unique_ptr<Server>> Server::open(const ServerOptions& option
       open_job_store(options.jobs, data,
                      {.server_id = id, .server_address = options.address, .lease = options.lease}));
   server->lease_ = options.lease;
+  server->least_tile_seconds_ = options.least_tile_seconds;
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> sessions, server->catalogue_->list());
   const std::lock_guard lock(server->mutex_);
   GW_RETURN_IF_ERROR(server->drop_orphans(sessions));
@@ -65,8 +66,11 @@ absl::Status Server::drop_orphans(const std::vector<v1::Session>& sessions) {
 
 absl::Status Server::take_up(v1::Session session) {
   const std::string& name = session.name();
-  if (session.state() != v1::SESSION_STATE_SOLVING && session.job() != 0)
-    GW_RETURN_IF_ERROR(jobs_->hold(session.job()));
+  if (session.state() != v1::SESSION_STATE_SOLVING && session.job() != 0) {
+    const absl::Status held = jobs_->hold(session.job());
+    // A session that is done needs its tiles no more, and they may be gone, or in another store.
+    if (!held.ok() && !absl::IsNotFound(held)) return held;
+  }
   switch (session.state()) {
     case v1::SESSION_STATE_CAPTURING:
       session.set_state(v1::SESSION_STATE_PAUSED);

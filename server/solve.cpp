@@ -153,7 +153,7 @@ absl::Status Server::complete_survey(const v1::CompleteSurveyRequest& request) {
   const std::int64_t row_samples = std::int64_t{camera.width_px()} * manifest.frames_size() * 3;
   const std::int64_t most_bytes = std::min(kMostTileBytes, kMostTilePixels * manifest.frames_size() * 6);
   const std::vector<TileRange> tiles =
-      row_tiles(camera.height_px(), rows, seconds, row_samples * 2, most_bytes);
+      row_tiles(camera.height_px(), rows, seconds, row_samples * 2, most_bytes, least_tile_seconds_);
   work.clear_survey_rows();
   GW_RETURN_IF_ERROR(jobs_->recut(attempt_of(request.lease()), work.SerializeAsString(), tiles));
   fault_point("survey committed");
@@ -196,10 +196,7 @@ absl::StatusOr<v1::Session> Server::resume_solve(v1::Session session) {
   GW_RETURN_IF_ERROR(change(session));
   GW_RETURN_IF_ERROR(jobs_->release(session.job()));
   spdlog::info("solving on session={} tiles={} of={}", name, session.tiles_done(), session.tile_count());
-  if (counts.rests()) {
-    to_finish_.insert(name);
-    finish_wanted_.notify_all();
-  }
+  if (counts.rests()) look_whether_finished(name);
   return session;
 }
 

@@ -25,7 +25,8 @@ std::vector<int> survey_rows(int height_px) {
 }
 
 std::vector<TileRange> row_tiles(int height_px, std::span<const int> rows, std::span<const double> seconds,
-                                 std::int64_t row_bytes, std::int64_t most_bytes) {
+                                 std::int64_t row_bytes, std::int64_t most_bytes,
+                                 double least_seconds) {
   std::vector<double> work;
   size_t after = 0;  // the first surveyed row that is not above this one
   for (int y = 0; y < height_px; ++y) {
@@ -38,7 +39,7 @@ std::vector<TileRange> row_tiles(int height_px, std::span<const int> rows, std::
     work.push_back(std::lerp(seconds[after - 1], seconds[after], part));
   }
   const double all = std::accumulate(work.begin(), work.end(), 0.0);
-  const double target = std::clamp(all / kWantedTiles, kLeastTileSeconds, kMostTileSeconds);
+  const double target = std::clamp(all / kWantedTiles, least_seconds, kMostTileSeconds);
   // Of equal size, rather than a last one of what is left.
   const double share = all / std::max(1.0, std::round(all / target));
   const auto most_rows = static_cast<int>(

@@ -9,7 +9,7 @@
 
 namespace glasswing {
 
-// Seconds of work that tiles are cut to.
+// Seconds of work that tiles are cut to, unless somebody asks for smaller ones.
 inline constexpr double kLeastTileSeconds = 0.5, kMostTileSeconds = 2.0;
 
 // The rows that a survey solves: evenly spread, a thirtieth of them or so.
@@ -19,7 +19,8 @@ std::vector<int> survey_rows(int height_px);
 // between two of them it changes evenly. None holds more than `most_bytes` of frames' samples where a row has
 // `row_bytes`, but for tiles of one row.
 std::vector<TileRange> row_tiles(int height_px, std::span<const int> rows, std::span<const double> seconds,
-                                 std::int64_t row_bytes, std::int64_t most_bytes);
+                                 std::int64_t row_bytes, std::int64_t most_bytes,
+                                 double least_seconds = kLeastTileSeconds);
 
 // Tiles of a video's frames, of so many pixels each. The last ones are smaller, so that all solvers end
 // together.

@@ -13,6 +13,7 @@
 #include "core/pattern/method_options.h"
 #include "core/pattern/plan.h"
 #include "core/service/service.h"
+#include "server/copies.h"
 #include "server/server.h"
 #include "server/session_facts.h"
 
@@ -111,7 +112,7 @@ absl::StatusOr<v1::ClaimTileResponse> Server::claim(const v1::ClaimTileRequest& 
   if (lease->own) {
     // Copies may have been made since.
     GW_ASSIGN_OR_RETURN(const v1::Session session, catalogue_->find(lease->session));
-    for (const v1::ArchiveCopy& copy : session.copies()) response.add_copy_addresses(copy.address());
+    for (const std::string& address : copy_addresses(session, rig_)) response.add_copy_addresses(address);
   } else {
     response.set_server_address(lease->server_address);
   }
@@ -200,10 +201,16 @@ absl::Status Server::complete_frames(const v1::CompleteTileRequest& header, Fram
 absl::Status Server::done(const v1::CompleteTileRequest& header, const TileAttempt& attempt,
                           const std::string& result) {
   const v1::TileLease& lease = header.lease();
-  GW_RETURN_IF_ERROR(jobs_->complete(attempt, {.result = result,
-                                               .object_pixels = header.object_pixel_count(),
-                                               .flagged_pixels = header.flagged_pixel_count(),
-                                               .seconds = header.seconds()}));
+  const absl::Status completed = jobs_->complete(attempt, {.result = result,
+                                                           .object_pixels = header.object_pixel_count(),
+                                                           .flagged_pixels = header.flagged_pixel_count(),
+                                                           .seconds = header.seconds()});
+  if (absl::IsUnavailable(completed)) {
+    // It may be done all the same, and the solver may not live to ask again.
+    const std::lock_guard lock(mutex_);
+    look_whether_finished(lease.session());
+  }
+  GW_RETURN_IF_ERROR(completed);
   fault_point("tile committed");
   fleet_.completed(header.solver(), header.seconds());
   spdlog::info("tile done session={} job={} tile={} attempt={} solver={} seconds={:.2f}", lease.session(),
@@ -218,7 +225,12 @@ absl::Status Server::note_progress(const v1::TileLease& lease) {
   GW_RETURN_IF_ERROR(found.status());
   v1::Session session = *found;
   if (session.state() != v1::SESSION_STATE_SOLVING && !rests_in_solve(session)) return absl::OkStatus();
-  GW_ASSIGN_OR_RETURN(const JobCounts counts, jobs_->counts(lease.job()));
+  const absl::StatusOr<JobCounts> counted = jobs_->counts(lease.job());
+  if (!counted.ok()) {
+    look_whether_finished(session.name());
+    return absl::OkStatus();  // the tile is done
+  }
+  const JobCounts& counts = *counted;
   count_tiles(counts, session);
   if (has_frame_files(session) && !session.matte_ready()) {
     GW_ASSIGN_OR_RETURN(const std::vector<TileState> tiles, jobs_->tiles(lease.job()));
@@ -229,10 +241,7 @@ absl::Status Server::note_progress(const v1::TileLease& lease) {
   // The store has it: the catalogue need not be told of every tile.
   live_[session.name()] = session;
   announce();
-  if (counts.rests() && session.state() == v1::SESSION_STATE_SOLVING) {
-    to_finish_.insert(session.name());
-    finish_wanted_.notify_all();
-  }
+  if (counts.rests() && session.state() == v1::SESSION_STATE_SOLVING) look_whether_finished(session.name());
   return absl::OkStatus();
 }
 

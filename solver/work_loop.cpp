@@ -43,7 +43,8 @@ bool is_gone(const grpc::Status& status) {
 }
 
 std::string words_for(const v1::TileLease& lease) {
-  return fmt::format("session={} tile={} attempt={}", lease.session(), lease.tile(), lease.attempt());
+  return fmt::format("session={} job={} tile={} attempt={}", lease.session(), lease.job(), lease.tile(),
+                     lease.attempt());
 }
 
 // Renews the lease of a tile while it is worked on, and says when that is in vain: stopped, or the lease went
@@ -197,7 +198,8 @@ void WorkLoop::insist(const OwnTile& tile, const std::function<grpc::Status(grpc
     grpc::ClientContext context;
     const grpc::Status status = call(context);
     if (status.ok()) {
-      spdlog::info("tile done {} seconds={:.2f}", words_for(tile.claim.lease()), tile.age());
+      spdlog::info("{} {} seconds={:.2f}", tile.claim.survey_rows().empty() ? "tile done" : "surveyed",
+                   words_for(tile.claim.lease()), tile.age());
       return;
     }
     const bool gone = is_gone(status) || status.error_code() == grpc::StatusCode::INVALID_ARGUMENT;

@@ -1,0 +1,89 @@
+"""What distributing a solve costs, and what more solvers give, on this machine: one archive is solved again and again, in turn
+in one process without a server, by a server and one solver, and by a server and two. Solvers have one thread each. Told are medians of
+wall-clock seconds, from the asking to the finished matte; mattes are compared too."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import pathlib
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "processes"))
+
+from daemon import BIN, ROOT  # noqa: E402
+from bits import planes  # noqa: E402
+from lab import SESSION, Lab, capture_archives, until  # noqa: E402
+
+_WAYS = ("in one process", "server, 1 solver", "server, 2 solvers")
+
+
+def in_process(archive: pathlib.Path, matte: pathlib.Path, method: list[str]) -> float:
+    """Seconds; from the program's start."""
+    command = [str(BIN / "glasswing-solver"), "solve", str(archive), str(matte), "--threads", "1", *method]
+    began = time.monotonic()
+    subprocess.run(command, check=True)
+    return time.monotonic() - began
+
+
+def distributed(lab: Lab, solvers: int, method: str) -> float:
+    """Seconds; solvers that are not wanted are away."""
+    for i, solver in enumerate(lab.solvers):
+        if i < solvers and not solver.is_running():
+            solver.start()
+        if i >= solvers:
+            solver.end()
+    until(lambda: lab.solvers_up() == solvers, f"{solvers} solvers wait for work")
+    began = time.monotonic()
+    lab.solve(method)
+    lab.wait_until_done()
+    return time.monotonic() - began
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="tests/bench/scaling/run", description=__doc__)
+    parser.add_argument("--runs", type=int, default=3, help="of each way (default 3)")
+    parser.add_argument("--size", default="192x152", help="px of the simulated camera and monitor (default 192x152)")
+    parser.add_argument("--plan", type=pathlib.Path, default=ROOT / "deploy/plans/crystal.txtpb")
+    parser.add_argument("--archive", type=pathlib.Path, help="solve this one; nothing is captured")
+    parser.add_argument("--method", default="", help="the plan's if left out")
+    parser.add_argument("--jobs", default="", help="PostgreSQL that holds the tiles; SQLite if left out")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as temporary:
+        work = pathlib.Path(temporary)
+        archive = options.archive or work / "archive"
+        if not options.archive:
+            capture_archives({archive: options.plan}, work, options.size)
+        lab = Lab(work, {SESSION: archive}, ("--jobs", options.jobs) if options.jobs else ())
+        try:
+            for _ in range(2):
+                lab.add_solver()
+            seconds: dict[str, list[float]] = {way: [] for way in _WAYS}
+            loads, same = [], True
+            matte = work / "in-process.exr"
+            for _ in range(options.runs):
+                loads.append(os.getloadavg()[0])
+                seconds[_WAYS[0]].append(in_process(archive, matte, ["--method", options.method] if options.method else []))
+                whole = planes(matte)
+                for solvers in (1, 2):
+                    seconds[_WAYS[solvers]].append(distributed(lab, solvers, options.method))
+                    same = same and planes(lab.matte()) == whole
+            tiles = lab.session().tile_count
+        finally:
+            lab.close()
+    one, alone, pair = (statistics.median(seconds[way]) for way in _WAYS)
+    print(f"{os.cpu_count()} cores, load before each turn {', '.join(f'{load:.1f}' for load in loads)}; {tiles} tiles")
+    for way in _WAYS:
+        print(f"{way:18} {statistics.median(seconds[way]):7.2f} s   of {', '.join(f'{s:.2f}' for s in seconds[way])}")
+    print(f"overhead of distribution     {100 * (alone / one - 1):6.1f} %   goal: at most 10 %")
+    print(f"2 solvers over 1             {alone / pair:6.2f} x   goal: at least 1.8 x")
+    print(f"mattes the same bit for bit  {'yes' if same else 'NO'}")
+    return 0 if same else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,158 @@
+"""Judges one solve from outside: what solvers were told is kept, against what the store and the disk then hold.
+
+    A tile whose completion was acknowledged is done in the store from then on, by that attempt.
+    A tile that is done stays as it is: the same attempt, the same bytes, and its pixels are those of the reference matte.
+    The finished matte is the reference, byte for byte, and newer than the solve.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import pathlib
+import re
+
+from bits import planes, rows_of
+from lab import SESSION, Lab
+from store_view import PostgresView, SqliteView, StoredTile, Unreadable
+
+_DONE = re.compile(rf"tile done session={SESSION} job=(\d+) tile=(\d+) attempt=(\d+)")
+
+
+@dataclasses.dataclass(frozen=True)
+class Acknowledged:
+    """A solver had the server's word for it."""
+
+    job: int
+    tile: int
+    attempt: int
+
+
+class _Tail:
+    """New lines of a log."""
+
+    def __init__(self, path: pathlib.Path) -> None:
+        self._path = path
+        self._at = path.stat().st_size if path.exists() else 0
+
+    def lines(self) -> list[str]:
+        with self._path.open("rb") as log:
+            log.seek(self._at)
+            content = log.read()
+        whole = content[: content.rfind(b"\n") + 1]
+        self._at += len(whole)
+        return whole.decode(errors="replace").splitlines()
+
+
+class Reference:
+    """The matte of an undisturbed solve."""
+
+    def __init__(self, matte: pathlib.Path) -> None:
+        self.content = matte.read_bytes()
+        self._planes = planes(matte)
+        self._right: set[tuple[str, int, int]] = set()
+
+    def agrees(self, file: pathlib.Path, first: int, count: int) -> bool:
+        """The file is these rows of it, to the last bit."""
+        key = (digest(file), first, count)
+        if key not in self._right and planes(file) == rows_of(self._planes, first, count):
+            self._right.add(key)
+        return key in self._right
+
+
+def digest(file: pathlib.Path) -> str:
+    """Of its bytes."""
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+class History:
+    """Of one solve, from its beginning; `violations` says what should never have happened."""
+
+    def __init__(self, lab: Lab, view: SqliteView | PostgresView, reference: Reference) -> None:
+        self.violations: list[str] = []
+        self.acknowledged: set[Acknowledged] = set()
+        self._lab = lab
+        self._view = view
+        self._reference = reference
+        self._tails = [_Tail(solver.log) for solver in lab.solvers]
+        self._before = lab.matte().stat().st_ino if lab.matte().exists() else None
+        self._job = 0
+        self._done: dict[int, tuple[str, str]] = {}  # by tile: result and its file's digest
+        self._gone = False  # the job was removed from the store
+
+    def begin(self, job: int) -> None:
+        """The solve's number in the store."""
+        self._job = job
+
+    def look(self) -> None:
+        """To be called again and again."""
+        self._hear()
+        before = set(self.acknowledged)
+        try:
+            tiles = [tile for tile in self._view.tiles(SESSION) if tile.job == self._job]
+        except Unreadable:
+            return
+        if not tiles:
+            self._gone = True
+            return
+        if self._gone:
+            self._blame(f"job {self._job} was gone from the store and is back")
+        by_number = {tile.number: tile for tile in tiles}
+        for said in before:
+            tile = by_number.get(said.tile)
+            if tile is None or not tile.result:
+                self._blame(f"tile {said.tile} was acknowledged, attempt {said.attempt}, and is not done in the store")
+        for number, (result, _) in self._done.items():
+            now = by_number.get(number)
+            if now is None or now.result != result:
+                self._blame(f"tile {number} was done as {result}, and is now {now.result if now else 'gone'}")
+        for tile in tiles:
+            if tile.result:
+                self._look_at_file(tile)
+
+    def finish(self, session_is_done: bool, reason: str) -> None:
+        """After the solve has ended."""
+        self._hear()
+        if not session_is_done:
+            self._blame(f"the session did not end as done by itself: {reason}")
+            return
+        if self._lab.fetch() != self._reference.content:
+            self._blame("the finished matte differs from the undisturbed one")
+        if not self._is_finished():
+            self._blame("the finished matte is an older one")
+
+    def _hear(self) -> None:
+        for tail in self._tails:
+            for line in tail.lines():
+                found = _DONE.search(line)
+                if not found:
+                    continue
+                said = Acknowledged(*map(int, found.groups()))
+                if said.job != self._job:
+                    continue
+                if any(other.tile == said.tile and other.attempt != said.attempt for other in self.acknowledged):
+                    self._blame(f"tile {said.tile} was acknowledged to two attempts")
+                self.acknowledged.add(said)
+
+    def _look_at_file(self, tile: StoredTile) -> None:
+        file = self._lab.data / "tiles" / SESSION / tile.result
+        try:
+            known = self._done.get(tile.number)
+            now = digest(file)
+            if known and known[1] != now:
+                self._blame(f"the file of tile {tile.number}, {tile.result}, has changed")
+            self._done[tile.number] = (tile.result, now)
+            if not self._reference.agrees(file, tile.first, tile.count):
+                self._blame(f"the file of tile {tile.number}, {tile.result}, is not rows {tile.first} to {tile.first + tile.count - 1} of the matte")
+        except FileNotFoundError:
+            # Once the matte is finished its tiles go, and the job with them or soon after.
+            if not self._is_finished():
+                self._blame(f"tile {tile.number} is done, and its file {tile.result} is not there")
+
+    def _is_finished(self) -> bool:
+        matte = self._lab.matte()
+        return matte.exists() and matte.stat().st_ino != self._before
+
+    def _blame(self, what: str) -> None:
+        if what not in self.violations:
+            self.violations.append(what)

@@ -1,0 +1,139 @@
+"""A server, a camera node with an archive that was captured before, and solvers: each a process of its own."""
+
+from __future__ import annotations
+
+import os
+import pathlib
+import subprocess
+import time
+from collections.abc import Callable, Mapping
+
+import grpc
+
+from glasswing.v1 import node_service_pb2, session_service_pb2 as sessions
+from glasswing.v1.node_service_pb2_grpc import NodeServiceStub
+from glasswing.v1.session_service_pb2_grpc import SessionServiceStub
+
+from daemon import BIN, ROOT, Daemon, free_port
+
+SESSION = "vase"
+
+
+def until(holds: Callable[[], bool], what: str, seconds: float = 60.0) -> None:
+    """Returns once it holds; says what did not in that time."""
+    deadline = time.monotonic() + seconds
+    while not holds():
+        if time.monotonic() > deadline:
+            raise AssertionError(f"after {seconds:.0f} s still not: {what}")
+        time.sleep(0.02)
+
+
+def glasswing(server: str, *arguments: str, timeout: float = 300.0) -> str:
+    """What the command line answers; it must succeed."""
+    environment = dict(os.environ, GLASSWING_SERVER=server, GLASSWING_CONFIG="/dev/null")
+    command = [str(BIN / "glasswing"), *arguments]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=timeout)
+    if done.returncode != 0:
+        raise AssertionError(f"{' '.join(command)}: {done.stderr}")
+    return done.stdout
+
+
+def capture_archives(plans: Mapping[pathlib.Path, pathlib.Path], work: pathlib.Path, size: str, scene: str = "crystal") -> None:
+    """Captures these plans on one simulated rig, and exports what was captured: by directory, which must not exist, its plan."""
+    rig = [str(ROOT / "deploy/local-rig")]
+    port = free_port()
+    options = ["--data", str(work / f"capture-rig-{port}")]
+    shown = {"stdout": subprocess.DEVNULL, "timeout": 100.0, "check": True}
+    environment = dict(os.environ, GLASSWING_BIN=str(BIN), GLASSWING_SERVER=f"127.0.0.1:{port}")
+    up = ["--port", str(port), "--solvers", "1", "--size", size, "--scene", scene]
+    subprocess.run([*rig, "up", *options, *up], env=environment, **shown)  # type: ignore[call-overload]
+    try:
+        for i, (directory, plan) in enumerate(plans.items()):
+            glasswing(f"127.0.0.1:{port}", "capture", str(plan), "--session", f"s{i}", "--watch")
+            glasswing(f"127.0.0.1:{port}", "export", f"s{i}", str(directory))
+    finally:
+        subprocess.run([*rig, "down", *options], env=environment, **shown)  # type: ignore[call-overload]
+
+
+class Lab:
+    """Its sessions have the archives' frames, by name; there are no solvers yet."""
+
+    def __init__(self, work: pathlib.Path, archives: Mapping[str, pathlib.Path], server_options: tuple[str, ...] = ()) -> None:
+        self.work = work
+        self.data = work / "server"
+        self.port = free_port()
+        self.address = f"127.0.0.1:{self.port}"
+        self.archive_port = free_port()  # that the session knows
+        listen = ["--listen", self.address, "--data", str(self.data)]
+        self.server = Daemon("server", ["glasswing-server", *listen, *server_options], work / "server.log")
+        self.camera = self.camera_at(self.archive_port)
+        self.solvers: list[Daemon] = []
+        self._channel = grpc.insecure_channel(
+            self.address, [("grpc.max_reconnect_backoff_ms", 200), ("grpc.initial_reconnect_backoff_ms", 100)]
+        )
+        self.sessions = SessionServiceStub(self._channel)
+        self._nodes = NodeServiceStub(self._channel)
+        self.server.start()
+        self.camera.start()
+        until(lambda: self.nodes_up(node_service_pb2.NODE_KIND_CAMERA) == 1, "the camera is known to the server")
+        for name, archive in archives.items():
+            glasswing(self.address, "import", str(archive), "--session", name)
+
+    def camera_at(self, port: int, name: str = "camera-1") -> Daemon:
+        """A camera node that listens there, not started. `name`: also of its archives' directory."""
+        options = ["--listen", f"127.0.0.1:{port}", "--server", self.address, "--data", str(self.work / name)]
+        return Daemon(name, ["glasswing-camera", *options, "--name", name, "--scene", "none"], self.work / f"{name}.log")
+
+    def add_solver(self, server_port: int | None = None, threads: int = 1) -> Daemon:
+        """Not started. `server_port`: the server's own, if left out."""
+        name = f"solver-{len(self.solvers) + 1}"
+        options = ["--server", f"127.0.0.1:{server_port or self.port}", "--name", name, "--threads", str(threads)]
+        self.solvers.append(Daemon(name, ["glasswing-solver", *options], self.work / f"{name}.log"))
+        return self.solvers[-1]
+
+    def daemons(self) -> list[Daemon]:
+        """All of them."""
+        return [self.server, self.camera, *self.solvers]
+
+    def nodes_up(self, kind: int) -> int:
+        """How many nodes of that kind the server has heard of lately; 0: it does not answer."""
+        try:
+            answer = self._nodes.ListNodes(node_service_pb2.ListNodesRequest(), timeout=5.0)
+        except grpc.RpcError:
+            return 0
+        return sum(node.up and node.kind == kind for node in answer.nodes)
+
+    def solvers_up(self) -> int:
+        """How many solvers the server has heard of in the last five seconds."""
+        return self.nodes_up(node_service_pb2.NODE_KIND_SOLVER)
+
+    def session(self, timeout: float = 5.0, name: str = SESSION) -> sessions.Session:
+        """As the server tells it. RpcError: it does not answer."""
+        return self.sessions.GetSession(sessions.GetSessionRequest(name=name), timeout=timeout).session
+
+    def solve(self, method: str = "", name: str = SESSION) -> sessions.Session:
+        """Asks for it, and does not wait."""
+        request = sessions.SolveSessionRequest(name=name, method=method)
+        return self.sessions.SolveSession(request, timeout=30.0).session
+
+    def wait_until_done(self, seconds: float = 600.0, name: str = SESSION) -> sessions.Session:
+        """The session as it ended; it must end well."""
+        until(lambda: self.session(30.0, name).state != sessions.SESSION_STATE_SOLVING, "the solve has ended", seconds)
+        session = self.session(5.0, name)
+        assert session.state == sessions.SESSION_STATE_DONE, f"{session.reason}\n{self.server.last_words()}"
+        return session
+
+    def fetch(self) -> bytes:
+        """The finished matte of SESSION, as the server hands it out."""
+        request = sessions.FetchMatteRequest(name=SESSION)
+        return b"".join(part.chunk for part in self.sessions.FetchMatte(request, timeout=60.0))
+
+    def matte(self, name: str = SESSION) -> pathlib.Path:
+        """The finished one's file; of a video, whose mattes have no suffix, their directory is beside it."""
+        return self.data / "mattes" / f"{name}.exr"
+
+    def close(self) -> None:
+        """Ends every process."""
+        self._channel.close()
+        for daemon in reversed(self.daemons()):
+            daemon.end()

@@ -1,0 +1,101 @@
+"""A bad network: passes TCP on from one port of loopback to another, and breaks when it is told to."""
+
+from __future__ import annotations
+
+import contextlib
+import selectors
+import socket
+import threading
+import time
+
+_CHUNK = 1 << 18
+
+
+class Relay:
+    """Passes 127.0.0.1:`port` on to 127.0.0.1:`target`, which may come up and go down."""
+
+    def __init__(self, port: int, target: int) -> None:
+        self._target = target
+        self._peers: dict[socket.socket, socket.socket] = {}
+        self._refuses_until = 0.0
+        self._silent_until = 0.0
+        self._lock = threading.Lock()
+        self._ended = False
+        self._listener = socket.create_server(("127.0.0.1", port), reuse_port=False)
+        self._selector = selectors.DefaultSelector()
+        self._selector.register(self._listener, selectors.EVENT_READ)
+        self._thread = threading.Thread(target=self._pass_on, daemon=True)
+        self._thread.start()
+
+    def cut(self, seconds: float) -> None:
+        """Ends all connections, and refuses new ones for so long."""
+        with self._lock:
+            self._refuses_until = time.monotonic() + seconds
+            for end in list(self._peers):
+                self._drop(end)
+
+    def fall_silent(self, seconds: float) -> None:
+        """Nothing gets through for so long, and nobody is told; then all goes on."""
+        with self._lock:
+            self._silent_until = time.monotonic() + seconds
+
+    def mend(self) -> None:
+        """Whatever was broken."""
+        with self._lock:
+            self._refuses_until = self._silent_until = 0.0
+
+    def close(self) -> None:
+        """For good."""
+        self._ended = True
+        self._thread.join()
+        self.cut(0.0)
+        self._listener.close()
+
+    def _pass_on(self) -> None:
+        while not self._ended:
+            ready = self._selector.select(0.05)
+            with self._lock:
+                if time.monotonic() < self._silent_until:
+                    ready = []
+                for key, _ in ready:
+                    assert isinstance(key.fileobj, socket.socket)
+                    if key.fileobj is self._listener:
+                        self._accept()
+                    elif key.fileobj in self._peers:
+                        self._forward(key.fileobj)
+            if not ready:
+                time.sleep(0.002)
+
+    def _accept(self) -> None:
+        client, _ = self._listener.accept()
+        try:
+            if time.monotonic() < self._refuses_until:
+                raise ConnectionRefusedError
+            server = socket.create_connection(("127.0.0.1", self._target), timeout=5.0)
+        except OSError:
+            client.close()
+            return
+        for end, other in ((client, server), (server, client)):
+            end.settimeout(5.0)
+            end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._peers[end] = other
+            self._selector.register(end, selectors.EVENT_READ)
+
+    def _forward(self, end: socket.socket) -> None:
+        try:
+            received = end.recv(_CHUNK)
+            if received:
+                self._peers[end].sendall(received)
+                return
+        except OSError:
+            pass
+        self._drop(end)
+
+    def _drop(self, end: socket.socket) -> None:
+        if end not in self._peers:
+            return
+        for side in (end, self._peers[end]):
+            del self._peers[side]
+            with contextlib.suppress(KeyError, ValueError):
+                self._selector.unregister(side)
+            side.close()
