@@ -7,6 +7,7 @@
 
 #include "core/archive/row_message.h"
 #include "core/base/status.h"
+#include "core/base/time.h"
 #include "core/service/service.h"
 
 namespace glasswing {
@@ -14,6 +15,8 @@ namespace {
 
 // Pieces that are smaller are copied: a slice of its own costs more.
 constexpr size_t kLeastMappedPiece_bytes = 16 << 10;
+// A chunk may be of many frames, each of which has to be verified first: the reader is to hear something.
+constexpr std::chrono::seconds kLongestWait(1);
 
 using Mapping = std::shared_ptr<const MappedFile>;
 
@@ -45,7 +48,8 @@ absl::StatusOr<std::optional<grpc::ByteBuffer>> RowChunks::next() {
   std::vector<Mapping> mappings;
   std::string copied;
   size_t size = 0;
-  while (size < kChunkBytes) {
+  const nanoseconds begin = monotonic_now();
+  while (size < kChunkBytes && (size == 0 || monotonic_now() - begin < kLongestWait)) {
     const size_t at = static_cast<size_t>(offset_) + size;
     const auto frame = static_cast<int>(at / frame_bytes);
     if (frame == request_.files_size()) break;
