@@ -48,6 +48,9 @@ glasswing fetch s -o "$work/s.exr"
 glasswing export s "$work/s"
 glasswing composite "$work/s.exr" --background "$root/deploy/pictures/quilt.png" -o "$work/s.png"
 
+echo "== a solver that is told to leaves when there is nothing to do"
+timeout 30 "$bin/glasswing-solver" --server "$GLASSWING_SERVER" --until-idle 1 2>"$work/idle.log" || fail "it did not"
+
 echo "== a daemon that other machines should reach says what it lacks"
 says() { # WORDS PROGRAM OPTIONS...
   if env -u GLASSWING_CA -u GLASSWING_CERTIFICATE -u GLASSWING_KEY timeout 20 "$bin/$2" "${@:3}" 2>"$work/stderr"; then fail "accepted: ${*:2}"; fi

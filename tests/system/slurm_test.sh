@@ -122,5 +122,15 @@ echo "== solvers leave when there is none"
 gone() { [[ -z $(solvers) ]]; }
 until_true 30 gone || fail "still there: $(squeue)"
 said "nothing to submit: 0 tiles left, 0 solvers in the queue" scale
+
+echo "== one that is cancelled in the middle hands its tile back"
+glasswing solve s >/dev/null
+said "submitted 1 as job " scale --most 1
+until_true 30 tiles_done 1 || fail "no tile was solved"
+read -r job machine < <(solvers running)
+scancel "$job"
+handed_back() { grep -q "tile handed back" "$work/glasswing-solver-$job.log"; }
+until_true 20 handed_back || fail "it did not: $(cat "$work/glasswing-solver-$job.log")"
+until_true 20 gone || fail "it did not leave: $(squeue)"
 cat "$work"/glasswing-solver-*.log
 echo "all of it held"
