@@ -7,6 +7,7 @@ import pathlib
 import signal
 import socket
 import subprocess
+import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 BIN = pathlib.Path(os.environ.get("GLASSWING_BIN", ROOT / "build/release/bin"))
@@ -20,26 +21,25 @@ def free_port() -> int:
 
 
 class Daemon:
-    """`command` is a program of the build and its options; all lives append to one log."""
+    """`command` is a program of the build and its options, `before` what runs it; all lives append to one log."""
 
-    def __init__(self, name: str, command: list[str], log: pathlib.Path) -> None:
+    def __init__(self, name: str, command: list[str], log: pathlib.Path, before: tuple[str, ...] = ()) -> None:
         self.name = name
         self.log = log
         self.fault = ""
-        self.lives = 0
-        self._command = [str(BIN / command[0]), *command[1:]]
+        self.started = 0.0  # monotonic
+        # It must not outlive the test, however that ends.
+        self._command = ["setpriv", "--pdeathsig", "KILL", *before, str(BIN / command[0]), *command[1:]]
         self._process: subprocess.Popen[bytes] | None = None
 
     def start(self, fault: str = "") -> None:
         """`fault`: where it shall die or stop, as GLASSWING_FAULT says it; empty: nowhere."""
         assert not self.is_running(), f"{self.name} runs already"
         self.fault = fault
-        self.lives += 1
+        self.started = time.monotonic()
         environment = dict(os.environ, GLASSWING_CONFIG="/dev/null", GLASSWING_FAULT=fault)
         with self.log.open("ab") as log:
-            # It must not outlive the test, however that ends.
-            command = ["setpriv", "--pdeathsig", "KILL", *self._command]
-            self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, env=environment)
+            self._process = subprocess.Popen(self._command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, env=environment)
 
     def is_running(self) -> bool:
         """A stopped one runs too."""

@@ -7,6 +7,7 @@ import pathlib
 import subprocess
 import time
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import grpc
 
@@ -71,8 +72,8 @@ class Lab:
         self._channel = grpc.insecure_channel(
             self.address, [("grpc.max_reconnect_backoff_ms", 200), ("grpc.initial_reconnect_backoff_ms", 100)]
         )
-        self.sessions = SessionServiceStub(self._channel)
-        self._nodes = NodeServiceStub(self._channel)
+        self.sessions: Any = SessionServiceStub(self._channel)
+        self._nodes: Any = NodeServiceStub(self._channel)
         self.server.start()
         self.camera.start()
         until(lambda: self.nodes_up(node_service_pb2.NODE_KIND_CAMERA) == 1, "the camera is known to the server")
@@ -83,6 +84,18 @@ class Lab:
         """A camera node that listens there, not started. `name`: also of its archives' directory."""
         options = ["--listen", f"127.0.0.1:{port}", "--server", self.address, "--data", str(self.work / name)]
         return Daemon(name, ["glasswing-camera", *options, "--name", name, "--scene", "none"], self.work / f"{name}.log")
+
+    def hidden_camera_at(self, port: int) -> Daemon:
+        """As camera_at(), with the archives of the camera that was there; but no other process sees their files, so that solvers
+        must read them from the node. Without root they do see them."""
+        hidden = self.work / "hidden"
+        hidden.mkdir()
+        if os.geteuid() != 0:
+            return self.camera_at(port)
+        mount = 'mount --bind "$0" "$1" && shift && exec "$@"'
+        before = ("unshare", "--mount", "sh", "-c", mount, str(self.work / "camera-1"), str(hidden))
+        options = ["--listen", f"127.0.0.1:{port}", "--server", self.address, "--data", str(hidden)]
+        return Daemon("camera-1", ["glasswing-camera", *options, "--scene", "none"], self.work / "camera-1.log", before)
 
     def add_solver(self, server_port: int | None = None, threads: int = 1) -> Daemon:
         """Not started. `server_port`: the server's own, if left out."""
@@ -109,12 +122,15 @@ class Lab:
 
     def session(self, timeout: float = 5.0, name: str = SESSION) -> sessions.Session:
         """As the server tells it. RpcError: it does not answer."""
-        return self.sessions.GetSession(sessions.GetSessionRequest(name=name), timeout=timeout).session
+        request = sessions.GetSessionRequest(name=name)
+        session: sessions.Session = self.sessions.GetSession(request, timeout=timeout).session
+        return session
 
     def solve(self, method: str = "", name: str = SESSION) -> sessions.Session:
         """Asks for it, and does not wait."""
         request = sessions.SolveSessionRequest(name=name, method=method)
-        return self.sessions.SolveSession(request, timeout=30.0).session
+        session: sessions.Session = self.sessions.SolveSession(request, timeout=30.0).session
+        return session
 
     def wait_until_done(self, seconds: float = 600.0, name: str = SESSION) -> sessions.Session:
         """The session as it ended; it must end well."""

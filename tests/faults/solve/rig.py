@@ -31,11 +31,11 @@ class FaultyRig:
         # From now on the camera listens elsewhere, and a relay where the session says that its frames are.
         self.lab.camera.end()
         behind = free_port()
-        self.lab.camera = self.lab.camera_at(behind)
+        self.lab.camera = self.lab.hidden_camera_at(behind)
         self.lab.camera.start()
         before_server = free_port()
         self.links = {"camera link": Relay(self.lab.archive_port, behind), "server link": Relay(before_server, self.lab.port)}
-        self.view = PostgresView(self.postgres.connection) if self.postgres else SqliteView(self.lab.data / "jobs.sqlite")
+        self.view: PostgresView | SqliteView = PostgresView(self.postgres.connection) if self.postgres else SqliteView(self.lab.data / "jobs.sqlite")
         for _ in range(SOLVERS):
             self.lab.add_solver(before_server).start()
         self.make_ready([])

@@ -15,6 +15,7 @@ from rig import FaultyRig
 
 MOST_SECONDS = 90.0
 _LOOK_EVERY = 0.1
+_RESTART_SECONDS = 0.5
 
 
 @dataclasses.dataclass
@@ -69,10 +70,19 @@ class Trial:
             if fault.point and fault not in self._struck and daemon and daemon.fault == fault.variable:
                 if not daemon.is_running() or daemon.is_stopped():
                     self._begin(fault, now, by_itself=True)
+        self._start_again_what_gave_up()
         for due, fault in list(self._mends):
             if due <= now:
                 self._mends.remove((due, fault))
                 self._rig.mend(fault)
+
+    def _start_again_what_gave_up(self) -> None:
+        """A server that finds no PostgreSQL ends, as systemd knows; one that lies down by a fault is mended in its time."""
+        lying = [self._rig.target(fault) for _, fault in self._mends]
+        for daemon in self._rig.lab.daemons():
+            rested = time.monotonic() - daemon.started > _RESTART_SECONDS
+            if not daemon.is_running() and daemon not in lying and rested:
+                daemon.start()
 
     def _begin(self, fault: Fault, now: float, by_itself: bool) -> None:
         # One that already lies down cannot be told apart from one that falls at its point.
