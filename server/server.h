@@ -38,8 +38,8 @@ namespace glasswing {
 
 struct ServerOptions {
   std::filesystem::path data;
-  std::string jobs;     // connection string of a PostgreSQL; empty: SQLite below `data`
-  std::string address;  // where solvers of other servers reach this one; empty: there are none
+  std::string jobs = {};     // connection string of a PostgreSQL; empty: SQLite below `data`
+  std::string address = {};  // where solvers of other servers reach this one; empty: there are none
   std::chrono::milliseconds lease{10000};
   double least_tile_seconds = kLeastTileSeconds;  // of work that tiles of rows are cut to
 };

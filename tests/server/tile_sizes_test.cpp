@@ -38,7 +38,8 @@ TEST(TileSizes, TilesCoverEveryRowOnceWhateverTheSurveySays) {
     const std::vector<int> rows = survey_rows(height);
     std::vector<double> seconds;
     for (size_t k = 0; k < rows.size(); ++k)
-      seconds.push_back(std::pow(10.0, std::uniform_real_distribution(-6.0, 2.0)(random)) * (random() % 3));
+      seconds.push_back(std::pow(10.0, std::uniform_real_distribution(-6.0, 2.0)(random)) *
+                        static_cast<double>(random() % 3));
     expect_every_unit_once(row_tiles(height, rows, seconds, 1000, kAnyBytes), height);
   }
 }
