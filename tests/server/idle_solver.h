@@ -106,11 +106,11 @@ class IdleSolver {
     writer->WritesDone();
     return writer->Finish();
   }
-  grpc::Status fail(const v1::ClaimTileResponse& tile, const std::string& why) {
+  grpc::Status fail(const v1::ClaimTileResponse& tile, const std::string& why, bool permanent = true) {
     v1::FailTileRequest request;
     *request.mutable_lease() = tile.lease();
     request.set_error(why);
-    request.set_permanent(true);
+    request.set_permanent(permanent);
     v1::FailTileResponse response;
     grpc::ClientContext context;
     return stub_->FailTile(&context, request, &response);

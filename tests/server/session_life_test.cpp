@@ -219,6 +219,85 @@ TEST_F(SessionLife, APausedSolveKeepsItsTilesAlsoPastTheServersEnd) {
   EXPECT_EQ(marks(), Marks(1.0f, 2.0f));
 }
 
+TEST_F(SessionLife, WhatIsSolvedSoFarCanBeFetched) {
+  start();
+  ASSERT_EQ(capture(small_plan()).state(), v1::SESSION_STATE_CAPTURED);
+  EXPECT_TRUE(absl::IsFailedPrecondition(server().partial_matte("s").status()));
+  solve_in_tiles("alpha");
+  EXPECT_TRUE(absl::IsFailedPrecondition(server().partial_matte("s").status()));
+  const v1::ClaimTileResponse first = solver_->claim(), left_out = solver_->claim(), third = solver_->claim();
+  for (const v1::ClaimTileResponse& tile : {first, third})
+    ASSERT_TRUE(solver_->complete_rows(tile, kWidth, kHeight, 1.0f).ok());
+  const absl::StatusOr<std::string> bytes = server().partial_matte("s");
+  ASSERT_TRUE(bytes.ok()) << bytes.status();
+  const Matte partial = decode_matte(*bytes).value();
+  ASSERT_EQ(partial.height_px(), kHeight);
+  const auto within = [](int y, const v1::ClaimTileResponse& tile) {
+    return y >= tile.first_row() && y < tile.first_row() + tile.row_count();
+  };
+  for (int y = 0; y < kHeight; ++y) {
+    const bool solved = within(y, first) || within(y, third);
+    EXPECT_EQ(partial.flags(0, y), solved ? kFlagNone : kFlagNoData) << y;
+    EXPECT_EQ(partial.foreground(0, y)[0], solved ? 1.0f : 0.0f) << y;
+  }
+  ASSERT_TRUE(solver_->complete_rows(left_out, kWidth, kHeight, 1.0f).ok());
+  complete(1.0f);
+  ASSERT_EQ(settled().state(), v1::SESSION_STATE_DONE);
+  EXPECT_EQ(server().partial_matte("s").value(),
+            read_file(server().matte("s", std::nullopt).value()).value());
+}
+
+TEST_F(SessionLife, ATileThatNobodyCanSolveIsNamedOnceTheOthersAreDone) {
+  start();
+  ASSERT_EQ(capture(small_plan()).state(), v1::SESSION_STATE_CAPTURED);
+  const int tiles = solve_in_tiles("alpha");
+  const v1::ClaimTileResponse hard = solver_->claim();
+  v1::ClaimTileResponse tile = hard;
+  for (int attempt = 1; attempt <= kMaxAttempts; ++attempt) {
+    EXPECT_EQ(server().find("s")->quarantined_size(), 0);
+    EXPECT_EQ(tile.lease().tile(), hard.lease().tile());
+    ASSERT_TRUE(solver_->fail(tile, "out of memory", false).ok());
+    // Tiles that failed come last.
+    for (tile = solver_->claim(); tile.has_lease() && tile.lease().tile() != hard.lease().tile();
+         tile = solver_->claim())
+      ASSERT_TRUE(solver_->complete_rows(tile, kWidth, kHeight, 1.0f).ok());
+  }
+  const v1::Session failed = settled();
+  EXPECT_EQ(failed.state(), v1::SESSION_STATE_FAILED);
+  ASSERT_EQ(failed.quarantined_size(), 1);
+  EXPECT_EQ(failed.quarantined(0).tile(), hard.lease().tile());
+  EXPECT_EQ(failed.quarantined(0).first(), hard.first_row());
+  EXPECT_NE(failed.reason().find("out of memory"), std::string::npos) << failed.reason();
+  EXPECT_EQ(failed.tiles_done(), tiles - 1);
+  ASSERT_TRUE(resume().ok());
+  EXPECT_EQ(complete(2.0f), 1);
+  EXPECT_EQ(settled().state(), v1::SESSION_STATE_DONE);
+  EXPECT_TRUE(server().find("s")->quarantined().empty());
+}
+
+TEST_F(SessionLife, ASolverThatWouldComputeSomethingElseIsRefused) {
+  start();
+  const auto refusal = [&](const v1::ClaimTileRequest& request) {
+    v1::ClaimTileResponse response;
+    const grpc::Status status = solver_->try_to_claim(request, response);
+    EXPECT_EQ(status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+    return status.error_message();
+  };
+  v1::ClaimTileRequest request = IdleSolver::request();
+  (*request.mutable_method_versions())["ramp"] += 1;
+  EXPECT_NE(
+      refusal(request).find("solver \"idle\" computes \"ramp\" version 2, the server expects version 1"),
+      std::string::npos)
+      << refusal(request);
+  request = IdleSolver::request();
+  request.mutable_method_versions()->erase("matte");
+  EXPECT_NE(refusal(request).find("no \"matte\""), std::string::npos) << refusal(request);
+  request = IdleSolver::request();
+  request.set_version("0.0.9");
+  EXPECT_NE(refusal(request).find("is Glasswing 0.0.9, the server 0.1.0"), std::string::npos)
+      << refusal(request);
+}
+
 TEST_F(SessionLife, AFailedCaptureNamesItsStepsAndCanBeTriedAgain) {
   start({.name = "slow camera", .frame_rate_hz = 30.0});
   v1::Plan plan = small_plan();
