@@ -7,6 +7,7 @@
 #include <set>
 #include <thread>
 
+#include "camera-node/camera_metrics.h"
 #include "camera-node/preview.h"
 #include "core/base/status.h"
 #include "core/service/service.h"
@@ -96,6 +97,7 @@ absl::Status CameraServiceImpl::run(grpc::ServerContext& context, double exposur
       return absl::UnavailableError("the camera has stopped giving frames; is it still plugged in?");
     }
     heard = monotonic_now();
+    camera_metrics().frames.Increment();
     const v1::FrameTaken taken = frame->taken;
     {
       const std::lock_guard lock(mutex_);
@@ -166,6 +168,8 @@ grpc::Status CameraServiceImpl::KeepFrames(grpc::ServerContext*, const v1::KeepF
   const absl::StatusOr<std::vector<v1::Frame>> stored = (*archive)->add(*batch);
   if (!stored.ok()) return to_grpc(stored.status());
   for (const v1::Frame& frame : *stored) *response->add_frames() = frame;
+  camera_metrics().kept.Increment(static_cast<double>(stored->size()));
+  camera_metrics().refused.Increment(response->refused());
   return grpc::Status::OK;
 }
 

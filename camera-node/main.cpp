@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 #include <malloc.h>
+#include <spdlog/spdlog.h>
 
 #include <CLI/CLI.hpp>
 #include <cmath>
@@ -7,19 +8,23 @@
 #include <iostream>
 
 #include "camera-node/calibration_service.h"
+#include "camera-node/camera_metrics.h"
 #include "camera-node/camera_service.h"
 #include "camera-node/emission_client.h"
 #include "camera-node/libcamera_camera.h"
 #include "camera-node/replay_camera.h"
 #include "camera-node/sim_camera.h"
 #include "camera-node/stage_service.h"
+#include "core/archive/archive_metrics.h"
 #include "core/archive/archive_service.h"
 #include "core/base/file.h"
 #include "core/base/name.h"
 #include "core/service/build_id.h"
 #include "core/service/daemon_options.h"
+#include "core/service/logs.h"
 #include "core/service/man_page.h"
 #include "core/service/metrics.h"
+#include "core/service/process_metrics.h"
 #include "core/service/registration.h"
 #include "core/service/service.h"
 
@@ -117,8 +122,8 @@ int main(int argc, char** argv) {
       "  glasswing-camera --data DIR --backend replay --archive archives/vase");
   ListenOptions listen{.address = "127.0.0.1:7442", .reflection = false};
   SimCameraOptions sim;
-  std::string server, data, backend = "sim", stage = "sim", size = "128x96", response = "linear",
-                            level = "info";
+  std::string server, data, backend = "sim", stage = "sim", size = "128x96", response = "linear";
+  LogOptions logs;
   std::vector<std::string> taps;
   double late_ms = 0.0, stamp_jitter_ms = 0.0, stamp_shift_ms = 0.0;
   double clock_offset_ms = 0.0, clock_drift_ppm = 0.0;
@@ -191,7 +196,7 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   TlsFiles tls;
   add_tls_options(app, tls);
-  app.add_option("--log-level", level, "debug, info, warn or error")->capture_default_str();
+  add_log_options(app, logs);
   MetricsOptions metrics{.address = "", .program = "glasswing-camera", .build = build_id()};
   add_metrics_option(app, metrics);
   app.set_version_flag("--version", kVersion);
@@ -202,7 +207,7 @@ int main(int argc, char** argv) {
   ::mallopt(M_TRIM_THRESHOLD, 1 << 30);
   ::mallopt(M_ARENA_MAX, 1);
   block_signals();
-  start_logging("glasswing-camera", level);
+  start_logging("glasswing-camera", logs);
   if (absl::Status status = use_tls(tls); !status.ok()) return fail(status);
   if (absl::Status status = check_name("node", sim.name); !status.ok()) return fail(status);
   int read = 0;
@@ -257,10 +262,13 @@ int main(int argc, char** argv) {
   node.set_detail(fmt::format("{} {}x{} at {:.4g} fps{}", backend, described.camera().width_px(),
                               described.camera().height_px(), described.frame_rate_hz(),
                               backend == "sim" ? ", scene " + sim.scene : ""));
+  camera_metrics();
+  archive_metrics();
+  const AskedMetrics disk([&] { return disk_metrics(archives); });
   const absl::StatusOr<std::unique_ptr<MetricsHost>> metrics_host = MetricsHost::start(metrics);
   if (!metrics_host.ok()) return fail(metrics_host.status());
   const Registration registration(server, node);
-  std::cerr << "glasswing-camera: listening on " << (*host)->address() << "\n";
+  spdlog::info("listening on address={}", (*host)->address());
   wait_for_signal();
   cameras.stop();
   archive_service.stop();

@@ -52,6 +52,7 @@ void ungroup_inner(CLI::App& app) {
 void add_commands(CLI::App& app, Client& client, const Config& config) {
   app.group("Rig");
   add_nodes_command(app, client);
+  add_fleet_command(app, client);
   add_hold_command(app, client);
   add_doctor_command(app, client);
   add_preview_command(app, client);

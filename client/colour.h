@@ -22,8 +22,8 @@ inline bool is_coloured(const std::string& when, int fd) {
 // By what a state or a level means.
 inline Paint paint_of(const std::string& word) {
   if (word == "ok" || word == "up" || word == "captured" || word == "done") return Paint::kGood;
-  if (word == "warning" || word == "paused") return Paint::kCaution;
-  if (word == "problem" || word == "away" || word == "failed") return Paint::kBad;
+  if (word == "warning" || word == "paused" || word == "held") return Paint::kCaution;
+  if (word == "problem" || word == "away" || word == "refused" || word == "failed") return Paint::kBad;
   return Paint::kNone;
 }
 

@@ -12,6 +12,7 @@ namespace glasswing {
 void add_commands(CLI::App& app, Client& client, const Config& config);
 
 void add_nodes_command(CLI::App& app, Client& client);
+void add_fleet_command(CLI::App& app, Client& client);
 void add_sessions_command(CLI::App& app, Client& client);
 void add_show_command(CLI::App& app, Client& client);
 void add_watch_command(CLI::App& app, Client& client);

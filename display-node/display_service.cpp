@@ -144,7 +144,7 @@ grpc::Status DisplayServiceImpl::PlayProgram(grpc::ServerContext* context,
   }
   player.join();
   if (absl::IsCancelled(status) && !context->IsCancelled()) status = absl::AbortedError(status.message());
-  spdlog::info("played program={} steps={} end=\"{}\"", program->name(), program->size(), status.ToString());
+  spdlog::info("played name={} steps={} end=\"{}\"", program->name(), program->size(), status.ToString());
   return to_grpc(status);
 }
 

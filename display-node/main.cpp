@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 #include <malloc.h>
+#include <spdlog/spdlog.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -11,10 +12,12 @@
 #include "core/base/status.h"
 #include "core/service/build_id.h"
 #include "core/service/daemon_options.h"
+#include "core/service/logs.h"
 #include "core/service/man_page.h"
 #include "core/service/metrics.h"
 #include "core/service/registration.h"
 #include "core/service/service.h"
+#include "display-node/display_metrics.h"
 #include "display-node/display_service.h"
 #include "display-node/emission_service.h"
 #include "display-node/kms_display.h"
@@ -203,7 +206,8 @@ int main(int argc, char** argv) {
       "  glasswing-display --backend x11 --monitor back=HDMI-1 --monitor left=DP-2\n"
       "  glasswing-display --backend kms --monitor back=card0:HDMI-A-1@1920x1080@60");
   ListenOptions listen{.address = "127.0.0.1:7441", .reflection = false};
-  std::string server, name = "display-1", level = "info";
+  std::string server, name = "display-1";
+  LogOptions logs;
   Screens screens;
   add_listen_options(app, listen);
   app.add_option("--server", server, "host:port of glasswing-server, to register with");
@@ -270,9 +274,7 @@ int main(int argc, char** argv) {
   app.add_option("--fault-seed", screens.faults.seed, "sim: seed of the faults");
   TlsFiles tls;
   add_tls_options(app, tls);
-  app.add_option("--log-level", level, "debug, info, warn or error")
-      ->check(CLI::IsMember({"debug", "info", "warn", "error"}))
-      ->capture_default_str();
+  add_log_options(app, logs);
   MetricsOptions metrics{.address = "", .program = "glasswing-display", .build = build_id()};
   add_metrics_option(app, metrics);
   app.set_version_flag("--version", kVersion);
@@ -283,7 +285,7 @@ int main(int argc, char** argv) {
   ::mallopt(M_TRIM_THRESHOLD, 1 << 30);
   ::mallopt(M_ARENA_MAX, 1);
   block_signals();
-  start_logging("glasswing-display", level);
+  start_logging("glasswing-display", logs);
   if (absl::Status status = use_tls(tls); !status.ok()) return fail(status);
   if (absl::Status status = check_name("node", name); !status.ok()) return fail(status);
   const absl::StatusOr<TrueOptics> optics = screens.true_optics();
@@ -308,10 +310,11 @@ int main(int argc, char** argv) {
                                                 screen.name, screen.width_px, screen.height_px,
                                                 screen.refresh_hz));
   }
+  display_metrics();
   const absl::StatusOr<std::unique_ptr<MetricsHost>> metrics_host = MetricsHost::start(metrics);
   if (!metrics_host.ok()) return fail(metrics_host.status());
   const Registration registration(server, node);
-  std::cerr << "glasswing-display: listening on " << (*host)->address() << "\n";
+  spdlog::info("listening on address={}", (*host)->address());
   wait_for_signal();
   service.stop();
   emission.stop();

@@ -9,6 +9,7 @@
 #include <mutex>
 
 #include "core/base/status.h"
+#include "display-node/display_metrics.h"
 
 namespace glasswing {
 namespace {
@@ -19,6 +20,16 @@ void wait_until(nanoseconds deadline, std::stop_token stop) {
   std::unique_lock lock(mutex);
   const std::chrono::steady_clock::time_point until(deadline);  // CLOCK_MONOTONIC
   std::condition_variable_any().wait_until(lock, stop, until, [] { return false; });
+}
+
+void count_step(const std::vector<ScreenInfo>& screens, const std::vector<Scanout>& scanouts,
+                nanoseconds at) {
+  display_metrics().steps_shown.Increment();
+  for (size_t m = 0; m < screens.size(); ++m) {
+    if (scanouts[m].start - at < period_of(screens[m])) continue;
+    display_metrics().steps_late.Increment();
+    return;
+  }
 }
 
 }  // namespace
@@ -61,6 +72,7 @@ absl::Status play(const Program& program, Display& display, nanoseconds start, n
       }
     }
     if (blank) return stopped ? absl::CancelledError("the program was stopped") : absl::OkStatus();
+    count_step(screens, scanouts, at);
     shown = scanouts;
     if (step > nanoseconds(0)) {
       at += step;  // one that came late is held for less, and the next is on time again

@@ -14,6 +14,7 @@
 #include "core/pattern/step_words.h"
 #include "core/service/service.h"
 #include "server/embed_calibrations.h"
+#include "server/server_metrics.h"
 
 namespace glasswing {
 namespace {
@@ -303,8 +304,10 @@ absl::Status Capture::play(const std::vector<Step>& pending, Recording& frames, 
         reported.push_back(window);
         if (static_cast<int>(reported.size()) < monitor_count) continue;
         frames.matcher.add_window(stable_window(reported));
-        if (!frames.shown.insert(window.step).second)
+        if (!frames.shown.insert(window.step).second) {
           session_.set_retaken_count(session_.retaken_count() + 1);
+          server_metrics().steps_retaken.Increment();
+        }
         incomplete.erase(window.step);
       }
       if (end && absl::IsDeadlineExceeded(*end) && start_lead_ < kMostStartLead) {

@@ -6,6 +6,7 @@
 #include "core/base/status.h"
 #include "core/service/service.h"
 #include "server/capture.h"
+#include "server/server_metrics.h"
 
 namespace glasswing {
 namespace {
@@ -113,6 +114,7 @@ absl::StatusOr<v1::KeepFramesResponse> Capture::keep(const std::vector<FrameMatc
 
 void Capture::note_proven(const v1::Frame& frame) {
   if (!proven_.insert(frame.step()).second) return;
+  server_metrics().steps_proven.Increment();
   session_.set_archive_bytes(session_.archive_bytes() + frame.size_bytes());
   session_.set_proven_count(static_cast<int>(proven_.size()));
   if (frame.proof() == v1::PROOF_TIME_AND_PATCH)

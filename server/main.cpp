@@ -1,14 +1,20 @@
+#include <spdlog/spdlog.h>
+
 #include <CLI/CLI.hpp>
 #include <cmath>
 #include <iostream>
 
 #include "core/service/build_id.h"
 #include "core/service/daemon_options.h"
+#include "core/service/logs.h"
 #include "core/service/man_page.h"
 #include "core/service/metrics.h"
+#include "core/service/process_metrics.h"
 #include "core/service/service.h"
+#include "server/fleet_service.h"
 #include "server/rig_service.h"
 #include "server/server.h"
+#include "server/server_metrics.h"
 #include "server/session_service.h"
 #include "server/work_service.h"
 
@@ -19,7 +25,7 @@ int main(int argc, char** argv) {
   app.footer("Example:\n  glasswing-server --listen 127.0.0.1:7440 --data /var/lib/glasswing");
   ServerOptions options;
   ListenOptions listen{.address = "127.0.0.1:7440", .reflection = false};
-  std::string level = "info";
+  LogOptions logs;
   add_listen_options(app, listen);
   app.add_option("--data", options.data, "directory for the catalogue and the mattes")->required();
   app.add_option("--jobs", options.jobs,
@@ -36,14 +42,14 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   TlsFiles tls;
   add_tls_options(app, tls);
-  app.add_option("--log-level", level, "debug, info, warn or error")->capture_default_str();
+  add_log_options(app, logs);
   MetricsOptions metrics{.address = "", .program = "glasswing-server", .build = build_id()};
   add_metrics_option(app, metrics);
   app.set_version_flag("--version", kVersion);
   CLI11_PARSE(app, argc, argv);
 
   block_signals();
-  start_logging("glasswing-server", level);
+  start_logging("glasswing-server", logs);
   const auto fail = [](const absl::Status& status) {
     std::cerr << "glasswing-server: " << status.message() << "\n";
     return 1;
@@ -59,10 +65,18 @@ int main(int argc, char** argv) {
   NodeServiceImpl nodes(**server);
   WorkServiceImpl work(**server);
   RigServiceImpl rig(**server);
+  FleetServiceImpl fleet([&] { return (*server)->fleet(); });
+  server_metrics();
+  const AskedMetrics asked([&] {
+    const absl::StatusOr<std::vector<v1::Session>> sessions_now = (*server)->list({});
+    return server_gauges((*server)->fleet(), sessions_now.ok() ? *sessions_now : std::vector<v1::Session>(),
+                         (*server)->rig().nodes());
+  });
+  const AskedMetrics disk([&] { return disk_metrics(options.data); });
   absl::StatusOr<std::unique_ptr<ServiceHost>> host =
-      ServiceHost::start(listen, {&sessions, &nodes, &work, &rig});
+      ServiceHost::start(listen, {&sessions, &nodes, &work, &rig, &fleet});
   if (!host.ok()) return fail(host.status());
-  std::cerr << "glasswing-server: listening on " << (*host)->address() << "\n";
+  spdlog::info("listening on address={}", (*host)->address());
   wait_for_signal();
   sessions.stop();
   rig.stop();

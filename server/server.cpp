@@ -9,6 +9,7 @@
 #include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
+#include "server/jobs/timed_job_store.h"
 #include "server/session_facts.h"
 
 namespace glasswing {
@@ -42,9 +43,10 @@ absl::StatusOr<std::unique_ptr<Server>> Server::open(const ServerOptions& option
   GW_ASSIGN_OR_RETURN(server->calibrations_, CalibrationStore::open(data));
   GW_ASSIGN_OR_RETURN(const std::string id, server_id(data));
   GW_ASSIGN_OR_RETURN(
-      server->jobs_,
+      std::unique_ptr<JobStore> jobs,
       open_job_store(options.jobs, data,
                      {.server_id = id, .server_address = options.address, .lease = options.lease}));
+  server->jobs_ = timed(std::move(jobs));
   server->lease_ = options.lease;
   server->least_tile_seconds_ = options.least_tile_seconds;
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> sessions, server->catalogue_->list());

@@ -15,6 +15,7 @@
 #include "core/service/service.h"
 #include "server/copies.h"
 #include "server/server.h"
+#include "server/server_metrics.h"
 #include "server/session_facts.h"
 
 namespace glasswing {
@@ -93,6 +94,8 @@ absl::StatusOr<v1::ClaimTileResponse> Server::claim(const v1::ClaimTileRequest& 
     if (!request.ahead()) rig_.note(request.solver(), "waiting for work");
     return response;
   }
+  const bool again = lease->id.attempt > 1;
+  (again ? server_metrics().tiles_claimed_again : server_metrics().tiles_claimed).Increment();
   if (!response.ParseFromString(lease->work)) {
     return absl::DataLossError(
         fmt::format("the job store's entry of session \"{}\" cannot be read", lease->session));
@@ -259,6 +262,7 @@ absl::Status Server::fail(const v1::FailTileRequest& request) {
                 lease.session(), lease.tile(), lease.attempt(), request.solver(), quarantined,
                 request.error());
   if (!quarantined) return absl::OkStatus();
+  server_metrics().tiles_quarantined.Increment();
   GW_ASSIGN_OR_RETURN(const TileState tile, jobs_->tile(attempt_of(lease)));
   {
     const std::lock_guard lock(mutex_);

@@ -8,6 +8,7 @@
 #include <iostream>
 #include <thread>
 
+#include "core/archive/archive_metrics.h"
 #include "core/archive/archive_service.h"
 #include "core/base/file.h"
 #include "core/base/freed_memory.h"
@@ -18,6 +19,7 @@
 #include "core/matte/matte_file.h"
 #include "core/service/build_id.h"
 #include "core/service/daemon_options.h"
+#include "core/service/logs.h"
 #include "core/service/man_page.h"
 #include "core/service/metrics.h"
 #include "core/service/registration.h"
@@ -26,6 +28,7 @@
 #include "solver/bands.h"
 #include "solver/live/live_service.h"
 #include "solver/ramp/ramp_options.h"
+#include "solver/solver_metrics.h"
 #include "solver/solver_name.h"
 #include "solver/vector_target.h"
 #include "solver/video_solve.h"
@@ -72,6 +75,8 @@ absl::Status serve(const Work& work) {
     GW_ASSIGN_OR_RETURN(host, ServiceHost::start(work.listen, services));
     node.set_address(host->advertised());
   }
+  solver_metrics();
+  archive_metrics();
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<MetricsHost> metrics, MetricsHost::start(work.metrics));
   const Registration registration(work.server, node);
   absl::Status ended;
@@ -234,7 +239,7 @@ int main(int argc, char** argv) {
       "  glasswing-solver solve out/archives/crystal crystal.exr --set modes=2\n"
       "  glasswing-solver mask vase.jpg empty.jpg mask.png");
   Work work;
-  std::string level = "info";
+  LogOptions logs;
   app.add_option("--server", work.server, "host:port of glasswing-server")->capture_default_str();
   app.add_option("--name", work.name,
                  "this node's name in the rig; of its host and its process, or Slurm's job, if left out");
@@ -251,9 +256,7 @@ int main(int argc, char** argv) {
   app.add_option("--threads", work.threads, "that solve; 0: one for each core")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
-  app.add_option("--log-level", level, "debug, info, warn or error")
-      ->check(CLI::IsMember({"debug", "info", "warn", "error"}))
-      ->capture_default_str();
+  add_log_options(app, logs);
   add_metrics_option(app, work.metrics);
   app.set_version_flag("--version", kVersion);
   Solve here;
@@ -279,7 +282,7 @@ int main(int argc, char** argv) {
     status = make_mask(pictures);
   } else {
     block_signals();
-    start_logging("glasswing-solver", level);
+    start_logging("glasswing-solver", logs);
     status = serve(work);
   }
   if (!status.ok()) std::cerr << "glasswing-solver: " << status.message() << "\n";

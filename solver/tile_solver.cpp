@@ -11,6 +11,7 @@
 #include "core/matte/matte_file.h"
 #include "solver/bands.h"
 #include "solver/drift.h"
+#include "solver/solver_metrics.h"
 #include "solver/video_solve.h"
 
 namespace glasswing {
@@ -124,6 +125,7 @@ absl::StatusOr<TileInHand> TileInHand::read(const v1::ClaimTileResponse& tile,
 }
 
 absl::StatusOr<SolvedTile> TileInHand::solve(int thread_count, std::stop_token stop) const {
+  const BusyTime busy;
   if (method_ == nullptr) return solve_frames(tile_, *source_, thread_count, std::move(stop));
   GW_ASSIGN_OR_RETURN(const Matte matte,
                       solve_in_bands(*method_, read_.stack, thread_count, std::move(stop)));
@@ -137,6 +139,7 @@ absl::StatusOr<SolvedTile> TileInHand::solve(int thread_count, std::stop_token s
 
 absl::StatusOr<std::vector<double>> survey(const v1::ClaimTileResponse& tile, const SolveSource& source,
                                            int thread_count, std::stop_token stop) {
+  const BusyTime busy;
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<Method> method, make_method(tile.method(), options_of(tile)));
   std::vector<double> seconds(static_cast<size_t>(tile.survey_rows_size()));
   std::vector<absl::Status> failed(seconds.size());

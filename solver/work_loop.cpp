@@ -18,6 +18,7 @@
 #include "core/pattern/method_options.h"
 #include "core/service/service.h"
 #include "glasswing/v1/work_service.grpc.pb.h"
+#include "solver/solver_metrics.h"
 #include "solver/tile_solver.h"
 
 namespace glasswing {
@@ -198,6 +199,7 @@ void WorkLoop::insist(const OwnTile& tile, const std::function<grpc::Status(grpc
     grpc::ClientContext context;
     const grpc::Status status = call(context);
     if (status.ok()) {
+      solver_metrics().solved.Increment();
       spdlog::info("{} {} seconds={:.2f}", tile.claim.survey_rows().empty() ? "tile done" : "surveyed",
                    words_for(tile.claim.lease()), tile.age());
       return;
@@ -205,7 +207,7 @@ void WorkLoop::insist(const OwnTile& tile, const std::function<grpc::Status(grpc
     const bool gone = is_gone(status) || status.error_code() == grpc::StatusCode::INVALID_ARGUMENT;
     spdlog::warn("tile {} {} error=\"{}\"", gone ? "given up" : "kept for another try",
                  words_for(tile.claim.lease()), status.error_message());
-    if (gone) return;
+    if (gone) return solver_metrics().lost.Increment();
     wait(stop_.stop_requested() ? std::stop_token() : stop_, milliseconds(500));
   }
 }
@@ -267,6 +269,7 @@ void WorkLoop::fail(const OwnTile& tile, v1::FailTileRequest request) {
 }
 
 void WorkLoop::hand_back(const OwnTile& tile) {
+  solver_metrics().handed_back.Increment();
   spdlog::info("tile handed back {}", words_for(tile.claim.lease()));
   v1::FailTileRequest request;
   request.set_handed_back(true);
@@ -276,10 +279,12 @@ void WorkLoop::hand_back(const OwnTile& tile) {
 void WorkLoop::give_up(const OwnTile& tile, const absl::Status& why) {
   if (stop_.stop_requested()) return hand_back(tile);
   if (tile.keeper->in_vain().stop_requested()) {
+    solver_metrics().lost.Increment();
     spdlog::warn("tile given up {}: the lease was lost, or another solver was quicker",
                  words_for(tile.claim.lease()));
     return;
   }
+  solver_metrics().failed.Increment();
   spdlog::error("tile not solved {} error=\"{}\"", words_for(tile.claim.lease()), std::string(why.message()));
   v1::FailTileRequest request;
   request.set_error(std::string(why.message()));

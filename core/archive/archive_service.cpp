@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "core/archive/archive_metrics.h"
 #include "core/archive/copy_archive.h"
 #include "core/archive/place.h"
 #include "core/archive/row_chunks.h"
@@ -93,6 +94,7 @@ class RowSender final : public grpc::ServerWriteReactor<grpc::ByteBuffer> {
       return;
     }
     message_ = **std::move(message);
+    archive_metrics().bytes_sent.Increment(static_cast<double>(message_.Length()));
     StartWrite(&message_);
   }
 

@@ -10,6 +10,7 @@
 #include <functional>
 #include <future>
 
+#include "core/archive/archive_metrics.h"
 #include "core/archive/row_call.h"
 #include "core/archive/row_message.h"
 #include "core/base/status.h"
@@ -184,7 +185,9 @@ absl::StatusOr<FrameRows> RemoteArchive::map_any(const Request& request) const {
   for (const auto& source : sources_) {
     if (source->local == nullptr) continue;
     absl::StatusOr<FrameRows> rows = map(request, *source);
-    if (rows.ok()) return rows;
+    if (!rows.ok()) continue;
+    archive_metrics().bytes_read_local.Increment(static_cast<double>(request.size_bytes()));
+    return rows;
   }
   return absl::NotFoundError("no archive on this machine");
 }
@@ -196,6 +199,7 @@ RemoteArchive::Outcome RemoteArchive::read_from(const Source& source, const Requ
   RowCall call(source.channel, read, kPatience, stop_);
   for (grpc::ByteBuffer message; call.next(message); message.Clear()) {
     const std::string& file = request.file_at(done);
+    archive_metrics().bytes_read_remote.Increment(static_cast<double>(message.Length()));
     const absl::Status taken = take_row_chunk(message, rows, done);
     if (!taken.ok()) return {naming(fmt::format("{} from the {}", file, source.peer), taken), Next::kOther};
     if (done == static_cast<std::int64_t>(rows.size())) return {absl::OkStatus(), Next::kNone};

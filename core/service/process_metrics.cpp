@@ -78,4 +78,17 @@ std::vector<prometheus::MetricFamily> process_metrics() {
   };
 }
 
+std::vector<prometheus::MetricFamily> disk_metrics(const std::filesystem::path& directory) {
+  std::error_code failed;
+  const std::filesystem::space_info space = std::filesystem::space(directory, failed);
+  if (failed) return {};
+  const prometheus::Labels labels{{"directory", directory.string()}};
+  return {
+      gauges("glasswing_disk_free_bytes", "Free where the data lie.",
+             {{labels, static_cast<double>(space.available)}}),
+      gauges("glasswing_disk_size_bytes", "All there is where the data lie.",
+             {{labels, static_cast<double>(space.capacity)}}),
+  };
+}
+
 }  // namespace glasswing

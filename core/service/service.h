@@ -1,4 +1,4 @@
-// What every daemon does alike: logs, a gRPC server with health and limits, and an orderly end.
+// What every daemon does alike: a gRPC server with health and limits, and an orderly end.
 #pragma once
 
 #include <absl/status/status.h>
@@ -22,9 +22,6 @@ grpc::Status to_grpc(const absl::Status& status);
 absl::Status from_grpc(const grpc::Status& status);
 // As from_grpc, and an unreachable peer is named: "camera node at 127.0.0.1:7442 does not answer".
 absl::Status from_grpc(const grpc::Status& status, const std::string& peer);
-
-// Logs go to standard error, one line each: time, level, program, message.
-void start_logging(const std::string& program, const std::string& level);
 
 // A channel to host:port; every call on it still needs its own deadline.
 std::shared_ptr<grpc::Channel> dial(const std::string& address);

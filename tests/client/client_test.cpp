@@ -13,8 +13,8 @@ using nlohmann::json;
 TEST(Client, HelpSucceedsEverywhere) {
   EXPECT_EQ(run_glasswing({"--help"}).status, 0);
   for (const std::string command :
-       {"nodes", "sessions", "show", "watch", "pause", "resume", "cancel", "capture", "import", "export",
-        "solve", "fetch", "composite", "compare", "convert", "doctor", "preview", "calibrate"}) {
+       {"nodes", "fleet", "sessions", "show", "watch", "pause", "resume", "cancel", "capture", "import",
+        "export", "solve", "fetch", "composite", "compare", "convert", "doctor", "preview", "calibrate"}) {
     const Outcome outcome = run_glasswing({command, "--help"});
     EXPECT_EQ(outcome.status, 0) << command;
     EXPECT_NE(outcome.out.find("Example"), std::string::npos) << command;

@@ -9,6 +9,7 @@
 #include <regex>
 
 #include "core/frame/archive.h"
+#include "core/service/logs.h"
 #include "core/service/service.h"
 #include "tests/faults/decoder.h"
 #include "tests/faults/rig.h"
@@ -204,7 +205,7 @@ int run_all(int argc, char** argv) {
   app.add_option("--log-level", level, "of the daemons: debug, info, warn, error or off")
       ->capture_default_str();
   CLI11_PARSE(app, argc, argv);
-  start_logging("glasswing-faults", level);
+  start_logging("glasswing-faults", LogOptions{.level = level});
   fmt::print("{:<30} {:>6} {:>6} {:>6} {:>8} {:>7} {:>8} {:>8}\n", "fault", "steps", "kept", "wrong",
              "refused", "retaken", "unproven", "seconds");
   const fs::path data = fs::temp_directory_path() / fmt::format("glasswing-faults.{}", ::getpid());

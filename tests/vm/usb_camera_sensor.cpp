@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "camera-node/emission_client.h"
+#include "core/service/logs.h"
 #include "core/service/service.h"
 #include "core/sim/sensor.h"
 #include "tests/vm/camera_code.h"
@@ -48,7 +49,7 @@ int main(int argc, char** argv) {
   app.add_option("--height", scene.height_px)->capture_default_str();
   CLI11_PARSE(app, argc, argv);
 
-  start_logging("usb_camera_sensor", "info");  // to stderr: stdout is for pictures
+  start_logging("usb_camera_sensor", LogOptions());  // to stderr: stdout is for pictures
   EmissionTimeline timeline(std::chrono::seconds(60));
   const EmissionClient client(tap, timeline);
   SensorModel sensor;

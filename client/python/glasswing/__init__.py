@@ -28,6 +28,7 @@ from glasswing.errors import (
     TimedOut,
     Unavailable,
 )
+from glasswing.fleet import Fleet, Lease, Solve, Solver
 from glasswing.matte import Matte, Modes, PixelFlag
 from glasswing.pictures import Picture, linear_to_srgb, read_picture, resized, srgb_to_linear, write_picture
 from glasswing.plan import (
@@ -58,9 +59,11 @@ __all__ = [
     "Damaged",
     "Error",
     "Estimate",
+    "Fleet",
     "Fringes",
     "Holder",
     "InvalidInput",
+    "Lease",
     "Matte",
     "Modes",
     "Monitor",
@@ -80,6 +83,8 @@ __all__ = [
     "Session",
     "SessionInfo",
     "Solid",
+    "Solve",
+    "Solver",
     "SquareWaves",
     "State",
     "Stopped",

@@ -19,11 +19,13 @@ import grpc
 from glasswing import pictures
 from glasswing.connection import CHUNK_BYTES, LONG_CALL_SECONDS, Connection, Hold
 from glasswing.errors import Error, Refused, TimedOut, Unavailable
+from glasswing.fleet import Fleet
 from glasswing.plan import Plan
 from glasswing.session import Session, SessionInfo, State
 from glasswing.settings import load_settings
-from glasswing.v1 import archive_pb2, node_service_pb2, plan_pb2, rig_service_pb2
+from glasswing.v1 import archive_pb2, fleet_service_pb2, node_service_pb2, plan_pb2, rig_service_pb2
 from glasswing.v1 import session_service_pb2 as pb
+from glasswing.v1.fleet_service_pb2_grpc import FleetServiceStub
 from glasswing.v1.node_service_pb2_grpc import NodeServiceStub
 from glasswing.v1.rig_service_pb2_grpc import RigServiceStub
 from glasswing.v1.session_service_pb2_grpc import SessionServiceStub
@@ -133,6 +135,7 @@ class Rig:
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
+        self._fleet = connection.stub(FleetServiceStub)
         self._nodes = connection.stub(NodeServiceStub)
         self._rig = connection.stub(RigServiceStub)
         self._sessions = connection.stub(SessionServiceStub)
@@ -155,6 +158,13 @@ class Rig:
             Node(NodeKind(node.kind), node.name, node.address, node.version, node.up, node.detail)
             for node in self._list_nodes().nodes
         ]
+
+    def fleet(self) -> Fleet:
+        """Who solves, what, and how fast; and what is still to be solved."""
+        answer: fleet_service_pb2.GetFleetResponse = self._connection.call(
+            self._fleet.GetFleet, fleet_service_pb2.GetFleetRequest()
+        )
+        return Fleet.from_message(answer)
 
     def holder(self) -> Holder | None:
         """Who drives the rig now; None: it is free."""

@@ -49,6 +49,16 @@ class SessionTest(unittest.TestCase):
         self.assertTrue(all(node.up and node.version == glasswing.__version__ for node in nodes))
         self.assertIsNone(self.rig.holder())
 
+    def test_the_fleet_tells_who_solved_the_session(self):
+        fleet = self.rig.fleet()
+        [solver] = fleet.solvers
+        self.assertEqual((solver.name, solver.threads, solver.refused), ("solver-1", 1, ""))
+        self.assertTrue(solver.up and solver.host)
+        self.assertEqual(solver.version, glasswing.__version__)
+        self.assertEqual((solver.tiles_done, solver.tiles_failed), (self.solve_events[-1].tiles, 0))
+        self.assertEqual((solver.leases, fleet.solves), ((), ()))
+        self.assertTrue(fleet.store)
+
     def test_events_tell_the_capture_from_begin_to_end(self):
         proven = [event.steps_proven for event in self.capture_events]
         self.assertEqual(proven, sorted(proven))

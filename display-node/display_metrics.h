@@ -1,0 +1,23 @@
+// What a display node tells monitoring of what it shows (docs/monitoring.md).
+#pragma once
+
+#include "core/service/metrics.h"
+
+namespace glasswing {
+
+struct DisplayMetrics {
+  prometheus::Counter& steps_shown;
+  prometheus::Counter& steps_late;  // on any monitor a refresh or more after the first one that there was
+};
+
+// Each is there, at 0, from the first call on.
+inline const DisplayMetrics& display_metrics() {
+  static const DisplayMetrics metrics{
+      .steps_shown = counter("glasswing_steps_shown_total", "Steps that went on the monitors."),
+      .steps_late =
+          counter("glasswing_steps_late_total", "Steps that went on a monitor a refresh or more late."),
+  };
+  return metrics;
+}
+
+}  // namespace glasswing
