@@ -4,6 +4,7 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "core/base/fault_point.h"
 #include "core/base/file.h"
@@ -16,6 +17,8 @@ namespace glasswing {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr std::chrono::seconds kLookEvery(2);
 
 // Of those tiles that are done; rows that none holds stay blank, and are flagged.
 absl::StatusOr<Matte> put_together(const std::vector<TileState>& tiles, const fs::path& directory,
@@ -45,7 +48,19 @@ int height_of(const std::vector<TileState>& tiles) {
   return height_px;
 }
 
-// "tiles 3 and 7 of 40", with the first one's error.
+void name_quarantined(const std::vector<TileState>& tiles, v1::Session& session) {
+  session.clear_quarantined();
+  for (const TileState& tile : tiles) {
+    if (!tile.quarantined) continue;
+    v1::QuarantinedTile& named = *session.add_quarantined();
+    named.set_tile(tile.number);
+    named.set_first(tile.range.first);
+    named.set_count(tile.range.count);
+    named.set_error(tile.error);
+  }
+}
+
+// "2 of 40 tiles could not be solved", with the first one's error.
 absl::Status not_solved(const v1::Session& session) {
   const v1::QuarantinedTile& first = session.quarantined(0);
   const char* unit = is_solved_by_frames(session) ? "frames" : "rows";
@@ -58,22 +73,21 @@ absl::Status not_solved(const v1::Session& session) {
 }  // namespace
 
 void Server::finish_solves(std::stop_token stop) {
-  while (true) {
-    std::string name;
+  while (!stop.stop_requested()) {
+    std::set<std::string> names;
     {
       std::unique_lock lock(mutex_);
-      if (!finish_wanted_.wait(lock, stop, [&] { return !to_finish_.empty(); })) return;
-      name = *to_finish_.begin();
-      to_finish_.erase(to_finish_.begin());
+      finish_wanted_.wait_for(lock, stop, kLookEvery, [&] { return !to_finish_.empty(); });
+      names = std::exchange(to_finish_, {});
+      // Nobody tells of a last tile that the job store gave up, nor comes back to one that could not be
+      // counted.
+      for (const auto& [name, began] : solve_began_) names.insert(name);
     }
-    const absl::Status status = finish_solve(name);
-    if (status.ok()) continue;
-    spdlog::error("solve not finished session={} error=\"{}\"", name, std::string(status.message()));
-    if (!absl::IsUnavailable(status)) continue;
-    // The job store is away, and comes back.
-    std::unique_lock lock(mutex_);
-    to_finish_.insert(name);
-    finish_wanted_.wait_for(lock, stop, std::chrono::seconds(1), [] { return false; });
+    for (const std::string& name : names) {
+      const absl::Status status = finish_solve(name);
+      if (!status.ok() && !absl::IsUnavailable(status))  // the job store is away, and comes back
+        spdlog::error("solve not finished session={} error=\"{}\"", name, std::string(status.message()));
+    }
   }
 }
 
@@ -93,7 +107,9 @@ absl::Status Server::finish_solve(const std::string& name) {
   GW_ASSIGN_OR_RETURN(const JobCounts counts, jobs_->counts(session.job()));
   if (!counts.rests()) return absl::OkStatus();
   absl::Status made;
-  if (session.quarantined_size() > 0) {
+  if (counts.quarantined > 0) {
+    GW_ASSIGN_OR_RETURN(const std::vector<TileState> tiles, jobs_->tiles(session.job()));
+    name_quarantined(tiles, session);
     made = not_solved(session);
   } else if (!is_solved_by_frames(session)) {
     made = [&]() -> absl::Status {
@@ -116,7 +132,9 @@ absl::Status Server::finish_solve(const std::string& name) {
     if (absl::IsNotFound(now.status())) mattes_.drop_next(name);
     return absl::OkStatus();
   }
-  return settle(*now, made);
+  v1::Session settled = *now;
+  *settled.mutable_quarantined() = session.quarantined();
+  return settle(std::move(settled), made);
 }
 
 absl::Status Server::settle(v1::Session session, absl::Status made) {
@@ -136,6 +154,7 @@ absl::Status Server::settle(v1::Session session, absl::Status made) {
     GW_RETURN_IF_ERROR(jobs_->hold(session.job()));
   }
   GW_RETURN_IF_ERROR(change(session));
+  solve_began_.erase(session.name());
   if (made.ok()) {
     fault_point("session done");
     GW_RETURN_IF_ERROR(catalogue_->drop_finished(session.name()));

@@ -37,7 +37,8 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(1.0, 3600.0))
       ->capture_default_str();
   app.add_option("--least-tile", options.least_tile_seconds,
-                 "seconds of work that the smallest tiles are cut to: less is lost where a solver dies, more is handed out")
+                 "seconds of work that the smallest tiles are cut to: less is lost where a solver dies, more "
+                 "is handed out")
       ->check(CLI::Range(0.01, 2.0))
       ->capture_default_str();
   TlsFiles tls;

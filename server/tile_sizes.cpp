@@ -25,8 +25,7 @@ std::vector<int> survey_rows(int height_px) {
 }
 
 std::vector<TileRange> row_tiles(int height_px, std::span<const int> rows, std::span<const double> seconds,
-                                 std::int64_t row_bytes, std::int64_t most_bytes,
-                                 double least_seconds) {
+                                 std::int64_t row_bytes, std::int64_t most_bytes, double least_seconds) {
   std::vector<double> work;
   size_t after = 0;  // the first surveyed row that is not above this one
   for (int y = 0; y < height_px; ++y) {

@@ -288,8 +288,13 @@ absl::Status Server::fail(const v1::FailTileRequest& request) {
 }
 
 absl::StatusOr<v1::GetFleetResponse> Server::fleet() {
-  GW_ASSIGN_OR_RETURN(const std::vector<JobState> jobs, jobs_->jobs());
+  GW_ASSIGN_OR_RETURN(std::vector<JobState> jobs, jobs_->jobs());
   GW_ASSIGN_OR_RETURN(const std::vector<LeaseState> leases, jobs_->leases());
+  for (JobState& job : jobs) {
+    const absl::StatusOr<v1::Session> session = find(job.session);
+    // Being surveyed: its one tile is not what it will be cut to.
+    if (job.own && session.ok() && session->tile_count() == 0) job.counts.tiles = 0;
+  }
   return fleet_.describe(rig_.solvers(), jobs, leases, jobs_->title());
 }
 

@@ -20,7 +20,8 @@
 
 namespace glasswing {
 
-inline constexpr int kMaxAttempts = 3;
+inline constexpr int kMaxAttempts = 3;  // that fail
+inline constexpr int kMaxLost = 10;     // whose lease ends without a word
 
 // Rows of the camera's picture; of a video frames. The tiles of a job may overlap: frames that are made anew.
 struct TileRange {
@@ -132,6 +133,7 @@ class JobStore {
   // than the job's last hundred tiles took on average, and that only one has: the first result counts.
   // `ahead`: only if at least as many tiles are free as solvers hold leases, and never one that somebody else
   // holds. None: nothing to do.
+  // A tile that kMaxLost attempts took and never spoke of again is quarantined instead.
   virtual absl::StatusOr<std::optional<Lease>> claim(const std::string& solver,
                                                      std::span<const std::string> computes, bool ahead) = 0;
   // ABORTED: the tile is done or gone, or the lease has ended and the tile was handed out again since. (A

@@ -12,7 +12,7 @@ namespace {
 constexpr char kLeaseOfClaim[] =
     " RETURNING job, number, attempts, first, count, (SELECT session FROM jobs WHERE id = job), "
     "(SELECT work FROM jobs WHERE id = job), (SELECT server FROM jobs WHERE id = job), "
-    "(SELECT address FROM servers WHERE id = (SELECT server FROM jobs WHERE id = job))";
+    "(SELECT address FROM servers WHERE id = (SELECT server FROM jobs WHERE id = job)), lost";
 
 // Where `condition` holds the first lease stays, else the second takes its place.
 std::string first_lease_if(const std::string& condition) {
@@ -72,17 +72,29 @@ absl::StatusOr<bool> may_claim_ahead(SqlConnection& connection, std::span<const 
   return free.integer(0, 0) >= solvers.integer(0, 0);
 }
 
-// `oldest` finds the tile.
+// `oldest` finds the tile. What attempts that had it before never spoke of again counts as lost.
 absl::StatusOr<SqlRows> claim_free(SqlConnection& connection, const std::string& solver,
                                    std::int64_t lease_us, const std::string& oldest,
                                    std::span<const std::string> computes) {
   return connection.run(
       fmt::format(
-          "UPDATE tiles SET attempts = attempts + 1, lease_attempt = attempts + 1, lease_solver = ?1, "
+          "UPDATE tiles SET lost = lost + CASE WHEN lease_attempt > 0 THEN 1 ELSE 0 END + "
+          "CASE WHEN twin_attempt > 0 THEN 1 ELSE 0 END, attempts = attempts + 1, lease_attempt = attempts + "
+          "1, lease_solver = ?1, "
           "lease_since = :now, lease_until = :now + ?2, twin_attempt = 0, twin_solver = '', twin_since = 0, "
           "twin_until = 0 WHERE (job, number) = ({}){}",
           oldest, kLeaseOfClaim),
       with({solver, lease_us}, computes));
+}
+
+// A tile just claimed, whose solvers all fell silent: it may be what ends them.
+absl::Status quarantine_lost(SqlConnection& connection, const SqlRows& claimed) {
+  return connection
+      .run(fmt::format("UPDATE tiles SET quarantined = 1, error = ?3, {} WHERE job = ?1 AND number = ?2",
+                       kNoLease),
+           {claimed.integer(0, 0), claimed.integer(0, 1),
+            SqlBytes{fmt::format("{} solvers that had it fell silent", claimed.integer(0, 9))}})
+      .status();
 }
 
 absl::StatusOr<SqlRows> claim_twice(SqlConnection& connection, const std::string& solver,
@@ -135,9 +147,13 @@ absl::StatusOr<std::optional<Lease>> SqlJobStore::claim(const std::string& solve
       GW_ASSIGN_OR_RETURN(const bool may, may_claim_ahead(connection, computes));
       if (!may) return absl::OkStatus();
     }
-    GW_ASSIGN_OR_RETURN(SqlRows rows,
-                        claim_free(connection, solver, std::chrono::microseconds(options_.lease).count(),
-                                   oldest_tile(open_jobs(3, computes.size()), is_free()), computes));
+    SqlRows rows;
+    do {
+      if (!rows.empty()) GW_RETURN_IF_ERROR(quarantine_lost(connection, rows));
+      GW_ASSIGN_OR_RETURN(rows,
+                          claim_free(connection, solver, std::chrono::microseconds(options_.lease).count(),
+                                     oldest_tile(open_jobs(3, computes.size()), is_free()), computes));
+    } while (!rows.empty() && rows.integer(0, 9) >= kMaxLost);
     if (rows.empty() && !ahead) {
       GW_ASSIGN_OR_RETURN(rows, claim_twice(connection, solver, options_, computes));
     }

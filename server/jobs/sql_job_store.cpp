@@ -123,7 +123,8 @@ absl::Status SqlJobStore::add(std::int64_t job, std::span<const TileRange> tiles
 }
 
 absl::Status SqlJobStore::retry(std::int64_t job) {
-  GW_RETURN_IF_ERROR(change_job(job, "UPDATE tiles SET quarantined = 0, failures = 0 WHERE job = ?1"));
+  GW_RETURN_IF_ERROR(
+      change_job(job, "UPDATE tiles SET quarantined = 0, failures = 0, lost = 0 WHERE job = ?1"));
   tiles_became_free();
   return absl::OkStatus();
 }

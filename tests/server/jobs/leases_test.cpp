@@ -26,6 +26,20 @@ TEST_P(JobContract, ALostLeaseIsFenced) {
   EXPECT_EQ(tile(quick).failures, 0);
 }
 
+TEST_P(JobContract, ATileThatSilencesItsSolversIsGivenUp) {
+  open(options(kShort));
+  const std::int64_t job = create(1);
+  for (int i = 0; i < kMaxLost; ++i) claim_at_last("victim");
+  ASSERT_TRUE(comes_true([&] {
+    EXPECT_FALSE(claim("another").has_value());
+    return store_->counts(job)->quarantined == 1;
+  }));
+  EXPECT_EQ(store_->tiles(job)->front().error, "10 solvers that had it fell silent");
+  EXPECT_TRUE(store_->counts(job)->rests());
+  ASSERT_TRUE(store_->retry(job).ok());
+  EXPECT_TRUE(claim("another").has_value());
+}
+
 TEST_P(JobContract, ALeaseThatEndedAndWasNotHandedOutAgainGoesOn) {
   open(options(kShort));
   create(2);
