@@ -129,9 +129,9 @@ class JobStore {
 
   // A free tile, of the oldest job first, its failed ones last, of a job that is not held and computes one of
   // these. Where none is free: a tile that another solver has held for longer than least_before_twice and
-  // than the job's tiles took on average, and that only one has: the first result counts. `ahead`: only if at
-  // least as many tiles are free as solvers hold leases, and never one that somebody else holds. None:
-  // nothing to do.
+  // than the job's last hundred tiles took on average, and that only one has: the first result counts.
+  // `ahead`: only if at least as many tiles are free as solvers hold leases, and never one that somebody else
+  // holds. None: nothing to do.
   virtual absl::StatusOr<std::optional<Lease>> claim(const std::string& solver,
                                                      std::span<const std::string> computes, bool ahead) = 0;
   // ABORTED: the tile is done or gone, or the lease has ended and the tile was handed out again since. (A

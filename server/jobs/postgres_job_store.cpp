@@ -38,8 +38,9 @@ std::string schema() {
       "flagged_pixels bigint NOT NULL DEFAULT 0, seconds double precision NOT NULL DEFAULT 0, "
       "PRIMARY KEY (job, number)) WITH (fillfactor = 70); "
       "CREATE INDEX tiles_open ON tiles (job, failures, number) WHERE {}; "
+      "CREATE INDEX tiles_done ON tiles (job, done_at) WHERE {}; "
       "CREATE INDEX tiles_leased ON tiles (job, number) WHERE {}",
-      kVersion, kOpen, kLeased);
+      kVersion, kOpen, kDone, kLeased);
 }
 
 }  // namespace

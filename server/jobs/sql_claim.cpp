@@ -91,10 +91,11 @@ absl::StatusOr<SqlRows> claim_twice(SqlConnection& connection, const std::string
   GW_ASSIGN_OR_RETURN(
       const SqlRows jobs,
       connection.run(
-          fmt::format("SELECT j.id, (SELECT coalesce(avg(seconds), 0) FROM tiles WHERE job = j.id AND "
-                      "done_attempt > 0) FROM jobs j WHERE {} AND EXISTS "
-                      "(SELECT 1 FROM tiles t WHERE t.job = j.id AND {}) ORDER BY j.id",
-                      open_jobs(3, computes.size()), kSlow),
+          fmt::format(
+              "SELECT j.id, (SELECT coalesce(avg(seconds), 0) FROM (SELECT seconds FROM tiles WHERE "
+              "job = j.id AND {} ORDER BY done_at DESC LIMIT 100) AS last) FROM jobs j WHERE {} AND EXISTS "
+              "(SELECT 1 FROM tiles t WHERE t.job = j.id AND {}) ORDER BY j.id",
+              kDone, open_jobs(3, computes.size()), kSlow),
           with({solver, least_us}, computes)));
   for (size_t i = 0; i < jobs.size(); ++i) {
     const std::int64_t age_us = std::max(least_us, static_cast<std::int64_t>(jobs.real(i, 1) * 1e6));

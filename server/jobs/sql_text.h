@@ -5,6 +5,7 @@ namespace glasswing {
 
 // Clauses that indices are made for: each must be written in one way.
 inline constexpr char kOpen[] = "done_attempt = 0 AND quarantined = 0";
+inline constexpr char kDone[] = "done_attempt > 0";
 inline constexpr char kLeased[] = "lease_attempt > 0";
 
 inline constexpr char kNoLease[] =

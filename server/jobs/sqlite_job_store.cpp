@@ -37,9 +37,10 @@ std::string schema() {
       "object_pixels INTEGER NOT NULL DEFAULT 0, flagged_pixels INTEGER NOT NULL DEFAULT 0, "
       "seconds REAL NOT NULL DEFAULT 0, PRIMARY KEY (job, number)) WITHOUT ROWID; "
       "CREATE INDEX tiles_open ON tiles (job, failures, number) WHERE {}; "
+      "CREATE INDEX tiles_done ON tiles (job, done_at) WHERE {}; "
       "CREATE INDEX tiles_leased ON tiles (job, number) WHERE {}; "
       "PRAGMA user_version = {}",
-      kOpen, kLeased, kVersion);
+      kOpen, kDone, kLeased, kVersion);
 }
 
 std::int64_t now_us() {
