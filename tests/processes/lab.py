@@ -42,7 +42,7 @@ def glasswing(server: str, *arguments: str, timeout: float = 300.0) -> str:
 def capture_archives(plans: Mapping[pathlib.Path, pathlib.Path], work: pathlib.Path, size: str, scene: str = "crystal") -> None:
     """Captures these plans on one simulated rig, and exports what was captured: by directory, which must not exist, its plan."""
     rig = [str(ROOT / "deploy/local-rig")]
-    port = free_port()
+    port = free_port(3)
     options = ["--data", str(work / f"capture-rig-{port}")]
     shown = {"stdout": subprocess.DEVNULL, "timeout": 100.0, "check": True}
     environment = dict(os.environ, GLASSWING_BIN=str(BIN), GLASSWING_SERVER=f"127.0.0.1:{port}")
@@ -70,7 +70,7 @@ class Lab:
         self.camera = self.camera_at(self.archive_port)
         self.solvers: list[Daemon] = []
         self._channel = grpc.insecure_channel(
-            self.address, [("grpc.max_reconnect_backoff_ms", 200), ("grpc.initial_reconnect_backoff_ms", 100)]
+            self.address, [(f"grpc.{which}_reconnect_backoff_ms", 100) for which in ("initial", "max")] + [("grpc.min_reconnect_backoff_ms", 2000)]
         )
         self.sessions: Any = SessionServiceStub(self._channel)
         self._nodes: Any = NodeServiceStub(self._channel)

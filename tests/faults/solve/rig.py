@@ -7,7 +7,7 @@ import signal
 
 import grpc
 
-from daemon import Daemon, free_port
+from daemon import Daemon, free_port, listens
 from faults import Fault
 from lab import SESSION, Lab, until
 from postgres import Postgres
@@ -30,11 +30,11 @@ class FaultyRig:
         self.lab = Lab(work, {SESSION: archive}, tuple(options))
         # From now on the camera listens elsewhere, and a relay where the session says that its frames are.
         self.lab.camera.end()
-        behind = free_port()
-        self.lab.camera = self.lab.hidden_camera_at(behind)
+        self.camera_port = free_port()
+        self.lab.camera = self.lab.hidden_camera_at(self.camera_port)
         self.lab.camera.start()
         before_server = free_port()
-        self.links = {"camera link": Relay(self.lab.archive_port, behind), "server link": Relay(before_server, self.lab.port)}
+        self.links = {"camera link": Relay(self.lab.archive_port, self.camera_port), "server link": Relay(before_server, self.lab.port)}
         self.view: PostgresView | SqliteView = PostgresView(self.postgres.connection) if self.postgres else SqliteView(self.lab.data / "jobs.sqlite")
         for _ in range(SOLVERS):
             self.lab.add_solver(before_server).start()
@@ -54,6 +54,7 @@ class FaultyRig:
             if not daemon.is_running():
                 daemon.start(ahead)
         until(self.answers, "the server answers")
+        until(lambda: listens(self.camera_port), "the camera node listens")
 
     def answers(self) -> bool:
         """The server does."""
