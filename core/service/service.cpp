@@ -86,7 +86,8 @@ absl::Status from_grpc(const grpc::Status& status, const std::string& peer) {
 std::shared_ptr<grpc::Channel> dial(const std::string& address) {
   grpc::ChannelArguments arguments;
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 100);
-  // Despite its name: how long making a connection may take. A busy machine, or TLS, needs more than a moment.
+  // Despite its name: how long making a connection may take. A busy machine, or TLS, needs more than a
+  // moment.
   arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 2000);
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 1000);
   // A peer that is killed and started again must not be reached through a shared, backed-off connection.
