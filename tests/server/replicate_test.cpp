@@ -34,7 +34,7 @@ class Replicate : public ArchiveTest {
   }
   std::unique_ptr<Server> open_server() const {
     fs::create_directories(root_ / "server");
-    return Server::open(root_ / "server").value();
+    return Server::open({.data = root_ / "server"}).value();
   }
   void register_node(v1::NodeKind kind, const std::string& name, const std::string& address) {
     v1::RegisterRequest node;
