@@ -12,7 +12,8 @@ namespace fs = std::filesystem;
 
 namespace {
 constexpr size_t kMostMapped = 8;  // archives
-}
+constexpr std::chrono::seconds kBrokenOffEnds(10);
+}  // namespace
 
 absl::Status ArchiveStore::prepare() const {
   std::error_code error;
@@ -59,7 +60,8 @@ void ArchiveStore::note_use(const std::string& session) {
 
 absl::Status ArchiveStore::begin_copy(const std::string& session) {
   GW_RETURN_IF_ERROR(check_name("session", session));
-  const std::lock_guard lock(mutex_);
+  std::unique_lock lock(mutex_);
+  copied_.wait_for(lock, kBrokenOffEnds, [&] { return !copying_.contains(session); });
   if (copying_.insert(session).second) return absl::OkStatus();
   return absl::AbortedError(
       fmt::format("this node is copying the archive of session \"{}\" already", session));
@@ -68,6 +70,7 @@ absl::Status ArchiveStore::begin_copy(const std::string& session) {
 void ArchiveStore::end_copy(const std::string& session) {
   const std::lock_guard lock(mutex_);
   copying_.erase(session);
+  copied_.notify_all();
 }
 
 absl::StatusOr<std::int64_t> ArchiveStore::remove(const std::string& session) {

@@ -1,6 +1,7 @@
 // The archives below a node's data directory, opened when they are asked for.
 #pragma once
 
+#include <condition_variable>
 #include <deque>
 #include <filesystem>
 #include <map>
@@ -28,7 +29,8 @@ class ArchiveStore {
   absl::StatusOr<std::int64_t> remove(const std::string& session);
   const std::filesystem::path& directory() const { return directory_; }
 
-  // One at a time copies an archive here. ABORTED: another one does.
+  // One at a time copies an archive here. Waits a little for one that was broken off to end. ABORTED: it goes
+  // on.
   absl::Status begin_copy(const std::string& session);
   void end_copy(const std::string& session);
 
@@ -41,6 +43,7 @@ class ArchiveStore {
   std::map<std::string, std::shared_ptr<Archive>> open_;  // guarded by mutex_
   std::deque<std::string> used_;                          // guarded by mutex_; the last ones, newest last
   std::set<std::string> copying_;                         // guarded by mutex_
+  std::condition_variable copied_;
 };
 
 }  // namespace glasswing

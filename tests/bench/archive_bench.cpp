@@ -186,19 +186,23 @@ void report(const std::string& name, double bytes, const Times& times, const Tim
                            median(times.cpu_seconds) / bytes * 1e9);
 }
 
-// Serves over TLS, and has this process's calls use it from now on.
+// Has this process's calls use TLS from now on; for servers of this process.
+std::shared_ptr<grpc::ServerCredentials> made_credentials(const fs::path& root) {
+  const MadeCertificate ca = make_certificate("ca"), own = make_certificate("node", &ca, "IP:127.0.0.1");
+  const std::string ca_file = (root / "ca.pem").string();
+  std::ofstream(ca_file) << ca.certificate_pem();
+  if (!use_tls({.ca = ca_file, .certificate = "", .key = ""}).ok()) std::abort();
+  grpc::SslServerCredentialsOptions options;
+  options.pem_key_cert_pairs.push_back({own.key_pem(), own.certificate_pem()});
+  return grpc::SslServerCredentials(options);
+}
+
 class TlsHost {
  public:
-  TlsHost(const fs::path& root, grpc::Service& service) {
-    const MadeCertificate ca = make_certificate("ca"), own = make_certificate("node", &ca, "IP:127.0.0.1");
-    const std::string ca_file = (root / "ca.pem").string();
-    std::ofstream(ca_file) << ca.certificate_pem();
-    if (!use_tls({.ca = ca_file, .certificate = "", .key = ""}).ok()) std::abort();
-    grpc::SslServerCredentialsOptions options;
-    options.pem_key_cert_pairs.push_back({own.key_pem(), own.certificate_pem()});
+  TlsHost(const std::shared_ptr<grpc::ServerCredentials>& credentials, grpc::Service& service) {
     grpc::ServerBuilder builder;
     int port = 0;
-    builder.AddListeningPort("127.0.0.1:0", grpc::SslServerCredentials(options), &port);
+    builder.AddListeningPort("127.0.0.1:0", credentials, &port);
     builder.RegisterService(&service);
     server_ = builder.BuildAndStart();
     address_ = fmt::format("127.0.0.1:{}", port);
@@ -273,7 +277,8 @@ int main(int argc, char** argv) {
                  old = ServiceHost::start({}, {&fields}).value();
       run(options, bench, host->address(), old->address(), false);
     }
-    const TlsHost host(root, service), old(root, fields);
+    const auto credentials = made_credentials(root);
+    const TlsHost host(credentials, service), old(credentials, fields);
     run(options, bench, host.address(), old.address(), true);
   }
   fs::remove_all(root);
