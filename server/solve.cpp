@@ -10,6 +10,7 @@
 #include "core/base/time.h"
 #include "core/pattern/method_options.h"
 #include "core/pattern/video_frames.h"
+#include "server/copies.h"
 #include "server/server.h"
 #include "server/session_archive.h"
 #include "server/session_facts.h"
@@ -22,6 +23,20 @@ namespace fs = std::filesystem;
 
 // Of frames' samples, that a solver holds of one tile, and of the tile's own pixels.
 constexpr std::int64_t kMostTileBytes = 256 << 20, kMostTilePixels = 400'000;
+
+// From the node that captured it, else from any with a copy.
+absl::StatusOr<v1::CaptureManifest> read_manifest(const v1::Session& session, const Rig& rig) {
+  absl::StatusOr<v1::CaptureManifest> manifest = SessionArchive(session).manifest();
+  for (const v1::ArchiveCopy& copy : session.copies()) {
+    if (manifest.ok() || !is_whole(copy)) continue;
+    const absl::StatusOr<std::string> address = keeper_address(copy.node(), rig);
+    if (!address.ok()) continue;
+    absl::StatusOr<v1::CaptureManifest> copied =
+        SessionArchive(session.name(), copy.node(), *address).manifest();
+    if (copied.ok()) manifest = std::move(copied);
+  }
+  return manifest;
+}
 
 absl::Status check_solvable(const v1::Session& session) {
   const bool captured = session.state() == v1::SESSION_STATE_CAPTURED ||
@@ -97,7 +112,7 @@ absl::StatusOr<v1::Session> Server::solve(const v1::SolveSessionRequest& request
   GW_RETURN_IF_ERROR(check_method(method));
   for (const auto& [option, value] : request.options()) GW_RETURN_IF_ERROR(check_option(method, option));
   GW_RETURN_IF_ERROR(check_solvable(session));
-  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, SessionArchive(session).manifest());
+  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, read_manifest(session, rig_));
 
   const std::lock_guard lock(mutex_);
   GW_ASSIGN_OR_RETURN(session, find_locked(request.name()));
@@ -139,7 +154,7 @@ absl::Status Server::complete_survey(const v1::CompleteSurveyRequest& request) {
     const std::lock_guard lock(mutex_);
     GW_ASSIGN_OR_RETURN(session, session_of(request.lease()));
   }
-  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, SessionArchive(session).manifest());
+  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, read_manifest(session, rig_));
   const v1::Camera& camera = manifest.camera();
   v1::ClaimTileResponse work = work_of(session, manifest);
   const std::vector<int> rows(work.survey_rows().begin(), work.survey_rows().end());

@@ -3,6 +3,7 @@
 #include <hwy/foreach_target.h>
 //
 #include <algorithm>
+#include <memory>
 #include <vector>
 
 #include "solver/gaussian/line_fit.h"
@@ -80,7 +81,10 @@ constexpr float kSettled = 1e-3f;  // of sigma, and of the amplitude
 void FitSingle(std::span<const LineWindow> windows, std::span<SingleFit> fits) {
   const D d;
   const size_t lanes = hn::Lanes(d);
-  static thread_local Batch batch;
+  // Not in the thread's own storage: half a megabyte there is more than the small stacks of other libraries'
+  // threads hold.
+  static thread_local const std::unique_ptr<Batch> kept = std::make_unique<Batch>();
+  Batch& batch = *kept;
   HWY_ALIGN float in[3][kMostLanes], out[5][kMostLanes];
   for (size_t first = 0; first < windows.size(); first += lanes) {
     const size_t count = std::min(lanes, windows.size() - first);
@@ -199,7 +203,8 @@ void DoubleGram(const Row* p, Row* gram) {
 void FitDouble(std::span<const LineWindow> windows, std::span<DoubleFit> fits) {
   const D d;
   const size_t lanes = hn::Lanes(d);
-  static thread_local Batch batch;
+  static thread_local const std::unique_ptr<Batch> kept = std::make_unique<Batch>();
+  Batch& batch = *kept;
   HWY_ALIGN float best[6][kMostLanes], trial[6][kMostLanes], gradient[6][kMostLanes], fresh[6][kMostLanes];
   HWY_ALIGN float gram[21][kMostLanes], step[6][kMostLanes], chi_out[kMostLanes], settled_out[kMostLanes];
   for (size_t first = 0; first < windows.size(); first += lanes) {
