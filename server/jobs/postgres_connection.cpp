@@ -213,7 +213,8 @@ absl::Status PostgresConnection::lost(const std::string& why) {
 
 bool PostgresConnection::is_lost() {
   pollfd look{.fd = socket(), .events = POLLIN, .revents = 0};
-  if (!is_lost_ && ::poll(&look, 1, 0) > 0) {
+  // A last word of the server's comes before the end.
+  while (!is_lost_ && ::poll(&look, 1, 0) > 0) {
     is_lost_ = PQconsumeInput(connection_.get()) == 0 || PQstatus(connection_.get()) != CONNECTION_OK;
   }
   return is_lost_;

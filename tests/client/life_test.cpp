@@ -196,6 +196,7 @@ TEST_F(LifeCommands, RetryNamesWhatItTriesAgain) {
             "      7  back stripe at 45 deg, r 120.0 px, 4 ms\n");
   EXPECT_EQ(sessions_.resumed.retries(), 30);
   EXPECT_NE(run({"show", "a"}).out.find("unproven      7  back stripe at 45 deg"), std::string::npos);
+  failed.set_job(1);
   failed.set_tile_count(96);
   failed.set_tiles_done(90);
   EXPECT_EQ(run({"retry", "a"}).out, "session a: solving the 6 of 96 tiles that are not done\n");
