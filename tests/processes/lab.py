@@ -123,7 +123,7 @@ class Lab:
     def session(self, timeout: float = 5.0, name: str = SESSION) -> sessions.Session:
         """As the server tells it. RpcError: it does not answer."""
         request = sessions.GetSessionRequest(name=name)
-        session: sessions.Session = self.sessions.GetSession(request, timeout=timeout).session
+        session: sessions.Session = self.sessions.GetSession(request, timeout=timeout, wait_for_ready=True).session
         return session
 
     def solve(self, method: str = "", name: str = SESSION) -> sessions.Session:
