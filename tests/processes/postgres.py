@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import pathlib
 import subprocess
+import tempfile
 
 from daemon import ROOT
 
@@ -16,11 +17,12 @@ class NotInstalled(Exception):
 
 
 class Postgres:
-    """Runs, with an empty database, until `close()` or the end of this process; `directory` must not exist."""
+    """Runs, with an empty database, until `close()` or the end of this process."""
 
-    def __init__(self, directory: pathlib.Path) -> None:
-        self._directory = directory
-        directory.parent.chmod(0o755)  # it does not run as root
+    def __init__(self) -> None:
+        self._parent = tempfile.TemporaryDirectory()
+        pathlib.Path(self._parent.name).chmod(0o755)  # it does not run as root
+        self._directory = pathlib.Path(self._parent.name) / "postgres"
         self.connection = self._do("up", str(os.getpid())).strip()
 
     def stop_at_once(self) -> None:
@@ -42,6 +44,7 @@ class Postgres:
     def close(self) -> None:
         """Stops it for good."""
         self._do("down")
+        self._parent.cleanup()
 
     def _do(self, command: str, *more: str) -> str:
         script = [str(ROOT / "tests/server/jobs/postgres"), command, str(self._directory), *more]

@@ -61,7 +61,7 @@ def measure(store: str, solvers: int, tiles: int, work: pathlib.Path, seed: int)
     simulation = [str(BIN / "glasswing-fleet-simulation"), "--width", str(_WIDTH_PX), "--height", str(tiles)]
     archive = work / "archive"
     subprocess.run([*simulation, "--make-archive", str(archive)], check=True)
-    postgres = Postgres(work / "postgres") if store == "postgres" else None
+    postgres = Postgres() if store == "postgres" else None
     lab = Lab(work, {SESSION: archive}, ("--jobs", postgres.connection) if postgres else ())
     try:
         before = lab.server.cpu_seconds(), _cpu_seconds(postgres.process()) if postgres else 0.0, os.times().children_user + os.times().children_system

@@ -47,8 +47,8 @@ def distributed(lab: Lab, solvers: int, method: str) -> float:
 def main() -> int:
     parser = argparse.ArgumentParser(prog="tests/bench/scaling/run", description=__doc__)
     parser.add_argument("--runs", type=int, default=3, help="of each way (default 3)")
-    parser.add_argument("--size", default="192x152", help="px of the simulated camera and monitor (default 192x152)")
-    parser.add_argument("--plan", type=pathlib.Path, default=ROOT / "deploy/plans/crystal.txtpb")
+    parser.add_argument("--size", default="544x424", help="px of the simulated camera and monitor (default 544x424)")
+    parser.add_argument("--plan", type=pathlib.Path, default=ROOT / "tests/bench/scaling/plan.txtpb")
     parser.add_argument("--archive", type=pathlib.Path, help="solve this one; nothing is captured")
     parser.add_argument("--method", default="", help="the plan's if left out")
     parser.add_argument("--jobs", default="", help="PostgreSQL that holds the tiles; SQLite if left out")
@@ -57,7 +57,7 @@ def main() -> int:
         work = pathlib.Path(temporary)
         archive = options.archive or work / "archive"
         if not options.archive:
-            capture_archives({archive: options.plan}, work, options.size)
+            capture_archives({archive: options.plan}, work, options.size, "brushed")
         lab = Lab(work, {SESSION: archive}, ("--jobs", options.jobs) if options.jobs else ())
         try:
             for _ in range(2):

@@ -24,7 +24,7 @@ class FaultyRig:
 
     def __init__(self, work: pathlib.Path, archive: pathlib.Path, with_postgres: bool) -> None:
         options = ["--lease", f"{LEASE_SECONDS}", "--least-tile", f"{TILE_SECONDS}"]
-        self.postgres = Postgres(work / "postgres") if with_postgres else None
+        self.postgres = Postgres() if with_postgres else None
         if self.postgres:
             options += ["--jobs", self.postgres.connection]
         self.lab = Lab(work, {SESSION: archive}, tuple(options))
