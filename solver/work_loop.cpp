@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
+#include <atomic>
 #include <condition_variable>
 #include <functional>
 #include <future>
@@ -11,6 +12,7 @@
 #include <mutex>
 #include <optional>
 #include <thread>
+#include <vector>
 
 #include "core/base/fault_point.h"
 #include "core/base/status.h"
@@ -30,6 +32,8 @@ using Stub = v1::WorkService::Stub;
 
 // How long a solver that is asked to end still tries to hand in what is done.
 constexpr seconds kLastTry(10);
+// Of results that wait for a server that is away. Work for others goes on until then.
+constexpr size_t kMostKeptBytes = size_t{512} << 20;
 
 void wait(std::stop_token stop, milliseconds time) {
   std::mutex mutex;
@@ -109,6 +113,7 @@ class WorkLoop {
   std::unique_ptr<OwnTile> claim_ahead();
   void survey_for(OwnTile& tile);
   void hand_in(std::unique_ptr<OwnTile> tile, SolvedTile solved);
+  void hand_in_behind(std::unique_ptr<OwnTile> tile, SolvedTile solved);
   void give_up(const OwnTile& tile, const absl::Status& why);
   void hand_back(const OwnTile& tile);
   void fail(const OwnTile& tile, v1::FailTileRequest request);
@@ -125,7 +130,8 @@ class WorkLoop {
   std::mutex source_mutex_;
   std::int64_t source_job_ = 0;                // guarded by source_mutex_
   std::shared_ptr<const SolveSource> source_;  // of that job; guarded by source_mutex_
-  std::future<void> handing_in_;
+  std::vector<std::future<void>> handing_in_;
+  std::atomic<size_t> kept_bytes_ = 0;  // of their results
   bool reached_ = true;
 };
 
@@ -240,6 +246,21 @@ void WorkLoop::hand_in(std::unique_ptr<OwnTile> tile, SolvedTile solved) {
   fault_point("tile sent");
 }
 
+void WorkLoop::hand_in_behind(std::unique_ptr<OwnTile> tile, SolvedTile solved) {
+  std::erase_if(handing_in_, [](const std::future<void>& result) {
+    return result.wait_for(seconds(0)) == std::future_status::ready;
+  });
+  if (kept_bytes_ > kMostKeptBytes && !handing_in_.empty()) handing_in_.front().wait();
+  size_t bytes = 0;
+  for (const SolvedFile& file : solved.files) bytes += file.bytes.size();
+  kept_bytes_ += bytes;
+  handing_in_.push_back(std::async(
+      std::launch::async, [this, bytes, own = std::move(tile), result = std::move(solved)]() mutable {
+        hand_in(std::move(own), std::move(result));
+        kept_bytes_ -= bytes;
+      }));
+}
+
 void WorkLoop::survey_for(OwnTile& tile) {
   const std::stop_token in_vain = tile.keeper->in_vain();
   const absl::StatusOr<std::vector<double>> row_seconds =
@@ -323,11 +344,7 @@ std::unique_ptr<OwnTile> WorkLoop::work_on(std::unique_ptr<OwnTile> tile) {
   in_hand = absl::CancelledError();  // its memory is wanted by the next one
   if (solved.ok()) {
     fault_point("tile solved");
-    if (handing_in_.valid()) handing_in_.wait();
-    handing_in_ =
-        std::async(std::launch::async, [this, own = std::move(tile), result = *std::move(solved)]() mutable {
-          hand_in(std::move(own), std::move(result));
-        });
+    hand_in_behind(std::move(tile), *std::move(solved));
   } else {
     give_up(*tile, solved.status());
   }
@@ -370,7 +387,7 @@ absl::Status WorkLoop::run() {
     if (next->read.valid()) next->read.wait();
     hand_back(*next);
   }
-  if (handing_in_.valid()) handing_in_.wait();
+  for (const std::future<void>& result : handing_in_) result.wait();
   return absl::OkStatus();
 }
 
