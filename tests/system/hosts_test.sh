@@ -64,7 +64,7 @@ start() { # HOST PROGRAM OPTIONS...
 start rig glasswing-server --listen 0.0.0.0:7440 --advertise "$GLASSWING_SERVER" --data server --lease 3
 start rig glasswing-display --listen "${address[rig]}:7441" --server "$GLASSWING_SERVER" --monitor back=128x104@60 --patch-rows 8
 start rig glasswing-camera --listen "${address[rig]}:7442" --server "$GLASSWING_SERVER" --tap "${address[rig]}:7441" \
-  --data camera --scene crystal --size 192x156 --fps 200
+  --data camera --scene crystal --size 384x312 --fps 200
 for host in lab2 lab3; do start "$host" glasswing-solver --server "$GLASSWING_SERVER" --threads 1; done
 until_true 20 up 4 || fail "the rig did not come up"
 glasswing nodes
