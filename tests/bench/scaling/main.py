@@ -5,6 +5,7 @@ wall-clock seconds, from the asking to the finished matte; mattes are compared t
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import os
 import pathlib
 import statistics
@@ -22,26 +23,39 @@ from lab import SESSION, Lab, capture_archives, until  # noqa: E402
 _WAYS = ("in one process", "server, 1 solver", "server, 2 solvers")
 
 
-def in_process(archive: pathlib.Path, matte: pathlib.Path, method: list[str]) -> float:
-    """Seconds; from the program's start."""
+@dataclasses.dataclass(frozen=True)
+class Took:
+    """`cpu_seconds`: of all processes together, which tells more than the clock on a machine that is busy with other things."""
+
+    seconds: float
+    cpu_seconds: float
+
+
+def in_process(archive: pathlib.Path, matte: pathlib.Path, method: list[str]) -> Took:
+    """From the program's start."""
     command = [str(BIN / "glasswing-solver"), "solve", str(archive), str(matte), "--threads", "1", *method]
-    began = time.monotonic()
+    began, before = time.monotonic(), os.times()
     subprocess.run(command, check=True)
-    return time.monotonic() - began
+    after = os.times()
+    cpu_seconds = after.children_user + after.children_system - before.children_user - before.children_system
+    return Took(time.monotonic() - began, cpu_seconds)
 
 
-def distributed(lab: Lab, solvers: int, method: str) -> float:
-    """Seconds; solvers that are not wanted are away."""
+def distributed(lab: Lab, solvers: int, method: str) -> Took:
+    """Solvers that are not wanted are away."""
     for i, solver in enumerate(lab.solvers):
         if i < solvers and not solver.is_running():
             solver.start()
         if i >= solvers:
             solver.end()
     until(lambda: lab.solvers_up() == solvers, f"{solvers} solvers wait for work")
+    daemons = [daemon for daemon in lab.daemons() if daemon.is_running()]
+    before = sum(daemon.cpu_seconds() for daemon in daemons)
     began = time.monotonic()
     lab.solve(method)
     lab.wait_until_done()
-    return time.monotonic() - began
+    seconds = time.monotonic() - began
+    return Took(seconds, sum(daemon.cpu_seconds() for daemon in daemons) - before)
 
 
 def main() -> int:
@@ -62,24 +76,26 @@ def main() -> int:
         try:
             for _ in range(2):
                 lab.add_solver()
-            seconds: dict[str, list[float]] = {way: [] for way in _WAYS}
+            took: dict[str, list[Took]] = {way: [] for way in _WAYS}
             loads, same = [], True
             matte = work / "in-process.exr"
             for _ in range(options.runs):
                 loads.append(os.getloadavg()[0])
-                seconds[_WAYS[0]].append(in_process(archive, matte, ["--method", options.method] if options.method else []))
+                took[_WAYS[0]].append(in_process(archive, matte, ["--method", options.method] if options.method else []))
                 whole = planes(matte)
                 for solvers in (1, 2):
-                    seconds[_WAYS[solvers]].append(distributed(lab, solvers, options.method))
+                    took[_WAYS[solvers]].append(distributed(lab, solvers, options.method))
                     same = same and planes(lab.matte()) == whole
             tiles = lab.session().tile_count
         finally:
             lab.close()
-    one, alone, pair = (statistics.median(seconds[way]) for way in _WAYS)
+    one, alone, pair = (statistics.median(run.seconds for run in took[way]) for way in _WAYS)
+    cpu = [statistics.median(run.cpu_seconds for run in took[way]) for way in _WAYS]
     print(f"{os.cpu_count()} cores, load before each turn {', '.join(f'{load:.1f}' for load in loads)}; {tiles} tiles")
     for way in _WAYS:
-        print(f"{way:18} {statistics.median(seconds[way]):7.2f} s   of {', '.join(f'{s:.2f}' for s in seconds[way])}")
-    print(f"overhead of distribution     {100 * (alone / one - 1):6.1f} %   goal: at most 10 %")
+        each = ", ".join(f"{run.seconds:.2f} ({run.cpu_seconds:.2f})" for run in took[way])
+        print(f"{way:18} {statistics.median(run.seconds for run in took[way]):7.2f} s   of {each} (of CPU)")
+    print(f"overhead of distribution     {100 * (alone / one - 1):6.1f} %   goal: at most 10 %   (of CPU {100 * (cpu[1] / cpu[0] - 1):.1f} %, with 2 solvers {100 * (cpu[2] / cpu[0] - 1):.1f} %)")
     print(f"2 solvers over 1             {alone / pair:6.2f} x   goal: at least 1.8 x")
     print(f"mattes the same bit for bit  {'yes' if same else 'NO'}")
     return 0 if same else 1

@@ -11,6 +11,7 @@ from glasswing.v1 import session_service_pb2 as sessions
 
 from faults import Fault
 from history import History, Reference
+from lab import until
 from rig import FaultyRig
 
 MOST_SECONDS = 90.0
@@ -44,7 +45,7 @@ class Trial:
         rig, lab = self._rig, self._rig.lab
         rig.make_ready(self._faults)
         history = History(lab, rig.view, self._reference)
-        history.begin(lab.solve().job)
+        history.begin(self._ask())
         began = time.monotonic()
         state = sessions.SESSION_STATE_SOLVING
         while state == sessions.SESSION_STATE_SOLVING and time.monotonic() - began < MOST_SECONDS:
@@ -61,6 +62,24 @@ class Trial:
         rig.make_ready([])
         history.finish(state == sessions.SESSION_STATE_DONE, lab.session().reason)
         return Outcome(self._struck, seconds, len(history.acknowledged), history.violations)
+
+    def _ask(self) -> int:
+        """For the solve; its job. Asked again where the store was away: a connection that broke is noticed by its next use."""
+        lab = self._rig.lab
+        before = lab.session().job
+
+        def solving() -> bool:
+            try:
+                lab.solve()
+            except grpc.RpcError as error:
+                if error.code() == grpc.StatusCode.UNAVAILABLE:
+                    return False
+                if lab.session().job == before:
+                    raise
+            return True
+
+        until(solving, "the solve has begun", 20.0)
+        return lab.session().job
 
     def _break_and_mend(self, now: float) -> None:
         while self._waiting and self._waiting[0].at_seconds <= now:
