@@ -64,7 +64,7 @@ start() { # HOST PROGRAM OPTIONS...
 start rig glasswing-server --listen 0.0.0.0:7440 --advertise "$GLASSWING_SERVER" --data server --lease 3
 start rig glasswing-display --listen "${address[rig]}:7441" --server "$GLASSWING_SERVER" --monitor back=128x104@60 --patch-rows 8
 start rig glasswing-camera --listen "${address[rig]}:7442" --server "$GLASSWING_SERVER" --tap "${address[rig]}:7441" \
-  --data camera --scene crystal --size 384x312 --fps 200
+  --data camera --scene crystal --size 512x416 --fps 200
 for host in lab2 lab3; do start "$host" glasswing-solver --server "$GLASSWING_SERVER" --threads 1; done
 until_true 20 up 4 || fail "the rig did not come up"
 glasswing nodes
@@ -76,9 +76,8 @@ GLASSWING_CA='' GLASSWING_CERTIFICATE='' GLASSWING_KEY='' refused "calls need TL
 GLASSWING_CA=foreign.pem refused "the CA foreign.pem did not sign" glasswing nodes
 
 is_done() { [[ $(shown s state) == SESSION_STATE_DONE ]]; }
-works() { glasswing nodes --tsv | grep "^solver.$1-" | grep -qv "waiting for work"; } # HOST: its solver was given a tile
 done_by() { tail -n "+$2" "$work/rig-glasswing-server.log" | grep -c "tile done .*solver=$1-"; } # HOST LINE: tiles, from there on
-both_work() { works lab2 && works lab3 && (($(shown s tiles_done) >= 2)); }
+both_work() { (($(glasswing nodes --tsv | grep -c "^solver.*solving s tile") == 2)); } # both solvers were given a tile
 begin() {
   from=$(($(wc -l <"$work/rig-glasswing-server.log") + 1)) SECONDS=0
   glasswing solve s >/dev/null
