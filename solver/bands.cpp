@@ -55,8 +55,9 @@ absl::StatusOr<Matte> solve_in_bands(const Method& method, const FrameStack& sta
   GW_ASSIGN_OR_RETURN(const LinearStack linear, LinearStack::create(stack.manifest));
   GW_ASSIGN_OR_RETURN(const Evenness evenness, Evenness::create(stack.manifest));
   if (thread_count <= 0) thread_count = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-  // Small enough that the last ones keep all threads busy, large enough to be worth a solver's set-up.
-  const int band_rows = std::clamp(stack.row_count / (8 * thread_count), 2, 16);
+  // Small enough that the last ones keep all threads busy, large enough to be worth a solver's set-up, which
+  // one thread need not repeat.
+  const int band_rows = thread_count == 1 ? 16 : std::clamp(stack.row_count / (8 * thread_count), 2, 16);
   const int band_count = (stack.row_count + band_rows - 1) / band_rows;
   std::vector<std::optional<absl::StatusOr<Matte>>> bands(static_cast<size_t>(band_count));
   std::atomic<int> next = 0, done = 0;

@@ -20,13 +20,13 @@ from daemon import BIN, ROOT, Daemon, free_port
 SESSION = "vase"
 
 
-def until(holds: Callable[[], bool], what: str, seconds: float = 60.0) -> None:
+def until(holds: Callable[[], bool], what: str, seconds: float = 60.0, every: float = 0.02) -> None:
     """Returns once it holds; says what did not in that time."""
     deadline = time.monotonic() + seconds
     while not holds():
         if time.monotonic() > deadline:
             raise AssertionError(f"after {seconds:.0f} s still not: {what}")
-        time.sleep(0.02)
+        time.sleep(every)
 
 
 def glasswing(server: str, *arguments: str, timeout: float = 300.0) -> str:
@@ -141,7 +141,7 @@ class Lab:
 
     def wait_until_done(self, seconds: float = 600.0, name: str = SESSION) -> sessions.Session:
         """The session as it ended; it must end well."""
-        until(lambda: self.session(30.0, name).state != sessions.SESSION_STATE_SOLVING, "the solve has ended", seconds)
+        until(lambda: self.session(30.0, name).state != sessions.SESSION_STATE_SOLVING, "the solve has ended", seconds, every=0.1)
         session = self.session(5.0, name)
         assert session.state == sessions.SESSION_STATE_DONE, f"{session.reason}\n{self.server.last_words()}"
         return session
