@@ -132,7 +132,7 @@ absl::StatusOr<SolvedTile> TileInHand::solve(int thread_count, std::stop_token s
   GW_RETURN_IF_ERROR(read_.rows.intact());
   SolvedTile solved;
   count(matte, solved);
-  GW_ASSIGN_OR_RETURN(std::string bytes, encode_matte(matte));
+  GW_ASSIGN_OR_RETURN(std::string bytes, encode_matte(matte, Packing::kQuick));
   solved.files.push_back({.frame = std::nullopt, .bytes = std::move(bytes)});
   return solved;
 }

@@ -37,7 +37,7 @@ class MemoryWriter final : public Imf::OStream {
 }  // namespace
 
 absl::StatusOr<std::string> encode_exr(const std::vector<ExrPart>& parts, const Matte& matte,
-                                       const std::map<std::string, std::string>& attributes) {
+                                       const std::map<std::string, std::string>& attributes, int zip_level) {
   try {
     const int right = matte.x0_px() + matte.width_px(), bottom = matte.y0_px() + matte.height_px();
     const Imath::Box2i pixels({matte.x0_px(), matte.y0_px()}, {right - 1, bottom - 1});
@@ -47,6 +47,7 @@ absl::StatusOr<std::string> encode_exr(const std::vector<ExrPart>& parts, const 
     for (const ExrPart& part : parts) {
       Imf::Header& header = headers.emplace_back(picture, pixels);
       header.compression() = Imf::ZIP_COMPRESSION;
+      header.zipCompressionLevel() = zip_level;
       header.setType(Imf::SCANLINEIMAGE);
       header.setName(part.name);
       for (const auto& [name, text] : attributes) header.insert(name, Imf::StringAttribute(text));

@@ -11,6 +11,8 @@
 
 namespace glasswing {
 
+inline constexpr int kQuickZip = 1, kSmallZip = 4;  // the latter is OpenEXR's own choice
+
 // One channel of one part, such as "mode1.weight.R": its pixels, row by row.
 struct ExrPlane {
   std::string name;
@@ -33,8 +35,10 @@ ExrPlane plane_of(const Matte& matte, std::string name, const Get& get) {
 }
 
 // Scan lines, float32, ZIP. The data window is the matte's pixels, the display window the camera's picture;
-// every part has the same string attributes. Same input, same bytes. INTERNAL: OpenEXR refuses it.
+// every part has the same string attributes. `zip_level`: 1, quick, to 9, small. Same input, same bytes.
+// INTERNAL: OpenEXR refuses it.
 absl::StatusOr<std::string> encode_exr(const std::vector<ExrPart>& parts, const Matte& matte,
-                                       const std::map<std::string, std::string>& attributes);
+                                       const std::map<std::string, std::string>& attributes,
+                                       int zip_level = kSmallZip);
 
 }  // namespace glasswing

@@ -303,14 +303,15 @@ Matte matte_of(const std::vector<ExrPart>& parts, const Imath::Box2i& window, bo
 
 }  // namespace
 
-absl::StatusOr<std::string> encode_matte(const Matte& matte) {
+absl::StatusOr<std::string> encode_matte(const Matte& matte, Packing packing) {
   std::vector<ExrPart> parts = parts_of(matte);
   // EXR lists channels by name, so the checksum is taken in that order.
   for (ExrPart& part : parts) std::ranges::sort(part.planes, {}, &ExrPlane::name);
   const std::string metadata = json_of(matte.metadata);
   return encode_exr(
       parts, matte,
-      {{kMetadata, metadata}, {kConventions, kConventionsText}, {kChecksum, checksum_over(metadata, parts)}});
+      {{kMetadata, metadata}, {kConventions, kConventionsText}, {kChecksum, checksum_over(metadata, parts)}},
+      packing == Packing::kQuick ? kQuickZip : kSmallZip);
 }
 
 absl::StatusOr<Matte> decode_matte(std::string_view bytes) {

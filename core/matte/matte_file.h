@@ -13,8 +13,10 @@
 
 namespace glasswing {
 
-// The file as bytes; a tile's data window is its place in the whole. Same matte, same bytes.
-absl::StatusOr<std::string> encode_matte(const Matte& matte);
+// The file as bytes; a tile's data window is its place in the whole. Same matte, same bytes. What is soon
+// read and put together is packed quickly, what is kept to be small.
+enum class Packing { kSmall, kQuick };
+absl::StatusOr<std::string> encode_matte(const Matte& matte, Packing packing = Packing::kSmall);
 
 // DATA_LOSS: truncated, altered or not a matte; FAILED_PRECONDITION: a newer format_version.
 absl::StatusOr<Matte> decode_matte(std::string_view bytes);
