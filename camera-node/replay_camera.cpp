@@ -6,6 +6,7 @@
 #include <cmath>
 #include <set>
 
+#include "core/base/checksum.h"
 #include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/frame/archive.h"

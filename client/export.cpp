@@ -9,6 +9,7 @@
 #include "client/partial_directory.h"
 #include "client/progress.h"
 #include "client/rpc.h"
+#include "core/base/checksum.h"
 #include "core/base/file.h"
 #include "core/base/status.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <memory>
 
+#include "core/base/checksum.h"
 #include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/frame/archive.h"

@@ -12,6 +12,7 @@
 #include "client/progress.h"
 #include "client/rpc.h"
 #include "client/video_file.h"
+#include "core/base/checksum.h"
 #include "core/base/file.h"
 #include "core/base/name.h"
 #include "core/base/status.h"

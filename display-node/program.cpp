@@ -7,6 +7,7 @@
 #include <map>
 #include <set>
 
+#include "core/base/checksum.h"
 #include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/frame/image_file.h"

@@ -4,12 +4,16 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <memory>
 #include <utility>
 
 #include "core/base/fault_point.h"
 #include "core/base/file.h"
+#include "core/base/mapped_file.h"
 #include "core/base/status.h"
+#include "core/matte/join_mattes.h"
 #include "core/matte/matte_file.h"
+#include "server/matte_files.h"
 #include "server/server.h"
 #include "server/session_facts.h"
 
@@ -19,27 +23,51 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::chrono::seconds kLookEvery(2);
+constexpr int kMostBlankRows = 64;  // that are in memory, not packed
+
+// The file of a tile, as it was written.
+absl::StatusOr<std::shared_ptr<const MappedFile>> open_tile(const fs::path& path) {
+  std::error_code error;
+  const std::uintmax_t size = fs::file_size(path, error);
+  if (error) return absl::DataLossError(fmt::format("{}: {}", path.string(), error.message()));
+  GW_ASSIGN_OR_RETURN(std::shared_ptr<const MappedFile> file, MappedFile::open(path, size));
+  if (!is_named_after(path, file->bytes()) || !file->intact())
+    return absl::DataLossError(fmt::format("{} is damaged: solve the session again", path.string()));
+  return file;
+}
 
 // Of those tiles that are done; rows that none holds stay blank, and are flagged.
-absl::StatusOr<Matte> put_together(const std::vector<TileState>& tiles, const fs::path& directory,
-                                   int height_px) {
-  std::vector<Matte> parts;
+absl::StatusOr<std::string> put_together(const std::vector<TileState>& tiles, const fs::path& directory,
+                                         int height_px) {
+  std::vector<std::shared_ptr<const MappedFile>> files;
   std::vector<bool> there(static_cast<size_t>(height_px), false);
   for (const TileState& tile : tiles) {
     if (!tile.is_done()) continue;
-    GW_ASSIGN_OR_RETURN(Matte part, read_matte(directory / tile.done.result));
+    GW_ASSIGN_OR_RETURN(files.emplace_back(), open_tile(directory / tile.done.result));
     std::fill_n(there.begin() + tile.range.first, tile.range.count, true);
-    parts.push_back(std::move(part));
   }
-  if (parts.empty()) return absl::FailedPreconditionError("none of its tiles is solved yet");
-  const Matte like = parts.front();
-  for (int y = 0; y < height_px; ++y) {
+  if (files.empty()) return absl::FailedPreconditionError("none of its tiles is solved yet");
+  GW_ASSIGN_OR_RETURN(const MatteOutline like, outline_of(files.front()->bytes()));
+  std::vector<std::string> blanks;
+  for (int y = 0, rows = 1; y < height_px; y += rows) {
+    const auto next = std::find(there.begin() + y, there.end(), !there[static_cast<size_t>(y)]);
+    rows = static_cast<int>(next - there.begin()) - y;
     if (there[static_cast<size_t>(y)]) continue;
-    Matte blank(0, y, like.width_px(), 1, 1, like.is_colourless());
-    for (int x = 0; x < blank.width_px(); ++x) blank.flags(x, 0) = kFlagNoData;
-    parts.push_back(std::move(blank));
+    rows = std::min(rows, kMostBlankRows);
+    Matte blank(0, y, like.width_px, rows, like.modes_per_channel, like.colourless);
+    blank.metadata = like.metadata;
+    for (int row = 0; row < rows; ++row) {
+      for (int x = 0; x < blank.width_px(); ++x) blank.flags(x, row) = kFlagNoData;
+    }
+    GW_ASSIGN_OR_RETURN(blanks.emplace_back(), encode_matte(blank));
   }
-  return assemble(parts);
+  std::vector<std::string_view> parts(blanks.begin(), blanks.end());
+  for (const std::shared_ptr<const MappedFile>& file : files) parts.push_back(file->bytes());
+  absl::StatusOr<std::string> whole = join_mattes(parts);
+  for (const std::shared_ptr<const MappedFile>& file : files) {
+    if (!file->intact()) return absl::DataLossError("a tile's file cannot be read to its end");
+  }
+  return whole;
 }
 
 int height_of(const std::vector<TileState>& tiles) {
@@ -115,8 +143,7 @@ absl::Status Server::finish_solve(const std::string& name) {
     made = [&]() -> absl::Status {
       GW_ASSIGN_OR_RETURN(const std::vector<TileState> tiles, jobs_->tiles(session.job()));
       GW_ASSIGN_OR_RETURN(const fs::path directory, mattes_.tiles(name));
-      GW_ASSIGN_OR_RETURN(const Matte matte, put_together(tiles, directory, height_of(tiles)));
-      GW_ASSIGN_OR_RETURN(const std::string bytes, encode_matte(matte));
+      GW_ASSIGN_OR_RETURN(const std::string bytes, put_together(tiles, directory, height_of(tiles)));
       return write_file_durably(mattes_.next(name), bytes);
     }();
     fault_point("matte written");
@@ -181,13 +208,10 @@ absl::StatusOr<std::string> Server::partial_matte(const std::string& name) {
   }
   GW_ASSIGN_OR_RETURN(const std::vector<TileState> tiles, jobs_->tiles(session.job()));
   GW_ASSIGN_OR_RETURN(const fs::path directory, mattes_.tiles(name));
-  const absl::StatusOr<Matte> matte = put_together(tiles, directory, height_of(tiles));
-  if (absl::IsFailedPrecondition(matte.status())) {
-    return absl::FailedPreconditionError(
-        fmt::format("session \"{}\": {}", name, std::string(matte.status().message())));
-  }
-  GW_RETURN_IF_ERROR(matte.status());
-  return encode_matte(*matte);
+  absl::StatusOr<std::string> matte = put_together(tiles, directory, height_of(tiles));
+  if (!absl::IsFailedPrecondition(matte.status())) return matte;
+  return absl::FailedPreconditionError(
+      fmt::format("session \"{}\": {}", name, std::string(matte.status().message())));
 }
 
 }  // namespace glasswing

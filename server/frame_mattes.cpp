@@ -6,13 +6,11 @@
 #include <utility>
 
 #include "core/base/status.h"
-#include "core/matte/matte_file.h"
 
 namespace glasswing {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr std::string_view kOpenExr = "\x76\x2f\x31\x01";  // how every such file starts
 
 }  // namespace
 
@@ -22,8 +20,8 @@ FrameMattes::~FrameMattes() {
   if (writer_ != nullptr) fs::remove(writer_->path(), ignored);
 }
 
-absl::Status FrameMattes::begin(int frame) {
-  GW_RETURN_IF_ERROR(end());
+absl::Status FrameMattes::begin(int frame, const std::string& checksum) {
+  GW_RETURN_IF_ERROR(finish());
   if (frame < first_ || frame >= first_ + count_ || frame <= frame_) {
     return absl::InvalidArgumentError(fmt::format("frame is {}; it must be {} to {}, each once and in order",
                                                   frame, first_, first_ + count_ - 1));
@@ -34,29 +32,26 @@ absl::Status FrameMattes::begin(int frame) {
                       FileWriter::create(directory_ / fmt::format("{:04d}.{}.tmp", frame, ++number)));
   writer_ = std::make_unique<FileWriter>(std::move(writer));
   frame_ = frame;
-  start_.clear();
+  announced_ = checksum;
+  written_.start();
   return absl::OkStatus();
 }
 
 absl::Status FrameMattes::add(std::string_view chunk) {
   if (writer_ == nullptr) return absl::InvalidArgumentError("a chunk came before its frame was named");
-  if (start_.size() < kOpenExr.size()) start_ += chunk.substr(0, kOpenExr.size() - start_.size());
+  written_.add(chunk);
   return writer_->add(chunk);
 }
 
-absl::Status FrameMattes::end() {
+absl::Status FrameMattes::finish() {
   if (writer_ == nullptr) return absl::OkStatus();
-  if (start_ != kOpenExr)
-    return absl::InvalidArgumentError(fmt::format("frame {} is no OpenEXR file", frame_));
+  if (written_.text() != announced_)
+    return absl::DataLossError(
+        fmt::format("the checksum of frame {} is {}, announced was {}", frame_, written_.text(), announced_));
   GW_RETURN_IF_ERROR(writer_->flush());
   files_.emplace(frame_, writer_->path());
   writer_ = nullptr;
   return absl::OkStatus();
-}
-
-absl::Status FrameMattes::finish() {
-  GW_RETURN_IF_ERROR(end());
-  return files_.empty() ? absl::OkStatus() : read_matte(files_.rbegin()->second).status();
 }
 
 absl::Status FrameMattes::place(const std::function<fs::path(int)>& name) {

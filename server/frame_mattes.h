@@ -11,6 +11,7 @@
 #include <string>
 #include <string_view>
 
+#include "core/base/checksum.h"
 #include "core/base/file.h"
 
 namespace glasswing {
@@ -23,11 +24,12 @@ class FrameMattes {
   ~FrameMattes();  // what has no name yet is removed
   FrameMattes(FrameMattes&&) = default;
 
-  // Begins the file of a frame. INVALID_ARGUMENT: one before it is no matte, or it is not of this tile, or
-  // not after the one before. RESOURCE_EXHAUSTED: the disk is full.
-  absl::Status begin(int frame);
+  // Begins the file of a frame, which has that checksum (checksum_of()). INVALID_ARGUMENT: it is not of this
+  // tile, or not after the one before. DATA_LOSS: the one before has another than was said.
+  // RESOURCE_EXHAUSTED: the disk is full.
+  absl::Status begin(int frame, const std::string& checksum);
   absl::Status add(std::string_view chunk);
-  // The last file is whole. DATA_LOSS: it is cut off, as by a call that broke off.
+  // DATA_LOSS: the last file has another checksum, as when a call broke off.
   absl::Status finish();
 
   bool has(int frame) const { return files_.contains(frame); }
@@ -35,13 +37,12 @@ class FrameMattes {
   absl::Status place(const std::function<std::filesystem::path(int frame)>& name);
 
  private:
-  absl::Status end();  // of a file
-
   std::filesystem::path directory_;
   int first_ = 0, count_ = 0;
   std::map<int, std::filesystem::path> files_;  // flushed, by frame
   int frame_ = -1;                              // of the file that is being written, or was last
-  std::string start_;                           // its first bytes
+  std::string announced_;                       // its checksum
+  RunningChecksum written_;
   std::unique_ptr<FileWriter> writer_;
 };
 

@@ -1,7 +1,9 @@
 #include "server/matte_files.h"
 
+#include <absl/strings/strip.h>
 #include <fmt/format.h>
 
+#include "core/base/checksum.h"
 #include "core/base/file.h"
 #include "core/base/status.h"
 
@@ -21,7 +23,21 @@ fs::path frame_file(int frame) {
   return fmt::format("{:04d}.exr", frame);
 }
 
+// Hexadecimal digits alone.
+std::string digits_of(std::string_view bytes) {
+  const std::string checksum = checksum_of(bytes);
+  return std::string(absl::StripPrefix(checksum, "xxh3:"));
+}
+
 }  // namespace
+
+std::string tile_name(std::int64_t job, int tile, int attempt, std::string_view bytes) {
+  return fmt::format("{}-{}-{}-{}.exr", job, tile, attempt, digits_of(bytes));
+}
+
+bool is_named_after(const fs::path& tile, std::string_view bytes) {
+  return tile.stem().string().ends_with(fmt::format("-{}", digits_of(bytes)));
+}
 
 fs::path MatteFiles::finished(const std::string& session) const {
   return data_ / "mattes" / (session + ".exr");

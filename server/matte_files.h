@@ -3,7 +3,8 @@
 //   mattes/SESSION.exr            of the last solve that finished; of a video
 //   mattes/SESSION/0000.exr       a file a frame
 //   mattes/SESSION+next.exr       of the solve that goes on, until it has finished: it then takes the other's
-//   place mattes/SESSION+next/0000.exr tiles/SESSION/                parts of the solve that goes on
+//   place mattes/SESSION+next/0000.exr tiles/SESSION/                parts of the solve that goes on, each
+//   named after the checksum of its bytes
 //
 // No session's name has a '+'.
 #pragma once
@@ -14,8 +15,14 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <string_view>
 
 namespace glasswing {
+
+// Of a tile's file.
+std::string tile_name(std::int64_t job, int tile, int attempt, std::string_view bytes);
+// Whether they are what was written under that name.
+bool is_named_after(const std::filesystem::path& tile, std::string_view bytes);
 
 // Its owner serialises changes.
 class MatteFiles {

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "core/base/checksum.h"
 #include "core/base/file.h"
 #include "core/base/name.h"
 #include "core/base/status.h"

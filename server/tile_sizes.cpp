@@ -7,7 +7,7 @@
 namespace glasswing {
 namespace {
 
-constexpr int kFewestSurveyRows = 3, kMostSurveyRows = 16;
+constexpr int kFewestSurveyRows = 3, kMostSurveyRows = 32;
 // So many tiles there are at least, if that makes none too small.
 constexpr double kWantedTiles = 64.0;
 
@@ -18,7 +18,7 @@ constexpr int kFewestFrames = 4, kMostFrames = 64;
 }  // namespace
 
 std::vector<int> survey_rows(int height_px) {
-  const int count = std::min(std::clamp(height_px / 32, kFewestSurveyRows, kMostSurveyRows), height_px);
+  const int count = std::min(std::clamp(height_px / 16, kFewestSurveyRows, kMostSurveyRows), height_px);
   std::vector<int> rows;
   for (int k = 0; k < count; ++k) rows.push_back((2 * k + 1) * height_px / (2 * count));
   return rows;
@@ -41,8 +41,11 @@ std::vector<TileRange> row_tiles(int height_px, std::span<const int> rows, std::
   const double target = std::clamp(all / kWantedTiles, least_seconds, kMostTileSeconds);
   // Of equal size, rather than a last one of what is left.
   const double share = all / std::max(1.0, std::round(all / target));
-  const auto most_rows = static_cast<int>(
-      std::clamp<std::int64_t>(most_bytes / std::max<std::int64_t>(row_bytes, 1), 1, height_px));
+  const double longest_row = *std::ranges::max_element(seconds);
+  const auto most_rows =
+      static_cast<int>(std::clamp(std::min(static_cast<double>(most_bytes) / static_cast<double>(row_bytes),
+                                           kLongestTileSeconds / std::max(longest_row, 1e-9)),
+                                  1.0, static_cast<double>(height_px)));
   std::vector<TileRange> tiles;
   double sum = 0.0, end = share;
   for (int y = 0; y < height_px; ++y) {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "core/base/checksum.h"
 #include "core/base/fault_point.h"
 #include "core/base/file.h"
 #include "core/base/name.h"
@@ -14,6 +15,7 @@
 #include "core/pattern/plan.h"
 #include "core/service/service.h"
 #include "server/copies.h"
+#include "server/matte_files.h"
 #include "server/server.h"
 #include "server/server_metrics.h"
 #include "server/session_facts.h"
@@ -68,14 +70,14 @@ std::string words_for(const Lease& lease, const v1::ClaimTileResponse& work) {
                      lease.range.first + lease.range.count - 1);
 }
 
-absl::Status check_rows(const Matte& matte, const TileRange& rows, const v1::Session& session) {
-  if (matte.y0_px() == rows.first && matte.height_px() == rows.count && matte.x0_px() == 0 &&
-      std::int64_t{matte.width_px()} * matte.metadata.height_px() == session.pixel_count())
+absl::Status check_rows(const MatteOutline& matte, const TileRange& rows, const v1::Session& session) {
+  if (matte.y0_px == rows.first && matte.height_px == rows.count && matte.x0_px == 0 &&
+      std::int64_t{matte.width_px} * matte.metadata.height_px() == session.pixel_count())
     return absl::OkStatus();
   return absl::InvalidArgumentError(fmt::format(
       "the tile of session \"{}\" holds {} rows of {} px from row {}; it must hold {} rows of the whole "
       "picture from row {}",
-      session.name(), matte.height_px(), matte.width_px(), matte.y0_px(), rows.count, rows.first));
+      session.name(), matte.height_px, matte.width_px, matte.y0_px, rows.count, rows.first));
 }
 
 }  // namespace
@@ -157,10 +159,14 @@ absl::Status Server::complete(const v1::CompleteTileRequest& header, const std::
     GW_ASSIGN_OR_RETURN(session, session_of(lease));
   }
   GW_ASSIGN_OR_RETURN(const TileState tile, jobs_->tile(attempt));
-  const std::string file = fmt::format("{}-{}-{}.exr", lease.job(), lease.tile(), lease.attempt());
+  const std::string file = tile_name(lease.job(), lease.tile(), lease.attempt(), matte);
   if (!tile.is_done()) {
-    GW_ASSIGN_OR_RETURN(const Matte decoded, decode_matte(matte));
-    GW_RETURN_IF_ERROR(check_rows(decoded, tile.range, session));
+    if (header.checksum() != checksum_of(matte)) {
+      return absl::DataLossError(
+          fmt::format("the tile's checksum is {}, announced was {}", checksum_of(matte), header.checksum()));
+    }
+    GW_ASSIGN_OR_RETURN(const MatteOutline outline, outline_of(matte));
+    GW_RETURN_IF_ERROR(check_rows(outline, tile.range, session));
     GW_ASSIGN_OR_RETURN(const fs::path directory, mattes_.tiles(lease.session()));
     GW_RETURN_IF_ERROR(write_file_durably(directory / file, matte));
     fault_point("tile written");

@@ -19,7 +19,7 @@ absl::Status complete_frames(Server& server, const v1::CompleteTileRequest& head
   for (v1::CompleteTileRequest request; reader.Read(&request);) {
     if (request.has_frame() && request.frame() != frame) {
       frame = request.frame();
-      GW_RETURN_IF_ERROR(mattes.begin(frame));
+      GW_RETURN_IF_ERROR(mattes.begin(frame, request.checksum()));
     }
     GW_RETURN_IF_ERROR(mattes.add(request.chunk()));
   }

@@ -14,6 +14,7 @@
 #include <thread>
 #include <vector>
 
+#include "core/base/checksum.h"
 #include "core/base/fault_point.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
@@ -228,6 +229,7 @@ void WorkLoop::hand_in(std::unique_ptr<OwnTile> tile, SolvedTile solved) {
     first.set_object_pixel_count(solved.object_pixel_count);
     first.set_flagged_pixel_count(solved.flagged_pixel_count);
     for (const v1::RefusedFrame& refused : solved.refused) *first.add_refused() = refused;
+    if (tile->claim.frame_count() == 0) first.set_checksum(checksum_of(solved.files.front().bytes));
     set_deadline(context, std::chrono::minutes(1) + solved.files.size() * seconds(10));
     v1::CompleteTileResponse response;
     const auto writer = owner.CompleteTile(&context, &response);
@@ -236,6 +238,7 @@ void WorkLoop::hand_in(std::unique_ptr<OwnTile> tile, SolvedTile solved) {
       for (size_t at = 0; open && at < file.bytes.size(); at += kChunkBytes) {
         v1::CompleteTileRequest chunk;
         if (file.frame) chunk.set_frame(*file.frame);
+        if (file.frame && at == 0) chunk.set_checksum(checksum_of(file.bytes));
         chunk.set_chunk(file.bytes.substr(at, kChunkBytes));
         open = writer->Write(chunk);  // once false, Finish() says why
       }

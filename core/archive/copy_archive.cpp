@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/archive/remote_archive.h"
+#include "core/base/checksum.h"
 #include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/frame/archive.h"

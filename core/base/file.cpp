@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 #include <sys/stat.h>
 #include <unistd.h>
-#include <xxhash.h>
 
 #include <cerrno>
 #include <utility>
@@ -130,10 +129,6 @@ absl::Status append_file_durably(const std::filesystem::path& path, std::string_
   const FileDescriptor file(::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644));
   if (!file.is_open()) return error_of(errno, "cannot open", path);
   return write_and_flush(file.get(), bytes, path);
-}
-
-std::string checksum_of(std::string_view bytes) {
-  return fmt::format("xxh3:{:016x}", XXH3_64bits(bytes.data(), bytes.size()));
 }
 
 }  // namespace glasswing

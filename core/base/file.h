@@ -50,7 +50,4 @@ class FileWriter {
 // Appends and flushes.
 absl::Status append_file_durably(const std::filesystem::path& path, std::string_view bytes);
 
-// "xxh3:" and 16 hex digits.
-std::string checksum_of(std::string_view bytes);
-
 }  // namespace glasswing

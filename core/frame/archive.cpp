@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <sstream>
 
+#include "core/base/checksum.h"
 #include "core/base/file.h"
 #include "core/base/status.h"
 

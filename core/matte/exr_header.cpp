@@ -12,7 +12,7 @@ class HeaderWalk {
  public:
   explicit HeaderWalk(std::string_view bytes) : bytes_(bytes) {}
 
-  absl::Status check() {
+  absl::StatusOr<size_t> check() {
     while (true) {
       std::string_view name;
       if (!take_name(&name)) return damaged();
@@ -21,7 +21,8 @@ class HeaderWalk {
         if (!take_attribute(name) || !take_name(&name)) return damaged();
       }
     }
-    return chunk_count_ <= static_cast<std::int64_t>(bytes_.size() / 8) ? absl::OkStatus() : damaged();
+    if (chunk_count_ > static_cast<std::int64_t>((bytes_.size() - at_) / 8)) return damaged();
+    return at_;
   }
 
  private:
@@ -88,7 +89,7 @@ class HeaderWalk {
 
 }  // namespace
 
-absl::Status check_exr_header(std::string_view bytes) {
+absl::StatusOr<size_t> check_exr_header(std::string_view bytes) {
   return HeaderWalk(bytes).check();
 }
 

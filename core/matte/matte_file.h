@@ -1,4 +1,4 @@
-// A matte's file: multi-part OpenEXR, float32, ZIP. docs/matte.md lists the parts and layers.
+// A matte's file: multi-part OpenEXR, float32, ZIPS. docs/matte.md lists the parts and layers.
 #pragma once
 
 #include <absl/status/status.h>
@@ -13,10 +13,8 @@
 
 namespace glasswing {
 
-// The file as bytes; a tile's data window is its place in the whole. Same matte, same bytes. What is soon
-// read and put together is packed quickly, what is kept to be small.
-enum class Packing { kSmall, kQuick };
-absl::StatusOr<std::string> encode_matte(const Matte& matte, Packing packing = Packing::kSmall);
+// The file as bytes; a tile's data window is its place in the whole. Same matte, same bytes.
+absl::StatusOr<std::string> encode_matte(const Matte& matte);
 
 // DATA_LOSS: truncated, altered or not a matte; FAILED_PRECONDITION: a newer format_version.
 absl::StatusOr<Matte> decode_matte(std::string_view bytes);
@@ -24,8 +22,18 @@ absl::StatusOr<Matte> decode_matte(std::string_view bytes);
 // As above; every error names the path.
 absl::StatusOr<Matte> read_matte(const std::filesystem::path& path);
 
-// One matte from tiles that cover the camera's picture; DATA_LOSS names a row that no tile covers.
-// Metadata is the first tile's.
-absl::StatusOr<Matte> assemble(const std::vector<Matte>& tiles);
+// What a file says of itself; its pixels are the picture's from (x0, y0) on.
+struct MatteOutline {
+  int x0_px = 0, y0_px = 0, width_px = 0, height_px = 0;
+  int modes_per_channel = 0;
+  bool colourless = false;
+  v1::MatteMetadata metadata;
+};
+
+// As decode_matte(), of the headers alone.
+absl::StatusOr<MatteOutline> outline_of(std::string_view bytes);
+
+// What decode_matte() asks of the pixels. DATA_LOSS names one that holds values that no matte has.
+absl::Status check_matte(const Matte& matte);
 
 }  // namespace glasswing

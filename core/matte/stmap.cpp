@@ -4,9 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <string>
+#include <vector>
 
 #include "core/base/status.h"
-#include "core/matte/exr_parts.h"
+#include "core/matte/exr_writer.h"
 
 namespace glasswing {
 namespace {
@@ -59,37 +62,51 @@ absl::StatusOr<std::string> encode_stmap(const Matte& matte, int texture, int ch
                         mode->y_px >= 0.0f && static_cast<double>(mode->y_px) <= height;
     return inside ? mode : nullptr;
   };
+  std::map<std::string, std::vector<float>> planes;
+  const auto fill = [&](const std::string& name, const auto& value_at) {
+    std::vector<float>& plane = planes[name];
+    for (int y = 0; y < matte.height_px(); ++y) {
+      for (int x = 0; x < matte.width_px(); ++x) plane.push_back(value_at(x, y));
+    }
+  };
   const auto place = [&](const char* name, const auto& of) {
-    return plane_of(matte, name, [&](int x, int y) {
+    fill(name, [&](int x, int y) {
       const Mode* mode = on_monitor(x, y);
       return mode != nullptr ? static_cast<float>(of(*mode)) : 0.0f;
     });
   };
-  ExrPart part{.name = "stmap", .planes = {}};
-  part.planes.push_back(place("R", [&](const Mode& mode) { return static_cast<double>(mode.x_px) / width; }));
-  part.planes.push_back(
-      place("G", [&](const Mode& mode) { return 1.0 - static_cast<double>(mode.y_px) / height; }));
-  part.planes.push_back(place("B", [](const Mode&) { return 1.0; }));
-  part.planes.push_back(place("A", [](const Mode&) { return 1.0; }));
-  part.planes.push_back(place("blur.Y", [](const Mode& mode) {
-    return std::sqrt(std::max(0.5f * (mode.xx_px2 + mode.yy_px2), 0.0f));
-  }));
+  place("R", [&](const Mode& mode) { return static_cast<double>(mode.x_px) / width; });
+  place("G", [&](const Mode& mode) { return 1.0 - static_cast<double>(mode.y_px) / height; });
+  place("B", [](const Mode&) { return 1.0; });
+  place("A", [](const Mode&) { return 1.0; });
+  place("blur.Y",
+        [](const Mode& mode) { return std::sqrt(std::max(0.5f * (mode.xx_px2 + mode.yy_px2), 0.0f)); });
   for (int c = 0; c < kChannels; ++c) {
-    const std::string name = fmt::format("weight.{}", kColours[static_cast<size_t>(c)]);
-    part.planes.push_back(plane_of(matte, name, [&](int x, int y) {
+    fill(fmt::format("weight.{}", kColours[static_cast<size_t>(c)]), [&](int x, int y) {
       const Mode* mode = strongest_mode(matte, x, y, c, texture);
       return mode != nullptr ? mode->weight : 0.0f;
-    }));
+    });
   }
-  return encode_exr(
-      {part}, matte,
-      {{"glasswing:conventions",
-        fmt::format(
-            "R = x / {}, G = 1 - y / {}: where channel {} of session {} looks on monitor {}, from its "
-            "bottom left corner; B = A = 1 where it does. weight: of the path. blur: its sigma, "
-            "monitor px.",
-            monitor.width_px(), monitor.height_px(), kColours[static_cast<size_t>(channel)],
-            metadata.session(), monitor.name())}});
+  ExrPart part{.name = "stmap", .channels = {}, .attributes = {}};
+  std::vector<const float*> channels;
+  for (const auto& [name, plane] : planes) {
+    part.channels.push_back(name);
+    channels.push_back(plane.data());
+  }
+  part.attributes["glasswing:conventions"] = fmt::format(
+      "R = x / {}, G = 1 - y / {}: where channel {} of session {} looks on monitor {}, from its "
+      "bottom left corner; B = A = 1 where it does. weight: of the path. blur: its sigma, "
+      "monitor px.",
+      monitor.width_px(), monitor.height_px(), kColours[static_cast<size_t>(channel)], metadata.session(),
+      monitor.name());
+  return written_exr([&] {
+    ExrWriter writer({part}, window_of(matte));
+    for (int y = 0; y < matte.height_px(); ++y) {
+      writer.put(0, channels);
+      for (const float*& row : channels) row += matte.width_px();
+    }
+    return writer.finish();
+  });
 }
 
 }  // namespace glasswing

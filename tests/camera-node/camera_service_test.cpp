@@ -11,6 +11,7 @@
 
 #include "camera-node/sim_camera.h"
 #include "core/archive/archive_service.h"
+#include "core/base/checksum.h"
 #include "core/base/file.h"
 #include "core/pattern/id_patch.h"
 #include "core/service/service.h"

@@ -2,6 +2,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "core/base/checksum.h"
 #include "core/base/file.h"
 #include "core/frame/archive.h"
 #include "core/frame/image_file.h"

@@ -3,6 +3,7 @@
 // mutated frame is not always refused for its checksum, @SUM@ in the journal stands for the frame's own.
 #include <array>
 
+#include "core/base/checksum.h"
 #include "core/base/file.h"
 #include "core/frame/archive.h"
 #include "tests/fuzz/fuzz_target.h"

@@ -45,7 +45,7 @@ def _patient(plan: pathlib.Path) -> str:
 
 
 def capture_archives(plans: Mapping[pathlib.Path, pathlib.Path], work: pathlib.Path, size: str, scene: str = "crystal") -> None:
-    """Captures these plans on one simulated rig, and exports what was captured: by directory, which must not exist, its plan."""
+    """Captures these plans on one simulated rig, and exports what was captured: by directory, which must not exist and names the session, its plan."""
     rig = [str(ROOT / "deploy/local-rig")]
     port = free_port(3)
     options = ["--data", str(work / f"capture-rig-{port}")]
@@ -54,11 +54,11 @@ def capture_archives(plans: Mapping[pathlib.Path, pathlib.Path], work: pathlib.P
     up = ["--port", str(port), "--solvers", "1", "--size", size, "--scene", scene]
     subprocess.run([*rig, "up", *options, *up], env=environment, **shown)  # type: ignore[call-overload]
     try:
-        for i, (directory, plan) in enumerate(plans.items()):
+        for directory, plan in plans.items():
             patient = work / f"patient-{port}.txtpb"
             patient.write_text(_patient(plan))
-            glasswing(f"127.0.0.1:{port}", "capture", str(patient), "--session", f"s{i}", "--watch")
-            glasswing(f"127.0.0.1:{port}", "export", f"s{i}", str(directory))
+            glasswing(f"127.0.0.1:{port}", "capture", str(patient), "--session", directory.name, "--watch")
+            glasswing(f"127.0.0.1:{port}", "export", directory.name, str(directory))
     finally:
         subprocess.run([*rig, "down", *options], env=environment, **shown)  # type: ignore[call-overload]
 

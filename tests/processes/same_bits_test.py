@@ -1,4 +1,4 @@
-"""The same mattes, to the last bit, whoever solves: one process without a server, 1, 2 and 8 solvers, and solvers that read a
+"""The same files of mattes, to the last bit, whoever solves: one process without a server, 1, 2 and 8 solvers, and solvers that read a
 copy of the archive because the node that it was captured to is gone."""
 
 from __future__ import annotations
@@ -7,7 +7,6 @@ import pathlib
 import subprocess
 import tempfile
 
-from bits import Planes, planes
 from daemon import BIN, ROOT, free_port
 from glasswing.v1 import node_service_pb2
 from lab import Lab, capture_archives, glasswing, until
@@ -24,14 +23,14 @@ exposure_ms: 4
 """
 
 
-def mattes(file: pathlib.Path) -> dict[str, Planes]:
+def mattes(file: pathlib.Path) -> dict[str, bytes]:
     """Of a file, or of a video's directory that has its name."""
     files = [file] if file.exists() else sorted(file.with_suffix("").glob("*.exr"))
     assert files, f"there is neither {file} nor a directory of that name"
-    return {each.name if len(files) > 1 else "": planes(each) for each in files}
+    return {each.name if len(files) > 1 else "": each.read_bytes() for each in files}
 
 
-def on_the_spot(archive: pathlib.Path, matte: pathlib.Path, method: str) -> dict[str, Planes]:
+def on_the_spot(archive: pathlib.Path, matte: pathlib.Path, method: str) -> dict[str, bytes]:
     """By one process, without a server."""
     target = matte.with_suffix("") if method == "ramp" else matte
     subprocess.run([str(BIN / "glasswing-solver"), "solve", str(archive), str(target), "--method", method], check=True)
@@ -43,7 +42,7 @@ def who_solved(lab: Lab, job: int) -> int:
     return sum(f"job={job} tile" in solver.log.read_text() for solver in lab.solvers)
 
 
-def check(lab: Lab, expected: dict[str, dict[str, Planes]], how: str) -> None:
+def check(lab: Lab, expected: dict[str, dict[str, bytes]], how: str) -> None:
     """Solves every session, and compares."""
     for name, right in expected.items():
         job = lab.solve(_METHODS[name], name).job

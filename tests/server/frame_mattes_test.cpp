@@ -38,8 +38,8 @@ TEST_F(FrameMattesTest, FilesComeInPiecesAndGetTheirNamesTogether) {
   {
     FrameMattes mattes = this->mattes();
     for (const int frame : {16, 18, 19}) {
-      ASSERT_TRUE(mattes.begin(frame).ok());
       const std::string bytes = matte_file(static_cast<float>(frame));
+      ASSERT_TRUE(mattes.begin(frame, checksum_of(bytes)).ok());
       for (size_t at = 0; at < bytes.size(); at += 3) ASSERT_TRUE(mattes.add(bytes.substr(at, 3)).ok());
     }
     ASSERT_TRUE(mattes.finish().ok());
@@ -53,28 +53,28 @@ TEST_F(FrameMattesTest, FilesComeInPiecesAndGetTheirNamesTogether) {
   EXPECT_TRUE(fs::is_empty(directory_ / "tiles"));
 }
 
-TEST_F(FrameMattesTest, WhatIsNoMatteOrNotOfTheTileIsRefusedAndLeavesNothing) {
-  const std::string good = matte_file(1.0f);
+TEST_F(FrameMattesTest, WhatIsDamagedOrNotOfTheTileIsRefusedAndLeavesNothing) {
+  const std::string good = matte_file(1.0f), checksum = checksum_of(good);
   {
     FrameMattes cut = mattes();
-    ASSERT_TRUE(cut.begin(16).ok());
+    ASSERT_TRUE(cut.begin(16, checksum).ok());
     ASSERT_TRUE(cut.add(std::string_view(good).substr(0, good.size() - 1)).ok());
     EXPECT_TRUE(absl::IsDataLoss(cut.finish()));
   }
   {
     FrameMattes other = mattes();
     EXPECT_TRUE(absl::IsInvalidArgument(other.add(good)));  // of which frame?
-    EXPECT_TRUE(absl::IsInvalidArgument(other.begin(15)));
-    EXPECT_TRUE(absl::IsInvalidArgument(other.begin(20)));
-    ASSERT_TRUE(other.begin(17).ok());
-    ASSERT_TRUE(other.add("a picture, it says").ok());
-    EXPECT_TRUE(absl::IsInvalidArgument(other.begin(18)));
+    EXPECT_TRUE(absl::IsInvalidArgument(other.begin(15, checksum)));
+    EXPECT_TRUE(absl::IsInvalidArgument(other.begin(20, checksum)));
+    ASSERT_TRUE(other.begin(17, checksum).ok());
+    ASSERT_TRUE(other.add(matte_file(2.0f)).ok());
+    EXPECT_TRUE(absl::IsDataLoss(other.begin(18, checksum)));
   }
   {
     FrameMattes twice = mattes();
-    ASSERT_TRUE(twice.begin(17).ok());
+    ASSERT_TRUE(twice.begin(17, checksum).ok());
     ASSERT_TRUE(twice.add(good).ok());
-    EXPECT_TRUE(absl::IsInvalidArgument(twice.begin(17)));
+    EXPECT_TRUE(absl::IsInvalidArgument(twice.begin(17, checksum)));
   }
   EXPECT_TRUE(fs::is_empty(directory_ / "tiles"));
 }

@@ -8,6 +8,7 @@
 #include <set>
 #include <string>
 
+#include "core/base/checksum.h"
 #include "core/matte/matte_file.h"
 #include "core/pattern/method_options.h"
 #include "core/service/service.h"
@@ -79,9 +80,11 @@ class IdleSolver {
       if (frame + 1 == tile.first_frame() + tile.frame_count()) bytes = bytes.substr(0, bytes.size() - lacks);
       v1::CompleteTileRequest chunk;
       chunk.set_frame(frame);
+      chunk.set_checksum(checksum_of(matte(frame, mark)));
       chunk.set_chunk(bytes.substr(0, 100));
       writer->Write(chunk);
       chunk.clear_frame();
+      chunk.clear_checksum();
       chunk.set_chunk(bytes.substr(100));
       writer->Write(chunk);
     }
@@ -102,6 +105,7 @@ class IdleSolver {
     v1::CompleteTileRequest request;
     *request.mutable_lease() = tile.lease();
     request.set_chunk(encode_matte(matte).value());
+    request.set_checksum(checksum_of(request.chunk()));
     writer->Write(request);
     writer->WritesDone();
     return writer->Finish();

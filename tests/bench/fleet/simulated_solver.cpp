@@ -7,6 +7,7 @@
 #include <mutex>
 #include <random>
 
+#include "core/base/checksum.h"
 #include "core/matte/matte_file.h"
 #include "core/pattern/method_options.h"
 #include "core/service/service.h"
@@ -118,6 +119,7 @@ class SimulatedSolver {
     request.set_solver(name_);
     request.set_seconds(wait_s(work_, tile.first_row()));
     request.set_chunk(tile_matte(work_, tile));
+    request.set_checksum(checksum_of(request.chunk()));
     v1::CompleteTileResponse response;
     grpc::ClientContext context;
     set_deadline(context, std::chrono::minutes(1));

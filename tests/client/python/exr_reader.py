@@ -1,5 +1,5 @@
 """Reads OpenEXR files of the kind that docs/matte.md describes, from the format's specification alone: a second opinion on
-what the package says is in a matte. Scan lines, 32-bit float, ZIP."""
+what the package says is in a matte. Scan lines, 32-bit float, ZIPS."""
 
 import pathlib
 import struct
@@ -7,7 +7,7 @@ import zlib
 
 import numpy as np
 
-LINES_PER_CHUNK = 16  # of ZIP
+LINES_PER_CHUNK = 1  # of ZIPS
 
 
 def _string(content: bytes, at: int) -> tuple[str, int]:

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include "core/base/checksum.h"
 #include "core/base/name.h"
 
 namespace glasswing {

@@ -9,6 +9,7 @@
 #include <limits>
 #include <random>
 
+#include "core/base/checksum.h"
 #include "core/base/file.h"
 #include "core/frame/image_file.h"
 

@@ -6,6 +6,9 @@
 #include <functional>
 #include <random>
 
+#include "core/matte/join_mattes.h"
+#include "core/matte/matte_layers.h"
+
 namespace glasswing {
 namespace {
 
@@ -16,7 +19,7 @@ Matte random_matte(int y0, int height, bool colourless = false) {
   matte.metadata.set_format_version(1);
   matte.metadata.set_session("s");
   matte.metadata.set_width_px(6);
-  matte.metadata.set_height_px(5);
+  matte.metadata.set_height_px(std::max(5, y0 + height));
   matte.metadata.add_monitors()->set_name("back");
   matte.metadata.add_monitors()->set_name("left");
   for (int y = 0; y < height; ++y) {
@@ -78,14 +81,51 @@ TEST(MatteFile, ColourlessModesAreStoredOnce) {
   EXPECT_LT(bytes.size(), encode_matte(random_matte(0, 5)).value().size());
 }
 
-TEST(MatteFile, TilesMakeTheWhole) {
-  const Matte whole = assemble({random_matte(3, 2), random_matte(0, 3)}).value();
-  const Matte top = random_matte(0, 3);
-  EXPECT_EQ(whole.height_px(), 5);
-  EXPECT_EQ(whole.foreground(4, 1), top.foreground(4, 1));
-  EXPECT_EQ(whole.foreground(4, 3), random_matte(3, 2).foreground(4, 0));
-  const absl::Status gap = assemble({random_matte(0, 3)}).status();
-  EXPECT_NE(std::string(gap.message()).find("row 3"), std::string::npos) << gap;
+// Rows of a matte as a tile of it.
+Matte rows_of(const Matte& whole, int first, int count) {
+  Matte tile(0, first, whole.width_px(), count, whole.modes_per_channel(), whole.is_colourless());
+  tile.metadata = whole.metadata;
+  for (int y = 0; y < count; ++y) {
+    for (int x = 0; x < whole.width_px(); ++x) {
+      tile.foreground(x, y) = whole.foreground(x, first + y);
+      tile.coverage(x, y) = whole.coverage(x, first + y);
+      tile.flags(x, y) = whole.flags(x, first + y);
+      for (int c = 0; c < kChannels; ++c)
+        std::ranges::copy(whole.modes(x, first + y, c), tile.modes(x, y, c).begin());
+    }
+  }
+  return tile;
+}
+
+absl::StatusOr<std::string> joined(const std::vector<std::string>& tiles) {
+  return join_mattes(std::vector<std::string_view>(tiles.begin(), tiles.end()));
+}
+
+TEST(MatteFile, TilesInAnyOrderMakeTheFileOfTheWhole) {
+  for (const bool colourless : {false, true}) {
+    const Matte whole = random_matte(0, 75, colourless);
+    std::vector<std::string> tiles;
+    for (const auto& [first, count] : {std::pair(48, 27), std::pair(0, 17), std::pair(17, 31)})
+      tiles.push_back(encode_matte(rows_of(whole, first, count)).value());
+    const std::string file = encode_matte(whole).value();
+    EXPECT_TRUE(joined(tiles).value() == file);
+    EXPECT_TRUE(joined({file}).value() == file);
+  }
+}
+
+TEST(MatteFile, TilesThatMakeNoWholeAreNamed) {
+  const Matte whole = random_matte(0, 75);
+  const auto tile = [&](int first, int count) { return encode_matte(rows_of(whole, first, count)).value(); };
+  const auto refused = [&](const std::vector<std::string>& tiles, const std::string& words) {
+    const absl::Status status = joined(tiles).status();
+    EXPECT_NE(std::string(status.message()).find(words), std::string::npos) << status << " for " << words;
+  };
+  refused({}, "no tile");
+  refused({tile(0, 32)}, "no tile covers row 32");
+  refused({tile(16, 59)}, "no tile covers row 0");
+  refused({tile(0, 32), tile(16, 59)}, "two tiles cover row 16");
+  refused({tile(0, 32), encode_matte(rows_of(random_matte(0, 75, true), 32, 43)).value()}, "other layers");
+  refused({tile(0, 32), tile(32, 43).substr(0, 3000)}, "damaged");
 }
 
 // Truncated anywhere, or with any sampled bit flipped, a file is refused or means the same: never a crash,
@@ -132,8 +172,32 @@ TEST(MatteFile, NoWholeIsLargerThanItsTiles) {
   Matte tile = random_matte(0, 2);
   tile.metadata.set_width_px(16384);
   tile.metadata.set_height_px(16384);
-  const absl::Status status = assemble({tile}).status();
+  const absl::Status status = joined({encode_matte(tile).value()}).status();
   EXPECT_NE(std::string(status.message()).find("row 0"), std::string::npos) << status;
+}
+
+// Its pixels are another matte's, and all else agrees.
+TEST(MatteFile, ARowThatIsNotTheFilesOwnIsNamed) {
+  const Matte matte = random_matte(32, 40);
+  Matte other = matte;
+  other.modes(5, 37, 0)[1].yy_px2 += 1.0f;  // the picture's row 69
+  const std::string good = encode_matte(matte).value(), strange = encode_matte(other).value();
+  const std::string rows = "glasswing:rows";
+  const size_t after_head = good.find(rows) + rows.size() + sizeof "string" + 1 + 4 + 40 * kRowChecksumDigits;
+  const auto differ = std::mismatch(good.begin() + static_cast<std::ptrdiff_t>(after_head), good.end(),
+                                    strange.begin() + static_cast<std::ptrdiff_t>(after_head));
+  std::string mixed(good.begin(), differ.first);
+  mixed.append(differ.second, strange.end());
+  const absl::Status status = decode_matte(mixed).status();
+  EXPECT_NE(std::string(status.message()).find("row 69"), std::string::npos) << status;
+}
+
+TEST(MatteFile, TheOutlineIsTold) {
+  const MatteOutline outline = outline_of(encode_matte(random_matte(32, 40, true)).value()).value();
+  EXPECT_EQ(outline.y0_px, 32);
+  EXPECT_EQ(outline.height_px, 40);
+  EXPECT_EQ(outline.modes_per_channel, 2);
+  EXPECT_TRUE(outline.colourless);
 }
 
 }  // namespace

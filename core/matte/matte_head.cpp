@@ -1,0 +1,121 @@
+#include "core/matte/matte_head.h"
+
+#include <ImathBox.h>
+#include <OpenEXR/ImfChannelList.h>
+#include <OpenEXR/ImfHeader.h>
+#include <OpenEXR/ImfMultiPartInputFile.h>
+#include <OpenEXR/ImfPartType.h>
+#include <OpenEXR/ImfStringAttribute.h>
+#include <fmt/format.h>
+#include <google/protobuf/util/json_util.h>
+
+#include "core/base/status.h"
+#include "core/frame/archive.h"
+#include "core/matte/matte_layers.h"
+
+namespace glasswing {
+namespace {
+
+bool is_colourless(const Imf::MultiPartInputFile& file) {
+  return file.header(kFirstModePart).channels().findChannel(colourless_channel()) != nullptr;
+}
+
+// The parts that a matte has, and no more pixels than so many bytes can hold: what is read afterwards is
+// bounded by the file, whatever its header promises.
+absl::Status check_parts(const Imf::MultiPartInputFile& file, size_t file_bytes) {
+  if (file.parts() < 3 || file.parts() > 2 + kMaxModes)
+    return absl::DataLossError("it has not the parts of a matte");
+  const Imath::Box2i window = file.header(0).dataWindow();
+  constexpr int kMaxSide = kMaxSide_px;
+  if (window.isEmpty() || window.min.x < 0 || window.min.y < 0 || window.max.x >= kMaxSide ||
+      window.max.y >= kMaxSide) {
+    return absl::DataLossError("its size is out of range");
+  }
+  size_t layer_count = 0;
+  const bool colourless = is_colourless(file);
+  const std::vector<ExrPart> parts = matte_parts(file.parts() - static_cast<int>(kFirstModePart), colourless);
+  for (int i = 0; i < file.parts(); ++i) {
+    const Imf::Header& header = file.header(i);
+    if (header.dataWindow() != window) return absl::DataLossError("its parts differ in size");
+    std::vector<std::string> layers;
+    bool plain = header.compression() == Imf::ZIPS_COMPRESSION && header.hasType() &&
+                 header.type() == Imf::SCANLINEIMAGE;
+    for (auto channel = header.channels().begin(); channel != header.channels().end(); ++channel) {
+      layers.emplace_back(channel.name());
+      plain = plain && channel.channel().type == Imf::FLOAT && channel.channel().xSampling == 1 &&
+              channel.channel().ySampling == 1;
+    }
+    const ExrPart& part = parts[static_cast<size_t>(i)];
+    if (!plain || layers != part.channels || !header.hasName() || header.name() != part.name)
+      return absl::DataLossError(fmt::format("its part {} has not the layers of a matte", i));
+    layer_count += layers.size();
+  }
+  const size_t pixels = static_cast<size_t>(window.max.x - window.min.x + 1) *
+                        static_cast<size_t>(window.max.y - window.min.y + 1);
+  constexpr size_t kMostExpansion = 1032;  // of deflate: 258 bytes for two bits
+  if (pixels * layer_count * sizeof(float) / kMostExpansion > file_bytes) {
+    return absl::DataLossError("it is too short for its size");
+  }
+  return absl::OkStatus();
+}
+
+absl::Status check_metadata(const v1::MatteMetadata& metadata, const Imath::Box2i& window) {
+  if (metadata.format_version() > 1) {
+    return absl::FailedPreconditionError(
+        fmt::format("its format_version is {}; this program reads 1", metadata.format_version()));
+  }
+  const int width = metadata.width_px(), height = metadata.height_px();
+  if (width < 1 || height < 1 || width > kMaxSide_px || height > kMaxSide_px || window.max.x >= width ||
+      window.max.y >= height) {
+    return absl::DataLossError(fmt::format("it is of a picture of {}x{} px, but has pixels up to ({}, {})",
+                                           width, height, window.max.x, window.max.y));
+  }
+  if (metadata.monitors_size() > kMostMonitors) {
+    return absl::DataLossError(
+        fmt::format("it names {} monitors; at most {} can be", metadata.monitors_size(), kMostMonitors));
+  }
+  const std::string& footprint = metadata.footprint();
+  if (!footprint.empty() && footprint != "gaussian" && footprint != kBoxFootprint) {
+    return absl::FailedPreconditionError(
+        fmt::format("its footprints are \"{}\"; this program reads \"gaussian\" and \"box\"", footprint));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::string> text_of(const Imf::Header& header, const char* attribute) {
+  const auto* text = header.findTypedAttribute<Imf::StringAttribute>(attribute);
+  if (text == nullptr)
+    return absl::DataLossError(fmt::format("it is no matte of ours: it has no {}", attribute));
+  return text->value();
+}
+
+}  // namespace
+
+absl::StatusOr<MatteHead> read_matte_head(const Imf::MultiPartInputFile& file, size_t file_bytes) {
+  GW_RETURN_IF_ERROR(check_parts(file, file_bytes));
+  const Imf::Header& header = file.header(0);
+  const Imath::Box2i window = header.dataWindow();
+  MatteHead head;
+  MatteOutline& outline = head.outline;
+  outline.x0_px = window.min.x;
+  outline.y0_px = window.min.y;
+  outline.width_px = window.max.x - window.min.x + 1;
+  outline.height_px = window.max.y - window.min.y + 1;
+  outline.modes_per_channel = file.parts() - static_cast<int>(kFirstModePart);
+  outline.colourless = is_colourless(file);
+  GW_ASSIGN_OR_RETURN(const std::string metadata, text_of(header, kMatteMetadata));
+  GW_ASSIGN_OR_RETURN(head.row_checksums, text_of(header, kMatteRows));
+  GW_ASSIGN_OR_RETURN(const std::string checksum, text_of(header, kMatteChecksum));
+  const std::vector<ExrPart> parts = matte_parts(outline.modes_per_channel, outline.colourless);
+  if (matte_checksum(metadata, parts, head.row_checksums) != checksum ||
+      head.row_checksums.size() != static_cast<size_t>(outline.height_px) * kRowChecksumDigits)
+    return absl::DataLossError("its checksum does not agree with what it says of itself");
+  google::protobuf::util::JsonParseOptions options;
+  options.ignore_unknown_fields = true;
+  if (!google::protobuf::util::JsonStringToMessage(metadata, &outline.metadata, options).ok())
+    return absl::DataLossError("its metadata cannot be read");
+  GW_RETURN_IF_ERROR(check_metadata(outline.metadata, window));
+  return head;
+}
+
+}  // namespace glasswing

@@ -1,0 +1,223 @@
+#include "core/matte/matte_layers.h"
+
+#include <fmt/format.h>
+#include <google/protobuf/util/json_util.h>
+
+#include <algorithm>
+
+#include "core/base/checksum.h"
+
+namespace glasswing {
+namespace {
+
+constexpr const char* kConventionsText =
+    "C = F + sum R integral G(x; c, S) T(x) dx per channel, linear light. Monitor px: origin at the outer "
+    "corner of the top-left pixel, x right, y down, pixel centres at +0.5. S = [xx xy; xy yy] in px^2. G is "
+    "a "
+    "Gaussian, or where the attribute \"glasswing\" has footprint \"box\" an upright box. Of a mode, Y is "
+    "the "
+    "same in all colours. texture counts the monitors listed in that attribute.";
+constexpr std::array<const char*, kChannels> kColours{"R", "G", "B"};
+constexpr const char* kGray = "Y";
+constexpr const char* kPreviewCoverage = "A";
+constexpr const char* kCoverage = "foreground.coverage.Y";
+constexpr const char* kFlags = "foreground.flags.Y";
+constexpr size_t kLayers = 9;
+constexpr std::array<const char*, kLayers> kLayerNames{"weight", "x",       "y",         "xx",       "xy",
+                                                       "yy",     "texture", "weight_sd", "centre_sd"};
+
+std::string foreground_name(int channel) {
+  return fmt::format("foreground.F.{}", kColours[static_cast<size_t>(channel)]);
+}
+
+// "mode1.weight.R"; "mode1.weight.Y" where it is the same in all channels. A compositor knows a layer by its
+// channels' names alone, so the part's is in them.
+std::string layer_name(size_t mode, size_t layer, int channel, bool colourless) {
+  return fmt::format("mode{}.{}.{}", mode + 1, kLayerNames[layer],
+                     colourless ? kGray : kColours[static_cast<size_t>(channel)]);
+}
+
+}  // namespace
+
+std::vector<ExrPart> matte_parts(int modes_per_channel, bool colourless) {
+  std::vector<ExrPart> parts;
+  // For people: total weight and foreground, so that any viewer shows the object.
+  parts.push_back({.name = "preview", .channels = {"R", "G", "B", kPreviewCoverage}, .attributes = {}});
+  parts.push_back({.name = "foreground", .channels = {kCoverage, kFlags}, .attributes = {}});
+  for (int c = 0; c < kChannels; ++c) parts.back().channels.push_back(foreground_name(c));
+  for (size_t m = 0; m < static_cast<size_t>(modes_per_channel); ++m) {
+    ExrPart& part = parts.emplace_back();
+    part.name = fmt::format("mode{}", m + 1);
+    for (size_t layer = 0; layer < kLayers; ++layer) {
+      for (int c = 0; c < (colourless ? 1 : kChannels); ++c)
+        part.channels.push_back(layer_name(m, layer, c, colourless));
+    }
+  }
+  for (ExrPart& part : parts) std::ranges::sort(part.channels);
+  return parts;
+}
+
+std::string colourless_channel() {
+  return layer_name(0, 0, 0, true);
+}
+
+std::string row_checksums(std::span<const std::uint64_t> rows) {
+  std::string text;
+  for (const std::uint64_t row : rows) text += fmt::format("{:016x}", row);
+  return text;
+}
+
+std::string matte_checksum(const std::string& metadata, const std::vector<ExrPart>& parts,
+                           const std::string& rows) {
+  std::string bytes = metadata;
+  for (const ExrPart& part : parts) {
+    bytes += part.name;
+    for (const std::string& channel : part.channels) bytes += channel;
+  }
+  return checksum_of(bytes + rows);
+}
+
+void describe(std::vector<ExrPart>& parts, const std::string& metadata, const std::string& rows) {
+  const std::string checksum = matte_checksum(metadata, parts, rows);
+  for (ExrPart& part : parts)
+    part.attributes = {{kMatteMetadata, metadata}, {kMatteConventions, kConventionsText}};
+  parts.front().attributes[kMatteRows] = rows;
+  parts.front().attributes[kMatteChecksum] = checksum;
+}
+
+std::string json_of(const v1::MatteMetadata& metadata) {
+  google::protobuf::util::JsonPrintOptions options;
+  options.preserve_proto_field_names = true;
+  std::string json;
+  (void)google::protobuf::util::MessageToJsonString(metadata, &json, options);
+  return json;
+}
+
+MatteBlock::MatteBlock(int modes_per_channel, bool colourless, int width_px)
+    : modes_(modes_per_channel), channels_(colourless ? 1 : kChannels), width_px_(width_px) {
+  const std::vector<ExrPart> parts = matte_parts(modes_per_channel, colourless);
+  size_t count = 0;
+  for (const ExrPart& part : parts) count += part.channels.size();
+  const size_t plane = static_cast<size_t>(width_px) * kMostBlockRows;
+  values_.resize(count * plane);
+  float* next = values_.data();
+  for (const ExrPart& part : parts) {
+    std::vector<float*>& planes = planes_.emplace_back();
+    for (size_t i = 0; i < part.channels.size(); ++i, next += plane) planes.push_back(next);
+  }
+  const auto named = [&](size_t part, const std::string& channel) {
+    const auto at = std::ranges::lower_bound(parts[part].channels, channel) - parts[part].channels.begin();
+    return planes_[part][static_cast<size_t>(at)];
+  };
+  for (int c = 0; c < kChannels; ++c) {
+    preview_[static_cast<size_t>(c)] = named(kPreviewPart, kColours[static_cast<size_t>(c)]);
+    foreground_[static_cast<size_t>(c)] = named(kForegroundPart, foreground_name(c));
+  }
+  preview_coverage_ = named(kPreviewPart, kPreviewCoverage);
+  coverage_ = named(kForegroundPart, kCoverage);
+  flags_ = named(kForegroundPart, kFlags);
+  for (size_t m = 0; m < static_cast<size_t>(modes_per_channel); ++m) {
+    for (int c = 0; c < channels_; ++c) {
+      for (size_t layer = 0; layer < kLayers; ++layer)
+        layers_.push_back(named(kFirstModePart + m, layer_name(m, layer, c, colourless)));
+    }
+  }
+}
+
+std::span<float* const> MatteBlock::layers(size_t mode, int channel) const {
+  const size_t first = (mode * static_cast<size_t>(channels_) + static_cast<size_t>(channel)) * kLayers;
+  return std::span(layers_).subspan(first, kLayers);
+}
+
+std::vector<const float*> MatteBlock::row(size_t part, int row) const {
+  std::vector<const float*> pixels(planes_[part].begin(), planes_[part].end());
+  for (const float*& first : pixels) first += static_cast<std::ptrdiff_t>(row) * width_px_;
+  return pixels;
+}
+
+void MatteBlock::take(const Matte& matte, int y, int rows) {
+  size_t i = 0;
+  for (int row = y; row < y + rows; ++row) {
+    for (int x = 0; x < width_px_; ++x, ++i) {
+      for (int c = 0; c < kChannels; ++c) {
+        const float foreground = matte.foreground(x, row)[static_cast<size_t>(c)];
+        float light = foreground;
+        for (const Mode& mode : matte.modes(x, row, c)) light += 0.5f * mode.weight;
+        foreground_[static_cast<size_t>(c)][i] = foreground;
+        preview_[static_cast<size_t>(c)][i] = light;
+      }
+      preview_coverage_[i] = coverage_[i] = matte.coverage(x, row);
+      flags_[i] = static_cast<float>(matte.flags(x, row));
+    }
+  }
+  for (size_t m = 0; m < static_cast<size_t>(modes_); ++m) {
+    for (int c = 0; c < channels_; ++c) {
+      const std::span<float* const> to = layers(m, c);
+      i = 0;
+      for (int row = y; row < y + rows; ++row) {
+        for (int x = 0; x < width_px_; ++x, ++i) {
+          const Mode& mode = matte.modes(x, row, c)[m];
+          to[0][i] = mode.weight;
+          to[1][i] = mode.x_px;
+          to[2][i] = mode.y_px;
+          to[3][i] = mode.xx_px2;
+          to[4][i] = mode.xy_px2;
+          to[5][i] = mode.yy_px2;
+          to[6][i] = static_cast<float>(mode.texture);
+          to[7][i] = mode.weight_sd;
+          to[8][i] = mode.centre_sd_px;
+        }
+      }
+    }
+  }
+}
+
+void MatteBlock::give(Matte& matte, int y, int rows) const {
+  const auto whole_number = [](float value, float end, auto otherwise) {
+    return value >= 0.0f && value < end ? static_cast<decltype(otherwise)>(value) : otherwise;
+  };
+  size_t i = 0;
+  for (int row = y; row < y + rows; ++row) {
+    for (int x = 0; x < width_px_; ++x, ++i) {
+      for (size_t c = 0; c < kChannels; ++c) matte.foreground(x, row)[c] = foreground_[c][i];
+      matte.coverage(x, row) = coverage_[i];
+      matte.flags(x, row) = whole_number(flags_[i], 256.0f, std::uint8_t{kFlagNoData});
+    }
+  }
+  for (size_t m = 0; m < static_cast<size_t>(modes_); ++m) {
+    for (int c = 0; c < channels_; ++c) {
+      const std::span<float* const> from = layers(m, c);
+      i = 0;
+      for (int row = y; row < y + rows; ++row) {
+        for (int x = 0; x < width_px_; ++x, ++i) {
+          matte.modes(x, row, c)[m] = {.weight = from[0][i],
+                                       .x_px = from[1][i],
+                                       .y_px = from[2][i],
+                                       .xx_px2 = from[3][i],
+                                       .xy_px2 = from[4][i],
+                                       .yy_px2 = from[5][i],
+                                       .texture = whole_number(from[6][i], 1024.0f, std::int32_t{-1}),
+                                       .weight_sd = from[7][i],
+                                       .centre_sd_px = from[8][i]};
+        }
+      }
+    }
+  }
+}
+
+std::vector<std::uint64_t> MatteBlock::checksums(int rows) const {
+  RunningChecksum checksum;
+  const auto width = static_cast<size_t>(width_px_);
+  std::vector<std::uint64_t> checksums;
+  for (size_t row = 0; row < static_cast<size_t>(rows); ++row) {
+    checksum.start();
+    for (const std::vector<float*>& part : planes_) {
+      for (const float* plane : part)
+        checksum.add({reinterpret_cast<const char*>(plane + row * width), width * sizeof(float)});
+    }
+    checksums.push_back(checksum.value());
+  }
+  return checksums;
+}
+
+}  // namespace glasswing
