@@ -1,5 +1,7 @@
 #include "solver/live/live_matte.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "core/base/status.h"
@@ -35,6 +37,19 @@ FrameView view_of(const FrameStack& stack, const StreamedFrame& frame) {
           .unit = stack.unit};
 }
 
+// Of a frame that the empty stage was averaged from.
+absl::Status check_still(const RampFrame& empty) {
+  // Noise makes an object of some pixels.
+  constexpr double kMostNoise = 0.05;
+  const auto object = std::ranges::count_if(empty.alpha, [](float alpha) { return alpha > 0.0f; });
+  const double part = static_cast<double>(object) / static_cast<double>(empty.alpha.size());
+  if (part <= kMostNoise) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      fmt::format("the empty stage changed while it was looked at: {:.0f} % of its pixels differ from their "
+                  "mean; keep stage and light still, and try again",
+                  100.0 * part));
+}
+
 }  // namespace
 
 absl::Status LiveMatte::check_options(const v1::LiveStart& start) {
@@ -65,7 +80,10 @@ absl::StatusOr<LiveMatte> LiveMatte::create(const v1::LiveStart& start, const v1
   }
   const v1::CaptureManifest& linear = stacks.front().manifest;
   GW_ASSIGN_OR_RETURN(RampExtractor extractor, RampExtractor::create(linear, layout, views, options));
+  GW_ASSIGN_OR_RETURN(const RampFrame first, extractor.extract(views.front(), thread_count));
+  GW_RETURN_IF_ERROR(check_still(first));
   GW_ASSIGN_OR_RETURN(RampFrame empty, extractor.extract(views.back(), thread_count));
+  GW_RETURN_IF_ERROR(check_still(empty));
   // Whatever noise took for an object there is none.
   std::ranges::fill(empty.alpha, 0.0f);
   Matte empty_stage = extractor.matte(empty);

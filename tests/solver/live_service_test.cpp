@@ -304,7 +304,7 @@ TEST_F(LiveTest, RefusesWhatCannotBe) {
   // The monitors are black: that is no ramp.
   ramp_context.TryCancel();
   ASSERT_TRUE(becomes_free());
-  // The first frames may still be of the ramp: then those that follow are refused.
+  // Some or all of the first frames may still be of the ramp: then these are refused, or those that follow.
   const grpc::Status dark = status_of(start_of(*rig), picture_of(waves()));
   EXPECT_EQ(dark.error_code(), grpc::StatusCode::FAILED_PRECONDITION) << dark.error_message();
 }

@@ -1,5 +1,5 @@
 """Reads OpenEXR files of the kind that docs/matte.md describes, from the format's specification alone: a second opinion on
-what the package says is in a matte. Scan lines, 32-bit float, ZIPS."""
+what the package says is in a matte. Scan lines, 32-bit float, ZIP or ZIPS."""
 
 import pathlib
 import struct
@@ -7,7 +7,7 @@ import zlib
 
 import numpy as np
 
-LINES_PER_CHUNK = 1  # of ZIPS
+LINES_PER_CHUNK = {2: 1, 3: 16}  # by compression: ZIPS, ZIP
 
 
 def _string(content: bytes, at: int) -> tuple[str, int]:
@@ -66,11 +66,12 @@ def read_exr(path: pathlib.Path) -> dict[str, dict[str, np.ndarray]]:
         width, height = right - left + 1, bottom - top + 1
         names = _channel_names(header["channels"])
         planes = np.empty((height, len(names), width), np.float32)
-        chunk_count = -(-height // LINES_PER_CHUNK)
+        lines = LINES_PER_CHUNK[header["compression"][0]]
+        chunk_count = -(-height // lines)
         for offset in struct.unpack_from(f"<{chunk_count}Q", content, at):
             chunk = offset + 4 * multi_part  # its part's number comes first
             line, packed_size = struct.unpack_from("<2i", content, chunk)
-            rows = min(LINES_PER_CHUNK, bottom + 1 - line)
+            rows = min(lines, bottom + 1 - line)
             packed = content[chunk + 8 : chunk + 8 + packed_size]
             values = np.frombuffer(_unpacked(packed, rows * len(names) * width * 4), "<f4")
             planes[line - top : line - top + rows] = values.reshape(rows, len(names), width)
