@@ -86,6 +86,7 @@ absl::StatusOr<std::int64_t> Server::remove_all_of(v1::Session session) {
   if (session.job() != 0) GW_RETURN_IF_ERROR(jobs_->remove(session.job()));
   GW_RETURN_IF_ERROR(catalogue_->remove(name));
   solve_began_.erase(name);
+  counting_.erase(name);
   operator_asked_.erase(name);
   return freed_bytes + matte_bytes;
 }

@@ -161,6 +161,7 @@ absl::Status Server::finish_solve(const std::string& name) {
   }
   v1::Session settled = *now;
   *settled.mutable_quarantined() = session.quarantined();
+  count_tiles(counts, settled);
   return settle(std::move(settled), made);
 }
 

@@ -32,6 +32,7 @@
 #include "server/matte_files.h"
 #include "server/rig.h"
 #include "server/rig_lock.h"
+#include "server/shared_work.h"
 #include "server/tile_sizes.h"
 
 namespace glasswing {
@@ -120,12 +121,14 @@ class Server {
   absl::StatusOr<v1::Session> cancel_solve(v1::Session session, const std::string& reason);
   // The session that this lease is of. ABORTED: it is not being solved, or in another job by now.
   absl::StatusOr<v1::Session> session_of(const v1::TileLease& lease);
-  // Counts the tiles; once none is left, the solve is finished by a thread of its own.
-  absl::Status note_progress(const v1::TileLease& lease);
   void look_whether_finished(const std::string& name);  // as soon as the job store answers
   absl::Status settle(v1::Session session, absl::Status made);
 
   // Those below are called without mutex_.
+  // Counts the tiles; once none is left, the solve is finished by a thread of its own. A large job takes some
+  // time to count: solvers that hand in at once are served by one count.
+  void note_progress(const v1::TileLease& lease);
+  absl::Status count_progress(const v1::TileLease& lease);
   absl::Status check_new_name(const std::string& name);
   absl::Status complete_frames(const v1::CompleteTileRequest& header, FrameMattes& mattes);
   absl::Status done(const v1::CompleteTileRequest& header, const TileAttempt& attempt,
@@ -160,6 +163,7 @@ class Server {
   std::condition_variable changed_;
   std::int64_t change_count_ = 0;
   std::map<std::string, nanoseconds> solve_began_;
+  std::map<std::string, std::shared_ptr<SharedWork>> counting_;  // by session
   std::map<std::string, v1::Session> live_;     // counts of the running capture, ahead of the catalogue
   std::map<std::string, bool> operator_asked_;  // sessions that wait for a person: where the object is to be
   std::set<std::string> going_;                 // sessions that are being deleted

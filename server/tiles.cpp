@@ -224,22 +224,32 @@ absl::Status Server::done(const v1::CompleteTileRequest& header, const TileAttem
   fleet_.completed(header.solver(), header.seconds());
   spdlog::info("tile done session={} job={} tile={} attempt={} solver={} seconds={:.2f}", lease.session(),
                lease.job(), lease.tile(), lease.attempt(), header.solver(), header.seconds());
-  return note_progress(lease);
+  note_progress(lease);
+  return absl::OkStatus();
 }
 
-absl::Status Server::note_progress(const v1::TileLease& lease) {
-  const std::lock_guard lock(mutex_);
-  const absl::StatusOr<v1::Session> found = session_of(lease);
-  if (absl::IsAborted(found.status())) return absl::OkStatus();  // cancelled just now
-  GW_RETURN_IF_ERROR(found.status());
-  v1::Session session = *found;
-  if (session.state() != v1::SESSION_STATE_SOLVING && !rests_in_solve(session)) return absl::OkStatus();
-  const absl::StatusOr<JobCounts> counted = jobs_->counts(lease.job());
-  if (!counted.ok()) {
-    look_whether_finished(session.name());
-    return absl::OkStatus();  // the tile is done
+void Server::note_progress(const v1::TileLease& lease) {
+  std::shared_ptr<SharedWork> counting;
+  {
+    const std::lock_guard lock(mutex_);
+    std::shared_ptr<SharedWork>& shared = counting_[lease.session()];
+    if (shared == nullptr) shared = std::make_shared<SharedWork>();
+    counting = shared;
   }
-  const JobCounts& counts = *counted;
+  counting->run([&] {
+    const absl::Status counted = count_progress(lease);
+    if (counted.ok() || absl::IsAborted(counted)) return;  // cancelled just now
+    // The tile is done all the same.
+    const std::lock_guard lock(mutex_);
+    look_whether_finished(lease.session());
+  });
+}
+
+absl::Status Server::count_progress(const v1::TileLease& lease) {
+  GW_ASSIGN_OR_RETURN(const JobCounts counts, jobs_->counts(lease.job()));
+  const std::lock_guard lock(mutex_);
+  GW_ASSIGN_OR_RETURN(v1::Session session, session_of(lease));
+  if (session.state() != v1::SESSION_STATE_SOLVING && !rests_in_solve(session)) return absl::OkStatus();
   count_tiles(counts, session);
   if (has_frame_files(session) && !session.matte_ready()) {
     GW_ASSIGN_OR_RETURN(const std::vector<TileState> tiles, jobs_->tiles(lease.job()));
@@ -290,7 +300,8 @@ absl::Status Server::fail(const v1::FailTileRequest& request) {
     }
     GW_RETURN_IF_ERROR(change(session));
   }
-  return note_progress(lease);
+  note_progress(lease);
+  return absl::OkStatus();
 }
 
 absl::StatusOr<v1::GetFleetResponse> Server::fleet() {
