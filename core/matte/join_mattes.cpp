@@ -50,7 +50,14 @@ absl::Status check_rows(const std::vector<Tile>& tiles) {
   }
   if (next < first.metadata.height_px())
     return absl::DataLossError(fmt::format("no tile covers row {}", next));
+  if (next > first.metadata.height_px())
+    return absl::DataLossError(fmt::format("a tile covers row {}, which the picture has not", next - 1));
   return absl::OkStatus();
+}
+
+absl::Status no_table(const Tile& tile) {
+  return absl::DataLossError(
+      fmt::format("the tile from row {} on does not say where its rows are", tile.head.outline.y0_px));
 }
 
 std::uint64_t number_at(std::string_view bytes, size_t at) {
@@ -93,14 +100,13 @@ absl::StatusOr<std::string> join_mattes(std::span<const std::string_view> files)
     // All after the tables is rows. They lie as far from each other as before.
     const size_t rows_at = tile.tables_at + parts.size() * tile.row_count() * kPlaceBytes;
     const size_t put_at = whole.size();
-    whole += tile.bytes.substr(std::min(rows_at, tile.bytes.size()));
+    if (rows_at > tile.bytes.size()) return no_table(tile);
+    whole += tile.bytes.substr(rows_at);
     for (size_t part = 0; part < parts.size(); ++part) {
       for (size_t row = 0; row < tile.row_count(); ++row) {
         const std::uint64_t was_at =
             number_at(tile.bytes, tile.tables_at + (part * tile.row_count() + row) * kPlaceBytes);
-        if (was_at < rows_at || was_at >= tile.bytes.size())
-          return absl::DataLossError(fmt::format("the tile from row {} on does not say where its rows are",
-                                                 tile.head.outline.y0_px));
+        if (was_at < rows_at || was_at >= tile.bytes.size()) return no_table(tile);
         const std::uint64_t is_at = was_at - rows_at + put_at;
         const size_t row_of_whole = static_cast<size_t>(tile.head.outline.y0_px) + row;
         std::memcpy(&whole[tables_at + (part * row_count + row_of_whole) * kPlaceBytes], &is_at, kPlaceBytes);

@@ -63,7 +63,7 @@ std::vector<ShownSolid> on_one_scale(const std::vector<SeenSolid>& seen, double 
   for (auto& [code, longest] : longest_ms) {
     if (is_black(code) || code == Code{highest, highest, highest}) continue;
     for (const SeenSolid& of : seen) {
-      const bool serves = std::none_of(seen.begin(), seen.end(), [&](const SeenSolid& other) {
+      const bool serves = std::none_of(seen.begin(), seen.end(), [&, code = code](const SeenSolid& other) {
         const Code& shown = other.solid.code;
         return other.exposure_ms == of.exposure_ms && other.cut_off && (shown == code || is_black(shown));
       });

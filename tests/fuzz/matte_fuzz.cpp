@@ -1,8 +1,9 @@
-// decode_matte.
+// decode_matte and join_mattes.
 #include <cmath>
 #include <limits>
 
 #include "core/frame/archive.h"
+#include "core/matte/join_mattes.h"
 #include "core/matte/matte_file.h"
 #include "tests/fuzz/fuzz_target.h"
 
@@ -51,6 +52,9 @@ std::vector<std::string> seeds() {
 }
 
 void try_input(std::string_view input) {
+  // What it is made of is not looked at: a crash is what matters.
+  const absl::StatusOr<std::string> joined = join_mattes({&input, 1});
+  FUZZ_CHECK(joined.ok() || !joined.status().message().empty());
   const absl::StatusOr<Matte> matte = decode_matte(input);
   if (!matte.ok()) {
     FUZZ_CHECK(!matte.status().message().empty());

@@ -126,6 +126,9 @@ TEST(MatteFile, TilesThatMakeNoWholeAreNamed) {
   refused({tile(0, 32), tile(16, 59)}, "two tiles cover row 16");
   refused({tile(0, 32), encode_matte(rows_of(random_matte(0, 75, true), 32, 43)).value()}, "other layers");
   refused({tile(0, 32), tile(32, 43).substr(0, 3000)}, "damaged");
+  Matte taller = random_matte(0, 80);
+  refused({tile(0, 32), encode_matte(rows_of(taller, 32, 48)).value()},
+          "covers row 79, which the picture has not");
 }
 
 // Truncated anywhere, or with any sampled bit flipped, a file is refused or means the same: never a crash,

@@ -84,9 +84,11 @@ class Trial:
     def _break_and_mend(self, now: float) -> None:
         while self._waiting and self._waiting[0].at_seconds <= now:
             self._begin(self._waiting.pop(0), now, by_itself=False)
+        # One that lies down at its hour has not come to its point yet.
+        lying = [self._rig.target(fault) for _, fault in self._mends]
         for fault in self._faults:
             daemon = self._rig.target(fault)
-            if fault.point and fault not in self._struck and daemon and daemon.fault == fault.variable:
+            if fault.point and fault not in self._struck and daemon and daemon not in lying and daemon.fault == fault.variable:
                 if not daemon.is_running() or daemon.is_stopped():
                     self._begin(fault, now, by_itself=True)
         self._start_again_what_gave_up()
