@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <opencv2/core/utils/logger.hpp>
 #include <opencv2/videoio.hpp>
+#include <opencv2/videoio/registry.hpp>
 
 #include "core/base/file.h"
 #include "core/frame/image_file.h"
@@ -45,7 +46,10 @@ absl::StatusOr<VideoReader> VideoReader::open(const std::filesystem::path& path)
   ::setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);
   cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
   VideoReader reader;
-  reader.capture_ = std::make_shared<cv::VideoCapture>(path.string());
+  // Others, which are asked where it gives up, write to the terminal.
+  const int decoder =
+      cv::videoio_registry::hasBackend(cv::CAP_FFMPEG) ? int{cv::CAP_FFMPEG} : int{cv::CAP_ANY};
+  reader.capture_ = std::make_shared<cv::VideoCapture>(path.string(), decoder);
   if (!reader.capture_->isOpened())
     return absl::DataLossError(
         fmt::format("{}: it is damaged or no video that can be decoded", path.string()));
