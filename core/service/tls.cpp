@@ -7,6 +7,7 @@
 
 #include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/service/roles.h"
 
 namespace glasswing {
 namespace {
@@ -93,6 +94,7 @@ absl::StatusOr<Tls> credentials_of(const TlsFiles& files) {
     listening.pem_root_certs = calling.pem_root_certs;
     listening.pem_key_cert_pairs.push_back({calling.pem_private_key, calling.pem_cert_chain});
     tls.listening = grpc::SslServerCredentials(listening);
+    tls.listening->SetAuthMetadataProcessor(role_gate());
   }
   tls.calling = grpc::SslCredentials(calling);
   return tls;

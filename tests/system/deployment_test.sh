@@ -15,7 +15,7 @@ else
 fi
 
 echo "== the rig that they start"
-"$root/deploy/make-certificates" "$work/certificates" machine=localhost me >/dev/null
+"$root/deploy/make-certificates" "$work/certificates" server+display+camera+solver:machine=localhost operator:me viewer:guest >/dev/null
 sed -e "s#rig\.lab#localhost#g; s#/etc/glasswing/#$work/certificates/#" -e "s#:7440#:$port#g; s#:7441#:$((port + 1))#g; s#:7442#:$((port + 2))#g" \
   -e "s#--backend kms.*#--monitor back=128x104@60 --patch-rows 8\"#" \
   -e "s#--backend libcamera#--fps 200 --size 128x104 --scene crystal --tap localhost:$((port + 1))#" "$units/glasswing.conf" >"$work/glasswing.conf"
@@ -37,7 +37,7 @@ until_true 20 up 3 || fail "the rig did not come up"
 glasswing nodes
 (GLASSWING_CA='' GLASSWING_CERTIFICATE='' GLASSWING_KEY='' refused "does not answer in the clear; if it speaks TLS, set --ca" glasswing nodes)
 GLASSWING_SERVER=127.0.0.1:$port refused "shows a certificate of another host; call it by a name that its certificate has" glasswing nodes
-"$root/deploy/make-certificates" "$work/foreign" stranger >/dev/null
+"$root/deploy/make-certificates" "$work/foreign" solver:stranger >/dev/null
 "$bin/glasswing-solver" --server "$GLASSWING_SERVER" --certificate "$work/foreign/stranger.pem" --key "$work/foreign/stranger.key" 2>"$work/stranger.log" &
 until_true 20 grep -q "does not take this node yet, .* refuses the certificate $work/foreign/stranger.pem" "$work/stranger.log" || fail "it does not say so"
 kill $!
@@ -46,10 +46,17 @@ glasswing capture "$root/deploy/plans/quick.txtpb" --session s --watch
 glasswing solve s --watch
 glasswing fetch s -o "$work/s.exr"
 glasswing export s "$work/s"
+(
+  export GLASSWING_CERTIFICATE=$work/certificates/guest.pem GLASSWING_KEY=$work/certificates/guest.key
+  glasswing show s >/dev/null || fail "a viewer sees no session"
+  refused 'DeleteSession is for the roles operator; the certificate of "guest" has viewer' glasswing delete s --yes
+)
+grep -q 'audit refused rpc=SessionService/DeleteSession caller="guest" roles=viewer' "$work/server.log" || fail "the refusal is not in the log"
+grep -q 'audit rpc=SessionService/SolveSession caller="me" roles=operator' "$work/server.log" || fail "who solved is not in the log"
 glasswing composite "$work/s.exr" --background "$root/deploy/pictures/quilt.png" -o "$work/s.png"
 
 echo "== a solver that is told to leaves when there is nothing to do"
-timeout 30 "$bin/glasswing-solver" --server "$GLASSWING_SERVER" --until-idle 1 2>"$work/idle.log" || fail "it did not"
+timeout 30 "$bin/glasswing-solver" --server "$GLASSWING_SERVER" --until-idle 1 --certificate "$work/certificates/machine.pem" --key "$work/certificates/machine.key" 2>"$work/idle.log" || fail "it did not"
 
 echo "== a daemon that other machines should reach says what it lacks"
 says() { # WORDS PROGRAM OPTIONS...

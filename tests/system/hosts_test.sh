@@ -44,8 +44,9 @@ on() { # HOST COMMAND...: there, in its own directory, with those of the others 
     exec "$@"' on "$host" "$work" "$@"
 }
 
-"$root/deploy/make-certificates" "$work/lab" $(for host in "${!address[@]}"; do echo "$host=${address[$host]}"; done) >/dev/null
-"$root/deploy/make-certificates" "$work/foreign" desk >/dev/null
+declare -A roles=([rig]=server+display+camera [lab2]=solver [lab3]=solver [desk]=operator)
+"$root/deploy/make-certificates" "$work/lab" $(for host in "${!address[@]}"; do echo "${roles[$host]}:$host=${address[$host]}"; done) >/dev/null
+"$root/deploy/make-certificates" "$work/foreign" operator:desk >/dev/null
 for host in "${!address[@]}"; do
   mkdir "$work/$host"
   cp "$work/lab/ca.pem" "$work/$host/"

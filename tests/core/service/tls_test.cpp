@@ -22,10 +22,10 @@ class Tls : public testing::Test {
     std::filesystem::create_directories(scratch_);
     write("ca", ca_);
     write("foreign-ca", foreign_ca_);
-    write("me", make_certificate("me", &ca_));
+    write("me", make_certificate("me", &ca_, "URI:urn:glasswing:role:operator"));
     write("foreign", make_certificate("foreign", &foreign_ca_));
     write("old", make_certificate("old", &ca_, "", 0));
-    write("server", make_certificate("server", &ca_, "IP:127.0.0.1"));
+    write("server", make_certificate("server", &ca_, "IP:127.0.0.1,URI:urn:glasswing:role:server"));
     EXPECT_TRUE(use_tls(files("ca", "server")).ok());
     server_ = ServiceHost::start({}, {}).value();
     address_ = server_->address();
