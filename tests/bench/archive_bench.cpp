@@ -188,7 +188,8 @@ void report(const std::string& name, double bytes, const Times& times, const Tim
 
 // Has this process's calls use TLS from now on; for servers of this process.
 std::shared_ptr<grpc::ServerCredentials> made_credentials(const fs::path& root) {
-  const MadeCertificate ca = make_certificate("ca"), own = make_certificate("node", &ca, "IP:127.0.0.1,URI:urn:glasswing:role:solver");
+  const MadeCertificate ca = make_certificate("ca"),
+                        own = make_certificate("node", &ca, "IP:127.0.0.1,URI:urn:glasswing:role:solver");
   const std::string ca_file = (root / "ca.pem").string();
   std::ofstream(ca_file) << ca.certificate_pem();
   if (!use_tls({.ca = ca_file, .certificate = "", .key = ""}).ok()) std::abort();
