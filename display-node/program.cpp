@@ -8,7 +8,6 @@
 #include <set>
 
 #include "core/base/checksum.h"
-#include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/frame/image_file.h"
 #include "core/pattern/id_patch.h"

@@ -1,7 +1,8 @@
 #include "server/matte_files.h"
 
-#include <absl/strings/strip.h>
 #include <fmt/format.h>
+
+#include <algorithm>
 
 #include "core/base/checksum.h"
 #include "core/base/file.h"
@@ -24,19 +25,18 @@ fs::path frame_file(int frame) {
 }
 
 // Hexadecimal digits alone.
-std::string digits_of(std::string_view bytes) {
-  const std::string checksum = checksum_of(bytes);
-  return std::string(absl::StripPrefix(checksum, "xxh3:"));
+std::string_view digits_of(std::string_view checksum) {
+  return checksum.substr(std::min(checksum.size(), std::string_view("xxh3:").size()));
 }
 
 }  // namespace
 
-std::string tile_name(std::int64_t job, int tile, int attempt, std::string_view bytes) {
-  return fmt::format("{}-{}-{}-{}.exr", job, tile, attempt, digits_of(bytes));
+std::string tile_name(std::int64_t job, int tile, int attempt, std::string_view checksum) {
+  return fmt::format("{}-{}-{}-{}.exr", job, tile, attempt, digits_of(checksum));
 }
 
 bool is_named_after(const fs::path& tile, std::string_view bytes) {
-  return tile.stem().string().ends_with(fmt::format("-{}", digits_of(bytes)));
+  return tile.stem().string().ends_with(fmt::format("-{}", digits_of(checksum_of(bytes))));
 }
 
 fs::path MatteFiles::finished(const std::string& session) const {

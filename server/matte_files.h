@@ -19,8 +19,8 @@
 
 namespace glasswing {
 
-// Of a tile's file.
-std::string tile_name(std::int64_t job, int tile, int attempt, std::string_view bytes);
+// Of a tile's file, whose bytes have that checksum (checksum_of()).
+std::string tile_name(std::int64_t job, int tile, int attempt, std::string_view checksum);
 // Whether they are what was written under that name.
 bool is_named_after(const std::filesystem::path& tile, std::string_view bytes);
 

@@ -159,11 +159,12 @@ absl::Status Server::complete(const v1::CompleteTileRequest& header, const std::
     GW_ASSIGN_OR_RETURN(session, session_of(lease));
   }
   GW_ASSIGN_OR_RETURN(const TileState tile, jobs_->tile(attempt));
-  const std::string file = tile_name(lease.job(), lease.tile(), lease.attempt(), matte);
+  const std::string checksum = checksum_of(matte);
+  const std::string file = tile_name(lease.job(), lease.tile(), lease.attempt(), checksum);
   if (!tile.is_done()) {
-    if (header.checksum() != checksum_of(matte)) {
+    if (header.checksum() != checksum) {
       return absl::DataLossError(
-          fmt::format("the tile's checksum is {}, announced was {}", checksum_of(matte), header.checksum()));
+          fmt::format("the tile's checksum is {}, announced was {}", checksum, header.checksum()));
     }
     GW_ASSIGN_OR_RETURN(const MatteOutline outline, outline_of(matte));
     GW_RETURN_IF_ERROR(check_rows(outline, tile.range, session));

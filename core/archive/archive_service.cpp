@@ -7,7 +7,6 @@
 #include "core/archive/place.h"
 #include "core/archive/row_chunks.h"
 #include "core/base/checksum.h"
-#include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/service/service.h"
 

@@ -8,7 +8,6 @@
 
 #include "core/archive/remote_archive.h"
 #include "core/base/checksum.h"
-#include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/frame/archive.h"
 

@@ -7,8 +7,8 @@
 #include <xxhash.h>
 
 #include <array>
-#include <memory>
 
+#include "core/base/checksum.h"
 #include "glasswing/v1/archive_service.pb.h"
 
 namespace glasswing {
@@ -31,10 +31,10 @@ constexpr size_t kMostHeaderBytes = (1 + 10) + (1 + 8) + (1 + 5);
 
 std::uint64_t checksum_of_pieces(std::span<const grpc::Slice> pieces) {
   if (pieces.size() == 1) return XXH3_64bits(pieces[0].begin(), pieces[0].size());
-  const std::unique_ptr<XXH3_state_t, decltype(&XXH3_freeState)> state(XXH3_createState(), &XXH3_freeState);
-  XXH3_64bits_reset(state.get());
-  for (const grpc::Slice& piece : pieces) XXH3_64bits_update(state.get(), piece.begin(), piece.size());
-  return XXH3_64bits_digest(state.get());
+  RunningChecksum checksum;
+  for (const grpc::Slice& piece : pieces)
+    checksum.add({reinterpret_cast<const char*>(piece.begin()), piece.size()});
+  return checksum.value();
 }
 
 grpc::ByteBuffer encode_row_chunk(std::int64_t offset_bytes, std::vector<grpc::Slice> pieces) {

@@ -62,8 +62,9 @@ std::vector<Imf::Header> headers_of(const std::vector<ExrPart>& parts, const Exr
 class ExrWriter::File {
  public:
   File(const std::vector<ExrPart>& parts, const ExrWindow& window)
-      : parts_(parts), window_(window), headers_(headers_of(parts, window)), next_(parts.size(), 0) {
-    file_.emplace(writer_, headers_.data(), static_cast<int>(headers_.size()));
+      : parts_(parts), window_(window), next_(parts.size(), 0) {
+    const std::vector<Imf::Header> headers = headers_of(parts, window);
+    file_.emplace(writer_, headers.data(), static_cast<int>(headers.size()));
   }
 
   void put(size_t index, std::span<const float* const> channels) {
@@ -86,7 +87,6 @@ class ExrWriter::File {
  private:
   const std::vector<ExrPart> parts_;
   const ExrWindow window_;
-  const std::vector<Imf::Header> headers_;
   std::vector<int> next_;  // row of each part, from the window's first
   MemoryWriter writer_;
   std::optional<Imf::MultiPartOutputFile> file_;

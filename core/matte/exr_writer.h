@@ -1,5 +1,4 @@
-// OpenEXR files of float planes, part by part and some rows at a time: how mattes and maps of them are
-// stored.
+// OpenEXR files of float planes, part by part and row by row: how mattes and maps of them are stored.
 #pragma once
 
 #include <absl/functional/function_ref.h>

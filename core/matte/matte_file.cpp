@@ -43,9 +43,8 @@ class MemoryReader final : public Imf::IStream {
 absl::Status check(const Matte& matte, int first, int rows) {
   const bool boxes = matte.metadata.footprint() == kBoxFootprint;
   const auto is_good = [&](const Mode& mode) {
-    for (const float value : {mode.weight, mode.x_px, mode.y_px, mode.xx_px2, mode.xy_px2, mode.yy_px2,
-                              mode.weight_sd, mode.centre_sd_px}) {
-      if (!std::isfinite(value)) return false;
+    for (const ModeLayer& layer : kModeLayers) {
+      if (layer.member != nullptr && !std::isfinite(mode.*layer.member)) return false;
     }
     return mode.weight >= 0.0f && mode.weight_sd >= 0.0f && mode.centre_sd_px >= 0.0f &&
            mode.xx_px2 >= 0.0f && mode.yy_px2 >= 0.0f && (!boxes || mode.xy_px2 == 0.0f) &&

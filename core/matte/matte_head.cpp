@@ -22,9 +22,9 @@ bool is_colourless(const Imf::MultiPartInputFile& file) {
 
 // The parts that a matte has, and no more pixels than so many bytes can hold: what is read afterwards is
 // bounded by the file, whatever its header promises.
-absl::Status check_parts(const Imf::MultiPartInputFile& file, size_t file_bytes) {
-  if (file.parts() < 3 || file.parts() > 2 + kMaxModes)
-    return absl::DataLossError("it has not the parts of a matte");
+absl::StatusOr<std::vector<ExrPart>> checked_parts(const Imf::MultiPartInputFile& file, size_t file_bytes) {
+  const int modes = file.parts() - static_cast<int>(kFirstModePart);
+  if (modes < 1 || modes > kMaxModes) return absl::DataLossError("it has not the parts of a matte");
   const Imath::Box2i window = file.header(0).dataWindow();
   constexpr int kMaxSide = kMaxSide_px;
   if (window.isEmpty() || window.min.x < 0 || window.min.y < 0 || window.max.x >= kMaxSide ||
@@ -32,8 +32,7 @@ absl::Status check_parts(const Imf::MultiPartInputFile& file, size_t file_bytes)
     return absl::DataLossError("its size is out of range");
   }
   size_t layer_count = 0;
-  const bool colourless = is_colourless(file);
-  const std::vector<ExrPart> parts = matte_parts(file.parts() - static_cast<int>(kFirstModePart), colourless);
+  std::vector<ExrPart> parts = matte_parts(modes, is_colourless(file));
   for (int i = 0; i < file.parts(); ++i) {
     const Imf::Header& header = file.header(i);
     if (header.dataWindow() != window) return absl::DataLossError("its parts differ in size");
@@ -56,7 +55,7 @@ absl::Status check_parts(const Imf::MultiPartInputFile& file, size_t file_bytes)
   if (pixels * layer_count * sizeof(float) / kMostExpansion > file_bytes) {
     return absl::DataLossError("it is too short for its size");
   }
-  return absl::OkStatus();
+  return parts;
 }
 
 absl::Status check_metadata(const v1::MatteMetadata& metadata, const Imath::Box2i& window) {
@@ -92,7 +91,7 @@ absl::StatusOr<std::string> text_of(const Imf::Header& header, const char* attri
 }  // namespace
 
 absl::StatusOr<MatteHead> read_matte_head(const Imf::MultiPartInputFile& file, size_t file_bytes) {
-  GW_RETURN_IF_ERROR(check_parts(file, file_bytes));
+  GW_ASSIGN_OR_RETURN(const std::vector<ExrPart> parts, checked_parts(file, file_bytes));
   const Imf::Header& header = file.header(0);
   const Imath::Box2i window = header.dataWindow();
   MatteHead head;
@@ -106,7 +105,6 @@ absl::StatusOr<MatteHead> read_matte_head(const Imf::MultiPartInputFile& file, s
   GW_ASSIGN_OR_RETURN(const std::string metadata, text_of(header, kMatteMetadata));
   GW_ASSIGN_OR_RETURN(head.row_checksums, text_of(header, kMatteRows));
   GW_ASSIGN_OR_RETURN(const std::string checksum, text_of(header, kMatteChecksum));
-  const std::vector<ExrPart> parts = matte_parts(outline.modes_per_channel, outline.colourless);
   if (matte_checksum(metadata, parts, head.row_checksums) != checksum ||
       head.row_checksums.size() != static_cast<size_t>(outline.height_px) * kRowChecksumDigits)
     return absl::DataLossError("its checksum does not agree with what it says of itself");

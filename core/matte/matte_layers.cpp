@@ -22,10 +22,6 @@ constexpr const char* kGray = "Y";
 constexpr const char* kPreviewCoverage = "A";
 constexpr const char* kCoverage = "foreground.coverage.Y";
 constexpr const char* kFlags = "foreground.flags.Y";
-constexpr size_t kLayers = 9;
-constexpr std::array<const char*, kLayers> kLayerNames{"weight", "x",       "y",         "xx",       "xy",
-                                                       "yy",     "texture", "weight_sd", "centre_sd"};
-
 std::string foreground_name(int channel) {
   return fmt::format("foreground.F.{}", kColours[static_cast<size_t>(channel)]);
 }
@@ -33,7 +29,7 @@ std::string foreground_name(int channel) {
 // "mode1.weight.R"; "mode1.weight.Y" where it is the same in all channels. A compositor knows a layer by its
 // channels' names alone, so the part's is in them.
 std::string layer_name(size_t mode, size_t layer, int channel, bool colourless) {
-  return fmt::format("mode{}.{}.{}", mode + 1, kLayerNames[layer],
+  return fmt::format("mode{}.{}.{}", mode + 1, kModeLayers[layer].name,
                      colourless ? kGray : kColours[static_cast<size_t>(channel)]);
 }
 
@@ -48,7 +44,7 @@ std::vector<ExrPart> matte_parts(int modes_per_channel, bool colourless) {
   for (size_t m = 0; m < static_cast<size_t>(modes_per_channel); ++m) {
     ExrPart& part = parts.emplace_back();
     part.name = fmt::format("mode{}", m + 1);
-    for (size_t layer = 0; layer < kLayers; ++layer) {
+    for (size_t layer = 0; layer < kModeLayers.size(); ++layer) {
       for (int c = 0; c < (colourless ? 1 : kChannels); ++c)
         part.channels.push_back(layer_name(m, layer, c, colourless));
     }
@@ -118,15 +114,16 @@ MatteBlock::MatteBlock(int modes_per_channel, bool colourless, int width_px)
   flags_ = named(kForegroundPart, kFlags);
   for (size_t m = 0; m < static_cast<size_t>(modes_per_channel); ++m) {
     for (int c = 0; c < channels_; ++c) {
-      for (size_t layer = 0; layer < kLayers; ++layer)
+      for (size_t layer = 0; layer < kModeLayers.size(); ++layer)
         layers_.push_back(named(kFirstModePart + m, layer_name(m, layer, c, colourless)));
     }
   }
 }
 
 std::span<float* const> MatteBlock::layers(size_t mode, int channel) const {
-  const size_t first = (mode * static_cast<size_t>(channels_) + static_cast<size_t>(channel)) * kLayers;
-  return std::span(layers_).subspan(first, kLayers);
+  const size_t first =
+      (mode * static_cast<size_t>(channels_) + static_cast<size_t>(channel)) * kModeLayers.size();
+  return std::span(layers_).subspan(first, kModeLayers.size());
 }
 
 std::vector<const float*> MatteBlock::row(size_t part, int row) const {
@@ -157,15 +154,10 @@ void MatteBlock::take(const Matte& matte, int y, int rows) {
       for (int row = y; row < y + rows; ++row) {
         for (int x = 0; x < width_px_; ++x, ++i) {
           const Mode& mode = matte.modes(x, row, c)[m];
-          to[0][i] = mode.weight;
-          to[1][i] = mode.x_px;
-          to[2][i] = mode.y_px;
-          to[3][i] = mode.xx_px2;
-          to[4][i] = mode.xy_px2;
-          to[5][i] = mode.yy_px2;
-          to[6][i] = static_cast<float>(mode.texture);
-          to[7][i] = mode.weight_sd;
-          to[8][i] = mode.centre_sd_px;
+          for (size_t l = 0; l < kModeLayers.size(); ++l) {
+            const auto member = kModeLayers[l].member;
+            to[l][i] = member != nullptr ? mode.*member : static_cast<float>(mode.texture);
+          }
         }
       }
     }
@@ -190,15 +182,14 @@ void MatteBlock::give(Matte& matte, int y, int rows) const {
       i = 0;
       for (int row = y; row < y + rows; ++row) {
         for (int x = 0; x < width_px_; ++x, ++i) {
-          matte.modes(x, row, c)[m] = {.weight = from[0][i],
-                                       .x_px = from[1][i],
-                                       .y_px = from[2][i],
-                                       .xx_px2 = from[3][i],
-                                       .xy_px2 = from[4][i],
-                                       .yy_px2 = from[5][i],
-                                       .texture = whole_number(from[6][i], 1024.0f, std::int32_t{-1}),
-                                       .weight_sd = from[7][i],
-                                       .centre_sd_px = from[8][i]};
+          Mode& mode = matte.modes(x, row, c)[m];
+          for (size_t l = 0; l < kModeLayers.size(); ++l) {
+            if (const auto member = kModeLayers[l].member; member != nullptr) {
+              mode.*member = from[l][i];
+            } else {
+              mode.texture = whole_number(from[l][i], 1024.0f, std::int32_t{-1});
+            }
+          }
         }
       }
     }

@@ -20,6 +20,21 @@ inline constexpr const char* kMatteChecksum = "glasswing:checksum";
 // Parts of a file: the preview, the foreground, then a part of each mode.
 inline constexpr size_t kPreviewPart = 0, kForegroundPart = 1, kFirstModePart = 2;
 
+// Of a mode, in the order of docs/matte.md.
+struct ModeLayer {
+  const char* name;
+  float Mode::*member;  // null: the texture
+};
+inline constexpr std::array<ModeLayer, 9> kModeLayers{{{"weight", &Mode::weight},
+                                                       {"x", &Mode::x_px},
+                                                       {"y", &Mode::y_px},
+                                                       {"xx", &Mode::xx_px2},
+                                                       {"xy", &Mode::xy_px2},
+                                                       {"yy", &Mode::yy_px2},
+                                                       {"texture", nullptr},
+                                                       {"weight_sd", &Mode::weight_sd},
+                                                       {"centre_sd", &Mode::centre_sd_px}}};
+
 // Without attributes.
 std::vector<ExrPart> matte_parts(int modes_per_channel, bool colourless);
 // A channel of the first mode that only mattes have whose modes are alike in all colours.

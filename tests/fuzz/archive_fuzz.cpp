@@ -4,7 +4,6 @@
 #include <array>
 
 #include "core/base/checksum.h"
-#include "core/base/file.h"
 #include "core/frame/archive.h"
 #include "tests/fuzz/fuzz_target.h"
 

@@ -7,8 +7,9 @@
 #include <unistd.h>
 
 #include <filesystem>
-#include <map>
 #include <set>
+#include <tuple>
+#include <vector>
 
 #include "core/base/file.h"
 #include "core/service/service.h"
@@ -32,25 +33,11 @@ namespace glasswing {
 namespace {
 
 // All services of a lab, none of which does anything: a call that gets through is UNIMPLEMENTED.
-struct Services {
-  v1::ArchiveService::Service archive;
-  v1::CalibrationService::Service calibration;
-  v1::CameraService::Service camera;
-  v1::DisplayService::Service display;
-  v1::EmissionService::Service emission;
-  v1::FleetService::Service fleet;
-  v1::LiveService::Service live;
-  v1::NodeService::Service node;
-  v1::RigService::Service rig;
-  v1::SessionService::Service session;
-  v1::StageService::Service stage;
-  v1::WorkService::Service work;
-
-  std::vector<grpc::Service*> all() {
-    return {&archive, &calibration, &camera, &display, &emission, &fleet,
-            &live,    &node,        &rig,    &session, &stage,    &work};
-  }
-};
+using Services =
+    std::tuple<v1::ArchiveService::Service, v1::CalibrationService::Service, v1::CameraService::Service,
+               v1::DisplayService::Service, v1::EmissionService::Service, v1::FleetService::Service,
+               v1::LiveService::Service, v1::NodeService::Service, v1::RigService::Service,
+               v1::SessionService::Service, v1::StageService::Service, v1::WorkService::Service>;
 
 // "WorkService/ClaimTile", of all proto files that are linked here.
 std::set<std::string> all_methods() {
@@ -82,7 +69,9 @@ class Roles : public testing::Test {
     const TlsFiles files{write("ca.pem", ca_.certificate_pem()), write("rig.pem", own.certificate_pem()),
                          write("rig.key", own.key_pem())};
     EXPECT_TRUE(use_tls(files).ok());
-    server_ = ServiceHost::start({}, services_.all()).value();
+    const auto all =
+        std::apply([](auto&... each) { return std::vector<grpc::Service*>{&each...}; }, services_);
+    server_ = ServiceHost::start({}, all).value();
   }
   ~Roles() override {
     (void)use_tls({});
