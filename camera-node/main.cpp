@@ -27,6 +27,7 @@
 #include "core/service/process_metrics.h"
 #include "core/service/registration.h"
 #include "core/service/service.h"
+#include "core/service/supervision.h"
 
 namespace {
 
@@ -269,7 +270,7 @@ int main(int argc, char** argv) {
   if (!metrics_host.ok()) return fail(metrics_host.status());
   const Registration registration(server, node);
   spdlog::info("listening on address={}", (*host)->address());
-  wait_for_signal();
+  serve_until_signal([&] { return (*host)->answers(kSelfCall); });
   cameras.stop();
   archive_service.stop();
   (*host)->stop(std::chrono::seconds(2));

@@ -17,6 +17,7 @@
 #include "core/service/metrics.h"
 #include "core/service/registration.h"
 #include "core/service/service.h"
+#include "core/service/supervision.h"
 #include "display-node/display_metrics.h"
 #include "display-node/display_service.h"
 #include "display-node/emission_service.h"
@@ -315,7 +316,7 @@ int main(int argc, char** argv) {
   if (!metrics_host.ok()) return fail(metrics_host.status());
   const Registration registration(server, node);
   spdlog::info("listening on address={}", (*host)->address());
-  wait_for_signal();
+  serve_until_signal([&] { return (*host)->answers(kSelfCall); });
   service.stop();
   emission.stop();
   (*host)->stop(std::chrono::seconds(2));

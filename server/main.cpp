@@ -11,6 +11,7 @@
 #include "core/service/metrics.h"
 #include "core/service/process_metrics.h"
 #include "core/service/service.h"
+#include "core/service/supervision.h"
 #include "server/fleet_service.h"
 #include "server/rig_service.h"
 #include "server/server.h"
@@ -78,7 +79,7 @@ int main(int argc, char** argv) {
       ServiceHost::start(listen, {&sessions, &nodes, &work, &rig, &fleet});
   if (!host.ok()) return fail(host.status());
   spdlog::info("listening on address={}", (*host)->address());
-  wait_for_signal();
+  serve_until_signal([&] { return (*host)->answers(kSelfCall); });
   sessions.stop();
   rig.stop();
   (*host)->stop(std::chrono::seconds(2));

@@ -24,6 +24,7 @@
 #include "core/service/metrics.h"
 #include "core/service/registration.h"
 #include "core/service/service.h"
+#include "core/service/supervision.h"
 #include "solver/background/object_mask.h"
 #include "solver/bands.h"
 #include "solver/live/live_service.h"
@@ -90,7 +91,7 @@ absl::Status serve(const Work& work) {
           stop);
       ::kill(::getpid(), SIGTERM);  // for whoever waits below
     });
-    wait_for_signal();
+    serve_until_signal([&] { return host == nullptr || host->answers(kSelfCall); });
   }
   live.stop();
   archive_service.stop();

@@ -3,12 +3,16 @@
 #include <fmt/format.h>
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <grpcpp/health_check_service_interface.h>
+#include <grpcpp/resource_quota.h>
+#include <sys/resource.h>
 
-#include <csignal>
+#include <algorithm>
 #include <regex>
 
 #include "core/base/status.h"
+#include "core/service/listener.h"
 #include "core/service/rpc_metrics.h"
+#include "core/service/stalled_calls.h"
 #include "core/service/tls.h"
 #include "glasswing/v1/clock_service.grpc.pb.h"
 
@@ -50,6 +54,33 @@ absl::Status check_advertised(const ListenOptions& options) {
     return absl::OkStatus();
   return absl::InvalidArgumentError(fmt::format(
       "--advertise is {}; it must be the HOST:PORT by which the others call this machine", advertised));
+}
+
+void set_limits(grpc::ServerBuilder& builder, const ServiceLimits& limits) {
+  // Of who connects and says nothing; without TLS, who sends no settings.
+  builder.AddChannelArgument("grpc.server_handshake_timeout_ms", static_cast<int>(limits.handshake.count()));
+  // Whoever vanished without a word, machine and all, is noticed within 20 s, and what it asked for ends.
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 10000);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 10000);
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, static_cast<int>(limits.idle.count()));
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, limits.calls_of_a_connection);
+  builder.SetMaxReceiveMessageSize(limits.message_bytes);
+  grpc::ResourceQuota quota("service");
+  quota.Resize(limits.buffer_bytes).SetMaxThreads(limits.calls);
+  builder.SetResourceQuota(quota);
+}
+
+// As many as the system lets it have, up to what no rig needs; how many that is.
+int allow_descriptors() {
+  constexpr rlim_t kEnough = 65536;
+  rlimit limit{};
+  ::getrlimit(RLIMIT_NOFILE, &limit);
+  if (limit.rlim_cur < kEnough) {
+    limit.rlim_cur = std::min(limit.rlim_max, kEnough);
+    ::setrlimit(RLIMIT_NOFILE, &limit);
+  }
+  return static_cast<int>(std::min(limit.rlim_cur, kEnough));
 }
 
 }  // namespace
@@ -104,6 +135,8 @@ absl::StatusOr<std::unique_ptr<ServiceHost>> ServiceHost::start(const ListenOpti
                                                                 const std::vector<grpc::Service*>& services) {
   GW_ASSIGN_OR_RETURN(const auto credentials, listening_credentials(options.address));
   GW_RETURN_IF_ERROR(check_advertised(options));
+  GW_ASSIGN_OR_RETURN(std::unique_ptr<Listener> listener, Listener::open(options.address));
+  const ServiceLimits& limits = options.limits;
   std::unique_ptr<ServiceHost> self(new ServiceHost);
   self->clock_ = std::make_unique<NodeClockService>(options.clock);
   grpc::EnableDefaultHealthCheckService(true);
@@ -111,29 +144,34 @@ absl::StatusOr<std::unique_ptr<ServiceHost>> ServiceHost::start(const ListenOpti
     grpc::reflection::InitProtoReflectionServerBuilderPlugin();  // process-wide
   }
   grpc::ServerBuilder builder;
-  int port = 0;
-  builder.AddListeningPort(options.address, credentials, &port);
-  builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);  // a second daemon on this port is an error
-  builder.AddChannelArgument("grpc.server_handshake_timeout_ms", 5000);
-  // Whoever vanished without a word, machine and all, is noticed within 20 s, and what it asked for ends.
-  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 10000);
-  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 10000);
-  builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
-  builder.SetMaxReceiveMessageSize(8 << 20);
+  auto acceptor = builder.experimental().AddExternalConnectionAcceptor(
+      grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD, credentials);
+  set_limits(builder, limits);
   builder.RegisterService(self->clock_.get());
   for (grpc::Service* service : services) builder.RegisterService(service);
   std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> interceptors;
   interceptors.push_back(std::make_unique<RpcMetricsFactory>());
+  interceptors.push_back(std::make_unique<StalledCallsFactory>(limits.stalled));
   builder.experimental().SetInterceptorCreators(std::move(interceptors));
   self->server_ = builder.BuildAndStart();
-  if (self->server_ == nullptr || port == 0) {
-    return absl::UnavailableError(
-        fmt::format("cannot listen on {}; is another daemon running there?", options.address));
-  }
-  self->address_ = fmt::format("{}:{}", host_of(options.address), port);
+  if (self->server_ == nullptr)
+    return absl::InternalError(fmt::format("cannot serve on {}", options.address));
+  self->listener_ = std::move(listener);
+  self->listener_->start(std::move(acceptor), std::min(limits.descriptors, allow_descriptors() / 2));
+  self->address_ = fmt::format("{}:{}", host_of(options.address), self->listener_->port());
   self->advertised_ = options.advertised.empty() ? self->address_ : options.advertised;
   self->server_->GetHealthCheckService()->SetServingStatus(true);
   return self;
+}
+
+bool ServiceHost::answers(std::chrono::milliseconds within) const {
+  if (!listener_->takes_connections(within)) return false;
+  grpc::ClientContext context;
+  set_deadline(context, within);
+  v1::ExchangeResponse response;
+  const auto clock = v1::ClockService::NewStub(server_->InProcessChannel(grpc::ChannelArguments()));
+  // That it has too much to do is an answer.
+  return clock->Exchange(&context, {}, &response).error_code() != grpc::StatusCode::DEADLINE_EXCEEDED;
 }
 
 ServiceHost::~ServiceHost() {
@@ -142,27 +180,11 @@ ServiceHost::~ServiceHost() {
 
 void ServiceHost::stop(std::chrono::milliseconds grace) {
   if (server_ == nullptr) return;
+  server_->GetHealthCheckService()->SetServingStatus(false);
+  listener_->stop();
   server_->Shutdown(std::chrono::system_clock::now() + grace);
   server_->Wait();
   server_ = nullptr;
-}
-
-void block_signals() {
-  sigset_t signals;
-  ::sigemptyset(&signals);
-  ::sigaddset(&signals, SIGINT);
-  ::sigaddset(&signals, SIGTERM);
-  ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
-  ::signal(SIGPIPE, SIG_IGN);
-}
-
-void wait_for_signal() {
-  sigset_t signals;
-  ::sigemptyset(&signals);
-  ::sigaddset(&signals, SIGINT);
-  ::sigaddset(&signals, SIGTERM);
-  int received = 0;
-  ::sigwait(&signals, &received);
 }
 
 }  // namespace glasswing

@@ -29,12 +29,30 @@ std::shared_ptr<grpc::Channel> dial(const std::string& address);
 // Sets the deadline `timeout` from now.
 void set_deadline(grpc::ClientContext& context, std::chrono::milliseconds timeout);
 
+// How long a daemon's call to itself may take (ServiceHost::answers).
+inline constexpr std::chrono::milliseconds kSelfCall(3000);
+
+// What callers can take of one daemon. Beyond it calls get RESOURCE_EXHAUSTED, and connections are closed.
+struct ServiceLimits {
+  int message_bytes = 8 << 20;                    // of one that is received
+  size_t buffer_bytes = 256 << 20;                // of gRPC's own, for all connections
+  int calls = 1024;                               // that are answered at once, streams too: each has a thread
+  int calls_of_a_connection = 256;                // more wait
+  int descriptors = 4096;                         // open in the process: a connection beyond it is closed
+  std::chrono::milliseconds handshake{5000};      // from connecting to the first call that can be made
+  std::chrono::milliseconds idle{5 * 60 * 1000};  // a connection without a call for so long is closed
+  std::chrono::milliseconds stalled{60 * 1000};   // core/service/stalled_calls.h
+};
+
 struct ListenOptions {
   std::string address = "127.0.0.1:0";  // port 0: any free one
   std::string advertised = {};          // host:port that others call; empty: `address`
   bool reflection = false;
   NodeClock clock = {};  // that ClockService tells
+  ServiceLimits limits = {};
 };
+
+class Listener;
 
 // A listening gRPC server with standard health (SERVING), the ClockService and message limits, and TLS as
 // use_tls() says. Borrowed services must outlive it.
@@ -48,6 +66,8 @@ class ServiceHost {
 
   const std::string& address() const { return address_; }        // with the real port
   const std::string& advertised() const { return advertised_; }  // where others call it, likewise
+  // Whether connections are taken and a call is answered, both as others see it. Blocks up to twice `within`.
+  bool answers(std::chrono::milliseconds within) const;
   // Stops listening, gives running calls until `grace` to end, then cancels them.
   void stop(std::chrono::milliseconds grace);
 
@@ -56,11 +76,7 @@ class ServiceHost {
   std::string address_, advertised_;
   std::unique_ptr<grpc::Service> clock_;
   std::unique_ptr<grpc::Server> server_;
+  std::unique_ptr<Listener> listener_;
 };
-
-// Call first in main, before any thread: from then on SIGINT and SIGTERM wait for wait_for_signal().
-void block_signals();
-// Returns when one arrives.
-void wait_for_signal();
 
 }  // namespace glasswing
