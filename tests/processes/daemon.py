@@ -46,6 +46,7 @@ class Daemon:
         self.started = 0.0  # monotonic
         # It must not outlive the test, however that ends.
         self._command = ["setpriv", "--pdeathsig", "KILL", *before, str(BIN / command[0]), *command[1:]]
+        self.environment: dict[str, str] = {}  # besides the test's own, of lives to come
         self._process: subprocess.Popen[bytes] | None = None
 
     def start(self, fault: str = "") -> None:
@@ -53,9 +54,15 @@ class Daemon:
         assert not self.is_running(), f"{self.name} runs already"
         self.fault = fault
         self.started = time.monotonic()
-        environment = dict(os.environ, GLASSWING_CONFIG="/dev/null", GLASSWING_FAULT=fault)
+        environment = dict(os.environ, GLASSWING_CONFIG="/dev/null", GLASSWING_FAULT=fault, **self.environment)
         with self.log.open("ab") as log:
             self._process = subprocess.Popen(self._command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, env=environment)
+
+    @property
+    def pid(self) -> int:
+        """Of the life that it has, or had last."""
+        assert self._process is not None, f"{self.name} was never started"
+        return self._process.pid
 
     def is_running(self) -> bool:
         """A stopped one runs too."""

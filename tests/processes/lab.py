@@ -12,6 +12,7 @@ from typing import Any
 import grpc
 
 from glasswing.v1 import node_service_pb2, session_service_pb2 as sessions
+from glasswing.v1.archive_service_pb2_grpc import ArchiveServiceStub
 from glasswing.v1.node_service_pb2_grpc import NodeServiceStub
 from glasswing.v1.session_service_pb2_grpc import SessionServiceStub
 
@@ -63,6 +64,12 @@ def capture_archives(plans: Mapping[pathlib.Path, pathlib.Path], work: pathlib.P
         subprocess.run([*rig, "down", *options], env=environment, **shown)  # type: ignore[call-overload]
 
 
+def dial(port: int) -> grpc.Channel:
+    """To a port of loopback; a daemon that was started again is found soon."""
+    backoff = [(f"grpc.{which}_reconnect_backoff_ms", 100) for which in ("initial", "max")]
+    return grpc.insecure_channel(f"127.0.0.1:{port}", [*backoff, ("grpc.min_reconnect_backoff_ms", 2000), ("grpc.use_local_subchannel_pool", 1)])
+
+
 class Lab:
     """Its sessions have the archives' frames, by name; there are no solvers yet."""
 
@@ -76,11 +83,11 @@ class Lab:
         self.server = Daemon("server", ["glasswing-server", *listen, *server_options], work / "server.log")
         self.camera = self.camera_at(self.archive_port)
         self.solvers: list[Daemon] = []
-        self._channel = grpc.insecure_channel(
-            self.address, [(f"grpc.{which}_reconnect_backoff_ms", 100) for which in ("initial", "max")] + [("grpc.min_reconnect_backoff_ms", 2000)]
-        )
-        self.sessions: Any = SessionServiceStub(self._channel)
-        self._nodes: Any = NodeServiceStub(self._channel)
+        self.channel = dial(self.port)
+        self.archive_channel = dial(self.archive_port)
+        self.sessions: Any = SessionServiceStub(self.channel)
+        self.archives: Any = ArchiveServiceStub(self.archive_channel)
+        self._nodes: Any = NodeServiceStub(self.channel)
         self.server.start()
         self.camera.start()
         until(lambda: self.nodes_up(node_service_pb2.NODE_KIND_CAMERA) == 1, "the camera is known to the server")
@@ -157,6 +164,7 @@ class Lab:
 
     def close(self) -> None:
         """Ends every process."""
-        self._channel.close()
+        self.channel.close()
+        self.archive_channel.close()
         for daemon in reversed(self.daemons()):
             daemon.end()

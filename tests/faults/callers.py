@@ -1,0 +1,317 @@
+"""Callers that are slow, many, greedy, or speak nonsense: the daemon goes on serving others, in bounded memory."""
+
+from __future__ import annotations
+
+import collections
+import contextlib
+import importlib
+import pkgutil
+import random
+import selectors
+import socket
+import struct
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import grpc
+from google.protobuf.descriptor import MethodDescriptor
+
+import glasswing.v1
+from glasswing.v1 import archive_service_pb2 as archives
+from glasswing.v1 import session_service_pb2 as sessions
+
+from case import Cases, Report
+from daemon import Daemon
+from lab import SESSION, dial, until
+from stage import Stage, descriptors, memory_mb
+
+case: Cases[Stage] = Cases()
+
+_PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n"
+_SETTINGS, _PING, _ACK = 4, 6, 1
+_HANDSHAKE_SECONDS, _STALLED_SECONDS = 5, 60  # core/service/service.h
+_MARGIN_SECONDS = 40  # a look every quarter of _STALLED_SECONDS, and a busy machine
+_MOST_ANSWER_SECONDS = 2.0  # of somebody who asks meanwhile
+
+
+def frame(kind: int, flags: int = 0, payload: bytes = b"") -> bytes:
+    """HTTP/2's, of the connection itself."""
+    return struct.pack(">I", len(payload))[1:] + bytes([kind, flags]) + bytes(4) + payload
+
+
+class Neighbour:
+    """Somebody else, who asks again and again while the case runs; remembers the longest wait."""
+
+    def __init__(self, stage: Stage) -> None:
+        self._stage = stage
+        self._ended = threading.Event()
+        self.longest_seconds = 0.0
+        self.answers = 0
+        self.errors: list[str] = []
+        self._thread = threading.Thread(target=self._ask, daemon=True)
+
+    def __enter__(self) -> "Neighbour":
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        self._thread.join()
+
+    def _ask(self) -> None:
+        calls: list[Callable[[], object]] = [
+            lambda: self._stage.lab.sessions.GetSession(sessions.GetSessionRequest(name=SESSION), timeout=30.0),
+            lambda: self._stage.lab.archives.GetSpace(archives.GetSpaceRequest(), timeout=30.0),
+        ]
+        while not self._ended.wait(0.05):
+            for call in calls:
+                began = time.monotonic()
+                try:
+                    call()
+                except grpc.RpcError as error:
+                    self.errors.append(f"{error.code()}: {error.details()}")
+                self.answers += 1
+                self.longest_seconds = max(self.longest_seconds, time.monotonic() - began)
+
+    def hold(self) -> str:
+        """Asserts that it was served all the time; in words."""
+        assert not self.errors, f"{len(self.errors)} calls of somebody else failed: {self.errors[0]}"
+        assert self.longest_seconds < _MOST_ANSWER_SECONDS, f"somebody else waited {self.longest_seconds:.2f} s"
+        return f"another's {self.answers} calls took {1000 * self.longest_seconds:.0f} ms at most"
+
+
+class Memory:
+    """Of a daemon, from now on."""
+
+    def __init__(self, daemon: Daemon) -> None:
+        self._daemon = daemon
+        self.before_mb = self.most_mb = memory_mb(daemon)
+
+    def look(self) -> None:
+        """To be called again and again."""
+        self.most_mb = max(self.most_mb, memory_mb(self._daemon))
+
+    def hold(self, most_more_mb: float) -> str:
+        """Asserts that it never had so much more; in words."""
+        self.look()
+        more = self.most_mb - self.before_mb
+        assert more < most_more_mb, f"{self._daemon.name} took {more:.0f} MB more, {most_more_mb:.0f} are allowed"
+        return f"{self._daemon.name} took {more:.0f} MB more at most ({self.before_mb:.0f} before)"
+
+
+def watched(seconds: float, memory: Memory, ended: Callable[[], bool] = lambda: False) -> None:
+    """Until it has ended, or so long."""
+    until_time = time.monotonic() + seconds
+    while time.monotonic() < until_time and not ended():
+        memory.look()
+        time.sleep(0.05)
+
+
+@case("64 readers that take a message each and then no more", "their calls are ended, others are served")
+def slow_readers(stage: Stage) -> Report:
+    """Each asks for far more than sockets and windows hold."""
+    files = [each.file for each in stage.captured.frames] * 64
+    rows = stage.captured.header.camera.height_px
+    request = archives.ReadRowsRequest(session=SESSION, files=files, first_row=0, row_count=rows)
+    memory = Memory(stage.lab.camera)
+    channels = [dial(stage.lab.archive_port) for _ in range(64)]
+    with Neighbour(stage) as neighbour:
+        calls = []
+        for channel in channels:
+            read = channel.unary_stream("/glasswing.v1.ArchiveService/ReadRows", archives.ReadRowsRequest.SerializeToString, archives.ReadRowsResponse.FromString)
+            call = read(request, timeout=600.0)
+            next(call)
+            calls.append(call)
+        began = time.monotonic()
+        watched(_STALLED_SECONDS + _MARGIN_SECONDS, memory, lambda: _stalled(stage.lab.camera) >= 64)
+        took = time.monotonic() - began
+        codes = collections.Counter(_end(call) for call in calls)
+    for channel in channels:
+        channel.close()
+    assert codes == {"CANCELLED": 64}, f"the calls of readers that stopped ended so: {dict(codes)}"
+    return Report(64, f"after {took:.0f} s; {memory.hold(64 * 4.0)}; {neighbour.hold()}")
+
+
+def _stalled(daemon: Daemon) -> int:
+    return daemon.log.read_text(errors="replace").count("a call is ended: its other side has stopped")
+
+
+def _end(call: grpc.Future) -> str:
+    """Reads on, to the end."""
+    with contextlib.suppress(grpc.RpcError):
+        for _ in call:
+            pass
+    code: str = call.code().name
+    return code
+
+
+@case("200 connections that send HTTP/2's first bytes one a second", "they are closed within the handshake's time, others are served")
+def slow_loris(stage: Stage) -> Report:
+    """They never come to an end by themselves within the case."""
+    memory = Memory(stage.lab.server)
+    connections = [socket.create_connection(("127.0.0.1", stage.lab.port), timeout=5.0) for _ in range(200)]
+    for connection in connections:
+        connection.setblocking(False)
+    opened = time.monotonic()
+    sent = 0
+    closed = 0
+    with Neighbour(stage) as neighbour:
+        while closed < len(connections) and time.monotonic() - opened < _HANDSHAKE_SECONDS + _MARGIN_SECONDS:
+            closed = sum(_is_closed(connection, _PREFACE[sent : sent + 1]) for connection in connections)
+            sent = min(sent + 1, len(_PREFACE) - 2)
+            watched(1.0, memory)
+    took = time.monotonic() - opened
+    for connection in connections:
+        connection.close()
+    assert closed == len(connections), f"{len(connections) - closed} are still open after {took:.0f} s"
+    return Report(200, f"after {took:.0f} s; {memory.hold(50.0)}; {neighbour.hold()}")
+
+
+def _is_closed(connection: socket.socket, more: bytes) -> bool:
+    try:
+        while connection.recv(4096):
+            pass
+        return True
+    except BlockingIOError:
+        pass
+    except OSError:
+        return True
+    try:
+        connection.send(more)
+    except OSError:
+        return True
+    return False
+
+
+@case("500 connections without a call, that answer every ping", "others are served")
+def idle_connections(stage: Stage) -> Report:
+    """They would be closed after five minutes."""
+    memory = Memory(stage.lab.server)
+    selector = selectors.DefaultSelector()
+    received: dict[socket.socket, bytes] = {}
+    for _ in range(500):
+        connection = socket.create_connection(("127.0.0.1", stage.lab.port), timeout=5.0)
+        connection.sendall(_PREFACE + frame(_SETTINGS))
+        connection.setblocking(False)
+        selector.register(connection, selectors.EVENT_READ)
+        received[connection] = b""
+    opened = time.monotonic()
+    closed = 0
+    with Neighbour(stage) as neighbour:
+        while time.monotonic() - opened < 15.0:
+            memory.look()
+            for key, _ in selector.select(0.1):
+                assert isinstance(key.fileobj, socket.socket)
+                closed += not _answer(key.fileobj, received, selector)
+        held = descriptors(stage.lab.server)
+    for connection in received:
+        connection.close()
+    assert closed == 0, f"{closed} were closed"
+    assert held >= 500, f"only {held} are open"
+    each_kb = 1000 * (memory.most_mb - memory.before_mb) / 500
+    until(lambda: descriptors(stage.lab.server) <= held - 500, "the descriptors are given back")
+    return Report(500, f"{each_kb:.0f} kB each; {memory.hold(150.0)}; {neighbour.hold()}")
+
+
+def _answer(connection: socket.socket, received: dict[socket.socket, bytes], selector: selectors.BaseSelector) -> bool:
+    """Confirms settings and pings, as a client's library does. False: it was closed."""
+    try:
+        content = connection.recv(4096)
+    except OSError:
+        content = b""
+    if not content:
+        selector.unregister(connection)
+        return False
+    buffer = received[connection] + content
+    while len(buffer) >= 9:
+        size = int.from_bytes(buffer[:3], "big")
+        if len(buffer) < 9 + size:
+            break
+        kind, flags, payload = buffer[3], buffer[4], buffer[9 : 9 + size]
+        if kind in (_SETTINGS, _PING) and not flags & _ACK:
+            connection.sendall(frame(kind, _ACK, payload if kind == _PING else b""))
+        buffer = buffer[9 + size :]
+    received[connection] = buffer
+    return True
+
+
+@case("a flood: 8 connections with 500 calls in flight each, for 10 s", "others are served")
+def flood(stage: Stage) -> Report:
+    """The call is a cheap one, so that there are many."""
+    memory = Memory(stage.lab.server)
+    stop = time.monotonic() + 10.0
+    counts = {"OK": 0}
+    lock = threading.Lock()
+
+    def keep_asking(channel: grpc.Channel) -> None:
+        ask = channel.unary_unary("/glasswing.v1.SessionService/GetSession", sessions.GetSessionRequest.SerializeToString, lambda content: content)
+        room = threading.Semaphore(500)
+
+        def done(call: grpc.Future) -> None:
+            with lock:
+                name = call.code().name
+                counts[name] = counts.get(name, 0) + 1
+            room.release()
+
+        while time.monotonic() < stop:
+            room.acquire()
+            ask.future(sessions.GetSessionRequest(name=SESSION), timeout=60.0).add_done_callback(done)
+        for _ in range(500):
+            room.acquire()
+
+    channels = [dial(stage.lab.port) for _ in range(8)]
+    threads = [threading.Thread(target=keep_asking, args=(channel,)) for channel in channels]
+    with Neighbour(stage) as neighbour:
+        for thread in threads:
+            thread.start()
+        watched(60.0, memory, lambda: not any(thread.is_alive() for thread in threads))
+        for thread in threads:
+            thread.join()
+    for channel in channels:
+        channel.close()
+    told = ", ".join(f"{count} {name}" for name, count in sorted(counts.items()))
+    return Report(1, f"{told}; {memory.hold(300.0)}; {neighbour.hold()}")
+
+
+@case("messages of more than 8 MiB, 32 at once", "RESOURCE_EXHAUSTED")
+def oversized(stage: Stage) -> Report:
+    """Sent as what would be a right request but for its size."""
+    memory = Memory(stage.lab.server)
+    ask = stage.lab.channel.unary_unary("/glasswing.v1.SessionService/GetSession")
+    calls = [ask.future(sessions.GetSessionRequest(name="x" * (9 << 20)).SerializeToString(), timeout=60.0) for _ in range(32)]
+    for call in calls:
+        assert call.code() == grpc.StatusCode.RESOURCE_EXHAUSTED, f"{call.code()}: {call.details()}"
+    return Report(32, memory.hold(400.0))
+
+
+def methods() -> Iterator[MethodDescriptor]:
+    """Of all services."""
+    for module in pkgutil.iter_modules(glasswing.v1.__path__):
+        if module.name.endswith("_service_pb2"):
+            described = importlib.import_module(f"glasswing.v1.{module.name}").DESCRIPTOR
+            for service in described.services_by_name.values():
+                yield from service.methods
+
+
+@case("malformed messages to every method of every service, on server and camera node", "an error that is no crash")
+def malformed(stage: Stage) -> Report:
+    """Random bytes, and beginnings of nothing: field numbers and sizes that lead past the end."""
+    dice = random.Random(10)
+    shapes = [b"\xff" * 12, b"\x0a\xff\xff\xff\xff\x0f", b"\x0a\x05ab", b"\x08" * 40, b"\x0b", b"\x0a\x80\x80\x80\x80\x80\x80\x80\x80\x80\x01"]
+    count = 0
+    codes: set[grpc.StatusCode] = set()
+    for method in methods():
+        path = f"/{method.containing_service.full_name}/{method.name}"
+        for content in shapes + [dice.randbytes(dice.randrange(1, 300)) for _ in range(4)]:
+            for channel in (stage.lab.channel, stage.lab.archive_channel):
+                call = channel.stream_stream(path)(iter([content]), timeout=10.0)
+                count += 1
+                try:
+                    for _ in call:
+                        break
+                    call.cancel()
+                except grpc.RpcError as error:
+                    codes.add(error.code())
+    assert grpc.StatusCode.DEADLINE_EXCEEDED not in codes, "a malformed message was waited on"
+    return Report(count, f"{count} messages; {', '.join(sorted(code.name for code in codes))}")

@@ -1,0 +1,90 @@
+"""What clients were told is kept, held against what can be fetched afterwards.
+
+    A frame whose storing was acknowledged is read back byte for byte, from the node that has it.
+    A session that was acknowledged is listed, in the state that was told or a later one.
+    A finished matte that was fetched once is fetched again byte for byte.
+    What was acknowledged as deleted does not come back.
+"""
+
+from __future__ import annotations
+
+import hashlib
+
+import grpc
+
+from glasswing.v1 import archive_service_pb2 as archives
+from glasswing.v1 import session_service_pb2 as sessions
+
+from case import Lost
+from lab import Lab
+
+
+def digest(content: bytes) -> str:
+    """Of some bytes."""
+    return hashlib.sha256(content).hexdigest()
+
+
+class Ledger:
+    """Of one lab."""
+
+    def __init__(self, lab: Lab) -> None:
+        self._lab = lab
+        self._frames: dict[tuple[str, str], str] = {}
+        self._sessions: set[str] = set()
+        self._mattes: dict[str, str] = {}
+        self._deleted: set[str] = set()
+
+    def frame(self, session: str, file: str, content: bytes) -> None:
+        """Acknowledged as stored."""
+        self._frames[session, file] = digest(content)
+
+    def session(self, name: str) -> None:
+        """Acknowledged as made."""
+        self._sessions.add(name)
+        self._deleted.discard(name)
+
+    def matte(self, name: str, content: bytes) -> None:
+        """As it was fetched from a session that is done."""
+        self._mattes[name] = digest(content)
+
+    def deleted(self, name: str) -> None:
+        """Acknowledged; also to be told when it is asked for, since it may be half done."""
+        self._sessions.discard(name)
+        self._mattes.pop(name, None)
+        for key in [key for key in self._frames if key[0] == name]:
+            del self._frames[key]
+        self._deleted.add(name)
+
+    def check(self) -> None:
+        """All of it. Lost: what is not as it was told."""
+        listed = {session.name for session in self._lab.sessions.ListSessions(sessions.ListSessionsRequest(), timeout=30.0, wait_for_ready=True).sessions}
+        for name in self._sessions - listed:
+            raise Lost(f'session "{name}" was acknowledged and is not there')
+        for name in self._deleted & listed:
+            raise Lost(f'session "{name}" was acknowledged as deleted and is there')
+        for (session, file), known in self._frames.items():
+            self._hold(f'frame {file} of session "{session}"', known, lambda: read_file(self._lab, session, file))
+        for name, known in self._mattes.items():
+            self._hold(f'the matte of session "{name}"', known, lambda: fetch_matte(self._lab, name))
+
+    @staticmethod
+    def _hold(what: str, known: str, read: object) -> None:
+        assert callable(read)
+        try:
+            now = digest(read())
+        except grpc.RpcError as error:
+            raise Lost(f"{what} was acknowledged and cannot be read: {error.details()}") from None
+        if now != known:
+            raise Lost(f"{what} is not what was acknowledged")
+
+
+def read_file(lab: Lab, session: str, file: str) -> bytes:
+    """A frame's file, from the camera node."""
+    request = archives.ReadFileRequest(session=session, file=file)
+    return b"".join(part.chunk for part in lab.archives.ReadFile(request, timeout=30.0, wait_for_ready=True))
+
+
+def fetch_matte(lab: Lab, name: str) -> bytes:
+    """From the server."""
+    request = sessions.FetchMatteRequest(name=name)
+    return b"".join(part.chunk for part in lab.sessions.FetchMatte(request, timeout=60.0, wait_for_ready=True))
