@@ -3,22 +3,38 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import pathlib
 import shutil
 import sys
 import tempfile
+from collections.abc import Callable
+from typing import Any
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "processes"))
 
 import callers  # noqa: E402
+import network  # noqa: E402
 from case import Cases, Tally, run  # noqa: E402
 from daemon import ROOT  # noqa: E402
 from lab import capture_archives  # noqa: E402
+from network import RelayedStage  # noqa: E402
 from stage import Stage  # noqa: E402
 
-# What each suite is about, its cases, and what the server is told.
-SUITES: dict[str, tuple[str, Cases[Stage], tuple[str, ...]]] = {
-    "callers": ("callers that are slow, many, greedy, or speak nonsense", callers.case, ()),
+
+
+@dataclasses.dataclass(frozen=True)
+class Suite:
+    """`about` in words; `make` the stage that its cases are done on."""
+
+    about: str
+    cases: Cases[Any]
+    make: Callable[[pathlib.Path, pathlib.Path], Stage]
+
+
+SUITES = {
+    "callers": Suite("callers that are slow, many, greedy, or speak nonsense", callers.case, Stage),
+    "network": Suite("a network that breaks, people who get in each other's way", network.case, lambda work, archive: RelayedStage(work, archive, ("--lease", "1", "--least-tile", "0.02"))),
 }
 
 
@@ -37,14 +53,14 @@ def main() -> int:
     try:
         archive = directory / "vase"
         capture_archives({archive: ROOT / "deploy/plans/quick.txtpb"}, directory, "128x104")
-        for name, (about, cases, server_options) in SUITES.items():
+        for name, suite in SUITES.items():
             if options.suites and name not in options.suites:
                 continue
-            chosen = [case for case in cases.all if options.only in case.fault]
+            chosen = [case for case in suite.cases.all if options.only in case.fault]
             if not chosen:
                 continue
-            print(f"== {name}: {about}", flush=True)
-            stage = Stage(directory / name, archive, server_options)
+            print(f"== {name}: {suite.about}", flush=True)
+            stage = suite.make(directory / name, archive)
             try:
                 tally = run(chosen, stage, stage.check)
             finally:

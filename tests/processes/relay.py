@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import selectors
 import socket
+import struct
 import threading
 import time
 
@@ -17,8 +18,10 @@ class Relay:
     def __init__(self, port: int, target: int) -> None:
         self._target = target
         self._peers: dict[socket.socket, socket.socket] = {}
+        self._clients: set[socket.socket] = set()  # of those, the ends on this side
         self._refuses_until = 0.0
         self._silent_until = 0.0
+        self._silent_ways = ("there", "back")
         self._lock = threading.Lock()
         self._ended = False
         self._listener = socket.create_server(("127.0.0.1", port), reuse_port=False)
@@ -34,10 +37,20 @@ class Relay:
             for end in list(self._peers):
                 self._drop(end)
 
-    def fall_silent(self, seconds: float) -> None:
-        """Nothing gets through for so long, and nobody is told; then all goes on."""
+    def fall_silent(self, seconds: float, ways: tuple[str, ...] = ("there", "back")) -> None:
+        """Nothing gets through for so long, to the target (there), from it (back) or both, and nobody is told; then all goes on."""
         with self._lock:
             self._silent_until = time.monotonic() + seconds
+            self._silent_ways = ways
+
+    def reset(self) -> None:
+        """All connections end at once, with RST, and what was under way is gone."""
+        with self._lock:
+            for end in list(self._peers):
+                with contextlib.suppress(OSError):
+                    end.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            for end in list(self._peers):
+                self._drop(end)
 
     def mend(self) -> None:
         """Whatever was broken."""
@@ -55,8 +68,7 @@ class Relay:
         while not self._ended:
             ready = self._selector.select(0.05)
             with self._lock:
-                if time.monotonic() < self._silent_until:
-                    ready = []
+                ready = [(key, events) for key, events in ready if not self._is_silent(key.fileobj)]
                 for key, _ in ready:
                     assert isinstance(key.fileobj, socket.socket)
                     if key.fileobj is self._listener:
@@ -65,6 +77,12 @@ class Relay:
                         self._forward(key.fileobj)
             if not ready:
                 time.sleep(0.002)
+
+    def _is_silent(self, end: object) -> bool:
+        if time.monotonic() >= self._silent_until:
+            return False
+        way = "there" if end is self._listener or end in self._clients else "back"
+        return way in self._silent_ways
 
     def _accept(self) -> None:
         client, _ = self._listener.accept()
@@ -75,6 +93,7 @@ class Relay:
         except OSError:
             client.close()
             return
+        self._clients.add(client)
         for end, other in ((client, server), (server, client)):
             end.settimeout(5.0)
             end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -96,6 +115,7 @@ class Relay:
             return
         for side in (end, self._peers[end]):
             del self._peers[side]
+            self._clients.discard(side)
             with contextlib.suppress(KeyError, ValueError):
                 self._selector.unregister(side)
             side.close()

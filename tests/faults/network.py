@@ -1,0 +1,191 @@
+"""A network that breaks, and people who get in each other's way."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pathlib
+import signal
+import subprocess
+import threading
+
+import grpc
+
+from glasswing.v1 import archive_service_pb2 as archives
+from glasswing.v1 import session_service_pb2 as sessions
+
+from case import Cases, Report
+from daemon import BIN, free_port, listens
+from lab import SESSION, dial, until
+from ledger import fetch_matte
+from relay import Relay
+from stage import Stage
+
+
+class RelayedStage(Stage):
+    """Solvers reach the server, and whoever reads frames the camera node, through relays."""
+
+    def __init__(self, work: pathlib.Path, archive: pathlib.Path, server_options: tuple[str, ...] = ()) -> None:
+        super().__init__(work, archive, server_options)
+        self.reference = fetch_matte(self.lab, SESSION)
+        self.lab.solvers.pop().end()
+        self.lab.camera.end()
+        camera_port = free_port()
+        self.lab.camera = self.lab.hidden_camera_at(camera_port)
+        self.lab.camera.start()
+        before_server = free_port()
+        self.links = {"camera": Relay(self.lab.archive_port, camera_port), "server": Relay(before_server, self.lab.port)}
+        for _ in range(2):
+            self.lab.add_solver(before_server).start()
+        until(lambda: listens(camera_port), "the camera node listens")
+
+    def close(self) -> None:
+        """Ends everything."""
+        super().close()
+        for link in self.links.values():
+            link.close()
+
+
+case: Cases[RelayedStage] = Cases()
+
+_SILENT_SECONDS = 3.0  # three leases
+_LINKS = {"server": "solvers and the server", "camera": "everybody and the camera node"}
+_WAYS = {"there": ("there",), "back": ("back",), "both ways": ("there", "back")}
+
+
+def _solve_through(stage: RelayedStage, link: str, ways: tuple[str, ...]) -> Report:
+    before = stage.lab.session()
+    stage.lab.solve()
+    until(lambda: _tiles(stage) > 0, "the solve has begun", 30.0)
+    stage.links[link].fall_silent(_SILENT_SECONDS, ways)
+    session = stage.lab.wait_until_done(90.0)
+    assert session.job != before.job
+    assert fetch_matte(stage.lab, SESSION) == stage.reference, "the matte differs from the undisturbed one"
+    return Report(1, f"{session.tile_count} tiles")
+
+
+def _tiles(stage: RelayedStage) -> int:
+    session = stage.lab.session()
+    return session.tile_count if session.state == sessions.SESSION_STATE_SOLVING else 1
+
+
+def _add_partitions() -> None:
+    for link, between in _LINKS.items():
+        for name, ways in _WAYS.items():
+
+            def do(stage: RelayedStage, link: str = link, ways: tuple[str, ...] = ways) -> Report:
+                return _solve_through(stage, link, ways)
+
+            case(f"nothing gets through between {between} for three leases in mid-solve, {name}", "the same matte, to the last bit")(do)
+
+
+_add_partitions()
+
+
+@case("connections reset in the middle of a region, at 20 places", "what broke off is taken up there, byte for byte")
+def reset_in_a_region(stage: RelayedStage) -> Report:
+    """Through the relay; the offset goes on where the last whole chunk ended."""
+    files = [frame.file for frame in stage.captured.frames]
+    rows = stage.captured.header.camera.height_px
+    whole = _read(stage, files, rows, None)
+    for place in range(1, 21):
+        torn = _read(stage, files, rows, place * len(whole) // 21)
+        assert hashlib.sha256(torn).digest() == hashlib.sha256(whole).digest(), "other bytes than before"
+    return Report(20, f"{len(whole) / 1e6:.0f} MB each")
+
+
+def _read(stage: RelayedStage, files: list[str], rows: int, reset_at: int | None) -> bytes:
+    """All rows of all frames; connections are reset once so many bytes are there."""
+    content = b""
+    with dial(stage.lab.archive_port) as channel:
+        ask = channel.unary_stream("/glasswing.v1.ArchiveService/ReadRows", archives.ReadRowsRequest.SerializeToString, archives.ReadRowsResponse.FromString)
+        while True:
+            request = archives.ReadRowsRequest(session=SESSION, files=files, first_row=0, row_count=rows, offset_bytes=len(content))
+            try:
+                for part in ask(request, timeout=30.0, wait_for_ready=True):
+                    assert part.offset_bytes == len(content)
+                    content += part.chunk
+                    if reset_at is not None and len(content) >= reset_at:
+                        reset_at = None
+                        stage.links["camera"].reset()
+                return content
+            except grpc.RpcError as error:
+                assert error.code() == grpc.StatusCode.UNAVAILABLE, error.details()
+
+
+@case("two clients at once: 8 ask to import, to annotate and to solve the same", "it is done once, and all are told")
+def two_clients(stage: RelayedStage) -> Report:
+    """From connections of their own, let go together."""
+    name = stage.name()
+    header = type(stage.captured.header)()
+    header.CopyFrom(stage.captured.header)
+    header.session = name
+    begin = sessions.BeginImportRequest(name=name, manifest=header)
+    assert set(_together(stage, "BeginImport", begin)) == {"OK"}  # asked again it is no error
+    listed = stage.lab.sessions.ListSessions(sessions.ListSessionsRequest(text=name), timeout=10.0).sessions
+    assert len(listed) == 1, f"{len(listed)} sessions were made"
+    stage.ledger.session(name)
+    note = sessions.AnnotateSessionRequest(name=SESSION, note="of two", add_tags=["a"])
+    assert set(_together(stage, "AnnotateSession", note)) == {"OK"}
+    solve = sessions.SolveSessionRequest(name=SESSION)
+    codes = _together(stage, "SolveSession", solve)
+    assert codes.count("OK") >= 1 and set(codes) <= {"OK", "FAILED_PRECONDITION"}, codes
+    stage.lab.wait_until_done(90.0)
+    assert fetch_matte(stage.lab, SESSION) == stage.reference, "the matte differs from the undisturbed one"
+    return Report(3)
+
+
+def _together(stage: RelayedStage, method: str, request: object) -> list[str]:
+    codes: list[str] = []
+    start = threading.Barrier(8)
+
+    def ask() -> None:
+        with dial(stage.lab.port) as channel:
+            grpc.channel_ready_future(channel).result(timeout=20.0)
+            call = channel.unary_unary(f"/glasswing.v1.SessionService/{method}")
+            start.wait()
+            codes.append(call.future(request.SerializeToString(), timeout=30.0).code().name)  # type: ignore[attr-defined]
+
+    threads = [threading.Thread(target=ask) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return codes
+
+
+@case("whoever holds the rig is killed, or stopped for good", "it is free again within 30 s")
+def lock_holder_dies(stage: RelayedStage) -> Report:
+    """By a process of its own."""
+    environment = dict(os.environ, GLASSWING_SERVER=stage.lab.address, GLASSWING_CONFIG="/dev/null")
+    for end in (signal.SIGKILL, signal.SIGSTOP):
+        holder = subprocess.Popen([str(BIN / "glasswing"), "hold"], env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        until(lambda: _is_held(environment), "the rig is held")
+        holder.send_signal(end)
+        until(lambda: not _is_held(environment), "the rig is free", 30.0)
+        holder.kill()
+        holder.wait()
+    return Report(2)
+
+
+def _is_held(environment: dict[str, str]) -> bool:
+    tried = subprocess.run([str(BIN / "glasswing"), "hold", "--", "true"], env=environment, capture_output=True, text=True, timeout=60.0)
+    return tried.returncode != 0
+
+
+@case("an old client: requests without what came later, and with fields that nobody knows", "served as ever; a method that is not there is UNIMPLEMENTED")
+def old_client(stage: RelayedStage) -> Report:
+    """Also a newer one, whose fields this server does not know."""
+    unknown = b"\xfa\xff\x01\x05later\xf8\xff\x01\x07"  # field 4095, bytes and a number
+    for path, request in (
+        ("SessionService/GetSession", sessions.GetSessionRequest(name=SESSION).SerializeToString()),
+        ("SessionService/ListSessions", b""),
+        ("NodeService/ListNodes", b""),
+        ("FleetService/GetFleet", b""),
+    ):
+        for content in (request, request + unknown):
+            stage.lab.channel.unary_unary(f"/glasswing.v1.{path}")(content, timeout=10.0)
+    for path in ("glasswing.v1.SessionService/DivineSession", "glasswing.v2.SessionService/GetSession"):
+        code = stage.lab.channel.unary_unary(f"/{path}").future(b"", timeout=10.0).code()
+        assert code == grpc.StatusCode.UNIMPLEMENTED, code
+    return Report(10)
