@@ -28,15 +28,15 @@ function(glasswing_program name)
   glasswing_warnings(${name})
 endfunction()
 
-# glasswing_man_pages(PROGRAM ARGUMENT): the program writes its pages itself when `ARGUMENT DIR` says so; installs
-# both.
-function(glasswing_man_pages program argument)
+# glasswing_man_pages(PROGRAM ARGUMENT COMPONENT): the program writes its pages itself when `ARGUMENT DIR` says so;
+# installs both.
+function(glasswing_man_pages program argument component)
   set(pages ${CMAKE_BINARY_DIR}/man/${program})
   add_custom_command(TARGET ${program} POST_BUILD
     COMMAND ${CMAKE_COMMAND} -E env GLASSWING_CONFIG=/dev/null $<TARGET_FILE:${program}> ${argument} ${pages})
-  install(TARGETS ${program})
-  install(DIRECTORY ${pages}/ DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 FILES_MATCHING PATTERN "*.1")
-  install(DIRECTORY ${pages}/ DESTINATION ${CMAKE_INSTALL_MANDIR}/man8 FILES_MATCHING PATTERN "*.8")
+  install(TARGETS ${program} COMPONENT ${component})
+  install(DIRECTORY ${pages}/ DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT ${component} FILES_MATCHING PATTERN "*.1")
+  install(DIRECTORY ${pages}/ DESTINATION ${CMAKE_INSTALL_MANDIR}/man8 COMPONENT ${component} FILES_MATCHING PATTERN "*.8")
 endfunction()
 
 # glasswing_test(NAME_test USES lib ...): builds NAME_test.cpp; the CTest name is its path below tests/.

@@ -1,0 +1,89 @@
+# Debian packages by CPack, one for each component of the install rules: deploy/package makes them all.
+# Cached: GLASSWING_PACKAGE_CONTACT, whom the packages name as their maintainer.
+
+if(NOT TARGET glasswing_native)
+  return()  # A build with sanitizers, for tests only.
+endif()
+set(GLASSWING_PACKAGE_CONTACT "Glasswing <glasswing@example.org>" CACHE STRING "maintainer of Debian packages")
+
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_NAME glasswing)
+set(CPACK_PACKAGE_CONTACT ${GLASSWING_PACKAGE_CONTACT})
+set(CPACK_COMPONENTS_ALL common server display camera solver client python)
+set(CPACK_DEB_COMPONENT_INSTALL ON)
+# With DESTDIR, as the configuration lies outside the prefix.
+set(CPACK_SET_DESTDIR ON)
+set(CPACK_INSTALL_PREFIX /usr)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_PACKAGE_DIRECTORY ${CMAKE_BINARY_DIR}/packages)
+set(CPACK_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE WORLD_READ
+    WORLD_EXECUTE)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
+set(CPACK_PROJECT_CONFIG_FILE ${PROJECT_SOURCE_DIR}/cmake/PackageVersion.cmake)
+set(CPACK_PRE_BUILD_SCRIPTS ${PROJECT_SOURCE_DIR}/cmake/FinishPackages.cmake)
+set(CPACK_GLASSWING_SOURCE_DIR ${PROJECT_SOURCE_DIR})
+set(CPACK_GLASSWING_VERSION ${PROJECT_VERSION})
+
+# glasswing_package(COMPONENT NAME package [ALL] SUMMARY line TEXT paragraph DEPENDS list RECOMMENDS list
+#                   [UNIT unit] [SCRIPTS directory])
+# SCRIPTS are maintainer scripts in which @unit@ is UNIT.
+macro(glasswing_package component)
+  cmake_parse_arguments(ARG "ALL" "NAME;SUMMARY;TEXT;DEPENDS;RECOMMENDS;UNIT;SCRIPTS" "" ${ARGN})
+  string(TOUPPER ${component} upper)
+  set(CPACK_DEBIAN_${upper}_PACKAGE_NAME ${ARG_NAME})
+  set(CPACK_DEBIAN_${upper}_DESCRIPTION "${ARG_SUMMARY}\n${ARG_TEXT}")
+  set(CPACK_DEBIAN_${upper}_PACKAGE_DEPENDS "${ARG_DEPENDS}")
+  set(CPACK_DEBIAN_${upper}_PACKAGE_RECOMMENDS "${ARG_RECOMMENDS}")
+  if(ARG_ALL)
+    set(CPACK_DEBIAN_${upper}_PACKAGE_ARCHITECTURE all)
+    set(CPACK_DEBIAN_${upper}_PACKAGE_SHLIBDEPS OFF)
+  endif()
+  set(scripts ${PROJECT_BINARY_DIR}/debian/${component})
+  set(unit ${ARG_UNIT})
+  foreach(script preinst postinst prerm postrm conffiles)
+    set(from ${PROJECT_SOURCE_DIR}/deploy/debian/${ARG_SCRIPTS}/${script})
+    if(ARG_SCRIPTS AND EXISTS ${from})
+      configure_file(${from} ${scripts}/${script} @ONLY)
+      list(APPEND CPACK_DEBIAN_${upper}_PACKAGE_CONTROL_EXTRA ${scripts}/${script})
+    endif()
+  endforeach()
+endmacro()
+
+set(about "Glasswing captures environment mattes: for every camera pixel, how light\nfrom the monitors around an object reaches that pixel.")
+glasswing_package(common NAME glasswing-common ALL SCRIPTS common
+  SUMMARY "capture of environment mattes - configuration of the daemons"
+  TEXT "${about}\n.\nThis package has what the daemons of a machine share: their configuration,\nthe user that they run as, and alerts and a dashboard for Prometheus and\nGrafana."
+  DEPENDS "systemd | systemd-sysusers")
+glasswing_package(server NAME glasswing-server SCRIPTS daemon UNIT glasswing-server
+  SUMMARY "capture of environment mattes - server"
+  TEXT "${about}\n.\nThis package has the server, which runs sessions, proves which frame shows\nwhich pattern, hands work to solvers, and keeps finished mattes."
+  DEPENDS "glasswing-common (= THIS_VERSION)" RECOMMENDS "glasswing-client")
+glasswing_package(display NAME glasswing-display SCRIPTS daemon UNIT glasswing-display
+  SUMMARY "capture of environment mattes - display node"
+  TEXT "${about}\n.\nThis package has the display node, which shows patterns on the monitors of its\nmachine and knows when each was visible."
+  DEPENDS "glasswing-common (= THIS_VERSION)")
+glasswing_package(camera NAME glasswing-camera SCRIPTS daemon UNIT glasswing-camera
+  SUMMARY "capture of environment mattes - camera node"
+  TEXT "${about}\n.\nThis package has the camera node, which records frames and knows when each\nexposure happened."
+  DEPENDS "glasswing-common (= THIS_VERSION), libcamera-ipa")
+glasswing_package(solver NAME glasswing-solver SCRIPTS daemon UNIT glasswing-solver
+  SUMMARY "capture of environment mattes - solver"
+  TEXT "${about}\n.\nThis package has the solver, which turns frames into a matte, together with all\nothers of the lab."
+  DEPENDS "glasswing-common (= THIS_VERSION)")
+glasswing_package(client NAME glasswing-client
+  SUMMARY "capture of environment mattes - command line"
+  TEXT "${about}\n.\nThis package has the program glasswing, which captures, solves, fetches and\ncomposites; its manual pages, its completion for shells, and example plans."
+  RECOMMENDS "bash-completion")
+get_directory_property(python DIRECTORY client/python DEFINITION Python_VERSION_MAJOR)
+get_directory_property(minor DIRECTORY client/python DEFINITION Python_VERSION_MINOR)
+math(EXPR next "${minor} + 1")
+glasswing_package(python NAME python3-glasswing SCRIPTS python
+  SUMMARY "capture of environment mattes - Python package"
+  TEXT "${about}\n.\nThis package has the module glasswing for Python, with mattes as numpy arrays."
+  DEPENDS "python3 (>= ${python}.${minor}), python3 (<< ${python}.${next}), python3-grpcio, python3-numpy, python3-protobuf")
+set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
+
+include(CPack)
