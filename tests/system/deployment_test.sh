@@ -1,15 +1,15 @@
 #!/bin/bash
-# The units of deploy/systemd: systemd has no complaint, and what they start is a rig over TLS that captures and solves, with
+# The units of deploy/systemd, installed: systemd has no complaint, and what they start is a rig over TLS that captures and solves, with
 # the configuration and the certificates of docs/deployment.md but for ports, directories and simulated devices.
 source "$(dirname "$0")/rig.sh"
-units=$root/deploy/systemd
+build=$(cd "$bin/.." && pwd)
+for component in common server display camera solver; do cmake --install "$build" --prefix "$work/installed" --component "$component" >/dev/null; done
+units=$work/installed/lib/systemd/system
 
 if command -v systemd-analyze >/dev/null; then
   echo "== what systemd says of the units"
-  mkdir "$work/units"
-  for unit in "$units"/*.service; do sed "s#/usr/local/bin#$bin#" "$unit" >"$work/units/$(basename "$unit")"; done
-  systemd-analyze verify --man=no "$work/units"/*.service 2>"$work/complaints" || fail "$(cat "$work/complaints")"
-  ! grep -F "$work/units" "$work/complaints" || fail "that is a complaint"
+  systemd-analyze verify --man=no "$units"/*.service 2>"$work/complaints" || fail "$(cat "$work/complaints")"
+  ! grep -F "$units" "$work/complaints" || fail "that is a complaint"
 else
   echo "there is no systemd-analyze: the units are only run"
 fi
@@ -18,7 +18,7 @@ echo "== the rig that they start"
 "$root/deploy/make-certificates" "$work/certificates" server+display+camera+solver:machine=localhost operator:me viewer:guest >/dev/null
 sed -e "s#rig\.lab#localhost#g; s#/etc/glasswing/#$work/certificates/#" -e "s#:7440#:$port#g; s#:7441#:$((port + 1))#g; s#:7442#:$((port + 2))#g" \
   -e "s#--backend kms.*#--monitor back=128x104@60 --patch-rows 8\"#" \
-  -e "s#--backend libcamera#--fps 200 --size 128x104 --scene crystal --tap localhost:$((port + 1))#" "$units/glasswing.conf" >"$work/glasswing.conf"
+  -e "s#--backend libcamera#--fps 200 --size 128x104 --scene crystal --tap localhost:$((port + 1))#" "$work/installed/share/glasswing/glasswing.conf" >"$work/glasswing.conf"
 start() { # UNIT: what it starts, as systemd would
   local unit=$units/glasswing-$1.service
   (
@@ -26,7 +26,7 @@ start() { # UNIT: what it starts, as systemd would
     source "$work/glasswing.conf"
     directory=$(sed -n 's/^StateDirectory=//p' "$unit")
     mkdir -p "$work/state/$directory"
-    eval "exec $(sed -n "s#^ExecStart=/usr/local/bin#$bin#p" "$unit" | sed "s#%S#$work/state#")"
+    eval "exec $(sed -n "s#^ExecStart=##p" "$unit" | sed "s#%S#$work/state#")"
   ) >"$work/$1.log" 2>&1 &
 }
 for unit in server display camera solver; do start "$unit"; done
