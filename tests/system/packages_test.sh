@@ -134,7 +134,7 @@ inside systemctl daemon-reload
 inside systemctl restart "${units[@]}"
 for unit in "${units[@]}"; do
   pid=$(property "$unit" MainPID)
-  inside kill -STOP "$pid"
+  inside sh -c "kill -STOP $pid"
   started_again() { [[ $(property "$unit" MainPID) != "$pid" && $(property "$unit" ActiveState) == active ]]; }
   until_true 60 started_again || { journal; fail "$unit stands still"; }
 done
