@@ -1,7 +1,7 @@
 #!/bin/bash
 # The Debian packages on a fresh Debian 12: debootstrap makes a root with what they depend on, systemd runs it in a container, and
 # there they are installed, what they start captures and solves in its sandbox, and removed and purged they leave nothing but
-# what was captured. Needs root, a mirror of Debian, and a machine on which systemd-nspawn can run; takes three minutes.
+# what was captured. Needs root, a mirror of Debian, and a machine on which systemd-nspawn can run; takes five minutes.
 source "$(dirname "$0")/rig.sh"
 build=$(cd "$bin/.." && pwd)
 fresh=$work/fresh
