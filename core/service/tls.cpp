@@ -2,12 +2,11 @@
 
 #include <arpa/inet.h>
 #include <fmt/format.h>
-#include <openssl/pem.h>
-#include <openssl/x509.h>
+#include <grpcpp/security/tls_credentials_options.h>
 
-#include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/service/roles.h"
+#include "core/service/tls_reload.h"
 
 namespace glasswing {
 namespace {
@@ -16,6 +15,7 @@ struct Tls {
   TlsFiles files = {};
   std::shared_ptr<grpc::ChannelCredentials> calling = nullptr;   // null: no TLS
   std::shared_ptr<grpc::ServerCredentials> listening = nullptr;  // likewise
+  std::unique_ptr<TlsReload> reload = nullptr;                   // likewise
   absl::Status problem = {};                                     // with the files
 };
 
@@ -24,80 +24,27 @@ Tls& in_force() {
   return tls;
 }
 
-template <auto kFree>
-struct Free {
-  void operator()(auto* object) const { kFree(object); }
-};
-using Certificate = std::unique_ptr<X509, Free<X509_free>>;
-using PrivateKey = std::unique_ptr<EVP_PKEY, Free<EVP_PKEY_free>>;
-using Memory = std::unique_ptr<BIO, Free<BIO_free>>;
-
-Memory memory_of(const std::string& text) {
-  return Memory(BIO_new_mem_buf(text.data(), static_cast<int>(text.size())));
-}
-
-absl::StatusOr<std::string> read_pem(const char* what, const std::string& path) {
-  absl::StatusOr<std::string> pem = read_file(path);
-  if (pem.ok()) return pem;
-  return absl::InvalidArgumentError(
-      fmt::format("the {} cannot be read: {}", what, std::string(pem.status().message())));
-}
-
-absl::StatusOr<Certificate> certificate_of(const char* what, const std::string& path,
-                                           const std::string& pem) {
-  Certificate certificate(PEM_read_bio_X509(memory_of(pem).get(), nullptr, nullptr, nullptr));
-  if (certificate == nullptr) {
-    return absl::InvalidArgumentError(
-        fmt::format("the {} is {}; it must be a certificate in PEM", what, path));
-  }
-  if (X509_cmp_current_time(X509_get0_notAfter(certificate.get())) < 0)
-    return absl::InvalidArgumentError(fmt::format("the {} {} has expired", what, path));
-  return certificate;
-}
-
-absl::Status check_pair(const TlsFiles& files, const std::string& certificate_pem,
-                        const std::string& key_pem) {
-  GW_ASSIGN_OR_RETURN(const Certificate certificate,
-                      certificate_of("certificate", files.certificate, certificate_pem));
-  constexpr auto kNoPassphrase = [](char*, int, int, void*) { return -1; };  // rather than ask the terminal
-  const PrivateKey key(PEM_read_bio_PrivateKey(memory_of(key_pem).get(), nullptr, +kNoPassphrase, nullptr));
-  if (key == nullptr) {
-    return absl::InvalidArgumentError(
-        fmt::format("the key is {}; it must be a private key in PEM, without a passphrase", files.key));
-  }
-  if (X509_check_private_key(certificate.get(), key.get()) == 1) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      fmt::format("the key {} does not belong to the certificate {}", files.key, files.certificate));
-}
-
 // Null without a CA.
 absl::StatusOr<Tls> credentials_of(const TlsFiles& files) {
-  if (files.certificate.empty() != files.key.empty()) {
-    return absl::InvalidArgumentError(
-        files.key.empty() ? fmt::format("the certificate {} lacks its key; set --key", files.certificate)
-                          : fmt::format("the key {} lacks its certificate; set --certificate", files.key));
+  namespace tls = grpc::experimental;
+  GW_ASSIGN_OR_RETURN(const TlsMaterial material, read_tls_material(files));
+  Tls made{.files = files};
+  if (material.ca.empty()) return made;
+  GW_ASSIGN_OR_RETURN(made.reload, TlsReload::start(files));
+  tls::TlsChannelCredentialsOptions calling;
+  calling.set_certificate_provider(made.reload->provider());
+  calling.watch_root_certs();
+  if (!material.key.empty()) {
+    calling.watch_identity_key_cert_pairs();
+    tls::TlsServerCredentialsOptions listening(made.reload->provider());
+    listening.watch_root_certs();
+    listening.watch_identity_key_cert_pairs();
+    listening.set_cert_request_type(GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY);
+    made.listening = tls::TlsServerCredentials(listening);
+    made.listening->SetAuthMetadataProcessor(role_gate());
   }
-  Tls tls{.files = files};
-  if (files.ca.empty()) {
-    if (files.certificate.empty()) return tls;
-    return absl::InvalidArgumentError(fmt::format(
-        "the certificate {} lacks the CA that signs those of the peers; set --ca", files.certificate));
-  }
-  grpc::SslCredentialsOptions calling;
-  GW_ASSIGN_OR_RETURN(calling.pem_root_certs, read_pem("CA", files.ca));
-  GW_RETURN_IF_ERROR(certificate_of("CA", files.ca, calling.pem_root_certs).status());
-  if (!files.certificate.empty()) {
-    GW_ASSIGN_OR_RETURN(calling.pem_cert_chain, read_pem("certificate", files.certificate));
-    GW_ASSIGN_OR_RETURN(calling.pem_private_key, read_pem("key", files.key));
-    GW_RETURN_IF_ERROR(check_pair(files, calling.pem_cert_chain, calling.pem_private_key));
-    grpc::SslServerCredentialsOptions listening(GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY);
-    listening.pem_root_certs = calling.pem_root_certs;
-    listening.pem_key_cert_pairs.push_back({calling.pem_private_key, calling.pem_cert_chain});
-    tls.listening = grpc::SslServerCredentials(listening);
-    tls.listening->SetAuthMetadataProcessor(role_gate());
-  }
-  tls.calling = grpc::SslCredentials(calling);
-  return tls;
+  made.calling = tls::TlsCredentials(calling);
+  return made;
 }
 
 bool contains(const std::string& text, const char* words) {
@@ -107,9 +54,10 @@ bool contains(const std::string& text, const char* words) {
 }  // namespace
 
 absl::Status use_tls(const TlsFiles& files) {
-  const absl::StatusOr<Tls> tls = credentials_of(files);
-  in_force() = tls.ok() ? *tls : Tls{.files = files, .problem = tls.status()};
-  return tls.status();
+  absl::StatusOr<Tls> tls = credentials_of(files);
+  const absl::Status problem = tls.status();
+  in_force() = tls.ok() ? *std::move(tls) : Tls{.files = files, .problem = problem};
+  return problem;
 }
 
 bool is_loopback(const std::string& address) {
@@ -153,7 +101,7 @@ std::string tls_failure(const grpc::Status& status, const std::string& peer) {
     return fmt::format("{} shows a certificate that the CA {} did not sign, or that has expired", peer,
                        files.ca);
   }
-  if (contains(words, "is not in peer certificate"))
+  if (contains(words, "Hostname Verification Check failed"))
     return peer + " shows a certificate of another host; call it by a name that its certificate has";
   if (contains(words, "wrong version number"))
     return peer + " does not speak TLS; if it need not, call it without a CA";

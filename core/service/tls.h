@@ -9,19 +9,14 @@
 #include <memory>
 #include <string>
 
+#include "core/service/tls_files.h"
+
 namespace glasswing {
 
-// PEM files; empty: none.
-struct TlsFiles {
-  std::string ca;           // that signed the certificates of the peers
-  std::string certificate;  // this program's own, which peers may ask for
-  std::string key;          // that belongs to it, without a passphrase
-};
-
 // What dial() and ServiceHost use from now on, in the whole process: TLS to every peer if `ca` is given, and
-// from every caller if `certificate` and `key` are too, else none. One program speaks for one user.
-// INVALID_ARGUMENT names the file that cannot be read, is no PEM, has expired, or lacks its partner; who goes
-// on all the same gets this answer to every call.
+// from every caller if `certificate` and `key` are too, else none. One program speaks for one user. Files
+// that change later are taken up (tls_reload.h). INVALID_ARGUMENT names the file that cannot be read, is no
+// PEM, has expired, or lacks its partner; who goes on all the same gets this answer to every call.
 absl::Status use_tls(const TlsFiles& files);
 
 // Whether host:port is this machine, and so may be called without TLS.

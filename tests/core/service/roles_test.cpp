@@ -60,22 +60,30 @@ class Roles : public testing::Test {
  protected:
   Roles() {
     std::filesystem::create_directories(scratch_);
-    const MadeCertificate own = make_certificate("rig", &ca_, "IP:127.0.0.1");
-    const auto write = [&](const char* name, const std::string& pem) {
-      const std::string path = (scratch_ / name).string();
-      EXPECT_TRUE(write_file_durably(path, pem).ok());
-      return path;
-    };
-    const TlsFiles files{write("ca.pem", ca_.certificate_pem()), write("rig.pem", own.certificate_pem()),
-                         write("rig.key", own.key_pem())};
-    EXPECT_TRUE(use_tls(files).ok());
-    const auto all =
-        std::apply([](auto&... each) { return std::vector<grpc::Service*>{&each...}; }, services_);
-    server_ = ServiceHost::start({}, all).value();
+    show("rig", "IP:127.0.0.1");
+    server_ = started(services_);
   }
   ~Roles() override {
     (void)use_tls({});
     std::filesystem::remove_all(scratch_);
+  }
+
+  // From now on this process shows a certificate for these names.
+  void show(const std::string& name, const std::string& names) const {
+    const MadeCertificate own = make_certificate(name, &ca_, names);
+    const auto write = [&](const std::string& file, const std::string& pem) {
+      const std::string path = (scratch_ / file).string();
+      EXPECT_TRUE(write_file_durably(path, pem).ok());
+      return path;
+    };
+    const TlsFiles files{write("ca.pem", ca_.certificate_pem()), write(name + ".pem", own.certificate_pem()),
+                         write(name + ".key", own.key_pem())};
+    EXPECT_TRUE(use_tls(files).ok());
+  }
+  static std::unique_ptr<ServiceHost> started(Services& services) {
+    const auto all =
+        std::apply([](auto&... each) { return std::vector<grpc::Service*>{&each...}; }, services);
+    return ServiceHost::start({}, all).value();
   }
 
   std::shared_ptr<grpc::Channel> channel_of(const MadeCertificate* own,
@@ -161,6 +169,31 @@ TEST_F(Roles, WithoutACertificateOfThisLabNoMethodAnswers) {
     for (const MethodAccess& access : access_table())
       EXPECT_EQ(call(channel, std::string(access.method)).error_code(), grpc::StatusCode::UNAVAILABLE)
           << access.method << " with " << what;
+  }
+}
+
+// Somebody with a certificate of the lab who stands in another's place: what he has it for does not matter.
+TEST_F(Roles, AServerThatShowsTheCertificateOfAnotherHostIsNotCalled) {
+  const std::string every_role = [] {
+    std::string names;
+    for (const std::string_view role : kRoleNames) names += fmt::format(",URI:{}{}", kRoleUri, role);
+    return names;
+  }();
+  for (const std::string& names :
+       {std::string("IP:127.0.0.2"), std::string("DNS:localhost"), std::string("DNS:127.0.0.1.example.org"),
+        std::string("URI:https://127.0.0.1/")}) {
+    show("impostor", names + every_role);
+    Services services;
+    const auto impostor = started(services);
+    show("me", "DNS:me" + every_role);
+    const auto channel = dial(impostor->address());
+    for (const MethodAccess& access : access_table()) {
+      const grpc::Status status = call(channel, std::string(access.method));
+      EXPECT_EQ(status.error_code(), grpc::StatusCode::UNAVAILABLE) << access.method << " of " << names;
+      EXPECT_EQ(tls_failure(status, "it"),
+                "it shows a certificate of another host; call it by a name that its certificate has")
+          << status.error_message();
+    }
   }
 }
 

@@ -77,6 +77,19 @@ TEST_F(Tls, CallsGoThroughOnlyWhenEachKnowsTheOther) {
                 " shows a certificate of another host; call it by a name that its certificate has");
 }
 
+// By each of its names and addresses.
+TEST_F(Tls, AHostHasAllNamesOfItsCertificate) {
+  const std::string own = "IP:127.0.0.1,IP:::1,DNS:localhost,URI:urn:glasswing:role:server";
+  write("server", make_certificate("server", &ca_, own));
+  ASSERT_TRUE(use_tls(files("ca", "server")).ok());
+  for (const std::string host : {"127.0.0.1", "localhost", "[::1]"}) {
+    const auto listening = ServiceHost::start({.address = host + ":0"}, {});
+    if (!listening.ok() && host == "[::1]") GTEST_SKIP() << "there is no IPv6 here";
+    ASSERT_TRUE(listening.ok()) << listening.status();
+    EXPECT_EQ(call((*listening)->address()).message(), "") << host;
+  }
+}
+
 TEST_F(Tls, APlainServerIsNotCalledWithTls) {
   ASSERT_TRUE(use_tls({}).ok());
   const auto plain = ServiceHost::start({}, {}).value();
