@@ -1,5 +1,6 @@
 #include "client/client.h"
 
+#include <spdlog/spdlog.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -58,6 +59,7 @@ void add_commands(CLI::App& app, Client& client, const Config& config) {
   add_preview_command(app, client);
   add_live_command(app, client);
   add_calibrate_commands(app, client);
+  add_pki_commands(app, client);
   app.group("Sessions");
   add_sessions_command(app, client);
   add_show_command(app, client);
@@ -96,6 +98,7 @@ void add_commands(CLI::App& app, Client& client, const Config& config) {
 
 int run_client(int argc, const char* const* argv) {
   ::setenv("GRPC_VERBOSITY", "NONE", 0);  // what went wrong is said once, in our words
+  spdlog::set_level(spdlog::level::off);  // logs are for daemons
   sign_calls();
   Client client;
   CLI::App app("Captures environment mattes and puts the object in front of other pictures.", "glasswing");

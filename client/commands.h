@@ -39,6 +39,7 @@ void add_doctor_command(CLI::App& app, Client& client);
 void add_preview_command(CLI::App& app, Client& client);
 void add_live_command(CLI::App& app, Client& client);
 void add_calibrate_commands(CLI::App& app, Client& client);  // all, camera, display, sync, list, forget
+void add_pki_commands(CLI::App& app, Client& client);        // init, issue, renew, list
 void add_config_command(CLI::App& app, Client& client, const Config& config);
 void add_completion_commands(CLI::App& app, Client& client);  // completion, and what the shells ask
 void add_man_command(CLI::App& app, Client& client);

@@ -15,7 +15,8 @@ else
 fi
 
 echo "== the rig that they start"
-"$root/deploy/make-certificates" "$work/certificates" server+display+camera+solver:machine=localhost operator:me viewer:guest >/dev/null
+issued() { glasswing pki init "$1" >/dev/null && glasswing pki issue "$@" >/dev/null; } # DIR REQUEST...
+issued "$work/certificates" server+display+camera+solver:machine=localhost operator:me viewer:guest
 sed -e "s#rig\.lab#localhost#g; s#/etc/glasswing/#$work/certificates/#" -e "s#:7440#:$port#g; s#:7441#:$((port + 1))#g; s#:7442#:$((port + 2))#g" \
   -e "s#--backend kms.*#--monitor back=128x104@60 --patch-rows 8\"#" \
   -e "s#--backend libcamera#--fps 200 --size 128x104 --scene crystal --tap localhost:$((port + 1))#" "$work/installed/share/glasswing/glasswing.conf" >"$work/glasswing.conf"
@@ -37,11 +38,17 @@ until_true 20 up 3 || fail "the rig did not come up"
 glasswing nodes
 (GLASSWING_CA='' GLASSWING_CERTIFICATE='' GLASSWING_KEY='' refused "does not answer in the clear; if it speaks TLS, set --ca" glasswing nodes)
 GLASSWING_SERVER=127.0.0.1:$port refused "shows a certificate of another host; call it by a name that its certificate has" glasswing nodes
-"$root/deploy/make-certificates" "$work/foreign" solver:stranger >/dev/null
+issued "$work/foreign" solver:stranger
 "$bin/glasswing-solver" --server "$GLASSWING_SERVER" --certificate "$work/foreign/stranger.pem" --key "$work/foreign/stranger.key" 2>"$work/stranger.log" &
 until_true 20 grep -q "does not take this node yet, .* refuses the certificate $work/foreign/stranger.pem" "$work/stranger.log" || fail "it does not say so"
 kill $!
 up 3 || fail "a stranger is in"
+
+echo "== certificates are renewed under the running rig"
+glasswing pki renew "$work/certificates" machine me
+for unit in server display camera solver; do
+  until_true 20 grep -q "certificates taken up" "$work/$unit.log" || fail "$unit does not take up the new certificate"
+done
 glasswing capture "$root/deploy/plans/quick.txtpb" --session s --watch
 glasswing solve s --watch
 glasswing fetch s -o "$work/s.exr"

@@ -3,7 +3,7 @@
 # files, and mutual TLS between all. Whichever host is cut off in the middle of a solve, for longer than a lease lasts, the
 # session ends with the same matte, and the host goes on when it is back.
 [[ $(id -u) == 0 ]] || { echo "skipped: only root makes network namespaces"; exit 77; }
-command -v ip >/dev/null && command -v openssl >/dev/null || { echo "skipped: there is no ip or no openssl"; exit 77; }
+command -v ip >/dev/null || { echo "skipped: there is no ip"; exit 77; }
 source "$(dirname "$0")/rig.sh"
 lab=gw$$
 space() { echo "$lab-$1"; } # HOST: its network namespace
@@ -45,8 +45,9 @@ on() { # HOST COMMAND...: there, in its own directory, with those of the others 
 }
 
 declare -A roles=([rig]=server+display+camera [lab2]=solver [lab3]=solver [desk]=operator)
-"$root/deploy/make-certificates" "$work/lab" $(for host in "${!address[@]}"; do echo "${roles[$host]}:$host=${address[$host]}"; done) >/dev/null
-"$root/deploy/make-certificates" "$work/foreign" operator:desk >/dev/null
+issued() { "$bin/glasswing" pki init "$1" >/dev/null && "$bin/glasswing" pki issue "$@" >/dev/null; } # DIR REQUEST...
+issued "$work/lab" $(for host in "${!address[@]}"; do echo "${roles[$host]}:$host=${address[$host]}"; done)
+issued "$work/foreign" operator:desk
 for host in "${!address[@]}"; do
   mkdir "$work/$host"
   cp "$work/lab/ca.pem" "$work/$host/"
