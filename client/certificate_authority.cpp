@@ -93,7 +93,9 @@ Certificate made_certificate(const X509_NAME& subject, EVP_PKEY& key, int days, 
            extend(x, by, NID_key_usage, "critical,keyCertSign,cRLSign");
   } else {
     // Which of two authorities of one name, while a lab has both.
-    good = good && extend(x, by, NID_authority_key_identifier, "keyid:always") &&
+    good = good &&
+           (X509_get0_subject_key_id(by) == nullptr ||
+            extend(x, by, NID_authority_key_identifier, "keyid:always")) &&
            extend(x, by, NID_basic_constraints, "critical,CA:FALSE") &&
            extend(x, by, NID_key_usage, "critical,digitalSignature") &&
            extend(x, by, NID_ext_key_usage, "serverAuth,clientAuth") && X509_add_ext(x, names, -1) == 1;

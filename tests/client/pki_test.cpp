@@ -11,6 +11,7 @@
 #include "core/service/tls.h"
 #include "glasswing/v1/clock_service.grpc.pb.h"
 #include "tests/client/run_glasswing.h"
+#include "tests/core/service/made_certificates.h"
 
 namespace glasswing {
 namespace {
@@ -154,8 +155,20 @@ TEST_F(Pki, WhatIsNoRequestMakesNothing) {
       {"server:rig=rig.lab\nURI:urn:glasswing:role:operator", "is no host"}};
   for (const auto& [request, words] : kCases) refused("issue", {"solver:good", request}, words);
   refused("issue", {"solver:good", "--days", "4000"}, "4000");
-  refused("issue", {"solver:good", "--days", "3650"},
-          "--days is 3650; the authority " + path("ca.pem") + " is valid");
+}
+
+TEST_F(Pki, NothingOutlivesItsAuthority) {
+  fs::create_directory(lab_);
+  const auto install = [&](const MadeCertificate& ca) {
+    ASSERT_TRUE(write_file_durably(lab_ / "ca.pem", ca.certificate_pem()).ok());
+    ASSERT_TRUE(write_file_durably(lab_ / "ca.key", ca.key_pem()).ok());
+  };
+  install(make_certificate("ca", nullptr, "", 5));  // from yesterday on
+  refused("issue", {"solver:a", "--days", "5"},
+          "--days is 5; the authority " + path("ca.pem") + " is valid for ");
+  EXPECT_EQ(pki("issue", {"solver:a", "--days", "3"}).status, 0);
+  install(make_certificate("ca", nullptr, "", 0));
+  refused("issue", {"solver:b", "--days", "1"}, "the authority " + path("ca.pem") + " has expired");
 }
 
 TEST_F(Pki, WhatIsThereIsRenewedRatherThanIssued) {
