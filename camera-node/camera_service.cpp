@@ -57,6 +57,16 @@ bool is_lesson(const Archive::NewFrame& frame) {
   return frame.record.stimulus().kind() == "patch";
 }
 
+// On disk. Frames of a video may use the reserve: it cannot be gone on with later.
+std::int64_t bytes_of(const std::vector<Archive::NewFrame>& batch) {
+  size_t bytes = 0;
+  for (const Archive::NewFrame& frame : batch) {
+    const bool of_video = frame.record.object() && frame.record.stimulus().kind() == "ramp";
+    if (!of_video) bytes += tiff_size_bytes(frame.image.width_px, frame.image.height_px);
+  }
+  return static_cast<std::int64_t>(bytes);
+}
+
 v1::UnseenPatch unseen_patch(const PatchProof::Lessons& lessons) {
   v1::UnseenPatch patch;
   patch.set_monitor(lessons.frames.front().record.stimulus().panel());
@@ -165,6 +175,7 @@ grpc::Status CameraServiceImpl::KeepFrames(grpc::ServerContext*, const v1::KeepF
   const std::lock_guard lock(keeping_);
   if (const absl::Status status = check_patches(*request, **archive, *batch, *response); !status.ok())
     return to_grpc(status);
+  if (const absl::Status status = store_.room().check(bytes_of(*batch)); !status.ok()) return to_grpc(status);
   const absl::StatusOr<std::vector<v1::Frame>> stored = (*archive)->add(*batch);
   if (!stored.ok()) return to_grpc(stored.status());
   for (const v1::Frame& frame : *stored) *response->add_frames() = frame;

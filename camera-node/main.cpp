@@ -132,6 +132,12 @@ int main(int argc, char** argv) {
   app.add_option("--server", server, "host:port of glasswing-server, to register with");
   app.add_option("--name", sim.name, "this node's name in the rig")->capture_default_str();
   app.add_option("--data", data, "directory for the archives")->required();
+  std::optional<double> reserve_mb;
+  app.add_option(
+         "--reserve", reserve_mb,
+         "MB of the disk that frames leave free: a capture that would need them waits for room. 2 % of "
+         "the disk, but at least 1000, or a tenth of a small disk, if left out")
+      ->check(CLI::Range(0.0, 1e9));
   app.add_option("--backend", backend, "which kind of camera")
       ->check(CLI::IsMember({"sim", "libcamera", "replay"}))
       ->capture_default_str();
@@ -219,7 +225,9 @@ int main(int argc, char** argv) {
         absl::InvalidArgumentError("--size is " + size + "; it must be WIDTHxHEIGHT, each 1 to 16384"));
   }
   const std::filesystem::path archives = std::filesystem::path(data) / "archives";
-  ArchiveStore store(archives);
+  std::optional<std::int64_t> reserve_bytes;
+  if (reserve_mb) reserve_bytes = std::llround(1e6 * *reserve_mb);
+  ArchiveStore store(archives, DiskRoom(archives, reserve_bytes));
   if (absl::Status status = store.prepare(); !status.ok()) return fail(status);
 
   const absl::StatusOr<SensorCurve> curve = parse_response(response);

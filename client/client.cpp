@@ -10,6 +10,7 @@
 
 #include "client/colour.h"
 #include "client/commands.h"
+#include "client/fsck.h"
 #include "client/interrupt.h"
 #include "client/signature.h"
 #include "core/service/help.h"
@@ -77,6 +78,7 @@ void add_commands(CLI::App& app, Client& client, const Config& config) {
   add_import_command(app, client);
   add_export_command(app, client);
   add_replicate_command(app, client);
+  add_fsck_command(app, client);
   app.group("Mattes");
   add_solve_command(app, client);
   add_fetch_command(app, client);

@@ -166,9 +166,7 @@ google::protobuf::RepeatedField<std::int32_t> unsolved_frames(const v1::Session&
 
 absl::Status fetch_video(const Client& client, const Sessions& server, const v1::Session& session,
                          const fs::path& directory) {
-  std::error_code error;
-  fs::create_directories(directory, error);
-  if (error) return absl::ErrnoToStatus(error.value(), fmt::format("cannot create {}", directory.string()));
+  GW_RETURN_IF_ERROR(make_directory_durably(directory));
   GW_ASSIGN_OR_RETURN(const Frames frames, fetch_frames(server, session, directory));
   const auto unsolved = unsolved_frames(session);
   if (client.json) {
@@ -214,9 +212,7 @@ absl::Status fetch(const Client& client, const Arguments& arguments) {
   }
   Arguments still = arguments;
   if (to_directory) {
-    std::error_code error;
-    fs::create_directories(arguments.output, error);
-    if (error) return absl::ErrnoToStatus(error.value(), fmt::format("cannot create {}", arguments.output));
+    GW_RETURN_IF_ERROR(make_directory_durably(arguments.output));
     still.output = (fs::path(arguments.output) / "0000.exr").string();
   }
   return fetch_file(client, server, still);

@@ -15,6 +15,9 @@ Failure; one line on standard error says why.
 2
 The command line or the configuration file cannot be understood.
 .TP
+3
+\fBglasswing fsck\fR found damage that is not repaired.
+.TP
 130
 Broken off with Ctrl\-C.
 .SH FILES

@@ -48,9 +48,8 @@ PartialDirectory::~PartialDirectory() {
 absl::Status PartialDirectory::keep(const v1::CaptureManifest& manifest) {
   GW_RETURN_IF_ERROR(flush_directory(partial_ / "frames"));
   GW_RETURN_IF_ERROR(write_manifest(manifest, partial_ / "manifest.json"));
-  std::error_code error;
-  fs::rename(partial_, target_, error);
-  return error ? absl::ErrnoToStatus(error.value(), "cannot create " + target_.string()) : absl::OkStatus();
+  GW_RETURN_IF_ERROR(rename_file(partial_, target_));
+  return flush_directory(target_.parent_path());
 }
 
 }  // namespace glasswing

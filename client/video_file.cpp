@@ -121,7 +121,7 @@ VideoWriter::VideoWriter(VideoWriter&&) noexcept = default;
 absl::Status VideoWriter::finish() {
   writer_->release();
   writer_.reset();
-  return rename_file(partial_, path_);
+  return place_file_durably(partial_, path_);
 }
 
 VideoWriter::~VideoWriter() {

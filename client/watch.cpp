@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <iostream>
 #include <optional>
 
 #include "client/commands.h"
@@ -26,6 +27,7 @@ class SessionProgress {
   void update(const v1::Session& session) {
     if (session.state() != state_) progress_.emplace(state_name(session.state()));
     state_ = session.state();
+    if (!rests(state_) && session.reason().empty() != told_.empty()) tell(session);
     const bool solving = state_ == v1::SESSION_STATE_SOLVING,
                frames = solving && is_video(session) && !session.matte_ready();
     const int done = frames    ? session.solved_frames_size()
@@ -46,6 +48,14 @@ class SessionProgress {
   }
 
  private:
+  // What it waits for.
+  void tell(const v1::Session& session) {
+    told_ = session.reason();
+    progress_->clear();
+    std::cerr << summary_of(session) << "\n";
+  }
+
+  std::string told_;
   v1::SessionState state_ = v1::SESSION_STATE_UNSPECIFIED;
   std::optional<Progress> progress_;
 };

@@ -55,9 +55,8 @@ std::optional<Calibration> found_in(const std::map<std::string, Calibration>& ma
 
 absl::StatusOr<std::unique_ptr<CalibrationStore>> CalibrationStore::open(const fs::path& data) {
   const fs::path directory = data / "calibration";
+  GW_RETURN_IF_ERROR(make_directory_durably(directory));
   std::error_code error;
-  fs::create_directories(directory, error);
-  if (error) return absl::ErrnoToStatus(error.value(), fmt::format("cannot create {}", directory.string()));
   std::unique_ptr<CalibrationStore> store(new CalibrationStore(directory));
   for (const fs::directory_entry& entry : fs::directory_iterator(directory, error)) {
     const std::string name = entry.path().filename().string();
@@ -152,6 +151,7 @@ absl::Status CalibrationStore::forget(const std::string& device) {
     fs::remove(file, error);
     if (error) return absl::ErrnoToStatus(error.value(), fmt::format("cannot remove {}", file.string()));
   }
+  GW_RETURN_IF_ERROR(flush_directory(directory_));
   cameras_.erase(device);
   displays_.erase(device);
   return absl::OkStatus();

@@ -13,6 +13,7 @@
 #include "core/pattern/id_patch.h"
 #include "core/pattern/step_words.h"
 #include "core/service/service.h"
+#include "core/storage/image_name.h"
 #include "server/embed_calibrations.h"
 #include "server/server_metrics.h"
 
@@ -95,6 +96,7 @@ CaptureOutcome Capture::run(std::stop_token stop) {
     return {Kind::kNeedsOperator, fmt::format("{}: glasswing resume {}", what, session_.name())};
   }
   if (status.ok()) return {Kind::kCaptured, ""};
+  if (no_room_) return {Kind::kNoRoom, std::string(status.message())};
   // ABORTED: another program took the screens, as after a display was started again.
   const bool lost =
       absl::IsUnavailable(status) || absl::IsDeadlineExceeded(status) || absl::IsAborted(status);
@@ -125,8 +127,7 @@ absl::Status Capture::open_archive() {
   v1::CreateArchiveResponse created;
   grpc::ClientContext create_context;
   set_deadline(create_context, kNodeCall);
-  GW_RETURN_IF_ERROR(
-      from_grpc(archive_stub_->CreateArchive(&create_context, create, &created), links_.camera->title()));
+  GW_RETURN_IF_ERROR(stored(archive_stub_->CreateArchive(&create_context, create, &created)));
   v1::GetManifestRequest get;
   get.set_session(session_.name());
   v1::GetManifestResponse manifest;
@@ -143,6 +144,7 @@ absl::Status Capture::open_archive() {
   for (const v1::Frame& frame : manifest.manifest().frames()) note_proven(frame);
   session_.set_step_count(static_cast<int>(steps_.size()));
   session_.set_proven_count(static_cast<int>(proven_.size()));
+  GW_RETURN_IF_ERROR(check_room());
   report_(session_);
   return absl::OkStatus();
 }
@@ -155,6 +157,10 @@ absl::Status Capture::send_images() {
   for (const std::string& image : images) {
     GW_RETURN_IF_ERROR(check_name("image", image));
     GW_ASSIGN_OR_RETURN(const std::string bytes, read_file(images_ / image));
+    if (image_name(bytes) != image) {
+      return absl::DataLossError(fmt::format("{} is damaged: upload the photo again, with a new session",
+                                             (images_ / image).string()));
+    }
     for (const auto& display : links_.displays) {
       grpc::ClientContext context;
       set_deadline(context, kNodeCall);
@@ -344,7 +350,7 @@ absl::Status Capture::seal() {
   v1::SealArchiveResponse response;
   grpc::ClientContext context;
   set_deadline(context, kNodeCall);
-  return from_grpc(archive_stub_->SealArchive(&context, request, &response), links_.camera->title());
+  return stored(archive_stub_->SealArchive(&context, request, &response));
 }
 
 }  // namespace glasswing

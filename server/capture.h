@@ -42,6 +42,7 @@ struct CaptureOutcome {
     kCaptured,
     kStopped,        // asked to
     kNodeLost,       // a node went away; going on later loses nothing
+    kNoRoom,         // the camera node has no room for frames; going on later loses nothing
     kNeedsOperator,  // a person has to move the object, then resume
     kFailed,
   };
@@ -90,6 +91,9 @@ class Capture {
 
   absl::Status find_rig();
   absl::Status open_archive();
+  absl::Status check_room();
+  // Of a call to what stores frames.
+  absl::Status stored(const grpc::Status& status);
   absl::Status send_images();
   // False: a person has to move it.
   absl::StatusOr<bool> move_object(bool present);
@@ -131,6 +135,7 @@ class Capture {
   v1::CaptureManifest embedded_;  // the archive's header
   std::vector<Step> steps_;
   std::set<int> proven_;
+  bool no_room_ = false;
   int program_number_ = 0;
   nanoseconds start_lead_ = std::chrono::milliseconds(120);  // from a program's command to its first step
   std::uint32_t showings_ = 0;                               // so far, of any step

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "core/base/status.h"
+#include "core/frame/archive.h"
 #include "core/service/service.h"
 #include "server/capture.h"
 #include "server/server_metrics.h"
@@ -16,6 +17,32 @@ constexpr int kLessons = 8;      // how often a patch is looked for that is ther
 constexpr int kDarkLessons = 2;  // how often one that the camera does not seem to look at
 
 }  // namespace
+
+absl::Status Capture::stored(const grpc::Status& status) {
+  no_room_ = no_room_ || status.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED;
+  return from_grpc(status, links_.camera->title());
+}
+
+// For all that is still to come, so that a session that waits does not go on by a few frames at a time.
+absl::Status Capture::check_room() {
+  const bool has_run = video_has_run();
+  const auto left = std::ranges::count_if(
+      steps_, [&](const Step& step) { return !proven_.contains(step.number) && !(step.object && has_run); });
+  const v1::Camera& camera = links_.camera_info.camera();
+  const std::int64_t needed_bytes =
+      left * static_cast<std::int64_t>(tiff_size_bytes(camera.width_px(), camera.height_px()));
+  v1::GetSpaceResponse space;
+  grpc::ClientContext context;
+  set_deadline(context, kNodeCall);
+  GW_RETURN_IF_ERROR(from_grpc(archive_stub_->GetSpace(&context, {}, &space), links_.camera->title()));
+  if (needed_bytes <= space.free_bytes()) return absl::OkStatus();
+  no_room_ = true;
+  return absl::ResourceExhaustedError(fmt::format(
+      "{:.1f} MB of disk are missing at the {}: {} frames are still to come, {:.1f} MB, and {:.1f} "
+      "MB are free for frames; delete sessions there",
+      1e-6 * static_cast<double>(needed_bytes - space.free_bytes()), links_.camera->title(), left,
+      1e-6 * static_cast<double>(needed_bytes), 1e-6 * static_cast<double>(space.free_bytes())));
+}
 
 void Capture::take_frames(Recording& frames) {
   for (v1::FrameTaken& frame : frames.camera.inbox.take()) {
@@ -104,8 +131,7 @@ absl::StatusOr<v1::KeepFramesResponse> Capture::keep(const std::vector<FrameMatc
   }
   grpc::ClientContext context;
   set_deadline(context, std::chrono::minutes(1));
-  GW_RETURN_IF_ERROR(
-      from_grpc(links_.camera_stub->KeepFrames(&context, request, &response), links_.camera->title()));
+  GW_RETURN_IF_ERROR(stored(links_.camera_stub->KeepFrames(&context, request, &response)));
   for (const v1::Frame& frame : response.frames()) note_proven(frame);
   session_.set_refused_count(session_.refused_count() + response.refused());
   report_(session_);

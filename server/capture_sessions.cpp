@@ -114,14 +114,16 @@ void Server::capture_until_done(v1::Session session, std::optional<bool> object_
   while (true) {
     const int proven_before = session.proven_count();
     outcome = Capture(rig_, *calibrations_, data_ / "images", session, object_confirmed, report).run(stop);
-    if (outcome.kind != Kind::kNodeLost) break;
+    const bool no_room = outcome.kind == Kind::kNoRoom;
+    if (outcome.kind != Kind::kNodeLost && !no_room) break;
     const nanoseconds now = monotonic_now();
-    if (lost_at == nanoseconds(0) || session.proven_count() > proven_before) lost_at = now;
+    if (lost_at == nanoseconds(0) || session.proven_count() > proven_before || no_room) lost_at = now;
     if (now - lost_at > kNodeGrace) break;
-    spdlog::warn("waiting for a node session={} reason=\"{}\"", session.name(), outcome.reason);
+    const std::string reason = fmt::format("waiting{}: {}", no_room ? " for room" : "", outcome.reason);
+    if (!session.reason().starts_with("waiting")) spdlog::warn("{} session={}", reason, session.name());
     {
       const std::lock_guard lock(mutex_);
-      session.set_reason(fmt::format("waiting: {}", outcome.reason));
+      session.set_reason(reason);
       live_[session.name()] = session;
       announce();
     }
@@ -162,6 +164,8 @@ void Server::note_outcome(v1::Session session, const CaptureOutcome& outcome) {
     case Kind::kFailed:
       session.set_state(v1::SESSION_STATE_FAILED);
       session.set_reason(outcome.reason);
+      break;
+    case Kind::kNoRoom:  // it waits until there is some, or somebody stops it
       break;
   }
   const absl::Status written = change(session);

@@ -13,7 +13,7 @@
 #include "core/base/status.h"
 #include "core/matte/join_mattes.h"
 #include "core/matte/matte_file.h"
-#include "server/matte_files.h"
+#include "core/storage/matte_files.h"
 #include "server/server.h"
 #include "server/session_facts.h"
 
@@ -154,15 +154,28 @@ absl::Status Server::finish_solve(const std::string& name) {
   if (absl::IsUnavailable(made)) return made;
   const std::lock_guard lock(mutex_);
   const absl::StatusOr<v1::Session> now = find_locked(name);
+  if (now.ok() && absl::IsResourceExhausted(made)) {
+    wait_for_room(*now, made);
+    return absl::OkStatus();  // looked at again soon
+  }
   // It may have been paused, cancelled or deleted meanwhile.
   if (!now.ok() || now->job() != session.job() || now->state() != v1::SESSION_STATE_SOLVING) {
-    if (absl::IsNotFound(now.status())) mattes_.drop_next(name);
-    return absl::OkStatus();
+    return absl::IsNotFound(now.status()) ? mattes_.drop_next(name) : absl::OkStatus();
   }
   v1::Session settled = *now;
   *settled.mutable_quarantined() = session.quarantined();
   count_tiles(counts, settled);
   return settle(std::move(settled), made);
+}
+
+void Server::wait_for_room(v1::Session session, const absl::Status& full) {
+  if (session.state() != v1::SESSION_STATE_SOLVING) return;
+  const std::string reason =
+      fmt::format("waiting for room on the server's disk: {}", std::string(full.message()));
+  if (!session.reason().starts_with("waiting")) spdlog::warn("{} session={}", reason, session.name());
+  session.set_reason(reason);
+  live_[session.name()] = session;
+  announce();
 }
 
 absl::Status Server::settle(v1::Session session, absl::Status made) {

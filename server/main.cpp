@@ -4,6 +4,7 @@
 #include <cmath>
 #include <iostream>
 
+#include "core/base/directory_lock.h"
 #include "core/service/build_id.h"
 #include "core/service/daemon_options.h"
 #include "core/service/logs.h"
@@ -61,6 +62,8 @@ int main(int argc, char** argv) {
   if (absl::Status status = use_tls(tls); !status.ok()) return fail(status);
   options.address = listen.advertised.empty() ? listen.address : listen.advertised;
   options.lease = std::chrono::milliseconds(std::llround(1000.0 * lease_seconds));
+  const absl::StatusOr<DirectoryLock> lock = DirectoryLock::take(options.data);
+  if (!lock.ok()) return fail(lock.status());
   absl::StatusOr<std::unique_ptr<Server>> server = Server::open(options);
   if (!server.ok()) return fail(server.status());
   SessionServiceImpl sessions(**server);

@@ -5,11 +5,11 @@
 
 #include <algorithm>
 
-#include "core/base/checksum.h"
 #include "core/base/file.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
+#include "core/storage/image_name.h"
 #include "server/jobs/timed_job_store.h"
 #include "server/session_facts.h"
 
@@ -17,14 +17,6 @@ namespace glasswing {
 namespace {
 
 namespace fs = std::filesystem;
-
-absl::StatusOr<fs::path> directory_below(const fs::path& data, const char* name) {
-  std::error_code error;
-  fs::create_directories(data / name, error);
-  if (error)
-    return absl::ErrnoToStatus(error.value(), fmt::format("cannot create {}", (data / name).string()));
-  return data / name;
-}
 
 // What the job store knows this server by; it stays when the address changes.
 absl::StatusOr<std::string> server_id(const fs::path& data) {
@@ -39,7 +31,7 @@ absl::StatusOr<std::unique_ptr<Server>> Server::open(const ServerOptions& option
   const fs::path& data = options.data;
   std::unique_ptr<Server> server(new Server(data));
   for (const char* name : {"images", "mattes", "tiles"})
-    GW_RETURN_IF_ERROR(directory_below(data, name).status());
+    GW_RETURN_IF_ERROR(make_directory_durably(data / name));
   GW_ASSIGN_OR_RETURN(server->catalogue_, Catalogue::open(data / "catalogue.sqlite"));
   GW_ASSIGN_OR_RETURN(server->calibrations_, CalibrationStore::open(data));
   GW_ASSIGN_OR_RETURN(const std::string id, server_id(data));
@@ -188,8 +180,7 @@ absl::StatusOr<v1::Session> Server::annotate(const v1::AnnotateSessionRequest& r
 }
 
 absl::StatusOr<std::string> Server::store_image(const std::string& png) {
-  std::string name = checksum_of(png);
-  name.erase(std::remove(name.begin(), name.end(), ':'), name.end());
+  std::string name = image_name(png);
   GW_RETURN_IF_ERROR(write_file_durably(data_ / "images" / name, png));
   return name;
 }

@@ -23,13 +23,13 @@
 #include <thread>
 #include <vector>
 
+#include "core/storage/matte_files.h"
 #include "glasswing/v1/work_service.pb.h"
 #include "server/capture.h"
 #include "server/catalogue.h"
 #include "server/fleet.h"
 #include "server/frame_mattes.h"
 #include "server/jobs/job_store.h"
-#include "server/matte_files.h"
 #include "server/rig.h"
 #include "server/rig_lock.h"
 #include "server/shared_work.h"
@@ -123,6 +123,8 @@ class Server {
   absl::StatusOr<v1::Session> session_of(const v1::TileLease& lease);
   void look_whether_finished(const std::string& name);  // as soon as the job store answers
   absl::Status settle(v1::Session session, absl::Status made);
+  // Of a solve: says so until something of it could be written again.
+  void wait_for_room(v1::Session session, const absl::Status& full);
 
   // Those below are called without mutex_.
   // Counts the tiles; once none is left, the solve is finished by a thread of its own. A large job takes some

@@ -140,7 +140,7 @@ absl::StatusOr<v1::Session> Server::solve(const v1::SolveSessionRequest& request
   session.set_state(v1::SESSION_STATE_SOLVING);
   session.clear_reason();
   start_solve_clock(session);
-  mattes_.drop_next(session.name());
+  GW_RETURN_IF_ERROR(mattes_.drop_next(session.name()));
   GW_RETURN_IF_ERROR(change(session));
   // Only now: had this ended in between, the session would still be of the old job.
   if (job_before != 0) GW_RETURN_IF_ERROR(jobs_->remove(job_before));
@@ -220,7 +220,7 @@ absl::StatusOr<v1::Session> Server::cancel_solve(v1::Session session, const std:
   // A job that is gone says that this was begun, should it break off. What was made goes before the session
   // is done again: what is there then counts as finished.
   GW_RETURN_IF_ERROR(jobs_->remove(session.job()));
-  mattes_.drop_next(session.name());
+  GW_RETURN_IF_ERROR(mattes_.drop_next(session.name()));
   if (session.matte_ready()) {
     GW_ASSIGN_OR_RETURN(session, catalogue_->finished(session.name()));
   } else {

@@ -14,8 +14,8 @@
 #include "core/pattern/method_options.h"
 #include "core/pattern/plan.h"
 #include "core/service/service.h"
+#include "core/storage/matte_files.h"
 #include "server/copies.h"
-#include "server/matte_files.h"
 #include "server/server.h"
 #include "server/server_metrics.h"
 #include "server/session_facts.h"
@@ -169,7 +169,12 @@ absl::Status Server::complete(const v1::CompleteTileRequest& header, const std::
     GW_ASSIGN_OR_RETURN(const MatteOutline outline, outline_of(matte));
     GW_RETURN_IF_ERROR(check_rows(outline, tile.range, session));
     GW_ASSIGN_OR_RETURN(const fs::path directory, mattes_.tiles(lease.session()));
-    GW_RETURN_IF_ERROR(write_file_durably(directory / file, matte));
+    const absl::Status written = write_file_durably(directory / file, matte);
+    if (absl::IsResourceExhausted(written)) {
+      const std::lock_guard lock(mutex_);
+      wait_for_room(session, written);  // the solver keeps the tile, and asks again
+    }
+    GW_RETURN_IF_ERROR(written);
     fault_point("tile written");
   }
   return done(header, attempt, file);
@@ -252,6 +257,7 @@ absl::Status Server::count_progress(const v1::TileLease& lease) {
   GW_ASSIGN_OR_RETURN(v1::Session session, session_of(lease));
   if (session.state() != v1::SESSION_STATE_SOLVING && !rests_in_solve(session)) return absl::OkStatus();
   count_tiles(counts, session);
+  session.clear_reason();
   if (has_frame_files(session) && !session.matte_ready()) {
     GW_ASSIGN_OR_RETURN(const std::vector<TileState> tiles, jobs_->tiles(lease.job()));
     note_solved_frames(tiles, session);

@@ -55,6 +55,7 @@ absl::Status put(ArchiveStore& store, grpc::ServerReader<v1::PutFrameRequest>& r
                                                   image->width_px, image->height_px, camera.width_px(),
                                                   camera.height_px()));
   }
+  GW_RETURN_IF_ERROR(store.room().check(static_cast<std::int64_t>(bytes.size())));
   return archive->add({{.record = frame, .image = *std::move(image)}}).status();
 }
 
@@ -180,13 +181,10 @@ grpc::Status ArchiveServiceImpl::DeleteArchive(grpc::ServerContext*, const v1::D
 
 grpc::Status ArchiveServiceImpl::GetSpace(grpc::ServerContext*, const v1::GetSpaceRequest*,
                                           v1::GetSpaceResponse* response) {
-  std::error_code error;
-  const std::filesystem::space_info space = std::filesystem::space(store_.directory(), error);
-  if (error)
-    return to_grpc(
-        absl::ErrnoToStatus(error.value(), "cannot tell the space below " + store_.directory().string()));
-  response->set_free_bytes(static_cast<std::int64_t>(space.available));
-  response->set_total_bytes(static_cast<std::int64_t>(space.capacity));
+  const absl::StatusOr<DiskRoom::Room> room = store_.room().room();
+  if (!room.ok()) return to_grpc(room.status());
+  response->set_free_bytes(room->free_bytes);
+  response->set_total_bytes(room->total_bytes);
   return grpc::Status::OK;
 }
 

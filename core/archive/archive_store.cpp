@@ -15,10 +15,8 @@ constexpr size_t kMostMapped = 8;  // archives
 constexpr std::chrono::seconds kBrokenOffEnds(10);
 }  // namespace
 
-absl::Status ArchiveStore::prepare() const {
-  std::error_code error;
-  fs::create_directories(directory_, error);
-  if (error) return absl::ErrnoToStatus(error.value(), fmt::format("cannot create {}", directory_.string()));
+absl::Status ArchiveStore::prepare() {
+  GW_ASSIGN_OR_RETURN(lock_, DirectoryLock::take(directory_));
   return write_file_durably(directory_ / ".writable", "");
 }
 

@@ -10,6 +10,8 @@
 #include <set>
 #include <string>
 
+#include "core/archive/disk_room.h"
+#include "core/base/directory_lock.h"
 #include "core/frame/archive.h"
 
 namespace glasswing {
@@ -17,10 +19,14 @@ namespace glasswing {
 // Thread-safe.
 class ArchiveStore {
  public:
-  explicit ArchiveStore(std::filesystem::path directory) : directory_(std::move(directory)) {}
+  explicit ArchiveStore(const std::filesystem::path& directory)
+      : ArchiveStore(directory, DiskRoom(directory)) {}
+  ArchiveStore(std::filesystem::path directory, DiskRoom room)
+      : directory_(std::move(directory)), room_(std::move(room)) {}
 
-  // Makes the directory. The system's own error if it cannot be written to.
-  absl::Status prepare() const;
+  // Makes the directory, and has it alone from then on. FAILED_PRECONDITION: another process has it; the
+  // system's own error if it cannot be written to.
+  absl::Status prepare();
   absl::StatusOr<std::shared_ptr<Archive>> create(const v1::CaptureManifest& header);
   // INVALID_ARGUMENT: a bad name; NOT_FOUND: no such archive here; DATA_LOSS: it cannot be read.
   absl::StatusOr<std::shared_ptr<Archive>> find(const std::string& session);
@@ -28,6 +34,7 @@ class ArchiveStore {
   // left goes too.
   absl::StatusOr<std::int64_t> remove(const std::string& session);
   const std::filesystem::path& directory() const { return directory_; }
+  const DiskRoom& room() const { return room_; }
 
   // One at a time copies an archive here. Waits a little for one that was broken off to end. ABORTED: it goes
   // on.
@@ -39,6 +46,8 @@ class ArchiveStore {
   void note_use(const std::string& session);
 
   const std::filesystem::path directory_;
+  const DiskRoom room_;
+  DirectoryLock lock_;
   std::mutex mutex_;
   std::map<std::string, std::shared_ptr<Archive>> open_;  // guarded by mutex_
   std::deque<std::string> used_;                          // guarded by mutex_; the last ones, newest last

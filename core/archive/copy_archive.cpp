@@ -28,14 +28,6 @@ absl::StatusOr<std::vector<int>> missing_in(Archive& archive, const v1::CaptureM
   return missing;
 }
 
-absl::Status check_room(const std::filesystem::path& directory, std::int64_t bytes) {
-  std::error_code error;
-  const std::filesystem::space_info space = std::filesystem::space(directory, error);
-  if (error || static_cast<std::int64_t>(space.available) >= bytes) return absl::OkStatus();
-  return absl::ResourceExhaustedError(
-      fmt::format("{} bytes are free in {}; the copy needs {}", space.available, directory.string(), bytes));
-}
-
 absl::StatusOr<std::string> read_frame(const RemoteArchive& from, const v1::CaptureManifest& manifest,
                                        int frame) {
   Image16 image(manifest.camera().width_px(), manifest.camera().height_px());
@@ -72,7 +64,7 @@ absl::Status copy_archive(ArchiveStore& store, const v1::CopyArchiveRequest& req
   GW_ASSIGN_OR_RETURN(const std::vector<int> missing, missing_in(*archive, manifest));
   std::int64_t left = 0;
   for (const int frame : missing) left += manifest.frames(frame).size_bytes();
-  GW_RETURN_IF_ERROR(check_room(store.directory(), left));
+  GW_RETURN_IF_ERROR(store.room().check(left));
   progress.set_frames_done(manifest.frames_size() - static_cast<int>(missing.size()));
   progress.set_bytes_done(progress.byte_count() - left);
 

@@ -44,6 +44,10 @@ absl::Status write_all(int fd, std::string_view bytes, const std::filesystem::pa
   return absl::OkStatus();
 }
 
+std::filesystem::path parent_of(const std::filesystem::path& path) {
+  return path.has_parent_path() ? path.parent_path() : ".";
+}
+
 absl::Status write_and_flush(int fd, std::string_view bytes, const std::filesystem::path& path) {
   GW_RETURN_IF_ERROR(write_all(fd, bytes, path));
   if (::fsync(fd) != 0) return error_of(errno, "cannot flush", path);
@@ -96,12 +100,30 @@ absl::Status flush_directory(const std::filesystem::path& directory) {
 
 absl::Status write_file_durably(const std::filesystem::path& path, std::string_view bytes) {
   GW_RETURN_IF_ERROR(write_file_flushed(path, bytes));
-  return flush_directory(path.has_parent_path() ? path.parent_path() : ".");
+  return flush_directory(parent_of(path));
+}
+
+absl::Status make_directory_durably(const std::filesystem::path& directory) {
+  if (std::filesystem::is_directory(directory)) return absl::OkStatus();
+  const std::filesystem::path whole = directory.has_filename() ? directory : directory.parent_path();
+  const std::filesystem::path parent = parent_of(whole);
+  GW_RETURN_IF_ERROR(make_directory_durably(parent));
+  if (::mkdir(whole.c_str(), 0777) != 0 && !(errno == EEXIST && std::filesystem::is_directory(whole)))
+    return error_of(errno, "cannot create", whole);
+  return flush_directory(parent);
 }
 
 absl::Status rename_file(const std::filesystem::path& from, const std::filesystem::path& to) {
   if (::rename(from.c_str(), to.c_str()) != 0) return error_of(errno, "cannot rename to", to);
   return absl::OkStatus();
+}
+
+absl::Status place_file_durably(const std::filesystem::path& from, const std::filesystem::path& to) {
+  const FileDescriptor file(::open(from.c_str(), O_RDONLY | O_CLOEXEC));
+  if (!file.is_open()) return error_of(errno, "cannot open", from);
+  if (::fsync(file.get()) != 0) return error_of(errno, "cannot flush", from);
+  GW_RETURN_IF_ERROR(rename_file(from, to));
+  return flush_directory(parent_of(to));
 }
 
 absl::StatusOr<FileWriter> FileWriter::create(std::filesystem::path path) {
@@ -128,7 +150,15 @@ absl::Status FileWriter::flush() {
 absl::Status append_file_durably(const std::filesystem::path& path, std::string_view bytes) {
   const FileDescriptor file(::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644));
   if (!file.is_open()) return error_of(errno, "cannot open", path);
-  return write_and_flush(file.get(), bytes, path);
+  struct stat before {};
+  if (::fstat(file.get(), &before) != 0) return error_of(errno, "cannot read", path);
+  absl::Status status = write_and_flush(file.get(), bytes, path);
+  // It may have been made just now.
+  if (status.ok() && before.st_size == 0) status = flush_directory(parent_of(path));
+  // What comes next must not be glued to half of this.
+  if (!status.ok() && S_ISREG(before.st_mode) && ::ftruncate(file.get(), before.st_size) != 0)
+    return error_of(errno, "cannot cut off what was half written to", path);
+  return status;
 }
 
 }  // namespace glasswing

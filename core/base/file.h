@@ -23,9 +23,16 @@ absl::Status write_file_durably(const std::filesystem::path& path, std::string_v
 absl::Status write_file_flushed(const std::filesystem::path& path, std::string_view bytes);
 absl::Status flush_directory(const std::filesystem::path& directory);
 
+// Makes a directory, and those above it that are missing; durable when it returns OK. One that is there
+// already is left as it is.
+absl::Status make_directory_durably(const std::filesystem::path& directory);
+
 // Gives a file that is flushed another name, in the place of whatever had it; flush_directory() makes that
 // last.
 absl::Status rename_file(const std::filesystem::path& from, const std::filesystem::path& to);
+
+// As rename_file, of a file that something else wrote: flushed first, and durable when it returns OK.
+absl::Status place_file_durably(const std::filesystem::path& from, const std::filesystem::path& to);
 
 // A file that is written piece by piece. What was not flushed may be lost.
 class FileWriter {
@@ -47,7 +54,8 @@ class FileWriter {
   std::filesystem::path path_;
 };
 
-// Appends and flushes.
+// Appends and flushes; durable when it returns OK, the file's name too where it is new. When it fails the
+// file is as long as before.
 absl::Status append_file_durably(const std::filesystem::path& path, std::string_view bytes);
 
 }  // namespace glasswing

@@ -1,7 +1,6 @@
 #include "core/frame/archive.h"
 
 #include <fmt/format.h>
-#include <google/protobuf/util/json_util.h>
 
 #include <algorithm>
 #include <sstream>
@@ -9,6 +8,7 @@
 #include "core/base/checksum.h"
 #include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/frame/archive_json.h"
 
 namespace glasswing {
 namespace {
@@ -18,35 +18,9 @@ namespace fs = std::filesystem;
 // A process may have some 65,000.
 constexpr size_t kMostMappings = 4096;
 
-std::string json_of(const google::protobuf::Message& message, bool indented) {
-  google::protobuf::util::JsonPrintOptions options;
-  options.add_whitespace = indented;
-  options.preserve_proto_field_names = true;
-  std::string json;
-  // Fails only for messages that hold invalid Any or Timestamp values; ours have none.
-  (void)google::protobuf::util::MessageToJsonString(message, &json, options);
-  return json;
-}
-
-absl::Status parse_json(std::string_view json, const fs::path& path, google::protobuf::Message* message) {
-  google::protobuf::util::JsonParseOptions options;
-  options.ignore_unknown_fields = true;
-  const auto status =
-      google::protobuf::util::JsonStringToMessage({json.data(), json.size()}, message, options);
-  if (status.ok()) return absl::OkStatus();
-  return absl::DataLossError(fmt::format("{}: {}", path.string(), std::string(status.message())));
-}
-
 absl::Status read_json(const fs::path& path, google::protobuf::Message* message) {
   GW_ASSIGN_OR_RETURN(const std::string json, read_file(path));
-  return parse_json(json, path, message);
-}
-
-absl::Status make_directory(const fs::path& directory) {
-  std::error_code error;
-  fs::create_directories(directory, error);
-  if (!error) return absl::OkStatus();
-  return absl::ErrnoToStatus(error.value(), fmt::format("cannot create {}", directory.string()));
+  return parse_archive_json(json, path, message);
 }
 
 absl::Status data_loss_in(const fs::path& path, const absl::Status& status) {
@@ -81,11 +55,11 @@ absl::StatusOr<std::unique_ptr<Archive>> Archive::create(const fs::path& directo
     return archive;
   }
   GW_RETURN_IF_ERROR(check_manifest_header(header));
-  GW_RETURN_IF_ERROR(make_directory(directory / "frames"));
+  GW_RETURN_IF_ERROR(make_directory_durably(directory / "frames"));
   v1::CaptureManifest without_frames = header;
   without_frames.clear_frames();
   without_frames.set_format_version(1);
-  GW_RETURN_IF_ERROR(write_file_durably(directory / "header.json", json_of(without_frames, true)));
+  GW_RETURN_IF_ERROR(write_file_durably(directory / "header.json", archive_json(without_frames, true)));
   GW_RETURN_IF_ERROR(flush_directory(directory.parent_path().empty() ? "." : directory.parent_path()));
   return std::unique_ptr<Archive>(new Archive(directory, std::move(without_frames)));
 }
@@ -113,7 +87,7 @@ absl::StatusOr<std::unique_ptr<Archive>> Archive::open(const fs::path& directory
   std::istringstream each(*lines);
   for (std::string line; std::getline(each, line);) {
     v1::Frame& frame = *manifest.add_frames();
-    GW_RETURN_IF_ERROR(parse_json(line, journal, &frame));
+    GW_RETURN_IF_ERROR(parse_archive_json(line, journal, &frame));
     GW_RETURN_IF_ERROR(data_loss_in(journal, check_frame(frame)));
   }
   return std::unique_ptr<Archive>(new Archive(directory, std::move(manifest)));
@@ -157,7 +131,7 @@ absl::StatusOr<std::vector<v1::Frame>> Archive::add(const std::vector<NewFrame>&
 
 absl::Status Archive::enter(const std::vector<v1::Frame>& fresh) {
   std::string journal_lines;
-  for (const v1::Frame& record : fresh) journal_lines += json_of(record, false) + "\n";
+  for (const v1::Frame& record : fresh) journal_lines += archive_json(record, false) + "\n";
   GW_RETURN_IF_ERROR(flush_directory(directory_ / "frames"));
   GW_RETURN_IF_ERROR(append_file_durably(directory_ / "frames.jsonl", journal_lines));
   for (const v1::Frame& record : fresh) {
@@ -190,7 +164,7 @@ absl::Status Archive::add_copies(const std::vector<CopiedFrame>& frames) {
 
 absl::Status Archive::seal() {
   const std::lock_guard lock(mutex_);
-  return write_file_durably(directory_ / "manifest.json", json_of(manifest_, true));
+  return write_file_durably(directory_ / "manifest.json", archive_json(manifest_, true));
 }
 
 absl::StatusOr<v1::Frame> Archive::find(const std::string& file) const {

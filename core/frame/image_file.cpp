@@ -200,7 +200,7 @@ absl::Status write_exr(const fs::path& path, const RadianceImage& image, bool ha
       file.setFrameBuffer(buffer);
       file.writePixels(image.height_px);
     }
-    return rename_file(partial, path);
+    return place_file_durably(partial, path);
   } catch (const std::exception& error) {
     std::error_code ignored;
     fs::remove(partial, ignored);

@@ -8,6 +8,7 @@
 
 #include <cstring>
 
+#include "core/base/checksum.h"
 #include "core/base/status.h"
 #include "core/frame/archive.h"
 
@@ -41,6 +42,11 @@ absl::StatusOr<std::shared_ptr<const MappedArchive>> MappedArchive::open(
       return absl::DataLossError(fmt::format(
           "{} is not a frame as archives store them; `glasswing import` makes such an archive of others",
           path.string()));
+    }
+    const std::string_view bytes(static_cast<const char*>(mapping), archive->file_bytes_);
+    if (!frame.checksum().empty() && checksum_of(bytes) != frame.checksum()) {
+      return absl::DataLossError(fmt::format("{} is damaged: its checksum is {} instead of {}", path.string(),
+                                             checksum_of(bytes), frame.checksum()));
     }
   }
   return archive;

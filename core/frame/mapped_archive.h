@@ -17,7 +17,7 @@ namespace glasswing {
 class MappedArchive {
  public:
   // DATA_LOSS names a frame file that is missing, of another size than the manifest's picture, or no frame of
-  // ours. Checksums are not verified: that would read every page.
+  // ours, or has another checksum than the manifest says.
   static absl::StatusOr<std::shared_ptr<const MappedArchive>> open(const std::filesystem::path& directory);
   ~MappedArchive();
   MappedArchive(const MappedArchive&) = delete;

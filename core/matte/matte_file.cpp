@@ -175,6 +175,23 @@ absl::StatusOr<Matte> decode_matte(std::string_view bytes) {
                          });
 }
 
+absl::Status verify_matte(std::string_view bytes) {
+  return with_matte_file(bytes, [](const MatteHead& head, Imf::MultiPartInputFile& file) -> absl::Status {
+    const MatteOutline& outline = head.outline;
+    Matte rows_alone(outline.x0_px, 0, outline.width_px, std::min(kMostBlockRows, outline.height_px),
+                     outline.modes_per_channel, outline.colourless);
+    rows_alone.metadata = outline.metadata;
+    RowReader reader(file, outline);
+    for (int y = 0; y < outline.height_px; y += kMostBlockRows) {
+      const int rows = std::min(kMostBlockRows, outline.height_px - y);
+      GW_RETURN_IF_ERROR(reader.read(y, rows, head.row_checksums));
+      reader.block().give(rows_alone, 0, rows);
+      GW_RETURN_IF_ERROR(check(rows_alone, 0, rows));
+    }
+    return absl::OkStatus();
+  });
+}
+
 absl::StatusOr<MatteHead> read_matte_head(std::string_view bytes) {
   return with_matte_file(
       bytes,

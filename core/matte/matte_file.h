@@ -19,6 +19,9 @@ absl::StatusOr<std::string> encode_matte(const Matte& matte);
 // DATA_LOSS: truncated, altered or not a matte; FAILED_PRECONDITION: a newer format_version.
 absl::StatusOr<Matte> decode_matte(std::string_view bytes);
 
+// As decode_matte(), for a file of any size: only some rows at a time are in memory.
+absl::Status verify_matte(std::string_view bytes);
+
 // As above; every error names the path.
 absl::StatusOr<Matte> read_matte(const std::filesystem::path& path);
 

@@ -2,7 +2,7 @@
 // together.
 #pragma once
 
-#include "server/database.h"
+#include "core/storage/database.h"
 #include "server/jobs/sql_job_store.h"
 
 namespace glasswing {

@@ -84,11 +84,11 @@ struct FaultyRig::DisplayNode {
 };
 
 struct FaultyRig::CameraNode {
-  CameraNode(const SimCameraOptions& options, const std::filesystem::path& archives, const std::string& tap,
-             const std::string& address)
+  CameraNode(const SimCameraOptions& options, const std::filesystem::path& archives, const SpaceOf& space,
+             const std::string& tap, const std::string& address)
       : light(tap, timeline),
         camera(SimCamera::create(options, timeline).value()),
-        store(archives),
+        store(archives, DiskRoom(archives, 0, space)),
         cameras(*camera, store),
         archive_service(store),
         stages(*camera),
@@ -185,7 +185,8 @@ void FaultyRig::restart_camera() {
   options.late = faults_.late;
   options.stamp_jitter = faults_.stamp_jitter;
   options.stamp_shift = faults_.stamp_shift;
-  camera_ = std::make_unique<CameraNode>(options, data_ / "archives", display_->host->address(), address);
+  camera_ = std::make_unique<CameraNode>(options, data_ / "archives", faults_.space,
+                                         display_->host->address(), address);
   if (!camera_->timeline.wait_known_until(monotonic_now(), kSoon)) {
     std::fputs("the camera sees no display\n", stderr);
     std::abort();

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "camera-node/sim_camera.h"
+#include "core/archive/disk_room.h"
 #include "display-node/sim_display.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 #include "server/server.h"
@@ -23,6 +24,7 @@ struct RigFaults {
   double frame_rate_hz = 1000.0;
   nanoseconds network_delay{};                           // at most, each way between the server and the nodes
   bool restart_camera = false, restart_display = false;  // in mid-session
+  SpaceOf space = space_of;                              // of the camera node's disk
 };
 
 class FaultyRig {

@@ -3,7 +3,12 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <atomic>
+#include <limits>
+
 #include "core/base/file.h"
+#include "core/base/time.h"
+#include "server/session_facts.h"
 #include "tests/faults/rig.h"
 #include "tests/server/idle_solver.h"
 
@@ -192,6 +197,72 @@ TEST_F(SessionLife, TheFinishedMatteStaysUntilAnotherIs) {
   EXPECT_EQ(session.state(), v1::SESSION_STATE_DONE) << session.reason();
   EXPECT_EQ(session.method(), "hierarchical");
   EXPECT_EQ(marks(), Marks(3.0f, 4.0f));
+}
+
+// The camera node's disk, as it says.
+struct Disk {
+  std::atomic<std::uintmax_t> free_bytes = 1 << 30;
+  std::atomic<int> asked = 0,
+                   full_from = std::numeric_limits<int>::max();  // so many questions later it is full
+  SpaceOf space() {
+    return [this](const fs::path&) -> absl::StatusOr<fs::space_info> {
+      const std::uintmax_t now = ++asked >= full_from ? 0 : free_bytes.load();
+      return fs::space_info{.capacity = 1 << 30, .free = now, .available = now};
+    };
+  }
+};
+
+TEST_F(SessionLife, ACaptureWaitsForRoomAndGoesOnByItself) {
+  Disk disk;
+  start({.name = "full disk", .space = disk.space()});
+  // Asked by the dry run and the beginning, and then for every few frames that are kept.
+  disk.full_from = 4;
+  v1::CreateSessionRequest create;
+  create.set_name("s");
+  *create.mutable_plan() = small_plan();
+  ASSERT_TRUE(server().create(create, {}).ok());
+  const auto wait_until = [&](const auto& is_so) {
+    const nanoseconds deadline = monotonic_now() + std::chrono::seconds(20);
+    v1::Session session;
+    do {
+      session = server().find("s").value();
+      if (is_so(session)) return session;
+      server().wait_change(0, std::chrono::milliseconds(10));
+      sleep_until_monotonic(monotonic_now() + std::chrono::milliseconds(5));
+    } while (monotonic_now() < deadline);
+    ADD_FAILURE() << state_of(session) << " " << session.reason();
+    return session;
+  };
+  const auto waits = [](const v1::Session& session) {
+    return session.reason().starts_with("waiting for room") &&
+           session.reason().find("are still to come") != std::string::npos;
+  };
+  const v1::Session waiting = wait_until(waits);
+  EXPECT_EQ(waiting.state(), v1::SESSION_STATE_CAPTURING);
+  EXPECT_GT(waiting.proven_count(), 0);
+  EXPECT_LT(waiting.proven_count(), waiting.step_count());
+  EXPECT_NE(waiting.reason().find("camera-1"), std::string::npos) << waiting.reason();
+  EXPECT_NE(waiting.reason().find("MB of disk are missing"), std::string::npos) << waiting.reason();
+  const std::string first = read_file(rig_->archive("s") / "frames.jsonl").value();
+
+  disk.full_from = std::numeric_limits<int>::max();
+  const v1::Session done =
+      wait_until([](const v1::Session& session) { return session.state() == v1::SESSION_STATE_CAPTURED; });
+  EXPECT_EQ(done.proven_count(), done.step_count());
+  EXPECT_EQ(done.reason(), "");
+  EXPECT_TRUE(read_file(rig_->archive("s") / "frames.jsonl")->starts_with(first)) << "what was kept stays";
+}
+
+TEST_F(SessionLife, ACaptureThatWaitsForRoomCanBePausedAndCancelled) {
+  Disk disk;
+  start({.name = "full disk", .space = disk.space()});
+  disk.full_from = 3;
+  v1::CreateSessionRequest create;
+  create.set_name("s");
+  *create.mutable_plan() = small_plan();
+  ASSERT_TRUE(server().create(create, {}).ok());
+  EXPECT_EQ(server().pause("s", {})->state(), v1::SESSION_STATE_PAUSED);
+  EXPECT_EQ(server().cancel("s", {})->state(), v1::SESSION_STATE_CANCELLED);
 }
 
 TEST_F(SessionLife, APausedSolveKeepsItsTilesAlsoPastTheServersEnd) {

@@ -1,7 +1,10 @@
 #include "core/base/file.h"
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 #include <unistd.h>
+
+#include <csignal>
 
 #include "core/base/checksum.h"
 #include "core/base/name.h"
@@ -31,6 +34,29 @@ TEST_F(File, FailuresNameThePath) {
   EXPECT_FALSE(read_file(directory_).ok());
   const absl::Status status = write_file_durably(directory_ / "no" / "a", "x");
   EXPECT_NE(std::string(status.message()).find("no/a"), std::string::npos) << status;
+}
+
+TEST_F(File, DirectoriesAreMadeWithThoseAboveThem) {
+  ASSERT_TRUE(make_directory_durably(directory_ / "a" / "b").ok());
+  EXPECT_TRUE(make_directory_durably(directory_ / "a" / "b" / "").ok()) << "it is there";
+  EXPECT_TRUE(fs::is_directory(directory_ / "a" / "b"));
+  ASSERT_TRUE(write_file_durably(directory_ / "file", "").ok());
+  EXPECT_FALSE(make_directory_durably(directory_ / "file" / "c").ok());
+}
+
+TEST_F(File, AnAppendThatFailsLeavesTheFileAsLongAsItWas) {
+  const fs::path path = directory_ / "journal";
+  ASSERT_TRUE(append_file_durably(path, "line 1\n").ok());
+  // The disk is full after some more bytes.
+  rlimit before{};
+  ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &before), 0);
+  ::signal(SIGXFSZ, SIG_IGN);
+  const rlimit few{.rlim_cur = 10, .rlim_max = before.rlim_max};
+  ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &few), 0);
+  const absl::Status status = append_file_durably(path, "line 2\n");
+  ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &before), 0);
+  EXPECT_FALSE(status.ok());
+  EXPECT_EQ(read_file(path).value(), "line 1\n");
 }
 
 TEST_F(File, AFullDiskIsResourceExhaustedAndKeepsTheOldFile) {

@@ -5,6 +5,7 @@
 
 #include <random>
 
+#include "core/base/file.h"
 #include "core/frame/archive.h"
 
 namespace glasswing {
@@ -61,9 +62,14 @@ TEST_F(MappedArchiveTest, NamesTheFileThatIsNoFrame) {
     EXPECT_TRUE(absl::IsDataLoss(status));
     EXPECT_NE(std::string(status.message()).find(file.string()), std::string::npos) << status;
   };
+  const std::string bytes = read_file(file).value();
   fs::resize_file(file, fs::file_size(file) - 2);
   refused();
-  fs::resize_file(file, fs::file_size(file) + 2);
+  std::string altered = bytes;
+  altered.back() = static_cast<char>(altered.back() ^ 1);
+  ASSERT_TRUE(write_file_durably(file, altered).ok());
+  refused();
+  ASSERT_TRUE(write_file_durably(file, bytes).ok());
   EXPECT_TRUE(MappedArchive::open(directory_).ok());
   fs::remove(file);
   refused();

@@ -1,4 +1,4 @@
-#include "server/matte_files.h"
+#include "core/storage/matte_files.h"
 
 #include <fmt/format.h>
 
@@ -12,13 +12,6 @@ namespace glasswing {
 namespace {
 
 namespace fs = std::filesystem;
-
-absl::StatusOr<fs::path> made_directory(const fs::path& directory) {
-  std::error_code error;
-  fs::create_directories(directory, error);
-  if (error) return absl::ErrnoToStatus(error.value(), fmt::format("cannot create {}", directory.string()));
-  return directory;
-}
 
 fs::path frame_file(int frame) {
   return fmt::format("{:04d}.exr", frame);
@@ -56,18 +49,24 @@ fs::path MatteFiles::next(const std::string& session, int frame) const {
 }
 
 absl::StatusOr<fs::path> MatteFiles::tiles(const std::string& session) const {
-  return made_directory(data_ / "tiles" / session);
+  fs::path directory = data_ / "tiles" / session;
+  GW_RETURN_IF_ERROR(make_directory_durably(directory));
+  return directory;
 }
 
 absl::Status MatteFiles::make_next(const std::string& session) const {
-  return made_directory(next(session, 0).parent_path()).status();
+  return make_directory_durably(next(session, 0).parent_path());
 }
 
-void MatteFiles::drop_next(const std::string& session) const {
-  std::error_code ignored;
-  fs::remove(next(session), ignored);
-  fs::remove_all(next(session, 0).parent_path(), ignored);
+absl::Status MatteFiles::drop_next(const std::string& session) const {
+  std::error_code ignored;  // what is left of tiles is never looked at
   fs::remove_all(data_ / "tiles" / session, ignored);
+  for (const fs::path& path : {next(session), next(session, 0).parent_path()}) {
+    std::error_code error;
+    fs::remove_all(path, error);
+    if (error) return absl::ErrnoToStatus(error.value(), fmt::format("cannot remove {}", path.string()));
+  }
+  return flush_directory(data_ / "mattes");
 }
 
 absl::Status MatteFiles::finish(const std::string& session) const {

@@ -1,4 +1,4 @@
-#include "server/database.h"
+#include "core/storage/database.h"
 
 #include <fmt/format.h>
 #include <sqlite3.h>

@@ -1,4 +1,4 @@
-#include "server/matte_files.h"
+#include "core/storage/matte_files.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -55,7 +55,7 @@ TEST_F(MatteFilesTest, ASolveGivenUpLeavesWhatWasFinished) {
   write(files_.next("s"), "next");
   write_next_frames("s", "next");
   write(files_.tiles("s").value() / "0-1.exr", "tile");
-  files_.drop_next("s");
+  ASSERT_TRUE(files_.drop_next("s").ok());
   EXPECT_EQ(read_file(files_.finished("s")).value(), "finished");
   EXPECT_FALSE(fs::exists(files_.next("s")));
   EXPECT_FALSE(fs::exists(files_.next("s", 0)));

@@ -1,10 +1,11 @@
 // Where finished mattes and what they are made of lie below the server's data:
 //
-//   mattes/SESSION.exr            of the last solve that finished; of a video
-//   mattes/SESSION/0000.exr       a file a frame
-//   mattes/SESSION+next.exr       of the solve that goes on, until it has finished: it then takes the other's
-//   place mattes/SESSION+next/0000.exr tiles/SESSION/                parts of the solve that goes on, each
-//   named after the checksum of its bytes
+//   mattes/SESSION.exr        of the last solve that finished; of a video
+//   mattes/SESSION/0000.exr   a file a frame
+//   mattes/SESSION+next.exr, mattes/SESSION+next/0000.exr
+//                             of the solve that goes on, until it has finished: it then takes the other's
+//                             place
+//   tiles/SESSION/            parts of that solve, each named after the checksum of its bytes
 //
 // No session's name has a '+'.
 #pragma once
@@ -37,8 +38,9 @@ class MatteFiles {
   absl::StatusOr<std::filesystem::path> tiles(const std::string& session) const;
   absl::Status make_next(const std::string& session) const;  // the frames' directory
 
-  // Nothing of the solve that goes on is left.
-  void drop_next(const std::string& session) const;
+  // Nothing of the solve that goes on is left, also after a power cut: what there is of one when a session is
+  // done counts as finished.
+  absl::Status drop_next(const std::string& session) const;
   // What that solve made takes the place of what was finished before, if anything was made. Repeated after a
   // crash it does what is left to do.
   absl::Status finish(const std::string& session) const;

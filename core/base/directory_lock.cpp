@@ -1,0 +1,56 @@
+#include "core/base/directory_lock.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <string>
+
+#include "core/base/file.h"
+#include "core/base/status.h"
+
+namespace glasswing {
+namespace {
+
+// Of the process that has it, for people.
+std::string holder_of(const std::filesystem::path& file) {
+  const absl::StatusOr<std::string> pid = read_file(file);
+  return pid.ok() && !pid->empty() ? fmt::format("process {}", *pid) : "another process";
+}
+
+}  // namespace
+
+absl::StatusOr<DirectoryLock> DirectoryLock::take(const std::filesystem::path& directory) {
+  GW_RETURN_IF_ERROR(make_directory_durably(directory));
+  const std::filesystem::path file = directory / kLockFile;
+  DirectoryLock lock;
+  lock.fd_ = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+  if (lock.fd_ < 0) return absl::ErrnoToStatus(errno, fmt::format("cannot open {}", file.string()));
+  if (::flock(lock.fd_, LOCK_EX | LOCK_NB) != 0) {
+    if (errno != EWOULDBLOCK) return absl::ErrnoToStatus(errno, fmt::format("cannot lock {}", file.string()));
+    return absl::FailedPreconditionError(fmt::format(
+        "{} is in use by {}; a directory serves one program at a time: stop that one first, or name another "
+        "directory",
+        directory.string(), holder_of(file)));
+  }
+  // A disk that is full keeps nobody from having the directory.
+  const std::string pid = std::to_string(::getpid());
+  if (::ftruncate(lock.fd_, 0) == 0) (void)!::pwrite(lock.fd_, pid.data(), pid.size(), 0);
+  return lock;
+}
+
+bool DirectoryLock::is_taken(const std::filesystem::path& directory) {
+  const int fd = ::open((directory / kLockFile).c_str(), O_RDONLY | O_CLOEXEC);
+  if (fd < 0) return false;
+  const bool taken = ::flock(fd, LOCK_SH | LOCK_NB) != 0;
+  ::close(fd);
+  return taken;
+}
+
+DirectoryLock::~DirectoryLock() {
+  if (fd_ >= 0) ::close(fd_);
+}
+
+}  // namespace glasswing

@@ -1,0 +1,14 @@
+// A server's data directory: its catalogue and job store, the mattes of its sessions, the tiles of solves
+// under way, pictures and calibrations.
+#pragma once
+
+#include <filesystem>
+
+#include "core/storage/check.h"
+
+namespace glasswing {
+
+bool is_server_data(const std::filesystem::path& directory);
+void check_server(const std::filesystem::path& directory, Check& check);
+
+}  // namespace glasswing

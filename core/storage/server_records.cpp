@@ -1,0 +1,168 @@
+#include "core/storage/server_records.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "core/base/file.h"
+#include "core/base/name.h"
+#include "core/base/status.h"
+
+namespace glasswing {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr char kCatalogue[] = "catalogue.sqlite", kJobs[] = "jobs.sqlite";
+// Of server/jobs: a tile that waits for a solver.
+constexpr char kWaiting[] =
+    "done_attempt = 0, done_at = 0, result = '', object_pixels = 0, flagged_pixels = 0, seconds = 0, "
+    "lease_attempt = 0, lease_solver = '', twin_attempt = 0, twin_solver = ''";
+
+absl::Status check_integrity(Database& database) {
+  Database::Query query = database.query("PRAGMA integrity_check");
+  if (query.next() && query.text(0) != "ok") return absl::DataLossError(query.text(0));
+  return query.status();
+}
+
+bool is_being_solved(const v1::Session& session) {
+  return session.job() != 0 &&
+         (session.state() == v1::SESSION_STATE_SOLVING || session.state() == v1::SESSION_STATE_PAUSED ||
+          session.state() == v1::SESSION_STATE_FAILED);
+}
+
+}  // namespace
+
+std::optional<Database> ServerRecords::open_database(const char* name, Finding finding, Check& check) {
+  const fs::path file = data_ / name;
+  if (!fs::exists(file)) return std::nullopt;
+  absl::StatusOr<std::string> bytes = check.read(file);
+  absl::StatusOr<Database> database = bytes.ok() ? Database::open(file) : bytes.status();
+  const absl::Status status = database.ok() ? check_integrity(*database) : database.status();
+  if (status.ok()) return *std::move(database);
+  database = status;  // closed before it is moved
+  finding.file = file.string();
+  finding.what = std::string(status.message());
+  check.found(std::move(finding), [&]() -> absl::Status {
+    for (const char* part : {"", "-wal", "-shm"}) {
+      const fs::path path = file.string() + part;
+      if (fs::exists(path)) GW_RETURN_IF_ERROR(set_aside(data_, path));
+    }
+    return absl::OkStatus();
+  });
+  return std::nullopt;
+}
+
+void ServerRecords::open(Check& check) {
+  catalogue_ = open_database(
+      kCatalogue,
+      {.file = "",
+       .what = "",
+       .meaning =
+           "the server does not know its sessions: bring the file back from a backup; frames and mattes "
+           "lie apart from it and are checked alone",
+       .repair = ""},
+      check);
+  jobs_ = open_database(kJobs,
+                        {.file = "",
+                         .what = "",
+                         .meaning = "solves under way are lost, and have to be asked for again",
+                         .repair = "it is set aside, and the server begins a new one"},
+                        check);
+  if (catalogue_) read_sessions(check);
+}
+
+void ServerRecords::read_sessions(Check& check) {
+  std::vector<std::string> bad;
+  Database::Query query = catalogue_->query("SELECT name, session, finished, copies FROM sessions");
+  while (query.next()) {
+    const std::string name = query.text(0), finished = query.text(2);
+    names_.insert(name);
+    SessionRecord record;
+    v1::Session before, copies;
+    const bool good = record.session.ParseFromString(query.text(1)) && record.session.name() == name &&
+                      check_name("session", name).ok() && before.ParseFromString(finished) &&
+                      copies.ParseFromString(query.text(3));
+    if (!good) bad.push_back(name);
+    if (!finished.empty()) record.finished = std::move(before);
+    if (good) sessions_.push_back(std::move(record));
+  }
+  if (const absl::Status status = query.status(); !status.ok()) {
+    check.found({.file = (data_ / kCatalogue).string(),
+                 .what = std::string(status.message()),
+                 .meaning = "not all sessions can be read: bring the file back from a backup",
+                 .repair = ""});
+  }
+  for (const std::string& name : bad) {
+    check.found(
+        {.file = (data_ / kCatalogue).string(),
+         .what = fmt::format("the record of session \"{}\" cannot be read", name),
+         .meaning = "the server does not start while it is there; a backup has it. The session's frames "
+                    "are not touched: glasswing import of their archive makes a session of them again",
+         .repair = "its bytes are set aside, and the record is removed"},
+        [&]() -> absl::Status {
+          Database::Query row = catalogue_->query(
+              "SELECT quote(session), quote(finished), quote(copies), quote(note), "
+              "quote(tags) FROM sessions WHERE name = ?");
+          row.bind(name);
+          std::string kept = name + "\n";
+          while (row.next())
+            for (int column = 0; column < row.columns(); ++column) kept += row.text(column) + "\n";
+          GW_RETURN_IF_ERROR(row.status());
+          const fs::path aside = data_ / kDamagedDirectory / "sessions";
+          GW_RETURN_IF_ERROR(make_directory_durably(aside));
+          const std::string file = check_name("session", name).ok() ? name : random_token();
+          GW_RETURN_IF_ERROR(write_file_durably(aside / file, kept));
+          return catalogue_->query("DELETE FROM sessions WHERE name = ?").bind(name).finish();
+        });
+  }
+}
+
+bool ServerRecords::knows(const std::string& session) const {
+  return !catalogue_ || names_.contains(session);
+}
+
+std::vector<TileRecord> ServerRecords::tiles_of_solves() {
+  std::vector<TileRecord> tiles;
+  if (!jobs_) return tiles;
+  for (const SessionRecord& record : sessions_) {
+    if (!is_being_solved(record.session)) continue;
+    Database::Query query = jobs_->query(
+        "SELECT number, result FROM tiles WHERE job = ? AND done_attempt > 0 AND result LIKE '%.exr'");
+    query.bind(record.session.job());
+    while (query.next())
+      tiles.push_back({.session = record.session.name(),
+                       .job = record.session.job(),
+                       .number = query.integer(0),
+                       .result = query.text(1)});
+  }
+  return tiles;
+}
+
+absl::Status ServerRecords::update(const SessionRecord& record) {
+  return catalogue_->query("UPDATE sessions SET session = ?, finished = ? WHERE name = ?")
+      .bind(record.session.SerializeAsString())
+      .bind(record.finished ? record.finished->SerializeAsString() : std::string())
+      .bind(record.session.name())
+      .finish();
+}
+
+absl::Status ServerRecords::queue_again(const TileRecord& tile) {
+  return jobs_->query(fmt::format("UPDATE tiles SET {} WHERE job = ? AND number = ?", kWaiting))
+      .bind(tile.job)
+      .bind(tile.number)
+      .finish();
+}
+
+absl::Status ServerRecords::queue_again(std::int64_t job, int frame) {
+  if (!jobs_) return absl::OkStatus();
+  return jobs_
+      ->query(fmt::format("UPDATE tiles SET {} WHERE job = ?1 AND first <= ?2 AND ?2 < first + count AND "
+                          "done_attempt > 0",
+                          kWaiting))
+      .bind(job)
+      .bind(frame)
+      .finish();
+}
+
+}  // namespace glasswing
