@@ -7,6 +7,7 @@
 #include <optional>
 #include <set>
 #include <sstream>
+#include <utility>
 
 #include "core/base/checksum.h"
 #include "core/base/file.h"
@@ -122,11 +123,15 @@ class ArchiveCheck {
 
   // The journal's word counts; the manifest has what the journal lacks.
   void settle_lists() {
+    std::map<std::string, v1::Frame> in_journal;
+    for (const v1::Frame& frame : frames_) in_journal.emplace(frame.file(), frame);
+    Frames both = std::exchange(frames_, {});
+    if (manifest_) both.insert(both.begin(), manifest_->frames().begin(), manifest_->frames().end());
     std::set<std::string> listed;
-    std::erase_if(frames_, [&](const v1::Frame& frame) { return !listed.insert(frame.file()).second; });
-    if (manifest_) {
-      for (const v1::Frame& frame : manifest_->frames())
-        if (listed.insert(frame.file()).second) frames_.push_back(frame);
+    for (const v1::Frame& frame : both) {
+      if (!listed.insert(frame.file()).second) continue;
+      const auto journalled = in_journal.find(frame.file());
+      frames_.push_back(journalled == in_journal.end() ? frame : journalled->second);
     }
     if (is_exported()) return;
     if (unreadable_lines_ > 0 || journal_ != lines_of(frames_)) found_bad_journal();
