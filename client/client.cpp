@@ -10,7 +10,6 @@
 
 #include "client/colour.h"
 #include "client/commands.h"
-#include "client/fsck.h"
 #include "client/interrupt.h"
 #include "client/signature.h"
 #include "core/service/help.h"

@@ -27,6 +27,7 @@ void add_capture_command(CLI::App& app, Client& client);
 void add_import_command(CLI::App& app, Client& client);
 void add_export_command(CLI::App& app, Client& client);
 void add_replicate_command(CLI::App& app, Client& client);
+void add_fsck_command(CLI::App& app, Client& client);
 void add_solve_command(CLI::App& app, Client& client);
 void add_fetch_command(CLI::App& app, Client& client);
 void add_composite_command(CLI::App& app, Client& client);

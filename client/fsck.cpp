@@ -8,7 +8,7 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
-#include "client/fsck.h"
+#include "client/commands.h"
 #include "client/output.h"
 #include "client/progress.h"
 #include "core/base/status.h"
