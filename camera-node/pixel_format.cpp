@@ -10,6 +10,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "core/base/status.h"
+#include "core/frame/jpeg_header.h"
 
 namespace glasswing {
 namespace {
@@ -201,17 +202,23 @@ Image16 image_of_ycbcr(const RawPicture& picture) {
 }
 
 absl::StatusOr<Image16> image_of_jpeg(const RawPicture& picture) {
+  const auto bad = [&](const std::string& what) {
+    return absl::DataLossError(
+        fmt::format("a frame is no JPEG of {} x {} px: it is {}", picture.width_px, picture.height_px, what));
+  };
+  const std::vector<std::uint8_t> none, &file = picture.planes.empty() ? none : picture.planes[0];
+  const std::string_view bytes(reinterpret_cast<const char*>(file.data()), file.size());
+  // OpenCV decodes anything else as well, and makes room for what a header says.
+  if (!is_jpeg(bytes)) return bad("damaged");
+  if (const PictureSize size = jpeg_size(bytes); size != PictureSize{picture.width_px, picture.height_px})
+    return bad(size.width_px == 0 ? "damaged" : fmt::format("{} x {}", size.width_px, size.height_px));
   cv::Mat bgr;
   try {
-    if (!picture.planes.empty()) bgr = cv::imdecode(picture.planes[0], cv::IMREAD_COLOR);
+    bgr = cv::imdecode(file, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);
   } catch (const cv::Exception&) {
     bgr.release();
   }
-  if (bgr.cols != picture.width_px || bgr.rows != picture.height_px) {
-    return absl::DataLossError(
-        fmt::format("a frame is no JPEG of {} x {} px: it is {}", picture.width_px, picture.height_px,
-                    bgr.empty() ? "damaged" : fmt::format("{} x {}", bgr.cols, bgr.rows)));
-  }
+  if (bgr.cols != picture.width_px || bgr.rows != picture.height_px) return bad("damaged");
   const DecodeTable& table = decode_table(picture.colour.transfer);
   Image16 image(picture.width_px, picture.height_px);
   for (int y = 0; y < bgr.rows; ++y) {

@@ -4,11 +4,11 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cstdlib>
 #include <iostream>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <regex>
 #include <set>
 #include <sstream>
 
@@ -38,23 +38,54 @@ fs::path usual_file() {
          "config.toml";
 }
 
-// KEY = "VALUE" or KEY = 'VALUE', with a comment after it; nothing for a line without either.
+constexpr std::string_view kBlank = " \t\r\v\f";
+
+std::string_view without_blanks(std::string_view text) {
+  return text.substr(std::min(text.find_first_not_of(kBlank), text.size()));
+}
+
+// Takes "VALUE", where \" and \\ stand for themselves, or 'VALUE' off the front.
+std::optional<std::string> take_quoted(std::string_view& text) {
+  if (text.empty() || (text[0] != '"' && text[0] != '\'')) return std::nullopt;
+  const char quote = text[0];
+  std::string value;
+  for (size_t at = 1; at < text.size(); ++at) {
+    if (text[at] == quote) {
+      text.remove_prefix(at + 1);
+      return value;
+    }
+    if (quote == '"' && text[at] == '\\') {
+      ++at;
+      if (at == text.size() || (text[at] != '"' && text[at] != '\\')) return std::nullopt;
+    }
+    value += text[at];
+  }
+  return std::nullopt;
+}
+
+// KEY = "VALUE" or KEY = 'VALUE', with a comment after it; nothing for a line without either. By hand: a
+// std::regex needs stack for every letter.
 struct Line {
   std::string key, value;
 };
-absl::StatusOr<std::optional<Line>> parse_line(const std::string& text) {
-  static const std::regex kEmpty(R"(\s*(#.*)?)");
-  static const std::regex kSetting(R"(\s*([A-Za-z0-9_-]+)\s*=\s*("([^"\\]|\\["\\])*"|'[^']*')\s*(#.*)?)");
-  std::smatch match;
-  if (std::regex_match(text, kEmpty)) return std::nullopt;
-  if (!std::regex_match(text, match, kSetting)) {
+absl::StatusOr<std::optional<Line>> parse_line(std::string_view text) {
+  const auto bad = [&] {
     return absl::InvalidArgumentError(
-        fmt::format("it is {}; it must be KEY = \"VALUE\", as TOML has it", text));
-  }
-  const std::string quoted = match[2];
-  std::string value = quoted.substr(1, quoted.size() - 2);
-  if (quoted.front() == '"') value = std::regex_replace(value, std::regex(R"(\\(["\\]))"), "$1");
-  return Line{match[1], value};
+        fmt::format("it is {}; it must be KEY = \"VALUE\", as TOML has it", text.substr(0, 200)));
+  };
+  const auto ends = [](std::string_view rest) { return rest.empty() || rest[0] == '#'; };
+  std::string_view rest = without_blanks(text);
+  if (ends(rest)) return std::nullopt;
+  const auto is_of_key = [](char c) {
+    return std::isalnum(static_cast<unsigned char>(c)) || c == '_' || c == '-';
+  };
+  const std::string key(rest.begin(), std::ranges::find_if_not(rest, is_of_key));
+  rest = without_blanks(rest.substr(key.size()));
+  if (key.empty() || rest.empty() || rest[0] != '=') return bad();
+  rest = without_blanks(rest.substr(1));
+  const std::optional<std::string> value = take_quoted(rest);
+  if (!value || !ends(without_blanks(rest))) return bad();
+  return Line{key, *value};
 }
 
 absl::Status print_config(const Client& client, const Config& config) {

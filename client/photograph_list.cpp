@@ -15,6 +15,7 @@
 
 #include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/base/utf8.h"
 #include "core/frame/archive.h"
 #include "core/pattern/pattern.h"
 
@@ -124,6 +125,7 @@ class Reader {
       ++line_;
       if (line.ends_with('\r')) line.pop_back();
       if (line.empty()) continue;
+      if (!is_utf8(line)) return at_line(bad("it is not UTF-8"));
       const absl::Status status = line[0] == '#' ? read_remark(line.substr(1)) : read_row(line);
       if (!status.ok()) return at_line(status);
     }
@@ -263,8 +265,12 @@ absl::StatusOr<v1::Monitor> monitor_of(const std::string& text) {
   int width = 0, height = 0, read = 0;
   const bool parsed = std::sscanf(text.c_str(), "%64[^:]:%dx%d%n", name, &width, &height, &read) == 3 &&
                       static_cast<size_t>(read) == text.size();
-  if (!parsed)
-    return bad(fmt::format("monitor is \"{}\"; it must be NAME:WIDTHxHEIGHT, as back:1920x1080", text));
+  const auto good = [](int side) { return side >= 1 && side <= kMaxSide_px; };
+  if (!parsed || !good(width) || !good(height)) {
+    return bad(fmt::format(
+        "monitor is \"{}\"; it must be NAME:WIDTHxHEIGHT, as back:1920x1080, each side 1 to {} px", text,
+        kMaxSide_px));
+  }
   v1::Monitor monitor;
   monitor.set_name(name);
   monitor.set_width_px(width);

@@ -105,13 +105,20 @@ absl::StatusOr<std::vector<v1::Frame>> Archive::add(const std::vector<NewFrame>&
   for (const NewFrame& frame : frames) {
     v1::Frame record = frame.record;
     if (record.file().empty()) record.set_file(fmt::format("frames/{:06d}.tif", record.step()));
-    const auto known = std::find_if(manifest_.frames().begin(), manifest_.frames().end(),
-                                    [&](const v1::Frame& other) { return same_frame(other, record); });
-    if (known != manifest_.frames().end()) {
+    const auto is_same = [&](const v1::Frame& other) { return same_frame(other, record); };
+    const auto has_file = [&](const v1::Frame& other) { return other.file() == record.file(); };
+    if (const auto known = std::ranges::find_if(manifest_.frames(), is_same);
+        known != manifest_.frames().end()) {
+      stored.push_back(*known);
+      continue;
+    }
+    if (const auto known = std::ranges::find_if(fresh, is_same); known != fresh.end()) {
       stored.push_back(*known);
       continue;
     }
     GW_RETURN_IF_ERROR(check_frame(record));
+    if (index_of_file_.contains(record.file()) || std::ranges::any_of(fresh, has_file))
+      return absl::AlreadyExistsError(fmt::format("{} holds another {}", directory_.string(), record.file()));
     if (frame.image.width_px != width_px_ || frame.image.height_px != height_px_) {
       return absl::InvalidArgumentError(fmt::format("{} is {}x{}; the camera's frames are {}x{}",
                                                     record.file(), frame.image.width_px,

@@ -68,7 +68,8 @@ class Archive {
   };
   // Stores a batch; durable when it returns. A frame whose step (or, without steps, file) is already there is
   // left as it is. Returns the records now in the archive, in the batch's order. RESOURCE_EXHAUSTED: disk
-  // full; INVALID_ARGUMENT: a record that cannot be true (check_frame), or a picture of another size.
+  // full; INVALID_ARGUMENT: a record that cannot be true (check_frame), or a picture of another size;
+  // ALREADY_EXISTS: another step's frame has that file.
   absl::StatusOr<std::vector<v1::Frame>> add(const std::vector<NewFrame>& frames);
 
   // A frame's file as another archive of the session holds it.

@@ -92,8 +92,9 @@ PictureSize tiff_size(std::string_view bytes) {
     if (tag != kWidth && tag != kHeight) continue;
     if (type != kShort && type != kLong) return {};
     const std::uint32_t value = tiff.number(at + 8, type == kShort ? 2 : 4).value_or(0);
-    (tag == kWidth ? size.width_px : size.height_px) =
-        static_cast<int>(std::min<std::uint32_t>(value, std::numeric_limits<int>::max()));
+    int& side = tag == kWidth ? size.width_px : size.height_px;
+    if (side != 0) return {};  // told twice, who knows which is meant
+    side = static_cast<int>(std::min<std::uint32_t>(value, std::numeric_limits<int>::max()));
   }
   return size;
 }
@@ -109,9 +110,10 @@ PictureSize png_size(std::string_view bytes) {
   return {.width_px = side(kWidthAt), .height_px = side(kHeightAt)};
 }
 
-// Three channels in OpenCV's b, g, r order; 8, 16 bit or float.
+// Three channels in OpenCV's b, g, r order; 8, 16 bit or float. OpenCV makes room for what a header says.
 absl::StatusOr<cv::Mat> decode_any(std::string_view bytes) {
   if (bytes.empty()) return absl::DataLossError("it is empty");
+  GW_RETURN_IF_ERROR(picture_size(bytes).status());
   if (is_png(bytes)) GW_RETURN_IF_ERROR(check_png(bytes));
   if (is_jpeg(bytes)) GW_RETURN_IF_ERROR(check_jpeg(bytes));
   try {
@@ -365,7 +367,6 @@ absl::StatusOr<CodedPhotograph> read_photograph(const fs::path& path) {
   if (absl::IsNotFound(bytes.status()))
     return absl::DataLossError(fmt::format("{}: the photograph is missing", path.string()));
   GW_RETURN_IF_ERROR(bytes.status());
-  if (const auto size = picture_size(*bytes); !size.ok()) return named(path, size.status());
   const absl::StatusOr<cv::Mat> mat = decode_any(*bytes);
   if (!mat.ok()) return named(path, mat.status());
   absl::StatusOr<Image16> codes = image16_of(*mat);
@@ -387,8 +388,6 @@ std::string encode_jpeg(const RadianceImage& image) {
 
 absl::StatusOr<Image16> decode_png(std::string_view bytes) {
   if (!is_png(bytes)) return absl::InvalidArgumentError("it is not a PNG");
-  if (const auto size = picture_size(bytes); !size.ok())
-    return absl::InvalidArgumentError(size.status().message());
   const absl::StatusOr<cv::Mat> mat = decode_any(bytes);
   if (!mat.ok()) return absl::InvalidArgumentError(mat.status().message());
   return image16_of(*mat);

@@ -294,6 +294,7 @@ void add_fringes(const v1::Fringes& fringes, const v1::Monitor& monitor, std::ve
       for (int i = 0; i < 3; ++i) wave.add_colour(1.0);
       out.push_back(std::move(wave));
     }
+    if (out.size() > kMaxSteps) return;
   }
 }
 
@@ -426,6 +427,9 @@ bool is_video(const v1::Plan& plan) {
 }
 
 absl::StatusOr<std::vector<Step>> expand(const v1::Plan& plan, const std::vector<v1::Monitor>& rig) {
+  GW_RETURN_IF_ERROR(check_plan(plan));
+  const absl::Status too_many = absl::InvalidArgumentError(
+      fmt::format("the plan has more than {} steps; use wider sweeps or larger step_px", kMaxSteps));
   std::vector<v1::Monitor> used;
   for (const v1::PlanMonitor& wanted : plan.monitors()) {
     const auto found =
@@ -465,6 +469,7 @@ absl::StatusOr<std::vector<Step>> expand(const v1::Plan& plan, const std::vector
     }
     for (const v1::Monitor& monitor : used) {
       for (v1::Stimulus& stimulus : stimuli_of(plan, monitor, object)) stimuli.push_back(std::move(stimulus));
+      if (stimuli.size() > kMaxSteps) return too_many;
     }
     for (const v1::Photo& photo : plan.photos()) {
       if (!object) break;
@@ -477,10 +482,7 @@ absl::StatusOr<std::vector<Step>> expand(const v1::Plan& plan, const std::vector
     }
     for (const double exposure_ms : exposures_ms) {
       for (const v1::Stimulus& stimulus : stimuli) {
-        if (steps.size() >= kMaxSteps) {
-          return absl::InvalidArgumentError(
-              fmt::format("the plan has more than {} steps; use wider sweeps or larger step_px", kMaxSteps));
-        }
+        if (steps.size() >= kMaxSteps) return too_many;
         steps.push_back({.number = static_cast<int>(steps.size()),
                          .object = object,
                          .exposure_ms = exposure_ms,

@@ -195,6 +195,13 @@ TEST(PixelFormat, JpegIsRead) {
   for (const std::uint16_t sample : image->samples) EXPECT_NEAR(sample, 128 * 257, 257);
   picture.width_px = 32;
   EXPECT_TRUE(absl::IsDataLoss(image_of(picture).status()));
+  // Nothing else passes for one.
+  const std::vector<std::uint8_t> jpeg = std::exchange(picture.planes[0], {});
+  picture.width_px = 24;
+  ASSERT_TRUE(cv::imencode(".png", gray, picture.planes[0]));
+  EXPECT_TRUE(absl::IsDataLoss(image_of(picture).status()));
+  picture.planes[0] = jpeg;
+  EXPECT_TRUE(image_of(picture).ok());
   picture.planes[0].resize(40);
   EXPECT_TRUE(absl::IsDataLoss(image_of(picture).status()));
   picture.planes[0].clear();

@@ -91,6 +91,12 @@ TEST_F(Configuration, NamesTheLineThatIsWrong) {
   }
 }
 
+TEST_F(Configuration, LinesMayBeAsLongAsTheyLike) {
+  const std::string name(1 << 20, 'x');
+  write("server = \"" + name + ":1\"\n#" + name + "\n" + std::string(1 << 20, ' ') + "\n");
+  EXPECT_EQ(settings()["server"]["value"], name + ":1");
+}
+
 TEST_F(Configuration, WrongCertificatesStopCallsButNoWorkOnThisMachine) {
   write("ca = \"nowhere.pem\"\n");
   const std::string words = "the CA cannot be read: ";

@@ -83,6 +83,25 @@ TEST_F(ArchiveTest, AStepIsStoredOnce) {
             noise(5, 4, 3).samples);
 }
 
+TEST_F(ArchiveTest, NoFrameIsStoredOverAnother) {
+  const auto archive = Archive::create(directory_, header_).value();
+  // The same step twice in a batch is one frame, as in two.
+  const std::vector<v1::Frame> stored = archive->add({frame(3), frame(3)}).value();
+  ASSERT_EQ(stored.size(), 2u);
+  EXPECT_EQ(archive->manifest().frames_size(), 1);
+  Archive::NewFrame named = frame(7);
+  named.record.set_file("frames/000004.tif");
+  ASSERT_TRUE(archive->add({named}).ok());
+  EXPECT_TRUE(absl::IsAlreadyExists(archive->add({frame(4)}).status()));
+  Archive::NewFrame other = frame(8);
+  other.record.set_file("frames/000009.tif");
+  EXPECT_TRUE(absl::IsAlreadyExists(archive->add({other, frame(9)}).status()));
+  const v1::CaptureManifest manifest = archive->manifest();
+  EXPECT_TRUE(check_manifest(manifest).ok());
+  for (const v1::Frame& each : manifest.frames())
+    EXPECT_TRUE(archive->read_frame_bytes(each.file()).ok()) << each.file();
+}
+
 TEST_F(ArchiveTest, DamageIsNamed) {
   std::string file;
   {

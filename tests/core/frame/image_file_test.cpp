@@ -89,6 +89,12 @@ TEST_F(ImageFile, SizesAreKnownBeforeAPixelIsDecoded) {
   EXPECT_EQ(picture_size(other).value(), (PictureSize{300, 2}));
   for (size_t length = 0; length < other.size(); ++length) (void)picture_size(other.substr(0, length));
 
+  // Said twice, decoders differ in which of them they take.
+  std::string twice = other;
+  twice[9] = 3;
+  twice += std::string("\x01\0\0\x03\0\0\0\x01\0\x03\0\0", 12);
+  EXPECT_FALSE(picture_size(twice).ok());
+
   // A small file that promises 10^9 pixels, its CRC right.
   std::string lying = encode_png16(image);
   const std::string sides("\0\0\x80\0\0\0\x80\0", 8);
@@ -100,6 +106,9 @@ TEST_F(ImageFile, SizesAreKnownBeforeAPixelIsDecoded) {
   const fs::path path = directory_ / "lying.png";
   ASSERT_TRUE(write_file_durably(path, lying).ok());
   EXPECT_TRUE(absl::IsDataLoss(read_frame_file(path).status()));
+  EXPECT_TRUE(absl::IsDataLoss(decode_radiance(lying, Encoding::kDisplay).status()));
+  // Nor is anything decoded whose size is not known before.
+  EXPECT_TRUE(absl::IsDataLoss(decode_radiance("P6\n32768 32768\n255\n", Encoding::kDisplay).status()));
 
   ASSERT_TRUE(write_file_durably(path, encode_png16(image)).ok());
   EXPECT_TRUE(read_frame_file(path, PictureSize{6, 4}).ok());

@@ -212,6 +212,24 @@ TEST(Plan, TheRigMustHaveWhatThePlanNames) {
   EXPECT_NE(std::string(status.message()).find("it is 8x8"), std::string::npos) << status;
 }
 
+TEST(Plan, FewBytesAskForNoMoreThanAProgram) {
+  // 500,000 periods of 32 phases fit into one message.
+  v1::Plan plan;
+  plan.set_method("fringe");
+  v1::Fringes& fringes = *plan.add_fringes();
+  fringes.set_phases(32);
+  fringes.mutable_period_px()->Resize(500000, 8.0);
+  absl::Status status = expand(plan, {monitor("back", 8, 8)}).status();
+  EXPECT_NE(std::string(status.message()).find("more than 20000 steps"), std::string::npos) << status;
+  // An archive's plan was checked by nobody.
+  plan.Clear();
+  plan.set_method("ramp");
+  plan.mutable_ramp()->set_frames(2);
+  plan.mutable_ramp()->set_empty_frames(-1);
+  status = expand(plan, {monitor("back", 8, 8)}).status();
+  EXPECT_NE(std::string(status.message()).find("empty_frames is -1"), std::string::npos) << status;
+}
+
 TEST(Plan, ACalibrationShowsCodesWithoutTheObjectAndTeachesNoPatch) {
   std::vector<v1::Monitor> rig{monitor("back", 128, 96), monitor("left", 64, 96)};
   for (v1::Monitor& each : rig) {

@@ -1,0 +1,74 @@
+// Pictures that cameras and people send, PNG, JPEG and TIFF: their headers, the checks before they are
+// decoded, and what comes of them.
+#include <cstring>
+
+#include "camera-node/pixel_format.h"
+#include "core/frame/archive.h"
+#include "core/frame/image_file.h"
+#include "core/frame/jpeg_header.h"
+#include "tests/fuzz/fuzz_target.h"
+
+namespace glasswing::fuzz {
+namespace {
+
+constexpr int kWidth_px = 12, kHeight_px = 7;  // of the camera
+constexpr std::int64_t kMostPixels = 1 << 20;  // beyond, a good picture is a matter of time
+
+std::string jpeg_of(int width_px, int height_px) {
+  RadianceImage image(width_px, height_px);
+  for (size_t i = 0; i < image.samples.size(); ++i) image.samples[i] = static_cast<float>(i % 17) / 16.0f;
+  return encode_jpeg(image);
+}
+
+}  // namespace
+
+std::vector<std::string> seeds() {
+  Image16 image(9, 4);
+  for (size_t i = 0; i < image.samples.size(); ++i) image.samples[i] = static_cast<std::uint16_t>(i * 977);
+  std::vector<std::string> seeds{jpeg_of(kWidth_px, kHeight_px), jpeg_of(1, 1), jpeg_of(40, 33),
+                                 encode_png16(image), encode_tiff(image)};
+  // A small file whose header promises gigabytes.
+  std::string lying = seeds[0];
+  const size_t frame = lying.find("\xFF\xC0");
+  for (size_t i = 5; i < 9; ++i) lying[frame + i] = '\x3f';
+  seeds.push_back(lying);
+  // Fill bytes, and a comment, before the rest.
+  seeds.push_back(seeds[0].substr(0, 2) + std::string(5, '\xff') + std::string("\xff\xfe\0\x04hi", 6) +
+                  seeds[0].substr(2));
+  return seeds;
+}
+
+void try_input(std::string_view input) {
+  const absl::StatusOr<PictureSize> size = picture_size(input);
+  if (size.ok()) {
+    FUZZ_CHECK(size->width_px >= 1 && size->width_px <= kMaxSide_px);
+    FUZZ_CHECK(size->height_px >= 1 && size->height_px <= kMaxSide_px);
+  }
+  if (is_jpeg(input)) {
+    (void)jpeg_size(input);
+    FUZZ_CHECK(check_jpeg(input).ok() || !size.ok() || !decode_radiance(input, Encoding::kDisplay).ok());
+  }
+
+  RawPicture raw;
+  raw.format = find_pixel_format("MJPEG");
+  raw.width_px = kWidth_px;
+  raw.height_px = kHeight_px;
+  raw.planes.emplace_back(input.begin(), input.end());
+  if (const absl::StatusOr<Image16> frame = image_of(raw); frame.ok())
+    FUZZ_CHECK(size.ok() && *size == (PictureSize{kWidth_px, kHeight_px}));
+
+  // Of what is neither, and of no size that is allowed, nothing is decoded at all.
+  if (size.ok() && std::int64_t{size->width_px} * size->height_px > kMostPixels) return;
+  const absl::StatusOr<RadianceImage> radiance = decode_radiance(input, Encoding::kDisplay);
+  if (radiance.ok()) {
+    FUZZ_CHECK(size.ok());
+    const bool turned = radiance->width_px == size->height_px && radiance->height_px == size->width_px;
+    FUZZ_CHECK(turned || (radiance->width_px == size->width_px && radiance->height_px == size->height_px));
+  } else {
+    FUZZ_CHECK(!radiance.status().message().empty());
+  }
+  const absl::StatusOr<Image16> png = decode_png(input);
+  FUZZ_CHECK(!png.ok() || radiance.ok());
+}
+
+}  // namespace glasswing::fuzz
