@@ -6,17 +6,12 @@
 #include <algorithm>
 #include <cctype>
 #include <cstdlib>
-#include <iostream>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
 #include <sstream>
 
-#include "client/commands.h"
-#include "client/output.h"
 #include "core/base/file.h"
 #include "core/base/status.h"
-#include "core/service/tls.h"
 
 namespace glasswing {
 namespace {
@@ -86,24 +81,6 @@ absl::StatusOr<std::optional<Line>> parse_line(std::string_view text) {
   const std::optional<std::string> value = take_quoted(rest);
   if (!value || !ends(without_blanks(rest))) return bad();
   return Line{key, *value};
-}
-
-absl::Status print_config(const Client& client, const Config& config) {
-  if (client.json) {
-    nlohmann::ordered_json answer = {
-        {"file", config.file().string()}, {"file_is_there", config.file_is_there()}, {"settings", {}}};
-    for (const Setting& setting : config.settings())
-      answer["settings"][setting.key] = {{"value", setting.value}, {"from", setting.from}};
-    std::cout << answer.dump(1) << "\n";
-  } else {
-    std::vector<std::vector<std::string>> rows;
-    for (const Setting& setting : config.settings())
-      rows.push_back({setting.key, setting.value.empty() ? "-" : setting.value, setting.from});
-    print_table(client, {{"SETTING"}, {"VALUE"}, {"FROM"}}, rows);
-    if (!config.file_is_there() && !client.tsv)
-      std::cout << fmt::format("The file {} is not there.\n", config.file().string());
-  }
-  return use_tls({config["ca"], config["certificate"], config["key"]});
 }
 
 }  // namespace
@@ -182,24 +159,6 @@ absl::Status Config::resolve() {
   if (color.value == "auto" || color.value == "always" || color.value == "never") return absl::OkStatus();
   return absl::InvalidArgumentError(
       fmt::format("{}: color is {}; it must be auto, always or never", color.from, color.value));
-}
-
-void add_config_command(CLI::App& app, Client& client, const Config& config) {
-  CLI::App& command = *app.add_subcommand(
-      "config", "Show the settings in force and where each came from, and check the certificates.");
-  command.footer(
-      "A setting is what its option says, else its environment variable, else the configuration file, else "
-      "the "
-      "default.\n"
-      "The file has a line for each:\n\n"
-      "  server = \"rig.example.org:7440\"\n"
-      "  ca = \"rig-ca.pem\"            # relative to the file's directory\n"
-      "  certificate = \"me.pem\"\n"
-      "  key = \"me.key\"\n"
-      "  color = \"auto\"\n\n"
-      "Example:\n  glasswing config");
-  command.callback(
-      [&client, &config] { client.run = [&client, &config] { return print_config(client, config); }; });
 }
 
 }  // namespace glasswing

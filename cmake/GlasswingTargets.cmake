@@ -1,6 +1,7 @@
 # Helpers that keep every target's CMakeLists.txt to its sources and its layer.
 
 option(GLASSWING_WERROR "Treat warnings as errors" ON)
+set(GLASSWING_TEST_PATIENCE 1 CACHE STRING "How many times as long as usual tests may take")
 option(GLASSWING_FUZZ "Build tests/fuzz with libFuzzer too (needs clang)" OFF)
 
 # Warnings are ours alone: they never reach a target's users.
@@ -53,6 +54,7 @@ function(glasswing_test name)
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
   endif()
+  math(EXPR ARG_TIMEOUT "${ARG_TIMEOUT} * ${GLASSWING_TEST_PATIENCE}")
   set_tests_properties(${path} PROPERTIES TIMEOUT ${ARG_TIMEOUT} ENVIRONMENT "${ARG_ENVIRONMENT}")
 endfunction()
 

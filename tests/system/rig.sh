@@ -16,7 +16,7 @@ fail() {
 }
 glasswing() { "$bin/glasswing" "$@"; }
 until_true() { # SECONDS COMMAND...: asks again until it holds
-  local deadline=$((SECONDS + $1))
+  local deadline=$((SECONDS + $1 * ${GLASSWING_TEST_PATIENCE:-1}))
   until "${@:2}" 2>/dev/null; do
     ((SECONDS < deadline)) || return 1
     sleep 0.05
