@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "core/base/name.h"
+#include "core/base/fault_point.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
 #include "server/capture_check.h"
@@ -68,6 +69,7 @@ absl::StatusOr<v1::Session> Server::create(const v1::CreateSessionRequest& reque
   const std::lock_guard lock(mutex_);
   GW_ASSIGN_OR_RETURN(RigLock::Drive drive, drive_for(session.name(), caller));
   GW_RETURN_IF_ERROR(catalogue_->insert(session, request.request_id()));
+  fault_point("session stored");
   start_capture(session, std::move(drive));
   return live_.at(session.name());
 }

@@ -11,11 +11,18 @@
 
 #include "core/base/name.h"
 #include "core/base/status.h"
+#include "core/storage/row_checksums.h"
+#include "core/storage/server_records.h"
 
 namespace glasswing {
 namespace {
 
-constexpr const char* kRow = "SELECT session, note, tags, copies FROM sessions ";
+constexpr const char* kAfterSession = ", note, tags, copies, name";  // what parsed() reads of a row
+
+std::string rows_of(const char* session_column) {
+  return fmt::format("SELECT {}{}, row_sum = row_checksum({}) FROM sessions ", session_column, kAfterSession,
+                     kCatalogueColumns);
+}
 
 absl::StatusOr<v1::Session> parsed(const std::string& bytes) {
   v1::Session session;
@@ -24,6 +31,10 @@ absl::StatusOr<v1::Session> parsed(const std::string& bytes) {
 }
 
 absl::StatusOr<v1::Session> parsed(const Database::Query& row) {
+  if (row.integer(5) == 0) {
+    return absl::DataLossError(fmt::format(
+        "the catalogue's record of session \"{}\" is damaged; glasswing fsck says more", row.text(4)));
+  }
   GW_ASSIGN_OR_RETURN(v1::Session session, parsed(row.text(0)));
   session.set_note(row.text(1));
   const std::vector<std::string> tags = absl::StrSplit(row.text(2), ' ', absl::SkipEmpty());
@@ -83,6 +94,13 @@ absl::StatusOr<std::unique_ptr<Catalogue>> Catalogue::open(const std::filesystem
       "CREATE TABLE IF NOT EXISTS sessions (id INTEGER PRIMARY KEY AUTOINCREMENT, name TEXT UNIQUE NOT NULL, "
       "request_id TEXT NOT NULL, session BLOB NOT NULL)"));
   GW_RETURN_IF_ERROR(add_columns(database));
+  GW_RETURN_IF_ERROR(protect_rows(database, "sessions", kCatalogueColumns));
+  absl::Status whole = database.check_structure();
+  whole.Update(check_rows(database, "sessions", kCatalogueColumns));
+  if (!whole.ok()) {
+    return absl::DataLossError(fmt::format("{} is damaged: {}; glasswing fsck {} says more", path.string(),
+                                           std::string(whole.message()), path.parent_path().string()));
+  }
   return std::unique_ptr<Catalogue>(new Catalogue(std::move(database)));
 }
 
@@ -174,8 +192,7 @@ absl::Status Catalogue::drop_finished(const std::string& name) {
 
 absl::StatusOr<v1::Session> Catalogue::finished(const std::string& name) {
   const std::lock_guard lock(mutex_);
-  Database::Query query =
-      database_.query("SELECT finished, note, tags, copies FROM sessions WHERE name = ? AND finished != ''");
+  Database::Query query = database_.query(rows_of("finished") + "WHERE name = ? AND finished != ''");
   query.bind(name);
   return first(std::move(query), fmt::format("no solve of session \"{}\" has finished", name));
 }
@@ -192,7 +209,7 @@ absl::StatusOr<v1::Session> Catalogue::first(Database::Query query, const std::s
 }
 
 absl::StatusOr<v1::Session> Catalogue::find_locked(const std::string& name) {
-  Database::Query query = database_.query(std::string(kRow) + "WHERE name = ?");
+  Database::Query query = database_.query(rows_of("session") + "WHERE name = ?");
   query.bind(name);
   return first(std::move(query),
                fmt::format("there is no session \"{}\"; `glasswing sessions` lists them", name));
@@ -205,14 +222,14 @@ absl::StatusOr<v1::Session> Catalogue::find(const std::string& name) {
 
 absl::StatusOr<v1::Session> Catalogue::find_request(const std::string& request_id) {
   const std::lock_guard lock(mutex_);
-  Database::Query query = database_.query(std::string(kRow) + "WHERE request_id = ? AND request_id != ''");
+  Database::Query query = database_.query(rows_of("session") + "WHERE request_id = ? AND request_id != ''");
   query.bind(request_id);
   return first(std::move(query), "no session was made by this request");
 }
 
 absl::StatusOr<std::vector<v1::Session>> Catalogue::list() {
   const std::lock_guard lock(mutex_);
-  Database::Query query = database_.query(std::string(kRow) + "ORDER BY id DESC");
+  Database::Query query = database_.query(rows_of("session") + "ORDER BY id DESC");
   std::vector<v1::Session> sessions;
   while (query.next()) {
     GW_ASSIGN_OR_RETURN(v1::Session session, parsed(query));

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
+#include "core/base/fault_point.h"
 #include "core/base/status.h"
 #include "server/copies.h"
 #include "server/server.h"
@@ -78,13 +79,16 @@ absl::StatusOr<std::int64_t> Server::remove_all_of(v1::Session session) {
     session.set_reason("its frames were deleted; finish with: glasswing delete " + name);
     session.set_archive_bytes(0);
     session.set_matte_ready(false);
+    fault_point("frames deleted");
     const std::lock_guard lock(mutex_);
     GW_RETURN_IF_ERROR(change(session));
   }
   GW_ASSIGN_OR_RETURN(const std::int64_t matte_bytes, mattes_.remove(name));
   const std::lock_guard lock(mutex_);
   if (session.job() != 0) GW_RETURN_IF_ERROR(jobs_->remove(session.job()));
+  fault_point("mattes deleted");
   GW_RETURN_IF_ERROR(catalogue_->remove(name));
+  fault_point("session deleted");
   solve_began_.erase(name);
   counting_.erase(name);
   operator_asked_.erase(name);

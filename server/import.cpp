@@ -1,4 +1,5 @@
 // The server's imports: sessions of frames that somebody else captured.
+#include "core/base/fault_point.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
@@ -36,6 +37,7 @@ absl::StatusOr<v1::Session> Server::begin_import(const v1::BeginImportRequest& r
     // An import that broke off may be taken up again; anything else keeps its name.
     const bool again = before.ok() && before->state() == v1::SESSION_STATE_CREATED && !before->has_plan();
     if (!again) GW_RETURN_IF_ERROR(catalogue_->insert(session, ""));
+    fault_point("session stored");
     announce();
   }
   grpc::ClientContext context;
@@ -63,7 +65,9 @@ absl::StatusOr<v1::Session> Server::finish_import(const std::string& name) {
   // It may have been cancelled meanwhile.
   GW_ASSIGN_OR_RETURN(const v1::Session now, find_locked(name));
   if (now.state() != v1::SESSION_STATE_CREATED) return not_now(now, "imported");
+  fault_point("import sealed");
   GW_RETURN_IF_ERROR(change(session));
+  fault_point("session captured");
   return session;
 }
 

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "core/base/fault_point.h"
 #include "core/base/file.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
@@ -84,6 +85,7 @@ absl::StatusOr<std::int64_t> ArchiveStore::remove(const std::string& session) {
     if (fs::exists(archive)) {
       GW_RETURN_IF_ERROR(rename_file(archive, aside));
       GW_RETURN_IF_ERROR(flush_directory(directory_));
+      fault_point("archive removed");
     }
   }
   if (!error && fs::exists(aside)) {

@@ -6,6 +6,7 @@
 #include <sstream>
 
 #include "core/base/checksum.h"
+#include "core/base/fault_point.h"
 #include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/frame/archive_json.h"
@@ -60,6 +61,7 @@ absl::StatusOr<std::unique_ptr<Archive>> Archive::create(const fs::path& directo
   without_frames.clear_frames();
   without_frames.set_format_version(1);
   GW_RETURN_IF_ERROR(write_file_durably(directory / "header.json", archive_json(without_frames, true)));
+  fault_point("archive begun");
   GW_RETURN_IF_ERROR(flush_directory(directory.parent_path().empty() ? "." : directory.parent_path()));
   return std::unique_ptr<Archive>(new Archive(directory, std::move(without_frames)));
 }
@@ -80,8 +82,11 @@ absl::StatusOr<std::unique_ptr<Archive>> Archive::open(const fs::path& directory
   GW_RETURN_IF_ERROR(lines.status());
   const size_t whole = lines->rfind('\n') == std::string::npos ? 0 : lines->rfind('\n') + 1;
   if (whole != lines->size()) {
-    // A line cut by a crash was never announced; later lines must not be glued to it.
-    lines->resize(whole);
+    // A line cut by a crash was never announced; later lines must not be glued to it. One that is whole lacks
+    // but its end.
+    const size_t record = whole_record(std::string_view(*lines).substr(whole));
+    lines->resize(whole + record);
+    if (record > 0) *lines += '\n';
     GW_RETURN_IF_ERROR(write_file_durably(journal, *lines));
   }
   std::istringstream each(*lines);
@@ -140,7 +145,9 @@ absl::Status Archive::enter(const std::vector<v1::Frame>& fresh) {
   std::string journal_lines;
   for (const v1::Frame& record : fresh) journal_lines += archive_json(record, false) + "\n";
   GW_RETURN_IF_ERROR(flush_directory(directory_ / "frames"));
+  fault_point("frames written");
   GW_RETURN_IF_ERROR(append_file_durably(directory_ / "frames.jsonl", journal_lines));
+  fault_point("frames listed");
   for (const v1::Frame& record : fresh) {
     index_of_file_[record.file()] = manifest_.frames_size();
     *manifest_.add_frames() = record;
@@ -171,7 +178,9 @@ absl::Status Archive::add_copies(const std::vector<CopiedFrame>& frames) {
 
 absl::Status Archive::seal() {
   const std::lock_guard lock(mutex_);
-  return write_file_durably(directory_ / "manifest.json", archive_json(manifest_, true));
+  GW_RETURN_IF_ERROR(write_file_durably(directory_ / "manifest.json", archive_json(manifest_, true)));
+  fault_point("archive sealed");
+  return absl::OkStatus();
 }
 
 absl::StatusOr<v1::Frame> Archive::find(const std::string& file) const {

@@ -10,6 +10,7 @@
 #include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/frame/archive.h"
+#include "core/frame/archive_json.h"
 #include "core/frame/sequences.h"
 
 namespace glasswing {
@@ -235,11 +236,7 @@ absl::StatusOr<v1::CaptureManifest> read_any_manifest(const std::filesystem::pat
   const auto make = [&](const Json& json, const std::string& text) -> absl::StatusOr<v1::CaptureManifest> {
     if (!json.contains("format_version")) return translate(json, path);
     v1::CaptureManifest manifest;
-    google::protobuf::util::JsonParseOptions options;
-    options.ignore_unknown_fields = true;
-    const auto status = google::protobuf::util::JsonStringToMessage(text, &manifest, options);
-    if (!status.ok())
-      return absl::DataLossError(fmt::format("{}: {}", path.string(), std::string(status.message())));
+    GW_RETURN_IF_ERROR(parse_archive_json(text, path, &manifest));
     return manifest;
   };
   GW_ASSIGN_OR_RETURN(v1::CaptureManifest manifest, read_manifest(path, make));

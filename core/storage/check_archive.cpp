@@ -109,7 +109,10 @@ class ArchiveCheck {
     }
     const size_t end = lines->rfind('\n');
     is_torn_ = !lines->empty() && end != lines->size() - 1;
-    lines->resize(end == std::string::npos ? 0 : end + 1);
+    const size_t ended = end == std::string::npos ? 0 : end + 1;
+    const size_t record = whole_record(std::string_view(*lines).substr(ended));  // lacks but its end
+    lines->resize(ended + record);
+    if (record > 0) *lines += '\n';
     journal_ = *lines;
     std::istringstream each(*lines);
     for (std::string line; std::getline(each, line);) {

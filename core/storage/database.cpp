@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <sqlite3.h>
 
+#include "core/base/checksum.h"
 #include "core/base/status.h"
 
 namespace glasswing {
@@ -24,6 +25,18 @@ absl::Status error_of(sqlite3* connection) {
   }
 }
 
+// row_checksum(a, b, ...): of the values' bytes, each after its length.
+void row_checksum(sqlite3_context* context, int count, sqlite3_value** values) {
+  RunningChecksum sum;
+  for (int i = 0; i < count; ++i) {
+    const void* value = sqlite3_value_blob(values[i]);
+    const auto size = static_cast<size_t>(sqlite3_value_bytes(values[i]));
+    sum.add(fmt::format("{}:", size));
+    if (size > 0) sum.add({static_cast<const char*>(value), size});
+  }
+  sqlite3_result_int64(context, static_cast<sqlite3_int64>(sum.value()));
+}
+
 }  // namespace
 
 void Database::Close::operator()(sqlite3* connection) const {
@@ -43,6 +56,9 @@ absl::StatusOr<Database> Database::open(const std::filesystem::path& path) {
         fmt::format("cannot open {}: {}", path.string(), sqlite3_errmsg(connection)));
   }
   sqlite3_busy_timeout(connection, 5000);
+  sqlite3_create_function(connection, "row_checksum", -1,
+                          SQLITE_UTF8 | SQLITE_DETERMINISTIC | SQLITE_INNOCUOUS, nullptr, row_checksum,
+                          nullptr, nullptr);
   GW_RETURN_IF_ERROR(
       database.run("PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON"));
   return database;
@@ -53,6 +69,12 @@ absl::Status Database::run(const std::string& sql) {
     return absl::OkStatus();
   }
   return error_of(connection_.get());
+}
+
+absl::Status Database::check_structure() {
+  Query check = query("PRAGMA integrity_check");
+  if (check.next() && check.text(0) != "ok") return absl::DataLossError(check.text(0));
+  return check.status();
 }
 
 Database::Query Database::query(const std::string& sql) {

@@ -18,7 +18,11 @@ namespace glasswing {
 // One connection; its owner serialises access.
 class Database {
  public:
+  // SQL may use row_checksum(value, ...), 64 bits of the values' bytes.
   static absl::StatusOr<Database> open(const std::filesystem::path& path);
+
+  // DATA_LOSS: the file's structure is damaged, by SQLite's own check.
+  absl::Status check_structure();
 
   // Statements without results, separated by ';'.
   absl::Status run(const std::string& sql);

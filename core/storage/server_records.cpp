@@ -7,6 +7,7 @@
 #include "core/base/file.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
+#include "core/storage/row_checksums.h"
 
 namespace glasswing {
 namespace {
@@ -18,12 +19,6 @@ constexpr char kCatalogue[] = "catalogue.sqlite", kJobs[] = "jobs.sqlite";
 constexpr char kWaiting[] =
     "done_attempt = 0, done_at = 0, result = '', object_pixels = 0, flagged_pixels = 0, seconds = 0, "
     "lease_attempt = 0, lease_solver = '', twin_attempt = 0, twin_solver = ''";
-
-absl::Status check_integrity(Database& database) {
-  Database::Query query = database.query("PRAGMA integrity_check");
-  if (query.next() && query.text(0) != "ok") return absl::DataLossError(query.text(0));
-  return query.status();
-}
 
 bool is_being_solved(const v1::Session& session) {
   return session.job() != 0 &&
@@ -38,7 +33,7 @@ std::optional<Database> ServerRecords::open_database(const char* name, Finding f
   if (!fs::exists(file)) return std::nullopt;
   absl::StatusOr<std::string> bytes = check.read(file);
   absl::StatusOr<Database> database = bytes.ok() ? Database::open(file) : bytes.status();
-  const absl::Status status = database.ok() ? check_integrity(*database) : database.status();
+  const absl::Status status = database.ok() ? database->check_structure() : database.status();
   if (status.ok()) return *std::move(database);
   database = status;  // closed before it is moved
   finding.file = file.string();
@@ -74,15 +69,17 @@ void ServerRecords::open(Check& check) {
 
 void ServerRecords::read_sessions(Check& check) {
   std::vector<std::string> bad;
-  Database::Query query = catalogue_->query("SELECT name, session, finished, copies FROM sessions");
+  const absl::StatusOr<std::string> whole = row_is_whole(*catalogue_, "sessions", kCatalogueColumns);
+  Database::Query query = catalogue_->query(
+      fmt::format("SELECT name, session, finished, copies, {} FROM sessions", whole.value_or("1")));
   while (query.next()) {
     const std::string name = query.text(0), finished = query.text(2);
     names_.insert(name);
     SessionRecord record;
     v1::Session before, copies;
-    const bool good = record.session.ParseFromString(query.text(1)) && record.session.name() == name &&
-                      check_name("session", name).ok() && before.ParseFromString(finished) &&
-                      copies.ParseFromString(query.text(3));
+    const bool good = query.integer(4) != 0 && record.session.ParseFromString(query.text(1)) &&
+                      record.session.name() == name && check_name("session", name).ok() &&
+                      before.ParseFromString(finished) && copies.ParseFromString(query.text(3));
     if (!good) bad.push_back(name);
     if (!finished.empty()) record.finished = std::move(before);
     if (good) sessions_.push_back(std::move(record));
@@ -92,6 +89,16 @@ void ServerRecords::read_sessions(Check& check) {
                  .what = std::string(status.message()),
                  .meaning = "not all sessions can be read: bring the file back from a backup",
                  .repair = ""});
+  }
+  if (const absl::Status count = check_row_count(*catalogue_, "sessions"); !count.ok()) {
+    check.found(
+        {.file = (data_ / kCatalogue).string(),
+         .what = std::string(count.message()),
+         .meaning =
+             "the server does not start. A session's record may be lost: a backup has it; its frames are "
+             "not touched, and glasswing import of their archive makes a session of them again",
+         .repair = "what is there is taken for all there is"},
+        [&] { return accept_rows(*catalogue_, "sessions", kCatalogueColumns); });
   }
   for (const std::string& name : bad) {
     check.found(

@@ -17,6 +17,9 @@
 
 namespace glasswing {
 
+// Of the catalogue's table `sessions`, whose rows are protected (core/storage/row_checksums.h).
+inline constexpr char kCatalogueColumns[] = "id, name, request_id, session, note, tags, finished, copies";
+
 // A session as the catalogue has it.
 struct SessionRecord {
   v1::Session session;

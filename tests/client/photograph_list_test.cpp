@@ -102,7 +102,10 @@ TEST_F(PhotographLists, ComplaintsNameLineValueAndWhatIsAccepted) {
            {columns, ": it lists no photographs"},
            {"#monitor back\n", ":1: monitor is \"back\"; it must be NAME:WIDTHxHEIGHT, as back:1920x1080"},
            {"#monitor back:0x9\n", ":1: monitor is \"back:0x9\"; it must be NAME:WIDTHxHEIGHT"},
-           {"#monitor back:9x16385\n", "each side 1 to 16384 px"},
+           {"#monitor back:9x16385\n",
+            ":1: monitor is \"back:9x16385\"; it must be NAME:WIDTHxHEIGHT, as back:1920x1080, each side 1 "
+            "to "
+            "16384 px"},
            {"#scene gl\xe4ser\n", ":1: it is not UTF-8"},
            {"#exposure 3\n",
             ":1: there is no \"#exposure\"; it must be #monitor, #response, #black or #scene"},

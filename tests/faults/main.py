@@ -14,7 +14,12 @@ from typing import Any
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "processes"))
 
 import callers  # noqa: E402
+import clocks  # noqa: E402
+import crashes  # noqa: E402
+import damage  # noqa: E402
+import disk  # noqa: E402
 import network  # noqa: E402
+import power_cut  # noqa: E402
 from case import Cases, Tally, run  # noqa: E402
 from daemon import ROOT  # noqa: E402
 from lab import capture_archives  # noqa: E402
@@ -32,9 +37,19 @@ class Suite:
     make: Callable[[pathlib.Path, pathlib.Path], Stage]
 
 
+def _quick(make: Callable[..., Stage]) -> Callable[[pathlib.Path, pathlib.Path], Stage]:
+    """Leases of a second, and tiles that are small."""
+    return lambda work, archive: make(work, archive, ("--lease", "1", "--least-tile", "0.02"))
+
+
 SUITES = {
     "callers": Suite("callers that are slow, many, greedy, or speak nonsense", callers.case, Stage),
-    "network": Suite("a network that breaks, people who get in each other's way", network.case, lambda work, archive: RelayedStage(work, archive, ("--lease", "1", "--least-tile", "0.02"))),
+    "network": Suite("a network that breaks, people who get in each other's way", network.case, _quick(RelayedStage)),
+    "crashes": Suite("daemons that die, lie down, or run out of descriptors", crashes.case, _quick(Stage)),
+    "disk": Suite("disks that are full or fail", disk.case, disk.DiskStage),
+    "power": Suite("power cuts", power_cut.case, Stage),
+    "damage": Suite("files that are not what was written", damage.case, Stage),
+    "clocks": Suite("clocks that are set", clocks.case, _quick(Stage)),
 }
 
 

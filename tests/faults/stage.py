@@ -23,7 +23,7 @@ class Captured:
 
     def __init__(self, directory: pathlib.Path) -> None:
         content = json.loads((directory / "manifest.json").read_text())
-        self.header = json_format.ParseDict({key: value for key, value in content.items() if key != "frames"}, archive_pb2.CaptureManifest())
+        self.header = json_format.ParseDict({key: value for key, value in content.items() if key != "frames"}, archive_pb2.CaptureManifest(), ignore_unknown_fields=True)
         self.frames = [json_format.ParseDict(frame, archive_pb2.Frame()) for frame in content["frames"]]
         self.files = [(directory / frame.file).read_bytes() for frame in self.frames]
 
@@ -34,6 +34,7 @@ class Stage:
     def __init__(self, work: pathlib.Path, archive: pathlib.Path, server_options: tuple[str, ...] = (), solvers: int = 1) -> None:
         work.mkdir(parents=True, exist_ok=True)
         self.work = work
+        self.archive = archive
         self.captured = Captured(archive)
         self.lab = Lab(work, {}, server_options)
         self.ledger = Ledger(self.lab)

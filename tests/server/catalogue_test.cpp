@@ -3,6 +3,12 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <fstream>
+
+#include "core/base/file.h"
+#include "core/storage/database.h"
+#include "tests/core/base/flipped.h"
+
 namespace glasswing {
 namespace {
 
@@ -51,6 +57,54 @@ class CatalogueTest : public testing::Test {
                           std::to_string(::getpid()));
   std::unique_ptr<Catalogue> catalogue_;
 };
+
+TEST_F(CatalogueTest, NoByteIsAlteredUnnoticed) {
+  for (int i = 0; i < 20; ++i) {
+    v1::Session session;
+    session.set_name("session-" + std::to_string(i));
+    session.set_reason(std::string(200, static_cast<char>('a' + i)));
+    ASSERT_TRUE(catalogue_->insert(session, std::to_string(i)).ok());
+    ASSERT_TRUE(catalogue_->keep_finished(session).ok());
+  }
+  v1::AnnotateSessionRequest request;
+  request.set_name("session-7");
+  request.set_note("of glass");
+  ASSERT_TRUE(catalogue_->annotate(request).ok());
+  ASSERT_TRUE(catalogue_->remove("session-3").ok());
+  const auto all = [](Catalogue& catalogue) -> absl::StatusOr<std::string> {
+    const absl::StatusOr<std::vector<v1::Session>> sessions = catalogue.list();
+    if (!sessions.ok()) return sessions.status();
+    std::string text;
+    for (const v1::Session& session : *sessions) {
+      const absl::StatusOr<v1::Session> finished = catalogue.finished(session.name());
+      const absl::StatusOr<v1::Session> found = catalogue.find(session.name());
+      if (!finished.ok()) return finished.status();
+      if (!found.ok()) return found.status();
+      text += session.SerializeAsString() + finished->SerializeAsString() + found->SerializeAsString();
+    }
+    return text;
+  };
+  const std::string known = all(*catalogue_).value();
+  catalogue_ = nullptr;  // SQLite takes its log up into the file
+  const std::string bytes = read_file(path_).value();
+  int refused = 0;
+  const auto look = [&](const std::string& altered, size_t at) {
+    for (const char* suffix : {"-wal", "-shm"}) fs::remove(path_.string() + suffix);
+    std::ofstream(path_, std::ios::binary) << altered;
+    const absl::StatusOr<std::unique_ptr<Catalogue>> catalogue = Catalogue::open(path_);
+    const absl::StatusOr<std::string> now = catalogue.ok() ? all(**catalogue) : catalogue.status();
+    refused += !now.ok();
+    if (now.ok()) {
+      EXPECT_EQ(*now, known) << "byte " << at << " of " << bytes.size();
+    }
+  };
+  for_each_flip(bytes.substr(0, 100), 0, 1, [&](const std::string& header, size_t at) {  // SQLite's own
+    look(header + bytes.substr(100), at);
+  });
+  for_each_flip(bytes, 100, 53, look);
+  EXPECT_GT(refused, 0);
+  std::ofstream(path_, std::ios::binary) << bytes;
+}
 
 TEST_F(CatalogueTest, NotesAndTagsAreKeptWhateverRuns) {
   v1::Session running;

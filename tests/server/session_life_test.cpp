@@ -9,7 +9,7 @@
 #include "core/base/file.h"
 #include "core/base/time.h"
 #include "server/session_facts.h"
-#include "tests/faults/rig.h"
+#include "tests/faults/capture/rig.h"
 #include "tests/server/idle_solver.h"
 
 namespace glasswing {
@@ -51,6 +51,19 @@ class SessionLife : public testing::Test {
     const absl::StatusOr<v1::Session> created = server().create(create, {.client = "anna@lab3", .hold = ""});
     EXPECT_TRUE(created.ok()) << created.status();
     return rested();
+  }
+  v1::Session wait_until(const std::function<bool(const v1::Session&)>& is_so) {
+    const nanoseconds deadline = monotonic_now() + std::chrono::seconds(20);
+    while (true) {
+      const std::int64_t seen = server().wait_change(0, std::chrono::milliseconds(0));
+      const v1::Session session = server().find("s").value();
+      if (is_so(session)) return session;
+      if (monotonic_now() > deadline) {
+        ADD_FAILURE() << state_of(session) << " " << session.reason();
+        return session;
+      }
+      server().wait_change(seen, std::chrono::milliseconds(100));
+    }
   }
   v1::Session rested() {
     while (true) {
@@ -199,45 +212,34 @@ TEST_F(SessionLife, TheFinishedMatteStaysUntilAnotherIs) {
   EXPECT_EQ(marks(), Marks(3.0f, 4.0f));
 }
 
-// The camera node's disk, as it says.
+// The camera node's disk, as it says: full once so many frames of a session are there.
 struct Disk {
-  std::atomic<std::uintmax_t> free_bytes = 1 << 30;
-  std::atomic<int> asked = 0,
-                   full_from = std::numeric_limits<int>::max();  // so many questions later it is full
+  fs::path frames;
+  std::atomic<int> most_frames = std::numeric_limits<int>::max();
   SpaceOf space() {
     return [this](const fs::path&) -> absl::StatusOr<fs::space_info> {
-      const std::uintmax_t now = ++asked >= full_from ? 0 : free_bytes.load();
+      std::error_code none;
+      const auto count = std::distance(fs::directory_iterator(frames, none), fs::directory_iterator());
+      const std::uintmax_t now = count >= most_frames ? 0 : 1 << 30;
       return fs::space_info{.capacity = 1 << 30, .free = now, .available = now};
     };
   }
 };
 
+bool waits_for_room(const v1::Session& session) {
+  return session.reason().starts_with("waiting for room") &&
+         session.reason().find("are still to come") != std::string::npos;
+}
+
 TEST_F(SessionLife, ACaptureWaitsForRoomAndGoesOnByItself) {
-  Disk disk;
+  Disk disk{.frames = data_ / "archives/s/frames"};
   start({.name = "full disk", .space = disk.space()});
-  // Asked by the dry run and the beginning, and then for every few frames that are kept.
-  disk.full_from = 4;
+  disk.most_frames = 3;
   v1::CreateSessionRequest create;
   create.set_name("s");
   *create.mutable_plan() = small_plan();
   ASSERT_TRUE(server().create(create, {}).ok());
-  const auto wait_until = [&](const auto& is_so) {
-    const nanoseconds deadline = monotonic_now() + std::chrono::seconds(20);
-    v1::Session session;
-    do {
-      session = server().find("s").value();
-      if (is_so(session)) return session;
-      server().wait_change(0, std::chrono::milliseconds(10));
-      sleep_until_monotonic(monotonic_now() + std::chrono::milliseconds(5));
-    } while (monotonic_now() < deadline);
-    ADD_FAILURE() << state_of(session) << " " << session.reason();
-    return session;
-  };
-  const auto waits = [](const v1::Session& session) {
-    return session.reason().starts_with("waiting for room") &&
-           session.reason().find("are still to come") != std::string::npos;
-  };
-  const v1::Session waiting = wait_until(waits);
+  const v1::Session waiting = wait_until(waits_for_room);
   EXPECT_EQ(waiting.state(), v1::SESSION_STATE_CAPTURING);
   EXPECT_GT(waiting.proven_count(), 0);
   EXPECT_LT(waiting.proven_count(), waiting.step_count());
@@ -245,7 +247,7 @@ TEST_F(SessionLife, ACaptureWaitsForRoomAndGoesOnByItself) {
   EXPECT_NE(waiting.reason().find("MB of disk are missing"), std::string::npos) << waiting.reason();
   const std::string first = read_file(rig_->archive("s") / "frames.jsonl").value();
 
-  disk.full_from = std::numeric_limits<int>::max();
+  disk.most_frames = std::numeric_limits<int>::max();
   const v1::Session done =
       wait_until([](const v1::Session& session) { return session.state() == v1::SESSION_STATE_CAPTURED; });
   EXPECT_EQ(done.proven_count(), done.step_count());
@@ -254,13 +256,14 @@ TEST_F(SessionLife, ACaptureWaitsForRoomAndGoesOnByItself) {
 }
 
 TEST_F(SessionLife, ACaptureThatWaitsForRoomCanBePausedAndCancelled) {
-  Disk disk;
+  Disk disk{.frames = data_ / "archives/s/frames"};
   start({.name = "full disk", .space = disk.space()});
-  disk.full_from = 3;
+  disk.most_frames = 1;
   v1::CreateSessionRequest create;
   create.set_name("s");
   *create.mutable_plan() = small_plan();
   ASSERT_TRUE(server().create(create, {}).ok());
+  wait_until(waits_for_room);
   EXPECT_EQ(server().pause("s", {})->state(), v1::SESSION_STATE_PAUSED);
   EXPECT_EQ(server().cancel("s", {})->state(), v1::SESSION_STATE_CANCELLED);
 }

@@ -11,7 +11,7 @@
 #include "core/pattern/plan.h"
 #include "core/pattern/video_frames.h"
 #include "core/service/service.h"
-#include "tests/faults/rig.h"
+#include "tests/faults/capture/rig.h"
 #include "tests/server/idle_solver.h"
 
 namespace glasswing {

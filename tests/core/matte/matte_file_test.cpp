@@ -8,6 +8,7 @@
 
 #include "core/matte/join_mattes.h"
 #include "core/matte/matte_layers.h"
+#include "tests/core/base/flipped.h"
 
 namespace glasswing {
 namespace {
@@ -201,6 +202,21 @@ TEST(MatteFile, TheOutlineIsTold) {
   EXPECT_EQ(outline.height_px, 40);
   EXPECT_EQ(outline.modes_per_channel, 2);
   EXPECT_TRUE(outline.colourless);
+}
+
+TEST(MatteFile, NoByteIsAlteredUnnoticed) {
+  const Matte matte = random_matte(0, 5);
+  const std::string bytes = encode_matte(matte).value();
+  int refused = 0;
+  for_each_flip(bytes, 0, 1, [&](const std::string& altered, size_t at) {
+    const absl::StatusOr<Matte> read = decode_matte(altered);
+    EXPECT_EQ(verify_matte(altered).ok(), read.ok()) << "byte " << at;
+    refused += !read.ok();
+    if (!read.ok()) return;
+    EXPECT_EQ(read->metadata.SerializeAsString(), matte.metadata.SerializeAsString()) << "byte " << at;
+    expect_same(*read, matte);
+  });
+  EXPECT_GT(refused, 0);
 }
 
 }  // namespace

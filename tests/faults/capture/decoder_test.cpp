@@ -1,5 +1,5 @@
 // The judge must find every wrong label, and none in frames that are right.
-#include "tests/faults/decoder.h"
+#include "tests/faults/capture/decoder.h"
 
 #include <gtest/gtest.h>
 

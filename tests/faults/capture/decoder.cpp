@@ -1,4 +1,4 @@
-#include "tests/faults/decoder.h"
+#include "tests/faults/capture/decoder.h"
 
 #include <fmt/format.h>
 

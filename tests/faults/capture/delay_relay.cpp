@@ -1,4 +1,4 @@
-#include "tests/faults/delay_relay.h"
+#include "tests/faults/capture/delay_relay.h"
 
 #include <arpa/inet.h>
 #include <fmt/format.h>

@@ -1,10 +1,11 @@
-/* Between a daemon and its files, by LD_PRELOAD.
+/* Between a daemon and its files, and its wall clock, by LD_PRELOAD.
  *
  *   GLASSWING_SHIM_ROOT   the directory that is meant; what happens elsewhere passes unseen
  *   GLASSWING_SHIM_LOG    file that gets a record of every change below it (see record())
  *   GLASSWING_SHIM_FAIL   CALL@N=ERROR: the Nth CALL (write, fsync, rename, open) below it and every later one fails with
  *                         ERROR (EIO, ENOSPC, EMFILE), for as long as GLASSWING_SHIM_WHILE names a file that is there;
  *                         write@N=short: writes take half of what they are given
+ *   GLASSWING_SHIM_CLOCK  file with the seconds that the wall clock is ahead
  */
 #define _GNU_SOURCE
 #include <errno.h>
@@ -18,7 +19,9 @@
 #include <string.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
+#include <sys/time.h>
 #include <sys/uio.h>
+#include <time.h>
 #include <unistd.h>
 
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
@@ -254,4 +257,48 @@ int unlinkat(int directory, const char* path, int flags) {
     }
   }
   return (int)syscall(SYS_unlinkat, directory, path, flags);
+}
+
+/* Read anew at most every 10 ms of the monotonic clock. */
+static long seconds_ahead(void) {
+  static const char* file;
+  static int is_known;
+  static long ahead;
+  static struct timespec read_at;
+  struct timespec now;
+  if (!is_known) {
+    file = getenv("GLASSWING_SHIM_CLOCK");
+    is_known = 1;
+  }
+  if (file == NULL) return 0;
+  syscall(SYS_clock_gettime, CLOCK_MONOTONIC, &now);
+  if ((now.tv_sec - read_at.tv_sec) * 1000000000L + now.tv_nsec - read_at.tv_nsec < 10000000L) return ahead;
+  read_at = now;
+  char text[32] = "";
+  const int fd = (int)syscall(SYS_openat, AT_FDCWD, file, O_RDONLY | O_CLOEXEC, 0);
+  if (fd >= 0 && syscall(SYS_read, fd, text, sizeof text - 1) > 0) ahead = atol(text);
+  if (fd >= 0) syscall(SYS_close, fd);
+  return ahead;
+}
+
+int clock_gettime(clockid_t clock, struct timespec* time) {
+  const int done = (int)syscall(SYS_clock_gettime, clock, time);
+  if (done == 0 && (clock == CLOCK_REALTIME || clock == CLOCK_REALTIME_COARSE)) time->tv_sec += seconds_ahead();
+  return done;
+}
+
+int gettimeofday(struct timeval* restrict time, void* restrict zone) {
+  (void)zone;
+  struct timespec now;
+  clock_gettime(CLOCK_REALTIME, &now);
+  time->tv_sec = now.tv_sec;
+  time->tv_usec = now.tv_nsec / 1000;
+  return 0;
+}
+
+time_t time(time_t* result) {
+  struct timespec now;
+  clock_gettime(CLOCK_REALTIME, &now);
+  if (result != NULL) *result = now.tv_sec;
+  return now.tv_sec;
 }

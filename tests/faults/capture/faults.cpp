@@ -11,8 +11,8 @@
 #include "core/frame/archive.h"
 #include "core/service/logs.h"
 #include "core/service/service.h"
-#include "tests/faults/decoder.h"
-#include "tests/faults/rig.h"
+#include "tests/faults/capture/decoder.h"
+#include "tests/faults/capture/rig.h"
 
 namespace glasswing {
 namespace {

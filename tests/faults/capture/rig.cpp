@@ -1,4 +1,4 @@
-#include "tests/faults/rig.h"
+#include "tests/faults/capture/rig.h"
 
 #include <fmt/format.h>
 
@@ -15,7 +15,7 @@
 #include "display-node/emission_service.h"
 #include "display-node/repeating_display.h"
 #include "server/session_service.h"
-#include "tests/faults/delay_relay.h"
+#include "tests/faults/capture/delay_relay.h"
 
 namespace glasswing {
 namespace {

@@ -1,0 +1,56 @@
+"""Clocks that are set."""
+
+from __future__ import annotations
+
+import pathlib
+
+import shim
+from case import Cases, Report
+from daemon import Daemon
+from lab import SESSION, until
+from ledger import fetch_matte
+from stage import Stage
+
+case: Cases[Stage] = Cases()
+
+_HOUR_SECONDS = 3600
+
+
+def _step(stage: Stage, daemon: Daemon, seconds: int) -> None:
+    """In mid-solve; leases and timeouts are of a second."""
+    file = stage.work / f"{daemon.name}.clock"
+    file.write_text("0")
+    daemon.end()
+    daemon.environment = shim.environment(pathlib.Path("/nowhere"), CLOCK=str(file))
+    daemon.start()
+    until(lambda: stage.answers() and stage.lab.nodes_up(2) == 1 and stage.lab.solvers_up() >= 1, "all are known", 30.0)
+    before = fetch_matte(stage.lab, SESSION)
+    stage.lab.solve(name=SESSION)
+    until(lambda: stage.lab.session().tiles_done > 0 or stage.lab.session().matte_ready and stage.lab.session().state != 5, "some of it is done", 30.0)
+    file.write_text(str(seconds))
+    stage.lab.wait_until_done(60.0, SESSION)
+    assert fetch_matte(stage.lab, SESSION) == before, "the matte differs"
+    name = stage.name()
+    stage.put(name)
+    stage.solve(name)
+    assert stage.lab.nodes_up(2) == 1 and stage.lab.solvers_up() == len(stage.lab.solvers), "a node is taken for lost"
+    stage.delete(name)
+    daemon.end()
+    daemon.environment = {}
+    daemon.start()
+    until(lambda: stage.answers() and stage.lab.nodes_up(2) == 1, "all are known", 30.0)
+
+
+def _add_steps() -> None:
+    for who in ("server", "camera node", "solver"):
+        for seconds in (_HOUR_SECONDS, -_HOUR_SECONDS):
+
+            def do(stage: Stage, who: str = who, seconds: int = seconds) -> Report:
+                daemon = {"server": stage.lab.server, "camera node": stage.lab.camera, "solver": stage.lab.solvers[0]}[who]
+                _step(stage, daemon, seconds)
+                return Report()
+
+            case(f"the wall clock of the {who} is set by {seconds / 3600:+.0f} h in mid-solve", "nobody is taken for lost, and the matte is the same")(do)
+
+
+_add_steps()

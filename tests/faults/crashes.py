@@ -1,0 +1,148 @@
+"""Daemons that die or lie down where it hurts most: between two commits, at each place that has a name."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable
+
+import grpc
+
+from glasswing.v1 import session_service_pb2 as sessions
+
+from case import Cases, Report
+from daemon import Daemon
+from lab import SESSION, until
+from stage import Stage
+
+case: Cases[Stage] = Cases()
+
+# What passes by each point of core/base/fault_point.h, but for those of a solve: tests/faults/solve does them all.
+_CAMERA_POINTS = ("archive begun", "frames written", "frames listed", "archive sealed", "archive removed")
+_SERVER_POINTS = ("session stored", "import sealed", "session captured", "frames deleted", "mattes deleted", "session deleted")
+_SOLVE_POINTS = ("tile received", "tile written", "tile committed", "survey committed", "matte written", "session done")
+_SOLVER_POINTS = ("tile claimed", "tile read", "tile solved", "tile sent")
+
+
+def _whole_life(stage: Stage) -> str:
+    """A session is made of frames, solved and deleted, each step asked for until it is done, as a person would."""
+    name = stage.name()
+    _until_done(stage, lambda: stage.put(name))
+    _until_done(stage, lambda: stage.solve(name))
+    stage.ledger.check()
+    _until_done(stage, lambda: stage.delete(name), gone_is_done=True)
+    return name
+
+
+def _until_done(stage: Stage, step: Callable[[], None], gone_is_done: bool = False) -> None:
+    deadline = time.monotonic() + 60.0
+    while True:
+        try:
+            return step()
+        except (grpc.RpcError, AssertionError) as error:
+            code = error.code() if isinstance(error, grpc.RpcError) else None
+            if code == grpc.StatusCode.NOT_FOUND and gone_is_done:
+                return None
+            if time.monotonic() > deadline:
+                raise
+            stage.revive()
+
+
+def _strike(stage: Stage, daemon: Daemon, point: str, visit: int = 1) -> Report:
+    """It is killed at the point, and started again by whoever notices."""
+    daemon.end()
+    daemon.start(f"{point}=kill@{visit}")
+    until(stage.answers, "all answer")
+    first = daemon.pid
+    _whole_life(stage)
+    assert daemon.pid != first, f'{daemon.name} never came by "{point}"'
+    daemon.end()
+    daemon.start()
+    return Report()
+
+
+def _add_kills() -> None:
+    for points, who, of in (
+        (_CAMERA_POINTS, "camera node", lambda stage: stage.lab.camera),
+        (_SERVER_POINTS + _SOLVE_POINTS, "server", lambda stage: stage.lab.server),
+        (_SOLVER_POINTS, "solver", lambda stage: stage.lab.solvers[0]),
+    ):
+        for point in points:
+            for visit in (1, 3) if point in ("frames written", "frames listed", "tile written", "tile committed") else (1,):
+
+                def do(stage: Stage, of: Callable[[Stage], Daemon] = of, point: str = point, visit: int = visit) -> Report:
+                    return _strike(stage, of(stage), point, visit)
+
+                case(f'SIGKILL of the {who} at "{point}", visit {visit}', "asked again, all of it ends well")(do)
+
+
+_add_kills()
+
+
+@case("SIGKILL of server and camera node at 20 moments while frames are sent", "what was acknowledged is there")
+def kill_at_moments(stage: Stage) -> Report:
+    """One after the other, between and within frames."""
+    for strike in range(20):
+        name = stage.name()
+        victim = (stage.lab.server, stage.lab.camera)[strike % 2]
+        put = 0
+
+        def kill_soon(sent: int, at: int = strike, victim: Daemon = victim) -> None:
+            if sent == at:
+                victim.kill()
+
+        try:
+            stage.put(name, 0)
+            for frame, content in zip(stage.captured.frames[:30], stage.captured.files):
+                kill_soon(put)
+                stage.put_frame(name, frame, content, 5.0)
+                put += 1
+        except grpc.RpcError:
+            pass
+        stage.revive()
+        stage.ledger.check()
+    return Report(20)
+
+
+@case("SIGSTOP of each daemon for 3 s in mid-solve, then SIGCONT", "the solve ends as if nothing had been")
+def stopped(stage: Stage) -> Report:
+    """Longer than a lease."""
+    for daemon in stage.lab.daemons():
+        stage.lab.solve(name=SESSION)
+        daemon.signal(signal.SIGSTOP)
+        until(daemon.is_stopped, "it is stopped")
+        began = time.monotonic()
+        while time.monotonic() - began < 3.0:
+            time.sleep(0.05)
+        daemon.signal(signal.SIGCONT)
+        stage.lab.wait_until_done(90.0, SESSION)
+        stage.ledger.check()
+    return Report(len(stage.lab.daemons()))
+
+
+@case("server and camera node have no descriptors left for 5 s", "they refuse, live, and serve again")
+def no_descriptors(stage: Stage) -> Report:
+    """Their limit is set to what they have open."""
+    import resource
+
+    for daemon in (stage.lab.server, stage.lab.camera):
+        usual = resource.prlimit(daemon.pid, resource.RLIMIT_NOFILE)
+        resource.prlimit(daemon.pid, resource.RLIMIT_NOFILE, (8, usual[1]))
+        name = stage.name()
+        refused = ""
+        began = time.monotonic()
+        while time.monotonic() - began < 5.0:
+            try:
+                stage.put(name, timeout=2.0)
+            except grpc.RpcError as error:
+                refused = error.code().name
+                time.sleep(0.1)
+        resource.prlimit(daemon.pid, resource.RLIMIT_NOFILE, usual)
+        assert refused, f"{daemon.name} served on without descriptors"
+        assert daemon.is_running()
+        until(stage.answers, "it answers again", 20.0)
+        _until_done(stage, lambda: stage.put(name))
+        stage.solve(name)
+    return Report(2)
+
+

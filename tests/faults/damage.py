@@ -1,0 +1,161 @@
+"""Bytes that are not what was written: every byte of a file's header, and some of its body, one at a time."""
+
+from __future__ import annotations
+
+import pathlib
+from collections.abc import Callable, Iterator
+
+import glasswing
+import grpc
+import numpy
+
+from glasswing.v1 import archive_service_pb2 as archives
+
+from case import Cases, Lost, Report
+from lab import SESSION, until
+from ledger import fetch_matte, read_file
+from stage import Stage
+
+case: Cases[Stage] = Cases()
+
+_FRAME_HEADER_BYTES = 256  # docs/archive.md
+_SQLITE_HEADER_BYTES = 100
+_BODY_SAMPLES = 60
+
+
+def _altered(content: bytes, places: list[int]) -> Iterator[tuple[int, bytes]]:
+    for at in places:
+        for flip in (1 << (at % 7), 0xFF):
+            yield at, content[:at] + bytes([content[at] ^ flip]) + content[at + 1 :]
+
+
+def _samples(first: int, size: int, count: int = _BODY_SAMPLES) -> list[int]:
+    return list(range(first, size, max((size - first) // count, 1)))
+
+
+def _refusal(read: Callable[[], object]) -> str | None:
+    """The code with which it is refused; None: it is not."""
+    try:
+        read()
+    except grpc.RpcError as error:
+        code: str = error.code().name
+        return code
+    return None
+
+
+@case("a frame's file: every byte of its header flipped, of its pixels some", "DATA_LOSS, and right again when it is put back")
+def frame(stage: Stage) -> Report:
+    """Read whole, and its last row."""
+    record = stage.captured.frames[3]
+    path = stage.lab.work / "camera-1/archives" / SESSION / record.file
+    content = path.read_bytes()
+    rows = stage.captured.header.camera.height_px
+    last_row = archives.ReadRowsRequest(session=SESSION, files=[record.file], first_row=rows - 1, row_count=1)
+    tried = 0
+    for at, altered in _altered(content, list(range(_FRAME_HEADER_BYTES)) + _samples(_FRAME_HEADER_BYTES, len(content))):
+        path.write_bytes(altered)
+        for read in (lambda: read_file(stage.lab, SESSION, record.file), lambda: list(stage.lab.archives.ReadRows(last_row, timeout=10.0))):
+            code = _refusal(read)
+            if code is None:
+                raise Lost(f"byte {at} of a frame was altered, and it was handed out")
+            assert code == "DATA_LOSS", code
+        tried += 1
+    path.write_bytes(content)
+    return Report(tried)
+
+
+@case("a finished matte's file: every byte of its header flipped, of its rows some", "no other matte is taken for it")
+def matte(stage: Stage) -> Report:
+    """Fetched, and read by the reader that everybody uses. Bytes that no reader looks at may be anything."""
+    path = stage.lab.matte()
+    content = path.read_bytes()
+    known = glasswing.Matte.from_bytes(content)
+    header = content.index(b"glasswing:checksum") + 64
+    tried = unread = 0
+    for at, altered in _altered(content, list(range(0, header, 3)) + _samples(header, len(content), 200)):
+        path.write_bytes(altered)
+        tried += 1
+        try:
+            read = glasswing.Matte.from_bytes(fetch_matte(stage.lab, SESSION))
+        except (grpc.RpcError, glasswing.Error):
+            continue
+        unread += 1
+        if not _same(read, known):
+            raise Lost(f"byte {at} of a matte was altered, and another matte was read")
+    path.write_bytes(content)
+    return Report(tried, f"{tried - unread} refused, {unread} change nothing")
+
+
+def _same(one: glasswing.Matte, other: glasswing.Matte) -> bool:
+    planes = [(matte.foreground, matte.coverage, matte.flags, *vars(matte.modes).values()) for matte in (one, other)]
+    return one.monitors == other.monitors and all(numpy.array_equal(a, b, equal_nan=False) for a, b in zip(*planes) if isinstance(a, numpy.ndarray))
+
+
+@case("the lists of an archive: bytes of header.json, frames.jsonl and manifest.json flipped", "DATA_LOSS, or all frames as they were")
+def lists(stage: Stage) -> Report:
+    """With a new life of the camera node each time. (Every byte of them: core/frame/archive_test.)"""
+    directory = stage.lab.work / "camera-1/archives" / SESSION
+    request = archives.GetManifestRequest(session=SESSION)
+    known = stage.lab.archives.GetManifest(request, timeout=10.0).manifest
+    tried = refused = 0
+    for name in ("header.json", "frames.jsonl", "manifest.json"):
+        path = directory / name
+        content = path.read_bytes()
+        for at, altered in _altered(content, _samples(0, len(content), 12)):
+            stage.lab.camera.end()
+            path.write_bytes(altered)
+            stage.lab.camera.start()
+            tried += 1
+            try:
+                now = stage.lab.archives.GetManifest(request, timeout=10.0, wait_for_ready=True).manifest
+            except grpc.RpcError as error:
+                assert error.code() == grpc.StatusCode.DATA_LOSS, f"{error.code()}: {error.details()}"
+                refused += 1
+                continue
+            if now != known:
+                raise Lost(f"byte {at} of {name} was altered, and other frames are told of")
+        stage.lab.camera.end()
+        path.write_bytes(content)
+        stage.lab.camera.start()
+    until(stage.answers, "the camera node answers")
+    return Report(tried, f"{refused} refused")
+
+
+@case("the catalogue: every byte of SQLite's header flipped, of its pages some", "the server says so and does not start, or has all")
+def catalogue(stage: Stage) -> Report:
+    """With a new life of the server each time."""
+    path = stage.lab.data / "catalogue.sqlite"
+    stage.lab.server.end()
+    content = path.read_bytes()
+    kept = {suffix: _read(path, suffix) for suffix in ("-wal", "-shm")}
+    tried = refused = 0
+    for at, altered in _altered(content, list(range(_SQLITE_HEADER_BYTES)) + _samples(_SQLITE_HEADER_BYTES, len(content))):
+        for suffix in kept:
+            pathlib.Path(f"{path}{suffix}").unlink(missing_ok=True)
+        path.write_bytes(altered)
+        log_size = stage.lab.server.log.stat().st_size
+        stage.lab.server.start()
+        until(lambda: not stage.lab.server.is_running() or stage.answers(), "it answers or has ended", 20.0)
+        tried += 1
+        if stage.lab.server.is_running():
+            try:
+                stage.ledger.check()
+            except Lost as what:
+                raise Lost(f"byte {at} of the catalogue was altered, and the server serves: {what}") from None
+            stage.lab.server.end()
+            continue
+        refused += 1
+        said = stage.lab.server.log.read_bytes()[log_size:].decode(errors="replace")
+        assert "catalogue" in said, f"it ended, and said: {said}"
+    for suffix, before in kept.items():
+        if before is not None:
+            pathlib.Path(f"{path}{suffix}").write_bytes(before)
+    path.write_bytes(content)
+    stage.lab.server.start()
+    until(lambda: stage.answers() and stage.lab.nodes_up(2) == 1, "the server answers")
+    return Report(tried, f"{refused} refused")
+
+
+def _read(path: pathlib.Path, suffix: str) -> bytes | None:
+    file = pathlib.Path(f"{path}{suffix}")
+    return file.read_bytes() if file.exists() else None

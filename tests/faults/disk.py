@@ -1,0 +1,201 @@
+"""Disks that are full, and disks that fail."""
+
+from __future__ import annotations
+
+import os
+import pathlib
+import subprocess
+import time
+
+import grpc
+
+from glasswing.v1 import session_service_pb2 as sessions
+
+import shim
+from case import CannotBeDone, Cases, Report
+from daemon import Daemon
+from lab import SESSION, until
+from stage import Stage
+
+
+class DiskStage(Stage):
+    """The server's and the camera node's data lie on small disks of their own, where root may make some."""
+
+    CAMERA_MB, SERVER_MB = 64, 48
+
+    def __init__(self, work: pathlib.Path, archive: pathlib.Path) -> None:
+        self.disks: list[pathlib.Path] = []
+        if os.geteuid() == 0:
+            for name, size_mb in (("camera-1", self.CAMERA_MB), ("server", self.SERVER_MB), ("logs", 1)):
+                disk = work / name
+                disk.mkdir(parents=True)
+                subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={size_mb}m", "tmpfs", str(disk)], check=True)
+                self.disks.append(disk)
+        super().__init__(work, archive, ("--least-tile", "0.05"))
+
+    def fill(self, disk: pathlib.Path) -> None:
+        """To the last byte."""
+        with (disk / "ballast").open("wb", buffering=0) as ballast:
+            for size in (1 << 20, 1 << 12, 1):
+                try:
+                    while True:
+                        ballast.write(bytes(size))
+                except OSError:
+                    pass
+
+    def make_room(self, disk: pathlib.Path) -> None:
+        """What fill() took."""
+        (disk / "ballast").unlink()
+
+    def close(self) -> None:
+        """Ends everything."""
+        super().close()
+        for disk in self.disks:
+            subprocess.run(["umount", "-l", str(disk)], check=False)
+
+
+case: Cases[DiskStage] = Cases()
+
+
+def _need_disks(stage: DiskStage) -> None:
+    if not stage.disks:
+        raise CannotBeDone("only root can mount small disks")
+
+
+@case("the camera node's disk is full in the middle of an import", "RESOURCE_EXHAUSTED; with room again the import goes on")
+def full_spool(stage: DiskStage) -> Report:
+    """Filled by the import itself, and by a file besides."""
+    _need_disks(stage)
+    disk = stage.work / "camera-1"
+    name = stage.name()
+    stage.put(name, 5)
+    stage.fill(disk)
+    codes = set()
+    for frame, content in zip(stage.captured.frames[5:25], stage.captured.files[5:]):
+        try:
+            stage.put_frame(name, frame, content)
+        except grpc.RpcError as error:
+            codes.add(error.code().name)
+    assert codes == {"RESOURCE_EXHAUSTED"}, codes
+    stage.ledger.check()
+    stage.make_room(disk)
+    stage.put(name)
+    stage.solve(name)
+    stage.delete(name)
+    return Report()
+
+
+@case("the server's disk is full: catalogue, job store, tiles and mattes", "nothing is acknowledged that is not kept; with room again all goes on")
+def full_server(stage: DiskStage) -> Report:
+    """A note, a new session, a deletion and a solve are asked for."""
+    _need_disks(stage)
+    disk = stage.work / "server"
+    name = stage.name()
+    stage.put(name)
+    stage.fill(disk)
+    refused = 0
+    for attempt in range(40):
+        try:
+            stage.lab.sessions.AnnotateSession(sessions.AnnotateSessionRequest(name=name, note=f"{attempt} " + "n" * 4000), timeout=20.0)
+        except grpc.RpcError as error:
+            assert error.code() == grpc.StatusCode.RESOURCE_EXHAUSTED, f"{error.code()}: {error.details()}"
+            refused += 1
+    assert refused > 0, "notes were stored where no room is"
+    try:
+        stage.lab.solve(name=name)
+    except grpc.RpcError as error:
+        assert error.code() == grpc.StatusCode.RESOURCE_EXHAUSTED, f"{error.code()}: {error.details()}"
+    time.sleep(2.0)  # for solvers to try
+    stage.make_room(disk)
+    stage.ledger.check()
+    until(lambda: stage.lab.session(5.0, name).state in (sessions.SESSION_STATE_DONE, sessions.SESSION_STATE_CAPTURED), "the solve went on, or was never begun", 60.0)
+    stage.solve(name)
+    stage.delete(name)
+    return Report(2)
+
+
+@case("the disk of the logs is full", "daemons serve on")
+def full_logs(stage: DiskStage) -> Report:
+    """Of server and camera node."""
+    _need_disks(stage)
+    disk = stage.work / "logs"
+    before = {}
+    for daemon in (stage.lab.server, stage.lab.camera):
+        before[daemon.name] = daemon.log
+        daemon.end()
+        daemon.log = disk / f"{daemon.name}.log"
+        daemon.start()
+    until(stage.answers, "they answer")
+    stage.fill(disk)
+    name = stage.name()
+    until(lambda: stage.lab.nodes_up(_CAMERA) == 1, "the camera node is known", 20.0)
+    stage.put(name)
+    stage.solve(name)
+    stage.delete(name)
+    for daemon in (stage.lab.server, stage.lab.camera):
+        daemon.end()
+        daemon.log = before[daemon.name]
+        daemon.start()
+    stage.make_room(disk)
+    until(lambda: stage.answers() and stage.lab.nodes_up(_CAMERA) == 1, "they answer", 20.0)
+    return Report(2)
+
+
+_CAMERA = 2  # NodeKind
+_KINDS = [(call, error) for call in ("write", "fsync", "rename", "open") for error in ("EIO", "ENOSPC")] + [("write", "short")]
+
+
+def _fail_for_a_while(stage: DiskStage, daemon: Daemon, root: pathlib.Path, call: str, error: str) -> Report:
+    """Sessions are made, solved and deleted meanwhile, as far as that goes."""
+    switch = stage.work / "switch"
+    daemon.end()
+    daemon.environment = shim.environment(root, FAIL=f"{call}@3={error}", WHILE=str(switch))
+    daemon.start()
+    until(lambda: stage.answers() and stage.lab.nodes_up(_CAMERA) == 1, "all answer", 30.0)
+    switch.touch()
+    name = stage.name()
+    codes: dict[str, int] = {}
+    for attempt in range(3):
+        try:
+            stage.put(name if attempt == 0 else f"{name}-{attempt}", timeout=10.0)
+            stage.lab.solve(name=name)
+            stage.lab.wait_until_done(4.0, name)
+        except (grpc.RpcError, AssertionError) as problem:
+            code = problem.code().name if isinstance(problem, grpc.RpcError) else "unfinished"
+            codes[code] = codes.get(code, 0) + 1
+    switch.unlink()
+    died = not daemon.is_running()
+    if died:
+        daemon.environment = {}
+    stage.revive()
+    until(lambda: stage.lab.nodes_up(_CAMERA) == 1, "the camera node is known", 30.0)
+    stage.ledger.check()
+    after = stage.name()
+    stage.put(after)
+    stage.solve(after)
+    for each in (after, name):
+        state = stage.lab.session(5.0, each).state if each == after or codes.get("OK", 0) else None
+        if state is not None:
+            stage.delete(each)
+    daemon.end()
+    daemon.environment = {}
+    daemon.start()
+    until(lambda: stage.answers() and stage.lab.nodes_up(_CAMERA) == 1, "all answer", 30.0)
+    assert error != "short" or not codes, f"what the system calls right was refused: {codes}"
+    assert not died, f"{daemon.name} died of it"
+    return Report(1, ", ".join(f"{count} {code}" for code, count in sorted(codes.items())) or "nobody noticed")
+
+
+def _add_failures() -> None:
+    for who in ("camera node", "server"):
+        for call, error in _KINDS:
+
+            def do(stage: DiskStage, who: str = who, call: str = call, error: str = error) -> Report:
+                daemon, root = (stage.lab.camera, stage.work / "camera-1") if who == "camera node" else (stage.lab.server, stage.lab.data)
+                return _fail_for_a_while(stage, daemon, root, call, error)
+
+            what = "takes half of what it is given" if error == "short" else f"fails with {error}"
+            case(f"every {call} below the {who}'s data {what} for a while", "errors, then all goes on" if error != "short" else "nobody notices")(do)
+
+
+_add_failures()

@@ -1,0 +1,47 @@
+"""The library that stands between a daemon and its files (shim.c), and the log that it keeps."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import pathlib
+
+from case import CannotBeDone
+from daemon import BIN
+
+LIBRARY = BIN.parent / "tests/libglasswing-fault-shim.so"
+
+
+def environment(root: pathlib.Path, **settings: str) -> dict[str, str]:
+    """Of a daemon whose files below `root` are meant; `settings` as shim.c names them."""
+    if not LIBRARY.exists():
+        raise CannotBeDone(f"{LIBRARY} is not built; sanitizers have none")
+    return {"LD_PRELOAD": str(LIBRARY), "GLASSWING_SHIM_ROOT": os.path.realpath(root), **{f"GLASSWING_SHIM_{name}": value for name, value in settings.items()}}
+
+
+@dataclasses.dataclass(frozen=True)
+class Change:
+    """`call`: create, mkdir, write, truncate, fsync, rename, unlink or rmdir. `end`: where its record ends in the log."""
+
+    call: str
+    offset: int
+    path: str
+    other: str
+    content: bytes
+    end: int
+
+
+def read_log(path: pathlib.Path) -> list[Change]:
+    """All changes, in the order in which they happened."""
+    log = path.read_bytes()
+    changes: list[Change] = []
+    at = 0
+    while at < len(log):
+        line_end = log.index(b"\n", at)
+        call, offset, size, names = log[at:line_end].split(b" ", 3)
+        first = line_end + 1
+        content = log[first : first + int(size)]
+        at = first + int(size) + 1
+        name, _, other = names.decode().partition("\t")
+        changes.append(Change(call.decode(), int(offset), name, other, content, at))
+    return changes
