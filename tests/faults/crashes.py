@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import resource
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Set
 
 import grpc
 
@@ -27,21 +28,21 @@ _SOLVER_POINTS = ("tile claimed", "tile read", "tile solved", "tile sent")
 def _whole_life(stage: Stage) -> str:
     """A session is made of frames, solved and deleted, each step asked for until it is done, as a person would."""
     name = stage.name()
-    _until_done(stage, lambda: stage.put(name))
+    _until_done(stage, lambda: stage.put(name), {grpc.StatusCode.ALREADY_EXISTS})
     _until_done(stage, lambda: stage.solve(name))
     stage.ledger.check()
-    _until_done(stage, lambda: stage.delete(name), gone_is_done=True)
+    _until_done(stage, lambda: stage.delete(name), {grpc.StatusCode.NOT_FOUND})
     return name
 
 
-def _until_done(stage: Stage, step: Callable[[], None], gone_is_done: bool = False) -> None:
+def _until_done(stage: Stage, step: Callable[[], None], done_before: Set[grpc.StatusCode] = frozenset()) -> None:
+    """`done_before`: what is answered where it was done, and the answer was lost."""
     deadline = time.monotonic() + 60.0
     while True:
         try:
             return step()
         except (grpc.RpcError, AssertionError) as error:
-            code = error.code() if isinstance(error, grpc.RpcError) else None
-            if code == grpc.StatusCode.NOT_FOUND and gone_is_done:
+            if isinstance(error, grpc.RpcError) and error.code() in done_before:
                 return None
             if time.monotonic() > deadline:
                 raise
@@ -123,8 +124,6 @@ def stopped(stage: Stage) -> Report:
 @case("server and camera node have no descriptors left for 5 s", "they refuse, live, and serve again")
 def no_descriptors(stage: Stage) -> Report:
     """Their limit is set to what they have open."""
-    import resource
-
     for daemon in (stage.lab.server, stage.lab.camera):
         usual = resource.prlimit(daemon.pid, resource.RLIMIT_NOFILE)
         resource.prlimit(daemon.pid, resource.RLIMIT_NOFILE, (8, usual[1]))
