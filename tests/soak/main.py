@@ -1,0 +1,178 @@
+"""Sessions back to back on a simulated rig with random faults: nothing may be lost, no daemon may grow.
+
+Server, display, camera and two solvers are processes of their own, with relays between them. Each round captures
+deploy/plans/quick.txtpb, solves it and fetches the matte, while none, one or two faults strike at random moments: a daemon is
+killed and started again within half a second, or stopped for some seconds; a link is cut, reset or silent, both ways or one;
+a client is killed in mid-watch. A person resumes what the server says is paused and does nothing else. Every tenth session is
+kept, the others are deleted five rounds later; every fifth round is composited too.
+
+The first third of the time kills daemons, the rest does everything else, so that each daemon has one long life: by that it is
+judged whether its memory and descriptors grow. Samples are taken between rounds, when everything is mended and at rest.
+
+All that was acknowledged (sessions, proven steps, frames and their checksums, mattes) is held against what can be fetched, every
+fifth round and at the end; then the daemons end and `glasswing fsck` reads the server's and the camera's data.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import pathlib
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+
+_TESTS = pathlib.Path(__file__).resolve().parents[1]
+sys.path[1:1] = [str(_TESTS / "processes"), str(_TESTS / "faults")]
+
+from google.protobuf import text_format  # noqa: E402
+
+from glasswing.v1 import plan_pb2  # noqa: E402
+
+from book import Book  # noqa: E402
+from case import Lost  # noqa: E402
+from daemon import BIN, ROOT  # noqa: E402
+from person import NotDone, Person  # noqa: E402
+from record import Record, faults_table, rest, sums  # noqa: E402
+from rig import Rig  # noqa: E402
+from trouble import Trouble  # noqa: E402
+
+_KILLS_FOR = 1 / 3  # of the time
+_CHECK_EVERY = 5
+_COMPOSITE_EVERY = 5
+_KEEP_EVERY = 10
+_DELETE_AFTER = 5  # rounds
+
+
+def patient_plan() -> plan_pb2.Plan:
+    """The quick one, for a machine that is busy with other things too."""
+    plan = text_format.Parse((ROOT / "deploy/plans/quick.txtpb").read_text(), plan_pb2.Plan())
+    plan.hold_refreshes = 3
+    plan.retries = 100
+    return plan
+
+
+class Soak:
+    """`lost` and `not_done` say what went wrong."""
+
+    def __init__(self, work: pathlib.Path, size: str, seed: int) -> None:
+        self.lost: list[str] = []
+        self.not_done: list[str] = []
+        self._work = work
+        self._rig = Rig(work, size)
+        self._book = Book(self._rig)
+        self._person = Person(self._rig, self._book, patient_plan())
+        self._trouble = Trouble(self._rig, seed)
+        self._record = Record()
+        self._rounds = 0
+
+    def run(self, minutes: float) -> None:
+        """Rounds for so long, or until something is lost."""
+        try:
+            usual_seconds = self._round(0.0, False)
+            told = 0.0
+            while self._record.minutes < minutes:
+                self._round(usual_seconds, self._record.minutes < _KILLS_FOR * minutes)
+                if self._record.minutes >= told + 1.0:
+                    told = self._record.minutes
+                    self._tell()
+            self._book.check()
+        except Lost as what:
+            self.lost.append(str(what))
+        except KeyboardInterrupt:
+            print("interrupted; what was done until now:", flush=True)
+
+    def close(self) -> None:
+        """Ends the daemons and looks at what they leave."""
+        self._trouble.finish()
+        self._rig.close()
+        self._trouble.close()
+        for directory in self._rig.data_directories():
+            self._fsck(directory)
+
+    def report(self) -> bool:
+        """Prints the tables; whether all is well."""
+        print("\n".join(["", self._record.table(), "", faults_table(self._trouble), ""]))
+        for what in [f"LOST: {lost}" for lost in self.lost] + [f"NOT DONE: {session}" for session in self.not_done] + self._trouble.crashed:
+            print(what)
+        print(sums(self._rounds, len(self.not_done), self._book, self._person, len(self.lost)), flush=True)
+        return not self.lost and not self.not_done and not self._trouble.crashed and not self._record.grew()
+
+    def _round(self, trouble_seconds: float, may_kill: bool) -> float:
+        """How many seconds its session took. Faults strike in the first `trouble_seconds`; 0: none do."""
+        name = f"s{self._rounds}"
+        if trouble_seconds > 0.0:
+            self._trouble.begin(name, trouble_seconds, may_kill)
+        began = time.monotonic()
+        try:
+            self._person.work(name)
+            old = self._rounds - _DELETE_AFTER
+            if old >= 0 and old % _KEEP_EVERY != 0:
+                self._person.delete(f"s{old}")
+        except NotDone as what:
+            self.not_done.append(str(what))
+            print(f"NOT DONE: {what}", flush=True)
+        took = time.monotonic() - began
+        self._trouble.finish()
+        self._trouble.restart_crashed()
+        self._rig.wait_until_whole()
+        if self._rounds % _COMPOSITE_EVERY == 0 and not self.not_done:
+            self._person.composite(name, self._work)
+        if self._rounds % _CHECK_EVERY == 0:
+            self._book.check()
+        rest(self._rig)
+        self._record.sample(self._rig.daemons())
+        self._rounds += 1
+        return took
+
+    def _tell(self) -> None:
+        print(f"{self._record.minutes:5.1f} min: {sums(self._rounds, len(self.not_done), self._book, self._person, 0)}")
+        print(f"           {sum(self._trouble.struck.values())} faults; {self._record.now()}", flush=True)
+
+    def _fsck(self, directory: pathlib.Path) -> None:
+        environment = dict(os.environ, GLASSWING_CONFIG="/dev/null")
+        done = subprocess.run([str(BIN / "glasswing"), "--json", "fsck", str(directory)], env=environment, capture_output=True, text=True, timeout=600.0)
+        if done.returncode not in (0, 3):
+            self.lost.append(f"fsck of {directory.name}: {done.stderr}")
+            return
+        report = json.loads(done.stdout)
+        damage = [f"{finding['file']}: {finding['what']}" for finding in report["findings"] if finding["damage"]]
+        left_over = [f"{finding['file']}: {finding['what']}" for finding in report["findings"] if not finding["damage"]]
+        print(f"fsck of {directory.name}: {report['files']} files, {len(damage)} damaged, {len(left_over)} left over" + "".join(f"\n  {one}" for one in left_over))
+        self.lost += [f"fsck of {directory.name}: {one}" for one in damage]
+
+
+def main() -> int:
+    """The exit status: 1 if anything was lost, not done, crashed or grew."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter, epilog="Example: tests/soak/run --minutes 60 --seed 7")
+    parser.add_argument("--minutes", type=float, default=60.0, help="how long (default 60); below 50 memory is not judged, as no life is long enough")
+    parser.add_argument("--seed", type=int, default=random.randrange(1 << 16), help="of which faults, when and how long; random if left out, and printed")
+    parser.add_argument("--size", default="128x104", metavar="WxH", help="px of camera and monitor (default 128x104)")
+    parser.add_argument("--keep", action="store_true", help="leave data and logs there also where nothing went wrong, and say where")
+    options = parser.parse_args()
+    if not options.minutes > 0.0:
+        parser.error(f"--minutes is {options.minutes:g}; it must be more than 0")
+    print(f"{options.minutes:g} minutes, seed {options.seed}", flush=True)
+    work = pathlib.Path(tempfile.mkdtemp(prefix="glasswing-soak."))
+    well = False
+    try:
+        soak = Soak(work, options.size, options.seed)
+        try:
+            soak.run(options.minutes)
+        finally:
+            soak.close()
+        well = soak.report()
+    finally:
+        if options.keep or not well:
+            print(f"kept: {work}")
+        else:
+            shutil.rmtree(work, ignore_errors=True)
+    return 0 if well else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

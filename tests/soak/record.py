@@ -1,0 +1,91 @@
+"""What was seen of the daemons between rounds, and the tables of it."""
+
+from __future__ import annotations
+
+import collections
+import time
+
+from book import Book
+from daemon import Daemon
+from growth import BOUND_MB_PER_HOUR, LEAST_HOURS, WARM_UP, Life, Sample
+from person import Person
+from rig import Rig
+from stage import descriptors, memory_mb
+from trouble import Trouble
+
+_STILL_SECONDS = 0.5
+
+
+def rest(rig: Rig, at_most_seconds: float = 5.0) -> None:
+    """Until no daemon has opened or closed anything for half a second."""
+    began = changed = time.monotonic()
+    before: list[int] = []
+    while time.monotonic() < min(changed + _STILL_SECONDS, began + at_most_seconds):
+        now = [descriptors(daemon) for daemon in rig.daemons()]
+        if now != before:
+            before, changed = now, time.monotonic()
+        time.sleep(0.05)
+
+
+class Record:
+    """Samples by daemon and life."""
+
+    def __init__(self) -> None:
+        self._began = time.monotonic()
+        self._samples: dict[str, dict[int, list[Sample]]] = collections.defaultdict(lambda: collections.defaultdict(list))
+
+    @property
+    def minutes(self) -> float:
+        """Since it was begun."""
+        return (time.monotonic() - self._began) / 60.0
+
+    def sample(self, daemons: list[Daemon]) -> None:
+        """While they rest."""
+        for daemon in daemons:
+            sample = Sample(self.minutes / 60.0, memory_mb(daemon), descriptors(daemon))
+            self._samples[daemon.name][daemon.pid].append(sample)
+
+    def longest_lives(self) -> dict[str, Life]:
+        """Of each daemon the process that was sampled for the longest time."""
+        return {name: Life(max(lives.values(), key=lambda life: life[-1].hours - life[0].hours)) for name, lives in self._samples.items()}
+
+    def grew(self) -> bool:
+        """Any of them."""
+        return any(life.grew() for life in self.longest_lives().values())
+
+    def now(self) -> str:
+        """The last samples."""
+        last = {name: list(lives.values())[-1][-1] for name, lives in self._samples.items()}
+        return ", ".join(f"{name} {sample.memory_mb:.1f} MB {sample.descriptors} fds" for name, sample in last.items())
+
+    def table(self) -> str:
+        """Of the longest lives."""
+        lines = [f"{'daemon':10} {'lives':>5} {'longest':>8} {'MB start':>8} {'warm':>6} {'end':>6} {'MB/h':>15} {'memory':>10}   descriptors, warm and at the end"]
+        for name, life in self.longest_lives().items():
+            minutes = 60.0 * (life.all[-1].hours - life.all[0].hours)
+            warm, line, floors = life.warm, life.line(), life.floors()
+            open_ones = f"{floors[0]} {floors[1]} {life.descriptors_verdict()}" if floors else f"{life.all[-1].descriptors} {life.descriptors_verdict()}"
+            lines.append(
+                f"{name:10} {len(self._samples[name]):5} {minutes:4.1f} min {life.all[0].memory_mb:8.1f} {warm[0].memory_mb:6.1f} {warm[-1].memory_mb:6.1f} "
+                f"{str(line or '-'):>15} {life.memory_verdict():>10}   {open_ones}"
+            )
+        lines.append(
+            f"  of each daemon's longest life: without its first {WARM_UP:.0%}, a line by least squares ± its standard error; it grew above "
+            f"{BOUND_MB_PER_HOUR:g} MB/h by two of those; too short below {60.0 * LEAST_HOURS:.0f} min without the warm-up. Descriptors: the fewest of five samples"
+        )
+        return "\n".join(lines)
+
+
+def faults_table(trouble: Trouble) -> str:
+    """How often each kind struck."""
+    lines = [f"{'fault':44} struck"]
+    lines += [f"{kind:44} {count:6}" for kind, count in sorted(trouble.struck.items())]
+    return "\n".join([*lines, f"{'all':44} {sum(trouble.struck.values()):6}"])
+
+
+def sums(rounds: int, not_done: int, book: Book, person: Person, lost: int) -> str:
+    """What was acknowledged, and what became of it."""
+    return (
+        f"{rounds} rounds, {not_done} sessions not done; acknowledged {book.session_count} sessions, {book.frame_count} frames, {book.matte_count} mattes: {lost} lost; "
+        f"{person.resumes} resumes, {person.asked_again} calls asked again"
+    )

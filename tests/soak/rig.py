@@ -1,0 +1,96 @@
+"""A whole simulated rig, each daemon a process of its own and a relay before each that is called."""
+
+from __future__ import annotations
+
+import os
+import pathlib
+
+import grpc
+
+from glasswing.v1 import archive_service_pb2 as archives
+from glasswing.v1 import node_service_pb2 as nodes
+from glasswing.v1 import session_service_pb2 as sessions
+
+from daemon import Daemon, free_port, listens
+from lab import Lab, until
+from relay import Relay
+
+SOLVERS = 2
+
+
+class Rig(Lab):
+    """A lab with a display, a camera that sees it, and solvers, all running. Nodes reach the server, and everybody display
+    and camera, through `links`; people reach the server itself."""
+
+    def __init__(self, work: pathlib.Path, size: str) -> None:
+        self._size = size
+        self._display_port = free_port()
+        self._camera_port = free_port()
+        self._display_link_port = free_port()
+        self._server_link_port = free_port()
+        self.display = Daemon("display", self._display_command(), work / "display.log")
+        super().__init__(work, {})
+        self.display.start()
+        for _ in range(SOLVERS):
+            self.add_solver(self._server_link_port).start()
+        self.wait_until_whole()
+
+    def camera_at(self, port: int, name: str = "camera") -> Daemon:
+        """It listens behind its relay, which listens at `port` and is made with the others: a camera is known to the server only
+        through them. As root its files are hidden from the solvers, which must then read them from it."""
+        self.links = {
+            "nodes and server": Relay(self._server_link_port, self.port),
+            "server and display": Relay(self._display_link_port, self._display_port),
+            "everybody and camera": Relay(port, self._camera_port),
+        }
+        data = self.work / name
+        before: tuple[str, ...] = ()
+        if os.geteuid() == 0:
+            hidden = self.work / "hidden"
+            data.mkdir()
+            hidden.mkdir()
+            mount = 'mount --bind "$0" "$1" && shift && exec "$@"'
+            before, data = ("unshare", "--mount", "sh", "-c", mount, str(data), str(hidden)), hidden
+        command = ["glasswing-camera", "--listen", f"127.0.0.1:{self._camera_port}", "--advertise", f"127.0.0.1:{port}"]
+        command += ["--server", f"127.0.0.1:{self._server_link_port}", "--name", name, "--data", str(data)]
+        command += ["--size", self._size, "--fps", "200", "--scene", "crystal", "--tap", f"127.0.0.1:{self._display_port}"]
+        return Daemon(name, command, self.work / f"{name}.log", before)
+
+    def data_directories(self) -> list[pathlib.Path]:
+        """Of the server and of the camera."""
+        return [self.data, self.work / "camera"]
+
+    def daemons(self) -> list[Daemon]:
+        """All of them."""
+        return [self.server, self.display, self.camera, *self.solvers]
+
+    def is_whole(self) -> bool:
+        """All run and answer, and the server knows of all."""
+        if not all(daemon.is_running() and not daemon.is_stopped() for daemon in self.daemons()):
+            return False
+        if not listens(self._display_port) or not listens(self._camera_port):
+            return False
+        kinds = {nodes.NODE_KIND_DISPLAY: 1, nodes.NODE_KIND_CAMERA: 1, nodes.NODE_KIND_SOLVER: SOLVERS}
+        if any(self.nodes_up(kind) != count for kind, count in kinds.items()):
+            return False
+        try:
+            self.sessions.ListSessions(sessions.ListSessionsRequest(), timeout=2.0)
+            self.archives.GetSpace(archives.GetSpaceRequest(), timeout=2.0)
+        except grpc.RpcError:
+            return False
+        return True
+
+    def wait_until_whole(self) -> None:
+        """Nobody does anything for that."""
+        until(self.is_whole, "all daemons run, answer and are known to the server", 60.0, every=0.1)
+
+    def close(self) -> None:
+        """Ends every process."""
+        super().close()
+        for link in self.links.values():
+            link.close()
+
+    def _display_command(self) -> list[str]:
+        command = ["glasswing-display", "--listen", f"127.0.0.1:{self._display_port}", "--advertise", f"127.0.0.1:{self._display_link_port}"]
+        command += ["--server", f"127.0.0.1:{self._server_link_port}", "--name", "display"]
+        return [*command, "--patch-rows", "8", "--monitor", f"back={self._size}@60"]
