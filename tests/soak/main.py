@@ -4,7 +4,7 @@ Server, display, camera and two solvers are processes of their own, with relays 
 deploy/plans/quick.txtpb, solves it and fetches the matte, while none, one or two faults strike at random moments: a daemon is
 killed and started again within half a second, or stopped for some seconds; a link is cut, reset or silent, both ways or one;
 a client is killed in mid-watch. A person resumes what the server says is paused and does nothing else. Every tenth session is
-kept, the others are deleted five rounds later; every fifth round is composited too.
+kept, the others are deleted some five rounds later; every fifth round is composited too.
 
 The first third of the time kills daemons, the rest does everything else, so that each daemon has one long life: by that it is
 judged whether its memory and descriptors grow. Samples are taken between rounds, when everything is mended and at rest.
@@ -29,6 +29,7 @@ import time
 _TESTS = pathlib.Path(__file__).resolve().parents[1]
 sys.path[1:1] = [str(_TESTS / "processes"), str(_TESTS / "faults")]
 
+import grpc  # noqa: E402
 from google.protobuf import text_format  # noqa: E402
 
 from glasswing.v1 import plan_pb2  # noqa: E402
@@ -45,7 +46,7 @@ _KILLS_FOR = 1 / 3  # of the time
 _CHECK_EVERY = 5
 _COMPOSITE_EVERY = 5
 _KEEP_EVERY = 10
-_DELETE_AFTER = 5  # rounds
+_DELETE_AFTER = 5  # sessions that are not kept
 
 
 def patient_plan() -> plan_pb2.Plan:
@@ -69,6 +70,7 @@ class Soak:
         self._trouble = Trouble(self._rig, seed)
         self._record = Record()
         self._rounds = 0
+        self._to_delete: list[str] = []
 
     def run(self, minutes: float) -> None:
         """Rounds for so long, or until something is lost."""
@@ -83,6 +85,8 @@ class Soak:
             self._book.check()
         except Lost as what:
             self.lost.append(str(what))
+        except (AssertionError, grpc.RpcError) as what:
+            self.not_done.append(f"the soak itself: {what}")
         except KeyboardInterrupt:
             print("interrupted; what was done until now:", flush=True)
 
@@ -108,19 +112,23 @@ class Soak:
         if trouble_seconds > 0.0:
             self._trouble.begin(name, trouble_seconds, may_kill)
         began = time.monotonic()
+        done = False
         try:
             self._person.work(name)
-            old = self._rounds - _DELETE_AFTER
-            if old >= 0 and old % _KEEP_EVERY != 0:
-                self._person.delete(f"s{old}")
+            done = True
+            if self._rounds % _KEEP_EVERY != 0:
+                self._to_delete.append(name)
+            if len(self._to_delete) > _DELETE_AFTER:
+                self._person.delete(self._to_delete.pop(0))
         except NotDone as what:
             self.not_done.append(str(what))
             print(f"NOT DONE: {what}", flush=True)
+            self._person.give_up(name)
         took = time.monotonic() - began
         self._trouble.finish()
         self._trouble.restart_crashed()
         self._rig.wait_until_whole()
-        if self._rounds % _COMPOSITE_EVERY == 0 and not self.not_done:
+        if self._rounds % _COMPOSITE_EVERY == 0 and done:
             self._person.composite(name, self._work)
         if self._rounds % _CHECK_EVERY == 0:
             self._book.check()
@@ -135,14 +143,17 @@ class Soak:
 
     def _fsck(self, directory: pathlib.Path) -> None:
         environment = dict(os.environ, GLASSWING_CONFIG="/dev/null")
-        done = subprocess.run([str(BIN / "glasswing"), "--json", "fsck", str(directory)], env=environment, capture_output=True, text=True, timeout=600.0)
+        command = [str(BIN / "glasswing"), "--json", "fsck", str(directory)]
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=600.0)
         if done.returncode not in (0, 3):
             self.lost.append(f"fsck of {directory.name}: {done.stderr}")
             return
         report = json.loads(done.stdout)
         damage = [f"{finding['file']}: {finding['what']}" for finding in report["findings"] if finding["damage"]]
         left_over = [f"{finding['file']}: {finding['what']}" for finding in report["findings"] if not finding["damage"]]
-        print(f"fsck of {directory.name}: {report['files']} files, {len(damage)} damaged, {len(left_over)} left over" + "".join(f"\n  {one}" for one in left_over))
+        print(f"fsck of {directory.name}: {report['files']} files, {len(damage)} damaged, {len(left_over)} left over")
+        for one in left_over:
+            print(f"  {one}")
         self.lost += [f"fsck of {directory.name}: {one}" for one in damage]
 
 

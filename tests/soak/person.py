@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import pathlib
 import subprocess
 import time
@@ -23,7 +24,13 @@ _PATIENCE_SECONDS = 240.0  # for one session: eight times as long as a capture w
 _ASK_EVERY = 0.1
 
 # Nobody answers now, or somebody who is needed is away: it is right to ask again. All else is an answer.
-_AWAY = (grpc.StatusCode.UNAVAILABLE, grpc.StatusCode.DEADLINE_EXCEEDED, grpc.StatusCode.FAILED_PRECONDITION, grpc.StatusCode.ABORTED, grpc.StatusCode.CANCELLED)
+_AWAY = (
+    grpc.StatusCode.UNAVAILABLE,
+    grpc.StatusCode.DEADLINE_EXCEEDED,
+    grpc.StatusCode.FAILED_PRECONDITION,
+    grpc.StatusCode.ABORTED,
+    grpc.StatusCode.CANCELLED,
+)
 
 Answer = TypeVar("Answer")
 
@@ -73,11 +80,17 @@ class Person:
 
         self._ask(delete)
 
+    def give_up(self, name: str) -> None:
+        """So that the rig is free for others."""
+        with contextlib.suppress(AssertionError, subprocess.TimeoutExpired):
+            glasswing(self._rig.address, "cancel", name, timeout=30.0)
+
     def composite(self, name: str, work: pathlib.Path) -> None:
         """Puts its object before a picture, by the command line."""
         matte, picture = work / "composited.exr", work / "composited.png"
         glasswing(self._rig.address, "fetch", name, "-o", str(matte))
-        glasswing(self._rig.address, "composite", str(matte), "--background", str(ROOT / "deploy/pictures/harbour.png"), "-o", str(picture))
+        behind = str(ROOT / "deploy/pictures/harbour.png")
+        glasswing(self._rig.address, "composite", str(matte), "--background", behind, "-o", str(picture))
         assert picture.stat().st_size > 0
         matte.unlink()
         picture.unlink()
