@@ -18,16 +18,18 @@ _FLOOR_SAMPLES = 5
 
 @dataclasses.dataclass(frozen=True)
 class Sample:
-    """Of a process while the rig rests."""
+    """Of a process while the rig rests. `own_mb` is resident without the pages of mapped files, which the kernel takes back when
+    it needs room: the camera maps the eight archives that were last used."""
 
     hours: float
-    memory_mb: float
+    own_mb: float
+    resident_mb: float
     descriptors: int
 
 
 @dataclasses.dataclass(frozen=True)
 class Line:
-    """Through memory over time: MB an hour, and the standard error of that."""
+    """Through its own memory over time: MB an hour, and the standard error of that."""
 
     slope: float
     error: float
@@ -39,7 +41,7 @@ class Line:
 def fit(samples: list[Sample]) -> Line:
     """By least squares; of at least three samples at different times."""
     hours = [sample.hours for sample in samples]
-    memory = [sample.memory_mb for sample in samples]
+    memory = [sample.own_mb for sample in samples]
     slope, intercept = statistics.linear_regression(hours, memory)
     residual = sum((m - intercept - slope * h) ** 2 for h, m in zip(hours, memory))
     spread = sum((h - statistics.fmean(hours)) ** 2 for h in hours)

@@ -9,24 +9,28 @@ from collections.abc import Callable
 from growth import BOUND_MB_PER_HOUR, LEAST_HOURS, WARM_UP, Life, Sample, fit
 
 
-def life(memory_mb: Callable[[float], float], descriptors: Callable[[int], int] = lambda _: 30, hours: float = LEAST_HOURS / (1 - WARM_UP), count: int = 200) -> Life:
+_JUDGED_HOURS = LEAST_HOURS / (1 - WARM_UP)
+
+
+def life(memory_mb: Callable[[float], float], descriptors: Callable[[int], int] = lambda _: 30, hours: float = _JUDGED_HOURS) -> Life:
     """Sampled evenly; the warm samples span LEAST_HOURS, if no hours are given."""
+    count = 200
     times = [hours * 1.02 * at / (count - 1) for at in range(count)]
-    return Life([Sample(time, memory_mb(time), descriptors(at)) for at, time in enumerate(times)])
+    return Life([Sample(time, memory_mb(time), 0.0, descriptors(at)) for at, time in enumerate(times)])
 
 
 class GrowthTest(unittest.TestCase):
     """Of Life."""
 
     def test_a_line_is_its_own_fit(self) -> None:
-        line = fit([Sample(hours, 20.0 + 3.0 * hours, 0) for hours in (0.0, 0.25, 0.5, 1.0)])
+        line = fit([Sample(hours, 20.0 + 3.0 * hours, 0.0, 0) for hours in (0.0, 0.25, 0.5, 1.0)])
         self.assertAlmostEqual(line.slope, 3.0)
         self.assertAlmostEqual(line.error, 0.0)
 
     def test_the_standard_error_is_how_far_slopes_scatter(self) -> None:
         dice = random.Random(1)
         hours = [at / 60.0 for at in range(60)]
-        lines = [fit([Sample(hour, dice.gauss(0.0, 0.5), 0) for hour in hours]) for _ in range(2000)]
+        lines = [fit([Sample(hour, dice.gauss(0.0, 0.5), 0.0, 0) for hour in hours]) for _ in range(2000)]
         spread = (sum(line.slope**2 for line in lines) / len(lines)) ** 0.5
         usual = (sum(line.error**2 for line in lines) / len(lines)) ** 0.5
         self.assertLess(abs(spread / usual - 1.0), 5.0 * (2.0 * len(lines)) ** -0.5)  # five standard errors of a spread

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import collections
+import pathlib
 import time
 
 from book import Book
@@ -27,6 +28,13 @@ def rest(rig: Rig, at_most_seconds: float = 5.0) -> None:
         time.sleep(0.05)
 
 
+def own_mb(daemon: Daemon) -> float:
+    """Resident, without pages of mapped files."""
+    status = pathlib.Path(f"/proc/{daemon.pid}/status").read_text()
+    fields = dict(line.split(":", 1) for line in status.splitlines())
+    return sum(int(fields[key].split()[0]) * 1024 for key in ("RssAnon", "RssShmem")) / 1e6
+
+
 class Record:
     """Samples by daemon and life."""
 
@@ -42,7 +50,7 @@ class Record:
     def sample(self, daemons: list[Daemon]) -> None:
         """While they rest."""
         for daemon in daemons:
-            sample = Sample(self.minutes / 60.0, memory_mb(daemon), descriptors(daemon))
+            sample = Sample(self.minutes / 60.0, own_mb(daemon), memory_mb(daemon), descriptors(daemon))
             self._samples[daemon.name][daemon.pid].append(sample)
 
     def longest_lives(self) -> dict[str, Life]:
@@ -54,25 +62,25 @@ class Record:
         return any(life.grew() for life in self.longest_lives().values())
 
     def now(self) -> str:
-        """The last samples."""
+        """The last samples: own memory (resident) and descriptors."""
         last = {name: list(lives.values())[-1][-1] for name, lives in self._samples.items()}
-        return ", ".join(f"{name} {sample.memory_mb:.1f} MB {sample.descriptors} fds" for name, sample in last.items())
+        return ", ".join(f"{name} {sample.own_mb:.1f} ({sample.resident_mb:.1f}) MB {sample.descriptors} fds" for name, sample in last.items())
 
     def table(self) -> str:
         """Of the longest lives."""
-        lines = [f"{'daemon':10} {'lives':>5} {'longest':>8} {'MB start':>8} {'warm':>6} {'end':>6} {'MB/h':>15} {'memory':>10}   descriptors, warm and at the end"]
+        title = f"{'daemon':10} {'lives':>5} {'longest':>8} | {'own MB':>6} {'warm':>6} {'end':>6} {'MB/h':>15} {'':9}"
+        lines = [title + f" | {'resident':>8} {'warm':>6} {'end':>6} {'most':>6} | descriptors, warm and end"]
         for name, life in self.longest_lives().items():
             minutes = 60.0 * (life.all[-1].hours - life.all[0].hours)
-            warm, line, floors = life.warm, life.line(), life.floors()
-            open_ones = f"{floors[0]} {floors[1]} {life.descriptors_verdict()}" if floors else f"{life.all[-1].descriptors} {life.descriptors_verdict()}"
-            lines.append(
-                f"{name:10} {len(self._samples[name]):5} {minutes:4.1f} min {life.all[0].memory_mb:8.1f} {warm[0].memory_mb:6.1f} {warm[-1].memory_mb:6.1f} "
-                f"{str(line or '-'):>15} {life.memory_verdict():>10}   {open_ones}"
-            )
-        lines.append(
-            f"  of each daemon's longest life: without its first {WARM_UP:.0%}, a line by least squares ± its standard error; it grew above "
-            f"{BOUND_MB_PER_HOUR:g} MB/h by two of those; too short below {60.0 * LEAST_HOURS:.0f} min without the warm-up. Descriptors: the fewest of five samples"
-        )
+            first, warm, last, line, floors = life.all[0], life.warm[0], life.all[-1], life.line(), life.floors()
+            own = f"{first.own_mb:6.1f} {warm.own_mb:6.1f} {last.own_mb:6.1f} {str(line or '-'):>15} {life.memory_verdict():9}"
+            resident = f"{first.resident_mb:8.1f} {warm.resident_mb:6.1f} {last.resident_mb:6.1f} {max(s.resident_mb for s in life.all):6.1f}"
+            open_ones = f"{floors[0]} {floors[1]}" if floors else f"{last.descriptors}"
+            lines.append(f"{name:10} {len(self._samples[name]):5} {minutes:4.1f} min | {own} | {resident} | {open_ones} {life.descriptors_verdict()}")
+        lines += [
+            f"  Of each daemon's longest life. Own: resident without mapped files' pages; a line by least squares ± its standard error, without the first {WARM_UP:.0%};",
+            f"  it grew above {BOUND_MB_PER_HOUR:g} MB/h by two of those; too short below {60.0 * LEAST_HOURS:.0f} min of warm samples. Descriptors: the fewest of five samples.",
+        ]
         return "\n".join(lines)
 
 
