@@ -6,8 +6,8 @@ killed and started again within half a second, or stopped for some seconds; a li
 a client is killed in mid-watch. A person resumes what the server says is paused and does nothing else. Every tenth session is
 kept, the others are deleted some five rounds later; every fifth round is composited too.
 
-The first third of the time kills daemons, the rest does everything else, so that each daemon has one long life: by that it is
-judged whether its memory and descriptors grow. Samples are taken between rounds, when everything is mended and at rest.
+The first third of the time kills daemons, four times as often as anything else; the rest kills none, so that each daemon has one
+long life: by that it is judged whether its memory and descriptors grow. Samples are taken between rounds, when everything is mended and at rest.
 
 All that was acknowledged (sessions, proven steps, frames and their checksums, mattes) is held against what can be fetched, every
 fifth round and at the end; then the daemons end and `glasswing fsck` reads the server's and the camera's data.

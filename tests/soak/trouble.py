@@ -35,15 +35,10 @@ class Kind:
     def __str__(self) -> str:
         return f"{self.target}: {self.what}"
 
-    @property
-    def kills(self) -> bool:
-        """A daemon's life ends."""
-        return self.what == "killed"
 
-
-def kinds() -> list[Kind]:
-    """All of them."""
-    found = [Kind("killed", daemon, 0.0, 0.5) for daemon in _DAEMONS]
+def kinds(may_kill: bool) -> list[Kind]:
+    """All that may come now; killing a daemon, while that may be, four times as often as anything else."""
+    found = [Kind("killed", daemon, 0.0, 0.5) for daemon in _DAEMONS] * (4 if may_kill else 0)
     found += [Kind("stopped", daemon, 0.5, 4.0) for daemon in _DAEMONS]
     found += [Kind("cut", link, 0.1, 2.0) for link in _LINKS]
     found += [Kind("reset", link, 0.0, 0.0) for link in _LINKS]
@@ -52,24 +47,23 @@ def kinds() -> list[Kind]:
 
 
 class Deck:
-    """Kinds in a random order; each comes as often as every other. No two of one deal are done to the same."""
+    """Kinds in a random order, all of them before one comes again. No two of one deal are done to the same."""
 
     def __init__(self, dice: random.Random) -> None:
         self._dice = dice
-        self._left: list[Kind] = []
+        self._left: dict[bool, list[Kind]] = {True: [], False: []}  # by whether daemons may be killed
 
     def deal(self, may_kill: bool) -> list[Kind]:
         """None, one or two."""
         dealt: list[Kind] = []
+        left = self._left[may_kill]
         for _ in range(self._dice.choice((0, 1, 1, 2, 2))):
-            if not self._left:
-                self._left = self._dice.sample(kinds(), len(kinds()))
-            fitting = [kind for kind in self._left if (may_kill or not kind.kills) and kind.target not in [other.target for other in dealt]]
-            if not fitting:
-                self._left = []
-                continue
-            self._left.remove(fitting[0])
-            dealt.append(fitting[0])
+            if not left:
+                left += self._dice.sample(kinds(may_kill), len(kinds(may_kill)))
+            fitting = [kind for kind in left if kind.target not in [other.target for other in dealt]]
+            if fitting:
+                left.remove(fitting[0])
+                dealt.append(fitting[0])
         return dealt
 
 
@@ -152,7 +146,7 @@ class Trouble:
                 link.fall_silent(lasts, _WAYS[kind.what.removeprefix("silent ")])
             self._at(lasts, False, lambda: None)
         else:
-            self._break(self._daemon(kind.target, solver), kind.kills, lasts)
+            self._break(self._daemon(kind.target, solver), kind.what == "killed", lasts)
         self.struck[str(kind)] += 1
 
     def _break(self, daemon: Daemon, kill: bool, lasts: float) -> None:
