@@ -29,11 +29,15 @@ class Book(Ledger):
         self.session_count += 1
 
     def told(self, session: sessions.Session) -> None:
-        """What the server says of a session. Lost: fewer steps are proven than once were."""
-        before = self._proven.get(session.name, 0)
-        if session.proven_count < before:
-            raise Lost(f'session "{session.name}" had {before} proven steps and has {session.proven_count}')
-        self._proven[session.name] = session.proven_count
+        """How many steps are proven. A server that was started again counts them when the session is resumed: what is paused is
+        held against the camera's frames. Lost: those are of fewer steps than were told; RpcError: the camera does not answer."""
+        known = max(self._proven.get(session.name, 0), session.proven_count)
+        self._proven[session.name] = known
+        if session.state != sessions.SESSION_STATE_PAUSED or known == 0:
+            return
+        stored = len({frame.step for frame in self._manifest(session.name).frames})
+        if stored < known:
+            raise Lost(f'session "{session.name}" had {known} proven steps, and frames of {stored} are there')
 
     def captured(self, session: sessions.Session) -> None:
         """All frames of its manifest. Lost: a proven step has none. RpcError: somebody does not answer, or a frame is not as

@@ -108,7 +108,7 @@ class Person:
         """Until it is there."""
         while True:
             session = self._ask(lambda: self._rig.session(5.0, name))
-            self._book.told(session)
+            self._ask(lambda: self._book.told(session))
             if session.state == to:
                 return session
             if session.state in (sessions.SESSION_STATE_FAILED, sessions.SESSION_STATE_CANCELLED):
