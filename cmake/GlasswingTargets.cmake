@@ -2,6 +2,7 @@
 
 option(GLASSWING_WERROR "Treat warnings as errors" ON)
 set(GLASSWING_TEST_PATIENCE 1 CACHE STRING "How many times as long as usual tests may take")
+option(GLASSWING_GRPC_ORDER "Tell the thread sanitizer of gRPC's order (tests/sanitizers)" OFF)
 option(GLASSWING_FUZZ "Build tests/fuzz with libFuzzer too (needs clang)" OFF)
 
 # Warnings are ours alone: they never reach a target's users.
@@ -25,7 +26,7 @@ endfunction()
 function(glasswing_program name)
   cmake_parse_arguments(ARG "" "" "SOURCES;USES" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
-  target_link_libraries(${name} PRIVATE ${ARG_USES})
+  target_link_libraries(${name} PRIVATE ${ARG_USES} ${GLASSWING_ORDER})
   glasswing_warnings(${name})
 endfunction()
 
@@ -47,7 +48,7 @@ function(glasswing_test name)
   file(RELATIVE_PATH path ${PROJECT_SOURCE_DIR}/tests ${CMAKE_CURRENT_SOURCE_DIR}/${name})
   string(REPLACE "/" "." target ${path})
   add_executable(${target} ${name}.cpp)
-  target_link_libraries(${target} PRIVATE ${ARG_USES} GTest::gtest GTest::gtest_main)
+  target_link_libraries(${target} PRIVATE ${ARG_USES} GTest::gtest GTest::gtest_main ${GLASSWING_ORDER})
   set_target_properties(${target} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
   glasswing_warnings(${target})
   add_test(NAME ${path} COMMAND ${target})

@@ -111,8 +111,8 @@ RemoteArchive::RemoteArchive(const std::vector<std::string>& addresses, std::str
                              std::stop_token stop, Reading reading)
     : session_(std::move(session)), stop_(std::move(stop)), reading_(reading) {
   for (const std::string& address : addresses) sources_.push_back(std::make_unique<Source>(address));
-  std::ranges::rotate(sources_,
-                      sources_.begin() + static_cast<std::ptrdiff_t>(own_number() % sources_.size()));
+  std::rotate(sources_.begin(),
+              sources_.begin() + static_cast<std::ptrdiff_t>(own_number() % sources_.size()), sources_.end());
 }
 
 RemoteArchive::~RemoteArchive() = default;
@@ -149,7 +149,8 @@ void RemoteArchive::look_for_places() const {
       }));
     }
     asked.clear();  // waits
-    std::ranges::stable_partition(sources_, [](const auto& source) { return source->is_here; });
+    std::stable_partition(sources_.begin(), sources_.end(),
+                          [](const auto& source) { return source->is_here; });
   });
 }
 
