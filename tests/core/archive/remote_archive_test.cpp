@@ -3,6 +3,7 @@
 
 #include <xxhash.h>
 
+#include <atomic>
 #include <mutex>
 
 #include "tests/core/archive/made_archive.h"
@@ -200,7 +201,8 @@ TEST_F(RemoteArchiveTest, ADamagedChunkIsNeverUsed) {
 
 TEST_F(RemoteArchiveTest, AConnectionThatIsCutAgainAndAgainCostsLittleMore) {
   // Cut after every 400 kB or so; what was on its way then, and one chunk that was not whole, come again.
-  size_t cuts = 0, next = 400'000;
+  std::atomic<size_t> cuts = 0;
+  size_t next = 400'000;
   TamperingRelay relay(a_->address(), [&](std::string&, size_t before) {
     if (before < next) return true;
     next = before + 400'000;
@@ -213,11 +215,12 @@ TEST_F(RemoteArchiveTest, AConnectionThatIsCutAgainAndAgainCostsLittleMore) {
   const absl::StatusOr<FrameRows> rows = archive.rows(manifest_, frames, 0, MadeArchive::kHeight);
   // A chunk of 1 MiB never comes through whole: it says so, and neither hangs nor makes anything up.
   EXPECT_TRUE(absl::IsUnavailable(rows.status())) << rows.status();
-  EXPECT_GE(cuts, 4u);
+  EXPECT_GE(cuts.load(), 4u);
 }
 
 TEST_F(RemoteArchiveTest, AConnectionThatIsCutIsTakenUp) {
-  size_t cuts = 0, next = 3'000'000;
+  std::atomic<size_t> cuts = 0;
+  size_t next = 3'000'000;
   TamperingRelay relay(a_->address(), [&](std::string&, size_t before) {
     if (before < next) return true;
     next = before + 3'000'000;
@@ -231,7 +234,7 @@ TEST_F(RemoteArchiveTest, AConnectionThatIsCutIsTakenUp) {
   ASSERT_TRUE(rows.ok()) << rows.status();
   const std::string expected = rows_of(a_->archive(), frames, 0, MadeArchive::kHeight);
   EXPECT_EQ(text_of(*rows), expected);
-  EXPECT_GE(cuts, 2u);
+  EXPECT_GE(cuts.load(), 2u);
   // Twice only what had come of a chunk that was not whole; a little for the protocol.
   EXPECT_LE(relay.sent(), expected.size() + (cuts + 1) * (1 << 20) + expected.size() / 50);
 }
