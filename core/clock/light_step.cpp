@@ -20,8 +20,8 @@ constexpr size_t kGroupsPerBand = 4;  // those that see it best are fitted
 constexpr size_t kFirstGrid = 33;     // points on each delay's axis, of the first grid
 constexpr size_t kSettleGrid = 17;    // on that of settling times
 constexpr size_t kGrid = 9;           // on every axis else
-constexpr double kPossible = 16.0;   // sum of squares above the least, in sigma^2: 4 standard errors
-constexpr double kResembling = 0.7;  // of the light explained by another lag: that may be it too
+constexpr double kPossible = 16.0;    // sum of squares above the least, in sigma^2: 4 standard errors
+constexpr double kResembling = 0.7;   // of the light explained by another lag: that may be it too
 
 nanoseconds time_of(double seconds) {
   return nanoseconds(std::llround(1e9 * seconds));
