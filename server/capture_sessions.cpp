@@ -4,8 +4,8 @@
 
 #include <algorithm>
 
-#include "core/base/name.h"
 #include "core/base/fault_point.h"
+#include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
 #include "server/capture_check.h"
@@ -17,6 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 constexpr std::chrono::seconds kNodeGrace(30);  // how long a capture waits for a lost node before it pauses
+constexpr std::chrono::seconds kProgressKept(2);  // as old the catalogue's word of a capture may be
 
 }  // namespace
 
@@ -104,12 +105,16 @@ void Server::start_capture(const v1::Session& created, RigLock::Drive drive) {
 void Server::capture_until_done(v1::Session session, std::optional<bool> object_confirmed,
                                 std::stop_token stop) {
   using Kind = CaptureOutcome::Kind;
-  const auto report = [this, &session](const v1::Session& progress) {
+  nanoseconds kept_at = monotonic_now();
+  const auto report = [this, &session, &kept_at](const v1::Session& progress) {
     const std::lock_guard lock(mutex_);
     session = progress;
     session.clear_reason();
     live_[session.name()] = session;
     announce();
+    if (monotonic_now() - kept_at < kProgressKept) return;
+    kept_at = monotonic_now();
+    (void)catalogue_->update(session);  // so that a restart shows how far it came
   };
   CaptureOutcome outcome;
   nanoseconds lost_at{};
