@@ -128,8 +128,7 @@ absl::Status X11Display::find_monitors(const Options& options) {
   }
   for (const auto& [name, output] : wanted) {
     GW_RETURN_IF_ERROR(check_name("monitor", name));
-    const auto monitor =
-        std::find_if(found.begin(), found.end(), [&](const Monitor& each) { return each.name == output; });
+    const auto monitor = std::ranges::find(found, output, &Monitor::name);
     if (monitor == found.end()) {
       return absl::NotFoundError(fmt::format("no monitor is called \"{}\"; there is: {}", output, listed));
     }
