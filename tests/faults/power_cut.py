@@ -27,7 +27,7 @@ from stage import Stage
 
 case: Cases[Stage] = Cases()
 
-_CUTS = 60  # of each daemon's record, in each of three ways
+_CUTS = 40  # of each daemon's record, in each of three ways
 
 
 class Disk:
@@ -232,7 +232,7 @@ class _CameraLab:
                 if digest(content) != known:
                     raise Lost(f'frame {file} of "{session}" is another after the cut')
         finally:
-            self.daemon.end()
+            self.daemon.kill()
 
     def close(self) -> None:
         self._channel.close()
@@ -308,7 +308,7 @@ def server_power_cut(stage: Stage) -> Report:
                 if now != known:
                     raise Lost(f'the matte of "{name}" is another after the cut')
         finally:
-            own.lab.server.end()
+            own.lab.server.kill()
 
     tried = _replay(changes, root, look)
     own.lab.camera.end()
