@@ -16,7 +16,7 @@ namespace glasswing {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr std::chrono::seconds kNodeGrace(30);  // how long a capture waits for a lost node before it pauses
+constexpr std::chrono::seconds kNodeGrace(30);    // how long a capture waits for a lost node before it pauses
 constexpr std::chrono::seconds kProgressKept(2);  // as old the catalogue's word of a capture may be
 
 }  // namespace

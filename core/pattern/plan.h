@@ -42,8 +42,9 @@ struct Step {
 
 // All steps, those without the object first, then by exposure; each such group starts with what teaches the
 // camera where it sees the id patches. A video's come last, in their order. `rig` is every monitor there is;
-// the plan picks from it. INVALID_ARGUMENT: a plan that check_plan() refuses, a monitor that the rig lacks, of
-// another size, a program past 20000 steps, or a video that does not say which of several monitors it is of.
+// the plan picks from it. INVALID_ARGUMENT: a plan that check_plan() refuses, a monitor that the rig lacks,
+// of another size, a program past 20000 steps, or a video that does not say which of several monitors it is
+// of.
 absl::StatusOr<std::vector<Step>> expand(const v1::Plan& plan, const std::vector<v1::Monitor>& rig);
 
 // INVALID_ARGUMENT lists kMethods.
