@@ -159,7 +159,7 @@ def lock_holder_dies(stage: RelayedStage) -> Report:
     """By a process of its own."""
     environment = dict(os.environ, GLASSWING_SERVER=stage.lab.address, GLASSWING_CONFIG="/dev/null")
     for end in (signal.SIGKILL, signal.SIGSTOP):
-        holder = subprocess.Popen([str(BIN / "glasswing"), "hold"], env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        holder = subprocess.Popen([str(BIN / "glasswing"), "hold", "--reason", "a fault"], env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         until(lambda: _is_held(environment), "the rig is held")
         holder.send_signal(end)
         until(lambda: not _is_held(environment), "the rig is free", 30.0)
@@ -169,7 +169,8 @@ def lock_holder_dies(stage: RelayedStage) -> Report:
 
 
 def _is_held(environment: dict[str, str]) -> bool:
-    tried = subprocess.run([str(BIN / "glasswing"), "hold", "--", "true"], env=environment, capture_output=True, text=True, timeout=60.0)
+    tried = subprocess.run([str(BIN / "glasswing"), "hold", "--reason", "to see", "--", "true"], env=environment, capture_output=True, text=True, timeout=60.0)
+    assert tried.returncode == 0 or "the rig is held" in tried.stderr, tried.stderr
     return tried.returncode != 0
 
 
