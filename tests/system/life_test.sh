@@ -100,6 +100,6 @@ refused 'nothing was deleted' glasswing delete s busy --yes
 glasswing cancel busy >/dev/null
 glasswing delete s member inner first second busy --yes
 [[ -z $(listed) ]] || fail "left: $(listed)"
-left=$(find "$work/rig/camera/archives" "$work/rig/server/mattes" "$work/rig/server/tiles" -mindepth 1 ! -name .writable)  # which is the node's own
+left=$(find "$work/rig/camera/archives" "$work/rig/server/mattes" "$work/rig/server/tiles" -mindepth 1 ! -name .writable ! -name .lock)  # which are the node's own
 [[ -z $left ]] || fail "left: $left"
 echo "all of it held"
