@@ -96,11 +96,15 @@ class Stage:
         return True
 
     def revive(self) -> None:
-        """Starts what has died, and waits until all answer."""
-        for daemon in self.lab.daemons():
-            if not daemon.is_running():
-                daemon.start()
-        until(self.answers, "server and camera node answer", 30.0)
+        """Starts what has died, also what is found dead a moment after its connections broke, until all answer."""
+
+        def all_answer() -> bool:
+            for daemon in self.lab.daemons():
+                if not daemon.is_running():
+                    daemon.start()
+            return self.answers()
+
+        until(all_answer, "server and camera node answer", 30.0)
 
     def check(self) -> None:
         """Everything runs, answers, and has what it should. A daemon that died unasked is a failure."""
