@@ -20,8 +20,8 @@ namespace {
 constexpr const char* kAfterSession = ", note, tags, copies, name";  // what parsed() reads of a row
 
 std::string rows_of(const char* session_column) {
-  return fmt::format("SELECT {}{}, row_sum = row_checksum({}) FROM sessions ", session_column, kAfterSession,
-                     kCatalogueColumns);
+  return fmt::format("SELECT {}{}, {} FROM sessions ", session_column, kAfterSession,
+                     row_sum_holds(kCatalogueColumns));
 }
 
 absl::StatusOr<v1::Session> parsed(const std::string& bytes) {

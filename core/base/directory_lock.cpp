@@ -26,9 +26,9 @@ absl::StatusOr<DirectoryLock> DirectoryLock::take(const std::filesystem::path& d
   GW_RETURN_IF_ERROR(make_directory_durably(directory));
   const std::filesystem::path file = directory / kLockFile;
   DirectoryLock lock;
-  lock.fd_ = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
-  if (lock.fd_ < 0) return absl::ErrnoToStatus(errno, fmt::format("cannot open {}", file.string()));
-  if (::flock(lock.fd_, LOCK_EX | LOCK_NB) != 0) {
+  lock.file_ = Descriptor(::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+  if (!lock.file_.is_open()) return absl::ErrnoToStatus(errno, fmt::format("cannot open {}", file.string()));
+  if (::flock(lock.file_.get(), LOCK_EX | LOCK_NB) != 0) {
     if (errno != EWOULDBLOCK) return absl::ErrnoToStatus(errno, fmt::format("cannot lock {}", file.string()));
     return absl::FailedPreconditionError(fmt::format(
         "{} is in use by {}; a directory serves one program at a time: stop that one first, or name another "
@@ -37,20 +37,13 @@ absl::StatusOr<DirectoryLock> DirectoryLock::take(const std::filesystem::path& d
   }
   // A disk that is full keeps nobody from having the directory.
   const std::string pid = std::to_string(::getpid());
-  if (::ftruncate(lock.fd_, 0) == 0) (void)!::pwrite(lock.fd_, pid.data(), pid.size(), 0);
+  if (::ftruncate(lock.file_.get(), 0) == 0) (void)!::pwrite(lock.file_.get(), pid.data(), pid.size(), 0);
   return lock;
 }
 
 bool DirectoryLock::is_taken(const std::filesystem::path& directory) {
-  const int fd = ::open((directory / kLockFile).c_str(), O_RDONLY | O_CLOEXEC);
-  if (fd < 0) return false;
-  const bool taken = ::flock(fd, LOCK_SH | LOCK_NB) != 0;
-  ::close(fd);
-  return taken;
-}
-
-DirectoryLock::~DirectoryLock() {
-  if (fd_ >= 0) ::close(fd_);
+  const Descriptor file(::open((directory / kLockFile).c_str(), O_RDONLY | O_CLOEXEC));
+  return file.is_open() && ::flock(file.get(), LOCK_SH | LOCK_NB) != 0;
 }
 
 }  // namespace glasswing

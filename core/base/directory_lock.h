@@ -5,7 +5,8 @@
 #include <absl/status/statusor.h>
 
 #include <filesystem>
-#include <utility>
+
+#include "core/base/descriptor.h"
 
 namespace glasswing {
 
@@ -17,15 +18,8 @@ class DirectoryLock {
   // Whether another process has it now.
   static bool is_taken(const std::filesystem::path& directory);
 
-  DirectoryLock(DirectoryLock&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
-  DirectoryLock& operator=(DirectoryLock&& other) noexcept {
-    std::swap(fd_, other.fd_);
-    return *this;
-  }
-  ~DirectoryLock();
-
  private:
-  int fd_ = -1;
+  Descriptor file_;
 };
 
 // The file that is locked, of no other use.

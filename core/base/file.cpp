@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <utility>
 
+#include "core/base/descriptor.h"
 #include "core/base/status.h"
 
 namespace glasswing {
@@ -16,21 +17,6 @@ namespace {
 absl::Status error_of(int error_number, std::string_view what, const std::filesystem::path& path) {
   return absl::ErrnoToStatus(error_number, fmt::format("{} {}", what, path.string()));
 }
-
-class FileDescriptor {
- public:
-  explicit FileDescriptor(int fd) : fd_(fd) {}
-  ~FileDescriptor() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  FileDescriptor(const FileDescriptor&) = delete;
-  FileDescriptor& operator=(const FileDescriptor&) = delete;
-  int get() const { return fd_; }
-  bool is_open() const { return fd_ >= 0; }
-
- private:
-  int fd_;
-};
 
 absl::Status write_all(int fd, std::string_view bytes, const std::filesystem::path& path) {
   while (!bytes.empty()) {
@@ -57,7 +43,7 @@ absl::Status write_and_flush(int fd, std::string_view bytes, const std::filesyst
 }  // namespace
 
 absl::StatusOr<std::string> read_file(const std::filesystem::path& path) {
-  const FileDescriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
   if (!file.is_open()) return error_of(errno, "cannot open", path);
   struct stat info {};
   if (::fstat(file.get(), &info) != 0) return error_of(errno, "cannot read", path);
@@ -80,7 +66,7 @@ absl::Status write_file_flushed(const std::filesystem::path& path, std::string_v
   const std::filesystem::path temporary = fmt::format("{}.{}.tmp", path.string(), ::getpid());
   absl::Status status;
   {
-    const FileDescriptor file(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
+    const Descriptor file(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
     if (!file.is_open()) return error_of(errno, "cannot create", temporary);
     status = write_and_flush(file.get(), bytes, path);
   }
@@ -92,7 +78,7 @@ absl::Status write_file_flushed(const std::filesystem::path& path, std::string_v
 }
 
 absl::Status flush_directory(const std::filesystem::path& directory) {
-  const FileDescriptor file(::open(directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  const Descriptor file(::open(directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (!file.is_open()) return error_of(errno, "cannot open", directory);
   if (::fsync(file.get()) != 0) return error_of(errno, "cannot flush", directory);
   return absl::OkStatus();
@@ -119,7 +105,7 @@ absl::Status rename_file(const std::filesystem::path& from, const std::filesyste
 }
 
 absl::Status place_file_durably(const std::filesystem::path& from, const std::filesystem::path& to) {
-  const FileDescriptor file(::open(from.c_str(), O_RDONLY | O_CLOEXEC));
+  const Descriptor file(::open(from.c_str(), O_RDONLY | O_CLOEXEC));
   if (!file.is_open()) return error_of(errno, "cannot open", from);
   if (::fsync(file.get()) != 0) return error_of(errno, "cannot flush", from);
   GW_RETURN_IF_ERROR(rename_file(from, to));
@@ -148,7 +134,7 @@ absl::Status FileWriter::flush() {
 }
 
 absl::Status append_file_durably(const std::filesystem::path& path, std::string_view bytes) {
-  const FileDescriptor file(::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644));
+  const Descriptor file(::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644));
   if (!file.is_open()) return error_of(errno, "cannot open", path);
   struct stat before {};
   if (::fstat(file.get(), &before) != 0) return error_of(errno, "cannot read", path);

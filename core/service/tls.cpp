@@ -30,7 +30,7 @@ absl::StatusOr<Tls> credentials_of(const TlsFiles& files) {
   GW_ASSIGN_OR_RETURN(const TlsMaterial material, read_tls_material(files));
   Tls made{.files = files};
   if (material.ca.empty()) return made;
-  GW_ASSIGN_OR_RETURN(made.reload, TlsReload::start(files));
+  GW_ASSIGN_OR_RETURN(made.reload, TlsReload::start(files, material));
   tls::TlsChannelCredentialsOptions calling;
   calling.set_certificate_provider(made.reload->provider());
   calling.watch_root_certs();

@@ -39,9 +39,9 @@ std::string MemoryFile::path() const {
   return fmt::format("/proc/self/fd/{}", fd_);
 }
 
-absl::StatusOr<std::unique_ptr<TlsReload>> TlsReload::start(const TlsFiles& files) {
+absl::StatusOr<std::unique_ptr<TlsReload>> TlsReload::start(const TlsFiles& files,
+                                                            const TlsMaterial& material) {
   using grpc::experimental::FileWatcherCertificateProvider;
-  GW_ASSIGN_OR_RETURN(const TlsMaterial material, read_tls_material(files));
   std::unique_ptr<TlsReload> self(new TlsReload(files));
   GW_RETURN_IF_ERROR(self->publish(material));
   // gRPC 1.51 has no provider of data that change, and its provider of files takes up a key without its

@@ -30,8 +30,8 @@ class MemoryFile {
 // and are logged once.
 class TlsReload {
  public:
-  // As read_tls_material(); also the system's own error. `files` has a CA.
-  static absl::StatusOr<std::unique_ptr<TlsReload>> start(const TlsFiles& files);
+  // `material` is what `files` held just now, with a CA. The system's own error.
+  static absl::StatusOr<std::unique_ptr<TlsReload>> start(const TlsFiles& files, const TlsMaterial& material);
   ~TlsReload();
 
   const std::shared_ptr<grpc::experimental::CertificateProviderInterface>& provider() const {

@@ -20,10 +20,14 @@ absl::StatusOr<bool> is_protected(Database& database, const std::string& table) 
 
 }  // namespace
 
+std::string row_sum_holds(const std::string& columns) {
+  return fmt::format("row_sum = row_checksum({})", columns);
+}
+
 absl::StatusOr<std::string> row_is_whole(Database& database, const std::string& table,
                                          const std::string& columns) {
   GW_ASSIGN_OR_RETURN(const bool is_there, is_protected(database, table));
-  return is_there ? fmt::format("row_sum = row_checksum({})", columns) : "1";
+  return is_there ? row_sum_holds(columns) : "1";
 }
 
 absl::Status accept_rows(Database& database, const std::string& table, const std::string& columns) {

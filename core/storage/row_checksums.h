@@ -15,7 +15,9 @@ namespace glasswing {
 // triggers. Rows of before are taken as they are.
 absl::Status protect_rows(Database& database, const std::string& table, const std::string& columns);
 
-// SQL that is true of rows that are as they were written; of all of a table that was never protected.
+// SQL that is true of a protected table's rows that are as they were written.
+std::string row_sum_holds(const std::string& columns);
+// Likewise, of whatever table; true of all rows where it was never protected.
 absl::StatusOr<std::string> row_is_whole(Database& database, const std::string& table,
                                          const std::string& columns);
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pathlib
 
+from glasswing.v1 import session_service_pb2 as sessions
+
 import shim
 from case import Cases, Report
 from daemon import Daemon
@@ -23,22 +25,22 @@ def _step(stage: Stage, daemon: Daemon, seconds: int) -> None:
     daemon.end()
     daemon.environment = shim.environment(pathlib.Path("/nowhere"), CLOCK=str(file))
     daemon.start()
-    until(lambda: stage.answers() and stage.lab.nodes_up(2) == 1 and stage.lab.solvers_up() >= 1, "all are known", 30.0)
+    until(lambda: stage.answers() and stage.lab.camera_is_up() and stage.lab.solvers_up() >= 1, "all are known", 30.0)
     before = fetch_matte(stage.lab, SESSION)
     stage.lab.solve(name=SESSION)
-    until(lambda: stage.lab.session().tiles_done > 0 or stage.lab.session().matte_ready and stage.lab.session().state != 5, "some of it is done", 30.0)
+    until(lambda: stage.lab.session().tiles_done > 0 or stage.lab.session().matte_ready and stage.lab.session().state != sessions.SESSION_STATE_SOLVING, "some of it is done", 30.0)
     file.write_text(str(seconds))
     stage.lab.wait_until_done(60.0, SESSION)
     assert fetch_matte(stage.lab, SESSION) == before, "the matte differs"
     name = stage.name()
     stage.put(name)
     stage.solve(name)
-    assert stage.lab.nodes_up(2) == 1 and stage.lab.solvers_up() == len(stage.lab.solvers), "a node is taken for lost"
+    assert stage.lab.camera_is_up() and stage.lab.solvers_up() == len(stage.lab.solvers), "a node is taken for lost"
     stage.delete(name)
     daemon.end()
     daemon.environment = {}
     daemon.start()
-    until(lambda: stage.answers() and stage.lab.nodes_up(2) == 1, "all are known", 30.0)
+    until(lambda: stage.answers() and stage.lab.camera_is_up(), "all are known", 30.0)
 
 
 def _add_steps() -> None:

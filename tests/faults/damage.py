@@ -152,7 +152,7 @@ def catalogue(stage: Stage) -> Report:
             pathlib.Path(f"{path}{suffix}").write_bytes(before)
     path.write_bytes(content)
     stage.lab.server.start()
-    until(lambda: stage.answers() and stage.lab.nodes_up(2) == 1, "the server answers")
+    until(lambda: stage.answers() and stage.lab.camera_is_up(), "the server answers")
     return Report(tried, f"{refused} refused")
 
 

@@ -136,7 +136,7 @@ def full_logs(stage: DiskStage) -> Report:
     until(stage.answers, "they answer")
     stage.fill(disk)
     name = stage.name()
-    until(lambda: stage.lab.nodes_up(_CAMERA) == 1, "the camera node is known", 20.0)
+    until(stage.lab.camera_is_up, "the camera node is known", 20.0)
     stage.put(name)
     stage.solve(name)
     stage.delete(name)
@@ -145,11 +145,10 @@ def full_logs(stage: DiskStage) -> Report:
         daemon.log = before[daemon.name]
         daemon.start()
     stage.make_room(disk)
-    until(lambda: stage.answers() and stage.lab.nodes_up(_CAMERA) == 1, "they answer", 20.0)
+    until(lambda: stage.answers() and stage.lab.camera_is_up(), "they answer", 20.0)
     return Report(2)
 
 
-_CAMERA = 2  # NodeKind
 _KINDS = [(call, error) for call in ("write", "fsync", "rename", "open") for error in ("EIO", "ENOSPC")] + [("write", "short")]
 
 
@@ -159,7 +158,7 @@ def _fail_for_a_while(stage: DiskStage, daemon: Daemon, root: pathlib.Path, call
     daemon.end()
     daemon.environment = shim.environment(root, FAIL=f"{call}@3={error}", WHILE=str(switch))
     daemon.start()
-    until(lambda: stage.answers() and stage.lab.nodes_up(_CAMERA) == 1, "all answer", 30.0)
+    until(lambda: stage.answers() and stage.lab.camera_is_up(), "all answer", 30.0)
     switch.touch()
     name = stage.name()
     codes: dict[str, int] = {}
@@ -176,7 +175,7 @@ def _fail_for_a_while(stage: DiskStage, daemon: Daemon, root: pathlib.Path, call
     if died:
         daemon.environment = {}
     stage.revive()
-    until(lambda: stage.lab.nodes_up(_CAMERA) == 1, "the camera node is known", 30.0)
+    until(stage.lab.camera_is_up, "the camera node is known", 30.0)
     stage.ledger.check()
     after = stage.name()
     stage.put(after)
@@ -185,7 +184,7 @@ def _fail_for_a_while(stage: DiskStage, daemon: Daemon, root: pathlib.Path, call
     daemon.end()
     daemon.environment = {}
     daemon.start()
-    until(lambda: stage.answers() and stage.lab.nodes_up(_CAMERA) == 1, "all answer", 30.0)
+    until(lambda: stage.answers() and stage.lab.camera_is_up(), "all answer", 30.0)
     assert error != "short" or not codes, f"what the system calls right was refused: {codes}"
     assert not died, f"{daemon.name} died of it"
     return Report(1, ", ".join(f"{count} {code}" for code, count in sorted(codes.items())) or "nobody noticed")

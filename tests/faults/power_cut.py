@@ -270,7 +270,7 @@ def server_power_cut(stage: Stage) -> Report:
     told = Told(log)
     _recorded(own.lab.server, root, log)
     until(own.answers, "server and camera node answer", 30.0)
-    until(lambda: own.lab.nodes_up(2) == 1 or own.lab.nodes_up(1) == 1, "the camera is known", 30.0)
+    until(own.lab.camera_is_up, "the camera is known", 30.0)
     for name in ("one", "two"):
         own.put(name, timeout=30.0)
         told.sessions.append((told.now(), name))

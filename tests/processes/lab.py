@@ -90,7 +90,7 @@ class Lab:
         self._nodes: Any = NodeServiceStub(self.channel)
         self.server.start()
         self.camera.start()
-        until(lambda: self.nodes_up(node_service_pb2.NODE_KIND_CAMERA) == 1, "the camera is known to the server")
+        until(self.camera_is_up, "the camera is known to the server")
         for name, archive in archives.items():
             glasswing(self.address, "import", str(archive), "--session", name)
 
@@ -129,6 +129,10 @@ class Lab:
         except grpc.RpcError:
             return 0
         return sum(node.up and node.kind == kind for node in answer.nodes)
+
+    def camera_is_up(self) -> bool:
+        """The server has heard of the camera node in the last five seconds."""
+        return self.nodes_up(node_service_pb2.NODE_KIND_CAMERA) == 1
 
     def solvers_up(self) -> int:
         """How many solvers the server has heard of in the last five seconds."""
