@@ -14,6 +14,7 @@ from glasswing.v1 import session_service_pb2 as sessions
 from case import Cases, Report
 from daemon import Daemon
 from lab import SESSION, until
+from ledger import fetch_matte
 from stage import Stage
 
 case: Cases[Stage] = Cases()
@@ -29,10 +30,23 @@ def _whole_life(stage: Stage) -> str:
     """A session is made of frames, solved and deleted, each step asked for until it is done, as a person would."""
     name = stage.name()
     _until_done(stage, lambda: stage.put(name), {grpc.StatusCode.ALREADY_EXISTS})
-    _until_done(stage, lambda: stage.solve(name))
+    _until_done(stage, lambda: _solve(stage, name))
     stage.ledger.check()
     _until_done(stage, lambda: stage.delete(name), {grpc.StatusCode.NOT_FOUND})
     return name
+
+
+def _solve(stage: Stage, name: str) -> None:
+    """Whoever dies meanwhile is started again."""
+
+    def has_ended() -> bool:
+        stage.revive()
+        return stage.lab.session(30.0, name).state != sessions.SESSION_STATE_SOLVING
+
+    stage.lab.solve(name=name)
+    until(has_ended, "the solve has ended", 60.0, every=0.1)
+    stage.lab.wait_until_done(1.0, name)
+    stage.ledger.matte(name, fetch_matte(stage.lab, name))
 
 
 def _until_done(stage: Stage, step: Callable[[], None], done_before: Set[grpc.StatusCode] = frozenset()) -> None:

@@ -12,6 +12,7 @@ import numpy
 from glasswing.v1 import archive_service_pb2 as archives
 
 from case import Cases, Lost, Report
+from daemon import Daemon
 from lab import SESSION, until
 from ledger import fetch_matte, read_file
 from stage import Stage
@@ -101,24 +102,29 @@ def lists(stage: Stage) -> Report:
     for name in ("header.json", "frames.jsonl", "manifest.json"):
         path = directory / name
         content = path.read_bytes()
-        for at, altered in _altered(content, _samples(0, len(content), 20)):
-            stage.lab.camera.kill()
-            path.write_bytes(altered)
-            stage.lab.camera.start()
-            tried += 1
-            try:
-                now = stage.lab.archives.GetManifest(request, timeout=10.0, wait_for_ready=True).manifest
-            except grpc.RpcError as error:
-                assert error.code() == grpc.StatusCode.DATA_LOSS, f"{error.code()}: {error.details()}"
-                refused += 1
-                continue
-            if now != known:
-                raise Lost(f"byte {at} of {name} was altered, and other frames are told of")
-        stage.lab.camera.kill()
-        path.write_bytes(content)
-        stage.lab.camera.start()
+        try:
+            for at, altered in _altered(content, _samples(0, len(content), 20)):
+                _new_life(stage.lab.camera, path, altered)
+                until(stage.answers, "the camera node answers", 20.0)
+                tried += 1
+                try:
+                    now = stage.lab.archives.GetManifest(request, timeout=10.0).manifest
+                except grpc.RpcError as error:
+                    assert error.code() == grpc.StatusCode.DATA_LOSS, f"{error.code()}: {error.details()}"
+                    refused += 1
+                    continue
+                if now != known:
+                    raise Lost(f"byte {at} of {name} was altered, and other frames are told of")
+        finally:
+            _new_life(stage.lab.camera, path, content)
     until(stage.answers, "the camera node answers")
     return Report(tried, f"{refused} refused")
+
+
+def _new_life(daemon: Daemon, path: pathlib.Path, content: bytes) -> None:
+    daemon.kill()
+    path.write_bytes(content)
+    daemon.start()
 
 
 @case("the catalogue: every byte of SQLite's header flipped, of its pages some", "the server says so and does not start, or has all")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import pathlib
 import subprocess
-import time
 
 import grpc
 
@@ -50,7 +49,7 @@ class DiskStage(Stage):
     def clear(self) -> None:
         """Deletes all sessions but the first."""
         for session in self.lab.sessions.ListSessions(sessions.ListSessionsRequest(), timeout=30.0).sessions:
-            if session.state == sessions.SESSION_STATE_SOLVING:
+            if session.state in (sessions.SESSION_STATE_CAPTURING, sessions.SESSION_STATE_SOLVING):  # or imported
                 self.lab.sessions.CancelSession(sessions.CancelSessionRequest(name=session.name), timeout=30.0)
             if session.name != SESSION:
                 self.delete(session.name)
@@ -109,11 +108,13 @@ def full_server(stage: DiskStage) -> Report:
             assert error.code() == grpc.StatusCode.RESOURCE_EXHAUSTED, f"{error.code()}: {error.details()}"
             refused += 1
     assert refused > 0, "notes were stored where no room is"
+    log = stage.lab.solvers[0].log
+    said = log.stat().st_size
     try:
         stage.lab.solve(name=name)
+        until(lambda: b"tile " in log.read_bytes()[said:], "a solver has tried", 20.0)
     except grpc.RpcError as error:
         assert error.code() == grpc.StatusCode.RESOURCE_EXHAUSTED, f"{error.code()}: {error.details()}"
-    time.sleep(2.0)  # for solvers to try
     stage.make_room(disk)
     stage.ledger.check()
     until(lambda: stage.lab.session(5.0, name).state in (sessions.SESSION_STATE_DONE, sessions.SESSION_STATE_CAPTURED), "the solve went on, or was never begun", 60.0)

@@ -47,12 +47,15 @@ class Ledger:
         """As it was fetched from a session that is done."""
         self._mattes[name] = digest(content)
 
-    def deleted(self, name: str) -> None:
-        """Acknowledged; also to be told when it is asked for, since it may be half done."""
+    def forget(self, name: str) -> None:
+        """Its deletion is asked for: from now on it may be gone, or be half of it."""
         self._sessions.discard(name)
         self._mattes.pop(name, None)
         for key in [key for key in self._frames if key[0] == name]:
             del self._frames[key]
+
+    def deleted(self, name: str) -> None:
+        """Acknowledged."""
         self._deleted.add(name)
 
     def check(self) -> None:

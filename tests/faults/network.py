@@ -159,8 +159,9 @@ def lock_holder_dies(stage: RelayedStage) -> Report:
     """By a process of its own."""
     environment = dict(os.environ, GLASSWING_SERVER=stage.lab.address, GLASSWING_CONFIG="/dev/null")
     for end in (signal.SIGKILL, signal.SIGSTOP):
-        holder = subprocess.Popen([str(BIN / "glasswing"), "hold", "--reason", "a fault"], env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        until(lambda: _is_held(environment), "the rig is held")
+        holder = subprocess.Popen([str(BIN / "glasswing"), "hold", "--reason", "a fault"], env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+        assert holder.stdout and b"=" in holder.stdout.readline(), "the rig was not to be had"  # the token
+        assert _is_held(environment)
         holder.send_signal(end)
         until(lambda: not _is_held(environment), "the rig is free", 30.0)
         holder.kill()

@@ -83,8 +83,9 @@ class Stage:
 
     def delete(self, name: str) -> None:
         """Enters that it may be gone, then that it is."""
-        self.ledger.deleted(name)
+        self.ledger.forget(name)
         self.lab.sessions.DeleteSession(sessions.DeleteSessionRequest(name=name), timeout=60.0)
+        self.ledger.deleted(name)
 
     def answers(self) -> bool:
         """Server and camera node do."""

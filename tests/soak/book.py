@@ -60,9 +60,9 @@ class Book(Ledger):
         self.matte_count += 1
         return content
 
-    def deleted(self, name: str) -> None:
-        """To be told when it is asked for."""
-        super().deleted(name)
+    def forget(self, name: str) -> None:
+        """As Ledger's, of its manifest and proofs too."""
+        super().forget(name)
         self._checksums.pop(name, None)
         self._proven.pop(name, None)
 

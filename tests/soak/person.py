@@ -69,7 +69,7 @@ class Person:
     def delete(self, name: str) -> None:
         """For good."""
         self._deadline = time.monotonic() + _PATIENCE_SECONDS
-        self._book.deleted(name)
+        self._book.forget(name)
 
         def delete() -> None:
             try:
@@ -79,6 +79,7 @@ class Person:
                     raise
 
         self._ask(delete)
+        self._book.deleted(name)
 
     def give_up(self, name: str) -> None:
         """So that the rig is free for others."""
