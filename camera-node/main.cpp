@@ -276,7 +276,7 @@ int main(int argc, char** argv) {
   const AskedMetrics disk([&] { return disk_metrics(archives); });
   const absl::StatusOr<std::unique_ptr<MetricsHost>> metrics_host = MetricsHost::start(metrics);
   if (!metrics_host.ok()) return fail(metrics_host.status());
-  const Registration registration(server, node);
+  const Registration registration(server, node, archives);
   spdlog::info("listening on address={}", (*host)->address());
   serve_until_signal([&] { return (*host)->answers(kSelfCall); });
   cameras.stop();

@@ -60,10 +60,12 @@ void add_commands(CLI::App& app, Client& client, const Config& config) {
   add_live_command(app, client);
   add_calibrate_commands(app, client);
   add_pki_commands(app, client);
+  add_console_command(app, client);
   app.group("Sessions");
   add_sessions_command(app, client);
   add_show_command(app, client);
   add_watch_command(app, client);
+  add_steps_command(app, client);
   add_control_commands(app, client);
   add_retry_command(app, client);
   add_delete_command(app, client);

@@ -25,6 +25,21 @@ const char* kind_name(v1::NodeKind kind) {
   }
 }
 
+// "12.5 ms +- 40 us"
+std::string clock_text(const v1::Node& node) {
+  if (!node.has_clock()) return "-";
+  return fmt::format("{:.6g} ms +- {:.3g} us", 1e-6 * static_cast<double>(node.clock().offset_ns()),
+                     1e-3 * static_cast<double>(node.clock().bound_ns()));
+}
+
+std::string disk_text(const v1::NodeHealth& health) {
+  return health.total_bytes() == 0 ? "-" : bytes_text(static_cast<double>(health.free_bytes()));
+}
+
+std::string temperature_text(const v1::NodeHealth& health) {
+  return health.has_temperature_c() ? fmt::format("{:.0f} C", health.temperature_c()) : "-";
+}
+
 absl::Status list_nodes(const Client& client) {
   const Peer<v1::NodeService> server(client.server_title(), client.server);
   GW_ASSIGN_OR_RETURN(const v1::ListNodesResponse listed,
@@ -36,9 +51,13 @@ absl::Status list_nodes(const Client& client) {
   std::vector<std::vector<std::string>> rows;
   for (const v1::Node& node : listed.nodes()) {
     rows.push_back({kind_name(node.kind()), node.name(), node.up() ? "up" : "away",
-                    node.address().empty() ? "-" : node.address(), node.detail()});
+                    node.address().empty() ? "-" : node.address(), clock_text(node), disk_text(node.health()),
+                    temperature_text(node.health()), node.detail()});
   }
-  print_table(client, {{"KIND"}, {"NAME"}, {"STATE"}, {"ADDRESS"}, {"DETAIL"}}, rows);
+  print_table(
+      client,
+      {{"KIND"}, {"NAME"}, {"STATE"}, {"ADDRESS"}, {"CLOCK AHEAD"}, {"DISK FREE"}, {"WARMEST"}, {"DETAIL"}},
+      rows);
   if (listed.has_holder() && !client.tsv)
     std::cout << fmt::format("the rig is held by {}\n", holder_text(listed.holder()));
   return absl::OkStatus();

@@ -1,5 +1,6 @@
 #include "server/capture.h"
 
+#include <absl/cleanup/cleanup.h>
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
@@ -40,13 +41,14 @@ std::string listed(const std::vector<Step>& steps) {
 }  // namespace
 
 Capture::Capture(const Rig& rig, const CalibrationStore& calibrations, std::filesystem::path images,
-                 v1::Session session, std::optional<bool> object_confirmed,
+                 v1::Session session, std::optional<bool> object_confirmed, StepLog& log,
                  std::function<void(const v1::Session&)> report)
     : rig_(rig),
       calibrations_(calibrations),
       images_(std::move(images)),
       session_(std::move(session)),
       object_confirmed_(object_confirmed),
+      log_(log),
       report_(std::move(report)) {}
 
 Capture::~Capture() = default;
@@ -142,6 +144,7 @@ absl::Status Capture::open_archive() {
   embedded_.clear_frames();
   session_.set_warning(uncalibrated_warning(embedded_));
   for (const v1::Frame& frame : manifest.manifest().frames()) note_proven(frame);
+  for (v1::StepEvent& event : proven_steps(manifest.manifest())) log_.add(session_.name(), std::move(event));
   session_.set_step_count(static_cast<int>(steps_.size()));
   session_.set_proven_count(static_cast<int>(proven_.size()));
   GW_RETURN_IF_ERROR(check_room());
@@ -190,8 +193,9 @@ absl::StatusOr<bool> Capture::move_object(bool present) {
 }
 
 absl::Status Capture::take(const Group& group, std::stop_token stop) {
-  const nanoseconds began = monotonic_now();
-  const double before_s = session_.capture_seconds();
+  group_began_ = monotonic_now();
+  seconds_before_ = session_.capture_seconds();
+  const absl::Cleanup end = [this] { group_began_.reset(); };
   Recording frames(*links_.camera, *links_.camera_stub, group.exposure_ms);
   GW_RETURN_IF_ERROR(frames.camera.wait_running(stop));
   GW_RETURN_IF_ERROR(links_.exchange_clocks(8));
@@ -208,13 +212,41 @@ absl::Status Capture::take(const Group& group, std::stop_token stop) {
     GW_RETURN_IF_ERROR(play(pending, frames, stop));
     if (stop.stop_requested()) return absl::CancelledError("stopped");
     std::erase_if(pending, [this](const Step& step) { return proven_.contains(step.number); });
-    session_.set_capture_seconds(before_s + std::chrono::duration<double>(monotonic_now() - began).count());
+    session_.set_capture_seconds(seconds());
+    tell_retaken(pending, frames);
     report_(session_);
   }
   if (video.empty()) return absl::OkStatus();
   GW_RETURN_IF_ERROR(take_video(group, video, frames, stop));
-  session_.set_capture_seconds(before_s + std::chrono::duration<double>(monotonic_now() - began).count());
+  session_.set_capture_seconds(seconds());
   return absl::OkStatus();
+}
+
+double Capture::seconds() const {
+  if (!group_began_) return session_.capture_seconds();
+  return seconds_before_ + std::chrono::duration<double>(monotonic_now() - *group_began_).count();
+}
+
+void Capture::tell(int step, v1::StepOutcome outcome, const std::string& why) {
+  v1::StepEvent event;
+  event.set_step(step);
+  event.set_outcome(outcome);
+  event.set_why(why);
+  event.set_seconds(seconds());
+  log_.add(session_.name(), std::move(event));
+}
+
+void Capture::tell_retaken(const std::vector<Step>& steps, const Recording& frames) {
+  for (const Step& step : steps) {
+    const char* why = frames.lessons.contains(step.number) ? nullptr  // it waits with the camera for others
+                      : !frames.shown_now.contains(step.number) ? "it was not shown on all monitors"
+                      : !frames.matched.contains(step.number)
+                          ? "no exposure lay in the time in which it surely was on screen"
+                      : is_lesson(step)
+                          ? "its id patch was not seen"
+                          : "its frame's pixels showed another id, or it came too late to be kept";
+    if (why != nullptr) tell(step.number, v1::STEP_OUTCOME_RETAKEN, why);
+  }
 }
 
 void Capture::note_unproven(const std::vector<Step>& steps) {
@@ -284,6 +316,8 @@ absl::Status Capture::play(const std::vector<Step>& pending, Recording& frames, 
     if (!frames.lessons.contains(step.number)) steps.push_back(step);
   }
   frames.waiting.clear();
+  frames.shown_now.clear();
+  frames.matched.clear();
   const std::string program = fmt::format("{}-{}", session_.name(), ++program_number_);
   GW_ASSIGN_OR_RETURN(const int monitor_count, load(program, steps));
   const nanoseconds start_at = monotonic_now() + start_lead_;
@@ -310,6 +344,8 @@ absl::Status Capture::play(const std::vector<Step>& pending, Recording& frames, 
         reported.push_back(window);
         if (static_cast<int>(reported.size()) < monitor_count) continue;
         frames.matcher.add_window(stable_window(reported));
+        frames.shown_now.insert(window.step);
+        tell(window.step, v1::STEP_OUTCOME_SHOWN);
         if (!frames.shown.insert(window.step).second) {
           session_.set_retaken_count(session_.retaken_count() + 1);
           server_metrics().steps_retaken.Increment();
@@ -325,7 +361,9 @@ absl::Status Capture::play(const std::vector<Step>& pending, Recording& frames, 
     }
     if (const auto end = frames.camera.inbox.end()) return *end;
     take_frames(frames);
-    GW_ASSIGN_OR_RETURN(const bool judged, judge(frames.matcher.take(), lessons_due, frames));
+    const std::vector<FrameMatcher::Match> matches = frames.matcher.take();
+    for (const FrameMatcher::Match& match : matches) frames.matched.insert(match.step);
+    GW_ASSIGN_OR_RETURN(const bool judged, judge(matches, lessons_due, frames));
     if (!judged) return absl::OkStatus();
     const nanoseconds now = monotonic_now();
     if (playing) {

@@ -24,6 +24,7 @@
 #include "glasswing/v1/session_service.pb.h"
 #include "glasswing/v1/stage_service.grpc.pb.h"
 #include "server/feeds.h"
+#include "server/step_log.h"
 
 namespace glasswing {
 
@@ -53,9 +54,10 @@ struct CaptureOutcome {
 class Capture {
  public:
   // `images` holds what UploadImage stored. `object_confirmed`: a person has said that the object is (not) on
-  // the stage. `report` is called with the counts brought up to date, from the thread that calls run().
+  // the stage. `log` hears of each step. `report` is called with the counts brought up to date, from the
+  // thread that calls run().
   Capture(const Rig& rig, const CalibrationStore& calibrations, std::filesystem::path images,
-          v1::Session session, std::optional<bool> object_confirmed,
+          v1::Session session, std::optional<bool> object_confirmed, StepLog& log,
           std::function<void(const v1::Session&)> report);
   ~Capture();
 
@@ -75,6 +77,7 @@ class Capture {
     CameraFeed camera;
     FrameMatcher matcher;
     std::set<int> shown;                      // steps, on all monitors
+    std::set<int> shown_now, matched;         // likewise, since the program began; those that a frame lies in
     nanoseconds clocks_at = monotonic_now();  // last compared; showings may be shorter than the pause between
     std::map<std::int64_t, v1::FrameTaken> recent;  // by sequence
     // Steps that teach where the id patches are and wait with the camera for others; matches of other steps
@@ -104,6 +107,9 @@ class Capture {
   absl::Status unproven(const std::string& what, const Group& group, int step_count, int refused) const;
   void note_unproven(const std::vector<Step>& steps);
   absl::Status play(const std::vector<Step>& steps, Recording& frames, std::stop_token stop);
+  double seconds() const;  // of showing and recording, in all
+  void tell(int step, v1::StepOutcome outcome, const std::string& why = "");
+  void tell_retaken(const std::vector<Step>& steps, const Recording& frames);
   absl::StatusOr<int> load(const std::string& program, const std::vector<Step>& steps);
   void take_frames(Recording& frames);
   // False: a lesson was missed or taught nothing, and what follows cannot be judged.
@@ -126,6 +132,7 @@ class Capture {
   const std::filesystem::path images_;
   v1::Session session_;
   const std::optional<bool> object_confirmed_;
+  StepLog& log_;
   const std::function<void(const v1::Session&)> report_;
 
   RigLinks links_;
@@ -135,6 +142,8 @@ class Capture {
   v1::CaptureManifest embedded_;  // the archive's header
   std::vector<Step> steps_;
   std::set<int> proven_;
+  double seconds_before_ = 0.0;             // of showing, when the group began that is taken now
+  std::optional<nanoseconds> group_began_;  // none: no group is taken
   bool no_room_ = false;
   int program_number_ = 0;
   nanoseconds start_lead_ = std::chrono::milliseconds(120);  // from a program's command to its first step

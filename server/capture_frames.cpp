@@ -132,7 +132,16 @@ absl::StatusOr<v1::KeepFramesResponse> Capture::keep(const std::vector<FrameMatc
   grpc::ClientContext context;
   set_deadline(context, std::chrono::minutes(1));
   GW_RETURN_IF_ERROR(stored(links_.camera_stub->KeepFrames(&context, request, &response)));
-  for (const v1::Frame& frame : response.frames()) note_proven(frame);
+  for (const v1::Frame& frame : response.frames()) {
+    note_proven(frame);
+    v1::StepEvent event;
+    event.set_step(frame.step());
+    event.set_outcome(v1::STEP_OUTCOME_PROVEN);
+    event.set_seconds(seconds());
+    event.set_file(frame.file());
+    event.set_proof(frame.proof());
+    log_.add(session_.name(), std::move(event));
+  }
   session_.set_refused_count(session_.refused_count() + response.refused());
   report_(session_);
   return response;

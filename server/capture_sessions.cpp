@@ -120,7 +120,8 @@ void Server::capture_until_done(v1::Session session, std::optional<bool> object_
   nanoseconds lost_at{};
   while (true) {
     const int proven_before = session.proven_count();
-    outcome = Capture(rig_, *calibrations_, data_ / "images", session, object_confirmed, report).run(stop);
+    outcome =
+        Capture(rig_, *calibrations_, data_ / "images", session, object_confirmed, steps_, report).run(stop);
     const bool no_room = outcome.kind == Kind::kNoRoom;
     if (outcome.kind != Kind::kNodeLost && !no_room) break;
     const nanoseconds now = monotonic_now();

@@ -46,7 +46,9 @@ void Capture::note_lost(bool broken_off) {
   for (size_t i = 0; i < video.size(); ++i) {
     run = proven_.contains(video[i]) ? 0 : run + 1;
     longest = std::max(longest, run);
-    if (run > 0) session_.add_lost_frames(static_cast<int>(i));
+    if (run == 0) continue;
+    session_.add_lost_frames(static_cast<int>(i));
+    tell(video[i], v1::STEP_OUTCOME_LOST);
   }
   const int count = static_cast<int>(video.size()), lost = session_.lost_frames_size();
   if (broken_off && run > 0) {

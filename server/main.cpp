@@ -13,6 +13,9 @@
 #include "core/service/process_metrics.h"
 #include "core/service/service.h"
 #include "core/service/supervision.h"
+#include "server/clock_watch.h"
+#include "server/console/console.h"
+#include "server/console/console_service.h"
 #include "server/fleet_service.h"
 #include "server/rig_service.h"
 #include "server/server.h"
@@ -33,6 +36,13 @@ int main(int argc, char** argv) {
   app.add_option("--jobs", options.jobs,
                  "PostgreSQL that holds the tiles of solves, as postgresql://user@host/glasswing; several "
                  "servers may share one. SQLite below --data if left out");
+  std::string console_address;
+  std::filesystem::path console_files = default_console_files();
+  app.add_option("--console", console_address,
+                 "host:port where browsers find the console, beyond this machine only with --certificate; "
+                 "nowhere if left out");
+  app.add_option("--console-files", console_files, "directory with the console's page")
+      ->capture_default_str();
   double lease_seconds = 10.0;
   app.add_option("--lease", lease_seconds,
                  "seconds after which the tile of a silent solver is given to another")
@@ -71,6 +81,9 @@ int main(int argc, char** argv) {
   WorkServiceImpl work(**server);
   RigServiceImpl rig(**server);
   FleetServiceImpl fleet([&] { return (*server)->fleet(); });
+  const absl::StatusOr<ConsoleKey> key = ConsoleKey::open(options.data);
+  if (!key.ok()) return fail(key.status());
+  ConsoleServiceImpl tokens(*key);
   server_metrics();
   const AskedMetrics asked([&] {
     const absl::StatusOr<std::vector<v1::Session>> sessions_now = (*server)->list({});
@@ -79,10 +92,20 @@ int main(int argc, char** argv) {
   });
   const AskedMetrics disk([&] { return disk_metrics(options.data); });
   absl::StatusOr<std::unique_ptr<ServiceHost>> host =
-      ServiceHost::start(listen, {&sessions, &nodes, &work, &rig, &fleet});
+      ServiceHost::start(listen, {&sessions, &nodes, &work, &rig, &fleet, &tokens});
   if (!host.ok()) return fail(host.status());
+  const ClockWatch clocks((*server)->rig());
   spdlog::info("listening on address={}", (*host)->address());
+  std::unique_ptr<Console> console;
+  if (!console_address.empty()) {
+    auto started = Console::start(console_address, console_files, *key, (*host)->to_itself());
+    if (!started.ok()) return fail(started.status());
+    console = *std::move(started);
+    tokens.serve_at(console->url());
+    spdlog::info("console at url={}", console->url());
+  }
   serve_until_signal([&] { return (*host)->answers(kSelfCall); });
+  console.reset();
   sessions.stop();
   rig.stop();
   (*host)->stop(std::chrono::seconds(2));

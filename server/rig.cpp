@@ -41,6 +41,7 @@ absl::Status Rig::add(const v1::RegisterRequest& request) {
   entry.node.set_version(request.version());
   entry.node.set_build(request.build());
   if (!request.detail().empty()) entry.node.set_detail(request.detail());
+  *entry.node.mutable_health() = request.health();
   entry.solver = request.solver();
   entry.heard = now;
   return absl::OkStatus();
@@ -52,13 +53,26 @@ void Rig::note(const std::string& name, const std::string& doing) {
   if (found != entries_.end()) found->second.node.set_detail(doing);
 }
 
+void Rig::note_clock(const std::string& name, nanoseconds offset, nanoseconds bound) {
+  const std::lock_guard lock(mutex_);
+  const auto found = entries_.find(name);
+  if (found == entries_.end()) return;
+  found->second.node.mutable_clock()->set_offset_ns(offset.count());
+  found->second.node.mutable_clock()->set_bound_ns(bound.count());
+  found->second.clock_measured = now_();
+}
+
 std::vector<RegisteredSolver> Rig::current() const {
   const nanoseconds now = now_();
   std::vector<RegisteredSolver> nodes;
   for (const auto& [name, entry] : entries_) {
     if (has_left(entry.node, now - entry.heard)) continue;
     nodes.push_back({.node = entry.node, .info = entry.solver});
-    nodes.back().node.set_up(now - entry.heard < kSilence);
+    v1::Node& node = nodes.back().node;
+    node.set_up(now - entry.heard < kSilence);
+    if (!node.up()) node.clear_clock();
+    if (node.has_clock())
+      node.mutable_clock()->set_age_s(std::chrono::duration<double>(now - entry.clock_measured).count());
   }
   return nodes;
 }

@@ -32,6 +32,9 @@ class Rig {
   // A solver is also known by its claims; `doing` is what `nodes` shows.
   void note(const std::string& name, const std::string& doing);
 
+  // As measured just now; `offset` is how far the node's clock is ahead.
+  void note_clock(const std::string& name, nanoseconds offset, nanoseconds bound);
+
   std::vector<v1::Node> nodes() const;  // by kind, then name
   std::vector<v1::Node> up(v1::NodeKind kind) const;
   std::vector<RegisteredSolver> solvers() const;  // by name
@@ -45,6 +48,7 @@ class Rig {
     v1::Node node;
     v1::SolverInfo solver;
     nanoseconds heard{};
+    nanoseconds clock_measured{};
   };
   // Those that have not left, with `up` as it is now. With mutex_ held.
   std::vector<RegisteredSolver> current() const;

@@ -11,6 +11,7 @@
 #include "core/base/time.h"
 #include "core/storage/image_name.h"
 #include "server/jobs/timed_job_store.h"
+#include "server/session_archive.h"
 #include "server/session_facts.h"
 
 namespace glasswing {
@@ -177,6 +178,15 @@ absl::StatusOr<v1::Session> Server::annotate(const v1::AnnotateSessionRequest& r
   GW_RETURN_IF_ERROR(catalogue_->annotate(request).status());
   announce();
   return find_locked(request.name());
+}
+
+absl::StatusOr<std::vector<v1::StepEvent>> Server::steps(const std::string& name, size_t first) {
+  if (auto events = steps_.events(name, first)) return *std::move(events);
+  GW_ASSIGN_OR_RETURN(const v1::Session session, find(name));
+  if (session.state() == v1::SESSION_STATE_CAPTURING || session.archive_address().empty())
+    return std::vector<v1::StepEvent>();
+  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, SessionArchive(session).manifest());
+  return proven_steps(manifest);
 }
 
 absl::StatusOr<std::string> Server::store_image(const std::string& png) {

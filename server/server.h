@@ -83,6 +83,9 @@ class Server {
   // matte. FAILED_PRECONDITION: nothing yet.
   absl::StatusOr<std::string> partial_matte(const std::string& name);
 
+  // What became of the steps of a session's capture, from the `first` event on.
+  absl::StatusOr<std::vector<v1::StepEvent>> steps(const std::string& name, size_t first);
+
   // Waits for any session to change after `seen` (0: none yet), at most `timeout`; returns the number of the
   // last change.
   std::int64_t wait_change(std::int64_t seen, std::chrono::milliseconds timeout);
@@ -160,6 +163,7 @@ class Server {
   std::unique_ptr<Catalogue> catalogue_;
   std::unique_ptr<JobStore> jobs_;
   Fleet fleet_;
+  StepLog steps_;
 
   std::mutex mutex_;
   std::condition_variable changed_;

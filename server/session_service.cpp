@@ -9,6 +9,7 @@
 namespace glasswing {
 namespace {
 
+constexpr size_t kEventsOfAMessage = 1000;
 constexpr size_t kMaxImageBytes = 256u << 20;
 
 bool rests(v1::SessionState state) {
@@ -102,6 +103,31 @@ grpc::Status SessionServiceImpl::WatchSession(grpc::ServerContext* context,
       last = bytes;
     }
     if (rests(session->state())) return grpc::Status::OK;
+  }
+  return grpc::Status(grpc::StatusCode::UNAVAILABLE, "the server is stopping");
+}
+
+grpc::Status SessionServiceImpl::WatchSteps(grpc::ServerContext* context,
+                                            const v1::WatchStepsRequest* request,
+                                            grpc::ServerWriter<v1::WatchStepsResponse>* writer) {
+  size_t told = 0;
+  std::int64_t seen = 0;
+  while (!context->IsCancelled() && !stopping_) {
+    seen =
+        std::max<std::int64_t>(server_.wait_change(seen, std::chrono::milliseconds(seen == 0 ? 0 : 500)), 1);
+    const absl::StatusOr<v1::Session> session =
+        server_.find(request->name());  // before its last events are read
+    if (!session.ok()) return to_grpc(session.status());
+    const absl::StatusOr<std::vector<v1::StepEvent>> events = server_.steps(request->name(), told);
+    if (!events.ok()) return to_grpc(events.status());
+    for (size_t at = 0; at < events->size(); at += kEventsOfAMessage) {
+      v1::WatchStepsResponse response;
+      for (size_t i = at; i < std::min(at + kEventsOfAMessage, events->size()); ++i)
+        *response.add_events() = (*events)[i];
+      if (!writer->Write(response)) return grpc::Status::CANCELLED;
+    }
+    told += events->size();
+    if (session->state() != v1::SESSION_STATE_CAPTURING) return grpc::Status::OK;
   }
   return grpc::Status(grpc::StatusCode::UNAVAILABLE, "the server is stopping");
 }

@@ -31,6 +31,8 @@ class SessionServiceImpl final : public v1::SessionService::Service {
                           v1::GetSessionResponse*) override;
   grpc::Status WatchSession(grpc::ServerContext*, const v1::WatchSessionRequest*,
                             grpc::ServerWriter<v1::WatchSessionResponse>*) override;
+  grpc::Status WatchSteps(grpc::ServerContext*, const v1::WatchStepsRequest*,
+                          grpc::ServerWriter<v1::WatchStepsResponse>*) override;
   grpc::Status PauseSession(grpc::ServerContext*, const v1::PauseSessionRequest*,
                             v1::PauseSessionResponse*) override;
   grpc::Status ResumeSession(grpc::ServerContext*, const v1::ResumeSessionRequest*,

@@ -4,12 +4,14 @@
 
 #include <chrono>
 
+#include "core/service/node_health.h"
 #include "core/service/service.h"
 
 namespace glasswing {
 
-Registration::Registration(const std::string& server_address, v1::RegisterRequest node)
-    : server_address_(server_address), node_(std::move(node)) {
+Registration::Registration(const std::string& server_address, v1::RegisterRequest node,
+                           std::filesystem::path data)
+    : server_address_(server_address), node_(std::move(node)), data_(std::move(data)) {
   if (server_address.empty()) return;
   node_.set_version(kVersion);
   stub_ = v1::NodeService::NewStub(dial(server_address));
@@ -30,6 +32,7 @@ grpc::Status Registration::call(std::stop_token stop, bool wait_for_ready) {
 void Registration::run(std::stop_token stop) {
   bool known = true;  // so that the first failure is logged
   while (!stop.stop_requested()) {
+    *node_.mutable_health() = node_health(data_);
     grpc::Status status = call(stop, true);  // a server that starts now is heard at once
     // Who waits is not told what keeps the two apart; who does not wait is.
     if (!status.ok() && known) status = call(stop, false);

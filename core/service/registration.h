@@ -2,6 +2,7 @@
 #pragma once
 
 #include <condition_variable>
+#include <filesystem>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -15,7 +16,8 @@ class Registration {
  public:
   // `server_address` empty: nothing is registered. A server that does not answer is tried again for ever; the
   // first failure and the recovery are logged.
-  Registration(const std::string& server_address, v1::RegisterRequest node);
+  // `data`: as node_health() has it.
+  Registration(const std::string& server_address, v1::RegisterRequest node, std::filesystem::path data = {});
   ~Registration();
 
  private:
@@ -25,6 +27,7 @@ class Registration {
   const std::string server_address_;
   std::unique_ptr<v1::NodeService::Stub> stub_;
   v1::RegisterRequest node_;
+  const std::filesystem::path data_;
   std::mutex mutex_;
   std::condition_variable_any wake_;
   std::jthread thread_;

@@ -8,17 +8,16 @@
 #include <algorithm>
 #include <vector>
 
+#include "core/service/service.h"
+
 namespace glasswing {
 namespace {
 
-constexpr unsigned bit(Role role) {
-  return 1u << static_cast<unsigned>(role);
-}
-constexpr unsigned kOperator = bit(Role::kOperator), kServer = bit(Role::kServer),
-                   kCamera = bit(Role::kCamera), kSolver = bit(Role::kSolver);
-constexpr unsigned kPeople = kOperator | bit(Role::kViewer);
-constexpr unsigned kNodes = bit(Role::kDisplay) | kCamera | kSolver;
-constexpr unsigned kAnybody = kPeople | kServer | kNodes;
+constexpr Roles kOperator = only(Role::kOperator), kServer = only(Role::kServer),
+                kCamera = only(Role::kCamera), kSolver = only(Role::kSolver);
+constexpr Roles kPeople = kOperator | only(Role::kViewer);
+constexpr Roles kNodes = only(Role::kDisplay) | kCamera | kSolver;
+constexpr Roles kAnybody = kPeople | kServer | kNodes;
 constexpr bool kAudited = true;
 
 constexpr MethodAccess kTable[] = {
@@ -31,7 +30,7 @@ constexpr MethodAccess kTable[] = {
     {"ArchiveService/LocateArchive", kServer | kCamera | kSolver},
     {"ArchiveService/CopyArchive", kServer},
     {"ArchiveService/DeleteArchive", kServer, kAudited},
-    {"ArchiveService/GetSpace", kServer},
+    {"ArchiveService/GetSpace", kPeople | kServer},
     {"CalibrationService/FitCamera", kServer},
     {"CalibrationService/FitDisplays", kServer},
     {"CameraService/GetCamera", kPeople | kServer | kSolver},
@@ -39,9 +38,10 @@ constexpr MethodAccess kTable[] = {
     {"CameraService/KeepFrames", kServer},
     {"CameraService/LookForPatches", kServer},
     {"CameraService/MeasureLight", kServer},
-    {"CameraService/Preview", kPeople},
+    {"CameraService/Preview", kPeople | kServer},
     {"CameraService/StreamFrames", kSolver},
     {"ClockService/Exchange", kAnybody},
+    {"ConsoleService/CreateToken", kOperator, kAudited},
     {"DisplayService/GetDisplay", kPeople | kServer},
     {"DisplayService/PutImage", kServer},
     {"DisplayService/LoadProgram", kServer},
@@ -66,6 +66,7 @@ constexpr MethodAccess kTable[] = {
     {"SessionService/ListSessions", kPeople},
     {"SessionService/GetSession", kPeople},
     {"SessionService/WatchSession", kPeople},
+    {"SessionService/WatchSteps", kPeople},
     {"SessionService/PauseSession", kOperator, kAudited},
     {"SessionService/ResumeSession", kOperator, kAudited},
     {"SessionService/CancelSession", kOperator, kAudited},
@@ -82,22 +83,18 @@ constexpr MethodAccess kTable[] = {
     {"WorkService/FailTile", kSolver},
 };
 
-std::vector<std::string_view> names_of(unsigned roles) {
+std::string names_of(Roles roles, std::string_view between) {
   std::vector<std::string_view> names;
   for (size_t role = 0; role < kRoleNames.size(); ++role) {
     if ((roles >> role & 1u) != 0) names.push_back(kRoleNames[role]);
   }
-  return names;
+  return names.empty() ? "none" : fmt::format("{}", fmt::join(names, between));
 }
 
-unsigned roles_of(const grpc::AuthContext& caller) {
-  unsigned roles = 0;
-  for (const grpc::string_ref& uri : caller.FindPropertyValues(GRPC_PEER_URI_PROPERTY_NAME)) {
-    const std::string_view text(uri.data(), uri.size());
-    if (!text.starts_with(kRoleUri)) continue;
-    const auto name = std::ranges::find(kRoleNames, text.substr(kRoleUri.size()));
-    if (name != kRoleNames.end()) roles |= 1u << static_cast<unsigned>(name - kRoleNames.begin());
-  }
+Roles roles_of(const grpc::AuthContext& caller) {
+  Roles roles = 0;
+  for (const grpc::string_ref& uri : caller.FindPropertyValues(GRPC_PEER_URI_PROPERTY_NAME))
+    roles |= role_of_uri({uri.data(), uri.size()});
   return roles;
 }
 
@@ -118,21 +115,7 @@ class RoleGate final : public grpc::AuthMetadataProcessor {
     static constexpr std::string_view kOurs = "/glasswing.v1.";
     if (!method.starts_with(kOurs)) return grpc::Status::OK;
     method.remove_prefix(kOurs.size());
-    const auto access = std::ranges::find(kTable, method, &MethodAccess::method);
-    if (access == std::end(kTable)) return grpc::Status::OK;  // there is none: the answer says so
-    const unsigned roles = roles_of(*caller);
-    if ((access->roles & roles) == 0) {
-      spdlog::warn("audit refused rpc={} caller=\"{}\" roles={}", method, name_of(*caller),
-                   fmt::join(names_of(roles), "+"));
-      return {grpc::StatusCode::PERMISSION_DENIED,
-              fmt::format("{} is for the roles {}; the certificate of \"{}\" has {}", method,
-                          fmt::join(names_of(access->roles), ", "), name_of(*caller),
-                          roles == 0 ? "none" : fmt::format("{}", fmt::join(names_of(roles), ", ")))};
-    }
-    if (access->audited)
-      spdlog::info("audit rpc={} caller=\"{}\" roles={}", method, name_of(*caller),
-                   fmt::join(names_of(roles), "+"));
-    return grpc::Status::OK;
+    return to_grpc(admit(method, roles_of(*caller), name_of(*caller)));
   }
 };
 
@@ -140,6 +123,26 @@ class RoleGate final : public grpc::AuthMetadataProcessor {
 
 std::span<const MethodAccess> access_table() {
   return kTable;
+}
+
+Roles role_of_uri(std::string_view uri) {
+  if (!uri.starts_with(kRoleUri)) return 0;
+  const auto name = std::ranges::find(kRoleNames, uri.substr(kRoleUri.size()));
+  return name == kRoleNames.end() ? 0 : 1u << static_cast<unsigned>(name - kRoleNames.begin());
+}
+
+absl::Status admit(std::string_view method, Roles roles, std::string_view caller) {
+  const auto access = std::ranges::find(kTable, method, &MethodAccess::method);
+  if (access == std::end(kTable)) return absl::OkStatus();
+  const std::string held = names_of(roles, "+");
+  if ((access->roles & roles) == 0) {
+    spdlog::warn("audit refused rpc={} caller=\"{}\" roles={}", method, caller, held);
+    return absl::PermissionDeniedError(fmt::format("{} is for the roles {}; \"{}\" has {}", method,
+                                                   names_of(access->roles, ", "), caller,
+                                                   names_of(roles, ", ")));
+  }
+  if (access->audited) spdlog::info("audit rpc={} caller=\"{}\" roles={}", method, caller, held);
+  return absl::OkStatus();
 }
 
 std::shared_ptr<grpc::AuthMetadataProcessor> role_gate() {

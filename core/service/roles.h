@@ -2,6 +2,7 @@
 // urn:glasswing:role:solver.
 #pragma once
 
+#include <absl/status/status.h>
 #include <grpcpp/security/auth_metadata_processor.h>
 
 #include <array>
@@ -18,21 +19,33 @@ inline constexpr std::array<std::string_view, 6> kRoleNames{"operator", "viewer"
                                                             "display",  "camera", "solver"};
 inline constexpr std::string_view kRoleUri = "urn:glasswing:role:";  // the role's name follows
 
+using Roles = unsigned;  // bits
+constexpr Roles only(Role role) {
+  return 1u << static_cast<unsigned>(role);
+}
+// None: the URI names no role.
+Roles role_of_uri(std::string_view uri);
+
 // Callers of one method. `audited`: each call is logged with its caller's name, for it changes something that
 // a person cares for, or hands out what was captured.
 struct MethodAccess {
   std::string_view method;  // "WorkService/ClaimTile"
-  unsigned roles;           // bits, 1 << Role
+  Roles roles;
   bool audited = false;
 
-  bool allows(Role role) const { return (roles >> static_cast<unsigned>(role) & 1u) != 0; }
+  bool allows(Role role) const { return (roles & only(role)) != 0; }
 };
 
 // Of every method of every service, once each.
 std::span<const MethodAccess> access_table();
 
-// Holds every call against the table: PERMISSION_DENIED says which roles the method is for, and which the
-// caller's certificate has. Methods that are not ours (health, reflection) are for every certificate.
+// Holds one call against the table, and logs what is audited or refused. `method`: "WorkService/ClaimTile".
+// PERMISSION_DENIED says which roles it is for, and which `caller` has. A method that is not there is let
+// through: the answer says so.
+absl::Status admit(std::string_view method, Roles roles, std::string_view caller);
+
+// Holds every call against the table by its caller's certificate: Methods that are not ours (health,
+// reflection) are for every certificate.
 std::shared_ptr<grpc::AuthMetadataProcessor> role_gate();
 
 }  // namespace glasswing

@@ -68,6 +68,8 @@ class ServiceHost {
   const std::string& advertised() const { return advertised_; }  // where others call it, likewise
   // Whether connections are taken and a call is answered, both as others see it. Blocks up to twice `within`.
   bool answers(std::chrono::milliseconds within) const;
+  // For calls to its own services, past TLS and roles.
+  std::shared_ptr<grpc::Channel> to_itself() const;
   // Stops listening, gives running calls until `grace` to end, then cancels them.
   void stop(std::chrono::milliseconds grace);
 

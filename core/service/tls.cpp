@@ -60,6 +60,10 @@ absl::Status use_tls(const TlsFiles& files) {
   return problem;
 }
 
+TlsMaterial tls_material() {
+  return in_force().reload == nullptr ? TlsMaterial{} : in_force().reload->in_force();
+}
+
 bool is_loopback(const std::string& address) {
   std::string host = address.substr(0, address.rfind(':'));
   if (host.size() > 2 && host.front() == '[') host = host.substr(1, host.size() - 2);

@@ -19,6 +19,9 @@ namespace glasswing {
 // PEM, has expired, or lacks its partner; who goes on all the same gets this answer to every call.
 absl::Status use_tls(const TlsFiles& files);
 
+// What is in force now; empty without TLS. For who listens by other means than gRPC.
+TlsMaterial tls_material();
+
 // Whether host:port is this machine, and so may be called without TLS.
 bool is_loopback(const std::string& address);
 

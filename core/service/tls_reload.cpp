@@ -69,6 +69,11 @@ absl::Status TlsReload::publish(const TlsMaterial& material) {
   return absl::OkStatus();
 }
 
+TlsMaterial TlsReload::in_force() {
+  const std::lock_guard lock(mutex_);
+  return in_force_;
+}
+
 void TlsReload::look() {
   const absl::StatusOr<TlsMaterial> read = read_tls_material(files_);
   const bool changed = read.ok() && *read != in_force_;

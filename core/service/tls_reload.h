@@ -37,6 +37,7 @@ class TlsReload {
   const std::shared_ptr<grpc::experimental::CertificateProviderInterface>& provider() const {
     return provider_;
   }
+  TlsMaterial in_force();
 
  private:
   explicit TlsReload(const TlsFiles& files) : files_(files) {}

@@ -30,6 +30,19 @@ TEST_F(RigTest, ASilentNodeIsAway) {
   EXPECT_FALSE(rig_.nodes().front().up());
 }
 
+TEST_F(RigTest, AClockIsToldWithItsAgeUntilItsNodeIsAway) {
+  hear(v1::NODE_KIND_CAMERA, "camera-1");
+  EXPECT_FALSE(rig_.nodes().front().has_clock());
+  rig_.note_clock("camera-1", std::chrono::milliseconds(-3), std::chrono::microseconds(40));
+  rig_.note_clock("nobody", seconds(1), seconds(1));
+  now_ += seconds(2);
+  EXPECT_EQ(rig_.nodes().front().clock().offset_ns(), -3'000'000);
+  EXPECT_EQ(rig_.nodes().front().clock().bound_ns(), 40'000);
+  EXPECT_DOUBLE_EQ(rig_.nodes().front().clock().age_s(), 2.0);
+  now_ += seconds(3);
+  EXPECT_FALSE(rig_.nodes().front().has_clock());
+}
+
 TEST_F(RigTest, SolversAreKnownWithWhatTheySaidAndForgottenWhenTheyHaveLeft) {
   hear(v1::NODE_KIND_CAMERA, "camera-1");
   hear(v1::NODE_KIND_SOLVER, "b");

@@ -56,7 +56,7 @@ glasswing export s "$work/s"
 (
   export GLASSWING_CERTIFICATE=$work/certificates/guest.pem GLASSWING_KEY=$work/certificates/guest.key
   glasswing show s >/dev/null || fail "a viewer sees no session"
-  refused 'DeleteSession is for the roles operator; the certificate of "guest" has viewer' glasswing delete s --yes
+  refused 'DeleteSession is for the roles operator; "guest" has viewer' glasswing delete s --yes
 )
 grep -q 'audit refused rpc=SessionService/DeleteSession caller="guest" roles=viewer' "$work/server.log" || fail "the refusal is not in the log"
 grep -q 'audit rpc=SessionService/SolveSession caller="me" roles=operator' "$work/server.log" || fail "who solved is not in the log"

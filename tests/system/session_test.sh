@@ -15,6 +15,9 @@ glasswing capture "$plan" --session s --watch
 [[ $(shown s state) == SESSION_STATE_CAPTURED ]] || fail "s is $(shown s state)"
 steps=$(shown s step_count)
 awk -v s="$(shown s capture_seconds)" -v n="$steps" 'BEGIN { printf "%d steps in %.2f s: %.2f of the limit\n", n, s, s * 30 / n }'
+outcomes() { glasswing steps "$1" | awk -v what="$2" 'index($0, what)' | wc -l; } # SESSION WHAT
+[[ $(outcomes s ": frames/") == "$steps" ]] || fail "steps tells of $(outcomes s ": frames/") proofs"
+[[ $(outcomes s " shown") == $((steps + $(shown s retaken_count))) ]] || fail "steps tells of $(outcomes s " shown") showings"
 glasswing solve s --watch
 glasswing fetch s -o "$work/s.exr"
 glasswing composite "$work/s.exr" --background "$root/deploy/pictures/quilt.png" -o "$work/s.png"

@@ -18,6 +18,7 @@
 #include "glasswing/v1/calibration_service.grpc.pb.h"
 #include "glasswing/v1/camera_service.grpc.pb.h"
 #include "glasswing/v1/clock_service.grpc.pb.h"
+#include "glasswing/v1/console_service.grpc.pb.h"
 #include "glasswing/v1/display_service.grpc.pb.h"
 #include "glasswing/v1/emission_service.grpc.pb.h"
 #include "glasswing/v1/fleet_service.grpc.pb.h"
@@ -35,16 +36,17 @@ namespace {
 // All services of a lab, none of which does anything: a call that gets through is UNIMPLEMENTED.
 using Services =
     std::tuple<v1::ArchiveService::Service, v1::CalibrationService::Service, v1::CameraService::Service,
-               v1::DisplayService::Service, v1::EmissionService::Service, v1::FleetService::Service,
-               v1::LiveService::Service, v1::NodeService::Service, v1::RigService::Service,
-               v1::SessionService::Service, v1::StageService::Service, v1::WorkService::Service>;
+               v1::ConsoleService::Service, v1::DisplayService::Service, v1::EmissionService::Service,
+               v1::FleetService::Service, v1::LiveService::Service, v1::NodeService::Service,
+               v1::RigService::Service, v1::SessionService::Service, v1::StageService::Service,
+               v1::WorkService::Service>;
 
 // "WorkService/ClaimTile", of all proto files that are linked here.
 std::set<std::string> all_methods() {
   (void)v1::RunLiveRequest::descriptor();  // links its file
   std::set<std::string> methods;
-  for (const char* name : {"archive", "calibration", "camera", "clock", "display", "emission", "fleet",
-                           "live", "node", "rig", "session", "stage", "work"}) {
+  for (const char* name : {"archive", "calibration", "camera", "clock", "console", "display", "emission",
+                           "fleet", "live", "node", "rig", "session", "stage", "work"}) {
     const auto* file = google::protobuf::DescriptorPool::generated_pool()->FindFileByName(
         fmt::format("glasswing/v1/{}_service.proto", name));
     EXPECT_NE(file, nullptr) << name;
@@ -213,7 +215,7 @@ TEST_F(Roles, RolesAddUpAndARefusalSaysWhichAreWanted) {
   EXPECT_EQ(call(both, "WorkService/ClaimTile").error_code(), grpc::StatusCode::UNIMPLEMENTED);
   EXPECT_EQ(call(both, "SessionService/GetSession").error_code(), grpc::StatusCode::UNIMPLEMENTED);
   EXPECT_EQ(call(both, "SessionService/DeleteSession").error_message(),
-            "SessionService/DeleteSession is for the roles operator; the certificate of \"desk\" has viewer, "
+            "SessionService/DeleteSession is for the roles operator; \"desk\" has viewer, "
             "solver");
 }
 

@@ -1,0 +1,228 @@
+#include "server/console/console.h"
+
+#include <fmt/format.h>
+#include <google/protobuf/io/tokenizer.h>
+#include <google/protobuf/text_format.h>
+#include <google/protobuf/util/json_util.h>
+#include <spdlog/spdlog.h>
+
+#include <nlohmann/json.hpp>
+
+#include "core/base/status.h"
+#include "core/service/service.h"
+#include "glasswing/v1/plan.pb.h"
+#include "server/console/visitors.h"
+
+namespace glasswing {
+namespace {
+
+namespace pb = google::protobuf;
+using httplib::Request;
+using httplib::Response;
+
+constexpr std::chrono::hours kLongestStream(24);
+constexpr std::chrono::seconds kCall(60);
+constexpr std::chrono::milliseconds kAliveEvery(5000), kLook(250);
+constexpr const char* kJson = "application/json";
+
+std::string json_of(const Visitor& visitor) {
+  nlohmann::json json{{"name", visitor.name},
+                      {"role", (visitor.roles & only(Role::kOperator)) != 0 ? "operator" : "viewer"}};
+  if (visitor.expires != std::chrono::sys_seconds::max())
+    json["expires"] = visitor.expires.time_since_epoch().count();
+  return json.dump();
+}
+
+// Its first error, by line and column from 1.
+class FirstError final : public pb::io::ErrorCollector {
+ public:
+  void AddError(int line, pb::io::ColumnNumber column, const std::string& message) override {
+    if (text.empty()) text = fmt::format("line {}, column {}: {}", line + 1, column + 1, message);
+  }
+  std::string text;
+};
+
+void parse_plan(const Request& request, Response& response) {
+  v1::Plan plan;
+  FirstError error;
+  pb::TextFormat::Parser parser;
+  parser.RecordErrorsTo(&error);
+  std::string json;
+  if (!parser.ParseFromString(request.body, &plan))
+    return refuse(response, absl::InvalidArgumentError("the plan's " + error.text));
+  if (!pb::util::MessageToJsonString(plan, &json).ok())
+    return refuse(response, absl::InvalidArgumentError("the plan's text is not UTF-8"));
+  response.set_content(json, kJson);
+}
+
+}  // namespace
+
+void refuse(Response& response, const absl::Status& status) {
+  response.status = http_status(status);
+  response.set_content(json_of(status), kJson);
+}
+
+std::filesystem::path default_console_files() {
+  std::error_code error;
+  const std::filesystem::path root =
+      std::filesystem::read_symlink("/proc/self/exe", error).parent_path().parent_path();
+  const std::filesystem::path installed = root / "share/glasswing/console";
+  return std::filesystem::exists(installed) ? installed : root / "console";
+}
+
+absl::StatusOr<std::unique_ptr<Console>> Console::start(const std::string& address,
+                                                        const std::filesystem::path& files,
+                                                        const ConsoleKey& key,
+                                                        std::shared_ptr<grpc::Channel> server) {
+  std::unique_ptr<Console> self(new Console(key, std::move(server)));
+  GW_ASSIGN_OR_RETURN(self->host_, HttpHost::bind(address));
+  self->add_routes(files);
+  self->host_->serve();
+  return self;
+}
+
+Console::~Console() {
+  stopping_ = true;
+  if (host_ != nullptr) host_->stop();
+}
+
+std::string Console::url() const {
+  return fmt::format("{}://{}", host_->has_tls() ? "https" : "http", host_->address());
+}
+
+void Console::add_routes(const std::filesystem::path& files) {
+  httplib::Server& routes = host_->routes();
+  routes.set_default_headers({{"Content-Security-Policy",
+                               "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' "
+                               "blob: data:; connect-src 'self'; "
+                               "worker-src 'self'; manifest-src 'self'; base-uri 'none'; form-action 'none'; "
+                               "frame-ancestors 'none'"},
+                              {"X-Content-Type-Options", "nosniff"},
+                              {"Referrer-Policy", "no-referrer"},
+                              {"Cross-Origin-Resource-Policy", "same-origin"},
+                              {"Cross-Origin-Opener-Policy", "same-origin"}});
+  routes.Post("/login", [this](const Request& request, Response& response) { log_in(request, response); });
+  routes.Post("/logout", [this](const Request& request, Response& response) {
+    if (const absl::Status status = check_origin(request, host_->has_tls()); !status.ok())
+      return refuse(response, status);
+    response.set_header("Set-Cookie", cookie_of("", std::chrono::seconds(0), host_->has_tls()));
+    response.set_content("{}", kJson);
+  });
+  routes.Get("/me", guarded([](const Visitor& visitor, const Request&, Response& response) {
+               response.set_content(json_of(visitor), kJson);
+             }));
+  routes.Post(R"(/api/nodes/([A-Za-z0-9._-]+)/(\w+)/(\w+))",
+              guarded([this](const Visitor& visitor, const Request& request, Response& response) {
+                const std::string node = request.matches[1];
+                const auto channel = channel_to(node);
+                if (!channel.ok()) return refuse(response, channel.status());
+                call(*channel, fmt::format("node \"{}\"", node), visitor, request, response);
+              }));
+  routes.Post(R"(/api/(\w+)/(\w+))",
+              guarded([this](const Visitor& visitor, const Request& request, Response& response) {
+                call(server_, "the server", visitor, request, response);
+              }));
+  routes.Post("/plans", guarded([](const Visitor&, const Request& request, Response& response) {
+                parse_plan(request, response);
+              }));
+  routes.Post("/images", guarded([this](const Visitor& visitor, const Request& request, Response& response) {
+                store_image(visitor, request, response);
+              }));
+  routes.Get(R"(/mattes/([A-Za-z0-9._-]+)\.exr)",
+             guarded([this](const Visitor& visitor, const Request& request, Response& response) {
+               send_matte(visitor, request, response);
+             }));
+  routes.Get(R"(/frames/([A-Za-z0-9._-]+)/(\w+)\.(tif|jpg))",
+             guarded([this](const Visitor& visitor, const Request& request, Response& response) {
+               send_frame(visitor, request, response);
+             }));
+  routes.Get(R"(/pixels/([A-Za-z0-9._-]+))",
+             guarded([this](const Visitor& visitor, const Request& request, Response& response) {
+               send_samples(visitor, request, response);
+             }));
+  routes.set_mount_point("/assets", (files / "assets").string(),
+                         {{"Cache-Control", "public, max-age=31536000, immutable"}});  // names have checksums
+  if (!routes.set_mount_point("/", files.string(), {{"Cache-Control", "no-cache"}})) {
+    routes.Get("/", [files](const Request&, Response& response) {
+      response.set_content(fmt::format("The console's page is not in {}: it is built where Node.js is "
+                                       "(deploy/build), or --console-files says where it lies.\n",
+                                       files.string()),
+                           "text/plain");
+    });
+  }
+  routes.set_exception_handler([](const Request& request, Response& response, std::exception_ptr) {
+    spdlog::error("console failed path={}", request.path);
+    refuse(response, absl::InternalError("the console could not answer"));
+  });
+}
+
+httplib::Server::Handler Console::guarded(Handler handler) const {
+  return [this, handler = std::move(handler)](const Request& request, Response& response) {
+    response.set_header("Cache-Control", "no-store");
+    if (const absl::Status status = check_origin(request, host_->has_tls()); !status.ok())
+      return refuse(response, status);
+    const absl::StatusOr<Visitor> visitor = visitor_of(request, key_);
+    if (!visitor.ok()) return refuse(response, visitor.status());
+    handler(*visitor, request, response);
+  };
+}
+
+void Console::log_in(const Request& request, Response& response) const {
+  if (const absl::Status status = check_origin(request, host_->has_tls()); !status.ok())
+    return refuse(response, status);
+  const auto body = nlohmann::json::parse(request.body, nullptr, false);
+  const std::string token = body.is_object() ? body.value("token", std::string()) : "";
+  const auto now = std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now());
+  const absl::StatusOr<Visitor> visitor = key_.visitor_of(token, now);
+  if (!visitor.ok()) {
+    spdlog::warn("audit console login refused from={}", request.remote_addr);
+    return refuse(response, visitor.status());
+  }
+  spdlog::info("audit console login caller=\"{}\" from={}", visitor->name, request.remote_addr);
+  response.set_header("Set-Cookie", cookie_of(token, visitor->expires - now, host_->has_tls()));
+  response.set_content(json_of(*visitor), kJson);
+}
+
+void Console::call(const std::shared_ptr<grpc::Channel>& channel, const std::string& peer,
+                   const Visitor& visitor, const Request& request, Response& response) const {
+  const size_t last = request.matches.size() - 1;
+  const absl::StatusOr<JsonMethod> method =
+      JsonMethod::find(request.matches[last - 1], request.matches[last]);
+  if (!method.ok()) return refuse(response, method.status());
+  if (const absl::Status status = admit(method->name(), visitor.roles, visitor.name); !status.ok())
+    return refuse(response, status);
+  auto started = JsonCall::start(channel, *method, request.body, visitor.name + " (console)",
+                                 method->streams() ? std::chrono::milliseconds(kLongestStream) : kCall);
+  if (!started.ok()) return refuse(response, started.status());
+  const std::shared_ptr<JsonCall> running = *std::move(started);
+  std::string message;
+  if (!method->streams()) {
+    if (running->next(kCall, message) == JsonCall::Got::kMessage) return response.set_content(message, kJson);
+    return refuse(response, running->outcome(peer));
+  }
+  const auto send_next = [this, running, peer, quiet = std::chrono::milliseconds(0)](
+                             size_t, httplib::DataSink& sink) mutable {
+    std::string event;
+    switch (running->next(kLook, event)) {
+      case JsonCall::Got::kMessage:
+        event = fmt::format("data: {}\n\n", event);
+        break;
+      case JsonCall::Got::kNothingYet:
+        quiet += kLook;
+        if (stopping_ || !sink.is_writable()) return false;
+        if (quiet < kAliveEvery) return true;
+        event = ": alive\n\n";
+        break;
+      case JsonCall::Got::kEnd:
+        event = fmt::format("event: end\ndata: {}\n\n", json_of(running->outcome(peer)));
+        sink.write(event.data(), event.size());
+        sink.done();
+        return true;
+    }
+    quiet = std::chrono::milliseconds(0);
+    return !stopping_ && sink.write(event.data(), event.size());
+  };
+  response.set_chunked_content_provider("text/event-stream", send_next);
+}
+
+}  // namespace glasswing

@@ -1,0 +1,82 @@
+// The console: what a browser shows of a rig. It hands calls of the same services on that the command line
+// uses, and has no powers of its own:
+//
+//   POST /login {"token"}, POST /logout, GET /me     who is there: {"name", "role", "expires"}
+//   POST /api/SERVICE/METHOD                         a call to this server, in protobuf's JSON mapping
+//   POST /api/nodes/NODE/SERVICE/METHOD              to a node of the rig
+//   POST /plans                                      a plan's text; the answer is the plan in JSON
+//   POST /images                                     a PNG, for a plan's photos
+//   GET  /mattes/SESSION.exr?frame=N&partial=1       a matte's file, by ranges
+//   GET  /frames/SESSION/000017.tif                  a frame's file
+//   GET  /frames/SESSION/000017.jpg?width=W&stops=S  the same to look at
+//   GET  /pixels/SESSION?x=X&y=Y                     a pixel's samples in all frames
+//   GET  /...                                        the page
+//
+// Calls that stream answers are answered by server-sent events, the last of which is "end" with the status.
+#pragma once
+
+#include <absl/status/statusor.h>
+#include <grpcpp/grpcpp.h>
+
+#include <atomic>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "server/console/console_key.h"
+#include "server/console/http_host.h"
+#include "server/console/json_call.h"
+
+namespace glasswing {
+
+class Console {
+ public:
+  // `files`: the page, as built. `server`: for calls to this server's services, whatever the caller's role:
+  // the console holds each against the roles. Errors are HttpHost::bind's.
+  static absl::StatusOr<std::unique_ptr<Console>> start(const std::string& address,
+                                                        const std::filesystem::path& files,
+                                                        const ConsoleKey& key,
+                                                        std::shared_ptr<grpc::Channel> server);
+  ~Console();
+
+  // "http://127.0.0.1:7480", as bound.
+  std::string url() const;
+
+ private:
+  using Handler = std::function<void(const Visitor&, const httplib::Request&, httplib::Response&)>;
+
+  Console(const ConsoleKey& key, std::shared_ptr<grpc::Channel> server)
+      : key_(key), server_(std::move(server)) {}
+  void add_routes(const std::filesystem::path& files);
+  // Of known visitors alone, and from our own page.
+  httplib::Server::Handler guarded(Handler handler) const;
+  void log_in(const httplib::Request& request, httplib::Response& response) const;
+  void call(const std::shared_ptr<grpc::Channel>& channel, const std::string& peer, const Visitor& visitor,
+            const httplib::Request& request, httplib::Response& response) const;
+  void send_matte(const Visitor& visitor, const httplib::Request& request, httplib::Response& response) const;
+  void send_frame(const Visitor& visitor, const httplib::Request& request, httplib::Response& response) const;
+  void send_samples(const Visitor& visitor, const httplib::Request& request,
+                    httplib::Response& response) const;
+  void store_image(const Visitor& visitor, const httplib::Request& request,
+                   httplib::Response& response) const;
+  // NOT_FOUND: no node of the rig has this name.
+  absl::StatusOr<std::shared_ptr<grpc::Channel>> channel_to(const std::string& node);
+
+  const ConsoleKey& key_;
+  const std::shared_ptr<grpc::Channel> server_;
+  std::unique_ptr<HttpHost> host_;
+  std::atomic<bool> stopping_ = false;
+  std::mutex mutex_;
+  std::map<std::string, std::shared_ptr<grpc::Channel>> channels_;  // to nodes, by address
+};
+
+// Where the page is beside this program: installed, or in a build's directory.
+std::filesystem::path default_console_files();
+
+// How a request is refused.
+void refuse(httplib::Response& response, const absl::Status& status);
+
+}  // namespace glasswing

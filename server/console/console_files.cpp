@@ -1,0 +1,143 @@
+// What the console hands out and takes besides calls: mattes, frames, samples, pictures.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <nlohmann/json.hpp>
+
+#include "core/base/checksum.h"
+#include "core/base/status.h"
+#include "core/service/service.h"
+#include "glasswing/v1/node_service.grpc.pb.h"
+#include "glasswing/v1/session_service.grpc.pb.h"
+#include "server/console/captured_frames.h"
+#include "server/console/console.h"
+
+namespace glasswing {
+namespace {
+
+using httplib::Request;
+using httplib::Response;
+
+constexpr std::chrono::seconds kCall(60);
+constexpr int kMostWidth_px = 4096;
+constexpr double kMostStops = 16.0;
+
+// INVALID_ARGUMENT: it is not a number within these.
+template <typename Number>
+absl::StatusOr<Number> number_of(const Request& request, const char* name, Number low, Number high) {
+  const std::string text = request.get_param_value(name);
+  Number number{};
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (error == std::errc() && end == text.data() + text.size() && number >= low && number <= high)
+    return number;
+  return absl::InvalidArgumentError(fmt::format("{} is \"{}\"; it must be {} to {}", name, text, low, high));
+}
+// The same of one that may be left out.
+template <typename Number>
+absl::StatusOr<Number> number_or(const Request& request, const char* name, Number otherwise, Number low,
+                                 Number high) {
+  return request.has_param(name) ? number_of<Number>(request, name, low, high) : otherwise;
+}
+
+absl::StatusOr<std::string> fetch_matte(const std::shared_ptr<grpc::Channel>& server,
+                                        const v1::FetchMatteRequest& request) {
+  grpc::ClientContext context;
+  set_deadline(context, kCall);
+  const auto stub = v1::SessionService::NewStub(server);
+  const auto reader = stub->FetchMatte(&context, request);
+  std::string bytes;
+  for (v1::FetchMatteResponse part; reader->Read(&part);) bytes += part.chunk();
+  GW_RETURN_IF_ERROR(from_grpc(reader->Finish(), "the server"));
+  return bytes;
+}
+
+}  // namespace
+
+void Console::send_matte(const Visitor& visitor, const Request& request, Response& response) const {
+  if (const absl::Status status = admit("SessionService/FetchMatte", visitor.roles, visitor.name);
+      !status.ok())
+    return refuse(response, status);
+  v1::FetchMatteRequest wanted;
+  wanted.set_name(request.matches[1]);
+  wanted.set_partial(request.has_param("partial"));
+  if (request.has_param("frame")) {
+    const absl::StatusOr<int> frame = number_of<int>(request, "frame", 0, 1 << 20);
+    if (!frame.ok()) return refuse(response, frame.status());
+    wanted.set_frame(*frame);
+  }
+  absl::StatusOr<std::string> bytes = fetch_matte(server_, wanted);
+  if (!bytes.ok()) return refuse(response, bytes.status());
+  const std::string tag = fmt::format("\"{}\"", checksum_of(*bytes));
+  response.set_header("ETag", tag);
+  response.headers.erase("Cache-Control");
+  response.set_header("Cache-Control", "private, no-cache");
+  if (request.get_header_value("If-None-Match") == tag) {
+    response.status = 304;
+    return;
+  }
+  response.set_content(*std::move(bytes), "image/x-exr");
+}
+
+void Console::send_frame(const Visitor& visitor, const Request& request, Response& response) const {
+  const auto frame = [&]() -> absl::StatusOr<std::string> {
+    GW_RETURN_IF_ERROR(admit("ArchiveService/ReadFile", visitor.roles, visitor.name));
+    GW_ASSIGN_OR_RETURN(const int width, number_or<int>(request, "width", kMostWidth_px, 16, kMostWidth_px));
+    GW_ASSIGN_OR_RETURN(const double stops,
+                        number_or<double>(request, "stops", 0.0, -kMostStops, kMostStops));
+    GW_ASSIGN_OR_RETURN(const CapturedFrames frames, CapturedFrames::of(server_, request.matches[1]));
+    const std::string file = fmt::format("frames/{}.tif", request.matches[2].str());
+    return request.matches[3] == "tif" ? frames.file(file) : frames.jpeg(file, width, stops);
+  }();
+  if (!frame.ok()) return refuse(response, frame.status());
+  response.set_content(*frame, request.matches[3] == "tif" ? "image/tiff" : "image/jpeg");
+}
+
+void Console::send_samples(const Visitor& visitor, const Request& request, Response& response) const {
+  const auto json = [&]() -> absl::StatusOr<std::string> {
+    GW_RETURN_IF_ERROR(admit("ArchiveService/ReadFile", visitor.roles, visitor.name));
+    GW_ASSIGN_OR_RETURN(const int x, number_of<int>(request, "x", 0, 1 << 20));
+    GW_ASSIGN_OR_RETURN(const int y, number_of<int>(request, "y", 0, 1 << 20));
+    GW_ASSIGN_OR_RETURN(const CapturedFrames frames, CapturedFrames::of(server_, request.matches[1]));
+    return frames.samples_json(x, y);
+  }();
+  if (!json.ok()) return refuse(response, json.status());
+  response.set_content(*json, "application/json");
+}
+
+void Console::store_image(const Visitor& visitor, const Request& request, Response& response) const {
+  if (const absl::Status status = admit("SessionService/UploadImage", visitor.roles, visitor.name);
+      !status.ok())
+    return refuse(response, status);
+  grpc::ClientContext context;
+  set_deadline(context, kCall);
+  v1::UploadImageResponse stored;
+  const auto stub = v1::SessionService::NewStub(server_);
+  const auto writer = stub->UploadImage(&context, &stored);
+  for (size_t at = 0; at < request.body.size(); at += kChunkBytes) {
+    v1::UploadImageRequest part;
+    part.set_chunk(request.body.substr(at, kChunkBytes));
+    if (!writer->Write(part)) break;
+  }
+  writer->WritesDone();
+  if (const absl::Status status = from_grpc(writer->Finish(), "the server"); !status.ok())
+    return refuse(response, status);
+  response.set_content(nlohmann::json{{"image", stored.image()}}.dump(), "application/json");
+}
+
+absl::StatusOr<std::shared_ptr<grpc::Channel>> Console::channel_to(const std::string& node) {
+  grpc::ClientContext context;
+  set_deadline(context, kCall);
+  v1::ListNodesResponse listed;
+  GW_RETURN_IF_ERROR(
+      from_grpc(v1::NodeService::NewStub(server_)->ListNodes(&context, {}, &listed), "the server"));
+  const auto found = std::ranges::find(listed.nodes(), node, &v1::Node::name);
+  if (found == listed.nodes().end() || found->address().empty())
+    return absl::NotFoundError(fmt::format("no node \"{}\" of this rig takes calls", node));
+  const std::lock_guard lock(mutex_);
+  std::shared_ptr<grpc::Channel>& channel = channels_[found->address()];
+  if (channel == nullptr) channel = dial(found->address());
+  return channel;
+}
+
+}  // namespace glasswing

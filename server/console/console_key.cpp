@@ -1,0 +1,101 @@
+#include "server/console/console_key.h"
+
+#include <absl/strings/escaping.h>
+#include <fmt/format.h>
+#include <openssl/crypto.h>
+#include <openssl/evp.h>
+#include <openssl/hmac.h>
+#include <openssl/rand.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+
+#include "core/base/file.h"
+#include "core/base/name.h"
+#include "core/base/status.h"
+
+namespace glasswing {
+namespace {
+
+namespace fs = std::filesystem;
+constexpr std::chrono::hours kLongest(24 * 365);
+
+absl::Status make_key(const fs::path& path) {
+  std::array<unsigned char, 32> key{};
+  if (::RAND_bytes(key.data(), static_cast<int>(key.size())) != 1)
+    return absl::InternalError("no random numbers are to be had");
+  // Of its owner from the first byte on.
+  const mode_t before = ::umask(0077);
+  const absl::Status written =
+      write_file_durably(path, {reinterpret_cast<const char*>(key.data()), key.size()});
+  ::umask(before);
+  return written;
+}
+
+bool is_persons(std::string_view role) {
+  return role == kRoleNames[static_cast<size_t>(Role::kOperator)] ||
+         role == kRoleNames[static_cast<size_t>(Role::kViewer)];
+}
+
+}  // namespace
+
+absl::StatusOr<ConsoleKey> ConsoleKey::open(const fs::path& data) {
+  const fs::path path = data / "console-key";
+  if (!fs::exists(path)) GW_RETURN_IF_ERROR(make_key(path));
+  GW_ASSIGN_OR_RETURN(const std::string bytes, read_file(path));
+  ConsoleKey key;
+  if (bytes.size() != key.key_.size()) {
+    return absl::DataLossError(
+        fmt::format("{} has {} bytes instead of {}; remove it, and browsers have to log in anew",
+                    path.string(), bytes.size(), key.key_.size()));
+  }
+  std::ranges::copy(bytes, key.key_.begin());
+  return key;
+}
+
+std::string ConsoleKey::signature_of(std::string_view text) const {
+  std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
+  unsigned size = 0;
+  ::HMAC(EVP_sha256(), key_.data(), static_cast<int>(key_.size()),
+         reinterpret_cast<const unsigned char*>(text.data()), text.size(), digest.data(), &size);
+  return absl::WebSafeBase64Escape({reinterpret_cast<const char*>(digest.data()), size});
+}
+
+absl::StatusOr<std::string> ConsoleKey::token_of(const std::string& name, const std::string& role,
+                                                 std::chrono::sys_seconds expires,
+                                                 std::chrono::sys_seconds now) const {
+  GW_RETURN_IF_ERROR(check_name("visitor", name));
+  if (!is_persons(role))
+    return absl::InvalidArgumentError(fmt::format("the role is \"{}\"; it must be operator or viewer", role));
+  if (expires <= now || expires - now > kLongest)
+    return absl::InvalidArgumentError("the token must be valid for some time, and for a year at most");
+  const std::string text =
+      absl::WebSafeBase64Escape(fmt::format("{} {} {}", role, expires.time_since_epoch().count(), name));
+  return fmt::format("{}.{}", text, signature_of(text));
+}
+
+absl::StatusOr<Visitor> ConsoleKey::visitor_of(std::string_view token, std::chrono::sys_seconds now) const {
+  const absl::Status unknown =
+      absl::UnauthenticatedError("that is no token of this server; `glasswing console token` makes one");
+  const size_t dot = token.find('.');
+  if (dot == std::string_view::npos) return unknown;
+  const std::string_view text = token.substr(0, dot), shown = token.substr(dot + 1);
+  const std::string right = signature_of(text);
+  if (shown.size() != right.size() || ::CRYPTO_memcmp(shown.data(), right.data(), right.size()) != 0)
+    return unknown;
+  std::string content;
+  if (!absl::WebSafeBase64Unescape({text.data(), text.size()}, &content)) return unknown;
+  const size_t first = content.find(' '), second = content.find(' ', first + 1);
+  if (second == std::string::npos) return unknown;
+  std::int64_t expires = 0;
+  std::from_chars(content.data() + first + 1, content.data() + second, expires);
+  Visitor visitor{.name = content.substr(second + 1),
+                  .roles = role_of_uri(fmt::format("{}{}", kRoleUri, content.substr(0, first))),
+                  .expires = std::chrono::sys_seconds(std::chrono::seconds(expires))};
+  if (visitor.expires > now) return visitor;
+  return absl::UnauthenticatedError("this token was valid until a moment that is over; make another one");
+}
+
+}  // namespace glasswing

@@ -1,0 +1,24 @@
+// ConsoleService: tokens with which browsers log in.
+#pragma once
+
+#include "glasswing/v1/console_service.grpc.pb.h"
+#include "server/console/console_key.h"
+
+namespace glasswing {
+
+class ConsoleServiceImpl final : public v1::ConsoleService::Service {
+ public:
+  explicit ConsoleServiceImpl(const ConsoleKey& key) : key_(key) {}
+  // Where people reach the console; before, and where it is empty, there is none.
+  void serve_at(const std::string& url);
+
+  grpc::Status CreateToken(grpc::ServerContext*, const v1::CreateTokenRequest*,
+                           v1::CreateTokenResponse*) override;
+
+ private:
+  const ConsoleKey& key_;
+  std::mutex mutex_;
+  std::string url_;
+};
+
+}  // namespace glasswing

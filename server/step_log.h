@@ -1,0 +1,41 @@
+// What became of each step of a capture, for those who watch. It is kept in memory, for the sessions that
+// were captured last; what has to last is in the archive.
+#pragma once
+
+#include <cstddef>
+#include <deque>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "glasswing/v1/session_service.pb.h"
+
+namespace glasswing {
+
+// Thread-safe.
+class StepLog {
+ public:
+  static constexpr size_t kMostSessions = 8;
+  static constexpr size_t kMostEvents = 50'000;  // of a session; later ones but proofs are not kept
+
+  // Of a step that is proven already, nothing is added.
+  void add(const std::string& session, v1::StepEvent event);
+  // Those from the `first` on, oldest first. None: nothing is known of this session.
+  std::optional<std::vector<v1::StepEvent>> events(const std::string& session, size_t first) const;
+
+ private:
+  struct Entry {
+    std::string session;
+    std::vector<v1::StepEvent> events;
+    std::set<int> proven;
+  };
+  mutable std::mutex mutex_;
+  std::deque<Entry> entries_;  // newest last
+};
+
+// What an archive alone tells: what was proven, in the order of exposure.
+std::vector<v1::StepEvent> proven_steps(const v1::CaptureManifest& manifest);
+
+}  // namespace glasswing

@@ -1,0 +1,320 @@
+#include "server/console/console.h"
+
+#include <fmt/format.h>
+#include <google/protobuf/descriptor.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <nlohmann/json.hpp>
+
+#include "core/base/file.h"
+#include "core/service/service.h"
+#include "core/service/tls.h"
+#include "glasswing/v1/node_service.grpc.pb.h"
+#include "glasswing/v1/rig_service.grpc.pb.h"
+#include "glasswing/v1/session_service.grpc.pb.h"
+#include "server/console/console_service.h"
+#include "tests/core/service/made_certificates.h"
+
+namespace glasswing {
+namespace {
+
+using nlohmann::json;
+
+// One session, "vase", whose matte is some bytes.
+class Sessions final : public v1::SessionService::Service {
+ public:
+  grpc::Status GetSession(grpc::ServerContext*, const v1::GetSessionRequest* request,
+                          v1::GetSessionResponse* response) override {
+    if (request->name() != "vase") return {grpc::StatusCode::NOT_FOUND, "there is no session"};
+    response->mutable_session()->set_name("vase");
+    response->mutable_session()->set_archive_bytes(1LL << 40);
+    return grpc::Status::OK;
+  }
+  // Two changes, then quiet until the caller has left.
+  grpc::Status WatchSession(grpc::ServerContext* context, const v1::WatchSessionRequest* request,
+                            grpc::ServerWriter<v1::WatchSessionResponse>* writer) override {
+    for (const int proven : {1, 2}) {
+      v1::WatchSessionResponse response;
+      response.mutable_session()->set_proven_count(proven);
+      writer->Write(response);
+    }
+    if (request->name() == "short") return {grpc::StatusCode::DATA_LOSS, "gone"};
+    while (!context->IsCancelled()) std::this_thread::yield();
+    left = true;
+    left.notify_all();
+    return grpc::Status::CANCELLED;
+  }
+  grpc::Status FetchMatte(grpc::ServerContext*, const v1::FetchMatteRequest* request,
+                          grpc::ServerWriter<v1::FetchMatteResponse>* writer) override {
+    v1::FetchMatteResponse response;
+    for (const char* part : {"all the ", "bytes of "}) {
+      response.set_chunk(part);
+      writer->Write(response);
+    }
+    response.set_chunk(request->has_frame() ? std::to_string(request->frame()) : request->name());
+    writer->Write(response);
+    return grpc::Status::OK;
+  }
+
+  std::atomic<bool> left = false;
+};
+
+class ConsoleTest : public testing::Test {
+ protected:
+  ConsoleTest() { std::filesystem::create_directories(scratch_ / "page/assets"); }
+  ~ConsoleTest() override {
+    console_.reset();
+    (void)use_tls({});
+    std::filesystem::remove_all(scratch_);
+  }
+
+  void start() {
+    (void)write_file_durably(scratch_ / "page/index.html", "<!doctype html>");
+    (void)write_file_durably(scratch_ / "secret", "not of the page");
+    key_ = std::make_unique<ConsoleKey>(ConsoleKey::open(scratch_).value());
+    tokens_ = std::make_unique<ConsoleServiceImpl>(*key_);
+    server_ = ServiceHost::start({}, {&sessions_, tokens_.get()}).value();
+    console_ = Console::start("127.0.0.1:0", scratch_ / "page", *key_, server_->to_itself()).value();
+    tokens_->serve_at(console_->url());
+  }
+  httplib::Client client() const {
+    httplib::Client client(console_->url());
+    client.set_default_headers({{"X-Glasswing", "console"}});
+    return client;
+  }
+  std::string token(const std::string& role) const {
+    const auto now = std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now());
+    return key_->token_of("anna", role, now + std::chrono::hours(1), now).value();
+  }
+  // With the cookie of one who logged in.
+  httplib::Client logged_in(const std::string& role) const {
+    httplib::Client client = this->client();
+    const auto response = client.Post("/login", json{{"token", token(role)}}.dump(), "application/json");
+    EXPECT_EQ(response->status, 200);
+    const std::string cookie = response->get_header_value("Set-Cookie");
+    client.set_default_headers({{"X-Glasswing", "console"}, {"Cookie", cookie.substr(0, cookie.find(';'))}});
+    return client;
+  }
+
+  const std::filesystem::path scratch_ =
+      std::filesystem::temp_directory_path() / ("glasswing-console-" + std::to_string(::getpid()));
+  Sessions sessions_;
+  std::unique_ptr<ConsoleKey> key_;
+  std::unique_ptr<ConsoleServiceImpl> tokens_;
+  std::unique_ptr<ServiceHost> server_;
+  std::unique_ptr<Console> console_;
+};
+
+json body_of(const httplib::Result& result) {
+  return json::parse(result->body);
+}
+
+TEST_F(ConsoleTest, NobodyIsAnsweredButThePageBeforeLoggingIn) {
+  start();
+  httplib::Client stranger = client();
+  for (const char* path : {"/me", "/mattes/vase.exr", "/frames/vase/000000.tif", "/pixels/vase?x=0&y=0"})
+    EXPECT_EQ(stranger.Get(path)->status, 401) << path;
+  for (const char* path :
+       {"/api/SessionService/GetSession", "/api/nodes/a/CameraService/Preview", "/plans", "/images"})
+    EXPECT_EQ(stranger.Post(path, "{}", "application/json")->status, 401) << path;
+  EXPECT_EQ(stranger.Post("/login", R"({"token": "x.y"})", "application/json")->status, 401);
+  EXPECT_EQ(stranger.Post("/login", "[", "application/json")->status, 401);
+  EXPECT_EQ(stranger.Get("/")->body, "<!doctype html>");
+  EXPECT_EQ(stranger.Get("/../secret")->status, 404);
+}
+
+TEST_F(ConsoleTest, ACookieIsForTheBrowserAloneAndGoesWithTheVisitor) {
+  start();
+  httplib::Client anna = logged_in("viewer");
+  EXPECT_EQ(body_of(anna.Get("/me"))["name"], "anna");
+  EXPECT_EQ(body_of(anna.Get("/me"))["role"], "viewer");
+  const auto in = client().Post("/login", json{{"token", token("viewer")}}.dump(), "application/json");
+  for (const char* word : {"HttpOnly", "SameSite=Strict", "Path=/"})
+    EXPECT_NE(in->get_header_value("Set-Cookie").find(word), std::string::npos) << word;
+  EXPECT_NE(anna.Post("/logout")->get_header_value("Set-Cookie").find("Max-Age=0"), std::string::npos);
+}
+
+TEST_F(ConsoleTest, CallsAreProtobufsJson) {
+  start();
+  httplib::Client anna = logged_in("viewer");
+  const auto get = [&](const std::string& body) {
+    return anna.Post("/api/SessionService/GetSession", body, "application/json");
+  };
+  EXPECT_EQ(body_of(get(R"({"name": "vase"})")),
+            (json{{"session", {{"name", "vase"}, {"archiveBytes", "1099511627776"}}}}));
+  EXPECT_EQ(get(R"({"name": "urn"})")->status, 404);
+  EXPECT_EQ(body_of(get(R"({"name": "urn"})")),
+            (json{{"code", "NOT_FOUND"}, {"message", "there is no session"}}));
+  EXPECT_EQ(get(R"({"nam": "vase"})")->status, 400);
+  EXPECT_EQ(get("[[[[")->status, 400);
+  EXPECT_EQ(anna.Post("/api/SessionService/Nothing", "{}", "application/json")->status, 404);
+  EXPECT_EQ(anna.Post("/api/NodeService/ListNodes", "{}", "application/json")->status,
+            501);  // not served here
+}
+
+TEST_F(ConsoleTest, RolesHoldAsForEveryCall) {
+  start();
+  (void)v1::ListNodesRequest::descriptor();
+  (void)v1::CheckRigRequest::descriptor();
+  int refused = 0;
+  for (const auto& [role, name] :
+       {std::pair(Role::kViewer, "viewer"), std::pair(Role::kOperator, "operator")}) {
+    httplib::Client visitor = logged_in(name);
+    for (const MethodAccess& access : access_table()) {
+      const std::string method(access.method);
+      const auto found =
+          JsonMethod::find(method.substr(0, method.find('/')), method.substr(method.find('/') + 1));
+      if (!found.ok() || (access.allows(role) && found->streams())) continue;
+      const auto response = visitor.Post("/api/" + method, "{}", "application/json");
+      EXPECT_EQ(response->status == 403, !access.allows(role)) << method << " as " << name;
+      refused += response->status == 403;
+    }
+  }
+  EXPECT_GT(refused, 20);
+}
+
+TEST_F(ConsoleTest, StreamsAreEventsAndEndWithTheirStatus) {
+  start();
+  httplib::Client anna = logged_in("viewer");
+  const auto response =
+      anna.Post("/api/SessionService/WatchSession", R"({"name": "short"})", "application/json");
+  EXPECT_EQ(response->get_header_value("Content-Type"), "text/event-stream");
+  EXPECT_EQ(response->body,
+            "data: {\"session\":{\"provenCount\":1}}\n\ndata: {\"session\":{\"provenCount\":2}}\n\n"
+            "event: end\ndata: {\"code\":\"DATA_LOSS\",\"message\":\"gone\"}\n\n");
+}
+
+TEST_F(ConsoleTest, ABrowserThatLeavesEndsItsCalls) {
+  start();
+  httplib::Client anna = logged_in("viewer");
+  httplib::Request request;
+  request.method = "POST";
+  request.path = "/api/SessionService/WatchSession";
+  request.body = "{}";
+  std::string seen;
+  request.content_receiver = [&](const char* bytes, size_t size, std::uint64_t, std::uint64_t) {
+    seen.append(bytes, size);
+    return seen.find("\"provenCount\":2") == std::string::npos;  // enough: the connection is closed
+  };
+  (void)anna.send(request);
+  sessions_.left.wait(false);
+}
+
+TEST_F(ConsoleTest, AConsoleThatStopsEndsItsStreams) {
+  start();
+  httplib::Client anna = logged_in("viewer");
+  std::thread watching(
+      [&] { (void)anna.Post("/api/SessionService/WatchSession", "{}", "application/json"); });
+  console_.reset();
+  watching.join();
+}
+
+TEST_F(ConsoleTest, MattesCanBeHadInParts) {
+  start();
+  httplib::Client anna = logged_in("viewer");
+  const std::string whole = "all the bytes of vase";
+  EXPECT_EQ(anna.Get("/mattes/vase.exr")->body, whole);
+  const auto part = anna.Get("/mattes/vase.exr", {{"Range", "bytes=4-8"}});
+  EXPECT_EQ(part->status, 206);
+  EXPECT_EQ(part->body, whole.substr(4, 5));
+  EXPECT_EQ(anna.Get("/mattes/vase.exr?frame=7")->body, "all the bytes of 7");
+  EXPECT_EQ(anna.Get("/mattes/vase.exr?frame=x")->status, 400);
+  const std::string tag = anna.Get("/mattes/vase.exr")->get_header_value("ETag");
+  EXPECT_EQ(anna.Get("/mattes/vase.exr", {{"If-None-Match", tag}})->status, 304);
+}
+
+TEST_F(ConsoleTest, PlansAreReadAsTextAndErrorsHaveAPlace) {
+  start();
+  httplib::Client anna = logged_in("viewer");
+  EXPECT_EQ(body_of(anna.Post("/plans", "method: \"ramp\"\nramp { frames: 3 }", "text/plain")),
+            (json{{"method", "ramp"}, {"ramp", {{"frames", 3}}}}));
+  const auto wrong = anna.Post("/plans", "method: \"ramp\"\nlamp {}", "text/plain");
+  EXPECT_EQ(wrong->status, 400);
+  EXPECT_NE(wrong->body.find("line 2"), std::string::npos) << wrong->body;
+}
+
+TEST_F(ConsoleTest, OtherPagesGetNothing) {
+  start();
+  httplib::Client anna = logged_in("operator");
+  const std::string host = console_->url().substr(7);
+  EXPECT_EQ(anna.Get("/me", {{"Sec-Fetch-Site", "cross-site"}})->status, 403);
+  EXPECT_EQ(anna.Get("/me", {{"Sec-Fetch-Site", "same-site"}})->status, 403);
+  EXPECT_EQ(anna.Get("/me", {{"Sec-Fetch-Site", "same-origin"}})->status, 200);
+  EXPECT_EQ(anna.Get("/me", {{"Origin", "http://evil.example"}})->status, 403);
+  EXPECT_EQ(anna.Get("/me", {{"Origin", "null"}})->status, 403);
+  EXPECT_EQ(anna.Get("/me", {{"Origin", "http://" + host}})->status, 200);
+  EXPECT_EQ(anna.Get("/me", {{"Host", "evil.example:7480"}})->status, 403);
+  httplib::Client form = client();  // cannot send our header
+  form.set_default_headers({});
+  EXPECT_EQ(form.Post("/login", json{{"token", token("operator")}}.dump(), "text/plain")->status, 403);
+}
+
+TEST_F(ConsoleTest, ThePageRunsNothingOfOthers) {
+  start();
+  const std::string policy = client().Get("/")->get_header_value("Content-Security-Policy");
+  EXPECT_NE(policy.find("default-src 'none'"), std::string::npos);
+  EXPECT_NE(policy.find("script-src 'self';"), std::string::npos);
+  EXPECT_EQ(policy.find("unsafe"), std::string::npos);
+}
+
+TEST_F(ConsoleTest, BeyondThisMachineItNeedsTls) {
+  start();
+  EXPECT_EQ(Console::start("0.0.0.0:0", scratch_, *key_, server_->to_itself()).status().code(),
+            absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(Console::start("7480", scratch_, *key_, server_->to_itself()).status().code(),
+            absl::StatusCode::kInvalidArgument);
+}
+
+TEST_F(ConsoleTest, ACertificateOfTheLabLogsIn) {
+  const MadeCertificate ca = make_certificate("ca"), foreign = make_certificate("foreign ca");
+  const auto write = [&](const std::string& file, const std::string& pem) {
+    EXPECT_TRUE(write_file_durably(scratch_ / file, pem).ok());
+    return (scratch_ / file).string();
+  };
+  const MadeCertificate own = make_certificate("rig", &ca, "IP:127.0.0.1");
+  ASSERT_TRUE(use_tls({write("ca.pem", ca.certificate_pem()), write("own.pem", own.certificate_pem()),
+                       write("own.key", own.key_pem())})
+                  .ok());
+  start();
+  EXPECT_TRUE(console_->url().starts_with("https://"));
+  const auto visitor_with = [&](const MadeCertificate* certificate) {
+    auto client = certificate == nullptr
+                      ? std::make_unique<httplib::Client>(console_->url())
+                      : std::make_unique<httplib::Client>(console_->url(),
+                                                          write("v.pem", certificate->certificate_pem()),
+                                                          write("v.key", certificate->key_pem()));
+    client->set_ca_cert_path((scratch_ / "ca.pem").c_str());
+    client->set_default_headers({{"X-Glasswing", "console"}});
+    return client;
+  };
+  const MadeCertificate berta = make_certificate("berta", &ca, fmt::format("URI:{}operator", kRoleUri));
+  EXPECT_EQ(body_of(visitor_with(&berta)->Get("/me")), (json{{"name", "berta"}, {"role", "operator"}}));
+  const MadeCertificate stranger =
+      make_certificate("berta", &foreign, fmt::format("URI:{}operator", kRoleUri));
+  EXPECT_FALSE(visitor_with(&stranger)->Get("/me"));
+  EXPECT_EQ(visitor_with(nullptr)->Get("/me")->status, 401);
+  const auto in =
+      visitor_with(nullptr)->Post("/login", json{{"token", token("viewer")}}.dump(), "application/json");
+  EXPECT_NE(in->get_header_value("Set-Cookie").find("Secure"), std::string::npos);
+}
+
+TEST_F(ConsoleTest, AServerWithoutConsoleMakesNoTokens) {
+  const ConsoleKey key = ConsoleKey::open(scratch_).value();
+  ConsoleServiceImpl tokens(key);
+  v1::CreateTokenRequest request;
+  request.set_name("anna");
+  request.set_role("viewer");
+  request.set_valid_hours(1.0);
+  v1::CreateTokenResponse response;
+  EXPECT_EQ(tokens.CreateToken(nullptr, &request, &response).error_code(),
+            grpc::StatusCode::FAILED_PRECONDITION);
+  tokens.serve_at("http://127.0.0.1:1");
+  EXPECT_TRUE(tokens.CreateToken(nullptr, &request, &response).ok());
+  request.set_valid_hours(0.0);
+  EXPECT_EQ(tokens.CreateToken(nullptr, &request, &response).error_code(),
+            grpc::StatusCode::INVALID_ARGUMENT);
+}
+
+}  // namespace
+}  // namespace glasswing
