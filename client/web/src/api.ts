@@ -1,0 +1,128 @@
+// Calls to the server that the page came from: the rig's own services, in protobuf's JSON mapping.
+import { computed, signal } from "@preact/signals";
+
+export interface Me {
+  name: string;
+  role: string;
+  expires?: string;
+}
+
+/** Who is logged in: null nobody, undefined not known yet. */
+export const me = signal<Me | null | undefined>(undefined);
+/** Viewers are shown no control that would be refused. */
+export const mayOperate = computed(() => me.value?.role === "operator");
+
+/** What the server answered in place of what was asked for; `code` is gRPC's name of it. */
+export class ApiError extends Error {
+  constructor(
+    readonly code: string,
+    message: string,
+  ) {
+    super(message);
+  }
+}
+
+export interface CallOptions {
+  /** The camera or display that is asked; without it the server. */
+  node?: string;
+  signal?: AbortSignal;
+}
+
+const kHeaders = { "Content-Type": "application/json", "X-Glasswing": "console" };
+
+async function refusal(response: Response): Promise<ApiError> {
+  const said = (await response.json().catch(() => ({}))) as { code?: string; message?: string };
+  if (response.status === 401) me.value = null;
+  return new ApiError(said.code ?? "UNKNOWN", said.message ?? `the server answered ${response.status} ${response.statusText}`);
+}
+
+/** fetch() whose failures are ApiErrors: UNAVAILABLE where no answer came. */
+export async function ask(path: string, init: RequestInit = {}): Promise<Response> {
+  const headers = { "X-Glasswing": "console", ...(init.headers as Record<string, string> | undefined) };
+  const response = await fetch(path, { ...init, headers }).catch((error: unknown) => {
+    if (init.signal?.aborted) throw error;
+    throw new ApiError("UNAVAILABLE", "the server does not answer");
+  });
+  if (!response.ok) throw await refusal(response);
+  return response;
+}
+
+function post(method: string, request: object, options: CallOptions): Promise<Response> {
+  const path = options.node === undefined ? `/api/${method}` : `/api/nodes/${encodeURIComponent(options.node)}/${method}`;
+  const init: RequestInit = { method: "POST", headers: kHeaders, body: JSON.stringify(request) };
+  if (options.signal) init.signal = options.signal;
+  return ask(path, init);
+}
+
+/** `method` is "SessionService/GetSession". */
+export async function call<Answer>(method: string, request: object = {}, options: CallOptions = {}): Promise<Answer> {
+  return (await (await post(method, request, options)).json()) as Answer;
+}
+
+/** The messages of a method that streams its answers. Ending the loop, or options.signal, cancels the call. */
+export async function* stream<Answer>(
+  method: string,
+  request: object = {},
+  options: CallOptions = {},
+): AsyncGenerator<Answer> {
+  const response = await post(method, request, options);
+  if (!response.body) return;
+  for await (const event of events(response.body)) {
+    if (event.kind === "end") {
+      const end = JSON.parse(event.data) as { code: string; message: string };
+      if (end.code !== "OK") throw new ApiError(end.code, end.message);
+      return;
+    }
+    yield JSON.parse(event.data) as Answer;
+  }
+  throw new ApiError("UNAVAILABLE", "the connection to the server was lost");
+}
+
+interface ServerEvent {
+  kind: string;
+  data: string;
+}
+
+/** Server-sent events, comments left out. */
+export async function* events(body: ReadableStream<Uint8Array<ArrayBuffer>>): AsyncGenerator<ServerEvent> {
+  const reader = body.pipeThrough(new TextDecoderStream()).getReader();
+  try {
+    let rest = "";
+    for (;;) {
+      const { value, done } = await reader.read();
+      if (done) return;
+      const blocks = (rest + value).split("\n\n");
+      rest = blocks.pop() ?? "";
+      for (const block of blocks) {
+        const event = { kind: "message", data: "" };
+        for (const line of block.split("\n")) {
+          if (line.startsWith("event:")) event.kind = line.slice(6).trim();
+          if (line.startsWith("data:")) event.data += line.slice(5).trim();
+        }
+        if (event.data !== "") yield event;
+      }
+    }
+  } finally {
+    await reader.cancel().catch(() => undefined);
+  }
+}
+
+export async function login(token: string): Promise<void> {
+  const response = await ask("/login", { method: "POST", headers: kHeaders, body: JSON.stringify({ token }) });
+  me.value = (await response.json()) as Me;
+}
+
+export async function logout(): Promise<void> {
+  await ask("/logout", { method: "POST", headers: kHeaders, body: "{}" });
+  me.value = null;
+}
+
+/** Takes a token from the address (and out of it), else asks who the browser already is. */
+export async function begin(): Promise<void> {
+  const token = /^#token=(.+)$/.exec(location.hash)?.[1];
+  if (token !== undefined) {
+    history.replaceState(null, "", location.pathname + "#/");
+    return login(decodeURIComponent(token));
+  }
+  me.value = (await (await ask("/me")).json()) as Me;
+}

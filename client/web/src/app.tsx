@@ -1,0 +1,80 @@
+import { signal } from "@preact/signals";
+import type { ComponentType } from "preact";
+import { useEffect, useState } from "preact/hooks";
+import { ApiError, begin, logout, me } from "./api";
+import { Login } from "./login/login";
+import { kPages, type PageEntry, type PageProps } from "./pages";
+import { Failure } from "./parts/failure";
+import { nextTheme, theme } from "./theme";
+
+function pathOf(hash: string): string[] {
+  return hash.replace(/^#\/?/, "").split("/").filter(Boolean).map(decodeURIComponent);
+}
+
+const route = signal(pathOf(location.hash));
+addEventListener("hashchange", () => (route.value = pathOf(location.hash)));
+
+function Lazy({ page, path }: { page: PageEntry; path: string[] }) {
+  const [loaded, setLoaded] = useState<{ name: string; Page: ComponentType<PageProps> }>();
+  const [error, setError] = useState<unknown>();
+  useEffect(() => {
+    setError(undefined);
+    page.load().then((module) => setLoaded({ name: page.name, Page: module.default }), setError);
+    document.title = `${page.title} · Glasswing`;
+  }, [page]);
+  if (error) return <Failure error={error} />;
+  return loaded?.name === page.name ? <loaded.Page path={path} /> : null;
+}
+
+function Navigation({ now }: { now: string }) {
+  return (
+    <header class="bar">
+      <a class="skip" href="#main" onClick={(event) => (event.preventDefault(), document.getElementById("main")?.focus())}>
+        To the page
+      </a>
+      <nav aria-label="Pages">
+        {kPages.map(({ name, title }) => (
+          <a key={name} href={`#/${name}`} aria-current={name === now ? "page" : undefined}>
+            {title}
+          </a>
+        ))}
+      </nav>
+      <span class="spacer" />
+      <button class="quiet" onClick={nextTheme} title="Light, dark, or as the system has it">
+        Theme: {theme.value}
+      </button>
+      {me.value && (
+        <button class="quiet" onClick={() => void logout()} title={`Logged in as ${me.value.name}, ${me.value.role}`}>
+          Log out {me.value.name}
+        </button>
+      )}
+    </header>
+  );
+}
+
+export function App() {
+  const [error, setError] = useState<unknown>();
+  useEffect(() => {
+    begin().catch((reason: unknown) => {
+      me.value = null;
+      if (!(reason instanceof ApiError && reason.code === "UNAUTHENTICATED")) setError(reason);
+    });
+  }, []);
+  const [name = kPages[0]!.name, ...path] = route.value;
+  const page = kPages.find((each) => each.name === name);
+  if (me.value === undefined) return null;
+  return (
+    <>
+      <Navigation now={name} />
+      <main id="main" tabIndex={-1}>
+        {me.value === null ? (
+          <Login before={error} />
+        ) : page ? (
+          <Lazy page={page} path={path} />
+        ) : (
+          <Failure error={new Error(`there is no page "${name}"`)} />
+        )}
+      </main>
+    </>
+  );
+}

@@ -1,0 +1,18 @@
+// The console's pages. Each is loaded when it is first looked at.
+import type { ComponentType } from "preact";
+
+/** `path`: what stands in the address after the page's own name. */
+export interface PageProps {
+  path: string[];
+}
+
+export interface PageEntry {
+  name: string;
+  title: string;
+  load: () => Promise<{ default: ComponentType<PageProps> }>;
+}
+
+export const kPages: PageEntry[] = [
+  { name: "matte", title: "Matte", load: () => import("./matte/page") },
+  { name: "play", title: "Play", load: () => import("./play/page") },
+];

@@ -1,0 +1,5 @@
+import type { PageProps } from "../pages";
+
+export default function Page({ path }: PageProps) {
+  return <p>{path.join("/")}</p>;
+}

@@ -1,0 +1,13 @@
+import { defineConfig } from "vitest/config";
+
+// The page's content security policy allows nothing inline, so nothing is inlined. `vite` alone serves the
+// pages while they are worked on, and passes calls on to a server of GLASSWING_CONSOLE.
+const console_url = process.env["GLASSWING_CONSOLE"] ?? "http://127.0.0.1:7480";
+const passed_on = ["/login", "/logout", "/me", "/api", "/plans", "/images", "/mattes", "/frames", "/pixels"];
+
+export default defineConfig({
+  build: { target: "es2023", assetsInlineLimit: 0, modulePreload: { polyfill: false } },
+  worker: { format: "es" },
+  server: { proxy: Object.fromEntries(passed_on.map((path) => [path, console_url])) },
+  test: { include: ["tests/**/*_test.ts"] },
+});
