@@ -1,5 +1,16 @@
 import type { PageProps } from "../pages";
+import { Failure } from "../parts/failure";
+import { SessionChoice } from "../parts/session_choice";
+import { framesOf, useSession } from "../parts/use_session";
+import { Player } from "./player";
+import "./play.css";
 
-export default function Page({ path }: PageProps) {
-  return <p>{path.join("/")}</p>;
+function Session({ name }: { name: string }) {
+  const { session, error } = useSession(name);
+  if (error) return <Failure error={error} />;
+  return session ? <Player key={name} session={name} frames={framesOf(session)} /> : null;
+}
+
+export default function Page({ path: [name] }: PageProps) {
+  return name === undefined ? <SessionChoice page="play" title="Play with a matte" /> : <Session name={name} />;
 }

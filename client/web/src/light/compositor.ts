@@ -1,0 +1,145 @@
+// Puts a matte's object in front of pictures, on a canvas of the matte's size (docs/matte.md):
+//
+//   C = F + sum over modes of R * integral over the monitor of G(x; c, S) T(x) dx
+//
+// T is a level of a pyramid (pyramid.ts) that suits each footprint (footprints.ts). Nothing lies beyond a monitor's edge.
+import { kListWidth, type Footprints } from "./footprints";
+import { NoWebGl, Program, makeTexture, openContext } from "./gl";
+import type { MatteMetadata } from "./matte";
+import { primaryMix, type PrimaryMix } from "./primary_mix";
+import { Pyramids, type Picture, type Placement } from "./pyramid";
+import { kBorder, pyramidShape, type PyramidShape } from "./pyramid_shape";
+import { composite, kEverything } from "./shaders";
+
+/** Of a matte, what the compositor draws. */
+export interface Drawable {
+  metadata: MatteMetadata;
+  width: number;
+  height: number;
+  foreground: Float32Array<ArrayBuffer>;
+  footprints: Footprints;
+}
+
+/** How a picture stands on its monitor: stretched over it, or with its own shape, cut where it is too long. */
+export interface Standing {
+  keepShape: boolean;
+  /** Monitor px, right and down. */
+  dx: number;
+  dy: number;
+  /** 1: as large as the monitor. */
+  scale: number;
+}
+
+export function placementOf(picture: { width: number; height: number }, monitor: { width: number; height: number }, standing: Standing): Placement {
+  const stretch = { x: picture.width / monitor.width, y: picture.height / monitor.height };
+  const shared = Math.min(stretch.x, stretch.y);
+  const stepX = (standing.keepShape ? shared : stretch.x) / standing.scale;
+  const stepY = (standing.keepShape ? shared : stretch.y) / standing.scale;
+  return {
+    x: 0.5 * picture.width - (0.5 * monitor.width + standing.dx) * stepX,
+    y: 0.5 * picture.height - (0.5 * monitor.height + standing.dy) * stepY,
+    stepX,
+    stepY,
+  };
+}
+
+const kMostMonitors = 8;
+
+export class Compositor {
+  private readonly gl: WebGL2RenderingContext;
+  private readonly shapes: PyramidShape[];
+  private readonly mix: PrimaryMix;
+  private readonly pyramids: Pyramids;
+  private readonly program: Program;
+  private readonly foreground: WebGLTexture;
+  private readonly index: WebGLTexture;
+  private readonly list: WebGLTexture;
+  private readonly pictures: (Picture | undefined)[] = [];
+
+  /** The canvas takes the matte's size. NoWebGl says what the browser lacks. */
+  constructor(
+    private readonly canvas: HTMLCanvasElement,
+    matte: Drawable,
+  ) {
+    const { metadata } = matte;
+    if (metadata.monitors.length > kMostMonitors)
+      throw new NoWebGl(`the matte has ${metadata.monitors.length} monitors; the browser can show ${kMostMonitors}`);
+    const gl = (this.gl = openContext(canvas));
+    this.shapes = metadata.monitors.map(({ width_px, height_px }) => pyramidShape(width_px, height_px));
+    this.mix = primaryMix(metadata);
+    const largest = gl.getParameter(gl.MAX_TEXTURE_SIZE) as number;
+    const needed = Math.max(matte.width, matte.height, matte.footprints.listHeight, ...this.shapes.flatMap(({ width, height }) => [width, height]));
+    if (needed > largest) throw new NoWebGl(`the matte needs textures of ${needed} px; this graphics processor has ${largest}`);
+    this.pyramids = new Pyramids(gl, this.shapes);
+    this.foreground = makeTexture(gl, gl.TEXTURE_2D, gl.NEAREST);
+    this.index = makeTexture(gl, gl.TEXTURE_2D, gl.NEAREST);
+    this.list = makeTexture(gl, gl.TEXTURE_2D, gl.NEAREST);
+    const levels = this.shapes.flatMap((shape) => shape.levels);
+    this.program = new Program(gl, kEverything, composite(levels.length, this.shapes.length, metadata.footprint === "box")).use();
+    gl.uniform4iv(this.program.at("u_levels"), levels.flatMap(({ x, y, width, height }) => [x, y, width, height]));
+    gl.uniform1iv(this.program.at("u_first_level"), this.shapes.map((_, t) => this.shapes.slice(0, t).reduce((sum, { levels: own }) => sum + own.length, 0)));
+    gl.uniform1i(this.program.at("u_border"), kBorder);
+    gl.uniform1i(this.program.at("u_list_width"), kListWidth);
+    gl.uniformMatrix3fv(this.program.at("u_primaries"), true, this.mix.primaries);
+    this.setMatte(matte);
+  }
+
+  /** Another frame of the same video: its monitors and footprints are of the same kind. */
+  setMatte({ width, height, foreground, footprints }: Drawable): void {
+    const { gl } = this;
+    this.canvas.width = width;
+    this.canvas.height = height;
+    const light = new Float32Array(4 * width * height);
+    for (let i = 0; i < width * height; ++i) light.set(foreground.subarray(3 * i, 3 * i + 3), 4 * i);
+    const load = (texture: WebGLTexture, inside: number, w: number, h: number, format: number, type: number, data: ArrayBufferView): void => {
+      gl.bindTexture(gl.TEXTURE_2D, texture);
+      gl.texImage2D(gl.TEXTURE_2D, 0, inside, w, h, 0, format, type, data);
+    };
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 4);
+    load(this.foreground, gl.RGBA32F, width, height, gl.RGBA, gl.FLOAT, light);
+    load(this.index, gl.RG32UI, width, height, gl.RG_INTEGER, gl.UNSIGNED_INT, footprints.index);
+    load(this.list, gl.RGBA32UI, kListWidth, footprints.listHeight, gl.RGBA_INTEGER, gl.UNSIGNED_INT, footprints.list);
+  }
+
+  /** An sRGB picture for a monitor; null is black. */
+  setPicture(monitor: number, image: ImageBitmap | null): void {
+    const { gl } = this;
+    const before = this.pictures[monitor];
+    if (before) gl.deleteTexture(before.texture);
+    this.pictures[monitor] = undefined;
+    if (!image) return this.pyramids.clear(monitor);
+    const texture = makeTexture(gl, gl.TEXTURE_2D, gl.NEAREST);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.SRGB8_ALPHA8, gl.RGBA, gl.UNSIGNED_BYTE, image);
+    this.pictures[monitor] = { texture, width: image.width, height: image.height };
+  }
+
+  place(monitor: number, standing: Standing): void {
+    const picture = this.pictures[monitor];
+    if (!picture) return;
+    this.pyramids.fill(monitor, picture, placementOf(picture, this.shapes[monitor]!.levels[0]!, standing), this.mix.seen[monitor]!);
+  }
+
+  /** `gain`: times the composite's light. */
+  draw(gain: number): void {
+    const { gl } = this;
+    const program = this.program.use();
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    gl.viewport(0, 0, this.canvas.width, this.canvas.height);
+    program.bind("u_index", 0, gl.TEXTURE_2D, this.index);
+    program.bind("u_list", 1, gl.TEXTURE_2D, this.list);
+    program.bind("u_foreground", 2, gl.TEXTURE_2D, this.foreground);
+    program.bind("u_pyramid", 3, gl.TEXTURE_2D_ARRAY, this.pyramids.texture);
+    gl.uniform1f(program.at("u_gain"), gain);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+    gl.activeTexture(gl.TEXTURE0);
+  }
+
+  /** The largest side that a picture may have. */
+  get mostPictureSide(): number {
+    return this.gl.getParameter(this.gl.MAX_TEXTURE_SIZE) as number;
+  }
+
+  close(): void {
+    this.gl.getExtension("WEBGL_lose_context")?.loseContext();
+  }
+}

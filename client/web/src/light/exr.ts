@@ -1,0 +1,180 @@
+// The part of OpenEXR that mattes are written in: several parts of scan lines, 32-bit floats, each line packed by
+// itself (ZIPS). What a file says is held against its size before anything is read by it.
+
+export interface ExrPart {
+  name: string;
+  channels: string[];
+  attributes: Map<string, string>;
+  /** Where the chunk of each line begins. */
+  chunks: number[];
+}
+
+export interface Exr {
+  bytes: Uint8Array<ArrayBuffer>;
+  /** The lines and columns that there are. */
+  window: { x0: number; y0: number; width: number; height: number };
+  parts: ExrPart[];
+}
+
+const kMagic = 20000630;
+const kVersion = 2;
+const kMultiPart = 0x1000;
+const kLongNames = 0x400;
+const kZips = 2;
+const kFloat = 2;
+const kMostSide = 1 << 16;
+const kMostParts = 16;
+
+export class NotAMatte extends Error {
+  constructor(what: string) {
+    super(`the file is damaged or no matte: ${what}`);
+  }
+}
+
+class Cursor {
+  at = 0;
+  private readonly view: DataView;
+  constructor(private readonly bytes: Uint8Array<ArrayBuffer>) {
+    this.view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
+  }
+  skip(size: number): number {
+    const start = this.at;
+    if (size < 0 || start + size > this.bytes.length) throw new NotAMatte("it ends too early");
+    this.at += size;
+    return start;
+  }
+  int(): number {
+    return this.view.getInt32(this.skip(4), true);
+  }
+  offset(): number {
+    return Number(this.view.getBigUint64(this.skip(8), true));
+  }
+  text(size: number): string {
+    const start = this.skip(size);
+    return new TextDecoder().decode(this.bytes.subarray(start, start + size));
+  }
+  name(): string {
+    const end = this.bytes.indexOf(0, this.at);
+    if (end < 0 || end - this.at > 255) throw new NotAMatte("a name in its header does not end");
+    const name = this.text(end - this.at);
+    this.skip(1);
+    return name;
+  }
+}
+
+function readChannels(cursor: Cursor): string[] {
+  const channels: string[] = [];
+  for (let name = cursor.name(); name !== ""; name = cursor.name()) {
+    if (cursor.int() !== kFloat) throw new NotAMatte(`its channel ${name} is not of 32-bit floats`);
+    cursor.skip(12);
+    channels.push(name);
+  }
+  return channels;
+}
+
+interface Header {
+  part: ExrPart;
+  window: Exr["window"];
+  lines: number;
+}
+
+function readHeader(cursor: Cursor, firstName: string): Header {
+  const part: ExrPart = { name: "", channels: [], attributes: new Map(), chunks: [] };
+  let window: Exr["window"] | undefined;
+  let lines = -1;
+  let packing = -1;
+  for (let name = firstName; name !== ""; name = cursor.name()) {
+    const type = cursor.name();
+    const size = cursor.int();
+    const end = cursor.at + size;
+    if (type === "string") part.attributes.set(name, cursor.text(size));
+    else if (type === "chlist" && name === "channels") part.channels = readChannels(cursor);
+    else if (type === "box2i" && name === "dataWindow") {
+      const [x0, y0, x1, y1] = [cursor.int(), cursor.int(), cursor.int(), cursor.int()];
+      window = { x0, y0, width: x1 - x0 + 1, height: y1 - y0 + 1 };
+    } else if (type === "int" && name === "chunkCount") lines = cursor.int();
+    else if (type === "compression") packing = cursor.text(1).charCodeAt(0);
+    else cursor.skip(size);
+    if (cursor.at !== end) throw new NotAMatte(`its attribute ${name} has a wrong length`);
+  }
+  part.name = part.attributes.get("name") ?? "";
+  if (part.attributes.get("type") !== "scanlineimage" || packing !== kZips)
+    throw new NotAMatte(`its part "${part.name}" is not of single scan lines (ZIPS)`);
+  if (!window || window.width < 1 || window.height < 1 || Math.max(window.width, window.height) > kMostSide)
+    throw new NotAMatte(`its part "${part.name}" has no size from 1x1 to ${kMostSide}x${kMostSide}`);
+  return { part, window, lines };
+}
+
+export function readExr(bytes: Uint8Array<ArrayBuffer>): Exr {
+  const cursor = new Cursor(bytes);
+  if (bytes.length < 8 || cursor.int() !== kMagic) throw new NotAMatte("it does not begin as OpenEXR does");
+  if ((cursor.int() & ~kLongNames) !== (kVersion | kMultiPart)) throw new NotAMatte("it is not OpenEXR of several parts");
+  const headers: Header[] = [];
+  for (let name = cursor.name(); name !== ""; name = cursor.name()) {
+    if (headers.length === kMostParts) throw new NotAMatte(`it has more than ${kMostParts} parts`);
+    headers.push(readHeader(cursor, name));
+  }
+  const first = headers[0];
+  if (!first) throw new NotAMatte("it has no parts");
+  for (const { part, window, lines } of headers) {
+    if (JSON.stringify(window) !== JSON.stringify(first.window) || lines !== window.height)
+      throw new NotAMatte(`its part "${part.name}" has not the size of the others`);
+    for (let line = 0; line < lines; ++line) part.chunks.push(cursor.offset());
+  }
+  return { bytes, window: first.window, parts: headers.map(({ part }) => part) };
+}
+
+async function inflate(packed: Uint8Array<ArrayBuffer>, size: number): Promise<Uint8Array<ArrayBuffer>> {
+  const stream = new DecompressionStream("deflate");
+  const writer = stream.writable.getWriter();
+  // Failures arrive where the stream is read.
+  void writer.write(packed).catch(() => undefined);
+  void writer.close().catch(() => undefined);
+  const out = new Uint8Array(size);
+  let length = 0;
+  const reader = stream.readable.getReader();
+  for (;;) {
+    const { value, done } = await reader.read();
+    if (done) break;
+    if (length + value.length > size) throw new NotAMatte("a line is longer than it should be");
+    out.set(value, length);
+    length += value.length;
+  }
+  if (length !== size) throw new NotAMatte("a line is shorter than it should be");
+  return out;
+}
+
+/** Before it was packed a line was split into bytes of even and odd place, and each became its step from the last. */
+export function unpredict(split: Uint8Array): Uint8Array<ArrayBuffer> {
+  const out = new Uint8Array(split.length);
+  const half = (split.length + 1) >> 1;
+  let value = 0;
+  for (let i = 0; i < split.length; ++i) {
+    value = i === 0 ? split[0]! : (value + split[i]! - 128) & 255;
+    out[i < half ? 2 * i : 2 * (i - half) + 1] = value;
+  }
+  return out;
+}
+
+/** The samples of one line, channel by channel in the part's order. `row` counts from the window's first. */
+export async function readLine(exr: Exr, partIndex: number, row: number): Promise<Float32Array> {
+  const part = exr.parts[partIndex]!;
+  const { width, y0 } = exr.window;
+  const size = 4 * width * part.channels.length;
+  const cursor = new Cursor(exr.bytes);
+  cursor.skip(part.chunks[row]!);
+  if (cursor.int() !== partIndex || cursor.int() !== y0 + row)
+    throw new NotAMatte(`line ${y0 + row} of part "${part.name}" is not where its table says`);
+  const packed = cursor.int();
+  const start = cursor.skip(packed);
+  const bytes = exr.bytes.subarray(start, start + packed);
+  // A line that packing would not shorten stands as it is.
+  const line = packed === size ? bytes.slice() : unpredict(await inflate(bytes, size).catch(notThisLine(y0 + row, part)));
+  return new Float32Array(line.buffer);
+}
+
+function notThisLine(y: number, part: ExrPart) {
+  return (error: unknown): never => {
+    throw error instanceof NotAMatte ? error : new NotAMatte(`line ${y} of part "${part.name}" cannot be unpacked`);
+  };
+}

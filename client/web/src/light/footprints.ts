@@ -1,0 +1,113 @@
+// A matte's modes as the compositor's shader reads them: each on the level of its monitor's pyramid that suits its
+// narrowest part. There the samples are taken for flat squares, over which G is integrated. That is right if G has
+//
+//   Q = (S + I/2) / 4^l - I/2        (samples of level l)
+//
+// in place of its covariance S: what level l has blurred already (its filter, and squares of 4^l / 12 px^2) less the
+// pixels' own squares is taken off. On the picture itself, l = 0, Q is S. It holds for boxes as for Gaussians.
+import { toHalf } from "./half";
+import { kLayers, modesOf, type MatteData, type Mode } from "./matte";
+import { pyramidShape, type PyramidShape } from "./pyramid_shape";
+
+/** Texels of four 32-bit words; two are a footprint. */
+export const kListWidth = 2048;
+
+export interface Footprints {
+  /** Two words a pixel: its first footprint, and how many there are. */
+  index: Uint32Array<ArrayBuffer>;
+  /** x, y, Q.xx, Q.yy | Q.xy, weights of red and green, weight of blue and texture and level, the largest weight. */
+  list: Uint32Array<ArrayBuffer>;
+  listHeight: number;
+}
+
+export interface Place {
+  level: number;
+  x: number;
+  y: number;
+  xx: number;
+  xy: number;
+  yy: number;
+}
+
+// The least variance of a cut along x or y through Q. Samples of a Gaussian of variance v have the sum 1 within
+// 2 exp(-2 pi^2 v), 0.0008 where squares and this make 0.4. A box is six samples wide.
+const kLeastVariance = { gaussian: 0.32, box: 3 };
+// Of samples along a footprint; a longer one goes to higher levels, where it is widened to what these can show.
+const kMostSamples = 48;
+const kReach = 3;
+
+export function placeOf(mode: Mode, shape: PyramidShape, kind: keyof typeof kLeastVariance): Place {
+  const least = kLeastVariance[kind];
+  const on = (level: number): Place => {
+    const scale = 0.5 ** level;
+    const variance = (v: number): number => (v + 0.5) * scale * scale - 0.5;
+    return { level, x: mode.x * scale, y: mode.y * scale, xx: variance(mode.xx), xy: mode.xy * scale * scale, yy: variance(mode.yy) };
+  };
+  const suits = ({ xx, xy, yy }: Place): boolean => xx > 0 && yy > 0 && xx * yy - xy * xy >= least * Math.max(xx, yy);
+  const last = shape.levels.length - 1;
+  let place = on(0);
+  while (place.level < last && suits(on(place.level + 1))) place = on(place.level + 1);
+  const samples = (p: Place): number => {
+    const { width, height } = shape.levels[p.level]!;
+    return Math.min(2 * kReach * Math.sqrt(Math.max(p.xx, p.yy)), Math.max(width, height));
+  };
+  while (place.level < last && samples(place) > kMostSamples) place = widened(on(place.level + 1), least);
+  return place;
+}
+
+/** With no axis of Q's ellipse below `least`. */
+function widened(place: Place, least: number): Place {
+  const mean = 0.5 * (place.xx + place.yy);
+  const half = 0.5 * (place.xx - place.yy);
+  const away = Math.hypot(half, place.xy);
+  if (mean - away >= least) return place;
+  const wide = Math.max(mean + away, least);
+  const share = away > 0 ? (0.5 * (wide - least)) / away : 0;
+  const middle = 0.5 * (wide + least);
+  return { ...place, xx: middle + share * half, yy: middle - share * half, xy: place.xy * share };
+}
+
+/** Modes of several channels with the same footprint are one, with a weight for each. */
+function sharedModes(matte: MatteData, pixel: number): { mode: Mode; weights: number[] }[] {
+  const shared: { mode: Mode; weights: number[] }[] = [];
+  for (let channel = 0; channel < 3; ++channel) {
+    for (const mode of modesOf(matte, pixel, channel)) {
+      const same = shared.find(
+        ({ mode: other, weights }) =>
+          weights[channel] === 0 && other.x === mode.x && other.y === mode.y && other.xx === mode.xx &&
+          other.xy === mode.xy && other.yy === mode.yy && other.texture === mode.texture,
+      );
+      const entry = same ?? { mode, weights: [0, 0, 0] };
+      entry.weights[channel] = mode.weight;
+      if (!same) shared.push(entry);
+    }
+  }
+  return shared;
+}
+
+export function packFootprints(matte: MatteData): Footprints {
+  const kind = matte.metadata.footprint === "box" ? "box" : "gaussian";
+  const shapes = matte.metadata.monitors.map(({ width_px, height_px }) => pyramidShape(width_px, height_px));
+  const pixels = matte.width * matte.height;
+  const index = new Uint32Array(2 * pixels);
+  const most = matte.modes.length / kLayers.length;
+  const listHeight = Math.max(1, Math.ceil((2 * most) / kListWidth));
+  const list = new Uint32Array(4 * kListWidth * listHeight);
+  const floats = new Float32Array(list.buffer);
+  let count = 0;
+  for (let pixel = 0; pixel < pixels; ++pixel) {
+    const shared = sharedModes(matte, pixel);
+    index[2 * pixel] = count;
+    index[2 * pixel + 1] = shared.length;
+    for (const { mode, weights } of shared) {
+      const place = placeOf(mode, shapes[mode.texture]!, kind);
+      const [red, green, blue] = weights.map(toHalf) as [number, number, number];
+      const at = 8 * count++;
+      floats.set([place.x, place.y, place.xx, place.yy, place.xy], at);
+      list[at + 5] = red | (green << 16);
+      list[at + 6] = blue | (mode.texture << 16) | (place.level << 24);
+      floats[at + 7] = Math.max(...weights);
+    }
+  }
+  return { index, list, listHeight };
+}

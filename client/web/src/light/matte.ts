@@ -1,0 +1,197 @@
+// An environment matte (docs/matte.md): for every camera pixel and channel,
+//
+//   C = F + sum over modes of R * integral over the monitor of G(x; c, S) T(x) dx
+//
+// Most pixels have far fewer modes than a file has room for, so only those with a weight are kept.
+import { NotAMatte, readExr, readLine, type Exr } from "./exr";
+
+/** What is said of a mode, in the order in which it is kept; each is a layer of the file. */
+export const kLayers = ["weight", "x", "y", "xx", "xy", "yy", "texture", "weight_sd", "centre_sd"] as const;
+const kStride = kLayers.length;
+export const kChannels = ["R", "G", "B"] as const;
+
+/** Bits of a pixel's flags. */
+export const kFlags = { notConverged: 1, saturated: 2, residual: 4, notSolved: 8 } as const;
+
+export interface MatteMonitor {
+  name: string;
+  width_px: number;
+  height_px: number;
+}
+
+/** The header's JSON (MatteMetadata in proto/glasswing/v1/matte.proto), names as they stand there. */
+export interface MatteMetadata {
+  session?: string;
+  method?: string;
+  monitors: MatteMonitor[];
+  crosstalk?: { share?: number[] }[];
+  footprint?: string;
+  warnings?: string[];
+  frame?: number;
+}
+
+export interface Mode {
+  weight: number;
+  x: number;
+  y: number;
+  xx: number;
+  xy: number;
+  yy: number;
+  texture: number;
+  weight_sd: number;
+  centre_sd: number;
+}
+
+/** The matte's values as they travel between threads. Pixels are counted row by row. */
+export interface MatteData {
+  metadata: MatteMetadata;
+  width: number;
+  height: number;
+  /** 1: the modes are alike in all channels, and kept once. */
+  modeChannels: 1 | 3;
+  /** Red, green, blue of a pixel. */
+  foreground: Float32Array<ArrayBuffer>;
+  coverage: Float32Array<ArrayBuffer>;
+  flags: Uint8Array<ArrayBuffer>;
+  /** Of pixel * modeChannels + channel, its first mode; one more at the end. */
+  firstMode: Uint32Array<ArrayBuffer>;
+  modes: Float32Array<ArrayBuffer>;
+}
+
+/** The modes of a pixel in a channel. */
+export function modesOf(matte: MatteData, pixel: number, channel: number): Mode[] {
+  const at = pixel * matte.modeChannels + Math.min(channel, matte.modeChannels - 1);
+  const modes: Mode[] = [];
+  for (let m = matte.firstMode[at]!; m < matte.firstMode[at + 1]!; ++m) {
+    const [weight, x, y, xx, xy, yy, texture, weight_sd, centre_sd] = matte.modes.subarray(m * kStride, (m + 1) * kStride) as unknown as
+      [number, number, number, number, number, number, number, number, number];
+    modes.push({ weight, x, y, xx, xy, yy, texture, weight_sd, centre_sd });
+  }
+  return modes;
+}
+
+function readMetadata(exr: Exr): MatteMetadata {
+  const text = exr.parts[0]?.attributes.get("glasswing");
+  if (text === undefined) throw new NotAMatte("its header has no attribute \"glasswing\"");
+  let metadata: Partial<MatteMetadata>;
+  try {
+    metadata = JSON.parse(text) as Partial<MatteMetadata>;
+  } catch {
+    throw new NotAMatte("its attribute \"glasswing\" is no JSON");
+  }
+  const monitors = metadata.monitors ?? [];
+  if (monitors.length === 0 || !monitors.every(({ width_px, height_px }) => width_px > 0 && height_px > 0))
+    throw new NotAMatte("its header names no monitors with sizes");
+  if (!["", "gaussian", "box"].includes(metadata.footprint ?? ""))
+    throw new NotAMatte(`its footprints are "${metadata.footprint}"; they must be gaussian or box`);
+  return { ...metadata, monitors };
+}
+
+/** The numbers of used modes grow as rows are read. */
+class ModeList {
+  values = new Float32Array(1 << 16);
+  count = 0;
+  add(lines: Float32Array[], at: number): void {
+    if ((this.count + 1) * kStride > this.values.length) {
+      const longer = new Float32Array(this.values.length * 2);
+      longer.set(this.values);
+      this.values = longer;
+    }
+    for (let layer = 0; layer < kStride; ++layer) this.values[this.count * kStride + layer] = lines[layer]![at]!;
+    ++this.count;
+  }
+}
+
+/** Where each of a part's layers stands in its lines. NotAMatte names one that is missing. */
+function columnsOf(exr: Exr, part: number, names: string[]): number[] {
+  const { channels, name } = exr.parts[part]!;
+  return names.map((wanted) => {
+    const column = channels.indexOf(wanted);
+    if (column < 0) throw new NotAMatte(`its part "${name}" has no channel ${wanted}`);
+    return column * exr.window.width;
+  });
+}
+
+function checkMode(mode: Float32Array, monitors: number, where: string): void {
+  const [weight, , , xx, , yy, texture] = mode as unknown as [number, number, number, number, number, number, number];
+  const good = mode.every(Number.isFinite) && weight >= 0 && xx >= 0 && yy >= 0 && texture >= 0 && texture < monitors;
+  if (!good) throw new NotAMatte(`${where} holds values that no matte has`);
+}
+
+const kForeground = 1;
+const kFirstMode = 2;
+const kRowsAtOnce = 16;
+
+/** `report` is told the fraction that is done. */
+export async function readMatte(bytes: Uint8Array<ArrayBuffer>, report: (done: number) => void): Promise<MatteData> {
+  const exr = readExr(bytes);
+  const metadata = readMetadata(exr);
+  const modeCount = exr.parts.length - kFirstMode;
+  if (exr.parts[kForeground]?.name !== "foreground" || modeCount < 1)
+    throw new NotAMatte("its parts must be preview, foreground, mode1 and so on");
+  const gray = exr.parts[kFirstMode]!.channels.includes("mode1.weight.Y");
+  const suffixes = gray ? ["Y"] : [...kChannels];
+  const { width, height } = exr.window;
+  const modes = new ModeList();
+  const matte: MatteData = {
+    metadata,
+    width,
+    height,
+    modeChannels: gray ? 1 : 3,
+    foreground: new Float32Array(3 * width * height),
+    coverage: new Float32Array(width * height),
+    flags: new Uint8Array(width * height),
+    firstMode: new Uint32Array(width * height * suffixes.length + 1),
+    modes: modes.values,
+  };
+  const foregroundAt = columnsOf(exr, kForeground, [
+    ...kChannels.map((channel) => `foreground.F.${channel}`),
+    "foreground.coverage.Y",
+    "foreground.flags.Y",
+  ]);
+  const modeAt = Array.from({ length: modeCount }, (_, m) =>
+    suffixes.map((suffix) => columnsOf(exr, kFirstMode + m, kLayers.map((layer) => `mode${m + 1}.${layer}.${suffix}`))),
+  );
+
+  const takeForeground = (line: Float32Array, row: number): void => {
+    const [r, g, b, coverage, flags] = foregroundAt.map((column) => line.subarray(column, column + width)) as
+      [Float32Array, Float32Array, Float32Array, Float32Array, Float32Array];
+    for (let x = 0, pixel = row * width; x < width; ++x, ++pixel) {
+      matte.foreground.set([r[x]!, g[x]!, b[x]!], 3 * pixel);
+      matte.coverage[pixel] = coverage[x]!;
+      matte.flags[pixel] = flags[x]! >= 0 && flags[x]! < 256 ? flags[x]! : kFlags.notSolved;
+    }
+  };
+  const takeModes = (lines: Float32Array[], row: number): void => {
+    const layers = modeAt.map((channels, m) =>
+      channels.map((columns) => columns.map((column) => lines[m]!.subarray(column, column + width))),
+    );
+    for (let x = 0, at = row * width * suffixes.length; x < width; ++x) {
+      for (let channel = 0; channel < suffixes.length; ++channel) {
+        matte.firstMode[at++] = modes.count;
+        for (let m = 0; m < modeCount; ++m) {
+          const mode = layers[m]![channel]!;
+          if (mode[0]![x] === 0) continue;
+          modes.add(mode, x);
+          const last = modes.values.subarray((modes.count - 1) * kStride, modes.count * kStride);
+          checkMode(last, metadata.monitors.length, `pixel (${x + exr.window.x0}, ${row + exr.window.y0})`);
+        }
+      }
+    }
+  };
+
+  for (let first = 0; first < height; first += kRowsAtOnce) {
+    const rows = Array.from({ length: Math.min(kRowsAtOnce, height - first) }, (_, i) => first + i);
+    const lines = await Promise.all(
+      rows.map((row) => Promise.all(Array.from({ length: 1 + modeCount }, (_, part) => readLine(exr, kForeground + part, row)))),
+    );
+    lines.forEach(([foreground, ...modeLines], i) => {
+      takeForeground(foreground!, first + i);
+      takeModes(modeLines, first + i);
+    });
+    report(Math.min(1, (first + kRowsAtOnce) / height));
+  }
+  matte.firstMode[matte.firstMode.length - 1] = modes.count;
+  matte.modes = modes.values.slice(0, modes.count * kStride);
+  return matte;
+}

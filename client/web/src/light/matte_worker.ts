@@ -1,0 +1,47 @@
+// Fetches a matte, unpacks it and makes the compositor's footprints beside the page, which stays smooth.
+import { packFootprints } from "./footprints";
+import type { LoadMessage, LoadRequest } from "./load";
+import { readMatte } from "./matte";
+
+/** Calls `report` with the fraction that has come, where the server says how much there is. */
+async function fetchBytes(url: string, report: (done: number) => void): Promise<Uint8Array<ArrayBuffer>> {
+  const response = await fetch(url, { headers: { "X-Glasswing": "console" } });
+  if (!response.ok) {
+    const said = (await response.json().catch(() => ({}))) as { message?: string };
+    throw new Error(said.message ?? `the server answered ${response.status} for ${url}`);
+  }
+  const total = Number(response.headers.get("Content-Length") ?? 0);
+  const parts: Uint8Array<ArrayBuffer>[] = [];
+  let length = 0;
+  for (const reader = response.body!.getReader(); ; ) {
+    const { value, done } = await reader.read();
+    if (done) break;
+    parts.push(value);
+    length += value.length;
+    if (total > 0) report(length / total);
+  }
+  const bytes = new Uint8Array(length);
+  parts.reduce((at, part) => (bytes.set(part, at), at + part.length), 0);
+  return bytes;
+}
+
+const say = (message: LoadMessage, transfer: Transferable[] = []): void => postMessage(message, { transfer });
+
+onmessage = async ({ data: { url, wants } }: MessageEvent<LoadRequest>) => {
+  try {
+    const bytes = await fetchBytes(url, (done) => say({ progress: 0.5 * done }));
+    let told = 0;
+    const matte = await readMatte(bytes, (done) => {
+      if (done - told < 0.02 && done < 1) return;
+      told = done;
+      say({ progress: 0.5 + 0.5 * done });
+    });
+    const buffers = [matte.foreground, matte.coverage, matte.flags, matte.firstMode, matte.modes].map(({ buffer }) => buffer);
+    if (wants === "values") return say({ matte }, buffers);
+    const { metadata, width, height, foreground } = matte;
+    const footprints = packFootprints(matte);
+    say({ drawable: { metadata, width, height, foreground, footprints } }, [foreground.buffer, footprints.index.buffer, footprints.list.buffer]);
+  } catch (error) {
+    say({ error: error instanceof Error ? error.message : String(error) });
+  }
+};

@@ -1,0 +1,37 @@
+// The levels of a picture at ever lower resolution, side by side in one texture: the picture at the left, the
+// levels below it one under another at its right. Each has kBorder samples beyond each edge.
+//
+//   level_l[j] = sum over k of h[k] level_{l-1}[2j + k - 2],   h = [1 5 10 10 5 1] / 32    (core/matte/pyramid.h)
+//
+// A sample of level l lies in the middle of 2^l x 2^l pixels; its filter has the variance 5 (4^l - 1) / 12 px^2.
+
+export const kBorder = 2;
+const kLeastSide_px = 4;
+
+export interface Level {
+  /** Of sample (0, 0) in the texture. */
+  x: number;
+  y: number;
+  width: number;
+  height: number;
+}
+
+export interface PyramidShape {
+  width: number;
+  height: number;
+  levels: Level[];
+}
+
+export function pyramidShape(width_px: number, height_px: number): PyramidShape {
+  const levels: Level[] = [{ x: kBorder, y: kBorder, width: width_px, height: height_px }];
+  const shape = { width: width_px + 2 * kBorder, height: height_px + 2 * kBorder, levels };
+  let below = kBorder;
+  for (let last = levels[0]!; Math.max(last.width, last.height) > kLeastSide_px; ) {
+    last = { x: width_px + 3 * kBorder, y: below, width: (last.width + 1) >> 1, height: (last.height + 1) >> 1 };
+    levels.push(last);
+    below += last.height + 2 * kBorder;
+    shape.width = Math.max(shape.width, last.x + last.width + kBorder);
+    shape.height = Math.max(shape.height, below - kBorder);
+  }
+  return shape;
+}

@@ -1,0 +1,195 @@
+// Light is linear in all of these but the last line of kComposite.
+
+/** One triangle over everything. */
+export const kEverything = `#version 300 es
+void main() {
+  gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0);
+}`;
+
+const kHead = `#version 300 es
+precision highp float;
+precision highp int;
+precision highp sampler2D;
+precision highp sampler2DArray;
+precision highp usampler2D;
+`;
+
+/**
+ * A picture at another size along one axis: sample i of the result is the mean of the picture over
+ * [start + i step, start + (i + 1) step], or where step < 1 what lies between the middles of two of its samples. What
+ * leaves at one side comes in at the other.
+ */
+export const kResize = `${kHead}
+uniform sampler2D u_picture;
+uniform bool u_down;
+uniform int u_size;  // of the picture, along the axis
+uniform ivec2 u_corner;
+uniform float u_start, u_step;
+uniform mat3 u_seen;
+out vec4 o_light;
+
+vec3 at(int i, int across) { return texelFetch(u_picture, u_down ? ivec2(across, i) : ivec2(i, across), 0).rgb; }
+
+void main() {
+  ivec2 to = ivec2(gl_FragCoord.xy) - u_corner;
+  int across = u_down ? to.x : to.y;
+  float size = float(u_size), low = u_start + float(u_down ? to.y : to.x) * u_step;
+  low -= size * floor(low / size);
+  vec3 sum = vec3(0.0);
+  if (u_step > 1.0) {
+    int first = int(low), last = int(ceil(low + u_step - 1e-4));
+    for (int i = first; i < last; ++i) {
+      float share = min(low + u_step, float(i + 1)) - max(low, float(i));
+      sum += max(share, 0.0) / u_step * at(i % u_size, across);
+    }
+  } else {
+    float middle = low + 0.5 * u_step;
+    if (middle >= size) middle -= size;
+    middle -= 0.5;
+    int i = int(floor(middle));
+    sum = mix(at(clamp(i, 0, u_size - 1), across), at(clamp(i + 1, 0, u_size - 1), across), middle - float(i));
+  }
+  o_light = vec4(u_seen * sum, 1.0);
+}`;
+
+const kHalveBody = `
+const float kFilter[6] = float[](1.0 / 32.0, 5.0 / 32.0, 10.0 / 32.0, 10.0 / 32.0, 5.0 / 32.0, 1.0 / 32.0);
+out vec4 o_light;
+`;
+
+/** Half the columns of a level, with its border; from u_above in the pyramid. */
+export const kHalveAcross = `${kHead}${kHalveBody}
+uniform sampler2DArray u_pyramid;
+uniform int u_layer, u_border;
+uniform ivec4 u_above;  // x, y, width, height of its samples
+void main() {
+  ivec2 to = ivec2(gl_FragCoord.xy) - u_border;
+  vec3 sum = vec3(0.0);
+  for (int k = 0; k < 6; ++k) {
+    int x = 2 * to.x + k - 2;
+    if (x < -u_border || x >= u_above.z + u_border) continue;
+    sum += kFilter[k] * texelFetch(u_pyramid, ivec3(u_above.xy + ivec2(x, to.y), u_layer), 0).rgb;
+  }
+  o_light = vec4(sum, 1.0);
+}`;
+
+/** Half the rows of what kHalveAcross made, into the pyramid. */
+export const kHalveDown = `${kHead}${kHalveBody}
+uniform sampler2D u_across;
+uniform int u_border, u_height;
+uniform ivec2 u_corner;  // of the level with its border, in the pyramid
+void main() {
+  ivec2 to = ivec2(gl_FragCoord.xy) - u_corner;
+  vec3 sum = vec3(0.0);
+  for (int k = 0; k < 6; ++k) {
+    int y = 2 * (to.y - u_border) + k - 2;
+    if (y < -u_border || y >= u_height + u_border) continue;
+    sum += kFilter[k] * texelFetch(u_across, ivec2(to.x, y + u_border), 0).rgb;
+  }
+  o_light = vec4(sum, 1.0);
+}`;
+
+/**
+ * The composite. A footprint is integrated row by row along the wider of its axes, v: a row holds a part of its light,
+ * and that part has a mean along u and a variance of its own, with which it is shared among the row's samples.
+ * footprints.ts says how samples of a level stand for the picture.
+ */
+export const composite = (levelCount: number, monitorCount: number, box: boolean): string => `${kHead}
+uniform usampler2D u_index, u_list;
+uniform sampler2D u_foreground;
+uniform sampler2DArray u_pyramid;
+uniform ivec4 u_levels[${levelCount}];  // x, y, width, height
+uniform int u_first_level[${monitorCount}];  // of a monitor
+uniform int u_border, u_list_width;
+uniform mat3 u_primaries;
+uniform float u_gain;
+out vec4 o_colour;
+
+const float kReach = ${box ? "1.7320509" : "3.0"};
+
+${
+  box
+    ? `float below(float z) { return clamp(0.5 + z / 3.4641016, 0.0, 1.0); }  // of a box, z in its standard deviations`
+    : `
+// Abramowitz and Stegun 7.1.28: within 3e-7.
+float below(float z) {
+  float t = min(abs(z) * 0.70710678, 5.0);
+  float p = 1.0 + t * (0.0705230784 + t * (0.0422820123 + t * (0.0092705272 + t * (0.0001520143 + t * (0.0002765672 + t * 0.0000430638)))));
+  p *= p; p *= p; p *= p; p *= p;
+  return 0.5 + 0.5 * sign(z) * (1.0 - 1.0 / p);
+}`
+}
+float density(float z) { return 0.39894228 * exp(-0.5 * z * z); }
+
+vec3 light_at(vec2 at, int layer, vec2 texel) { return texture(u_pyramid, vec3(at * texel, float(layer))).rgb; }
+
+// Of a row: two neighbours with each look-up, weighed by where it falls between their middles. What lies beyond the
+// reach is given to the samples at its ends.
+vec3 integrate_row(float mean, float sigma, float v, float reach, int extent, ivec2 corner, bool exchanged, int layer, vec2 texel) {
+  int low = int(floor(mean - reach * sigma)), high = int(floor(mean + reach * sigma));
+  int from = max(low, -u_border), to = min(high, extent + u_border - 1);
+  float scale = 1.0 / max(sigma, 1e-5);
+  float before = from <= low ? 0.0 : below((float(from) - mean) * scale);
+  vec3 sum = vec3(0.0);
+  for (int u = from; u <= to; u += 2) {
+    float middle = u + 1 > high ? 1.0 : below((float(u + 1) - mean) * scale);
+    float after = u + 1 > to ? middle : u + 2 > high ? 1.0 : below((float(u + 2) - mean) * scale);
+    float weight = after - before;
+    vec2 at = vec2(float(u) + 0.5 + (after - middle) / max(weight, 1e-12), v);
+    if (weight > 0.0) sum += weight * light_at(vec2(corner) + (exchanged ? at.yx : at), layer, texel);
+    before = after;
+  }
+  return sum;
+}
+
+vec3 integrate(vec2 centre, vec3 q, float brightest, int layer, ivec4 level, vec2 texel) {
+  bool exchanged = q.x > q.z;
+  float uu = max(exchanged ? q.z : q.x, 0.0), vv = max(exchanged ? q.x : q.z, 0.0);
+  vec2 middle = exchanged ? centre.yx : centre;
+  ivec2 extent = exchanged ? level.wz : level.zw;
+  float sigma = sqrt(vv), slope = vv > 0.0 ? q.y / vv : 0.0, cut = max(uu - slope * q.y, 0.0);
+  // A bright mode may lie beyond the monitor, which sees its tail alone.
+  float reach = ${box ? "kReach" : "sqrt(kReach * kReach + 2.0 * log(max(brightest, 1.0)))"};
+  int low = int(floor(middle.y - reach * sigma)), high = int(floor(middle.y + reach * sigma));
+  int from = max(low, -u_border), to = min(high, extent.y + u_border - 1);
+  vec3 sum = vec3(0.0);
+  for (int v = from; v <= to; ++v) {
+    float share = 1.0, mean = 0.0, variance = vv;
+    if (low < high) {
+      float a = (float(v) - middle.y) / sigma, b = a + 1.0 / sigma;
+      share = (v == high ? 1.0 : below(b)) - (v == low ? 0.0 : below(a));
+      float da = v == low ? 0.0 : density(a), db = v == high ? 0.0 : density(b);
+      float z = max(share, 1e-6);
+      mean = clamp((da - db) / z, v == low ? -5.0 : a, v == high ? 5.0 : b);
+      variance = vv * clamp(1.0 + (a * da - b * db) / z - mean * mean, 0.0, 1.0);
+      mean *= sigma;
+    }
+    sum += share * integrate_row(middle.x + slope * mean, sqrt(cut + slope * slope * variance), float(v) + 0.5, reach,
+                                 extent.x, level.xy, exchanged, layer, texel);
+  }
+  return sum;
+}
+
+vec3 coded(vec3 light) {  // sRGB
+  vec3 l = clamp(light, 0.0, 1.0);
+  return mix(1.055 * pow(l, vec3(1.0 / 2.4)) - 0.055, 12.92 * l, lessThanEqual(l, vec3(0.0031308)));
+}
+
+void main() {
+  ivec2 size = textureSize(u_foreground, 0), at = ivec2(gl_FragCoord.xy);
+  at.y = size.y - 1 - at.y;  // the canvas counts from below
+  vec3 light = texelFetch(u_foreground, at, 0).rgb;
+  uvec2 range = texelFetch(u_index, at, 0).xy;
+  vec2 texel = 1.0 / vec2(textureSize(u_pyramid, 0).xy);
+  for (uint i = 0u; i < range.y; ++i) {
+    int k = 2 * int(range.x + i);
+    ivec2 place = ivec2(k % u_list_width, k / u_list_width);
+    uvec4 one = texelFetch(u_list, place, 0), two = texelFetch(u_list, place + ivec2(1, 0), 0);
+    vec3 weight = vec3(unpackHalf2x16(two.y), unpackHalf2x16(two.z & 0xffffu).x);
+    int monitor = int((two.z >> 16) & 0xffu), level = int(two.z >> 24);
+    vec3 q = vec3(uintBitsToFloat(one.z), uintBitsToFloat(two.x), uintBitsToFloat(one.w));
+    light += weight * integrate(vec2(uintBitsToFloat(one.x), uintBitsToFloat(one.y)), q, uintBitsToFloat(two.w), monitor,
+                                u_levels[u_first_level[monitor] + level], texel);
+  }
+  o_colour = vec4(coded(u_gain * (u_primaries * light)), 1.0);
+}`;

@@ -1,0 +1,37 @@
+import { useEffect, useState } from "preact/hooks";
+import { call } from "../api";
+import type { ListSessionsResponseJson, SessionJson } from "../gen/glasswing/v1/session_service_pb";
+import { Failure } from "./failure";
+
+function hasMatte({ matteReady, solvedFrames }: SessionJson): boolean {
+  return matteReady === true || (solvedFrames?.length ?? 0) > 0;
+}
+
+function describe({ method, objectPixelCount, frameCount }: SessionJson): string {
+  if (frameCount) return `${method ?? ""}, ${frameCount} frames`;
+  return `${method ?? ""}, ${Number(objectPixelCount ?? 0).toLocaleString()} pixels of object`;
+}
+
+/** The sessions that have a matte, newest first, as links to `page`. */
+export function SessionChoice({ page, title }: { page: string; title: string }) {
+  const [sessions, setSessions] = useState<SessionJson[]>();
+  const [error, setError] = useState<unknown>();
+  useEffect(() => {
+    call<ListSessionsResponseJson>("SessionService/ListSessions").then((answer) => setSessions((answer.sessions ?? []).filter(hasMatte)), setError);
+  }, []);
+  if (error) return <Failure error={error} />;
+  if (!sessions) return null;
+  return (
+    <section class="card">
+      <h1>{title}</h1>
+      {sessions.length === 0 && <p>No session has a matte yet. Capture one and solve it, and it stands here.</p>}
+      <ul class="choice">
+        {sessions.map((session) => (
+          <li key={session.name}>
+            <a href={`#/${page}/${encodeURIComponent(session.name ?? "")}`}>{session.name}</a> <span class="note">{describe(session)}</span>
+          </li>
+        ))}
+      </ul>
+    </section>
+  );
+}

@@ -1,0 +1,202 @@
+import { useEffect, useRef, useState } from "preact/hooks";
+import { loadDrawable, matteUrl } from "../light/load";
+import { Failure } from "../parts/failure";
+import { FrameSlider } from "../parts/frame_slider";
+import { kBuiltIn, openPicture, paint, type BuiltIn } from "./backgrounds";
+import { listenToGestures } from "./gestures";
+import { kStill, Stage } from "./stage";
+
+/** What stands on a monitor: one of ours, or a file by its name. */
+interface Choice {
+  kind: BuiltIn | "file";
+  name: string;
+  colour: string;
+  keepShape: boolean;
+}
+
+const kFirstChoice: Choice = { kind: "landscape", name: "", colour: "#2f7d8c", keepShape: false };
+
+function save(picture: Blob, name: string): void {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(picture);
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+}
+
+interface ControlsProps {
+  choice: Choice;
+  paintOne: (kind: BuiltIn, colour: string) => void;
+  open: (file: File) => void;
+  keepShape: (kept: boolean) => void;
+  reset: () => void;
+}
+
+function BackgroundControls({ choice, paintOne, open, keepShape, reset }: ControlsProps) {
+  const file = useRef<HTMLInputElement>(null);
+  const choose = (kind: string): void => {
+    if (kind === "open") file.current?.click();
+    else paintOne(kind as BuiltIn, choice.colour);
+  };
+  return (
+    <>
+      <label>
+        Picture
+        <select value={choice.kind} onChange={(event) => choose(event.currentTarget.value)}>
+          {kBuiltIn.map((kind) => (
+            <option key={kind} value={kind}>{kind}</option>
+          ))}
+          {choice.kind === "file" && <option value="file">{choice.name}</option>}
+        </select>
+      </label>
+      <label class="button">
+        Open a picture…
+        <input ref={file} type="file" accept="image/*" onChange={(event) => {
+          const chosen = event.currentTarget.files?.[0];
+          if (chosen) open(chosen);
+          event.currentTarget.value = "";
+        }} />
+      </label>
+      {choice.kind === "colour" && (
+        <label>
+          Colour
+          <input type="color" value={choice.colour} onInput={(event) => paintOne("colour", event.currentTarget.value)} />
+        </label>
+      )}
+      <label title="Else it is stretched over the monitor, as glasswing composite does">
+        <input type="checkbox" checked={choice.keepShape} onChange={(event) => keepShape(event.currentTarget.checked)} />
+        Keep its shape
+      </label>
+      <button onClick={reset}>Put it back</button>
+    </>
+  );
+}
+
+export function Player({ session, frames }: { session: string; frames: number[] }) {
+  const canvas = useRef<HTMLCanvasElement>(null);
+  const stage = useRef<Stage | undefined>(undefined);
+  const [ready, setReady] = useState(false);
+  const [progress, setProgress] = useState(0);
+  const [error, setError] = useState<unknown>();
+  const [frame, setFrame] = useState(frames[0]);
+  const [monitor, setMonitor] = useState(0);
+  const [choices, setChoices] = useState<Choice[]>([]);
+  const [exposure, setExposure] = useState(0);
+  const [over, setOver] = useState(false);
+  const chosen = useRef(monitor);
+  chosen.current = monitor;
+
+  useEffect(() => {
+    const cancel = new AbortController();
+    setProgress(0);
+    loadDrawable(matteUrl(session, frame), { signal: cancel.signal, report: setProgress })
+      .then((matte) => {
+        setError(undefined);
+        if (stage.current) return stage.current.setMatte(matte);
+        const made = (stage.current = new Stage(canvas.current!, matte));
+        made.monitors.forEach(({ width, height }, t) => made.setPicture(t, paint("landscape", width, height, kFirstChoice.colour)));
+        setChoices(made.monitors.map(() => kFirstChoice));
+        setReady(true);
+      })
+      .catch(setError)
+      .finally(() => cancel.signal.aborted || setProgress(1));
+    return () => cancel.abort();
+  }, [session, frame]);
+
+  useEffect(() => () => stage.current?.close(), []);
+  useEffect(() => {
+    if (!ready) return;
+    const lost = (): void => setError(new Error("the graphics processor gave up this page's drawing; reload the page"));
+    canvas.current!.addEventListener("webglcontextlost", lost);
+    const end = listenToGestures(canvas.current!, {
+      get: () => stage.current!.standing(chosen.current),
+      set: (standing) => stage.current!.move(chosen.current, standing),
+      size: () => stage.current!.monitors[chosen.current]!,
+    });
+    return () => {
+      canvas.current?.removeEventListener("webglcontextlost", lost);
+      end();
+    };
+  }, [ready]);
+
+  const change = (t: number, part: Partial<Choice>): void => setChoices((all) => all.map((each, i) => (i === t ? { ...each, ...part } : each)));
+  const paintOne = (kind: BuiltIn, colour: string): void => {
+    const { width, height } = stage.current!.monitors[monitor]!;
+    stage.current!.setPicture(monitor, paint(kind, width, height, colour));
+    change(monitor, { kind, colour });
+  };
+  const open = (file: File): void => {
+    openPicture(file, file.name, stage.current!.mostPictureSide).then((image) => {
+      stage.current!.setPicture(monitor, image);
+      change(monitor, { kind: "file", name: file.name });
+      setError(undefined);
+    }, setError);
+  };
+  const drop = (event: DragEvent): void => {
+    event.preventDefault();
+    setOver(false);
+    const file = event.dataTransfer?.files[0];
+    if (file && ready) open(file);
+  };
+  const download = (): void => {
+    const name = frame === undefined ? `${session}.png` : `${session}-${String(frame).padStart(4, "0")}.png`;
+    stage.current!.picture().then((picture) => save(picture, name), setError);
+  };
+
+  const choice = choices[monitor];
+  return (
+    <section class="play" onDragOver={(event) => (event.preventDefault(), setOver(true))} onDragLeave={() => setOver(false)} onDrop={drop}>
+      <div class="row">
+        <h1>{session}</h1>
+        <a href={`#/matte/${encodeURIComponent(session)}`}>What the matte knows</a>
+        <a href="#/play">Other sessions</a>
+      </div>
+      {error !== undefined && <Failure error={error} />}
+      {progress < 1 && <progress value={progress} aria-label="The matte is being loaded" />}
+      <canvas
+        ref={canvas}
+        class={over ? "stage over" : "stage"}
+        tabIndex={0}
+        role="application"
+        aria-label={`The object of ${session} in front of a picture. Arrow keys move the picture, plus and minus scale it, 0 puts it back.`}
+        hidden={!ready}
+      />
+      {choice && (
+        <div class="row card">
+          {choices.length > 1 && (
+            <label>
+              Monitor
+              <select value={monitor} onChange={(event) => setMonitor(Number(event.currentTarget.value))}>
+                {stage.current!.monitors.map(({ name }, t) => (
+                  <option key={name} value={t}>{name}</option>
+                ))}
+              </select>
+            </label>
+          )}
+          <BackgroundControls
+            choice={choice}
+            paintOne={paintOne}
+            open={open}
+            keepShape={(keepShape) => {
+              change(monitor, { keepShape });
+              stage.current!.move(monitor, { ...stage.current!.standing(monitor), keepShape });
+            }}
+            reset={() => stage.current!.move(monitor, { ...kStill, keepShape: choice.keepShape })}
+          />
+          <label>
+            Exposure
+            <input type="range" min={-4} max={4} step={0.1} value={exposure} onInput={(event) => {
+              const stops = Number(event.currentTarget.value);
+              setExposure(stops);
+              stage.current!.setExposure(stops);
+            }} />
+            <output class="digits">{exposure > 0 ? "+" : ""}{exposure.toFixed(1)}</output>
+          </label>
+          {frame !== undefined && <FrameSlider frames={frames} frame={frame} onChange={setFrame} />}
+          <button class="primary" onClick={download}>Download frame</button>
+        </div>
+      )}
+      <p class="note">Drop a picture here. Drag it behind the object, or use the arrow keys; wheel, pinch or + and − scale it.</p>
+    </section>
+  );
+}

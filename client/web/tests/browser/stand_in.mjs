@@ -1,0 +1,50 @@
+// In place of the server: the built pages, mattes from files, and answers that a test gives.
+import { createReadStream } from "node:fs";
+import { readFile, stat } from "node:fs/promises";
+import { createServer } from "node:http";
+import { extname, join, normalize } from "node:path";
+import { fileURLToPath } from "node:url";
+
+const kPages = fileURLToPath(new URL("../../dist", import.meta.url));
+const kTypes = { ".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml" };
+const kPolicy = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; connect-src 'self'; worker-src 'self'";
+
+async function send_file(response, path, type) {
+  const { size } = await stat(path);
+  response.writeHead(200, { "Content-Type": type, "Content-Length": size, "Content-Security-Policy": kPolicy });
+  createReadStream(path).pipe(response);
+}
+
+async function body_of(request) {
+  let text = "";
+  for await (const part of request) text += part;
+  return text === "" ? {} : JSON.parse(text);
+}
+
+/**
+ * `mattes`: a file for each "/mattes/..." address. `answer(path, body, query)`: what any other address answers, or
+ * undefined. Resolves to { url, close }.
+ */
+export async function stand_in({ mattes = {}, answer = () => undefined }) {
+  const server = createServer(async (request, response) => {
+    const url = new URL(request.url, "http://localhost");
+    try {
+      const matte = mattes[url.pathname + url.search];
+      if (matte !== undefined) return await send_file(response, matte, "image/x-exr");
+      const said = url.pathname === "/me" ? { name: "tester", role: "operator" } : await answer(url.pathname, await body_of(request), url.searchParams);
+      if (said !== undefined) {
+        response.writeHead(200, { "Content-Type": "application/json" });
+        return response.end(JSON.stringify(said));
+      }
+      const path = join(kPages, normalize(url.pathname === "/" ? "/index.html" : url.pathname));
+      await send_file(response, path, kTypes[extname(path)] ?? "application/octet-stream");
+    } catch {
+      response.writeHead(404, { "Content-Type": "application/json" });
+      response.end(JSON.stringify({ code: "NOT_FOUND", message: `there is no ${url.pathname}` }));
+    }
+  });
+  await new Promise((resolve) => server.listen(0, "127.0.0.1", resolve));
+  return { url: `http://127.0.0.1:${server.address().port}`, close: () => server.close() };
+}
+
+export const read_json = async (path) => JSON.parse(await readFile(path, "utf8"));
