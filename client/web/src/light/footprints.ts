@@ -32,9 +32,11 @@ export interface Place {
 // The least variance of a cut along x or y through Q. Samples of a Gaussian of variance v have the sum 1 within
 // 2 exp(-2 pi^2 v), 0.0008 where squares and this make 0.4. A box is six samples wide.
 const kLeastVariance = { gaussian: 0.32, box: 3 };
-// Of samples along a footprint; a longer one goes to higher levels, where it is widened to what these can show.
-const kMostSamples = 48;
-const kReach = 3;
+// Standard deviations from the middle.
+const kReach = { gaussian: 3, box: Math.sqrt(3) };
+// For a footprint that takes more look-ups, two samples with each: it goes to higher levels, where it is widened to what
+// these can show.
+const kMostLookUps = 256;
 
 export function placeOf(mode: Mode, shape: PyramidShape, kind: keyof typeof kLeastVariance): Place {
   const least = kLeastVariance[kind];
@@ -47,12 +49,18 @@ export function placeOf(mode: Mode, shape: PyramidShape, kind: keyof typeof kLea
   const last = shape.levels.length - 1;
   let place = on(0);
   while (place.level < last && suits(on(place.level + 1))) place = on(place.level + 1);
-  const samples = (p: Place): number => {
-    const { width, height } = shape.levels[p.level]!;
-    return Math.min(2 * kReach * Math.sqrt(Math.max(p.xx, p.yy)), Math.max(width, height));
-  };
-  while (place.level < last && samples(place) > kMostSamples) place = widened(on(place.level + 1), least);
+  while (place.level < last && lookUps(place, shape, kReach[kind]) > kMostLookUps) place = widened(on(place.level + 1), least);
   return place;
+}
+
+/** Rows along the wider axis, and in each what a cut through Q touches. */
+function lookUps({ level, xx, xy, yy }: Place, shape: PyramidShape, reach: number): number {
+  const { width, height } = shape.levels[level]!;
+  const wide = Math.max(xx, yy, 1e-9);
+  const cut = Math.max(Math.min(xx, yy) - (xy * xy) / wide, 0);
+  const rows = Math.min(2 * reach * Math.sqrt(wide) + 1, xx > yy ? width : height);
+  const samples = Math.min(2 * reach * Math.sqrt(cut) + 1 + Math.abs(xy) / wide, xx > yy ? height : width);
+  return rows * Math.ceil(samples / 2);
 }
 
 /** With no axis of Q's ellipse below `least`. */

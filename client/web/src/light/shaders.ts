@@ -90,7 +90,7 @@ void main() {
 }`;
 
 /**
- * The composite. A footprint is integrated row by row along the wider of its axes, v: a row holds a part of its light,
+ * The composite. A footprint is integrated row by row along the wider of its axes, v: a row (or a third of one) holds a part of its light,
  * and that part has a mean along u and a variance of its own, with which it is shared among the row's samples.
  * footprints.ts says how samples of a level stand for the picture.
  */
@@ -150,21 +150,24 @@ vec3 integrate(vec2 centre, vec3 q, float brightest, int layer, ivec4 level, vec
   float sigma = sqrt(vv), slope = vv > 0.0 ? q.y / vv : 0.0, cut = max(uu - slope * q.y, 0.0);
   // A bright mode may lie beyond the monitor, which sees its tail alone.
   float reach = ${box ? "kReach" : "sqrt(kReach * kReach + 2.0 * log(max(brightest, 1.0)))"};
-  int low = int(floor(middle.y - reach * sigma)), high = int(floor(middle.y + reach * sigma));
-  int from = max(low, -u_border), to = min(high, extent.y + u_border - 1);
+  // A row's light is spread evenly where the footprint is a thin line, which a Gaussian stands for if rows are thin too.
+  int parts = slope * slope > 4.0 * cut ? 3 : 1;
+  float part = 1.0 / float(parts);
+  int low = int(floor((middle.y - reach * sigma) * float(parts))), high = int(floor((middle.y + reach * sigma) * float(parts)));
+  int from = max(low, -u_border * parts), to = min(high, (extent.y + u_border) * parts - 1);
   vec3 sum = vec3(0.0);
-  for (int v = from; v <= to; ++v) {
-    float share = 1.0, mean = 0.0, variance = vv;
+  for (int i = from; i <= to; ++i) {
+    float share = 1.0, mean = 0.0, variance = vv, v = float(i) * part;
     if (low < high) {
-      float a = (float(v) - middle.y) / sigma, b = a + 1.0 / sigma;
-      share = (v == high ? 1.0 : below(b)) - (v == low ? 0.0 : below(a));
-      float da = v == low ? 0.0 : density(a), db = v == high ? 0.0 : density(b);
+      float a = (v - middle.y) / sigma, b = a + part / sigma;
+      share = (i == high ? 1.0 : below(b)) - (i == low ? 0.0 : below(a));
+      float da = i == low ? 0.0 : density(a), db = i == high ? 0.0 : density(b);
       float z = max(share, 1e-6);
-      mean = clamp((da - db) / z, v == low ? -5.0 : a, v == high ? 5.0 : b);
+      mean = clamp((da - db) / z, i == low ? -5.0 : a, i == high ? 5.0 : b);
       variance = vv * clamp(1.0 + (a * da - b * db) / z - mean * mean, 0.0, 1.0);
       mean *= sigma;
     }
-    sum += share * integrate_row(middle.x + slope * mean, sqrt(cut + slope * slope * variance), float(v) + 0.5, reach,
+    sum += share * integrate_row(middle.x + slope * mean, sqrt(cut + slope * slope * variance), floor(v + 0.5 * part) + 0.5, reach,
                                  extent.x, level.xy, exchanged, layer, texel);
   }
   return sum;

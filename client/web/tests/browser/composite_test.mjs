@@ -20,19 +20,15 @@ if (matte === undefined) {
   process.exit(2);
 }
 const folder = mkdtempSync(join(tmpdir(), "composite-"));
-const monitors = (() => {
-  const text = readFileSync(matte).toString("latin1");
+/** The monitors in the header's JSON. */
+function monitors_of(file) {
+  const text = readFileSync(file).toString("latin1");
   const start = text.indexOf("{", text.indexOf("glasswing\0string\0"));
-  return JSON.parse(text.slice(start, text.indexOf("\n", start) < 0 ? undefined : end_of_json(text, start))).monitors;
-})();
-
-function end_of_json(text, start) {
-  let depth = 0;
-  for (let at = start; ; ++at) {
-    if (text[at] === "{") ++depth;
-    if (text[at] === "}" && --depth === 0) return at + 1;
-  }
+  let end = start;
+  for (let depth = 0; depth > 0 || end === start; ++end) depth += { "{": 1, "}": -1 }[text[end]] ?? 0;
+  return JSON.parse(text.slice(start, end)).monitors;
 }
+const monitors = monitors_of(matte);
 
 const [first] = monitors;
 const made = (name, colour) => {
@@ -54,13 +50,13 @@ async function difference(page, one, other) {
       return { width: image.width, height: image.height, data: pen.getImageData(0, 0, image.width, image.height).data };
     }));
     if (a.width !== b.width || a.height !== b.height) throw new Error(`${a.width}x${a.height} is not ${b.width}x${b.height}`);
-    let sum = 0, most = 0;
+    let sum = 0, most = 0, worst = 0;
     for (let i = 0; i < a.data.length; ++i) {
       const away = Math.abs(a.data[i] - b.data[i]);
       sum += away;
-      most = Math.max(most, away);
+      if (away > most) [most, worst] = [away, i >> 2];
     }
-    return { mean: sum / (a.width * a.height * 3), most };  // alpha is 255 in both
+    return { mean: sum / (a.width * a.height * 3), most, x: worst % a.width, y: Math.floor(worst / a.width) };  // alpha is 255 in both
   }, encoded);
 }
 
@@ -93,9 +89,9 @@ try {
     await drawn.saveAs(ours);
     const behind = monitors.flatMap(({ name }) => ["--background", `${name}=${picture}`]);
     execFileSync(glasswing, ["composite", matte, ...behind, "-o", theirs], { stdio: "pipe" });
-    const { mean, most } = await difference(page, ours, theirs);
+    const { mean, most, x, y } = await difference(page, ours, theirs);
     failed ||= !(mean <= kMostMean);
-    console.log(`${basename(picture).padEnd(24)} ${mean.toFixed(3).padStart(8)} ${String(most).padStart(8)}`);
+    console.log(`${basename(picture).padEnd(24)} ${mean.toFixed(3).padStart(8)} ${String(most).padStart(8)} at ${x},${y}`);
   }
 } finally {
   await browser.close();
