@@ -58,16 +58,27 @@ export interface MatteData {
   modes: Float32Array<ArrayBuffer>;
 }
 
+function modeAt(matte: MatteData, index: number): Mode {
+  const at = (layer: number): number => matte.modes[index * kStride + layer]!;
+  return { weight: at(0), x: at(1), y: at(2), xx: at(3), xy: at(4), yy: at(5), texture: at(6), weight_sd: at(7), centre_sd: at(8) };
+}
+
 /** The modes of a pixel in a channel. */
 export function modesOf(matte: MatteData, pixel: number, channel: number): Mode[] {
   const at = pixel * matte.modeChannels + Math.min(channel, matte.modeChannels - 1);
   const modes: Mode[] = [];
-  for (let m = matte.firstMode[at]!; m < matte.firstMode[at + 1]!; ++m) {
-    const [weight, x, y, xx, xy, yy, texture, weight_sd, centre_sd] = matte.modes.subarray(m * kStride, (m + 1) * kStride) as unknown as
-      [number, number, number, number, number, number, number, number, number];
-    modes.push({ weight, x, y, xx, xy, yy, texture, weight_sd, centre_sd });
-  }
+  for (let m = matte.firstMode[at]!; m < matte.firstMode[at + 1]!; ++m) modes.push(modeAt(matte, m));
   return modes;
+}
+
+/** Of a pixel in a channel, the first of its modes with the largest weight. */
+export function strongestMode(matte: MatteData, pixel: number, channel: number): Mode | undefined {
+  const at = pixel * matte.modeChannels + Math.min(channel, matte.modeChannels - 1);
+  let best = -1;
+  for (let m = matte.firstMode[at]!; m < matte.firstMode[at + 1]!; ++m) {
+    if (best < 0 || matte.modes[m * kStride]! > matte.modes[best * kStride]!) best = m;
+  }
+  return best < 0 ? undefined : modeAt(matte, best);
 }
 
 function readMetadata(exr: Exr): MatteMetadata {
@@ -149,7 +160,7 @@ export async function readMatte(bytes: Uint8Array<ArrayBuffer>, report: (done: n
     "foreground.coverage.Y",
     "foreground.flags.Y",
   ]);
-  const modeAt = Array.from({ length: modeCount }, (_, m) =>
+  const columnsAt = Array.from({ length: modeCount }, (_, m) =>
     suffixes.map((suffix) => columnsOf(exr, kFirstMode + m, kLayers.map((layer) => `mode${m + 1}.${layer}.${suffix}`))),
   );
 
@@ -163,7 +174,7 @@ export async function readMatte(bytes: Uint8Array<ArrayBuffer>, report: (done: n
     }
   };
   const takeModes = (lines: Float32Array[], row: number): void => {
-    const layers = modeAt.map((channels, m) =>
+    const layers = columnsAt.map((channels, m) =>
       channels.map((columns) => columns.map((column) => lines[m]!.subarray(column, column + width))),
     );
     for (let x = 0, at = row * width * suffixes.length; x < width; ++x) {

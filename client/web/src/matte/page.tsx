@@ -1,5 +1,98 @@
+import { useEffect, useMemo, useState } from "preact/hooks";
+import { call } from "../api";
+import type { CaptureManifestJson } from "../gen/glasswing/v1/archive_pb";
+import type { GetManifestResponseJson } from "../gen/glasswing/v1/archive_service_pb";
+import type { ListNodesResponseJson } from "../gen/glasswing/v1/node_service_pb";
+import type { SessionJson } from "../gen/glasswing/v1/session_service_pb";
+import { loadMatte, matteUrl } from "../light/load";
+import { kChannels, type MatteData } from "../light/matte";
 import type { PageProps } from "../pages";
+import { Failure } from "../parts/failure";
+import { FrameSlider } from "../parts/frame_slider";
+import { SessionChoice } from "../parts/session_choice";
+import { framesOf, useSession } from "../parts/use_session";
+import { PanelView, type Place } from "./panel_view";
+import { kChannelNames, panelsOf } from "./panels";
+import { Pixel } from "./pixel";
+import "./matte.css";
 
-export default function Page({ path }: PageProps) {
-  return <p>{path.join("/")}</p>;
+async function manifestOf({ name, archiveAddress }: SessionJson): Promise<CaptureManifestJson> {
+  const { nodes = [] } = await call<ListNodesResponseJson>("NodeService/ListNodes");
+  const node = nodes.find(({ address }) => address === archiveAddress);
+  if (!node?.name) throw new Error(`the node at ${archiveAddress ?? "no address"}, which holds the frames, is away`);
+  const { manifest = {} } = await call<GetManifestResponseJson>("ArchiveService/GetManifest", { session: name }, { node: node.name });
+  return manifest;
+}
+
+function Viewer({ session }: { session: SessionJson }) {
+  const name = session.name ?? "";
+  const frames = framesOf(session);
+  const [matte, setMatte] = useState<MatteData>();
+  const [progress, setProgress] = useState(0);
+  const [error, setError] = useState<unknown>();
+  const [frame, setFrame] = useState(frames[0]);
+  const [channel, setChannel] = useState(1);
+  const [cursor, setCursor] = useState<Place>();
+  const [shown, setShown] = useState<Place>();
+  const [manifest, setManifest] = useState<Promise<CaptureManifestJson>>();
+
+  useEffect(() => {
+    const cancel = new AbortController();
+    loadMatte(matteUrl(name, frame), { signal: cancel.signal, report: setProgress })
+      .then((loaded) => {
+        setError(undefined);
+        setMatte(loaded);
+        setCursor((before) => before ?? { x: loaded.width >> 1, y: loaded.height >> 1 });
+      })
+      .catch(setError)
+      .finally(() => cancel.signal.aborted || setProgress(1));
+    return () => cancel.abort();
+  }, [name, frame]);
+  const panels = useMemo(() => matte && panelsOf(matte, channel), [matte, channel]);
+
+  const choose = (place: Place, take: boolean): void => {
+    setCursor(place);
+    if (!take) return;
+    setShown(place);
+    if (!manifest && frames.length === 0) setManifest(manifestOf(session));
+  };
+  return (
+    <section class="matte">
+      <div class="row">
+        <h1>{name}</h1>
+        <a href={`#/play/${encodeURIComponent(name)}`}>Play with it</a>
+        <a href="#/matte">Other sessions</a>
+        {matte?.modeChannels === 3 && (
+          <label>
+            Channel
+            <select value={channel} onChange={(event) => setChannel(Number(event.currentTarget.value))}>
+              {kChannels.map((each, c) => <option key={each} value={c}>{kChannelNames[each]}</option>)}
+            </select>
+          </label>
+        )}
+        {frame !== undefined && <FrameSlider frames={frames} frame={frame} onChange={setFrame} />}
+      </div>
+      {error !== undefined && <Failure error={error} />}
+      {progress < 1 && <progress value={progress} aria-label="The matte is being loaded" />}
+      {matte?.metadata.warnings?.map((warning) => <p key={warning} class="note">{warning}</p>)}
+      <div class="panels">
+        {cursor && panels?.map((panel) => <PanelView key={panel.name} panel={panel} cursor={cursor} choose={choose} />)}
+      </div>
+      {matte && shown ? (
+        <Pixel matte={matte} session={name} x={shown.x} y={shown.y} manifest={manifest} />
+      ) : (
+        <p class="note">Click a pixel, or move the cursor of a panel with the arrow keys and press Enter: its footprints and samples stand here then.</p>
+      )}
+    </section>
+  );
+}
+
+function Session({ name }: { name: string }) {
+  const { session, error } = useSession(name);
+  if (error) return <Failure error={error} />;
+  return session ? <Viewer key={name} session={session} /> : null;
+}
+
+export default function Page({ path: [name] }: PageProps) {
+  return name === undefined ? <SessionChoice page="matte" title="Look at a matte" /> : <Session name={name} />;
 }

@@ -5,10 +5,11 @@
 // Beside the pictures given there are checks of one pixel and noise. Every monitor of the matte shows the same picture. Prints the mean
 // and the largest difference of a colour, in 1/255 of sRGB, and fails where a mean is above 2.
 import { execFileSync } from "node:child_process";
-import { mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import { mkdtempSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { basename, join } from "node:path";
 import { open_browser } from "./browser.mjs";
+import { difference, monitors_of } from "./mattes.mjs";
 import { checks, noise, png } from "./pictures.mjs";
 import { stand_in } from "./stand_in.mjs";
 
@@ -20,14 +21,6 @@ if (matte === undefined) {
   process.exit(2);
 }
 const folder = mkdtempSync(join(tmpdir(), "composite-"));
-/** The monitors in the header's JSON. */
-function monitors_of(file) {
-  const text = readFileSync(file).toString("latin1");
-  const start = text.indexOf("{", text.indexOf("glasswing\0string\0"));
-  let end = start;
-  for (let depth = 0; depth > 0 || end === start; ++end) depth += { "{": 1, "}": -1 }[text[end]] ?? 0;
-  return JSON.parse(text.slice(start, end)).monitors;
-}
 const monitors = monitors_of(matte);
 
 const [first] = monitors;
@@ -37,28 +30,6 @@ const made = (name, colour) => {
   return file;
 };
 const pictures = [...given, made("checks", checks(1)), made("noise", noise(20261122))];
-
-/** Mean and largest difference of two PNG files' colours, looked at by the browser. */
-async function difference(page, one, other) {
-  const encoded = [one, other].map((file) => readFileSync(file).toString("base64"));
-  return page.evaluate(async (files) => {
-    const [a, b] = await Promise.all(files.map(async (text) => {
-      const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-      const image = await createImageBitmap(new Blob([bytes]), { colorSpaceConversion: "none" });
-      const pen = new OffscreenCanvas(image.width, image.height).getContext("2d");
-      pen.drawImage(image, 0, 0);
-      return { width: image.width, height: image.height, data: pen.getImageData(0, 0, image.width, image.height).data };
-    }));
-    if (a.width !== b.width || a.height !== b.height) throw new Error(`${a.width}x${a.height} is not ${b.width}x${b.height}`);
-    let sum = 0, most = 0, worst = 0;
-    for (let i = 0; i < a.data.length; ++i) {
-      const away = Math.abs(a.data[i] - b.data[i]);
-      sum += away;
-      if (away > most) [most, worst] = [away, i >> 2];
-    }
-    return { mean: sum / (a.width * a.height * 3), most, x: worst % a.width, y: Math.floor(worst / a.width) };  // alpha is 255 in both
-  }, encoded);
-}
 
 async function show(page, picture) {
   for (const [t] of monitors.entries()) {

@@ -1,0 +1,5 @@
+// The chart library and its style, loaded when a chart is first drawn.
+import uPlot from "uplot";
+import "uplot/dist/uPlot.min.css";
+
+export { uPlot };

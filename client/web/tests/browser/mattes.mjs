@@ -1,0 +1,33 @@
+import { readFileSync } from "node:fs";
+
+/** The monitors in the JSON of a matte's header. */
+export function monitors_of(file) {
+  const text = readFileSync(file).toString("latin1");
+  const start = text.indexOf("{", text.indexOf("glasswing\0string\0"));
+  let end = start;
+  for (let depth = 0; depth > 0 || end === start; ++end) depth += { "{": 1, "}": -1 }[text[end]] ?? 0;
+  return JSON.parse(text.slice(start, end)).monitors;
+}
+
+/** Mean and largest difference of two PNG files' colours of 0 to 255, and where it is largest; the browser reads them. */
+export function difference(page, one, other) {
+  const encoded = [one, other].map((file) => readFileSync(file).toString("base64"));
+  return page.evaluate(async (files) => {
+    const [a, b] = await Promise.all(files.map(async (text) => {
+      const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+      const image = await createImageBitmap(new Blob([bytes]), { colorSpaceConversion: "none" });
+      const pen = new OffscreenCanvas(image.width, image.height).getContext("2d");
+      pen.drawImage(image, 0, 0);
+      return pen.getImageData(0, 0, image.width, image.height);
+    }));
+    if (a.width !== b.width || a.height !== b.height) throw new Error(`${a.width}x${a.height} is not ${b.width}x${b.height}`);
+    let sum = 0, most = 0, worst = 0;
+    for (let i = 0; i < a.data.length; ++i) {
+      const away = Math.abs(a.data[i] - b.data[i]);
+      sum += away;
+      if (away > most) [most, worst] = [away, i >> 2];
+    }
+    // Alpha is 255 in both.
+    return { mean: sum / (3 * a.width * a.height), most, x: worst % a.width, y: Math.floor(worst / a.width) };
+  }, encoded);
+}
