@@ -148,11 +148,9 @@ async function inflate(packed: Uint8Array<ArrayBuffer>, size: number): Promise<U
 export function unpredict(split: Uint8Array): Uint8Array<ArrayBuffer> {
   const out = new Uint8Array(split.length);
   const half = (split.length + 1) >> 1;
-  let value = 0;
-  for (let i = 0; i < split.length; ++i) {
-    value = i === 0 ? split[0]! : (value + split[i]! - 128) & 255;
-    out[i < half ? 2 * i : 2 * (i - half) + 1] = value;
-  }
+  let value = 128;
+  for (let i = 0; i < half; ++i) out[2 * i] = value = (value + split[i]! - 128) & 255;
+  for (let i = half; i < split.length; ++i) out[2 * (i - half) + 1] = value = (value + split[i]! - 128) & 255;
   return out;
 }
 

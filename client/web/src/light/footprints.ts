@@ -42,7 +42,7 @@ export function placeOf(mode: Mode, shape: PyramidShape, kind: keyof typeof kLea
   const least = kLeastVariance[kind];
   const on = (level: number): Place => {
     const scale = 0.5 ** level;
-    const variance = (v: number): number => (v + 0.5) * scale * scale - 0.5;
+    const variance = (v: number): number => v * scale * scale + 0.5 * (scale * scale - 1);
     return { level, x: mode.x * scale, y: mode.y * scale, xx: variance(mode.xx), xy: mode.xy * scale * scale, yy: variance(mode.yy) };
   };
   const suits = ({ xx, xy, yy }: Place): boolean => xx > 0 && yy > 0 && xx * yy - xy * xy >= least * Math.max(xx, yy);

@@ -8,6 +8,7 @@ import { NotAMatte, readExr, readLine, type Exr } from "./exr";
 /** What is said of a mode, in the order in which it is kept; each is a layer of the file. */
 export const kLayers = ["weight", "x", "y", "xx", "xy", "yy", "texture", "weight_sd", "centre_sd"] as const;
 const kStride = kLayers.length;
+const [kWeight, kXx, kYy, kTexture] = [0, 3, 5, 6] as const;
 export const kChannels = ["R", "G", "B"] as const;
 
 /** Bits of a pixel's flags. */
@@ -123,10 +124,14 @@ function columnsOf(exr: Exr, part: number, names: string[]): number[] {
   });
 }
 
-function checkMode(mode: Float32Array, monitors: number, where: string): void {
-  const [weight, , , xx, , yy, texture] = mode as unknown as [number, number, number, number, number, number, number];
-  const good = mode.every(Number.isFinite) && weight >= 0 && xx >= 0 && yy >= 0 && texture >= 0 && texture < monitors;
-  if (!good) throw new NotAMatte(`${where} holds values that no matte has`);
+/** Of the last mode that was added. */
+function isGood({ values, count }: ModeList, monitors: number): boolean {
+  const first = (count - 1) * kStride;
+  const at = (layer: number): number => values[first + layer]!;
+  for (let layer = 0; layer < kStride; ++layer) {
+    if (!Number.isFinite(at(layer))) return false;
+  }
+  return at(kWeight) >= 0 && at(kXx) >= 0 && at(kYy) >= 0 && at(kTexture) >= 0 && at(kTexture) < monitors;
 }
 
 const kForeground = 1;
@@ -168,7 +173,9 @@ export async function readMatte(bytes: Uint8Array<ArrayBuffer>, report: (done: n
     const [r, g, b, coverage, flags] = foregroundAt.map((column) => line.subarray(column, column + width)) as
       [Float32Array, Float32Array, Float32Array, Float32Array, Float32Array];
     for (let x = 0, pixel = row * width; x < width; ++x, ++pixel) {
-      matte.foreground.set([r[x]!, g[x]!, b[x]!], 3 * pixel);
+      matte.foreground[3 * pixel] = r[x]!;
+      matte.foreground[3 * pixel + 1] = g[x]!;
+      matte.foreground[3 * pixel + 2] = b[x]!;
       matte.coverage[pixel] = coverage[x]!;
       matte.flags[pixel] = flags[x]! >= 0 && flags[x]! < 256 ? flags[x]! : kFlags.notSolved;
     }
@@ -184,8 +191,8 @@ export async function readMatte(bytes: Uint8Array<ArrayBuffer>, report: (done: n
           const mode = layers[m]![channel]!;
           if (mode[0]![x] === 0) continue;
           modes.add(mode, x);
-          const last = modes.values.subarray((modes.count - 1) * kStride, modes.count * kStride);
-          checkMode(last, metadata.monitors.length, `pixel (${x + exr.window.x0}, ${row + exr.window.y0})`);
+          if (!isGood(modes, metadata.monitors.length))
+            throw new NotAMatte(`pixel (${x + exr.window.x0}, ${row + exr.window.y0}) holds values that no matte has`);
         }
       }
     }

@@ -20,22 +20,80 @@ function Footprint({ mode, isBox, ink, least }: { mode: Mode; isBox: boolean; in
   );
 }
 
-/** A pixel's footprints on one monitor. */
-export function FootprintMap({ matte, pixel, monitor, texture }: { matte: MatteData; pixel: number; monitor: MatteMonitor; texture: number }) {
-  const margin = kMargin * Math.max(monitor.width_px, monitor.height_px);
-  const view = [-margin, -margin, monitor.width_px + 2 * margin, monitor.height_px + 2 * margin].join(" ");
-  const least = 0.004 * monitor.width_px;
+interface View {
+  x: number;
+  y: number;
+  width: number;
+  height: number;
+}
+
+const kLeastClose_px = 6;
+const kMostLines = 40;
+
+function wholeOf({ width_px, height_px }: MatteMonitor): View {
+  const margin = kMargin * Math.max(width_px, height_px);
+  return { x: -margin, y: -margin, width: width_px + 2 * margin, height: height_px + 2 * margin };
+}
+
+/** What shows all of the footprints, in the monitor's shape. */
+function closeTo(modes: Mode[], { width_px, height_px }: MatteMonitor): View {
+  const reach = (variance: number): number => 2.5 * Math.sqrt(variance);
+  const [left, right] = [Math.min(...modes.map(({ x, xx }) => x - reach(xx))), Math.max(...modes.map(({ x, xx }) => x + reach(xx)))];
+  const [top, bottom] = [Math.min(...modes.map(({ y, yy }) => y - reach(yy))), Math.max(...modes.map(({ y, yy }) => y + reach(yy)))];
+  const width = Math.max(kLeastClose_px, right - left, ((bottom - top) * width_px) / height_px);
+  const height = (width * height_px) / width_px;
+  return { x: 0.5 * (left + right - width), y: 0.5 * (top + bottom - height), width, height };
+}
+
+/** The edges of the monitor's pixels, where they are few. */
+function gridOf({ x, y, width, height }: View, { width_px, height_px }: MatteMonitor): string {
+  if (Math.max(width, height) > kMostLines) return "";
+  const [left, right] = [Math.max(0, Math.ceil(x)), Math.min(width_px, x + width)];
+  const [top, bottom] = [Math.max(0, Math.ceil(y)), Math.min(height_px, y + height)];
+  let path = "";
+  for (let u = left; u <= right; ++u) path += `M${u} ${Math.max(0, y)}V${bottom}`;
+  for (let v = top; v <= bottom; ++v) path += `M${Math.max(0, x)} ${v}H${right}`;
+  return path;
+}
+
+interface MapProps {
+  matte: MatteData;
+  pixel: number;
+  monitor: MatteMonitor;
+  texture: number;
+}
+
+function Map({ matte, pixel, monitor, texture, view, title }: MapProps & { view: View; title: string }) {
+  const isBox = matte.metadata.footprint === "box";
   return (
     <figure class="footprints">
-      <figcaption>{monitor.name}, {monitor.width_px}x{monitor.height_px}</figcaption>
-      <svg viewBox={view} role="img" aria-label={`The pixel's footprints on monitor ${monitor.name}`}>
+      <figcaption>{title}</figcaption>
+      <svg viewBox={`${view.x} ${view.y} ${view.width} ${view.height}`} role="img" aria-label={`The pixel's footprints: ${title}`}>
+        <path class="grid" d={gridOf(view, monitor)} />
         <rect class="outline" width={monitor.width_px} height={monitor.height_px} />
-        {kChannels.slice(0, matte.modeChannels).flatMap((ink, channel) =>
+        {kChannels.slice(0, matte.modeChannels).flatMap((channelName, channel) =>
           modesOf(matte, pixel, channel)
             .filter((mode) => mode.texture === texture)
-            .map((mode, i) => <Footprint key={`${ink}${i}`} mode={mode} isBox={matte.metadata.footprint === "box"} ink={matte.modeChannels === 1 ? "Y" : ink} least={least} />),
+            .map((mode, i) => (
+              <Footprint key={`${channelName}${i}`} mode={mode} isBox={isBox} ink={matte.modeChannels === 1 ? "Y" : channelName} least={0.004 * view.width} />
+            )),
         )}
       </svg>
     </figure>
+  );
+}
+
+/** A pixel's footprints on one monitor, and close to where they are small on it. */
+export function FootprintMaps(props: MapProps) {
+  const { matte, pixel, monitor, texture } = props;
+  const modes = [0, 1, 2].flatMap((channel) => modesOf(matte, pixel, channel)).filter((mode) => mode.texture === texture);
+  const close = modes.length > 0 ? closeTo(modes, monitor) : undefined;
+  return (
+    <>
+      <Map {...props} view={wholeOf(monitor)} title={`${monitor.name}, ${monitor.width_px}x${monitor.height_px}`} />
+      {close && close.width < 0.4 * monitor.width_px && (
+        <Map {...props} view={close} title={`${monitor.name}, close: ${close.width.toFixed(0)}x${close.height.toFixed(0)} px`} />
+      )}
+    </>
   );
 }

@@ -3,7 +3,7 @@ import { ApiError, ask } from "../api";
 import type { CaptureManifestJson } from "../gen/glasswing/v1/archive_pb";
 import { kChannels, modesOf, type MatteData, type Mode } from "../light/matte";
 import { Failure } from "../parts/failure";
-import { FootprintMap } from "./footprint_map";
+import { FootprintMaps } from "./footprint_map";
 import { kFlagWords } from "./panels";
 import { sweepsOf, type Sample, type Sweep } from "./stripes";
 import { SweepChart } from "./sweep_chart";
@@ -96,7 +96,7 @@ export function Pixel({ matte, session, x, y, manifest }: PixelProps) {
       <ModeTable matte={matte} pixel={pixel} />
       <div class="maps">
         {matte.metadata.monitors.map((monitor, texture) => (
-          <FootprintMap key={monitor.name} matte={matte} pixel={pixel} monitor={monitor} texture={texture} />
+          <FootprintMaps key={monitor.name} matte={matte} pixel={pixel} monitor={monitor} texture={texture} />
         ))}
       </div>
       <h2>Sweeps: samples, and what the modes foretell</h2>

@@ -1,0 +1,84 @@
+import { expect, test } from "vitest";
+import { unpredict } from "../../src/light/exr";
+import { modesOf, readMatte, strongestMode, type Mode } from "../../src/light/matte";
+import { predict } from "./exr_bytes";
+import { matteBytes, type MatteText } from "./matte_bytes";
+import { random } from "./random";
+
+const kMonitors = [{ name: "back", width_px: 64, height_px: 48 }, { name: "left", width_px: 32, height_px: 32 }];
+
+function textOf(suffixes: string[], footprint?: string): MatteText {
+  const next = random(11);
+  const [width, height] = [7, 5];
+  const table = Array.from({ length: width * height * suffixes.length }, (_, i) =>
+    Array.from({ length: i % 3 }, (): Mode => {
+      const [weight, x, y, xx, yy, weight_sd, centre_sd] = Array.from({ length: 7 }, () => Math.fround(0.1 + 9 * next())) as [number, number, number, number, number, number, number];
+      return { weight, x, y, xx, xy: 0, yy, texture: i % 2, weight_sd, centre_sd };
+    }),
+  );
+  return {
+    width, height, suffixes, modeCount: 2,
+    metadata: { format_version: 1, monitors: kMonitors, footprint },
+    foreground: (pixel, channel) => Math.fround(0.01 * pixel + channel),
+    modes: (pixel, channel) => table[pixel * suffixes.length + channel]!,
+  };
+}
+
+const read = (bytes: Uint8Array<ArrayBuffer>) => readMatte(bytes, () => undefined);
+
+test("what was written is read, in colour and gray", async () => {
+  for (const suffixes of [["R", "G", "B"], ["Y"]]) {
+    const text = textOf(suffixes);
+    const matte = await read(matteBytes(text));
+    expect([matte.width, matte.height, matte.modeChannels]).toEqual([7, 5, suffixes.length]);
+    for (let pixel = 0; pixel < 35; ++pixel) {
+      for (let channel = 0; channel < 3; ++channel) {
+        expect(matte.foreground[3 * pixel + channel]).toBe(text.foreground(pixel, channel));
+        expect(modesOf(matte, pixel, channel)).toEqual(text.modes(pixel, Math.min(channel, suffixes.length - 1)));
+      }
+    }
+  }
+});
+
+test("the strongest mode has the largest weight", async () => {
+  const text = textOf(["R", "G", "B"]);
+  const matte = await read(matteBytes(text));
+  for (let pixel = 0; pixel < 35; ++pixel) {
+    const weights = text.modes(pixel, 1).map(({ weight }) => weight);
+    expect(strongestMode(matte, pixel, 1)?.weight).toBe(weights.length > 0 ? Math.max(...weights) : undefined);
+  }
+});
+
+test("prediction is undone, also of lines of odd length", () => {
+  for (const length of [1, 2, 7, 256]) {
+    const line = Buffer.from(Array.from({ length }, (_, i) => (i * i * 37) & 255));
+    expect([...unpredict(predict(line))]).toEqual([...line]);
+  }
+});
+
+test("what is no matte is refused in words", async () => {
+  const good = matteBytes(textOf(["Y"]));
+  const changed = (change: (bytes: Uint8Array<ArrayBuffer>) => void): Uint8Array<ArrayBuffer> => {
+    const bytes = good.slice();
+    change(bytes);
+    return bytes;
+  };
+  await expect(read(new Uint8Array())).rejects.toThrow("does not begin as OpenEXR does");
+  await expect(read(changed((bytes) => (bytes[5] = 0)))).rejects.toThrow("not OpenEXR of several parts");
+  await expect(read(good.slice(0, good.length - 40))).rejects.toThrow("damaged or no matte");
+  await expect(read(good.slice(0, 200))).rejects.toThrow("ends too early");
+  await expect(read(matteBytes(textOf(["Y"], "disc")))).rejects.toThrow('its footprints are "disc"');
+  await expect(read(matteBytes({ ...textOf(["Y"]), metadata: {} }))).rejects.toThrow("names no monitors");
+  const far: Mode = { weight: 1, x: 0, y: 0, xx: 1, xy: 0, yy: 1, texture: 2, weight_sd: 0, centre_sd: 0 };
+  await expect(read(matteBytes({ ...textOf(["Y"]), modes: () => [far] }))).rejects.toThrow("pixel (0, 0) holds values that no matte has");
+});
+
+test("no changed byte makes anything but a matte or an error of ours", async () => {
+  const good = matteBytes(textOf(["Y"]));
+  const next = random(5);
+  for (let i = 0; i < 400; ++i) {
+    const bytes = good.slice();
+    bytes[Math.floor(next() * bytes.length)]! ^= 1 << Math.floor(8 * next());
+    await read(bytes).catch((error: unknown) => expect(String(error)).toContain("the file is damaged or no matte"));
+  }
+});
