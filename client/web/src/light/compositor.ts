@@ -55,8 +55,10 @@ export class Compositor {
   private readonly index: WebGLTexture;
   private readonly list: WebGLTexture;
   private readonly pictures: (Picture | undefined)[] = [];
+  private size = { width: 0, height: 0 };
+  private drawn: WebGLSync | null = null;
 
-  /** The canvas takes the matte's size. NoWebGl says what the browser lacks. */
+  /** The canvas takes the matte's size when it is drawn. NoWebGl says what the browser lacks. */
   constructor(
     private readonly canvas: HTMLCanvasElement,
     matte: Drawable,
@@ -87,8 +89,7 @@ export class Compositor {
   /** Another frame of the same video: its monitors and footprints are of the same kind. */
   setMatte({ width, height, foreground, footprints }: Drawable): void {
     const { gl } = this;
-    this.canvas.width = width;
-    this.canvas.height = height;
+    this.size = { width, height };
     const light = new Float32Array(4 * width * height);
     for (let i = 0; i < width * height; ++i) light.set(foreground.subarray(3 * i, 3 * i + 3), 4 * i);
     const load = (texture: WebGLTexture, inside: number, w: number, h: number, format: number, type: number, data: ArrayBufferView): void => {
@@ -119,12 +120,15 @@ export class Compositor {
     this.pyramids.fill(monitor, picture, placementOf(picture, this.shapes[monitor]!.levels[0]!, standing), this.mix.seen[monitor]!);
   }
 
-  /** `gain`: times the composite's light. */
-  draw(gain: number): void {
-    const { gl } = this;
+  /** `gain`: times the composite's light. `step`: of how many pixels along both sides one is drawn. */
+  draw(gain: number, step: number): void {
+    const { gl, canvas } = this;
+    const [width, height] = [Math.ceil(this.size.width / step), Math.ceil(this.size.height / step)];
+    if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
     const program = this.program.use();
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
-    gl.viewport(0, 0, this.canvas.width, this.canvas.height);
+    gl.viewport(0, 0, width, height);
+    gl.uniform1i(program.at("u_step"), step);
     program.bind("u_index", 0, gl.TEXTURE_2D, this.index);
     program.bind("u_list", 1, gl.TEXTURE_2D, this.list);
     program.bind("u_foreground", 2, gl.TEXTURE_2D, this.foreground);
@@ -132,6 +136,14 @@ export class Compositor {
     gl.uniform1f(program.at("u_gain"), gain);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     gl.activeTexture(gl.TEXTURE0);
+    gl.deleteSync(this.drawn);
+    this.drawn = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    gl.flush();
+  }
+
+  /** All that was asked for is on the canvas. */
+  get isDone(): boolean {
+    return this.drawn === null || this.gl.getSyncParameter(this.drawn, this.gl.SYNC_STATUS) === this.gl.SIGNALED;
   }
 
   /** The largest side that a picture may have. */

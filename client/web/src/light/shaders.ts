@@ -101,6 +101,7 @@ uniform sampler2DArray u_pyramid;
 uniform ivec4 u_levels[${levelCount}];  // x, y, width, height
 uniform int u_first_level[${monitorCount}];  // of a monitor
 uniform int u_border, u_list_width;
+uniform int u_step;  // pixels of the matte to one that is drawn
 uniform mat3 u_primaries;
 uniform float u_gain;
 out vec4 o_colour;
@@ -180,7 +181,8 @@ vec3 coded(vec3 light) {  // sRGB
 
 void main() {
   ivec2 size = textureSize(u_foreground, 0), at = ivec2(gl_FragCoord.xy);
-  at.y = size.y - 1 - at.y;  // the canvas counts from below
+  at.y = (size.y + u_step - 1) / u_step - 1 - at.y;  // the canvas counts from below
+  at = min(at * u_step + u_step / 2, size - 1);
   vec3 light = texelFetch(u_foreground, at, 0).rgb;
   uvec2 range = texelFetch(u_index, at, 0).xy;
   vec2 texel = 1.0 / vec2(textureSize(u_pyramid, 0).xy);

@@ -1,7 +1,12 @@
-// What stands before the object's canvas: a picture for each monitor, and the light. Draws once for all that changed.
+// What stands behind the object, a picture for each monitor, and the light. Draws once for all that changed, and no sooner
+// than the last drawing is done; coarser while it moves where that takes long.
 import { Compositor, type Drawable, type Standing } from "../light/compositor";
+import { Pace } from "./pace";
 
 export const kStill: Standing = { keepShape: false, dx: 0, dy: 0, scale: 1 };
+
+/** After so long nothing moves any more. */
+const kRest_ms = 200;
 
 export class Stage {
   readonly monitors: { name: string; width: number; height: number }[];
@@ -9,6 +14,12 @@ export class Stage {
   private readonly standings: Standing[];
   private readonly moved = new Set<number>();
   private gain = 1;
+  private readonly pace: Pace;
+  /** Something changed that is not drawn yet, or coarsely alone. */
+  private isOld = false;
+  private isCoarse = false;
+  private changed_ms = 0;
+  private drawing: { step: number; since_ms: number } | undefined;
   private waiting = 0;
 
   constructor(
@@ -16,6 +27,7 @@ export class Stage {
     matte: Drawable,
   ) {
     this.compositor = new Compositor(canvas, matte);
+    this.pace = new Pace(Math.max(matte.width, matte.height));
     this.monitors = matte.metadata.monitors.map(({ name, width_px, height_px }) => ({ name, width: width_px, height: height_px }));
     this.standings = this.monitors.map(() => kStill);
   }
@@ -46,7 +58,7 @@ export class Stage {
 
   /** The canvas as a PNG, with all that was asked for. */
   picture(): Promise<Blob> {
-    this.draw();
+    this.draw(1);
     return new Promise((resolve, reject) => {
       this.canvas.toBlob((blob) => (blob ? resolve(blob) : reject(new Error("the browser cannot write a PNG"))), "image/png");
     });
@@ -58,13 +70,29 @@ export class Stage {
   }
 
   private drawSoon(): void {
-    if (this.waiting === 0) this.waiting = requestAnimationFrame(() => this.draw());
+    this.isOld = true;
+    this.changed_ms = performance.now();
+    this.look();
   }
-  private draw(): void {
-    cancelAnimationFrame(this.waiting);
+  private look(): void {
+    if (this.waiting === 0) this.waiting = requestAnimationFrame(() => this.onFrame());
+  }
+  private onFrame(): void {
     this.waiting = 0;
+    if (!this.compositor.isDone) return this.look();
+    const now = performance.now();
+    if (this.drawing) this.pace.took(this.drawing.step, now - this.drawing.since_ms);
+    this.drawing = undefined;
+    if (this.isOld) this.draw(this.pace.step);
+    else if (this.isCoarse && now - this.changed_ms > kRest_ms) this.draw(1);
+    if (this.drawing || this.isCoarse) this.look();
+  }
+  private draw(step: number): void {
     for (const monitor of this.moved) this.compositor.place(monitor, this.standing(monitor));
     this.moved.clear();
-    this.compositor.draw(this.gain);
+    this.compositor.draw(this.gain, step);
+    this.drawing = { step, since_ms: performance.now() };
+    this.isOld = false;
+    this.isCoarse = step > 1;
   }
 }

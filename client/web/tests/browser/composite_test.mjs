@@ -2,8 +2,8 @@
 //
 //   node tests/browser/composite_test.mjs GLASSWING MATTE.exr [PICTURE.png]...
 //
-// Beside the pictures given there are checks of one pixel and noise. Every monitor of the matte shows the same picture. Prints the mean
-// and the largest difference of a colour, in 1/255 of sRGB, and fails where a mean is above 2.
+// Beside the pictures given there are checks of one pixel and noise. Every monitor of the matte shows the same picture. Prints
+// the mean and the largest difference of a colour, in 1/255 of sRGB, and fails where a mean is above 2.
 import { execFileSync } from "node:child_process";
 import { mkdtempSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
@@ -53,17 +53,26 @@ try {
   const download = page.getByRole("button", { name: "Download frame" });
   await download.waitFor();
   console.log(`${basename(matte)}                mean  largest, of 255`);
-  for (const picture of pictures) {
-    await show(page, picture);
+  const compare = async (name, picture, shift) => {
     const [drawn] = await Promise.all([page.waitForEvent("download"), download.click()]);
     const ours = join(folder, "page.png"), theirs = join(folder, "composite.png");
     await drawn.saveAs(ours);
-    const behind = monitors.flatMap(({ name }) => ["--background", `${name}=${picture}`]);
-    execFileSync(glasswing, ["composite", matte, ...behind, "-o", theirs], { stdio: "pipe" });
+    const behind = monitors.flatMap((monitor) => ["--background", `${monitor.name}=${picture}`]);
+    execFileSync(glasswing, ["composite", matte, ...behind, ...shift, "-o", theirs], { stdio: "pipe" });
     const { mean, most, x, y } = await difference(page, ours, theirs);
     failed ||= !(mean <= kMostMean);
-    console.log(`${basename(picture).padEnd(24)} ${mean.toFixed(3).padStart(8)} ${String(most).padStart(8)} at ${x},${y}`);
+    console.log(`${name.padEnd(24)} ${mean.toFixed(3).padStart(8)} ${String(most).padStart(8)} at ${x},${y}`);
+  };
+  for (const picture of pictures) {
+    await show(page, picture);
+    await compare(basename(picture), picture, []);
   }
+  // An arrow key moves the picture of the monitor chosen last by a fiftieth of it.
+  const moved = monitors.at(-1);
+  await page.getByRole("application").focus();
+  for (const key of ["ArrowRight", "ArrowRight", "ArrowRight", "ArrowUp", "ArrowUp"]) await page.keyboard.press(key);
+  const [dx, dy] = [3 * 0.02 * moved.width_px, -2 * 0.02 * moved.height_px];
+  await compare("noise, moved by keys", pictures.at(-1), ["--shift", `${moved.name}=${dx},${dy}`]);
 } finally {
   await browser.close();
   server.close();
