@@ -33,7 +33,10 @@ const kHeaders = { "Content-Type": "application/json", "X-Glasswing": "console" 
 async function refusal(response: Response): Promise<ApiError> {
   const said = (await response.json().catch(() => ({}))) as { code?: string; message?: string };
   if (response.status === 401) me.value = null;
-  return new ApiError(said.code ?? "UNKNOWN", said.message ?? `the server answered ${response.status} ${response.statusText}`);
+  return new ApiError(
+    said.code ?? "UNKNOWN",
+    said.message ?? `the server answered ${response.status} ${response.statusText}`,
+  );
 }
 
 /** fetch() whose failures are ApiErrors: UNAVAILABLE where no answer came. */
@@ -48,14 +51,21 @@ export async function ask(path: string, init: RequestInit = {}): Promise<Respons
 }
 
 function post(method: string, request: object, options: CallOptions): Promise<Response> {
-  const path = options.node === undefined ? `/api/${method}` : `/api/nodes/${encodeURIComponent(options.node)}/${method}`;
+  const path =
+    options.node === undefined
+      ? `/api/${method}`
+      : `/api/nodes/${encodeURIComponent(options.node)}/${method}`;
   const init: RequestInit = { method: "POST", headers: kHeaders, body: JSON.stringify(request) };
   if (options.signal) init.signal = options.signal;
   return ask(path, init);
 }
 
 /** `method` is "SessionService/GetSession". */
-export async function call<Answer>(method: string, request: object = {}, options: CallOptions = {}): Promise<Answer> {
+export async function call<Answer>(
+  method: string,
+  request: object = {},
+  options: CallOptions = {},
+): Promise<Answer> {
   return (await (await post(method, request, options)).json()) as Answer;
 }
 
@@ -108,7 +118,11 @@ export async function* events(body: ReadableStream<Uint8Array<ArrayBuffer>>): As
 }
 
 export async function login(token: string): Promise<void> {
-  const response = await ask("/login", { method: "POST", headers: kHeaders, body: JSON.stringify({ token }) });
+  const response = await ask("/login", {
+    method: "POST",
+    headers: kHeaders,
+    body: JSON.stringify({ token }),
+  });
   me.value = (await response.json()) as Me;
 }
 
@@ -117,11 +131,16 @@ export async function logout(): Promise<void> {
   me.value = null;
 }
 
+/** Of a link that logs in at once, "#token=...". */
+export function tokenIn(hash: string): string | undefined {
+  return /^#token=(.+)$/.exec(hash)?.[1];
+}
+
 /** Takes a token from the address (and out of it), else asks who the browser already is. */
 export async function begin(): Promise<void> {
-  const token = /^#token=(.+)$/.exec(location.hash)?.[1];
+  const token = tokenIn(location.hash);
   if (token !== undefined) {
-    history.replaceState(null, "", location.pathname + "#/");
+    history.replaceState(null, "", `${location.pathname}#/`);
     return login(decodeURIComponent(token));
   }
   me.value = (await (await ask("/me")).json()) as Me;

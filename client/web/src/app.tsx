@@ -1,18 +1,38 @@
 import { signal } from "@preact/signals";
 import type { ComponentType } from "preact";
 import { useEffect, useState } from "preact/hooks";
-import { ApiError, begin, logout, me } from "./api";
+import { ApiError, begin, logout, me, tokenIn } from "./api";
 import { Login } from "./login/login";
 import { kPages, type PageEntry, type PageProps } from "./pages";
 import { Failure } from "./parts/failure";
 import { nextTheme, theme } from "./theme";
 
 function pathOf(hash: string): string[] {
+  if (tokenIn(hash) !== undefined) return [];
   return hash.replace(/^#\/?/, "").split("/").filter(Boolean).map(decodeURIComponent);
 }
 
 const route = signal(pathOf(location.hash));
 addEventListener("hashchange", () => (route.value = pathOf(location.hash)));
+
+/** Who is there, now and whenever a link with a token is opened. */
+function useLogin(): unknown {
+  const [error, setError] = useState<unknown>();
+  useEffect(() => {
+    const look = (): void => {
+      setError(undefined);
+      begin().catch((reason: unknown) => {
+        me.value = null;
+        if (!(reason instanceof ApiError && reason.code === "UNAUTHENTICATED")) setError(reason);
+      });
+    };
+    const lookAgain = (): void => void (tokenIn(location.hash) !== undefined && look());
+    look();
+    addEventListener("hashchange", lookAgain);
+    return () => removeEventListener("hashchange", lookAgain);
+  }, []);
+  return error;
+}
 
 function Lazy({ page, path }: { page: PageEntry; path: string[] }) {
   const [loaded, setLoaded] = useState<{ name: string; Page: ComponentType<PageProps> }>();
@@ -29,7 +49,11 @@ function Lazy({ page, path }: { page: PageEntry; path: string[] }) {
 function Navigation({ now }: { now: string }) {
   return (
     <header class="bar">
-      <a class="skip" href="#main" onClick={(event) => (event.preventDefault(), document.getElementById("main")?.focus())}>
+      <a
+        class="skip"
+        href="#main"
+        onClick={(event) => (event.preventDefault(), document.getElementById("main")?.focus())}
+      >
         To the page
       </a>
       <nav aria-label="Pages">
@@ -44,7 +68,11 @@ function Navigation({ now }: { now: string }) {
         Theme: {theme.value}
       </button>
       {me.value && (
-        <button class="quiet" onClick={() => void logout()} title={`Logged in as ${me.value.name}, ${me.value.role}`}>
+        <button
+          class="quiet"
+          onClick={() => void logout()}
+          title={`Logged in as ${me.value.name}, ${me.value.role}`}
+        >
           Log out {me.value.name}
         </button>
       )}
@@ -53,13 +81,7 @@ function Navigation({ now }: { now: string }) {
 }
 
 export function App() {
-  const [error, setError] = useState<unknown>();
-  useEffect(() => {
-    begin().catch((reason: unknown) => {
-      me.value = null;
-      if (!(reason instanceof ApiError && reason.code === "UNAUTHENTICATED")) setError(reason);
-    });
-  }, []);
+  const error = useLogin();
   const [name = kPages[0]!.name, ...path] = route.value;
   const page = kPages.find((each) => each.name === name);
   if (me.value === undefined) return null;

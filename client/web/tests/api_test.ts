@@ -1,12 +1,15 @@
 import { expect, test } from "vitest";
 import { events } from "../src/api";
 
-const kText = ': alive\n\ndata: {"step":1}\n\ndata: {"what":"größer"}\n\nevent: end\ndata: {"code":"OK","message":""}\n\n';
+const kText =
+  ': alive\n\ndata: {"step":1}\n\ndata: {"what":"größer"}\n\nevent: end\ndata: {"code":"OK","message":""}\n\n';
 
 test("events are whole, wherever the stream is cut", async () => {
   const bytes = new TextEncoder().encode(kText);
   for (const length of [1, 2, 7, bytes.length]) {
-    const parts = Array.from({ length: Math.ceil(bytes.length / length) }, (_, i) => bytes.slice(i * length, (i + 1) * length));
+    const parts = Array.from({ length: Math.ceil(bytes.length / length) }, (_, i) =>
+      bytes.slice(i * length, (i + 1) * length),
+    );
     const found = [];
     const body = new ReadableStream<Uint8Array<ArrayBuffer>>({
       start: (control) => {

@@ -30,7 +30,11 @@ export interface Standing {
   scale: number;
 }
 
-export function placementOf(picture: { width: number; height: number }, monitor: { width: number; height: number }, standing: Standing): Placement {
+export function placementOf(
+  picture: { width: number; height: number },
+  monitor: { width: number; height: number },
+  standing: Standing,
+): Placement {
   const stretch = { x: picture.width / monitor.width, y: picture.height / monitor.height };
   const shared = Math.min(stretch.x, stretch.y);
   const stepX = (standing.keepShape ? shared : stretch.x) / standing.scale;
@@ -65,21 +69,41 @@ export class Compositor {
   ) {
     const { metadata } = matte;
     if (metadata.monitors.length > kMostMonitors)
-      throw new NoWebGl(`the matte has ${metadata.monitors.length} monitors; the browser can show ${kMostMonitors}`);
+      throw new NoWebGl(
+        `the matte has ${metadata.monitors.length} monitors; the browser can show ${kMostMonitors}`,
+      );
     const gl = (this.gl = openContext(canvas));
     this.shapes = metadata.monitors.map(({ width_px, height_px }) => pyramidShape(width_px, height_px));
     this.mix = primaryMix(metadata);
     const largest = gl.getParameter(gl.MAX_TEXTURE_SIZE) as number;
-    const needed = Math.max(matte.width, matte.height, matte.footprints.listHeight, ...this.shapes.flatMap(({ width, height }) => [width, height]));
-    if (needed > largest) throw new NoWebGl(`the matte needs textures of ${needed} px; this graphics processor has ${largest}`);
+    const needed = Math.max(
+      matte.width,
+      matte.height,
+      matte.footprints.listHeight,
+      ...this.shapes.flatMap(({ width, height }) => [width, height]),
+    );
+    if (needed > largest)
+      throw new NoWebGl(`the matte needs textures of ${needed} px; this graphics processor has ${largest}`);
     this.pyramids = new Pyramids(gl, this.shapes);
     this.foreground = makeTexture(gl, gl.TEXTURE_2D, gl.NEAREST);
     this.index = makeTexture(gl, gl.TEXTURE_2D, gl.NEAREST);
     this.list = makeTexture(gl, gl.TEXTURE_2D, gl.NEAREST);
     const levels = this.shapes.flatMap((shape) => shape.levels);
-    this.program = new Program(gl, kEverything, composite(levels.length, this.shapes.length, metadata.footprint === "box")).use();
-    gl.uniform4iv(this.program.at("u_levels"), levels.flatMap(({ x, y, width, height }) => [x, y, width, height]));
-    gl.uniform1iv(this.program.at("u_first_level"), this.shapes.map((_, t) => this.shapes.slice(0, t).reduce((sum, { levels: own }) => sum + own.length, 0)));
+    this.program = new Program(
+      gl,
+      kEverything,
+      composite(levels.length, this.shapes.length, metadata.footprint === "box"),
+    ).use();
+    gl.uniform4iv(
+      this.program.at("u_levels"),
+      levels.flatMap(({ x, y, width, height }) => [x, y, width, height]),
+    );
+    gl.uniform1iv(
+      this.program.at("u_first_level"),
+      this.shapes.map((_, t) =>
+        this.shapes.slice(0, t).reduce((sum, { levels: own }) => sum + own.length, 0),
+      ),
+    );
     gl.uniform1i(this.program.at("u_border"), kBorder);
     gl.uniform1i(this.program.at("u_list_width"), kListWidth);
     gl.uniformMatrix3fv(this.program.at("u_primaries"), true, this.mix.primaries);
@@ -92,14 +116,30 @@ export class Compositor {
     this.size = { width, height };
     const light = new Float32Array(4 * width * height);
     for (let i = 0; i < width * height; ++i) light.set(foreground.subarray(3 * i, 3 * i + 3), 4 * i);
-    const load = (texture: WebGLTexture, inside: number, w: number, h: number, format: number, type: number, data: ArrayBufferView): void => {
+    const load = (
+      texture: WebGLTexture,
+      inside: number,
+      w: number,
+      h: number,
+      format: number,
+      type: number,
+      data: ArrayBufferView,
+    ): void => {
       gl.bindTexture(gl.TEXTURE_2D, texture);
       gl.texImage2D(gl.TEXTURE_2D, 0, inside, w, h, 0, format, type, data);
     };
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 4);
     load(this.foreground, gl.RGBA32F, width, height, gl.RGBA, gl.FLOAT, light);
     load(this.index, gl.RG32UI, width, height, gl.RG_INTEGER, gl.UNSIGNED_INT, footprints.index);
-    load(this.list, gl.RGBA32UI, kListWidth, footprints.listHeight, gl.RGBA_INTEGER, gl.UNSIGNED_INT, footprints.list);
+    load(
+      this.list,
+      gl.RGBA32UI,
+      kListWidth,
+      footprints.listHeight,
+      gl.RGBA_INTEGER,
+      gl.UNSIGNED_INT,
+      footprints.list,
+    );
   }
 
   /** An sRGB picture for a monitor; null is black. */
@@ -117,7 +157,12 @@ export class Compositor {
   place(monitor: number, standing: Standing): void {
     const picture = this.pictures[monitor];
     if (!picture) return;
-    this.pyramids.fill(monitor, picture, placementOf(picture, this.shapes[monitor]!.levels[0]!, standing), this.mix.seen[monitor]!);
+    this.pyramids.fill(
+      monitor,
+      picture,
+      placementOf(picture, this.shapes[monitor]!.levels[0]!, standing),
+      this.mix.seen[monitor]!,
+    );
   }
 
   /** `gain`: times the composite's light. `step`: of how many pixels along both sides one is drawn. */
@@ -143,7 +188,9 @@ export class Compositor {
 
   /** All that was asked for is on the canvas. */
   get isDone(): boolean {
-    return this.drawn === null || this.gl.getSyncParameter(this.drawn, this.gl.SYNC_STATUS) === this.gl.SIGNALED;
+    return (
+      this.drawn === null || this.gl.getSyncParameter(this.drawn, this.gl.SYNC_STATUS) === this.gl.SIGNALED
+    );
   }
 
   /** The largest side that a picture may have. */

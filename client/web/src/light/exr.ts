@@ -108,7 +108,8 @@ function readHeader(cursor: Cursor, firstName: string): Header {
 export function readExr(bytes: Uint8Array<ArrayBuffer>): Exr {
   const cursor = new Cursor(bytes);
   if (bytes.length < 8 || cursor.int() !== kMagic) throw new NotAMatte("it does not begin as OpenEXR does");
-  if ((cursor.int() & ~kLongNames) !== (kVersion | kMultiPart)) throw new NotAMatte("it is not OpenEXR of several parts");
+  if ((cursor.int() & ~kLongNames) !== (kVersion | kMultiPart))
+    throw new NotAMatte("it is not OpenEXR of several parts");
   const headers: Header[] = [];
   for (let name = cursor.name(); name !== ""; name = cursor.name()) {
     if (headers.length === kMostParts) throw new NotAMatte(`it has more than ${kMostParts} parts`);
@@ -167,12 +168,17 @@ export async function readLine(exr: Exr, partIndex: number, row: number): Promis
   const start = cursor.skip(packed);
   const bytes = exr.bytes.subarray(start, start + packed);
   // A line that packing would not shorten stands as it is.
-  const line = packed === size ? bytes.slice() : unpredict(await inflate(bytes, size).catch(notThisLine(y0 + row, part)));
+  const line =
+    packed === size
+      ? bytes.slice()
+      : unpredict(await inflate(bytes, size).catch(notThisLine(y0 + row, part)));
   return new Float32Array(line.buffer);
 }
 
 function notThisLine(y: number, part: ExrPart) {
   return (error: unknown): never => {
-    throw error instanceof NotAMatte ? error : new NotAMatte(`line ${y} of part "${part.name}" cannot be unpacked`);
+    throw error instanceof NotAMatte
+      ? error
+      : new NotAMatte(`line ${y} of part "${part.name}" cannot be unpacked`);
   };
 }

@@ -43,13 +43,22 @@ export function placeOf(mode: Mode, shape: PyramidShape, kind: keyof typeof kLea
   const on = (level: number): Place => {
     const scale = 0.5 ** level;
     const variance = (v: number): number => v * scale * scale + 0.5 * (scale * scale - 1);
-    return { level, x: mode.x * scale, y: mode.y * scale, xx: variance(mode.xx), xy: mode.xy * scale * scale, yy: variance(mode.yy) };
+    return {
+      level,
+      x: mode.x * scale,
+      y: mode.y * scale,
+      xx: variance(mode.xx),
+      xy: mode.xy * scale * scale,
+      yy: variance(mode.yy),
+    };
   };
-  const suits = ({ xx, xy, yy }: Place): boolean => xx > 0 && yy > 0 && xx * yy - xy * xy >= least * Math.max(xx, yy);
+  const suits = ({ xx, xy, yy }: Place): boolean =>
+    xx > 0 && yy > 0 && xx * yy - xy * xy >= least * Math.max(xx, yy);
   const last = shape.levels.length - 1;
   let place = on(0);
   while (place.level < last && suits(on(place.level + 1))) place = on(place.level + 1);
-  while (place.level < last && lookUps(place, shape, kReach[kind]) > kMostLookUps) place = widened(on(place.level + 1), least);
+  while (place.level < last && lookUps(place, shape, kReach[kind]) > kMostLookUps)
+    place = widened(on(place.level + 1), least);
   return place;
 }
 
@@ -82,8 +91,13 @@ function sharedModes(matte: MatteData, pixel: number): { mode: Mode; weights: nu
     for (const mode of modesOf(matte, pixel, channel)) {
       const same = shared.find(
         ({ mode: other, weights }) =>
-          weights[channel] === 0 && other.x === mode.x && other.y === mode.y && other.xx === mode.xx &&
-          other.xy === mode.xy && other.yy === mode.yy && other.texture === mode.texture,
+          weights[channel] === 0 &&
+          other.x === mode.x &&
+          other.y === mode.y &&
+          other.xx === mode.xx &&
+          other.xy === mode.xy &&
+          other.yy === mode.yy &&
+          other.texture === mode.texture,
       );
       const entry = same ?? { mode, weights: [0, 0, 0] };
       entry.weights[channel] = mode.weight;

@@ -3,10 +3,20 @@
 export class NoWebGl extends Error {}
 
 export function openContext(canvas: HTMLCanvasElement): WebGL2RenderingContext {
-  const gl = canvas.getContext("webgl2", { alpha: false, antialias: false, depth: false, powerPreference: "high-performance" });
-  if (!gl) throw new NoWebGl("this browser has no WebGL 2; mattes can be played with where it is turned on (chrome://gpu, about:support)");
+  const gl = canvas.getContext("webgl2", {
+    alpha: false,
+    antialias: false,
+    depth: false,
+    powerPreference: "high-performance",
+  });
+  if (!gl)
+    throw new NoWebGl(
+      "this browser has no WebGL 2; mattes can be played with where it is turned on (chrome://gpu, about:support)",
+    );
   if (!gl.getExtension("EXT_color_buffer_float"))
-    throw new NoWebGl("this graphics processor draws no floating-point light (EXT_color_buffer_float); another computer or browser may");
+    throw new NoWebGl(
+      "this graphics processor draws no floating-point light (EXT_color_buffer_float); another computer or browser may",
+    );
   return gl;
 }
 
@@ -20,7 +30,10 @@ export class Program {
     fragment: string,
   ) {
     this.program = gl.createProgram();
-    for (const [kind, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]] as const) {
+    for (const [kind, source] of [
+      [gl.VERTEX_SHADER, vertex],
+      [gl.FRAGMENT_SHADER, fragment],
+    ] as const) {
       const shader = gl.createShader(kind)!;
       gl.shaderSource(shader, source);
       gl.compileShader(shader);

@@ -7,7 +7,8 @@ export interface LoadRequest {
   wants: "values" | "drawable";
 }
 
-export type LoadMessage = { progress: number } | { matte: MatteData } | { drawable: Drawable } | { error: string };
+export type LoadMessage =
+  { progress: number } | { matte: MatteData } | { drawable: Drawable } | { error: string };
 
 export interface LoadOptions {
   signal: AbortSignal;
@@ -18,7 +19,11 @@ export function matteUrl(session: string, frame?: number): string {
   return `/mattes/${encodeURIComponent(session)}.exr${frame === undefined ? "" : `?frame=${frame}`}`;
 }
 
-function load<Result>(request: LoadRequest, { signal, report }: LoadOptions, take: (message: LoadMessage) => Result | undefined): Promise<Result> {
+function load<Result>(
+  request: LoadRequest,
+  { signal, report }: LoadOptions,
+  take: (message: LoadMessage) => Result | undefined,
+): Promise<Result> {
   return new Promise<Result>((resolve, reject) => {
     const worker = new Worker(new URL("./matte_worker.ts", import.meta.url), { type: "module" });
     const end = (): void => worker.terminate();
@@ -36,9 +41,13 @@ function load<Result>(request: LoadRequest, { signal, report }: LoadOptions, tak
 }
 
 export function loadMatte(url: string, options: LoadOptions): Promise<MatteData> {
-  return load({ url, wants: "values" }, options, (message) => ("matte" in message ? message.matte : undefined));
+  return load({ url, wants: "values" }, options, (message) =>
+    "matte" in message ? message.matte : undefined,
+  );
 }
 
 export function loadDrawable(url: string, options: LoadOptions): Promise<Drawable> {
-  return load({ url, wants: "drawable" }, options, (message) => ("drawable" in message ? message.drawable : undefined));
+  return load({ url, wants: "drawable" }, options, (message) =>
+    "drawable" in message ? message.drawable : undefined,
+  );
 }

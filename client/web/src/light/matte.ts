@@ -61,7 +61,17 @@ export interface MatteData {
 
 function modeAt(matte: MatteData, index: number): Mode {
   const at = (layer: number): number => matte.modes[index * kStride + layer]!;
-  return { weight: at(0), x: at(1), y: at(2), xx: at(3), xy: at(4), yy: at(5), texture: at(6), weight_sd: at(7), centre_sd: at(8) };
+  return {
+    weight: at(0),
+    x: at(1),
+    y: at(2),
+    xx: at(3),
+    xy: at(4),
+    yy: at(5),
+    texture: at(6),
+    weight_sd: at(7),
+    centre_sd: at(8),
+  };
 }
 
 /** The modes of a pixel in a channel. */
@@ -84,12 +94,12 @@ export function strongestMode(matte: MatteData, pixel: number, channel: number):
 
 function readMetadata(exr: Exr): MatteMetadata {
   const text = exr.parts[0]?.attributes.get("glasswing");
-  if (text === undefined) throw new NotAMatte("its header has no attribute \"glasswing\"");
+  if (text === undefined) throw new NotAMatte('its header has no attribute "glasswing"');
   let metadata: Partial<MatteMetadata>;
   try {
     metadata = JSON.parse(text) as Partial<MatteMetadata>;
   } catch {
-    throw new NotAMatte("its attribute \"glasswing\" is no JSON");
+    throw new NotAMatte('its attribute "glasswing" is no JSON');
   }
   const monitors = metadata.monitors ?? [];
   if (monitors.length === 0 || !monitors.every(({ width_px, height_px }) => width_px > 0 && height_px > 0))
@@ -109,7 +119,8 @@ class ModeList {
       longer.set(this.values);
       this.values = longer;
     }
-    for (let layer = 0; layer < kStride; ++layer) this.values[this.count * kStride + layer] = lines[layer]![at]!;
+    for (let layer = 0; layer < kStride; ++layer)
+      this.values[this.count * kStride + layer] = lines[layer]![at]!;
     ++this.count;
   }
 }
@@ -139,7 +150,10 @@ const kFirstMode = 2;
 const kRowsAtOnce = 16;
 
 /** `report` is told the fraction that is done. */
-export async function readMatte(bytes: Uint8Array<ArrayBuffer>, report: (done: number) => void): Promise<MatteData> {
+export async function readMatte(
+  bytes: Uint8Array<ArrayBuffer>,
+  report: (done: number) => void,
+): Promise<MatteData> {
   const exr = readExr(bytes);
   const metadata = readMetadata(exr);
   const modeCount = exr.parts.length - kFirstMode;
@@ -166,12 +180,19 @@ export async function readMatte(bytes: Uint8Array<ArrayBuffer>, report: (done: n
     "foreground.flags.Y",
   ]);
   const columnsAt = Array.from({ length: modeCount }, (_, m) =>
-    suffixes.map((suffix) => columnsOf(exr, kFirstMode + m, kLayers.map((layer) => `mode${m + 1}.${layer}.${suffix}`))),
+    suffixes.map((suffix) =>
+      columnsOf(
+        exr,
+        kFirstMode + m,
+        kLayers.map((layer) => `mode${m + 1}.${layer}.${suffix}`),
+      ),
+    ),
   );
 
   const takeForeground = (line: Float32Array, row: number): void => {
-    const [r, g, b, coverage, flags] = foregroundAt.map((column) => line.subarray(column, column + width)) as
-      [Float32Array, Float32Array, Float32Array, Float32Array, Float32Array];
+    const [r, g, b, coverage, flags] = foregroundAt.map((column) =>
+      line.subarray(column, column + width),
+    ) as [Float32Array, Float32Array, Float32Array, Float32Array, Float32Array];
     for (let x = 0, pixel = row * width; x < width; ++x, ++pixel) {
       matte.foreground[3 * pixel] = r[x]!;
       matte.foreground[3 * pixel + 1] = g[x]!;
@@ -192,7 +213,9 @@ export async function readMatte(bytes: Uint8Array<ArrayBuffer>, report: (done: n
           if (mode[0]![x] === 0) continue;
           modes.add(mode, x);
           if (!isGood(modes, metadata.monitors.length))
-            throw new NotAMatte(`pixel (${x + exr.window.x0}, ${row + exr.window.y0}) holds values that no matte has`);
+            throw new NotAMatte(
+              `pixel (${x + exr.window.x0}, ${row + exr.window.y0}) holds values that no matte has`,
+            );
         }
       }
     }
@@ -201,7 +224,11 @@ export async function readMatte(bytes: Uint8Array<ArrayBuffer>, report: (done: n
   for (let first = 0; first < height; first += kRowsAtOnce) {
     const rows = Array.from({ length: Math.min(kRowsAtOnce, height - first) }, (_, i) => first + i);
     const lines = await Promise.all(
-      rows.map((row) => Promise.all(Array.from({ length: 1 + modeCount }, (_, part) => readLine(exr, kForeground + part, row)))),
+      rows.map((row) =>
+        Promise.all(
+          Array.from({ length: 1 + modeCount }, (_, part) => readLine(exr, kForeground + part, row)),
+        ),
+      ),
     );
     lines.forEach(([foreground, ...modeLines], i) => {
       takeForeground(foreground!, first + i);

@@ -13,7 +13,7 @@ async function fetchBytes(url: string, report: (done: number) => void): Promise<
   const total = Number(response.headers.get("Content-Length") ?? 0);
   const parts: Uint8Array<ArrayBuffer>[] = [];
   let length = 0;
-  for (const reader = response.body!.getReader(); ; ) {
+  for (const reader = response.body!.getReader(); ;) {
     const { value, done } = await reader.read();
     if (done) break;
     parts.push(value);
@@ -29,18 +29,24 @@ const say = (message: LoadMessage, transfer: Transferable[] = []): void => postM
 
 onmessage = async ({ data: { url, wants } }: MessageEvent<LoadRequest>) => {
   try {
-    const bytes = await fetchBytes(url, (done) => say({ progress: 0.5 * done }));
+    const bytes = await fetchBytes(url, (done) => say({ progress: 0.4 * done }));
     let told = 0;
     const matte = await readMatte(bytes, (done) => {
       if (done - told < 0.02 && done < 1) return;
       told = done;
-      say({ progress: 0.5 + 0.5 * done });
+      say({ progress: 0.4 + 0.4 * done });
     });
-    const buffers = [matte.foreground, matte.coverage, matte.flags, matte.firstMode, matte.modes].map(({ buffer }) => buffer);
+    const buffers = [matte.foreground, matte.coverage, matte.flags, matte.firstMode, matte.modes].map(
+      ({ buffer }) => buffer,
+    );
     if (wants === "values") return say({ matte }, buffers);
     const { metadata, width, height, foreground } = matte;
     const footprints = packFootprints(matte);
-    say({ drawable: { metadata, width, height, foreground, footprints } }, [foreground.buffer, footprints.index.buffer, footprints.list.buffer]);
+    say({ drawable: { metadata, width, height, foreground, footprints } }, [
+      foreground.buffer,
+      footprints.index.buffer,
+      footprints.list.buffer,
+    ]);
   } catch (error) {
     say({ error: error instanceof Error ? error.message : String(error) });
   }

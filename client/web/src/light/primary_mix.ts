@@ -18,13 +18,25 @@ function normalised(share: number[], monitor: string): Matrix {
   const rows = [0, 3, 6].map((at) => share.slice(at, at + 3));
   const sums = rows.map((row) => row.reduce((sum, each) => sum + each, 0));
   if (share.length !== 9 || !sums.every((sum) => Number.isFinite(sum) && sum > 0))
-    throw new NotAMatte(`its crosstalk of monitor "${monitor}" must be nine numbers in rows of a sum above 0`);
+    throw new NotAMatte(
+      `its crosstalk of monitor "${monitor}" must be nine numbers in rows of a sum above 0`,
+    );
   return rows.flatMap((row, i) => row.map((each) => each / sums[i]!)) as Matrix;
 }
 
 export function inverse(m: Matrix): Matrix {
   const [a, b, c, d, e, f, g, h, i] = m;
-  const cofactors: Matrix = [e * i - f * h, c * h - b * i, b * f - c * e, f * g - d * i, a * i - c * g, c * d - a * f, d * h - e * g, b * g - a * h, a * e - b * d];
+  const cofactors: Matrix = [
+    e * i - f * h,
+    c * h - b * i,
+    b * f - c * e,
+    f * g - d * i,
+    a * i - c * g,
+    c * d - a * f,
+    d * h - e * g,
+    b * g - a * h,
+    a * e - b * d,
+  ];
   const determinant = a * cofactors[0] + b * cofactors[3] + c * cofactors[6];
   return cofactors.map((each) => each / determinant) as Matrix;
 }
@@ -39,6 +51,8 @@ export function primaryMix({ monitors, crosstalk = [] }: MatteMetadata): Primary
     return matrix;
   });
   if (known.length === 0) return { seen, primaries: kUnit };
-  const mean = kUnit.map((_, i) => known.reduce((sum, matrix) => sum + matrix[i]!, 0) / known.length) as Matrix;
+  const mean = kUnit.map(
+    (_, i) => known.reduce((sum, matrix) => sum + matrix[i]!, 0) / known.length,
+  ) as Matrix;
   return { seen, primaries: inverse(mean) };
 }

@@ -36,7 +36,10 @@ export class Pyramids {
     this.halveDown = new Program(gl, kEverything, kHalveDown);
     this.frame = gl.createFramebuffer();
     this.scratch = { texture: makeTexture(gl, gl.TEXTURE_2D, gl.NEAREST), width: 0, height: 0 };
-    const [width, height] = [Math.max(...shapes.map((shape) => shape.width)), Math.max(...shapes.map((shape) => shape.height))];
+    const [width, height] = [
+      Math.max(...shapes.map((shape) => shape.width)),
+      Math.max(...shapes.map((shape) => shape.height)),
+    ];
     this.texture = makeTexture(gl, gl.TEXTURE_2D_ARRAY, gl.LINEAR);
     gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, gl.RGBA16F, width, height, shapes.length);
     for (let layer = 0; layer < shapes.length; ++layer) this.clear(layer);
@@ -55,10 +58,23 @@ export class Pyramids {
     const { gl } = this;
     const [first, ...others] = this.shapes[layer]!.levels as [Level, ...Level[]];
     this.drawOnScratch(first.width, picture.height);
-    this.drawResized(picture.texture, { down: false, size: picture.width, start: place.x, step: place.stepX, seen: kUnit });
+    this.drawResized(picture.texture, {
+      down: false,
+      size: picture.width,
+      start: place.x,
+      step: place.stepX,
+      seen: kUnit,
+    });
     this.drawOn(layer);
     gl.viewport(first.x, first.y, first.width, first.height);
-    this.drawResized(this.scratch.texture, { down: true, size: picture.height, start: place.y, step: place.stepY, seen, corner: first });
+    this.drawResized(this.scratch.texture, {
+      down: true,
+      size: picture.height,
+      start: place.y,
+      step: place.stepY,
+      seen,
+      corner: first,
+    });
     let above = first;
     for (const level of others) {
       this.halve(layer, above, level);
@@ -115,7 +131,17 @@ export class Pyramids {
       scratch.width = Math.max(width, scratch.width);
       scratch.height = Math.max(height, scratch.height);
       gl.bindTexture(gl.TEXTURE_2D, scratch.texture);
-      gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA16F, scratch.width, scratch.height, 0, gl.RGBA, gl.HALF_FLOAT, null);
+      gl.texImage2D(
+        gl.TEXTURE_2D,
+        0,
+        gl.RGBA16F,
+        scratch.width,
+        scratch.height,
+        0,
+        gl.RGBA,
+        gl.HALF_FLOAT,
+        null,
+      );
     }
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.frame);
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, scratch.texture, 0);

@@ -26,8 +26,13 @@ export function pyramidShape(width_px: number, height_px: number): PyramidShape 
   const levels: Level[] = [{ x: kBorder, y: kBorder, width: width_px, height: height_px }];
   const shape = { width: width_px + 2 * kBorder, height: height_px + 2 * kBorder, levels };
   let below = kBorder;
-  for (let last = levels[0]!; Math.max(last.width, last.height) > kLeastSide_px; ) {
-    last = { x: width_px + 3 * kBorder, y: below, width: (last.width + 1) >> 1, height: (last.height + 1) >> 1 };
+  for (let last = levels[0]!; Math.max(last.width, last.height) > kLeastSide_px;) {
+    last = {
+      x: width_px + 3 * kBorder,
+      y: below,
+      width: (last.width + 1) >> 1,
+      height: (last.height + 1) >> 1,
+    };
     levels.push(last);
     below += last.height + 2 * kBorder;
     shape.width = Math.max(shape.width, last.x + last.width + kBorder);

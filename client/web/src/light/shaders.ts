@@ -90,9 +90,9 @@ void main() {
 }`;
 
 /**
- * The composite. A footprint is integrated row by row along the wider of its axes, v: a row (or a third of one) holds a part of its light,
- * and that part has a mean along u and a variance of its own, with which it is shared among the row's samples.
- * footprints.ts says how samples of a level stand for the picture.
+ * The composite. A footprint is integrated row by row along the wider of its axes, v: a row (or a third of one) holds
+ * a part of its light, and that part has a mean along u and a variance of its own, with which it is shared among the
+ * row's samples. footprints.ts says how samples of a level stand for the picture.
  */
 export const composite = (levelCount: number, monitorCount: number, box: boolean): string => `${kHead}
 uniform usampler2D u_index, u_list;
@@ -115,7 +115,8 @@ ${
 // Abramowitz and Stegun 7.1.28: within 3e-7.
 float below(float z) {
   float t = min(abs(z) * 0.70710678, 5.0);
-  float p = 1.0 + t * (0.0705230784 + t * (0.0422820123 + t * (0.0092705272 + t * (0.0001520143 + t * (0.0002765672 + t * 0.0000430638)))));
+  float p = 0.0001520143 + t * (0.0002765672 + t * 0.0000430638);
+  p = 1.0 + t * (0.0705230784 + t * (0.0422820123 + t * (0.0092705272 + t * p)));
   p *= p; p *= p; p *= p; p *= p;
   return 0.5 + 0.5 * sign(z) * (1.0 - 1.0 / p);
 }`
@@ -126,7 +127,8 @@ vec3 light_at(vec2 at, int layer, vec2 texel) { return texture(u_pyramid, vec3(a
 
 // Of a row: two neighbours with each look-up, weighed by where it falls between their middles. What lies beyond the
 // reach is given to the samples at its ends.
-vec3 integrate_row(float mean, float sigma, float v, float reach, int extent, ivec2 corner, bool exchanged, int layer, vec2 texel) {
+vec3 integrate_row(float mean, float sigma, float v, float reach, int extent, ivec2 corner, bool exchanged,
+                   int layer, vec2 texel) {
   int low = int(floor(mean - reach * sigma)), high = int(floor(mean + reach * sigma));
   int from = max(low, -u_border), to = min(high, extent + u_border - 1);
   float scale = 1.0 / max(sigma, 1e-5);
@@ -154,7 +156,8 @@ vec3 integrate(vec2 centre, vec3 q, float brightest, int layer, ivec4 level, vec
   // A row's light is spread evenly where the footprint is a thin line, which a Gaussian stands for if rows are thin too.
   int parts = slope * slope > 4.0 * cut ? 3 : 1;
   float part = 1.0 / float(parts);
-  int low = int(floor((middle.y - reach * sigma) * float(parts))), high = int(floor((middle.y + reach * sigma) * float(parts)));
+  int low = int(floor((middle.y - reach * sigma) * float(parts)));
+  int high = int(floor((middle.y + reach * sigma) * float(parts)));
   int from = max(low, -u_border * parts), to = min(high, (extent.y + u_border) * parts - 1);
   vec3 sum = vec3(0.0);
   for (int i = from; i <= to; ++i) {
@@ -168,8 +171,9 @@ vec3 integrate(vec2 centre, vec3 q, float brightest, int layer, ivec4 level, vec
       variance = vv * clamp(1.0 + (a * da - b * db) / z - mean * mean, 0.0, 1.0);
       mean *= sigma;
     }
-    sum += share * integrate_row(middle.x + slope * mean, sqrt(cut + slope * slope * variance), floor(v + 0.5 * part) + 0.5, reach,
-                                 extent.x, level.xy, exchanged, layer, texel);
+    float pixel = floor(v + 0.5 * part) + 0.5;
+    sum += share * integrate_row(middle.x + slope * mean, sqrt(cut + slope * slope * variance), pixel, reach, extent.x,
+                                 level.xy, exchanged, layer, texel);
   }
   return sum;
 }
@@ -193,8 +197,8 @@ void main() {
     vec3 weight = vec3(unpackHalf2x16(two.y), unpackHalf2x16(two.z & 0xffffu).x);
     int monitor = int((two.z >> 16) & 0xffu), level = int(two.z >> 24);
     vec3 q = vec3(uintBitsToFloat(one.z), uintBitsToFloat(two.x), uintBitsToFloat(one.w));
-    light += weight * integrate(vec2(uintBitsToFloat(one.x), uintBitsToFloat(one.y)), q, uintBitsToFloat(two.w), monitor,
-                                u_levels[u_first_level[monitor] + level], texel);
+    vec2 centre = vec2(uintBitsToFloat(one.x), uintBitsToFloat(one.y));
+    light += weight * integrate(centre, q, uintBitsToFloat(two.w), monitor, u_levels[u_first_level[monitor] + level], texel);
   }
   o_colour = vec4(coded(u_gain * (u_primaries * light)), 1.0);
 }`;

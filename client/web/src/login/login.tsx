@@ -4,7 +4,7 @@ import { Failure } from "../parts/failure";
 
 /** `before`: why the page could not tell who is there. */
 export function Login({ before }: { before: unknown }) {
-  const [error, setError] = useState<unknown>(before);
+  const [error, setError] = useState<unknown>();
   const submit = (event: SubmitEvent) => {
     event.preventDefault();
     const token = new FormData(event.currentTarget as HTMLFormElement).get("token");
@@ -22,7 +22,7 @@ export function Login({ before }: { before: unknown }) {
       <p class="note">
         On the rig's server, <code>glasswing console token</code> makes one.
       </p>
-      {error !== undefined && <Failure error={error} />}
+      {(error ?? before) !== undefined && <Failure error={error ?? before} />}
     </form>
   );
 }

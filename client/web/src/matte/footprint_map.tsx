@@ -7,8 +7,13 @@ function Footprint({ mode, isBox, ink, least }: { mode: Mode; isBox: boolean; in
   const mean = 0.5 * (mode.xx + mode.yy);
   const away = Math.hypot(0.5 * (mode.xx - mode.yy), mode.xy);
   const turn = (0.5 * Math.atan2(2 * mode.xy, mode.xx - mode.yy) * 180) / Math.PI;
-  const [long, short] = [mean + away, Math.max(0, mean - away)].map((variance) => Math.max(least, 2 * Math.sqrt(variance)));
-  const [width, height] = [mode.xx, mode.yy].map((variance) => Math.max(least, Math.sqrt(12 * variance))) as [number, number];
+  const [long, short] = [mean + away, Math.max(0, mean - away)].map((variance) =>
+    Math.max(least, 2 * Math.sqrt(variance)),
+  );
+  const [width, height] = [mode.xx, mode.yy].map((variance) => Math.max(least, Math.sqrt(12 * variance))) as [
+    number,
+    number,
+  ];
   return (
     <g class={`ink-${ink}`}>
       {isBox ? (
@@ -38,8 +43,14 @@ function wholeOf({ width_px, height_px }: MatteMonitor): View {
 /** What shows all of the footprints, in the monitor's shape. */
 function closeTo(modes: Mode[], { width_px, height_px }: MatteMonitor): View {
   const reach = (variance: number): number => 2.5 * Math.sqrt(variance);
-  const [left, right] = [Math.min(...modes.map(({ x, xx }) => x - reach(xx))), Math.max(...modes.map(({ x, xx }) => x + reach(xx)))];
-  const [top, bottom] = [Math.min(...modes.map(({ y, yy }) => y - reach(yy))), Math.max(...modes.map(({ y, yy }) => y + reach(yy)))];
+  const [left, right] = [
+    Math.min(...modes.map(({ x, xx }) => x - reach(xx))),
+    Math.max(...modes.map(({ x, xx }) => x + reach(xx))),
+  ];
+  const [top, bottom] = [
+    Math.min(...modes.map(({ y, yy }) => y - reach(yy))),
+    Math.max(...modes.map(({ y, yy }) => y + reach(yy))),
+  ];
   const width = Math.max(kLeastClose_px, right - left, ((bottom - top) * width_px) / height_px);
   const height = (width * height_px) / width_px;
   return { x: 0.5 * (left + right - width), y: 0.5 * (top + bottom - height), width, height };
@@ -68,14 +79,24 @@ function Map({ matte, pixel, monitor, texture, view, title }: MapProps & { view:
   return (
     <figure class="footprints">
       <figcaption>{title}</figcaption>
-      <svg viewBox={`${view.x} ${view.y} ${view.width} ${view.height}`} role="img" aria-label={`The pixel's footprints: ${title}`}>
+      <svg
+        viewBox={`${view.x} ${view.y} ${view.width} ${view.height}`}
+        role="img"
+        aria-label={`The pixel's footprints: ${title}`}
+      >
         <path class="grid" d={gridOf(view, monitor)} />
         <rect class="outline" width={monitor.width_px} height={monitor.height_px} />
         {kChannels.slice(0, matte.modeChannels).flatMap((channelName, channel) =>
           modesOf(matte, pixel, channel)
             .filter((mode) => mode.texture === texture)
             .map((mode, i) => (
-              <Footprint key={`${channelName}${i}`} mode={mode} isBox={isBox} ink={matte.modeChannels === 1 ? "Y" : channelName} least={0.004 * view.width} />
+              <Footprint
+                key={`${channelName}${i}`}
+                mode={mode}
+                isBox={isBox}
+                ink={matte.modeChannels === 1 ? "Y" : channelName}
+                least={0.004 * view.width}
+              />
             )),
         )}
       </svg>
@@ -86,13 +107,23 @@ function Map({ matte, pixel, monitor, texture, view, title }: MapProps & { view:
 /** A pixel's footprints on one monitor, and close to where they are small on it. */
 export function FootprintMaps(props: MapProps) {
   const { matte, pixel, monitor, texture } = props;
-  const modes = [0, 1, 2].flatMap((channel) => modesOf(matte, pixel, channel)).filter((mode) => mode.texture === texture);
+  const modes = [0, 1, 2]
+    .flatMap((channel) => modesOf(matte, pixel, channel))
+    .filter((mode) => mode.texture === texture);
   const close = modes.length > 0 ? closeTo(modes, monitor) : undefined;
   return (
     <>
-      <Map {...props} view={wholeOf(monitor)} title={`${monitor.name}, ${monitor.width_px}x${monitor.height_px}`} />
+      <Map
+        {...props}
+        view={wholeOf(monitor)}
+        title={`${monitor.name}, ${monitor.width_px}x${monitor.height_px}`}
+      />
       {close && close.width < 0.4 * monitor.width_px && (
-        <Map {...props} view={close} title={`${monitor.name}, close: ${close.width.toFixed(0)}x${close.height.toFixed(0)} px`} />
+        <Map
+          {...props}
+          view={close}
+          title={`${monitor.name}, close: ${close.width.toFixed(0)}x${close.height.toFixed(0)} px`}
+        />
       )}
     </>
   );

@@ -19,8 +19,13 @@ import "./matte.css";
 async function manifestOf({ name, archiveAddress }: SessionJson): Promise<CaptureManifestJson> {
   const { nodes = [] } = await call<ListNodesResponseJson>("NodeService/ListNodes");
   const node = nodes.find(({ address }) => address === archiveAddress);
-  if (!node?.name) throw new Error(`the node at ${archiveAddress ?? "no address"}, which holds the frames, is away`);
-  const { manifest = {} } = await call<GetManifestResponseJson>("ArchiveService/GetManifest", { session: name }, { node: node.name });
+  if (!node?.name)
+    throw new Error(`the node at ${archiveAddress ?? "no address"}, which holds the frames, is away`);
+  const { manifest = {} } = await call<GetManifestResponseJson>(
+    "ArchiveService/GetManifest",
+    { session: name },
+    { node: node.name },
+  );
   return manifest;
 }
 
@@ -66,7 +71,11 @@ function Viewer({ session }: { session: SessionJson }) {
           <label>
             Channel
             <select value={channel} onChange={(event) => setChannel(Number(event.currentTarget.value))}>
-              {kChannels.map((each, c) => <option key={each} value={c}>{kChannelNames[each]}</option>)}
+              {kChannels.map((each, c) => (
+                <option key={each} value={c}>
+                  {kChannelNames[each]}
+                </option>
+              ))}
             </select>
           </label>
         )}
@@ -74,14 +83,24 @@ function Viewer({ session }: { session: SessionJson }) {
       </div>
       {error !== undefined && <Failure error={error} />}
       {progress < 1 && <progress value={progress} aria-label="The matte is being loaded" />}
-      {matte?.metadata.warnings?.map((warning) => <p key={warning} class="note">{warning}</p>)}
+      {matte?.metadata.warnings?.map((warning) => (
+        <p key={warning} class="note">
+          {warning}
+        </p>
+      ))}
       <div class="panels">
-        {cursor && panels?.map((panel) => <PanelView key={panel.name} panel={panel} cursor={cursor} choose={choose} />)}
+        {cursor &&
+          panels?.map((panel) => (
+            <PanelView key={panel.name} panel={panel} cursor={cursor} choose={choose} />
+          ))}
       </div>
       {matte && shown ? (
         <Pixel matte={matte} session={name} x={shown.x} y={shown.y} manifest={manifest} />
       ) : (
-        <p class="note">Click a pixel, or move the cursor of a panel with the arrow keys and press Enter: its footprints and samples stand here then.</p>
+        <p class="note">
+          Click a pixel, or move the cursor of a panel with the arrow keys and press Enter: its footprints and
+          samples stand here then.
+        </p>
       )}
     </section>
   );
@@ -94,5 +113,9 @@ function Session({ name }: { name: string }) {
 }
 
 export default function Page({ path: [name] }: PageProps) {
-  return name === undefined ? <SessionChoice page="matte" title="Look at a matte" /> : <Session name={name} />;
+  return name === undefined ? (
+    <SessionChoice page="matte" title="Look at a matte" />
+  ) : (
+    <Session name={name} />
+  );
 }

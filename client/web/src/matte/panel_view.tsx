@@ -24,7 +24,9 @@ function Legend({ panel: { keys, bar } }: { panel: Panel }) {
         <div class="scale">
           <Picture raster={bar.colours} class="ramp" />
           {bar.ticks.map(({ place, label }) => (
-            <span key={label} class="tick digits" style={{ left: `${100 * place}%` }}>{label}</span>
+            <span key={label} class="tick digits" style={{ left: `${100 * place}%` }}>
+              {label}
+            </span>
           ))}
         </div>
       )}
@@ -38,7 +40,12 @@ function Legend({ panel: { keys, bar } }: { panel: Panel }) {
   );
 }
 
-const kSteps: Record<string, [number, number]> = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+const kSteps: Record<string, [number, number]> = {
+  ArrowLeft: [-1, 0],
+  ArrowRight: [1, 0],
+  ArrowUp: [0, -1],
+  ArrowDown: [0, 1],
+};
 const kLargeStep = 10;
 
 interface PanelViewProps {
@@ -66,11 +73,21 @@ export function PanelView({ panel, cursor, choose }: PanelViewProps) {
     const y = Math.min(height - 1, Math.max(0, cursor.y + far * step[1]));
     choose({ x, y }, false);
   };
-  const style = { left: `${(100 * (cursor.x + 0.5)) / width}%`, top: `${(100 * (cursor.y + 0.5)) / height}%` };
+  const style = {
+    left: `${(100 * (cursor.x + 0.5)) / width}%`,
+    top: `${(100 * (cursor.y + 0.5)) / height}%`,
+  };
   return (
     <figure class="panel card" data-panel={panel.name}>
       <figcaption>{panel.title}</figcaption>
-      <div class="picture" tabIndex={0} role="application" aria-label={`${panel.title}. Arrow keys move the cursor, Enter shows its pixel.`} onClick={click} onKeyDown={press}>
+      <div
+        class="picture"
+        tabIndex={0}
+        role="application"
+        aria-label={`${panel.title}. Arrow keys move the cursor, Enter shows its pixel.`}
+        onClick={click}
+        onKeyDown={press}
+      >
         <Picture raster={panel.picture} class="pixels" />
         <span class="cursor" style={style} />
       </div>

@@ -27,10 +27,18 @@ const kDarkestWhite = 0.02;
 
 const code = (share: number): number => Math.round(255 * Math.min(1, Math.max(0, share)));
 const gray = (share: number): Colour => [code(share), code(share), code(share)];
-const srgb = (light: number): number => (light <= 0.0031308 ? 12.92 * light : 1.055 * light ** (1 / 2.4) - 0.055);
+const srgb = (light: number): number =>
+  light <= 0.0031308 ? 12.92 * light : 1.055 * light ** (1 / 2.4) - 0.055;
 
 // Dark blue to yellow; the stops are equally far apart in CIE L*.
-const kStops = [[0.17, 0.08, 0.36], [0.2, 0.28, 0.54], [0.12, 0.47, 0.56], [0.17, 0.64, 0.5], [0.52, 0.8, 0.29], [0.98, 0.91, 0.17]] as const;
+const kStops = [
+  [0.17, 0.08, 0.36],
+  [0.2, 0.28, 0.54],
+  [0.12, 0.47, 0.56],
+  [0.17, 0.64, 0.5],
+  [0.52, 0.8, 0.29],
+  [0.98, 0.91, 0.17],
+] as const;
 
 export function scaleColour(share: number): Colour {
   const place = Math.min(1, Math.max(0, share)) * (kStops.length - 1);
@@ -58,9 +66,11 @@ function painted(width: number, height: number, colour: (x: number, y: number) =
 const byPixel = (matte: MatteData, colour: (pixel: number) => Colour): Raster =>
   painted(matte.width, matte.height, (x, y) => colour(y * matte.width + x));
 const keyOf = (colour: Colour, name: string) => ({ colours: painted(1, 1, () => colour), name });
-const lineOf = (colour: (share: number) => Colour): Raster => painted(kBar_px, 1, (x) => colour((x + 0.5) / kBar_px));
+const lineOf = (colour: (share: number) => Colour): Raster =>
+  painted(kBar_px, 1, (x) => colour((x + 0.5) / kBar_px));
 const label = (value: number): string => String(Number(value.toPrecision(4)));
-const quarters = (scale: number) => [0, 0.25, 0.5, 0.75, 1].map((place) => ({ place, label: label(place * scale) }));
+const quarters = (scale: number) =>
+  [0, 0.25, 0.5, 0.75, 1].map((place) => ({ place, label: label(place * scale) }));
 
 // 1, 2 or 5 times a power of ten: the largest not above, the smallest not below.
 function roundDown(value: number): number {
@@ -88,7 +98,8 @@ function valuesOf(matte: MatteData, get: (pixel: number) => number): Float64Arra
 }
 
 const isPositive = (value: number): boolean => Number.isFinite(value) && value > 0;
-const percentile = (sorted: Float64Array, share: number): number => sorted[Math.trunc(share * (sorted.length - 1))]!;
+const percentile = (sorted: Float64Array, share: number): number =>
+  sorted[Math.trunc(share * (sorted.length - 1))]!;
 
 /** "12 %" of the object's pixels, or of all where none shows it. */
 function shareOf(matte: MatteData, is: (pixel: number) => boolean): string {
@@ -104,9 +115,14 @@ function shareOf(matte: MatteData, is: (pixel: number) => boolean): string {
 }
 
 function foregroundOf(matte: MatteData): Panel {
-  const at = (pixel: number): [number, number, number] => [matte.foreground[3 * pixel]!, matte.foreground[3 * pixel + 1]!, matte.foreground[3 * pixel + 2]!];
+  const at = (pixel: number): [number, number, number] => [
+    matte.foreground[3 * pixel]!,
+    matte.foreground[3 * pixel + 1]!,
+    matte.foreground[3 * pixel + 2]!,
+  ];
   const lights = valuesOf(matte, (pixel) => Math.max(...at(pixel)));
-  const white = lights.length === 0 ? 1 : Math.min(1, Math.max(kDarkestWhite, roundUp(percentile(lights, 0.995))));
+  const white =
+    lights.length === 0 ? 1 : Math.min(1, Math.max(kDarkestWhite, roundUp(percentile(lights, 0.995))));
   const level = (light: number): number => code(srgb(light / white));
   return {
     name: "foreground",
@@ -141,7 +157,9 @@ function modesPanel(matte: MatteData): Panel {
     name: "modes",
     title: "Modes of the channel with most; % of the object",
     picture: byPixel(matte, (pixel) => kCounts[count(pixel)] ?? kNoValue),
-    keys: kinds.map((n) => keyOf(kCounts[n] ?? kNoValue, `${n}: ${shareOf(matte, (pixel) => count(pixel) === n)}`)),
+    keys: kinds.map((n) =>
+      keyOf(kCounts[n] ?? kNoValue, `${n}: ${shareOf(matte, (pixel) => count(pixel) === n)}`),
+    ),
   };
 }
 
@@ -154,10 +172,15 @@ function placeColour({ monitors }: MatteMetadata, texture: number, x: number, y:
   const light = (Math.floor(x / check) + Math.floor(y / check)) % 2 !== 0 ? 0.78 : 1;
   const blue = monitors.length === 1 ? 0.35 : 0.15 + (0.8 * texture) / (monitors.length - 1);
   const shade = (share: number): number => 0.1 + 0.9 * Math.min(1, Math.max(0, share));
-  return [code(light * shade(x / monitor.width_px)), code(light * shade(y / monitor.height_px)), code(light * blue)];
+  return [
+    code(light * shade(x / monitor.width_px)),
+    code(light * shade(y / monitor.height_px)),
+    code(light * blue),
+  ];
 }
 
-const owner = (matte: MatteData, channel: number): string => (matte.modeChannels === 1 ? "the" : ["red's", "green's", "blue's"][channel]!);
+const owner = (matte: MatteData, channel: number): string =>
+  matte.modeChannels === 1 ? "the" : ["red's", "green's", "blue's"][channel]!;
 
 function centreOf(matte: MatteData, channel: number): Panel {
   const { metadata } = matte;
@@ -171,7 +194,9 @@ function centreOf(matte: MatteData, channel: number): Panel {
     keys: metadata.monitors.map(({ name, width_px, height_px }, t) => {
       const step = height_px / kChart_px;
       const width = Math.min(4 * kChart_px, Math.max(1, Math.round(width_px / step)));
-      const colours = painted(width, kChart_px, (x, y) => placeColour(metadata, t, (x + 0.5) * step, (y + 0.5) * step));
+      const colours = painted(width, kChart_px, (x, y) =>
+        placeColour(metadata, t, (x + 0.5) * step, (y + 0.5) * step),
+      );
       return { colours, name: `${name} ${width_px}x${height_px}` };
     }),
   };
@@ -192,7 +217,8 @@ function logarithmic(matte: MatteData, name: string, title: string, get: (pixel:
   const ticks: { place: number; label: string }[] = [];
   for (let ten = 10 ** Math.floor(Math.log10(low) + 1e-9); ten <= high * 1.001; ten *= 10) {
     for (const value of parts.map((part) => part * ten)) {
-      if (value >= low * 0.999 && value <= high * 1.001) ticks.push({ place: share(value), label: label(value) });
+      if (value >= low * 0.999 && value <= high * 1.001)
+        ticks.push({ place: share(value), label: label(value) });
     }
   }
   return { name, title, picture, keys: [], bar: { colours: lineOf(scaleColour), ticks } };
@@ -200,15 +226,24 @@ function logarithmic(matte: MatteData, name: string, title: string, get: (pixel:
 
 function sigmaOf(matte: MatteData, channel: number): Panel {
   const what = matte.metadata.footprint === "box" ? "box" : "mode";
-  return logarithmic(matte, "sigma", `Sigma of ${owner(matte, channel)} strongest ${what}, monitor px`, (pixel) => {
-    const mode = strongestMode(matte, pixel, channel);
-    return mode ? Math.sqrt(0.5 * (mode.xx + mode.yy)) : 0;
-  });
+  return logarithmic(
+    matte,
+    "sigma",
+    `Sigma of ${owner(matte, channel)} strongest ${what}, monitor px`,
+    (pixel) => {
+      const mode = strongestMode(matte, pixel, channel);
+      return mode ? Math.sqrt(0.5 * (mode.xx + mode.yy)) : 0;
+    },
+  );
 }
 
 function uncertaintyOf(matte: MatteData, channel: number): Panel {
-  return logarithmic(matte, "uncertainty", `Standard error of ${owner(matte, channel)} centre, monitor px`,
-    (pixel) => strongestMode(matte, pixel, channel)?.centre_sd ?? 0);
+  return logarithmic(
+    matte,
+    "uncertainty",
+    `Standard error of ${owner(matte, channel)} centre, monitor px`,
+    (pixel) => strongestMode(matte, pixel, channel)?.centre_sd ?? 0,
+  );
 }
 
 /** The most serious first. */
@@ -221,7 +256,8 @@ export const kFlagWords: { flag: number; words: string; colour: Colour }[] = [
 ];
 
 function flagsOf(matte: MatteData): Panel {
-  const found = (pixel: number) => kFlagWords.find(({ flag }) => flag === 0 || (matte.flags[pixel]! & flag) !== 0)!;
+  const found = (pixel: number) =>
+    kFlagWords.find(({ flag }) => flag === 0 || (matte.flags[pixel]! & flag) !== 0)!;
   return {
     name: "flags",
     title: "Flags, the most serious; % of the object",
@@ -229,13 +265,23 @@ function flagsOf(matte: MatteData): Panel {
       const { flag, colour } = found(pixel);
       return flag === 0 && !(matte.coverage[pixel]! > 0) ? kNoValue : colour;
     }),
-    keys: kFlagWords.map((each) => keyOf(each.colour, `${each.words}: ${shareOf(matte, (pixel) => found(pixel) === each)}`)).reverse(),
+    keys: kFlagWords
+      .map((each) => keyOf(each.colour, `${each.words}: ${shareOf(matte, (pixel) => found(pixel) === each)}`))
+      .reverse(),
   };
 }
 
 /** `channel`: whose strongest modes centre, sigma and uncertainty are of. */
 export function panelsOf(matte: MatteData, channel: number): Panel[] {
-  return [foregroundOf(matte), coverageOf(matte), modesPanel(matte), centreOf(matte, channel), sigmaOf(matte, channel), uncertaintyOf(matte, channel), flagsOf(matte)];
+  return [
+    foregroundOf(matte),
+    coverageOf(matte),
+    modesPanel(matte),
+    centreOf(matte, channel),
+    sigmaOf(matte, channel),
+    uncertaintyOf(matte, channel),
+    flagsOf(matte),
+  ];
 }
 
 export const kChannelNames: Record<(typeof kChannels)[number], string> = { R: "red", G: "green", B: "blue" };

@@ -36,15 +36,23 @@ function ModeTable({ matte, pixel }: { matte: MatteData; pixel: number }) {
         <thead>
           <tr>
             <th scope="col">channel</th>
-            {kColumns.map(([title]) => <th key={title} scope="col">{title}</th>)}
+            {kColumns.map(([title]) => (
+              <th key={title} scope="col">
+                {title}
+              </th>
+            ))}
           </tr>
         </thead>
         <tbody>
           {channels.flatMap((name, channel) =>
             modesOf(matte, pixel, channel).map((mode, i) => (
               <tr key={`${name}${i}`}>
-                <th scope="row">{name} {i + 1}</th>
-                {kColumns.map(([title, text]) => <td key={title}>{text(mode, matte)}</td>)}
+                <th scope="row">
+                  {name} {i + 1}
+                </th>
+                {kColumns.map(([title, text]) => (
+                  <td key={title}>{text(mode, matte)}</td>
+                ))}
               </tr>
             )),
           )}
@@ -54,25 +62,46 @@ function ModeTable({ matte, pixel }: { matte: MatteData; pixel: number }) {
   );
 }
 
-function Sweeps({ matte, session, x, y, manifest }: { matte: MatteData; session: string; x: number; y: number; manifest: Promise<CaptureManifestJson> }) {
+function Sweeps({
+  matte,
+  session,
+  x,
+  y,
+  manifest,
+}: {
+  matte: MatteData;
+  session: string;
+  x: number;
+  y: number;
+  manifest: Promise<CaptureManifestJson>;
+}) {
   const [sweeps, setSweeps] = useState<Sweep[]>();
   const [error, setError] = useState<unknown>();
   useEffect(() => {
     const cancel = new AbortController();
     setError(undefined);
-    const samples = ask(`/pixels/${encodeURIComponent(session)}?x=${x}&y=${y}`, { signal: cancel.signal }).then((answer) => answer.json() as Promise<{ samples?: Sample[] }>);
+    const samples = ask(`/pixels/${encodeURIComponent(session)}?x=${x}&y=${y}`, {
+      signal: cancel.signal,
+    }).then((answer) => answer.json() as Promise<{ samples?: Sample[] }>);
     Promise.all([manifest, samples]).then(
       ([known, answer]) => cancel.signal.aborted || setSweeps(sweepsOf(known, answer.samples ?? [])),
       (reason: unknown) => cancel.signal.aborted || setError(reason),
     );
     return () => cancel.abort();
   }, [session, x, y, manifest]);
-  if (error) return error instanceof ApiError && error.code === "NOT_FOUND" ? <p class="note">The frames are not there any more.</p> : <Failure error={error} />;
+  if (error)
+    return error instanceof ApiError && error.code === "NOT_FOUND" ? (
+      <p class="note">The frames are not there any more.</p>
+    ) : (
+      <Failure error={error} />
+    );
   if (!sweeps) return null;
   if (sweeps.length === 0) return <p class="note">This session has no sweeps.</p>;
   return (
     <div class="sweeps">
-      {sweeps.map((sweep) => <SweepChart key={sweep.title} matte={matte} pixel={y * matte.width + x} sweep={sweep} />)}
+      {sweeps.map((sweep) => (
+        <SweepChart key={sweep.title} matte={matte} pixel={y * matte.width + x} sweep={sweep} />
+      ))}
     </div>
   );
 }
@@ -91,8 +120,12 @@ export function Pixel({ matte, session, x, y, manifest }: PixelProps) {
   const foreground = [0, 1, 2].map((channel) => digits(matte.foreground[3 * pixel + channel]!, 3)).join(", ");
   return (
     <section class="card pixel" aria-live="polite">
-      <h2>Pixel {x}, {y}</h2>
-      <p class="digits">F {foreground}; coverage {digits(matte.coverage[pixel]!, 3)}; {flagText(matte.flags[pixel]!)}</p>
+      <h2>
+        Pixel {x}, {y}
+      </h2>
+      <p class="digits">
+        F {foreground}; coverage {digits(matte.coverage[pixel]!, 3)}; {flagText(matte.flags[pixel]!)}
+      </p>
       <ModeTable matte={matte} pixel={pixel} />
       <div class="maps">
         {matte.metadata.monitors.map((monitor, texture) => (
@@ -100,7 +133,11 @@ export function Pixel({ matte, session, x, y, manifest }: PixelProps) {
         ))}
       </div>
       <h2>Sweeps: samples, and what the modes foretell</h2>
-      {manifest ? <Sweeps matte={matte} session={session} x={x} y={y} manifest={manifest} /> : <p class="note">A video has no sweeps.</p>}
+      {manifest ? (
+        <Sweeps matte={matte} session={session} x={x} y={y} manifest={manifest} />
+      ) : (
+        <p class="note">A video has no sweeps.</p>
+      )}
     </section>
   );
 }

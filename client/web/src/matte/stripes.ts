@@ -22,7 +22,14 @@ export interface Sample {
   radiance: number[];
 }
 
-export function foretold(modes: Mode[], foreground: number, stripe: StimulusJson, texture: number, r: number, channel: number): number {
+export function foretold(
+  modes: Mode[],
+  foreground: number,
+  stripe: StimulusJson,
+  texture: number,
+  r: number,
+  channel: number,
+): number {
   const phi = (Number(stripe.phiDeg ?? 0) * Math.PI) / 180;
   const [nx, ny] = [Math.cos(phi), Math.sin(phi)];
   const sigma = Number(stripe.sigmaPx ?? 0);
@@ -53,7 +60,8 @@ export function sweepsOf(manifest: CaptureManifestJson, samples: Sample[]): Swee
     const exposure = exposures.size > 1 ? `, ${frame.exposureMs} ms` : "";
     const title = `${stripe.panel ?? ""} at ${stripe.phiDeg ?? 0}°${exposure}`;
     let sweep = sweeps.get(title);
-    if (!sweep) sweeps.set(title, (sweep = { title, texture: names.indexOf(stripe.panel ?? ""), stripe, points: [] }));
+    if (!sweep)
+      sweeps.set(title, (sweep = { title, texture: names.indexOf(stripe.panel ?? ""), stripe, points: [] }));
     sweep.points.push({ r: Number(stripe.rPx ?? 0), radiance });
   }
   for (const { points } of sweeps.values()) points.sort((a, b) => a.r - b.r);

@@ -14,7 +14,10 @@ type Column = (number | null)[];
 function columnsOf(matte: MatteData, pixel: number, sweep: Sweep): [number[], ...Column[]] {
   const measured = new Map(sweep.points.map(({ r, radiance }) => [r, radiance]));
   const [first, last] = [sweep.points[0]!.r, sweep.points.at(-1)!.r];
-  const between = Array.from({ length: kCurvePoints }, (_, i) => first + ((last - first) * i) / (kCurvePoints - 1));
+  const between = Array.from(
+    { length: kCurvePoints },
+    (_, i) => first + ((last - first) * i) / (kCurvePoints - 1),
+  );
   const places = [...new Set([...measured.keys(), ...between])].sort((a, b) => a - b);
   const columns = kNames.flatMap((_, channel): Column[] => {
     const modes = modesOf(matte, pixel, channel);
@@ -37,18 +40,30 @@ export function SweepChart({ matte, pixel, sweep }: { matte: MatteData; pixel: n
       const element = place.current;
       if (over || !element) return;
       const { color, borderTopColor } = getComputedStyle(element);
-      const axis = { stroke: color, grid: { stroke: borderTopColor, width: 1 }, ticks: { stroke: borderTopColor, width: 1 } };
+      const axis = {
+        stroke: color,
+        grid: { stroke: borderTopColor, width: 1 },
+        ticks: { stroke: borderTopColor, width: 1 },
+      };
       const chart = new uPlot(
         {
           width: element.clientWidth,
           height: kHeight_px,
           legend: { show: false },
           scales: { x: { time: false } },
-          axes: [{ ...axis, label: "r, monitor px", labelSize: 20 }, { ...axis, size: 55 }],
+          axes: [
+            { ...axis, label: "r, monitor px", labelSize: 20 },
+            { ...axis, size: 55 },
+          ],
           series: [
             { label: "r" },
             ...kNames.flatMap((name, c) => [
-              { label: name, stroke: kInks[c]!, paths: () => null, points: { show: true, size: 4, fill: kInks[c]! } },
+              {
+                label: name,
+                stroke: kInks[c]!,
+                paths: () => null,
+                points: { show: true, size: 4, fill: kInks[c]! },
+              },
               { label: `${name}, foretold`, stroke: kInks[c]!, width: 1.5, points: { show: false } },
             ]),
           ],
@@ -56,7 +71,9 @@ export function SweepChart({ matte, pixel, sweep }: { matte: MatteData; pixel: n
         columnsOf(matte, pixel, sweep),
         element,
       );
-      const watch = new ResizeObserver(() => chart.setSize({ width: element.clientWidth, height: kHeight_px }));
+      const watch = new ResizeObserver(() =>
+        chart.setSize({ width: element.clientWidth, height: kHeight_px }),
+      );
       watch.observe(element);
       end = () => (watch.disconnect(), chart.destroy());
     });
@@ -68,7 +85,12 @@ export function SweepChart({ matte, pixel, sweep }: { matte: MatteData; pixel: n
   return (
     <figure class="sweep">
       <figcaption>{sweep.title}</figcaption>
-      <div ref={place} class="plot" role="img" aria-label={`Radiance over the stripe's place: ${sweep.title}`} />
+      <div
+        ref={place}
+        class="plot"
+        role="img"
+        aria-label={`Radiance over the stripe's place: ${sweep.title}`}
+      />
     </figure>
   );
 }

@@ -17,18 +17,24 @@ export function SessionChoice({ page, title }: { page: string; title: string }) 
   const [sessions, setSessions] = useState<SessionJson[]>();
   const [error, setError] = useState<unknown>();
   useEffect(() => {
-    call<ListSessionsResponseJson>("SessionService/ListSessions").then((answer) => setSessions((answer.sessions ?? []).filter(hasMatte)), setError);
+    call<ListSessionsResponseJson>("SessionService/ListSessions").then(
+      (answer) => setSessions((answer.sessions ?? []).filter(hasMatte)),
+      setError,
+    );
   }, []);
   if (error) return <Failure error={error} />;
   if (!sessions) return null;
   return (
     <section class="card">
       <h1>{title}</h1>
-      {sessions.length === 0 && <p>No session has a matte yet. Capture one and solve it, and it stands here.</p>}
+      {sessions.length === 0 && (
+        <p>No session has a matte yet. Capture one and solve it, and it stands here.</p>
+      )}
       <ul class="choice">
         {sessions.map((session) => (
           <li key={session.name}>
-            <a href={`#/${page}/${encodeURIComponent(session.name ?? "")}`}>{session.name}</a> <span class="note">{describe(session)}</span>
+            <a href={`#/${page}/${encodeURIComponent(session.name ?? "")}`}>{session.name}</a>{" "}
+            <span class="note">{describe(session)}</span>
           </li>
         ))}
       </ul>

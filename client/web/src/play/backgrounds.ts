@@ -3,7 +3,12 @@
 export const kBuiltIn = ["landscape", "checks", "gradient", "colour"] as const;
 export type BuiltIn = (typeof kBuiltIn)[number];
 
-type Painter = (pen: OffscreenCanvasRenderingContext2D, width: number, height: number, colour: string) => void;
+type Painter = (
+  pen: OffscreenCanvasRenderingContext2D,
+  width: number,
+  height: number,
+  colour: string,
+) => void;
 
 /** Edges of many directions, colours and sizes: whatever the object does to light is seen. */
 const landscape: Painter = (pen, width, height) => {
@@ -17,14 +22,19 @@ const landscape: Painter = (pen, width, height) => {
   pen.beginPath();
   pen.arc(width * 0.68, height * 0.4, height * 0.09, 0, 2 * Math.PI);
   pen.fill();
-  const ridges: [string, number, number][] = [["#5d5f86", 0.5, 0.16], ["#3c4a63", 0.6, 0.1], ["#223541", 0.68, 0.06]];
+  const ridges: [string, number, number][] = [
+    ["#5d5f86", 0.5, 0.16],
+    ["#3c4a63", 0.6, 0.1],
+    ["#223541", 0.68, 0.06],
+  ];
   for (const [colour, level, swing] of ridges) {
     pen.fillStyle = colour;
     pen.beginPath();
     pen.moveTo(0, height);
     for (let i = 0; i <= 48; ++i) {
       const x = i / 48;
-      const rise = Math.sin(9 * x + 40 * level) + 0.5 * Math.sin(23 * x + 90 * level) + 0.3 * Math.sin(57 * x);
+      const rise =
+        Math.sin(9 * x + 40 * level) + 0.5 * Math.sin(23 * x + 90 * level) + 0.3 * Math.sin(57 * x);
       pen.lineTo(x * width, height * (level - 0.5 * swing * rise));
     }
     pen.lineTo(width, height);
@@ -34,7 +44,8 @@ const landscape: Painter = (pen, width, height) => {
   for (let row = 0; row < rows; ++row) {
     const far = (y: number): number => height * (0.74 + 0.26 * (y / rows) ** 1.6);
     for (let column = -9; column < 9; ++column) {
-      const spread = (c: number, y: number): number => width * (0.5 + (c / 9) * (0.35 + 1.1 * (y / rows) ** 1.6));
+      const spread = (c: number, y: number): number =>
+        width * (0.5 + (c / 9) * (0.35 + 1.1 * (y / rows) ** 1.6));
       pen.fillStyle = (row + column) % 2 === 0 ? "#e8d9b8" : "#8d3b2f";
       pen.beginPath();
       pen.moveTo(spread(column, row), far(row));
@@ -59,7 +70,9 @@ const kPainters: Record<BuiltIn, Painter> = {
   },
   gradient: (pen, width, height) => {
     const across = pen.createLinearGradient(0, 0, width, 0);
-    ["#ff3b30", "#ffd60a", "#34c759", "#32ade6", "#5e5ce6", "#ff2d92"].forEach((colour, i) => across.addColorStop(i / 5, colour));
+    ["#ff3b30", "#ffd60a", "#34c759", "#32ade6", "#5e5ce6", "#ff2d92"].forEach((colour, i) =>
+      across.addColorStop(i / 5, colour),
+    );
     pen.fillStyle = across;
     pen.fillRect(0, 0, width, height);
     const down = pen.createLinearGradient(0, 0, 0, height);
@@ -89,5 +102,10 @@ export async function openPicture(file: Blob, name: string, mostSide: number): P
   });
   const shrink = mostSide / Math.max(image.width, image.height);
   if (shrink >= 1) return image;
-  return createImageBitmap(image, { ...as_is, resizeWidth: Math.floor(image.width * shrink), resizeHeight: Math.floor(image.height * shrink), resizeQuality: "high" });
+  return createImageBitmap(image, {
+    ...as_is,
+    resizeWidth: Math.floor(image.width * shrink),
+    resizeHeight: Math.floor(image.height * shrink),
+    resizeQuality: "high",
+  });
 }

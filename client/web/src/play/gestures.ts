@@ -21,17 +21,30 @@ function scaled(standing: Standing, factor: number): Standing {
   return { ...standing, scale, dx: standing.dx * real, dy: standing.dy * real };
 }
 
-function byKey(event: KeyboardEvent, standing: Standing, { width, height }: { width: number; height: number }): Standing | undefined {
+function byKey(
+  event: KeyboardEvent,
+  standing: Standing,
+  { width, height }: { width: number; height: number },
+): Standing | undefined {
   const step = event.shiftKey ? 5 * kKeyStep : kKeyStep;
   switch (event.key) {
-    case "ArrowLeft": return { ...standing, dx: standing.dx - step * width };
-    case "ArrowRight": return { ...standing, dx: standing.dx + step * width };
-    case "ArrowUp": return { ...standing, dy: standing.dy - step * height };
-    case "ArrowDown": return { ...standing, dy: standing.dy + step * height };
-    case "+": case "=": return scaled(standing, kKeyZoom);
-    case "-": return scaled(standing, 1 / kKeyZoom);
-    case "0": return { ...kStill, keepShape: standing.keepShape };
-    default: return undefined;
+    case "ArrowLeft":
+      return { ...standing, dx: standing.dx - step * width };
+    case "ArrowRight":
+      return { ...standing, dx: standing.dx + step * width };
+    case "ArrowUp":
+      return { ...standing, dy: standing.dy - step * height };
+    case "ArrowDown":
+      return { ...standing, dy: standing.dy + step * height };
+    case "+":
+    case "=":
+      return scaled(standing, kKeyZoom);
+    case "-":
+      return scaled(standing, 1 / kKeyZoom);
+    case "0":
+      return { ...kStill, keepShape: standing.keepShape };
+    default:
+      return undefined;
   }
 }
 
@@ -50,35 +63,51 @@ export function listenToGestures(canvas: HTMLCanvasElement, picture: Movable): (
     return a && b ? Math.max(1, Math.hypot(a.x - b.x, a.y - b.y)) : 1;
   };
 
-  canvas.addEventListener("pointerdown", (event) => {
-    canvas.setPointerCapture(event.pointerId);
-    fingers.set(event.pointerId, { x: event.clientX, y: event.clientY });
-  }, options);
-  canvas.addEventListener("pointermove", (event) => {
-    const finger = fingers.get(event.pointerId);
-    if (!finger) return;
-    const before = spread();
-    // Of two fingers each moves the picture by half.
-    const share = picture.size().width / shownWidth(canvas) / fingers.size;
-    const [dx, dy] = [(event.clientX - finger.x) * share, (event.clientY - finger.y) * share];
-    fingers.set(event.pointerId, { x: event.clientX, y: event.clientY });
-    const standing = picture.get();
-    picture.set(scaled({ ...standing, dx: standing.dx + dx, dy: standing.dy + dy }, spread() / before));
-  }, options);
+  canvas.addEventListener(
+    "pointerdown",
+    (event) => {
+      canvas.setPointerCapture(event.pointerId);
+      fingers.set(event.pointerId, { x: event.clientX, y: event.clientY });
+    },
+    options,
+  );
+  canvas.addEventListener(
+    "pointermove",
+    (event) => {
+      const finger = fingers.get(event.pointerId);
+      if (!finger) return;
+      const before = spread();
+      // Of two fingers each moves the picture by half.
+      const share = picture.size().width / shownWidth(canvas) / fingers.size;
+      const [dx, dy] = [(event.clientX - finger.x) * share, (event.clientY - finger.y) * share];
+      fingers.set(event.pointerId, { x: event.clientX, y: event.clientY });
+      const standing = picture.get();
+      picture.set(scaled({ ...standing, dx: standing.dx + dx, dy: standing.dy + dy }, spread() / before));
+    },
+    options,
+  );
   const lift = (event: PointerEvent): void => void fingers.delete(event.pointerId);
   canvas.addEventListener("pointerup", lift, options);
   canvas.addEventListener("pointercancel", lift, options);
-  canvas.addEventListener("wheel", (event) => {
-    event.preventDefault();
-    const pixels = event.deltaMode === WheelEvent.DOM_DELTA_LINE ? 16 * event.deltaY : event.deltaY;
-    picture.set(scaled(picture.get(), Math.exp(-0.0015 * pixels)));
-  }, { ...options, passive: false });
-  canvas.addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.altKey || event.metaKey) return;
-    const standing = byKey(event, picture.get(), picture.size());
-    if (!standing) return;
-    event.preventDefault();
-    picture.set(standing);
-  }, options);
+  canvas.addEventListener(
+    "wheel",
+    (event) => {
+      event.preventDefault();
+      const pixels = event.deltaMode === WheelEvent.DOM_DELTA_LINE ? 16 * event.deltaY : event.deltaY;
+      picture.set(scaled(picture.get(), Math.exp(-0.0015 * pixels)));
+    },
+    { ...options, passive: false },
+  );
+  canvas.addEventListener(
+    "keydown",
+    (event) => {
+      if (event.ctrlKey || event.altKey || event.metaKey) return;
+      const standing = byKey(event, picture.get(), picture.size());
+      if (!standing) return;
+      event.preventDefault();
+      picture.set(standing);
+    },
+    options,
+  );
   return () => end.abort();
 }

@@ -13,13 +13,19 @@ export class Pace {
   /** Every so many pixels along both sides are drawn while something moves. */
   get step(): number {
     let step = 1;
-    while (step < kCoarsest && this.side_px >= 2 * step * kLeastSide_px && this.whole_ms > kSlow_ms * step * step) step *= 2;
+    while (
+      step < kCoarsest &&
+      this.side_px >= 2 * step * kLeastSide_px &&
+      this.whole_ms > kSlow_ms * step * step
+    )
+      step *= 2;
     return step;
   }
 
   /** A coarse picture tells of slowness alone: below a refresh nothing can be timed. */
   took(step: number, time_ms: number): void {
     const whole_ms = time_ms * step * step;
-    if (step === 1 || time_ms > 2 * kSlow_ms) this.whole_ms = step === 1 ? whole_ms : Math.max(this.whole_ms, whole_ms);
+    if (step === 1 || time_ms > 2 * kSlow_ms)
+      this.whole_ms = step === 1 ? whole_ms : Math.max(this.whole_ms, whole_ms);
   }
 }

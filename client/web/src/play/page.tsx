@@ -12,5 +12,9 @@ function Session({ name }: { name: string }) {
 }
 
 export default function Page({ path: [name] }: PageProps) {
-  return name === undefined ? <SessionChoice page="play" title="Play with a matte" /> : <Session name={name} />;
+  return name === undefined ? (
+    <SessionChoice page="play" title="Play with a matte" />
+  ) : (
+    <Session name={name} />
+  );
 }

@@ -44,27 +44,42 @@ function BackgroundControls({ choice, paintOne, open, keepShape, reset }: Contro
         Picture
         <select value={choice.kind} onChange={(event) => choose(event.currentTarget.value)}>
           {kBuiltIn.map((kind) => (
-            <option key={kind} value={kind}>{kind}</option>
+            <option key={kind} value={kind}>
+              {kind}
+            </option>
           ))}
           {choice.kind === "file" && <option value="file">{choice.name}</option>}
         </select>
       </label>
       <label class="button">
         Open a picture…
-        <input ref={file} type="file" accept="image/*" onChange={(event) => {
-          const chosen = event.currentTarget.files?.[0];
-          if (chosen) open(chosen);
-          event.currentTarget.value = "";
-        }} />
+        <input
+          ref={file}
+          type="file"
+          accept="image/*"
+          onChange={(event) => {
+            const chosen = event.currentTarget.files?.[0];
+            if (chosen) open(chosen);
+            event.currentTarget.value = "";
+          }}
+        />
       </label>
       {choice.kind === "colour" && (
         <label>
           Colour
-          <input type="color" value={choice.colour} onInput={(event) => paintOne("colour", event.currentTarget.value)} />
+          <input
+            type="color"
+            value={choice.colour}
+            onInput={(event) => paintOne("colour", event.currentTarget.value)}
+          />
         </label>
       )}
       <label title="Else it is stretched over the monitor, as glasswing composite does">
-        <input type="checkbox" checked={choice.keepShape} onChange={(event) => keepShape(event.currentTarget.checked)} />
+        <input
+          type="checkbox"
+          checked={choice.keepShape}
+          onChange={(event) => keepShape(event.currentTarget.checked)}
+        />
         Keep its shape
       </label>
       <button onClick={reset}>Put it back</button>
@@ -94,7 +109,9 @@ export function Player({ session, frames }: { session: string; frames: number[] 
         setError(undefined);
         if (stage.current) return stage.current.setMatte(matte);
         const made = (stage.current = new Stage(canvas.current!, matte));
-        made.monitors.forEach(({ width, height }, t) => made.setPicture(t, paint("landscape", width, height, kFirstChoice.colour)));
+        made.monitors.forEach(({ width, height }, t) =>
+          made.setPicture(t, paint("landscape", width, height, kFirstChoice.colour)),
+        );
         setChoices(made.monitors.map(() => kFirstChoice));
         setReady(true);
       })
@@ -106,7 +123,8 @@ export function Player({ session, frames }: { session: string; frames: number[] 
   useEffect(() => () => stage.current?.close(), []);
   useEffect(() => {
     if (!ready) return;
-    const lost = (): void => setError(new Error("the graphics processor gave up this page's drawing; reload the page"));
+    const lost = (): void =>
+      setError(new Error("the graphics processor gave up this page's drawing; reload the page"));
     canvas.current!.addEventListener("webglcontextlost", lost);
     const end = listenToGestures(canvas.current!, {
       get: () => stage.current!.standing(chosen.current),
@@ -119,7 +137,8 @@ export function Player({ session, frames }: { session: string; frames: number[] 
     };
   }, [ready]);
 
-  const change = (t: number, part: Partial<Choice>): void => setChoices((all) => all.map((each, i) => (i === t ? { ...each, ...part } : each)));
+  const change = (t: number, part: Partial<Choice>): void =>
+    setChoices((all) => all.map((each, i) => (i === t ? { ...each, ...part } : each)));
   const paintOne = (kind: BuiltIn, colour: string): void => {
     const { width, height } = stage.current!.monitors[monitor]!;
     stage.current!.setPicture(monitor, paint(kind, width, height, colour));
@@ -145,7 +164,12 @@ export function Player({ session, frames }: { session: string; frames: number[] 
 
   const choice = choices[monitor];
   return (
-    <section class="play" onDragOver={(event) => (event.preventDefault(), setOver(true))} onDragLeave={() => setOver(false)} onDrop={drop}>
+    <section
+      class="play"
+      onDragOver={(event) => (event.preventDefault(), setOver(true))}
+      onDragLeave={() => setOver(false)}
+      onDrop={drop}
+    >
       <div class="row">
         <h1>{session}</h1>
         <a href={`#/matte/${encodeURIComponent(session)}`}>What the matte knows</a>
@@ -168,7 +192,9 @@ export function Player({ session, frames }: { session: string; frames: number[] 
               Monitor
               <select value={monitor} onChange={(event) => setMonitor(Number(event.currentTarget.value))}>
                 {stage.current!.monitors.map(({ name }, t) => (
-                  <option key={name} value={t}>{name}</option>
+                  <option key={name} value={t}>
+                    {name}
+                  </option>
                 ))}
               </select>
             </label>
@@ -185,18 +211,33 @@ export function Player({ session, frames }: { session: string; frames: number[] 
           />
           <label>
             Exposure
-            <input type="range" min={-4} max={4} step={0.1} value={exposure} onInput={(event) => {
-              const stops = Number(event.currentTarget.value);
-              setExposure(stops);
-              stage.current!.setExposure(stops);
-            }} />
-            <output class="digits">{exposure > 0 ? "+" : ""}{exposure.toFixed(1)}</output>
+            <input
+              type="range"
+              min={-4}
+              max={4}
+              step={0.1}
+              value={exposure}
+              onInput={(event) => {
+                const stops = Number(event.currentTarget.value);
+                setExposure(stops);
+                stage.current!.setExposure(stops);
+              }}
+            />
+            <output class="digits">
+              {exposure > 0 ? "+" : ""}
+              {exposure.toFixed(1)}
+            </output>
           </label>
           {frame !== undefined && <FrameSlider frames={frames} frame={frame} onChange={setFrame} />}
-          <button class="primary" onClick={download}>Download frame</button>
+          <button class="primary" onClick={download}>
+            Download frame
+          </button>
         </div>
       )}
-      <p class="note">Drop a picture here. Drag it behind the object, or use the arrow keys; wheel, pinch or + and − scale it.</p>
+      <p class="note">
+        Drop a picture here. Drag it behind the object, or use the arrow keys; wheel, pinch or + and − scale
+        it.
+      </p>
     </section>
   );
 }

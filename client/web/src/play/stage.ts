@@ -28,7 +28,11 @@ export class Stage {
   ) {
     this.compositor = new Compositor(canvas, matte);
     this.pace = new Pace(Math.max(matte.width, matte.height));
-    this.monitors = matte.metadata.monitors.map(({ name, width_px, height_px }) => ({ name, width: width_px, height: height_px }));
+    this.monitors = matte.metadata.monitors.map(({ name, width_px, height_px }) => ({
+      name,
+      width: width_px,
+      height: height_px,
+    }));
     this.standings = this.monitors.map(() => kStill);
   }
 
@@ -60,7 +64,10 @@ export class Stage {
   picture(): Promise<Blob> {
     this.draw(1);
     return new Promise((resolve, reject) => {
-      this.canvas.toBlob((blob) => (blob ? resolve(blob) : reject(new Error("the browser cannot write a PNG"))), "image/png");
+      this.canvas.toBlob(
+        (blob) => (blob ? resolve(blob) : reject(new Error("the browser cannot write a PNG"))),
+        "image/png",
+      );
     });
   }
 

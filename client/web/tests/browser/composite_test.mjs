@@ -5,7 +5,7 @@
 // Beside the pictures given there are checks of one pixel and noise. Every monitor of the matte shows the same picture. Prints
 // the mean and the largest difference of a colour, in 1/255 of sRGB, and fails where a mean is above 2.
 import { execFileSync } from "node:child_process";
-import { mkdtempSync, rmSync, writeFileSync } from "node:fs";
+import { mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { basename, join } from "node:path";
 import { open_browser } from "./browser.mjs";
@@ -31,23 +31,41 @@ const made = (name, colour) => {
 };
 const pictures = [...given, made("checks", checks(1)), made("noise", noise(20261122))];
 
-async function show(page, picture) {
+/** As a file is dropped on the page. */
+async function drop(page, file) {
+  const data = await page.evaluateHandle(
+    ([text, name]) => {
+      const transfer = new DataTransfer();
+      transfer.items.add(new File([Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0))], name));
+      return transfer;
+    },
+    [readFileSync(file).toString("base64"), basename(file)],
+  );
+  await page.getByRole("application").dispatchEvent("drop", { dataTransfer: data });
+}
+
+async function show(page, picture, put) {
   for (const [t] of monitors.entries()) {
     if (monitors.length > 1) await page.getByLabel("Monitor").selectOption(String(t));
-    await page.locator("input[type=file]").setInputFiles(picture);
+    await put(picture);
     await page.locator("option[value=file]", { hasText: basename(picture) }).waitFor({ state: "attached" });
   }
 }
 
 const server = await stand_in({
   mattes: { "/mattes/it.exr": matte },
-  answer: (path) => (path.endsWith("/GetSession") ? { session: { name: "it", matteReady: true } } : undefined),
+  answer: (path) =>
+    path.endsWith("/GetSession") ? { session: { name: "it", matteReady: true } } : undefined,
 });
 const browser = await open_browser();
 let failed = false;
 try {
   const page = await browser.newPage();
-  page.on("console", (message) => message.type() === "error" && console.error(message.text()));
+  page.on("console", (message) => {
+    if (message.type() !== "error") return;
+    console.error(message.text()); // what the content security policy refuses is one
+    failed = true;
+  });
   page.on("pageerror", (error) => console.error(error.message));
   await page.goto(`${server.url}/#/play/it`);
   const download = page.getByRole("button", { name: "Download frame" });
@@ -55,7 +73,8 @@ try {
   console.log(`${basename(matte)}                mean  largest, of 255`);
   const compare = async (name, picture, shift) => {
     const [drawn] = await Promise.all([page.waitForEvent("download"), download.click()]);
-    const ours = join(folder, "page.png"), theirs = join(folder, "composite.png");
+    const ours = join(folder, "page.png"),
+      theirs = join(folder, "composite.png");
     await drawn.saveAs(ours);
     const behind = monitors.flatMap((monitor) => ["--background", `${monitor.name}=${picture}`]);
     execFileSync(glasswing, ["composite", matte, ...behind, ...shift, "-o", theirs], { stdio: "pipe" });
@@ -64,15 +83,37 @@ try {
     console.log(`${name.padEnd(24)} ${mean.toFixed(3).padStart(8)} ${String(most).padStart(8)} at ${x},${y}`);
   };
   for (const picture of pictures) {
-    await show(page, picture);
+    const last = picture === pictures.at(-1);
+    await show(page, picture, (file) =>
+      last ? drop(page, file) : page.locator("input[type=file]").setInputFiles(file),
+    );
     await compare(basename(picture), picture, []);
   }
-  // An arrow key moves the picture of the monitor chosen last by a fiftieth of it.
-  const moved = monitors.at(-1);
-  await page.getByRole("application").focus();
-  for (const key of ["ArrowRight", "ArrowRight", "ArrowRight", "ArrowUp", "ArrowUp"]) await page.keyboard.press(key);
-  const [dx, dy] = [3 * 0.02 * moved.width_px, -2 * 0.02 * moved.height_px];
-  await compare("noise, moved by keys", pictures.at(-1), ["--shift", `${moved.name}=${dx},${dy}`]);
+  // An arrow key moves the picture of the monitor chosen last by a fiftieth of it; the mouse moves it with it.
+  const [noisy, moved, stage] = [pictures.at(-1), monitors.at(-1), page.getByRole("application")];
+  await stage.focus();
+  for (const key of ["ArrowRight", "ArrowRight", "ArrowRight", "ArrowUp", "ArrowUp"])
+    await page.keyboard.press(key);
+  await compare("noise, moved by keys", noisy, [
+    "--shift",
+    `${moved.name}=${0.06 * moved.width_px},${-0.04 * moved.height_px}`,
+  ]);
+  await stage.press("0");
+  const [box, shape] = [
+    await stage.boundingBox(),
+    await stage.evaluate(({ width, height }) => width / height),
+  ];
+  const [x, y, far] = [
+    box.x + box.width / 2,
+    box.y + box.height / 2,
+    Math.min(box.width, box.height * shape) / 8,
+  ];
+  await page.mouse.move(x, y);
+  await page.mouse.down();
+  await page.mouse.move(x - far / 2, y, { steps: 3 });
+  await page.mouse.move(x - far, y, { steps: 3 });
+  await page.mouse.up();
+  await compare("noise, moved by mouse", noisy, ["--shift", `${moved.name}=${-moved.width_px / 8},0`]);
 } finally {
   await browser.close();
   server.close();

@@ -13,15 +13,20 @@ export function monitors_of(file) {
 export function difference(page, one, other) {
   const encoded = [one, other].map((file) => readFileSync(file).toString("base64"));
   return page.evaluate(async (files) => {
-    const [a, b] = await Promise.all(files.map(async (text) => {
-      const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-      const image = await createImageBitmap(new Blob([bytes]), { colorSpaceConversion: "none" });
-      const pen = new OffscreenCanvas(image.width, image.height).getContext("2d");
-      pen.drawImage(image, 0, 0);
-      return pen.getImageData(0, 0, image.width, image.height);
-    }));
-    if (a.width !== b.width || a.height !== b.height) throw new Error(`${a.width}x${a.height} is not ${b.width}x${b.height}`);
-    let sum = 0, most = 0, worst = 0;
+    const [a, b] = await Promise.all(
+      files.map(async (text) => {
+        const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+        const image = await createImageBitmap(new Blob([bytes]), { colorSpaceConversion: "none" });
+        const pen = new OffscreenCanvas(image.width, image.height).getContext("2d");
+        pen.drawImage(image, 0, 0);
+        return pen.getImageData(0, 0, image.width, image.height);
+      }),
+    );
+    if (a.width !== b.width || a.height !== b.height)
+      throw new Error(`${a.width}x${a.height} is not ${b.width}x${b.height}`);
+    let sum = 0,
+      most = 0,
+      worst = 0;
     for (let i = 0; i < a.data.length; ++i) {
       const away = Math.abs(a.data[i] - b.data[i]);
       sum += away;

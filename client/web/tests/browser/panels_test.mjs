@@ -22,7 +22,8 @@ if (matte === undefined) {
 const folder = mkdtempSync(join(tmpdir(), "panels-"));
 const server = await stand_in({
   mattes: { "/mattes/it.exr": matte },
-  answer: (path) => (path.endsWith("/GetSession") ? { session: { name: "it", matteReady: true } } : undefined),
+  answer: (path) =>
+    path.endsWith("/GetSession") ? { session: { name: "it", matteReady: true } } : undefined,
 });
 const browser = await open_browser();
 let failed = false;
@@ -35,10 +36,15 @@ try {
   if ((await channel.count()) > 0) await channel.selectOption("2");
   console.log(`${basename(matte)}   largest difference, of 255`);
   for (const name of kPanels) {
-    const drawn = await page.locator(`[data-panel=${name}] .pixels`).evaluate((canvas) => canvas.toDataURL("image/png"));
-    const ours = join(folder, "page.png"), theirs = join(folder, "view.png");
+    const drawn = await page
+      .locator(`[data-panel=${name}] .pixels`)
+      .evaluate((canvas) => canvas.toDataURL("image/png"));
+    const ours = join(folder, "page.png"),
+      theirs = join(folder, "view.png");
     writeFileSync(ours, Buffer.from(drawn.split(",")[1], "base64"));
-    execFileSync(glasswing, ["view", matte, "--only", name, "--channel", "b", "-o", theirs], { stdio: "pipe" });
+    execFileSync(glasswing, ["view", matte, "--only", name, "--channel", "b", "-o", theirs], {
+      stdio: "pipe",
+    });
     const { most, x, y } = await difference(page, ours, theirs);
     failed ||= !(most <= kMost);
     console.log(`${name.padEnd(16)} ${most} at ${x},${y}`);

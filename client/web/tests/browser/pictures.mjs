@@ -25,7 +25,8 @@ export function png(width, height, colour) {
 }
 
 /** Squares of so many pixels, black and white. */
-export const checks = (side) => (x, y) => ((Math.floor(x / side) + Math.floor(y / side)) % 2 === 0 ? [255, 255, 255] : [0, 0, 0]);
+export const checks = (side) => (x, y) =>
+  (Math.floor(x / side) + Math.floor(y / side)) % 2 === 0 ? [255, 255, 255] : [0, 0, 0];
 
 /** Every value anew, the same for the same seed (xorshift). */
 export function noise(seed) {

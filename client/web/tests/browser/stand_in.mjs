@@ -6,12 +6,22 @@ import { extname, join, normalize } from "node:path";
 import { fileURLToPath } from "node:url";
 
 const kPages = fileURLToPath(new URL("../../dist", import.meta.url));
-const kTypes = { ".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml" };
-const kPolicy = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; connect-src 'self'; worker-src 'self'";
+const kTypes = {
+  ".html": "text/html",
+  ".js": "text/javascript",
+  ".css": "text/css",
+  ".svg": "image/svg+xml",
+};
+const kPolicy =
+  "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; connect-src 'self'; worker-src 'self'";
 
 async function send_file(response, path, type) {
   const { size } = await stat(path);
-  response.writeHead(200, { "Content-Type": type, "Content-Length": size, "Content-Security-Policy": kPolicy });
+  response.writeHead(200, {
+    "Content-Type": type,
+    "Content-Length": size,
+    "Content-Security-Policy": kPolicy,
+  });
   createReadStream(path).pipe(response);
 }
 
@@ -31,7 +41,10 @@ export async function stand_in({ mattes = {}, answer = () => undefined }) {
     try {
       const matte = mattes[url.pathname + url.search];
       if (matte !== undefined) return await send_file(response, matte, "image/x-exr");
-      const said = url.pathname === "/me" ? { name: "tester", role: "operator" } : await answer(url.pathname, await body_of(request), url.searchParams);
+      const said =
+        url.pathname === "/me"
+          ? { name: "tester", role: "operator" }
+          : await answer(url.pathname, await body_of(request), url.searchParams);
       if (said !== undefined) {
         response.writeHead(200, { "Content-Type": "application/json" });
         return response.end(JSON.stringify(said));

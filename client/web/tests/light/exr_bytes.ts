@@ -14,11 +14,14 @@ function int(value: number): Buffer {
   return out;
 }
 const text = (value: string): Buffer => Buffer.from(`${value}\0`);
-const attribute = (name: string, type: string, value: Buffer): Buffer => Buffer.concat([text(name), text(type), int(value.length), value]);
+const attribute = (name: string, type: string, value: Buffer): Buffer =>
+  Buffer.concat([text(name), text(type), int(value.length), value]);
 
 function header(part: PartText, width: number, height: number): Buffer {
   const window = Buffer.concat([0, 0, width - 1, height - 1].map(int));
-  const channels = Object.keys(part.channels).map((name) => Buffer.concat([text(name), int(2), int(0), int(1), int(1)]));
+  const channels = Object.keys(part.channels).map((name) =>
+    Buffer.concat([text(name), int(2), int(0), int(1), int(1)]),
+  );
   const strings = { name: part.name, type: "scanlineimage", ...part.attributes };
   return Buffer.concat([
     attribute("channels", "chlist", Buffer.concat([...channels, Buffer.from([0])])),
@@ -38,13 +41,20 @@ export function predict(line: Buffer): Buffer {
 }
 
 export function exrBytes(parts: PartText[], width: number, height: number): Uint8Array<ArrayBuffer> {
-  const head = Buffer.concat([int(20000630), int(2 | 0x1000 | 0x400), ...parts.map((part) => header(part, width, height)), Buffer.from([0])]);
+  const head = Buffer.concat([
+    int(20000630),
+    int(2 | 0x1000 | 0x400),
+    ...parts.map((part) => header(part, width, height)),
+    Buffer.from([0]),
+  ]);
   const chunks: Buffer[] = [];
   const places = parts.map(() => Buffer.alloc(8 * height));
   let at = head.length + 8 * height * parts.length;
   for (let y = 0; y < height; ++y) {
     parts.forEach((part, p) => {
-      const samples = Object.values(part.channels).flatMap((values) => values.slice(y * width, (y + 1) * width));
+      const samples = Object.values(part.channels).flatMap((values) =>
+        values.slice(y * width, (y + 1) * width),
+      );
       const line = Buffer.from(new Float32Array(samples).buffer);
       const packed = deflateSync(predict(line), { level: 1 });
       const data = packed.length < line.length ? packed : line;

@@ -75,7 +75,10 @@ test("squares of a level weigh pixels as the Gaussian on the picture itself does
       });
     });
     // Both have the same sum, middle and variance. What is left is of fourth order.
-    const apart = Math.sqrt(exact.reduce((sum, each, i) => sum + (each - found[i]!) ** 2, 0) / exact.reduce((sum, each) => sum + each ** 2, 0));
+    const apart = Math.sqrt(
+      exact.reduce((sum, each, i) => sum + (each - found[i]!) ** 2, 0) /
+        exact.reduce((sum, each) => sum + each ** 2, 0),
+    );
     expect(apart).toBeLessThan(0.035);
     const mean = (all: number[]): number => all.reduce((sum, each, i) => sum + each * (i + 0.5), 0);
     expect(mean(found)).toBeCloseTo(mean(exact), 2);
@@ -89,23 +92,40 @@ test("the level suits the narrowest part, and on the picture Q is S", () => {
     const [long, short] = [Math.exp(8 * next() - 2), Math.exp(6 * next() - 4)];
     const turn = Math.PI * next();
     const [c, s] = [Math.cos(turn), Math.sin(turn)];
-    const mode = gaussian({ xx: long * c * c + short * s * s, yy: long * s * s + short * c * c, xy: (long - short) * c * s });
+    const mode = gaussian({
+      xx: long * c * c + short * s * s,
+      yy: long * s * s + short * c * c,
+      xy: (long - short) * c * s,
+    });
     const place: Place = placeOf(mode, shape, "gaussian");
     const determinant = place.xx * place.yy - place.xy * place.xy;
     expect(determinant).toBeGreaterThan(-1e-6 * Math.max(place.xx, place.yy) ** 2);
-    if (place.level === 0) expect(place).toEqual({ level: 0, x: 400, y: 400, xx: mode.xx, xy: mode.xy, yy: mode.yy });
+    if (place.level === 0)
+      expect(place).toEqual({ level: 0, x: 400, y: 400, xx: mode.xx, xy: mode.xy, yy: mode.yy });
     else expect(determinant).toBeGreaterThanOrEqual(0.1 * Math.min(1, Math.max(place.xx, place.yy)));
   }
 });
 
 test("levels with their borders do not overlap", () => {
-  for (const [width, height] of [[128, 96], [1920, 1080], [33, 7], [1, 1], [96, 1280]] as const) {
+  for (const [width, height] of [
+    [128, 96],
+    [1920, 1080],
+    [33, 7],
+    [1, 1],
+    [96, 1280],
+  ] as const) {
     const { levels, ...whole } = pyramidShape(width, height);
-    const boxes = levels.map((l) => ({ left: l.x - kBorder, top: l.y - kBorder, right: l.x + l.width + kBorder, bottom: l.y + l.height + kBorder }));
+    const boxes = levels.map((l) => ({
+      left: l.x - kBorder,
+      top: l.y - kBorder,
+      right: l.x + l.width + kBorder,
+      bottom: l.y + l.height + kBorder,
+    }));
     boxes.forEach((a, i) => {
       expect(Math.min(a.left, a.top)).toBeGreaterThanOrEqual(0);
       expect(a.right <= whole.width && a.bottom <= whole.height).toBe(true);
-      for (const b of boxes.slice(i + 1)) expect(a.right <= b.left || b.right <= a.left || a.bottom <= b.top || b.bottom <= a.top).toBe(true);
+      for (const b of boxes.slice(i + 1))
+        expect(a.right <= b.left || b.right <= a.left || a.bottom <= b.top || b.bottom <= a.top).toBe(true);
     });
   }
 });
@@ -113,9 +133,15 @@ test("levels with their borders do not overlap", () => {
 test("modes that are alike in several channels are one footprint", async () => {
   const alike = gaussian({ x: 10, y: 12 });
   const bytes = matteBytes({
-    width: 2, height: 1, suffixes: ["R", "G", "B"], modeCount: 1, foreground: () => 0,
+    width: 2,
+    height: 1,
+    suffixes: ["R", "G", "B"],
+    modeCount: 1,
+    foreground: () => 0,
     metadata: { monitors: [{ name: "back", width_px: 64, height_px: 48 }] },
-    modes: (pixel, channel) => [{ ...alike, weight: 0.25 * (channel + 1), x: pixel === 0 ? 10 : 10 + channel }],
+    modes: (pixel, channel) => [
+      { ...alike, weight: 0.25 * (channel + 1), x: pixel === 0 ? 10 : 10 + channel },
+    ],
   });
   const { index, list } = packFootprints(await readMatte(bytes, () => undefined));
   expect([...index]).toEqual([0, 1, 1, 3]);
@@ -123,7 +149,8 @@ test("modes that are alike in several channels are one footprint", async () => {
 });
 
 test("halves are the nearest", () => {
-  const value = (bits: number): number => (bits >> 10 === 0 ? bits * 2 ** -24 : (1024 + (bits & 1023)) * 2 ** ((bits >> 10) - 25));
+  const value = (bits: number): number =>
+    bits >> 10 === 0 ? bits * 2 ** -24 : (1024 + (bits & 1023)) * 2 ** ((bits >> 10) - 25);
   for (let bits = 0; bits < 0x7bff; ++bits) {
     expect(toHalf(value(bits))).toBe(bits);
     expect(toHalf(0.6 * value(bits + 1) + 0.4 * value(bits))).toBe(bits + 1);

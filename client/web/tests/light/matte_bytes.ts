@@ -14,10 +14,19 @@ export interface MatteText {
 }
 
 /** A matte's file. */
-export function matteBytes({ width, height, metadata, suffixes, modeCount, foreground, modes }: MatteText): Uint8Array<ArrayBuffer> {
+export function matteBytes({
+  width,
+  height,
+  metadata,
+  suffixes,
+  modeCount,
+  foreground,
+  modes,
+}: MatteText): Uint8Array<ArrayBuffer> {
   const pixels = Array.from({ length: width * height }, (_, pixel) => pixel);
   const attributes = { glasswing: JSON.stringify(metadata) };
-  const sorted = (channels: Record<string, number[]>): Record<string, number[]> => Object.fromEntries(Object.entries(channels).sort(([a], [b]) => (a < b ? -1 : 1)));
+  const sorted = (channels: Record<string, number[]>): Record<string, number[]> =>
+    Object.fromEntries(Object.entries(channels).sort(([a], [b]) => (a < b ? -1 : 1)));
   const none = pixels.map(() => 0);
   const parts: PartText[] = [
     { name: "preview", channels: { A: none, B: none, G: none, R: none }, attributes },
@@ -26,14 +35,22 @@ export function matteBytes({ width, height, metadata, suffixes, modeCount, foreg
       channels: sorted({
         "foreground.coverage.Y": pixels.map(() => 1),
         "foreground.flags.Y": none,
-        ...Object.fromEntries(["R", "G", "B"].map((name, c) => [`foreground.F.${name}`, pixels.map((pixel) => foreground(pixel, c))])),
+        ...Object.fromEntries(
+          ["R", "G", "B"].map((name, c) => [
+            `foreground.F.${name}`,
+            pixels.map((pixel) => foreground(pixel, c)),
+          ]),
+        ),
       }),
       attributes,
     },
   ];
   for (let m = 0; m < modeCount; ++m) {
     const layers = kLayers.flatMap((layer) =>
-      suffixes.map((suffix, c): [string, number[]] => [`mode${m + 1}.${layer}.${suffix}`, pixels.map((pixel) => (modes(pixel, c)[m] ?? kNone)[layer])]),
+      suffixes.map((suffix, c): [string, number[]] => [
+        `mode${m + 1}.${layer}.${suffix}`,
+        pixels.map((pixel) => (modes(pixel, c)[m] ?? kNone)[layer]),
+      ]),
     );
     parts.push({ name: `mode${m + 1}`, channels: sorted(Object.fromEntries(layers)), attributes });
   }

@@ -5,19 +5,27 @@ import { predict } from "./exr_bytes";
 import { matteBytes, type MatteText } from "./matte_bytes";
 import { random } from "./random";
 
-const kMonitors = [{ name: "back", width_px: 64, height_px: 48 }, { name: "left", width_px: 32, height_px: 32 }];
+const kMonitors = [
+  { name: "back", width_px: 64, height_px: 48 },
+  { name: "left", width_px: 32, height_px: 32 },
+];
 
 function textOf(suffixes: string[], footprint?: string): MatteText {
   const next = random(11);
   const [width, height] = [7, 5];
   const table = Array.from({ length: width * height * suffixes.length }, (_, i) =>
     Array.from({ length: i % 3 }, (): Mode => {
-      const [weight, x, y, xx, yy, weight_sd, centre_sd] = Array.from({ length: 7 }, () => Math.fround(0.1 + 9 * next())) as [number, number, number, number, number, number, number];
+      const [weight, x, y, xx, yy, weight_sd, centre_sd] = Array.from({ length: 7 }, () =>
+        Math.fround(0.1 + 9 * next()),
+      ) as [number, number, number, number, number, number, number];
       return { weight, x, y, xx, xy: 0, yy, texture: i % 2, weight_sd, centre_sd };
     }),
   );
   return {
-    width, height, suffixes, modeCount: 2,
+    width,
+    height,
+    suffixes,
+    modeCount: 2,
     metadata: { format_version: 1, monitors: kMonitors, footprint },
     foreground: (pixel, channel) => Math.fround(0.01 * pixel + channel),
     modes: (pixel, channel) => table[pixel * suffixes.length + channel]!,
@@ -34,7 +42,9 @@ test("what was written is read, in colour and gray", async () => {
     for (let pixel = 0; pixel < 35; ++pixel) {
       for (let channel = 0; channel < 3; ++channel) {
         expect(matte.foreground[3 * pixel + channel]).toBe(text.foreground(pixel, channel));
-        expect(modesOf(matte, pixel, channel)).toEqual(text.modes(pixel, Math.min(channel, suffixes.length - 1)));
+        expect(modesOf(matte, pixel, channel)).toEqual(
+          text.modes(pixel, Math.min(channel, suffixes.length - 1)),
+        );
       }
     }
   }
@@ -45,7 +55,9 @@ test("the strongest mode has the largest weight", async () => {
   const matte = await read(matteBytes(text));
   for (let pixel = 0; pixel < 35; ++pixel) {
     const weights = text.modes(pixel, 1).map(({ weight }) => weight);
-    expect(strongestMode(matte, pixel, 1)?.weight).toBe(weights.length > 0 ? Math.max(...weights) : undefined);
+    expect(strongestMode(matte, pixel, 1)?.weight).toBe(
+      weights.length > 0 ? Math.max(...weights) : undefined,
+    );
   }
 });
 
@@ -70,7 +82,9 @@ test("what is no matte is refused in words", async () => {
   await expect(read(matteBytes(textOf(["Y"], "disc")))).rejects.toThrow('its footprints are "disc"');
   await expect(read(matteBytes({ ...textOf(["Y"]), metadata: {} }))).rejects.toThrow("names no monitors");
   const far: Mode = { weight: 1, x: 0, y: 0, xx: 1, xy: 0, yy: 1, texture: 2, weight_sd: 0, centre_sd: 0 };
-  await expect(read(matteBytes({ ...textOf(["Y"]), modes: () => [far] }))).rejects.toThrow("pixel (0, 0) holds values that no matte has");
+  await expect(read(matteBytes({ ...textOf(["Y"]), modes: () => [far] }))).rejects.toThrow(
+    "pixel (0, 0) holds values that no matte has",
+  );
 });
 
 test("no changed byte makes anything but a matte or an error of ours", async () => {
@@ -79,6 +93,8 @@ test("no changed byte makes anything but a matte or an error of ours", async () 
   for (let i = 0; i < 400; ++i) {
     const bytes = good.slice();
     bytes[Math.floor(next() * bytes.length)]! ^= 1 << Math.floor(8 * next());
-    await read(bytes).catch((error: unknown) => expect(String(error)).toContain("the file is damaged or no matte"));
+    await read(bytes).catch((error: unknown) =>
+      expect(String(error)).toContain("the file is damaged or no matte"),
+    );
   }
 });

@@ -29,11 +29,19 @@ test("moved by so many pixels, a pixel shows what stood as far left of it; scale
 
 test("what one monitor's primaries become in the camera is taken back", () => {
   const share: Matrix = [0.9, 0.3, 0, 0.1, 1.5, 0.2, 0.02, 0.1, 0.7];
-  const monitors = [{ name: "back", width_px: 8, height_px: 8 }, { name: "left", width_px: 8, height_px: 8 }];
+  const monitors = [
+    { name: "back", width_px: 8, height_px: 8 },
+    { name: "left", width_px: 8, height_px: 8 },
+  ];
   const { seen, primaries } = primaryMix({ monitors, crosstalk: [{ share }, {}] });
-  const times = (m: Matrix, v: number[]): number[] => [0, 3, 6].map((at) => m[at]! * v[0]! + m[at + 1]! * v[1]! + m[at + 2]! * v[2]!);
+  const times = (m: Matrix, v: number[]): number[] =>
+    [0, 3, 6].map((at) => m[at]! * v[0]! + m[at + 1]! * v[1]! + m[at + 2]! * v[2]!);
   times(seen[0]!, [1, 1, 1]).forEach((each) => expect(each).toBeCloseTo(1, 12));
-  times(primaries, times(seen[0]!, [0.2, 0.5, 0.9])).forEach((each, i) => expect(each).toBeCloseTo([0.2, 0.5, 0.9][i]!, 12));
+  times(primaries, times(seen[0]!, [0.2, 0.5, 0.9])).forEach((each, i) =>
+    expect(each).toBeCloseTo([0.2, 0.5, 0.9][i]!, 12),
+  );
   expect(times(seen[1]!, [0.2, 0.5, 0.9])).toEqual([0.2, 0.5, 0.9]);
-  times(share, times(inverse(share), [3, 1, 2])).forEach((each, i) => expect(each).toBeCloseTo([3, 1, 2][i]!, 12));
+  times(share, times(inverse(share), [3, 1, 2])).forEach((each, i) =>
+    expect(each).toBeCloseTo([3, 1, 2][i]!, 12),
+  );
 });

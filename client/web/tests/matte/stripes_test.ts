@@ -19,7 +19,8 @@ test("a stripe through a footprint is their product's integral", () => {
       let sum = 0;
       for (let x = mode.x - 25; x < mode.x + 25; x += step) {
         for (let y = mode.y - 25; y < mode.y + 25; y += step)
-          sum += footprint(x, y) * 0.8 * Math.exp((-0.5 * (nx * x + ny * y - r) ** 2) / 2.5 ** 2) * step * step;
+          sum +=
+            footprint(x, y) * 0.8 * Math.exp((-0.5 * (nx * x + ny * y - r) ** 2) / 2.5 ** 2) * step * step;
       }
       // Sums of a Gaussian at steps far below its width are its integral.
       expect(foretold([mode], 0.05, stripe, 0, r, 1)).toBeCloseTo(0.05 + 0.7 * sum, 9);
@@ -29,10 +30,21 @@ test("a stripe through a footprint is their product's integral", () => {
 });
 
 test("samples are grouped by direction, in the stripe's order", () => {
-  const frame = (file: string, object: boolean, phiDeg: number, rPx: number) => ({ file, object, exposureMs: 4, stimulus: { kind: "gauss_stripe", panel: "left", phiDeg, rPx, sigmaPx: 2, peak: 1 } });
+  const frame = (file: string, object: boolean, phiDeg: number, rPx: number) => ({
+    file,
+    object,
+    exposureMs: 4,
+    stimulus: { kind: "gauss_stripe", panel: "left", phiDeg, rPx, sigmaPx: 2, peak: 1 },
+  });
   const manifest = {
     monitors: [{ name: "back" }, { name: "left" }],
-    frames: [frame("a", true, 0, 5), frame("b", true, 0, 1), frame("c", true, 90, 1), frame("d", false, 0, 2), { file: "e", object: true, exposureMs: 4, stimulus: { kind: "solid" } }],
+    frames: [
+      frame("a", true, 0, 5),
+      frame("b", true, 0, 1),
+      frame("c", true, 90, 1),
+      frame("d", false, 0, 2),
+      { file: "e", object: true, exposureMs: 4, stimulus: { kind: "solid" } },
+    ],
   };
   const samples = ["a", "b", "c", "d", "e"].map((file, i) => ({ file, radiance: [i, i, i] }));
   const sweeps = sweepsOf(manifest, samples);
