@@ -23,6 +23,7 @@ const kLongNames = 0x400;
 const kZips = 2;
 const kFloat = 2;
 const kMostSide = 1 << 16;
+const kMostPixels = 1 << 26;
 const kMostParts = 16;
 
 export class NotAMatte extends Error {
@@ -78,6 +79,10 @@ interface Header {
   lines: number;
 }
 
+function isSize({ width, height }: Exr["window"]): boolean {
+  return width >= 1 && height >= 1 && Math.max(width, height) <= kMostSide && width * height <= kMostPixels;
+}
+
 function readHeader(cursor: Cursor, firstName: string): Header {
   const part: ExrPart = { name: "", channels: [], attributes: new Map(), chunks: [] };
   let window: Exr["window"] | undefined;
@@ -100,8 +105,8 @@ function readHeader(cursor: Cursor, firstName: string): Header {
   part.name = part.attributes.get("name") ?? "";
   if (part.attributes.get("type") !== "scanlineimage" || packing !== kZips)
     throw new NotAMatte(`its part "${part.name}" is not of single scan lines (ZIPS)`);
-  if (!window || window.width < 1 || window.height < 1 || Math.max(window.width, window.height) > kMostSide)
-    throw new NotAMatte(`its part "${part.name}" has no size from 1x1 to ${kMostSide}x${kMostSide}`);
+  if (!window || !isSize(window))
+    throw new NotAMatte(`its part "${part.name}" has no size of 1 to ${kMostPixels} pixels`);
   return { part, window, lines };
 }
 

@@ -121,6 +121,8 @@ float below(float z) {
   return 0.5 + 0.5 * sign(z) * (1.0 - 1.0 / p);
 }`
 }
+// Of a level's sample or row; far away ones are all alike.
+int cell(float at) { return int(floor(clamp(at, -1e6, 1e6))); }
 float density(float z) { return 0.39894228 * exp(-0.5 * z * z); }
 
 vec3 light_at(vec2 at, int layer, vec2 texel) { return texture(u_pyramid, vec3(at * texel, float(layer))).rgb; }
@@ -129,7 +131,7 @@ vec3 light_at(vec2 at, int layer, vec2 texel) { return texture(u_pyramid, vec3(a
 // reach is given to the samples at its ends.
 vec3 integrate_row(float mean, float sigma, float v, float reach, int extent, ivec2 corner, bool exchanged,
                    int layer, vec2 texel) {
-  int low = int(floor(mean - reach * sigma)), high = int(floor(mean + reach * sigma));
+  int low = cell(mean - reach * sigma), high = cell(mean + reach * sigma);
   int from = max(low, -u_border), to = min(high, extent + u_border - 1);
   float scale = 1.0 / max(sigma, 1e-5);
   float before = from <= low ? 0.0 : below((float(from) - mean) * scale);
@@ -156,8 +158,7 @@ vec3 integrate(vec2 centre, vec3 q, float brightest, int layer, ivec4 level, vec
   // A row's light is spread evenly where the footprint is a thin line, which a Gaussian stands for if rows are thin too.
   int parts = slope * slope > 4.0 * cut ? 3 : 1;
   float part = 1.0 / float(parts);
-  int low = int(floor((middle.y - reach * sigma) * float(parts)));
-  int high = int(floor((middle.y + reach * sigma) * float(parts)));
+  int low = cell((middle.y - reach * sigma) * float(parts)), high = cell((middle.y + reach * sigma) * float(parts));
   int from = max(low, -u_border * parts), to = min(high, (extent.y + u_border) * parts - 1);
   vec3 sum = vec3(0.0);
   for (int i = from; i <= to; ++i) {

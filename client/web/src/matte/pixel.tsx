@@ -119,8 +119,8 @@ export function Pixel({ matte, session, x, y, manifest }: PixelProps) {
   const pixel = y * matte.width + x;
   const foreground = [0, 1, 2].map((channel) => digits(matte.foreground[3 * pixel + channel]!, 3)).join(", ");
   return (
-    <section class="card pixel" aria-live="polite">
-      <h2>
+    <section class="card pixel">
+      <h2 aria-live="polite">
         Pixel {x}, {y}
       </h2>
       <p class="digits">
