@@ -125,7 +125,8 @@ float below(float z) {
 int cell(float at) { return int(floor(clamp(at, -1e6, 1e6))); }
 float density(float z) { return 0.39894228 * exp(-0.5 * z * z); }
 
-vec3 light_at(vec2 at, int layer, vec2 texel) { return texture(u_pyramid, vec3(at * texel, float(layer))).rgb; }
+// With the level named, since drivers unroll loops for the derivatives that choose one.
+vec3 light_at(vec2 at, int layer, vec2 texel) { return textureLod(u_pyramid, vec3(at * texel, float(layer)), 0.0).rgb; }
 
 // Of a row: two neighbours with each look-up, weighed by where it falls between their middles. What lies beyond the
 // reach is given to the samples at its ends.
