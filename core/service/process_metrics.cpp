@@ -1,5 +1,6 @@
 #include "core/service/process_metrics.h"
 
+#include <malloc.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
@@ -20,6 +21,12 @@ double resident_bytes() {
   double all_pages = 0.0, resident_pages = 0.0;
   file >> all_pages >> resident_pages;
   return resident_pages * static_cast<double>(::sysconf(_SC_PAGESIZE));
+}
+
+// Without what is freed and kept for later, which grows for an hour as blocks of all sizes come and go.
+double heap_used_bytes() {
+  const struct mallinfo2 heap = ::mallinfo2();
+  return static_cast<double>(heap.uordblks + heap.hblkhd);
 }
 
 double seconds(const timeval& time) {
@@ -72,6 +79,8 @@ std::vector<prometheus::MetricFamily> process_metrics() {
       cpu,
       gauges("process_resident_memory_bytes", "Memory that the process has in RAM.",
              {{{}, resident_bytes()}}),
+      gauges("glasswing_heap_used_bytes", "Memory that the program asked for and has not given back.",
+             {{{}, heap_used_bytes()}}),
       gauges("process_open_fds", "Open file descriptors.", {{{}, open_descriptors()}}),
       gauges("process_max_fds", "Most file descriptors that may be open.", {{{}, most_descriptors()}}),
       gauges("process_start_time_seconds", "When the process started, Unix time.", {{{}, since}}),

@@ -6,7 +6,7 @@ import dataclasses
 import math
 import statistics
 
-# An allocator takes memory in steps. One step of s MB anywhere among samples that span T hours tilts their line by at most
+# Caches fill in steps. One step of s MB anywhere among samples that span T hours tilts their line by at most
 # 1.5 s / T: 3.75 MB an hour for 1 MB in 0.4 h. So less than 4 MB an hour may be a single step, in a span of that length;
 # in a shorter one nothing can be told. A daemon that kept one frame of 80 kB of each session, with 200 sessions an hour,
 # would grow by 16 MB an hour.
@@ -18,18 +18,18 @@ _FLOOR_SAMPLES = 5
 
 @dataclasses.dataclass(frozen=True)
 class Sample:
-    """Of a process while the rig rests. `own_mb` is resident without the pages of mapped files, which the kernel takes back when
-    it needs room: the camera maps the eight archives that were last used."""
+    """Of a process while the rig rests. `heap_mb` is what it asked for and has not given back; `own_mb` is resident without the pages
+    of mapped files: the C library keeps what is freed, in pieces that fit ever more of what comes, and a solver is told to keep it all."""
 
     hours: float
+    heap_mb: float
     own_mb: float
-    resident_mb: float
     descriptors: int
 
 
 @dataclasses.dataclass(frozen=True)
 class Line:
-    """Through its own memory over time: MB an hour, and the standard error of that."""
+    """Through its heap over time: MB an hour, and the standard error of that."""
 
     slope: float
     error: float
@@ -41,7 +41,7 @@ class Line:
 def fit(samples: list[Sample]) -> Line:
     """By least squares; of at least three samples at different times."""
     hours = [sample.hours for sample in samples]
-    memory = [sample.own_mb for sample in samples]
+    memory = [sample.heap_mb for sample in samples]
     slope, intercept = statistics.linear_regression(hours, memory)
     residual = sum((m - intercept - slope * h) ** 2 for h, m in zip(hours, memory))
     spread = sum((h - statistics.fmean(hours)) ** 2 for h in hours)

@@ -133,7 +133,7 @@ class Soak:
         if self._rounds % _CHECK_EVERY == 0:
             self._book.check()
         rest(self._rig)
-        self._record.sample(self._rig.daemons())
+        self._record.sample(self._rig)
         self._rounds += 1
         return took
 

@@ -11,7 +11,7 @@ from daemon import Daemon
 from growth import BOUND_MB_PER_HOUR, LEAST_HOURS, WARM_UP, Life, Sample
 from person import Person
 from rig import Rig
-from stage import descriptors, memory_mb
+from stage import descriptors
 from trouble import Trouble
 
 _STILL_SECONDS = 0.5
@@ -47,10 +47,10 @@ class Record:
         """Since it was begun."""
         return (time.monotonic() - self._began) / 60.0
 
-    def sample(self, daemons: list[Daemon]) -> None:
-        """While they rest."""
-        for daemon in daemons:
-            sample = Sample(self.minutes / 60.0, own_mb(daemon), memory_mb(daemon), descriptors(daemon))
+    def sample(self, rig: Rig) -> None:
+        """While it rests."""
+        for daemon in rig.daemons():
+            sample = Sample(self.minutes / 60.0, rig.heap_mb(daemon), own_mb(daemon), descriptors(daemon))
             self._samples[daemon.name][daemon.pid].append(sample)
 
     def longest_lives(self) -> dict[str, Life]:
@@ -62,24 +62,24 @@ class Record:
         return any(life.grew() for life in self.longest_lives().values())
 
     def now(self) -> str:
-        """The last samples: own memory (resident) and descriptors."""
+        """The last samples: heap (own resident memory) and descriptors."""
         last = {name: list(lives.values())[-1][-1] for name, lives in self._samples.items()}
-        return ", ".join(f"{name} {sample.own_mb:.1f} ({sample.resident_mb:.1f}) MB {sample.descriptors} fds" for name, sample in last.items())
+        return ", ".join(f"{name} {sample.heap_mb:.1f} ({sample.own_mb:.1f}) MB {sample.descriptors} fds" for name, sample in last.items())
 
     def table(self) -> str:
         """Of the longest lives."""
-        title = f"{'daemon':10} {'lives':>5} {'longest':>8} | {'own MB':>6} {'warm':>6} {'end':>6} {'MB/h':>15} {'':9}"
-        lines = [title + f" | {'resident':>8} {'warm':>6} {'end':>6} {'most':>6} | descriptors, warm and end"]
+        title = f"{'daemon':10} {'lives':>5} {'longest':>8} | {'heap':>6} {'warm':>6} {'end':>6} {'MB/h':>15} {'':9}"
+        lines = [title + f" | {'own MB':>8} {'warm':>6} {'end':>6} {'most':>6} | descriptors, warm and end"]
         for name, life in self.longest_lives().items():
             minutes = 60.0 * (life.all[-1].hours - life.all[0].hours)
             first, warm, last, line, floors = life.all[0], life.warm[0], life.all[-1], life.line(), life.floors()
-            own = f"{first.own_mb:6.1f} {warm.own_mb:6.1f} {last.own_mb:6.1f} {str(line or '-'):>15} {life.memory_verdict():9}"
-            resident = f"{first.resident_mb:8.1f} {warm.resident_mb:6.1f} {last.resident_mb:6.1f} {max(s.resident_mb for s in life.all):6.1f}"
+            heap = f"{first.heap_mb:6.1f} {warm.heap_mb:6.1f} {last.heap_mb:6.1f} {str(line or '-'):>15} {life.memory_verdict():9}"
+            own = f"{first.own_mb:8.1f} {warm.own_mb:6.1f} {last.own_mb:6.1f} {max(s.own_mb for s in life.all):6.1f}"
             open_ones = f"{floors[0]} {floors[1]}" if floors else f"{last.descriptors}"
-            lines.append(f"{name:10} {len(self._samples[name]):5} {minutes:4.1f} min | {own} | {resident} | {open_ones} {life.descriptors_verdict()}")
+            lines.append(f"{name:10} {len(self._samples[name]):5} {minutes:4.1f} min | {heap} | {own} | {open_ones} {life.descriptors_verdict()}")
         lines += [
-            f"  Of each daemon's longest life. Own: resident without mapped files' pages; a line by least squares ± its standard error, without the first {WARM_UP:.0%};",
-            f"  it grew above {BOUND_MB_PER_HOUR:g} MB/h by two of those; too short below {60.0 * LEAST_HOURS:.0f} min of warm samples. Descriptors: the fewest of five samples.",
+            f"  Of each daemon's longest life. Heap: MB asked for and not given back; a line by least squares ± its standard error, without the first {WARM_UP:.0%};",
+            f"  it grew above {BOUND_MB_PER_HOUR:g} MB/h by two of those; too short below {60.0 * LEAST_HOURS:.0f} min of warm samples. Own: resident without mapped files' pages.",
         ]
         return "\n".join(lines)
 

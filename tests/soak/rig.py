@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pathlib
+import urllib.request
 
 import grpc
 
@@ -24,12 +25,13 @@ class Rig(Lab):
 
     def __init__(self, work: pathlib.Path, size: str) -> None:
         self._size = size
+        self._metrics_ports: dict[str, int] = {}  # by daemon
         self._display_port = free_port()
         self._camera_port = free_port()
         self._display_link_port = free_port()
         self._server_link_port = free_port()
         self.display = Daemon("display", self._display_command(), work / "display.log")
-        super().__init__(work, {})
+        super().__init__(work, {}, tuple(self._metrics_of("server")))
         self.display.start()
         for _ in range(SOLVERS):
             self.add_solver(self._server_link_port).start()
@@ -54,7 +56,20 @@ class Rig(Lab):
         command = ["glasswing-camera", "--listen", f"127.0.0.1:{self._camera_port}", "--advertise", f"127.0.0.1:{port}"]
         command += ["--server", f"127.0.0.1:{self._server_link_port}", "--name", name, "--data", str(data)]
         command += ["--size", self._size, "--fps", "200", "--scene", "crystal", "--tap", f"127.0.0.1:{self._display_port}"]
-        return Daemon(name, command, self.work / f"{name}.log", before)
+        return Daemon(name, command + self._metrics_of(name), self.work / f"{name}.log", before)
+
+    def add_solver(self, server_port: int | None = None, threads: int = 1) -> Daemon:
+        """As Lab's, which can be asked how it is."""
+        name = f"solver-{len(self.solvers) + 1}"
+        options = ["--server", f"127.0.0.1:{server_port or self.port}", "--name", name, "--threads", str(threads)]
+        self.solvers.append(Daemon(name, ["glasswing-solver", *options, *self._metrics_of(name)], self.work / f"{name}.log"))
+        return self.solvers[-1]
+
+    def heap_mb(self, daemon: Daemon) -> float:
+        """What it asked for and has not given back, as it says at its /metrics."""
+        with urllib.request.urlopen(f"http://127.0.0.1:{self._metrics_ports[daemon.name]}/metrics", timeout=10.0) as answer:
+            text: str = answer.read().decode()
+        return float(next(line for line in text.splitlines() if line.startswith("glasswing_heap_used_bytes")).split()[-1]) / 1e6
 
     def data_directories(self) -> list[pathlib.Path]:
         """Of the server and of the camera."""
@@ -93,4 +108,8 @@ class Rig(Lab):
     def _display_command(self) -> list[str]:
         command = ["glasswing-display", "--listen", f"127.0.0.1:{self._display_port}", "--advertise", f"127.0.0.1:{self._display_link_port}"]
         command += ["--server", f"127.0.0.1:{self._server_link_port}", "--name", "display"]
-        return [*command, "--patch-rows", "8", "--monitor", f"back={self._size}@60"]
+        return [*command, "--patch-rows", "8", "--monitor", f"back={self._size}@60", *self._metrics_of("display")]
+
+    def _metrics_of(self, name: str) -> list[str]:
+        self._metrics_ports[name] = free_port()
+        return ["--metrics", f"127.0.0.1:{self._metrics_ports[name]}"]

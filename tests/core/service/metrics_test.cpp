@@ -107,7 +107,7 @@ TEST(MetricsHost, AnswersWithEverythingOfTheProcess) {
   EXPECT_THAT(answer, HasSubstr("program=\"glasswing-test\""));
   EXPECT_THAT(answer, HasSubstr("build=\"1a2b3c4d\""));
   for (const char* name : {"process_cpu_seconds_total", "process_resident_memory_bytes", "process_open_fds",
-                           "process_max_fds", "process_start_time_seconds"}) {
+                           "glasswing_heap_used_bytes", "process_max_fds", "process_start_time_seconds"}) {
     EXPECT_THAT(answer, HasSubstr(std::string("\n") + name + " ")) << name;
   }
   EXPECT_THAT(get(host->address(), "/other"), HasSubstr("404"));
@@ -132,6 +132,7 @@ TEST(MetricsHost, TellsTheTruthOfItsProcess) {
   EXPECT_GE(of(after, "process_cpu_seconds_total"), of(before, "process_cpu_seconds_total"));
   EXPECT_EQ(of(after, "process_open_fds"), of(before, "process_open_fds") + 2);
   // Less what the C library's allocator may have given back meanwhile, which is not much.
+  EXPECT_GT(of(after, "glasswing_heap_used_bytes"), of(before, "glasswing_heap_used_bytes") + (32u << 20));
   EXPECT_GT(of(after, "process_resident_memory_bytes"),
             of(before, "process_resident_memory_bytes") + (32u << 20));
   EXPECT_EQ(memory.back(), 'x');
