@@ -36,12 +36,11 @@ int main(int argc, char** argv) {
   app.add_option("--jobs", options.jobs,
                  "PostgreSQL that holds the tiles of solves, as postgresql://user@host/glasswing; several "
                  "servers may share one. SQLite below --data if left out");
-  std::string console_address;
-  std::filesystem::path console_files = default_console_files();
-  app.add_option("--console", console_address,
+  ConsoleOptions at_console{.address = "", .files = default_console_files()};
+  app.add_option("--console", at_console.address,
                  "host:port where browsers find the console, beyond this machine only with --certificate; "
                  "nowhere if left out");
-  app.add_option("--console-files", console_files, "directory with the console's page")
+  app.add_option("--console-files", at_console.files, "directory with the console's page")
       ->capture_default_str();
   double lease_seconds = 10.0;
   app.add_option("--lease", lease_seconds,
@@ -97,8 +96,9 @@ int main(int argc, char** argv) {
   const ClockWatch clocks((*server)->rig());
   spdlog::info("listening on address={}", (*host)->address());
   std::unique_ptr<Console> console;
-  if (!console_address.empty()) {
-    auto started = Console::start(console_address, console_files, *key, (*host)->to_itself());
+  if (!at_console.address.empty()) {
+    at_console.name = options.address.substr(0, options.address.rfind(':'));
+    auto started = Console::start(at_console, *key, (*host)->to_itself());
     if (!started.ok()) return fail(started.status());
     console = *std::move(started);
     tokens.serve_at(console->url());

@@ -70,13 +70,17 @@ std::filesystem::path default_console_files() {
   return std::filesystem::exists(installed) ? installed : root / "console";
 }
 
-absl::StatusOr<std::unique_ptr<Console>> Console::start(const std::string& address,
-                                                        const std::filesystem::path& files,
-                                                        const ConsoleKey& key,
+absl::StatusOr<std::unique_ptr<Console>> Console::start(const ConsoleOptions& options, const ConsoleKey& key,
                                                         std::shared_ptr<grpc::Channel> server) {
   std::unique_ptr<Console> self(new Console(key, std::move(server)));
-  GW_ASSIGN_OR_RETURN(self->host_, HttpHost::bind(address));
-  self->add_routes(files);
+  GW_ASSIGN_OR_RETURN(self->host_, HttpHost::bind(options.address));
+  const std::string& bound = self->host_->address();
+  const size_t colon = bound.rfind(':');
+  const std::string host = bound.substr(0, colon);
+  const bool every = host == "0.0.0.0" || host == "[::]";
+  self->url_ = fmt::format("{}://{}{}", self->host_->has_tls() ? "https" : "http",
+                           every && !options.name.empty() ? options.name : host, bound.substr(colon));
+  self->add_routes(options.files);
   self->host_->serve();
   return self;
 }
@@ -84,10 +88,6 @@ absl::StatusOr<std::unique_ptr<Console>> Console::start(const std::string& addre
 Console::~Console() {
   stopping_ = true;
   if (host_ != nullptr) host_->stop();
-}
-
-std::string Console::url() const {
-  return fmt::format("{}://{}", host_->has_tls() ? "https" : "http", host_->address());
 }
 
 void Console::add_routes(const std::filesystem::path& files) {

@@ -32,18 +32,22 @@
 
 namespace glasswing {
 
+struct ConsoleOptions {
+  std::string address;          // host:port to listen on; empty: nowhere
+  std::filesystem::path files;  // the page, as built
+  std::string name = {};  // of the host, as others call it, where `address` is every one of this machine
+};
+
 class Console {
  public:
-  // `files`: the page, as built. `server`: for calls to this server's services, whatever the caller's role:
+  // `server`: for calls to this server's services, whatever the caller's role:
   // the console holds each against the roles. Errors are HttpHost::bind's.
-  static absl::StatusOr<std::unique_ptr<Console>> start(const std::string& address,
-                                                        const std::filesystem::path& files,
-                                                        const ConsoleKey& key,
+  static absl::StatusOr<std::unique_ptr<Console>> start(const ConsoleOptions& options, const ConsoleKey& key,
                                                         std::shared_ptr<grpc::Channel> server);
   ~Console();
 
-  // "http://127.0.0.1:7480", as bound.
-  std::string url() const;
+  // For people: "https://rig.lab:7480".
+  const std::string& url() const { return url_; }
 
  private:
   using Handler = std::function<void(const Visitor&, const httplib::Request&, httplib::Response&)>;
@@ -68,6 +72,7 @@ class Console {
   const ConsoleKey& key_;
   const std::shared_ptr<grpc::Channel> server_;
   std::unique_ptr<HttpHost> host_;
+  std::string url_;
   std::atomic<bool> stopping_ = false;
   std::mutex mutex_;
   std::map<std::string, std::shared_ptr<grpc::Channel>> channels_;  // to nodes, by address

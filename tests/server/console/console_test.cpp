@@ -75,7 +75,7 @@ class ConsoleTest : public testing::Test {
     key_ = std::make_unique<ConsoleKey>(ConsoleKey::open(scratch_).value());
     tokens_ = std::make_unique<ConsoleServiceImpl>(*key_);
     server_ = ServiceHost::start({}, {&sessions_, tokens_.get()}).value();
-    console_ = Console::start("127.0.0.1:0", scratch_ / "page", *key_, server_->to_itself()).value();
+    console_ = Console::start({"127.0.0.1:0", scratch_ / "page"}, *key_, server_->to_itself()).value();
     tokens_->serve_at(console_->url());
   }
   httplib::Client client() const {
@@ -260,9 +260,9 @@ TEST_F(ConsoleTest, ThePageRunsNothingOfOthers) {
 
 TEST_F(ConsoleTest, BeyondThisMachineItNeedsTls) {
   start();
-  EXPECT_EQ(Console::start("0.0.0.0:0", scratch_, *key_, server_->to_itself()).status().code(),
+  EXPECT_EQ(Console::start({"0.0.0.0:0", scratch_}, *key_, server_->to_itself()).status().code(),
             absl::StatusCode::kInvalidArgument);
-  EXPECT_EQ(Console::start("7480", scratch_, *key_, server_->to_itself()).status().code(),
+  EXPECT_EQ(Console::start({"7480", scratch_}, *key_, server_->to_itself()).status().code(),
             absl::StatusCode::kInvalidArgument);
 }
 
