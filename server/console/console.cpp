@@ -23,6 +23,7 @@ using httplib::Response;
 constexpr std::chrono::hours kLongestStream(24);
 constexpr std::chrono::seconds kCall(60);
 constexpr std::chrono::milliseconds kAliveEvery(5000), kLook(250);
+constexpr size_t kMostJson = size_t{8} << 20, kMostImage = size_t{64} << 20, kMostToken = 4096;
 constexpr const char* kJson = "application/json";
 
 std::string json_of(const Visitor& visitor) {
@@ -42,17 +43,32 @@ class FirstError final : public pb::io::ErrorCollector {
   std::string text;
 };
 
-void parse_plan(const Request& request, Response& response) {
+void parse_plan(const std::string& text, Response& response) {
   v1::Plan plan;
   FirstError error;
   pb::TextFormat::Parser parser;
   parser.RecordErrorsTo(&error);
   std::string json;
-  if (!parser.ParseFromString(request.body, &plan))
+  if (!parser.ParseFromString(text, &plan))
     return refuse(response, absl::InvalidArgumentError("the plan's " + error.text));
   if (!pb::util::MessageToJsonString(plan, &json).ok())
     return refuse(response, absl::InvalidArgumentError("the plan's text is not UTF-8"));
   response.set_content(json, kJson);
+}
+
+// INVALID_ARGUMENT: it has more bytes. All are read.
+absl::StatusOr<std::string> body_of(const httplib::ContentReader& content, size_t most_bytes) {
+  std::string body;
+  bool fits = true;
+  const bool whole = content([&](const char* bytes, size_t size) {
+    fits = fits && body.size() + size <= most_bytes;
+    if (fits) body.append(bytes, size);
+    return true;
+  });
+  if (!whole) return absl::InvalidArgumentError("the request's body broke off");
+  if (!fits)
+    return absl::InvalidArgumentError(fmt::format("the request's body has more than {} bytes", most_bytes));
+  return body;
 }
 
 }  // namespace
@@ -101,33 +117,37 @@ void Console::add_routes(const std::filesystem::path& files) {
                               {"Referrer-Policy", "no-referrer"},
                               {"Cross-Origin-Resource-Policy", "same-origin"},
                               {"Cross-Origin-Opener-Policy", "same-origin"}});
-  routes.Post("/login", [this](const Request& request, Response& response) { log_in(request, response); });
-  routes.Post("/logout", [this](const Request& request, Response& response) {
-    if (const absl::Status status = check_origin(request, host_->has_tls()); !status.ok())
-      return refuse(response, status);
-    response.set_header("Set-Cookie", cookie_of("", std::chrono::seconds(0), host_->has_tls()));
-    response.set_content("{}", kJson);
-  });
+  routes.Post("/login",
+              [this](const Request& request, Response& response, const httplib::ContentReader& content) {
+                const absl::StatusOr<std::string> body = body_of(content, kMostToken);
+                if (!body.ok()) return refuse(response, body.status());
+                log_in(request, *body, response);
+              });
+  routes.Post("/logout",
+              guarded(kMostToken, [this](const Visitor&, const Request&, const std::string&, Response& response) {
+                response.set_header("Set-Cookie", cookie_of("", std::chrono::seconds(0), host_->has_tls()));
+                response.set_content("{}", kJson);
+              }));
   routes.Get("/me", guarded([](const Visitor& visitor, const Request&, Response& response) {
                response.set_content(json_of(visitor), kJson);
              }));
   routes.Post(R"(/api/nodes/([A-Za-z0-9._-]+)/(\w+)/(\w+))",
-              guarded([this](const Visitor& visitor, const Request& request, Response& response) {
+              guarded(kMostJson, [this](const Visitor& visitor, const Request& request,
+                                        const std::string& body, Response& response) {
                 const std::string node = request.matches[1];
                 const auto channel = channel_to(node);
                 if (!channel.ok()) return refuse(response, channel.status());
-                call(*channel, fmt::format("node \"{}\"", node), visitor, request, response);
+                call(*channel, fmt::format("node \"{}\"", node), visitor, request, body, response);
               }));
-  routes.Post(R"(/api/(\w+)/(\w+))",
-              guarded([this](const Visitor& visitor, const Request& request, Response& response) {
-                call(server_, "the server", visitor, request, response);
+  routes.Post(R"(/api/(\w+)/(\w+))", guarded(kMostJson, [this](const Visitor& visitor, const Request& request,
+                                                               const std::string& body, Response& response) {
+                call(server_, "the server", visitor, request, body, response);
               }));
-  routes.Post("/plans", guarded([](const Visitor&, const Request& request, Response& response) {
-                parse_plan(request, response);
-              }));
-  routes.Post("/images", guarded([this](const Visitor& visitor, const Request& request, Response& response) {
-                store_image(visitor, request, response);
-              }));
+  routes.Post("/plans", guarded(kMostJson, [](const Visitor&, const Request&, const std::string& body,
+                                              Response& response) { parse_plan(body, response); }));
+  routes.Post("/images",
+              guarded(kMostImage, [this](const Visitor& visitor, const Request&, const std::string& body,
+                                         Response& response) { store_image(visitor, body, response); }));
   routes.Get(R"(/mattes/([A-Za-z0-9._-]+)\.exr)",
              guarded([this](const Visitor& visitor, const Request& request, Response& response) {
                send_matte(visitor, request, response);
@@ -156,21 +176,36 @@ void Console::add_routes(const std::filesystem::path& files) {
   });
 }
 
+absl::StatusOr<Visitor> Console::welcome(const Request& request) const {
+  GW_RETURN_IF_ERROR(check_origin(request, host_->has_tls()));
+  return visitor_of(request, key_);
+}
+
 httplib::Server::Handler Console::guarded(Handler handler) const {
   return [this, handler = std::move(handler)](const Request& request, Response& response) {
     response.set_header("Cache-Control", "no-store");
-    if (const absl::Status status = check_origin(request, host_->has_tls()); !status.ok())
-      return refuse(response, status);
-    const absl::StatusOr<Visitor> visitor = visitor_of(request, key_);
+    const absl::StatusOr<Visitor> visitor = welcome(request);
     if (!visitor.ok()) return refuse(response, visitor.status());
     handler(*visitor, request, response);
   };
 }
 
-void Console::log_in(const Request& request, Response& response) const {
+httplib::Server::HandlerWithContentReader Console::guarded(size_t most_bytes, BodyHandler handler) const {
+  return [this, most_bytes, handler = std::move(handler)](const Request& request, Response& response,
+                                                          const httplib::ContentReader& content) {
+    response.set_header("Cache-Control", "no-store");
+    const absl::StatusOr<Visitor> visitor = welcome(request);
+    const absl::StatusOr<std::string> body = body_of(content, visitor.ok() ? most_bytes : 0);
+    if (!visitor.ok()) return refuse(response, visitor.status());
+    if (!body.ok()) return refuse(response, body.status());
+    handler(*visitor, request, *body, response);
+  };
+}
+
+void Console::log_in(const Request& request, const std::string& text, Response& response) const {
   if (const absl::Status status = check_origin(request, host_->has_tls()); !status.ok())
     return refuse(response, status);
-  const auto body = nlohmann::json::parse(request.body, nullptr, false);
+  const auto body = nlohmann::json::parse(text, nullptr, false);
   const std::string token = body.is_object() ? body.value("token", std::string()) : "";
   const auto now = std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now());
   const absl::StatusOr<Visitor> visitor = key_.visitor_of(token, now);
@@ -184,14 +219,15 @@ void Console::log_in(const Request& request, Response& response) const {
 }
 
 void Console::call(const std::shared_ptr<grpc::Channel>& channel, const std::string& peer,
-                   const Visitor& visitor, const Request& request, Response& response) const {
+                   const Visitor& visitor, const Request& request, const std::string& body,
+                   Response& response) const {
   const size_t last = request.matches.size() - 1;
   const absl::StatusOr<JsonMethod> method =
       JsonMethod::find(request.matches[last - 1], request.matches[last]);
   if (!method.ok()) return refuse(response, method.status());
   if (const absl::Status status = admit(method->name(), visitor.roles, visitor.name); !status.ok())
     return refuse(response, status);
-  auto started = JsonCall::start(channel, *method, request.body, visitor.name + " (console)",
+  auto started = JsonCall::start(channel, *method, body, visitor.name + " (console)",
                                  method->streams() ? std::chrono::milliseconds(kLongestStream) : kCall);
   if (!started.ok()) return refuse(response, started.status());
   const std::shared_ptr<JsonCall> running = *std::move(started);

@@ -105,7 +105,7 @@ void Console::send_samples(const Visitor& visitor, const Request& request, Respo
   response.set_content(*json, "application/json");
 }
 
-void Console::store_image(const Visitor& visitor, const Request& request, Response& response) const {
+void Console::store_image(const Visitor& visitor, const std::string& png, Response& response) const {
   if (const absl::Status status = admit("SessionService/UploadImage", visitor.roles, visitor.name);
       !status.ok())
     return refuse(response, status);
@@ -114,9 +114,9 @@ void Console::store_image(const Visitor& visitor, const Request& request, Respon
   v1::UploadImageResponse stored;
   const auto stub = v1::SessionService::NewStub(server_);
   const auto writer = stub->UploadImage(&context, &stored);
-  for (size_t at = 0; at < request.body.size(); at += kChunkBytes) {
+  for (size_t at = 0; at < png.size(); at += kChunkBytes) {
     v1::UploadImageRequest part;
-    part.set_chunk(request.body.substr(at, kChunkBytes));
+    part.set_chunk(png.substr(at, kChunkBytes));
     if (!writer->Write(part)) break;
   }
   writer->WritesDone();

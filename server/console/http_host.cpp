@@ -14,7 +14,7 @@ namespace {
 
 // Of requests that are answered at once: a page has up to six connections, one of them for each stream.
 constexpr size_t kThreads = 64;
-constexpr size_t kMostBytes = size_t{64} << 20;  // of a request: pictures of plans
+constexpr size_t kMostBytes = size_t{64} << 20;  // of a request; more is read, dropped and refused
 constexpr time_t kKeepAlive_s = 15, kRead_s = 10, kWrite_s = 30;
 
 // Takes the certificates that are in force when a browser connects, so that renewed ones need no restart.

@@ -49,7 +49,7 @@ class DiskStage(Stage):
     def clear(self) -> None:
         """Deletes all sessions but the first."""
         for session in self.lab.sessions.ListSessions(sessions.ListSessionsRequest(), timeout=30.0).sessions:
-            if session.state in (sessions.SESSION_STATE_CAPTURING, sessions.SESSION_STATE_SOLVING):  # or imported
+            if session.state in (sessions.SESSION_STATE_CREATED, sessions.SESSION_STATE_SOLVING):  # it is being imported or solved
                 self.lab.sessions.CancelSession(sessions.CancelSessionRequest(name=session.name), timeout=30.0)
             if session.name != SESSION:
                 self.delete(session.name)

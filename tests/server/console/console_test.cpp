@@ -234,6 +234,33 @@ TEST_F(ConsoleTest, PlansAreReadAsTextAndErrorsHaveAPlace) {
   EXPECT_NE(wrong->body.find("line 2"), std::string::npos) << wrong->body;
 }
 
+TEST_F(ConsoleTest, WhatIsRefusedIsReadToItsEndAndNeverTakenForARequest) {
+  start();
+  httplib::Client form = client();
+  form.set_keep_alive(true);
+  const std::string hidden = "POST /logout HTTP/1.1\r\nX-Glasswing: console\r\nContent-Length: 0\r\n\r\n";
+  std::string body;
+  while (body.size() < (1u << 20)) body += hidden;
+  for (const char* path : {"/login", "/plans", "/images", "/api/NodeService/ListNodes", "/nowhere"}) {
+    EXPECT_GE(form.Post(path, body, "text/plain")->status, 400) << path;
+    // The next answer on this connection is that of the next request.
+    EXPECT_EQ(form.Get("/")->body, "<!doctype html>") << path;
+  }
+  httplib::Client anna = logged_in("operator");
+  EXPECT_EQ(anna.Post("/plans", std::string((8u << 20) + 1, ' '), "text/plain")->status, 400);
+  EXPECT_EQ(anna.Get("/me")->status, 200);
+}
+
+TEST_F(ConsoleTest, LongPathsAreOnlyNotFound) {
+  start();
+  httplib::Client anna = logged_in("viewer");
+  for (const char* before : {"/mattes/", "/frames/s/", "/pixels/", "/api/nodes/", "/", "/assets/"}) {
+    const std::string path = before + std::string(8000, 'a');
+    EXPECT_GE(anna.Get(path)->status, 400) << before;
+    EXPECT_GE(anna.Post(path, "{}", "application/json")->status, 400) << before;
+  }
+}
+
 TEST_F(ConsoleTest, OtherPagesGetNothing) {
   start();
   httplib::Client anna = logged_in("operator");
