@@ -59,6 +59,7 @@ void add_commands(CLI::App& app, Client& client, const Config& config) {
   add_preview_command(app, client);
   add_live_command(app, client);
   add_calibrate_commands(app, client);
+  add_pattern_command(app, client);
   add_pki_commands(app, client);
   add_console_command(app, client);
   app.group("Sessions");

@@ -17,6 +17,7 @@ void add_sessions_command(CLI::App& app, Client& client);
 void add_show_command(CLI::App& app, Client& client);
 void add_watch_command(CLI::App& app, Client& client);
 void add_steps_command(CLI::App& app, Client& client);
+void add_pattern_command(CLI::App& app, Client& client);
 void add_console_command(CLI::App& app, Client& client);
 void add_control_commands(CLI::App& app, Client& client);  // pause, resume, cancel
 void add_retry_command(CLI::App& app, Client& client);

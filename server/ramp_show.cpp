@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <thread>
-
 #include "core/base/status.h"
 #include "core/service/monitor.h"
 #include "core/service/service.h"
@@ -11,11 +9,6 @@
 
 namespace glasswing {
 namespace {
-
-constexpr std::chrono::milliseconds kPoll(10);
-constexpr std::chrono::milliseconds kStartLead(200);  // from the command to the ramp
-// The longest steps that displays take, and as many as last a day at 60 Hz.
-constexpr int kHoldRefreshes = 600, kSteps = 8640;
 
 absl::StatusOr<std::string> solver_address(const Rig& rig) {
   for (const v1::Node& node : rig.up(v1::NODE_KIND_SOLVER)) {
@@ -43,7 +36,9 @@ absl::StatusOr<std::unique_ptr<RampShow>> RampShow::start(const Rig& rig,
     *described.mutable_camera_calibration() = show->header_.camera_calibration();
   show->stage_ = v1::StageService::NewStub(show->rig_.camera->channel());
   GW_RETURN_IF_ERROR(show->move_object(false));
-  GW_RETURN_IF_ERROR(show->show(stop));
+  GW_ASSIGN_OR_RETURN(const std::vector<v1::Stimulus> ramp, test_pattern("ramp", {described.monitor()}));
+  GW_ASSIGN_OR_RETURN(show->showing_,
+                      StillShow::start(show->rig_, ramp, show->header_.display_calibrations(), stop));
   return show;
 }
 
@@ -57,46 +52,10 @@ absl::Status RampShow::find_monitor(const std::string& name) {
   for (const auto& display : rig_.displays) {
     const v1::DisplayMonitor* const monitor = display->monitor(wanted);
     if (monitor == nullptr) continue;
-    display_ = display.get();
     *description_.mutable_monitor() = listed_monitor(*monitor);
     return absl::OkStatus();
   }
   return absl::InvalidArgumentError(fmt::format("there is no monitor \"{}\"; there are: {}", wanted, names));
-}
-
-absl::Status RampShow::show(std::stop_token stop) {
-  const std::string& monitor = description_.monitor().name();
-  v1::LoadProgramRequest request;
-  request.set_program(fmt::format("ramp-{}", monotonic_now().count()));
-  request.set_hold_refreshes(kHoldRefreshes);
-  for (int i = 0; i < kSteps; ++i) {
-    v1::ProgramStep& step = *request.add_steps();
-    step.set_step(i);
-    v1::Stimulus& ramp = *step.add_stimuli();
-    ramp.set_kind("ramp");
-    ramp.set_panel(monitor);
-  }
-  *request.mutable_calibrations() = header_.display_calibrations();
-  GW_RETURN_IF_ERROR(display_->link.exchange_clocks(8));
-  {
-    grpc::ClientContext context;
-    set_deadline(context, std::chrono::minutes(1));
-    v1::LoadProgramResponse response;
-    GW_RETURN_IF_ERROR(
-        from_grpc(display_->stub->LoadProgram(&context, request, &response), display_->link.title()));
-  }
-  const nanoseconds start = monotonic_now() + kStartLead;
-  playing_ = std::make_unique<DisplayFeed>(*display_, request.program(), start);
-  // Up to a refresh until it goes on screen, another until its last row is there.
-  const v1::DisplayMonitor& shown = *display_->monitor(monitor);
-  const nanoseconds there = start + nanoseconds(static_cast<std::int64_t>(2e9 / shown.refresh_hz())) +
-                            nanoseconds(shown.optical_lag_ns() + shown.settle_ns());
-  while (monotonic_now() < there) {
-    if (stop.stop_requested()) return absl::CancelledError("stopped");
-    GW_RETURN_IF_ERROR(check());
-    std::this_thread::sleep_for(kPoll);
-  }
-  return absl::OkStatus();
 }
 
 absl::Status RampShow::move_object(bool present) {
@@ -108,13 +67,6 @@ absl::Status RampShow::move_object(bool present) {
   GW_RETURN_IF_ERROR(from_grpc(stage_->MoveObject(&context, request, &response), rig_.camera->title()));
   description_.set_needs_operator(response.needs_operator());
   return absl::OkStatus();
-}
-
-absl::Status RampShow::check() const {
-  const std::optional<absl::Status> end = playing_->inbox.end();
-  if (!end) return absl::OkStatus();
-  if (!end->ok()) return *end;
-  return absl::DeadlineExceededError("the ramp was shown for as long as a display can; start again");
 }
 
 }  // namespace glasswing

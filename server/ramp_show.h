@@ -11,7 +11,7 @@
 
 #include "glasswing/v1/rig_service.pb.h"
 #include "glasswing/v1/stage_service.grpc.pb.h"
-#include "server/feeds.h"
+#include "server/still_show.h"
 
 namespace glasswing {
 
@@ -28,19 +28,17 @@ class RampShow {
   const v1::ShowRampResponse& description() const { return description_; }
   absl::Status move_object(bool present);
   // Whether the ramp is still there.
-  absl::Status check() const;
+  absl::Status check() const { return showing_->check(); }
 
  private:
   RampShow() = default;
   absl::Status find_monitor(const std::string& name);
-  absl::Status show(std::stop_token stop);
 
   RigLinks rig_;
-  DisplayLink* display_ = nullptr;
   v1::CaptureManifest header_;  // with the calibrations in use
   v1::ShowRampResponse description_;
   std::unique_ptr<v1::StageService::Stub> stage_;
-  std::unique_ptr<DisplayFeed> playing_;
+  std::unique_ptr<StillShow> showing_;
 };
 
 }  // namespace glasswing

@@ -9,6 +9,7 @@
 #include "core/service/service.h"
 #include "glasswing/v1/calibration_service.grpc.pb.h"
 #include "server/caller.h"
+#include "server/embed_calibrations.h"
 #include "server/ramp_show.h"
 #include "server/rig_check.h"
 #include "server/sync_calibration.h"
@@ -110,6 +111,38 @@ grpc::Status RigServiceImpl::ShowRamp(grpc::ServerContext* context, RampStream* 
       object = request.object();
     } while (stream->Write(show->description()) && stream->Read(&request));
     return absl::OkStatus();
+  });
+}
+
+grpc::Status RigServiceImpl::ShowPattern(grpc::ServerContext* context, const v1::ShowPatternRequest* request,
+                                         grpc::ServerWriter<v1::ShowPatternResponse>* writer) {
+  return run(context, "pattern " + request->pattern(), [&](std::stop_token stop) -> absl::Status {
+    GW_ASSIGN_OR_RETURN(const RigLinks rig, connect(server_.rig(), server_.calibrations()));
+    GW_ASSIGN_OR_RETURN(std::vector<v1::Monitor> monitors, rig.monitors());
+    for (const std::string& name : request->monitors()) {
+      if (std::ranges::find(monitors, name, &v1::Monitor::name) == monitors.end())
+        return absl::InvalidArgumentError(fmt::format("there is no monitor \"{}\"", name));
+    }
+    std::erase_if(monitors, [&](const v1::Monitor& monitor) {
+      return !request->monitors().empty() && std::ranges::count(request->monitors(), monitor.name()) == 0;
+    });
+    GW_ASSIGN_OR_RETURN(const std::vector<v1::Stimulus> pattern, test_pattern(request->pattern(), monitors));
+    v1::CaptureManifest header;  // for its calibrations
+    *header.mutable_camera() = rig.camera_info.camera();
+    v1::ShowPatternResponse response;
+    for (const v1::Monitor& monitor : monitors) {
+      *header.add_monitors() = monitor;
+      response.add_monitors(monitor.name());
+    }
+    GW_RETURN_IF_ERROR(embed_calibrations(server_.calibrations(), header));
+    GW_ASSIGN_OR_RETURN(const auto showing,
+                        StillShow::start(rig, pattern, header.display_calibrations(), stop));
+    writer->Write(response);
+    while (!stop.stop_requested()) {
+      GW_RETURN_IF_ERROR(showing->check());
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    }
+    return absl::CancelledError("stopped");
   });
 }
 

@@ -26,6 +26,8 @@ class RigServiceImpl final : public v1::RigService::Service {
                                  v1::ForgetCalibrationResponse*) override;
   using RampStream = grpc::ServerReaderWriter<v1::ShowRampResponse, v1::ShowRampRequest>;
   grpc::Status ShowRamp(grpc::ServerContext*, RampStream*) override;
+  grpc::Status ShowPattern(grpc::ServerContext*, const v1::ShowPatternRequest*,
+                           grpc::ServerWriter<v1::ShowPatternResponse>*) override;
   grpc::Status HoldRig(grpc::ServerContext*, const v1::HoldRigRequest*,
                        grpc::ServerWriter<v1::HoldRigResponse>*) override;
 

@@ -57,6 +57,7 @@ constexpr MethodAccess kTable[] = {
     {"RigService/ListCalibrations", kPeople},
     {"RigService/ForgetCalibration", kOperator, kAudited},
     {"RigService/ShowRamp", kOperator, kAudited},
+    {"RigService/ShowPattern", kOperator, kAudited},
     {"RigService/HoldRig", kOperator, kAudited},
     {"SessionService/CreateSession", kOperator, kAudited},
     {"SessionService/EstimateSession", kPeople},

@@ -231,6 +231,52 @@ TEST_F(RigTest, AHoldLastsAsLongAsItsCall) {
   EXPECT_TRUE(check().status.ok());
 }
 
+TEST_F(RigTest, ATestPatternStandsForAsLongAsItsCall) {
+  start();
+  const auto camera = v1::CameraService::NewStub(dial(camera_host_->address()));
+  const auto mean_light = [&] {
+    grpc::ClientContext context;
+    v1::PreviewRequest request;
+    request.set_max_fps(10.0);
+    request.set_max_width_px(16);
+    const auto reader = camera->Preview(&context, request);
+    v1::PreviewResponse picture;
+    EXPECT_TRUE(reader->Read(&picture));
+    context.TryCancel();
+    return picture.mean();
+  };
+  double mean[2] = {};
+  for (const bool white : {false, true}) {
+    grpc::ClientContext context;
+    v1::ShowPatternRequest request;
+    request.set_pattern(white ? "white" : "black");
+    const auto reader = stub_->ShowPattern(&context, request);
+    v1::ShowPatternResponse shown;
+    ASSERT_TRUE(reader->Read(&shown)) << reader->Finish().error_message();
+    EXPECT_EQ(shown.monitors_size(), 1);
+    EXPECT_EQ(check().status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+    mean[white] = mean_light();
+    context.TryCancel();
+    EXPECT_EQ(reader->Finish().error_code(), grpc::StatusCode::CANCELLED);
+    while (server_->rig_lock().holder()) std::this_thread::yield();
+  }
+  EXPECT_LT(mean[0], 0.05);
+  EXPECT_GT(mean[1], mean[0] + 0.2);
+}
+
+TEST_F(RigTest, WhatIsNoPatternOrMonitorIsRefused) {
+  start();
+  const auto outcome = [&](const std::string& pattern, const std::string& monitor) {
+    grpc::ClientContext context;
+    v1::ShowPatternRequest request;
+    request.set_pattern(pattern);
+    if (!monitor.empty()) request.add_monitors(monitor);
+    return stub_->ShowPattern(&context, request)->Finish();
+  };
+  EXPECT_EQ(outcome("plaid", "").error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(outcome("white", "nowhere").error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+}
+
 TEST_F(RigTest, ACaptureThatDoesNotFitIsRefusedBeforeItBegins) {
   start();
   v1::EstimateSessionRequest request;
