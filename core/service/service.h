@@ -37,7 +37,7 @@ struct ServiceLimits {
   int message_bytes = 8 << 20;                    // of one that is received
   size_t buffer_bytes = 256 << 20;                // of gRPC's own, for all connections
   int calls = 1024;                               // that are answered at once, streams too: each has a thread
-  int calls_of_a_connection = 256;                // more wait
+  int calls_of_a_connection = 100;                // more wait
   int descriptors = 4096;                         // open in the process: a connection beyond it is closed
   std::chrono::milliseconds handshake{5000};      // from connecting to the first call that can be made
   std::chrono::milliseconds idle{5 * 60 * 1000};  // a connection without a call for so long is closed
