@@ -9,6 +9,8 @@ export interface Me {
 
 /** Who is logged in: null nobody, undefined not known yet. */
 export const me = signal<Me | null | undefined>(undefined);
+/** Since when the server has not answered this page; null: it does. */
+export const silentSince = signal<Date | null>(null);
 /** Viewers are shown no control that would be refused. */
 export const mayOperate = computed(() => me.value?.role === "operator");
 
@@ -39,13 +41,21 @@ async function refusal(response: Response): Promise<ApiError> {
   );
 }
 
+const isTimeout = (reason: unknown): boolean => reason instanceof DOMException && reason.name === "TimeoutError";
+
+function unanswered(): ApiError {
+  silentSince.value ??= new Date();
+  return new ApiError("UNAVAILABLE", "the server does not answer");
+}
+
 /** fetch() whose failures are ApiErrors: UNAVAILABLE where no answer came. */
 export async function ask(path: string, init: RequestInit = {}): Promise<Response> {
   const headers = { "X-Glasswing": "console", ...(init.headers as Record<string, string> | undefined) };
   const response = await fetch(path, { ...init, headers }).catch((error: unknown) => {
-    if (init.signal?.aborted) throw error;
-    throw new ApiError("UNAVAILABLE", "the server does not answer");
+    if (init.signal?.aborted && !isTimeout(init.signal.reason)) throw error;
+    throw unanswered();
   });
+  silentSince.value = null;
   if (!response.ok) throw await refusal(response);
   return response;
 }
@@ -85,7 +95,16 @@ export async function* stream<Answer>(
     }
     yield JSON.parse(event.data) as Answer;
   }
-  throw new ApiError("UNAVAILABLE", "the connection to the server was lost");
+  throw unanswered();
+}
+
+// A stream says that it is alive every five seconds; one that does not is as good as gone.
+const kMostSilence_ms = 20_000;
+
+async function soon<T>(reading: Promise<T>): Promise<T> {
+  let timer = 0;
+  const silence = new Promise<never>((_, reject) => (timer = window.setTimeout(() => reject(unanswered()), kMostSilence_ms)));
+  return Promise.race([reading, silence]).finally(() => clearTimeout(timer));
 }
 
 interface ServerEvent {
@@ -99,7 +118,9 @@ export async function* events(body: ReadableStream<Uint8Array<ArrayBuffer>>): As
   try {
     let rest = "";
     for (;;) {
-      const { value, done } = await reader.read();
+      const { value, done } = await soon(reader.read()).catch((error: unknown) => {
+        throw error instanceof ApiError || (error as Error).name === "AbortError" ? error : unanswered();
+      });
       if (done) return;
       const blocks = (rest + value).split("\n\n");
       rest = blocks.pop() ?? "";

@@ -5,6 +5,7 @@ import { ApiError, begin, logout, me, tokenIn } from "./api";
 import { Login } from "./login/login";
 import { kPages, type PageEntry, type PageProps } from "./pages";
 import { Failure } from "./parts/failure";
+import { Silence } from "./parts/silence";
 import { nextTheme, theme } from "./theme";
 
 function pathOf(hash: string): string[] {
@@ -88,6 +89,7 @@ export function App() {
   return (
     <>
       <Navigation now={name} />
+      <Silence />
       <main id="main" tabIndex={-1}>
         {me.value === null ? (
           <Login before={error} />

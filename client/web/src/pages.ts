@@ -13,6 +13,9 @@ export interface PageEntry {
 }
 
 export const kPages: PageEntry[] = [
+  { name: "rig", title: "Rig", load: () => import("./rig/page") },
+  { name: "session", title: "Sessions", load: () => import("./session/page") },
   { name: "matte", title: "Matte", load: () => import("./matte/page") },
   { name: "play", title: "Play", load: () => import("./play/page") },
+  { name: "fleet", title: "Fleet", load: () => import("./fleet/page") },
 ];

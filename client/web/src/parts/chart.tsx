@@ -1,0 +1,66 @@
+import { useEffect, useRef, useState } from "preact/hooks";
+import type uPlot from "uplot";
+import { colourOf, useDark } from "./colours";
+
+export interface ChartLine {
+  label: string;
+  token: string;  // its colour in style.css
+  width?: number;
+}
+
+export interface ChartProps {
+  /** For those who do not see it. */
+  label: string;
+  /** Seconds since 1970, and a row for each line. Numbers that are not there are null. */
+  data: uPlot.AlignedData;
+  lines: ChartLine[];
+  /** Between which lines it is filled, counted from 1: [upper, lower]. */
+  band?: [number, number];
+  height?: number;
+  text: (value: number) => string;
+}
+
+function axisOf(grid: boolean): uPlot.Axis {
+  return { stroke: colourOf("--faint"), grid: { show: grid, stroke: colourOf("--line"), width: 1 }, ticks: { show: false }, font: "12px system-ui" };
+}
+
+function optionsOf(props: ChartProps, width: number): uPlot.Options {
+  return {
+    width,
+    height: props.height ?? 140,
+    legend: { show: false },
+    cursor: { show: false },
+    axes: [{ ...axisOf(false), size: 28 }, { ...axisOf(true), size: 70, values: (_, values) => values.map(props.text) }],
+    scales: { y: { range: (_, low, high) => (low === high ? [low - Math.abs(low || 1), high + Math.abs(high || 1)] : [low - 0.1 * (high - low), high + 0.1 * (high - low)]) } },
+    series: [{}, ...props.lines.map(({ label, token, width: line }) => ({ label, stroke: colourOf(token), width: line ?? 1.5, points: { show: false } }))],
+    ...(props.band && { bands: [{ series: props.band, fill: colourOf("--band") }] }),
+  };
+}
+
+/** Lines over time. The library that draws them is loaded when the first is looked at. */
+export function Chart(props: ChartProps) {
+  const box = useRef<HTMLDivElement>(null);
+  const plot = useRef<uPlot | undefined>(undefined);
+  const newest = useRef(props);
+  newest.current = props;
+  const [ready, setReady] = useState(false);
+  const dark = useDark();
+  useEffect(() => {
+    let gone = false;
+    const fit = new ResizeObserver(() => plot.current?.setSize({ width: box.current!.clientWidth, height: newest.current.height ?? 140 }));
+    void Promise.all([import("uplot"), import("uplot/dist/uPlot.min.css")]).then(([{ default: Plot }]) => {
+      if (gone) return;
+      plot.current = new Plot(optionsOf(newest.current, box.current!.clientWidth), newest.current.data, box.current!);
+      fit.observe(box.current!);
+      setReady(true);
+    });
+    return () => {
+      gone = true;
+      fit.disconnect();
+      plot.current?.destroy();
+      plot.current = undefined;
+    };
+  }, [dark]);
+  useEffect(() => plot.current?.setData(props.data), [props.data, ready]);
+  return <div ref={box} class="chart-box" role="img" aria-label={props.label} style={{ minHeight: `${props.height ?? 140}px` }} />;
+}

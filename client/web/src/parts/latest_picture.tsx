@@ -1,0 +1,27 @@
+import { useEffect, useRef, useState } from "preact/hooks";
+
+/** A picture that changes faster than it can be loaded: of those asked for meanwhile, only the newest is. */
+export function LatestPicture({ src, alt }: { src: string; alt: string }) {
+  const [shown, setShown] = useState<{ src: string; failed: boolean }>();
+  const wanted = useRef(src);
+  const loading = useRef(false);
+  wanted.current = src;
+  useEffect(() => {
+    const load = async (): Promise<void> => {
+      if (loading.current) return;
+      loading.current = true;
+      for (let loaded: string | undefined; loaded !== wanted.current; ) {
+        loaded = wanted.current;
+        const image = new Image();
+        image.src = loaded;
+        const failed = await image.decode().then(() => false, () => true);
+        setShown({ src: loaded, failed });
+      }
+      loading.current = false;
+    };
+    void load();
+  }, [src]);
+  if (!shown) return <p class="note">Loading…</p>;
+  if (shown.failed && shown.src === src) return <p class="note" role="status">The frame could not be had: is the node that holds it up?</p>;
+  return <img class={shown.src === src ? undefined : "stale"} src={shown.src} alt={alt} />;
+}

@@ -1,0 +1,60 @@
+import type { NodeJson } from "../gen/glasswing/v1/node_service_pb";
+import { State } from "../parts/state";
+import { bytesText, nanosecondsText, plainName } from "../parts/words";
+import { programOf, usualProgram } from "./programs";
+
+function Disk({ node: { health } }: { node: NodeJson }) {
+  const total = Number(health?.totalBytes ?? 0);
+  if (total === 0) return <>–</>;
+  const free = Number(health?.freeBytes ?? 0);
+  return (
+    <span class="disk">
+      <meter min={0} max={total} low={0.1 * total} optimum={total} value={free} aria-label="Disk free" />
+      {bytesText(free)} of {bytesText(total)}
+    </span>
+  );
+}
+
+function Clock({ node: { clock } }: { node: NodeJson }) {
+  if (!clock) return <>–</>;
+  return (
+    <>
+      {nanosecondsText(Number(clock.offsetNs ?? 0))} ± {nanosecondsText(Number(clock.boundNs ?? 0))}
+    </>
+  );
+}
+
+function Program({ node, usual }: { node: NodeJson; usual: string }) {
+  const own = programOf(node);
+  return own === usual ? <>{own}</> : <span class="caution-text" title={`The others are ${usual}: install the same everywhere`}>{own} (others: {usual})</span>;
+}
+
+export function Nodes({ nodes }: { nodes: NodeJson[] }) {
+  const usual = usualProgram(nodes);
+  if (nodes.length === 0) return <p>No node has told the server of itself yet.</p>;
+  return (
+    <table class="stack">
+      <thead>
+        <tr>
+          <th>Node</th><th>State</th><th>What it is</th><th>Address</th><th>Program</th><th>Disk free</th><th>Clock, to the server's</th><th>Warmest</th>
+        </tr>
+      </thead>
+      <tbody>
+        {nodes.map((node) => (
+          <tr key={node.name}>
+            <td data-label="Node">
+              <b>{node.name}</b> <span class="note">{plainName(node.kind, "NODE_KIND_")}</span>
+            </td>
+            <td data-label="State"><State kind={node.up ? "good" : "bad"}>{node.up ? "up" : "away"}</State></td>
+            <td data-label="What it is">{node.detail || "–"}</td>
+            <td data-label="Address" class="digits">{node.address || "–"}</td>
+            <td data-label="Program" class="digits"><Program node={node} usual={usual} /></td>
+            <td data-label="Disk free"><Disk node={node} /></td>
+            <td data-label="Clock" class="digits"><Clock node={node} /></td>
+            <td data-label="Warmest">{node.health?.temperatureC === undefined ? "–" : `${Number(node.health.temperatureC).toFixed(0)} °C`}</td>
+          </tr>
+        ))}
+      </tbody>
+    </table>
+  );
+}

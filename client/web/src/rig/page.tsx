@@ -1,0 +1,49 @@
+import type { ListNodesResponseJson } from "../gen/glasswing/v1/node_service_pb";
+import { Failure } from "../parts/failure";
+import { polled, useFeed } from "../parts/feed";
+import { timeText } from "../parts/words";
+import { Calibrations } from "./calibrations";
+import { ClockCharts, keepClocks } from "./clocks";
+import { Doctor } from "./doctor";
+import { Nodes } from "./nodes";
+import { Preview } from "./preview";
+import "./rig.css";
+
+async function* nodesWithHistory(signal: AbortSignal): AsyncGenerator<ListNodesResponseJson> {
+  for await (const answer of polled<ListNodesResponseJson>("NodeService/ListNodes", {}, 1, { signal })) {
+    keepClocks(answer.nodes ?? [], Date.now() / 1000);
+    yield answer;
+  }
+}
+
+function Holder({ holder }: { holder: ListNodesResponseJson["holder"] }) {
+  if (!holder) return <span class="note">The rig is free.</span>;
+  return (
+    <span class="note">
+      Held by <b>{holder.client || "somebody"}</b> since {timeText(holder.since ?? "")}: {holder.what}
+    </span>
+  );
+}
+
+export default function Page() {
+  const { value, live, error } = useFeed(nodesWithHistory, []);
+  const nodes = value?.nodes ?? [];
+  const cameras = nodes.filter(({ kind }) => kind === "NODE_KIND_CAMERA").map(({ name = "" }) => name);
+  return (
+    <div class="rig">
+      <div class="row">
+        <h1>Rig</h1>
+        {value && <Holder holder={value.holder} />}
+      </div>
+      {error !== undefined && !live && <Failure error={error} />}
+      <Preview cameras={cameras} />
+      <section class={live || !value ? "card nodes" : "card nodes stale"}>
+        <h2>Nodes</h2>
+        {value && <Nodes nodes={nodes} />}
+      </section>
+      <ClockCharts nodes={nodes} />
+      <Doctor />
+      <Calibrations />
+    </div>
+  );
+}

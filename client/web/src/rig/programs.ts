@@ -1,0 +1,13 @@
+import type { NodeJson } from "../gen/glasswing/v1/node_service_pb";
+
+/** "0.1.0, build 35dcd9a3" */
+export function programOf({ version, build }: NodeJson): string {
+  return `${version ?? "unknown"}${build ? `, build ${build}` : ""}`;
+}
+
+/** What most nodes run; the first of several that are as frequent. */
+export function usualProgram(nodes: NodeJson[]): string {
+  const counts = new Map<string, number>();
+  for (const node of nodes) counts.set(programOf(node), (counts.get(programOf(node)) ?? 0) + 1);
+  return [...counts].reduce((most, each) => (each[1] > most[1] ? each : most), ["", 0])[0];
+}

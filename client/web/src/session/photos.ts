@@ -1,0 +1,44 @@
+// Pictures that a plan's photos name, as the rig takes them: of their monitor's size, linear.
+import { ask } from "../api";
+import type { MonitorJson } from "../gen/glasswing/v1/archive_pb";
+import type { PhotoJson, PlanJson } from "../gen/glasswing/v1/plan_pb";
+import { linearPng } from "./png16";
+
+const baseOf = (path: string): string => path.slice(path.lastIndexOf("/") + 1);
+
+/** What its reference frame is called: the file's stem, unless the plan says otherwise. */
+export function photoName({ name, file = "" }: PhotoJson): string {
+  return name || baseOf(file).replace(/\.[^.]*$/, "");
+}
+
+/** The plan's photos of which no file was picked; they are told apart by their files' names. */
+export function missingPhotos(plan: PlanJson, files: readonly { name: string }[]): string[] {
+  return (plan.photos ?? []).map(({ file = "" }) => baseOf(file)).filter((wanted) => !files.some(({ name }) => name === wanted));
+}
+
+async function upload(file: File, width: number, height: number): Promise<string> {
+  const picture = await createImageBitmap(file).catch(() => {
+    throw new Error(`${file.name} is no picture that this browser can read; PNG, JPEG and WebP are`);
+  });
+  const pen = new OffscreenCanvas(width, height).getContext("2d")!;
+  pen.imageSmoothingQuality = "high";
+  pen.drawImage(picture, 0, 0, width, height);
+  picture.close();
+  const answer = await ask("/images", { method: "POST", headers: { "Content-Type": "image/png" }, body: await linearPng(pen.getImageData(0, 0, width, height)) });
+  return ((await answer.json()) as { image: string }).image;
+}
+
+/** The plan with the uploaded pictures in place of the files' names. Photos are shown on the plan's first monitor. */
+export async function withPhotos(plan: PlanJson, files: readonly File[], monitors: readonly MonitorJson[]): Promise<PlanJson> {
+  if (!plan.photos?.length) return plan;
+  const wanted = plan.monitors?.[0]?.name;
+  const monitor = monitors.find(({ name }) => wanted === undefined || name === wanted);
+  if (!monitor) throw new Error(`the plan's monitor "${wanted ?? ""}" is not in the rig`);
+  const photos: PhotoJson[] = [];
+  for (const photo of plan.photos) {
+    const file = files.find(({ name }) => name === baseOf(photo.file ?? ""));
+    if (!file) throw new Error(`the picture ${photo.file ?? ""} was not picked`);
+    photos.push({ name: photoName(photo), file: await upload(file, monitor.widthPx ?? 0, monitor.heightPx ?? 0) });
+  }
+  return { ...plan, photos };
+}

@@ -1,0 +1,47 @@
+import type { FrameJson } from "../gen/glasswing/v1/archive_pb";
+import type { StimulusJson } from "../gen/glasswing/v1/stimulus_pb";
+
+const number = (value: number | string | undefined): number => Number(value ?? 0);
+const short = (value: number | string | undefined): string => String(Number(number(value).toPrecision(6)));
+
+function patternWords(stimulus: StimulusJson): string {
+  const { kind = "", name = "" } = stimulus;
+  switch (kind) {
+    case "gauss_stripe":
+      return `stripe at ${short(stimulus.phiDeg)}°, r ${number(stimulus.rPx).toFixed(1)} px, σ ${short(stimulus.sigmaPx)} px`;
+    case "sinusoid":
+      return `sine at ${short(stimulus.phiDeg)}°, period ${short(stimulus.periodPx)} px, phase ${short(stimulus.phaseDeg)}°`;
+    case "square":
+      return `${stimulus.orient === "vertical_bars" ? "upright" : "level"} bars of ${short(stimulus.barWidthPx)} px${stimulus.inverse ? ", inverse" : ""}`;
+    case "solid":
+      return colourWords(stimulus.colour ?? []);
+    case "patch":
+      return "id patch alone";
+    default:
+      return name ? `${kind} ${name}` : kind;
+  }
+}
+
+/** Of linear r, g, b; none is white. */
+function colourWords(colour: readonly (number | string)[]): string {
+  if (colour.length === 0 || colour.every((part) => number(part) === 1)) return "white";
+  if (colour.every((part) => number(part) === 0)) return "black";
+  return `colour ${colour.map(short).join(", ")}`;
+}
+
+/** "back: stripe at 45°, r 120.0 px, σ 8 px" */
+export function stimulusWords(stimulus: StimulusJson): string {
+  return `${stimulus.panel ?? ""}: ${patternWords(stimulus)}`;
+}
+
+/** What was shown when the frame was taken, on all monitors. */
+export function shownWords({ stimulus, alsoLit = [] }: FrameJson): string {
+  return [...(stimulus ? [stimulus] : []), ...alsoLit].map(stimulusWords).join("; ");
+}
+
+export function proofWords(proof: FrameJson["proof"]): string {
+  if (proof === "PROOF_TIME_AND_PATCH") return "proven by time and by its id patch";
+  if (proof === "PROOF_TIME") return "proven by time";
+  if (proof === "PROOF_IMPORTED") return "imported: proven by somebody else's word";
+  return "not proven";
+}

@@ -1,0 +1,47 @@
+import { useEffect, useState } from "preact/hooks";
+import { call } from "../api";
+import type { CaptureManifestJson } from "../gen/glasswing/v1/archive_pb";
+import type { GetManifestResponseJson, GetSpaceResponseJson } from "../gen/glasswing/v1/archive_service_pb";
+import type { ListNodesResponseJson } from "../gen/glasswing/v1/node_service_pb";
+import type { SessionJson } from "../gen/glasswing/v1/session_service_pb";
+import { waited } from "../parts/feed";
+import { isCapturing } from "./states";
+
+export interface ArchiveView {
+  manifest?: CaptureManifestJson;
+  freeBytes?: number;
+}
+
+// A manifest is long: looking at it again and again may take this share of the time at most, and not oftener.
+const kShare = 1 / 20, kLeast_s = 3;
+
+/** What the node that holds the session's frames tells of them; nothing while it is away. Looked at again while frames come. */
+export function useArchive(session: SessionJson): ArchiveView {
+  const { name = "", archiveAddress } = session;
+  const [view, setView] = useState<ArchiveView>({});
+  const capturing = isCapturing(session);
+  useEffect(() => setView({}), [name]);
+  useEffect(() => {
+    if (!archiveAddress) return;
+    const cancel = new AbortController();
+    const look = async (): Promise<void> => {
+      const { nodes = [] } = await call<ListNodesResponseJson>("NodeService/ListNodes", {}, { signal: cancel.signal });
+      const node = nodes.find(({ address }) => address === archiveAddress)?.name;
+      if (node === undefined) return;
+      const options = { node, signal: cancel.signal };
+      const { manifest } = await call<GetManifestResponseJson>("ArchiveService/GetManifest", { session: name }, options);
+      const { freeBytes } = await call<GetSpaceResponseJson>("ArchiveService/GetSpace", {}, options);
+      setView({ ...(manifest && { manifest }), freeBytes: Number(freeBytes ?? 0) });
+    };
+    const run = async (): Promise<void> => {
+      do {
+        const began = performance.now();
+        await look().catch(() => undefined);  // the session says what is wrong
+        await waited(Math.max(kLeast_s, (performance.now() - began) / 1000 / kShare), cancel.signal);
+      } while (capturing && !cancel.signal.aborted);
+    };
+    void run();
+    return () => cancel.abort();
+  }, [name, archiveAddress, capturing, capturing ? -1 : session.provenCount]);
+  return view;
+}

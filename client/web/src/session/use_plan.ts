@@ -1,0 +1,33 @@
+import { useEffect, useState } from "preact/hooks";
+import { ask, call } from "../api";
+import type { PlanJson } from "../gen/glasswing/v1/plan_pb";
+import type { EstimateSessionResponseJson } from "../gen/glasswing/v1/session_service_pb";
+import { waited } from "../parts/feed";
+
+export interface PlanView {
+  plan?: PlanJson;
+  estimate?: EstimateSessionResponseJson;
+  error?: unknown;
+}
+
+const kPause_s = 0.4;  // of somebody who types
+
+/** What the server says of a plan's text and of the name, a moment after they were changed. */
+export function usePlan(text: string, name: string): PlanView {
+  const [view, setView] = useState<PlanView>({});
+  useEffect(() => {
+    const cancel = new AbortController();
+    const { signal } = cancel;
+    const look = async (): Promise<void> => {
+      setView({});
+      await waited(kPause_s, signal);
+      if (signal.aborted || text.trim() === "") return;
+      const plan = (await (await ask("/plans", { method: "POST", body: text, signal })).json()) as PlanJson;
+      setView({ plan });
+      setView({ plan, estimate: await call<EstimateSessionResponseJson>("SessionService/EstimateSession", { name, plan }, { signal }) });
+    };
+    look().catch((error: unknown) => signal.aborted || setView((old) => ({ ...old, error })));
+    return () => cancel.abort();
+  }, [text, name]);
+  return view;
+}
