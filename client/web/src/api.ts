@@ -102,8 +102,8 @@ export async function* stream<Answer>(
 const kMostSilence_ms = 20_000;
 
 async function soon<T>(reading: Promise<T>): Promise<T> {
-  let timer = 0;
-  const silence = new Promise<never>((_, reject) => (timer = window.setTimeout(() => reject(unanswered()), kMostSilence_ms)));
+  let timer: ReturnType<typeof setTimeout> | undefined;
+  const silence = new Promise<never>((_, reject) => (timer = setTimeout(() => reject(unanswered()), kMostSilence_ms)));
   return Promise.race([reading, silence]).finally(() => clearTimeout(timer));
 }
 

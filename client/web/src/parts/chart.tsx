@@ -24,13 +24,18 @@ function axisOf(grid: boolean): uPlot.Axis {
   return { stroke: colourOf("--faint"), grid: { show: grid, stroke: colourOf("--line"), width: 1 }, ticks: { show: false }, font: "12px system-ui" };
 }
 
+function agoText(seconds: number): string {
+  if (seconds < 0.5) return "now";
+  return seconds < 120 ? `${Math.round(seconds)} s ago` : `${Math.round(seconds / 60)} min ago`;
+}
+
 function optionsOf(props: ChartProps, width: number): uPlot.Options {
   return {
     width,
     height: props.height ?? 140,
     legend: { show: false },
     cursor: { show: false },
-    axes: [{ ...axisOf(false), size: 28 }, { ...axisOf(true), size: 70, values: (_, values) => values.map(props.text) }],
+    axes: [{ ...axisOf(false), size: 26, values: (plot, times) => times.map((time) => agoText(plot.data[0].at(-1)! - time)) }, { ...axisOf(true), size: 70, values: (_, values) => values.map(props.text) }],
     scales: { y: { range: (_, low, high) => (low === high ? [low - Math.abs(low || 1), high + Math.abs(high || 1)] : [low - 0.1 * (high - low), high + 0.1 * (high - low)]) } },
     series: [{}, ...props.lines.map(({ label, token, width: line }) => ({ label, stroke: colourOf(token), width: line ?? 1.5, points: { show: false } }))],
     ...(props.band && { bands: [{ series: props.band, fill: colourOf("--band") }] }),
@@ -46,12 +51,13 @@ export function Chart(props: ChartProps) {
   const [ready, setReady] = useState(false);
   const dark = useDark();
   useEffect(() => {
+    const element = box.current!;
     let gone = false;
-    const fit = new ResizeObserver(() => plot.current?.setSize({ width: box.current!.clientWidth, height: newest.current.height ?? 140 }));
+    const fit = new ResizeObserver(() => plot.current?.setSize({ width: element.clientWidth, height: newest.current.height ?? 140 }));
     void Promise.all([import("uplot"), import("uplot/dist/uPlot.min.css")]).then(([{ default: Plot }]) => {
       if (gone) return;
-      plot.current = new Plot(optionsOf(newest.current, box.current!.clientWidth), newest.current.data, box.current!);
-      fit.observe(box.current!);
+      plot.current = new Plot(optionsOf(newest.current, element.clientWidth), newest.current.data, element);
+      fit.observe(element);
       setReady(true);
     });
     return () => {

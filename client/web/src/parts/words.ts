@@ -16,11 +16,10 @@ export function secondsText(seconds: number): string {
 }
 
 export function nanosecondsText(ns: number): string {
-  const size = Math.abs(ns);
-  if (size < 1e3) return `${ns.toFixed(0)} ns`;
-  if (size < 1e6) return `${(ns / 1e3).toFixed(1)} µs`;
-  if (size < 1e9) return `${(ns / 1e6).toFixed(2)} ms`;
-  return `${(ns / 1e9).toFixed(2)} s`;
+  const units = ["ns", "µs", "ms", "s"];
+  let unit = 0;
+  for (; Math.abs(ns) >= 1000 && unit < units.length - 1; ++unit) ns /= 1000;
+  return `${Number(ns.toPrecision(3))} ${units[unit]}`;
 }
 
 export function countText(count: number, one: string, many = `${one}s`): string {

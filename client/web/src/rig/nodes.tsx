@@ -36,7 +36,7 @@ export function Nodes({ nodes }: { nodes: NodeJson[] }) {
     <table class="stack">
       <thead>
         <tr>
-          <th>Node</th><th>State</th><th>What it is</th><th>Address</th><th>Program</th><th>Disk free</th><th>Clock, to the server's</th><th>Warmest</th>
+          <th>Node</th><th>State</th><th>What it is</th><th>Address</th><th>Program</th><th>Disk free</th><th>Clock</th><th>Warmest</th>
         </tr>
       </thead>
       <tbody>

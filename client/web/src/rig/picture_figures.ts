@@ -20,7 +20,7 @@ export function histogram({ data }: Pixels): Uint32Array {
 /** From this code on a JPEG's pixel may have been full: its errors are of that size. */
 export const kClipped = 253;
 /** Codes a pixel by which light must change for its edge to count as sharp. */
-export const kSharp = 22;
+export const kSharp = 40;
 
 function luma({ data, width, height }: Pixels): Float32Array {
   const light = new Float32Array(width * height);

@@ -108,7 +108,7 @@ export function Preview({ cameras }: { cameras: string[] }) {
         {seen?.picture.widthPx && <span class="note digits">{seen.picture.widthPx}×{seen.picture.heightPx}</span>}
       </div>
       <div class="preview-body">
-        <div class={on && live ? "screen" : "screen stale"}>
+        <div class={on && live ? "screen" : "screen waiting"}>
           <canvas ref={canvas} role="img" aria-label="The camera's picture" hidden={!seen} />
           {!seen && <p class="note">{node === undefined ? "No camera has told the server of itself." : "Start the preview to point and focus the camera. A capture that wants the camera gets it."}</p>}
         </div>

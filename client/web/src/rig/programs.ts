@@ -1,8 +1,8 @@
 import type { NodeJson } from "../gen/glasswing/v1/node_service_pb";
 
-/** "0.1.0, build 35dcd9a3" */
+/** "0.1.0, 35dcd9a3" */
 export function programOf({ version, build }: NodeJson): string {
-  return `${version ?? "unknown"}${build ? `, build ${build}` : ""}`;
+  return `${version ?? "unknown"}${build ? `, ${build}` : ""}`;
 }
 
 /** What most nodes run; the first of several that are as frequent. */

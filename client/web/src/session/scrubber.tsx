@@ -13,17 +13,23 @@ export function fileName({ file = "" }: FrameJson): string {
   return file.replace(/^frames\//, "").replace(/\.tif$/, "");
 }
 
-/** The sixteen bits, the highest first, as the patch has them from right to left. */
+/** As it stands beside the pattern: the lowest bit to the left, the upper cell lit where a bit is 1, else the lower one. */
 function PatchId({ id }: { id: number | undefined }) {
   if (id === undefined) return <>none was lit</>;
   return (
     <>
       <span class="digits">{id}</span>
       <span class="bits" aria-hidden="true">
-        {Array.from({ length: 16 }, (_, i) => <i key={i} class={(id >> (15 - i)) & 1 ? "lit" : ""} />)}
+        {Array.from({ length: 32 }, (_, cell) => <i key={cell} class={((id >> (cell % 16)) & 1) === (cell < 16 ? 1 : 0) ? "lit" : ""} />)}
       </span>
     </>
   );
+}
+
+/** What a session is looked at by first: the object before something bright, if that was shown. */
+function showpiece(frames: FrameJson[]): number {
+  const bright = frames.findIndex(({ object, stimulus }) => object && stimulus?.kind === "solid" && (stimulus.colour ?? [1]).some((part) => Number(part) > 0));
+  return bright < 0 ? frames.length - 1 : bright;
 }
 
 function Facts({ frame, session }: { frame: FrameJson; session: string }) {
@@ -44,7 +50,7 @@ function Facts({ frame, session }: { frame: FrameJson; session: string }) {
 interface Props {
   session: string;
   manifest: CaptureManifestJson;
-  /** The step looked at; undefined: the newest frame. */
+  /** The step looked at; undefined: the newest frame while there are new ones. */
   selected: number | undefined;
   select: (step: number | undefined) => void;
   capturing: boolean;
@@ -54,8 +60,9 @@ export function Scrubber({ session, manifest, selected, select, capturing }: Pro
   const frames = useMemo(() => framesBySteps(manifest), [manifest]);
   const [stops, setStops] = useState(0);
   if (frames.length === 0) return null;
-  const after = frames.findIndex(({ step = 0 }) => step < 0 || step >= (selected ?? Infinity));
-  const at = selected === undefined || after < 0 ? frames.length - 1 : after;
+  const newest = frames.length - 1;
+  const after = frames.findIndex(({ step = 0 }) => step < 0 || step >= (selected ?? 0));
+  const at = selected !== undefined ? (after < 0 ? newest : after) : capturing ? newest : showpiece(frames);
   const frame = frames[at]!;
   const choose = (place: number): void => select(frames[place]?.step ?? 0);
   return (

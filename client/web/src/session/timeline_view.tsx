@@ -1,5 +1,6 @@
 import { useEffect, useRef } from "preact/hooks";
 import { colourOf, useDark } from "../parts/colours";
+import { secondsText } from "../parts/words";
 import { columnsOf, kRetaken, kStates, type StepState, type Timeline } from "./timeline";
 
 const kTokens: Record<StepState, string> = { lost: "--bad", planned: "--line", shown: "--faint", imported: "--faint", time: "--accent", patch: "--good" };
@@ -41,6 +42,15 @@ function draw(pen: CanvasRenderingContext2D, timeline: Timeline, selected: numbe
       if (kinds[i] === kind) pen.fillRect(x(seconds[i]!), y(steps[i]!) - side / 2, side, side);
     }
   }
+
+  pen.fillStyle = colourOf("--faint");
+  pen.font = `${11 * scale}px system-ui`;
+  pen.textBaseline = "top";
+  pen.fillText(`step ${timeline.stepCount - 1}`, 0, 0);
+  pen.textAlign = "right";
+  pen.textBaseline = "bottom";
+  pen.fillText(secondsText(last), width, plot - 2 * scale);
+  pen.textAlign = "left";
 
   const columns = Math.min(timeline.stepCount, Math.floor(width));
   const { states, retaken } = columnsOf(timeline, columns);

@@ -1,0 +1,42 @@
+import { describe, expect, it } from "vitest";
+import { recentRate, secondsLeft, stepLimit } from "../../src/session/rates";
+
+describe("recentRate", () => {
+  it("is that of evenly spaced steps, however many are proven at once", () => {
+    for (const atOnce of [1, 4, 15]) {
+      const times = Float64Array.from({ length: 900 }, (_, i) => (Math.floor(i / atOnce) * atOnce) / 30);
+      expect(recentRate(times)).toBeCloseTo(30, 9);
+    }
+  });
+
+  it("looks at the last seconds alone", () => {
+    const times = Float64Array.from({ length: 200 }, (_, i) => (i < 100 ? i / 100 : 1 + (i - 99) / 10));
+    expect(recentRate(times)).toBeCloseTo(10, 9);
+  });
+
+  it("says nothing of too little", () => {
+    expect(recentRate(new Float64Array())).toBeUndefined();
+    expect(recentRate(Float64Array.of(1))).toBeUndefined();
+    expect(recentRate(Float64Array.of(1, 1, 1))).toBeUndefined();
+  });
+});
+
+describe("stepLimit", () => {
+  const monitors = [{ name: "back", refreshHz: 60 }, { name: "left", refreshHz: 144 }];
+  it("is the refresh rate of the slowest of the plan's monitors over the refreshes of a step", () => {
+    expect(stepLimit({ holdRefreshes: 3 }, monitors)).toBe(20);
+    expect(stepLimit({ holdRefreshes: 3, monitors: [{ name: "left" }] }, monitors)).toBe(48);
+  });
+  it("takes the plan's default of two refreshes", () => {
+    expect(stepLimit({}, monitors)).toBe(30);
+  });
+  it("is not known without a monitor", () => {
+    expect(stepLimit({}, [])).toBeUndefined();
+  });
+});
+
+it("tells the time left only while something moves", () => {
+  expect(secondsLeft(90, 30)).toBe(3);
+  expect(secondsLeft(90, undefined)).toBeUndefined();
+  expect(secondsLeft(90, 0)).toBeUndefined();
+});
