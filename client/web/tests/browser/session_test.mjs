@@ -1,0 +1,266 @@
+// A session from the first look at the rig to the finished matte, by the page alone, against a rig of its own:
+//
+//   GLASSWING_BIN=build/release/bin GLASSWING_CONSOLE_FILES=client/web/dist node tests/browser/session_test.mjs
+//
+// What the page says is held against what `glasswing` says. Viewers must find no control that works; a server that is killed
+// while a session is captured must leave nothing wrong on the page, which recovers by itself. axe-core must find nothing
+// serious. GLASSWING_PICTURES names a directory for a picture of every page.
+import { strict as assert } from "node:assert";
+import { mkdirSync } from "node:fs";
+import { join } from "node:path";
+import axe from "axe-core";
+import { open_browser } from "./browser.mjs";
+import { start_rig } from "./rig.mjs";
+
+const kPatience_ms = 60_000; // of a machine that does much else
+const kMostBytes = 500_000; // of all pages together, without pictures and mattes
+
+const pictures = process.env.GLASSWING_PICTURES;
+if (pictures) mkdirSync(pictures, { recursive: true });
+
+const told = (name, value) => console.log(`${name.padEnd(48)} ${value}`);
+
+async function visit(context, link) {
+  const page = await context.newPage();
+  page.setDefaultTimeout(kPatience_ms);
+  const errors = [];
+  page.on("pageerror", (error) => errors.push(error.message));
+  page.on("console", (message) => message.type() === "error" && /Content Security Policy/.test(message.text()) && errors.push(message.text()));
+  await page.goto(link);
+  await page.getByRole("button", { name: /^Log out/ }).waitFor();
+  return { page, errors };
+}
+
+/** Goes on within the page, as a link does, and waits for `sign`. */
+async function look(page, hash, sign) {
+  await page.evaluate((to) => (location.hash = to), hash);
+  await page.locator(sign).first().waitFor();
+}
+
+async function photograph(page, name) {
+  if (pictures) await page.screenshot({ path: join(pictures, `${name}.png`), fullPage: true });
+}
+
+const state_of = (page) => page.locator(".session .state").first();
+const until_state = (page, state) => page.locator(".session .row .state", { hasText: new RegExp(`^${state}$`) }).waitFor();
+/** "225 of 225", as the page has it. */
+const proven_on = (page) => page.locator(".figures > div", { hasText: "Proven" }).locator("dd").evaluate((cell) => cell.firstChild.textContent);
+const proven_by_cli = ({ proven_count = 0, step_count = 0 }) => `${proven_count} of ${step_count}`;
+
+// --- what a first visit costs
+
+async function measure_first_visit(browser, rig, link) {
+  const context = await browser.newContext({ viewport: { width: 1280, height: 900 } });
+  const page = await context.newPage();
+  const devtools = await context.newCDPSession(page);
+  await devtools.send("Network.enable");
+  const kinds = new Map();
+  let bytes = 0;
+  devtools.on("Network.responseReceived", ({ requestId, type, response }) => kinds.set(requestId, { type, url: response.url }));
+  devtools.on("Network.loadingFinished", ({ requestId, encodedDataLength }) => {
+    const { type, url } = kinds.get(requestId) ?? {};
+    if (type !== "Image" && !/\/(mattes|frames)\//.test(url ?? "")) bytes += encodedDataLength;
+  });
+  await page.addInitScript(() => {
+    new MutationObserver(() => {
+      if (window.useful_ms === undefined && document.querySelector(".nodes tbody tr")) requestAnimationFrame(() => (window.useful_ms = performance.now()));
+    }).observe(document, { childList: true, subtree: true });
+  });
+  await page.goto(link);
+  await page.waitForFunction(() => window.useful_ms !== undefined);
+  const useful = await page.evaluate(() => ({ useful: window.useful_ms, painted: performance.getEntriesByName("first-contentful-paint")[0]?.startTime }));
+  told("first paint", `${useful.painted?.toFixed(0)} ms`);
+  told("first useful paint: the rig's nodes (goal 1000 ms)", `${useful.useful.toFixed(0)} ms`);
+  told("transferred until then, without images", `${(bytes / 1000).toFixed(0)} kB`);
+  for (const [hash, sign] of [["#/session", "table"], ["#/session/+new", "textarea"], ["#/session/first", ".scrubber img"], ["#/matte/first", ".panels"], ["#/play/first", ".stage:visible"], ["#/fleet", "table"]]) await look(page, hash, sign);
+  told("transferred for all pages, without images", `${(bytes / 1000).toFixed(0)} kB`);
+  assert.ok(bytes <= kMostBytes, `${bytes} bytes were transferred; ${kMostBytes} are allowed`);
+  await context.close();
+}
+
+// --- a session, by the page
+
+async function capture_and_solve(page, rig) {
+  await look(page, "#/session/+new", "textarea");
+  await page.getByRole("combobox", { name: /^Plan/ }).selectOption("quick");
+  await page.getByLabel("Name").fill("first");
+  const start = page.locator("button.primary:enabled", { hasText: "Start" });
+  await start.waitFor();
+  await photograph(page, "new-session");
+  await start.click();
+  await page.waitForURL(/#\/session\/first$/);
+  await until_state(page, "captured");
+  assert.equal(await proven_on(page), proven_by_cli(rig.session("first")));
+  await page.locator(".timeline").waitFor();
+  await page.locator(".scrubber img").waitFor();
+  told("captured, by the page and by glasswing", await proven_on(page));
+
+  // The id that the page decodes is the one in the archive.
+  await page.getByRole("slider", { name: /^Frame/ }).fill("100");
+  const steps = rig.glasswing("steps", "first").split("\n").filter((line) => line.includes("proven"));
+  assert.ok((await page.locator(".keys").textContent()).includes(`${steps.length} proven by time and id patch`));
+  await photograph(page, "session");
+
+  await page.getByRole("button", { name: "Solve…" }).click();
+  await page.getByRole("dialog").getByRole("button", { name: "Solve" }).click();
+  await look(page, "#/fleet", ".fleet table");
+  await photograph(page, "fleet");
+  await look(page, "#/session/first", ".session h1");
+  await until_state(page, "done");
+  const objects = Number(rig.session("first").object_pixel_count).toLocaleString("en");
+  assert.ok((await page.locator(".figures").textContent()).includes(`${objects} pixels`));
+  told("solved, pixels of object by both", objects);
+}
+
+async function open_matte(page) {
+  await page.getByRole("link", { name: "Its matte" }).click();
+  await page.locator(".panels").waitFor();
+  await photograph(page, "matte");
+  assert.equal(await page.getByRole("alert").count(), 0);
+  await look(page, "#/play/first", ".stage:visible");
+  await page.getByRole("button", { name: "Download frame" }).waitFor();
+  await photograph(page, "play");
+  assert.equal(await page.getByRole("alert").count(), 0);
+}
+
+async function look_at_rig(page) {
+  await look(page, "#/rig", ".nodes tbody tr");
+  await page.getByRole("button", { name: "Start" }).click();
+  await page.locator(".preview .state.good").waitFor();
+  await page.getByLabel("Mark what is sharp").check();
+  await page.getByRole("button", { name: "Check", exact: true }).click();
+  await page.locator(".doctor b[role=status]").waitFor();
+  await page.locator(".clocks .u-over").first().waitFor();
+  await photograph(page, "rig");
+  assert.equal(await page.locator(".nodes tbody .state.good").count(), 3);
+}
+
+// --- a server that dies while a session is captured
+
+async function survive_restart(page, rig) {
+  rig.glasswing("capture", rig.plan("crystal"), "--session", "second", "--tag", "vases", "--note", "handle to the left");
+  await look(page, "#/session/second", ".session h1");
+  await page.evaluate(() => (window.not_loaded_again = true));
+  await page.waitForFunction(() => Number(document.querySelector(".progress progress")?.value ?? 0) >= 30);
+  await photograph(page, "session-capturing");
+  rig.kill_server();
+  const killed = Date.now();
+  await page.locator(".silence").waitFor();
+  told("the page says that the server is silent after", `${Date.now() - killed} ms`);
+  await page.locator(".session.stale").waitFor();
+  await photograph(page, "server-away");
+  rig.up();
+  const back = Date.now();
+  await page.locator(".silence").waitFor({ state: "detached" });
+  await until_state(page, "paused");
+  told("and shows what is so after its return within", `${Date.now() - back} ms`);
+  assert.equal(await page.locator(".session.stale").count(), 0);
+  assert.equal(await proven_on(page), proven_by_cli(rig.session("second")));
+  await page.getByRole("button", { name: "Resume" }).click();
+  await until_state(page, "captured");
+  assert.equal(await proven_on(page), proven_by_cli(rig.session("second")));
+  assert.ok(await page.evaluate(() => window.not_loaded_again), "the page was loaded again");
+  told("resumed and captured, by both", await proven_on(page));
+}
+
+// --- everybody can use it
+
+const kPages = [
+  ["rig", "#/rig", ".nodes tbody tr"],
+  ["sessions", "#/session", "table"],
+  ["new-session", "#/session/+new", "textarea"],
+  ["session", "#/session/second", ".scrubber img"],
+  ["matte", "#/matte/first", ".panels"],
+  ["play", "#/play/first", ".stage:visible"],
+  ["fleet", "#/fleet", "table"],
+];
+
+async function check_accessible(page) {
+  const serious = [];
+  for (const colorScheme of ["light", "dark"]) {
+    await page.emulateMedia({ colorScheme });
+    for (const [name, hash, sign] of kPages) {
+      await look(page, hash, sign);
+      await page.evaluate(axe.source);
+      const { violations } = await page.evaluate(() => window.axe.run());
+      for (const { id, impact, nodes } of violations) {
+        if (impact === "serious" || impact === "critical") serious.push(`${name}, ${colorScheme}: ${id} at ${nodes.map(({ target }) => target).join(" ")}`);
+      }
+      if (colorScheme === "dark") await photograph(page, `${name}-dark`);
+    }
+  }
+  await page.emulateMedia({ colorScheme: "light" });
+  told("serious violations that axe-core finds", serious.length);
+  assert.deepEqual(serious, []);
+}
+
+async function check_narrow(page) {
+  const before = page.viewportSize();
+  await page.setViewportSize({ width: 360, height: 740 });
+  for (const [name, hash, sign] of kPages) {
+    await look(page, hash, sign);
+    await photograph(page, `${name}-phone`);
+    const wide = await page.evaluate(() => document.documentElement.scrollWidth);
+    assert.ok(wide <= 360, `${name} is ${wide} px wide on a screen of 360`);
+  }
+  await page.setViewportSize(before);
+  told("pages that fit a screen of 360 px", kPages.length);
+}
+
+// --- viewers
+
+const kChanges = [
+  ...["CreateSession", "BeginImport", "FinishImport", "PauseSession", "ResumeSession", "CancelSession", "DeleteSession", "AnnotateSession", "SolveSession", "ReplicateSession"].map((name) => `/api/SessionService/${name}`),
+  ...["CalibrateSync", "CheckRig", "FitCalibration", "ForgetCalibration", "HoldRig"].map((name) => `/api/RigService/${name}`),
+  "/api/ConsoleService/CreateToken",
+  "/images",
+];
+
+async function check_viewer(browser, rig) {
+  const context = await browser.newContext();
+  const link = rig.glasswing("console", "token", "--viewer", "--name", "visitor").trim();
+  const { page, errors } = await visit(context, link);
+  const tried = [];
+  page.on("request", (request) => kChanges.some((path) => request.url().endsWith(path)) && tried.push(request.url()));
+  let clicked = 0;
+  for (const [, hash, sign] of kPages) {
+    await look(page, hash, hash === "#/session/+new" ? "main p" : sign);
+    for (const button of await page.locator("main button:enabled:visible").all()) {
+      await button.click({ timeout: 2000 }).catch(() => undefined); // it may be gone with the one before
+      ++clicked;
+    }
+  }
+  told("buttons that a viewer clicked, changes asked for", `${clicked}, ${tried.length}`);
+  assert.deepEqual(tried, []);
+  const statuses = await page.evaluate(
+    (paths) => Promise.all(paths.map((path) => fetch(path, { method: "POST", headers: { "X-Glasswing": "console", "Content-Type": "application/json" }, body: "{}" }).then(({ status }) => status))),
+    kChanges,
+  );
+  assert.deepEqual(statuses, kChanges.map(() => 403));
+  told("changes that the server refuses a viewer", statuses.length);
+  assert.deepEqual(errors, []);
+  await context.close();
+}
+
+const rig = await start_rig();
+const browser = await open_browser();
+try {
+  const link = rig.glasswing("console", "token", "--name", "anna").trim();
+  const context = await browser.newContext({ viewport: { width: 1280, height: 900 } });
+  const { page, errors } = await visit(context, link);
+  await capture_and_solve(page, rig);
+  await open_matte(page);
+  await look_at_rig(page);
+  await survive_restart(page, rig);
+  await look(page, "#/session", "table");
+  await photograph(page, "sessions");
+  await check_accessible(page);
+  await check_narrow(page);
+  assert.deepEqual(errors, []);
+  await context.close();
+  await check_viewer(browser, rig);
+  await measure_first_visit(browser, rig, link);
+} finally {
+  await browser.close();
+  rig.down();
+}
