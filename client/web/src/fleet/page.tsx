@@ -1,8 +1,8 @@
 import type { FleetSolveJson, FleetSolverJson, GetFleetResponseJson } from "../gen/glasswing/v1/fleet_service_pb";
-import { Failure } from "../parts/failure";
+import { FeedFailure } from "../parts/silence";
 import { polled, useFeed } from "../parts/feed";
 import { State } from "../parts/state";
-import { secondsText } from "../parts/words";
+import { countText, secondsText } from "../parts/words";
 import "./fleet.css";
 
 function rateText(perSecond: number | string | undefined): string {
@@ -45,7 +45,7 @@ function Solvers({ solvers }: { solvers: readonly FleetSolverJson[] }) {
             <td data-label="Tiles/s" class="digits number">{rateText(solver.tilesPerSecond)}</td>
             <td data-label="Done" class="digits number">{Number(solver.tilesDone ?? 0).toLocaleString("en")}</td>
             <td data-label="Failed" class={`digits number ${Number(solver.tilesFailed ?? 0) > 0 ? "caution-text" : ""}`}>{Number(solver.tilesFailed ?? 0).toLocaleString("en")}</td>
-            <td data-label="Machine"><span>{solver.host || "–"}<span class="note"> {solver.threads ?? 0} threads, {solver.vectors}</span></span></td>
+            <td data-label="Machine"><span>{solver.host || "–"}<span class="note"> {countText(solver.threads ?? 0, "thread")}{solver.vectors && `, ${solver.vectors}`}</span></span></td>
             <td data-label="Problem" class={solver.refused ? "caution-text" : ""}>{solver.refused || solver.lastError || "–"}</td>
           </tr>
         ))}
@@ -68,7 +68,8 @@ function Solve({ solve }: { solve: FleetSolveJson }) {
       </div>
       {tileCount > 0 ? <progress value={tilesDone} max={tileCount} aria-label={`Tiles of ${session} that are done`} /> : <progress aria-label={`${session} is being surveyed`} />}
       <span class="note">
-        {tilesLeased} in work, {rateText(solve.tilesPerSecond)} a second
+        {tilesLeased} in work
+        {Number(solve.tilesPerSecond ?? 0) > 0 && `, ${rateText(solve.tilesPerSecond)} a second`}
         {left > 0 && `, ${secondsText(left)} left`}
         {failures > 0 && `, ${failures} attempts failed`}
         {quarantined > 0 && `, ${quarantined} tiles given up`}
@@ -85,9 +86,9 @@ export default function Page() {
     <div class={live || !value ? "fleet" : "fleet stale"}>
       <div class="row">
         <h1>Fleet</h1>
-        {value && <span class="note">{solvers.filter(({ up }) => up).length} of {solvers.length} solvers are up, {rate.toFixed(2)} tiles a second; jobs are in {value.store}</span>}
+        {value && <span class="note">{solvers.filter(({ up }) => up).length} of {solvers.length} solvers are up, {rate > 0 && `${rate.toFixed(2)} tiles a second, `}jobs are in {value.store}</span>}
       </div>
-      {error !== undefined && !live && <Failure error={error} />}
+      {!live && <FeedFailure error={error} />}
       {value && (
         <>
           <section class="card">

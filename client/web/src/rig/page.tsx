@@ -1,5 +1,5 @@
 import type { ListNodesResponseJson } from "../gen/glasswing/v1/node_service_pb";
-import { Failure } from "../parts/failure";
+import { FeedFailure } from "../parts/silence";
 import { polled, useFeed } from "../parts/feed";
 import { timeText } from "../parts/words";
 import { Calibrations } from "./calibrations";
@@ -35,7 +35,7 @@ export default function Page() {
         <h1>Rig</h1>
         {value && <Holder holder={value.holder} />}
       </div>
-      {error !== undefined && !live && <Failure error={error} />}
+      {!live && <FeedFailure error={error} />}
       <Preview cameras={cameras} />
       <section class={live || !value ? "card nodes" : "card nodes stale"}>
         <h2>Nodes</h2>

@@ -2,7 +2,7 @@ import { useEffect, useRef, useState } from "preact/hooks";
 import { call, stream } from "../api";
 import type { GetCameraResponseJson, PreviewResponseJson } from "../gen/glasswing/v1/camera_service_pb";
 import { Chart } from "../parts/chart";
-import { Failure } from "../parts/failure";
+import { FeedFailure } from "../parts/silence";
 import { follow } from "../parts/feed";
 import { State } from "../parts/state";
 import { Histogram } from "./histogram_view";
@@ -113,7 +113,7 @@ export function Preview({ cameras }: { cameras: string[] }) {
           {!seen && <p class="note">{node === undefined ? "No camera has told the server of itself." : "Start the preview to point and focus the camera. A capture that wants the camera gets it."}</p>}
         </div>
         <div class="preview-side">
-          {error !== undefined && <Failure error={error} />}
+          <FeedFailure error={error} />
           <div class="row controls">
             <button class="primary" disabled={node === undefined} onClick={() => setOn(!on)}>{on ? "Stop" : "Start"}</button>
             {cameras.length > 1 && (

@@ -1,7 +1,7 @@
 import { useState } from "preact/hooks";
 import { mayOperate } from "../api";
 import type { ListSessionsResponseJson, SessionJson } from "../gen/glasswing/v1/session_service_pb";
-import { Failure } from "../parts/failure";
+import { FeedFailure } from "../parts/silence";
 import { polled, useFeed } from "../parts/feed";
 import { State } from "../parts/state";
 import { plainName, timeText } from "../parts/words";
@@ -61,7 +61,7 @@ export function List() {
           </label>
           {tag && <button class="tag" onClick={() => setTag("")} title="Any tag again">{tag} ×</button>}
         </div>
-        {error !== undefined && !live && <Failure error={error} />}
+        {!live && <FeedFailure error={error} />}
         {value && sessions.length === 0 && <p>{text || state || tag ? "No session is like this." : "There is no session yet."}</p>}
         {sessions.length > 0 && (
           <table class="stack">

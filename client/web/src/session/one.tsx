@@ -1,12 +1,13 @@
 import { useState } from "preact/hooks";
 import type { SessionJson, WatchSessionResponseJson } from "../gen/glasswing/v1/session_service_pb";
-import { Failure } from "../parts/failure";
+import { FeedFailure } from "../parts/silence";
 import { useFeed, watched } from "../parts/feed";
 import { State } from "../parts/state";
 import { plainName, timeText } from "../parts/words";
 import { Annotations } from "./annotations";
 import { Controls } from "./controls";
 import { Progress } from "./progress";
+import { stepLimit } from "./rates";
 import { Retakes } from "./retakes";
 import { Scrubber } from "./scrubber";
 import { isCapturing, kindOf } from "./states";
@@ -47,7 +48,7 @@ function Session({ session }: { session: SessionJson }) {
         <Progress session={session} timeline={timeline} archive={archive} />
         <Controls session={session} />
       </section>
-      {timeline && <section class="card"><h2>Steps</h2><TimelineView timeline={timeline} version={version} selected={selected} select={select} /></section>}
+      {timeline && <section class="card"><h2>Steps</h2><TimelineView timeline={timeline} version={version} limit={stepLimit(session.plan, archive.manifest?.monitors ?? [])} selected={selected} select={select} /></section>}
       {archive.manifest && <Scrubber session={session.name ?? ""} manifest={archive.manifest} selected={selected} select={select} capturing={capturing} />}
       <Retakes session={session} timeline={timeline} select={select} />
       <Annotations session={session} />
@@ -59,7 +60,7 @@ export function One({ name }: { name: string }) {
   const { value, live, error } = useFeed((signal) => watched<WatchSessionResponseJson>("SessionService/WatchSession", { name }, kLookAgain_s, { signal }), [name]);
   return (
     <div class={live || !value ? "session" : "session stale"}>
-      {error !== undefined && !live && <Failure error={error} />}
+      {!live && <FeedFailure error={error} />}
       {value?.session && <Head session={value.session} />}
       {value?.session && <Session key={name} session={value.session} />}
     </div>

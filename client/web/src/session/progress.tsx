@@ -31,7 +31,7 @@ function diskFact(session: SessionJson, { freeBytes }: ArchiveView): Fact | unde
 function factsOf(session: SessionJson, timeline: Timeline | undefined, archive: ArchiveView): Fact[] {
   const { provenCount = 0, stepCount = 0, patchProvenCount = 0, retakenCount = 0, refusedCount = 0 } = session;
   const perSecond = timeline && recentRate(timeline.provenAt);
-  const limit = stepLimit(archive.manifest?.plan ?? session.plan, archive.manifest?.monitors ?? []);
+  const limit = stepLimit(session.plan, archive.manifest?.monitors ?? []);
   const left = isCapturing(session) ? secondsLeft(stepCount - provenCount, perSecond ?? limit) : undefined;
   const pixels = Number(session.objectPixelCount ?? 0), flagged = Number(session.flaggedPixelCount ?? 0);
   const facts: (Fact | false | undefined)[] = [

@@ -4,15 +4,13 @@ import type { PlanJson } from "../gen/glasswing/v1/plan_pb";
 const kWindow_s = 5;
 const kUsualHold = 2;
 
-/** Steps a second over the capture's last seconds; undefined: too few to say. `times` rise. */
+/** Steps a second over the capture's last seconds, from when each was proven; undefined: none was. `times` rise from 0. */
 export function recentRate(times: Float64Array, window = kWindow_s): number | undefined {
   const last = times.at(-1);
-  if (last === undefined) return undefined;
-  let first = times.length - 1;
-  while (first > 0 && times[first - 1]! >= last - window) --first;
-  const began = times[first]!;
-  while (times[first] === began) ++first;  // steps are proven several at once: those of the beginning were made before it
-  return last > began ? (times.length - first) / (last - began) : undefined;
+  if (!last) return undefined;
+  let first = times.length;
+  while (first > 0 && times[first - 1]! > last - window) --first;
+  return (times.length - first) / Math.min(window, last);
 }
 
 /** What the plan's slowest monitor allows: each step stands for so many of its refreshes. undefined: no monitor is known. */

@@ -43,6 +43,8 @@ export class Timeline {
   /** How many steps are in each of kStates. */
   readonly counts = new Array<number>(kStates.length).fill(0);
   retaken = 0;
+  /** Of the latest event. */
+  seconds = 0;
   /** Newest first. */
   readonly retakes: Retake[] = [];
   /** How often each reason was given. */
@@ -86,6 +88,7 @@ export class Timeline {
         this.provenSeconds.push(seconds);
         this.files[step] = event.file;
       }
+      this.seconds = Math.max(this.seconds, seconds);
       this.eventSeconds.push(seconds);
       this.eventSteps.push(step);
       this.eventKinds.push(kind);

@@ -15,25 +15,36 @@ const kWords: Record<StepState, string> = {
 const kStrip = 22, kTicks = 6, kSpace = 8;  // CSS px: the strip of steps, its marks of retakes, and what keeps it from the plot
 
 /** Below: each step in its place. Above: each event, by time and step. */
-function draw(pen: CanvasRenderingContext2D, timeline: Timeline, selected: number | undefined): void {
+function draw(pen: CanvasRenderingContext2D, timeline: Timeline, limit: number | undefined, selected: number | undefined): void {
   const scale = devicePixelRatio;
   const width = pen.canvas.width, height = pen.canvas.height;
   const strip = kStrip * scale, ticks = kTicks * scale, plot = height - strip - ticks - kSpace * scale;
   pen.clearRect(0, 0, width, height);
   const { seconds, steps, kinds } = timeline.events;
-  const last = Math.max(1, seconds.at(-1) ?? 1);
+  const fastest = limit === undefined ? 0 : timeline.stepCount / limit;
+  const last = Math.max(1, timeline.seconds, fastest);
   const x = (time: number): number => (time / last) * (width - 4 * scale);
   const y = (step: number): number => plot - 3 * scale - (step / Math.max(1, timeline.stepCount - 1)) * (plot - 6 * scale);
 
   pen.fillStyle = colourOf("--line");
   pen.fillRect(0, plot, width, scale);
+  if (fastest > 0) {
+    pen.strokeStyle = colourOf("--line");
+    pen.lineWidth = scale;
+    pen.setLineDash([5 * scale, 5 * scale]);
+    pen.beginPath();
+    pen.moveTo(x(0), y(0));
+    pen.lineTo(x(fastest), y(timeline.stepCount - 1));
+    pen.stroke();
+  }
+  const dot = kinds.length > 4000 ? 2 : 3;
   const marks: [number, string, number][] = [
-    [kStates.indexOf("shown"), "--line", 2],
-    [kStates.indexOf("imported"), "--faint", 2],
-    [kStates.indexOf("time"), "--accent", 2],
-    [kStates.indexOf("patch"), "--good", 2],
-    [kStates.indexOf("lost"), "--bad", 3],
-    [kRetaken, "--caution", 3],
+    [kStates.indexOf("shown"), "--line", dot],
+    [kStates.indexOf("imported"), "--faint", dot],
+    [kStates.indexOf("time"), "--accent", dot],
+    [kStates.indexOf("patch"), "--good", dot],
+    [kStates.indexOf("lost"), "--bad", dot + 1],
+    [kRetaken, "--caution", dot + 1],
   ];
   for (const [kind, token, size] of marks) {
     pen.fillStyle = colourOf(token);
@@ -84,11 +95,13 @@ interface Props {
   timeline: Timeline;
   /** Another number whenever the timeline has become more. */
   version: number;
+  /** Steps a second that the display allows; undefined: not known. */
+  limit: number | undefined;
   selected: number | undefined;
   select: (step: number) => void;
 }
 
-export function TimelineView({ timeline, version, selected, select }: Props) {
+export function TimelineView({ timeline, version, limit, selected, select }: Props) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const dark = useDark();
   const drawing = useRef<() => void>(() => undefined);
@@ -98,12 +111,12 @@ export function TimelineView({ timeline, version, selected, select }: Props) {
     const { clientWidth, clientHeight } = pen.canvas;
     const [width, height] = [Math.round(clientWidth * devicePixelRatio), Math.round(clientHeight * devicePixelRatio)];
     if (pen.canvas.width !== width || pen.canvas.height !== height) [pen.canvas.width, pen.canvas.height] = [width, height];
-    if (width > 0) draw(pen, timeline, selected);
+    if (width > 0) draw(pen, timeline, limit, selected);
   };
   useEffect(() => {
     const frame = requestAnimationFrame(() => drawing.current());
     return () => cancelAnimationFrame(frame);
-  }, [timeline, version, selected, dark]);
+  }, [timeline, version, limit, selected, dark]);
   useEffect(() => {
     const resized = new ResizeObserver(() => drawing.current());
     resized.observe(canvas.current!);
@@ -118,7 +131,7 @@ export function TimelineView({ timeline, version, selected, select }: Props) {
   return (
     <figure class="timeline">
       <canvas ref={canvas} onClick={pick} role="img" aria-label={`Timeline: ${proven} of ${timeline.stepCount} steps are proven, ${timeline.retaken} times a step was shown again`} />
-      <figcaption class="note">Above: what happened, by time (to the right) and step (upwards). Below: each step as it is; click one to see its frame.</figcaption>
+      <figcaption class="note">Above: what happened, by time (to the right) and step (upwards){limit !== undefined && "; the broken line is what the display allows"}. Below: each step as it is; click one to see its frame.</figcaption>
       <Legend timeline={timeline} />
     </figure>
   );

@@ -131,8 +131,13 @@ async function look_at_rig(page) {
   await page.getByRole("button", { name: "Check", exact: true }).click();
   await page.locator(".doctor b[role=status]").waitFor();
   await page.locator(".clocks .u-over").first().waitFor();
-  await photograph(page, "rig");
   assert.equal(await page.locator(".nodes tbody .state.good").count(), 3);
+  // What a capture shows is seen in the preview.
+  rig.glasswing("capture", rig.plan("quick"), "--session", "seen");
+  const mean = page.locator(".preview .figures > div", { hasText: "Mean light" }).locator("dd");
+  await page.waitForFunction((cell) => parseFloat(cell.textContent) > 3, await mean.elementHandle());
+  await photograph(page, "rig");
+  rig.glasswing("watch", "seen");
 }
 
 // --- a server that dies while a session is captured
@@ -168,7 +173,7 @@ async function survive_restart(page, rig) {
 const kPages = [
   ["rig", "#/rig", ".nodes tbody tr"],
   ["sessions", "#/session", "table"],
-  ["new-session", "#/session/+new", "textarea"],
+  ["new-session", "#/session/+new", "main .figures"],
   ["session", "#/session/second", ".scrubber img"],
   ["matte", "#/matte/first", ".panels"],
   ["play", "#/play/first", ".stage:visible"],

@@ -25,6 +25,15 @@ async function send_file(response, path, type) {
   createReadStream(path).pipe(response);
 }
 
+async function send_stream(response, messages) {
+  response.writeHead(200, { "Content-Type": "text/event-stream" });
+  for await (const message of messages) {
+    if (response.closed) return;
+    response.write(`data: ${JSON.stringify(message)}\n\n`);
+  }
+  response.end('event: end\ndata: {"code":"OK"}\n\n');
+}
+
 async function body_of(request) {
   let text = "";
   for await (const part of request) text += part;
@@ -33,14 +42,16 @@ async function body_of(request) {
 
 /**
  * `mattes`: a file for each "/mattes/..." address. `answer(path, body, query)`: what any other address answers, or
- * undefined. Resolves to { url, close }.
+ * undefined. `stream(path)`: messages, one after another, or undefined. Resolves to { url, close }.
  */
-export async function stand_in({ mattes = {}, answer = () => undefined }) {
+export async function stand_in({ mattes = {}, answer = () => undefined, stream = () => undefined }) {
   const server = createServer(async (request, response) => {
     const url = new URL(request.url, "http://localhost");
     try {
       const matte = mattes[url.pathname + url.search];
       if (matte !== undefined) return await send_file(response, matte, "image/x-exr");
+      const messages = stream(url.pathname);
+      if (messages !== undefined) return await send_stream(response, messages);
       const said =
         url.pathname === "/me"
           ? { name: "tester", role: "operator" }
@@ -57,7 +68,7 @@ export async function stand_in({ mattes = {}, answer = () => undefined }) {
     }
   });
   await new Promise((resolve) => server.listen(0, "127.0.0.1", resolve));
-  return { url: `http://127.0.0.1:${server.address().port}`, close: () => server.close() };
+  return { url: `http://127.0.0.1:${server.address().port}`, close: () => (server.close(), server.closeAllConnections()) };
 }
 
 export const read_json = async (path) => JSON.parse(await readFile(path, "utf8"));
