@@ -16,6 +16,8 @@ function pathOf(hash: string): string[] {
 const route = signal(pathOf(location.hash));
 addEventListener("hashchange", () => (route.value = pathOf(location.hash)));
 
+const kAskAgain_ms = 1000;
+
 /** Who is there, now and whenever a link with a token is opened. */
 function useLogin(): unknown {
   const [error, setError] = useState<unknown>();
@@ -23,6 +25,7 @@ function useLogin(): unknown {
     const look = (): void => {
       setError(undefined);
       begin().catch((reason: unknown) => {
+        if (reason instanceof ApiError && reason.code === "UNAVAILABLE") return void setTimeout(look, kAskAgain_ms);
         me.value = null;
         if (!(reason instanceof ApiError && reason.code === "UNAUTHENTICATED")) setError(reason);
       });
@@ -85,7 +88,8 @@ export function App() {
   const error = useLogin();
   const [name = kPages[0]!.name, ...path] = route.value;
   const page = kPages.find((each) => each.name === name);
-  if (me.value === undefined) return null;
+  useEffect(() => void page?.load(), [page]); // while the server says who is there
+  if (me.value === undefined) return <Silence />;
   return (
     <>
       <Navigation now={name} />

@@ -27,7 +27,7 @@ async function decode(base64: string): Promise<ImageBitmap> {
 }
 
 /** Follows the camera's preview while `on`; draws each picture on the canvas. */
-function usePreview(node: string | undefined, on: boolean, settings: Settings, overlays: { zebra: boolean; peaking: boolean }) {
+function usePreview(node: string | undefined, on: boolean, settings: Settings, overlays: { zebra: boolean; peaking: boolean }, end: () => void) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const drawn = useRef(overlays);
   drawn.current = overlays;
@@ -36,9 +36,9 @@ function usePreview(node: string | undefined, on: boolean, settings: Settings, o
   const [error, setError] = useState<unknown>();
   const [focus, setFocus] = useState<[number[], number[]]>([[], []]);
   useEffect(() => {
+    if (!on || node === undefined) return;
     setError(undefined);
     setFocus([[], []]);
-    if (!on || node === undefined) return;
     const cancel = new AbortController();
     const show = async (picture: PreviewResponseJson): Promise<void> => {
       const image = await decode(picture.jpeg ?? "");
@@ -59,10 +59,11 @@ function usePreview(node: string | undefined, on: boolean, settings: Settings, o
         return [[...times.slice(from), now], [...values.slice(from), Number(picture.focus ?? 0)]];
       });
     };
-    const tell = (change: { value: PreviewResponseJson } | { error: unknown }): void => {
+    const tell = (change: { value: PreviewResponseJson } | { error: unknown; last: boolean }): void => {
       setLive("value" in change);
       setError("error" in change ? change.error : undefined);
       if ("value" in change) void show(change.value);
+      else if (change.last) end();
     };
     void follow((signal) => stream<PreviewResponseJson>("CameraService/Preview", settings, { node, signal }), tell, cancel.signal);
     return () => (cancel.abort(), setLive(false));
@@ -98,7 +99,7 @@ export function Preview({ cameras }: { cameras: string[] }) {
   const [zebra, setZebra] = useState(false);
   const [peaking, setPeaking] = useState(false);
   const camera = useCamera(node);
-  const { canvas, seen, live, error, focus } = usePreview(node, on, settings, { zebra, peaking });
+  const { canvas, seen, live, error, focus } = usePreview(node, on, settings, { zebra, peaking }, () => setOn(false));
   const change = (part: Partial<Settings>): void => setSettings((old) => ({ ...old, ...part }));
   return (
     <section class="card preview">

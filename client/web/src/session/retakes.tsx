@@ -19,7 +19,7 @@ export function Retakes({ session, timeline, select }: { session: SessionJson; t
         <>
           <h2>Shown again: {countText(timeline.retaken, "time")}</h2>
           <ul class="reasons">
-            {[...timeline.reasons].sort((a, b) => b[1] - a[1]).map(([why, count]) => <li key={why}><b class="digits">{count}</b> {why || "no reason was given"}</li>)}
+            {[...timeline.reasons].sort((a, b) => b[1] - a[1]).map(([why, count]) => <li key={why}><b class="digits">{count.toLocaleString("en")}</b> {why || "no reason was given"}</li>)}
           </ul>
           <details>
             <summary>The last {Math.min(timeline.retaken, timeline.retakes.length)}</summary>

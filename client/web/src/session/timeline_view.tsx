@@ -29,7 +29,7 @@ function draw(pen: CanvasRenderingContext2D, timeline: Timeline, limit: number |
   pen.fillStyle = colourOf("--line");
   pen.fillRect(0, plot, width, scale);
   if (fastest > 0) {
-    pen.strokeStyle = colourOf("--line");
+    pen.strokeStyle = colourOf("--faint");
     pen.lineWidth = scale;
     pen.setLineDash([5 * scale, 5 * scale]);
     pen.beginPath();
@@ -40,11 +40,11 @@ function draw(pen: CanvasRenderingContext2D, timeline: Timeline, limit: number |
   const dot = kinds.length > 4000 ? 2 : 3;
   const marks: [number, string, number][] = [
     [kStates.indexOf("shown"), "--line", dot],
+    [kRetaken, "--caution", dot + 1],
     [kStates.indexOf("imported"), "--faint", dot],
     [kStates.indexOf("time"), "--accent", dot],
     [kStates.indexOf("patch"), "--good", dot],
     [kStates.indexOf("lost"), "--bad", dot + 1],
-    [kRetaken, "--caution", dot + 1],
   ];
   for (const [kind, token, size] of marks) {
     pen.fillStyle = colourOf(token);

@@ -30,7 +30,7 @@ export async function start_rig() {
   const port = await free_ports();
   const data = mkdtempSync(join(tmpdir(), "console-rig-"));
   const env = { ...process.env, GLASSWING_CONFIG: "/dev/null", GLASSWING_SERVER: `127.0.0.1:${port}` };
-  const run = (program, args) => execFileSync(program, args, { env, encoding: "utf8", stdio: ["ignore", "pipe", "ignore"] });
+  const run = (program, args) => execFileSync(program, args, { env, encoding: "utf8", stdio: ["ignore", "pipe", "pipe"] });
   const local_rig = (verb, ...args) => run(join(kRoot, "deploy/local-rig"), [verb, "--data", data, ...args]);
   const up = () => local_rig("up", "--port", port, "--console", port + 3, "--console-files", files, "--solvers", 1);
   up();

@@ -4,6 +4,7 @@
 //
 // Prints how long the page was busy at a stretch, and fails where people would feel it.
 import { strict as assert } from "node:assert";
+import { join } from "node:path";
 import { open_browser } from "./browser.mjs";
 import { stand_in } from "./stand_in.mjs";
 
@@ -68,6 +69,7 @@ try {
   const longest = Math.max(0, ...stretches);
   console.log(`longest stretch in which the page answers nothing: ${longest.toFixed(0)} ms (${stretches.length} above 50 ms)`);
   console.log(`elements on the page: ${await page.evaluate(() => document.querySelectorAll("*").length)}`);
+  if (process.env.GLASSWING_PICTURES) await page.screenshot({ path: join(process.env.GLASSWING_PICTURES, "timeline.png"), fullPage: true });
   assert.ok(longest <= kMost_ms, `the page was busy for ${longest} ms; ${kMost_ms} are allowed`);
 } finally {
   await browser.close();
