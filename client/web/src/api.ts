@@ -41,7 +41,8 @@ async function refusal(response: Response): Promise<ApiError> {
   );
 }
 
-const isTimeout = (reason: unknown): boolean => reason instanceof DOMException && reason.name === "TimeoutError";
+const isTimeout = (reason: unknown): boolean =>
+  reason instanceof DOMException && reason.name === "TimeoutError";
 
 function unanswered(): ApiError {
   silentSince.value ??= new Date();
@@ -103,7 +104,9 @@ const kMostSilence_ms = 20_000;
 
 async function soon<T>(reading: Promise<T>): Promise<T> {
   let timer: ReturnType<typeof setTimeout> | undefined;
-  const silence = new Promise<never>((_, reject) => (timer = setTimeout(() => reject(unanswered()), kMostSilence_ms)));
+  const silence = new Promise<never>(
+    (_, reject) => (timer = setTimeout(() => reject(unanswered()), kMostSilence_ms)),
+  );
   return Promise.race([reading, silence]).finally(() => clearTimeout(timer));
 }
 

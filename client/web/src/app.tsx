@@ -25,7 +25,8 @@ function useLogin(): unknown {
     const look = (): void => {
       setError(undefined);
       begin().catch((reason: unknown) => {
-        if (reason instanceof ApiError && reason.code === "UNAVAILABLE") return void setTimeout(look, kAskAgain_ms);
+        if (reason instanceof ApiError && reason.code === "UNAVAILABLE")
+          return void setTimeout(look, kAskAgain_ms);
         me.value = null;
         if (!(reason instanceof ApiError && reason.code === "UNAUTHENTICATED")) setError(reason);
       });

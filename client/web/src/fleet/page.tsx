@@ -1,4 +1,8 @@
-import type { FleetSolveJson, FleetSolverJson, GetFleetResponseJson } from "../gen/glasswing/v1/fleet_service_pb";
+import type {
+  FleetSolveJson,
+  FleetSolverJson,
+  GetFleetResponseJson,
+} from "../gen/glasswing/v1/fleet_service_pb";
 import { FeedFailure } from "../parts/silence";
 import { polled, useFeed } from "../parts/feed";
 import { State } from "../parts/state";
@@ -20,7 +24,8 @@ function Leases({ solver: { leases = [], up, refused } }: { solver: FleetSolverJ
     <ul class="leases">
       {leases.map(({ session, tile = 0, attempt = 0, seconds, twice }) => (
         <li key={`${session} ${tile}`}>
-          <a href={`#/session/${encodeURIComponent(session ?? "")}`}>{session}</a> tile {tile}, {secondsText(Number(seconds ?? 0))}
+          <a href={`#/session/${encodeURIComponent(session ?? "")}`}>{session}</a> tile {tile},{" "}
+          {secondsText(Number(seconds ?? 0))}
           {attempt > 1 && `, attempt ${attempt}`}
           {twice && <span class="note"> (another solver has it too)</span>}
         </li>
@@ -30,23 +35,63 @@ function Leases({ solver: { leases = [], up, refused } }: { solver: FleetSolverJ
 }
 
 function Solvers({ solvers }: { solvers: readonly FleetSolverJson[] }) {
-  if (solvers.length === 0) return <p>No solver was heard of in the last ten minutes. Start some with <code>glasswing-solver</code>.</p>;
+  if (solvers.length === 0)
+    return (
+      <p>
+        No solver was heard of in the last ten minutes. Start some with <code>glasswing-solver</code>.
+      </p>
+    );
   return (
     <table class="stack">
       <thead>
-        <tr><th>Solver</th><th>State</th><th>Works on</th><th class="number">Tiles/s</th><th class="number">Done</th><th class="number">Failed</th><th>Machine</th><th>Problem</th></tr>
+        <tr>
+          <th>Solver</th>
+          <th>State</th>
+          <th>Works on</th>
+          <th class="number">Tiles/s</th>
+          <th class="number">Done</th>
+          <th class="number">Failed</th>
+          <th>Machine</th>
+          <th>Problem</th>
+        </tr>
       </thead>
       <tbody>
         {solvers.map((solver) => (
           <tr key={solver.name}>
-            <td data-label="Solver"><b>{solver.name}</b></td>
-            <td data-label="State"><SolverState solver={solver} /></td>
-            <td data-label="Works on"><Leases solver={solver} /></td>
-            <td data-label="Tiles/s" class="digits number">{rateText(solver.tilesPerSecond)}</td>
-            <td data-label="Done" class="digits number">{Number(solver.tilesDone ?? 0).toLocaleString("en")}</td>
-            <td data-label="Failed" class={`digits number ${Number(solver.tilesFailed ?? 0) > 0 ? "caution-text" : ""}`}>{Number(solver.tilesFailed ?? 0).toLocaleString("en")}</td>
-            <td data-label="Machine"><span>{solver.host || "–"}<span class="note"> {countText(solver.threads ?? 0, "thread")}{solver.vectors && `, ${solver.vectors}`}</span></span></td>
-            <td data-label="Problem" class={solver.refused ? "caution-text" : ""}>{solver.refused || solver.lastError || "–"}</td>
+            <td data-label="Solver">
+              <b>{solver.name}</b>
+            </td>
+            <td data-label="State">
+              <SolverState solver={solver} />
+            </td>
+            <td data-label="Works on">
+              <Leases solver={solver} />
+            </td>
+            <td data-label="Tiles/s" class="digits number">
+              {rateText(solver.tilesPerSecond)}
+            </td>
+            <td data-label="Done" class="digits number">
+              {Number(solver.tilesDone ?? 0).toLocaleString("en")}
+            </td>
+            <td
+              data-label="Failed"
+              class={`digits number ${Number(solver.tilesFailed ?? 0) > 0 ? "caution-text" : ""}`}
+            >
+              {Number(solver.tilesFailed ?? 0).toLocaleString("en")}
+            </td>
+            <td data-label="Machine">
+              <span>
+                {solver.host || "–"}
+                <span class="note">
+                  {" "}
+                  {countText(solver.threads ?? 0, "thread")}
+                  {solver.vectors && `, ${solver.vectors}`}
+                </span>
+              </span>
+            </td>
+            <td data-label="Problem" class={solver.refused ? "caution-text" : ""}>
+              {solver.refused || solver.lastError || "–"}
+            </td>
           </tr>
         ))}
       </tbody>
@@ -55,18 +100,44 @@ function Solvers({ solvers }: { solvers: readonly FleetSolverJson[] }) {
 }
 
 function Solve({ solve }: { solve: FleetSolveJson }) {
-  const { session = "", tileCount = 0, tilesDone = 0, tilesLeased = 0, failures = 0, quarantined = 0, held, server } = solve;
+  const {
+    session = "",
+    tileCount = 0,
+    tilesDone = 0,
+    tilesLeased = 0,
+    failures = 0,
+    quarantined = 0,
+    held,
+    server,
+  } = solve;
   const left = Number(solve.secondsLeft ?? 0);
   return (
     <li class="solve">
       <div class="row">
-        {server ? <b>{session}</b> : <a href={`#/session/${encodeURIComponent(session)}`}><b>{session}</b></a>}
-        <State kind={held ? "caution" : "busy"}>{held ? "held" : tileCount === 0 ? "being surveyed" : "being solved"}</State>
-        <span class="note">{solve.method}{server && `, of ${server}`}</span>
+        {server ? (
+          <b>{session}</b>
+        ) : (
+          <a href={`#/session/${encodeURIComponent(session)}`}>
+            <b>{session}</b>
+          </a>
+        )}
+        <State kind={held ? "caution" : "busy"}>
+          {held ? "held" : tileCount === 0 ? "being surveyed" : "being solved"}
+        </State>
+        <span class="note">
+          {solve.method}
+          {server && `, of ${server}`}
+        </span>
         <span class="spacer" />
-        <span class="digits">{tilesDone} of {tileCount || "?"} tiles</span>
+        <span class="digits">
+          {tilesDone} of {tileCount || "?"} tiles
+        </span>
       </div>
-      {tileCount > 0 ? <progress value={tilesDone} max={tileCount} aria-label={`Tiles of ${session} that are done`} /> : <progress aria-label={`${session} is being surveyed`} />}
+      {tileCount > 0 ? (
+        <progress value={tilesDone} max={tileCount} aria-label={`Tiles of ${session} that are done`} />
+      ) : (
+        <progress aria-label={`${session} is being surveyed`} />
+      )}
       <span class="note">
         {tilesLeased} in work
         {Number(solve.tilesPerSecond ?? 0) > 0 && `, ${rateText(solve.tilesPerSecond)} a second`}
@@ -79,23 +150,43 @@ function Solve({ solve }: { solve: FleetSolveJson }) {
 }
 
 export default function Page() {
-  const { value, live, error } = useFeed((signal) => polled<GetFleetResponseJson>("FleetService/GetFleet", {}, 1, { signal }), []);
-  const solvers = value?.solvers ?? [], solves = value?.solves ?? [];
+  const { value, live, error } = useFeed(
+    (signal) => polled<GetFleetResponseJson>("FleetService/GetFleet", {}, 1, { signal }),
+    [],
+  );
+  const solvers = value?.solvers ?? [],
+    solves = value?.solves ?? [];
   const rate = solvers.reduce((sum, { tilesPerSecond }) => sum + Number(tilesPerSecond ?? 0), 0);
   return (
     <div class={live || !value ? "fleet" : "fleet stale"}>
       <div class="row">
         <h1>Fleet</h1>
-        {value && <span class="note">{solvers.filter(({ up }) => up).length} of {solvers.length} solvers are up, {rate > 0 && `${rate.toFixed(2)} tiles a second, `}jobs are in {value.store}</span>}
+        {value && (
+          <span class="note">
+            {solvers.filter(({ up }) => up).length} of {solvers.length} solvers are up,{" "}
+            {rate > 0 && `${rate.toFixed(2)} tiles a second, `}jobs are in {value.store}
+          </span>
+        )}
       </div>
       {!live && <FeedFailure error={error} />}
       {value && (
         <>
           <section class="card">
             <h2>Solves</h2>
-            {solves.length === 0 ? <p class="note">Nothing is being solved.</p> : <ul class="solves">{solves.map((solve) => <Solve key={`${solve.server} ${solve.session}`} solve={solve} />)}</ul>}
+            {solves.length === 0 ? (
+              <p class="note">Nothing is being solved.</p>
+            ) : (
+              <ul class="solves">
+                {solves.map((solve) => (
+                  <Solve key={`${solve.server} ${solve.session}`} solve={solve} />
+                ))}
+              </ul>
+            )}
           </section>
-          <section class="card"><h2>Solvers</h2><Solvers solvers={solvers} /></section>
+          <section class="card">
+            <h2>Solvers</h2>
+            <Solvers solvers={solvers} />
+          </section>
         </>
       )}
     </div>

@@ -4,7 +4,7 @@ import { colourOf, useDark } from "./colours";
 
 export interface ChartLine {
   label: string;
-  token: string;  // its colour in style.css
+  token: string; // its colour in style.css
   width?: number;
 }
 
@@ -21,7 +21,12 @@ export interface ChartProps {
 }
 
 function axisOf(grid: boolean): uPlot.Axis {
-  return { stroke: colourOf("--faint"), grid: { show: grid, stroke: colourOf("--line"), width: 1 }, ticks: { show: false }, font: "12px system-ui" };
+  return {
+    stroke: colourOf("--faint"),
+    grid: { show: grid, stroke: colourOf("--line"), width: 1 },
+    ticks: { show: false },
+    font: "12px system-ui",
+  };
 }
 
 function agoText(seconds: number): string {
@@ -35,9 +40,31 @@ function optionsOf(props: ChartProps, width: number): uPlot.Options {
     height: props.height ?? 140,
     legend: { show: false },
     cursor: { show: false },
-    axes: [{ ...axisOf(false), size: 26, values: (plot, times) => times.map((time) => agoText(plot.data[0].at(-1)! - time)) }, { ...axisOf(true), size: 70, values: (_, values) => values.map(props.text) }],
-    scales: { y: { range: (_, low, high) => (low === high ? [low - Math.abs(low || 1), high + Math.abs(high || 1)] : [low - 0.1 * (high - low), high + 0.1 * (high - low)]) } },
-    series: [{}, ...props.lines.map(({ label, token, width: line }) => ({ label, stroke: colourOf(token), width: line ?? 1.5, points: { show: false } }))],
+    axes: [
+      {
+        ...axisOf(false),
+        size: 26,
+        values: (plot, times) => times.map((time) => agoText(plot.data[0].at(-1)! - time)),
+      },
+      { ...axisOf(true), size: 70, values: (_, values) => values.map(props.text) },
+    ],
+    scales: {
+      y: {
+        range: (_, low, high) =>
+          low === high
+            ? [low - Math.abs(low || 1), high + Math.abs(high || 1)]
+            : [low - 0.1 * (high - low), high + 0.1 * (high - low)],
+      },
+    },
+    series: [
+      {},
+      ...props.lines.map(({ label, token, width: line }) => ({
+        label,
+        stroke: colourOf(token),
+        width: line ?? 1.5,
+        points: { show: false },
+      })),
+    ],
     ...(props.band && { bands: [{ series: props.band, fill: colourOf("--band") }] }),
   };
 }
@@ -53,7 +80,9 @@ export function Chart(props: ChartProps) {
   useEffect(() => {
     const element = box.current!;
     let gone = false;
-    const fit = new ResizeObserver(() => plot.current?.setSize({ width: element.clientWidth, height: newest.current.height ?? 140 }));
+    const fit = new ResizeObserver(() =>
+      plot.current?.setSize({ width: element.clientWidth, height: newest.current.height ?? 140 }),
+    );
     void Promise.all([import("uplot"), import("uplot/dist/uPlot.min.css")]).then(([{ default: Plot }]) => {
       if (gone) return;
       plot.current = new Plot(optionsOf(newest.current, element.clientWidth), newest.current.data, element);
@@ -68,5 +97,13 @@ export function Chart(props: ChartProps) {
     };
   }, [dark]);
   useEffect(() => plot.current?.setData(props.data), [props.data, ready]);
-  return <div ref={box} class="chart-box" role="img" aria-label={props.label} style={{ minHeight: `${props.height ?? 140}px` }} />;
+  return (
+    <div
+      ref={box}
+      class="chart-box"
+      role="img"
+      aria-label={props.label}
+      style={{ minHeight: `${props.height ?? 140}px` }}
+    />
+  );
 }

@@ -10,7 +10,15 @@ export interface Feed<T> {
 }
 
 /** Asking again can help. */
-const kPassing = new Set(["UNAVAILABLE", "DEADLINE_EXCEEDED", "CANCELLED", "ABORTED", "INTERNAL", "UNKNOWN", "RESOURCE_EXHAUSTED"]);
+const kPassing = new Set([
+  "UNAVAILABLE",
+  "DEADLINE_EXCEEDED",
+  "CANCELLED",
+  "ABORTED",
+  "INTERNAL",
+  "UNKNOWN",
+  "RESOURCE_EXHAUSTED",
+]);
 const kMostWait_s = 5;
 
 export function waited(seconds: number, signal: AbortSignal): Promise<void> {
@@ -26,7 +34,9 @@ function seen(signal: AbortSignal): Promise<void> {
   return new Promise((resolve) => {
     const listening = new AbortController();
     const done = (): void => (listening.abort(), resolve());
-    document.addEventListener("visibilitychange", () => document.hidden || done(), { signal: listening.signal });
+    document.addEventListener("visibilitychange", () => document.hidden || done(), {
+      signal: listening.signal,
+    });
     signal.addEventListener("abort", done, { signal: listening.signal });
   });
 }
@@ -40,7 +50,7 @@ export async function follow<T>(
   tell: (change: { value: T } | { error: unknown; last: boolean }) => void,
   signal: AbortSignal,
 ): Promise<void> {
-  for (let wait = 0.5; !signal.aborted; ) {
+  for (let wait = 0.5; !signal.aborted;) {
     await seen(signal);
     const turn = new AbortController();
     const hide = (): void => (document.hidden ? turn.abort() : undefined);
@@ -70,14 +80,22 @@ export async function follow<T>(
 }
 
 /** The state of what `source` tells, followed for as long as the component lives and `keys` stay. */
-export function useFeed<T>(source: (signal: AbortSignal) => AsyncIterable<T>, keys: readonly unknown[]): Feed<T> {
+export function useFeed<T>(
+  source: (signal: AbortSignal) => AsyncIterable<T>,
+  keys: readonly unknown[],
+): Feed<T> {
   const [feed, setFeed] = useState<Feed<T>>({ live: false });
   useEffect(() => {
     const cancel = new AbortController();
     setFeed({ live: false });
     void follow(
       source,
-      (change) => setFeed((old) => ("error" in change ? { ...old, live: false, error: change.error } : { value: change.value, live: true })),
+      (change) =>
+        setFeed((old) =>
+          "error" in change
+            ? { ...old, live: false, error: change.error }
+            : { value: change.value, live: true },
+        ),
       cancel.signal,
     );
     return () => cancel.abort();
@@ -88,7 +106,12 @@ export function useFeed<T>(source: (signal: AbortSignal) => AsyncIterable<T>, ke
 const kPollTimeout_ms = 10_000;
 
 /** One answer after the other. */
-export async function* polled<Answer>(method: string, request: object, seconds: number, options: CallOptions & { signal: AbortSignal }): AsyncGenerator<Answer> {
+export async function* polled<Answer>(
+  method: string,
+  request: object,
+  seconds: number,
+  options: CallOptions & { signal: AbortSignal },
+): AsyncGenerator<Answer> {
   while (!options.signal.aborted) {
     const signal = AbortSignal.any([options.signal, AbortSignal.timeout(kPollTimeout_ms)]);
     yield await call<Answer>(method, request, { ...options, signal });
@@ -97,7 +120,12 @@ export async function* polled<Answer>(method: string, request: object, seconds: 
 }
 
 /** A stream that ends when nothing is expected to change, opened again now and then in case something did. */
-export async function* watched<Answer>(method: string, request: object, seconds: number, options: CallOptions & { signal: AbortSignal }): AsyncGenerator<Answer> {
+export async function* watched<Answer>(
+  method: string,
+  request: object,
+  seconds: number,
+  options: CallOptions & { signal: AbortSignal },
+): AsyncGenerator<Answer> {
   while (!options.signal.aborted) {
     yield* stream<Answer>(method, request, options);
     await waited(seconds, options.signal);

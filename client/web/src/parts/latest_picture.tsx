@@ -10,11 +10,14 @@ export function LatestPicture({ src, alt }: { src: string; alt: string }) {
     const load = async (): Promise<void> => {
       if (loading.current) return;
       loading.current = true;
-      for (let loaded: string | undefined; loaded !== wanted.current; ) {
+      for (let loaded: string | undefined; loaded !== wanted.current;) {
         loaded = wanted.current;
         const image = new Image();
         image.src = loaded;
-        const failed = await image.decode().then(() => false, () => true);
+        const failed = await image.decode().then(
+          () => false,
+          () => true,
+        );
         setShown({ src: loaded, failed });
       }
       loading.current = false;
@@ -22,6 +25,11 @@ export function LatestPicture({ src, alt }: { src: string; alt: string }) {
     void load();
   }, [src]);
   if (!shown) return <p class="note">Loading…</p>;
-  if (shown.failed && shown.src === src) return <p class="note" role="status">The frame could not be had: is the node that holds it up?</p>;
+  if (shown.failed && shown.src === src)
+    return (
+      <p class="note" role="status">
+        The frame could not be had: is the node that holds it up?
+      </p>
+    );
   return <img class={shown.src === src ? undefined : "stale"} src={shown.src} alt={alt} />;
 }

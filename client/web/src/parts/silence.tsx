@@ -6,7 +6,8 @@ export function Silence() {
   const since = silentSince.value;
   return (
     <div role="status" class={since ? "silence" : undefined}>
-      {since && `The server has not answered since ${since.toLocaleTimeString()}. What stands here is of then; asking again…`}
+      {since &&
+        `The server has not answered since ${since.toLocaleTimeString()}. What stands here is of then; asking again…`}
     </div>
   );
 }

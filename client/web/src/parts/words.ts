@@ -31,7 +31,9 @@ export function timeText(rfc3339: string, now = new Date()): string {
   const time = new Date(rfc3339);
   if (Number.isNaN(time.getTime())) return rfc3339;
   const hour = time.toLocaleTimeString(undefined, { hour: "2-digit", minute: "2-digit" });
-  return time.toDateString() === now.toDateString() ? hour : `${time.toLocaleDateString(undefined, { day: "numeric", month: "short", year: "numeric" })}, ${hour}`;
+  return time.toDateString() === now.toDateString()
+    ? hour
+    : `${time.toLocaleDateString(undefined, { day: "numeric", month: "short", year: "numeric" })}, ${hour}`;
 }
 
 /** "SESSION_STATE_CAPTURING" of "SESSION_STATE_" is "capturing". */

@@ -1,6 +1,10 @@
 import { useEffect, useState } from "preact/hooks";
 import { call } from "../api";
-import type { CameraCalibrationJson, DisplayCalibrationJson, MonitorSyncJson } from "../gen/glasswing/v1/calibration_pb";
+import type {
+  CameraCalibrationJson,
+  DisplayCalibrationJson,
+  MonitorSyncJson,
+} from "../gen/glasswing/v1/calibration_pb";
 import type { ListCalibrationsResponseJson } from "../gen/glasswing/v1/rig_service_pb";
 import { Failure } from "../parts/failure";
 import { nanosecondsText, timeText } from "../parts/words";
@@ -13,15 +17,37 @@ interface Row {
   warnings: readonly string[];
 }
 
-function cameraRow({ camera = "", linear, widthPx, heightPx, bits, whiteMs, measured = "", warnings = [] }: CameraCalibrationJson): Row {
+function cameraRow({
+  camera = "",
+  linear,
+  widthPx,
+  heightPx,
+  bits,
+  whiteMs,
+  measured = "",
+  warnings = [],
+}: CameraCalibrationJson): Row {
   const white = Number(whiteMs ?? 0);
   const found = `${linear ? "straight" : "curved"}, ${bits ?? "?"} bits, ${widthPx}×${heightPx}${white > 0 ? `; white is full at ${white.toFixed(1)} ms` : ""}`;
   return { device: camera, what: "camera", found, measured, warnings };
 }
 
-function displayRow({ monitor = "", primaries = [], bits, drift, measured = "", warnings = [] }: DisplayCalibrationJson): Row {
+function displayRow({
+  monitor = "",
+  primaries = [],
+  bits,
+  drift,
+  measured = "",
+  warnings = [],
+}: DisplayCalibrationJson): Row {
   const gammas = primaries.map(({ gamma }) => Number(gamma ?? 0).toFixed(2)).join(", ");
-  return { device: monitor, what: "light of a monitor", found: `gamma ${gammas}; ${bits ?? "?"} bits; drift ${(100 * Number(drift ?? 0)).toFixed(1)} %`, measured, warnings };
+  return {
+    device: monitor,
+    what: "light of a monitor",
+    found: `gamma ${gammas}; ${bits ?? "?"} bits; drift ${(100 * Number(drift ?? 0)).toFixed(1)} %`,
+    measured,
+    warnings,
+  };
 }
 
 function syncRow({ monitor = "", lagNs, settleNs, errorNs, measured = "" }: MonitorSyncJson): Row {
@@ -35,23 +61,45 @@ export function Calibrations() {
   useEffect(() => {
     call<ListCalibrationsResponseJson>("RigService/ListCalibrations").then(setKnown, setError);
   }, []);
-  const rows = known && [...(known.cameras ?? []).map(cameraRow), ...(known.displays ?? []).map(displayRow), ...(known.sync?.monitors ?? []).map(syncRow)];
+  const rows = known && [
+    ...(known.cameras ?? []).map(cameraRow),
+    ...(known.displays ?? []).map(displayRow),
+    ...(known.sync?.monitors ?? []).map(syncRow),
+  ];
   return (
     <section class="card">
       <h2>Calibrations</h2>
       {error !== undefined && <Failure error={error} />}
-      {rows?.length === 0 && <p class="note">Nothing was measured yet: monitors and cameras are taken for linear, and as quick as they declare.</p>}
+      {rows?.length === 0 && (
+        <p class="note">
+          Nothing was measured yet: monitors and cameras are taken for linear, and as quick as they declare.
+        </p>
+      )}
       {rows && rows.length > 0 && (
         <table class="stack">
           <thead>
-            <tr><th>Device</th><th>Of</th><th>What was found</th><th>Measured</th></tr>
+            <tr>
+              <th>Device</th>
+              <th>Of</th>
+              <th>What was found</th>
+              <th>Measured</th>
+            </tr>
           </thead>
           <tbody>
             {rows.map(({ device, what, found, measured, warnings }) => (
               <tr key={device + what}>
-                <td data-label="Device"><b>{device}</b></td>
+                <td data-label="Device">
+                  <b>{device}</b>
+                </td>
                 <td data-label="Of">{what}</td>
-                <td data-label="Found">{found}{warnings.map((text) => <span key={text} class="advice">{text}</span>)}</td>
+                <td data-label="Found">
+                  {found}
+                  {warnings.map((text) => (
+                    <span key={text} class="advice">
+                      {text}
+                    </span>
+                  ))}
+                </td>
                 <td data-label="Measured">{timeText(measured)}</td>
               </tr>
             ))}

@@ -2,10 +2,10 @@ import { Chart, type ChartLine } from "../parts/chart";
 import type { NodeJson } from "../gen/glasswing/v1/node_service_pb";
 import { nanosecondsText } from "../parts/words";
 
-const kMost = 900;  // seconds that are remembered
+const kMost = 900; // seconds that are remembered
 
 interface History {
-  first_ns: number;  // the offset that the others are told from: clocks begin when their machines do
+  first_ns: number; // the offset that the others are told from: clocks begin when their machines do
   time: number[];
   offset: number[];
   above: number[];
@@ -17,9 +17,11 @@ const histories = new Map<string, History>();
 export function keepClocks(nodes: NodeJson[], now: number): void {
   for (const { name = "", clock } of nodes) {
     if (!clock) continue;
-    const offset = Number(clock.offsetNs ?? 0), bound = Number(clock.boundNs ?? 0);
+    const offset = Number(clock.offsetNs ?? 0),
+      bound = Number(clock.boundNs ?? 0);
     let history = histories.get(name);
-    if (!history) histories.set(name, (history = { first_ns: offset, time: [], offset: [], above: [], below: [] }));
+    if (!history)
+      histories.set(name, (history = { first_ns: offset, time: [], offset: [], above: [], below: [] }));
     const { first_ns } = history;
     const columns: [number[], number][] = [
       [history.time, now - Number(clock.ageS ?? 0)],
@@ -27,7 +29,7 @@ export function keepClocks(nodes: NodeJson[], now: number): void {
       [history.above, offset - first_ns + bound],
       [history.below, offset - first_ns - bound],
     ];
-    if ((history.time.at(-1) ?? 0) >= columns[0]![1]) continue;  // measured no more
+    if ((history.time.at(-1) ?? 0) >= columns[0]![1]) continue; // measured no more
     for (const [column, value] of columns) {
       column.push(value);
       if (column.length > kMost) column.shift();
@@ -47,7 +49,10 @@ export function ClockCharts({ nodes }: { nodes: NodeJson[] }) {
   return (
     <section class="card clocks">
       <h2>Clocks</h2>
-      <p class="note">How each node's clock moves against the server's since this page began to look, and the band in which it surely is.</p>
+      <p class="note">
+        How each node's clock moves against the server's since this page began to look, and the band in which
+        it surely is.
+      </p>
       <div class="charts">
         {shown.map(({ name = "", clock }) => {
           const { time, offset, above, below, first_ns } = histories.get(name)!;
@@ -57,7 +62,14 @@ export function ClockCharts({ nodes }: { nodes: NodeJson[] }) {
                 <b>{name}</b> <span class="digits">± {nanosecondsText(Number(clock?.boundNs ?? 0))}</span>
                 {Math.abs(first_ns) >= 1e6 && <span class="note"> from {nanosecondsText(first_ns)}</span>}
               </figcaption>
-              <Chart label={`Clock of ${name} over the last minutes`} data={[[...time], [...above], [...below], [...offset]]} lines={kLines} band={[1, 2]} text={nanosecondsText} height={130} />
+              <Chart
+                label={`Clock of ${name} over the last minutes`}
+                data={[[...time], [...above], [...below], [...offset]]}
+                lines={kLines}
+                band={[1, 2]}
+                text={nanosecondsText}
+                height={130}
+              />
             </figure>
           );
         })}

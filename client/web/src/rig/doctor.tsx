@@ -15,8 +15,10 @@ function FindingState({ level }: { level: FindingJson["level"] }) {
 export function verdict(findings: FindingJson[]): string {
   const problems = findings.filter(({ level }) => level === "FINDING_LEVEL_PROBLEM").length;
   const warnings = findings.filter(({ level }) => level === "FINDING_LEVEL_WARNING").length;
-  if (problems > 0) return `A capture would fail: ${problems === 1 ? "one problem" : `${problems} problems`}.`;
-  if (warnings > 0) return `A capture works; ${warnings === 1 ? "one thing" : `${warnings} things`} could be better.`;
+  if (problems > 0)
+    return `A capture would fail: ${problems === 1 ? "one problem" : `${problems} problems`}.`;
+  if (warnings > 0)
+    return `A capture works; ${warnings === 1 ? "one thing" : `${warnings} things`} could be better.`;
   return "Nothing is wrong.";
 }
 
@@ -31,7 +33,11 @@ export function Doctor() {
     setFindings([]);
     setDone(false);
     cancel.current = new AbortController();
-    for await (const { finding } of stream<CheckRigResponseJson>("RigService/CheckRig", {}, { signal: cancel.current.signal })) {
+    for await (const { finding } of stream<CheckRigResponseJson>(
+      "RigService/CheckRig",
+      {},
+      { signal: cancel.current.signal },
+    )) {
       if (finding) setFindings((all) => [...all, finding]);
     }
     setDone(true);
@@ -40,10 +46,16 @@ export function Doctor() {
     <section class="card doctor">
       <div class="row">
         <h2>Check the rig</h2>
-        <button onClick={() => void act(check)} disabled={busy}>{busy ? "Checking…" : "Check"}</button>
+        <button onClick={() => void act(check)} disabled={busy}>
+          {busy ? "Checking…" : "Check"}
+        </button>
         {done && <b role="status">{verdict(findings)}</b>}
       </div>
-      {findings.length === 0 && !busy && <p class="note">Shows and records some steps for a few seconds, as a capture would, and says what it found.</p>}
+      {findings.length === 0 && !busy && (
+        <p class="note">
+          Shows and records some steps for a few seconds, as a capture would, and says what it found.
+        </p>
+      )}
       {error !== undefined && <Failure error={error} />}
       <ul class="findings">
         {findings.map(({ level, subject, text, advice }, i) => (

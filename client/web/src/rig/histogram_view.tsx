@@ -25,5 +25,14 @@ export function Histogram({ counts }: { counts: Uint32Array | undefined }) {
     pen.fillStyle = colourOf("--line");
     for (const quarter of [64, 128, 192]) pen.fillRect(quarter, 0, 0.5, height);
   }, [counts, dark]);
-  return <canvas ref={canvas} class="histogram" width={256} height={80} role="img" aria-label="Histogram of the picture: dark to the left, bright to the right" />;
+  return (
+    <canvas
+      ref={canvas}
+      class="histogram"
+      width={256}
+      height={80}
+      role="img"
+      aria-label="Histogram of the picture: dark to the left, bright to the right"
+    />
+  );
 }

@@ -26,7 +26,13 @@ function Clock({ node: { clock } }: { node: NodeJson }) {
 
 function Program({ node, usual }: { node: NodeJson; usual: string }) {
   const own = programOf(node);
-  return own === usual ? <>{own}</> : <span class="caution-text" title={`The others are ${usual}: install the same everywhere`}>{own} (others: {usual})</span>;
+  return own === usual ? (
+    <>{own}</>
+  ) : (
+    <span class="caution-text" title={`The others are ${usual}: install the same everywhere`}>
+      {own} (others: {usual})
+    </span>
+  );
 }
 
 export function Nodes({ nodes }: { nodes: NodeJson[] }) {
@@ -36,7 +42,14 @@ export function Nodes({ nodes }: { nodes: NodeJson[] }) {
     <table class="stack">
       <thead>
         <tr>
-          <th>Node</th><th>State</th><th>What it is</th><th>Address</th><th>Program</th><th>Disk free</th><th>Clock</th><th>Warmest</th>
+          <th>Node</th>
+          <th>State</th>
+          <th>What it is</th>
+          <th>Address</th>
+          <th>Program</th>
+          <th>Disk free</th>
+          <th>Clock</th>
+          <th>Warmest</th>
         </tr>
       </thead>
       <tbody>
@@ -45,13 +58,27 @@ export function Nodes({ nodes }: { nodes: NodeJson[] }) {
             <td data-label="Node">
               <b>{node.name}</b> <span class="note">{plainName(node.kind, "NODE_KIND_")}</span>
             </td>
-            <td data-label="State"><State kind={node.up ? "good" : "bad"}>{node.up ? "up" : "away"}</State></td>
+            <td data-label="State">
+              <State kind={node.up ? "good" : "bad"}>{node.up ? "up" : "away"}</State>
+            </td>
             <td data-label="What it is">{node.detail || "–"}</td>
-            <td data-label="Address" class="digits">{node.address || "–"}</td>
-            <td data-label="Program" class="digits"><Program node={node} usual={usual} /></td>
-            <td data-label="Disk free"><Disk node={node} /></td>
-            <td data-label="Clock" class="digits"><Clock node={node} /></td>
-            <td data-label="Warmest">{node.health?.temperatureC === undefined ? "–" : `${Number(node.health.temperatureC).toFixed(0)} °C`}</td>
+            <td data-label="Address" class="digits">
+              {node.address || "–"}
+            </td>
+            <td data-label="Program" class="digits">
+              <Program node={node} usual={usual} />
+            </td>
+            <td data-label="Disk free">
+              <Disk node={node} />
+            </td>
+            <td data-label="Clock" class="digits">
+              <Clock node={node} />
+            </td>
+            <td data-label="Warmest">
+              {node.health?.temperatureC === undefined
+                ? "–"
+                : `${Number(node.health.temperatureC).toFixed(0)} °C`}
+            </td>
           </tr>
         ))}
       </tbody>

@@ -24,7 +24,8 @@ export const kSharp = 40;
 
 function luma({ data, width, height }: Pixels): Float32Array {
   const light = new Float32Array(width * height);
-  for (let i = 0, at = 0; i < light.length; ++i, at += 4) light[i] = 0.2126 * data[at]! + 0.7152 * data[at + 1]! + 0.0722 * data[at + 2]!;
+  for (let i = 0, at = 0; i < light.length; ++i, at += 4)
+    light[i] = 0.2126 * data[at]! + 0.7152 * data[at + 1]! + 0.0722 * data[at + 2]!;
   return light;
 }
 
@@ -35,8 +36,19 @@ export function slopes(picture: Pixels): Float32Array {
   const slope = new Float32Array(width * height);
   for (let y = 1; y < height - 1; ++y) {
     for (let x = 1; x < width - 1; ++x) {
-      const i = y * width + x, up = i - width, down = i + width;
-      const [a, b, c, d, f, g, h, k] = [light[up - 1]!, light[up]!, light[up + 1]!, light[i - 1]!, light[i + 1]!, light[down - 1]!, light[down]!, light[down + 1]!];
+      const i = y * width + x,
+        up = i - width,
+        down = i + width;
+      const [a, b, c, d, f, g, h, k] = [
+        light[up - 1]!,
+        light[up]!,
+        light[up + 1]!,
+        light[i - 1]!,
+        light[i + 1]!,
+        light[down - 1]!,
+        light[down]!,
+        light[down + 1]!,
+      ];
       slope[i] = Math.hypot(c + 2 * f + k - a - 2 * d - g, g + 2 * h + k - a - 2 * b - c) / 8;
     }
   }

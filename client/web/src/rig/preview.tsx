@@ -27,7 +27,13 @@ async function decode(base64: string): Promise<ImageBitmap> {
 }
 
 /** Follows the camera's preview while `on`; draws each picture on the canvas. */
-function usePreview(node: string | undefined, on: boolean, settings: Settings, overlays: { zebra: boolean; peaking: boolean }, end: () => void) {
+function usePreview(
+  node: string | undefined,
+  on: boolean,
+  settings: Settings,
+  overlays: { zebra: boolean; peaking: boolean },
+  end: () => void,
+) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const drawn = useRef(overlays);
   drawn.current = overlays;
@@ -55,8 +61,14 @@ function usePreview(node: string | undefined, on: boolean, settings: Settings, o
       const now = Date.now() / 1000;
       setSeen({ picture, counts });
       setFocus(([times, values]) => {
-        const from = Math.max(0, times.findIndex((time) => time > now - kFocusSeconds));
-        return [[...times.slice(from), now], [...values.slice(from), Number(picture.focus ?? 0)]];
+        const from = Math.max(
+          0,
+          times.findIndex((time) => time > now - kFocusSeconds),
+        );
+        return [
+          [...times.slice(from), now],
+          [...values.slice(from), Number(picture.focus ?? 0)],
+        ];
       });
     };
     const tell = (change: { value: PreviewResponseJson } | { error: unknown; last: boolean }): void => {
@@ -65,7 +77,11 @@ function usePreview(node: string | undefined, on: boolean, settings: Settings, o
       if ("value" in change) void show(change.value);
       else if (change.last) end();
     };
-    void follow((signal) => stream<PreviewResponseJson>("CameraService/Preview", settings, { node, signal }), tell, cancel.signal);
+    void follow(
+      (signal) => stream<PreviewResponseJson>("CameraService/Preview", settings, { node, signal }),
+      tell,
+      cancel.signal,
+    );
     return () => (cancel.abort(), setLive(false));
   }, [node, on, settings.exposureMs, settings.maxFps, settings.maxWidthPx]);
   return { canvas, seen, live, error, focus };
@@ -74,7 +90,10 @@ function usePreview(node: string | undefined, on: boolean, settings: Settings, o
 function useCamera(node: string | undefined): GetCameraResponseJson | undefined {
   const [camera, setCamera] = useState<GetCameraResponseJson>();
   useEffect(() => {
-    if (node !== undefined) call<GetCameraResponseJson>("CameraService/GetCamera", {}, { node }).then(setCamera, () => setCamera(undefined));
+    if (node !== undefined)
+      call<GetCameraResponseJson>("CameraService/GetCamera", {}, { node }).then(setCamera, () =>
+        setCamera(undefined),
+      );
   }, [node]);
   return camera;
 }
@@ -83,10 +102,22 @@ function Figures({ picture }: { picture: PreviewResponseJson }) {
   const clipped = Number(picture.clippedFraction ?? 0);
   return (
     <dl class="figures">
-      <div><dt>Exposure</dt><dd>{Number(picture.exposureMs ?? 0).toPrecision(3)} ms</dd></div>
-      <div><dt>Mean light</dt><dd>{(100 * Number(picture.mean ?? 0)).toFixed(1)} %</dd></div>
-      <div><dt>Clipped</dt><dd class={clipped > 0.001 ? "caution-text" : ""}>{(100 * clipped).toFixed(2)} %</dd></div>
-      <div><dt>Focus</dt><dd>{Number(picture.focus ?? 0).toPrecision(3)}</dd></div>
+      <div>
+        <dt>Exposure</dt>
+        <dd>{Number(picture.exposureMs ?? 0).toPrecision(3)} ms</dd>
+      </div>
+      <div>
+        <dt>Mean light</dt>
+        <dd>{(100 * Number(picture.mean ?? 0)).toFixed(1)} %</dd>
+      </div>
+      <div>
+        <dt>Clipped</dt>
+        <dd class={clipped > 0.001 ? "caution-text" : ""}>{(100 * clipped).toFixed(2)} %</dd>
+      </div>
+      <div>
+        <dt>Focus</dt>
+        <dd>{Number(picture.focus ?? 0).toPrecision(3)}</dd>
+      </div>
     </dl>
   );
 }
@@ -99,46 +130,124 @@ export function Preview({ cameras }: { cameras: string[] }) {
   const [zebra, setZebra] = useState(false);
   const [peaking, setPeaking] = useState(false);
   const camera = useCamera(node);
-  const { canvas, seen, live, error, focus } = usePreview(node, on, settings, { zebra, peaking }, () => setOn(false));
+  const { canvas, seen, live, error, focus } = usePreview(node, on, settings, { zebra, peaking }, () =>
+    setOn(false),
+  );
   const change = (part: Partial<Settings>): void => setSettings((old) => ({ ...old, ...part }));
   return (
     <section class="card preview">
       <div class="row">
         <h2>What the camera sees</h2>
-        {on && (live ? <State kind="good">live</State> : <State kind="caution">{seen ? "not live: waiting for the camera" : "waiting for the camera"}</State>)}
-        {seen?.picture.widthPx && <span class="note digits">{seen.picture.widthPx}×{seen.picture.heightPx}</span>}
+        {on &&
+          (live ? (
+            <State kind="good">live</State>
+          ) : (
+            <State kind="caution">
+              {seen ? "not live: waiting for the camera" : "waiting for the camera"}
+            </State>
+          ))}
+        {seen?.picture.widthPx && (
+          <span class="note digits">
+            {seen.picture.widthPx}×{seen.picture.heightPx}
+          </span>
+        )}
       </div>
       <div class="preview-body">
         <div class={on && live ? "screen" : "screen waiting"}>
           <canvas ref={canvas} role="img" aria-label="The camera's picture" hidden={!seen} />
-          {!seen && <p class="note">{node === undefined ? "No camera has told the server of itself." : "Start the preview to point and focus the camera. A capture that wants the camera gets it."}</p>}
+          {!seen && (
+            <p class="note">
+              {node === undefined
+                ? "No camera has told the server of itself."
+                : "Start the preview to point and focus the camera. A capture that wants the camera gets it."}
+            </p>
+          )}
         </div>
         <div class="preview-side">
           <FeedFailure error={error} />
           <div class="row controls">
-            <button class="primary" disabled={node === undefined} onClick={() => setOn(!on)}>{on ? "Stop" : "Start"}</button>
+            <button class="primary" disabled={node === undefined} onClick={() => setOn(!on)}>
+              {on ? "Stop" : "Start"}
+            </button>
             {cameras.length > 1 && (
-              <label>Camera
-                <select value={node} onChange={(event) => setChosen(event.currentTarget.value)}>{cameras.map((name) => <option key={name}>{name}</option>)}</select>
+              <label>
+                Camera
+                <select value={node} onChange={(event) => setChosen(event.currentTarget.value)}>
+                  {cameras.map((name) => (
+                    <option key={name}>{name}</option>
+                  ))}
+                </select>
               </label>
             )}
-            <label>Exposure
-              <input class="short" type="number" step="any" min={camera?.minExposureMs?.toString() ?? 0.01} max={camera?.maxExposureMs?.toString() ?? 10000} value={settings.exposureMs} onChange={(event) => change({ exposureMs: Number(event.currentTarget.value) || 0 })} /> ms
+            <label>
+              Exposure
+              <input
+                class="short"
+                type="number"
+                step="any"
+                min={camera?.minExposureMs?.toString() ?? 0.01}
+                max={camera?.maxExposureMs?.toString() ?? 10000}
+                value={settings.exposureMs}
+                onChange={(event) => change({ exposureMs: Number(event.currentTarget.value) || 0 })}
+              />{" "}
+              ms
             </label>
-            <label>Rate
-              <select value={settings.maxFps} onChange={(event) => change({ maxFps: Number(event.currentTarget.value) })}>{[1, 2, 5, 10].map((fps) => <option key={fps} value={fps}>{fps} a second</option>)}</select>
+            <label>
+              Rate
+              <select
+                value={settings.maxFps}
+                onChange={(event) => change({ maxFps: Number(event.currentTarget.value) })}
+              >
+                {[1, 2, 5, 10].map((fps) => (
+                  <option key={fps} value={fps}>
+                    {fps} a second
+                  </option>
+                ))}
+              </select>
             </label>
-            <label>Width
-              <select value={settings.maxWidthPx} onChange={(event) => change({ maxWidthPx: Number(event.currentTarget.value) })}>{[320, 640, 1280, 2560].map((width) => <option key={width} value={width}>{width} px</option>)}</select>
+            <label>
+              Width
+              <select
+                value={settings.maxWidthPx}
+                onChange={(event) => change({ maxWidthPx: Number(event.currentTarget.value) })}
+              >
+                {[320, 640, 1280, 2560].map((width) => (
+                  <option key={width} value={width}>
+                    {width} px
+                  </option>
+                ))}
+              </select>
             </label>
-            <label><input type="checkbox" checked={zebra} onChange={(event) => setZebra(event.currentTarget.checked)} />Mark what is clipped</label>
-            <label><input type="checkbox" checked={peaking} onChange={(event) => setPeaking(event.currentTarget.checked)} />Mark what is sharp</label>
+            <label>
+              <input
+                type="checkbox"
+                checked={zebra}
+                onChange={(event) => setZebra(event.currentTarget.checked)}
+              />
+              Mark what is clipped
+            </label>
+            <label>
+              <input
+                type="checkbox"
+                checked={peaking}
+                onChange={(event) => setPeaking(event.currentTarget.checked)}
+              />
+              Mark what is sharp
+            </label>
           </div>
           {seen && (
             <>
               <Figures picture={seen.picture} />
               <Histogram counts={seen.counts} />
-              {focus[0].length > 1 && <Chart label="Focus over the last seconds; higher is sharper" data={focus} lines={[{ label: "focus", token: "--accent" }]} text={(value) => value.toPrecision(3)} height={110} />}
+              {focus[0].length > 1 && (
+                <Chart
+                  label="Focus over the last seconds; higher is sharper"
+                  data={focus}
+                  lines={[{ label: "focus", token: "--accent" }]}
+                  text={(value) => value.toPrecision(3)}
+                  height={110}
+                />
+              )}
               <p class="note">Focus: higher is sharper, for one scene at one exposure.</p>
             </>
           )}

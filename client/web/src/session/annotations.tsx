@@ -17,7 +17,13 @@ export function Annotations({ session }: { session: SessionJson }) {
       <section class="card annotations">
         <h2>Note and tags</h2>
         {note && <p>{note}</p>}
-        <div class="row">{tags.map((each) => <span key={each} class="tag">{each}</span>)}</div>
+        <div class="row">
+          {tags.map((each) => (
+            <span key={each} class="tag">
+              {each}
+            </span>
+          ))}
+        </div>
       </section>
     );
   }
@@ -33,19 +39,50 @@ export function Annotations({ session }: { session: SessionJson }) {
     <section class="card annotations">
       <h2>Note and tags</h2>
       <form onSubmit={(event) => void save(event)}>
-        <textarea rows={2} maxLength={4096} aria-label="Note" placeholder="What to remember of it" value={draft ?? note} onInput={(event) => setDraft(event.currentTarget.value)} />
+        <textarea
+          rows={2}
+          maxLength={4096}
+          aria-label="Note"
+          placeholder="What to remember of it"
+          value={draft ?? note}
+          onInput={(event) => setDraft(event.currentTarget.value)}
+        />
         {draft !== undefined && draft !== note && (
-          <div class="row"><button class="primary" disabled={busy}>Save the note</button><button type="button" onClick={() => setDraft(undefined)}>Undo</button></div>
+          <div class="row">
+            <button class="primary" disabled={busy}>
+              Save the note
+            </button>
+            <button type="button" onClick={() => setDraft(undefined)}>
+              Undo
+            </button>
+          </div>
         )}
       </form>
       <form class="row" onSubmit={(event) => void add(event)}>
         {tags.map((each) => (
           <span key={each} class="tag">
             {each}
-            <button type="button" class="quiet" aria-label={`Remove the tag ${each}`} disabled={busy} onClick={() => void annotate({ removeTags: [each] })}>×</button>
+            <button
+              type="button"
+              class="quiet"
+              aria-label={`Remove the tag ${each}`}
+              disabled={busy}
+              onClick={() => void annotate({ removeTags: [each] })}
+            >
+              ×
+            </button>
           </span>
         ))}
-        <input class="short" type="text" pattern="[A-Za-z0-9._\-]{1,64}" title="Letters, digits, dots, dashes and underscores" aria-label="New tag" placeholder="new tag" value={tag} onInput={(event) => setTag(event.currentTarget.value)} />
+        <input
+          class="short"
+          type="text"
+          pattern="[A-Za-z0-9._\-]{1,64}"
+          title="Letters, digits, dots, dashes and underscores"
+          aria-label="New tag"
+          placeholder="new tag"
+          value={tag}
+          onInput={(event) => setTag(event.currentTarget.value)}
+        />
         <button disabled={busy || tag === ""}>Add</button>
       </form>
       {error !== undefined && <Failure error={error} />}

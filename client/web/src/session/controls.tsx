@@ -20,9 +20,28 @@ function RetryDialog({ name, close }: { name: string; close: () => void }) {
     <Dialog title={`Try ${name} again`} close={close}>
       <form onSubmit={(event) => void retry(event)}>
         <p>What is proven or solved stays; the rest is done again.</p>
-        <label>Show a step again up to<input class="short" type="number" min={0} max={100} placeholder="plan's" value={retries} onInput={(event) => setRetries(event.currentTarget.value)} /> times</label>
+        <label>
+          Show a step again up to
+          <input
+            class="short"
+            type="number"
+            min={0}
+            max={100}
+            placeholder="plan's"
+            value={retries}
+            onInput={(event) => setRetries(event.currentTarget.value)}
+          />{" "}
+          times
+        </label>
         {error !== undefined && <Failure error={error} />}
-        <div class="row ends"><button type="button" onClick={close}>Leave it</button><button class="primary" disabled={busy}>Try again</button></div>
+        <div class="row ends">
+          <button type="button" onClick={close}>
+            Leave it
+          </button>
+          <button class="primary" disabled={busy}>
+            Try again
+          </button>
+        </div>
       </form>
     </Dialog>
   );
@@ -38,7 +57,12 @@ function DeleteDialog({ name, close }: { name: string; close: () => void }) {
     <Dialog title={`Delete ${name}?`} close={close}>
       <p>Its frames and its mattes are removed for good.</p>
       {error !== undefined && <Failure error={error} />}
-      <div class="row ends"><button onClick={close}>Keep it</button><button class="danger" disabled={busy} onClick={() => void remove()}>Delete</button></div>
+      <div class="row ends">
+        <button onClick={close}>Keep it</button>
+        <button class="danger" disabled={busy} onClick={() => void remove()}>
+          Delete
+        </button>
+      </div>
     </Dialog>
   );
 }
@@ -47,18 +71,43 @@ function DeleteDialog({ name, close }: { name: string; close: () => void }) {
 export function Controls({ session }: { session: SessionJson }) {
   const [asked, setAsked] = useState<"solve" | "retry" | "remove">();
   const { busy, error, act } = useAction();
-  if (!mayOperate.value) return <p class="note">You are logged in as a viewer: you may look at everything and change nothing.</p>;
+  if (!mayOperate.value)
+    return <p class="note">You are logged in as a viewer: you may look at everything and change nothing.</p>;
   const name = session.name ?? "";
   const may = allowed(session);
   const change = (method: string) => () => void act(() => call(`SessionService/${method}`, { name }));
   return (
     <div class="row controls">
-      {may.pause && <button disabled={busy} onClick={change("PauseSession")}>Pause</button>}
-      {may.resume && <button class="primary" disabled={busy} onClick={change("ResumeSession")}>Resume</button>}
-      {may.retry && <button class="primary" onClick={() => setAsked("retry")}>Retry…</button>}
-      {may.solve && <button class={session.matteReady ? "" : "primary"} onClick={() => setAsked("solve")}>{session.matteReady ? "Solve again…" : "Solve…"}</button>}
-      {may.cancel && <button disabled={busy} onClick={change("CancelSession")}>Cancel</button>}
-      {may.remove && <button class="danger" onClick={() => setAsked("remove")}>Delete…</button>}
+      {may.pause && (
+        <button disabled={busy} onClick={change("PauseSession")}>
+          Pause
+        </button>
+      )}
+      {may.resume && (
+        <button class="primary" disabled={busy} onClick={change("ResumeSession")}>
+          Resume
+        </button>
+      )}
+      {may.retry && (
+        <button class="primary" onClick={() => setAsked("retry")}>
+          Retry…
+        </button>
+      )}
+      {may.solve && (
+        <button class={session.matteReady ? "" : "primary"} onClick={() => setAsked("solve")}>
+          {session.matteReady ? "Solve again…" : "Solve…"}
+        </button>
+      )}
+      {may.cancel && (
+        <button disabled={busy} onClick={change("CancelSession")}>
+          Cancel
+        </button>
+      )}
+      {may.remove && (
+        <button class="danger" onClick={() => setAsked("remove")}>
+          Delete…
+        </button>
+      )}
       {error !== undefined && <Failure error={error} />}
       {asked === "solve" && <SolveDialog session={session} close={() => setAsked(undefined)} />}
       {asked === "retry" && <RetryDialog name={name} close={() => setAsked(undefined)} />}

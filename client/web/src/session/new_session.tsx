@@ -1,29 +1,89 @@
 import { useEffect, useRef, useState } from "preact/hooks";
 import { call, mayOperate } from "../api";
-import type { CreateSessionResponseJson, EstimateSessionResponseJson } from "../gen/glasswing/v1/session_service_pb";
+import type {
+  CreateSessionResponseJson,
+  EstimateSessionResponseJson,
+} from "../gen/glasswing/v1/session_service_pb";
 import { Failure } from "../parts/failure";
 import { useAction } from "../parts/use_action";
 import { bytesText, countText, secondsText, timeText } from "../parts/words";
 import { missingPhotos, withPhotos } from "./photos";
 import { usePlan } from "./use_plan";
 
-const kPlans = import.meta.glob<string>("../../../../deploy/plans/*.txtpb", { query: "?raw", import: "default" });
+const kPlans = import.meta.glob<string>("../../../../deploy/plans/*.txtpb", {
+  query: "?raw",
+  import: "default",
+});
 const kPlanNames = Object.keys(kPlans).map((path) => path.replace(/^.*\/(.*)\.txtpb$/, "$1"));
 const kFirst = "quick";
 
 function Estimate({ estimate }: { estimate: EstimateSessionResponseJson }) {
-  const { stepCount = 0, stepsWithoutObject = 0, seconds, bytes, freeBytes, monitors = [], holder, warnings = [] } = estimate;
+  const {
+    stepCount = 0,
+    stepsWithoutObject = 0,
+    seconds,
+    bytes,
+    freeBytes,
+    monitors = [],
+    holder,
+    warnings = [],
+  } = estimate;
   return (
     <>
       <dl class="figures">
-        <div><dt>Steps</dt><dd>{stepCount.toLocaleString("en")}<span class="note"> {stepsWithoutObject} without the object</span></dd></div>
-        <div><dt>Takes</dt><dd>{secondsText(Number(seconds ?? 0))}<span class="note"> nothing shown again</span></dd></div>
-        <div><dt>Frames</dt><dd>{bytesText(Number(bytes ?? 0))}<span class="note"> of {bytesText(Number(freeBytes ?? 0))} free</span></dd></div>
-        <div><dt>Monitors</dt><dd>{monitors.map(({ name, widthPx, heightPx, refreshHz }) => `${name} ${widthPx}×${heightPx}, ${Number(refreshHz ?? 0).toFixed(0)} Hz`).join("; ")}</dd></div>
-        {estimate.videoFrames && <div><dt>Video</dt><dd>{countText(estimate.videoFrames, "frame")}<span class="note"> in {secondsText(Number(estimate.videoSeconds ?? 0))}</span></dd></div>}
+        <div>
+          <dt>Steps</dt>
+          <dd>
+            {stepCount.toLocaleString("en")}
+            <span class="note"> {stepsWithoutObject} without the object</span>
+          </dd>
+        </div>
+        <div>
+          <dt>Takes</dt>
+          <dd>
+            {secondsText(Number(seconds ?? 0))}
+            <span class="note"> nothing shown again</span>
+          </dd>
+        </div>
+        <div>
+          <dt>Frames</dt>
+          <dd>
+            {bytesText(Number(bytes ?? 0))}
+            <span class="note"> of {bytesText(Number(freeBytes ?? 0))} free</span>
+          </dd>
+        </div>
+        <div>
+          <dt>Monitors</dt>
+          <dd>
+            {monitors
+              .map(
+                ({ name, widthPx, heightPx, refreshHz }) =>
+                  `${name} ${widthPx}×${heightPx}, ${Number(refreshHz ?? 0).toFixed(0)} Hz`,
+              )
+              .join("; ")}
+          </dd>
+        </div>
+        {estimate.videoFrames && (
+          <div>
+            <dt>Video</dt>
+            <dd>
+              {countText(estimate.videoFrames, "frame")}
+              <span class="note"> in {secondsText(Number(estimate.videoSeconds ?? 0))}</span>
+            </dd>
+          </div>
+        )}
       </dl>
-      {holder && <p class="caution-text">The rig is held by {holder.client || "somebody"} since {timeText(holder.since ?? "")}: {holder.what}.</p>}
-      {warnings.map((warning) => <p key={warning} class="caution-text">{warning}</p>)}
+      {holder && (
+        <p class="caution-text">
+          The rig is held by {holder.client || "somebody"} since {timeText(holder.since ?? "")}: {holder.what}
+          .
+        </p>
+      )}
+      {warnings.map((warning) => (
+        <p key={warning} class="caution-text">
+          {warning}
+        </p>
+      ))}
     </>
   );
 }
@@ -33,7 +93,7 @@ export function NewSession() {
   const [text, setText] = useState("");
   const [name, setName] = useState("");
   const [photos, setPhotos] = useState<File[]>([]);
-  const requestId = useRef(crypto.randomUUID());  // the same for every try, so that an answer that was lost makes no second session
+  const requestId = useRef(crypto.randomUUID()); // the same for every try, so that an answer that was lost makes no second session
   const { plan, estimate, error } = usePlan(text, name);
   const start = useAction();
   useEffect(() => {
@@ -52,38 +112,91 @@ export function NewSession() {
     event.preventDefault();
     await start.act(async () => {
       const full = await withPhotos(plan!, photos, estimate?.monitors ?? []);
-      const { session } = await call<CreateSessionResponseJson>("SessionService/CreateSession", { requestId: requestId.current, name, plan: full });
+      const { session } = await call<CreateSessionResponseJson>("SessionService/CreateSession", {
+        requestId: requestId.current,
+        name,
+        plan: full,
+      });
       location.hash = `#/session/${encodeURIComponent(session?.name ?? "")}`;
     });
   };
   return (
     <form class="session" onSubmit={(event) => void create(event)}>
-      <div class="row"><h1>New session</h1><span class="spacer" /><a href="#/session">All sessions</a></div>
+      <div class="row">
+        <h1>New session</h1>
+        <span class="spacer" />
+        <a href="#/session">All sessions</a>
+      </div>
       <section class="card fields">
         <div class="row">
-          <label>Plan
+          <label>
+            Plan
             <select value={ready} onChange={(event) => setReady(event.currentTarget.value)}>
               {ready === "" && <option value="">your own</option>}
-              {kPlanNames.map((each) => <option key={each}>{each}</option>)}
+              {kPlanNames.map((each) => (
+                <option key={each}>{each}</option>
+              ))}
             </select>
           </label>
-          <label class="button">Open a file…<input type="file" accept=".txtpb,text/plain" onChange={(event) => void open(event.currentTarget.files?.[0])} /></label>
-          <label>Name<input type="text" pattern="[A-Za-z0-9._\-]{1,64}" title="Letters, digits, dots, dashes and underscores" placeholder="the server chooses" value={name} onInput={(event) => setName(event.currentTarget.value)} /></label>
+          <label class="button">
+            Open a file…
+            <input
+              type="file"
+              accept=".txtpb,text/plain"
+              onChange={(event) => void open(event.currentTarget.files?.[0])}
+            />
+          </label>
+          <label>
+            Name
+            <input
+              type="text"
+              pattern="[A-Za-z0-9._\-]{1,64}"
+              title="Letters, digits, dots, dashes and underscores"
+              placeholder="the server chooses"
+              value={name}
+              onInput={(event) => setName(event.currentTarget.value)}
+            />
+          </label>
         </div>
-        <textarea class="plan" aria-label="The plan's text" spellcheck={false} rows={18} value={text} onInput={(event) => setText(event.currentTarget.value)} />
+        <textarea
+          class="plan"
+          aria-label="The plan's text"
+          spellcheck={false}
+          rows={18}
+          value={text}
+          onInput={(event) => setText(event.currentTarget.value)}
+        />
         {plan?.photos && plan.photos.length > 0 && (
           <div class="row">
-            <label class="button">Pick its pictures…<input type="file" accept="image/*" multiple onChange={(event) => setPhotos([...photos, ...(event.currentTarget.files ?? [])])} /></label>
-            <span class={missing.length > 0 ? "caution-text" : "note"}>{missing.length > 0 ? `Still to pick: ${missing.join(", ")}` : "All of its pictures are picked."}</span>
+            <label class="button">
+              Pick its pictures…
+              <input
+                type="file"
+                accept="image/*"
+                multiple
+                onChange={(event) => setPhotos([...photos, ...(event.currentTarget.files ?? [])])}
+              />
+            </label>
+            <span class={missing.length > 0 ? "caution-text" : "note"}>
+              {missing.length > 0
+                ? `Still to pick: ${missing.join(", ")}`
+                : "All of its pictures are picked."}
+            </span>
           </div>
         )}
       </section>
       <section class="card" aria-live="polite">
         <h2>What it costs</h2>
         {error !== undefined && <Failure error={error} />}
-        {estimate ? <Estimate estimate={estimate} /> : error === undefined && <p class="note">Looking at the rig…</p>}
+        {estimate ? (
+          <Estimate estimate={estimate} />
+        ) : (
+          error === undefined && <p class="note">Looking at the rig…</p>
+        )}
         {start.error !== undefined && <Failure error={start.error} />}
-        <button class="primary" disabled={start.busy || !estimate || missing.length > 0}>{start.busy ? "Starting…" : "Start"}</button>
+        <button class="primary" disabled={start.busy || !estimate || missing.length > 0}>
+          {start.busy ? "Starting…" : "Start"}
+        </button>
       </section>
     </form>
   );

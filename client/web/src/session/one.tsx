@@ -29,7 +29,12 @@ function Head({ session }: { session: SessionJson }) {
         {session.startedBy && `, by ${session.startedBy}`}
       </span>
       <span class="spacer" />
-      {looks && <><a href={`#/matte/${encodeURIComponent(name)}`}>Its matte</a><a href={`#/play/${encodeURIComponent(name)}`}>Play with it</a></>}
+      {looks && (
+        <>
+          <a href={`#/matte/${encodeURIComponent(name)}`}>Its matte</a>
+          <a href={`#/play/${encodeURIComponent(name)}`}>Play with it</a>
+        </>
+      )}
       <a href="#/session">All sessions</a>
     </div>
   );
@@ -43,13 +48,36 @@ function Session({ session }: { session: SessionJson }) {
   return (
     <>
       <section class="card">
-        {session.reason && <p class={kindOf(session) === "bad" ? "failure" : "caution-text"} role="status">{session.reason}</p>}
+        {session.reason && (
+          <p class={kindOf(session) === "bad" ? "failure" : "caution-text"} role="status">
+            {session.reason}
+          </p>
+        )}
         {session.warning && <p class="caution-text">{session.warning}</p>}
         <Progress session={session} timeline={timeline} archive={archive} />
         <Controls session={session} />
       </section>
-      {timeline && <section class="card"><h2>Steps</h2><TimelineView timeline={timeline} version={version} limit={stepLimit(session.plan, archive.manifest?.monitors ?? [])} selected={selected} select={select} /></section>}
-      {archive.manifest && <Scrubber session={session.name ?? ""} manifest={archive.manifest} selected={selected} select={select} capturing={capturing} />}
+      {timeline && (
+        <section class="card">
+          <h2>Steps</h2>
+          <TimelineView
+            timeline={timeline}
+            version={version}
+            limit={stepLimit(session.plan, archive.manifest?.monitors ?? [])}
+            selected={selected}
+            select={select}
+          />
+        </section>
+      )}
+      {archive.manifest && (
+        <Scrubber
+          session={session.name ?? ""}
+          manifest={archive.manifest}
+          selected={selected}
+          select={select}
+          capturing={capturing}
+        />
+      )}
       <Retakes session={session} timeline={timeline} select={select} />
       <Annotations session={session} />
     </>
@@ -57,7 +85,11 @@ function Session({ session }: { session: SessionJson }) {
 }
 
 export function One({ name }: { name: string }) {
-  const { value, live, error } = useFeed((signal) => watched<WatchSessionResponseJson>("SessionService/WatchSession", { name }, kLookAgain_s, { signal }), [name]);
+  const { value, live, error } = useFeed(
+    (signal) =>
+      watched<WatchSessionResponseJson>("SessionService/WatchSession", { name }, kLookAgain_s, { signal }),
+    [name],
+  );
   return (
     <div class={live || !value ? "session" : "session stale"}>
       {!live && <FeedFailure error={error} />}

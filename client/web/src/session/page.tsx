@@ -6,5 +6,5 @@ import "./session.css";
 
 export default function Page({ path: [name] }: PageProps) {
   if (name === undefined) return <List />;
-  return name === "+new" ? <NewSession /> : <One name={name} />;  // no session's name has a plus
+  return name === "+new" ? <NewSession /> : <One name={name} />; // no session's name has a plus
 }

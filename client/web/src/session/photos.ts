@@ -13,7 +13,9 @@ export function photoName({ name, file = "" }: PhotoJson): string {
 
 /** The plan's photos of which no file was picked; they are told apart by their files' names. */
 export function missingPhotos(plan: PlanJson, files: readonly { name: string }[]): string[] {
-  return (plan.photos ?? []).map(({ file = "" }) => baseOf(file)).filter((wanted) => !files.some(({ name }) => name === wanted));
+  return (plan.photos ?? [])
+    .map(({ file = "" }) => baseOf(file))
+    .filter((wanted) => !files.some(({ name }) => name === wanted));
 }
 
 async function upload(file: File, width: number, height: number): Promise<string> {
@@ -24,12 +26,20 @@ async function upload(file: File, width: number, height: number): Promise<string
   pen.imageSmoothingQuality = "high";
   pen.drawImage(picture, 0, 0, width, height);
   picture.close();
-  const answer = await ask("/images", { method: "POST", headers: { "Content-Type": "image/png" }, body: await linearPng(pen.getImageData(0, 0, width, height)) });
+  const answer = await ask("/images", {
+    method: "POST",
+    headers: { "Content-Type": "image/png" },
+    body: await linearPng(pen.getImageData(0, 0, width, height)),
+  });
   return ((await answer.json()) as { image: string }).image;
 }
 
 /** The plan with the uploaded pictures in place of the files' names. Photos are shown on the plan's first monitor. */
-export async function withPhotos(plan: PlanJson, files: readonly File[], monitors: readonly MonitorJson[]): Promise<PlanJson> {
+export async function withPhotos(
+  plan: PlanJson,
+  files: readonly File[],
+  monitors: readonly MonitorJson[],
+): Promise<PlanJson> {
   if (!plan.photos?.length) return plan;
   const wanted = plan.monitors?.[0]?.name;
   const monitor = monitors.find(({ name }) => wanted === undefined || name === wanted);
@@ -38,7 +48,10 @@ export async function withPhotos(plan: PlanJson, files: readonly File[], monitor
   for (const photo of plan.photos) {
     const file = files.find(({ name }) => name === baseOf(photo.file ?? ""));
     if (!file) throw new Error(`the picture ${photo.file ?? ""} was not picked`);
-    photos.push({ name: photoName(photo), file: await upload(file, monitor.widthPx ?? 0, monitor.heightPx ?? 0) });
+    photos.push({
+      name: photoName(photo),
+      file: await upload(file, monitor.widthPx ?? 0, monitor.heightPx ?? 0),
+    });
   }
   return { ...plan, photos };
 }

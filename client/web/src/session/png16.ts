@@ -35,9 +35,17 @@ export function lightOf(code: number): number {
 }
 
 /** `codes`: sRGB r, g, b, alpha of 0 to 255, row by row; alpha is left out. */
-export async function linearPng({ data, width, height }: { data: Uint8ClampedArray; width: number; height: number }): Promise<Blob> {
+export async function linearPng({
+  data,
+  width,
+  height,
+}: {
+  data: Uint8ClampedArray;
+  width: number;
+  height: number;
+}): Promise<Blob> {
   const lights = Uint16Array.from({ length: 256 }, (_, code) => Math.round(65535 * lightOf(code / 255)));
-  const rows = new Uint8Array(height * (1 + 6 * width));  // each begins with its filter: none
+  const rows = new Uint8Array(height * (1 + 6 * width)); // each begins with its filter: none
   const view = new DataView(rows.buffer);
   let at = 0;
   for (let i = 0; i < data.length; i += 4) {
@@ -47,7 +55,7 @@ export async function linearPng({ data, width, height }: { data: Uint8ClampedArr
   const header = new Uint8Array(13);
   new DataView(header.buffer).setUint32(0, width);
   new DataView(header.buffer).setUint32(4, height);
-  header.set([16, 2], 8);  // bits, r g b
+  header.set([16, 2], 8); // bits, r g b
   const parts = [chunk("IHDR", header), chunk("IDAT", await deflated(rows)), chunk("IEND", new Uint8Array())];
   return new Blob([new Uint8Array(kSignature), ...parts], { type: "image/png" });
 }

@@ -11,12 +11,28 @@ interface Fact {
   more?: string;
 }
 
-function rateFact(session: SessionJson, perSecond: number | undefined, limit: number | undefined): Fact | undefined {
-  const taken = Number(session.captureSeconds ?? 0), proven = session.provenCount ?? 0;
-  const rate = isCapturing(session) ? perSecond : taken > 0 && Number(session.framesTaken ?? 0) > 0 ? proven / taken : undefined;
+function rateFact(
+  session: SessionJson,
+  perSecond: number | undefined,
+  limit: number | undefined,
+): Fact | undefined {
+  const taken = Number(session.captureSeconds ?? 0),
+    proven = session.provenCount ?? 0;
+  const rate = isCapturing(session)
+    ? perSecond
+    : taken > 0 && Number(session.framesTaken ?? 0) > 0
+      ? proven / taken
+      : undefined;
   if (rate === undefined) return undefined;
-  const more = limit === undefined ? undefined : `the display allows ${limit.toFixed(1)}: ${((100 * rate) / limit).toFixed(0)} %`;
-  return { name: isCapturing(session) ? "Rate now" : "Rate", text: `${rate.toFixed(1)} steps/s`, ...(more && { more }) };
+  const more =
+    limit === undefined
+      ? undefined
+      : `the display allows ${limit.toFixed(1)}: ${((100 * rate) / limit).toFixed(0)} %`;
+  return {
+    name: isCapturing(session) ? "Rate now" : "Rate",
+    text: `${rate.toFixed(1)} steps/s`,
+    ...(more && { more }),
+  };
 }
 
 function diskFact(session: SessionJson, { freeBytes }: ArchiveView): Fact | undefined {
@@ -24,37 +40,85 @@ function diskFact(session: SessionJson, { freeBytes }: ArchiveView): Fact | unde
   const { provenCount = 0, stepCount = 0 } = session;
   const kept = Number(session.archiveBytes ?? 0);
   const needed = provenCount > 0 ? (kept / provenCount) * (stepCount - provenCount) : 0;
-  const more = [kept > 0 && `${bytesText(kept)} kept`, needed > 0 && isCapturing(session) && `${bytesText(needed)} still to come`].filter(Boolean).join(", ");
+  const more = [
+    kept > 0 && `${bytesText(kept)} kept`,
+    needed > 0 && isCapturing(session) && `${bytesText(needed)} still to come`,
+  ]
+    .filter(Boolean)
+    .join(", ");
   return { name: "Disk left", text: bytesText(freeBytes), ...(more && { more }) };
 }
 
 function factsOf(session: SessionJson, timeline: Timeline | undefined, archive: ArchiveView): Fact[] {
-  const { provenCount = 0, stepCount = 0, patchProvenCount = 0, retakenCount = 0, refusedCount = 0 } = session;
+  const {
+    provenCount = 0,
+    stepCount = 0,
+    patchProvenCount = 0,
+    retakenCount = 0,
+    refusedCount = 0,
+  } = session;
   const perSecond = timeline && recentRate(timeline.provenAt);
   const limit = stepLimit(session.plan, archive.manifest?.monitors ?? []);
   const left = isCapturing(session) ? secondsLeft(stepCount - provenCount, perSecond ?? limit) : undefined;
-  const pixels = Number(session.objectPixelCount ?? 0), flagged = Number(session.flaggedPixelCount ?? 0);
+  const pixels = Number(session.objectPixelCount ?? 0),
+    flagged = Number(session.flaggedPixelCount ?? 0);
   const facts: (Fact | false | undefined)[] = [
-    { name: "Proven", text: `${provenCount.toLocaleString("en")} of ${stepCount.toLocaleString("en")}`, more: `${patchProvenCount.toLocaleString("en")} by the id patch too` },
-    { name: "Shown again", text: retakenCount.toLocaleString("en"), ...(refusedCount > 0 && { more: `${refusedCount} frames showed another id` }) },
+    {
+      name: "Proven",
+      text: `${provenCount.toLocaleString("en")} of ${stepCount.toLocaleString("en")}`,
+      more: `${patchProvenCount.toLocaleString("en")} by the id patch too`,
+    },
+    {
+      name: "Shown again",
+      text: retakenCount.toLocaleString("en"),
+      ...(refusedCount > 0 && { more: `${refusedCount} frames showed another id` }),
+    },
     rateFact(session, perSecond, limit),
     left !== undefined && { name: "Time left", text: secondsText(left) },
-    !isCapturing(session) && Number(session.captureSeconds ?? 0) > 0 && { name: "Captured in", text: secondsText(Number(session.captureSeconds)) },
+    !isCapturing(session) &&
+      Number(session.captureSeconds ?? 0) > 0 && {
+        name: "Captured in",
+        text: secondsText(Number(session.captureSeconds)),
+      },
     diskFact(session, archive),
-    pixels > 0 && { name: "Object", text: `${pixels.toLocaleString("en")} pixels`, more: `${flagged.toLocaleString("en")} not to be trusted` },
-    Number(session.solveSeconds ?? 0) > 0 && { name: "Solved in", text: secondsText(Number(session.solveSeconds)), ...(session.method && { more: session.method }) },
+    pixels > 0 && {
+      name: "Object",
+      text: `${pixels.toLocaleString("en")} pixels`,
+      more: `${flagged.toLocaleString("en")} not to be trusted`,
+    },
+    Number(session.solveSeconds ?? 0) > 0 && {
+      name: "Solved in",
+      text: secondsText(Number(session.solveSeconds)),
+      ...(session.method && { more: session.method }),
+    },
   ];
   return facts.filter((fact): fact is Fact => Boolean(fact));
 }
 
-export function Progress({ session, timeline, archive }: { session: SessionJson; timeline: Timeline | undefined; archive: ArchiveView }) {
+export function Progress({
+  session,
+  timeline,
+  archive,
+}: {
+  session: SessionJson;
+  timeline: Timeline | undefined;
+  archive: ArchiveView;
+}) {
   const progress = progressOf(session);
   return (
     <>
       {progress && (
         <div class="progress">
-          {progress.count > 0 ? <progress value={progress.done} max={progress.count} aria-label={`${progress.what} done`} /> : <progress aria-label="under way" />}
-          <span class="digits">{progress.count > 0 ? `${progress.done.toLocaleString("en")} of ${progress.count.toLocaleString("en")} ${progress.what}` : "surveying the frames"}</span>
+          {progress.count > 0 ? (
+            <progress value={progress.done} max={progress.count} aria-label={`${progress.what} done`} />
+          ) : (
+            <progress aria-label="under way" />
+          )}
+          <span class="digits">
+            {progress.count > 0
+              ? `${progress.done.toLocaleString("en")} of ${progress.count.toLocaleString("en")} ${progress.what}`
+              : "surveying the frames"}
+          </span>
         </div>
       )}
       <dl class="figures">

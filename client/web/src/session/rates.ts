@@ -16,7 +16,9 @@ export function recentRate(times: Float64Array, window = kWindow_s): number | un
 /** What the plan's slowest monitor allows: each step stands for so many of its refreshes. undefined: no monitor is known. */
 export function stepLimit(plan: PlanJson | undefined, monitors: readonly MonitorJson[]): number | undefined {
   const wanted = new Set((plan?.monitors ?? []).map(({ name }) => name));
-  const rates = monitors.filter(({ name }) => wanted.size === 0 || wanted.has(name)).map(({ refreshHz }) => Number(refreshHz ?? 0));
+  const rates = monitors
+    .filter(({ name }) => wanted.size === 0 || wanted.has(name))
+    .map(({ refreshHz }) => Number(refreshHz ?? 0));
   const slowest = Math.min(...rates.filter((rate) => rate > 0));
   return Number.isFinite(slowest) ? slowest / (plan?.holdRefreshes ?? kUsualHold) : undefined;
 }

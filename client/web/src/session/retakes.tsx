@@ -3,27 +3,57 @@ import { countText } from "../parts/words";
 import type { Timeline } from "./timeline";
 
 /** Why steps were shown again, and which ones last; and those that got no proof at all. */
-export function Retakes({ session, timeline, select }: { session: SessionJson; timeline: Timeline | undefined; select: (step: number) => void }) {
+export function Retakes({
+  session,
+  timeline,
+  select,
+}: {
+  session: SessionJson;
+  timeline: Timeline | undefined;
+  select: (step: number) => void;
+}) {
   const unproven = session.unproven ?? [];
   if (!timeline?.retaken && unproven.length === 0) return null;
-  const stepButton = (step: number) => <button class="quiet link" onClick={() => select(step)}>step {step}</button>;
+  const stepButton = (step: number) => (
+    <button class="quiet link" onClick={() => select(step)}>
+      step {step}
+    </button>
+  );
   return (
     <section class="card">
       {unproven.length > 0 && (
         <>
           <h2>Without proof: {countText(unproven.length, "step")}</h2>
-          <ul class="steps">{unproven.slice(0, 100).map(({ step = 0, what }) => <li key={step}><span class="digits">{step}</span> {what}</li>)}</ul>
+          <ul class="steps">
+            {unproven.slice(0, 100).map(({ step = 0, what }) => (
+              <li key={step}>
+                <span class="digits">{step}</span> {what}
+              </li>
+            ))}
+          </ul>
         </>
       )}
       {timeline && timeline.retaken > 0 && (
         <>
           <h2>Shown again: {countText(timeline.retaken, "time")}</h2>
           <ul class="reasons">
-            {[...timeline.reasons].sort((a, b) => b[1] - a[1]).map(([why, count]) => <li key={why}><b class="digits">{count.toLocaleString("en")}</b> {why || "no reason was given"}</li>)}
+            {[...timeline.reasons]
+              .sort((a, b) => b[1] - a[1])
+              .map(([why, count]) => (
+                <li key={why}>
+                  <b class="digits">{count.toLocaleString("en")}</b> {why || "no reason was given"}
+                </li>
+              ))}
           </ul>
           <details>
             <summary>The last {Math.min(timeline.retaken, timeline.retakes.length)}</summary>
-            <ul class="steps">{timeline.retakes.map(({ step, seconds, why }, i) => <li key={i}><span class="digits">{seconds.toFixed(1)} s</span> {stepButton(step)} {why}</li>)}</ul>
+            <ul class="steps">
+              {timeline.retakes.map(({ step, seconds, why }, i) => (
+                <li key={i}>
+                  <span class="digits">{seconds.toFixed(1)} s</span> {stepButton(step)} {why}
+                </li>
+              ))}
+            </ul>
           </details>
         </>
       )}

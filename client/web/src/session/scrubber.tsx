@@ -6,7 +6,10 @@ import { proofWords, shownWords } from "./stimulus_words";
 /** By step; what has none stays in the archive's order, at the end. */
 export function framesBySteps({ frames = [] }: CaptureManifestJson): FrameJson[] {
   const place = ({ step = 0 }: FrameJson): number => (step < 0 ? Infinity : step);
-  return frames.map((frame, i) => ({ frame, i })).sort((a, b) => place(a.frame) - place(b.frame) || a.i - b.i).map(({ frame }) => frame);
+  return frames
+    .map((frame, i) => ({ frame, i }))
+    .sort((a, b) => place(a.frame) - place(b.frame) || a.i - b.i)
+    .map(({ frame }) => frame);
 }
 
 export function fileName({ file = "" }: FrameJson): string {
@@ -20,7 +23,9 @@ function PatchId({ id }: { id: number | undefined }) {
     <>
       <span class="digits">{id}</span>
       <span class="bits" aria-hidden="true">
-        {Array.from({ length: 32 }, (_, cell) => <i key={cell} class={((id >> (cell % 16)) & 1) === (cell < 16 ? 1 : 0) ? "lit" : ""} />)}
+        {Array.from({ length: 32 }, (_, cell) => (
+          <i key={cell} class={((id >> (cell % 16)) & 1) === (cell < 16 ? 1 : 0) ? "lit" : ""} />
+        ))}
       </span>
     </>
   );
@@ -28,21 +33,54 @@ function PatchId({ id }: { id: number | undefined }) {
 
 /** What a session is looked at by first: the object before something bright, if that was shown. */
 function showpiece(frames: FrameJson[]): number {
-  const bright = frames.findIndex(({ object, stimulus }) => object && stimulus?.kind === "solid" && (stimulus.colour ?? [1]).some((part) => Number(part) > 0));
+  const bright = frames.findIndex(
+    ({ object, stimulus }) =>
+      object && stimulus?.kind === "solid" && (stimulus.colour ?? [1]).some((part) => Number(part) > 0),
+  );
   return bright < 0 ? frames.length - 1 : bright;
 }
 
 function Facts({ frame, session }: { frame: FrameJson; session: string }) {
   return (
     <dl class="facts">
-      <div><dt>Step</dt><dd>{(frame.step ?? 0) < 0 ? "of no plan" : (frame.step ?? 0)}</dd></div>
-      <div><dt>Shown</dt><dd>{shownWords(frame) || "nothing"}</dd></div>
-      <div><dt>Stage</dt><dd>{frame.object ? "with the object" : "empty"}</dd></div>
-      <div><dt>Exposure</dt><dd>{Number(frame.exposureMs ?? 0)} ms</dd></div>
-      <div><dt>Proof</dt><dd>{proofWords(frame.proof)}</dd></div>
-      <div><dt>Id patch</dt><dd><PatchId id={frame.patchId} /></dd></div>
-      <div><dt>Camera's frame</dt><dd class="digits">{String(frame.sequence ?? "–")}</dd></div>
-      <div><dt>File</dt><dd><a href={`/frames/${session}/${fileName(frame)}.tif`} download>{frame.file}</a></dd></div>
+      <div>
+        <dt>Step</dt>
+        <dd>{(frame.step ?? 0) < 0 ? "of no plan" : (frame.step ?? 0)}</dd>
+      </div>
+      <div>
+        <dt>Shown</dt>
+        <dd>{shownWords(frame) || "nothing"}</dd>
+      </div>
+      <div>
+        <dt>Stage</dt>
+        <dd>{frame.object ? "with the object" : "empty"}</dd>
+      </div>
+      <div>
+        <dt>Exposure</dt>
+        <dd>{Number(frame.exposureMs ?? 0)} ms</dd>
+      </div>
+      <div>
+        <dt>Proof</dt>
+        <dd>{proofWords(frame.proof)}</dd>
+      </div>
+      <div>
+        <dt>Id patch</dt>
+        <dd>
+          <PatchId id={frame.patchId} />
+        </dd>
+      </div>
+      <div>
+        <dt>Camera's frame</dt>
+        <dd class="digits">{String(frame.sequence ?? "–")}</dd>
+      </div>
+      <div>
+        <dt>File</dt>
+        <dd>
+          <a href={`/frames/${session}/${fileName(frame)}.tif`} download>
+            {frame.file}
+          </a>
+        </dd>
+      </div>
     </dl>
   );
 }
@@ -70,23 +108,55 @@ export function Scrubber({ session, manifest, selected, select, capturing }: Pro
       <div class="row">
         <h2>Frames</h2>
         <span class="note">{frames.length.toLocaleString("en")} are kept</span>
-        {capturing && <label><input type="checkbox" checked={selected === undefined} onChange={(event) => select(event.currentTarget.checked ? undefined : frame.step ?? 0)} />Follow the newest</label>}
+        {capturing && (
+          <label>
+            <input
+              type="checkbox"
+              checked={selected === undefined}
+              onChange={(event) => select(event.currentTarget.checked ? undefined : (frame.step ?? 0))}
+            />
+            Follow the newest
+          </label>
+        )}
       </div>
       <label class="frames">
         <span>Frame</span>
-        <input type="range" min={0} max={frames.length - 1} step={1} value={at} onInput={(event) => choose(Number(event.currentTarget.value))} aria-valuetext={`step ${frame.step ?? 0}: ${shownWords(frame)}`} />
-        <output class="digits">{at + 1} of {frames.length}</output>
+        <input
+          type="range"
+          min={0}
+          max={frames.length - 1}
+          step={1}
+          value={at}
+          onInput={(event) => choose(Number(event.currentTarget.value))}
+          aria-valuetext={`step ${frame.step ?? 0}: ${shownWords(frame)}`}
+        />
+        <output class="digits">
+          {at + 1} of {frames.length}
+        </output>
       </label>
       <div class="scrubber-body">
         <div class="screen">
-          <LatestPicture src={`/frames/${session}/${fileName(frame)}.jpg?width=1024&stops=${stops}`} alt={`Frame of step ${frame.step ?? 0}: ${shownWords(frame)}`} />
+          <LatestPicture
+            src={`/frames/${session}/${fileName(frame)}.jpg?width=1024&stops=${stops}`}
+            alt={`Frame of step ${frame.step ?? 0}: ${shownWords(frame)}`}
+          />
         </div>
         <div>
           <Facts frame={frame} session={session} />
           <label class="frames">
             Brightness
-            <input type="range" min={-6} max={6} step={0.5} value={stops} onInput={(event) => setStops(Number(event.currentTarget.value))} />
-            <output class="digits">{stops > 0 ? "+" : ""}{stops.toFixed(1)} stops</output>
+            <input
+              type="range"
+              min={-6}
+              max={6}
+              step={0.5}
+              value={stops}
+              onInput={(event) => setStops(Number(event.currentTarget.value))}
+            />
+            <output class="digits">
+              {stops > 0 ? "+" : ""}
+              {stops.toFixed(1)} stops
+            </output>
           </label>
         </div>
       </div>

@@ -10,11 +10,15 @@ const kMethods = ["gaussian", "hierarchical", "fringe", "alpha", "ramp"];
 /** "modes=2 images=100" as a map. What is no NAME=VALUE is told. */
 export function parseOptions(text: string): Record<string, string> {
   return Object.fromEntries(
-    text.split(/[\s,]+/).filter(Boolean).map((part) => {
-      const [, name, value] = /^([^=]+)=(.+)$/.exec(part) ?? [];
-      if (name === undefined || value === undefined) throw new Error(`"${part}" is no option; write them as modes=2 images=100`);
-      return [name, value];
-    }),
+    text
+      .split(/[\s,]+/)
+      .filter(Boolean)
+      .map((part) => {
+        const [, name, value] = /^([^=]+)=(.+)$/.exec(part) ?? [];
+        if (name === undefined || value === undefined)
+          throw new Error(`"${part}" is no option; write them as modes=2 images=100`);
+        return [name, value];
+      }),
   );
 }
 
@@ -24,24 +28,45 @@ export function SolveDialog({ session, close }: { session: SessionJson; close: (
   const { busy, error, act } = useAction();
   const solve = async (event: Event): Promise<void> => {
     event.preventDefault();
-    const asked = async (): Promise<unknown> => call("SessionService/SolveSession", { name: session.name, method, options: parseOptions(options) });
+    const asked = async (): Promise<unknown> =>
+      call("SessionService/SolveSession", { name: session.name, method, options: parseOptions(options) });
     if (await act(asked)) close();
   };
   return (
     <Dialog title={`Solve ${session.name ?? ""}`} close={close}>
       <form class="fields" onSubmit={(event) => void solve(event)}>
-        <label>Method
+        <label>
+          Method
           <select value={method} onChange={(event) => setMethod(event.currentTarget.value)}>
             <option value="">the plan's ({session.plan?.method || "by its frames"})</option>
-            {kMethods.map((name) => <option key={name} value={name}>{name}</option>)}
+            {kMethods.map((name) => (
+              <option key={name} value={name}>
+                {name}
+              </option>
+            ))}
           </select>
         </label>
-        <label>Options
-          <input type="text" placeholder="modes=2 images=100" value={options} onInput={(event) => setOptions(event.currentTarget.value)} />
+        <label>
+          Options
+          <input
+            type="text"
+            placeholder="modes=2 images=100"
+            value={options}
+            onInput={(event) => setOptions(event.currentTarget.value)}
+          />
         </label>
-        {session.matteReady && <p class="note">The matte that is there can be had until the new one is done.</p>}
+        {session.matteReady && (
+          <p class="note">The matte that is there can be had until the new one is done.</p>
+        )}
         {error !== undefined && <Failure error={error} />}
-        <div class="row ends"><button type="button" onClick={close}>Not now</button><button class="primary" disabled={busy}>Solve</button></div>
+        <div class="row ends">
+          <button type="button" onClick={close}>
+            Not now
+          </button>
+          <button class="primary" disabled={busy}>
+            Solve
+          </button>
+        </div>
       </form>
     </Dialog>
   );

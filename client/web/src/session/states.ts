@@ -24,7 +24,14 @@ export function isCapturing({ state }: SessionJson): boolean {
 }
 
 /** What may be asked of a session as it is; the server has the last word. */
-export function allowed(session: SessionJson): { pause: boolean; resume: boolean; retry: boolean; cancel: boolean; solve: boolean; remove: boolean } {
+export function allowed(session: SessionJson): {
+  pause: boolean;
+  resume: boolean;
+  retry: boolean;
+  cancel: boolean;
+  solve: boolean;
+  remove: boolean;
+} {
   const { state, plan, job } = session;
   const moves = state === "SESSION_STATE_CAPTURING" || state === "SESSION_STATE_SOLVING";
   const rests = state === "SESSION_STATE_PAUSED";
@@ -33,7 +40,11 @@ export function allowed(session: SessionJson): { pause: boolean; resume: boolean
     resume: rests,
     retry: state === "SESSION_STATE_FAILED",
     cancel: moves || rests || state === "SESSION_STATE_CREATED",
-    solve: plan?.calibration === undefined && (state === "SESSION_STATE_CAPTURED" || state === "SESSION_STATE_DONE" || (Number(job ?? 0) > 0 && !moves)),
+    solve:
+      plan?.calibration === undefined &&
+      (state === "SESSION_STATE_CAPTURED" ||
+        state === "SESSION_STATE_DONE" ||
+        (Number(job ?? 0) > 0 && !moves)),
     remove: !moves && state !== "SESSION_STATE_CREATED",
   };
 }
@@ -42,6 +53,7 @@ export function allowed(session: SessionJson): { pause: boolean; resume: boolean
 export function progressOf(session: SessionJson): { done: number; count: number; what: string } | undefined {
   const { state, provenCount = 0, stepCount = 0, tilesDone = 0, tileCount = 0 } = session;
   if (state === "SESSION_STATE_SOLVING") return { done: tilesDone, count: tileCount, what: "tiles" };
-  if (isCapturing(session) || state === "SESSION_STATE_PAUSED" || state === "SESSION_STATE_FAILED") return { done: provenCount, count: stepCount, what: "steps" };
+  if (isCapturing(session) || state === "SESSION_STATE_PAUSED" || state === "SESSION_STATE_FAILED")
+    return { done: provenCount, count: stepCount, what: "steps" };
   return undefined;
 }

@@ -5,7 +5,12 @@ import type { StepEventJson } from "../gen/glasswing/v1/session_service_pb";
 /** How far a step is. The order is that in which a column of several steps is told by the least of them. */
 export const kStates = ["lost", "planned", "shown", "imported", "time", "patch"] as const;
 export type StepState = (typeof kStates)[number];
-const kLost = 0, kPlanned = 1, kShown = 2, kImported = 3, kTime = 4, kPatch = 5;
+const kLost = 0,
+  kPlanned = 1,
+  kShown = 2,
+  kImported = 3,
+  kTime = 4,
+  kPatch = 5;
 const isProven = (state: number): boolean => state >= kImported;
 
 /** What an event is drawn as: a state's index, or this. */
@@ -17,7 +22,7 @@ export interface Retake {
   why: string;
 }
 
-const kMostRetakes = 100;  // that are kept in words, the newest
+const kMostRetakes = 100; // that are kept in words, the newest
 
 /** Numbers that become more. */
 class Column<T extends Float64Array | Int32Array | Uint8Array> {
@@ -78,7 +83,8 @@ export class Timeline {
 
   add(events: readonly StepEventJson[]): void {
     for (const event of events) {
-      const step = event.step ?? 0, seconds = Number(event.seconds ?? 0);
+      const step = event.step ?? 0,
+        seconds = Number(event.seconds ?? 0);
       if (step < 0 || step >= this.stepCount) continue;
       const kind = event.outcome === "STEP_OUTCOME_RETAKEN" ? kRetaken : stateOf(event);
       if (kind === undefined) continue;
@@ -126,7 +132,10 @@ function stateOf({ outcome, proof }: StepEventJson): number | undefined {
 }
 
 /** For a strip of `columns` columns: the least state of the steps in each, and whether any was retaken. */
-export function columnsOf({ states, retakeCounts, stepCount }: Timeline, columns: number): { states: Uint8Array; retaken: Uint8Array } {
+export function columnsOf(
+  { states, retakeCounts, stepCount }: Timeline,
+  columns: number,
+): { states: Uint8Array; retaken: Uint8Array } {
   const out = { states: new Uint8Array(columns).fill(kStates.length), retaken: new Uint8Array(columns) };
   for (let step = 0; step < stepCount; ++step) {
     const column = Math.floor((step * columns) / stepCount);

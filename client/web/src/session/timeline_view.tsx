@@ -3,7 +3,14 @@ import { colourOf, useDark } from "../parts/colours";
 import { secondsText } from "../parts/words";
 import { columnsOf, kRetaken, kStates, type StepState, type Timeline } from "./timeline";
 
-const kTokens: Record<StepState, string> = { lost: "--bad", planned: "--line", shown: "--faint", imported: "--faint", time: "--accent", patch: "--good" };
+const kTokens: Record<StepState, string> = {
+  lost: "--bad",
+  planned: "--line",
+  shown: "--faint",
+  imported: "--faint",
+  time: "--accent",
+  patch: "--good",
+};
 const kWords: Record<StepState, string> = {
   lost: "lost",
   planned: "planned",
@@ -12,19 +19,30 @@ const kWords: Record<StepState, string> = {
   time: "proven by time",
   patch: "proven by time and id patch",
 };
-const kStrip = 22, kTicks = 6, kSpace = 8;  // CSS px: the strip of steps, its marks of retakes, and what keeps it from the plot
+const kStrip = 22,
+  kTicks = 6,
+  kSpace = 8; // CSS px: the strip of steps, its marks of retakes, and what keeps it from the plot
 
 /** Below: each step in its place. Above: each event, by time and step. */
-function draw(pen: CanvasRenderingContext2D, timeline: Timeline, limit: number | undefined, selected: number | undefined): void {
+function draw(
+  pen: CanvasRenderingContext2D,
+  timeline: Timeline,
+  limit: number | undefined,
+  selected: number | undefined,
+): void {
   const scale = devicePixelRatio;
-  const width = pen.canvas.width, height = pen.canvas.height;
-  const strip = kStrip * scale, ticks = kTicks * scale, plot = height - strip - ticks - kSpace * scale;
+  const width = pen.canvas.width,
+    height = pen.canvas.height;
+  const strip = kStrip * scale,
+    ticks = kTicks * scale,
+    plot = height - strip - ticks - kSpace * scale;
   pen.clearRect(0, 0, width, height);
   const { seconds, steps, kinds } = timeline.events;
   const fastest = limit === undefined ? 0 : timeline.stepCount / limit;
   const last = Math.max(1, timeline.seconds, fastest);
   const x = (time: number): number => (time / last) * (width - 4 * scale);
-  const y = (step: number): number => plot - 3 * scale - (step / Math.max(1, timeline.stepCount - 1)) * (plot - 6 * scale);
+  const y = (step: number): number =>
+    plot - 3 * scale - (step / Math.max(1, timeline.stepCount - 1)) * (plot - 6 * scale);
 
   pen.fillStyle = colourOf("--line");
   pen.fillRect(0, plot, width, scale);
@@ -68,25 +86,39 @@ function draw(pen: CanvasRenderingContext2D, timeline: Timeline, limit: number |
   const wide = width / columns;
   for (const [state, name] of kStates.entries()) {
     pen.fillStyle = colourOf(kTokens[name]);
-    for (let i = 0; i < columns; ++i) if (states[i] === state) pen.fillRect(i * wide, height - strip, Math.ceil(wide), strip);
+    for (let i = 0; i < columns; ++i)
+      if (states[i] === state) pen.fillRect(i * wide, height - strip, Math.ceil(wide), strip);
   }
   pen.fillStyle = colourOf("--caution");
-  for (let i = 0; i < columns; ++i) if (retaken[i]) pen.fillRect(i * wide, height - strip - ticks, Math.max(wide, 2 * scale), ticks - scale);
+  for (let i = 0; i < columns; ++i)
+    if (retaken[i]) pen.fillRect(i * wide, height - strip - ticks, Math.max(wide, 2 * scale), ticks - scale);
   if (selected !== undefined) {
     pen.fillStyle = colourOf("--ink");
-    pen.fillRect(((selected + 0.5) / timeline.stepCount) * width - scale, height - strip - ticks, 2 * scale, strip + ticks);
+    pen.fillRect(
+      ((selected + 0.5) / timeline.stepCount) * width - scale,
+      height - strip - ticks,
+      2 * scale,
+      strip + ticks,
+    );
   }
 }
 
 function Legend({ timeline }: { timeline: Timeline }) {
   return (
     <ul class="keys">
-      {kStates.map((state, i) => timeline.counts[i]! > 0 && (
-        <li key={state}>
-          <span class={`key-mark ${state}`} /> {timeline.counts[i]!.toLocaleString("en")} {kWords[state]}
+      {kStates.map(
+        (state, i) =>
+          timeline.counts[i]! > 0 && (
+            <li key={state}>
+              <span class={`key-mark ${state}`} /> {timeline.counts[i]!.toLocaleString("en")} {kWords[state]}
+            </li>
+          ),
+      )}
+      {timeline.retaken > 0 && (
+        <li>
+          <span class="key-mark retaken" /> {timeline.retaken.toLocaleString("en")} times shown again
         </li>
-      ))}
-      {timeline.retaken > 0 && <li><span class="key-mark retaken" /> {timeline.retaken.toLocaleString("en")} times shown again</li>}
+      )}
     </ul>
   );
 }
@@ -109,8 +141,12 @@ export function TimelineView({ timeline, version, limit, selected, select }: Pro
     const pen = canvas.current?.getContext("2d");
     if (!pen) return;
     const { clientWidth, clientHeight } = pen.canvas;
-    const [width, height] = [Math.round(clientWidth * devicePixelRatio), Math.round(clientHeight * devicePixelRatio)];
-    if (pen.canvas.width !== width || pen.canvas.height !== height) [pen.canvas.width, pen.canvas.height] = [width, height];
+    const [width, height] = [
+      Math.round(clientWidth * devicePixelRatio),
+      Math.round(clientHeight * devicePixelRatio),
+    ];
+    if (pen.canvas.width !== width || pen.canvas.height !== height)
+      [pen.canvas.width, pen.canvas.height] = [width, height];
     if (width > 0) draw(pen, timeline, limit, selected);
   };
   useEffect(() => {
@@ -125,13 +161,23 @@ export function TimelineView({ timeline, version, limit, selected, select }: Pro
   const pick = (event: MouseEvent): void => {
     const box = canvas.current!.getBoundingClientRect();
     const place = (event.clientX - box.left) / box.width;
-    if (event.clientY > box.bottom - kStrip - kTicks) select(Math.min(timeline.stepCount - 1, Math.max(0, Math.floor(place * timeline.stepCount))));
+    if (event.clientY > box.bottom - kStrip - kTicks)
+      select(Math.min(timeline.stepCount - 1, Math.max(0, Math.floor(place * timeline.stepCount))));
   };
   const proven = timeline.provenAt.length;
   return (
     <figure class="timeline">
-      <canvas ref={canvas} onClick={pick} role="img" aria-label={`Timeline: ${proven} of ${timeline.stepCount} steps are proven, ${timeline.retaken} times a step was shown again`} />
-      <figcaption class="note">Above: what happened, by time (to the right) and step (upwards){limit !== undefined && "; the broken line is what the display allows"}. Below: each step as it is; click one to see its frame.</figcaption>
+      <canvas
+        ref={canvas}
+        onClick={pick}
+        role="img"
+        aria-label={`Timeline: ${proven} of ${timeline.stepCount} steps are proven, ${timeline.retaken} times a step was shown again`}
+      />
+      <figcaption class="note">
+        Above: what happened, by time (to the right) and step (upwards)
+        {limit !== undefined && "; the broken line is what the display allows"}. Below: each step as it is;
+        click one to see its frame.
+      </figcaption>
       <Legend timeline={timeline} />
     </figure>
   );

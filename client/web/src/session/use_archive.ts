@@ -13,7 +13,8 @@ export interface ArchiveView {
 }
 
 // A manifest is long: looking at it again and again may take this share of the time at most, and not oftener.
-const kShare = 1 / 20, kLeast_s = 3;
+const kShare = 1 / 20,
+  kLeast_s = 3;
 
 /** What the node that holds the session's frames tells of them; nothing while it is away. Looked at again while frames come. */
 export function useArchive(session: SessionJson): ArchiveView {
@@ -25,18 +26,26 @@ export function useArchive(session: SessionJson): ArchiveView {
     if (!archiveAddress) return;
     const cancel = new AbortController();
     const look = async (): Promise<void> => {
-      const { nodes = [] } = await call<ListNodesResponseJson>("NodeService/ListNodes", {}, { signal: cancel.signal });
+      const { nodes = [] } = await call<ListNodesResponseJson>(
+        "NodeService/ListNodes",
+        {},
+        { signal: cancel.signal },
+      );
       const node = nodes.find(({ address }) => address === archiveAddress)?.name;
       if (node === undefined) return;
       const options = { node, signal: cancel.signal };
-      const { manifest } = await call<GetManifestResponseJson>("ArchiveService/GetManifest", { session: name }, options);
+      const { manifest } = await call<GetManifestResponseJson>(
+        "ArchiveService/GetManifest",
+        { session: name },
+        options,
+      );
       const { freeBytes } = await call<GetSpaceResponseJson>("ArchiveService/GetSpace", {}, options);
       setView({ ...(manifest && { manifest }), freeBytes: Number(freeBytes ?? 0) });
     };
     const run = async (): Promise<void> => {
       do {
         const began = performance.now();
-        await look().catch(() => undefined);  // the session says what is wrong
+        await look().catch(() => undefined); // the session says what is wrong
         await waited(Math.max(kLeast_s, (performance.now() - began) / 1000 / kShare), cancel.signal);
       } while (capturing && !cancel.signal.aborted);
     };

@@ -10,7 +10,7 @@ export interface PlanView {
   error?: unknown;
 }
 
-const kPause_s = 0.4;  // of somebody who types
+const kPause_s = 0.4; // of somebody who types
 
 /** What the server says of a plan's text and of the name, a moment after they were changed. */
 export function usePlan(text: string, name: string): PlanView {
@@ -24,7 +24,14 @@ export function usePlan(text: string, name: string): PlanView {
       if (signal.aborted || text.trim() === "") return;
       const plan = (await (await ask("/plans", { method: "POST", body: text, signal })).json()) as PlanJson;
       setView({ plan });
-      setView({ plan, estimate: await call<EstimateSessionResponseJson>("SessionService/EstimateSession", { name, plan }, { signal }) });
+      setView({
+        plan,
+        estimate: await call<EstimateSessionResponseJson>(
+          "SessionService/EstimateSession",
+          { name, plan },
+          { signal },
+        ),
+      });
     };
     look().catch((error: unknown) => signal.aborted || setView((old) => ({ ...old, error })));
     return () => cancel.abort();

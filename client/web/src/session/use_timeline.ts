@@ -13,14 +13,20 @@ export function useTimeline(session: SessionJson): { timeline?: Timeline; versio
   const { name = "", stepCount = 0 } = session;
   const timeline = useRef<Timeline | undefined>(undefined);
   const [version, setVersion] = useState(0);
-  const moment = isCapturing(session) ? "now" : `${session.state} ${session.provenCount} ${session.retakenCount}`;
+  const moment = isCapturing(session)
+    ? "now"
+    : `${session.state} ${session.provenCount} ${session.retakenCount}`;
   useEffect(() => {
     if (stepCount === 0) return;
     const cancel = new AbortController();
     let frame = 0;
     const source = async function* (signal: AbortSignal): AsyncGenerator<void> {
-      const fresh = new Timeline(stepCount);  // all events come again after a reconnection
-      for await (const { events = [] } of stream<WatchStepsResponseJson>("SessionService/WatchSteps", { name }, { signal })) {
+      const fresh = new Timeline(stepCount); // all events come again after a reconnection
+      for await (const { events = [] } of stream<WatchStepsResponseJson>(
+        "SessionService/WatchSteps",
+        { name },
+        { signal },
+      )) {
         fresh.add(events);
         timeline.current = fresh;
         yield;

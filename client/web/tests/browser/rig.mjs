@@ -26,13 +26,18 @@ async function free_ports() {
 
 export async function start_rig() {
   const { GLASSWING_BIN: bin, GLASSWING_CONSOLE_FILES: files } = process.env;
-  if (!bin || !files) throw new Error("GLASSWING_BIN must name the programs' directory, GLASSWING_CONSOLE_FILES the built page's");
+  if (!bin || !files)
+    throw new Error(
+      "GLASSWING_BIN must name the programs' directory, GLASSWING_CONSOLE_FILES the built page's",
+    );
   const port = await free_ports();
   const data = mkdtempSync(join(tmpdir(), "console-rig-"));
   const env = { ...process.env, GLASSWING_CONFIG: "/dev/null", GLASSWING_SERVER: `127.0.0.1:${port}` };
-  const run = (program, args) => execFileSync(program, args, { env, encoding: "utf8", stdio: ["ignore", "pipe", "pipe"] });
+  const run = (program, args) =>
+    execFileSync(program, args, { env, encoding: "utf8", stdio: ["ignore", "pipe", "pipe"] });
   const local_rig = (verb, ...args) => run(join(kRoot, "deploy/local-rig"), [verb, "--data", data, ...args]);
-  const up = () => local_rig("up", "--port", port, "--console", port + 3, "--console-files", files, "--solvers", 1);
+  const up = () =>
+    local_rig("up", "--port", port, "--console", port + 3, "--console-files", files, "--solvers", 1);
   up();
   return {
     up,

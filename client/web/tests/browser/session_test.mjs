@@ -25,7 +25,13 @@ async function visit(context, link) {
   page.setDefaultTimeout(kPatience_ms);
   const errors = [];
   page.on("pageerror", (error) => errors.push(error.message));
-  page.on("console", (message) => message.type() === "error" && /Content Security Policy/.test(message.text()) && errors.push(message.text()));
+  page.on(
+    "console",
+    (message) =>
+      message.type() === "error" &&
+      /Content Security Policy/.test(message.text()) &&
+      errors.push(message.text()),
+  );
   await page.goto(link);
   await page.getByRole("button", { name: /^Log out/ }).waitFor();
   return { page, errors };
@@ -42,9 +48,14 @@ async function photograph(page, name) {
 }
 
 const state_of = (page) => page.locator(".session .state").first();
-const until_state = (page, state) => page.locator(".session .row .state", { hasText: new RegExp(`^${state}$`) }).waitFor();
+const until_state = (page, state) =>
+  page.locator(".session .row .state", { hasText: new RegExp(`^${state}$`) }).waitFor();
 /** "225 of 225", as the page has it. */
-const proven_on = (page) => page.locator(".figures > div", { hasText: "Proven" }).locator("dd").evaluate((cell) => cell.firstChild.textContent);
+const proven_on = (page) =>
+  page
+    .locator(".figures > div", { hasText: "Proven" })
+    .locator("dd")
+    .evaluate((cell) => cell.firstChild.textContent);
 const proven_by_cli = ({ proven_count = 0, step_count = 0 }) => `${proven_count} of ${step_count}`;
 
 // --- what a first visit costs
@@ -56,23 +67,37 @@ async function measure_first_visit(browser, rig, link) {
   await devtools.send("Network.enable");
   const kinds = new Map();
   let bytes = 0;
-  devtools.on("Network.responseReceived", ({ requestId, type, response }) => kinds.set(requestId, { type, url: response.url }));
+  devtools.on("Network.responseReceived", ({ requestId, type, response }) =>
+    kinds.set(requestId, { type, url: response.url }),
+  );
   devtools.on("Network.loadingFinished", ({ requestId, encodedDataLength }) => {
     const { type, url } = kinds.get(requestId) ?? {};
     if (type !== "Image" && !/\/(mattes|frames)\//.test(url ?? "")) bytes += encodedDataLength;
   });
   await page.addInitScript(() => {
     new MutationObserver(() => {
-      if (window.useful_ms === undefined && document.querySelector(".nodes tbody tr")) requestAnimationFrame(() => (window.useful_ms = performance.now()));
+      if (window.useful_ms === undefined && document.querySelector(".nodes tbody tr"))
+        requestAnimationFrame(() => (window.useful_ms = performance.now()));
     }).observe(document, { childList: true, subtree: true });
   });
   await page.goto(link);
   await page.waitForFunction(() => window.useful_ms !== undefined);
-  const useful = await page.evaluate(() => ({ useful: window.useful_ms, painted: performance.getEntriesByName("first-contentful-paint")[0]?.startTime }));
+  const useful = await page.evaluate(() => ({
+    useful: window.useful_ms,
+    painted: performance.getEntriesByName("first-contentful-paint")[0]?.startTime,
+  }));
   told("first paint", `${useful.painted?.toFixed(0)} ms`);
   told("first useful paint: the rig's nodes (goal 1000 ms)", `${useful.useful.toFixed(0)} ms`);
   told("transferred until then, without images", `${(bytes / 1000).toFixed(0)} kB`);
-  for (const [hash, sign] of [["#/session", "table"], ["#/session/+new", "textarea"], ["#/session/first", ".scrubber img"], ["#/matte/first", ".panels"], ["#/play/first", ".stage:visible"], ["#/fleet", "table"]]) await look(page, hash, sign);
+  for (const [hash, sign] of [
+    ["#/session", "table"],
+    ["#/session/+new", "textarea"],
+    ["#/session/first", ".scrubber img"],
+    ["#/matte/first", ".panels"],
+    ["#/play/first", ".stage:visible"],
+    ["#/fleet", "table"],
+  ])
+    await look(page, hash, sign);
   told("transferred for all pages, without images", `${(bytes / 1000).toFixed(0)} kB`);
   assert.ok(bytes <= kMostBytes, `${bytes} bytes were transferred; ${kMostBytes} are allowed`);
   await context.close();
@@ -97,8 +122,13 @@ async function capture_and_solve(page, rig) {
 
   // The id that the page decodes is the one in the archive.
   await page.getByRole("slider", { name: /^Frame/ }).fill("100");
-  const steps = rig.glasswing("steps", "first").split("\n").filter((line) => line.includes("proven"));
-  assert.ok((await page.locator(".keys").textContent()).includes(`${steps.length} proven by time and id patch`));
+  const steps = rig
+    .glasswing("steps", "first")
+    .split("\n")
+    .filter((line) => line.includes("proven"));
+  assert.ok(
+    (await page.locator(".keys").textContent()).includes(`${steps.length} proven by time and id patch`),
+  );
   await photograph(page, "session");
 
   await page.getByRole("button", { name: "Solve…" }).click();
@@ -135,7 +165,10 @@ async function look_at_rig(page) {
   // What a capture shows is seen in the preview.
   rig.glasswing("capture", rig.plan("quick"), "--session", "seen");
   const mean = page.locator(".preview .figures > div", { hasText: "Mean light" }).locator("dd");
-  await page.waitForFunction((cell) => parseFloat(cell.textContent) > 5 && parseFloat(cell.textContent) < 30, await mean.elementHandle());
+  await page.waitForFunction(
+    (cell) => parseFloat(cell.textContent) > 5 && parseFloat(cell.textContent) < 30,
+    await mean.elementHandle(),
+  );
   await photograph(page, "rig");
   rig.glasswing("watch", "seen");
 }
@@ -143,7 +176,16 @@ async function look_at_rig(page) {
 // --- a server that dies while a session is captured
 
 async function survive_restart(page, rig) {
-  rig.glasswing("capture", rig.plan("crystal"), "--session", "second", "--tag", "vases", "--note", "handle to the left");
+  rig.glasswing(
+    "capture",
+    rig.plan("crystal"),
+    "--session",
+    "second",
+    "--tag",
+    "vases",
+    "--note",
+    "handle to the left",
+  );
   await look(page, "#/session/second", ".session h1");
   await page.evaluate(() => (window.not_loaded_again = true));
   await page.waitForFunction(() => Number(document.querySelector(".progress progress")?.value ?? 0) >= 30);
@@ -190,7 +232,8 @@ async function check_accessible(page) {
       await page.evaluate(axe.source);
       const { violations } = await page.evaluate(() => window.axe.run());
       for (const { id, impact, nodes } of violations) {
-        if (impact === "serious" || impact === "critical") serious.push(`${name}, ${colorScheme}: ${id} at ${nodes.map(({ target }) => target).join(" ")}`);
+        if (impact === "serious" || impact === "critical")
+          serious.push(`${name}, ${colorScheme}: ${id} at ${nodes.map(({ target }) => target).join(" ")}`);
       }
       if (colorScheme === "dark") await photograph(page, `${name}-dark`);
     }
@@ -216,8 +259,21 @@ async function check_narrow(page) {
 // --- viewers
 
 const kChanges = [
-  ...["CreateSession", "BeginImport", "FinishImport", "PauseSession", "ResumeSession", "CancelSession", "DeleteSession", "AnnotateSession", "SolveSession", "ReplicateSession"].map((name) => `/api/SessionService/${name}`),
-  ...["CalibrateSync", "CheckRig", "FitCalibration", "ForgetCalibration", "HoldRig"].map((name) => `/api/RigService/${name}`),
+  ...[
+    "CreateSession",
+    "BeginImport",
+    "FinishImport",
+    "PauseSession",
+    "ResumeSession",
+    "CancelSession",
+    "DeleteSession",
+    "AnnotateSession",
+    "SolveSession",
+    "ReplicateSession",
+  ].map((name) => `/api/SessionService/${name}`),
+  ...["CalibrateSync", "CheckRig", "FitCalibration", "ForgetCalibration", "HoldRig"].map(
+    (name) => `/api/RigService/${name}`,
+  ),
   "/api/ConsoleService/CreateToken",
   "/images",
 ];
@@ -227,7 +283,10 @@ async function check_viewer(browser, rig) {
   const link = rig.glasswing("console", "token", "--viewer", "--name", "visitor").trim();
   const { page, errors } = await visit(context, link);
   const tried = [];
-  page.on("request", (request) => kChanges.some((path) => request.url().endsWith(path)) && tried.push(request.url()));
+  page.on(
+    "request",
+    (request) => kChanges.some((path) => request.url().endsWith(path)) && tried.push(request.url()),
+  );
   let clicked = 0;
   for (const [, hash, sign] of kPages) {
     await look(page, hash, hash === "#/session/+new" ? "main p" : sign);
@@ -239,10 +298,22 @@ async function check_viewer(browser, rig) {
   told("buttons that a viewer clicked, changes asked for", `${clicked}, ${tried.length}`);
   assert.deepEqual(tried, []);
   const statuses = await page.evaluate(
-    (paths) => Promise.all(paths.map((path) => fetch(path, { method: "POST", headers: { "X-Glasswing": "console", "Content-Type": "application/json" }, body: "{}" }).then(({ status }) => status))),
+    (paths) =>
+      Promise.all(
+        paths.map((path) =>
+          fetch(path, {
+            method: "POST",
+            headers: { "X-Glasswing": "console", "Content-Type": "application/json" },
+            body: "{}",
+          }).then(({ status }) => status),
+        ),
+      ),
     kChanges,
   );
-  assert.deepEqual(statuses, kChanges.map(() => 403));
+  assert.deepEqual(
+    statuses,
+    kChanges.map(() => 403),
+  );
   told("changes that the server refuses a viewer", statuses.length);
   assert.deepEqual(errors, []);
   await context.close();

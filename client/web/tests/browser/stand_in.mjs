@@ -68,7 +68,10 @@ export async function stand_in({ mattes = {}, answer = () => undefined, stream =
     }
   });
   await new Promise((resolve) => server.listen(0, "127.0.0.1", resolve));
-  return { url: `http://127.0.0.1:${server.address().port}`, close: () => (server.close(), server.closeAllConnections()) };
+  return {
+    url: `http://127.0.0.1:${server.address().port}`,
+    close: () => (server.close(), server.closeAllConnections()),
+  };
 }
 
 export const read_json = async (path) => JSON.parse(await readFile(path, "utf8"));

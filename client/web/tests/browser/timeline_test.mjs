@@ -8,22 +8,38 @@ import { join } from "node:path";
 import { open_browser } from "./browser.mjs";
 import { stand_in } from "./stand_in.mjs";
 
-const kSteps = 2000, kFailing = 0.8; // of the first showings
+const kSteps = 2000,
+  kFailing = 0.8; // of the first showings
 const kMost_ms = 200; // of one stretch in which the page answers nothing
 
 /** Each step is shown and fails, and is proven at last. */
 function all_events() {
   const events = [];
   let seconds = 0;
-  for (let pending = Array.from({ length: kSteps }, (_, step) => step), round = 0; pending.length > 0; ++round) {
+  for (
+    let pending = Array.from({ length: kSteps }, (_, step) => step), round = 0;
+    pending.length > 0;
+    ++round
+  ) {
     const again = [];
     for (const step of pending) {
       events.push({ step, outcome: "STEP_OUTCOME_SHOWN", seconds: (seconds += 1 / 30) });
       if ((step * 7 + round * 3) % 5 < 5 * kFailing && round < 4) {
-        events.push({ step, outcome: "STEP_OUTCOME_RETAKEN", seconds, why: "its frame's pixels showed another id" });
+        events.push({
+          step,
+          outcome: "STEP_OUTCOME_RETAKEN",
+          seconds,
+          why: "its frame's pixels showed another id",
+        });
         again.push(step);
       } else {
-        events.push({ step, outcome: "STEP_OUTCOME_PROVEN", seconds, file: `frames/${step}.tif`, proof: "PROOF_TIME_AND_PATCH" });
+        events.push({
+          step,
+          outcome: "STEP_OUTCOME_PROVEN",
+          seconds,
+          file: `frames/${step}.tif`,
+          proof: "PROOF_TIME_AND_PATCH",
+        });
       }
     }
     pending = again;
@@ -33,7 +49,14 @@ function all_events() {
 
 const events = all_events();
 const kNow = Math.floor(events.length / 2); // of them are there when the page is opened, the rest comes in small parts
-const session = { name: "long", state: "SESSION_STATE_CAPTURING", stepCount: kSteps, plan: {}, method: "gaussian", created: "2026-11-22T12:00:00Z" };
+const session = {
+  name: "long",
+  state: "SESSION_STATE_CAPTURING",
+  stepCount: kSteps,
+  plan: {},
+  method: "gaussian",
+  created: "2026-11-22T12:00:00Z",
+};
 
 async function* stream_of(path) {
   if (path.endsWith("/WatchSession")) {
@@ -50,13 +73,17 @@ async function* stream_of(path) {
   await new Promise(() => undefined); // the capture goes on
 }
 
-const server = await stand_in({ stream: (path) => (/\/Watch(Session|Steps)$/.test(path) ? stream_of(path) : undefined) });
+const server = await stand_in({
+  stream: (path) => (/\/Watch(Session|Steps)$/.test(path) ? stream_of(path) : undefined),
+});
 const browser = await open_browser();
 try {
   const page = await browser.newPage({ viewport: { width: 1280, height: 900 } });
   await page.addInitScript(() => {
     window.stretches = [];
-    new PerformanceObserver((list) => window.stretches.push(...list.getEntries().map(({ duration }) => duration))).observe({ type: "longtask", buffered: true });
+    new PerformanceObserver((list) =>
+      window.stretches.push(...list.getEntries().map(({ duration }) => duration)),
+    ).observe({ type: "longtask", buffered: true });
   });
   await page.goto(`${server.url}/#/session/long`);
   const began = Date.now();
@@ -64,12 +91,17 @@ try {
   assert.ok(events.length > 10_000);
   console.log(`${events.length} events of ${kSteps} steps in ${((Date.now() - began) / 1000).toFixed(1)} s`);
   const retaken = events.filter(({ outcome }) => outcome === "STEP_OUTCOME_RETAKEN").length;
-  assert.ok((await page.locator(".keys").textContent()).includes(`${retaken.toLocaleString("en")} times shown again`));
+  assert.ok(
+    (await page.locator(".keys").textContent()).includes(`${retaken.toLocaleString("en")} times shown again`),
+  );
   const stretches = await page.evaluate(() => window.stretches);
   const longest = Math.max(0, ...stretches);
-  console.log(`longest stretch in which the page answers nothing: ${longest.toFixed(0)} ms (${stretches.length} above 50 ms)`);
+  console.log(
+    `longest stretch in which the page answers nothing: ${longest.toFixed(0)} ms (${stretches.length} above 50 ms)`,
+  );
   console.log(`elements on the page: ${await page.evaluate(() => document.querySelectorAll("*").length)}`);
-  if (process.env.GLASSWING_PICTURES) await page.screenshot({ path: join(process.env.GLASSWING_PICTURES, "timeline.png"), fullPage: true });
+  if (process.env.GLASSWING_PICTURES)
+    await page.screenshot({ path: join(process.env.GLASSWING_PICTURES, "timeline.png"), fullPage: true });
   assert.ok(longest <= kMost_ms, `the page was busy for ${longest} ms; ${kMost_ms} are allowed`);
 } finally {
   await browser.close();

@@ -1,7 +1,19 @@
 import { describe, expect, it } from "vitest";
-import { drawPeaking, drawZebra, histogram, kClipped, kSharp, slopes, type Pixels } from "../../src/rig/picture_figures";
+import {
+  drawPeaking,
+  drawZebra,
+  histogram,
+  kClipped,
+  kSharp,
+  slopes,
+  type Pixels,
+} from "../../src/rig/picture_figures";
 
-function picture(width: number, height: number, colour: (x: number, y: number) => [number, number, number]): Pixels {
+function picture(
+  width: number,
+  height: number,
+  colour: (x: number, y: number) => [number, number, number],
+): Pixels {
   const data = new Uint8ClampedArray(4 * width * height);
   for (let y = 0; y < height; ++y) {
     for (let x = 0; x < width; ++x) data.set([...colour(x, y), 255], 4 * (y * width + x));
@@ -20,11 +32,16 @@ it("counts every pixel of every colour once", () => {
 
 describe("slopes", () => {
   it("are a plane's, whatever its direction", () => {
-    for (const [right, down] of [[3, 0], [0, -2], [2, 1]] as const) {
+    for (const [right, down] of [
+      [3, 0],
+      [0, -2],
+      [2, 1],
+    ] as const) {
       const { width, height } = { width: 12, height: 9 };
       const found = slopes(picture(width, height, (x, y) => gray(60 + right * x + down * y)));
       for (let y = 1; y < height - 1; ++y) {
-        for (let x = 1; x < width - 1; ++x) expect(found[y * width + x]).toBeCloseTo(Math.hypot(right, down), 3);
+        for (let x = 1; x < width - 1; ++x)
+          expect(found[y * width + x]).toBeCloseTo(Math.hypot(right, down), 3);
       }
     }
   });
@@ -38,7 +55,9 @@ describe("slopes", () => {
 
 it("marks an edge that is sharp, and not the same edge out of focus", () => {
   const marked = (blur: number): number => {
-    const edge = picture(64, 8, (x) => gray(Math.round(200 * Math.min(1, Math.max(0, (x - 32) / blur + 0.5)))));
+    const edge = picture(64, 8, (x) =>
+      gray(Math.round(200 * Math.min(1, Math.max(0, (x - 32) / blur + 0.5)))),
+    );
     const before = edge.data.slice();
     drawPeaking(edge);
     return edge.data.filter((value, i) => value !== before[i]).length;
@@ -50,7 +69,9 @@ it("marks an edge that is sharp, and not the same edge out of focus", () => {
 });
 
 it("draws stripes over what is clipped in any colour, and over nothing else", () => {
-  const half = picture(32, 32, (x) => (x < 16 ? [kClipped - 1, kClipped - 1, kClipped - 1] : [0, kClipped, 0]));
+  const half = picture(32, 32, (x) =>
+    x < 16 ? [kClipped - 1, kClipped - 1, kClipped - 1] : [0, kClipped, 0],
+  );
   const before = half.data.slice();
   drawZebra(half);
   const changed = new Set<number>();

@@ -18,7 +18,8 @@ describe("photos", () => {
 
 describe("linearPng", () => {
   it("holds each code's light in 16 bits", async () => {
-    const width = 3, height = 2;
+    const width = 3,
+      height = 2;
     const data = Uint8ClampedArray.from({ length: 4 * width * height }, (_, i) => (37 * i) % 256);
     const png = Buffer.from(await (await linearPng({ data, width, height })).arrayBuffer());
     expect(png.toString("latin1", 1, 4)).toBe("PNG");

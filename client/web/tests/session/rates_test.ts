@@ -4,8 +4,12 @@ import { recentRate, secondsLeft, stepLimit } from "../../src/session/rates";
 describe("recentRate", () => {
   it("is that of evenly spaced steps, however many are proven at once", () => {
     for (const atOnce of [1, 4, 16]) {
-      const times = Float64Array.from({ length: 960 }, (_, i) => (Math.floor(i / atOnce) + 1) * (atOnce / 32));
-      for (let proven = atOnce; proven <= 960; proven += atOnce) expect(recentRate(times.subarray(0, proven))).toBe(32);
+      const times = Float64Array.from(
+        { length: 960 },
+        (_, i) => (Math.floor(i / atOnce) + 1) * (atOnce / 32),
+      );
+      for (let proven = atOnce; proven <= 960; proven += atOnce)
+        expect(recentRate(times.subarray(0, proven))).toBe(32);
     }
   });
 
@@ -22,7 +26,10 @@ describe("recentRate", () => {
 });
 
 describe("stepLimit", () => {
-  const monitors = [{ name: "back", refreshHz: 60 }, { name: "left", refreshHz: 144 }];
+  const monitors = [
+    { name: "back", refreshHz: 60 },
+    { name: "left", refreshHz: 144 },
+  ];
   it("is the refresh rate of the slowest of the plan's monitors over the refreshes of a step", () => {
     expect(stepLimit({ holdRefreshes: 3 }, monitors)).toBe(20);
     expect(stepLimit({ holdRefreshes: 3, monitors: [{ name: "left" }] }, monitors)).toBe(48);

@@ -3,11 +3,23 @@ import { shownWords, stimulusWords } from "../../src/session/stimulus_words";
 
 describe("stimulusWords", () => {
   it.each([
-    [{ kind: "gauss_stripe", panel: "back", phiDeg: 45, rPx: 120, sigmaPx: 8 }, "back: stripe at 45°, r 120.0 px, σ 8 px"],
+    [
+      { kind: "gauss_stripe", panel: "back", phiDeg: 45, rPx: 120, sigmaPx: 8 },
+      "back: stripe at 45°, r 120.0 px, σ 8 px",
+    ],
     [{ kind: "gauss_stripe", panel: "back", sigmaPx: 8 }, "back: stripe at 0°, r 0.0 px, σ 8 px"],
-    [{ kind: "sinusoid", panel: "left", phiDeg: 90, periodPx: 64, phaseDeg: 270 }, "left: sine at 90°, period 64 px, phase 270°"],
-    [{ kind: "square", panel: "back", orient: "vertical_bars", barWidthPx: 16, inverse: true }, "back: upright bars of 16 px, inverse"],
-    [{ kind: "square", panel: "back", orient: "horizontal_bars", barWidthPx: 16 }, "back: level bars of 16 px"],
+    [
+      { kind: "sinusoid", panel: "left", phiDeg: 90, periodPx: 64, phaseDeg: 270 },
+      "left: sine at 90°, period 64 px, phase 270°",
+    ],
+    [
+      { kind: "square", panel: "back", orient: "vertical_bars", barWidthPx: 16, inverse: true },
+      "back: upright bars of 16 px, inverse",
+    ],
+    [
+      { kind: "square", panel: "back", orient: "horizontal_bars", barWidthPx: 16 },
+      "back: level bars of 16 px",
+    ],
     [{ kind: "solid", panel: "back" }, "back: white"],
     [{ kind: "solid", panel: "back", colour: [0, 0, 0] }, "back: black"],
     [{ kind: "solid", panel: "back", colour: [0, 0.5, 1] }, "back: colour 0, 0.5, 1"],
@@ -18,5 +30,7 @@ describe("stimulusWords", () => {
 });
 
 it("names every monitor that was lit", () => {
-  expect(shownWords({ stimulus: { kind: "ramp", panel: "back" }, alsoLit: [{ kind: "solid", panel: "left" }] })).toBe("back: ramp; left: white");
+  expect(
+    shownWords({ stimulus: { kind: "ramp", panel: "back" }, alsoLit: [{ kind: "solid", panel: "left" }] }),
+  ).toBe("back: ramp; left: white");
 });

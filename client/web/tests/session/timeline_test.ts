@@ -2,15 +2,28 @@ import { describe, expect, it } from "vitest";
 import type { StepEventJson } from "../../src/gen/glasswing/v1/session_service_pb";
 import { columnsOf, kStates, Timeline } from "../../src/session/timeline";
 
-const shown = (step: number, seconds: number): StepEventJson => ({ step, seconds, outcome: "STEP_OUTCOME_SHOWN" });
-const proven = (step: number, seconds: number, proof: StepEventJson["proof"] = "PROOF_TIME_AND_PATCH"): StepEventJson => ({
+const shown = (step: number, seconds: number): StepEventJson => ({
+  step,
+  seconds,
+  outcome: "STEP_OUTCOME_SHOWN",
+});
+const proven = (
+  step: number,
+  seconds: number,
+  proof: StepEventJson["proof"] = "PROOF_TIME_AND_PATCH",
+): StepEventJson => ({
   step,
   seconds,
   outcome: "STEP_OUTCOME_PROVEN",
   file: `frames/${step}.tif`,
   ...(proof && { proof }),
 });
-const retaken = (step: number, seconds: number, why: string): StepEventJson => ({ step, seconds, outcome: "STEP_OUTCOME_RETAKEN", why });
+const retaken = (step: number, seconds: number, why: string): StepEventJson => ({
+  step,
+  seconds,
+  outcome: "STEP_OUTCOME_RETAKEN",
+  why,
+});
 
 function random(seed: number): () => number {
   let state = seed;
@@ -25,7 +38,7 @@ function capture(steps: number, failing: number, seed: number): StepEventJson[] 
   const next = random(seed);
   const events: StepEventJson[] = [];
   let seconds = 0;
-  for (let pending = Array.from({ length: steps }, (_, step) => step); pending.length > 0; ) {
+  for (let pending = Array.from({ length: steps }, (_, step) => step); pending.length > 0;) {
     const again: number[] = [];
     for (const step of pending) {
       events.push(shown(step, (seconds += 1 / 30)));
@@ -41,13 +54,15 @@ function capture(steps: number, failing: number, seed: number): StepEventJson[] 
   return events;
 }
 
-const countOf = (timeline: Timeline, state: (typeof kStates)[number]): number => timeline.counts[kStates.indexOf(state)]!;
+const countOf = (timeline: Timeline, state: (typeof kStates)[number]): number =>
+  timeline.counts[kStates.indexOf(state)]!;
 
 describe("Timeline", () => {
   it("tells of each step the farthest that it came, in whatever pieces the events come", () => {
     const events = capture(2000, 0.3, 20261122);
     expect(events.length).toBeGreaterThan(5000);
-    const whole = new Timeline(2000), pieces = new Timeline(2000);
+    const whole = new Timeline(2000),
+      pieces = new Timeline(2000);
     whole.add(events);
     for (let i = 0; i < events.length; i += 7) pieces.add(events.slice(i, i + 7));
     const byPatch = events.filter(({ proof }) => proof === "PROOF_TIME_AND_PATCH").length;
@@ -71,7 +86,9 @@ describe("Timeline", () => {
     for (const event of capture(50, 0.4, 7)) {
       timeline.add([event]);
       expect(timeline.counts.reduce((sum, count) => sum + count)).toBe(50);
-      kStates.forEach((_, state) => expect(timeline.states.filter((each) => each === state).length).toBe(timeline.counts[state]));
+      kStates.forEach((_, state) =>
+        expect(timeline.states.filter((each) => each === state).length).toBe(timeline.counts[state]),
+      );
     }
   });
 
@@ -101,8 +118,14 @@ describe("columnsOf", () => {
 
   it("shows a column as proven only if all of its steps are", () => {
     const timeline = new Timeline(1000);
-    timeline.add(Array.from({ length: 1000 }, (_, step) => step).filter((step) => step !== 437).map((step) => proven(step, step)));
+    timeline.add(
+      Array.from({ length: 1000 }, (_, step) => step)
+        .filter((step) => step !== 437)
+        .map((step) => proven(step, step)),
+    );
     const { states } = columnsOf(timeline, 100);
-    expect([...states].map((state, i) => [kStates[state], i]).filter(([state]) => state !== "patch")).toEqual([["planned", 43]]);
+    expect([...states].map((state, i) => [kStates[state], i]).filter(([state]) => state !== "patch")).toEqual(
+      [["planned", 43]],
+    );
   });
 });
