@@ -1,4 +1,4 @@
-import { useState } from "preact/hooks";
+import { useMemo, useState } from "preact/hooks";
 import type { SessionJson, WatchSessionResponseJson } from "../gen/glasswing/v1/session_service_pb";
 import { FeedFailure } from "../parts/silence";
 import { useFeed, watched } from "../parts/feed";
@@ -6,6 +6,7 @@ import { State } from "../parts/state";
 import { plainName, timeText } from "../parts/words";
 import { Annotations } from "./annotations";
 import { Controls } from "./controls";
+import { framesBySteps, newestOf, placeOfStep, showpieceOf } from "./frames";
 import { Progress } from "./progress";
 import { stepLimit } from "./rates";
 import { Retakes } from "./retakes";
@@ -41,10 +42,15 @@ function Head({ session }: { session: SessionJson }) {
 }
 
 function Session({ session }: { session: SessionJson }) {
-  const [selected, select] = useState<number>();
   const archive = useArchive(session);
+  const frames = useMemo(() => framesBySteps(archive.manifest ?? {}), [archive.manifest]);
+  const [file, setFile] = useState<string>(); // of the frame that somebody chose
   const { timeline, version } = useTimeline(session);
   const capturing = isCapturing(session);
+  const chosen = file === undefined ? -1 : frames.findIndex((frame) => frame.file === file);
+  const at = chosen >= 0 ? chosen : capturing ? newestOf(frames) : showpieceOf(frames);
+  const choose = (place: number): void => setFile(frames[place]?.file);
+  const chooseStep = (step: number): void => choose(placeOfStep(frames, step));
   return (
     <>
       <section class="card">
@@ -64,21 +70,20 @@ function Session({ session }: { session: SessionJson }) {
             timeline={timeline}
             version={version}
             limit={stepLimit(session.plan, archive.manifest?.monitors ?? [])}
-            selected={selected}
-            select={select}
+            selected={chosen >= 0 ? frames[chosen]?.step : undefined}
+            select={chooseStep}
           />
         </section>
       )}
-      {archive.manifest && (
-        <Scrubber
-          session={session.name ?? ""}
-          manifest={archive.manifest}
-          selected={selected}
-          select={select}
-          capturing={capturing}
-        />
-      )}
-      <Retakes session={session} timeline={timeline} select={select} />
+      <Scrubber
+        session={session.name ?? ""}
+        frames={frames}
+        at={at}
+        choose={choose}
+        following={capturing ? chosen < 0 : undefined}
+        follow={(on) => setFile(on ? undefined : frames[at]?.file)}
+      />
+      <Retakes session={session} timeline={timeline} select={chooseStep} />
       <Annotations session={session} />
     </>
   );

@@ -1,20 +1,8 @@
-import { useMemo, useState } from "preact/hooks";
-import type { CaptureManifestJson, FrameJson } from "../gen/glasswing/v1/archive_pb";
+import { useState } from "preact/hooks";
+import type { FrameJson } from "../gen/glasswing/v1/archive_pb";
 import { LatestPicture } from "../parts/latest_picture";
+import { fileName } from "./frames";
 import { proofWords, shownWords } from "./stimulus_words";
-
-/** By step; what has none stays in the archive's order, at the end. */
-export function framesBySteps({ frames = [] }: CaptureManifestJson): FrameJson[] {
-  const place = ({ step = 0 }: FrameJson): number => (step < 0 ? Infinity : step);
-  return frames
-    .map((frame, i) => ({ frame, i }))
-    .sort((a, b) => place(a.frame) - place(b.frame) || a.i - b.i)
-    .map(({ frame }) => frame);
-}
-
-export function fileName({ file = "" }: FrameJson): string {
-  return file.replace(/^frames\//, "").replace(/\.tif$/, "");
-}
 
 /** As it stands beside the pattern: the lowest bit to the left, the upper cell lit where a bit is 1, else the lower one. */
 function PatchId({ id }: { id: number | undefined }) {
@@ -29,15 +17,6 @@ function PatchId({ id }: { id: number | undefined }) {
       </span>
     </>
   );
-}
-
-/** What a session is looked at by first: the object before something bright, if that was shown. */
-function showpiece(frames: FrameJson[]): number {
-  const bright = frames.findIndex(
-    ({ object, stimulus }) =>
-      object && stimulus?.kind === "solid" && (stimulus.colour ?? [1]).some((part) => Number(part) > 0),
-  );
-  return bright < 0 ? frames.length - 1 : bright;
 }
 
 function Facts({ frame, session }: { frame: FrameJson; session: string }) {
@@ -87,33 +66,30 @@ function Facts({ frame, session }: { frame: FrameJson; session: string }) {
 
 interface Props {
   session: string;
-  manifest: CaptureManifestJson;
-  /** The step looked at; undefined: the newest frame while there are new ones. */
-  selected: number | undefined;
-  select: (step: number | undefined) => void;
-  capturing: boolean;
+  frames: readonly FrameJson[];
+  /** The place of the one that is looked at. */
+  at: number;
+  choose: (place: number) => void;
+  /** Whether the newest frame is looked at whenever there is one; undefined: there will be none. */
+  following: boolean | undefined;
+  follow: (on: boolean) => void;
 }
 
-export function Scrubber({ session, manifest, selected, select, capturing }: Props) {
-  const frames = useMemo(() => framesBySteps(manifest), [manifest]);
+export function Scrubber({ session, frames, at, choose, following, follow }: Props) {
   const [stops, setStops] = useState(0);
-  if (frames.length === 0) return null;
-  const newest = frames.length - 1;
-  const after = frames.findIndex(({ step = 0 }) => step < 0 || step >= (selected ?? 0));
-  const at = selected !== undefined ? (after < 0 ? newest : after) : capturing ? newest : showpiece(frames);
-  const frame = frames[at]!;
-  const choose = (place: number): void => select(frames[place]?.step ?? 0);
+  const frame = frames[at];
+  if (!frame) return null;
   return (
     <section class="card scrubber">
       <div class="row">
         <h2>Frames</h2>
         <span class="note">{frames.length.toLocaleString("en")} are kept</span>
-        {capturing && (
+        {following !== undefined && (
           <label>
             <input
               type="checkbox"
-              checked={selected === undefined}
-              onChange={(event) => select(event.currentTarget.checked ? undefined : (frame.step ?? 0))}
+              checked={following}
+              onChange={(event) => follow(event.currentTarget.checked)}
             />
             Follow the newest
           </label>
