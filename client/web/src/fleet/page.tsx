@@ -163,8 +163,8 @@ export default function Page() {
         <h1>Fleet</h1>
         {value && (
           <span class="note">
-            {solvers.filter(({ up }) => up).length} of {solvers.length} solvers are up,{" "}
-            {rate > 0 && `${rate.toFixed(2)} tiles a second, `}jobs are in {value.store}
+            {solvers.filter(({ up }) => up).length} of {solvers.length} solvers are up
+            {rate > 0 && `, ${rate.toFixed(2)} tiles a second`}; jobs are in {value.store}
           </span>
         )}
       </div>

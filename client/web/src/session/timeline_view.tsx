@@ -84,10 +84,11 @@ function draw(
   const columns = Math.min(timeline.stepCount, Math.floor(width));
   const { states, retaken } = columnsOf(timeline, columns);
   const wide = width / columns;
+  const edge = (column: number): number => Math.round(column * wide);
   for (const [state, name] of kStates.entries()) {
     pen.fillStyle = colourOf(kTokens[name]);
     for (let i = 0; i < columns; ++i)
-      if (states[i] === state) pen.fillRect(i * wide, height - strip, Math.ceil(wide), strip);
+      if (states[i] === state) pen.fillRect(edge(i), height - strip, edge(i + 1) - edge(i), strip);
   }
   pen.fillStyle = colourOf("--caution");
   for (let i = 0; i < columns; ++i)

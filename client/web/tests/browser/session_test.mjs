@@ -14,6 +14,7 @@ import { checks, png } from "./pictures.mjs";
 import { start_rig } from "./rig.mjs";
 
 const kPatience_ms = 60_000; // of a machine that does much else
+const kVisits = 3;
 const kMostBytes = 500_000; // of all pages together, without pictures and mattes
 
 const pictures = process.env.GLASSWING_PICTURES;
@@ -61,7 +62,10 @@ const proven_by_cli = ({ proven_count = 0, step_count = 0 }) => `${proven_count}
 
 // --- what a first visit costs
 
-async function measure_first_visit(browser, rig, link) {
+const middle = (numbers) => numbers.sort((a, b) => a - b)[Math.floor(numbers.length / 2)];
+
+/** With nothing kept from before. */
+async function first_visit(browser, link) {
   const context = await browser.newContext({ viewport: { width: 1280, height: 900 } });
   const page = await context.newPage();
   const devtools = await context.newCDPSession(page);
@@ -83,13 +87,29 @@ async function measure_first_visit(browser, rig, link) {
   });
   await page.goto(link);
   await page.waitForFunction(() => window.useful_ms !== undefined);
-  const useful = await page.evaluate(() => ({
-    useful: window.useful_ms,
-    painted: performance.getEntriesByName("first-contentful-paint")[0]?.startTime,
+  const { useful_ms, painted_ms } = await page.evaluate(() => ({
+    useful_ms: window.useful_ms,
+    painted_ms: performance.getEntriesByName("first-contentful-paint")[0].startTime,
   }));
-  told("first paint", `${useful.painted?.toFixed(0)} ms`);
-  told("first useful paint: the rig's nodes (goal 1000 ms)", `${useful.useful.toFixed(0)} ms`);
-  told("transferred until then, without images", `${(bytes / 1000).toFixed(0)} kB`);
+  return { context, page, useful_ms, painted_ms, bytes: () => bytes };
+}
+
+async function measure_first_visits(browser, link) {
+  const visits = [];
+  for (let i = 0; i < kVisits; ++i) {
+    visits.push(await first_visit(browser, link));
+    if (i > 0) await visits[i - 1].context.close();
+  }
+  const { page, context, bytes } = visits[kVisits - 1];
+  told(
+    `first paint, middle of ${kVisits}`,
+    `${middle(visits.map(({ painted_ms }) => painted_ms)).toFixed(0)} ms`,
+  );
+  told(
+    "first useful paint, the rig's nodes (goal 1000)",
+    `${middle(visits.map(({ useful_ms }) => useful_ms)).toFixed(0)} ms`,
+  );
+  told("transferred until then, without images", `${(bytes() / 1000).toFixed(0)} kB`);
   for (const [hash, sign] of [
     ["#/session", "table"],
     ["#/session/+new", "textarea"],
@@ -99,8 +119,8 @@ async function measure_first_visit(browser, rig, link) {
     ["#/fleet", "table"],
   ])
     await look(page, hash, sign);
-  told("transferred for all pages, without images", `${(bytes / 1000).toFixed(0)} kB`);
-  assert.ok(bytes <= kMostBytes, `${bytes} bytes were transferred; ${kMostBytes} are allowed`);
+  told("transferred for all pages, without images", `${(bytes() / 1000).toFixed(0)} kB`);
+  assert.ok(bytes() <= kMostBytes, `${bytes()} bytes were transferred; ${kMostBytes} are allowed`);
   await context.close();
 }
 
@@ -164,7 +184,7 @@ async function open_matte(page) {
   assert.equal(await page.getByRole("alert").count(), 0);
 }
 
-async function look_at_rig(page) {
+async function look_at_rig(page, rig) {
   await look(page, "#/rig", ".nodes tbody tr");
   await page.getByRole("button", { name: "Start" }).click();
   await page.locator(".preview .state.good").waitFor();
@@ -182,6 +202,22 @@ async function look_at_rig(page) {
   );
   await photograph(page, "rig");
   rig.glasswing("watch", "seen");
+}
+
+async function annotate_and_delete(page, rig) {
+  await look(page, "#/session/seen", ".annotations");
+  await page.getByLabel("Note").fill("only to look at");
+  await page.getByRole("button", { name: "Save the note" }).click();
+  await page.getByLabel("New tag").fill("trial");
+  await page.getByRole("button", { name: "Add" }).click();
+  await page.getByRole("button", { name: "Remove the tag trial" }).waitFor();
+  const { note, tags } = rig.session("seen");
+  assert.deepEqual([note, tags], ["only to look at", ["trial"]]);
+  await page.getByRole("button", { name: "Delete…" }).click();
+  await page.getByRole("dialog").getByRole("button", { name: "Delete" }).click();
+  await page.waitForURL(/#\/session$/);
+  assert.throws(() => rig.session("seen"));
+  told("noted, tagged and deleted, by both", "seen");
 }
 
 // --- a server that dies while a session is captured
@@ -216,6 +252,10 @@ async function survive_restart(page, rig) {
   assert.equal(await proven_on(page), proven_by_cli(rig.session("second")));
   await page.getByRole("button", { name: "Resume" }).click();
   await page.getByLabel("Follow the newest").waitFor();
+  await page.getByRole("button", { name: "Pause" }).click();
+  await until_state(page, "paused");
+  assert.equal(rig.session("second").state, "SESSION_STATE_PAUSED");
+  await page.getByRole("button", { name: "Resume" }).click();
   await until_state(page, "captured");
   assert.equal(await proven_on(page), proven_by_cli(rig.session("second")));
   assert.ok(await page.evaluate(() => window.not_loaded_again), "the page was loaded again");
@@ -338,7 +378,8 @@ try {
   const { page, errors } = await visit(context, link);
   await capture_and_solve(page, rig);
   await open_matte(page);
-  await look_at_rig(page);
+  await look_at_rig(page, rig);
+  await annotate_and_delete(page, rig);
   await survive_restart(page, rig);
   await look(page, "#/session", "table");
   await photograph(page, "sessions");
@@ -347,7 +388,7 @@ try {
   assert.deepEqual(errors, []);
   await context.close();
   await check_viewer(browser, rig);
-  await measure_first_visit(browser, rig, link);
+  await measure_first_visits(browser, link);
 } finally {
   await browser.close();
   rig.down();
