@@ -143,6 +143,7 @@ absl::StatusOr<v1::KeepFramesResponse> Capture::keep(const std::vector<FrameMatc
     log_.add(session_.name(), std::move(event));
   }
   session_.set_refused_count(session_.refused_count() + response.refused());
+  session_.set_capture_seconds(seconds());
   report_(session_);
   return response;
 }

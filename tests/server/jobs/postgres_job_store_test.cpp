@@ -105,7 +105,7 @@ TEST_F(SharedJobs, ManyServersHandOutEachTileOnce) {
   std::atomic<int> claims = 0;
   std::vector<std::jthread> threads;
   for (int i = 0; i < 12; ++i) {
-    threads.emplace_back([&, solver = std::to_string(i)] {
+    threads.emplace_back([&, i, solver = std::to_string(i)] {
       JobStore& store = i % 2 == 0 ? *a : *b;
       while (!store.counts(job)->rests()) {
         const std::optional<Lease> lease = claim(store, solver);

@@ -6,6 +6,7 @@ import { Calibrations } from "./calibrations";
 import { ClockCharts, keepClocks } from "./clocks";
 import { Doctor } from "./doctor";
 import { Nodes } from "./nodes";
+import { Pattern } from "./pattern";
 import { Preview } from "./preview";
 import "./rig.css";
 
@@ -42,6 +43,7 @@ export default function Page() {
         {value && <Nodes nodes={nodes} />}
       </section>
       <ClockCharts nodes={nodes} />
+      <Pattern />
       <Doctor />
       <Calibrations />
     </div>

@@ -5,7 +5,7 @@ import { createServer } from "node:http";
 import { extname, join, normalize } from "node:path";
 import { fileURLToPath } from "node:url";
 
-const kPages = fileURLToPath(new URL("../../dist", import.meta.url));
+const kPages = process.env.GLASSWING_CONSOLE_FILES ?? fileURLToPath(new URL("../../dist", import.meta.url));
 const kTypes = {
   ".html": "text/html",
   ".js": "text/javascript",
