@@ -131,7 +131,8 @@ TEST(LinearStack, ChannelsStayTheCamerasAndTheMatteSaysWhatTheySee) {
   v1::CaptureManifest manifest = manifest_of(2, 2, 1);
   add_display(manifest, "back");
   const auto linear = LinearStack::create(manifest).value();
-  const FrameStack stack = linear.of(stack_of(manifest, {even_frame(2, 2, {0.2, 0.4, 0.6})}));
+  const std::vector<Image16> frames{even_frame(2, 2, {0.2, 0.4, 0.6})};  // the stack lends its rows
+  const FrameStack stack = linear.of(stack_of(manifest, frames));
   EXPECT_NEAR(static_cast<double>(stack.at(0, 1, 1, 2)), 0.6, 1.0 / 65535.0);
   v1::MatteMetadata metadata;
   linear.describe(metadata);
