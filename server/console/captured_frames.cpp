@@ -36,13 +36,15 @@ std::uint16_t sample_at(const std::string& bytes, size_t index) {
 
 }  // namespace
 
-CapturedFrames::CapturedFrames(std::string session, const std::string& address)
+CapturedFrames::CapturedFrames(std::string session, const std::string& address,
+                               std::shared_ptr<grpc::Channel> node)
     : session_(std::move(session)),
       peer_("the node at " + address + ", which has the frames,"),
-      node_(dial(address)) {}
+      node_(std::move(node)) {}
 
-absl::StatusOr<CapturedFrames> CapturedFrames::of(const std::shared_ptr<grpc::Channel>& server,
-                                                  const std::string& session) {
+absl::StatusOr<CapturedFrames> CapturedFrames::of(const std::string& session,
+                                                  const std::shared_ptr<grpc::Channel>& server,
+                                                  const ChannelTo& channel_to) {
   v1::GetSessionRequest request;
   request.set_name(session);
   v1::GetSessionResponse response;
@@ -50,9 +52,9 @@ absl::StatusOr<CapturedFrames> CapturedFrames::of(const std::shared_ptr<grpc::Ch
   set_deadline(context, kTimeout);
   GW_RETURN_IF_ERROR(
       from_grpc(v1::SessionService::NewStub(server)->GetSession(&context, request, &response), "the server"));
-  if (response.session().archive_address().empty())
-    return absl::NotFoundError(fmt::format("session \"{}\" has no frames yet", session));
-  return CapturedFrames(session, response.session().archive_address());
+  const std::string& address = response.session().archive_address();
+  if (address.empty()) return absl::NotFoundError(fmt::format("session \"{}\" has no frames yet", session));
+  return CapturedFrames(session, address, channel_to(address));
 }
 
 absl::StatusOr<std::string> CapturedFrames::file(const std::string& file) const {

@@ -4,6 +4,7 @@
 #include <absl/status/statusor.h>
 #include <grpcpp/grpcpp.h>
 
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -11,9 +12,11 @@ namespace glasswing {
 
 class CapturedFrames {
  public:
+  using ChannelTo = std::function<std::shared_ptr<grpc::Channel>(const std::string& address)>;
   // `server`: who knows where the frames are. UNAVAILABLE, NOT_FOUND: it does not.
-  static absl::StatusOr<CapturedFrames> of(const std::shared_ptr<grpc::Channel>& server,
-                                           const std::string& session);
+  static absl::StatusOr<CapturedFrames> of(const std::string& session,
+                                           const std::shared_ptr<grpc::Channel>& server,
+                                           const ChannelTo& channel_to);
 
   // The frame's file as it was captured. `file`: as in the manifest, "frames/000017.tif".
   absl::StatusOr<std::string> file(const std::string& file) const;
@@ -26,7 +29,7 @@ class CapturedFrames {
   absl::StatusOr<std::string> samples_json(int x, int y) const;
 
  private:
-  CapturedFrames(std::string session, const std::string& address);
+  CapturedFrames(std::string session, const std::string& address, std::shared_ptr<grpc::Channel> node);
 
   std::string session_, peer_;
   std::shared_ptr<grpc::Channel> node_;

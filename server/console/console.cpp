@@ -123,8 +123,8 @@ void Console::add_routes(const std::filesystem::path& files) {
                 if (!body.ok()) return refuse(response, body.status());
                 log_in(request, *body, response);
               });
-  routes.Post("/logout",
-              guarded(kMostToken, [this](const Visitor&, const Request&, const std::string&, Response& response) {
+  routes.Post("/logout", guarded(kMostToken, [this](const Visitor&, const Request&, const std::string&,
+                                                    Response& response) {
                 response.set_header("Set-Cookie", cookie_of("", std::chrono::seconds(0), host_->has_tls()));
                 response.set_content("{}", kJson);
               }));

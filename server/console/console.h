@@ -26,6 +26,7 @@
 #include <mutex>
 #include <string>
 
+#include "server/console/captured_frames.h"
 #include "server/console/console_key.h"
 #include "server/console/http_host.h"
 #include "server/console/json_call.h"
@@ -68,12 +69,14 @@ class Console {
   void call(const std::shared_ptr<grpc::Channel>& channel, const std::string& peer, const Visitor& visitor,
             const httplib::Request& request, const std::string& body, httplib::Response& response) const;
   void send_matte(const Visitor& visitor, const httplib::Request& request, httplib::Response& response) const;
-  void send_frame(const Visitor& visitor, const httplib::Request& request, httplib::Response& response) const;
-  void send_samples(const Visitor& visitor, const httplib::Request& request,
-                    httplib::Response& response) const;
+  void send_frame(const Visitor& visitor, const httplib::Request& request, httplib::Response& response);
+  void send_samples(const Visitor& visitor, const httplib::Request& request, httplib::Response& response);
   void store_image(const Visitor& visitor, const std::string& png, httplib::Response& response) const;
   // NOT_FOUND: no node of the rig has this name.
   absl::StatusOr<std::shared_ptr<grpc::Channel>> channel_to(const std::string& node);
+  // To HOST:PORT, kept for the next time.
+  std::shared_ptr<grpc::Channel> channel_at(const std::string& address);
+  absl::StatusOr<CapturedFrames> frames_of(const std::string& session);
 
   const ConsoleKey& key_;
   const std::shared_ptr<grpc::Channel> server_;

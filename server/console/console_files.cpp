@@ -10,7 +10,6 @@
 #include "core/service/service.h"
 #include "glasswing/v1/node_service.grpc.pb.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
-#include "server/console/captured_frames.h"
 #include "server/console/console.h"
 
 namespace glasswing {
@@ -79,13 +78,13 @@ void Console::send_matte(const Visitor& visitor, const Request& request, Respons
   response.set_content(*std::move(bytes), "image/x-exr");
 }
 
-void Console::send_frame(const Visitor& visitor, const Request& request, Response& response) const {
+void Console::send_frame(const Visitor& visitor, const Request& request, Response& response) {
   const auto frame = [&]() -> absl::StatusOr<std::string> {
     GW_RETURN_IF_ERROR(admit("ArchiveService/ReadFile", visitor.roles, visitor.name));
     GW_ASSIGN_OR_RETURN(const int width, number_or<int>(request, "width", kMostWidth_px, 16, kMostWidth_px));
     GW_ASSIGN_OR_RETURN(const double stops,
                         number_or<double>(request, "stops", 0.0, -kMostStops, kMostStops));
-    GW_ASSIGN_OR_RETURN(const CapturedFrames frames, CapturedFrames::of(server_, request.matches[1]));
+    GW_ASSIGN_OR_RETURN(const CapturedFrames frames, frames_of(request.matches[1]));
     const std::string file = fmt::format("frames/{}.tif", request.matches[2].str());
     return request.matches[3] == "tif" ? frames.file(file) : frames.jpeg(file, width, stops);
   }();
@@ -93,12 +92,12 @@ void Console::send_frame(const Visitor& visitor, const Request& request, Respons
   response.set_content(*frame, request.matches[3] == "tif" ? "image/tiff" : "image/jpeg");
 }
 
-void Console::send_samples(const Visitor& visitor, const Request& request, Response& response) const {
+void Console::send_samples(const Visitor& visitor, const Request& request, Response& response) {
   const auto json = [&]() -> absl::StatusOr<std::string> {
     GW_RETURN_IF_ERROR(admit("ArchiveService/ReadFile", visitor.roles, visitor.name));
     GW_ASSIGN_OR_RETURN(const int x, number_of<int>(request, "x", 0, 1 << 20));
     GW_ASSIGN_OR_RETURN(const int y, number_of<int>(request, "y", 0, 1 << 20));
-    GW_ASSIGN_OR_RETURN(const CapturedFrames frames, CapturedFrames::of(server_, request.matches[1]));
+    GW_ASSIGN_OR_RETURN(const CapturedFrames frames, frames_of(request.matches[1]));
     return frames.samples_json(x, y);
   }();
   if (!json.ok()) return refuse(response, json.status());
@@ -134,10 +133,19 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> Console::channel_to(const std::st
   const auto found = std::ranges::find(listed.nodes(), node, &v1::Node::name);
   if (found == listed.nodes().end() || found->address().empty())
     return absl::NotFoundError(fmt::format("no node \"{}\" of this rig takes calls", node));
+  return channel_at(found->address());
+}
+
+std::shared_ptr<grpc::Channel> Console::channel_at(const std::string& address) {
   const std::lock_guard lock(mutex_);
-  std::shared_ptr<grpc::Channel>& channel = channels_[found->address()];
-  if (channel == nullptr) channel = dial(found->address());
+  std::shared_ptr<grpc::Channel>& channel = channels_[address];
+  if (channel == nullptr) channel = dial(address);
   return channel;
+}
+
+absl::StatusOr<CapturedFrames> Console::frames_of(const std::string& session) {
+  return CapturedFrames::of(session, server_,
+                            [this](const std::string& address) { return channel_at(address); });
 }
 
 }  // namespace glasswing
