@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "core/base/fault_point.h"
 #include "core/base/file.h"
 #include "core/base/name.h"
@@ -12,7 +14,7 @@ namespace glasswing {
 namespace fs = std::filesystem;
 
 namespace {
-constexpr size_t kMostMapped = 8;  // archives
+constexpr size_t kMostOpen = 8;  // archives
 constexpr std::chrono::seconds kBrokenOffEnds(10);
 }  // namespace
 
@@ -24,6 +26,7 @@ absl::Status ArchiveStore::prepare() {
 absl::StatusOr<std::shared_ptr<Archive>> ArchiveStore::create(const v1::CaptureManifest& header) {
   GW_RETURN_IF_ERROR(check_name("session", header.session()));
   const std::lock_guard lock(mutex_);
+  note_use(header.session());
   std::shared_ptr<Archive>& archive = open_[header.session()];
   if (archive != nullptr) return archive;
   absl::StatusOr<std::unique_ptr<Archive>> created = Archive::create(directory_ / header.session(), header);
@@ -52,9 +55,13 @@ void ArchiveStore::note_use(const std::string& session) {
   if (!used_.empty() && used_.back() == session) return;
   std::erase(used_, session);
   used_.push_back(session);
-  if (used_.size() <= kMostMapped) return;
+  if (used_.size() <= kMostOpen) return;
   if (const auto oldest = open_.find(used_.front()); oldest != open_.end()) oldest->second->unmap();
   used_.pop_front();
+  // Those, too, that somebody used when they were the oldest.
+  std::erase_if(open_, [this](const auto& each) {
+    return each.second.use_count() == 1 && std::ranges::count(used_, each.first) == 0;
+  });
 }
 
 absl::Status ArchiveStore::begin_copy(const std::string& session) {
