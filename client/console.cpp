@@ -48,6 +48,7 @@ absl::Status make_token(const Client& client, const Arguments& arguments) {
 void add_console_command(CLI::App& app, Client& client) {
   CLI::App& console = *app.add_subcommand("console", "Look at the rig with a browser.");
   console.require_subcommand(1);
+  console.footer("Example:\n  glasswing console token --viewer");
   CLI::App& command = *console.add_subcommand("token", "Make a link that logs a browser in to the console.");
   command.footer(
       "The link is as good as a password until it expires. It cannot be taken back alone: to void all of "

@@ -86,7 +86,9 @@ async function first_visit(browser, link) {
     }).observe(document, { childList: true, subtree: true });
   });
   await page.goto(link);
-  await page.waitForFunction(() => window.useful_ms !== undefined);
+  await page.waitForFunction(
+    () => window.useful_ms !== undefined && performance.getEntriesByName("first-contentful-paint").length > 0,
+  );
   const { useful_ms, painted_ms } = await page.evaluate(() => ({
     useful_ms: window.useful_ms,
     painted_ms: performance.getEntriesByName("first-contentful-paint")[0].startTime,
