@@ -42,8 +42,8 @@ class ArchiveStore {
   void end_copy(const std::string& session);
 
  private:
-  // With mutex_ held: archives that nobody asked for of late are closed, or, if somebody uses one still, their files
-  // let go. A node has thousands, whose lists would fill its memory.
+  // With mutex_ held: archives that nobody asked for of late are closed, or, if somebody uses one still,
+  // their files let go. A node has thousands, whose lists would fill its memory.
   void note_use(const std::string& session);
 
   const std::filesystem::path directory_;
