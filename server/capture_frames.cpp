@@ -134,13 +134,7 @@ absl::StatusOr<v1::KeepFramesResponse> Capture::keep(const std::vector<FrameMatc
   GW_RETURN_IF_ERROR(stored(links_.camera_stub->KeepFrames(&context, request, &response)));
   for (const v1::Frame& frame : response.frames()) {
     note_proven(frame);
-    v1::StepEvent event;
-    event.set_step(frame.step());
-    event.set_outcome(v1::STEP_OUTCOME_PROVEN);
-    event.set_seconds(seconds());
-    event.set_file(frame.file());
-    event.set_proof(frame.proof());
-    log_.add(session_.name(), std::move(event));
+    log_.add(session_.name(), proof_of(frame, seconds()));
   }
   session_.set_refused_count(session_.refused_count() + response.refused());
   session_.set_capture_seconds(seconds());

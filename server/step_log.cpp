@@ -26,6 +26,16 @@ std::optional<std::vector<v1::StepEvent>> StepLog::events(const std::string& ses
   return std::vector(entry->events.begin() + static_cast<std::ptrdiff_t>(from), entry->events.end());
 }
 
+v1::StepEvent proof_of(const v1::Frame& frame, double seconds) {
+  v1::StepEvent event;
+  event.set_step(frame.step());
+  event.set_outcome(v1::STEP_OUTCOME_PROVEN);
+  event.set_seconds(seconds);
+  event.set_file(frame.file());
+  event.set_proof(frame.proof());
+  return event;
+}
+
 std::vector<v1::StepEvent> proven_steps(const v1::CaptureManifest& manifest) {
   std::vector<const v1::Frame*> frames;
   for (const v1::Frame& frame : manifest.frames()) {
@@ -34,13 +44,8 @@ std::vector<v1::StepEvent> proven_steps(const v1::CaptureManifest& manifest) {
   std::ranges::stable_sort(frames, {}, &v1::Frame::exposure_start_ns);
   std::vector<v1::StepEvent> events;
   for (const v1::Frame* frame : frames) {
-    v1::StepEvent& event = events.emplace_back();
-    event.set_step(frame->step());
-    event.set_outcome(v1::STEP_OUTCOME_PROVEN);
-    event.set_seconds(1e-9 *
-                      static_cast<double>(frame->exposure_start_ns() - frames.front()->exposure_start_ns()));
-    event.set_file(frame->file());
-    event.set_proof(frame->proof());
+    const std::int64_t since_first_ns = frame->exposure_start_ns() - frames.front()->exposure_start_ns();
+    events.push_back(proof_of(*frame, 1e-9 * static_cast<double>(since_first_ns)));
   }
   return events;
 }

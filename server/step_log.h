@@ -35,6 +35,9 @@ class StepLog {
   std::deque<Entry> entries_;  // newest last
 };
 
+// That this frame is kept.
+v1::StepEvent proof_of(const v1::Frame& frame, double seconds);
+
 // What an archive alone tells: what was proven, in the order of exposure.
 std::vector<v1::StepEvent> proven_steps(const v1::CaptureManifest& manifest);
 

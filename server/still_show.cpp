@@ -25,6 +25,7 @@ absl::StatusOr<std::unique_ptr<StillShow>> StillShow::start(
     const google::protobuf::RepeatedPtrField<v1::DisplayCalibration>& calibrations, std::stop_token stop) {
   std::unique_ptr<StillShow> show(new StillShow);
   const std::string program = fmt::format("still-{}", monotonic_now().count());
+  std::vector<const DisplayLink*> lit;
   for (const auto& display : rig.displays) {
     v1::LoadProgramRequest request;
     request.set_program(program);
@@ -34,6 +35,7 @@ absl::StatusOr<std::unique_ptr<StillShow>> StillShow::start(
       if (display->monitor(stimulus.panel()) != nullptr) *step.add_stimuli() = stimulus;
     }
     if (step.stimuli().empty()) continue;
+    lit.push_back(display.get());
     for (int i = 0; i < kSteps; ++i) {
       step.set_step(i);
       *request.add_steps() = step;
@@ -50,10 +52,7 @@ absl::StatusOr<std::unique_ptr<StillShow>> StillShow::start(
   }
   const nanoseconds start = monotonic_now() + kStartLead;
   nanoseconds there = start;
-  for (const auto& display : rig.displays) {
-    const bool lit = std::ranges::any_of(
-        stimuli, [&](const v1::Stimulus& stimulus) { return display->monitor(stimulus.panel()) != nullptr; });
-    if (!lit) continue;
+  for (const DisplayLink* display : lit) {
     show->playing_.push_back(std::make_unique<DisplayFeed>(*display, program, start));
     there = std::max(there, there_at(*display, start));
   }

@@ -6,7 +6,7 @@ import os
 import pathlib
 import subprocess
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import grpc
@@ -111,11 +111,11 @@ class Lab:
         options = ["--listen", f"127.0.0.1:{port}", "--server", self.address, "--data", str(hidden)]
         return Daemon("camera-1", ["glasswing-camera", *options, "--scene", "none"], self.work / "camera-1.log", before)
 
-    def add_solver(self, server_port: int | None = None, threads: int = 1) -> Daemon:
+    def add_solver(self, server_port: int | None = None, threads: int = 1, more_options: Sequence[str] = ()) -> Daemon:
         """Not started. `server_port`: the server's own, if left out."""
         name = f"solver-{len(self.solvers) + 1}"
         options = ["--server", f"127.0.0.1:{server_port or self.port}", "--name", name, "--threads", str(threads)]
-        self.solvers.append(Daemon(name, ["glasswing-solver", *options], self.work / f"{name}.log"))
+        self.solvers.append(Daemon(name, ["glasswing-solver", *options, *more_options], self.work / f"{name}.log"))
         return self.solvers[-1]
 
     def daemons(self) -> list[Daemon]:

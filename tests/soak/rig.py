@@ -33,8 +33,8 @@ class Rig(Lab):
         self.display = Daemon("display", self._display_command(), work / "display.log")
         super().__init__(work, {}, tuple(self._metrics_of("server")))
         self.display.start()
-        for _ in range(SOLVERS):
-            self.add_solver(self._server_link_port).start()
+        for number in range(SOLVERS):
+            self.add_solver(self._server_link_port, more_options=self._metrics_of(f"solver-{number + 1}")).start()
         self.wait_until_whole()
 
     def camera_at(self, port: int, name: str = "camera") -> Daemon:
@@ -57,13 +57,6 @@ class Rig(Lab):
         command += ["--server", f"127.0.0.1:{self._server_link_port}", "--name", name, "--data", str(data)]
         command += ["--size", self._size, "--fps", "200", "--scene", "crystal", "--tap", f"127.0.0.1:{self._display_port}"]
         return Daemon(name, command + self._metrics_of(name), self.work / f"{name}.log", before)
-
-    def add_solver(self, server_port: int | None = None, threads: int = 1) -> Daemon:
-        """As Lab's, which can be asked how it is."""
-        name = f"solver-{len(self.solvers) + 1}"
-        options = ["--server", f"127.0.0.1:{server_port or self.port}", "--name", name, "--threads", str(threads)]
-        self.solvers.append(Daemon(name, ["glasswing-solver", *options, *self._metrics_of(name)], self.work / f"{name}.log"))
-        return self.solvers[-1]
 
     def heap_mb(self, daemon: Daemon) -> float:
         """What it asked for and has not given back, as it says at its /metrics."""

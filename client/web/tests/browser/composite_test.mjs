@@ -11,7 +11,7 @@ import { basename, join } from "node:path";
 import { open_browser } from "./browser.mjs";
 import { difference, monitors_of } from "./mattes.mjs";
 import { checks, noise, png } from "./pictures.mjs";
-import { stand_in } from "./stand_in.mjs";
+import { stand_in_of } from "./stand_in.mjs";
 
 const kMostMean = 2;
 
@@ -52,11 +52,7 @@ async function show(page, picture, put) {
   }
 }
 
-const server = await stand_in({
-  mattes: { "/mattes/it.exr": matte },
-  answer: (path) =>
-    path.endsWith("/GetSession") ? { session: { name: "it", matteReady: true } } : undefined,
-});
+const server = await stand_in_of(matte);
 const browser = await open_browser();
 let failed = false;
 try {

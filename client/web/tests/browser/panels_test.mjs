@@ -9,7 +9,7 @@ import { tmpdir } from "node:os";
 import { basename, join } from "node:path";
 import { open_browser } from "./browser.mjs";
 import { difference } from "./mattes.mjs";
-import { stand_in } from "./stand_in.mjs";
+import { stand_in_of } from "./stand_in.mjs";
 
 const kMost = 1;
 const kPanels = ["foreground", "coverage", "modes", "centre", "sigma", "uncertainty", "flags"];
@@ -20,11 +20,7 @@ if (matte === undefined) {
   process.exit(2);
 }
 const folder = mkdtempSync(join(tmpdir(), "panels-"));
-const server = await stand_in({
-  mattes: { "/mattes/it.exr": matte },
-  answer: (path) =>
-    path.endsWith("/GetSession") ? { session: { name: "it", matteReady: true } } : undefined,
-});
+const server = await stand_in_of(matte);
 const browser = await open_browser();
 let failed = false;
 try {

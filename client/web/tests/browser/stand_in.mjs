@@ -75,3 +75,12 @@ export async function stand_in({ mattes = {}, answer = () => undefined, stream =
 }
 
 export const read_json = async (path) => JSON.parse(await readFile(path, "utf8"));
+
+/** Of one session, "it", that has this matte. */
+export function stand_in_of(matte) {
+  return stand_in({
+    mattes: { "/mattes/it.exr": matte },
+    answer: (path) =>
+      path.endsWith("/GetSession") ? { session: { name: "it", matteReady: true } } : undefined,
+  });
+}
