@@ -56,9 +56,7 @@ absl::StatusOr<v1::Session> Server::finish_import(const std::string& name) {
   GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, archive.manifest());
   session.set_method(usual_method(manifest));
   note_video(manifest, session);
-  note_archive_bytes(manifest, session);
-  session.set_step_count(manifest.frames_size());
-  session.set_proven_count(manifest.frames_size());
+  note_frames(manifest, session);
   session.set_state(v1::SESSION_STATE_CAPTURED);
   session.clear_reason();
   const std::lock_guard lock(mutex_);

@@ -104,9 +104,16 @@ void note_solved_frames(const std::vector<TileState>& tiles, v1::Session& sessio
   }
 }
 
-void note_archive_bytes(const v1::CaptureManifest& manifest, v1::Session& session) {
+void note_frames(const v1::CaptureManifest& manifest, v1::Session& session) {
   std::int64_t bytes = 0;
-  for (const v1::Frame& frame : manifest.frames()) bytes += frame.size_bytes();
+  int by_patch = 0;
+  for (const v1::Frame& frame : manifest.frames()) {
+    bytes += frame.size_bytes();
+    if (frame.proof() == v1::PROOF_TIME_AND_PATCH) ++by_patch;
+  }
+  session.set_step_count(manifest.frames_size());
+  session.set_proven_count(manifest.frames_size());
+  session.set_patch_proven_count(by_patch);
   session.set_archive_bytes(bytes);
 }
 

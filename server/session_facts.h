@@ -45,6 +45,7 @@ TileAttempt attempt_of(const v1::TileLease& lease);
 
 bool has_number(const google::protobuf::RepeatedField<std::int32_t>& rising, int number);
 
-void note_archive_bytes(const v1::CaptureManifest& manifest, v1::Session& session);
+// How many frames the archive keeps, how they are proven, and their bytes.
+void note_frames(const v1::CaptureManifest& manifest, v1::Session& session);
 
 }  // namespace glasswing

@@ -206,7 +206,8 @@ void Console::log_in(const Request& request, const std::string& text, Response& 
   if (const absl::Status status = check_origin(request, host_->has_tls()); !status.ok())
     return refuse(response, status);
   const auto body = nlohmann::json::parse(text, nullptr, false);
-  const std::string token = body.is_object() ? body.value("token", std::string()) : "";
+  const bool told = body.is_object() && body.contains("token") && body["token"].is_string();
+  const std::string token = told ? body["token"].get<std::string>() : "";
   const auto now = std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now());
   const absl::StatusOr<Visitor> visitor = key_.visitor_of(token, now);
   if (!visitor.ok()) {

@@ -29,6 +29,20 @@ TEST(SessionFacts, FramesOfTheRampAloneAreAVideo) {
   EXPECT_EQ(usual_method(manifest), "gaussian");
 }
 
+TEST(SessionFacts, ProofsOfAnArchiveAreThoseOfItsFrames) {
+  v1::CaptureManifest manifest;
+  for (const v1::Proof proof : {v1::PROOF_TIME, v1::PROOF_TIME_AND_PATCH, v1::PROOF_TIME_AND_PATCH}) {
+    add(manifest, "solid", true);
+    manifest.mutable_frames()->rbegin()->set_proof(proof);
+    manifest.mutable_frames()->rbegin()->set_size_bytes(100);
+  }
+  v1::Session session;
+  note_frames(manifest, session);
+  EXPECT_EQ(session.proven_count(), 3);
+  EXPECT_EQ(session.patch_proven_count(), 2);
+  EXPECT_EQ(session.archive_bytes(), 300);
+}
+
 TEST(SessionFacts, OneFrameIsAStill) {
   v1::CaptureManifest manifest;
   add(manifest, "ramp", false);

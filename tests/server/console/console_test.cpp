@@ -118,7 +118,8 @@ TEST_F(ConsoleTest, NobodyIsAnsweredButThePageBeforeLoggingIn) {
   for (const char* path :
        {"/api/SessionService/GetSession", "/api/nodes/a/CameraService/Preview", "/plans", "/images"})
     EXPECT_EQ(stranger.Post(path, "{}", "application/json")->status, 401) << path;
-  EXPECT_EQ(stranger.Post("/login", R"({"token": "x.y"})", "application/json")->status, 401);
+  for (const char* text : {R"({"token": "x.y"})", R"({"token": 5})", R"(["token"])", "token"})
+    EXPECT_EQ(stranger.Post("/login", text, "application/json")->status, 401) << text;
   EXPECT_EQ(stranger.Post("/login", "[", "application/json")->status, 401);
   EXPECT_EQ(stranger.Get("/")->body, "<!doctype html>");
   EXPECT_EQ(stranger.Get("/../secret")->status, 404);

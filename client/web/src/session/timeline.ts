@@ -54,7 +54,6 @@ export class Timeline {
   readonly retakes: Retake[] = [];
   /** How often each reason was given. */
   readonly reasons = new Map<string, number>();
-  private readonly files: (string | undefined)[];
   private readonly eventSeconds = new Column(new Float64Array(1024));
   private readonly eventSteps = new Column(new Int32Array(1024));
   private readonly eventKinds = new Column(new Uint8Array(1024));
@@ -63,7 +62,6 @@ export class Timeline {
   constructor(readonly stepCount: number) {
     this.states = new Uint8Array(stepCount).fill(kPlanned);
     this.retakeCounts = new Uint16Array(stepCount);
-    this.files = new Array<string | undefined>(stepCount);
     this.counts[kPlanned] = stepCount;
   }
 
@@ -76,11 +74,6 @@ export class Timeline {
     return this.provenSeconds.all();
   }
 
-  /** The frame that is kept of a step. */
-  fileOf(step: number): string | undefined {
-    return this.files[step];
-  }
-
   add(events: readonly StepEventJson[]): void {
     for (const event of events) {
       const step = event.step ?? 0,
@@ -90,10 +83,7 @@ export class Timeline {
       if (kind === undefined) continue;
       if (kind === kRetaken) this.addRetake({ step, seconds, why: event.why ?? "" });
       else this.move(step, kind);
-      if (isProven(kind) && kind !== kRetaken) {
-        this.provenSeconds.push(seconds);
-        this.files[step] = event.file;
-      }
+      if (isProven(kind) && kind !== kRetaken) this.provenSeconds.push(seconds);
       this.seconds = Math.max(this.seconds, seconds);
       this.eventSeconds.push(seconds);
       this.eventSteps.push(step);

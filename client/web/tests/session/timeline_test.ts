@@ -77,7 +77,6 @@ describe("Timeline", () => {
       expect(timeline.events.steps.length).toBe(events.length);
       expect([...timeline.events.seconds]).toEqual(events.map(({ seconds }) => seconds));
       expect(timeline.provenAt.length).toBe(2000);
-      expect(timeline.fileOf(1999)).toBe("frames/1999.tif");
     }
   });
 
