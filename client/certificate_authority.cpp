@@ -24,7 +24,6 @@ namespace fs = std::filesystem;
 constexpr const char* kAuthority = "ca";
 using Extension = std::unique_ptr<X509_EXTENSION, Free<X509_EXTENSION_free>>;
 using Name = std::unique_ptr<X509_NAME, Free<X509_NAME_free>>;
-using Names = std::unique_ptr<GENERAL_NAMES, Free<GENERAL_NAMES_free>>;
 using Number = std::unique_ptr<BIGNUM, Free<BN_free>>;
 
 absl::Status openssl_error(const char* what) {
@@ -113,11 +112,6 @@ Extension names_of(const CertificateRequest& request) {
   return Extension(X509V3_EXT_conf_nid(nullptr, nullptr, NID_subject_alt_name, names.c_str()));
 }
 
-std::string text_of(const ASN1_STRING& text) {
-  return {reinterpret_cast<const char*>(ASN1_STRING_get0_data(&text)),
-          static_cast<size_t>(ASN1_STRING_length(&text))};
-}
-
 std::string address_of(const ASN1_OCTET_STRING& octets) {
   char text[INET6_ADDRSTRLEN] = "";
   ::inet_ntop(ASN1_STRING_length(&octets) == 4 ? AF_INET : AF_INET6, ASN1_STRING_get0_data(&octets), text,
@@ -127,35 +121,23 @@ std::string address_of(const ASN1_OCTET_STRING& octets) {
 
 IssuedCertificate described(const std::string& name, const X509& certificate) {
   IssuedCertificate issued{{name, {}, {}}, end_of(certificate)};
-  const Names names(
-      static_cast<GENERAL_NAMES*>(X509_get_ext_d2i(&certificate, NID_subject_alt_name, nullptr, nullptr)));
+  const AltNames names = alt_names_of(certificate);
   for (int i = 0; i < sk_GENERAL_NAME_num(names.get()); ++i) {
     const GENERAL_NAME& each = *sk_GENERAL_NAME_value(names.get(), i);
-    if (each.type == GEN_DNS) issued.of.hosts.push_back(text_of(*each.d.dNSName));
+    if (each.type == GEN_DNS) issued.of.hosts.emplace_back(text_of(*each.d.dNSName));
     if (each.type == GEN_IPADD) issued.of.hosts.push_back(address_of(*each.d.iPAddress));
     if (each.type != GEN_URI) continue;
-    const std::string uri = text_of(*each.d.uniformResourceIdentifier);
-    if (uri.starts_with(kRoleUri)) issued.of.roles.push_back(uri.substr(kRoleUri.size()));
+    const std::string_view uri = text_of(*each.d.uniformResourceIdentifier);
+    if (uri.starts_with(kRoleUri)) issued.of.roles.emplace_back(uri.substr(kRoleUri.size()));
   }
   return issued;
-}
-
-// Flushed. For its owner only from the first byte on: a writer leaves the mode of what is there.
-absl::Status write_key(const fs::path& path, const EVP_PKEY& key) {
-  ::unlink(path.c_str());
-  const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
-  if (fd < 0) return absl::ErrnoToStatus(errno, fmt::format("cannot create {}", path.string()));
-  ::close(fd);
-  GW_ASSIGN_OR_RETURN(FileWriter writer, FileWriter::create(path));
-  GW_RETURN_IF_ERROR(writer.add(pem_of(key)));
-  return writer.flush();
 }
 
 // Both are there before either has its name; then they change places with the old ones at once, but for the
 // moment between two renames.
 absl::Status write_pair(const fs::path& certificate, const fs::path& key, const X509& x, const EVP_PKEY& k) {
   const fs::path new_certificate = certificate.string() + ".new", new_key = key.string() + ".new";
-  GW_RETURN_IF_ERROR(write_key(new_key, k));
+  GW_RETURN_IF_ERROR(write_secret_flushed(new_key, pem_of(k)));
   GW_RETURN_IF_ERROR(write_file_flushed(new_certificate, pem_of(x)));
   GW_RETURN_IF_ERROR(rename_file(new_key, key));
   GW_RETURN_IF_ERROR(rename_file(new_certificate, certificate));

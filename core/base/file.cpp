@@ -61,12 +61,14 @@ absl::StatusOr<std::string> read_file(const std::filesystem::path& path) {
   return bytes;
 }
 
-absl::Status write_file_flushed(const std::filesystem::path& path, std::string_view bytes) {
+namespace {
+
+absl::Status write_flushed(const std::filesystem::path& path, std::string_view bytes, mode_t mode) {
   // The process id keeps two writers of one name apart; the loser's rename is simply first.
   const std::filesystem::path temporary = fmt::format("{}.{}.tmp", path.string(), ::getpid());
   absl::Status status;
   {
-    const Descriptor file(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
+    const Descriptor file(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, mode));
     if (!file.is_open()) return error_of(errno, "cannot create", temporary);
     status = write_and_flush(file.get(), bytes, path);
   }
@@ -75,6 +77,16 @@ absl::Status write_file_flushed(const std::filesystem::path& path, std::string_v
   }
   if (!status.ok()) ::unlink(temporary.c_str());
   return status;
+}
+
+}  // namespace
+
+absl::Status write_file_flushed(const std::filesystem::path& path, std::string_view bytes) {
+  return write_flushed(path, bytes, 0644);
+}
+
+absl::Status write_secret_flushed(const std::filesystem::path& path, std::string_view bytes) {
+  return write_flushed(path, bytes, 0600);
 }
 
 absl::Status flush_directory(const std::filesystem::path& directory) {

@@ -21,6 +21,8 @@ absl::Status write_file_durably(const std::filesystem::path& path, std::string_v
 // As write_file_durably, but without the flush of the directory: for a batch that ends with one
 // flush_directory().
 absl::Status write_file_flushed(const std::filesystem::path& path, std::string_view bytes);
+// Such a file that its owner alone can read, from its first byte on.
+absl::Status write_secret_flushed(const std::filesystem::path& path, std::string_view bytes);
 absl::Status flush_directory(const std::filesystem::path& directory);
 
 // Makes a directory, and those above it that are missing; durable when it returns OK. One that is there

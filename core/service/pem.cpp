@@ -13,7 +13,7 @@ Bio reader_of(const std::string& text) {
 }
 
 template <typename Write>
-std::string text_of(const Write& write) {
+std::string written_by(const Write& write) {
   const Bio out(BIO_new(BIO_s_mem()));
   write(out.get());
   char* bytes = nullptr;
@@ -42,12 +42,22 @@ PrivateKey private_key_in(const std::string& pem) {
 }
 
 std::string pem_of(const X509& certificate) {
-  return text_of([&](BIO* out) { PEM_write_bio_X509(out, &certificate); });
+  return written_by([&](BIO* out) { PEM_write_bio_X509(out, &certificate); });
 }
 
 std::string pem_of(const EVP_PKEY& key) {
-  return text_of(
+  return written_by(
       [&](BIO* out) { PEM_write_bio_PrivateKey(out, &key, nullptr, nullptr, 0, nullptr, nullptr); });
+}
+
+AltNames alt_names_of(const X509& certificate) {
+  return AltNames(
+      static_cast<GENERAL_NAMES*>(X509_get_ext_d2i(&certificate, NID_subject_alt_name, nullptr, nullptr)));
+}
+
+std::string_view text_of(const ASN1_STRING& text) {
+  return {reinterpret_cast<const char*>(ASN1_STRING_get0_data(&text)),
+          static_cast<size_t>(ASN1_STRING_length(&text))};
 }
 
 std::chrono::sys_seconds end_of(const X509& certificate) {

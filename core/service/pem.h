@@ -3,11 +3,12 @@
 
 #include <openssl/bio.h>
 #include <openssl/evp.h>
-#include <openssl/x509.h>
+#include <openssl/x509v3.h>
 
 #include <chrono>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace glasswing {
@@ -26,6 +27,12 @@ PrivateKey private_key_in(const std::string& pem);
 
 std::string pem_of(const X509& certificate);
 std::string pem_of(const EVP_PKEY& key);  // without a passphrase
+
+// Its other names: hosts, addresses, URIs. Null: it has none.
+using AltNames = std::unique_ptr<GENERAL_NAMES, Free<GENERAL_NAMES_free>>;
+AltNames alt_names_of(const X509& certificate);
+// Its bytes, which live as long as `text`.
+std::string_view text_of(const ASN1_STRING& text);
 
 // The last moment of the time in which it is valid.
 std::chrono::sys_seconds end_of(const X509& certificate);

@@ -6,7 +6,6 @@
 #include <openssl/evp.h>
 #include <openssl/hmac.h>
 #include <openssl/rand.h>
-#include <sys/stat.h>
 
 #include <algorithm>
 #include <array>
@@ -26,12 +25,8 @@ absl::Status make_key(const fs::path& path) {
   std::array<unsigned char, 32> key{};
   if (::RAND_bytes(key.data(), static_cast<int>(key.size())) != 1)
     return absl::InternalError("no random numbers are to be had");
-  // Of its owner from the first byte on.
-  const mode_t before = ::umask(0077);
-  const absl::Status written =
-      write_file_durably(path, {reinterpret_cast<const char*>(key.data()), key.size()});
-  ::umask(before);
-  return written;
+  GW_RETURN_IF_ERROR(write_secret_flushed(path, {reinterpret_cast<const char*>(key.data()), key.size()}));
+  return flush_directory(path.parent_path());
 }
 
 bool is_persons(std::string_view role) {

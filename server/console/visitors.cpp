@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 #include <openssl/ssl.h>
-#include <openssl/x509v3.h>
 
 #include "core/service/pem.h"
 #include "core/service/tls.h"
@@ -10,18 +9,12 @@
 namespace glasswing {
 namespace {
 
-std::string_view text_of(const ASN1_STRING& text) {
-  return {reinterpret_cast<const char*>(ASN1_STRING_get0_data(&text)),
-          static_cast<size_t>(ASN1_STRING_length(&text))};
-}
-
 Visitor visitor_of(const X509& certificate) {
   Visitor visitor{.name = "", .expires = std::chrono::sys_seconds::max()};
   const X509_NAME* subject = X509_get_subject_name(&certificate);
   if (const int at = X509_NAME_get_index_by_NID(subject, NID_commonName, -1); at >= 0)
     visitor.name = text_of(*X509_NAME_ENTRY_get_data(X509_NAME_get_entry(subject, at)));
-  const std::unique_ptr<GENERAL_NAMES, Free<GENERAL_NAMES_free>> names(
-      static_cast<GENERAL_NAMES*>(X509_get_ext_d2i(&certificate, NID_subject_alt_name, nullptr, nullptr)));
+  const AltNames names = alt_names_of(certificate);
   for (int i = 0; i < sk_GENERAL_NAME_num(names.get()); ++i) {
     const GENERAL_NAME& each = *sk_GENERAL_NAME_value(names.get(), i);
     if (each.type == GEN_URI) visitor.roles |= role_of_uri(text_of(*each.d.uniformResourceIdentifier));
