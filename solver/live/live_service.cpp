@@ -22,6 +22,8 @@ using std::chrono::milliseconds;
 constexpr size_t kEmptyFrames = 16;
 constexpr size_t kMostPictureBytes = size_t{64} << 20;
 constexpr milliseconds kPoll(50);  // how soon it notices that the caller is gone
+// A call that was just cancelled needs a moment to let go.
+constexpr std::chrono::seconds kGrace(1);
 // For so long frames may be refused, as while a hand is in the picture.
 constexpr std::chrono::seconds kPatience(5);
 
@@ -44,7 +46,7 @@ void count_pixels(const RampFrame& matte, v1::LiveFrame& live) {
 // Reads on gRPC's threads, works on one of its own, whose last deed is Finish(); then it deletes itself.
 class LiveServiceImpl::Call final : public grpc::ServerBidiReactor<v1::RunLiveRequest, v1::RunLiveResponse> {
  public:
-  Call(LiveServiceImpl& service, bool alone) : service_(service), alone_(alone) {
+  explicit Call(LiveServiceImpl& service) : service_(service) {
     StartRead(&request_);
     std::thread([this] { finish(work()); }).detach();
   }
@@ -98,7 +100,7 @@ class LiveServiceImpl::Call final : public grpc::ServerBidiReactor<v1::RunLiveRe
     StartWrite(&response_);
   }
   void finish(const absl::Status& status) {
-    if (alone_) service_.busy_ = false;
+    only_ = {};
     if (!status.ok()) spdlog::warn("live mattes ended: {}", std::string(status.message()));
     {
       std::unique_lock lock(mutex_);
@@ -117,7 +119,8 @@ class LiveServiceImpl::Call final : public grpc::ServerBidiReactor<v1::RunLiveRe
 
   // The rest runs on the worker.
   absl::Status work() {
-    if (!alone_) {
+    only_ = std::unique_lock(service_.working_, kGrace);
+    if (!only_.owns_lock()) {
       return absl::ResourceExhaustedError(
           "this solver makes live mattes for somebody else; try again when it is free");
     }
@@ -217,7 +220,7 @@ class LiveServiceImpl::Call final : public grpc::ServerBidiReactor<v1::RunLiveRe
   }
 
   LiveServiceImpl& service_;
-  const bool alone_;
+  std::unique_lock<std::timed_mutex> only_;  // the worker's
   v1::RunLiveRequest request_;
   v1::RunLiveResponse response_;
   std::mutex mutex_;
@@ -234,7 +237,7 @@ class LiveServiceImpl::Call final : public grpc::ServerBidiReactor<v1::RunLiveRe
 
 grpc::ServerBidiReactor<v1::RunLiveRequest, v1::RunLiveResponse>* LiveServiceImpl::RunLive(
     grpc::CallbackServerContext*) {
-  return new Call(*this, !busy_.exchange(true));
+  return new Call(*this);
 }
 
 }  // namespace glasswing

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <mutex>
 
 #include "glasswing/v1/live_service.grpc.pb.h"
 
@@ -23,7 +24,7 @@ class LiveServiceImpl final : public v1::LiveService::CallbackService {
 
   const int thread_count_;
   std::atomic<bool> stopping_ = false;
-  std::atomic<bool> busy_ = false;
+  std::timed_mutex working_;
 };
 
 }  // namespace glasswing

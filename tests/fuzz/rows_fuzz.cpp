@@ -92,12 +92,13 @@ void take(std::string_view input) {
       continue;
     }
     FUZZ_CHECK(offset > 4 && static_cast<size_t>(offset) <= room);
-    v1::ReadRowsResponse parsed;
     FUZZ_CHECK(rows.substr(0, 4) == "xxxx");
     FUZZ_CHECK(rows.find_first_not_of('x', static_cast<size_t>(offset)) == std::string::npos);
     const grpc::Slice chunk(rows.data() + 4, static_cast<size_t>(offset) - 4);
-    if (!parsed.ParseFromArray(input.data(), static_cast<int>(input.size()))) continue;  // what follows it
-    FUZZ_CHECK(parsed.checksum() == checksum_of_pieces({&chunk, 1}) || parsed.chunk().size() != chunk.size());
+    // It stands in the message, whatever follows, unless it is 0, which is left out.
+    const std::uint64_t checksum = checksum_of_pieces({&chunk, 1});
+    const std::string_view bytes(reinterpret_cast<const char*>(&checksum), sizeof checksum);
+    FUZZ_CHECK(checksum == 0 || input.find(bytes) != std::string_view::npos);
   }
 }
 

@@ -338,6 +338,22 @@ TEST_F(LiveTest, ServesOneAtATimeAndSaysWhenTheCameraGoes) {
   EXPECT_NE(ended.error_message().find("camera node"), std::string::npos) << ended.error_message();
 }
 
+TEST_F(LiveTest, ACallThatWasCancelledLetsTheNextOneIn) {
+  start();
+  grpc::ClientContext ramp_context;
+  const auto ramp = rig_stub_->ShowRamp(&ramp_context);
+  const std::optional<v1::ShowRampResponse> rig = ask(*ramp, false);
+  ASSERT_TRUE(rig);
+  for (int i = 0; i < 5; ++i) {
+    grpc::ClientContext context;
+    const auto live = live_stub_->RunLive(&context);
+    ASSERT_TRUE(live->Write(start_of(*rig)));
+    v1::RunLiveResponse response;
+    ASSERT_TRUE(live->Read(&response)) << live->Finish().error_message();
+    context.TryCancel();
+  }
+}
+
 TEST_F(LiveTest, NeedsASolverThatListens) {
   start(false);
   grpc::ClientContext context;

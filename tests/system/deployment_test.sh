@@ -31,6 +31,7 @@ start() { # UNIT: what it starts, as systemd would
   ) >"$work/$1.log" 2>&1 &
 }
 for unit in server display camera solver; do start "$unit"; done
+until_true 20 grep -q "listening on" "$work/server.log" || fail "the server does not begin"
 export GLASSWING_SERVER=localhost:$port GLASSWING_CA=$work/certificates/ca.pem
 refused "wants to know who calls; set --certificate and --key" glasswing nodes
 export GLASSWING_CERTIFICATE=$work/certificates/me.pem GLASSWING_KEY=$work/certificates/me.key
