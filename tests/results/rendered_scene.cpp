@@ -22,12 +22,11 @@ RadianceImage picture(const fs::path& path) {
 
 Image16 degraded(const RadianceImage& light, const Degradation& degradation, unsigned frame) {
   std::mt19937 random(degradation.seed * 100003 + frame);
-  std::normal_distribution<double> noise(0.0, degradation.noise_sd);
+  std::normal_distribution<double> normal;  // of no width would be undefined
   const double levels = std::exp2(degradation.bits) - 1.0;
   Image16 image(light.width_px, light.height_px);
   for (size_t i = 0; i < light.samples.size(); ++i) {
-    const double noisy =
-        static_cast<double>(light.samples[i]) + (degradation.noise_sd > 0.0 ? noise(random) : 0.0);
+    const double noisy = static_cast<double>(light.samples[i]) + degradation.noise_sd * normal(random);
     const double value = std::clamp(noisy, 0.0, 1.0);
     image.samples[i] = static_cast<std::uint16_t>(std::lround(std::round(value * levels) / levels * 65535.0));
   }

@@ -39,12 +39,12 @@ PixelSamples recorded(const Footprints& modes, const SampleLayout& layout, doubl
   PixelSamples samples{.layout = &layout, .y = {}, .weight = {}};
   samples.y.resize(static_cast<size_t>(layout.padded_count()));
   samples.weight.resize(samples.y.size());
-  std::normal_distribution<double> noise(0.0, noise_sd);
+  std::normal_distribution<double> normal;  // of no width would be undefined
   for (const SampleLayout::Sweep& sweep : layout.sweeps) {
     for (int i = 0; i < sweep.count; ++i) {
       const auto place = static_cast<size_t>(sweep.first + i);
-      samples.y[place] =
-          static_cast<float>(answer(modes, layout, sweep, i) + (noise_sd > 0.0 ? noise(random) : 0.0));
+      samples.y[place] = static_cast<float>(answer(modes, layout, sweep, i) +
+                                            (noise_sd > 0.0 ? noise_sd * normal(random) : 0.0));
       samples.weight[place] = 1.0f;
     }
   }
