@@ -40,6 +40,22 @@ absl::Status write_and_flush(int fd, std::string_view bytes, const std::filesyst
   return absl::OkStatus();
 }
 
+absl::Status write_flushed(const std::filesystem::path& path, std::string_view bytes, mode_t mode) {
+  // The process id keeps two writers of one name apart; the loser's rename is simply first.
+  const std::filesystem::path temporary = fmt::format("{}.{}.tmp", path.string(), ::getpid());
+  absl::Status status;
+  {
+    const Descriptor file(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, mode));
+    if (!file.is_open()) return error_of(errno, "cannot create", temporary);
+    status = write_and_flush(file.get(), bytes, path);
+  }
+  if (status.ok() && ::rename(temporary.c_str(), path.c_str()) != 0) {
+    status = error_of(errno, "cannot rename to", path);
+  }
+  if (!status.ok()) ::unlink(temporary.c_str());
+  return status;
+}
+
 }  // namespace
 
 absl::StatusOr<std::string> read_file(const std::filesystem::path& path) {
@@ -60,26 +76,6 @@ absl::StatusOr<std::string> read_file(const std::filesystem::path& path) {
   bytes.resize(filled);
   return bytes;
 }
-
-namespace {
-
-absl::Status write_flushed(const std::filesystem::path& path, std::string_view bytes, mode_t mode) {
-  // The process id keeps two writers of one name apart; the loser's rename is simply first.
-  const std::filesystem::path temporary = fmt::format("{}.{}.tmp", path.string(), ::getpid());
-  absl::Status status;
-  {
-    const Descriptor file(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, mode));
-    if (!file.is_open()) return error_of(errno, "cannot create", temporary);
-    status = write_and_flush(file.get(), bytes, path);
-  }
-  if (status.ok() && ::rename(temporary.c_str(), path.c_str()) != 0) {
-    status = error_of(errno, "cannot rename to", path);
-  }
-  if (!status.ok()) ::unlink(temporary.c_str());
-  return status;
-}
-
-}  // namespace
 
 absl::Status write_file_flushed(const std::filesystem::path& path, std::string_view bytes) {
   return write_flushed(path, bytes, 0644);

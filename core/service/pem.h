@@ -28,7 +28,7 @@ PrivateKey private_key_in(const std::string& pem);
 std::string pem_of(const X509& certificate);
 std::string pem_of(const EVP_PKEY& key);  // without a passphrase
 
-// Its other names: hosts, addresses, URIs. Null: it has none.
+// A certificate's other names: hosts, addresses, URIs. Null: it has none.
 using AltNames = std::unique_ptr<GENERAL_NAMES, Free<GENERAL_NAMES_free>>;
 AltNames alt_names_of(const X509& certificate);
 // Its bytes, which live as long as `text`.
