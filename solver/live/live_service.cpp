@@ -100,7 +100,6 @@ class LiveServiceImpl::Call final : public grpc::ServerBidiReactor<v1::RunLiveRe
     StartWrite(&response_);
   }
   void finish(const absl::Status& status) {
-    only_ = {};
     if (!status.ok()) spdlog::warn("live mattes ended: {}", std::string(status.message()));
     {
       std::unique_lock lock(mutex_);
@@ -119,8 +118,8 @@ class LiveServiceImpl::Call final : public grpc::ServerBidiReactor<v1::RunLiveRe
 
   // The rest runs on the worker.
   absl::Status work() {
-    only_ = std::unique_lock(service_.working_, kGrace);
-    if (!only_.owns_lock()) {
+    const std::unique_lock only(service_.working_, kGrace);
+    if (!only.owns_lock()) {
       return absl::ResourceExhaustedError(
           "this solver makes live mattes for somebody else; try again when it is free");
     }
@@ -220,7 +219,6 @@ class LiveServiceImpl::Call final : public grpc::ServerBidiReactor<v1::RunLiveRe
   }
 
   LiveServiceImpl& service_;
-  std::unique_lock<std::timed_mutex> only_;  // the worker's
   v1::RunLiveRequest request_;
   v1::RunLiveResponse response_;
   std::mutex mutex_;

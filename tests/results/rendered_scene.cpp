@@ -26,7 +26,8 @@ Image16 degraded(const RadianceImage& light, const Degradation& degradation, uns
   const double levels = std::exp2(degradation.bits) - 1.0;
   Image16 image(light.width_px, light.height_px);
   for (size_t i = 0; i < light.samples.size(); ++i) {
-    const double noisy = static_cast<double>(light.samples[i]) + degradation.noise_sd * normal(random);
+    const double noisy = static_cast<double>(light.samples[i]) +
+                         (degradation.noise_sd > 0.0 ? degradation.noise_sd * normal(random) : 0.0);
     const double value = std::clamp(noisy, 0.0, 1.0);
     image.samples[i] = static_cast<std::uint16_t>(std::lround(std::round(value * levels) / levels * 65535.0));
   }
