@@ -1,7 +1,7 @@
 // What a camera node tells monitoring of frames (docs/monitoring.md).
 #pragma once
 
-#include "core/service/metrics.h"
+#include "core/telemetry/metrics.h"
 
 namespace glasswing {
 

@@ -1,5 +1,5 @@
-#include "client/client.h"
+#include "client/commands.h"
 
 int main(int argc, char** argv) {
-  return glasswing::run_client(argc, argv);
+  return glasswing::run_client(argc, argv, glasswing::add_commands);
 }

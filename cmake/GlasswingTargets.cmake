@@ -5,6 +5,26 @@ set(GLASSWING_TEST_PATIENCE 1 CACHE STRING "How many times as long as usual test
 option(GLASSWING_GRPC_ORDER "Tell the thread sanitizer of gRPC's order (tests/sanitizers)" OFF)
 option(GLASSWING_FUZZ "Build tests/fuzz with libFuzzer too (needs clang)" OFF)
 
+# One set of code-generation flags for every target, so that all can share the precompiled headers below and the
+# Python module can be linked from the same libraries.
+foreach(option -fPIC -fno-semantic-interposition -pthread)
+  add_compile_options($<$<COMPILE_LANGUAGE:CXX>:${option}>)
+endforeach()
+
+find_program(CCACHE ccache)
+if(CCACHE)
+  # Without this sloppiness ccache refuses every file that uses a precompiled header. Paths are hashed relative to
+  # the checkout, so a second clone finds what the first one compiled.
+  set(launcher ${CMAKE_COMMAND} -E env
+      CCACHE_SLOPPINESS=pch_defines,time_macros,include_file_mtime,include_file_ctime
+      CCACHE_BASEDIR=${PROJECT_SOURCE_DIR} ${CCACHE})
+  set(CMAKE_C_COMPILER_LAUNCHER ${launcher})
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${launcher})
+  if(CMAKE_CXX_COMPILER_ID STREQUAL GNU)
+    add_compile_options($<$<COMPILE_LANGUAGE:CXX>:-fpch-preprocess>)
+  endif()
+endif()
+
 # Warnings are ours alone: they never reach a target's users.
 function(glasswing_warnings target)
   # g++ 12 takes absl::StatusOr's storage for uninitialized.
@@ -13,21 +33,134 @@ function(glasswing_warnings target)
                          $<$<BOOL:${GLASSWING_WERROR}>:-Werror>)
 endfunction()
 
-# glasswing_library(NAME SOURCES a.cpp ... USES lib ...)
-function(glasswing_library name)
-  cmake_parse_arguments(ARG "" "" "SOURCES;USES" ${ARGN})
-  add_library(${name} STATIC ${ARG_SOURCES})
-  target_include_directories(${name} PUBLIC ${PROJECT_SOURCE_DIR})
-  target_link_libraries(${name} PUBLIC ${ARG_USES})
-  glasswing_warnings(${name})
+# Headers that are parsed once for the whole build. A target takes the smallest set that holds what it uses:
+# plain, rpc (gRPC and the services' messages), and each with GoogleTest.
+set(standard_headers <algorithm> <array> <chrono> <cmath> <cstdint> <filesystem> <functional> <map> <memory> <mutex>
+    <numeric> <optional> <set> <span> <string> <string_view> <thread> <utility> <vector>
+    <absl/status/statusor.h> <fmt/format.h>)
+function(glasswing_precompiled kind)
+  file(CONFIGURE OUTPUT ${CMAKE_BINARY_DIR}/precompiled/${kind}.cpp CONTENT "// Holds the precompiled headers \"${kind}\".\n")
+  set(target glasswing_precompiled_${kind})
+  add_library(${target} STATIC ${CMAKE_BINARY_DIR}/precompiled/${kind}.cpp)
+  cmake_parse_arguments(ARG "" "" "HEADERS;USES" ${ARGN})
+  target_link_libraries(${target} PRIVATE absl::statusor fmt::fmt ${ARG_USES})
+  target_precompile_headers(${target} PRIVATE ${standard_headers} ${ARG_HEADERS})
+  glasswing_warnings(${target})  # -Wpedantic changes predefined macros, which must be those of the users
+endfunction()
+set(rpc_headers <grpcpp/grpcpp.h> <google/protobuf/map.h> <google/protobuf/repeated_field.h>)
+glasswing_precompiled(plain)
+glasswing_precompiled(rpc HEADERS ${rpc_headers} USES gRPC::grpc++ protobuf::libprotobuf)
+glasswing_precompiled(test HEADERS <gtest/gtest.h> USES GTest::gtest)
+glasswing_precompiled(rpc_test HEADERS <gtest/gtest.h> ${rpc_headers} USES GTest::gtest gRPC::grpc++ protobuf::libprotobuf)
+
+# A folder is a room: one library, whose target is the folder's path with dots ("server.rig"). USES names the folders
+# that it may include, and libraries. A folder must be added after those that it uses, so there are no cycles, and
+# programs never use each other's folders. CheckLayers.cmake holds every include against USES.
+
+# Turns folders among `names` into targets; refuses what the layers do not allow.
+function(glasswing_targets result folder)
+  set(targets)
+  foreach(name ${ARGN})
+    if(name MATCHES "/|^(server|client|solver|camera-node|display-node)$" AND NOT name MATCHES "::")
+      string(REPLACE "/" "." target ${name})
+      if(NOT TARGET ${target})
+        message(FATAL_ERROR "${folder} uses ${name}, which does not lie below it: no such folder was added before")
+      endif()
+      string(REGEX MATCH "^[^/]+" own ${folder})
+      string(REGEX MATCH "^[^/]+" other ${name})
+      if(NOT own STREQUAL other AND NOT own STREQUAL tests AND NOT other MATCHES "^(core|proto)$")
+        message(FATAL_ERROR "${folder} uses ${name}; programs share nothing but core and proto")
+      endif()
+      list(APPEND targets ${target})
+    else()
+      list(APPEND targets ${name})
+    endif()
+  endforeach()
+  set(${result} ${targets} PARENT_SCOPE)
 endfunction()
 
-# glasswing_program(NAME SOURCES main.cpp USES lib ...)
+# Notes what `folder` may include, for CheckLayers.cmake.
+function(glasswing_note_layer folder)
+  if(folder MATCHES "^tests")
+    return()
+  endif()
+  set_property(GLOBAL APPEND PROPERTY GLASSWING_ROOMS ${folder})
+  set(folders ${ARGN})
+  list(FILTER folders EXCLUDE REGEX "::")
+  set_property(GLOBAL APPEND PROPERTY "GLASSWING_USES_${folder}" ${folders})
+endfunction()
+
+# Whether something of `targets`, or of what they use, is compiled with gRPC's headers.
+function(glasswing_needs_rpc result)
+  set(${result} FALSE PARENT_SCOPE)
+  foreach(target ${ARGN})
+    if(target STREQUAL proto.services OR target MATCHES "^gRPC::")
+      set(${result} TRUE PARENT_SCOPE)
+    elseif(TARGET ${target})
+      get_target_property(inherited ${target} GLASSWING_RPC)
+      if(inherited)
+        set(${result} TRUE PARENT_SCOPE)
+      endif()
+    endif()
+  endforeach()
+endfunction()
+
+# What every target of ours has: its layer, warnings, and the precompiled headers that suit what it uses.
+# SUFFIX: _test for tests.
+function(glasswing_set_up target suffix)
+  glasswing_needs_rpc(rpc ${ARGN})
+  set_target_properties(${target} PROPERTIES GLASSWING_RPC ${rpc})
+  if(rpc)
+    set(kind rpc${suffix})
+  elseif(suffix)
+    set(kind test)
+  else()
+    set(kind plain)
+  endif()
+  target_precompile_headers(${target} REUSE_FROM glasswing_precompiled_${kind})
+  glasswing_warnings(${target})
+endfunction()
+
+# glasswing_library([NAME target] SOURCES a.cpp ... USES folder|library ... [PRIVATE library ...])
+# PRIVATE: libraries whose headers no header of the folder includes. Without SOURCES it is headers alone.
+# NAME: a second library of the folder, or one of tests.
+function(glasswing_library)
+  cmake_parse_arguments(ARG "" "NAME" "SOURCES;USES;PRIVATE" ${ARGN})
+  file(RELATIVE_PATH folder ${PROJECT_SOURCE_DIR} ${CMAKE_CURRENT_SOURCE_DIR})
+  glasswing_targets(uses ${folder} ${ARG_USES})
+  glasswing_note_layer(${folder} ${ARG_USES})
+  set(name ${ARG_NAME})
+  if(NOT name)
+    string(REPLACE "/" "." name ${folder})
+  endif()
+  if(NOT ARG_SOURCES)
+    add_library(${name} INTERFACE)
+    target_include_directories(${name} INTERFACE ${PROJECT_SOURCE_DIR})
+    target_link_libraries(${name} INTERFACE ${uses})
+    return()
+  endif()
+  add_library(${name} STATIC ${ARG_SOURCES})
+  target_include_directories(${name} PUBLIC ${PROJECT_SOURCE_DIR})
+  target_link_libraries(${name} PUBLIC ${uses} PRIVATE ${ARG_PRIVATE})
+  if(ARG_PRIVATE MATCHES "opencv_")
+    target_include_directories(${name} SYSTEM PRIVATE ${OpenCV_INCLUDE_DIRS})
+  endif()
+  glasswing_set_up(${name} "" ${uses})
+endfunction()
+
+# glasswing_program(NAME SOURCES main.cpp USES folder|library ...)
 function(glasswing_program name)
   cmake_parse_arguments(ARG "" "" "SOURCES;USES" ${ARGN})
+  file(RELATIVE_PATH folder ${PROJECT_SOURCE_DIR} ${CMAKE_CURRENT_SOURCE_DIR})
+  glasswing_targets(uses ${folder} ${ARG_USES})
+  glasswing_note_layer(${folder} ${ARG_USES})
   add_executable(${name} ${ARG_SOURCES})
-  target_link_libraries(${name} PRIVATE ${ARG_USES} ${GLASSWING_ORDER})
-  glasswing_warnings(${name})
+  target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR})
+  target_link_libraries(${name} PRIVATE ${uses} ${GLASSWING_ORDER})
+  if(ARG_USES MATCHES "opencv_")
+    target_include_directories(${name} SYSTEM PRIVATE ${OpenCV_INCLUDE_DIRS})
+  endif()
+  glasswing_set_up(${name} "" ${uses})
 endfunction()
 
 # glasswing_man_pages(PROGRAM ARGUMENT COMPONENT): the program writes its pages itself when `ARGUMENT DIR` says so;
@@ -39,27 +172,55 @@ function(glasswing_man_pages program argument component)
   install(TARGETS ${program} COMPONENT ${component})
   install(DIRECTORY ${pages}/ DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT ${component} FILES_MATCHING PATTERN "*.1")
   install(DIRECTORY ${pages}/ DESTINATION ${CMAKE_INSTALL_MANDIR}/man8 COMPONENT ${component} FILES_MATCHING PATTERN "*.8")
+  add_dependencies(programs ${program})
 endfunction()
 
-# glasswing_test(NAME_test USES lib ...): builds NAME_test.cpp; the CTest name is its path below tests/.
-# One CTest entry a file keeps the run short.
-function(glasswing_test name)
-  cmake_parse_arguments(ARG "" "TIMEOUT" "USES;ENVIRONMENT" ${ARGN})
-  file(RELATIVE_PATH path ${PROJECT_SOURCE_DIR}/tests ${CMAKE_CURRENT_SOURCE_DIR}/${name})
-  string(REPLACE "/" "." target ${path})
-  add_executable(${target} ${name}.cpp)
-  target_link_libraries(${target} PRIVATE ${ARG_USES} GTest::gtest GTest::gtest_main ${GLASSWING_ORDER})
+# glasswing_tests([PROGRAM name] TESTS a_test ... [SOURCES helper.cpp ...] USES folder|library ... [TIMEOUT SECONDS]
+#                 [ENVIRONMENT NAME=VALUE ...])
+# One program for the folder. CTest runs each file in a process of its own, named by its path below tests/.
+# PROGRAM: one more program, for a test whose cases stand in a header or in SOURCES; it runs as a whole.
+function(glasswing_tests)
+  cmake_parse_arguments(ARG "" "PROGRAM;TIMEOUT" "TESTS;SOURCES;USES;ENVIRONMENT" ${ARGN})
+  file(RELATIVE_PATH folder ${PROJECT_SOURCE_DIR}/tests ${CMAKE_CURRENT_SOURCE_DIR})
+  string(REPLACE "/" "." target "tests.${folder}")
+  if(ARG_PROGRAM)
+    string(APPEND target ".${ARG_PROGRAM}")
+  endif()
+  glasswing_targets(uses tests/${folder} ${ARG_USES})
+  list(TRANSFORM ARG_TESTS APPEND .cpp OUTPUT_VARIABLE sources)
+  add_executable(${target} ${sources} ${ARG_SOURCES})
+  target_include_directories(${target} PRIVATE ${PROJECT_SOURCE_DIR})
+  target_link_libraries(${target} PRIVATE ${uses} tests.main ${GLASSWING_ORDER})
+  if(ARG_USES MATCHES "opencv_")
+    target_include_directories(${target} SYSTEM PRIVATE ${OpenCV_INCLUDE_DIRS})
+  endif()
   set_target_properties(${target} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
-  glasswing_warnings(${target})
-  add_test(NAME ${path} COMMAND ${target})
+  glasswing_set_up(${target} _test ${uses})
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
   endif()
-  math(EXPR ARG_TIMEOUT "${ARG_TIMEOUT} * ${GLASSWING_TEST_PATIENCE}")
-  set_tests_properties(${path} PROPERTIES TIMEOUT ${ARG_TIMEOUT} ENVIRONMENT "${ARG_ENVIRONMENT}")
+  math(EXPR timeout "${ARG_TIMEOUT} * ${GLASSWING_TEST_PATIENCE}")
+  foreach(test ${ARG_TESTS})
+    set(only)
+    if(NOT ARG_PROGRAM)
+      set(only --file ${test}.cpp)
+    endif()
+    add_test(NAME ${folder}/${test} COMMAND ${target} ${only})
+    set_tests_properties(${folder}/${test} PROPERTIES TIMEOUT ${timeout} ENVIRONMENT "${ARG_ENVIRONMENT}")
+  endforeach()
 endfunction()
 
-# gRPC's headers take seconds to parse; the targets that see them share the parse within a target.
-function(glasswing_precompile_grpc target)
-  target_precompile_headers(${target} PRIVATE <grpcpp/grpcpp.h>)
+# Holds every include against the layers at every build (CheckLayers.cmake).
+function(glasswing_check_layers)
+  get_property(rooms GLOBAL PROPERTY GLASSWING_ROOMS)
+  list(REMOVE_DUPLICATES rooms)
+  set(layers)
+  foreach(room ${rooms})
+    get_property(uses GLOBAL PROPERTY "GLASSWING_USES_${room}")
+    string(APPEND layers "list(APPEND rooms \"${room}\")\nset(\"uses_${room}\" ${uses})\n")
+  endforeach()
+  file(CONFIGURE OUTPUT ${CMAKE_BINARY_DIR}/layers.cmake CONTENT "${layers}" @ONLY)
+  add_custom_target(layers ALL COMMAND ${CMAKE_COMMAND} -DROOT=${PROJECT_SOURCE_DIR}
+                    -DLAYERS=${CMAKE_BINARY_DIR}/layers.cmake -P ${PROJECT_SOURCE_DIR}/cmake/CheckLayers.cmake
+                    COMMENT "Checking the layers" VERBATIM)
 endfunction()

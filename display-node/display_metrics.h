@@ -1,7 +1,7 @@
 // What a display node tells monitoring of what it shows (docs/monitoring.md).
 #pragma once
 
-#include "core/service/metrics.h"
+#include "core/telemetry/metrics.h"
 
 namespace glasswing {
 

@@ -1,7 +1,7 @@
 // What monitoring is told of archives: how their frames travel (docs/monitoring.md).
 #pragma once
 
-#include "core/service/metrics.h"
+#include "core/telemetry/metrics.h"
 
 namespace glasswing {
 

@@ -116,10 +116,4 @@ class Archive {
   std::map<std::string, std::shared_ptr<const MappedFile>> mapped_;  // guarded by mutex_
 };
 
-// Any archive a user may bring: ours, or a directory with a manifest.json of the rendered data sets
-// ({"monitor": {name: {width, height}}, "image": {...}, "frames": [{file, object, stimulus}]}).
-// Only the manifest is read; frame files stay where they are, in whatever format. DATA_LOSS or
-// INVALID_ARGUMENT name the file and the entry at fault.
-absl::StatusOr<v1::CaptureManifest> read_any_manifest(const std::filesystem::path& directory);
-
 }  // namespace glasswing

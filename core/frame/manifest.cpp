@@ -1,106 +1,17 @@
-// Manifests that users bring: ours as they are, others translated entry by entry.
+// What a manifest must be to be true at all, wherever it came from.
 #include <fmt/format.h>
-#include <google/protobuf/util/json_util.h>
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
-#include <nlohmann/json.hpp>
+#include <set>
 
-#include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/frame/archive.h"
-#include "core/frame/archive_json.h"
-#include "core/frame/sequences.h"
 
 namespace glasswing {
 namespace {
 
-using Json = nlohmann::ordered_json;               // keeps the file's order of monitors
-constexpr size_t kLongestName = 255;               // of a frame's file, bytes
-constexpr std::uintmax_t kMostBytes = 256u << 20;  // of manifest.json: a million frames
-constexpr int kDeepest = 64;                       // nesting; what is read needs four
-
-absl::Status bad(const std::filesystem::path& path, const std::string& what) {
-  return absl::InvalidArgumentError(fmt::format("{}: {}", path.string(), what));
-}
-
-absl::StatusOr<int> side_of(const Json& object, const char* key, const std::string& where,
-                            const std::filesystem::path& path) {
-  if (!object.is_object() || !object.contains(key) || !object[key].is_number_integer() ||
-      object[key].get<std::int64_t>() < 1 || object[key].get<std::int64_t>() > kMaxSide_px) {
-    return bad(path, fmt::format("{} has no {} of 1 to {} px", where, key, kMaxSide_px));
-  }
-  return object[key].get<int>();
-}
-
-// The fields of Stimulus have the names used there, so protobuf's own reader translates an entry.
-absl::StatusOr<v1::Stimulus> stimulus_of(const Json& entry, const std::string& where,
-                                         const std::filesystem::path& path) {
-  v1::Stimulus stimulus;
-  if (!entry.is_object()) return bad(path, fmt::format("{} has no stimulus", where));
-  google::protobuf::util::JsonParseOptions options;
-  options.ignore_unknown_fields = true;
-  const auto status = google::protobuf::util::JsonStringToMessage(entry.dump(), &stimulus, options);
-  if (!status.ok()) return bad(path, fmt::format("{}: {}", where, std::string(status.message())));
-  if (stimulus.kind().empty()) return bad(path, fmt::format("{}: the stimulus has no kind", where));
-  return stimulus;
-}
-
-// All of it but frames.
-absl::StatusOr<v1::CaptureManifest> translate_header(const Json& json, const std::filesystem::path& path) {
-  v1::CaptureManifest manifest;
-  manifest.set_format_version(1);
-  if (json.contains("scene") && json["scene"].is_string())
-    manifest.set_scene(json["scene"].get<std::string>());
-  if (!json.contains("monitor") || !json["monitor"].is_object() || json["monitor"].empty()) {
-    return bad(path, "it has no monitor: {\"name\": {\"width\": ..., \"height\": ...}}");
-  }
-  for (const auto& [name, size] : json["monitor"].items()) {
-    v1::Monitor& monitor = *manifest.add_monitors();
-    monitor.set_name(name);
-    monitor.set_response("linear");
-    const std::string where = fmt::format("monitor \"{}\"", name);
-    GW_ASSIGN_OR_RETURN(const int width, side_of(size, "width", where, path));
-    GW_ASSIGN_OR_RETURN(const int height, side_of(size, "height", where, path));
-    monitor.set_width_px(width);
-    monitor.set_height_px(height);
-  }
-  const Json image = json.value("image", Json::object());
-  GW_ASSIGN_OR_RETURN(const int width, side_of(image, "width", "image", path));
-  GW_ASSIGN_OR_RETURN(const int height, side_of(image, "height", "image", path));
-  manifest.mutable_camera()->set_width_px(width);
-  manifest.mutable_camera()->set_height_px(height);
-  manifest.mutable_camera()->set_bits(16);
-  manifest.mutable_camera()->set_response("linear");
-  return manifest;
-}
-
-absl::StatusOr<v1::CaptureManifest> translate(const Json& json, const std::filesystem::path& path) {
-  GW_ASSIGN_OR_RETURN(v1::CaptureManifest manifest, translate_header(json, path));
-  if (!json.contains("frames") || !json["frames"].is_array() || json["frames"].empty()) {
-    return bad(path, "it lists no frames");
-  }
-  for (size_t i = 0; i < json["frames"].size(); ++i) {
-    const Json& entry = json["frames"][i];
-    const std::string where = fmt::format("frame {}", i);
-    if (!entry.is_object() || !entry.contains("file") || !entry["file"].is_string()) {
-      return bad(path, fmt::format("{} has no file", where));
-    }
-    v1::Frame& frame = *manifest.add_frames();
-    frame.set_file(entry["file"].get<std::string>());
-    if (!entry.contains("object") || !entry["object"].is_boolean()) {
-      return bad(path, fmt::format("{} ({}) does not say \"object\": true or false", where, frame.file()));
-    }
-    frame.set_object(entry["object"].get<bool>());
-    frame.set_step(-1);
-    frame.set_proof(v1::PROOF_IMPORTED);
-    const Json stimulus = entry.value("stimulus", Json());
-    GW_ASSIGN_OR_RETURN(*frame.mutable_stimulus(),
-                        stimulus_of(stimulus, where + " (" + frame.file() + ")", path));
-  }
-  return manifest;
-}
+constexpr size_t kLongestName = 255;  // of a frame's file, bytes
 
 // The path of the first number below `message` that is none.
 std::string find_not_finite(const google::protobuf::Message& message) {
@@ -139,31 +50,6 @@ absl::Status check_finite(const std::string& what, const google::protobuf::Messa
 
 bool good_side(int side) {
   return side >= 1 && side <= kMaxSide_px;
-}
-
-// What `make` makes of manifest.json; whatever it complains about, the path is named.
-absl::StatusOr<v1::CaptureManifest> read_manifest(
-    const std::filesystem::path& path,
-    const std::function<absl::StatusOr<v1::CaptureManifest>(const Json&, const std::string& text)>& make) {
-  std::error_code unknown;
-  const std::uintmax_t size_bytes = std::filesystem::file_size(path, unknown);
-  if (!unknown && size_bytes > kMostBytes) {
-    return bad(path, fmt::format("it has {} bytes; at most {} are read", size_bytes, kMostBytes));
-  }
-  GW_ASSIGN_OR_RETURN(const std::string text, read_file(path));
-  try {
-    // Recursion is deep as the text is; what lies too deep is not even built.
-    bool too_deep = false;
-    const Json json = Json::parse(text, [&](int depth, Json::parse_event_t, const Json&) {
-      too_deep = too_deep || depth > kDeepest;
-      return depth <= kDeepest;
-    });
-    if (too_deep) return bad(path, fmt::format("it is nested more than {} deep", kDeepest));
-    if (!json.is_object()) return bad(path, "it is not a JSON object");
-    return make(json, text);
-  } catch (const Json::exception& error) {
-    return absl::DataLossError(fmt::format("{}: {}", path.string(), error.what()));
-  }
 }
 
 }  // namespace
@@ -229,33 +115,6 @@ absl::Status check_manifest(const v1::CaptureManifest& manifest) {
     }
   }
   return absl::OkStatus();
-}
-
-absl::StatusOr<v1::CaptureManifest> read_any_manifest(const std::filesystem::path& directory) {
-  const std::filesystem::path path = directory / "manifest.json";
-  const auto make = [&](const Json& json, const std::string& text) -> absl::StatusOr<v1::CaptureManifest> {
-    if (!json.contains("format_version")) return translate(json, path);
-    v1::CaptureManifest manifest;
-    GW_RETURN_IF_ERROR(parse_archive_json(text, path, &manifest));
-    return manifest;
-  };
-  GW_ASSIGN_OR_RETURN(v1::CaptureManifest manifest, read_manifest(path, make));
-  if (const absl::Status status = check_manifest(manifest); !status.ok())
-    return bad(path, std::string(status.message()));
-  return manifest;
-}
-
-absl::StatusOr<v1::CaptureManifest> read_sequences_header(const std::filesystem::path& directory) {
-  const std::filesystem::path path = directory / "manifest.json";
-  const auto make = [&](const Json& json, const std::string&) -> absl::StatusOr<v1::CaptureManifest> {
-    if (json.contains("format_version"))
-      return bad(path, "it is of an archive with one list of frames, and holds no sequences");
-    return translate_header(json, path);
-  };
-  GW_ASSIGN_OR_RETURN(v1::CaptureManifest manifest, read_manifest(path, make));
-  if (const absl::Status status = check_manifest_header(manifest); !status.ok())
-    return bad(path, std::string(status.message()));
-  return manifest;
 }
 
 }  // namespace glasswing

@@ -6,6 +6,7 @@
 
 #include "core/service/node_health.h"
 #include "core/service/service.h"
+#include "core/base/version.h"
 
 namespace glasswing {
 

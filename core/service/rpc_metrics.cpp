@@ -5,7 +5,7 @@
 #include <chrono>
 #include <string>
 
-#include "core/service/metrics.h"
+#include "core/telemetry/metrics.h"
 
 namespace glasswing {
 namespace {

@@ -13,7 +13,7 @@
 #include "core/service/listener.h"
 #include "core/service/rpc_metrics.h"
 #include "core/service/stalled_calls.h"
-#include "core/service/tls.h"
+#include "core/security/tls.h"
 #include "glasswing/v1/clock_service.grpc.pb.h"
 
 namespace glasswing {

@@ -14,7 +14,6 @@
 
 namespace glasswing {
 
-inline constexpr const char* kVersion = "0.1.0";
 inline constexpr size_t kChunkBytes = 1 << 20;  // most bytes in one streamed message
 
 // absl and gRPC codes are equal.

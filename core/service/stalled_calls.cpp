@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "core/service/metrics.h"
+#include "core/telemetry/metrics.h"
 
 namespace glasswing {
 namespace {

@@ -4,7 +4,7 @@
 
 #include <filesystem>
 
-#include "core/storage/check.h"
+#include "core/archive/check.h"
 
 namespace glasswing {
 

@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <functional>
 
-#include "core/storage/check.h"
+#include "core/archive/check.h"
 
 namespace glasswing {
 

@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "core/storage/check.h"
+#include "core/archive/check.h"
 #include "core/storage/database.h"
 #include "glasswing/v1/session_service.pb.h"
 

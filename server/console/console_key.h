@@ -13,7 +13,7 @@
 #include <string>
 #include <string_view>
 
-#include "core/service/roles.h"
+#include "core/security/roles.h"
 
 namespace glasswing {
 

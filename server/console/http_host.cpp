@@ -6,8 +6,8 @@
 #include <charconv>
 
 #include "core/base/status.h"
-#include "core/service/pem.h"
-#include "core/service/tls.h"
+#include "core/security/pem.h"
+#include "core/security/tls.h"
 
 namespace glasswing {
 namespace {

@@ -3,8 +3,8 @@
 #include <fmt/format.h>
 #include <openssl/ssl.h>
 
-#include "core/service/pem.h"
-#include "core/service/tls.h"
+#include "core/security/pem.h"
+#include "core/security/tls.h"
 
 namespace glasswing {
 namespace {

@@ -7,6 +7,7 @@
 
 #include "core/base/status.h"
 #include "server/jobs/sql_text.h"
+#include "core/base/version.h"
 
 namespace glasswing {
 namespace {

@@ -8,6 +8,7 @@
 
 #include "core/base/status.h"
 #include "server/jobs/sql_text.h"
+#include "core/base/version.h"
 
 namespace glasswing {
 namespace {

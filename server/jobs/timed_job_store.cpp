@@ -2,7 +2,7 @@
 
 #include <array>
 
-#include "core/service/metrics.h"
+#include "core/telemetry/metrics.h"
 
 namespace glasswing {
 namespace {

@@ -5,7 +5,7 @@
 #include <memory>
 
 #include "solver/alpha/backings.h"
-#include "solver/method.h"
+#include "solver/method/method.h"
 
 namespace glasswing {
 

@@ -9,7 +9,8 @@
 #include "glasswing/v1/archive.pb.h"
 #include "solver/background/bar_decoder.h"
 #include "solver/background/silhouette.h"
-#include "solver/method.h"
+#include "solver/method/method.h"
+#include "solver/method/sample_noise.h"
 
 namespace glasswing {
 

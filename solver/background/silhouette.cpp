@@ -29,17 +29,6 @@ double gamma_q(double a, double x) {
 
 }  // namespace
 
-double SampleNoise::variance(double radiance) const {
-  return read_sd * read_sd + gain * std::max(radiance, 0.0);
-}
-
-SampleNoise sample_noise(const v1::Camera& camera, double unknown_sd) {
-  const double bits = camera.bits() >= 1 && camera.bits() <= 16 ? camera.bits() : 16;
-  const double quantisation_sd = 1.0 / ((std::exp2(bits) - 1.0) * std::sqrt(12.0));
-  return {.read_sd = std::hypot(camera.read_sd() > 0.0 ? camera.read_sd() : unknown_sd, quantisation_sd),
-          .gain = std::max(camera.gain(), 0.0)};
-}
-
 double chi_square_quantile(double degrees, double tail) {
   double low = 0.0, high = degrees + 10.0;
   while (gamma_q(0.5 * degrees, 0.5 * high) > tail) high *= 2.0;

@@ -5,20 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "glasswing/v1/archive.pb.h"
-
 namespace glasswing {
-
-// Variance of a sample of this radiance.
-struct SampleNoise {
-  double read_sd = 0.0;
-  double gain = 0.0;
-  double variance(double radiance) const;
-};
-
-// The camera's own, with `unknown_sd` where the manifest names no read noise; never less than its
-// quantisation.
-SampleNoise sample_noise(const v1::Camera& camera, double unknown_sd);
 
 // x with P(chi-square of `degrees` > x) = tail, tail in (0, 1).
 double chi_square_quantile(double degrees, double tail);

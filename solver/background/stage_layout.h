@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "solver/exposure_merge.h"
+#include "solver/method/exposure_merge.h"
 
 namespace glasswing {
 

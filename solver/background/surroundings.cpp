@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "solver/exposure_merge.h"
+#include "solver/method/exposure_merge.h"
 
 namespace glasswing {
 namespace {

@@ -8,7 +8,8 @@
 #include "solver/background/empty_stage.h"
 #include "solver/background/silhouette.h"
 #include "solver/background/stage_layout.h"
-#include "solver/method.h"
+#include "solver/method/method.h"
+#include "solver/method/sample_noise.h"
 
 namespace glasswing {
 

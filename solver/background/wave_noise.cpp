@@ -9,7 +9,7 @@
 
 #include "core/matte/matte.h"
 #include "solver/background/stage_layout.h"
-#include "solver/exposure_merge.h"
+#include "solver/method/exposure_merge.h"
 
 namespace glasswing {
 namespace {

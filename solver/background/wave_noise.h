@@ -7,7 +7,7 @@
 
 #include <vector>
 
-#include "solver/method.h"
+#include "solver/method/method.h"
 
 namespace glasswing {
 

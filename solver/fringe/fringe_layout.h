@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "solver/background/stage_layout.h"
-#include "solver/gaussian/footprint.h"
+#include "solver/footprint/footprint.h"
 
 namespace glasswing {
 

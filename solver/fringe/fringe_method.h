@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "solver/fringe/fringe_layout.h"
-#include "solver/method.h"
+#include "solver/method/method.h"
 
 namespace glasswing {
 

@@ -10,6 +10,7 @@
 #include "solver/fringe/fringe_unwrap.h"
 #include "solver/fringe/phasor.h"
 #include "solver/fringe/spectrum_fit.h"
+#include "solver/method/sample_noise.h"
 
 namespace glasswing {
 

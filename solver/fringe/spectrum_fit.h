@@ -11,8 +11,8 @@
 
 #include "solver/fringe/fringe_unwrap.h"
 #include "solver/fringe/phasor.h"
-#include "solver/gaussian/cone_step.h"
-#include "solver/gaussian/footprint.h"
+#include "solver/footprint/cone_step.h"
+#include "solver/footprint/footprint.h"
 
 namespace glasswing {
 

@@ -12,7 +12,7 @@
 #include <array>
 #include <complex>
 
-#include "solver/gaussian/footprint.h"
+#include "solver/footprint/footprint.h"
 
 namespace glasswing {
 

@@ -11,7 +11,7 @@
 
 #include "core/base/status.h"
 #include "solver/background/stage_layout.h"
-#include "solver/exposure_merge.h"
+#include "solver/method/exposure_merge.h"
 
 namespace glasswing {
 namespace {

@@ -9,7 +9,7 @@
 
 #include <absl/status/statusor.h>
 
-#include "solver/made_capture.h"
+#include "solver/gaussian/synthesized_capture.h"
 
 namespace glasswing {
 

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "solver/gaussian/stack_layout.h"
-#include "solver/made_capture.h"
-#include "solver/method.h"
+#include "solver/gaussian/synthesized_capture.h"
+#include "solver/method/method.h"
 
 namespace glasswing {
 

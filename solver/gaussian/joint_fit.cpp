@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "solver/gaussian/cone_step.h"
+#include "solver/footprint/cone_step.h"
 
 namespace glasswing {
 namespace {

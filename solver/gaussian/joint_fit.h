@@ -9,8 +9,8 @@
 
 #include <vector>
 
-#include "solver/gaussian/cone_step.h"
-#include "solver/gaussian/footprint.h"
+#include "solver/footprint/cone_step.h"
+#include "solver/footprint/footprint.h"
 
 namespace glasswing {
 

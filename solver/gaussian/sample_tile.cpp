@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "solver/exposure_merge.h"
+#include "solver/method/exposure_merge.h"
 #include "solver/gaussian/sample_kernel.h"
 
 namespace glasswing {

@@ -10,7 +10,8 @@
 #include "solver/background/silhouette.h"
 #include "solver/gaussian/crests.h"
 #include "solver/gaussian/stack_layout.h"
-#include "solver/method.h"
+#include "solver/method/method.h"
+#include "solver/method/sample_noise.h"
 
 namespace glasswing {
 

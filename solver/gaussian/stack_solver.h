@@ -13,7 +13,8 @@
 #include "solver/gaussian/mode_search.h"
 #include "solver/gaussian/sample_tile.h"
 #include "solver/gaussian/stack_layout.h"
-#include "solver/method.h"
+#include "solver/method/method.h"
+#include "solver/method/sample_noise.h"
 
 namespace glasswing {
 

@@ -3,7 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "solver/exposure_merge.h"
+#include "solver/method/exposure_merge.h"
+#include "solver/method/sample_noise.h"
 
 namespace glasswing {
 namespace {

@@ -7,7 +7,7 @@
 #include "core/matte/matte.h"
 #include "solver/background/surroundings.h"
 #include "solver/hierarchical/box_fit.h"
-#include "solver/method.h"
+#include "solver/method/method.h"
 
 namespace glasswing {
 

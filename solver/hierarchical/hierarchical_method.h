@@ -4,7 +4,7 @@
 
 #include <memory>
 
-#include "solver/method.h"
+#include "solver/method/method.h"
 
 namespace glasswing {
 

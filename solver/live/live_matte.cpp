@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "core/base/status.h"
+#include "solver/ramp/video_layout.h"
 
 namespace glasswing {
 namespace {

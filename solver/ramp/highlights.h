@@ -11,7 +11,7 @@
 #include <span>
 #include <vector>
 
-#include "solver/ramp/ramp_frame.h"
+#include "solver/ramp/smoother/ramp_frame.h"
 
 namespace glasswing {
 

@@ -3,7 +3,7 @@
 
 #include <absl/status/status.h>
 
-#include "solver/ramp/ramp_frame.h"
+#include "solver/ramp/smoother/ramp_frame.h"
 #include "solver/ramp/ramp_light.h"
 #include "solver/ramp/ramp_stage.h"
 

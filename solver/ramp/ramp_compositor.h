@@ -10,7 +10,7 @@
 #include "core/frame/image.h"
 #include "core/matte/box_table.h"
 #include "core/matte/matte.h"
-#include "solver/ramp/ramp_frame.h"
+#include "solver/ramp/smoother/ramp_frame.h"
 
 namespace glasswing {
 

@@ -13,6 +13,7 @@
 #include "solver/ramp/moved_background.h"
 #include "solver/ramp/partial_cover.h"
 #include "solver/ramp/prepared_stage.h"
+#include "solver/method/sample_noise.h"
 
 namespace glasswing {
 namespace {

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "solver/ramp/ramp_frame.h"
+#include "solver/ramp/smoother/ramp_frame.h"
 
 namespace glasswing {
 

@@ -4,7 +4,7 @@
 
 #include <span>
 
-#include "solver/video_method.h"
+#include "solver/method/video_method.h"
 
 namespace glasswing {
 

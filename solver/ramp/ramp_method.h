@@ -5,7 +5,7 @@
 #include <memory>
 
 #include "solver/ramp/ramp_options.h"
-#include "solver/video_method.h"
+#include "solver/method/video_method.h"
 
 namespace glasswing {
 

@@ -6,8 +6,8 @@
 #include <optional>
 #include <string>
 
-#include "solver/method.h"
-#include "solver/ramp/ramp_smoother.h"
+#include "solver/method/method.h"
+#include "solver/ramp/smoother/ramp_smoother.h"
 
 namespace glasswing {
 

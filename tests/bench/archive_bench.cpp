@@ -21,8 +21,8 @@
 #include "core/archive/remote_archive.h"
 #include "core/base/freed_memory.h"
 #include "core/service/service.h"
-#include "core/service/tls.h"
-#include "tests/core/service/made_certificates.h"
+#include "core/security/tls.h"
+#include "tests/core/security/made_certificates.h"
 
 namespace glasswing {
 namespace {

@@ -6,7 +6,7 @@
 #include <random>
 
 #include "tests/bench/rows.h"
-#include "tests/solver/simulated_pixel.h"
+#include "tests/solver/gaussian/simulated_pixel.h"
 
 namespace glasswing {
 namespace {

@@ -8,6 +8,7 @@
 #include "solver/gaussian/crests.h"
 #include "solver/gaussian/sample_tile.h"
 #include "tests/bench/rows.h"
+#include "solver/method/sample_noise.h"
 
 namespace glasswing {
 namespace {

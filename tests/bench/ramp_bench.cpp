@@ -9,9 +9,9 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "solver/ramp/ramp_extractor.h"
-#include "solver/ramp/ramp_smoother.h"
+#include "solver/ramp/smoother/ramp_smoother.h"
 #include "tests/bench/rows.h"
-#include "tests/solver/ramp_scene.h"
+#include "tests/solver/ramp/ramp_scene.h"
 
 namespace glasswing {
 namespace {

@@ -14,10 +14,11 @@
 #include <thread>
 
 #include "core/frame/archive.h"
-#include "core/frame/mapped_archive.h"
-#include "solver/bands.h"
-#include "solver/gaussian/footprint.h"
+#include "core/import/mapped_archive.h"
+#include "solver/worker/parallel_solve.h"
+#include "solver/footprint/footprint.h"
 #include "tests/bench/rows.h"
+#include "solver/methods.h"
 
 namespace glasswing {
 namespace {

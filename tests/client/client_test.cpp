@@ -1,4 +1,4 @@
-#include "client/client.h"
+#include "client/cli/client.h"
 
 #include <fstream>
 #include <nlohmann/json.hpp>

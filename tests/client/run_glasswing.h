@@ -9,7 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "client/client.h"
+#include "client/cli/client.h"
+#include "client/commands.h"
 
 namespace glasswing {
 
@@ -26,7 +27,7 @@ inline Outcome run_glasswing(const std::vector<std::string>& arguments) {
   testing::internal::CaptureStdout();
   testing::internal::CaptureStderr();
   Outcome outcome;
-  outcome.status = run_client(static_cast<int>(argv.size()), argv.data());
+  outcome.status = run_client(static_cast<int>(argv.size()), argv.data(), add_commands);
   outcome.out = testing::internal::GetCapturedStdout();
   outcome.err = testing::internal::GetCapturedStderr();
   return outcome;

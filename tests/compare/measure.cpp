@@ -8,6 +8,7 @@
 #include "core/frame/image_file.h"
 #include "core/matte/compositor.h"
 #include "tests/results/solved.h"
+#include "solver/methods.h"
 
 namespace glasswing {
 namespace {

@@ -4,7 +4,7 @@
 
 #include <CLI/CLI.hpp>
 
-#include "client/config.h"
+#include "client/cli/config.h"
 #include "tests/fuzz/fuzz_target.h"
 
 namespace glasswing::fuzz {

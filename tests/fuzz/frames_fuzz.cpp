@@ -8,7 +8,7 @@
 
 #include <algorithm>
 
-#include "camera-node/camera_service.h"
+#include "camera-node/services/camera_service.h"
 #include "core/archive/archive_service.h"
 #include "core/base/checksum.h"
 #include "core/pattern/id_patch.h"

@@ -4,6 +4,7 @@
 
 #include "core/frame/archive.h"
 #include "tests/fuzz/fuzz_target.h"
+#include "core/import/foreign_manifest.h"
 
 namespace glasswing::fuzz {
 

@@ -1,7 +1,7 @@
 // Lists of photographs that others took (docs/archive.md).
-#include "client/photograph_list.h"
+#include "client/exchange/photograph_list.h"
 #include "core/frame/archive.h"
-#include "core/frame/photograph_response.h"
+#include "core/import/photograph_response.h"
 #include "tests/fuzz/fuzz_target.h"
 
 namespace glasswing::fuzz {

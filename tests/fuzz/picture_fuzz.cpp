@@ -2,7 +2,7 @@
 // decoded, and what comes of them.
 #include <cstring>
 
-#include "camera-node/pixel_format.h"
+#include "camera-node/backends/pixel_format.h"
 #include "core/frame/archive.h"
 #include "core/frame/image_file.h"
 #include "core/frame/jpeg_header.h"

@@ -5,7 +5,7 @@
 #include <google/protobuf/text_format.h>
 
 #include "core/frame/image_file.h"
-#include "display-node/program.h"
+#include "display-node/playback/program.h"
 #include "tests/fuzz/fuzz_target.h"
 
 namespace glasswing::fuzz {

@@ -14,10 +14,10 @@
 #include <optional>
 
 #include "core/frame/image_file.h"
-#include "core/frame/mapped_archive.h"
+#include "core/import/mapped_archive.h"
 #include "core/matte/compositor.h"
 #include "core/matte/matte_file.h"
-#include "solver/method.h"
+#include "solver/method/method.h"
 
 namespace glasswing {
 namespace {

@@ -10,6 +10,7 @@
 #include "core/frame/archive.h"
 #include "core/frame/image_file.h"
 #include "core/pattern/pattern.h"
+#include "core/import/foreign_manifest.h"
 
 namespace glasswing {
 namespace {

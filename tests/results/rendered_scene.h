@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "core/frame/image.h"
-#include "solver/made_capture.h"
-#include "solver/method.h"
+#include "solver/gaussian/synthesized_capture.h"
+#include "solver/method/method.h"
 
 namespace glasswing {
 

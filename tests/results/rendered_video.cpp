@@ -8,6 +8,8 @@
 #include "core/base/status.h"
 #include "core/frame/image_file.h"
 #include "core/matte/compositor.h"
+#include "solver/methods.h"
+#include "solver/ramp/video_layout.h"
 
 namespace glasswing {
 namespace {

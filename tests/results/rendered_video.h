@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "core/frame/image.h"
-#include "solver/video_method.h"
+#include "solver/method/video_method.h"
 
 namespace glasswing {
 

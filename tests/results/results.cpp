@@ -10,6 +10,7 @@
 #include "tests/results/rendered_scene.h"
 #include "tests/results/sheet.h"
 #include "tests/results/solved.h"
+#include "solver/methods.h"
 
 namespace glasswing {
 namespace {

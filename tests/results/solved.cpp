@@ -6,7 +6,7 @@
 #include <chrono>
 
 #include "core/base/status.h"
-#include "solver/bands.h"
+#include "solver/worker/parallel_solve.h"
 
 namespace glasswing {
 

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "core/matte/matte.h"
-#include "solver/method.h"
+#include "solver/method/method.h"
 
 namespace glasswing {
 

@@ -4,8 +4,9 @@
 #include <gtest/gtest.h>
 
 #include "core/pattern/plan.h"
-#include "solver/method.h"
-#include "solver/video_method.h"
+#include "solver/method/method.h"
+#include "solver/method/video_method.h"
+#include "solver/methods.h"
 
 namespace glasswing {
 namespace {

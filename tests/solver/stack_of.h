@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "core/frame/image.h"
-#include "solver/method.h"
+#include "solver/method/method.h"
 
 namespace glasswing {
 

@@ -4,7 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <iostream>
 
-#include "camera-node/pixel_format.h"
+#include "camera-node/backends/pixel_format.h"
 #include "core/frame/archive.h"
 #include "core/pattern/pattern.h"
 #include "core/sim/sensor.h"

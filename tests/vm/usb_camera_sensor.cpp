@@ -6,8 +6,8 @@
 #include <iostream>
 #include <optional>
 
-#include "camera-node/emission_client.h"
-#include "core/service/logs.h"
+#include "camera-node/backends/emission_client.h"
+#include "core/telemetry/logs.h"
 #include "core/service/service.h"
 #include "core/sim/sensor.h"
 #include "tests/vm/camera_code.h"

@@ -12,6 +12,7 @@
 #include "core/pattern/method_options.h"
 #include "core/service/service.h"
 #include "glasswing/v1/work_service.grpc.pb.h"
+#include "core/base/version.h"
 
 namespace glasswing {
 namespace {

@@ -8,6 +8,7 @@
 
 #include "tests/core/archive/made_archive.h"
 #include "tests/core/archive/tampering_relay.h"
+#include "core/import/foreign_manifest.h"
 
 namespace glasswing {
 namespace {

@@ -13,6 +13,7 @@
 #include "core/base/file.h"
 #include "core/frame/image_file.h"
 #include "tests/core/base/flipped.h"
+#include "core/import/foreign_manifest.h"
 
 namespace glasswing {
 namespace {

@@ -9,7 +9,7 @@
 #include <regex>
 
 #include "core/frame/archive.h"
-#include "core/service/logs.h"
+#include "core/telemetry/logs.h"
 #include "core/service/service.h"
 #include "tests/faults/capture/decoder.h"
 #include "tests/faults/capture/rig.h"

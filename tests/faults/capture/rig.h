@@ -5,11 +5,11 @@
 #include <memory>
 #include <string>
 
-#include "camera-node/sim_camera.h"
+#include "camera-node/backends/sim_camera.h"
 #include "core/archive/disk_room.h"
-#include "display-node/sim_display.h"
+#include "display-node/backends/sim_display.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
-#include "server/server.h"
+#include "server/sessions/session_store.h"
 
 namespace glasswing {
 

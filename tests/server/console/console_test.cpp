@@ -9,12 +9,12 @@
 
 #include "core/base/file.h"
 #include "core/service/service.h"
-#include "core/service/tls.h"
+#include "core/security/tls.h"
 #include "glasswing/v1/node_service.grpc.pb.h"
 #include "glasswing/v1/rig_service.grpc.pb.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 #include "server/console/console_service.h"
-#include "tests/core/service/made_certificates.h"
+#include "tests/core/security/made_certificates.h"
 
 namespace glasswing {
 namespace {

@@ -1,4 +1,4 @@
-// A matte's values as pictures, in the colours and on the scales of `glasswing view` (client/matte_panels).
+// A matte's values as pictures, in the colours and on the scales of `glasswing view` (client/pictures/matte_panels).
 import { kChannels, kFlags, strongestMode, type MatteData, type MatteMetadata } from "../light/matte";
 
 export type Colour = readonly [number, number, number];

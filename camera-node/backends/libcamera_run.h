@@ -1,0 +1,79 @@
+// One run of a camera under libcamera: acquired, configured, streaming; let go at the end. For
+// libcamera_camera.cpp alone: libcamera's headers end here.
+#pragma once
+
+#include <absl/status/statusor.h>
+#include <libcamera/libcamera.h>
+
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "camera-node/backends/pixel_format.h"
+#include "camera-node/backends/sensor_time.h"
+
+namespace glasswing {
+
+class LibcameraRun {
+ public:
+  struct Frame {
+    std::shared_ptr<const RawPicture> picture;
+    std::int64_t sequence = 0;  // of this run, from 0; gaps are lost frames
+    nanoseconds stamp{};        // as the driver gave it
+    ClockReadings complete;     // when all of it was here
+    // As the frame's metadata say, if they do.
+    std::optional<double> exposure_ms, gain;
+    std::optional<nanoseconds> readout;
+  };
+  // `modes` go with the first frame, `settings` with the next: USB cameras refuse an exposure time until
+  // automatic exposure is off. UNAVAILABLE: the camera is another program's, or it does not start.
+  static absl::StatusOr<std::unique_ptr<LibcameraRun>> begin(
+      std::shared_ptr<libcamera::Camera> camera,
+      std::unique_ptr<libcamera::CameraConfiguration> configuration, bool usb,
+      const libcamera::ControlList& modes, const libcamera::ControlList& settings);
+  ~LibcameraRun();
+  LibcameraRun(const LibcameraRun&) = delete;
+  LibcameraRun& operator=(const LibcameraRun&) = delete;
+
+  std::optional<Frame> next(std::chrono::milliseconds timeout);
+  // Unplugged.
+  bool gone() const { return gone_; }
+  // It took back what it was sent.
+  bool refused() const { return refused_; }
+
+ private:
+  LibcameraRun(std::shared_ptr<libcamera::Camera> camera,
+               std::unique_ptr<libcamera::CameraConfiguration> configuration);
+  absl::Status map_buffers(bool usb);
+  absl::Status stream(const libcamera::ControlList& modes, const libcamera::ControlList& settings);
+  void complete(libcamera::Request* request);  // on libcamera's thread
+  void disconnected();                         // likewise
+  Frame copied(const libcamera::Request& request, const libcamera::FrameBuffer& buffer) const;
+
+  struct Mapping {
+    int dmabuf = -1;
+    void* start = nullptr;
+    size_t size_bytes = 0;
+    size_t offset = 0;  // of the plane
+  };
+  const std::shared_ptr<libcamera::Camera> camera_;
+  const std::unique_ptr<libcamera::CameraConfiguration> configuration_;
+  libcamera::FrameBufferAllocator allocator_;
+  std::map<const libcamera::FrameBuffer*, std::vector<Mapping>> mappings_;
+  std::vector<std::unique_ptr<libcamera::Request>> requests_;
+  RawPicture blank_;  // what all pictures of the run have in common
+  std::atomic<bool> gone_ = false, refused_ = false;
+  std::mutex mutex_;
+  std::condition_variable arrived_;
+  bool stopping_ = false;     // guarded by mutex_
+  std::deque<Frame> frames_;  // guarded by mutex_
+};
+
+}  // namespace glasswing

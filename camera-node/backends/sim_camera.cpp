@@ -1,0 +1,227 @@
+#include "camera-node/backends/sim_camera.h"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <condition_variable>
+
+#include "core/base/status.h"
+
+namespace glasswing {
+namespace {
+
+constexpr double kMinExposureMs = 0.05;
+constexpr nanoseconds kLightIsLate = std::chrono::milliseconds(300);  // then it is taken for dark
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<SimCamera>> SimCamera::create(const SimCameraOptions& options,
+                                                             const EmissionTimeline& timeline) {
+  // Names the scenes there are, if this is none of them.
+  const std::vector<SceneMonitor> one{{.name = "back", .size = {.width_px = 4, .height_px = 4}}};
+  GW_RETURN_IF_ERROR(build_transport(options.scene, true, one, 4, 4).status());
+  return std::unique_ptr<SimCamera>(new SimCamera(options, timeline));
+}
+
+SimCamera::SimCamera(const SimCameraOptions& options, const EmissionTimeline& timeline)
+    : options_(options),
+      timeline_(timeline),
+      motion_(motion_of(options.scene)),
+      random_(options.sensor.seed),
+      preparing_([this](std::stop_token stop) { prepare(stop); }) {}
+
+v1::GetCameraResponse SimCamera::describe() const {
+  v1::GetCameraResponse response;
+  v1::Camera& camera = *response.mutable_camera();
+  camera.set_name(options_.name);
+  camera.set_width_px(options_.width_px);
+  camera.set_height_px(options_.height_px);
+  camera.set_bits(options_.sensor.bits);
+  // As of any camera that codes its light its own way, nothing is known but what a calibration finds.
+  const bool linear = options_.sensor.curve == SensorCurve() && options_.sensor.black_level == 0.0;
+  camera.set_response(linear ? "linear" : "unknown");
+  if (linear) camera.set_read_sd(options_.sensor.read_sd);
+  if (linear) camera.set_gain(options_.sensor.gain);
+  response.set_backend("sim");
+  response.set_frame_rate_hz(options_.frame_rate_hz);
+  response.set_min_exposure_ms(kMinExposureMs);
+  response.set_max_exposure_ms(1000.0 / options_.frame_rate_hz);
+  response.set_readout_ns(options_.sensor.readout.count());
+  return response;
+}
+
+absl::Status SimCamera::start(double exposure_ms) {
+  const double longest_ms = 1000.0 / options_.frame_rate_hz;
+  if (!(exposure_ms >= kMinExposureMs && exposure_ms <= longest_ms)) {
+    return absl::InvalidArgumentError(fmt::format("exposure_ms is {}; this camera takes {} to {} ms",
+                                                  exposure_ms, kMinExposureMs, longest_ms));
+  }
+  // The light's ways through the scene are traced before the first frame wants them.
+  if (const std::vector<EmissionMonitor> monitors = timeline_.monitors(); !monitors.empty())
+    GW_RETURN_IF_ERROR(stage(monitors).status());
+  const std::lock_guard lock(mutex_);
+  running_ = true;
+  exposure_ms_ = exposure_ms;
+  next_start_ = monotonic_now();
+  return absl::OkStatus();
+}
+
+void SimCamera::stop() {
+  const std::lock_guard lock(mutex_);
+  running_ = false;
+}
+
+bool SimCamera::move(bool present) {
+  const std::lock_guard lock(mutex_);
+  object_ = present;
+  return true;
+}
+
+std::optional<CapturedFrame> SimCamera::next(std::chrono::milliseconds) {
+  Exposed exposed;
+  std::int64_t sequence = 0;
+  double exposure_ms = 0.0;
+  nanoseconds start{}, late{}, stamp_error = options_.stamp_shift;
+  const nanoseconds period(std::llround(1e9 / options_.frame_rate_hz));
+  {
+    const std::lock_guard lock(mutex_);
+    if (!running_) return std::nullopt;
+    const auto up_to = [this](nanoseconds most) {
+      return nanoseconds(std::uniform_int_distribution<std::int64_t>(0, most.count())(random_));
+    };
+    // A camera runs on whether anybody looks or not: what was missed is lost.
+    const nanoseconds behind = monotonic_now() - next_start_;
+    if (behind > std::chrono::seconds(1)) {
+      next_start_ += behind / period * period;
+      sequence_ += behind / period;
+    }
+    do {
+      ++sequence_;
+      start = next_start_;
+      next_start_ += period;
+    } while (std::bernoulli_distribution(options_.drop)(random_));
+    sequence = sequence_;
+    exposure_ms = exposure_ms_;
+    const bool duplicate = std::bernoulli_distribution(options_.duplicate)(random_);
+    if (!duplicate || newest_.sequence == 0) {
+      const nanoseconds exposure(std::llround(exposure_ms * 1e6));
+      newest_ = {.sequence = sequence_, .window = {.start = start, .exposure = exposure}, .object = object_};
+    }
+    exposed = newest_;
+    late = up_to(options_.late);
+    stamp_error += up_to(2 * options_.stamp_jitter) - options_.stamp_jitter;
+  }
+  const nanoseconds end = start + options_.sensor.readout + nanoseconds(std::llround(exposure_ms * 1e6));
+  delivered_ = std::max(delivered_, end + late);
+  sleep_until_monotonic(delivered_);
+  CapturedFrame frame;
+  frame.taken.set_sequence(sequence);
+  frame.taken.set_exposure_start_ns(options_.clock.reading_at(start + stamp_error).count());
+  frame.taken.set_exposure_end_ns(options_.clock.reading_at(end + stamp_error).count());
+  frame.taken.set_uncertainty_ns(1000 + options_.stamp_jitter.count());
+  frame.taken.set_exposure_ms(exposure_ms);
+  frame.taken.set_gain(1.0);
+  frame.taken.set_width_px(options_.width_px);
+  frame.taken.set_height_px(options_.height_px);
+  frame.image = [this, exposed, exposure_ms] { return expose_frame(exposed, exposure_ms); };
+  return frame;
+}
+
+absl::StatusOr<Image16> SimCamera::expose_frame(const Exposed& exposed, double exposure_ms) {
+  RadianceImage radiance(options_.width_px, options_.height_px);
+  if (timeline_.wait_known_until(end_of(exposed.window), kLightIsLate)) {
+    GW_ASSIGN_OR_RETURN(radiance, radiance_on(exposed));
+  }
+  const Automatics& automatics = options_.automatics;
+  if (automatics.gain || automatics.white_balance)
+    GW_RETURN_IF_ERROR(apply_automatics(exposed, exposure_ms, radiance));
+  return expose(radiance, exposure_ms, options_.sensor, exposed.sequence);
+}
+
+nanoseconds SimCamera::end_of(const ExposureWindow& window) const {
+  return window.start + options_.sensor.readout + window.exposure;
+}
+
+absl::StatusOr<RadianceImage> SimCamera::radiance_on(const Exposed& exposed) {
+  const ExposureWindow& window = exposed.window;
+  const std::vector<MonitorEmission> emission = timeline_.between(window.start, end_of(window));
+  if (emission.empty()) return RadianceImage(options_.width_px, options_.height_px);
+  std::vector<EmissionMonitor> monitors;
+  for (const MonitorEmission& each : emission) monitors.push_back(each.monitor);
+  GW_ASSIGN_OR_RETURN(const StageTransports through, stage(monitors));
+  const nanoseconds middle = options_.clock.reading_at((window.start + end_of(window)) / 2);
+  const auto phase = static_cast<size_t>(motion_.phase_at(middle));
+  RadianceImage radiance = integrate(exposed.object ? *through.phases[phase] : *through.empty, emission,
+                                     window, options_.sensor.readout);
+  return blurs() ? through_lens(radiance, options_.blur_sigma_px) : radiance;
+}
+
+// The frames before are worked out anew, so that the gains of a frame depend on the light alone, and not on
+// which frames somebody wanted to see.
+absl::Status SimCamera::apply_automatics(const Exposed& exposed, double exposure_ms,
+                                         RadianceImage& radiance) {
+  const nanoseconds period(std::llround(1e9 / options_.frame_rate_hz));
+  const double scale = exposure_ms / options_.sensor.full_scale_exposure_ms;
+  std::vector<Colour> light_before;
+  Exposed before = exposed;
+  for (int k = 1; k <= kFramesRemembered; ++k) {
+    before.window.start -= period;
+    GW_ASSIGN_OR_RETURN(const RadianceImage seen, radiance_on(before));
+    std::array<double, 3> sums{};
+    for (size_t i = 0; i < seen.samples.size(); ++i) sums[i % 3] += static_cast<double>(seen.samples[i]);
+    Colour& light = light_before.emplace_back();
+    for (size_t c = 0; c < 3; ++c)
+      light[c] = static_cast<float>(3.0 * scale * sums[c] / static_cast<double>(seen.samples.size()));
+  }
+  const Colour gains = automatic_gains(options_.automatics, light_before);
+  for (size_t i = 0; i < radiance.samples.size(); ++i) radiance.samples[i] *= gains[i % 3];
+  return absl::OkStatus();
+}
+
+void SimCamera::prepare(std::stop_token stop) {
+  constexpr std::chrono::milliseconds kPoll(50);
+  const auto key_of = [](const std::vector<EmissionMonitor>& monitors) {
+    std::string key;
+    for (const EmissionMonitor& monitor : monitors)
+      key += fmt::format("{} {}x{}, ", monitor.name, monitor.width_px, monitor.height_px);
+    return key;
+  };
+  std::string before, traced;
+  std::mutex mutex;
+  std::unique_lock lock(mutex);
+  std::condition_variable_any never;
+  while (!never.wait_for(lock, stop, kPoll, [&] { return stop.stop_requested(); })) {
+    const std::vector<EmissionMonitor> monitors = timeline_.monitors();
+    const std::string now = key_of(monitors);
+    // More monitors may follow at once.
+    if (!monitors.empty() && now == before && now != traced) {
+      if (stage(monitors).ok()) spdlog::info("scene={} is traced", options_.scene);
+      traced = now;
+    }
+    before = now;
+  }
+}
+
+absl::StatusOr<StageTransports> SimCamera::stage(const std::vector<EmissionMonitor>& monitors) {
+  std::vector<SceneMonitor> wanted;
+  for (const EmissionMonitor& monitor : monitors) {
+    wanted.push_back(
+        {.name = monitor.name, .size = {.width_px = monitor.width_px, .height_px = monitor.height_px}});
+  }
+  const std::lock_guard lock(build_mutex_);
+  const bool same = std::equal(
+      wanted.begin(), wanted.end(), built_for_.begin(), built_for_.end(),
+      [](const SceneMonitor& a, const SceneMonitor& b) { return a.name == b.name && a.size == b.size; });
+  if (!same || stage_.empty == nullptr) {
+    const int finer = blurs() ? kRaysAcross : 1;
+    GW_ASSIGN_OR_RETURN(stage_, build_phases(options_.scene, wanted, finer * options_.width_px,
+                                             finer * options_.height_px, kRaysAcross / finer));
+    built_for_ = wanted;
+  }
+  return stage_;
+}
+
+}  // namespace glasswing

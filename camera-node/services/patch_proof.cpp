@@ -1,0 +1,82 @@
+#include "camera-node/services/patch_proof.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/base/status.h"
+
+namespace glasswing {
+namespace {
+
+// Cameras report what they did, which is a little off what was asked.
+bool same_exposure(double a_ms, double b_ms) {
+  return std::abs(a_ms - b_ms) <= 0.02 * std::max(a_ms, b_ms);
+}
+
+}  // namespace
+
+absl::Status PatchProof::learn_from(Archive& archive) {
+  const v1::CaptureManifest manifest = archive.manifest();
+  for (const v1::Frame& frame : manifest.frames()) {
+    if (frame.stimulus().kind() != "patch") continue;
+    GW_ASSIGN_OR_RETURN(const std::string bytes, archive.read_frame_bytes(frame.file()));
+    GW_ASSIGN_OR_RETURN(Image16 image, decode_tiff(bytes));
+    (void)add({.record = frame, .image = std::move(image)});  // if they teach nothing, that was accepted
+  }
+  return absl::OkStatus();
+}
+
+std::optional<PatchProof::Lessons> PatchProof::add(Archive::NewFrame lesson) {
+  const v1::Frame newest = lesson.record;
+  const auto belongs = [&](const Archive::NewFrame& other) {
+    return other.record.stimulus().panel() == newest.stimulus().panel() &&
+           other.record.object() == newest.object() &&
+           same_exposure(other.record.exposure_ms(), newest.exposure_ms());
+  };
+  std::erase_if(held_, [&](const Archive::NewFrame& other) {
+    return belongs(other) && other.record.stimulus().patch_id() == newest.stimulus().patch_id();
+  });
+  held_.push_back(std::move(lesson));
+  Lessons lessons;
+  for (const std::uint16_t id : patch_learning_ids()) {
+    const auto found = std::find_if(held_.begin(), held_.end(), [&](const Archive::NewFrame& other) {
+      return belongs(other) && other.record.stimulus().patch_id() == id;
+    });
+    if (found == held_.end()) return std::nullopt;
+    lessons.frames.push_back(*found);
+  }
+  std::erase_if(held_, belongs);
+  lessons.learned = learn(lessons.frames);
+  return lessons;
+}
+
+absl::Status PatchProof::learn(const std::vector<Archive::NewFrame>& frames) {
+  std::vector<Image16> images;
+  for (const Archive::NewFrame& frame : frames) images.push_back(frame.image);
+  const v1::Frame& first = frames.front().record;
+  Known known{.object = first.object(),
+              .exposure_ms = first.exposure_ms(),
+              .monitor = first.stimulus().panel(),
+              .reader = {}};
+  GW_ASSIGN_OR_RETURN(known.reader, PatchReader::learn(images));
+  std::erase_if(known_, [&](const Known& other) {
+    return other.object == known.object && other.monitor == known.monitor &&
+           same_exposure(other.exposure_ms, known.exposure_ms);
+  });
+  known_.push_back(std::move(known));
+  return absl::OkStatus();
+}
+
+bool PatchProof::agrees(v1::Frame& record, const Image16& image) const {
+  if (!record.has_patch_id()) return true;
+  for (const Known& known : known_) {
+    if (known.object != record.object() || !same_exposure(known.exposure_ms, record.exposure_ms())) continue;
+    if (known.reader.read(image) != record.patch_id()) return false;
+    if (known.monitor == record.stimulus().panel()) record.set_proof(v1::PROOF_TIME_AND_PATCH);
+  }
+  return true;
+}
+
+}  // namespace glasswing

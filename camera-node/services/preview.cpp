@@ -1,0 +1,70 @@
+#include "camera-node/services/preview.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/frame/image_file.h"
+
+namespace glasswing {
+namespace {
+
+double clipped_fraction(const Image16& image, std::uint16_t full_scale) {
+  const auto clipped = std::count_if(image.samples.begin(), image.samples.end(),
+                                     [&](std::uint16_t sample) { return sample >= full_scale; });
+  return static_cast<double>(clipped) / static_cast<double>(image.samples.size());
+}
+
+double focus_of(const Image16& image) {
+  double square = 0.0, sum = 0.0;
+  const auto green = [&](int x, int y) { return static_cast<double>(image.at(x, y, 1)); };
+  for (int y = 1; y + 1 < image.height_px; ++y) {
+    for (int x = 1; x + 1 < image.width_px; ++x) {
+      const double laplacian =
+          green(x - 1, y) + green(x + 1, y) + green(x, y - 1) + green(x, y + 1) - 4.0 * green(x, y);
+      square += laplacian * laplacian;
+      sum += green(x, y);
+    }
+  }
+  const double count =
+      std::max(image.width_px - 2, 0) * static_cast<double>(std::max(image.height_px - 2, 0));
+  return sum > 0.0 ? std::sqrt(square * count) / sum : 0.0;
+}
+
+}  // namespace
+
+v1::PreviewResponse preview_of(const Image16& image, int max_width_px, std::uint16_t full_scale) {
+  RadianceImage radiance(image.width_px, image.height_px);
+  std::transform(image.samples.begin(), image.samples.end(), radiance.samples.begin(), radiance_of);
+  double sum = 0.0;
+  for (const float value : radiance.samples) sum += static_cast<double>(value);
+  v1::PreviewResponse response;
+  response.set_width_px(std::min(max_width_px, image.width_px));
+  response.set_height_px(std::max(static_cast<int>(std::lround(static_cast<double>(image.height_px) *
+                                                               response.width_px() / image.width_px)),
+                                  1));
+  response.set_jpeg(encode_jpeg(resized(radiance, response.width_px(), response.height_px())));
+  response.set_focus(focus_of(image));
+  response.set_clipped_fraction(clipped_fraction(image, full_scale));
+  response.set_mean(sum / static_cast<double>(radiance.samples.size()));
+  return response;
+}
+
+v1::FrameLight light_of(const Image16& image, const FrameLight& light, std::uint16_t full_scale) {
+  v1::FrameLight result;
+  std::int64_t clipped = 0;
+  for (int y = 0; y < image.height_px; ++y) {
+    double sum = 0.0;
+    for (int x = 0; x < image.width_px; ++x) {
+      for (int c = 0; c < 3; ++c) {
+        const std::uint16_t sample = image.at(x, y, c);
+        sum += static_cast<double>(light.light(sample, c));
+        clipped += sample >= full_scale || light.saturated(sample);
+      }
+    }
+    result.add_row_mean(static_cast<float>(sum / (3.0 * image.width_px)));
+  }
+  result.set_clipped_fraction(static_cast<double>(clipped) / static_cast<double>(image.samples.size()));
+  return result;
+}
+
+}  // namespace glasswing

@@ -1,0 +1,104 @@
+#include "client/cli/client.h"
+
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <iostream>
+#include <map>
+
+#include "client/cli/colour.h"
+#include "client/cli/interrupt.h"
+#include "client/cli/caller_metadata.h"
+#include "core/cli/help.h"
+#include "core/service/service.h"
+#include "core/security/tls.h"
+#include "core/base/version.h"
+
+namespace glasswing {
+namespace {
+
+int fail(std::string message, bool coloured, int status = kFailure) {
+  std::replace(message.begin(), message.end(), '\n', ' ');
+  std::cerr << painted("glasswing:", coloured ? Paint::kBad : Paint::kNone) << " " << message << "\n";
+  return status;
+}
+
+// What kind of word an option or argument of this name takes, for --help and completion; commands say so
+// themselves where the name does not.
+void name_values(CLI::App& app) {
+  static const std::map<std::string, const char*> kKinds = {
+      {"session", "SESSION"}, {"sessions", "SESSION"}, {"matte", "FILE"},    {"plan", "FILE"},
+      {"input", "FILE"},      {"a", "FILE"},           {"b", "FILE"},        {"output", "FILE"},
+      {"directory", "FILE"},  {"--plan", "FILE"},      {"--output", "FILE"}, {"--background", "FILE"},
+      {"--match", "FILE"},    {"--matte", "FILE"},     {"--list", "FILE"},   {"--archive", "DIR"},
+      {"--empty", "DIR"}};
+  for (CLI::Option* option : app.get_options({})) {
+    const auto kind = kKinds.find(option->get_positional() ? option->get_name(true) : option->get_name());
+    if (kind != kKinds.end() && option->get_type_name() == "TEXT") option->type_name(kind->second);
+  }
+  for (CLI::App* sub : app.get_subcommands({})) name_values(*sub);
+}
+
+// Subcommands of subcommands begin in the group of these.
+void ungroup_inner(CLI::App& app) {
+  for (CLI::App* command : app.get_subcommands({})) {
+    for (CLI::App* inner : command->get_subcommands({})) inner->group("Commands");
+  }
+}
+
+}  // namespace
+
+int run_client(int argc, const char* const* argv, const AddCommands& add_commands) {
+  ::setenv("GRPC_VERBOSITY", "NONE", 0);  // what went wrong is said once, in our words
+  spdlog::set_level(spdlog::level::off);  // logs are for daemons
+  sign_calls();
+  Client client;
+  CLI::App app("Captures environment mattes and puts the object in front of other pictures.", "glasswing");
+  use_help_format(app);
+  app.footer(
+      "Examples:\n"
+      "  glasswing capture deploy/plans/crystal.txtpb --session vase --watch\n"
+      "  glasswing solve vase --watch\n"
+      "  glasswing fetch vase -o vase.exr\n"
+      "  glasswing composite vase.exr --background harbour.png -o vase.png");
+  app.fallthrough();
+  app.require_subcommand(1);
+  app.set_version_flag("--version", kVersion, "print the version and exit");
+  app.get_help_ptr()->description("say how it is used and exit");
+  Config config(app);
+  app.add_flag("--json", client.json, "write the answer as JSON");
+  app.add_flag("--tsv", client.tsv, "write lists as a line of titles and rows, a tab between cells")
+      ->excludes("--json");
+  add_commands(app, client, config);
+  ungroup_inner(app);
+  name_values(app);
+
+  const auto coloured = [&config](int fd) { return is_coloured(config["color"], fd); };
+  try {
+    app.parse(argc, argv);
+    const absl::Status configured = config.resolve();
+    if (!configured.ok())
+      return fail(std::string(configured.message()), coloured(STDERR_FILENO), kUsageError);
+    client.server = config["server"];
+    client.coloured = coloured(STDOUT_FILENO);
+    // What is wrong with the files is told by the first call: commands that make none do without.
+    (void)use_tls({config["ca"], config["certificate"], config["key"]});
+    const absl::Status status = client.run();
+    if (status.ok()) return client.exit_status;
+    const bool broken_off = absl::IsCancelled(status) && interrupted();
+    return fail(std::string(status.message()), coloured(STDERR_FILENO), broken_off ? kInterrupted : kFailure);
+  } catch (const CLI::Success& help) {
+    return app.exit(help);
+  } catch (const CLI::ParseError& error) {
+    const bool unknown_command = app.get_subcommands().empty() && !app.remaining().empty();
+    const std::string what =
+        unknown_command ? "there is no command " + app.remaining().front() : error.what();
+    return fail(what + " (glasswing --help lists what there is)", coloured(STDERR_FILENO), kUsageError);
+  } catch (const std::exception& error) {
+    return fail(error.what(), coloured(STDERR_FILENO));
+  }
+}
+
+}  // namespace glasswing

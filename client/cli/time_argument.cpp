@@ -1,0 +1,27 @@
+#include "client/cli/time_argument.h"
+
+#include <fmt/format.h>
+
+#include <charconv>
+
+namespace glasswing {
+
+absl::StatusOr<std::string> moment_of(const std::string& option, const std::string& text, absl::Time now) {
+  absl::Time moment;
+  std::string why;
+  int count = 0;
+  const char* const end = text.data() + text.size();
+  const auto number = std::from_chars(text.data(), end, count);
+  const bool ago = number.ec == std::errc() && count >= 0 && number.ptr + 1 == end &&
+                   (*number.ptr == 'd' || *number.ptr == 'h');
+  if (ago) {
+    moment = now - absl::Hours(*number.ptr == 'd' ? 24.0 * count : count);
+  } else if (!absl::ParseTime("%Y-%m-%d", text, absl::UTCTimeZone(), &moment, &why) &&
+             !absl::ParseTime(absl::RFC3339_full, text, &moment, &why)) {
+    return absl::InvalidArgumentError(fmt::format(
+        "{} is \"{}\"; it must be such as 7d, 12h, 2026-11-01 or 2026-11-01T12:00:00Z", option, text));
+  }
+  return absl::FormatTime("%Y-%m-%dT%H:%M:%SZ", moment, absl::UTCTimeZone());
+}
+
+}  // namespace glasswing

@@ -1,0 +1,61 @@
+#include "client/commands.h"
+
+#include "client/cli/commands.h"
+#include "client/exchange/commands.h"
+#include "client/live/commands.h"
+#include "client/pictures/commands.h"
+#include "client/pki/commands.h"
+#include "client/rig/commands.h"
+#include "client/sessions/commands.h"
+
+namespace glasswing {
+
+void add_commands(CLI::App& app, Client& client, const Config& config) {
+  app.group("Rig");
+  add_nodes_command(app, client);
+  add_fleet_command(app, client);
+  add_hold_command(app, client);
+  add_doctor_command(app, client);
+  add_preview_command(app, client);
+  add_live_command(app, client);
+  add_calibrate_commands(app, client);
+  add_pattern_command(app, client);
+  add_pki_commands(app, client);
+  add_console_command(app, client);
+  app.group("Sessions");
+  add_sessions_command(app, client);
+  add_show_command(app, client);
+  add_watch_command(app, client);
+  add_steps_command(app, client);
+  add_control_commands(app, client);
+  add_retry_command(app, client);
+  add_delete_command(app, client);
+  add_annotate_commands(app, client);
+  CLI::App& plan = *app.add_subcommand("plan", "Check a plan, or say what it costs.");
+  plan.require_subcommand(1);
+  plan.footer("Examples:\n  glasswing plan check vase.txtpb\n  glasswing plan estimate vase.txtpb");
+  add_plan_check_command(plan, client);
+  add_plan_estimate_command(plan, client);
+  add_capture_command(app, client);
+  add_import_command(app, client);
+  add_export_command(app, client);
+  add_replicate_command(app, client);
+  add_fsck_command(app, client);
+  app.group("Mattes");
+  add_solve_command(app, client);
+  add_fetch_command(app, client);
+  add_composite_command(app, client);
+  add_stmap_command(app, client);
+  add_view_command(app, client);
+  app.group("Pictures");
+  add_compare_command(app, client);
+  add_blur_command(app, client);
+  add_convert_command(app, client);
+
+  app.group("This program");
+  add_config_command(app, client, config);
+  add_completion_commands(app, client);
+  add_man_command(app, client);
+}
+
+}  // namespace glasswing

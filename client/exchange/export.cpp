@@ -1,0 +1,120 @@
+#include <fmt/format.h>
+
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "client/exchange/commands.h"
+#include "client/cli/interrupt.h"
+#include "client/cli/output.h"
+#include "client/exchange/partial_directory.h"
+#include "client/cli/progress.h"
+#include "client/cli/rpc.h"
+#include "core/base/checksum.h"
+#include "core/base/file.h"
+#include "core/base/status.h"
+#include "glasswing/v1/archive_service.grpc.pb.h"
+#include "glasswing/v1/session_service.grpc.pb.h"
+
+namespace glasswing {
+namespace {
+
+namespace fs = std::filesystem;
+
+absl::StatusOr<std::string> read_verified(const Peer<v1::ArchiveService>& archive, const std::string& session,
+                                          const v1::Frame& frame) {
+  grpc::ClientContext context;
+  set_deadline(context, kLongCallTimeout);
+  v1::ReadFileRequest request;
+  request.set_session(session);
+  request.set_file(frame.file());
+  const auto reader = archive.stub->ReadFile(&context, request);
+  std::string bytes;
+  for (v1::ReadFileResponse response; reader->Read(&response);) bytes += response.chunk();
+  const grpc::Status status = reader->Finish();
+  if (!status.ok()) return status_from(status, archive.title);
+  if (checksum_of(bytes) != frame.checksum()) {
+    return absl::DataLossError(
+        fmt::format("{} came damaged from the {}: its checksum is {}, the manifest says {}", frame.file(),
+                    archive.title, checksum_of(bytes), frame.checksum()));
+  }
+  return bytes;
+}
+
+absl::Status write_frames(const Peer<v1::ArchiveService>& archive, const v1::CaptureManifest& manifest,
+                          const fs::path& directory) {
+  Progress progress("exporting");
+  const Interruptible ctrl_c;
+  for (int i = 0; i < manifest.frames_size(); ++i) {
+    if (interrupted()) return absl::CancelledError("the export was broken off; nothing of it stays");
+    const v1::Frame& frame = manifest.frames(i);
+    const fs::path file(frame.file());
+    if (file.parent_path() != "frames" || !file.has_filename() || file.filename() == "..") {
+      return absl::DataLossError(
+          fmt::format("the {} names a frame \"{}\"; it must lie in frames/", archive.title, frame.file()));
+    }
+    GW_ASSIGN_OR_RETURN(const std::string bytes, read_verified(archive, manifest.session(), frame));
+    GW_RETURN_IF_ERROR(write_file_flushed(directory / file, bytes));
+    progress.update((i + 1.0) / manifest.frames_size(),
+                    fmt::format("{} of {} frames", i + 1, manifest.frames_size()));
+  }
+  progress.done(fmt::format("{} frames", manifest.frames_size()));
+  return absl::OkStatus();
+}
+
+bool is_being_captured(v1::SessionState state) {
+  return state == v1::SESSION_STATE_CREATED || state == v1::SESSION_STATE_CAPTURING ||
+         state == v1::SESSION_STATE_PAUSED;
+}
+
+absl::Status export_archive(const Client& client, const std::string& name, const std::string& directory) {
+  const Peer<v1::SessionService> server(client.server_title(), client.server);
+  v1::GetSessionRequest get;
+  get.set_name(name);
+  GW_ASSIGN_OR_RETURN(const v1::GetSessionResponse found,
+                      call(server, &v1::SessionService::Stub::GetSession, get));
+  const v1::Session& session = found.session();
+  if (is_being_captured(session.state())) {
+    return absl::FailedPreconditionError(fmt::format(
+        "session {} is {}; it must be captured before it is exported", name, state_name(session.state())));
+  }
+  const Peer<v1::ArchiveService> archive("camera node at " + session.archive_address(),
+                                         session.archive_address());
+  v1::GetManifestRequest request;
+  request.set_session(name);
+  GW_ASSIGN_OR_RETURN(const v1::GetManifestResponse answer,
+                      call(archive, &v1::ArchiveService::Stub::GetManifest, request, kLongCallTimeout));
+  GW_ASSIGN_OR_RETURN(const std::unique_ptr<PartialDirectory> partial, PartialDirectory::create(directory));
+  GW_RETURN_IF_ERROR(write_frames(archive, answer.manifest(), partial->path()));
+  GW_RETURN_IF_ERROR(partial->keep(answer.manifest()));
+  if (client.json) {
+    const nlohmann::ordered_json exported = {
+        {"session", name}, {"directory", directory}, {"frames", answer.manifest().frames_size()}};
+    std::cout << exported.dump(1) << "\n";
+  } else {
+    std::cout << fmt::format("{}: {} frames of session {}\n", directory, answer.manifest().frames_size(),
+                             name);
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+void add_export_command(CLI::App& app, Client& client) {
+  struct Arguments {
+    std::string session;
+    std::string directory;
+  };
+  CLI::App& command =
+      *app.add_subcommand("export", "Write a session's frames and manifest to a new directory.");
+  command.footer("Example:\n  glasswing export vase archives/vase");
+  auto arguments = std::make_shared<Arguments>();
+  command.add_option("session", arguments->session, "the session's name")->required();
+  command.add_option("directory", arguments->directory, "where; it must be new or empty")->required();
+  command.callback([&client, arguments] {
+    client.run = [&client, arguments] {
+      return export_archive(client, arguments->session, arguments->directory);
+    };
+  });
+}
+
+}  // namespace glasswing

@@ -1,0 +1,107 @@
+#include "client/exchange/frame_source.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <memory>
+
+#include "core/base/checksum.h"
+#include "core/base/file.h"
+#include "core/base/status.h"
+#include "core/frame/archive.h"
+#include "core/frame/image_file.h"
+#include "core/import/photograph_response.h"
+#include "core/import/sequences.h"
+#include "core/import/foreign_manifest.h"
+
+namespace glasswing {
+namespace {
+
+namespace fs = std::filesystem;
+
+absl::StatusOr<Image16> read_verified(const fs::path& directory, const v1::Camera& camera,
+                                      const v1::Frame& frame) {
+  const fs::path path = directory / frame.file();
+  if (!frame.checksum().empty()) {
+    GW_ASSIGN_OR_RETURN(const std::string bytes, read_file(path));
+    if (checksum_of(bytes) != frame.checksum()) {
+      return absl::DataLossError(fmt::format("{} is damaged: its checksum is {}, the manifest says {}",
+                                             path.string(), checksum_of(bytes), frame.checksum()));
+    }
+  }
+  return read_frame_file(path, PictureSize{.width_px = camera.width_px(), .height_px = camera.height_px()});
+}
+
+// Of the list's frame, whose complaints name its line too.
+absl::StatusOr<CodedPhotograph> read_listed(const fs::path& directory, const PhotographList& list,
+                                            int frame) {
+  absl::StatusOr<CodedPhotograph> photograph =
+      read_photograph(directory / list.manifest.frames(frame).file());
+  if (photograph.ok()) return photograph;
+  const absl::Status& status = photograph.status();
+  return absl::Status(status.code(), fmt::format("{}: {}", list.place(frame), std::string(status.message())));
+}
+
+FrameSource source_of(v1::CaptureManifest manifest, const fs::path& directory) {
+  const auto shared = std::make_shared<const v1::CaptureManifest>(manifest);
+  return FrameSource{.manifest = std::move(manifest), .read = [shared, directory](int frame) {
+                       return read_verified(directory, shared->camera(), shared->frames(frame));
+                     }};
+}
+
+}  // namespace
+
+std::string missing_text(const fs::path& directory, std::int64_t count) {
+  return fmt::format("{} lacks {} of its numbers; the video goes on as if nothing was between",
+                     directory.string(), count);
+}
+
+absl::StatusOr<FrameSource> archive_source(const fs::path& directory) {
+  GW_ASSIGN_OR_RETURN(v1::CaptureManifest manifest, read_any_manifest(directory));
+  return source_of(std::move(manifest), directory);
+}
+
+absl::StatusOr<FrameSource> sequence_source(const fs::path& directory, const std::string& sequence) {
+  GW_ASSIGN_OR_RETURN(v1::CaptureManifest manifest, read_sequence(directory, sequence));
+  FrameSource source = source_of(std::move(manifest), directory);
+  if (const std::int64_t missing = missing_numbers(numbered_pictures(directory / sequence)); missing > 0)
+    source.warnings.push_back(missing_text(directory / sequence, missing));
+  return source;
+}
+
+absl::StatusOr<FrameSource> photograph_source(const fs::path& directory, const fs::path& path,
+                                              const PhotographOptions& options) {
+  GW_ASSIGN_OR_RETURN(PhotographList list, read_photograph_list(path, options));
+  GW_ASSIGN_OR_RETURN(const CodedPhotograph first, read_listed(directory, list, 0));
+  v1::Camera& camera = *list.manifest.mutable_camera();
+  camera.set_width_px(first.codes.width_px);
+  camera.set_height_px(first.codes.height_px);
+  camera.set_bits(first.bits);
+  camera.set_response("linear");
+  absl::StatusOr<PhotographResponse> response =
+      PhotographResponse::create(list.response, list.black / (std::exp2(first.bits) - 1.0));
+  absl::Status status = response.status();
+  if (status.ok()) status = check_manifest(list.manifest);
+  if (!status.ok())
+    return absl::InvalidArgumentError(fmt::format("{}: {}", path.string(), std::string(status.message())));
+  const auto shared = std::make_shared<const PhotographList>(list);
+  return FrameSource{
+      .manifest = std::move(list.manifest),
+      .read = [shared, directory, light = *std::move(response)](int frame) -> absl::StatusOr<Image16> {
+        GW_ASSIGN_OR_RETURN(CodedPhotograph photograph, read_listed(directory, *shared, frame));
+        Image16& image = photograph.codes;
+        const v1::Camera& all = shared->manifest.camera();
+        if (image.width_px != all.width_px() || image.height_px != all.height_px() ||
+            photograph.bits != all.bits()) {
+          return absl::InvalidArgumentError(fmt::format(
+              "{}: {} is {}x{} of {} bits; it must be as the first one, {}, which is {}x{} of {} bits",
+              shared->place(frame), shared->manifest.frames(frame).file(), image.width_px, image.height_px,
+              photograph.bits, shared->manifest.frames(0).file(), all.width_px(), all.height_px(),
+              all.bits()));
+        }
+        light.linearise(image);
+        return std::move(image);
+      }};
+}
+
+}  // namespace glasswing

@@ -1,0 +1,244 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "client/exchange/commands.h"
+#include "client/exchange/frame_source.h"
+#include "client/cli/interrupt.h"
+#include "client/cli/output.h"
+#include "client/exchange/partial_directory.h"
+#include "client/cli/progress.h"
+#include "client/cli/rpc.h"
+#include "client/pictures/video_file.h"
+#include "core/base/checksum.h"
+#include "core/base/file.h"
+#include "core/base/name.h"
+#include "core/base/status.h"
+#include "core/frame/archive.h"
+#include "core/import/sequences.h"
+#include "glasswing/v1/archive_service.grpc.pb.h"
+#include "glasswing/v1/session_service.grpc.pb.h"
+
+namespace glasswing {
+namespace {
+
+namespace fs = std::filesystem;
+
+absl::Status verify(const FrameSource& source) {
+  Progress progress("checking");
+  const int count = source.manifest.frames_size();
+  for (int i = 0; i < count; ++i) {
+    if (interrupted()) return absl::CancelledError("the import was broken off before anything was written");
+    GW_RETURN_IF_ERROR(source.read(i).status());
+    progress.update((i + 1.0) / count, fmt::format("{} of {} frames", i + 1, count));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status put_frame(const Peer<v1::ArchiveService>& archive, const std::string& session,
+                       const v1::Frame& frame, const std::string& tiff) {
+  grpc::ClientContext context;
+  set_deadline(context, kLongCallTimeout);
+  v1::PutFrameResponse stored;
+  const auto writer = archive.stub->PutFrame(&context, &stored);
+  v1::PutFrameRequest request;
+  request.set_session(session);
+  *request.mutable_frame() = frame;
+  bool open = writer->Write(request);
+  for (size_t at = 0; open && at < tiff.size(); at += kChunkBytes) {
+    v1::PutFrameRequest part;
+    part.set_chunk(tiff.substr(at, kChunkBytes));
+    open = writer->Write(part);  // once false, Finish() says why
+  }
+  writer->WritesDone();
+  const grpc::Status status = writer->Finish();
+  return status.ok() ? absl::OkStatus() : status_from(status, archive.title);
+}
+
+// Frames are kept as TIFF; those of foreign archives get the name that their place gives them.
+bool has_own_names(const v1::CaptureManifest& manifest) {
+  return std::all_of(manifest.frames().begin(), manifest.frames().end(), [](const v1::Frame& frame) {
+    const fs::path file(frame.file());
+    return file.parent_path() == "frames" && file.extension() == ".tif";
+  });
+}
+
+// What a frame becomes: its record, and the bytes of its file.
+using Store = std::function<absl::Status(const v1::Frame&, const std::string& tiff)>;
+
+// `broken_off`: what to say of what Ctrl-C leaves.
+absl::Status store_frames(const FrameSource& source, const std::string& broken_off, const Store& store) {
+  const bool own_names = has_own_names(source.manifest);
+  Progress progress("importing");
+  const int count = source.manifest.frames_size();
+  for (int i = 0; i < count; ++i) {
+    if (interrupted()) return absl::CancelledError(broken_off);
+    v1::Frame frame = source.manifest.frames(i);
+    GW_ASSIGN_OR_RETURN(const Image16 image, source.read(i));
+    const std::string tiff = encode_tiff(image);
+    if (!own_names) frame.set_file(fmt::format("frames/{:06d}.tif", i));
+    frame.set_checksum(checksum_of(tiff));
+    frame.set_size_bytes(static_cast<std::int64_t>(tiff.size()));
+    GW_RETURN_IF_ERROR(store(frame, tiff));
+    progress.update((i + 1.0) / count, fmt::format("{} of {} frames", i + 1, count));
+  }
+  progress.done(fmt::format("{} frames", count));
+  return absl::OkStatus();
+}
+
+// The last part of the path, whether or not it ends in a slash.
+std::string name_of_directory(const fs::path& directory) {
+  const fs::path normal = fs::weakly_canonical(directory);
+  return (normal.has_filename() ? normal : normal.parent_path()).filename().string();
+}
+
+struct Arguments {
+  std::string directory;
+  std::string session;
+  std::string archive;  // empty: the server's
+  std::string list;
+  std::string sequence;
+  VideoOptions video;
+};
+
+// A folder of nothing but pictures.
+bool is_video_folder(const fs::path& path) {
+  return !fs::exists(path / "manifest.json") && !numbered_pictures(path).empty();
+}
+
+absl::StatusOr<FrameSource> source_of(const Arguments& arguments) {
+  const fs::path path = arguments.directory;
+  const PhotographOptions& photographs = arguments.video.photographs;
+  if (!arguments.list.empty()) return photograph_source(path, arguments.list, photographs);
+  if (is_video_file(path) || (arguments.sequence.empty() && is_video_folder(path)))
+    return video_source(path, arguments.video);
+  if (!photographs.monitors.empty() || photographs.response || photographs.black ||
+      arguments.video.empty_frames != 0 || !arguments.video.empty_directory.empty()) {
+    return absl::InvalidArgumentError(fmt::format(
+        "{} is an archive; --monitor, --response, --black, --empty-frames and --empty are for photographs "
+        "and videos",
+        path.string()));
+  }
+  return arguments.sequence.empty() ? archive_source(path) : sequence_source(path, arguments.sequence);
+}
+
+absl::Status send(const Client& client, const FrameSource& source) {
+  if (!source.was_read) GW_RETURN_IF_ERROR(verify(source));
+  const std::string& name = source.manifest.session();
+  const Peer<v1::SessionService> server(client.server_title(), client.server);
+  v1::BeginImportRequest begin;
+  begin.set_name(name);
+  *begin.mutable_manifest() = source.manifest;
+  begin.mutable_manifest()->clear_frames();
+  GW_ASSIGN_OR_RETURN(const v1::BeginImportResponse begun,
+                      call(server, &v1::SessionService::Stub::BeginImport, begin, kLongCallTimeout));
+  const std::string& address = begun.session().archive_address();
+  const Peer<v1::ArchiveService> archive("camera node at " + address, address);
+  const std::string broken_off =
+      fmt::format("session {} is not whole; the same command again completes it", name);
+  GW_RETURN_IF_ERROR(store_frames(source, broken_off, [&](const v1::Frame& frame, const std::string& tiff) {
+    return put_frame(archive, name, frame, tiff);
+  }));
+  v1::FinishImportRequest finish;
+  finish.set_name(name);
+  GW_ASSIGN_OR_RETURN(const v1::FinishImportResponse finished,
+                      call(server, &v1::SessionService::Stub::FinishImport, finish, kLongCallTimeout));
+  print_session(finished.session(), client.json);
+  return absl::OkStatus();
+}
+
+absl::Status write(const Client& client, const FrameSource& source, const std::string& directory) {
+  GW_ASSIGN_OR_RETURN(const std::unique_ptr<PartialDirectory> partial, PartialDirectory::create(directory));
+  if (!source.was_read) GW_RETURN_IF_ERROR(verify(source));
+  v1::CaptureManifest manifest = source.manifest;
+  manifest.clear_frames();
+  const std::string broken_off = "the import was broken off; nothing of it stays";
+  GW_RETURN_IF_ERROR(store_frames(source, broken_off, [&](const v1::Frame& frame, const std::string& tiff) {
+    *manifest.add_frames() = frame;
+    return write_file_flushed(partial->path() / frame.file(), tiff);
+  }));
+  GW_RETURN_IF_ERROR(partial->keep(manifest));
+  if (client.json) {
+    const nlohmann::ordered_json written = {
+        {"session", manifest.session()}, {"directory", directory}, {"frames", manifest.frames_size()}};
+    std::cout << written.dump(1) << "\n";
+  } else {
+    std::cout << fmt::format("{}: {} frames\n", directory, manifest.frames_size());
+  }
+  return absl::OkStatus();
+}
+
+absl::Status import(const Client& client, const Arguments& arguments) {
+  const Interruptible ctrl_c;
+  GW_ASSIGN_OR_RETURN(FrameSource source, source_of(arguments));
+  const std::string& named_after = arguments.archive.empty() ? arguments.directory : arguments.archive;
+  source.manifest.set_session(arguments.session.empty() ? name_of_directory(named_after) : arguments.session);
+  GW_RETURN_IF_ERROR(check_name("session", source.manifest.session()));
+  GW_RETURN_IF_ERROR(arguments.archive.empty() ? send(client, source)
+                                               : write(client, source, arguments.archive));
+  for (const std::string& warning : source.warnings) std::cerr << fmt::format("warning: {}\n", warning);
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+void add_import_command(CLI::App& app, Client& client) {
+  CLI::App& command = *app.add_subcommand("import", "Make a session of frames, photographs or a video.");
+  command.footer(
+      "Every frame is checked before any is sent. An import that broke off may be started again.\n\n"
+      "A list names photographs, one in a line, and what the monitor showed: a table with a tab between "
+      "cells, and a\n"
+      "header row: file, object (true or false), kind, and what else describes it (docs/archive.md):\n\n"
+      "  #monitor back:1920x1080\n"
+      "  #response srgb\n"
+      "  file\tobject\tkind\torient\tbar_width_px\tcolour\n"
+      "  IMG_1.jpg\ttrue\tsolid\t\t\t0,0,0\n"
+      "  IMG_2.jpg\ttrue\tsquare\tvertical_bars\t960\t\n\n"
+      "A video of the ramp is a video file, or a directory of pictures whose names end in a number; the "
+      "monitor must be "
+      "named, and\nwhich frames show the empty stage: the first ones, or those in a directory.\n\n"
+      "Examples:\n"
+      "  glasswing import archives/vase --session vase\n"
+      "  glasswing import archives/pouring --sequence ramp_dark --session pouring\n"
+      "  glasswing import clip.mp4 --monitor back:1920x1080 --empty-frames 60 --session pouring\n"
+      "  glasswing import photographs --list photographs/list.tsv --session vase\n"
+      "  glasswing import photographs --list photographs/list.tsv --archive archives/vase");
+  auto arguments = std::make_shared<Arguments>();
+  command
+      .add_option(
+          "directory", arguments->directory,
+          "a session archive, manifest.json and its frames; photographs; or a video, pictures or a file")
+      ->required();
+  command.add_option("--session", arguments->session, "its name; the directory's if left out");
+  command.add_option("--archive", arguments->archive,
+                     "write an archive to this directory, new or empty, and ask no server");
+  CLI::Option* list = command.add_option("--list", arguments->list, "the photographs' list");
+  command
+      .add_option("--sequence", arguments->sequence,
+                  "one of the sequences that the archive holds, with its backgrounds")
+      ->excludes(list);
+  command
+      .add_option("--empty-frames", arguments->video.empty_frames,
+                  "of a video: the first so many show the empty stage")
+      ->check(CLI::Range(1, 18000));
+  command
+      .add_option("--empty", arguments->video.empty_directory,
+                  "directory of pictures of the empty stage, instead")
+      ->excludes("--empty-frames");
+  command
+      .add_option(
+          "--monitor", arguments->video.photographs.monitors,
+          "NAME:WIDTHxHEIGHT, px, a video's monitor; or one of the list, instead of its own: may be repeated")
+      ->allow_extra_args(false);
+  command.add_option("--response", arguments->video.photographs.response,
+                     "what light the pictures' codes stand for: srgb, linear, or gamma:G: (share of the "
+                     "highest code)^G; a video's are srgb if left out");
+  command.add_option("--black", arguments->video.photographs.black,
+                     "the pictures' code where there is no light; 0 if left out");
+  command.callback(
+      [&client, arguments] { client.run = [&client, arguments] { return import(client, *arguments); }; });
+}
+
+}  // namespace glasswing

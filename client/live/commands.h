@@ -1,0 +1,13 @@
+// The verb that composites while the camera runs.
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+#include "client/cli/client.h"
+
+namespace glasswing {
+
+// Each declares its options and sets Client::run.
+void add_live_command(CLI::App& app, Client& client);
+
+}  // namespace glasswing

@@ -1,0 +1,228 @@
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <iostream>
+#include <thread>
+
+#include "client/live/camera_clock.h"
+#include "client/live/commands.h"
+#include "client/cli/interrupt.h"
+#include "client/live/live_figures.h"
+#include "client/live/live_output.h"
+#include "client/pictures/moving_picture.h"
+#include "client/cli/progress.h"
+#include "client/live/ramp_holder.h"
+#include "client/cli/settings.h"
+#include "core/base/status.h"
+#include "core/frame/image_file.h"
+#include "glasswing/v1/camera_service.grpc.pb.h"
+#include "glasswing/v1/live_service.grpc.pb.h"
+
+namespace glasswing {
+namespace {
+
+constexpr double kPictureRateHz = 30.0;  // of a directory's pictures, and of videos that do not say
+
+struct Arguments {
+  std::string monitor, background, output = "window";
+  double exposure_ms = 4.0;
+  std::vector<std::string> settings;
+  int frames = 0;  // 0: until it is closed
+};
+
+using LiveStream = grpc::ClientReaderWriter<v1::RunLiveRequest, v1::RunLiveResponse>;
+
+bool send_picture(LiveStream& stream, const std::string& file) {
+  for (size_t at = 0; at < file.size(); at += kChunkBytes) {
+    v1::RunLiveRequest request;
+    request.set_picture(file.substr(at, kChunkBytes));
+    request.set_picture_ends(at + kChunkBytes >= file.size());
+    if (!stream.Write(request)) return false;
+  }
+  return true;
+}
+
+// Asks a person; goes on at once where nobody can be asked.
+void wait_for_person(const std::string& what) {
+  std::cerr << what << ", then press Enter" << std::endl;
+  std::string line;
+  std::getline(std::cin, line);
+}
+
+class Live {
+ public:
+  Live(const Client& client, const Arguments& arguments) : client_(client), arguments_(arguments) {}
+
+  absl::Status run() {
+    GW_ASSIGN_OR_RETURN(const auto options, parse_settings(arguments_.settings));
+    GW_ASSIGN_OR_RETURN(MovingPicture background,
+                        MovingPicture::open(arguments_.background, Encoding::kDisplay));
+    GW_ASSIGN_OR_RETURN(const RadianceImage first, background.next());
+    GW_ASSIGN_OR_RETURN(target_, LiveTarget::create(arguments_.output));
+    if (target_->takes_standard_output() && client_.json)
+      return absl::InvalidArgumentError(
+          "--json and --output - both want standard output; choose a file for one");
+    GW_ASSIGN_OR_RETURN(ramp_, RampHolder::hold(client_, arguments_.monitor));
+    const v1::ShowRampResponse rig = ramp_->shown();  // bring_object() gets another
+    if (rig.needs_operator()) wait_for_person("Take the object off the stage");
+    GW_ASSIGN_OR_RETURN(clock_, CameraClock::follow(rig.camera_address()));
+    const Peer<v1::CameraService> camera("camera node at " + rig.camera_address(), rig.camera_address());
+    GW_ASSIGN_OR_RETURN(camera_, call(camera, &v1::CameraService::Stub::GetCamera, {}));
+
+    const Interruptible ctrl_c([this] { context_.TryCancel(); });
+    const Peer<v1::LiveService> solver("solver at " + rig.solver_address(), rig.solver_address());
+    stream_ = solver.stub->RunLive(&context_);
+    v1::RunLiveRequest request;
+    v1::LiveStart& start = *request.mutable_start();
+    start.set_camera_address(rig.camera_address());
+    start.set_exposure_ms(arguments_.exposure_ms);
+    *start.mutable_monitor() = rig.monitor();
+    start.mutable_options()->insert(options.begin(), options.end());
+    if (rig.has_camera_calibration()) *start.mutable_camera_calibration() = rig.camera_calibration();
+    stream_->Write(request);
+    send_picture(*stream_, encode_jpeg(resized(first, rig.monitor().width_px(), rig.monitor().height_px())));
+    std::jthread moving;
+    if (!background.is_still()) {
+      moving = std::jthread([&](std::stop_token stop) { move_background(background, rig.monitor(), stop); });
+    }
+    const absl::Status shown = show_frames();
+    moving.request_stop();
+    const bool broken_off = interrupted();
+    if (enough_ || !shown.ok()) context_.TryCancel();
+    if (moving.joinable()) moving.join();
+    const grpc::Status ended = stream_->Finish();
+    GW_RETURN_IF_ERROR(ramp_->status());
+    GW_RETURN_IF_ERROR(background_error_);
+    GW_RETURN_IF_ERROR(shown);
+    if (!enough_ && !broken_off) return status_from(ended, solver.title);
+    report();
+    return enough_ ? absl::OkStatus() : absl::CancelledError("broken off; the rig is free again");
+  }
+
+ private:
+  // Until there are enough, the output is closed, or the stream ends.
+  absl::Status show_frames() {
+    std::unique_ptr<LiveOutput> output;
+    std::string picture;
+    v1::LiveFrame frame;
+    bool object = false;
+    std::optional<Waiting> waiting("learning the empty stage");
+    for (v1::RunLiveResponse response; !enough_ && stream_->Read(&response);) {
+      if (!response.has_frame()) {
+        if (response.empty_frames_left() > 0 || object) continue;
+        object = true;
+        waiting.reset();
+        GW_RETURN_IF_ERROR(ramp_->bring_object([this] { context_.TryCancel(); }));
+        if (ramp_->shown().needs_operator()) wait_for_person("The empty stage is known. Bring the object");
+        go_ = monotonic_now();
+        continue;
+      }
+      if (response.frame().has_taken()) {
+        frame = std::move(*response.mutable_frame());
+        picture = std::move(*frame.mutable_picture());
+      } else {
+        picture += response.frame().picture();
+      }
+      const int width = frame.taken().width_px(), height = frame.taken().height_px();
+      if (picture.size() < 3 * static_cast<size_t>(width) * static_cast<size_t>(height)) continue;
+      const ClockReading exposed = clock_->local(nanoseconds(frame.taken().exposure_start_ns()));
+      if (exposed.time < go_) continue;  // without the object
+      if (output == nullptr) {
+        GW_ASSIGN_OR_RETURN(output, target_->open(width, height, camera_.frame_rate_hz()));
+      }
+      GW_RETURN_IF_ERROR(
+          output->show({reinterpret_cast<const std::uint8_t*>(picture.data()), picture.size()}));
+      const nanoseconds shown = monotonic_now();
+      figures_.add(frame, exposed, clock_->local(nanoseconds(frame.taken().exposure_end_ns())), shown);
+      print_status(shown);
+      enough_ = output->is_closed() || figures_.frames() == static_cast<size_t>(arguments_.frames);
+    }
+    return absl::OkStatus();
+  }
+
+  void move_background(MovingPicture& background, const v1::Monitor& monitor, std::stop_token stop) {
+    const nanoseconds period(static_cast<std::int64_t>(1e9 / kPictureRateHz));
+    for (nanoseconds due = monotonic_now() + period; !stop.stop_requested(); due += period) {
+      const absl::StatusOr<RadianceImage> picture = background.next();
+      if (!picture.ok()) {
+        background_error_ = picture.status();
+        context_.TryCancel();
+        return;
+      }
+      const std::string file = encode_jpeg(resized(*picture, monitor.width_px(), monitor.height_px()));
+      due = std::max(due, monotonic_now());
+      sleep_until_monotonic(due);
+      if (!send_picture(*stream_, file)) return;
+    }
+  }
+
+  void print_status(nanoseconds now) {
+    constexpr std::chrono::seconds kBetweenLines(1);
+    if (client_.json || ::isatty(STDERR_FILENO) == 0 || now - printed_ < kBetweenLines) return;
+    printed_ = now;
+    std::cerr << "\r\033[K" << figures_.line() << std::flush;
+  }
+
+  void report() const {
+    if (client_.json) {
+      std::cout << figures_.json().dump(2) << std::endl;
+      return;
+    }
+    std::ostream& out = target_->takes_standard_output() ? std::cerr : std::cout;
+    if (printed_ != nanoseconds(0)) std::cerr << "\r\033[K";
+    out << figures_.line() << std::endl;
+  }
+
+  const Client& client_;
+  const Arguments& arguments_;
+  std::optional<LiveTarget> target_;
+  std::unique_ptr<RampHolder> ramp_;
+  std::unique_ptr<CameraClock> clock_;
+  v1::GetCameraResponse camera_;
+  grpc::ClientContext context_;
+  std::unique_ptr<LiveStream> stream_;
+  LiveFigures figures_;
+  absl::Status background_error_;  // written before the stream ends
+  nanoseconds go_{}, printed_{};
+  bool enough_ = false;
+};
+
+}  // namespace
+
+void add_live_command(CLI::App& app, Client& client) {
+  CLI::App& command = *app.add_subcommand(
+      "live", "Put the object that the camera sees in front of another picture, while it moves.");
+  command.footer(
+      "The server shows the colour ramp on the monitor, a solver that listens averages the empty stage; then "
+      "the "
+      "object comes,\nand every frame that there is time for becomes a composite. A window closes with "
+      "Escape or "
+      "q.\n\nExamples:\n"
+      "  glasswing live --background harbour.png\n"
+      "  glasswing live --background sea.mp4 --output - | ffplay -\n"
+      "  glasswing live --background harbour.png --output frames/ --frames 100 --json");
+  auto arguments = std::make_shared<Arguments>();
+  command
+      .add_option("--background", arguments->background, "a picture, a directory of them, or a video, sRGB")
+      ->required();
+  command.add_option("--monitor", arguments->monitor, "that shows the ramp; the only one if left out");
+  command.add_option("--exposure-ms", arguments->exposure_ms, "of each frame")
+      ->check(CLI::Range(0.01, 10000.0))
+      ->capture_default_str();
+  command.add_option("--set", arguments->settings, "KEY=VALUE, an option of method ramp; repeat for more");
+  command
+      .add_option("--output", arguments->output,
+                  "window; - (standard output) or FILE: YUV4MPEG2; DIR/: numbered PNGs")
+      ->capture_default_str();
+  command.add_option("--frames", arguments->frames, "stop after so many with the object")
+      ->check(CLI::Range(1, 100000000));
+  command.callback([&client, arguments] {
+    client.run = [&client, arguments] {
+      std::signal(SIGPIPE, SIG_IGN);  // a reader that ends the stream is an error like others
+      return Live(client, *arguments).run();
+    };
+  });
+}
+
+}  // namespace glasswing

@@ -1,0 +1,243 @@
+#include "client/pictures/composite.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+
+#include "client/pictures/commands.h"
+#include "client/pictures/composite_video.h"
+#include "client/pictures/picture.h"
+#include "client/cli/progress.h"
+#include "core/base/status.h"
+
+namespace glasswing {
+namespace {
+
+absl::Status composite_still(const Client& client, const CompositeArguments& arguments) {
+  GW_RETURN_IF_ERROR(check_output(arguments.output, arguments.bits));
+  absl::StatusOr<RadianceImage> picture;
+  {
+    Progress progress("compositing");
+    const auto report = [&progress](double fraction) { progress.update(fraction); };
+    GW_ASSIGN_OR_RETURN(const ObjectInFront object,
+                        ObjectInFront::create(arguments.matte, arguments, report));
+    GW_ASSIGN_OR_RETURN(Backgrounds backgrounds,
+                        Backgrounds::open(arguments.backgrounds, object.metadata(), arguments.encoding()));
+    GW_ASSIGN_OR_RETURN(const std::vector<RadianceImage>* const behind, backgrounds.next());
+    picture = object.composite(*behind, report);
+  }
+  GW_RETURN_IF_ERROR(picture.status());
+  GW_RETURN_IF_ERROR(write_radiance(arguments.output, *picture, arguments.encoding(), arguments.bits));
+  print_written(client, arguments.output, picture->width_px, picture->height_px);
+  return absl::OkStatus();
+}
+
+// "DX,DY".
+absl::Status read_shift(const BackgroundArgument& argument, std::string_view option, double& dx_px,
+                        double& dy_px) {
+  constexpr double kFarthest_px = 1e6;
+  int read = 0;
+  const std::string& text = argument.file;
+  const bool parsed = std::sscanf(text.c_str(), "%lf,%lf%n", &dx_px, &dy_px, &read) == 2 &&
+                      static_cast<size_t>(read) == text.size();
+  if (parsed && std::abs(dx_px) <= kFarthest_px && std::abs(dy_px) <= kFarthest_px) return absl::OkStatus();
+  return absl::InvalidArgumentError(fmt::format(
+      "{} is \"{}\"; it must be DX,DY: px of the monitor, right and down, as 12.5,-3", option, text));
+}
+
+}  // namespace
+
+absl::StatusOr<BackgroundArgument> parse_background(const std::string& argument,
+                                                    const v1::MatteMetadata& metadata,
+                                                    std::string_view option) {
+  const size_t equals = argument.find('=');
+  if (equals == std::string::npos) return BackgroundArgument{0, argument};
+  const std::string texture = argument.substr(0, equals);
+  std::vector<std::string> names;
+  for (int i = 0; i < metadata.monitors_size(); ++i) {
+    if (metadata.monitors(i).name() == texture) return BackgroundArgument{i, argument.substr(equals + 1)};
+    names.push_back(metadata.monitors(i).name());
+  }
+  std::error_code ignored;
+  if (std::filesystem::exists(argument, ignored)) return BackgroundArgument{0, argument};
+  return absl::InvalidArgumentError(fmt::format("{} names the texture \"{}\"; this matte has: {}", option,
+                                                texture, fmt::join(names, ", ")));
+}
+
+absl::StatusOr<Backgrounds> Backgrounds::open(const BackgroundArguments& arguments,
+                                              const v1::MatteMetadata& metadata, Encoding encoding) {
+  if (metadata.monitors().empty()) return absl::DataLossError("the matte's header names no monitors");
+  Backgrounds backgrounds;
+  for (const v1::Monitor& monitor : metadata.monitors()) {
+    backgrounds.screens_.emplace_back();
+    backgrounds.screens_.back().width_px = monitor.width_px();
+    backgrounds.screens_.back().height_px = monitor.height_px();
+  }
+  for (const std::string& argument : arguments.pictures) {
+    GW_ASSIGN_OR_RETURN(const BackgroundArgument background, parse_background(argument, metadata));
+    Screen& screen = backgrounds.screens_[static_cast<size_t>(background.texture)];
+    if (screen.picture) {
+      return absl::InvalidArgumentError(
+          fmt::format("--background names the texture \"{}\" twice; each takes one picture",
+                      metadata.monitors(background.texture).name()));
+    }
+    GW_ASSIGN_OR_RETURN(screen.picture, MovingPicture::open(background.file, encoding));
+  }
+  const auto each = [&](const std::vector<std::string>& all, std::string_view option,
+                        const auto& take) -> absl::Status {
+    for (const std::string& argument : all) {
+      GW_ASSIGN_OR_RETURN(const BackgroundArgument named, parse_background(argument, metadata, option));
+      Screen& screen = backgrounds.screens_[static_cast<size_t>(named.texture)];
+      if (!screen.picture) {
+        return absl::InvalidArgumentError(
+            fmt::format("{} names the texture \"{}\", which has no --background", option,
+                        metadata.monitors(named.texture).name()));
+      }
+      GW_RETURN_IF_ERROR(take(named, screen));
+    }
+    return absl::OkStatus();
+  };
+  GW_RETURN_IF_ERROR(each(arguments.matches, "--match",
+                          [&](const BackgroundArgument& match, Screen& screen) -> absl::Status {
+                            GW_ASSIGN_OR_RETURN(screen.photograph, read_radiance(match.file, encoding));
+                            return absl::OkStatus();
+                          }));
+  GW_RETURN_IF_ERROR(each(arguments.shifts, "--shift", [](const BackgroundArgument& shift, Screen& screen) {
+    return read_shift(shift, "--shift", screen.dx_px, screen.dy_px);
+  }));
+  GW_RETURN_IF_ERROR(each(arguments.pans, "--pan", [](const BackgroundArgument& pan, Screen& screen) {
+    return read_shift(pan, "--pan", screen.pan_x_px, screen.pan_y_px);
+  }));
+  backgrounds.now_.resize(backgrounds.screens_.size());
+  return backgrounds;
+}
+
+absl::StatusOr<const std::vector<RadianceImage>*> Backgrounds::next() {
+  for (size_t t = 0; t < screens_.size(); ++t) {
+    Screen& screen = screens_[t];
+    if (!screen.picture) continue;
+    const bool moves = screen.pan_x_px != 0.0 || screen.pan_y_px != 0.0;
+    const bool is_new = !screen.picture->is_still() || screen.placed.empty();
+    if (!is_new && !moves) continue;
+    if (is_new) {
+      GW_ASSIGN_OR_RETURN(const RadianceImage picture, screen.picture->next());
+      screen.placed = resized(picture, screen.width_px, screen.height_px);
+      // A video's first picture tells for all: matched one by one they would flicker.
+      if (!screen.photograph.empty() && !screen.match) {
+        GW_ASSIGN_OR_RETURN(screen.match, HistogramMatch::learn(screen.placed, screen.photograph));
+      }
+      if (screen.match) screen.match->apply(screen.placed);
+    }
+    now_[t] = shifted(screen.placed, screen.dx_px, screen.dy_px);
+    screen.dx_px += screen.pan_x_px;
+    screen.dy_px += screen.pan_y_px;
+  }
+  return &now_;
+}
+
+bool Backgrounds::has_video() const {
+  return std::ranges::any_of(
+      screens_, [](const Screen& screen) { return screen.picture && !screen.picture->is_still(); });
+}
+
+bool Backgrounds::is_over() const {
+  return has_video() && std::ranges::all_of(screens_, [](const Screen& screen) {
+           return !screen.picture || screen.picture->is_still() || screen.picture->has_begun_again();
+         });
+}
+
+int Backgrounds::announced_frames() const {
+  int most = 0;
+  for (const Screen& screen : screens_) {
+    if (screen.picture && !screen.picture->is_still())
+      most = std::max(most, screen.picture->announced_frames());
+  }
+  return most;
+}
+
+void add_composite_command(CLI::App& app, Client& client) {
+  CLI::App& command = *app.add_subcommand(
+      "composite", "Put the object of a matte, or of a video, in front of other pictures.");
+  command.footer(
+      "A picture is scaled to its monitor; monitors without one are black. TEXTURE is a monitor's name, the "
+      "first\n"
+      "monitor if left out. EXR is linear radiance, 1.0 = the archive's full scale; PNG and TIFF are "
+      "sRGB.\n\n"
+      "A directory of mattes (glasswing fetch VIDEO -o DIR/) gives a picture a frame, 0000.exr or 0000.png, "
+      "or a video "
+      "file.\n"
+      "Behind it may be a still, a directory of pictures, or a video file; these begin again after their "
+      "end.\n"
+      "One matte gives a video too, as long as the longest behind it, or of --frames.\n\n"
+      "Examples:\n"
+      "  glasswing composite vase.exr --background harbour.png -o vase.png\n"
+      "  glasswing composite vase.exr --background back=harbour.png --background left=quilt.png -o "
+      "vase_out.exr\n"
+      "  glasswing composite pour/ --background harbour.png -o frames/ --format png\n"
+      "  glasswing composite pour/ --background waves.mp4 -o pour.mp4 --fps 30\n"
+      "  glasswing composite vase.exr --background waves.mp4 -o vase.mp4\n"
+      "  glasswing composite vase.exr --background harbour.png --pan 2,0 --frames 300 -o vase.mp4\n"
+      "  glasswing composite vase.exr --background harbour.png --shift 40,-10 --bits 16 -o vase.png\n"
+      "  glasswing composite vase.exr --background harbour.png --match harbour_on_monitor.png -o vase.png");
+  auto arguments = std::make_shared<CompositeArguments>();
+  command
+      .add_option("matte", arguments->matte, "what glasswing fetch wrote: a matte, or a directory of them")
+      ->required();
+  command.add_option("--background", arguments->backgrounds.pictures, "[TEXTURE=]IMAGE; may be repeated")
+      ->required()
+      ->allow_extra_args(false);
+  command
+      .add_option("-o,--output", arguments->output,
+                  "a picture: .exr, .png or .tif; for several: a directory, or a video: .mp4, .mov, .mkv, "
+                  ".avi or .webm")
+      ->required();
+  command.add_option("--format", arguments->format, "of the pictures in a directory")
+      ->check(CLI::IsMember({"exr", "png", "tif"}))
+      ->capture_default_str();
+  command
+      .add_option("--bits", arguments->bits,
+                  "PNG and TIFF: 8 or 16 (with --linear 16 unless told); EXR: 32 or 16")
+      ->check(CLI::IsMember({8, 16, 32}));
+  command
+      .add_option(
+          "--shift", arguments->backgrounds.shifts,
+          "[TEXTURE=]DX,DY: moves its picture, px of the monitor right and down; what leaves comes in "
+          "opposite")
+      ->allow_extra_args(false);
+  command
+      .add_option("--pan", arguments->backgrounds.pans,
+                  "[TEXTURE=]DX,DY: moves it on by so much with every frame")
+      ->allow_extra_args(false);
+  command.add_option("--frames", arguments->frame_count, "how many, of one matte")
+      ->check(CLI::Range(1, 1000000));
+  command.add_option("--fps", arguments->frame_rate_hz, "of a video that is written")
+      ->check(CLI::Range(0.1, 1000.0))
+      ->capture_default_str();
+  command
+      .add_option("--match", arguments->backgrounds.matches,
+                  "[TEXTURE=]PHOTOGRAPH: gives the background its colours, such as those that a photograph "
+                  "of it on a "
+                  "monitor has")
+      ->allow_extra_args(false);
+  command
+      .add_option("--foreground-gain", arguments->foreground_gain,
+                  "times the object's own light F: highlights of a video often look better above 1")
+      ->check(CLI::Range(0.0f, 100.0f))
+      ->capture_default_str();
+  command.add_option("--crop", arguments->crop, kCropHelp);
+  command.add_flag("--exact", arguments->exact,
+                   "integrate every footprint, slowly; else the picture is within 0.002 rms of that");
+  command.add_flag("--linear", arguments->linear,
+                   "PNG and TIFF values are linear radiance, value / full scale");
+  command.callback([&client, arguments] {
+    client.run = [&client, arguments] {
+      return is_video(*arguments) ? composite_video(client, *arguments) : composite_still(client, *arguments);
+    };
+  });
+}
+
+}  // namespace glasswing

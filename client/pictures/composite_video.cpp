@@ -1,0 +1,196 @@
+#include "client/pictures/composite_video.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "client/pictures/picture.h"
+#include "client/cli/progress.h"
+#include "client/pictures/video_file.h"
+#include "core/base/status.h"
+#include "core/matte/compositor.h"
+#include "core/matte/matte_file.h"
+
+namespace glasswing {
+namespace {
+
+namespace fs = std::filesystem;
+
+// 0000.exr and so on, by number.
+absl::StatusOr<std::vector<fs::path>> mattes_in(const fs::path& directory) {
+  std::vector<fs::path> mattes;
+  std::error_code error;
+  for (const fs::directory_entry& entry : fs::directory_iterator(directory, error)) {
+    const std::string stem = entry.path().stem().string();
+    const bool numbered = !stem.empty() && stem.find_first_not_of("0123456789") == std::string::npos;
+    if (numbered && entry.path().extension() == ".exr") mattes.push_back(entry.path());
+  }
+  if (mattes.empty()) {
+    return absl::NotFoundError(fmt::format(
+        "{}: it holds no mattes, 0000.exr and so on, as glasswing fetch VIDEO -o DIR/ writes them",
+        directory.string()));
+  }
+  std::ranges::sort(mattes, [](const fs::path& a, const fs::path& b) {
+    const std::string left = a.stem().string(), right = b.stem().string();
+    return left.size() != right.size() ? left.size() < right.size() : left < right;
+  });
+  return mattes;
+}
+
+// Pictures into a directory, or frames of a video.
+class Output {
+ public:
+  static absl::StatusOr<Output> create(const CompositeArguments& arguments) {
+    Output output(arguments);
+    if (is_video_file(arguments.output)) {
+      if (arguments.bits != 0 && arguments.bits != 8) {
+        return absl::InvalidArgumentError(fmt::format(
+            "--bits is {}; a video has 8, a directory of pictures may have more", arguments.bits));
+      }
+      return output;
+    }
+    GW_RETURN_IF_ERROR(check_picture_file("a picture." + arguments.format, arguments.bits));
+    std::error_code error;
+    const bool names_picture = check_output(arguments.output).ok() && !fs::is_directory(arguments.output);
+    if (!names_picture) fs::create_directories(arguments.output, error);
+    if (names_picture || error || !fs::is_directory(arguments.output)) {
+      return absl::InvalidArgumentError(fmt::format(
+          "the output is {}; for several pictures it must be a directory, or a video: .mp4, .mov, "
+          ".mkv, .avi or .webm",
+          arguments.output));
+    }
+    return output;
+  }
+
+  absl::Status add(const std::string& name, const RadianceImage& picture) {
+    if (!is_video_file(arguments_.output)) {
+      const fs::path file = fs::path(arguments_.output) / (name + "." + arguments_.format);
+      return write_radiance(file, picture, arguments_.encoding(), arguments_.bits);
+    }
+    if (!video_) {
+      GW_ASSIGN_OR_RETURN(VideoWriter video,
+                          VideoWriter::create(arguments_.output, picture.width_px, picture.height_px,
+                                              arguments_.frame_rate_hz));
+      video_.emplace(std::move(video));
+    }
+    return video_->add(picture);
+  }
+  absl::Status finish() { return video_ ? video_->finish() : absl::OkStatus(); }
+
+ private:
+  explicit Output(const CompositeArguments& arguments) : arguments_(arguments) {}
+
+  const CompositeArguments& arguments_;
+  std::optional<VideoWriter> video_;
+};
+
+bool same_monitors(const v1::MatteMetadata& a, const v1::MatteMetadata& b) {
+  return std::ranges::equal(a.monitors(), b.monitors(), [](const v1::Monitor& m, const v1::Monitor& n) {
+    return m.name() == n.name() && m.width_px() == n.width_px() && m.height_px() == n.height_px();
+  });
+}
+
+absl::StatusOr<int> composite_mattes(const CompositeArguments& arguments) {
+  if (arguments.frame_count > 0) {
+    return absl::InvalidArgumentError(
+        fmt::format("--frames is for one matte; {} holds a matte for each frame", arguments.matte));
+  }
+  GW_ASSIGN_OR_RETURN(const std::vector<fs::path> files, mattes_in(arguments.matte));
+  GW_ASSIGN_OR_RETURN(Output output, Output::create(arguments));
+  std::optional<Backgrounds> backgrounds;
+  v1::MatteMetadata first;
+  Progress progress("compositing");
+  for (size_t i = 0; i < files.size(); ++i) {
+    GW_ASSIGN_OR_RETURN(const ObjectInFront object, ObjectInFront::create(files[i], arguments));
+    if (!backgrounds) {
+      first = object.metadata();
+      GW_ASSIGN_OR_RETURN(backgrounds, Backgrounds::open(arguments.backgrounds, first, arguments.encoding()));
+    } else if (!same_monitors(first, object.metadata())) {
+      return absl::InvalidArgumentError(
+          fmt::format("{} is of other monitors than {}; they are not of one video", files[i].string(),
+                      files[0].string()));
+    }
+    GW_ASSIGN_OR_RETURN(const std::vector<RadianceImage>* const behind, backgrounds->next());
+    GW_ASSIGN_OR_RETURN(const RadianceImage picture, object.composite(*behind));
+    GW_RETURN_IF_ERROR(output.add(files[i].stem().string(), picture));
+    progress.update(static_cast<double>(i + 1) / static_cast<double>(files.size()),
+                    fmt::format("{} of {} frames", i + 1, files.size()));
+  }
+  GW_RETURN_IF_ERROR(output.finish());
+  return static_cast<int>(files.size());
+}
+
+absl::StatusOr<int> composite_one_matte(const CompositeArguments& arguments) {
+  GW_ASSIGN_OR_RETURN(Output output, Output::create(arguments));
+  Progress progress("compositing");
+  GW_ASSIGN_OR_RETURN(const ObjectInFront object, ObjectInFront::create(arguments.matte, arguments));
+  GW_ASSIGN_OR_RETURN(Backgrounds backgrounds,
+                      Backgrounds::open(arguments.backgrounds, object.metadata(), arguments.encoding()));
+  if (arguments.frame_count == 0 && !backgrounds.has_video()) {
+    return absl::InvalidArgumentError(
+        "--frames is not given; how many pictures there are to be must be said there, or be known from a "
+        "video or a "
+        "directory of pictures as --background");
+  }
+  int count = 0;
+  for (; arguments.frame_count == 0 || count < arguments.frame_count; ++count) {
+    GW_ASSIGN_OR_RETURN(const std::vector<RadianceImage>* const behind, backgrounds.next());
+    if (arguments.frame_count == 0 && backgrounds.is_over()) break;
+    GW_ASSIGN_OR_RETURN(const RadianceImage picture, object.composite(*behind));
+    GW_RETURN_IF_ERROR(output.add(fmt::format("{:04d}", count), picture));
+    const double all = arguments.frame_count > 0 ? arguments.frame_count : backgrounds.announced_frames();
+    progress.update(all > 0.0 ? std::min((count + 1) / all, 1.0) : 0.0, fmt::format("{} frames", count + 1));
+  }
+  GW_RETURN_IF_ERROR(output.finish());
+  return count;
+}
+
+}  // namespace
+
+absl::StatusOr<ObjectInFront> ObjectInFront::create(const fs::path& file, const CompositeArguments& arguments,
+                                                    const std::function<void(double)>& progress) {
+  GW_ASSIGN_OR_RETURN(Matte matte, read_matte(file));
+  for (int y = 0; y < matte.height_px(); ++y) {
+    for (int x = 0; x < matte.width_px(); ++x) {
+      for (float& light : matte.foreground(x, y)) light *= arguments.foreground_gain;
+    }
+  }
+  ObjectInFront object(std::move(matte), arguments.crop);
+  if (!arguments.exact) {
+    GW_ASSIGN_OR_RETURN(FastCompositor fast, FastCompositor::create(object.matte_, 0, progress));
+    object.fast_.emplace(std::move(fast));
+  }
+  return object;
+}
+
+absl::StatusOr<RadianceImage> ObjectInFront::composite(const std::vector<RadianceImage>& backgrounds,
+                                                       const std::function<void(double)>& progress) const {
+  GW_ASSIGN_OR_RETURN(
+      const RadianceImage whole,
+      fast_ ? fast_->composite(backgrounds) : glasswing::composite(matte_, backgrounds, 0, progress));
+  return cropped(whole, crop_);
+}
+
+bool is_video(const CompositeArguments& arguments) {
+  const fs::path output = arguments.output;
+  return fs::is_directory(arguments.matte) || fs::is_directory(output) || is_video_file(output) ||
+         !output.has_extension() || arguments.frame_count > 0;
+}
+
+absl::Status composite_video(const Client& client, const CompositeArguments& arguments) {
+  GW_ASSIGN_OR_RETURN(const int count, fs::is_directory(arguments.matte) ? composite_mattes(arguments)
+                                                                         : composite_one_matte(arguments));
+  if (client.json) {
+    const nlohmann::ordered_json written = {{"output", arguments.output}, {"frames", count}};
+    std::cout << written.dump(1) << "\n";
+  } else {
+    std::cout << fmt::format("{}: {} frames\n", arguments.output, count);
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace glasswing

@@ -1,0 +1,61 @@
+// Composites of many frames: of a directory of mattes, one a frame, or of one matte before what moves.
+#pragma once
+
+#include <absl/status/status.h>
+
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "client/cli/client.h"
+#include "client/pictures/composite.h"
+#include "core/frame/image_file.h"
+#include "core/matte/fast_compositor.h"
+#include "core/matte/matte.h"
+
+namespace glasswing {
+
+struct CompositeArguments {
+  std::string matte;  // a file, or a directory
+  BackgroundArguments backgrounds;
+  std::string output;
+  std::string format = "exr";
+  int bits = 0;         // of write_radiance()
+  int frame_count = 0;  // of one matte; 0: as many as its backgrounds have
+  double frame_rate_hz = 30.0;
+  float foreground_gain = 1.0f;
+  std::string crop;
+  bool linear = false, exact = false;
+
+  Encoding encoding() const { return linear ? Encoding::kLinear : Encoding::kDisplay; }
+};
+
+// Puts pictures behind a matte, as the arguments say.
+class ObjectInFront {
+ public:
+  static absl::StatusOr<ObjectInFront> create(const std::filesystem::path& matte,
+                                              const CompositeArguments& arguments,
+                                              const std::function<void(double)>& progress = nullptr);
+
+  const v1::MatteMetadata& metadata() const { return matte_.metadata; }
+  absl::StatusOr<RadianceImage> composite(const std::vector<RadianceImage>& backgrounds,
+                                          const std::function<void(double)>& progress = nullptr) const;
+
+ private:
+  explicit ObjectInFront(Matte matte, std::string crop) : matte_(std::move(matte)), crop_(std::move(crop)) {}
+
+  Matte matte_;
+  std::string crop_;
+  std::optional<FastCompositor> fast_;  // none: exact
+};
+
+// It is not one picture that the arguments ask for.
+bool is_video(const CompositeArguments& arguments);
+
+// Errors name the matte at fault; pictures that are written stay.
+absl::Status composite_video(const Client& client, const CompositeArguments& arguments);
+
+}  // namespace glasswing

@@ -1,0 +1,51 @@
+#include "client/pictures/commands.h"
+#include "client/pictures/picture.h"
+#include "client/cli/progress.h"
+#include "core/base/status.h"
+#include "core/frame/image_file.h"
+
+namespace glasswing {
+namespace {
+
+struct Arguments {
+  std::string input;
+  std::string output;
+  std::string crop;
+  bool linear = false;
+};
+
+absl::StatusOr<RadianceImage> converted(const Arguments& arguments) {
+  const Waiting waiting("converting");
+  GW_ASSIGN_OR_RETURN(
+      const RadianceImage whole,
+      read_picture(arguments.input, arguments.linear ? Encoding::kLinear : Encoding::kDisplay));
+  GW_ASSIGN_OR_RETURN(const RadianceImage picture, cropped(whole, arguments.crop));
+  GW_RETURN_IF_ERROR(write_radiance(arguments.output, picture, Encoding::kDisplay));
+  return picture;
+}
+
+absl::Status convert(const Client& client, const Arguments& arguments) {
+  GW_RETURN_IF_ERROR(check_output(arguments.output));
+  GW_ASSIGN_OR_RETURN(const RadianceImage picture, converted(arguments));
+  print_written(client, arguments.output, picture.width_px, picture.height_px);
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+void add_convert_command(CLI::App& app, Client& client) {
+  CLI::App& command = *app.add_subcommand("convert", "Turn a frame or a picture into one to look at.");
+  command.footer(
+      "The output is sRGB (PNG, TIFF) or linear (EXR).\n\n"
+      "Example:\n  glasswing convert --linear archive/frames/000310.tif look.png");
+  auto arguments = std::make_shared<Arguments>();
+  command.add_option("input", arguments->input, "the picture to read")->required();
+  command.add_option("output", arguments->output, "the picture to write: .png, .tif or .exr")->required();
+  command.add_option("--crop", arguments->crop, kCropHelp);
+  command.add_flag("--linear", arguments->linear,
+                   "the input's PNG or TIFF values are linear radiance, as frames are");
+  command.callback(
+      [&client, arguments] { client.run = [&client, arguments] { return convert(client, *arguments); }; });
+}
+
+}  // namespace glasswing

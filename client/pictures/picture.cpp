@@ -1,0 +1,129 @@
+#include "client/pictures/picture.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "core/base/status.h"
+#include "core/frame/archive.h"
+#include "core/radiometry/shading.h"
+#include "core/radiometry/frame_light.h"
+#include "core/radiometry/primary_mix.h"
+#include "core/import/foreign_manifest.h"
+
+namespace glasswing {
+
+void print_written(const Client& client, const std::string& file, int width_px, int height_px) {
+  if (client.json) {
+    const nlohmann::ordered_json written = {{"file", file}, {"width_px", width_px}, {"height_px", height_px}};
+    std::cout << written.dump(1) << "\n";
+  } else {
+    std::cout << fmt::format("{}: {}x{}\n", file, width_px, height_px);
+  }
+}
+
+absl::Status check_output(const std::filesystem::path& output, int bits) {
+  static constexpr std::array<std::string_view, 4> kSuffixes = {".exr", ".png", ".tif", ".tiff"};
+  if (std::find(kSuffixes.begin(), kSuffixes.end(), output.extension().string()) == kSuffixes.end()) {
+    return absl::InvalidArgumentError(
+        fmt::format("the output is {}; its name must end in .exr, .png, .tif or .tiff", output.string()));
+  }
+  GW_RETURN_IF_ERROR(check_picture_file(output, bits));
+  std::error_code ignored;
+  const std::filesystem::path directory = output.has_parent_path() ? output.parent_path() : ".";
+  if (!std::filesystem::is_directory(directory, ignored)) {
+    return absl::NotFoundError(
+        fmt::format("the output is {}; there is no directory {}", output.string(), directory.string()));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<RadianceImage> read_picture(const std::filesystem::path& file, Encoding encoding) {
+  const std::filesystem::path archive = file.parent_path().parent_path();
+  const std::string name = (file.parent_path().filename() / file.filename()).string();
+  if (!std::filesystem::exists(archive / "manifest.json")) return read_radiance(file, encoding);
+  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, read_any_manifest(archive));
+  if (std::ranges::none_of(manifest.frames(), [&](const v1::Frame& frame) { return frame.file() == name; }))
+    return read_radiance(file, encoding);
+  GW_ASSIGN_OR_RETURN(const FrameLight light, FrameLight::create(manifest));
+  GW_ASSIGN_OR_RETURN(const PrimaryMix mix, PrimaryMix::create(manifest));
+  if (light.is_identity() && mix.is_unit()) return read_radiance(file, encoding);
+  GW_ASSIGN_OR_RETURN(const Evenness evenness, Evenness::create(manifest));
+  GW_ASSIGN_OR_RETURN(const Image16 frame, read_frame_file(file));
+  RadianceImage picture(frame.width_px, frame.height_px);
+  for (int y = 0; y < frame.height_px; ++y) {
+    for (int x = 0; x < frame.width_px; ++x) {
+      const auto left = static_cast<float>(evenness.camera(x, y));
+      PrimaryMix::Light seen{};
+      for (int c = 0; c < 3; ++c) seen[static_cast<size_t>(c)] = light.light(frame.at(x, y, c), c) / left;
+      const PrimaryMix::Light primaries = mix.primaries(seen);
+      for (int c = 0; c < 3; ++c) picture.at(x, y, c) = primaries[static_cast<size_t>(c)];
+    }
+  }
+  return picture;
+}
+
+absl::StatusOr<RadianceImage> cropped(const RadianceImage& picture, const std::string& region) {
+  if (region.empty()) return picture;
+  int width = 0, height = 0, left = 0, top = 0, read = 0;
+  const bool parsed =
+      std::sscanf(region.c_str(), "%dx%d+%d+%d%n", &width, &height, &left, &top, &read) == 4 &&
+      static_cast<size_t>(read) == region.size();
+  const bool inside = parsed && width > 0 && height > 0 && left >= 0 && top >= 0 &&
+                      left <= picture.width_px - width && top <= picture.height_px - height;
+  if (!inside) {
+    return absl::InvalidArgumentError(
+        fmt::format("--crop is {}; it must be WIDTHxHEIGHT+X+Y and lie within the picture, which is {}x{}",
+                    region, picture.width_px, picture.height_px));
+  }
+  RadianceImage part(width, height);
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      for (int c = 0; c < 3; ++c) part.at(x, y, c) = picture.at(left + x, top + y, c);
+    }
+  }
+  return part;
+}
+
+RadianceImage shifted(const RadianceImage& picture, double dx_px, double dy_px) {
+  // Of every column or row: where the two that it is made of are, and the part of the second.
+  struct Parts {
+    std::vector<int> first, second;
+    float part;
+  };
+  const auto parts_of = [](double shift, int extent) {
+    const double whole = std::floor(shift);
+    const int away = static_cast<int>(std::fmod(whole, extent));
+    Parts parts{.first = {}, .second = {}, .part = static_cast<float>(shift - whole)};
+    for (int i = 0; i < extent; ++i) {
+      parts.first.push_back((i - away + 2 * extent) % extent);
+      parts.second.push_back((i - away - 1 + 2 * extent) % extent);
+    }
+    return parts;
+  };
+  const Parts across = parts_of(dx_px, picture.width_px), down = parts_of(dy_px, picture.height_px);
+  RadianceImage out(picture.width_px, picture.height_px);
+  for (int y = 0; y < out.height_px; ++y) {
+    const auto row = static_cast<size_t>(y);
+    for (int x = 0; x < out.width_px; ++x) {
+      const auto column = static_cast<size_t>(x);
+      for (int c = 0; c < 3; ++c) {
+        const auto along = [&](int from) {
+          return (1.0f - across.part) * picture.at(across.first[column], from, c) +
+                 across.part * picture.at(across.second[column], from, c);
+        };
+        out.at(x, y, c) = down.part == 0.0f ? along(down.first[row])
+                                            : (1.0f - down.part) * along(down.first[row]) +
+                                                  down.part * along(down.second[row]);
+      }
+    }
+  }
+  return out;
+}
+
+}  // namespace glasswing

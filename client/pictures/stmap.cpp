@@ -1,0 +1,94 @@
+#include "core/matte/stmap.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <filesystem>
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "client/pictures/commands.h"
+#include "core/base/file.h"
+#include "core/base/status.h"
+#include "core/matte/matte_file.h"
+
+namespace glasswing {
+namespace {
+
+constexpr std::array<const char*, kChannels> kColours{"r", "g", "b"};
+
+struct Arguments {
+  std::string matte, output, monitor, channel;
+};
+
+absl::StatusOr<int> texture_of(const v1::MatteMetadata& metadata, const std::string& monitor) {
+  if (metadata.monitors().empty()) return absl::DataLossError("the matte's header names no monitors");
+  if (monitor.empty()) return 0;
+  std::vector<std::string> names;
+  for (int t = 0; t < metadata.monitors_size(); ++t) {
+    if (metadata.monitors(t).name() == monitor) return t;
+    names.push_back(metadata.monitors(t).name());
+  }
+  return absl::InvalidArgumentError(
+      fmt::format("--monitor is \"{}\"; this matte has: {}", monitor, fmt::join(names, ", ")));
+}
+
+absl::Status write_stmap(const Client& client, const Arguments& arguments) {
+  if (std::filesystem::path(arguments.output).extension() != ".exr") {
+    return absl::InvalidArgumentError(
+        fmt::format("the output is {}; its name must end in .exr", arguments.output));
+  }
+  GW_ASSIGN_OR_RETURN(const Matte matte, read_matte(arguments.matte));
+  GW_ASSIGN_OR_RETURN(const int texture, texture_of(matte.metadata, arguments.monitor));
+  const int channel =
+      arguments.channel.empty()
+          ? strongest_channel(matte, texture)
+          : static_cast<int>(std::ranges::find(kColours, arguments.channel) - kColours.begin());
+  GW_ASSIGN_OR_RETURN(const std::string bytes, encode_stmap(matte, texture, channel));
+  GW_RETURN_IF_ERROR(write_file_durably(arguments.output, bytes));
+  const std::string& monitor = matte.metadata.monitors(texture).name();
+  const char* colour = kColours[static_cast<size_t>(channel)];
+  if (client.json) {
+    const nlohmann::ordered_json written = {{"file", arguments.output},
+                                            {"monitor", monitor},
+                                            {"channel", colour},
+                                            {"width_px", matte.width_px()},
+                                            {"height_px", matte.height_px()}};
+    std::cout << written.dump(1) << "\n";
+  } else {
+    std::cout << fmt::format("{}: where channel {} looks on monitor {}, {}x{}\n", arguments.output, colour,
+                             monitor, matte.width_px(), matte.height_px());
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+void add_stmap_command(CLI::App& app, Client& client) {
+  CLI::App& command = *app.add_subcommand(
+      "stmap", "Write a matte's strongest path as an STMap, which compositors warp a picture by.");
+  command.footer(
+      "R and G are the place on the monitor, 0 to 1 from its bottom left corner; B and A are 1 where there "
+      "is "
+      "one. Layer\n"
+      "weight is how much of the light arrives, blur how wide the path is, in monitor pixels. All of a "
+      "matte's paths and\n"
+      "widths at once: glasswing composite.\nOpenImageIO warps by it with: oiiotool PICTURE vase_st.exr "
+      "--st_warp:flip_t=1 -o WARPED\n\n"
+      "Examples:\n"
+      "  glasswing stmap vase.exr -o vase_st.exr\n"
+      "  glasswing stmap vase.exr --monitor left --channel b -o vase_left_b.exr");
+  auto arguments = std::make_shared<Arguments>();
+  command.add_option("matte", arguments->matte, "a matte that glasswing fetch wrote")->required();
+  command.add_option("-o,--output", arguments->output, "the OpenEXR file to write")->required();
+  command.add_option("--monitor", arguments->monitor, "its name; the first if left out");
+  command
+      .add_option("--channel", arguments->channel,
+                  "whose path it is; if left out g, or another where much more of its light arrives")
+      ->check(CLI::IsMember(kColours));
+  command.callback([&client, arguments] {
+    client.run = [&client, arguments] { return write_stmap(client, *arguments); };
+  });
+}
+
+}  // namespace glasswing

@@ -1,0 +1,98 @@
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <filesystem>
+
+#include "client/pictures/commands.h"
+#include "client/pictures/contact_sheet.h"
+#include "client/pictures/matte_panels.h"
+#include "client/pictures/picture.h"
+#include "core/base/file.h"
+#include "core/base/status.h"
+#include "core/matte/matte_file.h"
+#include "core/matte/stmap.h"
+
+namespace glasswing {
+namespace {
+
+constexpr std::array<const char*, kChannels> kColours{"r", "g", "b"};
+
+struct Arguments {
+  std::string matte, output, only, channel;
+};
+
+// What the matte says of itself.
+std::vector<std::string> lines_of(const Matte& matte) {
+  const v1::MatteMetadata& metadata = matte.metadata;
+  std::vector<std::string> monitors;
+  for (const v1::Monitor& monitor : metadata.monitors())
+    monitors.push_back(fmt::format("{} {}x{}", monitor.name(), monitor.width_px(), monitor.height_px()));
+  std::string options;
+  for (const auto& [name, value] :
+       std::map<std::string, std::string>(metadata.options().begin(), metadata.options().end()))
+    options += fmt::format(", {} {}", name, value);
+  const ObjectCount object = count_object(matte);
+  std::vector<std::string> lines = {fmt::format("{}x{} px, {} of them object. Method {}{}. Monitor{}: {}. {}",
+                                                matte.width_px(), matte.height_px(), object.all,
+                                                metadata.method(), options, monitors.size() == 1 ? "" : "s",
+                                                fmt::join(monitors, ", "), metadata.created())};
+  for (const std::string& warning : metadata.warnings()) lines.push_back("Warning: " + warning);
+  return lines;
+}
+
+std::string heading_of(const Arguments& arguments, const v1::MatteMetadata& metadata) {
+  std::string heading = metadata.session().empty()
+                            ? std::filesystem::path(arguments.matte).filename().string()
+                            : metadata.session();
+  if (metadata.has_frame()) heading += fmt::format(", frame {}", metadata.frame());
+  return heading;
+}
+
+absl::Status view(const Client& client, const Arguments& arguments) {
+  if (std::filesystem::path(arguments.output).extension() != ".png") {
+    return absl::InvalidArgumentError(
+        fmt::format("the output is {}; its name must end in .png", arguments.output));
+  }
+  GW_ASSIGN_OR_RETURN(const Matte matte, read_matte(arguments.matte));
+  const int channel =
+      arguments.channel.empty()
+          ? strongest_channel(matte)
+          : static_cast<int>(std::ranges::find(kColours, arguments.channel) - kColours.begin());
+  const std::vector<MattePanel> panels = panels_of(matte, channel);
+  const CodeImage picture =
+      arguments.only.empty() ? contact_sheet(panels, heading_of(arguments, matte.metadata), lines_of(matte))
+                             : std::ranges::find(panels, arguments.only, &MattePanel::name)->picture;
+  GW_ASSIGN_OR_RETURN(const std::string bytes, encode_png8(picture));
+  GW_RETURN_IF_ERROR(write_file_durably(arguments.output, bytes));
+  print_written(client, arguments.output, picture.width_px, picture.height_px);
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+void add_view_command(CLI::App& app, Client& client) {
+  CLI::App& command =
+      *app.add_subcommand("view", "Make a picture of what a matte holds: a sheet of labelled panels.");
+  command.footer(
+      "A panel alone (--only) is as large as the matte, a pixel for each of its own; preview is what any "
+      "viewer "
+      "shows of it.\n\n"
+      "Examples:\n"
+      "  glasswing view vase.exr -o vase_sheet.png\n"
+      "  glasswing view vase.exr --only preview -o vase.png\n"
+      "  glasswing view pouring/0007.exr --channel r -o pouring-7.png");
+  auto arguments = std::make_shared<Arguments>();
+  command.add_option("matte", arguments->matte, "a matte that glasswing fetch wrote")->required();
+  command.add_option("-o,--output", arguments->output, "the PNG file to write")->required();
+  command.add_option("--only", arguments->only, "one panel, without title and legend")
+      ->check(CLI::IsMember(kPanelNames));
+  command
+      .add_option("--channel", arguments->channel,
+                  "whose centre, sigma and uncertainty are shown; if left out g, or another where much more "
+                  "of its light arrives")
+      ->check(CLI::IsMember(kColours));
+  command.callback(
+      [&client, arguments] { client.run = [&client, arguments] { return view(client, *arguments); }; });
+}
+
+}  // namespace glasswing

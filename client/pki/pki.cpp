@@ -1,0 +1,188 @@
+#include <absl/time/time.h>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "client/pki/certificate_authority.h"
+#include "client/pki/commands.h"
+#include "client/cli/output.h"
+#include "core/base/status.h"
+
+namespace glasswing {
+namespace {
+
+struct Arguments {
+  std::string directory;
+  std::string name = "Glasswing lab";
+  std::vector<std::string> requests, names;
+  int days = 365, within_days = 30;
+};
+
+std::string text_of(std::chrono::sys_seconds moment, const char* format) {
+  return absl::FormatTime(format, absl::FromUnixSeconds(moment.time_since_epoch().count()),
+                          absl::UTCTimeZone());
+}
+
+int days_left(std::chrono::sys_seconds end) {
+  return static_cast<int>(
+      std::chrono::floor<std::chrono::days>(end - std::chrono::system_clock::now()).count());
+}
+
+// The authority too, if it is given.
+void print_certificates(const Client& client, const std::vector<IssuedCertificate>& certificates,
+                        const CertificateAuthority* authority = nullptr) {
+  const auto list = [](const std::vector<std::string>& words, const char* between) {
+    return words.empty() ? "-" : fmt::format("{}", fmt::join(words, between));
+  };
+  if (client.json) {
+    nlohmann::ordered_json answer = nlohmann::ordered_json::object();
+    constexpr const char* kMoment = "%Y-%m-%dT%H:%M:%SZ";
+    if (authority != nullptr)
+      answer["authority"] = {{"name", authority->name()},
+                             {"expires", text_of(authority->valid_until(), kMoment)}};
+    answer["certificates"] = nlohmann::ordered_json::array();
+    for (const IssuedCertificate& each : certificates) {
+      answer["certificates"].push_back({{"name", each.of.name},
+                                        {"roles", each.of.roles},
+                                        {"hosts", each.of.hosts},
+                                        {"expires", text_of(each.valid_until, kMoment)}});
+    }
+    std::cout << answer.dump(1) << "\n";
+    return;
+  }
+  std::vector<std::vector<std::string>> rows;
+  const auto add = [&](const std::string& name, const std::string& roles, const std::string& hosts,
+                       std::chrono::sys_seconds end) {
+    rows.push_back({name, roles, hosts, text_of(end, "%Y-%m-%d"), std::to_string(days_left(end))});
+  };
+  if (authority != nullptr) add("ca", "authority", "-", authority->valid_until());
+  for (const IssuedCertificate& each : certificates)
+    add(each.of.name, list(each.of.roles, "+"), list(each.of.hosts, ","), each.valid_until);
+  print_table(client, {{"NAME"}, {"ROLES"}, {"HOSTS"}, {"EXPIRES"}, {"DAYS LEFT", true}}, rows);
+}
+
+absl::Status init(const Client& client, const Arguments& arguments) {
+  GW_ASSIGN_OR_RETURN(const CertificateAuthority authority,
+                      CertificateAuthority::init(arguments.directory, arguments.name));
+  print_certificates(client, {}, &authority);
+  return absl::OkStatus();
+}
+
+absl::Status issue(const Client& client, const Arguments& arguments) {
+  GW_ASSIGN_OR_RETURN(const CertificateAuthority authority, CertificateAuthority::open(arguments.directory));
+  std::vector<CertificateRequest> requests;
+  for (const std::string& text : arguments.requests) {
+    GW_ASSIGN_OR_RETURN(const CertificateRequest request, parse_certificate_request(text));
+    GW_RETURN_IF_ERROR(authority.check_free(request.name));
+    requests.push_back(request);
+  }
+  std::vector<IssuedCertificate> issued;
+  for (const CertificateRequest& request : requests) {
+    GW_ASSIGN_OR_RETURN(issued.emplace_back(), authority.issue(request, arguments.days));
+  }
+  print_certificates(client, issued);
+  return absl::OkStatus();
+}
+
+absl::Status renew(const Client& client, const Arguments& arguments) {
+  GW_ASSIGN_OR_RETURN(const CertificateAuthority authority, CertificateAuthority::open(arguments.directory));
+  std::vector<std::string> names = arguments.names;
+  if (names.empty()) {
+    GW_ASSIGN_OR_RETURN(const std::vector<IssuedCertificate> all, authority.issued());
+    for (const IssuedCertificate& each : all) {
+      if (days_left(each.valid_until) < arguments.within_days) names.push_back(each.of.name);
+    }
+    if (names.empty() && !client.json && !client.tsv) {
+      std::cout << fmt::format("No certificate expires within {} days.\n", arguments.within_days);
+      return absl::OkStatus();
+    }
+  }
+  std::vector<IssuedCertificate> renewed;
+  for (const std::string& name : names) {
+    GW_ASSIGN_OR_RETURN(renewed.emplace_back(), authority.renew(name, arguments.days));
+  }
+  print_certificates(client, renewed);
+  return absl::OkStatus();
+}
+
+absl::Status list(const Client& client, const Arguments& arguments) {
+  GW_ASSIGN_OR_RETURN(const CertificateAuthority authority, CertificateAuthority::open(arguments.directory));
+  GW_ASSIGN_OR_RETURN(const std::vector<IssuedCertificate> all, authority.issued());
+  print_certificates(client, all, &authority);
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+void add_pki_commands(CLI::App& app, Client& client) {
+  CLI::App& pki = *app.add_subcommand("pki", "Make a lab's certificates: an authority, and what it issues.");
+  pki.require_subcommand(1);
+  pki.footer(
+      "Everything is in one directory, on a machine that is none of the rig's. Each machine gets ca.pem, and "
+      "its own "
+      "NAME.pem and NAME.key. ca.key can make anybody a member: it stays where it is.\n\n"
+      "Examples:\n"
+      "  glasswing pki init certificates\n"
+      "  glasswing pki issue certificates server+display+camera:rig=rig.lab,10.0.0.5 operator:me\n"
+      "  glasswing pki list certificates\n"
+      "  glasswing pki renew certificates");
+  auto arguments = std::make_shared<Arguments>();
+  using Run = absl::Status (*)(const Client&, const Arguments&);
+  const auto add = [&](const char* name, const char* description, Run run) -> CLI::App& {
+    CLI::App& command = *pki.add_subcommand(name, description);
+    command.add_option("directory", arguments->directory, "of ca.pem and all that it issued")
+        ->required()
+        ->type_name("DIR");
+    command.callback([&client, arguments, run] {
+      client.run = [&client, arguments, run] { return run(client, *arguments); };
+    });
+    return command;
+  };
+  const auto add_days = [&](CLI::App& command) {
+    command.add_option("--days", arguments->days, "that the certificates are valid")
+        ->check(CLI::Range(1, CertificateAuthority::kMaxDays))
+        ->capture_default_str();
+  };
+
+  CLI::App& init_command = add("init", "Make an authority: ca.pem, valid for ten years, and ca.key.", init);
+  init_command.add_option("--name", arguments->name, "that its certificate says")->capture_default_str();
+  init_command.footer("Example:\n  glasswing pki init certificates --name \"Lab 3\"");
+
+  CLI::App& issue_command = add("issue", "Make a certificate and a key for each name.", issue);
+  issue_command
+      .add_option("requests", arguments->requests,
+                  "ROLE[+ROLE...]:NAME[=HOST,HOST...]; makes NAME.pem and NAME.key")
+      ->required()
+      ->type_name("REQUEST");
+  add_days(issue_command);
+  issue_command.footer(
+      "ROLE says what its owner may do: operator (runs sessions) or viewer (looks at them) for people; "
+      "server, "
+      "display, camera or solver for programs, all of them for a machine that has several. HOST is a name or "
+      "address "
+      "that others call that machine by; NAME itself if left out. What is there already is not replaced.\n\n"
+      "Examples:\n"
+      "  glasswing pki issue certificates server+display+camera:rig=rig.lab,10.0.0.5\n"
+      "  glasswing pki issue certificates solver:solver-1=solver-1.lab operator:me viewer:guest --days 90");
+
+  CLI::App& renew_command =
+      add("renew", "Make certificates again, for the same roles and hosts, with new keys.", renew);
+  renew_command.add_option("names", arguments->names, "whose; all that expire soon if left out");
+  renew_command.add_option("--within", arguments->within_days, "days that are soon")
+      ->check(CLI::Range(0, CertificateAuthority::kMaxDays))
+      ->capture_default_str();
+  add_days(renew_command);
+  renew_command.footer(
+      "Programs take up the new files by themselves once they are in the place of the old ones.\n\n"
+      "Examples:\n"
+      "  glasswing pki renew certificates\n"
+      "  glasswing pki renew certificates rig solver-1\n"
+      "  glasswing pki renew certificates --within 90");
+
+  add("list", "Show what the authority issued, and when it expires.", list)
+      .footer("Example:\n  glasswing pki list certificates");
+}
+
+}  // namespace glasswing

@@ -1,0 +1,181 @@
+#include <fmt/format.h>
+
+#include <cmath>
+#include <iostream>
+
+#include "client/rig/calibrate_light.h"
+#include "client/rig/commands.h"
+#include "client/cli/interrupt.h"
+#include "client/cli/output.h"
+#include "client/cli/progress.h"
+#include "client/cli/rpc.h"
+#include "core/base/status.h"
+#include "glasswing/v1/rig_service.grpc.pb.h"
+
+namespace glasswing {
+namespace {
+
+constexpr std::chrono::minutes kCalibrateTimeout(30);
+
+double ms(std::int64_t ns) {
+  return 1e-6 * static_cast<double>(ns);
+}
+
+std::string scanout_text(const v1::MonitorSync& sync) {
+  if (sync.scanout_ns() == 0) return "only part of it is in view";
+  return fmt::format("{:.1f} ms, {}", std::abs(ms(sync.scanout_ns())),
+                     sync.scanout_ns() > 0 ? "first row first" : "last row first");
+}
+
+void print_monitors(const Client& client, const v1::SyncCalibration& measured) {
+  std::vector<std::vector<std::string>> rows;
+  for (const v1::MonitorSync& sync : measured.monitors()) {
+    rows.push_back({sync.monitor(), fmt::format("{:.2f}", ms(sync.lag_ns())),
+                    fmt::format("{:.2f}", ms(sync.settle_ns())), fmt::format("{:.2f}", ms(sync.error_ns())),
+                    scanout_text(sync)});
+  }
+  print_table(client,
+              {{"MONITOR"}, {"LAG_MS", true}, {"SETTLING_MS", true}, {"ERROR_MS", true}, {"SCAN-OUT"}}, rows);
+  if (client.tsv) return;
+  std::cout << "Light follows a row's scan-out by the lag and has settled after that time more; proofs of "
+               "captures count on it from now on.\n";
+}
+
+v1::SyncCalibration read_measured(grpc::ClientReader<v1::CalibrateSyncResponse>& reader) {
+  Waiting waiting("measuring");
+  v1::SyncCalibration measured;
+  for (v1::CalibrateSyncResponse response; reader.Read(&response);) {
+    if (response.has_result()) *measured.add_monitors() = response.result();
+    if (!response.progress().empty()) waiting.aside([&] { std::cerr << response.progress() << "\n"; });
+  }
+  return measured;
+}
+
+absl::Status calibrate_sync(const Client& client, const v1::CalibrateSyncRequest& request) {
+  const Peer<v1::RigService> server(client.server_title(), client.server);
+  grpc::ClientContext context;
+  set_deadline(context, kCalibrateTimeout);
+  const auto reader = server.stub->CalibrateSync(&context, request);
+  const Interruptible ctrl_c([&context] { context.TryCancel(); });
+  const v1::SyncCalibration measured = read_measured(*reader);
+  const grpc::Status status = reader->Finish();
+  if (client.json) {
+    print_json(measured);
+  } else if (measured.monitors_size() > 0) {
+    print_monitors(client, measured);
+  }
+  if (interrupted()) {
+    return absl::CancelledError(fmt::format(
+        "the measurement was broken off; the rig is free again, and {} of its monitors {} measured",
+        measured.monitors_size(), measured.monitors_size() == 1 ? "was" : "were"));
+  }
+  return status.ok() ? absl::OkStatus() : status_from(status, server.title);
+}
+
+using Arguments = std::shared_ptr<CalibrateArguments>;
+
+Arguments add_light_options(CLI::App& command) {
+  auto arguments = std::make_shared<CalibrateArguments>();
+  command.add_option("--plan", arguments->plan, "measure for this plan: its monitors and exposures");
+  command.add_option("--monitor", arguments->monitors, "only this one; repeat for more; all if left out");
+  command.add_option("-o,--charts", arguments->charts, "directory for the pictures of the curves (SVG)")
+      ->check(CLI::ExistingDirectory)
+      ->capture_default_str();
+  return arguments;
+}
+
+void add_session_option(CLI::App& command, const Arguments& arguments) {
+  command
+      .add_option("--session", arguments->session, "fit this captured session again, rather than a new one")
+      ->type_name("SESSION");
+}
+
+absl::Status calibrate_all(const Client& client, const CalibrateArguments& arguments) {
+  v1::CalibrateSyncRequest request;
+  for (const std::string& monitor : arguments.monitors) request.add_monitors(monitor);
+  GW_RETURN_IF_ERROR(calibrate_sync(client, request));
+  GW_RETURN_IF_ERROR(calibrate_camera_light(client, arguments));
+  GW_RETURN_IF_ERROR(calibrate_display_light(client, arguments));
+  // Once more, now that the camera's codes are light: a curved response shifts where a change is seen.
+  return calibrate_sync(client, request);
+}
+
+}  // namespace
+
+void add_calibrate_commands(CLI::App& app, Client& client) {
+  CLI::App& calibrate = *app.add_subcommand(
+      "calibrate", "Measure the rig's devices; sessions that begin afterwards use what was found.");
+  calibrate.require_subcommand(1);
+  calibrate.footer(
+      "Examples:\n"
+      "  glasswing calibrate all -o curves      everything, in the order that makes sense; about two "
+      "minutes\n"
+      "  glasswing calibrate camera             after another gain, aperture or lens\n"
+      "  glasswing calibrate display            after other settings of a monitor, and every few weeks\n"
+      "  glasswing calibrate list               what is known");
+
+  CLI::App& all = *calibrate.add_subcommand("all", "Timing, camera and monitors, one after the other.");
+  all.footer("Example:\n  glasswing calibrate all --plan deploy/plans/crystal.txtpb -o curves");
+  const Arguments all_arguments = add_light_options(all);
+  all.callback([&client, all_arguments] {
+    client.run = [&client, all_arguments] { return calibrate_all(client, *all_arguments); };
+  });
+
+  CLI::App& camera = *calibrate.add_subcommand(
+      "camera",
+      "Measure which light the camera's codes stand for, and its noise, from exposures of several lengths.");
+  camera.footer("Example:\n  glasswing calibrate camera -o curves");
+  const Arguments camera_arguments = add_light_options(camera);
+  add_session_option(camera, camera_arguments);
+  camera.callback([&client, camera_arguments] {
+    client.run = [&client, camera_arguments] { return calibrate_camera_light(client, *camera_arguments); };
+  });
+
+  CLI::App& display = *calibrate.add_subcommand(
+      "display", "Measure which light the monitors make of their codes, as the calibrated camera sees it.");
+  display.footer("Example:\n  glasswing calibrate display --monitor back -o curves");
+  const Arguments display_arguments = add_light_options(display);
+  add_session_option(display, display_arguments);
+  display.callback([&client, display_arguments] {
+    client.run = [&client, display_arguments] { return calibrate_display_light(client, *display_arguments); };
+  });
+
+  CLI::App& list = *calibrate.add_subcommand("list", "Show what is known of cameras and monitors.");
+  list.footer("Example:\n  glasswing calibrate list -o curves");
+  auto charts = std::make_shared<std::string>();
+  list.add_option("-o,--charts", *charts, "directory for pictures of the curves (SVG)")
+      ->check(CLI::ExistingDirectory);
+  list.callback(
+      [&client, charts] { client.run = [&client, charts] { return list_calibrations(client, *charts); }; });
+
+  CLI::App& forget = *calibrate.add_subcommand(
+      "forget", "Do without what is known of a camera or monitor; sessions that have it keep it.");
+  forget.footer("Example:\n  glasswing calibrate forget camera-1");
+  auto device = std::make_shared<std::string>();
+  forget.add_option("device", *device, "the camera's or monitor's name")->required();
+  forget.callback(
+      [&client, device] { client.run = [&client, device] { return forget_calibration(client, *device); }; });
+
+  struct SyncArguments {
+    std::vector<std::string> monitors;
+    double exposure_ms = 0.0;
+  };
+  CLI::App& sync = *calibrate.add_subcommand(
+      "sync", "Measure how late and how slowly each monitor's light follows its scan-out.");
+  sync.footer("Example:\n  glasswing calibrate sync --monitor back");
+  auto arguments = std::make_shared<SyncArguments>();
+  sync.add_option("--monitor", arguments->monitors, "only this one; repeat for more; all if left out");
+  sync.add_option("--exposure-ms", arguments->exposure_ms,
+                  "of the camera; four fifths of the time between frames if left out")
+      ->check(CLI::Range(0.01, 10000.0));
+  sync.callback([&client, arguments] {
+    client.run = [&client, arguments] {
+      v1::CalibrateSyncRequest request;
+      for (const std::string& monitor : arguments->monitors) request.add_monitors(monitor);
+      request.set_exposure_ms(arguments->exposure_ms);
+      return calibrate_sync(client, request);
+    };
+  });
+}
+
+}  // namespace glasswing

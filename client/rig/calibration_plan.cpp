@@ -1,0 +1,81 @@
+#include "client/rig/calibration_plan.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/base/status.h"
+#include "core/pattern/plan.h"
+
+namespace glasswing {
+namespace {
+
+constexpr double kLadder[] = {43.0, 25.0, 15.0, 8.3, 5.1, 2.9, 1.6, 1.0};  // the longest over each
+constexpr size_t kFewestExposures = 4;
+constexpr double kWhiteShare = 0.8;  // of full scale
+
+absl::StatusOr<v1::Plan> plan_for(const RigView& rig, const std::vector<std::string>& names,
+                                  const std::string& of, const std::vector<double>& exposures_ms) {
+  v1::Plan plan;
+  plan.set_method(std::string(kCalibrationMethod));
+  plan.mutable_calibration()->set_of(of);
+  for (const std::string& name : names) plan.add_monitors()->set_name(name);
+  double slowest_hz = 1e9;
+  for (const v1::Monitor& monitor : rig.monitors) slowest_hz = std::min(slowest_hz, monitor.refresh_hz());
+  for (const double exposure_ms : exposures_ms) plan.add_exposure_ms(exposure_ms);
+  // Exposure, readout, and a frame's time until the next one begins; a refresh to change, and one for lag and
+  // settling.
+  const double needed_ms = *std::max_element(exposures_ms.begin(), exposures_ms.end()) +
+                           1e-6 * static_cast<double>(rig.camera->readout_ns()) +
+                           1e3 / rig.camera->frame_rate_hz();
+  plan.set_hold_refreshes(std::min(600, 2 + static_cast<int>(std::ceil(1e-3 * needed_ms * slowest_hz))));
+  GW_RETURN_IF_ERROR(check_plan(plan));
+  GW_RETURN_IF_ERROR(expand(plan, rig.monitors).status());
+  return plan;
+}
+
+absl::Status check_camera(const RigView& rig) {
+  if (rig.monitors.empty())
+    return absl::FailedPreconditionError("no display node is up; start glasswing-display");
+  if (!rig.camera) return absl::FailedPreconditionError("no camera node is up; start glasswing-camera");
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+std::vector<double> exposure_ladder_ms(const v1::GetCameraResponse& camera, double longest_ms) {
+  const double top_ms = std::min(longest_ms, camera.max_exposure_ms());
+  std::vector<double> exposures_ms;
+  for (const double part : kLadder) {
+    // Cameras have tenths of a millisecond, or finer steps.
+    const double exposure_ms = top_ms / part;
+    const double kept_ms = exposure_ms < 1.0 ? exposure_ms : std::floor(10.0 * exposure_ms) / 10.0;
+    if (kept_ms >= camera.min_exposure_ms()) exposures_ms.push_back(kept_ms);
+  }
+  return exposures_ms;
+}
+
+absl::StatusOr<v1::Plan> camera_plan(const RigView& rig, const std::vector<std::string>& monitors,
+                                     double longest_ms) {
+  GW_RETURN_IF_ERROR(check_camera(rig));
+  const std::vector<double> exposures_ms = exposure_ladder_ms(*rig.camera, longest_ms);
+  if (exposures_ms.size() < kFewestExposures) {
+    return absl::FailedPreconditionError(
+        fmt::format("the camera takes exposures of {:.3g} to {:.3g} ms; too few to measure its curve from: a "
+                    "lower frame rate "
+                    "allows longer ones",
+                    rig.camera->min_exposure_ms(), rig.camera->max_exposure_ms()));
+  }
+  return plan_for(rig, monitors, "camera", exposures_ms);
+}
+
+absl::StatusOr<v1::Plan> display_plan(const RigView& rig, const std::vector<std::string>& monitors,
+                                      double white_ms) {
+  GW_RETURN_IF_ERROR(check_camera(rig));
+  const double exposure_ms =
+      std::clamp(kWhiteShare * white_ms, rig.camera->min_exposure_ms(), rig.camera->max_exposure_ms());
+  return plan_for(rig, monitors, "display", {exposure_ms});
+}
+
+}  // namespace glasswing

@@ -1,0 +1,104 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "client/cli/colour.h"
+#include "client/rig/commands.h"
+#include "client/cli/interrupt.h"
+#include "client/cli/output.h"
+#include "client/cli/progress.h"
+#include "client/cli/rpc.h"
+#include "core/base/status.h"
+#include "core/pattern/plan.h"
+#include "glasswing/v1/rig_service.grpc.pb.h"
+
+namespace glasswing {
+namespace {
+
+constexpr std::chrono::minutes kDoctorTimeout(5);
+
+const char* level_name(v1::FindingLevel level) {
+  switch (level) {
+    case v1::FINDING_LEVEL_OK:
+      return "ok";
+    case v1::FINDING_LEVEL_WARNING:
+      return "warning";
+    case v1::FINDING_LEVEL_PROBLEM:
+      return "problem";
+    default:
+      return "unknown";
+  }
+}
+
+void print_finding(const Client& client, const v1::Finding& finding) {
+  const std::string level = level_name(finding.level());
+  std::cout << painted(level, client.coloured ? paint_of(level) : Paint::kNone)
+            << fmt::format("{:{}} {:9} {}\n", "", 8 - level.size(), finding.subject(), finding.text());
+  if (!finding.advice().empty()) std::cout << fmt::format("{:18} -> {}\n", "", finding.advice());
+  std::cout.flush();
+}
+
+// As JSON or tab-separated.
+void print_together(const Client& client, const std::vector<v1::Finding>& findings) {
+  nlohmann::ordered_json array = nlohmann::ordered_json::array();
+  std::vector<std::vector<std::string>> rows;
+  for (const v1::Finding& finding : findings) {
+    array.push_back({{"level", level_name(finding.level())},
+                     {"subject", finding.subject()},
+                     {"text", finding.text()},
+                     {"advice", finding.advice()}});
+    rows.push_back({level_name(finding.level()), finding.subject(), finding.text(), finding.advice()});
+  }
+  if (client.json) std::cout << array.dump(1) << "\n";
+  if (client.tsv) print_table(client, {{"LEVEL"}, {"SUBJECT"}, {"TEXT"}, {"ADVICE"}}, rows);
+}
+
+std::vector<v1::Finding> read_findings(const Client& client,
+                                       grpc::ClientReader<v1::CheckRigResponse>& reader) {
+  Waiting waiting("checking the rig");
+  std::vector<v1::Finding> findings;
+  for (v1::CheckRigResponse response; reader.Read(&response);) {
+    findings.push_back(response.finding());
+    if (!client.json && !client.tsv) waiting.aside([&] { print_finding(client, findings.back()); });
+  }
+  return findings;
+}
+
+absl::Status check_rig(const Client& client, const std::string& plan) {
+  v1::CheckRigRequest request;
+  if (!plan.empty()) {
+    GW_ASSIGN_OR_RETURN(*request.mutable_plan(), read_plan(plan));
+  }
+  const Peer<v1::RigService> server(client.server_title(), client.server);
+  grpc::ClientContext context;
+  set_deadline(context, kDoctorTimeout);
+  const auto reader = server.stub->CheckRig(&context, request);
+  const Interruptible ctrl_c([&context] { context.TryCancel(); });
+  const std::vector<v1::Finding> findings = read_findings(client, *reader);
+  const grpc::Status status = reader->Finish();
+  if (interrupted())
+    return absl::CancelledError("the check was broken off; the rig is free again, and nothing of it changed");
+  if (status.ok()) print_together(client, findings);
+  if (!status.ok()) return status_from(status, server.title);
+  const auto problems = std::ranges::count(findings, v1::FINDING_LEVEL_PROBLEM, &v1::Finding::level);
+  if (problems > 0) {
+    return absl::FailedPreconditionError(
+        fmt::format("the rig has {} problem{}; mend what is said above", problems, problems == 1 ? "" : "s"));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+void add_doctor_command(CLI::App& app, Client& client) {
+  CLI::App& command = *app.add_subcommand(
+      "doctor", "Try the rig out before a session, and say what is wrong; success only without a problem.");
+  command.footer("Example:\n  glasswing doctor --plan deploy/plans/crystal.txtpb");
+  auto plan = std::make_shared<std::string>();
+  command.add_option("--plan", *plan, "check for this plan's monitors, exposures and hold_refreshes");
+  command.callback([&client, plan] { client.run = [&client, plan] { return check_rig(client, *plan); }; });
+}
+
+}  // namespace glasswing

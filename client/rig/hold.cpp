@@ -1,0 +1,128 @@
+#include <fmt/format.h>
+#include <spawn.h>
+#include <sys/wait.h>
+
+#include <cerrno>
+#include <csignal>
+#include <cstdlib>
+#include <iostream>
+#include <thread>
+
+#include "client/rig/commands.h"
+#include "client/cli/rpc.h"
+#include "client/cli/caller_metadata.h"
+#include "core/base/status.h"
+#include "glasswing/v1/rig_service.grpc.pb.h"
+
+namespace glasswing {
+namespace {
+
+struct Arguments {
+  std::string reason;
+  std::vector<std::string> command;
+};
+
+// The rig, for as long as this lives.
+class HeldRig {
+ public:
+  HeldRig(const Client& client, const std::string& reason) : server_(client.server_title(), client.server) {
+    v1::HoldRigRequest request;
+    request.set_reason(reason);
+    reader_ = server_.stub->HoldRig(&context_, request);
+  }
+  ~HeldRig() {
+    context_.TryCancel();
+    if (waiting_.joinable()) waiting_.join();
+  }
+
+  // The token. FAILED_PRECONDITION names who has the rig.
+  absl::StatusOr<std::string> take() {
+    v1::HoldRigResponse response;
+    if (!reader_->Read(&response)) return status_from(reader_->Finish(), server_.title);
+    // Somebody has to read, or the server would take us for vanished.
+    waiting_ = std::thread([this] {
+      v1::HoldRigResponse nothing;
+      while (reader_->Read(&nothing)) {
+      }
+      end_ = status_from(reader_->Finish(), server_.title);
+    });
+    return response.token();
+  }
+  // Returns when the server ends it; why.
+  absl::Status wait() {
+    waiting_.join();
+    return end_;
+  }
+
+ private:
+  const Peer<v1::RigService> server_;
+  grpc::ClientContext context_;
+  std::unique_ptr<grpc::ClientReader<v1::HoldRigResponse>> reader_;
+  std::thread waiting_;
+  absl::Status end_;
+};
+
+// The exit status, as a shell tells it.
+absl::StatusOr<int> run_command(const std::vector<std::string>& command) {
+  std::vector<char*> argv;
+  for (const std::string& word : command) argv.push_back(const_cast<char*>(word.c_str()));
+  argv.push_back(nullptr);
+  // Ctrl-C is the command's: the rig is held until it has ended.
+  struct sigaction ignore {};
+  ignore.sa_handler = SIG_IGN;
+  ::sigaction(SIGINT, &ignore, nullptr);
+  ::sigaction(SIGQUIT, &ignore, nullptr);
+  sigset_t defaults;
+  ::sigemptyset(&defaults);
+  ::sigaddset(&defaults, SIGINT);
+  ::sigaddset(&defaults, SIGQUIT);
+  posix_spawnattr_t attributes;
+  ::posix_spawnattr_init(&attributes);
+  ::posix_spawnattr_setsigdefault(&attributes, &defaults);
+  ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGDEF);
+  pid_t child = 0;
+  const int error = ::posix_spawnp(&child, argv[0], nullptr, &attributes, argv.data(), ::environ);
+  ::posix_spawnattr_destroy(&attributes);
+  if (error != 0) return absl::ErrnoToStatus(error, fmt::format("cannot run {}", command[0]));
+  int status = 0;
+  while (::waitpid(child, &status, 0) < 0 && errno == EINTR) {
+  }
+  return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+}
+
+absl::Status hold(Client& client, const Arguments& arguments) {
+  HeldRig rig(client, arguments.reason);
+  GW_ASSIGN_OR_RETURN(const std::string token, rig.take());
+  if (arguments.command.empty()) {
+    std::cout << fmt::format("{}={}\n", kHoldVariable, token) << std::flush;
+    std::cerr << "the rig is held for whoever has this in the environment; Ctrl-C frees it\n";
+    return rig.wait();
+  }
+  ::setenv(kHoldVariable, token.c_str(), 1);
+  GW_ASSIGN_OR_RETURN(client.exit_status, run_command(arguments.command));
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+void add_hold_command(CLI::App& app, Client& client) {
+  CLI::App& command =
+      *app.add_subcommand("hold", "Keep the rig for a series of sessions, so that nobody steps in between.");
+  command.footer(
+      "The rig is held while COMMAND runs, and the exit status is COMMAND's; without one, until Ctrl-C. "
+      "Other "
+      "clients are "
+      "told who holds it and why. If this client dies, the rig is free at once; if its machine vanishes, "
+      "within 20 "
+      "s.\n\n"
+      "Examples:\n"
+      "  glasswing hold --reason \"turntable series\" -- ./turntable.py\n"
+      "  glasswing hold --reason \"moving the camera\"");
+  auto arguments = std::make_shared<Arguments>();
+  command.add_option("--reason", arguments->reason, "what for, in words for the others")->required();
+  command.add_option("command", arguments->command, "what to run, after --, with its arguments");
+  command.callback(
+      [&client, arguments] { client.run = [&client, arguments] { return hold(client, *arguments); }; });
+}
+
+}  // namespace glasswing

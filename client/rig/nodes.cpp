@@ -1,0 +1,74 @@
+#include <fmt/format.h>
+
+#include <iostream>
+
+#include "client/rig/commands.h"
+#include "client/sessions/estimate.h"
+#include "client/cli/output.h"
+#include "client/cli/rpc.h"
+#include "core/base/status.h"
+#include "glasswing/v1/node_service.grpc.pb.h"
+
+namespace glasswing {
+namespace {
+
+const char* kind_name(v1::NodeKind kind) {
+  switch (kind) {
+    case v1::NODE_KIND_DISPLAY:
+      return "display";
+    case v1::NODE_KIND_CAMERA:
+      return "camera";
+    case v1::NODE_KIND_SOLVER:
+      return "solver";
+    default:
+      return "unknown";
+  }
+}
+
+// "12.5 ms +- 40 us"
+std::string clock_text(const v1::Node& node) {
+  if (!node.has_clock()) return "-";
+  return fmt::format("{:.6g} ms +- {:.3g} us", 1e-6 * static_cast<double>(node.clock().offset_ns()),
+                     1e-3 * static_cast<double>(node.clock().bound_ns()));
+}
+
+std::string disk_text(const v1::NodeHealth& health) {
+  return health.total_bytes() == 0 ? "-" : bytes_text(static_cast<double>(health.free_bytes()));
+}
+
+std::string temperature_text(const v1::NodeHealth& health) {
+  return health.has_temperature_c() ? fmt::format("{:.0f} C", health.temperature_c()) : "-";
+}
+
+absl::Status list_nodes(const Client& client) {
+  const Peer<v1::NodeService> server(client.server_title(), client.server);
+  GW_ASSIGN_OR_RETURN(const v1::ListNodesResponse listed,
+                      call(server, &v1::NodeService::Stub::ListNodes, {}));
+  if (client.json) {
+    print_json(listed);
+    return absl::OkStatus();
+  }
+  std::vector<std::vector<std::string>> rows;
+  for (const v1::Node& node : listed.nodes()) {
+    rows.push_back({kind_name(node.kind()), node.name(), node.up() ? "up" : "away",
+                    node.address().empty() ? "-" : node.address(), clock_text(node), disk_text(node.health()),
+                    temperature_text(node.health()), node.detail()});
+  }
+  print_table(
+      client,
+      {{"KIND"}, {"NAME"}, {"STATE"}, {"ADDRESS"}, {"CLOCK AHEAD"}, {"DISK FREE"}, {"WARMEST"}, {"DETAIL"}},
+      rows);
+  if (listed.has_holder() && !client.tsv)
+    std::cout << fmt::format("the rig is held by {}\n", holder_text(listed.holder()));
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+void add_nodes_command(CLI::App& app, Client& client) {
+  CLI::App& command = *app.add_subcommand("nodes", "List the rig's displays and cameras, and the solvers.");
+  command.footer("Example:\n  glasswing nodes --json");
+  command.callback([&client] { client.run = [&client] { return list_nodes(client); }; });
+}
+
+}  // namespace glasswing

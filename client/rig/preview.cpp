@@ -1,0 +1,115 @@
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "client/rig/commands.h"
+#include "client/cli/rpc.h"
+#include "core/base/status.h"
+#include "glasswing/v1/camera_service.grpc.pb.h"
+#include "glasswing/v1/node_service.grpc.pb.h"
+
+namespace glasswing {
+namespace {
+
+namespace fs = std::filesystem;
+constexpr std::chrono::hours kPreviewTimeout(24);
+
+struct Arguments {
+  std::string output = "live.jpg";
+  double fps = 2.0;
+  int width_px = 640;
+  double exposure_ms = 0.0;
+  int count = 0;  // 0: until interrupted
+};
+
+absl::StatusOr<std::string> camera_address(const Client& client) {
+  const Peer<v1::NodeService> server(client.server_title(), client.server);
+  GW_ASSIGN_OR_RETURN(const v1::ListNodesResponse listed,
+                      call(server, &v1::NodeService::Stub::ListNodes, {}));
+  for (const v1::Node& node : listed.nodes()) {
+    if (node.kind() == v1::NODE_KIND_CAMERA && node.up()) return node.address();
+  }
+  return absl::UnavailableError("no camera node is up; start glasswing-camera");
+}
+
+// A viewer never sees half a picture. It need not outlive a power cut.
+absl::Status replace_file(const fs::path& path, const std::string& bytes) {
+  const fs::path temporary = path.string() + ".part";
+  std::ofstream out(temporary, std::ios::binary);
+  out.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  out.close();
+  std::error_code error;
+  if (out) fs::rename(temporary, path, error);
+  if (out && !error) return absl::OkStatus();
+  return absl::UnavailableError(fmt::format(
+      "cannot write {}; its directory must be there and writable, with room on the disk", path.string()));
+}
+
+void print_line(const v1::PreviewResponse& shown, const Arguments& arguments, bool json) {
+  if (json) {
+    const nlohmann::json line = {{"file", arguments.output},
+                                 {"width_px", shown.width_px()},
+                                 {"height_px", shown.height_px()},
+                                 {"focus", shown.focus()},
+                                 {"clipped_fraction", shown.clipped_fraction()},
+                                 {"mean", shown.mean()},
+                                 {"exposure_ms", shown.exposure_ms()}};
+    std::cout << line.dump() << std::endl;
+    return;
+  }
+  std::cout << fmt::format("{} {}x{}: focus {:.4f}, {:.2f} % clipped, mean {:.3f} at {:.3g} ms",
+                           arguments.output, shown.width_px(), shown.height_px(), shown.focus(),
+                           100.0 * shown.clipped_fraction(), shown.mean(), shown.exposure_ms())
+            << std::endl;
+}
+
+absl::Status preview(const Client& client, const Arguments& arguments) {
+  GW_ASSIGN_OR_RETURN(const std::string address, camera_address(client));
+  const Peer<v1::CameraService> camera("camera node at " + address, address);
+  v1::PreviewRequest request;
+  request.set_max_fps(arguments.fps);
+  request.set_max_width_px(arguments.width_px);
+  request.set_exposure_ms(arguments.exposure_ms);
+  grpc::ClientContext context;
+  set_deadline(context, kPreviewTimeout);
+  const auto reader = camera.stub->Preview(&context, request);
+  int shown = 0;
+  absl::Status written;
+  for (v1::PreviewResponse response; written.ok() && reader->Read(&response);) {
+    written = replace_file(arguments.output, response.jpeg());
+    if (written.ok()) print_line(response, arguments, client.json);
+    if (++shown == arguments.count) break;
+  }
+  const bool enough = arguments.count > 0 && shown == arguments.count;
+  if (enough || !written.ok()) context.TryCancel();
+  const grpc::Status status = reader->Finish();
+  GW_RETURN_IF_ERROR(written);
+  return status.ok() || enough ? absl::OkStatus() : status_from(status, camera.title);
+}
+
+}  // namespace
+
+void add_preview_command(CLI::App& app, Client& client) {
+  CLI::App& command = *app.add_subcommand(
+      "preview",
+      "Keep a picture of what the camera sees up to date, for framing and focus, until interrupted.");
+  command.footer("Example:\n  glasswing preview -o live.jpg --fps 2");
+  auto arguments = std::make_shared<Arguments>();
+  command.add_option("-o,--output", arguments->output, "the JPEG file to rewrite")->capture_default_str();
+  command.add_option("--fps", arguments->fps, "pictures a second, at most")
+      ->check(CLI::Range(0.2, 10.0))
+      ->capture_default_str();
+  command.add_option("--width", arguments->width_px, "in pixels, at most")
+      ->check(CLI::Range(16, 4096))
+      ->capture_default_str();
+  command.add_option("--exposure-ms", arguments->exposure_ms, "while no capture runs; 4 or so if left out")
+      ->check(CLI::Range(0.01, 10000.0));
+  command.add_option("--count", arguments->count, "stop after so many")->check(CLI::Range(1, 1000000));
+  command.callback(
+      [&client, arguments] { client.run = [&client, arguments] { return preview(client, *arguments); }; });
+}
+
+}  // namespace glasswing

@@ -1,0 +1,160 @@
+#include "client/sessions/capture.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <random>
+
+#include "client/sessions/commands.h"
+#include "client/sessions/estimate.h"
+#include "client/cli/output.h"
+#include "client/sessions/photo.h"
+#include "client/cli/progress.h"
+#include "client/cli/rig_view.h"
+#include "client/cli/rpc.h"
+#include "client/sessions/watch.h"
+#include "core/base/name.h"
+#include "core/base/status.h"
+#include "core/frame/image_file.h"
+#include "core/pattern/plan.h"
+#include "glasswing/v1/session_service.grpc.pb.h"
+
+namespace glasswing {
+namespace {
+
+std::string random_request_id() {
+  std::random_device entropy;
+  return fmt::format("{:08x}{:08x}{:08x}{:08x}", entropy(), entropy(), entropy(), entropy());
+}
+
+// Photos are shown on the plan's first monitor.
+absl::StatusOr<v1::Monitor> photo_monitor(const v1::Plan& plan, const RigView& rig) {
+  if (rig.monitors.empty()) return absl::UnavailableError("no display node is up; start glasswing-display");
+  if (plan.monitors().empty()) return rig.monitors.front();
+  for (const v1::Monitor& monitor : rig.monitors) {
+    if (monitor.name() == plan.monitors(0).name()) return monitor;
+  }
+  return absl::FailedPreconditionError(
+      fmt::format("the plan's monitor \"{}\" is not in the rig; glasswing nodes lists what there is",
+                  plan.monitors(0).name()));
+}
+
+absl::StatusOr<std::string> upload(const Peer<v1::SessionService>& server, const std::string& png) {
+  grpc::ClientContext context;
+  set_deadline(context, kLongCallTimeout);
+  v1::UploadImageResponse stored;
+  const auto writer = server.stub->UploadImage(&context, &stored);
+  for (size_t at = 0; at < png.size(); at += kChunkBytes) {
+    v1::UploadImageRequest request;
+    request.set_chunk(png.substr(at, kChunkBytes));
+    if (!writer->Write(request)) break;  // Finish() says why
+  }
+  writer->WritesDone();
+  const grpc::Status status = writer->Finish();
+  if (!status.ok()) return status_from(status, server.title);
+  return stored.image();
+}
+
+// Puts the uploaded pictures into the plan in place of the files' names.
+absl::Status upload_photos(const Client& client, const Peer<v1::SessionService>& server,
+                           const std::filesystem::path& plan_path, v1::Plan& plan) {
+  if (plan.photos().empty()) return absl::OkStatus();
+  GW_ASSIGN_OR_RETURN(const RigView rig, look_at_rig(client));
+  GW_ASSIGN_OR_RETURN(const v1::Monitor monitor, photo_monitor(plan, rig));
+  Progress progress("uploading photos");
+  double sent = 0.0;
+  for (v1::Photo& photo : *plan.mutable_photos()) {
+    GW_ASSIGN_OR_RETURN(const RadianceImage picture,
+                        read_radiance(photo_path(plan_path, photo), Encoding::kDisplay));
+    const RadianceImage fitted = resized(picture, monitor.width_px(), monitor.height_px());
+    Image16 codes(fitted.width_px, fitted.height_px);
+    std::transform(fitted.samples.begin(), fitted.samples.end(), codes.samples.begin(), code16_of);
+    photo.set_name(photo_name(photo));
+    GW_ASSIGN_OR_RETURN(*photo.mutable_file(), upload(server, encode_png16(codes)));
+    progress.update(++sent / plan.photos_size(), photo.name());
+  }
+  return absl::OkStatus();
+}
+
+struct Arguments {
+  std::string plan, session, note;
+  std::vector<std::string> tags;
+  bool watch = false, dry_run = false;
+};
+
+absl::Status dry_run(const Client& client, const Peer<v1::SessionService>& server,
+                     const Arguments& arguments) {
+  v1::EstimateSessionRequest request;
+  request.set_name(arguments.session);
+  GW_ASSIGN_OR_RETURN(*request.mutable_plan(), read_plan(arguments.plan));
+  GW_ASSIGN_OR_RETURN(const v1::EstimateSessionResponse estimate,
+                      call(server, &v1::SessionService::Stub::EstimateSession, request, kLongCallTimeout));
+  if (client.json) {
+    print_json(estimate);
+    return absl::OkStatus();
+  }
+  print_cost(request.plan(), estimate);
+  print_rig_state(estimate);
+  return absl::OkStatus();
+}
+
+absl::Status capture(const Client& client, const Arguments& arguments) {
+  const Peer<v1::SessionService> server(client.server_title(), client.server);
+  if (arguments.dry_run) return dry_run(client, server, arguments);
+  // What the server would refuse after the start is refused before it.
+  for (const std::string& tag : arguments.tags) GW_RETURN_IF_ERROR(check_name("tag", tag));
+  v1::CreateSessionRequest request;
+  GW_ASSIGN_OR_RETURN(*request.mutable_plan(), read_plan(arguments.plan));
+  GW_RETURN_IF_ERROR(upload_photos(client, server, arguments.plan, *request.mutable_plan()));
+  request.set_name(arguments.session);
+  GW_ASSIGN_OR_RETURN(v1::Session session, create_session(client, std::move(request)));
+  if (!arguments.note.empty() || !arguments.tags.empty()) {
+    v1::AnnotateSessionRequest annotation;
+    annotation.set_name(session.name());
+    if (!arguments.note.empty()) annotation.set_note(arguments.note);
+    annotation.mutable_add_tags()->Assign(arguments.tags.begin(), arguments.tags.end());
+    GW_ASSIGN_OR_RETURN(const v1::AnnotateSessionResponse annotated,
+                        call(server, &v1::SessionService::Stub::AnnotateSession, annotation));
+    session = annotated.session();
+  }
+  if (arguments.watch) return follow_to_outcome(client, session.name());
+  print_session(session, client.json);
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<v1::Session> create_session(const Client& client, v1::CreateSessionRequest request) {
+  const Peer<v1::SessionService> server(client.server_title(), client.server);
+  request.set_request_id(random_request_id());
+  absl::StatusOr<v1::CreateSessionResponse> created =
+      call(server, &v1::SessionService::Stub::CreateSession, request, kLongCallTimeout);
+  // The request id makes asking again safe when only the answer was lost.
+  if (absl::IsDeadlineExceeded(created.status())) {
+    created = call(server, &v1::SessionService::Stub::CreateSession, request, kLongCallTimeout);
+  }
+  GW_RETURN_IF_ERROR(created.status());
+  return std::move(*created->mutable_session());
+}
+
+void add_capture_command(CLI::App& app, Client& client) {
+  CLI::App& command = *app.add_subcommand("capture", "Start a capture session from a plan.");
+  command.footer(
+      "Examples:\n"
+      "  glasswing capture deploy/plans/crystal.txtpb --session vase --watch\n"
+      "  glasswing capture deploy/plans/crystal.txtpb --dry-run\n"
+      "  glasswing capture deploy/plans/crystal.txtpb --note \"handle to the left\" --tag vases --tag lab3");
+  auto arguments = std::make_shared<Arguments>();
+  command.add_option("plan", arguments->plan, "the plan, a .txtpb file")->required();
+  command.add_option("--session", arguments->session, "its name; the server chooses one if left out");
+  command.add_option("--note", arguments->note, "a note to keep with it");
+  command.add_option("--tag", arguments->tags, "a tag to find it by; may be repeated")
+      ->allow_extra_args(false);
+  command.add_flag("--watch", arguments->watch, "wait until it is captured; any other end is a failure");
+  command.add_flag("--dry-run", arguments->dry_run,
+                   "capture nothing: check everything, and say what it would cost and who holds the rig");
+  command.callback(
+      [&client, arguments] { client.run = [&client, arguments] { return capture(client, *arguments); }; });
+}
+
+}  // namespace glasswing

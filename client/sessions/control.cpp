@@ -1,0 +1,44 @@
+#include "client/sessions/commands.h"
+#include "client/cli/output.h"
+#include "client/cli/rpc.h"
+#include "core/base/status.h"
+#include "glasswing/v1/session_service.grpc.pb.h"
+
+namespace glasswing {
+namespace {
+
+using Stub = v1::SessionService::Stub;
+
+template <typename Request, typename Response>
+void add(CLI::App& app, Client& client, const std::string& verb, const std::string& description,
+         grpc::Status (Stub::*rpc)(grpc::ClientContext*, const Request&, Response*)) {
+  CLI::App& command = *app.add_subcommand(verb, description);
+  command.footer("Example:\n  glasswing " + verb + " vase");
+  auto name = std::make_shared<std::string>();
+  command.add_option("session", *name, "the session's name")->required();
+  command.callback([&client, name, rpc] {
+    client.run = [&client, name, rpc]() -> absl::Status {
+      const Peer<v1::SessionService> server(client.server_title(), client.server);
+      Request request;
+      request.set_name(*name);
+      GW_ASSIGN_OR_RETURN(const Response response, call(server, rpc, request, kLongCallTimeout));
+      print_session(response.session(), client.json);
+      return absl::OkStatus();
+    };
+  });
+}
+
+}  // namespace
+
+void add_control_commands(CLI::App& app, Client& client) {
+  add(app, client, "pause",
+      "Stop a capture after the step on screen, or a solve; what is proven or solved stays.",
+      &Stub::PauseSession);
+  add(app, client, "resume", "Go on with a paused session; only what is not proven or solved yet is done.",
+      &Stub::ResumeSession);
+  add(app, client, "cancel",
+      "End a capture for good, its frames stay; or a solve, and an earlier matte is there again.",
+      &Stub::CancelSession);
+}
+
+}  // namespace glasswing

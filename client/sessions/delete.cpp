@@ -1,0 +1,113 @@
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "client/sessions/commands.h"
+#include "client/cli/output.h"
+#include "client/cli/rpc.h"
+#include "core/base/status.h"
+#include "glasswing/v1/session_service.grpc.pb.h"
+
+namespace glasswing {
+namespace {
+
+constexpr std::chrono::minutes kDeleteTimeout(6);
+
+using Sessions = Peer<v1::SessionService>;
+
+struct Arguments {
+  std::vector<std::string> sessions;
+  bool yes = false;
+};
+
+std::string mattes_text(const v1::Session& session) {
+  if (!session.solved_frames().empty()) return fmt::format(", {} mattes", session.solved_frames_size());
+  return session.matte_ready() ? ", a matte" : "";
+}
+
+// One that cannot be deleted keeps all from being.
+absl::StatusOr<std::vector<v1::Session>> look_at(const Sessions& server, const Arguments& arguments) {
+  std::vector<v1::Session> sessions;
+  for (const std::string& name : arguments.sessions) {
+    v1::GetSessionRequest request;
+    request.set_name(name);
+    GW_ASSIGN_OR_RETURN(const v1::GetSessionResponse found,
+                        call(server, &v1::SessionService::Stub::GetSession, request));
+    const v1::SessionState state = found.session().state();
+    if (state == v1::SESSION_STATE_CAPTURING || state == v1::SESSION_STATE_SOLVING ||
+        state == v1::SESSION_STATE_CREATED) {
+      return absl::FailedPreconditionError(fmt::format(
+          "session {} is {}; wait for it, or cancel it first: glasswing cancel {}; nothing was deleted", name,
+          state_name(state), name));
+    }
+    sessions.push_back(found.session());
+  }
+  return sessions;
+}
+
+absl::Status confirm(const std::vector<v1::Session>& sessions) {
+  if (::isatty(STDIN_FILENO) == 0) {
+    return absl::FailedPreconditionError(
+        fmt::format("--yes is needed to delete {} where nobody can be asked; nothing was deleted",
+                    sessions.size() == 1 ? "session " + sessions[0].name()
+                                         : fmt::format("{} sessions", sessions.size())));
+  }
+  for (const v1::Session& session : sessions) {
+    std::cerr << fmt::format("{}: {} frames, {}{}\n", session.name(), session.proven_count(),
+                             bytes_text(static_cast<double>(session.archive_bytes())), mattes_text(session));
+  }
+  std::cerr << "Delete for good? [y/N] ";
+  std::string answer;
+  std::getline(std::cin, answer);
+  if (answer == "y" || answer == "Y" || answer == "yes") return absl::OkStatus();
+  return absl::CancelledError("nothing was deleted");
+}
+
+absl::Status delete_sessions(const Client& client, const Arguments& arguments) {
+  const Sessions server(client.server_title(), client.server);
+  GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> sessions, look_at(server, arguments));
+  if (!arguments.yes) GW_RETURN_IF_ERROR(confirm(sessions));
+  nlohmann::ordered_json deleted = nlohmann::ordered_json::array();
+  absl::Status status;
+  for (const v1::Session& session : sessions) {
+    v1::DeleteSessionRequest request;
+    request.set_name(session.name());
+    const absl::StatusOr<v1::DeleteSessionResponse> answer =
+        call(server, &v1::SessionService::Stub::DeleteSession, request, kDeleteTimeout);
+    if (!answer.ok()) {
+      status =
+          absl::Status(answer.status().code(),
+                       fmt::format("session {} was not deleted{}: {}", session.name(),
+                                   session.name() == sessions.back().name() ? "" : ", nor those after it",
+                                   std::string(answer.status().message())));
+      break;
+    }
+    deleted.push_back({{"session", session.name()}, {"freed_bytes", answer->freed_bytes()}});
+    if (!client.json) {
+      std::cout << fmt::format("session {} is deleted: {} freed\n", session.name(),
+                               bytes_text(static_cast<double>(answer->freed_bytes())));
+    }
+  }
+  if (client.json) std::cout << nlohmann::ordered_json{{"deleted", deleted}}.dump(1) << "\n";
+  return status;
+}
+
+}  // namespace
+
+void add_delete_command(CLI::App& app, Client& client) {
+  CLI::App& command =
+      *app.add_subcommand("delete", "Remove sessions, their frames and their mattes, for good.");
+  command.footer(
+      "Asks first, on a terminal. What broke off is finished by asking again.\n\n"
+      "Examples:\n  glasswing delete vase\n  glasswing delete vase vase-2 --yes");
+  auto arguments = std::make_shared<Arguments>();
+  command.add_option("sessions", arguments->sessions, "their names")->required();
+  command.add_flag("--yes", arguments->yes, "do not ask");
+  command.callback([&client, arguments] {
+    client.run = [&client, arguments] { return delete_sessions(client, *arguments); };
+  });
+}
+
+}  // namespace glasswing

@@ -1,0 +1,249 @@
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "client/sessions/commands.h"
+#include "client/cli/interrupt.h"
+#include "client/cli/output.h"
+#include "client/cli/progress.h"
+#include "client/cli/rpc.h"
+#include "core/base/file.h"
+#include "core/base/status.h"
+#include "core/matte/matte_file.h"
+#include "glasswing/v1/session_service.grpc.pb.h"
+
+namespace glasswing {
+namespace {
+
+namespace fs = std::filesystem;
+constexpr std::chrono::minutes kFetchTimeout(10);
+
+using Sessions = Peer<v1::SessionService>;
+
+struct Arguments {
+  std::string session, output;
+  std::optional<int> frame;
+  bool partial = false;
+};
+
+struct Fetched {
+  std::string bytes;
+  Matte matte;
+};
+absl::StatusOr<Fetched> fetched(const Sessions& server, const v1::FetchMatteRequest& request,
+                                Waiting* waiting = nullptr) {
+  grpc::ClientContext context;
+  set_deadline(context, kFetchTimeout);
+  const auto reader = server.stub->FetchMatte(&context, request);
+  Fetched fetched;
+  for (v1::FetchMatteResponse response; reader->Read(&response);) {
+    fetched.bytes += response.chunk();
+    if (waiting != nullptr) waiting->tell(bytes_text(static_cast<double>(fetched.bytes.size())));
+  }
+  const grpc::Status status = reader->Finish();
+  if (!status.ok()) return status_from(status, server.title);
+  absl::StatusOr<Matte> matte = decode_matte(fetched.bytes);
+  if (!matte.ok()) {
+    return absl::Status(matte.status().code(),
+                        fmt::format("the matte of {}session {} came damaged: {}",
+                                    request.has_frame() ? fmt::format("frame {} of ", request.frame()) : "",
+                                    request.name(), std::string(matte.status().message())));
+  }
+  fetched.matte = *std::move(matte);
+  return fetched;
+}
+
+int unsolved_rows(const Matte& matte) {
+  int rows = 0;
+  for (int y = 0; y < matte.height_px(); ++y) {
+    bool solved = false;
+    for (int x = 0; x < matte.width_px() && !solved; ++x) solved = (matte.flags(x, y) & kFlagNoData) == 0;
+    if (!solved) ++rows;
+  }
+  return rows;
+}
+
+absl::StatusOr<Fetched> fetched_to_file(const Sessions& server, const Arguments& arguments) {
+  Waiting waiting("fetching");
+  v1::FetchMatteRequest request;
+  request.set_name(arguments.session);
+  if (arguments.frame) request.set_frame(*arguments.frame);
+  request.set_partial(arguments.partial);
+  GW_ASSIGN_OR_RETURN(Fetched whole, fetched(server, request, &waiting));
+  GW_RETURN_IF_ERROR(write_file_durably(arguments.output, whole.bytes));
+  return whole;
+}
+
+absl::Status fetch_file(const Client& client, const Sessions& server, const Arguments& arguments) {
+  GW_ASSIGN_OR_RETURN(const Fetched whole, fetched_to_file(server, arguments));
+  const auto& warnings = whole.matte.metadata.warnings();
+  if (client.json) {
+    nlohmann::ordered_json written = {
+        {"session", arguments.session},         {"file", arguments.output},
+        {"bytes", whole.bytes.size()},          {"width_px", whole.matte.width_px()},
+        {"height_px", whole.matte.height_px()}, {"unsolved_rows", unsolved_rows(whole.matte)}};
+    if (!warnings.empty()) written["warnings"] = std::vector<std::string>(warnings.begin(), warnings.end());
+    std::cout << written.dump(1) << "\n";
+  } else {
+    std::cout << fmt::format("{}: the matte of session {}, {}x{}\n", arguments.output, arguments.session,
+                             whole.matte.width_px(), whole.matte.height_px());
+    if (const int rows = unsolved_rows(whole.matte); rows > 0)
+      std::cout << fmt::format("{} of its {} rows are not solved yet\n", rows, whole.matte.height_px());
+    for (const std::string& warning : warnings) std::cout << fmt::format("warning: {}\n", warning);
+  }
+  return absl::OkStatus();
+}
+
+// Whether this file is what the session's last solve made of the frame: an older solve may have left another
+// there.
+bool is_there(const fs::path& path, const v1::Session& session, int frame) {
+  const absl::StatusOr<Matte> matte = fs::exists(path) ? read_matte(path) : absl::NotFoundError("");
+  if (!matte.ok()) return false;
+  const v1::MatteMetadata& made = matte->metadata;
+  return made.session() == session.name() && made.method() == session.method() && made.frame() == frame &&
+         std::map<std::string, std::string>(made.options().begin(), made.options().end()) ==
+             std::map<std::string, std::string>(session.options().begin(), session.options().end());
+}
+
+// What can be fetched is of the last solve that finished; what the session says of its solve, of the last.
+bool tells_what_is_fetched(const v1::Session& session) {
+  return session.state() == v1::SESSION_STATE_DONE || !session.matte_ready();
+}
+
+struct Frames {
+  int fetched = 0, there_before = 0;
+  std::vector<std::string> warnings;  // of mattes
+};
+
+absl::StatusOr<Frames> fetch_frames(const Sessions& server, const v1::Session& session,
+                                    const fs::path& directory) {
+  Frames frames;
+  Progress progress("fetching");
+  const Interruptible ctrl_c;
+  const int count = session.solved_frames_size();
+  for (int i = 0; i < count; ++i) {
+    if (interrupted()) {
+      return absl::CancelledError(
+          fmt::format("{} of {} mattes are in {}; the same command again fetches the rest", i, count,
+                      directory.string()));
+    }
+    const int frame = session.solved_frames(i);
+    const fs::path path = directory / fmt::format("{:04d}.exr", frame);
+    if (tells_what_is_fetched(session) && is_there(path, session, frame)) {
+      ++frames.there_before;
+    } else {
+      v1::FetchMatteRequest request;
+      request.set_name(session.name());
+      request.set_frame(frame);
+      GW_ASSIGN_OR_RETURN(const Fetched whole, fetched(server, request));
+      GW_RETURN_IF_ERROR(write_file_flushed(path, whole.bytes));
+      ++frames.fetched;
+      if (frames.warnings.empty())
+        frames.warnings.assign(whole.matte.metadata.warnings().begin(),
+                               whole.matte.metadata.warnings().end());
+    }
+    progress.update((i + 1.0) / count, fmt::format("{} of {} frames", i + 1, count));
+  }
+  GW_RETURN_IF_ERROR(flush_directory(directory));
+  progress.done(fmt::format("{} frames", count));
+  return frames;
+}
+
+google::protobuf::RepeatedField<std::int32_t> unsolved_frames(const v1::Session& session) {
+  const auto has = [](const auto& rising, int frame) {
+    return std::binary_search(rising.begin(), rising.end(), frame);
+  };
+  google::protobuf::RepeatedField<std::int32_t> unsolved;
+  for (int frame = 0; frame < session.frame_count(); ++frame) {
+    if (!has(session.solved_frames(), frame) && !has(session.lost_frames(), frame)) unsolved.Add(frame);
+  }
+  return unsolved;
+}
+
+absl::Status fetch_video(const Client& client, const Sessions& server, const v1::Session& session,
+                         const fs::path& directory) {
+  GW_RETURN_IF_ERROR(make_directory_durably(directory));
+  GW_ASSIGN_OR_RETURN(const Frames frames, fetch_frames(server, session, directory));
+  const auto unsolved = unsolved_frames(session);
+  if (client.json) {
+    const nlohmann::ordered_json written = {
+        {"session", session.name()},
+        {"directory", directory.string()},
+        {"fetched", frames.fetched},
+        {"there_before", frames.there_before},
+        {"lost", std::vector<int>(session.lost_frames().begin(), session.lost_frames().end())},
+        {"not_solved", std::vector<int>(unsolved.begin(), unsolved.end())},
+        {"warnings", frames.warnings}};
+    std::cout << written.dump(1) << "\n";
+  } else {
+    std::cout << fmt::format(
+        "{}: mattes of {} of {} frames of session {}{}\n", directory.string(), session.solved_frames_size(),
+        session.frame_count(), session.name(),
+        frames.there_before > 0 ? fmt::format("; {} were there before", frames.there_before) : "");
+    if (!session.lost_frames().empty())
+      std::cout << fmt::format("lost, not captured: frames {}\n", ranges_text(session.lost_frames()));
+    for (const std::string& warning : frames.warnings) std::cout << fmt::format("warning: {}\n", warning);
+  }
+  if (unsolved.empty()) return absl::OkStatus();
+  return absl::FailedPreconditionError(fmt::format("{} frames are not solved: {}; {}", unsolved.size(),
+                                                   ranges_text(unsolved), summary_of(session)));
+}
+
+absl::Status fetch(const Client& client, const Arguments& arguments) {
+  const Sessions server(client.server_title(), client.server);
+  if (arguments.frame || arguments.partial) return fetch_file(client, server, arguments);
+  v1::GetSessionRequest request;
+  request.set_name(arguments.session);
+  GW_ASSIGN_OR_RETURN(const v1::GetSessionResponse found,
+                      call(server, &v1::SessionService::Stub::GetSession, request));
+  const bool to_directory = arguments.output.ends_with('/') || fs::is_directory(arguments.output);
+  const bool frames = tells_what_is_fetched(found.session()) ? is_video(found.session())
+                                                             : !found.session().solved_frames().empty();
+  if (frames) {
+    if (to_directory || !arguments.output.ends_with(".exr"))
+      return fetch_video(client, server, found.session(), arguments.output);
+    return absl::InvalidArgumentError(fmt::format(
+        "session {} is a video of {} frames; -o is {}: it must be a directory, or --frame must name one",
+        arguments.session, found.session().frame_count(), arguments.output));
+  }
+  Arguments still = arguments;
+  if (to_directory) {
+    GW_RETURN_IF_ERROR(make_directory_durably(arguments.output));
+    still.output = (fs::path(arguments.output) / "0000.exr").string();
+  }
+  return fetch_file(client, server, still);
+}
+
+}  // namespace
+
+void add_fetch_command(CLI::App& app, Client& client) {
+  CLI::App& command = *app.add_subcommand("fetch", "Fetch a matte, or those of a video.");
+  command.footer(
+      "A video's frames become 0000.exr, 0001.exr, ... of a directory, as many as are solved; what is there "
+      "already is not "
+      "fetched again.\n\n"
+      "Examples:\n"
+      "  glasswing fetch vase -o vase.exr\n"
+      "  glasswing fetch vase -o so-far.exr --partial\n"
+      "  glasswing fetch pouring -o pouring/\n"
+      "  glasswing fetch pouring --frame 7 -o pouring-7.exr");
+  auto arguments = std::make_shared<Arguments>();
+  command.add_option("session", arguments->session, "the session's name")->required();
+  command.add_option("-o,--output", arguments->output, "the OpenEXR file to write, or a video's directory")
+      ->required();
+  command.add_option("--frame", arguments->frame, "of a video, from 0: fetch only this one")
+      ->check(CLI::Range(0, 17999));
+  command
+      .add_flag(
+          "--partial", arguments->partial,
+          "what is solved so far of a solve that goes on, or failed; the rest is flagged \"not solved\"")
+      ->excludes("--frame");
+  command.callback(
+      [&client, arguments] { client.run = [&client, arguments] { return fetch(client, *arguments); }; });
+}
+
+}  // namespace glasswing

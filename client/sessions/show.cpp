@@ -1,0 +1,99 @@
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <iostream>
+
+#include "client/sessions/commands.h"
+#include "client/cli/output.h"
+#include "client/cli/rpc.h"
+#include "core/base/status.h"
+#include "glasswing/v1/session_service.grpc.pb.h"
+
+namespace glasswing {
+namespace {
+
+void print_details(const v1::Session& session) {
+  const auto row = [](const char* label, const std::string& value) {
+    if (!value.empty()) std::cout << fmt::format("{:9} {}\n", label, value);
+  };
+  row("session", session.name());
+  row("state", state_name(session.state()));
+  row("reason", session.reason());
+  row("created", session.created() + (session.started_by().empty() ? "" : " by " + session.started_by()));
+  row("note", session.note());
+  row("tags", fmt::format("{}", fmt::join(session.tags(), " ")));
+  row("frames",
+      session.archive_address().empty()
+          ? ""
+          : fmt::format("{} on the node at {}", bytes_text(static_cast<double>(session.archive_bytes())),
+                        session.archive_address()));
+  for (const v1::ArchiveCopy& copy : session.copies()) {
+    row(&copy == &session.copies(0) ? "copies" : "",
+        copy.address().empty() ? copy.node() + ", a part; finish it with: glasswing replicate " +
+                                     session.name() + " " + copy.node()
+                               : fmt::format("{} at {}", copy.node(), copy.address()));
+  }
+  row("steps", fmt::format("{} of {} proven, {} retaken, {} frames taken in {}", session.proven_count(),
+                           session.step_count(), session.retaken_count(), session.frames_taken(),
+                           seconds_text(session.capture_seconds())));
+  if (session.frames_taken() > 0) {
+    row("proof", fmt::format("{} by time and id patch, {} by time; {} refused for their pixels",
+                             session.patch_proven_count(),
+                             session.proven_count() - session.patch_proven_count(), session.refused_count()));
+  }
+  for (const v1::UnprovenStep& step : session.unproven())
+    row(&step == &session.unproven(0) ? "unproven" : "", fmt::format("{:5}  {}", step.step(), step.what()));
+  if (session.frame_count() > 0) {
+    row("video", fmt::format("{} frames", session.frame_count()));
+    if (!session.lost_frames().empty())
+      row("lost",
+          fmt::format("{} of them: {}", session.lost_frames_size(), ranges_text(session.lost_frames())));
+    if (!session.refused_frames().empty())
+      row("refused", fmt::format("{} of them: {}; {}", session.refused_frames_size(),
+                                 ranges_text(session.refused_frames()), session.refusal()));
+    if (!session.solved_frames().empty())
+      row("solved",
+          fmt::format("{} of them: {}", session.solved_frames_size(), ranges_text(session.solved_frames())));
+  }
+  row("warning", session.warning());
+  if (session.job() != 0) {
+    row("solving", fmt::format("{}, {}, {}", session.method(), tiles_text(session),
+                               seconds_text(session.solve_seconds())));
+    for (const auto& [key, value] : session.options()) row("", key + "=" + value);
+  }
+  for (const v1::QuarantinedTile& tile : session.quarantined())
+    row(&tile == &session.quarantined(0) ? "failed" : "",
+        fmt::format("tile {}, {} {} to {}: {}", tile.tile(), is_video(session) ? "frames" : "rows",
+                    tile.first(), tile.first() + tile.count() - 1, tile.error()));
+  if (session.matte_ready() && session.state() != v1::SESSION_STATE_DONE)
+    row("matte", "that of the solve before can be fetched");
+  row("pixels", fmt::format("{}{}, {} show the object{}, {} of them flagged", session.pixel_count(),
+                            is_video(session) ? " a frame" : "", session.object_pixel_count(),
+                            is_video(session) ? " in all frames" : "", session.flagged_pixel_count()));
+}
+
+absl::Status show(const Client& client, const std::string& name) {
+  const Peer<v1::SessionService> server(client.server_title(), client.server);
+  v1::GetSessionRequest request;
+  request.set_name(name);
+  GW_ASSIGN_OR_RETURN(const v1::GetSessionResponse found,
+                      call(server, &v1::SessionService::Stub::GetSession, request));
+  if (client.json) {
+    print_json(found.session());
+  } else {
+    print_details(found.session());
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+void add_show_command(CLI::App& app, Client& client) {
+  CLI::App& command = *app.add_subcommand("show", "Show everything about one session.");
+  command.footer("Example:\n  glasswing show vase --json");
+  auto name = std::make_shared<std::string>();
+  command.add_option("session", *name, "the session's name")->required();
+  command.callback([&client, name] { client.run = [&client, name] { return show(client, *name); }; });
+}
+
+}  // namespace glasswing

@@ -1,0 +1,125 @@
+#include "client/sessions/watch.h"
+
+#include <fmt/format.h>
+
+#include <iostream>
+#include <optional>
+
+#include "client/sessions/commands.h"
+#include "client/cli/interrupt.h"
+#include "client/cli/output.h"
+#include "client/cli/progress.h"
+#include "client/cli/rpc.h"
+#include "core/base/status.h"
+#include "glasswing/v1/session_service.grpc.pb.h"
+
+namespace glasswing {
+namespace {
+
+bool rests(v1::SessionState state) {
+  return state == v1::SESSION_STATE_PAUSED || state == v1::SESSION_STATE_CAPTURED ||
+         state == v1::SESSION_STATE_DONE || state == v1::SESSION_STATE_FAILED ||
+         state == v1::SESSION_STATE_CANCELLED;
+}
+
+class SessionProgress {
+ public:
+  void update(const v1::Session& session) {
+    if (session.state() != state_) progress_.emplace(state_name(session.state()));
+    state_ = session.state();
+    if (!rests(state_) && session.reason().empty() != told_.empty()) tell(session);
+    const bool solving = state_ == v1::SESSION_STATE_SOLVING,
+               frames = solving && is_video(session) && !session.matte_ready();
+    const int done = frames    ? session.solved_frames_size()
+                     : solving ? session.tiles_done()
+                               : session.proven_count();
+    const int count = frames    ? frames_to_solve(session)
+                      : solving ? session.tile_count()
+                                : session.step_count();
+    const std::string retaken =
+        !solving && session.retaken_count() > 0 ? fmt::format(", {} retaken", session.retaken_count()) : "";
+    if (solving && count == 0) return progress_->update(0.0, tiles_text(session));
+    progress_->update(count > 0 ? static_cast<double>(done) / count : 0.0,
+                      fmt::format("{} of {} {}{}", done, count,
+                                  frames    ? "frames"
+                                  : solving ? "tiles"
+                                            : "steps",
+                                  retaken));
+  }
+
+ private:
+  // What it waits for.
+  void tell(const v1::Session& session) {
+    told_ = session.reason();
+    progress_->clear();
+    std::cerr << summary_of(session) << "\n";
+  }
+
+  std::string told_;
+  v1::SessionState state_ = v1::SESSION_STATE_UNSPECIFIED;
+  std::optional<Progress> progress_;
+};
+
+}  // namespace
+
+absl::StatusOr<v1::Session> follow(const Client& client, const std::string& name) {
+  const Peer<v1::SessionService> server(client.server_title(), client.server);
+  v1::WatchSessionRequest request;
+  request.set_name(name);
+  SessionProgress progress;
+  while (true) {
+    grpc::ClientContext context;
+    set_deadline(context, kLongCallTimeout);  // the watch is renewed, so a server that hangs is noticed
+    const auto reader = server.stub->WatchSession(&context, request);
+    const Interruptible ctrl_c([&context] { context.TryCancel(); });
+    v1::WatchSessionResponse response;
+    bool heard = false;
+    while (reader->Read(&response)) {
+      heard = true;
+      progress.update(response.session());
+    }
+    const grpc::Status status = reader->Finish();
+    if (heard && rests(response.session().state())) return response.session();
+    if (interrupted()) {
+      return absl::CancelledError(fmt::format(
+          "session {} goes on; glasswing watch {} shows it, glasswing cancel {} ends it", name, name, name));
+    }
+    const bool renew = status.ok() || status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED;
+    if (!heard || !renew) return status_from(status, server.title);
+  }
+}
+
+absl::Status outcome_of(const v1::Session& session) {
+  switch (session.state()) {
+    case v1::SESSION_STATE_CAPTURED:
+    case v1::SESSION_STATE_DONE:
+      return absl::OkStatus();
+    case v1::SESSION_STATE_PAUSED: {
+      const std::string summary = summary_of(session);
+      const std::string how = "glasswing resume " + session.name();
+      const bool told = summary.find(how) != std::string::npos;
+      return absl::FailedPreconditionError(told ? summary : summary + "; go on with: " + how);
+    }
+    default:
+      return absl::FailedPreconditionError(summary_of(session));
+  }
+}
+
+absl::Status follow_to_outcome(const Client& client, const std::string& name) {
+  GW_ASSIGN_OR_RETURN(const v1::Session session, follow(client, name));
+  const absl::Status outcome = outcome_of(session);
+  if (outcome.ok() || client.json) print_session(session, client.json);
+  return outcome;
+}
+
+void add_watch_command(CLI::App& app, Client& client) {
+  CLI::App& command = *app.add_subcommand(
+      "watch", "Show a session's progress until it rests; success only if it is then captured or done.");
+  command.footer("Example:\n  glasswing watch vase");
+  auto name = std::make_shared<std::string>();
+  command.add_option("session", *name, "the session's name")->required();
+  command.callback(
+      [&client, name] { client.run = [&client, name] { return follow_to_outcome(client, *name); }; });
+}
+
+}  // namespace glasswing

@@ -1,0 +1,400 @@
+#include "core/calibration/light_step.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "core/calibration/band_light.h"
+
+namespace glasswing {
+namespace {
+
+// Seconds, from the first change on.
+constexpr double kEarliest = -0.02, kLatest = 0.25;
+constexpr double kMostError = 1e-3;
+constexpr size_t kGroupsPerBand = 4;  // those that see it best are fitted
+constexpr size_t kFirstGrid = 33;     // points on each delay's axis, of the first grid
+constexpr size_t kSettleGrid = 17;    // on that of settling times
+constexpr size_t kGrid = 9;           // on every axis else
+constexpr double kPossible = 16.0;    // sum of squares above the least, in sigma^2: 4 standard errors
+constexpr double kResembling = 0.7;   // of the light explained by another lag: that may be it too
+
+nanoseconds time_of(double seconds) {
+  return nanoseconds(std::llround(1e9 * seconds));
+}
+
+double shortest_hold(const LightRecord& record) {
+  nanoseconds shortest = nanoseconds::max();
+  for (size_t k = 1; k < record.shown.size(); ++k)
+    shortest = std::min(shortest, record.shown[k].scanout_start - record.shown[k - 1].scanout_start);
+  return seconds_of(shortest);
+}
+
+// How much of a group's sum of squares one band explains, alone. A band that is lit never makes it darker.
+double explained(const Track& track, std::vector<double> seen) {
+  centre(seen);
+  const double square = dot(seen, seen), along = dot(seen, track.light);
+  return square > 1e-9 && along > 0.0 ? along * along / square : 0.0;
+}
+
+// What this many groups' worth of noise explains at most by chance, in sigma^2: each has a mean of 1 and a
+// variance of 2, and some hundred ways are tried.
+double chance(size_t groups) {
+  const auto n = static_cast<double>(groups);
+  return n + 8.0 * std::sqrt(2.0 * n) + 30.0;
+}
+
+// Where one band's light is, roughly.
+struct Sighting {
+  bool seen = false;
+  double centre = 0.0;
+  double light = 0.0;               // that it explains
+  std::optional<double> elsewhere;  // it could be there too
+  std::vector<size_t> groups;       // those that see it best
+};
+
+Sighting look_for(const Band& band, const std::vector<Track>& tracks, double hold, double latest) {
+  const double step = hold / 8.0;
+  std::vector<double> total;
+  for (double at = kEarliest; at <= latest; at += step) {
+    total.push_back(0.0);
+    for (const Track& track : tracks) total.back() += explained(track, band.seen_by(track, at, 0.0));
+  }
+  const auto at = [&](size_t i) { return kEarliest + static_cast<double>(i) * step; };
+  const auto best = static_cast<size_t>(std::max_element(total.begin(), total.end()) - total.begin());
+  Sighting sighting{.centre = at(best), .light = total[best], .elsewhere = std::nullopt, .groups = {}};
+
+  double square = 0.0;
+  std::vector<std::pair<double, size_t>> by_light;
+  for (size_t g = 0; g < tracks.size(); ++g) {
+    square += tracks[g].square;
+    by_light.emplace_back(explained(tracks[g], band.seen_by(tracks[g], sighting.centre, 0.0)), g);
+  }
+  const double noise =
+      (square - sighting.light) / static_cast<double>(tracks.size() * tracks.front().light.size());
+  sighting.seen = sighting.light > noise * chance(tracks.size());
+  for (size_t i = 0; i < total.size(); ++i) {
+    if ((i + 8 <= best || best + 8 <= i) && total[i] > kResembling * total[best]) sighting.elsewhere = at(i);
+  }
+  std::sort(by_light.rbegin(), by_light.rend());
+  by_light.resize(std::min(by_light.size(), kGroupsPerBand));
+  for (const auto& [light, g] : by_light) sighting.groups.push_back(g);
+  return sighting;
+}
+
+// What a sighting leaves for others to explain.
+std::vector<Track> without(std::vector<Track> tracks, const Band& band, const Sighting& sighting) {
+  for (Track& track : tracks) {
+    std::vector<double> seen = band.seen_by(track, sighting.centre, 0.0);
+    centre(seen);
+    const double square = dot(seen, seen);
+    if (square < 1e-9) continue;
+    const double part = dot(seen, track.light) / square;
+    for (size_t i = 0; i < seen.size(); ++i) track.light[i] -= part * seen[i];
+    track.square = dot(track.light, track.light);
+  }
+  return tracks;
+}
+
+struct Axis {
+  double low = 0.0, high = 0.0;
+  size_t points = kGrid;
+  double step() const { return (high - low) / static_cast<double>(points - 1); }
+  double at(size_t i) const { return low + step() * static_cast<double>(i); }
+  // Closer around the points from `least` to `most`, but for two more on either side: what is possible may
+  // lie between.
+  Axis around(size_t least, size_t most) const {
+    const double half = std::max(0.5 * (at(most) - at(least)) + step(), 2.0 * step());
+    const double middle = 0.5 * (at(least) + at(most));
+    return {.low = middle - half, .high = middle + half};
+  }
+  // It has got no narrower than `before` to speak of.
+  bool settled(const Axis& before) const {
+    return points == before.points &&
+           (high - low > 0.85 * (before.high - before.low) || before.step() < 1e-7);
+  }
+};
+
+// The sums of squares for all delays on the axes, one a band; the last band's run fastest.
+std::vector<double> sums_of(const std::vector<Band>& bands, const std::vector<Track>& tracks,
+                            const std::vector<Axis>& delays, double settle) {
+  const size_t firsts = delays[0].points, seconds = bands.size() > 1 ? delays[1].points : 1;
+  std::vector<double> sums(firsts * seconds, 0.0);
+  for (const Track& track : tracks) {
+    std::vector<std::vector<std::vector<double>>> seen(bands.size());
+    for (size_t b = 0; b < bands.size(); ++b) {
+      for (size_t i = 0; i < delays[b].points; ++i) {
+        seen[b].push_back(bands[b].seen_by(track, delays[b].at(i), settle));
+        centre(seen[b].back());
+      }
+    }
+    for (size_t i = 0; i < firsts; ++i) {
+      const std::vector<double>& a = seen[0][i];
+      const double aa = dot(a, a), am = dot(a, track.light);
+      for (size_t j = 0; j < seconds; ++j) {
+        double& sum = sums[i * seconds + j];
+        sum += track.square;
+        if (bands.size() == 1) {
+          sum -= aa > 1e-9 ? am * am / aa : 0.0;
+          continue;
+        }
+        const std::vector<double>& b = seen[1][j];
+        const double bb = dot(b, b), bm = dot(b, track.light), ab = dot(a, b);
+        const double det = aa * bb - ab * ab;
+        if (det > 1e-9 * aa * bb) sum -= (am * am * bb - 2.0 * am * bm * ab + bm * bm * aa) / det;
+      }
+    }
+  }
+  return sums;
+}
+
+// What is possible. Of delays, and last the settling time.
+struct Possible {
+  std::array<double, 3> mean{};
+  std::array<std::array<double, 3>, 3> covariance{};
+
+  void add(double weight, const std::array<double, 3>& x) {
+    for (size_t a = 0; a < 3; ++a) {
+      mean[a] += weight * x[a];
+      for (size_t b = 0; b < 3; ++b) covariance[a][b] += weight * x[a] * x[b];
+    }
+  }
+  // After all were added, with weights that add up to 1.
+  void finish() {
+    for (size_t a = 0; a < 3; ++a) {
+      for (size_t b = 0; b < 3; ++b) covariance[a][b] -= mean[a] * mean[b];
+    }
+  }
+};
+
+struct Delays {
+  Possible possible;      // moments: finish() is not called
+  double least = 0.0;     // sum of squares
+  double variance = 0.0;  // sigma^2 at the least
+  std::vector<Axis> axes;
+  double log_volume = 0.0;  // of what is possible
+};
+
+// With a settling time given: narrows the axes, level by level, to the delays that are possible.
+Delays possible_delays(const std::vector<Band>& bands, const std::vector<Track>& tracks,
+                       std::vector<Axis> axes, double settle) {
+  const size_t n = axes.size();
+  while (true) {
+    const std::vector<double> sums = sums_of(bands, tracks, axes, settle);
+    const size_t seconds = n > 1 ? axes[1].points : 1;
+    const auto place = [&](size_t cell) { return std::array<size_t, 2>{cell / seconds, cell % seconds}; };
+    const auto best = static_cast<size_t>(std::min_element(sums.begin(), sums.end()) - sums.begin());
+    std::vector<double> at(n);
+    for (size_t a = 0; a < n; ++a) at[a] = axes[a].at(place(best)[a]);
+    Delays found;
+    found.least = sums[best];
+    found.variance = left_by(bands, tracks, at, settle).variance;
+
+    std::array<size_t, 2> least = place(best), most = place(best);
+    double total = 0.0;
+    for (size_t cell = 0; cell < sums.size(); ++cell) {
+      const double above = (sums[cell] - found.least) / found.variance;
+      total += std::exp(-0.5 * above);
+      if (above > kPossible) continue;
+      for (size_t a = 0; a < n; ++a) {
+        least[a] = std::min(least[a], place(cell)[a]);
+        most[a] = std::max(most[a], place(cell)[a]);
+      }
+    }
+    std::vector<Axis> narrower;
+    bool settled = true;
+    for (size_t a = 0; a < n; ++a) {
+      narrower.push_back(axes[a].around(least[a], most[a]));
+      settled = settled && narrower[a].settled(axes[a]);
+    }
+    if (!settled) {
+      axes = narrower;
+      continue;
+    }
+    found.axes = axes;
+    found.log_volume = std::log(total);
+    for (size_t a = 0; a < n; ++a) found.log_volume += std::log(axes[a].step());
+    for (size_t cell = 0; cell < sums.size(); ++cell) {
+      std::array<double, 3> x{};
+      for (size_t a = 0; a < n; ++a) x[a] = axes[a].at(place(cell)[a]);
+      x[2] = settle;
+      found.possible.add(std::exp(-0.5 * (sums[cell] - found.least) / found.variance) / total, x);
+    }
+    return found;
+  }
+}
+
+// The same for settling times up to `longest`, and the delays that go with each.
+Possible possible_steps(const std::vector<Band>& bands, const std::vector<Track>& tracks,
+                        std::vector<Axis> delays, double longest) {
+  Axis settles{.low = 0.0, .high = longest, .points = kSettleGrid};
+  while (true) {
+    std::vector<Delays> found;
+    for (size_t w = 0; w < settles.points; ++w)
+      found.push_back(possible_delays(bands, tracks, delays, settles.at(w)));
+    const auto best = std::min_element(found.begin(), found.end(),
+                                       [](const Delays& a, const Delays& b) { return a.least < b.least; });
+    const auto above = [&](size_t w) { return (found[w].least - best->least) / best->variance; };
+    size_t least = settles.points, most = 0;
+    for (size_t w = 0; w < settles.points; ++w) {
+      if (above(w) > kPossible) continue;
+      least = std::min(least, w);
+      most = std::max(most, w);
+    }
+    Axis narrower = settles.around(least, most);
+    narrower.low = std::max(narrower.low, 0.0);
+    narrower.points = kSettleGrid;
+    if (!narrower.settled(settles)) {
+      // While a change settles longer its middle moves by no more than half of that.
+      for (size_t a = 0; a < delays.size(); ++a) {
+        delays[a] = found[least].axes[a];
+        for (size_t w = least; w <= most; ++w) {
+          delays[a].low = std::min(delays[a].low, found[w].axes[a].low);
+          delays[a].high = std::max(delays[a].high, found[w].axes[a].high);
+        }
+        delays[a].low -= settles.step();
+        delays[a].high += settles.step();
+      }
+      settles = narrower;
+      continue;
+    }
+    std::vector<double> weights;
+    for (size_t w = 0; w < settles.points; ++w)
+      weights.push_back(std::exp(-0.5 * above(w) + found[w].log_volume - best->log_volume));
+    const double total = std::accumulate(weights.begin(), weights.end(), 0.0);
+    Possible possible;
+    for (size_t w = 0; w < settles.points; ++w) {
+      const Possible& part = found[w].possible;
+      for (size_t a = 0; a < 3; ++a) {
+        possible.mean[a] += weights[w] / total * part.mean[a];
+        for (size_t b = 0; b < 3; ++b)
+          possible.covariance[a][b] += weights[w] / total * part.covariance[a][b];
+      }
+    }
+    possible.finish();
+    return possible;
+  }
+}
+
+LightStep::Estimate estimate(const Possible& possible, const std::array<double, 3>& factors) {
+  double value = 0.0, variance = 0.0;
+  for (size_t a = 0; a < 3; ++a) {
+    value += factors[a] * possible.mean[a];
+    for (size_t b = 0; b < 3; ++b) variance += factors[a] * factors[b] * possible.covariance[a][b];
+  }
+  return {.value = time_of(value), .error = time_of(std::sqrt(std::max(variance, 0.0)) + 1e-6)};
+}
+
+}  // namespace
+
+absl::StatusOr<LightStep> find_light_step(const LightRecord& record) {
+  const size_t rows = record.frames.empty() ? 0 : record.frames.front().row_mean.size();
+  const bool alike = std::all_of(record.frames.begin(), record.frames.end(), [&](const LightFrame& frame) {
+    return frame.row_mean.size() == rows && frame.exposure > nanoseconds(0);
+  });
+  if (rows == 0 || !alike || record.shown.size() < 2 || record.band_height.empty() ||
+      record.band_height.size() > 2)
+    return absl::InvalidArgumentError(fmt::format(
+        "{} frames of {} rows, {} changes and {} bands; they must be frames of one size, 2 changes or more, "
+        "and 1 or 2 bands",
+        record.frames.size(), rows, record.shown.size(), record.band_height.size()));
+  if (record.frames.size() < 16) {
+    return absl::FailedPreconditionError(
+        fmt::format("the camera is too slow: it took {} frames while {} changes were shown; 16 are the least",
+                    record.frames.size(), record.shown.size()));
+  }
+  const std::vector<Track> tracks = tracks_of(record);
+  const double hold = shortest_hold(record);
+  const double latest = kLatest + seconds_of(record.scanout);
+  std::vector<Band> bands;
+  std::vector<Sighting> sightings;
+  for (size_t b = 0; b < record.band_height.size(); ++b) {
+    bands.emplace_back(record, b);
+    sightings.push_back(look_for(bands[b], tracks, hold, latest));
+  }
+  std::vector<double> heights = record.band_height;
+  // The brighter one first.
+  if (sightings.size() == 2 && sightings[1].light > sightings[0].light) {
+    std::swap(bands[0], bands[1]);
+    std::swap(sightings[0], sightings[1]);
+    std::swap(heights[0], heights[1]);
+  }
+  if (!sightings[0].seen) {
+    return absl::FailedPreconditionError(
+        "no light change was seen: the monitor must be in the camera's view, itself or through the object, "
+        "and bright enough for the exposure");
+  }
+  if (sightings[0].elsewhere) {
+    return absl::FailedPreconditionError(
+        fmt::format("the lag is ambiguous: light {:.1f} ms after the scan-out fits nearly as well as {:.1f} "
+                    "ms; what is shown must "
+                    "not repeat itself",
+                    1e3 * *sightings[0].elsewhere, 1e3 * sightings[0].centre));
+  }
+  if (bands.size() == 2) {
+    sightings[1] = look_for(bands[1], without(tracks, bands[0], sightings[0]), hold, latest);
+    if (!sightings[1].seen || sightings[1].elsewhere) bands.pop_back();
+  }
+  std::vector<Axis> axes;
+  std::vector<size_t> groups;
+  for (size_t b = 0; b < bands.size(); ++b) {
+    axes.push_back({.low = sightings[b].centre - hold / 4.0,
+                    .high = sightings[b].centre + hold / 4.0,
+                    .points = kFirstGrid});
+    groups.insert(groups.end(), sightings[b].groups.begin(), sightings[b].groups.end());
+  }
+  std::sort(groups.begin(), groups.end());
+  groups.erase(std::unique(groups.begin(), groups.end()), groups.end());
+  std::vector<Track> fitted;
+  for (const size_t g : groups) fitted.push_back(tracks[g]);
+
+  Possible possible = possible_steps(bands, fitted, axes, hold);
+  if (bands.size() == 2) {
+    // The fainter one explains something that the brighter one, better placed, does not; or it was a mirage.
+    const double settle = possible.mean[2];
+    const Left both = left_by(bands, fitted, {possible.mean[0], possible.mean[1]}, settle);
+    const Left one = left_by({bands[0]}, fitted, {possible.mean[0]}, settle);
+    if (one.square - both.square <= both.variance * chance(fitted.size())) {
+      bands.pop_back();
+      axes.pop_back();
+      possible = possible_steps(bands, fitted, axes, hold);
+    }
+  }
+  LightStep step;
+  step.settle = estimate(possible, {0.0, 0.0, 1.0});
+  if (bands.size() == 2) {
+    // The line through both heights, at the first row.
+    const double apart = heights[1] - heights[0];
+    step.lag = estimate(possible, {heights[1] / apart, -heights[0] / apart, -0.5});
+    step.scanout = estimate(possible, {-1.0 / apart, 1.0 / apart, 0.0});
+  } else {
+    step.lag = estimate(possible, {1.0, 0.0, -0.5});
+    step.lag.value -= time_of(heights[0] * seconds_of(record.scanout));
+  }
+  if (step.lag.error > time_of(kMostError)) {
+    return absl::FailedPreconditionError(
+        fmt::format("the camera is too slow or sees too little: the lag is {:.1f} ms, give or take {:.1f}; "
+                    "use a longer exposure "
+                    "(up to the time between frames) or a faster camera",
+                    1e3 * seconds_of(step.lag.value), 1e3 * seconds_of(step.lag.error)));
+  }
+  return step;
+}
+
+std::vector<std::optional<size_t>> band_sequence() {
+  std::vector<int> symbols{0, 0, 0, 1};
+  while (symbols.size() < 80) {
+    const size_t n = symbols.size();
+    symbols.push_back((2 * symbols[n - 3] + symbols[n - 4]) % 3);
+  }
+  std::vector<std::optional<size_t>> lit;
+  for (const int symbol : symbols)
+    lit.push_back(symbol == 0 ? std::nullopt : std::optional<size_t>(static_cast<size_t>(symbol - 1)));
+  return lit;
+}
+
+}  // namespace glasswing

@@ -1,0 +1,153 @@
+#include "core/security/roles.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <grpc/grpc_security_constants.h>
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <vector>
+
+
+namespace glasswing {
+namespace {
+
+constexpr Roles kOperator = only(Role::kOperator), kServer = only(Role::kServer),
+                kCamera = only(Role::kCamera), kSolver = only(Role::kSolver);
+constexpr Roles kPeople = kOperator | only(Role::kViewer);
+constexpr Roles kNodes = only(Role::kDisplay) | kCamera | kSolver;
+constexpr Roles kAnybody = kPeople | kServer | kNodes;
+constexpr bool kAudited = true;
+
+constexpr MethodAccess kTable[] = {
+    {"ArchiveService/CreateArchive", kServer},
+    {"ArchiveService/GetManifest", kPeople | kServer | kCamera | kSolver},
+    {"ArchiveService/ReadRows", kServer | kCamera | kSolver},
+    {"ArchiveService/ReadFile", kPeople | kServer | kCamera | kSolver},
+    {"ArchiveService/PutFrame", kOperator, kAudited},
+    {"ArchiveService/SealArchive", kServer},
+    {"ArchiveService/LocateArchive", kServer | kCamera | kSolver},
+    {"ArchiveService/CopyArchive", kServer},
+    {"ArchiveService/DeleteArchive", kServer, kAudited},
+    {"ArchiveService/GetSpace", kPeople | kServer},
+    {"CalibrationService/FitCamera", kServer},
+    {"CalibrationService/FitDisplays", kServer},
+    {"CameraService/GetCamera", kPeople | kServer | kSolver},
+    {"CameraService/Capture", kServer},
+    {"CameraService/KeepFrames", kServer},
+    {"CameraService/LookForPatches", kServer},
+    {"CameraService/MeasureLight", kServer},
+    {"CameraService/Preview", kPeople | kServer},
+    {"CameraService/StreamFrames", kSolver},
+    {"ClockService/Exchange", kAnybody},
+    {"ConsoleService/CreateToken", kOperator, kAudited},
+    {"DisplayService/GetDisplay", kPeople | kServer},
+    {"DisplayService/PutImage", kServer},
+    {"DisplayService/LoadProgram", kServer},
+    {"DisplayService/PlayProgram", kServer},
+    {"EmissionService/WatchEmission", kCamera},
+    {"FleetService/GetFleet", kPeople},
+    {"LiveService/RunLive", kOperator, kAudited},
+    {"NodeService/Register", kNodes},
+    {"NodeService/ListNodes", kPeople},
+    {"RigService/CalibrateSync", kOperator, kAudited},
+    {"RigService/CheckRig", kOperator, kAudited},
+    {"RigService/FitCalibration", kOperator, kAudited},
+    {"RigService/ListCalibrations", kPeople},
+    {"RigService/ForgetCalibration", kOperator, kAudited},
+    {"RigService/ShowRamp", kOperator, kAudited},
+    {"RigService/ShowPattern", kOperator, kAudited},
+    {"RigService/HoldRig", kOperator, kAudited},
+    {"SessionService/CreateSession", kOperator, kAudited},
+    {"SessionService/EstimateSession", kPeople},
+    {"SessionService/BeginImport", kOperator, kAudited},
+    {"SessionService/FinishImport", kOperator, kAudited},
+    {"SessionService/UploadImage", kOperator, kAudited},
+    {"SessionService/ListSessions", kPeople},
+    {"SessionService/GetSession", kPeople},
+    {"SessionService/WatchSession", kPeople},
+    {"SessionService/WatchSteps", kPeople},
+    {"SessionService/PauseSession", kOperator, kAudited},
+    {"SessionService/ResumeSession", kOperator, kAudited},
+    {"SessionService/CancelSession", kOperator, kAudited},
+    {"SessionService/DeleteSession", kOperator, kAudited},
+    {"SessionService/AnnotateSession", kOperator, kAudited},
+    {"SessionService/SolveSession", kOperator, kAudited},
+    {"SessionService/ReplicateSession", kOperator, kAudited},
+    {"SessionService/FetchMatte", kPeople, kAudited},
+    {"StageService/MoveObject", kServer},
+    {"WorkService/ClaimTile", kSolver},
+    {"WorkService/KeepTile", kSolver},
+    {"WorkService/CompleteTile", kSolver},
+    {"WorkService/CompleteSurvey", kSolver},
+    {"WorkService/FailTile", kSolver},
+};
+
+std::string names_of(Roles roles, std::string_view between) {
+  std::vector<std::string_view> names;
+  for (size_t role = 0; role < kRoleNames.size(); ++role) {
+    if ((roles >> role & 1u) != 0) names.push_back(kRoleNames[role]);
+  }
+  return names.empty() ? "none" : fmt::format("{}", fmt::join(names, between));
+}
+
+Roles roles_of(const grpc::AuthContext& caller) {
+  Roles roles = 0;
+  for (const grpc::string_ref& uri : caller.FindPropertyValues(GRPC_PEER_URI_PROPERTY_NAME))
+    roles |= role_of_uri({uri.data(), uri.size()});
+  return roles;
+}
+
+std::string name_of(const grpc::AuthContext& caller) {
+  const std::vector<grpc::string_ref> names = caller.FindPropertyValues(GRPC_X509_CN_PROPERTY_NAME);
+  return names.empty() ? "" : std::string(names.front().data(), names.front().size());
+}
+
+class RoleGate final : public grpc::AuthMetadataProcessor {
+ public:
+  bool IsBlocking() const override { return false; }
+
+  grpc::Status Process(const InputMetadata& metadata, grpc::AuthContext* caller, OutputMetadata*,
+                       OutputMetadata*) override {
+    const auto path = metadata.find(":path");
+    if (path == metadata.end()) return {grpc::StatusCode::PERMISSION_DENIED, "the call names no method"};
+    std::string_view method(path->second.data(), path->second.size());
+    static constexpr std::string_view kOurs = "/glasswing.v1.";
+    if (!method.starts_with(kOurs)) return grpc::Status::OK;
+    method.remove_prefix(kOurs.size());
+    const absl::Status admitted = admit(method, roles_of(*caller), name_of(*caller));
+    return {static_cast<grpc::StatusCode>(admitted.code()), std::string(admitted.message())};
+  }
+};
+
+}  // namespace
+
+std::span<const MethodAccess> access_table() {
+  return kTable;
+}
+
+Roles role_of_uri(std::string_view uri) {
+  if (!uri.starts_with(kRoleUri)) return 0;
+  const auto name = std::ranges::find(kRoleNames, uri.substr(kRoleUri.size()));
+  return name == kRoleNames.end() ? 0 : 1u << static_cast<unsigned>(name - kRoleNames.begin());
+}
+
+absl::Status admit(std::string_view method, Roles roles, std::string_view caller) {
+  const auto access = std::ranges::find(kTable, method, &MethodAccess::method);
+  if (access == std::end(kTable)) return absl::OkStatus();
+  const std::string held = names_of(roles, "+");
+  if ((access->roles & roles) == 0) {
+    spdlog::warn("audit refused rpc={} caller=\"{}\" roles={}", method, caller, held);
+    return absl::PermissionDeniedError(fmt::format("{} is for the roles {}; \"{}\" has {}", method,
+                                                   names_of(access->roles, ", "), caller,
+                                                   names_of(roles, ", ")));
+  }
+  if (access->audited) spdlog::info("audit rpc={} caller=\"{}\" roles={}", method, caller, held);
+  return absl::OkStatus();
+}
+
+std::shared_ptr<grpc::AuthMetadataProcessor> role_gate() {
+  return std::make_shared<RoleGate>();
+}
+
+}  // namespace glasswing

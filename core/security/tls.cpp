@@ -1,0 +1,120 @@
+#include "core/security/tls.h"
+
+#include <arpa/inet.h>
+#include <fmt/format.h>
+#include <grpcpp/security/tls_credentials_options.h>
+
+#include "core/base/status.h"
+#include "core/security/roles.h"
+#include "core/security/tls_reload.h"
+
+namespace glasswing {
+namespace {
+
+struct Tls {
+  TlsFiles files = {};
+  std::shared_ptr<grpc::ChannelCredentials> calling = nullptr;   // null: no TLS
+  std::shared_ptr<grpc::ServerCredentials> listening = nullptr;  // likewise
+  std::unique_ptr<TlsReload> reload = nullptr;                   // likewise
+  absl::Status problem = {};                                     // with the files
+};
+
+Tls& in_force() {
+  static Tls tls;
+  return tls;
+}
+
+// Null without a CA.
+absl::StatusOr<Tls> credentials_of(const TlsFiles& files) {
+  namespace tls = grpc::experimental;
+  GW_ASSIGN_OR_RETURN(const TlsMaterial material, read_tls_material(files));
+  Tls made{.files = files};
+  if (material.ca.empty()) return made;
+  GW_ASSIGN_OR_RETURN(made.reload, TlsReload::start(files, material));
+  tls::TlsChannelCredentialsOptions calling;
+  calling.set_certificate_provider(made.reload->provider());
+  calling.watch_root_certs();
+  if (!material.key.empty()) {
+    calling.watch_identity_key_cert_pairs();
+    tls::TlsServerCredentialsOptions listening(made.reload->provider());
+    listening.watch_root_certs();
+    listening.watch_identity_key_cert_pairs();
+    listening.set_cert_request_type(GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY);
+    made.listening = tls::TlsServerCredentials(listening);
+    made.listening->SetAuthMetadataProcessor(role_gate());
+  }
+  made.calling = tls::TlsCredentials(calling);
+  return made;
+}
+
+bool contains(const std::string& text, const char* words) {
+  return text.find(words) != std::string::npos;
+}
+
+}  // namespace
+
+absl::Status use_tls(const TlsFiles& files) {
+  absl::StatusOr<Tls> tls = credentials_of(files);
+  const absl::Status problem = tls.status();
+  in_force() = tls.ok() ? *std::move(tls) : Tls{.files = files, .problem = problem};
+  return problem;
+}
+
+TlsMaterial tls_material() {
+  return in_force().reload == nullptr ? TlsMaterial{} : in_force().reload->in_force();
+}
+
+bool is_loopback(const std::string& address) {
+  std::string host = address.substr(0, address.rfind(':'));
+  if (host.size() > 2 && host.front() == '[') host = host.substr(1, host.size() - 2);
+  in_addr ip{};
+  if (::inet_pton(AF_INET, host.c_str(), &ip) == 1) return ntohl(ip.s_addr) >> 24 == 127;
+  return host == "localhost" || host == "::1";
+}
+
+std::shared_ptr<grpc::ChannelCredentials> credentials_for(const std::string& address) {
+  if (in_force().calling != nullptr) return in_force().calling;
+  return is_loopback(address) && in_force().problem.ok() ? grpc::InsecureChannelCredentials() : nullptr;
+}
+
+absl::StatusOr<std::shared_ptr<grpc::ServerCredentials>> listening_credentials(const std::string& address) {
+  GW_RETURN_IF_ERROR(in_force().problem);
+  if (in_force().listening != nullptr) return in_force().listening;
+  if (is_loopback(address)) return grpc::InsecureServerCredentials();
+  return absl::InvalidArgumentError(
+      fmt::format("--listen is {}, which other machines reach: they need TLS; set --ca, --certificate and "
+                  "--key, or listen on "
+                  "127.0.0.1:PORT",
+                  address));
+}
+
+std::string tls_failure(const grpc::Status& status, const std::string& peer) {
+  const std::string& words = status.error_message();
+  const TlsFiles& files = in_force().files;
+  if (status.error_code() == grpc::StatusCode::INVALID_ARGUMENT && words == "Invalid credentials.") {
+    if (!in_force().problem.ok()) return std::string(in_force().problem.message());
+    return peer + " is beyond this machine, where calls need TLS; set --ca, and --certificate and --key";
+  }
+  if (status.error_code() != grpc::StatusCode::UNAVAILABLE || !contains(words, "failed to connect"))
+    return "";
+  if (files.ca.empty()) {
+    if (!contains(words, "Socket closed")) return "";  // which is how a TLS server ends it
+    return peer + " does not answer in the clear; if it speaks TLS, set --ca, --certificate and --key";
+  }
+  if (contains(words, "certificate verify failed")) {
+    return fmt::format("{} shows a certificate that the CA {} did not sign, or that has expired", peer,
+                       files.ca);
+  }
+  if (contains(words, "Hostname Verification Check failed"))
+    return peer + " shows a certificate of another host; call it by a name that its certificate has";
+  if (contains(words, "wrong version number"))
+    return peer + " does not speak TLS; if it need not, call it without a CA";
+  if (!contains(words, "Socket closed")) return "";
+  // How a handshake ends for gRPC when the other side refuses us.
+  return files.certificate.empty()
+             ? peer + " wants to know who calls; set --certificate and --key"
+             : fmt::format("{} refuses the certificate {}; its own CA must have signed it", peer,
+                           files.certificate);
+}
+
+}  // namespace glasswing

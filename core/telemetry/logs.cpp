@@ -1,0 +1,121 @@
+#include "core/telemetry/logs.h"
+
+#include <absl/time/time.h>
+#include <spdlog/formatter.h>
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
+
+#include <nlohmann/json.hpp>
+#include <optional>
+
+namespace glasswing {
+namespace {
+
+using Field = std::pair<std::string, std::string>;
+
+// How many bytes the name and "=" at the begin of the text have; 0: there is none.
+size_t name_length(std::string_view text) {
+  const auto is_in_name = [](char c) { return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_'; };
+  size_t length = 0;
+  while (length < text.size() && is_in_name(text[length])) ++length;
+  return length > 0 && length < text.size() && text[length] == '=' ? length + 1 : 0;
+}
+
+bool is_before_field(std::string_view rest) {
+  return rest.empty() || (rest.front() == ' ' && name_length(rest.substr(1)) > 0);
+}
+
+// Takes a field from the begin of the text, with the space behind it.
+std::optional<Field> take_field(std::string_view& text) {
+  const size_t name = name_length(text);
+  if (name == 0) return std::nullopt;
+  size_t end = std::min(text.find(' ', name), text.size());
+  std::string_view value = text.substr(name, end - name);
+  if (!value.empty() && value.front() == '"') {
+    end = text.find('"', name + 1);
+    while (end != std::string_view::npos && !is_before_field(text.substr(end + 1)))
+      end = text.find('"', end + 1);
+    if (end == std::string_view::npos) return std::nullopt;
+    value = text.substr(name + 1, end - name - 1);
+    ++end;
+  }
+  Field field(text.substr(0, name - 1), value);
+  text.remove_prefix(std::min(end + 1, text.size()));
+  return field;
+}
+
+class JsonFormatter final : public spdlog::formatter {
+ public:
+  void format(const spdlog::details::log_msg& log, spdlog::memory_buf_t& to) override {
+    const auto view = [](spdlog::string_view_t text) { return std::string_view(text.data(), text.size()); };
+    const std::string line = json_line(log.time, view(spdlog::level::to_string_view(log.level)),
+                                       view(log.logger_name), view(log.payload));
+    to.append(line.data(), line.data() + line.size());
+    to.push_back('\n');
+  }
+  std::unique_ptr<spdlog::formatter> clone() const override { return std::make_unique<JsonFormatter>(); }
+};
+
+}  // namespace
+
+void add_log_options(CLI::App& app, LogOptions& options) {
+  app.add_option("--log-level", options.level, "the least that is logged")
+      ->check(CLI::IsMember({"debug", "info", "warn", "error"}))
+      ->capture_default_str();
+  app.add_option("--log-format", options.format, "lines for people, or a JSON object a line")
+      ->check(CLI::IsMember({"text", "json"}))
+      ->capture_default_str();
+}
+
+void start_logging(const std::string& program, const LogOptions& options) {
+  auto logger = spdlog::stderr_color_mt(program);
+  if (options.format == "json") {
+    logger->set_formatter(std::make_unique<JsonFormatter>());
+  } else {
+    logger->set_pattern("%Y-%m-%dT%H:%M:%S.%eZ %l %n: %v", spdlog::pattern_time_type::utc);
+  }
+  logger->set_level(spdlog::level::from_str(options.level));
+  logger->flush_on(spdlog::level::info);
+  spdlog::set_default_logger(logger);
+}
+
+LogMessage split_message(std::string_view message) {
+  std::vector<Field> fields;
+  size_t words_end = message.size();
+  // Fields that something else follows belong to the words.
+  for (size_t at = 0; at < message.size();) {
+    std::string_view rest = message.substr(at);
+    if (std::optional<Field> field = take_field(rest)) {
+      if (fields.empty()) words_end = at;
+      fields.push_back(*std::move(field));
+      at = message.size() - rest.size();
+    } else {
+      fields.clear();
+      words_end = message.size();
+      const size_t space = message.find(' ', at);
+      if (space == std::string_view::npos) break;
+      at = space + 1;
+    }
+  }
+  std::string_view words = message.substr(0, words_end);
+  if (!fields.empty() && !words.empty()) words.remove_suffix(1);  // the space between
+  return {.words = std::string(words), .fields = std::move(fields)};
+}
+
+std::string json_line(std::chrono::system_clock::time_point time, std::string_view level,
+                      std::string_view program, std::string_view message) {
+  const LogMessage split = split_message(message);
+  nlohmann::ordered_json line{
+      {"time", absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", absl::FromChrono(time), absl::UTCTimeZone())},
+      {"level", level},
+      {"program", program},
+      {"message", split.words}};
+  for (const auto& [name, value] : split.fields) {
+    std::string free = name;
+    while (line.contains(free)) free += '_';
+    line[free] = value;
+  }
+  return line.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+}
+
+}  // namespace glasswing

@@ -1,0 +1,59 @@
+#include "core/timing/proof.h"
+
+#include <algorithm>
+#include <cassert>
+#include <utility>
+
+namespace glasswing {
+namespace {
+
+// Frames older than this are forgotten: reports of both nodes come within far less.
+constexpr nanoseconds kMemory = std::chrono::seconds(5);
+
+}  // namespace
+
+StableWindow stable_window(const std::vector<MonitorWindow>& monitors) {
+  assert(!monitors.empty());
+  StableWindow window{.step = monitors.front().step, .from = nanoseconds::min(), .until = nanoseconds::max()};
+  for (const MonitorWindow& monitor : monitors) {
+    window.from =
+        std::max(window.from, monitor.scanout_end + monitor.lag + monitor.settle + monitor.uncertainty);
+    window.until = std::min(window.until, monitor.replaced + monitor.lag - monitor.uncertainty);
+  }
+  return window;
+}
+
+bool proves(const FrameTime& frame, const StableWindow& window) {
+  return frame.start - frame.uncertainty >= window.from && frame.end + frame.uncertainty <= window.until &&
+         frame.start < frame.end;
+}
+
+void FrameMatcher::add_frame(const FrameTime& frame) {
+  frames_.emplace(frame.start, frame);
+  seen_until_ = std::max(seen_until_.value_or(frame.end), frame.end);
+  while (!frames_.empty() && frames_.begin()->first < *seen_until_ - kMemory) frames_.erase(frames_.begin());
+  const std::vector<StableWindow> waiting = std::move(open_);
+  open_.clear();
+  for (const StableWindow& window : waiting) match(window);
+}
+
+void FrameMatcher::add_window(const StableWindow& window) {
+  match(window);
+}
+
+void FrameMatcher::match(const StableWindow& window) {
+  for (auto it = frames_.lower_bound(window.from); it != frames_.end() && it->first <= window.until; ++it) {
+    if (!proves(it->second, window)) continue;
+    matches_.push_back({.step = window.step, .frame = it->second});
+    frames_.erase(it);
+    return;
+  }
+  // A frame that ends later may still come, unless all that come now are past the window.
+  if (!seen_until_ || *seen_until_ <= window.until) open_.push_back(window);
+}
+
+std::vector<FrameMatcher::Match> FrameMatcher::take() {
+  return std::exchange(matches_, {});
+}
+
+}  // namespace glasswing

@@ -1,0 +1,93 @@
+#include "display-node/playback/player.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <condition_variable>
+#include <mutex>
+
+#include "core/base/status.h"
+#include "display-node/display_metrics.h"
+
+namespace glasswing {
+namespace {
+
+// Returns early when stopped.
+void wait_until(nanoseconds deadline, std::stop_token stop) {
+  std::mutex mutex;
+  std::unique_lock lock(mutex);
+  const std::chrono::steady_clock::time_point until(deadline);  // CLOCK_MONOTONIC
+  std::condition_variable_any().wait_until(lock, stop, until, [] { return false; });
+}
+
+void count_step(const std::vector<ScreenInfo>& screens, const std::vector<Scanout>& scanouts,
+                nanoseconds at) {
+  display_metrics().steps_shown.Increment();
+  for (size_t m = 0; m < screens.size(); ++m) {
+    if (scanouts[m].start - at < period_of(screens[m])) continue;
+    display_metrics().steps_late.Increment();
+    return;
+  }
+}
+
+}  // namespace
+
+absl::Status play(const Program& program, Display& display, nanoseconds start, nanoseconds step,
+                  std::stop_token stop, const std::function<void(const v1::Presentation&)>& report) {
+  const nanoseconds now = monotonic_now();
+  if (now > start) {
+    return absl::DeadlineExceededError(
+        fmt::format("the program was to start {} ms ago; it was not played",
+                    std::chrono::duration<double, std::milli>(now - start).count()));
+  }
+  const std::vector<ScreenInfo>& screens = display.screens();
+  std::vector<Scanout> shown;  // of the step before
+  nanoseconds longest_refresh{};
+  for (const ScreenInfo& screen : screens) longest_refresh = std::max(longest_refresh, period_of(screen));
+  nanoseconds at = start;
+  std::vector<Picture> pictures = program.pictures(0);
+  for (size_t i = 0; i <= program.size(); ++i) {
+    // Waits here, where it can be stopped, and leaves a refresh of room for a late awakening.
+    wait_until(at - longest_refresh, stop);
+    const bool stopped = stop.stop_requested();
+    const bool blank = i == program.size() || stopped;
+    if (stopped) at = monotonic_now();
+    if (blank) pictures.assign(screens.size(), nullptr);
+    GW_ASSIGN_OR_RETURN(const std::vector<Scanout> scanouts, display.show(pictures, at));
+    if (i > 0) {
+      for (size_t m = 0; m < screens.size(); ++m) {
+        v1::Presentation presentation;
+        presentation.set_step(program.number(i - 1));
+        presentation.set_monitor(screens[m].name);
+        presentation.set_scanout_start_ns(shown[m].start.count());
+        presentation.set_scanout_end_ns((shown[m].start + screens[m].scanout).count());
+        presentation.set_replaced_ns(scanouts[m].start.count());
+        const double held = static_cast<double>((scanouts[m].start - shown[m].start).count());
+        presentation.set_refreshes(
+            static_cast<int>(std::lround(held / static_cast<double>(period_of(screens[m]).count()))));
+        presentation.set_uncertainty_ns(std::max(shown[m].uncertainty, scanouts[m].uncertainty).count());
+        report(presentation);
+      }
+    }
+    if (blank) return stopped ? absl::CancelledError("the program was stopped") : absl::OkStatus();
+    count_step(screens, scanouts, at);
+    shown = scanouts;
+    if (step > nanoseconds(0)) {
+      at += step;  // one that came late is held for less, and the next is on time again
+    } else {
+      // Half a refresh early, so that rounding never adds one; every monitor is held for at least
+      // hold_refreshes.
+      at = nanoseconds::min();
+      for (size_t m = 0; m < screens.size(); ++m) {
+        const nanoseconds period = period_of(screens[m]);
+        at = std::max(at, shown[m].start + program.hold_refreshes() * period - period / 2);
+      }
+    }
+    if (i + 1 < program.size()) pictures = program.pictures(i + 1);
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace glasswing

@@ -1,0 +1,80 @@
+// A loaded program: which pictures each step puts on which monitor.
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/frame/image.h"
+#include "core/pattern/pattern.h"
+#include "display-node/display.h"
+#include "display-node/playback/screen_response.h"
+#include "glasswing/v1/display_service.pb.h"
+
+namespace glasswing {
+
+// Photo pictures by content hash. Thread-safe.
+class ImageStore {
+ public:
+  // Capacity for pictures as they are kept: 2 bytes a sample.
+  explicit ImageStore(size_t capacity_bytes = size_t{512} << 20) : capacity_bytes_(capacity_bytes) {}
+  // INVALID_ARGUMENT: no PNG; RESOURCE_EXHAUSTED: the store is full. Returns the name.
+  absl::StatusOr<std::string> add(const std::string& png);
+  // Null: it is not here.
+  std::shared_ptr<const Image16> find(const std::string& name) const;
+
+ private:
+  const size_t capacity_bytes_;
+  mutable std::mutex mutex_;
+  std::map<std::string, std::shared_ptr<const Image16>> images_;  // guarded by mutex_
+  size_t held_bytes_ = 0;                                         // guarded by mutex_
+};
+
+class Program {
+ public:
+  // INVALID_ARGUMENT names the step and what is wrong, or the calibration; FAILED_PRECONDITION: an image is
+  // missing.
+  static absl::StatusOr<Program> create(const v1::LoadProgramRequest& request,
+                                        const std::vector<ScreenInfo>& screens, const ImageStore& images);
+
+  const std::string& name() const { return name_; }
+  int hold_refreshes() const { return hold_refreshes_; }
+  size_t size() const { return steps_.size(); }
+  int number(size_t index) const { return steps_[index].number; }
+  // One for each screen, of its whole size; null is black. Draws what was not drawn ahead.
+  std::vector<Picture> pictures(size_t index) const;
+
+ private:
+  // What a screen shows: a photo, a pattern, or black; and below it the id patch, or dark.
+  struct Shown {
+    std::optional<Pattern> pattern;
+    std::shared_ptr<const Image16> photo;
+    bool are_codes = false;  // the pattern's values: nothing stands between them and the screen
+    std::optional<std::uint16_t> patch_id;
+    // Drawn when the program was loaded: all of it, or, where it differs from an earlier step in its patch
+    // alone, what is above that.
+    Picture ahead, above_patch;
+  };
+  struct Step {
+    int number;
+    std::vector<Shown> shown;  // one for each screen
+  };
+  absl::StatusOr<Step> checked(const v1::ProgramStep& wanted, const ImageStore& images) const;
+  Picture drawn(const Shown& shown, size_t screen) const;
+  void draw_ahead(const v1::LoadProgramRequest& request);
+
+  std::string name_;
+  int hold_refreshes_ = 2;
+  std::vector<ScreenInfo> screens_;
+  std::vector<std::optional<Dither>> dithers_;  // one for each screen; none: it is taken for linear
+  std::vector<Step> steps_;
+};
+
+}  // namespace glasswing

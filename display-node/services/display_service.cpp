@@ -1,0 +1,151 @@
+#include "display-node/services/display_service.h"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <condition_variable>
+#include <deque>
+#include <thread>
+
+#include "core/pattern/id_patch.h"
+#include "core/service/service.h"
+#include "display-node/playback/player.h"
+
+namespace glasswing {
+namespace {
+
+constexpr size_t kMaxImageBytes = 64u << 20;
+
+std::vector<ScreenInfo> with_patch(std::vector<ScreenInfo> screens, int patch_rows) {
+  for (ScreenInfo& screen : screens) screen.patch_rows = patch_rows;
+  return screens;
+}
+
+}  // namespace
+
+absl::Status DisplayServiceImpl::check_patch(const Display& display, int patch_rows) {
+  if (patch_rows == 0) return absl::OkStatus();
+  for (const ScreenInfo& screen : display.screens()) {
+    const int most = screen.height_px / 2;
+    if (screen.width_px < IdPatch::kLeastWidth_px || patch_rows < IdPatch::kLeastRows || patch_rows > most) {
+      return absl::InvalidArgumentError(fmt::format(
+          "an id patch of {} rows does not fit monitor \"{}\", {} x {} px: it takes {} to half of "
+          "its rows, and {} px across",
+          patch_rows, screen.name, screen.width_px, screen.height_px, IdPatch::kLeastRows,
+          IdPatch::kLeastWidth_px));
+    }
+  }
+  return absl::OkStatus();
+}
+
+DisplayServiceImpl::DisplayServiceImpl(std::string name, Display& display, int patch_rows)
+    : name_(std::move(name)), display_(display), screens_(with_patch(display.screens(), patch_rows)) {}
+
+grpc::Status DisplayServiceImpl::GetDisplay(grpc::ServerContext*, const v1::GetDisplayRequest*,
+                                            v1::GetDisplayResponse* response) {
+  response->set_name(name_);
+  response->set_backend(display_.backend());
+  for (const ScreenInfo& screen : screens_) {
+    v1::DisplayMonitor& monitor = *response->add_monitors();
+    monitor.set_name(screen.name);
+    monitor.set_width_px(screen.width_px);
+    monitor.set_height_px(pattern_size_of(screen).height_px);
+    monitor.set_patch_rows(screen.patch_rows);
+    monitor.set_refresh_hz(screen.refresh_hz);
+    monitor.set_optical_lag_ns(screen.lag.count());
+    monitor.set_settle_ns(screen.settle.count());
+    monitor.set_response("linear");
+    monitor.set_bits(screen.bits);
+  }
+  return grpc::Status::OK;
+}
+
+grpc::Status DisplayServiceImpl::PutImage(grpc::ServerContext*,
+                                          grpc::ServerReader<v1::PutImageRequest>* reader,
+                                          v1::PutImageResponse* response) {
+  std::string png;
+  v1::PutImageRequest request;
+  while (reader->Read(&request)) {
+    png += request.chunk();
+    if (png.size() > kMaxImageBytes) {
+      return to_grpc(
+          absl::InvalidArgumentError(fmt::format("the image is larger than {} bytes", kMaxImageBytes)));
+    }
+  }
+  const absl::StatusOr<std::string> image = images_.add(png);
+  if (!image.ok()) return to_grpc(image.status());
+  response->set_image(*image);
+  return grpc::Status::OK;
+}
+
+grpc::Status DisplayServiceImpl::LoadProgram(grpc::ServerContext*, const v1::LoadProgramRequest* request,
+                                             v1::LoadProgramResponse*) {
+  absl::StatusOr<Program> program = Program::create(*request, screens_, images_);
+  if (!program.ok()) return to_grpc(program.status());
+  const std::lock_guard lock(mutex_);
+  play_.request_stop();
+  loaded_ = std::make_shared<const Program>(*std::move(program));
+  return grpc::Status::OK;
+}
+
+grpc::Status DisplayServiceImpl::PlayProgram(grpc::ServerContext* context,
+                                             const v1::PlayProgramRequest* request,
+                                             grpc::ServerWriter<v1::PlayProgramResponse>* writer) {
+  if (request->step_ns() < 0) {
+    return to_grpc(
+        absl::InvalidArgumentError(fmt::format("step_ns is {}; it must be 0 or more", request->step_ns())));
+  }
+  std::shared_ptr<const Program> program;
+  std::stop_source play_stop;
+  {
+    const std::lock_guard lock(mutex_);
+    if (loaded_ == nullptr || loaded_->name() != request->program()) {
+      return to_grpc(absl::FailedPreconditionError(
+          fmt::format("program \"{}\" is not loaded; load it first", request->program())));
+    }
+    program = loaded_;
+    play_.request_stop();  // two programs never share the screens
+    play_ = play_stop;
+  }
+  const std::stop_callback on_shutdown(stop_.get_token(), [&] { play_stop.request_stop(); });
+  std::mutex mutex;
+  std::condition_variable reported;
+  std::deque<v1::Presentation> reports;  // bounded by the program's length
+  bool ended = false;
+  absl::Status status;
+  std::jthread player([&] {
+    const std::lock_guard screens(playing_);
+    absl::Status result =
+        play(*program, display_, nanoseconds(request->start_at_ns()), nanoseconds(request->step_ns()),
+             play_stop.get_token(), [&](const v1::Presentation& presentation) {
+               const std::lock_guard lock(mutex);
+               reports.push_back(presentation);
+               reported.notify_one();
+             });
+    const std::lock_guard lock(mutex);
+    status = std::move(result);
+    ended = true;
+    reported.notify_one();
+  });
+  while (true) {
+    std::deque<v1::Presentation> batch;
+    {
+      std::unique_lock lock(mutex);
+      reported.wait_for(lock, std::chrono::milliseconds(10), [&] { return ended || !reports.empty(); });
+      batch.swap(reports);
+      if (batch.empty() && ended) break;
+    }
+    for (v1::Presentation& presentation : batch) {
+      v1::PlayProgramResponse response;
+      *response.mutable_presentation() = std::move(presentation);
+      if (!writer->Write(response)) play_stop.request_stop();
+    }
+    if (context->IsCancelled()) play_stop.request_stop();
+  }
+  player.join();
+  if (absl::IsCancelled(status) && !context->IsCancelled()) status = absl::AbortedError(status.message());
+  spdlog::info("played name={} steps={} end=\"{}\"", program->name(), program->size(), status.ToString());
+  return to_grpc(status);
+}
+
+}  // namespace glasswing

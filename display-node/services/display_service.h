@@ -1,0 +1,45 @@
+// DisplayService over any Display.
+#pragma once
+
+#include <memory>
+#include <mutex>
+#include <stop_token>
+#include <string>
+
+#include "display-node/display.h"
+#include "display-node/playback/program.h"
+#include "glasswing/v1/display_service.grpc.pb.h"
+
+namespace glasswing {
+
+class DisplayServiceImpl final : public v1::DisplayService::Service {
+ public:
+  // The lowest `patch_rows` of every monitor show the id patch. INVALID_ARGUMENT: they leave too little, or
+  // are too small to be told apart.
+  static absl::Status check_patch(const Display& display, int patch_rows);
+  DisplayServiceImpl(std::string name, Display& display, int patch_rows = 0);
+  // Ends a playing program, so that the daemon can stop.
+  void stop() { stop_.request_stop(); }
+
+  grpc::Status GetDisplay(grpc::ServerContext*, const v1::GetDisplayRequest*,
+                          v1::GetDisplayResponse*) override;
+  grpc::Status PutImage(grpc::ServerContext*, grpc::ServerReader<v1::PutImageRequest>*,
+                        v1::PutImageResponse*) override;
+  grpc::Status LoadProgram(grpc::ServerContext*, const v1::LoadProgramRequest*,
+                           v1::LoadProgramResponse*) override;
+  grpc::Status PlayProgram(grpc::ServerContext*, const v1::PlayProgramRequest*,
+                           grpc::ServerWriter<v1::PlayProgramResponse>*) override;
+
+ private:
+  const std::string name_;
+  Display& display_;
+  const std::vector<ScreenInfo> screens_;
+  ImageStore images_;
+  std::stop_source stop_;
+  std::mutex mutex_;
+  std::shared_ptr<const Program> loaded_;  // guarded by mutex_
+  std::stop_source play_;                  // guarded by mutex_, ends the program that plays
+  std::mutex playing_;                     // held while the screens are in use
+};
+
+}  // namespace glasswing

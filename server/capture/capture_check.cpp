@@ -1,0 +1,84 @@
+#include "server/capture/capture_check.h"
+
+#include <fmt/format.h>
+
+#include <set>
+
+#include "core/base/status.h"
+#include "core/pattern/plan_cost.h"
+#include "core/service/service.h"
+#include "glasswing/v1/archive_service.grpc.pb.h"
+#include "server/rig/embed_calibrations.h"
+
+namespace glasswing {
+namespace {
+
+constexpr double kMegabyte = 1e6;
+
+absl::Status check_exposures(const std::vector<Step>& steps, const v1::GetCameraResponse& camera) {
+  for (const Step& step : steps) {
+    if (step.exposure_ms >= camera.min_exposure_ms() && step.exposure_ms <= camera.max_exposure_ms())
+      continue;
+    return absl::InvalidArgumentError(fmt::format("exposure_ms is {}; the camera takes {} to {} ms",
+                                                  step.exposure_ms, camera.min_exposure_ms(),
+                                                  camera.max_exposure_ms()));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status check_space(const NodeLink& camera, v1::EstimateSessionResponse& estimate) {
+  v1::GetSpaceResponse space;
+  grpc::ClientContext context;
+  set_deadline(context, kNodeCall);
+  GW_RETURN_IF_ERROR(from_grpc(v1::ArchiveService::NewStub(camera.channel())->GetSpace(&context, {}, &space),
+                               camera.title()));
+  estimate.set_free_bytes(space.free_bytes());
+  if (estimate.bytes() <= space.free_bytes()) return absl::OkStatus();
+  return absl::FailedPreconditionError(fmt::format(
+      "the capture makes {:.1f} MB of frames; {} has {:.1f} MB free: delete sessions there, or show fewer "
+      "steps",
+      static_cast<double>(estimate.bytes()) / kMegabyte, camera.title(),
+      static_cast<double>(space.free_bytes()) / kMegabyte));
+}
+
+void add_warnings(const RigLinks& links, const v1::CaptureManifest& header, const std::vector<Step>& steps,
+                  v1::EstimateSessionResponse& estimate) {
+  if (const std::string warning = uncalibrated_warning(header); !warning.empty())
+    estimate.add_warnings(warning);
+  std::set<std::string> shown;
+  for (const Step& step : steps) shown.insert(step.stimulus.panel());
+  for (const auto& display : links.displays) {
+    for (const v1::DisplayMonitor& monitor : display->info.monitors()) {
+      if (!shown.contains(monitor.name()) || display->sync.contains(monitor.name())) continue;
+      estimate.add_warnings(fmt::format(
+          "how late the light of monitor \"{}\" is was not measured, what its display says is believed: "
+          "glasswing calibrate sync",
+          monitor.name()));
+    }
+  }
+}
+
+}  // namespace
+
+absl::StatusOr<CheckedCapture> check_capture(const Rig& rig, const CalibrationStore& calibrations,
+                                             const v1::Plan& plan) {
+  GW_RETURN_IF_ERROR(check_plan(plan));
+  GW_ASSIGN_OR_RETURN(const RigLinks links, connect(rig, calibrations));
+  GW_ASSIGN_OR_RETURN(const std::vector<v1::Monitor> monitors, links.monitors());
+  CheckedCapture checked;
+  GW_ASSIGN_OR_RETURN(checked.steps, expand(plan, monitors));
+  GW_RETURN_IF_ERROR(check_exposures(checked.steps, links.camera_info));
+  v1::CaptureManifest header;
+  for (const v1::Monitor& monitor : monitors) *header.add_monitors() = monitor;
+  *header.mutable_camera() = links.camera_info.camera();
+  *header.mutable_plan() = plan;
+  GW_RETURN_IF_ERROR(embed_calibrations(calibrations, header));
+  *checked.estimate.mutable_monitors() = header.monitors();
+  *checked.estimate.mutable_camera() = header.camera();
+  add_cost(plan, checked.steps, checked.estimate);
+  GW_RETURN_IF_ERROR(check_space(*links.camera, checked.estimate));
+  add_warnings(links, header, checked.steps, checked.estimate);
+  return checked;
+}
+
+}  // namespace glasswing

@@ -1,0 +1,24 @@
+// What is found out about a capture before it starts: a dry run, and the beginning of a real one.
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <vector>
+
+#include "core/pattern/plan.h"
+#include "glasswing/v1/session_service.pb.h"
+#include "server/rig/rig_link.h"
+
+namespace glasswing {
+
+struct CheckedCapture {
+  std::vector<Step> steps;
+  v1::EstimateSessionResponse estimate;  // all but who holds the rig
+};
+
+// INVALID_ARGUMENT: the plan, or an exposure that the camera cannot make. FAILED_PRECONDITION: the rig lacks
+// what the plan needs, room for the frames too. UNAVAILABLE: a node is away.
+absl::StatusOr<CheckedCapture> check_capture(const Rig& rig, const CalibrationStore& calibrations,
+                                             const v1::Plan& plan);
+
+}  // namespace glasswing

@@ -1,0 +1,20 @@
+// Who makes a call.
+#pragma once
+
+#include <grpcpp/grpcpp.h>
+
+#include "server/rig/rig_lock.h"
+
+namespace glasswing {
+
+inline Caller caller_of(const grpc::ServerContext& context) {
+  constexpr size_t kMostBytes = 200;  // of a name that others are shown
+  const auto& metadata = context.client_metadata();
+  const auto value = [&metadata](const char* key) {
+    const auto found = metadata.find(key);
+    return found == metadata.end() ? std::string() : std::string(found->second.data(), found->second.size());
+  };
+  return {.client = value("glasswing-client").substr(0, kMostBytes), .hold = value("glasswing-hold")};
+}
+
+}  // namespace glasswing

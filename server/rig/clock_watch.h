@@ -1,0 +1,33 @@
+// How far the clocks of displays and cameras are from rig time, all the time: for people, who see a clock go
+// astray before a capture meets it. Captures measure for themselves.
+#pragma once
+
+#include <condition_variable>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+
+#include "server/rig/node_registry.h"
+#include "server/rig/rig_link.h"
+
+namespace glasswing {
+
+class ClockWatch {
+ public:
+  explicit ClockWatch(Rig& rig);
+  ~ClockWatch();
+
+ private:
+  void run(std::stop_token stop);
+  void look();
+
+  Rig& rig_;
+  std::map<std::string, std::unique_ptr<NodeLink>> links_;  // by name
+  std::mutex mutex_;
+  std::condition_variable_any wake_;
+  std::jthread thread_;
+};
+
+}  // namespace glasswing

@@ -1,0 +1,119 @@
+#include "server/rig/node_streams.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/service/service.h"
+
+namespace glasswing {
+namespace {
+
+constexpr std::int64_t kSyncErrors =
+    3;  // standard errors of measured lag and settling that a proof allows for
+
+}  // namespace
+
+CameraFeed::CameraFeed(const NodeLink& camera, v1::CameraService::Stub& stub, double exposure_ms)
+    : camera_(camera), exposure_ms_(exposure_ms) {
+  v1::CaptureRequest request;
+  request.set_exposure_ms(exposure_ms);
+  reader_ = stub.Capture(&context_, request);
+  thread_ = std::thread([this] { read(); });
+}
+
+CameraFeed::~CameraFeed() {
+  context_.TryCancel();
+  thread_.join();
+}
+
+absl::Status CameraFeed::wait_running(std::stop_token stop) {
+  std::unique_lock lock(mutex_);
+  started_.wait_for(lock, stop, std::chrono::seconds(20),
+                    [this] { return running_ || inbox.end().has_value(); });
+  if (running_) return absl::OkStatus();
+  return inbox.end().value_or(absl::DeadlineExceededError(camera_.title() + " did not start in time"));
+}
+
+void CameraFeed::read() {
+  v1::CaptureResponse response;
+  while (reader_->Read(&response)) {
+    if (response.has_frame()) {
+      inbox.push(std::move(*response.mutable_frame()));
+      continue;
+    }
+    const std::lock_guard lock(mutex_);
+    running_ = true;
+    started_.notify_all();
+  }
+  absl::Status status = from_grpc(reader_->Finish(), camera_.title());
+  if (status.ok()) status = absl::UnavailableError(camera_.title() + " stopped sending frames");
+  inbox.close(std::move(status));
+  const std::lock_guard lock(mutex_);
+  started_.notify_all();
+}
+
+FrameTime rig_time_of(const v1::FrameTaken& frame, const NodeLink& camera) {
+  const ClockReading start = camera.rig_from_node(nanoseconds(frame.exposure_start_ns())),
+                     end = camera.rig_from_node(nanoseconds(frame.exposure_end_ns()));
+  return {.sequence = frame.sequence(),
+          .start = start.time,
+          .end = end.time,
+          .uncertainty = nanoseconds(frame.uncertainty_ns()) + std::max(start.error, end.error)};
+}
+
+DisplayFeed::DisplayFeed(const DisplayLink& display, const std::string& program, nanoseconds start_at,
+                         nanoseconds step)
+    : display_(display) {
+  // Over so long a time the clocks' rates tell.
+  constexpr int kManySteps = 10000;
+  const nanoseconds start = display.link.node_from_rig(start_at).time,
+                    end = display.link.node_from_rig(start_at + kManySteps * step).time;
+  v1::PlayProgramRequest request;
+  request.set_program(program);
+  request.set_start_at_ns(start.count());
+  request.set_step_ns(((end - start) / kManySteps).count());
+  reader_ = display.stub->PlayProgram(&context_, request);
+  thread_ = std::thread([this] {
+    v1::PlayProgramResponse response;
+    while (reader_->Read(&response)) inbox.push(std::move(*response.mutable_presentation()));
+    inbox.close(from_grpc(reader_->Finish(), display_.link.title()));
+  });
+}
+
+DisplayFeed::~DisplayFeed() {
+  context_.TryCancel();
+  thread_.join();
+}
+
+nanoseconds common_step(std::span<const DisplayLink* const> displays, int hold_refreshes) {
+  if (displays.size() < 2) return {};
+  double slowest_hz = std::numeric_limits<double>::max();
+  for (const DisplayLink* display : displays) {
+    for (const v1::DisplayMonitor& monitor : display->info.monitors())
+      slowest_hz = std::min(slowest_hz, monitor.refresh_hz());
+  }
+  return nanoseconds(std::llround(hold_refreshes * 1e9 / slowest_hz));
+}
+
+MonitorWindow rig_time_of(const v1::Presentation& shown, const DisplayLink& display) {
+  const v1::DisplayMonitor* monitor = display.monitor(shown.monitor());
+  const ClockReading scanout_end = display.link.rig_from_node(nanoseconds(shown.scanout_end_ns())),
+                     replaced = display.link.rig_from_node(nanoseconds(shown.replaced_ns()));
+  MonitorWindow window{
+      .step = shown.step(),
+      .scanout_end = scanout_end.time,
+      .replaced = replaced.time,
+      .lag = nanoseconds(monitor == nullptr ? 0 : monitor->optical_lag_ns()),
+      .settle = nanoseconds(monitor == nullptr ? 0 : monitor->settle_ns()),
+      .uncertainty = nanoseconds(shown.uncertainty_ns()) + std::max(scanout_end.error, replaced.error)};
+  if (const auto measured = display.sync.find(shown.monitor()); measured != display.sync.end()) {
+    window.lag = nanoseconds(measured->second.lag_ns());
+    window.settle = nanoseconds(measured->second.settle_ns());
+    window.uncertainty +=
+        nanoseconds(kSyncErrors * measured->second.error_ns() + measured->second.clock_error_ns());
+  }
+  return window;
+}
+
+}  // namespace glasswing

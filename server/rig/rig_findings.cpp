@@ -1,0 +1,256 @@
+#include "server/rig/rig_findings.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/pattern/id_patch.h"
+
+namespace glasswing {
+namespace {
+
+using std::chrono::microseconds;
+using std::chrono::milliseconds;
+
+// Sum of all clocks' bounds.
+constexpr nanoseconds kClocksGood = milliseconds(1), kClocksPoor = milliseconds(4);
+// Shares of pictures, frames and steps.
+constexpr double kManyMissed = 0.1, kFewDropped = 0.01, kManyDropped = 0.25;
+constexpr double kWellProven = 0.9, kHardlyProven = 0.3;
+constexpr double kRateOff = 0.05;  // of the camera's declared rate
+constexpr nanoseconds kSyncAgrees = microseconds(300);
+
+double ms(nanoseconds time) {
+  return 1e-6 * static_cast<double>(time.count());
+}
+double ms(std::int64_t ns) {
+  return ms(nanoseconds(ns));
+}
+
+nanoseconds longest_period(const TrialTimes& times) {
+  nanoseconds longest{};
+  for (const TrialTimes::Shown& shown : times.shown) longest = std::max(longest, shown.period);
+  return longest;
+}
+
+// The middle one: a missed flip makes single ones longer.
+nanoseconds typical_window(const TrialTimes& times) {
+  std::vector<nanoseconds> lengths;
+  for (const StableWindow& window : times.windows) lengths.push_back(window.until - window.from);
+  if (lengths.empty()) return nanoseconds(0);
+  const auto middle = lengths.begin() + static_cast<std::ptrdiff_t>(lengths.size() / 2);
+  std::nth_element(lengths.begin(), middle, lengths.end());
+  return *middle;
+}
+
+nanoseconds frame_uncertainty(const TrialTimes& times) {
+  nanoseconds most{};
+  for (const FrameTime& frame : times.frames) most = std::max(most, frame.uncertainty);
+  return most;
+}
+
+}  // namespace
+
+v1::Finding make_finding(v1::FindingLevel level, const std::string& subject, const std::string& text,
+                         const std::string& advice) {
+  v1::Finding finding;
+  finding.set_level(level);
+  finding.set_subject(subject);
+  finding.set_text(text);
+  finding.set_advice(advice);
+  return finding;
+}
+
+v1::Finding judge_clocks(const std::vector<std::pair<std::string, nanoseconds>>& errors) {
+  std::string text;
+  nanoseconds sum{};
+  for (const auto& [node, error] : errors) {
+    text += fmt::format("{}{}: {:.2f} ms", text.empty() ? "clocks are known to " : ", ", node, ms(error));
+    sum += error;
+  }
+  if (sum <= kClocksGood) return make_finding(v1::FINDING_LEVEL_OK, "clocks", text);
+  return make_finding(
+      sum <= kClocksPoor ? v1::FINDING_LEVEL_WARNING : v1::FINDING_LEVEL_PROBLEM, "clocks",
+      text + "; every proof loses twice as much",
+      "use a wired network, and take load off the nodes: half of the quickest answer is the bound");
+}
+
+v1::Finding judge_flips(const TrialTimes& times) {
+  const nanoseconds wanted = times.hold_refreshes * longest_period(times);
+  size_t missed = 0;
+  for (const TrialTimes::Shown& shown : times.shown)
+    missed += shown.held > wanted + shown.period * 3 / 4 ? 1 : 0;
+  const std::string text = fmt::format(
+      "{} of {} pictures stayed too long, as the next one missed its refresh", missed, times.shown.size());
+  if (missed == 0)
+    return make_finding(v1::FINDING_LEVEL_OK, "flips",
+                        fmt::format("all {} pictures changed in time", times.shown.size()));
+  const bool many = static_cast<double>(missed) > kManyMissed * static_cast<double>(times.shown.size());
+  return make_finding(
+      many ? v1::FINDING_LEVEL_PROBLEM : v1::FINDING_LEVEL_WARNING, "flips", text,
+      "take load off the display node's machine, switch off compositing and variable refresh rates, or "
+      "choose a larger hold_refreshes");
+}
+
+v1::Finding judge_frames(const TrialTimes& times) {
+  if (times.frames.size() < 2) {
+    return make_finding(v1::FINDING_LEVEL_PROBLEM, "camera",
+                        fmt::format("{} frames came", times.frames.size()), "look at the camera node's log");
+  }
+  const FrameTime &first = times.frames.front(), &last = times.frames.back();
+  const auto numbers = static_cast<double>(last.sequence - first.sequence);
+  const double dropped = 1.0 - static_cast<double>(times.frames.size() - 1) / numbers;
+  const double period_ms = ms(last.start - first.start) / numbers;
+  const double declared_ms = ms(times.frame_period);
+  const std::string text =
+      fmt::format("{:.1f} frames a second, {:.1f} % of them dropped", 1000.0 / period_ms, 100.0 * dropped);
+  if (dropped > kFewDropped) {
+    return make_finding(dropped > kManyDropped ? v1::FINDING_LEVEL_PROBLEM : v1::FINDING_LEVEL_WARNING,
+                        "camera", text,
+                        "take load off the camera node, or choose a smaller picture or a lower frame rate");
+  }
+  if (std::abs(period_ms - declared_ms) > kRateOff * declared_ms) {
+    return make_finding(v1::FINDING_LEVEL_WARNING, "camera",
+                        text + fmt::format("; the camera promises {:.1f}", 1000.0 / declared_ms),
+                        "choose a shorter exposure, a smaller picture, or a lower frame rate");
+  }
+  return make_finding(v1::FINDING_LEVEL_OK, "camera", text);
+}
+
+v1::Finding judge_window(const TrialTimes& times, nanoseconds exposure, nanoseconds shortest) {
+  const nanoseconds window = typical_window(times);
+  const nanoseconds needed = exposure + times.readout + 2 * frame_uncertainty(times);
+  const nanoseconds refresh = std::max(longest_period(times), nanoseconds(1));
+  const auto hold_for = [&](nanoseconds length) {
+    const nanoseconds lacking = std::max(length - window, nanoseconds(0));
+    return times.hold_refreshes + static_cast<int>((lacking + refresh - nanoseconds(1)) / refresh);
+  };
+  const auto advice_for = [&](nanoseconds length) {
+    const nanoseconds fitting = exposure - (length - window);
+    std::string advice = fmt::format("set hold_refreshes to {}", hold_for(length));
+    if (fitting >= shortest)
+      advice += fmt::format(", or exposure_ms to {:.2f} or less",
+                            1e-2 * static_cast<double>(fitting / microseconds(10)));
+    return advice;
+  };
+  const std::string text = fmt::format(
+      "{:.2f} ms exposures need {:.2f} ms with readout and uncertainty; a picture stands still for {:.2f} ms",
+      ms(exposure), ms(needed), ms(std::max(window, nanoseconds(0))));
+  if (needed > window) return make_finding(v1::FINDING_LEVEL_PROBLEM, "window", text, advice_for(needed));
+  const nanoseconds sure = needed + times.frame_period;
+  if (sure <= window) return make_finding(v1::FINDING_LEVEL_OK, "window", text);
+  const double share = ms(window - needed) / ms(times.frame_period);
+  return make_finding(
+      v1::FINDING_LEVEL_WARNING, "window",
+      text + fmt::format(", and a frame begins every {:.2f} ms: {:.0f} of 100 fit at the first showing",
+                         ms(times.frame_period), 100.0 * share),
+      advice_for(sure) + ", or use a faster camera");
+}
+
+v1::Finding judge_proof(const TrialTimes& times) {
+  FrameMatcher matcher;
+  for (const FrameTime& frame : times.frames) matcher.add_frame(frame);
+  for (const StableWindow& window : times.windows) matcher.add_window(window);
+  const size_t proven = matcher.take().size();
+  const std::string text =
+      fmt::format("{} of {} test steps were proven at the first showing", proven, times.windows.size());
+  const double share =
+      times.windows.empty() ? 0.0 : static_cast<double>(proven) / static_cast<double>(times.windows.size());
+  if (share >= kWellProven) return make_finding(v1::FINDING_LEVEL_OK, "proof", text);
+  const char* advice = "mend what is said above";
+  if (share >= kHardlyProven) {
+    return make_finding(v1::FINDING_LEVEL_WARNING, "proof",
+                        text + fmt::format("; a capture takes about {:.1f} times as long", 1.0 / share),
+                        advice);
+  }
+  return make_finding(v1::FINDING_LEVEL_PROBLEM, "proof", text, advice);
+}
+
+v1::Finding judge_patch(const v1::DisplayMonitor& monitor, int lessons, const std::string& unseen) {
+  const std::string& name = monitor.name();
+  if (monitor.patch_rows() == 0) {
+    return make_finding(v1::FINDING_LEVEL_WARNING, "id patch",
+                        name + " shows none: its frames are proven by time alone",
+                        "start its display node with --patch-rows, and have the camera see those rows");
+  }
+  const int wanted = static_cast<int>(patch_learning_ids().size());
+  if (lessons < wanted) {
+    return make_finding(
+        v1::FINDING_LEVEL_WARNING, "id patch",
+        fmt::format("{}: only {} of the {} pictures that teach it were recorded", name, lessons, wanted),
+        "see the other findings; a capture shows them again");
+  }
+  if (!unseen.empty()) {
+    return make_finding(
+        v1::FINDING_LEVEL_WARNING, "id patch",
+        fmt::format("{}: {}; its frames are proven by time alone", name, unseen),
+        fmt::format("have the camera see all of its last {} rows sharply, with nothing before them",
+                    monitor.patch_rows()));
+  }
+  return make_finding(v1::FINDING_LEVEL_OK, "id patch",
+                      fmt::format("{}: every bit is read in its last {} rows", name, monitor.patch_rows()));
+}
+
+v1::Finding judge_camera_light(const v1::Camera& camera, const std::optional<v1::CameraCalibration>& measured,
+                               nanoseconds longest) {
+  if (!measured) {
+    const bool linear = camera.response() == "linear";
+    return make_finding(linear ? v1::FINDING_LEVEL_OK : v1::FINDING_LEVEL_WARNING, "light",
+                        fmt::format("{} {}; nobody has measured it", camera.name(),
+                                    linear ? "says that it is linear"
+                                           : "codes light in a way of its own, and is taken for linear"),
+                        linear ? "" : "glasswing calibrate camera");
+  }
+  const std::string text =
+      fmt::format("{} is {} (measured {})", camera.name(),
+                  measured->linear() ? "linear" : "curved, and its curve is known", measured->measured());
+  if (measured->white_ms() > 0.0 && ms(longest) > measured->white_ms()) {
+    return make_finding(
+        v1::FINDING_LEVEL_WARNING, "light",
+        fmt::format(
+            "{}; white reaches full scale at {:.3g} ms, exposures are up to {:.3g} ms: bright pixels clip",
+            text, measured->white_ms(), ms(longest)),
+        fmt::format("expose for less than {:.3g} ms, or for that as well", measured->white_ms()));
+  }
+  return make_finding(v1::FINDING_LEVEL_OK, "light", text);
+}
+
+v1::Finding judge_monitor_light(const v1::DisplayMonitor& monitor,
+                                const std::optional<v1::DisplayCalibration>& measured) {
+  if (measured) {
+    return make_finding(
+        v1::FINDING_LEVEL_OK, "light",
+        fmt::format("{} has curves of its own (measured {})", monitor.name(), measured->measured()));
+  }
+  return make_finding(
+      v1::FINDING_LEVEL_WARNING, "light",
+      monitor.name() + " is taken for linear, which no real monitor is; nobody has measured it",
+      "glasswing calibrate display --monitor " + monitor.name());
+}
+
+v1::Finding judge_sync(const v1::DisplayMonitor& declared, const std::optional<v1::MonitorSync>& measured) {
+  const std::string said = fmt::format("{} declares {:.2f} ms lag and {:.2f} ms settling", declared.name(),
+                                       ms(declared.optical_lag_ns()), ms(declared.settle_ns()));
+  if (!measured) {
+    return make_finding(v1::FINDING_LEVEL_WARNING, "sync", said + "; nobody has measured it",
+                        "glasswing calibrate sync --monitor " + declared.name());
+  }
+  const std::string text = fmt::format(
+      "{} follows its scan-out by {:.2f} ms and settles in {:.2f} ms, give or take {:.2f} (measured {})",
+      declared.name(), ms(measured->lag_ns()), ms(measured->settle_ns()), ms(measured->error_ns()),
+      measured->measured());
+  const nanoseconds tolerance =
+      kSyncAgrees + 3 * nanoseconds(measured->error_ns()) + nanoseconds(measured->clock_error_ns());
+  const auto apart = [](std::int64_t a, std::int64_t b) { return std::chrono::abs(nanoseconds(a - b)); };
+  const bool agrees = apart(measured->lag_ns(), declared.optical_lag_ns()) <= tolerance &&
+                      measured->settle_ns() <= declared.settle_ns() + tolerance.count();
+  if (agrees) return make_finding(v1::FINDING_LEVEL_OK, "sync", text);
+  return make_finding(
+      v1::FINDING_LEVEL_WARNING, "sync", text + "; " + said + "; what was measured is used",
+      fmt::format("if the monitor or its mode changed since, measure again; if not, start its node with "
+                  "--lag-ms {:.1f} --settle-ms {:.1f}",
+                  ms(measured->lag_ns()), ms(measured->settle_ns())));
+}
+
+}  // namespace glasswing

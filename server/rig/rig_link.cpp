@@ -1,0 +1,110 @@
+#include "server/rig/rig_link.h"
+
+#include <fmt/format.h>
+
+#include <set>
+
+#include "core/base/status.h"
+#include "core/service/monitor.h"
+#include "core/service/service.h"
+
+namespace glasswing {
+
+NodeLink::NodeLink(const v1::Node& node)
+    : title_(fmt::format("{} node \"{}\" at {}", node.kind() == v1::NODE_KIND_CAMERA ? "camera" : "display",
+                         node.name(), node.address())),
+      address_(node.address()),
+      channel_(dial(node.address())),
+      stub_(v1::ClockService::NewStub(dial(node.address()))) {}
+
+absl::Status NodeLink::exchange_clocks(int count) {
+  for (int i = 0; i < count; ++i) {
+    grpc::ClientContext context;
+    set_deadline(context, std::chrono::seconds(2));
+    v1::ExchangeResponse response;
+    const nanoseconds sent = monotonic_now();
+    const grpc::Status status = stub_->Exchange(&context, {}, &response);
+    const nanoseconds returned = monotonic_now();
+    if (!status.ok()) return from_grpc(status, title_);
+    const std::lock_guard lock(mutex_);
+    clock_.add({.sent = sent,
+                .received = nanoseconds(response.received_ns()),
+                .answered = nanoseconds(response.sent_ns()),
+                .returned = returned});
+  }
+  return absl::OkStatus();
+}
+
+ClockReading NodeLink::rig_from_node(nanoseconds node_time) const {
+  const std::lock_guard lock(mutex_);
+  return clock_.rig_from_node(node_time);
+}
+
+ClockReading NodeLink::node_from_rig(nanoseconds rig_time) const {
+  const std::lock_guard lock(mutex_);
+  return clock_.node_from_rig(rig_time);
+}
+
+DisplayLink::DisplayLink(const v1::Node& node)
+    : link(node), stub(v1::DisplayService::NewStub(link.channel())) {}
+
+absl::Status DisplayLink::describe() {
+  grpc::ClientContext context;
+  set_deadline(context, kNodeCall);
+  return from_grpc(stub->GetDisplay(&context, {}, &info), link.title());
+}
+
+void DisplayLink::use(const CalibrationStore& store) {
+  for (const v1::DisplayMonitor& each : info.monitors()) {
+    if (const std::optional<v1::MonitorSync> measured = store.sync(each.name()))
+      sync[each.name()] = *measured;
+  }
+}
+
+const v1::DisplayMonitor* DisplayLink::monitor(const std::string& name) const {
+  for (const v1::DisplayMonitor& each : info.monitors()) {
+    if (each.name() == name) return &each;
+  }
+  return nullptr;
+}
+
+absl::Status RigLinks::exchange_clocks(int count) {
+  GW_RETURN_IF_ERROR(camera->exchange_clocks(count));
+  for (const auto& display : displays) GW_RETURN_IF_ERROR(display->link.exchange_clocks(count));
+  return absl::OkStatus();
+}
+
+absl::StatusOr<RigLinks> connect(const Rig& rig, const CalibrationStore& calibrations) {
+  RigLinks links;
+  GW_ASSIGN_OR_RETURN(const std::vector<v1::Node> displays, rig.displays());
+  for (const v1::Node& node : displays) {
+    links.displays.push_back(std::make_unique<DisplayLink>(node));
+    GW_RETURN_IF_ERROR(links.displays.back()->describe());
+    links.displays.back()->use(calibrations);
+  }
+  GW_ASSIGN_OR_RETURN(const v1::Node camera, rig.camera());
+  links.camera = std::make_unique<NodeLink>(camera);
+  links.camera_stub = v1::CameraService::NewStub(links.camera->channel());
+  grpc::ClientContext context;
+  set_deadline(context, kNodeCall);
+  GW_RETURN_IF_ERROR(
+      from_grpc(links.camera_stub->GetCamera(&context, {}, &links.camera_info), links.camera->title()));
+  return links;
+}
+
+absl::StatusOr<std::vector<v1::Monitor>> RigLinks::monitors() const {
+  std::vector<v1::Monitor> monitors;
+  std::set<std::string> names;
+  for (const auto& display : displays) {
+    for (const v1::DisplayMonitor& shown : display->info.monitors()) {
+      if (!names.insert(shown.name()).second) {
+        return absl::FailedPreconditionError(
+            fmt::format("two monitors of the rig are called \"{}\"; give one another name", shown.name()));
+      }
+      monitors.push_back(listed_monitor(shown));
+    }
+  }
+  return monitors;
+}
+
+}  // namespace glasswing

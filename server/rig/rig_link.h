@@ -1,0 +1,77 @@
+// The server's end of the rig: its nodes, how their clocks relate to ours, and what they are.
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "core/timing/clock_model.h"
+#include "glasswing/v1/camera_service.grpc.pb.h"
+#include "glasswing/v1/clock_service.grpc.pb.h"
+#include "glasswing/v1/display_service.grpc.pb.h"
+#include "server/rig/calibration_store.h"
+#include "server/rig/node_registry.h"
+
+namespace glasswing {
+
+// For calls that a node answers at once.
+inline constexpr std::chrono::seconds kNodeCall(10);
+
+// A node and how its clock relates to ours. Rig time is the server's CLOCK_MONOTONIC, which no setting of
+// wall clocks moves. Times may be asked for from any thread.
+class NodeLink {
+ public:
+  explicit NodeLink(const v1::Node& node);
+  // "camera node \"camera-1\" at 127.0.0.1:7442"
+  const std::string& title() const { return title_; }
+  const std::string& address() const { return address_; }
+  const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
+  absl::Status exchange_clocks(int count);
+  ClockReading rig_from_node(nanoseconds node_time) const;
+  ClockReading node_from_rig(nanoseconds rig_time) const;
+
+ private:
+  std::string title_, address_;
+  std::shared_ptr<grpc::Channel> channel_;
+  // On a connection of its own: behind the camera's stream of frames an exchange takes longer, and one way
+  // only.
+  std::unique_ptr<v1::ClockService::Stub> stub_;
+  mutable std::mutex mutex_;
+  ClockModel clock_;
+};
+
+struct DisplayLink {
+  explicit DisplayLink(const v1::Node& node);
+  // Asks for `info`.
+  absl::Status describe();
+  // From now on measured lag and settling stand in `sync` wherever there are any.
+  void use(const CalibrationStore& store);
+  // Null: it has none of that name.
+  const v1::DisplayMonitor* monitor(const std::string& name) const;
+
+  NodeLink link;
+  std::unique_ptr<v1::DisplayService::Stub> stub;
+  v1::GetDisplayResponse info;
+  std::map<std::string, v1::MonitorSync> sync;  // by monitor; for those without, what `info` declares holds
+};
+
+// Links to every display and the camera.
+struct RigLinks {
+  std::vector<std::unique_ptr<DisplayLink>> displays;
+  std::unique_ptr<NodeLink> camera;
+  std::unique_ptr<v1::CameraService::Stub> camera_stub;
+  v1::GetCameraResponse camera_info;
+
+  absl::Status exchange_clocks(int count);
+  // FAILED_PRECONDITION: two have the same name.
+  absl::StatusOr<std::vector<v1::Monitor>> monitors() const;
+};
+// UNAVAILABLE: a node is away.
+absl::StatusOr<RigLinks> connect(const Rig& rig, const CalibrationStore& calibrations);
+
+}  // namespace glasswing

@@ -1,0 +1,83 @@
+#include "server/rig/test_capture.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <thread>
+
+#include "core/base/status.h"
+#include "core/service/service.h"
+
+namespace glasswing {
+namespace {
+
+using std::chrono::milliseconds;
+constexpr milliseconds kStartLead(300);  // from the command to the first step
+constexpr milliseconds kTail(100);
+constexpr milliseconds kLastFrame(1500);  // how long a frame may come after the last step was replaced
+constexpr milliseconds kPoll(10);
+
+absl::Status load(const DisplayLink& display, const std::string& program, const Trial& trial) {
+  v1::LoadProgramRequest request;
+  request.set_program(program);
+  request.set_hold_refreshes(trial.hold_refreshes);
+  for (const v1::ProgramStep& step : trial.steps) {
+    v1::ProgramStep& own = *request.add_steps();
+    own.set_step(step.step());
+    for (const v1::Stimulus& stimulus : step.stimuli()) {
+      if (display.monitor(stimulus.panel()) != nullptr) *own.add_stimuli() = stimulus;
+    }
+  }
+  grpc::ClientContext context;
+  set_deadline(context, std::chrono::minutes(1));
+  v1::LoadProgramResponse response;
+  return from_grpc(display.stub->LoadProgram(&context, request, &response), display.link.title());
+}
+
+}  // namespace
+
+absl::StatusOr<TrialRecord> run_trial(RigLinks& rig, const Trial& trial, std::stop_token stop) {
+  CameraFeed camera(*rig.camera, *rig.camera_stub, trial.exposure_ms);
+  GW_RETURN_IF_ERROR(camera.wait_running(stop));
+  GW_RETURN_IF_ERROR(rig.exchange_clocks(8));
+  const std::string program = fmt::format("trial-{}", monotonic_now().count());
+  for (const DisplayLink* display : trial.displays) GW_RETURN_IF_ERROR(load(*display, program, trial));
+  const nanoseconds start_at = monotonic_now() + kStartLead;
+  const std::vector<const DisplayLink*> displays(trial.displays.begin(), trial.displays.end());
+  const nanoseconds step = common_step(displays, trial.hold_refreshes);
+  std::vector<std::unique_ptr<DisplayFeed>> feeds;
+  for (const DisplayLink* display : displays)
+    feeds.push_back(std::make_unique<DisplayFeed>(*display, program, start_at, step));
+
+  TrialRecord record;
+  nanoseconds wanted_until{}, seen_until{}, played_at{}, clocks_at = monotonic_now();
+  while (!stop.stop_requested()) {
+    bool playing = false;
+    for (size_t i = 0; i < feeds.size(); ++i) {
+      // The end is looked at first: what was pushed before it is then surely taken.
+      const std::optional<absl::Status> end = feeds[i]->inbox.end();
+      for (v1::Presentation& shown : feeds[i]->inbox.take()) {
+        wanted_until = std::max(wanted_until, rig_time_of(shown, *trial.displays[i]).replaced + kTail);
+        record.shown.push_back({.display = trial.displays[i], .presentation = std::move(shown)});
+      }
+      if (end && !end->ok()) return *end;
+      playing = playing || !end;
+    }
+    if (const auto end = camera.inbox.end()) return *end;
+    for (v1::FrameTaken& frame : camera.inbox.take()) {
+      seen_until = std::max(seen_until, rig_time_of(frame, *rig.camera).end);
+      record.frames.push_back(std::move(frame));
+    }
+    const nanoseconds now = monotonic_now();
+    if (playing) played_at = now;
+    if (!playing && (seen_until > wanted_until || now - played_at > kLastFrame)) return record;
+    if (now - clocks_at > std::chrono::seconds(1)) {
+      clocks_at = now;
+      GW_RETURN_IF_ERROR(rig.exchange_clocks(1));
+    }
+    std::this_thread::sleep_for(kPoll);
+  }
+  return absl::CancelledError("stopped");
+}
+
+}  // namespace glasswing

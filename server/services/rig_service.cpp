@@ -1,0 +1,241 @@
+#include "server/services/rig_service.h"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <condition_variable>
+
+#include "core/base/status.h"
+#include "core/service/service.h"
+#include "glasswing/v1/calibration_service.grpc.pb.h"
+#include "server/rig/caller.h"
+#include "server/rig/embed_calibrations.h"
+#include "server/rig/ramp_show.h"
+#include "server/rig/rig_check.h"
+#include "server/rig/sync_calibration.h"
+
+namespace glasswing {
+
+namespace {
+
+constexpr size_t kMostReasonBytes = 200;
+
+}  // namespace
+
+grpc::Status RigServiceImpl::run(grpc::ServerContext* context, const std::string& what,
+                                 const std::function<absl::Status(std::stop_token)>& work) {
+  const absl::StatusOr<RigLock::Drive> drive = server_.rig_lock().drive(caller_of(*context), what);
+  if (!drive.ok()) return to_grpc(drive.status());
+  std::mutex mutex;
+  std::condition_variable ended;
+  std::optional<absl::Status> result;  // guarded by mutex
+  std::jthread worker([&](std::stop_token stop) {
+    absl::Status status = work(stop);
+    const std::lock_guard lock(mutex);
+    result = std::move(status);
+    ended.notify_all();
+  });
+  std::unique_lock lock(mutex);
+  while (!ended.wait_for(lock, std::chrono::milliseconds(50), [&] { return result.has_value(); })) {
+    if (context->IsCancelled() || stopping_) worker.request_stop();
+  }
+  if (stopping_ && absl::IsCancelled(*result))
+    return to_grpc(absl::UnavailableError("the server is stopping"));
+  return to_grpc(*result);
+}
+
+grpc::Status RigServiceImpl::CalibrateSync(grpc::ServerContext* context,
+                                           const v1::CalibrateSyncRequest* request,
+                                           grpc::ServerWriter<v1::CalibrateSyncResponse>* writer) {
+  return run(context, "calibrate sync", [&](std::stop_token stop) -> absl::Status {
+    GW_ASSIGN_OR_RETURN(RigLinks rig, connect(server_.rig(), server_.calibrations()));
+    std::vector<std::string> monitors(request->monitors().begin(), request->monitors().end());
+    if (monitors.empty()) {
+      for (const auto& display : rig.displays) {
+        for (const v1::DisplayMonitor& monitor : display->info.monitors()) monitors.push_back(monitor.name());
+      }
+    }
+    const auto progress = [&](const std::string& words) {
+      v1::CalibrateSyncResponse response;
+      response.set_progress(words);
+      writer->Write(response);
+    };
+    const std::optional<v1::CameraCalibration> camera =
+        server_.calibrations().camera(rig.camera_info.camera().name());
+    absl::Status unmeasured;  // the first that could not be; the others are measured all the same
+    for (const std::string& monitor : monitors) {
+      const absl::StatusOr<v1::MonitorSync> measured =
+          measure_sync(rig, monitor, request->exposure_ms(), camera ? &*camera : nullptr, progress, stop);
+      if (absl::IsFailedPrecondition(measured.status())) {
+        unmeasured.Update(measured.status());
+        continue;
+      }
+      GW_ASSIGN_OR_RETURN(const v1::MonitorSync sync, measured);
+      GW_RETURN_IF_ERROR(server_.calibrations().put(sync));
+      spdlog::info("calibrated monitor={} lag_ms={:.3f} settle_ms={:.3f} error_ms={:.3f}", monitor,
+                   1e-6 * static_cast<double>(sync.lag_ns()), 1e-6 * static_cast<double>(sync.settle_ns()),
+                   1e-6 * static_cast<double>(sync.error_ns()));
+      v1::CalibrateSyncResponse response;
+      *response.mutable_result() = sync;
+      writer->Write(response);
+    }
+    return unmeasured;
+  });
+}
+
+grpc::Status RigServiceImpl::CheckRig(grpc::ServerContext* context, const v1::CheckRigRequest* request,
+                                      grpc::ServerWriter<v1::CheckRigResponse>* writer) {
+  return run(context, "doctor", [&](std::stop_token stop) {
+    return check_rig(
+        server_.rig(), server_.calibrations(), request->plan(),
+        [&](const v1::Finding& finding) {
+          v1::CheckRigResponse response;
+          *response.mutable_finding() = finding;
+          writer->Write(response);
+        },
+        stop);
+  });
+}
+
+grpc::Status RigServiceImpl::ShowRamp(grpc::ServerContext* context, RampStream* stream) {
+  v1::ShowRampRequest request;
+  if (!stream->Read(&request)) return grpc::Status::OK;
+  return run(context, "live", [&](std::stop_token stop) -> absl::Status {
+    GW_ASSIGN_OR_RETURN(const std::unique_ptr<RampShow> show,
+                        RampShow::start(server_.rig(), server_.calibrations(), request.monitor(), stop));
+    bool object = false;
+    do {
+      if (stop.stop_requested()) return absl::CancelledError("stopped");
+      GW_RETURN_IF_ERROR(show->check());
+      if (request.object() != object) GW_RETURN_IF_ERROR(show->move_object(request.object()));
+      object = request.object();
+    } while (stream->Write(show->description()) && stream->Read(&request));
+    return absl::OkStatus();
+  });
+}
+
+grpc::Status RigServiceImpl::ShowPattern(grpc::ServerContext* context, const v1::ShowPatternRequest* request,
+                                         grpc::ServerWriter<v1::ShowPatternResponse>* writer) {
+  return run(context, "pattern " + request->pattern(), [&](std::stop_token stop) -> absl::Status {
+    GW_ASSIGN_OR_RETURN(const RigLinks rig, connect(server_.rig(), server_.calibrations()));
+    GW_ASSIGN_OR_RETURN(std::vector<v1::Monitor> monitors, rig.monitors());
+    for (const std::string& name : request->monitors()) {
+      if (std::ranges::find(monitors, name, &v1::Monitor::name) == monitors.end())
+        return absl::InvalidArgumentError(fmt::format("there is no monitor \"{}\"", name));
+    }
+    std::erase_if(monitors, [&](const v1::Monitor& monitor) {
+      return !request->monitors().empty() && std::ranges::count(request->monitors(), monitor.name()) == 0;
+    });
+    GW_ASSIGN_OR_RETURN(const std::vector<v1::Stimulus> pattern, test_pattern(request->pattern(), monitors));
+    v1::CaptureManifest header;  // for its calibrations
+    *header.mutable_camera() = rig.camera_info.camera();
+    v1::ShowPatternResponse response;
+    for (const v1::Monitor& monitor : monitors) {
+      *header.add_monitors() = monitor;
+      response.add_monitors(monitor.name());
+    }
+    GW_RETURN_IF_ERROR(embed_calibrations(server_.calibrations(), header));
+    GW_ASSIGN_OR_RETURN(const auto showing,
+                        StillShow::start(rig, pattern, header.display_calibrations(), stop));
+    writer->Write(response);
+    while (!stop.stop_requested()) {
+      GW_RETURN_IF_ERROR(showing->check());
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    }
+    return absl::CancelledError("stopped");
+  });
+}
+
+grpc::Status RigServiceImpl::HoldRig(grpc::ServerContext* context, const v1::HoldRigRequest* request,
+                                     grpc::ServerWriter<v1::HoldRigResponse>* writer) {
+  if (request->reason().empty() || request->reason().size() > kMostReasonBytes) {
+    return to_grpc(absl::InvalidArgumentError(
+        fmt::format("the reason is of {} bytes; it must be of 1 to {}: others are shown it",
+                    request->reason().size(), kMostReasonBytes)));
+  }
+  const Caller caller = caller_of(*context);
+  const absl::StatusOr<RigLock::Hold> hold = server_.rig_lock().hold(caller, request->reason());
+  if (!hold.ok()) return to_grpc(hold.status());
+  spdlog::info("the rig is held client=\"{}\" reason=\"{}\"", caller.client, request->reason());
+  v1::HoldRigResponse response;
+  response.set_token(server_.rig_lock().token());
+  writer->Write(response);
+  while (!context->IsCancelled() && !stopping_) std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  spdlog::info("the rig is freed client=\"{}\"", caller.client);
+  return stopping_ ? to_grpc(absl::UnavailableError("the server is stopping")) : grpc::Status::OK;
+}
+
+namespace {
+
+// What the camera node that holds the session's frames makes of them.
+absl::StatusOr<v1::FitCalibrationResponse> fit(const v1::Session& session) {
+  const auto node = v1::CalibrationService::NewStub(dial(session.archive_address()));
+  const std::string peer = "camera node at " + session.archive_address();
+  grpc::ClientContext context;
+  set_deadline(context, std::chrono::minutes(10));
+  v1::FitCalibrationResponse fitted;
+  if (session.plan().calibration().of() == "camera") {
+    v1::FitCameraRequest request;
+    request.set_session(session.name());
+    v1::FitCameraResponse response;
+    GW_RETURN_IF_ERROR(from_grpc(node->FitCamera(&context, request, &response), peer));
+    *fitted.mutable_camera() = std::move(*response.mutable_calibration());
+  } else {
+    v1::FitDisplaysRequest request;
+    request.set_session(session.name());
+    v1::FitDisplaysResponse response;
+    GW_RETURN_IF_ERROR(from_grpc(node->FitDisplays(&context, request, &response), peer));
+    *fitted.mutable_displays() = std::move(*response.mutable_calibrations());
+    *fitted.mutable_unmeasured() = std::move(*response.mutable_unmeasured());
+  }
+  return fitted;
+}
+
+absl::StatusOr<v1::FitCalibrationResponse> fit_and_store(Server& server, const std::string& name) {
+  GW_ASSIGN_OR_RETURN(const v1::Session session, server.find(name));
+  if (!session.plan().has_calibration()) {
+    return absl::FailedPreconditionError(
+        fmt::format("session \"{}\" measured no device; its method is {}", name, session.method()));
+  }
+  if (session.state() != v1::SESSION_STATE_CAPTURED) {
+    return absl::FailedPreconditionError(fmt::format(
+        "session \"{}\" is not captured to its end; go on with: glasswing resume {}", name, name));
+  }
+  GW_ASSIGN_OR_RETURN(v1::FitCalibrationResponse fitted, fit(session));
+  if (fitted.has_camera()) {
+    GW_RETURN_IF_ERROR(server.calibrations().put(fitted.camera()));
+    spdlog::info("calibrated camera={} session={}", fitted.camera().camera(), name);
+  }
+  for (const v1::DisplayCalibration& display : fitted.displays()) {
+    GW_RETURN_IF_ERROR(server.calibrations().put(display));
+    spdlog::info("calibrated monitor={} session={}", display.monitor(), name);
+  }
+  return fitted;
+}
+
+}  // namespace
+
+grpc::Status RigServiceImpl::FitCalibration(grpc::ServerContext*, const v1::FitCalibrationRequest* request,
+                                            v1::FitCalibrationResponse* response) {
+  absl::StatusOr<v1::FitCalibrationResponse> fitted = fit_and_store(server_, request->session());
+  if (!fitted.ok()) return to_grpc(fitted.status());
+  *response = *std::move(fitted);
+  return grpc::Status::OK;
+}
+
+grpc::Status RigServiceImpl::ListCalibrations(grpc::ServerContext*, const v1::ListCalibrationsRequest*,
+                                              v1::ListCalibrationsResponse* response) {
+  const CalibrationStore& store = server_.calibrations();
+  for (v1::CameraCalibration& camera : store.cameras()) *response->add_cameras() = std::move(camera);
+  for (v1::DisplayCalibration& display : store.displays()) *response->add_displays() = std::move(display);
+  *response->mutable_sync() = store.all_sync();
+  return grpc::Status::OK;
+}
+
+grpc::Status RigServiceImpl::ForgetCalibration(grpc::ServerContext*,
+                                               const v1::ForgetCalibrationRequest* request,
+                                               v1::ForgetCalibrationResponse*) {
+  return to_grpc(server_.calibrations().forget(request->device()));
+}
+
+}  // namespace glasswing

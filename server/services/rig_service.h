@@ -1,0 +1,43 @@
+// RigService: one measurement of the rig at a time, streamed to whoever asked for it; and who has the rig.
+#pragma once
+
+#include <atomic>
+
+#include "glasswing/v1/rig_service.grpc.pb.h"
+#include "server/sessions/session_store.h"
+
+namespace glasswing {
+
+class RigServiceImpl final : public v1::RigService::Service {
+ public:
+  explicit RigServiceImpl(Server& server) : server_(server) {}
+  // Ends a running measurement and a hold, so that the daemon can stop.
+  void stop() { stopping_ = true; }
+
+  grpc::Status CalibrateSync(grpc::ServerContext*, const v1::CalibrateSyncRequest*,
+                             grpc::ServerWriter<v1::CalibrateSyncResponse>*) override;
+  grpc::Status CheckRig(grpc::ServerContext*, const v1::CheckRigRequest*,
+                        grpc::ServerWriter<v1::CheckRigResponse>*) override;
+  grpc::Status FitCalibration(grpc::ServerContext*, const v1::FitCalibrationRequest*,
+                              v1::FitCalibrationResponse*) override;
+  grpc::Status ListCalibrations(grpc::ServerContext*, const v1::ListCalibrationsRequest*,
+                                v1::ListCalibrationsResponse*) override;
+  grpc::Status ForgetCalibration(grpc::ServerContext*, const v1::ForgetCalibrationRequest*,
+                                 v1::ForgetCalibrationResponse*) override;
+  using RampStream = grpc::ServerReaderWriter<v1::ShowRampResponse, v1::ShowRampRequest>;
+  grpc::Status ShowRamp(grpc::ServerContext*, RampStream*) override;
+  grpc::Status ShowPattern(grpc::ServerContext*, const v1::ShowPatternRequest*,
+                           grpc::ServerWriter<v1::ShowPatternResponse>*) override;
+  grpc::Status HoldRig(grpc::ServerContext*, const v1::HoldRigRequest*,
+                       grpc::ServerWriter<v1::HoldRigResponse>*) override;
+
+ private:
+  // Does the work while the call is open; it is stopped when the caller or the daemon goes.
+  grpc::Status run(grpc::ServerContext* context, const std::string& what,
+                   const std::function<absl::Status(std::stop_token)>& work);
+
+  Server& server_;
+  std::atomic<bool> stopping_ = false;
+};
+
+}  // namespace glasswing

@@ -1,0 +1,214 @@
+#include "server/services/session_service.h"
+
+#include <fmt/format.h>
+
+#include "core/base/file.h"
+#include "core/service/service.h"
+#include "server/rig/caller.h"
+
+namespace glasswing {
+namespace {
+
+constexpr size_t kEventsOfAMessage = 1000;
+constexpr size_t kMaxImageBytes = 256u << 20;
+
+bool rests(v1::SessionState state) {
+  return state == v1::SESSION_STATE_PAUSED || state == v1::SESSION_STATE_CAPTURED ||
+         state == v1::SESSION_STATE_DONE || state == v1::SESSION_STATE_FAILED ||
+         state == v1::SESSION_STATE_CANCELLED;
+}
+
+template <typename Response>
+grpc::Status answer(const absl::StatusOr<v1::Session>& session, Response* response) {
+  if (!session.ok()) return to_grpc(session.status());
+  *response->mutable_session() = *session;
+  return grpc::Status::OK;
+}
+
+}  // namespace
+
+grpc::Status SessionServiceImpl::CreateSession(grpc::ServerContext* context,
+                                               const v1::CreateSessionRequest* request,
+                                               v1::CreateSessionResponse* response) {
+  return answer(server_.create(*request, caller_of(*context)), response);
+}
+
+grpc::Status SessionServiceImpl::EstimateSession(grpc::ServerContext*,
+                                                 const v1::EstimateSessionRequest* request,
+                                                 v1::EstimateSessionResponse* response) {
+  absl::StatusOr<v1::EstimateSessionResponse> estimate = server_.estimate(*request);
+  if (!estimate.ok()) return to_grpc(estimate.status());
+  *response = *std::move(estimate);
+  return grpc::Status::OK;
+}
+
+grpc::Status SessionServiceImpl::BeginImport(grpc::ServerContext* context,
+                                             const v1::BeginImportRequest* request,
+                                             v1::BeginImportResponse* response) {
+  return answer(server_.begin_import(*request, caller_of(*context)), response);
+}
+
+grpc::Status SessionServiceImpl::FinishImport(grpc::ServerContext*, const v1::FinishImportRequest* request,
+                                              v1::FinishImportResponse* response) {
+  return answer(server_.finish_import(request->name()), response);
+}
+
+grpc::Status SessionServiceImpl::UploadImage(grpc::ServerContext*,
+                                             grpc::ServerReader<v1::UploadImageRequest>* reader,
+                                             v1::UploadImageResponse* response) {
+  std::string bytes;
+  v1::UploadImageRequest request;
+  while (reader->Read(&request)) {
+    bytes += request.chunk();
+    if (bytes.size() > kMaxImageBytes) {
+      return to_grpc(
+          absl::InvalidArgumentError(fmt::format("the image is larger than {} bytes", kMaxImageBytes)));
+    }
+  }
+  const absl::StatusOr<std::string> image = server_.store_image(bytes);
+  if (!image.ok()) return to_grpc(image.status());
+  response->set_image(*image);
+  return grpc::Status::OK;
+}
+
+grpc::Status SessionServiceImpl::ListSessions(grpc::ServerContext*, const v1::ListSessionsRequest* request,
+                                              v1::ListSessionsResponse* response) {
+  const absl::StatusOr<std::vector<v1::Session>> sessions = server_.list(*request);
+  if (!sessions.ok()) return to_grpc(sessions.status());
+  for (const v1::Session& session : *sessions) *response->add_sessions() = session;
+  return grpc::Status::OK;
+}
+
+grpc::Status SessionServiceImpl::GetSession(grpc::ServerContext*, const v1::GetSessionRequest* request,
+                                            v1::GetSessionResponse* response) {
+  return answer(server_.find(request->name()), response);
+}
+
+grpc::Status SessionServiceImpl::WatchSession(grpc::ServerContext* context,
+                                              const v1::WatchSessionRequest* request,
+                                              grpc::ServerWriter<v1::WatchSessionResponse>* writer) {
+  std::int64_t seen = 0;
+  std::string last;
+  while (!context->IsCancelled() && !stopping_) {
+    const std::int64_t now = server_.wait_change(seen, std::chrono::milliseconds(seen == 0 ? 0 : 500));
+    if (now == seen && seen != 0) continue;
+    seen = std::max<std::int64_t>(now, 1);
+    const absl::StatusOr<v1::Session> session = server_.find(request->name());
+    if (!session.ok()) return to_grpc(session.status());
+    const std::string bytes = session->SerializeAsString();
+    if (bytes != last) {
+      v1::WatchSessionResponse response;
+      *response.mutable_session() = *session;
+      if (!writer->Write(response)) break;
+      last = bytes;
+    }
+    if (rests(session->state())) return grpc::Status::OK;
+  }
+  return grpc::Status(grpc::StatusCode::UNAVAILABLE, "the server is stopping");
+}
+
+grpc::Status SessionServiceImpl::WatchSteps(grpc::ServerContext* context,
+                                            const v1::WatchStepsRequest* request,
+                                            grpc::ServerWriter<v1::WatchStepsResponse>* writer) {
+  size_t told = 0;
+  std::int64_t seen = 0;
+  while (!context->IsCancelled() && !stopping_) {
+    seen =
+        std::max<std::int64_t>(server_.wait_change(seen, std::chrono::milliseconds(seen == 0 ? 0 : 500)), 1);
+    const absl::StatusOr<v1::Session> session =
+        server_.find(request->name());  // before its last events are read
+    if (!session.ok()) return to_grpc(session.status());
+    const absl::StatusOr<std::vector<v1::StepEvent>> events = server_.steps(request->name(), told);
+    if (!events.ok()) return to_grpc(events.status());
+    for (size_t at = 0; at < events->size(); at += kEventsOfAMessage) {
+      v1::WatchStepsResponse response;
+      for (size_t i = at; i < std::min(at + kEventsOfAMessage, events->size()); ++i)
+        *response.add_events() = (*events)[i];
+      if (!writer->Write(response)) return grpc::Status::CANCELLED;
+    }
+    told += events->size();
+    if (session->state() != v1::SESSION_STATE_CAPTURING) return grpc::Status::OK;
+  }
+  return grpc::Status(grpc::StatusCode::UNAVAILABLE, "the server is stopping");
+}
+
+grpc::Status SessionServiceImpl::PauseSession(grpc::ServerContext* context,
+                                              const v1::PauseSessionRequest* request,
+                                              v1::PauseSessionResponse* response) {
+  return answer(server_.pause(request->name(), caller_of(*context)), response);
+}
+
+grpc::Status SessionServiceImpl::ResumeSession(grpc::ServerContext* context,
+                                               const v1::ResumeSessionRequest* request,
+                                               v1::ResumeSessionResponse* response) {
+  return answer(server_.resume(*request, caller_of(*context)), response);
+}
+
+grpc::Status SessionServiceImpl::CancelSession(grpc::ServerContext* context,
+                                               const v1::CancelSessionRequest* request,
+                                               v1::CancelSessionResponse* response) {
+  return answer(server_.cancel(request->name(), caller_of(*context)), response);
+}
+
+grpc::Status SessionServiceImpl::DeleteSession(grpc::ServerContext*, const v1::DeleteSessionRequest* request,
+                                               v1::DeleteSessionResponse* response) {
+  const absl::StatusOr<std::int64_t> freed_bytes = server_.remove(request->name());
+  if (!freed_bytes.ok()) return to_grpc(freed_bytes.status());
+  response->set_freed_bytes(*freed_bytes);
+  return grpc::Status::OK;
+}
+
+grpc::Status SessionServiceImpl::AnnotateSession(grpc::ServerContext*,
+                                                 const v1::AnnotateSessionRequest* request,
+                                                 v1::AnnotateSessionResponse* response) {
+  return answer(server_.annotate(*request), response);
+}
+
+grpc::Status SessionServiceImpl::SolveSession(grpc::ServerContext*, const v1::SolveSessionRequest* request,
+                                              v1::SolveSessionResponse* response) {
+  return answer(server_.solve(*request), response);
+}
+
+grpc::Status SessionServiceImpl::ReplicateSession(grpc::ServerContext* context,
+                                                  const v1::ReplicateSessionRequest* request,
+                                                  grpc::ServerWriter<v1::ReplicateSessionResponse>* writer) {
+  return to_grpc(server_.replicate(
+      *request, [&](const v1::ReplicateSessionResponse& progress) { return writer->Write(progress); },
+      [&] { return !context->IsCancelled() && !stopping_; }));
+}
+
+grpc::Status SessionServiceImpl::FetchMatte(grpc::ServerContext*, const v1::FetchMatteRequest* request,
+                                            grpc::ServerWriter<v1::FetchMatteResponse>* writer) {
+  const std::optional<int> frame = request->has_frame() ? std::optional<int>(request->frame()) : std::nullopt;
+  absl::StatusOr<std::string> bytes;
+  if (request->partial()) {
+    bytes = server_.partial_matte(request->name());
+    if (!bytes.ok()) return to_grpc(bytes.status());
+  }
+  for (int attempt = 0; attempt < 2 && !bytes.ok(); ++attempt) {
+    const absl::StatusOr<std::filesystem::path> path = server_.matte(request->name(), frame);
+    if (!path.ok()) return to_grpc(path.status());
+    bytes = read_file(*path);
+  }
+  if (!bytes.ok()) return to_grpc(absl::DataLossError(bytes.status().message()));
+  for (size_t at = 0; at < bytes->size(); at += kChunkBytes) {
+    v1::FetchMatteResponse response;
+    response.set_chunk(bytes->substr(at, kChunkBytes));
+    if (!writer->Write(response)) break;
+  }
+  return grpc::Status::OK;
+}
+
+grpc::Status NodeServiceImpl::Register(grpc::ServerContext*, const v1::RegisterRequest* request,
+                                       v1::RegisterResponse*) {
+  return to_grpc(server_.rig().add(*request));
+}
+
+grpc::Status NodeServiceImpl::ListNodes(grpc::ServerContext*, const v1::ListNodesRequest*,
+                                        v1::ListNodesResponse* response) {
+  for (const v1::Node& node : server_.rig().nodes()) *response->add_nodes() = node;
+  if (const auto holder = server_.rig_lock().holder()) *response->mutable_holder() = *holder;
+  return grpc::Status::OK;
+}
+
+}  // namespace glasswing

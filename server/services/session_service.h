@@ -1,0 +1,68 @@
+// SessionService and NodeService: wire to Server and back.
+#pragma once
+
+#include <atomic>
+
+#include "glasswing/v1/node_service.grpc.pb.h"
+#include "glasswing/v1/session_service.grpc.pb.h"
+#include "server/sessions/session_store.h"
+
+namespace glasswing {
+
+class SessionServiceImpl final : public v1::SessionService::Service {
+ public:
+  explicit SessionServiceImpl(Server& server) : server_(server) {}
+  // Ends the watches, so that the daemon can stop.
+  void stop() { stopping_ = true; }
+
+  grpc::Status CreateSession(grpc::ServerContext*, const v1::CreateSessionRequest*,
+                             v1::CreateSessionResponse*) override;
+  grpc::Status EstimateSession(grpc::ServerContext*, const v1::EstimateSessionRequest*,
+                               v1::EstimateSessionResponse*) override;
+  grpc::Status BeginImport(grpc::ServerContext*, const v1::BeginImportRequest*,
+                           v1::BeginImportResponse*) override;
+  grpc::Status FinishImport(grpc::ServerContext*, const v1::FinishImportRequest*,
+                            v1::FinishImportResponse*) override;
+  grpc::Status UploadImage(grpc::ServerContext*, grpc::ServerReader<v1::UploadImageRequest>*,
+                           v1::UploadImageResponse*) override;
+  grpc::Status ListSessions(grpc::ServerContext*, const v1::ListSessionsRequest*,
+                            v1::ListSessionsResponse*) override;
+  grpc::Status GetSession(grpc::ServerContext*, const v1::GetSessionRequest*,
+                          v1::GetSessionResponse*) override;
+  grpc::Status WatchSession(grpc::ServerContext*, const v1::WatchSessionRequest*,
+                            grpc::ServerWriter<v1::WatchSessionResponse>*) override;
+  grpc::Status WatchSteps(grpc::ServerContext*, const v1::WatchStepsRequest*,
+                          grpc::ServerWriter<v1::WatchStepsResponse>*) override;
+  grpc::Status PauseSession(grpc::ServerContext*, const v1::PauseSessionRequest*,
+                            v1::PauseSessionResponse*) override;
+  grpc::Status ResumeSession(grpc::ServerContext*, const v1::ResumeSessionRequest*,
+                             v1::ResumeSessionResponse*) override;
+  grpc::Status CancelSession(grpc::ServerContext*, const v1::CancelSessionRequest*,
+                             v1::CancelSessionResponse*) override;
+  grpc::Status DeleteSession(grpc::ServerContext*, const v1::DeleteSessionRequest*,
+                             v1::DeleteSessionResponse*) override;
+  grpc::Status AnnotateSession(grpc::ServerContext*, const v1::AnnotateSessionRequest*,
+                               v1::AnnotateSessionResponse*) override;
+  grpc::Status SolveSession(grpc::ServerContext*, const v1::SolveSessionRequest*,
+                            v1::SolveSessionResponse*) override;
+  grpc::Status ReplicateSession(grpc::ServerContext*, const v1::ReplicateSessionRequest*,
+                                grpc::ServerWriter<v1::ReplicateSessionResponse>*) override;
+  grpc::Status FetchMatte(grpc::ServerContext*, const v1::FetchMatteRequest*,
+                          grpc::ServerWriter<v1::FetchMatteResponse>*) override;
+
+ private:
+  Server& server_;
+  std::atomic<bool> stopping_ = false;
+};
+
+class NodeServiceImpl final : public v1::NodeService::Service {
+ public:
+  explicit NodeServiceImpl(Server& server) : server_(server) {}
+  grpc::Status Register(grpc::ServerContext*, const v1::RegisterRequest*, v1::RegisterResponse*) override;
+  grpc::Status ListNodes(grpc::ServerContext*, const v1::ListNodesRequest*, v1::ListNodesResponse*) override;
+
+ private:
+  Server& server_;
+};
+
+}  // namespace glasswing

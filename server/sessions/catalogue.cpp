@@ -1,0 +1,242 @@
+#include "server/sessions/catalogue.h"
+
+#include <absl/strings/ascii.h>
+#include <absl/strings/str_join.h>
+#include <absl/strings/str_split.h>
+#include <absl/time/time.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+
+#include "core/base/name.h"
+#include "core/base/status.h"
+#include "core/storage/row_checksums.h"
+#include "core/storage/server_records.h"
+
+namespace glasswing {
+namespace {
+
+constexpr const char* kAfterSession = ", note, tags, copies, name";  // what parsed() reads of a row
+
+std::string rows_of(const char* session_column) {
+  return fmt::format("SELECT {}{}, {} FROM sessions ", session_column, kAfterSession,
+                     row_sum_holds(kCatalogueColumns));
+}
+
+absl::StatusOr<v1::Session> parsed(const std::string& bytes) {
+  v1::Session session;
+  if (!session.ParseFromString(bytes)) return absl::DataLossError("catalogue: a session cannot be read");
+  return session;
+}
+
+absl::StatusOr<v1::Session> parsed(const Database::Query& row) {
+  if (row.integer(5) == 0) {
+    return absl::DataLossError(fmt::format(
+        "the catalogue's record of session \"{}\" is damaged; glasswing fsck says more", row.text(4)));
+  }
+  GW_ASSIGN_OR_RETURN(v1::Session session, parsed(row.text(0)));
+  session.set_note(row.text(1));
+  const std::vector<std::string> tags = absl::StrSplit(row.text(2), ' ', absl::SkipEmpty());
+  session.mutable_tags()->Assign(tags.begin(), tags.end());
+  GW_ASSIGN_OR_RETURN(const v1::Session copied, parsed(row.text(3)));
+  *session.mutable_copies() = copied.copies();
+  return session;
+}
+
+// Catalogues of before had none of these.
+absl::Status add_columns(Database& database) {
+  for (const auto& [column, type] :
+       {std::pair("note", "TEXT NOT NULL DEFAULT ''"), std::pair("tags", "TEXT NOT NULL DEFAULT ''"),
+        std::pair("finished", "BLOB NOT NULL DEFAULT ''"), std::pair("copies", "BLOB NOT NULL DEFAULT ''")}) {
+    Database::Query query = database.query("SELECT 1 FROM pragma_table_info('sessions') WHERE name = ?");
+    query.bind(std::string_view(column));
+    const bool is_there = query.next();
+    GW_RETURN_IF_ERROR(query.finish());
+    if (!is_there)
+      GW_RETURN_IF_ERROR(database.run(fmt::format("ALTER TABLE sessions ADD COLUMN {} {}", column, type)));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<absl::Time> time_of(const char* field, const std::string& text, absl::Time otherwise) {
+  if (text.empty()) return otherwise;
+  absl::Time time;
+  std::string error;
+  if (absl::ParseTime(absl::RFC3339_full, text, &time, &error)) return time;
+  return absl::InvalidArgumentError(
+      fmt::format("{} is \"{}\"; it must be a time such as 2026-11-01T12:00:00Z", field, text));
+}
+
+}  // namespace
+
+absl::StatusOr<bool> matches(const v1::Session& session, const v1::ListSessionsRequest& request) {
+  GW_ASSIGN_OR_RETURN(const absl::Time from,
+                      time_of("created_from", request.created_from(), absl::InfinitePast()));
+  GW_ASSIGN_OR_RETURN(const absl::Time before,
+                      time_of("created_before", request.created_before(), absl::InfiniteFuture()));
+  GW_ASSIGN_OR_RETURN(const absl::Time created, time_of("created", session.created(), absl::InfinitePast()));
+  const auto says = [wanted = absl::AsciiStrToLower(request.text())](const std::string& text) {
+    return absl::AsciiStrToLower(text).find(wanted) != std::string::npos;
+  };
+  const bool text = request.text().empty() || says(session.name()) || says(session.note()) ||
+                    says(session.reason()) || std::ranges::any_of(session.tags(), says);
+  const bool tags = std::ranges::all_of(
+      request.tags(), [&](const std::string& tag) { return std::ranges::count(session.tags(), tag) > 0; });
+  const bool state =
+      request.states().empty() || std::ranges::count(request.states(), static_cast<int>(session.state())) > 0;
+  return text && tags && state && from <= created && created < before;
+}
+
+absl::StatusOr<std::unique_ptr<Catalogue>> Catalogue::open(const std::filesystem::path& path) {
+  GW_ASSIGN_OR_RETURN(Database database, Database::open(path));
+  GW_RETURN_IF_ERROR(database.run(
+      "CREATE TABLE IF NOT EXISTS sessions (id INTEGER PRIMARY KEY AUTOINCREMENT, name TEXT UNIQUE NOT NULL, "
+      "request_id TEXT NOT NULL, session BLOB NOT NULL)"));
+  GW_RETURN_IF_ERROR(add_columns(database));
+  GW_RETURN_IF_ERROR(protect_rows(database, "sessions", kCatalogueColumns));
+  absl::Status whole = database.check_structure();
+  whole.Update(check_rows(database, "sessions", kCatalogueColumns));
+  if (!whole.ok()) {
+    return absl::DataLossError(fmt::format("{} is damaged: {}; glasswing fsck {} says more", path.string(),
+                                           std::string(whole.message()), path.parent_path().string()));
+  }
+  return std::unique_ptr<Catalogue>(new Catalogue(std::move(database)));
+}
+
+absl::Status Catalogue::insert(const v1::Session& session, const std::string& request_id) {
+  const std::lock_guard lock(mutex_);
+  const absl::Status status =
+      database_.query("INSERT INTO sessions (name, request_id, session) VALUES (?, ?, ?)")
+          .bind(session.name())
+          .bind(request_id)
+          .bind(session.SerializeAsString())
+          .finish();
+  if (absl::IsAlreadyExists(status)) {
+    return absl::AlreadyExistsError(
+        fmt::format("there is a session \"{}\" already; choose another name", session.name()));
+  }
+  return status;
+}
+
+absl::Status Catalogue::update(const v1::Session& session) {
+  const std::lock_guard lock(mutex_);
+  return database_.query("UPDATE sessions SET session = ? WHERE name = ?")
+      .bind(session.SerializeAsString())
+      .bind(session.name())
+      .finish();
+}
+
+absl::StatusOr<v1::Session> Catalogue::annotate(const v1::AnnotateSessionRequest& request) {
+  if (request.note().size() > kMostNoteBytes) {
+    return absl::InvalidArgumentError(
+        fmt::format("the note is of {} bytes; it must be at most {}", request.note().size(), kMostNoteBytes));
+  }
+  for (const std::string& tag : request.add_tags()) GW_RETURN_IF_ERROR(check_name("tag", tag));
+  const std::lock_guard lock(mutex_);
+  GW_ASSIGN_OR_RETURN(const v1::Session session, find_locked(request.name()));
+  std::set<std::string> tags(session.tags().begin(), session.tags().end());
+  tags.insert(request.add_tags().begin(), request.add_tags().end());
+  for (const std::string& tag : request.remove_tags()) tags.erase(tag);
+  GW_RETURN_IF_ERROR(database_.query("UPDATE sessions SET note = ?, tags = ? WHERE name = ?")
+                         .bind(request.has_note() ? request.note() : session.note())
+                         .bind(absl::StrJoin(tags, " "))
+                         .bind(request.name())
+                         .finish());
+  return find_locked(request.name());
+}
+
+absl::Status Catalogue::set_copy(const std::string& name, const v1::ArchiveCopy& copy) {
+  const std::lock_guard lock(mutex_);
+  GW_ASSIGN_OR_RETURN(v1::Session session, find_locked(name));
+  for (v1::ArchiveCopy& known : *session.mutable_copies()) {
+    if (known.node() != copy.node()) continue;
+    known = copy;
+    return store_copies(session);
+  }
+  *session.add_copies() = copy;
+  return store_copies(session);
+}
+
+absl::Status Catalogue::drop_copy(const std::string& name, const std::string& node) {
+  const std::lock_guard lock(mutex_);
+  GW_ASSIGN_OR_RETURN(v1::Session session, find_locked(name));
+  auto& copies = *session.mutable_copies();
+  copies.erase(std::remove_if(copies.begin(), copies.end(),
+                              [&](const v1::ArchiveCopy& copy) { return copy.node() == node; }),
+               copies.end());
+  return store_copies(session);
+}
+
+absl::Status Catalogue::store_copies(const v1::Session& session) {
+  v1::Session alone;
+  *alone.mutable_copies() = session.copies();
+  return database_.query("UPDATE sessions SET copies = ? WHERE name = ?")
+      .bind(alone.SerializeAsString())
+      .bind(session.name())
+      .finish();
+}
+
+absl::Status Catalogue::keep_finished(const v1::Session& session) {
+  const std::lock_guard lock(mutex_);
+  return database_.query("UPDATE sessions SET finished = ? WHERE name = ?")
+      .bind(session.SerializeAsString())
+      .bind(session.name())
+      .finish();
+}
+
+absl::Status Catalogue::drop_finished(const std::string& name) {
+  const std::lock_guard lock(mutex_);
+  return database_.query("UPDATE sessions SET finished = '' WHERE name = ?").bind(name).finish();
+}
+
+absl::StatusOr<v1::Session> Catalogue::finished(const std::string& name) {
+  const std::lock_guard lock(mutex_);
+  Database::Query query = database_.query(rows_of("finished") + "WHERE name = ? AND finished != ''");
+  query.bind(name);
+  return first(std::move(query), fmt::format("no solve of session \"{}\" has finished", name));
+}
+
+absl::Status Catalogue::remove(const std::string& name) {
+  const std::lock_guard lock(mutex_);
+  return database_.query("DELETE FROM sessions WHERE name = ?").bind(name).finish();
+}
+
+absl::StatusOr<v1::Session> Catalogue::first(Database::Query query, const std::string& missing) {
+  if (query.next()) return parsed(query);
+  GW_RETURN_IF_ERROR(query.status());
+  return absl::NotFoundError(missing);
+}
+
+absl::StatusOr<v1::Session> Catalogue::find_locked(const std::string& name) {
+  Database::Query query = database_.query(rows_of("session") + "WHERE name = ?");
+  query.bind(name);
+  return first(std::move(query),
+               fmt::format("there is no session \"{}\"; `glasswing sessions` lists them", name));
+}
+
+absl::StatusOr<v1::Session> Catalogue::find(const std::string& name) {
+  const std::lock_guard lock(mutex_);
+  return find_locked(name);
+}
+
+absl::StatusOr<v1::Session> Catalogue::find_request(const std::string& request_id) {
+  const std::lock_guard lock(mutex_);
+  Database::Query query = database_.query(rows_of("session") + "WHERE request_id = ? AND request_id != ''");
+  query.bind(request_id);
+  return first(std::move(query), "no session was made by this request");
+}
+
+absl::StatusOr<std::vector<v1::Session>> Catalogue::list() {
+  const std::lock_guard lock(mutex_);
+  Database::Query query = database_.query(rows_of("session") + "ORDER BY id DESC");
+  std::vector<v1::Session> sessions;
+  while (query.next()) {
+    GW_ASSIGN_OR_RETURN(v1::Session session, parsed(query));
+    sessions.push_back(std::move(session));
+  }
+  GW_RETURN_IF_ERROR(query.status());
+  return sessions;
+}
+
+}  // namespace glasswing

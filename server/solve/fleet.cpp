@@ -1,0 +1,127 @@
+#include "server/solve/fleet.h"
+
+#include <fmt/format.h>
+
+#include <set>
+
+#include "core/base/name.h"
+#include "server/metrics/server_metrics.h"
+
+namespace glasswing {
+namespace {
+
+constexpr nanoseconds kSilence = std::chrono::seconds(10);
+constexpr size_t kMostErrorBytes = 1000;
+
+v1::FleetLease described(const LeaseState& lease) {
+  v1::FleetLease described;
+  described.set_session(lease.session);
+  described.set_tile(lease.id.tile);
+  described.set_attempt(lease.id.attempt);
+  described.set_seconds(lease.seconds);
+  described.set_twice(lease.twice);
+  return described;
+}
+
+v1::FleetSolve described(const JobState& job) {
+  v1::FleetSolve solve;
+  solve.set_session(job.session);
+  if (!job.own) solve.set_server(job.server_address);
+  solve.set_method(job.computes.substr(0, job.computes.find('/')));
+  solve.set_tile_count(job.counts.tiles);
+  solve.set_tiles_done(job.counts.done);
+  solve.set_tiles_leased(job.counts.leased);
+  solve.set_failures(job.counts.failures);
+  solve.set_quarantined(job.counts.quarantined);
+  solve.set_tiles_per_second(job.tiles_per_second);
+  solve.set_held(job.held);
+  const int left = job.counts.tiles - job.counts.done - job.counts.quarantined;
+  if (!job.held && job.tiles_per_second > 0.0) solve.set_seconds_left(left / job.tiles_per_second);
+  return solve;
+}
+
+}  // namespace
+
+void Fleet::note(const std::string& name, const std::function<void(Solver&)>& change) {
+  if (!check_name("node", name).ok()) return;
+  const nanoseconds now = now_();
+  const std::lock_guard lock(mutex_);
+  std::erase_if(solvers_, [&](const auto& entry) { return now - entry.second.heard >= kForgotten; });
+  Solver& solver = solvers_.try_emplace(name, now).first->second;
+  solver.heard = now;
+  change(solver);
+}
+
+void Fleet::refused(const std::string& solver, const std::string& why) {
+  note(solver, [&](Solver& known) { known.refused = why; });
+}
+
+void Fleet::claimed(const std::string& solver) {
+  note(solver, [](Solver& known) { known.refused.clear(); });
+}
+
+void Fleet::completed(const std::string& solver, double seconds) {
+  server_metrics().tiles_done.Increment();
+  server_metrics().tile_seconds.Observe(seconds);
+  note(solver, [&](Solver& known) {
+    ++known.done;
+    known.rate.add(known.heard);
+  });
+}
+
+void Fleet::failed(const std::string& solver, const std::string& session, int tile,
+                   const std::string& error) {
+  server_metrics().tiles_failed.Increment();
+  note(solver, [&](Solver& known) {
+    ++known.failed;
+    known.last_error = fmt::format("{} tile {}: {}", session, tile, error.substr(0, kMostErrorBytes));
+  });
+}
+
+v1::GetFleetResponse Fleet::describe(const std::vector<RegisteredSolver>& solvers,
+                                     const std::vector<JobState>& jobs, const std::vector<LeaseState>& leases,
+                                     const std::string& store) const {
+  const nanoseconds now = now_();
+  std::map<std::string, v1::FleetSolver> described_solvers;
+  const auto entry = [&](const std::string& name) -> v1::FleetSolver& {
+    v1::FleetSolver& solver = described_solvers[name];
+    solver.set_name(name);
+    return solver;
+  };
+  std::set<std::string> registered;
+  for (const auto& [node, info] : solvers) {
+    registered.insert(node.name());
+    v1::FleetSolver& solver = entry(node.name());
+    solver.set_host(info.host());
+    solver.set_version(node.version());
+    solver.set_build(node.build());
+    solver.set_threads(info.threads());
+    solver.set_vectors(info.vectors());
+    solver.set_up(node.up());
+  }
+  {
+    const std::lock_guard lock(mutex_);
+    for (const auto& [name, known] : solvers_) {
+      if (now - known.heard >= kForgotten && !registered.contains(name)) continue;
+      v1::FleetSolver& solver = entry(name);
+      solver.set_refused(known.refused);
+      solver.set_tiles_done(known.done);
+      solver.set_tiles_failed(known.failed);
+      solver.set_tiles_per_second(known.rate.per_second(now));
+      solver.set_last_error(known.last_error);
+      if (!registered.contains(name)) solver.set_up(now - known.heard < kSilence);
+    }
+  }
+  for (const LeaseState& lease : leases) {
+    v1::FleetSolver& solver = entry(lease.solver);
+    *solver.add_leases() = described(lease);
+    if (!registered.contains(lease.solver)) solver.set_up(true);
+  }
+  v1::GetFleetResponse response;
+  for (auto& [name, solver] : described_solvers) *response.add_solvers() = std::move(solver);
+  for (const JobState& job : jobs) *response.add_solves() = described(job);
+  response.set_store(store);
+  return response;
+}
+
+}  // namespace glasswing

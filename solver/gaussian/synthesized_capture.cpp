@@ -1,0 +1,192 @@
+#include "solver/gaussian/synthesized_capture.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <set>
+
+#include "core/base/status.h"
+#include "core/pattern/pattern.h"
+#include "solver/background/stage_layout.h"
+#include "solver/method/exposure_merge.h"
+
+namespace glasswing {
+namespace {
+
+// Of white: how far a point of the monitor may be from the pattern that was asked for.
+constexpr double kMostError = 2e-3;
+// Of the trace of the stripes' products: what periods much shorter than a stripe is wide would need is left
+// out.
+constexpr double kRidge = 1e-9;
+constexpr double kPointStep_px = 0.5;
+// A weight below which it does not matter that a sample is saturated.
+constexpr double kLeastHeard = 0.02;
+
+// Points along a direction, from the monitor's one end to the other.
+struct Axis {
+  MonitorSize size;
+  double cos_phi = 1.0, sin_phi = 0.0, first_px = 0.0;
+  Eigen::Index count = 0;
+};
+
+Axis axis_of(const v1::Monitor& monitor, double phi_deg) {
+  const double phi_rad = phi_deg * std::numbers::pi / 180.0;
+  Axis axis{.size = {monitor.width_px(), monitor.height_px()},
+            .cos_phi = std::cos(phi_rad),
+            .sin_phi = std::sin(phi_rad)};
+  const double across = axis.cos_phi * monitor.width_px(), down = axis.sin_phi * monitor.height_px();
+  axis.first_px = std::min(across, 0.0) + std::min(down, 0.0);
+  axis.count = static_cast<Eigen::Index>((std::abs(across) + std::abs(down)) / kPointStep_px) + 1;
+  return axis;
+}
+
+// Red stands for gray.
+absl::StatusOr<Eigen::VectorXd> shown(const v1::Stimulus& stimulus, const Axis& axis) {
+  GW_ASSIGN_OR_RETURN(const Pattern pattern, Pattern::create(stimulus, axis.size));
+  Eigen::VectorXd points(axis.count);
+  for (Eigen::Index i = 0; i < axis.count; ++i) {
+    const double t = axis.first_px + kPointStep_px * static_cast<double>(i);
+    points[i] = static_cast<double>(pattern.radiance(t * axis.cos_phi, t * axis.sin_phi)[0]);
+  }
+  return points;
+}
+
+}  // namespace
+
+void MadeCapture::add(const v1::Frame& frame, std::vector<Part> made_of) {
+  *manifest.add_frames() = frame;
+  parts.push_back(std::move(made_of));
+}
+
+MadeCapture as_recorded(const v1::CaptureManifest& recorded) {
+  return part_of(recorded, [](const v1::Frame&) { return true; });
+}
+
+MadeCapture part_of(const v1::CaptureManifest& recorded,
+                    const std::function<bool(const v1::Frame&)>& wanted) {
+  MadeCapture capture{.manifest = recorded, .parts = {}};
+  capture.manifest.clear_frames();
+  for (int i = 0; i < recorded.frames_size(); ++i) {
+    if (wanted(recorded.frames(i))) capture.add(recorded.frames(i), {{.frame = i, .weight = 1.0}});
+  }
+  return capture;
+}
+
+std::vector<int> frames_of(const MadeCapture& capture, const std::vector<int>& made) {
+  std::set<int> frames;
+  for (const int frame : made) {
+    for (const Part& part : capture.parts[static_cast<size_t>(frame)]) frames.insert(part.frame);
+  }
+  return {frames.begin(), frames.end()};
+}
+
+FrameStack made_stack(const FrameStack& recorded, const MadeCapture& capture, const std::vector<int>& made) {
+  FrameStack stack = recorded;
+  stack.manifest = capture.manifest;
+  stack.brightness.clear();
+  stack.rows.assign(capture.parts.size(), {});
+  auto sums = std::make_shared<std::vector<std::vector<std::uint16_t>>>();
+  for (const int frame : made) {
+    const std::vector<Part>& parts = capture.parts[static_cast<size_t>(frame)];
+    const auto rows_of = [&](const Part& part) { return recorded.rows[static_cast<size_t>(part.frame)]; };
+    if (parts.size() == 1 && parts.front().weight == 1.0) {
+      stack.rows[static_cast<size_t>(frame)] = rows_of(parts.front());
+      continue;
+    }
+    const size_t count = rows_of(parts.front()).size();
+    std::vector<float> light(count, recorded.zero);
+    std::vector<bool> saturated(count);
+    for (const Part& part : parts) {
+      const std::span<const std::uint16_t> rows = rows_of(part);
+      const auto weight = static_cast<float>(part.weight);
+      const bool heard = std::abs(part.weight) > kLeastHeard;
+      for (size_t i = 0; i < count; ++i) {
+        light[i] += weight * (static_cast<float>(rows[i]) - recorded.zero);
+        if (heard && rows[i] >= kSaturatedCode) saturated[i] = true;
+      }
+    }
+    std::vector<std::uint16_t>& sum = sums->emplace_back(count);
+    for (size_t i = 0; i < count; ++i) {
+      sum[i] = saturated[i] ? std::uint16_t{65535}
+                            : static_cast<std::uint16_t>(std::lround(std::clamp(light[i], 0.0f, 65501.0f)));
+    }
+    stack.rows[static_cast<size_t>(frame)] = sum;
+  }
+  stack.owner =
+      std::make_shared<std::pair<std::shared_ptr<const void>, decltype(sums)>>(recorded.owner, sums);
+  return stack;
+}
+
+struct StripeSums::Basis {
+  Axis axis;
+  std::vector<int> frames;
+  int black = -1;
+  Eigen::MatrixXd patterns;  // a column a frame
+  Eigen::LDLT<Eigen::MatrixXd> products;
+};
+
+absl::StatusOr<std::shared_ptr<const StripeSums::Basis>> StripeSums::basis(const std::string& panel,
+                                                                           double phi_deg, bool white) {
+  std::shared_ptr<const Basis>& known = bases_[{panel, phi_deg, white}];
+  if (known) return known;
+  auto basis = std::make_shared<Basis>();
+  for (const v1::Monitor& monitor : recorded_.monitors()) {
+    if (monitor.name() == panel) basis->axis = axis_of(monitor, phi_deg);
+  }
+  GW_ASSIGN_OR_RETURN(const Exposures exposures, Exposures::of(recorded_));
+  for (int i = 0; i < recorded_.frames_size(); ++i) {
+    const v1::Frame& frame = recorded_.frames(i);
+    const v1::Stimulus& stimulus = frame.stimulus();
+    if (!is_pattern(frame) || !frame.object() || frame.exposure_ms() != exposures.times_ms().front())
+      continue;
+    const double solid = stimulus.kind() == "solid" ? gray_of(stimulus) : -1.0;
+    if (solid == 0.0) basis->black = i;
+    if (stimulus.panel() != panel) continue;
+    const bool stripe = stimulus.kind() == "gauss_stripe" && stimulus.phi_deg() == phi_deg;
+    if (stripe || (white && solid == 1.0)) basis->frames.push_back(i);
+  }
+  if (basis->frames.size() < 2 || basis->black < 0) {
+    return absl::FailedPreconditionError(
+        fmt::format("no stripes at {} deg on monitor \"{}\", or no black", phi_deg, panel));
+  }
+  basis->patterns.resize(basis->axis.count, static_cast<Eigen::Index>(basis->frames.size()));
+  for (size_t k = 0; k < basis->frames.size(); ++k) {
+    GW_ASSIGN_OR_RETURN(basis->patterns.col(static_cast<Eigen::Index>(k)),
+                        shown(recorded_.frames(basis->frames[k]).stimulus(), basis->axis));
+  }
+  Eigen::MatrixXd products = basis->patterns.transpose() * basis->patterns;
+  products.diagonal().array() += kRidge * products.trace();
+  basis->products.compute(products);
+  known = std::move(basis);
+  return known;
+}
+
+absl::StatusOr<std::vector<Part>> StripeSums::parts(const v1::Stimulus& wanted, double phi_deg) {
+  std::shared_ptr<const Basis> own;
+  Eigen::VectorXd weights;
+  double error = INFINITY;
+  // White is nearly a sum of stripes, and the brightest there is: better left out.
+  for (const bool white : {false, true}) {
+    GW_ASSIGN_OR_RETURN(own, basis(wanted.panel(), phi_deg, white));
+    GW_ASSIGN_OR_RETURN(const Eigen::VectorXd points, shown(wanted, own->axis));
+    weights = own->products.solve(own->patterns.transpose() * points);
+    error = (own->patterns * weights - points).cwiseAbs().maxCoeff();
+    if (error <= kMostError) break;
+  }
+  if (error > kMostError) {
+    return absl::FailedPreconditionError(
+        fmt::format("of stripes as they were recorded at {} deg, {} can be made within {:.2g} of white only",
+                    phi_deg, wanted.ShortDebugString(), error));
+  }
+  std::vector<Part> parts;
+  for (size_t k = 0; k < own->frames.size(); ++k)
+    parts.push_back({.frame = own->frames[k], .weight = weights[static_cast<Eigen::Index>(k)]});
+  // Light that is there before black too counts once.
+  parts.push_back({.frame = own->black, .weight = 1.0 - weights.sum()});
+  return parts;
+}
+
+}  // namespace glasswing

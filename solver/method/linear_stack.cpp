@@ -1,0 +1,133 @@
+#include "solver/method/linear_stack.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "core/base/status.h"
+
+namespace glasswing {
+namespace {
+
+// Brightness takes what is above black to this part more, and noise around black to that part below.
+constexpr float kDriftAbove = 0.25f, kDriftBelow = 0.05f;
+
+constexpr float kMostPedestal = 0.25f;
+constexpr double kSameCrosstalk = 0.02;
+
+// No sample that is not saturated comes below, but for those where a curve's end runs far below what noise
+// reaches.
+float lowest(const FrameLight& light) {
+  float darkest = 0.0f;
+  for (int c = 0; c < kChannels; ++c) darkest = std::min(darkest, light.light(0, c));
+  return std::max(darkest, -kMostPedestal);
+}
+
+// What may be wrong with this light.
+std::vector<std::string> warnings_of(const v1::CaptureManifest& manifest, const PrimaryMix& mix) {
+  std::vector<std::string> warnings;
+  if (mix.spread() > kSameCrosstalk) {
+    warnings.push_back(
+        fmt::format("the monitors' primaries differ by up to {:.1f} % of white as the camera sees them; "
+                    "composites are in their mean",
+                    100.0 * mix.spread()));
+  }
+  if (!manifest.has_camera_calibration()) {
+    if (manifest.camera().response() == "unknown") {
+      warnings.push_back(
+          fmt::format("camera \"{}\" was not calibrated: its samples were taken for linear light, which "
+                      "they may not be; `glasswing calibrate camera` measures it",
+                      manifest.camera().name()));
+    }
+    return warnings;
+  }
+  const v1::CameraCalibration& calibration = manifest.camera_calibration();
+  for (const v1::Frame& frame : manifest.frames()) {
+    if (calibration.gain() <= 0.0 || frame.gain() <= 0.0) continue;
+    if (std::abs(frame.gain() / calibration.gain() - 1.0) <= 0.01) continue;
+    warnings.push_back(fmt::format("{} was taken with a gain of {}; camera \"{}\" was calibrated with {}",
+                                   frame.file(), frame.gain(), calibration.camera(), calibration.gain()));
+    break;
+  }
+  return warnings;
+}
+
+struct Owned {
+  std::shared_ptr<const void> source;
+  std::vector<std::vector<std::uint16_t>> frames;
+};
+
+// By object and exposure, the first frame of a monitor's black that has rows.
+std::map<std::pair<bool, double>, size_t> black_frames(const FrameStack& stack) {
+  std::map<std::pair<bool, double>, size_t> black;
+  for (size_t i = 0; i < stack.rows.size(); ++i) {
+    const v1::Frame& frame = stack.manifest.frames(static_cast<int>(i));
+    const v1::Stimulus& stimulus = frame.stimulus();
+    const bool dark = stimulus.kind() == "solid" && stimulus.colour_size() == 3 &&
+                      std::ranges::all_of(stimulus.colour(), [](double value) { return value == 0.0; });
+    if (dark && frame.also_lit().empty() && !stack.rows[i].empty())
+      black.emplace(std::pair(frame.object(), frame.exposure_ms()), i);
+  }
+  return black;
+}
+
+}  // namespace
+
+absl::StatusOr<LinearStack> LinearStack::create(const v1::CaptureManifest& manifest) {
+  GW_ASSIGN_OR_RETURN(FrameLight light, FrameLight::create(manifest));
+  GW_ASSIGN_OR_RETURN(PrimaryMix mix, PrimaryMix::create(manifest));
+  std::vector<std::string> warnings = warnings_of(manifest, mix);
+  return LinearStack(std::move(light), std::move(mix), std::move(warnings));
+}
+
+FrameStack LinearStack::of(FrameStack stack) const {
+  const bool drifts = !stack.brightness.empty();
+  if (light_.is_identity() && !drifts) return stack;
+  const float low = lowest(light_) - (drifts ? kDriftBelow : 0.0f), high = drifts ? 1.0f + kDriftAbove : 1.0f;
+  stack.unit = (high - low) / static_cast<float>(kSaturatedCode - 1);
+  stack.zero = -low / stack.unit;
+  const auto code_of = [&](float light) {
+    const float code = stack.zero + light / stack.unit + 0.5f;
+    return static_cast<std::uint16_t>(std::clamp(code, 0.0f, static_cast<float>(kSaturatedCode - 1)));
+  };
+  const auto owned = std::make_shared<Owned>();
+  owned->source = stack.owner;
+  owned->frames.resize(stack.rows.size());
+  const auto black = black_frames(stack);
+  for (size_t i = 0; i < stack.rows.size(); ++i) {
+    const std::span<const std::uint16_t> samples = stack.rows[i];
+    const v1::Frame& frame = stack.manifest.frames(static_cast<int>(i));
+    const float share = drifts ? 1.0f / stack.brightness[i] : 1.0f;
+    const auto dark = black.find({frame.object(), frame.exposure_ms()});
+    const bool drifted = share != 1.0f && dark != black.end();
+    std::vector<std::uint16_t>& to = owned->frames[i];
+    to.resize(samples.size());
+    for (size_t at = 0; at < samples.size(); ++at) {
+      const int channel = static_cast<int>(at % kChannels);
+      float light = light_.light(samples[at], channel);
+      if (drifted) {
+        const float below = light_.light(stack.rows[dark->second][at], channel);
+        light = below + (light - below) * share;
+      }
+      to[at] = light_.saturated(samples[at]) ? std::uint16_t{65535} : code_of(light);
+    }
+  }
+  for (size_t i = 0; i < stack.rows.size(); ++i) stack.rows[i] = owned->frames[i];
+  stack.owner = owned;
+  if (!light_.is_identity()) {
+    v1::Camera& camera = *stack.manifest.mutable_camera();
+    camera.set_read_sd(stack.manifest.camera_calibration().read_sd());
+    camera.set_gain(stack.manifest.camera_calibration().shot_gain());
+  }
+  return stack;
+}
+
+void LinearStack::describe(v1::MatteMetadata& metadata) const {
+  metadata.set_linearised(!light_.is_identity());
+  mix_.describe(metadata);
+  for (const std::string& warning : warnings_) metadata.add_warnings(warning);
+}
+
+}  // namespace glasswing

@@ -1,0 +1,72 @@
+#include "solver/method/method.h"
+
+#include <fmt/format.h>
+
+#include <cstdlib>
+
+#include "core/base/status.h"
+#include "solver/method/drift.h"
+
+namespace glasswing {
+
+absl::StatusOr<FrameStack> whole_stack(std::shared_ptr<const MappedArchive> archive) {
+  const int height = archive->manifest().camera().height_px();
+  FrameStack stack{
+      .manifest = archive->manifest(), .first_row = 0, .row_count = height, .rows = {}, .owner = archive};
+  for (int i = 0; i < stack.manifest.frames_size(); ++i) stack.rows.push_back(archive->rows(i, 0, height));
+  const auto read_row = [&](int row, const std::vector<int>& frames) {
+    std::vector<std::uint16_t> samples;
+    for (const int frame : frames) {
+      const std::span<const std::uint16_t> own = archive->rows(frame, row, 1);
+      samples.insert(samples.end(), own.begin(), own.end());
+    }
+    return absl::StatusOr<std::vector<std::uint16_t>>(std::move(samples));
+  };
+  GW_ASSIGN_OR_RETURN(stack.brightness, measure_drift(stack.manifest, read_row));
+  return stack;
+}
+
+absl::Status check_rows(const FrameStack& stack, const std::vector<int>& needed) {
+  const size_t samples =
+      static_cast<size_t>(stack.row_count) * static_cast<size_t>(stack.manifest.camera().width_px()) * 3;
+  for (const int frame : needed) {
+    const auto at = static_cast<size_t>(frame);
+    const size_t found = at < stack.rows.size() ? stack.rows[at].size() : 0;
+    if (found != samples) {
+      return absl::InvalidArgumentError(
+          fmt::format("{} has {} samples in {} rows; the manifest's width of {} px makes that {}",
+                      stack.manifest.frames(frame).file(), found, stack.row_count,
+                      stack.manifest.camera().width_px(), samples));
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<double> number_option(const std::string& key, const std::string& value, double low,
+                                     double high) {
+  char* end = nullptr;
+  const double number = std::strtod(value.c_str(), &end);
+  if (value.empty() || *end != '\0' || !(number >= low && number <= high)) {
+    return absl::InvalidArgumentError(
+        fmt::format("{} is \"{}\"; it must be {} to {}", key, value, low, high));
+  }
+  return number;
+}
+
+Matte blank_matte(const FrameStack& stack, const std::string& method, const MethodOptions& options,
+                  int modes_per_channel) {
+  const v1::Camera& camera = stack.manifest.camera();
+  Matte matte(0, stack.first_row, camera.width_px(), stack.row_count, modes_per_channel);
+  v1::MatteMetadata& metadata = matte.metadata;
+  metadata.set_format_version(1);
+  metadata.set_session(stack.manifest.session());
+  metadata.set_method(method);
+  for (const auto& [key, value] : options) (*metadata.mutable_options())[key] = value;
+  *metadata.mutable_monitors() = stack.manifest.monitors();
+  metadata.set_width_px(camera.width_px());
+  metadata.set_height_px(camera.height_px());
+  metadata.set_generator("glasswing");
+  return matte;
+}
+
+}  // namespace glasswing

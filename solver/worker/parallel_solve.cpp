@@ -1,0 +1,95 @@
+#include "solver/worker/parallel_solve.h"
+
+#include <algorithm>
+#include <atomic>
+#include <optional>
+#include <thread>
+
+#include "core/base/status.h"
+#include "core/radiometry/shading.h"
+#include "solver/method/linear_stack.h"
+
+namespace glasswing {
+namespace {
+
+FrameStack rows_of(const FrameStack& stack, const std::vector<int>& needed, int first, int count) {
+  FrameStack band = stack;
+  band.first_row = stack.first_row + first;
+  band.row_count = count;
+  const size_t row = static_cast<size_t>(stack.manifest.camera().width_px()) * 3;
+  band.rows.assign(stack.rows.size(), {});
+  for (const int frame : needed) {
+    const auto at = static_cast<size_t>(frame);
+    band.rows[at] =
+        stack.rows[at].subspan(static_cast<size_t>(first) * row, static_cast<size_t>(count) * row);
+  }
+  return band;
+}
+
+// Out of a finished matte, not out of samples, whose noise stays as it is.
+void take_out_fall_off(const Evenness& evenness, Matte& matte) {
+  if (evenness.is_even()) return;
+  for (int y = 0; y < matte.height_px(); ++y) {
+    for (int x = 0; x < matte.width_px(); ++x) {
+      const double camera = evenness.camera(matte.x0_px() + x, matte.y0_px() + y);
+      for (float& light : matte.foreground(x, y)) light /= static_cast<float>(camera);
+      for (int c = 0; c < (matte.is_colourless() ? 1 : kChannels); ++c) {
+        for (Mode& mode : matte.modes(x, y, c)) {
+          const double monitor =
+              evenness.monitor(mode.texture, static_cast<double>(mode.x_px), static_cast<double>(mode.y_px));
+          const auto light = static_cast<float>(camera * monitor);
+          mode.weight /= light;
+          mode.weight_sd /= light;
+        }
+      }
+    }
+  }
+}
+
+}  // namespace
+
+absl::StatusOr<Matte> solve_in_bands(const Method& method, const FrameStack& stack, int thread_count,
+                                     std::stop_token stop, const std::function<void(double)>& progress) {
+  GW_ASSIGN_OR_RETURN(const std::vector<int> needed, method.frames_needed(stack.manifest));
+  GW_RETURN_IF_ERROR(check_rows(stack, needed));
+  GW_ASSIGN_OR_RETURN(const LinearStack linear, LinearStack::create(stack.manifest));
+  GW_ASSIGN_OR_RETURN(const Evenness evenness, Evenness::create(stack.manifest));
+  if (thread_count <= 0) thread_count = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  // Small enough that the last ones keep all threads busy, large enough to be worth a solver's set-up, which
+  // one thread need not repeat.
+  const int band_rows = thread_count == 1 ? 16 : std::clamp(stack.row_count / (8 * thread_count), 2, 16);
+  const int band_count = (stack.row_count + band_rows - 1) / band_rows;
+  std::vector<std::optional<absl::StatusOr<Matte>>> bands(static_cast<size_t>(band_count));
+  std::atomic<int> next = 0, done = 0;
+  std::atomic<bool> failed = false;
+  const auto work = [&] {
+    for (int band = next++; band < band_count && !failed && !stop.stop_requested(); band = next++) {
+      const int first = band * band_rows;
+      auto& solved = bands[static_cast<size_t>(band)];
+      const int count = std::min(band_rows, stack.row_count - first);
+      solved = method.solve(linear.of(rows_of(stack, needed, first, count)));
+      if (!solved->ok()) failed = true;
+      ++done;
+      if (progress) progress(static_cast<double>(done) / band_count);
+    }
+  };
+  {
+    std::vector<std::jthread> threads;
+    for (int t = 1; t < std::min(thread_count, band_count); ++t) threads.emplace_back(work);
+    work();
+  }
+  for (const auto& band : bands) {
+    if (band && !band->ok()) return band->status();
+  }
+  if (stop.stop_requested()) return absl::CancelledError("solving was stopped");
+  if (band_count == 0) return method.solve(linear.of(stack));
+  const Matte& first = **bands.front();
+  Matte whole(first.x0_px(), first.y0_px(), first.width_px(), stack.row_count, first.modes_per_channel());
+  whole.metadata = first.metadata;
+  linear.describe(whole.metadata);
+  for (const auto& band : bands) whole.put(**band);
+  take_out_fall_off(evenness, whole);
+  return whole;
+}
+
+}  // namespace glasswing

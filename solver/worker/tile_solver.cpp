@@ -1,0 +1,199 @@
+#include "solver/worker/tile_solver.h"
+
+#include <fmt/format.h>
+
+#include <atomic>
+#include <chrono>
+#include <future>
+#include <thread>
+
+#include "core/base/status.h"
+#include "core/matte/matte_file.h"
+#include "solver/worker/parallel_solve.h"
+#include "solver/method/drift.h"
+#include "solver/worker/solver_metrics.h"
+#include "solver/worker/video_solve.h"
+#include "solver/methods.h"
+
+namespace glasswing {
+namespace {
+
+MethodOptions options_of(const v1::ClaimTileResponse& tile) {
+  return {tile.options().begin(), tile.options().end()};
+}
+
+std::vector<std::string> addresses_of(const v1::ClaimTileResponse& tile) {
+  std::vector<std::string> addresses = {tile.archive_address()};
+  addresses.insert(addresses.end(), tile.copy_addresses().begin(), tile.copy_addresses().end());
+  return addresses;
+}
+
+void count(const Matte& matte, SolvedTile& solved) {
+  const ObjectCount pixels = count_object(matte);
+  solved.object_pixel_count += pixels.all;
+  solved.flagged_pixel_count += pixels.flagged;
+}
+
+absl::StatusOr<SolvedTile> solve_frames(const v1::ClaimTileResponse& tile, const SolveSource& source,
+                                        int thread_count, std::stop_token stop) {
+  GW_ASSIGN_OR_RETURN(const std::unique_ptr<VideoMethod> method,
+                      make_video_method(tile.method(), options_of(tile)));
+  if (method == nullptr)
+    return absl::InvalidArgumentError(fmt::format("method \"{}\" makes no mattes of frames", tile.method()));
+  const v1::CaptureManifest& manifest = source.manifest();
+  const auto read = [&](int frame) {
+    return source.archive().samples(manifest, {frame}, 0, manifest.camera().height_px());
+  };
+  GW_ASSIGN_OR_RETURN(const std::unique_ptr<VideoSource> video,
+                      read_ahead(manifest, tile.first_frame(), tile.frame_count(), read));
+  SolvedTile solved;
+  // Encoded while the next one is solved: one at a time, so that no more wait in memory.
+  std::future<absl::StatusOr<std::string>> encoded;
+  int encoding = 0;  // which frame
+  const auto take_encoded = [&]() -> absl::Status {
+    if (!encoded.valid()) return absl::OkStatus();
+    absl::StatusOr<std::string> bytes = encoded.get();
+    if (!bytes.ok()) return in_frame(encoding, bytes.status());
+    solved.files.push_back({.frame = encoding, .bytes = *std::move(bytes)});
+    return absl::OkStatus();
+  };
+  const auto refuse = [&](int frame, const absl::Status& why) {
+    v1::RefusedFrame& refused = solved.refused.emplace_back();
+    refused.set_frame(frame);
+    refused.set_error(std::string(why.message()));
+    return absl::OkStatus();
+  };
+  GW_RETURN_IF_ERROR(solve_video(*method, *video, tile.first_frame(), tile.frame_count(), thread_count, stop,
+                                 [&](int frame, absl::StatusOr<Matte> matte) {
+                                   if (!matte.ok()) return refuse(frame, matte.status());
+                                   count(*matte, solved);
+                                   const absl::Status taken = take_encoded();
+                                   encoding = frame;
+                                   encoded = std::async(std::launch::async, [of = *std::move(matte)] {
+                                     return encode_matte(of);
+                                   });
+                                   return taken;
+                                 }));
+  GW_RETURN_IF_ERROR(take_encoded());
+  return solved;
+}
+
+// One column in so many: methods look at each pixel by itself, so what they take can be told from those.
+constexpr int kSurveyColumnStep = 4, kFewestSurveyColumns = 64;
+
+FrameStack some_columns(const FrameStack& row) {
+  const int width = row.manifest.camera().width_px();
+  if (width < kSurveyColumnStep * kFewestSurveyColumns) return row;
+  FrameStack some = row;
+  const int count = width / kSurveyColumnStep;
+  some.manifest.mutable_camera()->set_width_px(count);
+  const auto samples = std::make_shared<std::vector<std::uint16_t>>();
+  samples->reserve(row.rows.size() * static_cast<size_t>(count) * kChannels);
+  for (std::span<const std::uint16_t>& frame : some.rows) {
+    if (frame.empty()) continue;
+    const size_t first = samples->size();
+    for (int x = 0; x < count; ++x) {
+      const auto pixel = frame.subspan(static_cast<size_t>(x * kSurveyColumnStep) * kChannels, kChannels);
+      samples->insert(samples->end(), pixel.begin(), pixel.end());
+    }
+    frame = std::span(*samples).subspan(first);  // its place is final: enough was reserved
+  }
+  some.owner = samples;
+  return some;
+}
+
+}  // namespace
+
+SolveSource::SolveSource(const v1::ClaimTileResponse& tile, std::stop_token stop)
+    : archive_(addresses_of(tile), tile.lease().session(), std::move(stop)) {}
+
+absl::StatusOr<std::shared_ptr<const SolveSource>> SolveSource::open(const v1::ClaimTileResponse& tile,
+                                                                     std::stop_token stop) {
+  std::shared_ptr<SolveSource> source(new SolveSource(tile, std::move(stop)));
+  GW_ASSIGN_OR_RETURN(source->manifest_, source->archive_.manifest());
+  const auto read = [&](int row, const std::vector<int>& frames) {
+    return source->archive_.samples(source->manifest_, frames, row, 1);
+  };
+  if (tile.frame_count() == 0) {
+    GW_ASSIGN_OR_RETURN(source->brightness_, measure_drift(source->manifest_, read));
+  }
+  return source;
+}
+
+absl::StatusOr<ReadStack> SolveSource::stack(const Method& method, int first_row, int row_count) const {
+  ReadStack read;
+  FrameStack& stack = read.stack;
+  stack = {.manifest = manifest_,
+           .first_row = first_row,
+           .row_count = row_count,
+           .rows = {},
+           .owner = nullptr,
+           .brightness = brightness_};
+  GW_ASSIGN_OR_RETURN(const std::vector<int> needed, method.frames_needed(manifest_));
+  GW_ASSIGN_OR_RETURN(read.rows, archive_.rows(manifest_, needed, first_row, row_count));
+  stack.owner = read.rows.owner;
+  stack.rows.resize(static_cast<size_t>(manifest_.frames_size()));
+  for (size_t i = 0; i < needed.size(); ++i) stack.rows[static_cast<size_t>(needed[i])] = read.rows.rows[i];
+  return read;
+}
+
+absl::StatusOr<TileInHand> TileInHand::read(const v1::ClaimTileResponse& tile,
+                                            std::shared_ptr<const SolveSource> source) {
+  TileInHand in_hand;
+  in_hand.tile_ = tile;
+  in_hand.source_ = std::move(source);
+  if (tile.frame_count() > 0) return in_hand;
+  GW_ASSIGN_OR_RETURN(in_hand.method_, make_method(tile.method(), options_of(tile)));
+  GW_ASSIGN_OR_RETURN(in_hand.read_,
+                      in_hand.source_->stack(*in_hand.method_, tile.first_row(), tile.row_count()));
+  return in_hand;
+}
+
+absl::StatusOr<SolvedTile> TileInHand::solve(int thread_count, std::stop_token stop) const {
+  const BusyTime busy;
+  if (method_ == nullptr) return solve_frames(tile_, *source_, thread_count, std::move(stop));
+  GW_ASSIGN_OR_RETURN(const Matte matte,
+                      solve_in_bands(*method_, read_.stack, thread_count, std::move(stop)));
+  GW_RETURN_IF_ERROR(read_.rows.intact());
+  GW_RETURN_IF_ERROR(check_matte(matte));
+  SolvedTile solved;
+  count(matte, solved);
+  GW_ASSIGN_OR_RETURN(std::string bytes, encode_matte(matte));
+  solved.files.push_back({.frame = std::nullopt, .bytes = std::move(bytes)});
+  return solved;
+}
+
+absl::StatusOr<std::vector<double>> survey(const v1::ClaimTileResponse& tile, const SolveSource& source,
+                                           int thread_count, std::stop_token stop) {
+  const BusyTime busy;
+  GW_ASSIGN_OR_RETURN(const std::unique_ptr<Method> method, make_method(tile.method(), options_of(tile)));
+  std::vector<double> seconds(static_cast<size_t>(tile.survey_rows_size()));
+  std::vector<absl::Status> failed(seconds.size());
+  if (thread_count <= 0) thread_count = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  std::atomic<size_t> next = 0;
+  const auto work = [&] {
+    for (size_t i = next++; i < seconds.size() && !stop.stop_requested(); i = next++) {
+      failed[i] = [&]() -> absl::Status {
+        GW_ASSIGN_OR_RETURN(const ReadStack row,
+                            source.stack(*method, tile.survey_rows(static_cast<int>(i)), 1));
+        const FrameStack sampled = some_columns(row.stack);
+        const auto start = std::chrono::steady_clock::now();
+        GW_RETURN_IF_ERROR(solve_in_bands(*method, sampled, 1, stop).status());
+        const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
+        const int all = row.stack.manifest.camera().width_px(), some = sampled.manifest.camera().width_px();
+        seconds[i] = took.count() * all / some / thread_count;
+        return absl::OkStatus();
+      }();
+    }
+  };
+  {
+    std::vector<std::jthread> threads;
+    for (int t = 1; t < thread_count; ++t) threads.emplace_back(work);
+    work();
+  }
+  if (stop.stop_requested()) return absl::CancelledError("solving was stopped");
+  for (const absl::Status& status : failed) GW_RETURN_IF_ERROR(status);
+  return seconds;
+}
+
+}  // namespace glasswing

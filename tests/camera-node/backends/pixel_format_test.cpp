@@ -1,0 +1,225 @@
+#include "camera-node/backends/pixel_format.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgcodecs.hpp>
+#include <random>
+#include <set>
+
+namespace glasswing {
+namespace {
+
+using Kind = PixelFormat::Kind;
+
+RawPicture blank(std::string_view format, int width, int height, size_t stride, size_t bytes) {
+  RawPicture picture;
+  picture.format = find_pixel_format(format);
+  picture.width_px = width;
+  picture.height_px = height;
+  picture.stride_bytes = stride;
+  picture.planes.emplace_back(bytes);
+  return picture;
+}
+
+// Stores the code of a raw sample where the format's definition has it.
+void put_raw(RawPicture& picture, int x, int y, int code) {
+  std::uint8_t* row = picture.planes[0].data() + static_cast<size_t>(y) * picture.stride_bytes;
+  const auto at = static_cast<size_t>(x);
+  if (picture.format->packed && picture.format->bits == 10) {
+    row[at / 4 * 5 + at % 4] = static_cast<std::uint8_t>(code >> 2);
+    row[at / 4 * 5 + 4] = static_cast<std::uint8_t>(row[at / 4 * 5 + 4] | (code & 3) << (2 * (at % 4)));
+  } else if (picture.format->packed) {
+    row[at / 2 * 3 + at % 2] = static_cast<std::uint8_t>(code >> 4);
+    row[at / 2 * 3 + 2] = static_cast<std::uint8_t>(row[at / 2 * 3 + 2] | (code & 15) << (4 * (at % 2)));
+  } else if (picture.format->bits == 8) {
+    row[at] = static_cast<std::uint8_t>(code);
+  } else {
+    row[2 * at] = static_cast<std::uint8_t>(code & 255);
+    row[2 * at + 1] = static_cast<std::uint8_t>(code >> 8);
+  }
+}
+
+std::vector<const PixelFormat*> formats_of(Kind kind) {
+  std::vector<const PixelFormat*> found;
+  for (const PixelFormat& format : pixel_formats()) {
+    if (format.kind == kind) found.push_back(&format);
+  }
+  return found;
+}
+
+TEST(PixelFormat, NamesAreFoundAndUnique) {
+  std::set<std::string_view> names;
+  for (const PixelFormat& format : pixel_formats()) {
+    EXPECT_TRUE(names.insert(format.name).second) << format.name;
+    EXPECT_EQ(find_pixel_format(format.name), &format);
+  }
+  EXPECT_EQ(find_pixel_format("SRGGB11"), nullptr);
+}
+
+// Light that grows evenly across the picture, at its own rate in each colour: bilinear neighbours give it
+// back exactly, so every pixel inside must have all three colours right.
+TEST(PixelFormat, EveryPixelOfAMosaicHasAllThreeColours) {
+  constexpr int kWidth = 16, kHeight = 12;
+  const auto light = [](int x, int y, int channel, int full) {
+    const double slope[3][3] = {{0.2, 0.02, 0.01}, {0.5, -0.02, 0.01}, {0.9, -0.01, -0.03}};
+    return (slope[channel][0] + slope[channel][1] * x + slope[channel][2] * y) * full;
+  };
+  for (const PixelFormat* format : formats_of(Kind::kBayer)) {
+    SCOPED_TRACE(format->name);
+    const int full = (1 << format->bits) - 1;
+    RawPicture picture = blank(format->name, kWidth, kHeight, 64, 64 * kHeight);
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = 0; x < kWidth; ++x) {
+        const char colour = format->order[static_cast<size_t>(y % 2 * 2 + x % 2)];
+        const int channel = colour == 'R' ? 0 : colour == 'G' ? 1 : 2;
+        put_raw(picture, x, y, static_cast<int>(std::lround(light(x, y, channel, full))));
+      }
+    }
+    const Image16 image = image_of(picture).value();
+    for (int y = 1; y < kHeight - 1; ++y) {
+      for (int x = 1; x < kWidth - 1; ++x) {
+        for (int c = 0; c < 3; ++c) {
+          // A code is rounded by at most half, a mean by at most one of 65535.
+          EXPECT_NEAR(image.at(x, y, c), light(x, y, c, full) * 65535.0 / full, 0.5 * 65535.0 / full + 1.0)
+              << x << " " << y << " " << c;
+        }
+      }
+    }
+  }
+}
+
+TEST(PixelFormat, GrayKeepsEveryBitAndLosesTheBlackLevel) {
+  for (const PixelFormat* format : formats_of(Kind::kGray)) {
+    SCOPED_TRACE(format->name);
+    const int full = (1 << format->bits) - 1, width = 4;
+    for (int code = 0; code <= full; ++code) {
+      RawPicture picture = blank(format->name, width, 1, 8, 8);
+      for (int x = 0; x < width; ++x) put_raw(picture, x, 0, (code + 37 * x) % (full + 1));
+      for (const double black : {0.0, 0.0625}) {
+        picture.black = black;
+        const Image16 image = image_of(picture).value();
+        for (int x = 0; x < width; ++x) {
+          const double light =
+              ((code + 37 * x) % (full + 1) / static_cast<double>(full) - black) / (1.0 - black);
+          for (int c = 0; c < 3; ++c)
+            EXPECT_NEAR(image.at(x, 0, c), std::max(light, 0.0) * 65535.0, 0.51);  // half, and a float's end
+        }
+      }
+    }
+  }
+}
+
+// IEC 61966-2-1 and ITU-R BT.709, the way from light to code.
+double encoded(ColourCode::Transfer transfer, double light) {
+  if (transfer == ColourCode::Transfer::kLinear) return light;
+  if (transfer == ColourCode::Transfer::kSrgb)
+    return light <= 0.0031308 ? 12.92 * light : 1.055 * std::pow(light, 1.0 / 2.4) - 0.055;
+  return light < 0.018 ? 4.5 * light : 1.099 * std::pow(light, 0.45) - 0.099;
+}
+
+constexpr ColourCode::Transfer kTransfers[] = {ColourCode::Transfer::kLinear, ColourCode::Transfer::kSrgb,
+                                               ColourCode::Transfer::kRec709};
+
+TEST(PixelFormat, RgbCodesStandForTheirLight) {
+  for (const PixelFormat* format : formats_of(Kind::kRgb)) {
+    for (const ColourCode::Transfer transfer : kTransfers) {
+      const size_t pixel = format->order.size();
+      RawPicture picture = blank(format->name, 256, 1, 256 * pixel, 256 * pixel);
+      picture.colour.transfer = transfer;
+      for (size_t x = 0; x < 256; ++x) {
+        for (size_t c = 0; c < 3; ++c)
+          picture.planes[0][x * pixel + format->order.find("RGB"[c])] =
+              static_cast<std::uint8_t>(x ^ (85 * c));
+      }
+      const Image16 image = image_of(picture).value();
+      for (int x = 0; x < 256; ++x) {
+        for (int c = 0; c < 3; ++c) {
+          // Light is rounded to 1/65535, where the curves are at most 12.92 codes steep; and the standards'
+          // own pieces meet to 1e-4 only.
+          EXPECT_NEAR(encoded(transfer, image.at(x, 0, c) / 65535.0) * 255.0, x ^ (85 * c), 0.03);
+        }
+      }
+    }
+  }
+}
+
+TEST(PixelFormat, YcbcrIsTheColourItWasMadeOf) {
+  struct Standard {
+    double kr, kb;
+  };
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> any(0.0, 1.0);
+  for (const Standard standard : {Standard{0.299, 0.114}, Standard{0.2126, 0.0722}}) {
+    for (const bool full : {false, true}) {
+      for (const std::string_view name : {"YUYV", "UYVY", "NV12"}) {
+        for (int repeat = 0; repeat < 200; ++repeat) {
+          // Two by two pixels of one colour.
+          const double rgb[3] = {any(random), any(random), any(random)};
+          const double luma =
+              standard.kr * rgb[0] + (1 - standard.kr - standard.kb) * rgb[1] + standard.kb * rgb[2];
+          const double cb = (rgb[2] - luma) / (2 * (1 - standard.kb)),
+                       cr = (rgb[0] - luma) / (2 * (1 - standard.kr));
+          const auto code = [](double value) { return static_cast<std::uint8_t>(std::lround(value)); };
+          const std::uint8_t y8 = code(full ? 255 * luma : 16 + 219 * luma);
+          const std::uint8_t u8 = code(128 + (full ? 255 : 224) * cb),
+                             v8 = code(128 + (full ? 255 : 224) * cr);
+          RawPicture picture = blank(name, 2, 2, 4, 8);
+          picture.colour = {.transfer = ColourCode::Transfer::kLinear,
+                            .kr = standard.kr,
+                            .kb = standard.kb,
+                            .full_range = full};
+          if (name == "YUYV") picture.planes[0] = {y8, u8, y8, v8, y8, u8, y8, v8};
+          if (name == "UYVY") picture.planes[0] = {u8, y8, v8, y8, u8, y8, v8, y8};
+          if (name == "NV12") picture.planes = {{y8, y8, 0, 0, y8, y8, 0, 0}, {u8, v8, 0, 0}};
+          const Image16 image = image_of(picture).value();
+          // Each code is rounded by at most half; 2 (1 - k) < 1.86 of Cb or Cr goes into a colour, and into
+          // green less than 0.35 + 0.72.
+          const double steps = 0.5 / 219.0 + 0.5 * 1.86 / 224.0;
+          for (size_t i = 0; i < image.samples.size(); ++i)
+            EXPECT_NEAR(image.samples[i] / 65535.0, rgb[i % 3], steps + 1.0 / 65535.0) << name;
+        }
+      }
+    }
+  }
+}
+
+TEST(PixelFormat, JpegIsRead) {
+  // Gray survives JPEG to a code or so: quantized steps at quality 100 are 1.
+  cv::Mat gray(16, 24, CV_8UC3, cv::Scalar(128, 128, 128));
+  RawPicture picture = blank("MJPEG", 24, 16, 0, 0);
+  ASSERT_TRUE(cv::imencode(".jpg", gray, picture.planes[0], {cv::IMWRITE_JPEG_QUALITY, 100}));
+  picture.colour.transfer = ColourCode::Transfer::kLinear;
+  const auto image = image_of(picture);
+  for (const std::uint16_t sample : image->samples) EXPECT_NEAR(sample, 128 * 257, 257);
+  picture.width_px = 32;
+  EXPECT_TRUE(absl::IsDataLoss(image_of(picture).status()));
+  // Nothing else passes for one.
+  const std::vector<std::uint8_t> jpeg = std::exchange(picture.planes[0], {});
+  picture.width_px = 24;
+  ASSERT_TRUE(cv::imencode(".png", gray, picture.planes[0]));
+  EXPECT_TRUE(absl::IsDataLoss(image_of(picture).status()));
+  picture.planes[0] = jpeg;
+  EXPECT_TRUE(image_of(picture).ok());
+  picture.planes[0].resize(40);
+  EXPECT_TRUE(absl::IsDataLoss(image_of(picture).status()));
+  picture.planes[0].clear();
+  EXPECT_TRUE(absl::IsDataLoss(image_of(picture).status()));
+}
+
+TEST(PixelFormat, AFrameThatIsTooShortIsDataLoss) {
+  for (const PixelFormat& format : pixel_formats()) {
+    if (format.kind == Kind::kJpeg) continue;
+    RawPicture picture = blank(format.name, 8, 4, 32, 32 * 4);
+    if (format.kind == Kind::kNv12) picture.planes.emplace_back(32 * 2);
+    EXPECT_TRUE(image_of(picture).ok()) << format.name;
+    picture.planes.back().resize(32);
+    EXPECT_TRUE(absl::IsDataLoss(image_of(picture).status())) << format.name;
+    picture.planes.clear();
+    EXPECT_TRUE(absl::IsDataLoss(image_of(picture).status())) << format.name;
+  }
+}
+
+}  // namespace
+}  // namespace glasswing

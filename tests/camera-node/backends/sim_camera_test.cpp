@@ -1,0 +1,150 @@
+#include "camera-node/backends/sim_camera.h"
+
+#include <set>
+
+#include "core/sim/scene.h"
+#include "tests/camera-node/backends/camera_contract.h"
+
+namespace glasswing {
+namespace {
+
+using std::chrono::milliseconds;
+
+// A monitor that changes every 50 ms, until long after the tests.
+const EmissionTimeline& changing_light() {
+  static const EmissionTimeline* const timeline = [] {
+    auto* made = new EmissionTimeline;
+    made->add_monitor(
+        {.name = "back", .width_px = 8, .height_px = 6, .scanout = milliseconds(16), .lag = milliseconds(2)});
+    const nanoseconds now = monotonic_now();
+    for (int i = 0; i < 400; ++i) {
+      auto picture = std::make_shared<Image16>(8, 6);
+      for (std::uint16_t& sample : picture->samples) sample = static_cast<std::uint16_t>(i % 10 * 6553);
+      made->add_picture("back", {.scanout_start = now + milliseconds(50 * i), .image = picture});
+    }
+    made->set_horizon("back", now + std::chrono::hours(1));
+    return made;
+  }();
+  return *timeline;
+}
+
+std::unique_ptr<Camera> make_sim(double frame_rate_hz, double faults, const Automatics& automatics = {}) {
+  SimCameraOptions options;
+  options.frame_rate_hz = frame_rate_hz;
+  options.drop = options.duplicate = faults;
+  options.automatics = automatics;
+  return SimCamera::create(options, changing_light()).value();
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Sim, CameraContract,
+    testing::Values([] { return make_sim(200.0, 0.0); }, [] { return make_sim(50.0, 0.3); },
+                    [] { return make_sim(200.0, 0.0, {.gain = true, .white_balance = true}); }));
+
+TEST(SimCamera, CallsOnlyALinearResponseLinear) {
+  const auto described = [](const SensorModel& sensor) {
+    SimCameraOptions options;
+    options.sensor = sensor;
+    return SimCamera::create(options, changing_light()).value()->describe().camera();
+  };
+  EXPECT_EQ(described({.vignetting = 0.3, .bits = 10}).response(), "linear");
+  for (const SensorModel& sensor :
+       {SensorModel{.curve = {.exponent = 0.45f}}, SensorModel{.curve = {.contrast = 0.5f}},
+        SensorModel{.black_level = 0.06}}) {
+    EXPECT_EQ(described(sensor).response(), "unknown");
+    EXPECT_EQ(described(sensor).read_sd(), 0.0);
+    EXPECT_EQ(described(sensor).gain(), 0.0);
+  }
+}
+
+TEST(SimCamera, SeesAMovingSceneWhereItIsByTheCamerasClock) {
+  constexpr int kSide_px = 24;
+  EmissionTimeline timeline;
+  timeline.add_monitor({.name = "back", .width_px = kSide_px, .height_px = kSide_px});
+  auto picture = std::make_shared<Image16>(kSide_px, kSide_px);
+  RadianceImage shown(kSide_px, kSide_px);
+  for (size_t i = 0; i < shown.samples.size(); ++i) {
+    picture->samples[i] = static_cast<std::uint16_t>(i * 7919);
+    shown.samples[i] = radiance_of(picture->samples[i]);
+  }
+  timeline.add_picture("back",
+                       {.scanout_start = monotonic_now() - std::chrono::seconds(1), .image = picture});
+  timeline.set_horizon("back", monotonic_now() + std::chrono::hours(1));
+  const StageTransports stage =
+      build_phases("wobble", {{"back", {kSide_px, kSide_px}}}, kSide_px, kSide_px).value();
+  SimCameraOptions options;
+  options.scene = "wobble";
+  options.width_px = options.height_px = kSide_px;
+  options.frame_rate_hz = 100.0;
+  options.sensor = {.read_sd = 0.0, .gain = 0.0, .bits = 16, .full_scale_exposure_ms = 4.0};
+  options.clock = NodeClock(milliseconds(512), 0.0);
+  const auto camera = SimCamera::create(options, timeline).value();
+  ASSERT_TRUE(camera->start(4.0).ok());
+  std::set<int> phases;
+  for (const bool object : {false, true}) {
+    camera->move(object);
+    // A third of a turn.
+    for (int i = 0; i < 40; ++i) {
+      const CapturedFrame frame = camera->next(milliseconds(1000)).value();
+      const int phase = motion_of("wobble").phase_at(
+          nanoseconds((frame.taken.exposure_start_ns() + frame.taken.exposure_end_ns()) / 2));
+      phases.insert(phase);
+      const RadianceImage truth = (object ? *stage.phases[static_cast<size_t>(phase)] : *stage.empty)
+                                      .respond(std::vector<RadianceImage>{shown});
+      const Image16 image = frame.image().value();
+      for (size_t s = 0; s < truth.samples.size(); ++s)
+        ASSERT_NEAR(image.samples[s], 65535.0f * truth.samples[s], 1.0) << i;  // rounded
+    }
+  }
+  EXPECT_GT(phases.size(), 8u);
+}
+
+TEST(SimCamera, AutomaticsFollowTheLightOfTheFramesBeforeAndSayNothing) {
+  // Black, and from one moment on a light red that is none after a white balance.
+  constexpr std::array<float, 3> kRed{0.6f, 0.3f, 0.3f};
+  const nanoseconds exposure = milliseconds(1), period = milliseconds(2);
+  EmissionTimeline timeline;
+  timeline.add_monitor({.name = "back", .width_px = 4, .height_px = 4});
+  auto picture = std::make_shared<Image16>(4, 4);
+  for (size_t i = 0; i < picture->samples.size(); ++i) picture->samples[i] = code16_of(kRed[i % 3]);
+  const nanoseconds step = monotonic_now() + milliseconds(20);
+  timeline.add_picture("back", {.scanout_start = step, .image = picture});
+  timeline.set_horizon("back", step + std::chrono::hours(1));
+  for (const Automatics& automatics :
+       {Automatics{.gain = true}, Automatics{.white_balance = true}, Automatics{true, true}}) {
+    SimCameraOptions options;
+    options.scene = "none";
+    options.width_px = options.height_px = 4;
+    options.frame_rate_hz = 500.0;
+    options.sensor = {
+        .read_sd = 0.0, .gain = 0.0, .bits = 16, .readout = nanoseconds(0), .full_scale_exposure_ms = 4.0};
+    options.automatics = automatics;
+    const auto camera = SimCamera::create(options, timeline).value();
+    ASSERT_TRUE(camera->start(1.0).ok());
+    for (int i = 0; i < 30; ++i) {
+      const CapturedFrame frame = camera->next(milliseconds(1000)).value();
+      EXPECT_EQ(frame.taken.exposure_ms(), 1.0);
+      EXPECT_EQ(frame.taken.gain(), 1.0);
+      // The exposure is a quarter of that of full scale.
+      const auto light_at = [&](nanoseconds start) {
+        const double lit_ns = static_cast<double>((start + exposure - step).count());
+        const auto share =
+            0.25f * static_cast<float>(std::clamp(lit_ns / static_cast<double>(exposure.count()), 0.0, 1.0));
+        return Colour{share * kRed[0], share * kRed[1], share * kRed[2]};
+      };
+      const nanoseconds start(frame.taken.exposure_start_ns());
+      std::vector<Colour> before;
+      for (int k = 1; k <= kFramesRemembered; ++k) before.push_back(light_at(start - k * period));
+      const Colour light = light_at(start), gains = automatic_gains(automatics, before);
+      const Image16 image = frame.image().value();
+      for (int c = 0; c < 3; ++c) {
+        const auto place = static_cast<size_t>(c);
+        // Half a code of 16 bits, gained, and a few operations on floats.
+        EXPECT_NEAR(image.at(1, 1, c) / 65535.0, std::min(light[place] * gains[place], 1.0f), 5e-5);
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace glasswing

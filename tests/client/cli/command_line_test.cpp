@@ -1,0 +1,184 @@
+// What the whole tree of commands has: words for people, pages, completion.
+#include <cstdio>
+#include <fstream>
+
+#include "client/cli/commands.h"
+#include "client/cli/completion.h"
+#include "core/cli/help.h"
+#include "core/service/service.h"
+#include "glasswing/v1/session_service.grpc.pb.h"
+#include "tests/client/process.h"
+#include "tests/client/run_glasswing.h"
+
+namespace glasswing {
+namespace {
+
+class CommandLine : public ScratchTest {
+ protected:
+  CommandLine() { add_commands(app_, client_, config_); }
+
+  // All commands, with their names: "plan check".
+  static void visit(const CLI::App& app, const std::string& above,
+                    const std::function<void(const CLI::App&, const std::string&)>& each) {
+    for (const CLI::App* command : subcommands_of(app)) {
+      each(*command, above + command->get_name());
+      visit(*command, above + command->get_name() + " ", each);
+    }
+  }
+  // Its standard output; nothing of its errors.
+  static std::string output_of(const std::string& shell_command) {
+    std::string text;
+    FILE* const pipe = ::popen((shell_command + " 2>&1").c_str(), "r");
+    for (char buffer[4096];;) {
+      const size_t count = std::fread(buffer, 1, sizeof buffer, pipe);
+      if (count == 0) break;
+      text.append(buffer, count);
+    }
+    ::pclose(pipe);
+    return text;
+  }
+  static bool has(const std::string& program) { return !output_of("command -v " + program).empty(); }
+  std::string write(const std::string& name, const std::string& text) const {
+    const std::string path = (scratch_ / name).string();
+    std::ofstream(path) << text;
+    return path;
+  }
+
+  Client client_;
+  CLI::App app_{"Description.", "glasswing"};
+  Config config_{app_};
+};
+
+TEST_F(CommandLine, EverythingIsDescribedAndHasAnExample) {
+  int commands = 0;
+  visit(app_, "", [&](const CLI::App& command, const std::string& name) {
+    ++commands;
+    EXPECT_TRUE(command.get_description().ends_with('.')) << name;
+    EXPECT_NE(command.get_group(), "Subcommands") << name;
+    const Footer footer = footer_of(command);
+    EXPECT_FALSE(footer.examples.empty()) << name;
+    for (const std::string& example : footer.examples)
+      EXPECT_NE(example.find("glasswing "), std::string::npos) << name << ": " << example;
+    for (const CLI::Option* option : command.get_options())
+      EXPECT_FALSE(option->get_description().empty()) << name << " " << option->get_name();
+    EXPECT_EQ(run_glasswing({"--help"}).out.find("Subcommands"), std::string::npos);
+  });
+  EXPECT_GE(commands, 25);
+}
+
+TEST_F(CommandLine, ManualPagesAreGoodTroff) {
+  const std::string directory = (scratch_ / "man").string();
+  ASSERT_EQ(run_glasswing({"man", directory}).status, 0);
+  EXPECT_TRUE(std::filesystem::exists(directory + "/glasswing.1"));
+  visit(app_, "", [&](const CLI::App&, std::string name) {
+    std::ranges::replace(name, ' ', '-');
+    EXPECT_TRUE(std::filesystem::exists(directory + "/glasswing-" + name + ".1")) << name;
+  });
+  if (has("man")) {
+    const std::string pages = directory + "/*";
+    EXPECT_EQ(output_of("for page in " + pages + "; do man --warnings -l \"$page\" >/dev/null; done"), "");
+  }
+  if (!has("mandoc")) GTEST_SKIP() << "mandoc, which checks the pages, is not installed";
+  // STYLE speaks of taste only.
+  EXPECT_EQ(output_of("mandoc -T lint -W warning " + directory + "/*"), "");
+}
+
+// A server with two sessions.
+class Completion : public CommandLine {
+ protected:
+  struct Sessions : v1::SessionService::Service {
+    grpc::Status ListSessions(grpc::ServerContext*, const v1::ListSessionsRequest*,
+                              v1::ListSessionsResponse* response) override {
+      for (const char* name : {"vase", "vessel"}) response->add_sessions()->set_name(name);
+      return grpc::Status::OK;
+    }
+  } sessions_;
+  Completion() : host_(ServiceHost::start({}, {&sessions_}).value()) {
+    write("vase.exr", "");
+    write("notes.txt", "");
+    std::filesystem::create_directories(scratch_ / "views");
+  }
+
+  // What bash offers for this line, one space between.
+  std::string bash(const std::string& line) {
+    const std::string script = write("glasswing.bash", bash_completion(app_));
+    const std::string words = output_of("cd " + scratch_.string() + " && bash -c 'source " + script +
+                                        "; COMP_LINE=$1 COMP_POINT=${#1} " + "COMP_WORDS=(" + program_path() +
+                                        "); _glasswing; echo \"${COMPREPLY[@]}\"' - '" + line + "'");
+    return words.substr(0, words.find('\n'));
+  }
+  std::string fish(const std::string& line) {
+    const std::string script = write("glasswing.fish", fish_completion(app_));
+    return output_of("cd " + scratch_.string() +
+                     " && PATH=" + std::filesystem::absolute(program_path()).parent_path().string() +
+                     ":$PATH GLASSWING_SERVER=" + host_->address() + " HOME=" + scratch_.string() +
+                     " fish --no-config -c 'source " + script + "; complete -C \"" + line +
+                     "\"' | cut -f1 | sort | paste -sd' ' | tr -d '\\n'");
+  }
+
+  std::unique_ptr<ServiceHost> host_;
+};
+
+TEST_F(Completion, BashOffersWhatMayFollow) {
+  if (!has("bash")) GTEST_SKIP() << "bash is not installed";
+  EXPECT_EQ(bash("glasswing exp"), "export");
+  EXPECT_EQ(bash("glasswing plan "), "check estimate");
+  EXPECT_EQ(bash("glasswing --server 127.0.0.1:1 comple"), "completion");
+  EXPECT_EQ(bash("glasswing capture --se"), "--session --server");
+  EXPECT_EQ(bash("glasswing composite vase.exr --form"), "--format");
+  EXPECT_EQ(bash("glasswing composite --format "), "exr png tif");
+  EXPECT_EQ(bash("glasswing composite --format=p"), "png");
+  EXPECT_EQ(bash("glasswing composite va"), "vase.exr");
+  EXPECT_EQ(bash("glasswing blur vase.exr -o n"), "notes.txt");
+  EXPECT_EQ(bash("glasswing import v --archive v"), "views");
+  EXPECT_EQ(bash("glasswing completion "), "bash zsh fish");
+  EXPECT_EQ(bash("glasswing preview --fps "), "");
+}
+
+TEST_F(Completion, BashOffersTheServersSessions) {
+  if (!has("bash")) GTEST_SKIP() << "bash is not installed";
+  const std::string server = "--server " + host_->address() + " ";
+  EXPECT_EQ(bash("glasswing " + server + "show "), "vase vessel");
+  EXPECT_EQ(bash("glasswing show --server=" + host_->address() + " ves"), "vessel");
+  EXPECT_EQ(bash("glasswing " + server + "calibrate camera --session va"), "vase");
+  EXPECT_EQ(bash("glasswing --server 127.0.0.1:1 show "), "");  // silently
+}
+
+TEST_F(Completion, FishOffersWhatMayFollow) {
+  if (!has("fish")) GTEST_SKIP() << "fish is not installed";
+  EXPECT_EQ(fish("glasswing exp"), "export");
+  EXPECT_EQ(fish("glasswing plan "), "check estimate");
+  EXPECT_EQ(fish("glasswing --server 127.0.0.1:1 comple"), "completion");
+  EXPECT_EQ(fish("glasswing composite --format "), "exr png tif");
+  EXPECT_EQ(fish("glasswing show v"), "vase vessel");
+  EXPECT_EQ(fish("glasswing composite vas"), "vase.exr");
+}
+
+// Its completion runs only in an interactive shell, so this is one, on a terminal of its own.
+TEST_F(Completion, ZshOffersWhatMayFollow) {
+  if (!has("zsh")) GTEST_SKIP() << "zsh is not installed";
+  const std::string script = write("_glasswing", zsh_completion(app_));
+  EXPECT_EQ(output_of("zsh -n " + script), "");
+  const std::string driver = write("driver.zsh", R"zsh(
+zmodload zsh/zpty
+zpty shell zsh -f -i
+zpty -w shell "PS1=; autoload -U compinit; compinit -D; zstyle ':completion:*' list-prompt ''; source $1
+bindkey '^I' list-choices; LISTMAX=1000; stty -echo; print READY"
+zpty -r shell seen $'*\nREADY*'
+zpty -w -n shell "$2"$'\t\n'"print -n DO; print NE"$'\n'
+zpty -r shell seen '*DONE*'
+print -r -- $seen
+)zsh");
+  const auto offered = [&](const std::string& line) {
+    return output_of("cd " + scratch_.string() +
+                     " && PATH=" + std::filesystem::absolute(program_path()).parent_path().string() +
+                     ":$PATH GLASSWING_SERVER=" + host_->address() + " timeout 30 zsh -f " + driver + " " +
+                     script + " '" + line + "'");
+  };
+  EXPECT_NE(offered("glasswing plan ").find("estimate"), std::string::npos);
+  EXPECT_NE(offered("glasswing show ").find("vessel"), std::string::npos);
+  EXPECT_NE(offered("glasswing composite --format ").find("tif"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace glasswing

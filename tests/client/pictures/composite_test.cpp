@@ -1,0 +1,242 @@
+#include "client/pictures/composite.h"
+
+#include <nlohmann/json.hpp>
+
+#include "core/base/file.h"
+#include "core/matte/matte_file.h"
+#include "tests/client/run_glasswing.h"
+
+namespace glasswing {
+namespace {
+
+constexpr int kWidth = 12, kHeight = 8;
+constexpr double kExrRounding = 1.0 / 4096;  // pictures in EXR are read with half precision
+
+v1::MatteMetadata two_monitors() {
+  v1::MatteMetadata metadata;
+  metadata.set_format_version(1);
+  metadata.set_session("vase");
+  metadata.set_method("gaussian");
+  for (const std::string name : {"back", "left"}) {
+    v1::Monitor& monitor = *metadata.add_monitors();
+    monitor.set_name(name);
+    monitor.set_width_px(kWidth);
+    monitor.set_height_px(kHeight);
+  }
+  metadata.set_width_px(kWidth);
+  metadata.set_height_px(kHeight);
+  return metadata;
+}
+
+// Every pixel looks straight through at its own place on the back monitor, and shows a little light of its
+// own.
+Matte window(float foreground) {
+  Matte matte(0, 0, kWidth, kHeight, 1);
+  matte.metadata = two_monitors();
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      matte.coverage(x, y) = 1.0f;
+      for (int channel = 0; channel < 3; ++channel) {
+        matte.foreground(x, y)[static_cast<size_t>(channel)] = foreground;
+        Mode& mode = matte.modes(x, y, channel)[0];
+        mode.weight = 0.5f;
+        mode.x_px = static_cast<float>(x) + 0.5f;
+        mode.y_px = static_cast<float>(y) + 0.5f;
+      }
+    }
+  }
+  return matte;
+}
+
+RadianceImage gradient() {
+  RadianceImage image(kWidth, kHeight);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      for (int channel = 0; channel < 3; ++channel) {
+        image.at(x, y, channel) = static_cast<float>(x + y + channel) / (kWidth + kHeight);
+      }
+    }
+  }
+  return image;
+}
+
+class CompositeCommand : public ScratchTest {
+ protected:
+  CompositeCommand() {
+    EXPECT_TRUE(write_file_durably(matte_, encode_matte(window(0.125f)).value()).ok());
+    EXPECT_TRUE(write_radiance(background_, gradient(), Encoding::kLinear).ok());
+  }
+  std::string path(const std::string& name) const { return (scratch_ / name).string(); }
+
+  const std::string matte_ = path("vase.exr");
+  const std::string background_ = path("gradient.exr");
+};
+
+TEST(Background, TextureIsAMonitorsName) {
+  const v1::MatteMetadata metadata = two_monitors();
+  EXPECT_EQ(parse_background("sea.png", metadata)->texture, 0);
+  EXPECT_EQ(parse_background("left=sea.png", metadata)->texture, 1);
+  EXPECT_EQ(parse_background("left=a=b.png", metadata)->file, "a=b.png");
+  const absl::Status unknown = parse_background("roof=sea.png", metadata).status();
+  EXPECT_EQ(unknown.message(), "--background names the texture \"roof\"; this matte has: back, left");
+}
+
+TEST_F(CompositeCommand, AFileWithAnEqualsSignIsTakenWhole) {
+  const std::string odd = path("roof=sea.exr");
+  std::filesystem::copy_file(background_, odd);
+  EXPECT_EQ(parse_background(odd, two_monitors())->file, odd);
+}
+
+TEST_F(CompositeCommand, ExrIsForegroundPlusWeightedBackground) {
+  const Outcome outcome =
+      run_glasswing({"composite", matte_, "--background", background_, "-o", path("out.exr")});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  const RadianceImage picture = read_radiance(path("out.exr"), Encoding::kLinear).value();
+  const RadianceImage background = gradient();
+  for (size_t i = 0; i < background.samples.size(); ++i) {
+    EXPECT_NEAR(picture.samples[i], 0.125f + 0.5f * background.samples[i], 2 * kExrRounding);
+  }
+}
+
+TEST_F(CompositeCommand, LinearPngHoldsRadiance) {
+  ASSERT_EQ(
+      run_glasswing({"composite", matte_, "--background", background_, "-o", path("out.png"), "--linear"})
+          .status,
+      0);
+  ASSERT_EQ(run_glasswing({"composite", matte_, "--background", background_, "-o", path("out.exr")}).status,
+            0);
+  const Outcome outcome = run_glasswing({"compare", path("out.png"), path("out.exr"), "--linear", "--json"});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_LE(nlohmann::json::parse(outcome.out)["rms"].get<double>(), 0.5 / 65535 + kExrRounding);
+}
+
+TEST_F(CompositeCommand, AMonitorWithoutABackgroundIsBlack) {
+  ASSERT_EQ(run_glasswing({"composite", matte_, "--background", "left=" + background_, "-o", path("out.exr")})
+                .status,
+            0);
+  const RadianceImage picture = read_radiance(path("out.exr"), Encoding::kLinear).value();
+  for (const float sample : picture.samples) EXPECT_EQ(sample, 0.125f);
+}
+
+TEST_F(CompositeCommand, BackgroundsAreScaledToTheMonitor) {
+  RadianceImage gray(50, 70);
+  std::fill(gray.samples.begin(), gray.samples.end(), 0.5f);
+  ASSERT_TRUE(write_radiance(path("gray.exr"), gray, Encoding::kLinear).ok());
+  ASSERT_EQ(
+      run_glasswing({"composite", matte_, "--background", path("gray.exr"), "-o", path("out.exr")}).status,
+      0);
+  const RadianceImage picture = read_radiance(path("out.exr"), Encoding::kLinear).value();
+  for (const float sample : picture.samples) EXPECT_NEAR(sample, 0.375f, kExrRounding);
+}
+
+TEST_F(CompositeCommand, BadInputIsNamedAndNothingIsWritten) {
+  const auto run = [this](const std::string& matte, const std::string& background,
+                          const std::string& output) {
+    return run_glasswing({"composite", matte, "--background", background, "-o", output});
+  };
+  expect_one_line_error(run(matte_, background_, path("out.gif")), "must end in .exr");
+  expect_one_line_error(run(matte_, background_, path("nowhere/out.png")), path("nowhere"));
+  expect_one_line_error(run(matte_, "roof=" + background_, path("out.png")), "back, left");
+  expect_one_line_error(run(matte_, path("none.png"), path("out.png")), path("none.png"));
+  expect_one_line_error(run(path("none.exr"), background_, path("out.png")), path("none.exr"));
+  const Outcome twice = run_glasswing({"composite", matte_, "--background", background_, "--background",
+                                       "back=" + background_, "-o", path("out.png")});
+  expect_one_line_error(twice, "\"back\" twice");
+  EXPECT_FALSE(std::filesystem::exists(path("out.png")));
+}
+
+TEST_F(CompositeCommand, ConvertMakesAFrameVisible) {
+  ASSERT_TRUE(write_radiance(path("frame.tif"), gradient(), Encoding::kLinear).ok());
+  ASSERT_EQ(run_glasswing({"convert", "--linear", path("frame.tif"), path("look.png")}).status, 0);
+  const RadianceImage seen = read_radiance(path("look.png"), Encoding::kDisplay).value();
+  const RadianceImage truth = gradient();
+  // Half an 8-bit sRGB code: the curve's steepest slope is 2.3, at white.
+  for (size_t i = 0; i < truth.samples.size(); ++i)
+    EXPECT_NEAR(seen.samples[i], truth.samples[i], 2.3 * 0.5 / 255 + 1e-4);
+}
+
+TEST_F(CompositeCommand, CropLeavesThePartThatItNames) {
+  const auto run = [this](const std::string& region, const std::string& output) {
+    return run_glasswing({"composite", matte_, "--background", background_, "--crop", region, "-o", output});
+  };
+  ASSERT_EQ(run("5x3+4+2", path("part.exr")).status, 0);
+  ASSERT_EQ(run("12x8+0+0", path("whole.exr")).status, 0);
+  const RadianceImage part = read_radiance(path("part.exr"), Encoding::kLinear).value(),
+                      whole = read_radiance(path("whole.exr"), Encoding::kLinear).value();
+  ASSERT_EQ(part.width_px, 5);
+  ASSERT_EQ(part.height_px, 3);
+  for (int y = 0; y < 3; ++y) {
+    for (int x = 0; x < 5; ++x) EXPECT_EQ(part.at(x, y, 1), whole.at(4 + x, 2 + y, 1));
+  }
+  for (const std::string region : {"5x3", "0x3+1+1", "5x3+8+0", "5x3+0+-1", "13x8+0+0", "5x3+1+1x"})
+    expect_one_line_error(run(region, path("out.png")), "--crop is " + region);
+}
+
+// The matte looks straight through, half of the light arrives, and pixels are whole px apart.
+TEST_F(CompositeCommand, ShiftMovesThePictureRoundTheMonitor) {
+  const auto run = [this](const std::string& shift, const std::string& output) {
+    return run_glasswing({"composite", matte_, "--background", background_, "--shift", shift, "-o", output});
+  };
+  ASSERT_EQ(run("back=3,-2", path("out.exr")).status, 0);
+  const RadianceImage picture = read_radiance(path("out.exr"), Encoding::kLinear).value(), still = gradient();
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      const float there = still.at((x - 3 + kWidth) % kWidth, (y + 2) % kHeight, 1);
+      EXPECT_NEAR(picture.at(x, y, 1), 0.125f + 0.5f * there, 2 * kExrRounding);
+    }
+  }
+  expect_one_line_error(run("3", path("out.png")), "it must be DX,DY");
+  expect_one_line_error(run("left=3,4", path("out.png")), "\"left\", which has no --background");
+  expect_one_line_error(run("roof=3,4", path("out.png")), "--shift names the texture \"roof\"");
+}
+
+TEST_F(CompositeCommand, ExactIsAskedForByName) {
+  for (const std::string output : {"fast.exr", "exact.exr"}) {
+    std::vector<std::string> command{"composite", matte_, "--background", background_, "-o", path(output)};
+    if (output == "exact.exr") command.push_back("--exact");
+    ASSERT_EQ(run_glasswing(command).status, 0);
+  }
+  const RadianceImage fast = read_radiance(path("fast.exr"), Encoding::kLinear).value();
+  const RadianceImage exact = read_radiance(path("exact.exr"), Encoding::kLinear).value();
+  for (size_t i = 0; i < exact.samples.size(); ++i)
+    EXPECT_NEAR(fast.samples[i], exact.samples[i], 2 * kExrRounding);
+}
+
+TEST_F(CompositeCommand, BitsAreThoseOfTheFile) {
+  const auto run = [this](const std::string& output, const std::string& bits) {
+    return run_glasswing(
+        {"composite", matte_, "--background", background_, "-o", path(output), "--bits", bits});
+  };
+  for (const std::string output : {"out.png", "out.tif"}) {
+    for (const int bits : {8, 16}) {
+      ASSERT_EQ(run(output, std::to_string(bits)).status, 0);
+      EXPECT_EQ(read_photograph(path(output))->bits, bits);
+    }
+  }
+  ASSERT_EQ(run("half.exr", "16").status, 0);
+  ASSERT_EQ(run("float.exr", "32").status, 0);
+  EXPECT_EQ(read_radiance(path("half.exr"), Encoding::kLinear)->samples,
+            read_radiance(path("float.exr"), Encoding::kLinear)->samples);  // which reads halves
+  EXPECT_LT(std::filesystem::file_size(path("half.exr")), std::filesystem::file_size(path("float.exr")));
+  expect_one_line_error(run("out8.exr", "8"), "an EXR has 16 or 32");
+  expect_one_line_error(run("out32.png", "32"), "PNG and TIFF have 8 or 16");
+}
+
+// A picture twice as wide and half as high as the monitor: columns are means of two.
+TEST_F(CompositeCommand, EachAxisIsScaledAsItNeeds) {
+  RadianceImage stripes(2 * kWidth, kHeight / 2);
+  for (int y = 0; y < stripes.height_px; ++y) {
+    for (int x = 0; x < stripes.width_px; x += 2) {
+      for (int c = 0; c < 3; ++c) stripes.at(x, y, c) = 1.0f;
+    }
+  }
+  ASSERT_TRUE(write_radiance(path("stripes.exr"), stripes, Encoding::kLinear).ok());
+  ASSERT_EQ(
+      run_glasswing({"composite", matte_, "--background", path("stripes.exr"), "-o", path("out.exr")}).status,
+      0);
+  const RadianceImage picture = read_radiance(path("out.exr"), Encoding::kLinear).value();
+  for (const float sample : picture.samples) EXPECT_NEAR(sample, 0.375f, kExrRounding);
+}
+
+}  // namespace
+}  // namespace glasswing

@@ -1,0 +1,79 @@
+#include "core/import/mapped_archive.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <random>
+
+#include "core/base/file.h"
+#include "core/frame/archive.h"
+
+namespace glasswing {
+namespace {
+
+namespace fs = std::filesystem;
+
+class MappedArchiveTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    v1::CaptureManifest header;
+    header.set_session("s");
+    header.mutable_camera()->set_width_px(7);
+    header.mutable_camera()->set_height_px(5);
+    v1::Monitor& monitor = *header.add_monitors();
+    monitor.set_name("back");
+    monitor.set_width_px(8);
+    monitor.set_height_px(6);
+    const auto archive = Archive::create(directory_, header).value();
+    std::mt19937 random(3);
+    for (int step = 0; step < 3; ++step) {
+      Image16& image = images_.emplace_back(7, 5);
+      for (std::uint16_t& sample : image.samples) sample = static_cast<std::uint16_t>(random());
+      v1::Frame record;
+      record.set_step(step);
+      record.mutable_stimulus()->set_kind("solid");
+      frames_.push_back(archive->add({{.record = record, .image = image}}).value().front());
+    }
+    ASSERT_TRUE(archive->seal().ok());
+  }
+  void TearDown() override { fs::remove_all(directory_); }
+
+  const fs::path directory_ =
+      fs::path(testing::TempDir()) / ("mapped_archive_test." + std::to_string(::getpid()));
+  std::vector<Image16> images_;
+  std::vector<v1::Frame> frames_;
+};
+
+TEST_F(MappedArchiveTest, RowsAreThoseThatWereWritten) {
+  const auto mapped = MappedArchive::open(directory_).value();
+  ASSERT_EQ(mapped->manifest().frames_size(), 3);
+  for (int frame = 0; frame < 3; ++frame) {
+    const auto& samples = images_[static_cast<size_t>(frame)].samples;
+    const auto whole = mapped->rows(frame, 0, 5), band = mapped->rows(frame, 2, 2);
+    EXPECT_TRUE(std::equal(whole.begin(), whole.end(), samples.begin(), samples.end()));
+    EXPECT_TRUE(std::equal(band.begin(), band.end(), samples.begin() + 2 * 21, samples.begin() + 4 * 21));
+  }
+}
+
+TEST_F(MappedArchiveTest, NamesTheFileThatIsNoFrame) {
+  const fs::path file = directory_ / frames_[1].file();
+  const auto refused = [&] {
+    const absl::Status status = MappedArchive::open(directory_).status();
+    EXPECT_TRUE(absl::IsDataLoss(status));
+    EXPECT_NE(std::string(status.message()).find(file.string()), std::string::npos) << status;
+  };
+  const std::string bytes = read_file(file).value();
+  fs::resize_file(file, fs::file_size(file) - 2);
+  refused();
+  std::string altered = bytes;
+  altered.back() = static_cast<char>(altered.back() ^ 1);
+  ASSERT_TRUE(write_file_durably(file, altered).ok());
+  refused();
+  ASSERT_TRUE(write_file_durably(file, bytes).ok());
+  EXPECT_TRUE(MappedArchive::open(directory_).ok());
+  fs::remove(file);
+  refused();
+}
+
+}  // namespace
+}  // namespace glasswing

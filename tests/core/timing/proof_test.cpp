@@ -1,0 +1,93 @@
+#include "core/timing/proof.h"
+
+#include <gtest/gtest.h>
+
+#include <map>
+#include <random>
+#include <set>
+
+namespace glasswing {
+namespace {
+
+using std::chrono::microseconds;
+using std::chrono::milliseconds;
+
+TEST(StableWindow, IsTheIntersectionShrunk) {
+  const StableWindow window = stable_window({{.step = 7,
+                                              .scanout_end = milliseconds(20),
+                                              .replaced = milliseconds(40),
+                                              .lag = milliseconds(3),
+                                              .settle = milliseconds(1),
+                                              .uncertainty = microseconds(100)},
+                                             {.step = 7,
+                                              .scanout_end = milliseconds(22),
+                                              .replaced = milliseconds(39),
+                                              .lag = milliseconds(1),
+                                              .settle = milliseconds(0),
+                                              .uncertainty = microseconds(200)}});
+  EXPECT_EQ(window.step, 7);
+  EXPECT_EQ(window.from, milliseconds(24) + microseconds(100));
+  EXPECT_EQ(window.until, milliseconds(40) - microseconds(200));
+}
+
+TEST(Proof, TheWholeExposureMustLieInside) {
+  const StableWindow window{.step = 1, .from = milliseconds(10), .until = milliseconds(20)};
+  const auto frame = [](int start_us, int end_us, int uncertainty_us) {
+    return FrameTime{.sequence = 1,
+                     .start = microseconds(start_us),
+                     .end = microseconds(end_us),
+                     .uncertainty = microseconds(uncertainty_us)};
+  };
+  EXPECT_TRUE(proves(frame(10000, 20000, 0), window));
+  EXPECT_TRUE(proves(frame(10100, 19900, 100), window));
+  EXPECT_FALSE(proves(frame(10099, 19900, 100), window));
+  EXPECT_FALSE(proves(frame(10100, 19901, 100), window));
+  EXPECT_FALSE(proves(frame(9999, 15000, 0), window));
+  EXPECT_FALSE(proves(frame(15000, 15000, 0), window));  // no exposure at all
+}
+
+// Frames and windows may come in any interleaving: what is matched is always proven, no frame or step twice,
+// and every step that some frame proves is matched.
+TEST(FrameMatcher, MatchesExactlyWhatIsProven) {
+  std::mt19937 random(11);
+  for (int round = 0; round < 200; ++round) {
+    std::vector<StableWindow> windows;
+    std::vector<FrameTime> frames;
+    for (int step = 0; step < 30; ++step) {
+      const auto jitter = microseconds(random() % 4000);
+      windows.push_back({.step = step,
+                         .from = milliseconds(33 * step + 17) + jitter,
+                         .until = milliseconds(33 * step + 33)});
+    }
+    for (int i = 0; i < 150; ++i) {
+      if (random() % 4 == 0) continue;  // dropped
+      const auto start = microseconds(7000 * i + static_cast<int>(random() % 1000));
+      frames.push_back(
+          {.sequence = i, .start = start, .end = start + milliseconds(6), .uncertainty = microseconds(50)});
+    }
+    FrameMatcher matcher;
+    size_t w = 0, f = 0;
+    while (w < windows.size() || f < frames.size()) {
+      if (f == frames.size() || (w < windows.size() && random() % 5 == 0)) {
+        matcher.add_window(windows[w++]);
+      } else {
+        matcher.add_frame(frames[f++]);
+      }
+    }
+    std::map<int, FrameTime> matched;
+    std::set<std::int64_t> used;
+    for (const FrameMatcher::Match& match : matcher.take()) {
+      EXPECT_TRUE(matched.emplace(match.step, match.frame).second);
+      EXPECT_TRUE(used.insert(match.frame.sequence).second);
+      EXPECT_TRUE(proves(match.frame, windows[static_cast<size_t>(match.step)]));
+    }
+    for (const StableWindow& window : windows) {
+      const bool provable =
+          std::any_of(frames.begin(), frames.end(), [&](const FrameTime& x) { return proves(x, window); });
+      EXPECT_EQ(matched.contains(window.step), provable) << "step " << window.step << " of round " << round;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace glasswing

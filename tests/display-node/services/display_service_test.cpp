@@ -1,0 +1,262 @@
+#include "display-node/services/display_service.h"
+
+#include <grpcpp/grpcpp.h>
+#include <gtest/gtest.h>
+
+#include "core/frame/image_file.h"
+#include "core/service/service.h"
+#include "display-node/backends/light_tap.h"
+#include "display-node/backends/sim_display.h"
+
+namespace glasswing {
+namespace {
+
+using std::chrono::hours;
+using std::chrono::milliseconds;
+
+// No call of these tests needs long; a hang is a failure with a name.
+constexpr milliseconds kPatience(20'000);
+
+class DisplayServiceTest : public testing::Test {
+ protected:
+  DisplayServiceTest() : service_("display-1", display_) {
+    grpc::ServerBuilder builder;
+    builder.RegisterService(&service_);
+    server_ = builder.BuildAndStart();
+    stub_ = v1::DisplayService::NewStub(server_->InProcessChannel({}));
+  }
+  ~DisplayServiceTest() override {
+    service_.stop();
+    server_->Shutdown();
+  }
+
+  v1::LoadProgramRequest program(const std::string& name, int steps, int hold_refreshes) {
+    v1::LoadProgramRequest request;
+    request.set_program(name);
+    request.set_hold_refreshes(hold_refreshes);
+    for (int i = 0; i < steps; ++i) {
+      v1::ProgramStep& step = *request.add_steps();
+      step.set_step(i);
+      v1::Stimulus& stimulus = *step.add_stimuli();
+      stimulus.set_kind("solid");
+      stimulus.set_panel("back");
+    }
+    return request;
+  }
+
+  absl::Status load(const v1::LoadProgramRequest& request) {
+    grpc::ClientContext context;
+    set_deadline(context, kPatience);
+    v1::LoadProgramResponse response;
+    return from_grpc(stub_->LoadProgram(&context, request, &response));
+  }
+
+  absl::StatusOr<std::string> put_image(const std::vector<std::string>& chunks) {
+    grpc::ClientContext context;
+    set_deadline(context, kPatience);
+    v1::PutImageResponse response;
+    const auto writer = stub_->PutImage(&context, &response);
+    for (const std::string& chunk : chunks) {
+      v1::PutImageRequest request;
+      request.set_chunk(chunk);
+      if (!writer->Write(request)) break;
+    }
+    writer->WritesDone();
+    if (const grpc::Status status = writer->Finish(); !status.ok()) return from_grpc(status);
+    return response.image();
+  }
+
+  struct Play {
+    Play(v1::DisplayService::Stub& stub, const std::string& name, nanoseconds start) {
+      set_deadline(context, kPatience);
+      v1::PlayProgramRequest request;
+      request.set_program(name);
+      request.set_start_at_ns(start.count());
+      reader = stub.PlayProgram(&context, request);
+    }
+    bool next() {
+      v1::PlayProgramResponse response;
+      if (!reader->Read(&response)) return false;
+      reports.push_back(response.presentation());
+      return true;
+    }
+    absl::Status finish() {
+      while (next()) {
+      }
+      return from_grpc(reader->Finish());
+    }
+    grpc::ClientContext context;
+    std::unique_ptr<grpc::ClientReader<v1::PlayProgramResponse>> reader;
+    std::vector<v1::Presentation> reports;
+  };
+  Play start(const std::string& name) { return Play(*stub_, name, monotonic_now() + milliseconds(200)); }
+
+  SimDisplay sim_{{{.name = "back",
+                    .width_px = 8,
+                    .height_px = 6,
+                    .bits = 8,
+                    .refresh_hz = 200.0,
+                    .scanout = milliseconds(5),
+                    .lag = milliseconds(3),
+                    .settle = milliseconds(1)}},
+                  {}};
+  LightTap display_{sim_};
+  DisplayServiceImpl service_;
+  std::unique_ptr<grpc::Server> server_;
+  std::unique_ptr<v1::DisplayService::Stub> stub_;
+};
+
+TEST_F(DisplayServiceTest, DescribesItsMonitors) {
+  grpc::ClientContext context;
+  v1::GetDisplayResponse response;
+  ASSERT_TRUE(stub_->GetDisplay(&context, {}, &response).ok());
+  EXPECT_EQ(response.name(), "display-1");
+  EXPECT_EQ(response.backend(), "sim");
+  ASSERT_EQ(response.monitors_size(), 1);
+  EXPECT_EQ(response.monitors(0).name(), "back");
+  EXPECT_EQ(response.monitors(0).width_px(), 8);
+  EXPECT_EQ(response.monitors(0).height_px(), 6);
+  EXPECT_EQ(response.monitors(0).refresh_hz(), 200.0);
+  EXPECT_EQ(response.monitors(0).optical_lag_ns(), 3'000'000);
+  EXPECT_EQ(response.monitors(0).settle_ns(), 1'000'000);
+  EXPECT_EQ(response.monitors(0).response(), "linear");
+  EXPECT_EQ(response.monitors(0).bits(), 8);
+}
+
+TEST_F(DisplayServiceTest, PlaysAProgramAndReportsEveryStep) {
+  ASSERT_TRUE(load(program("p", 20, 2)).ok());
+  Play play = start("p");
+  ASSERT_TRUE(play.finish().ok());
+  ASSERT_EQ(play.reports.size(), 20u);
+  for (size_t i = 0; i < play.reports.size(); ++i) {
+    const v1::Presentation& report = play.reports[i];
+    EXPECT_EQ(report.step(), static_cast<int>(i));
+    EXPECT_GE(report.refreshes(), 2);
+    if (i > 0) {
+      EXPECT_EQ(report.scanout_start_ns(), play.reports[i - 1].replaced_ns());
+    }
+  }
+  Play again = start("p");
+  EXPECT_TRUE(again.finish().ok()) << "a program stays loaded";
+}
+
+TEST_F(DisplayServiceTest, RefusesToPlayLateOrWhatIsNotLoaded) {
+  Play nothing = start("p");
+  EXPECT_TRUE(absl::IsFailedPrecondition(nothing.finish()));
+  ASSERT_TRUE(load(program("p", 2, 2)).ok());
+  Play other = start("q");
+  EXPECT_TRUE(absl::IsFailedPrecondition(other.finish()));
+  Play late(*stub_, "p", monotonic_now() - milliseconds(1));
+  EXPECT_TRUE(absl::IsDeadlineExceeded(late.finish()));
+  EXPECT_TRUE(late.reports.empty());
+}
+
+TEST_F(DisplayServiceTest, LoadingAnotherProgramAbortsTheOneThatPlays) {
+  ASSERT_TRUE(load(program("long", 20000, 2)).ok());
+  Play play = start("long");
+  ASSERT_TRUE(play.next());
+  EXPECT_TRUE(absl::IsInvalidArgument(load(program("bad", 1, 1)))) << "a bad one disturbs nothing";
+  ASSERT_TRUE(play.next());
+  ASSERT_TRUE(load(program("next", 2, 2)).ok());
+  EXPECT_TRUE(absl::IsAborted(play.finish()));
+  Play next = start("next");
+  EXPECT_TRUE(next.finish().ok());
+}
+
+TEST_F(DisplayServiceTest, PlayingAgainAbortsTheEarlierCall) {
+  ASSERT_TRUE(load(program("long", 20000, 600)).ok());
+  Play first(*stub_, "long", monotonic_now() + hours(1));
+  // Whichever the server takes up first is ended by the other, and that one by the new program.
+  Play second(*stub_, "long", monotonic_now() + hours(1));
+  ASSERT_TRUE(load(program("next", 2, 2)).ok());
+  EXPECT_FALSE(first.finish().ok());
+  EXPECT_FALSE(second.finish().ok());
+  Play next = start("next");
+  EXPECT_TRUE(next.finish().ok());
+}
+
+TEST_F(DisplayServiceTest, CancellingFreesTheScreensWithinTheStep) {
+  ASSERT_TRUE(load(program("slow", 2, 600)).ok());  // 3 s a step
+  Play play = start("slow");
+  play.context.TryCancel();
+  EXPECT_TRUE(absl::IsCancelled(play.finish()));
+  Play held = start("slow");
+  std::uint64_t cursor = 0;
+  std::vector<Emission> emissions;
+  nanoseconds horizon{};
+  bool lit = false;
+  while (!lit) {
+    ASSERT_TRUE(display_.read(cursor, emissions, horizon, milliseconds(100)));
+    for (const Emission& emission : emissions) lit = lit || emission.picture != nullptr;
+  }
+  held.context.TryCancel();
+  EXPECT_TRUE(absl::IsCancelled(held.finish()));
+  while (lit) {
+    ASSERT_TRUE(display_.read(cursor, emissions, horizon, milliseconds(100)));
+    for (const Emission& emission : emissions) lit = emission.picture != nullptr;
+  }
+}
+
+// A program shows through the calibration that came with it, and the next one through its own.
+TEST_F(DisplayServiceTest, EveryProgramBringsItsCalibrations) {
+  v1::LoadProgramRequest request = program("p", 1, 2);
+  for (int c = 0; c < 3; ++c) request.mutable_steps(0)->mutable_stimuli(0)->add_colour(0.5);
+  v1::DisplayCalibration calibration;
+  calibration.set_format_version(1);
+  calibration.set_monitor("back");
+  calibration.set_width_px(8);
+  calibration.set_height_px(6);
+  calibration.set_bits(8);
+  // Up to code 99 the first half of the light, from code 100 on the other: no code but 100 has half of it.
+  for (int c = 0; c < 3; ++c) {
+    v1::ToneCurve& curve = *calibration.add_primaries();
+    for (int code = 0; code < 256; ++code)
+      curve.add_radiance(code <= 100 ? static_cast<float>(code) / 200.0f
+                                     : static_cast<float>(code + 55) / 310.0f);
+  }
+  const auto shown = [&] {
+    EXPECT_TRUE(load(request).ok());
+    std::uint64_t cursor = 0;
+    std::vector<Emission> emissions;
+    nanoseconds horizon{};
+    EXPECT_TRUE(display_.read(cursor, emissions, horizon, milliseconds(0)));
+    Play play = start("p");
+    EXPECT_TRUE(play.finish().ok());
+    EXPECT_TRUE(display_.read(cursor, emissions, horizon, milliseconds(0)));
+    return emissions.at(0).picture->samples;
+  };
+  EXPECT_EQ(shown(), std::vector<std::uint16_t>(8 * 6 * 3, 128));  // 127.5, rounded
+  *request.add_calibrations() = calibration;
+  EXPECT_EQ(shown(), std::vector<std::uint16_t>(8 * 6 * 3, 100));
+  request.clear_calibrations();
+  EXPECT_EQ(shown(), std::vector<std::uint16_t>(8 * 6 * 3, 128));
+  calibration.set_bits(10);
+  *request.add_calibrations() = calibration;
+  const absl::Status status = load(request);
+  EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
+  EXPECT_NE(std::string(status.message()).find("10 bits; the monitor has 8 x 6 px and 8 bits"),
+            std::string::npos)
+      << status;
+}
+
+TEST_F(DisplayServiceTest, TakesPicturesInChunks) {
+  Image16 image(8, 6);
+  for (size_t i = 0; i < image.samples.size(); ++i) image.samples[i] = static_cast<std::uint16_t>(i * 400);
+  const std::string png = encode_png16(image);
+  const std::string name = put_image({png.substr(0, 10), png.substr(10)}).value();
+  EXPECT_FALSE(name.empty());
+  v1::LoadProgramRequest request = program("photo", 1, 2);
+  request.mutable_steps(0)->mutable_stimuli(0)->set_kind("photo");
+  request.mutable_steps(0)->mutable_stimuli(0)->set_image(name);
+  EXPECT_TRUE(load(request).ok());
+  request.mutable_steps(0)->mutable_stimuli(0)->set_image("xxh30");
+  EXPECT_TRUE(absl::IsFailedPrecondition(load(request)));
+}
+
+TEST_F(DisplayServiceTest, RefusesPicturesThatAreNone) {
+  EXPECT_TRUE(absl::IsInvalidArgument(put_image({}).status()));
+  EXPECT_TRUE(absl::IsInvalidArgument(put_image({"\x89PNG", "garbage"}).status()));
+}
+
+}  // namespace
+}  // namespace glasswing

@@ -1,0 +1,79 @@
+#include "server/rig/calibration_store.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <fstream>
+
+namespace glasswing {
+namespace {
+
+namespace fs = std::filesystem;
+
+class CalibrationStoreTest : public testing::Test {
+ protected:
+  void TearDown() override { fs::remove_all(data_); }
+  static v1::MonitorSync sync(const std::string& monitor, std::int64_t lag_ns) {
+    v1::MonitorSync sync;
+    sync.set_monitor(monitor);
+    sync.set_lag_ns(lag_ns);
+    sync.set_settle_ns(4'000'000);
+    sync.set_error_ns(20'000);
+    sync.set_measured("2026-01-31T12:00:00Z");
+    return sync;
+  }
+  const fs::path data_ = fs::path(testing::TempDir()) / ("calibration_store." + std::to_string(::getpid()));
+};
+
+TEST_F(CalibrationStoreTest, TheNewestOfEachMonitorSurvivesARestart) {
+  {
+    const auto store = CalibrationStore::open(data_);
+    ASSERT_TRUE(store.ok()) << store.status();
+    EXPECT_FALSE((*store)->sync("back").has_value());
+    ASSERT_TRUE((*store)->put(sync("back", 1)).ok());
+    ASSERT_TRUE((*store)->put(sync("left", 2)).ok());
+    ASSERT_TRUE((*store)->put(sync("back", 6'300'000)).ok());
+  }
+  const auto again = CalibrationStore::open(data_);
+  ASSERT_TRUE(again.ok()) << again.status();
+  ASSERT_TRUE((*again)->sync("back").has_value());
+  EXPECT_EQ((*again)->sync("back")->SerializeAsString(), sync("back", 6'300'000).SerializeAsString());
+  EXPECT_EQ((*again)->sync("left")->lag_ns(), 2);
+  EXPECT_FALSE((*again)->sync("top").has_value());
+}
+
+TEST_F(CalibrationStoreTest, CurvesSurviveARestartUntilTheyAreForgotten) {
+  v1::CameraCalibration camera;
+  camera.set_camera("camera-1");
+  camera.set_saturation(0.98);
+  v1::DisplayCalibration display;
+  display.set_monitor("back");
+  display.add_black(0.01);
+  {
+    const auto store = CalibrationStore::open(data_).value();
+    ASSERT_TRUE(store->put(camera).ok());
+    ASSERT_TRUE(store->put(display).ok());
+    camera.set_saturation(0.99);
+    ASSERT_TRUE(store->put(camera).ok());
+    EXPECT_TRUE(absl::IsInvalidArgument(store->put(v1::CameraCalibration())));
+  }
+  const auto store = CalibrationStore::open(data_).value();
+  EXPECT_EQ(store->camera("camera-1")->SerializeAsString(), camera.SerializeAsString());
+  EXPECT_EQ(store->display("back")->SerializeAsString(), display.SerializeAsString());
+  EXPECT_FALSE(store->display("left").has_value());
+  ASSERT_TRUE(store->forget("camera-1").ok());
+  EXPECT_TRUE(absl::IsNotFound(store->forget("camera-1")));
+  EXPECT_FALSE(CalibrationStore::open(data_).value()->camera("camera-1").has_value());
+  EXPECT_EQ(CalibrationStore::open(data_).value()->displays().size(), 1u);
+}
+
+TEST_F(CalibrationStoreTest, ADamagedFileIsNamed) {
+  fs::create_directories(data_ / "calibration");
+  std::ofstream(data_ / "calibration" / "sync.json") << "{\"monitors\": [{\"lag";
+  const auto store = CalibrationStore::open(data_);
+  EXPECT_TRUE(absl::IsDataLoss(store.status()));
+  EXPECT_NE(store.status().message().find("sync.json"), std::string::npos) << store.status();
+}
+
+}  // namespace
+}  // namespace glasswing

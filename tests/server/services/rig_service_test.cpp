@@ -1,0 +1,388 @@
+// The server, a simulated display and a simulated camera in one process, over real channels.
+#include "server/services/rig_service.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <map>
+
+#include "camera-node/services/camera_service.h"
+#include "camera-node/backends/emission_client.h"
+#include "camera-node/backends/sim_camera.h"
+#include "camera-node/services/stage_service.h"
+#include "core/archive/archive_store.h"
+#include "core/service/registration.h"
+#include "core/service/service.h"
+#include "display-node/services/display_service.h"
+#include "display-node/services/emission_service.h"
+#include "display-node/backends/light_tap.h"
+#include "display-node/backends/sim_display.h"
+#include "glasswing/v1/archive_service.grpc.pb.h"
+#include "server/services/session_service.h"
+#include "server/rig/sync_calibration.h"
+
+namespace glasswing {
+namespace {
+
+namespace fs = std::filesystem;
+using std::chrono::milliseconds;
+
+// The camera node's disk, as full as wanted.
+struct Disk final : v1::ArchiveService::Service {
+  std::int64_t free_bytes = 1 << 30;
+  grpc::Status GetSpace(grpc::ServerContext*, const v1::GetSpaceRequest*,
+                        v1::GetSpaceResponse* response) override {
+    response->set_free_bytes(free_bytes);
+    return grpc::Status::OK;
+  }
+};
+
+class RigTest : public testing::Test {
+ protected:
+  void start(const SimDisplay::Faults& faults = {}, const SensorCurve& response = {}) {
+    server_ = Server::open({.data = data_ / "server"}).value();
+    sessions_ = std::make_unique<SessionServiceImpl>(*server_);
+    nodes_ = std::make_unique<NodeServiceImpl>(*server_);
+    rig_ = std::make_unique<RigServiceImpl>(*server_);
+    server_host_ = ServiceHost::start({}, {sessions_.get(), nodes_.get(), rig_.get()}).value();
+
+    ScreenInfo screen{.name = "back", .width_px = 48, .height_px = 48};
+    screen.refresh_hz = 60.0;
+    screen.scanout = period_of(screen);
+    screen.lag = milliseconds(5);
+    screen.settle = milliseconds(1);
+    display_ = std::make_unique<SimDisplay>(std::vector<ScreenInfo>{screen}, faults);
+    tap_ = std::make_unique<LightTap>(*display_);
+    display_service_ = std::make_unique<DisplayServiceImpl>("display-1", *tap_);
+    emission_ = std::make_unique<EmissionServiceImpl>(*tap_);
+    display_host_ = ServiceHost::start({}, {display_service_.get(), emission_.get()}).value();
+
+    SimCameraOptions options;
+    options.scene = "none";
+    options.width_px = 24;
+    options.height_px = 24;
+    options.sensor.curve = response;
+    camera_ = SimCamera::create(options, timeline_).value();
+    store_ = std::make_unique<ArchiveStore>(data_ / "camera");
+    cameras_ = std::make_unique<CameraServiceImpl>(*camera_, *store_);
+    camera_host_ = ServiceHost::start({}, {cameras_.get(), &disk_}).value();
+    light_ = std::make_unique<EmissionClient>(display_host_->address(), timeline_);
+    while (timeline_.monitors().empty()) std::this_thread::yield();
+
+    for (const auto& [kind, name, address] :
+         {std::tuple(v1::NODE_KIND_DISPLAY, "display-1", display_host_->address()),
+          std::tuple(v1::NODE_KIND_CAMERA, "camera-1", camera_host_->address())}) {
+      v1::RegisterRequest node;
+      node.set_kind(kind);
+      node.set_name(name);
+      node.set_address(address);
+      registrations_.push_back(std::make_unique<Registration>(server_host_->address(), node));
+    }
+    while (server_->rig().nodes().size() < 2) std::this_thread::yield();
+    stub_ = v1::RigService::NewStub(dial(server_host_->address()));
+  }
+  void TearDown() override {
+    registrations_.clear();
+    sessions_->stop();
+    rig_->stop();
+    server_host_->stop(milliseconds(2000));
+    cameras_->stop();
+    camera_host_->stop(milliseconds(500));
+    light_ = nullptr;
+    display_service_->stop();
+    emission_->stop();
+    display_host_->stop(milliseconds(500));
+    fs::remove_all(data_);
+  }
+
+  struct Checked {
+    grpc::Status status;
+    std::map<std::string, std::vector<v1::Finding>> findings;  // by subject
+    bool has(const std::string& subject, v1::FindingLevel level) const {
+      const auto found = findings.find(subject);
+      return found != findings.end() &&
+             std::any_of(found->second.begin(), found->second.end(),
+                         [&](const v1::Finding& finding) { return finding.level() == level; });
+    }
+    std::string text() const {
+      std::string text;
+      for (const auto& [subject, each] : findings) {
+        for (const v1::Finding& finding : each) text += finding.ShortDebugString() + "\n";
+      }
+      return text;
+    }
+  };
+  Checked check(const v1::Plan& plan = {}) {
+    v1::CheckRigRequest request;
+    *request.mutable_plan() = plan;
+    grpc::ClientContext context;
+    const auto reader = stub_->CheckRig(&context, request);
+    Checked checked;
+    for (v1::CheckRigResponse response; reader->Read(&response);)
+      checked.findings[response.finding().subject()].push_back(response.finding());
+    checked.status = reader->Finish();
+    return checked;
+  }
+
+  const fs::path data_ = fs::path(testing::TempDir()) / ("rig_service." + std::to_string(::getpid()));
+  EmissionTimeline timeline_;
+  std::unique_ptr<Server> server_;
+  std::unique_ptr<SessionServiceImpl> sessions_;
+  std::unique_ptr<NodeServiceImpl> nodes_;
+  std::unique_ptr<RigServiceImpl> rig_;
+  std::unique_ptr<ServiceHost> server_host_;
+  std::unique_ptr<SimDisplay> display_;
+  std::unique_ptr<LightTap> tap_;
+  std::unique_ptr<DisplayServiceImpl> display_service_;
+  std::unique_ptr<EmissionServiceImpl> emission_;
+  std::unique_ptr<ServiceHost> display_host_;
+  std::unique_ptr<SimCamera> camera_;
+  std::unique_ptr<ArchiveStore> store_;
+  std::unique_ptr<CameraServiceImpl> cameras_;
+  Disk disk_;
+  std::unique_ptr<ServiceHost> camera_host_;
+  std::unique_ptr<EmissionClient> light_;
+  std::vector<std::unique_ptr<Registration>> registrations_;
+  std::unique_ptr<v1::RigService::Stub> stub_;
+};
+
+TEST_F(RigTest, SyncIsMeasuredStoredAndHoldsTheRig) {
+  start();
+  v1::CalibrateSyncRequest request;
+  grpc::ClientContext context;
+  const auto reader = stub_->CalibrateSync(&context, request);
+  v1::CalibrateSyncResponse response;
+  ASSERT_TRUE(reader->Read(&response));
+  EXPECT_FALSE(response.progress().empty());
+
+  // Nobody else has the rig meanwhile.
+  {
+    grpc::ClientContext other_context;
+    const auto other = stub_->CalibrateSync(&other_context, request);
+    v1::CalibrateSyncResponse none;
+    EXPECT_FALSE(other->Read(&none));
+    const grpc::Status refused = other->Finish();
+    EXPECT_EQ(refused.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+    EXPECT_NE(refused.error_message().find("held by calibrate sync, started"), std::string::npos);
+    EXPECT_EQ(check().status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+    v1::CreateSessionRequest create;
+    create.mutable_plan()->set_method("gaussian");
+    create.mutable_plan()->add_solids()->add_colour(1.0);
+    for (int i = 0; i < 2; ++i) create.mutable_plan()->mutable_solids(0)->add_colour(1.0);
+    EXPECT_TRUE(absl::IsFailedPrecondition(server_->create(create, {}).status()));
+  }
+  while (!response.has_result() && reader->Read(&response)) {
+  }
+  const grpc::Status status = reader->Finish();
+  ASSERT_TRUE(status.ok()) << status.error_message();
+  const v1::MonitorSync sync = response.result();
+  EXPECT_EQ(sync.monitor(), "back");
+  // The goal for a measured lag: 0.3 ms.
+  EXPECT_NEAR(static_cast<double>(sync.lag_ns()), 5e6, 0.3e6);
+  EXPECT_NEAR(static_cast<double>(sync.scanout_ns()), 1e9 / 60.0, 0.6e6);
+  EXPECT_LT(sync.error_ns(), 150'000);
+  EXPECT_FALSE(sync.measured().empty());
+
+  const auto again = CalibrationStore::open(data_ / "server");
+  ASSERT_TRUE(again.ok());
+  EXPECT_EQ((*again)->sync("back")->SerializeAsString(), sync.SerializeAsString());
+  const Checked checked = check();
+  ASSERT_TRUE(checked.status.ok()) << checked.status.error_message();
+  EXPECT_TRUE(checked.has("sync", v1::FINDING_LEVEL_OK)) << checked.text();
+}
+
+TEST_F(RigTest, AHoldLastsAsLongAsItsCall) {
+  start();
+  grpc::ClientContext context;
+  context.AddMetadata("glasswing-client", "anna@lab3");
+  v1::HoldRigRequest request;
+  request.set_reason("turntable series");
+  const auto reader = stub_->HoldRig(&context, request);
+  v1::HoldRigResponse held;
+  ASSERT_TRUE(reader->Read(&held));
+
+  // Whoever comes without the token is told who has the rig, and with it may use it.
+  const Checked refused = check();
+  EXPECT_EQ(refused.status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+  EXPECT_NE(refused.status.error_message().find("\"turntable series\", taken by anna@lab3"),
+            std::string::npos)
+      << refused.status.error_message();
+  v1::ListNodesResponse listed;
+  {
+    grpc::ClientContext list;
+    ASSERT_TRUE(v1::NodeService::NewStub(dial(server_host_->address()))->ListNodes(&list, {}, &listed).ok());
+  }
+  EXPECT_EQ(listed.holder().client(), "anna@lab3");
+  EXPECT_EQ(listed.holder().what(), "turntable series");
+  {
+    grpc::ClientContext with_token;
+    with_token.AddMetadata("glasswing-hold", held.token());
+    const auto other = stub_->CheckRig(&with_token, {});
+    for (v1::CheckRigResponse finding; other->Read(&finding);) {
+    }
+    const grpc::Status status = other->Finish();
+    EXPECT_TRUE(status.ok()) << status.error_message();
+  }
+  context.TryCancel();
+  EXPECT_EQ(reader->Finish().error_code(), grpc::StatusCode::CANCELLED);
+  while (server_->rig_lock().holder()) std::this_thread::yield();
+  EXPECT_TRUE(check().status.ok());
+}
+
+TEST_F(RigTest, ATestPatternStandsForAsLongAsItsCall) {
+  start();
+  const auto camera = v1::CameraService::NewStub(dial(camera_host_->address()));
+  const auto mean_light = [&] {
+    grpc::ClientContext context;
+    v1::PreviewRequest request;
+    request.set_max_fps(10.0);
+    request.set_max_width_px(16);
+    const auto reader = camera->Preview(&context, request);
+    v1::PreviewResponse picture;
+    EXPECT_TRUE(reader->Read(&picture));
+    context.TryCancel();
+    return picture.mean();
+  };
+  double mean[2] = {};
+  for (const bool white : {false, true}) {
+    grpc::ClientContext context;
+    v1::ShowPatternRequest request;
+    request.set_pattern(white ? "white" : "black");
+    const auto reader = stub_->ShowPattern(&context, request);
+    v1::ShowPatternResponse shown;
+    ASSERT_TRUE(reader->Read(&shown)) << reader->Finish().error_message();
+    EXPECT_EQ(shown.monitors_size(), 1);
+    EXPECT_EQ(check().status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+    mean[white] = mean_light();
+    context.TryCancel();
+    EXPECT_EQ(reader->Finish().error_code(), grpc::StatusCode::CANCELLED);
+    while (server_->rig_lock().holder()) std::this_thread::yield();
+  }
+  EXPECT_LT(mean[0], 0.05);
+  EXPECT_GT(mean[1], mean[0] + 0.2);
+}
+
+TEST_F(RigTest, WhatIsNoPatternOrMonitorIsRefused) {
+  start();
+  const auto outcome = [&](const std::string& pattern, const std::string& monitor) {
+    grpc::ClientContext context;
+    v1::ShowPatternRequest request;
+    request.set_pattern(pattern);
+    if (!monitor.empty()) request.add_monitors(monitor);
+    return stub_->ShowPattern(&context, request)->Finish();
+  };
+  EXPECT_EQ(outcome("plaid", "").error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(outcome("white", "nowhere").error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+}
+
+TEST_F(RigTest, ACaptureThatDoesNotFitIsRefusedBeforeItBegins) {
+  start();
+  v1::EstimateSessionRequest request;
+  request.mutable_plan()->set_method("gaussian");
+  request.mutable_plan()->add_sweeps()->set_sigma_px(8.0);
+  const absl::StatusOr<v1::EstimateSessionResponse> estimate = server_->estimate(request);
+  ASSERT_TRUE(estimate.ok()) << estimate.status();
+  EXPECT_EQ(estimate->free_bytes(), disk_.free_bytes);
+  disk_.free_bytes = estimate->bytes();
+  EXPECT_TRUE(server_->estimate(request).ok());
+  disk_.free_bytes -= 1;
+  v1::CreateSessionRequest create;
+  *create.mutable_plan() = request.plan();
+  for (const absl::Status& status :
+       {server_->estimate(request).status(), server_->create(create, {}).status()}) {
+    EXPECT_TRUE(absl::IsFailedPrecondition(status)) << status;
+    EXPECT_NE(status.message().find("camera node \"camera-1\""), std::string::npos) << status;
+  }
+  EXPECT_TRUE(server_->list({})->empty());
+}
+
+// What undoes a simulated camera's curve.
+v1::CameraCalibration calibration_of(const SensorCurve& response) {
+  const auto coded = [&](double linear) {
+    const double u = std::pow(linear, double{response.exponent});
+    return (1.0 - response.contrast) * u + response.contrast * (3.0 - 2.0 * u) * u * u;
+  };
+  v1::CameraCalibration calibration;
+  calibration.set_format_version(1);
+  calibration.set_camera("camera-1");
+  calibration.set_saturation(1.0);
+  v1::CameraCurve curve;
+  constexpr int kLast = 4095;
+  for (int k = 0; k <= kLast; ++k) {
+    double low = 0.0, high = 1.0;
+    for (int halving = 0; halving < 60; ++halving) {
+      const double middle = 0.5 * (low + high);
+      (coded(middle) < static_cast<double>(k) / kLast ? low : high) = middle;
+    }
+    curve.add_light(static_cast<float>(0.5 * (low + high)));
+  }
+  for (int c = 0; c < 3; ++c) *calibration.add_curves() = curve;
+  return calibration;
+}
+
+TEST_F(RigTest, SyncIsMeasuredInTheLightThatACalibrationTells) {
+  const SensorCurve s_curve{.exponent = 1.0f / 2.2f, .contrast = 0.5f};
+  start({}, s_curve);
+  RigLinks rig = connect(server_->rig(), server_->calibrations()).value();
+  const v1::CameraCalibration calibration = calibration_of(s_curve);
+  const absl::StatusOr<v1::MonitorSync> sync =
+      measure_sync(rig, "back", 0.0, &calibration, [](const std::string&) {}, {});
+  ASSERT_TRUE(sync.ok()) << sync.status();
+  // The goals of a linear camera; codes taken for light are off by more.
+  EXPECT_NEAR(static_cast<double>(sync->lag_ns()), 5e6, 0.3e6);
+  EXPECT_NEAR(static_cast<double>(sync->settle_ns()), 1e6, 0.6e6);
+  v1::CameraCalibration broken = calibration;
+  broken.mutable_curves()->RemoveLast();
+  EXPECT_EQ(measure_sync(rig, "back", 0.0, &broken, [](const std::string&) {}, {}).status().code(),
+            absl::StatusCode::kInvalidArgument);
+}
+
+TEST_F(RigTest, WhatCannotBeMeasuredIsRefused) {
+  start();
+  const auto refusal = [this](const std::string& monitor, double exposure_ms) {
+    v1::CalibrateSyncRequest request;
+    request.add_monitors(monitor);
+    request.set_exposure_ms(exposure_ms);
+    grpc::ClientContext context;
+    const auto reader = stub_->CalibrateSync(&context, request);
+    for (v1::CalibrateSyncResponse response; reader->Read(&response);) {
+    }
+    return reader->Finish();
+  };
+  const grpc::Status nobody = refusal("front", 0.0);
+  EXPECT_EQ(nobody.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_NE(nobody.error_message().find("there are: back"), std::string::npos) << nobody.error_message();
+  EXPECT_EQ(refusal("back", 4000.0).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+}
+
+TEST_F(RigTest, AGoodRigHasNoProblem) {
+  start();
+  const Checked checked = check();
+  ASSERT_TRUE(checked.status.ok()) << checked.status.error_message();
+  for (const std::string subject :
+       {"nodes", "clocks", "monitors", "camera", "window", "flips", "proof", "sync"}) {
+    EXPECT_TRUE(checked.findings.contains(subject)) << subject;
+    EXPECT_FALSE(checked.has(subject, v1::FINDING_LEVEL_PROBLEM)) << checked.text();
+  }
+}
+
+TEST_F(RigTest, ABadRigIsNamed) {
+  start({.seed = 3, .missed_flips = 0.4});
+  v1::Plan plan;
+  plan.add_exposure_ms(1.0);
+  EXPECT_TRUE(check(plan).has("flips", v1::FINDING_LEVEL_PROBLEM)) << check(plan).text();
+  plan.set_exposure_ms(0, 4000.0);
+  EXPECT_TRUE(check(plan).has("camera", v1::FINDING_LEVEL_PROBLEM)) << check(plan).text();
+  plan.clear_exposure_ms();
+  plan.add_monitors()->set_name("front");
+  EXPECT_TRUE(check(plan).has("monitors", v1::FINDING_LEVEL_PROBLEM)) << check(plan).text();
+  registrations_.pop_back();
+  plan.Clear();
+  plan.set_method("magic");
+  EXPECT_EQ(check(plan).status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+}
+
+}  // namespace
+}  // namespace glasswing

@@ -1,0 +1,219 @@
+#include "server/sessions/catalogue.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <fstream>
+
+#include "core/base/file.h"
+#include "core/storage/database.h"
+#include "tests/core/base/flipped.h"
+
+namespace glasswing {
+namespace {
+
+namespace fs = std::filesystem;
+
+TEST(Catalogue, SessionsOutliveTheProcess) {
+  const fs::path path =
+      fs::path(testing::TempDir()) / ("catalogue_test." + std::to_string(::getpid()) + ".sqlite");
+  v1::Session session;
+  session.set_name("a");
+  session.mutable_plan()->set_method("gaussian");
+  {
+    const auto catalogue = Catalogue::open(path).value();
+    ASSERT_TRUE(catalogue->insert(session, "request-1").ok());
+    const absl::Status again = catalogue->insert(session, "request-2");
+    EXPECT_TRUE(absl::IsAlreadyExists(again)) << again;
+    session.set_state(v1::SESSION_STATE_CAPTURING);
+    ASSERT_TRUE(catalogue->update(session).ok());
+    v1::Session second;
+    second.set_name("b");
+    ASSERT_TRUE(catalogue->insert(second, "").ok());
+  }
+  const auto catalogue = Catalogue::open(path).value();
+  EXPECT_EQ(catalogue->find("a").value().SerializeAsString(), session.SerializeAsString());
+  EXPECT_EQ(catalogue->find_request("request-1").value().name(), "a");
+  EXPECT_TRUE(absl::IsNotFound(catalogue->find_request("").status()));  // no id is nobody's
+  EXPECT_TRUE(absl::IsNotFound(catalogue->find("c").status()));
+  EXPECT_EQ(catalogue->list().value().front().name(), "b");  // newest first
+  for (const char* suffix : {"", "-wal", "-shm"}) fs::remove(path.string() + suffix);
+}
+
+// A catalogue in a file of the running test's own.
+class CatalogueTest : public testing::Test {
+ protected:
+  CatalogueTest() { reopen(); }
+  ~CatalogueTest() override {
+    for (const char* suffix : {"", "-wal", "-shm"}) fs::remove(path_.string() + suffix);
+  }
+  void reopen() {
+    catalogue_ = nullptr;
+    catalogue_ = Catalogue::open(path_).value();
+  }
+
+  const fs::path path_ = fs::path(testing::TempDir()) /
+                         (std::string(testing::UnitTest::GetInstance()->current_test_info()->name()) +
+                          std::to_string(::getpid()));
+  std::unique_ptr<Catalogue> catalogue_;
+};
+
+TEST_F(CatalogueTest, NoByteIsAlteredUnnoticed) {
+  for (int i = 0; i < 20; ++i) {
+    v1::Session session;
+    session.set_name("session-" + std::to_string(i));
+    session.set_reason(std::string(200, static_cast<char>('a' + i)));
+    ASSERT_TRUE(catalogue_->insert(session, std::to_string(i)).ok());
+    ASSERT_TRUE(catalogue_->keep_finished(session).ok());
+  }
+  v1::AnnotateSessionRequest request;
+  request.set_name("session-7");
+  request.set_note("of glass");
+  ASSERT_TRUE(catalogue_->annotate(request).ok());
+  ASSERT_TRUE(catalogue_->remove("session-3").ok());
+  const auto all = [](Catalogue& catalogue) -> absl::StatusOr<std::string> {
+    const absl::StatusOr<std::vector<v1::Session>> sessions = catalogue.list();
+    if (!sessions.ok()) return sessions.status();
+    std::string text;
+    for (const v1::Session& session : *sessions) {
+      const absl::StatusOr<v1::Session> finished = catalogue.finished(session.name());
+      const absl::StatusOr<v1::Session> found = catalogue.find(session.name());
+      if (!finished.ok()) return finished.status();
+      if (!found.ok()) return found.status();
+      text += session.SerializeAsString() + finished->SerializeAsString() + found->SerializeAsString();
+    }
+    return text;
+  };
+  const std::string known = all(*catalogue_).value();
+  catalogue_ = nullptr;  // SQLite takes its log up into the file
+  const std::string bytes = read_file(path_).value();
+  int refused = 0;
+  const auto look = [&](const std::string& altered, size_t at) {
+    for (const char* suffix : {"-wal", "-shm"}) fs::remove(path_.string() + suffix);
+    std::ofstream(path_, std::ios::binary) << altered;
+    const absl::StatusOr<std::unique_ptr<Catalogue>> catalogue = Catalogue::open(path_);
+    const absl::StatusOr<std::string> now = catalogue.ok() ? all(**catalogue) : catalogue.status();
+    refused += !now.ok();
+    if (now.ok()) {
+      EXPECT_EQ(*now, known) << "byte " << at << " of " << bytes.size();
+    }
+  };
+  for_each_flip(bytes.substr(0, 100), 0, 1, [&](const std::string& header, size_t at) {  // SQLite's own
+    look(header + bytes.substr(100), at);
+  });
+  for_each_flip(bytes, 100, 53, look);
+  EXPECT_GT(refused, 0);
+  std::ofstream(path_, std::ios::binary) << bytes;
+}
+
+TEST_F(CatalogueTest, NotesAndTagsAreKeptWhateverRuns) {
+  v1::Session running;
+  running.set_name("a");
+  ASSERT_TRUE(catalogue_->insert(running, "").ok());
+  v1::AnnotateSessionRequest request;
+  request.set_name("a");
+  request.set_note("handle\nto the left");
+  for (const char* tag : {"vases", "lab3", "vases"}) request.add_add_tags(tag);
+  const absl::StatusOr<v1::Session> annotated = catalogue_->annotate(request);
+  ASSERT_TRUE(annotated.ok()) << annotated.status();
+  EXPECT_EQ(annotated->ShortDebugString().find("vases"), annotated->ShortDebugString().rfind("vases"));
+  // A capture that began before knows nothing of them.
+  running.set_proven_count(7);
+  ASSERT_TRUE(catalogue_->update(running).ok());
+  reopen();
+  v1::Session found = catalogue_->find("a").value();
+  EXPECT_EQ(found.proven_count(), 7);
+  EXPECT_EQ(found.note(), request.note());
+  EXPECT_EQ(std::vector<std::string>(found.tags().begin(), found.tags().end()),
+            (std::vector<std::string>{"lab3", "vases"}));
+  EXPECT_EQ(catalogue_->list().value()[0].note(), request.note());
+
+  request.clear_note();
+  request.clear_add_tags();
+  for (const char* tag : {"vases", "never there"}) request.add_remove_tags(tag);
+  found = catalogue_->annotate(request).value();
+  EXPECT_EQ(found.note(), "handle\nto the left");
+  EXPECT_EQ(found.tags_size(), 1);
+
+  request.add_add_tags("no tag");
+  EXPECT_TRUE(absl::IsInvalidArgument(catalogue_->annotate(request).status()));
+  request.clear_add_tags();
+  request.set_note(std::string(kMostNoteBytes + 1, 'x'));
+  EXPECT_TRUE(absl::IsInvalidArgument(catalogue_->annotate(request).status()));
+  request.set_name("b");
+  request.clear_note();
+  EXPECT_TRUE(absl::IsNotFound(catalogue_->annotate(request).status()));
+}
+
+TEST_F(CatalogueTest, TheFinishedSessionIsKeptBesideTheOneThatGoesOn) {
+  v1::Session session;
+  session.set_name("a");
+  session.set_method("gaussian");
+  ASSERT_TRUE(catalogue_->insert(session, "").ok());
+  EXPECT_TRUE(absl::IsNotFound(catalogue_->finished("a").status()));
+  ASSERT_TRUE(catalogue_->keep_finished(session).ok());
+  session.set_method("alpha");
+  ASSERT_TRUE(catalogue_->update(session).ok());
+  reopen();
+  EXPECT_EQ(catalogue_->finished("a")->method(), "gaussian");
+  EXPECT_EQ(catalogue_->find("a")->method(), "alpha");
+  ASSERT_TRUE(catalogue_->drop_finished("a").ok());
+  EXPECT_TRUE(absl::IsNotFound(catalogue_->finished("a").status()));
+}
+
+TEST(SessionSearch, EveryConditionHasToHold) {
+  v1::Session session;
+  session.set_name("vase-3");
+  session.set_note("Handle to the left");
+  session.set_reason("the camera went away");
+  session.add_tags("lab3");
+  session.add_tags("vases");
+  session.set_state(v1::SESSION_STATE_PAUSED);
+  session.set_created("2026-11-05T12:00:00Z");
+  const auto found = [&](const std::function<void(v1::ListSessionsRequest&)>& ask) {
+    v1::ListSessionsRequest request;
+    ask(request);
+    return matches(session, request).value();
+  };
+  EXPECT_TRUE(found([](auto&) {}));
+  for (const char* text : {"VASE", "handle TO", "Lab3", "went away"})
+    EXPECT_TRUE(found([&](auto& request) { request.set_text(text); })) << text;
+  EXPECT_FALSE(found([](auto& request) { request.set_text("bowl"); }));
+  EXPECT_TRUE(found([](auto& request) { request.add_tags("vases"); }));
+  EXPECT_FALSE(found([](auto& request) {
+    request.add_tags("vases");
+    request.add_tags("bowls");
+  }));
+  EXPECT_FALSE(found([](auto& request) { request.add_tags("vase"); })) << "tags are whole";
+  EXPECT_TRUE(found([](auto& request) {
+    request.add_states(v1::SESSION_STATE_DONE);
+    request.add_states(v1::SESSION_STATE_PAUSED);
+  }));
+  EXPECT_FALSE(found([](auto& request) { request.add_states(v1::SESSION_STATE_DONE); }));
+  EXPECT_TRUE(found([](auto& request) {
+    request.set_created_from("2026-11-05T12:00:00Z");
+    request.set_created_before("2026-11-05T12:00:01Z");
+  }));
+  EXPECT_FALSE(found([](auto& request) { request.set_created_before("2026-11-05T12:00:00Z"); }));
+  // The same moment, told elsewhere.
+  EXPECT_FALSE(found([](auto& request) { request.set_created_from("2026-11-05T13:00:01+01:00"); }));
+  EXPECT_TRUE(found([](auto& request) { request.set_created_from("2026-11-05T13:00:00+01:00"); }));
+  v1::ListSessionsRequest bad;
+  bad.set_created_from("yesterday");
+  EXPECT_TRUE(absl::IsInvalidArgument(matches(session, bad).status()));
+}
+
+TEST(Catalogue, ADamagedFileIsNamedNotUsed) {
+  const fs::path path =
+      fs::path(testing::TempDir()) / ("catalogue_bad." + std::to_string(::getpid()) + ".sqlite");
+  std::FILE* file = std::fopen(path.c_str(), "w");
+  std::fputs(
+      "this is no database, and long enough to be one with a header of a hundred bytes, which it has not",
+      file);
+  std::fclose(file);
+  EXPECT_FALSE(Catalogue::open(path).ok());
+  fs::remove(path);
+}
+
+}  // namespace
+}  // namespace glasswing

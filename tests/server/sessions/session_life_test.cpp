@@ -1,0 +1,437 @@
+// A session's life on a simulated rig: estimated, captured, solved anew, paused, cancelled, tried again,
+// deleted.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <limits>
+
+#include "core/base/file.h"
+#include "core/base/time.h"
+#include "server/sessions/session_state.h"
+#include "tests/faults/capture/rig.h"
+#include "tests/server/solve/idle_solver.h"
+
+namespace glasswing {
+namespace {
+
+namespace fs = std::filesystem;
+constexpr int kWidth = FaultyRig::kWidth_px, kHeight = FaultyRig::kHeight_px;
+
+v1::Plan small_plan() {
+  v1::Plan plan;
+  plan.set_method("alpha");
+  for (const double value : {0.2, 0.8}) {
+    v1::Solid& solid = *plan.add_solids();
+    for (int c = 0; c < 3; ++c) solid.add_colour(value);
+  }
+  plan.add_exposure_ms(FaultyRig::kExposure_ms);
+  plan.set_hold_refreshes(4);
+  return plan;
+}
+
+class SessionLife : public testing::Test {
+ protected:
+  void start(const RigFaults& faults = {.name = "none"}) {
+    rig_ = std::make_unique<FaultyRig>(faults, 1, 16, data_);
+    solver_ = std::make_unique<IdleSolver>(rig_->server());
+  }
+  void TearDown() override {
+    solver_ = nullptr;
+    rig_ = nullptr;
+    fs::remove_all(data_);
+  }
+  Server& server() { return rig_->server(); }
+
+  // Until it rests.
+  v1::Session capture(const v1::Plan& plan) {
+    v1::CreateSessionRequest create;
+    create.set_name("s");
+    *create.mutable_plan() = plan;
+    const absl::StatusOr<v1::Session> created = server().create(create, {.client = "anna@lab3", .hold = ""});
+    EXPECT_TRUE(created.ok()) << created.status();
+    return rested();
+  }
+  v1::Session wait_until(const std::function<bool(const v1::Session&)>& is_so) {
+    const nanoseconds deadline = monotonic_now() + std::chrono::seconds(20);
+    while (true) {
+      const std::int64_t seen = server().wait_change(0, std::chrono::milliseconds(0));
+      const v1::Session session = server().find("s").value();
+      if (is_so(session)) return session;
+      if (monotonic_now() > deadline) {
+        ADD_FAILURE() << state_of(session) << " " << session.reason();
+        return session;
+      }
+      server().wait_change(seen, std::chrono::milliseconds(100));
+    }
+  }
+  v1::Session rested() {
+    while (true) {
+      const std::int64_t seen = server().wait_change(0, std::chrono::milliseconds(0));
+      const v1::Session session = server().find("s").value();
+      if (session.state() != v1::SESSION_STATE_CAPTURING) return session;
+      server().wait_change(seen, std::chrono::seconds(1));
+    }
+  }
+  v1::Session solve(const std::string& method, std::map<std::string, std::string> options = {}) {
+    v1::SolveSessionRequest request;
+    request.set_name("s");
+    request.set_method(method);
+    request.mutable_options()->insert(options.begin(), options.end());
+    const absl::StatusOr<v1::Session> session = server().solve(request);
+    EXPECT_TRUE(session.ok()) << session.status();
+    return session.ok() ? *session : v1::Session();
+  }
+  // As solve(), and the survey is done. Returns how many tiles there are.
+  int solve_in_tiles(const std::string& method, std::map<std::string, std::string> options = {}) {
+    solve(method, std::move(options));
+    v1::ClaimTileResponse survey;
+    EXPECT_TRUE(solver_->try_to_claim(IdleSolver::request(), survey).ok());
+    EXPECT_GT(survey.survey_rows_size(), 0);
+    EXPECT_TRUE(solver_->complete_survey(survey).ok());
+    return server().find("s")->tile_count();
+  }
+  // Once all tiles are done, or the solve has failed.
+  v1::Session settled() {
+    while (true) {
+      const std::int64_t seen = server().wait_change(0, std::chrono::milliseconds(0));
+      const v1::Session session = server().find("s").value();
+      if (session.state() != v1::SESSION_STATE_SOLVING) return session;
+      server().wait_change(seen, std::chrono::seconds(1));
+    }
+  }
+  absl::StatusOr<v1::Session> resume(std::optional<int> retries = std::nullopt) {
+    v1::ResumeSessionRequest request;
+    request.set_name("s");
+    if (retries) request.set_retries(*retries);
+    return server().resume(request, {});
+  }
+  // Completes so many tiles, or as many as there are.
+  int complete(float mark, int most = 1 << 20) {
+    int count = 0;
+    for (; count < most; ++count) {
+      const v1::ClaimTileResponse tile = solver_->claim();
+      if (!tile.has_lease()) break;
+      EXPECT_TRUE(solver_->complete_rows(tile, kWidth, kHeight, mark).ok());
+    }
+    return count;
+  }
+  // That of the matte which can be fetched, in its first and its last row.
+  std::pair<float, float> marks() {
+    const absl::StatusOr<Matte> matte = read_matte(server().matte("s", std::nullopt).value());
+    EXPECT_TRUE(matte.ok()) << matte.status();
+    return {matte->foreground(0, 0)[0], matte->foreground(0, kHeight - 1)[0]};
+  }
+
+  const fs::path data_ = fs::path(testing::TempDir()) / ("life." + std::to_string(::getpid()));
+  std::unique_ptr<FaultyRig> rig_;
+  std::unique_ptr<IdleSolver> solver_;
+};
+
+using Marks = std::pair<float, float>;
+
+TEST_F(SessionLife, TheDryRunSaysWhatTheCaptureCosts) {
+  start();
+  v1::EstimateSessionRequest request;
+  request.set_name("s");
+  *request.mutable_plan() = small_plan();
+  const absl::StatusOr<v1::EstimateSessionResponse> estimate = server().estimate(request);
+  ASSERT_TRUE(estimate.ok()) << estimate.status();
+  EXPECT_FALSE(estimate->has_holder());
+  EXPECT_EQ(estimate->warnings_size(), 1) << "sync was not measured";
+  EXPECT_GE(estimate->free_bytes(), estimate->bytes());
+  EXPECT_DOUBLE_EQ(estimate->seconds(), estimate->step_count() * 4 / FaultyRig::kRefresh_hz);
+  EXPECT_FALSE(fs::exists(rig_->archive("s")));
+
+  const v1::Session session = capture(small_plan());
+  ASSERT_EQ(session.state(), v1::SESSION_STATE_CAPTURED) << session.reason();
+  EXPECT_EQ(session.step_count(), estimate->step_count());
+  EXPECT_EQ(session.archive_bytes(), estimate->bytes());
+  EXPECT_EQ(session.started_by(), "anna@lab3");
+  EXPECT_TRUE(absl::IsAlreadyExists(server().estimate(request).status()));
+
+  // Who holds the rig is told, and refused only by a real capture.
+  const auto drive = server().rig_lock().drive({.client = "ben@lab4", .hold = ""}, "doctor");
+  request.clear_name();
+  EXPECT_EQ(server().estimate(request)->holder().client(), "ben@lab4");
+  v1::CreateSessionRequest create;
+  *create.mutable_plan() = small_plan();
+  EXPECT_TRUE(absl::IsFailedPrecondition(server().create(create, {}).status()));
+  EXPECT_EQ(server().list({})->size(), 1u);
+}
+
+TEST_F(SessionLife, TheFinishedMatteStaysUntilAnotherIs) {
+  start();
+  ASSERT_EQ(capture(small_plan()).state(), v1::SESSION_STATE_CAPTURED);
+  EXPECT_TRUE(absl::IsFailedPrecondition(server().matte("s", std::nullopt).status()));
+  const int tiles = solve_in_tiles("alpha", {{"backings", "1"}});
+  EXPECT_FALSE(server().find("s")->matte_ready());
+  EXPECT_EQ(complete(1.0f), tiles);
+  const v1::Session first = settled();
+  EXPECT_EQ(first.state(), v1::SESSION_STATE_DONE) << first.reason();
+  EXPECT_TRUE(first.matte_ready());
+  EXPECT_EQ(marks(), Marks(1.0f, 1.0f));
+
+  // What a method does not know is refused before anything changes.
+  v1::SolveSessionRequest unknown;
+  unknown.set_name("s");
+  unknown.set_method("gaussian");
+  (*unknown.mutable_options())["backings"] = "1";
+  const absl::Status refused = server().solve(unknown).status();
+  EXPECT_TRUE(absl::IsInvalidArgument(refused)) << refused;
+  EXPECT_NE(refused.message().find("it has: modes, "), std::string::npos) << refused;
+  EXPECT_EQ(server().find("s")->SerializeAsString(), first.SerializeAsString());
+
+  // Cancelled, the session is as it was.
+  solve("gaussian");
+  complete(2.0f, 3);
+  EXPECT_EQ(marks(), Marks(1.0f, 1.0f));
+  ASSERT_TRUE(server().cancel("s", {}).ok());
+  EXPECT_EQ(server().find("s")->SerializeAsString(), first.SerializeAsString());
+  EXPECT_EQ(complete(2.0f), 0);
+  EXPECT_EQ(marks(), Marks(1.0f, 1.0f));
+
+  // Failed, it has the old matte; tried again, what was done is not done anew.
+  solve("hierarchical");
+  EXPECT_EQ(complete(3.0f, 5), 5);
+  ASSERT_TRUE(solver_->fail(solver_->claim(), "row 5: torn").ok());
+  v1::Session session = server().find("s").value();
+  EXPECT_EQ(session.state(), v1::SESSION_STATE_FAILED);
+  EXPECT_TRUE(session.matte_ready());
+  EXPECT_EQ(marks(), Marks(1.0f, 1.0f));
+  EXPECT_EQ(complete(4.0f), 0);
+  {
+    const auto again = Server::open({.data = data_ / "server"}).value();
+    EXPECT_TRUE(again->matte("s", std::nullopt).ok());
+  }
+  ASSERT_EQ(resume()->state(), v1::SESSION_STATE_SOLVING);
+  EXPECT_EQ(complete(4.0f), tiles - 5);
+  session = settled();
+  EXPECT_EQ(session.state(), v1::SESSION_STATE_DONE) << session.reason();
+  EXPECT_EQ(session.method(), "hierarchical");
+  EXPECT_EQ(marks(), Marks(3.0f, 4.0f));
+}
+
+// The camera node's disk, as it says: full once so many frames of a session are there.
+struct Disk {
+  fs::path frames;
+  std::atomic<int> most_frames = std::numeric_limits<int>::max();
+  SpaceOf space() {
+    return [this](const fs::path&) -> absl::StatusOr<fs::space_info> {
+      std::error_code none;
+      const auto count = std::distance(fs::directory_iterator(frames, none), fs::directory_iterator());
+      const std::uintmax_t now = count >= most_frames ? 0 : 1 << 30;
+      return fs::space_info{.capacity = 1 << 30, .free = now, .available = now};
+    };
+  }
+};
+
+bool waits_for_room(const v1::Session& session) {
+  return session.reason().starts_with("waiting for room") &&
+         session.reason().find("are still to come") != std::string::npos;
+}
+
+TEST_F(SessionLife, ACaptureWaitsForRoomAndGoesOnByItself) {
+  Disk disk{.frames = data_ / "archives/s/frames"};
+  start({.name = "full disk", .space = disk.space()});
+  disk.most_frames = 3;
+  v1::CreateSessionRequest create;
+  create.set_name("s");
+  *create.mutable_plan() = small_plan();
+  ASSERT_TRUE(server().create(create, {}).ok());
+  const v1::Session waiting = wait_until(waits_for_room);
+  EXPECT_EQ(waiting.state(), v1::SESSION_STATE_CAPTURING);
+  EXPECT_GT(waiting.proven_count(), 0);
+  EXPECT_LT(waiting.proven_count(), waiting.step_count());
+  EXPECT_NE(waiting.reason().find("camera-1"), std::string::npos) << waiting.reason();
+  EXPECT_NE(waiting.reason().find("MB of disk are missing"), std::string::npos) << waiting.reason();
+  const std::string first = read_file(rig_->archive("s") / "frames.jsonl").value();
+
+  disk.most_frames = std::numeric_limits<int>::max();
+  const v1::Session done =
+      wait_until([](const v1::Session& session) { return session.state() == v1::SESSION_STATE_CAPTURED; });
+  EXPECT_EQ(done.proven_count(), done.step_count());
+  EXPECT_EQ(done.reason(), "");
+  EXPECT_TRUE(read_file(rig_->archive("s") / "frames.jsonl")->starts_with(first)) << "what was kept stays";
+}
+
+TEST_F(SessionLife, ACaptureThatWaitsForRoomCanBePausedAndCancelled) {
+  Disk disk{.frames = data_ / "archives/s/frames"};
+  start({.name = "full disk", .space = disk.space()});
+  disk.most_frames = 1;
+  v1::CreateSessionRequest create;
+  create.set_name("s");
+  *create.mutable_plan() = small_plan();
+  ASSERT_TRUE(server().create(create, {}).ok());
+  wait_until(waits_for_room);
+  EXPECT_EQ(server().pause("s", {})->state(), v1::SESSION_STATE_PAUSED);
+  EXPECT_EQ(server().cancel("s", {})->state(), v1::SESSION_STATE_CANCELLED);
+}
+
+TEST_F(SessionLife, APausedSolveKeepsItsTilesAlsoPastTheServersEnd) {
+  start();
+  ASSERT_EQ(capture(small_plan()).state(), v1::SESSION_STATE_CAPTURED);
+  const int tiles = solve_in_tiles("alpha");
+  EXPECT_EQ(complete(1.0f, 2), 2);
+  const v1::ClaimTileResponse under_way = solver_->claim();
+  const absl::StatusOr<v1::Session> paused = server().pause("s", {});
+  ASSERT_TRUE(paused.ok()) << paused.status();
+  EXPECT_EQ(paused->state(), v1::SESSION_STATE_PAUSED);
+  EXPECT_TRUE(server().pause("s", {}).ok()) << "it is so already";
+  EXPECT_FALSE(solver_->claim().has_lease());
+  EXPECT_TRUE(solver_->complete_rows(under_way, kWidth, kHeight, 1.0f).ok());
+  EXPECT_EQ(server().find("s")->tiles_done(), 3);
+  EXPECT_EQ(server().find("s")->state(), v1::SESSION_STATE_PAUSED);
+  {
+    const auto again = Server::open({.data = data_ / "server"}).value();
+    EXPECT_EQ(again->find("s")->state(), v1::SESSION_STATE_PAUSED);
+    EXPECT_FALSE(again->claim(IdleSolver::request())->has_lease());
+  }
+  ASSERT_TRUE(resume().ok());
+  EXPECT_EQ(complete(2.0f), tiles - 3);
+  EXPECT_EQ(settled().state(), v1::SESSION_STATE_DONE);
+  EXPECT_EQ(marks(), Marks(1.0f, 2.0f));
+}
+
+TEST_F(SessionLife, WhatIsSolvedSoFarCanBeFetched) {
+  start();
+  ASSERT_EQ(capture(small_plan()).state(), v1::SESSION_STATE_CAPTURED);
+  EXPECT_TRUE(absl::IsFailedPrecondition(server().partial_matte("s").status()));
+  solve_in_tiles("alpha");
+  EXPECT_TRUE(absl::IsFailedPrecondition(server().partial_matte("s").status()));
+  const v1::ClaimTileResponse first = solver_->claim(), left_out = solver_->claim(), third = solver_->claim();
+  for (const v1::ClaimTileResponse& tile : {first, third})
+    ASSERT_TRUE(solver_->complete_rows(tile, kWidth, kHeight, 1.0f).ok());
+  const absl::StatusOr<std::string> bytes = server().partial_matte("s");
+  ASSERT_TRUE(bytes.ok()) << bytes.status();
+  const Matte partial = decode_matte(*bytes).value();
+  ASSERT_EQ(partial.height_px(), kHeight);
+  const auto within = [](int y, const v1::ClaimTileResponse& tile) {
+    return y >= tile.first_row() && y < tile.first_row() + tile.row_count();
+  };
+  for (int y = 0; y < kHeight; ++y) {
+    const bool solved = within(y, first) || within(y, third);
+    EXPECT_EQ(partial.flags(0, y), solved ? kFlagNone : kFlagNoData) << y;
+    EXPECT_EQ(partial.foreground(0, y)[0], solved ? 1.0f : 0.0f) << y;
+  }
+  ASSERT_TRUE(solver_->complete_rows(left_out, kWidth, kHeight, 1.0f).ok());
+  complete(1.0f);
+  ASSERT_EQ(settled().state(), v1::SESSION_STATE_DONE);
+  EXPECT_EQ(server().partial_matte("s").value(),
+            read_file(server().matte("s", std::nullopt).value()).value());
+}
+
+TEST_F(SessionLife, ATileThatNobodyCanSolveIsNamedOnceTheOthersAreDone) {
+  start();
+  ASSERT_EQ(capture(small_plan()).state(), v1::SESSION_STATE_CAPTURED);
+  const int tiles = solve_in_tiles("alpha");
+  const v1::ClaimTileResponse hard = solver_->claim();
+  v1::ClaimTileResponse tile = hard;
+  for (int attempt = 1; attempt <= kMaxAttempts; ++attempt) {
+    EXPECT_EQ(server().find("s")->quarantined_size(), 0);
+    EXPECT_EQ(tile.lease().tile(), hard.lease().tile());
+    ASSERT_TRUE(solver_->fail(tile, "out of memory", false).ok());
+    // Tiles that failed come last.
+    for (tile = solver_->claim(); tile.has_lease() && tile.lease().tile() != hard.lease().tile();
+         tile = solver_->claim())
+      ASSERT_TRUE(solver_->complete_rows(tile, kWidth, kHeight, 1.0f).ok());
+  }
+  const v1::Session failed = settled();
+  EXPECT_EQ(failed.state(), v1::SESSION_STATE_FAILED);
+  ASSERT_EQ(failed.quarantined_size(), 1);
+  EXPECT_EQ(failed.quarantined(0).tile(), hard.lease().tile());
+  EXPECT_EQ(failed.quarantined(0).first(), hard.first_row());
+  EXPECT_NE(failed.reason().find("out of memory"), std::string::npos) << failed.reason();
+  EXPECT_EQ(failed.tiles_done(), tiles - 1);
+  ASSERT_TRUE(resume().ok());
+  EXPECT_EQ(complete(2.0f), 1);
+  EXPECT_EQ(settled().state(), v1::SESSION_STATE_DONE);
+  EXPECT_TRUE(server().find("s")->quarantined().empty());
+}
+
+TEST_F(SessionLife, ASolverThatWouldComputeSomethingElseIsRefused) {
+  start();
+  const auto refusal = [&](const v1::ClaimTileRequest& request) {
+    v1::ClaimTileResponse response;
+    const grpc::Status status = solver_->try_to_claim(request, response);
+    EXPECT_EQ(status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+    return status.error_message();
+  };
+  v1::ClaimTileRequest request = IdleSolver::request();
+  (*request.mutable_method_versions())["ramp"] += 1;
+  EXPECT_NE(
+      refusal(request).find("solver \"idle\" computes \"ramp\" version 2, the server expects version 1"),
+      std::string::npos)
+      << refusal(request);
+  request = IdleSolver::request();
+  request.mutable_method_versions()->erase("matte");
+  EXPECT_NE(refusal(request).find("no \"matte\""), std::string::npos) << refusal(request);
+  request = IdleSolver::request();
+  request.set_version("0.0.9");
+  EXPECT_NE(refusal(request).find("is Glasswing 0.0.9, the server 0.1.0"), std::string::npos)
+      << refusal(request);
+}
+
+TEST_F(SessionLife, AFailedCaptureNamesItsStepsAndCanBeTriedAgain) {
+  start({.name = "slow camera", .frame_rate_hz = 30.0});
+  v1::Plan plan = small_plan();
+  plan.set_exposure_ms(0, 20.0);  // longer than the picture stands: 4 refreshes of 240 Hz are 16.7 ms
+  plan.set_retries(0);
+  v1::Session session = capture(plan);
+  ASSERT_EQ(session.state(), v1::SESSION_STATE_FAILED) << session.reason();
+  ASSERT_GT(session.unproven_size(), 0);
+  EXPECT_TRUE(session.unproven(0).what().starts_with("back ")) << session.unproven(0).what();
+  EXPECT_TRUE(server().list({})->at(0).unproven().empty());
+  EXPECT_TRUE(absl::IsInvalidArgument(resume(101).status()));
+  ASSERT_TRUE(resume(1).ok());
+  session = rested();
+  EXPECT_EQ(session.plan().retries(), 1);
+  EXPECT_EQ(session.state(), v1::SESSION_STATE_FAILED);
+  EXPECT_GT(session.retaken_count(), 0);
+}
+
+TEST_F(SessionLife, NothingIsLeftOfADeletedSession) {
+  start();
+  EXPECT_TRUE(absl::IsNotFound(server().remove("s").status()));
+  ASSERT_EQ(capture(small_plan()).state(), v1::SESSION_STATE_CAPTURED);
+  solve("alpha");
+  EXPECT_TRUE(absl::IsFailedPrecondition(server().remove("s").status())) << "it is being solved";
+  complete(1.0f);
+  const v1::Session session = settled();
+  const fs::path matte = server().matte("s", std::nullopt).value();
+  const auto matte_bytes = static_cast<std::int64_t>(fs::file_size(matte));
+  const absl::StatusOr<std::int64_t> freed = server().remove("s");
+  ASSERT_TRUE(freed.ok()) << freed.status();
+  EXPECT_EQ(*freed, session.archive_bytes() + matte_bytes);
+  EXPECT_FALSE(fs::exists(matte));
+  EXPECT_TRUE(fs::is_empty(data_ / "archives"));
+  EXPECT_TRUE(absl::IsNotFound(server().find("s").status()));
+  EXPECT_EQ(capture(small_plan()).state(), v1::SESSION_STATE_CAPTURED) << "the name is free";
+}
+
+TEST_F(SessionLife, WhatBrokeOffWhileDeletingIsFinishedByAskingAgain) {
+  start();
+  const v1::Session captured = capture(small_plan());
+  ASSERT_EQ(captured.state(), v1::SESSION_STATE_CAPTURED);
+  solve("alpha");
+  complete(1.0f);
+  EXPECT_EQ(settled().state(), v1::SESSION_STATE_DONE);
+  // As after the server's end between the first step and the second, and the node's in the middle of its own.
+  fs::rename(data_ / "archives" / "s", data_ / "archives" / ".removed-s");
+  fs::remove(data_ / "archives" / ".removed-s" / "header.json");
+  {
+    v1::DeleteArchiveRequest request;
+    request.set_session("s");
+    v1::DeleteArchiveResponse response;
+    grpc::ClientContext context;
+    const auto node = v1::ArchiveService::NewStub(dial(captured.archive_address()));
+    ASSERT_TRUE(node->DeleteArchive(&context, request, &response).ok());
+  }
+  EXPECT_TRUE(fs::is_empty(data_ / "archives"));
+  ASSERT_TRUE(server().remove("s").ok());
+  EXPECT_TRUE(absl::IsNotFound(server().find("s").status()));
+  EXPECT_TRUE(fs::is_empty(data_ / "server" / "mattes"));
+}
+
+}  // namespace
+}  // namespace glasswing

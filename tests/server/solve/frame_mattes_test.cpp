@@ -1,0 +1,83 @@
+#include "server/solve/frame_mattes.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include "core/matte/matte_file.h"
+
+namespace glasswing {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string matte_file(float f) {
+  Matte matte(0, 0, 4, 3, 1);
+  matte.metadata.set_format_version(1);
+  matte.metadata.add_monitors()->set_name("back");
+  matte.metadata.set_width_px(4);
+  matte.metadata.set_height_px(3);
+  matte.foreground(1, 1) = {f, f, f};
+  return encode_matte(matte).value();
+}
+
+class FrameMattesTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    fs::remove_all(directory_);
+    fs::create_directories(directory_ / "tiles");
+    fs::create_directories(directory_ / "mattes");
+  }
+  void TearDown() override { fs::remove_all(directory_); }
+  FrameMattes mattes() const { return FrameMattes(directory_ / "tiles", 16, 4); }
+  fs::path named(int frame) const { return directory_ / "mattes" / std::to_string(frame); }
+
+  const fs::path directory_ = fs::path(testing::TempDir()) / ("frame_mattes." + std::to_string(::getpid()));
+};
+
+TEST_F(FrameMattesTest, FilesComeInPiecesAndGetTheirNamesTogether) {
+  {
+    FrameMattes mattes = this->mattes();
+    for (const int frame : {16, 18, 19}) {
+      const std::string bytes = matte_file(static_cast<float>(frame));
+      ASSERT_TRUE(mattes.begin(frame, checksum_of(bytes)).ok());
+      for (size_t at = 0; at < bytes.size(); at += 3) ASSERT_TRUE(mattes.add(bytes.substr(at, 3)).ok());
+    }
+    ASSERT_TRUE(mattes.finish().ok());
+    EXPECT_TRUE(fs::is_empty(directory_ / "mattes"));
+    EXPECT_TRUE(mattes.has(18) && !mattes.has(17));
+    ASSERT_TRUE(mattes.place([&](int frame) { return named(frame); }).ok());
+  }
+  for (const int frame : {16, 18, 19})
+    EXPECT_EQ(read_file(named(frame)).value(), matte_file(static_cast<float>(frame)));
+  EXPECT_FALSE(fs::exists(named(17)));
+  EXPECT_TRUE(fs::is_empty(directory_ / "tiles"));
+}
+
+TEST_F(FrameMattesTest, WhatIsDamagedOrNotOfTheTileIsRefusedAndLeavesNothing) {
+  const std::string good = matte_file(1.0f), checksum = checksum_of(good);
+  {
+    FrameMattes cut = mattes();
+    ASSERT_TRUE(cut.begin(16, checksum).ok());
+    ASSERT_TRUE(cut.add(std::string_view(good).substr(0, good.size() - 1)).ok());
+    EXPECT_TRUE(absl::IsDataLoss(cut.finish()));
+  }
+  {
+    FrameMattes other = mattes();
+    EXPECT_TRUE(absl::IsInvalidArgument(other.add(good)));  // of which frame?
+    EXPECT_TRUE(absl::IsInvalidArgument(other.begin(15, checksum)));
+    EXPECT_TRUE(absl::IsInvalidArgument(other.begin(20, checksum)));
+    ASSERT_TRUE(other.begin(17, checksum).ok());
+    ASSERT_TRUE(other.add(matte_file(2.0f)).ok());
+    EXPECT_TRUE(absl::IsDataLoss(other.begin(18, checksum)));
+  }
+  {
+    FrameMattes twice = mattes();
+    ASSERT_TRUE(twice.begin(17, checksum).ok());
+    ASSERT_TRUE(twice.add(good).ok());
+    EXPECT_TRUE(absl::IsInvalidArgument(twice.begin(17, checksum)));
+  }
+  EXPECT_TRUE(fs::is_empty(directory_ / "tiles"));
+}
+
+}  // namespace
+}  // namespace glasswing

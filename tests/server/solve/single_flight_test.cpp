@@ -1,0 +1,47 @@
+#include "server/solve/single_flight.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <latch>
+#include <thread>
+#include <vector>
+
+namespace glasswing {
+namespace {
+
+TEST(SharedWork, AloneItRunsEachTime) {
+  SharedWork work;
+  int runs = 0;
+  for (int i = 0; i < 3; ++i) work.run([&] { ++runs; });
+  EXPECT_EQ(runs, 3);
+}
+
+// What each thread did before it asked is seen by a run that began after.
+TEST(SharedWork, EachIsServedByARunAfterItAskedAndNoTwoRunAtOnce) {
+  constexpr int kThreads = 8, kTimes = 500;
+  SharedWork work;
+  std::atomic<int> done = 0, seen = 0;
+  std::atomic<bool> running = false;
+  std::latch begin(kThreads);
+  std::vector<std::jthread> threads;
+  for (int t = 0; t < kThreads; ++t) {
+    threads.emplace_back([&] {
+      begin.arrive_and_wait();
+      for (int i = 0; i < kTimes; ++i) {
+        const int own = ++done;
+        work.run([&] {
+          EXPECT_FALSE(running.exchange(true));
+          seen = done.load();
+          running = false;
+        });
+        EXPECT_GE(seen, own);
+      }
+    });
+  }
+  threads.clear();
+  EXPECT_EQ(seen, kThreads * kTimes);
+}
+
+}  // namespace
+}  // namespace glasswing

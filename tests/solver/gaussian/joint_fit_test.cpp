@@ -1,0 +1,270 @@
+#include "solver/gaussian/joint_fit.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include "tests/solver/gaussian/simulated_pixel.h"
+
+namespace glasswing {
+namespace {
+
+constexpr MonitorExtent kExtent = kSimulatedExtent;
+
+class EdgeOrMiddle : public testing::TestWithParam<Footprint> {};
+
+// N and g against sums over central differences of the closed form.
+TEST_P(EdgeOrMiddle, NormalEquationsAreThoseOfTheModel) {
+  const SampleLayout layout = four_sweeps(4.0);
+  std::mt19937 random(1);
+  Footprints truth;
+  truth.push_back(GetParam());
+  truth.push_back({.weight = 0.3, .x_px = 60.0, .y_px = 40.0, .xx_px2 = 9.0, .xy_px2 = -2.0, .yy_px2 = 5.0});
+  const PixelSamples samples = recorded(truth, layout, 0.01, random);
+  Footprints at = truth;
+  at[0].x_px += 0.7;
+  at[1].yy_px2 += 1.0;
+  NormalEquations got;
+  JointWorkspace workspace;
+  evaluate(samples, at, kExtent, workspace, got);
+  std::array<std::array<double, 12>, 12> matrix{};
+  std::array<double, 12> gradient{};
+  double chi2 = 0.0;
+  for (const SampleLayout::Sweep& sweep : layout.sweeps) {
+    for (int i = 0; i < sweep.count; ++i) {
+      const double residual =
+          static_cast<double>(samples.y[static_cast<size_t>(sweep.first + i)]) - answer(at, layout, sweep, i);
+      chi2 += residual * residual;
+      std::array<double, 12> derivative;
+      for (int p = 0; p < 12; ++p) {
+        Footprints up = at, down = at;
+        const double h = 1e-5;
+        parameter(up[p / 6], p % 6) += h;
+        parameter(down[p / 6], p % 6) -= h;
+        derivative[static_cast<size_t>(p)] =
+            (answer(up, layout, sweep, i) - answer(down, layout, sweep, i)) / (2.0 * h);
+      }
+      for (size_t p = 0; p < 12; ++p) {
+        gradient[p] += derivative[p] * residual;
+        for (size_t q = 0; q < 12; ++q) matrix[p][q] += derivative[p] * derivative[q];
+      }
+    }
+  }
+  // Beyond reach a mode is below 2e-5 of its crest, and the sums are of floats.
+  EXPECT_NEAR(got.chi2, chi2, 1e-4 * chi2);
+  for (size_t p = 0; p < 12; ++p) {
+    const double scale = std::sqrt(matrix[p][p] * chi2);
+    EXPECT_NEAR(got.gradient[p], gradient[p], 1e-4 * scale) << p;
+    for (size_t q = 0; q < 12; ++q) {
+      EXPECT_NEAR(got.matrix[p][q], matrix[p][q], 2e-4 * std::sqrt(matrix[p][p] * matrix[q][q]))
+          << p << " " << q;
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Places, EdgeOrMiddle,
+    testing::Values(
+        Footprint{.weight = 0.8, .x_px = 70.0, .y_px = 45.0, .xx_px2 = 6.0, .xy_px2 = 1.0, .yy_px2 = 3.0},
+        Footprint{.weight = 0.8, .x_px = 3.0, .y_px = 45.0, .xx_px2 = 30.0, .xy_px2 = 8.0, .yy_px2 = 9.0},
+        Footprint{
+            .weight = 0.8, .x_px = 122.0, .y_px = 93.0, .xx_px2 = 90.0, .xy_px2 = -20.0, .yy_px2 = 40.0}));
+
+double residual_sd(const JointFit& fit) {
+  return std::sqrt(fit.near_chi2 / (fit.near_count - 6 * fit.modes.size()));
+}
+
+std::vector<JointFit> fitted_together(const SampleLayout& layout, const std::vector<PixelSamples>& samples,
+                                      const std::vector<Footprints>& starts) {
+  std::vector<BatchPixel> pixels;
+  for (size_t i = 0; i < samples.size(); ++i) pixels.push_back(batch_pixel(samples[i], starts[i]));
+  std::vector<JointFit> fits(samples.size());
+  fit_batch(layout, 1, pixels, fits);
+  return fits;
+}
+
+// Where both apply they are the same estimate.
+class FitBatch : public testing::TestWithParam<int> {};
+
+TEST_P(FitBatch, AgreesWithTheJointFit) {
+  const int modes = GetParam();
+  const SampleLayout layout = four_sweeps(4.0);
+  std::mt19937 random(9);
+  std::uniform_real_distribution<double> x(40.0, 50.0), y(40.0, 56.0), variance(3.0, 9.0), turn(-0.6, 0.6),
+      weight(0.2, 0.6), share(0.0, 1.0);
+  std::vector<PixelSamples> samples;
+  std::vector<Footprints> truths, starts;
+  for (int i = 0; i < 100; ++i) {
+    Footprints truth;
+    for (int m = 0; m < modes; ++m) {
+      Footprint mode{.weight = weight(random),
+                     .x_px = x(random) + 14.0 * m,
+                     .y_px = y(random),
+                     .xx_px2 = variance(random),
+                     .xy_px2 = 0.0,
+                     .yy_px2 = variance(random)};
+      mode.xy_px2 = turn(random) * std::sqrt(mode.xx_px2 * mode.yy_px2);
+      truth.push_back(mode);
+    }
+    PixelSamples& own = samples.emplace_back(recorded(truth, layout, 0.005, random));
+    // Every other pixel has lost some samples, and believes others less.
+    for (size_t k = 0; i % 2 == 1 && k < own.weight.size(); ++k) {
+      if (share(random) < 0.1) own.weight[k] = 0.0f;
+      if (share(random) < 0.3) own.weight[k] *= 0.5f;
+    }
+    truths.push_back(truth);
+    for (Footprint& mode : truth) mode.x_px += 0.3, mode.yy_px2 *= 1.2, mode.weight *= 0.9;
+    starts.push_back(truth);
+  }
+  std::vector<JointFit> fits = fitted_together(layout, samples, starts);
+  JointWorkspace workspace;
+  int settled = 0;
+  for (size_t i = 0; i < fits.size(); ++i) {
+    if (!fits[i].converged) continue;
+    ++settled;
+    JointFit joint = fit_jointly(samples[i], starts[i], kExtent, 50, workspace);
+    // Either settles where it has a tenth of a standard error to go at most; the windows' ends differ by a
+    // sample, which is worth less. The standard error is 0.005 times the bound, or more where samples are
+    // lost.
+    const std::vector<double> bound = cramer_rao_bound(truths[i], layout);
+    for (int p = 0; p < 6 * modes; ++p) {
+      EXPECT_NEAR(parameter(fits[i].modes[p / 6], p % 6), parameter(joint.modes[p / 6], p % 6),
+                  0.2 * 0.005 * 1.5 * bound[static_cast<size_t>(p)])
+          << i << " " << p;
+    }
+    // On the scale of one sample's noise, which either takes from its own surroundings of the modes.
+    const double scale = residual_sd(fits[i]) / residual_sd(joint);
+    for (size_t m = 0; m < static_cast<size_t>(modes); ++m) {
+      EXPECT_NEAR(fits[i].centre_sd_px[m] / scale, joint.centre_sd_px[m], 0.03 * joint.centre_sd_px[m]) << i;
+      EXPECT_NEAR(fits[i].weight_sd[m] / scale, joint.weight_sd[m], 0.03 * joint.weight_sd[m]) << i;
+    }
+  }
+  // Neighbours crowd each other in some: the rest is left to the joint fit.
+  EXPECT_GE(settled, modes == 1 ? 100 : 90);
+}
+
+INSTANTIATE_TEST_SUITE_P(Modes, FitBatch, testing::Values(1, 2, 3));
+
+// Where no light is spread, Sigma's estimate lies on the boundary of the positive ones for most.
+TEST(FitBatch, ReachesTheBoundaryOfPositiveSigma) {
+  const SampleLayout layout = four_sweeps(4.0);
+  std::mt19937 random(10);
+  std::vector<PixelSamples> samples;
+  std::vector<Footprints> starts;
+  for (int i = 0; i < 200; ++i) {
+    Footprints truth;
+    truth.push_back(
+        {.weight = 0.5, .x_px = 60.0 + 0.01 * i, .y_px = 50.0, .xx_px2 = 0.0, .xy_px2 = 0.0, .yy_px2 = 0.0});
+    samples.push_back(recorded(truth, layout, 0.005, random));
+    truth[0].x_px += 0.2;
+    starts.push_back(truth);
+  }
+  std::vector<JointFit> fits = fitted_together(layout, samples, starts);
+  JointWorkspace workspace;
+  int settled = 0;
+  for (size_t i = 0; i < fits.size(); ++i) {
+    const JointFit joint = fit_jointly(samples[i], starts[i], kExtent, 50, workspace);
+    if (!fits[i].converged) continue;
+    ++settled;
+    NormalEquations there;
+    evaluate(samples[i], fits[i].modes, kExtent, workspace, there);
+    // Half a standard error away at most.
+    EXPECT_NEAR(there.chi2, joint.chi2, 0.25 * 0.005 * 0.005) << i;
+  }
+  EXPECT_GT(settled, 150);
+}
+
+JointFit found(const Footprints& truth, const SampleLayout& layout, double noise_sd, std::mt19937& random) {
+  return solved(recorded(truth, layout, noise_sd, random), noise_sd);
+}
+
+TEST(FindFootprints, ScatterOfOneIsTheCramerRaoBound) {
+  constexpr int kTrials = 2000;
+  constexpr double kNoise = 0.005;
+  const SampleLayout layout = four_sweeps(4.0);
+  Footprints truth;
+  truth.push_back({.weight = 0.7, .x_px = 61.3, .y_px = 44.8, .xx_px2 = 6.0, .xy_px2 = 1.5, .yy_px2 = 4.0});
+  const std::vector<double> sd = cramer_rao_bound(truth, layout);
+  std::mt19937 random(11);
+  std::array<double, 6> squares{};
+  for (int trial = 0; trial < kTrials; ++trial) {
+    JointFit fit = found(truth, layout, kNoise, random);
+    ASSERT_GE(fit.modes.size(), 1);
+    Footprints expected = truth;
+    for (int p = 0; p < 6; ++p)
+      squares[static_cast<size_t>(p)] += std::pow(parameter(fit.modes[0], p) - parameter(expected[0], p), 2);
+    // The fit's own opinion of its error.
+    if (fit.modes.size() == 1) {
+      EXPECT_NEAR(fit.centre_sd_px[0] / (kNoise * std::hypot(sd[1], sd[2]) / std::sqrt(2.0)), 1.0, 0.35);
+    }
+  }
+  for (size_t p = 0; p < 6; ++p) {
+    // 1 / sqrt(2 N) = 1.6 % is a standard error of the ratio; the goal is 5 %.
+    EXPECT_LE(std::sqrt(squares[p] / kTrials) / (kNoise * sd[p]), 1.05 + 0.03) << p;
+  }
+}
+
+TEST(FindFootprints, TwoOnOneLineAreBothFound) {
+  const SampleLayout layout = four_sweeps(4.0);
+  std::mt19937 random(12);
+  int both = 0;
+  for (int trial = 0; trial < 200; ++trial) {
+    // In the sweep at 0 degrees they answer at the same place.
+    Footprints truth;
+    truth.push_back({.weight = 0.5, .x_px = 60.0, .y_px = 30.0, .xx_px2 = 2.0, .xy_px2 = 0.0, .yy_px2 = 2.0});
+    truth.push_back(
+        {.weight = 0.35, .x_px = 60.0, .y_px = 66.0, .xx_px2 = 5.0, .xy_px2 = 1.0, .yy_px2 = 3.0});
+    const JointFit fit = found(truth, layout, 0.005, random);
+    both += fit.modes.size() == 2 && std::abs(fit.modes[0].y_px - 30.0) < 0.3 &&
+                    std::abs(fit.modes[1].y_px - 66.0) < 0.3
+                ? 1
+                : 0;
+  }
+  EXPECT_GE(both, 198);
+}
+
+TEST(FindFootprints, TwoSigmaApartIsEnoughAndOneIsNotTwo) {
+  const SampleLayout layout = four_sweeps(4.0);
+  std::mt19937 random(13);
+  std::uniform_real_distribution<double> angle(0.0, 2.0 * std::numbers::pi), place(-1.0, 1.0);
+  int both = 0, more = 0;
+  constexpr int kTrials = 400;
+  for (int trial = 0; trial < kTrials; ++trial) {
+    // Two of the answered width apart, so that along their line the sweeps show no dip.
+    const double turn = angle(random), apart = 2.0 * std::sqrt(4.0 * 4.0 + 4.0 + 1.0 / 12.0);
+    Footprints two, one;
+    for (const double side : {-0.5, 0.5}) {
+      two.push_back({.weight = 0.4,
+                     .x_px = 60.0 + place(random) + side * apart * std::cos(turn),
+                     .y_px = 48.0 + place(random) + side * apart * std::sin(turn),
+                     .xx_px2 = 4.0,
+                     .xy_px2 = 0.0,
+                     .yy_px2 = 4.0});
+    }
+    one.push_back({.weight = 0.8,
+                   .x_px = 60.0 + place(random),
+                   .y_px = 48.0 + place(random),
+                   .xx_px2 = 4.0,
+                   .xy_px2 = 0.0,
+                   .yy_px2 = 4.0});
+    both += found(two, layout, 0.01, random).modes.size() >= 2 ? 1 : 0;
+    more += found(one, layout, 0.01, random).modes.size() > 1 ? 1 : 0;
+  }
+  EXPECT_GE(both, kTrials * 95 / 100);
+  EXPECT_LE(more, kTrials / 100);
+}
+
+TEST(FindFootprints, NothingIsFoundInNoise) {
+  const SampleLayout layout = four_sweeps(4.0);
+  std::mt19937 random(14);
+  int found_any = 0;
+  for (int trial = 0; trial < 300; ++trial)
+    found_any += found({}, layout, 0.01, random).modes.empty() ? 0 : 1;
+  // It takes a 3.5 sd rise in four sweeps on lines that meet.
+  EXPECT_LE(found_any, 3);
+}
+
+}  // namespace
+}  // namespace glasswing
