@@ -22,8 +22,8 @@ struct CapturedFrame {
   size_t held_bytes = 0;  // of memory, by the buffer
 };
 
-// What every backend keeps: tests/camera-node/backends/camera_contract.h. describe() may be called at any time, the
-// others by one thread at a time.
+// What every backend keeps: tests/camera-node/backends/camera_contract.h. describe() may be called at any
+// time, the others by one thread at a time.
 class Camera {
  public:
   virtual ~Camera() = default;

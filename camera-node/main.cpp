@@ -7,28 +7,28 @@
 #include <cstdio>
 #include <iostream>
 
-#include "camera-node/services/calibration_service.h"
-#include "camera-node/camera_metrics.h"
-#include "camera-node/services/camera_service.h"
 #include "camera-node/backends/emission_client.h"
 #include "camera-node/backends/libcamera_camera.h"
 #include "camera-node/backends/replay_camera.h"
 #include "camera-node/backends/sim_camera.h"
+#include "camera-node/camera_metrics.h"
+#include "camera-node/services/calibration_service.h"
+#include "camera-node/services/camera_service.h"
 #include "camera-node/services/stage_service.h"
 #include "core/archive/archive_metrics.h"
 #include "core/archive/archive_service.h"
 #include "core/base/file.h"
 #include "core/base/name.h"
-#include "core/service/build_id.h"
+#include "core/base/version.h"
 #include "core/cli/daemon_options.h"
-#include "core/telemetry/logs.h"
 #include "core/cli/man_page.h"
-#include "core/telemetry/metrics.h"
-#include "core/telemetry/process_metrics.h"
+#include "core/service/build_id.h"
 #include "core/service/registration.h"
 #include "core/service/service.h"
 #include "core/service/supervision.h"
-#include "core/base/version.h"
+#include "core/telemetry/logs.h"
+#include "core/telemetry/metrics.h"
+#include "core/telemetry/process_metrics.h"
 
 namespace {
 

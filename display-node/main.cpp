@@ -10,29 +10,29 @@
 
 #include "core/base/name.h"
 #include "core/base/status.h"
-#include "core/service/build_id.h"
+#include "core/base/version.h"
 #include "core/cli/daemon_options.h"
-#include "core/telemetry/logs.h"
 #include "core/cli/man_page.h"
-#include "core/telemetry/metrics.h"
+#include "core/service/build_id.h"
 #include "core/service/registration.h"
 #include "core/service/service.h"
 #include "core/service/supervision.h"
-#include "display-node/display_metrics.h"
-#include "display-node/services/display_service.h"
-#include "display-node/services/emission_service.h"
+#include "core/telemetry/logs.h"
+#include "core/telemetry/metrics.h"
 #include "display-node/backends/kms_display.h"
 #include "display-node/backends/light_tap.h"
 #include "display-node/backends/repeating_display.h"
 #include "display-node/backends/sim_display.h"
 #include "display-node/backends/x11_display.h"
-#include "core/base/version.h"
+#include "display-node/display_metrics.h"
+#include "display-node/services/display_service.h"
+#include "display-node/services/emission_service.h"
 
 namespace {
 
 using namespace glasswing;
 
-constexpr size_t kMostMonitors = 16;
+constexpr size_t kMaxMonitors = 16;
 
 nanoseconds of_ms(double ms) {
   return nanoseconds(static_cast<std::int64_t>(ms * 1e6));
@@ -173,9 +173,9 @@ absl::StatusOr<std::unique_ptr<Display>> open_kms(const Screens& screens) {
 }
 
 absl::StatusOr<std::unique_ptr<Display>> open_screens(const Screens& screens) {
-  if (screens.monitors.size() > kMostMonitors) {
+  if (screens.monitors.size() > kMaxMonitors) {
     return absl::InvalidArgumentError("--monitor is given " + std::to_string(screens.monitors.size()) +
-                                      " times; it must be 1 to " + std::to_string(kMostMonitors));
+                                      " times; it must be 1 to " + std::to_string(kMaxMonitors));
   }
   if (screens.backend != "sim" && screens.bits && *screens.bits != 8 && *screens.bits != 10) {
     return absl::InvalidArgumentError(

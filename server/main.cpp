@@ -5,24 +5,24 @@
 #include <iostream>
 
 #include "core/base/directory_lock.h"
-#include "core/service/build_id.h"
+#include "core/base/version.h"
 #include "core/cli/daemon_options.h"
-#include "core/telemetry/logs.h"
 #include "core/cli/man_page.h"
-#include "core/telemetry/metrics.h"
-#include "core/telemetry/process_metrics.h"
+#include "core/service/build_id.h"
 #include "core/service/service.h"
 #include "core/service/supervision.h"
-#include "server/rig/clock_watch.h"
+#include "core/telemetry/logs.h"
+#include "core/telemetry/metrics.h"
+#include "core/telemetry/process_metrics.h"
 #include "server/console/console.h"
 #include "server/console/console_service.h"
+#include "server/metrics/server_metrics.h"
+#include "server/rig/clock_watch.h"
 #include "server/services/fleet_service.h"
 #include "server/services/rig_service.h"
-#include "server/sessions/session_store.h"
-#include "server/metrics/server_metrics.h"
 #include "server/services/session_service.h"
 #include "server/services/work_service.h"
-#include "core/base/version.h"
+#include "server/sessions/session_store.h"
 
 int main(int argc, char** argv) {
   using namespace glasswing;
@@ -48,7 +48,7 @@ int main(int argc, char** argv) {
                  "seconds after which the tile of a silent solver is given to another")
       ->check(CLI::Range(1.0, 3600.0))
       ->capture_default_str();
-  app.add_option("--least-tile", options.least_tile_seconds,
+  app.add_option("--least-tile", options.min_tile_seconds,
                  "seconds of work that the smallest tiles are cut to: less is lost where a solver dies, more "
                  "is handed out")
       ->check(CLI::Range(0.01, 2.0))

@@ -14,29 +14,29 @@
 #include "core/base/freed_memory.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
+#include "core/base/version.h"
+#include "core/cli/daemon_options.h"
+#include "core/cli/man_page.h"
 #include "core/frame/image_file.h"
 #include "core/import/mapped_archive.h"
 #include "core/matte/matte_file.h"
 #include "core/service/build_id.h"
-#include "core/cli/daemon_options.h"
-#include "core/telemetry/logs.h"
-#include "core/cli/man_page.h"
-#include "core/telemetry/metrics.h"
 #include "core/service/registration.h"
 #include "core/service/service.h"
 #include "core/service/supervision.h"
+#include "core/telemetry/logs.h"
+#include "core/telemetry/metrics.h"
 #include "solver/background/object_mask.h"
-#include "solver/worker/parallel_solve.h"
 #include "solver/live/live_service.h"
+#include "solver/methods.h"
 #include "solver/ramp/ramp_options.h"
+#include "solver/ramp/video_layout.h"
+#include "solver/worker/parallel_solve.h"
 #include "solver/worker/solver_metrics.h"
 #include "solver/worker/solver_name.h"
 #include "solver/worker/vector_target.h"
 #include "solver/worker/video_solve.h"
 #include "solver/worker/work_loop.h"
-#include "solver/methods.h"
-#include "core/base/version.h"
-#include "solver/ramp/video_layout.h"
 
 namespace glasswing {
 namespace {
@@ -184,13 +184,13 @@ absl::Status make_mask(const MaskPictures& pictures) {
   for (size_t i = 0; i < picture.samples.size(); ++i)
     picture.samples[i] = mask.samples[i / 3] != 0 ? 1.0f : 0.0f;
   GW_RETURN_IF_ERROR(write_radiance(pictures.mask, picture, Encoding::kDisplay));
-  const PictureDrift& drift = object.drift();
+  const ImageRegistration& drift = object.drift();
   std::cout << fmt::format(
       "{}: {:.1f} % of the picture; shifted by {:+.2f} {:+.2f} px, corners by up to {:.2f} px; {:.3f} {:.3f} "
       "{:.3f} times as bright; noise "
       "{:.2f} codes of 255\n",
       pictures.mask, 100.0 * mask.coverage(), drift.shift_px[0], drift.shift_px[1],
-      drift.most_px(mask.width_px, mask.height_px), drift.gain[0], drift.gain[1], drift.gain[2],
+      drift.max_px(mask.width_px, mask.height_px), drift.gain[0], drift.gain[1], drift.gain[2],
       255.0 * object.usual_noise());
   return absl::OkStatus();
 }
@@ -220,7 +220,7 @@ CLI::App& add_mask_command(CLI::App& app, MaskPictures& pictures) {
   command.add_option("--erode", options.erosion_px, "px, likewise; as --dilate if left out")
       ->check(CLI::Range(0, 1000));
   command
-      .add_option("--least", options.least_px,
+      .add_option("--least", options.min_px,
                   "px: what hangs together in fewer is noise; the square's area if left out")
       ->check(CLI::Range(0, 1 << 28));
   command.add_flag("!--keep-holes", options.fill_holes, "leave holes in it open");

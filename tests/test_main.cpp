@@ -1,4 +1,5 @@
-// main() of every test program: GoogleTest's own options, and `--file NAME_test.cpp` for the tests of one source file.
+// main() of every test program: GoogleTest's own options, and `--file NAME_test.cpp` for the tests of one
+// source file.
 #include <gtest/gtest.h>
 
 #include <cstring>

@@ -12,9 +12,9 @@
 #include <optional>
 #include <string>
 
-#include "camera-node/camera.h"
 #include "camera-node/backends/pixel_format.h"
 #include "camera-node/backends/sensor_time.h"
+#include "camera-node/camera.h"
 #include "core/frame/image_file.h"
 
 namespace libcamera {

@@ -16,7 +16,7 @@ namespace {
 
 namespace controls = libcamera::controls;
 
-constexpr size_t kMostWaiting = 32;  // complete frames that nobody has taken; then the oldest are lost
+constexpr size_t kMaxWaiting = 32;  // complete frames that nobody has taken; then the oldest are lost
 
 // libcamera fills in RGB's full range where a USB camera says nothing; their YCbCr has the limited one.
 ColourCode colour_code(const std::optional<libcamera::ColorSpace>& space, bool usb) {
@@ -135,7 +135,7 @@ void LibcameraRun::complete(libcamera::Request* request) {
     Frame frame = copied(*request, buffer);
     const std::lock_guard lock(mutex_);
     frames_.push_back(std::move(frame));
-    if (frames_.size() > kMostWaiting) frames_.pop_front();
+    if (frames_.size() > kMaxWaiting) frames_.pop_front();
     arrived_.notify_all();
   }
   const std::lock_guard lock(mutex_);

@@ -1,9 +1,9 @@
 #include "camera-node/services/calibration_service.h"
 
 #include "core/base/status.h"
-#include "core/import/mapped_archive.h"
 #include "core/calibration/camera_calibration.h"
 #include "core/calibration/display_calibration.h"
+#include "core/import/mapped_archive.h"
 #include "core/service/service.h"
 
 namespace glasswing {

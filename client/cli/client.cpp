@@ -8,13 +8,13 @@
 #include <iostream>
 #include <map>
 
+#include "client/cli/caller_metadata.h"
 #include "client/cli/colour.h"
 #include "client/cli/interrupt.h"
-#include "client/cli/caller_metadata.h"
-#include "core/cli/help.h"
-#include "core/service/service.h"
-#include "core/security/tls.h"
 #include "core/base/version.h"
+#include "core/cli/help.h"
+#include "core/security/tls.h"
+#include "core/service/service.h"
 
 namespace glasswing {
 namespace {

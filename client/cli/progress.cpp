@@ -20,7 +20,7 @@ constexpr milliseconds kWorthTelling(2000);  // how long it took
 constexpr milliseconds kRedraw(100);
 constexpr milliseconds kPlainLine(5000);
 constexpr double kSettle_s = 3.0;  // of the time left
-constexpr int kFewestBarCells = 10, kMostBarCells = 30;
+constexpr int kFewestBarCells = 10, kMaxBarCells = 30;
 
 double seconds_of(Progress::Clock::duration time) {
   return std::chrono::duration<double>(time).count();
@@ -53,7 +53,7 @@ std::string bar_line(const std::string& label, double fraction, const std::strin
   for (const std::string& middle : {detail, std::string()}) {
     const std::string rest = joined(joined(percent, "  ", middle), "  ", time);
     const int room = columns - static_cast<int>(label.size() + rest.size());
-    const int cells = std::min(room - 4, kMostBarCells);  // a space and a bracket on both sides
+    const int cells = std::min(room - 4, kMaxBarCells);  // a space and a bracket on both sides
     const int full = static_cast<int>(fraction * cells);
     if (cells >= kFewestBarCells)
       return fmt::format("{} [{:#>{}}{:.>{}}] {}", label, "", full, "", cells - full, rest);

@@ -3,12 +3,12 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
-#include "client/exchange/commands.h"
 #include "client/cli/interrupt.h"
 #include "client/cli/output.h"
-#include "client/exchange/partial_directory.h"
 #include "client/cli/progress.h"
 #include "client/cli/rpc.h"
+#include "client/exchange/commands.h"
+#include "client/exchange/partial_directory.h"
 #include "core/base/checksum.h"
 #include "core/base/file.h"
 #include "core/base/status.h"

@@ -10,9 +10,9 @@
 #include "core/base/status.h"
 #include "core/frame/archive.h"
 #include "core/frame/image_file.h"
+#include "core/import/foreign_manifest.h"
 #include "core/import/photograph_response.h"
 #include "core/import/sequences.h"
-#include "core/import/foreign_manifest.h"
 
 namespace glasswing {
 namespace {

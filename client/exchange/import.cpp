@@ -4,13 +4,13 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
-#include "client/exchange/commands.h"
-#include "client/exchange/frame_source.h"
 #include "client/cli/interrupt.h"
 #include "client/cli/output.h"
-#include "client/exchange/partial_directory.h"
 #include "client/cli/progress.h"
 #include "client/cli/rpc.h"
+#include "client/exchange/commands.h"
+#include "client/exchange/frame_source.h"
+#include "client/exchange/partial_directory.h"
 #include "client/pictures/video_file.h"
 #include "core/base/checksum.h"
 #include "core/base/file.h"

@@ -4,9 +4,9 @@
 #include <memory>
 #include <optional>
 
-#include "client/exchange/frame_source.h"
 #include "client/cli/interrupt.h"
 #include "client/cli/progress.h"
+#include "client/exchange/frame_source.h"
 #include "client/pictures/video_file.h"
 #include "core/base/status.h"
 #include "core/frame/archive.h"

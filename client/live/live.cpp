@@ -5,15 +5,15 @@
 #include <iostream>
 #include <thread>
 
+#include "client/cli/interrupt.h"
+#include "client/cli/progress.h"
+#include "client/cli/settings.h"
 #include "client/live/camera_clock.h"
 #include "client/live/commands.h"
-#include "client/cli/interrupt.h"
 #include "client/live/live_figures.h"
 #include "client/live/live_output.h"
-#include "client/pictures/moving_picture.h"
-#include "client/cli/progress.h"
 #include "client/live/ramp_holder.h"
-#include "client/cli/settings.h"
+#include "client/pictures/moving_picture.h"
 #include "core/base/status.h"
 #include "core/frame/image_file.h"
 #include "glasswing/v1/camera_service.grpc.pb.h"

@@ -82,8 +82,8 @@ class Window final : public LiveOutput {
     xcb_connection_t* const x = connection_.get();
     // As many rows at once as a request holds.
     const size_t row_bytes = 4 * static_cast<size_t>(width_px_);
-    const size_t most_bytes = 4 * static_cast<size_t>(xcb_get_maximum_request_length(x)) - 64;
-    const int rows = static_cast<int>(std::max<size_t>(1, most_bytes / row_bytes));
+    const size_t max_bytes = 4 * static_cast<size_t>(xcb_get_maximum_request_length(x)) - 64;
+    const int rows = static_cast<int>(std::max<size_t>(1, max_bytes / row_bytes));
     for (int y = 0; y < height_px_; y += rows) {
       const int count = std::min(rows, height_px_ - y);
       const auto* const from =

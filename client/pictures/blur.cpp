@@ -7,10 +7,10 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
-#include "client/pictures/commands.h"
 #include "client/cli/output.h"
-#include "client/pictures/picture.h"
 #include "client/cli/progress.h"
+#include "client/pictures/commands.h"
+#include "client/pictures/picture.h"
 #include "core/base/status.h"
 #include "core/frame/image_file.h"
 #include "core/matte/matte_file.h"
@@ -136,7 +136,7 @@ void print_rows(const Client& client, const Blur& found) {
 }
 
 // A round number above the usual widths: what is brightest in the picture.
-double most_px_of(const Blur& blur) {
+double max_px_of(const Blur& blur) {
   return std::ceil(3.0 * std::max((*blur.whole.monitor_px)[0], (*blur.whole.monitor_px)[1]));
 }
 
@@ -146,27 +146,26 @@ absl::StatusOr<Blur> measured(const Arguments& arguments) {
   GW_ASSIGN_OR_RETURN(const Blur found, blur_of(matte));
   if (!arguments.output.empty())
     GW_RETURN_IF_ERROR(
-        write_radiance(arguments.output, blur_picture(matte, most_px_of(found)), Encoding::kDisplay));
+        write_radiance(arguments.output, blur_picture(matte, max_px_of(found)), Encoding::kDisplay));
   return found;
 }
 
 absl::Status blur(const Client& client, const Arguments& arguments) {
   if (!arguments.output.empty()) GW_RETURN_IF_ERROR(check_output(arguments.output));
   GW_ASSIGN_OR_RETURN(const Blur found, measured(arguments));
-  const double most_px = most_px_of(found);
+  const double max_px = max_px_of(found);
   if (client.json) {
     nlohmann::ordered_json answer = {{"regions", nlohmann::ordered_json::object()}};
     for (size_t i = 0; i < kRegions.size(); ++i) answer["regions"][kRegions[i]] = json_of(found.regions[i]);
     answer["whole"] = json_of(found.whole);
-    if (!arguments.output.empty())
-      answer["picture"] = {{"file", arguments.output}, {"brightest_px", most_px}};
+    if (!arguments.output.empty()) answer["picture"] = {{"file", arguments.output}, {"brightest_px", max_px}};
     std::cout << answer.dump(1) << "\n";
     return absl::OkStatus();
   }
   print_rows(client, found);
   if (!arguments.output.empty() && !client.tsv)
     std::cout << fmt::format("{}: the larger sigma, 0 (left of the bar) to {:g} monitor px (right)\n",
-                             arguments.output, most_px);
+                             arguments.output, max_px);
   return absl::OkStatus();
 }
 
@@ -200,7 +199,7 @@ absl::StatusOr<Blur> blur_of(const Matte& matte) {
   return blur;
 }
 
-RadianceImage blur_picture(const Matte& matte, double most_px) {
+RadianceImage blur_picture(const Matte& matte, double max_px) {
   constexpr Colour kNothing{0.05f, 0.05f, 0.05f};
   const int bar_px = std::max(matte.height_px() / 16, 4), gap_px = bar_px / 2;
   RadianceImage picture(matte.width_px(), matte.height_px() + gap_px + bar_px);
@@ -212,7 +211,7 @@ RadianceImage blur_picture(const Matte& matte, double most_px) {
     for (int y = 0; y < matte.height_px(); ++y) {
       if (const Mode* mode = background_of(matte, x, y)) {
         const auto larger_px2 = static_cast<double>(std::max(mode->xx_px2, mode->yy_px2));
-        paint(x, y, colour_of(std::sqrt(larger_px2) / most_px));
+        paint(x, y, colour_of(std::sqrt(larger_px2) / max_px));
       }
     }
     for (int y = matte.height_px() + gap_px; y < picture.height_px; ++y)

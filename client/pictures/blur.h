@@ -33,7 +33,7 @@ struct Blur {
 absl::StatusOr<Blur> blur_of(const Matte& matte);
 
 // The larger sigma of each of these pixels, monitor px, from dark blue for 0 over red to pale yellow for
-// `most_px`, with all colours in a bar below; the other pixels are gray.
-RadianceImage blur_picture(const Matte& matte, double most_px);
+// `max_px`, with all colours in a bar below; the other pixels are gray.
+RadianceImage blur_picture(const Matte& matte, double max_px);
 
 }  // namespace glasswing

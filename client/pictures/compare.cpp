@@ -8,10 +8,10 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "client/pictures/commands.h"
 #include "client/cli/output.h"
-#include "client/pictures/picture.h"
 #include "client/cli/progress.h"
+#include "client/pictures/commands.h"
+#include "client/pictures/picture.h"
 #include "core/base/status.h"
 #include "core/matte/matte_file.h"
 

@@ -8,10 +8,10 @@
 #include <cstdio>
 #include <filesystem>
 
+#include "client/cli/progress.h"
 #include "client/pictures/commands.h"
 #include "client/pictures/composite_video.h"
 #include "client/pictures/picture.h"
-#include "client/cli/progress.h"
 #include "core/base/status.h"
 
 namespace glasswing {

@@ -8,8 +8,8 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "client/pictures/picture.h"
 #include "client/cli/progress.h"
+#include "client/pictures/picture.h"
 #include "client/pictures/video_file.h"
 #include "core/base/status.h"
 #include "core/matte/compositor.h"

@@ -1,6 +1,6 @@
+#include "client/cli/progress.h"
 #include "client/pictures/commands.h"
 #include "client/pictures/picture.h"
-#include "client/cli/progress.h"
 #include "core/base/status.h"
 #include "core/frame/image_file.h"
 

@@ -269,11 +269,11 @@ MattePanel logarithmic(const Matte& matte, std::string name, std::string title, 
     return panel;
   }
   panel.bar = ColourBar{line_of(scale_colour), {}};
-  const double most_parts = high / low > 150.0 ? 1.0 : 5.0;
+  const double max_parts = high / low > 150.0 ? 1.0 : 5.0;
   for (double ten = std::pow(10.0, std::floor(std::log10(low) + 1e-9)); ten <= high * 1.001; ten *= 10.0) {
     for (const double part : {1.0, 2.0, 5.0}) {
       const double value = part * ten;
-      if (part <= most_parts && value >= low * 0.999 && value <= high * 1.001)
+      if (part <= max_parts && value >= low * 0.999 && value <= high * 1.001)
         panel.bar->ticks.push_back({share(value), fmt::format("{:.4g}", value)});
     }
   }

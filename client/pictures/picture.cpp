@@ -11,10 +11,10 @@
 
 #include "core/base/status.h"
 #include "core/frame/archive.h"
-#include "core/radiometry/shading.h"
+#include "core/import/foreign_manifest.h"
 #include "core/radiometry/frame_light.h"
 #include "core/radiometry/primary_mix.h"
-#include "core/import/foreign_manifest.h"
+#include "core/radiometry/shading.h"
 
 namespace glasswing {
 

@@ -8,6 +8,6 @@
 namespace glasswing {
 
 // Each declares its options and sets Client::run.
-void add_pki_commands(CLI::App& app, Client& client);        // init, issue, renew, list
+void add_pki_commands(CLI::App& app, Client& client);  // init, issue, renew, list
 
 }  // namespace glasswing

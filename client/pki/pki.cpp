@@ -5,9 +5,9 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "client/cli/output.h"
 #include "client/pki/certificate_authority.h"
 #include "client/pki/commands.h"
-#include "client/cli/output.h"
 #include "core/base/status.h"
 
 namespace glasswing {

@@ -3,12 +3,12 @@
 #include <cmath>
 #include <iostream>
 
-#include "client/rig/calibrate_light.h"
-#include "client/rig/commands.h"
 #include "client/cli/interrupt.h"
 #include "client/cli/output.h"
 #include "client/cli/progress.h"
 #include "client/cli/rpc.h"
+#include "client/rig/calibrate_light.h"
+#include "client/rig/commands.h"
 #include "core/base/status.h"
 #include "glasswing/v1/rig_service.grpc.pb.h"
 

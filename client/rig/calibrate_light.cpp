@@ -8,14 +8,14 @@
 #include <filesystem>
 #include <iostream>
 
-#include "client/rig/calibration_plan.h"
-#include "client/sessions/capture.h"
-#include "client/rig/curve_chart.h"
 #include "client/cli/interrupt.h"
 #include "client/cli/output.h"
 #include "client/cli/progress.h"
 #include "client/cli/rig_view.h"
 #include "client/cli/rpc.h"
+#include "client/rig/calibration_plan.h"
+#include "client/rig/curve_chart.h"
+#include "client/sessions/capture.h"
 #include "client/sessions/watch.h"
 #include "core/base/file.h"
 #include "core/base/status.h"

@@ -3,9 +3,9 @@
 #include <cstdlib>
 #include <iostream>
 
-#include "client/rig/commands.h"
 #include "client/cli/output.h"
 #include "client/cli/rpc.h"
+#include "client/rig/commands.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
 #include "glasswing/v1/console_service.grpc.pb.h"

@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::array<const char*, 3> kColours = {"#c62828", "#2e7d32", "#1565c0"};
 constexpr double kLeft = 70.0, kWidth = 640.0, kTop = 60.0, kHeight = 360.0, kGap = 60.0, kLow = 160.0;
-constexpr int kMostPoints = 400;
+constexpr int kMaxPoints = 400;
 
 struct Curve {
   std::vector<double> code, light, error;
@@ -57,7 +57,7 @@ std::string frame_of(const Panel& panel, const std::string& label, const std::st
 std::string line_of(const Panel& panel, const Curve& curve, const std::vector<double>& value,
                     const char* colour, const char* style) {
   std::string points;
-  const size_t stride = std::max<size_t>(1, value.size() / kMostPoints);
+  const size_t stride = std::max<size_t>(1, value.size() / kMaxPoints);
   for (size_t i = 0; i < value.size(); ++i) {
     if (i % stride != 0 && i + 1 != value.size()) continue;
     points += fmt::format("{:.1f},{:.1f} ", panel.x(curve.code[i]), panel.y(value[i]));

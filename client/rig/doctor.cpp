@@ -5,11 +5,11 @@
 #include <nlohmann/json.hpp>
 
 #include "client/cli/colour.h"
-#include "client/rig/commands.h"
 #include "client/cli/interrupt.h"
 #include "client/cli/output.h"
 #include "client/cli/progress.h"
 #include "client/cli/rpc.h"
+#include "client/rig/commands.h"
 #include "core/base/status.h"
 #include "core/pattern/plan.h"
 #include "glasswing/v1/rig_service.grpc.pb.h"

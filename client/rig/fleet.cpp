@@ -7,11 +7,11 @@
 #include <iostream>
 #include <mutex>
 
-#include "client/rig/commands.h"
 #include "client/cli/interrupt.h"
 #include "client/cli/output.h"
 #include "client/cli/progress.h"
 #include "client/cli/rpc.h"
+#include "client/rig/commands.h"
 #include "core/base/status.h"
 #include "glasswing/v1/fleet_service.grpc.pb.h"
 

@@ -8,9 +8,9 @@
 #include <iostream>
 #include <thread>
 
-#include "client/rig/commands.h"
-#include "client/cli/rpc.h"
 #include "client/cli/caller_metadata.h"
+#include "client/cli/rpc.h"
+#include "client/rig/commands.h"
 #include "core/base/status.h"
 #include "glasswing/v1/rig_service.grpc.pb.h"
 

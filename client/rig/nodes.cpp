@@ -2,10 +2,10 @@
 
 #include <iostream>
 
-#include "client/rig/commands.h"
-#include "client/sessions/estimate.h"
 #include "client/cli/output.h"
 #include "client/cli/rpc.h"
+#include "client/rig/commands.h"
+#include "client/sessions/estimate.h"
 #include "core/base/status.h"
 #include "glasswing/v1/node_service.grpc.pb.h"
 

@@ -3,8 +3,8 @@
 
 #include <iostream>
 
-#include "client/rig/commands.h"
 #include "client/cli/rpc.h"
+#include "client/rig/commands.h"
 #include "core/base/status.h"
 #include "glasswing/v1/rig_service.grpc.pb.h"
 

@@ -5,8 +5,8 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
-#include "client/rig/commands.h"
 #include "client/cli/rpc.h"
+#include "client/rig/commands.h"
 #include "core/base/status.h"
 #include "glasswing/v1/camera_service.grpc.pb.h"
 #include "glasswing/v1/node_service.grpc.pb.h"

@@ -5,13 +5,13 @@
 #include <algorithm>
 #include <random>
 
-#include "client/sessions/commands.h"
-#include "client/sessions/estimate.h"
 #include "client/cli/output.h"
-#include "client/sessions/photo.h"
 #include "client/cli/progress.h"
 #include "client/cli/rig_view.h"
 #include "client/cli/rpc.h"
+#include "client/sessions/commands.h"
+#include "client/sessions/estimate.h"
+#include "client/sessions/photo.h"
 #include "client/sessions/watch.h"
 #include "core/base/name.h"
 #include "core/base/status.h"

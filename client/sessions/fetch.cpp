@@ -6,11 +6,11 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "client/sessions/commands.h"
 #include "client/cli/interrupt.h"
 #include "client/cli/output.h"
 #include "client/cli/progress.h"
 #include "client/cli/rpc.h"
+#include "client/sessions/commands.h"
 #include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/matte/matte_file.h"

@@ -8,9 +8,9 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
-#include "client/sessions/commands.h"
 #include "client/cli/output.h"
 #include "client/cli/progress.h"
+#include "client/sessions/commands.h"
 #include "core/base/status.h"
 
 namespace glasswing {

@@ -5,10 +5,10 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
-#include "client/sessions/commands.h"
-#include "client/sessions/estimate.h"
 #include "client/cli/rig_view.h"
 #include "client/cli/rpc.h"
+#include "client/sessions/commands.h"
+#include "client/sessions/estimate.h"
 #include "core/base/status.h"
 #include "core/pattern/plan.h"
 #include "core/pattern/plan_cost.h"

@@ -3,9 +3,9 @@
 #include <iostream>
 #include <optional>
 
-#include "client/sessions/commands.h"
 #include "client/cli/output.h"
 #include "client/cli/rpc.h"
+#include "client/sessions/commands.h"
 #include "client/sessions/watch.h"
 #include "core/base/status.h"
 #include "glasswing/v1/session_service.grpc.pb.h"

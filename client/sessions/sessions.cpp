@@ -2,10 +2,10 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "client/sessions/commands.h"
-#include "client/cli/time_argument.h"
 #include "client/cli/output.h"
 #include "client/cli/rpc.h"
+#include "client/cli/time_argument.h"
+#include "client/sessions/commands.h"
 #include "core/base/status.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 

@@ -1,7 +1,7 @@
-#include "client/sessions/commands.h"
 #include "client/cli/output.h"
 #include "client/cli/rpc.h"
 #include "client/cli/settings.h"
+#include "client/sessions/commands.h"
 #include "client/sessions/watch.h"
 #include "core/base/status.h"
 #include "core/pattern/plan.h"

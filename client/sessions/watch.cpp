@@ -5,11 +5,11 @@
 #include <iostream>
 #include <optional>
 
-#include "client/sessions/commands.h"
 #include "client/cli/interrupt.h"
 #include "client/cli/output.h"
 #include "client/cli/progress.h"
 #include "client/cli/rpc.h"
+#include "client/sessions/commands.h"
 #include "core/base/status.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 

@@ -2,9 +2,9 @@
 
 #include <fmt/format.h>
 
+#include "core/archive/archive_location.h"
 #include "core/archive/archive_metrics.h"
 #include "core/archive/copy_archive.h"
-#include "core/archive/place.h"
 #include "core/archive/row_chunks.h"
 #include "core/base/checksum.h"
 #include "core/base/status.h"

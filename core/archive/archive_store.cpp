@@ -14,7 +14,7 @@ namespace glasswing {
 namespace fs = std::filesystem;
 
 namespace {
-constexpr size_t kMostOpen = 8;  // archives
+constexpr size_t kMaxOpen = 8;  // archives
 constexpr std::chrono::seconds kBrokenOffEnds(10);
 }  // namespace
 
@@ -55,7 +55,7 @@ void ArchiveStore::note_use(const std::string& session) {
   if (!used_.empty() && used_.back() == session) return;
   std::erase(used_, session);
   used_.push_back(session);
-  if (used_.size() <= kMostOpen) return;
+  if (used_.size() <= kMaxOpen) return;
   if (const auto oldest = open_.find(used_.front()); oldest != open_.end()) oldest->second->unmap();
   used_.pop_front();
   // Those, too, that somebody used when they were the oldest.

@@ -10,10 +10,10 @@ namespace glasswing {
 namespace {
 
 constexpr double kMegabyte = 1e6;
-constexpr std::int64_t kLeastReserve = 1'000'000'000;
+constexpr std::int64_t kMinReserve = 1'000'000'000;
 
 std::int64_t usual_reserve(std::int64_t total_bytes) {
-  return std::min(std::max(total_bytes / 50, kLeastReserve), total_bytes / 10);
+  return std::min(std::max(total_bytes / 50, kMinReserve), total_bytes / 10);
 }
 
 }  // namespace

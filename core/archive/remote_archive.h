@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "core/archive/place.h"
+#include "core/archive/archive_location.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
 
 namespace glasswing {

@@ -14,7 +14,7 @@ namespace glasswing {
 namespace {
 
 // Pieces that are smaller are copied: a slice of its own costs more.
-constexpr size_t kLeastMappedPiece_bytes = 16 << 10;
+constexpr size_t kMinMappedPiece_bytes = 16 << 10;
 // A chunk may be of many frames, each of which has to be verified first: the reader is to hear something.
 constexpr std::chrono::seconds kLongestWait(1);
 
@@ -57,7 +57,7 @@ absl::StatusOr<std::optional<grpc::ByteBuffer>> RowChunks::next() {
     const size_t within = at % frame_bytes;
     const std::string_view piece =
         mapped->bytes().substr(first + within, std::min(frame_bytes - within, kChunkBytes - size));
-    if (frame_bytes < kLeastMappedPiece_bytes) {
+    if (frame_bytes < kMinMappedPiece_bytes) {
       copied += piece;
     } else {
       pieces.push_back(slice_of(mapped, piece));

@@ -25,7 +25,7 @@ constexpr std::uint32_t kOffsetTag = WireFormatLite::MakeTag(ReadRowsResponse::k
                                                                WireFormatLite::WIRETYPE_FIXED64),
                         kChunkTag = WireFormatLite::MakeTag(ReadRowsResponse::kChunkFieldNumber,
                                                             WireFormatLite::WIRETYPE_LENGTH_DELIMITED);
-constexpr size_t kMostHeaderBytes = (1 + 10) + (1 + 8) + (1 + 5);
+constexpr size_t kMaxHeaderBytes = (1 + 10) + (1 + 8) + (1 + 5);
 
 }  // namespace
 
@@ -40,7 +40,7 @@ std::uint64_t checksum_of_pieces(std::span<const grpc::Slice> pieces) {
 grpc::ByteBuffer encode_row_chunk(std::int64_t offset_bytes, std::vector<grpc::Slice> pieces) {
   size_t size = 0;
   for (const grpc::Slice& piece : pieces) size += piece.size();
-  std::array<std::uint8_t, kMostHeaderBytes> header{};
+  std::array<std::uint8_t, kMaxHeaderBytes> header{};
   std::uint8_t* end = header.data();
   end = CodedOutputStream::WriteTagToArray(kOffsetTag, end);
   end = CodedOutputStream::WriteVarint64ToArray(static_cast<std::uint64_t>(offset_bytes), end);

@@ -21,8 +21,8 @@ bool is_utf8(std::string_view text) {
       if ((byte & 0xc0) != 0x80) return false;
       code = code << 6 | (byte & 0x3fu);
     }
-    constexpr std::uint32_t kLeast[] = {0, 0, 0x80, 0x800, 0x10000};
-    if (code < kLeast[length] || code > 0x10ffff || (code >= 0xd800 && code < 0xe000)) return false;
+    constexpr std::uint32_t kMin[] = {0, 0, 0x80, 0x800, 0x10000};
+    if (code < kMin[length] || code > 0x10ffff || (code >= 0xd800 && code < 0xe000)) return false;
     text.remove_prefix(length);
   }
   return true;

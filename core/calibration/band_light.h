@@ -1,5 +1,5 @@
-// The light of bands as camera rows see it: what core/calibration/light_step fits. Times in seconds, from the first
-// change on.
+// The light of bands as camera rows see it: what core/calibration/light_step fits. Times in seconds, from the
+// first change on.
 #pragma once
 
 #include <vector>

@@ -11,7 +11,7 @@
 namespace glasswing {
 namespace {
 
-constexpr size_t kMostPixels = 40000;   // of all monitors
+constexpr size_t kMaxPixels = 40000;    // of all monitors
 constexpr size_t kFewestPixels = 1000;  // of a monitor that is seen
 constexpr double kSeen = 0.3;           // of white's code above black where it is brightest
 constexpr double kTells = 0.1;          // of full scale, white above black
@@ -157,7 +157,7 @@ absl::StatusOr<CalibrationSamples> sample_calibration(const MappedArchive& archi
                     "exposure; point it at one, or take longer exposures",
                     kFewestPixels, kTells));
   }
-  const size_t every = (all + kMostPixels - 1) / kMostPixels;
+  const size_t every = (all + kMaxPixels - 1) / kMaxPixels;
   for (const auto& [name, seeing] : pixels)
     out.monitors.push_back(sampled(archive, name, monitors[name], seeing, every));
   return out;

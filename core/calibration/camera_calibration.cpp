@@ -12,9 +12,9 @@
 #include "core/base/time.h"
 #include "core/calibration/below_black.h"
 #include "core/calibration/calibration_samples.h"
-#include "core/radiometry/camera_response.h"
 #include "core/calibration/camera_symptoms.h"
 #include "core/calibration/fall_off_fit.h"
+#include "core/radiometry/camera_response.h"
 #include "core/radiometry/frame_light.h"
 #include "core/radiometry/noise_model.h"
 

@@ -10,13 +10,13 @@
 namespace glasswing {
 namespace {
 
-constexpr double kMostExcess = 0.005;   // of white over the sum of primaries
-constexpr double kMostDrift = 0.01;     // of white
-constexpr double kMostFlicker = 0.003;  // of white
-constexpr double kMostFlickers = 5.0;   // between the extremes of some dozens of whites that only flicker
-constexpr double kLeastUse = 0.2;       // of the camera's full scale, by white
-constexpr double kMostBlack = 0.01;     // of white
-constexpr double kErrors = 3.0;         // standard ones that a warning needs
+constexpr double kMaxExcess = 0.005;   // of white over the sum of primaries
+constexpr double kMaxDrift = 0.01;     // of white
+constexpr double kMaxFlicker = 0.003;  // of white
+constexpr double kMaxFlickers = 5.0;   // between the extremes of some dozens of whites that only flicker
+constexpr double kMinUse = 0.2;        // of the camera's full scale, by white
+constexpr double kMaxBlack = 0.01;     // of white
+constexpr double kErrors = 3.0;        // standard ones that a warning needs
 
 // A step between two grays does nothing if it is less than a tenth of the power law's, which is more than 5
 // errors and 0.05 % of full scale.
@@ -106,26 +106,26 @@ std::vector<std::string> display_warnings(const v1::DisplayCalibration& calibrat
   double residual = 0.0;
   for (const ToneFit& fit : response.primary) residual = std::hypot(residual, fit.residual_rms);
   const double excess = response.excess_of_white.value_or(0.0);
-  if (std::abs(excess) > std::max(kMostExcess, kErrors * residual)) {
+  if (std::abs(excess) > std::max(kMaxExcess, kErrors * residual)) {
     warnings.push_back(fmt::format(
         "white is {:.1f} % {} than its primaries together: switch off the camera's automatic exposure and "
         "gain, and the monitor's dynamic contrast and energy saving; a monitor with a white primary cannot "
         "be calibrated well",
         100.0 * std::abs(excess), excess > 0.0 ? "brighter" : "darker"));
   }
-  if (calibration.drift() > std::max(kMostDrift, kMostFlickers * flicker)) {
+  if (calibration.drift() > std::max(kMaxDrift, kMaxFlickers * flicker)) {
     warnings.push_back(
         fmt::format("white changed by {:.1f} % while it was measured, which was taken out: let the monitor "
                     "warm up for half an hour",
                     100.0 * calibration.drift()));
   }
-  if (flicker > kMostFlicker) {
+  if (flicker > kMaxFlicker) {
     warnings.push_back(fmt::format(
         "white differs by {:.1f} % from one time to the next: the monitor flickers, so make the exposure a "
         "multiple of its refresh; or the camera's automatic settings are on",
         100.0 * flicker));
   }
-  if (const double most = *std::max_element(white.begin(), white.end()); most < kLeastUse) {
+  if (const double most = *std::max_element(white.begin(), white.end()); most < kMinUse) {
     warnings.push_back(
         fmt::format("white reads only {:.1f} % of the camera's full scale at {:.4g} ms: use an exposure of "
                     "about {:.2g} ms",
@@ -133,7 +133,7 @@ std::vector<std::string> display_warnings(const v1::DisplayCalibration& calibrat
   }
   double black = 0.0;
   for (size_t c = 0; c < 3; ++c) black = std::max(black, response.black[c] / white[c]);
-  if (black > kMostBlack) {
+  if (black > kMaxBlack) {
     warnings.push_back(fmt::format(
         "black is {:.1f} % of white: darken the room, lower the monitor's brightness setting, or calibrate "
         "the camera, if that was not done",

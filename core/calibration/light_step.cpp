@@ -15,7 +15,7 @@ namespace {
 
 // Seconds, from the first change on.
 constexpr double kEarliest = -0.02, kLatest = 0.25;
-constexpr double kMostError = 1e-3;
+constexpr double kMaxError = 1e-3;
 constexpr size_t kGroupsPerBand = 4;  // those that see it best are fitted
 constexpr size_t kFirstGrid = 33;     // points on each delay's axis, of the first grid
 constexpr size_t kSettleGrid = 17;    // on that of settling times
@@ -375,7 +375,7 @@ absl::StatusOr<LightStep> find_light_step(const LightRecord& record) {
     step.lag = estimate(possible, {1.0, 0.0, -0.5});
     step.lag.value -= time_of(heights[0] * seconds_of(record.scanout));
   }
-  if (step.lag.error > time_of(kMostError)) {
+  if (step.lag.error > time_of(kMaxError)) {
     return absl::FailedPreconditionError(
         fmt::format("the camera is too slow or sees too little: the lag is {:.1f} ms, give or take {:.1f}; "
                     "use a longer exposure "

@@ -15,18 +15,18 @@
 namespace glasswing {
 namespace {
 
-constexpr size_t kLeastPixels = 300;
-constexpr double kLeastLight = 0.01;    // of white above black, of the camera's full scale
+constexpr size_t kMinPixels = 300;
+constexpr double kMinLight = 0.01;      // of white above black, of the camera's full scale
 constexpr double kGoodLight = 0.7;      // white's, to aim for
-constexpr double kMostCutOff = 0.01;    // of the pixels that see white
+constexpr double kMaxCutOff = 0.01;     // of the pixels that see white
 constexpr double kPixelsCutOff = 1e-4;  // of those that see a solid
 constexpr double kBrightest = 0.001;    // of the picture; a monitor fills more of it
-constexpr double kLeastError = 1e-7;    // of a mean: less than any rounding
+constexpr double kMinError = 1e-7;      // of a mean: less than any rounding
 
 // One of the ramp's codes is always 0.5 or more, and one 0.5 or less; so, of white's light, one channel has
 // more than that of code 0.5 at gamma 4, and one less than that at gamma 1 and 0.2 of crosstalk. A lit patch
 // has 1 in all, a dark one 0.
-constexpr float kLeastRamp = 0.06f, kMostRamp = 0.8f;
+constexpr float kMinRamp = 0.06f, kMaxRamp = 0.8f;
 
 std::vector<ShownFrame> taken(const std::vector<ShownFrame>& frames, double exposure_ms,
                               std::optional<int> code = std::nullopt) {
@@ -96,7 +96,7 @@ bool is_ramp(const ScreenView::Light& ramp, const ScreenView::Light& white) {
     least = std::min(least, ramp[c] / white[c]);
     most = std::max(most, ramp[c] / white[c]);
   }
-  return least < kMostRamp && most > kLeastRamp;
+  return least < kMaxRamp && most > kMinRamp;
 }
 
 // Whether a pixel and its neighbours, where there are any, are all marked.
@@ -140,11 +140,11 @@ absl::StatusOr<ScreenView> view_of(const MappedArchive& archive, const FrameLigh
     view.white.push_back(white_at(pixel));
     view.ramp.push_back(ramp_at(pixel));
   }
-  if (view.pixels.size() < kLeastPixels) {
+  if (view.pixels.size() < kMinPixels) {
     return absl::FailedPreconditionError(
         fmt::format("only {} of the camera's pixels see its picture; it must be {} or more: bring it into "
                     "view, and close by",
-                    view.pixels.size(), kLeastPixels));
+                    view.pixels.size(), kMinPixels));
   }
   return view;
 }
@@ -186,12 +186,12 @@ absl::StatusOr<ScreenView> find_screen(const MappedArchive& archive, const Frame
     }
     const WhiteLight white = white_light(archive, light, whites, blacks);
     const ScreenView::Light bright = brightest(white.light);
-    if (const float least = *std::min_element(bright.begin(), bright.end()); least < kLeastLight) {
+    if (const float least = *std::min_element(bright.begin(), bright.end()); least < kMinLight) {
       return absl::FailedPreconditionError(
           fmt::format("white is brighter than black by only {:.4f} of the camera's full scale at {} ms; it "
                       "must be {} or more, and {} is good: it is out of the camera's view, or the exposure "
                       "is much too short",
-                      std::max(least, 0.0f), exposure_ms, kLeastLight, kGoodLight));
+                      std::max(least, 0.0f), exposure_ms, kMinLight, kGoodLight));
     }
     std::vector<bool> seen(white.cut_off.size());
     std::vector<std::uint32_t> bright_pixels;
@@ -205,9 +205,9 @@ absl::StatusOr<ScreenView> find_screen(const MappedArchive& archive, const Frame
     }
     const bool too_bright = std::any_of(whites.begin(), whites.end(), [&](const ShownFrame& of) {
       const SeenSolid mean = see(archive, light, bright_pixels, of);
-      return *std::max_element(mean.solid.light.begin(), mean.solid.light.end()) > kMostLight;
+      return *std::max_element(mean.solid.light.begin(), mean.solid.light.end()) > kMaxLight;
     });
-    if (!too_bright && static_cast<double>(cut_off) < kMostCutOff * static_cast<double>(bright_pixels.size()))
+    if (!too_bright && static_cast<double>(cut_off) < kMaxCutOff * static_cast<double>(bright_pixels.size()))
       return view_of(archive, light, shown, exposure_ms, white.light, std::move(seen));
     too_long_ms = exposure_ms;
   }
@@ -215,7 +215,7 @@ absl::StatusOr<ScreenView> find_screen(const MappedArchive& archive, const Frame
   return absl::FailedPreconditionError(
       fmt::format("white is cut off at the camera's full scale, even at {} ms; it must read {} at most, and "
                   "{} is good: try {:.2g} ms",
-                  too_long_ms, kMostLight, kGoodLight, 0.5 * too_long_ms));
+                  too_long_ms, kMaxLight, kGoodLight, 0.5 * too_long_ms));
 }
 
 SeenSolid see(const MappedArchive& archive, const FrameLight& light, const std::vector<std::uint32_t>& pixels,
@@ -238,10 +238,10 @@ SeenSolid see(const MappedArchive& archive, const FrameLight& light, const std::
       last = here;
     }
     seen.solid.light[c] = sum / count;
-    seen.solid.error[c] = std::max(std::sqrt(square / (2.0 * std::max(pairs, 1.0)) / count), kLeastError);
+    seen.solid.error[c] = std::max(std::sqrt(square / (2.0 * std::max(pairs, 1.0)) / count), kMinError);
   }
   seen.cut_off = static_cast<double>(cut_off) > kPixelsCutOff * count ||
-                 *std::max_element(seen.solid.light.begin(), seen.solid.light.end()) > kMostLight;
+                 *std::max_element(seen.solid.light.begin(), seen.solid.light.end()) > kMaxLight;
   return seen;
 }
 

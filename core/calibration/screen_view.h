@@ -19,7 +19,7 @@
 
 namespace glasswing {
 
-inline constexpr double kMostLight = 0.95;  // of the camera's full scale: beyond, noise is cut off
+inline constexpr double kMaxLight = 0.95;  // of the camera's full scale: beyond, noise is cut off
 
 // A frame of the archive in which the monitor shows codes.
 struct ShownFrame {
@@ -58,7 +58,7 @@ absl::StatusOr<ScreenView> find_screen(const MappedArchive& archive, const Frame
 struct SeenSolid {
   ShownSolid solid;
   double exposure_ms = 0.0;
-  bool cut_off = false;  // more than one pixel in 10000, or the mean above kMostLight
+  bool cut_off = false;  // more than one pixel in 10000, or the mean above kMaxLight
 };
 SeenSolid see(const MappedArchive& archive, const FrameLight& light, const std::vector<std::uint32_t>& pixels,
               const ShownFrame& shown);

@@ -9,7 +9,7 @@ namespace glasswing {
 namespace {
 
 constexpr int kColumns = 16, kRows = 12;
-constexpr int kLeastPixels = 4;     // of a cell
+constexpr int kMinPixels = 4;       // of a cell
 constexpr double kOffRamp = 0.1;    // of blue's code, which u and v tell
 constexpr double kBeyond = 0.03;    // of the screen's size: noise at its edges
 constexpr int kRelaxations = 2000;  // many times the longest way through the grid, squared
@@ -17,7 +17,7 @@ constexpr int kRelaxations = 2000;  // many times the longest way through the gr
 struct Cell {
   double light = 0.0;
   int pixels = 0;
-  bool seen() const { return pixels >= kLeastPixels; }
+  bool seen() const { return pixels >= kMinPixels; }
 };
 
 // The place in the grid that a pixel sees; none if what it sees is not the ramp.

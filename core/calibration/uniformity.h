@@ -11,8 +11,8 @@
 
 #include <optional>
 
-#include "core/radiometry/shading.h"
 #include "core/calibration/screen_view.h"
+#include "core/radiometry/shading.h"
 
 namespace glasswing {
 

@@ -4,8 +4,8 @@
 #include <CLI/CLI.hpp>
 #include <string>
 
-#include "core/service/service.h"
 #include "core/security/tls.h"
+#include "core/service/service.h"
 
 namespace glasswing {
 

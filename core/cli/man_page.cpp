@@ -10,9 +10,9 @@
 
 #include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/base/version.h"
 #include "core/cli/help.h"
 #include "core/service/service.h"
-#include "core/base/version.h"
 
 namespace glasswing {
 namespace {

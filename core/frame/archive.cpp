@@ -17,7 +17,7 @@ namespace {
 namespace fs = std::filesystem;
 
 // A process may have some 65,000.
-constexpr size_t kMostMappings = 4096;
+constexpr size_t kMaxMappings = 4096;
 
 absl::Status read_json(const fs::path& path, google::protobuf::Message* message) {
   GW_ASSIGN_OR_RETURN(const std::string json, read_file(path));
@@ -234,7 +234,7 @@ absl::StatusOr<std::shared_ptr<const MappedFile>> Archive::map(const std::string
     }
   }
   const std::lock_guard lock(mutex_);
-  if (mapped_.size() >= kMostMappings) mapped_.erase(mapped_.begin());
+  if (mapped_.size() >= kMaxMappings) mapped_.erase(mapped_.begin());
   verified_[file] = (*mapped)->identity();
   mapped_[file] = *mapped;
   return mapped;

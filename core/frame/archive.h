@@ -26,7 +26,7 @@
 namespace glasswing {
 
 inline constexpr int kMaxSide_px = 16384;  // of cameras, monitors and pictures
-inline constexpr int kMostMonitors = 64;
+inline constexpr int kMaxMonitors = 64;
 
 // A frame's own file format: little-endian TIFF, one strip, starting at a fixed offset.
 inline constexpr size_t kTiffPixelOffset = 256;
@@ -40,7 +40,7 @@ absl::StatusOr<Image16> decode_tiff(std::string_view bytes);
 absl::Status check_tiff_header(std::string_view bytes, int width_px, int height_px);
 
 // Whether a manifest, wherever it came from, can be true at all: sides of 1 to kMaxSide_px, 1 to
-// kMostMonitors monitors with names of their own, frame files below the archive and each listed once, numbers
+// kMaxMonitors monitors with names of their own, frame files below the archive and each listed once, numbers
 // that are finite. INVALID_ARGUMENT names the thing, its value and what would be accepted.
 absl::Status check_manifest(const v1::CaptureManifest& manifest);
 // The same of its parts. A header has no frames yet, and may lack monitors.

@@ -64,9 +64,9 @@ absl::Status check_manifest_header(const v1::CaptureManifest& manifest) {
     return impossible(fmt::format("the camera's read_sd is {} and its gain {}; they must be 0 or more",
                                   camera.read_sd(), camera.gain()));
   }
-  if (manifest.monitors_size() > kMostMonitors) {
+  if (manifest.monitors_size() > kMaxMonitors) {
     return impossible(
-        fmt::format("it names {} monitors; at most {} can be", manifest.monitors_size(), kMostMonitors));
+        fmt::format("it names {} monitors; at most {} can be", manifest.monitors_size(), kMaxMonitors));
   }
   std::set<std::string> names;
   for (const v1::Monitor& monitor : manifest.monitors()) {

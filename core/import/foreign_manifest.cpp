@@ -15,9 +15,9 @@
 namespace glasswing {
 namespace {
 
-using Json = nlohmann::ordered_json;               // keeps the file's order of monitors
-constexpr std::uintmax_t kMostBytes = 256u << 20;  // of manifest.json: a million frames
-constexpr int kDeepest = 64;                       // nesting; what is read needs four
+using Json = nlohmann::ordered_json;              // keeps the file's order of monitors
+constexpr std::uintmax_t kMaxBytes = 256u << 20;  // of manifest.json: a million frames
+constexpr int kDeepest = 64;                      // nesting; what is read needs four
 
 absl::Status bad(const std::filesystem::path& path, const std::string& what) {
   return absl::InvalidArgumentError(fmt::format("{}: {}", path.string(), what));
@@ -106,8 +106,8 @@ absl::StatusOr<v1::CaptureManifest> read_manifest(
     const std::function<absl::StatusOr<v1::CaptureManifest>(const Json&, const std::string& text)>& make) {
   std::error_code unknown;
   const std::uintmax_t size_bytes = std::filesystem::file_size(path, unknown);
-  if (!unknown && size_bytes > kMostBytes) {
-    return bad(path, fmt::format("it has {} bytes; at most {} are read", size_bytes, kMostBytes));
+  if (!unknown && size_bytes > kMaxBytes) {
+    return bad(path, fmt::format("it has {} bytes; at most {} are read", size_bytes, kMaxBytes));
   }
   GW_ASSIGN_OR_RETURN(const std::string text, read_file(path));
   try {

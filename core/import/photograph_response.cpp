@@ -11,15 +11,15 @@
 namespace glasswing {
 
 absl::StatusOr<PhotographResponse> PhotographResponse::create(const std::string& name, double black) {
-  constexpr double kLeastGamma = 0.2, kMostGamma = 5.0;
+  constexpr double kMinGamma = 0.2, kMaxGamma = 5.0;
   double gamma = 1.0;
   int read = 0;
   const bool power = std::sscanf(name.c_str(), "gamma:%lf%n", &gamma, &read) == 1 &&
-                     static_cast<size_t>(read) == name.size() && gamma >= kLeastGamma && gamma <= kMostGamma;
+                     static_cast<size_t>(read) == name.size() && gamma >= kMinGamma && gamma <= kMaxGamma;
   if (!power && name != "linear" && name != "srgb") {
     return absl::InvalidArgumentError(
         fmt::format("response is \"{}\"; it must be linear, srgb, or gamma:G with G {} to {}", name,
-                    kLeastGamma, kMostGamma));
+                    kMinGamma, kMaxGamma));
   }
   if (!(black >= 0.0 && black < 1.0)) {
     return absl::InvalidArgumentError(

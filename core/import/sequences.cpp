@@ -103,8 +103,8 @@ std::vector<fs::path> numbered_pictures(const fs::path& directory) {
 std::int64_t missing_numbers(const std::vector<fs::path>& numbered) {
   if (numbered.empty()) return 0;
   const std::string first = stem_of(numbered.front()).digits, last = stem_of(numbered.back()).digits;
-  constexpr size_t kMostDigits = 15;
-  if (first.size() > kMostDigits || last.size() > kMostDigits) return 0;
+  constexpr size_t kMaxDigits = 15;
+  if (first.size() > kMaxDigits || last.size() > kMaxDigits) return 0;
   const std::int64_t count = std::stoll(last) - std::stoll(first) + 1;
   return std::max<std::int64_t>(count - static_cast<std::int64_t>(numbered.size()), 0);
 }

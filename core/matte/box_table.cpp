@@ -56,8 +56,8 @@ BoxTable::BoxTable(const RadianceImage& picture, int thread_count)
 }
 
 BoxTable::Light BoxTable::mean(float x_px, float y_px, float width_px, float height_px) const {
-  width_px = std::max(width_px, kLeastSide_px);
-  height_px = std::max(height_px, kLeastSide_px);
+  width_px = std::max(width_px, kMinSide_px);
+  height_px = std::max(height_px, kMinSide_px);
   const Side x(x_px, width_px, width_px_), y(y_px, height_px, height_px_);
   if (!x.is_on || !y.is_on) return {};
   // Along x, between two columns the table is straight.

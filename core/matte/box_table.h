@@ -1,5 +1,5 @@
 // Means of a picture over upright boxes, all channels at once, for fast composites. What
-// summed_picture.h says, but that no side is narrower than kLeastSide_px.
+// summed_picture.h says, but that no side is narrower than kMinSide_px.
 #pragma once
 
 #include <array>
@@ -11,7 +11,7 @@ namespace glasswing {
 
 class BoxTable {
  public:
-  static constexpr float kLeastSide_px = 1.0f / 32.0f;
+  static constexpr float kMinSide_px = 1.0f / 32.0f;
   using Light = std::array<float, 3>;
 
   // The result does not depend on `thread_count` (0: all cores).

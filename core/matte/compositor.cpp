@@ -9,7 +9,7 @@
 #include <thread>
 
 #include "core/base/status.h"
-#include "core/matte/summed_picture.h"
+#include "core/matte/summed_area_table.h"
 #include "core/radiometry/primary_mix.h"
 
 namespace glasswing {
@@ -133,7 +133,7 @@ absl::StatusOr<RadianceImage> composite(const Matte& matte, const std::vector<Ra
   if (!mix.is_unit()) seen = as_seen(mix, pictures, matte.metadata.monitors_size());
   const std::vector<RadianceImage>& backgrounds = mix.is_unit() ? pictures : seen;
   GW_RETURN_IF_ERROR(check_backgrounds(matte.metadata, backgrounds));
-  std::vector<SummedPicture> summed;
+  std::vector<SummedAreaTable> summed;
   if (matte.metadata.footprint() == kBoxFootprint) {
     for (const RadianceImage& background : backgrounds) summed.emplace_back(background);
   }

@@ -15,8 +15,8 @@
 namespace glasswing {
 namespace {
 
-constexpr size_t kMostBytes = size_t{2} << 30;
-constexpr int kMostTiles = 1024, kFewestTiles = 4;
+constexpr size_t kMaxBytes = size_t{2} << 30;
+constexpr int kMaxTiles = 1024, kFewestTiles = 4;
 
 bool is_same(const Mode& a, const Mode& b) {
   return a.weight == b.weight && a.x_px == b.x_px && a.y_px == b.y_px && a.xx_px2 == b.xx_px2 &&
@@ -28,9 +28,9 @@ bool is_same(const Mode& a, const Mode& b) {
 // Rows of one matte, by one thread.
 class FastCompositor::Preparation {
  public:
-  Preparation(const Matte& matte, const std::vector<Texture>& textures, int most_tiles)
+  Preparation(const Matte& matte, const std::vector<Texture>& textures, int max_tiles)
       : matte_(matte), boxes_(matte.metadata.footprint() == kBoxFootprint) {
-    for (const Texture& texture : textures) tiles_.emplace_back(texture.shape, most_tiles);
+    for (const Texture& texture : textures) tiles_.emplace_back(texture.shape, max_tiles);
     wide_.resize(textures.size());
   }
 
@@ -108,25 +108,25 @@ absl::StatusOr<FastCompositor> FastCompositor::create(const Matte& matte, int th
     made.textures_.push_back({.shape = PyramidShape(monitor.width_px(), monitor.height_px(), end)});
     end = made.textures_.back().shape.end();
   }
-  for (int most_tiles = kMostTiles;; most_tiles /= 4) {
+  for (int max_tiles = kMaxTiles;; max_tiles /= 4) {
     made.rows_.clear();
     made.rows_.resize(static_cast<size_t>(matte.height_px()));
     std::atomic<int> next_row = 0;
     std::atomic<size_t> bytes = 0;
     std::mutex mutex;
-    const bool must_fit = most_tiles > kFewestTiles;
+    const bool must_fit = max_tiles > kFewestTiles;
     for_rows(std::max(1, matte.height_px()), thread_count, [&](int first, int) {
-      Preparation preparation(matte, made.textures_, most_tiles);
+      Preparation preparation(matte, made.textures_, max_tiles);
       for (int y = next_row++; y < matte.height_px(); y = next_row++) {
         Row& row = made.rows_[static_cast<size_t>(y)] = preparation.prepare(y);
         bytes += 2 * row.words.size();
-        if (must_fit && bytes > kMostBytes) return;
+        if (must_fit && bytes > kMaxBytes) return;
         if (first == 0 && progress) progress(static_cast<double>(y + 1) / matte.height_px());
       }
       const std::lock_guard lock(mutex);
       preparation.report(made.textures_);
     });
-    if (!must_fit || bytes <= kMostBytes) return made;
+    if (!must_fit || bytes <= kMaxBytes) return made;
   }
 }
 

@@ -11,7 +11,7 @@ namespace {
 
 // Samples of a Gaussian of variance v have the sum 1 and the middle where they should within 2 exp(-2 pi^2 v)
 // and 4 pi v exp(-2 pi^2 v): 0.0008 and 0.002 samples at 0.4.
-constexpr double kLeastVariance = 0.4;
+constexpr double kMinVariance = 0.4;
 // Sigmas; the 0.5 % of a Gaussian that lies beyond them along an axis is given to the ends. Weights above 1
 // reach further, so that no more light is: a bright mode may lie beyond the monitor, which sees its tail
 // alone.
@@ -72,7 +72,7 @@ FootprintTiles::Place FootprintTiles::place_of(const Mode& mode) const {
   Place place = on(0);
   while (place.level < last) {
     const Place next = on(place.level + 1);
-    if (next.xx <= 0.0 || next.yy <= 0.0 || narrowest(next) < kLeastVariance) break;
+    if (next.xx <= 0.0 || next.yy <= 0.0 || narrowest(next) < kMinVariance) break;
     place = next;
   }
   const auto tiles = [&](const Place& p) {
@@ -84,15 +84,15 @@ FootprintTiles::Place FootprintTiles::place_of(const Mode& mode) const {
     const double cut = std::max(p.xx - p.xy * p.xy / p.yy, 0.0), slide = std::abs(p.xy) / p.yy;
     return rows * std::ceil(std::min(columns, length_of(cut) + slide) / kTileWidth);
   };
-  while (place.level < last && tiles(place) > most_tiles_) {
+  while (place.level < last && tiles(place) > max_tiles_) {
     place = on(place.level + 1);
     const double mean = 0.5 * (place.xx + place.yy), half = 0.5 * (place.xx - place.yy);
     const double away = std::hypot(half, place.xy);
-    if (mean - away >= kLeastVariance) continue;
-    const double wide = std::max(mean + away, kLeastVariance);
-    const double share = away > 0.0 ? 0.5 * (wide - kLeastVariance) / away : 0.0;
-    place.xx = 0.5 * (wide + kLeastVariance) + share * half;
-    place.yy = 0.5 * (wide + kLeastVariance) - share * half;
+    if (mean - away >= kMinVariance) continue;
+    const double wide = std::max(mean + away, kMinVariance);
+    const double share = away > 0.0 ? 0.5 * (wide - kMinVariance) / away : 0.0;
+    place.xx = 0.5 * (wide + kMinVariance) + share * half;
+    place.yy = 0.5 * (wide + kMinVariance) - share * half;
     place.xy *= share;
   }
   return place;
@@ -166,7 +166,7 @@ int FootprintTiles::add(const Mode& mode, int channel, std::vector<std::uint16_t
   const double weight = static_cast<double>(mode.weight);
   if (upright) {
     const auto along = [&](double centre, double left, double variance, int extent, Taps& taps) {
-      if (left < kLeastVariance) {
+      if (left < kMinVariance) {
         integrate(centre, std::max(variance, 0.0), extent, taps);
       } else {
         sample(centre, left, reach_, extent, taps);
@@ -176,7 +176,7 @@ int FootprintTiles::add(const Mode& mode, int channel, std::vector<std::uint16_t
     along(place.y, place.yy, static_cast<double>(mode.yy_px2), level.height_px, down_);
     add_product(level, weight, channel);
   } else if (place.level == 0 &&
-             (place.xx * place.yy - place.xy * place.xy) / std::max(place.xx, place.yy) < kLeastVariance) {
+             (place.xx * place.yy - place.xy * place.xy) / std::max(place.xx, place.yy) < kMinVariance) {
     add_thin(mode, channel);
   } else {
     add_oriented(place, weight, channel);

@@ -9,7 +9,7 @@
 //   B_l = (Sigma + I/12 - 5 I (4^l - 1)/12) / 4^l = (Sigma + I/2) / 4^l - 5 I/12
 //
 // sampled and scaled to the sum 1. The highest level is taken on which no row or column cuts from B a
-// Gaussian of less variance than kLeastVariance. What is narrower even on the picture itself is integrated
+// Gaussian of less variance than kMinVariance. What is narrower even on the picture itself is integrated
 // over its pixels.
 //
 // Weights of upright footprints are products of one of columns and one of rows; oriented ones have columns of
@@ -28,9 +28,9 @@ namespace glasswing {
 
 class FootprintTiles {
  public:
-  // No footprint has many more tiles than `most_tiles`: it goes to higher levels instead, where it is widened
+  // No footprint has many more tiles than `max_tiles`: it goes to higher levels instead, where it is widened
   // to what these can show. A long and thin one at 45 degrees has a tile a row.
-  FootprintTiles(const PyramidShape& shape, int most_tiles) : shape_(shape), most_tiles_(most_tiles) {}
+  FootprintTiles(const PyramidShape& shape, int max_tiles) : shape_(shape), max_tiles_(max_tiles) {}
 
   // Appends them and returns how many they are. `channel` is where their samples begin.
   int add(const Mode& mode, int channel, std::vector<std::uint16_t>& words);
@@ -68,7 +68,7 @@ class FootprintTiles {
                int channel);
 
   const PyramidShape& shape_;
-  const int most_tiles_;
+  const int max_tiles_;
   int highest_level_ = 0;
   // Of the footprint at hand.
   double reach_ = 0.0, thin_reach_ = 0.0;  // sigmas

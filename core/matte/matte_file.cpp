@@ -141,8 +141,8 @@ absl::StatusOr<std::string> encode_matte(const Matte& matte) {
     ExrWriter writer(parts, window_of(matte));
     MatteBlock block(matte.modes_per_channel(), matte.is_colourless(), matte.width_px());
     std::vector<std::uint64_t> checksums;
-    for (int y = 0; y < matte.height_px(); y += kMostBlockRows) {
-      const int rows = std::min(kMostBlockRows, matte.height_px() - y);
+    for (int y = 0; y < matte.height_px(); y += kMaxBlockRows) {
+      const int rows = std::min(kMaxBlockRows, matte.height_px() - y);
       block.take(matte, y, rows);
       for (const std::uint64_t checksum : block.checksums(rows)) checksums.push_back(checksum);
       for (int row = 0; row < rows; ++row) {
@@ -165,8 +165,8 @@ absl::StatusOr<Matte> decode_matte(std::string_view bytes) {
                                        outline.modes_per_channel, outline.colourless);
                            matte.metadata = outline.metadata;
                            RowReader reader(file, outline);
-                           for (int y = 0; y < matte.height_px(); y += kMostBlockRows) {
-                             const int rows = std::min(kMostBlockRows, matte.height_px() - y);
+                           for (int y = 0; y < matte.height_px(); y += kMaxBlockRows) {
+                             const int rows = std::min(kMaxBlockRows, matte.height_px() - y);
                              GW_RETURN_IF_ERROR(reader.read(y, rows, head.row_checksums));
                              reader.block().give(matte, y, rows);
                              GW_RETURN_IF_ERROR(check(matte, y, rows));
@@ -178,12 +178,12 @@ absl::StatusOr<Matte> decode_matte(std::string_view bytes) {
 absl::Status verify_matte(std::string_view bytes) {
   return with_matte_file(bytes, [](const MatteHead& head, Imf::MultiPartInputFile& file) -> absl::Status {
     const MatteOutline& outline = head.outline;
-    Matte rows_alone(outline.x0_px, 0, outline.width_px, std::min(kMostBlockRows, outline.height_px),
+    Matte rows_alone(outline.x0_px, 0, outline.width_px, std::min(kMaxBlockRows, outline.height_px),
                      outline.modes_per_channel, outline.colourless);
     rows_alone.metadata = outline.metadata;
     RowReader reader(file, outline);
-    for (int y = 0; y < outline.height_px; y += kMostBlockRows) {
-      const int rows = std::min(kMostBlockRows, outline.height_px - y);
+    for (int y = 0; y < outline.height_px; y += kMaxBlockRows) {
+      const int rows = std::min(kMaxBlockRows, outline.height_px - y);
       GW_RETURN_IF_ERROR(reader.read(y, rows, head.row_checksums));
       reader.block().give(rows_alone, 0, rows);
       GW_RETURN_IF_ERROR(check(rows_alone, 0, rows));

@@ -51,8 +51,8 @@ absl::StatusOr<std::vector<ExrPart>> checked_parts(const Imf::MultiPartInputFile
   }
   const size_t pixels = static_cast<size_t>(window.max.x - window.min.x + 1) *
                         static_cast<size_t>(window.max.y - window.min.y + 1);
-  constexpr size_t kMostExpansion = 1032;  // of deflate: 258 bytes for two bits
-  if (pixels * layer_count * sizeof(float) / kMostExpansion > file_bytes) {
+  constexpr size_t kMaxExpansion = 1032;  // of deflate: 258 bytes for two bits
+  if (pixels * layer_count * sizeof(float) / kMaxExpansion > file_bytes) {
     return absl::DataLossError("it is too short for its size");
   }
   return parts;
@@ -69,9 +69,9 @@ absl::Status check_metadata(const v1::MatteMetadata& metadata, const Imath::Box2
     return absl::DataLossError(fmt::format("it is of a picture of {}x{} px, but has pixels up to ({}, {})",
                                            width, height, window.max.x, window.max.y));
   }
-  if (metadata.monitors_size() > kMostMonitors) {
+  if (metadata.monitors_size() > kMaxMonitors) {
     return absl::DataLossError(
-        fmt::format("it names {} monitors; at most {} can be", metadata.monitors_size(), kMostMonitors));
+        fmt::format("it names {} monitors; at most {} can be", metadata.monitors_size(), kMaxMonitors));
   }
   const std::string& footprint = metadata.footprint();
   if (!footprint.empty() && footprint != "gaussian" && footprint != kBoxFootprint) {

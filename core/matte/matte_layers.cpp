@@ -94,7 +94,7 @@ MatteBlock::MatteBlock(int modes_per_channel, bool colourless, int width_px)
   const std::vector<ExrPart> parts = matte_parts(modes_per_channel, colourless);
   size_t count = 0;
   for (const ExrPart& part : parts) count += part.channels.size();
-  const size_t plane = static_cast<size_t>(width_px) * kMostBlockRows;
+  const size_t plane = static_cast<size_t>(width_px) * kMaxBlockRows;
   values_.resize(count * plane);
   float* next = values_.data();
   for (const ExrPart& part : parts) {

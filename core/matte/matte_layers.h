@@ -52,7 +52,7 @@ void describe(std::vector<ExrPart>& parts, const std::string& metadata, const st
 std::string json_of(const v1::MatteMetadata& metadata);
 
 // Some rows of a matte as its file's planes.
-inline constexpr int kMostBlockRows = 16;
+inline constexpr int kMaxBlockRows = 16;
 class MatteBlock {
  public:
   MatteBlock(int modes_per_channel, bool colourless, int width_px);

@@ -9,7 +9,7 @@
 namespace glasswing {
 namespace {
 
-constexpr int kLeastSide_px = 4;
+constexpr int kMinSide_px = 4;
 
 constexpr int kBorder = PyramidShape::kBorder;
 
@@ -64,7 +64,7 @@ PyramidShape::PyramidShape(int width_px, int height_px, size_t offset) : end_(of
     const auto stride = static_cast<std::uint16_t>(width_px + 2 * kBorder + kTileWidth);
     levels_.push_back({.width_px = width_px, .height_px = height_px, .stride = stride, .offset = end_});
     end_ += static_cast<size_t>(height_px + 2 * kBorder) * 3 * stride;
-    if (std::max(width_px, height_px) <= kLeastSide_px) return;
+    if (std::max(width_px, height_px) <= kMinSide_px) return;
     width_px = (width_px + 1) / 2;
     height_px = (height_px + 1) / 2;
   }

@@ -12,9 +12,9 @@ namespace {
 // is lit as often as dark.
 constexpr std::array<std::uint16_t, 10> kLearningIds = {0x0000, 0xffff, 0xaaaa, 0x5555, 0xcccc,
                                                         0x3333, 0xf0f0, 0x0f0f, 0xff00, 0x00ff};
-constexpr float kLeastContrast = 0.01f * 65535.0f * 3.0f;  // of the sum of r, g, b
-constexpr float kUnlike = 0.25f;    // of its contrast, what a sample may be off dark or lit
-constexpr size_t kMostPixels = 64;  // of a cell
+constexpr float kMinContrast = 0.01f * 65535.0f * 3.0f;  // of the sum of r, g, b
+constexpr float kUnlike = 0.25f;   // of its contrast, what a sample may be off dark or lit
+constexpr size_t kMaxPixels = 64;  // of a cell
 // Nine tenths of one picture and a tenth of another are still in doubt.
 constexpr double kSure = 0.8;
 
@@ -71,7 +71,7 @@ absl::StatusOr<PatchReader> PatchReader::learn(std::span<const Image16> frames) 
     for (size_t i = 0; i < light.size(); ++i) light[i] = sum_at(frames[i], at);
     const auto [low, high] = std::minmax_element(light.begin(), light.end());
     const float contrast = *high - *low;
-    if (contrast < kLeastContrast) continue;
+    if (contrast < kMinContrast) continue;
     dark_everywhere = false;
     float dark = 0.0f, lit = 0.0f;
     unsigned sequence = 0;
@@ -97,7 +97,7 @@ absl::StatusOr<PatchReader> PatchReader::learn(std::span<const Image16> frames) 
               [](const Pixel& a, const Pixel& b) { return a.lit - a.dark > b.lit - b.dark; });
     // Noise goes through a cell's sequence now and then, but faintly.
     const float strongest = pixels.front().lit - pixels.front().dark;
-    while (pixels.size() > kMostPixels || pixels.back().lit - pixels.back().dark < 0.5f * strongest)
+    while (pixels.size() > kMaxPixels || pixels.back().lit - pixels.back().dark < 0.5f * strongest)
       pixels.pop_back();
   }
   return reader;

@@ -24,8 +24,8 @@ namespace glasswing {
 
 struct IdPatch {
   static constexpr int kBits = 16;
-  static constexpr int kLeastWidth_px = 32;
-  static constexpr int kLeastRows = 4;
+  static constexpr int kMinWidth_px = 32;
+  static constexpr int kMinRows = 4;
   int width_px = 0;  // of the monitor
   int first_row = 0;
   int rows = 0;

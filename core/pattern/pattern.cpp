@@ -9,7 +9,7 @@
 namespace glasswing {
 namespace {
 
-// Standard deviations from a stripe's crest, beyond which there is no light: exp(-z^2 / 2) is 5e-32, and
+// Standard deviations from a stripe's peak, beyond which there is no light: exp(-z^2 / 2) is 5e-32, and
 // where floats end, further out, arithmetic is slow.
 constexpr double kReach = 12.0;
 

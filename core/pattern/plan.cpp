@@ -23,7 +23,7 @@ namespace {
 using google::protobuf::TextFormat;
 constexpr int kMaxSteps = 20000;
 constexpr int kDefaultPhases = 4;
-constexpr int kMostFrames = 18000, kMostEmptyFrames = 1000;  // of a ramp
+constexpr int kMaxFrames = 18000, kMaxEmptyFrames = 1000;  // of a ramp
 constexpr int kUsualEmptyFrames = 16;
 constexpr double kWidestStep = 1.5;  // of a sweep, in sigmas: beyond, its steps miss detail
 
@@ -147,10 +147,10 @@ absl::Status check_ramp(const v1::Plan& plan, const Place& place) {
   }
   if (!plan.has_ramp())
     return place.bad(plan, "ramp", 0, "left out", "given with method \"ramp\", as ramp { frames: 300 }");
-  if (ramp.has_frames() && !within(ramp.frames(), 1, kMostFrames))
-    return here.bad(ramp, "frames", 0, ramp.frames(), fmt::format("1 to {}", kMostFrames));
-  if (ramp.has_empty_frames() && !within(ramp.empty_frames(), 1, kMostEmptyFrames))
-    return here.bad(ramp, "empty_frames", 0, ramp.empty_frames(), fmt::format("1 to {}", kMostEmptyFrames));
+  if (ramp.has_frames() && !within(ramp.frames(), 1, kMaxFrames))
+    return here.bad(ramp, "frames", 0, ramp.frames(), fmt::format("1 to {}", kMaxFrames));
+  if (ramp.has_empty_frames() && !within(ramp.empty_frames(), 1, kMaxEmptyFrames))
+    return here.bad(ramp, "empty_frames", 0, ramp.empty_frames(), fmt::format("1 to {}", kMaxEmptyFrames));
   if (plan.skip_empty_stage()) {
     return place.bad(plan, "skip_empty_stage", 0, "true",
                      "left out: method \"ramp\" finds the object by the stage without it");
@@ -257,7 +257,7 @@ v1::Stimulus stimulus_on(const std::string& panel, const std::string& kind) {
   return stimulus;
 }
 
-// Crests k * step for every whole k whose stripe is within the margin of the monitor's extent along the
+// Peaks k * step for every whole k whose stripe is within the margin of the monitor's extent along the
 // sweep.
 void add_sweep(const v1::Sweep& sweep, const v1::Monitor& monitor, std::vector<v1::Stimulus>& out) {
   const double phi_rad = sweep.orientation_deg() * std::numbers::pi / 180.0;
@@ -267,7 +267,7 @@ void add_sweep(const v1::Sweep& sweep, const v1::Monitor& monitor, std::vector<v
   const double step_px = sweep.has_step_px() ? sweep.step_px() : 0.5 * sweep.sigma_px();
   const double low_px = std::min(across_px, 0.0) + std::min(down_px, 0.0) - margin_px;
   const double high_px = std::max(across_px, 0.0) + std::max(down_px, 0.0) + margin_px;
-  // A crest exactly on the margin must not depend on how cos(90 deg) rounds.
+  // A peak exactly on the margin must not depend on how cos(90 deg) rounds.
   constexpr double kSlack = 1e-9;
   for (double k = std::ceil(low_px / step_px - kSlack); k <= std::floor(high_px / step_px + kSlack);
        k += 1.0) {

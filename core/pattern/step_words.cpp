@@ -5,7 +5,7 @@
 namespace glasswing {
 namespace {
 
-std::string words_for(const v1::Stimulus& stimulus) {
+std::string describe(const v1::Stimulus& stimulus) {
   const std::string& kind = stimulus.kind();
   if (kind == "gauss_stripe")
     return fmt::format("stripe at {:g} deg, r {:.1f} px", stimulus.phi_deg(), stimulus.r_px());
@@ -24,8 +24,8 @@ std::string words_for(const v1::Stimulus& stimulus) {
 
 }  // namespace
 
-std::string words_for(const Step& step) {
-  return fmt::format("{} {}, {:g} ms{}", step.stimulus.panel(), words_for(step.stimulus), step.exposure_ms,
+std::string describe(const Step& step) {
+  return fmt::format("{} {}, {:g} ms{}", step.stimulus.panel(), describe(step.stimulus), step.exposure_ms,
                      step.object ? "" : ", without the object");
 }
 

@@ -8,6 +8,6 @@
 namespace glasswing {
 
 // "back stripe at 45 deg, r 120.0 px, 4 ms"
-std::string words_for(const Step& step);
+std::string describe(const Step& step);
 
 }  // namespace glasswing

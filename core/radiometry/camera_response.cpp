@@ -12,11 +12,11 @@
 namespace glasswing {
 namespace {
 
-constexpr int kLeastSide_px = 16;
-constexpr double kMostPixels = 20000.0;  // more make it slower, not better
-constexpr double kTells = 0.01;          // code above black
-constexpr size_t kLeastShared = 50;      // pixels, by neighbouring exposures
-constexpr double kBend = 0.002;          // of full scale, that a linear camera may have
+constexpr int kMinSide_px = 16;
+constexpr double kMaxPixels = 20000.0;  // more make it slower, not better
+constexpr double kTells = 0.01;         // code above black
+constexpr size_t kMinShared = 50;       // pixels, by neighbouring exposures
+constexpr double kBend = 0.002;         // of full scale, that a linear camera may have
 constexpr double kStandardErrors = 3.0;
 constexpr std::array<const char*, 3> kChannelNames = {"red", "green", "blue"};
 
@@ -38,10 +38,9 @@ absl::Status check(std::span<const Exposure> exposures, const ResponseOptions& o
         fmt::format("a response needs two exposures or more of one scene; there are {}", exposures.size()));
   }
   const Image16& first = exposures.front().codes;
-  if (first.width_px < kLeastSide_px || first.height_px < kLeastSide_px) {
+  if (first.width_px < kMinSide_px || first.height_px < kMinSide_px) {
     return absl::InvalidArgumentError(fmt::format("frames of {} x {} px are too small; {} x {} is the least",
-                                                  first.width_px, first.height_px, kLeastSide_px,
-                                                  kLeastSide_px));
+                                                  first.width_px, first.height_px, kMinSide_px, kMinSide_px));
   }
   double shortest = exposures.front().exposure_s, longest = shortest;
   for (const Exposure& exposure : exposures) {
@@ -77,7 +76,7 @@ double gradient_at(const Image16& image, int x, int y, int channel) {
 ChannelSamples gather(std::span<const Exposure> exposures, int channel, const ResponseOptions& options) {
   const Image16& first = exposures.front().codes;
   const double pixels = static_cast<double>(first.width_px) * first.height_px;
-  const int step = std::max(1, static_cast<int>(std::lround(std::sqrt(pixels / kMostPixels))));
+  const int step = std::max(1, static_cast<int>(std::lround(std::sqrt(pixels / kMaxPixels))));
   ChannelSamples gathered;
   for (int y = 1; y + 1 < first.height_px; y += step) {
     for (int x = 1; x + 1 < first.width_px; x += step) {
@@ -128,12 +127,12 @@ absl::Status check_overlap(std::span<const Exposure> exposures, int channel, con
     for (size_t r = 1; r < order.size(); ++r) shared[r] += has[r] && has[r - 1] ? 1 : 0;
   }
   for (size_t r = 1; r < order.size(); ++r) {
-    if (shared[r] >= kLeastShared) continue;
+    if (shared[r] >= kMinShared) continue;
     return absl::FailedPreconditionError(fmt::format(
         "the exposures of {} s and {} s share {} pixels that {} does not clip; {} are the least: add one "
         "between, or "
         "leave one out",
-        exposures[order[r - 1]].exposure_s, exposures[order[r]].exposure_s, shared[r], name, kLeastShared));
+        exposures[order[r - 1]].exposure_s, exposures[order[r]].exposure_s, shared[r], name, kMinShared));
   }
   return absl::OkStatus();
 }

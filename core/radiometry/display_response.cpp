@@ -11,8 +11,8 @@
 namespace glasswing {
 namespace {
 
-constexpr double kClipped = 0.95;    // of the camera's full scale: beyond, single pixels may be cut off
-constexpr double kMostChange = 0.2;  // of white, from one time to the next
+constexpr double kClipped = 0.95;   // of the camera's full scale: beyond, single pixels may be cut off
+constexpr double kMaxChange = 0.2;  // of white, from one time to the next
 constexpr std::array<const char*, 3> kNames{"red", "green", "blue"};
 
 bool is_solid_of(const ShownSolid& solid, int code) {
@@ -201,7 +201,7 @@ absl::StatusOr<std::vector<ShownSolid>> without_drift(std::vector<ShownSolid> so
   for (size_t i = 1; i < whites.size(); ++i) {
     for (size_t c = 0; c < 3; ++c) {
       const double before = whites[i - 1].light[c], after = whites[i].light[c];
-      if (std::abs(after - before) > kMostChange * before) {
+      if (std::abs(after - before) > kMaxChange * before) {
         return absl::FailedPreconditionError(
             fmt::format("white changed from {:.3f} to {:.3f} of the camera's full scale between two times it "
                         "was shown; is auto exposure or auto gain on, or does the monitor dim itself?",

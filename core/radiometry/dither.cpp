@@ -16,12 +16,12 @@ constexpr std::uint32_t kCodeMask = (1u << kCodeBits) - 1;
 constexpr size_t kBlock_px = 16;
 
 void make_fixed(std::span<const float> radiances, std::int32_t* fixed) {
-  constexpr auto kMost = static_cast<float>(kOne);
+  constexpr auto kMax = static_cast<float>(kOne);
   for (const float radiance : radiances) {
     // Clamped last, and in two steps, so that a compiler makes vectors of it. NaN is 0.
-    const float scaled = radiance * kMost + 0.5f;
+    const float scaled = radiance * kMax + 0.5f;
     const float positive = scaled > 0.0f ? scaled : 0.0f;
-    const float clamped = positive < kMost ? positive : kMost;
+    const float clamped = positive < kMax ? positive : kMax;
     *fixed++ = static_cast<std::int32_t>(clamped);
   }
 }

@@ -11,7 +11,7 @@ namespace glasswing {
 namespace {
 
 constexpr size_t kSamples = 65536;
-constexpr int kMostKnots = 65536;
+constexpr int kMaxKnots = 65536;
 
 template <typename Value>
 absl::Status bad(const v1::CameraCalibration& calibration, const std::string& field, const Value& value,
@@ -46,7 +46,7 @@ absl::Status check_calibration(const v1::CameraCalibration& calibration) {
     if (!(value >= 0.0 && value <= 1.0)) return bad(calibration, name, value, "in [0, 1]");
   }
   for (const v1::CameraCurve& curve : calibration.curves()) {
-    if (curve.light_size() < 2 || curve.light_size() > kMostKnots)
+    if (curve.light_size() < 2 || curve.light_size() > kMaxKnots)
       return bad(calibration, "light", fmt::format("{} long", curve.light_size()), "2 to 65536 long");
     for (int k = 0; k < curve.light_size(); ++k) {
       if (!std::isfinite(curve.light(k))) return bad(calibration, "light", curve.light(k), "finite");

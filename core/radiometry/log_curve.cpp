@@ -9,12 +9,12 @@ namespace {
 
 constexpr int kKnots = CameraResponse::kKnots;
 constexpr double kKnotsPerCode = kKnots - 1;
-constexpr double kLeastRise = 1e-6;  // of ln f, from knot to knot
-constexpr double kLeastWeight = 1e-3;
+constexpr double kMinRise = 1e-6;  // of ln f, from knot to knot
+constexpr double kMinWeight = 1e-3;
 constexpr double kFirstPower = 2.2;  // for the first weights only
-constexpr double kLeastPower = 0.5;  // d ln f / d ln z, for weights only
+constexpr double kMinPower = 0.5;    // d ln f / d ln z, for weights only
 
-// The closest curve, weighted, that rises by kLeastRise and more at every knot: adjacent violators are
+// The closest curve, weighted, that rises by kMinRise and more at every knot: adjacent violators are
 // pooled.
 void make_monotone(LogCurve::Knots& curve, const Eigen::VectorXd& weights) {
   struct Pool {
@@ -23,7 +23,7 @@ void make_monotone(LogCurve::Knots& curve, const Eigen::VectorXd& weights) {
   };
   std::vector<Pool> pools;
   for (int k = 0; k < kKnots; ++k) {
-    Pool pool{curve[static_cast<size_t>(k)] - kLeastRise * k, std::max(weights[k], kLeastWeight), 1};
+    Pool pool{curve[static_cast<size_t>(k)] - kMinRise * k, std::max(weights[k], kMinWeight), 1};
     while (!pools.empty() && pools.back().value >= pool.value) {
       const Pool& last = pools.back();
       const double weight = last.weight + pool.weight;
@@ -35,7 +35,7 @@ void make_monotone(LogCurve::Knots& curve, const Eigen::VectorXd& weights) {
   }
   size_t k = 0;
   for (const Pool& pool : pools) {
-    for (int i = 0; i < pool.count; ++i, ++k) curve[k] = pool.value + kLeastRise * static_cast<double>(k);
+    for (int i = 0; i < pool.count; ++i, ++k) curve[k] = pool.value + kMinRise * static_cast<double>(k);
   }
 }
 
@@ -71,7 +71,7 @@ double LogCurve::slope(double code) const {
   const int knot = knot_place_of(code).knot, reach = std::max(2, static_cast<int>(above / 4.0));
   const int low = std::max(knot - reach, 0), high = std::min(knot + 1 + reach, kKnots - 1);
   const double rise = rest_[static_cast<size_t>(high)] - rest_[static_cast<size_t>(low)];
-  return std::max(rise / (high - low) + 1.0 / above, kLeastPower / above) * kKnotsPerCode;
+  return std::max(rise / (high - low) + 1.0 / above, kMinPower / above) * kKnotsPerCode;
 }
 
 double LogCurve::code_of(double value) const {

@@ -15,10 +15,10 @@ constexpr int kBins = 64;               // even in the root of the value, where 
 constexpr size_t kFewest = 50;          // pixels of a bin
 constexpr double kClippedShare = 1e-3;  // of a bin's pixels, beyond which clipping makes its variance less
 constexpr double kOutlierSigmas = 4.5;
-constexpr double kLeastRange = 2.0;  // of brightest to darkest bin
-constexpr size_t kPileUp = 100;      // samples at the highest code
+constexpr double kMinRange = 2.0;  // of brightest to darkest bin
+constexpr size_t kPileUp = 100;    // samples at the highest code
 constexpr double kNotDark = 0.25;
-constexpr double kLeastExpected =
+constexpr double kMinExpected =
     0.1;  // of a bin's variance: a line that is not yet right is not believed beyond
 
 struct PixelNoise {
@@ -149,7 +149,7 @@ NoiseModel fit_line(const std::vector<Bin>& bins) {
     double n = 0.0, x = 0.0, y = 0.0, xx = 0.0, xy = 0.0, misfit = 0.0;
     const auto weight_of = [&](const Bin& bin) {
       const double expected =
-          pass == 0 ? bin.variance : std::max(start + slope * bin.value, kLeastExpected * bin.variance);
+          pass == 0 ? bin.variance : std::max(start + slope * bin.value, kMinExpected * bin.variance);
       return bin.freedom / (2.0 * expected * expected);
     };
     for (const Bin& bin : bins) {
@@ -225,7 +225,7 @@ absl::StatusOr<NoiseModel> fit_noise(std::span<const std::vector<Image16>> scene
   for (const auto& frames : scenes) add_scene(frames, black_level, full.value_or(65535), pixels);
   size_t used = 0;
   const std::vector<Bin> bins = bins_of(pixels, used);
-  if (bins.size() < 3 || bins.back().value < kLeastRange * std::max(bins.front().value, 1e-6)) {
+  if (bins.size() < 3 || bins.back().value < kMinRange * std::max(bins.front().value, 1e-6)) {
     return absl::FailedPreconditionError(fmt::format(
         "only {} of {} brightnesses are seen unclipped; the noise needs three or more, from dark to "
         "twice as bright: show a gradient, or several exposures",

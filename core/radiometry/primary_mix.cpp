@@ -11,7 +11,7 @@
 namespace glasswing {
 namespace {
 
-constexpr double kMostAmplified = 10.0;  // by a row of N^-1: light would be lost in what is amplified
+constexpr double kMaxAmplified = 10.0;  // by a row of N^-1: light would be lost in what is amplified
 
 using Matrix = std::array<std::array<double, 3>, 3>;
 constexpr Matrix kUnit = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
@@ -95,7 +95,7 @@ absl::StatusOr<PrimaryMix> PrimaryMix::create(std::vector<Matrix> matrices, cons
     if (known[t]) mix.spread_ = std::max(mix.spread_, (eigen(matrices[t]) - mean).cwiseAbs().maxCoeff());
   }
   const Eigen::Matrix3d inverse = mean.inverse();
-  if (!inverse.allFinite() || inverse.cwiseAbs().rowwise().sum().maxCoeff() > kMostAmplified) {
+  if (!inverse.allFinite() || inverse.cwiseAbs().rowwise().sum().maxCoeff() > kMaxAmplified) {
     return absl::InvalidArgumentError(
         "the calibrations of the monitors: their crosstalk hardly tells primaries apart; taking it out would "
         "amplify noise more than ten times");

@@ -20,15 +20,15 @@ constexpr int kPassesToTrust = 4;  // before residuals tell what moved, and code
 // Of d ln f / d ln z, variance per ln z. Simulated cameras of gamma 1.8 to 2.6, sRGB, film's shoulder and S
 // shapes of contrast 0.2 to 0.8 are likeliest at 0 to 0.9; more is no camera but a staircase
 // (docs/calibration.md).
-constexpr double kMostBend = 1.0, kFirstBend = 0.02, kLeastBend = 1e-4;
+constexpr double kMaxBend = 1.0, kFirstBend = 0.02, kMinBend = 1e-4;
 constexpr size_t kFewestAtKnot = 20;  // samples; a darker curve is continued as a straight line
 constexpr double kHoldTimes = 1e12;   // weights of what is so by definition
 constexpr double kHoldTop = 1e8;
 constexpr double kOutlier = 4.0;       // standard deviations
-constexpr double kMostRelative = 0.3;  // noise of an exposure, beyond which its logarithm means nothing
-constexpr double kLeastNoise = 1e-4;   // of a code; far below 8 bits' steps
+constexpr double kMaxRelative = 0.3;   // noise of an exposure, beyond which its logarithm means nothing
+constexpr double kMinNoise = 1e-4;     // of a code; far below 8 bits' steps
 constexpr double kFirstNoise = 0.005;  // until residuals tell
-constexpr double kLeastKept = 0.3;     // of a residual; else its sample set ln E all but alone
+constexpr double kMinKept = 0.3;       // of a residual; else its sample set ln E all but alone
 constexpr int kNoiseBins = 16;
 constexpr size_t kFewest = 100;  // samples, to learn a bin's noise from
 
@@ -122,7 +122,7 @@ class Fit {
       const double code = predicts() ? curve.code_of(light + time) : seen;
       Term term{0.0, 0.0, curve.slope(code), code};
       const double noise = term.per_code * code_noise(c, code, sample);
-      if (noise < kMostRelative) {
+      if (noise < kMaxRelative) {
         term.weight = 1.0 / (noise * noise);
         term.residual = curve(code) + term.per_code * (seen - code) - time;
       }
@@ -258,7 +258,7 @@ class Fit {
     }
     Solution best = solve(equations, cost, bend_);
     const auto try_factor = [&](double factor) {
-      const double bend = std::clamp(bend_ * factor, kLeastBend, kMostBend);
+      const double bend = std::clamp(bend_ * factor, kMinBend, kMaxBend);
       if (bend == bend_) return false;
       Solution other = solve(equations, cost, bend);
       if (!(other.log_likelihood > best.log_likelihood)) return false;
@@ -331,7 +331,7 @@ class Fit {
       for (size_t s = 0; s < terms_.size(); ++s) {
         const Term& term = terms_[s];
         const double kept = 1.0 - term.weight / weights;
-        if (term.weight == 0.0 || kept < kLeastKept) continue;
+        if (term.weight == 0.0 || kept < kMinKept) continue;
         const CodeSample& sample = channels_[c].samples[channels_[c].first[i] + s];
         const size_t bin = bin_of(term.code);
         const double share = noise_[c][bin] / code_noise(c, term.code, sample);
@@ -342,7 +342,7 @@ class Fit {
       if (off[bin].size() < kFewest) continue;
       const auto middle = off[bin].begin() + static_cast<std::ptrdiff_t>(off[bin].size() / 2);
       std::nth_element(off[bin].begin(), middle, off[bin].end());
-      noise_[c][bin] = std::max(1.4826 * *middle, kLeastNoise);
+      noise_[c][bin] = std::max(1.4826 * *middle, kMinNoise);
     }
   }
 

@@ -16,10 +16,10 @@ using Eigen::VectorXd;
 constexpr size_t kFewestCodes = 6;
 constexpr double kFall = 0.005;      // of full scale: what a response has to be known to
 constexpr double kFallErrors = 4.0;  // standard
-constexpr double kLeastGamma = 0.5, kMostGamma = 4.0;
+constexpr double kMinGamma = 0.5, kMaxGamma = 4.0;
 constexpr double kGammaStep = 0.1;
 // Of tau^2, by factors of ten, for weights of mean 1 and lights of full scale 1.
-constexpr int kLeastRoughness = -4, kMostRoughness = 10;
+constexpr int kMinRoughness = -4, kMaxRoughness = 10;
 
 double covariance(double x, double y) {
   const double m = std::min(x, y);
@@ -90,9 +90,9 @@ std::optional<Model> likeliest(const Points& points) {
     std::optional<Model> model = fitted(points, gamma, roughness);
     if (model && (!best || model->log_likelihood > best->log_likelihood)) best = std::move(model);
   };
-  for (double gamma = kLeastGamma; gamma <= kMostGamma; gamma += kGammaStep) {
+  for (double gamma = kMinGamma; gamma <= kMaxGamma; gamma += kGammaStep) {
     try_one(gamma, 0.0);
-    for (int power = kLeastRoughness; power <= kMostRoughness; ++power) try_one(gamma, std::pow(10.0, power));
+    for (int power = kMinRoughness; power <= kMaxRoughness; ++power) try_one(gamma, std::pow(10.0, power));
   }
   if (!best) return best;
   double gamma_step = kGammaStep, factor = 10.0;

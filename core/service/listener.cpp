@@ -125,9 +125,9 @@ bool Listener::takes_connections(std::chrono::milliseconds within) const {
   return ::poll(&polled, 1, within_ms) == 1;
 }
 
-void Listener::start(std::unique_ptr<Acceptor> acceptor, int most_descriptors) {
+void Listener::start(std::unique_ptr<Acceptor> acceptor, int max_descriptors) {
   acceptor_ = std::move(acceptor);
-  most_descriptors_ = most_descriptors;
+  max_descriptors_ = max_descriptors;
   thread_ = std::jthread([this](std::stop_token stop) {
     std::vector<pollfd> polled;
     for (const Descriptor& socket : sockets_) polled.push_back({socket.get(), POLLIN, 0});
@@ -155,10 +155,10 @@ void Listener::take(const Descriptor& listening) {
     return;
   }
   // It got the lowest number that is free.
-  const bool too_many = connection.get() >= most_descriptors_;
+  const bool too_many = connection.get() >= max_descriptors_;
   if (too_many && !told_) {
     spdlog::warn("connections are turned away: {} descriptors are open, which is the most for connections",
-                 most_descriptors_);
+                 max_descriptors_);
   }
   told_ = too_many;
   if (too_many) return;

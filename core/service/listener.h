@@ -29,9 +29,9 @@ class Listener {
   bool takes_connections(std::chrono::milliseconds within) const;
 
   using Acceptor = grpc::experimental::ExternalConnectionAcceptor;
-  // Hands connections to `acceptor` from now on. One that comes while the process has `most_descriptors` open
+  // Hands connections to `acceptor` from now on. One that comes while the process has `max_descriptors` open
   // is closed at once.
-  void start(std::unique_ptr<Acceptor> acceptor, int most_descriptors);
+  void start(std::unique_ptr<Acceptor> acceptor, int max_descriptors);
   void stop();
 
  private:
@@ -43,7 +43,7 @@ class Listener {
   Descriptor wake_;
   Descriptor spare_;  // given up for a moment to turn somebody away when no descriptor is left
   int port_ = 0;
-  int most_descriptors_ = 0;
+  int max_descriptors_ = 0;
   bool told_ = false;  // that connections are turned away
   std::unique_ptr<Acceptor> acceptor_;
   std::jthread thread_;

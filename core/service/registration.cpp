@@ -4,9 +4,9 @@
 
 #include <chrono>
 
+#include "core/base/version.h"
 #include "core/service/node_health.h"
 #include "core/service/service.h"
-#include "core/base/version.h"
 
 namespace glasswing {
 

@@ -10,10 +10,10 @@
 #include <regex>
 
 #include "core/base/status.h"
+#include "core/security/tls.h"
 #include "core/service/listener.h"
 #include "core/service/rpc_metrics.h"
 #include "core/service/stalled_calls.h"
-#include "core/security/tls.h"
 #include "glasswing/v1/clock_service.grpc.pb.h"
 
 namespace glasswing {

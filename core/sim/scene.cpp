@@ -9,7 +9,7 @@
 namespace glasswing {
 namespace {
 
-constexpr double kLeast = 2e-3;  // paths with less weight are dropped
+constexpr double kMin = 2e-3;  // paths with less weight are dropped
 constexpr int kMaxBounces = 7;
 constexpr double kSkin = 1e-6;
 
@@ -35,20 +35,20 @@ class ClearBody {
     std::vector<Path> paths;
     const Vec3 point = at(ray, hit->distance);
     const double mirrored = reflectance(-dot(ray.direction, hit->normal), index);
-    if (mirrored > kLeast) {
+    if (mirrored > kMin) {
       paths.push_back({.ray = {point, reflected(ray.direction, hit->normal)}, .weight = mirrored});
     }
     const std::optional<Vec3> inward = refracted(ray.direction, hit->normal, index);
     if (!inward) return paths;
     Ray inside{point + kSkin * *inward, *inward};
     double weight = 1.0 - mirrored;
-    for (int bounce = 0; bounce < kMaxBounces && weight > kLeast; ++bounce) {
+    for (int bounce = 0; bounce < kMaxBounces && weight > kMin; ++bounce) {
       const Hit wall = leave(inside);
       const Vec3 exit = at(inside, wall.distance);
       const Vec3 facing = -1.0 * wall.normal;
       const double kept = reflectance(-dot(inside.direction, facing), 1.0 / index);
       const std::optional<Vec3> outward = refracted(inside.direction, facing, 1.0 / index);
-      if (outward && weight * (1.0 - kept) > kLeast) {
+      if (outward && weight * (1.0 - kept) > kMin) {
         paths.push_back({.ray = {exit, *outward}, .weight = weight * (1.0 - kept)});
       }
       weight *= kept;

@@ -4,10 +4,10 @@
 
 #include <algorithm>
 
+#include "core/archive/check_archive.h"
 #include "core/base/directory_lock.h"
 #include "core/base/status.h"
 #include "core/matte/matte_file.h"
-#include "core/archive/check_archive.h"
 #include "core/storage/check_server.h"
 
 namespace glasswing {

@@ -7,9 +7,9 @@
 #include <map>
 #include <mutex>
 
-#include "core/telemetry/process_metrics.h"
-#include "core/security/tls.h"
 #include "core/base/version.h"
+#include "core/security/tls.h"
+#include "core/telemetry/process_metrics.h"
 
 namespace glasswing {
 namespace {

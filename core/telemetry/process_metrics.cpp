@@ -46,7 +46,7 @@ double open_descriptors() {
   return static_cast<double>(count - 1);  // without that of the listing
 }
 
-double most_descriptors() {
+double max_descriptors() {
   rlimit limit{};
   ::getrlimit(RLIMIT_NOFILE, &limit);
   return static_cast<double>(limit.rlim_cur);
@@ -82,7 +82,7 @@ std::vector<prometheus::MetricFamily> process_metrics() {
       gauges("glasswing_heap_used_bytes", "Memory that the program asked for and has not given back.",
              {{{}, heap_used_bytes()}}),
       gauges("process_open_fds", "Open file descriptors.", {{{}, open_descriptors()}}),
-      gauges("process_max_fds", "Most file descriptors that may be open.", {{{}, most_descriptors()}}),
+      gauges("process_max_fds", "Most file descriptors that may be open.", {{{}, max_descriptors()}}),
       gauges("process_start_time_seconds", "When the process started, Unix time.", {{{}, since}}),
   };
 }

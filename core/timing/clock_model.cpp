@@ -28,13 +28,13 @@ double top_of(F f, double low, double high) {
 
 double ClockModel::highest(double at, double skew) const {
   double bound = std::numeric_limits<double>::infinity();
-  for (const Cut& cut : cuts_) bound = std::min(bound, cut.most + skew * (at - cut.most_at));
+  for (const Cut& cut : cuts_) bound = std::min(bound, cut.most + skew * (at - cut.max_at));
   return bound;
 }
 
 double ClockModel::lowest(double at, double skew) const {
   double bound = -std::numeric_limits<double>::infinity();
-  for (const Cut& cut : cuts_) bound = std::max(bound, cut.least + skew * (at - cut.least_at));
+  for (const Cut& cut : cuts_) bound = std::max(bound, cut.least + skew * (at - cut.min_at));
   return bound;
 }
 
@@ -52,8 +52,8 @@ bool ClockModel::find_skews() {
     }
     return outside;
   };
-  least_skew_ = edge(-kMaxSkew);
-  most_skew_ = edge(kMaxSkew);
+  min_skew_ = edge(-kMaxSkew);
+  max_skew_ = edge(kMaxSkew);
   return true;
 }
 
@@ -69,12 +69,12 @@ void ClockModel::add(const ClockExchange& exchange) {
   for (;; recent_.pop_front()) {
     cuts_.clear();
     for (const ClockExchange& each : recent_) {
-      const double least_at = ns(each.received - origin_node_), most_at = ns(each.answered - origin_node_);
+      const double min_at = ns(each.received - origin_node_), max_at = ns(each.answered - origin_node_);
       cuts_.push_back(
-          {.least_at = least_at,
-           .least = ns(each.sent - each.received - origin_offset_) - kWander * std::abs(least_at),
-           .most_at = most_at,
-           .most = ns(each.returned - each.answered - origin_offset_) + kWander * std::abs(most_at)});
+          {.min_at = min_at,
+           .least = ns(each.sent - each.received - origin_offset_) - kWander * std::abs(min_at),
+           .max_at = max_at,
+           .most = ns(each.returned - each.answered - origin_offset_) + kWander * std::abs(max_at)});
     }
     if (find_skews() || recent_.size() == 1) return;
   }
@@ -83,8 +83,8 @@ void ClockModel::add(const ClockExchange& exchange) {
 ClockReading ClockModel::rig_from_node(nanoseconds node_time) const {
   assert(ready());
   const double at = ns(node_time - origin_node_);
-  const double high_skew = top_of([&](double s) { return highest(at, s); }, least_skew_, most_skew_),
-               low_skew = top_of([&](double s) { return -lowest(at, s); }, least_skew_, most_skew_);
+  const double high_skew = top_of([&](double s) { return highest(at, s); }, min_skew_, max_skew_),
+               low_skew = top_of([&](double s) { return -lowest(at, s); }, min_skew_, max_skew_);
   const double high = highest(at, high_skew), low = lowest(at, low_skew);
   const auto middle = nanoseconds(std::llround(0.5 * (high + low)));
   // A little for the searches' own ends.

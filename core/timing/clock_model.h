@@ -47,13 +47,13 @@ class ClockModel {
   ClockReading rig_from_node(nanoseconds node_time) const;
   ClockReading node_from_rig(nanoseconds rig_time) const;
   // The middle of what is possible: 1e-6 is 1 ppm, positive if the node's clock is slow.
-  double skew() const { return 0.5 * (least_skew_ + most_skew_); }
+  double skew() const { return 0.5 * (min_skew_ + max_skew_); }
 
  private:
   // rig - node at two node times, relative to origin_: not less than `least` at the one, not more than `most`
   // at the other.
   struct Cut {
-    double least_at, least, most_at, most;
+    double min_at, least, max_at, most;
   };
   // The bounds of rig - node at `at` if the skew is s.
   double highest(double at, double skew) const;
@@ -63,7 +63,7 @@ class ClockModel {
   std::deque<ClockExchange> recent_;
   nanoseconds origin_node_{}, origin_offset_{};  // of the newest exchange
   std::deque<Cut> cuts_;
-  double least_skew_ = -kMaxSkew, most_skew_ = kMaxSkew;
+  double min_skew_ = -kMaxSkew, max_skew_ = kMaxSkew;
 };
 
 }  // namespace glasswing

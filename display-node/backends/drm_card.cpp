@@ -237,8 +237,8 @@ absl::Status DrmCard::set(const Connector& connector, const Pipe& pipe, const dr
     const Properties plug = properties_of(connector.id);
     change(settings, connector.id, plug, "CRTC_ID", pipe.crtc);
     // Some drivers send no more than 8 bits to the monitor unless they are told to.
-    const auto most_bits = plug.find("max bpc");
-    if (most_bits != plug.end() && most_bits->second.value < static_cast<std::uint64_t>(pipe.bits))
+    const auto max_bits = plug.find("max bpc");
+    if (max_bits != plug.end() && max_bits->second.value < static_cast<std::uint64_t>(pipe.bits))
       change(settings, connector.id, plug, "max bpc", static_cast<std::uint64_t>(pipe.bits));
     const Properties crtc = properties_of(pipe.crtc), plane = properties_of(pipe.plane);
     change(settings, pipe.crtc, crtc, "MODE_ID", timings);

@@ -13,8 +13,8 @@
 #include <string>
 #include <vector>
 
-#include "display-node/display.h"
 #include "display-node/backends/drm_card.h"
+#include "display-node/display.h"
 
 namespace glasswing {
 

@@ -8,7 +8,7 @@ namespace {
 // How far a reader may fall behind: as many emissions as these bytes hold, but at least two pictures a
 // monitor.
 constexpr size_t kLogBytes = size_t{256} << 20;
-constexpr size_t kMostLogged = 256;
+constexpr size_t kMaxLogged = 256;
 // More than displays are uncertain of when they show: nothing starts earlier than this before it was asked
 // for.
 constexpr nanoseconds kEarly = std::chrono::milliseconds(5);
@@ -19,7 +19,7 @@ size_t log_limit_of(const std::vector<ScreenInfo>& screens) {
     const size_t pixels = static_cast<size_t>(screen.width_px) * static_cast<size_t>(screen.height_px);
     largest_bytes = std::max(largest_bytes, pixels * 3 * sizeof(std::uint16_t));
   }
-  return std::max(std::min(kLogBytes / largest_bytes, kMostLogged), 2 * screens.size());
+  return std::max(std::min(kLogBytes / largest_bytes, kMaxLogged), 2 * screens.size());
 }
 
 }  // namespace

@@ -101,10 +101,10 @@ absl::StatusOr<Program::Step> Program::checked(const v1::ProgramStep& wanted,
   const auto bad = [&](const std::string& what) {
     return absl::InvalidArgumentError(fmt::format("step {}: {}", wanted.step(), what));
   };
-  constexpr std::uint32_t kMostId = std::numeric_limits<std::uint16_t>::max();
+  constexpr std::uint32_t kMaxId = std::numeric_limits<std::uint16_t>::max();
   Step step{.number = wanted.step(), .shown = std::vector<Shown>(screens_.size())};
-  if (wanted.patch_id() > kMostId)
-    return bad(fmt::format("patch_id is {}; it must be 0 to {}", wanted.patch_id(), kMostId));
+  if (wanted.patch_id() > kMaxId)
+    return bad(fmt::format("patch_id is {}; it must be 0 to {}", wanted.patch_id(), kMaxId));
   for (size_t i = 0; i < screens_.size(); ++i) {
     if (wanted.has_patch_id() && screens_[i].patch_rows > 0)
       step.shown[i].patch_id = static_cast<std::uint16_t>(wanted.patch_id());
@@ -139,8 +139,8 @@ absl::StatusOr<Program::Step> Program::checked(const v1::ProgramStep& wanted,
         return bad(fmt::format("monitor \"{}\" shows no id patch; start its display with --patch-rows",
                                screen->name));
       }
-      if (stimulus.patch_id() > kMostId)
-        return bad(fmt::format("stimulus patch_id is {}; it must be 0 to {}", stimulus.patch_id(), kMostId));
+      if (stimulus.patch_id() > kMaxId)
+        return bad(fmt::format("stimulus patch_id is {}; it must be 0 to {}", stimulus.patch_id(), kMaxId));
       shown.patch_id = static_cast<std::uint16_t>(stimulus.patch_id());
     } else {
       absl::StatusOr<Pattern> pattern = Pattern::create(stimulus, size);

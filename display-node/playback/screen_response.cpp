@@ -10,7 +10,7 @@ namespace glasswing {
 namespace {
 
 constexpr int kFormatVersion = 1;
-constexpr int kMostBits = 12;  // of a tone curve
+constexpr int kMaxBits = 12;  // of a tone curve
 constexpr std::array<const char*, 3> kPrimaries = {"red", "green", "blue"};
 
 absl::StatusOr<Dither> dither_of(const v1::DisplayCalibration& calibration, const ScreenInfo& screen) {
@@ -22,11 +22,11 @@ absl::StatusOr<Dither> dither_of(const v1::DisplayCalibration& calibration, cons
     return bad(
         fmt::format("has format_version {}; it must be {}", calibration.format_version(), kFormatVersion));
   }
-  if (screen.bits > kMostBits) {
+  if (screen.bits > kMaxBits) {
     return bad(
         fmt::format("cannot be used: the monitor's codes have {} bits; they must have 8 to {} "
                     "(glasswing-display --bits)",
-                    screen.bits, kMostBits));
+                    screen.bits, kMaxBits));
   }
   const MonitorSize size = pattern_size_of(screen);
   if (calibration.bits() != screen.bits || calibration.width_px() != size.width_px ||

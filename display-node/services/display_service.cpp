@@ -27,12 +27,12 @@ absl::Status DisplayServiceImpl::check_patch(const Display& display, int patch_r
   if (patch_rows == 0) return absl::OkStatus();
   for (const ScreenInfo& screen : display.screens()) {
     const int most = screen.height_px / 2;
-    if (screen.width_px < IdPatch::kLeastWidth_px || patch_rows < IdPatch::kLeastRows || patch_rows > most) {
+    if (screen.width_px < IdPatch::kMinWidth_px || patch_rows < IdPatch::kMinRows || patch_rows > most) {
       return absl::InvalidArgumentError(fmt::format(
           "an id patch of {} rows does not fit monitor \"{}\", {} x {} px: it takes {} to half of "
           "its rows, and {} px across",
-          patch_rows, screen.name, screen.width_px, screen.height_px, IdPatch::kLeastRows,
-          IdPatch::kLeastWidth_px));
+          patch_rows, screen.name, screen.width_px, screen.height_px, IdPatch::kMinRows,
+          IdPatch::kMinWidth_px));
     }
   }
   return absl::OkStatus();

@@ -6,9 +6,9 @@
 #include "core/base/fault_point.h"
 #include "core/base/status.h"
 #include "server/archives/replicas.h"
-#include "server/sessions/session_store.h"
 #include "server/archives/session_archive.h"
 #include "server/sessions/session_state.h"
+#include "server/sessions/session_store.h"
 
 namespace glasswing {
 

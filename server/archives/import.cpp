@@ -4,9 +4,9 @@
 #include "core/base/status.h"
 #include "core/base/time.h"
 #include "core/service/service.h"
-#include "server/sessions/session_store.h"
 #include "server/archives/session_archive.h"
 #include "server/sessions/session_state.h"
+#include "server/sessions/session_store.h"
 
 namespace glasswing {
 

@@ -10,8 +10,8 @@
 #include "core/service/service.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
 #include "server/archives/replicas.h"
-#include "server/sessions/session_store.h"
 #include "server/sessions/session_state.h"
+#include "server/sessions/session_store.h"
 
 namespace glasswing {
 namespace {

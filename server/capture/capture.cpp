@@ -11,22 +11,22 @@
 #include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
+#include "core/base/version.h"
 #include "core/pattern/id_patch.h"
 #include "core/pattern/step_words.h"
 #include "core/service/service.h"
 #include "core/storage/image_name.h"
-#include "server/rig/embed_calibrations.h"
 #include "server/metrics/server_metrics.h"
-#include "core/base/version.h"
+#include "server/rig/embed_calibrations.h"
 
 namespace glasswing {
 namespace {
 
 using std::chrono::milliseconds;
-constexpr nanoseconds kMostStartLead = std::chrono::seconds(2);
+constexpr nanoseconds kMaxStartLead = std::chrono::seconds(2);
 constexpr milliseconds kPoll(10);
 constexpr int kNoStep = -1;
-constexpr int kMostUnproven = 1000;       // told of; a session is one message
+constexpr int kMaxUnproven = 1000;        // told of; a session is one message
 constexpr milliseconds kLastFrame(1500);  // how long a frame may come after the last step was replaced
 
 std::string listed(const std::vector<Step>& steps) {
@@ -252,10 +252,10 @@ void Capture::tell_retaken(const std::vector<Step>& steps, const Recording& fram
 
 void Capture::note_unproven(const std::vector<Step>& steps) {
   for (const Step& step : steps) {
-    if (session_.unproven_size() == kMostUnproven) break;
+    if (session_.unproven_size() == kMaxUnproven) break;
     v1::UnprovenStep& unproven = *session_.add_unproven();
     unproven.set_step(step.number);
-    unproven.set_what(words_for(step));
+    unproven.set_what(describe(step));
   }
   report_(session_);
 }
@@ -353,7 +353,7 @@ absl::Status Capture::play(const std::vector<Step>& pending, Recording& frames, 
         }
         incomplete.erase(window.step);
       }
-      if (end && absl::IsDeadlineExceeded(*end) && start_lead_ < kMostStartLead) {
+      if (end && absl::IsDeadlineExceeded(*end) && start_lead_ < kMaxStartLead) {
         start_lead_ *= 2;  // the command came too late and was refused
         return absl::OkStatus();
       }

@@ -9,8 +9,8 @@
 #include "core/base/status.h"
 #include "core/base/time.h"
 #include "server/capture/capture_check.h"
-#include "server/sessions/session_store.h"
 #include "server/sessions/session_state.h"
+#include "server/sessions/session_store.h"
 
 namespace glasswing {
 namespace {

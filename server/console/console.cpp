@@ -23,7 +23,7 @@ using httplib::Response;
 constexpr std::chrono::hours kLongestStream(24);
 constexpr std::chrono::seconds kCall(60);
 constexpr std::chrono::milliseconds kAliveEvery(5000), kLook(250);
-constexpr size_t kMostJson = size_t{8} << 20, kMostImage = size_t{64} << 20, kMostToken = 4096;
+constexpr size_t kMaxJson = size_t{8} << 20, kMaxImage = size_t{64} << 20, kMaxToken = 4096;
 constexpr const char* kJson = "application/json";
 
 std::string json_of(const Visitor& visitor) {
@@ -57,17 +57,17 @@ void parse_plan(const std::string& text, Response& response) {
 }
 
 // INVALID_ARGUMENT: it has more bytes. All are read.
-absl::StatusOr<std::string> body_of(const httplib::ContentReader& content, size_t most_bytes) {
+absl::StatusOr<std::string> body_of(const httplib::ContentReader& content, size_t max_bytes) {
   std::string body;
   bool fits = true;
   const bool whole = content([&](const char* bytes, size_t size) {
-    fits = fits && body.size() + size <= most_bytes;
+    fits = fits && body.size() + size <= max_bytes;
     if (fits) body.append(bytes, size);
     return true;
   });
   if (!whole) return absl::InvalidArgumentError("the request's body broke off");
   if (!fits)
-    return absl::InvalidArgumentError(fmt::format("the request's body has more than {} bytes", most_bytes));
+    return absl::InvalidArgumentError(fmt::format("the request's body has more than {} bytes", max_bytes));
   return body;
 }
 
@@ -119,12 +119,12 @@ void Console::add_routes(const std::filesystem::path& files) {
                               {"Cross-Origin-Opener-Policy", "same-origin"}});
   routes.Post("/login",
               [this](const Request& request, Response& response, const httplib::ContentReader& content) {
-                const absl::StatusOr<std::string> body = body_of(content, kMostToken);
+                const absl::StatusOr<std::string> body = body_of(content, kMaxToken);
                 if (!body.ok()) return refuse(response, body.status());
                 log_in(request, *body, response);
               });
-  routes.Post("/logout", guarded(kMostToken, [this](const Visitor&, const Request&, const std::string&,
-                                                    Response& response) {
+  routes.Post("/logout", guarded(kMaxToken, [this](const Visitor&, const Request&, const std::string&,
+                                                   Response& response) {
                 response.set_header("Set-Cookie", cookie_of("", std::chrono::seconds(0), host_->has_tls()));
                 response.set_content("{}", kJson);
               }));
@@ -132,22 +132,22 @@ void Console::add_routes(const std::filesystem::path& files) {
                response.set_content(json_of(visitor), kJson);
              }));
   routes.Post(R"(/api/nodes/([A-Za-z0-9._-]+)/(\w+)/(\w+))",
-              guarded(kMostJson, [this](const Visitor& visitor, const Request& request,
-                                        const std::string& body, Response& response) {
+              guarded(kMaxJson, [this](const Visitor& visitor, const Request& request,
+                                       const std::string& body, Response& response) {
                 const std::string node = request.matches[1];
                 const auto channel = channel_to(node);
                 if (!channel.ok()) return refuse(response, channel.status());
                 call(*channel, fmt::format("node \"{}\"", node), visitor, request, body, response);
               }));
-  routes.Post(R"(/api/(\w+)/(\w+))", guarded(kMostJson, [this](const Visitor& visitor, const Request& request,
-                                                               const std::string& body, Response& response) {
+  routes.Post(R"(/api/(\w+)/(\w+))", guarded(kMaxJson, [this](const Visitor& visitor, const Request& request,
+                                                              const std::string& body, Response& response) {
                 call(server_, "the server", visitor, request, body, response);
               }));
-  routes.Post("/plans", guarded(kMostJson, [](const Visitor&, const Request&, const std::string& body,
-                                              Response& response) { parse_plan(body, response); }));
+  routes.Post("/plans", guarded(kMaxJson, [](const Visitor&, const Request&, const std::string& body,
+                                             Response& response) { parse_plan(body, response); }));
   routes.Post("/images",
-              guarded(kMostImage, [this](const Visitor& visitor, const Request&, const std::string& body,
-                                         Response& response) { store_image(visitor, body, response); }));
+              guarded(kMaxImage, [this](const Visitor& visitor, const Request&, const std::string& body,
+                                        Response& response) { store_image(visitor, body, response); }));
   routes.Get(R"(/mattes/([A-Za-z0-9._-]+)\.exr)",
              guarded([this](const Visitor& visitor, const Request& request, Response& response) {
                send_matte(visitor, request, response);
@@ -190,12 +190,12 @@ httplib::Server::Handler Console::guarded(Handler handler) const {
   };
 }
 
-httplib::Server::HandlerWithContentReader Console::guarded(size_t most_bytes, BodyHandler handler) const {
-  return [this, most_bytes, handler = std::move(handler)](const Request& request, Response& response,
-                                                          const httplib::ContentReader& content) {
+httplib::Server::HandlerWithContentReader Console::guarded(size_t max_bytes, BodyHandler handler) const {
+  return [this, max_bytes, handler = std::move(handler)](const Request& request, Response& response,
+                                                         const httplib::ContentReader& content) {
     response.set_header("Cache-Control", "no-store");
     const absl::StatusOr<Visitor> visitor = welcome(request);
-    const absl::StatusOr<std::string> body = body_of(content, visitor.ok() ? most_bytes : 0);
+    const absl::StatusOr<std::string> body = body_of(content, visitor.ok() ? max_bytes : 0);
     if (!visitor.ok()) return refuse(response, visitor.status());
     if (!body.ok()) return refuse(response, body.status());
     handler(*visitor, request, *body, response);

@@ -62,7 +62,7 @@ class Console {
   httplib::Server::Handler guarded(Handler handler) const;
   // The same, with at most so many bytes of body. The body of a request that is refused is read all the same,
   // and dropped: what is left in a connection would be taken for its next request.
-  httplib::Server::HandlerWithContentReader guarded(size_t most_bytes, BodyHandler handler) const;
+  httplib::Server::HandlerWithContentReader guarded(size_t max_bytes, BodyHandler handler) const;
   // The visitor of a request that may be answered.
   absl::StatusOr<Visitor> welcome(const httplib::Request& request) const;
   void log_in(const httplib::Request& request, const std::string& body, httplib::Response& response) const;

@@ -19,8 +19,8 @@ using httplib::Request;
 using httplib::Response;
 
 constexpr std::chrono::seconds kCall(60);
-constexpr int kMostWidth_px = 4096;
-constexpr double kMostStops = 16.0;
+constexpr int kMaxWidth_px = 4096;
+constexpr double kMaxStops = 16.0;
 
 // INVALID_ARGUMENT: it is not a number within these.
 template <typename Number>
@@ -81,9 +81,8 @@ void Console::send_matte(const Visitor& visitor, const Request& request, Respons
 void Console::send_frame(const Visitor& visitor, const Request& request, Response& response) {
   const auto frame = [&]() -> absl::StatusOr<std::string> {
     GW_RETURN_IF_ERROR(admit("ArchiveService/ReadFile", visitor.roles, visitor.name));
-    GW_ASSIGN_OR_RETURN(const int width, number_or<int>(request, "width", kMostWidth_px, 16, kMostWidth_px));
-    GW_ASSIGN_OR_RETURN(const double stops,
-                        number_or<double>(request, "stops", 0.0, -kMostStops, kMostStops));
+    GW_ASSIGN_OR_RETURN(const int width, number_or<int>(request, "width", kMaxWidth_px, 16, kMaxWidth_px));
+    GW_ASSIGN_OR_RETURN(const double stops, number_or<double>(request, "stops", 0.0, -kMaxStops, kMaxStops));
     GW_ASSIGN_OR_RETURN(const CapturedFrames frames, frames_of(request.matches[1]));
     const std::string file = fmt::format("frames/{}.tif", request.matches[2].str());
     return request.matches[3] == "tif" ? frames.file(file) : frames.jpeg(file, width, stops);

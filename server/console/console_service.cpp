@@ -23,8 +23,8 @@ grpc::Status ConsoleServiceImpl::CreateToken(grpc::ServerContext*, const v1::Cre
     return to_grpc(absl::FailedPreconditionError(
         "this server serves no console; start it with --console 127.0.0.1:7480"));
   }
-  constexpr double kMostHours = 24.0 * 365.0;
-  if (!(request->valid_hours() > 0.0 && request->valid_hours() <= kMostHours))
+  constexpr double kMaxHours = 24.0 * 365.0;
+  if (!(request->valid_hours() > 0.0 && request->valid_hours() <= kMaxHours))
     return to_grpc(absl::InvalidArgumentError("valid_hours must be above 0 and at most 8760"));
   const auto now = std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now());
   const std::chrono::sys_seconds expires =

@@ -14,7 +14,7 @@ namespace {
 
 // Of requests that are answered at once: a page has up to six connections, one of them for each stream.
 constexpr size_t kThreads = 64;
-constexpr size_t kMostBytes = size_t{64} << 20;  // of a request; more is read, dropped and refused
+constexpr size_t kMaxBytes = size_t{64} << 20;  // of a request; more is read, dropped and refused
 constexpr time_t kKeepAlive_s = 15, kRead_s = 10, kWrite_s = 30;
 
 // Takes the certificates that are in force when a browser connects, so that renewed ones need no restart.
@@ -45,7 +45,7 @@ bool set_up(SSL_CTX& context) {
 
 void set_limits(httplib::Server& server) {
   server.new_task_queue = [] { return new httplib::ThreadPool(kThreads); };
-  server.set_payload_max_length(kMostBytes);
+  server.set_payload_max_length(kMaxBytes);
   server.set_keep_alive_timeout(kKeepAlive_s);
   server.set_keep_alive_max_count(1000);
   server.set_read_timeout(kRead_s);

@@ -6,13 +6,13 @@
 #include <unistd.h>
 
 #include "core/base/status.h"
-#include "server/jobs/sql_text.h"
 #include "core/base/version.h"
+#include "server/jobs/sql_text.h"
 
 namespace glasswing {
 namespace {
 
-constexpr int kMostConnections = 8;
+constexpr int kMaxConnections = 8;
 constexpr int kTries = 5;
 constexpr std::int64_t kVersion = 1;
 // Any number, the same for all servers: of several that start at once one makes the tables.
@@ -84,7 +84,7 @@ absl::Status PostgresJobStore::prepare() {
 
 absl::StatusOr<std::unique_ptr<PostgresConnection>> PostgresJobStore::borrow() {
   std::unique_lock lock(mutex_);
-  given_back_.wait(lock, [&] { return borrowed_ < kMostConnections; });
+  given_back_.wait(lock, [&] { return borrowed_ < kMaxConnections; });
   ++borrowed_;
   while (!idle_.empty()) {
     std::unique_ptr<PostgresConnection> connection = std::move(idle_.back());

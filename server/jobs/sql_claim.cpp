@@ -99,7 +99,7 @@ absl::Status quarantine_lost(SqlConnection& connection, const SqlRows& claimed) 
 
 absl::StatusOr<SqlRows> claim_twice(SqlConnection& connection, const std::string& solver,
                                     const JobStoreOptions& options, std::span<const std::string> computes) {
-  const std::int64_t least_us = std::chrono::microseconds(options.least_before_twice).count();
+  const std::int64_t min_us = std::chrono::microseconds(options.least_before_twice).count();
   GW_ASSIGN_OR_RETURN(
       const SqlRows jobs,
       connection.run(
@@ -108,9 +108,9 @@ absl::StatusOr<SqlRows> claim_twice(SqlConnection& connection, const std::string
               "job = j.id AND {} ORDER BY done_at DESC LIMIT 100) AS last) FROM jobs j WHERE {} AND EXISTS "
               "(SELECT 1 FROM tiles t WHERE t.job = j.id AND {}) ORDER BY j.id",
               kDone, open_jobs(3, computes.size()), kSlow),
-          with({solver, least_us}, computes)));
+          with({solver, min_us}, computes)));
   for (size_t i = 0; i < jobs.size(); ++i) {
-    const std::int64_t age_us = std::max(least_us, static_cast<std::int64_t>(jobs.real(i, 1) * 1e6));
+    const std::int64_t age_us = std::max(min_us, static_cast<std::int64_t>(jobs.real(i, 1) * 1e6));
     GW_ASSIGN_OR_RETURN(
         SqlRows claimed,
         connection.run(

@@ -7,8 +7,8 @@
 #include <fstream>
 
 #include "core/base/status.h"
-#include "server/jobs/sql_text.h"
 #include "core/base/version.h"
+#include "server/jobs/sql_text.h"
 
 namespace glasswing {
 namespace {

@@ -8,13 +8,13 @@
 namespace glasswing {
 
 inline Caller caller_of(const grpc::ServerContext& context) {
-  constexpr size_t kMostBytes = 200;  // of a name that others are shown
+  constexpr size_t kMaxBytes = 200;  // of a name that others are shown
   const auto& metadata = context.client_metadata();
   const auto value = [&metadata](const char* key) {
     const auto found = metadata.find(key);
     return found == metadata.end() ? std::string() : std::string(found->second.data(), found->second.size());
   };
-  return {.client = value("glasswing-client").substr(0, kMostBytes), .hold = value("glasswing-hold")};
+  return {.client = value("glasswing-client").substr(0, kMaxBytes), .hold = value("glasswing-hold")};
 }
 
 }  // namespace glasswing

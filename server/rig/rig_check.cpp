@@ -16,7 +16,7 @@
 namespace glasswing {
 namespace {
 
-constexpr int kMostSteps = 60, kFewestSteps = 8;
+constexpr int kMaxSteps = 60, kFewestSteps = 8;
 constexpr nanoseconds kTrialTime = std::chrono::seconds(2);
 
 class RigCheck {
@@ -149,7 +149,7 @@ class RigCheck {
         period = std::max(period, nanoseconds(std::llround(1e9 / monitor.refresh_hz())));
     }
     const auto fitting = kTrialTime / (trial.hold_refreshes * period);
-    const auto count = static_cast<int>(std::clamp<std::int64_t>(fitting, kFewestSteps, kMostSteps));
+    const auto count = static_cast<int>(std::clamp<std::int64_t>(fitting, kFewestSteps, kMaxSteps));
     for (int i = 0; i < count; ++i) {
       v1::ProgramStep& step = trial.steps.emplace_back();
       step.set_step(i);

@@ -6,10 +6,10 @@
 #include <utility>
 #include <vector>
 
+#include "core/timing/proof.h"
 #include "glasswing/v1/archive.pb.h"
 #include "glasswing/v1/display_service.pb.h"
 #include "glasswing/v1/rig_service.pb.h"
-#include "core/timing/proof.h"
 
 namespace glasswing {
 

@@ -17,7 +17,7 @@ namespace {
 
 using std::chrono::milliseconds;
 // The camera starts anew for each pass, at another phase of the display's refreshes.
-constexpr int kPassesAtOnce = 4, kMostPasses = 12;
+constexpr int kPassesAtOnce = 4, kMaxPasses = 12;
 constexpr nanoseconds kGoodEnough = std::chrono::microseconds(50);  // standard error; then no more passes
 constexpr nanoseconds kSteady = milliseconds(33);                   // what a picture is shown for, at least
 constexpr double kFramesAPicture = 3.0;
@@ -84,13 +84,13 @@ absl::StatusOr<v1::MeasureLightResponse> measure_light(RigLinks& rig,
 // Everything that one exposure has shown.
 struct Measurement {
   LightRecord record;
-  double least_clipped = 1.0, most_clipped = 0.0;
+  double min_clipped = 1.0, max_clipped = 0.0;
   nanoseconds clock_errors{};  // the sum over passes of the clocks' bounds
   int passes = 0;
 
   nanoseconds clock_error() const { return clock_errors / std::max(passes, 1); }
 
-  bool clips() const { return most_clipped - least_clipped > kClipping; }
+  bool clips() const { return max_clipped - min_clipped > kClipping; }
 };
 
 absl::Status add_pass(RigLinks& rig, const Target& target, double exposure_ms,
@@ -148,8 +148,8 @@ absl::Status add_pass(RigLinks& rig, const Target& target, double exposure_ms,
   for (const v1::FrameLight& light : measured.frames()) {
     LightFrame& frame = measurement.record.frames.emplace_back(times.at(light.sequence()));
     frame.row_mean.assign(light.row_mean().begin(), light.row_mean().end());
-    measurement.least_clipped = std::min(measurement.least_clipped, light.clipped_fraction());
-    measurement.most_clipped = std::max(measurement.most_clipped, light.clipped_fraction());
+    measurement.min_clipped = std::min(measurement.min_clipped, light.clipped_fraction());
+    measurement.max_clipped = std::max(measurement.max_clipped, light.clipped_fraction());
   }
   return absl::OkStatus();
 }
@@ -201,7 +201,7 @@ absl::StatusOr<v1::MonitorSync> measure_sync(RigLinks& rig, const std::string& m
         return absl::FailedPreconditionError(
             fmt::format("{}: {:.1f} % of the samples are at full scale at {:.3g} ms; choose a shorter "
                         "--exposure-ms, or stop the lens down",
-                        monitor, 100.0 * measurement.most_clipped, exposure));
+                        monitor, 100.0 * measurement.max_clipped, exposure));
       }
       exposure = shorter;
       measurement = {};
@@ -213,7 +213,7 @@ absl::StatusOr<v1::MonitorSync> measure_sync(RigLinks& rig, const std::string& m
     // A camera that takes few frames of each picture meets few phases.
     const bool few = camera.frame_rate_hz() * 1e-9 * static_cast<double>(kSteady.count()) < kFramesAPicture;
     if (few && measurement.passes < 2 * kPassesAtOnce) continue;
-    const bool more = measurement.passes < kMostPasses;
+    const bool more = measurement.passes < kMaxPasses;
     if (!step.ok() && !more) {
       return absl::Status(step.status().code(),
                           fmt::format("{}: {}", monitor, std::string(step.status().message())));

@@ -18,7 +18,7 @@ namespace glasswing {
 
 namespace {
 
-constexpr size_t kMostReasonBytes = 200;
+constexpr size_t kMaxReasonBytes = 200;
 
 }  // namespace
 
@@ -148,10 +148,10 @@ grpc::Status RigServiceImpl::ShowPattern(grpc::ServerContext* context, const v1:
 
 grpc::Status RigServiceImpl::HoldRig(grpc::ServerContext* context, const v1::HoldRigRequest* request,
                                      grpc::ServerWriter<v1::HoldRigResponse>* writer) {
-  if (request->reason().empty() || request->reason().size() > kMostReasonBytes) {
+  if (request->reason().empty() || request->reason().size() > kMaxReasonBytes) {
     return to_grpc(absl::InvalidArgumentError(
         fmt::format("the reason is of {} bytes; it must be of 1 to {}: others are shown it",
-                    request->reason().size(), kMostReasonBytes)));
+                    request->reason().size(), kMaxReasonBytes)));
   }
   const Caller caller = caller_of(*context);
   const absl::StatusOr<RigLock::Hold> hold = server_.rig_lock().hold(caller, request->reason());

@@ -128,9 +128,9 @@ absl::Status Catalogue::update(const v1::Session& session) {
 }
 
 absl::StatusOr<v1::Session> Catalogue::annotate(const v1::AnnotateSessionRequest& request) {
-  if (request.note().size() > kMostNoteBytes) {
+  if (request.note().size() > kMaxNoteBytes) {
     return absl::InvalidArgumentError(
-        fmt::format("the note is of {} bytes; it must be at most {}", request.note().size(), kMostNoteBytes));
+        fmt::format("the note is of {} bytes; it must be at most {}", request.note().size(), kMaxNoteBytes));
   }
   for (const std::string& tag : request.add_tags()) GW_RETURN_IF_ERROR(check_name("tag", tag));
   const std::lock_guard lock(mutex_);

@@ -16,7 +16,7 @@
 
 namespace glasswing {
 
-inline constexpr size_t kMostNoteBytes = 4096;
+inline constexpr size_t kMaxNoteBytes = 4096;
 
 // Whether a session is one of those that are asked for. INVALID_ARGUMENT: a time that cannot be read.
 absl::StatusOr<bool> matches(const v1::Session& session, const v1::ListSessionsRequest& request);
@@ -32,7 +32,7 @@ class Catalogue {
   // them.
   absl::Status update(const v1::Session& session);
   // Changes the note and the tags alone. NOT_FOUND: no such session. INVALID_ARGUMENT: a tag that is no name,
-  // a note of more than kMostNoteBytes.
+  // a note of more than kMaxNoteBytes.
   absl::StatusOr<v1::Session> annotate(const v1::AnnotateSessionRequest& request);
   // The nodes with copies of its archive are changed alone too, one a name.
   absl::Status set_copy(const std::string& name, const v1::ArchiveCopy& copy);

@@ -10,8 +10,8 @@
 #include "core/base/status.h"
 #include "core/base/time.h"
 #include "core/storage/image_name.h"
-#include "server/jobs/timed_job_store.h"
 #include "server/archives/session_archive.h"
+#include "server/jobs/timed_job_store.h"
 #include "server/sessions/session_state.h"
 
 namespace glasswing {
@@ -42,7 +42,7 @@ absl::StatusOr<std::unique_ptr<Server>> Server::open(const ServerOptions& option
                      {.server_id = id, .server_address = options.address, .lease = options.lease}));
   server->jobs_ = timed(std::move(jobs));
   server->lease_ = options.lease;
-  server->least_tile_seconds_ = options.least_tile_seconds;
+  server->min_tile_seconds_ = options.min_tile_seconds;
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> sessions, server->catalogue_->list());
   const std::lock_guard lock(server->mutex_);
   GW_RETURN_IF_ERROR(server->drop_orphans(sessions));

@@ -26,12 +26,12 @@
 #include "core/storage/matte_files.h"
 #include "glasswing/v1/work_service.pb.h"
 #include "server/capture/capture.h"
-#include "server/sessions/catalogue.h"
-#include "server/solve/fleet.h"
-#include "server/solve/frame_mattes.h"
 #include "server/jobs/job_store.h"
 #include "server/rig/node_registry.h"
 #include "server/rig/rig_lock.h"
+#include "server/sessions/catalogue.h"
+#include "server/solve/fleet.h"
+#include "server/solve/frame_mattes.h"
 #include "server/solve/single_flight.h"
 #include "server/solve/tile_sizes.h"
 
@@ -42,7 +42,7 @@ struct ServerOptions {
   std::string jobs = {};     // connection string of a PostgreSQL; empty: SQLite below `data`
   std::string address = {};  // where solvers of other servers reach this one; empty: there are none
   std::chrono::milliseconds lease{10000};
-  double least_tile_seconds = kLeastTileSeconds;  // of work that tiles of rows are cut to
+  double min_tile_seconds = kMinTileSeconds;  // of work that tiles of rows are cut to
 };
 
 // Thread-safe. Errors are those that session_service.proto and work_service.proto list.
@@ -156,7 +156,7 @@ class Server {
   const std::filesystem::path data_;
   const MatteFiles mattes_;
   std::chrono::milliseconds lease_{};
-  double least_tile_seconds_ = kLeastTileSeconds;
+  double min_tile_seconds_ = kMinTileSeconds;
   Rig rig_;
   RigLock rig_lock_;
   std::unique_ptr<CalibrationStore> calibrations_;

@@ -8,12 +8,12 @@ void StepLog::add(const std::string& session, v1::StepEvent event) {
   const std::lock_guard lock(mutex_);
   auto entry = std::ranges::find(entries_, session, &Entry::session);
   if (entry == entries_.end()) {
-    if (entries_.size() == kMostSessions) entries_.pop_front();
+    if (entries_.size() == kMaxSessions) entries_.pop_front();
     entries_.push_back({.session = session, .events = {}, .proven = {}});
     entry = std::prev(entries_.end());
   }
   const bool is_proof = event.outcome() == v1::STEP_OUTCOME_PROVEN;
-  if (entry->proven.contains(event.step()) || (!is_proof && entry->events.size() >= kMostEvents)) return;
+  if (entry->proven.contains(event.step()) || (!is_proof && entry->events.size() >= kMaxEvents)) return;
   if (is_proof) entry->proven.insert(event.step());
   entry->events.push_back(std::move(event));
 }

@@ -17,8 +17,8 @@ namespace glasswing {
 // Thread-safe.
 class StepLog {
  public:
-  static constexpr size_t kMostSessions = 8;
-  static constexpr size_t kMostEvents = 50'000;  // of a session; later ones but proofs are not kept
+  static constexpr size_t kMaxSessions = 8;
+  static constexpr size_t kMaxEvents = 50'000;  // of a session; later ones but proofs are not kept
 
   // Of a step that is proven already, nothing is added.
   void add(const std::string& session, v1::StepEvent event);

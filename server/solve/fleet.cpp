@@ -11,7 +11,7 @@ namespace glasswing {
 namespace {
 
 constexpr nanoseconds kSilence = std::chrono::seconds(10);
-constexpr size_t kMostErrorBytes = 1000;
+constexpr size_t kMaxErrorBytes = 1000;
 
 v1::FleetLease described(const LeaseState& lease) {
   v1::FleetLease described;
@@ -74,7 +74,7 @@ void Fleet::failed(const std::string& solver, const std::string& session, int ti
   server_metrics().tiles_failed.Increment();
   note(solver, [&](Solver& known) {
     ++known.failed;
-    known.last_error = fmt::format("{} tile {}: {}", session, tile, error.substr(0, kMostErrorBytes));
+    known.last_error = fmt::format("{} tile {}: {}", session, tile, error.substr(0, kMaxErrorBytes));
   });
 }
 

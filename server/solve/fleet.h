@@ -11,8 +11,8 @@
 #include "core/base/time.h"
 #include "glasswing/v1/fleet_service.pb.h"
 #include "server/jobs/job_store.h"
-#include "server/solve/minute_rate.h"
 #include "server/rig/node_registry.h"
+#include "server/solve/minute_rate.h"
 
 namespace glasswing {
 

@@ -14,8 +14,8 @@
 #include "core/matte/join_mattes.h"
 #include "core/matte/matte_file.h"
 #include "core/storage/matte_files.h"
-#include "server/sessions/session_store.h"
 #include "server/sessions/session_state.h"
+#include "server/sessions/session_store.h"
 
 namespace glasswing {
 namespace {
@@ -23,7 +23,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::chrono::seconds kLookEvery(2);
-constexpr int kMostBlankRows = 64;  // that are in memory, not packed
+constexpr int kMaxBlankRows = 64;  // that are in memory, not packed
 
 // The file of a tile, as it was written.
 absl::StatusOr<std::shared_ptr<const MappedFile>> open_tile(const fs::path& path) {
@@ -53,7 +53,7 @@ absl::StatusOr<std::string> put_together(const std::vector<TileState>& tiles, co
     const auto next = std::find(there.begin() + y, there.end(), !there[static_cast<size_t>(y)]);
     rows = static_cast<int>(next - there.begin()) - y;
     if (there[static_cast<size_t>(y)]) continue;
-    rows = std::min(rows, kMostBlankRows);
+    rows = std::min(rows, kMaxBlankRows);
     Matte blank(0, y, like.width_px, rows, like.modes_per_channel, like.colourless);
     blank.metadata = like.metadata;
     for (int row = 0; row < rows; ++row) {

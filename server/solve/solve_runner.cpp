@@ -11,9 +11,9 @@
 #include "core/pattern/method_options.h"
 #include "core/pattern/video_frames.h"
 #include "server/archives/replicas.h"
-#include "server/sessions/session_store.h"
 #include "server/archives/session_archive.h"
 #include "server/sessions/session_state.h"
+#include "server/sessions/session_store.h"
 #include "server/solve/tile_sizes.h"
 
 namespace glasswing {
@@ -22,7 +22,7 @@ namespace {
 namespace fs = std::filesystem;
 
 // Of frames' samples, that a solver holds of one tile, and of the tile's own pixels.
-constexpr std::int64_t kMostTileBytes = 256 << 20, kMostTilePixels = 400'000;
+constexpr std::int64_t kMaxTileBytes = 256 << 20, kMaxTilePixels = 400'000;
 
 // From the node that captured it, else from any with a copy.
 absl::StatusOr<v1::CaptureManifest> read_manifest(const v1::Session& session, const Rig& rig) {
@@ -166,9 +166,9 @@ absl::Status Server::complete_survey(const v1::CompleteSurveyRequest& request) {
                     session.name(), rows.size()));
   }
   const std::int64_t row_samples = std::int64_t{camera.width_px()} * manifest.frames_size() * 3;
-  const std::int64_t most_bytes = std::min(kMostTileBytes, kMostTilePixels * manifest.frames_size() * 6);
+  const std::int64_t max_bytes = std::min(kMaxTileBytes, kMaxTilePixels * manifest.frames_size() * 6);
   const std::vector<TileRange> tiles =
-      row_tiles(camera.height_px(), rows, seconds, row_samples * 2, most_bytes, least_tile_seconds_);
+      row_tiles(camera.height_px(), rows, seconds, row_samples * 2, max_bytes, min_tile_seconds_);
   work.clear_survey_rows();
   GW_RETURN_IF_ERROR(jobs_->recut(attempt_of(request.lease()), work.SerializeAsString(), tiles));
   fault_point("survey committed");

@@ -10,16 +10,16 @@
 #include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
+#include "core/base/version.h"
 #include "core/matte/matte_file.h"
 #include "core/pattern/method_options.h"
 #include "core/pattern/plan.h"
 #include "core/service/service.h"
 #include "core/storage/matte_files.h"
 #include "server/archives/replicas.h"
-#include "server/sessions/session_store.h"
 #include "server/metrics/server_metrics.h"
 #include "server/sessions/session_state.h"
-#include "core/base/version.h"
+#include "server/sessions/session_store.h"
 
 namespace glasswing {
 namespace {
@@ -64,7 +64,7 @@ std::vector<std::string> all_that_is_computed() {
 }
 
 // For people.
-std::string words_for(const Lease& lease, const v1::ClaimTileResponse& work) {
+std::string describe(const Lease& lease, const v1::ClaimTileResponse& work) {
   if (!work.survey_rows().empty()) return fmt::format("surveying {}", lease.session);
   if (work.frame_count() == 0) return fmt::format("solving {} tile {}", lease.session, lease.id.tile);
   return fmt::format("solving {} frames {} to {}", lease.session, lease.range.first,
@@ -122,7 +122,7 @@ absl::StatusOr<v1::ClaimTileResponse> Server::claim(const v1::ClaimTileRequest& 
   } else {
     response.set_server_address(lease->server_address);
   }
-  rig_.note(request.solver(), words_for(*lease, response));
+  rig_.note(request.solver(), describe(*lease, response));
   return response;
 }
 

@@ -7,25 +7,25 @@
 namespace glasswing {
 namespace {
 
-constexpr int kFewestSurveyRows = 3, kMostSurveyRows = 32;
+constexpr int kFewestSurveyRows = 3, kMaxSurveyRows = 32;
 // So many tiles there are at least, if that makes none too small.
 constexpr double kWantedTiles = 64.0;
 
 // Of a video on two cores; docs/results.md.
 constexpr double kVideoPixelsPerSecond = 16e6;
-constexpr int kFewestFrames = 4, kMostFrames = 64;
+constexpr int kFewestFrames = 4, kMaxFrames = 64;
 
 }  // namespace
 
 std::vector<int> survey_rows(int height_px) {
-  const int count = std::min(std::clamp(height_px / 16, kFewestSurveyRows, kMostSurveyRows), height_px);
+  const int count = std::min(std::clamp(height_px / 16, kFewestSurveyRows, kMaxSurveyRows), height_px);
   std::vector<int> rows;
   for (int k = 0; k < count; ++k) rows.push_back((2 * k + 1) * height_px / (2 * count));
   return rows;
 }
 
 std::vector<TileRange> row_tiles(int height_px, std::span<const int> rows, std::span<const double> seconds,
-                                 std::int64_t row_bytes, std::int64_t most_bytes, double least_seconds) {
+                                 std::int64_t row_bytes, std::int64_t max_bytes, double min_seconds) {
   std::vector<double> work;
   size_t after = 0;  // the first surveyed row that is not above this one
   for (int y = 0; y < height_px; ++y) {
@@ -38,12 +38,12 @@ std::vector<TileRange> row_tiles(int height_px, std::span<const int> rows, std::
     work.push_back(std::lerp(seconds[after - 1], seconds[after], part));
   }
   const double all = std::accumulate(work.begin(), work.end(), 0.0);
-  const double target = std::clamp(all / kWantedTiles, least_seconds, kMostTileSeconds);
+  const double target = std::clamp(all / kWantedTiles, min_seconds, kMaxTileSeconds);
   // Of equal size, rather than a last one of what is left.
   const double share = all / std::max(1.0, std::round(all / target));
   const double longest_row = *std::ranges::max_element(seconds);
-  const auto most_rows =
-      static_cast<int>(std::clamp(std::min(static_cast<double>(most_bytes) / static_cast<double>(row_bytes),
+  const auto max_rows =
+      static_cast<int>(std::clamp(std::min(static_cast<double>(max_bytes) / static_cast<double>(row_bytes),
                                            kLongestTileSeconds / std::max(longest_row, 1e-9)),
                                   1.0, static_cast<double>(height_px)));
   std::vector<TileRange> tiles;
@@ -51,7 +51,7 @@ std::vector<TileRange> row_tiles(int height_px, std::span<const int> rows, std::
   for (int y = 0; y < height_px; ++y) {
     // A row goes to the tile that its middle falls into.
     const bool next = sum + 0.5 * work[static_cast<size_t>(y)] > end;
-    if (tiles.empty() || next || tiles.back().count == most_rows) tiles.push_back({.first = y, .count = 0});
+    if (tiles.empty() || next || tiles.back().count == max_rows) tiles.push_back({.first = y, .count = 0});
     while (sum + 0.5 * work[static_cast<size_t>(y)] > end) end += share;
     ++tiles.back().count;
     sum += work[static_cast<size_t>(y)];
@@ -61,8 +61,8 @@ std::vector<TileRange> row_tiles(int height_px, std::span<const int> rows, std::
 
 std::vector<TileRange> frame_tiles(int frames, std::int64_t pixels) {
   const double fitting =
-      kMostTileSeconds * kVideoPixelsPerSecond / static_cast<double>(std::max<std::int64_t>(pixels, 1));
-  const int most = static_cast<int>(std::clamp<double>(fitting, kFewestFrames, kMostFrames));
+      kMaxTileSeconds * kVideoPixelsPerSecond / static_cast<double>(std::max<std::int64_t>(pixels, 1));
+  const int most = static_cast<int>(std::clamp<double>(fitting, kFewestFrames, kMaxFrames));
   std::vector<TileRange> tiles;
   for (int first = 0; first < frames; first += tiles.back().count) {
     const int left = frames - first;

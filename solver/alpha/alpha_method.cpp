@@ -14,7 +14,7 @@ namespace glasswing {
 namespace {
 
 constexpr double kPoorNoise = 4.0, kPoorLight = 0.05;  // a residual above both, of full scale, is poor
-constexpr double kLeastInside = 0.05;
+constexpr double kMinInside = 0.05;
 
 class AlphaSolver {
  public:
@@ -94,7 +94,7 @@ class AlphaSolver {
       known += lines[c].known ? 1.0 : 0.0;
     }
     const BackgroundPoint& point = surroundings_.background(x, y)[static_cast<size_t>(layout_.texture)];
-    const double inside = std::max(point.axis[0].inside * point.axis[1].inside, kLeastInside);
+    const double inside = std::max(point.axis[0].inside * point.axis[1].inside, kMinInside);
     for (int c = 0; c < kChannels; ++c) {
       const auto channel = static_cast<size_t>(c);
       // A channel in which no backing has light is taken to be as the others are.

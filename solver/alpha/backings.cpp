@@ -13,7 +13,7 @@ namespace {
 
 using Light = std::array<double, 3>;
 
-constexpr double kLeastColour = 0.1;  // by which a backing's colour must stand out, of full scale
+constexpr double kMinColour = 0.1;  // by which a backing's colour must stand out, of full scale
 
 bool is_dark(const Light& light) {
   return light == Light{};
@@ -71,7 +71,7 @@ absl::StatusOr<BackingLayout> lay_out_backings(const v1::CaptureManifest& manife
       return colour_in(backing.light, key_of(backing.light));
     };
     const Backing strongest = *std::ranges::max_element(layout.backings, {}, colour);
-    if (colour(strongest) < kLeastColour) continue;
+    if (colour(strongest) < kMinColour) continue;
     layout.backings = {strongest};
     layout.key = key_of(strongest.light);
     return layout;
@@ -83,7 +83,7 @@ absl::StatusOr<BackingLayout> lay_out_backings(const v1::CaptureManifest& manife
           : fmt::format(
                 "no monitor showed a solid of one colour, {} brighter in a channel than in the others, "
                 "both with and without the object (kind solid, such as colour 0 0 1)",
-                kLeastColour));
+                kMinColour));
 }
 
 Cover triangulate(std::span<const BackingSample> samples) {

@@ -10,11 +10,11 @@
 namespace glasswing {
 namespace {
 
-constexpr double kLeastSigma_px = 0.02;
+constexpr double kMinSigma_px = 0.02;
 // A symmetric footprint keeps the sign of the bar that holds its centre, but for a camera's box of more than
 // two bars, which can turn it, by 1/3 at most: a wave beyond this is believed, a weaker one is weighed.
 constexpr double kClear = 0.5;
-constexpr size_t kMostIntervals = 8;
+constexpr size_t kMaxIntervals = 8;
 constexpr double kLogSigmaSd = 0.5;    // how far the guess of sigma may be off
 constexpr double kCentreShare = 0.25;  // and that of the centre, of the monitor
 // A footprint that the edge cuts off looks like a whole one of less weight within: the whole one is taken.
@@ -199,7 +199,7 @@ std::vector<BarDecoder::Interval> BarDecoder::descend(const Problem& problem, si
       return std::abs(std::clamp(guess.centre_px, interval.low_px, interval.high_px) - guess.centre_px);
     };
     std::ranges::sort(narrower, {}, distance);
-    if (narrower.size() > kMostIntervals) narrower.resize(kMostIntervals);
+    if (narrower.size() > kMaxIntervals) narrower.resize(kMaxIntervals);
     intervals = std::move(narrower);
   }
   return intervals;
@@ -301,7 +301,7 @@ AxisFit BarDecoder::refine(const Problem& problem, const Start& start, double* t
     const double to_centre =
         std::clamp(centre + std::clamp(by_centre, -2.0 * sigma, 2.0 * sigma), 0.0, extent_px_);
     const double to_log_sigma = std::clamp(log_sigma + std::clamp(by_log_sigma, -1.0, 1.0),
-                                           std::log(kLeastSigma_px), std::log(extent_px_));
+                                           std::log(kMinSigma_px), std::log(extent_px_));
     const double to_cost = cost(problem, to_centre, std::exp(to_log_sigma), *total);
     const double gained = *total - to_cost;
     const bool small =
@@ -341,10 +341,10 @@ AxisFit BarDecoder::fit(std::span<const Sample> samples, const Guess& guess) con
             .log_sigma_sd = kLogSigmaSd};
   }
   Problem problem{.samples = {samples.begin(), samples.end()}, .guess = guess};
-  double least_sd = kAll;
+  double min_sd = kAll;
   for (Sample& sample : problem.samples) {
     sample.sd = std::hypot(sample.sd, kShapeSd);
-    least_sd = std::min(least_sd, sample.sd);
+    min_sd = std::min(min_sd, sample.sd);
   }
   std::vector<Start> tried = starts(problem);
   for (Start& start : tried) start.cost = cost(problem, start.centre_px, start.sigma_px, kAll);
@@ -367,7 +367,7 @@ AxisFit BarDecoder::fit(std::span<const Sample> samples, const Guess& guess) con
       best_cost = guessed_cost;
     }
   }
-  if (second == nullptr || second->cost - best_cost > 0.5 / (least_sd * least_sd)) return best;
+  if (second == nullptr || second->cost - best_cost > 0.5 / (min_sd * min_sd)) return best;
   double other_cost = 0.0;
   AxisFit other = refine(problem, *second, &other_cost);
   const bool apart =

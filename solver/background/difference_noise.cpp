@@ -8,7 +8,7 @@
 namespace glasswing {
 namespace {
 
-constexpr double kMost = 9.0;  // variances that a square may have
+constexpr double kMax = 9.0;  // variances that a square may have
 // What is left of the variance of normal differences: E[z^2 | z^2 < 9].
 constexpr double kTrimmedMean = 0.9733;
 
@@ -96,7 +96,7 @@ DifferenceNoise fit_difference_noise(std::vector<DifferenceSample> samples, bool
     Vector products = Vector::Zero();
     for (const DifferenceSample& sample : samples) {
       const double variance = noise.variance(sample.level, sample.range);
-      if (!several && sample.square > kMost * variance) continue;
+      if (!several && sample.square > kMax * variance) continue;
       const Vector columns = columns_of(sample) / variance;
       squares += columns * columns.transpose();
       products += columns * (sample.square / variance / (several ? 1.0 : kTrimmedMean));
@@ -106,10 +106,10 @@ DifferenceNoise fit_difference_noise(std::vector<DifferenceSample> samples, bool
   if (several || samples.empty()) return noise;
   // Differences that are nothing like normal ones may be trimmed for ever. An object in less than half of the
   // picture does not make their median this large.
-  constexpr double kMostMedian = 4.0 * kNormalMedian;
+  constexpr double kMaxMedian = 4.0 * kNormalMedian;
   for (DifferenceSample& sample : samples) sample.square /= noise.variance(sample.level, sample.range);
   const double median = median_square(samples);
-  if (median > kMostMedian) {
+  if (median > kMaxMedian) {
     for (double& weight : noise.weight) weight *= median / kNormalMedian;
   }
   return noise;

@@ -10,13 +10,13 @@
 namespace glasswing {
 
 MaskCleaning usual_cleaning(int width_px, int height_px, std::optional<int> dilation_px,
-                            std::optional<int> erosion_px, std::optional<int> least_px) {
+                            std::optional<int> erosion_px, std::optional<int> min_px) {
   constexpr double kUsualReach = 0.003;
   const int usual_px =
       std::max(1, static_cast<int>(std::lround(kUsualReach * std::hypot(width_px, height_px))));
   MaskCleaning cleaning{.dilation_px = dilation_px.value_or(usual_px)};
   cleaning.erosion_px = erosion_px.value_or(cleaning.dilation_px);
-  cleaning.least_px = least_px.value_or((2 * cleaning.dilation_px + 1) * (2 * cleaning.dilation_px + 1));
+  cleaning.min_px = min_px.value_or((2 * cleaning.dilation_px + 1) * (2 * cleaning.dilation_px + 1));
   return cleaning;
 }
 
@@ -34,7 +34,7 @@ void clean_mask(std::span<std::uint8_t> samples, int width_px, int height_px, co
   const BinaryView view{.samples = {padded.data, padded.total()}, .width_px = padded.cols};
   if (cleaning.fill_holes) fill_holes(view);
   if (cleaning.erosion_px > 0) cv::erode(padded, padded, square(cleaning.erosion_px));
-  if (cleaning.least_px > 1) drop_specks(view, cleaning.least_px);
+  if (cleaning.min_px > 1) drop_specks(view, cleaning.min_px);
   padded(picture).copyTo(mask);
 }
 

@@ -84,10 +84,10 @@ void fill_holes(BinaryView mask) {
   }
 }
 
-void drop_specks(BinaryView mask, int least_px) {
+void drop_specks(BinaryView mask, int min_px) {
   Regions regions(mask, 255, 1);
   for (size_t run = 0; run < regions.count(); ++run) {
-    if (regions.area_px(regions.region_of(run)) < least_px) regions.paint(run, 0);
+    if (regions.area_px(regions.region_of(run)) < min_px) regions.paint(run, 0);
   }
 }
 

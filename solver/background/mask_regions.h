@@ -15,7 +15,7 @@ struct BinaryView {
 // Regions of 0 (pixels that touch along a side) that are not connected with the first pixel become 255.
 void fill_holes(BinaryView mask);
 
-// Regions of 255 (pixels that touch, at a corner too) with fewer than `least_px` pixels become 0.
-void drop_specks(BinaryView mask, int least_px);
+// Regions of 255 (pixels that touch, at a corner too) with fewer than `min_px` pixels become 0.
+void drop_specks(BinaryView mask, int min_px);
 
 }  // namespace glasswing

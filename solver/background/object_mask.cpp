@@ -17,7 +17,7 @@
 namespace glasswing {
 namespace {
 
-constexpr size_t kMostSamples = 300'000;  // that noise is learnt from
+constexpr size_t kMaxSamples = 300'000;  // that noise is learnt from
 
 // Of the 3x3 codes around each.
 Image16 range_of(const Image16& image) {
@@ -37,7 +37,7 @@ Image16 range_of(const Image16& image) {
 template <typename Square>
 std::vector<DifferenceSample> samples_of(const Image16& empty, const Image16& range, const Square& square) {
   const size_t count = empty.samples.size();
-  const size_t step = count / kMostSamples / 3 * 3 + 1;  // takes the channels in turn
+  const size_t step = count / kMaxSamples / 3 * 3 + 1;  // takes the channels in turn
   std::vector<DifferenceSample> samples;
   for (size_t i = 0; i < count; i += step) {
     const double each = square(i);
@@ -68,7 +68,7 @@ ObjectMask::ObjectMask(Image16 empty, const MaskOptions& options)
       inverse_sd_(empty_.samples.size()),
       threshold_(static_cast<float>(chi_square_quantile(3.0, options.false_positive_rate))),
       cleaning_(usual_cleaning(empty_.width_px, empty_.height_px, options.dilation_px, options.erosion_px,
-                               options.least_px)) {
+                               options.min_px)) {
   cleaning_.fill_holes = options.fill_holes;
 }
 
@@ -86,7 +86,7 @@ void ObjectMask::learn_noise(const Square& square, bool several, double factor) 
 absl::StatusOr<ObjectMask> ObjectMask::of_pair(const Image16& with, const Image16& without,
                                                const MaskOptions& options) {
   GW_RETURN_IF_ERROR(check_same_size(with, without));
-  PictureDrift drift;
+  ImageRegistration drift;
   if (options.follow_drift) {
     GW_ASSIGN_OR_RETURN(drift, find_drift(with, without));
   }

@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "core/frame/image.h"
+#include "solver/background/image_registration.h"
 #include "solver/background/mask_cleaning.h"
-#include "solver/background/picture_drift.h"
 
 namespace glasswing {
 
@@ -37,8 +37,8 @@ struct MaskOptions {
   std::optional<int> erosion_px = std::nullopt;
   bool fill_holes = true;
   // What hangs together in fewer pixels is noise. Left out: the area of the square that dilates.
-  std::optional<int> least_px = std::nullopt;
-  bool follow_drift = true;  // of the pair (PictureDrift)
+  std::optional<int> min_px = std::nullopt;
+  bool follow_drift = true;  // of the pair (ImageRegistration)
 };
 
 // The empty stage, prepared once.
@@ -53,7 +53,7 @@ class ObjectMask {
   Mask mask(const Image16& frame) const;
 
   const Image16& empty() const { return empty_; }  // moved
-  const PictureDrift& drift() const { return drift_; }
+  const ImageRegistration& drift() const { return drift_; }
   double usual_noise() const;  // standard deviation of a difference, share of the highest code: the median
 
  private:
@@ -66,7 +66,7 @@ class ObjectMask {
 
   Image16 empty_;
   double rounding_;  // the variance that a code's bits make of a difference
-  PictureDrift drift_;
+  ImageRegistration drift_;
   std::vector<float> inverse_sd_;  // of codes of 16 bits; 0 where the empty stage was not seen
   float threshold_;
   MaskCleaning cleaning_;

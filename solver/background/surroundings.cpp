@@ -8,7 +8,7 @@
 namespace glasswing {
 namespace {
 
-constexpr double kLeastStep = 1.0 / 65535.0;
+constexpr double kMinStep = 1.0 / 65535.0;
 constexpr double kUsualNoise = 0.003;
 
 }  // namespace
@@ -57,7 +57,7 @@ bool Surroundings::sees_patch(int x, int y) const {
         high = std::max(high, sample);
       }
       const double sd = std::sqrt(noise_.variance(static_cast<double>(high)));
-      if (static_cast<double>(high - low) > kSure * std::max(sd, kLeastStep)) return true;
+      if (static_cast<double>(high - low) > kSure * std::max(sd, kMinStep)) return true;
     }
   }
   return false;

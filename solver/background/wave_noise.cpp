@@ -15,7 +15,7 @@ namespace glasswing {
 namespace {
 
 constexpr double kMedianOfNormal = 0.67449;  // of |x|, in standard deviations
-constexpr double kLeast = 1.0 / 65535.0;
+constexpr double kMin = 1.0 / 65535.0;
 
 }  // namespace
 
@@ -73,7 +73,7 @@ double WaveNoise::of_row(const FrameStack& stack, int y) const {
   }
   const auto middle = off.begin() + std::ssize(off) / 2;
   std::nth_element(off.begin(), middle, off.end());
-  return std::max(static_cast<double>(*middle) / (2.0 * kMedianOfNormal), kLeast);
+  return std::max(static_cast<double>(*middle) / (2.0 * kMedianOfNormal), kMin);
 }
 
 }  // namespace glasswing

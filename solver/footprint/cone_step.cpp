@@ -48,7 +48,7 @@ Footprints step_within_cone(const Footprints& modes, const Eigen::LLT<FootprintM
     if (free[0] >= 0.0 && free[2] >= 0.0 && free[0] * free[2] >= free[1] * free[1]) continue;
     if (covariance.size() == 0) covariance = solver.solve(FootprintMatrix::Identity(n, n));
     const Eigen::Matrix3d metric = Eigen::Matrix3d(covariance.block<3, 3>(block, block)).inverse();
-    const Eigen::Matrix<double, Eigen::Dynamic, 3, 0, kMostParameters, 3> follow =
+    const Eigen::Matrix<double, Eigen::Dynamic, 3, 0, kMaxParameters, 3> follow =
         covariance.middleCols<3>(block) * metric;
     step += follow * (nearest_positive(free, metric) - free);
     covariance -= follow * FootprintMatrix(covariance.middleRows<3>(block));

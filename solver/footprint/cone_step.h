@@ -7,12 +7,12 @@
 
 namespace glasswing {
 
-inline constexpr int kMostParameters = 6 * kMostFootprints;
+inline constexpr int kMaxParameters = 6 * kMaxFootprints;
 
 // In (R, cx, cy, xx, xy, yy) of each footprint.
-using FootprintVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMostParameters, 1>;
+using FootprintVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxParameters, 1>;
 using FootprintMatrix =
-    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMostParameters, kMostParameters>;
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxParameters, kMaxParameters>;
 
 // `modes` after the step. Where that would leave the cone of positive Sigma, Sigma goes to the cheapest point
 // of the cone's boundary and all else follows, as the quadratic model says whose matrix `solver` has; `step`

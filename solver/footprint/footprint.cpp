@@ -59,12 +59,12 @@ bool near_edge(const Footprint& mode, const MonitorExtent& extent) {
          mode.y_px > extent.height_px - reach_y;
 }
 
-Footprint with_positive_covariance(Footprint mode, double least_px2) {
+Footprint with_positive_covariance(Footprint mode, double min_px2) {
   const double mean = 0.5 * (mode.xx_px2 + mode.yy_px2);
   const double half = 0.5 * (mode.xx_px2 - mode.yy_px2);
   const double radius = std::hypot(half, mode.xy_px2);
-  if (mean - radius >= least_px2) return mode;
-  const double high = std::max(mean + radius, least_px2), low = std::max(mean - radius, least_px2);
+  if (mean - radius >= min_px2) return mode;
+  const double high = std::max(mean + radius, min_px2), low = std::max(mean - radius, min_px2);
   const double scale = radius > 0.0 ? 0.5 * (high - low) / radius : 0.0;
   mode.xx_px2 = 0.5 * (high + low) + scale * half;
   mode.yy_px2 = 0.5 * (high + low) - scale * half;
@@ -72,7 +72,7 @@ Footprint with_positive_covariance(Footprint mode, double least_px2) {
   return mode;
 }
 
-Footprint intersect(std::span<const StripeAxis> axes, std::span<const Crest> crests, double* distance_px) {
+Footprint intersect(std::span<const StripeAxis> axes, std::span<const Peak> peaks, double* distance_px) {
   Eigen::Matrix2d lines = Eigen::Matrix2d::Zero();
   Eigen::Vector2d towards = Eigen::Vector2d::Zero();
   Eigen::Matrix3d widths = Eigen::Matrix3d::Zero();
@@ -82,18 +82,18 @@ Footprint intersect(std::span<const StripeAxis> axes, std::span<const Crest> cre
     const double c = axes[i].cos_phi, s = axes[i].sin_phi, sigma = axes[i].sigma_px;
     const Eigen::Vector2d axis(c, s);
     lines += axis * axis.transpose();
-    towards += crests[i].centre_px * axis;
+    towards += peaks[i].centre_px * axis;
     const Eigen::Vector3d square(c * c, 2.0 * c * s, s * s);
     widths += square * square.transpose();
-    seen += (crests[i].sigma_px * crests[i].sigma_px - sigma * sigma - kFlatPixel_px2) * square;
-    weight += crests[i].amplitude * crests[i].sigma_px / sigma / static_cast<double>(axes.size());
+    seen += (peaks[i].sigma_px * peaks[i].sigma_px - sigma * sigma - kFlatPixel_px2) * square;
+    weight += peaks[i].amplitude * peaks[i].sigma_px / sigma / static_cast<double>(axes.size());
   }
   const Eigen::Vector2d centre = lines.inverse() * towards;
   const Eigen::Vector3d sigma = widths.inverse() * seen;
   if (distance_px != nullptr) {
     double squares = 0.0;
     for (size_t i = 0; i < axes.size(); ++i) {
-      const double miss = centre.x() * axes[i].cos_phi + centre.y() * axes[i].sin_phi - crests[i].centre_px;
+      const double miss = centre.x() * axes[i].cos_phi + centre.y() * axes[i].sin_phi - peaks[i].centre_px;
       squares += miss * miss;
     }
     *distance_px = std::sqrt(squares / static_cast<double>(axes.size()));

@@ -1,6 +1,6 @@
 // A Gaussian footprint on a monitor, and what it answers to a stripe.
 //
-// A mode (R, c, Sigma) answers a stripe of crest 1, width sigma_s and direction s = (cos phi, sin phi) at r
+// A mode (R, c, Sigma) answers a stripe of peak 1, width sigma_s and direction s = (cos phi, sin phi) at r
 // with
 //
 //   y(r) = R (sigma_s / sigma_r) exp(-(r - c.s)^2 / (2 sigma_r^2)) inside(r)
@@ -19,7 +19,7 @@
 
 namespace glasswing {
 
-inline constexpr int kMostFootprints = 4;
+inline constexpr int kMaxFootprints = 4;
 inline constexpr double kFlatPixel_px2 = 1.0 / 12.0;
 
 struct Footprint {
@@ -45,7 +45,7 @@ class Footprints {
 
  private:
   int size_ = 0;
-  std::array<Footprint, kMostFootprints> modes_{};
+  std::array<Footprint, kMaxFootprints> modes_{};
 };
 
 struct MonitorExtent {
@@ -70,20 +70,20 @@ double response(const Footprint& mode, const StripeAxis& axis, double r_px, cons
 // Whether the monitor's edge cuts off a part that matters.
 bool near_edge(const Footprint& mode, const MonitorExtent& extent);
 
-// The nearest footprint whose Sigma has no eigenvalue below `least_px2`.
-Footprint with_positive_covariance(Footprint mode, double least_px2);
+// The nearest footprint whose Sigma has no eigenvalue below `min_px2`.
+Footprint with_positive_covariance(Footprint mode, double min_px2);
 
 // What one sweep shows of one mode.
-struct Crest {
+struct Peak {
   double amplitude = 0.0;
   double centre_px = 0.0;
   double sigma_px = 0.0;
 };
 
-// c and Sigma from one crest a sweep (at least three directions): c by least squares of c.s = centre (eq.
+// c and Sigma from one peak a sweep (at least three directions): c by least squares of c.s = centre (eq.
 // 20), Sigma by linear least squares of s' Sigma s = sigma^2 - sigma_s^2 - 1/12, kept positive; R from the
 // mean of amplitude sigma / sigma_s. `distance_px`, if set, is the rms distance of c to the lines.
-Footprint intersect(std::span<const StripeAxis> axes, std::span<const Crest> crests,
+Footprint intersect(std::span<const StripeAxis> axes, std::span<const Peak> peaks,
                     double* distance_px = nullptr);
 
 }  // namespace glasswing

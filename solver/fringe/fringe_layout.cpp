@@ -17,7 +17,7 @@ namespace {
 // A frequency below this is none: half a turn on the longest side that a monitor can have.
 constexpr double kNoFrequency = 1e-9;
 constexpr double kSamePhase_rad = 1e-6;
-constexpr size_t kMostWaves = 64;
+constexpr size_t kMaxWaves = 64;
 
 bool oblique(const Wave& wave) {
   return wave.fx != 0.0 && wave.fy != 0.0;
@@ -84,10 +84,10 @@ std::map<int, WaveMonitor> monitors_of(const v1::CaptureManifest& manifest, cons
 }
 
 absl::Status check_monitor(const WaveMonitor& monitor, const std::string& name) {
-  if (monitor.waves.size() > kMostWaves) {
+  if (monitor.waves.size() > kMaxWaves) {
     return absl::FailedPreconditionError(
         fmt::format("monitor \"{}\" showed {} different sinusoids; at most {} can be solved", name,
-                    monitor.waves.size(), kMostWaves));
+                    monitor.waves.size(), kMaxWaves));
   }
   for (const Wave& wave : monitor.waves) {
     if (wave.shots.size() < 3) {

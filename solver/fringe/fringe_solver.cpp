@@ -10,8 +10,8 @@ namespace {
 
 constexpr double kFalsePositiveRate = 1e-4;
 constexpr int kFewestDegrees = 4;  // that tell how noisy a pixel is
-constexpr int kMostSteps = 60;
-constexpr double kMostVeil = 0.25;
+constexpr int kMaxSteps = 60;
+constexpr double kMaxVeil = 0.25;
 
 Mode mode_of(const SpectrumFit& fit, int m, int texture, double share = 1.0) {
   Footprint footprint = fit.modes[m];
@@ -59,15 +59,15 @@ double share_of(const Spectrum& part, const Spectrum& whole) {
 
 }  // namespace
 
-FringeSolver::FringeSolver(const FrameStack& stack, const FringeLayout& layout, int most_modes,
+FringeSolver::FringeSolver(const FrameStack& stack, const FringeLayout& layout, int max_modes,
                            double tolerance, double silhouette_tolerance)
     : stack_(stack),
       layout_(layout),
-      most_modes_(most_modes),
+      max_modes_(max_modes),
       tolerance_(tolerance),
       surroundings_(stack, layout.stage, silhouette_tolerance) {
   for (const WaveMonitor& monitor : layout.object)
-    object_.emplace_back(monitor, layout.stage.black, tolerance, most_modes > 1);
+    object_.emplace_back(monitor, layout.stage.black, tolerance, max_modes > 1);
   for (const WaveMonitor& monitor : layout.empty)
     empty_.emplace_back(monitor, layout.empty_black, tolerance, false);
   for (const EmptyMonitor& monitor : lay_out_empty_stage(stack.manifest))
@@ -86,7 +86,7 @@ bool FringeSolver::exceeds(double chi_square, const SpectrumFit& fit) const {
 
 void FringeSolver::estimate_row_noise(int y) {
   const SampleNoise& usual = surroundings_.noise();
-  const double least_sd = sample_noise(stack_.manifest.camera(), 0.0).read_sd;
+  const double min_sd = sample_noise(stack_.manifest.camera(), 0.0).read_sd;
   read_sd_.resize(static_cast<size_t>(stack_.manifest.camera().width_px()));
   for (size_t x = 0; x < read_sd_.size(); ++x) {
     double squares = 0.0;
@@ -98,7 +98,7 @@ void FringeSolver::estimate_row_noise(int y) {
         degrees += spectrum_.degrees;
       }
     }
-    read_sd_[x] = degrees < kFewestDegrees ? usual.read_sd : std::max(std::sqrt(squares / degrees), least_sd);
+    read_sd_[x] = degrees < kFewestDegrees ? usual.read_sd : std::max(std::sqrt(squares / degrees), min_sd);
   }
 }
 
@@ -126,28 +126,28 @@ SpectrumFit FringeSolver::fit_veiled(const Monitor& monitor, const Spectrum& spe
   if (!std::isfinite(spectrum.level_sd)) return {};
   Spectrum waves = spectrum;
   waves.level_sd = kUnknown;
-  SpectrumFit fit = monitor.fitter.fit(waves, place.used, start, kMostSteps);
+  SpectrumFit fit = monitor.fitter.fit(waves, place.used, start, kMaxSteps);
   Footprint& mode = fit.modes[0];
   const double seen = answer_of(mode, 0.0, 0.0, monitor.layout->extent).value.real();
   const double veil = spectrum.level - seen;
-  if (exceeds(fit.tolerated, fit) || !(veil > 0.0 && veil < kMostVeil * spectrum.level)) return {};
+  if (exceeds(fit.tolerated, fit) || !(veil > 0.0 && veil < kMaxVeil * spectrum.level)) return {};
   mode.weight *= spectrum.level / seen;
   fit.weight_sd[0] = spectrum.level_sd * mode.weight / spectrum.level;
   return fit;
 }
 
 FringeSolver::Found FringeSolver::find(const Monitor& monitor, const Spectrum& spectrum,
-                                       int most_modes) const {
+                                       int max_modes) const {
   Found found;
-  double most = spectrum.level, least_sd = spectrum.level_sd;
+  double most = spectrum.level, min_sd = spectrum.level_sd;
   if (!std::isfinite(spectrum.level_sd)) {
     for (const Phasor& phasor : spectrum.phasors) {
       if (std::abs(phasor.value) <= most) continue;
       most = std::abs(phasor.value);
-      least_sd = phasor.sd;
+      min_sd = phasor.sd;
     }
   }
-  if (!(most > kWrongPeriod * least_sd)) return found;
+  if (!(most > kWrongPeriod * min_sd)) return found;
   const Unwrapped place = unwrap(*monitor.layout, spectrum, tolerance_);
   if (!place.found) {
     found.flags = kFlagNoData;
@@ -155,8 +155,8 @@ FringeSolver::Found FringeSolver::find(const Monitor& monitor, const Spectrum& s
   }
   Footprints start;
   start.push_back(monitor.fitter.guess(spectrum, place));
-  found.fit = monitor.fitter.fit(spectrum, place.used, start, kMostSteps);
-  while (exceeds(found.fit.closely, found.fit) && found.fit.modes.size() < most_modes) {
+  found.fit = monitor.fitter.fit(spectrum, place.used, start, kMaxSteps);
+  while (exceeds(found.fit.closely, found.fit) && found.fit.modes.size() < max_modes) {
     const SpectrumFit more = monitor.fitter.fit_one_more(spectrum, found.fit);
     if (more.modes.empty() || more.degrees < 1 || !earns_its_place(found.fit, more)) break;
     found.fit = more;
@@ -178,7 +178,7 @@ void FringeSolver::solve_pixel(int x, int y, const SampleNoise& noise, Matte& ma
     for (const Monitor& monitor : object_) {
       monitor.meter.measure(stack_, stack_.place(x, y, c), c, noise, spectrum_);
       if (spectrum_.saturated) matte.flags(x, y) |= kFlagSaturated;
-      const Found found = find(monitor, spectrum_, most_modes_);
+      const Found found = find(monitor, spectrum_, max_modes_);
       matte.flags(x, y) |= found.flags;
       double light = 0.0;
       for (int m = 0; m < found.fit.modes.size(); ++m) {

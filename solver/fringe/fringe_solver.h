@@ -17,7 +17,7 @@ namespace glasswing {
 class FringeSolver {
  public:
   // Both must outlive it. `tolerance`: of SpectrumFitter.
-  FringeSolver(const FrameStack& stack, const FringeLayout& layout, int most_modes, double tolerance,
+  FringeSolver(const FrameStack& stack, const FringeLayout& layout, int max_modes, double tolerance,
                double silhouette_tolerance);
 
   // Row y of the stack into row y of the matte.
@@ -42,7 +42,7 @@ class FringeSolver {
   // shape from the waves, its weight from the level. No modes if this does not explain them.
   SpectrumFit fit_veiled(const Monitor& monitor, const Spectrum& spectrum, const Unwrapped& place,
                          const Footprints& start) const;
-  Found find(const Monitor& monitor, const Spectrum& spectrum, int most_modes) const;
+  Found find(const Monitor& monitor, const Spectrum& spectrum, int max_modes) const;
   void solve_pixel(int x, int y, const SampleNoise& noise, Matte& matte);
   void map_background(int x, int y, const SampleNoise& noise, Matte& matte);
   static bool earns_its_place(const SpectrumFit& before, const SpectrumFit& after);
@@ -51,7 +51,7 @@ class FringeSolver {
 
   const FrameStack& stack_;
   const FringeLayout& layout_;
-  const int most_modes_;  // on a monitor
+  const int max_modes_;  // on a monitor
   const double tolerance_;
   Surroundings surroundings_;
   std::vector<Monitor> object_, empty_;

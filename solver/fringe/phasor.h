@@ -14,8 +14,8 @@
 #include <limits>
 #include <vector>
 
-#include "solver/method/exposure_merge.h"
 #include "solver/fringe/fringe_layout.h"
+#include "solver/method/exposure_merge.h"
 #include "solver/method/sample_noise.h"
 
 namespace glasswing {

@@ -12,16 +12,16 @@ namespace {
 using Complex = std::complex<double>;
 constexpr double kPi = std::numbers::pi;
 constexpr Eigen::Index kParameters = 6;
-constexpr int kFirstSteps = 6, kMostSteps = 60;
+constexpr int kFirstSteps = 6, kMaxSteps = 60;
 constexpr double kPointsAPeriod = 5.0;  // of the finest wave
-constexpr double kMostPoints = 64.0;    // along an axis
+constexpr double kMaxPoints = 64.0;     // along an axis
 constexpr double kHeld = 1e12;          // information on a parameter that is not to move
 
 // Between the points along an axis.
 double step_of(const std::vector<Wave>& waves, double Wave::*frequency, double side_px) {
   double high = 0.0;
   for (const Wave& wave : waves) high = std::max(high, std::abs(wave.*frequency));
-  return std::max(1.0 / (kPointsAPeriod * high), side_px / kMostPoints);
+  return std::max(1.0 / (kPointsAPeriod * high), side_px / kMaxPoints);
 }
 
 bool sane(const Footprints& modes, const MonitorExtent& extent) {
@@ -155,12 +155,12 @@ Footprint SpectrumFitter::guess(const Spectrum& spectrum, const Unwrapped& place
 }
 
 SpectrumFit SpectrumFitter::fit(const Spectrum& spectrum, const std::vector<bool>& phase_known,
-                                const Footprints& start, int most_steps) const {
+                                const Footprints& start, int max_steps) const {
   SpectrumFit result{.modes = start};
   const Eigen::Index size = kParameters * start.size();
   Normal normal = normal_at(spectrum, phase_known, result.modes);
   double damping = 1e-3;
-  for (int i = 0; i < most_steps && !result.converged; ++i) {
+  for (int i = 0; i < max_steps && !result.converged; ++i) {
     FootprintMatrix damped = normal.matrix;
     const double floor = 1e-12 * normal.matrix.diagonal().head(3).maxCoeff();
     damped.diagonal() += damping * normal.matrix.diagonal() + FootprintVector::Constant(size, floor);
@@ -286,7 +286,7 @@ SpectrumFit SpectrumFitter::fit_one_more(const Spectrum& spectrum, const Spectru
     const SpectrumFit own = this->fit(spectrum, all, start, kFirstSteps);
     if (best.modes.empty() || own.chi_square < best.chi_square) best = own;
   }
-  if (!best.modes.empty() && !best.converged) best = this->fit(spectrum, all, best.modes, kMostSteps);
+  if (!best.modes.empty() && !best.converged) best = this->fit(spectrum, all, best.modes, kMaxSteps);
   return best;
 }
 

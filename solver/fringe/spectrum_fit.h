@@ -9,17 +9,17 @@
 #include <span>
 #include <vector>
 
-#include "solver/fringe/fringe_unwrap.h"
-#include "solver/fringe/phasor.h"
 #include "solver/footprint/cone_step.h"
 #include "solver/footprint/footprint.h"
+#include "solver/fringe/fringe_unwrap.h"
+#include "solver/fringe/phasor.h"
 
 namespace glasswing {
 
 struct SpectrumFit {
   Footprints modes;
   // Standard errors; infinite: not determined.
-  std::array<double, kMostFootprints> weight_sd{}, centre_sd_px{};
+  std::array<double, kMaxFootprints> weight_sd{}, centre_sd_px{};
   bool converged = false;
   double chi_square = 0.0;
   // Chi-square with the square of the tolerance added to each variance, and of a quarter of it.
@@ -39,7 +39,7 @@ class SpectrumFitter {
   Footprint guess(const Spectrum& spectrum, const Unwrapped& place) const;
   // From `start` to the nearest minimum. A wave whose phase is not known counts by the size of its phasor.
   SpectrumFit fit(const Spectrum& spectrum, const std::vector<bool>& phase_known, const Footprints& start,
-                  int most_steps) const;
+                  int max_steps) const;
   // With one mode more than `fit`, by all phases.
   SpectrumFit fit_one_more(const Spectrum& spectrum, const SpectrumFit& fit) const;
 

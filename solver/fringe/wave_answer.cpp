@@ -9,9 +9,9 @@ namespace {
 
 using Complex = std::complex<double>;
 constexpr double kPi = std::numbers::pi;
-constexpr double kLeastVariance_px2 = 1e-6;  // narrower footprints are points, as far as an edge is concerned
-constexpr int kMostTerms = 38;               // of its series then
-constexpr double kMostTurn = 12.0;           // of complex_erf: such a wave is gone, e^-144
+constexpr double kMinVariance_px2 = 1e-6;  // narrower footprints are points, as far as an edge is concerned
+constexpr int kMaxTerms = 38;              // of its series then
+constexpr double kMaxTurn = 12.0;          // of complex_erf: such a wave is gone, e^-144
 
 // \int_0^extent of the Gaussian of this variance and complex mean, and its slopes.
 struct Part {
@@ -19,8 +19,8 @@ struct Part {
 };
 
 Part part_within(Complex mean, double variance, double extent) {
-  const double v = std::max(variance, kLeastVariance_px2), scale = 1.0 / std::sqrt(2.0 * v);
-  if (std::abs(mean.imag()) * scale > kMostTurn) return {};
+  const double v = std::max(variance, kMinVariance_px2), scale = 1.0 / std::sqrt(2.0 * v);
+  if (std::abs(mean.imag()) * scale > kMaxTurn) return {};
   const auto density = [&](double t) {
     return std::exp(-(t - mean) * (t - mean) / (2.0 * v)) / std::sqrt(2.0 * kPi * v);
   };
@@ -31,9 +31,9 @@ Part part_within(Complex mean, double variance, double extent) {
 }
 
 // e^(-n^2 / 4).
-const std::array<double, kMostTerms + 1> kFlat = [] {
-  std::array<double, kMostTerms + 1> flat{};
-  for (int n = 0; n <= kMostTerms; ++n) flat[static_cast<size_t>(n)] = std::exp(-0.25 * n * n);
+const std::array<double, kMaxTerms + 1> kFlat = [] {
+  std::array<double, kMaxTerms + 1> flat{};
+  for (int n = 0; n <= kMaxTerms; ++n) flat[static_cast<size_t>(n)] = std::exp(-0.25 * n * n);
   return flat;
 }();
 
@@ -50,7 +50,7 @@ Complex complex_erf(Complex z) {
   if (y == 0.0) return sum;
   const double cos2xy = std::cos(2.0 * x * y), sin2xy = std::sin(2.0 * x * y);
   sum += std::abs(x) < 1e-9 ? Complex(0.0, y / kPi) : fall / (2.0 * kPi * x) * Complex(1.0 - cos2xy, sin2xy);
-  const int terms = std::min(static_cast<int>(2.0 * std::abs(y)) + 14, kMostTerms);
+  const int terms = std::min(static_cast<int>(2.0 * std::abs(y)) + 14, kMaxTerms);
   const double grow = std::exp(y), shrink = 1.0 / grow;
   double up = 1.0, down = 1.0;  // e^(ny), e^(-ny)
   Complex series = 0.0;

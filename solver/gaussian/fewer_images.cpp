@@ -19,7 +19,7 @@ namespace {
 constexpr double kStep = 1.1;    // of a stripe's sigma
 constexpr double kMargin = 1.5;  // sigmas past the monitor's edge
 constexpr double kFinestStep = 0.5;
-constexpr int kLeastSteps = 5;  // of a sweep
+constexpr int kMinSteps = 5;  // of a sweep
 // Bars along the monitor's longer side that tell the silhouette: broad ones see light that comes from afar,
 // narrow ones a view that is shifted by a fraction of a pixel. The narrow ones have complements, which tell
 // the noise.
@@ -69,7 +69,7 @@ std::vector<double> usual_directions(const std::map<double, double>& recorded) {
   return chosen;
 }
 
-// Crests k step_px, out to the margin.
+// Peaks k step_px, out to the margin.
 struct Travel {
   double first = 0.0, last = 0.0;  // k
   int count() const { return static_cast<int>(last - first) + 1; }
@@ -92,12 +92,12 @@ int count_of(const Swept& swept, const Choice& choice) {
   return count;
 }
 
-// The choice with the least sigma, no less than `least_px`, for a step of so many sigmas.
-Choice narrowest(const Swept& swept, std::vector<double> phi_deg, double step, double least_px, int images) {
+// The choice with the least sigma, no less than `min_px`, for a step of so many sigmas.
+Choice narrowest(const Swept& swept, std::vector<double> phi_deg, double step, double min_px, int images) {
   const auto with = [&](double sigma_px) {
     return Choice{.phi_deg = phi_deg, .sigma_px = sigma_px, .step_px = step * sigma_px};
   };
-  double low = least_px, high = least_px;
+  double low = min_px, high = min_px;
   if (count_of(swept, with(low)) <= images) return with(low);
   while (count_of(swept, with(high)) > images) high *= 2.0;
   while (high - low > 1e-3 * low) {
@@ -109,27 +109,27 @@ Choice narrowest(const Swept& swept, std::vector<double> phi_deg, double step, d
 
 absl::StatusOr<Choice> choose(const Swept& swept, int images) {
   const std::vector<double> all = usual_directions(swept.sigma_px);
-  double least_px = 0.0;
-  for (const double phi_deg : all) least_px = std::max(least_px, swept.sigma_px.at(phi_deg));
+  double min_px = 0.0;
+  for (const double phi_deg : all) min_px = std::max(min_px, swept.sigma_px.at(phi_deg));
   const std::vector<double> three(all.begin(), all.begin() + std::min<std::ptrdiff_t>(3, std::ssize(all)));
   const auto too_few = [&] {
     return absl::FailedPreconditionError(fmt::format(
         "so few images leave {} for the sweeps of monitor \"{}\"; they must leave at least {} for each of 3 "
         "directions",
-        std::max(images, 0), swept.monitor.name(), kLeastSteps));
+        std::max(images, 0), swept.monitor.name(), kMinSteps));
   };
-  if (images < 3 * kLeastSteps) return too_few();
-  Choice choice = narrowest(swept, three, kStep, least_px, images);
+  if (images < 3 * kMinSteps) return too_few();
+  Choice choice = narrowest(swept, three, kStep, min_px, images);
   for (const double phi_deg : choice.phi_deg) {
-    if (travel_of(swept.monitor, phi_deg, choice.sigma_px, choice.step_px).count() < kLeastSteps)
+    if (travel_of(swept.monitor, phi_deg, choice.sigma_px, choice.step_px).count() < kMinSteps)
       return too_few();
   }
-  const Choice with_all{.phi_deg = all, .sigma_px = least_px, .step_px = kStep * least_px};
-  if (choice.sigma_px > least_px || count_of(swept, with_all) > images) return choice;
+  const Choice with_all{.phi_deg = all, .sigma_px = min_px, .step_px = kStep * min_px};
+  if (choice.sigma_px > min_px || count_of(swept, with_all) > images) return choice;
   choice = with_all;
   for (double step = kStep; step > kFinestStep; step -= 0.01) {
     Choice finer = choice;
-    finer.step_px = step * least_px;
+    finer.step_px = step * min_px;
     if (count_of(swept, finer) > images) break;
     choice = finer;
   }

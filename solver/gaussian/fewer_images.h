@@ -13,8 +13,8 @@
 
 namespace glasswing {
 
-inline constexpr int kLeastImages = 40;
-inline constexpr int kMostImages = 20000;
+inline constexpr int kMinImages = 40;
+inline constexpr int kMaxImages = 20000;
 
 // At most `images` patterns in all, with and without the object, over all monitors that were swept: black,
 // white, bars of one width with their complements, and the narrowest stripes that leave room for three

@@ -41,7 +41,7 @@ absl::StatusOr<std::unique_ptr<Method>> GaussianMethod::create(const MethodOptio
     } else if (key == "silhouette_tolerance") {
       GW_ASSIGN_OR_RETURN(method->silhouette_tolerance_, number_option(key, value, 0.0, 1.0));
     } else if (key == "images") {
-      GW_ASSIGN_OR_RETURN(const double images, number_option(key, value, kLeastImages, kMostImages));
+      GW_ASSIGN_OR_RETURN(const double images, number_option(key, value, kMinImages, kMaxImages));
       method->images_ = static_cast<int>(images);
     } else {
       return unknown_option("gaussian", key);

@@ -18,11 +18,11 @@ namespace glasswing {
 
 // One channel of one pixel.
 struct BatchPixel {
-  static constexpr size_t kMostSweeps = 16;
+  static constexpr size_t kMaxSweeps = 16;
   // By sweep: the first sample's value, and weight as of PixelSamples; null, for all pixels of
   // a batch alike: all are 1.
-  std::array<const float*, kMostSweeps> y{};
-  std::array<const float*, kMostSweeps> weight{};
+  std::array<const float*, kMaxSweeps> y{};
+  std::array<const float*, kMaxSweeps> weight{};
   Footprints start;
 };
 

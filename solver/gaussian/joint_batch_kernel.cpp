@@ -18,24 +18,24 @@ constexpr int kChunk = 16;      // samples
 constexpr double kReach = 5.0;  // in sigma_r, of the samples round a start
 constexpr float kFar = 36.0f;   // z^2
 constexpr int kIterations = 16, kPatience = 5;
-constexpr int kMostNormal = kMostParameters * (kMostParameters + 1) / 2;
+constexpr int kMaxNormal = kMaxParameters * (kMaxParameters + 1) / 2;
 constexpr float kFinestStep = 1.0f / 65535.0f;  // of the frames; a fit that moves by less is settled
 
 // The samples of one sweep round the starts, each lane's own, mode by mode: those near mode m that no earlier
 // mode had. Of weight 0 where other lanes have more.
 struct Gathered {
-  int first[kMostFootprints + 1];                         // of each mode's samples
-  bool reaches[kMostFootprints][kMostFootprints];         // [m][n]: n's light reaches samples near m
-  std::vector<float> y, root_weight;                      // [sample][lane]; y times the weight's root
-  std::vector<float> offset_px;                           // [sample][lane], from that of mode 0's start
-  HWY_ALIGN float start_px[kMostFootprints][kMostLanes];  // c.s of each start, from that of mode 0's
+  int first[kMaxFootprints + 1];                        // of each mode's samples
+  bool reaches[kMaxFootprints][kMaxFootprints];         // [m][n]: n's light reaches samples near m
+  std::vector<float> y, root_weight;                    // [sample][lane]; y times the weight's root
+  std::vector<float> offset_px;                         // [sample][lane], from that of mode 0's start
+  HWY_ALIGN float start_px[kMaxFootprints][kMaxLanes];  // c.s of each start, from that of mode 0's
 };
 
 // What a point of the search is, and what the samples say there.
 struct Point {
-  HWY_ALIGN float p[kMostParameters][kMostLanes];  // of each mode R, x and y from its start, l11, l21, l22
-  HWY_ALIGN float gradient[kMostParameters][kMostLanes];
-  HWY_ALIGN float normal[kMostNormal][kMostLanes];  // lower triangle, packed by rows
+  HWY_ALIGN float p[kMaxParameters][kMaxLanes];  // of each mode R, x and y from its start, l11, l21, l22
+  HWY_ALIGN float gradient[kMaxParameters][kMaxLanes];
+  HWY_ALIGN float normal[kMaxNormal][kMaxLanes];  // lower triangle, packed by rows
   HWY_ALIGN Row chi2, neighbours;
 };
 
@@ -50,12 +50,12 @@ struct BatchSpace {
   std::vector<Gathered> sweeps;
   HWY_ALIGN Row sample_count;  // of all sweeps, with any weight
   Point best, trial;
-  HWY_ALIGN float column[kMostFootprints][3][kChunk * kMostLanes];
-  HWY_ALIGN float residual[kChunk * kMostLanes];
-  HWY_ALIGN float gram[kMostFootprints][kMostFootprints][9][kMostLanes];
-  HWY_ALIGN float gain[kMostFootprints][3][kMostLanes];
-  HWY_ALIGN float factor[kMostNormal][kMostLanes];
-  HWY_ALIGN float step[kMostParameters][kMostLanes];
+  HWY_ALIGN float column[kMaxFootprints][3][kChunk * kMaxLanes];
+  HWY_ALIGN float residual[kChunk * kMaxLanes];
+  HWY_ALIGN float gram[kMaxFootprints][kMaxFootprints][9][kMaxLanes];
+  HWY_ALIGN float gain[kMaxFootprints][3][kMaxLanes];
+  HWY_ALIGN float factor[kMaxNormal][kMaxLanes];
+  HWY_ALIGN float step[kMaxParameters][kMaxLanes];
 };
 
 struct Window {
@@ -67,13 +67,13 @@ void GatherSweep(const SampleLayout::Sweep& sweep, const float* offset_px, size_
   const auto lanes = static_cast<int>(hn::Lanes(D()));
   const auto count = static_cast<int>(pixels.size()), modes = pixels.front().start.size();
   const float* const end = offset_px + sweep.count;
-  Window windows[kMostLanes][kMostFootprints];
-  int most[kMostFootprints] = {};
+  Window windows[kMaxLanes][kMaxFootprints];
+  int most[kMaxFootprints] = {};
   for (auto& row : gathered.reaches) std::fill(std::begin(row), std::end(row), false);
   for (int lane = 0; lane < lanes; ++lane) {
     // Lanes without a pixel repeat the last one.
     const Footprints& start = pixels[static_cast<size_t>(std::min(lane, count - 1))].start;
-    double centre[kMostFootprints], reach[kMostFootprints];
+    double centre[kMaxFootprints], reach[kMaxFootprints];
     for (int m = 0; m < modes; ++m) {
       centre[m] = start[m].x_px * sweep.axis.cos_phi + start[m].y_px * sweep.axis.sin_phi - sweep.first_r_px;
       reach[m] = kReach * std::sqrt(answered_variance(start[m], sweep.axis));
@@ -136,15 +136,15 @@ InSweep Place(const Row* p, const StripeAxis& axis, const Row& start_px) {
   const V sigma = hn::Sqrt(variance);
   InSweep mode;
   mode.inverse_sigma = hn::Div(Set(1.0f), sigma);
-  const V crest = hn::Mul(Set(sigma_s), mode.inverse_sigma);
-  mode.amplitude = hn::Mul(weight, crest);
+  const V peak = hn::Mul(Set(sigma_s), mode.inverse_sigma);
+  mode.amplitude = hn::Mul(weight, peak);
   mode.centre =
       hn::MulAdd(Set(c), hn::Load(d, p[1]), hn::MulAdd(Set(s), hn::Load(d, p[2]), hn::Load(d, start_px)));
   const V by_centre = hn::Mul(mode.amplitude, mode.inverse_sigma);
   const V by_variance =  // times dV/d(a^2 + b^2), 2
       hn::Mul(mode.amplitude, hn::Mul(mode.inverse_sigma, mode.inverse_sigma));
   const V by_a = hn::Mul(by_variance, a);
-  mode.chain[0] = crest;
+  mode.chain[0] = peak;
   mode.chain[1] = hn::Mul(by_centre, Set(c)), mode.chain[2] = hn::Mul(by_centre, Set(s));
   mode.chain[3] = hn::Mul(by_a, Set(c)), mode.chain[4] = hn::Mul(by_a, Set(s));
   mode.chain[5] = hn::Mul(hn::Mul(by_variance, b), Set(s));
@@ -153,7 +153,7 @@ InSweep Place(const Row* p, const StripeAxis& axis, const Row& start_px) {
 
 // u = exp(-z^2 / 2) times the root of the weight. Farther off there is nothing, and it is costly to count
 // that in denormal numbers.
-HWY_INLINE V Crest(V zz, V root) {
+HWY_INLINE V Peak(V zz, V root) {
   const D d;
   const hn::RebindToSigned<D> di;
   // 2^x = 2^n 2^f with |f| <= 1/2, the latter by its Taylor series in f ln 2; relative error 2e-7.
@@ -170,8 +170,8 @@ HWY_INLINE V Crest(V zz, V root) {
 }
 
 // The sums of samples that one mode alone reaches.
-void AddSingle(const Gathered& gathered, int first, int last, const InSweep& mode, float (*gain)[kMostLanes],
-               float (*gram)[kMostLanes], V& chi2, V& neighbours) {
+void AddSingle(const Gathered& gathered, int first, int last, const InSweep& mode, float (*gain)[kMaxLanes],
+               float (*gram)[kMaxLanes], V& chi2, V& neighbours) {
   const D d;
   const auto lanes = static_cast<int>(hn::Lanes(d));
   V before = hn::Zero(d);
@@ -182,7 +182,7 @@ void AddSingle(const Gathered& gathered, int first, int last, const InSweep& mod
     const V z = hn::Mul(hn::Sub(hn::LoadU(d, gathered.offset_px.data() + i), mode.centre),
                         mode.inverse_sigma),
             zz = hn::Mul(z, z);
-    const V u = Crest(zz, hn::LoadU(d, gathered.root_weight.data() + i));
+    const V u = Peak(zz, hn::LoadU(d, gathered.root_weight.data() + i));
     const V zu = hn::Mul(z, u), zzu = hn::MulSub(zz, u, u);
     const V r = hn::NegMulAdd(mode.amplitude, u, hn::LoadU(d, gathered.y.data() + i));
     chi2 = hn::MulAdd(r, r, chi2);
@@ -212,7 +212,7 @@ void AddChunk(const Gathered& gathered, int first, int count, const InSweep* mod
     for (int j = 0; j < reaching_count; ++j) {
       const int m = reaching[j];
       const V z = hn::Mul(hn::Sub(at, modes[m].centre), modes[m].inverse_sigma), zz = hn::Mul(z, z);
-      const V u = Crest(zz, root);
+      const V u = Peak(zz, root);
       residual = hn::NegMulAdd(modes[m].amplitude, u, residual);
       hn::Store(u, d, space.column[m][0] + i * lanes);
       hn::Store(hn::Mul(z, u), d, space.column[m][1] + i * lanes);
@@ -268,7 +268,7 @@ void EvaluatePoint(const SampleLayout& layout, int mode_count, BatchSpace& space
   V chi2 = zero, neighbours = zero;
   for (size_t s = 0; s < layout.sweeps.size(); ++s) {
     const Gathered& gathered = space.sweeps[s];
-    InSweep modes[kMostFootprints];
+    InSweep modes[kMaxFootprints];
     for (int m = 0; m < mode_count; ++m) {
       modes[m] = Place(point.p + 6 * m, layout.sweeps[s].axis, gathered.start_px[m]);
       for (int q = 0; q < 3; ++q) hn::Store(zero, d, space.gain[m][q]);
@@ -276,7 +276,7 @@ void EvaluatePoint(const SampleLayout& layout, int mode_count, BatchSpace& space
         for (int q = 0; q < 9; ++q) hn::Store(zero, d, space.gram[m][n][q]);
     }
     for (int near = 0; near < mode_count; ++near) {
-      int reaching[kMostFootprints], reaching_count = 0;
+      int reaching[kMaxFootprints], reaching_count = 0;
       for (int m = 0; m < mode_count; ++m) {
         if (gathered.reaches[near][m]) reaching[reaching_count++] = m;
       }
@@ -429,7 +429,7 @@ void FitLanes(const SampleLayout& layout, std::ptrdiff_t stride, std::span<const
   HWY_ALIGN Row settled;
   Minimise(layout, mode_count, static_cast<float>(narrowest_px), space, settled);
 
-  HWY_ALIGN float weight_variance[kMostFootprints][kMostLanes], centre_variance[kMostFootprints][kMostLanes];
+  HWY_ALIGN float weight_variance[kMaxFootprints][kMaxLanes], centre_variance[kMaxFootprints][kMaxLanes];
   FactorNormal(space.best, Set(0.0f), mode_count, space);
   for (int m = 0; m < mode_count; ++m) {
     hn::Store(VarianceOf(6 * m, parameters, space), D(), weight_variance[m]);

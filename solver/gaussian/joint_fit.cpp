@@ -11,7 +11,7 @@ namespace glasswing {
 namespace {
 
 // A hundredth of a pixel wide: a point, to all that follows.
-constexpr double kLeastCovariance_px2 = 1e-4;
+constexpr double kMinCovariance_px2 = 1e-4;
 constexpr double kFinestStep = 1.0 / 65535.0;  // of the frames; a fit that moves by less is settled
 
 bool sane(const Footprints& modes, const SampleLayout& layout, const MonitorExtent& extent) {
@@ -137,7 +137,7 @@ JointFit fit_jointly(const PixelSamples& samples, const Footprints& start, const
   NormalEquations at;
   JointFit fit{.modes = start};
   fit.converged = problem.minimise(fit.modes, at, max_iterations);
-  for (Footprint& mode : fit.modes) mode = with_positive_covariance(mode, kLeastCovariance_px2);
+  for (Footprint& mode : fit.modes) mode = with_positive_covariance(mode, kMinCovariance_px2);
   fit.chi2 = at.chi2;
   fit.near_chi2 = at.near_chi2;
   fit.near_neighbours = at.near_neighbours;

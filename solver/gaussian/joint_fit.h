@@ -32,7 +32,7 @@ struct SampleLayout {
   int padded_count() const { return static_cast<int>(offset_px.size()); }
 };
 
-// One pixel's channel, on the scale of a stripe with crest 1, without baseline.
+// One pixel's channel, on the scale of a stripe with peak 1, without baseline.
 struct PixelSamples {
   const SampleLayout* layout = nullptr;
   std::vector<float> y;  // padded_count values
@@ -47,8 +47,8 @@ struct NormalEquations {
   // residual's square, its product with the one before.
   double near_chi2 = 0.0, near_neighbours = 0.0;
   int near_count = 0;
-  std::array<double, kMostParameters> gradient;                             // g
-  std::array<std::array<double, kMostParameters>, kMostParameters> matrix;  // N, symmetric, filled whole
+  std::array<double, kMaxParameters> gradient;                            // g
+  std::array<std::array<double, kMaxParameters>, kMaxParameters> matrix;  // N, symmetric, filled whole
 };
 
 // What one thread needs beside.
@@ -66,7 +66,7 @@ struct JointFit {
   int near_count = 0;
   bool converged = false;
   // Standard errors, from the inverse of N times the residual's variance; infinite where N is singular.
-  std::array<double, kMostFootprints> weight_sd{}, centre_sd_px{};
+  std::array<double, kMaxFootprints> weight_sd{}, centre_sd_px{};
 };
 
 // From `start` (1 to 4 modes) to the nearest minimum. Sigma is kept positive semi-definite: where the free

@@ -19,7 +19,7 @@ namespace hn = hwy::HWY_NAMESPACE;
 using D = hn::CappedTag<float, SampleLayout::kPad>;
 using V = hn::Vec<D>;
 
-constexpr double kReach = 4.7;  // sigmas; beyond, a mode is below 2e-5 of its crest
+constexpr double kReach = 4.7;  // sigmas; beyond, a mode is below 2e-5 of its peak
 
 // Samples [begin, end) of a sweep: whole vectors.
 struct Range {
@@ -80,11 +80,11 @@ void CutColumns(const Footprint& mode, const SampleLayout::Sweep& sweep, const M
   const double c = sweep.axis.cos_phi, s = sweep.axis.sin_phi;
   const double variance = answered_variance(mode, sweep.axis), sigma = std::sqrt(variance);
   const double gx = c * mode.xx_px2 + s * mode.xy_px2, gy = c * mode.xy_px2 + s * mode.yy_px2;
-  const double crest = sweep.axis.sigma_px / sigma;
+  const double peak = sweep.axis.sigma_px / sigma;
   const double own_x = mode.xx_px2 - gx * gx / variance, own_y = mode.yy_px2 - gy * gy / variance;
-  constexpr double kLeast_px2 = 1e-3;
-  const auto sd_x = static_cast<float>(std::sqrt(std::max(own_x, kLeast_px2)));
-  const auto sd_y = static_cast<float>(std::sqrt(std::max(own_y, kLeast_px2)));
+  constexpr double kMin_px2 = 1e-3;
+  const auto sd_x = static_cast<float>(std::sqrt(std::max(own_x, kMin_px2)));
+  const auto sd_y = static_cast<float>(std::sqrt(std::max(own_y, kMin_px2)));
   // By x, y, xx, xy, yy: of c.s, sigma_r^2, gx, gy, and of the lit part's own variances.
   const double d_centre[5] = {c, s, 0.0, 0.0, 0.0};
   const double d_variance[5] = {0.0, 0.0, c * c, 2.0 * c * s, s * s};
@@ -98,12 +98,12 @@ void CutColumns(const Footprint& mode, const SampleLayout::Sweep& sweep, const M
     const V pull = hn::Mul(t, hn::Set(d, static_cast<float>(1.0 / variance)));
     const Side x = Within(
         hn::MulAdd(pull, hn::Set(d, static_cast<float>(gx)), hn::Set(d, static_cast<float>(mode.x_px))), sd_x,
-        static_cast<float>(extent.width_px), own_x <= kLeast_px2);
+        static_cast<float>(extent.width_px), own_x <= kMin_px2);
     const Side y = Within(
         hn::MulAdd(pull, hn::Set(d, static_cast<float>(gy)), hn::Set(d, static_cast<float>(mode.y_px))), sd_y,
-        static_cast<float>(extent.height_px), own_y <= kLeast_px2);
+        static_cast<float>(extent.height_px), own_y <= kMin_px2);
     const V inside = hn::Mul(x.part, y.part);
-    const V unit = hn::Mul(u, hn::Set(d, static_cast<float>(crest)));
+    const V unit = hn::Mul(u, hn::Set(d, static_cast<float>(peak)));
     const V by_weight = hn::Mul(unit, inside);
     hn::StoreU(by_weight, d, columns + i);
     const V scaled = hn::Mul(unit, hn::Set(d, static_cast<float>(mode.weight)));
@@ -137,12 +137,11 @@ void WholeColumns(const Footprint& mode, const SampleLayout::Sweep& sweep, const
   const D d;
   const double c = sweep.axis.cos_phi, s = sweep.axis.sin_phi;
   const double variance = answered_variance(mode, sweep.axis), sigma = std::sqrt(variance);
-  const double crest = sweep.axis.sigma_px / sigma, amplitude = mode.weight * crest;
+  const double peak = sweep.axis.sigma_px / sigma, amplitude = mode.weight * peak;
   const double by_centre = amplitude / sigma, by_variance = 0.5 * amplitude / variance;
   const auto set = [&](double v) { return hn::Set(d, static_cast<float>(v)); };
   const V centre = set(mode.x_px * c + mode.y_px * s - sweep.first_r_px), inverse = set(1.0 / sigma);
-  const V by_weight = set(crest), by_x = set(by_centre * c), by_y = set(by_centre * s),
-          scale = set(amplitude);
+  const V by_weight = set(peak), by_x = set(by_centre * c), by_y = set(by_centre * s), scale = set(amplitude);
   const V by_xx = set(by_variance * c * c), by_xy = set(by_variance * 2.0 * c * s),
           by_yy = set(by_variance * s * s);
   for (int i = range.begin; i < range.end; i += static_cast<int>(hn::Lanes(d))) {
@@ -190,9 +189,9 @@ void ThreeByThree(const float* w, const float* a, const float* b, size_t stride,
   }
   double* m = &equations.matrix[static_cast<size_t>(row)][static_cast<size_t>(column)];
   m[0] = Total(s00), m[1] = Total(s01), m[2] = Total(s02);
-  m += kMostParameters;
+  m += kMaxParameters;
   m[0] = Total(s10), m[1] = Total(s11), m[2] = Total(s12);
-  m += kMostParameters;
+  m += kMaxParameters;
   m[0] = Total(s20), m[1] = Total(s21), m[2] = Total(s22);
 }
 
@@ -257,7 +256,7 @@ void AddSquares(const PixelSamples& samples, const SampleLayout::Sweep& sweep, c
 
 void Evaluate(const PixelSamples& samples, const Footprints& modes, const MonitorExtent& extent,
               JointWorkspace& workspace, NormalEquations& equations) {
-  constexpr size_t kMostSweeps = 16;
+  constexpr size_t kMaxSweeps = 16;
   const SampleLayout& layout = *samples.layout;
   const size_t stride = samples.y.size(), sweep_count = layout.sweeps.size();
   const auto mode_count = static_cast<size_t>(modes.size());
@@ -266,12 +265,12 @@ void Evaluate(const PixelSamples& samples, const Footprints& modes, const Monito
   workspace.residual.assign(samples.y.begin(), samples.y.end());
   if (workspace.columns.size() < 6 * mode_count * stride) workspace.columns.resize(6 * mode_count * stride);
   const auto columns_of = [&](size_t m) { return workspace.columns.data() + 6 * m * stride; };
-  Range reach[kMostFootprints][kMostSweeps];
+  Range reach[kMaxFootprints][kMaxSweeps];
   for (size_t s = 0; s < sweep_count; ++s) {
     const SampleLayout::Sweep& sweep = layout.sweeps[s];
     const float* offset_px = layout.offset_px.data() + sweep.first;
     float* residual = workspace.residual.data() + sweep.first;
-    Range own[kMostFootprints];
+    Range own[kMaxFootprints];
     for (size_t m = 0; m < mode_count; ++m) {
       const Footprint& mode = modes[static_cast<int>(m)];
       own[m] = Reach(mode, sweep, offset_px);
@@ -286,7 +285,7 @@ void Evaluate(const PixelSamples& samples, const Footprints& modes, const Monito
     Gradient(w, workspace.residual.data(), columns_of(m), stride, {reach[m], sweep_count},
              &equations.gradient[6 * m]);
     for (size_t n = m; n < mode_count; ++n) {
-      Range common[kMostSweeps];
+      Range common[kMaxSweeps];
       for (size_t s = 0; s < sweep_count; ++s) common[s] = Common(reach[m][s], reach[n][s]);
       for (size_t i = 0; i < 6; i += 3) {
         for (size_t j = m == n ? i : 0; j < 6; j += 3) {

@@ -19,9 +19,9 @@ namespace glasswing {
 struct LineWindow {
   const float* middle = nullptr;
   std::ptrdiff_t stride = 1;
-  int half = 0;  // 2 to kMostHalf
+  int half = 0;  // 2 to kMaxHalf
 };
-inline constexpr int kMostHalf = 400;
+inline constexpr int kMaxHalf = 400;
 
 // In samples, from the window's middle. In: where to start; out: the fit. A fit that does not settle, or goes
 // astray, gives back its start, settled = false.

@@ -16,8 +16,8 @@ namespace glasswing {
 namespace HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
-constexpr int kMostLanes = 16;
-using D = hn::CappedTag<float, kMostLanes>;
+constexpr int kMaxLanes = 16;
+using D = hn::CappedTag<float, kMaxLanes>;
 using V = hn::Vec<D>;
 
 HWY_INLINE V Set(float v) {
@@ -72,7 +72,7 @@ struct Moments {
 
 constexpr float kInverseRootPi = 0.56418958f;
 
-using Row = float[kMostLanes];
+using Row = float[kMaxLanes];
 
 // A symmetric matrix's lower triangle, packed by rows.
 HWY_INLINE int Packed(int i, int j) {
@@ -88,7 +88,7 @@ HWY_INLINE void FactorLower(Row* matrix, int n) {
     V diagonal = hn::Load(d, matrix[Packed(j, j)]);
     const V least = hn::MulAdd(diagonal, Set(3e-6f), Set(1e-30f));
     for (int k = 0; k < j; ++k) {
-      const V own = hn::Load(d, row + k * kMostLanes);
+      const V own = hn::Load(d, row + k * kMaxLanes);
       diagonal = hn::NegMulAdd(own, own, diagonal);
     }
     const V inverse = hn::Div(Set(1.0f), hn::Sqrt(hn::Max(diagonal, least)));
@@ -97,7 +97,7 @@ HWY_INLINE void FactorLower(Row* matrix, int n) {
       const float* other = matrix[Packed(i, 0)];
       V sum = hn::Load(d, matrix[Packed(i, j)]);
       for (int k = 0; k < j; ++k)
-        sum = hn::NegMulAdd(hn::Load(d, other + k * kMostLanes), hn::Load(d, row + k * kMostLanes), sum);
+        sum = hn::NegMulAdd(hn::Load(d, other + k * kMaxLanes), hn::Load(d, row + k * kMaxLanes), sum);
       hn::Store(hn::Mul(sum, inverse), d, matrix[Packed(i, j)]);
     }
   }

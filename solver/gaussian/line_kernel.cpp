@@ -17,8 +17,8 @@ namespace HWY_NAMESPACE {
 struct Batch {
   int half = 0;
   bool even = true;  // all windows have this half
-  HWY_ALIGN float samples[(2 * kMostHalf + 1) * kMostLanes];
-  HWY_ALIGN float own_half[kMostLanes];
+  HWY_ALIGN float samples[(2 * kMaxHalf + 1) * kMaxLanes];
+  HWY_ALIGN float own_half[kMaxLanes];
 };
 
 void Gather(std::span<const LineWindow> windows, Batch& batch) {
@@ -85,7 +85,7 @@ void FitSingle(std::span<const LineWindow> windows, std::span<SingleFit> fits) {
   // threads hold.
   static thread_local const std::unique_ptr<Batch> kept = std::make_unique<Batch>();
   Batch& batch = *kept;
-  HWY_ALIGN float in[3][kMostLanes], out[5][kMostLanes];
+  HWY_ALIGN float in[3][kMaxLanes], out[5][kMaxLanes];
   for (size_t first = 0; first < windows.size(); first += lanes) {
     const size_t count = std::min(lanes, windows.size() - first);
     Gather(windows.subspan(first, count), batch);
@@ -96,7 +96,7 @@ void FitSingle(std::span<const LineWindow> windows, std::span<SingleFit> fits) {
     V a = hn::Load(d, in[0]), mu = hn::Load(d, in[1]), sigma = hn::Load(d, in[2]);
     V chi2 = hn::Zero(d);
     auto settled = hn::Lt(sigma, hn::Zero(d));
-    const V most_sigma = hn::Mul(hn::Load(d, batch.own_half), Set(3.0f));
+    const V max_sigma = hn::Mul(hn::Load(d, batch.own_half), Set(3.0f));
     for (int iteration = 0; iteration < 12; ++iteration) {
       Moments sums;
       if (batch.even) {
@@ -117,7 +117,7 @@ void FitSingle(std::span<const LineWindow> windows, std::span<SingleFit> fits) {
       a = hn::Add(a, da);
       mu = hn::Add(mu, hn::Max(hn::Min(dmu, limit), hn::Neg(limit)));
       sigma = hn::Add(sigma, hn::Max(hn::Min(dsigma, limit), hn::Neg(limit)));
-      sigma = hn::Max(hn::Min(sigma, most_sigma), Set(0.5f));
+      sigma = hn::Max(hn::Min(sigma, max_sigma), Set(0.5f));
       if (hn::AllTrue(d, settled)) break;
     }
     const V reach = hn::Load(d, batch.own_half);
@@ -205,8 +205,8 @@ void FitDouble(std::span<const LineWindow> windows, std::span<DoubleFit> fits) {
   const size_t lanes = hn::Lanes(d);
   static thread_local const std::unique_ptr<Batch> kept = std::make_unique<Batch>();
   Batch& batch = *kept;
-  HWY_ALIGN float best[6][kMostLanes], trial[6][kMostLanes], gradient[6][kMostLanes], fresh[6][kMostLanes];
-  HWY_ALIGN float gram[21][kMostLanes], step[6][kMostLanes], chi_out[kMostLanes], settled_out[kMostLanes];
+  HWY_ALIGN float best[6][kMaxLanes], trial[6][kMaxLanes], gradient[6][kMaxLanes], fresh[6][kMaxLanes];
+  HWY_ALIGN float gram[21][kMaxLanes], step[6][kMaxLanes], chi_out[kMaxLanes], settled_out[kMaxLanes];
   for (size_t first = 0; first < windows.size(); first += lanes) {
     const size_t count = std::min(lanes, windows.size() - first);
     Gather(windows.subspan(first, count), batch);
@@ -221,7 +221,7 @@ void FitDouble(std::span<const LineWindow> windows, std::span<DoubleFit> fits) {
     V chi2, trial_chi2, damping = Set(0.01f);
     DoubleSums(batch, best, gradient, chi2);
     auto settled = hn::Lt(chi2, hn::Zero(d));
-    const V most_sigma = hn::Mul(hn::Load(d, batch.own_half), Set(3.0f));
+    const V max_sigma = hn::Mul(hn::Load(d, batch.own_half), Set(3.0f));
     for (int iteration = 0; iteration < 25; ++iteration) {
       DoubleGram(best, gram);
       for (int i = 0; i < 6; ++i) {
@@ -246,7 +246,7 @@ void FitDouble(std::span<const LineWindow> windows, std::span<DoubleFit> fits) {
         still = hn::And(still, hn::Le(hn::Abs(da), hn::Mul(Set(kSettled), hn::Abs(a))));
         hn::Store(hn::Add(a, da), d, trial[3 * m]);
         hn::Store(hn::Add(mu, dmu), d, trial[3 * m + 1]);
-        hn::Store(hn::Max(hn::Min(hn::Add(sigma, dsigma), most_sigma), Set(0.5f)), d, trial[3 * m + 2]);
+        hn::Store(hn::Max(hn::Min(hn::Add(sigma, dsigma), max_sigma), Set(0.5f)), d, trial[3 * m + 2]);
       }
       settled = hn::Or(settled, hn::And(still, hn::Lt(damping, Set(0.1f))));
       DoubleSums(batch, trial, fresh, trial_chi2);

@@ -9,11 +9,11 @@
 namespace glasswing {
 namespace {
 
-constexpr int kMostMeetings = 12;
+constexpr int kMaxMeetings = 12;
 constexpr int kFirstIterations = 6;  // of each start, to choose among them
 constexpr int kIterations = 80;
 // Residuals below this are the pixels' and footprints' own shape, whatever the frames' noise.
-constexpr double kLeastNoise = 1e-4;
+constexpr double kMinNoise = 1e-4;
 
 struct Meeting {
   Footprint mode;
@@ -30,20 +30,20 @@ double centre_of(const Footprint& mode, const StripeAxis& axis) {
   return mode.x_px * axis.cos_phi + mode.y_px * axis.sin_phi;
 }
 
-// Light that a crest stands for: R, if one mode made it (amplitude sigma_r = R sigma_s in every sweep).
-double light_of(const Crest& crest, const StripeAxis& axis) {
-  return crest.amplitude * crest.sigma_px / axis.sigma_px;
+// Light that a peak stands for: R, if one mode made it (amplitude sigma_r = R sigma_s in every sweep).
+double light_of(const Peak& peak, const StripeAxis& axis) {
+  return peak.amplitude * peak.sigma_px / axis.sigma_px;
 }
 
-// Where a crest of one sweep and a crest of another cross, if every further sweep has a crest there too; in
+// Where a peak of one sweep and a peak of another cross, if every further sweep has a peak there too; in
 // two of them it may be hidden in the flank of a much brighter one.
-bool meet(std::span<const StripeAxis> axes, std::span<const Crests> crests, size_t first, const Crest& a,
-          size_t second, const Crest& b, Meeting* meeting) {
+bool meet(std::span<const StripeAxis> axes, std::span<const Peaks> peaks, size_t first, const Peak& a,
+          size_t second, const Peak& b, Meeting* meeting) {
   const double determinant =
       axes[first].cos_phi * axes[second].sin_phi - axes[first].sin_phi * axes[second].cos_phi;
   const double x = (a.centre_px * axes[second].sin_phi - b.centre_px * axes[first].sin_phi) / determinant;
   const double y = (b.centre_px * axes[first].cos_phi - a.centre_px * axes[second].cos_phi) / determinant;
-  std::array<Crest, 16> chosen;
+  std::array<Peak, 16> chosen;
   std::array<StripeAxis, 16> seen;
   size_t count = 0;
   int hidden_count = 0;
@@ -51,16 +51,16 @@ bool meet(std::span<const StripeAxis> axes, std::span<const Crests> crests, size
   double misses = 0.0, least = std::min(light_a, light_b);
   for (size_t s = 0; s < axes.size(); ++s) {
     const double at = x * axes[s].cos_phi + y * axes[s].sin_phi;
-    const Crest* nearest = s == first ? &a : s == second ? &b : nullptr;
+    const Peak* nearest = s == first ? &a : s == second ? &b : nullptr;
     double miss = 0.0;
     bool hidden = false;
     if (nearest == nullptr) {
       miss = INFINITY;
-      for (const Crest& crest : crests[s].all()) {
-        // A crest of two modes lies between them.
-        const double distance = std::abs(crest.centre_px - at) / crest.sigma_px;
-        if (distance < miss) miss = distance, nearest = &crest;
-        hidden = hidden || (distance < 3.5 && light_of(crest, axes[s]) > 4.0 * std::max(light_a, light_b));
+      for (const Peak& peak : peaks[s].all()) {
+        // A peak of two modes lies between them.
+        const double distance = std::abs(peak.centre_px - at) / peak.sigma_px;
+        if (distance < miss) miss = distance, nearest = &peak;
+        hidden = hidden || (distance < 3.5 && light_of(peak, axes[s]) > 4.0 * std::max(light_a, light_b));
       }
     }
     if (nearest == nullptr || miss > 1.2) {
@@ -88,17 +88,17 @@ bool meet(std::span<const StripeAxis> axes, std::span<const Crests> crests, size
   return std::isfinite(meeting->score) && meeting->mode.weight > 0.0;
 }
 
-std::vector<Meeting> meetings_of(std::span<const StripeAxis> axes, std::span<const Crests> crests) {
+std::vector<Meeting> meetings_of(std::span<const StripeAxis> axes, std::span<const Peaks> peaks) {
   std::vector<Meeting> meetings;
   if (axes.size() > 16) return meetings;
   for (size_t i = 0; i < axes.size(); ++i) {
     for (size_t j = i + 1; j < axes.size(); ++j) {
       const double sine = axes[i].cos_phi * axes[j].sin_phi - axes[i].sin_phi * axes[j].cos_phi;
       if (std::abs(sine) < 0.5) continue;
-      for (const Crest& a : crests[i].all()) {
-        for (const Crest& b : crests[j].all()) {
+      for (const Peak& a : peaks[i].all()) {
+        for (const Peak& b : peaks[j].all()) {
           Meeting meeting;
-          if (meet(axes, crests, i, a, j, b, &meeting)) meetings.push_back(meeting);
+          if (meet(axes, peaks, i, a, j, b, &meeting)) meetings.push_back(meeting);
         }
       }
     }
@@ -113,40 +113,40 @@ std::vector<Meeting> meetings_of(std::span<const StripeAxis> axes, std::span<con
       return dx * dx + dy * dy < near_px * near_px;
     });
     if (!seen) distinct.push_back(meeting);
-    if (distinct.size() == kMostMeetings) break;
+    if (distinct.size() == kMaxMeetings) break;
   }
   return distinct;
 }
 
-// \int of the product of two Gaussian crests, per sqrt(2 pi).
-double overlap(const Crest& a, const Crest& b) {
+// \int of the product of two Gaussian peaks, per sqrt(2 pi).
+double overlap(const Peak& a, const Peak& b) {
   const double variance = a.sigma_px * a.sigma_px + b.sigma_px * b.sigma_px;
   const double distance = a.centre_px - b.centre_px;
   return a.amplitude * b.amplitude * a.sigma_px * b.sigma_px / std::sqrt(variance) *
          std::exp(-0.5 * distance * distance / variance);
 }
 
-Crest crest_of(const Footprint& mode, const StripeAxis& axis) {
+Peak peak_of(const Footprint& mode, const StripeAxis& axis) {
   const double sigma = std::sqrt(answered_variance(mode, axis));
   return {.amplitude = axis.sigma_px / sigma, .centre_px = centre_of(mode, axis), .sigma_px = sigma};
 }
 
-// Chooses the k meeting points whose footprints, with the best weights, leave the least of the crests
+// Chooses the k meeting points whose footprints, with the best weights, leave the least of the peaks
 // unexplained.
 class SubsetChoice {
  public:
-  SubsetChoice(std::span<const StripeAxis> axes, std::span<const Crests> crests,
+  SubsetChoice(std::span<const StripeAxis> axes, std::span<const Peaks> peaks,
                const std::vector<Meeting>& meetings)
       : meetings_(meetings), count_(static_cast<int>(meetings.size())) {
-    std::vector<std::vector<Crest>> shapes;
+    std::vector<std::vector<Peak>> shapes;
     for (const Meeting& meeting : meetings) {
-      std::vector<Crest>& shape = shapes.emplace_back();
-      for (const StripeAxis& axis : axes) shape.push_back(crest_of(meeting.mode, axis));
+      std::vector<Peak>& shape = shapes.emplace_back();
+      for (const StripeAxis& axis : axes) shape.push_back(peak_of(meeting.mode, axis));
     }
     for (int i = 0; i < count_; ++i) {
       for (size_t s = 0; s < axes.size(); ++s) {
-        const Crest& own = shapes[static_cast<size_t>(i)][s];
-        for (const Crest& crest : crests[s].all()) data_[i] += overlap(own, crest);
+        const Peak& own = shapes[static_cast<size_t>(i)][s];
+        for (const Peak& peak : peaks[s].all()) data_[i] += overlap(own, peak);
         for (int j = 0; j <= i; ++j) gram_(i, j) += overlap(own, shapes[static_cast<size_t>(j)][s]);
       }
       for (int j = 0; j < i; ++j) gram_(j, i) = gram_(i, j);
@@ -204,19 +204,19 @@ class SubsetChoice {
 
   const std::vector<Meeting>& meetings_;
   int count_;
-  Eigen::Matrix<double, kMostMeetings, kMostMeetings> gram_ =
-      Eigen::Matrix<double, kMostMeetings, kMostMeetings>::Zero();
-  Eigen::Matrix<double, kMostMeetings, 1> data_ = Eigen::Matrix<double, kMostMeetings, 1>::Zero();
+  Eigen::Matrix<double, kMaxMeetings, kMaxMeetings> gram_ =
+      Eigen::Matrix<double, kMaxMeetings, kMaxMeetings>::Zero();
+  Eigen::Matrix<double, kMaxMeetings, 1> data_ = Eigen::Matrix<double, kMaxMeetings, 1>::Zero();
   int size_ = 0;
   double best_score_ = 0.0;
-  std::array<int, kMostFootprints> current_{}, best_{};
+  std::array<int, kMaxFootprints> current_{}, best_{};
   Eigen::Vector4d best_weights_;
 };
 
 // The two highest rises of a residual above `floor`, with the stripe's own width.
-Crests rises_of(const float* residual, const SampleLayout& layout, const SampleLayout::Sweep& sweep,
-                double floor) {
-  Crests rises;
+Peaks rises_of(const float* residual, const SampleLayout& layout, const SampleLayout::Sweep& sweep,
+               double floor) {
+  Peaks rises;
   const float* offset_px = layout.offset_px.data() + sweep.first;
   const auto smooth = [&](int i) {
     const int before = std::max(i - 1, 0), after = std::min(i + 1, sweep.count - 1);
@@ -227,16 +227,16 @@ Crests rises_of(const float* residual, const SampleLayout& layout, const SampleL
   for (int i = 0; i < sweep.count; ++i) {
     const double after = i + 1 < sweep.count ? smooth(i + 1) : -INFINITY;
     if (here > before && here >= after && here > floor) {
-      const Crest rise{.amplitude = here,
-                       .centre_px = sweep.first_r_px + static_cast<double>(offset_px[i]),
-                       .sigma_px = 1.1 * sweep.axis.sigma_px};
+      const Peak rise{.amplitude = here,
+                      .centre_px = sweep.first_r_px + static_cast<double>(offset_px[i]),
+                      .sigma_px = 1.1 * sweep.axis.sigma_px};
       if (rises.count < 2) {
-        rises.crests[static_cast<size_t>(rises.count++)] = rise;
-      } else if (here > rises.crests[1].amplitude) {
-        rises.crests[1] = rise;
+        rises.peaks[static_cast<size_t>(rises.count++)] = rise;
+      } else if (here > rises.peaks[1].amplitude) {
+        rises.peaks[1] = rise;
       }
-      if (rises.count == 2 && rises.crests[1].amplitude > rises.crests[0].amplitude)
-        std::swap(rises.crests[0], rises.crests[1]);
+      if (rises.count == 2 && rises.peaks[1].amplitude > rises.peaks[0].amplitude)
+        std::swap(rises.peaks[0], rises.peaks[1]);
     }
     before = here;
     here = after;
@@ -254,9 +254,9 @@ double principal_variance(const Footprint& mode, bool larger, double* axis_x, do
   return std::max(larger ? mean + radius : mean - radius, 0.05);
 }
 
-int most_crests(std::span<const Crests> crests) {
+int max_peaks(std::span<const Peaks> peaks) {
   int most = 0;
-  for (const Crests& sweep : crests) most = std::max(most, sweep.count);
+  for (const Peaks& sweep : peaks) most = std::max(most, sweep.count);
   return most;
 }
 
@@ -268,7 +268,7 @@ int most_crests(std::span<const Crests> crests) {
 bool is_explained(const JointFit& fit, double noise_sd) {
   constexpr double kSmooth = 0.8, kProducts = 1.6;
   const double n = std::max(fit.near_count, 1), p = 6.0 * fit.modes.size();
-  const double variance = std::max(noise_sd, kLeastNoise) * std::max(noise_sd, kLeastNoise);
+  const double variance = std::max(noise_sd, kMinNoise) * std::max(noise_sd, kMinNoise);
   const double excess = fit.near_chi2 / variance - (n - p),
                products = fit.near_neighbours / variance + kSmooth * p;
   return excess + kProducts * products < 2.5 * std::sqrt((2.0 + kProducts * kProducts) * n);
@@ -288,21 +288,21 @@ class Search {
       : samples_(samples),
         extent_(extent),
         axes_(axes_of(*samples.layout)),
-        noise_sd_(std::max(noise_sd, kLeastNoise)),
+        noise_sd_(std::max(noise_sd, kMinNoise)),
         workspace_(workspace) {}
 
-  JointFit run(std::span<const Crests> crests, int max_modes, const JointFit* usual) {
+  JointFit run(std::span<const Peaks> peaks, int max_modes, const JointFit* usual) {
     JointFit best;
-    const std::vector<Meeting> meetings = meetings_of(axes_, crests);
+    const std::vector<Meeting> meetings = meetings_of(axes_, peaks);
     if (meetings.empty()) return best;
-    SubsetChoice subsets(axes_, crests, meetings);
+    SubsetChoice subsets(axes_, peaks, meetings);
     if (usual != nullptr) {
       best = *usual;
       evaluate(samples_, best.modes, extent_, workspace_, equations_);
       best.chi2 = equations_.chi2, best.near_chi2 = equations_.near_chi2;
       best.near_neighbours = equations_.near_neighbours;
       best.near_count = equations_.near_count;
-    } else if (as_many_as_crests(crests, max_modes, subsets, &best)) {
+    } else if (as_many_as_peaks(peaks, max_modes, subsets, &best)) {
       return best;
     }
     while (best.modes.size() < max_modes) {
@@ -324,12 +324,11 @@ class Search {
   }
 
  private:
-  // The usual case: as many modes as some sweep shows crests, no more and no fewer, and nothing left but
+  // The usual case: as many modes as some sweep shows peaks, no more and no fewer, and nothing left but
   // noise.
-  bool as_many_as_crests(std::span<const Crests> crests, int max_modes, SubsetChoice& subsets,
-                         JointFit* fit) {
+  bool as_many_as_peaks(std::span<const Peaks> peaks, int max_modes, SubsetChoice& subsets, JointFit* fit) {
     Footprints start;
-    const int most = most_crests(crests);
+    const int most = max_peaks(peaks);
     if (most > max_modes || !subsets.best(most, &start)) return false;
     *fit = fit_jointly(samples_, start, extent_, kIterations / 4, workspace_);
     if (is_sound(*fit) && explained(*fit)) return true;
@@ -380,7 +379,7 @@ class Search {
   void add_residual_start(const Footprints& modes) {
     evaluate(samples_, modes, extent_, workspace_, equations_);
     const SampleLayout& layout = *samples_.layout;
-    std::vector<Crests> rises;
+    std::vector<Peaks> rises;
     for (const SampleLayout::Sweep& sweep : layout.sweeps) {
       rises.push_back(rises_of(workspace_.residual.data() + sweep.first, layout, sweep, noise_sd_));
     }
@@ -447,15 +446,15 @@ class Search {
 
 }  // namespace
 
-Footprints usual_start(const SampleLayout& layout, std::span<const Crests> crests, int max_modes) {
+Footprints usual_start(const SampleLayout& layout, std::span<const Peaks> peaks, int max_modes) {
   Footprints start;
-  const int most = most_crests(crests);
+  const int most = max_peaks(peaks);
   if (most == 0 || most > max_modes) return start;
   const std::vector<StripeAxis> axes = axes_of(layout);
   if (most == 1) {
-    std::vector<Crest> lines;
-    for (const Crests& sweep : crests) {
-      if (sweep.count == 1) lines.push_back(sweep.crests[0]);
+    std::vector<Peak> lines;
+    for (const Peaks& sweep : peaks) {
+      if (sweep.count == 1) lines.push_back(sweep.peaks[0]);
     }
     double distance_px = 0.0;
     if (lines.size() < axes.size()) return start;
@@ -463,9 +462,9 @@ Footprints usual_start(const SampleLayout& layout, std::span<const Crests> crest
     if (distance_px <= 0.5 * axes.front().sigma_px) start.push_back(mode);
     return start;
   }
-  const std::vector<Meeting> meetings = meetings_of(axes, crests);
+  const std::vector<Meeting> meetings = meetings_of(axes, peaks);
   if (most > static_cast<int>(meetings.size())) return start;
-  SubsetChoice(axes, crests, meetings).best(most, &start);
+  SubsetChoice(axes, peaks, meetings).best(most, &start);
   return start;
 }
 
@@ -477,11 +476,11 @@ bool needs_more(const JointFit& fit, double noise_sd) {
   return is_sound(fit) && !is_explained(fit, noise_sd);
 }
 
-JointFit find_footprints(const PixelSamples& samples, std::span<const Crests> crests,
+JointFit find_footprints(const PixelSamples& samples, std::span<const Peaks> peaks,
                          const MonitorExtent& extent, double noise_sd, int max_modes,
                          JointWorkspace& workspace, const JointFit* usual) {
   JointFit fit =
-      Search(samples, extent, noise_sd, workspace).run(crests, std::min(max_modes, kMostFootprints), usual);
+      Search(samples, extent, noise_sd, workspace).run(peaks, std::min(max_modes, kMaxFootprints), usual);
   for (int i = 0; i < fit.modes.size(); ++i) {
     int strongest = i;
     for (int m = i + 1; m < fit.modes.size(); ++m) {

@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "solver/gaussian/crests.h"
+#include "solver/gaussian/peaks.h"
 
 namespace glasswing::internal {
 

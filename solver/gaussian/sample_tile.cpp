@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "solver/method/exposure_merge.h"
 #include "solver/gaussian/sample_kernel.h"
+#include "solver/method/exposure_merge.h"
 
 namespace glasswing {
 
@@ -12,7 +12,7 @@ SampleTile::SampleTile(const StackLayout& layout) : layout_(layout) {
     first_sample_.push_back(sample_count_);
     sample_count_ += sweep.shots.size();
   }
-  samples_.resize(sample_count_ * kBlockLanes * kMostBlocks);
+  samples_.resize(sample_count_ * kBlockLanes * kMaxBlocks);
 }
 
 void SampleTile::load(const FrameStack& stack, int row, int first_lane, int lane_count,

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "solver/background/silhouette.h"
-#include "solver/gaussian/crests.h"
+#include "solver/gaussian/peaks.h"
 #include "solver/gaussian/stack_layout.h"
 #include "solver/method/method.h"
 #include "solver/method/sample_noise.h"
@@ -17,11 +17,11 @@ namespace glasswing {
 
 class SampleTile {
  public:
-  static constexpr int kMostBlocks = 16;
+  static constexpr int kMaxBlocks = 16;
 
   explicit SampleTile(const StackLayout& layout);
 
-  // Reads lanes [first_lane, first_lane + lane_count) of a row; lane_count is at most kMostBlocks *
+  // Reads lanes [first_lane, first_lane + lane_count) of a row; lane_count is at most kMaxBlocks *
   // kBlockLanes. Radiance on the scale of the reference exposure. Where several exposures were taken they are
   // merged (exposure_merge.h).
   void load(const FrameStack& stack, int row, int first_lane, int lane_count, const SampleNoise& noise);

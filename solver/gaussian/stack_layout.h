@@ -19,7 +19,7 @@ struct SweepLayout {
   double sigma_px = 0.0;
   std::vector<Shot> shots;
   std::vector<double> r_px;                 // ascends strictly
-  std::vector<std::array<double, 3>> peak;  // radiance on the crest, per channel
+  std::vector<std::array<double, 3>> peak;  // radiance on the peak, per channel
 };
 
 struct StackLayout {

@@ -8,9 +8,9 @@
 namespace glasswing {
 namespace {
 
-constexpr int kStretch = SampleTile::kMostBlocks * kBlockLanes;
-constexpr double kLeastStep = 1.0 / 65535.0;
-constexpr float kLeastFloor = 0.0015f;  // of full scale: fainter crests are stray light
+constexpr int kStretch = SampleTile::kMaxBlocks * kBlockLanes;
+constexpr double kMinStep = 1.0 / 65535.0;
+constexpr float kMinFloor = 0.0015f;  // of full scale: fainter peaks are stray light
 
 // Whether the steps are all alike, to a hundredth.
 bool is_even(const std::vector<double>& r_px) {
@@ -21,7 +21,7 @@ bool is_even(const std::vector<double>& r_px) {
   return true;
 }
 
-// Whether a sweep's steps are so wide that a crest's own second differences are as large as its height.
+// Whether a sweep's steps are so wide that a peak's own second differences are as large as its height.
 bool is_coarse(const SweepLayout& sweep) {
   const double length_px = sweep.r_px.back() - sweep.r_px.front();
   return length_px > 0.75 * sweep.sigma_px * static_cast<double>(sweep.r_px.size() - 1);
@@ -34,11 +34,11 @@ void forget_modes(int x, int y, Matte& matte) {
 
 }  // namespace
 
-StackSolver::StackSolver(const FrameStack& stack, const StackLayout& layout, int most_modes,
+StackSolver::StackSolver(const FrameStack& stack, const StackLayout& layout, int max_modes,
                          double silhouette_tolerance)
     : stack_(stack),
       layout_(layout),
-      most_modes_(most_modes),
+      max_modes_(max_modes),
       lane_count_(stack.manifest.camera().width_px() * kChannels),
       surroundings_(stack, layout.stage, silhouette_tolerance),
       noise_known_(surroundings_.noise_known()),
@@ -129,7 +129,7 @@ std::vector<double> StackSolver::read_noise() const {
       const auto sd = static_cast<double>(noise_sd_[x * kChannels + c]);
       variance += sd * sd / kChannels;
     }
-    read_sd[x] = std::sqrt(std::max(variance, kLeastStep * kLeastStep));
+    read_sd[x] = std::sqrt(std::max(variance, kMinStep * kMinStep));
   }
   return read_sd;
 }
@@ -182,7 +182,7 @@ void StackSolver::prepare_block(int y, int block_index) {
     block.lanes |= 1u << lane;
     dark[l] = surroundings_.black(y, row_lane);
     noise[l] = noise_sd_[static_cast<size_t>(row_lane)] * dark_noise_;
-    floor[l] = std::max(3.5f * noise[l], kLeastFloor);
+    floor[l] = std::max(3.5f * noise[l], kMinFloor);
     reach[l] = std::max(3.0f * noise[l], 2e-5f);
   }
   if (block.lanes == 0) return;
@@ -197,7 +197,7 @@ void StackSolver::prepare_block(int y, int block_index) {
     for (size_t lane = 0; lane < kBlockLanes; ++lane)
       samples[lane] = (samples[lane] - block.baseline[lane]) * inverse_peak[lane];
   }
-  find_crests(block_index, floor, noise);
+  find_peaks(block_index, floor, noise);
 }
 
 // As one frame of the reference exposure would have it, times the peak's square.
@@ -214,7 +214,7 @@ void StackSolver::weigh(int block_index, const float* inverse_peak) {
     if (layout_.one_frame_a_shot) gain[l] = static_cast<float>(own.gain);
     const float sd = noise_sd_[static_cast<size_t>(block.first_lane + lane)];
     read_variance[l] = noise_known_ ? static_cast<float>(own.variance(0.0))
-                                    : std::max(sd * sd, static_cast<float>(kLeastStep * kLeastStep));
+                                    : std::max(sd * sd, static_cast<float>(kMinStep * kMinStep));
     dark_variance[l] = read_variance[l] + static_cast<float>(own.gain) * std::max(block.baseline[l], 0.0f);
   }
   for (size_t i = 0; i < tile_.sample_count(); ++i) {
@@ -231,8 +231,8 @@ void StackSolver::weigh(int block_index, const float* inverse_peak) {
   }
 }
 
-void StackSolver::find_crests(int block, const std::array<float, kBlockLanes>& floor,
-                              const std::array<float, kBlockLanes>& noise) {
+void StackSolver::find_peaks(int block, const std::array<float, kBlockLanes>& floor,
+                             const std::array<float, kBlockLanes>& noise) {
   std::vector<SweepBlock> sweeps;
   for (size_t s = 0; s < layout_.sweeps.size(); ++s) {
     const SweepLayout& sweep = layout_.sweeps[s];
@@ -257,37 +257,37 @@ void StackSolver::find_crests(int block, const std::array<float, kBlockLanes>& f
         {.y = samples, .count = grid.count, .first_r_px = sweep.r_px.front(), .step_px = grid.step_px});
   }
   Block& own = blocks_[static_cast<size_t>(block)];
-  finder_.find(sweeps, floor, noise, own.lanes, own.crests);
+  finder_.find(sweeps, floor, noise, own.lanes, own.peaks);
 }
 
-int StackSolver::most_modes(int block, int lane) const {
+int StackSolver::max_modes(int block, int lane) const {
   const Block& own = blocks_[static_cast<size_t>(block)];
   const auto lit = std::count_if(textures_.begin(), textures_.end(), [&](const Texture& texture) {
     return std::all_of(texture.sweeps.begin(), texture.sweeps.end(),
-                       [&](size_t s) { return own.crests[s][static_cast<size_t>(lane)].count > 0; });
+                       [&](size_t s) { return own.peaks[s][static_cast<size_t>(lane)].count > 0; });
   });
-  return std::max(1, most_modes_ / std::max(static_cast<int>(lit), 1));
+  return std::max(1, max_modes_ / std::max(static_cast<int>(lit), 1));
 }
 
-std::vector<Crests> StackSolver::crests_of(size_t texture, int block, int lane) const {
-  std::vector<Crests> crests;
+std::vector<Peaks> StackSolver::peaks_of(size_t texture, int block, int lane) const {
+  std::vector<Peaks> peaks;
   for (const size_t s : textures_[texture].sweeps)
-    crests.push_back(blocks_[static_cast<size_t>(block)].crests[s][static_cast<size_t>(lane)]);
-  return crests;
+    peaks.push_back(blocks_[static_cast<size_t>(block)].peaks[s][static_cast<size_t>(lane)]);
+  return peaks;
 }
 
 void StackSolver::fit_usual(size_t t) {
   const Texture& texture = textures_[t];
   std::vector<std::optional<JointFit>>& usual = usual_[t];
   usual.assign(blocks_.size() * kBlockLanes, std::nullopt);
-  if (texture.sweeps.size() > BatchPixel::kMostSweeps) return;
-  std::array<std::vector<BatchPixel>, kMostFootprints> batches;  // by count of modes
-  std::array<std::vector<size_t>, kMostFootprints> places;
+  if (texture.sweeps.size() > BatchPixel::kMaxSweeps) return;
+  std::array<std::vector<BatchPixel>, kMaxFootprints> batches;  // by count of modes
+  std::array<std::vector<size_t>, kMaxFootprints> places;
   for (int block = 0; block < static_cast<int>(blocks_.size()); ++block) {
     for (int lane = 0; lane < kBlockLanes; ++lane) {
       if ((blocks_[static_cast<size_t>(block)].lanes >> lane & 1u) == 0) continue;
       BatchPixel pixel;
-      pixel.start = usual_start(texture.samples, crests_of(t, block, lane), most_modes(block, lane));
+      pixel.start = usual_start(texture.samples, peaks_of(t, block, lane), max_modes(block, lane));
       const bool cut = std::any_of(pixel.start.begin(), pixel.start.end(),
                                    [&](const Footprint& mode) { return near_edge(mode, texture.extent); });
       if (pixel.start.empty() || cut) continue;
@@ -327,8 +327,8 @@ JointFit StackSolver::search(size_t t, int block, int lane, double noise_sd, con
       samples_.weight[first + i] = weights != nullptr ? weights[i * kBlockLanes] : 1.0f;
     }
   }
-  return find_footprints(samples_, crests_of(t, block, lane), texture.extent, noise_sd,
-                         most_modes(block, lane), workspace_, usual);
+  return find_footprints(samples_, peaks_of(t, block, lane), texture.extent, noise_sd, max_modes(block, lane),
+                         workspace_, usual);
 }
 
 void StackSolver::solve_lane(int block_index, int lane, int y, Matte& matte) {

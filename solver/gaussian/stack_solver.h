@@ -20,9 +20,8 @@ namespace glasswing {
 
 class StackSolver {
  public:
-  // All must outlive it. `most_modes`: 1 to kMaxModes, of a channel over all monitors.
-  StackSolver(const FrameStack& stack, const StackLayout& layout, int most_modes,
-              double silhouette_tolerance);
+  // All must outlive it. `max_modes`: 1 to kMaxModes, of a channel over all monitors.
+  StackSolver(const FrameStack& stack, const StackLayout& layout, int max_modes, double silhouette_tolerance);
 
   // Row y of the stack into row y of the matte.
   void solve_row(int y, Matte& matte);
@@ -35,7 +34,7 @@ class StackSolver {
     SampleLayout samples;
     std::vector<size_t> sweeps;  // places in the layout, in the order of samples.sweeps
   };
-  // What the crests of one block are found in, one for every sweep of the layout.
+  // What the peaks of one block are found in, one for every sweep of the layout.
   struct Grid {
     bool even = true;
     double step_px = 0.0;
@@ -49,28 +48,28 @@ class StackSolver {
     unsigned lanes = 0;      // those to be solved, a bit each
     unsigned saturated = 0;  // those with a saturated sample
     std::array<float, kBlockLanes> baseline{};
-    std::vector<std::array<Crests, kBlockLanes>> crests;  // [sweep][lane]
+    std::vector<std::array<Peaks, kBlockLanes>> peaks;  // [sweep][lane]
   };
 
   void estimate_row_noise(int y);
   // noise_sd_ by pixel.
   std::vector<double> read_noise() const;
-  // From the samples in the tile to samples on the scale of a stripe with crest 1, their weights, and crests.
+  // From the samples in the tile to samples on the scale of a stripe with peak 1, their weights, and peaks.
   void prepare_block(int y, int block);
   void weigh(int block, const float* inverse_peak);
-  void find_crests(int block, const std::array<float, kBlockLanes>& floor,
-                   const std::array<float, kBlockLanes>& noise);
-  // Of one texture, all lanes of the tile that have as many footprints as crests, batch by batch.
+  void find_peaks(int block, const std::array<float, kBlockLanes>& floor,
+                  const std::array<float, kBlockLanes>& noise);
+  // Of one texture, all lanes of the tile that have as many footprints as peaks, batch by batch.
   void fit_usual(size_t texture);
   void solve_lane(int block, int lane, int y, Matte& matte);
   JointFit search(size_t texture, int block, int lane, double noise_sd, const JointFit* usual);
-  int most_modes(int block, int lane) const;  // on each of the textures
-  std::vector<Crests> crests_of(size_t texture, int block, int lane) const;
+  int max_modes(int block, int lane) const;  // on each of the textures
+  std::vector<Peaks> peaks_of(size_t texture, int block, int lane) const;
   bool has_samples(size_t texture, int block, int lane) const;  // any that is not saturated
 
   const FrameStack& stack_;
   const StackLayout& layout_;
-  const int most_modes_;
+  const int max_modes_;
   const int lane_count_;  // of a row
   Surroundings surroundings_;
   const bool noise_known_;
@@ -89,7 +88,7 @@ class StackSolver {
   std::vector<float>
       inverse_peak_[kChannels];  // by the first lane's channel: [sample][lane], 0 for a dark one
   std::vector<Block> blocks_;
-  CrestFinder finder_;
+  PeakFinder finder_;
   std::vector<std::vector<std::optional<JointFit>>> usual_;  // [texture][lane of the tile]
   PixelSamples samples_;
   JointWorkspace workspace_;

@@ -17,13 +17,13 @@ namespace glasswing {
 namespace {
 
 // Of white: how far a point of the monitor may be from the pattern that was asked for.
-constexpr double kMostError = 2e-3;
+constexpr double kMaxError = 2e-3;
 // Of the trace of the stripes' products: what periods much shorter than a stripe is wide would need is left
 // out.
 constexpr double kRidge = 1e-9;
 constexpr double kPointStep_px = 0.5;
 // A weight below which it does not matter that a sample is saturated.
-constexpr double kLeastHeard = 0.02;
+constexpr double kMinHeard = 0.02;
 
 // Points along a direction, from the monitor's one end to the other.
 struct Axis {
@@ -102,7 +102,7 @@ FrameStack made_stack(const FrameStack& recorded, const MadeCapture& capture, co
     for (const Part& part : parts) {
       const std::span<const std::uint16_t> rows = rows_of(part);
       const auto weight = static_cast<float>(part.weight);
-      const bool heard = std::abs(part.weight) > kLeastHeard;
+      const bool heard = std::abs(part.weight) > kMinHeard;
       for (size_t i = 0; i < count; ++i) {
         light[i] += weight * (static_cast<float>(rows[i]) - recorded.zero);
         if (heard && rows[i] >= kSaturatedCode) saturated[i] = true;
@@ -174,9 +174,9 @@ absl::StatusOr<std::vector<Part>> StripeSums::parts(const v1::Stimulus& wanted, 
     GW_ASSIGN_OR_RETURN(const Eigen::VectorXd points, shown(wanted, own->axis));
     weights = own->products.solve(own->patterns.transpose() * points);
     error = (own->patterns * weights - points).cwiseAbs().maxCoeff();
-    if (error <= kMostError) break;
+    if (error <= kMaxError) break;
   }
-  if (error > kMostError) {
+  if (error > kMaxError) {
     return absl::FailedPreconditionError(
         fmt::format("of stripes as they were recorded at {} deg, {} can be made within {:.2g} of white only",
                     phi_deg, wanted.ShortDebugString(), error));

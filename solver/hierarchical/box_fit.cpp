@@ -9,7 +9,7 @@ namespace {
 
 constexpr double kFalsePositiveRate = 1e-4;  // of light that only noise makes
 constexpr double kFaintest = 0.0015;         // weights below are stray light, as of gaussian
-constexpr int kMostRounds = 6;
+constexpr int kMaxRounds = 6;
 constexpr double kEnoughGained = 1e-3;  // of chi-square, in a round
 constexpr double kMuch = 0.1;           // of the strongest weight
 // Partial cover is tried where chi-square is so many times the count of samples, from these parts on, and
@@ -19,13 +19,13 @@ constexpr std::array<double, 3> kStraightStarts{0.25, 0.5, 0.75};
 constexpr double kCriterion = 4.0;
 
 // Unknowns of one channel: F, then R by monitor.
-constexpr int kMostLight = 1 + kMaxModes;
-using LightMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMostLight, kMostLight>;
-using LightVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMostLight, 1>;
+constexpr int kMaxLight = 1 + kMaxModes;
+using LightMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxLight, kMaxLight>;
+using LightVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxLight, 1>;
 
 // Of everything: the boxes' ends, the light of each channel, and 1 - alpha.
-constexpr int kMostUnknowns = 4 * kMaxModes + kChannels * kMostLight + 1;
-using AllMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMostUnknowns, kMostUnknowns>;
+constexpr int kMaxUnknowns = 4 * kMaxModes + kChannels * kMaxLight + 1;
+using AllMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxUnknowns, kMaxUnknowns>;
 
 std::vector<std::array<WaveAxis, 2>> axes_of(std::span<const BoxMonitor> monitors) {
   std::vector<std::array<WaveAxis, 2>> axes;
@@ -133,7 +133,7 @@ void BoxFitter::place(const BoxPixel& pixel, bool anew, BoxFit& fit) {
     for (size_t a = 0; a < 2; ++a) {
       const WaveAxis& axis = axes_[m][a];
       // v of each wave by least squares over channels, wave and complement.
-      std::array<double, WaveAxis::kMostWaves> top{}, bottom{};
+      std::array<double, WaveAxis::kMaxWaves> top{}, bottom{};
       for (size_t p = 0; p < samples.size(); ++p) {
         const BoxPattern& pattern = monitors_[m].patterns[p];
         if (pattern.axis != static_cast<int>(a)) continue;
@@ -156,7 +156,7 @@ void BoxFitter::place(const BoxPixel& pixel, bool anew, BoxFit& fit) {
 }
 
 void BoxFitter::see(const BoxFit& fit) {
-  std::array<double, WaveAxis::kMostWaves> v;
+  std::array<double, WaveAxis::kMaxWaves> v;
   for (size_t m = 0; m < monitors_.size(); ++m) {
     if (!fit.boxes[m].seen) continue;
     for (size_t a = 0; a < 2; ++a) {
@@ -175,7 +175,7 @@ void BoxFitter::weigh(const BoxPixel& pixel, bool straight_is_free, BoxFit& fit)
   std::array<LightMatrix, kChannels> normal;
   std::array<LightVector, kChannels> right, by_straight;
   double top = 0.0, bottom = 0.0;  // of 1 - alpha
-  std::array<std::array<bool, kMostLight>, kChannels> none{};
+  std::array<std::array<bool, kMaxLight>, kChannels> none{};
   const auto solve = [&](size_t c, const LightVector& side) {
     LightMatrix matrix = normal[c];
     LightVector vector = side;
@@ -301,7 +301,7 @@ double BoxFitter::model(const BoxFit& fit, const BoxSample& sample, size_t m, si
 void BoxFitter::settle(const BoxPixel& pixel, bool anew, bool straight_is_free, BoxFit& fit) {
   fit.chi_square = INFINITY;
   BoxFit next = fit;
-  for (int round = 0; round < kMostRounds; ++round) {
+  for (int round = 0; round < kMaxRounds; ++round) {
     const std::vector<PixelBox> before = next.boxes;
     place(pixel, anew, next);
     see(next);

@@ -69,10 +69,10 @@ absl::StatusOr<BoxMonitor> monitor_of(const Shown& shown, const v1::Monitor& mon
   bool complements = false;
   for (size_t axis = 0; axis < 2; ++axis) {
     const size_t count = shown.waves[axis].size();
-    if (count == 0 || count > WaveAxis::kMostWaves) {
+    if (count == 0 || count > WaveAxis::kMaxWaves) {
       return absl::FailedPreconditionError(fmt::format(
           "monitor \"{}\" showed {} square waves of {} bars with the object; a box needs 1 to {} of either",
-          monitor.name(), count, axis == 0 ? "vertical" : "horizontal", WaveAxis::kMostWaves));
+          monitor.name(), count, axis == 0 ? "vertical" : "horizontal", WaveAxis::kMaxWaves));
     }
     for (const auto& [key, wave] : shown.waves[axis]) {
       const auto& [minus_bar_px, offset_px, light] = key;

@@ -11,7 +11,7 @@ namespace {
 
 // Of the noise, and of the strongest weight: a residual above both is no box's.
 constexpr double kPoorNoise = 4.0, kPoorShare = 0.05;
-constexpr size_t kLeastSums = 4;
+constexpr size_t kMinSums = 4;
 
 // The box that a background point's footprint is stored as.
 Interval straight_side(const AxisFit& fit) {
@@ -21,9 +21,9 @@ Interval straight_side(const AxisFit& fit) {
 
 // Its part on the monitor, at least the shortest that is.
 Interval inside(const Interval& side, double extent_px) {
-  constexpr double kLeast = WaveAxis::kLeastLength_px;
-  const double low_px = std::clamp(side.low_px, 0.0, extent_px - kLeast);
-  return {.low_px = low_px, .high_px = std::clamp(side.high_px, low_px + kLeast, extent_px)};
+  constexpr double kMin = WaveAxis::kMinLength_px;
+  const double low_px = std::clamp(side.low_px, 0.0, extent_px - kMin);
+  return {.low_px = low_px, .high_px = std::clamp(side.high_px, low_px + kMin, extent_px)};
 }
 
 }  // namespace
@@ -83,7 +83,7 @@ std::vector<double> BoxSolver::estimate_noise() const {
           mean += off / count;
           spread += off * (sum - mean);
         }
-        if (count < kLeastSums) continue;
+        if (count < kMinSums) continue;
         squares += 0.5 * spread;
         degrees += count - 1.0;
       }
@@ -115,7 +115,7 @@ bool BoxSolver::gather(int x, double noise_factor) {
 
 // What the box that stands in the matte sees of each pattern.
 void BoxSolver::add_straight(std::span<const BackgroundPoint> background) {
-  std::array<double, WaveAxis::kMostWaves> v;
+  std::array<double, WaveAxis::kMaxWaves> v;
   for (size_t m = 0; m < layout_.monitors.size(); ++m) {
     const BoxMonitor& monitor = layout_.monitors[m];
     const BackgroundPoint& point = background[static_cast<size_t>(monitor.texture)];
@@ -128,7 +128,7 @@ void BoxSolver::add_straight(std::span<const BackgroundPoint> background) {
     for (size_t a = 0; a < 2; ++a) {
       const Interval whole = straight_side(point.axis[a]);
       sides[a] = inside(whole, extent_px[a]);
-      share *= std::min(sides[a].length_px() / std::max(whole.length_px(), WaveAxis::kLeastLength_px), 1.0);
+      share *= std::min(sides[a].length_px() / std::max(whole.length_px(), WaveAxis::kMinLength_px), 1.0);
     }
     for (size_t a = 0; a < 2; ++a) {
       fitter_.axis(m, a).means(sides[a], v);

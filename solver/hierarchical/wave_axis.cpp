@@ -13,8 +13,8 @@
 namespace glasswing {
 namespace {
 
-constexpr size_t kMostOpen = 80;  // three nodes wait on each of at most 16 levels
-constexpr size_t kKept = 3;       // of the best points of the grid, those that are refined
+constexpr size_t kMaxOpen = 80;  // three nodes wait on each of at most 16 levels
+constexpr size_t kKept = 3;      // of the best points of the grid, those that are refined
 
 double drawn(const BarWave& wave, int pixel) {
   const double bar = std::floor((pixel + 0.5 - wave.offset_px) / wave.bar_px);
@@ -24,7 +24,7 @@ double drawn(const BarWave& wave, int pixel) {
 }  // namespace
 
 struct WaveAxis::Lanes {
-  std::array<float, kMostWaves> u{}, weight{};
+  std::array<float, kMaxWaves> u{}, weight{};
 
   explicit Lanes(std::span<const Seen> seen) {
     for (size_t k = 0; k < seen.size(); ++k) {
@@ -39,7 +39,7 @@ WaveAxis::WaveAxis(std::span<const BarWave> waves, int extent_px)
       stride_((waves.size() + internal::kWaveLanes - 1) / internal::kWaveLanes * internal::kWaveLanes),
       extent_px_(extent_px),
       finest_bar_px_(extent_px) {
-  assert(!waves.empty() && waves.size() <= kMostWaves && extent_px > 0);
+  assert(!waves.empty() && waves.size() <= kMaxWaves && extent_px > 0);
   for (const BarWave& wave : waves) finest_bar_px_ = std::min(finest_bar_px_, wave.bar_px);
   per_px_ = finest_bar_px_ < 2.0 ? 4 : 1;
   last_point_ = extent_px * per_px_;
@@ -139,7 +139,7 @@ float WaveAxis::bound(const Lanes& seen, const Node& node) const {
 
 IntervalFit WaveAxis::search(std::span<const Seen> seen) const {
   const Lanes lanes(seen);
-  std::array<Node, kMostOpen> open;
+  std::array<Node, kMaxOpen> open;
   size_t open_count = 0;
   open[open_count++] = {.level = static_cast<int>(first_cell_.size()) - 1};
   float enough = std::numeric_limits<float>::infinity();
@@ -186,13 +186,13 @@ IntervalFit WaveAxis::refine(const Lanes& seen, const Interval& start) const {
   constexpr std::array<std::array<double, 2>, 8> kShifts{
       {{-1, 0}, {1, 0}, {0, -1}, {0, 1}, {1, 1}, {-1, -1}, {1, -1}, {-1, 1}}};
   IntervalFit best{.interval = start, .cost = cost(seen, start)};
-  for (double step_px = 0.5 * grid_px(); step_px >= kLeastLength_px; step_px *= 0.5) {
+  for (double step_px = 0.5 * grid_px(); step_px >= kMinLength_px; step_px *= 0.5) {
     for (bool shifted = true; shifted;) {
       shifted = false;
       const Interval from = best.interval;
       for (const auto& [low, high] : kShifts) {
         const Interval to{.low_px = from.low_px + low * step_px, .high_px = from.high_px + high * step_px};
-        if (to.low_px < 0.0 || to.high_px > extent_px_ || to.length_px() < kLeastLength_px) continue;
+        if (to.low_px < 0.0 || to.high_px > extent_px_ || to.length_px() < kMinLength_px) continue;
         const double own = cost(seen, to);
         if (own >= best.cost) continue;
         best = {.interval = to, .cost = own};

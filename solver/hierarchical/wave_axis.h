@@ -38,10 +38,10 @@ struct IntervalFit {
 
 class WaveAxis {
  public:
-  static constexpr size_t kMostWaves = 32;
-  static constexpr double kLeastLength_px = 1.0 / 64.0;
+  static constexpr size_t kMaxWaves = 32;
+  static constexpr double kMinLength_px = 1.0 / 64.0;
 
-  // 1 to kMostWaves waves, drawn on whole pixels by their value at the centres.
+  // 1 to kMaxWaves waves, drawn on whole pixels by their value at the centres.
   WaveAxis(std::span<const BarWave> waves, int extent_px);
 
   size_t wave_count() const { return wave_count_; }
@@ -65,7 +65,7 @@ class WaveAxis {
   };
   double cost(std::span<const Seen> seen, const Interval& interval) const;
   // Of all intervals on the grid none has a lower cost (but for a float's rounding); then its ends are
-  // shifted by less, down to kLeastLength_px, while that helps. One Seen a wave.
+  // shifted by less, down to kMinLength_px, while that helps. One Seen a wave.
   //
   // Coarse to fine: ends lie in cells, a pair of cells is halved while a bound on its least cost, from the
   // least and most of P_k in each, is below the best cost known.

@@ -41,10 +41,10 @@ FrameView view_of(const FrameStack& stack, const StreamedFrame& frame) {
 // Of a frame that the empty stage was averaged from.
 absl::Status check_still(const RampFrame& empty) {
   // Noise makes an object of some pixels.
-  constexpr double kMostNoise = 0.05;
+  constexpr double kMaxNoise = 0.05;
   const auto object = std::ranges::count_if(empty.alpha, [](float alpha) { return alpha > 0.0f; });
   const double part = static_cast<double>(object) / static_cast<double>(empty.alpha.size());
-  if (part <= kMostNoise) return absl::OkStatus();
+  if (part <= kMaxNoise) return absl::OkStatus();
   return absl::FailedPreconditionError(
       fmt::format("the empty stage changed while it was looked at: {:.0f} % of its pixels differ from their "
                   "mean; keep stage and light still, and try again",

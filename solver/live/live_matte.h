@@ -8,8 +8,8 @@
 #include <span>
 
 #include "glasswing/v1/live_service.pb.h"
-#include "solver/method/linear_stack.h"
 #include "solver/live/camera_stream.h"
+#include "solver/method/linear_stack.h"
 #include "solver/ramp/ramp_extractor.h"
 #include "solver/ramp/smoother/ramp_smoother.h"
 

@@ -20,7 +20,7 @@ namespace {
 
 using std::chrono::milliseconds;
 constexpr size_t kEmptyFrames = 16;
-constexpr size_t kMostPictureBytes = size_t{64} << 20;
+constexpr size_t kMaxPictureBytes = size_t{64} << 20;
 constexpr milliseconds kPoll(50);  // how soon it notices that the caller is gone
 // A call that was just cancelled needs a moment to let go.
 constexpr std::chrono::seconds kGrace(1);
@@ -80,7 +80,7 @@ class LiveServiceImpl::Call final : public grpc::ServerBidiReactor<v1::RunLiveRe
       start_ = std::move(*request.mutable_start());
       return;
     }
-    if (picture_.size() + request.picture().size() > kMostPictureBytes) too_large_ = true;
+    if (picture_.size() + request.picture().size() > kMaxPictureBytes) too_large_ = true;
     if (!too_large_) picture_ += request.picture();
     if (!request.picture_ends()) return;
     whole_picture_ = std::exchange(picture_, {});
@@ -196,7 +196,7 @@ class LiveServiceImpl::Call final : public grpc::ServerBidiReactor<v1::RunLiveRe
         changed_.wait_for(lock, kPoll, [this] { return whole_picture_ || too_large_; });
         if (too_large_)
           background_error_ = absl::InvalidArgumentError(
-              fmt::format("the background's file is larger than {} bytes", kMostPictureBytes));
+              fmt::format("the background's file is larger than {} bytes", kMaxPictureBytes));
         if (!whole_picture_) continue;
         bytes = *std::exchange(whole_picture_, std::nullopt);
       }

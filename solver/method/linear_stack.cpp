@@ -14,7 +14,7 @@ namespace {
 // Brightness takes what is above black to this part more, and noise around black to that part below.
 constexpr float kDriftAbove = 0.25f, kDriftBelow = 0.05f;
 
-constexpr float kMostPedestal = 0.25f;
+constexpr float kMaxPedestal = 0.25f;
 constexpr double kSameCrosstalk = 0.02;
 
 // No sample that is not saturated comes below, but for those where a curve's end runs far below what noise
@@ -22,7 +22,7 @@ constexpr double kSameCrosstalk = 0.02;
 float lowest(const FrameLight& light) {
   float darkest = 0.0f;
   for (int c = 0; c < kChannels; ++c) darkest = std::min(darkest, light.light(0, c));
-  return std::max(darkest, -kMostPedestal);
+  return std::max(darkest, -kMaxPedestal);
 }
 
 // What may be wrong with this light.

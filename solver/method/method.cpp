@@ -5,7 +5,7 @@
 #include <cstdlib>
 
 #include "core/base/status.h"
-#include "solver/method/drift.h"
+#include "solver/method/brightness_drift.h"
 
 namespace glasswing {
 
@@ -22,7 +22,7 @@ absl::StatusOr<FrameStack> whole_stack(std::shared_ptr<const MappedArchive> arch
     }
     return absl::StatusOr<std::vector<std::uint16_t>>(std::move(samples));
   };
-  GW_ASSIGN_OR_RETURN(stack.brightness, measure_drift(stack.manifest, read_row));
+  GW_ASSIGN_OR_RETURN(stack.brightness, measure_brightness_drift(stack.manifest, read_row));
   return stack;
 }
 

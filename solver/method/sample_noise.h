@@ -1,4 +1,5 @@
-// What noise a sample of the camera has, by the photon-transfer model: variance = read_sd^2 + gain * radiance.
+// What noise a sample of the camera has, by the photon-transfer model: variance = read_sd^2 + gain *
+// radiance.
 #pragma once
 
 #include "glasswing/v1/archive.pb.h"

@@ -40,8 +40,8 @@ class ColourManifold {
 
   // The colours of some pixels, and what they tell.
   struct Colours {
-    static constexpr size_t kMost = 64;
-    using Values = std::array<float, kMost>;
+    static constexpr size_t kMax = 64;
+    using Values = std::array<float, kMax>;
     std::array<Values, 3> light, variance;      // of the channels
     Values x_px, y_px;                          // c
     Values rho;                                 // not clamped

@@ -15,7 +15,7 @@ using internal::ManifoldTable;
 using D = hn::CappedTag<float, 16>;
 using Places = hn::RebindToSigned<D>;
 using V = hn::Vec<D>;
-static_assert(ColourManifold::Colours::kMost % 16 == 0);
+static_assert(ColourManifold::Colours::kMax % 16 == 0);
 
 V Dot(const std::array<float, 3>& row, const V* light) {
   const D d;

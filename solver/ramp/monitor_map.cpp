@@ -10,11 +10,11 @@
 namespace glasswing {
 namespace {
 
-constexpr size_t kMostPixels = 40'000;
+constexpr size_t kMaxPixels = 40'000;
 constexpr int kRounds = 30;
-constexpr double kLeastLight = 0.1;     // of the brightest: darker than any colour of the ramp
-constexpr double kLeastSpread = 0.1;    // of u and v: a monitor of which less is seen tells too little
-constexpr double kMostResidual = 0.05;  // of the monitor's longer side
+constexpr double kMinLight = 0.1;      // of the brightest: darker than any colour of the ramp
+constexpr double kMinSpread = 0.1;     // of u and v: a monitor of which less is seen tells too little
+constexpr double kMaxResidual = 0.05;  // of the monitor's longer side
 
 struct Pixel {
   double x_px = 0.0, y_px = 0.0;
@@ -28,8 +28,8 @@ double median_of(std::vector<double> values) {
 }
 
 // Weights for residuals of which most are normal; a residual of all but rounding counts fully.
-std::vector<double> robust_weights(const std::vector<double>& residuals, double least_sd) {
-  const double sd = std::max(median_of(residuals) / 0.6745, least_sd);
+std::vector<double> robust_weights(const std::vector<double>& residuals, double min_sd) {
+  const double sd = std::max(median_of(residuals) / 0.6745, min_sd);
   std::vector<double> weights(residuals.size());
   for (size_t i = 0; i < weights.size(); ++i) {
     const double z = residuals[i] / (3.0 * sd);
@@ -41,7 +41,7 @@ std::vector<double> robust_weights(const std::vector<double>& residuals, double 
 std::vector<Pixel> lit_pixels(const RadianceImage& empty) {
   const size_t count = empty.samples.size() / 3;
   const auto step =
-      static_cast<int>(std::ceil(std::sqrt(static_cast<double>(count) / static_cast<double>(kMostPixels))));
+      static_cast<int>(std::ceil(std::sqrt(static_cast<double>(count) / static_cast<double>(kMaxPixels))));
   std::vector<Pixel> pixels;
   double brightest = 0.0;
   for (int y = 0; y < empty.height_px; y += step) {
@@ -53,7 +53,7 @@ std::vector<Pixel> lit_pixels(const RadianceImage& empty) {
       pixels.push_back({x + 0.5, y + 0.5, light});
     }
   }
-  std::erase_if(pixels, [&](const Pixel& pixel) { return pixel.light.sum() <= kLeastLight * brightest; });
+  std::erase_if(pixels, [&](const Pixel& pixel) { return pixel.light.sum() <= kMinLight * brightest; });
   return pixels;
 }
 
@@ -103,7 +103,7 @@ absl::StatusOr<MonitorMap> MonitorMap::fit(const RadianceImage& empty, int monit
   }
   for (std::vector<double>& share : shares) {
     std::ranges::sort(share);
-    if (share[share.size() * 9 / 10] - share[share.size() / 10] < kLeastSpread)
+    if (share[share.size() * 9 / 10] - share[share.size() / 10] < kMinSpread)
       return no_ramp("its colours hardly change over the picture");
   }
   using Row = Eigen::Matrix<double, 8, 1>;
@@ -134,7 +134,7 @@ absl::StatusOr<MonitorMap> MonitorMap::fit(const RadianceImage& empty, int monit
   }
   MonitorMap map;
   map.residual_px_ = median_of(residuals);
-  if (!h.allFinite() || map.residual_px_ > kMostResidual * std::max(monitor_width_px, monitor_height_px))
+  if (!h.allFinite() || map.residual_px_ > kMaxResidual * std::max(monitor_width_px, monitor_height_px))
     return no_ramp("its colours do not lie in the ramp's order");
   std::copy(plane.begin(), plane.end(), map.plane_.begin());
   for (size_t i = 0; i < 8; ++i)

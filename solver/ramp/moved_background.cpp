@@ -12,13 +12,13 @@
 namespace glasswing {
 namespace {
 
-constexpr double kLeastRamp = 0.02;    // of the empty stage's light
-constexpr double kMostOfFrame = 0.9;   // an object that covers less leaves enough of the background to see
-constexpr double kMostShift_px = 1.0;  // of the camera, and five standard errors
-constexpr double kAlike = 0.7;         // of these pixels: no object keeps its background so straight
+constexpr double kMinRamp = 0.02;     // of the empty stage's light
+constexpr double kMaxOfFrame = 0.9;   // an object that covers less leaves enough of the background to see
+constexpr double kMaxShift_px = 1.0;  // of the camera, and five standard errors
+constexpr double kAlike = 0.7;        // of these pixels: no object keeps its background so straight
 constexpr float kSamePlace_px = 1.0f, kSameRho = 0.03f;
-constexpr size_t kMostPixels = 20'000;  // that are looked at; a mean needs fewer
-constexpr size_t kMostOfMean = 2'000;
+constexpr size_t kMaxPixels = 20'000;  // that are looked at; a mean needs fewer
+constexpr size_t kMaxOfMean = 2'000;
 
 size_t step_of(const RampStage& stage, size_t most) {
   return stage.behind.size() / most + 1;
@@ -37,7 +37,7 @@ absl::Status check_surroundings(const RampStage& stage, const RampLight& light, 
   Eigen::Matrix3d squares = Eigen::Matrix3d::Zero();
   Eigen::Vector3d sums = Eigen::Vector3d::Zero();
   double rest = 0.0, count = 0.0;
-  const size_t step = step_of(stage, kMostPixels);
+  const size_t step = step_of(stage, kMaxPixels);
   for (size_t i = 0; i < stage.behind.size(); i += step) {
     const auto x = static_cast<int>(i % row), y = static_cast<int>(i / row);
     if (x < kArm_px || x >= stage.width_px - kArm_px || y < kArm_px || y >= stage.height_px - kArm_px)
@@ -63,7 +63,7 @@ absl::Status check_surroundings(const RampStage& stage, const RampLight& light, 
   if (!moved.allFinite()) return absl::OkStatus();
   const double variance = std::max(rest - moved.dot(sums), 0.0) / count;
   const double error_px = std::sqrt(variance * (inverse(0, 0) + inverse(1, 1)));
-  if (std::hypot(moved[0], moved[1]) < kMostShift_px + 5.0 * error_px) return absl::OkStatus();
+  if (std::hypot(moved[0], moved[1]) < kMaxShift_px + 5.0 * error_px) return absl::OkStatus();
   return absl::FailedPreconditionError(fmt::format(
       "the background moved by {:+.1f} {:+.1f} px since the empty stage was captured", moved[0], moved[1]));
 }
@@ -72,7 +72,7 @@ absl::Status check_surroundings(const RampStage& stage, const RampLight& light, 
 
 absl::Status check_shows_ramp(const RampStage& stage, const RampLight& light) {
   double seen = 0.0, empty = 0.0;
-  const size_t step = step_of(stage, kMostOfMean);
+  const size_t step = step_of(stage, kMaxOfMean);
   for (size_t i = 0; i < stage.behind.size(); i += step) {
     if (stage.behind[i] != Behind::kRamp) continue;
     for (size_t c = 0; c < 3; ++c) {
@@ -80,7 +80,7 @@ absl::Status check_shows_ramp(const RampStage& stage, const RampLight& light) {
       empty += static_cast<double>(stage.average[3 * i + c]);
     }
   }
-  if (seen > kLeastRamp * empty) return absl::OkStatus();
+  if (seen > kMinRamp * empty) return absl::OkStatus();
   return absl::FailedPreconditionError(
       fmt::format("the frame does not show the ramp: it has {:.1f} % of the empty stage's light",
                   100.0 * std::max(seen, 0.0) / empty));
@@ -89,13 +89,13 @@ absl::Status check_shows_ramp(const RampStage& stage, const RampLight& light) {
 absl::Status check_background_stands(const RampStage& stage, const RampLight& light, const RampFrame& frame) {
   GW_RETURN_IF_ERROR(check_surroundings(stage, light, frame));
   size_t ramp = 0, changed = 0;
-  const size_t step = step_of(stage, kMostPixels);
+  const size_t step = step_of(stage, kMaxPixels);
   for (size_t i = 0; i < stage.behind.size(); i += step) {
     if (stage.behind[i] != Behind::kRamp) continue;
     ++ramp;
     if (frame.alpha[i] > 0.0f) ++changed;
   }
-  if (static_cast<double>(changed) < kMostOfFrame * static_cast<double>(ramp)) return absl::OkStatus();
+  if (static_cast<double>(changed) < kMaxOfFrame * static_cast<double>(ramp)) return absl::OkStatus();
   std::vector<float> dx_px, dy_px, rho, sd_px;
   for (size_t i = 0; i < stage.behind.size(); i += step) {
     if (stage.behind[i] != Behind::kRamp || frame.alpha[i] == 0.0f) continue;

@@ -3,9 +3,9 @@
 
 #include <absl/status/status.h>
 
-#include "solver/ramp/smoother/ramp_frame.h"
 #include "solver/ramp/ramp_light.h"
 #include "solver/ramp/ramp_stage.h"
+#include "solver/ramp/smoother/ramp_frame.h"
 
 namespace glasswing {
 

@@ -8,12 +8,12 @@
 #include "core/base/for_rows.h"
 #include "core/base/status.h"
 #include "solver/background/mask_cleaning.h"
+#include "solver/method/sample_noise.h"
 #include "solver/ramp/byte_runs.h"
 #include "solver/ramp/highlights.h"
 #include "solver/ramp/moved_background.h"
 #include "solver/ramp/partial_cover.h"
 #include "solver/ramp/prepared_stage.h"
-#include "solver/method/sample_noise.h"
 
 namespace glasswing {
 namespace {
@@ -33,7 +33,7 @@ SampleNoise noise_of(const RampStage& stage, const FrameView& view) {
 std::vector<std::uint8_t> object_of(const RampStage& stage, const RampLight& light, const SampleNoise& noise,
                                     const RampOptions& options, const MaskCleaning& cleaning,
                                     int thread_count) {
-  const double least = options.least_difference / options.threshold_sd;
+  const double least = options.min_difference / options.threshold_sd;
   const auto threshold = static_cast<float>(options.threshold_sd * options.threshold_sd);
   const auto share = static_cast<float>(1.0 + stage.empty_share);
   const float read = static_cast<float>(noise.read_sd * noise.read_sd) * share;
@@ -77,7 +77,7 @@ void put_empty_stage(const RampStage& stage, size_t begin, size_t end, RampFrame
 // c, rho and the information of pixels of the object.
 class ObjectPixels {
  public:
-  static constexpr size_t kMost = ColourManifold::Colours::kMost;
+  static constexpr size_t kMax = ColourManifold::Colours::kMax;
 
   ObjectPixels(const RampStage& stage, const SampleNoise& noise, const FrameView& view,
                const RampLight& light)
@@ -87,7 +87,7 @@ class ObjectPixels {
         read_(static_cast<float>(noise.read_sd * noise.read_sd)),
         gain_(static_cast<float>(noise.gain)) {}
 
-  // Of `count` from `first` on, at most kMost.
+  // Of `count` from `first` on, at most kMax.
   void find(size_t first, size_t count, RampFrame& frame) {
     const ColourManifold& manifold = stage_.manifold;
     for (size_t c = 0; c < 3; ++c) {
@@ -211,7 +211,7 @@ absl::StatusOr<RampFrame> RampExtractor::extract(const FrameView& view, int thre
       const std::uint8_t *run = object.data() + begin, *const end = run + row;
       while ((run = next_set(run, end)) != end) {
         const std::uint8_t* const run_end =
-            next_clear(run, run + std::min(end - run, std::ptrdiff_t{ObjectPixels::kMost}));
+            next_clear(run, run + std::min(end - run, std::ptrdiff_t{ObjectPixels::kMax}));
         const auto at = static_cast<size_t>(run - object.data()), count = static_cast<size_t>(run_end - run);
         pixels.find(at, count, frame);
         pixels.mark_highlights(at, count, rule.sure_rho(), frame, sure);

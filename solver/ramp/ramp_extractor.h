@@ -19,9 +19,9 @@
 
 #include "core/matte/matte.h"
 #include "glasswing/v1/archive.pb.h"
-#include "solver/ramp/smoother/ramp_frame.h"
-#include "solver/ramp/ramp_options.h"
 #include "solver/method/video_method.h"
+#include "solver/ramp/ramp_options.h"
+#include "solver/ramp/smoother/ramp_frame.h"
 #include "solver/ramp/video_layout.h"
 
 namespace glasswing {

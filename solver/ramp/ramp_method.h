@@ -4,8 +4,8 @@
 
 #include <memory>
 
-#include "solver/ramp/ramp_options.h"
 #include "solver/method/video_method.h"
+#include "solver/ramp/ramp_options.h"
 
 namespace glasswing {
 

@@ -21,7 +21,7 @@ struct Option {
 const std::vector<Option>& table() {
   static const std::vector<Option> options = {
       {"threshold_sd", 1.0, 1000.0, false, [](RampOptions& o, double v) { o.threshold_sd = v; }},
-      {"least_difference", 0.0, 1.0, false, [](RampOptions& o, double v) { o.least_difference = v; }},
+      {"least_difference", 0.0, 1.0, false, [](RampOptions& o, double v) { o.min_difference = v; }},
       {"dilation_px", 0.0, 1000.0, true,
        [](RampOptions& o, double v) { o.dilation_px = static_cast<int>(v); }},
       {"erosion_px", 0.0, 1000.0, true, [](RampOptions& o, double v) { o.erosion_px = static_cast<int>(v); }},

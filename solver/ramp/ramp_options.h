@@ -17,7 +17,7 @@ struct RampOptions {
   // shows the object ...
   double threshold_sd = 5.5;
   // ... if it also differs by this share of full scale: light drifts.
-  double least_difference = 0.002;
+  double min_difference = 0.002;
   // Half sides of the squares that dilate and erode, px. Left out: 0.3 % of the picture's diagonal; as
   // dilated.
   std::optional<int> dilation_px = std::nullopt, erosion_px = std::nullopt;

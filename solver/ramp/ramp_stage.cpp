@@ -11,8 +11,8 @@
 namespace glasswing {
 namespace {
 
-constexpr double kMostSaturated = 0.01;  // of the ramp's pixels
-constexpr size_t kMostSamples = 40'000;  // that the manifold is fitted to
+constexpr double kMaxSaturated = 0.01;  // of the ramp's pixels
+constexpr size_t kMaxSamples = 40'000;  // that the manifold is fitted to
 
 absl::Status check_sizes(const v1::CaptureManifest& manifest, std::span<const FrameView> views) {
   const v1::Camera& camera = manifest.camera();
@@ -116,11 +116,11 @@ absl::StatusOr<RampStage> RampStage::measure(const v1::CaptureManifest& manifest
   const v1::Monitor& monitor = manifest.monitors(layout.texture);
   const int width = manifest.camera().width_px(), height = manifest.camera().height_px();
   Mean mean = mean_of(empties);
-  if (mean.saturated > kMostSaturated) {
+  if (mean.saturated > kMaxSaturated) {
     return absl::FailedPreconditionError(
         fmt::format("the ramp is saturated in {:.1f} % of the empty stage; it must be in no more than {:.0f} "
                     "%: expose less",
-                    100.0 * mean.saturated, 100.0 * kMostSaturated));
+                    100.0 * mean.saturated, 100.0 * kMaxSaturated));
   }
   std::vector<float> dark;
   if (!black.empty()) {
@@ -134,7 +134,7 @@ absl::StatusOr<RampStage> RampStage::measure(const v1::CaptureManifest& manifest
   std::vector<float> x_px(behind.size()), y_px(behind.size());
   std::vector<ManifoldSample> samples;
   const auto step = static_cast<size_t>(
-      std::ceil(std::sqrt(static_cast<double>(behind.size()) / static_cast<double>(kMostSamples))));
+      std::ceil(std::sqrt(static_cast<double>(behind.size()) / static_cast<double>(kMaxSamples))));
   size_t at = 0;
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x, ++at) {

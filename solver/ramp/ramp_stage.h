@@ -10,11 +10,11 @@
 
 #include "glasswing/v1/archive.pb.h"
 #include "solver/background/silhouette.h"
+#include "solver/method/sample_noise.h"
+#include "solver/method/video_method.h"
 #include "solver/ramp/colour_manifold.h"
 #include "solver/ramp/monitor_map.h"
 #include "solver/ramp/ramp_options.h"
-#include "solver/method/video_method.h"
-#include "solver/method/sample_noise.h"
 #include "solver/ramp/video_layout.h"
 
 namespace glasswing {

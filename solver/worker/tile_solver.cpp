@@ -9,11 +9,11 @@
 
 #include "core/base/status.h"
 #include "core/matte/matte_file.h"
+#include "solver/method/brightness_drift.h"
+#include "solver/methods.h"
 #include "solver/worker/parallel_solve.h"
-#include "solver/method/drift.h"
 #include "solver/worker/solver_metrics.h"
 #include "solver/worker/video_solve.h"
-#include "solver/methods.h"
 
 namespace glasswing {
 namespace {
@@ -115,7 +115,7 @@ absl::StatusOr<std::shared_ptr<const SolveSource>> SolveSource::open(const v1::C
     return source->archive_.samples(source->manifest_, frames, row, 1);
   };
   if (tile.frame_count() == 0) {
-    GW_ASSIGN_OR_RETURN(source->brightness_, measure_drift(source->manifest_, read));
+    GW_ASSIGN_OR_RETURN(source->brightness_, measure_brightness_drift(source->manifest_, read));
   }
   return source;
 }

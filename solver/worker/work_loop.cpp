@@ -18,12 +18,12 @@
 #include "core/base/fault_point.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
+#include "core/base/version.h"
 #include "core/pattern/method_options.h"
 #include "core/service/service.h"
 #include "glasswing/v1/work_service.grpc.pb.h"
 #include "solver/worker/solver_metrics.h"
 #include "solver/worker/tile_solver.h"
-#include "core/base/version.h"
 
 namespace glasswing {
 namespace {
@@ -35,7 +35,7 @@ using Stub = v1::WorkService::Stub;
 // How long a solver that is asked to end still tries to hand in what is done.
 constexpr seconds kLastTry(10);
 // Of results that wait for a server that is away. Work for others goes on until then.
-constexpr size_t kMostKeptBytes = size_t{512} << 20;
+constexpr size_t kMaxKeptBytes = size_t{512} << 20;
 
 void wait(std::stop_token stop, milliseconds time) {
   std::mutex mutex;
@@ -49,7 +49,7 @@ bool is_gone(const grpc::Status& status) {
          status.error_code() == grpc::StatusCode::NOT_FOUND;
 }
 
-std::string words_for(const v1::TileLease& lease) {
+std::string describe(const v1::TileLease& lease) {
   return fmt::format("session={} job={} tile={} attempt={}", lease.session(), lease.job(), lease.tile(),
                      lease.attempt());
 }
@@ -183,7 +183,7 @@ absl::StatusOr<T> WorkLoop::patiently(const OwnTile& tile, const std::function<a
     absl::StatusOr<T> result = what();
     if (in_vain.stop_requested()) return absl::CancelledError("in vain");
     if (!absl::IsUnavailable(result.status())) return result;
-    spdlog::warn("tile waits {} error=\"{}\"", words_for(tile.claim.lease()),
+    spdlog::warn("tile waits {} error=\"{}\"", describe(tile.claim.lease()),
                  std::string(result.status().message()));
     wait(in_vain, seconds(1));
   }
@@ -209,12 +209,12 @@ void WorkLoop::insist(const OwnTile& tile, const std::function<grpc::Status(grpc
     if (status.ok()) {
       solver_metrics().solved.Increment();
       spdlog::info("{} {} seconds={:.2f}", tile.claim.survey_rows().empty() ? "tile done" : "surveyed",
-                   words_for(tile.claim.lease()), tile.age());
+                   describe(tile.claim.lease()), tile.age());
       return;
     }
     const bool gone = is_gone(status) || status.error_code() == grpc::StatusCode::INVALID_ARGUMENT;
     spdlog::warn("tile {} {} error=\"{}\"", gone ? "given up" : "kept for another try",
-                 words_for(tile.claim.lease()), status.error_message());
+                 describe(tile.claim.lease()), status.error_message());
     if (gone) return solver_metrics().lost.Increment();
     wait(stop_.stop_requested() ? std::stop_token() : stop_, milliseconds(500));
   }
@@ -254,7 +254,7 @@ void WorkLoop::hand_in_behind(std::unique_ptr<OwnTile> tile, SolvedTile solved) 
   std::erase_if(handing_in_, [](const std::future<void>& result) {
     return result.wait_for(seconds(0)) == std::future_status::ready;
   });
-  if (kept_bytes_ > kMostKeptBytes && !handing_in_.empty()) handing_in_.front().wait();
+  if (kept_bytes_ > kMaxKeptBytes && !handing_in_.empty()) handing_in_.front().wait();
   size_t bytes = 0;
   for (const SolvedFile& file : solved.files) bytes += file.bytes.size();
   kept_bytes_ += bytes;
@@ -295,7 +295,7 @@ void WorkLoop::fail(const OwnTile& tile, v1::FailTileRequest request) {
 
 void WorkLoop::hand_back(const OwnTile& tile) {
   solver_metrics().handed_back.Increment();
-  spdlog::info("tile handed back {}", words_for(tile.claim.lease()));
+  spdlog::info("tile handed back {}", describe(tile.claim.lease()));
   v1::FailTileRequest request;
   request.set_handed_back(true);
   fail(tile, request);
@@ -306,11 +306,11 @@ void WorkLoop::give_up(const OwnTile& tile, const absl::Status& why) {
   if (tile.keeper->in_vain().stop_requested()) {
     solver_metrics().lost.Increment();
     spdlog::warn("tile given up {}: the lease was lost, or another solver was quicker",
-                 words_for(tile.claim.lease()));
+                 describe(tile.claim.lease()));
     return;
   }
   solver_metrics().failed.Increment();
-  spdlog::error("tile not solved {} error=\"{}\"", words_for(tile.claim.lease()), std::string(why.message()));
+  spdlog::error("tile not solved {} error=\"{}\"", describe(tile.claim.lease()), std::string(why.message()));
   v1::FailTileRequest request;
   request.set_error(std::string(why.message()));
   request.set_permanent(absl::IsInvalidArgument(why) || absl::IsFailedPrecondition(why) ||

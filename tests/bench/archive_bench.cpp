@@ -20,8 +20,8 @@
 #include "core/archive/archive_service.h"
 #include "core/archive/remote_archive.h"
 #include "core/base/freed_memory.h"
-#include "core/service/service.h"
 #include "core/security/tls.h"
+#include "core/service/service.h"
 #include "tests/core/security/made_certificates.h"
 
 namespace glasswing {

@@ -1,14 +1,14 @@
-// One-dimensional fits, against Ceres on the same windows, and the whole stage from frames to crests.
+// One-dimensional fits, against Ceres on the same windows, and the whole stage from frames to peaks.
 #include <benchmark/benchmark.h>
 #include <ceres/ceres.h>
 
 #include <cmath>
 #include <random>
 
-#include "solver/gaussian/crests.h"
+#include "solver/gaussian/peaks.h"
 #include "solver/gaussian/sample_tile.h"
-#include "tests/bench/rows.h"
 #include "solver/method/sample_noise.h"
+#include "tests/bench/rows.h"
 
 namespace glasswing {
 namespace {
@@ -54,7 +54,7 @@ struct Responses {
       }
       starts.push_back(start);
     }
-    // As the crest finder deals them out.
+    // As the peak finder deals them out.
     std::vector<size_t> order(windows.size());
     for (size_t i = 0; i < order.size(); ++i) order[i] = i;
     std::sort(order.begin(), order.end(),
@@ -144,7 +144,7 @@ void line_ceres(benchmark::State& state, int modes) {
   state.SetItemsProcessed(fits);
 }
 
-// 65536 responses of one sweep, as frames in memory; nine in ten have one crest, the others two.
+// 65536 responses of one sweep, as frames in memory; nine in ten have one peak, the others two.
 struct Frames {
   static constexpr int kWidth = 65536 / 3 / 16 * 16, kLanes = 3 * kWidth;
   Frames() {
@@ -158,7 +158,7 @@ struct Frames {
     std::uniform_real_distribution<double> place(20.0, 280.0), widening(1.0, 1.5), amplitude(0.2, 0.9),
         share(0.0, 1.0);
     std::vector<std::array<double, 6>> modes(kLanes);
-    // As the views of neighbouring pixels do, the crests wander; now and then they jump.
+    // As the views of neighbouring pixels do, the peaks wander; now and then they jump.
     std::array<double, 6> pixel{};
     for (size_t i = 0; i < kLanes; ++i) {
       if (i % 3 == 0) {
@@ -202,15 +202,15 @@ void stage(benchmark::State& state) {
   static const Frames frames;
   const SampleNoise noise{.read_sd = 0.002, .gain = 0.0};
   SampleTile tile(frames.layout);
-  CrestFinder finder;
-  std::vector<std::array<Crests, kBlockLanes>> found;
+  PeakFinder finder;
+  std::vector<std::array<Peaks, kBlockLanes>> found;
   std::array<float, kBlockLanes> floor, sd;
   floor.fill(0.008f);
   sd.fill(0.002f);
   for (auto _ : state) {
-    for (int first = 0; first < Frames::kLanes; first += SampleTile::kMostBlocks * kBlockLanes) {
+    for (int first = 0; first < Frames::kLanes; first += SampleTile::kMaxBlocks * kBlockLanes) {
       tile.load(frames.stack, 0, first,
-                std::min(SampleTile::kMostBlocks * kBlockLanes, Frames::kLanes - first), noise);
+                std::min(SampleTile::kMaxBlocks * kBlockLanes, Frames::kLanes - first), noise);
       for (int block = 0; block < tile.block_count(); ++block) {
         float* y = tile.samples(block, 0);
         for (int i = 0; i < kSamples * kBlockLanes; ++i) y[i] -= 0.01f;

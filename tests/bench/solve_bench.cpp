@@ -15,10 +15,10 @@
 
 #include "core/frame/archive.h"
 #include "core/import/mapped_archive.h"
-#include "solver/worker/parallel_solve.h"
 #include "solver/footprint/footprint.h"
-#include "tests/bench/rows.h"
 #include "solver/methods.h"
+#include "solver/worker/parallel_solve.h"
+#include "tests/bench/rows.h"
 
 namespace glasswing {
 namespace {
@@ -175,7 +175,7 @@ class BigArchive {
     const double phi = degrees * std::numbers::pi / 180.0;
     const StripeAxis axis{.cos_phi = std::cos(phi), .sin_phi = std::sin(phi), .sigma_px = kStripe_px};
     struct Line {
-      float centre, inverse, crest;
+      float centre, inverse, peak;
     };
     std::vector<Line> lines;
     lines.reserve(modes_.size());
@@ -198,7 +198,7 @@ class BigArchive {
         float value = 0.02f;
         for (size_t m = 2 * i; m < 2 * i + 2; ++m) {
           const float z = (static_cast<float>(r) - lines[m].centre) * lines[m].inverse;
-          if (lines[m].crest > 0.0f && std::abs(z) < 5.0f) value += lines[m].crest * std::exp(-0.5f * z * z);
+          if (lines[m].peak > 0.0f && std::abs(z) < 5.0f) value += lines[m].peak * std::exp(-0.5f * z * z);
         }
         image.samples[i] = code(static_cast<double>(value), i);
       }

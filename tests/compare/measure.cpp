@@ -7,20 +7,20 @@
 #include "core/base/status.h"
 #include "core/frame/image_file.h"
 #include "core/matte/compositor.h"
-#include "tests/results/solved.h"
 #include "solver/methods.h"
+#include "tests/results/solved.h"
 
 namespace glasswing {
 namespace {
 
 // Short solves are repeated, for the median of their times.
-constexpr int kMostSolves = 3;
+constexpr int kMaxSolves = 3;
 constexpr double kShortSolve_s = 1.0;
 
 absl::StatusOr<Solved> solve_timed(const Method& method, const FrameStack& stack) {
   GW_ASSIGN_OR_RETURN(Solved solved, solve(method, stack));
   std::vector<double> seconds{solved.seconds};
-  while (solved.seconds < kShortSolve_s && seconds.size() < kMostSolves) {
+  while (solved.seconds < kShortSolve_s && seconds.size() < kMaxSolves) {
     GW_ASSIGN_OR_RETURN(const Solved again, solve(method, stack));
     seconds.push_back(again.seconds);
   }

@@ -21,8 +21,8 @@
 // Small inputs have no business asking for much memory.
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 void* operator new(std::size_t size) {
-  constexpr std::size_t kMost = 256u << 20;
-  if (size > kMost) {
+  constexpr std::size_t kMax = 256u << 20;
+  if (size > kMax) {
     std::fprintf(stderr, "%zu bytes asked for at once\n", size);
     std::abort();
   }

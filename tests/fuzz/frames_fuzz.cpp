@@ -20,7 +20,7 @@ namespace {
 using google::protobuf::TextFormat;
 
 constexpr std::string_view kParting = "\n----\n";
-constexpr IdPatch kPatch{.width_px = IdPatch::kLeastWidth_px, .first_row = 0, .rows = IdPatch::kLeastRows};
+constexpr IdPatch kPatch{.width_px = IdPatch::kMinWidth_px, .first_row = 0, .rows = IdPatch::kMinRows};
 constexpr std::int64_t kFrames = 14;
 
 // Ten lessons of the id patch, and four other ids.

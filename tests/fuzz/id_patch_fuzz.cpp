@@ -8,7 +8,7 @@
 namespace glasswing::fuzz {
 namespace {
 
-constexpr IdPatch kPatch{.width_px = IdPatch::kLeastWidth_px, .first_row = 0, .rows = IdPatch::kLeastRows};
+constexpr IdPatch kPatch{.width_px = IdPatch::kMinWidth_px, .first_row = 0, .rows = IdPatch::kMinRows};
 
 Image16 picture_of(std::uint16_t id) {
   RadianceImage radiance(kPatch.width_px, kPatch.rows);

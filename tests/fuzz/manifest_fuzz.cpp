@@ -3,8 +3,8 @@
 #include <set>
 
 #include "core/frame/archive.h"
-#include "tests/fuzz/fuzz_target.h"
 #include "core/import/foreign_manifest.h"
+#include "tests/fuzz/fuzz_target.h"
 
 namespace glasswing::fuzz {
 
@@ -46,7 +46,7 @@ void try_input(std::string_view input) {
   FUZZ_CHECK(camera.width_px() >= 1 && camera.width_px() <= kMaxSide_px);
   FUZZ_CHECK(camera.height_px() >= 1 && camera.height_px() <= kMaxSide_px);
   FUZZ_CHECK(camera.read_sd() >= 0.0 && std::isfinite(camera.gain()));
-  FUZZ_CHECK(manifest->monitors_size() >= 1 && manifest->monitors_size() <= kMostMonitors);
+  FUZZ_CHECK(manifest->monitors_size() >= 1 && manifest->monitors_size() <= kMaxMonitors);
   std::set<std::string> files;
   for (const v1::Frame& frame : manifest->frames()) {
     FUZZ_CHECK(files.insert(frame.file()).second);

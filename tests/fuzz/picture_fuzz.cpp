@@ -12,7 +12,7 @@ namespace glasswing::fuzz {
 namespace {
 
 constexpr int kWidth_px = 12, kHeight_px = 7;  // of the camera
-constexpr std::int64_t kMostPixels = 1 << 20;  // beyond, a good picture is a matter of time
+constexpr std::int64_t kMaxPixels = 1 << 20;   // beyond, a good picture is a matter of time
 
 std::string jpeg_of(int width_px, int height_px) {
   RadianceImage image(width_px, height_px);
@@ -58,7 +58,7 @@ void try_input(std::string_view input) {
     FUZZ_CHECK(size.ok() && *size == (PictureSize{kWidth_px, kHeight_px}));
 
   // Of what is neither, and of no size that is allowed, nothing is decoded at all.
-  if (size.ok() && std::int64_t{size->width_px} * size->height_px > kMostPixels) return;
+  if (size.ok() && std::int64_t{size->width_px} * size->height_px > kMaxPixels) return;
   const absl::StatusOr<RadianceImage> radiance = decode_radiance(input, Encoding::kDisplay);
   if (radiance.ok()) {
     FUZZ_CHECK(size.ok());

@@ -9,7 +9,7 @@
 namespace glasswing::fuzz {
 namespace {
 
-constexpr size_t kMostSteps = 20000;
+constexpr size_t kMaxSteps = 20000;
 
 const std::vector<v1::Monitor>& rig() {
   static const std::vector<v1::Monitor> rig = [] {
@@ -34,7 +34,7 @@ void try_steps(const v1::Plan& plan) {
     return;
   }
   FUZZ_CHECK(check_plan(plan).ok());
-  FUZZ_CHECK(steps->size() <= kMostSteps);
+  FUZZ_CHECK(steps->size() <= kMaxSteps);
   bool object = false;
   for (size_t i = 0; i < steps->size(); ++i) {
     const Step& step = (*steps)[i];

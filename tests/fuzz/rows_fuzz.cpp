@@ -58,11 +58,11 @@ void answer(const v1::ReadRowsRequest& request) {
     FUZZ_CHECK(!chunks.status().message().empty());
     return;
   }
-  constexpr size_t kMost = 1 << 21;
+  constexpr size_t kMax = 1 << 21;
   std::string expected;
   for (const std::string& file : request.files()) {
     expected += rows_of(file, request.first_row(), request.row_count());
-    if (expected.size() > kMost) return;  // more of the same
+    if (expected.size() > kMax) return;  // more of the same
   }
   std::string got(expected.size(), '\0');
   std::int64_t offset = request.offset_bytes();

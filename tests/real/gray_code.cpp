@@ -22,9 +22,9 @@
 namespace glasswing {
 namespace {
 
-constexpr int kLeastContrast = 8;  // codes of 8 bits
-constexpr int kSureBit = 2;        // stripes of 8 px
-constexpr double kLeastShare = 0.95;
+constexpr int kMinContrast = 8;  // codes of 8 bits
+constexpr int kSureBit = 2;      // stripes of 8 px
+constexpr double kMinShare = 0.95;
 constexpr float kLit = 0.0015f;  // of full scale; less light than that is not drawn
 
 // The 8-bit sRGB code of a linear sample.
@@ -82,7 +82,7 @@ class Decoder {
           contrast = std::max(contrast, std::abs(difference));
           sum += difference;
         }
-        done[x] = done[x] || contrast < kLeastContrast;
+        done[x] = done[x] || contrast < kMinContrast;
         if (done[x]) continue;
         above[x] ^= sum > 0 ? 1 : 0;
         place[x] = 2 * place[x] + above[x];
@@ -188,11 +188,11 @@ absl::StatusOr<bool> check(const std::string& archive_path, const std::string& m
              lit, 100.0 * flagged / std::max(lit, 1.0), count);
   fmt::print(
       "    {:.2f} % of these agree with the plain decoding (at least {:.0f} % must), {:.2f} % have no box\n",
-      100.0 * share, 100.0 * kLeastShare, 100.0 * unsolved / count);
+      100.0 * share, 100.0 * kMinShare, 100.0 * unsolved / count);
   fmt::print("    from the decoding: median {:.2f} px, 95 % within {:.2f} px; half sides: median {:.2f} px\n",
              at(off_px, 0.5), at(off_px, 0.95), at(half_px, 0.5));
   GW_RETURN_IF_ERROR(draw(matte, pictures));
-  return share >= kLeastShare;
+  return share >= kMinShare;
 }
 
 }  // namespace

@@ -27,9 +27,9 @@ namespace fs = std::filesystem;
 constexpr const char* kPicture = "real/backgrounds_cc0/astronaut.png";
 constexpr int kChannel = 1;
 constexpr float kWidest_px2 = 400.0f;
-constexpr float kLit = 0.25f;                   // the mirror, white less black
-constexpr double kLeastModulation = 8.0 / 255;  // below it a plain decode means nothing
-constexpr int kReach = 3;                       // of the window in which the map is smooth, px
+constexpr float kLit = 0.25f;                 // the mirror, white less black
+constexpr double kMinModulation = 8.0 / 255;  // below it a plain decode means nothing
+constexpr int kReach = 3;                     // of the window in which the map is smooth, px
 
 // Frames of one sinusoid, by quarter turns.
 using Quarters = std::array<int, 4>;
@@ -53,7 +53,7 @@ std::optional<double> decode(const FrameStack& stack,
   for (const auto& [period_px, frames] : fringes) {
     const auto at = [&](size_t k) { return static_cast<double>(stack.at(frames[k], x, y, kChannel)); };
     const double cosine = at(0) - at(2), sine = at(1) - at(3);
-    if (0.5 * std::hypot(cosine, sine) < kLeastModulation) return std::nullopt;
+    if (0.5 * std::hypot(cosine, sine) < kMinModulation) return std::nullopt;
     const double turn = std::atan2(sine, cosine) / (2.0 * std::numbers::pi);
     const double own_px = (turn < 0.0 ? turn + 1.0 : turn) * period_px;
     place_px = place_px ? own_px + std::round((*place_px - own_px) / period_px) * period_px : own_px;

@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kLeastInside = 0.99, kMostOutside = 0.005;
+constexpr double kMinInside = 0.99, kMaxOutside = 0.005;
 
 struct Shares {
   double inside = 0.0;   // of the pixels that are certainly the object's
@@ -71,17 +71,17 @@ bool check(const fs::path& directory, const std::string& name, const fs::path& m
     masked_s = std::min(masked_s, seconds_since(then));
   }
   const Shares after = compare(mask, trimap);
-  const PictureDrift& drift = object.drift();
+  const ImageRegistration& drift = object.drift();
   fmt::print(
       "{:<10} {:6.2f} % of the object, {:5.2f} % of what is not (not moved: {:.2f} %, {:.2f} %); moved by "
       "{:+.3f} {:+.3f} px, corners up "
       "to {:.2f} px, gain {:.3f} {:.3f} {:.3f}; usual noise {:.2f} codes of 255; {:.2f} s and {:.1f} ms\n",
       name, 100.0 * after.inside, 100.0 * after.outside, 100.0 * before.inside, 100.0 * before.outside,
-      drift.shift_px[0], drift.shift_px[1], drift.most_px(with.width_px, with.height_px), drift.gain[0],
+      drift.shift_px[0], drift.shift_px[1], drift.max_px(with.width_px, with.height_px), drift.gain[0],
       drift.gain[1], drift.gain[2], 255.0 * object.usual_noise(), prepared_s, 1e3 * masked_s);
   if (!masks.empty() && !write_radiance(masks / (name + ".png"), picture_of(mask), Encoding::kLinear).ok())
     fmt::print(stderr, "cannot write below {}\n", masks.string());
-  return after.inside >= kLeastInside && after.outside <= kMostOutside;
+  return after.inside >= kMinInside && after.outside <= kMaxOutside;
 }
 
 }  // namespace

@@ -8,9 +8,9 @@
 
 #include "core/matte/compositor.h"
 #include "core/matte/fast_compositor.h"
+#include "solver/methods.h"
 #include "tests/results/rendered_scene.h"
 #include "tests/results/solved.h"
-#include "solver/methods.h"
 
 namespace glasswing {
 namespace {

@@ -9,8 +9,8 @@
 #include "core/base/status.h"
 #include "core/frame/archive.h"
 #include "core/frame/image_file.h"
-#include "core/pattern/pattern.h"
 #include "core/import/foreign_manifest.h"
+#include "core/pattern/pattern.h"
 
 namespace glasswing {
 namespace {

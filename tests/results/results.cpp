@@ -7,10 +7,10 @@
 
 #include "core/frame/image_file.h"
 #include "core/matte/compositor.h"
+#include "solver/methods.h"
 #include "tests/results/rendered_scene.h"
 #include "tests/results/sheet.h"
 #include "tests/results/solved.h"
-#include "solver/methods.h"
 
 namespace glasswing {
 namespace {

@@ -6,9 +6,9 @@
 
 #include "core/frame/archive.h"
 #include "core/frame/image_file.h"
+#include "core/import/foreign_manifest.h"
 #include "core/matte/compositor.h"
 #include "solver/method/method.h"
-#include "core/import/foreign_manifest.h"
 #include "solver/methods.h"
 
 namespace glasswing {

@@ -7,9 +7,9 @@
 #include <optional>
 
 #include "camera-node/backends/emission_client.h"
-#include "core/telemetry/logs.h"
 #include "core/service/service.h"
 #include "core/sim/sensor.h"
+#include "core/telemetry/logs.h"
 #include "tests/vm/camera_code.h"
 
 namespace {

@@ -100,12 +100,12 @@ export async function* stream<Answer>(
 }
 
 // A stream says that it is alive every five seconds; one that does not is as good as gone.
-const kMostSilence_ms = 20_000;
+const kMaxSilence_ms = 20_000;
 
 async function soon<T>(reading: Promise<T>): Promise<T> {
   let timer: ReturnType<typeof setTimeout> | undefined;
   const silence = new Promise<never>(
-    (_, reject) => (timer = setTimeout(() => reject(unanswered()), kMostSilence_ms)),
+    (_, reject) => (timer = setTimeout(() => reject(unanswered()), kMaxSilence_ms)),
   );
   return Promise.race([reading, silence]).finally(() => clearTimeout(timer));
 }

@@ -14,14 +14,14 @@ constexpr int kAcross = 8;   // pilots are smooth: so many pixels across block a
 constexpr int kPace_px = 4;  // of the first search, and how often
 constexpr int kPaces = 4;
 constexpr float kExpected = 3.0f, kGain = 0.5f;
-constexpr float kMost = 32.0f;
+constexpr float kMax = 32.0f;
 constexpr int kMean_px = 4;  // half the side of the square of which m is the mean
 
 struct Step {
   int x = 0, y = 0;
 };
 
-// chi^2 of pixels `own` of the one and `there` of the other, at most kMost.
+// chi^2 of pixels `own` of the one and `there` of the other, at most kMax.
 struct Difference {
   const SmoothState& one;
   const SmoothState& other;
@@ -33,7 +33,7 @@ struct Difference {
     const float darker = other.value[2][there] - one.value[2][own];
     const float s = (right * right + down * down) * both(one.info[own], other.info[there]) +
                     darker * darker * rho_info * both(one.count[own], other.count[there]);
-    return s < kMost ? s : kMost;
+    return s < kMax ? s : kMax;
   }
 
  private:
@@ -109,7 +109,7 @@ class Joiner {
     const std::vector<Place> places = places_of(x0, y0);
     if (places.empty()) return best;
     const auto count = static_cast<float>(places.size());
-    float least = cost(places, best, kMost * count);
+    float least = cost(places, best, kMax * count);
     if (least <= kExpected * count) return best;
     const auto look_around = [&](Step centre, int pace, int rings) {
       for (int ring = 1; ring <= rings; ++ring) {
@@ -162,7 +162,7 @@ class Joiner {
       const int column = place.x + step.x, row = place.y + step.y;
       const bool inside = column >= 0 && row >= 0 && column < beyond.width && row < beyond.height;
       const size_t there = inside ? beyond.at(column, row) : 0;
-      sum += inside && other_.samples.object[there] > 0.0f ? difference_(place.own, there) : kMost;
+      sum += inside && other_.samples.object[there] > 0.0f ? difference_(place.own, there) : kMax;
       if (sum >= most) break;
     }
     return sum;

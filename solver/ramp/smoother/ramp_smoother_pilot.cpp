@@ -10,8 +10,8 @@ namespace glasswing {
 namespace {
 
 // Standard deviations by which rho may be moved.
-constexpr float kMostRho_sd = 3.0f;
-constexpr float kLeastRhoSd = 1e-6f;
+constexpr float kMaxRho_sd = 3.0f;
+constexpr float kMinRhoSd = 1e-6f;
 // Pictures of so many pixels are smoothed at half resolution: the same windows then reach twice as far, at a
 // quarter of the cost.
 constexpr int kLarge_px = 300'000;
@@ -141,7 +141,7 @@ void halve(SmoothPilot& pilot, int thread_count) {
 // Row y of the area.
 void put_row(const std::array<float, 6>& s, const SmoothArea& area, const SmoothSamples& samples,
              float rho_info, const SmoothState& state, int y, RampFrame& frame) {
-  const float most = kMostRho_sd * kMostRho_sd / rho_info;
+  const float most = kMaxRho_sd * kMaxRho_sd / rho_info;
   for (int x = 0; x < area.width; ++x) {
     const size_t from = area.at(x, y);
     if (samples.object[from] == 0.0f || state.info[from] <= 0.0f) continue;
@@ -195,7 +195,7 @@ SmoothPilot make_pilot(const RampFrame& frame, int thread_count) {
   const bool large = frame.width_px * frame.height_px >= kLarge_px;
   pilot.area = large ? even(area_of(frame)) : area_of(frame);
   pilot.straight = straight_of(frame);
-  const float rho_sd = std::max(frame.rho_sd, kLeastRhoSd);
+  const float rho_sd = std::max(frame.rho_sd, kMinRhoSd);
   pilot.rho_info = 1.0f / (rho_sd * rho_sd);
   pilot.samples = samples_of(frame, pilot.straight, pilot.area, thread_count);
   if (large) halve(pilot, thread_count);

@@ -8,11 +8,11 @@
 #include <random>
 
 #include "core/base/checksum.h"
+#include "core/base/version.h"
 #include "core/matte/matte_file.h"
 #include "core/pattern/method_options.h"
 #include "core/service/service.h"
 #include "glasswing/v1/work_service.grpc.pb.h"
-#include "core/base/version.h"
 
 namespace glasswing {
 namespace {
@@ -148,8 +148,7 @@ class SimulatedSolver {
 
 double wait_s(const SimulatedWork& work, int first_row) {
   std::mt19937_64 random(work.seed * 1000003 + static_cast<std::uint64_t>(first_row));
-  return std::min(work.least_s + std::exponential_distribution<double>(1.0 / work.more_s)(random),
-                  work.most_s);
+  return std::min(work.min_s + std::exponential_distribution<double>(1.0 / work.more_s)(random), work.max_s);
 }
 
 SolverLog run_simulated_solver(const SimulatedWork& work, const std::string& name, std::stop_token stop) {

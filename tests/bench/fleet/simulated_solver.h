@@ -17,7 +17,7 @@ struct SimulatedWork {
   std::uint64_t seed = 1;
   // Of a tile: the least and, on average, what comes on top, exponentially distributed; never more than the
   // most.
-  double least_s = 0.5, more_s = 1.0, most_s = 5.0;
+  double min_s = 0.5, more_s = 1.0, max_s = 5.0;
   double row_s = 2.0;  // what a survey says of every row: so much that each becomes a tile
 };
 

@@ -94,7 +94,7 @@ TEST_F(CompositeVideo, PicturesOfADirectoryBeginAgain) {
 // whose coarsest step in MPEG-4 is 46/8 of a level, half of it either way. sRGB's steepest slope is 2.3 light
 // a code.
 TEST_F(CompositeVideo, AVideoIsWrittenAndReadAgain) {
-  constexpr double kMostLost = 2.3 * (0.5 + 0.5 * 46.0 / 8.0 + 0.5) / 219.0;
+  constexpr double kMaxLost = 2.3 * (0.5 + 0.5 * 46.0 / 8.0 + 0.5) / 219.0;
   for (const std::string suffix : {".mp4", ".avi"}) {
     const std::string video = path("pour" + suffix);
     const Outcome outcome = run_glasswing(
@@ -108,7 +108,7 @@ TEST_F(CompositeVideo, AVideoIsWrittenAndReadAgain) {
       ASSERT_EQ(read->width_px, kWidth);
       for (const std::uint16_t code : read->samples) {
         const float light = linear_of_srgb(static_cast<float>(code) / 65535.0f);
-        EXPECT_NEAR(light, 0.125 * i + 0.25, kMostLost) << suffix << " " << i;
+        EXPECT_NEAR(light, 0.125 * i + 0.25, kMaxLost) << suffix << " " << i;
       }
     }
     EXPECT_FALSE(reader.next()) << suffix;

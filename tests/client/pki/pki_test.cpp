@@ -7,8 +7,8 @@
 
 #include "client/pki/certificate_authority.h"
 #include "core/base/file.h"
-#include "core/service/service.h"
 #include "core/security/tls.h"
+#include "core/service/service.h"
 #include "glasswing/v1/clock_service.grpc.pb.h"
 #include "tests/client/run_glasswing.h"
 #include "tests/core/security/made_certificates.h"

@@ -3,7 +3,7 @@
 
 #include <xxhash.h>
 
-#include "core/archive/place.h"
+#include "core/archive/archive_location.h"
 #include "tests/core/archive/made_archive.h"
 
 namespace glasswing {

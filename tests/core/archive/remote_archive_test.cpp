@@ -6,9 +6,9 @@
 #include <atomic>
 #include <mutex>
 
+#include "core/import/foreign_manifest.h"
 #include "tests/core/archive/made_archive.h"
 #include "tests/core/archive/tampering_relay.h"
-#include "core/import/foreign_manifest.h"
 
 namespace glasswing {
 namespace {

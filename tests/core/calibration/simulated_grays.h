@@ -10,11 +10,11 @@
 #include <string>
 #include <vector>
 
+#include "core/calibration/display_calibration.h"
 #include "core/frame/archive.h"
 #include "core/pattern/calibration_steps.h"
 #include "core/pattern/id_patch.h"
 #include "core/pattern/pattern.h"
-#include "core/calibration/display_calibration.h"
 #include "core/sim/panel.h"
 #include "core/sim/sensor.h"
 

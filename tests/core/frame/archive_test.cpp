@@ -12,8 +12,8 @@
 #include "core/base/checksum.h"
 #include "core/base/file.h"
 #include "core/frame/image_file.h"
-#include "tests/core/base/flipped.h"
 #include "core/import/foreign_manifest.h"
+#include "tests/core/base/flipped.h"
 
 namespace glasswing {
 namespace {

@@ -159,17 +159,17 @@ TEST(Plan, SweepsCoverTheMonitorWithEvenSteps) {
           "p")
           .value();
   const std::vector<Step> steps = expand(plan, {monitor("back", 128, 96)}).value();
-  std::map<double, std::vector<double>> crests;
+  std::map<double, std::vector<double>> peaks;
   for (const Step& step : steps) {
     EXPECT_TRUE(step.object);
-    crests[step.stimulus.phi_deg()].push_back(step.stimulus.r_px());
+    peaks[step.stimulus.phi_deg()].push_back(step.stimulus.r_px());
   }
   // Down: y from 0 to 96, two sigmas past each edge. Up and right: x cos 45 - y sin 45 from -96 to 128 over
   // sqrt 2.
   const std::map<double, std::array<double, 3>> expected{
       {90.0, {-8.0, 104.0, 2.0}}, {-45.0, {-96 / std::sqrt(2.0) - 8, 128 / std::sqrt(2.0) + 8, 1.0}}};
   for (const auto& [phi, extent] : expected) {
-    const std::vector<double>& r = crests.at(phi);
+    const std::vector<double>& r = peaks.at(phi);
     EXPECT_GE(r.front(), extent[0] - 1e-6);
     EXPECT_LT(r.front(), extent[0] + extent[2]);
     EXPECT_LE(r.back(), extent[1] + 1e-6);

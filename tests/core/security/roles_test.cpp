@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "core/base/file.h"
-#include "core/service/service.h"
 #include "core/security/tls.h"
+#include "core/service/service.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
 #include "glasswing/v1/calibration_service.grpc.pb.h"
 #include "glasswing/v1/camera_service.grpc.pb.h"

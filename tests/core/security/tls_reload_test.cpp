@@ -10,8 +10,8 @@
 #include <future>
 
 #include "core/base/file.h"
-#include "core/service/service.h"
 #include "core/security/tls.h"
+#include "core/service/service.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 #include "tests/core/security/made_certificates.h"
 

@@ -10,8 +10,8 @@
 #include <thread>
 
 #include "core/service/service.h"
-#include "display-node/playback/player.h"
 #include "display-node/backends/sim_display.h"
+#include "display-node/playback/player.h"
 
 namespace glasswing {
 namespace {

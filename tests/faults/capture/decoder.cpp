@@ -19,7 +19,7 @@ class Frame {
   int rows() const { return view_.pattern_rows; }
   double at(int x, int y, int c) const { return image_.at(x, y, c) / 65535.0; }
   double grey(int x, int y) const { return (at(x, y, 0) + at(x, y, 1) + at(x, y, 2)) / 3.0; }
-  double most_noise() const { return kSigmas * view_.noise_sd; }
+  double max_noise() const { return kSigmas * view_.noise_sd; }
 
  private:
   const Image16& image_;
@@ -32,7 +32,7 @@ Verdict compare(const Frame& frame, const std::function<double(int x, int y, int
   for (int y = 0; y < frame.rows(); ++y) {
     for (int x = 0; x < frame.width_px(); ++x) {
       for (int c = 0; c < 3; ++c) {
-        if (std::abs(frame.at(x, y, c) - expected(x, y, c)) > frame.most_noise())
+        if (std::abs(frame.at(x, y, c) - expected(x, y, c)) > frame.max_noise())
           return fmt::format("sample ({}, {}, {}) is {:.3f}, not {:.3f}", x, y, c, frame.at(x, y, c),
                              expected(x, y, c));
       }
@@ -64,7 +64,7 @@ Verdict judge_stripe(const Frame& frame, const v1::Stimulus& stimulus, double st
         const double place_px = (x + 0.5) * cos_phi + (y + 0.5) * sin_phi;
         const double off_px = place_px - stimulus.r_px();
         const double light = stimulus.peak() * std::exp(-0.5 * off_px * off_px / variance);
-        if (std::abs(frame.grey(x, y) - light) > frame.most_noise())
+        if (std::abs(frame.grey(x, y) - light) > frame.max_noise())
           return fmt::format("pixel ({}, {}) is {:.3f}, not {:.3f}", x, y, frame.grey(x, y), light);
         const bool inside = x >= dx && y >= dy && x + dx < frame.width_px() && y + dy < frame.rows();
         if (!inside) continue;

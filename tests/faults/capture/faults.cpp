@@ -9,8 +9,8 @@
 #include <regex>
 
 #include "core/frame/archive.h"
-#include "core/telemetry/logs.h"
 #include "core/service/service.h"
+#include "core/telemetry/logs.h"
 #include "tests/faults/capture/decoder.h"
 #include "tests/faults/capture/rig.h"
 
@@ -166,7 +166,7 @@ bool attempt(const Trial& trial, const Settings& settings, const fs::path& data)
   const absl::StatusOr<Judged> judged = judge(archive,
                                               {.pattern_rows = FaultyRig::kHeight_px - settings.patch_rows,
                                                .step_px = step_px,
-                                               .noise_sd = FaultyRig::kMostNoise},
+                                               .noise_sd = FaultyRig::kMaxNoise},
                                               settings.verbose);
   if (!judged.ok()) {
     fmt::print("{:<30} {} {}\n", trial.faults.name, judged.status().ToString(), session.reason());

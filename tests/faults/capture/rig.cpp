@@ -5,15 +5,15 @@
 #include <cstdio>
 #include <cstdlib>
 
-#include "camera-node/services/camera_service.h"
 #include "camera-node/backends/emission_client.h"
+#include "camera-node/services/camera_service.h"
 #include "camera-node/services/stage_service.h"
 #include "core/archive/archive_service.h"
 #include "core/service/registration.h"
 #include "core/service/service.h"
+#include "display-node/backends/repeating_display.h"
 #include "display-node/services/display_service.h"
 #include "display-node/services/emission_service.h"
-#include "display-node/backends/repeating_display.h"
 #include "server/services/session_service.h"
 #include "tests/faults/capture/delay_relay.h"
 

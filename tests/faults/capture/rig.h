@@ -31,7 +31,7 @@ class FaultyRig {
  public:
   static constexpr int kWidth_px = 192, kHeight_px = 144;  // of the monitor "back" and of the camera
   static constexpr double kRefresh_hz = 240.0, kExposure_ms = 0.5;
-  static constexpr double kMostNoise = 0.0035;  // sd of a full-scale sample
+  static constexpr double kMaxNoise = 0.0035;  // sd of a full-scale sample
 
   // Returns when all know of each other.
   FaultyRig(const RigFaults& faults, std::uint64_t seed, int patch_rows, const std::filesystem::path& data);

@@ -8,8 +8,8 @@
 #include <nlohmann/json.hpp>
 
 #include "core/base/file.h"
-#include "core/service/service.h"
 #include "core/security/tls.h"
+#include "core/service/service.h"
 #include "glasswing/v1/node_service.grpc.pb.h"
 #include "glasswing/v1/rig_service.grpc.pb.h"
 #include "glasswing/v1/session_service.grpc.pb.h"

@@ -8,20 +8,20 @@
 #include <filesystem>
 #include <map>
 
-#include "camera-node/services/camera_service.h"
 #include "camera-node/backends/emission_client.h"
 #include "camera-node/backends/sim_camera.h"
+#include "camera-node/services/camera_service.h"
 #include "camera-node/services/stage_service.h"
 #include "core/archive/archive_store.h"
 #include "core/service/registration.h"
 #include "core/service/service.h"
-#include "display-node/services/display_service.h"
-#include "display-node/services/emission_service.h"
 #include "display-node/backends/light_tap.h"
 #include "display-node/backends/sim_display.h"
+#include "display-node/services/display_service.h"
+#include "display-node/services/emission_service.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
-#include "server/services/session_service.h"
 #include "server/rig/sync_calibration.h"
+#include "server/services/session_service.h"
 
 namespace glasswing {
 namespace {

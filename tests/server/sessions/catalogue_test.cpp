@@ -138,7 +138,7 @@ TEST_F(CatalogueTest, NotesAndTagsAreKeptWhateverRuns) {
   request.add_add_tags("no tag");
   EXPECT_TRUE(absl::IsInvalidArgument(catalogue_->annotate(request).status()));
   request.clear_add_tags();
-  request.set_note(std::string(kMostNoteBytes + 1, 'x'));
+  request.set_note(std::string(kMaxNoteBytes + 1, 'x'));
   EXPECT_TRUE(absl::IsInvalidArgument(catalogue_->annotate(request).status()));
   request.set_name("b");
   request.clear_note();

@@ -215,12 +215,12 @@ TEST_F(SessionLife, TheFinishedMatteStaysUntilAnotherIs) {
 // The camera node's disk, as it says: full once so many frames of a session are there.
 struct Disk {
   fs::path frames;
-  std::atomic<int> most_frames = std::numeric_limits<int>::max();
+  std::atomic<int> max_frames = std::numeric_limits<int>::max();
   SpaceOf space() {
     return [this](const fs::path&) -> absl::StatusOr<fs::space_info> {
       std::error_code none;
       const auto count = std::distance(fs::directory_iterator(frames, none), fs::directory_iterator());
-      const std::uintmax_t now = count >= most_frames ? 0 : 1 << 30;
+      const std::uintmax_t now = count >= max_frames ? 0 : 1 << 30;
       return fs::space_info{.capacity = 1 << 30, .free = now, .available = now};
     };
   }
@@ -234,7 +234,7 @@ bool waits_for_room(const v1::Session& session) {
 TEST_F(SessionLife, ACaptureWaitsForRoomAndGoesOnByItself) {
   Disk disk{.frames = data_ / "archives/s/frames"};
   start({.name = "full disk", .space = disk.space()});
-  disk.most_frames = 3;
+  disk.max_frames = 3;
   v1::CreateSessionRequest create;
   create.set_name("s");
   *create.mutable_plan() = small_plan();
@@ -247,7 +247,7 @@ TEST_F(SessionLife, ACaptureWaitsForRoomAndGoesOnByItself) {
   EXPECT_NE(waiting.reason().find("MB of disk are missing"), std::string::npos) << waiting.reason();
   const std::string first = read_file(rig_->archive("s") / "frames.jsonl").value();
 
-  disk.most_frames = std::numeric_limits<int>::max();
+  disk.max_frames = std::numeric_limits<int>::max();
   const v1::Session done =
       wait_until([](const v1::Session& session) { return session.state() == v1::SESSION_STATE_CAPTURED; });
   EXPECT_EQ(done.proven_count(), done.step_count());
@@ -258,7 +258,7 @@ TEST_F(SessionLife, ACaptureWaitsForRoomAndGoesOnByItself) {
 TEST_F(SessionLife, ACaptureThatWaitsForRoomCanBePausedAndCancelled) {
   Disk disk{.frames = data_ / "archives/s/frames"};
   start({.name = "full disk", .space = disk.space()});
-  disk.most_frames = 1;
+  disk.max_frames = 1;
   v1::CreateSessionRequest create;
   create.set_name("s");
   *create.mutable_plan() = small_plan();

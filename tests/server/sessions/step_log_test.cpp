@@ -36,11 +36,11 @@ TEST(StepLog, AStepIsProvenOnce) {
 
 TEST(StepLog, HasBoundsAndLosesNoProof) {
   StepLog log;
-  for (size_t i = 0; i <= StepLog::kMostEvents; ++i) log.add("vase", event_of(0, v1::STEP_OUTCOME_SHOWN));
-  EXPECT_EQ(log.events("vase", 0)->size(), StepLog::kMostEvents);
+  for (size_t i = 0; i <= StepLog::kMaxEvents; ++i) log.add("vase", event_of(0, v1::STEP_OUTCOME_SHOWN));
+  EXPECT_EQ(log.events("vase", 0)->size(), StepLog::kMaxEvents);
   log.add("vase", event_of(0, v1::STEP_OUTCOME_PROVEN));
   EXPECT_EQ(log.events("vase", 0)->back().outcome(), v1::STEP_OUTCOME_PROVEN);
-  for (size_t i = 0; i < StepLog::kMostSessions; ++i)
+  for (size_t i = 0; i < StepLog::kMaxSessions; ++i)
     log.add(fmt::format("s{}", i), event_of(0, v1::STEP_OUTCOME_SHOWN));
   EXPECT_FALSE(log.events("vase", 0));
 }

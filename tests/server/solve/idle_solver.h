@@ -9,11 +9,11 @@
 #include <string>
 
 #include "core/base/checksum.h"
+#include "core/base/version.h"
 #include "core/matte/matte_file.h"
 #include "core/pattern/method_options.h"
 #include "core/service/service.h"
 #include "server/services/work_service.h"
-#include "core/base/version.h"
 
 namespace glasswing {
 

@@ -51,8 +51,8 @@ TEST(TileSizes, TilesOfEvenWorkTakeHalfASecondToTwo) {
     const std::vector<TileRange> tiles = row_tiles(1000, rows, seconds, 1, kAnyBytes);
     for (const TileRange& tile : tiles) {
       // Shares of the whole are rounded to rows.
-      EXPECT_GE(tile.count * row_seconds, kLeastTileSeconds - row_seconds) << row_seconds;
-      EXPECT_LE(tile.count * row_seconds, kMostTileSeconds + row_seconds) << row_seconds;
+      EXPECT_GE(tile.count * row_seconds, kMinTileSeconds - row_seconds) << row_seconds;
+      EXPECT_LE(tile.count * row_seconds, kMaxTileSeconds + row_seconds) << row_seconds;
     }
   }
 }

@@ -76,8 +76,8 @@ struct Trial {
 
 // Noise of 1 % of white - black in both pictures of a pair. The guess is off by several pixels and by a
 // factor of two.
-std::vector<Trial> trials(const std::vector<double>& bars_px, int extent_px, double least_sigma_px,
-                          double most_sigma_px, int count) {
+std::vector<Trial> trials(const std::vector<double>& bars_px, int extent_px, double min_sigma_px,
+                          double max_sigma_px, int count) {
   std::mt19937 random(3);
   std::uniform_real_distribution<double> uniform(0.0, 1.0);
   std::normal_distribution<double> normal(0.0, 1.0);
@@ -87,7 +87,7 @@ std::vector<Trial> trials(const std::vector<double>& bars_px, int extent_px, dou
   for (int i = 0; i < count; ++i) {
     Trial trial;
     trial.centre_px = 1.0 + (extent_px - 2.0) * uniform(random);
-    trial.sigma_px = least_sigma_px * std::pow(most_sigma_px / least_sigma_px, uniform(random));
+    trial.sigma_px = min_sigma_px * std::pow(max_sigma_px / min_sigma_px, uniform(random));
     std::vector<BarDecoder::Sample> samples;
     for (size_t w = 0; w < bars_px.size(); ++w) {
       const double v = decoder.value(w, trial.centre_px, trial.sigma_px).v;

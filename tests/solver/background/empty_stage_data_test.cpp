@@ -10,13 +10,13 @@
 
 #include "core/frame/archive.h"
 #include "core/frame/image_file.h"
+#include "core/import/foreign_manifest.h"
 #include "core/matte/compositor.h"
 #include "solver/background/empty_stage.h"
-#include "solver/method/exposure_merge.h"
 #include "solver/gaussian/stack_layout.h"
-#include "tests/solver/stack_of.h"
-#include "core/import/foreign_manifest.h"
+#include "solver/method/exposure_merge.h"
 #include "solver/method/sample_noise.h"
+#include "tests/solver/stack_of.h"
 
 namespace glasswing {
 namespace {
@@ -70,7 +70,7 @@ double psnr_db(const RadianceImage& a, const RadianceImage& b) {
   return -10.0 * std::log10(sum / static_cast<double>(a.samples.size()));
 }
 
-void expect_map_of_misregistered_rig(double noise_sd, double worst_allowed_px, double least_db) {
+void expect_map_of_misregistered_rig(double noise_sd, double worst_allowed_px, double min_db) {
   const fs::path directory = data_directory() / "rendered/dev/G_misregistered";
   if (!fs::exists(directory)) GTEST_SKIP() << "no data at " << directory << "; set GLASSWING_DATA";
   const TrueMap truth(directory);
@@ -112,7 +112,7 @@ void expect_map_of_misregistered_rig(double noise_sd, double worst_allowed_px, d
   std::printf("noise %.2f: centre %.3f px rms, %.3f px worst, %d of %d ambiguous, photograph %.1f dB\n",
               noise_sd, std::sqrt(squares / (2.0 * pixels)), worst_px, ambiguous, pixels, got_db);
   EXPECT_LT(worst_px, worst_allowed_px);
-  EXPECT_GT(got_db, least_db);
+  EXPECT_GT(got_db, min_db);
   EXPECT_LT(ambiguous, pixels / 100);
 }
 
@@ -185,7 +185,7 @@ TEST_P(Silhouette, IsTheRenderersMaskButForWhatChangesNoLight) {
 // show the same code as without it; only their neighbours tell what they are.
 struct Glass {
   const char* name;
-  double least_inside, most_outside;
+  double min_inside, max_outside;
 };
 
 class RealGlass : public testing::TestWithParam<Glass> {};
@@ -229,8 +229,8 @@ TEST_P(RealGlass, IsToldFromItsBackgroundPixelByPixel) {
     std::printf("%-9s sd %.0f codes: %.2f %% of the certain object, %.2f %% of the certain background\n",
                 GetParam().name, sd_codes, 100.0 * inside, 100.0 * outside);
     if (sd_codes != 2.0) continue;
-    EXPECT_GT(inside, GetParam().least_inside);
-    EXPECT_LT(outside, GetParam().most_outside);
+    EXPECT_GT(inside, GetParam().min_inside);
+    EXPECT_LT(outside, GetParam().max_outside);
   }
 }
 

@@ -8,8 +8,8 @@
 
 #include "core/matte/compositor.h"
 #include "core/pattern/pattern.h"
-#include "tests/solver/stack_of.h"
 #include "solver/method/sample_noise.h"
+#include "tests/solver/stack_of.h"
 
 namespace glasswing {
 namespace {

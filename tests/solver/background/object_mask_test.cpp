@@ -15,7 +15,7 @@ MaskOptions bare(double rate) {
           .dilation_px = 0,
           .erosion_px = 0,
           .fill_holes = false,
-          .least_px = 0,
+          .min_px = 0,
           .follow_drift = false};
 }
 
@@ -43,7 +43,8 @@ TEST(ObjectMask, TheNoiseIsThatOfTheDifference) {
 }
 
 TEST(ObjectMask, IsTheObjectThoughThePicturesDrifted) {
-  const PictureDrift drift{.shift_px = {0.8, -0.55}, .gain = {1.02, 1.0, 0.99}, .offset = {0.0, 0.004, 0.0}};
+  const ImageRegistration drift{
+      .shift_px = {0.8, -0.55}, .gain = {1.02, 1.0, 0.99}, .offset = {0.0, 0.004, 0.0}};
   Image16 with = stage_picture(kWidth, kHeight, drift, 0.01, 1);
   put_ellipse(with);
   const ObjectMask object = ObjectMask::of_pair(with, stage(2), {}).value();

@@ -1,11 +1,12 @@
 // How often the silhouette's test errs, and what it must not miss.
 #include "solver/background/silhouette.h"
-#include "solver/method/sample_noise.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <random>
+
+#include "solver/method/sample_noise.h"
 
 namespace glasswing {
 namespace {

@@ -5,7 +5,7 @@
 #include <random>
 
 #include "core/frame/image.h"
-#include "solver/background/picture_drift.h"
+#include "solver/background/image_registration.h"
 
 namespace glasswing {
 
@@ -18,7 +18,7 @@ inline double stage_code(double x, double y, int c) {
 }
 
 // The stage seen by a camera that drifted: what a picture without the object, moved by `drift`, shows.
-inline Image16 stage_picture(int width_px, int height_px, const PictureDrift& drift, double noise_sd,
+inline Image16 stage_picture(int width_px, int height_px, const ImageRegistration& drift, double noise_sd,
                              unsigned seed) {
   std::mt19937 random(seed);
   std::normal_distribution<double> normal(0.0, 1.0);

@@ -6,13 +6,13 @@
 #include <random>
 
 #include "core/matte/compositor.h"
-#include "solver/worker/parallel_solve.h"
 #include "solver/fringe/fringe_layout.h"
 #include "solver/fringe/fringe_unwrap.h"
 #include "solver/fringe/spectrum_fit.h"
 #include "solver/fringe/wave_answer.h"
-#include "tests/solver/stack_of.h"
 #include "solver/methods.h"
+#include "solver/worker/parallel_solve.h"
+#include "tests/solver/stack_of.h"
 
 namespace glasswing {
 namespace {

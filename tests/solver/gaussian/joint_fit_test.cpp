@@ -52,7 +52,7 @@ TEST_P(EdgeOrMiddle, NormalEquationsAreThoseOfTheModel) {
       }
     }
   }
-  // Beyond reach a mode is below 2e-5 of its crest, and the sums are of floats.
+  // Beyond reach a mode is below 2e-5 of its peak, and the sums are of floats.
   EXPECT_NEAR(got.chi2, chi2, 1e-4 * chi2);
   for (size_t p = 0; p < 12; ++p) {
     const double scale = std::sqrt(matrix[p][p] * chi2);

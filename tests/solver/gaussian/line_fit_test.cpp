@@ -8,7 +8,7 @@
 #include <cmath>
 #include <random>
 
-#include "solver/gaussian/crests.h"
+#include "solver/gaussian/peaks.h"
 
 namespace glasswing {
 namespace {
@@ -197,7 +197,7 @@ Block block_of(const std::vector<LineGaussian>& modes, int count, double noise_s
   return block;
 }
 
-TEST(Crests, NoiseIsFoundUnderPeaks) {
+TEST(Peaks, NoiseIsFoundUnderPeaks) {
   const Block block = block_of({{0.9f, 60.0f, 2.5f}, {0.4f, 130.0f, 4.0f}}, 300, 0.01, 6);
   double mean = 0.0;
   for (const float sd : estimate_noise(block.sweep)) mean += static_cast<double>(sd) / kBlockLanes;
@@ -205,42 +205,42 @@ TEST(Crests, NoiseIsFoundUnderPeaks) {
   EXPECT_NEAR(mean, 0.01, 0.0006);
 }
 
-std::array<Crests, kBlockLanes> crests_of(const Block& block, float noise_sd) {
+std::array<Peaks, kBlockLanes> peaks_of(const Block& block, float noise_sd) {
   std::array<float, kBlockLanes> floor, noise;
   floor.fill(4.0f * noise_sd);
   noise.fill(noise_sd);
-  std::vector<std::array<Crests, kBlockLanes>> found;
-  CrestFinder().find({&block.sweep, 1}, floor, noise, 0xffffu, found);
+  std::vector<std::array<Peaks, kBlockLanes>> found;
+  PeakFinder().find({&block.sweep, 1}, floor, noise, 0xffffu, found);
   return found.front();
 }
 
-TEST(Crests, ComeBackWithPlaceAndWidth) {
+TEST(Peaks, ComeBackWithPlaceAndWidth) {
   const Block block =
       block_of({{0.9f, 60.3f, 2.5f}, {0.4f, 100.0f, 6.0f}, {0.2f, 1.0f, 2.2f}}, 150, 0.002, 7);
-  for (const Crests& crests : crests_of(block, 0.002f)) {
-    ASSERT_EQ(crests.count, 3);
+  for (const Peaks& peaks : peaks_of(block, 0.002f)) {
+    ASSERT_EQ(peaks.count, 3);
     // Five standard errors: noise / a sqrt(2 sigma / sqrt(pi)) steps of 2 px.
-    EXPECT_NEAR(crests.crests[0].centre_px, -10.0 + 2.0 * 60.3, 5.0 * 2.0 * 0.0037);
-    EXPECT_NEAR(crests.crests[0].sigma_px, 5.0, 5.0 * 2.0 * 0.0037);
-    EXPECT_NEAR(crests.crests[1].centre_px, 190.0, 5.0 * 2.0 * 0.013);
+    EXPECT_NEAR(peaks.peaks[0].centre_px, -10.0 + 2.0 * 60.3, 5.0 * 2.0 * 0.0037);
+    EXPECT_NEAR(peaks.peaks[0].sigma_px, 5.0, 5.0 * 2.0 * 0.0037);
+    EXPECT_NEAR(peaks.peaks[1].centre_px, 190.0, 5.0 * 2.0 * 0.013);
     // Cut off by the sweep's end: its place is known to a step.
-    EXPECT_NEAR(crests.crests[2].centre_px, -8.0, 2.0);
+    EXPECT_NEAR(peaks.peaks[2].centre_px, -8.0, 2.0);
   }
 }
 
-TEST(Crests, TwoUnderOneHumpAreTwo) {
+TEST(Peaks, TwoUnderOneHumpAreTwo) {
   // 2 sigma apart there is no dip between equal peaks.
   const Block block = block_of({{0.6f, 60.0f, 2.5f}, {0.6f, 65.0f, 2.5f}}, 150, 0.005, 8);
   int both = 0;
-  for (const Crests& crests : crests_of(block, 0.005f)) both += crests.count == 2 ? 1 : 0;
+  for (const Peaks& peaks : peaks_of(block, 0.005f)) both += peaks.count == 2 ? 1 : 0;
   EXPECT_GE(both, 15);
 }
 
-TEST(Crests, OneIsNotTakenForTwo) {
+TEST(Peaks, OneIsNotTakenForTwo) {
   int more = 0;
   for (unsigned seed = 0; seed < 40; ++seed) {
     const Block block = block_of({{0.7f, 60.4f, 2.8f}}, 150, 0.01, 100 + seed);
-    for (const Crests& crests : crests_of(block, 0.01f)) more += crests.count > 1 ? 1 : 0;
+    for (const Peaks& peaks : peaks_of(block, 0.01f)) more += peaks.count > 1 ? 1 : 0;
   }
   // 640 responses; 4 sd noise peaks among 150 samples add 0.5 %.
   EXPECT_LE(more, 13);

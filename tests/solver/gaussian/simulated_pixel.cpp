@@ -53,7 +53,7 @@ PixelSamples recorded(const Footprints& modes, const SampleLayout& layout, doubl
 
 JointFit solved(const PixelSamples& samples, double noise_sd, int max_modes) {
   const SampleLayout& layout = *samples.layout;
-  // Crests by the finder itself, this pixel in the first lane.
+  // Peaks by the finder itself, this pixel in the first lane.
   std::vector<std::vector<float>> lanes;
   std::vector<SweepBlock> blocks;
   for (const SampleLayout::Sweep& sweep : layout.sweeps) {
@@ -68,12 +68,12 @@ JointFit solved(const PixelSamples& samples, double noise_sd, int max_modes) {
   std::array<float, kBlockLanes> floor, noise;
   floor.fill(std::max(3.5f * static_cast<float>(noise_sd), 0.0015f));
   noise.fill(static_cast<float>(noise_sd));
-  std::vector<std::array<Crests, kBlockLanes>> all;
-  CrestFinder().find(blocks, floor, noise, 1u, all);
-  std::vector<Crests> crests;
-  for (const auto& sweep : all) crests.push_back(sweep.front());
+  std::vector<std::array<Peaks, kBlockLanes>> all;
+  PeakFinder().find(blocks, floor, noise, 1u, all);
+  std::vector<Peaks> peaks;
+  for (const auto& sweep : all) peaks.push_back(sweep.front());
   JointWorkspace workspace;
-  return find_footprints(samples, crests, kSimulatedExtent, noise_sd, max_modes, workspace);
+  return find_footprints(samples, peaks, kSimulatedExtent, noise_sd, max_modes, workspace);
 }
 
 std::vector<double> cramer_rao_bound(const Footprints& truth, const SampleLayout& layout) {

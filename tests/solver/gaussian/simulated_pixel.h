@@ -21,8 +21,8 @@ double answer(const Footprints& modes, const SampleLayout& layout, const SampleL
 PixelSamples recorded(const Footprints& modes, const SampleLayout& layout, double noise_sd,
                       std::mt19937& random);
 
-// Crests, then the search, as the solver does it for a pixel.
-JointFit solved(const PixelSamples& samples, double noise_sd, int max_modes = kMostFootprints);
+// Peaks, then the search, as the solver does it for a pixel.
+JointFit solved(const PixelSamples& samples, double noise_sd, int max_modes = kMaxFootprints);
 
 // The Cramer-Rao bound of (R, x, y, xx, xy, yy) of each mode, for noise of standard deviation 1.
 std::vector<double> cramer_rao_bound(const Footprints& truth, const SampleLayout& layout);

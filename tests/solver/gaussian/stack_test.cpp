@@ -4,10 +4,10 @@
 #include <cmath>
 #include <random>
 
-#include "solver/worker/parallel_solve.h"
-#include "solver/method/drift.h"
 #include "solver/footprint/footprint.h"
+#include "solver/method/brightness_drift.h"
 #include "solver/methods.h"
+#include "solver/worker/parallel_solve.h"
 
 namespace glasswing {
 namespace {
@@ -75,7 +75,7 @@ class SimulatedStack {
     return stack;
   }
   absl::StatusOr<std::vector<float>> drift() const {
-    return measure_drift(manifest_, [this](int row, const std::vector<int>& frames) {
+    return measure_brightness_drift(manifest_, [this](int row, const std::vector<int>& frames) {
       constexpr std::ptrdiff_t kRow = kWidth * 3;
       std::vector<std::uint16_t> samples;
       for (const int frame : frames) {
@@ -216,7 +216,7 @@ TEST(Stack, WithoutOrientationWidthsAlongTheAxesStay) {
 
 TEST(Stack, AMissingStepIsAnUnevenSweep) {
   SimulatedStack simulated(one);
-  // Of the first sweep, the step before the middle of most crests; of the third, two in a row.
+  // Of the first sweep, the step before the middle of most peaks; of the third, two in a row.
   simulated.remove(4 + 31);
   simulated.remove(4 + 69 + 70 + 40);
   simulated.remove(4 + 69 + 70 + 40);

@@ -5,9 +5,9 @@
 #include <cmath>
 
 #include "core/pattern/pattern.h"
-#include "solver/method/exposure_merge.h"
 #include "solver/gaussian/fewer_images.h"
 #include "solver/gaussian/stack_layout.h"
+#include "solver/method/exposure_merge.h"
 #include "tests/solver/gaussian/swept_manifest.h"
 
 namespace glasswing {
@@ -94,7 +94,7 @@ int patterns_in(const v1::CaptureManifest& manifest) {
 TEST(FewerImages, NeverTakesMoreThanItMayAndCanBeLaidOut) {
   const v1::CaptureManifest recorded = swept_manifest();
   double before_px = INFINITY;
-  for (int images = kLeastImages; images < patterns_in(recorded); images += 7) {
+  for (int images = kMinImages; images < patterns_in(recorded); images += 7) {
     const MadeCapture fewer = fewer_images(recorded, images).value();
     EXPECT_LE(patterns_in(fewer.manifest), images);
     EXPECT_GT(patterns_in(fewer.manifest), images / 2);
@@ -120,7 +120,7 @@ TEST(FewerImages, SaysWhenSoFewDoNotSuffice) {
     frame.mutable_stimulus()->set_panel("left");
     *two.add_frames() = frame;
   }
-  const absl::Status status = fewer_images(two, kLeastImages).status();
+  const absl::Status status = fewer_images(two, kMinImages).status();
   EXPECT_TRUE(absl::IsFailedPrecondition(status));
   EXPECT_NE(std::string(status.message()).find("at least"), std::string::npos) << status;
 }

@@ -6,12 +6,12 @@
 #include <random>
 
 #include "core/matte/compositor.h"
-#include "core/matte/summed_picture.h"
+#include "core/matte/summed_area_table.h"
 #include "core/pattern/pattern.h"
-#include "solver/worker/parallel_solve.h"
 #include "solver/hierarchical/wave_axis.h"
-#include "tests/solver/stack_of.h"
 #include "solver/methods.h"
+#include "solver/worker/parallel_solve.h"
+#include "tests/solver/stack_of.h"
 
 namespace glasswing {
 namespace {
@@ -112,7 +112,7 @@ class SimulatedStack {
  private:
   void add(bool object, const v1::Stimulus& stimulus) {
     const RadianceImage shown = Pattern::create(stimulus, kMonitor)->rasterised();
-    const SummedPicture summed(shown);
+    const SummedAreaTable summed(shown);
     for (const double exposure : capture_.exposures) {
       v1::Frame& record = *manifest_.add_frames();
       record.set_file("frames/" + std::to_string(manifest_.frames_size()) + ".tif");

@@ -11,9 +11,9 @@
 #include <numbers>
 #include <optional>
 
-#include "camera-node/services/camera_service.h"
 #include "camera-node/backends/emission_client.h"
 #include "camera-node/backends/sim_camera.h"
+#include "camera-node/services/camera_service.h"
 #include "camera-node/services/stage_service.h"
 #include "core/archive/archive_service.h"
 #include "core/base/file.h"
@@ -21,10 +21,10 @@
 #include "core/service/registration.h"
 #include "core/service/service.h"
 #include "core/sim/scene.h"
-#include "display-node/services/display_service.h"
-#include "display-node/services/emission_service.h"
 #include "display-node/backends/light_tap.h"
 #include "display-node/backends/sim_display.h"
+#include "display-node/services/display_service.h"
+#include "display-node/services/emission_service.h"
 #include "server/services/rig_service.h"
 #include "server/services/session_service.h"
 

@@ -1,11 +1,12 @@
 // Brackets of one light, merged: right on average, and as little noise as can be.
 #include "solver/method/exposure_merge.h"
-#include "solver/method/sample_noise.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <random>
+
+#include "solver/method/sample_noise.h"
 
 namespace glasswing {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "core/frame/image_file.h"
 #include "core/matte/compositor.h"
-#include "core/matte/summed_picture.h"
+#include "core/matte/summed_area_table.h"
 #include "solver/ramp/ramp_footprint.h"
 
 namespace glasswing {
@@ -81,7 +81,7 @@ RampFrame object() {
 TEST(BoxTable, IsTheMeanOfTheExactOne) {
   const RadianceImage picture = random_picture(1);
   const BoxTable table(picture, 1);
-  const SummedPicture exact(picture);
+  const SummedAreaTable exact(picture);
   std::mt19937 random(2);
   std::uniform_real_distribution<float> place(-10.0f, 70.0f), exponent(-5.0f, 6.0f);
   for (int i = 0; i < 2000; ++i) {

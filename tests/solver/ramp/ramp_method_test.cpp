@@ -4,9 +4,9 @@
 
 #include <map>
 
-#include "tests/solver/ramp/ramp_scene.h"
 #include "solver/methods.h"
 #include "solver/ramp/video_layout.h"
+#include "tests/solver/ramp/ramp_scene.h"
 
 namespace glasswing {
 namespace {

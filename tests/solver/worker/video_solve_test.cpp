@@ -41,7 +41,7 @@ class Node {
     {
       const std::lock_guard lock(mutex_);
       ++reads_[frame];
-      most_waiting_ = std::max(most_waiting_, ++waiting_);
+      max_waiting_ = std::max(max_waiting_, ++waiting_);
     }
     if (frame == broken) return absl::DataLossError("frames/x.tif is damaged");
     return std::vector<std::uint16_t>(3 * kSide * kSide, static_cast<std::uint16_t>(frame));
@@ -54,16 +54,16 @@ class Node {
     const std::lock_guard lock(mutex_);
     return reads_;
   }
-  int most_waiting() {
+  int max_waiting() {
     const std::lock_guard lock(mutex_);
-    return most_waiting_;
+    return max_waiting_;
   }
   int broken = -1;
 
  private:
   std::mutex mutex_;
   std::map<int, int> reads_;
-  int waiting_ = 0, most_waiting_ = 0;
+  int waiting_ = 0, max_waiting_ = 0;
 };
 
 // Every frame's matte says what its middle sample is.
@@ -108,7 +108,7 @@ TEST(VideoSolve, FramesAreReadAheadOnceEachAndAFewAtATime) {
   for (int i = 0; i < kEmpty; ++i) expected[i] = 1;
   for (int i = 4; i < 10; ++i) expected[kEmpty + i] = 1;
   EXPECT_EQ(node.reads(), expected);
-  EXPECT_LE(node.most_waiting(), 4);  // three ahead, and the one that is asked for
+  EXPECT_LE(node.max_waiting(), 4);  // three ahead, and the one that is asked for
 }
 
 TEST(VideoSolve, WhatGoesWrongNamesTheFrame) {

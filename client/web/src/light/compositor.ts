@@ -47,7 +47,7 @@ export function placementOf(
   };
 }
 
-const kMostMonitors = 8;
+const kMaxMonitors = 8;
 
 export class Compositor {
   private readonly gl: WebGL2RenderingContext;
@@ -68,9 +68,9 @@ export class Compositor {
     matte: Drawable,
   ) {
     const { metadata } = matte;
-    if (metadata.monitors.length > kMostMonitors)
+    if (metadata.monitors.length > kMaxMonitors)
       throw new NoWebGl(
-        `the matte has ${metadata.monitors.length} monitors; the browser can show ${kMostMonitors}`,
+        `the matte has ${metadata.monitors.length} monitors; the browser can show ${kMaxMonitors}`,
       );
     const gl = (this.gl = openContext(canvas));
     this.shapes = metadata.monitors.map(({ width_px, height_px }) => pyramidShape(width_px, height_px));

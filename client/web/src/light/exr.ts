@@ -22,9 +22,9 @@ const kMultiPart = 0x1000;
 const kLongNames = 0x400;
 const kZips = 2;
 const kFloat = 2;
-const kMostSide = 1 << 16;
-const kMostPixels = 1 << 26;
-const kMostParts = 16;
+const kMaxSide = 1 << 16;
+const kMaxPixels = 1 << 26;
+const kMaxParts = 16;
 
 export class NotAMatte extends Error {
   constructor(what: string) {
@@ -80,7 +80,7 @@ interface Header {
 }
 
 function isSize({ width, height }: Exr["window"]): boolean {
-  return width >= 1 && height >= 1 && Math.max(width, height) <= kMostSide && width * height <= kMostPixels;
+  return width >= 1 && height >= 1 && Math.max(width, height) <= kMaxSide && width * height <= kMaxPixels;
 }
 
 function readHeader(cursor: Cursor, firstName: string): Header {
@@ -106,7 +106,7 @@ function readHeader(cursor: Cursor, firstName: string): Header {
   if (part.attributes.get("type") !== "scanlineimage" || packing !== kZips)
     throw new NotAMatte(`its part "${part.name}" is not of single scan lines (ZIPS)`);
   if (!window || !isSize(window))
-    throw new NotAMatte(`its part "${part.name}" has no size of 1 to ${kMostPixels} pixels`);
+    throw new NotAMatte(`its part "${part.name}" has no size of 1 to ${kMaxPixels} pixels`);
   return { part, window, lines };
 }
 
@@ -117,7 +117,7 @@ export function readExr(bytes: Uint8Array<ArrayBuffer>): Exr {
     throw new NotAMatte("it is not OpenEXR of several parts");
   const headers: Header[] = [];
   for (let name = cursor.name(); name !== ""; name = cursor.name()) {
-    if (headers.length === kMostParts) throw new NotAMatte(`it has more than ${kMostParts} parts`);
+    if (headers.length === kMaxParts) throw new NotAMatte(`it has more than ${kMaxParts} parts`);
     headers.push(readHeader(cursor, name));
   }
   const first = headers[0];

@@ -31,15 +31,15 @@ export interface Place {
 
 // The least variance of a cut along x or y through Q. Samples of a Gaussian of variance v have the sum 1 within
 // 2 exp(-2 pi^2 v), 0.0008 where squares and this make 0.4. A box is six samples wide.
-const kLeastVariance = { gaussian: 0.32, box: 3 };
+const kMinVariance = { gaussian: 0.32, box: 3 };
 // Standard deviations from the middle.
 const kReach = { gaussian: 3, box: Math.sqrt(3) };
 // For a footprint that takes more look-ups, two samples with each: it goes to higher levels, where it is widened to what
 // these can show.
-const kMostLookUps = 256;
+const kMaxLookUps = 256;
 
-export function placeOf(mode: Mode, shape: PyramidShape, kind: keyof typeof kLeastVariance): Place {
-  const least = kLeastVariance[kind];
+export function placeOf(mode: Mode, shape: PyramidShape, kind: keyof typeof kMinVariance): Place {
+  const least = kMinVariance[kind];
   const on = (level: number): Place => {
     const scale = 0.5 ** level;
     const variance = (v: number): number => v * scale * scale + 0.5 * (scale * scale - 1);
@@ -57,7 +57,7 @@ export function placeOf(mode: Mode, shape: PyramidShape, kind: keyof typeof kLea
   const last = shape.levels.length - 1;
   let place = on(0);
   while (place.level < last && suits(on(place.level + 1))) place = on(place.level + 1);
-  while (place.level < last && lookUps(place, shape, kReach[kind]) > kMostLookUps)
+  while (place.level < last && lookUps(place, shape, kReach[kind]) > kMaxLookUps)
     place = widened(on(place.level + 1), least);
   return place;
 }

@@ -6,7 +6,7 @@
 // A sample of level l lies in the middle of 2^l x 2^l pixels; its filter has the variance 5 (4^l - 1) / 12 px^2.
 
 export const kBorder = 2;
-const kLeastSide_px = 4;
+const kMinSide_px = 4;
 
 export interface Level {
   /** Of sample (0, 0) in the texture. */
@@ -26,7 +26,7 @@ export function pyramidShape(width_px: number, height_px: number): PyramidShape 
   const levels: Level[] = [{ x: kBorder, y: kBorder, width: width_px, height: height_px }];
   const shape = { width: width_px + 2 * kBorder, height: height_px + 2 * kBorder, levels };
   let below = kBorder;
-  for (let last = levels[0]!; Math.max(last.width, last.height) > kLeastSide_px;) {
+  for (let last = levels[0]!; Math.max(last.width, last.height) > kMinSide_px;) {
     last = {
       x: width_px + 3 * kBorder,
       y: below,

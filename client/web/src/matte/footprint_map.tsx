@@ -32,8 +32,8 @@ interface View {
   height: number;
 }
 
-const kLeastClose_px = 6;
-const kMostLines = 40;
+const kMinClose_px = 6;
+const kMaxLines = 40;
 
 function wholeOf({ width_px, height_px }: MatteMonitor): View {
   const margin = kMargin * Math.max(width_px, height_px);
@@ -51,14 +51,14 @@ function closeTo(modes: Mode[], { width_px, height_px }: MatteMonitor): View {
     Math.min(...modes.map(({ y, yy }) => y - reach(yy))),
     Math.max(...modes.map(({ y, yy }) => y + reach(yy))),
   ];
-  const width = Math.max(kLeastClose_px, right - left, ((bottom - top) * width_px) / height_px);
+  const width = Math.max(kMinClose_px, right - left, ((bottom - top) * width_px) / height_px);
   const height = (width * height_px) / width_px;
   return { x: 0.5 * (left + right - width), y: 0.5 * (top + bottom - height), width, height };
 }
 
 /** The edges of the monitor's pixels, where they are few. */
 function gridOf({ x, y, width, height }: View, { width_px, height_px }: MatteMonitor): string {
-  if (Math.max(width, height) > kMostLines) return "";
+  if (Math.max(width, height) > kMaxLines) return "";
   const [left, right] = [Math.max(0, Math.ceil(x)), Math.min(width_px, x + width)];
   const [top, bottom] = [Math.max(0, Math.ceil(y)), Math.min(height_px, y + height)];
   let path = "";

@@ -19,7 +19,7 @@ const kPassing = new Set([
   "UNKNOWN",
   "RESOURCE_EXHAUSTED",
 ]);
-const kMostWait_s = 5;
+const kMaxWait_s = 5;
 
 export function waited(seconds: number, signal: AbortSignal): Promise<void> {
   return new Promise((resolve) => {
@@ -71,7 +71,7 @@ export async function follow<T>(
         tell({ error, last });
         if (last) return;
         await waited(wait, signal);
-        wait = Math.min(2 * wait, kMostWait_s);
+        wait = Math.min(2 * wait, kMaxWait_s);
       }
     } finally {
       turn.abort();

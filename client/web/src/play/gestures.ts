@@ -9,13 +9,13 @@ export interface Movable {
   size: () => { width: number; height: number };
 }
 
-const kLeastScale = 0.1;
-const kMostScale = 20;
+const kMinScale = 0.1;
+const kMaxScale = 20;
 const kKeyStep = 0.02;
 const kKeyZoom = 1.1;
 
 function scaled(standing: Standing, factor: number): Standing {
-  const scale = Math.min(kMostScale, Math.max(kLeastScale, standing.scale * factor));
+  const scale = Math.min(kMaxScale, Math.max(kMinScale, standing.scale * factor));
   const real = scale / standing.scale;
   // About the monitor's middle.
   return { ...standing, scale, dx: standing.dx * real, dy: standing.dy * real };

@@ -2,7 +2,7 @@
 
 const kSlow_ms = 60;
 const kCoarsest = 8;
-const kLeastSide_px = 160;
+const kMinSide_px = 160;
 
 export class Pace {
   private whole_ms = 0;
@@ -15,7 +15,7 @@ export class Pace {
     let step = 1;
     while (
       step < kCoarsest &&
-      this.side_px >= 2 * step * kLeastSide_px &&
+      this.side_px >= 2 * step * kMinSide_px &&
       this.whole_ms > kSlow_ms * step * step
     )
       step *= 2;

@@ -2,7 +2,7 @@ import { Chart, type ChartLine } from "../parts/chart";
 import type { NodeJson } from "../gen/glasswing/v1/node_service_pb";
 import { nanosecondsText } from "../parts/words";
 
-const kMost = 900; // seconds that are remembered
+const kMax = 900; // seconds that are remembered
 
 interface History {
   first_ns: number; // the offset that the others are told from: clocks begin when their machines do
@@ -32,7 +32,7 @@ export function keepClocks(nodes: NodeJson[], now: number): void {
     if ((history.time.at(-1) ?? 0) >= columns[0]![1]) continue; // measured no more
     for (const [column, value] of columns) {
       column.push(value);
-      if (column.length > kMost) column.shift();
+      if (column.length > kMax) column.shift();
     }
   }
 }

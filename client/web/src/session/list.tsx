@@ -8,7 +8,7 @@ import { plainName, timeText } from "../parts/words";
 import { sizeText } from "./controls";
 import { kindOf, kStateNames, progressOf } from "./states";
 
-const kMostShown = 200;
+const kMaxShown = 200;
 
 function stepsText(session: SessionJson): string {
   const progress = progressOf(session);
@@ -119,14 +119,14 @@ export function List() {
               </tr>
             </thead>
             <tbody>
-              {sessions.slice(0, kMostShown).map((session) => (
+              {sessions.slice(0, kMaxShown).map((session) => (
                 <Row key={session.name} session={session} search={setTag} />
               ))}
             </tbody>
           </table>
         )}
-        {sessions.length > kMostShown && (
-          <p class="note">{sessions.length - kMostShown} older ones are left out: search for them.</p>
+        {sessions.length > kMaxShown && (
+          <p class="note">{sessions.length - kMaxShown} older ones are left out: search for them.</p>
         )}
       </section>
     </div>

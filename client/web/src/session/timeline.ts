@@ -22,7 +22,7 @@ export interface Retake {
   why: string;
 }
 
-const kMostRetakes = 100; // that are kept in words, the newest
+const kMaxRetakes = 100; // that are kept in words, the newest
 
 /** Numbers that become more. */
 class Column<T extends Float64Array | Int32Array | Uint8Array> {
@@ -104,7 +104,7 @@ export class Timeline {
     ++this.retakeCounts[retake.step]!;
     this.reasons.set(retake.why, (this.reasons.get(retake.why) ?? 0) + 1);
     this.retakes.unshift(retake);
-    if (this.retakes.length > kMostRetakes) this.retakes.pop();
+    if (this.retakes.length > kMaxRetakes) this.retakes.pop();
   }
 }
 

@@ -14,7 +14,7 @@ export interface ArchiveView {
 
 // A manifest is long: looking at it again and again may take this share of the time at most, and not oftener.
 const kShare = 1 / 20,
-  kLeast_s = 3;
+  kMin_s = 3;
 
 /** What the node that holds the session's frames tells of them; nothing while it is away. Looked at again while frames come. */
 export function useArchive(session: SessionJson): ArchiveView {
@@ -46,7 +46,7 @@ export function useArchive(session: SessionJson): ArchiveView {
       do {
         const began = performance.now();
         await look().catch(() => undefined); // the session says what is wrong
-        await waited(Math.max(kLeast_s, (performance.now() - began) / 1000 / kShare), cancel.signal);
+        await waited(Math.max(kMin_s, (performance.now() - began) / 1000 / kShare), cancel.signal);
       } while (capturing && !cancel.signal.aborted);
     };
     void run();

@@ -13,7 +13,7 @@ import { difference, monitors_of } from "./mattes.mjs";
 import { checks, noise, png } from "./pictures.mjs";
 import { stand_in_of } from "./stand_in.mjs";
 
-const kMostMean = 2;
+const kMaxMean = 2;
 
 const [glasswing, matte, ...given] = process.argv.slice(2);
 if (matte === undefined) {
@@ -75,7 +75,7 @@ try {
     const behind = monitors.flatMap((monitor) => ["--background", `${monitor.name}=${picture}`]);
     execFileSync(glasswing, ["composite", matte, ...behind, ...shift, "-o", theirs], { stdio: "pipe" });
     const { mean, most, x, y } = await difference(page, ours, theirs);
-    failed ||= !(mean <= kMostMean);
+    failed ||= !(mean <= kMaxMean);
     console.log(`${name.padEnd(24)} ${mean.toFixed(3).padStart(8)} ${String(most).padStart(8)} at ${x},${y}`);
   };
   for (const picture of pictures) {

@@ -15,7 +15,7 @@ import { start_rig } from "./rig.mjs";
 
 const kPatience_ms = 60_000; // of a machine that does much else
 const kVisits = 3;
-const kMostBytes = 500_000; // of all pages together, without pictures and mattes
+const kMaxBytes = 500_000; // of all pages together, without pictures and mattes
 
 const pictures = process.env.GLASSWING_PICTURES;
 if (pictures) mkdirSync(pictures, { recursive: true });
@@ -122,7 +122,7 @@ async function measure_first_visits(browser, link) {
   ])
     await look(page, hash, sign);
   told("transferred for all pages, without images", `${(bytes() / 1000).toFixed(0)} kB`);
-  assert.ok(bytes() <= kMostBytes, `${bytes()} bytes were transferred; ${kMostBytes} are allowed`);
+  assert.ok(bytes() <= kMaxBytes, `${bytes()} bytes were transferred; ${kMaxBytes} are allowed`);
   await context.close();
 }
 

@@ -10,7 +10,7 @@ import { stand_in } from "./stand_in.mjs";
 
 const kSteps = 2000,
   kFailing = 0.8; // of the first showings
-const kMost_ms = 200; // of one stretch in which the page answers nothing
+const kMax_ms = 200; // of one stretch in which the page answers nothing
 
 /** Each step is shown and fails, and is proven at last. */
 function all_events() {
@@ -102,7 +102,7 @@ try {
   console.log(`elements on the page: ${await page.evaluate(() => document.querySelectorAll("*").length)}`);
   if (process.env.GLASSWING_PICTURES)
     await page.screenshot({ path: join(process.env.GLASSWING_PICTURES, "timeline.png"), fullPage: true });
-  assert.ok(longest <= kMost_ms, `the page was busy for ${longest} ms; ${kMost_ms} are allowed`);
+  assert.ok(longest <= kMax_ms, `the page was busy for ${longest} ms; ${kMax_ms} are allowed`);
 } finally {
   await browser.close();
   server.close();

@@ -1,5 +1,5 @@
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "solver/gaussian/crest_kernel.cpp"
+#define HWY_TARGET_INCLUDE "solver/gaussian/peak_kernel.cpp"
 #include <hwy/foreach_target.h>
 //
 #include <hwy/highway.h>
@@ -8,7 +8,7 @@
 #include <bit>
 #include <cstdint>
 
-#include "solver/gaussian/crests.h"
+#include "solver/gaussian/peaks.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace glasswing {
@@ -19,9 +19,9 @@ using D = hn::CappedTag<float, kBlockLanes>;
 using V = hn::Vec<D>;
 
 void Insert(internal::LaneTops& tops, float height, int place) {
-  int at = tops.count < kMostCrests ? tops.count++ : kMostCrests;
-  if (at == kMostCrests && height <= tops.height[kMostCrests - 1]) return;
-  at = std::min(at, kMostCrests - 1);
+  int at = tops.count < kMaxPeaks ? tops.count++ : kMaxPeaks;
+  if (at == kMaxPeaks && height <= tops.height[kMaxPeaks - 1]) return;
+  at = std::min(at, kMaxPeaks - 1);
   while (at > 0 && tops.height[static_cast<size_t>(at - 1)] < height) {
     tops.height[static_cast<size_t>(at)] = tops.height[static_cast<size_t>(at - 1)];
     tops.place[static_cast<size_t>(at)] = tops.place[static_cast<size_t>(at - 1)];

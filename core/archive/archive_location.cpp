@@ -1,4 +1,4 @@
-#include "core/archive/place.h"
+#include "core/archive/archive_location.h"
 
 #include <fmt/format.h>
 

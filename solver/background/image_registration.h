@@ -17,14 +17,14 @@
 
 namespace glasswing {
 
-struct PictureDrift {
+struct ImageRegistration {
   std::array<double, 2> shift_px{};
   std::array<double, 4> stretch{};  // 2x2, by rows
   std::array<double, 3> gain = {1.0, 1.0, 1.0};
   std::array<double, 3> offset{};
 
   // Of the corner that is moved farthest.
-  double most_px(int width_px, int height_px) const;
+  double max_px(int width_px, int height_px) const;
 };
 
 // INVALID_ARGUMENT: the pictures are of different sizes.
@@ -33,10 +33,10 @@ absl::Status check_same_size(const Image16& with, const Image16& without);
 // INVALID_ARGUMENT as above. FAILED_PRECONDITION says by how much they differ,
 // where that is more than a drift (a corner moved by 2 % of the longer side, a gain outside [0.7, 1.4]), or
 // most of it does not agree at all.
-absl::StatusOr<PictureDrift> find_drift(const Image16& with, const Image16& without);
+absl::StatusOr<ImageRegistration> find_drift(const Image16& with, const Image16& without);
 
 // The empty stage as it was when the other picture was taken, bicubic (Catmull-Rom); NaN where it was not
 // seen.
-RadianceImage moved(const Image16& without, const PictureDrift& drift);
+RadianceImage moved(const Image16& without, const ImageRegistration& drift);
 
 }  // namespace glasswing

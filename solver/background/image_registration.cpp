@@ -1,4 +1,4 @@
-#include "solver/background/picture_drift.h"
+#include "solver/background/image_registration.h"
 
 #include <fmt/format.h>
 
@@ -18,12 +18,12 @@ namespace glasswing {
 namespace {
 
 constexpr int kMotions = 6, kUnknowns = 12, kColumns = 8;  // in all; of one channel
-constexpr double kMostDrift = 0.02;                        // of the longer side
-constexpr double kMostGain = 1.4;
-constexpr double kMostRest = 0.05;        // noise of a photograph is less
-constexpr int kCoarsest_px = 160;         // longer side
-constexpr double kMostSamples = 100'000;  // of a level
-constexpr double kLeastSd = 0.1 / 255.0;
+constexpr double kMaxDrift = 0.02;                         // of the longer side
+constexpr double kMaxGain = 1.4;
+constexpr double kMaxRest = 0.05;        // noise of a photograph is less
+constexpr int kCoarsest_px = 160;        // longer side
+constexpr double kMaxSamples = 100'000;  // of a level
+constexpr double kMinSd = 0.1 / 255.0;
 constexpr double kBlur_px = 1.0;  // slopes of noise tell nothing
 constexpr double kAlike =
     4.0 * std::numbers::pi * kBlur_px * kBlur_px;  // samples that then share their noise
@@ -67,7 +67,7 @@ RadianceImage shares_of(const Image16& codes) {
   return image;
 }
 
-Point moved_point(const PictureDrift& drift, Point p) {
+Point moved_point(const ImageRegistration& drift, Point p) {
   return {p.x + drift.shift_px[0] + drift.stretch[0] * p.x + drift.stretch[1] * p.y,
           p.y + drift.shift_px[1] + drift.stretch[2] * p.x + drift.stretch[3] * p.y};
 }
@@ -83,7 +83,7 @@ double median_of(std::vector<double> values) {
 // From the median of absolute values, as of normal ones.
 double robust_sd(std::vector<double> differences) {
   for (double& difference : differences) difference = std::abs(difference);
-  return std::max(1.4826 * median_of(std::move(differences)), kLeastSd);
+  return std::max(1.4826 * median_of(std::move(differences)), kMinSd);
 }
 
 // Both pictures at one scale.
@@ -96,12 +96,12 @@ class Level {
         without_(shrunk(without, scale)),
         x_scale_(1.0 * with_.width_px / with.width_px),
         y_scale_(1.0 * with_.height_px / with.height_px),
-        stride_(std::max(
-            1, static_cast<int>(std::sqrt(1.0 * with_.width_px * with_.height_px / kMostSamples)))) {}
+        stride_(
+            std::max(1, static_cast<int>(std::sqrt(1.0 * with_.width_px * with_.height_px / kMaxSamples)))) {}
 
   // One step of Gauss-Newton, of light alone or of motion too; how far it moves a corner, in px of this
   // level.
-  double step(PictureDrift& drift, bool moves_too) {
+  double step(ImageRegistration& drift, bool moves_too) {
     look(drift);
     Normal normal = prior();
     Step gradient = -normal * unknowns(drift);
@@ -113,7 +113,7 @@ class Level {
       gradient.head<kMotions>().setZero();
     }
     const Step change = normal.ldlt().solve(gradient);
-    PictureDrift moves;
+    ImageRegistration moves;
     for (int i = 0; i < 2; ++i) moves.shift_px[static_cast<size_t>(i)] = change[i];
     for (int i = 0; i < 4; ++i) moves.stretch[static_cast<size_t>(i)] = change[2 + i] / half_px();
     for (size_t i = 0; i < 2; ++i) drift.shift_px[i] += moves.shift_px[i];
@@ -122,16 +122,16 @@ class Level {
       drift.gain[c] += change[kMotions + 2 * static_cast<int>(c)];
       drift.offset[c] += change[kMotions + 2 * static_cast<int>(c) + 1];
     }
-    return moves.most_px(full_width_px_, full_height_px_) * x_scale_;
+    return moves.max_px(full_width_px_, full_height_px_) * x_scale_;
   }
 
   // Of the differences that are left where the picture is steep: standard deviations, added up.
-  double steep_rest(const PictureDrift& drift) {
+  double steep_rest(const ImageRegistration& drift) {
     look(drift);
     return sd_[0] + sd_[1] + sd_[2];
   }
   // Of all that are left: that of the worst channel.
-  double rest(const PictureDrift& drift) {
+  double rest(const ImageRegistration& drift) {
     look(drift);
     double most = 0.0;
     for (size_t c = 0; c < 3; ++c) most = std::max(most, robust_sd(differences_of(c, -1.0)));
@@ -161,11 +161,11 @@ class Level {
   // Without texture the pictures say nothing of a shift: then there is none. Standard deviations.
   Normal prior() const {
     Step sd;
-    sd.head<kMotions>().setConstant(kMostDrift * half_px());
+    sd.head<kMotions>().setConstant(kMaxDrift * half_px());
     for (int c = 0; c < 3; ++c) sd.segment<2>(kMotions + 2 * c) << 0.1, 0.1;
     return sd.cwiseAbs2().cwiseInverse().asDiagonal();
   }
-  Step unknowns(const PictureDrift& drift) const {
+  Step unknowns(const ImageRegistration& drift) const {
     Step all;
     for (int i = 0; i < 2; ++i) all[i] = drift.shift_px[static_cast<size_t>(i)];
     for (int i = 0; i < 4; ++i) all[2 + i] = drift.stretch[static_cast<size_t>(i)] * half_px();
@@ -176,7 +176,7 @@ class Level {
     return all;
   }
 
-  void look(const PictureDrift& drift) {
+  void look(const ImageRegistration& drift) {
     seen_.clear();
     for (int y = stride_ / 2; y < with_.height_px; y += stride_) {
       for (int x = stride_ / 2; x < with_.width_px; x += stride_) {
@@ -222,7 +222,7 @@ class Level {
   // Slopes are those of the picture with the object, at its pixels: there a slope's noise and the noise of
   // the difference have nothing in common. Between pixels noise is less, so that slopes of the other picture
   // would draw the fit there. The gain's column is the mean of both pictures for the like reason.
-  void add_channel(size_t c, const PictureDrift& drift, Normal& normal, Step& gradient) const {
+  void add_channel(size_t c, const ImageRegistration& drift, Normal& normal, Step& gradient) const {
     Eigen::Matrix<double, kColumns, kColumns> squares = Eigen::Matrix<double, kColumns, kColumns>::Zero();
     Eigen::Matrix<double, kColumns, 1> products = Eigen::Matrix<double, kColumns, 1>::Zero(), column;
     for (const Seen& seen : seen_) {
@@ -250,35 +250,35 @@ class Level {
   std::array<double, 3> sd_{};
 };
 
-absl::Status check_small(const PictureDrift& drift, double rest, int width_px, int height_px) {
-  const double most_px = drift.most_px(width_px, height_px),
-               allowed_px = kMostDrift * std::max(width_px, height_px);
-  if (!(most_px <= allowed_px)) {
+absl::Status check_small(const ImageRegistration& drift, double rest, int width_px, int height_px) {
+  const double max_px = drift.max_px(width_px, height_px),
+               allowed_px = kMaxDrift * std::max(width_px, height_px);
+  if (!(max_px <= allowed_px)) {
     return absl::FailedPreconditionError(fmt::format(
         "the pictures lie {:.1f} px apart; at most {:.1f} px can be a drift: the camera must stand where "
         "it stood",
-        most_px, allowed_px));
+        max_px, allowed_px));
   }
   for (const double gain : drift.gain) {
-    if (!(gain <= kMostGain && gain >= 1.0 / kMostGain)) {
+    if (!(gain <= kMaxGain && gain >= 1.0 / kMaxGain)) {
       return absl::FailedPreconditionError(
           fmt::format("one picture is {:.2f} times as bright as the other; it must be between {:.2f} and "
                       "{:.2f}: exposure and "
                       "light must be the same",
-                      gain, 1.0 / kMostGain, kMostGain));
+                      gain, 1.0 / kMaxGain, kMaxGain));
     }
   }
-  if (rest <= kMostRest) return absl::OkStatus();
+  if (rest <= kMaxRest) return absl::OkStatus();
   return absl::FailedPreconditionError(
       fmt::format("the pictures differ by {:.0f} % of full scale in most of their pixels; at most {:.0f} % "
                   "can be noise: both must "
                   "show the same stage, more of it than of the object",
-                  100.0 * rest, 100.0 * kMostRest));
+                  100.0 * rest, 100.0 * kMaxRest));
 }
 
 }  // namespace
 
-double PictureDrift::most_px(int width_px, int height_px) const {
+double ImageRegistration::max_px(int width_px, int height_px) const {
   double most = 0.0;
   for (const double x : {-0.5 * width_px, 0.5 * width_px}) {
     for (const double y : {-0.5 * height_px, 0.5 * height_px}) {
@@ -296,8 +296,8 @@ absl::Status check_same_size(const Image16& with, const Image16& without) {
                   with.width_px, with.height_px, without.width_px, without.height_px));
 }
 
-absl::StatusOr<PictureDrift> find_drift(const Image16& with, const Image16& without) {
-  constexpr int kMostSteps = 20;
+absl::StatusOr<ImageRegistration> find_drift(const Image16& with, const Image16& without) {
+  constexpr int kMaxSteps = 20;
   constexpr int kLightSteps = 8;  // a linear fit but for its weights
   constexpr double kConverged_px = 0.005;
   // Interpolated noise alone makes up to 1 % of a difference go away, and chance a few thousandths.
@@ -306,23 +306,23 @@ absl::StatusOr<PictureDrift> find_drift(const Image16& with, const Image16& with
   const RadianceImage object = shares_of(with), empty = shares_of(without);
   const double side_px = std::max(with.width_px, with.height_px);
   const int halvings = std::max(0, static_cast<int>(std::ceil(std::log2(side_px / kCoarsest_px))));
-  PictureDrift drift;
+  ImageRegistration drift;
   for (int i = halvings; i > 0; --i) {
     Level level(object, empty, std::exp2(-i));
-    for (int step = 0; step < kMostSteps && level.step(drift, true) > kConverged_px; ++step) {
+    for (int step = 0; step < kMaxSteps && level.step(drift, true) > kConverged_px; ++step) {
     }
   }
   Level whole(object, empty, 1.0);
-  for (int step = 0; step < kMostSteps && whole.step(drift, true) > kConverged_px; ++step) {
+  for (int step = 0; step < kMaxSteps && whole.step(drift, true) > kConverged_px; ++step) {
   }
-  PictureDrift still;
+  ImageRegistration still;
   for (int step = 0; step < kLightSteps; ++step) whole.step(still, false);
   if (whole.steep_rest(drift) > kWorthMoving * whole.steep_rest(still)) drift = still;
   GW_RETURN_IF_ERROR(check_small(drift, whole.rest(drift), with.width_px, with.height_px));
   return drift;
 }
 
-RadianceImage moved(const Image16& without, const PictureDrift& drift) {
+RadianceImage moved(const Image16& without, const ImageRegistration& drift) {
   const RadianceImage empty = shares_of(without);
   RadianceImage image(empty.width_px, empty.height_px);
   const double middle_x = 0.5 * image.width_px, middle_y = 0.5 * image.height_px;

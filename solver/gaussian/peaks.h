@@ -1,4 +1,4 @@
-// The crests of responses to sweeps (Chuang et al. 2000, section 3.2): maxima above the noise after
+// The peaks of responses to sweeps (Chuang et al. 2000, section 3.2): maxima above the noise after
 // smoothing, each with a Gaussian fitted to its own surroundings; two where one does not explain them.
 //
 // Responses come in blocks of kBlockLanes side by side (a lane is one channel of one pixel), sample by
@@ -16,13 +16,13 @@
 namespace glasswing {
 
 inline constexpr int kBlockLanes = 16;
-inline constexpr int kMostCrests = 4;
+inline constexpr int kMaxPeaks = 4;
 
-// One sweep's crests, highest first.
-struct Crests {
+// One sweep's peaks, highest first.
+struct Peaks {
   int count = 0;
-  std::array<Crest, kMostCrests> crests{};
-  std::span<const Crest> all() const { return {crests.data(), static_cast<size_t>(count)}; }
+  std::array<Peak, kMaxPeaks> peaks{};
+  std::span<const Peak> all() const { return {peaks.data(), static_cast<size_t>(count)}; }
 };
 
 // One sweep of a block: y[i * kBlockLanes + lane], baseline subtracted, at r = first_r_px + i step_px.
@@ -33,17 +33,17 @@ struct SweepBlock {
 };
 
 // The noise of each lane, its samples taken as smooth but for noise: from second differences d,
-// sd(d) = sqrt(6) sd(y), those of the crests clipped away (mean |d| of what lies within 3 sd, three times
+// sd(d) = sqrt(6) sd(y), those of the peaks clipped away (mean |d| of what lies within 3 sd, three times
 // over).
 std::array<float, kBlockLanes> estimate_noise(const SweepBlock& sweep);
 
-class CrestFinder {
+class PeakFinder {
  public:
-  // floor: what a crest must rise above; noise_sd: of a sample; both a lane. Lanes whose bit in `lanes` is
+  // floor: what a peak must rise above; noise_sd: of a sample; both a lane. Lanes whose bit in `lanes` is
   // not set are left out. `found`: [sweep][lane].
   void find(std::span<const SweepBlock> sweeps, const std::array<float, kBlockLanes>& floor,
             const std::array<float, kBlockLanes>& noise_sd, unsigned lanes,
-            std::vector<std::array<Crests, kBlockLanes>>& found);
+            std::vector<std::array<Peaks, kBlockLanes>>& found);
 
  private:
   struct Top {
@@ -65,12 +65,12 @@ class CrestFinder {
 
 namespace internal {
 
-// The highest maxima of each lane after smoothing by (1 2 1)/4, at most kMostCrests, highest first. `smooth`
+// The highest maxima of each lane after smoothing by (1 2 1)/4, at most kMaxPeaks, highest first. `smooth`
 // gets the smoothed samples.
 struct LaneTops {
   int count = 0;
-  std::array<float, kMostCrests> height;
-  std::array<int, kMostCrests> place;
+  std::array<float, kMaxPeaks> height;
+  std::array<int, kMaxPeaks> place;
 };
 void find_tops(const SweepBlock& sweep, const float* floor, LaneTops* tops);
 

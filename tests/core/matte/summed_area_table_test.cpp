@@ -1,4 +1,4 @@
-#include "core/matte/summed_picture.h"
+#include "core/matte/summed_area_table.h"
 
 #include <gtest/gtest.h>
 
@@ -45,9 +45,9 @@ double brute_force(const Box& box, const RadianceImage& picture, int channel) {
 }
 
 // Small and large, on the picture, across its edge, and beyond.
-TEST(SummedPicture, AgreesWithBruteForce) {
+TEST(SummedAreaTable, AgreesWithBruteForce) {
   const RadianceImage picture = random_picture(40, 30);
-  const SummedPicture summed(picture);
+  const SummedAreaTable summed(picture);
   std::mt19937 random(1);
   std::uniform_real_distribution<double> unit(0.0, 1.0);
   for (int i = 0; i < 400; ++i) {
@@ -58,23 +58,23 @@ TEST(SummedPicture, AgreesWithBruteForce) {
   }
 }
 
-TEST(SummedPicture, PointsAndLinesAreTakenAsTheyAre) {
+TEST(SummedAreaTable, PointsAndLinesAreTakenAsTheyAre) {
   const RadianceImage picture = random_picture(16, 12);
-  const SummedPicture summed(picture);
+  const SummedAreaTable summed(picture);
   EXPECT_EQ(summed.mean(Box{3.5, 9.5, 0.0, 0.0}.mode(), 2), static_cast<double>(picture.at(3, 9, 2)));
   EXPECT_EQ(summed.mean(Box{-0.5, 9.5, 0.0, 0.0}.mode(), 2), 0.0);
   EXPECT_EQ(summed.mean(Box{3.5, 12.0, 0.0, 0.0}.mode(), 2), 0.0);
   double line = 0.0;
   for (int x = 0; x < 16; ++x) line += static_cast<double>(picture.at(x, 9, 1)) / 16.0;
   EXPECT_NEAR(summed.mean(Box{8.0, 9.5, 16.0, 0.0}.mode(), 1), line, 1e-6);
-  EXPECT_EQ(SummedPicture(RadianceImage()).mean(Box{3.5, 9.5, 2.0, 2.0}.mode(), 0), 0.0);
+  EXPECT_EQ(SummedAreaTable(RadianceImage()).mean(Box{3.5, 9.5, 2.0, 2.0}.mode(), 0), 0.0);
 }
 
 // The part of a box beyond the edge is dark, and takes part in the mean.
-TEST(SummedPicture, BeyondTheEdgeIsNothing) {
+TEST(SummedAreaTable, BeyondTheEdgeIsNothing) {
   RadianceImage flat(20, 20);
   for (float& sample : flat.samples) sample = 0.5f;
-  const SummedPicture summed(flat);
+  const SummedAreaTable summed(flat);
   EXPECT_NEAR(summed.mean(Box{0.0, 10.0, 12.0, 12.0}.mode(), 0), 0.25, 1e-6);
   EXPECT_NEAR(summed.mean(Box{20.0, 20.0, 12.0, 12.0}.mode(), 0), 0.125, 1e-6);
   EXPECT_NEAR(summed.mean(Box{10.0, 10.0, 40.0, 40.0}.mode(), 0), 0.125, 1e-6);

@@ -1,4 +1,4 @@
-#include "solver/gaussian/crests.h"
+#include "solver/gaussian/peaks.h"
 
 #include <algorithm>
 #include <cmath>
@@ -56,8 +56,8 @@ int room_round(const Smoothed& smooth, int most) {
 
 }  // namespace
 
-void CrestFinder::add_tops(int sweep, const SweepBlock& block, const std::array<float, kBlockLanes>& floor,
-                           unsigned lanes) {
+void PeakFinder::add_tops(int sweep, const SweepBlock& block, const std::array<float, kBlockLanes>& floor,
+                          unsigned lanes) {
   std::array<internal::LaneTops, kBlockLanes> tops{};
   internal::find_tops(block, floor.data(), tops.data());
   for (int lane = 0; lane < kBlockLanes; ++lane) {
@@ -74,13 +74,13 @@ void CrestFinder::add_tops(int sweep, const SweepBlock& block, const std::array<
       const int reach = static_cast<int>(std::ceil(4.0f * found.fit.peak.sigma));
       found.window = {.middle = block.y + place * kBlockLanes + lane,
                       .stride = kBlockLanes,
-                      .half = room > 0 ? room_round(smooth, std::min({reach, room, kMostHalf})) : 0};
+                      .half = room > 0 ? room_round(smooth, std::min({reach, room, kMaxHalf})) : 0};
     }
   }
 }
 
 // Windows that one Gaussian does not explain get two.
-void CrestFinder::add_doubles(const std::array<float, kBlockLanes>& noise_sd) {
+void PeakFinder::add_doubles(const std::array<float, kBlockLanes>& noise_sd) {
   doubles_.clear();
   double_of_.clear();
   windows_.clear();
@@ -104,9 +104,9 @@ void CrestFinder::add_doubles(const std::array<float, kBlockLanes>& noise_sd) {
   fit_double(windows_, doubles_);
 }
 
-void CrestFinder::find(std::span<const SweepBlock> sweeps, const std::array<float, kBlockLanes>& floor,
-                       const std::array<float, kBlockLanes>& noise_sd, unsigned lanes,
-                       std::vector<std::array<Crests, kBlockLanes>>& found) {
+void PeakFinder::find(std::span<const SweepBlock> sweeps, const std::array<float, kBlockLanes>& floor,
+                      const std::array<float, kBlockLanes>& noise_sd, unsigned lanes,
+                      std::vector<std::array<Peaks, kBlockLanes>>& found) {
   tops_.clear();
   for (size_t s = 0; s < sweeps.size(); ++s) add_tops(static_cast<int>(s), sweeps[s], floor, lanes);
   by_length_.clear();
@@ -129,17 +129,17 @@ void CrestFinder::find(std::span<const SweepBlock> sweeps, const std::array<floa
   found.assign(sweeps.size(), {});
   const auto add = [&](const Top& top, const LineGaussian& peak) {
     const SweepBlock& sweep = sweeps[static_cast<size_t>(top.sweep)];
-    Crests& crests = found[static_cast<size_t>(top.sweep)][static_cast<size_t>(top.lane)];
-    const Crest crest{
+    Peaks& peaks = found[static_cast<size_t>(top.sweep)][static_cast<size_t>(top.lane)];
+    const Peak peak{
         .amplitude = static_cast<double>(peak.amplitude),
         .centre_px = sweep.first_r_px + (top.place + static_cast<double>(peak.centre)) * sweep.step_px,
         .sigma_px = static_cast<double>(peak.sigma) * sweep.step_px};
-    int at = crests.count < kMostCrests ? crests.count++ : kMostCrests - 1;
-    if (at == kMostCrests - 1 && crests.crests[static_cast<size_t>(at)].amplitude > crest.amplitude) return;
-    for (; at > 0 && crests.crests[static_cast<size_t>(at - 1)].amplitude < crest.amplitude; --at) {
-      crests.crests[static_cast<size_t>(at)] = crests.crests[static_cast<size_t>(at - 1)];
+    int at = peaks.count < kMaxPeaks ? peaks.count++ : kMaxPeaks - 1;
+    if (at == kMaxPeaks - 1 && peaks.peaks[static_cast<size_t>(at)].amplitude > peak.amplitude) return;
+    for (; at > 0 && peaks.peaks[static_cast<size_t>(at - 1)].amplitude < peak.amplitude; --at) {
+      peaks.peaks[static_cast<size_t>(at)] = peaks.peaks[static_cast<size_t>(at - 1)];
     }
-    crests.crests[static_cast<size_t>(at)] = crest;
+    peaks.peaks[static_cast<size_t>(at)] = peak;
   };
   size_t next = 0;
   for (size_t i = 0; i < tops_.size(); ++i) {

@@ -1,4 +1,4 @@
-#include "solver/background/picture_drift.h"
+#include "solver/background/image_registration.h"
 
 #include <gtest/gtest.h>
 
@@ -11,7 +11,7 @@ namespace {
 
 constexpr int kWidth = 320, kHeight = 240;
 
-PictureDrift truth() {
+ImageRegistration truth() {
   return {.shift_px = {1.37, -0.62},
           .stretch = {0.0012, -0.0008, 0.0005, -0.001},
           .gain = {0.97, 1.02, 1.0},
@@ -19,22 +19,22 @@ PictureDrift truth() {
 }
 
 // How far apart two of them put the corner that they disagree on most.
-double apart_px(const PictureDrift& a, const PictureDrift& b) {
-  PictureDrift difference;
+double apart_px(const ImageRegistration& a, const ImageRegistration& b) {
+  ImageRegistration difference;
   for (size_t i = 0; i < 2; ++i) difference.shift_px[i] = a.shift_px[i] - b.shift_px[i];
   for (size_t i = 0; i < 4; ++i) difference.stretch[i] = a.stretch[i] - b.stretch[i];
-  return difference.most_px(kWidth, kHeight);
+  return difference.max_px(kWidth, kHeight);
 }
 
 std::string complaint(const Image16& with, const Image16& without) {
   return std::string(find_drift(with, without).status().message());
 }
 
-TEST(PictureDrift, IsFoundBesideAnObjectInNoise) {
+TEST(ImageRegistration, IsFoundBesideAnObjectInNoise) {
   const Image16 without = stage_picture(kWidth, kHeight, {}, 0.01, 1);
   Image16 with = stage_picture(kWidth, kHeight, truth(), 0.01, 2);
   put_ellipse(with);
-  const PictureDrift found = find_drift(with, without).value();
+  const ImageRegistration found = find_drift(with, without).value();
   // Noise of 0.01 on slopes of about 0.02 / px in tens of thousands of samples leaves 0.005 px.
   EXPECT_LT(apart_px(found, truth()), 0.05);
   for (size_t c = 0; c < 3; ++c) {
@@ -43,7 +43,7 @@ TEST(PictureDrift, IsFoundBesideAnObjectInNoise) {
   }
 }
 
-TEST(PictureDrift, MovesThePictureWhereItFits) {
+TEST(ImageRegistration, MovesThePictureWhereItFits) {
   const Image16 without = stage_picture(kWidth, kHeight, {}, 0.0, 1),
                 with = stage_picture(kWidth, kHeight, truth(), 0.0, 2);
   const RadianceImage image = moved(without, truth());
@@ -60,21 +60,21 @@ TEST(PictureDrift, MovesThePictureWhereItFits) {
   EXPECT_LT(std::sqrt(squares / seen), 0.001);
 }
 
-TEST(PictureDrift, IsNoneWhereThereIsNone) {
+TEST(ImageRegistration, IsNoneWhereThereIsNone) {
   const Image16 without = stage_picture(kWidth, kHeight, {}, 0.01, 1),
                 with = stage_picture(kWidth, kHeight, {}, 0.01, 2);
-  EXPECT_LT(find_drift(with, without).value().most_px(kWidth, kHeight), 0.05);
+  EXPECT_LT(find_drift(with, without).value().max_px(kWidth, kHeight), 0.05);
   // A wall without texture tells of no shift, though of light.
   Image16 grey(kWidth, kHeight), brighter = grey;
   std::fill(grey.samples.begin(), grey.samples.end(), std::uint16_t{30000});
   std::fill(brighter.samples.begin(), brighter.samples.end(), std::uint16_t{31000});
-  const PictureDrift flat = find_drift(brighter, grey).value();
-  EXPECT_LT(flat.most_px(kWidth, kHeight), 1e-6);
+  const ImageRegistration flat = find_drift(brighter, grey).value();
+  EXPECT_LT(flat.max_px(kWidth, kHeight), 1e-6);
   EXPECT_NEAR(65535.0 * (flat.gain[0] * 30000.0 / 65535.0 + flat.offset[0]), 31000.0, 10.0);
 }
 
 // In even ramps a shift and a change of light are the same; noise must not make one of them up.
-TEST(PictureDrift, NoiseDoesNotMakeItUp) {
+TEST(ImageRegistration, NoiseDoesNotMakeItUp) {
   std::mt19937 random(4);
   std::normal_distribution<double> normal(0.0, 0.01);
   Image16 with(kWidth, kHeight), without(kWidth, kHeight);
@@ -88,10 +88,10 @@ TEST(PictureDrift, NoiseDoesNotMakeItUp) {
       }
     }
   }
-  EXPECT_EQ(find_drift(with, without).value().most_px(kWidth, kHeight), 0.0);
+  EXPECT_EQ(find_drift(with, without).value().max_px(kWidth, kHeight), 0.0);
 }
 
-TEST(PictureDrift, WhatIsNoDriftIsSaid) {
+TEST(ImageRegistration, WhatIsNoDriftIsSaid) {
   const Image16 without = stage_picture(kWidth, kHeight, {}, 0.005, 1);
   EXPECT_NE(complaint(stage_picture(kWidth, kHeight, {.shift_px = {9.0, 3.0}}, 0.005, 2), without)
                 .find("px apart; at most 6.4 px can be a drift"),

@@ -1,4 +1,4 @@
-#include "solver/method/drift.h"
+#include "solver/method/brightness_drift.h"
 
 #include <fmt/format.h>
 
@@ -16,7 +16,7 @@ namespace glasswing {
 namespace {
 
 constexpr int kRows = 16;
-constexpr double kMostError = 0.005, kMostDrift = 0.2;
+constexpr double kMaxError = 0.005, kMaxDrift = 0.2;
 constexpr double kUsualNoise = 0.003;
 
 struct White {
@@ -122,7 +122,7 @@ class Measurement {
         all.reference += row.reference;
         all.variance += row.variance;
       }
-      if (!(all.reference > 0.0) || std::sqrt(all.variance) > kMostError * all.reference) continue;
+      if (!(all.reference > 0.0) || std::sqrt(all.variance) > kMaxError * all.reference) continue;
       points.push_back({.time_ns = whites[w].time_ns, .brightness = weighted_median(sums[w])});
     }
     if (points.empty()) return points;
@@ -171,7 +171,8 @@ double brightness_at(const std::vector<Point>& points, std::int64_t time_ns) {
 
 }  // namespace
 
-absl::StatusOr<std::vector<float>> measure_drift(const v1::CaptureManifest& manifest, const RowReader& read) {
+absl::StatusOr<std::vector<float>> measure_brightness_drift(const v1::CaptureManifest& manifest,
+                                                            const RowReader& read) {
   const std::map<Key, std::vector<White>> whites = find_whites(manifest);
   if (whites.empty()) return std::vector<float>();
   GW_ASSIGN_OR_RETURN(FrameLight light, FrameLight::create(manifest));
@@ -180,11 +181,11 @@ absl::StatusOr<std::vector<float>> measure_drift(const v1::CaptureManifest& mani
   for (const auto& [key, list] : whites) {
     GW_ASSIGN_OR_RETURN(std::vector<Point> points, measurement.points(list));
     for (const Point& point : points) {
-      if (std::abs(point.brightness - 1.0) > kMostDrift) {
+      if (std::abs(point.brightness - 1.0) > kMaxDrift) {
         return absl::FailedPreconditionError(
             fmt::format("the white of monitor \"{}\" changed by {:.0f} % during the session; up to {:.0f} % "
                         "can be taken out",
-                        std::get<0>(key), 100.0 * (point.brightness - 1.0), 100.0 * kMostDrift));
+                        std::get<0>(key), 100.0 * (point.brightness - 1.0), 100.0 * kMaxDrift));
       }
     }
     std::vector<Point>& known = of_monitors[{std::get<0>(key), std::get<1>(key)}];

@@ -14,10 +14,10 @@
 
 namespace glasswing {
 
-class SummedPicture {
+class SummedAreaTable {
  public:
   // `picture` must outlive it; an empty one is black.
-  explicit SummedPicture(const RadianceImage& picture);
+  explicit SummedAreaTable(const RadianceImage& picture);
 
   // Over the box that a mode of a matte of boxes means: sides sqrt(12 xx) and sqrt(12 yy). A side narrower
   // than 1e-4 px is a line, both are a point.

@@ -26,6 +26,7 @@ using RowReader =
 // whites differ: each is relative to the first of its own. Empty where nothing was shown again, or when is
 // not known. Whites that are too dark or too bright to tell half a percent are passed over.
 // FAILED_PRECONDITION: a white that changed by more than a fifth.
-absl::StatusOr<std::vector<float>> measure_drift(const v1::CaptureManifest& manifest, const RowReader& read);
+absl::StatusOr<std::vector<float>> measure_brightness_drift(const v1::CaptureManifest& manifest,
+                                                            const RowReader& read);
 
 }  // namespace glasswing

@@ -1,4 +1,4 @@
-#include "core/matte/summed_picture.h"
+#include "core/matte/summed_area_table.h"
 
 #include <algorithm>
 #include <cmath>
@@ -13,7 +13,7 @@ constexpr int kFewPixels = 64;
 }  // namespace
 
 // One side of a box, and the pixels that it touches.
-struct SummedPicture::Side {
+struct SummedAreaTable::Side {
   double low_px, high_px;  // on the picture
   double length_px;        // of the whole side; 0: a line
   int first, last;         // pixels [first, last)
@@ -37,7 +37,7 @@ struct SummedPicture::Side {
   }
 };
 
-SummedPicture::SummedPicture(const RadianceImage& picture) : picture_(picture) {
+SummedAreaTable::SummedAreaTable(const RadianceImage& picture) : picture_(picture) {
   const auto row = (static_cast<size_t>(picture.width_px) + 1) * kChannels;
   sums_.resize(row * (static_cast<size_t>(picture.height_px) + 1));
   for (int y = 0; y < picture.height_px; ++y) {
@@ -52,7 +52,7 @@ SummedPicture::SummedPicture(const RadianceImage& picture) : picture_(picture) {
   }
 }
 
-double SummedPicture::mean(const Mode& box, int channel) const {
+double SummedAreaTable::mean(const Mode& box, int channel) const {
   if (picture_.empty()) return 0.0;
   const Side x(static_cast<double>(box.x_px), static_cast<double>(box.xx_px2), picture_.width_px);
   const Side y(static_cast<double>(box.y_px), static_cast<double>(box.yy_px2), picture_.height_px);
@@ -64,7 +64,7 @@ double SummedPicture::mean(const Mode& box, int channel) const {
   return inside / (x.length_px * y.length_px);
 }
 
-double SummedPicture::few(const Side& x, const Side& y, int channel) const {
+double SummedAreaTable::few(const Side& x, const Side& y, int channel) const {
   double all = 0.0;
   for (int v = y.first; v < y.last; ++v) {
     double row = 0.0;
@@ -75,7 +75,7 @@ double SummedPicture::few(const Side& x, const Side& y, int channel) const {
   return all;
 }
 
-double SummedPicture::sum(double x_px, double y_px, int channel) const {
+double SummedAreaTable::sum(double x_px, double y_px, int channel) const {
   const int u = std::min(static_cast<int>(x_px), picture_.width_px - 1);
   const int v = std::min(static_cast<int>(y_px), picture_.height_px - 1);
   const double right = x_px - u, down = y_px - v;
