@@ -10,6 +10,7 @@
 #include "camera-node/camera_metrics.h"
 #include "camera-node/services/preview.h"
 #include "core/base/status.h"
+#include "core/pattern/stimulus_kind.h"
 #include "core/service/service.h"
 
 namespace glasswing {
@@ -54,14 +55,14 @@ bool write_whole(const Image16& image, const v1::FrameTaken& taken,
 }
 
 bool is_lesson(const Archive::NewFrame& frame) {
-  return frame.record.stimulus().kind() == "patch";
+  return kind_of(frame.record.stimulus()) == StimulusKind::kPatch;
 }
 
 // On disk. Frames of a video may use the reserve: it cannot be gone on with later.
 std::int64_t bytes_of(const std::vector<Archive::NewFrame>& batch) {
   size_t bytes = 0;
   for (const Archive::NewFrame& frame : batch) {
-    const bool of_video = frame.record.object() && frame.record.stimulus().kind() == "ramp";
+    const bool of_video = frame.record.object() && kind_of(frame.record.stimulus()) == StimulusKind::kRamp;
     if (!of_video) bytes += tiff_size_bytes(frame.image.width_px, frame.image.height_px);
   }
   return static_cast<std::int64_t>(bytes);

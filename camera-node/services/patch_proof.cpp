@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "core/base/status.h"
+#include "core/pattern/stimulus_kind.h"
 
 namespace glasswing {
 namespace {
@@ -20,7 +21,7 @@ bool same_exposure(double a_ms, double b_ms) {
 absl::Status PatchProof::learn_from(Archive& archive) {
   const v1::CaptureManifest manifest = archive.manifest();
   for (const v1::Frame& frame : manifest.frames()) {
-    if (frame.stimulus().kind() != "patch") continue;
+    if (kind_of(frame.stimulus()) != StimulusKind::kPatch) continue;
     GW_ASSIGN_OR_RETURN(const std::string bytes, archive.read_frame_bytes(frame.file()));
     GW_ASSIGN_OR_RETURN(Image16 image, decode_tiff(bytes));
     (void)add({.record = frame, .image = std::move(image)});  // if they teach nothing, that was accepted

@@ -18,6 +18,7 @@
 #include "core/base/utf8.h"
 #include "core/frame/archive.h"
 #include "core/pattern/pattern.h"
+#include "core/pattern/stimulus_kind.h"
 
 namespace glasswing {
 namespace {
@@ -246,7 +247,7 @@ class Reader {
       return bad(
           fmt::format("panel is \"{}\"; it must be a monitor: {}", stimulus.panel(), fmt::join(names, ", ")));
     }
-    if (stimulus.kind() == "photo" || stimulus.kind() == "patch")
+    if (kind_of(stimulus) == StimulusKind::kPhoto || kind_of(stimulus) == StimulusKind::kPatch)
       return absl::OkStatus();  // no pure functions
     return Pattern::create(stimulus, {monitor->width_px(), monitor->height_px()}).status();
   }

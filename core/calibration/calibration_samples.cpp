@@ -7,6 +7,7 @@
 #include <map>
 
 #include "core/base/status.h"
+#include "core/pattern/stimulus_kind.h"
 
 namespace glasswing {
 namespace {
@@ -21,7 +22,7 @@ constexpr int kRim_px = 2;              // pixels so near a monitor's edge may s
 using FrameIndex = std::vector<std::array<std::vector<int>, 3>>;  // [exposure][Shown]: frames
 
 Shown shown_by(const v1::Stimulus& stimulus) {
-  if (stimulus.kind() == "gauss_stripe") return Shown::kStripe;
+  if (kind_of(stimulus) == StimulusKind::kStripe) return Shown::kStripe;
   return stimulus.colour_size() > 0 && stimulus.colour(0) == 0.0 ? Shown::kBlack : Shown::kWhite;
 }
 

@@ -11,6 +11,7 @@
 
 #include "core/base/status.h"
 #include "core/frame/image.h"
+#include "core/pattern/stimulus_kind.h"
 
 namespace glasswing {
 namespace {
@@ -166,8 +167,8 @@ ShownFrames shown_frames(const v1::CaptureManifest& manifest, const v1::Monitor&
       const double share = c < stimulus.colour_size() ? stimulus.colour(c) : 1.0;
       of.code[static_cast<size_t>(c)] = static_cast<int>(std::lround(share * highest));
     }
-    if (stimulus.kind() == "solid") shown.solids.push_back(of);
-    if (stimulus.kind() == "ramp") shown.ramps.push_back(of);
+    if (kind_of(stimulus) == StimulusKind::kSolid) shown.solids.push_back(of);
+    if (kind_of(stimulus) == StimulusKind::kRamp) shown.ramps.push_back(of);
   }
   return shown;
 }

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/pattern/stimulus_kind.h"
+
 namespace glasswing {
 namespace {
 
@@ -37,15 +39,15 @@ absl::StatusOr<Pattern> Pattern::create(const v1::Stimulus& stimulus, MonitorSiz
       return bad("colour", stimulus.colour(i), "in [0, 1]");
     colour[static_cast<size_t>(i)] = static_cast<float>(stimulus.colour(i));
   }
-  if (stimulus.kind() == "solid") return Pattern(Solid{}, colour, size);
-  if (stimulus.kind() == "ramp") return Pattern(Ramp{}, colour, size);
-  if (stimulus.kind() == "gauss_stripe" || stimulus.kind() == "sinusoid") {
+  if (kind_of(stimulus) == StimulusKind::kSolid) return Pattern(Solid{}, colour, size);
+  if (kind_of(stimulus) == StimulusKind::kRamp) return Pattern(Ramp{}, colour, size);
+  if (kind_of(stimulus) == StimulusKind::kStripe || kind_of(stimulus) == StimulusKind::kSinusoid) {
     if (!(stimulus.peak() > 0.0 && stimulus.peak() <= 1.0)) return bad("peak", stimulus.peak(), "in (0, 1]");
     if (!std::isfinite(stimulus.phi_deg())) return bad("phi_deg", stimulus.phi_deg(), "finite");
     for (float& value : colour) value *= static_cast<float>(stimulus.peak());
     const double phi_rad = stimulus.phi_deg() * std::numbers::pi / 180.0;
     const double cos_phi = std::cos(phi_rad), sin_phi = std::sin(phi_rad), period_px = stimulus.period_px();
-    if (stimulus.kind() == "sinusoid") {
+    if (kind_of(stimulus) == StimulusKind::kSinusoid) {
       if (!(period_px > 0.0) || !std::isfinite(period_px)) return bad("period_px", period_px, "> 0");
       if (!std::isfinite(stimulus.phase_deg())) return bad("phase_deg", stimulus.phase_deg(), "finite");
       const double phase_rad = stimulus.phase_deg() * std::numbers::pi / 180.0;
@@ -56,7 +58,7 @@ absl::StatusOr<Pattern> Pattern::create(const v1::Stimulus& stimulus, MonitorSiz
     if (!std::isfinite(stimulus.r_px())) return bad("r_px", stimulus.r_px(), "finite");
     return Pattern(Stripe{cos_phi, sin_phi, stimulus.r_px(), stimulus.sigma_px()}, colour, size);
   }
-  if (stimulus.kind() == "square") {
+  if (kind_of(stimulus) == StimulusKind::kSquare) {
     if (stimulus.orient() != "vertical_bars" && stimulus.orient() != "horizontal_bars") {
       return bad("orient", "\"" + stimulus.orient() + "\"", "\"vertical_bars\" or \"horizontal_bars\"");
     }

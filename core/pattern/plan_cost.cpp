@@ -3,6 +3,7 @@
 #include <map>
 
 #include "core/frame/archive.h"
+#include "core/pattern/stimulus_kind.h"
 
 namespace glasswing {
 
@@ -15,7 +16,7 @@ void add_cost(const v1::Plan& plan, const std::vector<Step>& steps, v1::Estimate
     const double step_seconds = hold_refreshes_of(plan) / refresh_hz.at(step.stimulus.panel());
     without_object += step.object ? 0 : 1;
     seconds += step_seconds;
-    if (!is_video(plan) || !step.object || step.stimulus.kind() != "ramp") continue;
+    if (!is_video(plan) || !step.object || kind_of(step.stimulus) != StimulusKind::kRamp) continue;
     video_frames += 1;
     video_seconds += step_seconds;
   }

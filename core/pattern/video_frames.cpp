@@ -3,6 +3,7 @@
 #include <map>
 
 #include "core/pattern/plan.h"
+#include "core/pattern/stimulus_kind.h"
 
 namespace glasswing {
 
@@ -11,7 +12,8 @@ std::vector<int> video_frames(const v1::CaptureManifest& manifest) {
   std::map<int, int> place_of_step;
   for (int i = 0; i < manifest.frames_size(); ++i) {
     const v1::Frame& frame = manifest.frames(i);
-    if (!frame.object() || frame.stimulus().kind() != "ramp" || frame.stimulus().reference()) continue;
+    if (!frame.object() || kind_of(frame.stimulus()) != StimulusKind::kRamp || frame.stimulus().reference())
+      continue;
     in_order.push_back(i);
     if (frame.step() >= 0) place_of_step.emplace(frame.step(), i);
   }
@@ -22,7 +24,7 @@ std::vector<int> video_frames(const v1::CaptureManifest& manifest) {
   if (!steps.ok()) return in_order;
   std::vector<int> video;
   for (const Step& step : *steps) {
-    if (!step.object || step.stimulus.kind() != "ramp") continue;
+    if (!step.object || kind_of(step.stimulus) != StimulusKind::kRamp) continue;
     const auto found = place_of_step.find(step.number);
     video.push_back(found == place_of_step.end() ? -1 : found->second);
   }

@@ -11,6 +11,7 @@
 #include "core/base/status.h"
 #include "core/frame/image_file.h"
 #include "core/pattern/id_patch.h"
+#include "core/pattern/stimulus_kind.h"
 
 namespace glasswing {
 namespace {
@@ -123,7 +124,7 @@ absl::StatusOr<Program::Step> Program::checked(const v1::ProgramStep& wanted,
       return bad(fmt::format("monitor \"{}\" is lit twice; it must have one stimulus", screen->name));
     shown.are_codes = stimulus.codes();
     const MonitorSize size = pattern_size_of(*screen);
-    if (stimulus.kind() == "photo") {
+    if (kind_of(stimulus) == StimulusKind::kPhoto) {
       shown.photo = images.find(stimulus.image());
       if (shown.photo == nullptr) {
         return absl::FailedPreconditionError(
@@ -134,7 +135,7 @@ absl::StatusOr<Program::Step> Program::checked(const v1::ProgramStep& wanted,
                                shown.photo->width_px, shown.photo->height_px, screen->name, size.width_px,
                                size.height_px));
       }
-    } else if (stimulus.kind() == "patch") {
+    } else if (kind_of(stimulus) == StimulusKind::kPatch) {
       if (screen->patch_rows == 0) {
         return bad(fmt::format("monitor \"{}\" shows no id patch; start its display with --patch-rows",
                                screen->name));

@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "core/pattern/plan.h"
+#include "core/pattern/stimulus_kind.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
 #include "glasswing/v1/session_service.pb.h"
 #include "glasswing/v1/stage_service.grpc.pb.h"
@@ -30,7 +31,7 @@ namespace glasswing {
 
 // Of those that teach the camera where an id patch is.
 inline bool is_lesson(const Step& step) {
-  return step.stimulus.kind() == "patch";
+  return kind_of(step.stimulus) == StimulusKind::kPatch;
 }
 
 // A lesson shows its own, and a calibration's exposures suit none.

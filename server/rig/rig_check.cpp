@@ -10,6 +10,7 @@
 #include "core/base/status.h"
 #include "core/pattern/id_patch.h"
 #include "core/pattern/plan.h"
+#include "core/pattern/stimulus_kind.h"
 #include "core/service/service.h"
 #include "server/rig/rig_findings.h"
 
@@ -235,7 +236,7 @@ class RigCheck {
       const auto frame = std::find_if(times.frames.begin(), times.frames.end(),
                                       [&](const FrameTime& each) { return proves(each, window); });
       const v1::Stimulus& shown = step.stimuli(0);
-      if (shown.kind() != "patch" || frame == times.frames.end()) continue;
+      if (kind_of(shown) != StimulusKind::kPatch || frame == times.frames.end()) continue;
       if (!learnt.emplace(shown.panel(), shown.patch_id()).second) continue;
       v1::Frame& lesson = *look.add_frames();
       lesson.set_sequence(frame->sequence);

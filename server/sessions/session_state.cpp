@@ -9,6 +9,7 @@
 
 #include "core/pattern/method_options.h"
 #include "core/pattern/plan.h"
+#include "core/pattern/stimulus_kind.h"
 #include "core/pattern/video_frames.h"
 
 namespace glasswing {
@@ -29,14 +30,17 @@ std::string usual_method(const v1::CaptureManifest& manifest) {
   if (check_method(manifest.plan().method()).ok()) return manifest.plan().method();
   const bool only_ramp = std::ranges::all_of(manifest.frames(), [](const v1::Frame& frame) {
     const v1::Stimulus& stimulus = frame.stimulus();
-    return !frame.object() || stimulus.kind() == "ramp" || stimulus.kind() == "patch" || stimulus.reference();
+    return !frame.object() || kind_of(stimulus) == StimulusKind::kRamp ||
+           kind_of(stimulus) == StimulusKind::kPatch || stimulus.reference();
   });
   if (only_ramp && !video_frames(manifest).empty()) return std::string(kRampMethod);
-  const std::pair<std::string_view, std::string_view> methods[] = {
-      {"gauss_stripe", "gaussian"}, {"sinusoid", "fringe"}, {"square", "hierarchical"}, {"solid", "alpha"}};
+  const std::pair<StimulusKind, std::string_view> methods[] = {{StimulusKind::kStripe, "gaussian"},
+                                                               {StimulusKind::kSinusoid, "fringe"},
+                                                               {StimulusKind::kSquare, "hierarchical"},
+                                                               {StimulusKind::kSolid, "alpha"}};
   for (const auto& [kind, method] : methods) {
     const bool shown = std::ranges::any_of(
-        manifest.frames(), [&](const v1::Frame& frame) { return frame.stimulus().kind() == kind; });
+        manifest.frames(), [&](const v1::Frame& frame) { return kind_of(frame.stimulus()) == kind; });
     if (shown) return std::string(method);
   }
   return "gaussian";

@@ -7,6 +7,7 @@
 #include <map>
 
 #include "core/base/status.h"
+#include "core/pattern/stimulus_kind.h"
 
 namespace glasswing {
 namespace {
@@ -50,7 +51,7 @@ absl::StatusOr<BackingLayout> lay_out_backings(const v1::CaptureManifest& manife
   std::map<std::string, std::map<Light, Backing>> shown;  // by monitor
   for (int i = 0; i < manifest.frames_size(); ++i) {
     const v1::Frame& frame = manifest.frames(i);
-    if (!is_pattern(frame) || frame.stimulus().kind() != "solid") continue;
+    if (!is_pattern(frame) || kind_of(frame.stimulus()) != StimulusKind::kSolid) continue;
     const Light light{colour_of(frame.stimulus(), 0), colour_of(frame.stimulus(), 1),
                       colour_of(frame.stimulus(), 2)};
     Backing& backing = is_dark(light) ? black : shown[frame.stimulus().panel()][light];

@@ -5,6 +5,7 @@
 #include <map>
 #include <set>
 
+#include "core/pattern/stimulus_kind.h"
 #include "solver/background/stage_layout.h"
 
 namespace glasswing {
@@ -13,9 +14,9 @@ namespace {
 constexpr double kFalsePositiveRate = 1e-4;
 
 bool tells_of_the_empty_stage(const v1::Frame& frame) {
-  const std::string& kind = frame.stimulus().kind();
+  const StimulusKind kind = kind_of(frame.stimulus());
   return !frame.object() && !frame.stimulus().reference() && frame.also_lit_size() == 0 &&
-         (kind == "solid" || kind == "square");
+         (kind == StimulusKind::kSolid || kind == StimulusKind::kSquare);
 }
 
 double usual_exposure_ms(const v1::CaptureManifest& manifest) {
@@ -108,7 +109,7 @@ std::vector<EmptyMonitor> lay_out_empty_stage(const v1::CaptureManifest& manifes
     if (!tells_of_the_empty_stage(frame) || frame.exposure_ms() != exposure_ms) continue;
     if (texture == texture_of.end()) continue;
     EmptyMonitor& monitor = monitors[static_cast<size_t>(texture->second)];
-    if (frame.stimulus().kind() == "square") {
+    if (kind_of(frame.stimulus()) == StimulusKind::kSquare) {
       add_bars(frame.stimulus(), i, monitor);
     } else if (gray_of(frame.stimulus()) == 0.0) {
       if (black < 0) black = i;

@@ -4,6 +4,7 @@
 #include <set>
 #include <tuple>
 
+#include "core/pattern/stimulus_kind.h"
 #include "solver/background/empty_stage.h"
 
 namespace glasswing {
@@ -13,7 +14,7 @@ std::vector<std::vector<int>> patches_of(const v1::CaptureManifest& manifest) {
   std::map<std::tuple<bool, double, std::string>, std::vector<int>> patches;
   for (int i = 0; i < manifest.frames_size(); ++i) {
     const v1::Frame& frame = manifest.frames(i);
-    if (frame.stimulus().kind() != "patch") continue;
+    if (kind_of(frame.stimulus()) != StimulusKind::kPatch) continue;
     patches[{frame.object(), frame.exposure_ms(), frame.stimulus().panel()}].push_back(i);
   }
   std::vector<std::vector<int>> lists;
@@ -48,7 +49,8 @@ StageLayout lay_out_stage(const v1::CaptureManifest& manifest, const Exposures& 
     const ExposedFrame exposed = exposures.exposed(manifest, i);
     StageLayout::Pair& pair = pairs[frame.stimulus().SerializeAsString()];
     (frame.object() ? pair.object : pair.empty).push_back(exposed);
-    if (frame.object() && frame.stimulus().kind() == "solid" && gray_of(frame.stimulus()) == 0.0)
+    if (frame.object() && kind_of(frame.stimulus()) == StimulusKind::kSolid &&
+        gray_of(frame.stimulus()) == 0.0)
       layout.black.push_back(exposed);
   }
   for (auto& [stimulus, pair] : pairs) {

@@ -8,6 +8,7 @@
 #include <tuple>
 
 #include "core/matte/matte.h"
+#include "core/pattern/stimulus_kind.h"
 #include "solver/background/stage_layout.h"
 #include "solver/method/exposure_merge.h"
 
@@ -28,17 +29,17 @@ WaveNoise::WaveNoise(const v1::CaptureManifest& manifest) {
   std::map<bool, int> black;
   std::map<std::pair<bool, std::string>, int> white;
   const auto first = std::ranges::find_if(manifest.frames(), [](const v1::Frame& frame) {
-    return is_pattern(frame) && frame.stimulus().kind() == "square";
+    return is_pattern(frame) && kind_of(frame.stimulus()) == StimulusKind::kSquare;
   });
   if (first == manifest.frames().end()) return;
   for (int i = 0; i < manifest.frames_size(); ++i) {
     const v1::Frame& frame = manifest.frames(i);
     v1::Stimulus stimulus = frame.stimulus();
     if (!is_pattern(frame) || frame.exposure_ms() != first->exposure_ms()) continue;
-    if (stimulus.kind() == "solid") {
+    if (kind_of(stimulus) == StimulusKind::kSolid) {
       if (gray_of(stimulus) == 0.0) black[frame.object()] = i;
       if (gray_of(stimulus) == 1.0) white[{frame.object(), stimulus.panel()}] = i;
-    } else if (stimulus.kind() == "square" && gray_of(stimulus) == 1.0) {
+    } else if (kind_of(stimulus) == StimulusKind::kSquare && gray_of(stimulus) == 1.0) {
       const bool inverse = stimulus.inverse();
       stimulus.clear_inverse();
       Bars& own = bars[{frame.object(), stimulus.panel(), stimulus.SerializeAsString()}];

@@ -10,6 +10,7 @@
 #include <tuple>
 
 #include "core/base/status.h"
+#include "core/pattern/stimulus_kind.h"
 
 namespace glasswing {
 namespace {
@@ -124,8 +125,8 @@ absl::StatusOr<FringeLayout> lay_out_fringes(const v1::CaptureManifest& manifest
   for (int i = 0; i < manifest.frames_size(); ++i) {
     const v1::Frame& frame = manifest.frames(i);
     const v1::Stimulus& stimulus = frame.stimulus();
-    const bool wave = stimulus.kind() == "sinusoid";
-    if (!is_pattern(frame) || (!wave && stimulus.kind() != "solid")) continue;
+    const bool wave = kind_of(stimulus) == StimulusKind::kSinusoid;
+    if (!is_pattern(frame) || (!wave && kind_of(stimulus) != StimulusKind::kSolid)) continue;
     const int texture = texture_of(manifest, stimulus.panel());
     if (texture < 0) {
       return absl::FailedPreconditionError(fmt::format(

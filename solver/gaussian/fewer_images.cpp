@@ -10,6 +10,7 @@
 #include <set>
 
 #include "core/base/status.h"
+#include "core/pattern/stimulus_kind.h"
 #include "solver/background/stage_layout.h"
 #include "solver/method/exposure_merge.h"
 
@@ -43,7 +44,7 @@ std::vector<Swept> swept_monitors(const v1::CaptureManifest& recorded) {
     Swept swept{.monitor = monitor, .sigma_px = {}};
     for (const v1::Frame& frame : recorded.frames()) {
       const v1::Stimulus& stimulus = frame.stimulus();
-      if (!is_pattern(frame) || !frame.object() || stimulus.kind() != "gauss_stripe" ||
+      if (!is_pattern(frame) || !frame.object() || kind_of(stimulus) != StimulusKind::kStripe ||
           stimulus.panel() != monitor.name())
         continue;
       const auto [known, added] = swept.sigma_px.emplace(stimulus.phi_deg(), stimulus.sigma_px());
@@ -150,7 +151,9 @@ std::map<std::string, Bars> bars_of(const v1::CaptureManifest& recorded) {
       const auto miss = [&](double px) { return std::abs(std::log(px / wanted_px)); };
       for (const v1::Frame& frame : recorded.frames()) {
         const v1::Stimulus& stimulus = frame.stimulus();
-        if (!is_pattern(frame) || stimulus.kind() != "square" || stimulus.panel() != monitor.name()) continue;
+        if (!is_pattern(frame) || kind_of(stimulus) != StimulusKind::kSquare ||
+            stimulus.panel() != monitor.name())
+          continue;
         if (best == 0.0 || miss(stimulus.bar_width_px()) < miss(best)) best = stimulus.bar_width_px();
       }
       return best;
@@ -163,9 +166,9 @@ std::map<std::string, Bars> bars_of(const v1::CaptureManifest& recorded) {
 
 bool tells_the_stage(const v1::Frame& frame, const std::map<std::string, Bars>& bars) {
   const v1::Stimulus& stimulus = frame.stimulus();
-  if (stimulus.kind() == "solid") return gray_of(stimulus) == 0.0 || gray_of(stimulus) == 1.0;
+  if (kind_of(stimulus) == StimulusKind::kSolid) return gray_of(stimulus) == 0.0 || gray_of(stimulus) == 1.0;
   const auto own = bars.find(stimulus.panel());
-  if (stimulus.kind() != "square" || own == bars.end()) return false;
+  if (kind_of(stimulus) != StimulusKind::kSquare || own == bars.end()) return false;
   return stimulus.bar_width_px() == own->second.narrow_px ||
          (stimulus.bar_width_px() == own->second.broad_px && !stimulus.inverse());
 }
@@ -202,10 +205,13 @@ absl::StatusOr<MadeCapture> fewer_images(const v1::CaptureManifest& recorded, in
   };
   const std::vector<Swept> monitors = swept_monitors(recorded);
   if (std::ranges::count_if(recorded.frames(), usable) <= images || monitors.empty())
-    return part_of(recorded, [&](const v1::Frame& f) { return usable(f) || f.stimulus().kind() == "patch"; });
+    return part_of(recorded, [&](const v1::Frame& f) {
+      return usable(f) || kind_of(f.stimulus()) == StimulusKind::kPatch;
+    });
   const std::map<std::string, Bars> bars = bars_of(recorded);
   MadeCapture capture = part_of(recorded, [&](const v1::Frame& frame) {
-    return frame.stimulus().kind() == "patch" || (usable(frame) && tells_the_stage(frame, bars));
+    return kind_of(frame.stimulus()) == StimulusKind::kPatch ||
+           (usable(frame) && tells_the_stage(frame, bars));
   });
   const auto stage = std::ranges::count_if(capture.manifest.frames(), usable);
   const int each = (images - static_cast<int>(stage)) / static_cast<int>(monitors.size());

@@ -10,6 +10,7 @@
 #include <tuple>
 
 #include "core/base/status.h"
+#include "core/pattern/stimulus_kind.h"
 
 namespace glasswing {
 namespace {
@@ -61,7 +62,7 @@ absl::StatusOr<StackLayout> lay_out(const v1::CaptureManifest& manifest) {
   for (int i = 0; i < manifest.frames_size(); ++i) {
     const v1::Frame& frame = manifest.frames(i);
     const v1::Stimulus& stimulus = frame.stimulus();
-    if (!is_pattern(frame) || !frame.object() || stimulus.kind() != "gauss_stripe") continue;
+    if (!is_pattern(frame) || !frame.object() || kind_of(stimulus) != StimulusKind::kStripe) continue;
     const int texture = texture_of(manifest, stimulus.panel());
     if (texture < 0) {
       return absl::FailedPreconditionError(fmt::format(

@@ -10,6 +10,7 @@
 
 #include "core/base/status.h"
 #include "core/pattern/pattern.h"
+#include "core/pattern/stimulus_kind.h"
 #include "solver/background/stage_layout.h"
 #include "solver/method/exposure_merge.h"
 
@@ -142,10 +143,10 @@ absl::StatusOr<std::shared_ptr<const StripeSums::Basis>> StripeSums::basis(const
     const v1::Stimulus& stimulus = frame.stimulus();
     if (!is_pattern(frame) || !frame.object() || frame.exposure_ms() != exposures.times_ms().front())
       continue;
-    const double solid = stimulus.kind() == "solid" ? gray_of(stimulus) : -1.0;
+    const double solid = kind_of(stimulus) == StimulusKind::kSolid ? gray_of(stimulus) : -1.0;
     if (solid == 0.0) basis->black = i;
     if (stimulus.panel() != panel) continue;
-    const bool stripe = stimulus.kind() == "gauss_stripe" && stimulus.phi_deg() == phi_deg;
+    const bool stripe = kind_of(stimulus) == StimulusKind::kStripe && stimulus.phi_deg() == phi_deg;
     if (stripe || (white && solid == 1.0)) basis->frames.push_back(i);
   }
   if (basis->frames.size() < 2 || basis->black < 0) {

@@ -8,6 +8,7 @@
 #include <tuple>
 
 #include "core/base/status.h"
+#include "core/pattern/stimulus_kind.h"
 
 namespace glasswing {
 namespace {
@@ -118,8 +119,9 @@ absl::StatusOr<BoxLayout> lay_out_boxes(const v1::CaptureManifest& manifest) {
   for (int i = 0; i < manifest.frames_size(); ++i) {
     const v1::Frame& frame = manifest.frames(i);
     const v1::Stimulus& stimulus = frame.stimulus();
-    const bool wave = stimulus.kind() == "square";
-    if (!is_pattern(frame) || !frame.object() || (!wave && stimulus.kind() != "solid")) continue;
+    const bool wave = kind_of(stimulus) == StimulusKind::kSquare;
+    if (!is_pattern(frame) || !frame.object() || (!wave && kind_of(stimulus) != StimulusKind::kSolid))
+      continue;
     const Light light = light_of(stimulus);
     if (!wave && is_dark(light)) continue;
     const auto monitor =

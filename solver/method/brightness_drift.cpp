@@ -10,6 +10,7 @@
 #include <tuple>
 
 #include "core/base/status.h"
+#include "core/pattern/stimulus_kind.h"
 #include "core/radiometry/frame_light.h"
 
 namespace glasswing {
@@ -27,7 +28,7 @@ struct White {
 using Key = std::tuple<std::string, bool, std::string>;  // monitor, object, what was shown
 
 double gray_of(const v1::Stimulus& stimulus) {
-  if (stimulus.kind() != "solid" || stimulus.colour_size() != 3) return -1.0;
+  if (kind_of(stimulus) != StimulusKind::kSolid || stimulus.colour_size() != 3) return -1.0;
   const bool gray = stimulus.colour(0) == stimulus.colour(1) && stimulus.colour(1) == stimulus.colour(2);
   return gray ? stimulus.colour(0) : -1.0;
 }

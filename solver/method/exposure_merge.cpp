@@ -5,12 +5,15 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/pattern/stimulus_kind.h"
+
 namespace glasswing {
 
 bool is_pattern(const v1::Frame& frame) {
-  const std::string& kind = frame.stimulus().kind();
+  const StimulusKind kind = kind_of(frame.stimulus());
   return !frame.stimulus().reference() && frame.also_lit_size() == 0 &&
-         (kind == "solid" || kind == "square" || kind == "gauss_stripe" || kind == "sinusoid");
+         (kind == StimulusKind::kSolid || kind == StimulusKind::kSquare || kind == StimulusKind::kStripe ||
+          kind == StimulusKind::kSinusoid);
 }
 
 absl::StatusOr<Exposures> Exposures::of(const v1::CaptureManifest& manifest) {

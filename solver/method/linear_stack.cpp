@@ -7,6 +7,7 @@
 #include <map>
 
 #include "core/base/status.h"
+#include "core/pattern/stimulus_kind.h"
 
 namespace glasswing {
 namespace {
@@ -65,7 +66,7 @@ std::map<std::pair<bool, double>, size_t> black_frames(const FrameStack& stack) 
   for (size_t i = 0; i < stack.rows.size(); ++i) {
     const v1::Frame& frame = stack.manifest.frames(static_cast<int>(i));
     const v1::Stimulus& stimulus = frame.stimulus();
-    const bool dark = stimulus.kind() == "solid" && stimulus.colour_size() == 3 &&
+    const bool dark = kind_of(stimulus) == StimulusKind::kSolid && stimulus.colour_size() == 3 &&
                       std::ranges::all_of(stimulus.colour(), [](double value) { return value == 0.0; });
     if (dark && frame.also_lit().empty() && !stack.rows[i].empty())
       black.emplace(std::pair(frame.object(), frame.exposure_ms()), i);

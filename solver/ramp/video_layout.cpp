@@ -6,6 +6,7 @@
 
 #include "core/base/status.h"
 #include "core/pattern/plan.h"
+#include "core/pattern/stimulus_kind.h"
 #include "core/pattern/video_frames.h"
 #include "solver/background/stage_layout.h"
 
@@ -14,7 +15,7 @@ namespace {
 
 bool is_black(const v1::Frame& frame) {
   const v1::Stimulus& stimulus = frame.stimulus();
-  return !frame.object() && frame.also_lit().empty() && stimulus.kind() == "solid" &&
+  return !frame.object() && frame.also_lit().empty() && kind_of(stimulus) == StimulusKind::kSolid &&
          gray_of(stimulus) == 0.0;
 }
 
@@ -43,7 +44,8 @@ absl::StatusOr<VideoLayout> lay_out_video(const v1::CaptureManifest& manifest) {
     const v1::Frame& frame = manifest.frames(i);
     if (frame.stimulus().reference()) continue;
     if (is_black(frame)) layout.black.push_back(i);
-    if (!frame.object() && frame.stimulus().kind() == "ramp" && frame.stimulus().panel() == panel)
+    if (!frame.object() && kind_of(frame.stimulus()) == StimulusKind::kRamp &&
+        frame.stimulus().panel() == panel)
       layout.empty.push_back(i);
   }
   if (layout.empty.empty()) {
