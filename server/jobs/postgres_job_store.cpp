@@ -6,7 +6,6 @@
 #include <unistd.h>
 
 #include "core/base/status.h"
-#include "core/base/version.h"
 #include "server/jobs/sql_text.h"
 
 namespace glasswing {

@@ -7,7 +7,6 @@
 #include <fstream>
 
 #include "core/base/status.h"
-#include "core/base/version.h"
 #include "server/jobs/sql_text.h"
 
 namespace glasswing {

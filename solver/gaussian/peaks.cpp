@@ -127,13 +127,13 @@ void PeakFinder::find(std::span<const SweepBlock> sweeps, const std::array<float
   add_doubles(noise_sd);
 
   found.assign(sweeps.size(), {});
-  const auto add = [&](const Top& top, const LineGaussian& peak) {
+  const auto add = [&](const Top& top, const LineGaussian& fitted) {
     const SweepBlock& sweep = sweeps[static_cast<size_t>(top.sweep)];
     Peaks& peaks = found[static_cast<size_t>(top.sweep)][static_cast<size_t>(top.lane)];
     const Peak peak{
-        .amplitude = static_cast<double>(peak.amplitude),
-        .centre_px = sweep.first_r_px + (top.place + static_cast<double>(peak.centre)) * sweep.step_px,
-        .sigma_px = static_cast<double>(peak.sigma) * sweep.step_px};
+        .amplitude = static_cast<double>(fitted.amplitude),
+        .centre_px = sweep.first_r_px + (top.place + static_cast<double>(fitted.centre)) * sweep.step_px,
+        .sigma_px = static_cast<double>(fitted.sigma) * sweep.step_px};
     int at = peaks.count < kMaxPeaks ? peaks.count++ : kMaxPeaks - 1;
     if (at == kMaxPeaks - 1 && peaks.peaks[static_cast<size_t>(at)].amplitude > peak.amplitude) return;
     for (; at > 0 && peaks.peaks[static_cast<size_t>(at - 1)].amplitude < peak.amplitude; --at) {
