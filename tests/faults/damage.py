@@ -129,7 +129,7 @@ def _new_life(daemon: Daemon, path: pathlib.Path, content: bytes) -> None:
 
 @case("the catalogue: every byte of SQLite's header flipped, of its pages some", "the server says so and does not start, or has all")
 def catalogue(stage: Stage) -> Report:
-    """With a new life of the server each time. (More of them: server/catalogue_test.)"""
+    """With a new life of the server each time. (More of them: server/sessions/catalogue_test.)"""
     path = stage.lab.data / "catalogue.sqlite"
     stage.lab.server.end()
     content = path.read_bytes()
