@@ -1,5 +1,5 @@
-// main() of every test program. Takes GoogleTest's options, and `--file NAME_test.cpp` to run the tests of one source
-// file.
+// main() of every test program. Takes GoogleTest's options, and `--file NAME_test.cpp` to run the tests of
+// one source file.
 #include <gtest/gtest.h>
 
 #include <cstring>
