@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pathlib
 
-from glasswing.v1 import session_service_pb2 as sessions
+from glasswing.v1 import session_pb2
 
 import shim
 from case import Cases, Report
@@ -28,7 +28,7 @@ def _step(stage: Stage, daemon: Daemon, seconds: int) -> None:
     until(lambda: stage.answers() and stage.lab.camera_is_up() and stage.lab.solvers_up() >= 1, "all are known", 30.0)
     before = fetch_matte(stage.lab, SESSION)
     stage.lab.solve(name=SESSION)
-    until(lambda: stage.lab.session().tiles_done > 0 or stage.lab.session().matte_ready and stage.lab.session().state != sessions.SESSION_STATE_SOLVING, "a tile is done", 30.0)
+    until(lambda: stage.lab.session().tiles_done > 0 or stage.lab.session().matte_ready and stage.lab.session().state != session_pb2.SESSION_STATE_SOLVING, "a tile is done", 30.0)
     file.write_text(str(seconds))
     stage.lab.wait_until_done(60.0, SESSION)
     assert fetch_matte(stage.lab, SESSION) == before, "the matte differs"

@@ -9,7 +9,7 @@ from collections.abc import Callable, Set
 
 import grpc
 
-from glasswing.v1 import session_service_pb2 as sessions
+from glasswing.v1 import session_pb2
 
 from case import Cases, Report
 from daemon import Daemon
@@ -41,7 +41,7 @@ def _solve(stage: Stage, name: str) -> None:
 
     def has_ended() -> bool:
         stage.revive()
-        return stage.lab.session(30.0, name).state != sessions.SESSION_STATE_SOLVING
+        return stage.lab.session(30.0, name).state != session_pb2.SESSION_STATE_SOLVING
 
     stage.lab.solve(name=name)
     until(has_ended, "the solve has ended", 60.0, every=0.1)

@@ -8,6 +8,7 @@ import subprocess
 
 import grpc
 
+from glasswing.v1 import session_pb2
 from glasswing.v1 import session_service_pb2 as sessions
 
 import shim
@@ -49,7 +50,7 @@ class DiskStage(Stage):
     def clear(self) -> None:
         """Deletes all sessions except SESSION."""
         for session in self.lab.sessions.ListSessions(sessions.ListSessionsRequest(), timeout=30.0).sessions:
-            if session.state in (sessions.SESSION_STATE_CREATED, sessions.SESSION_STATE_SOLVING):  # being imported or solved
+            if session.state in (session_pb2.SESSION_STATE_CREATED, session_pb2.SESSION_STATE_SOLVING):  # being imported or solved
                 self.lab.sessions.CancelSession(sessions.CancelSessionRequest(name=session.name), timeout=30.0)
             if session.name != SESSION:
                 self.delete(session.name)
@@ -117,7 +118,7 @@ def full_server(stage: DiskStage) -> Report:
         assert error.code() == grpc.StatusCode.RESOURCE_EXHAUSTED, f"{error.code()}: {error.details()}"
     stage.make_room(disk)
     stage.ledger.check()
-    until(lambda: stage.lab.session(5.0, name).state in (sessions.SESSION_STATE_DONE, sessions.SESSION_STATE_CAPTURED), "the solve goes on, or never began", 60.0)
+    until(lambda: stage.lab.session(5.0, name).state in (session_pb2.SESSION_STATE_DONE, session_pb2.SESSION_STATE_CAPTURED), "the solve goes on, or never began", 60.0)
     stage.solve(name)
     stage.delete(name)
     return Report(2)

@@ -12,6 +12,7 @@ import threading
 import grpc
 
 from glasswing.v1 import archive_service_pb2 as archives
+from glasswing.v1 import session_pb2
 from glasswing.v1 import session_service_pb2 as sessions
 
 from case import Cases, Report
@@ -66,7 +67,7 @@ def _solve_through(stage: RelayedStage, link: str, ways: tuple[str, ...]) -> Rep
 
 def _tiles(stage: RelayedStage) -> int:
     session = stage.lab.session()
-    return session.tile_count if session.state == sessions.SESSION_STATE_SOLVING else 1
+    return session.tile_count if session.state == session_pb2.SESSION_STATE_SOLVING else 1
 
 
 def _add_partitions() -> None:

@@ -11,7 +11,7 @@ from typing import Any
 
 import grpc
 
-from glasswing.v1 import node_service_pb2, session_service_pb2 as sessions
+from glasswing.v1 import node_service_pb2, session_pb2, session_service_pb2 as sessions
 from glasswing.v1.archive_service_pb2_grpc import ArchiveServiceStub
 from glasswing.v1.node_service_pb2_grpc import NodeServiceStub
 from glasswing.v1.session_service_pb2_grpc import SessionServiceStub
@@ -138,23 +138,23 @@ class Lab:
         """The number of solvers that the server has heard from in the last five seconds."""
         return self.nodes_up(node_service_pb2.NODE_KIND_SOLVER)
 
-    def session(self, timeout: float = 5.0, name: str = SESSION) -> sessions.Session:
+    def session(self, timeout: float = 5.0, name: str = SESSION) -> session_pb2.Session:
         """The session as the server reports it. RpcError: it does not answer."""
         request = sessions.GetSessionRequest(name=name)
-        session: sessions.Session = self.sessions.GetSession(request, timeout=timeout, wait_for_ready=True).session
+        session: session_pb2.Session = self.sessions.GetSession(request, timeout=timeout, wait_for_ready=True).session
         return session
 
-    def solve(self, method: str = "", name: str = SESSION) -> sessions.Session:
+    def solve(self, method: str = "", name: str = SESSION) -> session_pb2.Session:
         """Requests a solve without waiting for it."""
         request = sessions.SolveSessionRequest(name=name, method=method)
-        session: sessions.Session = self.sessions.SolveSession(request, timeout=30.0).session
+        session: session_pb2.Session = self.sessions.SolveSession(request, timeout=30.0).session
         return session
 
-    def wait_until_done(self, seconds: float = 600.0, name: str = SESSION) -> sessions.Session:
+    def wait_until_done(self, seconds: float = 600.0, name: str = SESSION) -> session_pb2.Session:
         """Waits for the end of the solve, which must succeed, and returns the session."""
-        until(lambda: self.session(30.0, name).state != sessions.SESSION_STATE_SOLVING, "the solve has ended", seconds, every=0.1)
+        until(lambda: self.session(30.0, name).state != session_pb2.SESSION_STATE_SOLVING, "the solve has ended", seconds, every=0.1)
         session = self.session(5.0, name)
-        assert session.state == sessions.SESSION_STATE_DONE, f"{session.reason}\n{self.server.last_words()}"
+        assert session.state == session_pb2.SESSION_STATE_DONE, f"{session.reason}\n{self.server.last_words()}"
         return session
 
     def fetch(self) -> bytes:

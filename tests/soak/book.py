@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from glasswing.v1 import archive_pb2
 from glasswing.v1 import archive_service_pb2 as archives
-from glasswing.v1 import session_service_pb2 as sessions
+from glasswing.v1 import session_pb2
 
 from case import Lost
 from lab import Lab
@@ -28,18 +28,18 @@ class Book(Ledger):
         self.session(name)
         self.session_count += 1
 
-    def told(self, session: sessions.Session) -> None:
+    def told(self, session: session_pb2.Session) -> None:
         """Enters the number of proven steps. A restarted server counts them only when the session is resumed, so for a paused
         session this counts the camera's frames. Raises Lost if there are fewer, RpcError if the camera does not answer."""
         known = max(self._proven.get(session.name, 0), session.proven_count)
         self._proven[session.name] = known
-        if session.state != sessions.SESSION_STATE_PAUSED or known == 0:
+        if session.state != session_pb2.SESSION_STATE_PAUSED or known == 0:
             return
         stored = len({frame.step for frame in self._manifest(session.name).frames})
         if stored < known:
             raise Lost(f'session "{session.name}" had {known} proven steps, but frames of only {stored} are stored')
 
-    def captured(self, session: sessions.Session) -> None:
+    def captured(self, session: session_pb2.Session) -> None:
         """Enters all frames of its manifest. Raises Lost if a step has none; RpcError if the camera does not answer, or a frame
         does not match the manifest."""
         manifest = self._manifest(session.name)

@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 import grpc
 
+from glasswing.v1 import session_pb2
 from glasswing.v1 import session_service_pb2 as sessions
 
 from book import Book
@@ -60,10 +61,10 @@ class Person:
 
         self._ask(create)
         self._book.created(name)
-        session = self._follow(name, sessions.SESSION_STATE_CAPTURED)
+        session = self._follow(name, session_pb2.SESSION_STATE_CAPTURED)
         self._ask(lambda: self._book.captured(session))
         self._solve(name)
-        self._follow(name, sessions.SESSION_STATE_DONE)
+        self._follow(name, session_pb2.SESSION_STATE_DONE)
         self._ask(lambda: self._book.solved(name))
 
     def delete(self, name: str) -> None:
@@ -100,24 +101,24 @@ class Person:
         def solve() -> None:
             # An earlier call may have succeeded, and its answer been lost.
             state = self._rig.session(5.0, name).state
-            if state not in (sessions.SESSION_STATE_SOLVING, sessions.SESSION_STATE_DONE):
+            if state not in (session_pb2.SESSION_STATE_SOLVING, session_pb2.SESSION_STATE_DONE):
                 self._rig.sessions.SolveSession(sessions.SolveSessionRequest(name=name), timeout=10.0)
 
         self._ask(solve)
 
-    def _follow(self, name: str, to: int) -> sessions.Session:
+    def _follow(self, name: str, to: int) -> session_pb2.Session:
         """Waits until the session is in the state `to`, and resumes it when it is paused."""
         while True:
             session = self._ask(lambda: self._rig.session(5.0, name))
             self._ask(lambda: self._book.told(session))
             if session.state == to:
                 return session
-            if session.state in (sessions.SESSION_STATE_FAILED, sessions.SESSION_STATE_CANCELLED):
-                raise NotDone(f'session "{name}" ended as {sessions.SessionState.Name(session.state)}: {session.reason}')
-            if session.state == sessions.SESSION_STATE_PAUSED:
+            if session.state in (session_pb2.SESSION_STATE_FAILED, session_pb2.SESSION_STATE_CANCELLED):
+                raise NotDone(f'session "{name}" ended as {session_pb2.SessionState.Name(session.state)}: {session.reason}')
+            if session.state == session_pb2.SESSION_STATE_PAUSED:
                 self._resume(name)
             if time.monotonic() > self._deadline:
-                state = f"{sessions.SessionState.Name(session.state)}, {session.proven_count} steps of {session.step_count}"
+                state = f"{session_pb2.SessionState.Name(session.state)}, {session.proven_count} steps of {session.step_count}"
                 raise NotDone(f'session "{name}" is not done after {_PATIENCE_SECONDS:.0f} s: {state}: {session.reason}')
             time.sleep(_ASK_EVERY)
 

@@ -7,7 +7,7 @@ import time
 
 import grpc
 
-from glasswing.v1 import session_service_pb2 as sessions
+from glasswing.v1 import session_pb2
 
 from faults import Fault
 from history import History, Reference
@@ -47,8 +47,8 @@ class Trial:
         history = History(lab, rig.view, self._reference)
         history.begin(self._ask())
         began = time.monotonic()
-        state = sessions.SESSION_STATE_SOLVING
-        while state == sessions.SESSION_STATE_SOLVING and time.monotonic() - began < MAX_SECONDS:
+        state = session_pb2.SESSION_STATE_SOLVING
+        while state == session_pb2.SESSION_STATE_SOLVING and time.monotonic() - began < MAX_SECONDS:
             turn = time.monotonic()
             while time.monotonic() - turn < _LOOK_EVERY:
                 self._break_and_mend(time.monotonic() - began)
@@ -60,7 +60,7 @@ class Trial:
                 pass  # the server is down or stopped
         seconds = time.monotonic() - began
         rig.make_ready([])
-        history.finish(state == sessions.SESSION_STATE_DONE, lab.session().reason)
+        history.finish(state == session_pb2.SESSION_STATE_DONE, lab.session().reason)
         return Outcome(self._struck, seconds, len(history.acknowledged), history.violations)
 
     def _ask(self) -> int:
