@@ -1,11 +1,11 @@
-# Fails if a source includes a header of a folder that its own folder does not use, directly or through others.
-# Prints the number of folders and of wrong includes.
+# Fails if a source includes a header of a folder that its own folder does not use, directly or through
+# others. Prints the number of folders and of wrong includes.
 # -DROOT=DIR: the sources. -DLAYERS=FILE: sets the list `rooms`, and for each of them a list `uses_ROOM`.
 cmake_minimum_required(VERSION 3.25)
 include(${LAYERS})
 
-# below_ROOM: the folder itself, those that it uses, and all that these use. The second pass completes folders that are
-# listed before one that they use, such as a folder with both a library and a program.
+# below_ROOM: the folder itself, those that it uses, and all that these use. The second pass completes folders
+# that are listed before one that they use, such as a folder with both a library and a program.
 foreach(pass 1 2)
   foreach(room ${rooms})
     list(APPEND "below_${room}" ${room})

@@ -5,16 +5,16 @@ set(GLASSWING_TEST_PATIENCE 1 CACHE STRING "Factor by which the timeouts of test
 option(GLASSWING_GRPC_ORDER "Show the thread sanitizer gRPC's synchronisation (tests/sanitizers)" OFF)
 option(GLASSWING_FUZZ "Also build tests/fuzz with libFuzzer (needs clang)" OFF)
 
-# Every target is compiled with the same code-generation flags: they share the precompiled headers below, and the
-# Python module is linked from the same libraries as the programs.
+# Every target is compiled with the same code-generation flags: they share the precompiled headers below, and
+# the Python module is linked from the same libraries as the programs.
 foreach(option -fPIC -fno-semantic-interposition -pthread)
   add_compile_options($<$<COMPILE_LANGUAGE:CXX>:${option}>)
 endforeach()
 
 find_program(CCACHE ccache)
 if(CCACHE)
-  # ccache caches no file that uses a precompiled header unless this sloppiness is set. It hashes paths relative to
-  # the checkout, so a second clone reuses what the first one compiled.
+  # ccache caches no file that uses a precompiled header unless this sloppiness is set. It hashes paths
+  # relative to the checkout, so a second clone reuses what the first one compiled.
   set(launcher ${CMAKE_COMMAND} -E env
       CCACHE_SLOPPINESS=pch_defines,time_macros,include_file_mtime,include_file_ctime
       CCACHE_BASEDIR=${PROJECT_SOURCE_DIR} ${CCACHE})
@@ -33,8 +33,8 @@ function(glasswing_warnings target)
                          $<$<BOOL:${GLASSWING_WERROR}>:-Werror>)
 endfunction()
 
-# Precompiled headers, shared by the whole build. Each target uses the smallest set that covers its includes: plain, rpc
-# (adds gRPC and protobuf), test and rpc_test (add GoogleTest).
+# Precompiled headers, shared by the whole build. Each target uses the smallest set that covers its includes:
+# plain, rpc (adds gRPC and protobuf), test and rpc_test (add GoogleTest).
 set(standard_headers <algorithm> <array> <chrono> <cmath> <cstdint> <filesystem> <functional> <map> <memory> <mutex>
     <numeric> <optional> <set> <span> <string> <string_view> <thread> <utility> <vector>
     <absl/status/statusor.h> <fmt/format.h>)
@@ -53,11 +53,13 @@ glasswing_precompiled(rpc HEADERS ${rpc_headers} USES gRPC::grpc++ protobuf::lib
 glasswing_precompiled(test HEADERS <gtest/gtest.h> USES GTest::gtest)
 glasswing_precompiled(rpc_test HEADERS <gtest/gtest.h> ${rpc_headers} USES GTest::gtest gRPC::grpc++ protobuf::libprotobuf)
 
-# Each folder is one library, whose target is the folder's path with dots ("server.rig"). USES lists the folders that it
-# may include, and external libraries. A folder must be added after those that it uses, so there are no cycles, and
-# programs never use each other's folders. CheckLayers.cmake checks every include against USES.
+# Each folder is one library, whose target is the folder's path with dots ("server.rig"). USES lists the
+# folders that it may include, and external libraries. A folder must be added after those that it uses, so
+# there are no cycles, and programs never use each other's folders. CheckLayers.cmake checks every include
+# against USES.
 
-# Sets `result` to the targets that ARGN names as folders or targets. Fails if the layers forbid one of the folders.
+# Sets `result` to the targets that ARGN names as folders or targets. Fails if the layers forbid one of the
+# folders.
 function(glasswing_targets result folder)
   set(targets)
   foreach(name ${ARGN})
@@ -105,7 +107,8 @@ function(glasswing_needs_rpc result)
   endforeach()
 endfunction()
 
-# Gives `target` our warnings and the precompiled headers that suit what it uses (ARGN). `suffix` is _test for tests.
+# Gives `target` our warnings and the precompiled headers that suit what it uses (ARGN). `suffix` is _test for
+# tests.
 function(glasswing_set_up target suffix)
   glasswing_needs_rpc(rpc ${ARGN})
   set_target_properties(${target} PROPERTIES GLASSWING_RPC ${rpc})
@@ -175,10 +178,10 @@ function(glasswing_man_pages program argument component)
   add_dependencies(programs ${program})
 endfunction()
 
-# glasswing_tests([PROGRAM name] TESTS a_test ... [SOURCES helper.cpp ...] USES folder|library ... [TIMEOUT SECONDS]
-#                 [ENVIRONMENT NAME=VALUE ...])
-# Builds one test program for the folder. CTest runs each file of TESTS in a process of its own; the test's name is the
-# file's path below tests/.
+# glasswing_tests([PROGRAM name] TESTS a_test ... [SOURCES helper.cpp ...] USES folder|library ...
+#                 [TIMEOUT SECONDS] [ENVIRONMENT NAME=VALUE ...])
+# Builds one test program for the folder. CTest runs each file of TESTS in a process of its own; the test's
+# name is the file's path below tests/.
 # PROGRAM: a separate program, which runs as a whole, for a test whose cases are in a header or in SOURCES.
 function(glasswing_tests)
   cmake_parse_arguments(ARG "" "PROGRAM;TIMEOUT" "TESTS;SOURCES;USES;ENVIRONMENT" ${ARGN})

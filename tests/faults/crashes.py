@@ -19,7 +19,8 @@ from stage import Stage
 
 case: Cases[Stage] = Cases()
 
-# The fault points (core/base/fault_point.h) that each daemon passes. tests/faults/solve covers those of a solve in depth.
+# The fault points (core/base/fault_point.h) that each daemon passes. tests/faults/solve covers those of a
+# solve in depth.
 _CAMERA_POINTS = ("archive begun", "frames written", "frames listed", "archive sealed", "archive removed")
 _SERVER_POINTS = ("session stored", "import sealed", "session captured", "frames deleted", "mattes deleted", "session deleted")
 _SOLVE_POINTS = ("tile received", "tile written", "tile committed", "survey committed", "matte written", "session done")
@@ -50,7 +51,8 @@ def _solve(stage: Stage, name: str) -> None:
 
 
 def _until_done(stage: Stage, step: Callable[[], None], done_before: Set[grpc.StatusCode] = frozenset()) -> None:
-    """Repeats `step` until it succeeds. `done_before`: statuses that mean an earlier attempt succeeded but its answer was lost."""
+    """Repeats `step` until it succeeds. `done_before`: statuses that mean an earlier attempt succeeded but
+    its answer was lost."""
     deadline = time.monotonic() + 60.0
     while True:
         try:

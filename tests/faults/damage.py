@@ -67,7 +67,8 @@ def frame(stage: Stage) -> Report:
 
 @case("a finished matte's file: bytes of its header and samples of its rows flipped", "no altered matte is accepted")
 def matte(stage: Stage) -> Report:
-    """Fetches the matte and reads it with the Python package. Bytes that no reader uses may have any value."""
+    """Fetches the matte and reads it with the Python package. Bytes that no reader uses may have any
+    value."""
     path = stage.lab.matte()
     content = path.read_bytes()
     known = glasswing.Matte.from_bytes(content)

@@ -1,4 +1,5 @@
-"""Injects faults into daemons, suite by suite, and checks after each that everything acknowledged is still there."""
+"""Injects faults into daemons, suite by suite, and checks after each that everything acknowledged is still
+there."""
 
 from __future__ import annotations
 

@@ -24,7 +24,8 @@ from stage import Stage
 
 
 class RelayedStage(Stage):
-    """A stage with relays between solvers and server, and between the camera node and everyone who reads its frames."""
+    """A stage with relays between solvers and server, and between the camera node and everyone who reads its
+    frames."""
 
     def __init__(self, work: pathlib.Path, archive: pathlib.Path, server_options: tuple[str, ...] = ()) -> None:
         super().__init__(work, archive, server_options)

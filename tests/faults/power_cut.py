@@ -1,9 +1,10 @@
-"""Power cuts: records every change that a daemon makes to its files, rebuilds its directory as a disk may hold it after a cut at
-any point of that record, and starts the daemon on it.
+"""Power cuts: records every change that a daemon makes to its files, rebuilds its directory as a disk may
+hold it after a cut at any point of that record, and starts the daemon on it.
 
-Of the changes that were not flushed at the cut, a disk may hold all, none, or the names without the bytes; each is tried. As in
-POSIX, a file's bytes are durable after fsync of the file, its name after fsync of the directory. Files of SQLite are an
-exception: their fsync also makes their name durable. SQLite relies on this for its log, and ext4, xfs and btrfs guarantee it.
+Of the changes that were not flushed at the cut, a disk may hold all, none, or the names without the bytes;
+each is tried. As in POSIX, a file's bytes are durable after fsync of the file, its name after fsync of the
+directory. Files of SQLite are an exception: their fsync also makes their name durable. SQLite relies on this
+for its log, and ext4, xfs and btrfs guarantee it.
 """
 
 from __future__ import annotations
@@ -106,7 +107,8 @@ class Disk:
         self._lasting_directories.update(name for name in self._directories if os.path.dirname(name) == path)
 
     def write(self, directory: pathlib.Path, way: str) -> None:
-        """Writes the tree as it may be found after a cut: `all`, `names` (without unflushed bytes) or `flushed` only."""
+        """Writes the tree as it may be found after a cut: `all`, `names` (without unflushed bytes) or
+        `flushed` only."""
         names, folders = (self._lasting_names, self._lasting_directories) if way == "flushed" else (self._names, self._directories)
         shutil.rmtree(directory, ignore_errors=True)
         for folder in sorted(folders):
@@ -129,7 +131,8 @@ class Told:
         self.deletions: list[tuple[int, str]] = []
 
     def mattes_at(self, cut_at: int, name: str) -> set[str]:
-        """The mattes that the session may have after the cut: the last acknowledged one, or one not yet acknowledged."""
+        """The mattes that the session may have after the cut: the last acknowledged one, or one not yet
+        acknowledged."""
         told = [known for at, session, known in self.mattes if session == name and at <= cut_at]
         return {*told[-1:], *(known for at, session, known in self.mattes if session == name and at > cut_at)}
 
@@ -148,7 +151,8 @@ def _recorded(daemon: Daemon, root: pathlib.Path, log: pathlib.Path) -> None:
 
 
 def _cuts(changes: list[Change]) -> list[int]:
-    """The cuts, as numbers of changes before each: evenly over the record, and right after calls that commit."""
+    """The cuts, as numbers of changes before each: evenly over the record, and right after calls that
+    commit."""
     commits = [number + 1 for number, change in enumerate(changes) if change.call in ("fsync", "rename")]
     chosen = commits[:: max(len(commits) // (_CUTS // 2), 1)]
     chosen += list(range(0, len(changes), max(len(changes) // (_CUTS // 2), 1)))
@@ -266,7 +270,8 @@ def _replay(changes: list[Change], root: pathlib.Path, look: object) -> int:
 
 @case(f"a power cut of the server's machine at some {_CUTS} places, each in three ways", "acknowledged sessions, notes and mattes are there")
 def server_power_cut(stage: Stage) -> Report:
-    """While sessions are imported, solved, annotated and deleted. The camera node and the solver keep running."""
+    """While sessions are imported, solved, annotated and deleted. The camera node and the solver keep
+    running."""
     work = stage.work / "power-server"
     work.mkdir()
     own = Stage(work, stage.archive, ("--least-tile", "0.05"))

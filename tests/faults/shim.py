@@ -13,7 +13,8 @@ LIBRARY = BIN.parent / "tests/libglasswing-fault-shim.so"
 
 
 def environment(root: pathlib.Path, **settings: str) -> dict[str, str]:
-    """Environment variables that make the shim act on a daemon's files below `root`. `settings`: see shim.c."""
+    """Environment variables that make the shim act on a daemon's files below `root`. `settings`: see
+    shim.c."""
     if not LIBRARY.exists():
         raise CannotBeDone(f"{LIBRARY} is not built; sanitizer builds have none")
     return {"LD_PRELOAD": str(LIBRARY), "GLASSWING_SHIM_ROOT": os.path.realpath(root), **{f"GLASSWING_SHIM_{name}": value for name, value in settings.items()}}
@@ -21,7 +22,8 @@ def environment(root: pathlib.Path, **settings: str) -> dict[str, str]:
 
 @dataclasses.dataclass(frozen=True)
 class Change:
-    """One file operation. `call`: create, mkdir, write, truncate, fsync, rename, unlink or rmdir. `end`: offset of its record's end in the log."""
+    """One file operation. `call`: create, mkdir, write, truncate, fsync, rename, unlink or rmdir. `end`:
+    offset of its record's end in the log."""
 
     call: str
     offset: int

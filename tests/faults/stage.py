@@ -1,4 +1,5 @@
-"""The subject of the faults: a lab with one session imported and solved, and frames from which to make more."""
+"""The subject of the faults: a lab with one session imported and solved, and frames from which to make
+more."""
 
 from __future__ import annotations
 
@@ -50,7 +51,8 @@ class Stage:
         return f"s{self._made}"
 
     def put(self, name: str, count: int | None = None, timeout: float = 60.0) -> None:
-        """Imports the captured frames, or the first `count`, as a new session. Records what is acknowledged."""
+        """Imports the captured frames, or the first `count`, as a new session. Records what is
+        acknowledged."""
         header = archive_pb2.CaptureManifest()
         header.CopyFrom(self.captured.header)
         header.session = name
@@ -97,7 +99,8 @@ class Stage:
         return True
 
     def revive(self) -> None:
-        """Restarts dead daemons until server and camera node answer. A daemon may be found dead only after its connections broke."""
+        """Restarts dead daemons until server and camera node answer. A daemon may be found dead only after
+        its connections broke."""
 
         def all_answer() -> bool:
             for daemon in self.lab.daemons():
@@ -108,7 +111,8 @@ class Stage:
         until(all_answer, "server and camera node answer", 30.0)
 
     def check(self) -> None:
-        """Checks that all daemons run and answer, and that nothing acknowledged is lost. A daemon that died by itself is a failure."""
+        """Checks that all daemons run and answer, and that nothing acknowledged is lost. A daemon that died
+        by itself is a failure."""
         for daemon in self.lab.daemons():
             assert daemon.is_running(), f"{daemon.name} has died:\n{daemon.last_words()}"
         until(self.answers, "server and camera node answer", 30.0)

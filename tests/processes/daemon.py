@@ -15,7 +15,8 @@ BIN = pathlib.Path(os.environ.get("GLASSWING_BIN", ROOT / "build/release/bin"))
 
 
 def free_port(count: int = 1) -> int:
-    """The first of `count` consecutive free loopback ports, below the range that the kernel uses for outgoing connections."""
+    """The first of `count` consecutive free loopback ports, below the range that the kernel uses for outgoing
+    connections."""
     while True:
         first = random.randrange(10000, 32000)
         try:
@@ -37,7 +38,8 @@ def listens(port: int) -> bool:
 
 
 class Daemon:
-    """A daemon. `command`: a program of the build and its options. `before`: a command that runs it. All runs append to one log."""
+    """A daemon. `command`: a program of the build and its options. `before`: a command that runs it. All runs
+    append to one log."""
 
     def __init__(self, name: str, command: list[str], log: pathlib.Path, before: tuple[str, ...] = ()) -> None:
         self.name = name
@@ -50,7 +52,8 @@ class Daemon:
         self._process: subprocess.Popen[bytes] | None = None
 
     def start(self, fault: str = "") -> None:
-        """Starts it. `fault`: value of GLASSWING_FAULT, which says where it dies or stops; empty for nowhere."""
+        """Starts it. `fault`: value of GLASSWING_FAULT, which says where it dies or stops; empty for
+        nowhere."""
         assert not self.is_running(), f"{self.name} runs already"
         self.fault = fault
         self.started = time.monotonic()

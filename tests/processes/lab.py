@@ -46,7 +46,8 @@ def _patient(plan: pathlib.Path) -> str:
 
 
 def capture_archives(plans: Mapping[pathlib.Path, pathlib.Path], work: pathlib.Path, size: str, scene: str = "crystal") -> None:
-    """Captures and exports plans on one simulated rig. `plans` maps each new directory, which also names the session, to its plan."""
+    """Captures and exports plans on one simulated rig. `plans` maps each new directory, which also names the
+    session, to its plan."""
     rig = [str(ROOT / "deploy/local-rig")]
     port = free_port(3)
     options = ["--data", str(work / f"capture-rig-{port}")]
@@ -71,7 +72,8 @@ def dial(port: int) -> grpc.Channel:
 
 
 class Lab:
-    """A running server and camera node, with `archives` imported as sessions by name. It has no solvers yet."""
+    """A running server and camera node, with `archives` imported as sessions by name. It has no solvers
+    yet."""
 
     def __init__(self, work: pathlib.Path, archives: Mapping[str, pathlib.Path], server_options: tuple[str, ...] = ()) -> None:
         self.work = work
@@ -95,13 +97,14 @@ class Lab:
             glasswing(self.address, "import", str(archive), "--session", name)
 
     def camera_at(self, port: int, name: str = "camera-1") -> Daemon:
-        """Makes a camera node that listens at `port`, without starting it. Its data directory is also called `name`."""
+        """Makes a camera node that listens at `port`, without starting it. Its data directory is also called
+        `name`."""
         options = ["--listen", f"127.0.0.1:{port}", "--server", self.address, "--data", str(self.work / name)]
         return Daemon(name, ["glasswing-camera", *options, "--name", name, "--scene", "none"], self.work / f"{name}.log")
 
     def hidden_camera_at(self, port: int) -> Daemon:
-        """Like camera_at(), with the archives of the existing camera, but as root no other process sees their files: solvers must
-        read them over the network."""
+        """Like camera_at(), with the archives of the existing camera, but as root no other process sees their
+        files: solvers must read them over the network."""
         hidden = self.work / "hidden"
         hidden.mkdir()
         if os.geteuid() != 0:
@@ -163,7 +166,8 @@ class Lab:
         return b"".join(part.chunk for part in self.sessions.FetchMatte(request, timeout=60.0))
 
     def matte(self, name: str = SESSION) -> pathlib.Path:
-        """The file of the finished matte. For a video, its directory of mattes has the same path without the suffix."""
+        """The file of the finished matte. For a video, its directory of mattes has the same path without the
+        suffix."""
         return self.data / "mattes" / f"{name}.exr"
 
     def close(self) -> None:

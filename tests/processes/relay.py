@@ -38,7 +38,8 @@ class Relay:
                 self._drop(end)
 
     def fall_silent(self, seconds: float, ways: tuple[str, ...] = ("there", "back")) -> None:
-        """Silently holds back data to the target (there), from it (back) or both for `seconds`, then passes it on."""
+        """Silently holds back data to the target (there), from it (back) or both for `seconds`, then passes
+        it on."""
         with self._lock:
             self._silent_until = time.monotonic() + seconds
             self._silent_ways = ways

@@ -1,5 +1,5 @@
-"""Mattes are the same bit for bit, however they are solved: by one process without a server, by 1, 2 and 8 solvers, and by solvers that
-read a copy of the archive because the node that captured it is gone."""
+"""Mattes are the same bit for bit, however they are solved: by one process without a server, by 1, 2 and 8
+solvers, and by solvers that read a copy of the archive because the node that captured it is gone."""
 
 from __future__ import annotations
 

@@ -12,7 +12,8 @@ from ledger import Ledger, fetch_matte, read_file
 
 
 class Book(Ledger):
-    """A ledger that also counts all entries ever made. Deleted sessions are still counted, but no longer checked."""
+    """A ledger that also counts all entries ever made. Deleted sessions are still counted, but no longer
+    checked."""
 
     def __init__(self, lab: Lab) -> None:
         super().__init__(lab)
@@ -29,8 +30,9 @@ class Book(Ledger):
         self.session_count += 1
 
     def told(self, session: session_pb2.Session) -> None:
-        """Enters the number of proven steps. A restarted server counts them only when the session is resumed, so for a paused
-        session this counts the camera's frames. Raises Lost if there are fewer, RpcError if the camera does not answer."""
+        """Enters the number of proven steps. A restarted server counts them only when the session is resumed,
+        so for a paused session this counts the camera's frames. Raises Lost if there are fewer, RpcError if
+        the camera does not answer."""
         known = max(self._proven.get(session.name, 0), session.proven_count)
         self._proven[session.name] = known
         if session.state != session_pb2.SESSION_STATE_PAUSED or known == 0:
@@ -40,8 +42,8 @@ class Book(Ledger):
             raise Lost(f'session "{session.name}" had {known} proven steps, but frames of only {stored} are stored')
 
     def captured(self, session: session_pb2.Session) -> None:
-        """Enters all frames of its manifest. Raises Lost if a step has none; RpcError if the camera does not answer, or a frame
-        does not match the manifest."""
+        """Enters all frames of its manifest. Raises Lost if a step has none; RpcError if the camera does not
+        answer, or a frame does not match the manifest."""
         manifest = self._manifest(session.name)
         steps = {frame.step for frame in manifest.frames}
         missing = set(range(session.step_count)) - steps
@@ -67,7 +69,8 @@ class Book(Ledger):
         self._proven.pop(name, None)
 
     def check(self) -> None:
-        """Checks everything not deleted. All daemons must be up. Raises Lost if something is missing or different."""
+        """Checks everything not deleted. All daemons must be up. Raises Lost if something is missing or
+        different."""
         super().check()
         for name, known in self._checksums.items():
             if {frame.file: frame.checksum for frame in self._manifest(name).frames} != known:

@@ -6,9 +6,10 @@ import dataclasses
 import math
 import statistics
 
-# Caches fill in steps. One step of s MB among samples that span T hours changes the slope of their line by at most
-# 1.5 s / T: 3.75 MB/h for 1 MB in 0.4 h. So a slope below 4 MB/h over that span may be a single step, and shorter spans
-# are not judged. A daemon that leaked one frame of 80 kB per session would grow by 16 MB/h at 200 sessions an hour.
+# Caches fill in steps. One step of s MB among samples that span T hours changes the slope of their line by at
+# most 1.5 s / T: 3.75 MB/h for 1 MB in 0.4 h. So a slope below 4 MB/h over that span may be a single step,
+# and shorter spans are not judged. A daemon that leaked one frame of 80 kB per session would grow by 16 MB/h
+# at 200 sessions an hour.
 BOUND_MB_PER_HOUR = 4.0
 MIN_HOURS = 0.4
 WARM_UP = 0.25  # fraction of a life during which arenas, caches and thread pools fill
@@ -17,8 +18,9 @@ _FLOOR_SAMPLES = 5
 
 @dataclasses.dataclass(frozen=True)
 class Sample:
-    """One sample of a process while the rig is idle. `heap_mb`: allocated and not freed. `own_mb`: resident memory without the pages
-    of mapped files. It is larger, because the C library retains freed memory, and a solver is configured to retain all of it."""
+    """One sample of a process while the rig is idle. `heap_mb`: allocated and not freed. `own_mb`: resident
+    memory without the pages of mapped files. It is larger, because the C library retains freed memory, and a
+    solver is configured to retain all of it."""
 
     hours: float
     heap_mb: float
@@ -72,8 +74,9 @@ class Life:
         return "GREW" if line.slope - 2.0 * line.error > BOUND_MB_PER_HOUR else "flat"
 
     def floors(self) -> tuple[int, int] | None:
-        """The minimum number of descriptors among the first warm samples, and among the last. A leaked descriptor is in all samples;
-        one of a connection that is just closing is not. None if there are too few samples."""
+        """The minimum number of descriptors among the first warm samples, and among the last. A leaked
+        descriptor is in all samples; one of a connection that is just closing is not. None if there are too
+        few samples."""
         if len(self.warm) < 2 * _FLOOR_SAMPLES:
             return None
         first, last = self.warm[:_FLOOR_SAMPLES], self.warm[-_FLOOR_SAMPLES:]

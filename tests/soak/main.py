@@ -1,17 +1,20 @@
-"""Runs sessions back to back on a simulated rig with random faults: nothing may be lost, and no daemon may grow.
+"""Runs sessions back to back on a simulated rig with random faults: nothing may be lost, and no daemon may
+grow.
 
 Server, display, camera and two solvers are separate processes, with relays between them. Each round captures
-deploy/plans/quick.txtpb, solves it and fetches the matte, while up to two faults strike at random moments: a daemon is killed and
-restarted within half a second, or stopped for some seconds; a link is cut, reset, or silent in one or both directions; a client
-is killed in mid-watch. The simulated user only resumes paused sessions. Every tenth session is kept, the others are deleted about
-five rounds later. Every fifth round is composited too.
+deploy/plans/quick.txtpb, solves it and fetches the matte, while up to two faults strike at random moments: a
+daemon is killed and restarted within half a second, or stopped for some seconds; a link is cut, reset, or
+silent in one or both directions; a client is killed in mid-watch. The simulated user only resumes paused
+sessions. Every tenth session is kept, the others are deleted about five rounds later. Every fifth round is
+composited too.
 
-Daemons are killed in the first third of the time only, four times as often as any other fault. After that each daemon has one
-long life, by which the growth of its memory and descriptors is judged. Samples are taken between rounds, when all faults are
-mended and the rig is idle.
+Daemons are killed in the first third of the time only, four times as often as any other fault. After that
+each daemon has one long life, by which the growth of its memory and descriptors is judged. Samples are taken
+between rounds, when all faults are mended and the rig is idle.
 
-Every fifth round and at the end, everything acknowledged (sessions, proven steps, frames and their checksums, mattes) is compared
-with what can be fetched. Then the daemons end, and `glasswing fsck` checks the data of server and camera.
+Every fifth round and at the end, everything acknowledged (sessions, proven steps, frames and their checksums,
+mattes) is compared with what can be fetched. Then the daemons end, and `glasswing fsck` checks the data of
+server and camera.
 """
 
 from __future__ import annotations
@@ -108,7 +111,8 @@ class Soak:
         return not self.lost and not self.not_done and not self._trouble.crashed and not self._record.grew()
 
     def _round(self, trouble_seconds: float, may_kill: bool) -> float:
-        """Does one round and returns the seconds that its session took. Faults strike in the first `trouble_seconds`; none if 0."""
+        """Does one round and returns the seconds that its session took. Faults strike in the first
+        `trouble_seconds`; none if 0."""
         name = f"s{self._rounds}"
         if trouble_seconds > 0.0:
             self._trouble.begin(name, trouble_seconds, may_kill)

@@ -130,7 +130,8 @@ class Person:
             time.sleep(0.5)  # a node is still away
 
     def _ask(self, question: Callable[[], Answer]) -> Answer:
-        """Repeats the call until it is answered. Raises Lost if something acknowledged is reported missing or damaged."""
+        """Repeats the call until it is answered. Raises Lost if something acknowledged is reported missing or
+        damaged."""
         while True:
             try:
                 return question()

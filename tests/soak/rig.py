@@ -20,8 +20,8 @@ SOLVERS = 2
 
 
 class Rig(Lab):
-    """A running lab with a display, a camera that sees it, and solvers. Nodes reach the server through `links`, and all calls to
-    display and camera go through `links`; users reach the server directly."""
+    """A running lab with a display, a camera that sees it, and solvers. Nodes reach the server through
+    `links`, and all calls to display and camera go through `links`; users reach the server directly."""
 
     def __init__(self, work: pathlib.Path, size: str) -> None:
         self._size = size
@@ -38,8 +38,9 @@ class Rig(Lab):
         self.wait_until_whole()
 
     def camera_at(self, port: int, name: str = "camera") -> Daemon:
-        """A camera behind a relay that listens at `port`. Makes all relays, because the camera registers through them. As root
-        its files are hidden from the solvers, which must then read them over the network."""
+        """A camera behind a relay that listens at `port`. Makes all relays, because the camera registers
+        through them. As root its files are hidden from the solvers, which must then read them over the
+        network."""
         self.links = {
             "nodes and server": Relay(self._server_link_port, self.port),
             "server and display": Relay(self._display_link_port, self._display_port),

@@ -47,7 +47,8 @@ def kinds(may_kill: bool) -> list[Kind]:
 
 
 class Deck:
-    """Deals kinds in random order, each once before any comes again. No two of one deal have the same target."""
+    """Deals kinds in random order, each once before any comes again. No two of one deal have the same
+    target."""
 
     def __init__(self, dice: random.Random) -> None:
         self._dice = dice
@@ -68,7 +69,8 @@ class Deck:
 
 
 class Trouble:
-    """Strikes and mends on a thread of its own. The thread lives as long as the rig, because daemons die with the thread that started them."""
+    """Strikes and mends on a thread of its own. The thread lives as long as the rig, because daemons die with
+    the thread that started them."""
 
     def __init__(self, rig: Rig, seed: int) -> None:
         self.struck: collections.Counter[str] = collections.Counter()
@@ -122,7 +124,8 @@ class Trouble:
             with self._changed:
                 try:
                     while self._events and self._events[0][0] <= time.monotonic():
-                        # An event stays in the list until it is done, and by then has added the one that mends it.
+                        # An event stays in the list until it is done, and by then has added the one that
+                        # mends it.
                         self._events[0][3]()
                         heapq.heappop(self._events)
                 except BaseException as error:  # finish() raises it

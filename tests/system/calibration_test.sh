@@ -1,6 +1,6 @@
 #!/bin/bash
-# Calibrates simulated non-linear devices through separate processes: the curves match the devices, sessions record them,
-# and they can be fitted again from their frames.
+# Calibrates simulated non-linear devices through separate processes: the curves match the devices, sessions
+# record them, and they can be fitted again from their frames.
 set -euo pipefail
 root=$(cd "$(dirname "$0")/../.." && pwd)
 bin=${GLASSWING_BIN:-$root/build/release/bin}

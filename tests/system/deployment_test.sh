@@ -1,6 +1,7 @@
 #!/bin/bash
-# Installs the units of deploy/systemd: systemd accepts them, and they start a rig over TLS that captures and solves, with the
-# configuration and certificates of docs/deployment.md, except for ports, directories and simulated devices.
+# Installs the units of deploy/systemd: systemd accepts them, and they start a rig over TLS that captures and
+# solves, with the configuration and certificates of docs/deployment.md, except for ports, directories and
+# simulated devices.
 source "$(dirname "$0")/rig.sh"
 build=$(cd "$bin/.." && pwd)
 for component in common server display camera solver; do cmake --install "$build" --prefix "$work/installed" --component "$component" >/dev/null; done

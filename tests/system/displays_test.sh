@@ -23,5 +23,6 @@ glasswing show s
 glasswing show s --json >"$work/show.json"
 in_show() { field "$1" "$work/show.json"; }
 (($(in_show proven_count) == $(in_show step_count))) || fail "not every step was proven"
-# Three refreshes minus the worst phase leave more than one, in which a camera at 200 frames a second fits an exposure.
+# Three refreshes minus the worst phase leave more than one, in which a camera at 200 frames a second fits an
+# exposure.
 (($(in_show retaken_count) * 10 <= $(in_show step_count))) || fail "$(in_show retaken_count) steps were shown again"

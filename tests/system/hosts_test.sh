@@ -1,7 +1,7 @@
 #!/bin/bash
-# A rig and two solvers on separate hosts: network namespaces on one bridge, which do not see each other's files, with mutual
-# TLS. Whichever host is cut off during a solve, for longer than a lease, the session ends with the same matte, and the
-# host continues when it is back.
+# A rig and two solvers on separate hosts: network namespaces on one bridge, which do not see each other's
+# files, with mutual TLS. Whichever host is cut off during a solve, for longer than a lease, the session ends
+# with the same matte, and the host continues when it is back.
 [[ $(id -u) == 0 ]] || { echo "skipped: only root makes network namespaces"; exit 77; }
 command -v ip >/dev/null || { echo "skipped: there is no ip"; exit 77; }
 source "$(dirname "$0")/rig.sh"

@@ -1,6 +1,6 @@
 #!/bin/bash
-# The life of sessions beyond capture and solve, with separate processes: dry runs, holds of the rig, notes and tags, solves
-# that are paused, cancelled and repeated, and deletion.
+# The life of sessions beyond capture and solve, with separate processes: dry runs, holds of the rig, notes
+# and tags, solves that are paused, cancelled and repeated, and deletion.
 source "$(dirname "$0")/rig.sh"
 rig=("$root/deploy/local-rig")
 trap 'kill -CONT $(jobs -p) 2>/dev/null || true; kill $(jobs -p) 2>/dev/null || true; "${rig[@]}" down --data "$work/rig" >/dev/null; rm -rf "$work"' EXIT

@@ -1,6 +1,7 @@
 #!/bin/bash
-# Metrics and logs of a rig of separate processes: after a capture and a solve every daemon's /metrics is valid for
-# Prometheus, counts what happened, and has every name that the dashboard and the alerts use; logs can be JSON.
+# Metrics and logs of a rig of separate processes: after a capture and a solve every daemon's /metrics is
+# valid for Prometheus, counts what happened, and has every name that the dashboard and the alerts use; logs
+# can be JSON.
 source "$(dirname "$0")/rig.sh"
 
 metrics=$((port + 10))

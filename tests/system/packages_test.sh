@@ -1,7 +1,7 @@
 #!/bin/bash
-# The Debian packages on a fresh Debian 12, made by debootstrap and booted by systemd-nspawn: they install, their daemons capture
-# and solve in their sandboxes, and after removal and purge only captured data is left. Needs root, a mirror of Debian, and a
-# machine on which systemd-nspawn can run; takes five minutes.
+# The Debian packages on a fresh Debian 12, made by debootstrap and booted by systemd-nspawn: they install,
+# their daemons capture and solve in their sandboxes, and after removal and purge only captured data is left.
+# Needs root, a mirror of Debian, and a machine on which systemd-nspawn can run; takes five minutes.
 source "$(dirname "$0")/rig.sh"
 build=$(cd "$bin/.." && pwd)
 fresh=$work/fresh

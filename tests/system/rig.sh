@@ -1,5 +1,5 @@
-# Sourced by the tests that run a rig of separate processes. Sets `root`, `bin`, `work` (a temporary directory), `port`
-# and `server`. Removes the directory and ends all background jobs when the test ends.
+# Sourced by the tests that run a rig of separate processes. Sets `root`, `bin`, `work` (a temporary
+# directory), `port` and `server`. Removes the directory and ends all background jobs when the test ends.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 bin=${GLASSWING_BIN:-$root/build/release/bin}

@@ -1,6 +1,6 @@
 #!/bin/bash
-# The rig's own measurements, with separate processes: the measured lag, doctor's verdicts on good and bad rigs, and a preview
-# that does not disturb a capture.
+# The rig's own measurements, with separate processes: the measured lag, doctor's verdicts on good and bad
+# rigs, and a preview that does not disturb a capture.
 source "$(dirname "$0")/rig.sh"
 
 "$bin/glasswing-server" --listen "$server" --data "$work/server" >"$work/server.log" 2>&1 &
@@ -35,8 +35,8 @@ within settle_ns "$settle" 0.6  # a difference of two times, each as accurate as
 [[ -s $work/server/calibration/sync.json ]] || fail "it was not stored"
 
 echo "== a preview does not disturb a capture"
-# An exposure that fits at any phase of the camera: a picture is steady for 33.3 ms minus scan-out, settling and uncertainty,
-# 11.6 ms; exposure, readout and uncertainty take 6 ms, and a frame begins every 5 ms.
+# An exposure that fits at any phase of the camera: a picture is steady for 33.3 ms minus scan-out, settling
+# and uncertainty, 11.6 ms; exposure, readout and uncertainty take 6 ms, and a frame begins every 5 ms.
 sed 's/^exposure_ms.*/exposure_ms: 3/' "$root/deploy/plans/quick.txtpb" >"$work/quick.txtpb"
 glasswing capture "$work/quick.txtpb" --session s >/dev/null
 glasswing preview -o "$work/live.jpg" --fps 4 --width 24 --count 8 | tee "$work/preview.out"

@@ -1,6 +1,6 @@
 #!/bin/bash
-# A whole session with separate processes, as a user would run it: plan, capture, solve, fetch, composite, export, import;
-# then with each daemon killed in the middle; then with wrong input.
+# A whole session with separate processes, as a user would run it: plan, capture, solve, fetch, composite,
+# export, import; then with each daemon killed in the middle; then with wrong input.
 source "$(dirname "$0")/rig.sh"
 rig=("$root/deploy/local-rig")
 trap '"${rig[@]}" down --data "$work/rig" >/dev/null; rm -rf "$work"' EXIT

@@ -1,6 +1,7 @@
 #!/bin/bash
-# Solvers as jobs of a real Slurm with three nodes, all on this machine: jobs start when there is work; when a node dies during
-# a solve, its job is requeued; the matte equals that of a local solve; and all jobs end when no work is left.
+# Solvers as jobs of a real Slurm with three nodes, all on this machine: jobs start when there is work; when a
+# node dies during a solve, its job is requeued; the matte equals that of a local solve; and all jobs end when
+# no work is left.
 [[ $(id -u) == 0 ]] || { echo "skipped: only root can run Slurm here"; exit 77; }
 for program in munged slurmctld slurmd sbatch squeue; do
   PATH=$PATH:/usr/sbin command -v "$program" >/dev/null || { echo "skipped: there is no $program"; exit 77; }

@@ -1,6 +1,6 @@
 #!/bin/bash
-# Videos with separate processes, as a user would run them: captured, solved, fetched, exported and imported again; solver and
-# server killed during a solve; wrong input; the object placed by hand.
+# Videos with separate processes, as a user would run them: captured, solved, fetched, exported and imported
+# again; solver and server killed during a solve; wrong input; the object placed by hand.
 source "$(dirname "$0")/rig.sh"
 rig=("$root/deploy/local-rig")
 trap '"${rig[@]}" down --data "$work/rig" >/dev/null; kill $(jobs -p) 2>/dev/null || true; wait; rm -rf "$work"' EXIT

@@ -1,6 +1,7 @@
-"""Measures how well one server keeps many solvers busy. The solvers are simulated: solving a tile is a wait of 0.5 to 5 s (0.5 s plus
-an exponentially distributed time, 1.5 s on average), and surveys are answered at once. Server, store, calls, leases and the small matte
-of each tile are real. Solvers do not prefetch, so every claim costs them its full latency."""
+"""Measures how well one server keeps many solvers busy. The solvers are simulated: solving a tile is a wait
+of 0.5 to 5 s (0.5 s plus an exponentially distributed time, 1.5 s on average), and surveys are answered at
+once. Server, store, calls, leases and the small matte of each tile are real. Solvers do not prefetch, so
+every claim costs them its full latency."""
 
 from __future__ import annotations
 

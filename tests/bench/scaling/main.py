@@ -1,6 +1,7 @@
-"""Measures the overhead of distributing a solve, and the speed-up by a second solver, on this machine. Solves one archive repeatedly in
-turn: in one process without a server, with a server and one solver, and with a server and two. Solvers have one thread each. Reports
-medians of wall-clock seconds from the request to the finished matte, and compares the mattes."""
+"""Measures the overhead of distributing a solve, and the speed-up by a second solver, on this machine. Solves
+one archive repeatedly in turn: in one process without a server, with a server and one solver, and with a
+server and two. Solvers have one thread each. Reports medians of wall-clock seconds from the request to the
+finished matte, and compares the mattes."""
 
 from __future__ import annotations
 
@@ -25,7 +26,8 @@ _WAYS = ("in one process", "server, 1 solver", "server, 2 solvers")
 
 @dataclasses.dataclass(frozen=True)
 class Took:
-    """The time of one solve. `cpu_seconds`: total of all processes, which is more reliable than the clock on a busy machine."""
+    """The time of one solve. `cpu_seconds`: total of all processes, which is more reliable than the clock on
+    a busy machine."""
 
     seconds: float
     cpu_seconds: float

@@ -1,4 +1,5 @@
-"""Checks one solve from outside: compares what the server acknowledged to solvers with what the store and the disk hold.
+"""Checks one solve from outside: compares what the server acknowledged to solvers with what the store and the
+disk hold.
 
     A tile whose completion was acknowledged stays done in the store, by that attempt.
     A done tile does not change: same attempt, same bytes, and the pixels of the reference matte.

@@ -1,4 +1,5 @@
-"""A lab into which faults can be injected: relays before the server and the camera, and optionally a real PostgreSQL."""
+"""A lab into which faults can be injected: relays before the server and the camera, and optionally a real
+PostgreSQL."""
 
 from __future__ import annotations
 
@@ -28,7 +29,8 @@ class FaultyRig:
         if self.postgres:
             options += ["--jobs", self.postgres.connection]
         self.lab = Lab(work, {SESSION: archive}, tuple(options))
-        # From now on the camera listens on another port; a relay listens on the one where the session expects its frames.
+        # From now on the camera listens on another port; a relay listens on the one where the session expects
+        # its frames.
         self.lab.camera.end()
         self.camera_port = free_port()
         self.lab.camera = self.lab.hidden_camera_at(self.camera_port)

@@ -64,7 +64,8 @@ class Trial:
         return Outcome(self._struck, seconds, len(history.acknowledged), history.violations)
 
     def _ask(self) -> int:
-        """Requests the solve and returns its job. Repeats the request while the store is away: only its next use shows a broken connection."""
+        """Requests the solve and returns its job. Repeats the request while the store is away: only its next
+        use shows a broken connection."""
         lab = self._rig.lab
         before = lab.session().job
 
@@ -98,7 +99,8 @@ class Trial:
                 self._rig.mend(fault)
 
     def _restart_ended(self) -> None:
-        """Restarts daemons that ended, as systemd would: a server ends without PostgreSQL. Those that a fault struck wait for mend()."""
+        """Restarts daemons that ended, as systemd would: a server ends without PostgreSQL. Those that a fault
+        struck wait for mend()."""
         down = [self._rig.target(fault) for _, fault in self._mends]
         for daemon in self._rig.lab.daemons():
             rested = time.monotonic() - daemon.started > _RESTART_SECONDS
