@@ -1,11 +1,9 @@
-# Fails if a source includes a header of a folder that its own folder does not use, directly or through
-# others. Prints the number of folders and of wrong includes.
-# -DROOT=DIR: the sources. -DLAYERS=FILE: sets the list `rooms`, and for each of them a list `uses_ROOM`.
+# Fails where a source includes a folder that its own, by USES, does not lie on; prints how many such includes there are.
+# -DROOT=DIR of the sources, -DLAYERS=FILE with the list `rooms` and for each a list `uses_ROOM`.
 cmake_minimum_required(VERSION 3.25)
 include(${LAYERS})
 
-# below_ROOM: the folder itself, those that it uses, and all that these use. The second pass completes folders
-# that are listed before one that they use, such as a folder with both a library and a program.
+# All folders below a folder: those it uses, and those that these use. A folder with a program comes twice, so twice.
 foreach(pass 1 2)
   foreach(room ${rooms})
     list(APPEND "below_${room}" ${room})
@@ -33,7 +31,7 @@ foreach(room ${rooms})
         continue()
       endif()
       if(NOT folder IN_LIST "below_${room}")
-        message(SEND_ERROR "${name}: ${include}: ${room} does not use ${folder}; see USES in ${room}/CMakeLists.txt")
+        message(SEND_ERROR "${name}: ${include}: ${room} does not lie on ${folder}; see ${room}/CMakeLists.txt")
         math(EXPR wrong "${wrong} + 1")
       endif()
     endforeach()

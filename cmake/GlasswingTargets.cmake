@@ -53,20 +53,18 @@ glasswing_precompiled(rpc HEADERS ${rpc_headers} USES gRPC::grpc++ protobuf::lib
 glasswing_precompiled(test HEADERS <gtest/gtest.h> USES GTest::gtest)
 glasswing_precompiled(rpc_test HEADERS <gtest/gtest.h> ${rpc_headers} USES GTest::gtest gRPC::grpc++ protobuf::libprotobuf)
 
-# Each folder is one library, whose target is the folder's path with dots ("server.rig"). USES lists the
-# folders that it may include, and external libraries. A folder must be added after those that it uses, so
-# there are no cycles, and programs never use each other's folders. CheckLayers.cmake checks every include
-# against USES.
+# A folder is a room: one library, whose target is the folder's path with dots ("server.rig"). USES names the folders
+# that it may include, and libraries. A folder must be added after those that it uses, so there are no cycles, and
+# programs never use each other's folders. CheckLayers.cmake holds every include against USES.
 
-# Sets `result` to the targets that ARGN names as folders or targets. Fails if the layers forbid one of the
-# folders.
+# Turns folders among `names` into targets; refuses what the layers do not allow.
 function(glasswing_targets result folder)
   set(targets)
   foreach(name ${ARGN})
     if(name MATCHES "/|^(server|client|solver|camera-node|display-node)$" AND NOT name MATCHES "::")
       string(REPLACE "/" "." target ${name})
       if(NOT TARGET ${target})
-        message(FATAL_ERROR "${folder} uses ${name}, but no such folder was added before it")
+        message(FATAL_ERROR "${folder} uses ${name}, which does not lie below it: no such folder was added before")
       endif()
       string(REGEX MATCH "^[^/]+" own ${folder})
       string(REGEX MATCH "^[^/]+" other ${name})
@@ -81,7 +79,7 @@ function(glasswing_targets result folder)
   set(${result} ${targets} PARENT_SCOPE)
 endfunction()
 
-# Records the folders that `folder` may include, for CheckLayers.cmake.
+# Notes what `folder` may include, for CheckLayers.cmake.
 function(glasswing_note_layer folder)
   if(folder MATCHES "^tests")
     return()
@@ -214,7 +212,7 @@ function(glasswing_tests)
   endforeach()
 endfunction()
 
-# Adds the target `layers`, part of `all`, which checks every include against the layers at every build.
+# Holds every include against the layers at every build (CheckLayers.cmake).
 function(glasswing_check_layers)
   get_property(rooms GLOBAL PROPERTY GLASSWING_ROOMS)
   list(REMOVE_DUPLICATES rooms)
