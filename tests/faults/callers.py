@@ -74,7 +74,7 @@ class Neighbour:
                 self.answers += 1
                 self.longest_seconds = max(self.longest_seconds, time.monotonic() - began)
 
-    def hold(self) -> str:
+    def check(self) -> str:
         """Asserts that every call was served in time. Returns a summary."""
         assert not self.errors, f"{len(self.errors)} calls of the neighbour failed: {self.errors[0]}"
         assert self.longest_seconds < _MAX_ANSWER_SECONDS, f"the neighbour waited {self.longest_seconds:.2f} s"
@@ -92,7 +92,7 @@ class Memory:
         """Samples the memory. Call it often."""
         self.max_mb = max(self.max_mb, memory_mb(self._daemon))
 
-    def hold(self, max_growth_mb: float) -> str:
+    def check(self, max_growth_mb: float) -> str:
         """Asserts that it grew by less than `max_growth_mb`. Returns a summary."""
         self.look()
         growth = self.max_mb - self.before_mb
@@ -130,7 +130,7 @@ def slow_readers(stage: Stage) -> Report:
     for channel in channels:
         channel.close()
     assert codes == {"CANCELLED": 64}, f"the calls of stopped readers ended with {dict(codes)}"
-    return Report(64, f"after {took:.0f} s; {memory.hold(64 * 4.0)}; {neighbour.hold()}")
+    return Report(64, f"after {took:.0f} s; {memory.check(64 * 4.0)}; {neighbour.check()}")
 
 
 def _stalled(daemon: Daemon) -> int:
@@ -165,7 +165,7 @@ def slow_loris(stage: Stage) -> Report:
     for connection in connections:
         connection.close()
     assert closed == len(connections), f"{len(connections) - closed} are still open after {took:.0f} s"
-    return Report(200, f"after {took:.0f} s; {memory.hold(50.0)}; {neighbour.hold()}")
+    return Report(200, f"after {took:.0f} s; {memory.check(50.0)}; {neighbour.check()}")
 
 
 def _is_closed(connection: socket.socket, more: bytes) -> bool:
@@ -211,7 +211,7 @@ def idle_connections(stage: Stage) -> Report:
     assert held >= 500, f"only {held} are open"
     each_kb = 1000 * (memory.max_mb - memory.before_mb) / 500
     until(lambda: descriptors(stage.lab.server) <= held - 500, "the descriptors are closed again")
-    return Report(500, f"{each_kb:.0f} kB each; {memory.hold(150.0)}; {neighbour.hold()}")
+    return Report(500, f"{each_kb:.0f} kB each; {memory.check(150.0)}; {neighbour.check()}")
 
 
 def _answer(connection: socket.socket, received: dict[socket.socket, bytes], selector: selectors.BaseSelector) -> bool:
@@ -271,7 +271,7 @@ def flood(stage: Stage) -> Report:
     for channel in channels:
         channel.close()
     summary = ", ".join(f"{count} {name}" for name, count in sorted(counts.items()))
-    return Report(1, f"{summary}; {memory.hold(300.0)}; {neighbour.hold()}")
+    return Report(1, f"{summary}; {memory.check(300.0)}; {neighbour.check()}")
 
 
 @case("messages of more than 8 MiB, 32 at once", "RESOURCE_EXHAUSTED")
@@ -282,7 +282,7 @@ def oversized(stage: Stage) -> Report:
     calls = [ask.future(sessions.GetSessionRequest(name="x" * (9 << 20)).SerializeToString(), timeout=60.0) for _ in range(32)]
     for call in calls:
         assert call.code() == grpc.StatusCode.RESOURCE_EXHAUSTED, f"{call.code()}: {call.details()}"
-    return Report(32, memory.hold(400.0))
+    return Report(32, memory.check(400.0))
 
 
 def methods() -> Iterator[MethodDescriptor]:

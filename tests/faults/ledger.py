@@ -66,12 +66,12 @@ class Ledger:
         for name in self._deleted & listed:
             raise Lost(f'session "{name}" was acknowledged as deleted and is back')
         for (session, file), known in self._frames.items():
-            self._hold(f'frame {file} of session "{session}"', known, lambda: read_file(self._lab, session, file))
+            self._check(f'frame {file} of session "{session}"', known, lambda: read_file(self._lab, session, file))
         for name, known in self._mattes.items():
-            self._hold(f'the matte of session "{name}"', known, lambda: fetch_matte(self._lab, name))
+            self._check(f'the matte of session "{name}"', known, lambda: fetch_matte(self._lab, name))
 
     @staticmethod
-    def _hold(what: str, known: str, read: object) -> None:
+    def _check(what: str, known: str, read: object) -> None:
         assert callable(read)
         try:
             now = digest(read())

@@ -29,7 +29,7 @@ class Book(Ledger):
         self.session(name)
         self.session_count += 1
 
-    def told(self, session: session_pb2.Session) -> None:
+    def observed(self, session: session_pb2.Session) -> None:
         """Enters the number of proven steps. A restarted server counts them only when the session is resumed,
         so for a paused session this counts the camera's frames. Raises Lost if there are fewer, RpcError if
         the camera does not answer."""

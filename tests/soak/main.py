@@ -80,12 +80,12 @@ class Soak:
         """Does rounds for `minutes`, or until something is lost."""
         try:
             usual_seconds = self._round(0.0, False)
-            told = 0.0
+            reported = 0.0
             while self._record.minutes < minutes:
                 self._round(usual_seconds, self._record.minutes < _KILLS_FOR * minutes)
-                if self._record.minutes >= told + 1.0:
-                    told = self._record.minutes
-                    self._tell()
+                if self._record.minutes >= reported + 1.0:
+                    reported = self._record.minutes
+                    self._report_progress()
             self._book.check()
         except Lost as what:
             self.lost.append(str(what))
@@ -142,7 +142,7 @@ class Soak:
         self._rounds += 1
         return took
 
-    def _tell(self) -> None:
+    def _report_progress(self) -> None:
         print(f"{self._record.minutes:5.1f} min: {sums(self._rounds, len(self.not_done), self._book, self._person, 0)}")
         print(f"           {sum(self._trouble.struck.values())} faults; {self._record.now()}", flush=True)
 

@@ -110,7 +110,7 @@ class Person:
         """Waits until the session is in the state `to`, and resumes it when it is paused."""
         while True:
             session = self._ask(lambda: self._rig.session(5.0, name))
-            self._ask(lambda: self._book.told(session))
+            self._ask(lambda: self._book.observed(session))
             if session.state == to:
                 return session
             if session.state in (session_pb2.SESSION_STATE_FAILED, session_pb2.SESSION_STATE_CANCELLED):
