@@ -1,5 +1,5 @@
-# Run by cpack on what it has installed, before it packs: what Debian wants of each package beyond what is installed
-# elsewhere too.
+# cpack runs this after installing and before packing. Adds what Debian requires of a package beyond our
+# install rules.
 execute_process(COMMAND git -C ${CPACK_GLASSWING_SOURCE_DIR} log -1 --format=%cD COMMAND_ERROR_IS_FATAL ANY
                 OUTPUT_VARIABLE date OUTPUT_STRIP_TRAILING_WHITESPACE)
 foreach(component ${CPACK_COMPONENTS_ALL})
@@ -11,11 +11,11 @@ foreach(component ${CPACK_COMPONENTS_ALL})
        FILE_PERMISSIONS OWNER_READ OWNER_WRITE GROUP_READ WORLD_READ)
   file(WRITE ${doc}/changelog
        "${package} (${CPACK_DEBIAN_PACKAGE_VERSION}) bookworm; urgency=medium\n\n"
-       "  * Built from its repository, whose CHANGELOG.md tells what is new.\n\n"
+       "  * Built from its repository, whose CHANGELOG.md lists the changes.\n\n"
        " -- ${CPACK_PACKAGE_CONTACT}  ${date}\n")
   file(GLOB pages ${usr}/share/man/man?/*)
   execute_process(COMMAND gzip -9n ${doc}/changelog ${pages} COMMAND_ERROR_IS_FATAL ANY)
-  # Debian's Pythons share one directory.
+  # Debian's Python versions share one directory.
   file(GLOB python ${usr}/lib/python3.*)
   if(python)
     file(RENAME ${python} ${usr}/lib/python3)

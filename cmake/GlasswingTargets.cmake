@@ -1,20 +1,20 @@
-# Helpers that keep every target's CMakeLists.txt to its sources and its layer.
+# Functions for the CMakeLists.txt of the folders, each of which names only its sources and what it uses.
 
 option(GLASSWING_WERROR "Treat warnings as errors" ON)
-set(GLASSWING_TEST_PATIENCE 1 CACHE STRING "How many times as long as usual tests may take")
-option(GLASSWING_GRPC_ORDER "Tell the thread sanitizer of gRPC's order (tests/sanitizers)" OFF)
-option(GLASSWING_FUZZ "Build tests/fuzz with libFuzzer too (needs clang)" OFF)
+set(GLASSWING_TEST_PATIENCE 1 CACHE STRING "Factor by which the timeouts of tests are multiplied")
+option(GLASSWING_GRPC_ORDER "Show the thread sanitizer gRPC's synchronisation (tests/sanitizers)" OFF)
+option(GLASSWING_FUZZ "Also build tests/fuzz with libFuzzer (needs clang)" OFF)
 
-# One set of code-generation flags for every target, so that all can share the precompiled headers below and the
-# Python module can be linked from the same libraries.
+# Every target is compiled with the same code-generation flags: they share the precompiled headers below, and
+# the Python module is linked from the same libraries as the programs.
 foreach(option -fPIC -fno-semantic-interposition -pthread)
   add_compile_options($<$<COMPILE_LANGUAGE:CXX>:${option}>)
 endforeach()
 
 find_program(CCACHE ccache)
 if(CCACHE)
-  # Without this sloppiness ccache refuses every file that uses a precompiled header. Paths are hashed relative to
-  # the checkout, so a second clone finds what the first one compiled.
+  # ccache caches no file that uses a precompiled header unless this sloppiness is set. It hashes paths
+  # relative to the checkout, so a second clone reuses what the first one compiled.
   set(launcher ${CMAKE_COMMAND} -E env
       CCACHE_SLOPPINESS=pch_defines,time_macros,include_file_mtime,include_file_ctime
       CCACHE_BASEDIR=${PROJECT_SOURCE_DIR} ${CCACHE})
@@ -25,16 +25,16 @@ if(CCACHE)
   endif()
 endif()
 
-# Warnings are ours alone: they never reach a target's users.
+# Enables our warnings for this target only, not for targets that link to it.
 function(glasswing_warnings target)
-  # g++ 12 takes absl::StatusOr's storage for uninitialized.
+  # g++ 12 wrongly reports absl::StatusOr's storage as uninitialized.
   target_compile_options(${target} PRIVATE -Wall -Wextra -Wpedantic -Wshadow -Wconversion
                          $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>
                          $<$<BOOL:${GLASSWING_WERROR}>:-Werror>)
 endfunction()
 
-# Headers that are parsed once for the whole build. A target takes the smallest set that holds what it uses:
-# plain, rpc (gRPC and the services' messages), and each with GoogleTest.
+# Precompiled headers, shared by the whole build. Each target uses the smallest set that covers its includes:
+# plain, rpc (adds gRPC and protobuf), test and rpc_test (add GoogleTest).
 set(standard_headers <algorithm> <array> <chrono> <cmath> <cstdint> <filesystem> <functional> <map> <memory> <mutex>
     <numeric> <optional> <set> <span> <string> <string_view> <thread> <utility> <vector>
     <absl/status/statusor.h> <fmt/format.h>)
@@ -45,7 +45,7 @@ function(glasswing_precompiled kind)
   cmake_parse_arguments(ARG "" "" "HEADERS;USES" ${ARGN})
   target_link_libraries(${target} PRIVATE absl::statusor fmt::fmt ${ARG_USES})
   target_precompile_headers(${target} PRIVATE ${standard_headers} ${ARG_HEADERS})
-  glasswing_warnings(${target})  # -Wpedantic changes predefined macros, which must be those of the users
+  glasswing_warnings(${target})  # -Wpedantic changes predefined macros, which must equal those of the users
 endfunction()
 set(rpc_headers <grpcpp/grpcpp.h> <google/protobuf/map.h> <google/protobuf/repeated_field.h>)
 glasswing_precompiled(plain)
@@ -90,7 +90,7 @@ function(glasswing_note_layer folder)
   set_property(GLOBAL APPEND PROPERTY "GLASSWING_USES_${folder}" ${folders})
 endfunction()
 
-# Whether something of `targets`, or of what they use, is compiled with gRPC's headers.
+# Sets `result` to TRUE if a target of ARGN, or one that it uses, includes gRPC's headers.
 function(glasswing_needs_rpc result)
   set(${result} FALSE PARENT_SCOPE)
   foreach(target ${ARGN})
@@ -105,8 +105,8 @@ function(glasswing_needs_rpc result)
   endforeach()
 endfunction()
 
-# What every target of ours has: its layer, warnings, and the precompiled headers that suit what it uses.
-# SUFFIX: _test for tests.
+# Gives `target` our warnings and the precompiled headers that suit what it uses (ARGN). `suffix` is _test for
+# tests.
 function(glasswing_set_up target suffix)
   glasswing_needs_rpc(rpc ${ARGN})
   set_target_properties(${target} PROPERTIES GLASSWING_RPC ${rpc})
@@ -122,8 +122,9 @@ function(glasswing_set_up target suffix)
 endfunction()
 
 # glasswing_library([NAME target] SOURCES a.cpp ... USES folder|library ... [PRIVATE library ...])
-# PRIVATE: libraries whose headers no header of the folder includes. Without SOURCES it is headers alone.
-# NAME: a second library of the folder, or one of tests.
+# The library of a folder. Without SOURCES it consists of headers only.
+# NAME: the target's name, for a second library of a folder and for libraries of tests.
+# PRIVATE: libraries that only sources include, no header.
 function(glasswing_library)
   cmake_parse_arguments(ARG "" "NAME" "SOURCES;USES;PRIVATE" ${ARGN})
   file(RELATIVE_PATH folder ${PROJECT_SOURCE_DIR} ${CMAKE_CURRENT_SOURCE_DIR})
@@ -163,8 +164,8 @@ function(glasswing_program name)
   glasswing_set_up(${name} "" ${uses})
 endfunction()
 
-# glasswing_man_pages(PROGRAM ARGUMENT COMPONENT): the program writes its pages itself when `ARGUMENT DIR` says so;
-# installs both.
+# glasswing_man_pages(PROGRAM ARGUMENT COMPONENT)
+# Installs the program and its manual pages, which `PROGRAM ARGUMENT DIR` writes after each build.
 function(glasswing_man_pages program argument component)
   set(pages ${CMAKE_BINARY_DIR}/man/${program})
   add_custom_command(TARGET ${program} POST_BUILD
@@ -175,10 +176,11 @@ function(glasswing_man_pages program argument component)
   add_dependencies(programs ${program})
 endfunction()
 
-# glasswing_tests([PROGRAM name] TESTS a_test ... [SOURCES helper.cpp ...] USES folder|library ... [TIMEOUT SECONDS]
-#                 [ENVIRONMENT NAME=VALUE ...])
-# One program for the folder. CTest runs each file in a process of its own, named by its path below tests/.
-# PROGRAM: one more program, for a test whose cases stand in a header or in SOURCES; it runs as a whole.
+# glasswing_tests([PROGRAM name] TESTS a_test ... [SOURCES helper.cpp ...] USES folder|library ...
+#                 [TIMEOUT SECONDS] [ENVIRONMENT NAME=VALUE ...])
+# Builds one test program for the folder. CTest runs each file of TESTS in a process of its own; the test's
+# name is the file's path below tests/.
+# PROGRAM: a separate program, which runs as a whole, for a test whose cases are in a header or in SOURCES.
 function(glasswing_tests)
   cmake_parse_arguments(ARG "" "PROGRAM;TIMEOUT" "TESTS;SOURCES;USES;ENVIRONMENT" ${ARGN})
   file(RELATIVE_PATH folder ${PROJECT_SOURCE_DIR}/tests ${CMAKE_CURRENT_SOURCE_DIR})

@@ -1,8 +1,8 @@
-# Debian packages by CPack, one for each component of the install rules: deploy/package makes them all.
-# Cached: GLASSWING_PACKAGE_CONTACT, whom the packages name as their maintainer.
+# Debian packages, made by CPack: one for each component of the install rules. deploy/package builds them all.
+# The cache variable GLASSWING_PACKAGE_CONTACT is the maintainer that the packages name.
 
 if(NOT TARGET glasswing_native)
-  return()  # A build with sanitizers, for tests only.
+  return()  # Sanitizer builds are for tests only.
 endif()
 set(GLASSWING_PACKAGE_CONTACT "Glasswing <glasswing@example.org>" CACHE STRING "maintainer of Debian packages")
 
@@ -11,7 +11,7 @@ set(CPACK_PACKAGE_NAME glasswing)
 set(CPACK_PACKAGE_CONTACT ${GLASSWING_PACKAGE_CONTACT})
 set(CPACK_COMPONENTS_ALL common server display camera solver client python)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
-# With DESTDIR, as the configuration lies outside the prefix.
+# DESTDIR, because the configuration is installed outside the prefix.
 set(CPACK_SET_DESTDIR ON)
 set(CPACK_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)
@@ -29,7 +29,7 @@ set(CPACK_GLASSWING_VERSION ${PROJECT_VERSION})
 
 # glasswing_package(COMPONENT NAME package [ALL] SUMMARY line TEXT paragraph DEPENDS list RECOMMENDS list
 #                   [UNIT unit] [SCRIPTS directory])
-# SCRIPTS are maintainer scripts in which @unit@ is UNIT.
+# SCRIPTS: directory below deploy/debian with maintainer scripts, in which @unit@ becomes UNIT.
 macro(glasswing_package component)
   cmake_parse_arguments(ARG "ALL" "NAME;SUMMARY;TEXT;DEPENDS;RECOMMENDS;UNIT;SCRIPTS" "" ${ARGN})
   string(TOUPPER ${component} upper)
@@ -55,34 +55,34 @@ endmacro()
 set(about "Glasswing captures environment mattes: for every camera pixel, how light\nfrom the monitors around an object reaches that pixel.")
 glasswing_package(common NAME glasswing-common ALL SCRIPTS common
   SUMMARY "capture of environment mattes - configuration of the daemons"
-  TEXT "${about}\n.\nThis package has what the daemons of a machine share: their configuration,\nthe user that they run as, and alerts and a dashboard for Prometheus and\nGrafana."
+  TEXT "${about}\n.\nThis package contains what the daemons on a machine share: configuration, the\nuser that they run as, and alerts and a dashboard for Prometheus and Grafana."
   DEPENDS "systemd | systemd-sysusers")
 glasswing_package(server NAME glasswing-server SCRIPTS daemon UNIT glasswing-server
   SUMMARY "capture of environment mattes - server"
-  TEXT "${about}\n.\nThis package has the server, which runs sessions, proves which frame shows\nwhich pattern, hands work to solvers, and keeps finished mattes."
+  TEXT "${about}\n.\nThis package contains the server, which runs sessions, proves which frame\nshows which pattern, hands work to solvers, and keeps finished mattes."
   DEPENDS "glasswing-common (= THIS_VERSION)" RECOMMENDS "glasswing-client")
 glasswing_package(display NAME glasswing-display SCRIPTS daemon UNIT glasswing-display
   SUMMARY "capture of environment mattes - display node"
-  TEXT "${about}\n.\nThis package has the display node, which shows patterns on the monitors of its\nmachine and knows when each was visible."
+  TEXT "${about}\n.\nThis package contains the display node, which shows patterns on the monitors\nof its machine and reports when each was visible."
   DEPENDS "glasswing-common (= THIS_VERSION)")
 glasswing_package(camera NAME glasswing-camera SCRIPTS daemon UNIT glasswing-camera
   SUMMARY "capture of environment mattes - camera node"
-  TEXT "${about}\n.\nThis package has the camera node, which records frames and knows when each\nexposure happened."
+  TEXT "${about}\n.\nThis package contains the camera node, which records frames and reports when\neach was exposed."
   DEPENDS "glasswing-common (= THIS_VERSION), libcamera-ipa")
 glasswing_package(solver NAME glasswing-solver SCRIPTS daemon UNIT glasswing-solver
   SUMMARY "capture of environment mattes - solver"
-  TEXT "${about}\n.\nThis package has the solver, which turns frames into a matte, together with all\nothers of the lab."
+  TEXT "${about}\n.\nThis package contains the solver, which turns frames into a matte together\nwith the other solvers of the lab."
   DEPENDS "glasswing-common (= THIS_VERSION)")
 glasswing_package(client NAME glasswing-client
   SUMMARY "capture of environment mattes - command line"
-  TEXT "${about}\n.\nThis package has the program glasswing, which captures, solves, fetches and\ncomposites; its manual pages, its completion for shells, and example plans."
+  TEXT "${about}\n.\nThis package contains the program glasswing, which captures, solves, fetches\nand composites, with its manual pages, shell completion and example plans."
   RECOMMENDS "bash-completion")
 get_directory_property(python DIRECTORY client/python DEFINITION Python_VERSION_MAJOR)
 get_directory_property(minor DIRECTORY client/python DEFINITION Python_VERSION_MINOR)
 math(EXPR next "${minor} + 1")
 glasswing_package(python NAME python3-glasswing SCRIPTS python
   SUMMARY "capture of environment mattes - Python package"
-  TEXT "${about}\n.\nThis package has the module glasswing for Python, with mattes as numpy arrays."
+  TEXT "${about}\n.\nThis package contains the Python module glasswing, with mattes as numpy\narrays."
   DEPENDS "python3 (>= ${python}.${minor}), python3 (<< ${python}.${next}), python3-grpcio, python3-numpy, python3-protobuf")
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
 

@@ -1,4 +1,5 @@
-# Writes OUTPUT, a source that tells of what commit SOURCE_DIR is; leaves it alone where that has not changed.
+# Writes OUTPUT, a source file with the commit of SOURCE_DIR. Leaves the file untouched if its content would
+# not change.
 execute_process(COMMAND git -C ${SOURCE_DIR} describe --always --exclude=* --abbrev=8 --dirty=+
                 OUTPUT_VARIABLE id OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET)
 file(CONFIGURE OUTPUT ${OUTPUT} @ONLY CONTENT

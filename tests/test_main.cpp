@@ -1,5 +1,5 @@
-// main() of every test program: GoogleTest's own options, and `--file NAME_test.cpp` for the tests of one
-// source file.
+// main() of every test program. Takes GoogleTest's options, and `--file NAME_test.cpp` to run the tests of
+// one source file.
 #include <gtest/gtest.h>
 
 #include <cstring>
@@ -9,7 +9,7 @@
 
 namespace {
 
-// GoogleTest's filter for all tests that were written in a file of that name.
+// Returns the GoogleTest filter that selects all tests defined in a file of that name.
 std::string tests_of(const std::string& file) {
   std::string filter;
   const testing::UnitTest& all = *testing::UnitTest::GetInstance();
@@ -31,7 +31,7 @@ int main(int argc, char** argv) {
   if (argc == 3 && std::strcmp(argv[1], "--file") == 0) {
     const std::string filter = tests_of(argv[2]);
     if (filter.empty()) {
-      std::cerr << argv[0] << ": no test was written in a file named " << argv[2] << "\n";
+      std::cerr << argv[0] << ": no test is defined in a file named " << argv[2] << "\n";
       return 1;
     }
     GTEST_FLAG_SET(filter, filter);

@@ -1,4 +1,4 @@
-"""Callers that are slow, many, greedy, or speak nonsense: the daemon goes on serving others, in bounded memory."""
+"""Slow, numerous, greedy and malformed callers: the daemon keeps serving others, in bounded memory."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ case: Cases[Stage] = Cases()
 _PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n"
 _SETTINGS, _PING, _ACK = 4, 6, 1
 _HANDSHAKE_SECONDS, _STALLED_SECONDS = 5, 60  # core/service/service.h
-_MARGIN_SECONDS = 40  # a look every quarter of _STALLED_SECONDS, and a busy machine
-_MOST_ANSWER_SECONDS = 2.0  # of somebody who asks meanwhile
+_MARGIN_SECONDS = 40  # the daemon checks every quarter of _STALLED_SECONDS; the rest is for a busy machine
+_MAX_ANSWER_SECONDS = 2.0  # for a neighbour's call
 
 
 def frame(kind: int, flags: int = 0, payload: bytes = b"") -> bytes:
-    """HTTP/2's, of the connection itself."""
+    """An HTTP/2 frame of stream 0, the connection itself."""
     return struct.pack(">I", len(payload))[1:] + bytes([kind, flags]) + bytes(4) + payload
 
 
 class Neighbour:
-    """Somebody else, who asks again and again while the case runs; remembers the longest wait."""
+    """Another client, which calls repeatedly while the case runs and records the longest wait."""
 
     def __init__(self, stage: Stage) -> None:
         self._stage = stage
@@ -74,43 +74,43 @@ class Neighbour:
                 self.answers += 1
                 self.longest_seconds = max(self.longest_seconds, time.monotonic() - began)
 
-    def hold(self) -> str:
-        """Asserts that it was served all the time; in words."""
-        assert not self.errors, f"{len(self.errors)} calls of somebody else failed: {self.errors[0]}"
-        assert self.longest_seconds < _MOST_ANSWER_SECONDS, f"somebody else waited {self.longest_seconds:.2f} s"
-        return f"another's {self.answers} calls took {1000 * self.longest_seconds:.0f} ms at most"
+    def check(self) -> str:
+        """Asserts that every call was served in time. Returns a summary."""
+        assert not self.errors, f"{len(self.errors)} calls of the neighbour failed: {self.errors[0]}"
+        assert self.longest_seconds < _MAX_ANSWER_SECONDS, f"the neighbour waited {self.longest_seconds:.2f} s"
+        return f"{self.answers} calls of a neighbour took at most {1000 * self.longest_seconds:.0f} ms"
 
 
 class Memory:
-    """Of a daemon, from now on."""
+    """The peak resident memory of a daemon, from now on."""
 
     def __init__(self, daemon: Daemon) -> None:
         self._daemon = daemon
-        self.before_mb = self.most_mb = memory_mb(daemon)
+        self.before_mb = self.max_mb = memory_mb(daemon)
 
     def look(self) -> None:
-        """To be called again and again."""
-        self.most_mb = max(self.most_mb, memory_mb(self._daemon))
+        """Samples the memory. Call it often."""
+        self.max_mb = max(self.max_mb, memory_mb(self._daemon))
 
-    def hold(self, most_more_mb: float) -> str:
-        """Asserts that it never had so much more; in words."""
+    def check(self, max_growth_mb: float) -> str:
+        """Asserts that it grew by less than `max_growth_mb`. Returns a summary."""
         self.look()
-        more = self.most_mb - self.before_mb
-        assert more < most_more_mb, f"{self._daemon.name} took {more:.0f} MB more, {most_more_mb:.0f} are allowed"
-        return f"{self._daemon.name} took {more:.0f} MB more at most ({self.before_mb:.0f} before)"
+        growth = self.max_mb - self.before_mb
+        assert growth < max_growth_mb, f"{self._daemon.name} grew by {growth:.0f} MB; it may grow by {max_growth_mb:.0f}"
+        return f"{self._daemon.name} grew by at most {growth:.0f} MB (from {self.before_mb:.0f})"
 
 
 def watched(seconds: float, memory: Memory, ended: Callable[[], bool] = lambda: False) -> None:
-    """Until it has ended, or so long."""
+    """Samples `memory` for `seconds`, or until `ended()` holds."""
     until_time = time.monotonic() + seconds
     while time.monotonic() < until_time and not ended():
         memory.look()
         time.sleep(0.05)
 
 
-@case("64 readers that take a message each and then no more", "their calls are ended, others are served")
+@case("64 readers that read one message each and then stop", "their calls are ended, others are served")
 def slow_readers(stage: Stage) -> Report:
-    """Each asks for far more than sockets and windows hold."""
+    """Each asks for far more than socket buffers and flow-control windows hold."""
     files = [each.file for each in stage.captured.frames] * 64
     rows = stage.captured.header.camera.height_px
     request = archives.ReadRowsRequest(session=SESSION, files=files, first_row=0, row_count=rows)
@@ -129,8 +129,8 @@ def slow_readers(stage: Stage) -> Report:
         codes = collections.Counter(_end(call) for call in calls)
     for channel in channels:
         channel.close()
-    assert codes == {"CANCELLED": 64}, f"the calls of readers that stopped ended so: {dict(codes)}"
-    return Report(64, f"after {took:.0f} s; {memory.hold(64 * 4.0)}; {neighbour.hold()}")
+    assert codes == {"CANCELLED": 64}, f"the calls of stopped readers ended with {dict(codes)}"
+    return Report(64, f"after {took:.0f} s; {memory.check(64 * 4.0)}; {neighbour.check()}")
 
 
 def _stalled(daemon: Daemon) -> int:
@@ -138,7 +138,7 @@ def _stalled(daemon: Daemon) -> int:
 
 
 def _end(call: grpc.Future) -> str:
-    """Reads on, to the end."""
+    """Reads the call to its end and returns its status."""
     with contextlib.suppress(grpc.RpcError):
         for _ in call:
             pass
@@ -146,9 +146,9 @@ def _end(call: grpc.Future) -> str:
     return code
 
 
-@case("200 connections that send HTTP/2's first bytes one a second", "they are closed within the handshake's time, others are served")
+@case("200 connections that send the HTTP/2 preface at one byte a second", "they are closed within the handshake's time, others are served")
 def slow_loris(stage: Stage) -> Report:
-    """They never come to an end by themselves within the case."""
+    """None of them completes the preface during the case."""
     memory = Memory(stage.lab.server)
     connections = [socket.create_connection(("127.0.0.1", stage.lab.port), timeout=5.0) for _ in range(200)]
     for connection in connections:
@@ -165,7 +165,7 @@ def slow_loris(stage: Stage) -> Report:
     for connection in connections:
         connection.close()
     assert closed == len(connections), f"{len(connections) - closed} are still open after {took:.0f} s"
-    return Report(200, f"after {took:.0f} s; {memory.hold(50.0)}; {neighbour.hold()}")
+    return Report(200, f"after {took:.0f} s; {memory.check(50.0)}; {neighbour.check()}")
 
 
 def _is_closed(connection: socket.socket, more: bytes) -> bool:
@@ -184,9 +184,9 @@ def _is_closed(connection: socket.socket, more: bytes) -> bool:
     return False
 
 
-@case("500 connections without a call, that answer every ping", "others are served")
+@case("500 connections that make no call but answer every ping", "others are served")
 def idle_connections(stage: Stage) -> Report:
-    """They would be closed after five minutes."""
+    """The server would close them after five minutes."""
     memory = Memory(stage.lab.server)
     selector = selectors.DefaultSelector()
     received: dict[socket.socket, bytes] = {}
@@ -209,13 +209,13 @@ def idle_connections(stage: Stage) -> Report:
         connection.close()
     assert closed == 0, f"{closed} were closed"
     assert held >= 500, f"only {held} are open"
-    each_kb = 1000 * (memory.most_mb - memory.before_mb) / 500
-    until(lambda: descriptors(stage.lab.server) <= held - 500, "the descriptors are given back")
-    return Report(500, f"{each_kb:.0f} kB each; {memory.hold(150.0)}; {neighbour.hold()}")
+    each_kb = 1000 * (memory.max_mb - memory.before_mb) / 500
+    until(lambda: descriptors(stage.lab.server) <= held - 500, "the descriptors are closed again")
+    return Report(500, f"{each_kb:.0f} kB each; {memory.check(150.0)}; {neighbour.check()}")
 
 
 def _answer(connection: socket.socket, received: dict[socket.socket, bytes], selector: selectors.BaseSelector) -> bool:
-    """Confirms settings and pings, as a client's library does. False: it was closed."""
+    """Acknowledges settings and pings, as a client library does. False if the connection was closed."""
     try:
         content = connection.recv(4096)
     except OSError:
@@ -238,7 +238,7 @@ def _answer(connection: socket.socket, received: dict[socket.socket, bytes], sel
 
 @case("a flood: 8 connections with 500 calls in flight each, for 10 s", "others are served")
 def flood(stage: Stage) -> Report:
-    """The call is a cheap one, so that there are many."""
+    """The call is a cheap one, to get a high rate."""
     memory = Memory(stage.lab.server)
     stop = time.monotonic() + 10.0
     counts = {"OK": 0}
@@ -270,23 +270,23 @@ def flood(stage: Stage) -> Report:
             thread.join()
     for channel in channels:
         channel.close()
-    told = ", ".join(f"{count} {name}" for name, count in sorted(counts.items()))
-    return Report(1, f"{told}; {memory.hold(300.0)}; {neighbour.hold()}")
+    summary = ", ".join(f"{count} {name}" for name, count in sorted(counts.items()))
+    return Report(1, f"{summary}; {memory.check(300.0)}; {neighbour.check()}")
 
 
 @case("messages of more than 8 MiB, 32 at once", "RESOURCE_EXHAUSTED")
 def oversized(stage: Stage) -> Report:
-    """Sent as what would be a right request but for its size."""
+    """Requests that are valid except for their size."""
     memory = Memory(stage.lab.server)
     ask = stage.lab.channel.unary_unary("/glasswing.v1.SessionService/GetSession")
     calls = [ask.future(sessions.GetSessionRequest(name="x" * (9 << 20)).SerializeToString(), timeout=60.0) for _ in range(32)]
     for call in calls:
         assert call.code() == grpc.StatusCode.RESOURCE_EXHAUSTED, f"{call.code()}: {call.details()}"
-    return Report(32, memory.hold(400.0))
+    return Report(32, memory.check(400.0))
 
 
 def methods() -> Iterator[MethodDescriptor]:
-    """Of all services."""
+    """All methods of all services."""
     for module in pkgutil.iter_modules(glasswing.v1.__path__):
         if module.name.endswith("_service_pb2"):
             described = importlib.import_module(f"glasswing.v1.{module.name}").DESCRIPTOR
@@ -294,9 +294,9 @@ def methods() -> Iterator[MethodDescriptor]:
                 yield from service.methods
 
 
-@case("malformed messages to every method of every service, on server and camera node", "an error that is no crash")
+@case("malformed messages to every method of every service, on server and camera node", "an error, no crash")
 def malformed(stage: Stage) -> Report:
-    """Random bytes, and beginnings of nothing: field numbers and sizes that lead past the end."""
+    """Random bytes, and field numbers and sizes that lead past the end of the message."""
     dice = random.Random(10)
     shapes = [b"\xff" * 12, b"\x0a\xff\xff\xff\xff\x0f", b"\x0a\x05ab", b"\x08" * 40, b"\x0b", b"\x0a\x80\x80\x80\x80\x80\x80\x80\x80\x80\x01"]
     count = 0
@@ -313,5 +313,5 @@ def malformed(stage: Stage) -> Report:
                     call.cancel()
                 except grpc.RpcError as error:
                     codes.add(error.code())
-    assert grpc.StatusCode.DEADLINE_EXCEEDED not in codes, "a malformed message was waited on"
+    assert grpc.StatusCode.DEADLINE_EXCEEDED not in codes, "a malformed message was not answered"
     return Report(count, f"{count} messages; {', '.join(sorted(code.name for code in codes))}")

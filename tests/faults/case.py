@@ -1,4 +1,4 @@
-"""The list of faults, each with what must come of it."""
+"""Cases, each a fault and its expected outcome, and the loop that runs them."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ Stage = TypeVar("Stage")
 
 
 class Lost(AssertionError):
-    """Something that was acknowledged is not there, or is not what it was."""
+    """Something that was acknowledged is missing or has changed."""
 
 
 class CannotBeDone(Exception):
-    """The machine lacks what the fault needs; says what."""
+    """The machine lacks what the fault needs, which the text names."""
 
 
 @dataclasses.dataclass
 class Report:
-    """Of one case: how many faults it did, and in words what was seen."""
+    """The result of a case: how many faults it caused, and a summary of what was seen."""
 
     faults: int = 1
     seen: str = ""
@@ -28,7 +28,7 @@ class Report:
 
 @dataclasses.dataclass(frozen=True)
 class Case(Generic[Stage]):
-    """`outcome` is what `do` asserts."""
+    """One fault. `outcome` describes what `do` asserts."""
 
     fault: str
     outcome: str
@@ -36,7 +36,7 @@ class Case(Generic[Stage]):
 
 
 class Cases(Generic[Stage]):
-    """Of one suite; a decorated function is one of them."""
+    """The cases of one suite. Decorating a function with it adds the function as a case."""
 
     def __init__(self) -> None:
         self.all: list[Case[Stage]] = []
@@ -51,7 +51,7 @@ class Cases(Generic[Stage]):
 
 @dataclasses.dataclass
 class Tally:
-    """Of a suite or of all."""
+    """The counts of one suite or of several."""
 
     tried: int = 0
     survived: int = 0
@@ -60,19 +60,19 @@ class Tally:
     skipped: int = 0
 
     def add(self, other: "Tally") -> None:
-        """Sums up."""
+        """Adds the counts of `other`."""
         for field in dataclasses.fields(self):
             setattr(self, field.name, getattr(self, field.name) + getattr(other, field.name))
 
     def __str__(self) -> str:
         text = f"{self.tried} faults tried, {self.survived} survived, {self.lost} lost something"
         if self.failed:
-            text += f", {self.failed} had another outcome than expected"
+            text += f", {self.failed} had an unexpected outcome"
         return text + (f"; {self.skipped} cases skipped" if self.skipped else "")
 
 
 def run(cases: list[Case[Stage]], stage: Stage, after: Callable[[], None]) -> Tally:
-    """One after the other; `after` each it is held against what was acknowledged."""
+    """Runs the cases in order. `after`, called after each, checks what was acknowledged."""
     tally = Tally()
     for case in cases:
         began = time.monotonic()
@@ -89,7 +89,7 @@ def run(cases: list[Case[Stage]], stage: Stage, after: Callable[[], None]) -> Ta
         except Lost as what:
             tally.lost += 1
             verdict = f"LOST: {what}"
-        except Exception as error:  # whatever happened, the others are tried
+        except Exception as error:  # the other cases are still run
             tally.failed += 1
             verdict = f"FAILED: {type(error).__name__}: {error}"
         tally.tried += report.faults

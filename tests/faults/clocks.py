@@ -1,10 +1,10 @@
-"""Clocks that are set."""
+"""Wall clocks that jump."""
 
 from __future__ import annotations
 
 import pathlib
 
-from glasswing.v1 import session_service_pb2 as sessions
+from glasswing.v1 import session_pb2
 
 import shim
 from case import Cases, Report
@@ -19,7 +19,7 @@ _HOUR_SECONDS = 3600
 
 
 def _step(stage: Stage, daemon: Daemon, seconds: int) -> None:
-    """In mid-solve; leases and timeouts are of a second."""
+    """Steps the daemon's wall clock in mid-solve. Leases and timeouts are one second."""
     file = stage.work / f"{daemon.name}.clock"
     file.write_text("0")
     daemon.end()
@@ -28,14 +28,14 @@ def _step(stage: Stage, daemon: Daemon, seconds: int) -> None:
     until(lambda: stage.answers() and stage.lab.camera_is_up() and stage.lab.solvers_up() >= 1, "all are known", 30.0)
     before = fetch_matte(stage.lab, SESSION)
     stage.lab.solve(name=SESSION)
-    until(lambda: stage.lab.session().tiles_done > 0 or stage.lab.session().matte_ready and stage.lab.session().state != sessions.SESSION_STATE_SOLVING, "some of it is done", 30.0)
+    until(lambda: stage.lab.session().tiles_done > 0 or stage.lab.session().matte_ready and stage.lab.session().state != session_pb2.SESSION_STATE_SOLVING, "a tile is done", 30.0)
     file.write_text(str(seconds))
     stage.lab.wait_until_done(60.0, SESSION)
     assert fetch_matte(stage.lab, SESSION) == before, "the matte differs"
     name = stage.name()
     stage.put(name)
     stage.solve(name)
-    assert stage.lab.camera_is_up() and stage.lab.solvers_up() == len(stage.lab.solvers), "a node is taken for lost"
+    assert stage.lab.camera_is_up() and stage.lab.solvers_up() == len(stage.lab.solvers), "a node is considered lost"
     stage.delete(name)
     daemon.end()
     daemon.environment = {}
@@ -44,15 +44,15 @@ def _step(stage: Stage, daemon: Daemon, seconds: int) -> None:
 
 
 def _add_steps() -> None:
-    for who in ("server", "camera node", "solver"):
+    for name in ("server", "camera node", "solver"):
         for seconds in (_HOUR_SECONDS, -_HOUR_SECONDS):
 
-            def do(stage: Stage, who: str = who, seconds: int = seconds) -> Report:
-                daemon = {"server": stage.lab.server, "camera node": stage.lab.camera, "solver": stage.lab.solvers[0]}[who]
+            def do(stage: Stage, name: str = name, seconds: int = seconds) -> Report:
+                daemon = {"server": stage.lab.server, "camera node": stage.lab.camera, "solver": stage.lab.solvers[0]}[name]
                 _step(stage, daemon, seconds)
                 return Report()
 
-            case(f"the wall clock of the {who} is set by {seconds / 3600:+.0f} h in mid-solve", "nobody is taken for lost, and the matte is the same")(do)
+            case(f"the wall clock of the {name} jumps by {seconds / 3600:+.0f} h in mid-solve", "no node is considered lost, and the matte is the same")(do)
 
 
 _add_steps()

@@ -1,4 +1,4 @@
-"""Daemons that die or lie down where it hurts most: between two commits, at each place that has a name."""
+"""Daemons that are killed or stopped between two commits, at each named fault point."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Callable, Set
 
 import grpc
 
-from glasswing.v1 import session_service_pb2 as sessions
+from glasswing.v1 import session_pb2
 
 from case import Cases, Report
 from daemon import Daemon
@@ -19,7 +19,8 @@ from stage import Stage
 
 case: Cases[Stage] = Cases()
 
-# What passes by each point of core/base/fault_point.h, but for those of a solve: tests/faults/solve does them all.
+# The fault points (core/base/fault_point.h) that each daemon passes. tests/faults/solve covers those of a
+# solve in depth.
 _CAMERA_POINTS = ("archive begun", "frames written", "frames listed", "archive sealed", "archive removed")
 _SERVER_POINTS = ("session stored", "import sealed", "session captured", "frames deleted", "mattes deleted", "session deleted")
 _SOLVE_POINTS = ("tile received", "tile written", "tile committed", "survey committed", "matte written", "session done")
@@ -27,7 +28,7 @@ _SOLVER_POINTS = ("tile claimed", "tile read", "tile solved", "tile sent")
 
 
 def _whole_life(stage: Stage) -> str:
-    """A session is made of frames, solved and deleted, each step asked for until it is done, as a person would."""
+    """Imports, solves and deletes a session. Repeats each request until it is done, as a person would."""
     name = stage.name()
     _until_done(stage, lambda: stage.put(name), {grpc.StatusCode.ALREADY_EXISTS})
     _until_done(stage, lambda: _solve(stage, name))
@@ -37,11 +38,11 @@ def _whole_life(stage: Stage) -> str:
 
 
 def _solve(stage: Stage, name: str) -> None:
-    """Whoever dies meanwhile is started again."""
+    """Solves the session, and restarts the daemons that die meanwhile."""
 
     def has_ended() -> bool:
         stage.revive()
-        return stage.lab.session(30.0, name).state != sessions.SESSION_STATE_SOLVING
+        return stage.lab.session(30.0, name).state != session_pb2.SESSION_STATE_SOLVING
 
     stage.lab.solve(name=name)
     until(has_ended, "the solve has ended", 60.0, every=0.1)
@@ -50,7 +51,8 @@ def _solve(stage: Stage, name: str) -> None:
 
 
 def _until_done(stage: Stage, step: Callable[[], None], done_before: Set[grpc.StatusCode] = frozenset()) -> None:
-    """`done_before`: what is answered where it was done, and the answer was lost."""
+    """Repeats `step` until it succeeds. `done_before`: statuses that mean an earlier attempt succeeded but
+    its answer was lost."""
     deadline = time.monotonic() + 60.0
     while True:
         try:
@@ -64,20 +66,20 @@ def _until_done(stage: Stage, step: Callable[[], None], done_before: Set[grpc.St
 
 
 def _strike(stage: Stage, daemon: Daemon, point: str, visit: int = 1) -> Report:
-    """It is killed at the point, and started again by whoever notices."""
+    """Kills the daemon at the point during a session's life; stage.revive() restarts it."""
     daemon.end()
     daemon.start(f"{point}=kill@{visit}")
     until(stage.answers, "all answer")
     first = daemon.pid
     _whole_life(stage)
-    assert daemon.pid != first, f'{daemon.name} never came by "{point}"'
+    assert daemon.pid != first, f'{daemon.name} never passed "{point}"'
     daemon.end()
     daemon.start()
     return Report()
 
 
 def _add_kills() -> None:
-    for points, who, of in (
+    for points, name, daemon_of in (
         (_CAMERA_POINTS, "camera node", lambda stage: stage.lab.camera),
         (_SERVER_POINTS + _SOLVE_POINTS, "server", lambda stage: stage.lab.server),
         (_SOLVER_POINTS, "solver", lambda stage: stage.lab.solvers[0]),
@@ -85,18 +87,18 @@ def _add_kills() -> None:
         for point in points:
             for visit in (1, 3) if point in ("frames written", "frames listed", "tile written", "tile committed") else (1,):
 
-                def do(stage: Stage, of: Callable[[Stage], Daemon] = of, point: str = point, visit: int = visit) -> Report:
-                    return _strike(stage, of(stage), point, visit)
+                def do(stage: Stage, daemon_of: Callable[[Stage], Daemon] = daemon_of, point: str = point, visit: int = visit) -> Report:
+                    return _strike(stage, daemon_of(stage), point, visit)
 
-                case(f'SIGKILL of the {who} at "{point}", visit {visit}', "asked again, all of it ends well")(do)
+                case(f'SIGKILL of the {name} at "{point}", visit {visit}', "all requests succeed when repeated")(do)
 
 
 _add_kills()
 
 
-@case("SIGKILL of server and camera node at 20 moments while frames are sent", "what was acknowledged is there")
+@case("SIGKILL of server and camera node at 20 moments while frames are sent", "everything acknowledged is there")
 def kill_at_moments(stage: Stage) -> Report:
-    """One after the other, between and within frames."""
+    """Alternately, between and within frames."""
     for strike in range(20):
         name = stage.name()
         victim = (stage.lab.server, stage.lab.camera)[strike % 2]
@@ -119,9 +121,9 @@ def kill_at_moments(stage: Stage) -> Report:
     return Report(20)
 
 
-@case("SIGSTOP of each daemon for 3 s in mid-solve, then SIGCONT", "the solve ends as if nothing had been")
+@case("SIGSTOP of each daemon for 3 s in mid-solve, then SIGCONT", "the solve ends as if undisturbed")
 def stopped(stage: Stage) -> Report:
-    """Longer than a lease."""
+    """The stop outlasts a lease."""
     for daemon in stage.lab.daemons():
         stage.lab.solve(name=SESSION)
         daemon.signal(signal.SIGSTOP)
@@ -135,9 +137,9 @@ def stopped(stage: Stage) -> Report:
     return Report(len(stage.lab.daemons()))
 
 
-@case("server and camera node have no descriptors left for 5 s", "they refuse, live, and serve again")
+@case("server and camera node have no descriptors left for 5 s", "they refuse calls, survive, and serve again")
 def no_descriptors(stage: Stage) -> Report:
-    """Their limit is set to what they have open."""
+    """Their limit is set below what they have open."""
     for daemon in (stage.lab.server, stage.lab.camera):
         usual = resource.prlimit(daemon.pid, resource.RLIMIT_NOFILE)
         resource.prlimit(daemon.pid, resource.RLIMIT_NOFILE, (8, usual[1]))

@@ -1,4 +1,4 @@
-"""Bytes that are not what was written: every byte of a file's header, and some of its body, one at a time."""
+"""Corrupted files: every byte of a header and samples of the body, one at a time."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def _samples(first: int, size: int, count: int = _BODY_SAMPLES) -> list[int]:
 
 
 def _refusal(read: Callable[[], object]) -> str | None:
-    """The code with which it is refused; None: it is not."""
+    """The status code of the refusal, or None if `read` succeeds."""
     try:
         read()
     except grpc.RpcError as error:
@@ -44,9 +44,9 @@ def _refusal(read: Callable[[], object]) -> str | None:
     return None
 
 
-@case("a frame's file: every byte of its header flipped, of its pixels some", "DATA_LOSS, and right again when it is put back")
+@case("a frame's file: every byte of its header and samples of its pixels flipped", "DATA_LOSS, until the file is restored")
 def frame(stage: Stage) -> Report:
-    """Read whole, and its last row."""
+    """Reads the whole file, and its last row."""
     record = stage.captured.frames[3]
     path = stage.lab.work / "camera-1/archives" / SESSION / record.file
     content = path.read_bytes()
@@ -58,16 +58,17 @@ def frame(stage: Stage) -> Report:
         for read in (lambda: read_file(stage.lab, SESSION, record.file), lambda: list(stage.lab.archives.ReadRows(last_row, timeout=10.0))):
             code = _refusal(read)
             if code is None:
-                raise Lost(f"byte {at} of a frame was altered, and it was handed out")
+                raise Lost(f"byte {at} of a frame was altered, and the frame was served")
             assert code == "DATA_LOSS", code
         tried += 1
     path.write_bytes(content)
     return Report(tried)
 
 
-@case("a finished matte's file: every byte of its header flipped, of its rows some", "no other matte is taken for it")
+@case("a finished matte's file: bytes of its header and samples of its rows flipped", "no altered matte is accepted")
 def matte(stage: Stage) -> Report:
-    """Fetched, and read by the reader that everybody uses. Bytes that no reader looks at may be anything."""
+    """Fetches the matte and reads it with the Python package. Bytes that no reader uses may have any
+    value."""
     path = stage.lab.matte()
     content = path.read_bytes()
     known = glasswing.Matte.from_bytes(content)
@@ -82,9 +83,9 @@ def matte(stage: Stage) -> Report:
             continue
         unread += 1
         if not _same(read, known):
-            raise Lost(f"byte {at} of a matte was altered, and another matte was read")
+            raise Lost(f"byte {at} of a matte was altered, and a different matte was read")
     path.write_bytes(content)
-    return Report(tried, f"{tried - unread} refused, {unread} change nothing")
+    return Report(tried, f"{tried - unread} refused, {unread} had no effect")
 
 
 def _same(one: glasswing.Matte, other: glasswing.Matte) -> bool:
@@ -92,9 +93,9 @@ def _same(one: glasswing.Matte, other: glasswing.Matte) -> bool:
     return one.monitors == other.monitors and all(numpy.array_equal(a, b, equal_nan=False) for a, b in zip(*planes) if isinstance(a, numpy.ndarray))
 
 
-@case("the lists of an archive: bytes of header.json, frames.jsonl and manifest.json flipped", "DATA_LOSS, or all frames as they were")
+@case("the lists of an archive: bytes of header.json, frames.jsonl and manifest.json flipped", "DATA_LOSS, or all frames unchanged")
 def lists(stage: Stage) -> Report:
-    """With a new life of the camera node each time. (Every byte of them: core/frame/archive_test.)"""
+    """Restarts the camera node each time. core/frame/archive_test covers every byte."""
     directory = stage.lab.work / "camera-1/archives" / SESSION
     request = archives.GetManifestRequest(session=SESSION)
     known = stage.lab.archives.GetManifest(request, timeout=10.0).manifest
@@ -104,7 +105,7 @@ def lists(stage: Stage) -> Report:
         content = path.read_bytes()
         try:
             for at, altered in _altered(content, _samples(0, len(content), 20)):
-                _new_life(stage.lab.camera, path, altered)
+                _restart_with(stage.lab.camera, path, altered)
                 until(stage.answers, "the camera node answers", 20.0)
                 tried += 1
                 try:
@@ -114,22 +115,22 @@ def lists(stage: Stage) -> Report:
                     refused += 1
                     continue
                 if now != known:
-                    raise Lost(f"byte {at} of {name} was altered, and other frames are told of")
+                    raise Lost(f"byte {at} of {name} was altered, and the manifest changed")
         finally:
-            _new_life(stage.lab.camera, path, content)
+            _restart_with(stage.lab.camera, path, content)
     until(stage.answers, "the camera node answers")
     return Report(tried, f"{refused} refused")
 
 
-def _new_life(daemon: Daemon, path: pathlib.Path, content: bytes) -> None:
+def _restart_with(daemon: Daemon, path: pathlib.Path, content: bytes) -> None:
     daemon.kill()
     path.write_bytes(content)
     daemon.start()
 
 
-@case("the catalogue: every byte of SQLite's header flipped, of its pages some", "the server says so and does not start, or has all")
+@case("the catalogue: every byte of SQLite's header and samples of its pages flipped", "the server refuses to start and names it, or has everything")
 def catalogue(stage: Stage) -> Report:
-    """With a new life of the server each time. (More of them: server/catalogue_test.)"""
+    """Restarts the server each time. server/sessions/catalogue_test covers more bytes."""
     path = stage.lab.data / "catalogue.sqlite"
     stage.lab.server.end()
     content = path.read_bytes()
@@ -147,12 +148,12 @@ def catalogue(stage: Stage) -> Report:
             try:
                 stage.ledger.check()
             except Lost as what:
-                raise Lost(f"byte {at} of the catalogue was altered, and the server serves: {what}") from None
+                raise Lost(f"byte {at} of the catalogue was altered, and the server started: {what}") from None
             stage.lab.server.kill()
             continue
         refused += 1
         said = stage.lab.server.log.read_bytes()[log_size:].decode(errors="replace")
-        assert "catalogue" in said, f"it ended, and said: {said}"
+        assert "catalogue" in said, f"the server ended without naming the catalogue: {said}"
     for suffix, before in kept.items():
         if before is not None:
             pathlib.Path(f"{path}{suffix}").write_bytes(before)

@@ -1,4 +1,4 @@
-"""Disks that are full, and disks that fail."""
+"""Full disks and failing disks."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import subprocess
 
 import grpc
 
+from glasswing.v1 import session_pb2
 from glasswing.v1 import session_service_pb2 as sessions
 
 import shim
@@ -18,7 +19,7 @@ from stage import Stage
 
 
 class DiskStage(Stage):
-    """The server's and the camera node's data lie on small disks of their own, where root may make some."""
+    """A stage whose server and camera node store their data on small disks of their own, if run by root."""
 
     CAMERA_MB, SERVER_MB = 128, 48
 
@@ -33,7 +34,7 @@ class DiskStage(Stage):
         super().__init__(work, archive, ("--least-tile", "0.05"))
 
     def fill(self, disk: pathlib.Path) -> None:
-        """To the last byte."""
+        """Fills the disk to the last byte."""
         with (disk / "ballast").open("wb", buffering=0) as ballast:
             for size in (1 << 20, 1 << 12, 1):
                 try:
@@ -43,13 +44,13 @@ class DiskStage(Stage):
                     pass
 
     def make_room(self, disk: pathlib.Path) -> None:
-        """What fill() took."""
+        """Frees what fill() took."""
         (disk / "ballast").unlink()
 
     def clear(self) -> None:
-        """Deletes all sessions but the first."""
+        """Deletes all sessions except SESSION."""
         for session in self.lab.sessions.ListSessions(sessions.ListSessionsRequest(), timeout=30.0).sessions:
-            if session.state in (sessions.SESSION_STATE_CREATED, sessions.SESSION_STATE_SOLVING):  # it is being imported or solved
+            if session.state in (session_pb2.SESSION_STATE_CREATED, session_pb2.SESSION_STATE_SOLVING):  # being imported or solved
                 self.lab.sessions.CancelSession(sessions.CancelSessionRequest(name=session.name), timeout=30.0)
             if session.name != SESSION:
                 self.delete(session.name)
@@ -69,9 +70,9 @@ def _need_disks(stage: DiskStage) -> None:
         raise CannotBeDone("only root can mount small disks")
 
 
-@case("the camera node's disk is full in the middle of an import", "RESOURCE_EXHAUSTED; with room again the import goes on")
+@case("the camera node's disk is full in the middle of an import", "RESOURCE_EXHAUSTED; once there is room the import goes on")
 def full_spool(stage: DiskStage) -> Report:
-    """Filled by the import itself, and by a file besides."""
+    """A large file and the import itself fill the disk."""
     _need_disks(stage)
     disk = stage.work / "camera-1"
     name = stage.name()
@@ -92,9 +93,9 @@ def full_spool(stage: DiskStage) -> Report:
     return Report()
 
 
-@case("the server's disk is full: catalogue, job store, tiles and mattes", "nothing is acknowledged that is not kept; with room again all goes on")
+@case("the server's disk is full: catalogue, job store, tiles and mattes", "everything acknowledged is kept; once there is room all goes on")
 def full_server(stage: DiskStage) -> Report:
-    """A note, a new session, a deletion and a solve are asked for."""
+    """Asks for notes and a solve."""
     _need_disks(stage)
     disk = stage.work / "server"
     name = stage.name()
@@ -107,7 +108,7 @@ def full_server(stage: DiskStage) -> Report:
         except grpc.RpcError as error:
             assert error.code() == grpc.StatusCode.RESOURCE_EXHAUSTED, f"{error.code()}: {error.details()}"
             refused += 1
-    assert refused > 0, "notes were stored where no room is"
+    assert refused > 0, "notes were stored on a full disk"
     log = stage.lab.solvers[0].log
     said = log.stat().st_size
     try:
@@ -117,15 +118,15 @@ def full_server(stage: DiskStage) -> Report:
         assert error.code() == grpc.StatusCode.RESOURCE_EXHAUSTED, f"{error.code()}: {error.details()}"
     stage.make_room(disk)
     stage.ledger.check()
-    until(lambda: stage.lab.session(5.0, name).state in (sessions.SESSION_STATE_DONE, sessions.SESSION_STATE_CAPTURED), "the solve went on, or was never begun", 60.0)
+    until(lambda: stage.lab.session(5.0, name).state in (session_pb2.SESSION_STATE_DONE, session_pb2.SESSION_STATE_CAPTURED), "the solve goes on, or never began", 60.0)
     stage.solve(name)
     stage.delete(name)
     return Report(2)
 
 
-@case("the disk of the logs is full", "daemons serve on")
+@case("the disk of the logs is full", "daemons keep serving")
 def full_logs(stage: DiskStage) -> Report:
-    """Of server and camera node."""
+    """The logs of server and camera node."""
     _need_disks(stage)
     disk = stage.work / "logs"
     before = {}
@@ -154,7 +155,7 @@ _KINDS = [(call, error) for call in ("write", "fsync", "rename", "open") for err
 
 
 def _fail_for_a_while(stage: DiskStage, daemon: Daemon, root: pathlib.Path, call: str, error: str) -> Report:
-    """Sessions are made, solved and deleted meanwhile, as far as that goes."""
+    """Creates and solves sessions while calls fail, as far as that is possible."""
     switch = stage.work / "switch"
     daemon.end()
     daemon.environment = shim.environment(root, FAIL=f"{call}@3={error}", WHILE=str(switch))
@@ -186,21 +187,21 @@ def _fail_for_a_while(stage: DiskStage, daemon: Daemon, root: pathlib.Path, call
     daemon.environment = {}
     daemon.start()
     until(lambda: stage.answers() and stage.lab.camera_is_up(), "all answer", 30.0)
-    assert error != "short" or not codes, f"what the system calls right was refused: {codes}"
+    assert error != "short" or not codes, f"a short write, which is no error, was reported as one: {codes}"
     assert not died, f"{daemon.name} died of it"
-    return Report(1, ", ".join(f"{count} {code}" for code, count in sorted(codes.items())) or "nobody noticed")
+    return Report(1, ", ".join(f"{count} {code}" for code, count in sorted(codes.items())) or "no effect")
 
 
 def _add_failures() -> None:
-    for who in ("camera node", "server"):
+    for name in ("camera node", "server"):
         for call, error in _KINDS:
 
-            def do(stage: DiskStage, who: str = who, call: str = call, error: str = error) -> Report:
-                daemon, root = (stage.lab.camera, stage.work / "camera-1") if who == "camera node" else (stage.lab.server, stage.lab.data)
+            def do(stage: DiskStage, name: str = name, call: str = call, error: str = error) -> Report:
+                daemon, root = (stage.lab.camera, stage.work / "camera-1") if name == "camera node" else (stage.lab.server, stage.lab.data)
                 return _fail_for_a_while(stage, daemon, root, call, error)
 
-            what = "takes half of what it is given" if error == "short" else f"fails with {error}"
-            case(f"every {call} below the {who}'s data {what} for a while", "errors, then all goes on" if error != "short" else "nobody notices")(do)
+            what = "takes half of its data" if error == "short" else f"fails with {error}"
+            case(f"every {call} below the {name}'s data {what} for a while", "errors, then all goes on" if error != "short" else "no effect")(do)
 
 
 _add_failures()

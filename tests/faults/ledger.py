@@ -1,9 +1,9 @@
-"""What clients were told is kept, held against what can be fetched afterwards.
+"""Records what the daemons acknowledged, and checks that it can still be fetched.
 
-    A frame whose storing was acknowledged is read back byte for byte, from the node that has it.
-    A session that was acknowledged is listed, in the state that was told or a later one.
-    A finished matte that was fetched once is fetched again byte for byte.
-    What was acknowledged as deleted does not come back.
+    A frame acknowledged as stored reads back byte for byte from its node.
+    A session acknowledged as created is listed.
+    A finished matte that was fetched once is the same byte for byte when fetched again.
+    A session acknowledged as deleted does not come back.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from lab import Lab
 
 
 def digest(content: bytes) -> str:
-    """Of some bytes."""
+    """The SHA-256 of `content`, in hex."""
     return hashlib.sha256(content).hexdigest()
 
 
 class Ledger:
-    """Of one lab."""
+    """Everything that one lab acknowledged."""
 
     def __init__(self, lab: Lab) -> None:
         self._lab = lab
@@ -35,59 +35,59 @@ class Ledger:
         self._deleted: set[str] = set()
 
     def frame(self, session: str, file: str, content: bytes) -> None:
-        """Acknowledged as stored."""
+        """Enters a frame acknowledged as stored."""
         self._frames[session, file] = digest(content)
 
     def session(self, name: str) -> None:
-        """Acknowledged as made."""
+        """Enters a session acknowledged as created."""
         self._sessions.add(name)
         self._deleted.discard(name)
 
     def matte(self, name: str, content: bytes) -> None:
-        """As it was fetched from a session that is done."""
+        """Enters a matte fetched from a session that is done."""
         self._mattes[name] = digest(content)
 
     def forget(self, name: str) -> None:
-        """Its deletion is asked for: from now on it may be gone, or be half of it."""
+        """Drops a session whose deletion was requested: from now on it may be partly or wholly gone."""
         self._sessions.discard(name)
         self._mattes.pop(name, None)
         for key in [key for key in self._frames if key[0] == name]:
             del self._frames[key]
 
     def deleted(self, name: str) -> None:
-        """Acknowledged."""
+        """Enters a session acknowledged as deleted."""
         self._deleted.add(name)
 
     def check(self) -> None:
-        """All of it. Lost: what is not as it was told."""
+        """Checks everything that was entered. Raises Lost if something is missing or different."""
         listed = {session.name for session in self._lab.sessions.ListSessions(sessions.ListSessionsRequest(), timeout=30.0, wait_for_ready=True).sessions}
         for name in self._sessions - listed:
-            raise Lost(f'session "{name}" was acknowledged and is not there')
+            raise Lost(f'session "{name}" was acknowledged and is missing')
         for name in self._deleted & listed:
-            raise Lost(f'session "{name}" was acknowledged as deleted and is there')
+            raise Lost(f'session "{name}" was acknowledged as deleted and is back')
         for (session, file), known in self._frames.items():
-            self._hold(f'frame {file} of session "{session}"', known, lambda: read_file(self._lab, session, file))
+            self._check(f'frame {file} of session "{session}"', known, lambda: read_file(self._lab, session, file))
         for name, known in self._mattes.items():
-            self._hold(f'the matte of session "{name}"', known, lambda: fetch_matte(self._lab, name))
+            self._check(f'the matte of session "{name}"', known, lambda: fetch_matte(self._lab, name))
 
     @staticmethod
-    def _hold(what: str, known: str, read: object) -> None:
+    def _check(what: str, known: str, read: object) -> None:
         assert callable(read)
         try:
             now = digest(read())
         except grpc.RpcError as error:
             raise Lost(f"{what} was acknowledged and cannot be read: {error.details()}") from None
         if now != known:
-            raise Lost(f"{what} is not what was acknowledged")
+            raise Lost(f"{what} differs from what was acknowledged")
 
 
 def read_file(lab: Lab, session: str, file: str) -> bytes:
-    """A frame's file, from the camera node."""
+    """Reads a frame's file from the camera node."""
     request = archives.ReadFileRequest(session=session, file=file)
     return b"".join(part.chunk for part in lab.archives.ReadFile(request, timeout=30.0, wait_for_ready=True))
 
 
 def fetch_matte(lab: Lab, name: str) -> bytes:
-    """From the server."""
+    """Fetches a finished matte from the server."""
     request = sessions.FetchMatteRequest(name=name)
     return b"".join(part.chunk for part in lab.sessions.FetchMatte(request, timeout=60.0, wait_for_ready=True))

@@ -1,4 +1,5 @@
-"""Does faults to daemons, one kind after another, and holds all that was acknowledged against what is there afterwards; see --help."""
+"""Injects faults into daemons, suite by suite, and checks after each that everything acknowledged is still
+there."""
 
 from __future__ import annotations
 
@@ -30,7 +31,7 @@ from stage import Stage  # noqa: E402
 
 @dataclasses.dataclass(frozen=True)
 class Suite:
-    """`about` in words; `make` the stage that its cases are done on."""
+    """`about`: one line for the output. `make`: builds the stage that its cases run on."""
 
     about: str
     cases: Cases[Any]
@@ -38,27 +39,27 @@ class Suite:
 
 
 def _quick(make: Callable[..., Stage]) -> Callable[[pathlib.Path, pathlib.Path], Stage]:
-    """Leases of a second, and tiles that are small."""
+    """A stage with leases of one second and small tiles."""
     return lambda work, archive: make(work, archive, ("--lease", "1", "--least-tile", "0.02"))
 
 
 SUITES = {
-    "callers": Suite("callers that are slow, many, greedy, or speak nonsense", callers.case, Stage),
-    "network": Suite("a network that breaks, people who get in each other's way", network.case, _quick(RelayedStage)),
-    "crashes": Suite("daemons that die, lie down, or run out of descriptors", crashes.case, _quick(Stage)),
-    "disk": Suite("disks that are full or fail", disk.case, disk.DiskStage),
+    "callers": Suite("slow, numerous, greedy and malformed callers", callers.case, Stage),
+    "network": Suite("a network that breaks, clients that collide", network.case, _quick(RelayedStage)),
+    "crashes": Suite("daemons that die, stop, or run out of descriptors", crashes.case, _quick(Stage)),
+    "disk": Suite("full and failing disks", disk.case, disk.DiskStage),
     "power": Suite("power cuts", power_cut.case, Stage),
-    "damage": Suite("files that are not what was written", damage.case, Stage),
-    "clocks": Suite("clocks that are set", clocks.case, _quick(Stage)),
+    "damage": Suite("corrupted files", damage.case, Stage),
+    "clocks": Suite("wall clocks that jump", clocks.case, _quick(Stage)),
 }
 
 
 def main() -> int:
-    """The exit status: 1 if anything was lost, or came out otherwise than it should."""
-    parser = argparse.ArgumentParser(description=__doc__, epilog="Example: tests/faults/run callers storage --only readers")
-    parser.add_argument("suites", nargs="*", help=f"of {', '.join(SUITES)}; all if left out")
-    parser.add_argument("--only", default="", metavar="WORDS", help="cases whose fault has these words")
-    parser.add_argument("--keep", action="store_true", help="leave the daemons' directories and logs there, and say where")
+    """Returns the exit status: 1 if anything was lost or had an unexpected outcome."""
+    parser = argparse.ArgumentParser(description=__doc__, epilog="Example: tests/faults/run callers disk --only readers")
+    parser.add_argument("suites", nargs="*", help=f"{', '.join(SUITES)}; all by default")
+    parser.add_argument("--only", default="", metavar="WORDS", help="run only cases whose fault contains WORDS")
+    parser.add_argument("--keep", action="store_true", help="keep the daemons' directories and logs, and print where they are")
     options = parser.parse_args()
     unknown = set(options.suites) - set(SUITES)
     if unknown:

@@ -1,4 +1,4 @@
-"""A network that breaks, and people who get in each other's way."""
+"""A network that breaks, and clients that collide."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import threading
 import grpc
 
 from glasswing.v1 import archive_service_pb2 as archives
+from glasswing.v1 import session_pb2
 from glasswing.v1 import session_service_pb2 as sessions
 
 from case import Cases, Report
@@ -23,7 +24,8 @@ from stage import Stage
 
 
 class RelayedStage(Stage):
-    """Solvers reach the server, and whoever reads frames the camera node, through relays."""
+    """A stage with relays between solvers and server, and between the camera node and everyone who reads its
+    frames."""
 
     def __init__(self, work: pathlib.Path, archive: pathlib.Path, server_options: tuple[str, ...] = ()) -> None:
         super().__init__(work, archive, server_options)
@@ -49,7 +51,7 @@ class RelayedStage(Stage):
 case: Cases[RelayedStage] = Cases()
 
 _SILENT_SECONDS = 3.0  # three leases
-_LINKS = {"server": "solvers and the server", "camera": "everybody and the camera node"}
+_LINKS = {"server": "solvers and the server", "camera": "the camera node and its readers"}
 _WAYS = {"there": ("there",), "back": ("back",), "both ways": ("there", "back")}
 
 
@@ -66,7 +68,7 @@ def _solve_through(stage: RelayedStage, link: str, ways: tuple[str, ...]) -> Rep
 
 def _tiles(stage: RelayedStage) -> int:
     session = stage.lab.session()
-    return session.tile_count if session.state == sessions.SESSION_STATE_SOLVING else 1
+    return session.tile_count if session.state == session_pb2.SESSION_STATE_SOLVING else 1
 
 
 def _add_partitions() -> None:
@@ -76,26 +78,26 @@ def _add_partitions() -> None:
             def do(stage: RelayedStage, link: str = link, ways: tuple[str, ...] = ways) -> Report:
                 return _solve_through(stage, link, ways)
 
-            case(f"nothing gets through between {between} for three leases in mid-solve, {name}", "the same matte, to the last bit")(do)
+            case(f"no data passes between {between} for three leases in mid-solve, {name}", "the same matte, bit for bit")(do)
 
 
 _add_partitions()
 
 
-@case("connections reset in the middle of a region, at 20 places", "what broke off is taken up there, byte for byte")
+@case("connections reset in the middle of a region, at 20 places", "each read resumes where it broke off, byte for byte")
 def reset_in_a_region(stage: RelayedStage) -> Report:
-    """Through the relay; the offset goes on where the last whole chunk ended."""
+    """Reads through the relay; the offset continues after the last whole chunk."""
     files = [frame.file for frame in stage.captured.frames]
     rows = stage.captured.header.camera.height_px
     whole = _read(stage, files, rows, None)
     for place in range(1, 21):
         torn = _read(stage, files, rows, place * len(whole) // 21)
-        assert hashlib.sha256(torn).digest() == hashlib.sha256(whole).digest(), "other bytes than before"
+        assert hashlib.sha256(torn).digest() == hashlib.sha256(whole).digest(), "the bytes differ"
     return Report(20, f"{len(whole) / 1e6:.0f} MB each")
 
 
 def _read(stage: RelayedStage, files: list[str], rows: int, reset_at: int | None) -> bytes:
-    """All rows of all frames; connections are reset once so many bytes are there."""
+    """Reads all rows of all frames. Resets all connections once `reset_at` bytes have arrived."""
     content = b""
     with dial(stage.lab.archive_port) as channel:
         ask = channel.unary_stream("/glasswing.v1.ArchiveService/ReadRows", archives.ReadRowsRequest.SerializeToString, archives.ReadRowsResponse.FromString)
@@ -113,19 +115,19 @@ def _read(stage: RelayedStage, files: list[str], rows: int, reset_at: int | None
                 assert error.code() == grpc.StatusCode.UNAVAILABLE, error.details()
 
 
-@case("two clients at once: 8 ask to import, to annotate and to solve the same", "it is done once, and all are told")
-def two_clients(stage: RelayedStage) -> Report:
-    """From connections of their own, let go together."""
+@case("8 clients ask at once to import, annotate and solve the same session", "it is done once, and all get an answer")
+def same_request_at_once(stage: RelayedStage) -> Report:
+    """Each client has its own connection, and all call at the same time."""
     name = stage.name()
     header = type(stage.captured.header)()
     header.CopyFrom(stage.captured.header)
     header.session = name
     begin = sessions.BeginImportRequest(name=name, manifest=header)
-    assert set(_together(stage, "BeginImport", begin)) == {"OK"}  # asked again it is no error
+    assert set(_together(stage, "BeginImport", begin)) == {"OK"}  # repeating it is no error
     listed = stage.lab.sessions.ListSessions(sessions.ListSessionsRequest(text=name), timeout=10.0).sessions
     assert len(listed) == 1, f"{len(listed)} sessions were made"
     stage.ledger.session(name)
-    note = sessions.AnnotateSessionRequest(name=SESSION, note="of two", add_tags=["a"])
+    note = sessions.AnnotateSessionRequest(name=SESSION, note="of eight", add_tags=["a"])
     assert set(_together(stage, "AnnotateSession", note)) == {"OK"}
     solve = sessions.SolveSessionRequest(name=SESSION)
     codes = _together(stage, "SolveSession", solve)
@@ -154,13 +156,13 @@ def _together(stage: RelayedStage, method: str, request: object) -> list[str]:
     return codes
 
 
-@case("whoever holds the rig is killed, or stopped for good", "it is free again within 30 s")
+@case("the client that holds the rig is killed, or stopped for good", "the rig is free within 30 s")
 def lock_holder_dies(stage: RelayedStage) -> Report:
-    """By a process of its own."""
+    """The holder is a process of its own."""
     environment = dict(os.environ, GLASSWING_SERVER=stage.lab.address, GLASSWING_CONFIG="/dev/null")
     for end in (signal.SIGKILL, signal.SIGSTOP):
         holder = subprocess.Popen([str(BIN / "glasswing"), "hold", "--reason", "a fault"], env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
-        assert holder.stdout and b"=" in holder.stdout.readline(), "the rig was not to be had"  # the token
+        assert holder.stdout and b"=" in holder.stdout.readline(), "the rig could not be held"  # it prints the token
         assert _is_held(environment)
         holder.send_signal(end)
         until(lambda: not _is_held(environment), "the rig is free", 30.0)
@@ -175,9 +177,9 @@ def _is_held(environment: dict[str, str]) -> bool:
     return tried.returncode != 0
 
 
-@case("an old client: requests without what came later, and with fields that nobody knows", "served as ever; a method that is not there is UNIMPLEMENTED")
+@case("an old client, and one newer than the server: unknown fields and methods", "requests are served; an unknown method is UNIMPLEMENTED")
 def old_client(stage: RelayedStage) -> Report:
-    """Also a newer one, whose fields this server does not know."""
+    """Requests without optional fields, requests with an unknown field, and calls of unknown methods."""
     unknown = b"\xfa\xff\x01\x05later\xf8\xff\x01\x07"  # field 4095, bytes and a number
     for path, request in (
         ("SessionService/GetSession", sessions.GetSessionRequest(name=SESSION).SerializeToString()),

@@ -1,9 +1,10 @@
-"""A machine that loses its power: the changes that a daemon made to its files are written down, and of every beginning of that
-record the directories are made anew as a disk may hold them then, for another life of the daemon.
+"""Power cuts: records every change that a daemon makes to its files, rebuilds its directory as a disk may
+hold it after a cut at any point of that record, and starts the daemon on it.
 
-Of what was not flushed when the power went, a disk may have all, nothing, or the names without the bytes; each is tried. A
-file's bytes last from its fsync on, a name from its directory's, as POSIX has it. The files of SQLite alone are given more: their
-fsync makes their name last too, which SQLite relies upon for its log (and ext4, xfs and btrfs do).
+Of the changes that were not flushed at the cut, a disk may hold all, none, or the names without the bytes;
+each is tried. As in POSIX, a file's bytes are durable after fsync of the file, its name after fsync of the
+directory. Files of SQLite are an exception: their fsync also makes their name durable. SQLite relies on this
+for its log, and ext4, xfs and btrfs guarantee it.
 """
 
 from __future__ import annotations
@@ -27,24 +28,24 @@ from stage import Stage
 
 case: Cases[Stage] = Cases()
 
-_CUTS = 40  # of each daemon's record, in each of three ways
+_CUTS = 40  # for each daemon, each in three ways
 
 
 class Disk:
-    """The tree below `root`, as the processes see it, and as much of it as lasts."""
+    """The tree below `root`: as processes see it, and the durable part of it."""
 
     def __init__(self, root: str) -> None:
         self._root = root
-        self._bytes: dict[int, bytearray] = {}  # of each file, by its number
+        self._bytes: dict[int, bytearray] = {}  # by inode
         self._flushed: dict[int, bytes] = {}
-        self._names: dict[str, int] = {}  # of files
+        self._names: dict[str, int] = {}  # files: path to inode
         self._directories: set[str] = {root}
         self._lasting_names: dict[str, int] = {}
         self._lasting_directories: set[str] = {root}
         self._made = 0
 
     def apply(self, change: Change) -> None:
-        """The next change."""
+        """Applies the next change."""
         path = change.path
         if change.call == "mkdir":
             self._directories.add(path)
@@ -106,7 +107,8 @@ class Disk:
         self._lasting_directories.update(name for name in self._directories if os.path.dirname(name) == path)
 
     def write(self, directory: pathlib.Path, way: str) -> None:
-        """As it may be found: `all`, `names` without the bytes that were not flushed, or `flushed` alone."""
+        """Writes the tree as it may be found after a cut: `all`, `names` (without unflushed bytes) or
+        `flushed` only."""
         names, folders = (self._lasting_names, self._lasting_directories) if way == "flushed" else (self._names, self._directories)
         shutil.rmtree(directory, ignore_errors=True)
         for folder in sorted(folders):
@@ -118,8 +120,8 @@ class Disk:
                 target.write_bytes(bytes(self._bytes[number]) if way == "all" else self._flushed[number])
 
 
-class Told:
-    """What was acknowledged, and how far the record had come then."""
+class Acknowledged:
+    """What was acknowledged, each with the length of the record at that time."""
 
     def __init__(self, log: pathlib.Path) -> None:
         self._log = log
@@ -129,12 +131,13 @@ class Told:
         self.deletions: list[tuple[int, str]] = []
 
     def mattes_at(self, cut_at: int, name: str) -> set[str]:
-        """That the session may have then: the last one told, or one that was made and not told yet."""
-        told = [known for at, session, known in self.mattes if session == name and at <= cut_at]
-        return {*told[-1:], *(known for at, session, known in self.mattes if session == name and at > cut_at)}
+        """The mattes that the session may have after the cut: the last acknowledged one, or one not yet
+        acknowledged."""
+        before = [known for at, session, known in self.mattes if session == name and at <= cut_at]
+        return {*before[-1:], *(known for at, session, known in self.mattes if session == name and at > cut_at)}
 
     def now(self) -> int:
-        """The record's length."""
+        """The current length of the record."""
         return self._log.stat().st_size if self._log.exists() else 0
 
 
@@ -148,41 +151,42 @@ def _recorded(daemon: Daemon, root: pathlib.Path, log: pathlib.Path) -> None:
 
 
 def _cuts(changes: list[Change]) -> list[int]:
-    """After how many changes: evenly over the record, right after what commits."""
+    """The cuts, as numbers of changes before each: evenly over the record, and right after calls that
+    commit."""
     commits = [number + 1 for number, change in enumerate(changes) if change.call in ("fsync", "rename")]
     chosen = commits[:: max(len(commits) // (_CUTS // 2), 1)]
     chosen += list(range(0, len(changes), max(len(changes) // (_CUTS // 2), 1)))
     return sorted(set(chosen))
 
 
-@case(f"a power cut of the camera node's machine at some {_CUTS} places, each in three ways", "acknowledged frames are there, and fsck finds no damage")
+@case(f"a power cut of the camera node's machine at some {_CUTS} places, each in three ways", "acknowledged frames are there")
 def camera_power_cut(stage: Stage) -> Report:
-    """While two archives are made, sealed, and one of them removed."""
+    """While two archives are written and sealed, and one of them is deleted."""
     work = stage.work / "power-camera"
     work.mkdir()
     log, root = work / "log", work / "camera"
     lab = _CameraLab(stage, work, root)
-    told = Told(log)
+    acknowledged = Acknowledged(log)
     _recorded(lab.daemon, root, log)
     lab.wait()
     for name in ("one", "two"):
         lab.create(name)
         for frame, content in list(zip(stage.captured.frames, stage.captured.files))[:8]:
             lab.put(name, frame, content)
-            told.frames.append((told.now(), name, frame.file, digest(content)))
+            acknowledged.frames.append((acknowledged.now(), name, frame.file, digest(content)))
         lab.seal(name)
-    told.deletions.append((told.now(), "two"))
+    acknowledged.deletions.append((acknowledged.now(), "two"))
     lab.delete("two")
     lab.daemon.end()
     changes = shim.read_log(log)
     lab.daemon.environment = {}
-    tried = _replay(changes, root, lambda cut_at: lab.look(told, cut_at))
+    tried = _replay(changes, root, lambda cut_at: lab.look(acknowledged, cut_at))
     lab.close()
     return Report(tried, f"{len(changes)} changes")
 
 
 class _CameraLab:
-    """A camera node alone, in a directory of its own."""
+    """A camera node with its own data directory, and no other daemon."""
 
     def __init__(self, stage: Stage, work: pathlib.Path, root: pathlib.Path) -> None:
         self._stage = stage
@@ -194,7 +198,7 @@ class _CameraLab:
         self.archives = type(stage.lab.archives)(self._channel)
 
     def wait(self) -> None:
-        """Until it answers."""
+        """Waits until it answers."""
 
         def answers() -> bool:
             try:
@@ -221,13 +225,13 @@ class _CameraLab:
     def delete(self, name: str) -> None:
         self.archives.DeleteArchive(archives.DeleteArchiveRequest(session=name), timeout=20.0)
 
-    def look(self, told: Told, cut_at: int) -> None:
-        """Holds what was told before the cut against what another life of it tells."""
-        deleted = {name for at, name in told.deletions if at <= cut_at}
+    def look(self, acknowledged: Acknowledged, cut_at: int) -> None:
+        """Starts the node, and checks that it has everything acknowledged before the cut."""
+        deleted = {name for at, name in acknowledged.deletions if at <= cut_at}
         self.daemon.start()
         try:
             self.wait()
-            for at, session, file, known in told.frames:
+            for at, session, file, known in acknowledged.frames:
                 if at > cut_at or session in deleted:
                     continue
                 try:
@@ -235,7 +239,7 @@ class _CameraLab:
                 except grpc.RpcError as error:
                     raise Lost(f'frame {file} of "{session}" was acknowledged before the cut: {error.details()}') from None
                 if digest(content) != known:
-                    raise Lost(f'frame {file} of "{session}" is another after the cut')
+                    raise Lost(f'frame {file} of "{session}" differs after the cut')
         finally:
             self.daemon.kill()
 
@@ -244,7 +248,7 @@ class _CameraLab:
 
 
 def _replay(changes: list[Change], root: pathlib.Path, look: object) -> int:
-    """`look` after each cut in each way; how many."""
+    """Calls `look` after each cut in each way. Returns how often."""
     assert callable(look)
     disk = Disk(os.path.realpath(root))
     cuts = _cuts(changes)
@@ -264,53 +268,54 @@ def _replay(changes: list[Change], root: pathlib.Path, look: object) -> int:
     return tried
 
 
-@case(f"a power cut of the server's machine at some {_CUTS} places, each in three ways", "acknowledged sessions, notes and mattes are there")
+@case(f"a power cut of the server's machine at some {_CUTS} places, each in three ways", "acknowledged sessions and mattes are there")
 def server_power_cut(stage: Stage) -> Report:
-    """While sessions are imported, solved, annotated and deleted; its camera node and solver keep their power."""
+    """While sessions are imported, solved, annotated and deleted. The camera node and the solver keep
+    running."""
     work = stage.work / "power-server"
     work.mkdir()
     own = Stage(work, stage.archive, ("--least-tile", "0.05"))
     own.ledger = _Silent(own.lab)  # type: ignore[assignment]
     log, root = work / "log", own.lab.data
-    told = Told(log)
+    acknowledged = Acknowledged(log)
     _recorded(own.lab.server, root, log)
     until(own.answers, "server and camera node answer", 30.0)
     until(own.lab.camera_is_up, "the camera is known", 30.0)
     for name in ("one", "two"):
         own.put(name, timeout=30.0)
-        told.sessions.append((told.now(), name))
+        acknowledged.sessions.append((acknowledged.now(), name))
         own.lab.solve(name=name)
         own.lab.wait_until_done(60.0, name)
         matte = fetch_matte(own.lab, name)
-        told.mattes.append((told.now(), name, digest(matte)))
+        acknowledged.mattes.append((acknowledged.now(), name, digest(matte)))
         own.lab.sessions.AnnotateSession(sessions.AnnotateSessionRequest(name=name, note=f"note of {name}"), timeout=10.0)
-    own.lab.solve(name="one")  # anew
+    own.lab.solve(name="one")  # a second time
     own.lab.wait_until_done(60.0, "one")
-    told.mattes.append((told.now(), "one", digest(fetch_matte(own.lab, "one"))))
-    told.deletions.append((told.now(), "two"))
+    acknowledged.mattes.append((acknowledged.now(), "one", digest(fetch_matte(own.lab, "one"))))
+    acknowledged.deletions.append((acknowledged.now(), "two"))
     own.lab.sessions.DeleteSession(sessions.DeleteSessionRequest(name="two"), timeout=30.0)
     own.lab.server.end()
     own.lab.server.environment = {}
     changes = shim.read_log(log)
     for solver in own.lab.solvers:
-        solver.end()  # what is unfinished at a cut stays so while it is looked at
+        solver.end()  # so that unfinished solves stay unfinished
 
     def look(cut_at: int) -> None:
-        gone = {name for at, name in told.deletions if at <= cut_at}
+        gone = {name for at, name in acknowledged.deletions if at <= cut_at}
         own.lab.server.start()
         try:
             until(own.answers, "the server answers", 20.0)
             listed = {session.name for session in own.lab.sessions.ListSessions(sessions.ListSessionsRequest(), timeout=10.0).sessions}
-            for at, name in told.sessions:
+            for at, name in acknowledged.sessions:
                 if at <= cut_at and name not in gone and name not in listed:
                     raise Lost(f'session "{name}" was acknowledged before the cut')
-            for name in {name for at, name, _ in told.mattes if at <= cut_at} - gone:
+            for name in {name for at, name, _ in acknowledged.mattes if at <= cut_at} - gone:
                 try:
                     now = digest(fetch_matte(own.lab, name))
                 except grpc.RpcError as error:
                     raise Lost(f'the matte of "{name}" was fetched before the cut: {error.details()}') from None
-                if now not in told.mattes_at(cut_at, name):
-                    raise Lost(f'the matte of "{name}" is another after the cut')
+                if now not in acknowledged.mattes_at(cut_at, name):
+                    raise Lost(f'the matte of "{name}" differs after the cut')
         finally:
             own.lab.server.kill()
 
@@ -320,7 +325,7 @@ def server_power_cut(stage: Stage) -> Report:
 
 
 class _Silent:
-    """A ledger that is not asked."""
+    """A ledger that records and checks nothing."""
 
     def __init__(self, lab: Lab) -> None:
         self._lab = lab

@@ -1,11 +1,11 @@
-/* Between a daemon and its files, and its wall clock, by LD_PRELOAD.
+/* Intercepts a daemon's file operations and its wall clock, by LD_PRELOAD.
  *
- *   GLASSWING_SHIM_ROOT   the directory that is meant; what happens elsewhere passes unseen
- *   GLASSWING_SHIM_LOG    file that gets a record of every change below it (see record())
+ *   GLASSWING_SHIM_ROOT   only files below this directory are affected
+ *   GLASSWING_SHIM_LOG    file to which every change below it is appended (see record())
  *   GLASSWING_SHIM_FAIL   CALL@N=ERROR: the Nth CALL (write, fsync, rename, open) below it and every later one fails with
- *                         ERROR (EIO, ENOSPC, EMFILE), for as long as GLASSWING_SHIM_WHILE names a file that is there;
- *                         write@N=short: writes take half of what they are given
- *   GLASSWING_SHIM_CLOCK  file with the seconds that the wall clock is ahead
+ *                         ERROR (EIO, ENOSPC, EMFILE), as long as the file named by GLASSWING_SHIM_WHILE exists;
+ *                         write@N=short: writes take half of their data
+ *   GLASSWING_SHIM_CLOCK  file with the number of seconds by which the wall clock is ahead
  */
 #define _GNU_SOURCE
 #include <errno.h>
@@ -53,7 +53,7 @@ static int is_below(const char* path) {
   return root_size > 0 && path != NULL && strncmp(path, root, root_size) == 0;
 }
 
-/* Of an open file; empty if it is none of ours. */
+/* Finds the path of an open file. Returns 0 if it is not below the root. */
 static int path_of(int fd, char* path) {
   char link[64];
   pthread_once(&once, set_up);
@@ -62,7 +62,7 @@ static int path_of(int fd, char* path) {
   const ssize_t size = readlink(link, path, PATH_MAX - 1);
   if (size <= 0) return 0;
   path[size] = '\0';
-  /* The root itself may be flushed. */
+  /* The root itself counts, since it may be flushed. */
   return is_below(path) || (strncmp(path, root, root_size - 1) == 0 && path[root_size - 1] == '\0');
 }
 
@@ -77,8 +77,8 @@ static int refuse(void) {
   return -1;
 }
 
-/* One line, "CALL OFFSET SIZE PATH[<tab>OTHER]", then SIZE bytes and a newline. A change is told before its caller
- * knows of it, and in the order in which they happened. */
+/* Appends "CALL OFFSET SIZE PATH[<tab>OTHER]", a newline, SIZE bytes and a newline. Records are in the order of the
+ * changes, and each is written before the call returns. */
 static void record(const char* call, long long offset, const char* path, const char* other, const void* bytes, size_t size) {
   if (log_fd < 0) return;
   char head[2 * PATH_MAX + 64];
@@ -199,7 +199,7 @@ int openat(int directory, const char* path, int flags, ...) {
   return open_at(directory, path, flags, mode);
 }
 
-/* What a change of names is called, and whether it may. */
+/* Performs and records a change of names, unless it must fail. */
 static int change_name(const char* call, const char* path, const char* other, int (*change)(const char*, const char*)) {
   if (!is_below(path)) return change(path, other);
   if (fails(call)) return refuse();
@@ -246,7 +246,7 @@ int remove(const char* path) {
   return lstat(path, &info) == 0 && S_ISDIR(info.st_mode) ? rmdir(path) : unlink(path);
 }
 
-/* Removal of whole trees: the path is told below an open directory. */
+/* Used to remove whole trees: the path is relative to an open directory. */
 int unlinkat(int directory, const char* path, int flags) {
   char whole[2 * PATH_MAX];
   if (path[0] != '/' && directory != AT_FDCWD) {
@@ -259,7 +259,7 @@ int unlinkat(int directory, const char* path, int flags) {
   return (int)syscall(SYS_unlinkat, directory, path, flags);
 }
 
-/* Read anew at most every 10 ms of the monotonic clock. */
+/* Reads the file again at most every 10 ms of the monotonic clock. */
 static long seconds_ahead(void) {
   static const char* file;
   static int is_known;

@@ -1,4 +1,4 @@
-"""The library that stands between a daemon and its files (shim.c), and the log that it keeps."""
+"""Uses shim.c, the library that intercepts a daemon's file operations, and reads the log that it writes."""
 
 from __future__ import annotations
 
@@ -13,15 +13,17 @@ LIBRARY = BIN.parent / "tests/libglasswing-fault-shim.so"
 
 
 def environment(root: pathlib.Path, **settings: str) -> dict[str, str]:
-    """Of a daemon whose files below `root` are meant; `settings` as shim.c names them."""
+    """Environment variables that make the shim act on a daemon's files below `root`. `settings`: see
+    shim.c."""
     if not LIBRARY.exists():
-        raise CannotBeDone(f"{LIBRARY} is not built; sanitizers have none")
+        raise CannotBeDone(f"{LIBRARY} is not built; sanitizer builds have none")
     return {"LD_PRELOAD": str(LIBRARY), "GLASSWING_SHIM_ROOT": os.path.realpath(root), **{f"GLASSWING_SHIM_{name}": value for name, value in settings.items()}}
 
 
 @dataclasses.dataclass(frozen=True)
 class Change:
-    """`call`: create, mkdir, write, truncate, fsync, rename, unlink or rmdir. `end`: where its record ends in the log."""
+    """One file operation. `call`: create, mkdir, write, truncate, fsync, rename, unlink or rmdir. `end`:
+    offset of its record's end in the log."""
 
     call: str
     offset: int
@@ -32,7 +34,7 @@ class Change:
 
 
 def read_log(path: pathlib.Path) -> list[Change]:
-    """All changes, in the order in which they happened."""
+    """All changes in order."""
     log = path.read_bytes()
     changes: list[Change] = []
     at = 0

@@ -1,4 +1,5 @@
-"""What faults are done to: a lab with one session imported and solved, and frames to make more of."""
+"""The subject of the faults: a lab with one session imported and solved, and frames from which to make
+more."""
 
 from __future__ import annotations
 
@@ -19,7 +20,7 @@ _CHUNK = 1 << 20
 
 
 class Captured:
-    """An exported archive: the header, and each frame's record and file."""
+    """An exported archive: its header, and the record and file of each frame."""
 
     def __init__(self, directory: pathlib.Path) -> None:
         content = json.loads((directory / "manifest.json").read_text())
@@ -29,7 +30,7 @@ class Captured:
 
 
 class Stage:
-    """`ledger` knows all that was acknowledged; `check()` holds everything against it."""
+    """A lab with its ledger, which records everything acknowledged; `check()` verifies it."""
 
     def __init__(self, work: pathlib.Path, archive: pathlib.Path, server_options: tuple[str, ...] = (), solvers: int = 1) -> None:
         work.mkdir(parents=True, exist_ok=True)
@@ -45,12 +46,13 @@ class Stage:
         self.solve(SESSION)
 
     def name(self) -> str:
-        """Of a session that is not there yet."""
+        """A name that no session has yet."""
         self._made += 1
         return f"s{self._made}"
 
     def put(self, name: str, count: int | None = None, timeout: float = 60.0) -> None:
-        """Makes a session of the captured frames, or the first of them, and enters what is acknowledged."""
+        """Imports the captured frames, or the first `count`, as a new session. Records what is
+        acknowledged."""
         header = archive_pb2.CaptureManifest()
         header.CopyFrom(self.captured.header)
         header.session = name
@@ -65,7 +67,7 @@ class Stage:
             self.lab.sessions.FinishImport(sessions.FinishImportRequest(name=name), timeout=timeout)
 
     def put_frame(self, session: str, frame: archive_pb2.Frame, content: bytes, timeout: float = 60.0) -> None:
-        """One, entered once it is acknowledged."""
+        """Uploads one frame, and records it once it is acknowledged."""
 
         def messages() -> object:
             yield archives.PutFrameRequest(session=session, frame=frame)
@@ -76,19 +78,19 @@ class Stage:
         self.ledger.frame(session, frame.file, content)
 
     def solve(self, name: str) -> None:
-        """To its end, and enters the matte."""
+        """Solves the session to its end, and records the matte."""
         self.lab.solve(name=name)
         self.lab.wait_until_done(120.0, name)
         self.ledger.matte(name, fetch_matte(self.lab, name))
 
     def delete(self, name: str) -> None:
-        """Enters that it may be gone, then that it is."""
+        """Deletes the session. Records first that it may be gone, then that it is."""
         self.ledger.forget(name)
         self.lab.sessions.DeleteSession(sessions.DeleteSessionRequest(name=name), timeout=60.0)
         self.ledger.deleted(name)
 
     def answers(self) -> bool:
-        """Server and camera node do."""
+        """True if server and camera node answer."""
         try:
             self.lab.sessions.ListSessions(sessions.ListSessionsRequest(), timeout=2.0)
             self.lab.archives.GetSpace(archives.GetSpaceRequest(), timeout=2.0)
@@ -97,7 +99,8 @@ class Stage:
         return True
 
     def revive(self) -> None:
-        """Starts what has died, also what is found dead a moment after its connections broke, until all answer."""
+        """Restarts dead daemons until server and camera node answer. A daemon may be found dead only after
+        its connections broke."""
 
         def all_answer() -> bool:
             for daemon in self.lab.daemons():
@@ -108,23 +111,24 @@ class Stage:
         until(all_answer, "server and camera node answer", 30.0)
 
     def check(self) -> None:
-        """Everything runs, answers, and has what it should. A daemon that died unasked is a failure."""
+        """Checks that all daemons run and answer, and that nothing acknowledged is lost. A daemon that died
+        by itself is a failure."""
         for daemon in self.lab.daemons():
             assert daemon.is_running(), f"{daemon.name} has died:\n{daemon.last_words()}"
         until(self.answers, "server and camera node answer", 30.0)
         self.ledger.check()
 
     def close(self) -> None:
-        """Ends everything."""
+        """Ends all processes."""
         self.lab.close()
 
 
 def memory_mb(daemon: Daemon) -> float:
-    """Resident."""
+    """Resident memory."""
     pages = int(pathlib.Path(f"/proc/{daemon.pid}/statm").read_text().split()[1])
     return pages * 4096 / 1e6
 
 
 def descriptors(daemon: Daemon) -> int:
-    """That it has open."""
+    """The number of open file descriptors."""
     return len(list(pathlib.Path(f"/proc/{daemon.pid}/fd").iterdir()))

@@ -1,4 +1,4 @@
-"""Mattes as bits, read from their files without any code of Glasswing's."""
+"""Reads mattes as raw bits, without using Glasswing's code."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Planes = dict[tuple[str, str], list[bytes]]
 
 
 def planes(matte: pathlib.Path) -> Planes:
-    """By part and channel: every row's bytes."""
+    """The bytes of every row, by part and channel."""
     return {
         (part, channel): [row.tobytes() for row in plane]
         for part, channels in read_exr(matte).items()
@@ -23,5 +23,5 @@ def planes(matte: pathlib.Path) -> Planes:
 
 
 def rows_of(whole: Planes, first: int, count: int) -> Planes:
-    """Some rows of each plane."""
+    """Rows `first` to `first + count - 1` of each plane."""
     return {name: rows[first : first + count] for name, rows in whole.items()}

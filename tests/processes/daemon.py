@@ -1,4 +1,4 @@
-"""A daemon as a process of its own, which a test starts, kills, stops and starts again."""
+"""A daemon as a separate process, which a test starts, kills, stops and restarts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ BIN = pathlib.Path(os.environ.get("GLASSWING_BIN", ROOT / "build/release/bin"))
 
 
 def free_port(count: int = 1) -> int:
-    """The first of so many ports of loopback that nobody has now, nor gets by chance: below those of outgoing connections."""
+    """The first of `count` consecutive free loopback ports, below the range that the kernel uses for outgoing
+    connections."""
     while True:
         first = random.randrange(10000, 32000)
         try:
@@ -28,7 +29,7 @@ def free_port(count: int = 1) -> int:
 
 
 def listens(port: int) -> bool:
-    """Somebody does, on that port of loopback."""
+    """True if a process listens on that loopback port."""
     try:
         socket.create_connection(("127.0.0.1", port), timeout=1.0).close()
     except OSError:
@@ -37,20 +38,22 @@ def listens(port: int) -> bool:
 
 
 class Daemon:
-    """`command` is a program of the build and its options, `before` what runs it; all lives append to one log."""
+    """A daemon. `command`: a program of the build and its options. `before`: a command that runs it. All runs
+    append to one log."""
 
     def __init__(self, name: str, command: list[str], log: pathlib.Path, before: tuple[str, ...] = ()) -> None:
         self.name = name
         self.log = log
         self.fault = ""
         self.started = 0.0  # monotonic
-        # It must not outlive the test, however that ends.
+        # The kernel kills it when the test ends, however that happens.
         self._command = ["setpriv", "--pdeathsig", "KILL", *before, str(BIN / command[0]), *command[1:]]
-        self.environment: dict[str, str] = {}  # besides the test's own, of lives to come
+        self.environment: dict[str, str] = {}  # added to the test's own at the next start
         self._process: subprocess.Popen[bytes] | None = None
 
     def start(self, fault: str = "") -> None:
-        """`fault`: where it shall die or stop, as GLASSWING_FAULT says it; empty: nowhere."""
+        """Starts it. `fault`: value of GLASSWING_FAULT, which says where it dies or stops; empty for
+        nowhere."""
         assert not self.is_running(), f"{self.name} runs already"
         self.fault = fault
         self.started = time.monotonic()
@@ -60,37 +63,37 @@ class Daemon:
 
     @property
     def pid(self) -> int:
-        """Of the life that it has, or had last."""
+        """The process id of the current or last run."""
         assert self._process is not None, f"{self.name} was never started"
         return self._process.pid
 
     def is_running(self) -> bool:
-        """A stopped one runs too."""
+        """True also if it is stopped by SIGSTOP."""
         return self._process is not None and self._process.poll() is None
 
     def is_stopped(self) -> bool:
-        """By SIGSTOP."""
+        """True if it is stopped by SIGSTOP."""
         return self.is_running() and self._stat()[0] == "T"
 
     def cpu_seconds(self) -> float:
-        """Of all its threads since it was started."""
+        """CPU time of all its threads since its start."""
         fields = self._stat()
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
     def signal(self, number: signal.Signals) -> None:
-        """Does nothing to one that has ended."""
+        """Sends a signal, unless it has ended."""
         if self.is_running():
             assert self._process is not None
             self._process.send_signal(number)
 
     def kill(self) -> None:
-        """No time for good-byes."""
+        """Kills it with SIGKILL and waits for its end."""
         self.signal(signal.SIGKILL)
         if self._process is not None:
             self._process.wait()
 
     def end(self) -> None:
-        """As a person would; killed where that takes 10 s."""
+        """Ends it with SIGTERM, or with SIGKILL after 10 s."""
         self.signal(signal.SIGCONT)
         self.signal(signal.SIGTERM)
         try:
@@ -104,6 +107,6 @@ class Daemon:
         return "\n".join(self.log.read_text(errors="replace").splitlines()[-15:])
 
     def _stat(self) -> list[str]:
-        """The fields of its /proc/PID/stat from its state on."""
+        """The fields of its /proc/PID/stat, from the state on."""
         assert self._process is not None
         return pathlib.Path(f"/proc/{self._process.pid}/stat").read_text().rpartition(")")[2].split()

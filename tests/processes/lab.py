@@ -1,4 +1,4 @@
-"""A server, a camera node with an archive that was captured before, and solvers: each a process of its own."""
+"""A server, a camera node with previously captured archives, and solvers, each a separate process."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 
 import grpc
 
-from glasswing.v1 import node_service_pb2, session_service_pb2 as sessions
+from glasswing.v1 import node_service_pb2, session_pb2, session_service_pb2 as sessions
 from glasswing.v1.archive_service_pb2_grpc import ArchiveServiceStub
 from glasswing.v1.node_service_pb2_grpc import NodeServiceStub
 from glasswing.v1.session_service_pb2_grpc import SessionServiceStub
@@ -22,16 +22,16 @@ SESSION = "vase"
 
 
 def until(holds: Callable[[], bool], what: str, seconds: float = 60.0, every: float = 0.02) -> None:
-    """Returns once it holds; says what did not in that time."""
+    """Returns once `holds()` is true. Raises AssertionError naming `what` after `seconds`."""
     deadline = time.monotonic() + seconds
     while not holds():
         if time.monotonic() > deadline:
-            raise AssertionError(f"after {seconds:.0f} s still not: {what}")
+            raise AssertionError(f"after {seconds:.0f} s still not true: {what}")
         time.sleep(every)
 
 
 def glasswing(server: str, *arguments: str, timeout: float = 300.0) -> str:
-    """What the command line answers; it must succeed."""
+    """Runs the command line and returns its output. It must succeed."""
     environment = dict(os.environ, GLASSWING_SERVER=server, GLASSWING_CONFIG="/dev/null")
     command = [str(BIN / "glasswing"), *arguments]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=timeout)
@@ -41,12 +41,13 @@ def glasswing(server: str, *arguments: str, timeout: float = 300.0) -> str:
 
 
 def _patient(plan: pathlib.Path) -> str:
-    """The plan, for a machine that is busy with other things too."""
+    """The plan, with margins for a busy machine."""
     return plan.read_text().replace("hold_refreshes: 2", "hold_refreshes: 3").replace("retries: 10", "") + "\nretries: 100\n"
 
 
 def capture_archives(plans: Mapping[pathlib.Path, pathlib.Path], work: pathlib.Path, size: str, scene: str = "crystal") -> None:
-    """Captures these plans on one simulated rig, and exports what was captured: by directory, which must not exist and names the session, its plan."""
+    """Captures and exports plans on one simulated rig. `plans` maps each new directory, which also names the
+    session, to its plan."""
     rig = [str(ROOT / "deploy/local-rig")]
     port = free_port(3)
     options = ["--data", str(work / f"capture-rig-{port}")]
@@ -65,20 +66,21 @@ def capture_archives(plans: Mapping[pathlib.Path, pathlib.Path], work: pathlib.P
 
 
 def dial(port: int) -> grpc.Channel:
-    """To a port of loopback; a daemon that was started again is found soon."""
+    """A channel to a loopback port that reconnects soon after a daemon restarts."""
     backoff = [(f"grpc.{which}_reconnect_backoff_ms", 100) for which in ("initial", "max")]
     return grpc.insecure_channel(f"127.0.0.1:{port}", [*backoff, ("grpc.min_reconnect_backoff_ms", 2000), ("grpc.use_local_subchannel_pool", 1)])
 
 
 class Lab:
-    """Its sessions have the archives' frames, by name; there are no solvers yet."""
+    """A running server and camera node, with `archives` imported as sessions by name. It has no solvers
+    yet."""
 
     def __init__(self, work: pathlib.Path, archives: Mapping[str, pathlib.Path], server_options: tuple[str, ...] = ()) -> None:
         self.work = work
         self.data = work / "server"
         self.port = free_port()
         self.address = f"127.0.0.1:{self.port}"
-        self.archive_port = free_port()  # that the session knows
+        self.archive_port = free_port()  # as stored in the sessions
         listen = ["--listen", self.address, "--data", str(self.data)]
         self.server = Daemon("server", ["glasswing-server", *listen, *server_options], work / "server.log")
         self.camera = self.camera_at(self.archive_port)
@@ -95,13 +97,14 @@ class Lab:
             glasswing(self.address, "import", str(archive), "--session", name)
 
     def camera_at(self, port: int, name: str = "camera-1") -> Daemon:
-        """A camera node that listens there, not started. `name`: also of its archives' directory."""
+        """Makes a camera node that listens at `port`, without starting it. Its data directory is also called
+        `name`."""
         options = ["--listen", f"127.0.0.1:{port}", "--server", self.address, "--data", str(self.work / name)]
         return Daemon(name, ["glasswing-camera", *options, "--name", name, "--scene", "none"], self.work / f"{name}.log")
 
     def hidden_camera_at(self, port: int) -> Daemon:
-        """As camera_at(), with the archives of the camera that was there; but no other process sees their files, so that solvers
-        must read them from the node. Without root they do see them."""
+        """Like camera_at(), with the archives of the existing camera, but as root no other process sees their
+        files: solvers must read them over the network."""
         hidden = self.work / "hidden"
         hidden.mkdir()
         if os.geteuid() != 0:
@@ -112,18 +115,18 @@ class Lab:
         return Daemon("camera-1", ["glasswing-camera", *options, "--scene", "none"], self.work / "camera-1.log", before)
 
     def add_solver(self, server_port: int | None = None, threads: int = 1, more_options: Sequence[str] = ()) -> Daemon:
-        """Not started. `server_port`: the server's own, if left out."""
+        """Makes a solver without starting it. `server_port`: the server's own by default."""
         name = f"solver-{len(self.solvers) + 1}"
         options = ["--server", f"127.0.0.1:{server_port or self.port}", "--name", name, "--threads", str(threads)]
         self.solvers.append(Daemon(name, ["glasswing-solver", *options, *more_options], self.work / f"{name}.log"))
         return self.solvers[-1]
 
     def daemons(self) -> list[Daemon]:
-        """All of them."""
+        """All daemons."""
         return [self.server, self.camera, *self.solvers]
 
     def nodes_up(self, kind: int) -> int:
-        """How many nodes of that kind the server has heard of lately; 0: it does not answer."""
+        """The number of nodes of that kind that are up, or 0 if the server does not answer."""
         try:
             answer = self._nodes.ListNodes(node_service_pb2.ListNodesRequest(), timeout=5.0)
         except grpc.RpcError:
@@ -131,39 +134,40 @@ class Lab:
         return sum(node.up and node.kind == kind for node in answer.nodes)
 
     def camera_is_up(self) -> bool:
-        """The server has heard of the camera node in the last five seconds."""
+        """True if the server has heard from the camera node in the last five seconds."""
         return self.nodes_up(node_service_pb2.NODE_KIND_CAMERA) == 1
 
     def solvers_up(self) -> int:
-        """How many solvers the server has heard of in the last five seconds."""
+        """The number of solvers that the server has heard from in the last five seconds."""
         return self.nodes_up(node_service_pb2.NODE_KIND_SOLVER)
 
-    def session(self, timeout: float = 5.0, name: str = SESSION) -> sessions.Session:
-        """As the server tells it. RpcError: it does not answer."""
+    def session(self, timeout: float = 5.0, name: str = SESSION) -> session_pb2.Session:
+        """The session as the server reports it. RpcError: it does not answer."""
         request = sessions.GetSessionRequest(name=name)
-        session: sessions.Session = self.sessions.GetSession(request, timeout=timeout, wait_for_ready=True).session
+        session: session_pb2.Session = self.sessions.GetSession(request, timeout=timeout, wait_for_ready=True).session
         return session
 
-    def solve(self, method: str = "", name: str = SESSION) -> sessions.Session:
-        """Asks for it, and does not wait."""
+    def solve(self, method: str = "", name: str = SESSION) -> session_pb2.Session:
+        """Requests a solve without waiting for it."""
         request = sessions.SolveSessionRequest(name=name, method=method)
-        session: sessions.Session = self.sessions.SolveSession(request, timeout=30.0).session
+        session: session_pb2.Session = self.sessions.SolveSession(request, timeout=30.0).session
         return session
 
-    def wait_until_done(self, seconds: float = 600.0, name: str = SESSION) -> sessions.Session:
-        """The session as it ended; it must end well."""
-        until(lambda: self.session(30.0, name).state != sessions.SESSION_STATE_SOLVING, "the solve has ended", seconds, every=0.1)
+    def wait_until_done(self, seconds: float = 600.0, name: str = SESSION) -> session_pb2.Session:
+        """Waits for the end of the solve, which must succeed, and returns the session."""
+        until(lambda: self.session(30.0, name).state != session_pb2.SESSION_STATE_SOLVING, "the solve has ended", seconds, every=0.1)
         session = self.session(5.0, name)
-        assert session.state == sessions.SESSION_STATE_DONE, f"{session.reason}\n{self.server.last_words()}"
+        assert session.state == session_pb2.SESSION_STATE_DONE, f"{session.reason}\n{self.server.last_words()}"
         return session
 
     def fetch(self) -> bytes:
-        """The finished matte of SESSION, as the server hands it out."""
+        """Fetches the finished matte of SESSION."""
         request = sessions.FetchMatteRequest(name=SESSION)
         return b"".join(part.chunk for part in self.sessions.FetchMatte(request, timeout=60.0))
 
     def matte(self, name: str = SESSION) -> pathlib.Path:
-        """The finished one's file; of a video, whose mattes have no suffix, their directory is beside it."""
+        """The file of the finished matte. For a video, its directory of mattes has the same path without the
+        suffix."""
         return self.data / "mattes" / f"{name}.exr"
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""A PostgreSQL of a test's own, on loopback: tests/server/jobs/postgres, which says more."""
+"""A PostgreSQL for one test, on loopback, run by tests/server/jobs/postgres."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ _NOT_INSTALLED = 77
 
 
 class NotInstalled(Exception):
-    """There is no PostgreSQL on this machine."""
+    """PostgreSQL is not installed on this machine."""
 
 
 class Postgres:
-    """Runs, with an empty database, until `close()` or the end of this process."""
+    """A running server with an empty database. It ends with `close()` or with this process."""
 
     def __init__(self) -> None:
         self._parent = tempfile.TemporaryDirectory()
@@ -26,23 +26,23 @@ class Postgres:
         self.connection = self._do("up", str(os.getpid())).strip()
 
     def stop_at_once(self) -> None:
-        """As if all its processes were killed: nothing is written down, all connections break."""
+        """Stops it as if all its processes were killed: nothing is flushed, and all connections break."""
         self._do("stop")
 
     def start(self) -> None:
-        """Returns once it answers; it recovers first if it was stopped at once."""
+        """Starts it, with recovery if needed, and returns once it answers."""
         self._do("start")
 
     def is_up(self) -> bool:
-        """It was not stopped."""
+        """True unless it was stopped."""
         return (self._directory / "data/postmaster.pid").exists()
 
     def process(self) -> int:
-        """Of its first process, whose children the others are."""
+        """The process id of its main process, the parent of all others."""
         return int((self._directory / "data/postmaster.pid").read_text().splitlines()[0])
 
     def close(self) -> None:
-        """Stops it for good."""
+        """Stops it and removes its data."""
         self._do("down")
         self._parent.cleanup()
 

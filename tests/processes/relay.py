@@ -1,4 +1,4 @@
-"""A bad network: passes TCP on from one port of loopback to another, and breaks when it is told to."""
+"""A bad network: relays TCP between loopback ports, and breaks on demand."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ _CHUNK = 1 << 18
 
 
 class Relay:
-    """Passes 127.0.0.1:`port` on to 127.0.0.1:`target`, which may come up and go down."""
+    """Relays 127.0.0.1:`port` to 127.0.0.1:`target`, which may come up and go down."""
 
     def __init__(self, port: int, target: int) -> None:
         self._target = target
         self._peers: dict[socket.socket, socket.socket] = {}
-        self._clients: set[socket.socket] = set()  # of those, the ends on this side
+        self._clients: set[socket.socket] = set()  # those of them that face the clients
         self._refuses_until = 0.0
         self._silent_until = 0.0
         self._silent_ways = ("there", "back")
@@ -31,20 +31,21 @@ class Relay:
         self._thread.start()
 
     def cut(self, seconds: float) -> None:
-        """Ends all connections, and refuses new ones for so long."""
+        """Closes all connections and refuses new ones for `seconds`."""
         with self._lock:
             self._refuses_until = time.monotonic() + seconds
             for end in list(self._peers):
                 self._drop(end)
 
     def fall_silent(self, seconds: float, ways: tuple[str, ...] = ("there", "back")) -> None:
-        """Nothing gets through for so long, to the target (there), from it (back) or both, and nobody is told; then all goes on."""
+        """Silently holds back data to the target (there), from it (back) or both for `seconds`, then passes
+        it on."""
         with self._lock:
             self._silent_until = time.monotonic() + seconds
             self._silent_ways = ways
 
     def reset(self) -> None:
-        """All connections end at once, with RST, and what was under way is gone."""
+        """Resets all connections (RST). Data in transit is lost."""
         with self._lock:
             for end in list(self._peers):
                 with contextlib.suppress(OSError):
@@ -53,12 +54,12 @@ class Relay:
                 self._drop(end)
 
     def mend(self) -> None:
-        """Whatever was broken."""
+        """Ends cut() and fall_silent() early."""
         with self._lock:
             self._refuses_until = self._silent_until = 0.0
 
     def close(self) -> None:
-        """For good."""
+        """Stops relaying and closes everything."""
         self._ended = True
         self._thread.join()
         self.cut(0.0)

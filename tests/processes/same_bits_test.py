@@ -1,5 +1,5 @@
-"""The same files of mattes, to the last bit, whoever solves: one process without a server, 1, 2 and 8 solvers, and solvers that read a
-copy of the archive because the node that it was captured to is gone."""
+"""Mattes are the same bit for bit, however they are solved: by one process without a server, by 1, 2 and 8
+solvers, and by solvers that read a copy of the archive because the node that captured it is gone."""
 
 from __future__ import annotations
 
@@ -24,30 +24,30 @@ exposure_ms: 4
 
 
 def mattes(file: pathlib.Path) -> dict[str, bytes]:
-    """Of a file, or of a video's directory that has its name."""
+    """The contents of a matte's file, or of the files in a video's directory, by name."""
     files = [file] if file.exists() else sorted(file.with_suffix("").glob("*.exr"))
-    assert files, f"there is neither {file} nor a directory of that name"
+    assert files, f"{file} does not exist, nor a directory of that name"
     return {each.name if len(files) > 1 else "": each.read_bytes() for each in files}
 
 
 def on_the_spot(archive: pathlib.Path, matte: pathlib.Path, method: str) -> dict[str, bytes]:
-    """By one process, without a server."""
+    """Solves in one process, without a server."""
     target = matte.with_suffix("") if method == "ramp" else matte
     subprocess.run([str(BIN / "glasswing-solver"), "solve", str(archive), str(target), "--method", method], check=True)
     return mattes(matte)
 
 
 def who_solved(lab: Lab, job: int) -> int:
-    """How many solvers had a tile of it."""
+    """The number of solvers that solved a tile of the job."""
     return sum(f"job={job} tile" in solver.log.read_text() for solver in lab.solvers)
 
 
 def check(lab: Lab, expected: dict[str, dict[str, bytes]], how: str) -> None:
-    """Solves every session, and compares."""
+    """Solves every session and compares its mattes."""
     for name, right in expected.items():
         job = lab.solve(_METHODS[name], name).job
         tiles = lab.wait_until_done(120.0, name).tile_count
-        assert mattes(lab.matte(name)) == right, f"{name}: {how} make another matte than one process does"
+        assert mattes(lab.matte(name)) == right, f"{name}: the matte of {how} differs from that of one process"
         print(f"{name:10} {how}: the same bits; {tiles} tiles by {who_solved(lab, job)} of them")
 
 

@@ -1,6 +1,6 @@
-// What gRPC orders its threads by, Debian's libraries do not tell the thread sanitizer. Linked into a
-// program, these stand before the library's own, and tell it: absl::Mutex, and that what comes out of a
-// completion queue went in before.
+// Shows the thread sanitizer how gRPC synchronises its threads, which it cannot see in Debian's
+// uninstrumented libraries. These functions replace the libraries' own in a program that links them, and
+// annotate absl::Mutex and the completion queues.
 #include <absl/synchronization/mutex.h>
 #include <dlfcn.h>
 #include <grpc/grpc.h>

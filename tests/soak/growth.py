@@ -1,4 +1,4 @@
-"""Whether a daemon grows: a line through the samples of its longest life."""
+"""Decides whether a daemon grows, by a line fitted to the samples of its longest life."""
 
 from __future__ import annotations
 
@@ -6,20 +6,21 @@ import dataclasses
 import math
 import statistics
 
-# Caches fill in steps. One step of s MB anywhere among samples that span T hours tilts their line by at most
-# 1.5 s / T: 3.75 MB an hour for 1 MB in 0.4 h. So less than 4 MB an hour may be a single step, in a span of that length;
-# in a shorter one nothing can be told. A daemon that kept one frame of 80 kB of each session, with 200 sessions an hour,
-# would grow by 16 MB an hour.
+# Caches fill in steps. One step of s MB among samples that span T hours changes the slope of their line by at
+# most 1.5 s / T: 3.75 MB/h for 1 MB in 0.4 h. So a slope below 4 MB/h over that span may be a single step,
+# and shorter spans are not judged. A daemon that leaked one frame of 80 kB per session would grow by 16 MB/h
+# at 200 sessions an hour.
 BOUND_MB_PER_HOUR = 4.0
-LEAST_HOURS = 0.4
-WARM_UP = 0.25  # of a life: arenas, caches and pools of threads fill
+MIN_HOURS = 0.4
+WARM_UP = 0.25  # fraction of a life during which arenas, caches and thread pools fill
 _FLOOR_SAMPLES = 5
 
 
 @dataclasses.dataclass(frozen=True)
 class Sample:
-    """Of a process while the rig rests. `heap_mb` is what it asked for and has not given back; `own_mb` is resident without the pages
-    of mapped files: the C library keeps what is freed, in pieces that fit ever more of what comes, and a solver is told to keep it all."""
+    """One sample of a process while the rig is idle. `heap_mb`: allocated and not freed. `own_mb`: resident
+    memory without the pages of mapped files. It is larger, because the C library retains freed memory, and a
+    solver is configured to retain all of it."""
 
     hours: float
     heap_mb: float
@@ -29,7 +30,7 @@ class Sample:
 
 @dataclasses.dataclass(frozen=True)
 class Line:
-    """Through its heap over time: MB an hour, and the standard error of that."""
+    """A line through the heap over time. `slope` in MB/h, `error` its standard error."""
 
     slope: float
     error: float
@@ -39,7 +40,7 @@ class Line:
 
 
 def fit(samples: list[Sample]) -> Line:
-    """By least squares; of at least three samples at different times."""
+    """Fits a line by least squares. Needs at least three samples at different times."""
     hours = [sample.hours for sample in samples]
     memory = [sample.heap_mb for sample in samples]
     slope, intercept = statistics.linear_regression(hours, memory)
@@ -49,7 +50,7 @@ def fit(samples: list[Sample]) -> Line:
 
 
 class Life:
-    """Of one process, from its first sample to its last."""
+    """The samples of one process, from first to last."""
 
     def __init__(self, samples: list[Sample]) -> None:
         self.all = samples
@@ -58,35 +59,36 @@ class Life:
 
     @property
     def hours(self) -> float:
-        """That its warm samples span."""
+        """The time that the warm samples span."""
         return self.warm[-1].hours - self.warm[0].hours
 
     def line(self) -> Line | None:
-        """None: it has too few samples for one."""
+        """The line through the warm samples, or None if there are too few."""
         return fit(self.warm) if len(self.warm) > 2 else None
 
     def memory_verdict(self) -> str:
-        """In a word or two. It grew where even the line less two standard errors is above the bound."""
+        """One or two words. The memory grew if the slope minus two standard errors exceeds the bound."""
         line = self.line()
-        if line is None or self.hours < LEAST_HOURS:
+        if line is None or self.hours < MIN_HOURS:
             return "too short"
         return "GREW" if line.slope - 2.0 * line.error > BOUND_MB_PER_HOUR else "flat"
 
     def floors(self) -> tuple[int, int] | None:
-        """The fewest descriptors among the first warm samples and among the last: connections that broke just now may be among
-        the others, one that stays is among all. None: too few samples for both."""
+        """The minimum number of descriptors among the first warm samples, and among the last. A leaked
+        descriptor is in all samples; one of a connection that is just closing is not. None if there are too
+        few samples."""
         if len(self.warm) < 2 * _FLOOR_SAMPLES:
             return None
         first, last = self.warm[:_FLOOR_SAMPLES], self.warm[-_FLOOR_SAMPLES:]
         return min(sample.descriptors for sample in first), min(sample.descriptors for sample in last)
 
     def descriptors_verdict(self) -> str:
-        """In a word or two."""
+        """One or two words. The descriptors grew if their minimum did."""
         floors = self.floors()
         if floors is None:
             return "too short"
         return "GREW" if floors[1] > floors[0] else "flat"
 
     def grew(self) -> bool:
-        """In either."""
+        """True if memory or descriptors grew."""
         return "GREW" in (self.memory_verdict(), self.descriptors_verdict())

@@ -1,4 +1,4 @@
-"""Lives that were made up: what grows is found, what steps once is not."""
+"""Synthetic lives: growth is found, a single step is not mistaken for growth."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ import random
 import unittest
 from collections.abc import Callable
 
-from growth import BOUND_MB_PER_HOUR, LEAST_HOURS, WARM_UP, Life, Sample, fit
+from growth import BOUND_MB_PER_HOUR, MIN_HOURS, WARM_UP, Life, Sample, fit
 
 
-_JUDGED_HOURS = LEAST_HOURS / (1 - WARM_UP)
+_JUDGED_HOURS = MIN_HOURS / (1 - WARM_UP)
 
 
 def life(memory_mb: Callable[[float], float], descriptors: Callable[[int], int] = lambda _: 30, hours: float = _JUDGED_HOURS) -> Life:
-    """Sampled evenly; the warm samples span LEAST_HOURS, if no hours are given."""
+    """Samples evenly. By default the warm samples span MIN_HOURS."""
     count = 200
     times = [hours * 1.02 * at / (count - 1) for at in range(count)]
     return Life([Sample(time, memory_mb(time), 0.0, descriptors(at)) for at, time in enumerate(times)])
 
 
 class GrowthTest(unittest.TestCase):
-    """Of Life."""
+    """Tests of fit() and Life."""
 
     def test_a_line_is_its_own_fit(self) -> None:
         line = fit([Sample(hours, 20.0 + 3.0 * hours, 0.0, 0) for hours in (0.0, 0.25, 0.5, 1.0)])

@@ -1,16 +1,20 @@
-"""Sessions back to back on a simulated rig with random faults: nothing may be lost, no daemon may grow.
+"""Runs sessions back to back on a simulated rig with random faults: nothing may be lost, and no daemon may
+grow.
 
-Server, display, camera and two solvers are processes of their own, with relays between them. Each round captures
-deploy/plans/quick.txtpb, solves it and fetches the matte, while none, one or two faults strike at random moments: a daemon is
-killed and started again within half a second, or stopped for some seconds; a link is cut, reset or silent, both ways or one;
-a client is killed in mid-watch. A person resumes what the server says is paused and does nothing else. Every tenth session is
-kept, the others are deleted some five rounds later; every fifth round is composited too.
+Server, display, camera and two solvers are separate processes, with relays between them. Each round captures
+deploy/plans/quick.txtpb, solves it and fetches the matte, while up to two faults strike at random moments: a
+daemon is killed and restarted within half a second, or stopped for some seconds; a link is cut, reset, or
+silent in one or both directions; a client is killed in mid-watch. The simulated user only resumes paused
+sessions. Every tenth session is kept, the others are deleted about five rounds later. Every fifth round is
+composited too.
 
-The first third of the time kills daemons, four times as often as anything else; the rest kills none, so that each daemon has one
-long life: by that it is judged whether its memory and descriptors grow. Samples are taken between rounds, when everything is mended and at rest.
+Daemons are killed in the first third of the time only, four times as often as any other fault. After that
+each daemon has one long life, by which the growth of its memory and descriptors is judged. Samples are taken
+between rounds, when all faults are mended and the rig is idle.
 
-All that was acknowledged (sessions, proven steps, frames and their checksums, mattes) is held against what can be fetched, every
-fifth round and at the end; then the daemons end and `glasswing fsck` reads the server's and the camera's data.
+Every fifth round and at the end, everything acknowledged (sessions, proven steps, frames and their checksums,
+mattes) is compared with what can be fetched. Then the daemons end, and `glasswing fsck` checks the data of
+server and camera.
 """
 
 from __future__ import annotations
@@ -42,15 +46,15 @@ from record import Record, faults_table, rest, sums  # noqa: E402
 from rig import Rig  # noqa: E402
 from trouble import Trouble  # noqa: E402
 
-_KILLS_FOR = 1 / 3  # of the time
+_KILLS_FOR = 1 / 3  # fraction of the time
 _CHECK_EVERY = 5
 _COMPOSITE_EVERY = 5
 _KEEP_EVERY = 10
-_DELETE_AFTER = 5  # sessions that are not kept
+_DELETE_AFTER = 5  # rounds; of sessions that are not kept
 
 
 def patient_plan() -> plan_pb2.Plan:
-    """The quick one, for a machine that is busy with other things too."""
+    """The quick plan, with margins for a busy machine."""
     plan = text_format.Parse((ROOT / "deploy/plans/quick.txtpb").read_text(), plan_pb2.Plan())
     plan.hold_refreshes = 3
     plan.retries = 100
@@ -58,7 +62,7 @@ def patient_plan() -> plan_pb2.Plan:
 
 
 class Soak:
-    """`lost` and `not_done` say what went wrong."""
+    """The whole soak. `lost` and `not_done` list what went wrong."""
 
     def __init__(self, work: pathlib.Path, size: str, seed: int) -> None:
         self.lost: list[str] = []
@@ -73,25 +77,25 @@ class Soak:
         self._to_delete: list[str] = []
 
     def run(self, minutes: float) -> None:
-        """Rounds for so long, or until something is lost."""
+        """Does rounds for `minutes`, or until something is lost."""
         try:
             usual_seconds = self._round(0.0, False)
-            told = 0.0
+            reported = 0.0
             while self._record.minutes < minutes:
                 self._round(usual_seconds, self._record.minutes < _KILLS_FOR * minutes)
-                if self._record.minutes >= told + 1.0:
-                    told = self._record.minutes
-                    self._tell()
+                if self._record.minutes >= reported + 1.0:
+                    reported = self._record.minutes
+                    self._report_progress()
             self._book.check()
         except Lost as what:
             self.lost.append(str(what))
         except (AssertionError, grpc.RpcError) as what:
             self.not_done.append(f"the soak itself: {what}")
         except KeyboardInterrupt:
-            print("interrupted; what was done until now:", flush=True)
+            print("interrupted; results so far:", flush=True)
 
     def close(self) -> None:
-        """Ends the daemons and looks at what they leave."""
+        """Ends the daemons and checks their data."""
         self._trouble.finish()
         self._rig.close()
         self._trouble.close()
@@ -99,7 +103,7 @@ class Soak:
             self._fsck(directory)
 
     def report(self) -> bool:
-        """Prints the tables; whether all is well."""
+        """Prints the tables. Returns True if nothing went wrong."""
         print("\n".join(["", self._record.table(), "", faults_table(self._trouble), ""]))
         for what in [f"LOST: {lost}" for lost in self.lost] + [f"NOT DONE: {session}" for session in self.not_done] + self._trouble.crashed:
             print(what)
@@ -107,7 +111,8 @@ class Soak:
         return not self.lost and not self.not_done and not self._trouble.crashed and not self._record.grew()
 
     def _round(self, trouble_seconds: float, may_kill: bool) -> float:
-        """How many seconds its session took. Faults strike in the first `trouble_seconds`; 0: none do."""
+        """Does one round and returns the seconds that its session took. Faults strike in the first
+        `trouble_seconds`; none if 0."""
         name = f"s{self._rounds}"
         if trouble_seconds > 0.0:
             self._trouble.begin(name, trouble_seconds, may_kill)
@@ -137,7 +142,7 @@ class Soak:
         self._rounds += 1
         return took
 
-    def _tell(self) -> None:
+    def _report_progress(self) -> None:
         print(f"{self._record.minutes:5.1f} min: {sums(self._rounds, len(self.not_done), self._book, self._person, 0)}")
         print(f"           {sum(self._trouble.struck.values())} faults; {self._record.now()}", flush=True)
 
@@ -158,12 +163,12 @@ class Soak:
 
 
 def main() -> int:
-    """The exit status: 1 if anything was lost, not done, crashed or grew."""
+    """Returns the exit status: 1 if anything was lost, not done, crashed or grew."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter, epilog="Example: tests/soak/run --minutes 60 --seed 7")
-    parser.add_argument("--minutes", type=float, default=60.0, help="how long (default 60); below 50 memory is not judged, as no life is long enough")
-    parser.add_argument("--seed", type=int, default=random.randrange(1 << 16), help="of which faults, when and how long; random if left out, and printed")
-    parser.add_argument("--size", default="128x104", metavar="WxH", help="px of camera and monitor (default 128x104)")
-    parser.add_argument("--keep", action="store_true", help="leave data and logs there also where nothing went wrong, and say where")
+    parser.add_argument("--minutes", type=float, default=60.0, help="duration (default 60); below 50 no life is long enough to judge memory")
+    parser.add_argument("--seed", type=int, default=random.randrange(1 << 16), help="of the faults and their moments; random by default, and printed")
+    parser.add_argument("--size", default="128x104", metavar="WxH", help="resolution of camera and monitor in px (default 128x104)")
+    parser.add_argument("--keep", action="store_true", help="keep data and logs even if nothing went wrong, and print where they are")
     options = parser.parse_args()
     if not options.minutes > 0.0:
         parser.error(f"--minutes is {options.minutes:g}; it must be more than 0")

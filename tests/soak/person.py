@@ -1,4 +1,4 @@
-"""Who uses the rig: asks again where nobody answers, resumes what is paused, and does nothing else."""
+"""The simulated user: repeats unanswered calls, resumes paused sessions, and does nothing else."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 import grpc
 
+from glasswing.v1 import session_pb2
 from glasswing.v1 import session_service_pb2 as sessions
 
 from book import Book
@@ -20,10 +21,10 @@ from daemon import ROOT
 from lab import glasswing
 from rig import Rig
 
-_PATIENCE_SECONDS = 240.0  # for one session: eight times as long as a capture waits for a lost node
+_PATIENCE_SECONDS = 240.0  # per session: eight times as long as a capture waits for a lost node
 _ASK_EVERY = 0.1
 
-# Nobody answers now, or somebody who is needed is away: it is right to ask again. All else is an answer.
+# The daemon, or one that it needs, does not answer now: worth repeating. Every other status is an answer.
 _AWAY = (
     grpc.StatusCode.UNAVAILABLE,
     grpc.StatusCode.DEADLINE_EXCEEDED,
@@ -40,7 +41,7 @@ class NotDone(Exception):
 
 
 class Person:
-    """`resumes` and `asked_again` count."""
+    """Does sessions. `resumes` and `asked_again` count its resumes and repeated calls."""
 
     def __init__(self, rig: Rig, book: Book, plan: Any) -> None:
         self.resumes = 0
@@ -51,7 +52,7 @@ class Person:
         self._deadline = 0.0
 
     def work(self, name: str) -> None:
-        """Captures, solves and fetches one session. NotDone: it failed, or takes too long; Lost."""
+        """Captures, solves and fetches one session. Raises NotDone if it fails or takes too long, or Lost."""
         self._deadline = time.monotonic() + _PATIENCE_SECONDS
         request = sessions.CreateSessionRequest(request_id=str(uuid.uuid4()), name=name, plan=self._plan)
 
@@ -60,14 +61,14 @@ class Person:
 
         self._ask(create)
         self._book.created(name)
-        session = self._follow(name, sessions.SESSION_STATE_CAPTURED)
+        session = self._follow(name, session_pb2.SESSION_STATE_CAPTURED)
         self._ask(lambda: self._book.captured(session))
         self._solve(name)
-        self._follow(name, sessions.SESSION_STATE_DONE)
+        self._follow(name, session_pb2.SESSION_STATE_DONE)
         self._ask(lambda: self._book.solved(name))
 
     def delete(self, name: str) -> None:
-        """For good."""
+        """Deletes the session."""
         self._deadline = time.monotonic() + _PATIENCE_SECONDS
         self._book.forget(name)
 
@@ -75,19 +76,19 @@ class Person:
             try:
                 self._rig.sessions.DeleteSession(sessions.DeleteSessionRequest(name=name), timeout=30.0)
             except grpc.RpcError as error:
-                if error.code() != grpc.StatusCode.NOT_FOUND:  # an answer that was under way is gone
+                if error.code() != grpc.StatusCode.NOT_FOUND:  # deleted by an earlier call whose answer was lost
                     raise
 
         self._ask(delete)
         self._book.deleted(name)
 
     def give_up(self, name: str) -> None:
-        """So that the rig is free for others."""
+        """Cancels the session, which frees the rig."""
         with contextlib.suppress(AssertionError, subprocess.TimeoutExpired):
             glasswing(self._rig.address, "cancel", name, timeout=30.0)
 
     def composite(self, name: str, work: pathlib.Path) -> None:
-        """Puts its object before a picture, by the command line."""
+        """Composites the object over a picture with the command line."""
         matte, picture = work / "composited.exr", work / "composited.png"
         glasswing(self._rig.address, "fetch", name, "-o", str(matte))
         behind = str(ROOT / "deploy/pictures/harbour.png")
@@ -98,26 +99,26 @@ class Person:
 
     def _solve(self, name: str) -> None:
         def solve() -> None:
-            # It may have been heard before, and the answer lost.
+            # An earlier call may have succeeded, and its answer been lost.
             state = self._rig.session(5.0, name).state
-            if state not in (sessions.SESSION_STATE_SOLVING, sessions.SESSION_STATE_DONE):
+            if state not in (session_pb2.SESSION_STATE_SOLVING, session_pb2.SESSION_STATE_DONE):
                 self._rig.sessions.SolveSession(sessions.SolveSessionRequest(name=name), timeout=10.0)
 
         self._ask(solve)
 
-    def _follow(self, name: str, to: int) -> sessions.Session:
-        """Until it is there."""
+    def _follow(self, name: str, to: int) -> session_pb2.Session:
+        """Waits until the session is in the state `to`, and resumes it when it is paused."""
         while True:
             session = self._ask(lambda: self._rig.session(5.0, name))
-            self._ask(lambda: self._book.told(session))
+            self._ask(lambda: self._book.observed(session))
             if session.state == to:
                 return session
-            if session.state in (sessions.SESSION_STATE_FAILED, sessions.SESSION_STATE_CANCELLED):
-                raise NotDone(f'session "{name}" ended as {sessions.SessionState.Name(session.state)}: {session.reason}')
-            if session.state == sessions.SESSION_STATE_PAUSED:
+            if session.state in (session_pb2.SESSION_STATE_FAILED, session_pb2.SESSION_STATE_CANCELLED):
+                raise NotDone(f'session "{name}" ended as {session_pb2.SessionState.Name(session.state)}: {session.reason}')
+            if session.state == session_pb2.SESSION_STATE_PAUSED:
                 self._resume(name)
             if time.monotonic() > self._deadline:
-                state = f"{sessions.SessionState.Name(session.state)}, {session.proven_count} steps of {session.step_count}"
+                state = f"{session_pb2.SessionState.Name(session.state)}, {session.proven_count} steps of {session.step_count}"
                 raise NotDone(f'session "{name}" is not done after {_PATIENCE_SECONDS:.0f} s: {state}: {session.reason}')
             time.sleep(_ASK_EVERY)
 
@@ -126,10 +127,11 @@ class Person:
         try:
             glasswing(self._rig.address, "resume", name, timeout=30.0)
         except (AssertionError, subprocess.TimeoutExpired):
-            time.sleep(0.5)  # a node is away still
+            time.sleep(0.5)  # a node is still away
 
     def _ask(self, question: Callable[[], Answer]) -> Answer:
-        """Until it is answered. Lost: what was acknowledged is said not to be there, or to be damaged."""
+        """Repeats the call until it is answered. Raises Lost if something acknowledged is reported missing or
+        damaged."""
         while True:
             try:
                 return question()

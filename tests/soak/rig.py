@@ -1,4 +1,4 @@
-"""A whole simulated rig, each daemon a process of its own and a relay before each that is called."""
+"""A whole simulated rig: each daemon is a process of its own, with a relay before each that accepts calls."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ SOLVERS = 2
 
 
 class Rig(Lab):
-    """A lab with a display, a camera that sees it, and solvers, all running. Nodes reach the server, and everybody display
-    and camera, through `links`; people reach the server itself."""
+    """A running lab with a display, a camera that sees it, and solvers. Nodes reach the server through
+    `links`, and all calls to display and camera go through `links`; users reach the server directly."""
 
     def __init__(self, work: pathlib.Path, size: str) -> None:
         self._size = size
@@ -38,12 +38,13 @@ class Rig(Lab):
         self.wait_until_whole()
 
     def camera_at(self, port: int, name: str = "camera") -> Daemon:
-        """It listens behind its relay, which listens at `port` and is made with the others: a camera is known to the server only
-        through them. As root its files are hidden from the solvers, which must then read them from it."""
+        """A camera behind a relay that listens at `port`. Makes all relays, because the camera registers
+        through them. As root its files are hidden from the solvers, which must then read them over the
+        network."""
         self.links = {
             "nodes and server": Relay(self._server_link_port, self.port),
             "server and display": Relay(self._display_link_port, self._display_port),
-            "everybody and camera": Relay(port, self._camera_port),
+            "camera and its callers": Relay(port, self._camera_port),
         }
         data = self.work / name
         before: tuple[str, ...] = ()
@@ -59,21 +60,21 @@ class Rig(Lab):
         return Daemon(name, command + self._metrics_of(name), self.work / f"{name}.log", before)
 
     def heap_mb(self, daemon: Daemon) -> float:
-        """What it asked for and has not given back, as it says at its /metrics."""
+        """Heap allocated and not freed, from its /metrics."""
         with urllib.request.urlopen(f"http://127.0.0.1:{self._metrics_ports[daemon.name]}/metrics", timeout=10.0) as answer:
             text: str = answer.read().decode()
         return float(next(line for line in text.splitlines() if line.startswith("glasswing_heap_used_bytes")).split()[-1]) / 1e6
 
     def data_directories(self) -> list[pathlib.Path]:
-        """Of the server and of the camera."""
+        """The data directories of server and camera."""
         return [self.data, self.work / "camera"]
 
     def daemons(self) -> list[Daemon]:
-        """All of them."""
+        """All daemons."""
         return [self.server, self.display, self.camera, *self.solvers]
 
     def is_whole(self) -> bool:
-        """All run and answer, and the server knows of all."""
+        """True if all run and answer, and the server knows all of them."""
         if not all(daemon.is_running() and not daemon.is_stopped() for daemon in self.daemons()):
             return False
         if not listens(self._display_port) or not listens(self._camera_port):
@@ -89,7 +90,7 @@ class Rig(Lab):
         return True
 
     def wait_until_whole(self) -> None:
-        """Nobody does anything for that."""
+        """Waits until the rig has recovered by itself."""
         until(self.is_whole, "all daemons run, answer and are known to the server", 60.0, every=0.1)
 
     def close(self) -> None:

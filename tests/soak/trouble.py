@@ -1,4 +1,4 @@
-"""What breaks while sessions run: faults at random moments, and what mends them."""
+"""Faults at random moments while sessions run, and their repair."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from collections.abc import Callable
 from daemon import BIN, Daemon
 from rig import Rig
 
-_LINKS = ("nodes and server", "server and display", "everybody and camera")
+_LINKS = ("nodes and server", "server and display", "camera and its callers")
 _DAEMONS = ("server", "display", "camera", "solver")
 _WAYS = {"both ways": ("there", "back"), "one way": ("there",), "the other way": ("back",)}
 
 
 @dataclasses.dataclass(frozen=True)
 class Kind:
-    """Of fault: what is done to whom, and how long it lasts in seconds."""
+    """A kind of fault: what happens to which target, and for how many seconds."""
 
     what: str
     target: str
@@ -37,7 +37,7 @@ class Kind:
 
 
 def kinds(may_kill: bool) -> list[Kind]:
-    """All that may come now; killing a daemon, while that may be, four times as often as anything else."""
+    """The kinds of faults that may strike now. Kills of daemons, if allowed, count four times."""
     found = [Kind("killed", daemon, 0.0, 0.5) for daemon in _DAEMONS] * (4 if may_kill else 0)
     found += [Kind("stopped", daemon, 0.5, 4.0) for daemon in _DAEMONS]
     found += [Kind("cut", link, 0.1, 2.0) for link in _LINKS]
@@ -47,14 +47,15 @@ def kinds(may_kill: bool) -> list[Kind]:
 
 
 class Deck:
-    """Kinds in a random order, all of them before one comes again. No two of one deal are done to the same."""
+    """Deals kinds in random order, each once before any comes again. No two of one deal have the same
+    target."""
 
     def __init__(self, dice: random.Random) -> None:
         self._dice = dice
-        self._left: dict[bool, list[Kind]] = {True: [], False: []}  # by whether daemons may be killed
+        self._left: dict[bool, list[Kind]] = {True: [], False: []}  # by `may_kill`
 
     def deal(self, may_kill: bool) -> list[Kind]:
-        """None, one or two."""
+        """Deals none, one or two kinds."""
         dealt: list[Kind] = []
         left = self._left[may_kill]
         for _ in range(self._dice.choice((0, 1, 1, 2, 2))):
@@ -68,11 +69,12 @@ class Deck:
 
 
 class Trouble:
-    """Strikes and mends on a thread of its own, which lives as long as the rig: daemons die with the thread that started them."""
+    """Strikes and mends on a thread of its own. The thread lives as long as the rig, because daemons die with
+    the thread that started them."""
 
     def __init__(self, rig: Rig, seed: int) -> None:
         self.struck: collections.Counter[str] = collections.Counter()
-        self.crashed: list[str] = []  # what died unasked
+        self.crashed: list[str] = []  # daemons that died by themselves
         self._rig = rig
         self._dice = random.Random(seed)
         self._deck = Deck(self._dice)
@@ -85,14 +87,14 @@ class Trouble:
         self._thread.start()
 
     def begin(self, session: str, seconds: float, may_kill: bool) -> None:
-        """Faults of the next round, at random moments of so many seconds from now."""
+        """Schedules the faults of the next round at random moments within `seconds` from now."""
         with self._changed:
             for kind in self._deck.deal(may_kill):
                 strike = functools.partial(self._strike, kind, session, self._dice.randrange(len(self._rig.solvers)))
                 self._at(self._dice.uniform(0.0, seconds), True, strike)
 
     def finish(self) -> None:
-        """Drops what has not struck yet, and waits until the rest is mended."""
+        """Drops faults that have not struck yet, and waits until the others are mended."""
         with self._changed:
             self._events = [event for event in self._events if not event[2]]
             heapq.heapify(self._events)
@@ -102,12 +104,12 @@ class Trouble:
             assert not self._events, "faults were not mended in a minute"
 
     def close(self) -> None:
-        """What breaks from now on stays broken. After the rig."""
+        """Ends the thread. Call it after closing the rig."""
         self._ended = True
         self._thread.join()
 
     def restart_crashed(self) -> None:
-        """Enters and starts daemons that nobody killed and that do not run. Between rounds."""
+        """Records and restarts daemons that died by themselves. Call it between rounds."""
         for daemon in self._rig.daemons():
             if not daemon.is_running():
                 self.crashed.append(f"{daemon.name} has died:\n{daemon.last_words()}")
@@ -122,10 +124,11 @@ class Trouble:
             with self._changed:
                 try:
                     while self._events and self._events[0][0] <= time.monotonic():
-                        # An event stays in the list until it is done, and what mends it is in it then.
+                        # An event stays in the list until it is done, and by then has added the one that
+                        # mends it.
                         self._events[0][3]()
                         heapq.heappop(self._events)
-                except BaseException as error:  # told by finish()
+                except BaseException as error:  # finish() raises it
                     self._error = error
                     self._events = []
                 if not self._events:
@@ -151,7 +154,7 @@ class Trouble:
 
     def _break(self, daemon: Daemon, kill: bool, lasts: float) -> None:
         if not daemon.is_running():
-            return  # restart_crashed() tells
+            return  # restart_crashed() records it
         if kill:
             daemon.kill()
             self._at(lasts, False, daemon.start)

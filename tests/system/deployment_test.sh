@@ -1,26 +1,27 @@
 #!/bin/bash
-# The units of deploy/systemd, installed: systemd has no complaint, and what they start is a rig over TLS that captures and solves, with
-# the configuration and the certificates of docs/deployment.md but for ports, directories and simulated devices.
+# Installs the units of deploy/systemd: systemd accepts them, and they start a rig over TLS that captures and
+# solves, with the configuration and certificates of docs/deployment.md, except for ports, directories and
+# simulated devices.
 source "$(dirname "$0")/rig.sh"
 build=$(cd "$bin/.." && pwd)
 for component in common server display camera solver; do cmake --install "$build" --prefix "$work/installed" --component "$component" >/dev/null; done
 units=$work/installed/lib/systemd/system
 
 if command -v systemd-analyze >/dev/null; then
-  echo "== what systemd says of the units"
+  echo "== systemd verifies the units"
   systemd-analyze verify --man=no "$units"/*.service 2>"$work/complaints" || fail "$(cat "$work/complaints")"
-  ! grep -F "$units" "$work/complaints" || fail "that is a complaint"
+  ! grep -F "$units" "$work/complaints" || fail "systemd reports a problem"
 else
-  echo "there is no systemd-analyze: the units are only run"
+  echo "systemd-analyze is not installed: the units are run but not verified"
 fi
 
-echo "== the rig that they start"
+echo "== the units start a rig"
 issued() { glasswing pki init "$1" >/dev/null && glasswing pki issue "$@" >/dev/null; } # DIR REQUEST...
 issued "$work/certificates" server+display+camera+solver:machine=localhost operator:me viewer:guest
 sed -e "s#rig\.lab#localhost#g; s#/etc/glasswing/#$work/certificates/#" -e "s#:7440#:$port#g; s#:7441#:$((port + 1))#g; s#:7442#:$((port + 2))#g" \
   -e "s#--backend kms.*#--monitor back=128x104@60 --patch-rows 8\"#" \
   -e "s#--backend libcamera#--fps 200 --size 128x104 --scene crystal --tap localhost:$((port + 1))#" "$work/installed/share/glasswing/glasswing.conf" >"$work/glasswing.conf"
-start() { # UNIT: what it starts, as systemd would
+start() { # UNIT: runs its command as systemd would
   local unit=$units/glasswing-$1.service
   (
     set -a
@@ -31,7 +32,7 @@ start() { # UNIT: what it starts, as systemd would
   ) >"$work/$1.log" 2>&1 &
 }
 for unit in server display camera solver; do start "$unit"; done
-until_true 20 grep -q "listening on" "$work/server.log" || fail "the server does not begin"
+until_true 20 grep -q "listening on" "$work/server.log" || fail "the server does not start"
 export GLASSWING_SERVER=localhost:$port GLASSWING_CA=$work/certificates/ca.pem
 refused "wants to know who calls; set --certificate and --key" glasswing nodes
 export GLASSWING_CERTIFICATE=$work/certificates/me.pem GLASSWING_KEY=$work/certificates/me.key
@@ -41,14 +42,14 @@ glasswing nodes
 GLASSWING_SERVER=127.0.0.1:$port refused "shows a certificate of another host; call it by a name that its certificate has" glasswing nodes
 issued "$work/foreign" solver:stranger
 "$bin/glasswing-solver" --server "$GLASSWING_SERVER" --certificate "$work/foreign/stranger.pem" --key "$work/foreign/stranger.key" 2>"$work/stranger.log" &
-until_true 20 grep -q "does not take this node yet, .* refuses the certificate $work/foreign/stranger.pem" "$work/stranger.log" || fail "it does not say so"
+until_true 20 grep -q "does not take this node yet, .* refuses the certificate $work/foreign/stranger.pem" "$work/stranger.log" || fail "the log does not say so"
 kill $!
-up 3 || fail "a stranger is in"
+up 3 || fail "the foreign solver was accepted"
 
-echo "== certificates are renewed under the running rig"
+echo "== certificates are renewed while the rig runs"
 glasswing pki renew "$work/certificates" machine me
 for unit in server display camera solver; do
-  until_true 20 grep -q "certificates taken up" "$work/$unit.log" || fail "$unit does not take up the new certificate"
+  until_true 20 grep -q "certificates taken up" "$work/$unit.log" || fail "$unit does not load the new certificate"
 done
 glasswing capture "$root/deploy/plans/quick.txtpb" --session s --watch
 glasswing solve s --watch
@@ -56,17 +57,17 @@ glasswing fetch s -o "$work/s.exr"
 glasswing export s "$work/s"
 (
   export GLASSWING_CERTIFICATE=$work/certificates/guest.pem GLASSWING_KEY=$work/certificates/guest.key
-  glasswing show s >/dev/null || fail "a viewer sees no session"
+  glasswing show s >/dev/null || fail "a viewer cannot see the session"
   refused 'DeleteSession is for the roles operator; "guest" has viewer' glasswing delete s --yes
 )
 grep -q 'audit refused rpc=SessionService/DeleteSession caller="guest" roles=viewer' "$work/server.log" || fail "the refusal is not in the log"
-grep -q 'audit rpc=SessionService/SolveSession caller="me" roles=operator' "$work/server.log" || fail "who solved is not in the log"
+grep -q 'audit rpc=SessionService/SolveSession caller="me" roles=operator' "$work/server.log" || fail "the caller of the solve is not in the log"
 glasswing composite "$work/s.exr" --background "$root/deploy/pictures/quilt.png" -o "$work/s.png"
 
-echo "== a solver that is told to leaves when there is nothing to do"
-timeout 30 "$bin/glasswing-solver" --server "$GLASSWING_SERVER" --until-idle 1 --certificate "$work/certificates/machine.pem" --key "$work/certificates/machine.key" 2>"$work/idle.log" || fail "it did not"
+echo "== a solver with --until-idle ends when there is no work"
+timeout 30 "$bin/glasswing-solver" --server "$GLASSWING_SERVER" --until-idle 1 --certificate "$work/certificates/machine.pem" --key "$work/certificates/machine.key" 2>"$work/idle.log" || fail "it did not end"
 
-echo "== a daemon that other machines should reach says what it lacks"
+echo "== a daemon that other machines reach names the options that it lacks"
 says() { # WORDS PROGRAM OPTIONS...
   if env -u GLASSWING_CA -u GLASSWING_CERTIFICATE -u GLASSWING_KEY timeout 20 "$bin/$2" "${@:3}" 2>"$work/stderr"; then fail "accepted: ${*:2}"; fi
   grep -qF -- "$1" "$work/stderr" || fail "\"$(cat "$work/stderr")\" does not say \"$1\""
@@ -80,4 +81,4 @@ says "set --advertise HOST:PORT" glasswing-server --listen 0.0.0.0:0 --data "$wo
   --ca "$GLASSWING_CA" --certificate "$GLASSWING_CERTIFICATE" --key "$GLASSWING_KEY"
 says "the certificate cannot be read: cannot open $work/none.pem" glasswing-server --data "$work/none" \
   --ca "$GLASSWING_CA" --certificate "$work/none.pem" --key "$GLASSWING_KEY"
-echo "all of it held"
+echo "all checks passed"

@@ -1,5 +1,5 @@
 #!/bin/bash
-# Two display nodes whose refreshes do not keep together: their steps do, by time.
+# Two display nodes with different refresh rates: their steps are synchronised by time.
 source "$(dirname "$0")/rig.sh"
 
 "$bin/glasswing-server" --listen "$server" --data "$work/server" >"$work/server.log" 2>&1 &
@@ -7,7 +7,7 @@ display() { # NAME PORT MONITOR
   "$bin/glasswing-display" --listen "127.0.0.1:$2" --server "$server" --name "$1" --patch-rows 8 --monitor "$3" \
     >"$work/$1.log" 2>&1 &
 }
-# Over the 21 s of this session their refreshes slide past each other six times.
+# During the 21 s of this session the phase between their refreshes wraps around six times.
 display one $((port + 1)) back=96x80@60
 display two $((port + 3)) left=72x80@59.7
 "$bin/glasswing-camera" --listen "127.0.0.1:$((port + 2))" --server "$server" --name camera-1 --data "$work/camera" \
@@ -22,6 +22,7 @@ glasswing capture "$work/plan.txtpb" --session s --watch || fail "not captured"
 glasswing show s
 glasswing show s --json >"$work/show.json"
 in_show() { field "$1" "$work/show.json"; }
-(($(in_show proven_count) == $(in_show step_count))) || fail "not every step was proved"
-# Three refreshes less the worst phase leave more than one: a camera of 200 frames a second finds it.
+(($(in_show proven_count) == $(in_show step_count))) || fail "not every step was proven"
+# Three refreshes minus the worst phase leave more than one, in which a camera at 200 frames a second fits an
+# exposure.
 (($(in_show retaken_count) * 10 <= $(in_show step_count))) || fail "$(in_show retaken_count) steps were shown again"

@@ -1,7 +1,7 @@
 #!/bin/bash
-# A rig and two solvers on hosts of their own: network namespaces with addresses on one bridge, which see none of each other's
-# files, and mutual TLS between all. Whichever host is cut off in the middle of a solve, for longer than a lease lasts, the
-# session ends with the same matte, and the host goes on when it is back.
+# A rig and two solvers on separate hosts: network namespaces on one bridge, which do not see each other's
+# files, with mutual TLS. Whichever host is cut off during a solve, for longer than a lease, the session ends
+# with the same matte, and the host continues when it is back.
 [[ $(id -u) == 0 ]] || { echo "skipped: only root makes network namespaces"; exit 77; }
 command -v ip >/dev/null || { echo "skipped: there is no ip"; exit 77; }
 source "$(dirname "$0")/rig.sh"
@@ -33,7 +33,7 @@ for host in "${!address[@]}"; do
 done
 cut_off() { ip -n "$(space switch)" link set "$1" down; }
 plug_in() { ip -n "$(space switch)" link set "$1" up; }
-on() { # HOST COMMAND...: there, in its own directory, with those of the others out of sight; in place of this process
+on() { # HOST COMMAND...: replaces this process by COMMAND on HOST, in its directory, with the other hosts' directories hidden
   local host=$1
   shift
   exec ip netns exec "$(space "$host")" unshare --mount --uts bash -c '
@@ -71,14 +71,14 @@ for host in lab2 lab3; do start "$host" glasswing-solver --server "$GLASSWING_SE
 until_true 20 up 4 || fail "the rig did not come up"
 glasswing nodes
 
-echo "== who shows no certificate of the lab is not let in"
+echo "== callers without a certificate of the lab are rejected"
 GLASSWING_CERTIFICATE='' GLASSWING_KEY='' refused "wants to know who calls; set --certificate and --key" glasswing nodes
 GLASSWING_CERTIFICATE=foreign.pem GLASSWING_KEY=foreign.key refused "refuses the certificate foreign.pem" glasswing nodes
 GLASSWING_CA='' GLASSWING_CERTIFICATE='' GLASSWING_KEY='' refused "calls need TLS; set --ca" glasswing nodes
 GLASSWING_CA=foreign.pem refused "the CA foreign.pem did not sign" glasswing nodes
 
 is_done() { [[ $(shown s state) == SESSION_STATE_DONE ]]; }
-done_by() { tail -n "+$2" "$work/rig-glasswing-server.log" | grep -c "tile done .*solver=$1-"; } # HOST LINE: tiles, from there on
+done_by() { tail -n "+$2" "$work/rig-glasswing-server.log" | grep -c "tile done .*solver=$1-"; } # HOST LINE: tiles done by HOST since that line of the log
 both_work() { (($(glasswing nodes --tsv | grep -c "^solver.*solving s tile") == 2)); } # both solvers were given a tile
 begin() {
   from=$(($(wc -l <"$work/rig-glasswing-server.log") + 1)) SECONDS=0
@@ -86,7 +86,7 @@ begin() {
 }
 same_matte() { # WHEN
   glasswing fetch s -o again.exr
-  cmp "$work/desk/first.exr" "$work/desk/again.exr" || fail "the matte is another one $1"
+  cmp "$work/desk/first.exr" "$work/desk/again.exr" || fail "the matte differs $1"
   echo "$SECONDS s; lab2 solved $(done_by lab2 "$from") tiles, lab3 $(done_by lab3 "$from")"
 }
 
@@ -95,21 +95,21 @@ glasswing capture quick.txtpb --session s --watch
 glasswing solve s --watch
 glasswing fetch s -o first.exr
 
-echo "== a solver's host is cut off, and is back when its tile was solved elsewhere"
+echo "== a solver's host is cut off until its tile was solved elsewhere"
 begin
-until_true 30 both_work || fail "not both solve"
+until_true 30 both_work || fail "not both solvers work"
 cut_off lab2
 until_true 40 is_done || fail "its tile was not solved elsewhere"
 same_matte "with lab2 cut off"
 plug_in lab2
 
-echo "== the server's host is cut off from all"
+echo "== the server's host is cut off from all others"
 begin
-until_true 30 both_work || fail "not both solve"
+until_true 30 both_work || fail "not both solvers work"
 cut_off rig
-sleep 4  # which is longer than a lease
+sleep 4  # longer than a lease
 plug_in rig
-until_true 40 is_done || fail "the solvers did not go on"
+until_true 40 is_done || fail "the solvers did not continue"
 same_matte "after the server's return"
-(($(done_by lab2 "$from") > 0)) || fail "lab2 came back, but does not solve"
-echo "all of it held"
+(($(done_by lab2 "$from") > 0)) || fail "lab2 is back, but does not solve"
+echo "all checks passed"

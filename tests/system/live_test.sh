@@ -1,5 +1,5 @@
 #!/bin/bash
-# Live mattes by real processes: what comes out, what is refused, and who has the rig afterwards.
+# Live mattes with separate processes: the output, refused options, and the hold of the rig.
 source "$(dirname "$0")/rig.sh"
 trap '"$root/deploy/local-rig" down --data "$work/rig" >/dev/null || true; kill $(jobs -p) 2>/dev/null || true; wait; rm -rf "$work"' EXIT
 unset DISPLAY
@@ -10,19 +10,19 @@ live() { glasswing live --background "$back" "$@"; }
 
 live --output "$work/frames/" --frames 5 --json >"$work/live.json" || fail "live failed"
 [[ $(ls "$work/frames") == $(printf '%06d.png\n' {0..4}) ]] || fail "not five pictures: $(ls "$work/frames")"
-[[ $(field frames "$work/live.json") == 5 ]] || fail "it counted $(field frames "$work/live.json") frames"
-(($(field object_pixel_count "$work/live.json") > width * height / 20)) || fail "it saw no object"
+[[ $(field frames "$work/live.json") == 5 ]] || fail "it reports $(field frames "$work/live.json") frames"
+(($(field object_pixel_count "$work/live.json") > width * height / 20)) || fail "it found no object"
 
 live --output - --frames 3 >"$work/live.y4m" 2>"$work/live.log" || fail "a stream failed: $(cat "$work/live.log")"
 head -n 1 "$work/live.y4m" | grep -q "^YUV4MPEG2 W$width H$height F60000:1000 " || fail "no YUV4MPEG2 header"
 bytes=$(($(stat -c %s "$work/live.y4m") - $(head -n 1 "$work/live.y4m" | wc -c)))
 ((bytes == 3 * (6 + 3 * width * height))) || fail "a stream of three frames has $bytes bytes"
 
-refused() { # WORDS OPTIONS...: it fails and says so
+refused() { # WORDS OPTIONS...: live fails and prints WORDS
   local words=$1
   shift
-  "$bin/glasswing" live "$@" >"$work/out" 2>&1 && fail "live $* went well"
-  grep -q -e "$words" "$work/out" || fail "live $* says: $(cat "$work/out")"
+  "$bin/glasswing" live "$@" >"$work/out" 2>&1 && fail "live $* succeeded"
+  grep -q -e "$words" "$work/out" || fail "live $* prints: $(cat "$work/out")"
 }
 refused "there is no X display" --background "$back"
 refused "no.such.png" --background "$work/no.such.png" --output /dev/null
@@ -32,7 +32,7 @@ refused "exposure_ms" --background "$back" --output /dev/null --exposure-ms 500
 refused "no_such_option" --background "$back" --output /dev/null --set no_such_option=1
 refused "cannot write" --background "$back" --output "$work/none/live.y4m"
 
-# One at a time; who is killed lets go.
+# One live call at a time; a killed one releases the rig.
 "$bin/glasswing" live --background "$back" --output "$work/held.y4m" &
 holder=$!
 until_true 30 test -s "$work/held.y4m" || fail "the first live call shows nothing"
@@ -40,12 +40,12 @@ refused 'the rig is held by live, started by' --background "$back" --output /dev
 kill -KILL $holder
 until_true 20 live --output /dev/null --frames 1 >/dev/null || fail "the rig was not released"
 
-# A camera that goes away ends it.
+# It ends when the camera goes away.
 rm -f "$work/held.y4m"
 "$bin/glasswing" live --background "$back" --output "$work/held.y4m" >"$work/out" 2>&1 &
 holder=$!
 until_true 30 test -s "$work/held.y4m" || fail "live shows nothing"
 kill -KILL "$(cat "$work/rig/run/camera-1.pid")"
-wait $holder && fail "it went on without a camera"
-grep -q "camera node" "$work/out" || fail "without a camera it says: $(cat "$work/out")"
-echo "live mattes: all is well"
+wait $holder && fail "it continued without a camera"
+grep -q "camera node" "$work/out" || fail "without a camera it prints: $(cat "$work/out")"
+echo "live mattes: all checks passed"

@@ -1,6 +1,7 @@
 #!/bin/bash
-# What a rig of separate processes tells monitoring: after a capture and a solve every daemon's /metrics is what Prometheus
-# reads, says what happened, and has every name that the dashboard and the alerts ask for; logs are JSON where asked for.
+# Metrics and logs of a rig of separate processes: after a capture and a solve every daemon's /metrics is
+# valid for Prometheus, counts what happened, and has every name that the dashboard and the alerts use; logs
+# can be JSON.
 source "$(dirname "$0")/rig.sh"
 
 metrics=$((port + 10))
@@ -10,21 +11,21 @@ scrape() { # N
   exec 9<>"/dev/tcp/127.0.0.1/$((metrics + $1))" && printf 'GET /metrics HTTP/1.0\r\n\r\n' >&9 && sed '1,/^\r$/d' <&9
   exec 9>&-
 }
-value() { # N NAME: the sum of what it tells under this name and labels
+value() { # N NAME: the sum of all samples that begin with this name and labels
   scrape "$1" | awk -v name="$2" 'index($0, name) == 1 { sum += $NF; there = 1 } END { if (!there) exit 1; print sum }'
 }
 is() { [[ $(value "$2" "$3") == "$1" ]]; } # VALUE N NAME
 
 local_rig up --port "$port" --solvers 2 --metrics "$metrics" || fail "the rig did not come up"
 
-echo "== before anything happened, the fleet is there and idle"
+echo "== at first the fleet is up and idle"
 until_true 10 is 2 0 'glasswing_solvers{state="up"}' || fail "no solvers: $(scrape 0 | grep glasswing_solvers)"
 is 2 0 glasswing_node_up || fail "the display and the camera are not both up"
 is 0 0 glasswing_tiles_done_total || fail "tiles are done"
 is 1 0 glasswing_job_store_up || fail "no job store"
 glasswing fleet | tee "$work/fleet.txt"
-grep -q "2 of 2 solvers up" "$work/fleet.txt" || fail "the fleet is not told"
-grep -q "no work" "$work/fleet.txt" || fail "there is work"
+grep -q "2 of 2 solvers up" "$work/fleet.txt" || fail "the fleet does not list the solvers"
+grep -q "no work" "$work/fleet.txt" || fail "the fleet is not idle"
 
 echo "== a capture and a solve are counted"
 glasswing capture "$root/deploy/plans/quick.txtpb" --session vase --watch 2>/dev/null || fail "not captured"
@@ -41,14 +42,14 @@ solved=$(($(value 3 'glasswing_solver_tiles_total{outcome="solved"}') + $(value 
 ((solved >= tiles)) || fail "the solvers solved $solved of $tiles tiles"
 (($(value 0 'glasswing_rpcs_total{code="OK",method="WorkService/CompleteTile"}') >= tiles)) || fail "calls were not counted"
 done_by=$(glasswing fleet --json | awk -F '"' '/"tiles_done": "/ { sum += $4 } END { print sum + 0 }')
-[[ $done_by == "$tiles" ]] || fail "glasswing fleet tells $done_by tiles, not $tiles"
+[[ $done_by == "$tiles" ]] || fail "glasswing fleet reports $done_by tiles, not $tiles"
 
-echo "== Prometheus reads it all"
+echo "== Prometheus accepts all metrics"
 for n in 0 1 2 3 4; do scrape "$n" >"$work/metrics.$n" || fail "daemon $n does not answer"; done
 cat "$work"/metrics.* >"$work/exposed"
 if command -v promtool >/dev/null; then
   for n in 0 1 2 3 4; do
-    # The library's own names are not ours to mend.
+    # Ignore the names that the library itself adds.
     promtool check metrics <"$work/metrics.$n" 2>&1 | grep -v '^exposer_' >"$work/lint" || true
     [[ ! -s $work/lint ]] || fail "daemon $n: $(cat "$work/lint")"
   done
@@ -58,7 +59,7 @@ else
   echo "skipped: promtool is not installed"
 fi
 
-echo "== what the dashboard and the alerts ask for is there"
+echo "== every name that the dashboard and the alerts use exists"
 python3 - "$work/exposed" "$root" <<'PYTHON' || fail "a name is missing"
 import json, pathlib, re, sys
 
@@ -73,12 +74,12 @@ documented = (root / "docs/monitoring.md").read_text()
 names = {name for text in asked for name in re.findall(r"\b(?:glasswing|process)_\w+", text)}
 families = {re.sub("_(bucket|sum|count)$", "", name) for name in exposed if name.startswith(("glasswing_", "process_"))}
 unknown, undocumented = names - exposed, families - set(re.findall(r"\w+", documented))
-print(f"{len(names)} names in {len(asked)} questions; not told: {unknown or 'none'}")
+print(f"{len(names)} names in {len(asked)} queries; missing: {unknown or 'none'}")
 print(f"{len(families)} families; not in docs/monitoring.md: {undocumented or 'none'}")
 sys.exit(0 if len(names) > 20 and not unknown and not undocumented else 1)
 PYTHON
 
-echo "== what is wrong with --metrics or the logs is said"
+echo "== wrong options of metrics and logs are refused by name"
 for wrong in "--metrics 0.0.0.0:0" "--metrics 127.0.0.1:$metrics" "--log-level loud" "--log-format xml"; do
   # shellcheck disable=SC2086
   if "$bin/glasswing-server" --listen 127.0.0.1:0 --data "$work/other" $wrong >"$work/wrong.log" 2>&1; then fail "accepted: $wrong"; fi

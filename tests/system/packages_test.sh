@@ -1,7 +1,7 @@
 #!/bin/bash
-# The Debian packages on a fresh Debian 12: debootstrap makes a root with what they depend on, systemd runs it in a container, and
-# there they are installed, what they start captures and solves in its sandbox, and removed and purged they leave nothing but
-# what was captured. Needs root, a mirror of Debian, and a machine on which systemd-nspawn can run; takes five minutes.
+# The Debian packages on a fresh Debian 12, made by debootstrap and booted by systemd-nspawn: they install,
+# their daemons capture and solve in their sandboxes, and after removal and purge only captured data is left.
+# Needs root, a mirror of Debian, and a machine on which systemd-nspawn can run; takes five minutes.
 source "$(dirname "$0")/rig.sh"
 build=$(cd "$bin/.." && pwd)
 fresh=$work/fresh
@@ -14,7 +14,7 @@ cleanup() {
 }
 trap cleanup EXIT
 
-((EUID == 0)) || skip "it must be run by root"
+((EUID == 0)) || skip "it must be run as root"
 for program in debootstrap systemd-nspawn dpkg-shlibdeps; do command -v "$program" >/dev/null || skip "there is no $program"; done
 mirror=$(apt-get indextargets --format '$(REPO_URI) $(RELEASE) $(COMPONENT)' 'Created-By: Packages' |
   awk '$2 == "bookworm" && $3 == "main" { print $1; exit }')
@@ -24,28 +24,28 @@ timeout 60 /usr/lib/apt/apt-helper download-file "${mirror%/}/dists/bookworm/InR
 echo "== the packages"
 cpack --config "$build/CPackConfig.cmake" -B "$work/packages" >"$work/cpack.log" 2>&1 || fail "cpack"
 packages=("$work"/packages/*.deb)
-((${#packages[@]} == 7)) || fail "${packages[*]} are not seven"
+((${#packages[@]} == 7)) || fail "${packages[*]} are not seven packages"
 names=() depends=()
 for package in "${packages[@]}"; do
   names+=("$(dpkg-deb -f "$package" Package)")
   depends+=("$(dpkg-deb -f "$package" Depends | sed 's/glasswing-common ([^)]*), //')")
 done
 
-echo "== a fresh Debian with what they depend on"
+echo "== a fresh Debian with their dependencies"
 eval "$(apt-config shell http_proxy Acquire::http::Proxy https_proxy Acquire::https::Proxy)"
 export http_proxy=${http_proxy-} https_proxy=${https_proxy-}
 debootstrap --variant=minbase --include=systemd-sysv,ca-certificates bookworm "$fresh" "$mirror" >"$work/debootstrap.log" 2>&1 || fail "debootstrap"
-echo force-unsafe-io >"$fresh/etc/dpkg/dpkg.cfg.d/unsafe-io"  # It need not outlive a power cut.
+echo force-unsafe-io >"$fresh/etc/dpkg/dpkg.cfg.d/unsafe-io"  # Durability is not needed.
 cp -L --remove-destination /etc/resolv.conf "$fresh/etc/resolv.conf"
 cp -L --remove-destination /etc/ssl/certs/ca-certificates.crt "$fresh/etc/ssl/certs/ca-certificates.crt"
 apt-config dump | grep -E '^Acquire::(https?::|Check-Valid-Until|Retries)' >"$fresh/etc/apt/apt.conf.d/90mirror" || true
 echo "deb $mirror bookworm main" >"$fresh/etc/apt/sources.list"
 chroot "$fresh" sh -c 'apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get satisfy -y -qq --no-install-recommends "$0"' \
-  "$(IFS=,; echo "${depends[*]}")" >"$work/apt.log" 2>&1 || fail "what they depend on"
+  "$(IFS=,; echo "${depends[*]}")" >"$work/apt.log" 2>&1 || fail "their dependencies cannot be installed"
 mkdir "$fresh/packages"
 cp "${packages[@]}" "$fresh/packages"
 
-echo "== systemd runs it"
+echo "== systemd boots it"
 systemd-nspawn --quiet --register=no --keep-unit --private-network -D "$fresh" --machine="glasswing-$$" --boot </dev/null >"$work/boot.log" 2>&1 &
 nspawn=$!
 booted() {
@@ -56,7 +56,7 @@ booted() {
 }
 inside() { nsenter --target "$container" --all --root --wd /usr/bin/env --chdir=/ -i PATH=/usr/sbin:/usr/bin:/sbin:/bin LANG=C.UTF-8 "$@"; }
 until_true 60 booted || fail "it does not boot"
-# What is there, but for logs and caches and what changes by itself.
+# Lists all files except logs, caches and those that change by themselves.
 tree() {
   inside find / -xdev \( -path /packages -o -path /tmp -o -path /var/tmp -o -path /var/log -o -path /var/cache -o -path /var/lib/systemd -o -path /var/lib/dpkg \) -prune -o -print |
     grep -v '/__pycache__' | sort
@@ -64,14 +64,14 @@ tree() {
 
 tree >"$work/before"
 
-echo "== installed: enabled, and not started"
+echo "== after installation: enabled, not started"
 inside sh -c 'dpkg -i /packages/*.deb' >"$work/install.log" 2>&1 || fail "dpkg -i"
 inside dpkg --verify "${names[@]}"
 units=(glasswing-server glasswing-display glasswing-camera glasswing-solver)
 [[ $(inside systemctl is-enabled "${units[@]}" | sort -u) == enabled ]] || fail "a unit is not enabled"
 [[ $(inside systemctl is-active "${units[@]}" | sort -u) == inactive ]] || fail "a unit was started"
 inside sh -c 'systemd-analyze verify --man=no /usr/lib/systemd/system/glasswing-*.service' 2>"$work/complaints" || fail "$(cat "$work/complaints")"
-! grep glasswing "$work/complaints" || fail "that is a complaint"
+! grep glasswing "$work/complaints" || fail "systemd reports a problem"
 version=$("$bin/glasswing" --version)
 for program in glasswing "${units[@]}"; do
   [[ $(inside "$program" --version) == "$version" ]] || fail "$program is not $version"
@@ -83,7 +83,7 @@ done
 (($(inside sh -c 'ls /usr/share/man/man1/glasswing-*.1.gz | wc -l') == $(ls "$build/man/glasswing"/glasswing-*.1 | wc -l))) || fail "a command has no manual page"
 [[ $(inside python3 -c 'import glasswing; print(glasswing.Matte.__name__)') == Matte ]] || fail "the Python package"
 
-echo "== started: they capture and solve"
+echo "== the daemons capture and solve"
 cat >"$fresh/etc/glasswing/glasswing.conf" <<'END'
 GLASSWING_SERVER=127.0.0.1:7440
 GLASSWING_SERVER_OPTIONS="--listen 127.0.0.1:7440"
@@ -97,7 +97,7 @@ property() { inside systemctl show --value -p "$2" "$1"; } # UNIT NAME
 three_up() { (($(inside glasswing nodes --json | grep -c '"up": true') == 3)); }
 inside systemctl start "${units[@]}" || { journal; fail "they do not start"; }
 until_true 30 active || { journal; fail "they are not active"; }
-until_true 30 three_up || { journal; fail "they do not find one another"; }
+until_true 30 three_up || { journal; fail "they do not find each other"; }
 captured() { # SESSION
   inside glasswing capture /usr/share/glasswing/plans/quick.txtpb --session "$1" --watch && inside glasswing solve "$1" --watch &&
     inside glasswing fetch "$1" -o "/tmp/$1.exr"
@@ -116,15 +116,15 @@ for unit in "${units[@]}"; do
   inside test -e /root/.profile && sees ! -e /root/.profile || fail "$unit sees /root"
 done
 
-echo "== installed again: what runs is started again, with its configuration"
+echo "== an upgrade restarts the daemons and keeps the configuration"
 before=$(property glasswing-server MainPID)
 inside sh -c 'dpkg -i /packages/*.deb' >"$work/upgrade.log" 2>&1 || fail "dpkg -i again"
-[[ $(property glasswing-server MainPID) != "$before" ]] || fail "the server was not started again"
+[[ $(property glasswing-server MainPID) != "$before" ]] || fail "the server was not restarted"
 grep -q 'listen 127.0.0.1:7440' "$fresh/etc/glasswing/glasswing.conf" || fail "the configuration was replaced"
-until_true 30 three_up || { journal; fail "they do not find one another again"; }
+until_true 30 three_up || { journal; fail "they do not find each other after the upgrade"; }
 inside glasswing show s >/dev/null || fail "the session is lost"
 
-echo "== a daemon that stands still is started again"
+echo "== systemd restarts a daemon that hangs"
 for unit in "${units[@]}"; do
   inside mkdir -p "/run/systemd/system/$unit.service.d"
   printf '[Service]\nWatchdogSec=3\n' >"$work/watchdog.conf"
@@ -135,28 +135,28 @@ inside systemctl restart "${units[@]}"
 for unit in "${units[@]}"; do
   pid=$(property "$unit" MainPID)
   inside sh -c "kill -STOP $pid"
-  started_again() { [[ $(property "$unit" MainPID) != "$pid" && $(property "$unit" ActiveState) == active ]]; }
-  until_true 60 started_again || { journal; fail "$unit stands still"; }
+  restarted() { [[ $(property "$unit" MainPID) != "$pid" && $(property "$unit" ActiveState) == active ]]; }
+  until_true 60 restarted || { journal; fail "$unit hangs"; }
 done
-until_true 30 three_up || { journal; fail "they do not find one another after that"; }
+until_true 30 three_up || { journal; fail "they do not find each other after that"; }
 captured t || { journal; fail "no matte after that"; }
 
-echo "== told to stop, they end well"
+echo "== systemctl stop ends them successfully"
 inside systemctl stop "${units[@]}"
 for unit in "${units[@]}"; do [[ $(property "$unit" Result) == success ]] || { journal; fail "$unit: $(property "$unit" Result)"; }; done
 
 echo "== removed and purged"
 inside dpkg --remove "${names[@]}" >"$work/remove.log" 2>&1 || fail "dpkg --remove"
-[[ -e $fresh/etc/glasswing/glasswing.conf && -d $fresh/var/lib/glasswing/server ]] || fail "removing took the configuration, or what was captured"
+[[ -e $fresh/etc/glasswing/glasswing.conf && -d $fresh/var/lib/glasswing/server ]] || fail "removal deleted the configuration or captured data"
 inside dpkg --purge "${names[@]}" >"$work/purge.log" 2>&1 || fail "dpkg --purge"
 for state in server camera; do
-  grep -q "/var/lib/glasswing/$state is left, as it holds data" "$work/purge.log" || fail "purging does not say that $state is left"
-  [[ -n $(ls "$fresh/var/lib/glasswing/$state") ]] || fail "what was captured is gone: $state"
+  grep -q "/var/lib/glasswing/$state is left, as it holds data" "$work/purge.log" || fail "purge does not say that $state is left"
+  [[ -n $(ls "$fresh/var/lib/glasswing/$state") ]] || fail "purge deleted captured data: $state"
 done
 rm -rf "$fresh/var/lib/glasswing"
 tree >"$work/after"
-diff "$work/before" "$work/after" || fail "that is left, or gone"
-! inside dpkg -l 'glasswing*' python3-glasswing 2>/dev/null | grep -E '^[a-z]i|^rc' || fail "dpkg still knows them"
+diff "$work/before" "$work/after" || fail "these files are left over or missing"
+! inside dpkg -l 'glasswing*' python3-glasswing 2>/dev/null | grep -E '^[a-z]i|^rc' || fail "dpkg still lists them"
 inside systemctl poweroff
 wait "$nspawn" || true
-echo "all of it held"
+echo "all checks passed"

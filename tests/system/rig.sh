@@ -1,5 +1,5 @@
-# What the tests of a rig of separate processes share; to be sourced. It sets `root`, `bin`, `work` (a directory of the
-# test's own), `port` and `server`; the directory and all background jobs end with the test.
+# Sourced by the tests that run a rig of separate processes. Sets `root`, `bin`, `work` (a temporary
+# directory), `port` and `server`. Removes the directory and ends all background jobs when the test ends.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 bin=${GLASSWING_BIN:-$root/build/release/bin}
@@ -15,22 +15,22 @@ fail() {
   exit 1
 }
 glasswing() { "$bin/glasswing" "$@"; }
-until_true() { # SECONDS COMMAND...: asks again until it holds
+until_true() { # SECONDS COMMAND...: repeats the command until it succeeds; fails after SECONDS
   local deadline=$((SECONDS + $1 * ${GLASSWING_TEST_PATIENCE:-1}))
   until "${@:2}" 2>/dev/null; do
     ((SECONDS < deadline)) || return 1
     sleep 0.05
   done
 }
-up() { (($(glasswing nodes --json | grep -c '"up": true') == $1)); } # COUNT: so many nodes are
+up() { (($(glasswing nodes --json | grep -c '"up": true') == $1)); } # COUNT: that many nodes are up
 field() { # NAME [FILE]: its first value in JSON
   sed -n "s/.*\"$1\": \"\{0,1\}\([^\",]*\)\"\{0,1\},\{0,1\}\$/\1/p" "${@:2}" | head -n 1
 }
 shown() { glasswing show "$1" --json | field "$2"; } # SESSION NAME
-refused() { # WORDS COMMAND...: fails, with one line beside those of progress on standard error, which holds these words
+refused() { # WORDS COMMAND...: the command fails, and its one line on standard error besides progress contains WORDS
   local words=$1
   shift
   if "$@" >/dev/null 2>"$work/stderr"; then fail "accepted: $*"; fi
-  [[ $(grep -vc '^[a-z]*ing: ' "$work/stderr") == 0 && $(grep -c '^glasswing: ' "$work/stderr") == 1 ]] || fail "not one line: $(cat "$work/stderr")"
+  [[ $(grep -vc '^[a-z]*ing: ' "$work/stderr") == 0 && $(grep -c '^glasswing: ' "$work/stderr") == 1 ]] || fail "not exactly one line: $(cat "$work/stderr")"
   grep -qF -- "$words" "$work/stderr" || fail "\"$(cat "$work/stderr")\" does not say \"$words\""
 }

@@ -1,6 +1,6 @@
 #!/bin/bash
-# The rig's own measurements through separate processes: lag found, a good rig called good and a bad one by its trouble, and
-# a preview beside a capture that costs it nothing.
+# The rig's own measurements, with separate processes: the measured lag, doctor's verdicts on good and bad
+# rigs, and a preview that does not disturb a capture.
 source "$(dirname "$0")/rig.sh"
 
 "$bin/glasswing-server" --listen "$server" --data "$work/server" >"$work/server.log" 2>&1 &
@@ -19,7 +19,7 @@ ready() { until_true 20 up 2 && until_true 20 grep -q "light from" "$work/camera
 lag=7.3 settle=4  # ms; the display declares less
 truth=(--lag-ms 3 --settle-ms 1 --true-lag-ms "$lag" --true-settle-ms "$settle" --patch-rows 8)
 
-echo "== lag and settling are measured, whatever the display declares"
+echo "== lag and settling are measured, independent of what the display declares"
 display --monitor back=96x96@60 "${truth[@]}"
 camera
 ready
@@ -31,12 +31,12 @@ within() { # FIELD TRUTH_MS TOLERANCE_MS
     fail "$1 is $(field "$1" "$work/sync.out"); the truth is $2 ms"
 }
 within lag_ns "$lag" 0.3
-within settle_ns "$settle" 0.6  # its begin and its end, each as good as the lag
+within settle_ns "$settle" 0.6  # a difference of two times, each as accurate as the lag
 [[ -s $work/server/calibration/sync.json ]] || fail "it was not stored"
 
-echo "== a preview beside a capture takes nothing from it"
-# An exposure that fits whatever the camera's phase: a picture stands still for 33.3 ms less scan-out, settling and doubt, 11.6 ms;
-# exposure, readout and doubt take 6 ms, and a frame begins every 5.
+echo "== a preview does not disturb a capture"
+# An exposure that fits at any phase of the camera: a picture is steady for 33.3 ms minus scan-out, settling
+# and uncertainty, 11.6 ms; exposure, readout and uncertainty take 6 ms, and a frame begins every 5 ms.
 sed 's/^exposure_ms.*/exposure_ms: 3/' "$root/deploy/plans/quick.txtpb" >"$work/quick.txtpb"
 glasswing capture "$work/quick.txtpb" --session s >/dev/null
 glasswing preview -o "$work/live.jpg" --fps 4 --width 24 --count 8 | tee "$work/preview.out"
@@ -44,23 +44,23 @@ glasswing show s --json >"$work/during.json"
 grep -q CAPTURING "$work/during.json" || fail "the capture was over before the preview"
 glasswing watch s || fail "not captured"
 (($(wc -l <"$work/preview.out") == 8)) || fail "eight lines were expected"
-grep -q " 24x24: focus" "$work/preview.out" || fail "the preview has another size"
+grep -q " 24x24: focus" "$work/preview.out" || fail "the preview has the wrong size"
 [[ $(head -c 2 "$work/live.jpg" | od -An -tx1) == " ff d8" ]] || fail "live.jpg is no JPEG"
 glasswing show s --json >"$work/show.json"
 echo "retaken: $(field retaken_count "$work/show.json")"
-# On a busy machine a simulated frame may come late by itself.
+# On a busy machine some simulated frames are late by themselves.
 (($(field retaken_count "$work/show.json") * 20 <= $(field step_count "$work/show.json"))) || fail "steps were retaken"
 
-echo "== a good rig has no problem; a display that declares another lag is told"
+echo "== a good rig has no problem; doctor reports a wrongly declared lag"
 glasswing doctor >"$work/good.out" || fail "doctor found a problem"
 cat "$work/good.out"
 grep -q "declares 3.00 ms lag" "$work/good.out" || fail "doctor believes the declared lag"
 grep -q "back: every bit is read" "$work/good.out" || fail "doctor does not see the id patch"
 
-problem() { # SUBJECT: doctor fails and names it
+problem() { # SUBJECT [OPTION...]: doctor fails and names SUBJECT
   if glasswing doctor "${@:2}" >"$work/doctor.out" 2>&1; then
     cat "$work/doctor.out"
-    fail "doctor did not see the trouble"
+    fail "doctor did not find the problem"
   fi
   grep -q "^problem *$1" "$work/doctor.out" || { cat "$work/doctor.out"; fail "doctor did not name: $1"; }
   grep "^problem" -A 1 "$work/doctor.out"
@@ -85,4 +85,4 @@ echo "== no camera"
 stop "$camera"
 until_true 20 up 1 || fail "the camera is still up"
 problem nodes
-echo "all of it held"
+echo "all checks passed"

@@ -1,6 +1,6 @@
 #!/bin/bash
-# A whole session through separate processes, as a person would run it: plan, capture, solve, fetch, composite, export,
-# import; then each daemon killed in the middle; then input that is wrong.
+# A whole session with separate processes, as a user would run it: plan, capture, solve, fetch, composite,
+# export, import; then with each daemon killed in the middle; then with wrong input.
 source "$(dirname "$0")/rig.sh"
 rig=("$root/deploy/local-rig")
 trap '"${rig[@]}" down --data "$work/rig" >/dev/null; rm -rf "$work"' EXIT
@@ -16,8 +16,8 @@ glasswing capture "$plan" --session s --watch
 steps=$(shown s step_count)
 awk -v s="$(shown s capture_seconds)" -v n="$steps" 'BEGIN { printf "%d steps in %.2f s: %.2f of the limit\n", n, s, s * 30 / n }'
 outcomes() { glasswing steps "$1" | awk -v what="$2" 'index($0, what)' | wc -l; } # SESSION WHAT
-[[ $(outcomes s ": frames/") == "$steps" ]] || fail "steps tells of $(outcomes s ": frames/") proofs"
-[[ $(outcomes s " shown") == $((steps + $(shown s retaken_count))) ]] || fail "steps tells of $(outcomes s " shown") showings"
+[[ $(outcomes s ": frames/") == "$steps" ]] || fail "steps lists $(outcomes s ": frames/") proofs"
+[[ $(outcomes s " shown") == $((steps + $(shown s retaken_count))) ]] || fail "steps lists $(outcomes s " shown") presentations"
 glasswing solve s --watch
 glasswing fetch s -o "$work/s.exr"
 glasswing composite "$work/s.exr" --background "$root/deploy/pictures/quilt.png" -o "$work/s.png"
@@ -30,27 +30,27 @@ glasswing import "$work/s" --session t
 glasswing solve t --watch
 glasswing fetch t -o "$work/t.exr"
 for m in s t; do glasswing composite "$work/$m.exr" --background "$root/deploy/pictures/quilt.png" -o "$work/$m.exr.out.exr"; done
-cmp "$work/s.exr.out.exr" "$work/t.exr.out.exr" || fail "the imported frames made another matte"
+cmp "$work/s.exr.out.exr" "$work/t.exr.out.exr" || fail "the matte of the imported frames differs"
 
-echo "== every daemon killed in the middle, and started again"
+echo "== every daemon is killed during a capture, and restarted"
 for daemon in camera-1 display-1 server; do
   s=killed-$daemon
   glasswing capture "$plan" --session "$s" >/dev/null
-  until_true 30 proven_at_least "$s" 20 || fail "$s proved nothing"
+  until_true 30 proven_at_least "$s" 20 || fail "no step of $s was proven"
   glasswing pause "$s" >/dev/null
   frames=$work/rig/camera/archives/$s/frames
   (cd "$frames" && sha256sum ./*.tif) >"$work/proven"
   glasswing resume "$s" >/dev/null
-  until_true 30 proven_at_least "$s" $(($(wc -l <"$work/proven") + 10)) || fail "$s did not go on"
+  until_true 30 proven_at_least "$s" $(($(wc -l <"$work/proven") + 10)) || fail "$s did not continue"
   kill -KILL "$(cat "$work/rig/run/$daemon.pid")"
   "${rig[@]}" up --data "$work/rig" >/dev/null
   glasswing resume "$s" >/dev/null
   glasswing watch "$s" || fail "$s did not finish after its $daemon was killed"
   [[ $(shown "$s" proven_count) == "$steps" ]] || fail "$s has $(shown "$s" proven_count) of $steps steps"
-  (cd "$frames" && sha256sum --quiet -c "$work/proven") || fail "$s captured again what was proven"
+  (cd "$frames" && sha256sum --quiet -c "$work/proven") || fail "$s captured proven steps again"
 done
 
-echo "== what is wrong is said in one line, and harms nothing"
+echo "== wrong input is refused in one line, and does no harm"
 refused 'there is no session "nobody"' glasswing show nobody
 refused 'does not answer' glasswing sessions --server 127.0.0.1:1
 refused 'session "s" already' glasswing capture "$plan" --session s
@@ -73,4 +73,4 @@ printf 'x' | dd of="$spooled" bs=1 seek=1000 conv=notrunc status=none
 refused "$(basename "$spooled")" glasswing solve killed-server --watch
 glasswing fetch s -o "$work/again.exr"
 cmp "$work/s.exr" "$work/again.exr" || fail "the matte changed"
-echo "all of it held"
+echo "all checks passed"

@@ -1,5 +1,6 @@
 #!/bin/bash
-# A session whose pictures a real X server shows, seen by the simulated camera: every step proved at its rate, and solved.
+# A session shown by a real X server and seen by the simulated camera: every step is proven, and the session
+# is solved.
 source "$(dirname "$0")/rig.sh"
 command -v Xvfb >/dev/null || { echo "skipped: no Xvfb here"; exit 77; }
 screen=$((40000 + RANDOM % 20000))
@@ -13,11 +14,11 @@ until_true 10 test -S "/tmp/.X11-unix/X$screen" || fail "Xvfb did not start"
   --size 96x72 --scene crystal --tap "127.0.0.1:$((port + 1))" >"$work/camera.log" 2>&1 &
 "$bin/glasswing-solver" --server "$server" >"$work/solver.log" 2>&1 &
 until_true 20 up 3 || fail "not all nodes came up"
-until_true 20 grep -q "light from" "$work/camera.log" || fail "the camera sees no light"
+until_true 20 grep -q "light from" "$work/camera.log" || fail "the camera does not see the monitor"
 
 glasswing capture "$root/deploy/plans/quick.txtpb" --session x --watch || fail "not captured"
 glasswing solve x --watch || fail "not solved"
 glasswing show x
 glasswing show x --json >"$work/show.json"
-grep -q '"proven_count": 205' "$work/show.json" || fail "not every step was proved"
+grep -q '"proven_count": 205' "$work/show.json" || fail "not every step was proven"
 grep -Eq '"object_pixel_count": "?[1-9][0-9]{2,}' "$work/show.json" || fail "the solved matte has no object"

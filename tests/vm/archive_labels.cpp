@@ -1,7 +1,8 @@
-// Judges from the pixels alone which step each frame of an archive shows, and fails if it is not the one that
-// the archive says: of all the pictures that the camera should have seen, the frame's own must be the
-// nearest.
+// Checks the labels of an archive's frames from their pixels alone: of the pictures that the camera should
+// have seen in all steps, the one of the frame's own step must be the nearest.
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
 #include <iostream>
 
 #include "camera-node/backends/pixel_format.h"
@@ -82,7 +83,7 @@ int main(int argc, char** argv) {
       break;
     }
   }
-  std::cout << expected.size() << " frames, mislabelled " << wrong << ", pairs of steps that look alike "
-            << alike / 2 << ", largest rms difference from what is expected " << std::sqrt(worst) << "\n";
+  std::cout << expected.size() << " frames, mislabelled " << wrong << ", pairs of identical steps "
+            << alike / 2 << ", largest rms difference from the expected picture " << std::sqrt(worst) << "\n";
   return wrong == 0 && !expected.empty() ? 0 : 1;
 }

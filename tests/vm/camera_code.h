@@ -1,4 +1,5 @@
-// The codes that the USB camera of tests/vm sends: sRGB, BT.601, limited range, YUYV.
+// The pixel format of the simulated USB camera: YUYV with the curve of sRGB, the matrix of BT.601, limited
+// range.
 #pragma once
 
 #include <cstdint>
@@ -8,10 +9,10 @@
 
 namespace glasswing {
 
-// At which radiance 1.0 reads 1.0.
+// The exposure at which radiance 1.0 reads 1.0.
 inline constexpr double kFullScaleExposure_ms = 4.5;
 
-// Of an even width.
+// The width must be even.
 std::vector<std::uint8_t> yuyv_of(const Image16& image);
 
 }  // namespace glasswing

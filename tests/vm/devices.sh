@@ -1,6 +1,6 @@
-# For the scripts in guest/: the devices of the guest, and waiting for them.
+# Sourced by the scripts in guest/: sets up the devices of the guest and waits for them.
 
-until_true() { # SECONDS COMMAND...: asks again until it holds
+until_true() { # SECONDS COMMAND...: repeats the command until it succeeds; fails after SECONDS
   local deadline=$((SECONDS + $1))
   until "${@:2}" 2>/dev/null; do
     ((SECONDS < deadline)) || return 1
@@ -8,13 +8,13 @@ until_true() { # SECONDS COMMAND...: asks again until it holds
   done
 }
 
-# Three cards with a monitor each, /dev/dri/card0 to card2.
+# Creates three cards with a monitor each, /dev/dri/card0 to card2.
 load_monitors() {
   modprobe -a vkms vkms2 vkms3
   until_true 20 test -e /dev/dri/card2
 }
 
-# Programs that ask udev which devices there are (Xorg, libcamera) need it before they start.
+# Xorg and libcamera enumerate devices with udev, which must run before they start.
 start_udev() {
   /lib/systemd/systemd-udevd --daemon
   udevadm trigger

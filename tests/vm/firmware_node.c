@@ -1,5 +1,5 @@
-// Gives the virtual USB bus of vhci-hcd a firmware node, which libcamera makes a USB camera's name from. A real
-// machine's bus has one, from its ACPI tables.
+// Gives the virtual USB bus of vhci-hcd a firmware node, from which libcamera derives the name of a USB
+// camera. The bus of a real machine has one from its ACPI tables.
 #include <linux/device.h>
 #include <linux/module.h>
 #include <linux/platform_device.h>

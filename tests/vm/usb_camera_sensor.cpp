@@ -1,6 +1,6 @@
-// The sensor of the USB camera of tests/vm: reads "START_NS EXPOSURE_NS" lines, and writes what a global
-// shutter saw then of the monitors' light, through a scene, as YUYV. It learns of that light from a display
-// node's tap.
+// The sensor of the simulated USB camera (usb_camera): for each line "START_NS EXPOSURE_NS" it writes the
+// picture that a global shutter took then of the monitors through a scene, as YUYV. It gets the monitors'
+// light from a display node's tap.
 #include <CLI/CLI.hpp>
 #include <filesystem>
 #include <iostream>
@@ -16,13 +16,13 @@ namespace {
 
 using namespace glasswing;
 
-constexpr nanoseconds kPatience = std::chrono::seconds(5);  // the camera drops what comes late
+constexpr nanoseconds kPatience = std::chrono::seconds(5);  // the camera drops late frames
 
 struct Scene {
   std::string name;
   int width_px = 0, height_px = 0;
   std::vector<SceneMonitor> monitors;
-  std::optional<Transport> with, without;  // the object
+  std::optional<Transport> with, without;  // with the object, without it
 
   const Transport& transport(const std::vector<MonitorEmission>& emission, bool object) {
     std::optional<Transport>& through = object ? with : without;
@@ -42,14 +42,14 @@ int main(int argc, char** argv) {
   CLI::App app("The sensor of the USB camera of tests/vm.");
   std::string tap, object;
   Scene scene{.name = "crystal", .width_px = 64, .height_px = 48, .monitors = {}, .with = {}, .without = {}};
-  app.add_option("--tap", tap, "host:port of the display node whose light it sees")->required();
-  app.add_option("--object", object, "the object is in view while this file is there")->required();
+  app.add_option("--tap", tap, "HOST:PORT of the display node whose light it sees")->required();
+  app.add_option("--object", object, "the object is in view while this file exists")->required();
   app.add_option("--scene", scene.name)->capture_default_str();
   app.add_option("--width", scene.width_px)->capture_default_str();
   app.add_option("--height", scene.height_px)->capture_default_str();
   CLI11_PARSE(app, argc, argv);
 
-  start_logging("usb_camera_sensor", LogOptions());  // to stderr: stdout is for pictures
+  start_logging("usb_camera_sensor", LogOptions());  // to stderr; stdout carries the pictures
   EmissionTimeline timeline(std::chrono::seconds(60));
   const EmissionClient client(tap, timeline);
   SensorModel sensor;

@@ -1,6 +1,7 @@
-"""How well one server keeps many solvers busy. The solvers are simulated: their work is a timed wait of 0.5 to 5 s (0.5 s and an
-exponentially distributed rest, 1.5 s on average), and surveys are answered at once. Real are the server, the store, the calls, the
-leases, and a small matte for every tile. Solvers do not fetch ahead, so that every claim costs them its time."""
+"""Measures how well one server keeps many solvers busy. The solvers are simulated: solving a tile is a wait
+of 0.5 to 5 s (0.5 s plus an exponentially distributed time, 1.5 s on average), and surveys are answered at
+once. Server, store, calls, leases and the small matte of each tile are real. Solvers do not prefetch, so
+every claim costs them its full latency."""
 
 from __future__ import annotations
 
@@ -40,7 +41,7 @@ _COLUMNS = (
 
 
 def _cpu_seconds(parent: int) -> float:
-    """Of a process and its children, those that have ended included."""
+    """CPU time of a process and its children, including those that have ended."""
     total = 0.0
     for stat in pathlib.Path("/proc").glob("[0-9]*/stat"):
         try:
@@ -56,7 +57,7 @@ def _cpu_seconds(parent: int) -> float:
 
 
 def measure(store: str, solvers: int, tiles: int, work: pathlib.Path, seed: int) -> dict[str, object]:
-    """One solve, on a server of its own."""
+    """Measures one solve on a server of its own."""
     work.mkdir()
     simulation = [str(BIN / "glasswing-fleet-simulation"), "--width", str(_WIDTH_PX), "--height", str(tiles)]
     archive = work / "archive"
@@ -86,9 +87,9 @@ def measure(store: str, solvers: int, tiles: int, work: pathlib.Path, seed: int)
 def main() -> int:
     parser = argparse.ArgumentParser(prog="tests/bench/fleet/run", description=__doc__)
     parser.add_argument("--solvers", type=int, nargs="+", default=[1, 8, 16, 32, 64, 128, 256])
-    parser.add_argument("--tiles", type=int, default=24, help="for each solver (default 24)")
+    parser.add_argument("--tiles", type=int, default=24, help="tiles per solver (default 24)")
     parser.add_argument("--store", choices=("sqlite", "postgres", "both"), default="both")
-    parser.add_argument("--seed", type=int, default=1, help="of the waits")
+    parser.add_argument("--seed", type=int, default=1, help="of the simulated waits")
     options = parser.parse_args()
     stores = ["postgres", "sqlite"] if options.store == "both" else [options.store]
     print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.2f} before")

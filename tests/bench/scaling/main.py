@@ -1,6 +1,7 @@
-"""What distributing a solve costs, and what more solvers give, on this machine: one archive is solved again and again, in turn
-in one process without a server, by a server and one solver, and by a server and two. Solvers have one thread each. Told are medians of
-wall-clock seconds, from the asking to the finished matte; mattes are compared too."""
+"""Measures the overhead of distributing a solve, and the speed-up by a second solver, on this machine. Solves
+one archive repeatedly in turn: in one process without a server, with a server and one solver, and with a
+server and two. Solvers have one thread each. Reports medians of wall-clock seconds from the request to the
+finished matte, and compares the mattes."""
 
 from __future__ import annotations
 
@@ -25,14 +26,15 @@ _WAYS = ("in one process", "server, 1 solver", "server, 2 solvers")
 
 @dataclasses.dataclass(frozen=True)
 class Took:
-    """`cpu_seconds`: of all processes together, which tells more than the clock on a machine that is busy with other things."""
+    """The time of one solve. `cpu_seconds`: total of all processes, which is more reliable than the clock on
+    a busy machine."""
 
     seconds: float
     cpu_seconds: float
 
 
 def in_process(archive: pathlib.Path, matte: pathlib.Path, method: list[str]) -> Took:
-    """From the program's start."""
+    """Solves in one process, timed from its start."""
     command = [str(BIN / "glasswing-solver"), "solve", str(archive), str(matte), "--threads", "1", *method]
     began, before = time.monotonic(), os.times()
     subprocess.run(command, check=True)
@@ -42,7 +44,7 @@ def in_process(archive: pathlib.Path, matte: pathlib.Path, method: list[str]) ->
 
 
 def distributed(lab: Lab, solvers: int, method: str) -> Took:
-    """Solvers that are not wanted are away."""
+    """Solves with the first `solvers` solvers; the others are stopped."""
     for i, solver in enumerate(lab.solvers):
         if i < solvers and not solver.is_running():
             solver.start()
@@ -60,12 +62,12 @@ def distributed(lab: Lab, solvers: int, method: str) -> Took:
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="tests/bench/scaling/run", description=__doc__)
-    parser.add_argument("--runs", type=int, default=3, help="of each way (default 3)")
-    parser.add_argument("--size", default="544x424", help="px of the simulated camera and monitor (default 544x424)")
+    parser.add_argument("--runs", type=int, default=3, help="runs of each way (default 3)")
+    parser.add_argument("--size", default="544x424", help="resolution of the simulated camera and monitor in px (default 544x424)")
     parser.add_argument("--plan", type=pathlib.Path, default=ROOT / "tests/bench/scaling/plan.txtpb")
-    parser.add_argument("--archive", type=pathlib.Path, help="solve this one; nothing is captured")
-    parser.add_argument("--method", default="", help="the plan's if left out")
-    parser.add_argument("--jobs", default="", help="PostgreSQL that holds the tiles; SQLite if left out")
+    parser.add_argument("--archive", type=pathlib.Path, help="solve this archive instead of capturing one")
+    parser.add_argument("--method", default="", help="the plan's by default")
+    parser.add_argument("--jobs", default="", help="PostgreSQL for the job store; SQLite by default")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as temporary:
         work = pathlib.Path(temporary)

@@ -45,11 +45,11 @@ double colour_of(const v1::Stimulus& stimulus, int c) {
   return stimulus.colour_size() == 3 ? stimulus.colour(c) : 1.0;
 }
 
-// Of I = peak exp(-t^2 / (2 sigma^2)), neighbours a pixel to either side tell the distance t from the ridge
-// by their ratio alone: ln(I+ / I-) = -2 t cos / sigma^2 along x, with sin along y.
+// For I = peak exp(-t^2 / (2 sigma^2)) the ratio of the neighbours one pixel to either side gives the
+// distance t from the ridge: ln(I+ / I-) = -2 t cos / sigma^2 along x, with sin along y.
 Verdict judge_stripe(const Frame& frame, const v1::Stimulus& stimulus, double step_px) {
-  constexpr double kBright = 0.2;  // of which logarithms are taken
-  constexpr int kEnough = 12;      // pixels in a band
+  constexpr double kMinBright = 0.2;  // for a logarithm
+  constexpr int kMinPixels = 12;      // in a band
   const double phi_rad = stimulus.phi_deg() * std::numbers::pi / 180.0;
   const double cos_phi = std::cos(phi_rad), sin_phi = std::sin(phi_rad);
   const double variance = stimulus.sigma_px() * stimulus.sigma_px();
@@ -69,13 +69,13 @@ Verdict judge_stripe(const Frame& frame, const v1::Stimulus& stimulus, double st
         const bool inside = x >= dx && y >= dy && x + dx < frame.width_px() && y + dy < frame.rows();
         if (!inside) continue;
         const double before = frame.grey(x - dx, y - dy), after = frame.grey(x + dx, y + dy);
-        if (std::min(before, after) < kBright) continue;
+        if (std::min(before, after) < kMinBright) continue;
         sum_px += place_px + variance * std::log(after / before) / (2.0 * (along_x ? cos_phi : sin_phi));
         ++count;
       }
     }
-    // A quarter of a step: another step's stripe is a whole one away.
-    if (count >= kEnough && std::abs(sum_px / count - stimulus.r_px()) > 0.25 * step_px)
+    // Within a quarter of a step: the stripe of the next step is a whole step away.
+    if (count >= kMinPixels && std::abs(sum_px / count - stimulus.r_px()) > 0.25 * step_px)
       return fmt::format("the stripe is at {:.2f} px in rows {} to {}, not at {:.2f}", sum_px / count, first,
                          first + band_rows - 1, stimulus.r_px());
   }
@@ -90,7 +90,8 @@ Verdict judge_bars(const Frame& frame, const v1::Stimulus& stimulus) {
   });
 }
 
-// Sixteen columns of two cells below the pattern; the upper one is the brighter where the bit is 1.
+// The patch has sixteen columns of two cells below the pattern. The upper cell is brighter where the bit
+// is 1.
 Verdict judge_patch(const Image16& image, const Frame& frame, const v1::Stimulus& stimulus) {
   const int rows = image.height_px - frame.rows();
   unsigned id = 0;
@@ -112,7 +113,7 @@ std::optional<std::string> mismatch(const Image16& image, const v1::Stimulus& st
   if (stimulus.kind() == "patch") return judge_patch(image, frame, stimulus);
   if (stimulus.kind() == "solid")
     return compare(frame, [&](int, int, int c) { return colour_of(stimulus, c); });
-  return fmt::format("\"{}\" is no kind that the decoder reads", stimulus.kind());
+  return fmt::format("\"{}\" is not a kind that the decoder knows", stimulus.kind());
 }
 
 }  // namespace glasswing

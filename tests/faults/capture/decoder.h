@@ -1,5 +1,6 @@
-// Reads from a frame's pixels alone what a camera that looks straight at a monitor, pixel on pixel, was
-// shown: the judge of the fault matrix. It shares nothing with what draws patterns and id patches.
+// Decides from a frame's pixels alone which stimulus it shows, for a camera that sees a monitor head-on,
+// pixel on pixel. It judges the fault matrix, and therefore shares no code with the generators of patterns
+// and id patches.
 #pragma once
 
 #include <optional>
@@ -11,13 +12,13 @@
 namespace glasswing {
 
 struct View {
-  int pattern_rows = 0;   // below them lies the id patch
+  int pattern_rows = 0;   // above the id patch
   double step_px = 0.0;   // between neighbouring stripes
-  double noise_sd = 0.0;  // of a sample, full scale 1, at most
+  double noise_sd = 0.0;  // maximum, of a sample; full scale is 1
 };
 
-// Nothing if every part of the frame shows the stimulus; else what is seen instead. Bands of rows are judged
-// each for itself, so that a frame exposed while the picture changed is found out.
+// Returns nullopt if every part of the frame shows the stimulus, otherwise a description of what it shows.
+// Bands of rows are judged separately, to detect a frame exposed while the picture changed.
 std::optional<std::string> mismatch(const Image16& frame, const v1::Stimulus& stimulus, const View& view);
 
 }  // namespace glasswing

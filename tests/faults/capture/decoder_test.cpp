@@ -1,4 +1,4 @@
-// The judge must find every wrong label, and none in frames that are right.
+// The decoder must find every wrong label, and accept every right one.
 #include "tests/faults/capture/decoder.h"
 
 #include <gtest/gtest.h>
@@ -38,7 +38,7 @@ v1::Stimulus solid(double r, double g, double b) {
   return stimulus;
 }
 
-// The upper `rows` are of the first, the others of the second.
+// A frame whose upper `rows` show `first`, and the others `second`.
 Image16 frame(const v1::Stimulus& first, const v1::Stimulus& second, int rows) {
   static std::mt19937_64 random(5);
   std::normal_distribution<float> noise(0.0f, static_cast<float>(kNoise));

@@ -45,7 +45,7 @@ int port_of(const std::string& address) {
   return std::stoi(address.substr(address.rfind(':') + 1));
 }
 
-// False: the connection is gone.
+// Returns false if the connection is gone.
 bool send_all(int fd, const std::string& bytes) {
   for (size_t at = 0; at < bytes.size();) {
     const ssize_t sent = ::send(fd, bytes.data() + at, bytes.size() - at, MSG_NOSIGNAL);
@@ -57,8 +57,11 @@ bool send_all(int fd, const std::string& bytes) {
 
 }  // namespace
 
-DelayRelay::DelayRelay(const std::string& target, nanoseconds most, std::uint64_t seed)
-    : target_(target), most_(most), seed_(seed), listener_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+DelayRelay::DelayRelay(const std::string& target, nanoseconds max_delay, std::uint64_t seed)
+    : target_(target),
+      max_delay_(max_delay),
+      seed_(seed),
+      listener_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
   sockaddr_in address = loopback(0);
   socklen_t size = sizeof address;
   if (::bind(listener_, reinterpret_cast<sockaddr*>(&address), size) != 0 || ::listen(listener_, 16) != 0 ||
@@ -100,7 +103,7 @@ void DelayRelay::pass(int from, int to, std::uint64_t seed, std::stop_token stop
     std::string bytes;
   };
   std::mt19937_64 random(seed);
-  std::uniform_int_distribution<std::int64_t> delay_ns(0, most_.count());
+  std::uniform_int_distribution<std::int64_t> delay_ns(0, max_delay_.count());
   std::deque<Parcel> parcels;
   std::array<char, 1 << 16> buffer{};
   while (!stop.stop_requested()) {

@@ -1,4 +1,5 @@
-// A bad network: passes TCP on to an address, each direction's bytes up to `most` late, in their order.
+// A slow network: relays TCP to an address, and delays the bytes of each direction by up to `max_delay`, in
+// order.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +15,7 @@ namespace glasswing {
 class DelayRelay {
  public:
   // `target`: "127.0.0.1:PORT", which may come up and go down.
-  DelayRelay(const std::string& target, nanoseconds most, std::uint64_t seed);
+  DelayRelay(const std::string& target, nanoseconds max_delay, std::uint64_t seed);
   ~DelayRelay();
   const std::string& address() const { return address_; }
 
@@ -23,7 +24,7 @@ class DelayRelay {
   void pass(int from, int to, std::uint64_t seed, std::stop_token stop);
 
   const std::string target_;
-  const nanoseconds most_;
+  const nanoseconds max_delay_;
   std::uint64_t seed_;
   int listener_ = -1;
   std::string address_;

@@ -1,5 +1,5 @@
-// tests/faults/run: sessions on rigs that are broken in one way each; every kept frame is judged from its
-// pixels.
+// The suite `capture` of tests/faults/run: sessions on rigs with one fault each. Every kept frame is judged
+// from its pixels.
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 #include <unistd.h>
@@ -28,7 +28,7 @@ constexpr int kLevels = 5;
 struct Trial {
   RigFaults faults;
   int hold_refreshes = 2;
-  bool may_end_unproven = false;  // a rig that no retry can mend: it must say so
+  bool may_end_unproven = false;  // retries cannot help, but no frame may be mislabelled
 };
 
 std::vector<Trial> trials() {
@@ -72,7 +72,7 @@ struct Settings {
   bool verbose = false;
 };
 
-// Four sweeps with as many stripes as are wanted, and what is shown with and without the object.
+// A plan of four sweeps with at least `steps` steps, and of the stimuli for the object mask.
 v1::Plan plan_of(const Settings& settings, int hold_refreshes, double& step_px) {
   v1::Plan plan;
   plan.set_method("gaussian");
@@ -96,7 +96,7 @@ v1::Plan plan_of(const Settings& settings, int hold_refreshes, double& step_px) 
   return plan;
 }
 
-// Runs it to its end; a node is started again when a third is proven.
+// Runs the session to its end. Restarts a node, if wanted, when a third of the steps is proven.
 v1::Session run(FaultyRig& rig, const RigFaults& faults, const v1::Plan& plan) {
   v1::CreateSessionRequest create;
   create.set_name("s");
@@ -124,7 +124,7 @@ v1::Session run(FaultyRig& rig, const RigFaults& faults, const v1::Plan& plan) {
     if (faults.restart_display) rig.restart_display();
   }
   (void)reader->Finish();
-  if (!restarted) response.mutable_session()->set_step_count(0);  // nothing was tried
+  if (!restarted) response.mutable_session()->set_step_count(0);  // the restart was never tried
   return response.session();
 }
 
@@ -150,7 +150,7 @@ absl::StatusOr<Judged> judge(const fs::path& directory, const View& view, bool v
   return judged;
 }
 
-// False: a frame is mislabelled, or a step has no proof.
+// Returns false if a frame is mislabelled, or a step has no proof.
 bool attempt(const Trial& trial, const Settings& settings, const fs::path& data) {
   double step_px = 0.0;
   const v1::Plan plan = plan_of(settings, trial.hold_refreshes, step_px);
@@ -185,24 +185,25 @@ bool attempt(const Trial& trial, const Settings& settings, const fs::path& data)
 
 int run_all(int argc, char** argv) {
   CLI::App app{
-      "Sessions on simulated rigs that are broken in one way each; every kept frame is judged from its "
-      "pixels.\n"
-      "Fails if a frame shows another step than it is kept for, or a step ends without proof.\n\n"
-      "Example:  tests/faults/run --only 'frames|clock' --seed 7"};
+      "Runs sessions on simulated rigs with one fault each, and judges every kept frame from its pixels.\n"
+      "Fails if a frame is mislabelled, or if a step ends without proof.\n\n"
+      "Example:  build/release/bin/glasswing-faults --only 'frames|clock' --seed 7"};
   Settings settings;
   std::string only = ".*", level = "off";
   bool together = false;
-  app.add_option("--steps", settings.steps, "at least so many steps a session")
+  app.add_option("--steps", settings.steps, "minimum number of steps of a session")
       ->check(CLI::Range(50, 15000))
       ->capture_default_str();
-  app.add_option("--seed", settings.seed, "of all faults and noise")->capture_default_str();
+  app.add_option("--seed", settings.seed, "seed of all faults and noise")->capture_default_str();
   app.add_option("--only", only, "only faults whose names match this regular expression");
-  app.add_option("--patch-rows", settings.patch_rows, "of the id patch; 0: frames are proven by time alone")
+  app.add_option("--patch-rows", settings.patch_rows,
+                 "height of the id patch in px; 0: frames are proven by time alone")
       ->check(CLI::Range(0, 64))
       ->capture_default_str();
-  app.add_flag("--together", together, "one session with many faults at once, instead of one for each");
-  app.add_flag("--verbose", settings.verbose, "what each mislabelled frame shows");
-  app.add_option("--log-level", level, "of the daemons: debug, info, warn, error or off")
+  app.add_flag("--together", together,
+               "one session with many faults at once, instead of one session for each");
+  app.add_flag("--verbose", settings.verbose, "print what each mislabelled frame shows");
+  app.add_option("--log-level", level, "log level of the daemons: debug, info, warn, error or off")
       ->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   start_logging("glasswing-faults", LogOptions{.level = level});

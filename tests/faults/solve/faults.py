@@ -1,11 +1,12 @@
-"""What may break while a session is solved, and draws of it."""
+"""The kinds of faults that may strike during a solve, and random draws of them."""
 
 from __future__ import annotations
 
 import dataclasses
 import random
 
-# Where GLASSWING_FAULT can make a daemon die or stop (core/base/fault_point.h), and whether it passes there once a tile.
+# The points where GLASSWING_FAULT can kill or stop a daemon (core/base/fault_point.h). True: it passes them
+# once per tile.
 SERVER_POINTS = {
     "tile received": True,
     "tile written": True,
@@ -19,25 +20,25 @@ SOLVER_POINTS = {"tile claimed": True, "tile read": True, "tile solved": True, "
 
 @dataclasses.dataclass(frozen=True)
 class Fault:
-    """`point` empty: at `at_seconds` after the solve was asked for."""
+    """One fault. Without a `point` it strikes `at_seconds` after the solve was requested."""
 
     target: str  # server, solver, camera, postgres, server link, camera link
     action: str  # kill, stop, cut, silence
     point: str = ""
     visit: int = 1
     at_seconds: float = 0.0
-    pause_seconds: float = 0.0  # until it is started again, goes on or is mended
+    pause_seconds: float = 0.0  # until the target is restarted, continued or mended
     solver: int = 0
 
     @property
     def kind(self) -> str:
-        """Without the figures."""
+        """The fault without its numbers."""
         where = f'at "{self.point}"' if self.point else "at a random moment"
         return f"{self.target}: {self.action} {where}"
 
     @property
     def variable(self) -> str:
-        """For GLASSWING_FAULT."""
+        """The value of GLASSWING_FAULT."""
         return f"{self.point}={self.action}@{self.visit}" if self.point else ""
 
     def __str__(self) -> str:
@@ -59,24 +60,24 @@ def kinds(with_postgres: bool) -> list[tuple[str, str, str]]:
 
 
 def draw(kind: tuple[str, str, str], dice: random.Random, solve_seconds: float, lease_seconds: float, solvers: int) -> Fault:
-    """One fault of this kind."""
+    """Draws a fault of this kind."""
     target, action, point = kind
     once_a_tile = {**SERVER_POINTS, **SOLVER_POINTS}.get(point, False)
-    # What stops outlives its lease more often than not.
-    longest = 2.0 * lease_seconds if action in ("stop", "silence") else 0.5
+    # Most stops outlast the lease.
+    max_seconds = 2.0 * lease_seconds if action in ("stop", "silence") else 0.5
     return Fault(
         target=target,
         action=action,
         point=point,
         visit=dice.randint(1, 3) if once_a_tile else 1,
         at_seconds=dice.uniform(0.0, solve_seconds),
-        pause_seconds=dice.uniform(0.3 * longest, longest),
+        pause_seconds=dice.uniform(0.3 * max_seconds, max_seconds),
         solver=dice.randrange(solvers),
     )
 
 
 class Draws:
-    """Every kind comes first in a run as often as every other; up to two more of any kind go with it."""
+    """Draws the faults of each run: every kind comes first equally often, with up to two more of any kind."""
 
     def __init__(self, seed: int, with_postgres: bool) -> None:
         self._dice = random.Random(seed)
@@ -84,7 +85,7 @@ class Draws:
         self._left: list[tuple[str, str, str]] = []
 
     def next(self, solve_seconds: float, lease_seconds: float, solvers: int) -> list[Fault]:
-        """The faults of one run. A process has one named point at most."""
+        """The faults of one run. Each process gets at most one named point."""
         if not self._left:
             self._left = self._dice.sample(self._kinds, len(self._kinds))
         chosen = [self._left.pop()]

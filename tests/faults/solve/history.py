@@ -1,8 +1,9 @@
-"""Judges one solve from outside: what solvers were told is kept, against what the store and the disk then hold.
+"""Checks one solve from outside: compares what the server acknowledged to solvers with what the store and the
+disk hold.
 
-    A tile whose completion was acknowledged is done in the store from then on, by that attempt.
-    A tile that is done stays as it is: the same attempt, the same bytes, and its pixels are those of the reference matte.
-    The finished matte is the reference, byte for byte, and newer than the solve.
+    A tile whose completion was acknowledged stays done in the store, by that attempt.
+    A done tile does not change: same attempt, same bytes, and the pixels of the reference matte.
+    The finished matte equals the reference byte for byte, and was written by this solve.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ _DONE = re.compile(rf"tile done session={SESSION} job=(\d+) tile=(\d+) attempt=(
 
 @dataclasses.dataclass(frozen=True)
 class Acknowledged:
-    """A solver had the server's word for it."""
+    """A completion that the server acknowledged to a solver."""
 
     job: int
     tile: int
@@ -29,7 +30,7 @@ class Acknowledged:
 
 
 class _Tail:
-    """New lines of a log."""
+    """Reads the new lines of a log."""
 
     def __init__(self, path: pathlib.Path) -> None:
         self._path = path
@@ -53,7 +54,7 @@ class Reference:
         self._right: set[tuple[str, int, int]] = set()
 
     def agrees(self, file: pathlib.Path, first: int, count: int) -> bool:
-        """The file is these rows of it, to the last bit."""
+        """True if the file equals rows `first` to `first + count - 1` of the matte, bit for bit."""
         key = (digest(file), first, count)
         if key not in self._right and planes(file) == rows_of(self._planes, first, count):
             self._right.add(key)
@@ -61,12 +62,12 @@ class Reference:
 
 
 def digest(file: pathlib.Path) -> str:
-    """Of its bytes."""
+    """The SHA-256 of the file, in hex."""
     return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
 class History:
-    """Of one solve, from its beginning; `violations` says what should never have happened."""
+    """One solve from its beginning. `violations` lists what must never happen."""
 
     def __init__(self, lab: Lab, view: SqliteView | PostgresView, reference: Reference) -> None:
         self.violations: list[str] = []
@@ -81,12 +82,12 @@ class History:
         self._gone = False  # the job was removed from the store
 
     def begin(self, job: int) -> None:
-        """The solve's number in the store."""
+        """Sets the number of the solve's job in the store."""
         self._job = job
 
     def look(self) -> None:
-        """To be called again and again."""
-        self._hear()
+        """Compares the logs, the store and the files. Call it often."""
+        self._read_logs()
         before = set(self.acknowledged)
         try:
             tiles = [tile for tile in self._view.tiles(SESSION) if tile.job == self._job]
@@ -101,7 +102,7 @@ class History:
         for said in before:
             tile = by_number.get(said.tile)
             if tile is None or not tile.result:
-                self._blame(f"tile {said.tile} was acknowledged, attempt {said.attempt}, and is not done in the store")
+                self._blame(f"tile {said.tile} was acknowledged, attempt {said.attempt}, but is not done in the store")
         for number, (result, _) in self._done.items():
             now = by_number.get(number)
             if now is None or now.result != result:
@@ -111,17 +112,17 @@ class History:
                 self._look_at_file(tile)
 
     def finish(self, session_is_done: bool, reason: str) -> None:
-        """After the solve has ended."""
-        self._hear()
+        """Call it after the solve has ended."""
+        self._read_logs()
         if not session_is_done:
-            self._blame(f"the session did not end as done by itself: {reason}")
+            self._blame(f"the session did not end as done: {reason}")
             return
         if self._lab.fetch() != self._reference.content:
             self._blame("the finished matte differs from the undisturbed one")
         if not self._is_finished():
-            self._blame("the finished matte is an older one")
+            self._blame("the finished matte was not written by this solve")
 
-    def _hear(self) -> None:
+    def _read_logs(self) -> None:
         for tail in self._tails:
             for line in tail.lines():
                 found = _DONE.search(line)
@@ -145,9 +146,9 @@ class History:
             if not self._reference.agrees(file, tile.first, tile.count):
                 self._blame(f"the file of tile {tile.number}, {tile.result}, is not rows {tile.first} to {tile.first + tile.count - 1} of the matte")
         except FileNotFoundError:
-            # Once the matte is finished its tiles go, and the job with them or soon after.
+            # Finishing the matte removes the files of its tiles, and the job with them or soon after.
             if not self._is_finished():
-                self._blame(f"tile {tile.number} is done, and its file {tile.result} is not there")
+                self._blame(f"tile {tile.number} is done, but its file {tile.result} is missing")
 
     def _is_finished(self) -> bool:
         matte = self._lab.matte()

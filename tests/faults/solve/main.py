@@ -1,4 +1,4 @@
-"""Solves one session again and again while its daemons die, stop and lose each other; see --help."""
+"""Solves one session repeatedly while its daemons die, stop and lose their connections."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _SKIPPED = 77
 
 
 class Tally:
-    """Of all runs."""
+    """The counts of all runs."""
 
     def __init__(self) -> None:
         self.runs = 0
@@ -34,7 +34,7 @@ class Tally:
         self.struck: collections.Counter[str] = collections.Counter()
 
     def table(self) -> str:
-        """What was done, how often, and what came of it."""
+        """Which faults were drawn and struck, how often, and the result."""
         lines = [f"{'fault':58} {'drawn':>6} {'struck':>6}"]
         lines += [f"{kind:58} {self.drawn[kind]:6} {self.struck[kind]:6}" for kind in sorted(self.drawn)]
         lines.append(
@@ -45,7 +45,7 @@ class Tally:
 
 
 def undisturbed(rig: FaultyRig) -> tuple[Reference, float]:
-    """The reference, and how long it took."""
+    """Solves without faults. Returns the reference matte and the seconds it took."""
     began = time.monotonic()
     rig.lab.solve()
     rig.lab.wait_until_done()
@@ -53,7 +53,7 @@ def undisturbed(rig: FaultyRig) -> tuple[Reference, float]:
 
 
 def run_store(store: str, runs: int, seed: int, archive: pathlib.Path, work: pathlib.Path, verbose: bool, tally: Tally) -> None:
-    """So many runs on one store."""
+    """Does `runs` runs on one store."""
     work.mkdir()
     rig = FaultyRig(work, archive, with_postgres=store == "postgres")
     try:
@@ -82,10 +82,10 @@ def run_store(store: str, runs: int, seed: int, archive: pathlib.Path, work: pat
 def main() -> int:
     parser = argparse.ArgumentParser(prog="tests/faults/solve/run", description=__doc__)
     parser.add_argument("--runs", type=int, default=200, help="solves with faults, on all stores together (default 200)")
-    parser.add_argument("--seed", type=int, default=1, help="of all faults (default 1); their moments depend on the machine too")
+    parser.add_argument("--seed", type=int, default=1, help="of all faults (default 1); the moments at which they strike also depend on the machine")
     parser.add_argument("--store", choices=("sqlite", "postgres", "both"), default="both")
-    parser.add_argument("--verbose", action="store_true", help="tell of every run")
-    parser.add_argument("--keep", type=pathlib.Path, help="an empty directory for data and logs, which stays")
+    parser.add_argument("--verbose", action="store_true", help="print every run")
+    parser.add_argument("--keep", type=pathlib.Path, help="an empty directory for data and logs, which is kept")
     options = parser.parse_args()
     stores = ["sqlite", "postgres"] if options.store == "both" else [options.store]
     print(f"seed {options.seed}")

@@ -1,4 +1,5 @@
-"""A lab that faults can be done to: relays before the server and the camera, and, if wanted, a real PostgreSQL."""
+"""A lab into which faults can be injected: relays before the server and the camera, and optionally a real
+PostgreSQL."""
 
 from __future__ import annotations
 
@@ -15,12 +16,12 @@ from relay import Relay
 from store_view import PostgresView, SqliteView
 
 LEASE_SECONDS = 1.0
-TILE_SECONDS = 0.02  # so that there are some twenty
+TILE_SECONDS = 0.02  # about twenty tiles
 SOLVERS = 3
 
 
 class FaultyRig:
-    """Solvers reach the server, and whoever reads frames the camera, through relays."""
+    """Relays connect solvers with the server, and everyone who reads frames with the camera."""
 
     def __init__(self, work: pathlib.Path, archive: pathlib.Path, with_postgres: bool) -> None:
         options = ["--lease", f"{LEASE_SECONDS}", "--least-tile", f"{TILE_SECONDS}"]
@@ -28,7 +29,8 @@ class FaultyRig:
         if self.postgres:
             options += ["--jobs", self.postgres.connection]
         self.lab = Lab(work, {SESSION: archive}, tuple(options))
-        # From now on the camera listens elsewhere, and a relay where the session says that its frames are.
+        # From now on the camera listens on another port; a relay listens on the one where the session expects
+        # its frames.
         self.lab.camera.end()
         self.camera_port = free_port()
         self.lab.camera = self.lab.hidden_camera_at(self.camera_port)
@@ -41,23 +43,23 @@ class FaultyRig:
         self.make_ready([])
 
     def make_ready(self, faults: list[Fault]) -> None:
-        """Everything runs and is whole, with these faults at named points ahead of it."""
+        """Makes everything run and connected, with `faults` armed at their named points."""
         for link in self.links.values():
             link.mend()
         if self.postgres and not self.postgres.is_up():
             self.postgres.start()
         for daemon in self.lab.daemons():
-            ahead = "".join(fault.variable for fault in faults if self.target(fault) is daemon)
+            armed = "".join(fault.variable for fault in faults if self.target(fault) is daemon)
             daemon.signal(signal.SIGCONT)
-            if daemon.fault != ahead:
+            if daemon.fault != armed:
                 daemon.kill()
             if not daemon.is_running():
-                daemon.start(ahead)
+                daemon.start(armed)
         until(self.answers, "the server answers")
         until(lambda: listens(self.camera_port), "the camera node listens")
 
     def answers(self) -> bool:
-        """The server does."""
+        """True if the server answers."""
         try:
             self.lab.session(1.0)
         except grpc.RpcError:
@@ -65,13 +67,13 @@ class FaultyRig:
         return True
 
     def target(self, fault: Fault) -> Daemon | None:
-        """The process it is done to; None: it is none of the daemons."""
+        """The daemon that the fault strikes, or None if it strikes no daemon."""
         if fault.target == "solver":
             return self.lab.solvers[fault.solver]
         return {"server": self.lab.server, "camera": self.lab.camera}.get(fault.target)
 
     def strike(self, fault: Fault) -> None:
-        """Does it, now."""
+        """Injects the fault now."""
         daemon = self.target(fault)
         if daemon:
             daemon.signal(signal.SIGKILL if fault.action == "kill" else signal.SIGSTOP)
@@ -84,7 +86,7 @@ class FaultyRig:
             self.links[fault.target].fall_silent(fault.pause_seconds)
 
     def mend(self, fault: Fault) -> None:
-        """What strike() did, or the daemon itself at its named point. Links mend by themselves."""
+        """Undoes strike(), or what the daemon did to itself at its named point. Links mend by themselves."""
         daemon = self.target(fault)
         if fault.target == "postgres":
             assert self.postgres
@@ -96,7 +98,7 @@ class FaultyRig:
                 daemon.start()
 
     def close(self) -> None:
-        """Ends everything."""
+        """Ends all processes."""
         for daemon in self.lab.daemons():
             daemon.signal(signal.SIGCONT)
         self.lab.close()

@@ -1,4 +1,4 @@
-"""What a job store holds, read by another client than the server's own."""
+"""Reads the job store with a client other than the server's own."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _QUERY = "SELECT job, number, first, count, {result} FROM tiles WHERE job IN (SE
 
 @dataclasses.dataclass(frozen=True)
 class StoredTile:
-    """`result` is empty until it is done."""
+    """A tile of the store. `result` is empty until the tile is done."""
 
     job: int
     number: int
@@ -23,17 +23,17 @@ class StoredTile:
 
 
 class Unreadable(Exception):
-    """The store does not answer now."""
+    """The store does not answer at the moment."""
 
 
 class SqliteView:
-    """Reads the file that the server writes."""
+    """Reads the SQLite file that the server writes."""
 
     def __init__(self, path: pathlib.Path) -> None:
         self._path = path
 
     def tiles(self, session: str) -> list[StoredTile]:
-        """Of all its jobs."""
+        """The tiles of all jobs of the session."""
         try:
             with contextlib.closing(sqlite3.connect(self._path, timeout=2.0)) as database:
                 database.execute("PRAGMA query_only = 1")
@@ -43,13 +43,13 @@ class SqliteView:
 
 
 class PostgresView:
-    """Asks with psql."""
+    """Reads PostgreSQL with psql."""
 
     def __init__(self, connection: str) -> None:
         self._connection = connection
 
     def tiles(self, session: str) -> list[StoredTile]:
-        """Of all its jobs."""
+        """The tiles of all jobs of the session."""
         query = _QUERY.format(result="convert_from(result, 'UTF8')", session=session)
         command = ["psql", self._connection, "-X", "-At", "-F", "\t", "-c", query]
         asked = subprocess.run(command, capture_output=True, text=True, timeout=30.0)

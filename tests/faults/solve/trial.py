@@ -7,14 +7,14 @@ import time
 
 import grpc
 
-from glasswing.v1 import session_service_pb2 as sessions
+from glasswing.v1 import session_pb2
 
 from faults import Fault
 from history import History, Reference
 from lab import until
 from rig import FaultyRig
 
-MOST_SECONDS = 90.0
+MAX_SECONDS = 90.0
 _LOOK_EVERY = 0.1
 _RESTART_SECONDS = 0.5
 
@@ -30,7 +30,7 @@ class Outcome:
 
 
 class Trial:
-    """`run()` once."""
+    """One run. Call `run()` once."""
 
     def __init__(self, rig: FaultyRig, faults: list[Fault], reference: Reference) -> None:
         self._rig = rig
@@ -41,14 +41,14 @@ class Trial:
         self._struck: list[Fault] = []
 
     def run(self) -> Outcome:
-        """The session is solved once more, and nobody helps it but by starting again what has died."""
+        """Solves the session while faults strike. Only restarts of dead daemons help it."""
         rig, lab = self._rig, self._rig.lab
         rig.make_ready(self._faults)
         history = History(lab, rig.view, self._reference)
         history.begin(self._ask())
         began = time.monotonic()
-        state = sessions.SESSION_STATE_SOLVING
-        while state == sessions.SESSION_STATE_SOLVING and time.monotonic() - began < MOST_SECONDS:
+        state = session_pb2.SESSION_STATE_SOLVING
+        while state == session_pb2.SESSION_STATE_SOLVING and time.monotonic() - began < MAX_SECONDS:
             turn = time.monotonic()
             while time.monotonic() - turn < _LOOK_EVERY:
                 self._break_and_mend(time.monotonic() - began)
@@ -57,14 +57,15 @@ class Trial:
             try:
                 state = lab.session(0.3).state
             except grpc.RpcError:
-                pass  # it is down or stopped just now
+                pass  # the server is down or stopped
         seconds = time.monotonic() - began
         rig.make_ready([])
-        history.finish(state == sessions.SESSION_STATE_DONE, lab.session().reason)
+        history.finish(state == session_pb2.SESSION_STATE_DONE, lab.session().reason)
         return Outcome(self._struck, seconds, len(history.acknowledged), history.violations)
 
     def _ask(self) -> int:
-        """For the solve; its job. Asked again where the store was away: a connection that broke is noticed by its next use."""
+        """Requests the solve and returns its job. Repeats the request while the store is away: only its next
+        use shows a broken connection."""
         lab = self._rig.lab
         before = lab.session().job
 
@@ -84,29 +85,30 @@ class Trial:
     def _break_and_mend(self, now: float) -> None:
         while self._waiting and self._waiting[0].at_seconds <= now:
             self._begin(self._waiting.pop(0), now, by_itself=False)
-        # One that lies down at its hour has not come to its point yet.
-        lying = [self._rig.target(fault) for _, fault in self._mends]
+        # A daemon that is down because of a timed fault has not reached its point yet.
+        down = [self._rig.target(fault) for _, fault in self._mends]
         for fault in self._faults:
             daemon = self._rig.target(fault)
-            if fault.point and fault not in self._struck and daemon and daemon not in lying and daemon.fault == fault.variable:
+            if fault.point and fault not in self._struck and daemon and daemon not in down and daemon.fault == fault.variable:
                 if not daemon.is_running() or daemon.is_stopped():
                     self._begin(fault, now, by_itself=True)
-        self._start_again_what_gave_up()
+        self._restart_ended()
         for due, fault in list(self._mends):
             if due <= now:
                 self._mends.remove((due, fault))
                 self._rig.mend(fault)
 
-    def _start_again_what_gave_up(self) -> None:
-        """A server that finds no PostgreSQL ends, as systemd knows; one that lies down by a fault is mended in its time."""
-        lying = [self._rig.target(fault) for _, fault in self._mends]
+    def _restart_ended(self) -> None:
+        """Restarts daemons that ended, as systemd would: a server ends without PostgreSQL. Those that a fault
+        struck wait for mend()."""
+        down = [self._rig.target(fault) for _, fault in self._mends]
         for daemon in self._rig.lab.daemons():
             rested = time.monotonic() - daemon.started > _RESTART_SECONDS
-            if not daemon.is_running() and daemon not in lying and rested:
+            if not daemon.is_running() and daemon not in down and rested:
                 daemon.start()
 
     def _begin(self, fault: Fault, now: float, by_itself: bool) -> None:
-        # One that already lies down cannot be told apart from one that falls at its point.
+        # A daemon that is already down may have been struck at its point: do not strike it again.
         daemon = self._rig.target(fault)
         if not by_itself and daemon and (not daemon.is_running() or daemon.is_stopped()):
             return
