@@ -18,14 +18,14 @@ namespace glasswing {
 const std::string& boot_id();
 
 // Fills in where `directory` is. The system's own error, with the path.
-absl::Status describe_place(const std::filesystem::path& directory, v1::LocateArchiveResponse& place);
+absl::Status describe_archive_location(const std::filesystem::path& directory, v1::LocateArchiveResponse& location);
 
 // An archive's directory on this machine, and the files in it that are mapped. Thread-safe.
 class LocalArchive {
  public:
   // Null unless the directory can be seen here, and is the same one. Those who hold it at the same time share
   // one.
-  static std::shared_ptr<LocalArchive> open(const v1::LocateArchiveResponse& place);
+  static std::shared_ptr<LocalArchive> open(const v1::LocateArchiveResponse& location);
 
   // As MappedFile::open; DATA_LOSS if it has not the header of a frame of this size.
   absl::StatusOr<std::shared_ptr<const MappedFile>> map(const std::string& file, int width_px, int height_px);

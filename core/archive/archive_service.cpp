@@ -107,7 +107,7 @@ absl::Status locate(ArchiveStore& store, const v1::LocateArchiveRequest& request
                     v1::LocateArchiveResponse& response) {
   GW_ASSIGN_OR_RETURN(const std::shared_ptr<Archive> archive, store.find(request.session()));
   for (const std::string& file : request.files()) GW_RETURN_IF_ERROR(archive->map(file).status());
-  return describe_place(archive->directory(), response);
+  return describe_archive_location(archive->directory(), response);
 }
 
 }  // namespace

@@ -61,12 +61,12 @@ struct RemoteArchive::Source {
 
   absl::StatusOr<v1::LocateArchiveResponse> locate(const v1::LocateArchiveRequest& request, milliseconds time,
                                                    const std::stop_token& stop) const {
-    v1::LocateArchiveResponse place;
+    v1::LocateArchiveResponse location;
     grpc::ClientContext context;
     set_deadline(context, time);
     const std::stop_callback cancel(stop, [&] { context.TryCancel(); });
-    GW_RETURN_IF_ERROR(from_grpc(stub->LocateArchive(&context, request, &place), peer));
-    return place;
+    GW_RETURN_IF_ERROR(from_grpc(stub->LocateArchive(&context, request, &location), peer));
+    return location;
   }
 
   const std::string peer;
@@ -120,7 +120,7 @@ RemoteArchive::~RemoteArchive() = default;
 absl::StatusOr<v1::CaptureManifest> RemoteArchive::manifest() const {
   v1::GetManifestRequest get;
   get.set_session(session_);
-  look_for_places();
+  locate_archives();
   absl::Status failure;
   for (const auto& source : sources_) {
     v1::GetManifestResponse got;
@@ -135,17 +135,17 @@ absl::StatusOr<v1::CaptureManifest> RemoteArchive::manifest() const {
   return failure;
 }
 
-void RemoteArchive::look_for_places() const {
-  std::call_once(places_known_, [this] {
+void RemoteArchive::locate_archives() const {
+  std::call_once(located_, [this] {
     v1::LocateArchiveRequest request;
     request.set_session(session_);
     std::vector<std::future<void>> asked;
     for (const auto& source : sources_) {
       asked.push_back(std::async(std::launch::async, [&, to = source.get()] {
-        const absl::StatusOr<v1::LocateArchiveResponse> place = to->locate(request, kFirstLocateTime, stop_);
-        if (!place.ok()) return;
-        to->is_here = place->boot_id() == boot_id();
-        if (reading_ == Reading::kMappedIfHere) to->local = LocalArchive::open(*place);
+        const absl::StatusOr<v1::LocateArchiveResponse> location = to->locate(request, kFirstLocateTime, stop_);
+        if (!location.ok()) return;
+        to->is_here = location->boot_id() == boot_id();
+        if (reading_ == Reading::kMappedIfHere) to->local = LocalArchive::open(*location);
       }));
     }
     asked.clear();  // waits
@@ -179,7 +179,7 @@ absl::StatusOr<FrameRows> RemoteArchive::map(const Request& request, const Sourc
 }
 
 absl::StatusOr<FrameRows> RemoteArchive::map_any(const Request& request) const {
-  look_for_places();
+  locate_archives();
   if (request.read.first_row() < 0 || request.read.row_count() < 1 ||
       request.read.first_row() > request.height_px - request.read.row_count())
     return absl::InvalidArgumentError("no such rows");  // reading says it better

@@ -62,7 +62,7 @@ class RemoteArchive {
     Next next = Next::kNone;
   };
 
-  void look_for_places() const;
+  void locate_archives() const;
   absl::StatusOr<FrameRows> map(const Request& request, const Source& source) const;
   absl::StatusOr<FrameRows> map_any(const Request& request) const;
   absl::Status read(const Request& request, std::span<char> rows) const;
@@ -73,7 +73,7 @@ class RemoteArchive {
   const std::string session_;
   const std::stop_token stop_;
   const Reading reading_;
-  mutable std::once_flag places_known_;
+  mutable std::once_flag located_;
   mutable std::vector<std::unique_ptr<Source>> sources_;  // in the order in which they are asked
 };
 

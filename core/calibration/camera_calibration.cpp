@@ -13,7 +13,7 @@
 #include "core/calibration/below_black.h"
 #include "core/calibration/calibration_samples.h"
 #include "core/calibration/camera_symptoms.h"
-#include "core/calibration/fall_off_fit.h"
+#include "core/calibration/camera_shading.h"
 #include "core/radiometry/camera_response.h"
 #include "core/radiometry/frame_light.h"
 #include "core/radiometry/noise_model.h"
@@ -223,7 +223,7 @@ std::optional<size_t> longest_unclipped(const SampledMonitor& monitor, const Fra
 
 void add_white(const CalibrationSamples& samples, const FrameLight& light,
                v1::CameraCalibration& calibration) {
-  std::vector<FallOffPoint> points;
+  std::vector<ShadingPoint> points;
   double brightest_per_ms = 0.0;
   for (size_t m = 0; m < samples.monitors.size(); ++m) {
     const SampledMonitor& monitor = samples.monitors[m];
@@ -250,7 +250,7 @@ void add_white(const CalibrationSamples& samples, const FrameLight& light,
     }
   }
   if (brightest_per_ms > 0.0) calibration.set_white_ms(1.0 / brightest_per_ms);
-  if (std::optional<v1::FallOff> fall_off = fit_fall_off(points))
+  if (std::optional<v1::FallOff> fall_off = fit_camera_shading(points))
     *calibration.mutable_fall_off() = *std::move(fall_off);
 }
 

@@ -11,7 +11,7 @@
 #include "core/base/status.h"
 #include "core/calibration/display_warnings.h"
 #include "core/calibration/screen_view.h"
-#include "core/calibration/uniformity.h"
+#include "core/calibration/display_shading.h"
 
 namespace glasswing {
 namespace {
@@ -153,7 +153,7 @@ void set_response(const DisplayResponse& response, v1::DisplayCalibration& calib
 }
 
 absl::StatusOr<v1::DisplayCalibration> calibrate(const MappedArchive& archive, const FrameLight& light,
-                                                 const Evenness& evenness, const v1::Monitor& monitor,
+                                                 const Shading& shading, const v1::Monitor& monitor,
                                                  const ShownFrames& shown) {
   const int bits = bits_of(monitor), highest = (1 << bits) - 1;
   if (std::any_of(shown.solids.begin(), shown.solids.end(),
@@ -186,7 +186,7 @@ absl::StatusOr<v1::DisplayCalibration> calibrate(const MappedArchive& archive, c
   calibration.set_exposure_ms(view.exposure_ms);
   calibration.set_drift(drift_of(whites));
   set_response(response, calibration);
-  if (const auto uniformity = uniformity_of(view, response, evenness))
+  if (const auto uniformity = measure_display_shading(view, response, shading))
     *calibration.mutable_uniformity() = *uniformity;
   for (std::string& warning : display_warnings(calibration, steady, response, flicker))
     calibration.add_warnings(std::move(warning));
@@ -209,12 +209,12 @@ absl::StatusOr<DisplayCalibrations> calibrate_displays(const MappedArchive& arch
                     manifest.camera().name()));
   }
   GW_ASSIGN_OR_RETURN(const FrameLight light, FrameLight::create(manifest));
-  GW_ASSIGN_OR_RETURN(const Evenness evenness, Evenness::create(manifest));
+  GW_ASSIGN_OR_RETURN(const Shading shading, Shading::create(manifest));
   DisplayCalibrations calibrations;
   for (const v1::Monitor& monitor : manifest.monitors()) {
     const ShownFrames shown = shown_frames(manifest, monitor);
     if (shown.solids.empty() && shown.ramps.empty()) continue;
-    absl::StatusOr<v1::DisplayCalibration> calibration = calibrate(archive, light, evenness, monitor, shown);
+    absl::StatusOr<v1::DisplayCalibration> calibration = calibrate(archive, light, shading, monitor, shown);
     if (calibration.ok()) {
       calibrations.measured.push_back(*std::move(calibration));
     } else {

@@ -259,14 +259,4 @@ absl::Status Archive::check_rows(int first_row, int row_count) const {
                                                 row_count, first_row, height_px_ - 1));
 }
 
-absl::StatusOr<std::string> Archive::read_rows(const std::string& file, int first_row, int row_count) {
-  GW_RETURN_IF_ERROR(check_rows(first_row, row_count));
-  GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> mapped, map(file));
-  std::string rows(mapped->bytes().substr(kTiffPixelOffset + static_cast<size_t>(first_row) * row_bytes(),
-                                          static_cast<size_t>(row_count) * row_bytes()));
-  if (!mapped->intact())
-    return absl::DataLossError(fmt::format("{} is truncated", (directory_ / file).string()));
-  return rows;
-}
-
 }  // namespace glasswing

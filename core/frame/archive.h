@@ -90,8 +90,6 @@ class Archive {
   // camera's size. Some thousand mappings are kept for the next time, until unmap().
   absl::StatusOr<std::shared_ptr<const MappedFile>> map(const std::string& file);
   void unmap();
-  // Rows [first_row, first_row + row_count) of one frame: r, g, b, 16 bit little endian. Errors as map().
-  absl::StatusOr<std::string> read_rows(const std::string& file, int first_row, int row_count);
   // The file itself, verified.
   absl::StatusOr<std::string> read_frame_bytes(const std::string& file);
   // INVALID_ARGUMENT unless every frame has these rows.

@@ -10,7 +10,6 @@
 #include "core/base/status.h"
 #include "core/frame/archive.h"
 #include "core/frame/archive_json.h"
-#include "core/import/sequences.h"
 
 namespace glasswing {
 namespace {

@@ -9,6 +9,7 @@
 
 #include "core/base/status.h"
 #include "core/frame/archive.h"
+#include "core/import/foreign_manifest.h"
 
 namespace glasswing {
 namespace {

@@ -12,10 +12,6 @@
 
 namespace glasswing {
 
-// Monitors, camera and scene of a manifest.json of the rendered data sets (read_any_manifest), whose frames,
-// if it lists any, are left out. INVALID_ARGUMENT or DATA_LOSS name the file and what is wrong.
-absl::StatusOr<v1::CaptureManifest> read_sequences_header(const std::filesystem::path& directory);
-
 // Pictures (PNG, JPEG, TIFF) whose names end in a number, by that number. Empty where there are none.
 std::vector<std::filesystem::path> numbered_pictures(const std::filesystem::path& directory);
 

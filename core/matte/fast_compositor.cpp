@@ -8,7 +8,7 @@
 
 #include "core/base/for_rows.h"
 #include "core/base/status.h"
-#include "core/matte/box_table.h"
+#include "core/matte/summed_area_table.h"
 #include "core/matte/compositor.h"
 #include "core/matte/footprint_tiles.h"
 
@@ -135,7 +135,7 @@ absl::StatusOr<RadianceImage> FastCompositor::composite(const std::vector<Radian
   GW_RETURN_IF_ERROR(check_backgrounds(metadata_, backgrounds));
   const size_t sample_count = textures_.empty() ? 0 : textures_.back().shape.end();
   const auto samples = std::make_unique_for_overwrite<float[]>(sample_count + kTileWidth);
-  std::vector<BoxTable> tables;
+  std::vector<FastSummedAreaTable> tables;
   for (size_t t = 0; t < textures_.size(); ++t) {
     const Texture& texture = textures_[t];
     const RadianceImage* const picture =
@@ -159,7 +159,7 @@ absl::StatusOr<RadianceImage> FastCompositor::composite(const std::vector<Radian
       std::ranges::copy(row.foreground, light);
       evaluate_tiles(row.tiles, row.words.data(), samples.get(), light);
       for (const WideBox& box : row.boxes) {
-        const BoxTable::Light seen =
+        const FastSummedAreaTable::Light seen =
             tables[static_cast<size_t>(box.texture)].mean(box.x_px, box.y_px, box.width_px, box.height_px);
         for (size_t c = 0; c < kChannels; ++c)
           light[3 * static_cast<size_t>(box.pixel) + c] += box.weight[c] * seen[c];

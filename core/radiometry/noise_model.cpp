@@ -17,7 +17,6 @@ constexpr double kClippedShare = 1e-3;  // of a bin's pixels, beyond which clipp
 constexpr double kOutlierSigmas = 4.5;
 constexpr double kMinRange = 2.0;  // of brightest to darkest bin
 constexpr size_t kPileUp = 100;    // samples at the highest code
-constexpr double kNotDark = 0.25;
 constexpr double kMinExpected =
     0.1;  // of a bin's variance: a line that is not yet right is not believed beyond
 
@@ -183,28 +182,6 @@ NoiseModel fit_line(const std::vector<Bin>& bins) {
 }
 
 }  // namespace
-
-absl::StatusOr<BlackLevel> measure_black_level(std::span<const Image16> dark_frames) {
-  if (dark_frames.empty())
-    return absl::InvalidArgumentError("the black level needs a frame without light; there is none");
-  if (const absl::Status status = check_sizes(dark_frames); !status.ok()) return status;
-  double count = 0.0, sum = 0.0, square = 0.0;
-  for (const Image16& frame : dark_frames) {
-    for (const std::uint16_t sample : frame.samples) {
-      const double code = sample / kFull;
-      count += 1.0, sum += code, square += code * code;
-    }
-  }
-  BlackLevel black;
-  black.code = sum / count;
-  if (black.code > kNotDark) {
-    return absl::InvalidArgumentError(fmt::format(
-        "the frames without light have a mean code of {:.3f} of full scale; cover the lens", black.code));
-  }
-  black.sd = std::sqrt(std::max(square / count - black.code * black.code, 0.0));
-  black.error = black.sd / std::sqrt(count);
-  return black;
-}
 
 absl::StatusOr<NoiseModel> fit_noise(std::span<const std::vector<Image16>> scenes, double black_level) {
   if (!(black_level >= 0.0 && black_level <= 0.5)) {

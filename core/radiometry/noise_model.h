@@ -30,15 +30,6 @@ struct NoiseModel {
   double variance(double value) const { return read_sd * read_sd + gain * (value > 0.0 ? value : 0.0); }
 };
 
-struct BlackLevel {
-  double code = 0.0, error = 0.0;
-  double sd = 0.0;  // of a pixel, over time and place
-};
-
-// From frames without light. INVALID_ARGUMENT: none; their sizes differ; they are not dark (mean code above
-// 0.25).
-absl::StatusOr<BlackLevel> measure_black_level(std::span<const Image16> dark_frames);
-
 // `scenes[s]` are two frames or more of one still scene; together they should reach from dark to bright.
 // Frames of a scene may differ in brightness as a whole (flicker): each is first scaled to their mean. Where
 // codes reach 0 or the saturation, pixels of that brightness are left out, as is one whose variance is far

@@ -9,13 +9,13 @@
 
 namespace glasswing {
 
-class Evenness {
+class Shading {
  public:
   // What is not calibrated counts as even. INVALID_ARGUMENT: light that would be 0 or less somewhere, or a
   // grid that is none.
-  static absl::StatusOr<Evenness> create(const v1::CaptureManifest& manifest);
+  static absl::StatusOr<Shading> create(const v1::CaptureManifest& manifest);
 
-  bool is_even() const { return !fades_ && grids_.empty(); }
+  bool is_uniform() const { return !fades_ && grids_.empty(); }
   // What the camera sees of an even surface at the centre of pixel (x, y), of that in the picture's middle:
   // 1 + r2 r^2 + r4 r^4, r = 1 in the corners.
   double camera(int x, int y) const;

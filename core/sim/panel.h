@@ -2,7 +2,7 @@
 // the panel was switched on, primary c gives
 //
 //   p_c     = black + (1 - black) * (code_c / (2^bits - 1))^gamma
-//   light_c = fall_off(x, y) * (1 - drift)^minutes * ((1 - 2 crosstalk) p_c + crosstalk * (the other two p))
+//   light_c = radial_shading(x, y) * (1 - drift)^minutes * ((1 - 2 crosstalk) p_c + crosstalk * (the other two p))
 //
 // so that no light exceeds 1.0.
 #pragma once
@@ -19,7 +19,7 @@ struct PanelModel {
   double gamma = 1.0;             // more than 0
   double black = 0.0;             // light at code 0, of full scale; 0 to 1
   double crosstalk = 0.0;         // of a primary's light, what each other channel gets; 0 to 1/3
-  double falloff = 0.0;           // of the middle's light, what the corners lack (fall_off.h); 0 to 1
+  double falloff = 0.0;           // of the middle's light, what the corners lack (radial_shading.h); 0 to 1
   double drift_per_minute = 0.0;  // of the brightness, what each minute takes; 0 to 1
   friend bool operator==(const PanelModel&, const PanelModel&) = default;
 };

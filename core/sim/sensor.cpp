@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-#include "core/sim/fall_off.h"
+#include "core/sim/radial_shading.h"
 
 namespace glasswing {
 namespace {
@@ -116,7 +116,7 @@ void blur(RadianceImage& image, double sigma_px) {
 void vignette(RadianceImage& image, double share) {
   for (int y = 0; y < image.height_px; ++y) {
     for (int x = 0; x < image.width_px; ++x) {
-      const float left = fall_off(share, x, y, image.width_px, image.height_px);
+      const float left = radial_shading(share, x, y, image.width_px, image.height_px);
       for (int c = 0; c < 3; ++c) image.at(x, y, c) *= left;
     }
   }

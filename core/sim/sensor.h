@@ -19,7 +19,7 @@ namespace glasswing {
 struct SensorModel {
   double read_sd = 0.001;                              // of full scale
   double gain = 1e-5;                                  // shot noise: variance per value
-  double vignetting = 0.0;                             // of the middle's light, what corners lack: fall_off.h
+  double vignetting = 0.0;                             // of the middle's light, what corners lack: radial_shading.h
   double black_level = 0.0;                            // what no light reads, of full scale
   SensorCurve curve = {};                              // linear
   int bits = 12;                                       // 8 to 16; samples are stored on the 16-bit scale

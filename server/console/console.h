@@ -51,8 +51,8 @@ class Console {
   const std::string& url() const { return url_; }
 
  private:
-  using Handler = std::function<void(const Visitor&, const httplib::Request&, httplib::Response&)>;
-  using BodyHandler = std::function<void(const Visitor&, const httplib::Request&, const std::string& body,
+  using Handler = std::function<void(const Principal&, const httplib::Request&, httplib::Response&)>;
+  using BodyHandler = std::function<void(const Principal&, const httplib::Request&, const std::string& body,
                                          httplib::Response&)>;
 
   Console(const ConsoleKey& key, std::shared_ptr<grpc::Channel> server)
@@ -63,15 +63,15 @@ class Console {
   // The same, with at most so many bytes of body. The body of a request that is refused is read all the same,
   // and dropped: what is left in a connection would be taken for its next request.
   httplib::Server::HandlerWithContentReader guarded(size_t max_bytes, BodyHandler handler) const;
-  // The visitor of a request that may be answered.
-  absl::StatusOr<Visitor> welcome(const httplib::Request& request) const;
+  // The principal of a request that may be answered.
+  absl::StatusOr<Principal> authenticate(const httplib::Request& request) const;
   void log_in(const httplib::Request& request, const std::string& body, httplib::Response& response) const;
-  void call(const std::shared_ptr<grpc::Channel>& channel, const std::string& peer, const Visitor& visitor,
+  void call(const std::shared_ptr<grpc::Channel>& channel, const std::string& peer, const Principal& principal,
             const httplib::Request& request, const std::string& body, httplib::Response& response) const;
-  void send_matte(const Visitor& visitor, const httplib::Request& request, httplib::Response& response) const;
-  void send_frame(const Visitor& visitor, const httplib::Request& request, httplib::Response& response);
-  void send_samples(const Visitor& visitor, const httplib::Request& request, httplib::Response& response);
-  void store_image(const Visitor& visitor, const std::string& png, httplib::Response& response) const;
+  void send_matte(const Principal& principal, const httplib::Request& request, httplib::Response& response) const;
+  void send_frame(const Principal& principal, const httplib::Request& request, httplib::Response& response);
+  void send_samples(const Principal& principal, const httplib::Request& request, httplib::Response& response);
+  void store_image(const Principal& principal, const std::string& png, httplib::Response& response) const;
   // NOT_FOUND: no node of the rig has this name.
   absl::StatusOr<std::shared_ptr<grpc::Channel>> channel_to(const std::string& node);
   // To HOST:PORT, kept for the next time.

@@ -61,7 +61,7 @@ std::string ConsoleKey::signature_of(std::string_view text) const {
 absl::StatusOr<std::string> ConsoleKey::token_of(const std::string& name, const std::string& role,
                                                  std::chrono::sys_seconds expires,
                                                  std::chrono::sys_seconds now) const {
-  GW_RETURN_IF_ERROR(check_name("visitor", name));
+  GW_RETURN_IF_ERROR(check_name("user", name));
   if (!is_persons(role))
     return absl::InvalidArgumentError(fmt::format("the role is \"{}\"; it must be operator or viewer", role));
   if (expires <= now || expires - now > kLongest)
@@ -71,7 +71,7 @@ absl::StatusOr<std::string> ConsoleKey::token_of(const std::string& name, const 
   return fmt::format("{}.{}", text, signature_of(text));
 }
 
-absl::StatusOr<Visitor> ConsoleKey::visitor_of(std::string_view token, std::chrono::sys_seconds now) const {
+absl::StatusOr<Principal> ConsoleKey::principal_of(std::string_view token, std::chrono::sys_seconds now) const {
   const absl::Status unknown =
       absl::UnauthenticatedError("that is no token of this server; `glasswing console token` makes one");
   const size_t dot = token.find('.');
@@ -86,10 +86,10 @@ absl::StatusOr<Visitor> ConsoleKey::visitor_of(std::string_view token, std::chro
   if (second == std::string::npos) return unknown;
   std::int64_t expires = 0;
   std::from_chars(content.data() + first + 1, content.data() + second, expires);
-  Visitor visitor{.name = content.substr(second + 1),
+  Principal principal{.name = content.substr(second + 1),
                   .roles = role_of_uri(fmt::format("{}{}", kRoleUri, content.substr(0, first))),
                   .expires = std::chrono::sys_seconds(std::chrono::seconds(expires))};
-  if (visitor.expires > now) return visitor;
+  if (principal.expires > now) return principal;
   return absl::UnauthenticatedError("this token was valid until a moment that is over; make another one");
 }
 

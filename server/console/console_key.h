@@ -17,7 +17,7 @@
 
 namespace glasswing {
 
-struct Visitor {
+struct Principal {
   std::string name;
   Roles roles = 0;
   std::chrono::sys_seconds expires = {};
@@ -34,7 +34,7 @@ class ConsoleKey {
   absl::StatusOr<std::string> token_of(const std::string& name, const std::string& role,
                                        std::chrono::sys_seconds expires, std::chrono::sys_seconds now) const;
   // UNAUTHENTICATED: it is not a token of this server, or no longer.
-  absl::StatusOr<Visitor> visitor_of(std::string_view token, std::chrono::sys_seconds now) const;
+  absl::StatusOr<Principal> principal_of(std::string_view token, std::chrono::sys_seconds now) const;
 
  private:
   ConsoleKey() = default;

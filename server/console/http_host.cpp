@@ -34,7 +34,7 @@ int use_certificates(SSL* ssl, void*) {
   return static_cast<int>(SSL_set0_verify_cert_store(ssl, store));
 }
 
-// A visitor's certificate is welcome, and must be of our CA; one without it logs in by a token.
+// A principal's certificate is welcome, and must be of our CA; one without it logs in by a token.
 bool set_up(SSL_CTX& context) {
   SSL_CTX_set_min_proto_version(&context, TLS1_2_VERSION);
   SSL_CTX_set_verify(&context, SSL_VERIFY_PEER, nullptr);

@@ -5,6 +5,7 @@
 
 #include "core/base/checksum.h"
 #include "core/frame/archive.h"
+#include "tests/core/frame/archive_rows.h"
 #include "tests/fuzz/fuzz_target.h"
 
 namespace glasswing::fuzz {
@@ -72,10 +73,10 @@ void try_input(std::string_view input) {
   int read_count = 0;
   for (const v1::Frame& frame : manifest.frames()) {
     if (++read_count > 8) break;
-    const absl::StatusOr<std::string> whole = (*archive)->read_rows(frame.file(), 0, height);
-    const absl::StatusOr<std::string> last = (*archive)->read_rows(frame.file(), height - 1, 1);
+    const absl::StatusOr<std::string> whole = read_rows(**archive, frame.file(), 0, height);
+    const absl::StatusOr<std::string> last = read_rows(**archive, frame.file(), height - 1, 1);
     FUZZ_CHECK(whole.ok() == last.ok());
-    FUZZ_CHECK(!(*archive)->read_rows(frame.file(), height, 1).ok());
+    FUZZ_CHECK(!read_rows(**archive, frame.file(), height, 1).ok());
     if (!whole.ok()) {
       FUZZ_CHECK(!whole.status().message().empty());
       continue;

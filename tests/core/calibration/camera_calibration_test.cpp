@@ -8,7 +8,7 @@
 
 #include "core/frame/archive.h"
 #include "core/pattern/calibration_steps.h"
-#include "core/sim/fall_off.h"
+#include "core/sim/radial_shading.h"
 #include "core/sim/sensor.h"
 
 namespace glasswing {

@@ -102,17 +102,6 @@ TEST(NoiseModel, CoarseCodesThatAreCutOffInTheDark) {
   EXPECT_NEAR(model.gain, kCoarseGain, 0.1 * kCoarseGain);
 }
 
-TEST(NoiseModel, BlackLevel) {
-  const std::vector<Image16> dark = ramp(4, 0.0, 0.0, 1.0, 5);
-  const BlackLevel black = measure_black_level(dark).value();
-  EXPECT_NEAR(black.code, kBlack, 4.0 * black.error);
-  EXPECT_NEAR(black.sd, kReadSd, 0.02 * kReadSd);
-  EXPECT_EQ(measure_black_level({}).status().code(), absl::StatusCode::kInvalidArgument);
-  Image16 bright(16, 16);
-  std::ranges::fill(bright.samples, std::uint16_t{40000});
-  EXPECT_EQ(measure_black_level(std::vector{bright}).status().code(), absl::StatusCode::kInvalidArgument);
-}
-
 TEST(NoiseModel, BadInput) {
   const auto code = [](const std::vector<std::vector<Image16>>& scenes, double black) {
     return fit_noise(scenes, black).status().code();

@@ -1,4 +1,4 @@
-#include "core/calibration/uniformity.h"
+#include "core/calibration/display_shading.h"
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -57,8 +57,8 @@ void fill(std::vector<Cell>& cells) {
 
 }  // namespace
 
-std::optional<v1::Uniformity> uniformity_of(const ScreenView& view, const DisplayResponse& response,
-                                            const Evenness& camera) {
+std::optional<v1::Uniformity> measure_display_shading(const ScreenView& view, const DisplayResponse& response,
+                                            const Shading& camera) {
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   for (const ScreenView::Light& white : view.white)
     mean += Eigen::Vector3d(white[0], white[1], white[2]) / static_cast<double>(view.white.size());

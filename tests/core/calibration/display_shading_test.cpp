@@ -1,20 +1,20 @@
-#include "core/calibration/uniformity.h"
+#include "core/calibration/display_shading.h"
 
-#include "core/sim/fall_off.h"
+#include "core/sim/radial_shading.h"
 #include "tests/core/calibration/simulated_grays.h"
 
 namespace glasswing {
 namespace {
 
-using UniformityTest = SimulatedGrays;
+using DisplayShadingTest = SimulatedGrays;
 
-double worst_uniformity_error(const v1::Uniformity& uniformity, const Rig& rig) {
+double worst_shading_error(const v1::Uniformity& uniformity, const Rig& rig) {
   const auto mean = [&](int column, int row) {
     const int wide = kScreen.width_px / uniformity.columns(), high = kScreen.height_px / uniformity.rows();
     double sum = 0.0;
     for (int y = row * high; y < (row + 1) * high; ++y) {
       for (int x = column * wide; x < (column + 1) * wide; ++x)
-        sum += fall_off(rig.panel.falloff, x, y, kScreen.width_px, kScreen.height_px);
+        sum += radial_shading(rig.panel.falloff, x, y, kScreen.width_px, kScreen.height_px);
     }
     return sum / (wide * high);
   };
@@ -30,13 +30,13 @@ double worst_uniformity_error(const v1::Uniformity& uniformity, const Rig& rig) 
 }
 
 // Through a lens whose fall-off is known, and one whose is not, but which has none.
-TEST_F(UniformityTest, IsThePanels) {
+TEST_F(DisplayShadingTest, IsThePanels) {
   for (const double vignetting : {0.2, 0.0}) {
     Rig rig;
     rig.sensor.vignetting = vignetting;
     const v1::Uniformity uniformity = calibrated(rig).uniformity();
     ASSERT_EQ(uniformity.light_size(), 16 * 12);
-    const double worst = worst_uniformity_error(uniformity, rig);
+    const double worst = worst_shading_error(uniformity, rig);
     std::printf("uniformity: worst error %.2f %%\n", 100.0 * worst);
     // A pixel's noise of 0.1 to 0.2 % of full scale is 0.03 of the screen's width where the ramp is dark,
     // half a cell; over that, the light at a corner falls by 0.15 * 2 * 0.03.
@@ -44,7 +44,7 @@ TEST_F(UniformityTest, IsThePanels) {
   }
 }
 
-TEST_F(UniformityTest, TellsThatPartOfTheScreenIsHidden) {
+TEST_F(DisplayShadingTest, TellsThatPartOfTheScreenIsHidden) {
   const auto hide = [](int from) {
     return [from](v1::Frame&, RadianceImage& light) {
       for (int y = 0; y < kHeight_px; ++y) {

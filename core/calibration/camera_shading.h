@@ -12,7 +12,7 @@
 
 namespace glasswing {
 
-struct FallOffPoint {
+struct ShadingPoint {
   size_t group = 0;
   double radius2 = 0.0;
   double light = 0.0;  // > 0
@@ -20,6 +20,6 @@ struct FallOffPoint {
 
 // Least squares; what lies beyond four standard deviations does not count. Nothing if the points do not reach
 // from the middle (r <= 0.35) well towards the corners (r >= 0.7).
-std::optional<v1::FallOff> fit_fall_off(const std::vector<FallOffPoint>& points);
+std::optional<v1::FallOff> fit_camera_shading(const std::vector<ShadingPoint>& points);
 
 }  // namespace glasswing

@@ -1,4 +1,4 @@
-#include "core/calibration/fall_off_fit.h"
+#include "core/calibration/camera_shading.h"
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -21,11 +21,11 @@ double quantile(std::vector<double> values, double share) {
 
 }  // namespace
 
-std::optional<v1::FallOff> fit_fall_off(const std::vector<FallOffPoint>& points) {
+std::optional<v1::FallOff> fit_camera_shading(const std::vector<ShadingPoint>& points) {
   if (points.empty()) return std::nullopt;
   size_t groups = 0;
   std::vector<double> radius2;
-  for (const FallOffPoint& point : points) {
+  for (const ShadingPoint& point : points) {
     groups = std::max(groups, point.group + 1);
     radius2.push_back(point.radius2);
   }
@@ -34,7 +34,7 @@ std::optional<v1::FallOff> fit_fall_off(const std::vector<FallOffPoint>& points)
 
   // Relative residuals light / (a_g F) - 1, linear in changes of ln a_g, r2 and r4.
   std::vector<double> sum(groups), count(groups);
-  for (const FallOffPoint& point : points) sum[point.group] += point.light, count[point.group] += 1.0;
+  for (const ShadingPoint& point : points) sum[point.group] += point.light, count[point.group] += 1.0;
   const auto size = static_cast<Eigen::Index>(groups) + 2;
   Eigen::VectorXd level(size - 2);
   for (size_t g = 0; g < groups; ++g)
@@ -45,7 +45,7 @@ std::optional<v1::FallOff> fit_fall_off(const std::vector<FallOffPoint>& points)
     Eigen::VectorXd right = Eigen::VectorXd::Zero(size);
     double squares = 0.0, used = 0.0;
     std::vector<double> off;
-    for (const FallOffPoint& point : points) {
+    for (const ShadingPoint& point : points) {
       const auto group = static_cast<Eigen::Index>(point.group);
       const double shape = 1.0 + r2 * point.radius2 + r4 * point.radius2 * point.radius2;
       const double residual = point.light / (std::exp(level[group]) * shape) - 1.0;

@@ -12,7 +12,7 @@ inline constexpr const char* kConsoleCookie = "glasswing-console";
 
 // UNAUTHENTICATED: nobody that we know. Of a certificate (verified when the connection was made) the roles
 // are those that it has; it does not expire here.
-absl::StatusOr<Visitor> visitor_of(const httplib::Request& request, const ConsoleKey& key);
+absl::StatusOr<Principal> principal_of(const httplib::Request& request, const ConsoleKey& key);
 
 // Guards a browser's visitors against pages of others that it shows. PERMISSION_DENIED: the request comes
 // from another page, or would change something and does not say by the header X-Glasswing that a script of

@@ -18,7 +18,7 @@ namespace glasswing {
 
 // 16 x 12 cells. Those that the camera does not see are filled so that each is the mean of its neighbours.
 // None: it sees less than half of them, or the ramp does not tell where it looks.
-std::optional<v1::Uniformity> uniformity_of(const ScreenView& view, const DisplayResponse& response,
-                                            const Evenness& camera);
+std::optional<v1::Uniformity> measure_display_shading(const ScreenView& view, const DisplayResponse& response,
+                                            const Shading& camera);
 
 }  // namespace glasswing
