@@ -39,9 +39,9 @@ std::optional<v1::FallOff> fit_camera_shading(const std::vector<ShadingPoint>& p
   Eigen::VectorXd level(size - 2);
   for (size_t g = 0; g < groups; ++g)
     level[static_cast<Eigen::Index>(g)] = std::log(sum[g] / std::max(count[g], 1.0));
-  double r2 = 0.0, r4 = 0.0, most = INFINITY, rms = 0.0;
+  double r2 = 0.0, r4 = 0.0, max_residual = INFINITY, rms = 0.0;
   for (int pass = 0; pass < kPasses; ++pass) {
-    Eigen::MatrixXd normal = 1e-9 * Eigen::MatrixXd::Identity(size, size);  // groups without points
+    Eigen::MatrixXd normal = 1e-9 * Eigen::MatrixXd::Identity(size, size);  // keeps groups without points solvable
     Eigen::VectorXd right = Eigen::VectorXd::Zero(size);
     double squares = 0.0, used = 0.0;
     std::vector<double> off;
@@ -50,7 +50,7 @@ std::optional<v1::FallOff> fit_camera_shading(const std::vector<ShadingPoint>& p
       const double shape = 1.0 + r2 * point.radius2 + r4 * point.radius2 * point.radius2;
       const double residual = point.light / (std::exp(level[group]) * shape) - 1.0;
       off.push_back(std::abs(residual));
-      if (std::abs(residual) > most) continue;
+      if (std::abs(residual) > max_residual) continue;
       const std::array<std::pair<Eigen::Index, double>, 3> row = {
           {{group, 1.0},
            {size - 2, point.radius2 / shape},
@@ -62,7 +62,7 @@ std::optional<v1::FallOff> fit_camera_shading(const std::vector<ShadingPoint>& p
       squares += residual * residual, used += 1.0;
     }
     rms = std::sqrt(squares / used);
-    most = kOutlier * 1.4826 * quantile(off, 0.5);
+    max_residual = kOutlier * 1.4826 * quantile(off, 0.5);
     const Eigen::VectorXd change = normal.ldlt().solve(right);
     level += change.head(size - 2);
     r2 += change[size - 2], r4 += change[size - 1];

@@ -1,8 +1,8 @@
-// How a picture darkens towards its corners:
+// Fits the radial shading of a camera, by which a picture darkens towards its corners:
 //
 //   light = a_g (1 + r2 r^2 + r4 r^4)
 //
-// r is 1 in the corners; each group of points (a channel of a monitor) has a brightness of its own.
+// r is 1 in the corners; a_g is the brightness of a group of points (a channel of a monitor).
 #pragma once
 
 #include <optional>
@@ -18,8 +18,8 @@ struct ShadingPoint {
   double light = 0.0;  // > 0
 };
 
-// Least squares; what lies beyond four standard deviations does not count. Nothing if the points do not reach
-// from the middle (r <= 0.35) well towards the corners (r >= 0.7).
+// Least squares; points beyond four standard deviations are rejected. Nothing if the points do not reach from the
+// middle (r <= 0.35) towards the corners (r >= 0.7).
 std::optional<v1::FallOff> fit_camera_shading(const std::vector<ShadingPoint>& points);
 
 }  // namespace glasswing

@@ -1,12 +1,12 @@
-// How evenly a monitor is lit. The ramp (core/pattern/pattern.h) tells each pixel of the camera where on the
-// monitor it looks, and white how bright that place is:
+// Measures the shading of a monitor, v1::Uniformity. The ramp (core/pattern/pattern.h) shows where on the monitor
+// each camera pixel looks, white how bright that point is:
 //
-//   u = (r - .1) / .8,   v = (g - .1) / .8,      r, g: codes, through the response from what the pixel sees
-//   light = mean over channels of (white - black) / (their mean over the screen) / the camera's fall-off
+//   u = (r - .1) / .8,   v = (g - .1) / .8,      r, g: codes, from the pixel's light through the response
+//   light = mean over channels of (white - black) / (their mean over the screen) / the camera's shading
 //
-// averaged in each cell of a grid, 1 in the middle. What a camera's fall-off is off by, or all of it where it
-// was not measured, is in here: one picture of one screen cannot tell them apart. So is what the monitor
-// sends less of to a side.
+// averaged in each cell of a grid, 1 in the middle. The result includes the error of the camera's shading, or
+// all of it if that was not measured, since one view of one screen cannot separate the two; and the monitor's
+// dimming at oblique angles.
 #pragma once
 
 #include <optional>
@@ -16,8 +16,8 @@
 
 namespace glasswing {
 
-// 16 x 12 cells. Those that the camera does not see are filled so that each is the mean of its neighbours.
-// None: it sees less than half of them, or the ramp does not tell where it looks.
+// 16 x 12 cells. Cells that the camera does not see are interpolated: each is the mean of its neighbours. None if
+// it sees fewer than half of them.
 std::optional<v1::Uniformity> measure_display_shading(const ScreenView& view, const DisplayResponse& response,
                                             const Shading& camera);
 

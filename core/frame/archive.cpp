@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A process may have some 65,000.
+// Linux allows a process about 65,000.
 constexpr size_t kMaxMappings = 4096;
 
 absl::Status read_json(const fs::path& path, google::protobuf::Message* message) {
@@ -29,7 +29,7 @@ absl::Status data_loss_in(const fs::path& path, const absl::Status& status) {
   return absl::DataLossError(fmt::format("{}: {}", path.string(), std::string(status.message())));
 }
 
-// Frames without a step (imported ones) are the same if their file is.
+// Frames without a step (imported ones) are identified by their file.
 bool same_frame(const v1::Frame& a, const v1::Frame& b) {
   return a.step() >= 0 && b.step() >= 0 ? a.step() == b.step() : a.file() == b.file();
 }
@@ -82,8 +82,8 @@ absl::StatusOr<std::unique_ptr<Archive>> Archive::open(const fs::path& directory
   GW_RETURN_IF_ERROR(lines.status());
   const size_t whole = lines->rfind('\n') == std::string::npos ? 0 : lines->rfind('\n') + 1;
   if (whole != lines->size()) {
-    // A line cut by a crash was never announced; later lines must not be glued to it. One that is whole lacks
-    // but its end.
+    // A line cut by a crash was never reported as stored, and later lines must not be appended to it. A complete
+    // record may lack only its newline.
     const size_t record = whole_record(std::string_view(*lines).substr(whole));
     lines->resize(whole + record);
     if (record > 0) *lines += '\n';
@@ -224,7 +224,7 @@ absl::StatusOr<std::shared_ptr<const MappedFile>> Archive::map(const std::string
     return absl::DataLossError(fmt::format("{} is damaged: it has {} bytes instead of {}", path.string(),
                                            identity->size_bytes, tiff_size_bytes(width_px_, height_px_)));
   }
-  if (absl::IsResourceExhausted(mapped.status())) return mapped;  // files or mappings, of this process
+  if (absl::IsResourceExhausted(mapped.status())) return mapped;  // this process has too many files or mappings
   if (!mapped.ok()) return absl::DataLossError(mapped.status().message());
   if ((*mapped)->identity() != verified) {
     const absl::Status whole = verify(**mapped, frame);

@@ -1,4 +1,4 @@
-// What a manifest must be to be true at all, wherever it came from.
+// Validation of manifests from any source.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -11,9 +11,9 @@
 namespace glasswing {
 namespace {
 
-constexpr size_t kLongestName = 255;  // of a frame's file, bytes
+constexpr size_t kLongestName = 255;  // bytes, of a frame's file
 
-// The path of the first number below `message` that is none.
+// The path and value of the first number in `message` that is not finite; empty if there is none.
 std::string find_not_finite(const google::protobuf::Message& message) {
   using Field = google::protobuf::FieldDescriptor;
   const google::protobuf::Reflection& reflection = *message.GetReflection();

@@ -14,8 +14,8 @@ constexpr double kMinWeight = 1e-3;
 constexpr double kFirstPower = 2.2;  // for the first weights only
 constexpr double kMinPower = 0.5;    // d ln f / d ln z, for weights only
 
-// The closest curve, weighted, that rises by kMinRise and more at every knot: adjacent violators are
-// pooled.
+// Replaces the curve by the nearest one, in weighted least squares, that rises by at least kMinRise per knot
+// (pooling of adjacent violators).
 void make_monotone(LogCurve::Knots& curve, const Eigen::VectorXd& weights) {
   struct Pool {
     double value, weight;

@@ -14,13 +14,13 @@ absl::StatusOr<Shading> Shading::create(const v1::CaptureManifest& manifest) {
   if (manifest.camera_calibration().has_fall_off()) {
     const v1::FallOff& fall_off = manifest.camera_calibration().fall_off();
     const double r2 = fall_off.r2(), r4 = fall_off.r4();
-    double least = std::min(1.0, 1.0 + r2 + r4);
-    if (r4 > 0.0 && r2 < 0.0 && -r2 < 2.0 * r4) least = std::min(least, 1.0 - 0.25 * r2 * r2 / r4);
-    if (!(least > 0.0)) {
+    double darkest = std::min(1.0, 1.0 + r2 + r4);
+    if (r4 > 0.0 && r2 < 0.0 && -r2 < 2.0 * r4) darkest = std::min(darkest, 1.0 - 0.25 * r2 * r2 / r4);
+    if (!(darkest > 0.0)) {
       return absl::InvalidArgumentError(fmt::format(
           "the calibration of camera \"{}\": its fall-off leaves {:.3f} of the light somewhere; it must be "
           "above 0 everywhere",
-          manifest.camera_calibration().camera(), least));
+          manifest.camera_calibration().camera(), darkest));
     }
     shading.r2_ = r2;
     shading.r4_ = r4;
@@ -36,8 +36,7 @@ absl::StatusOr<Shading> Shading::create(const v1::CaptureManifest& manifest) {
                             [](float light) { return light > 0.0f && std::isfinite(light); });
     if (!good) {
       return absl::InvalidArgumentError(fmt::format(
-          "the calibration of monitor \"{}\": uniformity is {} x {} with {} values; it must have columns x "
-          "rows "
+          "the calibration of monitor \"{}\": uniformity is {} x {} with {} values; it must have columns x rows "
           "values above 0",
           calibration.monitor(), uniformity.columns(), uniformity.rows(), uniformity.light_size()));
     }

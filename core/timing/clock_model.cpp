@@ -14,7 +14,7 @@ double ns(nanoseconds time) {
   return static_cast<double>(time.count());
 }
 
-// Where a function that rises and then falls is highest.
+// The maximum of a unimodal function (ternary search).
 template <typename F>
 double top_of(F f, double low, double high) {
   for (int i = 0; i < 60; ++i) {
@@ -38,7 +38,7 @@ double ClockModel::lowest(double at, double skew) const {
   return bound;
 }
 
-// The skews that all cuts allow: an interval, as what is between the bounds is concave in the skew.
+// The skews that all cuts allow. They are an interval, since the gap between the bounds is concave in the skew.
 bool ClockModel::find_skews() {
   const auto room = [this](double skew) { return highest(0.0, skew) - lowest(0.0, skew); };
   const double best = top_of(room, -kMaxSkew, kMaxSkew);
@@ -58,7 +58,7 @@ bool ClockModel::find_skews() {
 }
 
 void ClockModel::add(const ClockExchange& exchange) {
-  // A clock that was set within the exchange: it says nothing.
+  // A clock was set during the exchange: discard it.
   if (exchange.answered < exchange.received ||
       exchange.returned - exchange.sent < exchange.answered - exchange.received)
     return;
@@ -87,14 +87,14 @@ ClockReading ClockModel::rig_from_node(nanoseconds node_time) const {
                low_skew = top_of([&](double s) { return -lowest(at, s); }, min_skew_, max_skew_);
   const double high = highest(at, high_skew), low = lowest(at, low_skew);
   const auto middle = nanoseconds(std::llround(0.5 * (high + low)));
-  // A little for the searches' own ends.
+  // Plus a margin for the tolerance of the searches.
   const double error = 0.5 * (high - low) + kWander * std::abs(at) + 100.0;
   return {.time = node_time + origin_offset_ + middle,
           .error = nanoseconds(static_cast<std::int64_t>(std::ceil(error)))};
 }
 
 ClockReading ClockModel::node_from_rig(nanoseconds rig_time) const {
-  // The skew is so small that the second guess is exact to a nanosecond.
+  // The skew is so small that the second iteration is exact to a nanosecond.
   nanoseconds node_time = rig_time - origin_offset_;
   ClockReading there;
   for (int i = 0; i < 3; ++i) {
