@@ -18,7 +18,8 @@ namespace glasswing {
 const std::string& boot_id();
 
 // Fills in where `directory` is. The system's own error, with the path.
-absl::Status describe_archive_location(const std::filesystem::path& directory, v1::LocateArchiveResponse& location);
+absl::Status describe_archive_location(const std::filesystem::path& directory,
+                                       v1::LocateArchiveResponse& location);
 
 // An archive's directory on this machine, and the files in it that are mapped. Thread-safe.
 class LocalArchive {

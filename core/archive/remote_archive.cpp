@@ -142,7 +142,8 @@ void RemoteArchive::locate_archives() const {
     std::vector<std::future<void>> asked;
     for (const auto& source : sources_) {
       asked.push_back(std::async(std::launch::async, [&, to = source.get()] {
-        const absl::StatusOr<v1::LocateArchiveResponse> location = to->locate(request, kFirstLocateTime, stop_);
+        const absl::StatusOr<v1::LocateArchiveResponse> location =
+            to->locate(request, kFirstLocateTime, stop_);
         if (!location.ok()) return;
         to->is_here = location->boot_id() == boot_id();
         if (reading_ == Reading::kMappedIfHere) to->local = LocalArchive::open(*location);

@@ -54,8 +54,8 @@ class FileWriter {
   std::filesystem::path path_;
 };
 
-// Appends and flushes; durable when it returns OK, including the name of a new file. On failure the file keeps
-// its old length.
+// Appends and flushes; durable when it returns OK, including the name of a new file. On failure the file
+// keeps its old length.
 absl::Status append_file_durably(const std::filesystem::path& path, std::string_view bytes);
 
 }  // namespace glasswing

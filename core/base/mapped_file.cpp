@@ -40,7 +40,8 @@ void on_bus_error(int signal, siginfo_t* info, void*) {
                                MAP_PRIVATE | MAP_ANONYMOUS | MAP_FIXED, -1, 0);
     if (zeros != MAP_FAILED) return;
   }
-  ::sigaction(signal, &action_before, nullptr);  // not ours: raised again, then handled by the previous action
+  ::sigaction(signal, &action_before,
+              nullptr);  // not ours: raised again, then handled by the previous action
 }
 
 class Regions {

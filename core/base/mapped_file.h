@@ -35,7 +35,8 @@ class MappedFile {
   std::string_view bytes() const { return bytes_; }
   const FileIdentity& identity() const { return identity_; }
   // True if every byte read so far was the file's content at the time of mapping. Stats the file, since
-  // truncation within a page raises no signal. A file removed or replaced meanwhile stays intact while mapped.
+  // truncation within a page raises no signal. A file removed or replaced meanwhile stays intact while
+  // mapped.
   bool intact() const;
 
  private:

@@ -1,5 +1,5 @@
-// The clock of a node's timestamps: its machine's CLOCK_MONOTONIC, or, on a simulated node, a clock that starts
-// off by `offset` and gains `drift_ppm`.
+// The clock of a node's timestamps: its machine's CLOCK_MONOTONIC, or, on a simulated node, a clock that
+// starts off by `offset` and gains `drift_ppm`.
 #pragma once
 
 #include <cmath>

@@ -30,7 +30,8 @@ class Band {
  public:
   Band(const LightRecord& record, size_t band);
 
-  // The band's mean light over each exposure, if it is half way `centre` after a change and settles in `settle`.
+  // The band's mean light over each exposure, if it is half way `centre` after a change and settles in
+  // `settle`.
   std::vector<double> seen_by(const Track& track, double centre, double settle) const;
 
  private:

@@ -9,8 +9,8 @@ namespace {
 constexpr double kMinSamples = 20.0;  // beyond a knot, to determine it
 constexpr double kMaxClipped = 0.01;  // of the samples, at code 0
 
-// The distribution of codes, each spread evenly over its step: the end of each step, as a share of full scale,
-// and the share of samples below it.
+// The distribution of codes, each spread evenly over its step: the end of each step, as a share of full
+// scale, and the share of samples below it.
 struct Distribution {
   std::vector<double> code, below;
   double all = 0.0;
@@ -61,7 +61,8 @@ void continue_below_black(const std::vector<size_t>& count, v1::CameraCurve& cur
   if (black.all < 2.0 * kMinSamples || static_cast<double>(count[0]) > kMaxClipped * black.all) return;
   const double last = curve.light_size() - 1.0;
   const int first_above = static_cast<int>(std::floor(curve.black_level() * last)) + 1;
-  // Light just above black depends on the knot below black, which is not known yet, so a line stands in for it.
+  // Light just above black depends on the knot below black, which is not known yet, so a line stands in for
+  // it.
   const double above = static_cast<double>(curve.light(first_above));
   const double slope = above / (first_above / last - curve.black_level());
   const auto light_above = [&](double code) {

@@ -1,5 +1,5 @@
-// A camera's curve below its black level, where only noise occurs, and noise without light is symmetric. So with
-// P the distribution of codes in black frames,
+// A camera's curve below its black level, where only noise occurs, and noise without light is symmetric. So
+// with P the distribution of codes in black frames,
 //
 //   light(z) = -light(z'),      P(code < z) = P(code > z'),  z below and z' above the black level
 //
@@ -13,9 +13,9 @@
 
 namespace glasswing {
 
-// `count`: how often each of the 65536 sample values occurs in black frames without room light. Sets the knots
-// below curve.black_level(); knots with too few samples beyond them are extrapolated linearly. If black is
-// clipped at 0, the curve stays unchanged.
+// `count`: how often each of the 65536 sample values occurs in black frames without room light. Sets the
+// knots below curve.black_level(); knots with too few samples beyond them are extrapolated linearly. If black
+// is clipped at 0, the curve stays unchanged.
 void continue_below_black(const std::vector<size_t>& count, v1::CameraCurve& curve);
 
 }  // namespace glasswing

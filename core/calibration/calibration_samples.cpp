@@ -12,12 +12,12 @@
 namespace glasswing {
 namespace {
 
-constexpr size_t kMaxPixels = 40000;    // of all monitors
-constexpr size_t kMinPixels = 1000;     // of a monitor that counts as seen
-constexpr double kSeen = 0.3;           // of white's code above black where it is brightest
-constexpr double kMinContrast = 0.1;    // of full scale, white above black
-constexpr double kBrightest = 0.99;     // quantile of pixels
-constexpr int kRim_px = 2;              // pixels this close to a monitor's edge may see past it
+constexpr size_t kMaxPixels = 40000;  // of all monitors
+constexpr size_t kMinPixels = 1000;   // of a monitor that counts as seen
+constexpr double kSeen = 0.3;         // of white's code above black where it is brightest
+constexpr double kMinContrast = 0.1;  // of full scale, white above black
+constexpr double kBrightest = 0.99;   // quantile of pixels
+constexpr int kRim_px = 2;            // pixels this close to a monitor's edge may see past it
 
 using FrameIndex = std::vector<std::array<std::vector<int>, 3>>;  // [exposure][Shown]: frames
 
@@ -104,9 +104,9 @@ SampledMonitor sampled(const MappedArchive& archive, const std::string& name, co
 absl::StatusOr<CalibrationSamples> sample_calibration(const MappedArchive& archive) {
   const v1::CaptureManifest& manifest = archive.manifest();
   if (!manifest.plan().has_calibration() || manifest.plan().calibration().of() != "camera") {
-    return absl::FailedPreconditionError(fmt::format(
-        "session {} was not captured to calibrate a camera; use `glasswing calibrate camera`",
-        manifest.session()));
+    return absl::FailedPreconditionError(
+        fmt::format("session {} was not captured to calibrate a camera; use `glasswing calibrate camera`",
+                    manifest.session()));
   }
   std::vector<double> planned(manifest.plan().exposure_ms().begin(), manifest.plan().exposure_ms().end());
   std::ranges::sort(planned);

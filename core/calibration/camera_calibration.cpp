@@ -12,8 +12,8 @@
 #include "core/base/time.h"
 #include "core/calibration/below_black.h"
 #include "core/calibration/calibration_samples.h"
-#include "core/calibration/camera_symptoms.h"
 #include "core/calibration/camera_shading.h"
+#include "core/calibration/camera_symptoms.h"
 #include "core/radiometry/camera_response.h"
 #include "core/radiometry/frame_light.h"
 #include "core/radiometry/noise_model.h"
@@ -93,8 +93,8 @@ std::vector<size_t> unlit_codes(const CalibrationSamples& samples, size_t channe
   return all;
 }
 
-// The code of black without room light, in one channel. Room light grows with the exposure, and the codes of a
-// curved camera grow nonlinearly, least so at short exposures: hence a weighted parabola, evaluated at 0.
+// The code of black without room light, in one channel. Room light grows with the exposure, and the codes of
+// a curved camera grow nonlinearly, least so at short exposures: hence a weighted parabola, evaluated at 0.
 double find_black_level(const CalibrationSamples& samples, size_t channel) {
   const auto terms = std::min<Eigen::Index>(3, static_cast<Eigen::Index>(samples.exposures_ms.size()));
   Eigen::MatrixXd rows(samples.exposures_ms.size(), terms);
@@ -109,8 +109,8 @@ double find_black_level(const CalibrationSamples& samples, size_t channel) {
   return std::max(rows.colPivHouseholderQr().solve(codes)[0], 0.0);
 }
 
-// The stripe at one exposure as a picture of all sampled pixels, averaged over takes. Clipped samples are full
-// or 0.
+// The stripe at one exposure as a picture of all sampled pixels, averaged over takes. Clipped samples are
+// full or 0.
 Image16 mean_stripe(const CalibrationSamples& samples, size_t exposure, double saturation) {
   size_t pixels = 0;
   for (const SampledMonitor& monitor : samples.monitors) pixels += monitor.radius2.size();
@@ -181,8 +181,8 @@ Image16 as_light(const std::vector<std::uint16_t>& codes, const FrameLight& ligh
   return image;
 }
 
-// The relative standard error of the curves' slope near black, within reach of the noise, which scales the noise
-// in light.
+// The relative standard error of the curves' slope near black, within reach of the noise, which scales the
+// noise in light.
 double slope_error(const v1::CameraCalibration& calibration, double read_sd) {
   double most = 0.0;
   for (const v1::CameraCurve& curve : calibration.curves()) {

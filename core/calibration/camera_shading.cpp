@@ -41,7 +41,8 @@ std::optional<v1::FallOff> fit_camera_shading(const std::vector<ShadingPoint>& p
     level[static_cast<Eigen::Index>(g)] = std::log(sum[g] / std::max(count[g], 1.0));
   double r2 = 0.0, r4 = 0.0, max_residual = INFINITY, rms = 0.0;
   for (int pass = 0; pass < kPasses; ++pass) {
-    Eigen::MatrixXd normal = 1e-9 * Eigen::MatrixXd::Identity(size, size);  // keeps groups without points solvable
+    Eigen::MatrixXd normal =
+        1e-9 * Eigen::MatrixXd::Identity(size, size);  // keeps groups without points solvable
     Eigen::VectorXd right = Eigen::VectorXd::Zero(size);
     double squares = 0.0, used = 0.0;
     std::vector<double> off;

@@ -18,8 +18,8 @@ struct ShadingPoint {
   double light = 0.0;  // > 0
 };
 
-// Least squares; points beyond four standard deviations are rejected. Nothing if the points do not reach from the
-// middle (r <= 0.35) towards the corners (r >= 0.7).
+// Least squares; points beyond four standard deviations are rejected. Nothing if the points do not reach from
+// the middle (r <= 0.35) towards the corners (r >= 0.7).
 std::optional<v1::FallOff> fit_camera_shading(const std::vector<ShadingPoint>& points);
 
 }  // namespace glasswing

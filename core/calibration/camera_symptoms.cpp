@@ -14,7 +14,7 @@ constexpr double kShareOfNoise = 0.32;
 constexpr double kSigmas = 5.0;
 constexpr double kBright = 0.1, kNearlyFull = 0.95;  // light
 constexpr size_t kMinPixels = 200;
-constexpr double kPeak = 0.98;                       // quantile: where the stripe is as bright as white
+constexpr double kPeak = 0.98;  // quantile: where the stripe is as bright as white
 constexpr double kClippedShare = 0.01;
 constexpr double kTwoExposures = 1.2;  // ratio of times that codes must reflect
 constexpr double kReaches = 0.8;       // of the saturation
@@ -155,7 +155,8 @@ class Symptoms {
     if (rms < kOwnChange || rms < kSigmas * later) return;
     out_.push_back(fmt::format(
         "automatic exposure or gain: after each change of the exposure the first frame differs from its "
-        "repeats by {:.2g} %, the repeats among themselves by {:.2g} %; turn automatic exposure and automatic gain of the camera off",
+        "repeats by {:.2g} %, the repeats among themselves by {:.2g} %; turn automatic exposure and "
+        "automatic gain of the camera off",
         100.0 * rms, 100.0 * later));
   }
 
@@ -192,7 +193,8 @@ class Symptoms {
       if (*peak > 1.0 + kOwnChange + 3.0 * noise) {
         out_.push_back(fmt::format(
             "automatic exposure or gain: at {:.4g} ms a stripe on monitor \"{}\" is {:.2g} % brighter than "
-            "its white; turn automatic exposure and gain of the camera off, and any dimming of the monitor that "
+            "its white; turn automatic exposure and gain of the camera off, and any dimming of the monitor "
+            "that "
             "depends on its picture",
             samples_.exposures_ms[j], monitor.name, 100.0 * (*peak - 1.0)));
         return;
@@ -268,18 +270,19 @@ class Symptoms {
       if (static_cast<double>(clipped) > kClippedShare * static_cast<double>(monitor.sample_count())) {
         out_.push_back(fmt::format(
             "clipping: white of monitor \"{}\" is clipped in {:.0f} % of samples even at the shortest "
-            "exposure, {:.4g} ms, so its brightness and the fall-off were not measured; add shorter exposures, or close the aperture",
+            "exposure, {:.4g} ms, so its brightness and the fall-off were not measured; add shorter "
+            "exposures, or close the aperture",
             monitor.name, 100.0 * static_cast<double>(clipped) / static_cast<double>(monitor.sample_count()),
             samples_.exposures_ms[0]));
       }
       size_t zero = 0;
       for (const std::uint16_t code : monitor.takes(0, Shown::kBlack).front()) zero += code == 0 ? 1 : 0;
       if (static_cast<double>(zero) > kClippedShare * static_cast<double>(monitor.sample_count())) {
-        out_.push_back(
-            fmt::format("clipping: {:.0f} % of the samples of black are 0, so the black level cuts off noise and "
-                        "dark light is overestimated; raise the camera's black level (brightness, offset), or "
-                        "turn its noise reduction off",
-                        100.0 * static_cast<double>(zero) / static_cast<double>(monitor.sample_count())));
+        out_.push_back(fmt::format(
+            "clipping: {:.0f} % of the samples of black are 0, so the black level cuts off noise and "
+            "dark light is overestimated; raise the camera's black level (brightness, offset), or "
+            "turn its noise reduction off",
+            100.0 * static_cast<double>(zero) / static_cast<double>(monitor.sample_count())));
       }
     }
     for (const v1::CameraCurve& curve : calibration_.curves()) {
@@ -319,7 +322,8 @@ absl::Status check_codes_follow(const CalibrationSamples& samples, const std::ar
       if (const double ratio = median(ratios); ratio < 1.0 + kOwnChange) {
         return absl::FailedPreconditionError(
             fmt::format("codes do not follow the exposure times: frames of {:.4g} ms have codes {:.2f} times "
-                        "those of {:.4g} ms, so no curve can be fitted; turn automatic exposure and automatic gain of the camera off",
+                        "those of {:.4g} ms, so no curve can be fitted; turn automatic exposure and "
+                        "automatic gain of the camera off",
                         times[j + 1], ratio, times[j]));
       }
     }

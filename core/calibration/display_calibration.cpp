@@ -9,9 +9,9 @@
 #include <map>
 
 #include "core/base/status.h"
+#include "core/calibration/display_shading.h"
 #include "core/calibration/display_warnings.h"
 #include "core/calibration/screen_view.h"
-#include "core/calibration/display_shading.h"
 
 namespace glasswing {
 namespace {
@@ -54,8 +54,8 @@ double ratio_of(const std::vector<SeenSolid>& seen, double from_ms, double to_ms
   return square > 0.0 ? along / square : to_ms / from_ms;
 }
 
-// The solids at `exposure_ms`, except that grays come from the longest exposure that does not clip them, scaled to
-// `exposure_ms`.
+// The solids at `exposure_ms`, except that grays come from the longest exposure that does not clip them,
+// scaled to `exposure_ms`.
 std::vector<ShownSolid> on_one_scale(const std::vector<SeenSolid>& seen, double exposure_ms, int highest) {
   std::map<Code, double> longest_ms;
   for (const SeenSolid& of : seen) longest_ms.try_emplace(of.solid.code, exposure_ms);
@@ -100,8 +100,8 @@ std::vector<ShownSolid> all_of_code(const std::vector<ShownSolid>& solids, int c
   return some;
 }
 
-// The relative standard deviation of white beyond noise and steady drift: from the distance of each white to the
-// line between its neighbours in time.
+// The relative standard deviation of white beyond noise and steady drift: from the distance of each white to
+// the line between its neighbours in time.
 double flicker_of(std::vector<ShownSolid> whites) {
   std::sort(whites.begin(), whites.end(),
             [](const ShownSolid& a, const ShownSolid& b) { return a.at < b.at; });

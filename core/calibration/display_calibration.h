@@ -5,10 +5,10 @@
 //   drift removed; tone curves, crosstalk, black                               (display_response)
 //   shading, from the ramp and white                                           (display_shading)
 //
-// Reported exposure times are inexact, so the scale between two exposures is that of the grays seen at both. The
-// distance of each white from the line between its neighbours in time measures how well a brightness repeats
-// (flicker); the error of each mean combines its noise and flicker. Errors of the camera's own curve enter the
-// monitors' curves, but not their stated errors.
+// Reported exposure times are inexact, so the scale between two exposures is that of the grays seen at both.
+// The distance of each white from the line between its neighbours in time measures how well a brightness
+// repeats (flicker); the error of each mean combines its noise and flicker. Errors of the camera's own curve
+// enter the monitors' curves, but not their stated errors.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -26,10 +26,10 @@ struct DisplayCalibrations {
   std::vector<std::string> unmeasured;           // name the monitor and the reason
 };
 
-// Calibrates all monitors shown; `warnings` describe problems for people, with advice. Without a calibration the
-// camera is assumed linear. FAILED_PRECONDITION: none could be measured; names the monitor and the reason: not a
-// display calibration, an uncalibrated camera of unknown response, or an error of find_screen, without_drift or
-// fit_display_response.
+// Calibrates all monitors shown; `warnings` describe problems for people, with advice. Without a calibration
+// the camera is assumed linear. FAILED_PRECONDITION: none could be measured; names the monitor and the
+// reason: not a display calibration, an uncalibrated camera of unknown response, or an error of find_screen,
+// without_drift or fit_display_response.
 absl::StatusOr<DisplayCalibrations> calibrate_displays(const MappedArchive& archive);
 
 }  // namespace glasswing

@@ -58,7 +58,7 @@ void fill(std::vector<Cell>& cells) {
 }  // namespace
 
 std::optional<v1::Uniformity> measure_display_shading(const ScreenView& view, const DisplayResponse& response,
-                                            const Shading& camera) {
+                                                      const Shading& camera) {
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   for (const ScreenView::Light& white : view.white)
     mean += Eigen::Vector3d(white[0], white[1], white[2]) / static_cast<double>(view.white.size());

@@ -1,5 +1,5 @@
-// Measures the shading of a monitor, v1::Uniformity. The ramp (core/pattern/pattern.h) shows where on the monitor
-// each camera pixel looks, white how bright that point is:
+// Measures the shading of a monitor, v1::Uniformity. The ramp (core/pattern/pattern.h) shows where on the
+// monitor each camera pixel looks, white how bright that point is:
 //
 //   u = (r - .1) / .8,   v = (g - .1) / .8,      r, g: codes, from the pixel's light through the response
 //   light = mean over channels of (white - black) / (their mean over the screen) / the camera's shading
@@ -16,9 +16,9 @@
 
 namespace glasswing {
 
-// 16 x 12 cells. Cells that the camera does not see are interpolated: each is the mean of its neighbours. None if
-// it sees fewer than half of them.
+// 16 x 12 cells. Cells that the camera does not see are interpolated: each is the mean of its neighbours.
+// None if it sees fewer than half of them.
 std::optional<v1::Uniformity> measure_display_shading(const ScreenView& view, const DisplayResponse& response,
-                                            const Shading& camera);
+                                                      const Shading& camera);
 
 }  // namespace glasswing

@@ -18,8 +18,8 @@ constexpr double kMinUse = 0.2;        // of the camera's full scale, white's li
 constexpr double kMaxBlack = 0.01;     // of white
 constexpr double kErrors = 3.0;        // standard errors that a warning needs
 
-// Two grays are equally bright if their step is less than a tenth of the power law's, where that exceeds 5 standard
-// errors and 0.05 % of full scale.
+// Two grays are equally bright if their step is less than a tenth of the power law's, where that exceeds 5
+// standard errors and 0.05 % of full scale.
 constexpr double kMaxFlatStep = 0.1, kMinStepErrors = 5.0, kMinStep = 5e-4;
 
 constexpr std::array<const char*, 3> kNames{"red", "green", "blue"};
@@ -145,8 +145,7 @@ std::vector<std::string> display_warnings(const v1::DisplayCalibration& calibrat
       warnings.push_back(*std::move(warning));
   }
   if (!calibration.has_uniformity()) {
-    warnings.emplace_back(
-        "the camera sees less than half of the screen, so its uniformity was not measured");
+    warnings.emplace_back("the camera sees less than half of the screen, so its uniformity was not measured");
   }
   return warnings;
 }

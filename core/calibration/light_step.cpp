@@ -21,7 +21,8 @@ constexpr size_t kFirstGrid = 33;     // points on each axis of delays, in the f
 constexpr size_t kSettleGrid = 17;    // points on the axis of settling times
 constexpr size_t kGrid = 9;           // points on every other axis
 constexpr double kPossible = 16.0;    // sum of squares above the minimum, in sigma^2: 4 standard errors
-constexpr double kResembling = 0.7;   // of the light explained by the best lag: another lag above it is ambiguous
+constexpr double kResembling =
+    0.7;  // of the light explained by the best lag: another lag above it is ambiguous
 
 nanoseconds time_of(double seconds) {
   return nanoseconds(std::llround(1e9 * seconds));
@@ -41,8 +42,8 @@ double explained(const Track& track, std::vector<double> seen) {
   return square > 1e-9 && along > 0.0 ? along * along / square : 0.0;
 }
 
-// An upper bound on what noise in this many groups explains by chance, in sigma^2: each group has a mean of 1 and a
-// variance of 2, and some hundred delays are tried.
+// An upper bound on what noise in this many groups explains by chance, in sigma^2: each group has a mean of 1
+// and a variance of 2, and some hundred delays are tried.
 double chance(size_t groups) {
   const auto n = static_cast<double>(groups);
   return n + 8.0 * std::sqrt(2.0 * n) + 30.0;

@@ -24,9 +24,9 @@ constexpr double kPixelsCutOff = 1e-4;  // of the pixels that see a solid
 constexpr double kBrightest = 0.001;    // of the picture; a monitor fills more
 constexpr double kMinError = 1e-7;      // of a mean; below any rounding
 
-// One of the ramp's codes is always 0.5 or more, and one 0.5 or less. So relative to white, one channel exceeds
-// code 0.5 at gamma 4, and one is below code 0.5 at gamma 1 with a crosstalk of 0.2. A lit patch has 1 in all
-// channels, a dark one 0.
+// One of the ramp's codes is always 0.5 or more, and one 0.5 or less. So relative to white, one channel
+// exceeds code 0.5 at gamma 4, and one is below code 0.5 at gamma 1 with a crosstalk of 0.2. A lit patch has
+// 1 in all channels, a dark one 0.
 constexpr float kMinRamp = 0.06f, kMaxRamp = 0.8f;
 
 std::vector<ShownFrame> taken(const std::vector<ShownFrame>& frames, double exposure_ms,

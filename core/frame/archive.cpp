@@ -82,8 +82,8 @@ absl::StatusOr<std::unique_ptr<Archive>> Archive::open(const fs::path& directory
   GW_RETURN_IF_ERROR(lines.status());
   const size_t whole = lines->rfind('\n') == std::string::npos ? 0 : lines->rfind('\n') + 1;
   if (whole != lines->size()) {
-    // A line cut by a crash was never reported as stored, and later lines must not be appended to it. A complete
-    // record may lack only its newline.
+    // A line cut by a crash was never reported as stored, and later lines must not be appended to it. A
+    // complete record may lack only its newline.
     const size_t record = whole_record(std::string_view(*lines).substr(whole));
     lines->resize(whole + record);
     if (record > 0) *lines += '\n';
@@ -224,7 +224,8 @@ absl::StatusOr<std::shared_ptr<const MappedFile>> Archive::map(const std::string
     return absl::DataLossError(fmt::format("{} is damaged: it has {} bytes instead of {}", path.string(),
                                            identity->size_bytes, tiff_size_bytes(width_px_, height_px_)));
   }
-  if (absl::IsResourceExhausted(mapped.status())) return mapped;  // this process has too many files or mappings
+  if (absl::IsResourceExhausted(mapped.status()))
+    return mapped;  // this process has too many files or mappings
   if (!mapped.ok()) return absl::DataLossError(mapped.status().message());
   if ((*mapped)->identity() != verified) {
     const absl::Status whole = verify(**mapped, frame);

@@ -40,8 +40,8 @@ absl::StatusOr<Image16> decode_tiff(std::string_view bytes);
 absl::Status check_tiff_header(std::string_view bytes, int width_px, int height_px);
 
 // Validates a manifest from any source: sides of 1 to kMaxSide_px, 1 to kMaxMonitors monitors with distinct
-// names, frame files below the archive and each listed once, finite numbers. INVALID_ARGUMENT names the field,
-// its value and what would be accepted.
+// names, frame files below the archive and each listed once, finite numbers. INVALID_ARGUMENT names the
+// field, its value and what would be accepted.
 absl::Status check_manifest(const v1::CaptureManifest& manifest);
 // The same for its parts. A header has no frames yet, and may lack monitors.
 absl::Status check_manifest_header(const v1::CaptureManifest& manifest);
@@ -50,8 +50,8 @@ absl::Status check_frame(const v1::Frame& frame);
 // Thread-safe.
 class Archive {
  public:
-  // Creates an archive, or opens the one that is there. FAILED_PRECONDITION: `directory` holds another session's
-  // archive; INVALID_ARGUMENT: check_manifest_header() refuses the header.
+  // Creates an archive, or opens the one that is there. FAILED_PRECONDITION: `directory` holds another
+  // session's archive; INVALID_ARGUMENT: check_manifest_header() refuses the header.
   static absl::StatusOr<std::unique_ptr<Archive>> create(const std::filesystem::path& directory,
                                                          const v1::CaptureManifest& header);
   // Opens an archive, sealed or not; drops a torn last line of frames.jsonl (a power cut). NOT_FOUND, or
@@ -78,16 +78,16 @@ class Archive {
     std::string bytes;
   };
   // Stores a batch, byte for byte; durable when it returns. A frame that is here already is rewritten, which
-  // repairs a damaged one. INVALID_ARGUMENT: bytes that do not match their record; ALREADY_EXISTS: a different
-  // frame has that file name here.
+  // repairs a damaged one. INVALID_ARGUMENT: bytes that do not match their record; ALREADY_EXISTS: a
+  // different frame has that file name here.
   absl::Status add_copies(const std::vector<CopiedFrame>& frames);
 
   // Writes manifest.json.
   absl::Status seal();
 
   // A frame's file, verified: its checksum is computed on first use and whenever the file has changed since.
-  // DATA_LOSS names a file that is missing, truncated, altered or not of the camera's size. Up to 4096 mappings
-  // are kept until unmap().
+  // DATA_LOSS names a file that is missing, truncated, altered or not of the camera's size. Up to 4096
+  // mappings are kept until unmap().
   absl::StatusOr<std::shared_ptr<const MappedFile>> map(const std::string& file);
   void unmap();
   // The bytes of a frame's file, verified. Errors as map().

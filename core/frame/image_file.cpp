@@ -110,8 +110,8 @@ PictureSize png_size(std::string_view bytes) {
   return {.width_px = side(kWidthAt), .height_px = side(kHeightAt)};
 }
 
-// Three channels in OpenCV's b, g, r order; 8, 16 bit or float. OpenCV allocates what a header promises, so the
-// size is checked first.
+// Three channels in OpenCV's b, g, r order; 8, 16 bit or float. OpenCV allocates what a header promises, so
+// the size is checked first.
 absl::StatusOr<cv::Mat> decode_any(std::string_view bytes) {
   if (bytes.empty()) return absl::DataLossError("it is empty");
   GW_RETURN_IF_ERROR(picture_size(bytes).status());

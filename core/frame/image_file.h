@@ -51,15 +51,15 @@ struct PictureSize {
 // header, or a side that is not 1 to 16384 px.
 absl::StatusOr<PictureSize> picture_size(std::string_view bytes);
 
-// Reads a linear frame: 16-bit PNG or TIFF, or 8-bit (JPEG too), scaled by 257. DATA_LOSS names a file that is
-// truncated, altered (a PNG's CRC is checked), not a picture, or not of size `expected`, which is checked
+// Reads a linear frame: 16-bit PNG or TIFF, or 8-bit (JPEG too), scaled by 257. DATA_LOSS names a file that
+// is truncated, altered (a PNG's CRC is checked), not a picture, or not of size `expected`, which is checked
 // before decoding.
 absl::StatusOr<Image16> read_frame_file(const std::filesystem::path& path,
                                         std::optional<PictureSize> expected = std::nullopt);
 
 // A photograph in its own codes: PNG, JPEG or TIFF; gray becomes r = g = b, alpha is dropped, and a JPEG is
-// rotated as its EXIF says. DATA_LOSS names a file that is missing, truncated, of float samples, or of another
-// format.
+// rotated as its EXIF says. DATA_LOSS names a file that is missing, truncated, of float samples, or of
+// another format.
 struct CodedPhotograph {
   Image16 codes;  // 65535 = the highest code
   int bits = 0;   // per code in the file: 8 or 16

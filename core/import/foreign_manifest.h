@@ -9,9 +9,9 @@
 
 namespace glasswing {
 
-// Reads the manifest.json of our own archives or of the rendered data sets
-// ({"monitor": {name: {width, height}}, "image": {...}, "frames": [{file, object, stimulus}]}). Frame files are
-// not opened and may have any format. DATA_LOSS or INVALID_ARGUMENT name the file and the entry at fault.
+// Reads the manifest.json of our own archives or of the rendered data sets ({"monitor": {name: {width,
+// height}}, "image": {...}, "frames": [{file, object, stimulus}]}). Frame files are not opened and may have
+// any format. DATA_LOSS or INVALID_ARGUMENT name the file and the entry at fault.
 absl::StatusOr<v1::CaptureManifest> read_any_manifest(const std::filesystem::path& directory);
 
 // Monitors, camera and scene of such a data set whose frames lie in several sequences (sequences.h); frames

@@ -8,9 +8,9 @@
 
 #include "core/base/for_rows.h"
 #include "core/base/status.h"
-#include "core/matte/summed_area_table.h"
 #include "core/matte/compositor.h"
 #include "core/matte/footprint_tiles.h"
+#include "core/matte/summed_area_table.h"
 
 namespace glasswing {
 namespace {

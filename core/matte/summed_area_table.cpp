@@ -135,7 +135,8 @@ FastSummedAreaTable::FastSummedAreaTable(const RadianceImage& picture, int threa
   });
 }
 
-FastSummedAreaTable::Light FastSummedAreaTable::mean(float x_px, float y_px, float width_px, float height_px) const {
+FastSummedAreaTable::Light FastSummedAreaTable::mean(float x_px, float y_px, float width_px,
+                                                     float height_px) const {
   width_px = std::max(width_px, kMinSide_px);
   height_px = std::max(height_px, kMinSide_px);
   const FloatSide x(x_px, width_px, width_px_), y(y_px, height_px, height_px_);

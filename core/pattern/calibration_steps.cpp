@@ -44,7 +44,7 @@ void add_display(int grays, const v1::Monitor& monitor, std::vector<v1::Stimulus
       solids.push_back(codes_on(monitor, "solid", colour));
     }
   }
-  // Fisher and Yates by hand: std::shuffle is not the same everywhere.
+  // Fisher-Yates by hand, since the result of std::shuffle depends on the library.
   std::mt19937 random(1);
   for (size_t i = solids.size(); i > 1; --i) std::swap(solids[i - 1], solids[random() % i]);
   for (size_t i = 0; i < solids.size(); ++i) {

@@ -25,10 +25,10 @@ constexpr int kMaxSteps = 20000;
 constexpr int kDefaultPhases = 4;
 constexpr int kMaxFrames = 18000, kMaxEmptyFrames = 1000;  // of a ramp
 constexpr int kUsualEmptyFrames = 16;
-constexpr double kWidestStep = 1.5;  // of a sweep, in sigmas: beyond, its steps miss detail
+constexpr double kWidestStep = 1.5;  // of a sweep, in sigmas: wider steps miss detail
 
-// Where a message of the plan stands, so that a complaint can name the line (from a file) or the path (from
-// the wire).
+// The location of a message within the plan, so that errors can name the line (of a file) or the path (of a
+// plan from the wire).
 class Place {
  public:
   Place(std::string file_name, const TextFormat::ParseInfoTree* tree, std::string path)
@@ -53,7 +53,7 @@ class Place {
       where = file_name_ + ":";
       if (tree_ != nullptr) {
         auto location = tree_->GetLocation(descriptor, descriptor->is_repeated() ? index : -1);
-        // Of a list in brackets only the first value has a place.
+        // For a list in brackets only the first value has a location.
         if (location.line < 0 && descriptor->is_repeated()) location = tree_->GetLocation(descriptor, 0);
         if (location.line >= 0) where += fmt::format("{}:", location.line + 1);
       }
@@ -77,9 +77,10 @@ class FirstError : public google::protobuf::io::ErrorCollector {
   std::string text;
 };
 
+// False for NaN.
 bool within(double value, double low, double high) {
   return value >= low && value <= high;
-}  // NaN is not
+}
 
 template <typename Message>
 absl::Status check_colour(const Message& message, const Place& place) {
@@ -135,7 +136,7 @@ absl::Status check_fringes(const v1::Fringes& fringes, const Place& place) {
   return absl::OkStatus();
 }
 
-// `ramp` of any method, and what method "ramp" needs of the rest.
+// The field `ramp` for any method, and the requirements of method "ramp" on the rest of the plan.
 absl::Status check_ramp(const v1::Plan& plan, const Place& place) {
   const v1::Ramp& ramp = plan.ramp();
   const Place here = place.nested(plan, "ramp", 0);
@@ -257,8 +258,8 @@ v1::Stimulus stimulus_on(const std::string& panel, const std::string& kind) {
   return stimulus;
 }
 
-// Peaks k * step for every whole k whose stripe is within the margin of the monitor's extent along the
-// sweep.
+// Adds stripes with peaks at k * step for every whole k within the monitor's extent along the sweep plus its
+// margin.
 void add_sweep(const v1::Sweep& sweep, const v1::Monitor& monitor, std::vector<v1::Stimulus>& out) {
   const double phi_rad = sweep.orientation_deg() * std::numbers::pi / 180.0;
   const double across_px = monitor.width_px() * std::cos(phi_rad);
@@ -267,7 +268,7 @@ void add_sweep(const v1::Sweep& sweep, const v1::Monitor& monitor, std::vector<v
   const double step_px = sweep.has_step_px() ? sweep.step_px() : 0.5 * sweep.sigma_px();
   const double low_px = std::min(across_px, 0.0) + std::min(down_px, 0.0) - margin_px;
   const double high_px = std::max(across_px, 0.0) + std::max(down_px, 0.0) + margin_px;
-  // A peak exactly on the margin must not depend on how cos(90 deg) rounds.
+  // Whether a peak exactly on the margin is included must not depend on the rounding of cos(90 deg).
   constexpr double kSlack = 1e-9;
   for (double k = std::ceil(low_px / step_px - kSlack); k <= std::floor(high_px / step_px + kSlack);
        k += 1.0) {
@@ -328,7 +329,7 @@ void add_patch_learning(const v1::Monitor& monitor, std::vector<v1::Stimulus>& o
   }
 }
 
-// White and black first, again after every `every` of the others, and last.
+// Inserts white and black at the start, after every `every` stimuli, and at the end.
 std::vector<v1::Stimulus> with_white(std::vector<v1::Stimulus> stimuli, const v1::Monitor& monitor,
                                      int every) {
   std::vector<v1::Stimulus> out;
@@ -346,7 +347,7 @@ std::vector<v1::Stimulus> with_white(std::vector<v1::Stimulus> stimuli, const v1
   return out;
 }
 
-// What one monitor shows in its turn.
+// The stimuli that one monitor shows in its turn.
 std::vector<v1::Stimulus> stimuli_of(const v1::Plan& plan, const v1::Monitor& monitor, bool object) {
   std::vector<v1::Stimulus> out;
   if (plan.has_calibration()) {
@@ -463,7 +464,7 @@ absl::StatusOr<std::vector<Step>> expand(const v1::Plan& plan, const std::vector
   for (const bool object : {false, true}) {
     if (!object && plan.skip_empty_stage()) continue;
     std::vector<v1::Stimulus> stimuli;
-    // An exposure that suits a measurement may be too dark or too bright for a patch.
+    // Not in calibrations: their exposures may be too dark or too bright for a patch.
     for (const v1::Monitor& monitor : used) {
       if (!plan.has_calibration()) add_patch_learning(monitor, stimuli);
     }

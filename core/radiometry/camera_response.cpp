@@ -13,10 +13,10 @@ namespace glasswing {
 namespace {
 
 constexpr int kMinSide_px = 16;
-constexpr double kMaxPixels = 20000.0;  // more cost time without improving the fit
+constexpr double kMaxPixels = 20000.0;   // more cost time without improving the fit
 constexpr double kMinAboveBlack = 0.01;  // code of a sample that counts as shared
-constexpr size_t kMinShared = 50;       // pixels, between neighbouring exposures
-constexpr double kBend = 0.002;         // of full scale: curvature accepted as linear
+constexpr size_t kMinShared = 50;        // pixels, between neighbouring exposures
+constexpr double kBend = 0.002;          // of full scale: curvature accepted as linear
 constexpr double kStandardErrors = 3.0;
 constexpr std::array<const char*, 3> kChannelNames = {"red", "green", "blue"};
 
@@ -39,8 +39,9 @@ absl::Status check(std::span<const Exposure> exposures, const ResponseOptions& o
   }
   const Image16& first = exposures.front().codes;
   if (first.width_px < kMinSide_px || first.height_px < kMinSide_px) {
-    return absl::InvalidArgumentError(fmt::format("frames of {} x {} px are too small; the minimum is {} x {}",
-                                                  first.width_px, first.height_px, kMinSide_px, kMinSide_px));
+    return absl::InvalidArgumentError(
+        fmt::format("frames of {} x {} px are too small; the minimum is {} x {}", first.width_px,
+                    first.height_px, kMinSide_px, kMinSide_px));
   }
   double shortest = exposures.front().exposure_s, longest = shortest;
   for (const Exposure& exposure : exposures) {

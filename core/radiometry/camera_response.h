@@ -8,13 +8,13 @@
 //   sum_ij w_ij (ln f(z_ij) - ln t_j - ln E_i)^2 + (1 / b) int (d/du d ln f / du)^2 du,  u = ln(z - black)
 //
 // is minimised over f, E and t on tens of thousands of pixels; f is interpolated between 256 knots
-// (log_curve.h). b maximises the likelihood of the samples with f, E and t integrated out, up to the bound that
-// real cameras need. Weights are inverse variances of ln f(z): the noise of codes, estimated from the residuals
-// of each pass, plus the effect of a small shift of the picture at edges. Evaluating f at noisy codes would
-// bias it flat; so f is evaluated at the code it predicts, and residuals are those of codes. Residuals beyond
-// four standard deviations (Tukey's biweight) are rejected as motion. Pooling of adjacent violators keeps f
-// monotone. Declared exposure times are inexact: each t_j may move, except for the mean and slope of ln t
-// against the declared times, since f and t can be raised to any common power.
+// (log_curve.h). b maximises the likelihood of the samples with f, E and t integrated out, up to the bound
+// that real cameras need. Weights are inverse variances of ln f(z): the noise of codes, estimated from the
+// residuals of each pass, plus the effect of a small shift of the picture at edges. Evaluating f at noisy
+// codes would bias it flat; so f is evaluated at the code it predicts, and residuals are those of codes.
+// Residuals beyond four standard deviations (Tukey's biweight) are rejected as motion. Pooling of adjacent
+// violators keeps f monotone. Declared exposure times are inexact: each t_j may move, except for the mean and
+// slope of ln t against the declared times, since f and t can be raised to any common power.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -52,21 +52,21 @@ class CameraResponse {
   static absl::StatusOr<CameraResponse> fit(std::span<const Exposure> exposures,
                                             const ResponseOptions& options = {});
 
-  // Linear exposure, 1 at the saturation level; strictly monotone. Codes are on the scale 1 = full; those below
-  // the black level have exposures below 0. `code_of` clamps to [0, 1].
+  // Linear exposure, 1 at the saturation level; strictly monotone. Codes are on the scale 1 = full; those
+  // below the black level have exposures below 0. `code_of` clamps to [0, 1].
   double exposure_of(double code, int channel) const;
   double code_of(double exposure, int channel) const;
 
-  // True if the curve was straight within three standard errors and 0.2 % of full scale; it is then replaced by
-  // an exact line.
+  // True if the curve was straight within three standard errors and 0.2 % of full scale; it is then replaced
+  // by an exact line.
   bool is_linear() const { return linear_; }
   // The code at zero exposure; 0 if the curve reaches zero only below code 0.
   double black_level(int channel) const { return black_level_[static_cast<size_t>(channel)]; }
   // The range of codes that were sampled; outside it the curve is extrapolated.
   double darkest_seen(int channel) const { return darkest_seen_[static_cast<size_t>(channel)]; }
   double brightest_seen(int channel) const { return brightest_seen_[static_cast<size_t>(channel)]; }
-  // The standard error of the exposure at knot k, on the scale of exposure_of, assuming that mean and slope of
-  // the declared times are right (an error of 1 % in d ln t / d ln declared adds 1 % of f |ln f|).
+  // The standard error of the exposure at knot k, on the scale of exposure_of, assuming that mean and slope
+  // of the declared times are right (an error of 1 % in d ln t / d ln declared adds 1 % of f |ln f|).
   double standard_error(int knot, int channel) const {
     return errors_[static_cast<size_t>(channel)][static_cast<size_t>(knot)];
   }

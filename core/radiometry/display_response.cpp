@@ -202,10 +202,10 @@ absl::StatusOr<std::vector<ShownSolid>> without_drift(std::vector<ShownSolid> so
     for (size_t c = 0; c < 3; ++c) {
       const double before = whites[i - 1].light[c], after = whites[i].light[c];
       if (std::abs(after - before) > kMaxChange * before) {
-        return absl::FailedPreconditionError(
-            fmt::format("white changed from {:.3f} to {:.3f} of the camera's full scale from one "
-                        "showing to the next; is auto exposure or auto gain on, or does the monitor dim itself?",
-                        before, after));
+        return absl::FailedPreconditionError(fmt::format(
+            "white changed from {:.3f} to {:.3f} of the camera's full scale from one "
+            "showing to the next; is auto exposure or auto gain on, or does the monitor dim itself?",
+            before, after));
       }
     }
   }

@@ -47,8 +47,8 @@ Dither::Dither(const std::array<ToneCurve, 3>& curves)
   }
 }
 
-// One row, pixel by pixel. `errors` holds the errors handed down by the row above; behind the current pixel it
-// holds those for the row below. It has room for one pixel before the first and one after the last.
+// One row, pixel by pixel. `errors` holds the errors handed down by the row above; behind the current pixel
+// it holds those for the row below. It has room for one pixel before the first and one after the last.
 class Dither::Row {
  public:
   Row(const std::uint32_t* nearest, const std::int32_t* radiance, std::int32_t* errors, std::uint16_t* codes)
@@ -100,7 +100,8 @@ class Dither::Row {
 };
 
 void Dither::run(std::span<Row> rows, size_t from, size_t to) {
-  // Each pixel depends on the one before. Two interleaved rows, the lower two pixels behind, hide that latency.
+  // Each pixel depends on the one before. Two interleaved rows, the lower two pixels behind, hide that
+  // latency.
   if (rows.size() == 2 && to - from > 2) {
     rows[0].step(from);
     rows[0].step(from + 1);

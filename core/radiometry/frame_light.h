@@ -1,5 +1,5 @@
-// Converts samples of an archive's frames to linear light by the calibration of its camera; 1.0 is the light of
-// the saturation code.
+// Converts samples of an archive's frames to linear light by the calibration of its camera; 1.0 is the light
+// of the saturation code.
 //
 //   light_c(sample) = curve_c(sample / 65535), linear between the curve's knots; negative below black
 #pragma once

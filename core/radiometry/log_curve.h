@@ -2,8 +2,8 @@
 //
 //   ln f(z) = ln(z - black) + s(z)
 //
-// s is linear between knots at the codes k / 255, so that the sum is smooth down to black for any camera. Codes
-// are on the scale 1 = full.
+// s is linear between knots at the codes k / 255, so that the sum is smooth down to black for any camera.
+// Codes are on the scale 1 = full.
 #pragma once
 
 #include <Eigen/Dense>
@@ -31,8 +31,8 @@ class LogCurve {
 
   double operator()(double code) const;
   double at_knot(size_t k) const { return values_[k]; }
-  // d ln f / d code, averaged over a range of codes, since single steps are noisy. Never 0: no camera's curve is
-  // flat.
+  // d ln f / d code, averaged over a range of codes, since single steps are noisy. Never 0: no camera's curve
+  // is flat.
   double slope(double code) const;
   // The code in [0, 1] where ln f is `value`.
   double code_of(double value) const;

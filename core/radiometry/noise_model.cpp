@@ -11,8 +11,8 @@ namespace glasswing {
 namespace {
 
 constexpr double kFull = 65535.0;
-constexpr int kBins = 64;               // equal in the square root of the value, in which shot noise is constant
-constexpr size_t kMinPixels = 50;       // of a bin
+constexpr int kBins = 64;          // equal in the square root of the value, in which shot noise is constant
+constexpr size_t kMinPixels = 50;  // of a bin
 constexpr double kClippedShare = 1e-3;  // of a bin's pixels; more would bias its variance low
 constexpr double kOutlierSigmas = 4.5;
 constexpr double kMinRange = 2.0;  // of brightest to darkest bin

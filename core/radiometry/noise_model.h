@@ -3,8 +3,9 @@
 //
 //   variance = read_sd^2 + gain * value
 //
-// value is the code above the black level; codes are on the scale 1 = full. read_sd is the noise of readout and
-// quantisation, gain the code per electron. The model holds for linear codes, such as those of raw cameras.
+// value is the code above the black level; codes are on the scale 1 = full. read_sd is the noise of readout
+// and quantisation, gain the code per electron. The model holds for linear codes, such as those of raw
+// cameras.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -29,11 +30,12 @@ struct NoiseModel {
   double variance(double value) const { return read_sd * read_sd + gain * (value > 0.0 ? value : 0.0); }
 };
 
-// `scenes[s]` holds two or more frames of one still scene; together the scenes should range from dark to bright.
-// Frames of a scene may differ in overall brightness (flicker): each is first scaled to their mean. Brightness
-// levels at which codes reach 0 or saturation are left out, as are outlier pixels. INVALID_ARGUMENT: no scene,
-// a scene with a single frame or with frames of different sizes, or a black level outside [0, 0.5].
-// FAILED_PRECONDITION: the scenes cover too few unclipped brightness levels, or their frames are identical.
+// `scenes[s]` holds two or more frames of one still scene; together the scenes should range from dark to
+// bright. Frames of a scene may differ in overall brightness (flicker): each is first scaled to their mean.
+// Brightness levels at which codes reach 0 or saturation are left out, as are outlier pixels.
+// INVALID_ARGUMENT: no scene, a scene with a single frame or with frames of different sizes, or a black level
+// outside [0, 0.5]. FAILED_PRECONDITION: the scenes cover too few unclipped brightness levels, or their
+// frames are identical.
 absl::StatusOr<NoiseModel> fit_noise(std::span<const std::vector<Image16>> scenes, double black_level);
 
 }  // namespace glasswing

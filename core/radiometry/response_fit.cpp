@@ -17,12 +17,12 @@ constexpr int kKnots = CameraResponse::kKnots;
 constexpr double kKnotsPerCode = kKnots - 1;
 constexpr int kPasses = 10;
 constexpr int kPassesToTrust = 4;  // before outliers are rejected and codes predicted
-// b: the variance of d ln f / d ln z per ln z. For simulated cameras with gamma 1.8 to 2.6, sRGB, a film shoulder
-// or S shapes of contrast 0.2 to 0.8 the likelihood peaks at 0 to 0.9; larger values fit staircases
+// b: the variance of d ln f / d ln z per ln z. For simulated cameras with gamma 1.8 to 2.6, sRGB, a film
+// shoulder or S shapes of contrast 0.2 to 0.8 the likelihood peaks at 0 to 0.9; larger values fit staircases
 // (docs/calibration.md).
 constexpr double kMaxBend = 1.0, kFirstBend = 0.02, kMinBend = 1e-4;
 constexpr size_t kMinAtKnot = 20;    // samples; below the first such knot the curve is extrapolated
-constexpr double kHoldTimes = 1e12;   // weights of constraints
+constexpr double kHoldTimes = 1e12;  // weights of constraints
 constexpr double kHoldTop = 1e8;
 constexpr double kOutlier = 4.0;       // standard deviations
 constexpr double kMaxRelative = 0.3;   // noise of an exposure; its logarithm is useless beyond
@@ -108,9 +108,9 @@ class Fit {
 
   bool predicts() const { return passes_ >= kPassesToTrust; }
 
-  // Computes weights and residuals of one pixel's samples; returns their weighted mean ln E. A curve evaluated at
-  // noisy codes is biased flat. So once there is a curve, it is evaluated at the codes it predicts: residuals
-  // are then those of codes, in units of ln f.
+  // Computes weights and residuals of one pixel's samples; returns their weighted mean ln E. A curve
+  // evaluated at noisy codes is biased flat. So once there is a curve, it is evaluated at the codes it
+  // predicts: residuals are then those of codes, in units of ln f.
   double weigh(size_t c, size_t pixel, bool robust) {
     const ChannelSamples& channel = channels_[c];
     const LogCurve& curve = curves_[c];
@@ -284,8 +284,8 @@ class Fit {
     continue_to_black(c, result);
   }
 
-  // Where noise dominates the exposure, its logarithm is not fitted. There the curve is extrapolated by a parabola
-  // down to the black level and a line below it, or by a line alone if the black level is unknown.
+  // Where noise dominates the exposure, its logarithm is not fitted. There the curve is extrapolated by a
+  // parabola down to the black level and a line below it, or by a line alone if the black level is unknown.
   void continue_to_black(size_t c, ResponseFit& result) {
     LogCurve::Knots& curve = result.exposures[c];
     std::array<size_t, kKnots> count{};
@@ -320,8 +320,8 @@ class Fit {
     }
   }
 
-  // Estimates the standard deviation of codes by brightness: 1.4826 median |residual|, in codes, corrected for
-  // the degree of freedom that a pixel's fitted E takes.
+  // Estimates the standard deviation of codes by brightness: 1.4826 median |residual|, in codes, corrected
+  // for the degree of freedom that a pixel's fitted E takes.
   void learn_noise(size_t c) {
     std::array<std::vector<double>, kNoiseBins> off;
     for (size_t i = 0; i < lights_[c].size(); ++i) {

@@ -167,8 +167,8 @@ absl::Status check(const std::vector<TonePoint>& points, int highest, std::strin
 absl::Status check_rise(const std::vector<TonePoint>& codes, int highest, std::string_view what) {
   if (codes.size() < kMinCodes || codes.front().code != 0 || codes.back().code != highest) {
     return absl::FailedPreconditionError(fmt::format(
-        "{}: too few grays: {} different codes from {} to {}; it takes {} or more, including 0 and {}",
-        what, codes.size(), codes.empty() ? 0 : codes.front().code, codes.empty() ? 0 : codes.back().code,
+        "{}: too few grays: {} different codes from {} to {}; it takes {} or more, including 0 and {}", what,
+        codes.size(), codes.empty() ? 0 : codes.front().code, codes.empty() ? 0 : codes.back().code,
         kMinCodes, highest));
   }
   const double swing = codes.back().light - codes.front().light;
@@ -285,8 +285,8 @@ absl::StatusOr<ToneFit> fit_tone_curve(std::vector<TonePoint> measured, int bits
   for (int k = 0; k <= highest; ++k) radiances[static_cast<size_t>(k)] = (light[k] - light[0]) / full_scale;
   radiances.back() = 1.0;
 
-  // Universal kriging with gamma as an additional unknown: radiance is a ratio of the light at three codes, so
-  // its variance follows from their covariance.
+  // Universal kriging with gamma as an additional unknown: radiance is a ratio of the light at three codes,
+  // so its variance follows from their covariance.
   const MatrixXd at_points = tangents(points.x, model->gamma);
   const MatrixXd solved = model->noise.solve(at_points);
   const MatrixXd drift = tangents(all, model->gamma) - process * solved;
@@ -307,11 +307,12 @@ absl::StatusOr<ToneFit> fit_tone_curve(std::vector<TonePoint> measured, int bits
   }
   absl::StatusOr<ToneCurve> curve = ToneCurve::create(std::move(radiances));
   if (!curve.ok()) return curve.status();
-  return ToneFit{.curve = *std::move(curve),
-                 .gamma = model->gamma,
-                 .full_scale = full_scale * swing,
-                 .residual_rms = std::sqrt(left.squaredNorm() / static_cast<double>(codes.size())) / full_scale,
-                 .error = std::move(error)};
+  return ToneFit{
+      .curve = *std::move(curve),
+      .gamma = model->gamma,
+      .full_scale = full_scale * swing,
+      .residual_rms = std::sqrt(left.squaredNorm() / static_cast<double>(codes.size())) / full_scale,
+      .error = std::move(error)};
 }
 
 }  // namespace glasswing

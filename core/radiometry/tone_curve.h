@@ -1,5 +1,5 @@
-// The tone curve of one primary of a monitor: the radiance of code k above black, L(k), relative to that of the
-// highest code. L(0) = 0, L(highest) = 1, and L never falls.
+// The tone curve of one primary of a monitor: the radiance of code k above black, L(k), relative to that of
+// the highest code. L(0) = 0, L(highest) = 1, and L never falls.
 //
 // Between two codes, radiance is interpolated: a fractional code k + f means code k + 1 on the share f of a
 // surface and code k on the rest,
@@ -8,15 +8,16 @@
 //
 // so that a dither which takes f as a probability is unbiased in radiance.
 //
-// The fit: lights y_i of codes k_i, with x = k / highest and noise variances w_i known up to a factor sigma^2:
+// The fit: lights y_i of codes k_i, with x = k / highest and noise variances w_i known up to a factor
+// sigma^2:
 //
 //   y_i = b + a x_i^gamma + c(x_i) + noise,     Var(noise_i) = sigma^2 w_i
 //
 // where c, the monitor's deviation from a power law, is a Gaussian process, an integrated Wiener process of
 // covariance sigma^2 tau^2 (x x' + m^3 / 3 + m^2 |x - x'| / 2), m = min(x, x'): its mean is a cubic smoothing
-// spline with c(0) = 0 (Wahba 1978). gamma and tau maximise the restricted likelihood, in which a, b and sigma
-// are eliminated (Patterson and Thompson 1971). So a power law is fitted by a power law, and any other curve is
-// followed as far as the noise allows. Remaining falls are pooled into flat steps.
+// spline with c(0) = 0 (Wahba 1978). gamma and tau maximise the restricted likelihood, in which a, b and
+// sigma are eliminated (Patterson and Thompson 1971). So a power law is fitted by a power law, and any other
+// curve is followed as far as the noise allows. Remaining falls are pooled into flat steps.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -62,9 +63,9 @@ struct ToneFit {
   std::vector<double> error;  // standard error of each code's radiance
 };
 
-// `what` starts the messages: "red". INVALID_ARGUMENT: an invalid code or light. FAILED_PRECONDITION describes
-// the measurement for people: fewer than 6 different codes, or 0 or the highest missing; light that falls by
-// more than noise (4 standard errors, and 0.5 % of full scale); or no light at all.
+// `what` starts the messages: "red". INVALID_ARGUMENT: an invalid code or light. FAILED_PRECONDITION
+// describes the measurement for people: fewer than 6 different codes, or 0 or the highest missing; light that
+// falls by more than noise (4 standard errors, and 0.5 % of full scale); or no light at all.
 absl::StatusOr<ToneFit> fit_tone_curve(std::vector<TonePoint> points, int bits, std::string_view what);
 
 }  // namespace glasswing

@@ -38,7 +38,8 @@ double ClockModel::lowest(double at, double skew) const {
   return bound;
 }
 
-// The skews that all cuts allow. They are an interval, since the gap between the bounds is concave in the skew.
+// The skews that all cuts allow. They are an interval, since the gap between the bounds is concave in the
+// skew.
 bool ClockModel::find_skews() {
   const auto room = [this](double skew) { return highest(0.0, skew) - lowest(0.0, skew); };
   const double best = top_of(room, -kMaxSkew, kMaxSkew);

@@ -1,7 +1,7 @@
 // How another node's clock relates to rig time, from four-timestamp exchanges, with guaranteed bounds.
 //
-// An exchange gives sent (rig), received and answered (node), returned (rig). Whatever the network delays, rig
-// time was at least `sent` when the node's clock read `received`, and at most `returned` when it read
+// An exchange gives sent (rig), received and answered (node), returned (rig). Whatever the network delays,
+// rig time was at least `sent` when the node's clock read `received`, and at most `returned` when it read
 // `answered` (NTP, RFC 5905 section 8, expresses the same as one interval). With
 //
 //   rig(u) = u + c + s u,     |s| <= kMaxSkew
@@ -10,8 +10,8 @@
 // the middle of the bounds is the estimate, half their distance bounds its error. The shortest round trips
 // give the tightest cuts; early and late ones together determine the skew.
 //
-// Crystals wander: s may change by kWander while an exchange is remembered, so its cut widens with its age. An
-// empty region means that the clock was set or the node restarted; the oldest exchanges are then dropped.
+// Crystals wander: s may change by kWander while an exchange is remembered, so its cut widens with its age.
+// An empty region means that the clock was set or the node restarted; the oldest exchanges are then dropped.
 #pragma once
 
 #include <chrono>
@@ -49,8 +49,8 @@ class ClockModel {
   double skew() const { return 0.5 * (min_skew_ + max_skew_); }
 
  private:
-  // Bounds on rig - node at two node times, relative to origin_: at least `least` at min_at, at most `most` at
-  // max_at.
+  // Bounds on rig - node at two node times, relative to origin_: at least `least` at min_at, at most `most`
+  // at max_at.
   struct Cut {
     double min_at, least, max_at, most;
   };

@@ -3,8 +3,8 @@
 //
 //   [scanout_end + optical lag + settle, replaced + optical lag]
 //
-// of every monitor, shrunk by the error bounds of both nodes' clocks and timestamps. The caller checks that the
-// frame has the exposure and size asked for. A frame without proof is never bound to a step.
+// of every monitor, shrunk by the error bounds of both nodes' clocks and timestamps. The caller checks that
+// the frame has the exposure and size asked for. A frame without proof is never bound to a step.
 #pragma once
 
 #include <map>

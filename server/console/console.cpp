@@ -139,8 +139,9 @@ void Console::add_routes(const std::filesystem::path& files) {
                 if (!channel.ok()) return refuse(response, channel.status());
                 call(*channel, fmt::format("node \"{}\"", node), principal, request, body, response);
               }));
-  routes.Post(R"(/api/(\w+)/(\w+))", guarded(kMaxJson, [this](const Principal& principal, const Request& request,
-                                                              const std::string& body, Response& response) {
+  routes.Post(R"(/api/(\w+)/(\w+))",
+              guarded(kMaxJson, [this](const Principal& principal, const Request& request,
+                                       const std::string& body, Response& response) {
                 call(server_, "the server", principal, request, body, response);
               }));
   routes.Post("/plans", guarded(kMaxJson, [](const Principal&, const Request&, const std::string& body,

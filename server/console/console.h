@@ -66,9 +66,11 @@ class Console {
   // The principal of a request that may be answered.
   absl::StatusOr<Principal> authenticate(const httplib::Request& request) const;
   void log_in(const httplib::Request& request, const std::string& body, httplib::Response& response) const;
-  void call(const std::shared_ptr<grpc::Channel>& channel, const std::string& peer, const Principal& principal,
-            const httplib::Request& request, const std::string& body, httplib::Response& response) const;
-  void send_matte(const Principal& principal, const httplib::Request& request, httplib::Response& response) const;
+  void call(const std::shared_ptr<grpc::Channel>& channel, const std::string& peer,
+            const Principal& principal, const httplib::Request& request, const std::string& body,
+            httplib::Response& response) const;
+  void send_matte(const Principal& principal, const httplib::Request& request,
+                  httplib::Response& response) const;
   void send_frame(const Principal& principal, const httplib::Request& request, httplib::Response& response);
   void send_samples(const Principal& principal, const httplib::Request& request, httplib::Response& response);
   void store_image(const Principal& principal, const std::string& png, httplib::Response& response) const;

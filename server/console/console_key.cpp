@@ -71,7 +71,8 @@ absl::StatusOr<std::string> ConsoleKey::token_of(const std::string& name, const 
   return fmt::format("{}.{}", text, signature_of(text));
 }
 
-absl::StatusOr<Principal> ConsoleKey::principal_of(std::string_view token, std::chrono::sys_seconds now) const {
+absl::StatusOr<Principal> ConsoleKey::principal_of(std::string_view token,
+                                                   std::chrono::sys_seconds now) const {
   const absl::Status unknown =
       absl::UnauthenticatedError("that is no token of this server; `glasswing console token` makes one");
   const size_t dot = token.find('.');
@@ -87,8 +88,8 @@ absl::StatusOr<Principal> ConsoleKey::principal_of(std::string_view token, std::
   std::int64_t expires = 0;
   std::from_chars(content.data() + first + 1, content.data() + second, expires);
   Principal principal{.name = content.substr(second + 1),
-                  .roles = role_of_uri(fmt::format("{}{}", kRoleUri, content.substr(0, first))),
-                  .expires = std::chrono::sys_seconds(std::chrono::seconds(expires))};
+                      .roles = role_of_uri(fmt::format("{}{}", kRoleUri, content.substr(0, first))),
+                      .expires = std::chrono::sys_seconds(std::chrono::seconds(expires))};
   if (principal.expires > now) return principal;
   return absl::UnauthenticatedError("this token was valid until a moment that is over; make another one");
 }

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "core/frame/image.h"
-#include "core/matte/summed_area_table.h"
 #include "core/matte/matte.h"
+#include "core/matte/summed_area_table.h"
 #include "solver/ramp/smoother/ramp_frame.h"
 
 namespace glasswing {
