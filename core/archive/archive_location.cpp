@@ -35,7 +35,7 @@ std::shared_ptr<LocalArchive> LocalArchive::open(const v1::LocateArchiveResponse
   if (location.boot_id().empty() || location.boot_id() != boot_id()) return nullptr;
   const absl::StatusOr<FileIdentity> here = identity_of(fs::path(location.directory()));
   if (!here.ok() || here->device != location.device() || here->inode != location.inode()) return nullptr;
-  // Only while somebody holds one: a removed archive's room on the disk is free once nobody maps its files.
+  // Weak references: the disk space of a removed archive is freed only once its files are unmapped.
   static std::mutex* const mutex = new std::mutex;
   static auto* const held = new std::map<std::string, std::weak_ptr<LocalArchive>>;
   const std::lock_guard lock(*mutex);
@@ -59,7 +59,7 @@ absl::StatusOr<std::shared_ptr<const MappedFile>> LocalArchive::map(const std::s
     GW_ASSIGN_OR_RETURN(known, MappedFile::open(path, tiff_size_bytes(width_px, height_px)));
   }
   if (known->bytes().size() != tiff_size_bytes(width_px, height_px))
-    return absl::OutOfRangeError(fmt::format("{} is of another size", path.string()));
+    return absl::OutOfRangeError(fmt::format("{} has another size", path.string()));
   GW_RETURN_IF_ERROR(check_tiff_header(known->bytes(), width_px, height_px));
   return known;
 }

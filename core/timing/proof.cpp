@@ -48,7 +48,7 @@ void FrameMatcher::match(const StableWindow& window) {
     frames_.erase(it);
     return;
   }
-  // Frames arrive in time order, so one that proves this window may still come until one ends after it.
+  // Frames arrive in time order: one that proves this window may still come unless one has ended past it.
   if (!seen_until_ || *seen_until_ <= window.until) open_.push_back(window);
 }
 

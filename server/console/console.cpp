@@ -20,7 +20,7 @@ namespace pb = google::protobuf;
 using httplib::Request;
 using httplib::Response;
 
-constexpr std::chrono::hours kLongestStream(24);
+constexpr std::chrono::hours kMaxStream(24);
 constexpr std::chrono::seconds kCall(60);
 constexpr std::chrono::milliseconds kAliveEvery(5000), kLook(250);
 constexpr size_t kMaxJson = size_t{8} << 20, kMaxImage = size_t{64} << 20, kMaxToken = 4096;
@@ -34,7 +34,7 @@ std::string json_of(const Principal& principal) {
   return json.dump();
 }
 
-// Its first error, by line and column from 1.
+// Keeps the first error, with line and column from 1.
 class FirstError final : public pb::io::ErrorCollector {
  public:
   void AddError(int line, pb::io::ColumnNumber column, const std::string& message) override {
@@ -56,7 +56,7 @@ void parse_plan(const std::string& text, Response& response) {
   response.set_content(json, kJson);
 }
 
-// INVALID_ARGUMENT: it has more bytes. All are read.
+// Reads the whole body. INVALID_ARGUMENT: it has more than `max_bytes`.
 absl::StatusOr<std::string> body_of(const httplib::ContentReader& content, size_t max_bytes) {
   std::string body;
   bool fits = true;
@@ -65,7 +65,7 @@ absl::StatusOr<std::string> body_of(const httplib::ContentReader& content, size_
     if (fits) body.append(bytes, size);
     return true;
   });
-  if (!whole) return absl::InvalidArgumentError("the request's body broke off");
+  if (!whole) return absl::InvalidArgumentError("the request's body is incomplete");
   if (!fits)
     return absl::InvalidArgumentError(fmt::format("the request's body has more than {} bytes", max_bytes));
   return body;
@@ -161,14 +161,16 @@ void Console::add_routes(const std::filesystem::path& files) {
              guarded([this](const Principal& principal, const Request& request, Response& response) {
                send_samples(principal, request, response);
              }));
-  routes.set_mount_point("/assets", (files / "assets").string(),
-                         {{"Cache-Control", "public, max-age=31536000, immutable"}});  // names have checksums
+  routes.set_mount_point(
+      "/assets", (files / "assets").string(),
+      {{"Cache-Control", "public, max-age=31536000, immutable"}});  // names include checksums
   if (!routes.set_mount_point("/", files.string(), {{"Cache-Control", "no-cache"}})) {
     routes.Get("/", [files](const Request&, Response& response) {
-      response.set_content(fmt::format("The console's page is not in {}: it is built where Node.js is "
-                                       "(deploy/build), or --console-files says where it lies.\n",
-                                       files.string()),
-                           "text/plain");
+      response.set_content(
+          fmt::format("The console's page is not in {}: build it with Node.js (deploy/build), "
+                      "or give its directory by --console-files.\n",
+                      files.string()),
+          "text/plain");
     });
   }
   routes.set_exception_handler([](const Request& request, Response& response, std::exception_ptr) {
@@ -230,7 +232,7 @@ void Console::call(const std::shared_ptr<grpc::Channel>& channel, const std::str
   if (const absl::Status status = admit(method->name(), principal.roles, principal.name); !status.ok())
     return refuse(response, status);
   auto started = JsonCall::start(channel, *method, body, principal.name + " (console)",
-                                 method->streams() ? std::chrono::milliseconds(kLongestStream) : kCall);
+                                 method->streams() ? std::chrono::milliseconds(kMaxStream) : kCall);
   if (!started.ok()) return refuse(response, started.status());
   const std::shared_ptr<JsonCall> running = *std::move(started);
   std::string message;

@@ -1,4 +1,4 @@
-// What the console hands out and takes besides calls: mattes, frames, samples, pictures.
+// The console's routes for data: mattes, frames, samples, pictures.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -22,7 +22,7 @@ constexpr std::chrono::seconds kCall(60);
 constexpr int kMaxWidth_px = 4096;
 constexpr double kMaxStops = 16.0;
 
-// INVALID_ARGUMENT: it is not a number within these.
+// A required parameter. INVALID_ARGUMENT: not a number in [low, high].
 template <typename Number>
 absl::StatusOr<Number> number_of(const Request& request, const char* name, Number low, Number high) {
   const std::string text = request.get_param_value(name);
@@ -32,7 +32,7 @@ absl::StatusOr<Number> number_of(const Request& request, const char* name, Numbe
     return number;
   return absl::InvalidArgumentError(fmt::format("{} is \"{}\"; it must be {} to {}", name, text, low, high));
 }
-// The same of one that may be left out.
+// The same for an optional parameter.
 template <typename Number>
 absl::StatusOr<Number> number_or(const Request& request, const char* name, Number otherwise, Number low,
                                  Number high) {

@@ -22,7 +22,7 @@ Principal principal_of(const X509& certificate) {
   return principal;
 }
 
-// Of the header "Cookie: a=1; b=2".
+// The value of a cookie in the header "Cookie: a=1; b=2".
 std::string cookie_in(const std::string& header, const std::string& name) {
   for (size_t at = 0; at < header.size();) {
     const size_t end = std::min(header.find(';', at), header.size());
@@ -58,7 +58,9 @@ absl::Status check_origin(const httplib::Request& request, bool has_tls) {
   const bool foreign =
       (!site.empty() && site != "same-origin" && site != "none") ||
       (!origin.empty() && origin != fmt::format("{}://{}", has_tls ? "https" : "http", host));
-  if (foreign) return absl::PermissionDeniedError("another page asks; the console answers its own alone");
+  if (foreign)
+    return absl::PermissionDeniedError(
+        "the request comes from another page; the console answers only its own");
   if (request.method == "POST" && request.get_header_value("X-Glasswing") != "console")
     return absl::PermissionDeniedError("a POST needs the header \"X-Glasswing: console\"");
   return absl::OkStatus();

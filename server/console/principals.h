@@ -1,4 +1,4 @@
-// Who a request of HTTP comes from: by a client's certificate, or by the token in its cookie.
+// The principal of an HTTP request, by its client certificate or by the token in its cookie.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -10,17 +10,17 @@ namespace glasswing {
 
 inline constexpr const char* kConsoleCookie = "glasswing-console";
 
-// UNAUTHENTICATED: nobody that we know. Of a certificate (verified when the connection was made) the roles
-// are those that it has; it does not expire here.
+// A certificate, which was verified when the connection was made, provides name and roles; it does not expire
+// here. UNAUTHENTICATED: neither a certificate nor a valid token.
 absl::StatusOr<Principal> principal_of(const httplib::Request& request, const ConsoleKey& key);
 
-// Guards a browser's visitors against pages of others that it shows. PERMISSION_DENIED: the request comes
-// from another page, or would change something and does not say by the header X-Glasswing that a script of
-// ours made it; or, where there is no TLS whose certificate had to match, the host is not this machine by
-// name, as of a page that had its own name point here.
+// Protects logged-in users against requests forged by other pages in their browser. PERMISSION_DENIED: the
+// request comes from another page; or is a POST without the header X-Glasswing, which only our scripts set;
+// or, without TLS (whose certificate would have to match), the Host header does not name this machine (DNS
+// rebinding).
 absl::Status check_origin(const httplib::Request& request, bool has_tls);
 
-// "Set-Cookie" of a token, or that takes it away again.
+// The "Set-Cookie" value that sets a token, or, with an empty token and no validity, removes it.
 std::string cookie_of(const std::string& token, std::chrono::seconds valid, bool has_tls);
 
 }  // namespace glasswing
