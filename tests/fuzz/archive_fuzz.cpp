@@ -1,6 +1,6 @@
-// Archive::open, and reading of rows from what it opened. The input is three files after one another, parted
-// by lines of dashes: header.json, frames.jsonl, and a frame, which lies under several names. So that a
-// mutated frame is not always refused for its checksum, @SUM@ in the journal stands for the frame's own.
+// Archive::open, and reading rows from the result. The input is three files separated by lines of dashes:
+// header.json, frames.jsonl, and a frame, which is stored under several names. @SUM@ in the journal is
+// replaced by the frame's checksum, so that a mutated frame is not always refused for it.
 #include <array>
 
 #include "core/base/checksum.h"

@@ -30,7 +30,7 @@ std::vector<Image16> ramp(int frame_count, double brightest, double flicker, dou
   return frames;
 }
 
-// Four standard errors: a true one fails in 1 of 16,000 draws.
+// Four standard errors: a correct value fails in 1 of 16,000 draws.
 void expect_truth(const NoiseModel& model) {
   EXPECT_NEAR(model.read_sd, kReadSd, 4.0 * model.read_sd_error);
   EXPECT_NEAR(model.gain, kGain, 4.0 * model.gain_error);
@@ -46,8 +46,8 @@ TEST(NoiseModel, FindsReadNoiseAndGain) {
   EXPECT_NEAR(model.variance(0.5), kReadSd * kReadSd + 0.5 * kGain, 0.02 * 0.5 * kGain);
 }
 
-// Of the errors of 60 fits in units of their standard errors, the mean square is 1 +- sqrt(2 / 60) = 0.18;
-// four of these.
+// The errors of 60 fits, in units of their standard errors, have a mean square of 1 with a standard deviation
+// of sqrt(2 / 60) = 0.18; the test allows four of these.
 TEST(NoiseModel, StandardErrorsAreHonest) {
   double gain = 0.0, read = 0.0;
   for (unsigned seed = 0; seed < 60; ++seed) {
@@ -76,7 +76,7 @@ TEST(NoiseModel, ClippedSamplesAreLeftOutAndTheirCodeIsTold) {
   EXPECT_LT(model.pixel_share, 0.95);
 }
 
-// Black at code 0 cuts off half of the dark's noise, and noise is no more than a code.
+// Black at code 0 clips half of the noise in the dark, and noise is less than a code.
 TEST(NoiseModel, CoarseCodesThatAreCutOffInTheDark) {
   constexpr double kCoarseSd = 0.001, kCoarseGain = 1e-5;
   std::mt19937 random(8);
