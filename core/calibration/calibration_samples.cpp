@@ -48,17 +48,17 @@ float brightest(std::vector<float> values) {
 std::vector<size_t> seeing_pixels(const MappedArchive& archive, const FrameIndex& frames) {
   const int width = archive.manifest().camera().width_px(), height = archive.manifest().camera().height_px();
   std::vector<float> above;
-  float most = 0.0f;
+  float contrast_of_white = 0.0f;
   for (const auto& exposure : frames) {  // the shortest with enough contrast, where white is not clipped
     above = contrast(archive, exposure);
-    most = brightest(above);
-    if (static_cast<double>(most) >= kMinContrast) break;
+    contrast_of_white = brightest(above);
+    if (static_cast<double>(contrast_of_white) >= kMinContrast) break;
   }
   std::vector<size_t> pixels;
-  if (static_cast<double>(most) < kMinContrast) return pixels;
+  if (static_cast<double>(contrast_of_white) < kMinContrast) return pixels;
   const auto seen = [&](int x, int y) {
     const size_t at = static_cast<size_t>(y) * static_cast<size_t>(width) + static_cast<size_t>(x);
-    return static_cast<double>(above[at]) >= kSeen * static_cast<double>(most);
+    return static_cast<double>(above[at]) >= kSeen * static_cast<double>(contrast_of_white);
   };
   for (int y = kRim_px; y < height - kRim_px; ++y) {
     for (int x = kRim_px; x < width - kRim_px; ++x) {

@@ -184,13 +184,13 @@ Image16 as_light(const std::vector<std::uint16_t>& codes, const FrameLight& ligh
 // The relative standard error of the curves' slope near black, within reach of the noise, which scales the
 // noise in light.
 double slope_error(const v1::CameraCalibration& calibration, double read_sd) {
-  double most = 0.0;
+  double max_error = 0.0;
   for (const v1::CameraCurve& curve : calibration.curves()) {
     int k = 0;
     while (k + 1 < curve.light_size() && static_cast<double>(curve.light(k)) < kReach * read_sd) ++k;
-    most = std::max(most, static_cast<double>(curve.error(k) / curve.light(k)));
+    max_error = std::max(max_error, static_cast<double>(curve.error(k) / curve.light(k)));
   }
-  return most;
+  return max_error;
 }
 
 absl::Status add_noise(const CalibrationSamples& samples, const FrameLight& light,
@@ -277,7 +277,7 @@ absl::StatusOr<v1::CameraCalibration> calibrate_camera(const MappedArchive& arch
   GW_RETURN_IF_ERROR(check_codes_follow(samples, black, calibration.saturation()));
   GW_ASSIGN_OR_RETURN(const CameraResponse response, fit_response(samples, calibration.saturation(), black));
   const TimesOff off = times_off(samples.exposures_ms, response.exposures_s());
-  if (off.most > kHopeless) {
+  if (off.max > kHopeless) {
     return absl::FailedPreconditionError(fmt::format(
         "{}, so no curve can be fitted; turn automatic exposure and automatic gain of the camera off",
         off.text));
@@ -291,7 +291,7 @@ absl::StatusOr<v1::CameraCalibration> calibrate_camera(const MappedArchive& arch
   GW_ASSIGN_OR_RETURN(const FrameLight light, FrameLight::create(calibration));
   GW_RETURN_IF_ERROR(add_noise(samples, light, calibration));
   add_white(samples, light, calibration);
-  if (off.most > kOwnChange) {
+  if (off.max > kOwnChange) {
     calibration.add_warnings(fmt::format("automatic exposure or gain: {}; turn both off", off.text));
   }
   for (std::string& symptom : symptoms(samples, calibration, light))

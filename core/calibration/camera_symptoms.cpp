@@ -205,7 +205,7 @@ class Symptoms {
   struct ColourStep {
     size_t exposure = 0;  // to the next one
     std::array<double, 3> off{};
-    double most() const { return std::max({std::abs(off[0]), std::abs(off[1]), std::abs(off[2])}); }
+    double max() const { return std::max({std::abs(off[0]), std::abs(off[1]), std::abs(off[2])}); }
   };
 
   // The largest change of channels relative to each other from one exposure to the next.
@@ -228,7 +228,7 @@ class Symptoms {
           ColourStep step{.exposure = j, .off = {median(ratios[0]), median(ratios[1]), median(ratios[2])}};
           const double mean = (step.off[0] + step.off[1] + step.off[2]) / 3.0;
           for (double& off : step.off) off -= mean;
-          if (!largest || step.most() > largest->most()) largest = step;
+          if (!largest || step.max() > largest->max()) largest = step;
         }
       }
     }
@@ -238,7 +238,7 @@ class Symptoms {
   void look_for_white_balance() {
     static constexpr const char* kAdvice = "turn the camera's automatic white balance off";
     const std::optional<ColourStep> step = largest_colour_step();
-    if (step && step->most() > kOwnChange) {
+    if (step && step->max() > kOwnChange) {
       out_.push_back(fmt::format(
           "automatic white balance: from {:.4g} ms to {:.4g} ms red, green and blue change by {:+.2g} %, "
           "{:+.2g} % and {:+.2g} % relative to their mean; {}",
@@ -335,8 +335,8 @@ TimesOff times_off(const std::vector<double>& declared_ms, const std::vector<dou
   TimesOff off;
   for (size_t j = 0; j < declared_ms.size(); ++j) {
     const double ratio = 1000.0 * fitted_s[j] / declared_ms[j];
-    if (std::abs(ratio - 1.0) <= off.most) continue;
-    off.most = std::abs(ratio - 1.0);
+    if (std::abs(ratio - 1.0) <= off.max) continue;
+    off.max = std::abs(ratio - 1.0);
     off.text = fmt::format(
         "codes do not follow the exposure times: frames of {:.4g} ms are as bright as {:.3g} ms would be",
         declared_ms[j], 1000.0 * fitted_s[j]);

@@ -23,7 +23,7 @@ absl::Status check_codes_follow(const CalibrationSamples& samples, const std::ar
 
 // The largest deviation of fitted exposure times from declared ones: |ratio - 1|, and a text that names it.
 struct TimesOff {
-  double most = 0.0;
+  double max = 0.0;
   std::string text;
 };
 TimesOff times_off(const std::vector<double>& declared_ms, const std::vector<double>& fitted_s);

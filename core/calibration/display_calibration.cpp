@@ -129,10 +129,10 @@ double flicker_of(std::vector<ShownSolid> whites) {
 double drift_of(const std::vector<ShownSolid>& whites) {
   double drift = 0.0;
   for (size_t c = 0; c < 3; ++c) {
-    const auto [least, most] = std::minmax_element(
+    const auto [min, max] = std::minmax_element(
         whites.begin(), whites.end(),
         [c](const ShownSolid& a, const ShownSolid& b) { return a.light[c] < b.light[c]; });
-    if (!whites.empty()) drift = std::max(drift, most->light[c] / least->light[c] - 1.0);
+    if (!whites.empty()) drift = std::max(drift, max->light[c] / min->light[c] - 1.0);
   }
   return drift;
 }

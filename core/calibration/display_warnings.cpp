@@ -125,11 +125,11 @@ std::vector<std::string> display_warnings(const v1::DisplayCalibration& calibrat
         "multiple of its refresh; or the camera's automatic settings are on",
         100.0 * flicker));
   }
-  if (const double most = *std::max_element(white.begin(), white.end()); most < kMinUse) {
-    warnings.push_back(
-        fmt::format("white reads only {:.1f} % of the camera's full scale at {:.4g} ms: use an exposure of "
-                    "about {:.2g} ms",
-                    100.0 * most, calibration.exposure_ms(), 0.7 / most * calibration.exposure_ms()));
+  if (const double brightest = *std::max_element(white.begin(), white.end()); brightest < kMinUse) {
+    warnings.push_back(fmt::format(
+        "white reads only {:.1f} % of the camera's full scale at {:.4g} ms: use an exposure of "
+        "about {:.2g} ms",
+        100.0 * brightest, calibration.exposure_ms(), 0.7 / brightest * calibration.exposure_ms()));
   }
   double black = 0.0;
   for (size_t c = 0; c < 3; ++c) black = std::max(black, response.black[c] / white[c]);

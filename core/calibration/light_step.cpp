@@ -174,7 +174,7 @@ struct Possible {
 
 struct Delays {
   Possible possible;      // raw moments: finish() is not called
-  double least = 0.0;     // minimum sum of squares
+  double min_sum = 0.0;   // minimum sum of squares
   double variance = 0.0;  // sigma^2 at the minimum
   std::vector<Axis> axes;
   double log_volume = 0.0;  // of the posterior
@@ -192,13 +192,13 @@ Delays possible_delays(const std::vector<Band>& bands, const std::vector<Track>&
     std::vector<double> at(n);
     for (size_t a = 0; a < n; ++a) at[a] = axes[a].at(indices(best)[a]);
     Delays found;
-    found.least = sums[best];
+    found.min_sum = sums[best];
     found.variance = left_by(bands, tracks, at, settle).variance;
 
     std::array<size_t, 2> first = indices(best), last = first;
     double total = 0.0;
     for (size_t cell = 0; cell < sums.size(); ++cell) {
-      const double above = (sums[cell] - found.least) / found.variance;
+      const double above = (sums[cell] - found.min_sum) / found.variance;
       total += std::exp(-0.5 * above);
       if (above > kPossible) continue;
       for (size_t a = 0; a < n; ++a) {
@@ -223,7 +223,7 @@ Delays possible_delays(const std::vector<Band>& bands, const std::vector<Track>&
       std::array<double, 3> x{};
       for (size_t a = 0; a < n; ++a) x[a] = axes[a].at(indices(cell)[a]);
       x[2] = settle;
-      found.possible.add(std::exp(-0.5 * (sums[cell] - found.least) / found.variance) / total, x);
+      found.possible.add(std::exp(-0.5 * (sums[cell] - found.min_sum) / found.variance) / total, x);
     }
     return found;
   }
@@ -237,9 +237,9 @@ Possible possible_steps(const std::vector<Band>& bands, const std::vector<Track>
     std::vector<Delays> found;
     for (size_t w = 0; w < settles.points; ++w)
       found.push_back(possible_delays(bands, tracks, delays, settles.at(w)));
-    const auto best = std::min_element(found.begin(), found.end(),
-                                       [](const Delays& a, const Delays& b) { return a.least < b.least; });
-    const auto above = [&](size_t w) { return (found[w].least - best->least) / best->variance; };
+    const auto best = std::min_element(
+        found.begin(), found.end(), [](const Delays& a, const Delays& b) { return a.min_sum < b.min_sum; });
+    const auto above = [&](size_t w) { return (found[w].min_sum - best->min_sum) / best->variance; };
     size_t first = settles.points, last = 0;
     for (size_t w = 0; w < settles.points; ++w) {
       if (above(w) > kPossible) continue;
@@ -302,9 +302,9 @@ absl::Status check(const LightRecord& record) {
         "and 1 or 2 bands",
         record.frames.size(), rows, record.shown.size(), record.band_height.size()));
   if (record.frames.size() < 16) {
-    return absl::FailedPreconditionError(
-        fmt::format("the camera is too slow: it took {} frames while {} changes were shown; 16 are the least",
-                    record.frames.size(), record.shown.size()));
+    return absl::FailedPreconditionError(fmt::format(
+        "the camera is too slow: it took {} frames while {} changes were shown; it must take 16 or more",
+        record.frames.size(), record.shown.size()));
   }
   return absl::OkStatus();
 }

@@ -92,12 +92,12 @@ float mean_light(const MappedArchive& archive, const FrameLight& light, const st
 }
 
 bool is_ramp(const ScreenView::Light& ramp, const ScreenView::Light& white) {
-  float least = 1.0f, most = 0.0f;
+  float min = 1.0f, max = 0.0f;
   for (size_t c = 0; c < 3; ++c) {
-    least = std::min(least, ramp[c] / white[c]);
-    most = std::max(most, ramp[c] / white[c]);
+    min = std::min(min, ramp[c] / white[c]);
+    max = std::max(max, ramp[c] / white[c]);
   }
-  return least < kMaxRamp && most > kMinRamp;
+  return min < kMaxRamp && max > kMinRamp;
 }
 
 // True if a pixel and all its neighbours within the picture are marked.
@@ -187,12 +187,12 @@ absl::StatusOr<ScreenView> find_screen(const MappedArchive& archive, const Frame
     }
     const WhiteLight white = white_light(archive, light, whites, blacks);
     const ScreenView::Light bright = brightest(white.light);
-    if (const float least = *std::min_element(bright.begin(), bright.end()); least < kMinLight) {
+    if (const float dimmest = *std::min_element(bright.begin(), bright.end()); dimmest < kMinLight) {
       return absl::FailedPreconditionError(
           fmt::format("white is brighter than black by only {:.4f} of the camera's full scale at {} ms; it "
                       "must be {} or more, and {} is good: it is out of the camera's view, or the exposure "
                       "is much too short",
-                      std::max(least, 0.0f), exposure_ms, kMinLight, kGoodLight));
+                      std::max(dimmest, 0.0f), exposure_ms, kMinLight, kGoodLight));
     }
     std::vector<bool> seen(white.cut_off.size());
     std::vector<std::uint32_t> bright_pixels;

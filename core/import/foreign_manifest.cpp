@@ -16,7 +16,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;              // keeps the order of monitors
 constexpr std::uintmax_t kMaxBytes = 256u << 20;  // of manifest.json; enough for a million frames
-constexpr int kDeepest = 64;                      // nesting levels; four are needed
+constexpr int kMaxDepth = 64;                     // nesting levels; four are needed
 
 absl::Status bad(const std::filesystem::path& path, const std::string& what) {
   return absl::InvalidArgumentError(fmt::format("{}: {}", path.string(), what));
@@ -113,10 +113,10 @@ absl::StatusOr<v1::CaptureManifest> read_manifest(
     // The parser recurses as deep as the text nests, so deeper values are dropped while parsing.
     bool too_deep = false;
     const Json json = Json::parse(text, [&](int depth, Json::parse_event_t, const Json&) {
-      too_deep = too_deep || depth > kDeepest;
-      return depth <= kDeepest;
+      too_deep = too_deep || depth > kMaxDepth;
+      return depth <= kMaxDepth;
     });
-    if (too_deep) return bad(path, fmt::format("it is nested more than {} deep", kDeepest));
+    if (too_deep) return bad(path, fmt::format("it is nested more than {} deep", kMaxDepth));
     if (!json.is_object()) return bad(path, "it is not a JSON object");
     return make(json, text);
   } catch (const Json::exception& error) {

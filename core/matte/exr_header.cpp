@@ -43,9 +43,9 @@ class HeaderWalk {
     return true;
   }
   bool take_name(std::string_view* name) {
-    constexpr size_t kLongest = 255;
+    constexpr size_t kMaxName = 255;
     const size_t end = at_ < bytes_.size() ? bytes_.find('\0', at_) : std::string_view::npos;
-    return end != std::string_view::npos && end - at_ <= kLongest && take(end - at_, name) && ++at_ > 0;
+    return end != std::string_view::npos && end - at_ <= kMaxName && take(end - at_, name) && ++at_ > 0;
   }
   // A list of channels ends with an empty name and nothing after it.
   bool take_channels(size_t size) {

@@ -39,8 +39,8 @@ int strongest_channel(const Matte& matte, int texture) {
   }
   constexpr int kGreen = 1;
   constexpr double kMinRatio = 1.1;
-  const auto most = std::ranges::max_element(weight);
-  return *most > kMinRatio * weight[kGreen] ? static_cast<int>(most - weight.begin()) : kGreen;
+  const auto strongest = std::ranges::max_element(weight);
+  return *strongest > kMinRatio * weight[kGreen] ? static_cast<int>(strongest - weight.begin()) : kGreen;
 }
 
 absl::StatusOr<std::string> encode_stmap(const Matte& matte, int texture, int channel) {

@@ -72,12 +72,12 @@ absl::Status check(const std::vector<ShownSolid>& solids, int bits) {
       return absl::InvalidArgumentError(fmt::format(
           "{} has errors {}; they must be positive, or 0 in all solids", name, fmt::join(solid.error, " ")));
     }
-    const double most = *std::max_element(solid.light.begin(), solid.light.end());
-    if (most > kClipped) {
+    const double brightest = *std::max_element(solid.light.begin(), solid.light.end());
+    if (brightest > kClipped) {
       return absl::FailedPreconditionError(
           fmt::format("{} reads {:.3f} of the camera's full scale, where light is clipped; it must be {} at "
                       "most: use a shorter exposure",
-                      name, most, kClipped));
+                      name, brightest, kClipped));
     }
   }
   return absl::OkStatus();

@@ -8,7 +8,7 @@
 namespace glasswing {
 namespace {
 
-constexpr size_t kKept = 64;
+constexpr size_t kMaxExchanges = 64;
 
 double ns(nanoseconds time) {
   return static_cast<double>(time.count());
@@ -28,13 +28,13 @@ double top_of(F f, double low, double high) {
 
 double ClockModel::highest(double at, double skew) const {
   double bound = std::numeric_limits<double>::infinity();
-  for (const Cut& cut : cuts_) bound = std::min(bound, cut.most + skew * (at - cut.max_at));
+  for (const Cut& cut : cuts_) bound = std::min(bound, cut.max + skew * (at - cut.max_at));
   return bound;
 }
 
 double ClockModel::lowest(double at, double skew) const {
   double bound = -std::numeric_limits<double>::infinity();
-  for (const Cut& cut : cuts_) bound = std::max(bound, cut.least + skew * (at - cut.min_at));
+  for (const Cut& cut : cuts_) bound = std::max(bound, cut.min + skew * (at - cut.min_at));
   return bound;
 }
 
@@ -64,7 +64,7 @@ void ClockModel::add(const ClockExchange& exchange) {
       exchange.returned - exchange.sent < exchange.answered - exchange.received)
     return;
   recent_.push_back(exchange);
-  if (recent_.size() > kKept) recent_.pop_front();
+  if (recent_.size() > kMaxExchanges) recent_.pop_front();
   origin_node_ = exchange.received;
   origin_offset_ = exchange.sent - exchange.received;
   for (;; recent_.pop_front()) {
@@ -73,9 +73,9 @@ void ClockModel::add(const ClockExchange& exchange) {
       const double min_at = ns(each.received - origin_node_), max_at = ns(each.answered - origin_node_);
       cuts_.push_back(
           {.min_at = min_at,
-           .least = ns(each.sent - each.received - origin_offset_) - kWander * std::abs(min_at),
+           .min = ns(each.sent - each.received - origin_offset_) - kWander * std::abs(min_at),
            .max_at = max_at,
-           .most = ns(each.returned - each.answered - origin_offset_) + kWander * std::abs(max_at)});
+           .max = ns(each.returned - each.answered - origin_offset_) + kWander * std::abs(max_at)});
     }
     if (find_skews() || recent_.size() == 1) return;
   }

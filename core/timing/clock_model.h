@@ -49,10 +49,10 @@ class ClockModel {
   double skew() const { return 0.5 * (min_skew_ + max_skew_); }
 
  private:
-  // Bounds on rig - node at two node times, relative to origin_: at least `least` at min_at, at most `most`
+  // Bounds on rig - node at two node times, relative to origin_: at least `min` at min_at, at most `max`
   // at max_at.
   struct Cut {
-    double min_at, least, max_at, most;
+    double min_at, min, max_at, max;
   };
   // The bounds of rig - node at node time `at`, given a skew.
   double highest(double at, double skew) const;

@@ -22,7 +22,7 @@ using httplib::Response;
 
 constexpr std::chrono::hours kMaxStream(24);
 constexpr std::chrono::seconds kCall(60);
-constexpr std::chrono::milliseconds kAliveEvery(5000), kLook(250);
+constexpr std::chrono::milliseconds kKeepAliveInterval(5000), kPollInterval(250);
 constexpr size_t kMaxJson = size_t{8} << 20, kMaxImage = size_t{64} << 20, kMaxToken = 4096;
 constexpr const char* kJson = "application/json";
 
@@ -243,14 +243,14 @@ void Console::call(const std::shared_ptr<grpc::Channel>& channel, const std::str
   const auto send_next = [this, running, peer, quiet = std::chrono::milliseconds(0)](
                              size_t, httplib::DataSink& sink) mutable {
     std::string event;
-    switch (running->next(kLook, event)) {
+    switch (running->next(kPollInterval, event)) {
       case JsonCall::Got::kMessage:
         event = fmt::format("data: {}\n\n", event);
         break;
       case JsonCall::Got::kNothingYet:
-        quiet += kLook;
+        quiet += kPollInterval;
         if (stopping_ || !sink.is_writable()) return false;
-        if (quiet < kAliveEvery) return true;
+        if (quiet < kKeepAliveInterval) return true;
         event = ": alive\n\n";
         break;
       case JsonCall::Got::kEnd:
