@@ -25,16 +25,16 @@ constexpr int kMaxSteps = 20000;
 constexpr int kDefaultPhases = 4;
 constexpr int kMaxFrames = 18000, kMaxEmptyFrames = 1000;  // of a ramp
 constexpr int kUsualEmptyFrames = 16;
-constexpr double kWidestStep = 1.5;  // of a sweep, in sigmas: wider steps miss detail
+constexpr double kMaxStep_sigmas = 1.5;  // of a sweep, in sigmas: wider steps miss detail
 
 // The location of a message within the plan, so that errors can name the line (of a file) or the path (of a
 // plan from the wire).
-class Place {
+class Location {
  public:
-  Place(std::string file_name, const TextFormat::ParseInfoTree* tree, std::string path)
+  Location(std::string file_name, const TextFormat::ParseInfoTree* tree, std::string path)
       : file_name_(std::move(file_name)), tree_(tree), path_(std::move(path)) {}
 
-  Place nested(const google::protobuf::Message& parent, const std::string& field, int index) const {
+  Location nested(const google::protobuf::Message& parent, const std::string& field, int index) const {
     const auto* descriptor = parent.GetDescriptor()->FindFieldByName(field);
     const TextFormat::ParseInfoTree* tree =
         tree_ == nullptr ? nullptr
@@ -83,63 +83,63 @@ bool within(double value, double low, double high) {
 }
 
 template <typename Message>
-absl::Status check_colour(const Message& message, const Place& place) {
+absl::Status check_colour(const Message& message, const Location& location) {
   if (message.colour_size() != 3)
-    return place.bad(message, "colour", 0, fmt::format("{} numbers", message.colour_size()),
-                     "3: red, green, blue");
+    return location.bad(message, "colour", 0, fmt::format("{} numbers", message.colour_size()),
+                        "3: red, green, blue");
   for (int i = 0; i < 3; ++i) {
     if (!within(message.colour(i), 0.0, 1.0))
-      return place.bad(message, "colour", i, message.colour(i), "in [0, 1]");
+      return location.bad(message, "colour", i, message.colour(i), "in [0, 1]");
   }
   return absl::OkStatus();
 }
 
-absl::Status check_sweep(const v1::Sweep& sweep, const Place& place) {
+absl::Status check_sweep(const v1::Sweep& sweep, const Location& location) {
   if (!within(sweep.orientation_deg(), -180.0, 180.0)) {
-    return place.bad(sweep, "orientation_deg", 0, sweep.orientation_deg(), "in [-180, 180]");
+    return location.bad(sweep, "orientation_deg", 0, sweep.orientation_deg(), "in [-180, 180]");
   }
   if (!(sweep.sigma_px() > 0.0 && sweep.sigma_px() <= 200.0)) {
-    return place.bad(sweep, "sigma_px", 0, sweep.sigma_px(), "in (0, 200]");
+    return location.bad(sweep, "sigma_px", 0, sweep.sigma_px(), "in (0, 200]");
   }
   if (sweep.has_step_px() &&
-      !(sweep.step_px() >= 0.01 && sweep.step_px() <= kWidestStep * sweep.sigma_px())) {
-    return place.bad(sweep, "step_px", 0, sweep.step_px(),
-                     fmt::format("in [0.01, {} sigma_px]", kWidestStep));
+      !(sweep.step_px() >= 0.01 && sweep.step_px() <= kMaxStep_sigmas * sweep.sigma_px())) {
+    return location.bad(sweep, "step_px", 0, sweep.step_px(),
+                        fmt::format("in [0.01, {} sigma_px]", kMaxStep_sigmas));
   }
   if (sweep.has_margin_sigmas() && !within(sweep.margin_sigmas(), 0.0, 10.0)) {
-    return place.bad(sweep, "margin_sigmas", 0, sweep.margin_sigmas(), "in [0, 10]");
+    return location.bad(sweep, "margin_sigmas", 0, sweep.margin_sigmas(), "in [0, 10]");
   }
   if (sweep.has_peak() && !(sweep.peak() > 0.0 && sweep.peak() <= 1.0)) {
-    return place.bad(sweep, "peak", 0, sweep.peak(), "in (0, 1]");
+    return location.bad(sweep, "peak", 0, sweep.peak(), "in (0, 1]");
   }
   return absl::OkStatus();
 }
 
-absl::Status check_square_waves(const v1::SquareWaves& waves, const Place& place) {
-  if (!within(waves.levels(), 1, 14)) return place.bad(waves, "levels", 0, waves.levels(), "1 to 14");
+absl::Status check_square_waves(const v1::SquareWaves& waves, const Location& location) {
+  if (!within(waves.levels(), 1, 14)) return location.bad(waves, "levels", 0, waves.levels(), "1 to 14");
   if (waves.has_first_level() && !within(waves.first_level(), 1, waves.levels()))
-    return place.bad(waves, "first_level", 0, waves.first_level(), fmt::format("1 to {}", waves.levels()));
+    return location.bad(waves, "first_level", 0, waves.first_level(), fmt::format("1 to {}", waves.levels()));
   return absl::OkStatus();
 }
 
-absl::Status check_fringes(const v1::Fringes& fringes, const Place& place) {
+absl::Status check_fringes(const v1::Fringes& fringes, const Location& location) {
   if (!within(fringes.orientation_deg(), -180.0, 180.0))
-    return place.bad(fringes, "orientation_deg", 0, fringes.orientation_deg(), "in [-180, 180]");
+    return location.bad(fringes, "orientation_deg", 0, fringes.orientation_deg(), "in [-180, 180]");
   if (fringes.period_px().empty())
-    return place.bad(fringes, "period_px", 0, "left out", "given at least once, in [2, 100000]");
+    return location.bad(fringes, "period_px", 0, "left out", "given at least once, in [2, 100000]");
   for (int i = 0; i < fringes.period_px_size(); ++i) {
     if (!within(fringes.period_px(i), 2.0, 100000.0))
-      return place.bad(fringes, "period_px", i, fringes.period_px(i), "in [2, 100000]");
+      return location.bad(fringes, "period_px", i, fringes.period_px(i), "in [2, 100000]");
   }
   if (fringes.has_phases() && !within(fringes.phases(), 3, 32))
-    return place.bad(fringes, "phases", 0, fringes.phases(), "3 to 32");
+    return location.bad(fringes, "phases", 0, fringes.phases(), "3 to 32");
   return absl::OkStatus();
 }
 
 // The field `ramp` for any method, and the requirements of method "ramp" on the rest of the plan.
-absl::Status check_ramp(const v1::Plan& plan, const Place& place) {
+absl::Status check_ramp(const v1::Plan& plan, const Location& location) {
   const v1::Ramp& ramp = plan.ramp();
-  const Place here = place.nested(plan, "ramp", 0);
+  const Location here = location.nested(plan, "ramp", 0);
   if (plan.method() != kRampMethod) {
     const std::string alone = "left out: only method \"ramp\" takes several";
     if (ramp.has_frames()) return here.bad(ramp, "frames", 0, ramp.frames(), alone);
@@ -147,36 +147,37 @@ absl::Status check_ramp(const v1::Plan& plan, const Place& place) {
     return absl::OkStatus();
   }
   if (!plan.has_ramp())
-    return place.bad(plan, "ramp", 0, "left out", "given with method \"ramp\", as ramp { frames: 300 }");
+    return location.bad(plan, "ramp", 0, "left out", "given with method \"ramp\", as ramp { frames: 300 }");
   if (ramp.has_frames() && !within(ramp.frames(), 1, kMaxFrames))
     return here.bad(ramp, "frames", 0, ramp.frames(), fmt::format("1 to {}", kMaxFrames));
   if (ramp.has_empty_frames() && !within(ramp.empty_frames(), 1, kMaxEmptyFrames))
     return here.bad(ramp, "empty_frames", 0, ramp.empty_frames(), fmt::format("1 to {}", kMaxEmptyFrames));
   if (plan.skip_empty_stage()) {
-    return place.bad(plan, "skip_empty_stage", 0, "true",
-                     "left out: method \"ramp\" finds the object by the stage without it");
+    return location.bad(plan, "skip_empty_stage", 0, "true",
+                        "left out: method \"ramp\" finds the object by the stage without it");
   }
   if (!is_video(plan)) return absl::OkStatus();
   const std::string alone = "left out: while a video runs nothing but the ramp is shown";
-  if (!plan.sweeps().empty()) return place.bad(plan, "sweeps", 0, "given", alone);
-  if (!plan.photos().empty()) return place.bad(plan, "photos", 0, "given", alone);
-  if (plan.has_white_every()) return place.bad(plan, "white_every", 0, plan.white_every(), alone);
+  if (!plan.sweeps().empty()) return location.bad(plan, "sweeps", 0, "given", alone);
+  if (!plan.photos().empty()) return location.bad(plan, "photos", 0, "given", alone);
+  if (plan.has_white_every()) return location.bad(plan, "white_every", 0, plan.white_every(), alone);
   if (plan.monitors_size() > 1)
-    return place.bad(plan, "monitors", 1, "a second one", "left out: a video is of one monitor");
+    return location.bad(plan, "monitors", 1, "a second one", "left out: a video is of one monitor");
   if (plan.exposure_ms_size() > 1)
-    return place.bad(plan, "exposure_ms", 1, "a second one", "left out: all frames of a video have the same");
+    return location.bad(plan, "exposure_ms", 1, "a second one",
+                        "left out: all frames of a video have the same");
   return absl::OkStatus();
 }
 
-absl::Status check_calibration(const v1::Plan& plan, bool shows_nothing, const Place& place) {
+absl::Status check_calibration(const v1::Plan& plan, bool shows_nothing, const Location& location) {
   if (plan.method() != kCalibrationMethod || !plan.has_calibration() || !shows_nothing ||
       plan.has_white_every()) {
-    return place.bad(plan, "calibration", 0, plan.has_calibration() ? "given" : "left out",
-                     fmt::format("given with method \"{}\", without anything else to show, and only then",
-                                 kCalibrationMethod));
+    return location.bad(plan, "calibration", 0, plan.has_calibration() ? "given" : "left out",
+                        fmt::format("given with method \"{}\", without anything else to show, and only then",
+                                    kCalibrationMethod));
   }
   const v1::CalibrationFrames& frames = plan.calibration();
-  const Place here = place.nested(plan, "calibration", 0);
+  const Location here = location.nested(plan, "calibration", 0);
   if (frames.of() != "camera" && frames.of() != "display")
     return here.bad(frames, "of", 0, fmt::format("\"{}\"", frames.of()), "\"camera\" or \"display\"");
   if (frames.has_takes() && !within(frames.takes(), 1, 100))
@@ -186,15 +187,15 @@ absl::Status check_calibration(const v1::Plan& plan, bool shows_nothing, const P
   return absl::OkStatus();
 }
 
-absl::Status check(const v1::Plan& plan, const Place& place) {
+absl::Status check(const v1::Plan& plan, const Location& location) {
   if (plan.method() != kCalibrationMethod && !check_method(plan.method()).ok()) {
-    return place.bad(plan, "method", 0, fmt::format("\"{}\"", plan.method()),
-                     fmt::format("\"{}\" or \"{}\"", fmt::join(kMethods, "\", \""), kCalibrationMethod));
+    return location.bad(plan, "method", 0, fmt::format("\"{}\"", plan.method()),
+                        fmt::format("\"{}\" or \"{}\"", fmt::join(kMethods, "\", \""), kCalibrationMethod));
   }
   std::set<std::string> names;
   for (int i = 0; i < plan.monitors_size(); ++i) {
     const v1::PlanMonitor& monitor = plan.monitors(i);
-    const Place here = place.nested(plan, "monitors", i);
+    const Location here = location.nested(plan, "monitors", i);
     if (!check_name("monitor", monitor.name()).ok() || !names.insert(monitor.name()).second) {
       return here.bad(monitor, "name", 0, fmt::format("\"{}\"", monitor.name()),
                       "a monitor's name, each once: 1 to 64 letters, digits, '.', '_' or '-'");
@@ -207,46 +208,47 @@ absl::Status check(const v1::Plan& plan, const Place& place) {
     }
   }
   for (int i = 0; i < plan.sweeps_size(); ++i) {
-    GW_RETURN_IF_ERROR(check_sweep(plan.sweeps(i), place.nested(plan, "sweeps", i)));
+    GW_RETURN_IF_ERROR(check_sweep(plan.sweeps(i), location.nested(plan, "sweeps", i)));
   }
   for (int i = 0; i < plan.solids_size(); ++i) {
-    GW_RETURN_IF_ERROR(check_colour(plan.solids(i), place.nested(plan, "solids", i)));
+    GW_RETURN_IF_ERROR(check_colour(plan.solids(i), location.nested(plan, "solids", i)));
   }
   if (plan.has_square_waves()) {
-    GW_RETURN_IF_ERROR(check_square_waves(plan.square_waves(), place.nested(plan, "square_waves", 0)));
+    GW_RETURN_IF_ERROR(check_square_waves(plan.square_waves(), location.nested(plan, "square_waves", 0)));
   }
   for (int i = 0; i < plan.fringes_size(); ++i) {
-    GW_RETURN_IF_ERROR(check_fringes(plan.fringes(i), place.nested(plan, "fringes", i)));
+    GW_RETURN_IF_ERROR(check_fringes(plan.fringes(i), location.nested(plan, "fringes", i)));
   }
   for (int i = 0; i < plan.photos_size(); ++i) {
     if (plan.photos(i).file().empty()) {
-      return place.nested(plan, "photos", i).bad(plan.photos(i), "file", 0, "\"\"", "the path of a picture");
+      return location.nested(plan, "photos", i)
+          .bad(plan.photos(i), "file", 0, "\"\"", "the path of a picture");
     }
   }
   if (plan.has_hold_refreshes() && !within(plan.hold_refreshes(), 2, 600)) {
-    return place.bad(plan, "hold_refreshes", 0, plan.hold_refreshes(),
-                     "2 to 600 (a screen needs one refresh to change and one to be seen)");
+    return location.bad(plan, "hold_refreshes", 0, plan.hold_refreshes(),
+                        "2 to 600 (a screen needs one refresh to change and one to be seen)");
   }
   for (int i = 0; i < plan.exposure_ms_size(); ++i) {
     if (!within(plan.exposure_ms(i), 0.01, 10000.0)) {
-      return place.bad(plan, "exposure_ms", i, plan.exposure_ms(i), "in [0.01, 10000]");
+      return location.bad(plan, "exposure_ms", i, plan.exposure_ms(i), "in [0.01, 10000]");
     }
   }
   if (plan.has_retries() && !within(plan.retries(), 0, 100)) {
-    return place.bad(plan, "retries", 0, plan.retries(), "0 to 100");
+    return location.bad(plan, "retries", 0, plan.retries(), "0 to 100");
   }
   if (plan.has_white_every() && !within(plan.white_every(), 2, 10000)) {
-    return place.bad(plan, "white_every", 0, plan.white_every(), "2 to 10000");
+    return location.bad(plan, "white_every", 0, plan.white_every(), "2 to 10000");
   }
   const bool shows_nothing = plan.sweeps().empty() && plan.solids().empty() && !plan.has_square_waves() &&
                              !plan.has_ramp() && plan.fringes().empty() && plan.photos().empty();
   if (plan.has_calibration() || plan.method() == kCalibrationMethod) {
-    return check_calibration(plan, shows_nothing, place);
+    return check_calibration(plan, shows_nothing, location);
   }
-  GW_RETURN_IF_ERROR(check_ramp(plan, place));
+  GW_RETURN_IF_ERROR(check_ramp(plan, location));
   if (shows_nothing) {
-    return place.bad(plan, "sweeps", 0, "empty, and so is everything else",
-                     "at least one sweep, solid, ramp, fringe or photo");
+    return location.bad(plan, "sweeps", 0, "empty, and so is everything else",
+                        "at least one sweep, solid, ramp, fringe or photo");
   }
   return absl::OkStatus();
 }
@@ -388,7 +390,7 @@ absl::StatusOr<v1::Plan> parse_plan(std::string_view text, const std::string& fi
   if (!parser.ParseFromString(std::string(text), &plan)) {
     return absl::InvalidArgumentError(fmt::format("{}:{}", file_name, error.text));
   }
-  GW_RETURN_IF_ERROR(check(plan, Place(file_name, &tree, "")));
+  GW_RETURN_IF_ERROR(check(plan, Location(file_name, &tree, "")));
   return plan;
 }
 
@@ -398,7 +400,7 @@ absl::StatusOr<v1::Plan> read_plan(const std::filesystem::path& path) {
 }
 
 absl::Status check_plan(const v1::Plan& plan) {
-  return check(plan, Place("", nullptr, "plan."));
+  return check(plan, Location("", nullptr, "plan."));
 }
 
 absl::Status check_method(std::string_view name) {

@@ -13,11 +13,11 @@
 
 namespace glasswing {
 
-struct KnotPlace {
+struct KnotPosition {
   int knot;
   double above;  // share of the next knot
 };
-KnotPlace knot_place_of(double code);
+KnotPosition knot_position_of(double code);
 
 // ln x, continued below 1 by its tangent, so that it is defined for codes below black.
 double soft_log(double x);

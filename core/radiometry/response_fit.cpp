@@ -164,9 +164,9 @@ class Fit {
       const Term& term = terms_[i];
       if (term.weight == 0.0) continue;
       const int frame = channels_[c].samples[channels_[c].first[pixel] + i].frame;
-      const KnotPlace place = knot_place_of(term.code);
-      const int k = place.knot;
-      const double a = 1.0 - place.above, b = place.above, w = term.weight;
+      const KnotPosition position = knot_position_of(term.code);
+      const int k = position.knot;
+      const double a = 1.0 - position.above, b = position.above, w = term.weight;
       curve(k, k) += w * a * a, curve(k, k + 1) += w * a * b;
       curve(k + 1, k) += w * a * b, curve(k + 1, k + 1) += w * b * b;
       equations.both[c](k, frame) -= w * a, equations.both[c](k + 1, frame) -= w * b;
@@ -212,7 +212,7 @@ class Fit {
                            MatrixXd::Constant(frames, frames, 1.0 / static_cast<double>(frames)));
     VectorXd right = equations.right_times - precision * off;
     std::array<VectorXd, 3> rights;
-    const KnotPlace top = knot_place_of(options_.saturation);
+    const KnotPosition top = knot_position_of(options_.saturation);
     const Eigen::Vector2d hold(1.0 - top.above, top.above);
     double determinants = 0.0;
     cost += precision * off.squaredNorm();
@@ -292,7 +292,7 @@ class Fit {
     for (size_t i = 0; i < lights_[c].size(); ++i) {
       weigh(c, i, true);
       for (const Term& term : terms_) {
-        if (term.weight > 0.0) ++count[static_cast<size_t>(knot_place_of(term.code).knot)];
+        if (term.weight > 0.0) ++count[static_cast<size_t>(knot_position_of(term.code).knot)];
       }
     }
     size_t first = 1;

@@ -151,7 +151,7 @@ class TransportBuilder {
   Transport transport_;
 };
 
-Transport::Place Transport::find(const Part& part, int x, int y) const {
+Transport::PixelTaps Transport::find(const Part& part, int x, int y) const {
   const Columns& own = own_[static_cast<size_t>(y)];
   const std::uint16_t* counts = part.counts.data() + own.first_pixel * samples_a_pixel();
   const std::uint16_t* count = counts + static_cast<size_t>(x - own.first) * samples_a_pixel();

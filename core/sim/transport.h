@@ -74,11 +74,11 @@ class Transport {
   }
   size_t samples_a_pixel() const { return colourless_ ? 1 : 3; }
   // The first tap of a stored pixel, and the tap counts of its samples.
-  struct Place {
+  struct PixelTaps {
     const SampleTap* tap;
     const std::uint16_t* count;
   };
-  Place find(const Part& part, int x, int y) const;
+  PixelTaps find(const Part& part, int x, int y) const;
   template <typename Radiance>
   void add_columns(size_t monitor, int y, int first, int last, std::span<float> row,
                    const Radiance& radiance) const;

@@ -18,14 +18,14 @@ namespace fs = std::filesystem;
 
 constexpr int kWidth = 160, kHeight = 120,
               kRim = 6;  // distance of the monitors' light from the picture's edge
-constexpr double kLongest_ms = 40.0;
+constexpr double kMaxExposure_ms = 40.0;
 constexpr double kVignetting = 0.3;
 constexpr std::array<double, 3> kWhite = {0.9, 1.0, 0.8};
 constexpr double kGlow = 0.002, kRoom = 0.003;  // light of a monitor at code 0; of the room
 
 std::vector<double> ladder_ms() {
   std::vector<double> out;
-  for (const double part : {1.0, 1.6, 2.9, 5.1, 8.3, 15.0, 25.0, 43.0}) out.push_back(kLongest_ms / part);
+  for (const double part : {1.0, 1.6, 2.9, 5.1, 8.3, 15.0, 25.0, 43.0}) out.push_back(kMaxExposure_ms / part);
   return out;
 }
 
@@ -37,7 +37,7 @@ SensorModel camera(SensorCurve curve, double black_level) {
   sensor.black_level = black_level;
   sensor.curve = curve;
   sensor.bits = 10;
-  sensor.full_scale_exposure_ms = kLongest_ms / 8.0;
+  sensor.full_scale_exposure_ms = kMaxExposure_ms / 8.0;
   return sensor;
 }
 const SensorModel kLinear = camera({}, 0.05), kGamma = camera({.exponent = 1.0f / 2.2f}, 0.02),
@@ -257,7 +257,7 @@ TEST_F(CameraCalibrationTest, NamesAMonitorThatIsNotSeen) {
 // The camera makes every frame equally bright, so the exposures carry no information.
 TEST_F(CameraCalibrationTest, RefusesACameraThatExposesAsItLikes) {
   Rig rig;
-  rig.meddle = [](Shot& shot) { shot.exposure_ms = kLongest_ms / 16.0; };
+  rig.meddle = [](Shot& shot) { shot.exposure_ms = kMaxExposure_ms / 16.0; };
   for (const SensorModel& sensor : {kLinear, kS}) {
     capture(sensor, rig);
     EXPECT_TRUE(says(calibrate().status(), "automatic exposure")) << calibrate().status();

@@ -15,7 +15,7 @@ namespace {
 
 constexpr int kWidth = 160, kHeight = 120;
 // The required accuracy: of full scale, rms over a picture.
-constexpr double kHeldTo = 0.002;
+constexpr double kMaxRms = 0.002;
 
 using Random = std::mt19937;
 
@@ -116,7 +116,7 @@ class Widths : public testing::TestWithParam<double> {
   void expect_held(const Matte& matte) const {
     for (const RadianceImage& picture :
          {noise(kWidth, kHeight), waves(kWidth, kHeight), even(kWidth, kHeight, 1.0f)})
-      EXPECT_LE(error_of(matte, {picture}), kHeldTo);
+      EXPECT_LE(error_of(matte, {picture}), kMaxRms);
   }
 };
 
@@ -260,9 +260,9 @@ TEST(FastCompositor, SumsModesOfSeveralMonitorsForegroundAndPrimaries) {
     }
   }
   const RadianceImage back = noise(kWidth, kHeight), left = waves(61, 83);
-  EXPECT_LE(error_of(matte, {back, left}), kHeldTo);
-  EXPECT_LE(error_of(matte, {RadianceImage(), left}), kHeldTo);  // a missing picture is black
-  EXPECT_LE(error_of(matte, {back}), kHeldTo);
+  EXPECT_LE(error_of(matte, {back, left}), kMaxRms);
+  EXPECT_LE(error_of(matte, {RadianceImage(), left}), kMaxRms);  // a missing picture is black
+  EXPECT_LE(error_of(matte, {back}), kMaxRms);
   const FastCompositor fast = FastCompositor::create(matte).value();
   EXPECT_TRUE(absl::IsInvalidArgument(fast.composite({left, back}).status()));
 }
@@ -276,9 +276,9 @@ TEST(FastCompositor, TakesMattesThatAreAlikeInAllChannels) {
       matte.modes(x, y, 0)[0] =
           round(uniform(random, 0, kWidth), uniform(random, 0, kHeight), uniform(random, 0, 9));
   }
-  EXPECT_LE(error_of(matte, {noise(kWidth, kHeight)}), kHeldTo);
+  EXPECT_LE(error_of(matte, {noise(kWidth, kHeight)}), kMaxRms);
   matte.metadata.set_footprint("box");
-  EXPECT_LE(error_of(matte, {noise(kWidth, kHeight)}), kHeldTo);
+  EXPECT_LE(error_of(matte, {noise(kWidth, kHeight)}), kMaxRms);
 }
 
 }  // namespace
