@@ -16,6 +16,7 @@
 #include "core/base/status.h"
 #include "core/pattern/calibration_steps.h"
 #include "core/pattern/id_patch.h"
+#include "core/pattern/stimulus_kind.h"
 
 namespace glasswing {
 namespace {
@@ -253,9 +254,9 @@ absl::Status check(const v1::Plan& plan, const Location& location) {
   return absl::OkStatus();
 }
 
-v1::Stimulus stimulus_on(const std::string& panel, const std::string& kind) {
+v1::Stimulus stimulus_on(const std::string& panel, StimulusKind kind) {
   v1::Stimulus stimulus;
-  stimulus.set_kind(kind);
+  stimulus.set_kind(std::string(name_of(kind)));
   stimulus.set_panel(panel);
   return stimulus;
 }
@@ -274,7 +275,7 @@ void add_sweep(const v1::Sweep& sweep, const v1::Monitor& monitor, std::vector<v
   constexpr double kSlack = 1e-9;
   for (double k = std::ceil(low_px / step_px - kSlack); k <= std::floor(high_px / step_px + kSlack);
        k += 1.0) {
-    v1::Stimulus stripe = stimulus_on(monitor.name(), "gauss_stripe");
+    v1::Stimulus stripe = stimulus_on(monitor.name(), StimulusKind::kStripe);
     stripe.set_phi_deg(sweep.orientation_deg());
     stripe.set_r_px(k * step_px);
     stripe.set_sigma_px(sweep.sigma_px());
@@ -289,7 +290,7 @@ void add_fringes(const v1::Fringes& fringes, const v1::Monitor& monitor, std::ve
   const int phases = fringes.has_phases() ? fringes.phases() : kDefaultPhases;
   for (const double period_px : fringes.period_px()) {
     for (int k = 0; k < phases; ++k) {
-      v1::Stimulus wave = stimulus_on(monitor.name(), "sinusoid");
+      v1::Stimulus wave = stimulus_on(monitor.name(), StimulusKind::kSinusoid);
       wave.set_phi_deg(fringes.orientation_deg());
       wave.set_period_px(period_px);
       wave.set_phase_deg(360.0 * k / phases);
@@ -311,7 +312,7 @@ void add_square_waves(const v1::SquareWaves& waves, const v1::Monitor& monitor,
       if (bar_px < 1.0) break;  // finer than a pixel
       for (const bool inverse : {false, true}) {
         if (inverse && waves.without_complements()) continue;
-        v1::Stimulus bars = stimulus_on(monitor.name(), "square");
+        v1::Stimulus bars = stimulus_on(monitor.name(), StimulusKind::kSquare);
         bars.set_orient(orient);
         bars.set_level(level);
         bars.set_bar_width_px(bar_px);
@@ -326,7 +327,7 @@ void add_square_waves(const v1::SquareWaves& waves, const v1::Monitor& monitor,
 void add_patch_learning(const v1::Monitor& monitor, std::vector<v1::Stimulus>& out) {
   if (monitor.patch_rows() == 0) return;
   for (const std::uint16_t id : patch_learning_ids()) {
-    out.push_back(stimulus_on(monitor.name(), "patch"));
+    out.push_back(stimulus_on(monitor.name(), StimulusKind::kPatch));
     out.back().set_patch_id(id);
   }
 }
@@ -337,7 +338,7 @@ std::vector<v1::Stimulus> with_white(std::vector<v1::Stimulus> stimuli, const v1
   std::vector<v1::Stimulus> out;
   const auto add = [&] {
     for (const double light : {1.0, 0.0}) {
-      out.push_back(stimulus_on(monitor.name(), "solid"));
+      out.push_back(stimulus_on(monitor.name(), StimulusKind::kSolid));
       for (int c = 0; c < 3; ++c) out.back().add_colour(light);
     }
   };
@@ -357,14 +358,14 @@ std::vector<v1::Stimulus> stimuli_of(const v1::Plan& plan, const v1::Monitor& mo
     return out;
   }
   const auto add_ramp = [&](int count) {
-    out.insert(out.end(), static_cast<size_t>(count), stimulus_on(monitor.name(), "ramp"));
+    out.insert(out.end(), static_cast<size_t>(count), stimulus_on(monitor.name(), StimulusKind::kRamp));
   };
   if (object && is_video(plan)) {
     add_ramp(ramp_frames_of(plan.ramp()));
     return out;
   }
   for (const v1::Solid& solid : plan.solids()) {
-    v1::Stimulus stimulus = stimulus_on(monitor.name(), "solid");
+    v1::Stimulus stimulus = stimulus_on(monitor.name(), StimulusKind::kSolid);
     *stimulus.mutable_colour() = solid.colour();
     out.push_back(std::move(stimulus));
   }
@@ -476,7 +477,7 @@ absl::StatusOr<std::vector<Step>> expand(const v1::Plan& plan, const std::vector
     }
     for (const v1::Photo& photo : plan.photos()) {
       if (!object) break;
-      v1::Stimulus stimulus = stimulus_on(used.front().name(), "photo");
+      v1::Stimulus stimulus = stimulus_on(used.front().name(), StimulusKind::kPhoto);
       stimulus.set_image(photo.file());
       stimulus.set_name(photo.name().empty() ? std::filesystem::path(photo.file()).stem().string()
                                              : photo.name());
