@@ -2,14 +2,12 @@
 // (core/pattern/calibration_steps.h): at each of several exposures, each monitor shows a broad stripe, black
 // and white, repeatedly.
 //
-//   response     CameraResponse of the stripe at all exposures, averaged over takes; the monitor's own
-//   response
-//                is unknown and does not matter
-//   black level  median code of the black frames, extrapolated to exposure 0, since room light grows with
-//   time noise        photon transfer (noise_model.h) on the stripe's takes, converted to light by the
-//   response fall-off     of white less black, over the pixels that see a monitor (camera_shading.h). It
-//   includes the
-//                monitor's own shading, which cannot be separated from one viewpoint
+//   response     CameraResponse of the stripe at all exposures, averaged over takes; the response of the
+//                monitor is unknown and does not matter
+//   black level  median code of the black frames, extrapolated to exposure 0: room light grows with time
+//   noise        photon transfer (noise_model.h) on the takes of the stripe, as light by the response
+//   fall-off     of white less black, over the pixels that see a monitor (camera_shading.h). It includes
+//                the monitor's own shading, which cannot be separated from one viewpoint
 //
 // Uses only pixels that see a monitor, at most 40,000.
 #pragma once

@@ -194,8 +194,7 @@ class Symptoms {
         out_.push_back(fmt::format(
             "automatic exposure or gain: at {:.4g} ms a stripe on monitor \"{}\" is {:.2g} % brighter than "
             "its white; turn automatic exposure and gain of the camera off, and any dimming of the monitor "
-            "that "
-            "depends on its picture",
+            "that depends on its picture",
             samples_.exposures_ms[j], monitor.name, 100.0 * (*peak - 1.0)));
         return;
       }

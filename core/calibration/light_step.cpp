@@ -21,8 +21,8 @@ constexpr size_t kFirstGrid = 33;     // points on each axis of delays, in the f
 constexpr size_t kSettleGrid = 17;    // points on the axis of settling times
 constexpr size_t kGrid = 9;           // points on every other axis
 constexpr double kPossible = 16.0;    // sum of squares above the minimum, in sigma^2: 4 standard errors
-constexpr double kResembling =
-    0.7;  // of the light explained by the best lag: another lag above it is ambiguous
+// Of the light explained by the best lag: another lag that explains more makes it ambiguous.
+constexpr double kResembling = 0.7;
 
 nanoseconds time_of(double seconds) {
   return nanoseconds(std::llround(1e9 * seconds));

@@ -2,11 +2,10 @@
 // the monitor's response and dither.
 //
 //   camera    for each take: a stripe across the middle, sigma an eighth of the width, so with all
-//   brightnesses
-//             from 1 to exp(-8); black; white
-//   display   for each take: black and white, repeated after every eight others; the grays k / (grays - 1) of
-//             each primary, all primaries shuffled so that no drift looks like a curve; finally the ramp,
-//             once
+//             brightnesses from 1 to exp(-8); black; white
+//   display   for each take: black and white, repeated after every eight others; the grays k / (grays - 1)
+//             of each primary, all primaries shuffled so that no drift looks like a curve; finally the
+//             ramp, once
 #pragma once
 
 #include <vector>

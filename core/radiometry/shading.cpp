@@ -36,9 +36,8 @@ absl::StatusOr<Shading> Shading::create(const v1::CaptureManifest& manifest) {
                             [](float light) { return light > 0.0f && std::isfinite(light); });
     if (!good) {
       return absl::InvalidArgumentError(fmt::format(
-          "the calibration of monitor \"{}\": uniformity is {} x {} with {} values; it must have columns x "
-          "rows "
-          "values above 0",
+          "the calibration of monitor \"{}\": uniformity is {} x {} with {} values; it must have "
+          "columns x rows values above 0",
           calibration.monitor(), uniformity.columns(), uniformity.rows(), uniformity.light_size()));
     }
     for (int texture = 0; texture < manifest.monitors_size(); ++texture) {

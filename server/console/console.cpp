@@ -71,6 +71,18 @@ absl::StatusOr<std::string> body_of(const httplib::ContentReader& content, size_
   return body;
 }
 
+// Confines the page to its own scripts, styles and connections.
+httplib::Headers security_headers() {
+  return {{"Content-Security-Policy",
+           "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
+           "connect-src 'self'; worker-src 'self'; manifest-src 'self'; base-uri 'none'; form-action 'none'; "
+           "frame-ancestors 'none'"},
+          {"X-Content-Type-Options", "nosniff"},
+          {"Referrer-Policy", "no-referrer"},
+          {"Cross-Origin-Resource-Policy", "same-origin"},
+          {"Cross-Origin-Opener-Policy", "same-origin"}};
+}
+
 }  // namespace
 
 void refuse(Response& response, const absl::Status& status) {
@@ -108,15 +120,7 @@ Console::~Console() {
 
 void Console::add_routes(const std::filesystem::path& files) {
   httplib::Server& routes = host_->routes();
-  routes.set_default_headers({{"Content-Security-Policy",
-                               "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' "
-                               "blob: data:; connect-src 'self'; "
-                               "worker-src 'self'; manifest-src 'self'; base-uri 'none'; form-action 'none'; "
-                               "frame-ancestors 'none'"},
-                              {"X-Content-Type-Options", "nosniff"},
-                              {"Referrer-Policy", "no-referrer"},
-                              {"Cross-Origin-Resource-Policy", "same-origin"},
-                              {"Cross-Origin-Opener-Policy", "same-origin"}});
+  routes.set_default_headers(security_headers());
   routes.Post("/login",
               [this](const Request& request, Response& response, const httplib::ContentReader& content) {
                 const absl::StatusOr<std::string> body = body_of(content, kMaxToken);
