@@ -53,12 +53,12 @@ absl::StatusOr<RadianceImage> read_picture(const std::filesystem::path& file, En
   GW_ASSIGN_OR_RETURN(const FrameLight light, FrameLight::create(manifest));
   GW_ASSIGN_OR_RETURN(const PrimaryMix mix, PrimaryMix::create(manifest));
   if (light.is_identity() && mix.is_unit()) return read_radiance(file, encoding);
-  GW_ASSIGN_OR_RETURN(const Evenness evenness, Evenness::create(manifest));
+  GW_ASSIGN_OR_RETURN(const Shading shading, Shading::create(manifest));
   GW_ASSIGN_OR_RETURN(const Image16 frame, read_frame_file(file));
   RadianceImage picture(frame.width_px, frame.height_px);
   for (int y = 0; y < frame.height_px; ++y) {
     for (int x = 0; x < frame.width_px; ++x) {
-      const auto left = static_cast<float>(evenness.camera(x, y));
+      const auto left = static_cast<float>(shading.camera(x, y));
       PrimaryMix::Light seen{};
       for (int c = 0; c < 3; ++c) seen[static_cast<size_t>(c)] = light.light(frame.at(x, y, c), c) / left;
       const PrimaryMix::Light primaries = mix.primaries(seen);

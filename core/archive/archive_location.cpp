@@ -21,29 +21,29 @@ const std::string& boot_id() {
   return *id;
 }
 
-absl::Status describe_place(const fs::path& directory, v1::LocateArchiveResponse& place) {
+absl::Status describe_archive_location(const fs::path& directory, v1::LocateArchiveResponse& location) {
   GW_ASSIGN_OR_RETURN(const FileIdentity identity, identity_of(directory));
   std::error_code error;
-  place.set_directory(fs::absolute(directory, error).string());
-  place.set_device(identity.device);
-  place.set_inode(identity.inode);
-  place.set_boot_id(boot_id());
+  location.set_directory(fs::absolute(directory, error).string());
+  location.set_device(identity.device);
+  location.set_inode(identity.inode);
+  location.set_boot_id(boot_id());
   return absl::OkStatus();
 }
 
-std::shared_ptr<LocalArchive> LocalArchive::open(const v1::LocateArchiveResponse& place) {
-  if (place.boot_id().empty() || place.boot_id() != boot_id()) return nullptr;
-  const absl::StatusOr<FileIdentity> here = identity_of(fs::path(place.directory()));
-  if (!here.ok() || here->device != place.device() || here->inode != place.inode()) return nullptr;
-  // Only while somebody holds one: a removed archive's room on the disk is free once nobody maps its files.
+std::shared_ptr<LocalArchive> LocalArchive::open(const v1::LocateArchiveResponse& location) {
+  if (location.boot_id().empty() || location.boot_id() != boot_id()) return nullptr;
+  const absl::StatusOr<FileIdentity> here = identity_of(fs::path(location.directory()));
+  if (!here.ok() || here->device != location.device() || here->inode != location.inode()) return nullptr;
+  // Weak references: the disk space of a removed archive is freed only once its files are unmapped.
   static std::mutex* const mutex = new std::mutex;
   static auto* const held = new std::map<std::string, std::weak_ptr<LocalArchive>>;
   const std::lock_guard lock(*mutex);
   std::erase_if(*held, [](const auto& entry) { return entry.second.expired(); });
-  std::weak_ptr<LocalArchive>& known = (*held)[place.directory()];
+  std::weak_ptr<LocalArchive>& known = (*held)[location.directory()];
   std::shared_ptr<LocalArchive> archive = known.lock();
   if (archive == nullptr) {
-    archive = std::make_shared<LocalArchive>(place.directory());
+    archive = std::make_shared<LocalArchive>(location.directory());
     known = archive;
   }
   return archive;
@@ -59,7 +59,7 @@ absl::StatusOr<std::shared_ptr<const MappedFile>> LocalArchive::map(const std::s
     GW_ASSIGN_OR_RETURN(known, MappedFile::open(path, tiff_size_bytes(width_px, height_px)));
   }
   if (known->bytes().size() != tiff_size_bytes(width_px, height_px))
-    return absl::OutOfRangeError(fmt::format("{} is of another size", path.string()));
+    return absl::OutOfRangeError(fmt::format("{} has another size", path.string()));
   GW_RETURN_IF_ERROR(check_tiff_header(known->bytes(), width_px, height_px));
   return known;
 }

@@ -1,4 +1,4 @@
-// Where an archive lies, told so that another process can say whether it sees the very same directory.
+// The location of an archive, described so that another process can tell whether it sees the same directory.
 #pragma once
 
 #include <absl/status/status.h>
@@ -14,20 +14,20 @@
 
 namespace glasswing {
 
-// This machine, since it was started; empty if it cannot be told.
+// Identifies this boot of this machine; empty if unknown.
 const std::string& boot_id();
 
-// Fills in where `directory` is. The system's own error, with the path.
-absl::Status describe_place(const std::filesystem::path& directory, v1::LocateArchiveResponse& place);
+// Fills in the location of `directory`. The system's error, with the path.
+absl::Status describe_archive_location(const std::filesystem::path& directory,
+                                       v1::LocateArchiveResponse& location);
 
-// An archive's directory on this machine, and the files in it that are mapped. Thread-safe.
+// An archive's directory on this machine, with its mapped files. Thread-safe.
 class LocalArchive {
  public:
-  // Null unless the directory can be seen here, and is the same one. Those who hold it at the same time share
-  // one.
-  static std::shared_ptr<LocalArchive> open(const v1::LocateArchiveResponse& place);
+  // Null unless this process sees the same directory. Concurrent holders share one object.
+  static std::shared_ptr<LocalArchive> open(const v1::LocateArchiveResponse& location);
 
-  // As MappedFile::open; DATA_LOSS if it has not the header of a frame of this size.
+  // As MappedFile::open; DATA_LOSS unless the file has the header of a frame of this size.
   absl::StatusOr<std::shared_ptr<const MappedFile>> map(const std::string& file, int width_px, int height_px);
 
   explicit LocalArchive(std::filesystem::path directory) : directory_(std::move(directory)) {}

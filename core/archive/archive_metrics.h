@@ -1,4 +1,4 @@
-// What monitoring is told of archives: how their frames travel (docs/monitoring.md).
+// Metrics of the transfer of archive frames (docs/monitoring.md).
 #pragma once
 
 #include "core/telemetry/metrics.h"
@@ -6,12 +6,12 @@
 namespace glasswing {
 
 struct ArchiveMetrics {
-  prometheus::Counter& bytes_sent;         // of frames, to whoever reads them from this node
+  prometheus::Counter& bytes_sent;         // of frames, to readers of this node
   prometheus::Counter& bytes_read_remote;  // of frames, from other nodes
   prometheus::Counter& bytes_read_local;   // of frames, from files on this machine
 };
 
-// Each is there, at 0, from the first call on.
+// The first call registers all of them, at 0.
 inline const ArchiveMetrics& archive_metrics() {
   const auto read = [](const char* from) -> prometheus::Counter& {
     return counter("glasswing_archive_bytes_read_total",

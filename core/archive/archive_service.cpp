@@ -33,7 +33,7 @@ absl::Status put(ArchiveStore& store, grpc::ServerReader<v1::PutFrameRequest>& r
     return absl::InvalidArgumentError(fmt::format("file is \"{}\"; it must be frames/NAME", frame.file()));
   }
   if (frame.checksum() != checksum_of(bytes)) {
-    return absl::InvalidArgumentError(fmt::format("{} arrived with checksum {}, announced was {}",
+    return absl::InvalidArgumentError(fmt::format("{} arrived with checksum {}; {} was announced",
                                                   frame.file(), checksum_of(bytes), frame.checksum()));
   }
   absl::StatusOr<Image16> image = decode_tiff(bytes);
@@ -42,7 +42,7 @@ absl::Status put(ArchiveStore& store, grpc::ServerReader<v1::PutFrameRequest>& r
         fmt::format("{}: {}", frame.file(), std::string(image.status().message())));
   const v1::CaptureManifest manifest = archive->manifest();
   for (const v1::Frame& known : manifest.frames()) {
-    // A broken import taken up again with other frames must not mix the two.
+    // Resuming an interrupted import with different frames must not mix the two sets.
     if (known.file() == frame.file() && known.checksum() != frame.checksum()) {
       return absl::AlreadyExistsError(
           fmt::format("session \"{}\" holds another {} already; import under another name",
@@ -59,7 +59,7 @@ absl::Status put(ArchiveStore& store, grpc::ServerReader<v1::PutFrameRequest>& r
   return archive->add({{.record = frame, .image = *std::move(image)}}).status();
 }
 
-// Answers one ReadRows, and ends itself.
+// Answers one ReadRows call, then deletes itself.
 class RowSender final : public grpc::ServerWriteReactor<grpc::ByteBuffer> {
  public:
   RowSender(ArchiveStore& store, grpc::ByteBuffer request) {
@@ -100,14 +100,14 @@ class RowSender final : public grpc::ServerWriteReactor<grpc::ByteBuffer> {
   }
 
   std::unique_ptr<RowChunks> chunks_;
-  grpc::ByteBuffer message_;  // that is on its way
+  grpc::ByteBuffer message_;  // being sent
 };
 
 absl::Status locate(ArchiveStore& store, const v1::LocateArchiveRequest& request,
                     v1::LocateArchiveResponse& response) {
   GW_ASSIGN_OR_RETURN(const std::shared_ptr<Archive> archive, store.find(request.session()));
   for (const std::string& file : request.files()) GW_RETURN_IF_ERROR(archive->map(file).status());
-  return describe_place(archive->directory(), response);
+  return describe_archive_location(archive->directory(), response);
 }
 
 }  // namespace

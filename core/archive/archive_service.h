@@ -12,15 +12,15 @@ class ArchiveServiceImpl final
     : public v1::ArchiveService::WithRawCallbackMethod_ReadRows<v1::ArchiveService::Service> {
  public:
   explicit ArchiveServiceImpl(ArchiveStore& store) : store_(store) {}
-  // Ends the copying, so that the daemon can stop.
+  // Cancels running copies, so that the daemon can stop.
   void stop() { stopping_.request_stop(); }
 
   grpc::Status CreateArchive(grpc::ServerContext*, const v1::CreateArchiveRequest*,
                              v1::CreateArchiveResponse*) override;
   grpc::Status GetManifest(grpc::ServerContext*, const v1::GetManifestRequest*,
                            v1::GetManifestResponse*) override;
-  // Raw, so that pixels go from mapped files into the connection. One message at a time: a slow reader holds
-  // no more memory than that.
+  // Raw, so that pixels go directly from mapped files to the connection. Sends one message at a time, which
+  // bounds the memory that a slow reader holds.
   grpc::ServerWriteReactor<grpc::ByteBuffer>* ReadRows(grpc::CallbackServerContext*,
                                                        const grpc::ByteBuffer*) override;
   grpc::Status ReadFile(grpc::ServerContext*, const v1::ReadFileRequest*,

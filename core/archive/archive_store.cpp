@@ -14,8 +14,8 @@ namespace glasswing {
 namespace fs = std::filesystem;
 
 namespace {
-constexpr size_t kMaxOpen = 8;  // archives
-constexpr std::chrono::seconds kBrokenOffEnds(10);
+constexpr size_t kMaxOpen = 8;                          // archives
+constexpr std::chrono::seconds kCancelledCopyTime(10);  // for a cancelled copy to end
 }  // namespace
 
 absl::Status ArchiveStore::prepare() {
@@ -58,7 +58,7 @@ void ArchiveStore::note_use(const std::string& session) {
   if (used_.size() <= kMaxOpen) return;
   if (const auto oldest = open_.find(used_.front()); oldest != open_.end()) oldest->second->unmap();
   used_.pop_front();
-  // Those, too, that somebody used when they were the oldest.
+  // Also closes archives that were in use when they became the oldest.
   std::erase_if(open_, [this](const auto& each) {
     return each.second.use_count() == 1 && std::ranges::count(used_, each.first) == 0;
   });
@@ -67,10 +67,10 @@ void ArchiveStore::note_use(const std::string& session) {
 absl::Status ArchiveStore::begin_copy(const std::string& session) {
   GW_RETURN_IF_ERROR(check_name("session", session));
   std::unique_lock lock(mutex_);
-  copied_.wait_for(lock, kBrokenOffEnds, [&] { return !copying_.contains(session); });
+  copied_.wait_for(lock, kCancelledCopyTime, [&] { return !copying_.contains(session); });
   if (copying_.insert(session).second) return absl::OkStatus();
   return absl::AbortedError(
-      fmt::format("this node is copying the archive of session \"{}\" already", session));
+      fmt::format("this node is already copying the archive of session \"{}\"", session));
 }
 
 void ArchiveStore::end_copy(const std::string& session) {
@@ -81,7 +81,8 @@ void ArchiveStore::end_copy(const std::string& session) {
 
 absl::StatusOr<std::int64_t> ArchiveStore::remove(const std::string& session) {
   GW_RETURN_IF_ERROR(check_name("session", session));
-  // No session is called so. Out of the way first: half an archive must never be taken for one.
+  // No session has the aside name. Renamed first, so that a partly removed archive is never taken for a whole
+  // one.
   const fs::path archive = directory_ / session, aside = directory_ / (".removed-" + session);
   std::error_code error;
   std::int64_t bytes = 0;
@@ -96,7 +97,7 @@ absl::StatusOr<std::int64_t> ArchiveStore::remove(const std::string& session) {
     }
   }
   if (!error && fs::exists(aside)) {
-    std::error_code unknown;  // of what is broken anyway
+    std::error_code unknown;  // sizes are best effort
     for (const fs::directory_entry& frame : fs::directory_iterator(aside / "frames", unknown)) {
       const std::uintmax_t size = frame.file_size(unknown);
       if (!unknown) bytes += static_cast<std::int64_t>(size);

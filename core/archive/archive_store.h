@@ -1,4 +1,4 @@
-// The archives below a node's data directory, opened when they are asked for.
+// The archives below a node's data directory, opened on demand.
 #pragma once
 
 #include <condition_variable>
@@ -24,26 +24,26 @@ class ArchiveStore {
   ArchiveStore(std::filesystem::path directory, DiskRoom room)
       : directory_(std::move(directory)), room_(std::move(room)) {}
 
-  // Makes the directory, and has it alone from then on. FAILED_PRECONDITION: another process has it; the
-  // system's own error if it cannot be written to.
+  // Creates the directory and locks it. FAILED_PRECONDITION: another process holds it; the system's error if
+  // it is not writable.
   absl::Status prepare();
   absl::StatusOr<std::shared_ptr<Archive>> create(const v1::CaptureManifest& header);
-  // INVALID_ARGUMENT: a bad name; NOT_FOUND: no such archive here; DATA_LOSS: it cannot be read.
+  // INVALID_ARGUMENT: a bad name; NOT_FOUND: no such archive here; DATA_LOSS: the archive cannot be read.
   absl::StatusOr<std::shared_ptr<Archive>> find(const std::string& session);
-  // Removes it for good; returns how many bytes its frames had. None there: 0, and what a broken-off removal
-  // left goes too.
+  // Removes an archive permanently, including what an interrupted removal left; returns the bytes of its
+  // frames, 0 if there is none.
   absl::StatusOr<std::int64_t> remove(const std::string& session);
   const std::filesystem::path& directory() const { return directory_; }
   const DiskRoom& room() const { return room_; }
 
-  // One at a time copies an archive here. Waits a little for one that was broken off to end. ABORTED: it goes
-  // on.
+  // Allows one copy of a session at a time. Waits up to 10 s for a cancelled copy to end. ABORTED: another
+  // copy is still running.
   absl::Status begin_copy(const std::string& session);
   void end_copy(const std::string& session);
 
  private:
-  // With mutex_ held: archives that nobody asked for of late are closed, or, if somebody uses one still,
-  // their files let go. A node has thousands, whose lists would fill its memory.
+  // Requires mutex_. Closes the least recently used archives, or unmaps their files if they are still in use:
+  // a node has thousands of archives, whose frame lists would fill its memory.
   void note_use(const std::string& session);
 
   const std::filesystem::path directory_;
@@ -51,7 +51,7 @@ class ArchiveStore {
   DirectoryLock lock_;
   std::mutex mutex_;
   std::map<std::string, std::shared_ptr<Archive>> open_;  // guarded by mutex_
-  std::deque<std::string> used_;                          // guarded by mutex_; the last ones, newest last
+  std::deque<std::string> used_;                          // guarded by mutex_; recently used, latest last
   std::set<std::string> copying_;                         // guarded by mutex_
   std::condition_variable copied_;
 };

@@ -14,10 +14,10 @@
 namespace glasswing {
 namespace {
 
-// In memory at a time, and lost if the copying breaks off.
+// In memory at a time, and lost if the copy is interrupted.
 constexpr size_t kBatchBytes = size_t{64} << 20;
 
-// Those of `manifest` that the archive lacks, or cannot read.
+// The frames of `manifest` that the archive lacks or cannot read.
 absl::StatusOr<std::vector<int>> missing_in(Archive& archive, const v1::CaptureManifest& manifest) {
   std::vector<int> missing;
   for (int i = 0; i < manifest.frames_size(); ++i) {
@@ -69,7 +69,7 @@ absl::Status copy_archive(ArchiveStore& store, const v1::CopyArchiveRequest& req
   progress.set_bytes_done(progress.byte_count() - left);
 
   for (size_t next = 0; next < missing.size();) {
-    if (!tell(progress)) return absl::CancelledError("nobody waits for the copy any more");
+    if (!tell(progress)) return absl::CancelledError("the client no longer waits for the copy");
     std::vector<Archive::CopiedFrame> batch;
     absl::Status read;
     for (size_t bytes = 0; next < missing.size() && bytes < kBatchBytes && !stop.stop_requested(); ++next) {

@@ -1,4 +1,4 @@
-// A node's own copy of another node's archive.
+// Copies another node's archive to this node.
 #pragma once
 
 #include <absl/status/status.h>
@@ -11,10 +11,10 @@
 
 namespace glasswing {
 
-// Copies what is missing here, or damaged, frame by frame, each verified by its checksum, and seals the copy.
-// `tell` hears how far it came after every few frames, at the end too; false: nobody listens any more, and
-// the copying ends (CANCELLED), as when `stop` is asked for. Whatever was told of is durable. Errors are
-// those of CopyArchive; DATA_LOSS names a frame that the other node cannot read.
+// Copies missing and damaged frames, verifying each checksum, and seals the copy. Calls `tell` with the
+// progress after every batch and at the end; reported frames are durable. If `tell` returns false, or `stop`
+// is requested, the copy ends with CANCELLED. Errors are those of CopyArchive; DATA_LOSS names a frame that
+// the other node cannot read.
 absl::Status copy_archive(ArchiveStore& store, const v1::CopyArchiveRequest& request, std::stop_token stop,
                           const std::function<bool(const v1::CopyArchiveResponse&)>& tell);
 

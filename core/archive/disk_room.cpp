@@ -36,7 +36,7 @@ absl::StatusOr<DiskRoom::Room> DiskRoom::room() const {
 
 absl::Status DiskRoom::check(std::int64_t bytes) const {
   const absl::StatusOr<Room> now = room();
-  if (!now.ok() || bytes <= now->free_bytes) return absl::OkStatus();  // the write will tell
+  if (!now.ok() || bytes <= now->free_bytes) return absl::OkStatus();  // if unknown, the write will fail
   return absl::ResourceExhaustedError(
       fmt::format("{:.1f} MB are missing in {}: {:.1f} MB are to be stored, {:.1f} MB are free beside the "
                   "{:.1f} MB that stay free",

@@ -1,5 +1,5 @@
-// Room on a disk for frames, of which some stays free whatever is captured: a disk that is full to the last
-// byte takes other programs down with it, and the log that would say why.
+// Disk space for frames, with a reserve that always stays free: a completely full disk breaks other programs
+// and the log.
 #pragma once
 
 #include <absl/status/status.h>
@@ -12,14 +12,13 @@
 
 namespace glasswing {
 
-// What the system says of the disk that holds a directory.
+// The space of the disk that holds a directory.
 using SpaceOf = std::function<absl::StatusOr<std::filesystem::space_info>(const std::filesystem::path&)>;
 absl::StatusOr<std::filesystem::space_info> space_of(const std::filesystem::path& directory);
 
 class DiskRoom {
  public:
-  // `reserve_bytes` stay free; if left out 2 % of the disk but at least 1 GB, or a tenth of a disk on which
-  // that is less.
+  // `reserve_bytes` stay free; nullopt: 2 % of the disk, at least 1 GB, but at most a tenth of the disk.
   explicit DiskRoom(std::filesystem::path directory, std::optional<std::int64_t> reserve_bytes = 0,
                     SpaceOf space = space_of)
       : directory_(std::move(directory)), reserve_bytes_(reserve_bytes), space_(std::move(space)) {}
@@ -30,7 +29,7 @@ class DiskRoom {
     std::int64_t reserve_bytes = 0;
   };
   absl::StatusOr<Room> room() const;
-  // RESOURCE_EXHAUSTED: there is no room for so many; says how much is missing, and where.
+  // RESOURCE_EXHAUSTED: not enough space for `bytes`; says how much is missing, and where.
   absl::Status check(std::int64_t bytes) const;
 
  private:

@@ -23,10 +23,10 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-constexpr seconds kPatience(20);  // with a node that sends nothing; it may have to verify a large frame first
-constexpr int kTries = 4, kRounds = 2;  // of a node whose connection breaks; of all nodes
+constexpr seconds kSilenceTimeout(20);  // for a node that sends nothing; it may be verifying a large frame
+constexpr int kTries = 4, kRounds = 2;  // per node whose connection breaks; over all nodes
 constexpr milliseconds kFirstPause(100);
-// So many bytes of frames are verified in the time for one answer.
+// Bytes of frames that a node verifies per LocateArchive call, within kLocateTime.
 constexpr std::int64_t kLocatedBytes = std::int64_t{1} << 30;
 constexpr seconds kLocateTime(60), kFirstLocateTime(2);
 
@@ -36,14 +36,14 @@ void pause(const std::stop_token& stop, milliseconds time) {
   std::condition_variable_any().wait_for(lock, stop, time, [] { return false; });
 }
 
-// Of this process, for the order in which it asks.
+// A number of this process, for the order in which it asks nodes.
 size_t own_number() {
   std::array<char, 256> host{};
   ::gethostname(host.data(), host.size() - 1);
   return std::hash<std::string>()(fmt::format("{}:{}", host.data(), ::getpid()));
 }
 
-// Of a call, rather than of what the node says of its files.
+// True for errors of the call itself, rather than of the node's files.
 bool is_broken(const absl::Status& status) {
   return absl::IsUnavailable(status) || absl::IsDeadlineExceeded(status) || absl::IsCancelled(status) ||
          absl::IsInternal(status) || absl::IsUnknown(status) || absl::IsResourceExhausted(status);
@@ -61,19 +61,19 @@ struct RemoteArchive::Source {
 
   absl::StatusOr<v1::LocateArchiveResponse> locate(const v1::LocateArchiveRequest& request, milliseconds time,
                                                    const std::stop_token& stop) const {
-    v1::LocateArchiveResponse place;
+    v1::LocateArchiveResponse location;
     grpc::ClientContext context;
     set_deadline(context, time);
     const std::stop_callback cancel(stop, [&] { context.TryCancel(); });
-    GW_RETURN_IF_ERROR(from_grpc(stub->LocateArchive(&context, request, &place), peer));
-    return place;
+    GW_RETURN_IF_ERROR(from_grpc(stub->LocateArchive(&context, request, &location), peer));
+    return location;
   }
 
   const std::string peer;
   const std::shared_ptr<grpc::Channel> channel;
   const std::unique_ptr<v1::ArchiveService::Stub> stub;
-  bool is_here = false;                 // on this machine
-  std::shared_ptr<LocalArchive> local;  // and its directory can be seen
+  bool is_here = false;                 // the node runs on this machine
+  std::shared_ptr<LocalArchive> local;  // its directory, if visible here
 };
 
 struct RemoteArchive::Request {
@@ -120,32 +120,33 @@ RemoteArchive::~RemoteArchive() = default;
 absl::StatusOr<v1::CaptureManifest> RemoteArchive::manifest() const {
   v1::GetManifestRequest get;
   get.set_session(session_);
-  look_for_places();
+  locate_archives();
   absl::Status failure;
   for (const auto& source : sources_) {
     v1::GetManifestResponse got;
     grpc::ClientContext context;
-    set_deadline(context, kPatience);
+    set_deadline(context, kSilenceTimeout);
     const std::stop_callback cancel(stop_, [&] { context.TryCancel(); });
     const absl::Status status = from_grpc(source->stub->GetManifest(&context, get, &got), source->peer);
     if (status.ok()) return std::move(*got.mutable_manifest());
-    // That it is away says less than what another says about the archive, but may change.
+    // UNAVAILABLE says less about the archive than other errors, but may be temporary.
     if (failure.ok() || absl::IsUnavailable(status)) failure = status;
   }
   return failure;
 }
 
-void RemoteArchive::look_for_places() const {
-  std::call_once(places_known_, [this] {
+void RemoteArchive::locate_archives() const {
+  std::call_once(located_, [this] {
     v1::LocateArchiveRequest request;
     request.set_session(session_);
     std::vector<std::future<void>> asked;
     for (const auto& source : sources_) {
       asked.push_back(std::async(std::launch::async, [&, to = source.get()] {
-        const absl::StatusOr<v1::LocateArchiveResponse> place = to->locate(request, kFirstLocateTime, stop_);
-        if (!place.ok()) return;
-        to->is_here = place->boot_id() == boot_id();
-        if (reading_ == Reading::kMappedIfHere) to->local = LocalArchive::open(*place);
+        const absl::StatusOr<v1::LocateArchiveResponse> location =
+            to->locate(request, kFirstLocateTime, stop_);
+        if (!location.ok()) return;
+        to->is_here = location->boot_id() == boot_id();
+        if (reading_ == Reading::kMappedIfHere) to->local = LocalArchive::open(*location);
       }));
     }
     asked.clear();  // waits
@@ -179,10 +180,10 @@ absl::StatusOr<FrameRows> RemoteArchive::map(const Request& request, const Sourc
 }
 
 absl::StatusOr<FrameRows> RemoteArchive::map_any(const Request& request) const {
-  look_for_places();
+  locate_archives();
   if (request.read.first_row() < 0 || request.read.row_count() < 1 ||
       request.read.first_row() > request.height_px - request.read.row_count())
-    return absl::InvalidArgumentError("no such rows");  // reading says it better
+    return absl::InvalidArgumentError("no such rows");  // reading gives a better message
   for (const auto& source : sources_) {
     if (source->local == nullptr) continue;
     absl::StatusOr<FrameRows> rows = map(request, *source);
@@ -197,7 +198,7 @@ RemoteArchive::Outcome RemoteArchive::read_from(const Source& source, const Requ
                                                 std::span<char> rows, std::int64_t& done) const {
   v1::ReadRowsRequest read = request.read;
   read.set_offset_bytes(done);
-  RowCall call(source.channel, read, kPatience, stop_);
+  RowCall call(source.channel, read, kSilenceTimeout, stop_);
   for (grpc::ByteBuffer message; call.next(message); message.Clear()) {
     const std::string& file = request.file_at(done);
     archive_metrics().bytes_read_remote.Increment(static_cast<double>(message.Length()));
@@ -206,14 +207,14 @@ RemoteArchive::Outcome RemoteArchive::read_from(const Source& source, const Requ
     if (done == static_cast<std::int64_t>(rows.size())) return {absl::OkStatus(), Next::kNone};
   }
   const grpc::Status end = call.finish();
-  if (end.ok()) return {absl::InternalError(source.peer + " sent fewer rows than asked for"), Next::kOther};
+  if (end.ok()) return {absl::InternalError(source.peer + " sent fewer rows than requested"), Next::kOther};
   if (!is_broken(from_grpc(end))) return {naming(source.peer, from_grpc(end)), Next::kOnlyOthers};
   const absl::Status why = from_grpc(end, source.peer);
   return {absl::UnavailableError(why.message()), Next::kSame};
 }
 
 absl::Status RemoteArchive::read(const Request& request, std::span<char> rows) const {
-  std::vector<Outcome> last(sources_.size());  // of each node
+  std::vector<Outcome> last(sources_.size());  // by node
   std::int64_t done = 0;
   if (rows.empty()) return absl::OkStatus();
   for (int round = 0; round < kRounds; ++round) {
@@ -225,7 +226,7 @@ absl::Status RemoteArchive::read(const Request& request, std::span<char> rows) c
         last[i] = read_from(*sources_[i], request, rows, done);
         if (last[i].status.ok()) return absl::OkStatus();
         if (last[i].next != Next::kSame) break;
-        if (done > before) attempt = 0;  // it goes on, if haltingly
+        if (done > before) attempt = 0;  // progress was made
       }
     }
   }
@@ -236,7 +237,7 @@ absl::Status RemoteArchive::read(const Request& request, std::span<char> rows) c
     what.emplace_back(outcome.status.message());
     if (absl::IsDataLoss(outcome.status)) code = absl::StatusCode::kDataLoss;
   }
-  // A node that may come back is worth waiting for, whatever the others say of theirs.
+  // A node that may come back is worth waiting for, whatever the errors of the others.
   if (std::ranges::any_of(last, [](const Outcome& outcome) { return outcome.next == Next::kSame; }))
     code = absl::StatusCode::kUnavailable;
   return absl::Status(code, fmt::format("{}", fmt::join(what, "; ")));

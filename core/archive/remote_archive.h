@@ -1,6 +1,6 @@
-// A session's frames on the nodes that hold them. On the same machine their files are mapped; else rows are
-// read in chunks with checksums, and a connection that breaks is taken up where it was, there or at another
-// copy. What came damaged is never used.
+// A session's frames on the nodes that hold them. On the same machine their files are mapped; otherwise rows
+// are read in chunks with checksums, and a broken connection is resumed where it stopped, at the same node or
+// another copy. Damaged chunks are never used.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -18,35 +18,34 @@
 
 namespace glasswing {
 
-// Rows of some frames, r, g, b, 16 bit.
+// Rows of several frames, r, g, b, 16 bit.
 struct FrameRows {
-  std::vector<std::span<const std::uint16_t>> rows;       // of each frame that was asked for
-  std::shared_ptr<const void> owner;                      // of the samples
-  std::vector<std::shared_ptr<const MappedFile>> mapped;  // where they lie; none: they were read
+  std::vector<std::span<const std::uint16_t>> rows;       // by requested frame
+  std::shared_ptr<const void> owner;                      // keeps the samples alive
+  std::vector<std::shared_ptr<const MappedFile>> mapped;  // the files that hold them; empty: they were read
 
-  // To be asked after the samples were used. UNAVAILABLE: a file was cut short, or its disk failed, while it
-  // was mapped; what was made of the samples is worth nothing, and asking for them again takes another way.
+  // Check after using the samples. UNAVAILABLE: a file was truncated, or its disk failed, while it was
+  // mapped; results computed from the samples are invalid, and requesting the rows again avoids that file.
   absl::Status intact() const;
 };
 
 enum class Reading { kMappedIfHere, kNeverMapped };
 
-// Thread-safe. UNAVAILABLE: a node is away, and no other could help; DATA_LOSS names node and frame: no copy
-// of it can be read. Once `stop` was asked for, what waits for a node fails.
+// Thread-safe. UNAVAILABLE: a node is away and no other has a copy; DATA_LOSS names node and frame: no copy
+// can be read. Once `stop` is requested, pending calls fail.
 class RemoteArchive {
  public:
-  // `addresses`, at least one: of the node that captured it first, then of those with copies. They are asked
-  // in an order of this process's own, so that several solvers share the load, but those on this machine
-  // first.
+  // `addresses`, at least one: the capturing node's first, then those of copies. Nodes are asked in an order
+  // that depends on this process, so that several solvers share the load; nodes on this machine come first.
   RemoteArchive(const std::vector<std::string>& addresses, std::string session, std::stop_token stop,
                 Reading reading = Reading::kMappedIfHere);
   ~RemoteArchive();
 
   absl::StatusOr<v1::CaptureManifest> manifest() const;
-  // Of these frames, places in manifest.frames.
+  // Rows of `frames`, indices into manifest.frames.
   absl::StatusOr<FrameRows> rows(const v1::CaptureManifest& manifest, const std::vector<int>& frames,
                                  int first_row, int row_count) const;
-  // Likewise, as samples of their own, one frame's after another.
+  // The same, copied to one array, frame after frame.
   absl::StatusOr<std::vector<std::uint16_t>> samples(const v1::CaptureManifest& manifest,
                                                      const std::vector<int>& frames, int first_row,
                                                      int row_count) const;
@@ -54,27 +53,27 @@ class RemoteArchive {
  private:
   struct Source;
   struct Request;
-  // After a call that failed: the connection broke, and is worth another try; what came was damaged, which
-  // another copy's may not be; or the node cannot read its own copy, and never will.
+  // What to try after a failed call: the same node (the connection broke), another (the data arrived
+  // damaged), or only others from now on (the node cannot read its copy).
   enum class Next { kNone, kSame, kOther, kOnlyOthers };
   struct Outcome {
     absl::Status status;
     Next next = Next::kNone;
   };
 
-  void look_for_places() const;
+  void locate_archives() const;
   absl::StatusOr<FrameRows> map(const Request& request, const Source& source) const;
   absl::StatusOr<FrameRows> map_any(const Request& request) const;
   absl::Status read(const Request& request, std::span<char> rows) const;
-  // Reads on from `done`.
+  // Continues reading at `done`.
   Outcome read_from(const Source& source, const Request& request, std::span<char> rows,
                     std::int64_t& done) const;
 
   const std::string session_;
   const std::stop_token stop_;
   const Reading reading_;
-  mutable std::once_flag places_known_;
-  mutable std::vector<std::unique_ptr<Source>> sources_;  // in the order in which they are asked
+  mutable std::once_flag located_;
+  mutable std::vector<std::unique_ptr<Source>> sources_;  // in the order of asking
 };
 
 }  // namespace glasswing

@@ -1,4 +1,4 @@
-// One ReadRows call, as bytes: what a node sends, message by message.
+// One ReadRows call that receives messages as raw bytes.
 #pragma once
 
 #include <absl/status/status.h>
@@ -16,19 +16,19 @@ namespace glasswing {
 
 class RowCall {
  public:
-  // A node that sends nothing for `patience` is taken for gone. Once `stop` was asked for, the call ends.
+  // A node that sends nothing for `patience` counts as gone. Requesting `stop` ends the call.
   RowCall(const std::shared_ptr<grpc::Channel>& channel, const v1::ReadRowsRequest& request,
           std::chrono::milliseconds patience, std::stop_token stop);
   ~RowCall();
   RowCall(const RowCall&) = delete;
   RowCall& operator=(const RowCall&) = delete;
 
-  // False: there are no more; finish() says why.
+  // False: no more messages; finish() returns the reason.
   bool next(grpc::ByteBuffer& message);
   grpc::Status finish();
 
  private:
-  bool wait();  // for the one operation under way; whether it succeeded
+  bool wait();  // waits for the pending operation; true if it succeeded
 
   const std::chrono::milliseconds patience_;
   grpc::ClientContext context_;

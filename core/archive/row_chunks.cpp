@@ -13,10 +13,10 @@
 namespace glasswing {
 namespace {
 
-// Pieces that are smaller are copied: a slice of its own costs more.
+// Smaller pieces are copied: a slice would cost more.
 constexpr size_t kMinMappedPiece_bytes = 16 << 10;
-// A chunk may be of many frames, each of which has to be verified first: the reader is to hear something.
-constexpr std::chrono::seconds kLongestWait(1);
+// A chunk may span many frames, each of which must be verified first; the reader must not wait longer.
+constexpr std::chrono::seconds kMaxWait(1);
 
 using Mapping = std::shared_ptr<const MappedFile>;
 
@@ -49,7 +49,7 @@ absl::StatusOr<std::optional<grpc::ByteBuffer>> RowChunks::next() {
   std::string copied;
   size_t size = 0;
   const nanoseconds begin = monotonic_now();
-  while (size < kChunkBytes && (size == 0 || monotonic_now() - begin < kLongestWait)) {
+  while (size < kChunkBytes && (size == 0 || monotonic_now() - begin < kMaxWait)) {
     const size_t at = static_cast<size_t>(offset_) + size;
     const auto frame = static_cast<int>(at / frame_bytes);
     if (frame == request_.files_size()) break;
@@ -68,7 +68,7 @@ absl::StatusOr<std::optional<grpc::ByteBuffer>> RowChunks::next() {
   if (size == 0) return std::nullopt;
   if (!copied.empty()) pieces.emplace_back(copied);
   grpc::ByteBuffer message = encode_row_chunk(offset_, std::move(pieces));
-  // The checksum looked at every byte: it is that of the files' own, or none.
+  // The checksum has read every byte, so intact() now tells whether it is that of the files.
   for (size_t i = 0; i < mappings.size(); ++i) {
     if (mappings[i]->intact()) continue;
     const auto frame = static_cast<int>(static_cast<size_t>(offset_) / frame_bytes + i);

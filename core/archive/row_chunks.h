@@ -1,4 +1,4 @@
-// The server's half of ReadRows: rows of an archive's frames as messages, one after another.
+// The server side of ReadRows: encodes rows of an archive's frames as a sequence of messages.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -17,8 +17,7 @@ class RowChunks {
   // Errors are those of ReadRows.
   static absl::StatusOr<std::unique_ptr<RowChunks>> create(ArchiveStore& store, v1::ReadRowsRequest request);
 
-  // The next message, which keeps the mappings of its frames alive; none at the end. DATA_LOSS names a frame
-  // that cannot be read.
+  // The next message, which keeps its frames mapped; none at the end. DATA_LOSS names an unreadable frame.
   absl::StatusOr<std::optional<grpc::ByteBuffer>> next();
 
  private:

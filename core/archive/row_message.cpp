@@ -57,7 +57,7 @@ absl::Status take_row_chunk(grpc::ByteBuffer& message, std::span<char> rows, std
   CodedInputStream in(&slices);
   std::uint64_t offset = 0, checksum = 0;
   std::uint32_t size = 0, tag = 0;
-  // As every writer of protobuf has them: in the order of their numbers, what is 0 left out.
+  // Fields come in the order of their numbers, zeros omitted, as all protobuf writers emit them.
   bool understood = true;
   while (understood && (tag = in.ReadTag()) != kChunkTag) {
     understood = (tag == kOffsetTag && in.ReadVarint64(&offset)) ||
@@ -67,12 +67,12 @@ absl::Status take_row_chunk(grpc::ByteBuffer& message, std::span<char> rows, std
   const auto wanted = static_cast<std::uint64_t>(offset_bytes);
   if (!understood || offset != wanted || size > rows.size() - wanted) {
     return absl::InternalError(
-        fmt::format("it sent {} bytes from {} on, where those from {} to {} were asked for", size, offset,
+        fmt::format("it sent {} bytes from {} on, where those from {} to {} were requested", size, offset,
                     wanted, rows.size()));
   }
   char* const chunk = rows.data() + wanted;
   if (!in.ReadRaw(chunk, static_cast<int>(size)) || XXH3_64bits(chunk, size) != checksum) {
-    return absl::DataLossError(fmt::format("the {} bytes from {} on came damaged", size, wanted));
+    return absl::DataLossError(fmt::format("the {} bytes from {} on arrived damaged", size, wanted));
   }
   offset_bytes += size;
   return absl::OkStatus();

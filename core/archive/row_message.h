@@ -1,5 +1,5 @@
-// ReadRowsResponse on the wire, its pixels where they are: the server sends slices of mapped files behind a
-// few bytes of header, the reader copies what came once, to where it is wanted.
+// Zero-copy encoding of ReadRowsResponse: the server sends slices of mapped files after a short header, and
+// the reader copies received bytes once, to their destination.
 #pragma once
 
 #include <absl/status/status.h>
@@ -12,15 +12,15 @@
 
 namespace glasswing {
 
-// XXH3, 64 bits, of these bytes one after another.
+// XXH3-64 of the concatenated pieces.
 std::uint64_t checksum_of_pieces(std::span<const grpc::Slice> pieces);
 
-// The message of a chunk that begins at `offset_bytes` and is these pieces, one after another.
+// Encodes a chunk that starts at `offset_bytes` and consists of the concatenated pieces.
 grpc::ByteBuffer encode_row_chunk(std::int64_t offset_bytes, std::vector<grpc::Slice> pieces);
 
-// Copies a message's chunk to rows[offset_bytes...], and adds its size to `offset_bytes` if it is what was
-// sent. INTERNAL: it is no such message, or begins elsewhere, or is more than was asked for; DATA_LOSS: it
-// has another checksum than it says. Then what lies behind the offset is worth nothing.
+// Copies a message's chunk to rows[offset_bytes...], verifies it and adds its size to `offset_bytes`.
+// INTERNAL: not such a message, or one that starts elsewhere or exceeds `rows`; DATA_LOSS: the checksum does
+// not match. After an error, rows behind the offset are undefined.
 absl::Status take_row_chunk(grpc::ByteBuffer& message, std::span<char> rows, std::int64_t& offset_bytes);
 
 }  // namespace glasswing

@@ -11,12 +11,12 @@ namespace glasswing {
 // "xxh3:" and 16 hex digits.
 std::string checksum_of(std::string_view bytes);
 
-// Of bytes that come piece by piece.
+// The checksum of bytes that arrive in pieces.
 class RunningChecksum {
  public:
   RunningChecksum();
   void add(std::string_view bytes);
-  std::uint64_t value() const;  // of all since the last start
+  std::uint64_t value() const;  // of all bytes since the last start()
   std::string text() const;     // as checksum_of()
   void start();
 

@@ -1,4 +1,4 @@
-// A file descriptor that is closed when nobody has it any more.
+// Owning file descriptor, closed on destruction.
 #pragma once
 
 #include <unistd.h>

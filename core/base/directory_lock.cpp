@@ -14,7 +14,7 @@
 namespace glasswing {
 namespace {
 
-// Of the process that has it, for people.
+// Names the process that holds the lock, for messages.
 std::string holder_of(const std::filesystem::path& file) {
   const absl::StatusOr<std::string> pid = read_file(file);
   return pid.ok() && !pid->empty() ? fmt::format("process {}", *pid) : "another process";
@@ -35,7 +35,7 @@ absl::StatusOr<DirectoryLock> DirectoryLock::take(const std::filesystem::path& d
         "directory",
         directory.string(), holder_of(file)));
   }
-  // A disk that is full keeps nobody from having the directory.
+  // The pid only informs people: a full disk must not prevent locking.
   const std::string pid = std::to_string(::getpid());
   if (::ftruncate(lock.file_.get(), 0) == 0) (void)!::pwrite(lock.file_.get(), pid.data(), pid.size(), 0);
   return lock;

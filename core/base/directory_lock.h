@@ -1,5 +1,5 @@
-// A data directory belongs to one process at a time: a daemon, or `glasswing fsck --repair`. The kernel lets
-// go of it when the process ends, however it ends.
+// A data directory belongs to one process at a time: a daemon, or an fsck that repairs. The kernel releases
+// the lock when the process ends, even by a crash.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -12,17 +12,17 @@ namespace glasswing {
 
 class DirectoryLock {
  public:
-  DirectoryLock() = default;  // of nothing
-  // Makes the directory where there is none. FAILED_PRECONDITION: another process has it.
+  DirectoryLock() = default;  // holds no lock
+  // Creates the directory if it is missing. FAILED_PRECONDITION: another process holds the lock.
   static absl::StatusOr<DirectoryLock> take(const std::filesystem::path& directory);
-  // Whether another process has it now.
+  // True while another process holds the lock.
   static bool is_taken(const std::filesystem::path& directory);
 
  private:
   Descriptor file_;
 };
 
-// The file that is locked, of no other use.
+// The file that carries the lock; it has no other use.
 inline constexpr char kLockFile[] = ".lock";
 
 }  // namespace glasswing

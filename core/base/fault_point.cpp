@@ -13,7 +13,7 @@ namespace {
 struct Fault {
   std::string point;
   int signal = 0;
-  int left = 1;  // visits until it strikes
+  int left = 1;  // visits until the fault triggers
 };
 
 Fault parse() {

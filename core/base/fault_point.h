@@ -1,6 +1,6 @@
-// Where tests make a daemon die, hang or stumble: GLASSWING_FAULT="tile written=kill" kills the process the
-// first time that it comes by, "=stop" stops it until somebody sends SIGCONT, "=kill@3" does so the third
-// time. Without the variable nothing happens.
+// Points where tests kill or stop a daemon. GLASSWING_FAULT="tile written=kill" kills the process on its
+// first visit to that point, "=stop" stops it until SIGCONT, "=kill@3" acts on the third visit. Without the
+// variable nothing happens.
 #pragma once
 
 #include <string_view>

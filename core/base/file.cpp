@@ -41,7 +41,7 @@ absl::Status write_and_flush(int fd, std::string_view bytes, const std::filesyst
 }
 
 absl::Status write_flushed(const std::filesystem::path& path, std::string_view bytes, mode_t mode) {
-  // The process id keeps two writers of one name apart; the loser's rename is simply first.
+  // The process id keeps two writers of one name apart; the last rename wins.
   const std::filesystem::path temporary = fmt::format("{}.{}.tmp", path.string(), ::getpid());
   absl::Status status;
   {
@@ -147,11 +147,11 @@ absl::Status append_file_durably(const std::filesystem::path& path, std::string_
   struct stat before {};
   if (::fstat(file.get(), &before) != 0) return error_of(errno, "cannot read", path);
   absl::Status status = write_and_flush(file.get(), bytes, path);
-  // It may have been made just now.
+  // The file may be new.
   if (status.ok() && before.st_size == 0) status = flush_directory(parent_of(path));
-  // What comes next must not be glued to half of this.
+  // The next append must not follow half a record.
   if (!status.ok() && S_ISREG(before.st_mode) && ::ftruncate(file.get(), before.st_size) != 0)
-    return error_of(errno, "cannot cut off what was half written to", path);
+    return error_of(errno, "cannot cut off a partial write to", path);
   return status;
 }
 

@@ -1,5 +1,5 @@
-// Files that are whole or not there: written under a temporary name, flushed, renamed, and the
-// directory flushed.
+// Atomic file writes: a file is written under a temporary name, flushed and renamed, and its directory is
+// flushed.
 #pragma once
 
 #include <absl/status/status.h>
@@ -11,35 +11,33 @@
 
 namespace glasswing {
 
-// NOT_FOUND, or the system's own error, with the path.
+// NOT_FOUND, or the system's error, with the path.
 absl::StatusOr<std::string> read_file(const std::filesystem::path& path);
 
-// Durable when it returns OK. RESOURCE_EXHAUSTED: the disk is full. An older file of that name stays
-// whole when it fails.
+// Durable when it returns OK. On failure an older file of that name stays intact. RESOURCE_EXHAUSTED: the
+// disk is full.
 absl::Status write_file_durably(const std::filesystem::path& path, std::string_view bytes);
 
-// As write_file_durably, but without the flush of the directory: for a batch that ends with one
-// flush_directory().
+// As write_file_durably, but does not flush the directory: for a batch that ends with one flush_directory().
 absl::Status write_file_flushed(const std::filesystem::path& path, std::string_view bytes);
-// Such a file that its owner alone can read, from its first byte on.
+// As write_file_flushed; only the owner can read the file, from its first byte on.
 absl::Status write_secret_flushed(const std::filesystem::path& path, std::string_view bytes);
 absl::Status flush_directory(const std::filesystem::path& directory);
 
-// Makes a directory, and those above it that are missing; durable when it returns OK. One that is there
-// already is left as it is.
+// Creates a directory and its missing parents; durable when it returns OK. An existing directory is left
+// unchanged.
 absl::Status make_directory_durably(const std::filesystem::path& directory);
 
-// Gives a file that is flushed another name, in the place of whatever had it; flush_directory() makes that
-// last.
+// Renames a flushed file, replacing any file of the new name; durable after flush_directory().
 absl::Status rename_file(const std::filesystem::path& from, const std::filesystem::path& to);
 
-// As rename_file, of a file that something else wrote: flushed first, and durable when it returns OK.
+// Flushes a file that other code wrote, then renames it; durable when it returns OK.
 absl::Status place_file_durably(const std::filesystem::path& from, const std::filesystem::path& to);
 
-// A file that is written piece by piece. What was not flushed may be lost.
+// A file written in pieces. Bytes not yet flushed may be lost.
 class FileWriter {
  public:
-  // Creates the file, or empties it.
+  // Creates or truncates the file.
   static absl::StatusOr<FileWriter> create(std::filesystem::path path);
   FileWriter(FileWriter&& other) noexcept;
   FileWriter& operator=(FileWriter&&) = delete;
@@ -56,8 +54,8 @@ class FileWriter {
   std::filesystem::path path_;
 };
 
-// Appends and flushes; durable when it returns OK, the file's name too where it is new. When it fails the
-// file is as long as before.
+// Appends and flushes; durable when it returns OK, including the name of a new file. On failure the file
+// keeps its old length.
 absl::Status append_file_durably(const std::filesystem::path& path, std::string_view bytes);
 
 }  // namespace glasswing

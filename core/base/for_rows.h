@@ -1,4 +1,4 @@
-// Rows of a picture, shared among threads.
+// Shares the rows of a picture among threads.
 #pragma once
 
 #include <algorithm>
@@ -7,8 +7,8 @@
 
 namespace glasswing {
 
-// work(first, last) for bands that together are rows [0, height); returns when all are done. `thread_count`
-// 0: all cores.
+// Calls work(first, last) for bands that together cover rows [0, height); returns when all are done.
+// `thread_count` 0: all cores.
 template <typename Work>
 void for_rows(int height, int thread_count, const Work& work) {
   if (thread_count <= 0) thread_count = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));

@@ -15,7 +15,7 @@
 
 namespace glasswing {
 
-// A list that only grows, so that the handler may walk it at any time; entries are used again.
+// An entry of a list that only grows, so the signal handler may walk it at any time; entries are reused.
 struct MappedRegion {
   std::atomic<std::uintptr_t> begin = 0, end = 0;  // begin 0: unused
   std::atomic<bool> damaged = false;
@@ -27,7 +27,7 @@ namespace {
 std::atomic<MappedRegion*> all_regions = nullptr;
 struct sigaction action_before;
 
-// Calls nothing but what a signal's handler may call.
+// Async-signal-safe.
 void on_bus_error(int signal, siginfo_t* info, void*) {
   const auto at = reinterpret_cast<std::uintptr_t>(info->si_addr);
   for (MappedRegion* region = all_regions; region != nullptr; region = region->next) {
@@ -40,7 +40,8 @@ void on_bus_error(int signal, siginfo_t* info, void*) {
                                MAP_PRIVATE | MAP_ANONYMOUS | MAP_FIXED, -1, 0);
     if (zeros != MAP_FAILED) return;
   }
-  ::sigaction(signal, &action_before, nullptr);  // not ours: it is raised again, and handled as before
+  ::sigaction(signal, &action_before,
+              nullptr);  // not ours: raised again, then handled by the previous action
 }
 
 class Regions {
@@ -79,7 +80,7 @@ class Regions {
   std::vector<MappedRegion*> unused_;  // guarded by mutex_
 };
 
-// Signals are the whole process's, and so is this.
+// A signal handler serves the whole process, so the list of regions is global.
 Regions& regions() {
   static Regions* const the_regions = new Regions;
   return *the_regions;

@@ -1,6 +1,6 @@
-// A file mapped for reading. Its pages come when somebody looks at them. One that cannot come any more (the
-// file was cut short, its disk fails) ends no program by SIGBUS: it and all after it read as zeros from then
-// on, and the mapping is no longer intact(). So: look at the bytes, then ask whether they were the file's.
+// A file mapped for reading. Pages are loaded on first access. If one cannot be loaded (the file was
+// truncated, its disk fails), the process is not killed by SIGBUS: that page and all after it read as zeros,
+// and the mapping is no longer intact(). So read the bytes first, then check intact().
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -12,20 +12,20 @@
 
 namespace glasswing {
 
-struct MappedRegion;  // what the signal's handler knows of a mapping
+struct MappedRegion;  // what the signal handler knows of a mapping
 
-// Of a file's bytes: another one, or another length or time of change, and they may be others.
+// Identifies a file's content: if any field differs, the bytes may differ.
 struct FileIdentity {
   std::uint64_t device = 0, inode = 0;
   std::int64_t size_bytes = 0, modified_ns = 0, changed_ns = 0;
   bool operator==(const FileIdentity&) const = default;
 };
-// The system's own error, with the path.
+// The system's error, with the path.
 absl::StatusOr<FileIdentity> identity_of(const std::filesystem::path& path);
 
 class MappedFile {
  public:
-  // The system's own error, with the path; OUT_OF_RANGE: it has not `size_bytes` (> 0).
+  // The system's error, with the path; OUT_OF_RANGE: the file's size is not `size_bytes` (> 0).
   static absl::StatusOr<std::shared_ptr<const MappedFile>> open(const std::filesystem::path& path,
                                                                 size_t size_bytes);
   ~MappedFile();
@@ -34,9 +34,9 @@ class MappedFile {
 
   std::string_view bytes() const { return bytes_; }
   const FileIdentity& identity() const { return identity_; }
-  // Whether every byte that was read so far was the file's, as it was when it was mapped. Asks the system: a
-  // file that is cut short within a page raises nothing. One that was removed or replaced meanwhile stays
-  // whole as long as it is mapped.
+  // True if every byte read so far was the file's content at the time of mapping. Stats the file, since
+  // truncation within a page raises no signal. A file removed or replaced meanwhile stays intact while
+  // mapped.
   bool intact() const;
 
  private:

@@ -1,4 +1,4 @@
-// Names of sessions and nodes: they become file names, so they are kept plain.
+// Names of sessions and nodes. They become file names, so the character set is small.
 #pragma once
 
 #include <absl/status/status.h>
@@ -12,7 +12,7 @@ namespace glasswing {
 // `what` names the thing in the message: "session".
 absl::Status check_name(std::string_view what, std::string_view name);
 
-// 32 hexadecimal digits that nobody comes by unawares.
+// Unguessable: 128 random bits in hex.
 std::string random_token();
 
 }  // namespace glasswing

@@ -1,5 +1,5 @@
-// The clock that a node stamps in: its machine's CLOCK_MONOTONIC, or, on a simulated node, one that is off by
-// `offset` when it is made and gains `drift_ppm` from then on.
+// The clock of a node's timestamps: its machine's CLOCK_MONOTONIC, or, on a simulated node, a clock that
+// starts off by `offset` and gains `drift_ppm`.
 #pragma once
 
 #include <cmath>
@@ -15,7 +15,7 @@ class NodeClock {
       : made_(monotonic_now()), offset_(offset), drift_(1e-6 * drift_ppm) {}
 
   nanoseconds now() const { return reading_at(monotonic_now()); }
-  // What it shows at a time of CLOCK_MONOTONIC.
+  // The reading at a time of CLOCK_MONOTONIC.
   nanoseconds reading_at(nanoseconds monotonic) const {
     const double gained_ns = drift_ * static_cast<double>((monotonic - made_).count());
     return monotonic + offset_ + nanoseconds(std::llround(gained_ns));

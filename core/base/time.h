@@ -1,5 +1,5 @@
-// Clocks of this machine. Every node stamps in its own NodeClock; physical time is what a simulated
-// display and a simulated camera share.
+// Clocks of this machine. Every node timestamps with its own NodeClock; simulated displays and cameras also
+// share physical time, the machine's CLOCK_MONOTONIC.
 #pragma once
 
 #include <chrono>

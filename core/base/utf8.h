@@ -1,11 +1,11 @@
-// Text that may be put into messages and files: UTF-8 (RFC 3629).
+// UTF-8 (RFC 3629), the encoding of all text in messages and files.
 #pragma once
 
 #include <string_view>
 
 namespace glasswing {
 
-// No byte is astray, no character longer than need be, none a surrogate or beyond U+10FFFF.
+// Rejects stray bytes, overlong encodings, surrogates and code points above U+10FFFF.
 bool is_utf8(std::string_view text);
 
 }  // namespace glasswing

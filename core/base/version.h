@@ -1,4 +1,4 @@
-// The release that this program belongs to.
+// The release of all programs.
 #pragma once
 
 namespace glasswing {

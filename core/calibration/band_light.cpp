@@ -8,8 +8,8 @@ namespace glasswing {
 namespace {
 
 constexpr size_t kGroups = 64;
-constexpr double kUneven =
-    0.01;  // of the light's swing: no panel's rise is a straight line to better than that
+// Of the light's swing: no panel's rise is closer to a straight line.
+constexpr double kUneven = 0.01;
 
 }  // namespace
 
@@ -29,9 +29,9 @@ std::vector<Track> tracks_of(const LightRecord& record) {
   for (size_t g = 0; g < groups; ++g) {
     const size_t first = g * rows / groups, last = (g + 1) * rows / groups;  // exclusive
     const double middle_row = 0.5 * static_cast<double>(first + last - 1);
-    const double place = rows > 1 ? middle_row / static_cast<double>(rows - 1) : 0.0;
+    const double row_share = rows > 1 ? middle_row / static_cast<double>(rows - 1) : 0.0;
     for (const LightFrame& frame : record.frames) {
-      const double start = seconds_of(frame.start - origin) + place * seconds_of(frame.readout);
+      const double start = seconds_of(frame.start - origin) + row_share * seconds_of(frame.readout);
       const auto begin = frame.row_mean.begin();
       tracks[g].start.push_back(start);
       tracks[g].end.push_back(start + seconds_of(frame.exposure));
@@ -73,7 +73,8 @@ std::vector<double> Band::seen_by(const Track& track, double centre, double sett
   return seen;
 }
 
-// Of the light up to `t`, which never falls from call to call, if changes are half way when they are made.
+// The integral of the light up to `t`, with each change half done at its own time. `t` must not decrease from
+// call to call; `done` carries the position.
 double Band::integral(double t, double settle, size_t& done) const {
   while (done < at_.size() && at_[done] <= t - 0.5 * settle) ++done;
   double light = t * sum_[done] - moment_[done];

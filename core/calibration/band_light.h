@@ -1,5 +1,5 @@
-// The light of bands as camera rows see it: what core/calibration/light_step fits. Times in seconds, from the
-// first change on.
+// The light of bands as camera rows see it, the model that core/calibration/light_step fits. Times are in
+// seconds since the first change.
 #pragma once
 
 #include <vector>
@@ -13,38 +13,39 @@ inline double seconds_of(nanoseconds time) {
 }
 
 double dot(const std::vector<double>& a, const std::vector<double>& b);
-// Takes the mean off.
+// Subtracts the mean.
 void centre(std::vector<double>& values);
 
-// A few camera rows side by side, over all frames.
+// A group of adjacent camera rows, over all frames.
 struct Track {
   std::vector<double> start, end, light;  // light less its mean
   double square = 0.0;                    // sum of light^2
 };
 
-// At most 64, of as many rows each as possible.
+// At most 64 groups, as equal in size as possible.
 std::vector<Track> tracks_of(const LightRecord& record);
 
-// When a band is switched on and off.
+// The times at which a band is switched on and off.
 class Band {
  public:
   Band(const LightRecord& record, size_t band);
 
-  // Its mean light over each exposure, if it is half way `centre` after a change and settles in `settle`.
+  // The band's mean light over each exposure, if it is half way `centre` after a change and settles in
+  // `settle`.
   std::vector<double> seen_by(const Track& track, double centre, double settle) const;
 
  private:
   double integral(double t, double settle, size_t& done) const;
 
   std::vector<double> at_, sign_;
-  std::vector<double> sum_, moment_;  // of signs, and of signs times, of the changes before
+  std::vector<double> sum_, moment_;  // prefix sums over changes: of signs, and of sign * time
 };
 
 struct Left {
   double square = 0.0;    // sum over all samples
-  double variance = 0.0;  // mean square where the light changed during an exposure; of all if that is more
+  double variance = 0.0;  // mean square where the light changed during an exposure, or of all if larger
 };
-// What bands with these delays and this settling time leave unexplained.
+// The residual of bands with these delays and this settling time.
 Left left_by(const std::vector<Band>& bands, const std::vector<Track>& tracks,
              const std::vector<double>& delays, double settle);
 

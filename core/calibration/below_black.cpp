@@ -6,11 +6,11 @@
 namespace glasswing {
 namespace {
 
-constexpr double kFewest = 20.0;     // samples beyond a knot that tell where it lies
-constexpr double kFewCutOff = 0.01;  // of the samples at code 0
+constexpr double kMinSamples = 20.0;  // beyond a knot, to determine it
+constexpr double kMaxClipped = 0.01;  // of the samples, at code 0
 
-// Codes spread evenly over their steps: where each step ends, as a share of full scale, and which share of
-// all lies below.
+// The distribution of codes, each spread evenly over its step: the end of each step, as a share of full
+// scale, and the share of samples below it.
 struct Distribution {
   std::vector<double> code, below;
   double all = 0.0;
@@ -36,7 +36,7 @@ struct Distribution {
   }
 };
 
-// y at x by straight lines between points with rising `xs`.
+// Interpolates y at x linearly between points with rising `xs`.
 double along(const std::vector<double>& xs, const std::vector<double>& ys, double x) {
   const auto after = std::lower_bound(xs.begin(), xs.end(), x);
   if (after == xs.begin()) return ys.front();
@@ -58,22 +58,23 @@ double light_at(const v1::CameraCurve& curve, double code) {
 
 void continue_below_black(const std::vector<size_t>& count, v1::CameraCurve& curve) {
   const Distribution black(count);
-  if (black.all < 2.0 * kFewest || static_cast<double>(count[0]) > kFewCutOff * black.all) return;
+  if (black.all < 2.0 * kMinSamples || static_cast<double>(count[0]) > kMaxClipped * black.all) return;
   const double last = curve.light_size() - 1.0;
   const int first_above = static_cast<int>(std::floor(curve.black_level() * last)) + 1;
-  // The knot below black takes part in what lies just above it, so it is found before it is used.
+  // Light just above black depends on the knot below black, which is not known yet, so a line stands in for
+  // it.
   const double above = static_cast<double>(curve.light(first_above));
   const double slope = above / (first_above / last - curve.black_level());
   const auto light_above = [&](double code) {
     return code < first_above / last ? slope * (code - curve.black_level()) : light_at(curve, code);
   };
-  double fall = slope / last;  // from a knot to the one below
+  double fall = slope / last;  // from a knot to the next lower one
   for (int k = first_above - 1; k >= 0; --k) {
     const double share = along(black.code, black.below, k / last);
     double light = static_cast<double>(curve.light(k + 1)) - fall;
-    if (share * black.all >= kFewest && share < 0.5) {
+    if (share * black.all >= kMinSamples && share < 0.5) {
       const double mirrored = -light_above(along(black.below, black.code, 1.0 - share));
-      // Noise of the counts must not turn the curve around.
+      // Noise of the counts must not make the curve fall.
       if (mirrored < static_cast<double>(curve.light(k + 1)) - 0.1 * fall) light = mirrored;
     }
     fall = std::min(fall, static_cast<double>(curve.light(k + 1)) - light);

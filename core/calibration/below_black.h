@@ -1,9 +1,9 @@
-// A camera's curve below its black level, where no light has ever been: only noise goes there, and noise
-// without light is symmetric. So with P the distribution of black frames' codes,
+// A camera's curve below its black level, where only noise occurs, and noise without light is symmetric. So
+// with P the distribution of codes in black frames,
 //
 //   light(z) = -light(z'),      P(code < z) = P(code > z'),  z below and z' above the black level
 //
-// which keeps the mean of what is dark, however curved the camera is there.
+// which keeps the mean of dark light unbiased, whatever the curve there.
 #pragma once
 
 #include <cstddef>
@@ -13,9 +13,9 @@
 
 namespace glasswing {
 
-// `count`: of each of 65536 samples in frames of black that no room light reaches. Sets the curve's knots
-// below curve.black_level(); those that too few samples lie beyond go on straight. Nothing changes where
-// black is cut off at 0.
+// `count`: how often each of the 65536 sample values occurs in black frames without room light. Sets the
+// knots below curve.black_level(); knots with too few samples beyond them are extrapolated linearly. If black
+// is clipped at 0, the curve stays unchanged.
 void continue_below_black(const std::vector<size_t>& count, v1::CameraCurve& curve);
 
 }  // namespace glasswing

@@ -12,12 +12,12 @@
 namespace glasswing {
 namespace {
 
-constexpr size_t kMaxPixels = 40000;    // of all monitors
-constexpr size_t kFewestPixels = 1000;  // of a monitor that is seen
-constexpr double kSeen = 0.3;           // of white's code above black where it is brightest
-constexpr double kTells = 0.1;          // of full scale, white above black
-constexpr double kBrightest = 0.99;     // quantile of pixels
-constexpr int kRim_px = 2;              // pixels so near a monitor's edge may see past it
+constexpr size_t kMaxPixels = 40000;  // of all monitors
+constexpr size_t kMinPixels = 1000;   // of a monitor that counts as seen
+constexpr double kSeen = 0.3;         // of white's code above black where it is brightest
+constexpr double kMinContrast = 0.1;  // of full scale, white above black
+constexpr double kBrightest = 0.99;   // quantile of pixels
+constexpr int kRim_px = 2;            // pixels this close to a monitor's edge may see past it
 
 using FrameIndex = std::vector<std::array<std::vector<int>, 3>>;  // [exposure][Shown]: frames
 
@@ -26,7 +26,7 @@ Shown shown_by(const v1::Stimulus& stimulus) {
   return stimulus.colour_size() > 0 && stimulus.colour(0) == 0.0 ? Shown::kBlack : Shown::kWhite;
 }
 
-// Of each pixel: white above black in its brightest channel, one take of each.
+// White above black of each pixel, in its brightest channel, from one take of each.
 std::vector<float> contrast(const MappedArchive& archive, const std::array<std::vector<int>, 3>& frames) {
   const v1::Camera& camera = archive.manifest().camera();
   const auto white = archive.rows(frames[static_cast<size_t>(Shown::kWhite)].front(), 0, camera.height_px());
@@ -48,17 +48,17 @@ float brightest(std::vector<float> values) {
 std::vector<size_t> seeing_pixels(const MappedArchive& archive, const FrameIndex& frames) {
   const int width = archive.manifest().camera().width_px(), height = archive.manifest().camera().height_px();
   std::vector<float> above;
-  float most = 0.0f;
-  for (const auto& exposure : frames) {  // the shortest that tells: there white is not clipped
+  float contrast_of_white = 0.0f;
+  for (const auto& exposure : frames) {  // the shortest with enough contrast, where white is not clipped
     above = contrast(archive, exposure);
-    most = brightest(above);
-    if (static_cast<double>(most) >= kTells) break;
+    contrast_of_white = brightest(above);
+    if (static_cast<double>(contrast_of_white) >= kMinContrast) break;
   }
   std::vector<size_t> pixels;
-  if (static_cast<double>(most) < kTells) return pixels;
+  if (static_cast<double>(contrast_of_white) < kMinContrast) return pixels;
   const auto seen = [&](int x, int y) {
     const size_t at = static_cast<size_t>(y) * static_cast<size_t>(width) + static_cast<size_t>(x);
-    return static_cast<double>(above[at]) >= kSeen * static_cast<double>(most);
+    return static_cast<double>(above[at]) >= kSeen * static_cast<double>(contrast_of_white);
   };
   for (int y = kRim_px; y < height - kRim_px; ++y) {
     for (int x = kRim_px; x < width - kRim_px; ++x) {
@@ -104,9 +104,9 @@ SampledMonitor sampled(const MappedArchive& archive, const std::string& name, co
 absl::StatusOr<CalibrationSamples> sample_calibration(const MappedArchive& archive) {
   const v1::CaptureManifest& manifest = archive.manifest();
   if (!manifest.plan().has_calibration() || manifest.plan().calibration().of() != "camera") {
-    return absl::FailedPreconditionError(fmt::format(
-        "session {} was not captured to calibrate a camera; `glasswing calibrate camera` does that",
-        manifest.session()));
+    return absl::FailedPreconditionError(
+        fmt::format("session {} was not captured to calibrate a camera; use `glasswing calibrate camera`",
+                    manifest.session()));
   }
   std::vector<double> planned(manifest.plan().exposure_ms().begin(), manifest.plan().exposure_ms().end());
   std::ranges::sort(planned);
@@ -144,7 +144,7 @@ absl::StatusOr<CalibrationSamples> sample_calibration(const MappedArchive& archi
                       manifest.session(), name, planned[j]));
     }
     std::vector<size_t> seeing = seeing_pixels(archive, frames);
-    if (seeing.size() < kFewestPixels) {
+    if (seeing.size() < kMinPixels) {
       out.unseen.push_back(name);
       continue;
     }
@@ -154,9 +154,8 @@ absl::StatusOr<CalibrationSamples> sample_calibration(const MappedArchive& archi
   if (pixels.empty()) {
     return absl::FailedPreconditionError(
         fmt::format("the camera sees no monitor: fewer than {} pixels of any get brighter by {} of full "
-                    "scale from black to white at any "
-                    "exposure; point it at one, or take longer exposures",
-                    kFewestPixels, kTells));
+                    "scale from black to white at any exposure; point it at one, or take longer exposures",
+                    kMinPixels, kMinContrast));
   }
   const size_t every = (all + kMaxPixels - 1) / kMaxPixels;
   for (const auto& [name, seeing] : pixels)

@@ -1,4 +1,4 @@
-// What calibrate_camera() looks at: the codes of a sample of the pixels that see a monitor.
+// The input of calibrate_camera(): the codes of a sample of the pixels that see a monitor.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -16,11 +16,11 @@ enum class Shown { kStripe, kBlack, kWhite };
 inline constexpr std::array kAllShown = {Shown::kStripe, Shown::kBlack, Shown::kWhite};
 
 struct SampledMonitor {
-  // Codes of all pixels, r, g, b, of each take, in the order in which they were taken.
+  // For each take, in capture order, the codes of all pixels, r, g, b.
   using Takes = std::vector<std::vector<std::uint16_t>>;
 
   std::string name;
-  std::vector<double> radius2;  // of each pixel: squared distance from the picture's middle, 1 in its corners
+  std::vector<double> radius2;  // by pixel: squared distance from the picture's middle, 1 in its corners
   std::vector<std::array<Takes, 3>> frames;  // [exposure][Shown]
 
   size_t sample_count() const { return radius2.size() * 3; }
@@ -30,13 +30,13 @@ struct SampledMonitor {
 };
 
 struct CalibrationSamples {
-  std::vector<double> exposures_ms;      // as the camera reported them, rising
-  std::vector<SampledMonitor> monitors;  // those that the camera sees
+  std::vector<double> exposures_ms;      // as reported by the camera, rising
+  std::vector<SampledMonitor> monitors;  // that the camera sees
   std::vector<std::string> unseen;
 };
 
-// FAILED_PRECONDITION: the archive's plan is no calibration of a camera, frames are missing, no monitor is
-// seen.
+// FAILED_PRECONDITION: the archive's plan is not a camera calibration, frames are missing, or the camera sees
+// no monitor.
 absl::StatusOr<CalibrationSamples> sample_calibration(const MappedArchive& archive);
 
 }  // namespace glasswing

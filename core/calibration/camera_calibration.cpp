@@ -12,8 +12,8 @@
 #include "core/base/time.h"
 #include "core/calibration/below_black.h"
 #include "core/calibration/calibration_samples.h"
+#include "core/calibration/camera_shading.h"
 #include "core/calibration/camera_symptoms.h"
-#include "core/calibration/fall_off_fit.h"
 #include "core/radiometry/camera_response.h"
 #include "core/radiometry/frame_light.h"
 #include "core/radiometry/noise_model.h"
@@ -24,17 +24,17 @@ namespace {
 constexpr double kFull = 65535.0;
 constexpr double kHopeless = 0.25;    // relative, of exposure times
 constexpr double kShutterSd = 0.01;   // relative; electronic shutters are better
-constexpr double kBelowFull = 0.99;   // of the saturation: noise there is clipped in part
+constexpr double kBelowFull = 0.99;   // of the saturation: above, noise is partly clipped
 constexpr size_t kPileUp = 1000;      // samples of the highest code
-constexpr double kFewClipped = 1e-3;  // share of white's samples
+constexpr double kMaxClipped = 1e-3;  // share of white's samples
 constexpr double kBrightest = 0.99;   // quantile of pixels
 constexpr double kReach = 3.0;        // standard deviations
 constexpr double kOneSigma = 0.8413;  // quantile
 constexpr double kUnlit = 0.1;        // of the noise
-// Light as codes for fit_noise: room for noise below black and above the saturation.
+// Light as codes for fit_noise, with room for noise below black and above saturation.
 constexpr double kPedestal = 0.1, kUnit = 0.8;
 
-// Where codes pile up: the sensor or its converter is full. 1 if they do not.
+// The code where samples pile up because the sensor or its converter saturates; 1 if there is none.
 double find_saturation(const CalibrationSamples& samples) {
   std::vector<size_t> count(65536);
   for (const SampledMonitor& monitor : samples.monitors) {
@@ -50,7 +50,8 @@ double find_saturation(const CalibrationSamples& samples) {
   return count[top] >= kPileUp && count[top] > below ? static_cast<double>(top) / kFull : 1.0;
 }
 
-// A quantile, as if codes were spread over their steps; a curve or clipping below it do not move it.
+// A quantile, with codes spread evenly over their steps. Unlike a mean, it is unaffected by the curve or by
+// clipping below it.
 double quantile_code(const std::vector<size_t>& count, double quantile) {
   size_t all = 0, below = 0;
   for (const size_t n : count) all += n;
@@ -69,7 +70,7 @@ double quantile_code(const std::vector<size_t>& count, double quantile) {
   return (from + share * (until - from)) / kFull;
 }
 
-// How often black has each code, of one channel with one exposure.
+// The histogram of black in one channel at one exposure.
 std::vector<size_t> black_codes(const CalibrationSamples& samples, size_t exposure, size_t channel) {
   std::vector<size_t> count(65536);
   for (const SampledMonitor& monitor : samples.monitors) {
@@ -80,7 +81,7 @@ std::vector<size_t> black_codes(const CalibrationSamples& samples, size_t exposu
   return count;
 }
 
-// Of all exposures in which room light shifts black by less than a tenth of its noise.
+// The histogram of black over all exposures in which room light shifts it by less than a tenth of its noise.
 std::vector<size_t> unlit_codes(const CalibrationSamples& samples, size_t channel, double black_level) {
   std::vector<size_t> all(65536);
   for (size_t j = 0; j < samples.exposures_ms.size(); ++j) {
@@ -92,8 +93,8 @@ std::vector<size_t> unlit_codes(const CalibrationSamples& samples, size_t channe
   return all;
 }
 
-// Of one channel: the code of black without room light, which grows with the exposure; codes of a curved
-// camera do so along a bow, which is least at short exposures.
+// The code of black without room light, in one channel. Room light grows with the exposure, and the codes of
+// a curved camera grow nonlinearly, least so at short exposures: hence a weighted parabola, evaluated at 0.
 double find_black_level(const CalibrationSamples& samples, size_t channel) {
   const auto terms = std::min<Eigen::Index>(3, static_cast<Eigen::Index>(samples.exposures_ms.size()));
   Eigen::MatrixXd rows(samples.exposures_ms.size(), terms);
@@ -108,12 +109,13 @@ double find_black_level(const CalibrationSamples& samples, size_t channel) {
   return std::max(rows.colPivHouseholderQr().solve(codes)[0], 0.0);
 }
 
-// The stripe at one exposure, all pixels of all monitors in rows, takes averaged. Clipped ones are full or 0.
+// The stripe at one exposure as a picture of all sampled pixels, averaged over takes. Clipped samples are
+// full or 0.
 Image16 mean_stripe(const CalibrationSamples& samples, size_t exposure, double saturation) {
   size_t pixels = 0;
   for (const SampledMonitor& monitor : samples.monitors) pixels += monitor.radius2.size();
   const int side = static_cast<int>(std::ceil(std::sqrt(static_cast<double>(pixels))));
-  Image16 image(side + 2, side + 2);  // CameraResponse leaves out the rim
+  Image16 image(side + 2, side + 2);  // CameraResponse ignores the rim
   const auto full = static_cast<std::uint16_t>(std::lround(kFull * saturation));
   size_t at = 0;
   for (const SampledMonitor& monitor : samples.monitors) {
@@ -171,7 +173,7 @@ Image16 as_light(const std::vector<std::uint16_t>& codes, const FrameLight& ligh
   for (size_t i = 0; i < codes.size(); ++i) {
     const double value =
         kPedestal + kUnit * static_cast<double>(light.light(codes[i], static_cast<int>(i % 3)));
-    // 0 and full stay what they are: clipped.
+    // 0 and full scale stay clipped.
     image.samples[i] = codes[i] == 0               ? 0
                        : light.saturated(codes[i]) ? 65535
                                                    : code16_of(static_cast<float>(value));
@@ -179,16 +181,16 @@ Image16 as_light(const std::vector<std::uint16_t>& codes, const FrameLight& ligh
   return image;
 }
 
-// Relative standard error of the curves' slope near black, as far as noise reaches: of all noise made light
-// there.
+// The relative standard error of the curves' slope near black, within reach of the noise, which scales the
+// noise in light.
 double slope_error(const v1::CameraCalibration& calibration, double read_sd) {
-  double most = 0.0;
+  double max_error = 0.0;
   for (const v1::CameraCurve& curve : calibration.curves()) {
     int k = 0;
     while (k + 1 < curve.light_size() && static_cast<double>(curve.light(k)) < kReach * read_sd) ++k;
-    most = std::max(most, static_cast<double>(curve.error(k) / curve.light(k)));
+    max_error = std::max(max_error, static_cast<double>(curve.error(k) / curve.light(k)));
   }
-  return most;
+  return max_error;
 }
 
 absl::Status add_noise(const CalibrationSamples& samples, const FrameLight& light,
@@ -209,21 +211,21 @@ absl::Status add_noise(const CalibrationSamples& samples, const FrameLight& ligh
   return absl::OkStatus();
 }
 
-// The longest exposure at which hardly any of a monitor's white is clipped.
+// The longest exposure at which almost none of a monitor's white is clipped.
 std::optional<size_t> longest_unclipped(const SampledMonitor& monitor, const FrameLight& light) {
   std::optional<size_t> found;
   for (size_t j = 0; j < monitor.frames.size(); ++j) {
     size_t clipped = 0;
     const auto& codes = monitor.takes(j, Shown::kWhite).front();
     for (const std::uint16_t code : codes) clipped += light.saturated(code) ? 1 : 0;
-    if (static_cast<double>(clipped) <= kFewClipped * static_cast<double>(codes.size())) found = j;
+    if (static_cast<double>(clipped) <= kMaxClipped * static_cast<double>(codes.size())) found = j;
   }
   return found;
 }
 
 void add_white(const CalibrationSamples& samples, const FrameLight& light,
                v1::CameraCalibration& calibration) {
-  std::vector<FallOffPoint> points;
+  std::vector<ShadingPoint> points;
   double brightest_per_ms = 0.0;
   for (size_t m = 0; m < samples.monitors.size(); ++m) {
     const SampledMonitor& monitor = samples.monitors[m];
@@ -250,7 +252,7 @@ void add_white(const CalibrationSamples& samples, const FrameLight& light,
     }
   }
   if (brightest_per_ms > 0.0) calibration.set_white_ms(1.0 / brightest_per_ms);
-  if (std::optional<v1::FallOff> fall_off = fit_fall_off(points))
+  if (std::optional<v1::FallOff> fall_off = fit_camera_shading(points))
     *calibration.mutable_fall_off() = *std::move(fall_off);
 }
 
@@ -275,9 +277,9 @@ absl::StatusOr<v1::CameraCalibration> calibrate_camera(const MappedArchive& arch
   GW_RETURN_IF_ERROR(check_codes_follow(samples, black, calibration.saturation()));
   GW_ASSIGN_OR_RETURN(const CameraResponse response, fit_response(samples, calibration.saturation(), black));
   const TimesOff off = times_off(samples.exposures_ms, response.exposures_s());
-  if (off.most > kHopeless) {
+  if (off.max > kHopeless) {
     return absl::FailedPreconditionError(fmt::format(
-        "{}, so that no curve can be found; turn automatic exposure and automatic gain of the camera off",
+        "{}, so no curve can be fitted; turn automatic exposure and automatic gain of the camera off",
         off.text));
   }
   calibration.set_linear(response.is_linear());
@@ -289,7 +291,7 @@ absl::StatusOr<v1::CameraCalibration> calibrate_camera(const MappedArchive& arch
   GW_ASSIGN_OR_RETURN(const FrameLight light, FrameLight::create(calibration));
   GW_RETURN_IF_ERROR(add_noise(samples, light, calibration));
   add_white(samples, light, calibration);
-  if (off.most > kOwnChange) {
+  if (off.max > kOwnChange) {
     calibration.add_warnings(fmt::format("automatic exposure or gain: {}; turn both off", off.text));
   }
   for (std::string& symptom : symptoms(samples, calibration, light))

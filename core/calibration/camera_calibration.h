@@ -1,17 +1,15 @@
-// A camera's calibration from an archive of the plan that `glasswing calibrate camera` makes
-// (core/pattern/calibration_steps.h): with each of several exposures, each monitor shows again and again a
-// broad stripe, black and white.
+// Calibrates a camera from an archive of the plan that `glasswing calibrate camera` makes
+// (core/pattern/calibration_steps.h): at each of several exposures, each monitor shows a broad stripe, black
+// and white, repeatedly.
 //
-//   response     CameraResponse, of the stripe at all exposures, takes averaged; what the monitor makes of
-//   its
-//                codes is not known and does not matter
-//   black level  median code of the black frames, extrapolated to no exposure: room light grows with time
-//   noise        photon transfer (noise_model.h) on the stripe's takes, made light by the response
-//   fall-off     of white less black, over the pixels that see a monitor. It holds the monitor's own
-//   unevenness:
-//                from one place nothing can tell them apart
+//   response     CameraResponse of the stripe at all exposures, averaged over takes; the response of the
+//                monitor is unknown and does not matter
+//   black level  median code of the black frames, extrapolated to exposure 0: room light grows with time
+//   noise        photon transfer (noise_model.h) on the takes of the stripe, as light by the response
+//   fall-off     of white less black, over the pixels that see a monitor (camera_shading.h). It includes
+//                the monitor's own shading, which cannot be separated from one viewpoint
 //
-// Only pixels that see a monitor are used, 40,000 at most.
+// Uses only pixels that see a monitor, at most 40,000.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -21,9 +19,8 @@
 
 namespace glasswing {
 
-// FAILED_PRECONDITION says in plain words what the frames lack or show: another plan, no monitor in sight,
-// exposures that do not overlap, an exposure that the camera chose itself. What is doubtful but usable is in
-// `warnings`.
+// FAILED_PRECONDITION describes, for people, what the frames lack or show: another plan, no monitor in view,
+// exposures that do not overlap, or automatic exposure. Doubtful but usable results carry `warnings`.
 absl::StatusOr<v1::CameraCalibration> calibrate_camera(const MappedArchive& archive);
 
 }  // namespace glasswing

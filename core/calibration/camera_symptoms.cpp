@@ -13,10 +13,10 @@ namespace {
 constexpr double kShareOfNoise = 0.32;
 constexpr double kSigmas = 5.0;
 constexpr double kBright = 0.1, kNearlyFull = 0.95;  // light
-constexpr size_t kFewest = 200;                      // pixels
-constexpr double kPeak = 0.98;                       // quantile: where the stripe is as bright as white
+constexpr size_t kMinPixels = 200;
+constexpr double kPeak = 0.98;  // quantile: where the stripe is as bright as white
 constexpr double kClippedShare = 0.01;
-constexpr double kTwoExposures = 1.2;  // ratio, of which codes must tell
+constexpr double kTwoExposures = 1.2;  // ratio of times that codes must reflect
 constexpr double kReaches = 0.8;       // of the saturation
 
 double median(std::vector<double>& values) {
@@ -25,7 +25,7 @@ double median(std::vector<double>& values) {
   return *at;
 }
 
-// Light of each sample, takes averaged; negative where one is saturated.
+// Light of each sample, averaged over takes; negative where a take is saturated.
 std::vector<float> mean_light(const SampledMonitor::Takes& takes, const FrameLight& light) {
   std::vector<float> out(takes.front().size());
   for (size_t i = 0; i < out.size(); ++i) {
@@ -39,11 +39,11 @@ std::vector<float> mean_light(const SampledMonitor::Takes& takes, const FrameLig
   return out;
 }
 
-// One picture's takes beside their mean: factors[channel][take]; empty where too few pixels are bright.
+// The brightness of one picture's takes relative to their mean: factors[channel][take].
 struct Repeats {
   size_t exposure = 0;
   std::array<std::vector<double>, 3> factors;
-  double error = 0.0;  // standard, of a factor, from noise alone
+  double error = 0.0;  // standard error of a factor, from noise alone
   double common(size_t take) const { return (factors[0][take] + factors[1][take] + factors[2][take]) / 3.0; }
   size_t takes() const { return factors[0].size(); }
 };
@@ -90,9 +90,9 @@ class Symptoms {
           ratios.push_back(static_cast<double>(light_.light(take[i], static_cast<int>(c)) / mean[i]));
           light += static_cast<double>(mean[i]);
         }
-        if (ratios.size() < kFewest) return;
+        if (ratios.size() < kMinPixels) return;
         light /= static_cast<double>(ratios.size());
-        // 1.25: a median's error beside a mean's.
+        // 1.25: the error of a median relative to that of a mean.
         repeats.error = std::max(
             repeats.error, 1.25 * noise_at(light) / light / std::sqrt(static_cast<double>(ratios.size())));
         repeats.factors[c].push_back(median(ratios));
@@ -101,7 +101,7 @@ class Symptoms {
     repeats_.push_back(std::move(repeats));
   }
 
-  // The variance over takes that noise does not explain, of one channel's (or the common) factors.
+  // The variance over takes beyond noise, of one channel's (or the common) factors.
   template <typename Factor>
   static double excess(const Repeats& repeats, const Factor& factor) {
     double square = 0.0, mean = 0.0;
@@ -125,15 +125,13 @@ class Symptoms {
     const auto at = static_cast<size_t>(std::ranges::max_element(worst) - worst.begin());
     out_.push_back(fmt::format(
         "flicker: repeats of one picture differ in brightness by {:.2g} % (rms), most at {:.4g} ms "
-        "({:.2g} %), where noise explains "
-        "{:.2g} %; use exposures that are whole multiples of the light's period (room light: 10 "
-        "ms or 8.33 ms; a dimmed "
-        "backlight: its refresh), or other light",
+        "({:.2g} %), where noise explains {:.2g} %; use exposures that are whole multiples of the light's "
+        "period (room light: 10 ms or 8.33 ms; a dimmed backlight: its refresh), or other light",
         100.0 * rms, samples_.exposures_ms[at], 100.0 * std::sqrt(worst[at]),
         100.0 * repeats_.front().error));
   }
 
-  // The first take follows another exposure, the others do not.
+  // Only the first take follows a change of exposure.
   void look_for_jumps() {
     std::vector<double> jumps;
     for (const Repeats& repeats : repeats_) {
@@ -157,12 +155,12 @@ class Symptoms {
     if (rms < kOwnChange || rms < kSigmas * later) return;
     out_.push_back(fmt::format(
         "automatic exposure or gain: after each change of the exposure the first frame differs from its "
-        "repeats by {:.2g} %, they "
-        "among themselves by {:.2g} %; turn automatic exposure and automatic gain of the camera off",
+        "repeats by {:.2g} %, the repeats among themselves by {:.2g} %; turn automatic exposure and "
+        "automatic gain of the camera off",
         100.0 * rms, 100.0 * later));
   }
 
-  // A stripe's middle is white: it cannot be brighter, nor of another colour.
+  // The middle of a stripe is white, so it cannot be brighter than white.
   void compare_with_white(const SampledMonitor& monitor) {
     for (size_t j = 0; j < samples_.exposures_ms.size(); ++j) {
       const std::vector<float> stripe = mean_light(monitor.takes(j, Shown::kStripe), light_),
@@ -185,7 +183,7 @@ class Symptoms {
         ratios[3].push_back(sum);
       }
       const size_t count = ratios[3].size();
-      if ((1.0 - kPeak) * static_cast<double>(count) < static_cast<double>(kFewest)) continue;
+      if ((1.0 - kPeak) * static_cast<double>(count) < static_cast<double>(kMinPixels)) continue;
       light /= static_cast<double>(count);
       const double noise = noise_at(light) / light *
                            std::sqrt(2.0 / static_cast<double>(monitor.takes(j, Shown::kWhite).size()));
@@ -195,9 +193,8 @@ class Symptoms {
       if (*peak > 1.0 + kOwnChange + 3.0 * noise) {
         out_.push_back(fmt::format(
             "automatic exposure or gain: at {:.4g} ms a stripe on monitor \"{}\" is {:.2g} % brighter than "
-            "its "
-            "white; turn automatic "
-            "exposure and gain of the camera off, and whatever dims the monitor when its picture is bright",
+            "its white; turn automatic exposure and gain of the camera off, and any dimming of the monitor "
+            "that depends on its picture",
             samples_.exposures_ms[j], monitor.name, 100.0 * (*peak - 1.0)));
         return;
       }
@@ -207,10 +204,10 @@ class Symptoms {
   struct ColourStep {
     size_t exposure = 0;  // to the next one
     std::array<double, 3> off{};
-    double most() const { return std::max({std::abs(off[0]), std::abs(off[1]), std::abs(off[2])}); }
+    double max() const { return std::max({std::abs(off[0]), std::abs(off[1]), std::abs(off[2])}); }
   };
 
-  // By how much channels change beside each other from one exposure to the next.
+  // The largest change of channels relative to each other from one exposure to the next.
   std::optional<ColourStep> largest_colour_step() const {
     std::optional<ColourStep> largest;
     for (const SampledMonitor& monitor : samples_.monitors) {
@@ -226,11 +223,11 @@ class Symptoms {
             ratios[i % 3].push_back(std::log(static_cast<double>(after[i] / before[i])));
           }
           before = std::move(after);
-          if (std::ranges::any_of(ratios, [](const auto& own) { return own.size() < kFewest; })) continue;
+          if (std::ranges::any_of(ratios, [](const auto& own) { return own.size() < kMinPixels; })) continue;
           ColourStep step{.exposure = j, .off = {median(ratios[0]), median(ratios[1]), median(ratios[2])}};
           const double mean = (step.off[0] + step.off[1] + step.off[2]) / 3.0;
           for (double& off : step.off) off -= mean;
-          if (!largest || step.most() > largest->most()) largest = step;
+          if (!largest || step.max() > largest->max()) largest = step;
         }
       }
     }
@@ -240,11 +237,10 @@ class Symptoms {
   void look_for_white_balance() {
     static constexpr const char* kAdvice = "turn the camera's automatic white balance off";
     const std::optional<ColourStep> step = largest_colour_step();
-    if (step && step->most() > kOwnChange) {
+    if (step && step->max() > kOwnChange) {
       out_.push_back(fmt::format(
           "automatic white balance: from {:.4g} ms to {:.4g} ms red, green and blue change by {:+.2g} %, "
-          "{:+.2g} % and {:+.2g} % beside "
-          "their mean; {}",
+          "{:+.2g} % and {:+.2g} % relative to their mean; {}",
           samples_.exposures_ms[step->exposure], samples_.exposures_ms[step->exposure + 1],
           100.0 * step->off[0], 100.0 * step->off[1], 100.0 * step->off[2], kAdvice));
       return;
@@ -273,27 +269,26 @@ class Symptoms {
       if (static_cast<double>(clipped) > kClippedShare * static_cast<double>(monitor.sample_count())) {
         out_.push_back(fmt::format(
             "clipping: white of monitor \"{}\" is clipped in {:.0f} % of samples even at the shortest "
-            "exposure, {:.4g} ms, so that its "
-            "brightness and the fall-off were not measured; add shorter exposures, or close the aperture",
+            "exposure, {:.4g} ms, so its brightness and the fall-off were not measured; add shorter "
+            "exposures, or close the aperture",
             monitor.name, 100.0 * static_cast<double>(clipped) / static_cast<double>(monitor.sample_count()),
             samples_.exposures_ms[0]));
       }
       size_t zero = 0;
       for (const std::uint16_t code : monitor.takes(0, Shown::kBlack).front()) zero += code == 0 ? 1 : 0;
       if (static_cast<double>(zero) > kClippedShare * static_cast<double>(monitor.sample_count())) {
-        out_.push_back(
-            fmt::format("clipping: {:.0f} % of the samples of black are 0, so that the black level cuts off "
-                        "noise and dark light is "
-                        "overestimated; raise the camera's black level (brightness, offset), or turn its "
-                        "noise reduction off",
-                        100.0 * static_cast<double>(zero) / static_cast<double>(monitor.sample_count())));
+        out_.push_back(fmt::format(
+            "clipping: {:.0f} % of the samples of black are 0, so the black level cuts off noise and "
+            "dark light is overestimated; raise the camera's black level (brightness, offset), or "
+            "turn its noise reduction off",
+            100.0 * static_cast<double>(zero) / static_cast<double>(monitor.sample_count())));
       }
     }
     for (const v1::CameraCurve& curve : calibration_.curves()) {
       if (curve.brightest_seen() >= kReaches * calibration_.saturation()) continue;
       out_.push_back(
-          fmt::format("nothing is bright enough: the brightest code is {:.2f} of full scale, and what lies "
-                      "above is a guess; add longer exposures",
+          fmt::format("nothing is bright enough: the brightest code is {:.2f} of full scale, and the curve "
+                      "above is extrapolated; add longer exposures",
                       curve.brightest_seen()));
       return;
     }
@@ -302,7 +297,7 @@ class Symptoms {
   const CalibrationSamples& samples_;
   const v1::CameraCalibration& calibration_;
   const FrameLight& light_;
-  const double pixel_noise_;  // of a pixel of light 1
+  const double pixel_noise_;  // noise of a pixel of light 1
   std::vector<Repeats> repeats_;
   std::vector<std::string> out_;
 };
@@ -322,12 +317,12 @@ absl::Status check_codes_follow(const CalibrationSamples& samples, const std::ar
                      b = after[i] / 65535.0 - black_level[i % 3];
         if (a > kBright && b + black_level[i % 3] < kNearlyFull * saturation) ratios.push_back(b / a);
       }
-      if (ratios.size() < kFewest || times[j + 1] < kTwoExposures * times[j]) continue;
+      if (ratios.size() < kMinPixels || times[j + 1] < kTwoExposures * times[j]) continue;
       if (const double ratio = median(ratios); ratio < 1.0 + kOwnChange) {
         return absl::FailedPreconditionError(
             fmt::format("codes do not follow the exposure times: frames of {:.4g} ms have codes {:.2f} times "
-                        "those of {:.4g} ms, so that no curve can "
-                        "be found; turn automatic exposure and automatic gain of the camera off",
+                        "those of {:.4g} ms, so no curve can be fitted; turn automatic exposure and "
+                        "automatic gain of the camera off",
                         times[j + 1], ratio, times[j]));
       }
     }
@@ -339,8 +334,8 @@ TimesOff times_off(const std::vector<double>& declared_ms, const std::vector<dou
   TimesOff off;
   for (size_t j = 0; j < declared_ms.size(); ++j) {
     const double ratio = 1000.0 * fitted_s[j] / declared_ms[j];
-    if (std::abs(ratio - 1.0) <= off.most) continue;
-    off.most = std::abs(ratio - 1.0);
+    if (std::abs(ratio - 1.0) <= off.max) continue;
+    off.max = std::abs(ratio - 1.0);
     off.text = fmt::format(
         "codes do not follow the exposure times: frames of {:.4g} ms are as bright as {:.3g} ms would be",
         declared_ms[j], 1000.0 * fitted_s[j]);

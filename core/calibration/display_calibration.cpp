@@ -9,9 +9,9 @@
 #include <map>
 
 #include "core/base/status.h"
+#include "core/calibration/display_shading.h"
 #include "core/calibration/display_warnings.h"
 #include "core/calibration/screen_view.h"
-#include "core/calibration/uniformity.h"
 
 namespace glasswing {
 namespace {
@@ -26,7 +26,7 @@ struct Mean {
   std::array<double, 3> light{};
   double count = 0.0;
 };
-// Of each code shown with an exposure.
+// The mean of each code shown at one exposure.
 std::map<Code, Mean> means_of(const std::vector<SeenSolid>& seen, double exposure_ms) {
   std::map<Code, Mean> means;
   for (const SeenSolid& of : seen) {
@@ -38,8 +38,7 @@ std::map<Code, Mean> means_of(const std::vector<SeenSolid>& seen, double exposur
   return means;
 }
 
-// Light above black with exposure `to_ms` of what has light 1 above black with `from_ms`, from the grays seen
-// with both.
+// The ratio of light above black at exposure `to_ms` to that at `from_ms`, from the grays seen at both.
 double ratio_of(const std::vector<SeenSolid>& seen, double from_ms, double to_ms) {
   const std::map<Code, Mean> from = means_of(seen, from_ms), to = means_of(seen, to_ms);
   double along = 0.0, square = 0.0;
@@ -55,19 +54,19 @@ double ratio_of(const std::vector<SeenSolid>& seen, double from_ms, double to_ms
   return square > 0.0 ? along / square : to_ms / from_ms;
 }
 
-// The solids at `exposure_ms`, and in place of a gray's those of the longest exposure that does not cut it
-// off, brought to the same scale.
+// The solids at `exposure_ms`, except that grays come from the longest exposure that does not clip them,
+// scaled to `exposure_ms`.
 std::vector<ShownSolid> on_one_scale(const std::vector<SeenSolid>& seen, double exposure_ms, int highest) {
   std::map<Code, double> longest_ms;
   for (const SeenSolid& of : seen) longest_ms.try_emplace(of.solid.code, exposure_ms);
   for (auto& [code, longest] : longest_ms) {
     if (is_black(code) || code == Code{highest, highest, highest}) continue;
     for (const SeenSolid& of : seen) {
-      const bool serves = std::none_of(seen.begin(), seen.end(), [&, code = code](const SeenSolid& other) {
+      const bool unclipped = std::none_of(seen.begin(), seen.end(), [&, code = code](const SeenSolid& other) {
         const Code& shown = other.solid.code;
         return other.exposure_ms == of.exposure_ms && other.cut_off && (shown == code || is_black(shown));
       });
-      if (of.solid.code == code && serves) longest = std::max(longest, of.exposure_ms);
+      if (of.solid.code == code && unclipped) longest = std::max(longest, of.exposure_ms);
     }
   }
   std::map<double, double> ratios;
@@ -101,8 +100,8 @@ std::vector<ShownSolid> all_of_code(const std::vector<ShownSolid>& solids, int c
   return some;
 }
 
-// Standard deviation of white, relative, beside its noise and what changes steadily: from how far each is
-// from the line between those before and after.
+// The relative standard deviation of white beyond noise and steady drift: from the distance of each white to
+// the line between its neighbours in time.
 double flicker_of(std::vector<ShownSolid> whites) {
   std::sort(whites.begin(), whites.end(),
             [](const ShownSolid& a, const ShownSolid& b) { return a.at < b.at; });
@@ -111,7 +110,7 @@ double flicker_of(std::vector<ShownSolid> whites) {
     const ShownSolid &before = whites[i - 1], &here = whites[i], &after = whites[i + 1];
     const double share = static_cast<double>((here.at - before.at).count()) /
                          static_cast<double>(std::max((after.at - before.at).count(), std::int64_t{1}));
-    // Of the distance's variance, in units of one white's.
+    // The variance of the distance, in units of one white's variance.
     weights += 1.0 + share * share + (1.0 - share) * (1.0 - share);
     double off = 0.0, error = 0.0;
     for (size_t c = 0; c < 3; ++c) {
@@ -126,14 +125,14 @@ double flicker_of(std::vector<ShownSolid> whites) {
   return std::sqrt(std::max(square / weights - noise / count, 0.0));
 }
 
-// Largest change of white, relative.
+// The largest relative change of white.
 double drift_of(const std::vector<ShownSolid>& whites) {
   double drift = 0.0;
   for (size_t c = 0; c < 3; ++c) {
-    const auto [least, most] = std::minmax_element(
+    const auto [min, max] = std::minmax_element(
         whites.begin(), whites.end(),
         [c](const ShownSolid& a, const ShownSolid& b) { return a.light[c] < b.light[c]; });
-    if (!whites.empty()) drift = std::max(drift, most->light[c] / least->light[c] - 1.0);
+    if (!whites.empty()) drift = std::max(drift, max->light[c] / min->light[c] - 1.0);
   }
   return drift;
 }
@@ -153,7 +152,7 @@ void set_response(const DisplayResponse& response, v1::DisplayCalibration& calib
 }
 
 absl::StatusOr<v1::DisplayCalibration> calibrate(const MappedArchive& archive, const FrameLight& light,
-                                                 const Evenness& evenness, const v1::Monitor& monitor,
+                                                 const Shading& shading, const v1::Monitor& monitor,
                                                  const ShownFrames& shown) {
   const int bits = bits_of(monitor), highest = (1 << bits) - 1;
   if (std::any_of(shown.solids.begin(), shown.solids.end(),
@@ -186,7 +185,7 @@ absl::StatusOr<v1::DisplayCalibration> calibrate(const MappedArchive& archive, c
   calibration.set_exposure_ms(view.exposure_ms);
   calibration.set_drift(drift_of(whites));
   set_response(response, calibration);
-  if (const auto uniformity = uniformity_of(view, response, evenness))
+  if (const auto uniformity = measure_display_shading(view, response, shading))
     *calibration.mutable_uniformity() = *uniformity;
   for (std::string& warning : display_warnings(calibration, steady, response, flicker))
     calibration.add_warnings(std::move(warning));
@@ -209,12 +208,12 @@ absl::StatusOr<DisplayCalibrations> calibrate_displays(const MappedArchive& arch
                     manifest.camera().name()));
   }
   GW_ASSIGN_OR_RETURN(const FrameLight light, FrameLight::create(manifest));
-  GW_ASSIGN_OR_RETURN(const Evenness evenness, Evenness::create(manifest));
+  GW_ASSIGN_OR_RETURN(const Shading shading, Shading::create(manifest));
   DisplayCalibrations calibrations;
   for (const v1::Monitor& monitor : manifest.monitors()) {
     const ShownFrames shown = shown_frames(manifest, monitor);
     if (shown.solids.empty() && shown.ramps.empty()) continue;
-    absl::StatusOr<v1::DisplayCalibration> calibration = calibrate(archive, light, evenness, monitor, shown);
+    absl::StatusOr<v1::DisplayCalibration> calibration = calibrate(archive, light, shading, monitor, shown);
     if (calibration.ok()) {
       calibrations.measured.push_back(*std::move(calibration));
     } else {

@@ -1,14 +1,14 @@
-// Monitors' calibration from an archive of what core/pattern/calibration_steps shows.
+// Calibrates monitors from an archive of the steps of core/pattern/calibration_steps:
 //
-//   each frame's mean light over the pixels that see the monitor      (screen_view)
-//   all on the scale of one exposure, each solid from the longest in which it is not cut off
-//   drift taken out, tone curves, crosstalk, black                    (display_response)
-//   the ramp and white: how evenly it is lit                          (uniformity)
+//   the mean light of each frame over the pixels that see the monitor          (screen_view)
+//   scaled to one exposure, each solid from the longest that does not clip it
+//   drift removed; tone curves, crosstalk, black                               (display_response)
+//   shading, from the ramp and white                                           (display_shading)
 //
-// Exposure times are not what a camera says: the scale between two is that of the grays seen with both. How
-// far white is from the line between the whites before and after tells how well a brightness repeats
-// (flicker); each mean's error is its noise and that. What the camera's own curve is off by is in the
-// monitors' curves too, and not in their errors.
+// Reported exposure times are inexact, so the scale between two exposures is that of the grays seen at both.
+// The distance of each white from the line between its neighbours in time measures how well a brightness
+// repeats (flicker); the error of each mean combines its noise and flicker. Errors of the camera's own curve
+// enter the monitors' curves, but not their stated errors.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -23,14 +23,13 @@ namespace glasswing {
 
 struct DisplayCalibrations {
   std::vector<v1::DisplayCalibration> measured;  // in the manifest's order
-  std::vector<std::string> unmeasured;           // names the monitor, and says why
+  std::vector<std::string> unmeasured;           // name the monitor and the reason
 };
 
-// Of the monitors shown; `warnings` say in plain words what is not as it should be, with what to do. A camera
-// that looks at one of them sees no other. FAILED_PRECONDITION, where none could be measured, names the
-// monitor and says what the frames lack or show: no display calibration; a camera of unknown response that
-// was not calibrated; what find_screen, without_drift and fit_display_response say. Without a calibration,
-// the camera is taken for linear.
+// Calibrates all monitors shown; `warnings` describe problems for people, with advice. Without a calibration
+// the camera is assumed linear. FAILED_PRECONDITION: none could be measured; names the monitor and the
+// reason: not a display calibration, an uncalibrated camera of unknown response, or an error of find_screen,
+// without_drift or fit_display_response.
 absl::StatusOr<DisplayCalibrations> calibrate_displays(const MappedArchive& archive);
 
 }  // namespace glasswing

@@ -13,18 +13,18 @@ namespace {
 constexpr double kMaxExcess = 0.005;   // of white over the sum of primaries
 constexpr double kMaxDrift = 0.01;     // of white
 constexpr double kMaxFlicker = 0.003;  // of white
-constexpr double kMaxFlickers = 5.0;   // between the extremes of some dozens of whites that only flicker
-constexpr double kMinUse = 0.2;        // of the camera's full scale, by white
+constexpr double kMaxFlickers = 5.0;   // range of some dozens of whites that only flicker
+constexpr double kMinUse = 0.2;        // of the camera's full scale, white's light
 constexpr double kMaxBlack = 0.01;     // of white
-constexpr double kErrors = 3.0;        // standard ones that a warning needs
+constexpr double kErrors = 3.0;        // standard errors that a warning needs
 
-// A step between two grays does nothing if it is less than a tenth of the power law's, which is more than 5
-// errors and 0.05 % of full scale.
-constexpr double kNothing = 0.1, kTellingErrors = 5.0, kTellingStep = 5e-4;
+// Two grays are equally bright if their step is less than a tenth of the power law's, where that exceeds 5
+// standard errors and 0.05 % of full scale.
+constexpr double kMaxFlatStep = 0.1, kMinStepErrors = 5.0, kMinStep = 5e-4;
 
 constexpr std::array<const char*, 3> kNames{"red", "green", "blue"};
 
-// Radiance of each gray shown of a primary, with its variance.
+// The radiance of a gray of one primary, with its variance.
 struct Gray {
   double radiance = 0.0, variance = 0.0, count = 0.0;
 };
@@ -52,7 +52,7 @@ std::map<int, Gray> grays_of(const std::vector<ShownSolid>& solids, const Displa
   return grays;
 }
 
-// Codes, from the first to the last, that are equally bright.
+// A range of codes that are equally bright.
 struct Level {
   int first = 0, last = 0;
 };
@@ -63,8 +63,8 @@ std::vector<Level> level_codes(const std::map<int, Gray>& grays, double gamma, i
     const auto last = std::prev(next);
     const double expected = power(next->first) - power(last->first);
     const double error = std::sqrt(next->second.variance + last->second.variance);
-    if (expected < kTellingStep || expected < kTellingErrors * error) continue;
-    if (next->second.radiance - last->second.radiance > kNothing * expected) continue;
+    if (expected < kMinStep || expected < kMinStepErrors * error) continue;
+    if (next->second.radiance - last->second.radiance > kMaxFlatStep * expected) continue;
     if (levels.empty() || levels.back().last != last->first) levels.push_back({.first = last->first});
     levels.back().last = next->first;
   }
@@ -115,7 +115,7 @@ std::vector<std::string> display_warnings(const v1::DisplayCalibration& calibrat
   }
   if (calibration.drift() > std::max(kMaxDrift, kMaxFlickers * flicker)) {
     warnings.push_back(
-        fmt::format("white changed by {:.1f} % while it was measured, which was taken out: let the monitor "
+        fmt::format("white changed by {:.1f} % during the measurement, which was corrected: let the monitor "
                     "warm up for half an hour",
                     100.0 * calibration.drift()));
   }
@@ -125,18 +125,18 @@ std::vector<std::string> display_warnings(const v1::DisplayCalibration& calibrat
         "multiple of its refresh; or the camera's automatic settings are on",
         100.0 * flicker));
   }
-  if (const double most = *std::max_element(white.begin(), white.end()); most < kMinUse) {
-    warnings.push_back(
-        fmt::format("white reads only {:.1f} % of the camera's full scale at {:.4g} ms: use an exposure of "
-                    "about {:.2g} ms",
-                    100.0 * most, calibration.exposure_ms(), 0.7 / most * calibration.exposure_ms()));
+  if (const double brightest = *std::max_element(white.begin(), white.end()); brightest < kMinUse) {
+    warnings.push_back(fmt::format(
+        "white reads only {:.1f} % of the camera's full scale at {:.4g} ms: use an exposure of "
+        "about {:.2g} ms",
+        100.0 * brightest, calibration.exposure_ms(), 0.7 / brightest * calibration.exposure_ms()));
   }
   double black = 0.0;
   for (size_t c = 0; c < 3; ++c) black = std::max(black, response.black[c] / white[c]);
   if (black > kMaxBlack) {
     warnings.push_back(fmt::format(
         "black is {:.1f} % of white: darken the room, lower the monitor's brightness setting, or calibrate "
-        "the camera, if that was not done",
+        "the camera if it is not calibrated",
         100.0 * black));
   }
   for (size_t p = 0; p < 3; ++p) {
@@ -145,8 +145,7 @@ std::vector<std::string> display_warnings(const v1::DisplayCalibration& calibrat
       warnings.push_back(*std::move(warning));
   }
   if (!calibration.has_uniformity()) {
-    warnings.emplace_back(
-        "the camera sees less than half of the screen, so how evenly it is lit was not measured");
+    warnings.emplace_back("the camera sees less than half of the screen, so its uniformity was not measured");
   }
   return warnings;
 }

@@ -1,4 +1,4 @@
-// What people are told of a monitor's calibration: in plain words, with figures and what to do.
+// Warnings about a monitor's calibration, for people: with figures and advice.
 #pragma once
 
 #include <string>
@@ -9,9 +9,9 @@
 
 namespace glasswing {
 
-// `solids` are those that `response` was fitted to; `flicker` is white's relative standard deviation from one
-// time to the next. Codes that make no difference are told from the grays shown: those of a monitor with
-// fewer bits than it says only if grays are as close as its steps.
+// `response` was fitted to `solids`; `flicker` is white's relative standard deviation from one showing to the
+// next. Equally bright codes are found among the grays shown, so a monitor with fewer bits than declared is
+// detected only if the grays are as close as its steps.
 std::vector<std::string> display_warnings(const v1::DisplayCalibration& calibration,
                                           const std::vector<ShownSolid>& solids,
                                           const DisplayResponse& response, double flicker);

@@ -13,15 +13,16 @@
 namespace glasswing {
 namespace {
 
-// Seconds, from the first change on.
+// Seconds since the first change.
 constexpr double kEarliest = -0.02, kLatest = 0.25;
 constexpr double kMaxError = 1e-3;
-constexpr size_t kGroupsPerBand = 4;  // those that see it best are fitted
-constexpr size_t kFirstGrid = 33;     // points on each delay's axis, of the first grid
-constexpr size_t kSettleGrid = 17;    // on that of settling times
-constexpr size_t kGrid = 9;           // on every axis else
-constexpr double kPossible = 16.0;    // sum of squares above the least, in sigma^2: 4 standard errors
-constexpr double kResembling = 0.7;   // of the light explained by another lag: that may be it too
+constexpr size_t kGroupsPerBand = 4;  // the groups of rows that see the band best are fitted
+constexpr size_t kFirstGrid = 33;     // points on each axis of delays, in the first grid
+constexpr size_t kSettleGrid = 17;    // points on the axis of settling times
+constexpr size_t kGrid = 9;           // points on every other axis
+constexpr double kPossible = 16.0;    // sum of squares above the minimum, in sigma^2: 4 standard errors
+// Of the light explained by the best lag: another lag that explains more makes it ambiguous.
+constexpr double kResembling = 0.7;
 
 nanoseconds time_of(double seconds) {
   return nanoseconds(std::llround(1e9 * seconds));
@@ -34,27 +35,27 @@ double shortest_hold(const LightRecord& record) {
   return seconds_of(shortest);
 }
 
-// How much of a group's sum of squares one band explains, alone. A band that is lit never makes it darker.
+// The part of a group's sum of squares that one band explains alone. A lit band never darkens it.
 double explained(const Track& track, std::vector<double> seen) {
   centre(seen);
   const double square = dot(seen, seen), along = dot(seen, track.light);
   return square > 1e-9 && along > 0.0 ? along * along / square : 0.0;
 }
 
-// What this many groups' worth of noise explains at most by chance, in sigma^2: each has a mean of 1 and a
-// variance of 2, and some hundred ways are tried.
+// An upper bound on what noise in this many groups explains by chance, in sigma^2: each group has a mean of 1
+// and a variance of 2, and some hundred delays are tried.
 double chance(size_t groups) {
   const auto n = static_cast<double>(groups);
   return n + 8.0 * std::sqrt(2.0 * n) + 30.0;
 }
 
-// Where one band's light is, roughly.
+// A coarse estimate of one band's delay.
 struct Sighting {
   bool seen = false;
   double centre = 0.0;
-  double light = 0.0;               // that it explains
-  std::optional<double> elsewhere;  // it could be there too
-  std::vector<size_t> groups;       // those that see it best
+  double light = 0.0;               // sum of squares that it explains
+  std::optional<double> elsewhere;  // another delay that fits nearly as well
+  std::vector<size_t> groups;       // that see it best
 };
 
 Sighting look_for(const Band& band, const std::vector<Track>& tracks, double hold, double latest) {
@@ -86,7 +87,7 @@ Sighting look_for(const Band& band, const std::vector<Track>& tracks, double hol
   return sighting;
 }
 
-// What a sighting leaves for others to explain.
+// Subtracts a sighted band from the tracks.
 std::vector<Track> without(std::vector<Track> tracks, const Band& band, const Sighting& sighting) {
   for (Track& track : tracks) {
     std::vector<double> seen = band.seen_by(track, sighting.centre, 0.0);
@@ -105,21 +106,21 @@ struct Axis {
   size_t points = kGrid;
   double step() const { return (high - low) / static_cast<double>(points - 1); }
   double at(size_t i) const { return low + step() * static_cast<double>(i); }
-  // Closer around the points from `least` to `most`, but for two more on either side: what is possible may
-  // lie between.
-  Axis around(size_t least, size_t most) const {
-    const double half = std::max(0.5 * (at(most) - at(least)) + step(), 2.0 * step());
-    const double middle = 0.5 * (at(least) + at(most));
+  // A closer axis around points `first` to `last`, with a margin of up to two steps on either side, since the
+  // possible range may extend between points.
+  Axis around(size_t first, size_t last) const {
+    const double half = std::max(0.5 * (at(last) - at(first)) + step(), 2.0 * step());
+    const double middle = 0.5 * (at(first) + at(last));
     return {.low = middle - half, .high = middle + half};
   }
-  // It has got no narrower than `before` to speak of.
+  // True if hardly narrower than `before`.
   bool settled(const Axis& before) const {
     return points == before.points &&
            (high - low > 0.85 * (before.high - before.low) || before.step() < 1e-7);
   }
 };
 
-// The sums of squares for all delays on the axes, one a band; the last band's run fastest.
+// The sums of squares for all delays on the axes, one per band; the last band's delay varies fastest.
 std::vector<double> sums_of(const std::vector<Band>& bands, const std::vector<Track>& tracks,
                             const std::vector<Axis>& delays, double settle) {
   const size_t firsts = delays[0].points, seconds = bands.size() > 1 ? delays[1].points : 1;
@@ -152,7 +153,7 @@ std::vector<double> sums_of(const std::vector<Band>& bands, const std::vector<Tr
   return sums;
 }
 
-// What is possible. Of delays, and last the settling time.
+// The posterior of the delays and, as last element, the settling time.
 struct Possible {
   std::array<double, 3> mean{};
   std::array<std::array<double, 3>, 3> covariance{};
@@ -163,7 +164,7 @@ struct Possible {
       for (size_t b = 0; b < 3; ++b) covariance[a][b] += weight * x[a] * x[b];
     }
   }
-  // After all were added, with weights that add up to 1.
+  // Call after adding points with weights that sum to 1.
   void finish() {
     for (size_t a = 0; a < 3; ++a) {
       for (size_t b = 0; b < 3; ++b) covariance[a][b] -= mean[a] * mean[b];
@@ -172,43 +173,43 @@ struct Possible {
 };
 
 struct Delays {
-  Possible possible;      // moments: finish() is not called
-  double least = 0.0;     // sum of squares
-  double variance = 0.0;  // sigma^2 at the least
+  Possible possible;      // raw moments: finish() is not called
+  double min_sum = 0.0;   // minimum sum of squares
+  double variance = 0.0;  // sigma^2 at the minimum
   std::vector<Axis> axes;
-  double log_volume = 0.0;  // of what is possible
+  double log_volume = 0.0;  // of the posterior
 };
 
-// With a settling time given: narrows the axes, level by level, to the delays that are possible.
+// For a given settling time: narrows the axes, level by level, to the possible delays.
 Delays possible_delays(const std::vector<Band>& bands, const std::vector<Track>& tracks,
                        std::vector<Axis> axes, double settle) {
   const size_t n = axes.size();
   while (true) {
     const std::vector<double> sums = sums_of(bands, tracks, axes, settle);
     const size_t seconds = n > 1 ? axes[1].points : 1;
-    const auto place = [&](size_t cell) { return std::array<size_t, 2>{cell / seconds, cell % seconds}; };
+    const auto indices = [&](size_t cell) { return std::array<size_t, 2>{cell / seconds, cell % seconds}; };
     const auto best = static_cast<size_t>(std::min_element(sums.begin(), sums.end()) - sums.begin());
     std::vector<double> at(n);
-    for (size_t a = 0; a < n; ++a) at[a] = axes[a].at(place(best)[a]);
+    for (size_t a = 0; a < n; ++a) at[a] = axes[a].at(indices(best)[a]);
     Delays found;
-    found.least = sums[best];
+    found.min_sum = sums[best];
     found.variance = left_by(bands, tracks, at, settle).variance;
 
-    std::array<size_t, 2> least = place(best), most = place(best);
+    std::array<size_t, 2> first = indices(best), last = first;
     double total = 0.0;
     for (size_t cell = 0; cell < sums.size(); ++cell) {
-      const double above = (sums[cell] - found.least) / found.variance;
+      const double above = (sums[cell] - found.min_sum) / found.variance;
       total += std::exp(-0.5 * above);
       if (above > kPossible) continue;
       for (size_t a = 0; a < n; ++a) {
-        least[a] = std::min(least[a], place(cell)[a]);
-        most[a] = std::max(most[a], place(cell)[a]);
+        first[a] = std::min(first[a], indices(cell)[a]);
+        last[a] = std::max(last[a], indices(cell)[a]);
       }
     }
     std::vector<Axis> narrower;
     bool settled = true;
     for (size_t a = 0; a < n; ++a) {
-      narrower.push_back(axes[a].around(least[a], most[a]));
+      narrower.push_back(axes[a].around(first[a], last[a]));
       settled = settled && narrower[a].settled(axes[a]);
     }
     if (!settled) {
@@ -220,15 +221,15 @@ Delays possible_delays(const std::vector<Band>& bands, const std::vector<Track>&
     for (size_t a = 0; a < n; ++a) found.log_volume += std::log(axes[a].step());
     for (size_t cell = 0; cell < sums.size(); ++cell) {
       std::array<double, 3> x{};
-      for (size_t a = 0; a < n; ++a) x[a] = axes[a].at(place(cell)[a]);
+      for (size_t a = 0; a < n; ++a) x[a] = axes[a].at(indices(cell)[a]);
       x[2] = settle;
-      found.possible.add(std::exp(-0.5 * (sums[cell] - found.least) / found.variance) / total, x);
+      found.possible.add(std::exp(-0.5 * (sums[cell] - found.min_sum) / found.variance) / total, x);
     }
     return found;
   }
 }
 
-// The same for settling times up to `longest`, and the delays that go with each.
+// The same for settling times up to `longest`, each with its delays.
 Possible possible_steps(const std::vector<Band>& bands, const std::vector<Track>& tracks,
                         std::vector<Axis> delays, double longest) {
   Axis settles{.low = 0.0, .high = longest, .points = kSettleGrid};
@@ -236,23 +237,23 @@ Possible possible_steps(const std::vector<Band>& bands, const std::vector<Track>
     std::vector<Delays> found;
     for (size_t w = 0; w < settles.points; ++w)
       found.push_back(possible_delays(bands, tracks, delays, settles.at(w)));
-    const auto best = std::min_element(found.begin(), found.end(),
-                                       [](const Delays& a, const Delays& b) { return a.least < b.least; });
-    const auto above = [&](size_t w) { return (found[w].least - best->least) / best->variance; };
-    size_t least = settles.points, most = 0;
+    const auto best = std::min_element(
+        found.begin(), found.end(), [](const Delays& a, const Delays& b) { return a.min_sum < b.min_sum; });
+    const auto above = [&](size_t w) { return (found[w].min_sum - best->min_sum) / best->variance; };
+    size_t first = settles.points, last = 0;
     for (size_t w = 0; w < settles.points; ++w) {
       if (above(w) > kPossible) continue;
-      least = std::min(least, w);
-      most = std::max(most, w);
+      first = std::min(first, w);
+      last = std::max(last, w);
     }
-    Axis narrower = settles.around(least, most);
+    Axis narrower = settles.around(first, last);
     narrower.low = std::max(narrower.low, 0.0);
     narrower.points = kSettleGrid;
     if (!narrower.settled(settles)) {
-      // While a change settles longer its middle moves by no more than half of that.
+      // A longer settling time moves the middle of a change by at most half of the difference.
       for (size_t a = 0; a < delays.size(); ++a) {
-        delays[a] = found[least].axes[a];
-        for (size_t w = least; w <= most; ++w) {
+        delays[a] = found[first].axes[a];
+        for (size_t w = first; w <= last; ++w) {
           delays[a].low = std::min(delays[a].low, found[w].axes[a].low);
           delays[a].high = std::max(delays[a].high, found[w].axes[a].high);
         }
@@ -289,9 +290,7 @@ LightStep::Estimate estimate(const Possible& possible, const std::array<double, 
   return {.value = time_of(value), .error = time_of(std::sqrt(std::max(variance, 0.0)) + 1e-6)};
 }
 
-}  // namespace
-
-absl::StatusOr<LightStep> find_light_step(const LightRecord& record) {
+absl::Status check(const LightRecord& record) {
   const size_t rows = record.frames.empty() ? 0 : record.frames.front().row_mean.size();
   const bool alike = std::all_of(record.frames.begin(), record.frames.end(), [&](const LightFrame& frame) {
     return frame.row_mean.size() == rows && frame.exposure > nanoseconds(0);
@@ -303,58 +302,83 @@ absl::StatusOr<LightStep> find_light_step(const LightRecord& record) {
         "and 1 or 2 bands",
         record.frames.size(), rows, record.shown.size(), record.band_height.size()));
   if (record.frames.size() < 16) {
-    return absl::FailedPreconditionError(
-        fmt::format("the camera is too slow: it took {} frames while {} changes were shown; 16 are the least",
-                    record.frames.size(), record.shown.size()));
+    return absl::FailedPreconditionError(fmt::format(
+        "the camera is too slow: it took {} frames while {} changes were shown; it must take 16 or more",
+        record.frames.size(), record.shown.size()));
   }
-  const std::vector<Track> tracks = tracks_of(record);
-  const double hold = shortest_hold(record);
-  const double latest = kLatest + seconds_of(record.scanout);
+  return absl::OkStatus();
+}
+
+// The bands that are seen, the brighter one first, with their sightings and heights.
+struct SeenBands {
   std::vector<Band> bands;
   std::vector<Sighting> sightings;
+  std::vector<double> heights;
+};
+
+absl::StatusOr<SeenBands> sight_bands(const LightRecord& record, const std::vector<Track>& tracks,
+                                      double hold) {
+  const double latest = kLatest + seconds_of(record.scanout);
+  SeenBands seen{.bands = {}, .sightings = {}, .heights = record.band_height};
   for (size_t b = 0; b < record.band_height.size(); ++b) {
-    bands.emplace_back(record, b);
-    sightings.push_back(look_for(bands[b], tracks, hold, latest));
+    seen.bands.emplace_back(record, b);
+    seen.sightings.push_back(look_for(seen.bands[b], tracks, hold, latest));
   }
-  std::vector<double> heights = record.band_height;
-  // The brighter one first.
-  if (sightings.size() == 2 && sightings[1].light > sightings[0].light) {
-    std::swap(bands[0], bands[1]);
-    std::swap(sightings[0], sightings[1]);
-    std::swap(heights[0], heights[1]);
+  if (seen.bands.size() == 2 && seen.sightings[1].light > seen.sightings[0].light) {
+    std::swap(seen.bands[0], seen.bands[1]);
+    std::swap(seen.sightings[0], seen.sightings[1]);
+    std::swap(seen.heights[0], seen.heights[1]);
   }
-  if (!sightings[0].seen) {
+  const Sighting& brighter = seen.sightings[0];
+  if (!brighter.seen) {
     return absl::FailedPreconditionError(
         "no light change was seen: the monitor must be in the camera's view, itself or through the object, "
         "and bright enough for the exposure");
   }
-  if (sightings[0].elsewhere) {
+  if (brighter.elsewhere) {
     return absl::FailedPreconditionError(
         fmt::format("the lag is ambiguous: light {:.1f} ms after the scan-out fits nearly as well as {:.1f} "
-                    "ms; what is shown must "
-                    "not repeat itself",
-                    1e3 * *sightings[0].elsewhere, 1e3 * sightings[0].centre));
+                    "ms; what is shown must not repeat itself",
+                    1e3 * *brighter.elsewhere, 1e3 * brighter.centre));
   }
-  if (bands.size() == 2) {
-    sightings[1] = look_for(bands[1], without(tracks, bands[0], sightings[0]), hold, latest);
-    if (!sightings[1].seen || sightings[1].elsewhere) bands.pop_back();
+  if (seen.bands.size() == 2) {
+    seen.sightings[1] = look_for(seen.bands[1], without(tracks, seen.bands[0], brighter), hold, latest);
+    if (!seen.sightings[1].seen || seen.sightings[1].elsewhere) seen.bands.pop_back();
   }
-  std::vector<Axis> axes;
+  return seen;
+}
+
+// The tracks that see any of the bands best.
+std::vector<Track> best_tracks(const SeenBands& seen, const std::vector<Track>& tracks) {
   std::vector<size_t> groups;
-  for (size_t b = 0; b < bands.size(); ++b) {
-    axes.push_back({.low = sightings[b].centre - hold / 4.0,
-                    .high = sightings[b].centre + hold / 4.0,
-                    .points = kFirstGrid});
-    groups.insert(groups.end(), sightings[b].groups.begin(), sightings[b].groups.end());
-  }
+  for (size_t b = 0; b < seen.bands.size(); ++b)
+    groups.insert(groups.end(), seen.sightings[b].groups.begin(), seen.sightings[b].groups.end());
   std::sort(groups.begin(), groups.end());
   groups.erase(std::unique(groups.begin(), groups.end()), groups.end());
-  std::vector<Track> fitted;
-  for (const size_t g : groups) fitted.push_back(tracks[g]);
+  std::vector<Track> best;
+  for (const size_t g : groups) best.push_back(tracks[g]);
+  return best;
+}
 
+}  // namespace
+
+absl::StatusOr<LightStep> find_light_step(const LightRecord& record) {
+  if (const absl::Status status = check(record); !status.ok()) return status;
+  const std::vector<Track> tracks = tracks_of(record);
+  const double hold = shortest_hold(record);
+  absl::StatusOr<SeenBands> seen = sight_bands(record, tracks, hold);
+  if (!seen.ok()) return seen.status();
+  std::vector<Band>& bands = seen->bands;
+  std::vector<Axis> axes;
+  for (size_t b = 0; b < bands.size(); ++b) {
+    axes.push_back({.low = seen->sightings[b].centre - hold / 4.0,
+                    .high = seen->sightings[b].centre + hold / 4.0,
+                    .points = kFirstGrid});
+  }
+  const std::vector<Track> fitted = best_tracks(*seen, tracks);
   Possible possible = possible_steps(bands, fitted, axes, hold);
   if (bands.size() == 2) {
-    // The fainter one explains something that the brighter one, better placed, does not; or it was a mirage.
+    // Drop the fainter band unless it explains light that the brighter one alone does not.
     const double settle = possible.mean[2];
     const Left both = left_by(bands, fitted, {possible.mean[0], possible.mean[1]}, settle);
     const Left one = left_by({bands[0]}, fitted, {possible.mean[0]}, settle);
@@ -366,6 +390,7 @@ absl::StatusOr<LightStep> find_light_step(const LightRecord& record) {
   }
   LightStep step;
   step.settle = estimate(possible, {0.0, 0.0, 1.0});
+  const std::vector<double>& heights = seen->heights;
   if (bands.size() == 2) {
     // The line through both heights, at the first row.
     const double apart = heights[1] - heights[0];
@@ -378,8 +403,7 @@ absl::StatusOr<LightStep> find_light_step(const LightRecord& record) {
   if (step.lag.error > time_of(kMaxError)) {
     return absl::FailedPreconditionError(
         fmt::format("the camera is too slow or sees too little: the lag is {:.1f} ms, give or take {:.1f}; "
-                    "use a longer exposure "
-                    "(up to the time between frames) or a faster camera",
+                    "use a longer exposure (up to the time between frames) or a faster camera",
                     1e3 * seconds_of(step.lag.value), 1e3 * seconds_of(step.lag.error)));
   }
   return step;

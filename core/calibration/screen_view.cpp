@@ -18,15 +18,15 @@ namespace {
 
 constexpr size_t kMinPixels = 300;
 constexpr double kMinLight = 0.01;      // of white above black, of the camera's full scale
-constexpr double kGoodLight = 0.7;      // white's, to aim for
+constexpr double kGoodLight = 0.7;      // of white, recommended
 constexpr double kMaxCutOff = 0.01;     // of the pixels that see white
-constexpr double kPixelsCutOff = 1e-4;  // of those that see a solid
-constexpr double kBrightest = 0.001;    // of the picture; a monitor fills more of it
-constexpr double kMinError = 1e-7;      // of a mean: less than any rounding
+constexpr double kPixelsCutOff = 1e-4;  // of the pixels that see a solid
+constexpr double kBrightest = 0.001;    // of the picture; a monitor fills more
+constexpr double kMinError = 1e-7;      // of a mean; below any rounding
 
-// One of the ramp's codes is always 0.5 or more, and one 0.5 or less; so, of white's light, one channel has
-// more than that of code 0.5 at gamma 4, and one less than that at gamma 1 and 0.2 of crosstalk. A lit patch
-// has 1 in all, a dark one 0.
+// One of the ramp's codes is always 0.5 or more, and one 0.5 or less. So relative to white, one channel
+// exceeds code 0.5 at gamma 4, and one is below code 0.5 at gamma 1 with a crosstalk of 0.2. A lit patch has
+// 1 in all channels, a dark one 0.
 constexpr float kMinRamp = 0.06f, kMaxRamp = 0.8f;
 
 std::vector<ShownFrame> taken(const std::vector<ShownFrame>& frames, double exposure_ms,
@@ -43,10 +43,10 @@ std::span<const std::uint16_t> samples_of(const MappedArchive& archive, const Sh
   return archive.rows(shown.frame, 0, archive.manifest().camera().height_px());
 }
 
-// What white adds to black, over the whole picture.
+// White less black, over the whole picture.
 struct WhiteLight {
   RadianceImage light;
-  std::vector<bool> cut_off;  // of each pixel, in any of the frames
+  std::vector<bool> cut_off;  // by pixel: in any of the frames
 };
 WhiteLight white_light(const MappedArchive& archive, const FrameLight& light,
                        const std::vector<ShownFrame>& whites, const std::vector<ShownFrame>& blacks) {
@@ -69,7 +69,7 @@ WhiteLight white_light(const MappedArchive& archive, const FrameLight& light,
   return white;
 }
 
-// What all but the brightest thousandth of the pixels have at most.
+// The light that all but the brightest thousandth of pixels stay below, by channel.
 ScreenView::Light brightest(const RadianceImage& image) {
   ScreenView::Light light{};
   std::vector<float> channel(image.samples.size() / 3);
@@ -82,7 +82,7 @@ ScreenView::Light brightest(const RadianceImage& image) {
   return light;
 }
 
-// Mean light of a pixel in these frames.
+// Mean light of a pixel over these frames.
 float mean_light(const MappedArchive& archive, const FrameLight& light, const std::vector<ShownFrame>& frames,
                  std::uint32_t pixel, size_t c) {
   float sum = 0.0f;
@@ -92,15 +92,15 @@ float mean_light(const MappedArchive& archive, const FrameLight& light, const st
 }
 
 bool is_ramp(const ScreenView::Light& ramp, const ScreenView::Light& white) {
-  float least = 1.0f, most = 0.0f;
+  float min = 1.0f, max = 0.0f;
   for (size_t c = 0; c < 3; ++c) {
-    least = std::min(least, ramp[c] / white[c]);
-    most = std::max(most, ramp[c] / white[c]);
+    min = std::min(min, ramp[c] / white[c]);
+    max = std::max(max, ramp[c] / white[c]);
   }
-  return least < kMaxRamp && most > kMinRamp;
+  return min < kMaxRamp && max > kMinRamp;
 }
 
-// Whether a pixel and its neighbours, where there are any, are all marked.
+// True if a pixel and all its neighbours within the picture are marked.
 bool all_around(const std::vector<bool>& marked, int x, int y, int width_px, int height_px) {
   for (int v = std::max(y - 1, 0); v <= std::min(y + 1, height_px - 1); ++v) {
     for (int u = std::max(x - 1, 0); u <= std::min(x + 1, width_px - 1); ++u) {
@@ -111,7 +111,7 @@ bool all_around(const std::vector<bool>& marked, int x, int y, int width_px, int
   return true;
 }
 
-// `seen`: the pixels that white is bright enough in and not cut off.
+// `seen`: the pixels where white is bright enough and not clipped.
 absl::StatusOr<ScreenView> view_of(const MappedArchive& archive, const FrameLight& light,
                                    const ShownFrames& shown, double exposure_ms, const RadianceImage& white,
                                    std::vector<bool> seen) {
@@ -144,7 +144,7 @@ absl::StatusOr<ScreenView> view_of(const MappedArchive& archive, const FrameLigh
   if (view.pixels.size() < kMinPixels) {
     return absl::FailedPreconditionError(
         fmt::format("only {} of the camera's pixels see its picture; it must be {} or more: bring it into "
-                    "view, and close by",
+                    "view, and closer",
                     view.pixels.size(), kMinPixels));
   }
   return view;
@@ -187,12 +187,12 @@ absl::StatusOr<ScreenView> find_screen(const MappedArchive& archive, const Frame
     }
     const WhiteLight white = white_light(archive, light, whites, blacks);
     const ScreenView::Light bright = brightest(white.light);
-    if (const float least = *std::min_element(bright.begin(), bright.end()); least < kMinLight) {
+    if (const float dimmest = *std::min_element(bright.begin(), bright.end()); dimmest < kMinLight) {
       return absl::FailedPreconditionError(
           fmt::format("white is brighter than black by only {:.4f} of the camera's full scale at {} ms; it "
                       "must be {} or more, and {} is good: it is out of the camera's view, or the exposure "
                       "is much too short",
-                      std::max(least, 0.0f), exposure_ms, kMinLight, kGoodLight));
+                      std::max(dimmest, 0.0f), exposure_ms, kMinLight, kGoodLight));
     }
     std::vector<bool> seen(white.cut_off.size());
     std::vector<std::uint32_t> bright_pixels;

@@ -1,9 +1,9 @@
-// Where a camera sees a monitor, and what it sees there, in the frames of a display calibration
-// (core/pattern/calibration_steps).
+// The part of the camera's picture that shows a monitor, and its light, in the frames of a display
+// calibration (core/pattern/calibration_steps).
 //
-// A pixel sees the monitor if white there is brighter than black by more than half of what the brightest
-// thousandth is, in all channels, if the ramp is there too (an id patch beside the picture shows none), and
-// if this holds for its eight neighbours. Where white is cut off it does not count.
+// A pixel sees the monitor if white less black exceeds half of that of the brightest thousandth of pixels, in
+// all channels; if it sees the ramp too (an id patch beside the picture shows none); and if both hold for its
+// eight neighbours. Pixels where white is clipped are excluded.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -19,11 +19,11 @@
 
 namespace glasswing {
 
-inline constexpr double kMaxLight = 0.95;  // of the camera's full scale: beyond, noise is cut off
+inline constexpr double kMaxLight = 0.95;  // of the camera's full scale: above it, noise is clipped
 
 // A frame of the archive in which the monitor shows codes.
 struct ShownFrame {
-  int frame = 0;              // its place in the manifest
+  int frame = 0;              // index in the manifest
   std::array<int, 3> code{};  // of a solid
   double exposure_ms = 0.0;
   nanoseconds at{};
@@ -33,7 +33,7 @@ struct ShownFrames {
 };
 ShownFrames shown_frames(const v1::CaptureManifest& manifest, const v1::Monitor& monitor);
 
-// 8 where the monitor does not say.
+// 8 if unknown.
 inline int bits_of(const v1::Monitor& monitor) {
   return monitor.bits() > 0 ? monitor.bits() : 8;
 }
@@ -41,20 +41,20 @@ inline int bits_of(const v1::Monitor& monitor) {
 struct ScreenView {
   using Light = std::array<float, 3>;
 
-  double exposure_ms = 0.0;           // the longest at which white is not cut off
+  double exposure_ms = 0.0;           // the longest at which white is not clipped
   int width_px = 0;                   // the camera's
   std::vector<std::uint32_t> pixels;  // y * width + x, rising
-  // Of each of them, at that exposure; white less black.
+  // By pixel, at that exposure, less black.
   std::vector<Light> white, ramp;
 };
 
-// FAILED_PRECONDITION says in plain words what is not shown, or that white is too dark, cut off at all
-// exposures, or seen by fewer than 300 pixels.
+// FAILED_PRECONDITION, for people: a picture is missing, or white is too dark, clipped at all exposures, or
+// seen by fewer than 300 pixels.
 absl::StatusOr<ScreenView> find_screen(const MappedArchive& archive, const FrameLight& light,
                                        const ShownFrames& shown, int bits);
 
-// Means over the pixels; standard errors from what neighbours differ by, so that they hold noise and what
-// structure the picture has, but nothing that is common to a frame.
+// Means over the pixels. Standard errors come from differences of neighbours, so they include noise and the
+// picture's structure, but no error common to a whole frame.
 struct SeenSolid {
   ShownSolid solid;
   double exposure_ms = 0.0;

@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A process may have some 65,000.
+// Linux allows a process about 65,000.
 constexpr size_t kMaxMappings = 4096;
 
 absl::Status read_json(const fs::path& path, google::protobuf::Message* message) {
@@ -29,7 +29,7 @@ absl::Status data_loss_in(const fs::path& path, const absl::Status& status) {
   return absl::DataLossError(fmt::format("{}: {}", path.string(), std::string(status.message())));
 }
 
-// Frames without a step (imported ones) are the same if their file is.
+// Frames without a step (imported ones) are identified by their file.
 bool same_frame(const v1::Frame& a, const v1::Frame& b) {
   return a.step() >= 0 && b.step() >= 0 ? a.step() == b.step() : a.file() == b.file();
 }
@@ -82,8 +82,8 @@ absl::StatusOr<std::unique_ptr<Archive>> Archive::open(const fs::path& directory
   GW_RETURN_IF_ERROR(lines.status());
   const size_t whole = lines->rfind('\n') == std::string::npos ? 0 : lines->rfind('\n') + 1;
   if (whole != lines->size()) {
-    // A line cut by a crash was never announced; later lines must not be glued to it. One that is whole lacks
-    // but its end.
+    // A line cut by a crash was never reported as stored, and later lines must not be appended to it. A
+    // complete record may lack only its newline.
     const size_t record = whole_record(std::string_view(*lines).substr(whole));
     lines->resize(whole + record);
     if (record > 0) *lines += '\n';
@@ -224,7 +224,8 @@ absl::StatusOr<std::shared_ptr<const MappedFile>> Archive::map(const std::string
     return absl::DataLossError(fmt::format("{} is damaged: it has {} bytes instead of {}", path.string(),
                                            identity->size_bytes, tiff_size_bytes(width_px_, height_px_)));
   }
-  if (absl::IsResourceExhausted(mapped.status())) return mapped;  // files or mappings, of this process
+  if (absl::IsResourceExhausted(mapped.status()))
+    return mapped;  // this process has too many files or mappings
   if (!mapped.ok()) return absl::DataLossError(mapped.status().message());
   if ((*mapped)->identity() != verified) {
     const absl::Status whole = verify(**mapped, frame);
@@ -257,16 +258,6 @@ absl::Status Archive::check_rows(int first_row, int row_count) const {
   if (first_row >= 0 && row_count >= 1 && first_row <= height_px_ - row_count) return absl::OkStatus();
   return absl::InvalidArgumentError(fmt::format("{} rows from row {} asked for; the frame has rows 0 to {}",
                                                 row_count, first_row, height_px_ - 1));
-}
-
-absl::StatusOr<std::string> Archive::read_rows(const std::string& file, int first_row, int row_count) {
-  GW_RETURN_IF_ERROR(check_rows(first_row, row_count));
-  GW_ASSIGN_OR_RETURN(const std::shared_ptr<const MappedFile> mapped, map(file));
-  std::string rows(mapped->bytes().substr(kTiffPixelOffset + static_cast<size_t>(first_row) * row_bytes(),
-                                          static_cast<size_t>(row_count) * row_bytes()));
-  if (!mapped->intact())
-    return absl::DataLossError(fmt::format("{} is truncated", (directory_ / file).string()));
-  return rows;
 }
 
 }  // namespace glasswing

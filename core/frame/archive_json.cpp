@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::string_view kMember = "\"record_checksum\"";
 
-// Where the checksum begins, with the comma before it; npos: nowhere.
+// A record's checksum; `begin` is at the comma before it, npos: there is none.
 struct Seal {
   size_t begin = std::string_view::npos, end = 0;
   std::string checksum = {};
@@ -39,8 +39,8 @@ std::string archive_json(const google::protobuf::Message& message, bool indented
   std::string json;
   // Fails only for messages that hold invalid Any or Timestamp values; ours have none.
   (void)google::protobuf::util::MessageToJsonString(message, &json, options);
-  const size_t last = json.find_last_not_of("\n ", json.rfind('}') - 1);  // of the last member
-  if (json[last] == '{') return json;                                     // it has none
+  const size_t last = json.find_last_not_of("\n ", json.rfind('}') - 1);  // end of the last member
+  if (json[last] == '{') return json;                                     // no members
   json.resize(last + 1);
   return json + fmt::format("{}{}: \"{}\"{}", indented ? ",\n " : ",", kMember, checksum_of(json),
                             indented ? "\n}\n" : "}");

@@ -10,16 +10,16 @@
 
 namespace glasswing {
 
-// The message's members, and one more, "record_checksum": that of all the text before it. So whatever happens
-// to a byte of it is noticed.
+// The message's members, followed by "record_checksum", the checksum of all text before it, so that a change
+// of any byte is detected.
 std::string archive_json(const google::protobuf::Message& message, bool indented);
 
-// DATA_LOSS names the path: it is no such message, or its text is not what its checksum is of. Text without a
-// checksum (of other programs) is taken as it is; fields that are not known are passed over.
+// Text without a checksum (from other programs) is accepted; unknown fields are ignored. DATA_LOSS names the
+// path: the text is not such a message, or does not match its checksum.
 absl::Status parse_archive_json(std::string_view json, const std::filesystem::path& path,
                                 google::protobuf::Message* message);
 
-// How much of a text is a whole record, up to the brace after its checksum; 0: none is.
+// The length of the complete record that `text` starts with, up to the brace after its checksum; 0: none.
 size_t whole_record(std::string_view text);
 
 }  // namespace glasswing

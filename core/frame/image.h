@@ -34,7 +34,7 @@ using Image16 = Image<std::uint16_t>;  // linear radiance, 65535 = 1.0
 using RadianceImage = Image<float>;    // linear radiance
 
 inline std::uint16_t code16_of(float radiance) {
-  // Two steps, so that a compiler sees a vector's maximum and minimum.
+  // Two steps, so that compilers emit vector max and min.
   const float positive = radiance > 0.0f ? radiance : 0.0f;  // NaN is 0
   const float clamped = positive < 1.0f ? positive : 1.0f;
   return static_cast<std::uint16_t>(static_cast<int>(clamped * 65535.0f + 0.5f));

@@ -36,7 +36,7 @@ std::string suffix_of(const fs::path& path) {
   return suffix;
 }
 
-// libpng warns about damage and goes on; we do not. Every chunk's CRC, up to and with IEND.
+// libpng only warns about damage, so every chunk's CRC is checked here, up to and including IEND.
 absl::Status check_png(std::string_view bytes) {
   const auto word = [&](size_t at) {
     std::uint32_t value = 0;
@@ -61,7 +61,7 @@ bool is_png(std::string_view bytes) {
   return bytes.substr(0, 8) == "\x89PNG\r\n\x1a\n";
 }
 
-// Little or big endian, as the file says.
+// Reads numbers in the file's byte order.
 class TiffReader {
  public:
   explicit TiffReader(std::string_view bytes) : bytes_(bytes), big_(bytes.substr(0, 2) == "MM") {}
@@ -79,7 +79,7 @@ class TiffReader {
   bool big_;
 };
 
-// Of the first picture in a TIFF 6.0; 0x0 where it has none.
+// The size of the first picture in a TIFF 6.0; 0x0 if there is none.
 PictureSize tiff_size(std::string_view bytes) {
   constexpr std::uint32_t kWidth = 256, kHeight = 257, kShort = 3, kLong = 4;
   const TiffReader tiff(bytes);
@@ -93,7 +93,7 @@ PictureSize tiff_size(std::string_view bytes) {
     if (type != kShort && type != kLong) return {};
     const std::uint32_t value = tiff.number(at + 8, type == kShort ? 2 : 4).value_or(0);
     int& side = tag == kWidth ? size.width_px : size.height_px;
-    if (side != 0) return {};  // told twice, who knows which is meant
+    if (side != 0) return {};  // a duplicate tag is ambiguous
     side = static_cast<int>(std::min<std::uint32_t>(value, std::numeric_limits<int>::max()));
   }
   return size;
@@ -110,7 +110,8 @@ PictureSize png_size(std::string_view bytes) {
   return {.width_px = side(kWidthAt), .height_px = side(kHeightAt)};
 }
 
-// Three channels in OpenCV's b, g, r order; 8, 16 bit or float. OpenCV makes room for what a header says.
+// Three channels in OpenCV's b, g, r order; 8, 16 bit or float. OpenCV allocates what a header promises, so
+// the size is checked first.
 absl::StatusOr<cv::Mat> decode_any(std::string_view bytes) {
   if (bytes.empty()) return absl::DataLossError("it is empty");
   GW_RETURN_IF_ERROR(picture_size(bytes).status());
@@ -119,9 +120,9 @@ absl::StatusOr<cv::Mat> decode_any(std::string_view bytes) {
   try {
     const cv::Mat raw(1, static_cast<int>(bytes.size()), CV_8U, const_cast<char*>(bytes.data()));
     cv::Mat image = cv::imdecode(raw, cv::IMREAD_ANYDEPTH | cv::IMREAD_COLOR);
-    if (image.empty()) return absl::DataLossError("it is damaged, or no picture");
+    if (image.empty()) return absl::DataLossError("it is damaged, or not a picture");
     if (image.depth() != CV_8U && image.depth() != CV_16U && image.depth() != CV_32F) {
-      return absl::DataLossError("its samples are neither 8, 16 bit nor float");
+      return absl::DataLossError("its samples are not 8-bit, 16-bit or float");
     }
     return image;
   } catch (const cv::Exception& error) {
@@ -331,7 +332,7 @@ absl::Status write_srgb8(const fs::path& path, std::span<const std::uint8_t> cod
 
 absl::StatusOr<PictureSize> picture_size(std::string_view bytes) {
   const bool tiff = bytes.substr(0, 2) == "II" || bytes.substr(0, 2) == "MM";
-  if (!tiff && !is_png(bytes) && !is_jpeg(bytes)) return absl::DataLossError("it is no PNG, JPEG or TIFF");
+  if (!tiff && !is_png(bytes) && !is_jpeg(bytes)) return absl::DataLossError("it is not a PNG, JPEG or TIFF");
   const PictureSize size = tiff ? tiff_size(bytes) : is_png(bytes) ? png_size(bytes) : jpeg_size(bytes);
   const auto good = [](int side) { return side >= 1 && side <= kMaxSide_px; };
   if (good(size.width_px) && good(size.height_px)) return size;
@@ -358,7 +359,7 @@ absl::StatusOr<Image16> read_frame_file(const fs::path& path, std::optional<Pict
   if (!image.ok()) return named(path, image.status());
   if (image->width_px != size->width_px || image->height_px != size->height_px)
     return absl::DataLossError(
-        fmt::format("{} is turned; a frame's first row must be its top", path.string()));
+        fmt::format("{} is rotated; a frame's first row must be its top", path.string()));
   return image;
 }
 

@@ -6,14 +6,14 @@ namespace {
 constexpr unsigned char kMarker = 0xFF, kStartOfScan = 0xDA;
 constexpr std::string_view kEndOfImage = "\xFF\xD9";
 
-// SOF0 to SOF15, among which lie three that are no frame headers: DHT, JPG and DAC.
+// SOF0 to SOF15, except DHT, JPG and DAC, which share their range.
 bool is_frame_header(unsigned char marker) {
   return marker >= 0xC0 && marker <= 0xCF && marker != 0xC4 && marker != 0xC8 && marker != 0xCC;
 }
 
 struct Header {
   PictureSize size;
-  size_t scan = 0;  // where the picture's data begins; 0: nowhere
+  size_t scan = 0;  // where the entropy-coded data begins; 0: not found
 };
 
 Header header_of(std::string_view bytes) {
@@ -50,7 +50,7 @@ PictureSize jpeg_size(std::string_view bytes) {
 absl::Status check_jpeg(std::string_view bytes) {
   const size_t scan = header_of(bytes).scan;
   if (scan == 0) return absl::DataLossError("the JPEG's headers are damaged, or cut off");
-  // No code of the data contains the marker.
+  // Entropy-coded data never contains a marker.
   if (bytes.find(kEndOfImage, scan) == std::string_view::npos)
     return absl::DataLossError("the JPEG is truncated");
   return absl::OkStatus();

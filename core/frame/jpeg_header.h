@@ -1,4 +1,4 @@
-// What a JPEG's markers say (ITU-T T.81, annex B), without decoding it.
+// Reads a JPEG's markers (ITU-T T.81, annex B) without decoding it.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -11,10 +11,10 @@ namespace glasswing {
 
 bool is_jpeg(std::string_view bytes);
 
-// 0x0 where no frame header is found before the picture's data.
+// 0x0 if no frame header precedes the data.
 PictureSize jpeg_size(std::string_view bytes);
 
-// DATA_LOSS unless its data begins, and ends with the marker of its end: libjpeg fills what is cut off with
+// DATA_LOSS unless the data has a start and an end-of-image marker: libjpeg fills a truncated picture with
 // grey.
 absl::Status check_jpeg(std::string_view bytes);
 

@@ -1,4 +1,4 @@
-// What a manifest must be to be true at all, wherever it came from.
+// Validation of manifests from any source.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -11,9 +11,9 @@
 namespace glasswing {
 namespace {
 
-constexpr size_t kLongestName = 255;  // of a frame's file, bytes
+constexpr size_t kMaxName = 255;  // bytes, of a frame's file
 
-// The path of the first number below `message` that is none.
+// The path and value of the first number in `message` that is not finite; empty if there is none.
 std::string find_not_finite(const google::protobuf::Message& message) {
   using Field = google::protobuf::FieldDescriptor;
   const google::protobuf::Reflection& reflection = *message.GetReflection();
@@ -89,9 +89,9 @@ absl::Status check_frame(const v1::Frame& frame) {
   const bool climbs = std::find(file.begin(), file.end(), "..") != file.end();
   const bool control = std::any_of(frame.file().begin(), frame.file().end(),
                                    [](char c) { return static_cast<unsigned char>(c) < 0x20; });
-  if (file.empty() || file.is_absolute() || climbs || control || frame.file().size() > kLongestName) {
+  if (file.empty() || file.is_absolute() || climbs || control || frame.file().size() > kMaxName) {
     return impossible(fmt::format("a frame's file is \"{}\"; it must lie below the archive",
-                                  frame.file().substr(0, kLongestName)));
+                                  frame.file().substr(0, kMaxName)));
   }
   if (frame.size_bytes() < 0) {
     return impossible(

@@ -1,5 +1,5 @@
-// The frames' own file format, written so that rows can be read in place: a fixed header of kTiffPixelOffset
-// bytes, then every pixel (TIFF 6.0, baseline rgb, 16 bit, one strip, little endian).
+// The format of frame files, laid out so that rows can be read in place: a fixed header of kTiffPixelOffset
+// bytes, then the pixels (TIFF 6.0, baseline rgb, 16 bit, one strip, little endian).
 #include <fmt/format.h>
 
 #include <array>
@@ -11,7 +11,7 @@
 namespace glasswing {
 namespace {
 
-static_assert(std::endian::native == std::endian::little, "samples are copied as they lie in memory");
+static_assert(std::endian::native == std::endian::little, "samples are copied in memory order");
 
 struct Entry {
   std::uint16_t tag, type;
@@ -70,7 +70,7 @@ absl::StatusOr<Image16> decode_tiff(std::string_view bytes) {
       bytes.substr(0, kTiffPixelOffset) != header_of(width, height)) {
     return absl::DataLossError(kNoHeader);
   }
-  // Before anything is allocated: the header may promise more than there is.
+  // Checked before allocating, since the header may promise more than the file holds.
   const size_t size = tiff_size_bytes(static_cast<int>(width), static_cast<int>(height));
   if (bytes.size() != size) {
     return absl::DataLossError(

@@ -10,14 +10,13 @@
 #include "core/base/status.h"
 #include "core/frame/archive.h"
 #include "core/frame/archive_json.h"
-#include "core/import/sequences.h"
 
 namespace glasswing {
 namespace {
 
-using Json = nlohmann::ordered_json;              // keeps the file's order of monitors
-constexpr std::uintmax_t kMaxBytes = 256u << 20;  // of manifest.json: a million frames
-constexpr int kDeepest = 64;                      // nesting; what is read needs four
+using Json = nlohmann::ordered_json;              // keeps the order of monitors
+constexpr std::uintmax_t kMaxBytes = 256u << 20;  // of manifest.json; enough for a million frames
+constexpr int kMaxDepth = 64;                     // nesting levels; four are needed
 
 absl::Status bad(const std::filesystem::path& path, const std::string& what) {
   return absl::InvalidArgumentError(fmt::format("{}: {}", path.string(), what));
@@ -32,7 +31,7 @@ absl::StatusOr<int> side_of(const Json& object, const char* key, const std::stri
   return object[key].get<int>();
 }
 
-// The fields of Stimulus have the names used there, so protobuf's own reader translates an entry.
+// These manifests use the field names of Stimulus, so protobuf's JSON parser reads an entry.
 absl::StatusOr<v1::Stimulus> stimulus_of(const Json& entry, const std::string& where,
                                          const std::filesystem::path& path) {
   v1::Stimulus stimulus;
@@ -45,7 +44,7 @@ absl::StatusOr<v1::Stimulus> stimulus_of(const Json& entry, const std::string& w
   return stimulus;
 }
 
-// All of it but frames.
+// Everything except the frames.
 absl::StatusOr<v1::CaptureManifest> translate_header(const Json& json, const std::filesystem::path& path) {
   v1::CaptureManifest manifest;
   manifest.set_format_version(1);
@@ -100,7 +99,7 @@ absl::StatusOr<v1::CaptureManifest> translate(const Json& json, const std::files
   return manifest;
 }
 
-// What `make` makes of manifest.json; whatever it complains about, the path is named.
+// Parses manifest.json and passes it to `make`; errors name the path.
 absl::StatusOr<v1::CaptureManifest> read_manifest(
     const std::filesystem::path& path,
     const std::function<absl::StatusOr<v1::CaptureManifest>(const Json&, const std::string& text)>& make) {
@@ -111,13 +110,13 @@ absl::StatusOr<v1::CaptureManifest> read_manifest(
   }
   GW_ASSIGN_OR_RETURN(const std::string text, read_file(path));
   try {
-    // Recursion is deep as the text is; what lies too deep is not even built.
+    // The parser recurses as deep as the text nests, so deeper values are dropped while parsing.
     bool too_deep = false;
     const Json json = Json::parse(text, [&](int depth, Json::parse_event_t, const Json&) {
-      too_deep = too_deep || depth > kDeepest;
-      return depth <= kDeepest;
+      too_deep = too_deep || depth > kMaxDepth;
+      return depth <= kMaxDepth;
     });
-    if (too_deep) return bad(path, fmt::format("it is nested more than {} deep", kDeepest));
+    if (too_deep) return bad(path, fmt::format("it is nested more than {} deep", kMaxDepth));
     if (!json.is_object()) return bad(path, "it is not a JSON object");
     return make(json, text);
   } catch (const Json::exception& error) {
@@ -145,7 +144,7 @@ absl::StatusOr<v1::CaptureManifest> read_sequences_header(const std::filesystem:
   const std::filesystem::path path = directory / "manifest.json";
   const auto make = [&](const Json& json, const std::string&) -> absl::StatusOr<v1::CaptureManifest> {
     if (json.contains("format_version"))
-      return bad(path, "it is of an archive with one list of frames, and holds no sequences");
+      return bad(path, "it belongs to an archive with a single list of frames, without sequences");
     return translate_header(json, path);
   };
   GW_ASSIGN_OR_RETURN(v1::CaptureManifest manifest, read_manifest(path, make));

@@ -40,9 +40,9 @@ absl::StatusOr<std::shared_ptr<const MappedArchive>> MappedArchive::open(
     archive->mappings_.push_back(mapping);
     const std::string_view header(static_cast<const char*>(mapping), kTiffPixelOffset);
     if (!check_tiff_header(header, camera.width_px(), camera.height_px()).ok()) {
-      return absl::DataLossError(fmt::format(
-          "{} is not a frame as archives store them; `glasswing import` makes such an archive of others",
-          path.string()));
+      return absl::DataLossError(
+          fmt::format("{} is not in the format of archive frames; `glasswing import` converts other formats",
+                      path.string()));
     }
     const std::string_view bytes(static_cast<const char*>(mapping), archive->file_bytes_);
     if (!frame.checksum().empty() && checksum_of(bytes) != frame.checksum()) {

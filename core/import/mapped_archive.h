@@ -1,5 +1,5 @@
-// The frames of an archive on this machine, mapped: pages come when a solver looks at them and go when memory
-// is short, and nothing is copied.
+// The frames of an archive on this machine, memory-mapped: pages are loaded on access and evicted when memory
+// is short; nothing is copied.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -16,15 +16,15 @@ namespace glasswing {
 
 class MappedArchive {
  public:
-  // DATA_LOSS names a frame file that is missing, of another size than the manifest's picture, or no frame of
-  // ours, or has another checksum than the manifest says.
+  // Verifies every frame. DATA_LOSS names a frame file that is missing, has the wrong size or format, or does
+  // not match its checksum in the manifest.
   static absl::StatusOr<std::shared_ptr<const MappedArchive>> open(const std::filesystem::path& directory);
   ~MappedArchive();
   MappedArchive(const MappedArchive&) = delete;
   MappedArchive& operator=(const MappedArchive&) = delete;
 
   const v1::CaptureManifest& manifest() const { return manifest_; }
-  // r, g, b of rows [first_row, first_row + row_count) of a frame, by its place in the manifest.
+  // r, g, b of rows [first_row, first_row + row_count) of a frame, by its index in the manifest.
   std::span<const std::uint16_t> rows(int frame, int first_row, int row_count) const;
 
  private:

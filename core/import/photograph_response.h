@@ -1,4 +1,4 @@
-// Which light the codes of a photograph stand for that others took, code and light in [0, 1], by name:
+// The response of an imported photograph: code to light, both in [0, 1], by name:
 //
 //   linear    light = u            u = (code - black) / (1 - black)
 //   gamma:G   light = u^G

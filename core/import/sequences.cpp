@@ -9,19 +9,20 @@
 
 #include "core/base/status.h"
 #include "core/frame/archive.h"
+#include "core/import/foreign_manifest.h"
 
 namespace glasswing {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr std::string_view kShown = "ramp";  // what the monitor must show for a video
+constexpr std::string_view kShown = "ramp";  // the stimulus of a video
 constexpr const char* kBackgrounds = "bg";
 
 bool is_digit(char c) {
   return c >= '0' && c <= '9';
 }
 
-// A file's name without suffix and number, and the number's digits.
+// A file's name without suffix and number, and the digits of the number.
 struct Stem {
   std::string name, digits;
 };

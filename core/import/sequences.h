@@ -1,4 +1,4 @@
-// Archives that hold several sequences of frames, each in a folder of its own.
+// Archives that hold several sequences of frames, one folder each.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -12,22 +12,17 @@
 
 namespace glasswing {
 
-// Monitors, camera and scene of a manifest.json of the rendered data sets (read_any_manifest), whose frames,
-// if it lists any, are left out. INVALID_ARGUMENT or DATA_LOSS name the file and what is wrong.
-absl::StatusOr<v1::CaptureManifest> read_sequences_header(const std::filesystem::path& directory);
-
-// Pictures (PNG, JPEG, TIFF) whose names end in a number, by that number. Empty where there are none.
+// Pictures (PNG, JPEG, TIFF) whose names end in a number, sorted by that number.
 std::vector<std::filesystem::path> numbered_pictures(const std::filesystem::path& directory);
 
-// How many numbers between the first and the last of these have no picture; 0 where they are no numbers that
-// can be counted.
+// How many numbers between the first and the last have no picture; 0 for numbers of more than 15 digits.
 std::int64_t missing_numbers(const std::vector<std::filesystem::path>& numbered);
 
-// The frames of one sequence, as a manifest: those of DIR/NAME in the order of their numbers, with the
-// object; and of DIR/bg those without it. What a sequence shows is its name's first word, "ramp"; its
-// backgrounds are named after that word and as many of the name's last words as can be had: of
-// ramp_dark_noise ramp_dark_noise, ramp_noise or ramp, with a number or without. NOT_FOUND lists the
-// sequences that there are.
+// The frames of one sequence, as a manifest: first those of DIR/bg, without the object, then those of
+// DIR/NAME in the order of their numbers, with it. The first word of a sequence's name is its stimulus,
+// "ramp". Its backgrounds are named after that word and as many trailing words of the name as match: for
+// ramp_dark_noise these are ramp_dark_noise, ramp_noise or ramp, with or without a number. NOT_FOUND lists
+// the sequences.
 absl::StatusOr<v1::CaptureManifest> read_sequence(const std::filesystem::path& directory,
                                                   const std::string& name);
 

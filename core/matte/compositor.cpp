@@ -15,8 +15,8 @@
 namespace glasswing {
 namespace {
 
-constexpr double kReach = 6.0;           // sigmas; beyond them lies 2e-9 of a Gaussian
-constexpr double kPointSigma_px = 1e-4;  // narrower than this is a point (or a line)
+constexpr double kReach = 6.0;           // sigmas; 2e-9 of a Gaussian lies beyond
+constexpr double kPointSigma_px = 1e-4;  // narrower footprints are points (or lines)
 
 // Nodes and weights of the 4-point Gauss-Legendre rule on [-1, 1].
 constexpr std::array<double, 4> kNodes{-0.8611363115940526, -0.3399810435848563, 0.3399810435848563,
@@ -24,7 +24,7 @@ constexpr std::array<double, 4> kNodes{-0.8611363115940526, -0.3399810435848563,
 constexpr std::array<double, 4> kWeights{0.3478548451374538, 0.6521451548625461, 0.6521451548625461,
                                          0.3478548451374538};
 
-// A picture seen with x and y exchanged or not, so that the axis in closed form can be the one that suits.
+// A picture, optionally with x and y exchanged, so that either axis can be the one integrated in closed form.
 struct View {
   const RadianceImage& image;
   int channel;
@@ -36,7 +36,7 @@ struct View {
   }
 };
 
-// \int g(u; mean, sigma) T(u, v) du over row v of flat pixels.
+// \int g(u; mean, sigma) T(u, v) du over row v of constant pixels.
 double integrate_row(const View& view, int v, double mean, double sigma) {
   if (sigma < kPointSigma_px) {
     const int u = static_cast<int>(std::floor(mean));
@@ -89,8 +89,8 @@ double integrate_footprint(const Mode& mode, const RadianceImage& texture, int c
   const double sigma_u = std::sqrt(std::max(uu - slope * uv, 0.0));
   const int first = std::clamp(static_cast<int>(std::floor(v0 - kReach * sigma_v)), 0, view.height());
   const int last = std::clamp(static_cast<int>(std::ceil(v0 + kReach * sigma_v)), 0, view.height());
-  // Panels no wider than half of sigma_v; as the mean slides along u, none slides further than sigma_u or so
-  // either.
+  // Panels no wider than half of sigma_v, and narrow enough that the mean slides along u by about sigma_u at
+  // most.
   const double slide = std::abs(slope) / std::max(sigma_u, 0.02);
   const double finest = std::max({1.0, 2.0 / sigma_v, std::min(slide, 50.0)});
   double sum = 0.0;

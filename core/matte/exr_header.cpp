@@ -16,7 +16,7 @@ class HeaderWalk {
     while (true) {
       std::string_view name;
       if (!take_name(&name)) return damaged();
-      if (name.empty()) break;  // no attribute: the last header is past
+      if (name.empty()) break;  // no attribute: past the last header
       for (; !name.empty();) {
         if (!take_attribute(name) || !take_name(&name)) return damaged();
       }
@@ -27,7 +27,7 @@ class HeaderWalk {
 
  private:
   static absl::Status damaged() {
-    return absl::DataLossError("it is damaged or no matte: its header is none of a matte's");
+    return absl::DataLossError("it is damaged or no matte: its header is not that of a matte");
   }
 
   bool take(size_t size, std::string_view* taken) {
@@ -43,11 +43,11 @@ class HeaderWalk {
     return true;
   }
   bool take_name(std::string_view* name) {
-    constexpr size_t kLongest = 255;
+    constexpr size_t kMaxName = 255;
     const size_t end = at_ < bytes_.size() ? bytes_.find('\0', at_) : std::string_view::npos;
-    return end != std::string_view::npos && end - at_ <= kLongest && take(end - at_, name) && ++at_ > 0;
+    return end != std::string_view::npos && end - at_ <= kMaxName && take(end - at_, name) && ++at_ > 0;
   }
-  // A list of channels ends with an empty name, and nothing comes after it.
+  // A list of channels ends with an empty name and nothing after it.
   bool take_channels(size_t size) {
     const size_t end = at_ + size;
     constexpr size_t kAfterName = 16;

@@ -1,4 +1,4 @@
-// Before OpenEXR reads a file that somebody else wrote.
+// Validates the headers of an untrusted file before OpenEXR reads it.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -7,10 +7,10 @@
 
 namespace glasswing {
 
-// Walks over the headers of a multi-part file alone. OpenEXR believes what an attribute says of its size and
-// allocates it before it reads; a matte's must be of the types that a matte has, be as long as those are, and
-// lie within the file, and so must every part's table of chunks. Where the headers end, and the tables begin.
-// DATA_LOSS: they are not.
+// Walks the headers of a multi-part file. OpenEXR trusts the declared size of an attribute and allocates it
+// before reading; so attributes must have the types of a matte, the sizes of these types, and lie within the
+// file, as must every part's table of chunks. Returns the offset where the headers end and the tables begin.
+// DATA_LOSS: invalid headers.
 absl::StatusOr<size_t> check_exr_header(std::string_view bytes);
 
 }  // namespace glasswing

@@ -18,7 +18,7 @@
 namespace glasswing {
 namespace {
 
-// The quickest: of mattes the files are a hundredth larger than at 4, which is OpenEXR's own choice.
+// The fastest level: mattes are one percent larger than at 4, the default of OpenEXR.
 constexpr int kZipLevel = 1;
 
 class MemoryWriter final : public Imf::OStream {
@@ -87,7 +87,7 @@ class ExrWriter::File {
  private:
   const std::vector<ExrPart> parts_;
   const ExrWindow window_;
-  std::vector<int> next_;  // row of each part, from the window's first
+  std::vector<int> next_;  // next row of each part, from the window's first
   MemoryWriter writer_;
   std::optional<Imf::MultiPartOutputFile> file_;
 };

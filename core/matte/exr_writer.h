@@ -1,4 +1,4 @@
-// OpenEXR files of float planes, part by part and row by row: how mattes and maps of them are stored.
+// Writes OpenEXR files of float planes, part by part and row by row: the files of mattes and STMaps.
 #pragma once
 
 #include <absl/functional/function_ref.h>
@@ -16,27 +16,27 @@ namespace glasswing {
 
 struct ExrPart {
   std::string name;
-  std::vector<std::string> channels;              // such as "mode1.weight.R", sorted
-  std::map<std::string, std::string> attributes;  // texts
+  std::vector<std::string> channels;              // such as "mode1.weight.R"; sorted
+  std::map<std::string, std::string> attributes;  // name to text
 };
 
-// The pixels of a file, and of which picture they are.
+// The data window of a file within its picture.
 struct ExrWindow {
   int x0_px = 0, y0_px = 0, width_px = 0, height_px = 0;
   int picture_width_px = 0, picture_height_px = 0;
 };
 ExrWindow window_of(const Matte& matte);
 
-// Scan lines, each packed by itself (ZIPS), float32, in memory. Same input in the same order, same bytes.
-// Throws what OpenEXR throws.
+// Writes to memory: float32 scan lines, each compressed by itself (ZIPS). Deterministic. Throws OpenEXR's
+// exceptions.
 class ExrWriter {
  public:
   ExrWriter(const std::vector<ExrPart>& parts, const ExrWindow& window);
   ~ExrWriter();
 
-  // The next row of a part, of each of its channels the first pixel.
+  // Writes the next row of a part. `channels` points to the first pixel of each of its channels.
   void put(size_t part, std::span<const float* const> channels);
-  // All that was written: of a file without rows the headers, and a table of chunks that is blank.
+  // The bytes of the file. Without rows these are the headers and a blank table of chunks.
   std::string finish();
 
  private:
@@ -44,7 +44,7 @@ class ExrWriter {
   std::unique_ptr<File> file_;
 };
 
-// What `write` returns, or INTERNAL in place of what OpenEXR throws.
+// Calls `write`; converts exceptions of OpenEXR to INTERNAL.
 absl::StatusOr<std::string> written_exr(absl::FunctionRef<std::string()> write);
 
 }  // namespace glasswing

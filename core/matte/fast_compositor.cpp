@@ -8,15 +8,15 @@
 
 #include "core/base/for_rows.h"
 #include "core/base/status.h"
-#include "core/matte/box_table.h"
 #include "core/matte/compositor.h"
 #include "core/matte/footprint_tiles.h"
+#include "core/matte/summed_area_table.h"
 
 namespace glasswing {
 namespace {
 
 constexpr size_t kMaxBytes = size_t{2} << 30;
-constexpr int kMaxTiles = 1024, kFewestTiles = 4;
+constexpr int kMaxTiles = 1024, kMinTiles = 4;
 
 bool is_same(const Mode& a, const Mode& b) {
   return a.weight == b.weight && a.x_px == b.x_px && a.y_px == b.y_px && a.xx_px2 == b.xx_px2 &&
@@ -25,7 +25,7 @@ bool is_same(const Mode& a, const Mode& b) {
 
 }  // namespace
 
-// Rows of one matte, by one thread.
+// Prepares rows of one matte; one per thread.
 class FastCompositor::Preparation {
  public:
   Preparation(const Matte& matte, const std::vector<Texture>& textures, int max_tiles)
@@ -55,7 +55,7 @@ class FastCompositor::Preparation {
         }
       }
     }
-    row.words.resize(row.words.size() + kTileWidth);  // which evaluate_tiles() may read
+    row.words.resize(row.words.size() + kTileWidth);  // padding that evaluate_tiles() may read
     row.words.shrink_to_fit();
     return row;
   }
@@ -114,7 +114,7 @@ absl::StatusOr<FastCompositor> FastCompositor::create(const Matte& matte, int th
     std::atomic<int> next_row = 0;
     std::atomic<size_t> bytes = 0;
     std::mutex mutex;
-    const bool must_fit = max_tiles > kFewestTiles;
+    const bool must_fit = max_tiles > kMinTiles;
     for_rows(std::max(1, matte.height_px()), thread_count, [&](int first, int) {
       Preparation preparation(matte, made.textures_, max_tiles);
       for (int y = next_row++; y < matte.height_px(); y = next_row++) {
@@ -135,7 +135,7 @@ absl::StatusOr<RadianceImage> FastCompositor::composite(const std::vector<Radian
   GW_RETURN_IF_ERROR(check_backgrounds(metadata_, backgrounds));
   const size_t sample_count = textures_.empty() ? 0 : textures_.back().shape.end();
   const auto samples = std::make_unique_for_overwrite<float[]>(sample_count + kTileWidth);
-  std::vector<BoxTable> tables;
+  std::vector<FastSummedAreaTable> tables;
   for (size_t t = 0; t < textures_.size(); ++t) {
     const Texture& texture = textures_[t];
     const RadianceImage* const picture =
@@ -159,7 +159,7 @@ absl::StatusOr<RadianceImage> FastCompositor::composite(const std::vector<Radian
       std::ranges::copy(row.foreground, light);
       evaluate_tiles(row.tiles, row.words.data(), samples.get(), light);
       for (const WideBox& box : row.boxes) {
-        const BoxTable::Light seen =
+        const FastSummedAreaTable::Light seen =
             tables[static_cast<size_t>(box.texture)].mean(box.x_px, box.y_px, box.width_px, box.height_px);
         for (size_t c = 0; c < kChannels; ++c)
           light[3 * static_cast<size_t>(box.pixel) + c] += box.weight[c] * seen[c];

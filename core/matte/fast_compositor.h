@@ -1,8 +1,8 @@
-// The compositor for many pictures behind one matte, such as a video: what composite() (compositor.h) gives,
-// within 0.002 of full scale in the mean square.
+// The compositor for many pictures behind one matte, such as a video. Matches composite() (compositor.h)
+// within 0.002 of full scale, rms.
 //
-// A matte is made once into weights of the samples of a pyramid (footprint_tiles.h); a picture costs a
-// pyramid and the products. Boxes wider than a tile are looked up in a table of sums.
+// The matte is converted once to weights of the samples of a pyramid (footprint_tiles.h); each picture then
+// costs a pyramid and the products. Boxes wider than a tile are looked up in a FastSummedAreaTable.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -22,23 +22,23 @@ namespace glasswing {
 
 class FastCompositor {
  public:
-  // Takes some 40 bytes a mode and channel, and of long, narrow and oblique footprints as many a row that
-  // they touch; these lose sharpness rather than that all take more than 2 GiB. `thread_count` 0: all cores.
-  // INVALID_ARGUMENT: the matte's crosstalk cannot be one.
+  // Takes about 40 bytes per mode and channel; long, narrow, oblique footprints take as much per row that
+  // they touch, and lose sharpness if the total would exceed 2 GiB. `thread_count` 0: all cores.
+  // INVALID_ARGUMENT: the matte's crosstalk is invalid.
   static absl::StatusOr<FastCompositor> create(const Matte& matte, int thread_count = 0,
                                                const std::function<void(double)>& progress = nullptr);
 
-  // As composite(), of the matte that it was created for. The result does not depend on `thread_count`.
+  // As glasswing::composite() of this matte. The result does not depend on `thread_count`.
   absl::StatusOr<RadianceImage> composite(const std::vector<RadianceImage>& backgrounds,
                                           int thread_count = 0) const;
 
-  // What the weights take.
+  // The size of the weights.
   size_t size_bytes() const;
 
  private:
   struct Texture {
     PyramidShape shape;
-    int level_count = 0;  // that tiles are of
+    int level_count = 0;  // levels that tiles use
     bool has_wide_boxes = false;
   };
   struct WideBox {
@@ -46,7 +46,7 @@ class FastCompositor {
     float x_px = 0.0f, y_px = 0.0f, width_px = 0.0f, height_px = 0.0f;
     std::array<float, kChannels> weight{};
   };
-  // Of the camera's picture.
+  // A row of the camera's picture.
   struct Row {
     std::vector<float> foreground;
     std::vector<PixelTiles> tiles;

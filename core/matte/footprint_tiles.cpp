@@ -9,16 +9,16 @@
 namespace glasswing {
 namespace {
 
-// Samples of a Gaussian of variance v have the sum 1 and the middle where they should within 2 exp(-2 pi^2 v)
-// and 4 pi v exp(-2 pi^2 v): 0.0008 and 0.002 samples at 0.4.
+// Samples of a Gaussian of variance v sum to 1 within 2 exp(-2 pi^2 v) and have the right centroid within
+// 4 pi v exp(-2 pi^2 v): 0.0008 and 0.002 samples at 0.4.
 constexpr double kMinVariance = 0.4;
-// Sigmas; the 0.5 % of a Gaussian that lies beyond them along an axis is given to the ends. Weights above 1
-// reach further, so that no more light is: a bright mode may lie beyond the monitor, which sees its tail
-// alone.
+// Sigmas; the 0.5 % of a Gaussian that lies beyond along an axis is added to the end samples. Modes of weight
+// above 1 reach further, so that the light beyond stays as small: the centre of a bright mode may lie beyond
+// the monitor, which then sees only its tail.
 constexpr double kReach = 2.8;
-// Along thin ones nothing is given to the ends; 0.1 % is left out.
+// For thin footprints nothing is added to the ends; 0.1 % is omitted.
 constexpr double kThinReach = 3.3;
-// A correlation that is left out changes the footprint by half of it, of the whole, in the mean square.
+// Neglecting a correlation changes the footprint by half of it, relative rms.
 constexpr double kUpright = 0.02;
 constexpr double kPointSigma_px = 1e-4;  // as in compositor.cpp
 
@@ -32,12 +32,12 @@ double side_of(float variance_px2) {
   return std::sqrt(12.0 * std::max<double>(variance_px2, 0.0));
 }
 
-// Samples or pixels that [centre - reach, centre + reach] touches.
+// The number of samples or pixels touched by [centre - reach, centre + reach].
 double length_of(double variance) {
   return 2.0 * kReach * std::sqrt(variance) + 1.0;
 }
 
-// The share of a box's side that lies on each pixel that it touches; a line is on one.
+// The share of a box's side on each pixel that it touches; a side of length 0 touches one.
 void overlap(double centre, double side, int extent, int& first, std::vector<float>& weights) {
   weights.clear();
   const double low = centre - 0.5 * side, high = centre + 0.5 * side;
@@ -54,28 +54,30 @@ void overlap(double centre, double side, int extent, int& first, std::vector<flo
 
 }  // namespace
 
-FootprintTiles::Place FootprintTiles::place_of(const Mode& mode) const {
+FootprintTiles::Placement FootprintTiles::place(const Mode& mode) const {
   const double xx = std::max<double>(mode.xx_px2, 0.0), yy = std::max<double>(mode.yy_px2, 0.0),
                xy = mode.xy_px2;
   const auto on = [&](int level) {
     const double scale = std::ldexp(1.0, -level);
-    return Place{.level = level,
-                 .x = mode.x_px * scale,
-                 .y = mode.y_px * scale,
-                 .xx = (xx + 0.5) * scale * scale - 5.0 / 12.0,
-                 .xy = xy * scale * scale,
-                 .yy = (yy + 0.5) * scale * scale - 5.0 / 12.0};
+    return Placement{.level = level,
+                     .x = mode.x_px * scale,
+                     .y = mode.y_px * scale,
+                     .xx = (xx + 0.5) * scale * scale - 5.0 / 12.0,
+                     .xy = xy * scale * scale,
+                     .yy = (yy + 0.5) * scale * scale - 5.0 / 12.0};
   };
-  // The least variance of a cut along x or y.
-  const auto narrowest = [](const Place& p) { return (p.xx * p.yy - p.xy * p.xy) / std::max(p.xx, p.yy); };
+  // The minimum variance of a cut along x or y.
+  const auto narrowest = [](const Placement& p) {
+    return (p.xx * p.yy - p.xy * p.xy) / std::max(p.xx, p.yy);
+  };
   const int last = static_cast<int>(shape_.levels().size()) - 1;
-  Place place = on(0);
-  while (place.level < last) {
-    const Place next = on(place.level + 1);
+  Placement placed = on(0);
+  while (placed.level < last) {
+    const Placement next = on(placed.level + 1);
     if (next.xx <= 0.0 || next.yy <= 0.0 || narrowest(next) < kMinVariance) break;
-    place = next;
+    placed = next;
   }
-  const auto tiles = [&](const Place& p) {
+  const auto tiles = [&](const Placement& p) {
     const PyramidShape::Level& level = shape_.levels()[static_cast<size_t>(p.level)];
     const double rows = std::min<double>(length_of(p.yy), level.height_px);
     const double columns = std::min<double>(length_of(p.xx), level.width_px);
@@ -84,27 +86,27 @@ FootprintTiles::Place FootprintTiles::place_of(const Mode& mode) const {
     const double cut = std::max(p.xx - p.xy * p.xy / p.yy, 0.0), slide = std::abs(p.xy) / p.yy;
     return rows * std::ceil(std::min(columns, length_of(cut) + slide) / kTileWidth);
   };
-  while (place.level < last && tiles(place) > max_tiles_) {
-    place = on(place.level + 1);
-    const double mean = 0.5 * (place.xx + place.yy), half = 0.5 * (place.xx - place.yy);
-    const double away = std::hypot(half, place.xy);
+  while (placed.level < last && tiles(placed) > max_tiles_) {
+    placed = on(placed.level + 1);
+    const double mean = 0.5 * (placed.xx + placed.yy), half = 0.5 * (placed.xx - placed.yy);
+    const double away = std::hypot(half, placed.xy);
     if (mean - away >= kMinVariance) continue;
     const double wide = std::max(mean + away, kMinVariance);
     const double share = away > 0.0 ? 0.5 * (wide - kMinVariance) / away : 0.0;
-    place.xx = 0.5 * (wide + kMinVariance) + share * half;
-    place.yy = 0.5 * (wide + kMinVariance) - share * half;
-    place.xy *= share;
+    placed.xx = 0.5 * (wide + kMinVariance) + share * half;
+    placed.yy = 0.5 * (wide + kMinVariance) - share * half;
+    placed.xy *= share;
   }
-  return place;
+  return placed;
 }
 
-// Of samples -kBorder to `extent` + kBorder - 1. What lies beyond the reach is given to the samples at its
-// ends, so that the sum is 1 and the middle where it should be.
+// Samples a Gaussian at -kBorder to `extent` + kBorder - 1. The light beyond the reach is added to the end
+// samples, so that the weights sum to 1 and keep the centroid.
 void FootprintTiles::sample(double centre, double variance, double reach, int extent, Taps& taps) const {
   taps.weights.clear();
   const double sigma = std::sqrt(variance), scale = -0.5 / variance;
   double low = std::floor(centre - reach * sigma), high = std::floor(centre + reach * sigma);
-  // A tile for one sample is not worth its time.
+  // Drops a single sample that would need a tile of its own.
   if (static_cast<int>(high - low) == kTileWidth)
     (centre - low > high + 1.0 - centre ? low += 1.0 : high -= 1.0);
   const auto weight = [&](double at) {
@@ -132,7 +134,7 @@ void FootprintTiles::sample(double centre, double variance, double reach, int ex
         static_cast<float>(weight(at) + (at == low ? before : 0.0) + (at == high ? after : 0.0)));
 }
 
-// Over pixels 0 to `extent` - 1. What lies beyond the reach is given to the pixels at its ends.
+// Integrates a Gaussian over pixels 0 to `extent` - 1. The light beyond the reach is added to the end pixels.
 void FootprintTiles::integrate(double centre, double variance, int extent, Taps& taps) const {
   taps.weights.clear();
   const double sigma = std::sqrt(variance);
@@ -141,7 +143,7 @@ void FootprintTiles::integrate(double centre, double variance, int extent, Taps&
   const double from = std::max(low, 0.0), to = std::min(high, extent - 1.0);
   if (!(from <= to)) return;
   taps.first = static_cast<int>(from);
-  const auto below = [&](double edge) {  // of the Gaussian
+  const auto below = [&](double edge) {  // the share of the Gaussian below an edge
     if (edge <= low) return 0.0;
     if (edge > high) return 1.0;
     return 0.5 + 0.5 * std::erf((edge - centre) / (sigma * std::numbers::sqrt2));
@@ -160,9 +162,9 @@ int FootprintTiles::add(const Mode& mode, int channel, std::vector<std::uint16_t
   const double brighter = 2.0 * std::log(std::max(mode.weight, 1.0f));
   reach_ = std::sqrt(kReach * kReach + brighter);
   thin_reach_ = std::sqrt(kThinReach * kThinReach + brighter);
-  const Place place = place_of(mode);
-  const PyramidShape::Level& level = shape_.levels()[static_cast<size_t>(place.level)];
-  const bool upright = place.xy * place.xy <= kUpright * kUpright * place.xx * place.yy;
+  const Placement placed = place(mode);
+  const PyramidShape::Level& level = shape_.levels()[static_cast<size_t>(placed.level)];
+  const bool upright = placed.xy * placed.xy <= kUpright * kUpright * placed.xx * placed.yy;
   const double weight = static_cast<double>(mode.weight);
   if (upright) {
     const auto along = [&](double centre, double left, double variance, int extent, Taps& taps) {
@@ -172,16 +174,17 @@ int FootprintTiles::add(const Mode& mode, int channel, std::vector<std::uint16_t
         sample(centre, left, reach_, extent, taps);
       }
     };
-    along(place.x, place.xx, static_cast<double>(mode.xx_px2), level.width_px, across_);
-    along(place.y, place.yy, static_cast<double>(mode.yy_px2), level.height_px, down_);
+    along(placed.x, placed.xx, static_cast<double>(mode.xx_px2), level.width_px, across_);
+    along(placed.y, placed.yy, static_cast<double>(mode.yy_px2), level.height_px, down_);
     add_product(level, weight, channel);
-  } else if (place.level == 0 &&
-             (place.xx * place.yy - place.xy * place.xy) / std::max(place.xx, place.yy) < kMinVariance) {
+  } else if (placed.level == 0 &&
+             (placed.xx * placed.yy - placed.xy * placed.xy) / std::max(placed.xx, placed.yy) <
+                 kMinVariance) {
     add_thin(mode, channel);
   } else {
-    add_oriented(place, weight, channel);
+    add_oriented(placed, weight, channel);
   }
-  if (count_ > 0) highest_level_ = std::max(highest_level_, place.level);
+  if (count_ > 0) highest_level_ = std::max(highest_level_, placed.level);
   return count_;
 }
 
@@ -226,23 +229,23 @@ void FootprintTiles::add_row(const PyramidShape::Level& level, int x, int y, std
   }
 }
 
-void FootprintTiles::add_oriented(const Place& place, double weight, int channel) {
-  const PyramidShape::Level& level = shape_.levels()[static_cast<size_t>(place.level)];
-  const double slope = place.xy / place.yy, cut = place.xx - slope * place.xy;
-  sample(place.y, place.yy, reach_, level.height_px, down_);
+void FootprintTiles::add_oriented(const Placement& placed, double weight, int channel) {
+  const PyramidShape::Level& level = shape_.levels()[static_cast<size_t>(placed.level)];
+  const double slope = placed.xy / placed.yy, cut = placed.xx - slope * placed.xy;
+  sample(placed.y, placed.yy, reach_, level.height_px, down_);
   for (size_t i = 0; i < down_.weights.size(); ++i) {
     const int y = down_.first + static_cast<int>(i);
-    const double away = y + 0.5 - place.y;
-    const double reach = std::sqrt(std::max(reach_ * reach_ - away * away / place.yy, 1.0));
-    sample(place.x + slope * away, cut, reach, level.width_px, across_);
+    const double away = y + 0.5 - placed.y;
+    const double reach = std::sqrt(std::max(reach_ * reach_ - away * away / placed.yy, 1.0));
+    sample(placed.x + slope * away, cut, reach, level.width_px, across_);
     if (!across_.empty())
       add_row(level, across_.first, y, across_.weights, weight * static_cast<double>(down_.weights[i]),
               channel);
   }
 }
 
-// As the exact compositor does it: along the narrower axis u in closed form, along the other, v, by
-// Gauss-Legendre panels. Slopes are at most 1, so few pixels of a row or column are touched.
+// As in the exact compositor: in closed form along the narrower axis u, by Gauss-Legendre panels along v.
+// Slopes are at most 1, so few pixels of a row or column are touched.
 void FootprintTiles::add_thin(const Mode& mode, int channel) {
   const PyramidShape::Level& picture = shape_.levels().front();
   const bool exchanged = mode.xx_px2 > mode.yy_px2;

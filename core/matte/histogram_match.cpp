@@ -30,7 +30,7 @@ Moments moments_of(const RadianceImage& picture) {
   return moments;
 }
 
-// V f(D) V^T; what is nearly no variance is none.
+// V f(D) V^T; nearly zero eigenvalues count as zero.
 template <typename Function>
 Eigen::Matrix3d of_eigenvalues(const Eigen::Matrix3d& matrix, const Function& function) {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> parts(matrix);
@@ -41,20 +41,20 @@ Eigen::Matrix3d of_eigenvalues(const Eigen::Matrix3d& matrix, const Function& fu
   return parts.eigenvectors() * values.asDiagonal() * parts.eigenvectors().transpose();
 }
 
-// Sorts `values`; linear between neighbours.
+// Quantiles, linear between neighbours. Sorts `values`.
 std::vector<double> quantiles_of(std::vector<double>& values) {
   std::sort(values.begin(), values.end());
   std::vector<double> quantiles;
   for (int k = 0; k < kQuantiles; ++k) {
-    const double place = static_cast<double>(values.size() - 1) * k / (kQuantiles - 1);
-    const auto below = static_cast<size_t>(place);
+    const double rank = static_cast<double>(values.size() - 1) * k / (kQuantiles - 1);
+    const auto below = static_cast<size_t>(rank);
     const size_t above = std::min(below + 1, values.size() - 1);
-    quantiles.push_back(std::lerp(values[below], values[above], place - std::floor(place)));
+    quantiles.push_back(std::lerp(values[below], values[above], rank - std::floor(rank)));
   }
   return quantiles;
 }
 
-// The value in `to` of the same rank; beyond the ends as far from them.
+// The value of the same rank in `to`; beyond the ends, at the same distance from them.
 double moved(double value, const std::vector<double>& from, const std::vector<double>& to) {
   if (value <= from.front()) return to.front() + value - from.front();
   if (value >= from.back()) return to.back() + value - from.back();

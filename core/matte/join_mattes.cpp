@@ -15,12 +15,12 @@
 namespace glasswing {
 namespace {
 
-constexpr size_t kPlaceBytes = sizeof(std::uint64_t);
+constexpr size_t kOffsetBytes = sizeof(std::uint64_t);  // of an entry of a chunk table
 
 struct Tile {
   std::string_view bytes;
   MatteHead head;
-  size_t tables_at = 0;  // of where in the file each part's rows are
+  size_t tables_at = 0;  // offset of the chunk tables, which hold the offsets of each part's rows
 
   size_t row_count() const { return static_cast<size_t>(head.outline.height_px); }
 };
@@ -32,14 +32,14 @@ absl::StatusOr<Tile> open_tile(std::string_view bytes) {
   return tile;
 }
 
-// In order from the top, without a gap.
+// Checks that the tiles cover all rows from the top, once each.
 absl::Status check_rows(const std::vector<Tile>& tiles) {
   const MatteOutline& first = tiles.front().head.outline;
   int next = 0;
   for (const Tile& tile : tiles) {
     const MatteOutline& outline = tile.head.outline;
     if (outline.x0_px != 0 || outline.width_px != first.metadata.width_px())
-      return absl::DataLossError(fmt::format("the tile from row {} on has not whole rows", outline.y0_px));
+      return absl::DataLossError(fmt::format("the tile from row {} on contains partial rows", outline.y0_px));
     if (outline.modes_per_channel != first.modes_per_channel || outline.colourless != first.colourless)
       return absl::DataLossError(
           fmt::format("the tile from row {} on has other layers than the first", outline.y0_px));
@@ -51,7 +51,7 @@ absl::Status check_rows(const std::vector<Tile>& tiles) {
   if (next < first.metadata.height_px())
     return absl::DataLossError(fmt::format("no tile covers row {}", next));
   if (next > first.metadata.height_px())
-    return absl::DataLossError(fmt::format("a tile covers row {}, which the picture has not", next - 1));
+    return absl::DataLossError(fmt::format("a tile covers row {}, which is beyond the picture", next - 1));
   return absl::OkStatus();
 }
 
@@ -94,22 +94,23 @@ absl::StatusOr<std::string> join_mattes(std::span<const std::string_view> files)
                             .finish();
                       }));
   const auto row_count = static_cast<size_t>(first.metadata.height_px());
-  const size_t tables_at = whole.size() - parts.size() * row_count * kPlaceBytes;
+  const size_t tables_at = whole.size() - parts.size() * row_count * kOffsetBytes;
   whole.reserve(whole.size() + size);
   for (const Tile& tile : tiles) {
-    // All after the tables is rows. They lie as far from each other as before.
-    const size_t rows_at = tile.tables_at + parts.size() * tile.row_count() * kPlaceBytes;
+    // Everything after the tables is rows, which are copied as one block.
+    const size_t rows_at = tile.tables_at + parts.size() * tile.row_count() * kOffsetBytes;
     const size_t put_at = whole.size();
     if (rows_at > tile.bytes.size()) return no_table(tile);
     whole += tile.bytes.substr(rows_at);
     for (size_t part = 0; part < parts.size(); ++part) {
       for (size_t row = 0; row < tile.row_count(); ++row) {
         const std::uint64_t was_at =
-            number_at(tile.bytes, tile.tables_at + (part * tile.row_count() + row) * kPlaceBytes);
+            number_at(tile.bytes, tile.tables_at + (part * tile.row_count() + row) * kOffsetBytes);
         if (was_at < rows_at || was_at >= tile.bytes.size()) return no_table(tile);
         const std::uint64_t is_at = was_at - rows_at + put_at;
         const size_t row_of_whole = static_cast<size_t>(tile.head.outline.y0_px) + row;
-        std::memcpy(&whole[tables_at + (part * row_count + row_of_whole) * kPlaceBytes], &is_at, kPlaceBytes);
+        std::memcpy(&whole[tables_at + (part * row_count + row_of_whole) * kOffsetBytes], &is_at,
+                    kOffsetBytes);
       }
     }
   }

@@ -1,5 +1,5 @@
-// One matte's file out of its tiles' files, none of which is unpacked: the packed rows are copied as they
-// are, and the row checksums of their headers with them.
+// Joins the files of a matte's tiles without decompressing them: compressed rows are copied as they are, and
+// so are the row checksums of the headers.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -10,9 +10,9 @@
 
 namespace glasswing {
 
-// Byte for byte what encode_matte() makes of the whole with the topmost tile's metadata. Tiles are whole
-// rows, in any order. DATA_LOSS: damaged headers, or a row that no tile covers, or two, which is named.
-// Packed rows are not looked at.
+// The result equals, byte for byte, encode_matte() of the whole matte with the topmost tile's metadata. Tiles
+// consist of whole rows and may come in any order. DATA_LOSS: damaged headers, or a row that no tile or two
+// tiles cover, which is named. Compressed rows are not checked.
 absl::StatusOr<std::string> join_mattes(std::span<const std::string_view> tiles);
 
 }  // namespace glasswing

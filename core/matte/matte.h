@@ -1,10 +1,10 @@
-// An environment matte: for every camera pixel, where its light came from.
+// An environment matte: for every camera pixel, where its light comes from.
 //
 //   C = F + sum_i R_i \int G(x; c_i, Sigma_i) T(x) dx                (Chuang et al. 2000, eq. 12)
 //
-// per colour channel, with the orientation kept in the 2x2 covariance Sigma (docs/matte.md says why
-// no angle is stored). T is the picture on the monitor that the mode names; nothing beyond its edge. G is a
-// Gaussian, or, where the metadata says so, an upright box of the same covariance.
+// per colour channel, with the orientation in the 2x2 covariance Sigma (docs/matte.md explains why no angle
+// is stored). T is the picture on the mode's monitor, black beyond its edge. G is a Gaussian, or an upright
+// box of the same covariance if the metadata says so.
 #pragma once
 
 #include <algorithm>
@@ -33,20 +33,20 @@ struct Mode {
   float x_px = 0.0f;    // centre c, monitor px
   float y_px = 0.0f;
   float xx_px2 = 0.0f;  // covariance Sigma, monitor px^2, positive semi-definite
-  float xy_px2 = 0.0f;  // 0 of a box
+  float xy_px2 = 0.0f;  // 0 for a box
   float yy_px2 = 0.0f;
-  std::int32_t texture = 0;  // which monitor: its place in MatteMetadata.monitors
-  // Standard errors of the weight and of the centre (rms of x and y); 0: not known.
+  std::int32_t texture = 0;  // the monitor: index in MatteMetadata.monitors
+  // Standard errors of the weight and of the centre (rms of x and y); 0: unknown.
   float weight_sd = 0.0f;
   float centre_sd_px = 0.0f;
 };
 
-// Why a pixel is not to be trusted; 0 is good.
+// Why a pixel is unreliable; 0: reliable.
 enum PixelFlag : std::uint8_t {
   kFlagNone = 0,
-  kFlagNotConverged = 1,  // the fit did not settle
-  kFlagSaturated = 2,     // frames clipped where it looked
-  kFlagPoorFit = 4,       // the model leaves more than the noise explains
+  kFlagNotConverged = 1,  // the fit did not converge
+  kFlagSaturated = 2,     // frames were clipped at the light it saw
+  kFlagPoorFit = 4,       // the residual exceeds the noise
   kFlagNoData = 8,        // not solved
 };
 
@@ -54,7 +54,7 @@ enum PixelFlag : std::uint8_t {
 class Matte {
  public:
   Matte() = default;
-  // `colourless`: the modes are alike in all channels, and kept once.
+  // `colourless`: the modes are the same in all channels, and stored once.
   Matte(int x0_px, int y0_px, int width_px, int height_px, int modes_per_channel, bool colourless = false);
 
   v1::MatteMetadata metadata;
@@ -66,8 +66,8 @@ class Matte {
   int modes_per_channel() const { return modes_per_channel_; }  // 1 to kMaxModes
   bool is_colourless() const { return mode_channels_ == 1; }
 
-  // x and y count from this tile's own corner. foreground: F, linear. coverage: 1 inside the silhouette,
-  // 0 outside, between where a method finds the object to cover a part of the pixel. flags: PixelFlag bits.
+  // x and y count from this tile's corner. foreground: F, linear. coverage: 1 inside the silhouette, 0
+  // outside, in between where a method finds that the object covers part of the pixel. flags: PixelFlag bits.
   std::array<float, kChannels>& foreground(int x, int y) { return foreground_[pixel(x, y)]; }
   const std::array<float, kChannels>& foreground(int x, int y) const { return foreground_[pixel(x, y)]; }
   float& coverage(int x, int y) { return coverage_[pixel(x, y)]; }
@@ -80,7 +80,7 @@ class Matte {
   std::span<const Mode> modes(int x, int y, int channel) const {
     return {&modes_[mode_offset(x, y, channel)], static_cast<size_t>(modes_per_channel_)};
   }
-  // Takes over the pixels of `tile`, which must lie within; metadata stays.
+  // Copies the pixels of `tile`, which must lie within this matte; metadata stays.
   void put(const Matte& tile);
 
  private:
@@ -107,7 +107,7 @@ class Matte {
   std::vector<Mode> modes_;
 };
 
-// Pixels that show the object, and those of them that are not to be trusted.
+// The number of pixels that show the object, and of those that are flagged.
 struct ObjectCount {
   std::int64_t all = 0, flagged = 0;
 };

@@ -65,8 +65,7 @@ absl::Status check(const Matte& matte, int first, int rows) {
   return absl::OkStatus();
 }
 
-// The rows of a file, a block at a time: each is read, its checksum held against what the file says, and
-// given to a matte.
+// Reads the rows of a file a block at a time and verifies their checksums.
 class RowReader {
  public:
   RowReader(Imf::MultiPartInputFile& file, const MatteOutline& outline)
@@ -76,7 +75,8 @@ class RowReader {
     for (int i = 0; i < file.parts(); ++i) inputs_.emplace_back(file, i);
   }
 
-  // `rows` of at most a block from `row` on, both from the file's first. `checksums`: of all its rows.
+  // Reads `rows` rows, at most a block, from `row` on, counted from the file's first. `checksums`: of all
+  // rows of the file.
   absl::Status read(int row, int rows, std::string_view checksums) {
     const int y = window_.min.y + row;
     const Imath::Box2i pixels({window_.min.x, y}, {window_.max.x, y + rows - 1});
@@ -107,7 +107,7 @@ class RowReader {
   MatteBlock block_;
 };
 
-// Calls `use` with what the file says of itself and what reads its rows.
+// Calls `use` with the head of a matte file and the open file.
 template <typename Use>
 auto with_matte_file(std::string_view bytes, const Use& use)
     -> decltype(use(std::declval<const MatteHead&>(), std::declval<Imf::MultiPartInputFile&>())) {
@@ -122,7 +122,7 @@ auto with_matte_file(std::string_view bytes, const Use& use)
   }
 }
 
-// In place of a text of the same length. It must be there.
+// Overwrites the text of an attribute, which must exist and have the same length.
 void put_attribute(std::string& exr, std::string_view name, std::string_view text) {
   using namespace std::string_literals;
   const std::string before = std::string(name) + "\0string\0"s;
@@ -135,7 +135,8 @@ void put_attribute(std::string& exr, std::string_view name, std::string_view tex
 absl::StatusOr<std::string> encode_matte(const Matte& matte) {
   std::vector<ExrPart> parts = matte_parts(matte.modes_per_channel(), matte.is_colourless());
   const std::string metadata = json_of(matte.metadata);
-  // What is known only after the pixels takes the place of as many letters.
+  // Row checksums are known only after the pixels are written; a placeholder of the same length reserves
+  // their place.
   describe(parts, metadata, std::string(static_cast<size_t>(matte.height_px()) * kRowChecksumDigits, '-'));
   return written_exr([&] {
     ExrWriter writer(parts, window_of(matte));

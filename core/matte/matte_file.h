@@ -1,4 +1,4 @@
-// A matte's file: multi-part OpenEXR, float32, ZIPS. docs/matte.md lists the parts and layers.
+// Matte files: multi-part OpenEXR, float32, ZIPS. docs/matte.md lists the parts and layers.
 #pragma once
 
 #include <absl/status/status.h>
@@ -13,19 +13,19 @@
 
 namespace glasswing {
 
-// The file as bytes; a tile's data window is its place in the whole. Same matte, same bytes.
+// The bytes of the file; a tile's data window is its position in the whole. Deterministic.
 absl::StatusOr<std::string> encode_matte(const Matte& matte);
 
 // DATA_LOSS: truncated, altered or not a matte; FAILED_PRECONDITION: a newer format_version.
 absl::StatusOr<Matte> decode_matte(std::string_view bytes);
 
-// As decode_matte(), for a file of any size: only some rows at a time are in memory.
+// As decode_matte(), but keeps only a few rows in memory, for files of any size.
 absl::Status verify_matte(std::string_view bytes);
 
-// As above; every error names the path.
+// Reads and decodes a file; every error names the path.
 absl::StatusOr<Matte> read_matte(const std::filesystem::path& path);
 
-// What a file says of itself; its pixels are the picture's from (x0, y0) on.
+// The contents of a file's headers; its pixels start at (x0, y0) of the picture.
 struct MatteOutline {
   int x0_px = 0, y0_px = 0, width_px = 0, height_px = 0;
   int modes_per_channel = 0;
@@ -33,10 +33,10 @@ struct MatteOutline {
   v1::MatteMetadata metadata;
 };
 
-// As decode_matte(), of the headers alone.
+// As decode_matte(), for the headers only.
 absl::StatusOr<MatteOutline> outline_of(std::string_view bytes);
 
-// What decode_matte() asks of the pixels. DATA_LOSS names one that holds values that no matte has.
+// The checks that decode_matte() makes of pixels. DATA_LOSS names a pixel with invalid values.
 absl::Status check_matte(const Matte& matte);
 
 }  // namespace glasswing

@@ -20,11 +20,11 @@ bool is_colourless(const Imf::MultiPartInputFile& file) {
   return file.header(kFirstModePart).channels().findChannel(colourless_channel()) != nullptr;
 }
 
-// The parts that a matte has, and no more pixels than so many bytes can hold: what is read afterwards is
-// bounded by the file, whatever its header promises.
+// Checks that the file has the parts of a matte, and no more pixels than `file_bytes` can hold, so that later
+// reads are bounded by the file's size, whatever its header promises.
 absl::StatusOr<std::vector<ExrPart>> checked_parts(const Imf::MultiPartInputFile& file, size_t file_bytes) {
   const int modes = file.parts() - static_cast<int>(kFirstModePart);
-  if (modes < 1 || modes > kMaxModes) return absl::DataLossError("it has not the parts of a matte");
+  if (modes < 1 || modes > kMaxModes) return absl::DataLossError("it does not have the parts of a matte");
   const Imath::Box2i window = file.header(0).dataWindow();
   constexpr int kMaxSide = kMaxSide_px;
   if (window.isEmpty() || window.min.x < 0 || window.min.y < 0 || window.max.x >= kMaxSide ||
@@ -46,12 +46,12 @@ absl::StatusOr<std::vector<ExrPart>> checked_parts(const Imf::MultiPartInputFile
     }
     const ExrPart& part = parts[static_cast<size_t>(i)];
     if (!plain || layers != part.channels || !header.hasName() || header.name() != part.name)
-      return absl::DataLossError(fmt::format("its part {} has not the layers of a matte", i));
+      return absl::DataLossError(fmt::format("its part {} does not have the layers of a matte", i));
     layer_count += layers.size();
   }
   const size_t pixels = static_cast<size_t>(window.max.x - window.min.x + 1) *
                         static_cast<size_t>(window.max.y - window.min.y + 1);
-  constexpr size_t kMaxExpansion = 1032;  // of deflate: 258 bytes for two bits
+  constexpr size_t kMaxExpansion = 1032;  // of deflate: 258 bytes from two bits
   if (pixels * layer_count * sizeof(float) / kMaxExpansion > file_bytes) {
     return absl::DataLossError("it is too short for its size");
   }

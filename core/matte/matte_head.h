@@ -1,4 +1,4 @@
-// What a matte's file says before its pixels.
+// Reads the headers of a matte file.
 #pragma once
 
 #include <OpenEXR/ImfForward.h>
@@ -13,13 +13,13 @@ namespace glasswing {
 
 struct MatteHead {
   MatteOutline outline;
-  std::string row_checksums;  // of matte_layers.h, as long as there are rows
+  std::string row_checksums;  // see matte_layers.h; one per row
 };
 
-// What is read afterwards is bounded by `file_bytes`, whatever the headers promise. DATA_LOSS: altered or not
-// a matte; FAILED_PRECONDITION: a newer format_version.
+// Ensures that later reads are bounded by `file_bytes`, whatever the headers promise. DATA_LOSS: altered, or
+// not a matte; FAILED_PRECONDITION: a newer format_version.
 absl::StatusOr<MatteHead> read_matte_head(const Imf::MultiPartInputFile& file, size_t file_bytes);
-// Of a file's bytes.
+// The same from a file's bytes.
 absl::StatusOr<MatteHead> read_matte_head(std::string_view bytes);
 
 }  // namespace glasswing

@@ -13,10 +13,8 @@ namespace {
 constexpr const char* kConventionsText =
     "C = F + sum R integral G(x; c, S) T(x) dx per channel, linear light. Monitor px: origin at the outer "
     "corner of the top-left pixel, x right, y down, pixel centres at +0.5. S = [xx xy; xy yy] in px^2. G is "
-    "a "
-    "Gaussian, or where the attribute \"glasswing\" has footprint \"box\" an upright box. Of a mode, Y is "
-    "the "
-    "same in all colours. texture counts the monitors listed in that attribute.";
+    "a Gaussian, or where the attribute \"glasswing\" has footprint \"box\" an upright box. Of a mode, Y "
+    "is the same in all colours. texture counts the monitors listed in that attribute.";
 constexpr std::array<const char*, kChannels> kColours{"R", "G", "B"};
 constexpr const char* kGray = "Y";
 constexpr const char* kPreviewCoverage = "A";
@@ -26,8 +24,8 @@ std::string foreground_name(int channel) {
   return fmt::format("foreground.F.{}", kColours[static_cast<size_t>(channel)]);
 }
 
-// "mode1.weight.R"; "mode1.weight.Y" where it is the same in all channels. A compositor knows a layer by its
-// channels' names alone, so the part's is in them.
+// "mode1.weight.R", or "mode1.weight.Y" if it is the same in all channels. Compositors identify a layer by
+// its channel names alone, so these include the name of the part.
 std::string layer_name(size_t mode, size_t layer, int channel, bool colourless) {
   return fmt::format("mode{}.{}.{}", mode + 1, kModeLayers[layer].name,
                      colourless ? kGray : kColours[static_cast<size_t>(channel)]);
@@ -37,7 +35,7 @@ std::string layer_name(size_t mode, size_t layer, int channel, bool colourless) 
 
 std::vector<ExrPart> matte_parts(int modes_per_channel, bool colourless) {
   std::vector<ExrPart> parts;
-  // For people: total weight and foreground, so that any viewer shows the object.
+  // A preview for people: total weight and foreground, so that any viewer shows the object.
   parts.push_back({.name = "preview", .channels = {"R", "G", "B", kPreviewCoverage}, .attributes = {}});
   parts.push_back({.name = "foreground", .channels = {kCoverage, kFlags}, .attributes = {}});
   for (int c = 0; c < kChannels; ++c) parts.back().channels.push_back(foreground_name(c));

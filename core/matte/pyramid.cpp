@@ -37,7 +37,7 @@ void fill_next(const PyramidShape::Level& above, const PyramidShape::Level& leve
                float* samples) {
   const auto length = static_cast<size_t>(above.width_px + 2 * kBorder);
   const auto kept = static_cast<size_t>(level.width_px + 2 * kBorder);
-  // The first sample that is kept begins this far left of what the level above keeps.
+  // The filter of the first stored sample starts this far left of the stored samples of the level above.
   constexpr size_t kLead = kBorder + 2;
   std::vector<float> blended(std::max(kLead + length, 2 * kept + 4)), dark(length);
   for (int y = first; y < last; ++y) {
@@ -60,7 +60,7 @@ void fill_next(const PyramidShape::Level& above, const PyramidShape::Level& leve
 
 PyramidShape::PyramidShape(int width_px, int height_px, size_t offset) : end_(offset) {
   for (;;) {
-    // A tile may begin at the last sample.
+    // Room for a tile that starts at the last sample.
     const auto stride = static_cast<std::uint16_t>(width_px + 2 * kBorder + kTileWidth);
     levels_.push_back({.width_px = width_px, .height_px = height_px, .stride = stride, .offset = end_});
     end_ += static_cast<size_t>(height_px + 2 * kBorder) * 3 * stride;

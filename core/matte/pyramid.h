@@ -1,11 +1,11 @@
-// A picture at ever lower resolution, each half of the one above: along both axes
+// A picture at decreasing resolutions, each half of the one above: along both axes
 //
 //   level_l[j] = sum over k of h[k] level_{l-1}[2j + k - 2],   h = [1 5 10 10 5 1] / 32
 //
 // A sample of level l lies in the middle of 2^l x 2^l pixels. Its filter has the variance 5 (4^l - 1) / 12
-// px^2, and no light is lost: every pixel has the same part in all of a level. Waves that a level cannot show
-// are left by the fifth power of their distance from multiples of its sampling frequency. Beyond the picture
-// it is dark; so is a level, but for kBorder samples beyond each edge, which are kept.
+// px^2. Light is conserved: every pixel has the same total weight in a level. Aliases are attenuated by the
+// fifth power of their distance from multiples of the sampling frequency. Beyond the picture all is black; a
+// level stores kBorder samples beyond each edge.
 #pragma once
 
 #include <cstddef>
@@ -22,16 +22,16 @@ class PyramidShape {
   static constexpr int kBorder = 2;
   struct Level {
     int width_px = 0, height_px = 0;
-    std::uint16_t stride = 0;  // from a channel's row to the next channel's; three are a row
+    std::uint16_t stride = 0;  // from one channel's row to the next channel's; a row is three strides
     size_t offset = 0;         // of sample (-kBorder, -kBorder) of the first channel
-    // Of sample (x, y), each at most kBorder beyond the level.
+    // The index of sample (x, y), which may lie up to kBorder beyond the level.
     size_t at(int x, int y, int channel) const {
       return offset + (static_cast<size_t>(y + kBorder) * 3 + static_cast<size_t>(channel)) * stride +
              static_cast<size_t>(x + kBorder);
     }
   };
 
-  // Its samples begin at `offset` of a larger whole. The last level has no side above 4 samples.
+  // Samples start at index `offset` of a shared array. No side of the last level exceeds 4 samples.
   PyramidShape(int width_px, int height_px, size_t offset);
 
   const std::vector<Level>& levels() const { return levels_; }
@@ -42,8 +42,8 @@ class PyramidShape {
   size_t end_ = 0;
 };
 
-// Fills the levels [0, level_count) of `samples`, and nothing else. `picture` has the shape's size; it is
-// taken as the camera's channels see texture `texture` where `mix` says that they mix primaries.
+// Fills levels [0, level_count) of `samples`. `picture` has the shape's size; `mix` converts it from the
+// primaries of texture `texture` to the camera's channels.
 void fill_pyramid(const RadianceImage& picture, const PrimaryMix& mix, int texture, const PyramidShape& shape,
                   int level_count, int thread_count, float* samples);
 

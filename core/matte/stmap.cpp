@@ -38,9 +38,9 @@ int strongest_channel(const Matte& matte, int texture) {
     }
   }
   constexpr int kGreen = 1;
-  constexpr double kMuchMore = 1.1;
-  const auto most = std::ranges::max_element(weight);
-  return *most > kMuchMore * weight[kGreen] ? static_cast<int>(most - weight.begin()) : kGreen;
+  constexpr double kMinRatio = 1.1;
+  const auto strongest = std::ranges::max_element(weight);
+  return *strongest > kMinRatio * weight[kGreen] ? static_cast<int>(strongest - weight.begin()) : kGreen;
 }
 
 absl::StatusOr<std::string> encode_stmap(const Matte& matte, int texture, int channel) {
@@ -69,18 +69,19 @@ absl::StatusOr<std::string> encode_stmap(const Matte& matte, int texture, int ch
       for (int x = 0; x < matte.width_px(); ++x) plane.push_back(value_at(x, y));
     }
   };
-  const auto place = [&](const char* name, const auto& of) {
+  const auto fill_from_mode = [&](const char* name, const auto& of) {
     fill(name, [&](int x, int y) {
       const Mode* mode = on_monitor(x, y);
       return mode != nullptr ? static_cast<float>(of(*mode)) : 0.0f;
     });
   };
-  place("R", [&](const Mode& mode) { return static_cast<double>(mode.x_px) / width; });
-  place("G", [&](const Mode& mode) { return 1.0 - static_cast<double>(mode.y_px) / height; });
-  place("B", [](const Mode&) { return 1.0; });
-  place("A", [](const Mode&) { return 1.0; });
-  place("blur.Y",
-        [](const Mode& mode) { return std::sqrt(std::max(0.5f * (mode.xx_px2 + mode.yy_px2), 0.0f)); });
+  fill_from_mode("R", [&](const Mode& mode) { return static_cast<double>(mode.x_px) / width; });
+  fill_from_mode("G", [&](const Mode& mode) { return 1.0 - static_cast<double>(mode.y_px) / height; });
+  fill_from_mode("B", [](const Mode&) { return 1.0; });
+  fill_from_mode("A", [](const Mode&) { return 1.0; });
+  fill_from_mode("blur.Y", [](const Mode& mode) {
+    return std::sqrt(std::max(0.5f * (mode.xx_px2 + mode.yy_px2), 0.0f));
+  });
   for (int c = 0; c < kChannels; ++c) {
     fill(fmt::format("weight.{}", kColours[static_cast<size_t>(c)]), [&](int x, int y) {
       const Mode* mode = strongest_mode(matte, x, y, c, texture);

@@ -21,7 +21,7 @@ struct Tile {
   const hwy::float16_t* across;
 };
 
-// Where it has several rows, their weights go to `down`.
+// Reads a tile; stores its row weights to `down` if it has several rows.
 HWY_INLINE Tile NextTile(const std::uint16_t*& words, float* down) {
   const T d;
   const H half;
@@ -31,7 +31,7 @@ HWY_INLINE Tile NextTile(const std::uint16_t*& words, float* down) {
                   .across = reinterpret_cast<const hwy::float16_t*>(words + kTileHeader)};
   words += kTileHeader + kTileWidth;
   if (tile.rows == 1) return tile;
-  // The last vector may hold what is beyond the tile.
+  // The last vector may read beyond the tile.
   const auto* weights = reinterpret_cast<const hwy::float16_t*>(words);
   for (size_t r = 0; r < tile.rows; r += hn::Lanes(d))
     hn::StoreU(hn::PromoteTo(d, hn::LoadU(half, weights + r)), d, down + r);
@@ -105,7 +105,7 @@ void SplitRow(const float* interleaved, size_t count, float* r, float* g, float*
   }
 }
 
-// [1 5 10 10 5 1] / 32 of pairs from the middle outwards.
+// [1 5 10 10 5 1] / 32, given sums of pairs from the middle outwards.
 template <class V>
 HWY_INLINE V Blend(V inner, V middle, V outer) {
   const F d;

@@ -1,5 +1,5 @@
-// What the fast compositor spends its time on, a vector at a time: pictures made smaller by two, and sums of
-// their samples over tiles of taps.
+// The vectorised inner loops of the fast compositor: halving pictures, and summing their samples over tiles
+// of weights.
 #pragma once
 
 #include <cstddef>
@@ -9,38 +9,38 @@
 
 namespace glasswing {
 
-// A tile of a footprint weighs kTileWidth samples of each of some rows of a picture:
+// A tile of a footprint weights kTileWidth samples in each of some rows of a picture:
 //
 //   sum over r of down[r] * sum over u of across[u] * samples[offset + 3 stride r + u]
 //
-// As words of 16 bits: the offset (two, the lower first), the stride, the count of rows, across, down; the
-// weights are half floats. Of a single row, down is multiplied into across.
+// Encoded as 16-bit words: offset (two words, the lower first), stride, number of rows, across, down; weights
+// are half floats. For a single row, down is multiplied into across.
 inline constexpr int kTileWidth = 8;
 inline constexpr int kMaxTileRows = 64;
 inline constexpr int kTileHeader = 4;
 
-// How many tiles a pixel has, in this order: of all channels alike, the offset being the first's and the
-// others' `stride` and 2 `stride` further; then of each channel alone.
+// The number of tiles of a pixel, in this order: tiles shared by all channels, with the first channel's
+// offset (the others lie `stride` and 2 `stride` further), then tiles of each channel.
 struct PixelTiles {
   std::uint16_t shared = 0;
   std::uint16_t own[3] = {};
 };
 
-// `across`: up to kTileWidth; `down`: up to kMaxTileRows.
+// Appends a tile. `across` has up to kTileWidth weights, `down` up to kMaxTileRows.
 void add_tile(std::uint32_t offset, std::uint16_t stride, std::span<const float> across,
               std::span<const float> down, std::vector<std::uint16_t>& words);
 
-// Adds to light, r, g, b a pixel. Reads kTileWidth samples from every place that a tile names.
+// Adds to `light`, r, g, b per pixel. Reads kTileWidth samples at every offset of a tile.
 void evaluate_tiles(std::span<const PixelTiles> pixels, const std::uint16_t* words, const float* samples,
                     float* light);
 
-// r, g, b interleaved to rows of their own.
+// De-interleaves r, g, b.
 void split_row(const float* interleaved, size_t count, float* r, float* g, float* b);
 
-// [1 5 10 10 5 1] / 32 over six rows.
+// Filters six rows to one by [1 5 10 10 5 1] / 32.
 void blend_rows(const float* const rows[6], size_t count, float* out);
 
-// The same along a row, every other place: out[i] is of in[2 i] to in[2 i + 5].
+// The same along a row at half the resolution: out[i] combines in[2 i] to in[2 i + 5].
 void halve_row(const float* in, size_t count, float* out);
 
 }  // namespace glasswing

@@ -5,15 +5,16 @@
 #include <cmath>
 #include <random>
 
+#include "core/pattern/stimulus_kind.h"
+
 namespace glasswing {
 namespace {
 
 constexpr size_t kWhiteEvery = 8;
 
-v1::Stimulus codes_on(const v1::Monitor& monitor, const std::string& kind,
-                      const std::array<double, 3>& share) {
+v1::Stimulus codes_on(const v1::Monitor& monitor, StimulusKind kind, const std::array<double, 3>& share) {
   v1::Stimulus stimulus;
-  stimulus.set_kind(kind);
+  stimulus.set_kind(std::string(name_of(kind)));
   stimulus.set_panel(monitor.name());
   stimulus.set_codes(true);
   for (const double own : share) stimulus.add_colour(own);
@@ -21,11 +22,12 @@ v1::Stimulus codes_on(const v1::Monitor& monitor, const std::string& kind,
 }
 
 void add_white(const v1::Monitor& monitor, std::vector<v1::Stimulus>& out) {
-  for (const double share : {0.0, 1.0}) out.push_back(codes_on(monitor, "solid", {share, share, share}));
+  for (const double share : {0.0, 1.0})
+    out.push_back(codes_on(monitor, StimulusKind::kSolid, {share, share, share}));
 }
 
 void add_camera(const v1::Monitor& monitor, std::vector<v1::Stimulus>& out) {
-  v1::Stimulus stripe = codes_on(monitor, "gauss_stripe", {1.0, 1.0, 1.0});
+  v1::Stimulus stripe = codes_on(monitor, StimulusKind::kStripe, {1.0, 1.0, 1.0});
   stripe.set_r_px(0.5 * monitor.width_px());
   stripe.set_sigma_px(monitor.width_px() / 8.0);
   stripe.set_peak(1.0);
@@ -41,10 +43,10 @@ void add_display(int grays, const v1::Monitor& monitor, std::vector<v1::Stimulus
     for (size_t primary = 0; primary < 3; ++primary) {
       std::array<double, 3> colour{};
       colour[primary] = share;
-      solids.push_back(codes_on(monitor, "solid", colour));
+      solids.push_back(codes_on(monitor, StimulusKind::kSolid, colour));
     }
   }
-  // Fisher and Yates by hand: std::shuffle is not the same everywhere.
+  // Fisher-Yates by hand, since the result of std::shuffle depends on the library.
   std::mt19937 random(1);
   for (size_t i = solids.size(); i > 1; --i) std::swap(solids[i - 1], solids[random() % i]);
   for (size_t i = 0; i < solids.size(); ++i) {
@@ -75,7 +77,7 @@ std::vector<v1::Stimulus> calibration_stimuli(const v1::CalibrationFrames& frame
       add_display(grays_of(frames), monitor, out);
     }
   }
-  if (!camera) out.push_back(codes_on(monitor, "ramp", {1.0, 1.0, 1.0}));
+  if (!camera) out.push_back(codes_on(monitor, StimulusKind::kRamp, {1.0, 1.0, 1.0}));
   return out;
 }
 

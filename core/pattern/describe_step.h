@@ -1,4 +1,4 @@
-// A step in words.
+// Describes a step in words.
 #pragma once
 
 #include <string>

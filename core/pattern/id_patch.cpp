@@ -8,14 +8,14 @@
 namespace glasswing {
 namespace {
 
-// All dark, all lit, then bit by bit the number of the column and its opposite: no two cells alike, and each
-// is lit as often as dark.
+// All dark, all lit, then each bit of the column's number and its complement: no two cells have the same
+// sequence, and each is lit as often as dark.
 constexpr std::array<std::uint16_t, 10> kLearningIds = {0x0000, 0xffff, 0xaaaa, 0x5555, 0xcccc,
                                                         0x3333, 0xf0f0, 0x0f0f, 0xff00, 0x00ff};
 constexpr float kMinContrast = 0.01f * 65535.0f * 3.0f;  // of the sum of r, g, b
-constexpr float kUnlike = 0.25f;   // of its contrast, what a sample may be off dark or lit
-constexpr size_t kMaxPixels = 64;  // of a cell
-// Nine tenths of one picture and a tenth of another are still in doubt.
+constexpr float kMaxDeviation = 0.25f;                   // of a pixel's contrast, from its dark or lit level
+constexpr size_t kMaxPixels = 64;                        // of a cell
+// Of full contrast: nine tenths of one picture mixed with a tenth of another is still doubtful.
 constexpr double kSure = 0.8;
 
 float sum_at(const Image16& frame, size_t at) {
@@ -28,7 +28,7 @@ bool is_lit(int cell, std::uint16_t id) {
   return cell % 2 == 0 ? bit : !bit;
 }
 
-// The cell that goes through this sequence, lit or dark by learning id; -1: none.
+// The cell with this sequence, lit or dark by learning id; -1: none.
 int cell_of(unsigned sequence) {
   for (int cell = 0; cell < 2 * IdPatch::kBits; ++cell) {
     unsigned own = 0;
@@ -78,7 +78,7 @@ absl::StatusOr<PatchReader> PatchReader::learn(std::span<const Image16> frames) 
     bool clear = true;
     for (size_t i = 0; i < light.size() && clear; ++i) {
       const bool on = light[i] - *low > 0.5f * contrast;
-      clear = std::min(light[i] - *low, *high - light[i]) < kUnlike * contrast;
+      clear = std::min(light[i] - *low, *high - light[i]) < kMaxDeviation * contrast;
       sequence |= (on ? 1u : 0u) << i;
       (on ? lit : dark) += 2.0f * light[i] / static_cast<float>(light.size());
     }
@@ -95,7 +95,7 @@ absl::StatusOr<PatchReader> PatchReader::learn(std::span<const Image16> frames) 
     }
     std::sort(pixels.begin(), pixels.end(),
               [](const Pixel& a, const Pixel& b) { return a.lit - a.dark > b.lit - b.dark; });
-    // Noise goes through a cell's sequence now and then, but faintly.
+    // Noise occasionally matches a cell's sequence, but with low contrast.
     const float strongest = pixels.front().lit - pixels.front().dark;
     while (pixels.size() > kMaxPixels || pixels.back().lit - pixels.back().dark < 0.5f * strongest)
       pixels.pop_back();

@@ -1,13 +1,12 @@
-// The id patch: a strip below the pattern whose pixels say which showing a picture is of, so that a camera
-// frame can prove it.
+// The id patch: a strip below the pattern that encodes the id of a showing, so that a camera frame can prove
+// which picture it shows.
 //
-// A strip has sixteen columns of two cells. The upper cell of column b is lit where bit b of the id is 1, the
-// lower one where it is 0: every column has one lit cell, whatever the id, so the strip's light hardly
-// changes, and a bit is read by which of its two cells is the brighter.
+// The strip has sixteen columns of two cells. The upper cell of column b is lit if bit b of the id is 1, the
+// lower one if it is 0: every column has one lit cell for any id, so the strip's light hardly changes, and a
+// bit is read by comparing its two cells.
 //
-// Where a camera sees the cells is learned, not calibrated: ten ids are shown, under which every cell goes
-// through a sequence of its own, and each camera pixel that goes through the sequence of a cell belongs to
-// it.
+// The positions of the cells in the camera's picture are learned, not calibrated: ten ids are shown that give
+// every cell a distinct sequence, and each camera pixel with the sequence of a cell belongs to it.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -30,35 +29,35 @@ struct IdPatch {
   int first_row = 0;
   int rows = 0;
 
-  // Draws the strip of an id, radiance 0 and 1, over what the picture has there. Cells stand apart by a
-  // quarter of their size.
+  // Draws the strip of an id, radiance 0 and 1, over the picture. Cells are separated by a quarter of their
+  // size.
   void draw(std::uint16_t id, RadianceImage& picture) const;
 };
 
-// What is shown to learn where the cells are, in order.
+// The ids shown to learn the positions of the cells, in order.
 std::span<const std::uint16_t> patch_learning_ids();
 
 class PatchReader {
  public:
-  // `frames`: one of each learning id, of the same size. NOT_FOUND: they are all alike. FAILED_PRECONDITION:
-  // some column is seen nowhere.
+  // `frames`: one per learning id, all of the same size. NOT_FOUND: no pixel changes. FAILED_PRECONDITION:
+  // some cell is not visible.
   static absl::StatusOr<PatchReader> learn(std::span<const Image16> frames);
 
-  // The id in a frame of that size. None where any bit is in doubt: hidden, or exposed while the picture
+  // The id in a frame of that size; none if any bit is doubtful: hidden, or exposed while the picture
   // changed.
   std::optional<std::uint16_t> read(const Image16& frame) const;
 
  private:
   struct Pixel {
-    size_t at = 0;  // of the red sample
+    size_t at = 0;  // index of the red sample
     float dark = 0.0f, lit = 0.0f;
   };
   static constexpr int kCells = 2 * IdPatch::kBits;
-  // Where a cell is between dark (-1) and lit (1).
+  // The level of a cell, from dark (-1) to lit (1).
   double level(int cell, const Image16& frame) const;
 
   size_t sample_count_ = 0;
-  std::array<std::vector<Pixel>, kCells> cells_;  // bit b: 2b its cell, 2b + 1 its complement's
+  std::array<std::vector<Pixel>, kCells> cells_;  // by cell: 2b is bit b's upper cell, 2b + 1 the lower
 };
 
 }  // namespace glasswing

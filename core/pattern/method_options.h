@@ -1,5 +1,5 @@
-// The names and versions of the ways to solve, and the names of the options that each has, for those who do
-// not solve: a server refuses others at once. What values they take the solvers know.
+// The names and versions of the solving methods and the names of their options, so that a server can refuse
+// unknown ones immediately. Only the solvers check the values of options.
 #pragma once
 
 #include <absl/status/status.h>
@@ -11,16 +11,16 @@
 
 namespace glasswing {
 
-// What each method computes, and how mattes are written ("matte"). Raised whenever a change of the code makes
-// other numbers of the same frames: tiles of two versions must not meet in one matte.
+// The version of each method, and of the matte encoding ("matte"). Raised whenever a change of the code
+// changes results for the same frames: tiles of different versions must not be joined into one matte.
 const std::map<std::string, int>& method_versions();
 
-// Empty: there is no such method.
+// Empty for an unknown method.
 std::span<const std::string_view> option_names(std::string_view method);
 
 // INVALID_ARGUMENT lists the method's options.
 absl::Status check_option(std::string_view method, std::string_view option);
-// What it says of an option that is none.
+// The error for an unknown option.
 absl::Status unknown_option(std::string_view method, std::string_view option);
 
 }  // namespace glasswing

@@ -11,8 +11,8 @@
 namespace glasswing {
 namespace {
 
-// Standard deviations from a stripe's peak, beyond which there is no light: exp(-z^2 / 2) is 5e-32, and
-// where floats end, further out, arithmetic is slow.
+// Standard deviations from a stripe's peak beyond which light is 0: exp(-z^2 / 2) is 5e-32 there, and
+// denormal floats, further out, are slow.
 constexpr double kReach = 12.0;
 
 template <typename Value>
@@ -25,7 +25,7 @@ struct Overloaded : Visitors... {
   using Visitors::operator()...;
 };
 template <typename... Visitors>
-Overloaded(Visitors...) -> Overloaded<Visitors...>;  // which clang 14 wants to be told
+Overloaded(Visitors...) -> Overloaded<Visitors...>;  // needed by clang 14
 
 }  // namespace
 
@@ -117,11 +117,11 @@ void Pattern::rasterise(int y_px, std::span<float> row) const {
   }
 }
 
-// Along a row z rises by d a pixel, and exp(-z^2 / 2) has factors q = exp(-z d - d^2 / 2), which have the
-// factor exp(-d^2). After n pixels the product is off by n^2 roundings of a double: nothing in a float.
+// Along a row z rises by d per pixel, so exp(-z^2 / 2) is multiplied by q = exp(-z d - d^2 / 2), and q by
+// exp(-d^2). After n pixels the product is off by n^2 roundings of a double, which a float does not show.
 void Pattern::rasterise(const Stripe& stripe, int y_px, std::span<float> row) const {
   const double off_px = (y_px + 0.5) * stripe.sin_phi - stripe.r_px;
-  // The pixels where |z| < kReach; all, should their numbers not be finite.
+  // The pixels where |z| < kReach; the whole row if the bounds are not finite.
   const double middle = -off_px / stripe.cos_phi - 0.5;
   const double half = kReach * stripe.sigma_px / std::abs(stripe.cos_phi);
   const double width = size_.width_px;
@@ -141,7 +141,7 @@ void Pattern::rasterise(const Stripe& stripe, int y_px, std::span<float> row) co
   }
 }
 
-// Along a row the angle rises evenly: exp(i angle) is turned by the same each pixel.
+// Along a row the angle rises linearly: each pixel rotates exp(i angle) by the same amount.
 void Pattern::rasterise(const Sinusoid& wave, int y_px, std::span<float> row) const {
   const double per_px = 2.0 * std::numbers::pi / wave.period_px;
   const double angle = per_px * (0.5 * wave.cos_phi + (y_px + 0.5) * wave.sin_phi) - wave.phase_rad;

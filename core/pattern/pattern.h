@@ -1,5 +1,5 @@
-// A pattern is the radiance of one stimulus as a pure function of the point on the monitor. It is defined
-// here once: the display rasterises it, the simulator integrates it, the solver inverts it.
+// A pattern: the radiance of one stimulus as a pure function of the point on the monitor. This is the only
+// definition: the display rasterises it, the simulator integrates it, the solver inverts it.
 //
 //   gauss_stripe  T(x, y) = peak exp(-(x cos phi + y sin phi - r)^2 / (2 sigma^2))
 //   sinusoid      T(x, y) = peak (1 + cos(2 pi (x cos phi + y sin phi) / period - phase)) / 2
@@ -32,15 +32,15 @@ struct MonitorSize {
 
 class Pattern {
  public:
-  // INVALID_ARGUMENT names the field, its value and what would be accepted. A photo is no pure function:
-  // its kind is refused here and looked up by whoever holds the picture.
+  // INVALID_ARGUMENT names the field, its value and what would be accepted. Photos are refused: they are not
+  // functions of position, and the owner of the picture handles them.
   static absl::StatusOr<Pattern> create(const v1::Stimulus& stimulus, MonitorSize size);
 
   // Radiance at a point.
   Colour radiance(double x_px, double y_px) const;
 
-  // Radiance at the centre of every pixel, as radiance() has it but for a float's rounding; of the row y_px,
-  // in [0, height), r, g, b interleaved in a `row` of 3 width.
+  // Radiance at the centre of every pixel of row y_px, in [0, height), equal to radiance() up to rounding of
+  // a float. `row` holds 3 width values, r, g, b interleaved.
   void rasterise(int y_px, std::span<float> row) const;
   RadianceImage rasterised() const;
 

@@ -16,6 +16,7 @@
 #include "core/base/status.h"
 #include "core/pattern/calibration_steps.h"
 #include "core/pattern/id_patch.h"
+#include "core/pattern/stimulus_kind.h"
 
 namespace glasswing {
 namespace {
@@ -25,16 +26,16 @@ constexpr int kMaxSteps = 20000;
 constexpr int kDefaultPhases = 4;
 constexpr int kMaxFrames = 18000, kMaxEmptyFrames = 1000;  // of a ramp
 constexpr int kUsualEmptyFrames = 16;
-constexpr double kWidestStep = 1.5;  // of a sweep, in sigmas: beyond, its steps miss detail
+constexpr double kMaxStep_sigmas = 1.5;  // of a sweep, in sigmas: wider steps miss detail
 
-// Where a message of the plan stands, so that a complaint can name the line (from a file) or the path (from
-// the wire).
-class Place {
+// The location of a message within the plan, so that errors can name the line (of a file) or the path (of a
+// plan from the wire).
+class Location {
  public:
-  Place(std::string file_name, const TextFormat::ParseInfoTree* tree, std::string path)
+  Location(std::string file_name, const TextFormat::ParseInfoTree* tree, std::string path)
       : file_name_(std::move(file_name)), tree_(tree), path_(std::move(path)) {}
 
-  Place nested(const google::protobuf::Message& parent, const std::string& field, int index) const {
+  Location nested(const google::protobuf::Message& parent, const std::string& field, int index) const {
     const auto* descriptor = parent.GetDescriptor()->FindFieldByName(field);
     const TextFormat::ParseInfoTree* tree =
         tree_ == nullptr ? nullptr
@@ -53,7 +54,7 @@ class Place {
       where = file_name_ + ":";
       if (tree_ != nullptr) {
         auto location = tree_->GetLocation(descriptor, descriptor->is_repeated() ? index : -1);
-        // Of a list in brackets only the first value has a place.
+        // For a list in brackets only the first value has a location.
         if (location.line < 0 && descriptor->is_repeated()) location = tree_->GetLocation(descriptor, 0);
         if (location.line >= 0) where += fmt::format("{}:", location.line + 1);
       }
@@ -77,68 +78,69 @@ class FirstError : public google::protobuf::io::ErrorCollector {
   std::string text;
 };
 
+// False for NaN.
 bool within(double value, double low, double high) {
   return value >= low && value <= high;
-}  // NaN is not
+}
 
 template <typename Message>
-absl::Status check_colour(const Message& message, const Place& place) {
+absl::Status check_colour(const Message& message, const Location& location) {
   if (message.colour_size() != 3)
-    return place.bad(message, "colour", 0, fmt::format("{} numbers", message.colour_size()),
-                     "3: red, green, blue");
+    return location.bad(message, "colour", 0, fmt::format("{} numbers", message.colour_size()),
+                        "3: red, green, blue");
   for (int i = 0; i < 3; ++i) {
     if (!within(message.colour(i), 0.0, 1.0))
-      return place.bad(message, "colour", i, message.colour(i), "in [0, 1]");
+      return location.bad(message, "colour", i, message.colour(i), "in [0, 1]");
   }
   return absl::OkStatus();
 }
 
-absl::Status check_sweep(const v1::Sweep& sweep, const Place& place) {
+absl::Status check_sweep(const v1::Sweep& sweep, const Location& location) {
   if (!within(sweep.orientation_deg(), -180.0, 180.0)) {
-    return place.bad(sweep, "orientation_deg", 0, sweep.orientation_deg(), "in [-180, 180]");
+    return location.bad(sweep, "orientation_deg", 0, sweep.orientation_deg(), "in [-180, 180]");
   }
   if (!(sweep.sigma_px() > 0.0 && sweep.sigma_px() <= 200.0)) {
-    return place.bad(sweep, "sigma_px", 0, sweep.sigma_px(), "in (0, 200]");
+    return location.bad(sweep, "sigma_px", 0, sweep.sigma_px(), "in (0, 200]");
   }
   if (sweep.has_step_px() &&
-      !(sweep.step_px() >= 0.01 && sweep.step_px() <= kWidestStep * sweep.sigma_px())) {
-    return place.bad(sweep, "step_px", 0, sweep.step_px(),
-                     fmt::format("in [0.01, {} sigma_px]", kWidestStep));
+      !(sweep.step_px() >= 0.01 && sweep.step_px() <= kMaxStep_sigmas * sweep.sigma_px())) {
+    return location.bad(sweep, "step_px", 0, sweep.step_px(),
+                        fmt::format("in [0.01, {} sigma_px]", kMaxStep_sigmas));
   }
   if (sweep.has_margin_sigmas() && !within(sweep.margin_sigmas(), 0.0, 10.0)) {
-    return place.bad(sweep, "margin_sigmas", 0, sweep.margin_sigmas(), "in [0, 10]");
+    return location.bad(sweep, "margin_sigmas", 0, sweep.margin_sigmas(), "in [0, 10]");
   }
   if (sweep.has_peak() && !(sweep.peak() > 0.0 && sweep.peak() <= 1.0)) {
-    return place.bad(sweep, "peak", 0, sweep.peak(), "in (0, 1]");
+    return location.bad(sweep, "peak", 0, sweep.peak(), "in (0, 1]");
   }
   return absl::OkStatus();
 }
 
-absl::Status check_square_waves(const v1::SquareWaves& waves, const Place& place) {
-  if (!within(waves.levels(), 1, 14)) return place.bad(waves, "levels", 0, waves.levels(), "1 to 14");
+absl::Status check_square_waves(const v1::SquareWaves& waves, const Location& location) {
+  if (!within(waves.levels(), 1, 14)) return location.bad(waves, "levels", 0, waves.levels(), "1 to 14");
   if (waves.has_first_level() && !within(waves.first_level(), 1, waves.levels()))
-    return place.bad(waves, "first_level", 0, waves.first_level(), fmt::format("1 to {}", waves.levels()));
+    return location.bad(waves, "first_level", 0, waves.first_level(), fmt::format("1 to {}", waves.levels()));
   return absl::OkStatus();
 }
 
-absl::Status check_fringes(const v1::Fringes& fringes, const Place& place) {
+absl::Status check_fringes(const v1::Fringes& fringes, const Location& location) {
   if (!within(fringes.orientation_deg(), -180.0, 180.0))
-    return place.bad(fringes, "orientation_deg", 0, fringes.orientation_deg(), "in [-180, 180]");
+    return location.bad(fringes, "orientation_deg", 0, fringes.orientation_deg(), "in [-180, 180]");
   if (fringes.period_px().empty())
-    return place.bad(fringes, "period_px", 0, "left out", "given at least once, in [2, 100000]");
+    return location.bad(fringes, "period_px", 0, "left out", "given at least once, in [2, 100000]");
   for (int i = 0; i < fringes.period_px_size(); ++i) {
     if (!within(fringes.period_px(i), 2.0, 100000.0))
-      return place.bad(fringes, "period_px", i, fringes.period_px(i), "in [2, 100000]");
+      return location.bad(fringes, "period_px", i, fringes.period_px(i), "in [2, 100000]");
   }
   if (fringes.has_phases() && !within(fringes.phases(), 3, 32))
-    return place.bad(fringes, "phases", 0, fringes.phases(), "3 to 32");
+    return location.bad(fringes, "phases", 0, fringes.phases(), "3 to 32");
   return absl::OkStatus();
 }
 
-// `ramp` of any method, and what method "ramp" needs of the rest.
-absl::Status check_ramp(const v1::Plan& plan, const Place& place) {
+// The field `ramp` for any method, and the requirements of method "ramp" on the rest of the plan.
+absl::Status check_ramp(const v1::Plan& plan, const Location& location) {
   const v1::Ramp& ramp = plan.ramp();
-  const Place here = place.nested(plan, "ramp", 0);
+  const Location here = location.nested(plan, "ramp", 0);
   if (plan.method() != kRampMethod) {
     const std::string alone = "left out: only method \"ramp\" takes several";
     if (ramp.has_frames()) return here.bad(ramp, "frames", 0, ramp.frames(), alone);
@@ -146,36 +148,37 @@ absl::Status check_ramp(const v1::Plan& plan, const Place& place) {
     return absl::OkStatus();
   }
   if (!plan.has_ramp())
-    return place.bad(plan, "ramp", 0, "left out", "given with method \"ramp\", as ramp { frames: 300 }");
+    return location.bad(plan, "ramp", 0, "left out", "given with method \"ramp\", as ramp { frames: 300 }");
   if (ramp.has_frames() && !within(ramp.frames(), 1, kMaxFrames))
     return here.bad(ramp, "frames", 0, ramp.frames(), fmt::format("1 to {}", kMaxFrames));
   if (ramp.has_empty_frames() && !within(ramp.empty_frames(), 1, kMaxEmptyFrames))
     return here.bad(ramp, "empty_frames", 0, ramp.empty_frames(), fmt::format("1 to {}", kMaxEmptyFrames));
   if (plan.skip_empty_stage()) {
-    return place.bad(plan, "skip_empty_stage", 0, "true",
-                     "left out: method \"ramp\" finds the object by the stage without it");
+    return location.bad(plan, "skip_empty_stage", 0, "true",
+                        "left out: method \"ramp\" finds the object by the stage without it");
   }
   if (!is_video(plan)) return absl::OkStatus();
   const std::string alone = "left out: while a video runs nothing but the ramp is shown";
-  if (!plan.sweeps().empty()) return place.bad(plan, "sweeps", 0, "given", alone);
-  if (!plan.photos().empty()) return place.bad(plan, "photos", 0, "given", alone);
-  if (plan.has_white_every()) return place.bad(plan, "white_every", 0, plan.white_every(), alone);
+  if (!plan.sweeps().empty()) return location.bad(plan, "sweeps", 0, "given", alone);
+  if (!plan.photos().empty()) return location.bad(plan, "photos", 0, "given", alone);
+  if (plan.has_white_every()) return location.bad(plan, "white_every", 0, plan.white_every(), alone);
   if (plan.monitors_size() > 1)
-    return place.bad(plan, "monitors", 1, "a second one", "left out: a video is of one monitor");
+    return location.bad(plan, "monitors", 1, "a second one", "left out: a video is of one monitor");
   if (plan.exposure_ms_size() > 1)
-    return place.bad(plan, "exposure_ms", 1, "a second one", "left out: all frames of a video have the same");
+    return location.bad(plan, "exposure_ms", 1, "a second one",
+                        "left out: all frames of a video have the same");
   return absl::OkStatus();
 }
 
-absl::Status check_calibration(const v1::Plan& plan, bool shows_nothing, const Place& place) {
+absl::Status check_calibration(const v1::Plan& plan, bool shows_nothing, const Location& location) {
   if (plan.method() != kCalibrationMethod || !plan.has_calibration() || !shows_nothing ||
       plan.has_white_every()) {
-    return place.bad(plan, "calibration", 0, plan.has_calibration() ? "given" : "left out",
-                     fmt::format("given with method \"{}\", without anything else to show, and only then",
-                                 kCalibrationMethod));
+    return location.bad(plan, "calibration", 0, plan.has_calibration() ? "given" : "left out",
+                        fmt::format("given with method \"{}\", without anything else to show, and only then",
+                                    kCalibrationMethod));
   }
   const v1::CalibrationFrames& frames = plan.calibration();
-  const Place here = place.nested(plan, "calibration", 0);
+  const Location here = location.nested(plan, "calibration", 0);
   if (frames.of() != "camera" && frames.of() != "display")
     return here.bad(frames, "of", 0, fmt::format("\"{}\"", frames.of()), "\"camera\" or \"display\"");
   if (frames.has_takes() && !within(frames.takes(), 1, 100))
@@ -185,15 +188,15 @@ absl::Status check_calibration(const v1::Plan& plan, bool shows_nothing, const P
   return absl::OkStatus();
 }
 
-absl::Status check(const v1::Plan& plan, const Place& place) {
+absl::Status check(const v1::Plan& plan, const Location& location) {
   if (plan.method() != kCalibrationMethod && !check_method(plan.method()).ok()) {
-    return place.bad(plan, "method", 0, fmt::format("\"{}\"", plan.method()),
-                     fmt::format("\"{}\" or \"{}\"", fmt::join(kMethods, "\", \""), kCalibrationMethod));
+    return location.bad(plan, "method", 0, fmt::format("\"{}\"", plan.method()),
+                        fmt::format("\"{}\" or \"{}\"", fmt::join(kMethods, "\", \""), kCalibrationMethod));
   }
   std::set<std::string> names;
   for (int i = 0; i < plan.monitors_size(); ++i) {
     const v1::PlanMonitor& monitor = plan.monitors(i);
-    const Place here = place.nested(plan, "monitors", i);
+    const Location here = location.nested(plan, "monitors", i);
     if (!check_name("monitor", monitor.name()).ok() || !names.insert(monitor.name()).second) {
       return here.bad(monitor, "name", 0, fmt::format("\"{}\"", monitor.name()),
                       "a monitor's name, each once: 1 to 64 letters, digits, '.', '_' or '-'");
@@ -206,59 +209,60 @@ absl::Status check(const v1::Plan& plan, const Place& place) {
     }
   }
   for (int i = 0; i < plan.sweeps_size(); ++i) {
-    GW_RETURN_IF_ERROR(check_sweep(plan.sweeps(i), place.nested(plan, "sweeps", i)));
+    GW_RETURN_IF_ERROR(check_sweep(plan.sweeps(i), location.nested(plan, "sweeps", i)));
   }
   for (int i = 0; i < plan.solids_size(); ++i) {
-    GW_RETURN_IF_ERROR(check_colour(plan.solids(i), place.nested(plan, "solids", i)));
+    GW_RETURN_IF_ERROR(check_colour(plan.solids(i), location.nested(plan, "solids", i)));
   }
   if (plan.has_square_waves()) {
-    GW_RETURN_IF_ERROR(check_square_waves(plan.square_waves(), place.nested(plan, "square_waves", 0)));
+    GW_RETURN_IF_ERROR(check_square_waves(plan.square_waves(), location.nested(plan, "square_waves", 0)));
   }
   for (int i = 0; i < plan.fringes_size(); ++i) {
-    GW_RETURN_IF_ERROR(check_fringes(plan.fringes(i), place.nested(plan, "fringes", i)));
+    GW_RETURN_IF_ERROR(check_fringes(plan.fringes(i), location.nested(plan, "fringes", i)));
   }
   for (int i = 0; i < plan.photos_size(); ++i) {
     if (plan.photos(i).file().empty()) {
-      return place.nested(plan, "photos", i).bad(plan.photos(i), "file", 0, "\"\"", "the path of a picture");
+      return location.nested(plan, "photos", i)
+          .bad(plan.photos(i), "file", 0, "\"\"", "the path of a picture");
     }
   }
   if (plan.has_hold_refreshes() && !within(plan.hold_refreshes(), 2, 600)) {
-    return place.bad(plan, "hold_refreshes", 0, plan.hold_refreshes(),
-                     "2 to 600 (a screen needs one refresh to change and one to be seen)");
+    return location.bad(plan, "hold_refreshes", 0, plan.hold_refreshes(),
+                        "2 to 600 (a screen needs one refresh to change and one to be seen)");
   }
   for (int i = 0; i < plan.exposure_ms_size(); ++i) {
     if (!within(plan.exposure_ms(i), 0.01, 10000.0)) {
-      return place.bad(plan, "exposure_ms", i, plan.exposure_ms(i), "in [0.01, 10000]");
+      return location.bad(plan, "exposure_ms", i, plan.exposure_ms(i), "in [0.01, 10000]");
     }
   }
   if (plan.has_retries() && !within(plan.retries(), 0, 100)) {
-    return place.bad(plan, "retries", 0, plan.retries(), "0 to 100");
+    return location.bad(plan, "retries", 0, plan.retries(), "0 to 100");
   }
   if (plan.has_white_every() && !within(plan.white_every(), 2, 10000)) {
-    return place.bad(plan, "white_every", 0, plan.white_every(), "2 to 10000");
+    return location.bad(plan, "white_every", 0, plan.white_every(), "2 to 10000");
   }
   const bool shows_nothing = plan.sweeps().empty() && plan.solids().empty() && !plan.has_square_waves() &&
                              !plan.has_ramp() && plan.fringes().empty() && plan.photos().empty();
   if (plan.has_calibration() || plan.method() == kCalibrationMethod) {
-    return check_calibration(plan, shows_nothing, place);
+    return check_calibration(plan, shows_nothing, location);
   }
-  GW_RETURN_IF_ERROR(check_ramp(plan, place));
+  GW_RETURN_IF_ERROR(check_ramp(plan, location));
   if (shows_nothing) {
-    return place.bad(plan, "sweeps", 0, "empty, and so is everything else",
-                     "at least one sweep, solid, ramp, fringe or photo");
+    return location.bad(plan, "sweeps", 0, "empty, and so is everything else",
+                        "at least one sweep, solid, ramp, fringe or photo");
   }
   return absl::OkStatus();
 }
 
-v1::Stimulus stimulus_on(const std::string& panel, const std::string& kind) {
+v1::Stimulus stimulus_on(const std::string& panel, StimulusKind kind) {
   v1::Stimulus stimulus;
-  stimulus.set_kind(kind);
+  stimulus.set_kind(std::string(name_of(kind)));
   stimulus.set_panel(panel);
   return stimulus;
 }
 
-// Peaks k * step for every whole k whose stripe is within the margin of the monitor's extent along the
-// sweep.
+// Adds stripes with peaks at k * step for every whole k within the monitor's extent along the sweep plus its
+// margin.
 void add_sweep(const v1::Sweep& sweep, const v1::Monitor& monitor, std::vector<v1::Stimulus>& out) {
   const double phi_rad = sweep.orientation_deg() * std::numbers::pi / 180.0;
   const double across_px = monitor.width_px() * std::cos(phi_rad);
@@ -267,11 +271,11 @@ void add_sweep(const v1::Sweep& sweep, const v1::Monitor& monitor, std::vector<v
   const double step_px = sweep.has_step_px() ? sweep.step_px() : 0.5 * sweep.sigma_px();
   const double low_px = std::min(across_px, 0.0) + std::min(down_px, 0.0) - margin_px;
   const double high_px = std::max(across_px, 0.0) + std::max(down_px, 0.0) + margin_px;
-  // A peak exactly on the margin must not depend on how cos(90 deg) rounds.
+  // Whether a peak exactly on the margin is included must not depend on the rounding of cos(90 deg).
   constexpr double kSlack = 1e-9;
   for (double k = std::ceil(low_px / step_px - kSlack); k <= std::floor(high_px / step_px + kSlack);
        k += 1.0) {
-    v1::Stimulus stripe = stimulus_on(monitor.name(), "gauss_stripe");
+    v1::Stimulus stripe = stimulus_on(monitor.name(), StimulusKind::kStripe);
     stripe.set_phi_deg(sweep.orientation_deg());
     stripe.set_r_px(k * step_px);
     stripe.set_sigma_px(sweep.sigma_px());
@@ -286,7 +290,7 @@ void add_fringes(const v1::Fringes& fringes, const v1::Monitor& monitor, std::ve
   const int phases = fringes.has_phases() ? fringes.phases() : kDefaultPhases;
   for (const double period_px : fringes.period_px()) {
     for (int k = 0; k < phases; ++k) {
-      v1::Stimulus wave = stimulus_on(monitor.name(), "sinusoid");
+      v1::Stimulus wave = stimulus_on(monitor.name(), StimulusKind::kSinusoid);
       wave.set_phi_deg(fringes.orientation_deg());
       wave.set_period_px(period_px);
       wave.set_phase_deg(360.0 * k / phases);
@@ -308,7 +312,7 @@ void add_square_waves(const v1::SquareWaves& waves, const v1::Monitor& monitor,
       if (bar_px < 1.0) break;  // finer than a pixel
       for (const bool inverse : {false, true}) {
         if (inverse && waves.without_complements()) continue;
-        v1::Stimulus bars = stimulus_on(monitor.name(), "square");
+        v1::Stimulus bars = stimulus_on(monitor.name(), StimulusKind::kSquare);
         bars.set_orient(orient);
         bars.set_level(level);
         bars.set_bar_width_px(bar_px);
@@ -323,18 +327,18 @@ void add_square_waves(const v1::SquareWaves& waves, const v1::Monitor& monitor,
 void add_patch_learning(const v1::Monitor& monitor, std::vector<v1::Stimulus>& out) {
   if (monitor.patch_rows() == 0) return;
   for (const std::uint16_t id : patch_learning_ids()) {
-    out.push_back(stimulus_on(monitor.name(), "patch"));
+    out.push_back(stimulus_on(monitor.name(), StimulusKind::kPatch));
     out.back().set_patch_id(id);
   }
 }
 
-// White and black first, again after every `every` of the others, and last.
+// Inserts white and black at the start, after every `every` stimuli, and at the end.
 std::vector<v1::Stimulus> with_white(std::vector<v1::Stimulus> stimuli, const v1::Monitor& monitor,
                                      int every) {
   std::vector<v1::Stimulus> out;
   const auto add = [&] {
     for (const double light : {1.0, 0.0}) {
-      out.push_back(stimulus_on(monitor.name(), "solid"));
+      out.push_back(stimulus_on(monitor.name(), StimulusKind::kSolid));
       for (int c = 0; c < 3; ++c) out.back().add_colour(light);
     }
   };
@@ -346,7 +350,7 @@ std::vector<v1::Stimulus> with_white(std::vector<v1::Stimulus> stimuli, const v1
   return out;
 }
 
-// What one monitor shows in its turn.
+// The stimuli that one monitor shows in its turn.
 std::vector<v1::Stimulus> stimuli_of(const v1::Plan& plan, const v1::Monitor& monitor, bool object) {
   std::vector<v1::Stimulus> out;
   if (plan.has_calibration()) {
@@ -354,14 +358,14 @@ std::vector<v1::Stimulus> stimuli_of(const v1::Plan& plan, const v1::Monitor& mo
     return out;
   }
   const auto add_ramp = [&](int count) {
-    out.insert(out.end(), static_cast<size_t>(count), stimulus_on(monitor.name(), "ramp"));
+    out.insert(out.end(), static_cast<size_t>(count), stimulus_on(monitor.name(), StimulusKind::kRamp));
   };
   if (object && is_video(plan)) {
     add_ramp(ramp_frames_of(plan.ramp()));
     return out;
   }
   for (const v1::Solid& solid : plan.solids()) {
-    v1::Stimulus stimulus = stimulus_on(monitor.name(), "solid");
+    v1::Stimulus stimulus = stimulus_on(monitor.name(), StimulusKind::kSolid);
     *stimulus.mutable_colour() = solid.colour();
     out.push_back(std::move(stimulus));
   }
@@ -387,7 +391,7 @@ absl::StatusOr<v1::Plan> parse_plan(std::string_view text, const std::string& fi
   if (!parser.ParseFromString(std::string(text), &plan)) {
     return absl::InvalidArgumentError(fmt::format("{}:{}", file_name, error.text));
   }
-  GW_RETURN_IF_ERROR(check(plan, Place(file_name, &tree, "")));
+  GW_RETURN_IF_ERROR(check(plan, Location(file_name, &tree, "")));
   return plan;
 }
 
@@ -397,7 +401,7 @@ absl::StatusOr<v1::Plan> read_plan(const std::filesystem::path& path) {
 }
 
 absl::Status check_plan(const v1::Plan& plan) {
-  return check(plan, Place("", nullptr, "plan."));
+  return check(plan, Location("", nullptr, "plan."));
 }
 
 absl::Status check_method(std::string_view name) {
@@ -463,7 +467,7 @@ absl::StatusOr<std::vector<Step>> expand(const v1::Plan& plan, const std::vector
   for (const bool object : {false, true}) {
     if (!object && plan.skip_empty_stage()) continue;
     std::vector<v1::Stimulus> stimuli;
-    // An exposure that suits a measurement may be too dark or too bright for a patch.
+    // Not in calibrations: their exposures may be too dark or too bright for a patch.
     for (const v1::Monitor& monitor : used) {
       if (!plan.has_calibration()) add_patch_learning(monitor, stimuli);
     }
@@ -473,7 +477,7 @@ absl::StatusOr<std::vector<Step>> expand(const v1::Plan& plan, const std::vector
     }
     for (const v1::Photo& photo : plan.photos()) {
       if (!object) break;
-      v1::Stimulus stimulus = stimulus_on(used.front().name(), "photo");
+      v1::Stimulus stimulus = stimulus_on(used.front().name(), StimulusKind::kPhoto);
       stimulus.set_image(photo.file());
       stimulus.set_name(photo.name().empty() ? std::filesystem::path(photo.file()).stem().string()
                                              : photo.name());

@@ -1,4 +1,4 @@
-// What a plan costs to capture.
+// Estimates the cost of capturing a plan.
 #pragma once
 
 #include <vector>
@@ -8,8 +8,8 @@
 
 namespace glasswing {
 
-// Fills in steps, time and bytes. `estimate` has the monitors, each with its refresh rate, and the camera
-// that they are for; `steps` are the plan's on those monitors.
+// Fills in steps, time and bytes. `estimate` already names the monitors, with their refresh rates, and the
+// camera; `steps` is the plan expanded on those monitors.
 void add_cost(const v1::Plan& plan, const std::vector<Step>& steps, v1::EstimateSessionResponse& estimate);
 
 }  // namespace glasswing

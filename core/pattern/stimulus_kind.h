@@ -1,5 +1,5 @@
-// The kinds of stimulus, by the names that plans and archives give them (stimulus.proto). The only place that
-// knows these names.
+// The kinds of stimulus and their names in plans and archives (stimulus.proto). No other code compares these
+// names.
 #pragma once
 
 #include <string_view>
@@ -9,7 +9,7 @@
 namespace glasswing {
 
 enum class StimulusKind {
-  kUnknown,  // a name that this program does not have
+  kUnknown,  // not a name known to this program
   kSolid,
   kStripe,
   kSinusoid,
@@ -21,7 +21,7 @@ enum class StimulusKind {
 
 StimulusKind kind_of(const v1::Stimulus& stimulus);
 
-// As Stimulus.kind; empty for kUnknown.
+// The name as in Stimulus.kind; empty for kUnknown.
 std::string_view name_of(StimulusKind kind);
 
 }  // namespace glasswing

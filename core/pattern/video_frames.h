@@ -1,4 +1,4 @@
-// Which frames of an archive are a video: those of the ramp with the object.
+// Selects the frames of an archive that form a video: those of the ramp with the object.
 #pragma once
 
 #include <vector>
@@ -7,12 +7,11 @@
 
 namespace glasswing {
 
-// Places in manifest.frames, by time; -1 where the plan has a frame that was not captured. One: a still.
-// None: the archive has neither. Frames without a plan's steps are as they follow one another in the
-// manifest.
+// Indices into manifest.frames, in time order; -1 for a planned frame that was not captured. A single index
+// is a still; empty: neither video nor still. Frames without plan steps keep the order of the manifest.
 std::vector<int> video_frames(const v1::CaptureManifest& manifest);
 
-// Of that list: which were not captured.
+// The positions in that list of frames that were not captured.
 std::vector<int> lost_frames(const std::vector<int>& video);
 
 }  // namespace glasswing

@@ -13,10 +13,10 @@ namespace glasswing {
 namespace {
 
 constexpr int kMinSide_px = 16;
-constexpr double kMaxPixels = 20000.0;  // more make it slower, not better
-constexpr double kTells = 0.01;         // code above black
-constexpr size_t kMinShared = 50;       // pixels, by neighbouring exposures
-constexpr double kBend = 0.002;         // of full scale, that a linear camera may have
+constexpr double kMaxPixels = 20000.0;   // more cost time without improving the fit
+constexpr double kMinAboveBlack = 0.01;  // code of a sample that counts as shared
+constexpr size_t kMinShared = 50;        // pixels, between neighbouring exposures
+constexpr double kBend = 0.002;          // of full scale: curvature accepted as linear
 constexpr double kStandardErrors = 3.0;
 constexpr std::array<const char*, 3> kChannelNames = {"red", "green", "blue"};
 
@@ -39,8 +39,9 @@ absl::Status check(std::span<const Exposure> exposures, const ResponseOptions& o
   }
   const Image16& first = exposures.front().codes;
   if (first.width_px < kMinSide_px || first.height_px < kMinSide_px) {
-    return absl::InvalidArgumentError(fmt::format("frames of {} x {} px are too small; {} x {} is the least",
-                                                  first.width_px, first.height_px, kMinSide_px, kMinSide_px));
+    return absl::InvalidArgumentError(
+        fmt::format("frames of {} x {} px are too small; the minimum is {} x {}", first.width_px,
+                    first.height_px, kMinSide_px, kMinSide_px));
   }
   double shortest = exposures.front().exposure_s, longest = shortest;
   for (const Exposure& exposure : exposures) {
@@ -67,7 +68,7 @@ double code_at(const Image16& image, int x, int y, int channel) {
   return image.at(x, y, channel) / 65535.0;
 }
 
-// Central differences: what a shift of one pixel may change.
+// Central differences: the change of code per pixel of shift.
 double gradient_at(const Image16& image, int x, int y, int channel) {
   return 0.5 * std::hypot(code_at(image, x + 1, y, channel) - code_at(image, x - 1, y, channel),
                           code_at(image, x, y + 1, channel) - code_at(image, x, y - 1, channel));
@@ -117,11 +118,11 @@ absl::Status check_overlap(std::span<const Exposure> exposures, int channel, con
   std::ranges::sort(order, {}, [&](size_t j) { return exposures[j].exposure_s; });
   std::vector<size_t> rank(order.size());
   for (size_t r = 0; r < order.size(); ++r) rank[order[r]] = r;
-  std::vector<size_t> shared(order.size());  // [r]: with the next shorter one
+  std::vector<size_t> shared(order.size());  // [r]: pixels shared with the next shorter exposure
   for (size_t i = 0; i + 1 < gathered.first.size(); ++i) {
     std::vector<bool> has(order.size());
     for (size_t s = gathered.first[i]; s < gathered.first[i + 1]; ++s) {
-      if (static_cast<double>(gathered.samples[s].code) < black + kTells) continue;
+      if (static_cast<double>(gathered.samples[s].code) < black + kMinAboveBlack) continue;
       has[rank[static_cast<size_t>(gathered.samples[s].frame)]] = true;
     }
     for (size_t r = 1; r < order.size(); ++r) shared[r] += has[r] && has[r - 1] ? 1 : 0;
@@ -129,9 +130,8 @@ absl::Status check_overlap(std::span<const Exposure> exposures, int channel, con
   for (size_t r = 1; r < order.size(); ++r) {
     if (shared[r] >= kMinShared) continue;
     return absl::FailedPreconditionError(fmt::format(
-        "the exposures of {} s and {} s share {} pixels that {} does not clip; {} are the least: add one "
-        "between, or "
-        "leave one out",
+        "the exposures of {} s and {} s share only {} pixels that are unclipped in {}; the minimum is {}: "
+        "add one between, or leave one out",
         exposures[order[r - 1]].exposure_s, exposures[order[r]].exposure_s, shared[r], name, kMinShared));
   }
   return absl::OkStatus();

@@ -11,8 +11,8 @@
 namespace glasswing {
 namespace {
 
-constexpr double kClipped = 0.95;   // of the camera's full scale: beyond, single pixels may be cut off
-constexpr double kMaxChange = 0.2;  // of white, from one time to the next
+constexpr double kClipped = 0.95;   // of the camera's full scale: above it, single pixels may be clipped
+constexpr double kMaxChange = 0.2;  // of white, between two measurements
 constexpr std::array<const char*, 3> kNames{"red", "green", "blue"};
 
 bool is_solid_of(const ShownSolid& solid, int code) {
@@ -44,7 +44,7 @@ ShownSolid mean_of(const std::vector<ShownSolid>& solids) {
   return mean;
 }
 
-// The primary of this gray, if it is one; black is all of them.
+// The primary of which this is a gray; none for black and for mixtures.
 std::optional<size_t> primary_of(const ShownSolid& solid) {
   std::optional<size_t> primary;
   for (size_t p = 0; p < 3; ++p) {
@@ -57,7 +57,7 @@ std::optional<size_t> primary_of(const ShownSolid& solid) {
 
 absl::Status check(const std::vector<ShownSolid>& solids, int bits) {
   if (bits < 8 || bits > 12)
-    return absl::InvalidArgumentError(fmt::format("codes of {} bits; it must be 8 to 12", bits));
+    return absl::InvalidArgumentError(fmt::format("codes have {} bits; it must be 8 to 12", bits));
   const int highest = (1 << bits) - 1;
   const bool errors = !solids.empty() && solids.front().error[0] > 0.0;
   for (const ShownSolid& solid : solids) {
@@ -72,12 +72,12 @@ absl::Status check(const std::vector<ShownSolid>& solids, int bits) {
       return absl::InvalidArgumentError(fmt::format(
           "{} has errors {}; they must be positive, or 0 in all solids", name, fmt::join(solid.error, " ")));
     }
-    const double most = *std::max_element(solid.light.begin(), solid.light.end());
-    if (most > kClipped) {
+    const double brightest = *std::max_element(solid.light.begin(), solid.light.end());
+    if (brightest > kClipped) {
       return absl::FailedPreconditionError(
-          fmt::format("{} reads {:.3f} of the camera's full scale, where light is cut off; it must be {} at "
+          fmt::format("{} reads {:.3f} of the camera's full scale, where light is clipped; it must be {} at "
                       "most: use a shorter exposure",
-                      name, most, kClipped));
+                      name, brightest, kClipped));
     }
   }
   return absl::OkStatus();
@@ -85,7 +85,7 @@ absl::Status check(const std::vector<ShownSolid>& solids, int bits) {
 
 struct Primary {
   ToneFit fit;
-  std::array<double, 3> light;  // of its highest code above black, in each channel
+  std::array<double, 3> light;  // of its highest code, above black, in each channel
 };
 
 absl::StatusOr<Primary> fit_primary(size_t p, const std::vector<ShownSolid>& grays, const ShownSolid& black,
@@ -129,7 +129,7 @@ absl::StatusOr<Primary> fit_primary(size_t p, const std::vector<ShownSolid>& gra
   }
 }
 
-// A line through the references on either side, in one channel.
+// Interpolates the references before and after a time, in one channel.
 struct Reference {
   double light = 0.0, variance = 0.0;
 };
@@ -194,7 +194,7 @@ absl::StatusOr<std::vector<ShownSolid>> without_drift(std::vector<ShownSolid> so
   std::vector<ShownSolid> blacks = all_of_code(solids, 0), whites = all_of_code(solids, (1 << bits) - 1);
   if (blacks.empty() || whites.empty()) {
     return absl::FailedPreconditionError(
-        "drift cannot be told: black and white must be shown, and again now and then");
+        "drift cannot be measured: black and white must be shown repeatedly");
   }
   std::stable_sort(blacks.begin(), blacks.end(), earlier);
   std::stable_sort(whites.begin(), whites.end(), earlier);
@@ -202,10 +202,10 @@ absl::StatusOr<std::vector<ShownSolid>> without_drift(std::vector<ShownSolid> so
     for (size_t c = 0; c < 3; ++c) {
       const double before = whites[i - 1].light[c], after = whites[i].light[c];
       if (std::abs(after - before) > kMaxChange * before) {
-        return absl::FailedPreconditionError(
-            fmt::format("white changed from {:.3f} to {:.3f} of the camera's full scale between two times it "
-                        "was shown; is auto exposure or auto gain on, or does the monitor dim itself?",
-                        before, after));
+        return absl::FailedPreconditionError(fmt::format(
+            "white changed from {:.3f} to {:.3f} of the camera's full scale from one "
+            "showing to the next; is auto exposure or auto gain on, or does the monitor dim itself?",
+            before, after));
       }
     }
   }

@@ -8,7 +8,7 @@ namespace glasswing {
 namespace {
 
 constexpr std::int32_t kOne = (1 << 20) - 1;  // radiance 1
-// Which code is nearest is looked up for radiances this coarse; an ill choice is handed on as any error is.
+// The nearest code is looked up by coarse radiance; a suboptimal choice is diffused like any other error.
 constexpr int kCoarse = 6;
 constexpr size_t kEntries = size_t{1} << (20 - kCoarse);
 constexpr int kCodeBits = 12;
@@ -18,7 +18,7 @@ constexpr size_t kBlock_px = 16;
 void make_fixed(std::span<const float> radiances, std::int32_t* fixed) {
   constexpr auto kMax = static_cast<float>(kOne);
   for (const float radiance : radiances) {
-    // Clamped last, and in two steps, so that a compiler makes vectors of it. NaN is 0.
+    // Clamped last, in two steps, so that compilers vectorise it. NaN becomes 0.
     const float scaled = radiance * kMax + 0.5f;
     const float positive = scaled > 0.0f ? scaled : 0.0f;
     const float clamped = positive < kMax ? positive : kMax;
@@ -26,7 +26,7 @@ void make_fixed(std::span<const float> radiances, std::int32_t* fixed) {
   }
 }
 
-// 0 or 1: it takes no part.
+// 0 or 1: such samples neither receive nor emit errors.
 bool is_extreme(std::int32_t radiance) {
   return static_cast<std::uint32_t>(radiance - 1) >= static_cast<std::uint32_t>(kOne - 1);
 }
@@ -38,7 +38,7 @@ Dither::Dither(const std::array<ToneCurve, 3>& curves)
   for (size_t c = 0; c < 3; ++c) {
     assert(curves[c].highest_code() == highest_);
     for (size_t i = 0; i < kEntries; ++i) {
-      // The last entry is of radiance 1.
+      // The last entry stands for radiance 1.
       const double radiance = i + 1 == kEntries ? 1.0 : static_cast<double>(i << kCoarse) / kOne;
       const double code = std::floor(curves[c].code_for(radiance) + 0.5);
       const auto shown = static_cast<std::uint32_t>(std::lround(curves[c].radiance(code) * kOne));
@@ -47,14 +47,14 @@ Dither::Dither(const std::array<ToneCurve, 3>& curves)
   }
 }
 
-// One row, pixel by pixel. `errors` is what the row above hands down to each sample, and behind the pixel
-// what this one does; there is room for a pixel before the first and one after the last.
+// One row, pixel by pixel. `errors` holds the errors handed down by the row above; behind the current pixel
+// it holds those for the row below. It has room for one pixel before the first and one after the last.
 class Dither::Row {
  public:
   Row(const std::uint32_t* nearest, const std::int32_t* radiance, std::int32_t* errors, std::uint16_t* codes)
       : nearest_(nearest), radiance_(radiance), errors_(errors), codes_(codes) {}
 
-  // Whether of all these pixels no primary takes part.
+  // True if all samples of these pixels are extreme.
   bool all_extreme(size_t from, size_t to) const {
     std::uint32_t between = 0;
     for (size_t i = 3 * from; i < 3 * to; ++i) between |= is_extreme(radiance_[i]) ? 0u : 1u;
@@ -80,7 +80,7 @@ class Dither::Row {
       here_[c] = below_after;
     }
   }
-  // After the last pixel of a run, before `end`.
+  // Call after the last pixel of a run that ends before `end`.
   void finish(size_t end) {
     for (size_t c = 0; c < 3; ++c) {
       errors_[static_cast<std::ptrdiff_t>(3 * end + c) - 3] = before_[c];
@@ -94,13 +94,14 @@ class Dither::Row {
   const std::int32_t* radiance_;
   std::int32_t* errors_;
   std::uint16_t* codes_;
-  std::array<std::int32_t, 3> left_{};    // handed on to the next pixel
-  std::array<std::int32_t, 3> before_{};  // to the one below the last, so far
-  std::array<std::int32_t, 3> here_{};    // to the one below the next, so far
+  std::array<std::int32_t, 3> left_{};    // error for the next pixel
+  std::array<std::int32_t, 3> before_{};  // for the pixel below the last one, so far
+  std::array<std::int32_t, 3> here_{};    // for the pixel below the next one, so far
 };
 
 void Dither::run(std::span<Row> rows, size_t from, size_t to) {
-  // A pixel waits for the one before. Two rows at once, the lower two pixels behind, keep a processor busy.
+  // Each pixel depends on the one before. Two interleaved rows, the lower two pixels behind, hide that
+  // latency.
   if (rows.size() == 2 && to - from > 2) {
     rows[0].step(from);
     rows[0].step(from + 1);
@@ -139,7 +140,7 @@ void Dither::codes(const Rows& radiance, int width_px, std::span<std::uint16_t> 
       const size_t from = block * kBlock_px, to = std::min(from + kBlock_px, width);
       return std::all_of(rows.begin(), rows.end(), [&](const Row& row) { return row.all_extreme(from, to); });
     };
-    // Where each primary is 0 or 1 there is nothing to hand on.
+    // Blocks whose samples are all extreme need no diffusion.
     const size_t blocks = (width + kBlock_px - 1) / kBlock_px;
     for (size_t first = 0, end = 0; first < blocks; first = end) {
       const bool plain = is_plain(first);
@@ -147,7 +148,7 @@ void Dither::codes(const Rows& radiance, int width_px, std::span<std::uint16_t> 
       const size_t from = first * kBlock_px, to = std::min(end * kBlock_px, width);
       if (plain) {
         for (Row& row : rows) row.fill(from, to, highest_);
-        // But for what the pixel before handed to the one below.
+        // Except what the pixel before this run handed to the one below.
         const size_t clean = from == 0 ? 0 : from + 1;
         std::fill(errors + 3 * clean, errors + 3 * to, 0);
       } else {

@@ -1,15 +1,14 @@
-// A picture's codes for a monitor of few bits, with what each pixel's code is off in radiance handed on to
-// pixels not yet done (error diffusion, Floyd and Steinberg 1976): with T the wanted radiance and L the tone
-// curve,
+// Quantises a picture to a monitor's codes by error diffusion (Floyd and Steinberg 1976) in radiance: with T
+// the wanted radiance and L the tone curve,
 //
-//   v = T + (7 e_left + 1 e_above_left + 5 e_above + 3 e_above_right) / 16,   code: nearest to v,   e = v -
-//   L(code)
+//   v = T + (7 e_left + 1 e_above_left + 5 e_above + 3 e_above_right) / 16
+//   code: nearest to v,   e = v - L(code)
 //
-// A primary that is wanted 0 or 1 (to 2^-21) has its code whatever is around it, and what is handed to it is
-// lost: black stays black, and costs little. Otherwise nothing is lost but over the picture's edges. So the
-// mean over any area is off by no more than what passes its border and the borders of such surfaces in it: at
-// most half a step between two codes for each pixel there. Radiances are mixed, not codes, which makes it
-// unbiased in light. tests/bench/dither_bench compares it with threshold matrices.
+// A sample whose wanted radiance is 0 or 1 (to 2^-21) always has code 0 or the highest, and errors handed to
+// it are dropped: black stays black, and is fast. No other error is lost, except over the picture's edges. So
+// the mean over any area is off by at most half a code step for each pixel along its border and the borders
+// of such samples within it. Errors are those of radiance, not of code, so the result is unbiased in light.
+// tests/bench/dither_bench compares it with threshold matrices.
 #pragma once
 
 #include <array>
@@ -25,15 +24,14 @@ namespace glasswing {
 
 class Dither {
  public:
-  // r, g, b, of as many bits.
+  // r, g, b, all of the same bit depth.
   explicit Dither(const std::array<ToneCurve, 3>& curves);
 
-  // Puts row y, in [0, height), of a picture's radiances into `row`: r, g, b interleaved, 3 width of them.
+  // Writes row y, in [0, height), of a picture's radiances to `row`: 3 width values, r, g, b interleaved.
   using Rows = std::function<void(int y_px, std::span<float> row)>;
 
-  // Radiances in [0, 1] (beyond, the nearest end; NaN is 0), taken to 2^-20 of full scale. A surface of
-  // radiance 0 is of code 0, one of 1 of the highest. Rows are asked for once, from the top. `codes` has 3
-  // width height of them.
+  // Radiances are clamped to [0, 1] (NaN is 0) and rounded to 2^-20 of full scale. Rows are requested once,
+  // from the top. `codes` has 3 width height elements.
   void codes(const Rows& radiance, int width_px, std::span<std::uint16_t> codes) const;
   Image<std::uint16_t> codes(const RadianceImage& radiance) const;
 

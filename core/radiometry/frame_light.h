@@ -1,7 +1,7 @@
-// What the samples of an archive's frames stand for, with the calibration of its camera: light, linear, 1.0 =
-// that of the code from which on samples are saturated.
+// Converts samples of an archive's frames to linear light by the calibration of its camera; 1.0 is the light
+// of the saturation code.
 //
-//   light_c(sample) = curve_c(sample / 65535), straight between the curve's knots and continued below black
+//   light_c(sample) = curve_c(sample / 65535), linear between the curve's knots; negative below black
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -16,29 +16,29 @@ namespace glasswing {
 
 class FrameLight {
  public:
-  // Without a calibration samples are light as they are, and saturated at full scale. INVALID_ARGUMENT: a
-  // calibration that cannot be one.
+  // Without a calibration, samples are linear light and saturate at full scale. INVALID_ARGUMENT:
+  // check_calibration() refuses the calibration.
   static absl::StatusOr<FrameLight> create(const v1::CaptureManifest& manifest);
   static absl::StatusOr<FrameLight> create(const v1::CameraCalibration& calibration);
 
-  // Below 0 for samples below the black level.
+  // Negative for samples below the black level.
   float light(std::uint16_t sample, int channel) const {
     return light_[static_cast<size_t>(channel)][sample];
   }
   bool saturated(std::uint16_t sample) const { return sample >= saturation_; }
-  // Samples are light already.
+  // True if samples are linear light already.
   bool is_identity() const { return identity_; }
 
  private:
   FrameLight() = default;
 
-  std::array<std::vector<float>, 3> light_;  // of all 65536 samples
+  std::array<std::vector<float>, 3> light_;  // by sample, 65536 entries
   std::uint16_t saturation_ = 65535;
   bool identity_ = true;
 };
 
-// Whether it can be true at all: version, three curves that rise, shares in [0, 1], finite numbers.
-// INVALID_ARGUMENT names the field.
+// Validates a calibration: version, three rising curves, shares in [0, 1], finite numbers. INVALID_ARGUMENT
+// names the field.
 absl::Status check_calibration(const v1::CameraCalibration& calibration);
 
 }  // namespace glasswing

@@ -14,8 +14,8 @@ constexpr double kMinWeight = 1e-3;
 constexpr double kFirstPower = 2.2;  // for the first weights only
 constexpr double kMinPower = 0.5;    // d ln f / d ln z, for weights only
 
-// The closest curve, weighted, that rises by kMinRise and more at every knot: adjacent violators are
-// pooled.
+// Replaces the curve by the nearest one, in weighted least squares, that rises by at least kMinRise per knot
+// (pooling of adjacent violators).
 void make_monotone(LogCurve::Knots& curve, const Eigen::VectorXd& weights) {
   struct Pool {
     double value, weight;
@@ -41,7 +41,7 @@ void make_monotone(LogCurve::Knots& curve, const Eigen::VectorXd& weights) {
 
 }  // namespace
 
-KnotPlace knot_place_of(double code) {
+KnotPosition knot_position_of(double code) {
   const double at = code * kKnotsPerCode;
   const int knot = std::clamp(static_cast<int>(at), 0, kKnots - 2);
   return {knot, at - knot};
@@ -60,15 +60,15 @@ LogCurve::LogCurve(double black) : black_(black * kKnotsPerCode) {
 }
 
 double LogCurve::operator()(double code) const {
-  const KnotPlace place = knot_place_of(code);
-  const auto knot = static_cast<size_t>(place.knot);
-  return soft_log(code * kKnotsPerCode - black_) + (1.0 - place.above) * rest_[knot] +
-         place.above * rest_[knot + 1];
+  const KnotPosition position = knot_position_of(code);
+  const auto knot = static_cast<size_t>(position.knot);
+  return soft_log(code * kKnotsPerCode - black_) + (1.0 - position.above) * rest_[knot] +
+         position.above * rest_[knot + 1];
 }
 
 double LogCurve::slope(double code) const {
   const double above = std::max(code * kKnotsPerCode - black_, 1.0);
-  const int knot = knot_place_of(code).knot, reach = std::max(2, static_cast<int>(above / 4.0));
+  const int knot = knot_position_of(code).knot, reach = std::max(2, static_cast<int>(above / 4.0));
   const int low = std::max(knot - reach, 0), high = std::min(knot + 1 + reach, kKnots - 1);
   const double rise = rest_[static_cast<size_t>(high)] - rest_[static_cast<size_t>(low)];
   return std::max(rise / (high - low) + 1.0 / above, kMinPower / above) * kKnotsPerCode;

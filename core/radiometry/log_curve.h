@@ -2,8 +2,8 @@
 //
 //   ln f(z) = ln(z - black) + s(z)
 //
-// s is straight between knots at the codes k / 255, so that the whole is smooth down to black, whatever the
-// camera. Codes are on the scale 1 = full.
+// s is linear between knots at the codes k / 255, so that the sum is smooth down to black for any camera.
+// Codes are on the scale 1 = full.
 #pragma once
 
 #include <Eigen/Dense>
@@ -13,32 +13,33 @@
 
 namespace glasswing {
 
-struct KnotPlace {
+struct KnotPosition {
   int knot;
   double above;  // share of the next knot
 };
-KnotPlace knot_place_of(double code);
+KnotPosition knot_position_of(double code);
 
-// ln x, and below 1 straight on, so that it is there for codes below black too.
+// ln x, continued below 1 by its tangent, so that it is defined for codes below black.
 double soft_log(double x);
 
 class LogCurve {
  public:
   using Knots = std::array<double, CameraResponse::kKnots>;
 
-  // A power law. `black` is a code.
+  // Starts as a power law. `black` is a code.
   explicit LogCurve(double black);
 
   double operator()(double code) const;
   double at_knot(size_t k) const { return values_[k]; }
-  // d ln f / d code, over a share of the code, as single steps are noisy; cameras' curves are never all flat.
+  // d ln f / d code, averaged over a range of codes, since single steps are noisy. Never 0: no camera's curve
+  // is flat.
   double slope(double code) const;
-  // The code of which ln f is `value`, in [0, 1].
+  // The code in [0, 1] where ln f is `value`.
   double code_of(double value) const;
 
-  // s, at the knots.
+  // s at the knots.
   const Knots& rest() const { return rest_; }
-  // Adds to s. Where the curve would fall, neighbouring knots become their weighted mean.
+  // Adds to s. Where the curve would fall, neighbouring knots are pooled to their weighted mean.
   void add(const Eigen::VectorXd& change, const Eigen::VectorXd& weights);
 
  private:

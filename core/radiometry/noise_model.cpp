@@ -11,15 +11,14 @@ namespace glasswing {
 namespace {
 
 constexpr double kFull = 65535.0;
-constexpr int kBins = 64;               // even in the root of the value, where shot noise is even
-constexpr size_t kFewest = 50;          // pixels of a bin
-constexpr double kClippedShare = 1e-3;  // of a bin's pixels, beyond which clipping makes its variance less
+constexpr int kBins = 64;          // equal in the square root of the value, in which shot noise is constant
+constexpr size_t kMinPixels = 50;  // of a bin
+constexpr double kClippedShare = 1e-3;  // of a bin's pixels; more would bias its variance low
 constexpr double kOutlierSigmas = 4.5;
 constexpr double kMinRange = 2.0;  // of brightest to darkest bin
 constexpr size_t kPileUp = 100;    // samples at the highest code
-constexpr double kNotDark = 0.25;
-constexpr double kMinExpected =
-    0.1;  // of a bin's variance: a line that is not yet right is not believed beyond
+// Of a bin's variance: floor of the expected variance while the line has not converged.
+constexpr double kMinExpected = 0.1;
 
 struct PixelNoise {
   double value;  // mean, above the black level
@@ -30,7 +29,7 @@ struct PixelNoise {
 
 struct Bin {
   double value = 0.0, variance = 0.0;
-  double freedom = 0.0;  // of all its pixels together
+  double freedom = 0.0;  // sum over its pixels
 };
 
 absl::Status check_sizes(std::span<const Image16> frames) {
@@ -45,8 +44,8 @@ absl::Status check_sizes(std::span<const Image16> frames) {
   return absl::OkStatus();
 }
 
-// A code that many samples have, more than all of the percent of codes below it: the sensor or its converter
-// is full.
+// The highest code in use, if more samples have it than the percent of codes below it together: there the
+// sensor or its converter saturates.
 std::optional<std::uint16_t> pile_up(std::span<const std::vector<Image16>> scenes) {
   std::vector<size_t> count(65536);
   for (const auto& frames : scenes) {
@@ -62,7 +61,7 @@ std::optional<std::uint16_t> pile_up(std::span<const std::vector<Image16>> scene
   return static_cast<std::uint16_t>(top);
 }
 
-// How bright each frame is beside the mean of all, least squares.
+// The brightness of each frame relative to the mean of all, by least squares.
 std::vector<double> flicker_of(const std::vector<Image16>& frames, const std::vector<double>& mean,
                                double black, std::uint16_t saturation) {
   std::vector<double> factors;
@@ -102,14 +101,14 @@ void add_scene(const std::vector<Image16>& frames, double black_level, std::uint
   }
 }
 
-// By how much a variance of so many degrees of freedom exceeds its median at kOutlierSigmas (Wilson and
+// The ratio of a variance at kOutlierSigmas to its median, for a number of degrees of freedom (Wilson and
 // Hilferty 1931).
 double outlier_ratio(int freedom) {
   const double spread = 2.0 / (9.0 * freedom);
   return std::pow((1.0 - spread + kOutlierSigmas * std::sqrt(spread)) / (1.0 - spread), 3);
 }
 
-// The bins that clipping leaves alone; `used` counts their pixels.
+// The bins that are not affected by clipping; `used` counts their pixels.
 std::vector<Bin> bins_of(std::vector<PixelNoise>& pixels, size_t& used) {
   std::array<std::vector<PixelNoise>, kBins> sorted;
   for (const PixelNoise& pixel : pixels) {
@@ -119,7 +118,7 @@ std::vector<Bin> bins_of(std::vector<PixelNoise>& pixels, size_t& used) {
   std::vector<Bin> bins;
   for (std::vector<PixelNoise>& members : sorted) {
     const auto clipped = std::ranges::count_if(members, &PixelNoise::clipped);
-    if (members.size() < kFewest ||
+    if (members.size() < kMinPixels ||
         static_cast<double>(clipped) > kClippedShare * static_cast<double>(members.size())) {
       continue;
     }
@@ -141,7 +140,8 @@ std::vector<Bin> bins_of(std::vector<PixelNoise>& pixels, size_t& used) {
   return bins;
 }
 
-// Weighted by what chi^2 statistics say of each bin's variance under the model of the pass before.
+// Fits variance against value, each bin weighted by the chi^2 variance of its variance under the previous
+// pass's model.
 NoiseModel fit_line(const std::vector<Bin>& bins) {
   double start = 0.0, slope = 0.0;
   NoiseModel model;
@@ -162,7 +162,7 @@ NoiseModel fit_line(const std::vector<Bin>& bins) {
     for (const Bin& bin : bins) weights.push_back(weight_of(bin));
     slope = (n * xy - x * y) / determinant;
     start = (xx * y - x * xy) / determinant;
-    if (start < 0.0) {  // no read noise that could be told: the line through 0
+    if (start < 0.0) {  // no measurable read noise: fit the line through 0
       start = 0.0;
       slope = xy / xx;
     }
@@ -175,7 +175,7 @@ NoiseModel fit_line(const std::vector<Bin>& bins) {
     model.gain_error = inflation * std::sqrt(n / determinant);
     const double start_error = inflation * std::sqrt(xx / determinant);
     model.read_sd = std::sqrt(std::max(start, 0.0));
-    // Of a root: d sqrt(v) = dv / (2 sqrt(v)), and no more than the root of what v may be off.
+    // d sqrt(v) = dv / (2 sqrt(v)), at most the square root of the error of v.
     model.read_sd_error =
         std::min(start_error / (2.0 * std::max(model.read_sd, 1e-12)), std::sqrt(start_error));
   }
@@ -183,28 +183,6 @@ NoiseModel fit_line(const std::vector<Bin>& bins) {
 }
 
 }  // namespace
-
-absl::StatusOr<BlackLevel> measure_black_level(std::span<const Image16> dark_frames) {
-  if (dark_frames.empty())
-    return absl::InvalidArgumentError("the black level needs a frame without light; there is none");
-  if (const absl::Status status = check_sizes(dark_frames); !status.ok()) return status;
-  double count = 0.0, sum = 0.0, square = 0.0;
-  for (const Image16& frame : dark_frames) {
-    for (const std::uint16_t sample : frame.samples) {
-      const double code = sample / kFull;
-      count += 1.0, sum += code, square += code * code;
-    }
-  }
-  BlackLevel black;
-  black.code = sum / count;
-  if (black.code > kNotDark) {
-    return absl::InvalidArgumentError(fmt::format(
-        "the frames without light have a mean code of {:.3f} of full scale; cover the lens", black.code));
-  }
-  black.sd = std::sqrt(std::max(square / count - black.code * black.code, 0.0));
-  black.error = black.sd / std::sqrt(count);
-  return black;
-}
 
 absl::StatusOr<NoiseModel> fit_noise(std::span<const std::vector<Image16>> scenes, double black_level) {
   if (!(black_level >= 0.0 && black_level <= 0.5)) {
@@ -227,8 +205,8 @@ absl::StatusOr<NoiseModel> fit_noise(std::span<const std::vector<Image16>> scene
   const std::vector<Bin> bins = bins_of(pixels, used);
   if (bins.size() < 3 || bins.back().value < kMinRange * std::max(bins.front().value, 1e-6)) {
     return absl::FailedPreconditionError(fmt::format(
-        "only {} of {} brightnesses are seen unclipped; the noise needs three or more, from dark to "
-        "twice as bright: show a gradient, or several exposures",
+        "only {} of {} brightness levels are seen unclipped; the noise model needs three or more, "
+        "spanning at least a factor of two: show a gradient, or use several exposures",
         bins.size(), kBins));
   }
   if (std::ranges::all_of(bins, [](const Bin& bin) { return bin.variance <= 0.0; })) {

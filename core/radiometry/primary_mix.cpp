@@ -11,12 +11,12 @@
 namespace glasswing {
 namespace {
 
-constexpr double kMaxAmplified = 10.0;  // by a row of N^-1: light would be lost in what is amplified
+constexpr double kMaxAmplified = 10.0;  // by a row of N^-1: beyond it, noise would swamp the light
 
 using Matrix = std::array<std::array<double, 3>, 3>;
 constexpr Matrix kUnit = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
 
-// Rows divided by their sums.
+// The crosstalk with each row divided by its sum.
 absl::StatusOr<Matrix> normalised(const google::protobuf::RepeatedField<double>& crosstalk,
                                   const std::string& monitor) {
   const auto bad = [&](const std::string& what) {
@@ -97,7 +97,7 @@ absl::StatusOr<PrimaryMix> PrimaryMix::create(std::vector<Matrix> matrices, cons
   const Eigen::Matrix3d inverse = mean.inverse();
   if (!inverse.allFinite() || inverse.cwiseAbs().rowwise().sum().maxCoeff() > kMaxAmplified) {
     return absl::InvalidArgumentError(
-        "the calibrations of the monitors: their crosstalk hardly tells primaries apart; taking it out would "
+        "the calibrations of the monitors: their crosstalk hardly tells primaries apart; removing it would "
         "amplify noise more than ten times");
   }
   for (int row = 0; row < 3; ++row) {

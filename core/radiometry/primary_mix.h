@@ -2,11 +2,11 @@
 //
 //   seen_c = sum over primaries p of N_cp light_p
 //
-// N is a monitor's crosstalk, each row divided by its sum, the camera's answer to white: white keeps its
-// brightness in every channel. What an object does to light it does to what each camera channel sees: glass
-// bends red and green differently, and no channel of one place is mixed with another's. So a matte's channels
-// are the camera's. Its backgrounds go through N before they are composited, and the composite is taken back
-// to primaries by the inverse of the monitors' mean N.
+// N is a monitor's crosstalk with each row divided by its sum, the camera's response to white, so white keeps
+// its brightness in every channel. An object acts on the light that each camera channel sees: glass refracts
+// red and green differently. So a matte's channels are those of the camera: backgrounds are multiplied by N
+// before compositing, and the composite is converted back to primaries by the inverse of the monitors' mean
+// N.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -24,19 +24,20 @@ class PrimaryMix {
  public:
   using Light = std::array<float, 3>;
 
-  // INVALID_ARGUMENT: crosstalk that cannot be one, or that hardly tells primaries apart.
+  // INVALID_ARGUMENT: invalid crosstalk, or crosstalk that hardly separates the primaries.
   static absl::StatusOr<PrimaryMix> create(const v1::CaptureManifest& manifest);
   static absl::StatusOr<PrimaryMix> create(const v1::MatteMetadata& metadata);
 
-  // No monitor is calibrated: channels and primaries are the same.
+  // True if no monitor is calibrated: channels equal primaries.
   bool is_unit() const { return matrices_.empty(); }
-  // Of light of a monitor's primaries (its place in the manifest), what the camera's channels see.
+  // Converts light of a monitor's primaries to the camera's channels; `texture` is the monitor's index in the
+  // manifest.
   Light seen(int texture, const Light& primaries) const;
   Light primaries(const Light& seen) const;
-  // The largest difference of a monitor's N from the mean.
+  // The largest deviation of a monitor's N from the mean.
   double spread() const { return spread_; }
 
-  // For create().
+  // Writes the crosstalk that create() reads.
   void describe(v1::MatteMetadata& metadata) const;
 
  private:
@@ -44,7 +45,7 @@ class PrimaryMix {
   static absl::StatusOr<PrimaryMix> create(std::vector<Matrix> matrices, const std::vector<bool>& known);
 
   std::vector<Matrix> matrices_;  // N by texture; none if all are unit
-  Matrix inverse_{};              // of the mean of those that are known
+  Matrix inverse_{};              // of the mean of the known ones
   double spread_ = 0.0;
 };
 

@@ -16,23 +16,23 @@ using Eigen::VectorXd;
 constexpr int kKnots = CameraResponse::kKnots;
 constexpr double kKnotsPerCode = kKnots - 1;
 constexpr int kPasses = 10;
-constexpr int kPassesToTrust = 4;  // before residuals tell what moved, and codes are predicted
-// Of d ln f / d ln z, variance per ln z. Simulated cameras of gamma 1.8 to 2.6, sRGB, film's shoulder and S
-// shapes of contrast 0.2 to 0.8 are likeliest at 0 to 0.9; more is no camera but a staircase
+constexpr int kPassesToTrust = 4;  // before outliers are rejected and codes predicted
+// b: the variance of d ln f / d ln z per ln z. For simulated cameras with gamma 1.8 to 2.6, sRGB, a film
+// shoulder or S shapes of contrast 0.2 to 0.8 the likelihood peaks at 0 to 0.9; larger values fit staircases
 // (docs/calibration.md).
 constexpr double kMaxBend = 1.0, kFirstBend = 0.02, kMinBend = 1e-4;
-constexpr size_t kFewestAtKnot = 20;  // samples; a darker curve is continued as a straight line
-constexpr double kHoldTimes = 1e12;   // weights of what is so by definition
+constexpr size_t kMinAtKnot = 20;    // samples; below the first such knot the curve is extrapolated
+constexpr double kHoldTimes = 1e12;  // weights of constraints
 constexpr double kHoldTop = 1e8;
 constexpr double kOutlier = 4.0;       // standard deviations
-constexpr double kMaxRelative = 0.3;   // noise of an exposure, beyond which its logarithm means nothing
-constexpr double kMinNoise = 1e-4;     // of a code; far below 8 bits' steps
-constexpr double kFirstNoise = 0.005;  // until residuals tell
-constexpr double kMinKept = 0.3;       // of a residual; else its sample set ln E all but alone
+constexpr double kMaxRelative = 0.3;   // noise of an exposure; its logarithm is useless beyond
+constexpr double kMinNoise = 1e-4;     // of a code; far below the step of 8 bits
+constexpr double kFirstNoise = 0.005;  // before it is estimated from residuals
+constexpr double kMinKept = 0.3;       // of a residual; below, its sample alone determined ln E
 constexpr int kNoiseBins = 16;
-constexpr size_t kFewest = 100;  // samples, to learn a bin's noise from
+constexpr size_t kMinSamples = 100;  // of a bin, to estimate its noise
 
-// What all samples say of changes of s (per channel) and of ln t: matrices and right sides of least squares.
+// The normal equations for changes of s (per channel) and of ln t.
 struct Equations {
   explicit Equations(Eigen::Index frames)
       : times(MatrixXd::Zero(frames, frames)), right_times(VectorXd::Zero(frames)) {
@@ -100,7 +100,7 @@ class Fit {
 
  private:
   struct Term {
-    double weight;    // inverse variance of ln f; 0: does not count
+    double weight;    // inverse variance of ln f; 0: ignored
     double residual;  // ln f - ln t - ln E
     double per_code;  // of ln f
     double code;      // where the curve is changed
@@ -108,9 +108,9 @@ class Fit {
 
   bool predicts() const { return passes_ >= kPassesToTrust; }
 
-  // Weights and residuals of one pixel's samples, with ln E their weighted mean, which it returns. A curve
-  // that is read at noisy codes gets flatter wherever that hides noise. So once there is a curve it is read
-  // at the codes that it predicts itself: residuals then are those of codes, in units of ln f.
+  // Computes weights and residuals of one pixel's samples; returns their weighted mean ln E. A curve
+  // evaluated at noisy codes is biased flat. So once there is a curve, it is evaluated at the codes it
+  // predicts: residuals are then those of codes, in units of ln f.
   double weigh(size_t c, size_t pixel, bool robust) {
     const ChannelSamples& channel = channels_[c];
     const LogCurve& curve = curves_[c];
@@ -164,9 +164,9 @@ class Fit {
       const Term& term = terms_[i];
       if (term.weight == 0.0) continue;
       const int frame = channels_[c].samples[channels_[c].first[pixel] + i].frame;
-      const KnotPlace place = knot_place_of(term.code);
-      const int k = place.knot;
-      const double a = 1.0 - place.above, b = place.above, w = term.weight;
+      const KnotPosition position = knot_position_of(term.code);
+      const int k = position.knot;
+      const double a = 1.0 - position.above, b = position.above, w = term.weight;
       curve(k, k) += w * a * a, curve(k, k + 1) += w * a * b;
       curve(k + 1, k) += w * a * b, curve(k + 1, k + 1) += w * b * b;
       equations.both[c](k, frame) -= w * a, equations.both[c](k + 1, frame) -= w * b;
@@ -188,7 +188,7 @@ class Fit {
     }
   }
 
-  // What the bends of ln f cost, times b.
+  // The roughness penalty of ln f, times b.
   static MatrixXd roughness_of(double black) {
     MatrixXd roughness = MatrixXd::Zero(kKnots, kKnots);
     for (int k = 1; k < kKnots - 1; ++k) {
@@ -203,7 +203,7 @@ class Fit {
   Solution solve(const Equations& equations, double cost, double bend) const {
     Solution solution;
     const Eigen::Index frames = times_.size();
-    // Times as declared, but for what the frames say; mean and slope of ln t stay.
+    // The prior of the declared times; mean and slope of ln t are held.
     const VectorXd off = times_ - declared_,
                    centred = (declared_.array() - declared_.mean()).matrix().normalized();
     const double precision = 1.0 / (options_.exposure_sd * options_.exposure_sd);
@@ -212,7 +212,7 @@ class Fit {
                            MatrixXd::Constant(frames, frames, 1.0 / static_cast<double>(frames)));
     VectorXd right = equations.right_times - precision * off;
     std::array<VectorXd, 3> rights;
-    const KnotPlace top = knot_place_of(options_.saturation);
+    const KnotPosition top = knot_position_of(options_.saturation);
     const Eigen::Vector2d hold(1.0 - top.above, top.above);
     double determinants = 0.0;
     cost += precision * off.squaredNorm();
@@ -242,7 +242,7 @@ class Fit {
     return solution;
   }
 
-  // One step of Gauss and Newton, with the bend that makes the samples likeliest.
+  // One Gauss-Newton step, with the bend of maximum likelihood.
   Solution step() {
     Equations equations(times_.size());
     double cost = 0.0;
@@ -284,19 +284,19 @@ class Fit {
     continue_to_black(c, result);
   }
 
-  // Where noise is most of the exposure its logarithm is not fitted. From there the curve goes on as a
-  // parabola to the black level, and below it straight; all straight if the black level is not known.
+  // Where noise dominates the exposure, its logarithm is not fitted. There the curve is extrapolated by a
+  // parabola down to the black level and a line below it, or by a line alone if the black level is unknown.
   void continue_to_black(size_t c, ResponseFit& result) {
     LogCurve::Knots& curve = result.exposures[c];
     std::array<size_t, kKnots> count{};
     for (size_t i = 0; i < lights_[c].size(); ++i) {
       weigh(c, i, true);
       for (const Term& term : terms_) {
-        if (term.weight > 0.0) ++count[static_cast<size_t>(knot_place_of(term.code).knot)];
+        if (term.weight > 0.0) ++count[static_cast<size_t>(knot_position_of(term.code).knot)];
       }
     }
     size_t first = 1;
-    while (first + 8 < kKnots && count[first] < kFewestAtKnot) ++first;
+    while (first + 8 < kKnots && count[first] < kMinAtKnot) ++first;
     const double black = black_[c] * kKnotsPerCode, near = static_cast<double>(first) - black,
                  far = near + 4.0;
     const double error = result.errors[c][first];
@@ -308,7 +308,7 @@ class Fit {
       }
       return;
     }
-    // Through both points, where it neither falls nor turns down before them.
+    // Through both points, limited so that it rises up to them.
     const double chord = curve[first] / near;
     const double bend = std::clamp((curve[first + 4] / far - chord) / (far - near), -chord / (2.0 * far),
                                    chord / (2.0 * near));
@@ -320,8 +320,8 @@ class Fit {
     }
   }
 
-  // The codes' standard deviation, by brightness: 1.4826 median |residual|, in codes, made up for what a
-  // pixel's fitted E takes from its residuals.
+  // Estimates the standard deviation of codes by brightness: 1.4826 median |residual|, in codes, corrected
+  // for the degree of freedom that a pixel's fitted E takes.
   void learn_noise(size_t c) {
     std::array<std::vector<double>, kNoiseBins> off;
     for (size_t i = 0; i < lights_[c].size(); ++i) {
@@ -339,7 +339,7 @@ class Fit {
       }
     }
     for (size_t bin = 0; bin < kNoiseBins; ++bin) {
-      if (off[bin].size() < kFewest) continue;
+      if (off[bin].size() < kMinSamples) continue;
       const auto middle = off[bin].begin() + static_cast<std::ptrdiff_t>(off[bin].size() / 2);
       std::nth_element(off[bin].begin(), middle, off[bin].end());
       noise_[c][bin] = std::max(1.4826 * *middle, kMinNoise);
@@ -351,7 +351,7 @@ class Fit {
   VectorXd declared_, times_;  // ln t
   const std::array<double, 3> black_;
   std::array<LogCurve, 3> curves_;
-  std::array<std::vector<double>, 3> lights_;  // ln E, of each pixel
+  std::array<std::vector<double>, 3> lights_;  // ln E by pixel
   std::array<std::array<double, kNoiseBins>, 3> noise_;
   std::array<MatrixXd, 3> roughness_;
   double bend_ = kFirstBend;

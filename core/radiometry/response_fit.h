@@ -1,4 +1,4 @@
-// The least squares behind CameraResponse; its header has the equation.
+// The least-squares fit behind CameraResponse; camera_response.h has the equation.
 #pragma once
 
 #include <array>
@@ -9,14 +9,14 @@
 
 namespace glasswing {
 
-// One pixel's code in one frame, not clipped.
+// An unclipped code of one pixel in one frame.
 struct CodeSample {
   int frame = 0;
   float code = 0.0f;      // full scale 1
   float gradient = 0.0f;  // of the code, per px
 };
 
-// What is known of one channel. Pixel i has samples [first[i], first[i + 1]), at least two.
+// The samples of one channel. Pixel i has samples [first[i], first[i + 1]), at least two.
 struct ChannelSamples {
   std::vector<CodeSample> samples;
   std::vector<size_t> first = {0};

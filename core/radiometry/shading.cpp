@@ -7,24 +7,24 @@
 
 namespace glasswing {
 
-absl::StatusOr<Evenness> Evenness::create(const v1::CaptureManifest& manifest) {
-  Evenness even;
-  even.width_px_ = manifest.camera().width_px();
-  even.height_px_ = manifest.camera().height_px();
+absl::StatusOr<Shading> Shading::create(const v1::CaptureManifest& manifest) {
+  Shading shading;
+  shading.width_px_ = manifest.camera().width_px();
+  shading.height_px_ = manifest.camera().height_px();
   if (manifest.camera_calibration().has_fall_off()) {
     const v1::FallOff& fall_off = manifest.camera_calibration().fall_off();
     const double r2 = fall_off.r2(), r4 = fall_off.r4();
-    double least = std::min(1.0, 1.0 + r2 + r4);
-    if (r4 > 0.0 && r2 < 0.0 && -r2 < 2.0 * r4) least = std::min(least, 1.0 - 0.25 * r2 * r2 / r4);
-    if (!(least > 0.0)) {
+    double darkest = std::min(1.0, 1.0 + r2 + r4);
+    if (r4 > 0.0 && r2 < 0.0 && -r2 < 2.0 * r4) darkest = std::min(darkest, 1.0 - 0.25 * r2 * r2 / r4);
+    if (!(darkest > 0.0)) {
       return absl::InvalidArgumentError(fmt::format(
           "the calibration of camera \"{}\": its fall-off leaves {:.3f} of the light somewhere; it must be "
           "above 0 everywhere",
-          manifest.camera_calibration().camera(), least));
+          manifest.camera_calibration().camera(), darkest));
     }
-    even.r2_ = r2;
-    even.r4_ = r4;
-    even.fades_ = r2 != 0.0 || r4 != 0.0;
+    shading.r2_ = r2;
+    shading.r4_ = r4;
+    shading.fades_ = r2 != 0.0 || r4 != 0.0;
   }
   for (const v1::DisplayCalibration& calibration : manifest.display_calibrations()) {
     if (!calibration.has_uniformity()) continue;
@@ -36,16 +36,15 @@ absl::StatusOr<Evenness> Evenness::create(const v1::CaptureManifest& manifest) {
                             [](float light) { return light > 0.0f && std::isfinite(light); });
     if (!good) {
       return absl::InvalidArgumentError(fmt::format(
-          "the calibration of monitor \"{}\": uniformity is {} x {} with {} values; it must have columns x "
-          "rows "
-          "values above 0",
+          "the calibration of monitor \"{}\": uniformity is {} x {} with {} values; it must have "
+          "columns x rows values above 0",
           calibration.monitor(), uniformity.columns(), uniformity.rows(), uniformity.light_size()));
     }
     for (int texture = 0; texture < manifest.monitors_size(); ++texture) {
       const v1::Monitor& monitor = manifest.monitors(texture);
       if (monitor.name() != calibration.monitor()) continue;
-      even.grids_.resize(static_cast<size_t>(manifest.monitors_size()));
-      even.grids_[static_cast<size_t>(texture)] = {
+      shading.grids_.resize(static_cast<size_t>(manifest.monitors_size()));
+      shading.grids_[static_cast<size_t>(texture)] = {
           .columns = uniformity.columns(),
           .rows = uniformity.rows(),
           .cell_width_px = static_cast<double>(monitor.width_px()) / uniformity.columns(),
@@ -53,17 +52,17 @@ absl::StatusOr<Evenness> Evenness::create(const v1::CaptureManifest& manifest) {
           .light = {uniformity.light().begin(), uniformity.light().end()}};
     }
   }
-  return even;
+  return shading;
 }
 
-double Evenness::camera(int x, int y) const {
+double Shading::camera(int x, int y) const {
   const double across_px = x + 0.5 - 0.5 * width_px_, down_px = y + 0.5 - 0.5 * height_px_;
   const double corner_px2 = 0.25 * (1.0 * width_px_ * width_px_ + 1.0 * height_px_ * height_px_);
   const double r2 = (across_px * across_px + down_px * down_px) / corner_px2;
   return 1.0 + r2 * (r2_ + r2 * r4_);
 }
 
-double Evenness::monitor(int texture, double x_px, double y_px) const {
+double Shading::monitor(int texture, double x_px, double y_px) const {
   if (grids_.empty() || grids_[static_cast<size_t>(texture)].columns == 0) return 1.0;
   const Grid& grid = grids_[static_cast<size_t>(texture)];
   const double across = std::clamp(x_px / grid.cell_width_px - 0.5, 0.0, grid.columns - 1.0),

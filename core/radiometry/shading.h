@@ -1,4 +1,5 @@
-// How a camera and monitors fade over their pictures, as their calibrations say.
+// The shading of a camera and of monitors over their pictures, from their calibrations: the camera's radial
+// fall-off and each monitor's grid of uniformity.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -9,18 +10,17 @@
 
 namespace glasswing {
 
-class Evenness {
+class Shading {
  public:
-  // What is not calibrated counts as even. INVALID_ARGUMENT: light that would be 0 or less somewhere, or a
-  // grid that is none.
-  static absl::StatusOr<Evenness> create(const v1::CaptureManifest& manifest);
+  // Uncalibrated devices have no shading. INVALID_ARGUMENT: light of 0 or less somewhere, or an invalid grid.
+  static absl::StatusOr<Shading> create(const v1::CaptureManifest& manifest);
 
-  bool is_even() const { return !fades_ && grids_.empty(); }
-  // What the camera sees of an even surface at the centre of pixel (x, y), of that in the picture's middle:
+  bool is_uniform() const { return !fades_ && grids_.empty(); }
+  // Light of a uniform surface at the centre of pixel (x, y), relative to the middle of the camera's picture:
   // 1 + r2 r^2 + r4 r^4, r = 1 in the corners.
   double camera(int x, int y) const;
-  // The light of a monitor (its place in the manifest) at a place in monitor px, of that in its middle.
-  // Straight between the middles of the grid's cells, even beyond the outermost.
+  // Light of a monitor at a point in monitor px, relative to its middle; `texture` is its index in the
+  // manifest. Bilinear between the centres of the grid's cells, constant beyond the outermost.
   double monitor(int texture, double x_px, double y_px) const;
 
  private:
@@ -33,7 +33,7 @@ class Evenness {
   int width_px_ = 1, height_px_ = 1;
   bool fades_ = false;
   double r2_ = 0.0, r4_ = 0.0;
-  std::vector<Grid> grids_;  // by texture, without columns where even; none if all are
+  std::vector<Grid> grids_;  // by texture; no columns: uniform; empty: all uniform
 };
 
 }  // namespace glasswing

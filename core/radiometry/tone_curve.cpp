@@ -13,12 +13,12 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr size_t kFewestCodes = 6;
-constexpr double kFall = 0.005;      // of full scale: what a response has to be known to
+constexpr size_t kMinCodes = 6;
+constexpr double kFall = 0.005;      // of full scale: the accuracy that a response needs
 constexpr double kFallErrors = 4.0;  // standard
 constexpr double kMinGamma = 0.5, kMaxGamma = 4.0;
 constexpr double kGammaStep = 0.1;
-// Of tau^2, by factors of ten, for weights of mean 1 and lights of full scale 1.
+// Powers of ten of tau^2, for weights of mean 1 and lights of full scale 1.
 constexpr int kMinRoughness = -4, kMaxRoughness = 10;
 
 double covariance(double x, double y) {
@@ -38,7 +38,7 @@ MatrixXd power_law(const VectorXd& x, double gamma) {
   return columns;
 }
 
-// What its light changes by with b, a and (in units of 1 / a) gamma.
+// Derivatives of the light with respect to b, a and (in units of 1 / a) gamma.
 MatrixXd tangents(const VectorXd& x, double gamma) {
   MatrixXd columns(x.size(), 3);
   columns.leftCols(2) = power_law(x, gamma);
@@ -46,7 +46,7 @@ MatrixXd tangents(const VectorXd& x, double gamma) {
   return columns;
 }
 
-// One gamma and one tau.
+// The fit for one gamma and one tau.
 struct Model {
   double gamma = 0.0, roughness = 0.0;  // tau^2
   double log_likelihood = 0.0;          // restricted
@@ -107,7 +107,7 @@ std::optional<Model> likeliest(const Points& points) {
   return best;
 }
 
-// The nearest curve that never falls: neighbours that do are pooled into their mean.
+// Replaces the values by the nearest non-decreasing ones (pooling of adjacent violators).
 void pool_falls(VectorXd& values) {
   struct Step {
     double sum;
@@ -130,7 +130,7 @@ void pool_falls(VectorXd& values) {
   }
 }
 
-// In order of codes, each once: several lights of a code become their weighted mean.
+// Sorted by code, each code once: several lights of a code become their weighted mean.
 std::vector<TonePoint> merged(std::vector<TonePoint> points) {
   std::stable_sort(points.begin(), points.end(),
                    [](const TonePoint& a, const TonePoint& b) { return a.code < b.code; });
@@ -165,12 +165,11 @@ absl::Status check(const std::vector<TonePoint>& points, int highest, std::strin
 }
 
 absl::Status check_rise(const std::vector<TonePoint>& codes, int highest, std::string_view what) {
-  if (codes.size() < kFewestCodes || codes.front().code != 0 || codes.back().code != highest) {
+  if (codes.size() < kMinCodes || codes.front().code != 0 || codes.back().code != highest) {
     return absl::FailedPreconditionError(fmt::format(
-        "{}: too few grays: {} different codes from {} to {}; it takes {} or more, 0 and {} among "
-        "them",
-        what, codes.size(), codes.empty() ? 0 : codes.front().code, codes.empty() ? 0 : codes.back().code,
-        kFewestCodes, highest));
+        "{}: too few grays: {} different codes from {} to {}; it takes {} or more, including 0 and {}", what,
+        codes.size(), codes.empty() ? 0 : codes.front().code, codes.empty() ? 0 : codes.back().code,
+        kMinCodes, highest));
   }
   const double swing = codes.back().light - codes.front().light;
   if (!(swing > kFallErrors * std::hypot(codes.front().error, codes.back().error))) {
@@ -193,13 +192,29 @@ absl::Status check_rise(const std::vector<TonePoint>& codes, int highest, std::s
   return absl::OkStatus();
 }
 
+// The points with codes and lights scaled to [0, 1], and weights to a mean of 1.
+Points normalised(const std::vector<TonePoint>& codes, int highest) {
+  const double black = codes.front().light, swing = codes.back().light - black;
+  const auto count = static_cast<Eigen::Index>(codes.size());
+  Points points{.x = VectorXd(count), .light = VectorXd(count), .weight = VectorXd(count), .process = {}};
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const TonePoint& point = codes[static_cast<size_t>(i)];
+    points.x[i] = point.code / static_cast<double>(highest);
+    points.light[i] = (point.light - black) / swing;
+    points.weight[i] = point.error > 0.0 ? point.error * point.error : 1.0;
+  }
+  points.weight /= points.weight.mean();
+  points.process = covariances(points.x, points.x);
+  return points;
+}
+
 }  // namespace
 
 absl::StatusOr<ToneCurve> ToneCurve::create(std::vector<double> radiances) {
   const size_t count = radiances.size();
   if (count < 256 || count > 4096 || (count & (count - 1)) != 0) {
     return absl::InvalidArgumentError(
-        fmt::format("a response of {} codes; 256, 512, 1024, 2048 or 4096 can be used", count));
+        fmt::format("a response has {} codes; it must have 256, 512, 1024, 2048 or 4096", count));
   }
   for (size_t k = 1; k < count; ++k) {
     if (!(radiances[k] >= radiances[k - 1])) {
@@ -238,7 +253,7 @@ double ToneCurve::code_for(double radiance) const {
 
 absl::StatusOr<ToneFit> fit_tone_curve(std::vector<TonePoint> measured, int bits, std::string_view what) {
   if (bits < 8 || bits > 12) {
-    return absl::InvalidArgumentError(fmt::format("codes of {} bits; it must be 8 to 12", bits));
+    return absl::InvalidArgumentError(fmt::format("codes have {} bits; it must be 8 to 12", bits));
   }
   const int highest = (1 << bits) - 1;
   absl::Status status = check(measured, highest, what);
@@ -247,17 +262,8 @@ absl::StatusOr<ToneFit> fit_tone_curve(std::vector<TonePoint> measured, int bits
   status = check_rise(codes, highest, what);
   if (!status.ok()) return status;
 
-  const double black = codes.front().light, swing = codes.back().light - black;
-  const auto count = static_cast<Eigen::Index>(codes.size());
-  Points points{.x = VectorXd(count), .light = VectorXd(count), .weight = VectorXd(count), .process = {}};
-  for (Eigen::Index i = 0; i < count; ++i) {
-    const TonePoint& point = codes[static_cast<size_t>(i)];
-    points.x[i] = point.code / static_cast<double>(highest);
-    points.light[i] = (point.light - black) / swing;
-    points.weight[i] = point.error > 0.0 ? point.error * point.error : 1.0;
-  }
-  points.weight /= points.weight.mean();
-  points.process = covariances(points.x, points.x);
+  const double swing = codes.back().light - codes.front().light;
+  const Points points = normalised(codes, highest);
   const std::optional<Model> model = likeliest(points);
   if (!model) {
     return absl::FailedPreconditionError(
@@ -279,8 +285,8 @@ absl::StatusOr<ToneFit> fit_tone_curve(std::vector<TonePoint> measured, int bits
   for (int k = 0; k <= highest; ++k) radiances[static_cast<size_t>(k)] = (light[k] - light[0]) / full_scale;
   radiances.back() = 1.0;
 
-  // Universal kriging, with gamma as one more unknown: covariance of the light at three codes, of which
-  // radiance is the ratio.
+  // Universal kriging with gamma as an additional unknown: radiance is a ratio of the light at three codes,
+  // so its variance follows from their covariance.
   const MatrixXd at_points = tangents(points.x, model->gamma);
   const MatrixXd solved = model->noise.solve(at_points);
   const MatrixXd drift = tangents(all, model->gamma) - process * solved;
@@ -301,11 +307,12 @@ absl::StatusOr<ToneFit> fit_tone_curve(std::vector<TonePoint> measured, int bits
   }
   absl::StatusOr<ToneCurve> curve = ToneCurve::create(std::move(radiances));
   if (!curve.ok()) return curve.status();
-  return ToneFit{.curve = *std::move(curve),
-                 .gamma = model->gamma,
-                 .full_scale = full_scale * swing,
-                 .residual_rms = std::sqrt(left.squaredNorm() / static_cast<double>(count)) / full_scale,
-                 .error = std::move(error)};
+  return ToneFit{
+      .curve = *std::move(curve),
+      .gamma = model->gamma,
+      .full_scale = full_scale * swing,
+      .residual_rms = std::sqrt(left.squaredNorm() / static_cast<double>(codes.size())) / full_scale,
+      .error = std::move(error)};
 }
 
 }  // namespace glasswing

@@ -1,23 +1,23 @@
-// How bright each code of one primary of a monitor is: its radiance above black, L(k) in [0, 1] of that of
-// the highest code. L(0) = 0 and L(highest) = 1; it never falls.
+// The tone curve of one primary of a monitor: the radiance of code k above black, L(k), relative to that of
+// the highest code. L(0) = 0, L(highest) = 1, and L never falls.
 //
-// Between two codes radiance is mixed, not code: a fractional code k + f is code k + 1 on the share f of a
+// Between two codes, radiance is interpolated: a fractional code k + f means code k + 1 on the share f of a
 // surface and code k on the rest,
 //
 //   L(k + f) = (1 - f) L(k) + f L(k + 1)
 //
-// so that a dither that takes f as a probability is unbiased in radiance.
+// so that a dither which takes f as a probability is unbiased in radiance.
 //
-// The fit. Lights y_i of codes k_i, with x = k / highest and noise variances w_i known up to a factor
+// The fit: lights y_i of codes k_i, with x = k / highest and noise variances w_i known up to a factor
 // sigma^2:
 //
 //   y_i = b + a x_i^gamma + c(x_i) + noise,     Var(noise_i) = sigma^2 w_i
 //
-// where c, what the monitor does beside a power law, is a Gaussian process, a Wiener process's integral, of
+// where c, the monitor's deviation from a power law, is a Gaussian process, an integrated Wiener process of
 // covariance sigma^2 tau^2 (x x' + m^3 / 3 + m^2 |x - x'| / 2), m = min(x, x'): its mean is a cubic smoothing
-// spline with c(0) = 0 (Wahba 1978). gamma and tau are those of the largest restricted likelihood, in which
-// a, b and sigma are eliminated (Patterson and Thompson 1971); so a curve that is a power law is fitted by
-// one, and any other is followed as far as the noise allows. What still falls is pooled into level steps.
+// spline with c(0) = 0 (Wahba 1978). gamma and tau maximise the restricted likelihood, in which a, b and
+// sigma are eliminated (Patterson and Thompson 1971). So a power law is fitted by a power law, and any other
+// curve is followed as far as the noise allows. Remaining falls are pooled into flat steps.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -38,9 +38,9 @@ class ToneCurve {
   int highest_code() const { return static_cast<int>(radiances_.size()) - 1; }
   std::span<const double> radiances() const { return radiances_; }
 
-  // Of a code, fractional or not, in [0, highest]; beyond, of the nearest end.
+  // The radiance of a code, fractional or not; clamped to [0, highest].
   double radiance(double code) const;
-  // The least fractional code of this radiance in [0, 1]; beyond, the nearest end. Radiance 0 is code 0.
+  // The smallest fractional code of this radiance, which is clamped to [0, 1]. Radiance 0 is code 0.
   double code_for(double radiance) const;
 
  private:
@@ -52,20 +52,20 @@ class ToneCurve {
 struct TonePoint {
   int code = 0;
   double light = 0.0;  // linear, any unit
-  double error = 0.0;  // standard, in that unit; 0 at all points: not known, and taken to be alike
+  double error = 0.0;  // standard error, in that unit; 0 at all points: unknown, assumed equal
 };
 
 struct ToneFit {
   ToneCurve curve;
   double gamma = 0.0;         // of the power law
   double full_scale = 0.0;    // light of the highest code above that of code 0, as fitted
-  double residual_rms = 0.0;  // of the points, over full scale
-  std::vector<double> error;  // standard, of each code's radiance
+  double residual_rms = 0.0;  // of the points, relative to full scale
+  std::vector<double> error;  // standard error of each code's radiance
 };
 
-// INVALID_ARGUMENT: a code or light that is none. FAILED_PRECONDITION says in plain words what was seen:
-// fewer than 6 different codes, or without 0 and the highest; light that falls by more than noise (4 standard
-// errors, and 0.5 % of full scale); or no light at all. `what` begins the message: "red".
+// `what` starts the messages: "red". INVALID_ARGUMENT: an invalid code or light. FAILED_PRECONDITION
+// describes the measurement for people: fewer than 6 different codes, or 0 or the highest missing; light that
+// falls by more than noise (4 standard errors, and 0.5 % of full scale); or no light at all.
 absl::StatusOr<ToneFit> fit_tone_curve(std::vector<TonePoint> points, int bits, std::string_view what);
 
 }  // namespace glasswing

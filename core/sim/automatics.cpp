@@ -8,7 +8,7 @@ namespace glasswing {
 
 Colour automatic_gains(const Automatics& automatics, std::span<const Colour> light_before) {
   assert(light_before.size() == kFramesRemembered);
-  constexpr float kDark = 1e-6f;  // asks for more than any gain there is
+  constexpr float kDark = 1e-6f;  // requests more than the maximum gain
   Colour seen{};
   float weights = 0.0f;
   for (int k = 1; k <= kFramesRemembered; ++k) {

@@ -18,7 +18,7 @@ void EmissionTimeline::add_picture(const std::string& monitor, EmittedPicture pi
   const std::lock_guard lock(mutex_);
   for (Track& track : tracks_) {
     if (track.monitor.name != monitor) continue;
-    // The picture that shows when the kept time begins stays.
+    // Keeps the picture that is visible at the start of the kept time.
     const nanoseconds oldest = picture.scanout_start - kept_;
     while (track.pictures.size() > 1 && track.pictures[1].scanout_start < oldest) track.pictures.pop_front();
     track.pictures.push_back(std::move(picture));

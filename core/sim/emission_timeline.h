@@ -1,7 +1,7 @@
-// What the monitors really emitted, from when to when, in physical time. A picture's rows leave one after the
-// other: row y of H turns to it at t = scanout_start + y/H * scanout + lag, until the next picture's row y
-// does. The light goes linearly from one picture to the next: i has the weight r(t - t_i) - r(t - t_i+1),
-// where r(u) = u / settle within [0, 1]. All of it flickers as the backlight does.
+// The light that the monitors actually emitted, in physical time. A picture is scanned out row by row: row y
+// of H switches to it at t = scanout_start + y/H * scanout + lag, until row y of the next picture replaces
+// it. Light changes linearly between pictures: picture i has the weight r(t - t_i) - r(t - t_i+1), where r(u)
+// = u / settle clamped to [0, 1]. The backlight's flicker multiplies all of it.
 #pragma once
 
 #include <condition_variable>
@@ -33,28 +33,29 @@ struct EmissionMonitor {
   Flicker flicker = {};
 };
 
-// One monitor's light during some interval: consecutive pictures, the first of which may have started
-// earlier.
+// One monitor's light during an interval: consecutive pictures, the first of which may have started before
+// it.
 struct MonitorEmission {
   EmissionMonitor monitor;
   std::vector<EmittedPicture> pictures;
 };
 
-// Thread-safe: one thread feeds it, others wait and read. Before the first picture a monitor is black.
+// Thread-safe: one thread feeds the timeline, others wait and read. A monitor is black before its first
+// picture.
 class EmissionTimeline {
  public:
   explicit EmissionTimeline(nanoseconds kept = std::chrono::seconds(10)) : kept_(kept) {}
 
-  void add_monitor(const EmissionMonitor& monitor);  // again: replaces it, and its pictures are forgotten
+  void add_monitor(const EmissionMonitor& monitor);  // a known name is replaced, and its pictures dropped
   void add_picture(const std::string& monitor, EmittedPicture picture);
   void set_horizon(const std::string& monitor, nanoseconds until);
-  void clear();  // the link broke: all monitors gone
+  void clear();  // the link broke: drops all monitors
 
   std::vector<EmissionMonitor> monitors() const;
   // Waits until every monitor's light is known up to physical time `until`, or for `timeout`. False: timed
   // out, or there are no monitors.
   bool wait_known_until(nanoseconds until, nanoseconds timeout) const;
-  // Light that may touch [from, until] anywhere on each monitor, in the order of monitors().
+  // Pictures whose light may overlap [from, until] on any row, by monitor, in the order of monitors().
   std::vector<MonitorEmission> between(nanoseconds from, nanoseconds until) const;
 
  private:

@@ -6,12 +6,12 @@
 
 namespace glasswing {
 
-// The ramp by parts: \int u sin(w u) du = sin(w u) / w^2 - u cos(w u) / w.
+// Integrates the ramp by parts: \int u sin(w u) du = sin(w u) / w^2 - u cos(w u) / w.
 double flicker_integral_ns(double hz, nanoseconds turn, nanoseconds settle, nanoseconds from,
                            nanoseconds until) {
   const double per_ns = 2.0 * std::numbers::pi * hz * 1e-9;
-  // Times count from the exposure's start: monotonic clocks run to 1e15 ns, which would cost the angle its
-  // digits.
+  // Times are relative to the exposure's start: monotonic clocks reach 1e15 ns, at which the angle would lose
+  // precision.
   const double start = 2.0 * std::numbers::pi * std::fmod(1e-9 * hz * static_cast<double>(from.count()), 1.0);
   const auto since_from = [from](nanoseconds time) { return static_cast<double>((time - from).count()); };
   const double end_ns = since_from(until), turn_ns = since_from(turn), settled_ns = since_from(turn + settle);

@@ -1,4 +1,4 @@
-// A backlight that flickers: its light is times 1 + amplitude * sin(2 pi hz t) at physical time t.
+// A flickering backlight: light is multiplied by 1 + amplitude * sin(2 pi hz t) at physical time t.
 #pragma once
 
 #include "core/base/time.h"
@@ -10,10 +10,10 @@ struct Flicker {
   double hz = 100.0;       // more than 0
 };
 
-// What the flicker adds, for amplitude 1, to the light of a picture that a row turns to at `turn`, during
-// [from, until]:
+// The light that flicker of amplitude 1 adds during [from, until] on a row that switches to a picture at
+// `turn`:
 //
-//   \int_from^until r(t - turn) sin(2 pi hz t) dt, in ns;   r(u) = u / settle within [0, 1]
+//   \int_from^until r(t - turn) sin(2 pi hz t) dt, in ns;   r(u) = u / settle clamped to [0, 1]
 double flicker_integral_ns(double hz, nanoseconds turn, nanoseconds settle, nanoseconds from,
                            nanoseconds until);
 

@@ -1,4 +1,4 @@
-// Rays, and light at the border of two media.
+// Rays, and reflection and refraction at the boundary of two media.
 #pragma once
 
 #include <array>
@@ -30,7 +30,7 @@ struct Ray {
 
 // `normal` is unit and faces the incoming light (dot(direction, normal) < 0).
 Vec3 reflected(Vec3 direction, Vec3 normal);
-// Snell: sin_t = sin_i / eta, eta = n_beyond / n_here. Nothing on total internal reflection.
+// Snell: sin_t = sin_i / eta, eta = n_beyond / n_here. None on total internal reflection.
 std::optional<Vec3> refracted(Vec3 direction, Vec3 normal, double eta);
 // Fresnel, unpolarised: the fraction reflected at incidence cos_i; 1 on total internal reflection.
 double reflectance(double cos_i, double eta);

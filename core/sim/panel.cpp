@@ -3,7 +3,7 @@
 #include <array>
 #include <cmath>
 
-#include "core/sim/fall_off.h"
+#include "core/sim/radial_shading.h"
 
 namespace glasswing {
 
@@ -27,7 +27,7 @@ Image16 Panel::emitted(Image16 codes, nanoseconds lit) const {
       std::array<float, 3> primary{};
       for (size_t c = 0; c < 3; ++c) primary[c] = light_of_code_[codes.samples[at + c]];
       const float sum = primary[0] + primary[1] + primary[2];
-      const float here = brightness * fall_off(model_.falloff, x, y, codes.width_px, codes.height_px);
+      const float here = brightness * radial_shading(model_.falloff, x, y, codes.width_px, codes.height_px);
       for (size_t c = 0; c < 3; ++c)
         codes.samples[at + c] = code16_of(here * (kept * primary[c] + shared * sum));
     }

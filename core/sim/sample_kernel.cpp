@@ -49,7 +49,7 @@ Words Threefry(Words x, const std::array<std::uint32_t, 4>& key) {
   return x;
 }
 
-// Box and Muller: two deviates from two words.
+// Box-Muller: two deviates from two words.
 void Normals(hn::Vec<U> u, hn::Vec<U> v, float* first, float* second) {
   const F d;
   const U du;
@@ -58,7 +58,7 @@ void Normals(hn::Vec<U> u, hn::Vec<U> v, float* first, float* second) {
   const auto half = hn::ConvertTo(d, hn::BitCast(di, hn::ShiftRight<1>(u)));
   const auto uniform = hn::MulAdd(half, hn::Set(d, 0x1p-31f), hn::Set(d, 0x1p-33f));
   const auto radius = hn::Sqrt(hn::Max(hn::Mul(hn::Set(d, -2.0f), hn::Log(d, uniform)), hn::Zero(d)));
-  // An angle within an eighth turn of +x, then mirrored at x = y and at the origin as two bits say.
+  // An angle within an eighth turn of +x, then mirrored at x = y and at the origin by two random bits.
   const auto angle =
       hn::Mul(hn::ConvertTo(d, hn::BitCast(di, hn::ShiftLeft<2>(v))), hn::Set(d, 0x1.921fb6p-32f));
   const auto square = hn::Mul(angle, angle);
@@ -97,7 +97,7 @@ void StandardNormals(std::uint64_t seed, std::int64_t stream, std::uint32_t bloc
 
 hn::Vec<F> Coded(const SensorCurve& curve, hn::Vec<F> linear) {
   const F d;
-  // 0 has no logarithm; so little light is no code.
+  // Avoids the logarithm of 0; light this faint is below any code.
   const auto above_zero = hn::Max(linear, hn::Set(d, 1e-30f));
   const auto u = hn::Exp(d, hn::Mul(hn::Set(d, curve.exponent), hn::Log(d, above_zero)));
   const auto steep = hn::Mul(hn::Mul(u, u), hn::NegMulAdd(hn::Set(d, 2.0f), u, hn::Set(d, 3.0f)));

@@ -1,4 +1,4 @@
-// What a simulated sensor does to each sample, a vector at a time.
+// The per-sample work of a simulated sensor, vectorised.
 #pragma once
 
 #include <cstddef>
@@ -9,15 +9,15 @@ namespace glasswing {
 
 inline constexpr size_t kSampleBlock = 4096;
 
-// Independent deviates of mean 0 and variance 1, the same for the same numbers and different ones for any
-// others: uniform by Threefry4x32-20 (Salmon et al. 2011, "Parallel random numbers: as easy as 1, 2, 3"),
-// made normal by Box and Muller's transform. None is beyond 6.8. The key is (seed, stream), the counter (i,
-// block, 0, 0) gives out[i + k * kSampleBlock / 4], k = 0 to 3.
+// Independent standard normal deviates, a pure function of (seed, stream, block): uniform by Threefry4x32-20
+// (Salmon et al. 2011, "Parallel random numbers: as easy as 1, 2, 3"), then normal by the Box-Muller
+// transform. None exceeds 6.8. The key is (seed, stream), the counter (i, block, 0, 0) gives out[i + k *
+// kSampleBlock / 4], k = 0 to 3.
 void standard_normals(std::uint64_t seed, std::int64_t stream, std::uint32_t block,
                       std::span<float, kSampleBlock> out);
 
-// How a camera codes its samples, after the noise: u = linear^exponent, then (1 - contrast) * u + contrast *
-// (3 u^2 - 2 u^3), which rises from 0 to 1 as linear does.
+// The curve by which a camera codes its noisy samples: u = linear^exponent, then (1 - contrast) * u +
+// contrast * (3 u^2 - 2 u^3), which rises from 0 to 1.
 struct SensorCurve {
   float exponent = 1.0f;  // more than 0
   float contrast = 0.0f;  // 0 to 1
@@ -25,7 +25,7 @@ struct SensorCurve {
 };
 
 // value = scale * radiance;  noisy = value + sqrt(read_variance + gain * value) * deviate;
-// sample = curve(black + (1 - black) * noisy), noisy being cut off where that leaves 0 to 1
+// sample = curve(black + (1 - black) * noisy), the argument clamped to [0, 1]
 struct SampleResponse {
   float scale = 1.0f;
   float read_variance = 0.0f;

@@ -22,7 +22,7 @@ Vec3 at(const Ray& ray, double distance) {
   return ray.origin + distance * ray.direction;
 }
 
-// A clear convex body: reflects and refracts at its skin, inside and out.
+// A clear convex body: reflects and refracts at its surface, inside and outside.
 class ClearBody {
  public:
   virtual ~ClearBody() = default;
@@ -83,7 +83,7 @@ class Ball final : public ClearBody {
   double radius_;
 };
 
-// Turned about the z axis.
+// Rotated about the z axis.
 class Ellipsoid final : public ClearBody {
  public:
   Ellipsoid(Vec3 centre, Vec3 semiaxes, double turn_rad)
@@ -102,7 +102,7 @@ class Ellipsoid final : public ClearBody {
   }
 
  private:
-  // To where the body is a ball of radius 1. What keeps a ray's parameter keeps its distances.
+  // Maps to the space where the body is a unit ball; a ray's parameter, so its distances, stay the same.
   Vec3 to_ball(Vec3 p) const {
     return {(cos_ * p.x + sin_ * p.y) / semiaxes_.x, (cos_ * p.y - sin_ * p.x) / semiaxes_.y,
             p.z / semiaxes_.z};
@@ -118,7 +118,7 @@ class Ellipsoid final : public ClearBody {
   double cos_, sin_;
 };
 
-// The inside of planes dot(normal, p - centre) <= distance.
+// The intersection of half-spaces dot(normal, p - centre) <= distance.
 class CutStone final : public ClearBody {
  public:
   struct Facet {
@@ -170,7 +170,7 @@ Vec3 turned(Vec3 p, double about_x_rad, double about_y_rad) {
           -q.x * std::sin(about_y_rad) + q.z * std::cos(about_y_rad)};
 }
 
-// The 20 face and 12 vertex directions of an icosahedron, the latter cut a little less deep.
+// The 20 face and 12 vertex directions of an icosahedron, the latter cut slightly less deep.
 std::vector<CutStone::Facet> crystal_facets(double radius) {
   const double golden = std::numbers::phi;
   std::vector<CutStone::Facet> facets;
@@ -224,8 +224,8 @@ Vec3 lying(double angle_rad) {
   return {0.0, -std::cos(angle_rad), -std::sin(angle_rad)};
 }
 
-// A ball of glass above a sheet of glass that is seen at a grazing angle, so that it mirrors and transmits
-// alike.
+// A ball of glass above a sheet of glass seen at a grazing angle, so that it reflects and transmits about
+// equally.
 class Glass final : public Scene {
  public:
   explicit Glass(MonitorSize back)
@@ -251,7 +251,7 @@ class Glass final : public Scene {
   Disc sheet_;
 };
 
-// A disc of brushed metal: its facets lean by different amounts along and across the brushing.
+// A disc of brushed metal: its facets are rougher across the brushing than along it.
 class Brushed final : public Scene {
  public:
   explicit Brushed(MonitorSize back)
@@ -265,7 +265,7 @@ class Brushed final : public Scene {
     const Vec3 smooth = std::cos(kTurn_rad) * along - std::sin(kTurn_rad) * across;
     constexpr double kRough = 0.05, kSmooth = 0.012;  // sd of the facets' slopes
     for (int i = 0; i < kPoints; ++i) {
-      // A two-dimensional low-discrepancy sequence, made normal by Box and Muller.
+      // A two-dimensional low-discrepancy sequence, made normal by Box-Muller.
       const double u = std::fmod((i + 0.5) * 0.7548776662466927, 1.0);
       const double turn_rad = 2.0 * std::numbers::pi * std::fmod((i + 0.5) * 0.5698402909980532, 1.0);
       const double length = std::sqrt(-2.0 * std::log(1.0 - u));
@@ -289,14 +289,14 @@ class Brushed final : public Scene {
   Colour foreground() const override { return {0.045f, 0.038f, 0.018f}; }
 
  private:
-  static constexpr int kFacets = 24;            // a ray
+  static constexpr int kFacets = 24;            // per ray
   static constexpr int kPoints = 16 * kFacets;  // in all
   Disc disc_;
   std::vector<Vec3> facets_;  // normals, kPoints of them
 };
 
-// A flat drop of water that floats to and fro and wobbles, twice as fast, in its lowest mode: long, then
-// wide, its volume kept.
+// A flat drop of water that drifts to and fro and wobbles, twice as fast, in its lowest mode: alternately
+// long and wide, at constant volume.
 class Drop final : public Scene {
  public:
   static constexpr Motion kMotion{.phases = 36, .period = std::chrono::milliseconds(1200)};

@@ -1,4 +1,4 @@
-// What stands on the simulated stage. Units are px of the back monitor, which lies at z = 0 with its top-left
+// Objects on the simulated stage. Units are px of the back monitor, which lies at z = 0 with its top-left
 // corner at the origin, y down; the camera is at z < 0 and looks along +z.
 #pragma once
 
@@ -16,13 +16,13 @@
 
 namespace glasswing {
 
-// One way that a camera ray's light came: from along `ray` (followed backwards), with this weight.
+// One path of a camera ray's light: it arrives along `ray` (traced backwards) with this weight.
 struct Path {
   Ray ray;
   double weight;
 };
 
-// A small ball that shines on the object from the camera's side, for highlights.
+// A small luminous ball on the camera's side of the object, for highlights.
 struct Lamp {
   Vec3 centre;
   double radius;
@@ -33,19 +33,19 @@ struct Lamp {
 class Scene {
  public:
   virtual ~Scene() = default;
-  // The paths of a camera ray, for one colour channel; `sample` numbers the ray, for those that scatter.
-  // Nothing if the ray misses the object.
+  // The paths of a camera ray in one colour channel; `sample` numbers the ray, for objects that scatter. None
+  // if the ray misses the object.
   virtual std::optional<std::vector<Path>> trace(const Ray& ray, int channel, int sample) const = 0;
-  // Light that the object itself sends, where a ray hits it.
+  // Light that the object itself emits where a ray hits it.
   virtual Colour foreground() const { return {0.0f, 0.0f, 0.0f}; }
   virtual std::optional<Lamp> lamp() const { return std::nullopt; }
-  // All channels' paths are the same.
+  // True if the paths are the same in all channels.
   virtual bool is_colourless() const { return false; }
 };
 
-// How a scene moves: round and round through its phases.
+// The motion of a scene, which cycles through its phases.
 struct Motion {
-  int phases = 1;  // 1: it stands still
+  int phases = 1;  // 1: static
   nanoseconds period = std::chrono::seconds(1);
 
   int phase_at(nanoseconds time) const {

@@ -4,14 +4,14 @@
 #include <array>
 #include <cmath>
 
-#include "core/sim/fall_off.h"
+#include "core/sim/radial_shading.h"
 
 namespace glasswing {
 namespace {
 
 using Codes = const std::uint16_t*;
 
-// Integral of r (emission_timeline.h) up to u.
+// The integral of r (emission_timeline.h) up to u.
 double ramp_integral_ns(double u_ns, double settle_ns) {
   if (u_ns <= 0.0) return 0.0;
   return u_ns < settle_ns ? 0.5 * u_ns * u_ns / settle_ns : u_ns - 0.5 * settle_ns;
@@ -22,7 +22,7 @@ class RowLight {
  public:
   RowLight(const MonitorEmission& emission, Transport::Rows rows, nanoseconds from, nanoseconds until)
       : emission_(emission), from_(from), until_(until) {
-    if (rows.last < rows.first || emission.pictures.empty()) return;  // it sees nothing
+    if (rows.last < rows.first || emission.pictures.empty()) return;  // the row sees nothing
     for (size_t i = 0; i < emission.pictures.size(); ++i) {
       const bool over = i + 1 < emission.pictures.size() && settled(i + 1, rows.last) <= from;
       if (over || turns(i, rows.first) >= until) continue;
@@ -35,10 +35,10 @@ class RowLight {
       add_changing(i, rows);
     }
   }
-  // Of all these rows, if nothing changes on them.
+  // The codes of the one picture visible on all rows; null if the light changes.
   Codes steady() const { return steady_; }
   bool black() const { return steady_ == nullptr && changing_.empty(); }
-  // Mean over the exposure.
+  // Mean light of a sample over the exposure.
   float operator()(std::uint32_t sample) const {
     const size_t row = sample / static_cast<std::uint32_t>(3 * emission_.monitor.width_px) - first_row_;
     float light = 0.0f;
@@ -50,7 +50,7 @@ class RowLight {
  private:
   struct Changing {
     Codes codes;
-    std::vector<float> shares;  // of the exposure, by row
+    std::vector<float> shares;  // of the exposure, by monitor row
   };
   nanoseconds turns(size_t i, int row) const {
     const EmissionMonitor& monitor = emission_.monitor;
@@ -58,7 +58,8 @@ class RowLight {
   }
   const Flicker& flicker() const { return emission_.monitor.flicker; }
   nanoseconds settled(size_t i, int row) const { return turns(i, row) + emission_.monitor.settle; }
-  // How much of the exposure a row has turned to picture i or a later one, by the light of those moments.
+  // How long, within the exposure, a row shows picture i or a later one, weighted by the light of each
+  // moment.
   double turned_ns(size_t i, int row) const {
     if (i == emission_.pictures.size()) return 0.0;
     const auto settle_ns = static_cast<double>(emission_.monitor.settle.count());
@@ -116,7 +117,7 @@ void blur(RadianceImage& image, double sigma_px) {
 void vignette(RadianceImage& image, double share) {
   for (int y = 0; y < image.height_px; ++y) {
     for (int x = 0; x < image.width_px; ++x) {
-      const float left = fall_off(share, x, y, image.width_px, image.height_px);
+      const float left = radial_shading(share, x, y, image.width_px, image.height_px);
       for (int c = 0; c < 3; ++c) image.at(x, y, c) *= left;
     }
   }

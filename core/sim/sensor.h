@@ -1,8 +1,8 @@
 // A simulated sensor behind a lens: integrates a scene's light over each row's own exposure (rolling
-// shutter), adds noise, and quantises.
+// shutter), adds noise and quantises.
 //
-//   value = exposure / full_scale_exposure * fall_off * mean radiance;   variance = read_sd^2 + gain * value
-//   sample = curve(black_level + (1 - black_level) * (value + noise)), cut off at full scale
+//   value = exposure / full_scale_exposure * shading * mean radiance;   variance = read_sd^2 + gain * value
+//   sample = curve(black_level + (1 - black_level) * (value + noise)), clipped at full scale
 #pragma once
 
 #include <cstdint>
@@ -19,8 +19,8 @@ namespace glasswing {
 struct SensorModel {
   double read_sd = 0.001;                              // of full scale
   double gain = 1e-5;                                  // shot noise: variance per value
-  double vignetting = 0.0;                             // of the middle's light, what corners lack: fall_off.h
-  double black_level = 0.0;                            // what no light reads, of full scale
+  double vignetting = 0.0;                             // share of light missing in corners (radial_shading.h)
+  double black_level = 0.0;                            // reading without light, of full scale
   SensorCurve curve = {};                              // linear
   int bits = 12;                                       // 8 to 16; samples are stored on the 16-bit scale
   nanoseconds readout = std::chrono::milliseconds(2);  // first row's start to last row's start
@@ -33,18 +33,18 @@ struct ExposureWindow {
   nanoseconds exposure{};  // of each row
 };
 
-// Mean radiance over each row's exposure. Exact in time: where a picture changes on some row of a monitor
-// during a camera row's exposure, both count by their share, and so does a backlight's flicker. `emission`
-// covers the window, in the order of the monitors that `transport` was built with. Camera rows that see a
-// change cost a few times what others do.
+// Mean radiance over each row's exposure. Exact in time: if a picture changes on a monitor row during a
+// camera row's exposure, both pictures contribute by their share of time, and flicker is integrated too.
+// `emission` covers the window, in the order of the monitors that `transport` was built with. Camera rows
+// that see a change cost a few times as much as others.
 RadianceImage integrate(const Transport& transport, std::span<const MonitorEmission> emission,
                         const ExposureWindow& window, nanoseconds readout);
 
-// What the sensor's pixels get through a lens whose blur is a Gaussian of `sigma_px` of them, from a picture
-// with kRaysAcross x kRaysAcross samples to each: light is blurred before pixels gather it, not after.
+// Applies a lens whose blur is a Gaussian of `sigma_px` sensor pixels to a picture with kRaysAcross x
+// kRaysAcross samples per pixel. The light is blurred before it is averaged over pixels.
 RadianceImage through_lens(const RadianceImage& rays, double sigma_px);
 
-// Response to that light; the same (model.seed, frame_number) gives the same noise.
+// The sensor's response to that light; equal (model.seed, frame_number) give equal noise.
 Image16 expose(const RadianceImage& mean_radiance, double exposure_ms, const SensorModel& model,
                std::int64_t frame_number);
 

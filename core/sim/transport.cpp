@@ -27,7 +27,7 @@ struct Panel {
   MonitorSize size;
 };
 
-// Where a ray meets a panel, px of that panel.
+// The point where a ray hits a panel, in px of that panel.
 struct Landing {
   double distance, u, v;
 };
@@ -80,7 +80,7 @@ void add_path(const Path& path, const std::vector<Panel>& panels, MonitorSize ba
                   .weight = static_cast<float>(path.weight * scale)});
 }
 
-// Sorted, each monitor pixel once.
+// Sorts taps and merges those of the same monitor pixel.
 void merge(std::vector<Tap>& taps) {
   const auto key = [](const Tap& tap) { return std::tuple(tap.monitor, tap.y_px, tap.x_px); };
   std::sort(taps.begin(), taps.end(), [&](const Tap& a, const Tap& b) { return key(a) < key(b); });
@@ -99,7 +99,7 @@ void merge(std::vector<Tap>& taps) {
 
 class TransportBuilder {
  public:
-  // With `around`, each row begins where begin_row() says, and ends with the last pixel added.
+  // With `around`, each row starts at the pixel given to begin_row() and ends with the last pixel added.
   TransportBuilder(int width_px, int height_px, const std::vector<SceneMonitor>& monitors, bool colourless,
                    std::shared_ptr<const Transport> around) {
     transport_.width_px_ = width_px;
@@ -121,7 +121,7 @@ class TransportBuilder {
                               : Transport::Rows{.first = std::numeric_limits<int>::max(), .last = -1});
     }
   }
-  // One channel's, or, if the transport is colourless, those of all.
+  // Taps of one channel, or of all channels if the transport is colourless.
   void add_taps(const std::vector<Tap>& taps, int channel) {
     for (Transport::Part& part : transport_.parts_) part.counts.push_back(0);
     for (const Tap& tap : taps) {
@@ -151,7 +151,7 @@ class TransportBuilder {
   Transport transport_;
 };
 
-Transport::Place Transport::find(const Part& part, int x, int y) const {
+Transport::PixelTaps Transport::find(const Part& part, int x, int y) const {
   const Columns& own = own_[static_cast<size_t>(y)];
   const std::uint16_t* counts = part.counts.data() + own.first_pixel * samples_a_pixel();
   const std::uint16_t* count = counts + static_cast<size_t>(x - own.first) * samples_a_pixel();
@@ -212,7 +212,7 @@ class EmptyStage final : public Scene {
   bool is_colourless() const override { return true; }
 };
 
-// Follows the rays of a camera's pixels.
+// Traces the rays of a camera's pixels.
 class Tracer {
  public:
   static absl::StatusOr<Tracer> create(const std::vector<SceneMonitor>& monitors, int camera_width_px,
@@ -247,7 +247,7 @@ class Tracer {
   }
   MonitorSize back() const { return back_; }
 
-  // With `around`, only what lies between the object's edges is kept.
+  // With `around`, keeps only the columns between the object's edges.
   Transport trace(const Scene& scene, std::shared_ptr<const Transport> around) const {
     const bool colourless = scene.is_colourless();
     TransportBuilder builder(width_px_, height_px_, monitors_, colourless, around);
@@ -292,7 +292,7 @@ class Tracer {
     double lamp_light = 0.0;
     for (int s = 0; s < rays(); ++s) {
       const Ray seen = ray(x, y, s);
-      // Within kRaysAcross x kRaysAcross of them, whatever pixels they make.
+      // Numbers repeat every kRaysAcross x kRaysAcross rays, for any number of rays per pixel.
       const int number = (y * rays_across_ + s / rays_across_) % kRaysAcross * kRaysAcross +
                          (x * rays_across_ + s % rays_across_) % kRaysAcross;
       const std::optional<std::vector<Path>> paths = scene.trace(seen, channel, number);

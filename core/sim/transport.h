@@ -1,5 +1,5 @@
-// How light gets from the monitors' pixels to the camera's: a sparse matrix, one list of taps for each camera
-// pixel and channel, and the light that is there without monitors.
+// Light transport from the monitors' pixels to the camera's: a sparse matrix, one list of taps for each
+// camera pixel and channel, plus the light that does not come from monitors.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -16,12 +16,12 @@
 namespace glasswing {
 
 struct SceneMonitor {
-  std::string name;  // "back", "left", "right" or "top": where it stands
+  std::string name;  // its position: "back", "left", "right" or "top"
   MonitorSize size;
 };
 
 struct Tap {
-  std::int32_t monitor;  // place in the list the transport was built with
+  std::int32_t monitor;  // index in the list that the transport was built with
   std::int32_t x_px;
   std::int32_t y_px;
   float weight;  // fraction of that pixel's radiance that arrives
@@ -35,15 +35,15 @@ class Transport {
   std::vector<Tap> taps(int x, int y, int channel) const;
   float foreground(int x, int y, int channel) const;
 
-  // The picture that a perfect camera takes while the monitors show these; an empty one is black.
+  // The picture of a perfect camera while the monitors show these; an empty one is black.
   RadianceImage respond(std::span<const RadianceImage> pictures) const;
 
-  // The same, row by row. A row, r, g, b interleaved, starts as what is there without monitors,
+  // The same, row by row. Sets a row, r, g, b interleaved, to the light without monitors.
   void start_row(int y, std::span<float> row) const;
-  // to which each monitor adds its light. `radiance` gives that of one of its samples (RadianceImage::index).
+  // Adds a monitor's light. `radiance` returns that of one of its samples (RadianceImage::index).
   template <typename Radiance>
   void add_row(size_t monitor, int y, std::span<float> row, const Radiance& radiance) const;
-  // The monitor's rows that a camera row sees: none if last < first.
+  // The monitor's rows that a camera row sees; none if last < first.
   struct Rows {
     int first, last;
   };
@@ -52,33 +52,33 @@ class Transport {
  private:
   friend class TransportBuilder;
   struct SampleTap {
-    std::uint32_t sample;  // of red, if one tap stands for all channels
+    std::uint32_t sample;  // of red if one tap serves all channels
     float weight;
   };
-  // Of one monitor.
+  // The taps of one monitor.
   struct Part {
     int width_px = 0;
     std::vector<SampleTap> taps;
-    std::vector<std::uint16_t> counts;  // of each camera sample, or pixel if one tap stands for all channels
-    std::vector<size_t> first_taps;     // of each camera row
-    std::vector<Rows> rows;             // seen by each camera row
+    std::vector<std::uint16_t> counts;  // by camera sample, or by pixel if colourless
+    std::vector<size_t> first_taps;     // by camera row
+    std::vector<Rows> rows;             // seen, by camera row
   };
-  // Of a camera row, [first, last) px.
+  // The stored columns of a camera row, [first, last) px.
   struct Columns {
     int first = 0, last = 0;
-    size_t first_pixel = 0;  // how many pixels the rows above have
+    size_t first_pixel = 0;  // number of pixels in the rows above
   };
   bool owns(int x, int y) const {
     const Columns& own = own_[static_cast<size_t>(y)];
     return x >= own.first && x < own.last;
   }
   size_t samples_a_pixel() const { return colourless_ ? 1 : 3; }
-  // Where the taps of one of the row's own pixels begin, and how many each of its samples has.
-  struct Place {
+  // The first tap of a stored pixel, and the tap counts of its samples.
+  struct PixelTaps {
     const SampleTap* tap;
     const std::uint16_t* count;
   };
-  Place find(const Part& part, int x, int y) const;
+  PixelTaps find(const Part& part, int x, int y) const;
   template <typename Radiance>
   void add_columns(size_t monitor, int y, int first, int last, std::span<float> row,
                    const Radiance& radiance) const;
@@ -86,8 +86,8 @@ class Transport {
   int width_px_ = 0;
   int height_px_ = 0;
   bool colourless_ = false;
-  std::vector<Columns> own_;                 // what is kept here of each row
-  std::shared_ptr<const Transport> around_;  // the rest; null if all is kept here
+  std::vector<Columns> own_;                 // columns stored here, by row
+  std::shared_ptr<const Transport> around_;  // the rest; null if all is stored here
   std::vector<Part> parts_;
   std::vector<float> foreground_;
 };
@@ -129,21 +129,20 @@ void Transport::add_columns(size_t monitor, int y, int first, int last, std::spa
   }
 }
 
-inline constexpr int kRaysAcross = 4;  // to a camera pixel, each way
+inline constexpr int kRaysAcross = 4;  // per camera pixel and axis
 
-// Scenes: "crystal", "glass", "brushed", "wobble", "wobble-lit", "none". With object = false the stage is
-// empty, whatever the scene.
-// Geometry: the back monitor fills the camera's view, one camera pixel to (monitor / camera size) monitor
-// pixels; "left", "right" and "top" stand at its edges, perpendicular, towards the camera. `rays_across` 1
-// makes of every ray a pixel, where the picture is kRaysAcross times as large. Deterministic. Of a scene that
-// moves, the first phase. INVALID_ARGUMENT: an unknown scene or monitor name lists what there is.
+// Scenes: "crystal", "glass", "brushed", "wobble", "wobble-lit", "none"; a moving scene is in its first
+// phase. With object = false the stage is empty. Geometry: the back monitor fills the camera's view, one
+// camera pixel covers (monitor / camera size) monitor pixels; "left", "right" and "top" stand at its edges,
+// perpendicular, towards the camera. `rays_across` 1 makes every ray a pixel, for a picture kRaysAcross times
+// as large. Deterministic. INVALID_ARGUMENT lists the known scenes or monitor names.
 absl::StatusOr<Transport> build_transport(const std::string& scene, bool object,
                                           const std::vector<SceneMonitor>& monitors, int camera_width_px,
                                           int camera_height_px, int rays_across = kRaysAcross);
 
-// The same with the empty stage and all phases of a scene (scene.h), traced on all cores. Of a phase only the
-// columns between the object's edges are kept; all share the empty stage around them. The 36 phases of
-// "wobble" take 0.2 GB at 640x480, in proportion to the camera's pixels.
+// The same for the empty stage and all phases of a scene (scene.h), traced on all cores. A phase stores only
+// the columns between the object's edges; all phases share the empty stage around them. The 36 phases of
+// "wobble" take 0.2 GB at 640x480, proportional to the camera's pixels.
 struct StageTransports {
   std::shared_ptr<const Transport> empty;
   std::vector<std::shared_ptr<const Transport>> phases;

@@ -1,18 +1,17 @@
-// How another node's clock relates to rig time, from four-timestamp exchanges, with bounds that hold.
+// How another node's clock relates to rig time, from four-timestamp exchanges, with guaranteed bounds.
 //
-// An exchange gives sent (rig), received and answered (node), returned (rig). Whatever the delays were, rig
-// time was at least `sent` when the node's clock read `received`, and at most `returned` when it read
-// `answered` (NTP, RFC 5905 section 8, has the same facts as one interval). So with
+// An exchange gives sent (rig), received and answered (node), returned (rig). Whatever the network delays,
+// rig time was at least `sent` when the node's clock read `received`, and at most `returned` when it read
+// `answered` (NTP, RFC 5905 section 8, expresses the same as one interval). With
 //
 //   rig(u) = u + c + s u,     |s| <= kMaxSkew
 //
-// each exchange cuts the plane of (c, s) twice. What is left of it after many exchanges says between which
-// bounds rig(u) lies at any u: the middle is the estimate, half of the distance the bound on its error. The
-// shortest trips cut closest; early and late ones together tell the skew.
+// each exchange cuts the plane of (c, s) twice. The region left after many exchanges bounds rig(u) at any u:
+// the middle of the bounds is the estimate, half their distance bounds its error. The shortest round trips
+// give the tightest cuts; early and late ones together determine the skew.
 //
-// Crystals wander: s may change by kWander while an exchange is remembered, which widens its cut with its
-// age. If nothing is left the clock was set or the node started again; then the oldest exchanges are
-// forgotten.
+// Crystals wander: s may change by kWander while an exchange is remembered, so its cut widens with its age.
+// An empty region means that the clock was set or the node restarted; the oldest exchanges are then dropped.
 #pragma once
 
 #include <chrono>
@@ -29,7 +28,7 @@ struct ClockExchange {
   nanoseconds returned;  // rig time
 };
 
-// A time on the other clock. The true one is within `error`.
+// A time on the other clock; the true time is within `error` of it.
 struct ClockReading {
   nanoseconds time{};
   nanoseconds error{};
@@ -42,20 +41,20 @@ class ClockModel {
 
   void add(const ClockExchange& exchange);
 
-  // The rest only after the first exchange.
+  // False before the first exchange; the readings below require it.
   bool ready() const { return !recent_.empty(); }
   ClockReading rig_from_node(nanoseconds node_time) const;
   ClockReading node_from_rig(nanoseconds rig_time) const;
-  // The middle of what is possible: 1e-6 is 1 ppm, positive if the node's clock is slow.
+  // The middle of the possible skews: 1e-6 is 1 ppm, positive if the node's clock is slow.
   double skew() const { return 0.5 * (min_skew_ + max_skew_); }
 
  private:
-  // rig - node at two node times, relative to origin_: not less than `least` at the one, not more than `most`
-  // at the other.
+  // Bounds on rig - node at two node times, relative to origin_: at least `min` at min_at, at most `max`
+  // at max_at.
   struct Cut {
-    double min_at, least, max_at, most;
+    double min_at, min, max_at, max;
   };
-  // The bounds of rig - node at `at` if the skew is s.
+  // The bounds of rig - node at node time `at`, given a skew.
   double highest(double at, double skew) const;
   double lowest(double at, double skew) const;
   bool find_skews();

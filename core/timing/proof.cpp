@@ -7,7 +7,7 @@
 namespace glasswing {
 namespace {
 
-// Frames older than this are forgotten: reports of both nodes come within far less.
+// Older frames are dropped: the reports of both nodes arrive far sooner.
 constexpr nanoseconds kMemory = std::chrono::seconds(5);
 
 }  // namespace
@@ -48,7 +48,7 @@ void FrameMatcher::match(const StableWindow& window) {
     frames_.erase(it);
     return;
   }
-  // A frame that ends later may still come, unless all that come now are past the window.
+  // Frames arrive in time order: one that proves this window may still come unless one has ended past it.
   if (!seen_until_ || *seen_until_ <= window.until) open_.push_back(window);
 }
 

@@ -3,8 +3,8 @@
 //
 //   [scanout_end + optical lag + settle, replaced + optical lag]
 //
-// of every monitor, shrunk by the error bounds of both nodes' clocks and stamps; and its exposure and size
-// are those asked for. A frame without proof is never bound to a step.
+// of every monitor, shrunk by the error bounds of both nodes' clocks and timestamps. The caller checks that
+// the frame has the exposure and size asked for. A frame without proof is never bound to a step.
 #pragma once
 
 #include <map>
@@ -15,14 +15,14 @@
 
 namespace glasswing {
 
-// When one step was steadily visible on all monitors, rig time.
+// The interval in which one step was stable on all monitors, rig time.
 struct StableWindow {
   int step = 0;
   nanoseconds from{};
-  nanoseconds until{};  // already shrunk by the display's own uncertainty
+  nanoseconds until{};  // already shrunk by the displays' uncertainty
 };
 
-// One monitor's part in it, rig time.
+// One step on one monitor, rig time.
 struct MonitorWindow {
   int step = 0;
   nanoseconds scanout_end{};
@@ -32,7 +32,7 @@ struct MonitorWindow {
   nanoseconds uncertainty{};
 };
 
-// The intersection over monitors; it may be empty (until < from).
+// The intersection over all monitors; may be empty (until < from).
 StableWindow stable_window(const std::vector<MonitorWindow>& monitors);
 
 struct FrameTime {
@@ -44,7 +44,7 @@ struct FrameTime {
 
 bool proves(const FrameTime& frame, const StableWindow& window);
 
-// Pairs frames and windows as both come in, each in time order. A step is paired with the first frame that
+// Pairs frames with windows as they arrive, each in time order. A step is paired with the first frame that
 // proves it; a frame proves at most one step.
 class FrameMatcher {
  public:
@@ -57,13 +57,13 @@ class FrameMatcher {
   void add_window(const StableWindow& window);
   // Matches since the last call.
   std::vector<Match> take();
-  // End of the newest frame seen; empty before the first.
+  // The end of the newest frame; empty before the first.
   std::optional<nanoseconds> frames_seen_until() const { return seen_until_; }
 
  private:
   void match(const StableWindow& window);
 
-  std::map<nanoseconds, FrameTime> frames_;  // by start; those that may still be wanted
+  std::map<nanoseconds, FrameTime> frames_;  // by start; recent ones that may still prove a step
   std::vector<StableWindow> open_;           // windows without a frame yet
   std::vector<Match> matches_;
   std::optional<nanoseconds> seen_until_;

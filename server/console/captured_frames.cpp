@@ -19,7 +19,7 @@ namespace {
 
 constexpr std::chrono::seconds kTimeout(30);
 
-// All chunks of a stream, one behind the other.
+// Concatenates the chunks of a stream.
 template <typename Response>
 absl::StatusOr<std::string> read_all(grpc::ClientReader<Response>& reader, const std::string& peer) {
   std::string bytes;
@@ -29,7 +29,7 @@ absl::StatusOr<std::string> read_all(grpc::ClientReader<Response>& reader, const
 }
 
 std::uint16_t sample_at(const std::string& bytes, size_t index) {
-  std::uint16_t sample = 0;  // little endian, as this machine is
+  std::uint16_t sample = 0;  // little endian, as this machine
   std::memcpy(&sample, bytes.data() + 2 * index, 2);
   return sample;
 }

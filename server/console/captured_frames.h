@@ -1,4 +1,4 @@
-// A session's frames, fetched from a node that holds them, for people's eyes.
+// A session's frames, fetched from a node that holds them, for display.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -13,19 +13,20 @@ namespace glasswing {
 class CapturedFrames {
  public:
   using ChannelTo = std::function<std::shared_ptr<grpc::Channel>(const std::string& address)>;
-  // `server`: who knows where the frames are. UNAVAILABLE, NOT_FOUND: it does not.
+  // Asks `server` for the node that holds the frames. UNAVAILABLE: it cannot be reached; NOT_FOUND: no such
+  // session, or no frames yet.
   static absl::StatusOr<CapturedFrames> of(const std::string& session,
                                            const std::shared_ptr<grpc::Channel>& server,
                                            const ChannelTo& channel_to);
 
-  // The frame's file as it was captured. `file`: as in the manifest, "frames/000017.tif".
+  // A frame's file as captured. `file` is the path in the manifest, "frames/000017.tif".
   absl::StatusOr<std::string> file(const std::string& file) const;
-  // The frame as an sRGB JPEG of at most `width_px`, its light times 2^stops. Codes of the camera are taken
-  // for light: it is to be looked at.
+  // A frame as an sRGB JPEG of at most `width_px`, its light times 2^stops. Uncalibrated: codes are taken as
+  // light.
   absl::StatusOr<std::string> jpeg(const std::string& file, int width_px, double stops) const;
-  // Of one camera pixel in every frame: {"samples": [{"file": …, "radiance": [r, g, b], "saturated": true}]}.
-  // Light as a solve has it, but for drifts of the monitors' light, which need whole frames. OUT_OF_RANGE:
-  // there is no such pixel.
+  // One camera pixel in every frame: {"samples": [{"file": …, "radiance": [r, g, b], "saturated": true}]}.
+  // Calibrated light, as solvers use it, but without correction of brightness drift, which needs whole
+  // frames. OUT_OF_RANGE: no such pixel.
   absl::StatusOr<std::string> samples_json(int x, int y) const;
 
  private:

@@ -11,7 +11,7 @@
 #include "core/base/status.h"
 #include "core/service/service.h"
 #include "glasswing/v1/plan.pb.h"
-#include "server/console/visitors.h"
+#include "server/console/principals.h"
 
 namespace glasswing {
 namespace {
@@ -20,21 +20,21 @@ namespace pb = google::protobuf;
 using httplib::Request;
 using httplib::Response;
 
-constexpr std::chrono::hours kLongestStream(24);
+constexpr std::chrono::hours kMaxStream(24);
 constexpr std::chrono::seconds kCall(60);
-constexpr std::chrono::milliseconds kAliveEvery(5000), kLook(250);
+constexpr std::chrono::milliseconds kKeepAliveInterval(5000), kPollInterval(250);
 constexpr size_t kMaxJson = size_t{8} << 20, kMaxImage = size_t{64} << 20, kMaxToken = 4096;
 constexpr const char* kJson = "application/json";
 
-std::string json_of(const Visitor& visitor) {
-  nlohmann::json json{{"name", visitor.name},
-                      {"role", (visitor.roles & only(Role::kOperator)) != 0 ? "operator" : "viewer"}};
-  if (visitor.expires != std::chrono::sys_seconds::max())
-    json["expires"] = visitor.expires.time_since_epoch().count();
+std::string json_of(const Principal& principal) {
+  nlohmann::json json{{"name", principal.name},
+                      {"role", (principal.roles & only(Role::kOperator)) != 0 ? "operator" : "viewer"}};
+  if (principal.expires != std::chrono::sys_seconds::max())
+    json["expires"] = principal.expires.time_since_epoch().count();
   return json.dump();
 }
 
-// Its first error, by line and column from 1.
+// Keeps the first error, with line and column from 1.
 class FirstError final : public pb::io::ErrorCollector {
  public:
   void AddError(int line, pb::io::ColumnNumber column, const std::string& message) override {
@@ -56,7 +56,7 @@ void parse_plan(const std::string& text, Response& response) {
   response.set_content(json, kJson);
 }
 
-// INVALID_ARGUMENT: it has more bytes. All are read.
+// Reads the whole body. INVALID_ARGUMENT: it has more than `max_bytes`.
 absl::StatusOr<std::string> body_of(const httplib::ContentReader& content, size_t max_bytes) {
   std::string body;
   bool fits = true;
@@ -65,10 +65,22 @@ absl::StatusOr<std::string> body_of(const httplib::ContentReader& content, size_
     if (fits) body.append(bytes, size);
     return true;
   });
-  if (!whole) return absl::InvalidArgumentError("the request's body broke off");
+  if (!whole) return absl::InvalidArgumentError("the request's body is incomplete");
   if (!fits)
     return absl::InvalidArgumentError(fmt::format("the request's body has more than {} bytes", max_bytes));
   return body;
+}
+
+// Confines the page to its own scripts, styles and connections.
+httplib::Headers security_headers() {
+  return {{"Content-Security-Policy",
+           "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
+           "connect-src 'self'; worker-src 'self'; manifest-src 'self'; base-uri 'none'; form-action 'none'; "
+           "frame-ancestors 'none'"},
+          {"X-Content-Type-Options", "nosniff"},
+          {"Referrer-Policy", "no-referrer"},
+          {"Cross-Origin-Resource-Policy", "same-origin"},
+          {"Cross-Origin-Opener-Policy", "same-origin"}};
 }
 
 }  // namespace
@@ -108,66 +120,61 @@ Console::~Console() {
 
 void Console::add_routes(const std::filesystem::path& files) {
   httplib::Server& routes = host_->routes();
-  routes.set_default_headers({{"Content-Security-Policy",
-                               "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' "
-                               "blob: data:; connect-src 'self'; "
-                               "worker-src 'self'; manifest-src 'self'; base-uri 'none'; form-action 'none'; "
-                               "frame-ancestors 'none'"},
-                              {"X-Content-Type-Options", "nosniff"},
-                              {"Referrer-Policy", "no-referrer"},
-                              {"Cross-Origin-Resource-Policy", "same-origin"},
-                              {"Cross-Origin-Opener-Policy", "same-origin"}});
+  routes.set_default_headers(security_headers());
   routes.Post("/login",
               [this](const Request& request, Response& response, const httplib::ContentReader& content) {
                 const absl::StatusOr<std::string> body = body_of(content, kMaxToken);
                 if (!body.ok()) return refuse(response, body.status());
                 log_in(request, *body, response);
               });
-  routes.Post("/logout", guarded(kMaxToken, [this](const Visitor&, const Request&, const std::string&,
+  routes.Post("/logout", guarded(kMaxToken, [this](const Principal&, const Request&, const std::string&,
                                                    Response& response) {
                 response.set_header("Set-Cookie", cookie_of("", std::chrono::seconds(0), host_->has_tls()));
                 response.set_content("{}", kJson);
               }));
-  routes.Get("/me", guarded([](const Visitor& visitor, const Request&, Response& response) {
-               response.set_content(json_of(visitor), kJson);
+  routes.Get("/me", guarded([](const Principal& principal, const Request&, Response& response) {
+               response.set_content(json_of(principal), kJson);
              }));
   routes.Post(R"(/api/nodes/([A-Za-z0-9._-]+)/(\w+)/(\w+))",
-              guarded(kMaxJson, [this](const Visitor& visitor, const Request& request,
+              guarded(kMaxJson, [this](const Principal& principal, const Request& request,
                                        const std::string& body, Response& response) {
                 const std::string node = request.matches[1];
                 const auto channel = channel_to(node);
                 if (!channel.ok()) return refuse(response, channel.status());
-                call(*channel, fmt::format("node \"{}\"", node), visitor, request, body, response);
+                call(*channel, fmt::format("node \"{}\"", node), principal, request, body, response);
               }));
-  routes.Post(R"(/api/(\w+)/(\w+))", guarded(kMaxJson, [this](const Visitor& visitor, const Request& request,
-                                                              const std::string& body, Response& response) {
-                call(server_, "the server", visitor, request, body, response);
+  routes.Post(R"(/api/(\w+)/(\w+))",
+              guarded(kMaxJson, [this](const Principal& principal, const Request& request,
+                                       const std::string& body, Response& response) {
+                call(server_, "the server", principal, request, body, response);
               }));
-  routes.Post("/plans", guarded(kMaxJson, [](const Visitor&, const Request&, const std::string& body,
+  routes.Post("/plans", guarded(kMaxJson, [](const Principal&, const Request&, const std::string& body,
                                              Response& response) { parse_plan(body, response); }));
   routes.Post("/images",
-              guarded(kMaxImage, [this](const Visitor& visitor, const Request&, const std::string& body,
-                                        Response& response) { store_image(visitor, body, response); }));
+              guarded(kMaxImage, [this](const Principal& principal, const Request&, const std::string& body,
+                                        Response& response) { store_image(principal, body, response); }));
   routes.Get(R"(/mattes/([A-Za-z0-9._-]+)\.exr)",
-             guarded([this](const Visitor& visitor, const Request& request, Response& response) {
-               send_matte(visitor, request, response);
+             guarded([this](const Principal& principal, const Request& request, Response& response) {
+               send_matte(principal, request, response);
              }));
   routes.Get(R"(/frames/([A-Za-z0-9._-]+)/(\w+)\.(tif|jpg))",
-             guarded([this](const Visitor& visitor, const Request& request, Response& response) {
-               send_frame(visitor, request, response);
+             guarded([this](const Principal& principal, const Request& request, Response& response) {
+               send_frame(principal, request, response);
              }));
   routes.Get(R"(/pixels/([A-Za-z0-9._-]+))",
-             guarded([this](const Visitor& visitor, const Request& request, Response& response) {
-               send_samples(visitor, request, response);
+             guarded([this](const Principal& principal, const Request& request, Response& response) {
+               send_samples(principal, request, response);
              }));
-  routes.set_mount_point("/assets", (files / "assets").string(),
-                         {{"Cache-Control", "public, max-age=31536000, immutable"}});  // names have checksums
+  routes.set_mount_point(
+      "/assets", (files / "assets").string(),
+      {{"Cache-Control", "public, max-age=31536000, immutable"}});  // names include checksums
   if (!routes.set_mount_point("/", files.string(), {{"Cache-Control", "no-cache"}})) {
     routes.Get("/", [files](const Request&, Response& response) {
-      response.set_content(fmt::format("The console's page is not in {}: it is built where Node.js is "
-                                       "(deploy/build), or --console-files says where it lies.\n",
-                                       files.string()),
-                           "text/plain");
+      response.set_content(
+          fmt::format("The console's page is not in {}: build it with Node.js (deploy/build), "
+                      "or give its directory by --console-files.\n",
+                      files.string()),
+          "text/plain");
     });
   }
   routes.set_exception_handler([](const Request& request, Response& response, std::exception_ptr) {
@@ -176,17 +183,17 @@ void Console::add_routes(const std::filesystem::path& files) {
   });
 }
 
-absl::StatusOr<Visitor> Console::welcome(const Request& request) const {
+absl::StatusOr<Principal> Console::authenticate(const Request& request) const {
   GW_RETURN_IF_ERROR(check_origin(request, host_->has_tls()));
-  return visitor_of(request, key_);
+  return principal_of(request, key_);
 }
 
 httplib::Server::Handler Console::guarded(Handler handler) const {
   return [this, handler = std::move(handler)](const Request& request, Response& response) {
     response.set_header("Cache-Control", "no-store");
-    const absl::StatusOr<Visitor> visitor = welcome(request);
-    if (!visitor.ok()) return refuse(response, visitor.status());
-    handler(*visitor, request, response);
+    const absl::StatusOr<Principal> principal = authenticate(request);
+    if (!principal.ok()) return refuse(response, principal.status());
+    handler(*principal, request, response);
   };
 }
 
@@ -194,11 +201,11 @@ httplib::Server::HandlerWithContentReader Console::guarded(size_t max_bytes, Bod
   return [this, max_bytes, handler = std::move(handler)](const Request& request, Response& response,
                                                          const httplib::ContentReader& content) {
     response.set_header("Cache-Control", "no-store");
-    const absl::StatusOr<Visitor> visitor = welcome(request);
-    const absl::StatusOr<std::string> body = body_of(content, visitor.ok() ? max_bytes : 0);
-    if (!visitor.ok()) return refuse(response, visitor.status());
+    const absl::StatusOr<Principal> principal = authenticate(request);
+    const absl::StatusOr<std::string> body = body_of(content, principal.ok() ? max_bytes : 0);
+    if (!principal.ok()) return refuse(response, principal.status());
     if (!body.ok()) return refuse(response, body.status());
-    handler(*visitor, request, *body, response);
+    handler(*principal, request, *body, response);
   };
 }
 
@@ -209,27 +216,27 @@ void Console::log_in(const Request& request, const std::string& text, Response& 
   const bool told = body.is_object() && body.contains("token") && body["token"].is_string();
   const std::string token = told ? body["token"].get<std::string>() : "";
   const auto now = std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now());
-  const absl::StatusOr<Visitor> visitor = key_.visitor_of(token, now);
-  if (!visitor.ok()) {
+  const absl::StatusOr<Principal> principal = key_.principal_of(token, now);
+  if (!principal.ok()) {
     spdlog::warn("audit console login refused from={}", request.remote_addr);
-    return refuse(response, visitor.status());
+    return refuse(response, principal.status());
   }
-  spdlog::info("audit console login caller=\"{}\" from={}", visitor->name, request.remote_addr);
-  response.set_header("Set-Cookie", cookie_of(token, visitor->expires - now, host_->has_tls()));
-  response.set_content(json_of(*visitor), kJson);
+  spdlog::info("audit console login caller=\"{}\" from={}", principal->name, request.remote_addr);
+  response.set_header("Set-Cookie", cookie_of(token, principal->expires - now, host_->has_tls()));
+  response.set_content(json_of(*principal), kJson);
 }
 
 void Console::call(const std::shared_ptr<grpc::Channel>& channel, const std::string& peer,
-                   const Visitor& visitor, const Request& request, const std::string& body,
+                   const Principal& principal, const Request& request, const std::string& body,
                    Response& response) const {
   const size_t last = request.matches.size() - 1;
   const absl::StatusOr<JsonMethod> method =
       JsonMethod::find(request.matches[last - 1], request.matches[last]);
   if (!method.ok()) return refuse(response, method.status());
-  if (const absl::Status status = admit(method->name(), visitor.roles, visitor.name); !status.ok())
+  if (const absl::Status status = admit(method->name(), principal.roles, principal.name); !status.ok())
     return refuse(response, status);
-  auto started = JsonCall::start(channel, *method, body, visitor.name + " (console)",
-                                 method->streams() ? std::chrono::milliseconds(kLongestStream) : kCall);
+  auto started = JsonCall::start(channel, *method, body, principal.name + " (console)",
+                                 method->streams() ? std::chrono::milliseconds(kMaxStream) : kCall);
   if (!started.ok()) return refuse(response, started.status());
   const std::shared_ptr<JsonCall> running = *std::move(started);
   std::string message;
@@ -240,14 +247,14 @@ void Console::call(const std::shared_ptr<grpc::Channel>& channel, const std::str
   const auto send_next = [this, running, peer, quiet = std::chrono::milliseconds(0)](
                              size_t, httplib::DataSink& sink) mutable {
     std::string event;
-    switch (running->next(kLook, event)) {
+    switch (running->next(kPollInterval, event)) {
       case JsonCall::Got::kMessage:
         event = fmt::format("data: {}\n\n", event);
         break;
       case JsonCall::Got::kNothingYet:
-        quiet += kLook;
+        quiet += kPollInterval;
         if (stopping_ || !sink.is_writable()) return false;
-        if (quiet < kAliveEvery) return true;
+        if (quiet < kKeepAliveInterval) return true;
         event = ": alive\n\n";
         break;
       case JsonCall::Got::kEnd:

@@ -1,18 +1,18 @@
-// The console: what a browser shows of a rig. It hands calls of the same services on that the command line
-// uses, and has no powers of its own:
+// The console: the web page of a rig. It forwards calls to the same services that the command line uses, and
+// has no permissions of its own:
 //
-//   POST /login {"token"}, POST /logout, GET /me     who is there: {"name", "role", "expires"}
+//   POST /login {"token"}, POST /logout, GET /me     the logged-in principal: {"name", "role", "expires"}
 //   POST /api/SERVICE/METHOD                         a call to this server, in protobuf's JSON mapping
 //   POST /api/nodes/NODE/SERVICE/METHOD              to a node of the rig
-//   POST /plans                                      a plan's text; the answer is the plan in JSON
-//   POST /images                                     a PNG, for a plan's photos
+//   POST /plans                                      parses a plan's text; answers the plan in JSON
+//   POST /images                                     stores a PNG, for a plan's photos
 //   GET  /mattes/SESSION.exr?frame=N&partial=1       a matte's file, by ranges
 //   GET  /frames/SESSION/000017.tif                  a frame's file
-//   GET  /frames/SESSION/000017.jpg?width=W&stops=S  the same to look at
+//   GET  /frames/SESSION/000017.jpg?width=W&stops=S  the same, for display
 //   GET  /pixels/SESSION?x=X&y=Y                     a pixel's samples in all frames
 //   GET  /...                                        the page
 //
-// Calls that stream answers are answered by server-sent events, the last of which is "end" with the status.
+// Streaming calls are answered by server-sent events; the last event is "end" with the status.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -34,15 +34,15 @@
 namespace glasswing {
 
 struct ConsoleOptions {
-  std::string address;          // host:port to listen on; empty: nowhere
+  std::string address;          // host:port to listen on; empty: no console
   std::filesystem::path files;  // the page, as built
-  std::string name = {};  // of the host, as others call it, where `address` is every one of this machine
+  std::string name = {};        // host name for url() if `address` is a wildcard
 };
 
 class Console {
  public:
-  // `server`: for calls to this server's services, whatever the caller's role:
-  // the console holds each against the roles. Errors are HttpHost::bind's.
+  // `server` accepts calls to this server's services for any role: the console itself checks each call
+  // against the principal's roles. Errors are those of HttpHost::bind.
   static absl::StatusOr<std::unique_ptr<Console>> start(const ConsoleOptions& options, const ConsoleKey& key,
                                                         std::shared_ptr<grpc::Channel> server);
   ~Console();
@@ -51,30 +51,32 @@ class Console {
   const std::string& url() const { return url_; }
 
  private:
-  using Handler = std::function<void(const Visitor&, const httplib::Request&, httplib::Response&)>;
-  using BodyHandler = std::function<void(const Visitor&, const httplib::Request&, const std::string& body,
+  using Handler = std::function<void(const Principal&, const httplib::Request&, httplib::Response&)>;
+  using BodyHandler = std::function<void(const Principal&, const httplib::Request&, const std::string& body,
                                          httplib::Response&)>;
 
   Console(const ConsoleKey& key, std::shared_ptr<grpc::Channel> server)
       : key_(key), server_(std::move(server)) {}
   void add_routes(const std::filesystem::path& files);
-  // Of known visitors alone, and from our own page.
+  // Wraps a handler so that it serves only known principals, and only requests of our own page.
   httplib::Server::Handler guarded(Handler handler) const;
-  // The same, with at most so many bytes of body. The body of a request that is refused is read all the same,
-  // and dropped: what is left in a connection would be taken for its next request.
+  // The same, with at most `max_bytes` of body. The body of a refused request is read and dropped; otherwise
+  // it would be taken for the connection's next request.
   httplib::Server::HandlerWithContentReader guarded(size_t max_bytes, BodyHandler handler) const;
-  // The visitor of a request that may be answered.
-  absl::StatusOr<Visitor> welcome(const httplib::Request& request) const;
+  // The principal of a request. Errors are those of check_origin and principal_of.
+  absl::StatusOr<Principal> authenticate(const httplib::Request& request) const;
   void log_in(const httplib::Request& request, const std::string& body, httplib::Response& response) const;
-  void call(const std::shared_ptr<grpc::Channel>& channel, const std::string& peer, const Visitor& visitor,
-            const httplib::Request& request, const std::string& body, httplib::Response& response) const;
-  void send_matte(const Visitor& visitor, const httplib::Request& request, httplib::Response& response) const;
-  void send_frame(const Visitor& visitor, const httplib::Request& request, httplib::Response& response);
-  void send_samples(const Visitor& visitor, const httplib::Request& request, httplib::Response& response);
-  void store_image(const Visitor& visitor, const std::string& png, httplib::Response& response) const;
-  // NOT_FOUND: no node of the rig has this name.
+  void call(const std::shared_ptr<grpc::Channel>& channel, const std::string& peer,
+            const Principal& principal, const httplib::Request& request, const std::string& body,
+            httplib::Response& response) const;
+  void send_matte(const Principal& principal, const httplib::Request& request,
+                  httplib::Response& response) const;
+  void send_frame(const Principal& principal, const httplib::Request& request, httplib::Response& response);
+  void send_samples(const Principal& principal, const httplib::Request& request, httplib::Response& response);
+  void store_image(const Principal& principal, const std::string& png, httplib::Response& response) const;
+  // NOT_FOUND: no reachable node of the rig has this name.
   absl::StatusOr<std::shared_ptr<grpc::Channel>> channel_to(const std::string& node);
-  // To HOST:PORT, kept for the next time.
+  // A cached channel to HOST:PORT.
   std::shared_ptr<grpc::Channel> channel_at(const std::string& address);
   absl::StatusOr<CapturedFrames> frames_of(const std::string& session);
 
@@ -87,10 +89,10 @@ class Console {
   std::map<std::string, std::shared_ptr<grpc::Channel>> channels_;  // to nodes, by address
 };
 
-// Where the page is beside this program: installed, or in a build's directory.
+// The directory of the page relative to this program: installed, or in a build directory.
 std::filesystem::path default_console_files();
 
-// How a request is refused.
+// Answers a request with an error.
 void refuse(httplib::Response& response, const absl::Status& status);
 
 }  // namespace glasswing

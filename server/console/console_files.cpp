@@ -1,4 +1,4 @@
-// What the console hands out and takes besides calls: mattes, frames, samples, pictures.
+// The console's routes for data: mattes, frames, samples, pictures.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -22,7 +22,7 @@ constexpr std::chrono::seconds kCall(60);
 constexpr int kMaxWidth_px = 4096;
 constexpr double kMaxStops = 16.0;
 
-// INVALID_ARGUMENT: it is not a number within these.
+// A required parameter. INVALID_ARGUMENT: not a number in [low, high].
 template <typename Number>
 absl::StatusOr<Number> number_of(const Request& request, const char* name, Number low, Number high) {
   const std::string text = request.get_param_value(name);
@@ -32,7 +32,7 @@ absl::StatusOr<Number> number_of(const Request& request, const char* name, Numbe
     return number;
   return absl::InvalidArgumentError(fmt::format("{} is \"{}\"; it must be {} to {}", name, text, low, high));
 }
-// The same of one that may be left out.
+// The same for an optional parameter.
 template <typename Number>
 absl::StatusOr<Number> number_or(const Request& request, const char* name, Number otherwise, Number low,
                                  Number high) {
@@ -53,8 +53,8 @@ absl::StatusOr<std::string> fetch_matte(const std::shared_ptr<grpc::Channel>& se
 
 }  // namespace
 
-void Console::send_matte(const Visitor& visitor, const Request& request, Response& response) const {
-  if (const absl::Status status = admit("SessionService/FetchMatte", visitor.roles, visitor.name);
+void Console::send_matte(const Principal& principal, const Request& request, Response& response) const {
+  if (const absl::Status status = admit("SessionService/FetchMatte", principal.roles, principal.name);
       !status.ok())
     return refuse(response, status);
   v1::FetchMatteRequest wanted;
@@ -78,9 +78,9 @@ void Console::send_matte(const Visitor& visitor, const Request& request, Respons
   response.set_content(*std::move(bytes), "image/x-exr");
 }
 
-void Console::send_frame(const Visitor& visitor, const Request& request, Response& response) {
+void Console::send_frame(const Principal& principal, const Request& request, Response& response) {
   const auto frame = [&]() -> absl::StatusOr<std::string> {
-    GW_RETURN_IF_ERROR(admit("ArchiveService/ReadFile", visitor.roles, visitor.name));
+    GW_RETURN_IF_ERROR(admit("ArchiveService/ReadFile", principal.roles, principal.name));
     GW_ASSIGN_OR_RETURN(const int width, number_or<int>(request, "width", kMaxWidth_px, 16, kMaxWidth_px));
     GW_ASSIGN_OR_RETURN(const double stops, number_or<double>(request, "stops", 0.0, -kMaxStops, kMaxStops));
     GW_ASSIGN_OR_RETURN(const CapturedFrames frames, frames_of(request.matches[1]));
@@ -91,9 +91,9 @@ void Console::send_frame(const Visitor& visitor, const Request& request, Respons
   response.set_content(*frame, request.matches[3] == "tif" ? "image/tiff" : "image/jpeg");
 }
 
-void Console::send_samples(const Visitor& visitor, const Request& request, Response& response) {
+void Console::send_samples(const Principal& principal, const Request& request, Response& response) {
   const auto json = [&]() -> absl::StatusOr<std::string> {
-    GW_RETURN_IF_ERROR(admit("ArchiveService/ReadFile", visitor.roles, visitor.name));
+    GW_RETURN_IF_ERROR(admit("ArchiveService/ReadFile", principal.roles, principal.name));
     GW_ASSIGN_OR_RETURN(const int x, number_of<int>(request, "x", 0, 1 << 20));
     GW_ASSIGN_OR_RETURN(const int y, number_of<int>(request, "y", 0, 1 << 20));
     GW_ASSIGN_OR_RETURN(const CapturedFrames frames, frames_of(request.matches[1]));
@@ -103,8 +103,8 @@ void Console::send_samples(const Visitor& visitor, const Request& request, Respo
   response.set_content(*json, "application/json");
 }
 
-void Console::store_image(const Visitor& visitor, const std::string& png, Response& response) const {
-  if (const absl::Status status = admit("SessionService/UploadImage", visitor.roles, visitor.name);
+void Console::store_image(const Principal& principal, const std::string& png, Response& response) const {
+  if (const absl::Status status = admit("SessionService/UploadImage", principal.roles, principal.name);
       !status.ok())
     return refuse(response, status);
   grpc::ClientContext context;

@@ -19,12 +19,12 @@ namespace glasswing {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr std::chrono::hours kLongest(24 * 365);
+constexpr std::chrono::hours kMaxValidity(24 * 365);
 
 absl::Status make_key(const fs::path& path) {
   std::array<unsigned char, 32> key{};
   if (::RAND_bytes(key.data(), static_cast<int>(key.size())) != 1)
-    return absl::InternalError("no random numbers are to be had");
+    return absl::InternalError("the random number generator failed");
   GW_RETURN_IF_ERROR(write_secret_flushed(path, {reinterpret_cast<const char*>(key.data()), key.size()}));
   return flush_directory(path.parent_path());
 }
@@ -43,7 +43,7 @@ absl::StatusOr<ConsoleKey> ConsoleKey::open(const fs::path& data) {
   ConsoleKey key;
   if (bytes.size() != key.key_.size()) {
     return absl::DataLossError(
-        fmt::format("{} has {} bytes instead of {}; remove it, and browsers have to log in anew",
+        fmt::format("{} has {} bytes instead of {}; remove it, and browsers have to log in again",
                     path.string(), bytes.size(), key.key_.size()));
   }
   std::ranges::copy(bytes, key.key_.begin());
@@ -61,17 +61,18 @@ std::string ConsoleKey::signature_of(std::string_view text) const {
 absl::StatusOr<std::string> ConsoleKey::token_of(const std::string& name, const std::string& role,
                                                  std::chrono::sys_seconds expires,
                                                  std::chrono::sys_seconds now) const {
-  GW_RETURN_IF_ERROR(check_name("visitor", name));
+  GW_RETURN_IF_ERROR(check_name("user", name));
   if (!is_persons(role))
     return absl::InvalidArgumentError(fmt::format("the role is \"{}\"; it must be operator or viewer", role));
-  if (expires <= now || expires - now > kLongest)
-    return absl::InvalidArgumentError("the token must be valid for some time, and for a year at most");
+  if (expires <= now || expires - now > kMaxValidity)
+    return absl::InvalidArgumentError("the token's validity must be above 0 and at most a year");
   const std::string text =
       absl::WebSafeBase64Escape(fmt::format("{} {} {}", role, expires.time_since_epoch().count(), name));
   return fmt::format("{}.{}", text, signature_of(text));
 }
 
-absl::StatusOr<Visitor> ConsoleKey::visitor_of(std::string_view token, std::chrono::sys_seconds now) const {
+absl::StatusOr<Principal> ConsoleKey::principal_of(std::string_view token,
+                                                   std::chrono::sys_seconds now) const {
   const absl::Status unknown =
       absl::UnauthenticatedError("that is no token of this server; `glasswing console token` makes one");
   const size_t dot = token.find('.');
@@ -86,11 +87,11 @@ absl::StatusOr<Visitor> ConsoleKey::visitor_of(std::string_view token, std::chro
   if (second == std::string::npos) return unknown;
   std::int64_t expires = 0;
   std::from_chars(content.data() + first + 1, content.data() + second, expires);
-  Visitor visitor{.name = content.substr(second + 1),
-                  .roles = role_of_uri(fmt::format("{}{}", kRoleUri, content.substr(0, first))),
-                  .expires = std::chrono::sys_seconds(std::chrono::seconds(expires))};
-  if (visitor.expires > now) return visitor;
-  return absl::UnauthenticatedError("this token was valid until a moment that is over; make another one");
+  Principal principal{.name = content.substr(second + 1),
+                      .roles = role_of_uri(fmt::format("{}{}", kRoleUri, content.substr(0, first))),
+                      .expires = std::chrono::sys_seconds(std::chrono::seconds(expires))};
+  if (principal.expires > now) return principal;
+  return absl::UnauthenticatedError("this token has expired; make another one");
 }
 
 }  // namespace glasswing

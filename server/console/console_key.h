@@ -1,8 +1,7 @@
-// Tokens of the console: a text that says whose browser may look and for how long, signed by the server. A
-// browser shows it once to log in, and keeps it as its cookie; so a server that is started anew knows its
-// visitors.
+// Tokens of the console: signed texts that name a principal, its role and an expiry time. A browser presents
+// the token once to log in and keeps it as its cookie, so logins survive a restart of the server.
 //
-//   token = base64url(role SP expires SP name) "." base64url(HMAC-SHA256(key, what is before the dot))
+//   token = base64url(role SP expires SP name) "." base64url(HMAC-SHA256(key, the part before the dot))
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -17,7 +16,8 @@
 
 namespace glasswing {
 
-struct Visitor {
+// An authenticated user.
+struct Principal {
   std::string name;
   Roles roles = 0;
   std::chrono::sys_seconds expires = {};
@@ -25,16 +25,16 @@ struct Visitor {
 
 class ConsoleKey {
  public:
-  // The one in `data`, made where there is none, for its owner's eyes alone. Without it, all tokens that it
-  // signed are void. DATA_LOSS: it is none.
+  // Reads the key in `data`, or creates it, readable only by its owner. Removing the key voids all tokens
+  // that it signed. DATA_LOSS: the file is not a key.
   static absl::StatusOr<ConsoleKey> open(const std::filesystem::path& data);
 
-  // INVALID_ARGUMENT: the name, a role that is not "operator" or "viewer", or a time that is over by `now` or
-  // more than a year away.
+  // INVALID_ARGUMENT: the name, a role that is not "operator" or "viewer", or an expiry time before `now` or
+  // more than a year after it.
   absl::StatusOr<std::string> token_of(const std::string& name, const std::string& role,
                                        std::chrono::sys_seconds expires, std::chrono::sys_seconds now) const;
-  // UNAUTHENTICATED: it is not a token of this server, or no longer.
-  absl::StatusOr<Visitor> visitor_of(std::string_view token, std::chrono::sys_seconds now) const;
+  // UNAUTHENTICATED: not a token of this server, or an expired one.
+  absl::StatusOr<Principal> principal_of(std::string_view token, std::chrono::sys_seconds now) const;
 
  private:
   ConsoleKey() = default;

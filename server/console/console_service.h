@@ -1,4 +1,4 @@
-// ConsoleService: tokens with which browsers log in.
+// ConsoleService: creates the tokens by which browsers log in.
 #pragma once
 
 #include "glasswing/v1/console_service.grpc.pb.h"
@@ -9,7 +9,7 @@ namespace glasswing {
 class ConsoleServiceImpl final : public v1::ConsoleService::Service {
  public:
   explicit ConsoleServiceImpl(const ConsoleKey& key) : key_(key) {}
-  // Where people reach the console; before, and where it is empty, there is none.
+  // Sets the address at which people reach the console; empty, as at first: there is no console.
   void serve_at(const std::string& url);
 
   grpc::Status CreateToken(grpc::ServerContext*, const v1::CreateTokenRequest*,

@@ -12,12 +12,12 @@
 namespace glasswing {
 namespace {
 
-// Of requests that are answered at once: a page has up to six connections, one of them for each stream.
+// Concurrent requests: a page has up to six connections, and each stream occupies one.
 constexpr size_t kThreads = 64;
-constexpr size_t kMaxBytes = size_t{64} << 20;  // of a request; more is read, dropped and refused
+constexpr size_t kMaxBytes = size_t{64} << 20;  // of a request; larger ones are read, dropped and refused
 constexpr time_t kKeepAlive_s = 15, kRead_s = 10, kWrite_s = 30;
 
-// Takes the certificates that are in force when a browser connects, so that renewed ones need no restart.
+// Uses the certificates current when a browser connects, so renewed ones need no restart.
 int use_certificates(SSL* ssl, void*) {
   const TlsMaterial tls = tls_material();
   const std::vector<Certificate> chain = certificates_in(tls.certificate),
@@ -29,12 +29,12 @@ int use_certificates(SSL* ssl, void*) {
   X509_STORE* store = X509_STORE_new();
   for (const Certificate& authority : authorities) {
     X509_STORE_add_cert(store, authority.get());
-    SSL_add_client_CA(ssl, authority.get());  // so that browsers offer what can be of use
+    SSL_add_client_CA(ssl, authority.get());  // so that browsers offer matching certificates
   }
   return static_cast<int>(SSL_set0_verify_cert_store(ssl, store));
 }
 
-// A visitor's certificate is welcome, and must be of our CA; one without it logs in by a token.
+// A client certificate is optional, but must be of our CA; clients without one log in by a token.
 bool set_up(SSL_CTX& context) {
   SSL_CTX_set_min_proto_version(&context, TLS1_2_VERSION);
   SSL_CTX_set_verify(&context, SSL_VERIFY_PEER, nullptr);
@@ -95,7 +95,7 @@ void HttpHost::serve() {
 
 void HttpHost::stop() {
   if (!thread_.joinable()) return;
-  // It cannot be stopped before it runs.
+  // The server cannot be stopped before it runs.
   while (!server_->is_running()) std::this_thread::yield();
   server_->stop();
   thread_.join();

@@ -1,4 +1,4 @@
-// A listening HTTP server, with TLS where this program has it, and the limits of one that strangers reach.
+// A listening HTTP server, with TLS if this program has certificates, and limits against untrusted clients.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -12,18 +12,18 @@ namespace glasswing {
 
 class HttpHost {
  public:
-  // Bound, and not answering yet. INVALID_ARGUMENT: the address is no HOST:PORT, or beyond this machine
-  // without TLS. UNAVAILABLE: it cannot be listened on. Port 0: any free one.
+  // Binds, but does not serve yet. Port 0: any free one. INVALID_ARGUMENT: not HOST:PORT, or an address that
+  // other machines reach, without TLS. UNAVAILABLE: cannot listen on it.
   static absl::StatusOr<std::unique_ptr<HttpHost>> bind(const std::string& address);
   ~HttpHost();
 
-  // Where routes are added, before serve().
+  // Add routes before serve().
   httplib::Server& routes() { return *server_; }
   void serve();
-  // Returns when all requests are answered: those that last must have been told to end.
+  // Returns when all requests are answered; streaming requests must have been told to end.
   void stop();
 
-  const std::string& address() const { return address_; }  // with the real port
+  const std::string& address() const { return address_; }  // with the bound port
   bool has_tls() const { return has_tls_; }
 
  private:

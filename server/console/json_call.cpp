@@ -14,7 +14,7 @@ namespace glasswing {
 namespace {
 
 namespace pb = google::protobuf;
-constexpr auto kForEver = std::chrono::system_clock::time_point::max();
+constexpr auto kForever = std::chrono::system_clock::time_point::max();
 
 std::unique_ptr<pb::Message> made(const pb::Descriptor* type) {
   return std::unique_ptr<pb::Message>(pb::MessageFactory::generated_factory()->GetPrototype(type)->New());
@@ -69,11 +69,11 @@ absl::StatusOr<std::unique_ptr<JsonCall>> JsonCall::start(const std::shared_ptr<
       &self->queue_);
   self->call_->StartCall(nullptr);
   bool ok = false;
-  self->is_through(kForEver, ok);
+  self->is_through(kForever, ok);
   if (ok) {
     const grpc::Slice slice(message->SerializeAsString());
     self->call_->WriteLast(grpc::ByteBuffer(&slice, 1), grpc::WriteOptions(), nullptr);
-    self->is_through(kForEver, ok);
+    self->is_through(kForever, ok);
   }
   return self;
 }
@@ -81,7 +81,7 @@ absl::StatusOr<std::unique_ptr<JsonCall>> JsonCall::start(const std::shared_ptr<
 JsonCall::~JsonCall() {
   context_.TryCancel();
   bool ok = false;
-  if (reading_) is_through(kForEver, ok);
+  if (reading_) is_through(kForever, ok);
   if (!finished_) finish();
   queue_.Shutdown();
   void* tag = nullptr;
@@ -97,7 +97,7 @@ bool JsonCall::is_through(std::chrono::system_clock::time_point deadline, bool& 
 void JsonCall::finish() {
   bool ok = false;
   call_->Finish(&status_, nullptr);
-  is_through(kForEver, ok);
+  is_through(kForever, ok);
   finished_ = true;
 }
 
@@ -119,7 +119,7 @@ JsonCall::Got JsonCall::next(std::chrono::milliseconds wait, std::string& messag
   context_.TryCancel();
   finish();
   status_ = {grpc::StatusCode::INTERNAL,
-             fmt::format("what {} answered is no {}", method_.name(), answer->GetTypeName())};
+             fmt::format("the answer of {} is not a {}", method_.name(), answer->GetTypeName())};
   return Got::kEnd;
 }
 

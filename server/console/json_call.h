@@ -1,4 +1,4 @@
-// Any call of any service in protobuf's JSON mapping: what a browser sends and gets.
+// Calls of any service, with messages in protobuf's JSON mapping, as a browser sends and receives them.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -12,21 +12,22 @@
 
 namespace glasswing {
 
-// Of all that this program knows.
+// A method of any service linked into this program.
 struct JsonMethod {
   const google::protobuf::MethodDescriptor* descriptor = nullptr;
 
   std::string name() const;  // "SessionService/GetSession"
   bool streams() const { return descriptor->server_streaming(); }
 
-  // NOT_FOUND: there is none. UNIMPLEMENTED: it takes a stream of requests.
+  // NOT_FOUND: no such method. UNIMPLEMENTED: it takes a stream of requests.
   static absl::StatusOr<JsonMethod> find(const std::string& service, const std::string& method);
 };
 
-// One call. It is cancelled if it still runs when this ends.
+// One call, cancelled on destruction if still running.
 class JsonCall {
  public:
-  // INVALID_ARGUMENT: `request` is not the method's message; says where. `client`: who calls, for people.
+  // `client` names the caller, for people. INVALID_ARGUMENT: `request` is not the method's message; says
+  // where.
   static absl::StatusOr<std::unique_ptr<JsonCall>> start(const std::shared_ptr<grpc::Channel>& channel,
                                                          const JsonMethod& method, const std::string& request,
                                                          const std::string& client,
@@ -34,14 +35,14 @@ class JsonCall {
   ~JsonCall();
 
   enum class Got { kMessage, kNothingYet, kEnd };
-  // The next answer goes to `message`.
+  // Waits for the next answer and stores it to `message`.
   Got next(std::chrono::milliseconds wait, std::string& message);
-  // How it ended, after kEnd. `peer` names who was called.
+  // The final status, after kEnd. `peer` names the called program.
   absl::Status outcome(const std::string& peer) const;
 
  private:
   JsonCall(const std::shared_ptr<grpc::Channel>& channel, const JsonMethod& method);
-  // Whether what was begun is through; `ok`, if it went well.
+  // Waits for the pending operation; false on timeout. `ok`: the operation succeeded.
   bool is_through(std::chrono::system_clock::time_point deadline, bool& ok);
   void finish();
 
@@ -55,7 +56,7 @@ class JsonCall {
   grpc::Status status_;
 };
 
-// {"code": "NOT_FOUND", "message": "…"}, and the status of HTTP that comes nearest.
+// {"code": "NOT_FOUND", "message": "…"}, and the nearest HTTP status.
 std::string json_of(const absl::Status& status);
 int http_status(const absl::Status& status);
 

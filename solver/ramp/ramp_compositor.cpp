@@ -55,7 +55,7 @@ RampBackground::RampBackground(const RadianceImage& picture, const Matte& empty_
         float* const light = &behind_.at(x, y, 0);
         for (const Mode& mode : empty_stage.modes(x, y, 0)) {
           if (mode.weight <= 0.0f) continue;
-          const BoxTable::Light seen =
+          const FastSummedAreaTable::Light seen =
               table_.mean(mode.x_px, mode.y_px, side_of(mode.xx_px2), side_of(mode.yy_px2));
           for (size_t c = 0; c < 3; ++c) light[c] += mode.weight * seen[c];
         }
@@ -78,7 +78,7 @@ std::vector<std::uint8_t> composite(const RampFrame& frame, const RampBackground
             static_cast<size_t>(y) * static_cast<size_t>(frame.width_px) + static_cast<size_t>(x);
         const float alpha = frame.alpha[pixel], rho = frame.rho[pixel], f = frame.highlight[pixel];
         if (alpha == 0.0f) continue;
-        BoxTable::Light through{};
+        FastSummedAreaTable::Light through{};
         if (rho > 0.0f) {
           const RampFootprint box = ramp_footprint(frame, x, y);
           through = background.table_.mean(frame.x_px[pixel], frame.y_px[pixel], box.width_px, box.height_px);

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "core/frame/image.h"
-#include "core/matte/box_table.h"
 #include "core/matte/matte.h"
+#include "core/matte/summed_area_table.h"
 #include "solver/ramp/smoother/ramp_frame.h"
 
 namespace glasswing {
@@ -24,7 +24,7 @@ class RampBackground {
  private:
   friend std::vector<std::uint8_t> composite(const RampFrame&, const RampBackground&, int);
 
-  BoxTable table_;
+  FastSummedAreaTable table_;
   RadianceImage behind_;               // B
   std::vector<std::uint8_t> encoded_;  // the same in 8 bit sRGB
 };

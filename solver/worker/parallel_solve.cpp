@@ -27,16 +27,16 @@ FrameStack rows_of(const FrameStack& stack, const std::vector<int>& needed, int 
 }
 
 // Out of a finished matte, not out of samples, whose noise stays as it is.
-void take_out_fall_off(const Evenness& evenness, Matte& matte) {
-  if (evenness.is_even()) return;
+void take_out_fall_off(const Shading& shading, Matte& matte) {
+  if (shading.is_uniform()) return;
   for (int y = 0; y < matte.height_px(); ++y) {
     for (int x = 0; x < matte.width_px(); ++x) {
-      const double camera = evenness.camera(matte.x0_px() + x, matte.y0_px() + y);
+      const double camera = shading.camera(matte.x0_px() + x, matte.y0_px() + y);
       for (float& light : matte.foreground(x, y)) light /= static_cast<float>(camera);
       for (int c = 0; c < (matte.is_colourless() ? 1 : kChannels); ++c) {
         for (Mode& mode : matte.modes(x, y, c)) {
           const double monitor =
-              evenness.monitor(mode.texture, static_cast<double>(mode.x_px), static_cast<double>(mode.y_px));
+              shading.monitor(mode.texture, static_cast<double>(mode.x_px), static_cast<double>(mode.y_px));
           const auto light = static_cast<float>(camera * monitor);
           mode.weight /= light;
           mode.weight_sd /= light;
@@ -53,7 +53,7 @@ absl::StatusOr<Matte> solve_in_bands(const Method& method, const FrameStack& sta
   GW_ASSIGN_OR_RETURN(const std::vector<int> needed, method.frames_needed(stack.manifest));
   GW_RETURN_IF_ERROR(check_rows(stack, needed));
   GW_ASSIGN_OR_RETURN(const LinearStack linear, LinearStack::create(stack.manifest));
-  GW_ASSIGN_OR_RETURN(const Evenness evenness, Evenness::create(stack.manifest));
+  GW_ASSIGN_OR_RETURN(const Shading shading, Shading::create(stack.manifest));
   if (thread_count <= 0) thread_count = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   // Small enough that the last ones keep all threads busy, large enough to be worth a solver's set-up, which
   // one thread need not repeat.
@@ -88,7 +88,7 @@ absl::StatusOr<Matte> solve_in_bands(const Method& method, const FrameStack& sta
   whole.metadata = first.metadata;
   linear.describe(whole.metadata);
   for (const auto& band : bands) whole.put(**band);
-  take_out_fall_off(evenness, whole);
+  take_out_fall_off(shading, whole);
   return whole;
 }
 

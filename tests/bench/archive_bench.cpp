@@ -22,6 +22,7 @@
 #include "core/base/freed_memory.h"
 #include "core/security/tls.h"
 #include "core/service/service.h"
+#include "tests/core/frame/archive_rows.h"
 #include "tests/core/security/made_certificates.h"
 
 namespace glasswing {
@@ -89,7 +90,7 @@ class FieldService final : public v1::ArchiveService::Service {
                         grpc::ServerWriter<v1::ReadRowsResponse>* writer) override {
     std::int64_t start = 0;
     for (const std::string& file : request->files()) {
-      const std::string rows = archive_.read_rows(file, request->first_row(), request->row_count()).value();
+      const std::string rows = read_rows(archive_, file, request->first_row(), request->row_count()).value();
       for (size_t at = 0; at < rows.size(); at += kChunkBytes) {
         v1::ReadRowsResponse response;
         response.set_offset_bytes(start + static_cast<std::int64_t>(at));

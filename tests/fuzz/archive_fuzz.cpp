@@ -1,10 +1,11 @@
-// Archive::open, and reading of rows from what it opened. The input is three files after one another, parted
-// by lines of dashes: header.json, frames.jsonl, and a frame, which lies under several names. So that a
-// mutated frame is not always refused for its checksum, @SUM@ in the journal stands for the frame's own.
+// Archive::open, and reading rows from the result. The input is three files separated by lines of dashes:
+// header.json, frames.jsonl, and a frame, which is stored under several names. @SUM@ in the journal is
+// replaced by the frame's checksum, so that a mutated frame is not always refused for it.
 #include <array>
 
 #include "core/base/checksum.h"
 #include "core/frame/archive.h"
+#include "tests/core/frame/archive_rows.h"
 #include "tests/fuzz/fuzz_target.h"
 
 namespace glasswing::fuzz {
@@ -72,10 +73,10 @@ void try_input(std::string_view input) {
   int read_count = 0;
   for (const v1::Frame& frame : manifest.frames()) {
     if (++read_count > 8) break;
-    const absl::StatusOr<std::string> whole = (*archive)->read_rows(frame.file(), 0, height);
-    const absl::StatusOr<std::string> last = (*archive)->read_rows(frame.file(), height - 1, 1);
+    const absl::StatusOr<std::string> whole = read_rows(**archive, frame.file(), 0, height);
+    const absl::StatusOr<std::string> last = read_rows(**archive, frame.file(), height - 1, 1);
     FUZZ_CHECK(whole.ok() == last.ok());
-    FUZZ_CHECK(!(*archive)->read_rows(frame.file(), height, 1).ok());
+    FUZZ_CHECK(!read_rows(**archive, frame.file(), height, 1).ok());
     if (!whole.ok()) {
       FUZZ_CHECK(!whole.status().message().empty());
       continue;

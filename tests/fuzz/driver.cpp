@@ -1,8 +1,8 @@
-// Feeds a reader its seeds and many mutations of them. The same on every machine: no clock and no entropy.
+// Feeds a reader its seeds and many mutations of them. Deterministic: uses neither clock nor entropy.
 //
 //   fuzz.NAME [--runs N]        the short run of the tests
 //   fuzz.NAME --seeds DIRECTORY writes the seeds, for libFuzzer to start from
-//   fuzz.NAME FILE...           reads these, such as libFuzzer left them when one failed
+//   fuzz.NAME FILE...           reads these inputs, such as those that libFuzzer saved on a failure
 #include <fcntl.h>
 #include <unistd.h>
 
@@ -18,12 +18,12 @@
 
 #include "tests/fuzz/fuzz_target.h"
 
-// Small inputs have no business asking for much memory.
+// Small inputs must not make readers allocate much memory.
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 void* operator new(std::size_t size) {
   constexpr std::size_t kMax = 256u << 20;
   if (size > kMax) {
-    std::fprintf(stderr, "%zu bytes asked for at once\n", size);
+    std::fprintf(stderr, "%zu bytes allocated at once\n", size);
     std::abort();
   }
   void* memory = std::malloc(size > 0 ? size : 1);
@@ -43,7 +43,7 @@ namespace {
 
 constexpr size_t kLongest = 1u << 16;
 
-// What readers of numbers and paths stumble over.
+// Values that often break readers of numbers and paths.
 constexpr std::array<std::string_view, 28> kTokens{"0",
                                                    "-1",
                                                    "1",
@@ -138,7 +138,7 @@ class Mutator {
 
 std::string in_hand;
 
-// What a crash leaves: the input, in a file that this program reads again.
+// Saves the input on a crash, to a file that this program can read again.
 void leave_input(int signal) {
   constexpr std::string_view kName = "fuzz-found", kWords = "the input is in ./fuzz-found\n";
   const int file = ::open(kName.data(), O_WRONLY | O_CREAT | O_TRUNC, 0644);

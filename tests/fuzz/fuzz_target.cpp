@@ -33,7 +33,7 @@ const fs::path& scratch_directory() {
 
 void write_plainly(const fs::path& path, std::string_view bytes) {
   std::error_code ignored;
-  fs::remove(path, ignored);  // some file systems flush a file that is cut to nothing and written again
+  fs::remove(path, ignored);  // some file systems flush a file that is truncated and rewritten
   std::ofstream(path, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
 }
 

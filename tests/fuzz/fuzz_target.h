@@ -1,5 +1,5 @@
-// A reader of untrusted bytes, as fuzzing sees it. One source a reader defines both functions; it is linked
-// with libFuzzer (libfuzzer.cpp), or with a small driver that mutates the seeds (driver.cpp).
+// The interface of a fuzz target, a reader of untrusted bytes. One source per reader defines both functions;
+// it is linked with libFuzzer (libfuzzer.cpp) or with a small driver that mutates the seeds (driver.cpp).
 #pragma once
 
 #include <cstdio>
@@ -11,21 +11,21 @@
 
 namespace glasswing::fuzz {
 
-// Inputs to start from: good ones, and such as a checksum would keep mutation from finding.
+// Inputs to start from: valid ones, and those that mutation would not find because of a checksum.
 std::vector<std::string> seeds();
 
-// Reads `input`; ends the process if what comes of it is neither a value that keeps the reader's promises
-// nor an error with words.
+// Reads `input`; aborts the process unless the result is a value that keeps the reader's guarantees, or an
+// error with a message.
 void try_input(std::string_view input);
 
-// An empty directory of this process, in TMPDIR, removed at its end.
+// An empty directory of this process in TMPDIR, removed at exit.
 const std::filesystem::path& scratch_directory();
 
 void write_plainly(const std::filesystem::path& path, std::string_view bytes);
 
 }  // namespace glasswing::fuzz
 
-// A promise of the reader's. Unlike assert it holds in every build.
+// Checks a guarantee of the reader; unlike assert, in every build.
 #define FUZZ_CHECK(condition)                                                              \
   do {                                                                                     \
     if (!(condition)) {                                                                    \

@@ -1,5 +1,5 @@
-// PatchReader, on any pictures. The input is samples, 16 bit: what a camera adds to each pixel of the ten
-// learning pictures and of one more, after the id that this one shows.
+// PatchReader on arbitrary pictures. The input is 16-bit values: first the id of an eleventh picture, then
+// what a camera adds to each pixel of the ten learning pictures and of that one.
 #include <cstring>
 
 #include "core/pattern/id_patch.h"
@@ -18,7 +18,7 @@ Image16 picture_of(std::uint16_t id) {
   return image;
 }
 
-// Takes what there is of the input off its front; wraps around, so that any picture can come of it.
+// Consumes the input from its front; wraps around, so that any input makes a whole picture.
 void disturb(Image16& image, std::string_view& input) {
   const size_t bytes = std::min(input.size(), image.samples.size() * 2);
   for (size_t i = 0; i + 1 < bytes; i += 2) {
@@ -29,7 +29,7 @@ void disturb(Image16& image, std::string_view& input) {
   input.remove_prefix(bytes);
 }
 
-// The light that falls on a column's upper cell, less that on its lower one.
+// Light of a column's upper cell less that of its lower cell.
 double upper_less_lower(const Image16& image, int column) {
   double sum = 0.0;
   const int half = kPatch.rows / 2, cell = kPatch.width_px / IdPatch::kBits;
@@ -82,7 +82,7 @@ void try_input(std::string_view input) {
     FUZZ_CHECK(!reader.status().message().empty());
   }
 
-  // Knowing the patch as it is, an id is what the light says, cell by cell.
+  // With a correctly learned patch, an id must agree with the light of every cell.
   static const PatchReader exact = PatchReader::learn(clean).value();
   FUZZ_CHECK(exact.read(picture_of(shown)) == shown);
   Image16 other = picture_of(shown);

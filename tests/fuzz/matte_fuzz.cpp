@@ -35,7 +35,7 @@ std::vector<std::string> seeds() {
   std::vector<std::string> seeds{encode_matte(matte_of(3, 2, 1)).value(),
                                  encode_matte(matte_of(20, 18, 2)).value(),
                                  encode_matte(matte_of(2, 1, kMaxModes)).value()};
-  // With checksums that agree: what only the checks after them can refuse.
+  // With matching checksums, so that only the later checks can refuse it.
   Matte matte = matte_of(3, 2, 1);
   matte.modes(1, 1, 1)[0].weight = std::numeric_limits<float>::quiet_NaN();
   seeds.push_back(encode_matte(matte).value());
@@ -52,7 +52,7 @@ std::vector<std::string> seeds() {
 }
 
 void try_input(std::string_view input) {
-  // What it is made of is not looked at: a crash is what matters.
+  // The result is not checked: only crashes matter.
   const absl::StatusOr<std::string> joined = join_mattes({&input, 1});
   FUZZ_CHECK(joined.ok() || !joined.status().message().empty());
   const absl::StatusOr<Matte> matte = decode_matte(input);

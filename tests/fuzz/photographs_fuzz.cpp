@@ -1,4 +1,4 @@
-// Lists of photographs that others took (docs/archive.md).
+// Lists of imported photographs (docs/archive.md).
 #include "client/exchange/photograph_list.h"
 #include "core/frame/archive.h"
 #include "core/import/photograph_response.h"
@@ -37,7 +37,7 @@ void try_input(std::string_view input) {
     FUZZ_CHECK(list->lines[at] >= 1 && (i == 0 || list->lines[at] > list->lines[at - 1]));
     FUZZ_CHECK(check_frame(list->manifest.frames(i)).ok());
   }
-  // With a camera it is a manifest, which every other program reads.
+  // With a camera it is a manifest, which every program must be able to read.
   v1::CaptureManifest manifest = list->manifest, read;
   manifest.mutable_camera()->set_width_px(1);
   manifest.mutable_camera()->set_height_px(1);

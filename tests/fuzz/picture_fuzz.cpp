@@ -1,5 +1,5 @@
-// Pictures that cameras and people send, PNG, JPEG and TIFF: their headers, the checks before they are
-// decoded, and what comes of them.
+// Pictures from cameras and users, PNG, JPEG and TIFF: their headers, the checks before decoding, and the
+// results.
 #include <cstring>
 
 #include "camera-node/backends/pixel_format.h"
@@ -12,7 +12,7 @@ namespace glasswing::fuzz {
 namespace {
 
 constexpr int kWidth_px = 12, kHeight_px = 7;  // of the camera
-constexpr std::int64_t kMaxPixels = 1 << 20;   // beyond, a good picture is a matter of time
+constexpr std::int64_t kMaxPixels = 1 << 20;   // larger valid pictures only take time
 
 std::string jpeg_of(int width_px, int height_px) {
   RadianceImage image(width_px, height_px);
@@ -32,7 +32,7 @@ std::vector<std::string> seeds() {
   const size_t frame = lying.find("\xFF\xC0");
   for (size_t i = 5; i < 9; ++i) lying[frame + i] = '\x3f';
   seeds.push_back(lying);
-  // Fill bytes, and a comment, before the rest.
+  // Fill bytes and a comment before the rest.
   seeds.push_back(seeds[0].substr(0, 2) + std::string(5, '\xff') + std::string("\xff\xfe\0\x04hi", 6) +
                   seeds[0].substr(2));
   return seeds;
@@ -57,7 +57,7 @@ void try_input(std::string_view input) {
   if (const absl::StatusOr<Image16> frame = image_of(raw); frame.ok())
     FUZZ_CHECK(size.ok() && *size == (PictureSize{kWidth_px, kHeight_px}));
 
-  // Of what is neither, and of no size that is allowed, nothing is decoded at all.
+  // Other formats and sizes out of range must not be decoded at all.
   if (size.ok() && std::int64_t{size->width_px} * size->height_px > kMaxPixels) return;
   const absl::StatusOr<RadianceImage> radiance = decode_radiance(input, Encoding::kDisplay);
   if (radiance.ok()) {

@@ -1,4 +1,4 @@
-// Plans, as text and as they come over the wire, and the steps that come of them.
+// Plans, as text and from the wire, and their expansion to steps.
 #include <google/protobuf/stubs/logging.h>
 #include <google/protobuf/text_format.h>
 
@@ -26,7 +26,7 @@ const std::vector<v1::Monitor>& rig() {
   return rig;
 }
 
-// Of a plan that nobody checked.
+// For an unchecked plan.
 void try_steps(const v1::Plan& plan) {
   const absl::StatusOr<std::vector<Step>> steps = expand(plan, rig());
   if (!steps.ok()) {
@@ -74,7 +74,7 @@ hold_refreshes: 4 exposure_ms: [4, 8] retries: 3 white_every: 5)",
     FUZZ_CHECK(google::protobuf::TextFormat::ParseFromString(text, &plan));
     seeds.push_back(plan.SerializeAsString());
   }
-  // Few bytes that ask for much.
+  // Few bytes that expand to many steps.
   v1::Plan plan;
   plan.set_method("fringe");
   for (int i = 0; i < 4000; ++i) {
@@ -91,7 +91,7 @@ hold_refreshes: 4 exposure_ms: [4, 8] retries: 3 white_every: 5)",
 }
 
 void try_input(std::string_view input) {
-  static const google::protobuf::LogSilencer silent;  // of strings that are not UTF-8
+  static const google::protobuf::LogSilencer silent;  // silences complaints about strings that are not UTF-8
   v1::Plan plan;
   if (plan.ParseFromArray(input.data(), static_cast<int>(input.size()))) try_steps(plan);
   const absl::StatusOr<v1::Plan> written = parse_plan(input, "plan.txtpb");

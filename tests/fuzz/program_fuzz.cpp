@@ -1,5 +1,5 @@
-// Programs and calibrations as a display gets them, and the pictures that come of them. The input is a
-// LoadProgramRequest, as text or as it comes over the wire.
+// Programs and calibrations as a display receives them, and the resulting pictures. The input is a
+// LoadProgramRequest, as text or in wire format.
 #include <google/protobuf/io/tokenizer.h>
 #include <google/protobuf/stubs/logging.h>
 #include <google/protobuf/text_format.h>
@@ -71,7 +71,7 @@ steps { step: 5 stimuli { kind: "photo" panel: "left" image: ")" +
 }
 
 void try_input(std::string_view input) {
-  static const google::protobuf::LogSilencer silent;  // of strings that are not UTF-8
+  static const google::protobuf::LogSilencer silent;  // silences complaints about strings that are not UTF-8
   v1::LoadProgramRequest request;
   if (request.ParseFromArray(input.data(), static_cast<int>(input.size()))) try_program(request);
   TextFormat::Parser parser;

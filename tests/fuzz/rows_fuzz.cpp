@@ -1,5 +1,5 @@
-// ReadRows at both ends: a node's answer to any request is an error or exactly the rows asked for, and a
-// reader takes no message for rows that is none.
+// ReadRows at both ends: a node answers any request with an error or exactly the rows requested, and a reader
+// accepts only valid messages.
 #include <google/protobuf/stubs/logging.h>
 
 #include "core/archive/row_chunks.h"
@@ -9,7 +9,7 @@
 namespace glasswing::fuzz {
 namespace {
 
-constexpr int kWidth_px = 50, kHeight_px = 70, kFrames = 3;  // 21,000 bytes a frame: some pieces are mapped
+constexpr int kWidth_px = 50, kHeight_px = 70, kFrames = 3;  // 21,000 bytes per frame: some pieces are mapped
 
 Image16 picture(int number) {
   Image16 image(kWidth_px, kHeight_px);
@@ -22,7 +22,7 @@ std::string file_of(int number) {
   return "frames/00000" + std::to_string(number) + ".tif";
 }
 
-// Made once, of three frames.
+// Created once, with three frames.
 ArchiveStore& store() {
   static ArchiveStore store(scratch_directory());
   static const bool made = [] {
@@ -80,7 +80,7 @@ void answer(const v1::ReadRowsRequest& request) {
   FUZZ_CHECK(got.substr(begin) == expected.substr(begin));
 }
 
-// What a node may send instead of an answer.
+// A message that a node may send instead of a valid answer.
 void take(std::string_view input) {
   const grpc::Slice whole(input.data(), input.size());
   for (const size_t room : {size_t{8}, size_t{600}}) {
@@ -95,7 +95,7 @@ void take(std::string_view input) {
     FUZZ_CHECK(rows.substr(0, 4) == "xxxx");
     FUZZ_CHECK(rows.find_first_not_of('x', static_cast<size_t>(offset)) == std::string::npos);
     const grpc::Slice chunk(rows.data() + 4, static_cast<size_t>(offset) - 4);
-    // It stands in the message, whatever follows, unless it is 0, which is left out.
+    // The field is in the message unless it is 0, which is omitted.
     const std::uint64_t checksum = checksum_of_pieces({&chunk, 1});
     const std::string_view bytes(reinterpret_cast<const char*>(&checksum), sizeof checksum);
     FUZZ_CHECK(checksum == 0 || input.find(bytes) != std::string_view::npos);
@@ -132,7 +132,7 @@ std::vector<std::string> seeds() {
 }
 
 void try_input(std::string_view input) {
-  static const google::protobuf::LogSilencer silent;  // of strings that are not UTF-8
+  static const google::protobuf::LogSilencer silent;  // silences complaints about strings that are not UTF-8
   v1::ReadRowsRequest request;
   if (request.ParseFromArray(input.data(), static_cast<int>(input.size()))) answer(request);
   take(input);

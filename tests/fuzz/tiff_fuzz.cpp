@@ -1,4 +1,4 @@
-// decode_tiff, and what picture_size makes of TIFF and PNG.
+// decode_tiff, and picture_size of TIFF and PNG.
 #include "core/frame/archive.h"
 #include "core/frame/image_file.h"
 #include "tests/fuzz/fuzz_target.h"
@@ -12,7 +12,7 @@ std::vector<std::string> seeds() {
     for (size_t i = 0; i < image.samples.size(); ++i) image.samples[i] = static_cast<std::uint16_t>(i * 977);
     seeds.push_back(encode_tiff(image));
   }
-  // A whole header that promises gigabytes.
+  // A complete header that promises gigabytes.
   std::string lying = encode_tiff(Image16(1, kMaxSide_px)).substr(0, kTiffPixelOffset);
   seeds.push_back(lying);
   seeds.push_back(encode_tiff(Image16(kMaxSide_px, 1)).substr(0, kTiffPixelOffset + 60));

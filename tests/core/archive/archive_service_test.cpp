@@ -1,4 +1,4 @@
-// What a node sends of an archive, against its files.
+// Compares what a node sends of an archive with its files.
 #include "core/archive/archive_service.h"
 
 #include <xxhash.h>
@@ -20,7 +20,7 @@ class ArchiveService : public ArchiveTest {
     node_ = nullptr;
     ArchiveTest::TearDown();
   }
-  // Every chunk is checked: its place, its size, its checksum.
+  // Checks offset, size and checksum of every chunk.
   grpc::Status read(const v1::ReadRowsRequest& request, std::string& rows) const {
     grpc::ClientContext context;
     const auto reader = stub_->ReadRows(&context, request);
@@ -119,8 +119,7 @@ TEST_F(ArchiveService, AFileThatChangesLaterIsFoundOut) {
 }
 
 TEST_F(ArchiveService, WhoReadsWhatIsDeletedReadsOn) {
-  // One message has come; the flow control of a stream lets only a part of the rest come before it is asked
-  // for.
+  // One message has arrived; flow control admits only a part of the rest before it is read.
   const std::vector<int> frames(40, 3);
   const std::string expected = rows_of(node_->archive(), frames, 0, MadeArchive::kHeight);
   grpc::ClientContext context;
@@ -134,7 +133,7 @@ TEST_F(ArchiveService, WhoReadsWhatIsDeletedReadsOn) {
   EXPECT_FALSE(std::filesystem::exists(node_->archive()));
   EXPECT_EQ(mapped->bytes().substr(256), std::string_view(expected).substr(0, expected.size() / 40));
   while (reader->Read(&response)) rows += response.chunk();
-  // It either went on to the end, or says that the file is gone: never other bytes.
+  // The read either completes or reports that the file is gone; it never returns other bytes.
   const grpc::Status status = reader->Finish();
   EXPECT_EQ(rows, expected.substr(0, rows.size()));
   EXPECT_TRUE(status.ok() ? rows == expected : status.error_code() == grpc::StatusCode::DATA_LOSS);
@@ -163,7 +162,7 @@ TEST_F(ArchiveService, ToldWhereItLiesASecondReaderFindsTheSameDirectory) {
   }
 }
 
-// Cut short under the mapping after the checksum was verified: no signal, no made-up pixels.
+// Truncated under the mapping after the checksum was verified: no signal, no invented pixels.
 TEST_F(ArchiveService, AMappingWhoseFileIsCutShortSaysSo) {
   const std::shared_ptr<const MappedFile> mapped =
       MappedFile::open(node_->archive() / MadeArchive::file(0),
@@ -189,11 +188,11 @@ TEST_F(ArchiveService, FilesCutShortWhileTheyAreReadEndNoNodeAndMakeUpNothing) {
     const auto reader = stub_->ReadRows(&context, request);
     v1::ReadRowsResponse response;
     std::string rows;
-    // Refused at once: the node still looks at the mapping that was cut before.
+    // Refused at once: the node still holds the mapping of the truncated file.
     if (reader->Read(&response)) rows = response.chunk();
     std::filesystem::resize_file(path, random() % whole.size());
     while (reader->Read(&response)) {
-      // What the reader would refuse may be anything.
+      // Chunks that the reader refuses may hold anything.
       if (response.checksum() != XXH3_64bits(response.chunk().data(), response.chunk().size())) break;
       rows += response.chunk();
     }

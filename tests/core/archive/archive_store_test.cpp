@@ -20,7 +20,7 @@ TEST_F(ArchiveStoreTest, ClosesWhatNobodyAskedForOfLateAndOpensItAgain) {
   const std::weak_ptr<Archive> first = make("first"), used = in_use;
   for (int i = 0; i < 20; ++i) make(fmt::format("s{}", i));
   EXPECT_TRUE(first.expired());
-  EXPECT_EQ(store.find("in-use").value(), in_use);  // never two of one archive
+  EXPECT_EQ(store.find("in-use").value(), in_use);  // never two objects for one archive
   for (int i = 0; i < 20; ++i) EXPECT_TRUE(store.find(fmt::format("s{}", i)).ok());
   in_use = nullptr;
   EXPECT_TRUE(store.find("first").ok());

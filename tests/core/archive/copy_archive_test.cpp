@@ -1,4 +1,4 @@
-// An archive that goes from node to node.
+// Copies an archive between nodes.
 #include "core/archive/copy_archive.h"
 
 #include "core/base/file.h"
@@ -19,7 +19,7 @@ class CopyArchive : public ArchiveTest {
     to_ = nullptr;
     ArchiveTest::TearDown();
   }
-  // Asks the node, as the server does; all that it told.
+  // Calls the node as the server does; returns all progress messages.
   grpc::Status copy(std::vector<v1::CopyArchiveResponse>* told = nullptr) const {
     const auto stub = v1::ArchiveService::NewStub(dial(to_->address()));
     v1::CopyArchiveRequest request;
@@ -64,7 +64,7 @@ TEST_F(CopyArchive, IsTheSameByteForByteAndOutlivesTheNode) {
 }
 
 TEST_F(CopyArchive, WhatBrokeOffIsTakenUp) {
-  // The other node cannot read its frame 3: what came before stays.
+  // The other node cannot read its frame 3; the frames before it stay.
   const std::filesystem::path bad = from_->archive() / MadeArchive::file(3);
   const std::string good = bytes_of(bad);
   write_over(bad, 1000, static_cast<char>(good[1000] ^ 1));

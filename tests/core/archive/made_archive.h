@@ -1,5 +1,5 @@
-// A node that holds an archive of noise, and a reader of its files that knows nothing of our code: pixels
-// begin at byte 256 and lie row by row.
+// A node that holds an archive of noise, and a reader of its files that is independent of our code: pixels
+// start at byte 256, row by row.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -20,7 +20,7 @@
 namespace glasswing {
 
 struct MadeArchive {
-  static constexpr int kWidth = 301, kHeight = 157, kFrames = 5;  // several chunks, none of whole rows
+  static constexpr int kWidth = 301, kHeight = 157, kFrames = 5;  // several chunks, none aligned to rows
   static constexpr size_t kRowBytes = size_t{6} * kWidth;
 
   static v1::CaptureManifest header() {
@@ -60,7 +60,7 @@ inline void write_over(const std::filesystem::path& path, size_t at, char with) 
   file.put(with);
 }
 
-// Those rows of those frames, one frame after another, from the files.
+// Rows of frames, frame after frame, read from the files.
 inline std::string rows_of(const std::filesystem::path& archive, const std::vector<int>& frames, int first,
                            int count) {
   std::string rows;
@@ -72,7 +72,7 @@ inline std::string rows_of(const std::filesystem::path& archive, const std::vect
   return rows;
 }
 
-// One that serves archives below a directory.
+// A node that serves the archives below a directory.
 struct ArchiveNode {
   explicit ArchiveNode(const std::filesystem::path& archives, const std::string& address = "127.0.0.1:0")
       : directory(archives), store(archives), service(store) {

@@ -1,4 +1,4 @@
-// Reading from nodes that are well, away, damaged, or lie.
+// Reads from nodes that are healthy, away, damaged or lying.
 #include "core/archive/remote_archive.h"
 
 #include <xxhash.h>
@@ -20,10 +20,10 @@ std::string text_of(const FrameRows& rows) {
   return text;
 }
 
-// Serves an archive's rows by plain messages, as `spoil` wants them.
+// Serves an archive's rows by plain messages, altered by `spoil`.
 class FakeNode final : public v1::ArchiveService::Service {
  public:
-  // Called before a chunk is sent, the how manieth of all; not OK: the call ends so.
+  // Called before each chunk, with its number over all calls; a status that is not OK ends the call.
   using Spoil = std::function<grpc::Status(int chunk, v1::ReadRowsResponse& response)>;
 
   FakeNode(std::filesystem::path archive, Spoil spoil)
@@ -44,7 +44,7 @@ class FakeNode final : public v1::ArchiveService::Service {
     *response->mutable_manifest() = read_any_manifest(archive_).value();
     return grpc::Status::OK;
   }
-  // On the reader's machine, in a directory that it cannot see.
+  // Claims to be on the reader's machine, in a directory that the reader cannot see.
   grpc::Status LocateArchive(grpc::ServerContext*, const v1::LocateArchiveRequest*,
                              v1::LocateArchiveResponse* response) override {
     response->set_directory("/nonexistent");
@@ -110,8 +110,8 @@ class RemoteArchiveTest : public ArchiveTest {
     EXPECT_EQ(text_of(*rows), expected_);
     EXPECT_TRUE(rows->intact().ok());
   }
-  // Which of two is asked first is the process's own affair: the one that fails is so in one of both orders,
-  // and the other is then asked for the rest alone.
+  // Which of two nodes is asked first depends on the process; so the failing one comes first in one of both
+  // orders, and the other is then asked only for the rest.
   void expect_read_in_both_orders(const FakeNode& failing, const FakeNode& other, std::int64_t rest) const {
     expect_read(read({failing.address(), other.address()}));
     expect_read(read({other.address(), failing.address()}));
@@ -119,7 +119,7 @@ class RemoteArchiveTest : public ArchiveTest {
     std::ranges::sort(asked);
     EXPECT_EQ(asked, (std::vector<std::int64_t>{0, rest}));
   }
-  // A bit of frame 2, in the rows that are read.
+  // Flips a bit of frame 2, in the rows that are read.
   static void damage(const ArchiveNode& node) {
     const std::filesystem::path path = node.archive() / MadeArchive::file(2);
     const size_t at = 256 + 50 * MadeArchive::kRowBytes;
@@ -159,7 +159,7 @@ TEST_F(RemoteArchiveTest, RegionsAreTheFilesBytesMappedOrRead) {
 }
 
 TEST_F(RemoteArchiveTest, WhatBreaksOffIsTakenUpWhereItWas) {
-  // Each call ends after three chunks; the reader asks for what is missing and for nothing twice.
+  // Each call ends after three chunks; the reader requests what is missing, nothing twice.
   const FakeNode halting(a_->archive(), [](int chunk, v1::ReadRowsResponse&) {
     return chunk % 3 == 2 ? grpc::Status(grpc::StatusCode::UNAVAILABLE, "gone") : grpc::Status::OK;
   });
@@ -197,11 +197,11 @@ TEST_F(RemoteArchiveTest, ADamagedChunkIsNeverUsed) {
     if (chunk == 4) (*response.mutable_chunk())[17] ^= 1;
     return grpc::Status::OK;
   });
-  expect_read(read({once.address()}));  // damaged on its way: another try is worth it
+  expect_read(read({once.address()}));  // damaged in transit: a retry helps
 }
 
 TEST_F(RemoteArchiveTest, AConnectionThatIsCutAgainAndAgainCostsLittleMore) {
-  // Cut after every 400 kB or so; what was on its way then, and one chunk that was not whole, come again.
+  // Cut after about every 400 kB; data in flight and one incomplete chunk are sent again.
   std::atomic<size_t> cuts = 0;
   size_t next = 400'000;
   TamperingRelay relay(a_->address(), [&](std::string&, size_t before) {
@@ -214,7 +214,7 @@ TEST_F(RemoteArchiveTest, AConnectionThatIsCutAgainAndAgainCostsLittleMore) {
   std::vector<int> frames;
   for (int i = 0; i < 40; ++i) frames.push_back(i % MadeArchive::kFrames);
   const absl::StatusOr<FrameRows> rows = archive.rows(manifest_, frames, 0, MadeArchive::kHeight);
-  // A chunk of 1 MiB never comes through whole: it says so, and neither hangs nor makes anything up.
+  // No chunk of 1 MiB ever arrives whole: the read fails, and neither hangs nor invents data.
   EXPECT_TRUE(absl::IsUnavailable(rows.status())) << rows.status();
   EXPECT_GE(cuts.load(), 4u);
 }
@@ -236,7 +236,7 @@ TEST_F(RemoteArchiveTest, AConnectionThatIsCutIsTakenUp) {
   const std::string expected = rows_of(a_->archive(), frames, 0, MadeArchive::kHeight);
   EXPECT_EQ(text_of(*rows), expected);
   EXPECT_GE(cuts.load(), 2u);
-  // Twice only what had come of a chunk that was not whole; a little for the protocol.
+  // Only the received part of an incomplete chunk is sent twice, plus some protocol overhead.
   EXPECT_LE(relay.sent(), expected.size() + (cuts + 1) * (1 << 20) + expected.size() / 50);
 }
 
@@ -304,7 +304,7 @@ TEST_F(RemoteArchiveTest, AMappedFileThatIsCutShortIsReadOtherwiseTheNextTime) {
 }
 
 TEST_F(RemoteArchiveTest, ADirectoryThatCannotBeSeenIsReadFrom) {
-  // The archive is where the node says, and yet another: its files were moved away after the node looked.
+  // The directory exists but its files were moved away after the node had verified them.
   const FakeNode elsewhere(a_->archive(), well);
   const absl::StatusOr<FrameRows> rows = read({elsewhere.address()}, Reading::kMappedIfHere);
   expect_read(rows);

@@ -36,7 +36,7 @@ TEST(RowMessage, IsWhatProtobufWritesAndReads) {
     ASSERT_TRUE(grpc::SerializationTraits<v1::ReadRowsResponse>::Deserialize(&ours, &parsed).ok());
     EXPECT_EQ(parsed.offset_bytes(), offset);
     EXPECT_EQ(parsed.chunk(), chunk);
-    if (offset > 20000) continue;  // the rows before need room
+    if (offset > 20000) continue;  // room for the rows before
     for (const bool by_protobuf : {false, true}) {
       grpc::ByteBuffer message = encode_row_chunk(offset, cut(chunk, random));
       bool own = false;

@@ -1,5 +1,4 @@
-// A bad network: passes TCP on to a node on this machine, and lets the test do as it likes with what the node
-// sends.
+// Simulates a bad network: relays TCP to a node on this machine, and lets the test alter what the node sends.
 #pragma once
 
 #include <arpa/inet.h>
@@ -22,8 +21,8 @@ namespace glasswing {
 
 class TamperingRelay {
  public:
-  // Called with each piece that the node sends, and with how many bytes it sent before, over all connections;
-  // false: the connection is cut in its place.
+  // Called with each piece that the node sends and with the number of bytes that it sent before, over all
+  // connections; false: the connection is cut instead.
   using Tamper = std::function<bool(std::string& bytes, size_t before)>;
 
   TamperingRelay(const std::string& target, Tamper tamper)
@@ -93,7 +92,7 @@ class TamperingRelay {
   const int listener_;
   std::string address_;
   std::atomic<size_t> sent_ = 0, received_ = 0;
-  std::list<std::jthread> passing_;  // of the accepting thread; after its end, of the destructor
+  std::list<std::jthread> passing_;  // owned by the accepting thread; after its end, by the destructor
   std::jthread accepting_;
 };
 

@@ -38,7 +38,7 @@ TEST_F(File, FailuresNameThePath) {
 
 TEST_F(File, DirectoriesAreMadeWithThoseAboveThem) {
   ASSERT_TRUE(make_directory_durably(directory_ / "a" / "b").ok());
-  EXPECT_TRUE(make_directory_durably(directory_ / "a" / "b" / "").ok()) << "it is there";
+  EXPECT_TRUE(make_directory_durably(directory_ / "a" / "b" / "").ok()) << "it exists already";
   EXPECT_TRUE(fs::is_directory(directory_ / "a" / "b"));
   ASSERT_TRUE(write_file_durably(directory_ / "file", "").ok());
   EXPECT_FALSE(make_directory_durably(directory_ / "file" / "c").ok());

@@ -1,4 +1,4 @@
-// A file with one byte altered at a time, as a failing disk or memory leaves it.
+// Copies of a file with one byte altered, as a failing disk or memory leaves it.
 #pragma once
 
 #include <cstddef>
@@ -7,8 +7,8 @@
 
 namespace glasswing {
 
-// Calls `look` with `bytes` but for one of them, at each place from `first` on, `step` apart: a bit of it
-// flipped, its highest bit, all of them.
+// Calls `look` with copies of `bytes` in which one byte is altered, for every `step`-th byte from `first` on:
+// its lowest bit flipped, its highest bit, all bits.
 inline void for_each_flip(const std::string& bytes, size_t first, size_t step,
                           const std::function<void(const std::string& altered, size_t at)>& look) {
   for (size_t at = first; at < bytes.size(); at += step) {

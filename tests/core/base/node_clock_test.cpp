@@ -19,7 +19,7 @@ TEST(NodeClock, IsOffByItsOffsetAndGainsItsDrift) {
   const nanoseconds before = monotonic_now();
   const NodeClock clock(seconds(-3), 200.0);
   const nanoseconds after = monotonic_now();
-  // Made between the two: of 10,000 s since then it has gained 2 s.
+  // The clock was created between the two times; 10,000 s later it has gained 2 s.
   const nanoseconds late = after + seconds(10'000);
   EXPECT_GE(clock.reading_at(late), late - seconds(3) + seconds(2));
   EXPECT_LE(clock.reading_at(late), late - seconds(3) + seconds(2) + (after - before));

@@ -31,9 +31,9 @@ TEST(Utf8, WordsAreAndBytesAreNot) {
   EXPECT_TRUE(is_utf8(""));
   EXPECT_TRUE(is_utf8("a gläserner Krug, 玻璃, \xf0\x9f\xa5\x83"));
   EXPECT_FALSE(is_utf8("a\xff"));
-  EXPECT_FALSE(is_utf8("\xc0\xaf"));          // longer than need be
-  EXPECT_FALSE(is_utf8("\xe0\x80\xaf"));      // likewise
-  EXPECT_FALSE(is_utf8("\xf0\x80\x80\xaf"));  // likewise
+  EXPECT_FALSE(is_utf8("\xc0\xaf"));          // overlong
+  EXPECT_FALSE(is_utf8("\xe0\x80\xaf"));      // overlong
+  EXPECT_FALSE(is_utf8("\xf0\x80\x80\xaf"));  // overlong
   EXPECT_FALSE(is_utf8("\xf8\x88\x80\x80\x80"));
 }
 

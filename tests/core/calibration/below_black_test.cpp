@@ -18,7 +18,7 @@ double linear(double code) {
   return std::pow(code, 2.2);
 }
 
-// The true curve of a camera of gamma 2.2 above its black level, and nothing that is right below.
+// The true curve of a camera of gamma 2.2 above its black level, and wrong values below.
 v1::CameraCurve curve_above_black() {
   v1::CameraCurve curve;
   curve.set_black_level(coded(kBlackLight));
@@ -50,8 +50,8 @@ TEST(BelowBlack, NoiseThereIsAsFarBelowAsAbove) {
       const double code = k / (kKnots - 1.0), light = static_cast<double>(curve.light(k));
       EXPECT_GT(light, static_cast<double>(curve.light(k - 1)));
       const double truth = linear(code) - kBlackLight;
-      // Three sd below, where 270 of the samples lie, the counts give a place to 0.02 sd or so at their
-      // root's four-fold; codes of 10 bits are 1.3 sd apart there.
+      // Three sd below, where 270 of the samples lie, four sigmas of the counts locate a code to about 0.02
+      // sd; codes of 10 bits are 1.3 sd apart there.
       if (truth <= -3.0 * kSd) continue;
       EXPECT_NEAR(light, truth, (levels == 1023 ? 0.25 : 0.15) * kSd) << levels << " " << k;
     }

@@ -8,7 +8,7 @@
 
 #include "core/frame/archive.h"
 #include "core/pattern/calibration_steps.h"
-#include "core/sim/fall_off.h"
+#include "core/sim/radial_shading.h"
 #include "core/sim/sensor.h"
 
 namespace glasswing {
@@ -17,15 +17,15 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kWidth = 160, kHeight = 120,
-              kRim = 6;  // the monitors' light ends so far from the picture's edge
-constexpr double kLongest_ms = 40.0;
+              kRim = 6;  // distance of the monitors' light from the picture's edge
+constexpr double kMaxExposure_ms = 40.0;
 constexpr double kVignetting = 0.3;
 constexpr std::array<double, 3> kWhite = {0.9, 1.0, 0.8};
-constexpr double kGlow = 0.002, kRoom = 0.003;  // of a monitor at code 0; of the room
+constexpr double kGlow = 0.002, kRoom = 0.003;  // light of a monitor at code 0; of the room
 
 std::vector<double> ladder_ms() {
   std::vector<double> out;
-  for (const double part : {1.0, 1.6, 2.9, 5.1, 8.3, 15.0, 25.0, 43.0}) out.push_back(kLongest_ms / part);
+  for (const double part : {1.0, 1.6, 2.9, 5.1, 8.3, 15.0, 25.0, 43.0}) out.push_back(kMaxExposure_ms / part);
   return out;
 }
 
@@ -37,7 +37,7 @@ SensorModel camera(SensorCurve curve, double black_level) {
   sensor.black_level = black_level;
   sensor.curve = curve;
   sensor.bits = 10;
-  sensor.full_scale_exposure_ms = kLongest_ms / 8.0;
+  sensor.full_scale_exposure_ms = kMaxExposure_ms / 8.0;
   return sensor;
 }
 const SensorModel kLinear = camera({}, 0.05), kGamma = camera({.exponent = 1.0f / 2.2f}, 0.02),
@@ -50,18 +50,18 @@ double code_of(const SensorModel& sensor, double value) {
   return (1.0 - contrast) * u + contrast * u * u * (3.0 - 2.0 * u);
 }
 
-// What a camera may do between the frames: `exposure_ms` is what it really exposes with.
+// Misbehaviour of a camera between frames: `exposure_ms` is the actual exposure.
 struct Shot {
   int step = 0, take = 0, exposure = 0;
   double exposure_ms = 0.0;
-  double mean = 0.0;  // radiance of the scene
+  double mean = 0.0;  // mean radiance of the scene
   std::array<double, 3> gains = {1.0, 1.0, 1.0};
 };
 using Meddle = std::function<void(Shot&)>;
 
 struct Rig {
   std::vector<double> exposures_ms = ladder_ms();
-  std::vector<double> brightness = {1.0};  // of each monitor; they stand side by side
+  std::vector<double> brightness = {1.0};  // by monitor, side by side
   Meddle meddle = [](Shot&) {};
 };
 
@@ -170,7 +170,7 @@ class CameraCalibrationTest : public testing::Test {
       fs::path(testing::TempDir()) / ("camera_calibration_test." + std::to_string(::getpid()));
 };
 
-// The response at every code between black and full, which the stripe goes through at some exposure.
+// The response at every code between black and full scale, all of which the stripe reaches at some exposure.
 void expect_curves(const SensorModel& sensor, const v1::CameraCalibration& calibration) {
   EXPECT_EQ(calibration.saturation(), 1.0);
   ASSERT_EQ(calibration.curves_size(), 3);
@@ -187,7 +187,7 @@ void expect_curves(const SensorModel& sensor, const v1::CameraCalibration& calib
   }
 }
 
-// Four standard errors, and what quantisation adds: a twelfth of a step squared, in light.
+// Four standard errors, plus quantisation: a twelfth of a squared step, in light.
 void expect_noise(const SensorModel& sensor, const v1::CameraCalibration& calibration) {
   const double step = 1.0 / 1023.0;
   const auto light_per_code = [&](double value) {
@@ -206,7 +206,7 @@ void expect_noise(const SensorModel& sensor, const v1::CameraCalibration& calibr
 void expect_fall_off(const v1::CameraCalibration& calibration) {
   ASSERT_TRUE(calibration.has_fall_off());
   for (double r2 = 0.0; r2 <= 1.0; r2 += 0.05) {
-    // As the curve: half a percent.
+    // As accurate as the curve: half a percent.
     EXPECT_NEAR(1.0 + calibration.fall_off().r2() * r2 + calibration.fall_off().r4() * r2 * r2,
                 1.0 - kVignetting * r2, 0.005)
         << r2;
@@ -254,10 +254,10 @@ TEST_F(CameraCalibrationTest, NamesAMonitorThatIsNotSeen) {
   EXPECT_TRUE(says(calibrate().status(), "sees no monitor")) << calibrate().status();
 }
 
-// It makes every frame equally bright, so that exposures tell nothing.
+// The camera makes every frame equally bright, so the exposures carry no information.
 TEST_F(CameraCalibrationTest, RefusesACameraThatExposesAsItLikes) {
   Rig rig;
-  rig.meddle = [](Shot& shot) { shot.exposure_ms = kLongest_ms / 16.0; };
+  rig.meddle = [](Shot& shot) { shot.exposure_ms = kMaxExposure_ms / 16.0; };
   for (const SensorModel& sensor : {kLinear, kS}) {
     capture(sensor, rig);
     EXPECT_TRUE(says(calibrate().status(), "automatic exposure")) << calibrate().status();
@@ -267,7 +267,7 @@ TEST_F(CameraCalibrationTest, RefusesACameraThatExposesAsItLikes) {
 TEST_F(CameraCalibrationTest, NoticesAutomaticGain) {
   Rig by_picture, late, by_exposure;
   by_picture.meddle = [](Shot& shot) { shot.exposure_ms *= shot.mean > 0.4 ? 0.9 : 1.0; };
-  // It takes the frames of one take to follow.
+  // The gain needs the frames of one take to adapt.
   late.meddle = [](Shot& shot) { shot.exposure_ms *= shot.take == 0 ? 0.9 : 1.0; };
   by_exposure.meddle = [](Shot& shot) { shot.exposure_ms *= shot.exposure == 3 ? 1.1 : 1.0; };
   for (const Rig& rig : {by_picture, late, by_exposure}) {

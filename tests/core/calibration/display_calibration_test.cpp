@@ -9,7 +9,7 @@ namespace {
 
 using DisplayCalibration = SimulatedGrays;
 
-// Of what each channel sees of white above black.
+// Relative to white above black in each channel.
 double worst_crosstalk_error(const v1::DisplayCalibration& calibration, const Rig& rig) {
   double worst = 0.0;
   for (int c = 0; c < 3; ++c) {
@@ -48,7 +48,7 @@ TEST_F(DisplayCalibration, RecoversTheMonitor) {
   std::printf("worst errors: curves %.3f %%, crosstalk %.3f %%\n", 100.0 * curve, 100.0 * crosstalk);
   EXPECT_LE(curve, kGoal);
   EXPECT_LE(crosstalk, kGoal);
-  // Of 2 x 7 blacks of some 10000 pixels, four errors are below 0.001 %; 10 bits are steps of 0.03 % there.
+  // For 2 x 7 blacks of about 10000 pixels, four errors are below 0.001 %; steps of 10 bits are 0.03 % there.
   for (int c = 0; c < 3; ++c) EXPECT_NEAR(black_over_white(calibration, c), rig.panel.black, 1e-4);
   for (const v1::ToneCurve& of : calibration.primaries()) EXPECT_NEAR(of.gamma(), 2.2, 0.02);
   EXPECT_LT(calibration.drift(), 0.001);
@@ -56,7 +56,7 @@ TEST_F(DisplayCalibration, RecoversTheMonitor) {
   EXPECT_EQ(calibration.warnings_size(), 0) << calibration.warnings(0);
 }
 
-// The scale of light is the camera's.
+// Light is on the camera's scale.
 TEST_F(DisplayCalibration, LightIsOnTheCamerasScale) {
   Rig rig;
   rig.panel.falloff = rig.sensor.vignetting = 0.0;
@@ -91,7 +91,7 @@ TEST_F(DisplayCalibration, OtherTones) {
   }
 }
 
-// Flicker of 0.2 %, less than what is told. The curves' errors say what it does to them.
+// Flicker of 0.2 %, below the warning. The curves' stated errors include it.
 TEST_F(DisplayCalibration, Flicker) {
   double worst = 0.0, square = 0.0, count = 0.0;
   for (unsigned seed = 0; seed < 3; ++seed) {
@@ -118,9 +118,9 @@ TEST_F(DisplayCalibration, Flicker) {
   EXPECT_LT(std::sqrt(square / count), 2.0);
 }
 
-// A camera whose calibration is off by 0.3 % of full scale: light l, of which the brightest is a, becomes l +
-// off(l), and the curve at L = l / a is off by (off(l) - L off(a)) / a; a is 0.7. One bend of it is within
-// the goal; of a whole wave, both ends of the scale add up.
+// A camera whose calibration is off by 0.3 % of full scale: light l, at most a, becomes l + off(l), and the
+// curve at L = l / a is off by (off(l) - L off(a)) / a; a is 0.7. Half a wave stays within the goal; for a
+// whole wave, the errors at both ends of the scale add up.
 TEST_F(DisplayCalibration, CamerasCurveIsOff) {
   for (const auto& [waves, most] : {std::pair(0.5, kGoal), {1.0, (0.003 + 0.5 * 0.003) / 0.7}}) {
     Rig rig;
@@ -152,15 +152,15 @@ TEST_F(DisplayCalibration, DriftIsTakenOutAndTold) {
   EXPECT_LE(worst_curve_error(calibration, rig), kGoal);
   EXPECT_LE(worst_crosstalk_error(calibration, rig), kGoal);
   EXPECT_LT(std::abs(calibration.excess_of_white()), 0.003);
-  // From the second picture, the first white, to the last but one.
+  // From the second picture, which is the first white, to the last but one.
   const auto stimuli = calibration_stimuli(header_of(rig).plan().calibration(), monitor_of(rig));
   const double minutes = static_cast<double>(stimuli.size() - 3) * 0.1 / 60.0;
   EXPECT_NEAR(calibration.drift(), std::pow(1.0 - 0.15, -minutes) - 1.0, 0.001);
   warns(calibration, "% while it was measured, which was taken out: let the monitor warm up");
 }
 
-// A camera of 8 bits with so little noise that its steps, of 0.4 % of full scale, do not average out. Longer
-// exposures tell dark grays better, whatever the shutter says its times are.
+// An 8-bit camera with so little noise that its steps of 0.4 % of full scale do not average out. Longer
+// exposures resolve dark grays better, even with inexact shutter times.
 TEST_F(DisplayCalibration, DarkGraysFromLongerExposures) {
   Rig rig;
   rig.sensor.read_sd = 0.0003;

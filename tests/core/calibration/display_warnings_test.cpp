@@ -49,7 +49,7 @@ TEST_F(DisplayWarnings, TellsRoomLight) {
 }
 
 TEST_F(DisplayWarnings, TellsCodesThatDoNothing) {
-  // A monitor that takes codes for those of a television.
+  // A monitor that expects the limited range of television.
   Rig rig;
   rig.tone = [](double code) { return std::pow(std::clamp((255.0 * code - 16.0) / 219.0, 0.0, 1.0), 2.2); };
   v1::DisplayCalibration calibration = calibrated(rig);
@@ -57,7 +57,7 @@ TEST_F(DisplayWarnings, TellsCodesThatDoNothing) {
   says(calibration.warnings(0), "red: codes 0 to 16 are equally dark, and 239 to 255 are equally bright");
   says(calibration.warnings(2), "blue: codes 0 to 16");
 
-  // One of 5 bits, with grays 4 codes apart.
+  // A monitor of 5 bits, with grays 4 codes apart.
   rig.tone = [](double code) { return std::pow(std::floor(255.0 * code / 8.0) / 31.0, 2.2); };
   rig.grays = 65;
   rig.takes = 1;

@@ -21,7 +21,7 @@ double us(nanoseconds time) {
   return 1e-3 * static_cast<double>(time.count());
 }
 
-// A monitor whose lag and settling are known, in front of a rolling-shutter camera.
+// A monitor of known lag and settling time, in front of a rolling-shutter camera.
 struct Rig {
   nanoseconds lag = microseconds(6300);
   nanoseconds settle = microseconds(4200);
@@ -40,7 +40,7 @@ struct Rig {
   std::vector<double> band_height{1.0 / 6.0, 5.0 / 6.0};
 };
 
-// The light of a band at a time, straight from the model's words: by the changes that have come, one by one.
+// The light of a band at a time, straight from the model's definition: a sum over the changes so far.
 double light_at(const Rig& rig, const LightRecord& record, size_t band, double t) {
   const double first_row = us(rig.scanout) < 0 ? -us(rig.scanout) : 0.0;
   const double delay = us(rig.lag) + first_row + us(rig.scanout) * record.band_height[band];
@@ -73,7 +73,7 @@ LightRecord recorded(const Rig& rig, std::uint64_t seed) {
       at += rig.hold * rig.refresh;
     }
     record.shown.push_back({.scanout_start = at, .lit = std::nullopt});
-    // The camera was started anew, at any moment.
+    // The camera restarts at a random time.
     nanoseconds start =
         began - milliseconds(50) +
         nanoseconds(static_cast<std::int64_t>(phase(random) * static_cast<double>(period.count())));
@@ -82,7 +82,7 @@ LightRecord recorded(const Rig& rig, std::uint64_t seed) {
           {.start = start, .exposure = rig.exposure, .readout = rig.readout, .row_mean = {}});
     at += milliseconds(100);
   }
-  // Rows of the upper half see the first band, and a little of the second, as through glass.
+  // Rows of the upper half see the first band and, as through glass, a little of the second.
   for (LightFrame& frame : record.frames) {
     for (size_t r = 0; r < rig.rows; ++r) {
       const double from =
@@ -112,7 +112,7 @@ void expect_truth(const Rig& rig, const LightStep& found) {
   EXPECT_NEAR(us(found.scanout->value), us(rig.scanout), 3.0 * us(found.scanout->error));
 }
 
-// Within three standard errors, which are themselves below 0.1 ms: so within 0.3 ms of the truth.
+// Within three standard errors, each below 0.1 ms: so within 0.3 ms of the truth.
 TEST(LightStep, FindsTheTruthWhateverTheCamera) {
   std::map<std::string, Rig> rigs;
   rigs["plain"] = {};
@@ -149,9 +149,9 @@ TEST(LightStep, OneBandIsEnoughForTheLag) {
   EXPECT_LT(us(found->lag.error), 100.0);
 }
 
-// Errors over standard errors, of 60 rigs with noise of their own, have a mean square of 1 with a standard
-// deviation of sqrt(2 / 60) = 0.18 where they are normal; three of these and a half more, as settling cannot
-// be negative.
+// Errors over standard errors of 60 rigs with independent noise have a mean square of 1 with a standard
+// deviation of sqrt(2 / 60) = 0.18 if they are normal. The test allows three of these, plus a half, as
+// settling times cannot be negative.
 TEST(LightStep, StandardErrorsAreHonest) {
   double lag_square = 0.0, settle_square = 0.0, scanout_square = 0.0;
   constexpr int kRigs = 60;
@@ -178,8 +178,8 @@ TEST(LightStep, StandardErrorsAreHonest) {
   }
 }
 
-// 1 ms exposures at exactly 5 ms against refreshes of exactly 1/60 s: of the changes' three phases none may
-// meet an exposure. The camera starts anew only once, so nothing but the error can tell.
+// 1 ms exposures every 5 ms against refreshes of 1/60 s: the changes have three phases, and possibly none of
+// them meets an exposure. The camera restarts only once, so the stated error must be large.
 TEST(LightStep, WhatNoExposureSawIsInTheError) {
   for (std::uint64_t seed = 0; seed < 12; ++seed) {
     Rig rig;
@@ -190,8 +190,8 @@ TEST(LightStep, WhatNoExposureSawIsInTheError) {
     rig.noise = 1e-5;
     const absl::StatusOr<LightStep> found = find_light_step(recorded(rig, seed));
     ASSERT_TRUE(found.ok()) << found.status();
-    // A uniform stretch ends sqrt(3) standard errors from its middle; the line through both bands adds a
-    // little.
+    // A uniform distribution ends sqrt(3) standard deviations from its mean; the line through both bands adds
+    // a little.
     EXPECT_NEAR(us(found->lag.value), us(rig.lag), 3.0 * us(found->lag.error));
   }
 }
@@ -215,7 +215,7 @@ TEST(LightStep, SaysWhyItCannotTell) {
   Rig slow;
   slow.frame_rate_hz = 3.0;
   EXPECT_NE(reason(recorded(slow, 1)).find("too slow"), std::string::npos);
-  // Locked to the display, and its exposures meet no change.
+  // The camera is synchronised to the display, and no exposure meets a change.
   Rig locked;
   locked.passes = 1;
   locked.frame_rate_hz = 30.0;
@@ -243,7 +243,7 @@ TEST(LightStep, RefusesWhatIsNoRecord) {
   EXPECT_TRUE(absl::IsInvalidArgument(find_light_step(record).status()));
 }
 
-// Every four symbols in a row but 0 0 0 0 come once in 80 steps: so it is a maximal sequence.
+// Every four consecutive symbols except 0 0 0 0 occur once in 80 steps, so the sequence is maximal.
 TEST(BandSequence, IsMaximal) {
   const std::vector<std::optional<size_t>> sequence = band_sequence();
   ASSERT_EQ(sequence.size(), 80u);

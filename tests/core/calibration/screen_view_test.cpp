@@ -18,7 +18,7 @@ TEST_F(ScreenViewTest, SeesTheScreenAndNotItsPatchOrTheTable) {
     const int y = static_cast<int>(pixel) / kWidth_px - kTop_px;
     ASSERT_TRUE(x > 0 && x < kScreen.width_px - 1 && y > 0 && y < kScreen.height_px - 1) << x << " " << y;
   }
-  // But for its rim, which is 3 % of it.
+  // Except its rim, which is 3 %.
   EXPECT_GT(view.pixels.size(), 0.95 * kScreen.width_px * kScreen.height_px);
 }
 

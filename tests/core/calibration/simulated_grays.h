@@ -1,4 +1,4 @@
-// A display calibration's frames of a simulated monitor and camera, in an archive.
+// An archive with the frames of a display calibration, from a simulated monitor and camera.
 #pragma once
 
 #include <fmt/format.h>
@@ -21,12 +21,13 @@
 namespace glasswing {
 
 inline constexpr MonitorSize kScreen{.width_px = 128, .height_px = 96};
-inline constexpr int kPatchRows = 16, kLeft_px = 16, kTop_px = 2;  // in the camera's picture
+inline constexpr int kPatchRows = 16, kLeft_px = 16,
+                     kTop_px = 2;  // the screen's position in the camera's picture
 inline constexpr int kWidth_px = 160, kHeight_px = 120;
 inline constexpr double kGoal = 0.005;  // of full scale
 
-// A monitor and a camera in front of it, pixel on pixel; below the screen its id patch, and below that, the
-// table mirrors it.
+// A monitor and a camera in front of it, pixel on pixel; below the screen its id patch, and below that a
+// table that mirrors it.
 struct Rig {
   int bits = 8;
   std::function<double(double)> tone;  // instead of panel.gamma: light of a code, both in [0, 1]
@@ -37,21 +38,21 @@ struct Rig {
                      .black_level = 0.02,
                      .curve = {.exponent = 0.5f, .contrast = 0.6f},
                      .bits = 10};
-  // As declared, and as they are.
+  // Declared and actual exposure times.
   std::vector<std::pair<double, double>> exposures_ms{{4.0, 4.0}};
   int grays = 17, takes = 2;
-  nanoseconds between = std::chrono::milliseconds(100);  // frames
-  float room = 0.0f;                                     // light that the screen mirrors
+  nanoseconds between = std::chrono::milliseconds(100);  // between frames
+  float room = 0.0f;                                     // light mirrored by the screen
   bool calibrated = true;
   double curve_off = 0.0, waves = 0.5;  // the calibration adds curve_off sin(2 pi waves light)
   std::string response = "unknown";
-  // What goes wrong with the light, or the frame.
+  // Disturbances of the light or the frame.
   std::function<void(v1::Frame&, RadianceImage&)> disturb = [](v1::Frame&, RadianceImage&) {};
 
   double share_of(double code) const { return tone ? tone(code) : std::pow(code, panel.gamma); }
 };
 
-// The linear value that the sensor's curve makes this code of.
+// The linear value of a code, by inverting the sensor's curve.
 inline double linear_of(const SensorCurve& curve, double code) {
   double low = 0.0, high = 1.0;
   for (int i = 0; i < 60; ++i) {
@@ -63,12 +64,12 @@ inline double linear_of(const SensorCurve& curve, double code) {
 }
 
 inline constexpr double kSaturation = 0.99;
-// Light is on the scale on which that of code kSaturation is 1.
+// Light is on the scale where code kSaturation is 1.
 inline double light_of_code(const SensorModel& sensor, double code) {
   const auto above = [&](double z) { return linear_of(sensor.curve, z) - sensor.black_level; };
   return above(code) / above(kSaturation);
 }
-// And a value of sensor.h this.
+// The light of a value of sensor.h.
 inline double light_of_value(const SensorModel& sensor, double value) {
   return (1.0 - sensor.black_level) * value / (linear_of(sensor.curve, kSaturation) - sensor.black_level);
 }
@@ -116,7 +117,7 @@ inline v1::CaptureManifest header_of(const Rig& rig) {
   return header;
 }
 
-// Of the screen and the strip below it.
+// The picture of the screen and the strip below it.
 inline RadianceImage emitted(const Rig& rig, const v1::Stimulus& stimulus, int id, nanoseconds lit) {
   const RadianceImage shares = Pattern::create(stimulus, kScreen).value().rasterised();
   const double highest = std::exp2(rig.bits) - 1.0;
@@ -214,7 +215,7 @@ inline double worst_curve_error(const v1::DisplayCalibration& calibration, const
 inline void says(const std::string& text, const std::string& part) {
   EXPECT_NE(text.find(part), std::string::npos) << text;
 }
-// One warning, and it says this.
+// Expects exactly one warning, which contains the text.
 inline void warns(const v1::DisplayCalibration& calibration, const std::string& part) {
   ASSERT_EQ(calibration.warnings_size(), 1) << fmt::format("{}", fmt::join(calibration.warnings(), "; "));
   says(calibration.warnings(0), part);

@@ -14,6 +14,7 @@
 #include "core/frame/image_file.h"
 #include "core/import/foreign_manifest.h"
 #include "tests/core/base/flipped.h"
+#include "tests/core/frame/archive_rows.h"
 
 namespace glasswing {
 namespace {
@@ -59,7 +60,7 @@ TEST_F(ArchiveTest, FramesComeBackAfterAnEndWithoutWarning) {
     const auto archive = Archive::create(directory_, header_).value();
     ASSERT_TRUE(archive->add({frame(0), frame(1)}).ok());
   }
-  // A line cut in the middle is what a crash leaves.
+  // A crash leaves a torn line.
   std::ofstream(directory_ / "frames.jsonl", std::ios::app) << "{\"file\": \"frames/0000";
   const auto archive = Archive::open(directory_).value();
   EXPECT_EQ(archive->manifest().frames_size(), 2);
@@ -67,13 +68,13 @@ TEST_F(ArchiveTest, FramesComeBackAfterAnEndWithoutWarning) {
   const auto again = Archive::open(directory_).value();
   ASSERT_EQ(again->manifest().frames_size(), 3);
   for (int step = 0; step < 3; ++step) {
-    const std::string rows = again->read_rows(again->manifest().frames(step).file(), 1, 2).value();
+    const std::string rows = read_rows(*again, again->manifest().frames(step).file(), 1, 2).value();
     const Image16 image = noise(5, 4, static_cast<unsigned>(step));
     EXPECT_EQ(rows, std::string(reinterpret_cast<const char*>(&image.samples[15]), 60));
   }
 }
 
-// Plain writing, for many times over.
+// Not durable, since tests write often.
 void overwrite(const fs::path& path, const std::string& bytes) {
   std::ofstream(path, std::ios::binary) << bytes;
 }
@@ -121,8 +122,8 @@ TEST_F(ArchiveTest, NoByteOfAFrameIsAlteredUnnoticed) {
   const auto once_more = Archive::open(directory_).value();
   for_each_flip(bytes, 0, 1, [&](const std::string& altered, size_t at) {
     overwrite(directory_ / file, altered);
-    // Nothing that was verified before is taken for this.
-    const absl::Status status = Archive::open(directory_).value()->read_rows(file, 0, 4).status();
+    // A new Archive has no cached verification.
+    const absl::Status status = read_rows(*Archive::open(directory_).value(), file, 0, 4).status();
     EXPECT_TRUE(absl::IsDataLoss(status)) << "byte " << at << ": " << status;
   });
 }
@@ -141,7 +142,7 @@ TEST_F(ArchiveTest, AStepIsStoredOnce) {
 
 TEST_F(ArchiveTest, NoFrameIsStoredOverAnother) {
   const auto archive = Archive::create(directory_, header_).value();
-  // The same step twice in a batch is one frame, as in two.
+  // The same step twice in a batch is one frame, as in two batches.
   const std::vector<v1::Frame> stored = archive->add({frame(3), frame(3)}).value();
   ASSERT_EQ(stored.size(), 2u);
   EXPECT_EQ(archive->manifest().frames_size(), 1);
@@ -169,12 +170,12 @@ TEST_F(ArchiveTest, DamageIsNamed) {
   flipped[300] = static_cast<char>(flipped[300] ^ 1);
   for (const std::string& bytes : {flipped, good.substr(0, good.size() - 1), std::string()}) {
     ASSERT_TRUE(write_file_durably(directory_ / file, bytes).ok());
-    const absl::Status status = Archive::open(directory_).value()->read_rows(file, 0, 1).status();
+    const absl::Status status = read_rows(*Archive::open(directory_).value(), file, 0, 1).status();
     EXPECT_TRUE(absl::IsDataLoss(status)) << status;
     EXPECT_NE(std::string(status.message()).find(file), std::string::npos) << status;
   }
   fs::remove(directory_ / file);
-  EXPECT_TRUE(absl::IsDataLoss(Archive::open(directory_).value()->read_rows(file, 0, 1).status()));
+  EXPECT_TRUE(absl::IsDataLoss(read_rows(*Archive::open(directory_).value(), file, 0, 1).status()));
 }
 
 TEST_F(ArchiveTest, RowsOutsideTheFrameAreRefused) {
@@ -182,10 +183,10 @@ TEST_F(ArchiveTest, RowsOutsideTheFrameAreRefused) {
   const std::string file = archive->add({frame(0)}).value()[0].file();
   for (const auto& [first, count] :
        std::vector<std::pair<int, int>>{{-1, 1}, {0, 0}, {3, 2}, {2147483647, 1}}) {
-    EXPECT_TRUE(absl::IsInvalidArgument(archive->read_rows(file, first, count).status()))
+    EXPECT_TRUE(absl::IsInvalidArgument(read_rows(*archive, file, first, count).status()))
         << first << " " << count;
   }
-  EXPECT_TRUE(absl::IsNotFound(archive->read_rows("frames/other.tif", 0, 1).status()));
+  EXPECT_TRUE(absl::IsNotFound(read_rows(*archive, "frames/other.tif", 0, 1).status()));
 }
 
 TEST_F(ArchiveTest, ASealedArchiveReadsAsAnyManifest) {
@@ -196,7 +197,7 @@ TEST_F(ArchiveTest, ASealedArchiveReadsAsAnyManifest) {
             archive->manifest().SerializeAsString());
 }
 
-// Of as many bytes as the camera's frames, but of another shape: rows of it would be no rows.
+// A file of the right size but of another shape, so its rows would be wrong.
 TEST_F(ArchiveTest, AFrameOfAnotherShapeIsDamaged) {
   v1::Frame record;
   {
@@ -213,7 +214,7 @@ TEST_F(ArchiveTest, AFrameOfAnotherShapeIsDamaged) {
   lines.replace(lines.find(",\"record_checksum\""), std::string::npos,
                 "}\n");  // as another program writes it
   ASSERT_TRUE(write_file_durably(directory_ / "frames.jsonl", lines).ok());
-  const absl::Status status = Archive::open(directory_).value()->read_rows(record.file(), 0, 4).status();
+  const absl::Status status = read_rows(*Archive::open(directory_).value(), record.file(), 0, 4).status();
   EXPECT_TRUE(absl::IsDataLoss(status)) << status;
   EXPECT_NE(std::string(status.message()).find(record.file()), std::string::npos) << status;
 }
@@ -221,8 +222,8 @@ TEST_F(ArchiveTest, AFrameOfAnotherShapeIsDamaged) {
 TEST_F(ArchiveTest, AFileOfAnySizeIsNotReadToSeeThatItIsWrong) {
   const auto archive = Archive::create(directory_, header_).value();
   const std::string file = archive->add({frame(0)}).value()[0].file();
-  fs::resize_file(directory_ / file, std::uintmax_t{1} << 40);  // a hole: it takes no disk
-  const absl::Status status = archive->read_rows(file, 0, 1).status();
+  fs::resize_file(directory_ / file, std::uintmax_t{1} << 40);  // sparse: uses no disk space
+  const absl::Status status = read_rows(*archive, file, 0, 1).status();
   EXPECT_TRUE(absl::IsDataLoss(status)) << status;
   EXPECT_NE(std::string(status.message()).find("1099511627776 bytes"), std::string::npos) << status;
 }
@@ -315,7 +316,7 @@ TEST_F(ArchiveTest, ForeignManifestsAreTranslated) {
       "image": {"width": 3, "height": 2}, )" +
               frames + "}")
           .value();
-  EXPECT_EQ(manifest.monitors(0).name(), "left");  // the file's order
+  EXPECT_EQ(manifest.monitors(0).name(), "left");  // in the file's order
   EXPECT_EQ(manifest.monitors(1).width_px(), 9);
   EXPECT_EQ(manifest.frames(0).stimulus().r_px(), -3.5);
   EXPECT_EQ(manifest.frames(0).proof(), v1::PROOF_IMPORTED);
@@ -340,7 +341,7 @@ TEST(Tiff, RoundTripsAndReadsElsewhere) {
   const Image16 image = noise(7, 3, 1);
   const std::string bytes = encode_tiff(image);
   EXPECT_EQ(decode_tiff(bytes).value().samples, image.samples);
-  // OpenCV, through libtiff, is the other reader.
+  // OpenCV reads it through libtiff.
   const fs::path path = fs::path(testing::TempDir()) / ("tiff_test." + std::to_string(::getpid()) + ".tif");
   ASSERT_TRUE(write_file_durably(path, bytes).ok());
   const RadianceImage read = read_radiance(path, Encoding::kLinear).value();

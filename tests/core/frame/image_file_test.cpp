@@ -36,9 +36,9 @@ TEST_F(ImageFile, EveryFormatKeepsThePicture) {
   struct Case {
     const char* file;
     Encoding encoding;
-    float step;  // of the stored code, as linear light: half of it is the error allowed
+    float step;  // one stored code, as linear light; the allowed error is half of it
   };
-  // sRGB's slope is at most 2.4 * 1.055^-1 ... 2.28 at white, so one 8-bit code is at most 2.28 / 255 of
+  // The slope of sRGB is at most 2.4 / 1.055 = 2.28, at white, so one 8-bit code is at most 2.28 / 255 of
   // light.
   for (const Case& each : {Case{"a.exr", Encoding::kLinear, 0.0f},
                            {"a.png", Encoding::kLinear, 1.0f / 65535},
@@ -47,7 +47,7 @@ TEST_F(ImageFile, EveryFormatKeepsThePicture) {
     ASSERT_TRUE(write_radiance(directory_ / each.file, image, each.encoding).ok());
     const RadianceImage back = read_radiance(directory_ / each.file, each.encoding).value();
     ASSERT_EQ(back.samples.size(), image.samples.size());
-    // OpenEXR's rgba reader gives half floats: 11 bits.
+    // OpenEXR's rgba reader returns half floats: 11 bits.
     const float allowed = each.step > 0.0f ? 0.51f * each.step : 0.5f / 1024;
     for (size_t i = 0; i < image.samples.size(); ++i) {
       EXPECT_NEAR(back.samples[i], image.samples[i], allowed) << each.file;
@@ -81,7 +81,7 @@ TEST_F(ImageFile, SizesAreKnownBeforeAPixelIsDecoded) {
   const Image16 image(6, 4);
   EXPECT_EQ(picture_size(encode_png16(image)).value(), (PictureSize{6, 4}));
   EXPECT_EQ(picture_size(encode_tiff(image)).value(), (PictureSize{6, 4}));
-  // Big endian, sides of 16 bits: width 300, height 2.
+  // Big endian, 16-bit sides: width 300, height 2.
   const std::string other(
       "MM\0\x2a\0\0\0\x08\0\x02\x01\0\0\x03\0\0\0\x01\x01\x2c\0\0"
       "\x01\x01\0\x03\0\0\0\x01\0\x02\0\0",
@@ -89,13 +89,13 @@ TEST_F(ImageFile, SizesAreKnownBeforeAPixelIsDecoded) {
   EXPECT_EQ(picture_size(other).value(), (PictureSize{300, 2}));
   for (size_t length = 0; length < other.size(); ++length) (void)picture_size(other.substr(0, length));
 
-  // Said twice, decoders differ in which of them they take.
+  // For a duplicate tag, decoders differ in which value they use.
   std::string twice = other;
   twice[9] = 3;
   twice += std::string("\x01\0\0\x03\0\0\0\x01\0\x03\0\0", 12);
   EXPECT_FALSE(picture_size(twice).ok());
 
-  // A small file that promises 10^9 pixels, its CRC right.
+  // A small file that promises 10^9 pixels, with a valid CRC.
   std::string lying = encode_png16(image);
   const std::string sides("\0\0\x80\0\0\0\x80\0", 8);
   lying.replace(16, 8, sides);
@@ -107,7 +107,7 @@ TEST_F(ImageFile, SizesAreKnownBeforeAPixelIsDecoded) {
   ASSERT_TRUE(write_file_durably(path, lying).ok());
   EXPECT_TRUE(absl::IsDataLoss(read_frame_file(path).status()));
   EXPECT_TRUE(absl::IsDataLoss(decode_radiance(lying, Encoding::kDisplay).status()));
-  // Nor is anything decoded whose size is not known before.
+  // Nothing is decoded whose size is unknown.
   EXPECT_TRUE(absl::IsDataLoss(decode_radiance("P6\n32768 32768\n255\n", Encoding::kDisplay).status()));
 
   ASSERT_TRUE(write_file_durably(path, encode_png16(image)).ok());
@@ -137,7 +137,7 @@ TEST_F(ImageFile, PhotographsKeepTheirCodes) {
   EXPECT_TRUE(absl::IsDataLoss(read_photograph(directory_ / "missing.png").status()));
 }
 
-// OpenCV alone reads what is cut off as grey.
+// OpenCV alone decodes the missing part as grey.
 TEST_F(ImageFile, AJpegThatIsCutOffIsNamed) {
   const std::string good = encode_jpeg(random_picture(40, 30));
   EXPECT_EQ(picture_size(good).value(), (PictureSize{40, 30}));

@@ -29,7 +29,7 @@ TEST(PhotographResponse, LinearCodesStayAsTheyAre) {
 }
 
 TEST(PhotographResponse, IsItsEquation) {
-  // Of light on 16 bits, half a step, and a float's rounding of it.
+  // Half a step of 16-bit light, plus rounding of a float.
   const double step = 1.0 / 65535.0, allowed = 0.51 * step;
   for (const std::uint16_t code :
        std::initializer_list<std::uint16_t>{0, 1, 257, 1000, 30000, 65534, 65535}) {
@@ -39,7 +39,7 @@ TEST(PhotographResponse, IsItsEquation) {
     EXPECT_NEAR(light_of("gamma:0.5", 0.1, code) * step, std::sqrt(above), allowed);
     EXPECT_NEAR(light_of("linear", 0.1, code) * step, above, allowed);
   }
-  // IEC 61966-2-1: the code of middle grey, and the end of its straight part.
+  // IEC 61966-2-1: the code of middle grey, and the end of the linear segment.
   EXPECT_NEAR(light_of("srgb", 0.0, std::uint16_t{188 * 257}) * step, 0.5029, 1e-4);
   EXPECT_NEAR(light_of("srgb", 0.0, 10 * 257) * step, 10.0 / 255.0 / 12.92, allowed);
   EXPECT_EQ(light_of("srgb", 0.0, 65535), 65535);

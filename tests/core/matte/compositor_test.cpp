@@ -50,8 +50,8 @@ TEST(IntegrateFootprint, AgreesWithBruteForceAlsoAcrossTheEdge) {
     const Mode mode =
         oriented(-2.0 + 28.0 * unit(random), -2.0 + 22.0 * unit(random), 0.4 + 3.0 * unit(random),
                  0.4 + 3.0 * unit(random), std::numbers::pi * unit(random));
-    // The midpoint rule on cells of 1/16 px errs by (1/16)^2 / 24 of the second derivative, at most 1 / 0.4^2
-    // of the value, within pixels; 1e-3 covers it.
+    // The midpoint rule on cells of 1/16 px is off by (1/16)^2 / 24 of the second derivative, which is at
+    // most 1 / 0.4^2 of the value; 1e-3 covers it.
     EXPECT_NEAR(integrate_footprint(mode, picture, 1), brute_force(mode, picture, 1, 16), 1e-3) << i;
   }
 }
@@ -100,7 +100,7 @@ TEST(Composite, AddsForegroundAndEveryModeOnItsOwnMonitor) {
   EXPECT_NEAR(both.at(1, 0, 1), 0.2 + 0.5 + 0.2, 1e-6);
   EXPECT_NEAR(both.at(1, 0, 0), 0.1, 1e-7);
   EXPECT_NEAR(composite(matte, {RadianceImage(), left}).value().at(1, 0, 1), 0.4,
-              1e-6);  // no picture is black
+              1e-6);  // a missing picture is black
   EXPECT_TRUE(absl::IsInvalidArgument(composite(matte, {RadianceImage(7, 8)}).status()));
 }
 
@@ -117,8 +117,8 @@ TEST(Composite, TakesBoxesWhereTheMatteHasThem) {
   EXPECT_NEAR(composite(matte, {picture}).value().at(0, 0, 0), 0.45, 1e-6);
 }
 
-// Glass bends each channel of the camera to another place, and a monitor's primaries reach all channels: what
-// the camera sees is worked out channel by channel, and taken back to primaries.
+// Glass refracts each channel of the camera differently, and a monitor's primaries reach all channels: the
+// composite is computed by camera channel, then converted back to primaries.
 TEST(Composite, GoesThroughTheCamerasChannelsWhereThePrimariesMix) {
   constexpr double kShare[3][3] = {{0.9, 0.08, 0.02}, {0.1, 0.8, 0.1}, {0.0, 0.15, 0.85}};
   Matte matte(0, 0, 1, 1, 1);

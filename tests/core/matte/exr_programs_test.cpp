@@ -1,4 +1,4 @@
-// A matte's file as other programs read it: exrheader (OpenEXR) and oiiotool (OpenImageIO).
+// Reads matte files by other programs: exrheader (OpenEXR) and oiiotool (OpenImageIO).
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <gtest/gtest.h>
@@ -22,7 +22,7 @@ constexpr int kX0 = 3, kY0 = 2, kWidth = 7, kHeight = 5, kFullWidth = 12, kFullH
 constexpr std::array<const char*, 9> kLayers{"weight", "x",       "y",         "xx",       "xy",
                                              "yy",     "texture", "weight_sd", "centre_sd"};
 
-// A tile, so that data and display window differ. Its values are multiples of 1/64, which six decimals hold.
+// A tile, so that data and display window differ. Values are multiples of 1/64, which six decimals represent.
 Matte matte_to_read(bool colourless) {
   std::mt19937 random(5);
   const auto value = [&random] { return static_cast<float>(random() % 6400) / 64.0f; };
@@ -92,7 +92,7 @@ std::vector<Part> parts_in(const std::string& header) {
   return parts;
 }
 
-// By channel, row by row, of every part.
+// The samples by channel, row by row, of every part.
 std::map<std::string, std::vector<float>> planes_in(const std::string& dump) {
   std::map<std::string, std::vector<float>> planes;
   std::vector<std::string> channels;
@@ -161,12 +161,12 @@ TEST_P(ExrPrograms, ExrheaderListsPartsChannelsAndWindows) {
   }
 }
 
-// Nuke leaves part names out where a channel's name has a dot, joins what comes before the last one with "_",
-// and takes R, G, B as a layer's colours; Blender wants LAYER.PASS.C. So a name says all, and no two parts
-// share one.
+// Nuke ignores part names if a channel's name has a dot, joins the text before the last dot with "_", and
+// takes R, G, B as a layer's colours; Blender expects LAYER.PASS.C. So names must be complete and unique over
+// all parts.
 TEST_P(ExrPrograms, LayersGroupInACompositor) {
   if (!is_installed("exrheader")) GTEST_SKIP() << "exrheader is not installed";
-  std::map<std::string, std::string> layers;  // name in Nuke; its channels
+  std::map<std::string, std::string> layers;  // name in Nuke to channels
   for (const Part& part : parts_in(run_program("exrheader " + path_).text)) {
     for (const std::string& channel : part.channels) {
       std::vector<std::string> words = split(channel.substr(0, channel.find(',')), '.');

@@ -14,8 +14,8 @@ namespace glasswing {
 namespace {
 
 constexpr int kWidth = 160, kHeight = 120;
-// Of full scale, in the mean square over a picture: what the fast compositor is held to.
-constexpr double kHeldTo = 0.002;
+// The required accuracy: of full scale, rms over a picture.
+constexpr double kMaxRms = 0.002;
 
 using Random = std::mt19937;
 
@@ -56,7 +56,7 @@ Matte matte_of(int width, int height, const std::function<Mode(Random&)>& mode) 
   return matte;
 }
 
-// Every pixel is another gray of its own: harder than any photograph.
+// Every pixel has a random gray: harder than any photograph.
 RadianceImage noise(int width, int height) {
   Random random(5);
   RadianceImage image(width, height);
@@ -73,7 +73,7 @@ double rms(const RadianceImage& a, const RadianceImage& b) {
   return std::sqrt(sum / static_cast<double>(a.samples.size()));
 }
 
-// Waves of all lengths above two pixels, as strong as photographs have them.
+// Waves of all lengths above two pixels, with the spectrum of photographs.
 RadianceImage waves(int width, int height) {
   RadianceImage image(width, height);
   for (int y = 0; y < height; ++y) {
@@ -107,8 +107,8 @@ double error_of(const Matte& matte, const std::vector<RadianceImage>& background
   return rms(fast_composite(matte, backgrounds), composite(matte, backgrounds).value());
 }
 
-// Of a width, anywhere, past the edge too. Harder than any photograph: every pixel of the noise is another
-// gray, and beyond white there is black.
+// Footprints of one width at random positions, also beyond the edge. Harder than any photograph: every pixel
+// of the noise has a random gray, and white ends in black.
 class Widths : public testing::TestWithParam<double> {
  protected:
   double x(Random& random) const { return uniform(random, -0.2 * kWidth, 1.2 * kWidth); }
@@ -116,7 +116,7 @@ class Widths : public testing::TestWithParam<double> {
   void expect_held(const Matte& matte) const {
     for (const RadianceImage& picture :
          {noise(kWidth, kHeight), waves(kWidth, kHeight), even(kWidth, kHeight, 1.0f)})
-      EXPECT_LE(error_of(matte, {picture}), kHeldTo);
+      EXPECT_LE(error_of(matte, {picture}), kMaxRms);
   }
 };
 
@@ -163,7 +163,7 @@ TEST(FastCompositor, PointsAreTheirPixels) {
   }
 }
 
-// What a footprint has on the monitor, and no more.
+// The part of a footprint on the monitor, and no more.
 TEST(FastCompositor, WhiteGivesTheWeightOfWhatIsOnTheMonitor) {
   const Matte matte = matte_of(40, 20, [](Random& random) {
     const double sigma = std::exp2(uniform(random, -4, 5));
@@ -179,7 +179,7 @@ TEST(FastCompositor, WhiteGivesTheWeightOfWhatIsOnTheMonitor) {
       const double reach = 3.0 * std::sqrt(std::max(mode.xx_px2, mode.yy_px2)) + 20.0;
       const bool within =
           mode.x_px > reach && mode.x_px < kWidth - reach && mode.y_px > reach && mode.y_px < kHeight - reach;
-      // A half float is off by 2^-11 at most, and so is a product of two by twice that.
+      // A half float is off by 2^-11 at most, a product of two by twice that.
       EXPECT_LE(out.at(x, y, 2), mode.weight * (1 + 2e-3));
       if (!within) continue;
       EXPECT_NEAR(out.at(x, y, 2), mode.weight, mode.weight * 0x1p-10);
@@ -208,7 +208,7 @@ TEST(FastCompositor, IsLinearInThePicture) {
     EXPECT_NEAR(of_sum.samples[i], 0.25f * of_a.samples[i] + 3.0f * of_b.samples[i], 1e-5);
 }
 
-// By whole pixels of the coarsest level that these go to, so that every level moves by whole samples.
+// Moves by whole pixels of the coarsest level used, so that every level moves by whole samples.
 TEST(FastCompositor, MovingThePictureIsMovingTheFootprints) {
   constexpr int kStep = 32;
   const Matte matte = mixed(30, 20);
@@ -218,7 +218,7 @@ TEST(FastCompositor, MovingThePictureIsMovingTheFootprints) {
       for (int c = 0; c < kChannels; ++c) moved.modes(x, y, c)[0].x_px -= kStep;
     }
   }
-  // A picture that is black wherever the other one's part leaves the monitor.
+  // A picture that is black where the other one's content leaves the monitor.
   const RadianceImage all = noise(kWidth, kHeight);
   RadianceImage right(kWidth, kHeight), left(kWidth, kHeight);
   for (int y = 0; y < kHeight; ++y) {
@@ -227,7 +227,7 @@ TEST(FastCompositor, MovingThePictureIsMovingTheFootprints) {
     }
   }
   const RadianceImage a = fast_composite(matte, {right}), b = fast_composite(moved, {left});
-  // Positions are floats: 2^-17 px at 100 px, and weights of half floats are rounded anew.
+  // Positions are floats: 2^-17 px at 100 px; and half-float weights are rounded again.
   for (size_t i = 0; i < a.samples.size(); ++i) EXPECT_NEAR(a.samples[i], b.samples[i], 1e-3);
 }
 
@@ -260,9 +260,9 @@ TEST(FastCompositor, SumsModesOfSeveralMonitorsForegroundAndPrimaries) {
     }
   }
   const RadianceImage back = noise(kWidth, kHeight), left = waves(61, 83);
-  EXPECT_LE(error_of(matte, {back, left}), kHeldTo);
-  EXPECT_LE(error_of(matte, {RadianceImage(), left}), kHeldTo);  // no picture is black
-  EXPECT_LE(error_of(matte, {back}), kHeldTo);
+  EXPECT_LE(error_of(matte, {back, left}), kMaxRms);
+  EXPECT_LE(error_of(matte, {RadianceImage(), left}), kMaxRms);  // a missing picture is black
+  EXPECT_LE(error_of(matte, {back}), kMaxRms);
   const FastCompositor fast = FastCompositor::create(matte).value();
   EXPECT_TRUE(absl::IsInvalidArgument(fast.composite({left, back}).status()));
 }
@@ -276,9 +276,9 @@ TEST(FastCompositor, TakesMattesThatAreAlikeInAllChannels) {
       matte.modes(x, y, 0)[0] =
           round(uniform(random, 0, kWidth), uniform(random, 0, kHeight), uniform(random, 0, 9));
   }
-  EXPECT_LE(error_of(matte, {noise(kWidth, kHeight)}), kHeldTo);
+  EXPECT_LE(error_of(matte, {noise(kWidth, kHeight)}), kMaxRms);
   matte.metadata.set_footprint("box");
-  EXPECT_LE(error_of(matte, {noise(kWidth, kHeight)}), kHeldTo);
+  EXPECT_LE(error_of(matte, {noise(kWidth, kHeight)}), kMaxRms);
 }
 
 }  // namespace

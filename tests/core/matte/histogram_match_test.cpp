@@ -8,7 +8,7 @@
 namespace glasswing {
 namespace {
 
-// Colours without a pattern; channels depend on each other.
+// Random colours with correlated channels.
 RadianceImage picture(unsigned seed) {
   RadianceImage image(60, 40);
   std::mt19937 random(seed);
@@ -29,8 +29,8 @@ std::vector<float> sorted_channel(const RadianceImage& image, size_t channel) {
   return values;
 }
 
-// What a camera that loses light by channel makes of a picture is undone to the sample: the map that moves
-// colours least between a picture and itself scaled is that scaling.
+// Scaling by channel, as by a camera, is recovered exactly: the map that moves colours least between a
+// picture and its scaled copy is that scaling.
 TEST(HistogramMatch, ADimmedPhotographDimsThePicture) {
   RadianceImage source = picture(1), target = source;
   for (size_t at = 0; at < target.samples.size(); ++at)

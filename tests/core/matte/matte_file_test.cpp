@@ -82,7 +82,7 @@ TEST(MatteFile, ColourlessModesAreStoredOnce) {
   EXPECT_LT(bytes.size(), encode_matte(random_matte(0, 5)).value().size());
 }
 
-// Rows of a matte as a tile of it.
+// Some rows of a matte as a tile.
 Matte rows_of(const Matte& whole, int first, int count) {
   Matte tile(0, first, whole.width_px(), count, whole.modes_per_channel(), whole.is_colourless());
   tile.metadata = whole.metadata;
@@ -132,8 +132,8 @@ TEST(MatteFile, TilesThatMakeNoWholeAreNamed) {
           "covers row 79, which the picture has not");
 }
 
-// Truncated anywhere, or with any sampled bit flipped, a file is refused or means the same: never a crash,
-// never another matte.
+// Truncated anywhere, or with any sampled bit flipped, a file is refused or decodes to the same matte: never
+// a crash, never another matte.
 TEST(MatteFile, DamageIsSeen) {
   const Matte matte = random_matte(0, 2);
   const std::string good = encode_matte(matte).value();
@@ -148,7 +148,7 @@ TEST(MatteFile, DamageIsSeen) {
   }
 }
 
-// With checksums that agree: only what the file says of itself is wrong.
+// With matching checksums: only the headers are wrong.
 TEST(MatteFile, WhatItSaysOfItselfIsNotBelieved) {
   const auto refused = [](const std::function<void(Matte&)>& change, const std::string& words) {
     Matte matte = random_matte(0, 2);
@@ -171,7 +171,7 @@ TEST(MatteFile, WhatItSaysOfItselfIsNotBelieved) {
   refused([](Matte& m) { m.foreground(3, 0)[1] = INFINITY; }, "pixel (3, 0)");
 }
 
-// What would take gigabytes is refused by what its tiles cover.
+// A header that promises gigabytes is refused, since its tiles do not cover it.
 TEST(MatteFile, NoWholeIsLargerThanItsTiles) {
   Matte tile = random_matte(0, 2);
   tile.metadata.set_width_px(16384);
@@ -180,7 +180,7 @@ TEST(MatteFile, NoWholeIsLargerThanItsTiles) {
   EXPECT_NE(std::string(status.message()).find("row 0"), std::string::npos) << status;
 }
 
-// Its pixels are another matte's, and all else agrees.
+// The pixels of one row are another matte's, everything else matches.
 TEST(MatteFile, ARowThatIsNotTheFilesOwnIsNamed) {
   const Matte matte = random_matte(32, 40);
   Matte other = matte;

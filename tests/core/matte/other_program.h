@@ -1,4 +1,4 @@
-// Programs of others that read our files.
+// Runs other programs that read our files.
 #pragma once
 
 #include <cstdio>

@@ -32,7 +32,7 @@ double overlap(int pixel, double centre, double length) {
       std::min(pixel + 1.0, centre + 0.5 * length) - std::max<double>(pixel, centre - 0.5 * length), 0.0);
 }
 
-// Pixel by pixel, the area that both share.
+// Sums over pixels, weighted by the shared area.
 double brute_force(const Box& box, const RadianceImage& picture, int channel) {
   double sum = 0.0;
   for (int y = 0; y < picture.height_px; ++y) {
@@ -44,7 +44,7 @@ double brute_force(const Box& box, const RadianceImage& picture, int channel) {
   return sum / (box.width * box.height);
 }
 
-// Small and large, on the picture, across its edge, and beyond.
+// Small and large boxes, within the picture, across its edge, and beyond it.
 TEST(SummedAreaTable, AgreesWithBruteForce) {
   const RadianceImage picture = random_picture(40, 30);
   const SummedAreaTable summed(picture);
@@ -53,7 +53,8 @@ TEST(SummedAreaTable, AgreesWithBruteForce) {
   for (int i = 0; i < 400; ++i) {
     const Box box{-5.0 + 50.0 * unit(random), -5.0 + 40.0 * unit(random),
                   0.02 + 45.0 * std::pow(unit(random), 4), 0.02 + 35.0 * std::pow(unit(random), 4)};
-    // A mode's floats place an edge at 50 px within 4e-6 px; of a side of 0.02 px that is 4e-4.
+    // The floats of a mode locate an edge at 50 px within 4e-6 px, which is 2e-4 of a side of 0.02 px at each
+    // end.
     EXPECT_NEAR(summed.mean(box.mode(), i % 3), brute_force(box, picture, i % 3), 5e-4) << i;
   }
 }
@@ -70,7 +71,7 @@ TEST(SummedAreaTable, PointsAndLinesAreTakenAsTheyAre) {
   EXPECT_EQ(SummedAreaTable(RadianceImage()).mean(Box{3.5, 9.5, 2.0, 2.0}.mode(), 0), 0.0);
 }
 
-// The part of a box beyond the edge is dark, and takes part in the mean.
+// The part of a box beyond the edge is dark, and counts in the mean.
 TEST(SummedAreaTable, BeyondTheEdgeIsNothing) {
   RadianceImage flat(20, 20);
   for (float& sample : flat.samples) sample = 0.5f;

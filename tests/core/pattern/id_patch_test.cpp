@@ -11,8 +11,8 @@ namespace {
 constexpr int kMonitorWidth = 128, kMonitorHeight = 96;
 constexpr IdPatch kPatch{.width_px = kMonitorWidth, .first_row = 84, .rows = 12};
 
-// A camera that sees the monitor turned and scaled, blurred by its lens, with noise; what stands before the
-// monitor hides a disc of it.
+// A camera that sees the monitor rotated and scaled, blurred by its lens, with noise; an object hides a disc
+// of it.
 class SimulatedView {
  public:
   explicit SimulatedView(double noise_sd, double hidden_px = 0.0)
@@ -25,7 +25,7 @@ class SimulatedView {
       for (int x = 0; x < kWidth; ++x) {
         const double u = 0.9 * (x - 80) - 0.05 * (y - 60) + 64.0, v = 0.05 * (x - 80) + 0.9 * (y - 60) + 48.0;
         for (int c = 0; c < 3; ++c) {
-          // A camera pixel's own box and the lens: nine points of a Gaussian of 0.5 px.
+          // The pixel's box and the lens blur: nine points of a Gaussian of 0.5 px.
           double light = 0.0, weight = 0.0;
           for (int j = -1; j <= 1; ++j) {
             for (int i = -1; i <= 1; ++i) {
@@ -54,7 +54,7 @@ class SimulatedView {
   std::mt19937 random_{11};
 };
 
-// A stripe somewhere, with the patch below.
+// A stripe at a random position, with the patch below.
 RadianceImage picture_of(std::uint16_t id, std::mt19937& random) {
   std::uniform_real_distribution<double> place(0.0, kMonitorWidth);
   const double r = place(random);
@@ -87,7 +87,7 @@ TEST(IdPatch, AsMuchLightWhateverTheId) {
     EXPECT_EQ(light(id), light(0x5a5a));
 }
 
-// Right or not at all; and right unless the noise is as large as what the cells' pixels differ by.
+// Reads the right id or none; and the right one unless the noise is as large as the contrast of the cells.
 TEST(IdPatch, IsReadBackRightOrNotAtAll) {
   for (const double noise_sd : {0.005, 0.03, 0.3}) {
     std::mt19937 random(5);

@@ -43,7 +43,7 @@ Pattern pattern_of(const v1::Stimulus& stimulus) {
 }
 
 // A Gaussian sampled at pixel centres keeps its moments: the sum differs from the integral by exp(-2 pi^2
-// sigma^2), nothing for sigma >= 2, and 5 sigma of room leaves out 1e-6 of it.
+// sigma^2), negligible for sigma >= 2, and 1e-6 of it lies beyond 5 sigma.
 TEST(Pattern, StripeHasTheMomentsOfItsGaussian) {
   for (const bool down : {false, true}) {
     const double r_px = 31.3, sigma_px = 5.0;
@@ -141,7 +141,7 @@ v1::Stimulus sinusoid(double phi_deg, double period_px, double phase_deg) {
   return stimulus;
 }
 
-// Equally spaced phases of a wave add up to a constant, and their first moment is the wave's own phasor.
+// Equally spaced phases of a wave sum to a constant, and their first moment is the wave's phasor.
 TEST(Pattern, PhasesOfASinusoidGiveItsPhasorBack) {
   constexpr int kPhases = 5;
   for (const double phi_deg : {0.0, 90.0, 30.0}) {
@@ -189,7 +189,7 @@ TEST(Pattern, SolidIsItsColourAndWhiteUnlessTold) {
   EXPECT_EQ(pattern_of(stimulus).radiance(7.0, 9.0), (Colour{0.0f, 0.5f, 1.0f}));
 }
 
-// Along a row a wave is turned pixel by pixel: 96 roundings of a double.
+// Along a row the phasor is rotated pixel by pixel: 96 roundings of a double.
 TEST(Pattern, RasterOfASinusoidIsItsRadiance) {
   for (const double phi_deg : {0.0, 45.0, -120.0}) {
     const Pattern pattern = pattern_of(sinusoid(phi_deg, 9.7, 33.0));

@@ -190,12 +190,12 @@ TEST(Plan, EveryPatternWithoutTheObjectIsTakenWithItToo) {
   std::multiset<std::string> all;
   for (size_t i = 0; i < steps.size(); ++i) {
     EXPECT_EQ(steps[i].number, static_cast<int>(i));
-    EXPECT_LE(i > 0 && steps[i - 1].object, steps[i].object);  // the empty stage first
+    EXPECT_LE(i > 0 && steps[i - 1].object, steps[i].object);  // without the object first
     const std::string key = steps[i].stimulus.SerializeAsString() + std::to_string(steps[i].exposure_ms);
     if (steps[i].object) with.insert(key);
     all.insert(key + (steps[i].object ? "o" : "e"));
   }
-  for (const std::string& key : all) EXPECT_EQ(all.count(key), 1u);  // nothing twice
+  for (const std::string& key : all) EXPECT_EQ(all.count(key), 1u);  // no duplicates
   for (const Step& step : steps) {
     const std::string key = step.stimulus.SerializeAsString() + std::to_string(step.exposure_ms);
     EXPECT_TRUE(step.object || with.contains(key));
@@ -221,7 +221,7 @@ TEST(Plan, FewBytesAskForNoMoreThanAProgram) {
   fringes.mutable_period_px()->Resize(500000, 8.0);
   absl::Status status = expand(plan, {monitor("back", 8, 8)}).status();
   EXPECT_NE(std::string(status.message()).find("more than 20000 steps"), std::string::npos) << status;
-  // An archive's plan was checked by nobody.
+  // Plans of archives are unchecked.
   plan.Clear();
   plan.set_method("ramp");
   plan.mutable_ramp()->set_frames(2);
@@ -247,7 +247,7 @@ TEST(Plan, ACalibrationShowsCodesWithoutTheObjectAndTeachesNoPatch) {
     v1::Stimulus picture = step.stimulus;
     ++count[{picture.panel(), step.exposure_ms, picture.SerializeAsString()}];
   }
-  EXPECT_EQ(count.size(), 2u * 2u * 3u);  // monitors, exposures; stripe, black and white
+  EXPECT_EQ(count.size(), 2u * 2u * 3u);  // monitors x exposures x (stripe, black, white)
   for (const auto& [what, times] : count) EXPECT_EQ(times, 3);
 
   const v1::Plan display =

@@ -10,7 +10,7 @@
 namespace glasswing {
 namespace {
 
-using Curve = std::function<double(double exposure)>;  // 0 to 1 to a code of 0 to 1
+using Curve = std::function<double(double exposure)>;  // exposure to code, both 0 to 1
 
 constexpr double kFull = 0.99;  // the saturation level, where a response is 1
 
@@ -25,13 +25,13 @@ double srgb(double exposure) {
   return exposure < 0.0031308 ? 12.92 * exposure
                               : 1.055 * std::pow(std::min(exposure, 1.0), 1.0 / 2.4) - 0.055;
 }
-// A shoulder as of film.
+// A shoulder like that of film.
 double film(double exposure) {
   return (1.0 - std::exp(-2.5 * gamma(2.0)(exposure))) / (1.0 - std::exp(-2.5));
 }
 
-// A scene over three decades, with read and shot noise in the exposure, rounded to 10 bits, `takes` averaged
-// where none is clipped.
+// A scene of three decades, with read and shot noise, rounded to 10 bits, averaged over `takes` where none is
+// clipped.
 std::vector<Exposure> shoot(const Curve& curve, const std::vector<double>& times_s, unsigned seed,
                             int takes = 1) {
   std::mt19937 random(seed);
@@ -58,30 +58,31 @@ std::vector<Exposure> shoot(const Curve& curve, const std::vector<double>& times
 
 const std::vector<double> kTimes_s = {8.0, 4.0, 2.0, 1.0, 0.5};
 
-// As `glasswing calibrate camera` takes them.
+// The exposures of `glasswing calibrate camera`.
 std::vector<double> ladder_s() {
   std::vector<double> times;
   for (const double part : {1.0, 1.6, 2.9, 5.1, 8.3, 15.0, 25.0, 43.0}) times.push_back(8.0 / part);
   return times;
 }
 
-// The exposure that a code stands for, by bisection.
+// The exposure of a code, by bisection.
 double truth(const Curve& curve, double code) {
   double exposure = 0.0;
   for (double step = 0.5; step > 1e-9; step *= 0.5) exposure += curve(exposure + step) < code ? step : 0.0;
   return exposure;
 }
 
-// Of codes to 10 bits, averaged over a few pixels; the fit takes it for noise, which it is not quite.
+// Rounding of codes to 10 bits, averaged over a few pixels; the fit treats it as noise, which it is not
+// exactly.
 constexpr double kRounded = 1e-4;
 
 struct Off {
   double worst = 0.0;             // of full scale
-  double squares = 0.0, n = 0.0;  // of errors in units of those that are claimed
+  double squares = 0.0, n = 0.0;  // of errors in units of the stated errors
   double in_claims() const { return std::sqrt(squares / n); }
 };
 
-// At every code that was seen.
+// Over every code that was seen.
 void compare(const Curve& curve, const CameraResponse& response, Off& off) {
   const double top = truth(curve, kFull);
   for (int c = 0; c < 3; ++c) {
@@ -96,8 +97,8 @@ void compare(const Curve& curve, const CameraResponse& response, Off& off) {
   }
 }
 
-// Half a percent of full scale is the goal. A curve has about ten independent errors, and cameras' bends are
-// not spread evenly over their codes as the fit supposes: a factor of four for what it claims.
+// The goal is 0.5 % of full scale. A curve has about ten independent errors, and cameras' bends are not
+// spread evenly over their codes as the fit assumes; hence a factor of four for the stated errors.
 TEST(CameraResponse, RecoversCamerasWithinHalfAPercentOfFullScale) {
   const std::vector<std::pair<const char*, Curve>> cameras = {{"gamma 1.8", gamma(1.8)},
                                                               {"gamma 2.2", gamma(2.2)},
@@ -162,13 +163,13 @@ TEST(CameraResponse, FindsAShutterThatIsNotAsDeclared) {
   std::vector<Exposure> exposures = shoot(s_curve, kTimes_s, 4);
   exposures[2].exposure_s *= 1.05;  // was 2 s, says 2.1
   const CameraResponse response = CameraResponse::fit(exposures).value();
-  // The middle one of five: the mean of their logarithms keeps a fifth of what it is off.
+  // The middle one of five: the mean of their logarithms retains a fifth of its error.
   EXPECT_NEAR(response.exposures_s()[2] / response.exposures_s()[1], 0.5, 0.005);
 }
 
 TEST(CameraResponse, WhatMovedDoesNotCount) {
   std::vector<Exposure> exposures = shoot(s_curve, kTimes_s, 5);
-  for (int y = 0; y < 120; y += 12) {  // a twelfth of the rows of one frame show something else
+  for (int y = 0; y < 120; y += 12) {  // a twelfth of the rows of one frame differs
     for (int x = 0; x < 120; ++x) {
       for (int c = 0; c < 3; ++c) exposures[1].codes.at(x, y, c) = 30000;
     }

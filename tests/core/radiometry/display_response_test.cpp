@@ -9,8 +9,8 @@
 namespace glasswing {
 namespace {
 
-// A monitor of gamma 2.2, a little different in each primary, with a black level and colours that a camera's
-// filters do not part.
+// A monitor of gamma 2.2, slightly different in each primary, with a black level and crosstalk in the
+// camera's filters.
 struct Monitor {
   std::array<double, 3> gamma{2.2, 2.15, 2.3};
   std::array<std::array<double, 3>, 3> crosstalk{
@@ -30,7 +30,7 @@ struct Monitor {
 constexpr int kGrays = 17;
 using Disturbance = std::function<void(ShownSolid&)>;
 
-// Black and white are shown before each primary's grays and at the end, a second apart from one another.
+// Black and white are shown before each primary's grays and at the end; pictures are a second apart.
 std::vector<ShownSolid> recorded(
     const Monitor& monitor, int bits, double noise, std::uint64_t seed,
     const Disturbance& disturb = [](ShownSolid&) {}) {
@@ -89,7 +89,7 @@ double worst_curve_error(const DisplayResponse& response, const Monitor& monitor
   return worst;
 }
 
-// The goal is 0.5 % of full scale. Noise is 0.1 % at white, 0.03 % at black, of each mean.
+// The goal is 0.5 % of full scale. The noise of each mean is 0.1 % at white, 0.03 % at black.
 TEST(DisplayResponse, RecoversTheMonitor) {
   const Monitor monitor;
   for (const int bits : {8, 10}) {
@@ -103,7 +103,7 @@ TEST(DisplayResponse, RecoversTheMonitor) {
         for (size_t p = 0; p < 3; ++p) {
           crosstalk = std::max(crosstalk, std::abs(response.crosstalk[c][p] - monitor.crosstalk[c][p]));
         }
-        // Four blacks' mean, to four standard errors.
+        // The mean of four blacks, to four standard errors.
         EXPECT_NEAR(response.black[c], monitor.black[c], 4.0 * 0.001 * std::sqrt(0.11 / 4.0));
       }
       EXPECT_LT(std::abs(response.excess_of_white.value()), 0.005);
@@ -128,7 +128,7 @@ TEST(DisplayResponse, DriftIsTakenOut) {
   const std::vector<ShownSolid> solids = recorded(monitor, 8, 0.0005, 1, drifts);
   const DisplayResponse drifted = fit_display_response(solids, 8).value();
   const DisplayResponse response = fit_display_response(without_drift(solids, 8).value(), 8).value();
-  // The scale is that of the white's mean; what is left are the curves and the colours' balance.
+  // The scale is that of the mean white; errors remain in the curves and the colour balance.
   std::printf("excess of white: %.2f %% with drift, %.2f %% without; curves' worst error %.3f %%, %.3f %%\n",
               100.0 * drifted.excess_of_white.value(), 100.0 * response.excess_of_white.value(),
               100.0 * worst_curve_error(drifted, monitor, 8),
@@ -160,7 +160,7 @@ TEST(DisplayResponse, SaysWhatWasSeen) {
          for (double& light : solid.light) light = std::min(1.3 * light, 0.999);
        })),
        "where light is cut off; it must be 0.95 at most: use a shorter exposure");
-  // Auto exposure: whatever is shown looks half as bright as the last.
+  // Auto exposure: each picture appears half as bright as the one before.
   says(message(with([](ShownSolid& solid) {
          if (solid.code[1] > 200) solid.light = {0.1, 0.1, 0.1};
        })),

@@ -10,14 +10,14 @@
 namespace glasswing {
 namespace {
 
-constexpr double kBlack = 0.003;  // of the highest code's radiance above it
+constexpr double kBlack = 0.003;  // relative to the highest code's radiance above it
 
 std::array<ToneCurve, 3> monitor(int bits) {
   const ToneCurve curve = ToneCurve::power(2.2, bits);
   return {curve, curve, curve};
 }
 
-// What the screen emits, green.
+// The green light that the screen emits.
 std::vector<double> emitted(const RadianceImage& picture, const ToneCurve& curve, const Dither* dither) {
   Image<std::uint16_t> codes;
   if (dither != nullptr) codes = dither->codes(picture);
@@ -30,7 +30,7 @@ std::vector<double> emitted(const RadianceImage& picture, const ToneCurve& curve
   return light;
 }
 
-// Largest difference of means over 4 x 4 pixels, at every place.
+// The largest difference of means over 4 x 4 pixels, at all positions.
 double worst_mean(const std::vector<double>& shown, const RadianceImage& wanted) {
   double worst = 0.0;
   for (int y = 0; y + 4 <= wanted.height_px; ++y) {
@@ -53,9 +53,8 @@ RadianceImage solid(float radiance) {
   return picture;
 }
 
-// Errors leave the picture by three of its edges only, at most half a step (and what the coarse search for
-// the nearest code adds: 2^-14) from each of 3 x 256 pixels of 256 x 256; radiances are taken to 2^-20,
-// twice.
+// Errors leave the picture only over three edges: at most half a step (plus 2^-14 for the coarse search for
+// the nearest code) from each of 3 x 256 pixels of 256 x 256; radiances are rounded to 2^-20 twice.
 TEST(Dither, IsUnbiasedInRadiance) {
   for (const int bits : {8, 10, 12}) {
     const ToneCurve curve = ToneCurve::power(2.2, bits);
@@ -81,7 +80,7 @@ TEST(Dither, BlackAndWhiteHaveOneCode) {
   }
 }
 
-// What is below makes no difference, whether rows are taken in pairs or one is left over; nor does size.
+// Rows below have no effect, whether rows are processed in pairs or singly; nor does the height.
 TEST(Dither, RowsDependOnThoseAbove) {
   const Dither dither(monitor(8));
   for (const int width : {1, 2, 3, 17}) {
@@ -98,8 +97,8 @@ TEST(Dither, RowsDependOnThoseAbove) {
   }
 }
 
-// Black and full light have their codes beside anything, and hand nothing on: what lies between two such
-// surfaces is the same wherever they are.
+// Black and full light have their codes whatever their neighbours, and diffuse no errors: the result between
+// two such surfaces does not depend on their position.
 TEST(Dither, WhatIsBlackOrFullLightStaysSoAndKeepsTheRestApart) {
   constexpr int kWidth = 96, kHeight = 24, kWide = 21, kTall = 11;
   const Dither dither(monitor(8));
@@ -142,13 +141,13 @@ TEST(Dither, PrimariesKeepApart) {
     double mean = 0.0;
     for (size_t i = c; i < codes.samples.size(); i += 3)
       mean += curves[c].radiance(codes.samples[i]) / 65536.0;
-    // Half a step is at most 2.6 / 255 / 2 = 0.0051; as above.
+    // Half a step is at most 2.6 / 255 / 2 = 0.0051; otherwise as above.
     EXPECT_NEAR(mean, 0.4, 3.0 / 256.0 * (0.0051 + 0x1p-14) + 0x1p-20);
   }
 }
 
-// The goal: 0.5 % of the peak. A stripe of full brightness without dither errs by half a step of its
-// brightest codes, 2.2 / 255 / 2 = 0.43 %; a fainter one's steps are larger beside its peak.
+// The goal is 0.5 % of the peak. Without dither, a stripe of full brightness is off by half a step of its
+// brightest codes, 2.2 / 255 / 2 = 0.43 %; for a fainter stripe, steps are larger relative to its peak.
 TEST(Dither, StripesAreGaussianInRadiance) {
   const ToneCurve curve = ToneCurve::power(2.2, 8);
   const Dither dither(monitor(8));

@@ -30,7 +30,7 @@ std::vector<Image16> ramp(int frame_count, double brightest, double flicker, dou
   return frames;
 }
 
-// Four standard errors: a true one fails in 1 of 16,000 draws.
+// Four standard errors: a correct value fails in 1 of 16,000 draws.
 void expect_truth(const NoiseModel& model) {
   EXPECT_NEAR(model.read_sd, kReadSd, 4.0 * model.read_sd_error);
   EXPECT_NEAR(model.gain, kGain, 4.0 * model.gain_error);
@@ -46,8 +46,8 @@ TEST(NoiseModel, FindsReadNoiseAndGain) {
   EXPECT_NEAR(model.variance(0.5), kReadSd * kReadSd + 0.5 * kGain, 0.02 * 0.5 * kGain);
 }
 
-// Of the errors of 60 fits in units of their standard errors, the mean square is 1 +- sqrt(2 / 60) = 0.18;
-// four of these.
+// The errors of 60 fits, in units of their standard errors, have a mean square of 1 with a standard deviation
+// of sqrt(2 / 60) = 0.18; the test allows four of these.
 TEST(NoiseModel, StandardErrorsAreHonest) {
   double gain = 0.0, read = 0.0;
   for (unsigned seed = 0; seed < 60; ++seed) {
@@ -76,7 +76,7 @@ TEST(NoiseModel, ClippedSamplesAreLeftOutAndTheirCodeIsTold) {
   EXPECT_LT(model.pixel_share, 0.95);
 }
 
-// Black at code 0 cuts off half of the dark's noise, and noise is no more than a code.
+// Black at code 0 clips half of the noise in the dark, and noise is less than a code.
 TEST(NoiseModel, CoarseCodesThatAreCutOffInTheDark) {
   constexpr double kCoarseSd = 0.001, kCoarseGain = 1e-5;
   std::mt19937 random(8);
@@ -100,17 +100,6 @@ TEST(NoiseModel, CoarseCodesThatAreCutOffInTheDark) {
   const double rounded = std::hypot(kCoarseSd, 1.0 / 1023.0 / std::sqrt(12.0));
   EXPECT_NEAR(model.read_sd, rounded, 0.1 * rounded);
   EXPECT_NEAR(model.gain, kCoarseGain, 0.1 * kCoarseGain);
-}
-
-TEST(NoiseModel, BlackLevel) {
-  const std::vector<Image16> dark = ramp(4, 0.0, 0.0, 1.0, 5);
-  const BlackLevel black = measure_black_level(dark).value();
-  EXPECT_NEAR(black.code, kBlack, 4.0 * black.error);
-  EXPECT_NEAR(black.sd, kReadSd, 0.02 * kReadSd);
-  EXPECT_EQ(measure_black_level({}).status().code(), absl::StatusCode::kInvalidArgument);
-  Image16 bright(16, 16);
-  std::ranges::fill(bright.samples, std::uint16_t{40000});
-  EXPECT_EQ(measure_black_level(std::vector{bright}).status().code(), absl::StatusCode::kInvalidArgument);
 }
 
 TEST(NoiseModel, BadInput) {

@@ -8,7 +8,7 @@
 namespace glasswing {
 namespace {
 
-// Rows of camera channels, of sums 0.5, 1 and 0.6.
+// Rows are camera channels, with sums 0.5, 1 and 0.6.
 constexpr double kCrosstalk[3][3] = {{0.45, 0.04, 0.01}, {0.10, 0.80, 0.10}, {0.00, 0.09, 0.51}};
 
 v1::CaptureManifest manifest_of(const std::vector<double>& more_green) {

@@ -1,4 +1,4 @@
-// The response from somebody's photographs of a room (JPEG, seven exposures), held against OpenCV's.
+// The response from photographs of a room (JPEG, seven exposures), compared with OpenCV's.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -14,13 +14,13 @@
 namespace glasswing {
 namespace {
 
-// As the pictures' EXIF says.
+// From the pictures' EXIF.
 const std::vector<double> kDeclared_s = {2.0, 1.0 / 2, 1.0 / 8, 1.0 / 30, 1.0 / 125, 1.0 / 1000, 1.0 / 4000};
 
 using Inverse = std::function<double(int code, int channel)>;
 
-// Median of |predicted / seen - 1| over the exposures of all pixels that lie between 5 % and 95 % of the
-// codes in both of two neighbouring pictures.
+// Median of |predicted / seen - 1| over all pixels whose codes lie between 5 % and 95 % in both of two
+// neighbouring pictures.
 double prediction_error(const std::vector<cv::Mat>& pictures, const Inverse& exposure_of,
                         const std::vector<double>& times) {
   std::vector<double> errors;

@@ -1,4 +1,4 @@
-// A real display, measured by others with a real camera: OpenCSP's 27 pairs of display and camera codes.
+// A real display measured by a real camera: OpenCSP's 27 pairs of display and camera codes.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -11,8 +11,8 @@
 namespace glasswing {
 namespace {
 
-// The goal is 1 % of full scale. That leaving each pair out in turn predicts it as well shows that nothing
-// is merely threaded.
+// The goal is 1 % of full scale. Leave-one-out predictions of similar accuracy show that the curve does not
+// merely interpolate the points.
 TEST(ToneFit, OpenCspsDisplay) {
   const auto path = std::filesystem::path(std::getenv("GLASSWING_DATA")) /
                     "real/opencsp_sofast/png/display_to_camera_response.csv";

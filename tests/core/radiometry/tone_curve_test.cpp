@@ -14,7 +14,7 @@ using Law = std::function<double(double)>;  // of x in [0, 1]
 double srgb(double x) {
   return x <= 0.04045 ? x / 12.92 : std::pow((x + 0.055) / 1.055, 2.4);
 }
-// A panel's own S shape under its table's gamma.
+// The S shape of a panel under the gamma of its table.
 double s_shaped(double x) {
   const double l = std::pow(x, 2.2);
   return l + 0.06 * std::sin(2.0 * 3.14159265358979 * l) / (2.0 * 3.14159265358979);
@@ -62,7 +62,7 @@ TEST(ToneCurve, EndsHoldBeyondThem) {
   EXPECT_EQ(curve.radiance(2000.0), 1.0);
 }
 
-// A monitor whose darkest codes are all black: radiance 0 is code 0, and anything more is past them.
+// A monitor whose darkest codes are all black: radiance 0 is code 0, and any more lies above these codes.
 TEST(ToneCurve, CrushedBlacksAreNoTrap) {
   std::vector<double> radiances(256, 0.0);
   for (size_t k = 5; k < 256; ++k) radiances[k] = static_cast<double>(k - 4) / 251.0;
@@ -107,20 +107,20 @@ TEST(ToneFit, RecoversMonitors) {
           "claimed, rms\n",
           name, grays, 100.0 * worst, ratio);
       EXPECT_LE(worst, 0.005) << name;
-      // The claim is an estimate from a few tens of points: within a factor of 2.
+      // The stated error is an estimate from a few tens of points: within a factor of 2.
       EXPECT_LE(ratio, 2.0) << name;
       EXPECT_GE(ratio, 0.5) << name;
     }
   }
 }
 
-// Without noise the curve passes through a power law to rounding: nothing is smoothed away.
+// Without noise the curve equals a power law up to rounding: no smoothing.
 TEST(ToneFit, PowerLawsAreExact) {
   const Law law = [](double x) { return std::pow(x, 2.37); };
   std::vector<TonePoint> points;
   for (int code = 0; code <= 255; code += 15) points.push_back({code, 3.0 + 40.0 * law(code / 255.0)});
   const ToneFit fit = fit_tone_curve(points, 8, "gray").value();
-  // gamma is sought down to 1e-4, which moves x^gamma by at most 1e-4 max |x^g ln x| = 1e-4 / (e g) = 1.6e-5.
+  // gamma is searched to 1e-4, which moves x^gamma by at most 1e-4 max |x^g ln x| = 1e-4 / (e g) = 1.6e-5.
   EXPECT_LE(worst_error(fit, law), 2e-5);
   EXPECT_NEAR(fit.full_scale, 40.0, 40.0 * 4e-5);
 }

@@ -25,7 +25,7 @@ TEST(Automatics, GainBringsSteadyLightToWhatIsWantedWithinItsRange) {
   }
   EXPECT_EQ(gain({0.0f, 0.0f, 0.0f}), (Colour{4.0f, 4.0f, 4.0f}));
   EXPECT_EQ(gain({9.0f, 9.0f, 9.0f}), (Colour{0.25f, 0.25f, 0.25f}));
-  // The mean of the channels counts.
+  // The gain follows the mean of the channels.
   EXPECT_NEAR(gain({0.6f, 0.3f, 0.0f})[2], kWantedLight / 0.3f, kRounding);
 }
 
@@ -38,7 +38,7 @@ TEST(Automatics, WhiteBalanceMakesSteadyLightGrayWithinItsRange) {
   EXPECT_EQ(automatic_gains({.white_balance = true}, steady({0.0f, 0.0f, 0.0f})), (Colour{1.0f, 1.0f, 1.0f}));
 }
 
-// After a step of light, n frames ago: the geometric sum of the weights of those that saw it.
+// After a step of light n frames ago: the geometric sum of the weights of the frames since.
 TEST(Automatics, FollowAStepOverTheFramesTheyRemember) {
   for (int n = 0; n <= kFramesRemembered; ++n) {
     std::vector<Colour> light = steady({0.1f, 0.1f, 0.1f});

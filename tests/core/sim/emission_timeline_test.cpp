@@ -33,7 +33,7 @@ TEST(EmissionTimeline, KnowsAsFarAsTheSlowestMonitorPlusItsLag) {
   timeline.set_horizon("left", milliseconds(50));
   EXPECT_TRUE(timeline.wait_known_until(milliseconds(55), nanoseconds(0)));
   EXPECT_FALSE(timeline.wait_known_until(milliseconds(56), nanoseconds(0)));
-  timeline.set_horizon("left", milliseconds(20));  // what is known stays known
+  timeline.set_horizon("left", milliseconds(20));  // a horizon never moves back
   EXPECT_TRUE(timeline.wait_known_until(milliseconds(55), nanoseconds(0)));
 }
 
@@ -54,7 +54,7 @@ TEST(EmissionTimeline, GivesThePicturesThatTouchAnInterval) {
     for (const EmittedPicture& p : emissions.at(0).pictures) found.push_back(p.scanout_start);
     return found;
   };
-  // A picture is seen from its start + lag to its successor's start + lag + scanout.
+  // A picture is visible from its start + lag to its successor's start + lag + scanout.
   EXPECT_EQ(starts(milliseconds(130), milliseconds(150)), (std::vector<nanoseconds>{milliseconds(100)}));
   EXPECT_EQ(starts(milliseconds(120), milliseconds(150)),
             (std::vector<nanoseconds>{milliseconds(0), milliseconds(100)}));
@@ -80,7 +80,7 @@ TEST(EmissionTimeline, ForgetsWhatIsOlderThanItKeeps) {
   timeline.add_monitor(monitor("back"));
   for (int i = 0; i <= 50; ++i) timeline.add_picture("back", picture(i * milliseconds(100)));
   const auto kept = timeline.between(nanoseconds(0), hours(1)).at(0).pictures;
-  // Those that start in the last second, and the one that shows when it begins.
+  // The pictures that start in the last second, and the one visible at its beginning.
   ASSERT_FALSE(kept.empty());
   EXPECT_LE(kept.front().scanout_start, seconds(4));
   EXPECT_LE(kept.size(), 12u);

@@ -13,7 +13,7 @@ using std::chrono::hours;
 using std::chrono::microseconds;
 using std::chrono::milliseconds;
 
-// The same integral by the middles of many slices.
+// The same integral by the midpoint rule.
 double summed_ns(double hz, nanoseconds turn, nanoseconds settle, nanoseconds from, nanoseconds until) {
   constexpr int kSlices = 200'000;
   const double slice_ns = static_cast<double>((until - from).count()) / kSlices;
@@ -31,16 +31,16 @@ double summed_ns(double hz, nanoseconds turn, nanoseconds settle, nanoseconds fr
 }
 
 TEST(Flicker, IntegralAgreesWithManySlicesOfTime) {
-  const nanoseconds uptime = hours(24 * 30);  // monotonic clocks get old
+  const nanoseconds uptime = hours(24 * 30);  // a long uptime, for large times
   for (const double hz : {47.3, 100.0, 1500.0}) {
     for (const nanoseconds settle : {nanoseconds(0), nanoseconds(1000), nanoseconds(4'300'000)}) {
       for (const nanoseconds exposure : {microseconds(100), microseconds(7700)}) {
-        // Long before, before, at the start, within, in the end, after.
+        // Turns long before, before, at the start of, within, at the end of and after the exposure.
         for (const int turn_us : {-50'000, -2'000, 0, 60, 3'000, 20'000}) {
           const nanoseconds from = uptime + microseconds(1234), turn = from + microseconds(turn_us);
           const double slice_ns = static_cast<double>(exposure.count()) / 200'000;
-          // A jump within a slice costs up to half of it; the rest of the sum is good to (2 pi hz slice)^2.
-          // Beginning at 2.6e15 ns, an angle is good to 2 pi hz * 3e-7 ns or so.
+          // A jump within a slice costs up to half of it; the rest of the sum is accurate to (2 pi hz
+          // slice)^2. From 2.6e15 ns on, an angle is accurate to about 2 pi hz * 3e-7 ns.
           EXPECT_NEAR(flicker_integral_ns(hz, turn, settle, from, from + exposure),
                       summed_ns(hz, turn, settle, from, from + exposure),
                       0.5 * slice_ns + 1e-6 * static_cast<double>(exposure.count()))

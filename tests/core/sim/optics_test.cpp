@@ -54,12 +54,12 @@ TEST(Optics, RefractsBySnellInThePlaneOfIncidence) {
   }
 }
 
-// The way back is the way there: same path, same share of light.
+// The reverse path is the same, with the same share of light.
 TEST(Optics, IsReversible) {
   std::mt19937_64 random(3);
   for (int i = 0; i < 200; ++i) {
     const auto [direction, normal, cos_i] = random_incidence(random);
-    if (cos_i < 0.01) continue;  // the way back loses digits as 1 / cos_i
+    if (cos_i < 0.01) continue;  // the reverse loses digits as 1 / cos_i
     const std::optional<Vec3> there = refracted(direction, normal, 1.5);
     ASSERT_TRUE(there);
     const std::optional<Vec3> back = refracted(-1.0 * *there, -1.0 * normal, 1.0 / 1.5);
@@ -69,7 +69,7 @@ TEST(Optics, IsReversible) {
   }
 }
 
-// Fresnel's transmittances, written down on their own: 4 eta ci ct / (..)^2 for either polarisation.
+// Fresnel's transmittances, independently: 4 eta ci ct / (..)^2 for either polarisation.
 TEST(Optics, ReflectedAndTransmittedLightSumToOne) {
   for (const double eta : {1.2, 1.5, 2.4}) {
     for (double cos_i = 0.01; cos_i <= 1.0; cos_i += 0.01) {

@@ -12,7 +12,7 @@ namespace {
 using std::chrono::minutes;
 using std::chrono::seconds;
 
-// Light is stored in steps of 1/65535, and worked out in a dozen operations on floats of at most 1.
+// Light is stored in steps of 1/65535, and computed in a dozen operations on floats of at most 1.
 constexpr double kRounding = 0.5 / 65535.0 + 1e-6;
 
 Image16 uniform(int size_px, std::array<std::uint16_t, 3> code) {

@@ -20,7 +20,7 @@ std::vector<float> normals(std::uint64_t seed, std::int64_t stream, std::uint32_
   return all;
 }
 
-// The first four come from Threefry4x32-20's published answer for a counter and a key of zeros (Random123,
+// The first four come from the published result of Threefry4x32-20 for zero counter and key (Random123,
 // kat_vectors).
 TEST(StandardNormals, AreMadeOfThePublishedRandomWords) {
   const std::vector<float> found = normals(0, 0, 1);
@@ -32,8 +32,8 @@ TEST(StandardNormals, AreMadeOfThePublishedRandomWords) {
     std::array<double, 2> point{radius * std::cos(angle), radius * std::sin(angle)};
     if (turn & 0x40000000u) std::swap(point[0], point[1]);
     if (turn & 0x80000000u) point = {-point[0], -point[1]};
-    // The series for sine and cosine leave out terms below 4e-7, and floats of up to 7 are rounded by 5e-7,
-    // a dozen times.
+    // The series for sine and cosine omit terms below 4e-7, and floats of up to 7 are rounded by 5e-7, a
+    // dozen times.
     for (size_t i = 0; i < 2; ++i) EXPECT_NEAR(found[(2 * pair + i) * kSampleBlock / 4], point[i], 1e-5);
   }
 }
@@ -73,15 +73,15 @@ TEST(StandardNormals, AreIndependent) {
   constexpr std::uint32_t kBlocks = 64;
   const std::vector<float> x = normals(1, 1, kBlocks);
   const double bound = 5.0 / std::sqrt(static_cast<double>(x.size()));  // products have variance 1
-  // Neighbours, samples of one counter, the same place of another block.
+  // Neighbours, samples of one counter, the same position in another block.
   for (const size_t shift :
        {size_t{1}, size_t{2}, size_t{3}, kSampleBlock / 4, kSampleBlock / 2, kSampleBlock}) {
     EXPECT_NEAR(correlation(x, x, shift), 0.0, bound) << shift;
   }
-  // Other frames and seeds, the least different ones too.
+  // Other frames and seeds, including ones that differ in one bit.
   for (const auto& [seed, stream] : {std::pair{1, 2}, {1, -1}, {2, 1}, {3, 1}})
     EXPECT_NEAR(correlation(x, normals(static_cast<std::uint64_t>(seed), stream, kBlocks), 0), 0.0, bound);
-  // Squares too: a shared radius would show here, and nowhere above.
+  // Squares too: a shared radius would show only here.
   std::vector<float> squares;
   for (const float value : x) squares.push_back((value * value - 1.0f) / std::numbers::sqrt2_v<float>);
   for (const size_t shift : {size_t{1}, kSampleBlock / 4, kSampleBlock / 2, kSampleBlock})

@@ -42,7 +42,7 @@ RadianceImage radiance_of(const Image16& picture) {
   return radiance;
 }
 
-// What a monitor's rows show at one moment.
+// The light of a monitor's rows at one moment.
 RadianceImage shown_at(const MonitorEmission& emission, nanoseconds when) {
   RadianceImage out(emission.monitor.width_px, emission.monitor.height_px);
   for (int y = 0; y < out.height_px; ++y) {
@@ -64,7 +64,7 @@ TEST(Integrate, AgreesWithManySlicesOfTime) {
   const std::vector<MonitorEmission> light{
       emission("back", kBack, milliseconds(7), milliseconds(2),
                {milliseconds(-30), milliseconds(-1), milliseconds(9)}, random),
-      // Black until its first picture.
+      // Black until the first picture.
       emission("left", kLeft, milliseconds(16), microseconds(3300), {milliseconds(1), milliseconds(6)},
                random)};
   const ExposureWindow window{.start = milliseconds(1), .exposure = milliseconds(8)};
@@ -72,8 +72,8 @@ TEST(Integrate, AgreesWithManySlicesOfTime) {
   const RadianceImage exact = integrate(transport, light, window, readout);
 
   constexpr int kSlices = 500;
-  // A change falls at most half a slice beside the slices' border; a pixel's weights sum to at most 1,
-  // radiance to at most 1, and no monitor row changes more than twice here. Float sums add about 1e-5.
+  // A change is at most half a slice from a slice's border; a pixel's weights sum to at most 1, radiance is
+  // at most 1, and no monitor row changes more than twice here. Float sums add about 1e-5.
   constexpr float kTolerance = 2.0f * 0.5f / kSlices + 1e-5f;
   for (int y = 0; y < 6; ++y) {
     const nanoseconds from = window.start + readout * y / 5;
@@ -90,8 +90,8 @@ TEST(Integrate, AgreesWithManySlicesOfTime) {
   }
 }
 
-// Light that a settling, flickering monitor row gives at one moment: each change goes on for `settle`,
-// whatever follows.
+// The light of a settling, flickering monitor row at one moment: each change takes `settle`, even if another
+// follows.
 RadianceImage settling_at(const MonitorEmission& emission, nanoseconds when) {
   RadianceImage out(emission.monitor.width_px, emission.monitor.height_px);
   for (int y = 0; y < out.height_px; ++y) {
@@ -124,7 +124,7 @@ void expect_settling(const Flicker& flicker) {
   const Transport transport = crystal();
   std::vector<MonitorEmission> light{emission("back", kBack, milliseconds(7), milliseconds(2),
                                               {milliseconds(-30), milliseconds(-1), milliseconds(9)}, random),
-                                     // The second change begins before the first has settled.
+                                     // The second change starts before the first has settled.
                                      emission("left", kLeft, milliseconds(16), microseconds(3300),
                                               {milliseconds(1), milliseconds(3)}, random)};
   light[0].monitor.settle = milliseconds(4);
@@ -134,9 +134,9 @@ void expect_settling(const Flicker& flicker) {
   for (const int start_ms : {-4, 1, 6, 12}) {
     const ExposureWindow window{.start = milliseconds(start_ms), .exposure = milliseconds(8)};
     const RadianceImage exact = integrate(transport, light, window, readout);
-    // The middle of each slice is its mean but where a ramp begins or ends: there a triangle of half a slice
-    // and of slope 1 / settle is missed, four times at most; and of a sine (2 pi f slice)^2 / 24. Float sums
-    // add about 1e-5.
+    // The midpoint of a slice is its mean, except at the ends of a ramp, where a triangle of half a slice and
+    // of slope 1 / settle is missed, four times at most; and for a sine, up to (2 pi f slice)^2 / 24. Float
+    // sums add about 1e-5.
     constexpr int kSlices = 500;
     const double slice_of_settle = 8.0 / kSlices / 4.0;
     const double angle = 2.0 * std::numbers::pi * flicker.hz * 0.008 / kSlices;
@@ -252,8 +252,8 @@ TEST(ThroughLens, PixelsGatherWhatIsBlurred) {
     }
   }
   EXPECT_NEAR(total, 1.0, 1e-4);  // float sums
-  // The lens's, that of four rays in a row, and that of four rays gathered. A Gaussian cut at four sigma
-  // lacks 0.11 % of its variance.
+  // The variance of the lens, of four rays in a row, and of gathering four rays. A Gaussian cut off at four
+  // sigma lacks 0.11 % of its variance.
   const double four_rays = (1.0 - 1.0 / (kRaysAcross * kRaysAcross)) / 12.0;
   EXPECT_NEAR(second_moment, kSigma_px * kSigma_px + 2.0 * four_rays, 0.002 * kSigma_px * kSigma_px);
 }
@@ -280,9 +280,9 @@ TEST(Expose, CodesFollowBlackLevelAndCurve) {
       for (const int bits : {8, 10, 16}) {
         model.bits = bits;
         const Image16 image = expose(light, model.full_scale_exposure_ms, model, 0);
-        // Half a code, and half of storing it. Logarithm and exponential are good to 4 and 1 ulp, so that u,
-        // off by up to |u log u| * 4 ulp + 2 ulp <= 5e-7, moves a curve no steeper than 1.25 by less than
-        // 1e-6. Below 1e-30 light is taken for that much.
+        // Half a code, and half of a stored step. Logarithm and exponential are accurate to 4 and 1 ulp, so u
+        // is off by up to |u log u| * 4 ulp + 2 ulp <= 5e-7, which moves a curve no steeper than 1.25 by less
+        // than 1e-6. Light below 1e-30 counts as 1e-30.
         const double tolerance = 0.5 / ((1 << bits) - 1) + 0.5 / 65535.0 + 1e-6;
         for (size_t i = 0; i < light.samples.size(); ++i)
           ASSERT_NEAR(image.samples[i] / 65535.0, coded(model, light.samples[i]), tolerance)
@@ -303,7 +303,7 @@ TEST(Expose, CornersLackTheirShareOfTheLight) {
   EXPECT_NEAR(image.at(0, 2, 2) / 65535.0, 0.5 * (1.0 - 0.4 * 0.32), rounding);
 }
 
-// Undone, the curve leaves the noise of linear light.
+// Inverting the curve recovers the noise of linear light.
 TEST(Expose, NoiseComesBeforeTheCurve) {
   constexpr int kSize_px = 120;
   constexpr double kCount = kSize_px * kSize_px * 3;

@@ -36,7 +36,7 @@ bool is_empty_stage(std::span<const Tap> taps, int x, int y) {
   return taps.size() == 1 && taps[0].x_px == x && taps[0].y_px == y && taps[0].weight == 1.0f;
 }
 
-// Moments of a pixel's footprint, monitor px.
+// The moments of a pixel's footprint, in monitor px.
 struct Footprint {
   double weight = 0.0, x = 0.0, y = 0.0, xx = 0.0, xy = 0.0, yy = 0.0;
 };
@@ -113,14 +113,14 @@ TEST(Transport, GivesNoMoreLightThanThereIs) {
       }
       ASSERT_LE(sum, 1.0 + 1e-5);  // a few hundred floats, each rounded by 6e-8 of itself
     }
-    // A crystal glitters with light from everywhere.
+    // A crystal collects light from everywhere.
     if (std::string(scene) == "crystal") {
       for (const double light : light_of) EXPECT_GT(light, 1.0);
     }
   }
 }
 
-// What the ball and the sheet mirror and let through is all that falls on them.
+// The ball and the sheet reflect and transmit all light that falls on them.
 TEST(Transport, GlassLosesOnlyTheFaintestPaths) {
   const auto scene = make_scene("glass", kSize);
   ASSERT_TRUE(scene.ok());
@@ -133,8 +133,8 @@ TEST(Transport, GlassLosesOnlyTheFaintestPaths) {
     double sum = 0.0;
     for (const Path& path : *paths) sum += path.weight;
     EXPECT_LE(sum, 1.0 + 1e-12);
-    // Each of nine paths is dropped only below 0.002, and what is still inside after seven bounces is
-    // (1 - m) m^7 for a mirrored share m, which is largest at m = 7/8.
+    // Each of nine paths is dropped only below 0.002, and the share left inside after seven bounces is (1 -
+    // m) m^7 for a reflectance m, which is largest at m = 7/8.
     EXPECT_GE(sum, 1.0 - 9 * 0.002 - std::pow(7.0 / 8.0, 7) / 8.0);
   }
   EXPECT_GT(hits, 50);
@@ -164,7 +164,7 @@ TEST(Transport, TheGlassMirrorsAndTransmitsAtOnce) {
   int both = 0;
   for (int y = 0; y < kHeight_px; ++y) {
     for (int x = 0; x < kWidth_px; ++x) {
-      // A tenth of the light comes straight through, and a tenth from more than 6 px beside it.
+      // At least a tenth of the light comes straight through, and a tenth from more than 6 px beside it.
       double straight = 0.0, aside = 0.0;
       for (const Tap& tap : transport.taps(x, y, 1)) {
         const double distance_px = std::hypot(tap.x_px - x, tap.y_px - y);
@@ -185,7 +185,7 @@ TEST(Transport, TheBrushedMetalSpreadsLightAslant) {
       const bool stage = is_empty_stage(transport.taps(x, y, 1), x, y);
       for (int c = 0; c < 3; ++c) EXPECT_EQ(transport.foreground(x, y, c) > 0.0f, !stage);
       const Footprint f = footprint_of(transport.taps(x, y, 1));
-      // Cut by no edge: all of the metal's green, 0.74, is there.
+      // Away from all edges: the metal's full green, 0.74.
       if (stage || std::abs(f.weight - 0.74) > 1e-4) continue;
       ++metal;
       if (std::abs(f.xy) > 0.3 * std::sqrt(f.xx * f.yy) && f.xx + f.yy > 1.0) ++aslant;
@@ -226,14 +226,14 @@ TEST(Transport, APhaseIsTheObjectBeforeTheEmptyStage) {
     for (int y = 0; y < kHeight_px; ++y) {
       for (int x = 0; x < kWidth_px; ++x) object += !is_empty_stage(phase->taps(x, y, y % 3), x, y);
     }
-    // It is all in the picture.
+    // The object lies within the picture.
     EXPECT_GT(object, kWidth_px * kHeight_px / 10);
     EXPECT_LT(object, kWidth_px * kHeight_px / 3);
     for (const int x : {0, kWidth_px - 1}) {
       for (int y = 0; y < kHeight_px; ++y) EXPECT_TRUE(is_empty_stage(phase->taps(x, y, 0), x, y));
     }
   }
-  // What stands still has one phase, and is the same however it is kept.
+  // A static scene has one phase, which is the same however it is stored.
   for (const std::string scene : {"crystal", "glass", "brushed"}) {
     const StageTransports still = build_phases(scene, {{"back", kSize}}, kWidth_px, kHeight_px).value();
     ASSERT_EQ(still.phases.size(), 1u);
@@ -241,7 +241,7 @@ TEST(Transport, APhaseIsTheObjectBeforeTheEmptyStage) {
   }
 }
 
-// From the last phase to the first too.
+// Also from the last phase to the first.
 TEST(Transport, AMovingSceneGoesRoundInSmallSteps) {
   const StageTransports stage = build_phases("wobble", {{"back", kSize}}, kWidth_px, kHeight_px).value();
   const auto change = [&](size_t a, size_t b) {
@@ -267,7 +267,7 @@ TEST(Transport, AMovingSceneGoesRoundInSmallSteps) {
   EXPECT_EQ(motion_of("crystal").phase_at(std::chrono::hours(1)), 0);
 }
 
-// The lamp is seen mirrored, and nowhere else; it changes nothing of the monitors' light.
+// The lamp is visible only in reflections, and does not change the monitors' light.
 TEST(Transport, ALampAddsHighlightsAlone) {
   const Transport dark = built("wobble"), lit = built("wobble-lit");
   const RadianceImage picture = random_picture(kWidth_px, kHeight_px), black(kWidth_px, kHeight_px);
@@ -290,7 +290,7 @@ TEST(Transport, ALampAddsHighlightsAlone) {
   EXPECT_LT(highlight, kWidth_px * kHeight_px / 50);
 }
 
-// Every ray of a pixel as a pixel of its own: together they see what the pixel does, scattered or not.
+// With every ray of a pixel as a pixel of its own, their sum sees the same light, scattered or not.
 TEST(Transport, RaysAsPixelsSeeTheSameLight) {
   const RadianceImage picture = random_picture(kWidth_px, kHeight_px);
   for (const std::string scene : {"crystal", "brushed", "wobble-lit"}) {

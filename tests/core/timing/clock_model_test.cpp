@@ -13,7 +13,7 @@ using std::chrono::microseconds;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-// A node whose clock's reading at every rig time is known, behind a network with delays of its own.
+// A node with a known clock reading at every rig time, behind a network with random delays.
 class SimulatedNode {
  public:
   using Clock = std::function<nanoseconds(nanoseconds)>;
@@ -40,7 +40,7 @@ SimulatedNode::Clock drifting(nanoseconds offset, double ppm) {
   };
 }
 
-// At least `least`, and on top of it exponentially distributed.
+// `least` plus an exponentially distributed delay.
 SimulatedNode::Delay jittering(microseconds least, microseconds mean) {
   return [=](std::mt19937_64& random) {
     std::exponential_distribution<double> more(1.0 / (static_cast<double>(mean.count()) + 1e-3));
@@ -65,7 +65,7 @@ std::vector<Case> cases() {
   cases.push_back({"jitter to 50 ms", drifting(milliseconds(-3), -80.0),
                    jittering(microseconds(200), milliseconds(10)),
                    jittering(microseconds(200), milliseconds(10))});
-  // Its frequency swings by 1 ppm within a minute, as in a warming room.
+  // The frequency varies by 1 ppm within a minute, as in a warming room.
   cases.push_back({"wandering",
                    [](nanoseconds rig) {
                      const double t = 1e-9 * static_cast<double>(rig.count());
@@ -76,8 +76,8 @@ std::vector<Case> cases() {
   return cases;
 }
 
-// Exchanges as a capture makes them: eight at the start, then one a second. Between them the reading of any
-// moment, a little before or after the newest exchange, is within its bound of the truth.
+// Exchanges as in a capture: eight at the start, then one per second. In between, readings shortly before or
+// after the newest exchange are within their bound of the truth.
 TEST(ClockModel, TheTruthLiesWithinTheBound) {
   for (const Case& each : cases()) {
     SimulatedNode node(each.clock, each.there, each.back);
@@ -101,9 +101,9 @@ TEST(ClockModel, TheTruthLiesWithinTheBound) {
   }
 }
 
-// Half of the shortest round trip, 0.2 ms, is the best that one exchange can say. The least of k exchanges'
-// jitter is 0.2 ms / k, and k seconds add 2 us k for wander: 40 us together for ten. Three times that is room
-// for bad luck; without the skew a second between exchanges would cost 250 us.
+// The best bound of one exchange is half of the shortest round trip, 0.2 ms. The smallest jitter of k
+// exchanges is 0.2 ms / k, and k seconds add 2 us k for wander: 40 us together for ten. The test allows three
+// times that; without the skew, a second between exchanges would add 250 us.
 TEST(ClockModel, TheBoundComesToHalfTheShortestTrip) {
   SimulatedNode node(drifting(seconds(100), 150.0), jittering(microseconds(200), microseconds(200)),
                      jittering(microseconds(200), microseconds(200)));
@@ -125,7 +125,7 @@ TEST(ClockModel, AClockThatWasSetIsBelievedFromThenOn) {
                      jittering(microseconds(100), microseconds(50)));
   ClockModel clock;
   for (nanoseconds rig = seconds(1); rig < seconds(60); rig += seconds(1)) {
-    // One that the step falls into.
+    // An exchange during the step.
     if (rig == step_at - seconds(1))
       clock.add({.sent = step_at - microseconds(90),
                  .received = clock_of(step_at - microseconds(10)),

@@ -43,11 +43,11 @@ TEST(Proof, TheWholeExposureMustLieInside) {
   EXPECT_FALSE(proves(frame(10099, 19900, 100), window));
   EXPECT_FALSE(proves(frame(10100, 19901, 100), window));
   EXPECT_FALSE(proves(frame(9999, 15000, 0), window));
-  EXPECT_FALSE(proves(frame(15000, 15000, 0), window));  // no exposure at all
+  EXPECT_FALSE(proves(frame(15000, 15000, 0), window));  // zero exposure
 }
 
-// Frames and windows may come in any interleaving: what is matched is always proven, no frame or step twice,
-// and every step that some frame proves is matched.
+// For any interleaving of frames and windows: every match is proven, no frame or step is matched twice, and
+// every step that some frame proves is matched.
 TEST(FrameMatcher, MatchesExactlyWhatIsProven) {
   std::mt19937 random(11);
   for (int round = 0; round < 200; ++round) {

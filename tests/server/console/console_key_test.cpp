@@ -24,12 +24,12 @@ class ConsoleKeyTest : public testing::Test {
 TEST_F(ConsoleKeyTest, ATokenSaysWhoseItIsUntilItExpires) {
   const ConsoleKey key = ConsoleKey::open(data_).value();
   const std::string token = key.token_of("anna", "viewer", now_ + hours(1), now_).value();
-  const Visitor visitor = key.visitor_of(token, now_ + hours(1) - seconds(1)).value();
-  EXPECT_EQ(visitor.name, "anna");
-  EXPECT_EQ(visitor.roles, only(Role::kViewer));
-  EXPECT_EQ(visitor.expires, now_ + hours(1));
-  EXPECT_EQ(key.visitor_of(token, now_ + hours(1)).status().code(), absl::StatusCode::kUnauthenticated);
-  EXPECT_EQ(key.visitor_of(key.token_of("o", "operator", now_ + hours(1), now_).value(), now_)->roles,
+  const Principal principal = key.principal_of(token, now_ + hours(1) - seconds(1)).value();
+  EXPECT_EQ(principal.name, "anna");
+  EXPECT_EQ(principal.roles, only(Role::kViewer));
+  EXPECT_EQ(principal.expires, now_ + hours(1));
+  EXPECT_EQ(key.principal_of(token, now_ + hours(1)).status().code(), absl::StatusCode::kUnauthenticated);
+  EXPECT_EQ(key.principal_of(key.token_of("o", "operator", now_ + hours(1), now_).value(), now_)->roles,
             only(Role::kOperator));
 }
 
@@ -41,18 +41,18 @@ TEST_F(ConsoleKeyTest, NoCharacterOfATokenCanBeAnother) {
       if (token[at] == other) continue;
       std::string altered = token;
       altered[at] = other;
-      EXPECT_FALSE(key.visitor_of(altered, now_).ok()) << at << " as " << other;
+      EXPECT_FALSE(key.principal_of(altered, now_).ok()) << at << " as " << other;
     }
-    EXPECT_FALSE(key.visitor_of(token.substr(0, at), now_).ok()) << at;
+    EXPECT_FALSE(key.principal_of(token.substr(0, at), now_).ok()) << at;
   }
 }
 
 TEST_F(ConsoleKeyTest, TheKeyStaysAndAnotherSignsOtherwise) {
   const std::string token =
       ConsoleKey::open(data_)->token_of("anna", "viewer", now_ + hours(1), now_).value();
-  EXPECT_TRUE(ConsoleKey::open(data_)->visitor_of(token, now_).ok());
+  EXPECT_TRUE(ConsoleKey::open(data_)->principal_of(token, now_).ok());
   std::filesystem::remove(data_ / "console-key");
-  EXPECT_FALSE(ConsoleKey::open(data_)->visitor_of(token, now_).ok());
+  EXPECT_FALSE(ConsoleKey::open(data_)->principal_of(token, now_).ok());
 }
 
 TEST_F(ConsoleKeyTest, TheKeyIsForItsOwnerAndWhole) {

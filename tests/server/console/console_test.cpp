@@ -21,7 +21,7 @@ namespace {
 
 using nlohmann::json;
 
-// One session, "vase", whose matte is some bytes.
+// A server with one session, "vase", whose matte is arbitrary bytes.
 class Sessions final : public v1::SessionService::Service {
  public:
   grpc::Status GetSession(grpc::ServerContext*, const v1::GetSessionRequest* request,
@@ -31,7 +31,7 @@ class Sessions final : public v1::SessionService::Service {
     response->mutable_session()->set_archive_bytes(1LL << 40);
     return grpc::Status::OK;
   }
-  // Two changes, then quiet until the caller has left.
+  // Two changes, then silence until the caller has left.
   grpc::Status WatchSession(grpc::ServerContext* context, const v1::WatchSessionRequest* request,
                             grpc::ServerWriter<v1::WatchSessionResponse>* writer) override {
     for (const int proven : {1, 2}) {
@@ -87,7 +87,7 @@ class ConsoleTest : public testing::Test {
     const auto now = std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now());
     return key_->token_of("anna", role, now + std::chrono::hours(1), now).value();
   }
-  // With the cookie of one who logged in.
+  // A client with the cookie of a logged-in user.
   httplib::Client logged_in(const std::string& role) const {
     httplib::Client client = this->client();
     const auto response = client.Post("/login", json{{"token", token(role)}}.dump(), "application/json");
@@ -125,7 +125,7 @@ TEST_F(ConsoleTest, NobodyIsAnsweredButThePageBeforeLoggingIn) {
   EXPECT_EQ(stranger.Get("/../secret")->status, 404);
 }
 
-TEST_F(ConsoleTest, ACookieIsForTheBrowserAloneAndGoesWithTheVisitor) {
+TEST_F(ConsoleTest, ACookieIsForTheBrowserAloneAndGoesAtLogout) {
   start();
   httplib::Client anna = logged_in("viewer");
   EXPECT_EQ(body_of(anna.Get("/me"))["name"], "anna");
@@ -161,13 +161,13 @@ TEST_F(ConsoleTest, RolesHoldAsForEveryCall) {
   int refused = 0;
   for (const auto& [role, name] :
        {std::pair(Role::kViewer, "viewer"), std::pair(Role::kOperator, "operator")}) {
-    httplib::Client visitor = logged_in(name);
+    httplib::Client browser = logged_in(name);
     for (const MethodAccess& access : access_table()) {
       const std::string method(access.method);
       const auto found =
           JsonMethod::find(method.substr(0, method.find('/')), method.substr(method.find('/') + 1));
       if (!found.ok() || (access.allows(role) && found->streams())) continue;
-      const auto response = visitor.Post("/api/" + method, "{}", "application/json");
+      const auto response = browser.Post("/api/" + method, "{}", "application/json");
       EXPECT_EQ(response->status == 403, !access.allows(role)) << method << " as " << name;
       refused += response->status == 403;
     }
@@ -196,7 +196,7 @@ TEST_F(ConsoleTest, ABrowserThatLeavesEndsItsCalls) {
   std::string seen;
   request.content_receiver = [&](const char* bytes, size_t size, std::uint64_t, std::uint64_t) {
     seen.append(bytes, size);
-    return seen.find("\"provenCount\":2") == std::string::npos;  // enough: the connection is closed
+    return seen.find("\"provenCount\":2") == std::string::npos;  // then closes the connection
   };
   (void)anna.send(request);
   sessions_.left.wait(false);
@@ -244,7 +244,7 @@ TEST_F(ConsoleTest, WhatIsRefusedIsReadToItsEndAndNeverTakenForARequest) {
   while (body.size() < (1u << 20)) body += hidden;
   for (const char* path : {"/login", "/plans", "/images", "/api/NodeService/ListNodes", "/nowhere"}) {
     EXPECT_GE(form.Post(path, body, "text/plain")->status, 400) << path;
-    // The next answer on this connection is that of the next request.
+    // The next answer on this connection must be that of the next request.
     EXPECT_EQ(form.Get("/")->body, "<!doctype html>") << path;
   }
   httplib::Client anna = logged_in("operator");
@@ -273,7 +273,7 @@ TEST_F(ConsoleTest, OtherPagesGetNothing) {
   EXPECT_EQ(anna.Get("/me", {{"Origin", "null"}})->status, 403);
   EXPECT_EQ(anna.Get("/me", {{"Origin", "http://" + host}})->status, 200);
   EXPECT_EQ(anna.Get("/me", {{"Host", "evil.example:7480"}})->status, 403);
-  httplib::Client form = client();  // cannot send our header
+  httplib::Client form = client();  // a form cannot send our header
   form.set_default_headers({});
   EXPECT_EQ(form.Post("/login", json{{"token", token("operator")}}.dump(), "text/plain")->status, 403);
 }
@@ -306,7 +306,7 @@ TEST_F(ConsoleTest, ACertificateOfTheLabLogsIn) {
                   .ok());
   start();
   EXPECT_TRUE(console_->url().starts_with("https://"));
-  const auto visitor_with = [&](const MadeCertificate* certificate) {
+  const auto client_with = [&](const MadeCertificate* certificate) {
     auto client = certificate == nullptr
                       ? std::make_unique<httplib::Client>(console_->url())
                       : std::make_unique<httplib::Client>(console_->url(),
@@ -317,13 +317,13 @@ TEST_F(ConsoleTest, ACertificateOfTheLabLogsIn) {
     return client;
   };
   const MadeCertificate berta = make_certificate("berta", &ca, fmt::format("URI:{}operator", kRoleUri));
-  EXPECT_EQ(body_of(visitor_with(&berta)->Get("/me")), (json{{"name", "berta"}, {"role", "operator"}}));
+  EXPECT_EQ(body_of(client_with(&berta)->Get("/me")), (json{{"name", "berta"}, {"role", "operator"}}));
   const MadeCertificate stranger =
       make_certificate("berta", &foreign, fmt::format("URI:{}operator", kRoleUri));
-  EXPECT_FALSE(visitor_with(&stranger)->Get("/me"));
-  EXPECT_EQ(visitor_with(nullptr)->Get("/me")->status, 401);
+  EXPECT_FALSE(client_with(&stranger)->Get("/me"));
+  EXPECT_EQ(client_with(nullptr)->Get("/me")->status, 401);
   const auto in =
-      visitor_with(nullptr)->Post("/login", json{{"token", token("viewer")}}.dump(), "application/json");
+      client_with(nullptr)->Post("/login", json{{"token", token("viewer")}}.dump(), "application/json");
   EXPECT_NE(in->get_header_value("Set-Cookie").find("Secure"), std::string::npos);
 }
 

@@ -78,16 +78,16 @@ RampFrame object() {
   return frame;
 }
 
-TEST(BoxTable, IsTheMeanOfTheExactOne) {
+TEST(FastSummedAreaTable, IsTheMeanOfTheExactOne) {
   const RadianceImage picture = random_picture(1);
-  const BoxTable table(picture, 1);
+  const FastSummedAreaTable table(picture, 1);
   const SummedAreaTable exact(picture);
   std::mt19937 random(2);
   std::uniform_real_distribution<float> place(-10.0f, 70.0f), exponent(-5.0f, 6.0f);
   for (int i = 0; i < 2000; ++i) {
     const float x = place(random), y = place(random), width = std::exp2(exponent(random)),
                 height = std::exp2(exponent(random));
-    const BoxTable::Light light = table.mean(x, y, width, height);
+    const FastSummedAreaTable::Light light = table.mean(x, y, width, height);
     // Floats place a box's ends to 4e-6 px or so, a share of up to 32 of the narrowest.
     for (int c = 0; c < 3; ++c)
       ASSERT_NEAR(light[static_cast<size_t>(c)], exact.mean(box(1.0f, x, y, width, height), c), 1e-3)

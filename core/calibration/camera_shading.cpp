@@ -1,4 +1,4 @@
-#include "core/calibration/fall_off_fit.h"
+#include "core/calibration/camera_shading.h"
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -21,11 +21,11 @@ double quantile(std::vector<double> values, double share) {
 
 }  // namespace
 
-std::optional<v1::FallOff> fit_fall_off(const std::vector<FallOffPoint>& points) {
+std::optional<v1::FallOff> fit_camera_shading(const std::vector<ShadingPoint>& points) {
   if (points.empty()) return std::nullopt;
   size_t groups = 0;
   std::vector<double> radius2;
-  for (const FallOffPoint& point : points) {
+  for (const ShadingPoint& point : points) {
     groups = std::max(groups, point.group + 1);
     radius2.push_back(point.radius2);
   }
@@ -34,23 +34,24 @@ std::optional<v1::FallOff> fit_fall_off(const std::vector<FallOffPoint>& points)
 
   // Relative residuals light / (a_g F) - 1, linear in changes of ln a_g, r2 and r4.
   std::vector<double> sum(groups), count(groups);
-  for (const FallOffPoint& point : points) sum[point.group] += point.light, count[point.group] += 1.0;
+  for (const ShadingPoint& point : points) sum[point.group] += point.light, count[point.group] += 1.0;
   const auto size = static_cast<Eigen::Index>(groups) + 2;
   Eigen::VectorXd level(size - 2);
   for (size_t g = 0; g < groups; ++g)
     level[static_cast<Eigen::Index>(g)] = std::log(sum[g] / std::max(count[g], 1.0));
-  double r2 = 0.0, r4 = 0.0, most = INFINITY, rms = 0.0;
+  double r2 = 0.0, r4 = 0.0, max_residual = INFINITY, rms = 0.0;
   for (int pass = 0; pass < kPasses; ++pass) {
-    Eigen::MatrixXd normal = 1e-9 * Eigen::MatrixXd::Identity(size, size);  // groups without points
+    Eigen::MatrixXd normal =
+        1e-9 * Eigen::MatrixXd::Identity(size, size);  // keeps groups without points solvable
     Eigen::VectorXd right = Eigen::VectorXd::Zero(size);
     double squares = 0.0, used = 0.0;
     std::vector<double> off;
-    for (const FallOffPoint& point : points) {
+    for (const ShadingPoint& point : points) {
       const auto group = static_cast<Eigen::Index>(point.group);
       const double shape = 1.0 + r2 * point.radius2 + r4 * point.radius2 * point.radius2;
       const double residual = point.light / (std::exp(level[group]) * shape) - 1.0;
       off.push_back(std::abs(residual));
-      if (std::abs(residual) > most) continue;
+      if (std::abs(residual) > max_residual) continue;
       const std::array<std::pair<Eigen::Index, double>, 3> row = {
           {{group, 1.0},
            {size - 2, point.radius2 / shape},
@@ -62,7 +63,7 @@ std::optional<v1::FallOff> fit_fall_off(const std::vector<FallOffPoint>& points)
       squares += residual * residual, used += 1.0;
     }
     rms = std::sqrt(squares / used);
-    most = kOutlier * 1.4826 * quantile(off, 0.5);
+    max_residual = kOutlier * 1.4826 * quantile(off, 0.5);
     const Eigen::VectorXd change = normal.ldlt().solve(right);
     level += change.head(size - 2);
     r2 += change[size - 2], r4 += change[size - 1];

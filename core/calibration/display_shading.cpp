@@ -1,4 +1,4 @@
-#include "core/calibration/uniformity.h"
+#include "core/calibration/display_shading.h"
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -10,9 +10,9 @@ namespace {
 
 constexpr int kColumns = 16, kRows = 12;
 constexpr int kMinPixels = 4;       // of a cell
-constexpr double kOffRamp = 0.1;    // of blue's code, which u and v tell
-constexpr double kBeyond = 0.03;    // of the screen's size: noise at its edges
-constexpr int kRelaxations = 2000;  // many times the longest way through the grid, squared
+constexpr double kOffRamp = 0.1;    // of blue's code, which u and v predict
+constexpr double kBeyond = 0.03;    // of the screen's size, for noise at its edges
+constexpr int kRelaxations = 2000;  // many times the longest path through the grid, squared
 
 struct Cell {
   double light = 0.0;
@@ -20,7 +20,7 @@ struct Cell {
   bool seen() const { return pixels >= kMinPixels; }
 };
 
-// The place in the grid that a pixel sees; none if what it sees is not the ramp.
+// The cell of the grid that a pixel sees; none if it does not see the ramp.
 std::optional<size_t> cell_of(const Eigen::Vector3d& radiance, const DisplayResponse& response) {
   std::array<double, 3> code{};
   for (size_t p = 0; p < 3; ++p) {
@@ -35,7 +35,7 @@ std::optional<size_t> cell_of(const Eigen::Vector3d& radiance, const DisplayResp
   return static_cast<size_t>(row * kColumns + column);
 }
 
-// Each cell that was not seen becomes the mean of its neighbours.
+// Relaxes each unseen cell to the mean of its neighbours.
 void fill(std::vector<Cell>& cells) {
   for (int pass = 0; pass < kRelaxations; ++pass) {
     for (int row = 0; row < kRows; ++row) {
@@ -57,8 +57,8 @@ void fill(std::vector<Cell>& cells) {
 
 }  // namespace
 
-std::optional<v1::Uniformity> uniformity_of(const ScreenView& view, const DisplayResponse& response,
-                                            const Evenness& camera) {
+std::optional<v1::Uniformity> measure_display_shading(const ScreenView& view, const DisplayResponse& response,
+                                                      const Shading& camera) {
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   for (const ScreenView::Light& white : view.white)
     mean += Eigen::Vector3d(white[0], white[1], white[2]) / static_cast<double>(view.white.size());
