@@ -20,6 +20,7 @@
 #include "core/frame/image_file.h"
 #include "core/import/mapped_archive.h"
 #include "core/matte/matte_file.h"
+#include "core/pattern/method_options.h"
 #include "core/service/build_id.h"
 #include "core/service/registration.h"
 #include "core/service/service.h"
@@ -144,12 +145,8 @@ absl::Status solve_each_frame(const VideoMethod& method, const MappedArchive& ar
 absl::Status solve(const Solve& solve) {
   MethodOptions options;
   for (const std::string& setting : solve.settings) {
-    const size_t equals = setting.find('=');
-    if (equals == std::string::npos) {
-      return absl::InvalidArgumentError(
-          fmt::format("--set {}: it must be NAME=VALUE, such as modes=2", setting));
-    }
-    options[setting.substr(0, equals)] = setting.substr(equals + 1);
+    GW_ASSIGN_OR_RETURN(const auto option, parse_setting(setting));
+    options[option.first] = option.second;
   }
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<VideoMethod> video, make_video_method(solve.method, options));
   if (video != nullptr) {
