@@ -181,7 +181,7 @@ absl::Status make_mask(const MaskPictures& pictures) {
   for (size_t i = 0; i < picture.samples.size(); ++i)
     picture.samples[i] = mask.samples[i / 3] != 0 ? 1.0f : 0.0f;
   GW_RETURN_IF_ERROR(write_radiance(pictures.mask, picture, Encoding::kDisplay));
-  const ImageRegistration& drift = object.drift();
+  const ImageRegistration& drift = object.registration();
   std::cout << fmt::format(
       "{}: {:.1f} % of the picture; shifted by {:+.2f} {:+.2f} px, corners by up to {:.2f} px; {:.3f} {:.3f} "
       "{:.3f} times as bright; noise "
