@@ -155,9 +155,8 @@ absl::Status solve(const Solve& solve) {
   }
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<Method> method, make_method(solve.method, options));
   GW_ASSIGN_OR_RETURN(const auto archive, MappedArchive::open(solve.archive));
-  GW_ASSIGN_OR_RETURN(const FrameStack stack, whole_stack(archive));
   const bool watched = ::isatty(STDERR_FILENO) != 0;
-  GW_ASSIGN_OR_RETURN(const Matte matte, solve_in_bands(*method, stack, solve.threads, {}, [&](double part) {
+  GW_ASSIGN_OR_RETURN(const Matte matte, solve_archive(*method, archive, solve.threads, [&](double part) {
                         if (watched) std::cerr << fmt::format("\rsolved {:3.0f} %", 100.0 * part);
                       }));
   if (watched) std::cerr << "\n";
