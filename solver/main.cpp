@@ -20,6 +20,7 @@
 #include "core/frame/image_file.h"
 #include "core/import/mapped_archive.h"
 #include "core/matte/matte_file.h"
+#include "core/pattern/method_options.h"
 #include "core/service/build_id.h"
 #include "core/service/registration.h"
 #include "core/service/service.h"
@@ -144,12 +145,8 @@ absl::Status solve_each_frame(const VideoMethod& method, const MappedArchive& ar
 absl::Status solve(const Solve& solve) {
   MethodOptions options;
   for (const std::string& setting : solve.settings) {
-    const size_t equals = setting.find('=');
-    if (equals == std::string::npos) {
-      return absl::InvalidArgumentError(
-          fmt::format("--set {}: it must be NAME=VALUE, such as modes=2", setting));
-    }
-    options[setting.substr(0, equals)] = setting.substr(equals + 1);
+    GW_ASSIGN_OR_RETURN(const auto option, parse_setting(setting));
+    options[option.first] = option.second;
   }
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<VideoMethod> video, make_video_method(solve.method, options));
   if (video != nullptr) {
@@ -158,9 +155,8 @@ absl::Status solve(const Solve& solve) {
   }
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<Method> method, make_method(solve.method, options));
   GW_ASSIGN_OR_RETURN(const auto archive, MappedArchive::open(solve.archive));
-  GW_ASSIGN_OR_RETURN(const FrameStack stack, whole_stack(archive));
   const bool watched = ::isatty(STDERR_FILENO) != 0;
-  GW_ASSIGN_OR_RETURN(const Matte matte, solve_in_bands(*method, stack, solve.threads, {}, [&](double part) {
+  GW_ASSIGN_OR_RETURN(const Matte matte, solve_archive(*method, archive, solve.threads, [&](double part) {
                         if (watched) std::cerr << fmt::format("\rsolved {:3.0f} %", 100.0 * part);
                       }));
   if (watched) std::cerr << "\n";
@@ -184,7 +180,7 @@ absl::Status make_mask(const MaskPictures& pictures) {
   for (size_t i = 0; i < picture.samples.size(); ++i)
     picture.samples[i] = mask.samples[i / 3] != 0 ? 1.0f : 0.0f;
   GW_RETURN_IF_ERROR(write_radiance(pictures.mask, picture, Encoding::kDisplay));
-  const ImageRegistration& drift = object.drift();
+  const ImageRegistration& drift = object.registration();
   std::cout << fmt::format(
       "{}: {:.1f} % of the picture; shifted by {:+.2f} {:+.2f} px, corners by up to {:.2f} px; {:.3f} {:.3f} "
       "{:.3f} times as bright; noise "

@@ -15,7 +15,7 @@ absl::StatusOr<std::unique_ptr<Method>> make_method(const std::string& name, con
   if (name == "hierarchical") return HierarchicalMethod::create(options);
   if (name == "fringe") return FringeMethod::create(options);
   if (name == "alpha") return AlphaMethod::create(options);
-  return check_method(name);  // says what there is
+  return check_method(name);  // lists the methods
 }
 
 absl::StatusOr<std::unique_ptr<VideoMethod>> make_video_method(const std::string& name,

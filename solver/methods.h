@@ -1,4 +1,4 @@
-// The one list of methods. A new one gets a folder of its own and a line in methods.cpp.
+// The list of methods. A new method gets a folder of its own and a line in methods.cpp.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -11,10 +11,10 @@
 
 namespace glasswing {
 
-// INVALID_ARGUMENT: an unknown method, option or value; it lists what there is.
+// INVALID_ARGUMENT: an unknown method, option or value; the message lists the known ones.
 absl::StatusOr<std::unique_ptr<Method>> make_method(const std::string& name, const MethodOptions& options);
 
-// Null if the method does not solve videos. INVALID_ARGUMENT: an unknown option, or a value out of range.
+// Null if the method solves no videos. INVALID_ARGUMENT: an unknown option, or a value out of range.
 absl::StatusOr<std::unique_ptr<VideoMethod>> make_video_method(const std::string& name,
                                                                const MethodOptions& options);
 

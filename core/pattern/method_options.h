@@ -3,11 +3,13 @@
 #pragma once
 
 #include <absl/status/status.h>
+#include <absl/status/statusor.h>
 
 #include <map>
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 
 namespace glasswing {
 
@@ -22,5 +24,8 @@ std::span<const std::string_view> option_names(std::string_view method);
 absl::Status check_option(std::string_view method, std::string_view option);
 // The error for an unknown option.
 absl::Status unknown_option(std::string_view method, std::string_view option);
+
+// "modes=2" as given to --set: the option's name, which must not be empty, and its value. INVALID_ARGUMENT.
+absl::StatusOr<std::pair<std::string, std::string>> parse_setting(const std::string& setting);
 
 }  // namespace glasswing

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <set>
 
 #include "core/base/status.h"
 #include "core/pattern/method_options.h"
@@ -18,7 +17,7 @@ constexpr double kMinInside = 0.05;
 
 class AlphaSolver {
  public:
-  // All must outlive it.
+  // Keeps references to the stack and the layout.
   AlphaSolver(const FrameStack& stack, const BackingLayout& layout, int backings, const Vlahos& constants,
               double silhouette_tolerance)
       : stack_(stack),
@@ -36,14 +35,14 @@ class AlphaSolver {
   }
 
  private:
-  // True if something is saturated.
+  // Returns whether a sample is saturated.
   bool gather(int x, int y) {
     bool saturated = false;
     for (size_t s = 0; s < samples_.size(); ++s) {
       for (int c = 0; c < kChannels; ++c) {
-        const size_t place = stack_.place(x, y, c), channel = static_cast<size_t>(c);
-        const MergedSample object = merge(stack_, layout_.backings[s].object, place, surroundings_.noise());
-        const MergedSample empty = merge(stack_, layout_.backings[s].empty, place, surroundings_.noise());
+        const size_t index = stack_.sample_index(x, y, c), channel = static_cast<size_t>(c);
+        const MergedSample object = merge(stack_, layout_.backings[s].object, index, surroundings_.noise());
+        const MergedSample empty = merge(stack_, layout_.backings[s].empty, index, surroundings_.noise());
         samples_[s].object[channel] = object.radiance;
         samples_[s].empty[channel] = empty.radiance;
         samples_[s].variance[channel] = object.variance + empty.variance;
@@ -53,9 +52,9 @@ class AlphaSolver {
     return saturated;
   }
 
-  // Of a channel of the empty stage: its light without the monitor, and what light 1 adds. By least squares
-  // over the backings; where these do not differ in the channel, there is taken to be nothing but the
-  // monitor.
+  // One channel of the empty stage: its light without the monitor, and the light that radiance 1 adds, by
+  // least squares over the backings. If these do not differ in the channel, all light is assumed to come from
+  // the monitor.
   struct Line {
     double dark = 0.0, slope = 0.0;
     bool known = false;
@@ -97,7 +96,7 @@ class AlphaSolver {
     const double inside = std::max(point.axis[0].inside * point.axis[1].inside, kMinInside);
     for (int c = 0; c < kChannels; ++c) {
       const auto channel = static_cast<size_t>(c);
-      // A channel in which no backing has light is taken to be as the others are.
+      // A channel in which no backing has light is assumed to be like the others.
       const double slope = lines[channel].known ? lines[channel].slope : slopes / std::max(known, 1.0);
       matte.foreground(x, y)[channel] =
           static_cast<float>(cover.foreground[channel] + cover.straight * lines[channel].dark);
@@ -114,6 +113,35 @@ class AlphaSolver {
   const Vlahos constants_;
   Surroundings surroundings_;
   std::vector<BackingSample> samples_;
+};
+
+class PreparedAlpha final : public PreparedMethod {
+ public:
+  PreparedAlpha(v1::MatteMetadata metadata, BackingLayout layout, int backings, const Vlahos& constants,
+                double silhouette_tolerance)
+      : metadata_(std::move(metadata)),
+        layout_(std::move(layout)),
+        backings_(backings),
+        constants_(constants),
+        silhouette_tolerance_(silhouette_tolerance),
+        needed_(frames_of(layout_)) {}
+
+  const std::vector<int>& frames_needed() const override { return needed_; }
+
+  absl::StatusOr<Matte> solve(const FrameStack& rows) const override {
+    Matte matte = blank_matte(rows, metadata_, std::clamp(metadata_.monitors_size(), 1, kMaxModes));
+    AlphaSolver solver(rows, layout_, backings_, constants_, silhouette_tolerance_);
+    for (int y = 0; y < rows.row_count; ++y) solver.solve_row(y, matte);
+    return matte;
+  }
+
+ private:
+  const v1::MatteMetadata metadata_;
+  const BackingLayout layout_;
+  const int backings_;
+  const Vlahos constants_;
+  const double silhouette_tolerance_;
+  const std::vector<int> needed_;
 };
 
 }  // namespace
@@ -142,29 +170,13 @@ absl::StatusOr<std::unique_ptr<Method>> AlphaMethod::create(const MethodOptions&
   return method;
 }
 
-absl::StatusOr<std::vector<int>> AlphaMethod::frames_needed(const v1::CaptureManifest& manifest) const {
-  GW_ASSIGN_OR_RETURN(const BackingLayout layout, lay_out_backings(manifest, backings_));
-  const std::vector<int> stage = frames_of(layout.stage, manifest);
-  std::set<int> needed(stage.begin(), stage.end());
-  for (const Backing& backing : layout.backings) {
-    for (const Shot& shot : {backing.object, backing.empty}) {
-      for (const ExposedFrame& exposed : shot) needed.insert(exposed.frame);
-    }
-  }
-  return std::vector<int>(needed.begin(), needed.end());
-}
-
-absl::StatusOr<Matte> AlphaMethod::solve(const FrameStack& stack) const {
-  GW_ASSIGN_OR_RETURN(const BackingLayout layout, lay_out_backings(stack.manifest, backings_));
-  GW_ASSIGN_OR_RETURN(const std::vector<int> needed, frames_needed(stack.manifest));
-  GW_RETURN_IF_ERROR(check_rows(stack, needed));
-  Matte matte =
-      blank_matte(stack, "alpha", options_, std::clamp(stack.manifest.monitors_size(), 1, kMaxModes));
+absl::StatusOr<std::unique_ptr<PreparedMethod>> AlphaMethod::prepare(
+    const v1::CaptureManifest& manifest) const {
+  GW_ASSIGN_OR_RETURN(BackingLayout layout, lay_out_backings(manifest, backings_));
   Vlahos constants = constants_;
   constants.key = layout.key;
-  AlphaSolver solver(stack, layout, backings_, constants, silhouette_tolerance_);
-  for (int y = 0; y < stack.row_count; ++y) solver.solve_row(y, matte);
-  return matte;
+  return std::make_unique<PreparedAlpha>(metadata_of(manifest, "alpha", options_), std::move(layout),
+                                         backings_, constants, silhouette_tolerance_);
 }
 
 }  // namespace glasswing

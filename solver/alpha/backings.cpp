@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 
 #include "core/base/status.h"
 #include "core/pattern/stimulus_kind.h"
@@ -14,13 +15,13 @@ namespace {
 
 using Light = std::array<double, 3>;
 
-constexpr double kMinColour = 0.1;  // by which a backing's colour must stand out, of full scale
+constexpr double kMinColour = 0.1;  // by which a backing's colour must dominate, of full scale
 
 bool is_dark(const Light& light) {
   return light == Light{};
 }
 
-// How far the strongest channel stands out.
+// By how much the key channel exceeds the others.
 double colour_in(const Light& light, int key) {
   double other = 0.0;
   for (int c = 0; c < kChannels; ++c) {
@@ -85,6 +86,17 @@ absl::StatusOr<BackingLayout> lay_out_backings(const v1::CaptureManifest& manife
                 "no monitor showed a solid of one colour, {} brighter in a channel than in the others, "
                 "both with and without the object (kind solid, such as colour 0 0 1)",
                 kMinColour));
+}
+
+std::vector<int> frames_of(const BackingLayout& layout) {
+  const std::vector<int> stage = frames_of(layout.stage);
+  std::set<int> frames(stage.begin(), stage.end());
+  for (const Backing& backing : layout.backings) {
+    for (const Shot& shot : {backing.object, backing.empty}) {
+      for (const ExposedFrame& exposed : shot) frames.insert(exposed.frame);
+    }
+  }
+  return {frames.begin(), frames.end()};
 }
 
 Cover triangulate(std::span<const BackingSample> samples) {

@@ -2,19 +2,20 @@
 //
 //   y_sc = F_c + (1 - alpha) b_sc
 //
-// in channel c before solid s, b what the same pixel sees of it without the object.
+// in channel c before solid s, where b is the same pixel without the object.
 //
 // Several backings, triangulation: least squares over solids and channels; with means over solids,
 //
 //   1 - alpha = sum_sc w (y_sc - y_c) (b_sc - b_c) / sum_sc w (b_sc - b_c)^2,    F_c = y_c - (1 - alpha) b_c
 //
-// One backing of a colour k: three equations, four unknowns. Vlahos's formula supposes that the object has
-// no more of the backing's colour than a2 times the stronger of its other two, q(y) = y_k - a2 max(y_other):
+// One backing of colour k gives three equations for four unknowns. Vlahos's formula assumes that the object
+// has no more of the backing's colour than a2 times the stronger of its other two, q(y) = y_k - a2
+// max(y_other):
 //
 //   1 - alpha = a1 q(y) / q(b),    F = y - (1 - alpha) b
 //
-// within [0, 1], and F from 0. With a1 = 1 the bare backing has alpha 0; alpha is exact where the object's
-// own light has q = 0, as all grays have with a2 = 1.
+// with alpha clamped to [0, 1] and F to at least 0. With a1 = 1 the bare backing has alpha 0. Alpha is exact
+// where the object's own light has q = 0, as all grays with a2 = 1.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -37,13 +38,16 @@ struct BackingLayout {
   StageLayout stage;
   int texture = 0;  // the monitor
   std::vector<Backing> backings;
-  int key = 0;  // of one backing, the channel that it is the strongest in
+  int key = 0;  // of a single backing, its strongest channel
 };
 
-// The first monitor whose solids, with and without the object, suffice; `count` is 1 or 2.
-// FAILED_PRECONDITION says what is missing: two solids of different light, black may be one; or one that has
-// most of one colour.
+// Uses the first monitor whose solids, with and without the object, suffice; `count` is 1 or 2.
+// FAILED_PRECONDITION says what is missing: two solids of different light, of which one may be black; or one
+// solid with a dominant colour.
 absl::StatusOr<BackingLayout> lay_out_backings(const v1::CaptureManifest& manifest, int count);
+
+// Every frame that the layout names.
+std::vector<int> frames_of(const BackingLayout& layout);
 
 struct BackingSample {
   Samples3 object{}, empty{};
@@ -51,9 +55,9 @@ struct BackingSample {
 };
 
 struct Cover {
-  double straight = 0.0, straight_sd = 0.0;  // 1 - alpha, in [0, 1]; the standard error, 0: not known
+  double straight = 0.0, straight_sd = 0.0;  // 1 - alpha, in [0, 1]; standard error, 0: unknown
   Samples3 foreground{};                     // F
-  double rms = 0.0;                          // of what the model leaves
+  double rms = 0.0;                          // of the residual
 };
 
 Cover triangulate(std::span<const BackingSample> samples);

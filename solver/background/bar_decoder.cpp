@@ -11,22 +11,23 @@ namespace glasswing {
 namespace {
 
 constexpr double kMinSigma_px = 0.02;
-// A symmetric footprint keeps the sign of the bar that holds its centre, but for a camera's box of more than
-// two bars, which can turn it, by 1/3 at most: a wave beyond this is believed, a weaker one is weighed.
+// A symmetric footprint keeps the sign of the bar that holds its centre. Only a camera's box of more than two
+// bars can flip it, by 1/3 at most: a wave beyond this is trusted, a weaker one only weighted.
 constexpr double kClear = 0.5;
 constexpr size_t kMaxIntervals = 8;
-constexpr double kLogSigmaSd = 0.5;    // how far the guess of sigma may be off
-constexpr double kCentreShare = 0.25;  // and that of the centre, of the monitor
-// A footprint that the edge cuts off looks like a whole one of less weight within: the whole one is taken.
+constexpr double kLogSigmaSd = 0.5;    // standard deviation of the guess of ln sigma
+constexpr double kCentreShare = 0.25;  // and of the centre, as a share of the monitor
+// A footprint cut off by the edge looks like a whole one of less weight further inside: prefer the whole one.
 constexpr double kOutsideSd = 0.1;
-// What symmetric footprints of another shape change in v, at least, and in the centre, of the finest bar.
+// The model error of symmetric footprints of another shape: of v at least, and of the centre as a share of
+// the finest bar.
 constexpr double kShapeSd = 0.002, kShapeCentre = 0.1;
 constexpr double kThreeSd = 9.0;
-constexpr double kEnoughGained = 1e-3;  // of chi-square
+constexpr double kMinGain = 1e-3;  // of chi-square
 constexpr double kAll = std::numeric_limits<double>::infinity();
 
-// The normal distribution within 6 sd, by cubic Hermite interpolation: good to 2e-8, and ten times as fast as
-// erfc and exp.
+// The normal distribution within 6 sd by cubic Hermite interpolation: accurate to 2e-8 and ten times as fast
+// as erfc and exp.
 class NormalTable {
  public:
   struct Value {
@@ -65,7 +66,8 @@ const NormalTable& normal() {
   return table;
 }
 
-// z with cumulative(z) = p, for p in [1/2, 1): Abramowitz and Stegun 26.2.23, good to 5e-4; enough to start.
+// z with cumulative(z) = p, for p in [1/2, 1): Abramowitz and Stegun 26.2.23, accurate to 5e-4, which is
+// enough for a starting value.
 double upper_quantile(double p) {
   const double t = std::sqrt(-2.0 * std::log(std::max(1.0 - p, 1e-12)));
   return t -
@@ -100,7 +102,7 @@ size_t BarDecoder::Wave::bar_at(double t_px) const {
   return static_cast<size_t>(above - edges_px.begin()) - 1;
 }
 
-// v = N / Z. N starts as if the centre's bar were everywhere and takes back twice what lies past each edge,
+// v = N / Z. N starts as if the centre's bar covered everything and subtracts twice the part past each edge,
 // with alternating signs; edges more than 6 sigma away change nothing.
 BarDecoder::Value BarDecoder::value(size_t place, double centre_px, double sigma_px) const {
   const Wave& wave = waves_[place];
@@ -114,8 +116,8 @@ BarDecoder::Value BarDecoder::value(size_t place, double centre_px, double sigma
   const double z_by_log_sigma = z_low * g_low - z_high * g_high;
   double n = 0.0, n_by_centre = 0.0, n_by_log_sigma = 0.0;
   if (wave.regular && sigma_px > 2.5 * wave.bar_px) {
-    // Bars far narrower than the footprint cancel but for the monitor's ends: by parts, with the mean
-    // of the wave's primitive, half a bar.
+    // Bars far narrower than the footprint cancel except at the monitor's ends: integrate by parts with the
+    // mean of the wave's primitive, half a bar.
     const double low = 0.5 * wave.bar_px * per_px;
     const double high = (wave.sum_px - 0.5 * wave.bar_px) * per_px;
     n = low * g_low + high * g_high;
@@ -166,7 +168,7 @@ double BarDecoder::cost(const Problem& problem, double centre_px, double sigma_p
   const double off_sigma = std::log(sigma_px / problem.guess.sigma_px) / kLogSigmaSd;
   const double outside = (1.0 - inside(centre_px, sigma_px).v) / kOutsideSd;
   double sum = off_centre * off_centre + off_sigma * off_sigma + outside * outside;
-  for (size_t i = waves_.size(); i-- > 0 && sum < enough;) {  // fine waves tell the most
+  for (size_t i = waves_.size(); i-- > 0 && sum < enough;) {  // fine waves contribute most
     const Sample& sample = problem.samples[i];
     const double residual = (value(i, centre_px, sigma_px).v - sample.value) / sample.sd;
     sum += residual * residual;
@@ -174,8 +176,8 @@ double BarDecoder::cost(const Problem& problem, double centre_px, double sigma_p
   return sum;
 }
 
-// The bars that every clear wave agrees on, coarse to fine, nearest to the guess first. *stopped: the first
-// wave that is not clear, which looks across one of its edges, or is finer than the footprint.
+// The bars that all clear waves agree on, coarse to fine, nearest to the guess first. *stopped: the first
+// unclear wave, whose edge lies in view or which is finer than the footprint.
 std::vector<BarDecoder::Interval> BarDecoder::descend(const Problem& problem, size_t* stopped) const {
   const Guess& guess = problem.guess;
   std::vector<Interval> intervals{{0.0, extent_px_}};
@@ -193,7 +195,7 @@ std::vector<BarDecoder::Interval> BarDecoder::descend(const Problem& problem, si
         if (both.high_px > both.low_px) narrower.push_back(both);
       }
     }
-    // None: waves that contradict each other; what was known before has to do.
+    // No bar is left: the waves contradict each other. Keep the previous ones.
     if (narrower.empty()) break;
     const auto distance = [&guess](const Interval& interval) {
       return std::abs(std::clamp(guess.centre_px, interval.low_px, interval.high_px) - guess.centre_px);
@@ -213,7 +215,7 @@ std::vector<BarDecoder::Start> BarDecoder::starts(const Problem& problem) const 
   const size_t last = all_clear ? stopped - 1 : stopped;
   const Wave& wave = waves_[last];
   const double v = std::clamp(problem.samples[last].value, -1.0, 1.0);
-  // A footprint of this sigma so far from an edge leaves |v|.
+  // A footprint of this sigma at this distance from an edge gives |v|.
   const double z = upper_quantile(0.5 + 0.5 * std::min(std::abs(v), 0.999));
   std::vector<Start> result;
   for (const Interval& interval : intervals) {
@@ -240,7 +242,7 @@ std::vector<BarDecoder::Start> BarDecoder::starts(const Problem& problem) const 
     }
     if (all_clear) continue;
     add(middle_px, guess.sigma_px);
-    // Wider than the bars: anywhere in what the coarser waves leave.
+    // Wider than the bars: anywhere within the range left by the coarser waves.
     const double step_px = std::max(0.5 * wave.bar_px, 0.125 * (interval.high_px - interval.low_px));
     for (double centre_px = interval.low_px + 0.5 * step_px; centre_px < interval.high_px;
          centre_px += step_px) {
@@ -248,7 +250,7 @@ std::vector<BarDecoder::Start> BarDecoder::starts(const Problem& problem) const 
       add(centre_px, wave.bar_px);
     }
   }
-  // Last, the guess itself, as near as the clear waves allow.
+  // Finally the guess itself, moved into the range of the clear waves.
   const Interval& nearest = intervals.front();
   const double keep_px = 0.02 * (nearest.high_px - nearest.low_px);
   result.push_back(
@@ -312,7 +314,7 @@ AxisFit BarDecoder::refine(const Problem& problem, const Start& start, double* t
       *total = to_cost;
       damping = std::max(0.1 * damping, 1e-9);
       at = normal_at(problem, centre, std::exp(log_sigma));
-      if (gained < kEnoughGained) break;
+      if (gained < kMinGain) break;
     } else {
       damping *= 10.0;
     }
@@ -351,14 +353,14 @@ AxisFit BarDecoder::fit(std::span<const Sample> samples, const Guess& guess) con
   const Start& first = *std::ranges::min_element(tried, {}, &Start::cost);
   double best_cost = 0.0;
   AxisFit best = refine(problem, first, &best_cost);
-  // The best start that is somewhere else. Where a wave is off by more than 0.7, no refinement mends it.
+  // The best start at another position. A wave that is off by more than 0.7 cannot be fixed by refinement.
   const double near_px = std::max(finest_bar_px(), 2.0 * first.sigma_px);
   const Start* second = nullptr;
   for (const Start& start : tried) {
     if (std::abs(start.centre_px - first.centre_px) <= near_px) continue;
     if (second == nullptr || start.cost < second->cost) second = &start;
   }
-  // Within a wide bar, noise alone would draw the centre to an edge: the guess stands if it is as good.
+  // Within a wide bar, noise alone would pull the centre to an edge: keep the guess if it fits as well.
   if (finest_bar_px() > 4.0 * guess.sigma_px && &first != &tried.back()) {
     double guessed_cost = 0.0;
     const AxisFit guessed = refine(problem, tried.back(), &guessed_cost);

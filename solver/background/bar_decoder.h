@@ -1,10 +1,11 @@
-// Where along one axis of a monitor a pixel looks, and how wide, from square waves of several bar widths.
+// Decodes where along one axis of a monitor a pixel looks, and how wide its view is, from square waves of
+// several bar widths.
 //
 // A wave s(t) = +-1, +1 on the first bar, constant on each flat monitor pixel, is seen through a footprint g
 // of centre c and standard deviation sigma, cut off at the monitor's edges 0 and W, as
 //   v = \int_0^W g(t; c, sigma) s(t) dt / \int_0^W g(t; c, sigma) dt
-// which is measured as (I - I_complement) / (white - black). (Zongker et al. 1999 code extents so; Chuang et
-// al. 2000, section 3.1, use them for the silhouette.)
+// which is measured as (I - I_complement) / (white - black). (Zongker et al. 1999 encode extents this way;
+// Chuang et al. 2000, section 3.1, use such waves for the silhouette.)
 #pragma once
 
 #include <span>
@@ -14,35 +15,34 @@ namespace glasswing {
 
 struct AxisFit {
   double centre_px = 0.0;     // on the monitor
-  double sigma_px = 0.0;      // of the footprint itself: flat pixels are in the model
+  double sigma_px = 0.0;      // of the footprint itself: the model includes flat pixels
   double centre_sd_px = 0.0;  // of the estimate; within the finest bar if nothing narrows it further
   double log_sigma_sd = 0.0;  // of ln sigma
-  double inside = 1.0;        // the part of the footprint that lies on the monitor
+  double inside = 1.0;        // the share of the footprint on the monitor
   double chi_square = 0.0;    // of the waves
   bool ambiguous = false;     // another place explains the waves about as well
 };
 
 class BarDecoder {
  public:
-  // The widths of the bars descend; 1 px is the least. A pixel of the monitor is lit where floor((i + 1/2) /
-  // width) is even.
+  // Bar widths descend and are at least 1 px. Monitor pixel i is lit where floor((i + 1/2) / width) is even.
   BarDecoder(std::span<const double> bar_widths_px, int extent_px);
 
   struct Sample {
     double value = 0.0;  // v
     double sd = 1.0;     // of its noise, > 0
   };
-  // What is likely before anything is measured. It decides only what the waves leave open: where inside the
-  // finest bar, which of several periods.
+  // The prior. It decides only what the waves leave open: the position inside the finest bar, and which of
+  // several periods.
   struct Guess {
     double centre_px = 0.0;
-    double sigma_px = 0.3;  // > 0; right within a factor of a few
+    double sigma_px = 0.3;  // > 0; correct within a small factor
   };
-  // Coarse to fine down to the first wave that sees no clear side, then least squares over all waves from
-  // every place that is left. One sample a wave.
+  // Narrows the position coarse to fine down to the first wave without a clear sign, then fits all waves by
+  // least squares from every remaining position. Takes one sample per wave.
   AxisFit fit(std::span<const Sample> samples, const Guess& guess) const;
 
-  // v and its slopes by c and by ln sigma.
+  // v and its derivatives with respect to c and ln sigma.
   struct Value {
     double v = 0.0, by_centre = 0.0, by_log_sigma = 0.0;
   };
@@ -54,8 +54,8 @@ class BarDecoder {
  private:
   struct Wave {
     double bar_px = 0.0;
-    bool regular = true;           // all bars are that wide: it is a whole number of pixels
-    std::vector<double> edges_px;  // 0, where it changes sign, the extent
+    bool regular = true;           // all bars have the same width, a whole number of pixels
+    std::vector<double> edges_px;  // 0, the sign changes, the extent
     double sum_px = 0.0;           // \int_0^extent s
     size_t bar_at(double t_px) const;
   };
@@ -71,9 +71,9 @@ class BarDecoder {
   };
   struct Normal;
 
-  // The part of a footprint that lies on the monitor.
+  // The share of a footprint that lies on the monitor.
   Value inside(double centre_px, double sigma_px) const;
-  // Chi-square of the waves and of what is likely. It may stop short once it exceeds `enough`.
+  // Chi-square of the waves and the prior. May stop early once it exceeds `enough`.
   double cost(const Problem& problem, double centre_px, double sigma_px, double enough) const;
   Normal normal_at(const Problem& problem, double centre_px, double sigma_px) const;
   std::vector<Interval> descend(const Problem& problem, size_t* stopped) const;

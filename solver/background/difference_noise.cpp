@@ -8,8 +8,8 @@
 namespace glasswing {
 namespace {
 
-constexpr double kMax = 9.0;  // variances that a square may have
-// What is left of the variance of normal differences: E[z^2 | z^2 < 9].
+constexpr double kMax = 9.0;  // largest square that is not trimmed, in variances
+// The variance of trimmed normal differences: E[z^2 | z^2 < 9].
 constexpr double kTrimmedMean = 0.9733;
 
 using Vector = Eigen::Vector3d;
@@ -18,8 +18,8 @@ Vector columns_of(const DifferenceSample& sample) {
   return {1.0, sample.level, sample.range * sample.range};
 }
 
-// Least squares with no weight below 0: of all sets of columns that give none, the one that fits best. Three
-// columns, seven sets.
+// Non-negative least squares: the best fit of all sets of columns whose weights are not negative. Three
+// columns give seven sets.
 Vector non_negative(const Eigen::Matrix3d& squares, const Vector& products) {
   Vector best = Vector::Zero();
   double best_gain = 0.0;
@@ -43,7 +43,7 @@ Vector non_negative(const Eigen::Matrix3d& squares, const Vector& products) {
   return best;
 }
 
-// The part of so many equal ones.
+// The index of one of so many equal parts.
 std::span<DifferenceSample> part_of(std::span<DifferenceSample> all, size_t part, size_t parts) {
   const size_t begin = all.size() * part / parts, end = all.size() * (part + 1) / parts;
   return all.subspan(begin, end - begin);
@@ -56,8 +56,8 @@ double median_square(std::span<DifferenceSample> samples) {
   return middle->square;
 }
 
-// To the median of each of 8 x 4 lots of samples alike in level and range, all of one weight: a lot that is
-// all object pulls no harder than any other.
+// First fit: to the medians of 8 x 4 groups of samples of similar level and range, equally weighted, so that
+// a group full of object pulls no harder than any other.
 Vector fit_to_lots(std::span<DifferenceSample> samples, double median, double least) {
   constexpr size_t kLevels = 8, kRanges = 4;
   Eigen::Matrix3d squares = Eigen::Matrix3d::Zero();
@@ -104,7 +104,7 @@ DifferenceNoise fit_difference_noise(std::vector<DifferenceSample> samples, bool
     take(non_negative(squares, products));
   }
   if (several || samples.empty()) return noise;
-  // Differences that are nothing like normal ones may be trimmed for ever. An object in less than half of the
+  // Trimming need not end for differences that are far from normal. An object in less than half of the
   // picture does not make their median this large.
   constexpr double kMaxMedian = 4.0 * kNormalMedian;
   for (DifferenceSample& sample : samples) sample.square /= noise.variance(sample.level, sample.range);

@@ -1,11 +1,11 @@
-// The noise of a difference between two pictures of the same stage, from such differences:
+// Noise model of the difference between two pictures of the same stage, fitted to such differences:
 //
 //   variance(d) = floor + per_level L + per_range R^2
 //
-// with L the empty stage's code and R the range of the nine codes around it, shares of the highest: read
-// noise, shot noise, and at edges what a rest of motion and a camera's coding leave. A non-negative
-// least-squares fit, weighed by its own prediction, to what lies within three standard deviations of it: the
-// object, where nothing is as before, does not count.
+// where L is the empty stage's code and R the range of the nine codes around it, as shares of the highest
+// code. The terms are read noise, shot noise and, at edges, residual motion and the camera's coding. The fit
+// is non-negative least squares, weighted by its own prediction, over differences within three standard
+// deviations of it, which excludes the object.
 #pragma once
 
 #include <array>
@@ -21,14 +21,14 @@ struct DifferenceNoise {
   }
 };
 
-// One place where it was measured.
+// One measured difference.
 struct DifferenceSample {
-  double square = 0.0;  // of the difference, or the mean of several
+  double square = 0.0;  // of the difference, or the mean over several
   double level = 0.0, range = 0.0;
 };
 
-// `several`: squares are means of several, without an object. `least`: the variance that rounding to codes
-// alone makes.
+// `several`: squares are means over several differences, without an object. `least`: the variance of rounding
+// to codes alone.
 DifferenceNoise fit_difference_noise(std::vector<DifferenceSample> samples, bool several, double least);
 
 }  // namespace glasswing

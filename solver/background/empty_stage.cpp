@@ -53,7 +53,7 @@ void add_bars(const v1::Stimulus& stimulus, int frame, EmptyMonitor& monitor) {
   if (slot < 0) slot = frame;
 }
 
-// Drops what cannot be normalised, and repeated widths; wide to narrow.
+// Drops bars that cannot be normalised and repeated widths; sorts wide to narrow.
 void settle(EmptyMonitor& monitor) {
   for (std::vector<BarFrames>& bars : monitor.bars) {
     const bool solids = monitor.white >= 0 && monitor.black >= 0;
@@ -82,7 +82,7 @@ Samples3 pixel_of(const FrameStack& stack, int frame, int x, int y) {
   return samples;
 }
 
-// The footprint of a camera pixel's box of so many monitor pixels.
+// The footprint of a camera pixel's box of `scale` monitor pixels.
 double box_sigma_px(double scale) {
   return scale / std::sqrt(12.0);
 }
@@ -198,8 +198,8 @@ BackgroundMap::Contrast BackgroundMap::difference_of(const EmptyPixel& pixel, si
   return result;
 }
 
-// White - black for light 1; without these frames the mean of those differences of bars that are as large as
-// the largest, but for noise. It is less than that only where every wave's edges are in view.
+// White - black per light 1. Without these frames, the mean of those bar differences that equal the largest
+// within noise; this is too small only where the edges of every wave are in view.
 BackgroundMap::Contrast BackgroundMap::contrast_of(const EmptyPixel& pixel) const {
   Contrast result;
   if (monitor_.white >= 0 && monitor_.black >= 0) {
@@ -252,12 +252,12 @@ bool BackgroundMap::sees(const EmptyPixel& pixel, const Contrast& contrast) cons
     signal += contrast.radiance[c];
     variance += contrast.variance[c];
   }
-  // Light that does not stand out of the noise has no place worth finding.
+  // Light within the noise has no position worth finding.
   return chi_square > seen_threshold_ && signal > 4.0 * std::sqrt(variance);
 }
 
-// F and R per channel by least squares of  sample = F + R Z light h,  h = 0 for black, 1 for white, (1 + v) /
-// 2 for bars and (1 - v) / 2 for their complement, with the v that were fitted.
+// Fits F and R per channel by least squares to  sample = F + R Z light h,  h = 0 for black, 1 for white, (1 +
+// v) / 2 for bars and (1 - v) / 2 for their complement, with the v that were fitted.
 void BackgroundMap::weigh(const EmptyPixel& pixel, BackgroundPoint& point) const {
   struct Sums {
     double n = 0.0, h = 0.0, hh = 0.0, i = 0.0, ih = 0.0;
@@ -306,7 +306,7 @@ BackgroundPoint BackgroundMap::point(const EmptyPixel& pixel, const StraightView
   for (size_t axis = 0; axis < 2; ++axis) {
     const double scale = straight.scale[axis];
     if (decoders_[axis].wave_count() == 0) {
-      // A camera pixel's box, less the monitor's own flat pixel.
+      // A camera pixel's box minus the monitor's own flat pixel.
       point.axis[axis].centre_px = straight.centre_px[axis];
       point.axis[axis].sigma_px = std::sqrt(std::max(scale * scale - 1.0, 0.0) / 12.0);
       point.axis[axis].centre_sd_px = 0.25 * (axis == 0 ? monitor_.width_px : monitor_.height_px);
@@ -316,7 +316,7 @@ BackgroundPoint BackgroundMap::point(const EmptyPixel& pixel, const StraightView
     std::vector<BarDecoder::Sample> samples;
     for (size_t level = 0; level < monitor_.bars[axis].size(); ++level) {
       const Contrast difference = difference_of(pixel, axis, level);
-      // One v for all channels: each weighs with its contrast over its noise.
+      // One v for all channels, each weighted by its contrast over its noise.
       double top = 0.0, bottom = 0.0;
       for (size_t c = 0; c < kChannels; ++c) {
         const double information = 1.0 / std::max(difference.variance[c] + contrast.variance[c], 1e-20);

@@ -1,5 +1,5 @@
-// What the frames without the object say about a pixel: which part of which monitor it looks at. It depends
-// on that pixel's own samples alone, so tiles join without seams.
+// The background map from frames without the object: which part of which monitor a pixel sees. It depends
+// only on that pixel's own samples, so tiles join without seams.
 #pragma once
 
 #include <array>
@@ -16,9 +16,9 @@ namespace glasswing {
 
 using Samples3 = std::array<double, kChannels>;  // one pixel in one frame, radiance
 
-// --- Which frames ---------------------------------------------------------------------------------------
+// --- Frames ----------------------------------------------------------------------------------------------
 
-// Bars of one width on one monitor. Frames are places in the manifest; -1: there is none.
+// Bars of one width on one monitor. Frames are indices in the manifest; -1: none.
 struct BarFrames {
   double width_px = 0.0;
   double light = 1.0;  // radiance of the lit bars, gray
@@ -29,17 +29,17 @@ struct BarFrames {
 struct EmptyMonitor {
   int texture = 0;
   int width_px = 0, height_px = 0;
-  int patch_rows = 0;  // below those
-  // [0]: vertical bars, along x; [1]: horizontal bars, along y. Wide to narrow. Bars without complement
-  // count only if there is a white.
+  int patch_rows = 0;  // below height_px
+  // [0]: vertical bars, along x; [1]: horizontal bars, along y. Wide to narrow. Bars without complement are
+  // used only if there is a white.
   std::array<std::vector<BarFrames>, 2> bars;
   int black = -1;  // all monitors black
   int white = -1;  // the brightest gray solid
   double white_light = 1.0;
 };
 
-// By texture, one for every monitor of the manifest, with whatever frames there are. Where frames of several
-// exposures are, those of the exposure that has most.
+// By texture, one for every monitor of the manifest, even without frames. If there are several exposures, the
+// one with most frames is used.
 std::vector<EmptyMonitor> lay_out_empty_stage(const v1::CaptureManifest& manifest);
 
 // Every frame that lay_out_empty_stage() names.
@@ -48,33 +48,33 @@ std::vector<int> frames_of(const std::vector<EmptyMonitor>& monitors);
 // --- The background map -----------------------------------------------------------------------------------
 
 struct BarSamples {
-  Samples3 lit{}, inverse{};  // as taken; `inverse` is ignored where there is no such frame
+  Samples3 lit{}, inverse{};  // as recorded; `inverse` is ignored if there is no such frame
 };
 struct EmptyPixel {
-  Samples3 black{}, white{};                    // ignored where there is no such frame
+  Samples3 black{}, white{};                    // ignored if there is no such frame
   std::array<std::vector<BarSamples>, 2> bars;  // in the order of EmptyMonitor::bars
 };
-// `pixel` is filled anew; keep one to save the allocations.
+// `pixel` is overwritten; reuse one to save allocations.
 void gather(const FrameStack& stack, const EmptyMonitor& monitor, int x, int y, EmptyPixel& pixel);
 
 struct BackgroundPoint {
-  // The pixel sees this monitor. If not, weights are 0, and the place means nothing.
+  // The pixel sees this monitor. If not, weights are 0 and the position is meaningless.
   bool seen = false;
-  std::array<bool, 2> measured{};  // along x, y; where not, it is the straight view's
+  std::array<bool, 2> measured{};  // along x, y; otherwise taken from the straight view
   Samples3 weight{};               // of the whole footprint, as a mode's
   Samples3 foreground{};           // the light without the monitor
   std::array<AxisFit, 2> axis;     // along x, y
-  bool ambiguous = false;          // another place explains the bars about as well
-  double chi_square = 0.0;  // of the bars, and how many there were: more than a few times as much means
-  int degrees = 0;          // that the pixel sees no single footprint
+  bool ambiguous = false;          // another position explains the bars about as well
+  double chi_square = 0.0;         // of the bars; more than a few times `degrees` means
+  int degrees = 0;                 // that the pixel sees no single footprint
 
   Mode mode(int channel, int texture) const;
 };
 
-// Straight through: camera and monitor cover each other, edge to edge.
+// The view straight through: the camera's picture and the monitor cover each other edge to edge.
 struct StraightView {
   std::array<double, 2> centre_px{};
-  std::array<double, 2> scale{};  // monitor px a camera px
+  std::array<double, 2> scale{};  // monitor px per camera px
 };
 StraightView straight_view(const v1::Camera& camera, const EmptyMonitor& monitor, int x, int y);
 
@@ -83,9 +83,9 @@ class BackgroundMap {
  public:
   BackgroundMap(const EmptyMonitor& monitor, const SampleNoise& noise);
 
-  // Centre and width of each axis by least squares over its bars, all channels together; weights and
-  // foreground by least squares over black, white and all bars. `straight` breaks ties that the bars leave
-  // (BarDecoder::Guess), and is the answer for the first monitor where there are no bars.
+  // Fits centre and width of each axis by least squares over its bars, all channels together, then weights
+  // and foreground by least squares over black, white and all bars. `straight` breaks ties that the bars
+  // leave (BarDecoder::Guess), and is the result for the first monitor if there are no bars.
   BackgroundPoint point(const EmptyPixel& pixel, const StraightView& straight) const;
 
  private:
@@ -93,7 +93,7 @@ class BackgroundMap {
     Samples3 radiance{}, variance{};
   };
   Contrast contrast_of(const EmptyPixel& pixel) const;
-  // Difference of lit and unlit bars for light 1, and its variance.
+  // The difference of lit and unlit bars per light 1, and its variance.
   Contrast difference_of(const EmptyPixel& pixel, size_t axis, size_t level) const;
   bool sees(const EmptyPixel& pixel, const Contrast& contrast) const;
   void weigh(const EmptyPixel& pixel, BackgroundPoint& point) const;

@@ -17,16 +17,16 @@
 namespace glasswing {
 namespace {
 
-constexpr int kMotions = 6, kUnknowns = 12, kColumns = 8;  // in all; of one channel
-constexpr double kMaxDrift = 0.02;                         // of the longer side
+constexpr int kMotions = 6, kUnknowns = 12, kColumns = 8;  // in total; kColumns: of one channel
+constexpr double kMaxShift = 0.02;                         // of the longer side
 constexpr double kMaxGain = 1.4;
-constexpr double kMaxRest = 0.05;        // noise of a photograph is less
+constexpr double kMaxRest = 0.05;        // above the noise of a photograph
 constexpr int kCoarsest_px = 160;        // longer side
 constexpr double kMaxSamples = 100'000;  // of a level
 constexpr double kMinSd = 0.1 / 255.0;
-constexpr double kBlur_px = 1.0;  // slopes of noise tell nothing
+constexpr double kBlur_px = 1.0;  // suppresses the slopes of noise
 constexpr double kAlike =
-    4.0 * std::numbers::pi * kBlur_px * kBlur_px;  // samples that then share their noise
+    4.0 * std::numbers::pi * kBlur_px * kBlur_px;  // samples that share noise after the blur
 
 using Step = Eigen::Matrix<double, kUnknowns, 1>;
 using Normal = Eigen::Matrix<double, kUnknowns, kUnknowns>;
@@ -41,7 +41,7 @@ std::array<double, 4> cubic(double t) {
           (0.5 * t - 0.5) * t * t};
 }
 
-// At a place in px, pixel centres at +0.5; false: beyond the picture.
+// At a position in px, pixel centres at +0.5; false: outside the picture.
 bool sample_at(const RadianceImage& image, Point place, std::array<double, 3>& value) {
   if (!(place.x >= 0.0 && place.y >= 0.0 && place.x <= image.width_px && place.y <= image.height_px))
     return false;
@@ -67,9 +67,9 @@ RadianceImage shares_of(const Image16& codes) {
   return image;
 }
 
-Point moved_point(const ImageRegistration& drift, Point p) {
-  return {p.x + drift.shift_px[0] + drift.stretch[0] * p.x + drift.stretch[1] * p.y,
-          p.y + drift.shift_px[1] + drift.stretch[2] * p.x + drift.stretch[3] * p.y};
+Point moved_point(const ImageRegistration& registration, Point p) {
+  return {p.x + registration.shift_px[0] + registration.stretch[0] * p.x + registration.stretch[1] * p.y,
+          p.y + registration.shift_px[1] + registration.stretch[2] * p.x + registration.stretch[3] * p.y};
 }
 
 // 0 of none.
@@ -80,7 +80,7 @@ double median_of(std::vector<double> values) {
   return *middle;
 }
 
-// From the median of absolute values, as of normal ones.
+// The standard deviation of normal values from the median of their absolute values.
 double robust_sd(std::vector<double> differences) {
   for (double& difference : differences) difference = std::abs(difference);
   return std::max(1.4826 * median_of(std::move(differences)), kMinSd);
@@ -99,13 +99,13 @@ class Level {
         stride_(
             std::max(1, static_cast<int>(std::sqrt(1.0 * with_.width_px * with_.height_px / kMaxSamples)))) {}
 
-  // One step of Gauss-Newton, of light alone or of motion too; how far it moves a corner, in px of this
-  // level.
-  double step(ImageRegistration& drift, bool moves_too) {
-    look(drift);
+  // One step of Gauss-Newton, for light alone or with motion. Returns how far it moves a corner, in px of
+  // this level.
+  double step(ImageRegistration& registration, bool moves_too) {
+    look(registration);
     Normal normal = prior();
-    Step gradient = -normal * unknowns(drift);
-    for (size_t c = 0; c < 3; ++c) add_channel(c, drift, normal, gradient);
+    Step gradient = -normal * unknowns(registration);
+    for (size_t c = 0; c < 3; ++c) add_channel(c, registration, normal, gradient);
     if (!moves_too) {
       normal.topRows<kMotions>().setZero();
       normal.leftCols<kMotions>().setZero();
@@ -116,23 +116,23 @@ class Level {
     ImageRegistration moves;
     for (int i = 0; i < 2; ++i) moves.shift_px[static_cast<size_t>(i)] = change[i];
     for (int i = 0; i < 4; ++i) moves.stretch[static_cast<size_t>(i)] = change[2 + i] / half_px();
-    for (size_t i = 0; i < 2; ++i) drift.shift_px[i] += moves.shift_px[i];
-    for (size_t i = 0; i < 4; ++i) drift.stretch[i] += moves.stretch[i];
+    for (size_t i = 0; i < 2; ++i) registration.shift_px[i] += moves.shift_px[i];
+    for (size_t i = 0; i < 4; ++i) registration.stretch[i] += moves.stretch[i];
     for (size_t c = 0; c < 3; ++c) {
-      drift.gain[c] += change[kMotions + 2 * static_cast<int>(c)];
-      drift.offset[c] += change[kMotions + 2 * static_cast<int>(c) + 1];
+      registration.gain[c] += change[kMotions + 2 * static_cast<int>(c)];
+      registration.offset[c] += change[kMotions + 2 * static_cast<int>(c) + 1];
     }
     return moves.max_px(full_width_px_, full_height_px_) * x_scale_;
   }
 
-  // Of the differences that are left where the picture is steep: standard deviations, added up.
-  double steep_rest(const ImageRegistration& drift) {
-    look(drift);
+  // The sum of the channels' standard deviations of the residual where the picture is steep.
+  double steep_rest(const ImageRegistration& registration) {
+    look(registration);
     return sd_[0] + sd_[1] + sd_[2];
   }
-  // Of all that are left: that of the worst channel.
-  double rest(const ImageRegistration& drift) {
-    look(drift);
+  // The standard deviation of the whole residual in the worst channel.
+  double rest(const ImageRegistration& registration) {
+    look(registration);
     double most = 0.0;
     for (size_t c = 0; c < 3; ++c) most = std::max(most, robust_sd(differences_of(c, -1.0)));
     return most;
@@ -142,13 +142,12 @@ class Level {
   struct Seen {
     std::array<double, 3> without{}, difference{}, x_slope{},
         y_slope{};  // slopes per px of the whole picture
-    Point p;        // px of it, from its middle
+    Point p;        // px of the whole picture, from its middle
 
     double steepness(size_t c) const { return x_slope[c] * x_slope[c] + y_slope[c] * y_slope[c]; }
   };
 
-  // Blurred, too: where noise is interpolated there is less of it, which would draw the fit to places between
-  // pixels.
+  // Blurred too: interpolation reduces noise, which would pull the fit to positions between pixels.
   static RadianceImage shrunk(const RadianceImage& image, double scale) {
     RadianceImage small = resized(image, std::max(1, static_cast<int>(std::lround(image.width_px * scale))),
                                   std::max(1, static_cast<int>(std::lround(image.height_px * scale))));
@@ -158,38 +157,38 @@ class Level {
   }
   double half_px() const { return 0.5 * std::max(full_width_px_, full_height_px_); }
 
-  // Without texture the pictures say nothing of a shift: then there is none. Standard deviations.
+  // Prior standard deviations: without texture the pictures do not determine a shift, and it stays 0.
   Normal prior() const {
     Step sd;
-    sd.head<kMotions>().setConstant(kMaxDrift * half_px());
+    sd.head<kMotions>().setConstant(kMaxShift * half_px());
     for (int c = 0; c < 3; ++c) sd.segment<2>(kMotions + 2 * c) << 0.1, 0.1;
     return sd.cwiseAbs2().cwiseInverse().asDiagonal();
   }
-  Step unknowns(const ImageRegistration& drift) const {
+  Step unknowns(const ImageRegistration& registration) const {
     Step all;
-    for (int i = 0; i < 2; ++i) all[i] = drift.shift_px[static_cast<size_t>(i)];
-    for (int i = 0; i < 4; ++i) all[2 + i] = drift.stretch[static_cast<size_t>(i)] * half_px();
+    for (int i = 0; i < 2; ++i) all[i] = registration.shift_px[static_cast<size_t>(i)];
+    for (int i = 0; i < 4; ++i) all[2 + i] = registration.stretch[static_cast<size_t>(i)] * half_px();
     for (int c = 0; c < 3; ++c) {
-      all[kMotions + 2 * c] = drift.gain[static_cast<size_t>(c)] - 1.0;
-      all[kMotions + 2 * c + 1] = drift.offset[static_cast<size_t>(c)];
+      all[kMotions + 2 * c] = registration.gain[static_cast<size_t>(c)] - 1.0;
+      all[kMotions + 2 * c + 1] = registration.offset[static_cast<size_t>(c)];
     }
     return all;
   }
 
-  void look(const ImageRegistration& drift) {
+  void look(const ImageRegistration& registration) {
     seen_.clear();
     for (int y = stride_ / 2; y < with_.height_px; y += stride_) {
       for (int x = stride_ / 2; x < with_.width_px; x += stride_) {
         Seen seen;
         seen.p = {(x + 0.5) / x_scale_ - 0.5 * full_width_px_, (y + 0.5) / y_scale_ - 0.5 * full_height_px_};
-        const Point to = moved_point(drift, seen.p);
+        const Point to = moved_point(registration, seen.p);
         const Point from = {(to.x + 0.5 * full_width_px_) * x_scale_,
                             (to.y + 0.5 * full_height_px_) * y_scale_};
         if (!sample_at(without_, from, seen.without)) continue;
         for (int c = 0; c < 3; ++c) {
           const auto i = static_cast<size_t>(c);
-          seen.difference[i] =
-              static_cast<double>(with_.at(x, y, c)) - drift.gain[i] * seen.without[i] - drift.offset[i];
+          seen.difference[i] = static_cast<double>(with_.at(x, y, c)) -
+                               registration.gain[i] * seen.without[i] - registration.offset[i];
           seen.x_slope[i] = 0.5 * x_scale_ * (with(x + 1, y, c) - with(x - 1, y, c));
           seen.y_slope[i] = 0.5 * y_scale_ * (with(x, y + 1, c) - with(x, y - 1, c));
         }
@@ -209,8 +208,7 @@ class Level {
     for (const Seen& seen : seen_) all.push_back(seen.steepness(c));
     return median_of(std::move(all));
   }
-  // Of the samples that are steeper than this, if any is: what is dark or even agrees wherever it is moved
-  // to.
+  // Only samples steeper than this, if there are any: dark or even areas agree under any motion.
   std::vector<double> differences_of(size_t c, double steepness) const {
     std::vector<double> differences;
     for (const Seen& seen : seen_) {
@@ -219,16 +217,16 @@ class Level {
     return differences.empty() && steepness >= 0.0 ? differences_of(c, -1.0) : differences;
   }
 
-  // Slopes are those of the picture with the object, at its pixels: there a slope's noise and the noise of
-  // the difference have nothing in common. Between pixels noise is less, so that slopes of the other picture
-  // would draw the fit there. The gain's column is the mean of both pictures for the like reason.
-  void add_channel(size_t c, const ImageRegistration& drift, Normal& normal, Step& gradient) const {
+  // Slopes come from the picture with the object at its own pixels, where their noise is independent of the
+  // difference's. Interpolated slopes of the other picture have less noise between pixels, which would pull
+  // the fit there. For the same reason the gain's column is the mean of both pictures.
+  void add_channel(size_t c, const ImageRegistration& registration, Normal& normal, Step& gradient) const {
     Eigen::Matrix<double, kColumns, kColumns> squares = Eigen::Matrix<double, kColumns, kColumns>::Zero();
     Eigen::Matrix<double, kColumns, 1> products = Eigen::Matrix<double, kColumns, 1>::Zero(), column;
     for (const Seen& seen : seen_) {
       const double x_slope = seen.x_slope[c], y_slope = seen.y_slope[c];
       const double u = seen.p.x / half_px(), v = seen.p.y / half_px();
-      const double code = seen.without[c] + 0.5 * seen.difference[c] / drift.gain[c];
+      const double code = seen.without[c] + 0.5 * seen.difference[c] / registration.gain[c];
       column << x_slope, y_slope, x_slope * u, x_slope * v, y_slope * u, y_slope * v, code, 1.0;
       const double z = seen.difference[c] / (3.0 * sd_[c]), belief = 1.0 / (1.0 + z * z);
       const double weight = belief * belief / (kAlike * sd_[c] * sd_[c]);
@@ -250,16 +248,16 @@ class Level {
   std::array<double, 3> sd_{};
 };
 
-absl::Status check_small(const ImageRegistration& drift, double rest, int width_px, int height_px) {
-  const double max_px = drift.max_px(width_px, height_px),
-               allowed_px = kMaxDrift * std::max(width_px, height_px);
+absl::Status check_small(const ImageRegistration& registration, double rest, int width_px, int height_px) {
+  const double max_px = registration.max_px(width_px, height_px),
+               allowed_px = kMaxShift * std::max(width_px, height_px);
   if (!(max_px <= allowed_px)) {
     return absl::FailedPreconditionError(fmt::format(
         "the pictures lie {:.1f} px apart; at most {:.1f} px can be a drift: the camera must stand where "
         "it stood",
         max_px, allowed_px));
   }
-  for (const double gain : drift.gain) {
+  for (const double gain : registration.gain) {
     if (!(gain <= kMaxGain && gain >= 1.0 / kMaxGain)) {
       return absl::FailedPreconditionError(
           fmt::format("one picture is {:.2f} times as bright as the other; it must be between {:.2f} and "
@@ -296,44 +294,44 @@ absl::Status check_same_size(const Image16& with, const Image16& without) {
                   with.width_px, with.height_px, without.width_px, without.height_px));
 }
 
-absl::StatusOr<ImageRegistration> find_drift(const Image16& with, const Image16& without) {
+absl::StatusOr<ImageRegistration> find_registration(const Image16& with, const Image16& without) {
   constexpr int kMaxSteps = 20;
-  constexpr int kLightSteps = 8;  // a linear fit but for its weights
+  constexpr int kLightSteps = 8;  // linear fit with robust weights
   constexpr double kConverged_px = 0.005;
-  // Interpolated noise alone makes up to 1 % of a difference go away, and chance a few thousandths.
+  // Interpolating noise alone removes up to 1 % of a difference, and chance a few thousandths.
   constexpr double kWorthMoving = 0.98;
   GW_RETURN_IF_ERROR(check_same_size(with, without));
   const RadianceImage object = shares_of(with), empty = shares_of(without);
   const double side_px = std::max(with.width_px, with.height_px);
   const int halvings = std::max(0, static_cast<int>(std::ceil(std::log2(side_px / kCoarsest_px))));
-  ImageRegistration drift;
+  ImageRegistration registration;
   for (int i = halvings; i > 0; --i) {
     Level level(object, empty, std::exp2(-i));
-    for (int step = 0; step < kMaxSteps && level.step(drift, true) > kConverged_px; ++step) {
+    for (int step = 0; step < kMaxSteps && level.step(registration, true) > kConverged_px; ++step) {
     }
   }
   Level whole(object, empty, 1.0);
-  for (int step = 0; step < kMaxSteps && whole.step(drift, true) > kConverged_px; ++step) {
+  for (int step = 0; step < kMaxSteps && whole.step(registration, true) > kConverged_px; ++step) {
   }
   ImageRegistration still;
   for (int step = 0; step < kLightSteps; ++step) whole.step(still, false);
-  if (whole.steep_rest(drift) > kWorthMoving * whole.steep_rest(still)) drift = still;
-  GW_RETURN_IF_ERROR(check_small(drift, whole.rest(drift), with.width_px, with.height_px));
-  return drift;
+  if (whole.steep_rest(registration) > kWorthMoving * whole.steep_rest(still)) registration = still;
+  GW_RETURN_IF_ERROR(check_small(registration, whole.rest(registration), with.width_px, with.height_px));
+  return registration;
 }
 
-RadianceImage moved(const Image16& without, const ImageRegistration& drift) {
+RadianceImage moved(const Image16& without, const ImageRegistration& registration) {
   const RadianceImage empty = shares_of(without);
   RadianceImage image(empty.width_px, empty.height_px);
   const double middle_x = 0.5 * image.width_px, middle_y = 0.5 * image.height_px;
   for (int y = 0; y < image.height_px; ++y) {
     for (int x = 0; x < image.width_px; ++x) {
-      const Point to = moved_point(drift, {x + 0.5 - middle_x, y + 0.5 - middle_y});
+      const Point to = moved_point(registration, {x + 0.5 - middle_x, y + 0.5 - middle_y});
       std::array<double, 3> value{};
       const bool seen = sample_at(empty, {to.x + middle_x, to.y + middle_y}, value);
       for (size_t c = 0; c < 3; ++c) {
         image.at(x, y, static_cast<int>(c)) =
-            seen ? static_cast<float>(drift.gain[c] * value[c] + drift.offset[c])
+            seen ? static_cast<float>(registration.gain[c] * value[c] + registration.offset[c])
                  : std::numeric_limits<float>::quiet_NaN();
       }
     }

@@ -21,7 +21,7 @@ MaskCleaning usual_cleaning(int width_px, int height_px, std::optional<int> dila
 }
 
 void clean_mask(std::span<std::uint8_t> samples, int width_px, int height_px, const MaskCleaning& cleaning) {
-  // A margin that nothing reaches: what lies outside is connected.
+  // A margin of background connects everything outside the object.
   const int margin = cleaning.dilation_px + 1;
   cv::Mat padded = cv::Mat::zeros(height_px + 2 * margin, width_px + 2 * margin, CV_8U);
   const cv::Mat mask(height_px, width_px, CV_8U, samples.data());

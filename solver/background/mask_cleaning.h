@@ -1,5 +1,5 @@
-// Dilation, hole filling and erosion of a mask, and specks out of it (Chuang et al. 2000, section 4.2). What
-// lies outside the picture is background.
+// Cleans a mask: dilation, hole filling, erosion and removal of specks (Chuang et al. 2000, section 4.2).
+// Outside the picture is background.
 #pragma once
 
 #include <cstdint>
@@ -9,13 +9,13 @@
 namespace glasswing {
 
 struct MaskCleaning {
-  int dilation_px = 0, erosion_px = 0;  // half sides of the squares; 0: not done
+  int dilation_px = 0, erosion_px = 0;  // half sides of the squares; 0: skipped
   bool fill_holes = true;
-  int min_px = 0;  // what hangs together in fewer pixels is noise
+  int min_px = 0;  // smaller connected regions are noise
 };
 
-// What was left out filled in: dilated by what closes gaps where the object happens to show what is behind
-// it, 0.3 % of the diagonal; eroded as dilated; specks of less than the dilating square's area dropped.
+// Fills in the defaults: dilation by 0.3 % of the diagonal, which closes gaps where the object happens to
+// look like its background; erosion as dilation; specks smaller than the dilating square dropped.
 MaskCleaning usual_cleaning(int width_px, int height_px, std::optional<int> dilation_px,
                             std::optional<int> erosion_px, std::optional<int> min_px = std::nullopt);
 

@@ -10,13 +10,13 @@ namespace {
 struct Run {
   std::uint8_t* row;
   int begin, end;
-  int parent;   // itself: the first run of its region
-  int area_px;  // of the region, at its first run
+  int parent;   // itself for the first run of a region
+  int area_px;  // of the region, kept at its first run
 };
 
 class Regions {
  public:
-  // Of the pixels of this value; `reach`: 1 where corners connect, 0 where sides do.
+  // The runs of pixels of this value. `reach`: 1 if corners connect, 0 if only sides do.
   Regions(BinaryView mask, std::uint8_t value, int reach) {
     size_t above = 0;
     for (size_t first = 0; first < mask.samples.size(); first += static_cast<size_t>(mask.width_px)) {
@@ -55,7 +55,7 @@ class Regions {
     }
   }
 
-  // The runs [above, below) of one row with those after them.
+  // Joins the runs [above, below) of one row with those of the next.
   void join(size_t above, size_t below, int reach) {
     for (size_t upper = above, lower = below; upper < below && lower < runs_.size();) {
       const Run &a = runs_[upper], &b = runs_[lower];

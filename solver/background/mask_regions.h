@@ -1,4 +1,4 @@
-// Connected regions of a binary picture, found from its runs: as fast as reading it where it has few.
+// Connected regions of a binary picture, found from its runs: with few runs as fast as reading the picture.
 #pragma once
 
 #include <cstdint>
@@ -12,10 +12,10 @@ struct BinaryView {
   int width_px = 0;
 };
 
-// Regions of 0 (pixels that touch along a side) that are not connected with the first pixel become 255.
+// Sets regions of 0 that are not connected to the first pixel to 255. Pixels connect along sides.
 void fill_holes(BinaryView mask);
 
-// Regions of 255 (pixels that touch, at a corner too) with fewer than `min_px` pixels become 0.
+// Sets regions of 255 with fewer than `min_px` pixels to 0. Pixels connect along sides and at corners.
 void drop_specks(BinaryView mask, int min_px);
 
 }  // namespace glasswing

@@ -17,9 +17,9 @@
 namespace glasswing {
 namespace {
 
-constexpr size_t kMaxSamples = 300'000;  // that noise is learnt from
+constexpr size_t kMaxSamples = 300'000;  // that the noise model is fitted to
 
-// Of the 3x3 codes around each.
+// The range of the 3x3 codes around each sample.
 Image16 range_of(const Image16& image) {
   Image16 range(image.width_px, image.height_px);
   const auto matrix = [](const Image16& each) {
@@ -33,11 +33,11 @@ Image16 range_of(const Image16& image) {
   return range;
 }
 
-// Every so many samples, for the fit; `square` is of a sample's difference, NaN where there is none.
+// Every n-th sample for the fit. `square` returns a sample's squared difference, NaN where there is none.
 template <typename Square>
 std::vector<DifferenceSample> samples_of(const Image16& empty, const Image16& range, const Square& square) {
   const size_t count = empty.samples.size();
-  const size_t step = count / kMaxSamples / 3 * 3 + 1;  // takes the channels in turn
+  const size_t step = count / kMaxSamples / 3 * 3 + 1;  // cycles through the channels
   std::vector<DifferenceSample> samples;
   for (size_t i = 0; i < count; i += step) {
     const double each = square(i);
@@ -86,13 +86,13 @@ void ObjectMask::learn_noise(const Square& square, bool several, double factor) 
 absl::StatusOr<ObjectMask> ObjectMask::of_pair(const Image16& with, const Image16& without,
                                                const MaskOptions& options) {
   GW_RETURN_IF_ERROR(check_same_size(with, without));
-  ImageRegistration drift;
+  ImageRegistration registration;
   if (options.follow_drift) {
-    GW_ASSIGN_OR_RETURN(drift, find_drift(with, without));
+    GW_ASSIGN_OR_RETURN(registration, find_registration(with, without));
   }
-  const RadianceImage empty = moved(without, drift);
+  const RadianceImage empty = moved(without, registration);
   ObjectMask mask(codes_of(empty), options);
-  mask.drift_ = drift;
+  mask.registration_ = registration;
   mask.learn_noise(
       [&](size_t i) {
         const auto difference = static_cast<double>(radiance_of(with.samples[i]) - empty.samples[i]);

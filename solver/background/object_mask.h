@@ -1,7 +1,6 @@
-// Which pixels of a picture show the object: those that differ from the empty stage by more than noise,
-// cleaned by dilation, hole filling and erosion (Chuang et al. 2000, section 4.2). For photographs and frames
-// of a video, in whatever codes: what SilhouetteTest learns from a session's many stimuli, neighbours must
-// tell here.
+// The mask of pixels that differ from the empty stage by more than noise, cleaned by dilation, hole filling
+// and erosion (Chuang et al. 2000, section 4.2). For photographs and video frames in any codes: it relies on
+// neighbouring pixels where SilhouetteTest has a session's many stimuli.
 //
 //   different where  sum_c (frame_c - empty_c)^2 / variance_c > chi-square quantile of three degrees
 #pragma once
@@ -20,41 +19,41 @@ namespace glasswing {
 
 struct Mask {
   int width_px = 0, height_px = 0;
-  std::vector<std::uint8_t> samples;  // by rows: 255 the object, 0 what is behind it
+  std::vector<std::uint8_t> samples;  // by rows: 255 object, 0 background
 
   bool inside(int x, int y) const {
     return samples[static_cast<size_t>(y) * static_cast<size_t>(width_px) + static_cast<size_t>(x)] != 0;
   }
-  double coverage() const;  // the share that is inside
+  double coverage() const;  // the object's share of the picture
 };
 
 struct MaskOptions {
-  int bits = 16;                      // of a code in the pictures, before it was scaled to 16
+  int bits = 16;                      // of a picture's codes before scaling to 16
   double false_positive_rate = 1e-6;  // of the difference test at a pixel of normal noise, in (0, 1)
-  // Half sides of the squares that dilate and erode; 0: neither. Left out: 0.3 % of the picture's diagonal,
-  // which closes gaps where the object happens to show what is behind it; eroded as dilated.
+  // Half sides of the squares for dilation and erosion; 0: none. Default: dilation by 0.3 % of the picture's
+  // diagonal, which closes gaps where the object happens to look like its background; erosion as dilation.
   std::optional<int> dilation_px = std::nullopt;
   std::optional<int> erosion_px = std::nullopt;
   bool fill_holes = true;
-  // What hangs together in fewer pixels is noise. Left out: the area of the square that dilates.
+  // Smaller connected regions are noise. Default: the area of the dilating square.
   std::optional<int> min_px = std::nullopt;
-  bool follow_drift = true;  // of the pair (ImageRegistration)
+  bool follow_drift = true;  // register the pair first (ImageRegistration)
 };
 
 // The empty stage, prepared once.
 class ObjectMask {
  public:
-  // From a picture of the stage without the object, moved onto that with it, to which it is to be applied;
-  // the noise is what most pixels differ by. Errors: those of find_drift.
+  // Registers `without`, a picture of the empty stage, to `with`, to which the mask will be applied. The
+  // noise is measured from their typical difference. Errors: those of find_registration.
   static absl::StatusOr<ObjectMask> of_pair(const Image16& with, const Image16& without,
                                             const MaskOptions& options);
 
-  // Safe on any number of threads. `frame` is of the empty stage's size.
+  // Thread-safe. `frame` has the empty stage's size.
   Mask mask(const Image16& frame) const;
 
   const Image16& empty() const { return empty_; }  // moved
-  const ImageRegistration& drift() const { return drift_; }
-  double usual_noise() const;  // standard deviation of a difference, share of the highest code: the median
+  const ImageRegistration& registration() const { return registration_; }
+  double usual_noise() const;  // median standard deviation of a difference, as a share of the highest code
 
  private:
   friend class EmptyAverage;
@@ -65,18 +64,17 @@ class ObjectMask {
   void learn_noise(const Square& square, bool several, double factor);
 
   Image16 empty_;
-  double rounding_;  // the variance that a code's bits make of a difference
-  ImageRegistration drift_;
-  std::vector<float> inverse_sd_;  // of codes of 16 bits; 0 where the empty stage was not seen
+  double rounding_;  // the variance of a difference due to rounding
+  ImageRegistration registration_;
+  std::vector<float> inverse_sd_;  // per 16-bit code; 0 where the empty stage was not seen
   float threshold_;
   MaskCleaning cleaning_;
 };
 
-// The mean of many frames of the empty stage, as of the seconds before an object comes, and their noise; one
-// frame at a time.
+// Accumulates mean and noise of many frames of the empty stage, one at a time.
 class EmptyAverage {
  public:
-  // INVALID_ARGUMENT: it is of another size than those before.
+  // INVALID_ARGUMENT: its size differs from that of the frames before.
   absl::Status add(const Image16& frame);
   // FAILED_PRECONDITION: fewer than two frames.
   absl::StatusOr<ObjectMask> finish(const MaskOptions& options) const;

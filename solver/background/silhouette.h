@@ -1,5 +1,5 @@
-// Whether the object changes a pixel: the same light with and without it, but for noise and drift (Chuang et
-// al. 2000, section 3.1). It depends on that pixel's own samples alone.
+// Tests whether the object changes a pixel: without change its light with and without the object differs only
+// by noise and drift (Chuang et al. 2000, section 3.1). It depends only on that pixel's own samples.
 #pragma once
 
 #include <span>
@@ -10,9 +10,9 @@ namespace glasswing {
 // x with P(chi-square of `degrees` > x) = tail, tail in (0, 1).
 double chi_square_quantile(double degrees, double tail);
 
-// Sum over stimuli and channels of (object - empty)^2 / variance, chi-square where the object changes
-// nothing. A drift of the light by up to `tolerance`, relative, counts as noise of that size; a pair that is
-// saturated in both says nothing.
+// Sums (object - empty)^2 / variance over stimuli and channels, which is chi-square distributed where the
+// object changes nothing. A relative drift of the light up to `tolerance` counts as noise of that size. Pairs
+// saturated in both frames are ignored.
 class SilhouetteTest {
  public:
   explicit SilhouetteTest(double tolerance, double false_positive_rate = 1e-4);
@@ -23,7 +23,7 @@ class SilhouetteTest {
     bool saturated = false;            // both
   };
   struct Result {
-    bool object = false;  // the object changes this pixel; true, too, where there is nothing to tell from
+    bool object = false;  // the object changes this pixel; true, too, without any usable pair
     double chi_square = 0.0;
     int degrees = 0;
   };
@@ -34,7 +34,7 @@ class SilhouetteTest {
 
   double tolerance_;
   double false_positive_rate_;
-  std::vector<double> thresholds_;  // by degrees; larger ones are worked out
+  std::vector<double> thresholds_;  // by degrees; computed for more degrees
 };
 
 }  // namespace glasswing

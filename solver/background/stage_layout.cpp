@@ -5,7 +5,6 @@
 #include <tuple>
 
 #include "core/pattern/stimulus_kind.h"
-#include "solver/background/empty_stage.h"
 
 namespace glasswing {
 namespace {
@@ -57,6 +56,8 @@ StageLayout lay_out_stage(const v1::CaptureManifest& manifest, const Exposures& 
     if (!pair.object.empty() && !pair.empty.empty()) layout.pairs.push_back(std::move(pair));
   }
   layout.patches = patches_of(manifest);
+  layout.monitors = lay_out_empty_stage(manifest);
+  layout.camera = manifest.camera();
   return layout;
 }
 
@@ -66,7 +67,7 @@ absl::Status check_black(const StageLayout& layout) {
       "the archive has no frame of the object before black (kind solid, colour 0 0 0)");
 }
 
-std::vector<int> frames_of(const StageLayout& layout, const v1::CaptureManifest& manifest) {
+std::vector<int> frames_of(const StageLayout& layout) {
   std::set<int> frames;
   const auto need = [&](const Shot& shot) {
     for (const ExposedFrame& exposed : shot) frames.insert(exposed.frame);
@@ -77,7 +78,7 @@ std::vector<int> frames_of(const StageLayout& layout, const v1::CaptureManifest&
   }
   need(layout.black);
   for (const std::vector<int>& patch : layout.patches) frames.insert(patch.begin(), patch.end());
-  for (const int frame : frames_of(lay_out_empty_stage(manifest))) frames.insert(frame);
+  for (const int frame : frames_of(layout.monitors)) frames.insert(frame);
   return {frames.begin(), frames.end()};
 }
 

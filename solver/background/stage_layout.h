@@ -1,4 +1,4 @@
-// Which frames tell the object from the stage behind it, for whatever method.
+// The frames that separate the object from the stage behind it, for every method.
 #pragma once
 
 #include <absl/status/status.h>
@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "solver/background/empty_stage.h"
 #include "solver/method/exposure_merge.h"
 
 namespace glasswing {
@@ -16,24 +17,26 @@ struct StageLayout {
     Shot object, empty;
   };
   std::vector<Pair> pairs;
-  Shot black;  // with the object; empty if it was not taken
-  // Frames between which nothing but an id patch changes.
+  Shot black;  // with the object; empty if not recorded
+  // Groups of frames that differ in nothing but an id patch.
   std::vector<std::vector<int>> patches;
+  std::vector<EmptyMonitor> monitors;  // by texture, with the frames of the empty stage
+  v1::Camera camera;
 };
 
-// The radiance of a channel's light, in [0, 1]: no colour is white.
+// A channel's radiance, in [0, 1]; a stimulus without colour is white.
 double colour_of(const v1::Stimulus& stimulus, int channel);
-// The one value of a gray stimulus; negative if it has a colour.
+// The value of a gray stimulus; negative for a coloured one.
 double gray_of(const v1::Stimulus& stimulus);
-// The monitor's place in the manifest; -1: it lists none of that name.
+// The monitor's index in the manifest; -1: not listed.
 int texture_of(const v1::CaptureManifest& manifest, const std::string& panel);
 
 StageLayout lay_out_stage(const v1::CaptureManifest& manifest, const Exposures& exposures);
 
-// FAILED_PRECONDITION: black was not taken.
+// FAILED_PRECONDITION: black was not recorded.
 absl::Status check_black(const StageLayout& layout);
 
-// Every frame that the layout names, and those that tell of the empty stage (empty_stage.h).
-std::vector<int> frames_of(const StageLayout& layout, const v1::CaptureManifest& manifest);
+// Every frame that the layout names.
+std::vector<int> frames_of(const StageLayout& layout);
 
 }  // namespace glasswing

@@ -16,16 +16,17 @@ constexpr double kUsualNoise = 0.003;
 Surroundings::Surroundings(const FrameStack& stack, const StageLayout& layout, double tolerance)
     : stack_(stack),
       layout_(layout),
-      noise_known_(stack.manifest.camera().read_sd() > 0.0),
-      noise_(sample_noise(stack.manifest.camera(), kUsualNoise)),
-      silhouette_(tolerance),
-      empty_(lay_out_empty_stage(stack.manifest)) {
-  for (const EmptyMonitor& monitor : empty_) background_.emplace_back(monitor, noise_);
+      camera_(layout.camera),
+      noise_known_(camera_.read_sd() > 0.0),
+      noise_(sample_noise(camera_, kUsualNoise)),
+      silhouette_(tolerance) {
+  camera_.set_width_px(stack.width_px);
+  for (const EmptyMonitor& monitor : layout.monitors) background_.emplace_back(monitor, noise_);
 }
 
 float Surroundings::black(int y, int lane) const {
-  const size_t place = stack_.place(0, y, 0) + static_cast<size_t>(lane);
-  return static_cast<float>(merge(stack_, layout_.black, place, noise_).radiance);
+  const size_t index = stack_.sample_index(0, y, 0) + static_cast<size_t>(lane);
+  return static_cast<float>(merge(stack_, layout_.black, index, noise_).radiance);
 }
 
 bool Surroundings::has_object(int x, int y, double read_sd) {
@@ -34,9 +35,9 @@ bool Surroundings::has_object(int x, int y, double read_sd) {
   pairs_.clear();
   for (const StageLayout::Pair& pair : layout_.pairs) {
     for (int c = 0; c < kChannels; ++c) {
-      const size_t place = stack_.place(x, y, c);
-      const MergedSample object = merge(stack_, pair.object, place, noise);
-      const MergedSample empty = merge(stack_, pair.empty, place, noise);
+      const size_t index = stack_.sample_index(x, y, c);
+      const MergedSample object = merge(stack_, pair.object, index, noise);
+      const MergedSample empty = merge(stack_, pair.empty, index, noise);
       pairs_.push_back({.object = object.radiance,
                         .empty = empty.radiance,
                         .variance = object.variance + empty.variance,
@@ -47,7 +48,7 @@ bool Surroundings::has_object(int x, int y, double read_sd) {
 }
 
 bool Surroundings::sees_patch(int x, int y) const {
-  constexpr double kSure = 8.0;  // standard deviations: noise alone never comes so far
+  constexpr double kSure = 8.0;  // standard deviations, beyond any noise
   for (const std::vector<int>& frames : layout_.patches) {
     for (int c = 0; c < kChannels; ++c) {
       float low = INFINITY, high = -INFINITY;
@@ -66,8 +67,8 @@ bool Surroundings::sees_patch(int x, int y) const {
 std::span<const BackgroundPoint> Surroundings::background(int x, int y) {
   points_.clear();
   for (size_t m = 0; m < background_.size(); ++m) {
-    gather(stack_, empty_[m], x, y, empty_pixel_);
-    const StraightView straight = straight_view(stack_.manifest.camera(), empty_[m], x, stack_.first_row + y);
+    gather(stack_, layout_.monitors[m], x, y, empty_pixel_);
+    const StraightView straight = straight_view(camera_, layout_.monitors[m], x, stack_.first_row + y);
     points_.push_back(background_[m].point(empty_pixel_, straight));
   }
   return points_;
@@ -87,7 +88,7 @@ bool Surroundings::map_background(int x, int y, Matte& matte) {
     for (int c = 0; c < kChannels; ++c) {
       size_t& place = slot[static_cast<size_t>(c)];
       if (place < matte.modes(x, y, c).size())
-        matte.modes(x, y, c)[place++] = point.mode(c, empty_[m].texture);
+        matte.modes(x, y, c)[place++] = point.mode(c, layout_.monitors[m].texture);
     }
   }
   return sure;

@@ -63,7 +63,7 @@ std::vector<int> WaveNoise::frames() const {
 
 double WaveNoise::of_row(const FrameStack& stack, int y) const {
   std::vector<float> off;
-  const int width = stack.manifest.camera().width_px();
+  const int width = stack.width_px;
   for (const Sum& sum : sums_) {
     for (int x = 0; x < width; ++x) {
       for (int c = 0; c < kChannels; ++c) {

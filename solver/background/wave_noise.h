@@ -1,8 +1,8 @@
-// The noise of a row of samples where nobody knows the camera's: bars and their complement give together what
-// white and black do,
+// Measures the noise of a row of samples if the camera's is unknown. Bars and their complement add up to
+// white plus black,
 //   e = I + I' - white - black,    sd(e) = 2 sd of a sample
-// whatever a pixel sees. The median of |e| over the row's pixels, channels and bars lets pixels be wrong that
-// something else changed.
+// for any view. The median of |e| over the row's pixels, channels and bars tolerates pixels that changed for
+// another reason.
 #pragma once
 
 #include <vector>
@@ -13,17 +13,18 @@ namespace glasswing {
 
 class WaveNoise {
  public:
-  // Takes frames of one exposure, that of the first of the manifest's square waves.
+  WaveNoise() = default;  // not known
+  // Uses frames of one exposure, that of the manifest's first square wave.
   explicit WaveNoise(const v1::CaptureManifest& manifest);
 
   bool known() const { return !sums_.empty(); }
   std::vector<int> frames() const;
-  // Standard deviation, radiance; at least the quantisation of 16 bits. Only where known().
+  // Standard deviation, radiance; at least the quantisation of 16 bits. Requires known().
   double of_row(const FrameStack& stack, int y) const;
 
  private:
   struct Sum {
-    int bars = -1, complement = -1, white = -1, black = -1;  // places in the manifest
+    int bars = -1, complement = -1, white = -1, black = -1;  // indices in the manifest
   };
   std::vector<Sum> sums_;
 };

@@ -39,7 +39,7 @@ Eigen::Vector3d nearest_positive(const Eigen::Vector3d& target, const Eigen::Mat
 Footprints step_within_cone(const Footprints& modes, const Eigen::LLT<FootprintMatrix>& solver,
                             FootprintVector& step) {
   const auto n = step.size();
-  FootprintMatrix covariance;  // of what is still free; made when it is first needed
+  FootprintMatrix covariance;  // of the free parameters; computed on first use
   for (int m = 0; m < modes.size(); ++m) {
     const Footprint& mode = modes[m];
     const Eigen::Vector3d now(mode.xx_px2, mode.xy_px2, mode.yy_px2);

@@ -1,4 +1,4 @@
-// Steps of a fit of footprints that keep every Sigma positive semi-definite.
+// Fit steps that keep the Sigma of every footprint positive semi-definite.
 #pragma once
 
 #include <Eigen/Dense>
@@ -9,14 +9,14 @@ namespace glasswing {
 
 inline constexpr int kMaxParameters = 6 * kMaxFootprints;
 
-// In (R, cx, cy, xx, xy, yy) of each footprint.
+// (R, cx, cy, xx, xy, yy) of each footprint.
 using FootprintVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxParameters, 1>;
 using FootprintMatrix =
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxParameters, kMaxParameters>;
 
-// `modes` after the step. Where that would leave the cone of positive Sigma, Sigma goes to the cheapest point
-// of the cone's boundary and all else follows, as the quadratic model says whose matrix `solver` has; `step`
-// is then that.
+// Returns `modes` after the step. If the step leaves the cone of positive Sigma, Sigma moves to the cheapest
+// point on the cone's boundary, and the other parameters follow by the quadratic model whose matrix `solver`
+// holds; `step` is updated.
 Footprints step_within_cone(const Footprints& modes, const Eigen::LLT<FootprintMatrix>& solver,
                             FootprintVector& step);
 

@@ -7,7 +7,7 @@
 namespace glasswing {
 namespace {
 
-// Of a Gaussian, the part on [0, extent].
+// The share of a Gaussian on [0, extent].
 double part_within(double mean, double variance, double extent) {
   const double scale = 1.0 / std::sqrt(2.0 * std::max(variance, 1e-6));
   return 0.5 * (std::erf((extent - mean) * scale) + std::erf(mean * scale));

@@ -1,15 +1,15 @@
-// A Gaussian footprint on a monitor, and what it answers to a stripe.
+// A Gaussian footprint on a monitor and its response to a stripe.
 //
-// A mode (R, c, Sigma) answers a stripe of peak 1, width sigma_s and direction s = (cos phi, sin phi) at r
-// with
+// A mode (R, c, Sigma) responds to a stripe of peak 1, width sigma_s and direction s = (cos phi, sin phi) at
+// r with
 //
 //   y(r) = R (sigma_s / sigma_r) exp(-(r - c.s)^2 / (2 sigma_r^2)) inside(r)
 //   sigma_r^2 = s' Sigma s + sigma_s^2 + 1/12 px^2
 //
-// (Chuang et al. 2000, eq. 19-21, for stripes of peak 1 on flat square pixels). inside(r) is the part of the
-// footprint, as the stripe lights it, that lies on the monitor: the lit part is the Gaussian with mean
-// c + Sigma s (r - c.s) / sigma_r^2 and covariance Sigma - Sigma s s' Sigma / sigma_r^2; the integral over
-// the monitor's rectangle is taken as the product of those over its two sides.
+// (Chuang et al. 2000, eq. 19-21, for stripes of peak 1 on flat square pixels). inside(r) is the share of the
+// lit footprint that lies on the monitor. The lit footprint is the Gaussian with mean c + Sigma s (r - c.s) /
+// sigma_r^2 and covariance Sigma - Sigma s s' Sigma / sigma_r^2; its integral over the monitor's rectangle is
+// approximated by the product of those over its two sides.
 #pragma once
 
 #include <array>
@@ -52,7 +52,7 @@ struct MonitorExtent {
   double width_px = 0.0, height_px = 0.0;
 };
 
-// As the matte keeps it. A standard error that is not finite is not known.
+// As stored in the matte. An infinite standard error is unknown.
 Mode mode_of(const Footprint& footprint, double weight_sd, double centre_sd_px, int texture);
 
 // A stripe's direction and width.
@@ -64,25 +64,25 @@ struct StripeAxis {
 // sigma_r^2.
 double answered_variance(const Footprint& mode, const StripeAxis& axis);
 
-// y(r); the whole formula above.
+// y(r) by the formula above.
 double response(const Footprint& mode, const StripeAxis& axis, double r_px, const MonitorExtent& extent);
 
-// Whether the monitor's edge cuts off a part that matters.
+// Whether the monitor's edge cuts off a significant part.
 bool near_edge(const Footprint& mode, const MonitorExtent& extent);
 
 // The nearest footprint whose Sigma has no eigenvalue below `min_px2`.
 Footprint with_positive_covariance(Footprint mode, double min_px2);
 
-// What one sweep shows of one mode.
+// One mode's peak in one sweep.
 struct Peak {
   double amplitude = 0.0;
   double centre_px = 0.0;
   double sigma_px = 0.0;
 };
 
-// c and Sigma from one peak a sweep (at least three directions): c by least squares of c.s = centre (eq.
-// 20), Sigma by linear least squares of s' Sigma s = sigma^2 - sigma_s^2 - 1/12, kept positive; R from the
-// mean of amplitude sigma / sigma_s. `distance_px`, if set, is the rms distance of c to the lines.
+// Solves c and Sigma from one peak per sweep (at least three directions): c by least squares of c.s = centre
+// (eq. 20), Sigma by linear least squares of s' Sigma s = sigma^2 - sigma_s^2 - 1/12, kept positive; R from
+// the mean of amplitude sigma / sigma_s. `distance_px`, if set, is the rms distance of c to the lines.
 Footprint intersect(std::span<const StripeAxis> axes, std::span<const Peak> peaks,
                     double* distance_px = nullptr);
 

@@ -15,7 +15,7 @@
 namespace glasswing {
 namespace {
 
-// A frequency below this is none: half a turn on the longest side that a monitor can have.
+// A frequency below this is 0: half a turn along the longest possible side of a monitor.
 constexpr double kNoFrequency = 1e-9;
 constexpr double kSamePhase_rad = 1e-6;
 constexpr size_t kMaxWaves = 64;
@@ -41,7 +41,7 @@ absl::Status check_sinusoid(const v1::Frame& frame) {
       frame.file(), stimulus.period_px(), stimulus.peak(), stimulus.phi_deg(), stimulus.phase_deg()));
 }
 
-// Stimuli that differ in nothing but their phase.
+// Stimuli that differ only in phase.
 struct Key {
   int texture;
   double phi_deg, period_px;
@@ -170,8 +170,8 @@ absl::StatusOr<FringeLayout> lay_out_fringes(const v1::CaptureManifest& manifest
   return layout;
 }
 
-std::vector<int> frames_of(const FringeLayout& layout, const v1::CaptureManifest& manifest) {
-  const std::vector<int> stage = frames_of(layout.stage, manifest);
+std::vector<int> frames_of(const FringeLayout& layout) {
+  const std::vector<int> stage = frames_of(layout.stage);
   std::set<int> frames(stage.begin(), stage.end());
   const auto need = [&](const Shot& shot) {
     for (const ExposedFrame& exposed : shot) frames.insert(exposed.frame);

@@ -9,6 +9,38 @@
 #include "solver/fringe/fringe_solver.h"
 
 namespace glasswing {
+namespace {
+
+class PreparedFringe final : public PreparedMethod {
+ public:
+  PreparedFringe(v1::MatteMetadata metadata, FringeLayout layout, int max_modes, double tolerance,
+                 double silhouette_tolerance)
+      : metadata_(std::move(metadata)),
+        layout_(std::move(layout)),
+        max_modes_(max_modes),
+        tolerance_(tolerance),
+        silhouette_tolerance_(silhouette_tolerance),
+        needed_(frames_of(layout_)) {}
+
+  const std::vector<int>& frames_needed() const override { return needed_; }
+
+  absl::StatusOr<Matte> solve(const FrameStack& rows) const override {
+    Matte matte = blank_matte(rows, metadata_, max_modes_ * static_cast<int>(layout_.object.size()));
+    FringeSolver solver(rows, layout_, max_modes_, tolerance_, silhouette_tolerance_);
+    for (int y = 0; y < rows.row_count; ++y) solver.solve_row(y, matte);
+    return matte;
+  }
+
+ private:
+  const v1::MatteMetadata metadata_;
+  const FringeLayout layout_;
+  const int max_modes_;  // per channel and monitor
+  const double tolerance_;
+  const double silhouette_tolerance_;
+  const std::vector<int> needed_;
+};
+
+}  // namespace
 
 absl::StatusOr<std::unique_ptr<Method>> FringeMethod::create(const MethodOptions& options) {
   auto method = std::make_unique<FringeMethod>();
@@ -28,24 +60,17 @@ absl::StatusOr<std::unique_ptr<Method>> FringeMethod::create(const MethodOptions
   return method;
 }
 
-absl::StatusOr<std::vector<int>> FringeMethod::frames_needed(const v1::CaptureManifest& manifest) const {
-  GW_ASSIGN_OR_RETURN(const FringeLayout layout, lay_out_fringes(manifest));
-  return frames_of(layout, manifest);
-}
-
-absl::StatusOr<Matte> FringeMethod::solve(const FrameStack& stack) const {
-  GW_ASSIGN_OR_RETURN(const FringeLayout layout, lay_out_fringes(stack.manifest));
-  GW_RETURN_IF_ERROR(check_rows(stack, frames_of(layout, stack.manifest)));
+absl::StatusOr<std::unique_ptr<PreparedMethod>> FringeMethod::prepare(
+    const v1::CaptureManifest& manifest) const {
+  GW_ASSIGN_OR_RETURN(FringeLayout layout, lay_out_fringes(manifest));
   const int monitors = static_cast<int>(layout.object.size());
   if (monitors > kMaxModes) {
     return absl::FailedPreconditionError(
         fmt::format("{} monitors showed sinusoids; at most {} can be solved", monitors, kMaxModes));
   }
-  const int most = std::min(modes_, kMaxModes / monitors);
-  Matte matte = blank_matte(stack, "fringe", options_, most * monitors);
-  FringeSolver solver(stack, layout, most, tolerance_, silhouette_tolerance_);
-  for (int y = 0; y < stack.row_count; ++y) solver.solve_row(y, matte);
-  return matte;
+  return std::make_unique<PreparedFringe>(metadata_of(manifest, "fringe", options_), std::move(layout),
+                                          std::min(modes_, kMaxModes / monitors), tolerance_,
+                                          silhouette_tolerance_);
 }
 
 }  // namespace glasswing

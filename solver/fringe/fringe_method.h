@@ -10,15 +10,15 @@ namespace glasswing {
 
 class FringeMethod final : public Method {
  public:
-  // Options: modes (1 to 4, most footprints a channel and monitor; default 1; more are
-  // tried where a quarter of the tolerance is exceeded), tolerance (0 to 0.5: how far
-  // the answer to a wave may be from a Gaussian footprint's, relative to the light that arrives, before the
-  // pixel is flagged; default 0.02), silhouette_tolerance (as of GaussianMethod).
+  // Options: modes (1 to 4, maximum footprints per channel and monitor; default 1; more are tried where a
+  // quarter of the tolerance is exceeded), tolerance (0 to 0.5: how far the response to a wave may be from a
+  // Gaussian footprint's, relative to the light that arrives, before the pixel is flagged; default 0.02),
+  // silhouette_tolerance (as in GaussianMethod).
   static absl::StatusOr<std::unique_ptr<Method>> create(const MethodOptions& options);
 
-  absl::StatusOr<std::vector<int>> frames_needed(const v1::CaptureManifest& manifest) const override;
-  // Where the manifest has no noise model, noise is what a pixel's own samples differ from sinusoids.
-  absl::StatusOr<Matte> solve(const FrameStack& stack) const override;
+  // Without a noise model in the manifest, noise is estimated from how a pixel's samples differ from
+  // sinusoids.
+  absl::StatusOr<std::unique_ptr<PreparedMethod>> prepare(const v1::CaptureManifest& manifest) const override;
 
  private:
   MethodOptions options_;

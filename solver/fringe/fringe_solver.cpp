@@ -9,7 +9,7 @@ namespace glasswing {
 namespace {
 
 constexpr double kFalsePositiveRate = 1e-4;
-constexpr int kFewestDegrees = 4;  // that tell how noisy a pixel is
+constexpr int kMinDegrees = 4;  // for an estimate of a pixel's noise
 constexpr int kMaxSteps = 60;
 constexpr double kMaxVeil = 0.25;
 
@@ -41,7 +41,7 @@ Spectrum mean_of(const std::array<Spectrum, kChannels>& spectra) {
   return mean;
 }
 
-// How much of `whole` there is in `part`, by least squares.
+// The multiple of `whole` in `part`, by least squares.
 double share_of(const Spectrum& part, const Spectrum& whole) {
   double both = 0.0, square = 0.0;
   for (size_t w = 0; w < whole.phasors.size(); ++w) {
@@ -70,7 +70,7 @@ FringeSolver::FringeSolver(const FrameStack& stack, const FringeLayout& layout, 
     object_.emplace_back(monitor, layout.stage.black, tolerance, max_modes > 1);
   for (const WaveMonitor& monitor : layout.empty)
     empty_.emplace_back(monitor, layout.empty_black, tolerance, false);
-  for (const EmptyMonitor& monitor : lay_out_empty_stage(stack.manifest))
+  for (const EmptyMonitor& monitor : layout.stage.monitors)
     bars_ = bars_ || !monitor.bars[0].empty() || !monitor.bars[1].empty();
   size_t most = 0;
   for (const WaveMonitor& monitor : layout.object) most = std::max(most, monitor.waves.size());
@@ -86,19 +86,19 @@ bool FringeSolver::exceeds(double chi_square, const SpectrumFit& fit) const {
 
 void FringeSolver::estimate_row_noise(int y) {
   const SampleNoise& usual = surroundings_.noise();
-  const double min_sd = sample_noise(stack_.manifest.camera(), 0.0).read_sd;
-  read_sd_.resize(static_cast<size_t>(stack_.manifest.camera().width_px()));
+  const double min_sd = sample_noise(layout_.stage.camera, 0.0).read_sd;
+  read_sd_.resize(static_cast<size_t>(stack_.width_px));
   for (size_t x = 0; x < read_sd_.size(); ++x) {
     double squares = 0.0;
     int degrees = 0;
     for (const Monitor& monitor : object_) {
       for (int c = 0; c < kChannels; ++c) {
-        monitor.meter.measure(stack_, stack_.place(static_cast<int>(x), y, c), c, usual, spectrum_);
+        monitor.meter.measure(stack_, stack_.sample_index(static_cast<int>(x), y, c), c, usual, spectrum_);
         squares += spectrum_.residual;
         degrees += spectrum_.degrees;
       }
     }
-    read_sd_[x] = degrees < kFewestDegrees ? usual.read_sd : std::max(std::sqrt(squares / degrees), min_sd);
+    read_sd_[x] = degrees < kMinDegrees ? usual.read_sd : std::max(std::sqrt(squares / degrees), min_sd);
   }
 }
 
@@ -176,7 +176,7 @@ void FringeSolver::solve_pixel(int x, int y, const SampleNoise& noise, Matte& ma
     double foreground = 0.0;
     size_t slot = 0;
     for (const Monitor& monitor : object_) {
-      monitor.meter.measure(stack_, stack_.place(x, y, c), c, noise, spectrum_);
+      monitor.meter.measure(stack_, stack_.sample_index(x, y, c), c, noise, spectrum_);
       if (spectrum_.saturated) matte.flags(x, y) |= kFlagSaturated;
       const Found found = find(monitor, spectrum_, max_modes_);
       matte.flags(x, y) |= found.flags;
@@ -198,7 +198,7 @@ void FringeSolver::map_background(int x, int y, const SampleNoise& noise, Matte&
   size_t slot = 0;
   for (const Monitor& monitor : empty_) {
     for (int c = 0; c < kChannels; ++c)
-      monitor.meter.measure(stack_, stack_.place(x, y, c), c, noise, spectra_[static_cast<size_t>(c)]);
+      monitor.meter.measure(stack_, stack_.sample_index(x, y, c), c, noise, spectra_[static_cast<size_t>(c)]);
     const Spectrum mean = mean_of(spectra_);
     const Found found = find(monitor, mean, 1);
     if (found.fit.modes.empty() || slot == matte.modes(x, y, 0).size()) continue;

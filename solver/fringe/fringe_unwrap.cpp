@@ -19,7 +19,7 @@ Unwrapped unwrap(const WaveMonitor& monitor, const Spectrum& spectrum, double to
   for (size_t w = 0; w < monitor.waves.size(); ++w) {
     const Phasor& phasor = spectrum.phasors[w];
     const double sd = std::hypot(phasor.sd, tolerance * level), size = std::abs(phasor.value);
-    // Where noise may turn a phasor right round, its phase is no Gaussian.
+    // If noise may turn a phasor right round, its phase is not Gaussian.
     if (!(size > kWrongPeriod * sd)) continue;
     const double phase_variance = std::pow(sd / (kTurn * size), 2);
     const double cycles = std::arg(phasor.value) / kTurn;
@@ -30,10 +30,10 @@ Unwrapped unwrap(const WaveMonitor& monitor, const Spectrum& spectrum, double to
       if (!known[axis]) {
         const double side_px = axis == 0 ? monitor.extent.width_px : monitor.extent.height_px;
         const double period_px = 1.0 / std::abs(f[at]), sd_px = std::sqrt(phase_variance) * period_px;
-        // The one that lies on the monitor, or nearest to it.
+        // The candidate on the monitor or nearest to it.
         const double middle_px = 0.5 * side_px;
         const double place_px = middle_px + std::remainder(cycles / f[at] - middle_px, period_px);
-        // By how much the second nearest lies outside.
+        // How far the second nearest lies outside.
         if (period_px - std::abs(place_px - middle_px) < middle_px + kWrongPeriod * sd_px) continue;
         known[axis] = true;
         place.centre_px[at] = place_px;

@@ -1,11 +1,11 @@
-// Where on the monitor a pixel looks, from the phases of its phasors, coarse to fine.
+// Finds where on the monitor a pixel looks, from the phases of its phasors, coarse to fine.
 //
-// A phase tells f.c but for whole periods. The first wave along each axis is as long as the monitor's side;
-// from then on what is known of c, as a Gaussian, predicts the phase of the next wave:
+// A phase gives f.c up to whole periods. The first wave along each axis is as long as the monitor's side;
+// after that the Gaussian estimate of c predicts the phase of the next wave:
 //
 //   cycles = f.c, variance f' P f + (sd / (2 pi |H|))^2
 //
-// and only if a wrong period would be kWrongPeriod standard deviations away is the wave taken in.
+// and the wave is used only if a wrong period would be kWrongPeriod standard deviations away.
 #pragma once
 
 #include <Eigen/Core>
@@ -16,7 +16,7 @@
 
 namespace glasswing {
 
-// One in a million.
+// A chance of one in a million.
 inline constexpr double kWrongPeriod = 4.9;
 
 struct Unwrapped {
@@ -26,7 +26,7 @@ struct Unwrapped {
   std::vector<bool> used;  // by wave: its period is known
 };
 
-// `tolerance`: of each phasor, relative to the level, for what makes a footprint no Gaussian.
+// `tolerance`: the model error of each phasor relative to the level, for footprints that are not Gaussian.
 Unwrapped unwrap(const WaveMonitor& monitor, const Spectrum& spectrum, double tolerance);
 
 }  // namespace glasswing

@@ -24,6 +24,16 @@ struct Line {
   double at(double light) const { return y / n + slope() * (light - x / n); }
 };
 
+// H(0) and the means from all solids and waves.
+void set_level(const Line& line, Spectrum& spectrum) {
+  if (line.n == 0.0) return;
+  spectrum.mean_light = line.x / line.n;
+  spectrum.mean_sample = line.y / line.n;
+  if (!line.known()) return;
+  spectrum.level = line.slope();
+  spectrum.level_sd = 1.0 / std::sqrt(line.spread());
+}
+
 }  // namespace
 
 PhasorMeter::PhasorMeter(const WaveMonitor& monitor, const Shot& black) : monitor_(monitor), black_(black) {
@@ -45,7 +55,7 @@ PhasorMeter::Solver PhasorMeter::solver_of(const Wave& wave, const std::vector<b
     normal += basis(i) * basis(i).transpose();
     count += 1.0;
   }
-  // Equally spaced phases make it diag(n, n/2, n/2); phases that lie together make it nearly singular.
+  // Equally spaced phases give diag(n, n/2, n/2); close phases make it nearly singular.
   if (!(normal.determinant() > 1e-3 * count * count * count)) return solver;
   solver.solvable = true;
   const Eigen::Matrix3d inverse = normal.inverse();
@@ -59,7 +69,7 @@ PhasorMeter::Solver PhasorMeter::solver_of(const Wave& wave, const std::vector<b
   return solver;
 }
 
-void PhasorMeter::measure(const FrameStack& stack, size_t place, int channel, const SampleNoise& noise,
+void PhasorMeter::measure(const FrameStack& stack, size_t index, int channel, const SampleNoise& noise,
                           Spectrum& spectrum) const {
   const auto c = static_cast<size_t>(channel);
   spectrum = {.phasors = std::move(spectrum.phasors)};
@@ -67,7 +77,7 @@ void PhasorMeter::measure(const FrameStack& stack, size_t place, int channel, co
   Line line;
   const auto add_solid = [&](const Shot& shot, double light) {
     if (shot.empty()) return;
-    const MergedSample sample = merge(stack, shot, place, noise);
+    const MergedSample sample = merge(stack, shot, index, noise);
     spectrum.saturated = spectrum.saturated || sample.saturated;
     if (!sample.saturated) line.add(light, sample.radiance, sample.variance);
   };
@@ -77,12 +87,12 @@ void PhasorMeter::measure(const FrameStack& stack, size_t place, int channel, co
     samples.clear();
     used.clear();
     for (const Shot& shot : wave.shots) {
-      samples.push_back(merge(stack, shot, place, noise));
+      samples.push_back(merge(stack, shot, index, noise));
       used.push_back(!samples.back().saturated);
     }
     return std::ranges::find(used, false) == used.end();
   };
-  // Equal weights: those from noisy samples would favour what noise made darker.
+  // Equal weights: weights from noisy samples would favour samples that noise made darker.
   const auto solve = [&](size_t w, const Solver& solver, double mean) {
     const Wave& wave = monitor_.waves[w];
     std::array<double, 3> found{};
@@ -127,12 +137,7 @@ void PhasorMeter::measure(const FrameStack& stack, size_t place, int channel, co
     if (solver.solvable) solve(w, solver, line.known() ? line.at(0.5 * wave.peak[c]) : 0.0);
   }
   spectrum.saturated = spectrum.saturated || !cut.empty();
-  if (line.n == 0.0) return;
-  spectrum.mean_light = line.x / line.n;
-  spectrum.mean_sample = line.y / line.n;
-  if (!line.known()) return;
-  spectrum.level = line.slope();
-  spectrum.level_sd = 1.0 / std::sqrt(line.spread());
+  set_level(line, spectrum);
 }
 
 }  // namespace glasswing

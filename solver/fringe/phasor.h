@@ -1,13 +1,13 @@
-// What a pixel's channel answers to sinusoids: one complex number, a phasor, for each.
+// The response of a pixel's channel to sinusoids: one complex number, a phasor, for each.
 //
-// A wave of peak p and phase theta_j makes the footprint W answer
+// The response of footprint W to a wave of peak p and phase theta_j is
 //
 //   y_j = F + p/2 (H(0) + Re H(f) e^(-i theta_j)),       H(f) = \int W(x) e^(2 pi i f.x) dx
 //
-// so H(f), the Fourier transform of the footprint, follows by linear least squares over the phases, its noise
-// from that of the samples, and with more than three phases the noise itself from what is left. H(0), all the
-// light that arrives, comes from the means of the waves, black, and the other solids; it gives the mean of a
-// wave, some of whose samples are saturated.
+// so H(f), the Fourier transform of the footprint, follows by linear least squares over the phases. Its noise
+// follows from that of the samples, which more than three phases determine from the residual. H(0), all the
+// light that arrives, comes from the means of the waves, black and the other solids; it also supplies the
+// mean of a wave with saturated samples.
 #pragma once
 
 #include <complex>
@@ -27,26 +27,27 @@ struct Phasor {
   double sd = kUnknown;        // of its real part, and of its imaginary part
 };
 
-// One channel of a pixel before one monitor.
+// One channel of a pixel on one monitor.
 struct Spectrum {
   std::vector<Phasor> phasors;  // by wave
   double level = 0.0;           // H(0)
-  double level_sd = kUnknown;   // unknown where black is missing and so is every solid
+  double level_sd = kUnknown;   // unknown without black and other solids
   double mean_light = 0.0;      // weighted mean of what was shown ...
   double mean_sample = 0.0;     // ... and of what was seen
   bool saturated = false;       // some sample was
-  double residual = 0.0;        // squares that the waves leave unexplained ...
+  double residual = 0.0;        // sum of squared residuals of the waves ...
   int degrees = 0;              // ... and their degrees of freedom
 };
 
-// Measures spectra before one monitor. Thread-safe.
+// Measures spectra on one monitor. Thread-safe.
 class PhasorMeter {
  public:
-  // `monitor` must outlive it. `black` may be empty.
+  // Keeps a reference to `monitor`. `black` may be empty.
   PhasorMeter(const WaveMonitor& monitor, const Shot& black);
 
-  // `place` is FrameStack::place() of the channel. `spectrum` is filled anew; keep one to save allocations.
-  void measure(const FrameStack& stack, size_t place, int channel, const SampleNoise& noise,
+  // `index` is FrameStack::sample_index() of the channel. `spectrum` is overwritten; reuse one to save
+  // allocations.
+  void measure(const FrameStack& stack, size_t index, int channel, const SampleNoise& noise,
                Spectrum& spectrum) const;
 
  private:
@@ -56,7 +57,7 @@ class PhasorMeter {
     std::array<double, 3> covariance{};      // its diagonal, for samples of variance 1
     bool solvable = false;
   };
-  // With `mean_known`, one more row, of a sample that is the mean.
+  // `mean_known`: adds a row for a sample that is the mean.
   static Solver solver_of(const Wave& wave, const std::vector<bool>& used, bool mean_known);
 
   const WaveMonitor& monitor_;

@@ -15,7 +15,7 @@ constexpr Eigen::Index kParameters = 6;
 constexpr int kFirstSteps = 6, kMaxSteps = 60;
 constexpr double kPointsAPeriod = 5.0;  // of the finest wave
 constexpr double kMaxPoints = 64.0;     // along an axis
-constexpr double kHeld = 1e12;          // information on a parameter that is not to move
+constexpr double kHeld = 1e12;          // information of a fixed parameter
 
 // Between the points along an axis.
 double step_of(const std::vector<Wave>& waves, double Wave::*frequency, double side_px) {
@@ -34,7 +34,7 @@ bool sane(const Footprints& modes, const MonitorExtent& extent) {
 
 }  // namespace
 
-// J'J, J'r and r'r over what is measured.
+// J'J, J'r and r'r over the measured numbers.
 struct SpectrumFitter::Normal {
   FootprintMatrix matrix;
   FootprintVector gradient;
@@ -110,7 +110,7 @@ SpectrumFitter::Normal SpectrumFitter::normal_at(const Spectrum& spectrum,
       continue;
     }
     const double size_model = std::abs(model);
-    // Noise lengthens a phasor.
+    // Noise increases a phasor's magnitude.
     const double seen = std::sqrt(std::max(std::norm(phasor.value) - variance, 0.0));
     if (size_model > 0.0) re = (model.real() * re + model.imag() * im) / size_model;
     normal.add(re, seen - size_model, variance, tolerance);
@@ -125,10 +125,10 @@ SpectrumFitter::Normal SpectrumFitter::normal_at(const Spectrum& spectrum,
   return normal;
 }
 
-// ln |H| - ln sinc = ln R - 2 pi^2 f' Sigma f; each weighs by |H|^2 / variance.
+// ln |H| - ln sinc = ln R - 2 pi^2 f' Sigma f; each weighted by |H|^2 / variance.
 Footprint SpectrumFitter::guess(const Spectrum& spectrum, const Unwrapped& place) const {
   Eigen::Matrix4d matrix =
-      Eigen::Vector4d(0.0, 1e-6, 1e-6, 1e-6).asDiagonal();  // should nothing tell of them
+      Eigen::Vector4d(0.0, 1e-6, 1e-6, 1e-6).asDiagonal();  // in case they are undetermined
   Eigen::Vector4d right = Eigen::Vector4d::Zero();
   const auto add = [&](double fx, double fy, double size, double sd) {
     if (!(size > 3.0 * sd)) return;
@@ -168,7 +168,7 @@ SpectrumFit SpectrumFitter::fit(const Spectrum& spectrum, const std::vector<bool
     FootprintVector step = solver.solve(normal.gradient);
     const Footprints moved = step_within_cone(result.modes, solver, step);
     const double promise = 2.0 * normal.gradient.dot(step) - step.dot(normal.matrix * step);
-    // A hundredth of what one number leaves, or of its noise.
+    // A hundredth of one number's residual, or of its noise.
     const bool last = promise <= 0.01 * std::max(normal.cost / std::max(normal.count, 1), 1.0);
     if (solver.info() == Eigen::Success && sane(moved, monitor_.extent)) {
       const Normal there = normal_at(spectrum, phase_known, moved);
@@ -257,7 +257,7 @@ SpectrumFit SpectrumFitter::fit_one_more(const Spectrum& spectrum, const Spectru
     return modes;
   };
   starts.push_back(add_best_point(fit.modes));
-  // From nothing.
+  // Without a previous fit.
   Footprints points;
   while (points.size() <= fit.modes.size()) {
     const int before = points.size();

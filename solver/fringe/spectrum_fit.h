@@ -1,9 +1,9 @@
-// Footprints from phasors: the sum of their answers to every wave (wave_answer.h) fitted by least squares,
+// Fits footprints to phasors: the sum of their responses to every wave (wave_answer.h), by least squares,
 //
 //   chi^2 = sum_f |H_seen(f) - sum_m H_m(f)|^2 / sd(f)^2 + (H_seen(0) - sum_m H_m(0))^2 / sd(0)^2
 //
-// ln H is linear in ln R, c and Sigma, which is where a single footprint starts; further ones start where
-// what is left of the phasors looks most like one. Levenberg-Marquardt, every derivative analytic.
+// ln H is linear in ln R, c and Sigma, which gives the start of a single footprint; further ones start where
+// the residual phasors look most like one. Levenberg-Marquardt with analytic derivatives.
 #pragma once
 
 #include <span>
@@ -18,29 +18,31 @@ namespace glasswing {
 
 struct SpectrumFit {
   Footprints modes;
-  // Standard errors; infinite: not determined.
+  // Standard errors; infinite: undetermined.
   std::array<double, kMaxFootprints> weight_sd{}, centre_sd_px{};
   bool converged = false;
   double chi_square = 0.0;
-  // Chi-square with the square of the tolerance added to each variance, and of a quarter of it.
+  // Chi-square with the square of the tolerance, or of a quarter of it, added to each variance.
   double tolerated = 0.0, closely = 0.0;
-  int count = 0;    // of real numbers that were fitted
-  int degrees = 0;  // count less parameters
+  int count = 0;    // of fitted real numbers
+  int degrees = 0;  // count minus parameters
 };
 
 // Thread-safe.
 class SpectrumFitter {
  public:
-  // `monitor` must outlive it. `tolerance`: what a phasor may be off, relative to the light that arrives;
-  // `several`: fit_one_more() will be asked.
+  // Keeps a reference to `monitor`. `tolerance`: the permitted error of a phasor relative to the light that
+  // arrives; `several`: fit_one_more() will be called.
   SpectrumFitter(const WaveMonitor& monitor, double tolerance, bool several);
 
-  // A single footprint at the unwrapped place, its width from how the sizes of phasors fall with frequency.
+  // A single footprint at the unwrapped position, its width from the decay of the phasors' magnitudes with
+  // frequency.
   Footprint guess(const Spectrum& spectrum, const Unwrapped& place) const;
-  // From `start` to the nearest minimum. A wave whose phase is not known counts by the size of its phasor.
+  // Fits from `start` to the nearest minimum. A wave of unknown phase contributes the magnitude of its
+  // phasor.
   SpectrumFit fit(const Spectrum& spectrum, const std::vector<bool>& phase_known, const Footprints& start,
                   int max_steps) const;
-  // With one mode more than `fit`, by all phases.
+  // Fits one mode more than `fit`, with all phases.
   SpectrumFit fit_one_more(const Spectrum& spectrum, const SpectrumFit& fit) const;
 
  private:
@@ -53,9 +55,9 @@ class SpectrumFitter {
 
   const WaveMonitor& monitor_;
   const double tolerance_;
-  bool oblique_ = false;  // some wave tells of xy
-  // Places all over the monitor, and what a narrow footprint of weight 1 there answers: by place, then wave,
-  // then H(0).
+  bool oblique_ = false;  // some wave determines xy
+  // Positions all over the monitor and the responses of a narrow footprint of weight 1 there: by position,
+  // then wave, then H(0).
   std::vector<Footprint> points_;
   std::vector<std::complex<float>> answers_;
 };

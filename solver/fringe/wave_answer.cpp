@@ -9,11 +9,11 @@ namespace {
 
 using Complex = std::complex<double>;
 constexpr double kPi = std::numbers::pi;
-constexpr double kMinVariance_px2 = 1e-6;  // narrower footprints are points, as far as an edge is concerned
-constexpr int kMaxTerms = 38;              // of its series then
-constexpr double kMaxTurn = 12.0;          // of complex_erf: such a wave is gone, e^-144
+constexpr double kMinVariance_px2 = 1e-6;  // narrower footprints are points to an edge
+constexpr int kMaxTerms = 38;              // of the series of complex_erf
+constexpr double kMaxTurn = 12.0;  // argument of complex_erf; beyond it the wave has decayed to e^-144
 
-// \int_0^extent of the Gaussian of this variance and complex mean, and its slopes.
+// \int_0^extent of the Gaussian of this variance and complex mean, and its derivatives.
 struct Part {
   Complex value{1.0, 0.0}, by_mean, by_variance;
 };

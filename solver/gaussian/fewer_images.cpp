@@ -21,18 +21,18 @@ constexpr double kStep = 1.1;    // of a stripe's sigma
 constexpr double kMargin = 1.5;  // sigmas past the monitor's edge
 constexpr double kFinestStep = 0.5;
 constexpr int kMinSteps = 5;  // of a sweep
-// Bars along the monitor's longer side that tell the silhouette: broad ones see light that comes from afar,
-// narrow ones a view that is shifted by a fraction of a pixel. The narrow ones have complements, which tell
-// the noise.
+// Bars along the monitor's longer side that determine the silhouette: broad ones detect light from afar,
+// narrow ones a view shifted by a fraction of a pixel. The narrow ones have complements, which determine the
+// noise.
 constexpr double kBroadBars = 8.0, kNarrowBars = 32.0;
 
-// One monitor's sweeps as they were recorded.
+// One monitor's recorded sweeps.
 struct Swept {
   v1::Monitor monitor;
-  std::map<double, double> sigma_px;  // by direction, the narrowest
+  std::map<double, double> sigma_px;  // narrowest by direction
 };
 
-// What to show in place of them.
+// The sweeps to synthesize instead.
 struct Choice {
   std::vector<double> phi_deg;
   double sigma_px = 0.0, step_px = 0.0;
@@ -55,7 +55,7 @@ std::vector<Swept> swept_monitors(const v1::CaptureManifest& recorded) {
   return all;
 }
 
-// Of the directions, those nearest to 0, 90, 45 and -45 degrees, in that order, each once.
+// The directions nearest to 0, 90, 45 and -45 degrees, in that order, each once.
 std::vector<double> usual_directions(const std::map<double, double>& recorded) {
   std::vector<double> chosen;
   for (const double usual : {0.0, 90.0, 45.0, -45.0}) {
@@ -70,7 +70,7 @@ std::vector<double> usual_directions(const std::map<double, double>& recorded) {
   return chosen;
 }
 
-// Peaks k step_px, out to the margin.
+// Stripe positions k step_px, out to the margin.
 struct Travel {
   double first = 0.0, last = 0.0;  // k
   int count() const { return static_cast<int>(last - first) + 1; }
@@ -93,7 +93,7 @@ int count_of(const Swept& swept, const Choice& choice) {
   return count;
 }
 
-// The choice with the least sigma, no less than `min_px`, for a step of so many sigmas.
+// The choice with the smallest sigma of at least `min_px` for a step of `step` sigmas.
 Choice narrowest(const Swept& swept, std::vector<double> phi_deg, double step, double min_px, int images) {
   const auto with = [&](double sigma_px) {
     return Choice{.phi_deg = phi_deg, .sigma_px = sigma_px, .step_px = step * sigma_px};
@@ -137,7 +137,7 @@ absl::StatusOr<Choice> choose(const Swept& swept, int images) {
   return choice;
 }
 
-// Of one monitor, the recorded widths nearest to what is wanted.
+// The recorded widths nearest to the wanted ones, on one monitor.
 struct Bars {
   double broad_px = 0.0, narrow_px = 0.0;
 };
@@ -174,7 +174,7 @@ bool tells_the_stage(const v1::Frame& frame, const std::map<std::string, Bars>& 
 }
 
 absl::Status add_sweeps(const Swept& swept, const Choice& choice, StripeSums& sums, double exposure_ms,
-                        MadeCapture& capture) {
+                        SynthesizedCapture& capture) {
   for (const double phi_deg : choice.phi_deg) {
     const Travel travel = travel_of(swept.monitor, phi_deg, choice.sigma_px, choice.step_px);
     for (double k = travel.first; k <= travel.last; k += 1.0) {
@@ -198,7 +198,7 @@ absl::Status add_sweeps(const Swept& swept, const Choice& choice, StripeSums& su
 
 }  // namespace
 
-absl::StatusOr<MadeCapture> fewer_images(const v1::CaptureManifest& recorded, int images) {
+absl::StatusOr<SynthesizedCapture> fewer_images(const v1::CaptureManifest& recorded, int images) {
   GW_ASSIGN_OR_RETURN(const Exposures exposures, Exposures::of(recorded));
   const auto usable = [&](const v1::Frame& frame) {
     return is_pattern(frame) && frame.exposure_ms() == exposures.times_ms().front();
@@ -209,7 +209,7 @@ absl::StatusOr<MadeCapture> fewer_images(const v1::CaptureManifest& recorded, in
       return usable(f) || kind_of(f.stimulus()) == StimulusKind::kPatch;
     });
   const std::map<std::string, Bars> bars = bars_of(recorded);
-  MadeCapture capture = part_of(recorded, [&](const v1::Frame& frame) {
+  SynthesizedCapture capture = part_of(recorded, [&](const v1::Frame& frame) {
     return kind_of(frame.stimulus()) == StimulusKind::kPatch ||
            (usable(frame) && tells_the_stage(frame, bars));
   });

@@ -1,10 +1,10 @@
-// Fewer images for the same matte: wide stripes, a step of 1.1 sigma apart, in three directions.
+// The same matte from fewer images: wide stripes, 1.1 sigma apart, in three directions.
 //
-// A footprint of any width answers a stripe with a Gaussian at least as wide as the stripe, and a Gaussian
-// sampled every 1.1 sigma is known between its samples as well: what a finer step would add is
+// The response of any footprint to a stripe is a Gaussian at least as wide as the stripe, and a Gaussian
+// sampled every 1.1 sigma is determined between its samples as well: finer steps would add only
 //   2 exp(-2 pi^2 / 1.1^2) = 2e-7
-// of it. Three directions are the least that tell Sigma. So detail is lost to noise only, and what the joint
-// fit needs instead of it is to know that noise. (docs/methods.md compares.)
+// of it. Three directions are the minimum that determines Sigma. So detail is lost to noise only, and the
+// joint fit must know that noise. (docs/methods.md compares.)
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -16,11 +16,11 @@ namespace glasswing {
 inline constexpr int kMinImages = 40;
 inline constexpr int kMaxImages = 20000;
 
-// At most `images` patterns in all, with and without the object, over all monitors that were swept: black,
-// white, bars of one width with their complements, and the narrowest stripes that leave room for three
-// sweeps; a fourth direction and finer steps once stripes are as narrow as the recorded ones. What has no
-// more patterns stays as it was recorded; of several exposures, the first is taken. FAILED_PRECONDITION: so
-// few do not suffice, or the recorded stripes are none to make others of.
-absl::StatusOr<MadeCapture> fewer_images(const v1::CaptureManifest& recorded, int images);
+// At most `images` patterns in total, with and without the object, over all swept monitors: black, white,
+// bars of one width with their complements, and the narrowest stripes that leave room for three sweeps; once
+// stripes are as narrow as the recorded ones, a fourth direction and finer steps. A capture with no more
+// patterns stays as recorded. Of several exposures the first is used. FAILED_PRECONDITION: too few images, or
+// others cannot be synthesized from the recorded stripes.
+absl::StatusOr<SynthesizedCapture> fewer_images(const v1::CaptureManifest& recorded, int images);
 
 }  // namespace glasswing

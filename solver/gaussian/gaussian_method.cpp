@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <set>
 
 #include "core/base/status.h"
@@ -14,7 +15,7 @@
 namespace glasswing {
 namespace {
 
-// Leaves the widths along x and y.
+// Keeps only the widths along x and y.
 void forget_orientation(Matte& matte) {
   for (int y = 0; y < matte.height_px(); ++y) {
     for (int x = 0; x < matte.width_px(); ++x) {
@@ -24,6 +25,48 @@ void forget_orientation(Matte& matte) {
     }
   }
 }
+
+struct GaussianLimits {
+  int max_modes = kMaxModes;     // of a channel
+  int stored_modes = kMaxModes;  // at least one for each monitor
+  bool oriented = true;
+  double silhouette_tolerance = 0.0;
+};
+
+class PreparedGaussian final : public PreparedMethod {
+ public:
+  // `capture`: the synthesized frames that the layout refers to; without it, the recorded ones.
+  PreparedGaussian(v1::MatteMetadata metadata, StackLayout layout, std::optional<SynthesizedCapture> capture,
+                   const GaussianLimits& limits)
+      : metadata_(std::move(metadata)),
+        layout_(std::move(layout)),
+        capture_(std::move(capture)),
+        limits_(limits),
+        solved_(frames_of(layout_)),
+        needed_(capture_ ? frames_of(*capture_, solved_) : solved_) {}
+
+  const std::vector<int>& frames_needed() const override { return needed_; }
+
+  absl::StatusOr<Matte> solve(const FrameStack& rows) const override {
+    return capture_ ? solve_laid_out(synthesized_stack(rows, *capture_, solved_)) : solve_laid_out(rows);
+  }
+
+ private:
+  Matte solve_laid_out(const FrameStack& stack) const {
+    Matte matte = blank_matte(stack, metadata_, limits_.stored_modes);
+    StackSolver solver(stack, layout_, limits_.max_modes, limits_.silhouette_tolerance);
+    for (int y = 0; y < stack.row_count; ++y) solver.solve_row(y, matte);
+    if (!limits_.oriented) forget_orientation(matte);
+    return matte;
+  }
+
+  const v1::MatteMetadata metadata_;
+  const StackLayout layout_;
+  const std::optional<SynthesizedCapture> capture_;
+  const GaussianLimits limits_;
+  const std::vector<int> solved_;  // frames that the layout names
+  const std::vector<int> needed_;  // recorded frames to read
+};
 
 }  // namespace
 
@@ -50,54 +93,13 @@ absl::StatusOr<std::unique_ptr<Method>> GaussianMethod::create(const MethodOptio
   return method;
 }
 
-namespace {
-
-absl::StatusOr<std::vector<int>> frames_to_solve(const v1::CaptureManifest& manifest) {
-  GW_ASSIGN_OR_RETURN(const StackLayout layout, lay_out(manifest));
-  const std::vector<int> stage = frames_of(layout.stage, manifest);
-  std::set<int> needed(stage.begin(), stage.end());
-  for (const int frame : WaveNoise(manifest).frames()) needed.insert(frame);
-  for (const SweepLayout& sweep : layout.sweeps) {
-    for (const Shot& shot : sweep.shots) {
-      for (const ExposedFrame& exposed : shot) needed.insert(exposed.frame);
-    }
-  }
-  return std::vector<int>(needed.begin(), needed.end());
-}
-
-}  // namespace
-
-absl::StatusOr<std::vector<int>> GaussianMethod::frames_needed(const v1::CaptureManifest& manifest) const {
-  if (images_ == 0) return frames_to_solve(manifest);
-  GW_ASSIGN_OR_RETURN(const std::shared_ptr<const Fewer> fewer, fewer_of(manifest));
-  return frames_of(fewer->capture, fewer->made);
-}
-
-// Every band of a solve asks for the same.
-absl::StatusOr<std::shared_ptr<const GaussianMethod::Fewer>> GaussianMethod::fewer_of(
+absl::StatusOr<std::unique_ptr<PreparedMethod>> GaussianMethod::prepare(
     const v1::CaptureManifest& manifest) const {
-  const std::lock_guard lock(mutex_);
-  std::string recorded = manifest.SerializeAsString();
-  if (fewer_ != nullptr && fewer_->recorded == recorded) return fewer_;
-  auto fewer = std::make_shared<Fewer>();
-  fewer->recorded = std::move(recorded);
-  GW_ASSIGN_OR_RETURN(fewer->capture, fewer_images(manifest, images_));
-  GW_ASSIGN_OR_RETURN(fewer->made, frames_to_solve(fewer->capture.manifest));
-  fewer_ = fewer;
-  return fewer_;
-}
-
-absl::StatusOr<Matte> GaussianMethod::solve(const FrameStack& stack) const {
-  if (images_ == 0) return solve_all(stack);
-  GW_ASSIGN_OR_RETURN(const std::shared_ptr<const Fewer> fewer, fewer_of(stack.manifest));
-  GW_RETURN_IF_ERROR(check_rows(stack, frames_of(fewer->capture, fewer->made)));
-  return solve_all(made_stack(stack, fewer->capture, fewer->made));
-}
-
-absl::StatusOr<Matte> GaussianMethod::solve_all(const FrameStack& stack) const {
-  GW_ASSIGN_OR_RETURN(const StackLayout layout, lay_out(stack.manifest));
-  GW_ASSIGN_OR_RETURN(const std::vector<int> needed, frames_to_solve(stack.manifest));
-  GW_RETURN_IF_ERROR(check_rows(stack, needed));
+  std::optional<SynthesizedCapture> capture;
+  if (images_ != 0) {
+    GW_ASSIGN_OR_RETURN(capture, fewer_images(manifest, images_));
+  }
+  GW_ASSIGN_OR_RETURN(StackLayout layout, lay_out(capture ? capture->manifest : manifest));
   std::set<int> textures;
   for (const SweepLayout& sweep : layout.sweeps) textures.insert(sweep.texture);
   const int texture_count = static_cast<int>(textures.size());
@@ -105,11 +107,12 @@ absl::StatusOr<Matte> GaussianMethod::solve_all(const FrameStack& stack) const {
     return absl::FailedPreconditionError(
         fmt::format("{} monitors were swept; at most {} can be solved", texture_count, kMaxModes));
   }
-  Matte matte = blank_matte(stack, "gaussian", options_, std::max(modes_, texture_count));
-  StackSolver solver(stack, layout, modes_, silhouette_tolerance_);
-  for (int y = 0; y < stack.row_count; ++y) solver.solve_row(y, matte);
-  if (!oriented_) forget_orientation(matte);
-  return matte;
+  return std::make_unique<PreparedGaussian>(metadata_of(manifest, "gaussian", options_), std::move(layout),
+                                            std::move(capture),
+                                            GaussianLimits{.max_modes = modes_,
+                                                           .stored_modes = std::max(modes_, texture_count),
+                                                           .oriented = oriented_,
+                                                           .silhouette_tolerance = silhouette_tolerance_});
 }
 
 }  // namespace glasswing

@@ -15,14 +15,14 @@ namespace glasswing {
 namespace HWY_NAMESPACE {
 
 constexpr int kChunk = 16;      // samples
-constexpr double kReach = 5.0;  // in sigma_r, of the samples round a start
+constexpr double kReach = 5.0;  // of the samples around a start, in sigma_r
 constexpr float kFar = 36.0f;   // z^2
 constexpr int kIterations = 16, kPatience = 5;
 constexpr int kMaxNormal = kMaxParameters * (kMaxParameters + 1) / 2;
-constexpr float kFinestStep = 1.0f / 65535.0f;  // of the frames; a fit that moves by less is settled
+constexpr float kFinestStep = 1.0f / 65535.0f;  // of the frames; a fit that moves by less has converged
 
-// The samples of one sweep round the starts, each lane's own, mode by mode: those near mode m that no earlier
-// mode had. Of weight 0 where other lanes have more.
+// The samples of one sweep around the starts, by lane and mode: those near mode m that no earlier mode has.
+// Padded with weight 0 to the longest lane.
 struct Gathered {
   int first[kMaxFootprints + 1];                        // of each mode's samples
   bool reaches[kMaxFootprints][kMaxFootprints];         // [m][n]: n's light reaches samples near m
@@ -31,7 +31,7 @@ struct Gathered {
   HWY_ALIGN float start_px[kMaxFootprints][kMaxLanes];  // c.s of each start, from that of mode 0's
 };
 
-// What a point of the search is, and what the samples say there.
+// A point of the search and its sums over the samples.
 struct Point {
   HWY_ALIGN float p[kMaxParameters][kMaxLanes];  // of each mode R, x and y from its start, l11, l21, l22
   HWY_ALIGN float gradient[kMaxParameters][kMaxLanes];
@@ -151,12 +151,11 @@ InSweep Place(const Row* p, const StripeAxis& axis, const Row& start_px) {
   return mode;
 }
 
-// u = exp(-z^2 / 2) times the root of the weight. Farther off there is nothing, and it is costly to count
-// that in denormal numbers.
+// u = exp(-z^2 / 2) times the root of the weight. Beyond kFar it is set to 0: denormal numbers are slow.
 HWY_INLINE V Peak(V zz, V root) {
   const D d;
   const hn::RebindToSigned<D> di;
-  // 2^x = 2^n 2^f with |f| <= 1/2, the latter by its Taylor series in f ln 2; relative error 2e-7.
+  // 2^x = 2^n 2^f with |f| <= 1/2, 2^f by its Taylor series in f ln 2; relative error 2e-7.
   const V x = hn::Mul(zz, Set(-0.72134752f)), whole = hn::Round(x), f = hn::Sub(x, whole);
   V power = hn::MulAdd(Set(1.5403530e-4f), f, Set(1.3333558e-3f));
   power = hn::MulAdd(power, f, Set(9.6181291e-3f));
@@ -169,7 +168,7 @@ HWY_INLINE V Peak(V zz, V root) {
   return hn::IfThenElseZero(hn::Lt(zz, Set(kFar)), hn::Mul(root, u));
 }
 
-// The sums of samples that one mode alone reaches.
+// Adds samples that only one mode reaches.
 void AddSingle(const Gathered& gathered, int first, int last, const InSweep& mode, float (*gain)[kMaxLanes],
                float (*gram)[kMaxLanes], V& chi2, V& neighbours) {
   const D d;
@@ -198,7 +197,7 @@ void AddSingle(const Gathered& gathered, int first, int last, const InSweep& mod
   hn::Store(h02, d, gram[6]), hn::Store(h12, d, gram[7]), hn::Store(h22, d, gram[8]);
 }
 
-// The sums of a chunk of samples that several modes reach.
+// Adds a chunk of samples that several modes reach.
 void AddChunk(const Gathered& gathered, int first, int count, const InSweep* modes, const int* reaching,
               int reaching_count, BatchSpace& space, V& chi2, V& neighbours) {
   const D d;
@@ -306,15 +305,15 @@ void EvaluatePoint(const SampleLayout& layout, int mode_count, BatchSpace& space
   hn::Store(chi2, d, point.chi2), hn::Store(neighbours, d, point.neighbours);
 }
 
-// The factor of a point's normal matrix, its diagonal raised by `damping` of itself.
+// Factorises a point's normal matrix with its diagonal scaled by 1 + `damping`.
 void FactorNormal(const Point& point, V damping, int mode_count, BatchSpace& space) {
   const D d;
   const int parameters = 6 * mode_count;
   for (int i = 0; i < Packed(parameters, 0); ++i) hn::Store(hn::Load(d, point.normal[i]), d, space.factor[i]);
   for (int m = 0; m < mode_count; ++m) {
     const auto diagonal = [&](int i) -> float* { return space.factor[Packed(6 * m + i, 6 * m + i)]; };
-    // Near Sigma's boundary an l moves nothing: it counts as a twelfth of sigma_r at least. Where it is that
-    // wide it has as much of the diagonal as a hundredth of the centre has.
+    // Near Sigma's boundary the derivative by an l vanishes: l counts as at least a twelfth of sigma_r, at
+    // which its diagonal is a hundredth of the centre's.
     const V least = hn::Mul(Set(0.005f), hn::Add(hn::Load(d, diagonal(1)), hn::Load(d, diagonal(2))));
     for (int i = 3; i < 6; ++i) hn::Store(hn::Max(hn::Load(d, diagonal(i)), least), d, diagonal(i));
     for (int i = 0; i < 6; ++i) {
@@ -329,7 +328,7 @@ void SetStarts(std::span<const BatchPixel> pixels, double narrowest_px, Point& p
   for (size_t lane = 0; lane < hn::Lanes(D()); ++lane) {
     const Footprints& start = pixels[std::min(lane, pixels.size() - 1)].start;
     for (int m = 0; m < start.size(); ++m) {
-      // Nowhere narrower than an eighth of a stripe: from zero an l would not grow.
+      // At least an eighth of a stripe: from zero an l could not grow.
       const Footprint mode = with_positive_covariance(start[m], narrowest_px * narrowest_px / 64.0);
       const double l11 = std::sqrt(mode.xx_px2), l21 = mode.xy_px2 / l11;
       const double l22 = std::sqrt(std::max(mode.yy_px2 - l21 * l21, 1e-12));
@@ -339,7 +338,7 @@ void SetStarts(std::span<const BatchPixel> pixels, double narrowest_px, Point& p
   }
 }
 
-// Levenberg-Marquardt, each lane with its own damping. Tells which lanes settled.
+// Levenberg-Marquardt, each lane with its own damping. Returns the lanes that converged.
 void Minimise(const SampleLayout& layout, int mode_count, float narrowest_px, BatchSpace& space,
               Row& settled_lanes) {
   const D d;
@@ -353,7 +352,7 @@ void Minimise(const SampleLayout& layout, int mode_count, float narrowest_px, Ba
     FactorNormal(best, damping, mode_count, space);
     for (int i = 0; i < parameters; ++i) hn::Store(hn::Load(d, best.gradient[i]), d, space.step[i]);
     SolveLower(space.factor, parameters, space.step);
-    // What the step promises, against the noise of one sample, as in fit_jointly.
+    // The predicted reduction relative to the noise of one sample, as in fit_jointly.
     V promise = hn::Zero(d);
     for (int i = 0; i < parameters; ++i) {
       const V step = hn::Load(d, space.step[i]), now = hn::Load(d, best.p[i]);
@@ -366,7 +365,7 @@ void Minimise(const SampleLayout& layout, int mode_count, float narrowest_px, Ba
                              hn::Mul(samples, Set(kFinestStep * kFinestStep)));
     const auto bold = hn::Lt(damping, Set(0.1f)), last = hn::And(bold, hn::Le(promise, little));
     if (hn::AllTrue(d, hn::Or(settled, last))) {
-      // Steps so small need no proof.
+      // Steps this small are accepted unchecked.
       for (int i = 0; i < parameters; ++i)
         hn::Store(hn::IfThenElse(last, hn::Load(d, trial.p[i]), hn::Load(d, best.p[i])), d, best.p[i]);
       settled = hn::Or(settled, last);
@@ -377,7 +376,7 @@ void Minimise(const SampleLayout& layout, int mode_count, float narrowest_px, Ba
     const auto better = hn::Ge(gained, hn::Mul(Set(-1e-6f), chi2));
     const auto idle = hn::And(better, hn::Lt(gained, hn::Mul(Set(3e-4f), chi2)));
     settled = hn::Or(settled, hn::Or(last, hn::And(bold, idle)));
-    // As far as the quadratic model was right.
+    // Damping follows the accuracy of the quadratic model.
     const V scale =
         hn::IfThenElse(hn::Gt(gained, hn::Mul(Set(0.9f), promise)), Set(0.1f),
                        hn::IfThenElse(hn::Lt(gained, hn::Mul(Set(0.2f), promise)), Set(3.0f), Set(0.5f)));
@@ -391,7 +390,7 @@ void Minimise(const SampleLayout& layout, int mode_count, float narrowest_px, Ba
     }
     for (int i = 0; i < Packed(parameters, 0); ++i) take(best.normal[i], trial.normal[i]);
     take(best.chi2, trial.chi2), take(best.neighbours, trial.neighbours);
-    // The last few are not worth that all go on.
+    // Stop before the last few lanes converge: all would have to iterate with them.
     const size_t left = hn::CountTrue(d, hn::Not(settled));
     if (left == 0 || (iteration >= kPatience && 4 * left <= hn::Lanes(d))) break;
   }

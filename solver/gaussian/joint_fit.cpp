@@ -10,9 +10,9 @@
 namespace glasswing {
 namespace {
 
-// A hundredth of a pixel wide: a point, to all that follows.
+// A hundredth of a pixel wide: effectively a point.
 constexpr double kMinCovariance_px2 = 1e-4;
-constexpr double kFinestStep = 1.0 / 65535.0;  // of the frames; a fit that moves by less is settled
+constexpr double kFinestStep = 1.0 / 65535.0;  // of the frames; a fit that moves by less has converged
 
 bool sane(const Footprints& modes, const SampleLayout& layout, const MonitorExtent& extent) {
   const double limit = 2.0 * (extent.width_px + extent.height_px);
@@ -34,7 +34,7 @@ class Problem {
   Problem(const PixelSamples& samples, const MonitorExtent& extent, JointWorkspace& workspace)
       : samples_(samples), extent_(extent), workspace_(workspace) {}
 
-  // Levenberg-Marquardt; true if it settled.
+  // Levenberg-Marquardt; true if it converged.
   bool minimise(Footprints& modes, NormalEquations& at, int max_iterations) {
     const int n = 6 * modes.size();
     double damping = 1e-3;
@@ -49,7 +49,7 @@ class Problem {
       const Eigen::LLT<FootprintMatrix> solver(damped);
       FootprintVector step = solver.solve(gradient);
       const Footprints moved = step_within_cone(modes, solver, step);
-      // What the step promises, against the noise of one sample: a squared distance in standard errors.
+      // The predicted reduction relative to the noise of one sample: a squared distance in standard errors.
       const double promise = 2.0 * gradient.dot(step) - step.dot(normal * step);
       const double samples = std::max(at.near_count, 1);
       const bool last =
@@ -64,7 +64,7 @@ class Problem {
         modes = moved;
         std::swap(at, next_);
         if ((last || gained < 3e-4 * at.near_chi2) && damping < 0.1) return true;
-        // As far as the quadratic model was right.
+        // Damping follows the accuracy of the quadratic model.
         damping *= gained > 0.9 * promise   ? 0.1
                    : gained > 0.5 * promise ? 0.5
                    : gained < 0.2 * promise ? 3.0

@@ -1,9 +1,10 @@
-// The joint fit of all footprints of one pixel's channel to all samples of all sweeps over one monitor: the
-// Levenberg-Marquardt of Chuang et al. 2000, section 3.2, with the noise of each sample as its weight.
+// Fits all footprints of one pixel's channel jointly to all samples of all sweeps over one monitor: the
+// Levenberg-Marquardt of Chuang et al. 2000, section 3.2, with each sample weighted by its noise.
 //
 //   chi2 = sum_i w_i (y_i - sum_m y_m(r_i))^2            y_m: footprint.h
 //
-// Every derivative is analytic, the one of inside(r) too. With z = (r - c.s) / sigma_r and u = exp(-z^2/2):
+// All derivatives are analytic, including that of inside(r). With z = (r - c.s) / sigma_r and u =
+// exp(-z^2/2):
 //   dy/dR = y / R      dy/d(c.s) = y z / sigma_r      dy/d(sigma_r^2) = y (z^2 - 1) / (2 sigma_r^2)
 #pragma once
 
@@ -14,13 +15,13 @@
 
 namespace glasswing {
 
-// Where the samples of every sweep lie; the same for all pixels.
+// The positions of the samples of every sweep; the same for all pixels.
 struct SampleLayout {
   static constexpr int kPad = 8;  // each sweep's samples fill whole vectors; the rest has weight 0
   struct Sweep {
     StripeAxis axis;
     double first_r_px = 0.0;
-    int first = 0;         // place of its first sample, a multiple of kPad
+    int first = 0;         // index of its first sample, a multiple of kPad
     int count = 0;         // samples
     int padded_count = 0;  // multiple of kPad
   };
@@ -36,22 +37,23 @@ struct SampleLayout {
 struct PixelSamples {
   const SampleLayout* layout = nullptr;
   std::vector<float> y;  // padded_count values
-  // The variance of ordinary samples over that of this one; 0: saturated, missing or padding.
+  // The variance of an ordinary sample divided by this one's; 0: saturated, missing or padding.
   std::vector<float> weight;
 };
 
-// At some footprints: the Gauss-Newton equations N delta = g in (R, cx, cy, xx, xy, yy) of each mode.
+// The Gauss-Newton equations N delta = g at some footprints, in (R, cx, cy, xx, xy, yy) of each mode.
 struct NormalEquations {
   double chi2 = 0.0;
-  // The part of it, and how many samples, within reach of a mode (4.7 sigma_r); and there, in place of each
-  // residual's square, its product with the one before.
+  // The part of chi2 within reach of a mode (4.7 sigma_r), the number of samples there, and the sum of
+  // products of neighbouring residuals there.
   double near_chi2 = 0.0, near_neighbours = 0.0;
   int near_count = 0;
-  std::array<double, kMaxParameters> gradient;                            // g
-  std::array<std::array<double, kMaxParameters>, kMaxParameters> matrix;  // N, symmetric, filled whole
+  std::array<double, kMaxParameters> gradient;  // g
+  std::array<std::array<double, kMaxParameters>, kMaxParameters>
+      matrix;  // N, symmetric, both triangles filled
 };
 
-// What one thread needs beside.
+// Scratch memory of one thread.
 struct JointWorkspace {
   std::vector<float> residual;  // after evaluate: y - model, as PixelSamples.y
   std::vector<float> columns;   // the derivatives, one after another
@@ -62,16 +64,16 @@ void evaluate(const PixelSamples& samples, const Footprints& modes, const Monito
 
 struct JointFit {
   Footprints modes;
-  double chi2 = 0.0, near_chi2 = 0.0, near_neighbours = 0.0;  // as of NormalEquations
+  double chi2 = 0.0, near_chi2 = 0.0, near_neighbours = 0.0;  // as in NormalEquations
   int near_count = 0;
   bool converged = false;
   // Standard errors, from the inverse of N times the residual's variance; infinite where N is singular.
   std::array<double, kMaxFootprints> weight_sd{}, centre_sd_px{};
 };
 
-// From `start` (1 to 4 modes) to the nearest minimum. Sigma is kept positive semi-definite: where the free
-// fit leaves that, its Cholesky factor is fitted instead. Weights may come out negative. Converged: the next
-// step would be less than a tenth of the estimate's own standard error.
+// Fits from `start` (1 to 4 modes) to the nearest minimum. Sigma stays positive semi-definite: steps that
+// would leave the cone move along its boundary (cone_step.h). Weights may become negative. Converged: the
+// next step would be less than a tenth of the estimate's own standard error.
 JointFit fit_jointly(const PixelSamples& samples, const Footprints& start, const MonitorExtent& extent,
                      int max_iterations, JointWorkspace& workspace);
 

@@ -1,4 +1,4 @@
-// The sums of joint_fit.h, vectors of samples at a time.
+// The sums of joint_fit.h, a vector of samples at a time.
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "solver/gaussian/joint_kernel.cpp"
 #include <hwy/foreach_target.h>
@@ -51,8 +51,8 @@ V NormalIntegral(V a, V* density) {
   return hn::IfThenElse(hn::Lt(a, hn::Zero(d)), tail, hn::Sub(hn::Set(d, 1.0f), tail));
 }
 
-// One side of inside(r): the part of a Gaussian (mean, sd) on [0, extent], and its derivatives by mean and
-// variance.
+// One side of inside(r): the share of a Gaussian (mean, sd) on [0, extent], and its derivatives with respect
+// to mean and variance.
 struct Side {
   V part, by_mean, by_variance;
 };
@@ -73,7 +73,7 @@ Side Within(V mean, float sd, float extent, bool clamped) {
   return side;
 }
 
-// The six derivatives where the edge cuts the mode off; the model is taken from the residual on the way.
+// The six derivatives if the edge cuts the mode off; also subtracts the model from the residual.
 void CutColumns(const Footprint& mode, const SampleLayout::Sweep& sweep, const MonitorExtent& extent,
                 const float* offset_px, float* residual, float* columns, size_t stride, Range range) {
   const D d;
@@ -85,7 +85,7 @@ void CutColumns(const Footprint& mode, const SampleLayout::Sweep& sweep, const M
   constexpr double kMin_px2 = 1e-3;
   const auto sd_x = static_cast<float>(std::sqrt(std::max(own_x, kMin_px2)));
   const auto sd_y = static_cast<float>(std::sqrt(std::max(own_y, kMin_px2)));
-  // By x, y, xx, xy, yy: of c.s, sigma_r^2, gx, gy, and of the lit part's own variances.
+  // Derivatives by x, y, xx, xy, yy: of c.s, sigma_r^2, gx, gy, and of the lit part's own variances.
   const double d_centre[5] = {c, s, 0.0, 0.0, 0.0};
   const double d_variance[5] = {0.0, 0.0, c * c, 2.0 * c * s, s * s};
   const double d_gx[5] = {0.0, 0.0, c, s, 0.0};
@@ -228,7 +228,7 @@ Range Reach(const Footprint& mode, const SampleLayout::Sweep& sweep, const float
   return {begin, last > first ? (last + lanes - 1) / lanes * lanes : begin};
 }
 
-// chi2, and its part within the modes' ranges.
+// Computes chi2 and its part within the modes' ranges.
 void AddSquares(const PixelSamples& samples, const SampleLayout::Sweep& sweep, const float* residual,
                 std::span<Range> ranges, NormalEquations& equations) {
   const float* w = samples.weight.data() + sweep.first;

@@ -1,13 +1,13 @@
-// Gaussians fitted to windows of equally spaced samples, as many windows at once as a vector has lanes.
+// Fits Gaussians to windows of equally spaced samples, one window per vector lane.
 //
 // One:  y(k) = a g(k),  g(k) = exp(-z^2 / 2),  z = (k - mu) / sigma, k counted in samples from the window's
 // middle. Gauss-Newton in the basis (g, z g, z^2 g). On a unit grid with sigma >= 2 the basis' Gram matrix
 // has a closed form,
 //   sum g^2 z^n = sqrt(pi) sigma {1, 0, 1/2, 0, 3/4}     (n = 0..4; the error is below 1e-12)
-// so that an iteration needs three sums: the residual with g, k g and k^2 g. Along k, g follows without exp:
-// g <- g q, q <- q exp(-1/sigma^2), from the middle both ways.
+// so an iteration needs only three sums: of the residual with g, k g and k^2 g. Along k, g follows without
+// exp: g <- g q, q <- q exp(-1/sigma^2), from the middle both ways.
 //
-// Two: the same for both; their cross terms are moments of the product, which is a Gaussian again.
+// Two: the same for both; the cross terms are moments of their product, which is again a Gaussian.
 #pragma once
 
 #include <cstddef>
@@ -15,7 +15,7 @@
 
 namespace glasswing {
 
-// Samples k = -half .. half round a middle; the one at k lies at middle[k * stride].
+// Samples k = -half .. half around a middle; sample k is middle[k * stride].
 struct LineWindow {
   const float* middle = nullptr;
   std::ptrdiff_t stride = 1;
@@ -23,8 +23,8 @@ struct LineWindow {
 };
 inline constexpr int kMaxHalf = 400;
 
-// In samples, from the window's middle. In: where to start; out: the fit. A fit that does not settle, or goes
-// astray, gives back its start, settled = false.
+// Units are samples from the window's middle. In: the start; out: the fit. A fit that does not converge or
+// diverges returns its start with settled = false.
 struct LineGaussian {
   float amplitude = 0.0f;
   float centre = 0.0f;
@@ -41,7 +41,7 @@ struct DoubleFit {
   bool settled = false;
 };
 
-// Windows of like length side by side go fastest. Same count in both spans.
+// Fastest if windows of similar length are adjacent. Both spans have the same size.
 void fit_single(std::span<const LineWindow> windows, std::span<SingleFit> fits);
 void fit_double(std::span<const LineWindow> windows, std::span<DoubleFit> fits);
 

@@ -1,4 +1,4 @@
-// Gaussians along equally spaced samples, for the kernels that sum with them. Included once a target.
+// Gaussians along equally spaced samples, for kernels that sum over them. Included once per target.
 #if defined(GLASSWING_LINE_KERNEL_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef GLASSWING_LINE_KERNEL_INL_H_
 #undef GLASSWING_LINE_KERNEL_INL_H_
@@ -79,8 +79,8 @@ HWY_INLINE int Packed(int i, int j) {
   return i * (i + 1) / 2 + j;
 }
 
-// Its Cholesky factor L in its place, with the inverses of L's diagonal. Where it is not positive, as if the
-// diagonal were a little larger.
+// Replaces it by its Cholesky factor L, with the inverses of L's diagonal. A matrix that is not positive is
+// treated as if its diagonal were slightly larger.
 HWY_INLINE void FactorLower(Row* matrix, int n) {
   const D d;
   for (int j = 0; j < n; ++j) {

@@ -76,13 +76,13 @@ void SingleSums(const Batch& batch, V a, V mu, V sigma, Moments& sums, V& chi2) 
   sums.m2 = hn::Add(sums.m2, down.m2);
 }
 
-constexpr float kSettled = 1e-3f;  // of sigma, and of the amplitude
+constexpr float kSettled = 1e-3f;  // as a share of sigma and of the amplitude
 
 void FitSingle(std::span<const LineWindow> windows, std::span<SingleFit> fits) {
   const D d;
   const size_t lanes = hn::Lanes(d);
-  // Not in the thread's own storage: half a megabyte there is more than the small stacks of other libraries'
-  // threads hold.
+  // Not thread-local: half a megabyte of thread-local storage overflows the small stacks of other libraries'
+  // threads.
   static thread_local const std::unique_ptr<Batch> kept = std::make_unique<Batch>();
   Batch& batch = *kept;
   HWY_ALIGN float in[3][kMaxLanes], out[5][kMaxLanes];

@@ -10,9 +10,9 @@ namespace glasswing {
 namespace {
 
 constexpr int kMaxMeetings = 12;
-constexpr int kFirstIterations = 6;  // of each start, to choose among them
+constexpr int kFirstIterations = 6;  // of each start, before choosing among them
 constexpr int kIterations = 80;
-// Residuals below this are the pixels' and footprints' own shape, whatever the frames' noise.
+// Residuals below this come from the shape of pixels and footprints, regardless of the frames' noise.
 constexpr double kMinNoise = 1e-4;
 
 struct Meeting {
@@ -30,13 +30,13 @@ double centre_of(const Footprint& mode, const StripeAxis& axis) {
   return mode.x_px * axis.cos_phi + mode.y_px * axis.sin_phi;
 }
 
-// Light that a peak stands for: R, if one mode made it (amplitude sigma_r = R sigma_s in every sweep).
+// The light of a peak: R, if it belongs to one mode (amplitude sigma_r = R sigma_s in every sweep).
 double light_of(const Peak& peak, const StripeAxis& axis) {
   return peak.amplitude * peak.sigma_px / axis.sigma_px;
 }
 
-// Where a peak of one sweep and a peak of another cross, if every further sweep has a peak there too; in
-// two of them it may be hidden in the flank of a much brighter one.
+// Crossings of a peak of one sweep with a peak of another where every further sweep has a peak too. In two of
+// them it may be hidden in the flank of a much brighter one.
 bool meet(std::span<const StripeAxis> axes, std::span<const Peaks> peaks, size_t first, const Peak& a,
           size_t second, const Peak& b, Meeting* meeting) {
   const double determinant =
@@ -76,7 +76,7 @@ bool meet(std::span<const StripeAxis> axes, std::span<const Peaks> peaks, size_t
   if (count >= 3) {
     meeting->mode = intersect({seen.data(), count}, {chosen.data(), count});
   } else {
-    // Two widths do not tell Sigma: a round one.
+    // Two widths do not determine Sigma: assume a round one.
     const auto spread = [&](size_t i) {
       return chosen[i].sigma_px * chosen[i].sigma_px - seen[i].sigma_px * seen[i].sigma_px;
     };
@@ -131,8 +131,7 @@ Peak peak_of(const Footprint& mode, const StripeAxis& axis) {
   return {.amplitude = axis.sigma_px / sigma, .centre_px = centre_of(mode, axis), .sigma_px = sigma};
 }
 
-// Chooses the k meeting points whose footprints, with the best weights, leave the least of the peaks
-// unexplained.
+// Chooses the k meeting points whose footprints, with the best weights, explain the peaks best.
 class SubsetChoice {
  public:
   SubsetChoice(std::span<const StripeAxis> axes, std::span<const Peaks> peaks,
@@ -153,7 +152,7 @@ class SubsetChoice {
     }
   }
 
-  // False: there is no such set with all weights positive.
+  // False: no such set has only positive weights.
   bool best(int size, Footprints* modes) {
     if (size > count_) return false;
     size_ = size;
@@ -213,7 +212,7 @@ class SubsetChoice {
   Eigen::Vector4d best_weights_;
 };
 
-// The two highest rises of a residual above `floor`, with the stripe's own width.
+// The two highest maxima of a residual above `floor`, with the stripe's own width.
 Peaks rises_of(const float* residual, const SampleLayout& layout, const SampleLayout::Sweep& sweep,
                double floor) {
   Peaks rises;
@@ -244,7 +243,7 @@ Peaks rises_of(const float* residual, const SampleLayout& layout, const SampleLa
   return rises;
 }
 
-// Of the eigenvalues of Sigma, the larger or the smaller one, and its axis.
+// The larger or smaller eigenvalue of Sigma and its axis.
 double principal_variance(const Footprint& mode, bool larger, double* axis_x, double* axis_y) {
   const double mean = 0.5 * (mode.xx_px2 + mode.yy_px2), half = 0.5 * (mode.xx_px2 - mode.yy_px2);
   const double radius = std::hypot(half, mode.xy_px2);
@@ -260,11 +259,10 @@ int max_peaks(std::span<const Peaks> peaks) {
   return most;
 }
 
-// Noise alone leaves chi2 = n - p in units of its variance, and nothing for the products of neighbours but
-// what the fit has taken: the basis of a mode is smooth, its own neighbours correlate by 0.8. Their variances
-// are 2n and n, independent. A missing mode adds nearly as much to the products as to chi2, so that the sum
-// that tells it best has 1.6 of the former to 1 of the latter. Explained: below three of its standard
-// deviations.
+// With noise alone chi2 is n - p in units of its variance, and the products of neighbouring residuals sum to
+// 0 except for what the fit absorbed: a mode's basis is smooth, with neighbours correlated by 0.8. Their
+// variances are 2n and n, independent. A missing mode adds nearly as much to the products as to chi2, so the
+// most sensitive sum weights the products 1.6 to 1. Explained: below three standard deviations of that sum.
 bool is_explained(const JointFit& fit, double noise_sd) {
   constexpr double kSmooth = 0.8, kProducts = 1.6;
   const double n = std::max(fit.near_count, 1), p = 6.0 * fit.modes.size();
@@ -274,7 +272,7 @@ bool is_explained(const JointFit& fit, double noise_sd) {
   return excess + kProducts * products < 2.5 * std::sqrt((2.0 + kProducts * kProducts) * n);
 }
 
-// Settled, and each mode's weight is beyond four of its standard errors.
+// Converged, and each mode's weight exceeds four of its standard errors.
 bool is_sound(const JointFit& fit) {
   for (int m = 0; m < fit.modes.size(); ++m) {
     if (!(fit.modes[m].weight > 4.0 * fit.weight_sd[static_cast<size_t>(m)])) return false;
@@ -324,8 +322,7 @@ class Search {
   }
 
  private:
-  // The usual case: as many modes as some sweep shows peaks, no more and no fewer, and nothing left but
-  // noise.
+  // The usual case: exactly as many modes as some sweep has peaks, and nothing left but noise.
   bool as_many_as_peaks(std::span<const Peaks> peaks, int max_modes, SubsetChoice& subsets, JointFit* fit) {
     Footprints start;
     const int most = max_peaks(peaks);
@@ -350,12 +347,12 @@ class Search {
 
   bool earns_its_place(const JointFit& before, const JointFit& after) const {
     const double n = std::max(after.near_count, 1), least = n * noise_sd_ * noise_sd_;
-    // Where the new fit does not reach, both leave the same.
+    // Outside the new fit's reach both residuals are equal.
     const double left_before = before.chi2 - (after.chi2 - after.near_chi2);
     return n * std::log(std::max(left_before, least) / std::max(after.near_chi2, least)) > 4.0 * std::log(n);
   }
 
-  // A few steps of each start, then the best of them to its minimum.
+  // A few steps from each start, then the best one to its minimum.
   bool fit_best_start(JointFit* best) {
     bool found = false;
     for (const Footprints& start : starts_) {
@@ -390,7 +387,7 @@ class Search {
     starts_.push_back(start);
   }
 
-  // Of the mode round which most is left unexplained. Uses the residual of add_residual_start.
+  // Splits the mode around which most is unexplained. Uses the residual of add_residual_start.
   void add_split_starts(const Footprints& modes) {
     int worst = 0;
     double most = -1.0;

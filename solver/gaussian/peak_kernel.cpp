@@ -38,16 +38,16 @@ void FindTops(const SweepBlock& sweep, const float* floor, internal::LaneTops* t
   HWY_ALIGN float heights[kBlockLanes];
   for (int first = 0; first < kBlockLanes; first += lanes) {
     const float* y = sweep.y + first;
-    // Four times the smoothed samples, all along.
+    // Four times the smoothed samples throughout.
     const V least = hn::Mul(hn::LoadU(d, floor + first), hn::Set(d, 4.0f)), nothing = hn::Set(d, -1e30f);
     const auto sample = [&](int i) { return hn::LoadU(d, y + std::clamp(i, 0, count - 1) * kBlockLanes); };
     for (int begin = 0; begin < count; begin += kGroup) {
       const int end = std::min(begin + kGroup, count);
-      // Most of a sweep is dark: where no sample rises above the floor, nothing smoothed does.
+      // Most of a sweep is dark: if no sample rises above the floor, no smoothed one does.
       V highest = hn::Max(sample(begin - 1), sample(end));
       for (int i = begin; i < end; ++i) highest = hn::Max(highest, hn::LoadU(d, y + i * kBlockLanes));
       if (hn::AllTrue(d, hn::Le(hn::Mul(highest, hn::Set(d, 4.0f)), least))) continue;
-      // (1 2 1) is (1 1) twice.
+      // (1 2 1) is (1 1) applied twice.
       V here = sample(begin), pair = hn::Add(sample(begin - 1), here), ahead = sample(begin + 1),
         next_pair = hn::Add(here, ahead), now = hn::Add(pair, next_pair);
       V last = begin > 0 ? hn::Add(hn::Add(sample(begin - 2), sample(begin - 1)), pair) : nothing;
@@ -78,7 +78,7 @@ void EstimateNoise(const SweepBlock& sweep, float* noise_sd) {
   const int lanes = static_cast<int>(hn::Lanes(d));
   for (int first = 0; first < kBlockLanes; first += lanes) {
     const float* y = sweep.y + first;
-    // Of |normal| within 3 sd, the mean is 0.7899 of the sd's own sqrt(2/pi) = 0.7979 less what was cut.
+    // The mean of |normal| within 3 sd: sqrt(2 / pi) (1 - exp(-9 / 2)) / 0.9973.
     constexpr float kMeanWithin = 0.79116f;
     V limit = hn::Set(d, 1e30f), sd = hn::Zero(d);
     for (int round = 0; round < 5; ++round) {

@@ -7,7 +7,7 @@
 namespace glasswing {
 namespace {
 
-// One lane's samples round a top, smoothed by (1 2 1)/4.
+// One lane's samples around a top, smoothed by (1 2 1)/4.
 class Smoothed {
  public:
   // `left` and `right`: samples on either side.
@@ -24,7 +24,7 @@ class Smoothed {
   int left_, right_;
 };
 
-// Where a fit begins: from the smoothed top and the samples two to its left and right,
+// The start of a fit, from the smoothed top and the samples two to its left and right,
 //   (y(-2) + y(2)) / (2 y(0)) = exp(-2 / sigma^2) for a Gaussian on its centre.
 LineGaussian start_of(const Smoothed& smooth, int room) {
   const int k = std::min(room, 2);
@@ -40,7 +40,7 @@ LineGaussian start_of(const Smoothed& smooth, int room) {
   return {.amplitude = height * std::sqrt(1.0f + 0.5f / (sigma * sigma)), .centre = centre, .sigma = sigma};
 }
 
-// Samples on either side until it rises again or has fallen away.
+// The number of samples on either side before the response rises again or has decayed.
 int room_round(const Smoothed& smooth, int most) {
   const float low = 0.02f * smooth(0);
   float left = smooth(-1), right = smooth(1);
@@ -79,7 +79,7 @@ void PeakFinder::add_tops(int sweep, const SweepBlock& block, const std::array<f
   }
 }
 
-// Windows that one Gaussian does not explain get two.
+// Fits two Gaussians to windows that one does not explain.
 void PeakFinder::add_doubles(const std::array<float, kBlockLanes>& noise_sd) {
   doubles_.clear();
   double_of_.clear();
@@ -113,7 +113,7 @@ void PeakFinder::find(std::span<const SweepBlock> sweeps, const std::array<float
   for (size_t i = 0; i < tops_.size(); ++i) {
     if (tops_[i].window.half >= 2) by_length_.emplace_back(tops_[i].window.half, static_cast<int>(i));
   }
-  // Like lengths side by side.
+  // Similar lengths side by side.
   std::sort(by_length_.begin(), by_length_.end());
   windows_.clear();
   singles_.clear();
@@ -127,13 +127,13 @@ void PeakFinder::find(std::span<const SweepBlock> sweeps, const std::array<float
   add_doubles(noise_sd);
 
   found.assign(sweeps.size(), {});
-  const auto add = [&](const Top& top, const LineGaussian& fitted) {
+  const auto add = [&](const Top& top, const LineGaussian& fit) {
     const SweepBlock& sweep = sweeps[static_cast<size_t>(top.sweep)];
     Peaks& peaks = found[static_cast<size_t>(top.sweep)][static_cast<size_t>(top.lane)];
     const Peak peak{
-        .amplitude = static_cast<double>(fitted.amplitude),
-        .centre_px = sweep.first_r_px + (top.place + static_cast<double>(fitted.centre)) * sweep.step_px,
-        .sigma_px = static_cast<double>(fitted.sigma) * sweep.step_px};
+        .amplitude = static_cast<double>(fit.amplitude),
+        .centre_px = sweep.first_r_px + (top.place + static_cast<double>(fit.centre)) * sweep.step_px,
+        .sigma_px = static_cast<double>(fit.sigma) * sweep.step_px};
     int at = peaks.count < kMaxPeaks ? peaks.count++ : kMaxPeaks - 1;
     if (at == kMaxPeaks - 1 && peaks.peaks[static_cast<size_t>(at)].amplitude > peak.amplitude) return;
     for (; at > 0 && peaks.peaks[static_cast<size_t>(at - 1)].amplitude < peak.amplitude; --at) {
@@ -147,7 +147,7 @@ void PeakFinder::find(std::span<const SweepBlock> sweeps, const std::array<float
     const bool tried = next < double_of_.size() && double_of_[next] == i;
     const DoubleFit* two = tried ? &doubles_[next++] : nullptr;
     const auto n = static_cast<float>(2 * top.window.half + 1);
-    // The Bayesian criterion: three more parameters.
+    // The Bayesian information criterion for three more parameters.
     const bool better =
         two != nullptr && two->settled && n * std::log(top.fit.chi2 / two->chi2) > 3.0f * std::log(n);
     add(top, better ? two->peaks[0] : top.fit.peak);

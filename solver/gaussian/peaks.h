@@ -1,8 +1,8 @@
-// The peaks of responses to sweeps (Chuang et al. 2000, section 3.2): maxima above the noise after
-// smoothing, each with a Gaussian fitted to its own surroundings; two where one does not explain them.
+// Finds the peaks of responses to sweeps (Chuang et al. 2000, section 3.2): maxima above the noise after
+// smoothing, each fitted by a Gaussian in its surroundings, or by two if one does not explain them.
 //
-// Responses come in blocks of kBlockLanes side by side (a lane is one channel of one pixel), sample by
-// sample, as frames hold them.
+// Responses come in blocks of kBlockLanes lanes, sample by sample, as frames store them. A lane is one
+// channel of one pixel.
 #pragma once
 
 #include <array>
@@ -32,15 +32,14 @@ struct SweepBlock {
   double first_r_px = 0.0, step_px = 0.0;
 };
 
-// The noise of each lane, its samples taken as smooth but for noise: from second differences d,
-// sd(d) = sqrt(6) sd(y), those of the peaks clipped away (mean |d| of what lies within 3 sd, three times
-// over).
+// The noise of each lane whose samples are otherwise smooth: from second differences d, with sd(d) = sqrt(6)
+// sd(y) and peaks clipped (mean |d| of those within 3 sd, iterated three times).
 std::array<float, kBlockLanes> estimate_noise(const SweepBlock& sweep);
 
 class PeakFinder {
  public:
-  // floor: what a peak must rise above; noise_sd: of a sample; both a lane. Lanes whose bit in `lanes` is
-  // not set are left out. `found`: [sweep][lane].
+  // floor: minimum height of a peak; noise_sd: of a sample; both by lane. Lanes whose bit in `lanes` is not
+  // set are skipped. `found`: [sweep][lane].
   void find(std::span<const SweepBlock> sweeps, const std::array<float, kBlockLanes>& floor,
             const std::array<float, kBlockLanes>& noise_sd, unsigned lanes,
             std::vector<std::array<Peaks, kBlockLanes>>& found);
@@ -56,17 +55,17 @@ class PeakFinder {
   void add_doubles(const std::array<float, kBlockLanes>& noise_sd);
 
   std::vector<Top> tops_;
-  std::vector<std::pair<int, int>> by_length_;  // half a window, and the top it is of
+  std::vector<std::pair<int, int>> by_length_;  // half a window and the index of its top
   std::vector<LineWindow> windows_;
   std::vector<SingleFit> singles_;
   std::vector<DoubleFit> doubles_;
-  std::vector<size_t> double_of_;  // the top that each is of
+  std::vector<size_t> double_of_;  // index of the top of each
 };
 
 namespace internal {
 
 // The highest maxima of each lane after smoothing by (1 2 1)/4, at most kMaxPeaks, highest first. `smooth`
-// gets the smoothed samples.
+// receives the smoothed samples.
 struct LaneTops {
   int count = 0;
   std::array<float, kMaxPeaks> height;

@@ -45,7 +45,7 @@ std::uint16_t LoadFrame(const std::uint16_t* codes, int lane_count, float zero, 
   return most;
 }
 
-// By bisection: counting is all that lanes can do side by side.
+// By bisection: lanes can only count in parallel.
 void MedianNear(const float* samples, size_t sample_count, const float* middle, const float* reach,
                 float* median) {
   const D d;

@@ -18,9 +18,7 @@ SampleTile::SampleTile(const StackLayout& layout) : layout_(layout) {
 void SampleTile::load(const FrameStack& stack, int row, int first_lane, int lane_count,
                       const SampleNoise& noise) {
   block_count_ = (lane_count + kBlockLanes - 1) / kBlockLanes;
-  const size_t start =
-      static_cast<size_t>(row) * static_cast<size_t>(stack.manifest.camera().width_px()) * 3 +
-      static_cast<size_t>(first_lane);
+  const size_t start = stack.sample_index(0, row, 0) + static_cast<size_t>(first_lane);
   weighted_ = false;
   if (!layout_.one_frame_a_shot) {
     load_brackets(stack, start, lane_count, noise);
@@ -31,7 +29,7 @@ void SampleTile::load(const FrameStack& stack, int row, int first_lane, int lane
   for (const SweepLayout& sweep : layout_.sweeps) {
     for (const Shot& shot : sweep.shots) {
       const std::uint16_t* codes = stack.rows[static_cast<size_t>(shot.front().frame)].data() + start;
-      // The stretch that comes after this one; frames lie too far apart for the processor to see it coming.
+      // Prefetch the next stretch: frames lie too far apart for the hardware prefetcher.
       for (int ahead = lane_count; ahead < 2 * lane_count; ahead += 32) __builtin_prefetch(codes + ahead);
       const std::uint16_t most =
           internal::load_frame(codes, lane_count, stack.zero, stack.unit,
@@ -61,8 +59,8 @@ void SampleTile::load_brackets(const FrameStack& stack, size_t row_start, int la
   for (const SweepLayout& sweep : layout_.sweeps) {
     for (const Shot& shot : sweep.shots) {
       for (int lane = 0; lane < lane_count; ++lane) {
-        const size_t place = row_start + static_cast<size_t>(lane);
-        const MergedSample merged = merge(stack, shot, place, noise);
+        const size_t index = row_start + static_cast<size_t>(lane);
+        const MergedSample merged = merge(stack, shot, index, noise);
         const size_t block = static_cast<size_t>(lane / kBlockLanes);
         const size_t at =
             (block * sample_count_ + sample) * kBlockLanes + static_cast<size_t>(lane % kBlockLanes);

@@ -21,25 +21,24 @@ class SampleTile {
 
   explicit SampleTile(const StackLayout& layout);
 
-  // Reads lanes [first_lane, first_lane + lane_count) of a row; lane_count is at most kMaxBlocks *
-  // kBlockLanes. Radiance on the scale of the reference exposure. Where several exposures were taken they are
-  // merged (exposure_merge.h).
+  // Reads lanes [first_lane, first_lane + lane_count) of a row as radiance at the reference exposure;
+  // lane_count is at most kMaxBlocks * kBlockLanes. Several exposures are merged (exposure_merge.h).
   void load(const FrameStack& stack, int row, int first_lane, int lane_count, const SampleNoise& noise);
 
   int block_count() const { return block_count_; }
-  // One sweep of a block; the samples may be changed.
+  // One sweep of a block; samples may be modified.
   float* samples(int block, size_t sweep) { return samples_.data() + place(block, sweep); }
   const float* samples(int block, size_t sweep) const { return samples_.data() + place(block, sweep); }
-  // How many frames' worth of light a sample has: 0 saturated, 1 as one frame of the reference exposure; only
-  // where there are several exposures or a saturated sample.
+  // A sample's weight in frames of the reference exposure: 0 if saturated. Only if weighted(): with several
+  // exposures or a saturated sample.
   const float* weights(int block, size_t sweep) const { return weights_.data() + place(block, sweep); }
   float* weights(int block, size_t sweep) { return weights_.data() + place(block, sweep); }
   bool weighted() const { return weighted_; }
-  // Gives all samples weights, 1 if they have none.
+  // Makes weighted() true; samples without weights get 1.
   void need_weights();
-  size_t sample_count() const { return sample_count_; }  // of all sweeps, one block's after another's
+  size_t sample_count() const { return sample_count_; }  // of all sweeps of one block
 
-  // Of all samples of a lane that lie within `reach` of `middle`, and `middle` itself, the median.
+  // The median of `middle` and all samples of a lane within `reach` of it.
   std::array<float, kBlockLanes> median_near(int block, const std::array<float, kBlockLanes>& middle,
                                              const std::array<float, kBlockLanes>& reach) const;
 

@@ -92,7 +92,7 @@ absl::StatusOr<StackLayout> lay_out(const v1::CaptureManifest& manifest) {
       if (!sweep.r_px.empty() && sample.r_px - sweep.r_px.back() < 1e-6) {
         if (sample.peak != sweep.peak.back()) {
           return absl::FailedPreconditionError(
-              fmt::format("{} shows a stripe at the place of another that was brighter or darker",
+              fmt::format("{} shows a stripe at the position of another one of different brightness",
                           manifest.frames(sample.frame.frame).file()));
         }
         sweep.shots.back().push_back(sample.frame);
@@ -106,9 +106,22 @@ absl::StatusOr<StackLayout> lay_out(const v1::CaptureManifest& manifest) {
     layout.sweeps.push_back(std::move(sweep));
   }
   layout.stage = lay_out_stage(manifest, exposures);
+  layout.wave_noise = WaveNoise(manifest);
   GW_RETURN_IF_ERROR(check_black(layout.stage));
   GW_RETURN_IF_ERROR(check_sweeps(layout, manifest));
   return layout;
+}
+
+std::vector<int> frames_of(const StackLayout& layout) {
+  const std::vector<int> stage = frames_of(layout.stage);
+  std::set<int> frames(stage.begin(), stage.end());
+  for (const int frame : layout.wave_noise.frames()) frames.insert(frame);
+  for (const SweepLayout& sweep : layout.sweeps) {
+    for (const Shot& shot : sweep.shots) {
+      for (const ExposedFrame& exposed : shot) frames.insert(exposed.frame);
+    }
+  }
+  return {frames.begin(), frames.end()};
 }
 
 }  // namespace glasswing

@@ -1,4 +1,4 @@
-// Which frames of an archive play which part for swept Gaussians.
+// The roles of an archive's frames in method gaussian.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -7,10 +7,11 @@
 #include <vector>
 
 #include "solver/background/stage_layout.h"
+#include "solver/background/wave_noise.h"
 
 namespace glasswing {
 
-// One stripe, travelling; samples in order of r.
+// One travelling stripe; samples in order of r.
 struct SweepLayout {
   int texture = 0;
   double phi_deg = 0.0;
@@ -19,17 +20,21 @@ struct SweepLayout {
   double sigma_px = 0.0;
   std::vector<Shot> shots;
   std::vector<double> r_px;                 // ascends strictly
-  std::vector<std::array<double, 3>> peak;  // radiance on the peak, per channel
+  std::vector<std::array<double, 3>> peak;  // radiance at the peak, per channel
 };
 
 struct StackLayout {
   std::vector<SweepLayout> sweeps;  // by texture
   StageLayout stage;
+  WaveNoise wave_noise;
   bool one_frame_a_shot = true;
 };
 
 // FAILED_PRECONDITION says what is missing or does not fit: no black with the object, sweeps in fewer than
-// three orientations on a monitor, a sweep of fewer than five steps, numbers that are none.
+// three orientations on a monitor, a sweep of fewer than five steps, invalid numbers.
 absl::StatusOr<StackLayout> lay_out(const v1::CaptureManifest& manifest);
+
+// Every frame that the layout names.
+std::vector<int> frames_of(const StackLayout& layout);
 
 }  // namespace glasswing

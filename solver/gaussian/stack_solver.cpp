@@ -12,7 +12,7 @@ constexpr int kStretch = SampleTile::kMaxBlocks * kBlockLanes;
 constexpr double kMinStep = 1.0 / 65535.0;
 constexpr float kMinFloor = 0.0015f;  // of full scale: fainter peaks are stray light
 
-// Whether the steps are all alike, to a hundredth.
+// Whether all steps are equal to a hundredth.
 bool is_even(const std::vector<double>& r_px) {
   const double step_px = (r_px.back() - r_px.front()) / static_cast<double>(r_px.size() - 1);
   for (size_t i = 1; i < r_px.size(); ++i) {
@@ -21,7 +21,7 @@ bool is_even(const std::vector<double>& r_px) {
   return true;
 }
 
-// Whether a sweep's steps are so wide that a peak's own second differences are as large as its height.
+// Whether a sweep's steps are so wide that a peak's second differences are as large as its height.
 bool is_coarse(const SweepLayout& sweep) {
   const double length_px = sweep.r_px.back() - sweep.r_px.front();
   return length_px > 0.75 * sweep.sigma_px * static_cast<double>(sweep.r_px.size() - 1);
@@ -39,20 +39,19 @@ StackSolver::StackSolver(const FrameStack& stack, const StackLayout& layout, int
     : stack_(stack),
       layout_(layout),
       max_modes_(max_modes),
-      lane_count_(stack.manifest.camera().width_px() * kChannels),
+      lane_count_(stack.width_px * kChannels),
       surroundings_(stack, layout.stage, silhouette_tolerance),
       noise_known_(surroundings_.noise_known()),
       coarse_(std::ranges::any_of(layout.sweeps, is_coarse)),
-      wave_noise_(stack.manifest),
       noise_(surroundings_.noise()),
       tile_(layout) {
   for (size_t s = 0; s < layout.sweeps.size(); ++s) {
     const SweepLayout& sweep = layout.sweeps[s];
     if (textures_.empty() || textures_.back().texture != sweep.texture) {
-      const v1::Monitor& monitor = stack.manifest.monitors(sweep.texture);
+      const EmptyMonitor& monitor = layout.stage.monitors[static_cast<size_t>(sweep.texture)];
       textures_.push_back({.texture = sweep.texture,
-                           .extent = {.width_px = static_cast<double>(monitor.width_px()),
-                                      .height_px = static_cast<double>(monitor.height_px())},
+                           .extent = {.width_px = static_cast<double>(monitor.width_px),
+                                      .height_px = static_cast<double>(monitor.height_px)},
                            .samples = {},
                            .sweeps = {}});
     }
@@ -97,8 +96,8 @@ StackSolver::StackSolver(const FrameStack& stack, const StackLayout& layout, int
 }
 
 void StackSolver::estimate_row_noise(int y) {
-  if (coarse_ && wave_noise_.known()) {
-    std::ranges::fill(noise_sd_, static_cast<float>(wave_noise_.of_row(stack_, y)));
+  if (coarse_ && layout_.wave_noise.known()) {
+    std::ranges::fill(noise_sd_, static_cast<float>(layout_.wave_noise.of_row(stack_, y)));
     return;
   }
   for (int first = 0; first < lane_count_; first += kStretch) {
@@ -147,7 +146,7 @@ void StackSolver::solve_row(int y, Matte& matte) {
       surroundings_.settle_row(y, noise_known_ ? std::vector<double>{} : read_noise(), matte);
   for (size_t x = 0; x < to_solve_.size(); ++x) {
     to_solve_[x] = row.object[x] || row.open[x];
-    // The sweeps know better where it looks.
+    // The sweeps determine its position better.
     if (row.open[x]) forget_modes(static_cast<int>(x), y, matte);
   }
   for (int first = 0; first < lane_count_; first += kStretch) {
@@ -186,7 +185,7 @@ void StackSolver::prepare_block(int y, int block_index) {
     reach[l] = std::max(3.0f * noise[l], 2e-5f);
   }
   if (block.lanes == 0) return;
-  // The light without the stripes: the black frame, and with it all samples that no stripe reached.
+  // The light without stripes: the median of the black frame and all samples that no stripe reached.
   dark = tile_.median_near(block_index, dark, reach);
   for (float& r : reach) r *= 0.67f;
   block.baseline = tile_.median_near(block_index, dark, reach);
@@ -200,7 +199,7 @@ void StackSolver::prepare_block(int y, int block_index) {
   find_peaks(block_index, floor, noise);
 }
 
-// As one frame of the reference exposure would have it, times the peak's square.
+// In frames of the reference exposure, times the square of the peak.
 void StackSolver::weigh(int block_index, const float* inverse_peak) {
   Block& block = blocks_[static_cast<size_t>(block_index)];
   const float* samples = tile_.samples(block_index, 0);
@@ -210,7 +209,7 @@ void StackSolver::weigh(int block_index, const float* inverse_peak) {
   for (int lane = 0; lane < kBlockLanes && block.first_lane + lane < lane_count_; ++lane) {
     const auto l = static_cast<size_t>(lane);
     const SampleNoise& own = noise_;
-    // Brackets bring their own noise.
+    // Merged brackets carry their own noise.
     if (layout_.one_frame_a_shot) gain[l] = static_cast<float>(own.gain);
     const float sd = noise_sd_[static_cast<size_t>(block.first_lane + lane)];
     read_variance[l] = noise_known_ ? static_cast<float>(own.variance(0.0))

@@ -17,16 +17,16 @@
 namespace glasswing {
 namespace {
 
-// Of white: how far a point of the monitor may be from the pattern that was asked for.
+// The largest error of a synthesized pattern at any point of the monitor, as a share of white.
 constexpr double kMaxError = 2e-3;
-// Of the trace of the stripes' products: what periods much shorter than a stripe is wide would need is left
-// out.
+// Ridge, as a share of the trace of the stripes' products. It suppresses periods much shorter than a stripe
+// is wide.
 constexpr double kRidge = 1e-9;
 constexpr double kPointStep_px = 0.5;
-// A weight below which it does not matter that a sample is saturated.
-constexpr double kMinHeard = 0.02;
+// Below this weight a saturated summand does not matter.
+constexpr double kMinWeight = 0.02;
 
-// Points along a direction, from the monitor's one end to the other.
+// Points along a direction, from one end of the monitor to the other.
 struct Axis {
   MonitorSize size;
   double cos_phi = 1.0, sin_phi = 0.0, first_px = 0.0;
@@ -57,18 +57,18 @@ absl::StatusOr<Eigen::VectorXd> shown(const v1::Stimulus& stimulus, const Axis& 
 
 }  // namespace
 
-void MadeCapture::add(const v1::Frame& frame, std::vector<Part> made_of) {
+void SynthesizedCapture::add(const v1::Frame& frame, std::vector<Part> summands) {
   *manifest.add_frames() = frame;
-  parts.push_back(std::move(made_of));
+  parts.push_back(std::move(summands));
 }
 
-MadeCapture as_recorded(const v1::CaptureManifest& recorded) {
+SynthesizedCapture as_recorded(const v1::CaptureManifest& recorded) {
   return part_of(recorded, [](const v1::Frame&) { return true; });
 }
 
-MadeCapture part_of(const v1::CaptureManifest& recorded,
-                    const std::function<bool(const v1::Frame&)>& wanted) {
-  MadeCapture capture{.manifest = recorded, .parts = {}};
+SynthesizedCapture part_of(const v1::CaptureManifest& recorded,
+                           const std::function<bool(const v1::Frame&)>& wanted) {
+  SynthesizedCapture capture{.manifest = recorded, .parts = {}};
   capture.manifest.clear_frames();
   for (int i = 0; i < recorded.frames_size(); ++i) {
     if (wanted(recorded.frames(i))) capture.add(recorded.frames(i), {{.frame = i, .weight = 1.0}});
@@ -76,21 +76,21 @@ MadeCapture part_of(const v1::CaptureManifest& recorded,
   return capture;
 }
 
-std::vector<int> frames_of(const MadeCapture& capture, const std::vector<int>& made) {
+std::vector<int> frames_of(const SynthesizedCapture& capture, const std::vector<int>& synthesized) {
   std::set<int> frames;
-  for (const int frame : made) {
+  for (const int frame : synthesized) {
     for (const Part& part : capture.parts[static_cast<size_t>(frame)]) frames.insert(part.frame);
   }
   return {frames.begin(), frames.end()};
 }
 
-FrameStack made_stack(const FrameStack& recorded, const MadeCapture& capture, const std::vector<int>& made) {
+FrameStack synthesized_stack(const FrameStack& recorded, const SynthesizedCapture& capture,
+                             const std::vector<int>& synthesized) {
   FrameStack stack = recorded;
-  stack.manifest = capture.manifest;
   stack.brightness.clear();
   stack.rows.assign(capture.parts.size(), {});
   auto sums = std::make_shared<std::vector<std::vector<std::uint16_t>>>();
-  for (const int frame : made) {
+  for (const int frame : synthesized) {
     const std::vector<Part>& parts = capture.parts[static_cast<size_t>(frame)];
     const auto rows_of = [&](const Part& part) { return recorded.rows[static_cast<size_t>(part.frame)]; };
     if (parts.size() == 1 && parts.front().weight == 1.0) {
@@ -103,10 +103,10 @@ FrameStack made_stack(const FrameStack& recorded, const MadeCapture& capture, co
     for (const Part& part : parts) {
       const std::span<const std::uint16_t> rows = rows_of(part);
       const auto weight = static_cast<float>(part.weight);
-      const bool heard = std::abs(part.weight) > kMinHeard;
+      const bool counts = std::abs(part.weight) > kMinWeight;
       for (size_t i = 0; i < count; ++i) {
         light[i] += weight * (static_cast<float>(rows[i]) - recorded.zero);
-        if (heard && rows[i] >= kSaturatedCode) saturated[i] = true;
+        if (counts && rows[i] >= kSaturatedCode) saturated[i] = true;
       }
     }
     std::vector<std::uint16_t>& sum = sums->emplace_back(count);
@@ -169,7 +169,7 @@ absl::StatusOr<std::vector<Part>> StripeSums::parts(const v1::Stimulus& wanted, 
   std::shared_ptr<const Basis> own;
   Eigen::VectorXd weights;
   double error = INFINITY;
-  // White is nearly a sum of stripes, and the brightest there is: better left out.
+  // White is nearly a sum of stripes and the brightest frame: use it only if stripes do not suffice.
   for (const bool white : {false, true}) {
     GW_ASSIGN_OR_RETURN(own, basis(wanted.panel(), phi_deg, white));
     GW_ASSIGN_OR_RETURN(const Eigen::VectorXd points, shown(wanted, own->axis));
@@ -185,7 +185,7 @@ absl::StatusOr<std::vector<Part>> StripeSums::parts(const v1::Stimulus& wanted, 
   std::vector<Part> parts;
   for (size_t k = 0; k < own->frames.size(); ++k)
     parts.push_back({.frame = own->frames[k], .weight = weights[static_cast<Eigen::Index>(k)]});
-  // Light that is there before black too counts once.
+  // Light that is present even before black counts once.
   parts.push_back({.frame = own->black, .weight = 1.0 - weights.sum()});
   return parts;
 }

@@ -1,6 +1,6 @@
-// A capture of other patterns than were recorded. Light is linear: what a camera sees of a weighted sum of
-// patterns is the same sum of what it sees of each. So a pattern that is a sum of recorded ones needs no
-// renderer and no rig. The noise is that of the sum, not of one exposure.
+// A capture of patterns that were never shown, synthesized from those that were recorded. Light is linear: a
+// camera sees a weighted sum of patterns as the same sum of what it sees of each. A pattern that is a sum of
+// recorded ones needs neither renderer nor rig. Its noise is that of the sum, not of one exposure.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -19,37 +19,40 @@
 namespace glasswing {
 
 struct Part {
-  int frame = 0;  // place in the recorded manifest
+  int frame = 0;  // index in the recorded manifest
   double weight = 0.0;
 };
 
-struct MadeCapture {
+struct SynthesizedCapture {
   v1::CaptureManifest manifest;
-  std::vector<std::vector<Part>> parts;  // what each frame of the manifest is the sum of
+  std::vector<std::vector<Part>> parts;  // of each frame of the manifest, the recorded frames that it sums
 
-  void add(const v1::Frame& frame, std::vector<Part> made_of);
+  void add(const v1::Frame& frame, std::vector<Part> summands);
 };
 
-// As it was recorded, or those of its frames only.
-MadeCapture as_recorded(const v1::CaptureManifest& recorded);
-MadeCapture part_of(const v1::CaptureManifest& recorded, const std::function<bool(const v1::Frame&)>& wanted);
+// The recorded capture, or those of its frames that are wanted.
+SynthesizedCapture as_recorded(const v1::CaptureManifest& recorded);
+SynthesizedCapture part_of(const v1::CaptureManifest& recorded,
+                           const std::function<bool(const v1::Frame&)>& wanted);
 
-// The recorded frames of which any of these made ones is a sum.
-std::vector<int> frames_of(const MadeCapture& capture, const std::vector<int>& made);
+// The recorded frames that these synthesized ones sum.
+std::vector<int> frames_of(const SynthesizedCapture& capture, const std::vector<int>& synthesized);
 
-// Those made frames, on 16 bits, of the same rows of the recorded ones; saturated where one of them is.
-FrameStack made_stack(const FrameStack& recorded, const MadeCapture& capture, const std::vector<int>& made);
+// These synthesized frames on 16 bits, for the same rows as the recorded ones. A sample is saturated where
+// one of its summands is.
+FrameStack synthesized_stack(const FrameStack& recorded, const SynthesizedCapture& capture,
+                             const std::vector<int>& synthesized);
 
-// Makes smooth gray patterns of the stripes, white and black that were recorded with the object, so that
-// every point of the monitor shows what the pattern would. Stripes overlap: weights may be negative, though
-// the pattern's light is not.
+// Synthesizes smooth gray patterns from the stripes, white and black that were recorded with the object, so
+// that every point of the monitor shows the pattern's light. Stripes overlap, so weights may be negative
+// though the pattern's light is not.
 class StripeSums {
  public:
-  // The manifest must outlive it.
+  // Keeps a reference to the manifest.
   explicit StripeSums(const v1::CaptureManifest& recorded) : recorded_(recorded) {}
 
-  // Of a pattern whose light changes along phi_deg only, the direction in which the stripes travelled.
-  // FAILED_PRECONDITION: there are none, or they are too wide for a pattern so fine.
+  // For a pattern whose light changes only along phi_deg, the direction in which the stripes travelled.
+  // FAILED_PRECONDITION: no such stripes, or they are too wide for so fine a pattern.
   absl::StatusOr<std::vector<Part>> parts(const v1::Stimulus& wanted, double phi_deg);
 
  private:

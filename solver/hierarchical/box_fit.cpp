@@ -7,13 +7,13 @@
 namespace glasswing {
 namespace {
 
-constexpr double kFalsePositiveRate = 1e-4;  // of light that only noise makes
-constexpr double kFaintest = 0.0015;         // weights below are stray light, as of gaussian
+constexpr double kFalsePositiveRate = 1e-4;  // of detecting light in noise
+constexpr double kMinWeight = 0.0015;        // weights below are stray light, as in gaussian
 constexpr int kMaxRounds = 6;
-constexpr double kEnoughGained = 1e-3;  // of chi-square, in a round
-constexpr double kMuch = 0.1;           // of the strongest weight
-// Partial cover is tried where chi-square is so many times the count of samples, from these parts on, and
-// believed if it takes as much from n log chi-square as four further parameters must.
+constexpr double kMinGain = 1e-3;  // of chi-square, in a round
+constexpr double kMuch = 0.1;      // of the strongest weight
+// Partial cover is tried where chi-square exceeds this multiple of the sample count, starting from these
+// shares. It is accepted if it reduces n log chi-square by as much as four more parameters must.
 constexpr double kPoor = 2.0;
 constexpr std::array<double, 3> kStraightStarts{0.25, 0.5, 0.75};
 constexpr double kCriterion = 4.0;
@@ -23,7 +23,7 @@ constexpr int kMaxLight = 1 + kMaxModes;
 using LightMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxLight, kMaxLight>;
 using LightVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxLight, 1>;
 
-// Of everything: the boxes' ends, the light of each channel, and 1 - alpha.
+// All unknowns: the boxes' ends, the light of each channel, and 1 - alpha.
 constexpr int kMaxUnknowns = 4 * kMaxModes + kChannels * kMaxLight + 1;
 using AllMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxUnknowns, kMaxUnknowns>;
 
@@ -36,7 +36,7 @@ std::vector<std::array<WaveAxis, 2>> axes_of(std::span<const BoxMonitor> monitor
   return axes;
 }
 
-// Whether pattern p's complement follows it, both with light in a channel.
+// Whether pattern p is followed by its complement, both with light in a channel.
 bool has_complement(const BoxMonitor& monitor, const std::vector<BoxSample>& samples, size_t p, size_t c) {
   if (p + 1 >= monitor.patterns.size()) return false;
   const BoxPattern &own = monitor.patterns[p], &next = monitor.patterns[p + 1];
@@ -44,7 +44,7 @@ bool has_complement(const BoxMonitor& monitor, const std::vector<BoxSample>& sam
          own.light[c] > 0.0 && samples[p].information[c] > 0.0 && samples[p + 1].information[c] > 0.0;
 }
 
-// Whether some light is another than what sides were searched for with.
+// Whether the light has changed since the sides were searched.
 bool changed(const std::vector<PixelBox>& before, const std::vector<PixelBox>& after) {
   double change = 0.0, light = 0.0;
   for (size_t m = 0; m < after.size(); ++m) {
@@ -67,8 +67,8 @@ BoxFitter::BoxFitter(std::span<const BoxMonitor> monitors) : monitors_(monitors)
   }
 }
 
-// F from black, or the darkest sample; R from the brightest solid, or the largest difference of a wave and
-// its complement.
+// Starting values: F from black or the darkest sample, R from the brightest solid or the largest difference
+// between a wave and its complement.
 void BoxFitter::begin(const BoxPixel& pixel, BoxFit& fit) const {
   for (size_t c = 0; c < kChannels; ++c) {
     double darkest = INFINITY;
@@ -106,10 +106,10 @@ void BoxFitter::begin(const BoxPixel& pixel, BoxFit& fit) const {
   }
 }
 
-// Whether waves and solids change more than noise does.
+// Whether waves and solids change the pixel by more than noise.
 bool BoxFitter::sees(const BoxPixel& pixel, size_t m, const Samples3& weight) const {
   const std::vector<BoxSample>& samples = pixel.samples[m];
-  if (*std::ranges::max_element(weight) < kFaintest) return false;
+  if (*std::ranges::max_element(weight) < kMinWeight) return false;
   double chi_square = 0.0;
   for (size_t c = 0; c < kChannels; ++c) {
     const auto add = [&](const BoxSample& a, const BoxSample& b) {
@@ -169,7 +169,7 @@ void BoxFitter::see(const BoxFit& fit) {
   }
 }
 
-// F and R of each channel, and 1 - alpha of all, by least squares; what comes out negative is 0.
+// Fits F and R of each channel and 1 - alpha by least squares, clamped to at least 0.
 void BoxFitter::weigh(const BoxPixel& pixel, bool straight_is_free, BoxFit& fit) const {
   const auto unknowns = static_cast<Eigen::Index>(1 + monitors_.size());
   std::array<LightMatrix, kChannels> normal;
@@ -262,8 +262,8 @@ void BoxFitter::judge(const BoxPixel& pixel, BoxFit& fit) const {
   fit.rms = std::sqrt(squares / std::max(fit.sample_count, 1));
 }
 
-// What waves are off by more than noise explains, mean square: the footprint is no box. Solids know nothing
-// of its shape.
+// The mean square residual of waves beyond their noise: the footprint is not exactly a box. Solids do not
+// depend on its shape.
 double BoxFitter::misfit_of(const BoxPixel& pixel, const BoxFit& fit) const {
   double sum = 0.0, count = 0.0;
   for (size_t m = 0; m < monitors_.size(); ++m) {
@@ -307,10 +307,10 @@ void BoxFitter::settle(const BoxPixel& pixel, bool anew, bool straight_is_free, 
     see(next);
     weigh(pixel, straight_is_free, next);
     judge(pixel, next);
-    // A first guess of the light may be far off without solids, and where 1 - alpha moves.
+    // The first guess of the light may be far off without solids, or where 1 - alpha changes.
     anew = anew && round == 0 && changed(before, next.boxes);
     if (!(next.chi_square < fit.chi_square)) break;
-    const bool enough = next.chi_square > (1.0 - kEnoughGained) * fit.chi_square;
+    const bool enough = next.chi_square > (1.0 - kMinGain) * fit.chi_square;
     fit = next;
     if (enough) break;
   }
@@ -365,7 +365,7 @@ BoxFit BoxFitter::fit(const BoxPixel& pixel) {
   return best;
 }
 
-// From the inverse of the normal matrix.
+// Standard errors from the inverse of the normal matrix.
 void BoxFitter::estimate_errors(const BoxPixel& pixel, BoxFit& fit) const {
   const auto monitors = static_cast<Eigen::Index>(monitors_.size());
   const Eigen::Index light_count = 1 + monitors, first_light = 4 * monitors;
@@ -408,13 +408,13 @@ void BoxFitter::estimate_errors(const BoxPixel& pixel, BoxFit& fit) const {
                        std::pair(straight, fit.straight > 0.0 ? sample.straight[channel] : 0.0)});
       }
     }
-    // Where no bar's edge says more, an end lies anywhere within the finest bar.
+    // Without the edge of a bar nearby, an end is uncertain within the finest bar.
     for (Eigen::Index end = 0; end < 4; ++end) {
       const double bar_px = axes_[own][static_cast<size_t>(end / 2)].finest_bar_px();
       normal(4 * m + end, 4 * m + end) += 12.0 / (bar_px * bar_px);
     }
   }
-  // Unknowns that nothing tells of are left alone.
+  // Undetermined unknowns keep no standard error.
   for (Eigen::Index i = first_light; i <= straight; ++i) {
     if (normal(i, i) <= 0.0) normal(i, i) = 1.0;
   }

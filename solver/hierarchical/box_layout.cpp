@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 #include <tuple>
 
 #include "core/base/status.h"
@@ -14,7 +15,7 @@ namespace glasswing {
 namespace {
 
 using Light = std::array<double, 3>;
-using Key = std::tuple<double, double, Light>;  // width of bars, falling; offset; light
+using Key = std::tuple<double, double, Light>;  // minus the width of bars; offset; light
 
 struct Wave {
   Shot lit, complement;
@@ -158,6 +159,17 @@ absl::StatusOr<BoxLayout> lay_out_boxes(const v1::CaptureManifest& manifest) {
         "{} monitors showed square waves; at most {} can be solved", layout.monitors.size(), kMaxModes));
   }
   return layout;
+}
+
+std::vector<int> frames_of(const BoxLayout& layout) {
+  const std::vector<int> stage = frames_of(layout.stage);
+  std::set<int> frames(stage.begin(), stage.end());
+  for (const BoxMonitor& monitor : layout.monitors) {
+    for (const BoxPattern& pattern : monitor.patterns) {
+      for (const ExposedFrame& exposed : pattern.shot) frames.insert(exposed.frame);
+    }
+  }
+  return {frames.begin(), frames.end()};
 }
 
 }  // namespace glasswing

@@ -1,4 +1,4 @@
-// Which frames of an archive play which part for square waves.
+// The roles of an archive's frames in method hierarchical.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -12,13 +12,13 @@
 
 namespace glasswing {
 
-// One picture on a monitor, with the object: bars, or all of it lit.
+// One picture on a monitor, with the object: bars or a solid.
 struct BoxPattern {
   static constexpr int kSolid = -1;
   int axis = kSolid;                           // 0: vertical bars, along x; 1: horizontal bars, along y
-  size_t wave = 0;                             // place in BoxMonitor::waves
+  size_t wave = 0;                             // index in BoxMonitor::waves
   double sign = 1.0;                           // -1: the complement
-  std::array<double, 3> light{1.0, 1.0, 1.0};  // radiance of what is lit
+  std::array<double, 3> light{1.0, 1.0, 1.0};  // radiance of lit pixels
   Shot shot;
 };
 
@@ -32,11 +32,14 @@ struct BoxMonitor {
 struct BoxLayout {
   StageLayout stage;
   std::vector<BoxMonitor> monitors;   // those that showed waves, by texture
-  std::vector<std::string> warnings;  // for people: places that the waves do not tell apart
+  std::vector<std::string> warnings;  // for users: positions that the waves cannot distinguish
 };
 
-// FAILED_PRECONDITION says what is missing or does not fit: waves along one axis only, no way to tell F and R
-// (neither complements nor black and a solid), numbers that are none.
+// FAILED_PRECONDITION says what is missing or invalid: waves along one axis only, F and R not separable
+// (neither complements nor black and a solid), invalid numbers.
 absl::StatusOr<BoxLayout> lay_out_boxes(const v1::CaptureManifest& manifest);
+
+// Every frame that the layout names.
+std::vector<int> frames_of(const BoxLayout& layout);
 
 }  // namespace glasswing

@@ -9,17 +9,17 @@
 namespace glasswing {
 namespace {
 
-// Of the noise, and of the strongest weight: a residual above both is no box's.
+// In units of the noise and of the strongest weight: a residual above both is a poor fit.
 constexpr double kPoorNoise = 4.0, kPoorShare = 0.05;
 constexpr size_t kMinSums = 4;
 
-// The box that a background point's footprint is stored as.
+// The box as which a background point's footprint is stored.
 Interval straight_side(const AxisFit& fit) {
   const double half_px = 0.5 * std::sqrt(12.0) * fit.sigma_px;
   return {.low_px = fit.centre_px - half_px, .high_px = fit.centre_px + half_px};
 }
 
-// Its part on the monitor, at least the shortest that is.
+// Its part on the monitor, at least of the minimum length.
 Interval inside(const Interval& side, double extent_px) {
   constexpr double kMin = WaveAxis::kMinLength_px;
   const double low_px = std::clamp(side.low_px, 0.0, extent_px - kMin);
@@ -33,7 +33,7 @@ BoxSolver::BoxSolver(const FrameStack& stack, const BoxLayout& layout, bool part
     : stack_(stack),
       layout_(layout),
       partial_cover_(partial_cover),
-      width_(stack.manifest.camera().width_px()),
+      width_(stack.width_px),
       surroundings_(stack, layout.stage, silhouette_tolerance),
       fitter_(layout.monitors),
       samples_(layout.monitors.size()) {
@@ -45,7 +45,7 @@ BoxSolver::BoxSolver(const FrameStack& stack, const BoxLayout& layout, bool part
 
 std::vector<BoxSolver::Sample> BoxSolver::load(int y, const Shot& shot) const {
   std::vector<Sample> row(static_cast<size_t>(width_) * kChannels);
-  const size_t first = stack_.place(0, y, 0);
+  const size_t first = stack_.sample_index(0, y, 0);
   for (size_t lane = 0; lane < row.size(); ++lane) {
     const MergedSample merged = merge(stack_, shot, first + lane, surroundings_.noise());
     row[lane] = {.radiance = static_cast<float>(merged.radiance),
@@ -64,7 +64,7 @@ void BoxSolver::load_row(int y) {
 }
 
 std::vector<double> BoxSolver::estimate_noise() const {
-  const double least = sample_noise(stack_.manifest.camera(), 0.0).read_sd;  // quantisation
+  const double least = sample_noise(layout_.stage.camera, 0.0).read_sd;  // quantisation
   std::vector<double> sd(static_cast<size_t>(width_), 0.0);
   for (size_t x = 0; x < sd.size(); ++x) {
     double squares = 0.0, degrees = 0.0;
@@ -113,7 +113,7 @@ bool BoxSolver::gather(int x, double noise_factor) {
   return saturated;
 }
 
-// What the box that stands in the matte sees of each pattern.
+// Adds what the background's box sees of each pattern.
 void BoxSolver::add_straight(std::span<const BackgroundPoint> background) {
   std::array<double, WaveAxis::kMaxWaves> v;
   for (size_t m = 0; m < layout_.monitors.size(); ++m) {

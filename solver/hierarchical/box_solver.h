@@ -1,4 +1,4 @@
-// Solves rows of a stack of frames by one box a monitor and pixel.
+// Solves rows of a stack by one box per monitor and pixel.
 #pragma once
 
 #include <span>
@@ -13,15 +13,15 @@ namespace glasswing {
 
 class BoxSolver {
  public:
-  // Both must outlive it. `partial_cover`: alpha may be less than 1 within the silhouette.
+  // Keeps references to both. `partial_cover`: alpha may be less than 1 within the silhouette.
   BoxSolver(const FrameStack& stack, const BoxLayout& layout, bool partial_cover,
             double silhouette_tolerance);
 
-  // Row y of the stack into row y of the matte.
+  // Solves row y of the stack into row y of the matte.
   void solve_row(int y, Matte& matte);
 
  private:
-  // One channel of one pixel before one pattern.
+  // One channel of one pixel in one pattern.
   struct Sample {
     float radiance = 0.0f, variance = 0.0f;
     bool saturated = false;
@@ -29,10 +29,11 @@ class BoxSolver {
 
   void load_row(int y);
   std::vector<Sample> load(int y, const Shot& shot) const;
-  // A sample's, by pixel, from how much waves and complements that follow each other add up to: F twice and R
-  // once.
+  // Standard deviation of a sample, by pixel, from the sums of waves and their complements, which all equal 2
+  // F + R.
   std::vector<double> estimate_noise() const;
-  // What pixel x of the row saw, with noise so many times the camera's; true if something was saturated.
+  // Loads pixel x of the row with its variance scaled by `noise_factor`; returns whether a sample was
+  // saturated.
   bool gather(int x, double noise_factor);
   void add_straight(std::span<const BackgroundPoint> background);
   void write(int x, int y, std::span<const BackgroundPoint> background, const BoxFit& fit, double noise_sd,
@@ -44,7 +45,7 @@ class BoxSolver {
   const int width_;
   Surroundings surroundings_;
   BoxFitter fitter_;
-  // Of the row in hand, [x][channel].
+  // Of the current row, [x][channel].
   std::vector<Sample> black_;
   std::vector<std::vector<std::vector<Sample>>> samples_;  // [monitor][pattern]
   BoxPixel pixel_;

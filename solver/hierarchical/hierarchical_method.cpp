@@ -3,13 +3,43 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <set>
 
 #include "core/base/status.h"
 #include "core/pattern/method_options.h"
 #include "solver/hierarchical/box_solver.h"
 
 namespace glasswing {
+namespace {
+
+class PreparedBoxes final : public PreparedMethod {
+ public:
+  PreparedBoxes(v1::MatteMetadata metadata, BoxLayout layout, bool partial_cover, double silhouette_tolerance)
+      : metadata_(std::move(metadata)),
+        layout_(std::move(layout)),
+        straight_(partial_cover && !layout_.stage.pairs.empty()),
+        silhouette_tolerance_(silhouette_tolerance),
+        needed_(frames_of(layout_)) {}
+
+  const std::vector<int>& frames_needed() const override { return needed_; }
+
+  absl::StatusOr<Matte> solve(const FrameStack& rows) const override {
+    const int boxes = static_cast<int>(layout_.monitors.size());
+    Matte matte = blank_matte(rows, metadata_, std::min(straight_ ? 2 * boxes : boxes, kMaxModes));
+    BoxSolver solver(rows, layout_, straight_, silhouette_tolerance_);
+    for (int y = 0; y < rows.row_count; ++y) solver.solve_row(y, matte);
+    return matte;
+  }
+
+ private:
+  const v1::MatteMetadata metadata_;
+  const BoxLayout layout_;
+  // A pixel may also show what lies straight behind; needs frames of the empty stage.
+  const bool straight_;
+  const double silhouette_tolerance_;
+  const std::vector<int> needed_;
+};
+
+}  // namespace
 
 absl::StatusOr<std::unique_ptr<Method>> HierarchicalMethod::create(const MethodOptions& options) {
   auto method = std::make_unique<HierarchicalMethod>();
@@ -28,33 +58,14 @@ absl::StatusOr<std::unique_ptr<Method>> HierarchicalMethod::create(const MethodO
   return method;
 }
 
-absl::StatusOr<std::vector<int>> HierarchicalMethod::frames_needed(
+absl::StatusOr<std::unique_ptr<PreparedMethod>> HierarchicalMethod::prepare(
     const v1::CaptureManifest& manifest) const {
-  GW_ASSIGN_OR_RETURN(const BoxLayout layout, lay_out_boxes(manifest));
-  const std::vector<int> stage = frames_of(layout.stage, manifest);
-  std::set<int> needed(stage.begin(), stage.end());
-  for (const BoxMonitor& monitor : layout.monitors) {
-    for (const BoxPattern& pattern : monitor.patterns) {
-      for (const ExposedFrame& exposed : pattern.shot) needed.insert(exposed.frame);
-    }
-  }
-  return std::vector<int>(needed.begin(), needed.end());
-}
-
-absl::StatusOr<Matte> HierarchicalMethod::solve(const FrameStack& stack) const {
-  GW_ASSIGN_OR_RETURN(const BoxLayout layout, lay_out_boxes(stack.manifest));
-  GW_ASSIGN_OR_RETURN(const std::vector<int> needed, frames_needed(stack.manifest));
-  GW_RETURN_IF_ERROR(check_rows(stack, needed));
-  // A box each, and what lies straight behind where the empty stage was taken.
-  const bool straight = partial_cover_ && !layout.stage.pairs.empty();
-  const int boxes = static_cast<int>(layout.monitors.size());
-  Matte matte =
-      blank_matte(stack, "hierarchical", options_, std::min(straight ? 2 * boxes : boxes, kMaxModes));
-  matte.metadata.set_footprint(std::string(kBoxFootprint));
-  for (const std::string& warning : layout.warnings) matte.metadata.add_warnings(warning);
-  BoxSolver solver(stack, layout, straight, silhouette_tolerance_);
-  for (int y = 0; y < stack.row_count; ++y) solver.solve_row(y, matte);
-  return matte;
+  GW_ASSIGN_OR_RETURN(BoxLayout layout, lay_out_boxes(manifest));
+  v1::MatteMetadata metadata = metadata_of(manifest, "hierarchical", options_);
+  metadata.set_footprint(std::string(kBoxFootprint));
+  for (const std::string& warning : layout.warnings) metadata.add_warnings(warning);
+  return std::make_unique<PreparedBoxes>(std::move(metadata), std::move(layout), partial_cover_,
+                                         silhouette_tolerance_);
 }
 
 }  // namespace glasswing

@@ -1,5 +1,5 @@
-// Environment mattes from square waves: one upright box a monitor and pixel, common to all channels (Zongker,
-// Werner, Curless and Salesin 1999, as Chuang et al. 2000 describe it: section 2, eq. 7 and 8).
+// Environment mattes from square waves: one axis-aligned box per monitor and pixel, common to all channels
+// (Zongker, Werner, Curless and Salesin 1999, as Chuang et al. 2000 describe it: section 2, eq. 7 and 8).
 #pragma once
 
 #include <memory>
@@ -10,14 +10,13 @@ namespace glasswing {
 
 class HierarchicalMethod final : public Method {
  public:
-  // Options: partial_cover (0 or 1: whether a pixel within the silhouette may show a part of what lies
-  // straight behind, alpha < 1; default 1), silhouette_tolerance (as of gaussian: 0 to 1, default 0.003).
+  // Options: partial_cover (0 or 1: whether a pixel within the silhouette may show part of what lies straight
+  // behind, alpha < 1; default 1), silhouette_tolerance (as in gaussian: 0 to 1, default 0.003).
   static absl::StatusOr<std::unique_ptr<Method>> create(const MethodOptions& options);
 
-  absl::StatusOr<std::vector<int>> frames_needed(const v1::CaptureManifest& manifest) const override;
   // The matte's footprints are boxes. Where the manifest has no noise model, noise is estimated from each
   // pixel's own samples.
-  absl::StatusOr<Matte> solve(const FrameStack& stack) const override;
+  absl::StatusOr<std::unique_ptr<PreparedMethod>> prepare(const v1::CaptureManifest& manifest) const override;
 
  private:
   MethodOptions options_;

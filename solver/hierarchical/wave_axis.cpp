@@ -13,8 +13,8 @@
 namespace glasswing {
 namespace {
 
-constexpr size_t kMaxOpen = 80;  // three nodes wait on each of at most 16 levels
-constexpr size_t kKept = 3;      // of the best points of the grid, those that are refined
+constexpr size_t kMaxOpen = 80;  // three open nodes on each of at most 16 levels
+constexpr size_t kKept = 3;      // the best grid points that are refined
 
 double drawn(const BarWave& wave, int pixel) {
   const double bar = std::floor((pixel + 0.5 - wave.offset_px) / wave.bar_px);
@@ -70,7 +70,7 @@ WaveAxis::WaveAxis(std::span<const BarWave> waves, int extent_px)
 }
 
 std::optional<std::array<double, 2>> WaveAxis::alike_px() const {
-  std::map<std::uint32_t, double> last_seen_px;  // by the signs of all waves, where they were so last
+  std::map<std::uint32_t, double> last_seen_px;  // last position, by the signs of all waves
   for (double t_px = 0.5; t_px < extent_px_; t_px += 1.0) {
     std::uint32_t signs = 0;
     for (size_t k = 0; k < wave_count_; ++k) signs |= wave_at(k, t_px) > 0.0 ? 1u << k : 0u;
@@ -167,7 +167,7 @@ IntervalFit WaveAxis::search(std::span<const Seen> seen) const {
         parts[place] = part;
       }
     }
-    // The best comes last, and is looked into first.
+    // The best node comes last and is expanded first.
     for (size_t i = 0; i < part_count; ++i) open[open_count++] = parts[i];
   }
   IntervalFit best{.interval = {}, .cost = std::numeric_limits<double>::infinity()};

@@ -44,7 +44,7 @@ float CostOf(const internal::PlacePair& pair, const float* u, const float* weigh
     const V low = hn::LoadU(d, pair.low + k), high = hn::LoadU(d, pair.high + k);
     const V at_low = hn::Sub(hn::LoadU(d, pair.low + stride + k), low);
     const V at_high = hn::Sub(hn::LoadU(d, pair.high + stride + k), high);
-    // Whole numbers first, whose difference is exact.
+    // The integers first: their difference is exact.
     const V inside = hn::MulAdd(high_part, at_high, hn::NegMulAdd(low_part, at_low, hn::Sub(high, low)));
     const V miss = hn::NegMulAdd(inside, scale, hn::LoadU(d, u + k));
     sum = hn::MulAdd(hn::Mul(hn::LoadU(d, weight + k), miss), miss, sum);

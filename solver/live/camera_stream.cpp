@@ -49,7 +49,7 @@ void CameraStream::read() {
     }
     if (samples == nullptr) continue;
     const size_t size_bytes = samples->size() * sizeof(std::uint16_t);
-    if (response.chunk().size() > size_bytes - filled_bytes) {  // no frame of the size it said
+    if (response.chunk().size() > size_bytes - filled_bytes) {  // the frame exceeds its announced size
       context_.TryCancel();
       continue;
     }

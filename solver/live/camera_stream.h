@@ -1,4 +1,4 @@
-// The newest frame of a camera that runs for this alone.
+// Streams a camera that is reserved for this call and keeps its newest frame.
 #pragma once
 
 #include <absl/status/status.h>
@@ -19,18 +19,18 @@
 namespace glasswing {
 
 struct StreamedFrame {
-  v1::FrameTaken taken;  // times are the camera node's
+  v1::FrameTaken taken;  // times by the camera node's clock
   std::shared_ptr<const std::vector<std::uint16_t>> samples;
-  nanoseconds came{};  // whole, by this machine's clock
+  nanoseconds came{};  // when it was complete, by this machine's clock
 };
 
 class CameraStream {
  public:
   CameraStream(const std::string& address, double exposure_ms);
-  ~CameraStream();  // the camera is free again
+  ~CameraStream();  // releases the camera
 
   absl::StatusOr<v1::Camera> describe();
-  // The newest frame that was not handed out yet; none after `timeout`. UNAVAILABLE: the camera went away.
+  // The newest frame that was not returned yet; none after `timeout`. UNAVAILABLE: the camera is gone.
   absl::StatusOr<std::optional<StreamedFrame>> newest(std::chrono::milliseconds timeout);
 
  private:

@@ -14,16 +14,15 @@ absl::StatusOr<RampOptions> parse(const v1::LiveStart& start) {
   GW_ASSIGN_OR_RETURN(RampOptions options,
                       parse_ramp_options(MethodOptions(start.options().begin(), start.options().end())));
   options.smoothing.causal = true;
-  // What frames before add is not worth their time, unless somebody asks for it.
+  // By default frames before are not used: they improve too little for their time.
   if (!start.options().contains("smoothing_reach")) options.smoothing.reach = 0;
   return options;
 }
 
-// One frame as a stack of one.
-FrameStack light_of(const LinearStack& light, const v1::CaptureManifest& manifest,
-                    const StreamedFrame& frame) {
+// A stack of one frame.
+FrameStack light_of(const LinearStack& light, const StreamedFrame& frame) {
   FrameStack stack;
-  stack.manifest = manifest;
+  stack.width_px = frame.taken.width_px();
   stack.row_count = frame.taken.height_px();
   stack.rows = {*frame.samples};
   stack.owner = frame.samples;
@@ -38,16 +37,16 @@ FrameView view_of(const FrameStack& stack, const StreamedFrame& frame) {
           .unit = stack.unit};
 }
 
-// Of a frame that the empty stage was averaged from.
+// Checks a frame from which the empty stage was averaged.
 absl::Status check_still(const RampFrame& empty) {
-  // Noise makes an object of some pixels.
+  // Noise makes some pixels look like an object.
   constexpr double kMaxNoise = 0.05;
   const auto object = std::ranges::count_if(empty.alpha, [](float alpha) { return alpha > 0.0f; });
   const double part = static_cast<double>(object) / static_cast<double>(empty.alpha.size());
   if (part <= kMaxNoise) return absl::OkStatus();
   return absl::FailedPreconditionError(
-      fmt::format("the empty stage changed while it was looked at: {:.0f} % of its pixels differ from their "
-                  "mean; keep stage and light still, and try again",
+      fmt::format("the empty stage changed while it was measured: {:.0f} % of its pixels differ from their "
+                  "mean; keep the stage and its light constant and try again",
                   100.0 * part));
 }
 
@@ -70,32 +69,32 @@ absl::StatusOr<LiveMatte> LiveMatte::create(const v1::LiveStart& start, const v1
   shown.set_exposure_ms(start.exposure_ms());
   GW_ASSIGN_OR_RETURN(LinearStack light, LinearStack::create(manifest));
 
-  // All frames are of the one kind that the manifest lists.
+  // The manifest lists one frame, of which all frames here are repeats.
   VideoLayout layout;
   std::vector<FrameStack> stacks;
   std::vector<FrameView> views;
   for (const StreamedFrame& frame : empties) {
     layout.empty.push_back(0);
-    stacks.push_back(light_of(light, manifest, frame));
+    stacks.push_back(light_of(light, frame));
     views.push_back(view_of(stacks.back(), frame));
   }
-  const v1::CaptureManifest& linear = stacks.front().manifest;
-  GW_ASSIGN_OR_RETURN(RampExtractor extractor, RampExtractor::create(linear, layout, views, options));
+  GW_ASSIGN_OR_RETURN(RampExtractor extractor,
+                      RampExtractor::create(light.manifest_of_light(manifest), layout, views, options));
   GW_ASSIGN_OR_RETURN(const RampFrame first, extractor.extract(views.front(), thread_count));
   GW_RETURN_IF_ERROR(check_still(first));
   GW_ASSIGN_OR_RETURN(RampFrame empty, extractor.extract(views.back(), thread_count));
   GW_RETURN_IF_ERROR(check_still(empty));
-  // Whatever noise took for an object there is none.
+  // There is no object, only noise.
   std::ranges::fill(empty.alpha, 0.0f);
   Matte empty_stage = extractor.matte(empty);
   RampSmoother smoother(options.smoothing);
-  return LiveMatte(std::move(light), std::move(manifest), std::move(extractor), std::move(smoother),
-                   std::move(empty_stage), thread_count);
+  return LiveMatte(std::move(light), std::move(extractor), std::move(smoother), std::move(empty_stage),
+                   thread_count);
 }
 
 absl::StatusOr<RampFrame> LiveMatte::next(const StreamedFrame& frame) {
   auto seen = std::make_unique<Seen>();
-  const FrameStack light = light_of(light_, manifest_, frame);
+  const FrameStack light = light_of(light_, frame);
   const FrameView view = view_of(light, frame);
   GW_ASSIGN_OR_RETURN(seen->raw, extractor_.extract(view, thread_count_, std::move(spent_)));
   seen->input.frame = &seen->raw;

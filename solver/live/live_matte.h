@@ -1,4 +1,4 @@
-// Mattes of frames as they come: what method "ramp" does to a video, without looking ahead.
+// Live mattes: method "ramp" without looking ahead.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -17,16 +17,17 @@ namespace glasswing {
 
 class LiveMatte {
  public:
-  // `empties`: frames without the object. INVALID_ARGUMENT: an option or a calibration. FAILED_PRECONDITION:
+  // `empties`: frames without the object. INVALID_ARGUMENT: an option or a calibration. FAILED_PRECONDITION
   // says what is wrong with the empty stage.
   static absl::StatusOr<LiveMatte> create(const v1::LiveStart& start, const v1::Camera& camera,
                                           std::span<const StreamedFrame> empties, int thread_count);
-  // Before anything is shown: INVALID_ARGUMENT.
+  // Checks the options before the camera runs. INVALID_ARGUMENT: see create().
   static absl::Status check_options(const v1::LiveStart& start);
 
-  // What the empty stage looks like as a matte.
+  // The matte of the empty stage.
   const Matte& empty_stage() const { return empty_stage_; }
-  // Extracted, smoothed with the frames before, and finished. Errors are those of RampExtractor::extract.
+  // Extracts a frame, smooths it with the frames before and finishes it. Errors: those of
+  // RampExtractor::extract.
   absl::StatusOr<RampFrame> next(const StreamedFrame& frame);
 
  private:
@@ -34,23 +35,21 @@ class LiveMatte {
     RampFrame raw;
     SmoothInput input;
   };
-  LiveMatte(LinearStack light, v1::CaptureManifest manifest, RampExtractor extractor, RampSmoother smoother,
-            Matte empty_stage, int thread_count)
+  LiveMatte(LinearStack light, RampExtractor extractor, RampSmoother smoother, Matte empty_stage,
+            int thread_count)
       : light_(std::move(light)),
-        manifest_(std::move(manifest)),
         extractor_(std::move(extractor)),
         smoother_(std::move(smoother)),
         empty_stage_(std::move(empty_stage)),
         thread_count_(thread_count) {}
 
   LinearStack light_;
-  v1::CaptureManifest manifest_;
   RampExtractor extractor_;
   RampSmoother smoother_;
   Matte empty_stage_;
   int thread_count_;
   std::deque<std::unique_ptr<Seen>> before_;
-  RampFrame spent_;  // whose memory the next takes
+  RampFrame spent_;  // reused for the memory of the next frame
 };
 
 }  // namespace glasswing

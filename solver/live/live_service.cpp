@@ -21,10 +21,10 @@ namespace {
 using std::chrono::milliseconds;
 constexpr size_t kEmptyFrames = 16;
 constexpr size_t kMaxPictureBytes = size_t{64} << 20;
-constexpr milliseconds kPoll(50);  // how soon it notices that the caller is gone
-// A call that was just cancelled needs a moment to let go.
+constexpr milliseconds kPoll(50);  // how soon a departed caller is noticed
+// How long to wait for a call that was just cancelled to release the solver.
 constexpr std::chrono::seconds kGrace(1);
-// For so long frames may be refused, as while a hand is in the picture.
+// How long frames may be refused, for example while a hand is in the picture.
 constexpr std::chrono::seconds kPatience(5);
 
 double ms_since(nanoseconds then) {
@@ -43,7 +43,8 @@ void count_pixels(const RampFrame& matte, v1::LiveFrame& live) {
 
 }  // namespace
 
-// Reads on gRPC's threads, works on one of its own, whose last deed is Finish(); then it deletes itself.
+// Reads on gRPC's threads and works on a thread of its own, which ends with Finish(); the call then deletes
+// itself.
 class LiveServiceImpl::Call final : public grpc::ServerBidiReactor<v1::RunLiveRequest, v1::RunLiveResponse> {
  public:
   explicit Call(LiveServiceImpl& service) : service_(service) {
@@ -74,7 +75,7 @@ class LiveServiceImpl::Call final : public grpc::ServerBidiReactor<v1::RunLiveRe
   void OnDone() override { delete this; }
 
  private:
-  // Below, mutex_ is held.
+  // The functions below require mutex_.
   void take(v1::RunLiveRequest& request) {
     if (!start_) {
       start_ = std::move(*request.mutable_start());
@@ -90,7 +91,7 @@ class LiveServiceImpl::Call final : public grpc::ServerBidiReactor<v1::RunLiveRe
     const std::lock_guard lock(mutex_);
     return gone_ || service_.stopping_;
   }
-  // Waits for the response before it to be gone.
+  // Waits until the previous response has been sent.
   void write(v1::RunLiveResponse response) {
     std::unique_lock lock(mutex_);
     changed_.wait(lock, [this] { return !writing_ || gone_; });
@@ -112,16 +113,15 @@ class LiveServiceImpl::Call final : public grpc::ServerBidiReactor<v1::RunLiveRe
     std::unique_lock lock(mutex_);
     changed_.wait(lock, [this] { return start_ || closed_ || gone_; });
     if (!start_ || start_->camera_address().empty())
-      return absl::InvalidArgumentError("the first request must say what to look at");
+      return absl::InvalidArgumentError("the first request must have a start");
     return *start_;
   }
 
-  // The rest runs on the worker.
+  // The functions below run on the worker.
   absl::Status work() {
     const std::unique_lock only(service_.working_, kGrace);
     if (!only.owns_lock()) {
-      return absl::ResourceExhaustedError(
-          "this solver makes live mattes for somebody else; try again when it is free");
+      return absl::ResourceExhaustedError("this solver is busy with another live call; try again later");
     }
     GW_ASSIGN_OR_RETURN(const v1::LiveStart start, wait_start());
     GW_RETURN_IF_ERROR(LiveMatte::check_options(start));
@@ -187,7 +187,7 @@ class LiveServiceImpl::Call final : public grpc::ServerBidiReactor<v1::RunLiveRe
     }
   }
 
-  // Beside the frames, so that none waits for a picture.
+  // Decoded in parallel, so that no frame waits for a picture.
   void prepare_backgrounds(const v1::Monitor& monitor, const Matte& empty_stage, std::stop_token stop) {
     while (!stop.stop_requested()) {
       std::string bytes;
@@ -225,7 +225,7 @@ class LiveServiceImpl::Call final : public grpc::ServerBidiReactor<v1::RunLiveRe
   std::condition_variable changed_;
   // Guarded by mutex_.
   std::optional<v1::LiveStart> start_;
-  std::string picture_;  // as far as it came
+  std::string picture_;  // as far as received
   std::optional<std::string> whole_picture_;
   bool too_large_ = false;
   std::shared_ptr<const RampBackground> background_;

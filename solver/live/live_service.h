@@ -1,4 +1,4 @@
-// LiveService: composites of what a camera sees now. One call at a time.
+// LiveService: live composites of a camera's frames. Serves one call at a time.
 #pragma once
 
 #include <atomic>
@@ -8,12 +8,12 @@
 
 namespace glasswing {
 
-// Its calls wait for requests and for frames at once, and may end while a request is awaited: that takes
-// gRPC's callbacks.
+// Uses gRPC's callback API: a call waits for requests and frames at the same time, and may end while a read
+// is pending.
 class LiveServiceImpl final : public v1::LiveService::CallbackService {
  public:
   explicit LiveServiceImpl(int thread_count) : thread_count_(thread_count) {}
-  // Ends a running call, so that the daemon can stop.
+  // Ends a running call before shutdown.
   void stop() { stopping_ = true; }
 
   grpc::ServerBidiReactor<v1::RunLiveRequest, v1::RunLiveResponse>* RunLive(

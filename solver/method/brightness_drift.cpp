@@ -21,11 +21,11 @@ constexpr double kMaxError = 0.005, kMaxDrift = 0.2;
 constexpr double kUsualNoise = 0.003;
 
 struct White {
-  int white = 0, black = 0;  // places in the manifest
+  int white = 0, black = 0;  // indices in the manifest
   std::int64_t time_ns = 0;
   double exposure_ms = 0.0;
 };
-using Key = std::tuple<std::string, bool, std::string>;  // monitor, object, what was shown
+using Key = std::tuple<std::string, bool, std::string>;  // monitor, object, stimulus
 
 double gray_of(const v1::Stimulus& stimulus) {
   if (kind_of(stimulus) != StimulusKind::kSolid || stimulus.colour_size() != 3) return -1.0;
@@ -33,7 +33,7 @@ double gray_of(const v1::Stimulus& stimulus) {
   return gray ? stimulus.colour(0) : -1.0;
 }
 
-// Those with a black of the same object and exposure, the nearest in time; in the order of time.
+// Repeated whites, by time, each with the nearest black in time of the same object and exposure.
 std::map<Key, std::vector<White>> find_whites(const v1::CaptureManifest& manifest) {
   std::map<std::pair<bool, double>, std::vector<int>> blacks;
   const auto usable = [](const v1::Frame& frame) {
@@ -51,13 +51,13 @@ std::map<Key, std::vector<White>> find_whites(const v1::CaptureManifest& manifes
     const auto dark = blacks.find({frame.object(), frame.exposure_ms()});
     if (!usable(frame) || gray_of(frame.stimulus()) <= 0.0 || dark == blacks.end()) continue;
     const std::int64_t time_ns = frame.exposure_start_ns();
-    const int black = *std::ranges::min_element(dark->second, {}, [&](int place) {
-      return std::abs(manifest.frames(place).exposure_start_ns() - time_ns);
+    const int black = *std::ranges::min_element(dark->second, {}, [&](int index) {
+      return std::abs(manifest.frames(index).exposure_start_ns() - time_ns);
     });
     whites[{frame.stimulus().panel(), frame.object(), frame.stimulus().SerializeAsString()}].push_back(
         {.white = i, .black = black, .time_ns = time_ns, .exposure_ms = frame.exposure_ms()});
   }
-  // A solid that is shown once with each exposure was not shown again.
+  // A solid shown only once with each exposure is not a repeat.
   std::erase_if(whites, [](const auto& entry) {
     std::map<double, int> shown;
     for (const White& white : entry.second) ++shown[white.exposure_ms];
@@ -67,7 +67,7 @@ std::map<Key, std::vector<White>> find_whites(const v1::CaptureManifest& manifes
   return whites;
 }
 
-// Of one white in one row over the reference: light per exposure, where neither is saturated.
+// Sums over one row of one white and the reference: light per exposure, where neither is saturated.
 struct RowSums {
   double light = 0.0, reference = 0.0, variance = 0.0;
 };
@@ -77,7 +77,7 @@ struct Point {
   double brightness = 1.0;
 };
 
-// The middle one, each with its row's light.
+// The median of the rows' ratios, weighted by their light.
 double weighted_median(std::vector<RowSums> rows) {
   std::erase_if(rows, [](const RowSums& row) { return !(row.reference > 0.0); });
   std::ranges::sort(rows, {}, [](const RowSums& row) { return row.light / row.reference; });
@@ -106,7 +106,7 @@ class Measurement {
         whites, {}, [](const White& white) { return std::pair(white.exposure_ms, white.time_ns); });
     std::vector<int> frames;
     for (const White& white : whites) frames.insert(frames.end(), {white.white, white.black});
-    const auto reference_place = static_cast<size_t>(&reference - whites.data());
+    const auto reference_index = static_cast<size_t>(&reference - whites.data());
     const int height = manifest_.camera().height_px(), width = manifest_.camera().width_px();
     std::vector<std::vector<RowSums>> sums(whites.size());
     const int rows = std::min(kRows, height);
@@ -114,7 +114,7 @@ class Measurement {
       GW_ASSIGN_OR_RETURN(const std::vector<std::uint16_t> samples,
                           read_((2 * k + 1) * height / (2 * rows), frames));
       for (size_t w = 0; w < whites.size(); ++w)
-        sums[w].push_back(row_sums(samples, width, w, whites[w], reference_place, reference));
+        sums[w].push_back(row_sums(samples, width, w, whites[w], reference_index, reference));
     }
     std::vector<Point> points;
     for (size_t w = 0; w < whites.size(); ++w) {
@@ -127,7 +127,7 @@ class Measurement {
       points.push_back({.time_ns = whites[w].time_ns, .brightness = weighted_median(sums[w])});
     }
     if (points.empty()) return points;
-    // The first white of all is 1, whatever its exposure.
+    // The first white is 1, whatever its exposure.
     const double first = points.front().brightness;
     for (Point& point : points) point.brightness /= first;
     return points;
@@ -185,7 +185,7 @@ absl::StatusOr<std::vector<float>> measure_brightness_drift(const v1::CaptureMan
       if (std::abs(point.brightness - 1.0) > kMaxDrift) {
         return absl::FailedPreconditionError(
             fmt::format("the white of monitor \"{}\" changed by {:.0f} % during the session; up to {:.0f} % "
-                        "can be taken out",
+                        "can be corrected",
                         std::get<0>(key), 100.0 * (point.brightness - 1.0), 100.0 * kMaxDrift));
       }
     }

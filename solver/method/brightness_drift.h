@@ -1,10 +1,10 @@
-// How bright each monitor was in every frame of a session, from white and black that were shown again and
-// again (Plan.white_every):
+// The brightness of each monitor in every frame of a session, from white and black frames that the plan
+// repeats (Plan.white_every):
 //
-//   brightness(t) = (white(t) - black(t)) / (white - black) of the session's first white,    each over its
-//   exposure
+//   brightness(t) = (white(t) - black(t)) / (white - black),    each over its exposure
 //
-// straight between the times of the whites, and as the nearest one before the first and after the last.
+// where the denominator is the session's first white. Linear between the times of the whites; constant before
+// the first and after the last.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -17,15 +17,16 @@
 
 namespace glasswing {
 
-// One row of the picture from each of these frames (places in the manifest), one after another: r, g, b.
+// Reads one row of the picture from each of these frames (indices in the manifest), one after another: r, g,
+// b.
 using RowReader =
     std::function<absl::StatusOr<std::vector<std::uint16_t>>(int row, const std::vector<int>& frames)>;
 
-// FrameStack::brightness. It comes from the same sixteen rows for every tile, so that tiles join; the middle
-// one of their ratios counts, so that a row that sees an id patch does no harm. With and without the object
-// whites differ: each is relative to the first of its own. Empty where nothing was shown again, or when is
-// not known. Whites that are too dark or too bright to tell half a percent are passed over.
-// FAILED_PRECONDITION: a white that changed by more than a fifth.
+// Measures FrameStack::brightness. Every tile uses the same sixteen rows, so that tiles join; the median of
+// their ratios keeps a row that sees an id patch harmless. Whites with and without the object differ: each is
+// relative to the first of its kind. Empty if no white was repeated or times are unknown. Whites too dark or
+// too bright for half a percent of accuracy are skipped. FAILED_PRECONDITION: a white changed by more than a
+// fifth.
 absl::StatusOr<std::vector<float>> measure_brightness_drift(const v1::CaptureManifest& manifest,
                                                             const RowReader& read);
 

@@ -42,10 +42,10 @@ ExposedFrame Exposures::exposed(const v1::CaptureManifest& manifest, int frame) 
   return {.frame = frame, .scale = time_ms == reference_ms ? 1.0 : reference_ms / time_ms};
 }
 
-MergedSample merge(const FrameStack& stack, std::span<const ExposedFrame> shot, size_t place,
+MergedSample merge(const FrameStack& stack, std::span<const ExposedFrame> shot, size_t index,
                    const SampleNoise& noise) {
   const auto sample = [&](const ExposedFrame& exposed) {
-    return stack.rows[static_cast<size_t>(exposed.frame)][place];
+    return stack.rows[static_cast<size_t>(exposed.frame)][index];
   };
   const ExposedFrame *longest = nullptr, *shortest = &shot.front();
   for (const ExposedFrame& exposed : shot) {

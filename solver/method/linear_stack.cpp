@@ -12,21 +12,21 @@
 namespace glasswing {
 namespace {
 
-// Brightness takes what is above black to this part more, and noise around black to that part below.
+// Removing the drift raises light above 1 by at most this much, and noise around black below 0 by that much.
 constexpr float kDriftAbove = 0.25f, kDriftBelow = 0.05f;
 
 constexpr float kMaxPedestal = 0.25f;
 constexpr double kSameCrosstalk = 0.02;
 
-// No sample that is not saturated comes below, but for those where a curve's end runs far below what noise
-// reaches.
+// The light of the lowest unsaturated sample, but no lower than noise reaches: a curve's end may run far
+// below that.
 float lowest(const FrameLight& light) {
   float darkest = 0.0f;
   for (int c = 0; c < kChannels; ++c) darkest = std::min(darkest, light.light(0, c));
   return std::max(darkest, -kMaxPedestal);
 }
 
-// What may be wrong with this light.
+// For users: reasons to distrust this light.
 std::vector<std::string> warnings_of(const v1::CaptureManifest& manifest, const PrimaryMix& mix) {
   std::vector<std::string> warnings;
   if (mix.spread() > kSameCrosstalk) {
@@ -60,18 +60,11 @@ struct Owned {
   std::vector<std::vector<std::uint16_t>> frames;
 };
 
-// By object and exposure, the first frame of a monitor's black that has rows.
-std::map<std::pair<bool, double>, size_t> black_frames(const FrameStack& stack) {
-  std::map<std::pair<bool, double>, size_t> black;
-  for (size_t i = 0; i < stack.rows.size(); ++i) {
-    const v1::Frame& frame = stack.manifest.frames(static_cast<int>(i));
-    const v1::Stimulus& stimulus = frame.stimulus();
-    const bool dark = kind_of(stimulus) == StimulusKind::kSolid && stimulus.colour_size() == 3 &&
-                      std::ranges::all_of(stimulus.colour(), [](double value) { return value == 0.0; });
-    if (dark && frame.also_lit().empty() && !stack.rows[i].empty())
-      black.emplace(std::pair(frame.object(), frame.exposure_ms()), i);
-  }
-  return black;
+bool is_black(const v1::Frame& frame) {
+  const v1::Stimulus& stimulus = frame.stimulus();
+  return kind_of(stimulus) == StimulusKind::kSolid && stimulus.colour_size() == 3 &&
+         std::ranges::all_of(stimulus.colour(), [](double value) { return value == 0.0; }) &&
+         frame.also_lit().empty();
 }
 
 }  // namespace
@@ -79,8 +72,19 @@ std::map<std::pair<bool, double>, size_t> black_frames(const FrameStack& stack) 
 absl::StatusOr<LinearStack> LinearStack::create(const v1::CaptureManifest& manifest) {
   GW_ASSIGN_OR_RETURN(FrameLight light, FrameLight::create(manifest));
   GW_ASSIGN_OR_RETURN(PrimaryMix mix, PrimaryMix::create(manifest));
-  std::vector<std::string> warnings = warnings_of(manifest, mix);
-  return LinearStack(std::move(light), std::move(mix), std::move(warnings));
+  LinearStack linear(std::move(light), std::move(mix));
+  linear.warnings_ = warnings_of(manifest, linear.mix_);
+  for (const v1::Frame& frame : manifest.frames())
+    linear.frames_.push_back({.key = {frame.object(), frame.exposure_ms()}, .black = is_black(frame)});
+  return linear;
+}
+
+std::map<LinearStack::BlackKey, size_t> LinearStack::black_frames(const FrameStack& stack) const {
+  std::map<BlackKey, size_t> black;
+  for (size_t i = 0; i < stack.rows.size(); ++i) {
+    if (frames_[i].black && !stack.rows[i].empty()) black.emplace(frames_[i].key, i);
+  }
+  return black;
 }
 
 FrameStack LinearStack::of(FrameStack stack) const {
@@ -96,12 +100,11 @@ FrameStack LinearStack::of(FrameStack stack) const {
   const auto owned = std::make_shared<Owned>();
   owned->source = stack.owner;
   owned->frames.resize(stack.rows.size());
-  const auto black = black_frames(stack);
+  const auto black = drifts ? black_frames(stack) : std::map<BlackKey, size_t>();
   for (size_t i = 0; i < stack.rows.size(); ++i) {
     const std::span<const std::uint16_t> samples = stack.rows[i];
-    const v1::Frame& frame = stack.manifest.frames(static_cast<int>(i));
     const float share = drifts ? 1.0f / stack.brightness[i] : 1.0f;
-    const auto dark = black.find({frame.object(), frame.exposure_ms()});
+    const auto dark = drifts ? black.find(frames_[i].key) : black.end();
     const bool drifted = share != 1.0f && dark != black.end();
     std::vector<std::uint16_t>& to = owned->frames[i];
     to.resize(samples.size());
@@ -117,12 +120,15 @@ FrameStack LinearStack::of(FrameStack stack) const {
   }
   for (size_t i = 0; i < stack.rows.size(); ++i) stack.rows[i] = owned->frames[i];
   stack.owner = owned;
-  if (!light_.is_identity()) {
-    v1::Camera& camera = *stack.manifest.mutable_camera();
-    camera.set_read_sd(stack.manifest.camera_calibration().read_sd());
-    camera.set_gain(stack.manifest.camera_calibration().shot_gain());
-  }
   return stack;
+}
+
+v1::CaptureManifest LinearStack::manifest_of_light(v1::CaptureManifest manifest) const {
+  if (light_.is_identity()) return manifest;
+  v1::Camera& camera = *manifest.mutable_camera();
+  camera.set_read_sd(manifest.camera_calibration().read_sd());
+  camera.set_gain(manifest.camera_calibration().shot_gain());
+  return manifest;
 }
 
 void LinearStack::describe(v1::MatteMetadata& metadata) const {

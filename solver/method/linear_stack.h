@@ -1,11 +1,17 @@
-// What methods solve: a stack whose samples are light. A camera's codes become light by the calibrations that
-// the archive embeds, and the drift of the monitors is taken out:
+// The stack that methods solve, whose samples are light. The calibrations that the archive embeds turn the
+// camera's codes into light, and the brightness drift of the monitors is removed:
 //
-//   light = black + (seen - black) / brightness       black: the same pixel, object and exposure, monitors
-//   black
+//   light = black + (seen - black) / brightness
+//
+// where black is the same pixel before black monitors, with the same object and exposure.
 #pragma once
 
 #include <absl/status/statusor.h>
+
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "core/radiometry/frame_light.h"
 #include "core/radiometry/primary_mix.h"
@@ -15,24 +21,36 @@ namespace glasswing {
 
 class LinearStack {
  public:
-  // Of every stack of this session. INVALID_ARGUMENT: a calibration that cannot be one.
+  // Converts every stack of this session. INVALID_ARGUMENT: an invalid calibration.
   static absl::StatusOr<LinearStack> create(const v1::CaptureManifest& manifest);
 
-  // The same rows as light on 16 bits, above a pedestal: what noise brings below 0 is kept, or means around
-  // black would come out too bright. The manifest carries the noise of that light. Where samples are light
-  // already the stack stays as it is, and nothing is copied.
+  // The same rows as light on 16 bits, above a pedestal that keeps what noise brings below 0: without it
+  // means around black would be too bright. A stack whose samples are already light and that has no drift is
+  // returned as it is, without a copy.
   FrameStack of(FrameStack stack) const;
 
-  // What was done, for the matte's reader.
+  // The manifest with its camera's noise on the scale of light instead of codes.
+  v1::CaptureManifest manifest_of_light(v1::CaptureManifest manifest) const;
+
+  // Records the conversion and its warnings.
   void describe(v1::MatteMetadata& metadata) const;
 
  private:
-  LinearStack(FrameLight light, PrimaryMix mix, std::vector<std::string> warnings)
-      : light_(std::move(light)), mix_(std::move(mix)), warnings_(std::move(warnings)) {}
+  // Frames whose drift is removed with the same black.
+  using BlackKey = std::pair<bool, double>;  // object, exposure_ms
+  struct FrameKind {
+    BlackKey key;
+    bool black = false;  // of a monitor
+  };
+
+  LinearStack(FrameLight light, PrimaryMix mix) : light_(std::move(light)), mix_(std::move(mix)) {}
+  // The first black frame that has rows, by key.
+  std::map<BlackKey, size_t> black_frames(const FrameStack& stack) const;
 
   FrameLight light_;
   PrimaryMix mix_;
   std::vector<std::string> warnings_;
+  std::vector<FrameKind> frames_;  // by index in manifest.frames
 };
 
 }  // namespace glasswing

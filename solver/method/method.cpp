@@ -10,10 +10,14 @@
 namespace glasswing {
 
 absl::StatusOr<FrameStack> whole_stack(std::shared_ptr<const MappedArchive> archive) {
-  const int height = archive->manifest().camera().height_px();
-  FrameStack stack{
-      .manifest = archive->manifest(), .first_row = 0, .row_count = height, .rows = {}, .owner = archive};
-  for (int i = 0; i < stack.manifest.frames_size(); ++i) stack.rows.push_back(archive->rows(i, 0, height));
+  const v1::CaptureManifest& manifest = archive->manifest();
+  const int height = manifest.camera().height_px();
+  FrameStack stack{.width_px = manifest.camera().width_px(),
+                   .first_row = 0,
+                   .row_count = height,
+                   .rows = {},
+                   .owner = archive};
+  for (int i = 0; i < manifest.frames_size(); ++i) stack.rows.push_back(archive->rows(i, 0, height));
   const auto read_row = [&](int row, const std::vector<int>& frames) {
     std::vector<std::uint16_t> samples;
     for (const int frame : frames) {
@@ -22,21 +26,20 @@ absl::StatusOr<FrameStack> whole_stack(std::shared_ptr<const MappedArchive> arch
     }
     return absl::StatusOr<std::vector<std::uint16_t>>(std::move(samples));
   };
-  GW_ASSIGN_OR_RETURN(stack.brightness, measure_brightness_drift(stack.manifest, read_row));
+  GW_ASSIGN_OR_RETURN(stack.brightness, measure_brightness_drift(manifest, read_row));
   return stack;
 }
 
-absl::Status check_rows(const FrameStack& stack, const std::vector<int>& needed) {
-  const size_t samples =
-      static_cast<size_t>(stack.row_count) * static_cast<size_t>(stack.manifest.camera().width_px()) * 3;
+absl::Status check_rows(const FrameStack& stack, const v1::CaptureManifest& manifest,
+                        const std::vector<int>& needed) {
+  const size_t samples = static_cast<size_t>(stack.row_count) * static_cast<size_t>(stack.width_px) * 3;
   for (const int frame : needed) {
     const auto at = static_cast<size_t>(frame);
     const size_t found = at < stack.rows.size() ? stack.rows[at].size() : 0;
     if (found != samples) {
       return absl::InvalidArgumentError(
           fmt::format("{} has {} samples in {} rows; the manifest's width of {} px makes that {}",
-                      stack.manifest.frames(frame).file(), found, stack.row_count,
-                      stack.manifest.camera().width_px(), samples));
+                      manifest.frames(frame).file(), found, stack.row_count, stack.width_px, samples));
     }
   }
   return absl::OkStatus();
@@ -53,19 +56,23 @@ absl::StatusOr<double> number_option(const std::string& key, const std::string& 
   return number;
 }
 
-Matte blank_matte(const FrameStack& stack, const std::string& method, const MethodOptions& options,
-                  int modes_per_channel) {
-  const v1::Camera& camera = stack.manifest.camera();
-  Matte matte(0, stack.first_row, camera.width_px(), stack.row_count, modes_per_channel);
-  v1::MatteMetadata& metadata = matte.metadata;
+v1::MatteMetadata metadata_of(const v1::CaptureManifest& manifest, const std::string& method,
+                              const MethodOptions& options) {
+  v1::MatteMetadata metadata;
   metadata.set_format_version(1);
-  metadata.set_session(stack.manifest.session());
+  metadata.set_session(manifest.session());
   metadata.set_method(method);
   for (const auto& [key, value] : options) (*metadata.mutable_options())[key] = value;
-  *metadata.mutable_monitors() = stack.manifest.monitors();
-  metadata.set_width_px(camera.width_px());
-  metadata.set_height_px(camera.height_px());
+  *metadata.mutable_monitors() = manifest.monitors();
+  metadata.set_width_px(manifest.camera().width_px());
+  metadata.set_height_px(manifest.camera().height_px());
   metadata.set_generator("glasswing");
+  return metadata;
+}
+
+Matte blank_matte(const FrameStack& stack, const v1::MatteMetadata& metadata, int modes_per_channel) {
+  Matte matte(0, stack.first_row, stack.width_px, stack.row_count, modes_per_channel);
+  matte.metadata = metadata;
   return matte;
 }
 

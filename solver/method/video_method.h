@@ -1,5 +1,5 @@
-// The seam for methods that make a matte of every frame of a video. What Method is to rows of one matte, this
-// is to ranges of frames.
+// The interface of methods that make a matte of every frame of a video: like Method, but for ranges of frames
+// instead of rows of one matte.
 #pragma once
 
 #include <absl/status/status.h>
@@ -26,8 +26,7 @@ struct FrameView {
   float zero = 0.0f, unit = 1.0f / 65535.0f;
 };
 
-// Where the frames of one archive come from. Samples are light (linear_stack.h); the frame's memory lasts as
-// long as `owner`.
+// A frame of one archive. Samples are light (linear_stack.h); `owner` keeps them alive.
 struct VideoFrame {
   FrameView view;
   std::shared_ptr<const void> owner;
@@ -36,24 +35,24 @@ class VideoSource {
  public:
   virtual ~VideoSource() = default;
   virtual const v1::CaptureManifest& manifest() const = 0;
-  // By place in manifest.frames. DATA_LOSS names a frame that cannot be read.
+  // `frame`: index in manifest.frames. DATA_LOSS names a frame that cannot be read.
   virtual absl::StatusOr<VideoFrame> read(int frame) = 0;
 };
 
-// Takes a frame's matte, or why there is none.
+// Receives a frame's matte, or the reason why there is none.
 using FrameDone = std::function<absl::Status(int frame, absl::StatusOr<Matte> matte)>;
 
-// "frame 7: " before what is wrong with it.
+// The same error with "frame 7: " before its message.
 absl::Status in_frame(int frame, const absl::Status& status);
 
 class VideoMethod {
  public:
   virtual ~VideoMethod() = default;
-  // Hands out the mattes of frames [first, first + count) of the video, each of the whole picture, in order,
-  // lost ones left out. A matte depends on the empty stage and on frames near its own alone, so that ranges
-  // join without seams. A frame that none can be made of is handed out as an error that names it, and the
-  // others go on. Stops with the first error of anything else, or of `done`; CANCELLED once `stop` was asked
-  // for; UNAVAILABLE: frames cannot be read now.
+  // Passes the mattes of frames [first, first + count) of the video to `done`, each of the whole picture, in
+  // order, without lost frames. A matte depends only on the empty stage and on neighbouring frames, so ranges
+  // join without seams. A frame that cannot be solved is passed as an error that names it, and the others
+  // continue. Returns the first other error or that of `done`; CANCELLED once `stop` is requested;
+  // UNAVAILABLE: frames cannot be read now.
   virtual absl::Status solve(VideoSource& source, int first, int count, int thread_count,
                              std::stop_token stop, const FrameDone& done) const = 0;
 };

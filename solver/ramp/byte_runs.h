@@ -6,7 +6,7 @@
 
 namespace glasswing {
 
-// The next 255 in [from, to); `to` if there is none.
+// The next 255 in [from, to); `to` if none.
 inline const std::uint8_t* next_set(const std::uint8_t* from, const std::uint8_t* to) {
   const void* const found = std::memchr(from, 255, static_cast<size_t>(to - from));
   return found == nullptr ? to : static_cast<const std::uint8_t*>(found);

@@ -8,7 +8,7 @@
 namespace glasswing {
 namespace {
 
-// P_0 .. P_degree at s, and their derivatives; beyond [-1, 1] straight on.
+// P_0 .. P_degree at s, and their derivatives; extended linearly beyond [-1, 1].
 template <size_t Count>
 void legendre(double s, std::array<double, Count>& value, std::array<double, Count>& slope) {
   const double inside = std::clamp(s, -1.0, 1.0);
@@ -50,6 +50,18 @@ ColourManifold::Light times(const std::array<double, 9>& matrix, const ColourMan
 
 }  // namespace
 
+void ColourManifold::set_mix(const std::array<double, 9>& mix) {
+  mix_ = mix;
+  const Eigen::Matrix3d inverse =
+      Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(mix.data()).inverse();
+  for (size_t c = 0; c < 3; ++c) {
+    const auto column = static_cast<Eigen::Index>(c);
+    to_a_[c] = static_cast<float>(inverse(0, column));
+    to_b_[c] = static_cast<float>(inverse(1, column));
+    level_[c] = static_cast<float>(0.5 * (inverse(0, column) + inverse(1, column)) + inverse(2, column));
+  }
+}
+
 absl::StatusOr<ColourManifold> ColourManifold::fit(std::span<const ManifoldSample> samples,
                                                    const std::array<double, 9>& mix, int monitor_width_px,
                                                    int monitor_height_px) {
@@ -60,16 +72,7 @@ absl::StatusOr<ColourManifold> ColourManifold::fit(std::span<const ManifoldSampl
   ColourManifold manifold;
   manifold.width_px_ = monitor_width_px;
   manifold.height_px_ = monitor_height_px;
-  manifold.mix_ = mix;
-  const Eigen::Matrix3d inverse =
-      Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(mix.data()).inverse();
-  for (size_t c = 0; c < 3; ++c) {
-    const auto column = static_cast<Eigen::Index>(c);
-    manifold.to_a_[c] = static_cast<float>(inverse(0, column));
-    manifold.to_b_[c] = static_cast<float>(inverse(1, column));
-    manifold.level_[c] =
-        static_cast<float>(0.5 * (inverse(0, column) + inverse(1, column)) + inverse(2, column));
-  }
+  manifold.set_mix(mix);
   auto& range = manifold.measured_px_;
   range = {manifold.width_px_, 0.0, manifold.height_px_, 0.0};
   for (const ManifoldSample& sample : samples) {
@@ -83,7 +86,7 @@ absl::StatusOr<ColourManifold> ColourManifold::fit(std::span<const ManifoldSampl
   std::vector<double> weights(samples.size(), 1.0);
   std::vector<double> misfit(samples.size());
   Eigen::Matrix<double, kTerms, 3> solution;
-  // Twice, the second time without what the first could not explain: dust, a dead pixel, the monitor's rim.
+  // Twice, the second time without the outliers of the first: dust, a dead pixel, the monitor's rim.
   for (int round = 0; round < 2; ++round) {
     Eigen::Matrix<double, kTerms, kTerms> squares = Eigen::Matrix<double, kTerms, kTerms>::Zero();
     Eigen::Matrix<double, kTerms, 3> sums = Eigen::Matrix<double, kTerms, 3>::Zero();
@@ -118,7 +121,7 @@ absl::StatusOr<ColourManifold> ColourManifold::fit(std::span<const ManifoldSampl
     for (size_t i = 0; i < samples.size(); ++i)
       weights[i] = misfit[i] <= std::max(5.0 * manifold.residual_, 1e-6) ? 1.0 : 0.0;
   }
-  if (!solution.allFinite()) return absl::FailedPreconditionError("the ramp's colours make no surface");
+  if (!solution.allFinite()) return absl::FailedPreconditionError("the ramp's colours do not form a surface");
   for (size_t c = 0; c < 3; ++c) {
     for (size_t term = 0; term < kTerms; ++term)
       manifold.terms_[c][term] = solution(static_cast<Eigen::Index>(term), static_cast<Eigen::Index>(c));
@@ -168,8 +171,8 @@ void ColourManifold::find(Colours& colours, size_t count) const {
                          colours, count);
 }
 
-// The place with the least distance of T from the line along `direction`: projected Gauss-Newton; a
-// coordinate that would leave the monitor is held at its edge and the other solved again.
+// The position where T is nearest to the line along `direction`, by projected Gauss-Newton: a coordinate that
+// would leave the monitor is held at its edge and the other solved again.
 std::array<double, 2> ColourManifold::nearest(const Light& direction, std::array<double, 2> start,
                                               bool held) const {
   const std::array<double, 2> most{width_px_, height_px_};
@@ -193,7 +196,7 @@ std::array<double, 2> ColourManifold::nearest(const Light& direction, std::array
     }
     const bool x_out = next[0] < 0.0 || next[0] > most[0], y_out = next[1] < 0.0 || next[1] > most[1];
     if (held && (x_out || y_out)) {
-      // The best on either edge that it crosses.
+      // The best position on either edge that the step crosses.
       double least = INFINITY;
       std::array<double, 2> best = at;
       for (size_t axis = 0; axis < 2; ++axis) {
@@ -219,7 +222,7 @@ std::array<double, 2> ColourManifold::nearest(const Light& direction, std::array
   return at;
 }
 
-// The table's range: that of the monitor's colours, and an eighth of it on each side.
+// The table covers the range of the monitor's colours plus an eighth on each side.
 void ColourManifold::frame_table() {
   constexpr int kSteps = 64;
   std::array<double, 2> least{INFINITY, INFINITY}, most{-INFINITY, -INFINITY};

@@ -1,14 +1,14 @@
-// The colours of the ramp as the camera sees them: a curved surface in the rgb cube, and the place on it that
-// a colour's direction from black tells.
+// The ramp's colours as the camera sees them: a curved surface in the rgb cube, and the position on it that a
+// colour's direction from black determines.
 //
 //   T_c(x, y) = (ramp's plane)_c + sum_ij k_cij P_i(s) P_j(t),  i + j <= 6, P Legendre's polynomials, s and t
 //   over the part of the monitor that was measured; beyond it they go straight on.
 //
 // A line from black through a colour C meets the plane n . C = 2 at (a, b), its light of the ramp's red and
-// green, which tell its direction. A table over these holds, for each direction D with n . D = 2, the place c
-// whose colour is nearest to the line, and rho = D . T(c) / T(c)^2: solved once by Gauss-Newton on the model,
-// bilinear in between. On a manifold that is plane the table is exact. Where the line misses the monitor, so
-// that c would lie beyond its edge, a second table has the nearest point of the edge.
+// green. A table over (a, b) holds, for each direction D with n . D = 2, the position c whose colour is
+// nearest to the line, and rho = D . T(c) / T(c)^2. It is solved once by Gauss-Newton on the model and
+// interpolated bilinearly; on a flat manifold it is exact. Where the line misses the monitor, so that c would
+// lie beyond its edge, a second table holds the nearest point of the edge.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -29,16 +29,16 @@ class ColourManifold {
  public:
   using Light = std::array<double, 3>;
 
-  // `mix`: what each of the camera's channels (row) sees of each primary (column), by rows.
-  // FAILED_PRECONDITION: too few samples to tell.
+  // `mix`: the response of each camera channel (row) to each primary (column), by rows. FAILED_PRECONDITION:
+  // too few samples.
   static absl::StatusOr<ColourManifold> fit(std::span<const ManifoldSample> samples,
                                             const std::array<double, 9>& mix, int monitor_width_px,
                                             int monitor_height_px);
 
-  // T at a place of the monitor.
+  // T at a position on the monitor.
   Light light(double x_px, double y_px) const;
 
-  // The colours of some pixels, and what they tell.
+  // The colours of some pixels and the results for them.
   struct Colours {
     static constexpr size_t kMax = 64;
     using Values = std::array<float, kMax>;
@@ -47,12 +47,12 @@ class ColourManifold {
     Values rho;                                 // not clamped
     std::array<Values, 3> information_per_px2;  // xx, xy, yy: inverse covariance of c
   };
-  // Of the first `count`, whose light is not 0 or less in all: level() > 0.
+  // Solves the first `count` colours, which must have level() > 0.
   void find(Colours& colours, size_t count) const;
   // n . C / 2: 1 on the plane.
   float level(float r, float g, float b) const { return level_[0] * r + level_[1] * g + level_[2] * b; }
 
-  // Variance of level(), and on the manifold of rho, of light with these variances of its channels.
+  // The variance of level(), and on the manifold of rho, for these variances of the channels.
   float level_variance(const std::array<float, 3>& variance) const {
     return level_[0] * level_[0] * variance[0] + level_[1] * level_[1] * variance[1] +
            level_[2] * level_[2] * variance[2];
@@ -63,18 +63,19 @@ class ColourManifold {
 
  private:
   static constexpr int kDegree = 6, kTerms = (kDegree + 1) * (kDegree + 2) / 2;
-  static constexpr int kCells = 160;  // a side of the table
+  static constexpr int kCells = 160;  // per side of the table
 
-  // x, y, rho and nothing.
+  // x, y, rho and padding.
   using Node = std::array<float, 4>;
   struct Sides {
     Light light, along_x, along_y;
   };
   ColourManifold() = default;
   Sides sides(double x_px, double y_px) const;
+  void set_mix(const std::array<double, 9>& mix);
   void frame_table();
   void fill_table();
-  // `held`: on the monitor.
+  // `held`: restricted to the monitor.
   std::array<double, 2> nearest(const Light& direction, std::array<double, 2> start, bool held) const;
 
   double width_px_ = 0.0, height_px_ = 0.0;
@@ -85,7 +86,7 @@ class ColourManifold {
   std::array<double, 4> measured_px_{};    // x from, to, y from, to
   std::array<std::array<double, kTerms>, 3> terms_{};
   double residual_ = 0.0;
-  // (kCells + 1)^2, by rows of b; the second: held on the monitor.
+  // (kCells + 1)^2 nodes, by rows of b. held_: restricted to the monitor.
   std::vector<Node> table_, held_;
   std::vector<std::array<float, 4>> slope_;  // of the cells: d(x, y) / d(a, b), px
 };

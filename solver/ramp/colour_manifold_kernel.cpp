@@ -23,13 +23,13 @@ V Dot(const std::array<float, 3>& row, const V* light) {
                     hn::MulAdd(hn::Set(d, row[1]), light[1], hn::Mul(hn::Set(d, row[2]), light[2])));
 }
 
-// One of the four numbers of nodes.
+// Gathers one of the four numbers of nodes.
 V Part(const float* numbers, hn::Vec<Places> node, int part) {
   const Places places;
   return hn::GatherIndex(D(), numbers, hn::Add(hn::ShiftLeft<2>(node), hn::Set(places, part)));
 }
 
-// Bilinear.
+// Bilinear interpolation.
 V Between(const float* numbers, int row, hn::Vec<Places> node, int part, V across, V down) {
   const float* const low = numbers + size_t{4} * static_cast<size_t>(row);
   const V a = Part(numbers, node, part), b = Part(numbers, node, part + 4);
@@ -50,7 +50,7 @@ void Find(const ManifoldTable& table, ColourManifold::Colours& colours, size_t a
   const V top_b = hn::Mul(Dot(table.to_b, light), per_level);
   const auto cells = [&](V top, size_t axis) {
     const V place = hn::Mul(hn::Sub(top, hn::Set(d, table.from[axis])), hn::Set(d, table.scale[axis]));
-    // What is no number lies at 0.
+    // NaN is treated as 0.
     return hn::Min(hn::IfThenElseZero(hn::Gt(place, zero), place), hn::Set(d, table.most));
   };
   const V x = cells(top_a, 0), y = cells(top_b, 1);

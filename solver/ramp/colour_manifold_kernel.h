@@ -7,7 +7,7 @@ namespace glasswing::internal {
 
 struct ManifoldTable {
   int row = 0;        // nodes
-  float most = 0.0f;  // along a side, cells: just short of the last node
+  float most = 0.0f;  // largest index along a side, just below the last node
   std::array<float, 3> level{}, to_a{}, to_b{};
   std::array<float, 2> from{}, scale{};
   float width_px = 0.0f, height_px = 0.0f;

@@ -14,7 +14,7 @@ cv::Mat plane_of(const std::vector<float>& plane, const RampFrame& frame, const 
   return cv::Mat(frame.height_px, frame.width_px, CV_32F, const_cast<float*>(plane.data()))(box);
 }
 
-// Round what is 255, and so many pixels more; within the picture.
+// The bounding box of the 255s, enlarged by a margin within the picture.
 cv::Rect box_round(std::span<const std::uint8_t> mask, const RampFrame& frame, int margin_px) {
   int left = frame.width_px, right = -1, top = frame.height_px, bottom = -1;
   for (int y = 0; y < frame.height_px; ++y) {
@@ -35,7 +35,7 @@ cv::Rect box_round(std::span<const std::uint8_t> mask, const RampFrame& frame, i
   return box & cv::Rect(0, 0, frame.width_px, frame.height_px);
 }
 
-// What rho is without peaks narrower than the disc.
+// rho without peaks narrower than the disc.
 cv::Mat without_peaks(const cv::Mat& rho, const cv::Mat& alpha, int reach_px) {
   const int block = std::max(1, reach_px / 6), reach = std::max(1, reach_px / block);
   const cv::Mat covered = alpha > kHighlightCover;
@@ -58,7 +58,8 @@ cv::Mat without_peaks(const cv::Mat& rho, const cv::Mat& alpha, int reach_px) {
   return fine(cv::Rect(0, 0, rho.cols, rho.rows));
 }
 
-// Three values and 1 where they are known; fills the rest, all 0, from means over ever larger squares.
+// Pixels hold three values and 1 if known, otherwise 0. Fills the unknown ones from means over increasingly
+// large squares.
 cv::Mat filled(const cv::Mat& known) {
   cv::Mat out(known.size(), CV_32FC4);
   const bool last = known.cols == 1 && known.rows == 1;
@@ -91,7 +92,7 @@ std::vector<std::uint8_t> find_highlights(const RampFrame& frame, std::span<cons
   const cv::Mat rho = plane_of(frame.rho, frame, box), alpha = plane_of(frame.alpha, frame, box);
   const cv::Mat base = without_peaks(rho, alpha, rule.reach_px);
   const auto rise = static_cast<float>(rule.rise + 3.0 * rule.rho_sd);
-  // From the sure ones to all that rise and touch.
+  // Grow from the sure pixels to all connected ones that rise.
   std::vector<std::uint8_t> found(frame.alpha.size());
   std::vector<cv::Point> open;
   const auto place = [&](int x, int y) {
@@ -124,7 +125,7 @@ void bridge_highlights(std::span<const std::uint8_t> highlights, double blur_px,
   const int reach_px = std::max(1, static_cast<int>(std::ceil(3.0 * blur_px)));
   const cv::Rect core = box_round(highlights, frame, 0);
   if (core.empty()) return;
-  // As much around as the highlights are wide, from which to tell.
+  // Include as much of the surroundings as the highlights are wide.
   const int margin = std::max({core.width, core.height, reach_px});
   const cv::Rect box =
       cv::Rect(core.x - margin, core.y - margin, core.width + 2 * margin, core.height + 2 * margin) &
@@ -142,7 +143,7 @@ void bridge_highlights(std::span<const std::uint8_t> highlights, double blur_px,
     }
   }
   cv::Mat bridged = filled(known);
-  // The blur runs over the object alone.
+  // Blur within the object only.
   for (int y = 0; y < box.height; ++y) {
     for (int x = 0; x < box.width; ++x) {
       const size_t at = place(x, y);
@@ -160,7 +161,7 @@ void bridge_highlights(std::span<const std::uint8_t> highlights, double blur_px,
       frame.highlight[at] = 1.0f;
       frame.info_xx[at] = frame.info_xy[at] = frame.info_yy[at] = 0.0f;
       const cv::Vec4f& value = bridged.at<cv::Vec4f>(y, x);
-      if (!(value[3] > 0.0f)) continue;  // nothing around is known: as it was seen
+      if (!(value[3] > 0.0f)) continue;  // no known surroundings: leave it as measured
       frame.x_px[at] = value[0] / value[3];
       frame.y_px[at] = value[1] / value[3];
       frame.rho[at] = value[2] / value[3];

@@ -12,8 +12,8 @@ namespace {
 
 constexpr size_t kMaxPixels = 40'000;
 constexpr int kRounds = 30;
-constexpr double kMinLight = 0.1;      // of the brightest: darker than any colour of the ramp
-constexpr double kMinSpread = 0.1;     // of u and v: a monitor of which less is seen tells too little
+constexpr double kMinLight = 0.1;      // of the brightest pixel: darker than any colour of the ramp
+constexpr double kMinSpread = 0.1;     // of u and v: the minimum visible part of the monitor
 constexpr double kMaxResidual = 0.05;  // of the monitor's longer side
 
 struct Pixel {
@@ -27,7 +27,7 @@ double median_of(std::vector<double> values) {
   return *middle;
 }
 
-// Weights for residuals of which most are normal; a residual of all but rounding counts fully.
+// Robust weights for residuals of which most are normal; residuals within rounding count fully.
 std::vector<double> robust_weights(const std::vector<double>& residuals, double min_sd) {
   const double sd = std::max(median_of(residuals) / 0.6745, min_sd);
   std::vector<double> weights(residuals.size());
@@ -71,7 +71,7 @@ absl::StatusOr<Eigen::Vector3d> fit_plane(const std::vector<Pixel>& pixels) {
       squares += weights[i] * pixels[i].light * pixels[i].light.transpose();
       sums += weights[i] * 2.0 * pixels[i].light;
     }
-    // One colour, or a line of them, makes no plane.
+    // One colour, or a line of colours, spans no plane.
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(squares);
     if (!(eigen.eigenvalues()[0] > 1e-4 * eigen.eigenvalues()[2]))
       return no_ramp("its colours span no plane");
@@ -79,7 +79,7 @@ absl::StatusOr<Eigen::Vector3d> fit_plane(const std::vector<Pixel>& pixels) {
     for (size_t i = 0; i < pixels.size(); ++i) residuals[i] = std::abs(plane.dot(pixels[i].light) - 2.0);
     weights = robust_weights(residuals, 1e-6);
   }
-  if (!(plane.minCoeff() > 0.0) || median_of(residuals) > 0.1) return no_ramp("its colours are others");
+  if (!(plane.minCoeff() > 0.0) || median_of(residuals) > 0.1) return no_ramp("its colours differ");
   return plane;
 }
 

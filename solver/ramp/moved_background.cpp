@@ -12,12 +12,12 @@
 namespace glasswing {
 namespace {
 
-constexpr double kMinRamp = 0.02;     // of the empty stage's light
-constexpr double kMaxOfFrame = 0.9;   // an object that covers less leaves enough of the background to see
-constexpr double kMaxShift_px = 1.0;  // of the camera, and five standard errors
-constexpr double kAlike = 0.7;        // of these pixels: no object keeps its background so straight
+constexpr double kMinRamp = 0.02;     // as a share of the empty stage's light
+constexpr double kMaxOfFrame = 0.9;   // an object that covers less leaves enough background
+constexpr double kMaxShift_px = 1.0;  // camera px, and at least five standard errors
+constexpr double kAlike = 0.7;  // share of alike pixels: no object leaves its background that undistorted
 constexpr float kSamePlace_px = 1.0f, kSameRho = 0.03f;
-constexpr size_t kMaxPixels = 20'000;  // that are looked at; a mean needs fewer
+constexpr size_t kMaxPixels = 20'000;  // sampled; enough for a mean
 constexpr size_t kMaxOfMean = 2'000;
 
 size_t step_of(const RampStage& stage, size_t most) {
@@ -30,9 +30,9 @@ float median_of(std::vector<float> values) {
   return *middle;
 }
 
-// Off the object, where each pixel by itself shows no change.
+// The common motion of pixels off the object, none of which shows a change by itself.
 absl::Status check_surroundings(const RampStage& stage, const RampLight& light, const RampFrame& frame) {
-  constexpr int kArm_px = 4;  // over which the average's slope is taken
+  constexpr int kArm_px = 4;  // for the slope of the average
   const auto row = static_cast<size_t>(stage.width_px);
   Eigen::Matrix3d squares = Eigen::Matrix3d::Zero();
   Eigen::Vector3d sums = Eigen::Vector3d::Zero();
@@ -109,7 +109,7 @@ absl::Status check_background_stands(const RampStage& stage, const RampLight& li
   const float x = median_of(dx_px), y = median_of(dy_px), bright = median_of(rho);
   size_t alike = 0;
   for (size_t i = 0; i < rho.size(); ++i) {
-    // Noise moves places by sd, and rho by about sd of a place in shares of the monitor.
+    // Noise moves positions by sd, and rho by about that sd as a share of the monitor.
     const float near_px = kSamePlace_px + 3.0f * sd_px[i];
     const float near_rho = kSameRho + 3.0f * sd_px[i] / static_cast<float>(stage.monitor.width_px());
     if (std::hypot(dx_px[i] - x, dy_px[i] - y) < near_px && std::abs(rho[i] - bright) < near_rho) ++alike;

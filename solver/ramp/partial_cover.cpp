@@ -14,7 +14,7 @@ void partial_cover(const CoverPictures& pictures, int edge_px, double noise_vari
   const int width = pictures.width_px, height = pictures.height_px;
   const cv::Mat object(height, width, CV_8U, const_cast<std::uint8_t*>(pictures.object.data()));
   cv::Mat inner = object;
-  if (edge_px > 0) {  // the picture's own border is no edge of the object
+  if (edge_px > 0) {  // the picture's border is not an edge of the object
     inner = cv::Mat();
     cv::erode(object, inner, cv::getStructuringElement(cv::MORPH_CROSS, {3, 3}), {-1, -1}, edge_px);
   }
@@ -35,8 +35,8 @@ void partial_cover(const CoverPictures& pictures, int edge_px, double noise_vari
         for (size_t c = 0; c < 3; ++c) own[c] += weight * pictures.light[place(column, row) + c];
       }
     }
-    if (weights == 0.0f) return 1.0f;  // thinner than its edges
-    // One standard deviation of noise counts as much towards 1 as what is seen.
+    if (weights == 0.0f) return 1.0f;  // the object is thinner than its edges
+    // Shrinks towards 1: a prior with the weight of one standard deviation of noise.
     float along = static_cast<float>(noise_variance), square = along;
     for (size_t c = 0; c < 3; ++c) {
       const float empty = pictures.empty[place(x, y) + c], span = empty - own[c] / weights;
@@ -50,7 +50,7 @@ void partial_cover(const CoverPictures& pictures, int edge_px, double noise_vari
       const std::uint8_t* const core = inner.ptr(y);
       float* const row = alpha.data() + static_cast<size_t>(y) * static_cast<size_t>(width);
       for (int x = 0; x < width; ++x) row[x] = core[x] != 0 ? 1.0f : 0.0f;
-      // Few pixels are the edge's.
+      // Few pixels lie at an edge.
       const std::uint8_t *at = edge.ptr(y), *const end = at + width;
       while ((at = next_set(at, end)) != end) {
         const auto x = static_cast<int>(at++ - edge.ptr(y));

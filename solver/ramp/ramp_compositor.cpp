@@ -11,7 +11,7 @@
 namespace glasswing {
 namespace {
 
-// IEC 61966-2-1. Its steepest part, next to black, rises by a fifth of a code from one entry to the next.
+// IEC 61966-2-1. At its steepest, next to black, it rises by a fifth of a code per entry.
 constexpr int kEntries = 16384;
 const std::array<std::uint8_t, kEntries>& srgb_codes() {
   static const std::array<std::uint8_t, kEntries> codes = [] {
@@ -37,7 +37,7 @@ class Encoder {
   const std::array<std::uint8_t, kEntries>& codes_ = srgb_codes();
 };
 
-// Of a box of this variance.
+// The side of a box of this variance.
 float side_of(float variance_px2) {
   return std::sqrt(12.0f * variance_px2);
 }

@@ -1,4 +1,4 @@
-// Composites of ramp frames in front of a picture while the camera runs, held to core/matte/compositor.h's of
+// Live composites of ramp frames in front of a picture. Tests compare them with core/matte/compositor.h on
 // the same mattes:
 //
 //   C = f W + (1 - alpha) B + rho M(T, A(c, w))                         (Chuang et al. 2000, eq. 30)
@@ -14,7 +14,7 @@
 
 namespace glasswing {
 
-// A picture behind the object: T, and what the camera sees of it without the object.
+// A picture behind the object: T, and its view by the camera without the object.
 class RampBackground {
  public:
   // `picture`: linear radiance, of the monitor's size. `empty_stage`: the matte of a frame without the
@@ -26,10 +26,10 @@ class RampBackground {
 
   FastSummedAreaTable table_;
   RadianceImage behind_;               // B
-  std::vector<std::uint8_t> encoded_;  // the same in 8 bit sRGB
+  std::vector<std::uint8_t> encoded_;  // the same in 8-bit sRGB
 };
 
-// r, g, b by rows, 8 bit sRGB. The frame is of the empty stage's size. The result does not depend on
+// Returns r, g, b by rows, 8-bit sRGB. The frame has the empty stage's size. The result does not depend on
 // `thread_count` (0: all cores).
 std::vector<std::uint8_t> composite(const RampFrame& frame, const RampBackground& background,
                                     int thread_count);

@@ -13,13 +13,14 @@
 #include "solver/ramp/highlights.h"
 #include "solver/ramp/moved_background.h"
 #include "solver/ramp/partial_cover.h"
-#include "solver/ramp/prepared_stage.h"
+#include "solver/ramp/ramp_matte.h"
+#include "solver/ramp/ramp_stage.h"
 
 namespace glasswing {
 namespace {
 
-// Darker than so many standard deviations of the noise there is no telling where light comes from.
-constexpr float kDarkest_sd = 3.0f;
+// Below this many standard deviations of the noise the origin of light is unknown.
+constexpr float kMinLight_sd = 3.0f;
 constexpr double kUsualLight = 0.5;       // of the ramp
 constexpr double kHighlightReach = 0.04;  // of the picture's diagonal
 
@@ -29,7 +30,7 @@ SampleNoise noise_of(const RampStage& stage, const FrameView& view) {
   return noise;
 }
 
-// 255 where the light differs from the empty stage's, cleaned.
+// The cleaned mask: 255 where the light differs from the empty stage's.
 std::vector<std::uint8_t> object_of(const RampStage& stage, const RampLight& light, const SampleNoise& noise,
                                     const RampOptions& options, const MaskCleaning& cleaning,
                                     int thread_count) {
@@ -62,7 +63,7 @@ std::vector<std::uint8_t> object_of(const RampStage& stage, const RampLight& lig
   return object;
 }
 
-// As there is no object, but for alpha.
+// Fills in values for pixels off the object, except alpha.
 void put_empty_stage(const RampStage& stage, size_t begin, size_t end, RampFrame& frame) {
   const auto from = static_cast<std::ptrdiff_t>(begin), to = static_cast<std::ptrdiff_t>(end);
   std::copy(stage.x_px.begin() + from, stage.x_px.begin() + to, frame.x_px.begin() + from);
@@ -74,7 +75,7 @@ void put_empty_stage(const RampStage& stage, size_t begin, size_t end, RampFrame
                  [](Behind behind) { return behind == Behind::kPatch ? kFlagNoData : kFlagNone; });
 }
 
-// c, rho and the information of pixels of the object.
+// Finds c, rho and the information of pixels on the object.
 class ObjectPixels {
  public:
   static constexpr size_t kMax = ColourManifold::Colours::kMax;
@@ -87,7 +88,7 @@ class ObjectPixels {
         read_(static_cast<float>(noise.read_sd * noise.read_sd)),
         gain_(static_cast<float>(noise.gain)) {}
 
-  // Of `count` from `first` on, at most kMax.
+  // Handles `count` pixels from `first` on, at most kMax.
   void find(size_t first, size_t count, RampFrame& frame) {
     const ColourManifold& manifold = stage_.manifold;
     for (size_t c = 0; c < 3; ++c) {
@@ -106,7 +107,7 @@ class ObjectPixels {
       };
       const std::array<float, 3> own = of(colours_.light);
       const float level = manifold.level(own[0], own[1], own[2]);
-      const float darkest = kDarkest_sd * kDarkest_sd * manifold.level_variance(of(colours_.variance));
+      const float darkest = kMinLight_sd * kMinLight_sd * manifold.level_variance(of(colours_.variance));
       if (!(level > 0.0f && level * level > darkest) || frame.alpha[at] == 0.0f) {
         frame.rho[at] = std::max(level, 0.0f);
         continue;
@@ -120,7 +121,7 @@ class ObjectPixels {
     }
   }
 
-  // 255 where the highlights surely are.
+  // 255 in certain highlights.
   void mark_highlights(size_t first, size_t count, float rho, const RampFrame& frame,
                        std::span<std::uint8_t> sure) const {
     const auto covered = [&](size_t at) { return frame.alpha[at] > kHighlightCover; };
@@ -143,6 +144,14 @@ class ObjectPixels {
 };
 
 }  // namespace
+
+struct RampExtractor::Prepared {
+  RampStage stage;
+  RampOptions options;
+  MaskCleaning cleaning;
+  int highlight_reach_px = 1;
+  v1::MatteMetadata metadata;
+};
 
 absl::StatusOr<RampExtractor> RampExtractor::create(const v1::CaptureManifest& manifest,
                                                     const VideoLayout& layout,
@@ -219,7 +228,7 @@ absl::StatusOr<RampFrame> RampExtractor::extract(const FrameView& view, int thre
       }
     }
   });
-  // Both look at the frame.
+  // Both checks read the frame.
   absl::Status stands;
   std::vector<std::uint8_t> highlights;
   for_rows(2, std::min(thread_count, 2), [&](int first, int last) {
@@ -259,6 +268,14 @@ void RampExtractor::finish(const FrameView& view, RampFrame& frame, int thread_c
       frame.highlight[at] = most * static_cast<float>(options.highlight_gain);
     }
   });
+}
+
+Matte RampExtractor::matte(const RampFrame& frame, int thread_count) const {
+  return matte_of(prepared_->stage, prepared_->metadata, frame, thread_count);
+}
+
+const std::vector<std::string>& RampExtractor::warnings() const {
+  return prepared_->stage.warnings;
 }
 
 }  // namespace glasswing

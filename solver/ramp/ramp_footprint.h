@@ -1,5 +1,5 @@
-// How wide the place c is that a pixel of a ramp frame sees: as wide as c's steps from pixel to pixel
-// (Chuang et al. 2000, eq. 23 and 24, with the steps across and down the picture together).
+// The size of the footprint around c that a pixel of a ramp frame sees, from c's steps between pixels (Chuang
+// et al. 2000, eq. 23 and 24, combining the steps across and down the picture).
 #pragma once
 
 #include <algorithm>
@@ -9,14 +9,14 @@
 
 namespace glasswing {
 
-// An upright box, monitor px.
+// An axis-aligned box, monitor px.
 struct RampFootprint {
   float width_px, height_px;
 };
 
-// Of a pixel on the object.
+// For a pixel on the object.
 inline RampFootprint ramp_footprint(const RampFrame& frame, int x, int y) {
-  constexpr float kSurely = 0.3f;  // covered so far, a pixel's c is the object's
+  constexpr float kSurely = 0.3f;  // with this coverage, a pixel's c is the object's
   const auto row = static_cast<size_t>(frame.width_px);
   const size_t at = static_cast<size_t>(y) * row + static_cast<size_t>(x);
   const auto is_known = [&](size_t i) {
@@ -25,8 +25,8 @@ inline RampFootprint ramp_footprint(const RampFrame& frame, int x, int y) {
   struct Steps {
     float x_px, y_px;
   };
-  // Of c along one axis of the picture: the harmonic mean of the steps to both neighbours, which the smaller
-  // one rules, so that no footprint spans a jump of c.
+  // The step of c along one axis of the picture: the harmonic mean of the steps to both neighbours. The
+  // smaller one dominates, so no footprint spans a jump of c.
   const auto along = [&](bool has_before, bool has_after, size_t step) {
     has_before = has_before && is_known(at - step);
     has_after = has_after && is_known(at + step);
@@ -40,8 +40,8 @@ inline RampFootprint ramp_footprint(const RampFrame& frame, int x, int y) {
   };
   const Steps across = along(x > 0, x + 1 < frame.width_px, 1);
   const Steps down = along(y > 0, y + 1 < frame.height_px, row);
-  // The ramp does not tell places within a pixel of the monitor apart: c between two pixels is how much
-  // of each was seen, which a box of a pixel's width says exactly.
+  // The ramp does not resolve positions within a monitor pixel: c between two pixels expresses the share of
+  // each, which a box one pixel wide reproduces exactly.
   return {.width_px = std::max(1.0f, std::hypot(across.x_px, down.x_px)),
           .height_px = std::max(1.0f, std::hypot(across.y_px, down.y_px))};
 }

@@ -1,5 +1,5 @@
-// The light of a frame's samples without the stage's own, r, g, b by rows, told when it is asked for: most of
-// a frame is looked at once.
+// The light of a frame's samples minus the stage's own, r, g, b by rows. Computed on access: most samples are
+// read only once.
 #pragma once
 
 #include <span>
@@ -10,7 +10,7 @@ namespace glasswing {
 
 class RampLight {
  public:
-  // `black`: light that is there with the monitors black; empty: none.
+  // `black`: the light that remains with the monitors black; empty: none.
   RampLight(const FrameView& view, std::span<const float> black)
       : samples_(view.samples), unit_(view.unit), offset_(-view.zero * view.unit), black_(black) {}
 

@@ -1,28 +1,25 @@
-// RampExtractor::matte: the footprints.
-#include <fmt/format.h>
+#include "solver/ramp/ramp_matte.h"
 
-#include <algorithm>
 #include <atomic>
 #include <cmath>
 
 #include "core/base/for_rows.h"
-#include "solver/ramp/prepared_stage.h"
 #include "solver/ramp/ramp_footprint.h"
 
 namespace glasswing {
 namespace {
 
-constexpr double kCovered = 0.98;  // of what shows the ramp: nothing of the background is left
+constexpr double kCovered = 0.98;  // of the ramp's pixels: no background is left
 
 }  // namespace
 
-Matte RampExtractor::matte(const RampFrame& frame, int thread_count) const {
-  const RampStage& stage = prepared_->stage;
+Matte matte_of(const RampStage& stage, const v1::MatteMetadata& metadata, const RampFrame& frame,
+               int thread_count) {
   const int width = frame.width_px, height = frame.height_px;
   Matte matte(0, 0, width, height, 2, true);
-  matte.metadata = prepared_->metadata;
+  matte.metadata = metadata;
   const auto row = static_cast<size_t>(width);
-  // sides sqrt(12 xx): variances of boxes.
+  // The variance of a box is side^2 / 12.
   const auto box = [&](float weight, float x_px, float y_px, float side_x_px, float side_y_px) {
     Mode mode;
     mode.weight = weight;
@@ -71,10 +68,6 @@ Matte RampExtractor::matte(const RampFrame& frame, int thread_count) const {
         "the object");
   }
   return matte;
-}
-
-const std::vector<std::string>& RampExtractor::warnings() const {
-  return prepared_->stage.warnings;
 }
 
 }  // namespace glasswing

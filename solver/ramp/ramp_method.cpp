@@ -16,7 +16,7 @@
 namespace glasswing {
 namespace {
 
-// Some frames at once.
+// Several frames with their views.
 struct Frames {
   std::vector<VideoFrame> owned;
   std::vector<FrameView> views;
@@ -31,7 +31,7 @@ absl::StatusOr<Frames> read_all(VideoSource& source, const std::vector<int>& pla
   return frames;
 }
 
-// A frame of the video, as far as it has come.
+// A frame of the video and its state.
 struct Extracted {
   int number = 0;
   VideoFrame read;
@@ -54,7 +54,7 @@ absl::Status RampMethod::solve(VideoSource& source, int first, int count, int th
   const int size = static_cast<int>(layout.frames.size());
   if (first < 0 || count < 0 || first + count > size) {
     return absl::InvalidArgumentError(
-        fmt::format("frames {} to {} were asked for; the video has {}", first, first + count - 1, size));
+        fmt::format("frames {} to {} were requested; the video has {}", first, first + count - 1, size));
   }
   std::optional<RampExtractor> extractor;
   {
@@ -64,7 +64,7 @@ absl::Status RampMethod::solve(VideoSource& source, int first, int count, int th
                         RampExtractor::create(manifest, layout, empties.views, parsed_, black.views));
   }
   const RampSmoother smoother(parsed_.smoothing);
-  std::deque<Extracted> near;  // in order, lost frames left out
+  std::deque<Extracted> near;  // in order, without lost frames
   RampFrame spent;
   int next = std::max(0, first - smoother.frames_before());
   const auto extract = [&](int number) {

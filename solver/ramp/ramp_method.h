@@ -1,5 +1,5 @@
 // Video mattes from the colour ramp (Chuang et al. 2000, section 4): each frame is extracted, smoothed with
-// those near it, and finished. ramp_options.h has the options.
+// its neighbours in time, and finished. Options: ramp_options.h.
 #pragma once
 
 #include <memory>
@@ -13,8 +13,8 @@ class RampMethod final : public VideoMethod {
  public:
   static absl::StatusOr<std::unique_ptr<VideoMethod>> create(const MethodOptions& options);
 
-  // At most one frame more than the smoother looks at is in memory. A frame beyond the range that cannot be
-  // read or extracted is left out of what its neighbours are smoothed with.
+  // Keeps at most one frame more than the smoother uses in memory. A frame outside the range that cannot be
+  // read or extracted is left out of the smoothing of its neighbours.
   absl::Status solve(VideoSource& source, int first, int count, int thread_count, std::stop_token stop,
                      const FrameDone& done) const override;
 

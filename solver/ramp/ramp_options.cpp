@@ -43,30 +43,30 @@ const std::vector<Option>& table() {
 
 std::string ramp_options_help() {
   return std::string(
-             "threshold_sd       1 to 1000, default 5.5: a colour that is so many standard deviations of the "
-             "noise from the empty stage's shows the object\n"
-             "least_difference   0 to 1, default 0.002: and by so much of full scale\n"
+             "threshold_sd       1 to 1000, default 5.5: a pixel shows the object if its colour differs from "
+             "the "
+             "empty stage's by so many standard deviations of the noise\n"
+             "least_difference   0 to 1, default 0.002: ... and by this share of full scale\n"
              "dilation_px        0 to 1000, default 0.3 % of the picture's diagonal: closes gaps in the "
              "object\n"
              "erosion_px         0 to 1000, default dilation_px\n"
              "fill_holes         0 or 1, default 1\n"
-             "edge_px            0 to 20, default 1: how wide the camera sees an edge; there alpha may be "
+             "edge_px            0 to 20, default 1: width of the object's edge, where alpha may be "
              "between 0 and 1\n"
-             "highlights         0 or 1, default 1: 0 where the ramp is the only light\n"
-             "delta              0 to 1, default 0.05: what is brighter than the ramp by this share of it is "
-             "a "
+             "highlights         0 or 1, default 1: 0 if the ramp is the only light\n"
+             "delta              0 to 1, default 0.05: a pixel brighter than the ramp by this share is a "
              "highlight; the paper used 0.03 to 0.10\n"
-             "highlight_rise     0.001 to 1, default 0.02: and round it what is so much brighter than the "
-             "object further off\n"
+             "highlight_rise     0.001 to 1, default 0.02: ... with the pixels around it that exceed the "
+             "object "
+             "further off by this share\n"
              "highlight_reach_px 1 to 1000, default 4 % of the picture's diagonal: half the width of the "
              "widest "
              "highlight\n"
-             "highlight_blur_px  0 to 100, default 1: sigma that smoothes what is interpolated across a "
+             "highlight_blur_px  0 to 100, default 1: sigma that smooths the interpolation across a "
              "highlight\n"
-             "highlight_gain     0 to 100, default 1: what highlights are multiplied by\n"
-             "clipped_highlight  0 to 100, default 1: a highlight that clips all channels is at least so "
-             "bright; "
-             "0: as bright as is seen\n") +
+             "highlight_gain     0 to 100, default 1: factor applied to highlights\n"
+             "clipped_highlight  0 to 100, default 1: minimum of a highlight that clips all channels; "
+             "0: as measured\n") +
          std::string(smoothing_options_help());
 }
 

@@ -12,7 +12,7 @@ namespace glasswing {
 namespace {
 
 constexpr double kMaxSaturated = 0.01;  // of the ramp's pixels
-constexpr size_t kMaxSamples = 40'000;  // that the manifold is fitted to
+constexpr size_t kMaxSamples = 40'000;  // for fitting the manifold
 
 absl::Status check_sizes(const v1::CaptureManifest& manifest, std::span<const FrameView> views) {
   const v1::Camera& camera = manifest.camera();
@@ -28,8 +28,8 @@ absl::Status check_sizes(const v1::CaptureManifest& manifest, std::span<const Fr
 
 struct Mean {
   std::vector<float> light;
-  double variance = 0.0;   // of a sample from frame to frame, the mean; 0 of one frame
-  double saturated = 0.0;  // the share of pixels that are in most frames
+  double variance = 0.0;   // mean variance of a sample between frames; 0 for one frame
+  double saturated = 0.0;  // the share of pixels saturated in most frames
 };
 
 Mean mean_of(std::span<const FrameView> views) {
@@ -60,7 +60,7 @@ Mean mean_of(std::span<const FrameView> views) {
   return mean;
 }
 
-// In the monitor's primaries, for the map.
+// The light in the monitor's primaries, for the map.
 RadianceImage primaries_of(const std::vector<float>& light, int width_px, int height_px,
                            const PrimaryMix& mix) {
   RadianceImage image(width_px, height_px);
@@ -73,7 +73,7 @@ RadianceImage primaries_of(const std::vector<float>& light, int width_px, int he
   return image;
 }
 
-// What each channel sees of each of the ramp's primaries.
+// The response of each channel to each of the ramp's primaries.
 std::array<double, 9> channel_mix(const PrimaryMix& mix, int texture, const std::array<double, 3>& plane) {
   std::array<double, 9> out{};
   for (size_t primary = 0; primary < 3; ++primary) {
@@ -87,13 +87,57 @@ std::array<double, 9> channel_mix(const PrimaryMix& mix, int texture, const std:
   return out;
 }
 
+// The view past the object, by pixel, and some of its colours for the manifold.
+struct PastObject {
+  std::vector<Behind> behind;
+  std::vector<float> x_px, y_px;
+  std::vector<ManifoldSample> samples;
+};
+
+PastObject view_past_object(const MonitorMap& map, const v1::Monitor& monitor, std::span<const float> light,
+                            int width, int height) {
+  const size_t count = light.size() / 3;
+  PastObject view{.behind = std::vector<Behind>(count),
+                  .x_px = std::vector<float>(count),
+                  .y_px = std::vector<float>(count),
+                  .samples = {}};
+  const auto step = static_cast<size_t>(
+      std::ceil(std::sqrt(static_cast<double>(count) / static_cast<double>(kMaxSamples))));
+  size_t at = 0;
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x, ++at) {
+      const auto [mx, my] = map.place(x + 0.5, y + 0.5);
+      view.x_px[at] = static_cast<float>(mx);
+      view.y_px[at] = static_cast<float>(my);
+      // At most a tenth of the pixel may lie off the monitor.
+      const std::array<double, 4> slope = map.slope(x + 0.5, y + 0.5);
+      const double half_x = 0.4 * (std::abs(slope[0]) + std::abs(slope[1])),
+                   half_y = 0.4 * (std::abs(slope[2]) + std::abs(slope[3]));
+      const bool across = mx > -half_x && mx < monitor.width_px() + half_x;
+      if (across && my > -half_y && my < monitor.height_px() + half_y) {
+        view.behind[at] = Behind::kRamp;
+      } else if (across && monitor.patch_rows() > 0 && my > 0.0 &&
+                 my < monitor.height_px() + monitor.patch_rows() + half_y) {
+        view.behind[at] = Behind::kPatch;
+      } else {
+        view.behind[at] = Behind::kBeyond;
+      }
+      if (static_cast<size_t>(x) % step != 0 || static_cast<size_t>(y) % step != 0) continue;
+      if (mx < half_x || mx > monitor.width_px() - half_x || my < half_y || my > monitor.height_px() - half_y)
+        continue;
+      view.samples.push_back({mx, my, {light[3 * at], light[3 * at + 1], light[3 * at + 2]}});
+    }
+  }
+  return view;
+}
+
 }  // namespace
 
 double roughness(const FrameView& view) {
   constexpr double kNormal = 0.6745 * 2.4494897;  // the median of |a - 2b + c|, standard deviations
   const size_t row_samples = 3 * static_cast<size_t>(view.width_px);
   const int step = std::max(1, view.height_px * view.width_px / 60'000);
-  // By twice the difference in codes: a histogram is a median in one pass.
+  // A histogram of |second differences| in codes gives the median in one pass.
   std::vector<std::uint32_t> counts(4 * 65536);
   size_t count = 0;
   for (int y = step / 2; y < view.height_px; y += step) {
@@ -130,38 +174,9 @@ absl::StatusOr<RampStage> RampStage::measure(const v1::CaptureManifest& manifest
   GW_ASSIGN_OR_RETURN(const MonitorMap map, MonitorMap::fit(primaries_of(mean.light, width, height, mix),
                                                             monitor.width_px(), monitor.height_px()));
 
-  std::vector<Behind> behind(mean.light.size() / 3);
-  std::vector<float> x_px(behind.size()), y_px(behind.size());
-  std::vector<ManifoldSample> samples;
-  const auto step = static_cast<size_t>(
-      std::ceil(std::sqrt(static_cast<double>(behind.size()) / static_cast<double>(kMaxSamples))));
-  size_t at = 0;
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x, ++at) {
-      const auto [mx, my] = map.place(x + 0.5, y + 0.5);
-      x_px[at] = static_cast<float>(mx);
-      y_px[at] = static_cast<float>(my);
-      // All but a tenth of the pixel must lie on the monitor to tell its colour.
-      const std::array<double, 4> slope = map.slope(x + 0.5, y + 0.5);
-      const double half_x = 0.4 * (std::abs(slope[0]) + std::abs(slope[1])),
-                   half_y = 0.4 * (std::abs(slope[2]) + std::abs(slope[3]));
-      const bool across = mx > -half_x && mx < monitor.width_px() + half_x;
-      if (across && my > -half_y && my < monitor.height_px() + half_y) {
-        behind[at] = Behind::kRamp;
-      } else if (across && monitor.patch_rows() > 0 && my > 0.0 &&
-                 my < monitor.height_px() + monitor.patch_rows() + half_y) {
-        behind[at] = Behind::kPatch;
-      } else {
-        behind[at] = Behind::kBeyond;
-      }
-      if (static_cast<size_t>(x) % step != 0 || static_cast<size_t>(y) % step != 0) continue;
-      if (mx < half_x || mx > monitor.width_px() - half_x || my < half_y || my > monitor.height_px() - half_y)
-        continue;
-      samples.push_back({mx, my, {mean.light[3 * at], mean.light[3 * at + 1], mean.light[3 * at + 2]}});
-    }
-  }
+  PastObject view = view_past_object(map, monitor, mean.light, width, height);
   GW_ASSIGN_OR_RETURN(ColourManifold manifold,
-                      ColourManifold::fit(samples, channel_mix(mix, layout.texture, map.plane()),
+                      ColourManifold::fit(view.samples, channel_mix(mix, layout.texture, map.plane()),
                                           monitor.width_px(), monitor.height_px()));
   RampStage stage{.monitor = monitor,
                   .texture = layout.texture,
@@ -171,9 +186,9 @@ absl::StatusOr<RampStage> RampStage::measure(const v1::CaptureManifest& manifest
                   .black = std::move(dark),
                   .map = map,
                   .manifold = std::move(manifold),
-                  .behind = std::move(behind),
-                  .x_px = std::move(x_px),
-                  .y_px = std::move(y_px),
+                  .behind = std::move(view.behind),
+                  .x_px = std::move(view.x_px),
+                  .y_px = std::move(view.y_px),
                   .noise = sample_noise(manifest.camera(), 0.0),
                   .noise_known = manifest.camera().read_sd() > 0.0,
                   .empty_share = 1.0 / static_cast<double>(empties.size()),

@@ -1,4 +1,4 @@
-// The empty stage before the ramp, as RampExtractor needs it.
+// The empty stage on the ramp, measured for RampExtractor.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -19,11 +19,11 @@
 
 namespace glasswing {
 
-// What a camera pixel sees past the object.
+// The background of a camera pixel.
 enum class Behind : std::uint8_t {
   kRamp,
   kBeyond,  // no part of the monitor
-  kPatch,   // the id patch, another one in every frame
+  kPatch,   // the id patch, which changes in every frame
 };
 
 struct RampStage {
@@ -36,21 +36,21 @@ struct RampStage {
   int texture = 0;
   int width_px = 0, height_px = 0;  // of the camera
   std::vector<float> average;       // r, g, b by rows, light of the ramp alone
-  std::vector<float> black;         // likewise, taken off each frame; empty: nothing
+  std::vector<float> black;         // subtracted from each frame; empty: nothing
   MonitorMap map;
   ColourManifold manifold;
   std::vector<Behind> behind;
-  std::vector<float> x_px, y_px;  // the place straight behind, monitor px
-  // Of a sample of a frame. Known from the manifest or from several empty frames; else it is what the one
-  // empty frame's roughness tells, and a frame's own may be more.
+  std::vector<float> x_px, y_px;  // the position straight behind, monitor px
+  // The noise of a frame's sample, from the manifest or several empty frames. Otherwise from the roughness of
+  // the single empty frame, and a frame's own may be larger.
   SampleNoise noise;
   bool noise_known = false;
-  double empty_share = 0.0;  // of that variance, in the average
+  double empty_share = 0.0;  // the average's variance as a share of that
   std::vector<std::string> warnings;
 };
 
-// Standard deviation of a picture's noise, light, from second differences along its rows: the ramp, and most
-// of what an object makes of it, has next to none.
+// Standard deviation of a picture's noise, in light, from second differences along its rows, which are close
+// to 0 for the ramp and for most objects in front of it.
 double roughness(const FrameView& view);
 
 }  // namespace glasswing

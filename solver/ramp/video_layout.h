@@ -1,4 +1,4 @@
-// Which frames of an archive are what to a video before the colour ramp.
+// The roles of an archive's frames in a video on the colour ramp.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -9,12 +9,12 @@
 
 namespace glasswing {
 
-// Which frames of an archive are the video: places in manifest.frames.
+// Frames as indices in manifest.frames.
 struct VideoLayout {
-  int texture = 0;          // the monitor that shows the ramp: its place in manifest.monitors
-  std::vector<int> empty;   // of the ramp without the object
+  int texture = 0;          // the monitor that shows the ramp: its index in manifest.monitors
+  std::vector<int> empty;   // the ramp without the object
   std::vector<int> black;   // without the object, all monitors black
-  std::vector<int> frames;  // by time; -1 where a frame of the plan was not captured
+  std::vector<int> frames;  // by time; -1 for planned frames that were not captured
 };
 
 // FAILED_PRECONDITION says what the archive lacks.

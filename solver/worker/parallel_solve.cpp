@@ -6,8 +6,6 @@
 #include <thread>
 
 #include "core/base/status.h"
-#include "core/radiometry/shading.h"
-#include "solver/method/linear_stack.h"
 
 namespace glasswing {
 namespace {
@@ -16,7 +14,7 @@ FrameStack rows_of(const FrameStack& stack, const std::vector<int>& needed, int 
   FrameStack band = stack;
   band.first_row = stack.first_row + first;
   band.row_count = count;
-  const size_t row = static_cast<size_t>(stack.manifest.camera().width_px()) * 3;
+  const size_t row = static_cast<size_t>(stack.width_px) * 3;
   band.rows.assign(stack.rows.size(), {});
   for (const int frame : needed) {
     const auto at = static_cast<size_t>(frame);
@@ -26,8 +24,8 @@ FrameStack rows_of(const FrameStack& stack, const std::vector<int>& needed, int 
   return band;
 }
 
-// Out of a finished matte, not out of samples, whose noise stays as it is.
-void take_out_fall_off(const Shading& shading, Matte& matte) {
+// Applied to the finished matte: correcting samples would change their noise.
+void remove_fall_off(const Shading& shading, Matte& matte) {
   if (shading.is_uniform()) return;
   for (int y = 0; y < matte.height_px(); ++y) {
     for (int x = 0; x < matte.width_px(); ++x) {
@@ -48,15 +46,22 @@ void take_out_fall_off(const Shading& shading, Matte& matte) {
 
 }  // namespace
 
-absl::StatusOr<Matte> solve_in_bands(const Method& method, const FrameStack& stack, int thread_count,
-                                     std::stop_token stop, const std::function<void(double)>& progress) {
-  GW_ASSIGN_OR_RETURN(const std::vector<int> needed, method.frames_needed(stack.manifest));
-  GW_RETURN_IF_ERROR(check_rows(stack, needed));
-  GW_ASSIGN_OR_RETURN(const LinearStack linear, LinearStack::create(stack.manifest));
-  GW_ASSIGN_OR_RETURN(const Shading shading, Shading::create(stack.manifest));
+absl::StatusOr<PreparedSolve> PreparedSolve::create(const Method& method,
+                                                    const v1::CaptureManifest& manifest) {
+  GW_ASSIGN_OR_RETURN(LinearStack linear, LinearStack::create(manifest));
+  GW_ASSIGN_OR_RETURN(Shading shading, Shading::create(manifest));
+  v1::CaptureManifest of_light = linear.manifest_of_light(manifest);
+  GW_ASSIGN_OR_RETURN(std::unique_ptr<PreparedMethod> prepared, method.prepare(of_light));
+  return PreparedSolve(std::move(of_light), std::move(linear), std::move(shading), std::move(prepared));
+}
+
+absl::StatusOr<Matte> PreparedSolve::solve_in_bands(const FrameStack& stack, int thread_count,
+                                                    std::stop_token stop,
+                                                    const std::function<void(double)>& progress) const {
+  const std::vector<int>& needed = frames_needed();
+  GW_RETURN_IF_ERROR(check_rows(stack, manifest_, needed));
   if (thread_count <= 0) thread_count = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-  // Small enough that the last ones keep all threads busy, large enough to be worth a solver's set-up, which
-  // one thread need not repeat.
+  // Small enough that the last bands keep all threads busy, large enough to amortise a solver's set-up.
   const int band_rows = thread_count == 1 ? 16 : std::clamp(stack.row_count / (8 * thread_count), 2, 16);
   const int band_count = (stack.row_count + band_rows - 1) / band_rows;
   std::vector<std::optional<absl::StatusOr<Matte>>> bands(static_cast<size_t>(band_count));
@@ -67,7 +72,7 @@ absl::StatusOr<Matte> solve_in_bands(const Method& method, const FrameStack& sta
       const int first = band * band_rows;
       auto& solved = bands[static_cast<size_t>(band)];
       const int count = std::min(band_rows, stack.row_count - first);
-      solved = method.solve(linear.of(rows_of(stack, needed, first, count)));
+      solved = method_->solve(linear_.of(rows_of(stack, needed, first, count)));
       if (!solved->ok()) failed = true;
       ++done;
       if (progress) progress(static_cast<double>(done) / band_count);
@@ -82,14 +87,27 @@ absl::StatusOr<Matte> solve_in_bands(const Method& method, const FrameStack& sta
     if (band && !band->ok()) return band->status();
   }
   if (stop.stop_requested()) return absl::CancelledError("solving was stopped");
-  if (band_count == 0) return method.solve(linear.of(stack));
+  if (band_count == 0) return method_->solve(linear_.of(stack));
   const Matte& first = **bands.front();
   Matte whole(first.x0_px(), first.y0_px(), first.width_px(), stack.row_count, first.modes_per_channel());
   whole.metadata = first.metadata;
-  linear.describe(whole.metadata);
+  linear_.describe(whole.metadata);
   for (const auto& band : bands) whole.put(**band);
-  take_out_fall_off(shading, whole);
+  remove_fall_off(shading_, whole);
   return whole;
+}
+
+absl::StatusOr<Matte> solve_in_bands(const Method& method, const v1::CaptureManifest& manifest,
+                                     const FrameStack& stack, int thread_count, std::stop_token stop,
+                                     const std::function<void(double)>& progress) {
+  GW_ASSIGN_OR_RETURN(const PreparedSolve prepared, PreparedSolve::create(method, manifest));
+  return prepared.solve_in_bands(stack, thread_count, std::move(stop), progress);
+}
+
+absl::StatusOr<Matte> solve_archive(const Method& method, std::shared_ptr<const MappedArchive> archive,
+                                    int thread_count, const std::function<void(double)>& progress) {
+  GW_ASSIGN_OR_RETURN(const FrameStack stack, whole_stack(archive));
+  return solve_in_bands(method, archive->manifest(), stack, thread_count, {}, progress);
 }
 
 }  // namespace glasswing

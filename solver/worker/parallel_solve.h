@@ -1,19 +1,56 @@
-// A stack solved band of rows by band, on several threads, its samples made light first, and the fall-off of
-// camera and monitors taken out of the matte, as the archive's calibrations say.
+// Solves stacks of one archive in bands of rows on several threads. Samples become light first, and
+// afterwards the fall-off of camera and monitors that the archive's calibrations give is removed from the
+// matte.
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <stop_token>
+#include <vector>
 
+#include "core/radiometry/shading.h"
+#include "solver/method/linear_stack.h"
 #include "solver/method/method.h"
 
 namespace glasswing {
 
-// The matte of all rows of the stack. `thread_count` 0: one for each core. `stop` is looked at between bands;
-// CANCELLED then. The first band's error, if one fails. `progress` hears of each band, from whatever thread,
-// what part of the rows is solved.
-absl::StatusOr<Matte> solve_in_bands(const Method& method, const FrameStack& stack, int thread_count = 0,
-                                     std::stop_token stop = {},
+// A method, the light and the shading of one archive: everything that its tiles share. Thread-safe.
+class PreparedSolve {
+ public:
+  // FAILED_PRECONDITION says what the archive lacks; INVALID_ARGUMENT: an invalid calibration.
+  static absl::StatusOr<PreparedSolve> create(const Method& method, const v1::CaptureManifest& manifest);
+
+  const std::vector<int>& frames_needed() const { return method_->frames_needed(); }
+
+  // The matte of all rows of the stack. `thread_count` 0: one for each core. `stop` is checked between bands
+  // and gives CANCELLED. If bands fail, the error of the first one. `progress` receives the share of rows
+  // that are solved, after each band and from any thread.
+  absl::StatusOr<Matte> solve_in_bands(const FrameStack& stack, int thread_count = 0,
+                                       std::stop_token stop = {},
+                                       const std::function<void(double)>& progress = nullptr) const;
+
+ private:
+  PreparedSolve(v1::CaptureManifest manifest, LinearStack linear, Shading shading,
+                std::unique_ptr<PreparedMethod> method)
+      : manifest_(std::move(manifest)),
+        linear_(std::move(linear)),
+        shading_(std::move(shading)),
+        method_(std::move(method)) {}
+
+  v1::CaptureManifest manifest_;  // of light
+  LinearStack linear_;
+  Shading shading_;
+  std::unique_ptr<PreparedMethod> method_;
+};
+
+// Prepares and solves one stack.
+absl::StatusOr<Matte> solve_in_bands(const Method& method, const v1::CaptureManifest& manifest,
+                                     const FrameStack& stack, int thread_count = 0, std::stop_token stop = {},
                                      const std::function<void(double)>& progress = nullptr);
+
+// Solves a whole archive.
+absl::StatusOr<Matte> solve_archive(const Method& method, std::shared_ptr<const MappedArchive> archive,
+                                    int thread_count = 0,
+                                    const std::function<void(double)>& progress = nullptr);
 
 }  // namespace glasswing

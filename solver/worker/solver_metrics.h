@@ -1,4 +1,4 @@
-// What a solver tells monitoring of its tiles (docs/monitoring.md).
+// Metrics of a solver's tiles (docs/monitoring.md).
 #pragma once
 
 #include <chrono>
@@ -8,14 +8,14 @@
 namespace glasswing {
 
 struct SolverMetrics {
-  prometheus::Counter& solved;  // the server has them
+  prometheus::Counter& solved;  // accepted by the server
   prometheus::Counter& failed;
   prometheus::Counter& lost;         // to another attempt, or the session was cancelled
   prometheus::Counter& handed_back;  // the solver was leaving
   prometheus::Counter& busy_seconds;
 };
 
-// Each is there, at 0, from the first call on.
+// The first call registers all of them at 0.
 inline const SolverMetrics& solver_metrics() {
   const auto tiles = [](const char* outcome) -> prometheus::Counter& {
     return counter("glasswing_solver_tiles_total", "Tiles that this solver had, by how they ended.",
@@ -31,7 +31,7 @@ inline const SolverMetrics& solver_metrics() {
   return metrics;
 }
 
-// Counts as busy for as long as it lives.
+// Counts its lifetime as busy.
 class BusyTime {
  public:
   BusyTime() = default;

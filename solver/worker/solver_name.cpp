@@ -11,12 +11,11 @@
 namespace glasswing {
 namespace {
 
-constexpr size_t kLongestHost = 32;  // which leaves as much for the job
+constexpr size_t kMaxHost = 32;  // leaves as much for the job
 
 std::string plain(const std::string& host) {
   std::string name;
-  for (const char c : host.substr(0, kLongestHost))
-    name += check_name("", std::string{'x', c}).ok() ? c : '-';
+  for (const char c : host.substr(0, kMaxHost)) name += check_name("", std::string{'x', c}).ok() ? c : '-';
   return check_name("", name).ok() ? name : fmt::format("solver{}", name);
 }
 

@@ -1,4 +1,4 @@
-// What a solver is called if nobody names it, so that a fleet needs no names.
+// The default name of a solver, so that a fleet needs no configuration.
 #pragma once
 
 #include <functional>
@@ -6,14 +6,14 @@
 
 namespace glasswing {
 
-// The host's name and what tells this solver from the others there: Slurm's job, "lab3-job117_4" (with a
-// task, "lab3-job117.2", where a job has several), else the process, "lab3-4711". A name as check_name()
-// wants it: the host's is cut and changed for that. `variable` is the environment's value of a name, empty if
-// there is none.
+// The host's name and what distinguishes this solver on it: Slurm's job, "lab3-job117_4" (or with the task,
+// "lab3-job117.2", if the job has several), or without Slurm the process, "lab3-4711". The host's name is
+// shortened and changed to satisfy check_name(). `variable` returns an environment variable, empty if it is
+// unset.
 std::string solver_name(const std::string& host, int process,
                         const std::function<std::string(const char*)>& variable);
 
-// Of this process.
+// For this process.
 std::string solver_name();
 
 }  // namespace glasswing

@@ -11,7 +11,6 @@
 #include "core/matte/matte_file.h"
 #include "solver/method/brightness_drift.h"
 #include "solver/methods.h"
-#include "solver/worker/parallel_solve.h"
 #include "solver/worker/solver_metrics.h"
 #include "solver/worker/video_solve.h"
 
@@ -39,7 +38,7 @@ absl::StatusOr<SolvedTile> solve_frames(const v1::ClaimTileResponse& tile, const
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<VideoMethod> method,
                       make_video_method(tile.method(), options_of(tile)));
   if (method == nullptr)
-    return absl::InvalidArgumentError(fmt::format("method \"{}\" makes no mattes of frames", tile.method()));
+    return absl::InvalidArgumentError(fmt::format("method \"{}\" does not solve videos", tile.method()));
   const v1::CaptureManifest& manifest = source.manifest();
   const auto read = [&](int frame) {
     return source.archive().samples(manifest, {frame}, 0, manifest.camera().height_px());
@@ -47,9 +46,9 @@ absl::StatusOr<SolvedTile> solve_frames(const v1::ClaimTileResponse& tile, const
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<VideoSource> video,
                       read_ahead(manifest, tile.first_frame(), tile.frame_count(), read));
   SolvedTile solved;
-  // Encoded while the next one is solved: one at a time, so that no more wait in memory.
+  // A matte is encoded while the next one is solved: one at a time, so that only one more is in memory.
   std::future<absl::StatusOr<std::string>> encoded;
-  int encoding = 0;  // which frame
+  int encoding = 0;  // its frame
   const auto take_encoded = [&]() -> absl::Status {
     if (!encoded.valid()) return absl::OkStatus();
     absl::StatusOr<std::string> bytes = encoded.get();
@@ -78,15 +77,15 @@ absl::StatusOr<SolvedTile> solve_frames(const v1::ClaimTileResponse& tile, const
   return solved;
 }
 
-// One column in so many: methods look at each pixel by itself, so what they take can be told from those.
-constexpr int kSurveyColumnStep = 4, kFewestSurveyColumns = 64;
+// A survey solves one column in so many: methods solve each pixel by itself, so the time scales with columns.
+constexpr int kSurveyColumnStep = 4, kMinSurveyColumns = 64;
 
 FrameStack some_columns(const FrameStack& row) {
-  const int width = row.manifest.camera().width_px();
-  if (width < kSurveyColumnStep * kFewestSurveyColumns) return row;
+  const int width = row.width_px;
+  if (width < kSurveyColumnStep * kMinSurveyColumns) return row;
   FrameStack some = row;
   const int count = width / kSurveyColumnStep;
-  some.manifest.mutable_camera()->set_width_px(count);
+  some.width_px = count;
   const auto samples = std::make_shared<std::vector<std::uint16_t>>();
   samples->reserve(row.rows.size() * static_cast<size_t>(count) * kChannels);
   for (std::span<const std::uint16_t>& frame : some.rows) {
@@ -96,7 +95,7 @@ FrameStack some_columns(const FrameStack& row) {
       const auto pixel = frame.subspan(static_cast<size_t>(x * kSurveyColumnStep) * kChannels, kChannels);
       samples->insert(samples->end(), pixel.begin(), pixel.end());
     }
-    frame = std::span(*samples).subspan(first);  // its place is final: enough was reserved
+    frame = std::span(*samples).subspan(first);  // stays valid: enough was reserved
   }
   some.owner = samples;
   return some;
@@ -114,22 +113,23 @@ absl::StatusOr<std::shared_ptr<const SolveSource>> SolveSource::open(const v1::C
   const auto read = [&](int row, const std::vector<int>& frames) {
     return source->archive_.samples(source->manifest_, frames, row, 1);
   };
-  if (tile.frame_count() == 0) {
-    GW_ASSIGN_OR_RETURN(source->brightness_, measure_brightness_drift(source->manifest_, read));
-  }
+  if (tile.frame_count() > 0) return source;
+  GW_ASSIGN_OR_RETURN(source->brightness_, measure_brightness_drift(source->manifest_, read));
+  GW_ASSIGN_OR_RETURN(const std::unique_ptr<Method> method, make_method(tile.method(), options_of(tile)));
+  GW_ASSIGN_OR_RETURN(source->prepared_, PreparedSolve::create(*method, source->manifest_));
   return source;
 }
 
-absl::StatusOr<ReadStack> SolveSource::stack(const Method& method, int first_row, int row_count) const {
+absl::StatusOr<ReadStack> SolveSource::stack(int first_row, int row_count) const {
   ReadStack read;
   FrameStack& stack = read.stack;
-  stack = {.manifest = manifest_,
+  stack = {.width_px = manifest_.camera().width_px(),
            .first_row = first_row,
            .row_count = row_count,
            .rows = {},
            .owner = nullptr,
            .brightness = brightness_};
-  GW_ASSIGN_OR_RETURN(const std::vector<int> needed, method.frames_needed(manifest_));
+  const std::vector<int>& needed = prepared_->frames_needed();
   GW_ASSIGN_OR_RETURN(read.rows, archive_.rows(manifest_, needed, first_row, row_count));
   stack.owner = read.rows.owner;
   stack.rows.resize(static_cast<size_t>(manifest_.frames_size()));
@@ -142,18 +142,17 @@ absl::StatusOr<TileInHand> TileInHand::read(const v1::ClaimTileResponse& tile,
   TileInHand in_hand;
   in_hand.tile_ = tile;
   in_hand.source_ = std::move(source);
-  if (tile.frame_count() > 0) return in_hand;
-  GW_ASSIGN_OR_RETURN(in_hand.method_, make_method(tile.method(), options_of(tile)));
-  GW_ASSIGN_OR_RETURN(in_hand.read_,
-                      in_hand.source_->stack(*in_hand.method_, tile.first_row(), tile.row_count()));
+  if (in_hand.source_->prepared() == nullptr) return in_hand;
+  GW_ASSIGN_OR_RETURN(in_hand.read_, in_hand.source_->stack(tile.first_row(), tile.row_count()));
   return in_hand;
 }
 
 absl::StatusOr<SolvedTile> TileInHand::solve(int thread_count, std::stop_token stop) const {
   const BusyTime busy;
-  if (method_ == nullptr) return solve_frames(tile_, *source_, thread_count, std::move(stop));
+  const PreparedSolve* prepared = source_->prepared();
+  if (prepared == nullptr) return solve_frames(tile_, *source_, thread_count, std::move(stop));
   GW_ASSIGN_OR_RETURN(const Matte matte,
-                      solve_in_bands(*method_, read_.stack, thread_count, std::move(stop)));
+                      prepared->solve_in_bands(read_.stack, thread_count, std::move(stop)));
   GW_RETURN_IF_ERROR(read_.rows.intact());
   GW_RETURN_IF_ERROR(check_matte(matte));
   SolvedTile solved;
@@ -166,7 +165,8 @@ absl::StatusOr<SolvedTile> TileInHand::solve(int thread_count, std::stop_token s
 absl::StatusOr<std::vector<double>> survey(const v1::ClaimTileResponse& tile, const SolveSource& source,
                                            int thread_count, std::stop_token stop) {
   const BusyTime busy;
-  GW_ASSIGN_OR_RETURN(const std::unique_ptr<Method> method, make_method(tile.method(), options_of(tile)));
+  const PreparedSolve* prepared = source.prepared();
+  if (prepared == nullptr) return absl::InvalidArgumentError("a survey needs rows; this tile has frames");
   std::vector<double> seconds(static_cast<size_t>(tile.survey_rows_size()));
   std::vector<absl::Status> failed(seconds.size());
   if (thread_count <= 0) thread_count = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
@@ -174,14 +174,12 @@ absl::StatusOr<std::vector<double>> survey(const v1::ClaimTileResponse& tile, co
   const auto work = [&] {
     for (size_t i = next++; i < seconds.size() && !stop.stop_requested(); i = next++) {
       failed[i] = [&]() -> absl::Status {
-        GW_ASSIGN_OR_RETURN(const ReadStack row,
-                            source.stack(*method, tile.survey_rows(static_cast<int>(i)), 1));
+        GW_ASSIGN_OR_RETURN(const ReadStack row, source.stack(tile.survey_rows(static_cast<int>(i)), 1));
         const FrameStack sampled = some_columns(row.stack);
         const auto start = std::chrono::steady_clock::now();
-        GW_RETURN_IF_ERROR(solve_in_bands(*method, sampled, 1, stop).status());
+        GW_RETURN_IF_ERROR(prepared->solve_in_bands(sampled, 1, stop).status());
         const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
-        const int all = row.stack.manifest.camera().width_px(), some = sampled.manifest.camera().width_px();
-        seconds[i] = took.count() * all / some / thread_count;
+        seconds[i] = took.count() * row.stack.width_px / sampled.width_px / thread_count;
         return absl::OkStatus();
       }();
     }

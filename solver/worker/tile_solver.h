@@ -1,5 +1,4 @@
-// What a solver makes of a tile that it was given: frames read from the nodes that hold them, solved, and
-// encoded.
+// Solves a claimed tile: reads frames from the nodes that hold them, solves and encodes them.
 #pragma once
 
 #include <absl/status/status.h>
@@ -15,10 +14,11 @@
 #include "core/archive/remote_archive.h"
 #include "glasswing/v1/work_service.pb.h"
 #include "solver/method/method.h"
+#include "solver/worker/parallel_solve.h"
 
 namespace glasswing {
 
-// What a tile became: the file of its rows, or a file for each of its frames.
+// One file of the tile's rows, or one for each of its frames.
 struct SolvedFile {
   std::optional<int> frame;
   std::string bytes;
@@ -29,23 +29,27 @@ struct SolvedTile {
   std::vector<v1::RefusedFrame> refused;
 };
 
-// Rows of frames, and where they lie: to be asked whether they are intact() once they were solved.
+// `rows` says after solving whether the samples were intact().
 struct ReadStack {
   FrameStack stack;
   FrameRows rows;
 };
 
-// The frames of one solve, and what is the same for all its tiles. Thread-safe.
+// The archive of one solve job and everything that its tiles share. Thread-safe.
 class SolveSource {
  public:
-  // Reads the manifest, and measures drift. Errors are those of RemoteArchive.
+  // Reads the manifest, measures the brightness drift and lays out the method. INVALID_ARGUMENT: a method, an
+  // option or a calibration. FAILED_PRECONDITION says what the archive lacks. Other errors are
+  // RemoteArchive's.
   static absl::StatusOr<std::shared_ptr<const SolveSource>> open(const v1::ClaimTileResponse& tile,
                                                                  std::stop_token stop);
 
   const RemoteArchive& archive() const { return archive_; }
   const v1::CaptureManifest& manifest() const { return manifest_; }
-  // The rows that the method needs. FAILED_PRECONDITION says what the archive lacks.
-  absl::StatusOr<ReadStack> stack(const Method& method, int first_row, int row_count) const;
+  // Null for a video, whose frames are solved one by one.
+  const PreparedSolve* prepared() const { return prepared_ ? &*prepared_ : nullptr; }
+  // The rows that the method needs; not for a video.
+  absl::StatusOr<ReadStack> stack(int first_row, int row_count) const;
 
  private:
   SolveSource(const v1::ClaimTileResponse& tile, std::stop_token stop);
@@ -53,25 +57,24 @@ class SolveSource {
   RemoteArchive archive_;
   v1::CaptureManifest manifest_;
   std::vector<float> brightness_;
+  std::optional<PreparedSolve> prepared_;
 };
 
-// A tile between its parts: what was read of it, to be solved. Of frames nothing yet: they are read as they
-// are solved.
+// A tile whose rows have been read. A video's frames are read later, while they are solved.
 class TileInHand {
  public:
   static absl::StatusOr<TileInHand> read(const v1::ClaimTileResponse& tile,
                                          std::shared_ptr<const SolveSource> source);
-  // CANCELLED once `stop` was asked for.
+  // CANCELLED once `stop` is requested.
   absl::StatusOr<SolvedTile> solve(int thread_count, std::stop_token stop) const;
 
  private:
   v1::ClaimTileResponse tile_;
   std::shared_ptr<const SolveSource> source_;
-  std::shared_ptr<const Method> method_;  // null: of frames
-  ReadStack read_;
+  ReadStack read_;  // empty for a video
 };
 
-// Seconds that each of the survey's rows takes all threads together.
+// The seconds that each of the survey's rows takes on all threads together.
 absl::StatusOr<std::vector<double>> survey(const v1::ClaimTileResponse& tile, const SolveSource& source,
                                            int thread_count, std::stop_token stop);
 

@@ -1,12 +1,12 @@
-// Which of the processor's vectors the kernels use here: results agree to the last bit only between solvers
-// with the same.
+// The vector instructions that the kernels use on this machine. Results agree to the last bit only between
+// solvers with the same target.
 #pragma once
 
 #include <string>
 
 namespace glasswing {
 
-// "AVX2"
+// Such as "AVX2".
 std::string vector_target();
 
 }  // namespace glasswing

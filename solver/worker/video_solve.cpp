@@ -14,19 +14,13 @@
 namespace glasswing {
 namespace {
 
-constexpr size_t kAhead = 3;  // frames in memory that nobody has asked for yet
-
-// The archive's manifest, the camera's noise that of light.
-v1::CaptureManifest of_light(const LinearStack& linear, const v1::CaptureManifest& manifest) {
-  return linear.of({.manifest = manifest, .rows = {}, .owner = nullptr}).manifest;
-}
+constexpr size_t kAhead = 3;  // frames in memory before they are requested
 
 class ReadAhead final : public VideoSource {
  public:
   ReadAhead(const v1::CaptureManifest& manifest, LinearStack linear, const VideoLayout& layout, int first,
             int count, ReadFrame read)
-      : codes_(manifest),
-        light_(of_light(linear, manifest)),
+      : manifest_(linear.manifest_of_light(manifest)),
         linear_(std::move(linear)),
         read_(std::move(read)),
         order_(layout.empty) {
@@ -38,10 +32,9 @@ class ReadAhead final : public VideoSource {
       number_[place] = i;
       if (i >= first && i < first + count) order_.push_back(place);
     }
-    codes_.clear_frames();
   }
 
-  const v1::CaptureManifest& manifest() const override { return light_; }
+  const v1::CaptureManifest& manifest() const override { return manifest_; }
 
   absl::StatusOr<VideoFrame> read(int frame) override {
     std::future<absl::StatusOr<VideoFrame>> wanted;
@@ -70,24 +63,22 @@ class ReadAhead final : public VideoSource {
       return number == number_.end() ? read.status() : in_frame(number->second, read.status());
     }
     const auto codes = std::make_shared<const std::vector<std::uint16_t>>(*std::move(read));
-    FrameStack stack{
-        .manifest = codes_, .row_count = codes_.camera().height_px(), .rows = {*codes}, .owner = codes};
-    *stack.manifest.add_frames() = light_.frames(frame);
-    stack = linear_.of(std::move(stack));
-    return VideoFrame{.view = {.width_px = codes_.camera().width_px(),
-                               .height_px = codes_.camera().height_px(),
+    const int width = manifest_.camera().width_px(), height = manifest_.camera().height_px();
+    const FrameStack stack =
+        linear_.of({.width_px = width, .row_count = height, .rows = {*codes}, .owner = codes});
+    return VideoFrame{.view = {.width_px = width,
+                               .height_px = height,
                                .samples = stack.rows.front(),
                                .zero = stack.zero,
                                .unit = stack.unit},
                       .owner = stack.owner};
   }
 
-  v1::CaptureManifest codes_;  // without frames
-  const v1::CaptureManifest light_;
+  const v1::CaptureManifest manifest_;  // of light
   const LinearStack linear_;
   const ReadFrame read_;
-  std::vector<int> order_;     // in which frames will be wanted
-  std::map<int, int> number_;  // of the video's frames
+  std::vector<int> order_;     // of frames, as the method will request them
+  std::map<int, int> number_;  // in the video, by index in manifest.frames
   std::mutex mutex_;
   std::map<int, std::future<absl::StatusOr<VideoFrame>>> coming_;  // guarded by mutex_
 };

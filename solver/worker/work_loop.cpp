@@ -32,10 +32,10 @@ using std::chrono::milliseconds;
 using std::chrono::seconds;
 using Stub = v1::WorkService::Stub;
 
-// How long a solver that is asked to end still tries to hand in what is done.
-constexpr seconds kLastTry(10);
-// Of results that wait for a server that is away. Work for others goes on until then.
-constexpr size_t kMaxKeptBytes = size_t{512} << 20;
+// How long a stopping solver still tries to deliver finished results.
+constexpr seconds kDeliveryGrace(10);
+// The limit on results kept for an unreachable server. Until then work for other servers continues.
+constexpr size_t kMaxPendingBytes = size_t{512} << 20;
 
 void wait(std::stop_token stop, milliseconds time) {
   std::mutex mutex;
@@ -43,7 +43,7 @@ void wait(std::stop_token stop, milliseconds time) {
   std::condition_variable_any().wait_for(lock, stop, time, [] { return false; });
 }
 
-// The server no longer has this lease for us.
+// The server has given this lease up.
 bool is_gone(const grpc::Status& status) {
   return status.error_code() == grpc::StatusCode::ABORTED ||
          status.error_code() == grpc::StatusCode::NOT_FOUND;
@@ -54,11 +54,11 @@ std::string describe(const v1::TileLease& lease) {
                      lease.attempt());
 }
 
-// Renews the lease of a tile while it is worked on, and says when that is in vain: stopped, or the lease went
-// to somebody else.
-class LeaseKeeper {
+// Renews the lease of a tile while it is solved. in_vain() is requested when solving has become pointless: on
+// stop, or when the lease went to another solver.
+class LeaseRenewer {
  public:
-  LeaseKeeper(Stub& work, const v1::ClaimTileResponse& tile, std::stop_token stop)
+  LeaseRenewer(Stub& work, const v1::ClaimTileResponse& tile, std::stop_token stop)
       : passed_on_(stop, [this] { in_vain_.request_stop(); }),
         thread_([&work, this, lease = tile.lease(),
                  every = milliseconds(tile.lease_ms() / 3)](std::stop_token end) {
@@ -82,11 +82,11 @@ class LeaseKeeper {
   std::jthread thread_;
 };
 
-// A tile that this solver has, from its claim to the server's answer to its result.
+// A tile of this solver, from its claim to the server's answer to its result.
 struct OwnTile {
   v1::ClaimTileResponse claim;
   std::chrono::steady_clock::time_point since = std::chrono::steady_clock::now();
-  std::unique_ptr<LeaseKeeper> keeper;
+  std::unique_ptr<LeaseRenewer> renewer;
   std::future<absl::StatusOr<TileInHand>> read;
 
   double age() const {
@@ -102,26 +102,26 @@ class WorkLoop {
   absl::Status run();
 
  private:
-  // None: nothing to do, or the server is away.
+  // Null: no work. UNAVAILABLE: the server cannot be reached.
   absl::StatusOr<std::unique_ptr<OwnTile>> claim(bool ahead);
   void start(OwnTile& tile);
   absl::StatusOr<std::shared_ptr<const SolveSource>> source_of(const v1::ClaimTileResponse& tile);
   absl::StatusOr<TileInHand> read(const v1::ClaimTileResponse& tile);
-  // Again and again while a node that holds the frames is away: its silence is no fault of the tile.
+  // Repeats `call` while a node that holds the frames is unreachable: the tile is not at fault.
   template <typename T>
-  absl::StatusOr<T> patiently(const OwnTile& tile, const std::function<absl::StatusOr<T>()>& what);
-  // Returns the tile that was read meanwhile, if there was one.
+  absl::StatusOr<T> patiently(const OwnTile& tile, const std::function<absl::StatusOr<T>()>& call);
+  // Returns the tile that was read ahead meanwhile, if any.
   std::unique_ptr<OwnTile> work_on(std::unique_ptr<OwnTile> tile);
   std::unique_ptr<OwnTile> claim_ahead();
   void survey_for(OwnTile& tile);
-  void hand_in(std::unique_ptr<OwnTile> tile, SolvedTile solved);
-  void hand_in_behind(std::unique_ptr<OwnTile> tile, SolvedTile solved);
+  void deliver(std::unique_ptr<OwnTile> tile, SolvedTile solved);
+  void deliver_in_background(std::unique_ptr<OwnTile> tile, SolvedTile solved);
   void give_up(const OwnTile& tile, const absl::Status& why);
-  void hand_back(const OwnTile& tile);
+  void return_tile(const OwnTile& tile);
   void fail(const OwnTile& tile, v1::FailTileRequest request);
-  // Until the server has answered, or has no use for it.
+  // Repeats the call until the server answers it or has given the lease up.
   void insist(const OwnTile& tile, const std::function<grpc::Status(grpc::ClientContext&)>& call);
-  // The server whose session the tile is of.
+  // The server that owns the tile's session.
   Stub& owner_of(const v1::ClaimTileResponse& tile);
 
   const WorkOptions options_;
@@ -132,8 +132,8 @@ class WorkLoop {
   std::mutex source_mutex_;
   std::int64_t source_job_ = 0;                // guarded by source_mutex_
   std::shared_ptr<const SolveSource> source_;  // of that job; guarded by source_mutex_
-  std::vector<std::future<void>> handing_in_;
-  std::atomic<size_t> kept_bytes_ = 0;  // of their results
+  std::vector<std::future<void>> deliveries_;
+  std::atomic<size_t> pending_bytes_ = 0;  // of their results
   bool reached_ = true;
 };
 
@@ -163,7 +163,7 @@ absl::StatusOr<std::unique_ptr<OwnTile>> WorkLoop::claim(bool ahead) {
   if (!tile->claim.has_lease()) return nullptr;
   fault_point("tile claimed");
   tile->since = std::chrono::steady_clock::now();
-  tile->keeper = std::make_unique<LeaseKeeper>(*asked_, tile->claim, stop_);
+  tile->renewer = std::make_unique<LeaseRenewer>(*asked_, tile->claim, stop_);
   return tile;
 }
 
@@ -177,10 +177,10 @@ absl::StatusOr<std::shared_ptr<const SolveSource>> WorkLoop::source_of(const v1:
 }
 
 template <typename T>
-absl::StatusOr<T> WorkLoop::patiently(const OwnTile& tile, const std::function<absl::StatusOr<T>()>& what) {
-  const std::stop_token in_vain = tile.keeper->in_vain();
+absl::StatusOr<T> WorkLoop::patiently(const OwnTile& tile, const std::function<absl::StatusOr<T>()>& call) {
+  const std::stop_token in_vain = tile.renewer->in_vain();
   while (true) {
-    absl::StatusOr<T> result = what();
+    absl::StatusOr<T> result = call();
     if (in_vain.stop_requested()) return absl::CancelledError("in vain");
     if (!absl::IsUnavailable(result.status())) return result;
     spdlog::warn("tile waits {} error=\"{}\"", describe(tile.claim.lease()),
@@ -203,7 +203,7 @@ void WorkLoop::start(OwnTile& tile) {
 void WorkLoop::insist(const OwnTile& tile, const std::function<grpc::Status(grpc::ClientContext&)>& call) {
   std::optional<nanoseconds> end;
   while (!end || monotonic_now() < *end) {
-    if (stop_.stop_requested() && !end) end = monotonic_now() + kLastTry;
+    if (stop_.stop_requested() && !end) end = monotonic_now() + kDeliveryGrace;
     grpc::ClientContext context;
     const grpc::Status status = call(context);
     if (status.ok()) {
@@ -220,7 +220,7 @@ void WorkLoop::insist(const OwnTile& tile, const std::function<grpc::Status(grpc
   }
 }
 
-void WorkLoop::hand_in(std::unique_ptr<OwnTile> tile, SolvedTile solved) {
+void WorkLoop::deliver(std::unique_ptr<OwnTile> tile, SolvedTile solved) {
   Stub& owner = owner_of(tile->claim);
   insist(*tile, [&](grpc::ClientContext& context) {
     v1::CompleteTileRequest first;
@@ -250,23 +250,23 @@ void WorkLoop::hand_in(std::unique_ptr<OwnTile> tile, SolvedTile solved) {
   fault_point("tile sent");
 }
 
-void WorkLoop::hand_in_behind(std::unique_ptr<OwnTile> tile, SolvedTile solved) {
-  std::erase_if(handing_in_, [](const std::future<void>& result) {
+void WorkLoop::deliver_in_background(std::unique_ptr<OwnTile> tile, SolvedTile solved) {
+  std::erase_if(deliveries_, [](const std::future<void>& result) {
     return result.wait_for(seconds(0)) == std::future_status::ready;
   });
-  if (kept_bytes_ > kMaxKeptBytes && !handing_in_.empty()) handing_in_.front().wait();
+  if (pending_bytes_ > kMaxPendingBytes && !deliveries_.empty()) deliveries_.front().wait();
   size_t bytes = 0;
   for (const SolvedFile& file : solved.files) bytes += file.bytes.size();
-  kept_bytes_ += bytes;
-  handing_in_.push_back(std::async(
+  pending_bytes_ += bytes;
+  deliveries_.push_back(std::async(
       std::launch::async, [this, bytes, own = std::move(tile), result = std::move(solved)]() mutable {
-        hand_in(std::move(own), std::move(result));
-        kept_bytes_ -= bytes;
+        deliver(std::move(own), std::move(result));
+        pending_bytes_ -= bytes;
       }));
 }
 
 void WorkLoop::survey_for(OwnTile& tile) {
-  const std::stop_token in_vain = tile.keeper->in_vain();
+  const std::stop_token in_vain = tile.renewer->in_vain();
   const absl::StatusOr<std::vector<double>> row_seconds =
       patiently<std::vector<double>>(tile, [&]() -> absl::StatusOr<std::vector<double>> {
         GW_ASSIGN_OR_RETURN(const std::shared_ptr<const SolveSource> source, source_of(tile.claim));
@@ -290,10 +290,10 @@ void WorkLoop::fail(const OwnTile& tile, v1::FailTileRequest request) {
   v1::FailTileResponse response;
   grpc::ClientContext context;
   set_deadline(context, seconds(5));
-  (void)owner_of(tile.claim).FailTile(&context, request, &response);  // unheard, the lease runs out
+  (void)owner_of(tile.claim).FailTile(&context, request, &response);  // if this is lost, the lease expires
 }
 
-void WorkLoop::hand_back(const OwnTile& tile) {
+void WorkLoop::return_tile(const OwnTile& tile) {
   solver_metrics().handed_back.Increment();
   spdlog::info("tile handed back {}", describe(tile.claim.lease()));
   v1::FailTileRequest request;
@@ -302,8 +302,8 @@ void WorkLoop::hand_back(const OwnTile& tile) {
 }
 
 void WorkLoop::give_up(const OwnTile& tile, const absl::Status& why) {
-  if (stop_.stop_requested()) return hand_back(tile);
-  if (tile.keeper->in_vain().stop_requested()) {
+  if (stop_.stop_requested()) return return_tile(tile);
+  if (tile.renewer->in_vain().stop_requested()) {
     solver_metrics().lost.Increment();
     spdlog::warn("tile given up {}: the lease was lost, or another solver was quicker",
                  describe(tile.claim.lease()));
@@ -332,23 +332,23 @@ std::unique_ptr<OwnTile> WorkLoop::work_on(std::unique_ptr<OwnTile> tile) {
     return nullptr;
   }
   fault_point("tile read");
-  // Frames of a video are read while they are solved.
+  // A video reads its frames while it solves them: no tile ahead.
   std::future<std::unique_ptr<OwnTile>> ahead;
   if (tile->claim.frame_count() == 0)
     ahead = std::async(std::launch::async, [this] { return claim_ahead(); });
-  const std::stop_token in_vain = tile->keeper->in_vain();
+  const std::stop_token in_vain = tile->renewer->in_vain();
   absl::StatusOr<SolvedTile> solved = patiently<SolvedTile>(*tile, [&]() -> absl::StatusOr<SolvedTile> {
     if (!in_hand.ok()) in_hand = read(tile->claim);
     GW_RETURN_IF_ERROR(in_hand.status());
     absl::StatusOr<SolvedTile> result = in_hand->solve(options_.threads, in_vain);
-    // What was read is worth nothing then.
+    // The rows that were read cannot be trusted then.
     if (absl::IsUnavailable(result.status())) in_hand = result.status();
     return result;
   });
-  in_hand = absl::CancelledError();  // its memory is wanted by the next one
+  in_hand = absl::CancelledError();  // frees its memory for the next tile
   if (solved.ok()) {
     fault_point("tile solved");
-    hand_in_behind(std::move(tile), *std::move(solved));
+    deliver_in_background(std::move(tile), *std::move(solved));
   } else {
     give_up(*tile, solved.status());
   }
@@ -389,9 +389,9 @@ absl::Status WorkLoop::run() {
   }
   if (next != nullptr) {
     if (next->read.valid()) next->read.wait();
-    hand_back(*next);
+    return_tile(*next);
   }
-  for (const std::future<void>& result : handing_in_) result.wait();
+  for (const std::future<void>& result : deliveries_) result.wait();
   return absl::OkStatus();
 }
 

@@ -1,4 +1,4 @@
-// A solver's work: tiles from the server, solved, and handed in, for as long as there are any.
+// A solver's main loop: claims tiles from the server, solves them and delivers the results.
 #pragma once
 
 #include <absl/status/status.h>
@@ -11,13 +11,13 @@ namespace glasswing {
 
 struct WorkOptions {
   std::string server, name;
-  int threads = 0;                          // that solve; 0: one for each core
-  std::chrono::milliseconds until_idle{0};  // ends when there was nothing to do for so long; 0: never
+  int threads = 0;                          // for solving; 0: one for each core
+  std::chrono::milliseconds until_idle{0};  // end after so long without work; 0: never
 };
 
-// Until `stop` is asked for; a tile that is not solved by then is handed back. While one tile is solved the
-// next one is read and the last one handed in. FAILED_PRECONDITION, if it is to end when idle: the server
-// refuses this solver, and why.
+// Runs until `stop` is requested and then returns an unsolved tile to the server. While one tile is solved,
+// the next is read and the previous one delivered. FAILED_PRECONDITION if `until_idle` is set and the server
+// refuses this solver; the message says why.
 absl::Status run_work_loop(const WorkOptions& options, std::stop_token stop);
 
 }  // namespace glasswing

@@ -1,4 +1,4 @@
-// Errors over the Cramer-Rao bound, and how often modes are found and made up.
+// Errors relative to the Cramer-Rao bound, and rates of found and false modes.
 #include <cmath>
 #include <numbers>
 #include <random>
@@ -9,8 +9,8 @@
 namespace glasswing {
 namespace {
 
-// The larger ratio of rms error to bound, of centre (x, y) and width (xx, yy), over all modes, where as many
-// modes were found as there are.
+// The larger ratio of rms error to bound, of centre (x, y) and width (xx, yy), over all modes, if the right
+// number of modes was found.
 double over_bound(const Footprints& truth, double noise_sd) {
   constexpr int kTrials = 4000;
   const SampleLayout layout = four_sweeps(4.0);
@@ -24,7 +24,7 @@ double over_bound(const Footprints& truth, double noise_sd) {
     ++counted;
     Footprints expected = truth;
     for (int m = 0; m < truth.size(); ++m) {
-      // To the nearest of those found.
+      // The error of the nearest mode that was found.
       int nearest = 0;
       for (int k = 1; k < fit.modes.size(); ++k) {
         const auto distance = [&](int i) {
@@ -46,7 +46,7 @@ double over_bound(const Footprints& truth, double noise_sd) {
   return worst;
 }
 
-// Share of pixels with at least `count` modes; two are two answered widths apart in any direction.
+// Share of pixels with at least `count` modes; two lie two response widths apart in any direction.
 double share_with(int truth_count, int count) {
   constexpr int kTrials = 4000;
   const SampleLayout layout = four_sweeps(4.0);
@@ -76,7 +76,7 @@ double share_with(int truth_count, int count) {
 void add_accuracy_rows(std::vector<Row>& rows) {
   const Footprint one{.weight = 0.7, .x_px = 61.3, .y_px = 44.8, .xx_px2 = 6.0, .xy_px2 = 1.5, .yy_px2 = 4.0};
   Footprint other = one;
-  // 3.2 answered widths away: sigma_r is at most 4.8 px in these sweeps.
+  // 3.2 response widths away: sigma_r is at most 4.8 px in these sweeps.
   other.weight = 0.5, other.x_px += 11.0, other.y_px += 11.0;
   rows.push_back(
       {"one mode, 0.5 % noise: error over the Cramer-Rao bound", "x", 1.05, true, {}, [=](const Rates&) {

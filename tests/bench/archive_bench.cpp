@@ -1,6 +1,5 @@
-// How fast regions of frames come over loopback, as a part of what a plain TCP connection carries of the same
-// bytes: sender and reader run at the same time, alternating with the connection, and the median of the
-// rounds counts.
+// The rate of reading regions of frames over loopback, relative to a plain TCP connection with the same
+// bytes. Both alternate, and the median of the rounds counts.
 #include <arpa/inet.h>
 #include <fmt/format.h>
 #include <netinet/in.h>
@@ -37,7 +36,7 @@ struct Options {
   int rounds = 9;
 };
 
-// ---- the plain connection
+// ---- The plain connection
 
 int listening(sockaddr_in& address) {
   const int listener = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
@@ -59,7 +58,7 @@ void send_all(int to, std::string_view bytes) {
   }
 }
 
-// From these pieces of mapped files into one buffer, each way as much at once as the system takes.
+// Copies pieces of mapped files into one buffer, each way as much at once as the system accepts.
 void plain_copy(const std::vector<std::string_view>& pieces, size_t size) {
   sockaddr_in address;
   const int listener = listening(address);
@@ -80,7 +79,7 @@ void plain_copy(const std::vector<std::string_view>& pieces, size_t size) {
   for (const int fd : {listener, to, from}) ::close(fd);
 }
 
-// ---- as it was before: pixels as a field of a message, copied at every step
+// ---- The former way: pixels as a field of a message, copied at every step
 
 // Serves ReadRows as a message with a field of bytes, without checksums.
 class FieldService final : public v1::ArchiveService::Service {
@@ -156,7 +155,7 @@ struct Region {
   int first_row, row_count, repeats;
 };
 
-// Of this process, all threads together: unlike the time that passes, it does not depend on what else runs.
+// Processor time of all threads of this process, which unlike elapsed time does not depend on other load.
 double cpu_seconds() {
   rusage usage{};
   ::getrusage(RUSAGE_SELF, &usage);
@@ -166,7 +165,7 @@ double cpu_seconds() {
   return seconds(usage.ru_utime) + seconds(usage.ru_stime);
 }
 
-// Of one way, a round each.
+// The rounds of one way.
 struct Times {
   std::vector<double> seconds, cpu_seconds;
 
@@ -187,7 +186,7 @@ void report(const std::string& name, double bytes, const Times& times, const Tim
                            median(times.cpu_seconds) / bytes * 1e9);
 }
 
-// Has this process's calls use TLS from now on; for servers of this process.
+// Makes this process's calls use TLS from now on, to servers of this process.
 std::shared_ptr<grpc::ServerCredentials> made_credentials(const fs::path& root) {
   const MadeCertificate ca = make_certificate("ca"),
                         own = make_certificate("node", &ca, "IP:127.0.0.1,URI:urn:glasswing:role:solver");
@@ -241,7 +240,7 @@ void run(const Options& options, Bench& bench, const std::string& address, const
     }
     const size_t size = row * static_cast<size_t>(region.row_count) * kFrames;
     Times plain, ours, as_fields;
-    for (int round = 0; round < options.rounds + 1; ++round) {  // all is warm after the first
+    for (int round = 0; round < options.rounds + 1; ++round) {  // the first one warms up
       plain.measure(region.repeats, [&] { plain_copy(pieces, size); });
       ours.measure(region.repeats, [&] {
         if (!remote.rows(bench.manifest, all, region.first_row, region.row_count).ok()) std::abort();
@@ -266,7 +265,7 @@ int main(int argc, char** argv) {
       "Measures the reading of regions of frames over loopback. Takes 1 GB below the directory for temporary "
       "files.");
   Options options;
-  app.add_option("--rounds", options.rounds, "of each, alternating")->capture_default_str();
+  app.add_option("--rounds", options.rounds, "rounds of each, alternating")->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   const fs::path root = fs::temp_directory_path() / fmt::format("glasswing-archive-bench.{}", ::getpid());
   fs::create_directories(root);

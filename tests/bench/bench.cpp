@@ -1,4 +1,4 @@
-// tests/bench/run: every figure that is promised, measured in one run.
+// tests/bench/run: measures every promised figure in one run.
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
 
@@ -30,7 +30,8 @@ class Collector : public benchmark::ConsoleReporter {
 };
 
 int run(int argc, char** argv) {
-  CLI::App app{"Measures what the solver is held to.\n\nExample:  tests/bench/run --json figures.json"};
+  CLI::App app{
+      "Measures the figures that the solver must meet.\n\nExample:  tests/bench/run --json figures.json"};
   std::string json, filter = ".*";
   app.add_option("--json", json, "File for the rows as JSON");
   app.add_option("--filter", filter, "Only rows whose names match this regular expression");
@@ -50,7 +51,7 @@ int run(int argc, char** argv) {
     rows.push_back(row);
     for (const std::string& need : row.needs) benchmarks += (benchmarks.empty() ? "^" : "|^") + need + "$";
   }
-  // Repetitions of all are shuffled into each other, so that ratios see the same machine.
+  // Repetitions are interleaved at random, so that ratios compare the same machine state.
   std::vector<std::string> flags{argv[0],
                                  "--benchmark_repetitions=7",
                                  "--benchmark_enable_random_interleaving=true",

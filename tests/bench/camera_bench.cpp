@@ -1,5 +1,5 @@
-// Frames of the simulated camera, 640 x 480 of a monitor as large, on one core: while a picture stands, and
-// while one replaces another.
+// The simulated camera's frame rate, 640 x 480 of a monitor of that size, on one core: with a static picture,
+// and while one picture replaces another.
 #include <benchmark/benchmark.h>
 
 #include <random>
@@ -68,8 +68,8 @@ void add_camera_rows(std::vector<Row>& rows) {
   benchmark::RegisterBenchmark("camera_empty_stage", camera_empty_stage);
   benchmark::RegisterBenchmark("camera_crystal", camera_crystal);
   benchmark::RegisterBenchmark("camera_crystal_changing", camera_crystal_changing);
-  // Frames are kept while pictures stand, 72 a second with a monitor of 144 Hz; half a core is left for the
-  // rest.
+  // Frames are recorded of static pictures, 72 per second with a monitor of 144 Hz; half a core is left for
+  // the rest.
   constexpr double kGoal = 144.0;
   const auto rate = [](const std::string& name) {
     return [name](const Rates& rates) { return rates.at(name); };

@@ -1,5 +1,6 @@
-// Composites of a matte over a background that changes with every frame, on two threads: the fast compositor
-// beside the exact one, and beside OpenCV's remap, which looks up one place a pixel, of the same frame.
+// Composites of a matte over a background that changes with every frame, on two threads: compares the fast
+// compositor with the exact one and with OpenCV's remap, which reads one position per pixel, on the same
+// frame.
 #include <benchmark/benchmark.h>
 
 #include <array>
@@ -21,7 +22,7 @@ constexpr int kThreads = 2, kWidth = 1280, kHeight = 720, kPictures = 4;
 
 struct Kind {
   const char* name;
-  double sigma_px, ratio;  // of the wider axis, and to the narrower one
+  double sigma_px, ratio;  // of the wider axis; ratio to the narrower one
   int modes;
   bool boxes;
 };
@@ -32,7 +33,7 @@ constexpr std::array<Kind, 5> kKinds{{{"narrow", 0.4, 1.0, 1, false},
                                       {"boxes", 4.0, 1.0, 1, true}}};
 
 // A lens over a third of the picture. Channels differ, as through glass; around it the monitor is seen
-// plainly. Its rows are kHeight, or so many of these, evenly spread.
+// directly. Uses all kHeight rows, or this many of them, evenly spread.
 Matte lens(const Kind& kind, int rows = kHeight) {
   Matte matte(0, 0, kWidth, rows, kind.modes);
   v1::Monitor& monitor = *matte.metadata.add_monitors();
@@ -55,7 +56,7 @@ Matte lens(const Kind& kind, int rows = kHeight) {
           continue;
         }
         for (size_t m = 0; m < modes.size(); ++m) {
-          // Sizes vary by a factor of two, angles go all round.
+          // Sizes vary by a factor of two, angles over the full circle.
           const double wide = kind.sigma_px * std::exp2(away - 0.5), narrow = wide / kind.ratio;
           const double angle = std::atan2(dy, dx) + 0.3 * static_cast<double>(m);
           const double cosine = std::cos(angle), sine = std::sin(angle), u = wide * wide, v = narrow * narrow;
@@ -73,7 +74,7 @@ Matte lens(const Kind& kind, int rows = kHeight) {
   return matte;
 }
 
-// Waves of all lengths that run on from picture to picture.
+// Waves of all lengths that move from picture to picture.
 const std::vector<std::vector<RadianceImage>>& pictures() {
   static const std::vector<std::vector<RadianceImage>> made = [] {
     std::vector<std::vector<RadianceImage>> all(kPictures, {RadianceImage(kWidth, kHeight)});
@@ -116,7 +117,7 @@ void fast(benchmark::State& state, size_t kind) {
   state.SetItemsProcessed(state.iterations());
 }
 
-// Of three rows, since a frame takes minutes where footprints are wide.
+// Three rows only, since a frame with wide footprints takes minutes.
 void exact(benchmark::State& state, size_t kind) {
   constexpr int kRows = 3;
   const Matte matte = lens(kKinds[kind], kRows);
@@ -134,7 +135,7 @@ void prepare(benchmark::State& state, size_t kind) {
   state.SetItemsProcessed(state.iterations());
 }
 
-// Every mode is looked up bilinearly at its centre, channel by channel where they differ, and weighed.
+// Every mode is sampled bilinearly at its centre, by channel if they differ, and weighted.
 void remap(benchmark::State& state, size_t kind) {
   const Prepared& of = prepared(kind);
   const int modes = of.matte.modes_per_channel();
@@ -179,8 +180,7 @@ void remap(benchmark::State& state, size_t kind) {
   state.SetItemsProcessed(state.iterations());
 }
 
-// Reading as many bytes as the weights take and a picture's samples, by as many threads: what memory alone
-// allows.
+// Reads as many bytes as the weights and a picture's samples, with as many threads: the limit set by memory.
 void read_memory(benchmark::State& state, size_t kind) {
   const Prepared& of = prepared(kind);
   const std::vector<std::uint64_t> bytes(of.fast.size_bytes() / 8, 1);
@@ -216,7 +216,7 @@ void add_composite_rows(std::vector<Row>& rows) {
     };
     const std::string own = add("", fast), oracle = add("/exact", exact), looked_up = add("/remap", remap),
                       made = add("/prepare", prepare), memory = add("/memory", read_memory);
-    // As Google Benchmark names what is timed so.
+    // Google Benchmark's name for a benchmark timed like this.
     const auto timed = [](const std::string& of) { return of + "/process_time/real_time"; };
     const auto ratio = [](const std::string& a, const std::string& b) {
       return [a, b](const Rates& rates) { return rates.at(a) / rates.at(b); };

@@ -1,5 +1,5 @@
-// Ways to dither, as a camera sees them whose pixels each take in a few of the monitor's; and how long ours
-// takes. Not part of glasswing-bench: run build/release/bin/glasswing-dither-bench.
+// Compares dithers as seen by a camera whose pixels each cover a few of the monitor's, and measures the time
+// of ours. Not part of glasswing-bench: run build/release/bin/glasswing-dither-bench.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -121,7 +121,7 @@ std::vector<int> void_and_cluster() {
   return rank;
 }
 
-// Bayer 1973, of 2^levels pixels a side.
+// Bayer 1973, of 2^levels pixels per side.
 double bayer(int x, int y, int levels) {
   int rank = 0;
   for (int i = 0; i < levels; ++i) {
@@ -131,7 +131,7 @@ double bayer(int x, int y, int levels) {
   return (rank + 0.5) / static_cast<double>(1 << (2 * levels));
 }
 
-// What a camera pixel takes in: a kernel in one axis, of odd or even length; it is separable.
+// The footprint of a camera pixel along one axis, of odd or even length; it is separable.
 std::vector<double> box(double width) {
   const int reach = static_cast<int>(std::ceil(width / 2.0));
   std::vector<double> kernel;
@@ -150,7 +150,7 @@ std::vector<double> gaussian(double sigma) {
   return kernel;
 }
 
-// Largest and rms difference seen, at every place.
+// Largest and rms difference over all positions.
 std::pair<double, double> seen(const Field& difference, const std::vector<double>& kernel) {
   const int n = static_cast<int>(kernel.size());
   Field rows(difference.size(), 0.0);
@@ -225,8 +225,7 @@ void compare() {
   }
 }
 
-// All that a stripe costs, from its equation to codes; processor time, which others on the machine disturb
-// least.
+// The whole cost of a stripe, from its equation to codes, in processor time, which other load disturbs least.
 void time_ours() {
   constexpr MonitorSize kScreen{.width_px = 1920, .height_px = 1080};
   const ToneCurve curve = ToneCurve::power(2.2, 8);

@@ -1,4 +1,4 @@
-// tests/bench/jobs: how many tiles a second a job store hands out and takes back, and how long a claim takes.
+// tests/bench/jobs: the rate at which a job store claims and completes tiles, and the time of a claim.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -16,7 +16,7 @@ using Clock = std::chrono::steady_clock;
 
 const std::vector<std::string> kComputes{"bench/1"};
 
-// Ends the program if the store fails.
+// Exits if the store fails.
 template <typename T>
 T value(absl::StatusOr<T> result) {
   if (result.ok()) return *std::move(result);
@@ -43,8 +43,7 @@ void in_threads(int count, const std::function<void(const std::string& solver)>&
   for (int i = 0; i < count; ++i) threads.emplace_back([&run, i] { run(fmt::format("solver{}", i)); });
 }
 
-// Tiles a second that are claimed and completed. `one_at_a_time`: no two calls at once, so nothing can be
-// made durable together.
+// Tiles claimed and completed per second. `one_at_a_time`: no concurrent calls, so no shared commits.
 double rate(JobStore& store, int threads, double seconds, bool one_at_a_time) {
   const std::int64_t job = create(store, static_cast<int>(20000 * seconds));
   std::atomic<int> tiles = 0;
@@ -95,7 +94,7 @@ Latency claim_latency(JobStore& store, int tiles) {
   return claims;
 }
 
-// Of a claim that gets nothing: all tiles are done but 64, which are not slow yet.
+// The time of a claim without result: all tiles are done except 64, which are not slow yet.
 Latency idle_latency(JobStore& store, int tiles) {
   const std::int64_t job = create(store, tiles);
   for (int i = 0; i < 64; ++i) value(store.claim(fmt::format("holder{}", i), kComputes, false)).value();
@@ -122,7 +121,7 @@ int run(int argc, char** argv) {
   double seconds = 5.0;
   app.add_option("--jobs", connection, "PostgreSQL's connection string; empty: SQLite");
   app.add_option("--data", data, "Directory of SQLite's file")->required();
-  app.add_option("--seconds", seconds, "Of each rate")->check(CLI::Range(0.5, 60.0));
+  app.add_option("--seconds", seconds, "Duration of each measurement")->check(CLI::Range(0.5, 60.0));
   CLI11_PARSE(app, argc, argv);
   const auto store = value(open_job_store(connection, data,
                                           {.server_id = "bench",

@@ -1,4 +1,4 @@
-// The joint fit of one pixel's four sweeps, against Ceres on the same windows from the same start.
+// Compares the joint fit of one pixel's four sweeps with Ceres on the same windows from the same start.
 #include <benchmark/benchmark.h>
 #include <ceres/ceres.h>
 

@@ -1,4 +1,5 @@
-// One-dimensional fits, against Ceres on the same windows, and the whole stage from frames to peaks.
+// Compares one-dimensional fits with Ceres on the same windows, and measures the whole stage from frames to
+// peaks.
 #include <benchmark/benchmark.h>
 #include <ceres/ceres.h>
 
@@ -15,8 +16,8 @@ namespace {
 
 constexpr int kSamples = 300, kResponses = 1024;
 
-// Responses as the solver holds them: kBlockLanes side by side. Two samples are one sigma of the stripe;
-// footprints widen the answer by up to a half; 12 bit.
+// Responses as the solver stores them: kBlockLanes side by side. Two samples are one sigma of the stripe;
+// footprints widen the response by up to a half; 12 bits.
 struct Responses {
   explicit Responses(int modes) {
     std::mt19937 random(1);
@@ -54,7 +55,7 @@ struct Responses {
       }
       starts.push_back(start);
     }
-    // As the peak finder deals them out.
+    // In the peak finder's order.
     std::vector<size_t> order(windows.size());
     for (size_t i = 0; i < order.size(); ++i) order[i] = i;
     std::sort(order.begin(), order.end(),
@@ -148,17 +149,14 @@ void line_ceres(benchmark::State& state, int modes) {
 struct Frames {
   static constexpr int kWidth = 65536 / 3 / 16 * 16, kLanes = 3 * kWidth;
   Frames() {
-    v1::Camera& camera = *stack.manifest.mutable_camera();
-    camera.set_width_px(kWidth);
-    camera.set_height_px(1);
-    camera.set_read_sd(0.002);
+    stack.width_px = kWidth;
     stack.row_count = 1;
     std::mt19937 random(2);
     std::normal_distribution<double> noise(0.0, 0.002), step(0.0, 0.4), dispersion(0.0, 0.1);
     std::uniform_real_distribution<double> place(20.0, 280.0), widening(1.0, 1.5), amplitude(0.2, 0.9),
         share(0.0, 1.0);
     std::vector<std::array<double, 6>> modes(kLanes);
-    // As the views of neighbouring pixels do, the peaks wander; now and then they jump.
+    // The peaks move slowly from pixel to pixel, as views do, and sometimes jump.
     std::array<double, 6> pixel{};
     for (size_t i = 0; i < kLanes; ++i) {
       if (i % 3 == 0) {

@@ -1,5 +1,5 @@
 // Video mattes from the ramp: extraction, smoothing and finishing of a stream of frames on two threads,
-// beside OpenCV's reading and writing of the same frames.
+// compared with OpenCV's reading and writing of the same frames.
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
 #include <unistd.h>
@@ -18,7 +18,7 @@ namespace {
 
 constexpr int kThreads = 2, kFrames = 4;
 
-// A lens over a third of the picture, which moves and has a highlight; an ordinary camera's noise.
+// A moving lens over a third of the picture, with a highlight and an ordinary camera's noise.
 struct Video {
   RampScene scene;
   std::vector<std::vector<std::uint16_t>> frames;
@@ -53,7 +53,7 @@ struct Video {
   FrameView view(size_t i) const { return scene.view(frames[i % frames.size()]); }
 };
 
-// One of each size, made when it is first needed.
+// One of each size, created on first use.
 const Video& video(int height_px) {
   static const Video small(1280, 720);
   if (height_px == 720) return small;
@@ -74,7 +74,7 @@ void extract(benchmark::State& state, int height_px) {
   state.SetItemsProcessed(state.iterations());
 }
 
-// As a video goes by: each frame is smoothed with those before and after it.
+// As in a video: each frame is smoothed with those before and after it.
 void whole(benchmark::State& state, int height_px) {
   struct Extracted {
     RampFrame frame;
@@ -138,7 +138,7 @@ void add_ramp_rows(std::vector<Row>& rows) {
     add(own, whole);
     add(alone, extract);
     add(files, read_and_write);
-    // As Google Benchmark names what is timed so.
+    // Google Benchmark's name for a benchmark timed like this.
     const auto timed = [](const std::string& name) { return name + "/process_time/real_time"; };
     const auto rate = [](const std::string& of) { return [of](const Rates& rates) { return rates.at(of); }; };
     rows.push_back({"ramp mattes, " + size + ", two threads",

@@ -1,4 +1,4 @@
-// What the benchmark reports: figures, most with the goal they are held to.
+// The benchmark's figures, most with a goal.
 #pragma once
 
 #include <functional>
@@ -9,20 +9,20 @@
 
 namespace glasswing {
 
-// Items a second of each Google Benchmark that ran, by name; medians of the repetitions.
+// Items per second of each Google Benchmark that ran, by name; medians of the repetitions.
 using Rates = std::map<std::string, double>;
 
 struct Row {
   std::string name;
   std::string unit;
-  std::optional<double> goal;  // none: told for comparison
-  bool at_most = false;        // else at least
-  // The benchmarks that it needs the rate of; it is left out if they were filtered away.
+  std::optional<double> goal;  // none: for comparison only
+  bool at_most = false;        // otherwise at least
+  // The benchmarks whose rate it needs; it is left out if they were filtered out.
   std::vector<std::string> needs;
   std::function<double(const Rates&)> value;
 };
 
-// Each registers its Google Benchmarks and adds its rows.
+// Each function registers its Google Benchmarks and adds its rows.
 void add_line_rows(std::vector<Row>& rows);
 void add_joint_rows(std::vector<Row>& rows);
 void add_accuracy_rows(std::vector<Row>& rows);

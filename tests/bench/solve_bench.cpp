@@ -1,4 +1,4 @@
-// A whole stack, from files in the page cache to a matte, against reading those files at all.
+// Solves a whole stack from files in the page cache, and compares the time with reading those files.
 #include <fmt/format.h>
 #include <google/protobuf/util/json_util.h>
 #include <unistd.h>
@@ -34,7 +34,7 @@ double seconds_since(Clock::time_point start) {
 }
 
 // An archive of 600 frames of four sweeps: an object over a third of the frame, one footprint in 70 % of its
-// pixels' channels and two in the others, in front of a monitor that the camera sees pixel by pixel.
+// pixels' channels and two in the others, in front of a monitor that the camera sees one to one.
 class BigArchive {
  public:
   BigArchive() : directory_(fs::temp_directory_path() / fmt::format("glasswing-bench-{}", ::getpid())) {
@@ -53,7 +53,7 @@ class BigArchive {
           mode[0] = {
               .weight = 0.9, .x_px = x + 0.5, .y_px = y + 0.5, .xx_px2 = 0.0, .xy_px2 = 0.0, .yy_px2 = 0.0};
           if (!object) continue;
-          // Upside down, as a ball of glass shows it; dispersed a little.
+          // Upside down, as in a glass ball; slightly dispersed.
           const auto shape = [&](double weight, double px, double py) {
             return Footprint{.weight = weight,
                              .x_px = px + 0.4 * c,
@@ -126,8 +126,7 @@ class BigArchive {
     const Clock::time_point start = Clock::now();
     const auto archive = MappedArchive::open(twice ? twice_ : directory_).value();
     const auto method = make_method("gaussian", {}).value();
-    const FrameStack stack = whole_stack(archive).value();
-    const Matte matte = solve_in_bands(*method, stack).value();
+    const Matte matte = solve_archive(*method, archive).value();
     Solve solve{.seconds = seconds_since(start)};
     done = true;
     watch.join();

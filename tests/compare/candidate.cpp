@@ -10,7 +10,7 @@
 namespace glasswing {
 namespace {
 
-absl::StatusOr<MadeCapture> everything(const RenderedScene& scene) {
+absl::StatusOr<SynthesizedCapture> everything(const RenderedScene& scene) {
   return as_recorded(scene.manifest());
 }
 
@@ -20,15 +20,15 @@ bool is_black_or_white(const v1::Stimulus& stimulus) {
          });
 }
 
-// Black, white and the square waves down to a level, with complements.
-absl::StatusOr<MadeCapture> square_waves(const RenderedScene& scene, int levels) {
+// Black, white and square waves down to a level, with complements.
+absl::StatusOr<SynthesizedCapture> square_waves(const RenderedScene& scene, int levels) {
   return part_of(scene.manifest(), [&](const v1::Frame& frame) {
     const v1::Stimulus& stimulus = frame.stimulus();
     return is_black_or_white(stimulus) || (stimulus.kind() == "square" && stimulus.level() <= levels);
   });
 }
 
-absl::StatusOr<MadeCapture> black_and_white(const RenderedScene& scene) {
+absl::StatusOr<SynthesizedCapture> black_and_white(const RenderedScene& scene) {
   return square_waves(scene, 0);
 }
 
@@ -36,15 +36,15 @@ absl::StatusOr<MadeCapture> black_and_white(const RenderedScene& scene) {
 struct Waves {
   double phi_deg = 0.0;
   std::vector<double> period_px;
-  bool without_object = false;  // too
+  bool without_object = false;  // also recorded without the object
 };
 
-// Black, white and the phases of each wave, on each monitor.
-absl::StatusOr<MadeCapture> fringes(const RenderedScene& scene, const std::vector<Waves>& directions,
-                                    int phases) {
+// Black, white and all phases of each wave, on each monitor.
+absl::StatusOr<SynthesizedCapture> fringes(const RenderedScene& scene, const std::vector<Waves>& directions,
+                                           int phases) {
   const v1::CaptureManifest& recorded = scene.manifest();
   StripeSums sums(recorded);
-  MadeCapture capture =
+  SynthesizedCapture capture =
       part_of(recorded, [](const v1::Frame& frame) { return is_black_or_white(frame.stimulus()); });
   for (const v1::Monitor& monitor : recorded.monitors()) {
     for (const Waves& waves : directions) {
@@ -61,7 +61,7 @@ absl::StatusOr<MadeCapture> fringes(const RenderedScene& scene, const std::vecto
           frame.set_object(true);
           GW_ASSIGN_OR_RETURN(std::vector<Part> parts, sums.parts(wave, waves.phi_deg));
           capture.add(frame, std::move(parts));
-          // The empty stage hides no monitor but the one behind it.
+          // Without the object only the monitor behind the stage is visible.
           if (!waves.without_object || monitor.name() != recorded.monitors(0).name()) continue;
           frame.set_object(false);
           capture.add(frame, {});
@@ -84,8 +84,8 @@ std::vector<Candidate> candidates() {
                    {},
                    [=](const RenderedScene& scene) { return square_waves(scene, levels); }});
   }
-  // The first period is longer than any monitor's side; two on the empty stage tell the object from it. The
-  // last are those of deploy/plans/fringe.txtpb.
+  // The first period is longer than any monitor's side; two on the empty stage separate the object from it.
+  // The last set is that of deploy/plans/fringe.txtpb.
   struct Fringes {
     std::string variant;
     int phases;

@@ -1,4 +1,4 @@
-// What is compared: methods, each with the captures of more and more images that it solves.
+// The candidates of the comparison: methods, each with captures of increasingly many images.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -16,13 +16,13 @@ struct Candidate {
   std::string variant;  // a point on it
   std::string method;
   MethodOptions options;
-  std::function<absl::StatusOr<MadeCapture>(const RenderedScene&)> capture;
+  std::function<absl::StatusOr<SynthesizedCapture>(const RenderedScene&)> capture;
 };
 
-// By family, fewest images first.
+// By family, in order of images.
 std::vector<Candidate> candidates();
 
-// The background without the object: what all are to surpass.
+// The background without the object: the baseline.
 inline constexpr const char* kBare = "bare background";
 
 }  // namespace glasswing

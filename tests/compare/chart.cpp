@@ -63,7 +63,7 @@ std::string frame_of(const Axes& axes, double per_second) {
           "<line x1='{0:.1f}' x2='{0:.1f}' y2='{1}' stroke='#eee'/><text x='{0:.1f}' y='{2}' "
           "text-anchor='middle'>{3:.6g}</text>\n",
           axes.x(x), kHeight, kHeight + 16.0, x);
-      if (per_second > 0.0 && part > 1.0)  // else they touch
+      if (per_second > 0.0 && part > 1.0)  // otherwise they touch
 
         svg += fmt::format("<text x='{:.1f}' y='{}' text-anchor='middle' fill='#777'>{:.2g} s</text>\n",
                            axes.x(x), kHeight + 31.0, x / per_second);

@@ -1,4 +1,4 @@
-// Curves as a picture: SVG, to be looked at in a browser.
+// Draws curves as SVG.
 #pragma once
 
 #include <string>
@@ -11,9 +11,9 @@ struct ChartPoint {
 };
 struct ChartCurve {
   std::string name, colour;
-  std::vector<ChartPoint> points;  // joined in this order; each has a mark
+  std::vector<ChartPoint> points;  // joined in this order, each with a mark
 };
-// One picture of several that share their axes.
+// One of several panels with common axes.
 struct ChartPanel {
   std::string title;
   std::vector<ChartCurve> curves;
@@ -23,11 +23,11 @@ struct Chart {
   std::string x_label, y_label, level_label;
   std::vector<ChartPanel> panels;
   int columns = 3;
-  double per_second = 0.0;  // of x, for a second line of ticks; 0: none
+  double per_second = 0.0;  // x per second, for a second line of ticks; 0: none
 };
 
 // x is logarithmic, ticks at 1, 2 and 5 times powers of ten; the legend names every curve once. `x` must be
-// greater than 0.
+// positive.
 std::string svg_of(const Chart& chart);
 
 }  // namespace glasswing

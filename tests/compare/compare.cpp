@@ -1,5 +1,5 @@
-// Runs every method over every rendered scene, at several counts of images and levels of noise, and writes
-// what came out: docs/comparison.csv, charts, rows of pictures and the tables of docs/comparison.md.
+// Runs every method on every rendered scene, at several image counts and noise levels, and writes
+// docs/comparison.csv, charts, rows of pictures and the tables of docs/comparison.md.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -30,7 +30,7 @@ bool wanted(const Options& options, const std::string& family) {
   return options.only.empty() || std::ranges::find(options.only, family) != options.only.end();
 }
 
-// Takes the place of what was measured of the same before.
+// Replaces earlier measurements of the same.
 void put(Figures figures, std::vector<Figures>& all) {
   const auto key = [](const Figures& own) { return std::tie(own.scene, own.family, own.variant, own.noise); };
   const auto known =
@@ -42,7 +42,7 @@ void put(Figures figures, std::vector<Figures>& all) {
   }
 }
 
-// Kept scene by scene: a run that breaks off has not been for nothing.
+// Saved scene by scene, so that an interrupted run keeps its results.
 absl::Status measure_all(const Options& options, const std::filesystem::path& kept,
                          std::vector<Figures>& all) {
   const std::vector<Candidate> competing = candidates();
@@ -52,7 +52,7 @@ absl::Status measure_all(const Options& options, const std::filesystem::path& ke
     put(measure_bare(scene), all);
     for (const Candidate& candidate : competing) {
       if (!wanted(options, candidate.family)) continue;
-      const absl::StatusOr<MadeCapture> capture = candidate.capture(scene);
+      const absl::StatusOr<SynthesizedCapture> capture = candidate.capture(scene);
       if (absl::IsFailedPrecondition(capture.status())) {
         fmt::print("{}, {} of {}: {}\n", candidate.family, candidate.variant, scene.name(),
                    std::string(capture.status().message()));
@@ -96,10 +96,11 @@ int main(int argc, char** argv) {
       ->required()
       ->check(CLI::ExistingDirectory);
   const CLI::Option* const scenes =
-      app.add_option("--scenes", options.scenes, "Which of them; what was measured of the others stays")
+      app.add_option("--scenes", options.scenes, "Scenes to measure; figures of the others are kept")
           ->delimiter(',');
-  app.add_option("--only", options.only, "Which methods, as the table names them; the others' figures stay");
-  app.add_flag("--report", options.report_only, "Measure nothing, write tables, charts and pictures again");
+  app.add_option("--only", options.only,
+                 "Methods to measure, as named in the table; figures of the others are kept");
+  app.add_flag("--report", options.report_only, "Measure nothing; only rewrite tables, charts and pictures");
   app.add_option("--docs", options.docs, "Folder with comparison.md")->capture_default_str();
   app.add_option("--composites", options.composites, "Folder for every composite, 16-bit linear PNG")
       ->capture_default_str();

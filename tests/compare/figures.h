@@ -1,4 +1,4 @@
-// What was measured of one candidate on one scene, and the file that keeps it.
+// The measurements of one candidate on one scene, and their file.
 #pragma once
 
 #include <absl/status/status.h>
@@ -17,7 +17,7 @@ struct NoiseLevel {
   const char* name;
   Degradation degradation;
 };
-// From none to what a fast camera has in dim light.
+// From none to that of a fast camera in dim light.
 inline constexpr NoiseLevel kNoiseLevels[] = {
     {"clean", {}}, {"0.5 %", {.noise_sd = 0.005, .bits = 12}}, {"2 %", {.noise_sd = 0.02, .bits = 10}}};
 
@@ -36,7 +36,7 @@ struct Figures {
   double mean_psnr() const;
 };
 
-// Semicolons between fields, a line a photograph. NOT_FOUND; DATA_LOSS names a line that is none.
+// Fields separated by semicolons, one line per photograph. NOT_FOUND; DATA_LOSS names an invalid line.
 absl::StatusOr<std::vector<Figures>> read_figures(const std::filesystem::path& path);
 absl::Status write_figures(const std::filesystem::path& path, const std::vector<Figures>& figures);
 

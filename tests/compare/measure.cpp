@@ -13,15 +13,16 @@
 namespace glasswing {
 namespace {
 
-// Short solves are repeated, for the median of their times.
+// Short solves are repeated for a median time.
 constexpr int kMaxSolves = 3;
 constexpr double kShortSolve_s = 1.0;
 
-absl::StatusOr<Solved> solve_timed(const Method& method, const FrameStack& stack) {
-  GW_ASSIGN_OR_RETURN(Solved solved, solve(method, stack));
+absl::StatusOr<Solved> solve_timed(const Method& method, const v1::CaptureManifest& manifest,
+                                   const FrameStack& stack) {
+  GW_ASSIGN_OR_RETURN(Solved solved, solve(method, manifest, stack));
   std::vector<double> seconds{solved.seconds};
   while (solved.seconds < kShortSolve_s && seconds.size() < kMaxSolves) {
-    GW_ASSIGN_OR_RETURN(const Solved again, solve(method, stack));
+    GW_ASSIGN_OR_RETURN(const Solved again, solve(method, manifest, stack));
     seconds.push_back(again.seconds);
   }
   std::ranges::sort(seconds);
@@ -38,7 +39,7 @@ std::filesystem::path composite_path(const std::filesystem::path& folder, const 
 }
 
 absl::StatusOr<Figures> measure(const RenderedScene& scene, const Candidate& candidate,
-                                const MadeCapture& capture, const NoiseLevel& noise,
+                                const SynthesizedCapture& capture, const NoiseLevel& noise,
                                 const std::filesystem::path& folder) {
   Figures figures{.scene = scene.name(),
                   .family = candidate.family,
@@ -46,11 +47,11 @@ absl::StatusOr<Figures> measure(const RenderedScene& scene, const Candidate& can
                   .noise = noise.name,
                   .psnr = {}};
   GW_ASSIGN_OR_RETURN(const auto method, make_method(candidate.method, candidate.options));
-  GW_ASSIGN_OR_RETURN(const std::vector<int> needed, method->frames_needed(capture.manifest));
-  for (const int frame : needed)
+  GW_ASSIGN_OR_RETURN(const auto prepared, method->prepare(capture.manifest));
+  for (const int frame : prepared->frames_needed())
     ++(capture.manifest.frames(frame).object() ? figures.images_with_object : figures.images_without);
   GW_ASSIGN_OR_RETURN(const FrameStack stack, scene.stack(*method, capture, noise.degradation));
-  GW_ASSIGN_OR_RETURN(const Solved solved, solve_timed(*method, stack));
+  GW_ASSIGN_OR_RETURN(const Solved solved, solve_timed(*method, capture.manifest, stack));
   figures.solve_seconds = solved.seconds;
   figures.flagged = solved.flagged;
   for (const std::string& name : scene.photograph_names()) {

@@ -1,4 +1,4 @@
-// Solves a scene by a candidate and holds its composites against the photographs.
+// Solves a scene with a candidate and compares its composites with the photographs.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -10,18 +10,18 @@
 
 namespace glasswing {
 
-// Where a candidate's composite lies: 16-bit linear PNG.
+// The path of a candidate's composite, a 16-bit linear PNG.
 std::filesystem::path composite_path(const std::filesystem::path& folder, const std::string& scene,
                                      const std::string& family, const std::string& variant,
                                      const std::string& photograph);
 
-// At that level of noise, which comes on top of the summed frames of `capture`. Frames that the method does
-// not read count as not taken. Composites of clean frames are written below `folder`.
+// Measures at this level of noise, which is added to the summed frames of `capture`. Frames that the method
+// does not read do not count as images. Composites of clean frames are written below `folder`.
 absl::StatusOr<Figures> measure(const RenderedScene& scene, const Candidate& candidate,
-                                const MadeCapture& capture, const NoiseLevel& noise,
+                                const SynthesizedCapture& capture, const NoiseLevel& noise,
                                 const std::filesystem::path& folder);
 
-// The photographs without the object.
+// Measures the photographs without the object.
 Figures measure_bare(const RenderedScene& scene);
 
 }  // namespace glasswing

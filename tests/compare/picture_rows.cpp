@@ -18,7 +18,7 @@ constexpr int kScale = 3;
 
 struct Row {
   const char *name, *scene, *photograph;
-  cv::Rect part;  // of the camera's picture
+  cv::Rect part;  // section of the camera's picture
 };
 const std::array kRows = {Row{"crystal", "A_crystal", "stilllife", {18, 2, 92, 92}},
                           Row{"bimodal", "B_bimodal", "stone", {10, 16, 92, 64}},

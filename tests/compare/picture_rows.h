@@ -10,10 +10,10 @@
 
 namespace glasswing {
 
-// Two PNG a row, of the composites that measure() left in `composites`: comparison_*.png there shows them
-// beside the photograph, light with gamma 2.2; docs/pictures/comparison_*.png how far they are from it, times
-// eight, since the photographs are not ours to publish. What was not measured is left out. NOT_FOUND names a
-// composite that should be there.
+// Writes two PNGs per row from the composites that measure() left in `composites`: comparison_*.png there
+// shows them beside the photograph, light with gamma 2.2; docs/pictures/comparison_*.png shows their
+// differences, times eight, since the photographs must not be published. Composites that were not measured
+// are left out. NOT_FOUND names a missing composite.
 absl::Status write_picture_rows(const std::filesystem::path& scenes, const std::filesystem::path& docs,
                                 const std::filesystem::path& composites, const std::vector<Figures>& figures);
 

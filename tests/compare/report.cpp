@@ -17,7 +17,7 @@
 namespace glasswing {
 namespace {
 
-// Two monitors need twice the images; means over scenes are of the others.
+// Two monitors need twice the images, so means over scenes exclude this one.
 constexpr const char* kTwoMonitors = "E_twomonitors";
 
 const std::map<std::string, std::string> kColours = {{"gaussian", "#1565c0"},
@@ -55,8 +55,8 @@ Measured those(const std::vector<Figures>& figures, const Filter& filter) {
   return found;
 }
 
-// Of every scene that passes the filter; none if one of them was not measured, as means are to be of the same
-// scenes.
+// The figures of every scene that passes the filter; empty if one of them was not measured, since means must
+// cover the same scenes.
 Measured of(const std::vector<Figures>& figures, const Candidate& candidate, const std::string& noise,
             const Filter& filter) {
   const Measured found = those(figures, [&](const Figures& own) {

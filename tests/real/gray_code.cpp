@@ -1,10 +1,11 @@
-// real-gray-code ARCHIVE MATTE PICTURES: a matte of Gray-coded photographs against their plain decoding.
+// real-gray-code ARCHIVE MATTE PICTURES: compares a matte of Gray-coded photographs with their plain
+// decoding.
 //
 // Bit b of the Gray code of x is lit from 2^b to 3 2^b, and so on every 4 2^b px: bars of 2^(b+1) px with an
 // offset of 2^b. A bit is 1 where its picture is brighter than the complement. Where every stripe down to 8
-// px has a contrast of 8 codes in some channel, on both axes, the code without its last bits says in which 4
-// px a pixel looks; finer stripes, where they have that contrast too, say it more closely. The box's centre
-// must lie within half of the box's own side of the middle of that, on both axes, on 95 % of those pixels.
+// px has a contrast of 8 codes in some channel, on both axes, the code without its last bits gives the 4 px
+// that a pixel sees; finer stripes with that contrast narrow it further. The box's centre must lie within
+// half of the box's own side of the middle of that, on both axes, on 95 % of those pixels.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -25,7 +26,7 @@ namespace {
 constexpr int kMinContrast = 8;  // codes of 8 bits
 constexpr int kSureBit = 2;      // stripes of 8 px
 constexpr double kMinShare = 0.95;
-constexpr float kLit = 0.0015f;  // of full scale; less light than that is not drawn
+constexpr float kLit = 0.0015f;  // of full scale; pixels with less light are not drawn
 
 // The 8-bit sRGB code of a linear sample.
 std::vector<std::uint8_t> codes_of_samples() {
@@ -55,22 +56,22 @@ absl::StatusOr<Bits> bits_of(const v1::CaptureManifest& manifest, const std::str
   }
   for (const auto& [bit, frames] : bits) {
     if (frames[0] < 0 || frames[1] < 0)
-      return absl::InvalidArgumentError(fmt::format("bit {} of {} is not there twice", bit, orient));
+      return absl::InvalidArgumentError(fmt::format("bit {} of {} must have two frames", bit, orient));
   }
   if (bits.empty() || bits.rbegin()->first > kSureBit)
     return absl::InvalidArgumentError(fmt::format("{} have no stripes of 8 px", orient));
   return bits;
 }
 
-// Decodes one row, one axis.
+// Decodes one row along one axis.
 class Decoder {
  public:
   Decoder(const MappedArchive& archive, Bits bits) : archive_(archive), bits_(std::move(bits)) {}
 
-  // The middle of where each pixel looks, px; none where a stripe down to 8 px has too little contrast.
+  // The middle of each pixel's view, px; none if a stripe down to 8 px has too little contrast.
   std::vector<std::optional<double>> row(int y) const {
     const auto width = static_cast<size_t>(archive_.manifest().camera().width_px());
-    std::vector<int> place(width, 0), above(width, 0);  // so far, in units of the last bit; that bit
+    std::vector<int> place(width, 0), above(width, 0);  // code so far, in units of the last bit; that bit
     std::vector<int> last(width, bits_.begin()->first + 1);
     std::vector<bool> clear(width, true), done(width, false);
     for (const auto& [bit, frames] : bits_) {

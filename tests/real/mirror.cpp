@@ -1,6 +1,6 @@
-// real-mirror ARCHIVE MATTE PICTURES: photographs of a mirror before a fringe display, solved by the method
-// fringe: the map against a plain four-step decode, and against its own standard errors. Puts a photograph of
-// GLASSWING_DATA (../shared/data if it is not set) into the mirror, below PICTURES.
+// real-mirror ARCHIVE MATTE PICTURES: photographs of a mirror in front of a fringe display, solved by method
+// fringe. Compares the map with a plain four-step decode and with its own standard errors. Writes a composite
+// of the mirror with a photograph from GLASSWING_DATA (default ../shared/data) below PICTURES.
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
@@ -26,10 +26,10 @@ namespace fs = std::filesystem;
 
 constexpr const char* kPicture = "real/backgrounds_cc0/astronaut.png";
 constexpr int kChannel = 1;
-constexpr float kWidest_px2 = 400.0f;
-constexpr float kLit = 0.25f;                 // the mirror, white less black
-constexpr double kMinModulation = 8.0 / 255;  // below it a plain decode means nothing
-constexpr int kReach = 3;                     // of the window in which the map is smooth, px
+constexpr float kMaxVariance_px2 = 400.0f;
+constexpr float kLit = 0.25f;                 // of the mirror, white minus black
+constexpr double kMinModulation = 8.0 / 255;  // minimum for a plain decode
+constexpr int kReach = 3;                     // px, of the window in which the map is smooth
 
 // Frames of one sinusoid, by quarter turns.
 using Quarters = std::array<int, 4>;
@@ -46,7 +46,7 @@ std::array<std::map<double, Quarters, std::greater<>>, 2> fringes_of(const v1::C
   return fringes;
 }
 
-// atan2 of opposite frames' differences, coarse to fine; nothing where some modulation is too small.
+// atan2 of the differences of opposite frames, coarse to fine; none if a modulation is too small.
 std::optional<double> decode(const FrameStack& stack,
                              const std::map<double, Quarters, std::greater<>>& fringes, int x, int y) {
   std::optional<double> place_px;
@@ -61,10 +61,10 @@ std::optional<double> decode(const FrameStack& stack,
   return place_px;
 }
 
-bool is_lit(const FrameStack& stack, int x, int y) {
+bool is_lit(const v1::CaptureManifest& manifest, const FrameStack& stack, int x, int y) {
   float low = 1.0f, high = 0.0f;
-  for (int i = 0; i < stack.manifest.frames_size(); ++i) {
-    if (stack.manifest.frames(i).stimulus().kind() != "solid") continue;
+  for (int i = 0; i < manifest.frames_size(); ++i) {
+    if (manifest.frames(i).stimulus().kind() != "solid") continue;
     low = std::min(low, stack.at(i, x, y, kChannel));
     high = std::max(high, stack.at(i, x, y, kChannel));
   }
@@ -78,9 +78,9 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
-// The share of each pixel of a window in what a parabola leaves of its middle, scaled so that noise keeps its
-// size. The window lies along a row: from one row of these photographs to the next, waves of 17 and of 68 px,
-// whose noise has nothing in common, agree on steps of a third of a pixel (correlation 0.97).
+// A filter that subtracts a fitted parabola from the middle of a window, scaled to preserve noise. The window
+// lies along a row: from one row of these photographs to the next, waves of 17 and of 68 px, whose noise is
+// independent, agree on steps of a third of a pixel (correlation 0.97).
 constexpr int kWindow = 2 * kReach + 1;
 std::array<double, kWindow> residual_filter() {
   Eigen::Matrix<double, kWindow, 3> terms;
@@ -97,86 +97,117 @@ std::array<double, kWindow> residual_filter() {
   return filter;
 }
 
-bool check(const std::string& folder, const std::string& matte_file, const fs::path& pictures) {
-  const auto archive = MappedArchive::open(folder).value();
-  const FrameStack stack = whole_stack(archive).value();
-  const Matte matte = read_matte(matte_file).value();
-  const auto fringes = fringes_of(stack.manifest);
-  const int width = matte.width_px(), height = matte.height_px();
-  const auto good = [&](int x, int y) {
-    return is_lit(stack, x, y) && matte.flags(x, y) == kFlagNone && matte.modes(x, y, kChannel)[0].weight > 0;
-  };
+// The archive's photographs and the matte solved from them.
+struct Solved {
+  const v1::CaptureManifest& manifest;
+  FrameStack stack;
+  Matte matte;
+
+  bool lit(int x, int y) const { return is_lit(manifest, stack, x, y); }
+  bool good(int x, int y) const {
+    return lit(x, y) && matte.flags(x, y) == kFlagNone && matte.modes(x, y, kChannel)[0].weight > 0;
+  }
+};
+
+struct Comparison {
   int lit = 0, flagged = 0, poor = 0, compared = 0, wrong = 0;
   std::array<std::vector<double>, 2> residuals;
   std::vector<double> errors, ratios, differences;
-  const std::array<double, kWindow> filter = residual_filter();
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) {
-      if (!is_lit(stack, x, y)) continue;
-      ++lit;
+};
+
+// The residual of a mode's x and y along its row; none unless all pixels of the window are good.
+std::optional<std::array<double, 2>> residual_of(const Solved& solved, int x, int y) {
+  static const std::array<double, kWindow> filter = residual_filter();
+  double left_x = 0.0, left_y = 0.0;
+  for (int i = 0; i < kWindow; ++i) {
+    const int u = x + i - kReach;
+    if (u < 0 || u >= solved.matte.width_px() || !solved.good(u, y)) return std::nullopt;
+    const Mode& there = solved.matte.modes(u, y, kChannel)[0];
+    left_x += filter[static_cast<size_t>(i)] * static_cast<double>(there.x_px);
+    left_y += filter[static_cast<size_t>(i)] * static_cast<double>(there.y_px);
+  }
+  return std::array{left_x, left_y};
+}
+
+Comparison compare(const Solved& solved) {
+  const Matte& matte = solved.matte;
+  const auto fringes = fringes_of(solved.manifest);
+  Comparison result;
+  for (int y = 0; y < matte.height_px(); ++y) {
+    for (int x = 0; x < matte.width_px(); ++x) {
+      if (!solved.lit(x, y)) continue;
+      ++result.lit;
       const Mode& mode = matte.modes(x, y, kChannel)[0];
-      if (!good(x, y)) {
-        ++flagged;
-        poor += matte.flags(x, y) & kFlagPoorFit ? 1 : 0;
+      if (!solved.good(x, y)) {
+        ++result.flagged;
+        result.poor += matte.flags(x, y) & kFlagPoorFit ? 1 : 0;
         continue;
       }
-      const auto plain_x = decode(stack, fringes[0], x, y), plain_y = decode(stack, fringes[1], x, y);
+      const auto plain_x = decode(solved.stack, fringes[0], x, y),
+                 plain_y = decode(solved.stack, fringes[1], x, y);
       if (plain_x && plain_y) {
-        ++compared;
+        ++result.compared;
         const double dx = std::abs(static_cast<double>(mode.x_px) - *plain_x),
                      dy = std::abs(static_cast<double>(mode.y_px) - *plain_y);
-        differences.push_back(std::hypot(dx, dy));
-        if (dx > 0.5 * fringes[0].rbegin()->first || dy > 0.5 * fringes[1].rbegin()->first) ++wrong;
+        result.differences.push_back(std::hypot(dx, dy));
+        if (dx > 0.5 * fringes[0].rbegin()->first || dy > 0.5 * fringes[1].rbegin()->first) ++result.wrong;
       }
-      double left_x = 0.0, left_y = 0.0;
-      bool whole = true;
-      for (int i = 0; i < kWindow; ++i) {
-        const int u = x + i - kReach;
-        whole = whole && u >= 0 && u < width && good(u, y);
-        if (!whole) continue;
-        const Mode& there = matte.modes(u, y, kChannel)[0];
-        left_x += filter[static_cast<size_t>(i)] * static_cast<double>(there.x_px);
-        left_y += filter[static_cast<size_t>(i)] * static_cast<double>(there.y_px);
-      }
-      if (!whole) continue;
-      residuals[0].push_back(std::abs(left_x));
-      residuals[1].push_back(std::abs(left_y));
-      errors.push_back(static_cast<double>(mode.centre_sd_px));
-      ratios.push_back(std::hypot(left_x, left_y) / (std::numbers::sqrt2 * errors.back()));
+      const auto left = residual_of(solved, x, y);
+      if (!left) continue;
+      for (size_t axis = 0; axis < 2; ++axis) result.residuals[axis].push_back(std::abs((*left)[axis]));
+      result.errors.push_back(static_cast<double>(mode.centre_sd_px));
+      result.ratios.push_back(std::hypot((*left)[0], (*left)[1]) /
+                              (std::numbers::sqrt2 * result.errors.back()));
     }
   }
-  const double ratio = median(ratios);
-  fmt::print("{} lit pixels of {}x{}, {:.2f} % flagged ({:.2f} % poor)\n", lit, width, height,
-             100.0 * flagged / lit, 100.0 * poor / lit);
-  fmt::print(
-      "{} of {} pixels in another period than a plain decode has them; the median distance is {:.3f} px\n",
-      wrong, compared, median(differences));
-  fmt::print(
-      "local residual along rows {:.3f} px in x, {:.3f} px in y; standard error {:.3f} px; median ratio "
-      "{:.2f}\n",
-      median(residuals[0]), median(residuals[1]), median(errors), ratio);
-  std::fflush(stdout);
+  return result;
+}
+
+void write_mirrored_picture(const Solved& solved, const fs::path& pictures) {
   const char* const data = std::getenv("GLASSWING_DATA");
   const fs::path background = fs::path(data != nullptr ? data : "../shared/data") / kPicture;
   if (!fs::exists(background)) {
     fmt::print("no picture to put into the mirror at {}\n", background.string());
-  } else {
-    const v1::Monitor& monitor = matte.metadata.monitors(0);
-    const RadianceImage picture = resized(read_radiance(background, Encoding::kDisplay).value(),
-                                          monitor.width_px(), monitor.height_px());
-    // The rest, and the mirror's rim, sees the whole screen: slow to integrate.
-    Matte mirror = matte;
-    for (int y = 0; y < height; ++y) {
-      for (int x = 0; x < width; ++x) {
-        for (int c = 0; c < kChannels && !(good(x, y) && matte.modes(x, y, c)[0].yy_px2 < kWidest_px2); ++c)
-          std::ranges::fill(mirror.modes(x, y, c), Mode{});
+    return;
+  }
+  const v1::Monitor& monitor = solved.matte.metadata.monitors(0);
+  const RadianceImage picture =
+      resized(read_radiance(background, Encoding::kDisplay).value(), monitor.width_px(), monitor.height_px());
+  // The rest of the scene and the mirror's rim see the whole screen, which is slow to integrate.
+  Matte mirror = solved.matte;
+  for (int y = 0; y < mirror.height_px(); ++y) {
+    for (int x = 0; x < mirror.width_px(); ++x) {
+      for (int c = 0; c < kChannels; ++c) {
+        if (solved.good(x, y) && solved.matte.modes(x, y, c)[0].yy_px2 < kMaxVariance_px2) break;
+        std::ranges::fill(mirror.modes(x, y, c), Mode{});
       }
     }
-    const absl::Status written =
-        write_radiance(pictures / "mirror.png", composite(mirror, {picture}).value(), Encoding::kDisplay);
-    if (!written.ok()) fmt::print(stderr, "{}\n", std::string(written.message()));
   }
-  return compared > 0 && wrong == 0 && ratio >= 0.5 && ratio <= 2.0;
+  const absl::Status written =
+      write_radiance(pictures / "mirror.png", composite(mirror, {picture}).value(), Encoding::kDisplay);
+  if (!written.ok()) fmt::print(stderr, "{}\n", std::string(written.message()));
+}
+
+bool check(const std::string& folder, const std::string& matte_file, const fs::path& pictures) {
+  const auto archive = MappedArchive::open(folder).value();
+  const Solved solved{.manifest = archive->manifest(),
+                      .stack = whole_stack(archive).value(),
+                      .matte = read_matte(matte_file).value()};
+  const Comparison result = compare(solved);
+  const double ratio = median(result.ratios);
+  fmt::print("{} lit pixels of {}x{}, {:.2f} % flagged ({:.2f} % poor)\n", result.lit,
+             solved.matte.width_px(), solved.matte.height_px(), 100.0 * result.flagged / result.lit,
+             100.0 * result.poor / result.lit);
+  fmt::print(
+      "{} of {} pixels in another period than a plain decode has them; the median distance is {:.3f} px\n",
+      result.wrong, result.compared, median(result.differences));
+  fmt::print(
+      "local residual along rows {:.3f} px in x, {:.3f} px in y; standard error {:.3f} px; median ratio "
+      "{:.2f}\n",
+      median(result.residuals[0]), median(result.residuals[1]), median(result.errors), ratio);
+  std::fflush(stdout);
+  write_mirrored_picture(solved, pictures);
+  return result.compared > 0 && result.wrong == 0 && ratio >= 0.5 && ratio <= 2.0;
 }
 
 }  // namespace

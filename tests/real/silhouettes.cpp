@@ -1,5 +1,5 @@
-// real-silhouettes DIRECTORY [MASKS]: masks of photographs of real glass before a screen, with and without,
-// against trimaps that somebody drew; MASKS is where to write the masks.
+// real-silhouettes DIRECTORY [MASKS]: compares masks of photographs of real glass in front of a screen with
+// hand-drawn trimaps; writes the masks to MASKS.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -19,8 +19,8 @@ namespace fs = std::filesystem;
 constexpr double kMinInside = 0.99, kMaxOutside = 0.005;
 
 struct Shares {
-  double inside = 0.0;   // of the pixels that are certainly the object's
-  double outside = 0.0;  // of those that certainly are not
+  double inside = 0.0;   // share of the certain object pixels in the mask
+  double outside = 0.0;  // share of the certain background pixels in the mask
 };
 
 RadianceImage picture_of(const Mask& mask) {
@@ -30,7 +30,7 @@ RadianceImage picture_of(const Mask& mask) {
   return picture;
 }
 
-// The trimap is coarser: a pixel of it is inside where more than half of it is.
+// The trimap is coarser: its pixel is inside if more than half of it is.
 Shares compare(const Mask& mask, const Image16& trimap) {
   const RadianceImage coverage = resized(picture_of(mask), trimap.width_px, trimap.height_px);
   int objects = 0, backgrounds = 0;
@@ -71,14 +71,15 @@ bool check(const fs::path& directory, const std::string& name, const fs::path& m
     masked_s = std::min(masked_s, seconds_since(then));
   }
   const Shares after = compare(mask, trimap);
-  const ImageRegistration& drift = object.drift();
+  const ImageRegistration& registration = object.registration();
   fmt::print(
       "{:<10} {:6.2f} % of the object, {:5.2f} % of what is not (not moved: {:.2f} %, {:.2f} %); moved by "
       "{:+.3f} {:+.3f} px, corners up "
       "to {:.2f} px, gain {:.3f} {:.3f} {:.3f}; usual noise {:.2f} codes of 255; {:.2f} s and {:.1f} ms\n",
       name, 100.0 * after.inside, 100.0 * after.outside, 100.0 * before.inside, 100.0 * before.outside,
-      drift.shift_px[0], drift.shift_px[1], drift.max_px(with.width_px, with.height_px), drift.gain[0],
-      drift.gain[1], drift.gain[2], 255.0 * object.usual_noise(), prepared_s, 1e3 * masked_s);
+      registration.shift_px[0], registration.shift_px[1], registration.max_px(with.width_px, with.height_px),
+      registration.gain[0], registration.gain[1], registration.gain[2], 255.0 * object.usual_noise(),
+      prepared_s, 1e3 * masked_s);
   if (!masks.empty() && !write_radiance(masks / (name + ".png"), picture_of(mask), Encoding::kLinear).ok())
     fmt::print(stderr, "cannot write below {}\n", masks.string());
   return after.inside >= kMinInside && after.outside <= kMaxOutside;

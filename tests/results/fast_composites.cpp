@@ -1,5 +1,5 @@
-// Solves the rendered scenes and holds the fast compositor's pictures to the exact one's. Fails where one is
-// farther off than 0.002 of full scale in the mean square.
+// Solves the rendered scenes and compares the fast compositor's pictures with the exact one's. Fails if one
+// differs by more than 0.002 of full scale rms.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -15,7 +15,7 @@
 namespace glasswing {
 namespace {
 
-constexpr double kHeldTo = 0.002;
+constexpr double kMaxRms = 0.002;
 
 double seconds_of(const auto& work) {
   const auto start = std::chrono::steady_clock::now();
@@ -23,11 +23,11 @@ double seconds_of(const auto& work) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
-// False: one of its pictures is too far off.
+// False: one of its pictures differs too much.
 bool check(const RenderedScene& scene, const std::string& method_name) {
   const auto method = make_method(method_name, {}).value();
   const FrameStack stack = scene.stack(*method, as_recorded(scene.manifest())).value();
-  const Matte matte = solve(*method, stack).value().matte;
+  const Matte matte = solve(*method, scene.manifest(), stack).value().matte;
   const FastCompositor compositor = FastCompositor::create(matte).value();
   bool held = true;
   for (const std::string& name : scene.photograph_names()) {
@@ -43,7 +43,7 @@ bool check(const RenderedScene& scene, const std::string& method_name) {
       most = std::max(most, off);
     }
     const double rms = std::sqrt(sum / static_cast<double>(exact.samples.size()));
-    held = held && rms <= kHeldTo;
+    held = held && rms <= kMaxRms;
     fmt::print("| {} | {} | {} | {:.5f} | {:.4f} | {:.0f} |\n", method_name, scene.name(), name, rms, most,
                exact_s / fast_s);
     std::fflush(stdout);
@@ -52,14 +52,14 @@ bool check(const RenderedScene& scene, const std::string& method_name) {
 }
 
 int run(int argc, char** argv) {
-  CLI::App app{"Holds the fast compositor to the exact one on rendered scenes"};
+  CLI::App app{"Compares the fast compositor with the exact one on rendered scenes"};
   std::string directory;
   std::vector<std::string> scenes{"A_crystal",    "B_bimodal",     "C_brushed",
                                   "D_foreground", "E_twomonitors", "G_misregistered"};
   std::vector<std::string> methods{"gaussian", "hierarchical"};
   app.add_option("directory", directory, "Folder with the scenes")->required()->check(CLI::ExistingDirectory);
-  app.add_option("--scenes", scenes, "Which of them")->delimiter(',');
-  app.add_option("--methods", methods, "By which methods they are solved")->delimiter(',');
+  app.add_option("--scenes", scenes, "Scenes to solve")->delimiter(',');
+  app.add_option("--methods", methods, "Methods to solve them with")->delimiter(',');
   CLI11_PARSE(app, argc, argv);
   fmt::print(
       "| method | scene | photograph | rms | most | x the rate |\n| --- | --- | --- | --- | --- | --- |\n");

@@ -1,4 +1,4 @@
-// Pictures side by side, each below its caption.
+// Pictures side by side with captions above.
 #pragma once
 
 #include <functional>
@@ -11,13 +11,13 @@
 
 namespace glasswing {
 
-// Radiance as a screen of gamma 2.2 wants it, of 255.
+// Radiance encoded for a screen of gamma 2.2, 0 to 255.
 std::uint8_t shade(double radiance);
-// By blue, green and red of each pixel.
+// A picture from a function that returns blue, green and red of each pixel.
 cv::Mat painted(int width, int height, const std::function<cv::Vec3b(int, int)>& colour);
 cv::Mat shown(const RadianceImage& image);
 
-// Of one size each, a pixel `scale` wide, so many in a line. Captions are ASCII.
+// All panels have one size; each pixel is drawn `scale` wide. Captions are ASCII.
 cv::Mat side_by_side(const std::vector<std::pair<std::string, cv::Mat>>& panels, int scale, int columns);
 
 }  // namespace glasswing

@@ -23,7 +23,7 @@ RadianceImage picture(const fs::path& path) {
 
 Image16 degraded(const RadianceImage& light, const Degradation& degradation, unsigned frame) {
   std::mt19937 random(degradation.seed * 100003 + frame);
-  std::normal_distribution<double> normal;  // of no width would be undefined
+  std::normal_distribution<double> normal;  // a width of 0 would be undefined
   const double levels = std::exp2(degradation.bits) - 1.0;
   Image16 image(light.width_px, light.height_px);
   for (size_t i = 0; i < light.samples.size(); ++i) {
@@ -57,15 +57,15 @@ std::vector<std::string> RenderedScene::photograph_names() const {
   return names;
 }
 
-// Names are as the renderer gave them: left_X shows X on the second monitor, both shows the first photograph
-// behind and the second at the left.
+// Names are the renderer's: left_X shows X on the second monitor, both shows the first photograph behind and
+// the second at the left.
 Photograph RenderedScene::photograph(const std::string& name) const {
   Photograph photograph{
       .name = name,
       .backgrounds = std::vector<RadianceImage>(static_cast<size_t>(manifest_.monitors_size())),
       .seen = picture(directory_ / "ref" / (name + "_obj.png")),
       .bare = {}};
-  // What only a monitor at the side shows, the camera does not see without the object.
+  // Without the object the camera does not see a monitor at the side.
   const fs::path bare = directory_ / "ref" / (name + "_bg.png");
   photograph.bare =
       fs::exists(bare) ? picture(bare) : RadianceImage(photograph.seen.width_px, photograph.seen.height_px);
@@ -87,9 +87,9 @@ const Image16& RenderedScene::recorded(int frame) const {
   return recorded_[frame] = read_frame_file(directory_ / manifest_.frames(frame).file()).value();
 }
 
-// Of several monitors the camera looks at the first.
+// With several monitors the camera looks at the first.
 RadianceImage RenderedScene::seen_straight(const v1::Stimulus& stimulus) const {
-  constexpr int kRays = 4;  // across a pixel, as the renderer has them
+  constexpr int kRays = 4;  // across a pixel, as in the renderer
   RadianceImage seen(manifest_.camera().width_px(), manifest_.camera().height_px());
   const v1::Monitor& monitor = manifest_.monitors(0);
   if (stimulus.panel() != monitor.name()) return seen;
@@ -124,15 +124,16 @@ RadianceImage RenderedScene::made(const v1::Frame& frame, const std::vector<Part
   return light;
 }
 
-absl::StatusOr<FrameStack> RenderedScene::stack(const Method& method, const MadeCapture& capture,
+absl::StatusOr<FrameStack> RenderedScene::stack(const Method& method, const SynthesizedCapture& capture,
                                                 const Degradation& degradation) const {
-  FrameStack stack{.manifest = capture.manifest,
+  FrameStack stack{.width_px = manifest_.camera().width_px(),
                    .first_row = 0,
                    .row_count = manifest_.camera().height_px(),
                    .rows = {},
                    .owner = nullptr};
   stack.rows.resize(static_cast<size_t>(capture.manifest.frames_size()));
-  GW_ASSIGN_OR_RETURN(const std::vector<int> needed, method.frames_needed(capture.manifest));
+  GW_ASSIGN_OR_RETURN(const std::unique_ptr<PreparedMethod> prepared, method.prepare(capture.manifest));
+  const std::vector<int>& needed = prepared->frames_needed();
   const auto frames = std::make_shared<std::vector<Image16>>();
   stack.owner = frames;
   for (const int frame : needed) {

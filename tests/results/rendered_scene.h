@@ -1,5 +1,5 @@
-// Scenes that an independent renderer made: stripe sweeps as a camera would record them, and reference
-// photographs to hold composites against.
+// Scenes from an independent renderer: stripe sweeps as a camera would record them, and reference photographs
+// to compare composites with.
 #pragma once
 
 #include <array>
@@ -14,14 +14,14 @@
 
 namespace glasswing {
 
-// What degrades a frame before it is solved.
+// Degradation of a frame before solving.
 struct Degradation {
   double noise_sd = 0.0;  // of full scale; clipped to [0, 1]
   int bits = 16;
   unsigned seed = 1;
 };
 
-// A reference photograph: what was on every monitor, and what the camera saw, with and without the object.
+// A reference photograph: the pictures on the monitors, and the camera's view with and without the object.
 struct Photograph {
   std::string name;
   std::vector<RadianceImage> backgrounds;  // by texture; empty: black
@@ -33,23 +33,23 @@ class RenderedScene {
   explicit RenderedScene(std::filesystem::path directory);
 
   const std::string& name() const { return name_; }
-  // Everything that was recorded.
+  // All recorded frames.
   const v1::CaptureManifest& manifest() const { return manifest_; }
   std::vector<std::string> photograph_names() const;
   Photograph photograph(const std::string& name) const;
-  // Every frame of a capture that the method needs: what it is made of summed up first, then degraded. One
-  // that is made of nothing is its pattern as the camera sees it without the object.
-  absl::StatusOr<FrameStack> stack(const Method& method, const MadeCapture& capture,
+  // The frames of a capture that the method needs: their parts summed, then degraded. A frame without parts
+  // is its pattern as the camera sees it without the object.
+  absl::StatusOr<FrameStack> stack(const Method& method, const SynthesizedCapture& capture,
                                    const Degradation& degradation = {}) const;
-  // dB, linear light of full scale 1, over the pixels of which more than half is the object's.
+  // dB, linear light of full scale 1, over pixels that the object covers by more than half.
   double psnr(const RadianceImage& composite, const RadianceImage& seen) const;
   const Image16& mask() const { return mask_; }
 
  private:
-  // As recorded, decoded once.
+  // A recorded frame, decoded once.
   const Image16& recorded(int frame) const;
   RadianceImage made(const v1::Frame& frame, const std::vector<Part>& parts) const;
-  // A pattern without the object: what each of a camera pixel's rays hits.
+  // A pattern without the object, by casting the rays of each camera pixel.
   RadianceImage seen_straight(const v1::Stimulus& stimulus) const;
 
   std::filesystem::path directory_;

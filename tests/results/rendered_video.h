@@ -1,5 +1,5 @@
-// A rendered video before the ramp (F_video's layout): several sequences of frames of one object in one
-// directory, with empty stages, photographs of other backgrounds, and the object's coverage.
+// A rendered video on the ramp (F_video's layout): several sequences of one object in one directory, with
+// empty stages, photographs of other backgrounds, and the object's coverage.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -14,7 +14,7 @@
 
 namespace glasswing {
 
-// Frames of one sequence as a source: the empty stage from bg/ramp.png, or from bg/ramp_noise*.png where the
+// Frames of one sequence as a source: the empty stage from bg/ramp.png, or from bg/ramp_noise*.png if the
 // sequence is noisy.
 absl::StatusOr<std::unique_ptr<VideoSource>> rendered_video(const std::filesystem::path& directory,
                                                             const std::string& sequence);
@@ -24,8 +24,8 @@ struct VideoScore {
   double psnr_db = 0.0;              // mean over the frames, inside the object
 };
 
-// Solves every sequence that there is, composites it exactly over every background that it was photographed
-// before, and compares: PSNR of linear light on 16 bits, peak 1, where the true coverage is above a half.
+// Solves every sequence, composites it exactly over every photographed background, and compares: PSNR of
+// linear light on 16 bits, peak 1, where the true coverage exceeds a half.
 absl::StatusOr<std::vector<VideoScore>> score_video(const std::filesystem::path& directory,
                                                     const MethodOptions& options);
 

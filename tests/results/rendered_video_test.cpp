@@ -8,7 +8,7 @@
 namespace glasswing {
 namespace {
 
-// What a plain inversion, a bilinear picture and a highlight over the interpolated ramp reach.
+// The results of a plain inversion, a bilinear picture and a highlight over the interpolated ramp.
 double floor_db(const VideoScore& score) {
   if (score.sequence == "ramp_dark") return score.photograph == "stone_dark" ? 35.9 : 37.4;
   if (score.sequence == "ramp_light") return 27.0;

@@ -1,4 +1,4 @@
-// Solves the rendered scenes, clean and degraded, and prints how close the composites come to the
+// Solves the rendered scenes, clean and degraded, and prints the PSNR of the composites relative to the
 // photographs.
 #include <fmt/format.h>
 
@@ -7,6 +7,7 @@
 
 #include "core/frame/image_file.h"
 #include "core/matte/compositor.h"
+#include "core/pattern/method_options.h"
 #include "solver/methods.h"
 #include "tests/results/rendered_scene.h"
 #include "tests/results/sheet.h"
@@ -47,9 +48,9 @@ const std::map<std::string, Floor> kFloors = {{"A_crystal/stilllife", {43.6, 27.
 
 void report(const RenderedScene& scene, const Method& method, bool noise, const std::string& pictures,
             const std::string& composites, bool photographs) {
-  const MadeCapture capture = as_recorded(scene.manifest());
+  const SynthesizedCapture capture = as_recorded(scene.manifest());
   const auto solved = [&](const Degradation& degradation) {
-    return solve(method, scene.stack(method, capture, degradation).value()).value();
+    return solve(method, capture.manifest, scene.stack(method, capture, degradation).value()).value();
   };
   const Solved clean = solved({});
   const Solved noisy = noise ? solved({.noise_sd = 0.005, .bits = 12}) : Solved{};
@@ -95,17 +96,22 @@ int run(int argc, char** argv) {
   std::vector<std::string> settings;
   bool no_noise = false, no_photographs = false;
   app.add_option("directory", directory, "Folder with the scenes")->required()->check(CLI::ExistingDirectory);
-  app.add_option("--scenes", scenes, "Which of them")->delimiter(',');
-  app.add_option("--method", method_name, "Which method")->capture_default_str();
+  app.add_option("--scenes", scenes, "Scenes to solve")->delimiter(',');
+  app.add_option("--method", method_name, "Method to solve with")->capture_default_str();
   app.add_option("--set", settings, "Option of the method, such as modes=2");
-  app.add_option("--pictures", pictures, "Folder for a picture a scene");
+  app.add_option("--pictures", pictures, "Folder for one picture per scene");
   app.add_option("--composites", composites, "Folder for every composite, 16-bit linear PNG");
-  app.add_flag("--no-photographs", no_photographs, "Pictures of what was solved only");
+  app.add_flag("--no-photographs", no_photographs, "Leave photographs and composites out of the pictures");
   app.add_flag("--no-noise", no_noise, "Clean frames only");
   CLI11_PARSE(app, argc, argv);
   MethodOptions options;
   for (const std::string& setting : settings) {
-    options[setting.substr(0, setting.find('='))] = setting.substr(setting.find('=') + 1);
+    const auto option = parse_setting(setting);
+    if (!option.ok()) {
+      fmt::print(stderr, "{}\n", std::string(option.status().message()));
+      return 1;
+    }
+    options[option->first] = option->second;
   }
   const auto method = make_method(method_name, options);
   if (!method.ok()) {

@@ -31,7 +31,7 @@ cv::Mat mode_count(const Matte& matte) {
   });
 }
 
-// Of green's strongest mode, white at 16 px; logarithmic.
+// The width of green's strongest mode, white at 16 px; logarithmic.
 cv::Mat width(const Matte& matte) {
   return painted(matte.width_px(), matte.height_px(), [&](int x, int y) {
     const Mode& mode = matte.modes(x, y, 1)[0];

@@ -1,5 +1,5 @@
-// A picture of a result: photograph, composite, difference x 8, number of modes, width; side by side. Without
-// the first two if `photographs` is false: the scenes' photographs come without a licence.
+// Draws a result: photograph, composite, difference x 8, number of modes and width, side by side. Without the
+// first two if `photographs` is false: the scenes' photographs have no licence.
 #pragma once
 
 #include <string>

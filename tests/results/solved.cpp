@@ -15,9 +15,10 @@ std::string Solved::text() const {
                      100.0 * flagged, 100.0 * unsettled, 100.0 * saturated, 100.0 * poor);
 }
 
-absl::StatusOr<Solved> solve(const Method& method, const FrameStack& stack) {
+absl::StatusOr<Solved> solve(const Method& method, const v1::CaptureManifest& manifest,
+                             const FrameStack& stack) {
   const auto start = std::chrono::steady_clock::now();
-  GW_ASSIGN_OR_RETURN(Matte matte, solve_in_bands(method, stack));
+  GW_ASSIGN_OR_RETURN(Matte matte, solve_in_bands(method, manifest, stack));
   Solved solved{.matte = std::move(matte)};
   solved.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   double object = 0.0;

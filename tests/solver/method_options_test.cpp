@@ -1,4 +1,4 @@
-// The names that servers know are those that solvers take.
+// Servers and solvers know the same option names.
 #include "core/pattern/method_options.h"
 
 #include <gtest/gtest.h>
@@ -25,11 +25,27 @@ TEST(MethodOptionNames, EveryMethodTakesItsOwnAndNoOther) {
         const absl::Status status = made(std::string(method), std::string(option));
         const bool unknown = status == unknown_option(method, option);
         EXPECT_EQ(unknown, !check_option(method, option).ok()) << method << " " << option << ": " << status;
-        EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;  // the value is none either
+        EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;  // the value is invalid too
       }
     }
   }
   EXPECT_TRUE(option_names("magic").empty());
+}
+
+TEST(ParseSetting, TakesANameAndAnyValue) {
+  using Setting = std::pair<std::string, std::string>;
+  EXPECT_EQ(parse_setting("modes=2").value(), Setting("modes", "2"));
+  EXPECT_EQ(parse_setting("images=").value(), Setting("images", ""));
+  EXPECT_EQ(parse_setting("a=b=c").value(), Setting("a", "b=c"));
+}
+
+// The client and the solver used to disagree about an empty name.
+TEST(ParseSetting, RefusesASettingWithoutAName) {
+  for (const char* setting : {"=3", "=", "modes", ""}) {
+    const absl::Status status = parse_setting(setting).status();
+    EXPECT_TRUE(absl::IsInvalidArgument(status)) << setting;
+    EXPECT_NE(std::string(status.message()).find("NAME=VALUE"), std::string::npos) << status;
+  }
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// Solves stacks that an independent renderer made, and holds the composites against its photographs.
+// Solves stacks from an independent renderer and compares the composites with its photographs.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -19,7 +19,7 @@ namespace fs = std::filesystem;
 struct Scene {
   const char* name;
   std::vector<const char*> photographs;
-  std::vector<double> boxes;  // dB of an exhaustive search over boxes, as those who made the data measured it
+  std::vector<double> boxes;  // dB of an exhaustive search over boxes, as measured by the data's authors
 };
 
 class Rendered : public testing::TestWithParam<Scene> {
@@ -40,19 +40,18 @@ double psnr(const RadianceImage& a, const RadianceImage& b, const Image16& mask)
   return -10.0 * std::log10(sum / count);
 }
 
-FrameStack read_stack(const fs::path& directory, const Method& method) {
-  FrameStack stack{.manifest = read_any_manifest(directory).value(),
+FrameStack read_stack(const fs::path& directory, const v1::CaptureManifest& manifest,
+                      const std::vector<int>& needed) {
+  FrameStack stack{.width_px = manifest.camera().width_px(),
                    .first_row = 0,
-                   .row_count = 0,
+                   .row_count = manifest.camera().height_px(),
                    .rows = {},
                    .owner = nullptr};
-  stack.row_count = stack.manifest.camera().height_px();
-  stack.rows.resize(static_cast<size_t>(stack.manifest.frames_size()));
-  const std::vector<int> needed = method.frames_needed(stack.manifest).value();
+  stack.rows.resize(static_cast<size_t>(manifest.frames_size()));
   const auto frames = std::make_shared<std::vector<Image16>>();
   stack.owner = frames;
   for (const int frame : needed) {
-    frames->push_back(read_frame_file(directory / stack.manifest.frames(frame).file()).value());
+    frames->push_back(read_frame_file(directory / manifest.frames(frame).file()).value());
   }
   for (size_t i = 0; i < needed.size(); ++i) {
     stack.rows[static_cast<size_t>(needed[i])] = (*frames)[i].samples;
@@ -60,9 +59,11 @@ FrameStack read_stack(const fs::path& directory, const Method& method) {
   return stack;
 }
 
-// Of a method's composites, by photograph.
+// PSNR of a method's composites, by photograph.
 std::vector<double> psnrs(const fs::path& directory, const Scene& scene, const Method& method) {
-  const Matte matte = method.solve(read_stack(directory, method)).value();
+  const v1::CaptureManifest manifest = read_any_manifest(directory).value();
+  const auto prepared = method.prepare(manifest).value();
+  const Matte matte = prepared->solve(read_stack(directory, manifest, prepared->frames_needed())).value();
   const Image16 mask = read_frame_file(directory / "mask_true.png").value();
   std::vector<double> found;
   for (const std::string name : scene.photographs) {
@@ -75,7 +76,7 @@ std::vector<double> psnrs(const fs::path& directory, const Scene& scene, const M
   return found;
 }
 
-// 6 dB is half the error: the least that a matte with one footprint must gain over the bare background.
+// 6 dB is half the error: the minimum gain of a matte with one footprint over the bare background.
 TEST_P(Rendered, BeatsTheBareBackground) {
   if (!fs::exists(directory())) GTEST_SKIP() << "no data at " << directory() << "; set GLASSWING_DATA";
   const std::vector<double> got = psnrs(directory(), GetParam(), *make_method("gaussian", {}).value());

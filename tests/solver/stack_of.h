@@ -1,4 +1,4 @@
-// Frames in memory, as a stack.
+// A stack of frames in memory.
 #pragma once
 
 #include <vector>
@@ -8,9 +8,9 @@
 
 namespace glasswing {
 
-// `frames`, in the manifest's order, must outlive it.
+// `frames` are in the manifest's order and must outlive the stack.
 inline FrameStack stack_of(const v1::CaptureManifest& manifest, const std::vector<Image16>& frames) {
-  FrameStack stack{.manifest = manifest,
+  FrameStack stack{.width_px = manifest.camera().width_px(),
                    .first_row = 0,
                    .row_count = manifest.camera().height_px(),
                    .rows = {},

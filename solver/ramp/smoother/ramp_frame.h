@@ -15,7 +15,7 @@ struct RampFrame {
   RampFrame() = default;
   // All 0.
   RampFrame(int width, int height) { resize(width, height); }
-  // What it held stays, anywhere.
+  // Leaves the contents unspecified.
   void resize(int width, int height) {
     width_px = width;
     height_px = height;
@@ -28,10 +28,10 @@ struct RampFrame {
   int width_px = 0, height_px = 0;
   // By rows, width x height each.
   std::vector<float> alpha;       // 1 on the object, 0 off it, feathered between
-  std::vector<float> rho;         // share of the light of the place c that arrives
-  std::vector<float> x_px, y_px;  // c, monitor px; off the object: the place straight behind
+  std::vector<float> rho;         // share of the light at c that arrives
+  std::vector<float> x_px, y_px;  // c, monitor px; off the object: the position straight behind
   std::vector<float> highlight;   // f, radiance
-  // Inverse covariance of c, 1/px^2, from the noise and the manifold's Jacobian. 0: c says nothing, as in a
+  // Inverse covariance of c, 1/px^2, from the noise and the manifold's Jacobian. 0: c is unknown, as in a
   // highlight.
   std::vector<float> info_xx, info_xy, info_yy;
   float rho_sd = 0.0f;              // standard deviation of rho, from the noise

@@ -19,7 +19,7 @@
 namespace glasswing {
 namespace {
 
-// Of the last steps, after the pilot's. At half resolution the first of them need not reach as far.
+// Radii of the last steps, after the pilot's. At half resolution the first ones are smaller.
 constexpr int kRadius_px = 4, kHalfRadius_px = 3;
 
 absl::StatusOr<int> whole_option(const std::string& key, const std::string& value, int low, int high) {
@@ -29,7 +29,7 @@ absl::StatusOr<int> whole_option(const std::string& key, const std::string& valu
   return static_cast<int>(number);
 }
 
-// Which of `names` it is.
+// The index of the value in `names`.
 absl::StatusOr<int> named_option(const std::string& key, const std::string& value,
                                  std::initializer_list<std::string_view> names) {
   const auto found = std::ranges::find(names, value);
@@ -58,12 +58,12 @@ RampFrame copy_of(const RampFrame& frame, int thread_count) {
 
 std::string_view smoothing_options_help() {
   return "smoothing            adaptive (default), perona-malik or none\n"
-         "smoothing_reach      0 to 4, default 1: frames before and after that take part\n"
-         "smoothing_iterations 1 to 1000, default 10: of perona-malik\n"
-         "smoothing_contrast   0.001 to 10000, default 4: of perona-malik, monitor px; steps of c well above "
-         "it "
-         "are edges\n"
-         "smoothing_conductance exponential (default) or rational: of perona-malik";
+         "smoothing_reach      0 to 4, default 1: number of frames used before and after\n"
+         "smoothing_iterations 1 to 1000, default 10: perona-malik only\n"
+         "smoothing_contrast   0.001 to 10000, default 4: perona-malik only, monitor px; larger steps of c "
+         "are "
+         "edges\n"
+         "smoothing_conductance exponential (default) or rational: perona-malik only";
 }
 
 absl::StatusOr<bool> parse_smoothing_option(const std::string& key, const std::string& value,
@@ -118,7 +118,7 @@ RampFrame RampSmoother::adapt(std::span<const SmoothInput> window, size_t at, in
   }
   const SmoothPilot& pilot = *inputs[at].pilot;
   const SmoothSamples joined = join_along_motion(pilot, others, thread_count);
-  // Twice: gradients from the first narrow down which pixels are of one piece.
+  // Twice: gradients from the first pass separate the pieces better.
   SmoothState wider, state;
   const int radius_px = pilot.fine.has_value() ? kHalfRadius_px : kRadius_px;
   widen(pilot.area, joined, pilot.rho_info, radius_px, thread_count, &pilot.state, wider);

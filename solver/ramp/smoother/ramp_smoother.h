@@ -1,10 +1,10 @@
-// Smoothing of a noisy video matte: c and rho of one frame from what is around in space and time.
+// Smooths a noisy video matte: c and rho of one frame from their neighbourhood in space and time.
 //
-// adaptive: each pixel's own window, fitted by planes in c and rho, which grows over the piece of the object
-// that it belongs to and stops at its edges (ramp_smoother_kernel.h); before that, frames near in time are
-// averaged along the object's motion where they agree within the noise (ramp_smoother_motion.h). Large
-// pictures go through this at half resolution and are then refined (ramp_smoother_refine.h). Nothing is to be
-// tuned: all it goes by is the noise that the frame states.
+// adaptive: fits planes in c and rho to a window around each pixel that grows over its piece of the object
+// and stops at the edges (ramp_smoother_kernel.h). Before that, frames near in time are averaged along the
+// object's motion where they agree within the noise (ramp_smoother_motion.h). Large pictures are smoothed at
+// half resolution and then refined (ramp_smoother_refine.h). There is nothing to tune: it uses only the noise
+// that the frame states.
 //
 // perona-malik: anisotropic diffusion of c in space and time (ramp_smoother_diffusion.h), as in Chuang et
 // al. 2000, section 4.2.
@@ -26,44 +26,44 @@ enum class Smoothing { kNone, kPeronaMalik, kAdaptive };
 
 struct SmoothingOptions {
   Smoothing smoothing = Smoothing::kAdaptive;
-  int reach = 1;        // frames before and after that take part, 0 to 4
-  bool causal = false;  // frames after take no part, as live
-  // Of Perona-Malik alone.
+  int reach = 1;        // number of frames used before and after, 0 to 4
+  bool causal = false;  // uses no frames after, for live use
+  // Perona-Malik only.
   int iterations = 10;       // 1 to 1000
   double contrast_px = 4.0;  // K, monitor px: steps well above it are edges; (0, 10000]
   bool exponential = true;   // g = exp(-(d/K)^2); else 1 / (1 + (d/K)^2)
 };
 
-// Names, ranges and defaults of the options, for people.
+// Help text: names, ranges and defaults of the options.
 std::string_view smoothing_options_help();
 
-// Takes a method's option if it is one of these. False: it is not. INVALID_ARGUMENT: a value out of range.
+// Parses a method's option. False: not an option of the smoother. INVALID_ARGUMENT: a value out of range.
 absl::StatusOr<bool> parse_smoothing_option(const std::string& key, const std::string& value,
                                             SmoothingOptions& options);
 
 struct SmoothPilot;
 
-// A frame as extracted, before finishing. It must last as long as it is used.
+// A frame as extracted, before finishing. The frame must outlive this.
 struct SmoothInput {
   const RampFrame* frame = nullptr;
-  std::shared_ptr<const SmoothPilot> pilot = nullptr;  // by prepare(); may be left out
+  std::shared_ptr<const SmoothPilot> pilot = nullptr;  // by prepare(); optional
 };
 
-// Thread-safe. Results depend on the frames in reach alone, and not on the count of threads (0: all cores).
+// Thread-safe. Results depend only on the frames in reach, not on the thread count (0: all cores).
 class RampSmoother {
  public:
   explicit RampSmoother(const SmoothingOptions& options) : options_(options) {}
 
-  // How many frames on each side smooth() makes use of.
+  // How many frames on each side smooth() uses.
   int frames_before() const { return options_.smoothing == Smoothing::kNone ? 0 : options_.reach; }
   int frames_after() const { return options_.causal ? 0 : frames_before(); }
 
-  // Works out once what every frame in reach needs of this one; smooth() does it itself where it is missing.
+  // Computes once what every frame in reach needs of this one; without it smooth() computes it each time.
   void prepare(SmoothInput& input, int thread_count) const;
 
-  // window[at], smoothed; the others are frames before and after it, by time, all of one size. Some may be
-  // missing. Pixels of alpha 0 stay as they are, and highlights, which are bridged already. Where else the
-  // information is 0 rho stays, and c comes from neighbours, if there are any within 4 px.
+  // Returns window[at] smoothed; the others are frames before and after it, by time, all of one size. Some
+  // may be missing. Pixels of alpha 0 are unchanged, and so are highlights, which are already bridged.
+  // Elsewhere without information rho is unchanged, and c comes from neighbours within 4 px, if any.
   RampFrame smooth(std::span<const SmoothInput> window, size_t at, int thread_count) const;
 
  private:

@@ -9,7 +9,7 @@
 namespace glasswing {
 namespace {
 
-constexpr float kLambda = 1.0f / 6.0f;  // the largest at which six neighbours are stable
+constexpr float kLambda = 1.0f / 6.0f;  // the largest stable value for six neighbours
 
 class Diffuser {
  public:

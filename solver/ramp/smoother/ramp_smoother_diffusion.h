@@ -3,8 +3,8 @@
 //
 //   c <- c + lambda sum_n g(c_n - c) (c_n - c),   g(d) = exp(-(d/K)^2)  or  1 / (1 + (d/K)^2)
 //
-// over the four neighbours in the picture and the same pixel one frame before and after, of those that lie on
-// the object; lambda = 1/6.
+// over those of the four neighbours in the picture, and of the same pixel one frame before and after, that
+// lie on the object; lambda = 1/6.
 #pragma once
 
 #include <cstddef>
@@ -20,7 +20,7 @@ struct Diffusion {
   bool exponential = true;
 };
 
-// x_px and y_px of frames[at]; `frames` are neighbours in time, by time.
+// Writes the diffused x_px and y_px of frames[at]; `frames` are neighbours in time, by time.
 void diffuse(std::span<const RampFrame* const> frames, size_t at, const Diffusion& diffusion,
              int thread_count, RampFrame& result);
 

@@ -22,15 +22,15 @@ using D = hn::CappedTag<float, SmoothArea::kMargin>;
 using V = hn::Vec<D>;
 
 constexpr float kDoubt = 6.0f;  // chi^2 from which a neighbour counts less; none at twice that
-// The same of a coarse plane against what it would take the place of: what is left in error is noisy.
+// The same for a coarse plane against the one it replaces, whose error is noisy.
 constexpr float kCoarseDoubt = 9.0f;
-constexpr float kRidge = 0.05f;  // px^2: steps of windows that are but a line or a point stay small
+constexpr float kRidge = 0.05f;  // px^2: keeps the slopes of windows that are a line or a point small
 constexpr float kTiny = 1e-30f;
-constexpr float kCells = 4.0f;  // pixels to a coarse one
+constexpr float kCells = 4.0f;  // pixels per coarse pixel
 
 // The sums of one window's fit.
 struct Sums {
-  V weight, x, y, xx, xy, yy;  // of k I, and with the place
+  V weight, x, y, xx, xy, yy;  // of k I, and its moments of position
   V value[3], value_x[3], value_y[3];
   V kernel, kernel2;
 };
@@ -47,7 +47,7 @@ V Agreement(const V chi2, float doubt) {
   return hn::Min(hn::Set(d, 1.0f), hn::Max(hn::Zero(d), left));
 }
 
-// The step before: a state, ...
+// The previous step's state, ...
 struct Estimates {
   const SmoothState& state;
 
@@ -59,7 +59,7 @@ struct Estimates {
   V tightness(size_t at) const { return hn::LoadU(D(), &state.tightness[at]); }
 };
 
-// ... or there was none.
+// ... or the samples, in the first step.
 struct Raw {
   const SmoothSamples& samples;
 
@@ -92,7 +92,7 @@ Sums Gather(const SmoothStep& step, const Before& before, size_t centre) {
   const auto stride = static_cast<std::ptrdiff_t>(step.area.stride());
   for (int v = -r; v <= r; ++v) {
     const V below = hn::Set(d, static_cast<float>(v));
-    V expected[3];  // of this row, in the pixel's own column
+    V expected[3];  // for this row, in the pixel's own column
     for (int k = 0; k < 3; ++k) expected[k] = hn::MulAdd(down[k], below, value[k]);
     V weights = zero, x = zero, xx = zero, values[3] = {zero, zero, zero}, values_x[3] = {zero, zero, zero};
     for (int u = -r; u <= r; ++u) {
@@ -147,7 +147,7 @@ struct Fit {
   V info, count, tightness;
 };
 
-// Where no sample says anything the estimate stays.
+// Without any informative sample the estimate is kept.
 template <typename Before>
 Fit Solve(const Sums& sums, const Before& before, size_t centre) {
   const D d;
@@ -218,12 +218,12 @@ void SmoothRows(const SmoothStep& step, int first, int last) {
   }
 }
 
-// What a window of the picture's own pixels says.
+// The estimate of a window at full resolution.
 struct Narrow {
   V value[3], info, count;
 };
 
-// A row's pixels with even and with odd places.
+// A row's pixels at even and odd positions.
 void Split(const V low, const V high, V& even, V& odd) {
   const D d;
   float row[2 * SmoothArea::kMargin];
@@ -237,8 +237,8 @@ void Split(const Fit& low, const Fit& high, Narrow& even, Narrow& odd) {
   Split(low.count, high.count, even.count, odd.count);
 }
 
-// The planes of coarse pixels that agree with `narrow` take its place. The nearest is `centre`, whose middle
-// is a quarter of a coarse pixel away; `right` and `below`: on which side, 1 or -1.
+// The planes of coarse pixels that agree with `narrow` replace it. The nearest is `centre`, a quarter of a
+// coarse pixel away; `right` and `below` say on which side, 1 or -1.
 void TakeCoarse(const RefineStep& step, size_t centre, int right, int below, Narrow& narrow) {
   const D d;
   const V zero = hn::Zero(d), one = hn::Set(d, 1.0f), tiny = hn::Set(d, kTiny);
@@ -265,7 +265,7 @@ void TakeCoarse(const RefineStep& step, size_t centre, int right, int below, Nar
           hn::Add(off2[0], off2[1]), Both(info, narrow.info, widening),
           hn::Mul(off2[2], hn::Mul(Both(count, narrow.count, widening), hn::Set(d, step.fine.rho_info))));
       const V agreement = hn::IfThenElseZero(hn::Gt(info, zero), Agreement(chi2, kCoarseDoubt));
-      // Of several that could be right the likelier.
+      // Among several candidates the likelier one.
       const V likelihood = hn::Exp(d, hn::Mul(chi2, hn::Set(d, -0.5f)));
       const V weight = hn::Mul(hn::IfThenElseZero(hn::Gt(agreement, zero), likelihood),
                                hn::Set(d, (1.0f - std::abs(x)) * (1.0f - std::abs(y))));

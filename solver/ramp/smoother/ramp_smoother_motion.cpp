@@ -9,9 +9,9 @@
 namespace glasswing {
 namespace {
 
-constexpr int kRim_px = 8;   // a block's neighbourhood that is compared with it
-constexpr int kAcross = 8;   // pilots are smooth: so many pixels across block and rim tell
-constexpr int kPace_px = 4;  // of the first search, and how often
+constexpr int kRim_px = 8;   // compared around each block
+constexpr int kAcross = 8;   // pixels compared across block and rim; enough for smooth pilots
+constexpr int kPace_px = 4;  // step of the first search
 constexpr int kPaces = 4;
 constexpr float kExpected = 3.0f, kGain = 0.5f;
 constexpr float kMax = 32.0f;
@@ -21,7 +21,7 @@ struct Step {
   int x = 0, y = 0;
 };
 
-// chi^2 of pixels `own` of the one and `there` of the other, at most kMax.
+// chi^2 between pixel `own` of one frame and `there` of the other, at most kMax.
 struct Difference {
   const SmoothState& one;
   const SmoothState& other;
@@ -40,7 +40,7 @@ struct Difference {
   static float both(float a, float b) { return a * b / (a + b + 1e-30f); }
 };
 
-// One other frame, and where the blocks of this one have gone in it.
+// Another frame and the motion of this frame's blocks to it.
 class Joiner {
  public:
   Joiner(const SmoothPilot& pilot, const SmoothPilot& other, int thread_count)
@@ -62,7 +62,7 @@ class Joiner {
     });
   }
 
-  // Sums of weight, and of weight times sample, grow in `sums` and `rho_weight`.
+  // Adds weights and weighted samples to `sums` and `rho_weight`.
   void add_to(SmoothSamples& sums, Plane& rho_weight) const {
     const SmoothArea& area = pilot_.area;
     Plane difference(area.size()), found(area.size()), summed(area.size()), counted(area.size());
@@ -131,13 +131,13 @@ class Joiner {
     return best;
   }
 
-  // A pixel of this frame, and where it would be in the other if nothing moved.
+  // A pixel of this frame and its index in the other without motion.
   struct Place {
     size_t own = 0;
     int x = 0, y = 0;
   };
 
-  // Of a block and its rim, some pixels on the object.
+  // Some pixels on the object of a block and its rim.
   std::vector<Place> places_of(int x0, int y0) const {
     const SmoothArea& area = pilot_.area;
     const int every = (block_px_ + 2 * kRim_px) / kAcross;
@@ -154,7 +154,7 @@ class Joiner {
     return places;
   }
 
-  // The sum over the places; once it is `most` or more, so much as is summed by then.
+  // The sum over these pixels; stops early once it reaches `most`.
   float cost(const std::vector<Place>& places, Step step, float most) const {
     const SmoothArea& beyond = other_.area;
     float sum = 0.0f;
@@ -168,7 +168,7 @@ class Joiner {
     return sum;
   }
 
-  // use(own, there, count): pixels of a row that moved as one, within both areas.
+  // Calls use(own, there, count) for runs of pixels of a row with the same motion, within both areas.
   template <typename Use>
   void each_run(int y, const Use& use) const {
     for (int i = 0; i < across_; ++i) {
@@ -182,7 +182,7 @@ class Joiner {
     }
   }
 
-  // Over 2 kMean_px + 1 pixels.
+  // Mean over 2 kMean_px + 1 pixels.
   void sum_along_row(int y, const Plane& from, Plane& to) const {
     const float* const row = &from[pilot_.area.at(0, y)];
     float* const out = &to[pilot_.area.at(0, y)];
@@ -223,7 +223,7 @@ SmoothSamples join_along_motion(const SmoothPilot& pilot, std::span<const Smooth
   Plane rho_weight(size);
   for (size_t i = 0; i < size; ++i) {
     for (size_t k = 0; k < 2; ++k) joined.value[k][i] *= joined.info[i];
-    // Where nothing is known, rho is not to be believed either.
+    // Without information about c, rho is not reliable either.
     rho_weight[i] = joined.info[i] > 0.0f ? 1.0f : 0.0f;
     joined.value[2][i] *= rho_weight[i];
   }

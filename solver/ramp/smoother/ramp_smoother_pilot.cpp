@@ -9,11 +9,11 @@
 namespace glasswing {
 namespace {
 
-// Standard deviations by which rho may be moved.
+// Standard deviations by which rho may move.
 constexpr float kMaxRho_sd = 3.0f;
 constexpr float kMinRhoSd = 1e-6f;
-// Pictures of so many pixels are smoothed at half resolution: the same windows then reach twice as far, at a
-// quarter of the cost.
+// Pictures of this many pixels are smoothed at half resolution: the same windows then reach twice as far, at
+// a quarter of the cost.
 constexpr int kLarge_px = 300'000;
 
 SmoothArea area_of(const RampFrame& frame) {
@@ -34,7 +34,7 @@ SmoothArea area_of(const RampFrame& frame) {
   return {.x0 = left, .y0 = top, .width = right - left + 1, .height = bottom - top + 1};
 }
 
-// By least squares over some of the pixels off the object; zeros if there are too few.
+// Fitted by least squares to some of the pixels off the object; zeros if there are too few.
 std::array<float, 6> straight_of(const RampFrame& frame) {
   Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
   Eigen::Matrix<double, 3, 2> right = Eigen::Matrix<double, 3, 2>::Zero();
@@ -89,7 +89,7 @@ SmoothSamples samples_of(const RampFrame& frame, const std::array<float, 6>& str
   return samples;
 }
 
-// That begins and ends at even places, if need be beyond the picture.
+// The area extended to even positions, if necessary beyond the picture.
 SmoothArea even(const SmoothArea& area) {
   const int x0 = area.x0 / 2 * 2, y0 = area.y0 / 2 * 2;
   const auto up = [](int length) { return (length + 1) / 2 * 2; };
@@ -97,8 +97,8 @@ SmoothArea even(const SmoothArea& area) {
       .x0 = x0, .y0 = y0, .width = up(area.x0 + area.width - x0), .height = up(area.y0 + area.height - y0)};
 }
 
-// Means of 2 x 2 pixels by their information. Where one of them says nothing, so does the mean, which would
-// be of another place.
+// Means of 2 x 2 pixels weighted by their information. If one of them has none, neither does the mean, which
+// would belong to another position.
 void halve_row(const SmoothFine& fine, const SmoothArea& area, int y, SmoothSamples& samples) {
   for (int x = 0; x < area.width; ++x) {
     const size_t to = area.at(x, y), above = fine.area.at(2 * x, 2 * y), below = above + fine.area.stride();
@@ -138,7 +138,7 @@ void halve(SmoothPilot& pilot, int thread_count) {
   });
 }
 
-// Row y of the area.
+// Copies row y of the area.
 void put_row(const std::array<float, 6>& s, const SmoothArea& area, const SmoothSamples& samples,
              float rho_info, const SmoothState& state, int y, RampFrame& frame) {
   const float most = kMaxRho_sd * kMaxRho_sd / rho_info;

@@ -1,5 +1,5 @@
-// What one frame says of itself, smoothed in space alone and not far: enough to find its pieces again in the
-// frames near it.
+// A pilot: one frame smoothed in space only and over a short distance, enough to find its pieces again in
+// neighbouring frames.
 #pragma once
 
 #include <array>
@@ -11,7 +11,7 @@
 
 namespace glasswing {
 
-// The samples at full resolution, where a pilot is at half.
+// The samples at full resolution if the pilot is at half.
 struct SmoothFine {
   SmoothArea area;
   SmoothSamples samples;
@@ -24,23 +24,23 @@ struct SmoothPilot {
   SmoothState state;
   float rho_info = 0.0f;  // of one sample of rho
   std::optional<SmoothFine> fine;
-  // The place straight behind (x, y): x_px = straight[0] + straight[1] x + straight[2] y, y_px likewise.
+  // The position straight behind (x, y): x_px = straight[0] + straight[1] x + straight[2] y, y_px likewise.
   std::array<float, 6> straight{};
 };
 
 SmoothPilot make_pilot(const RampFrame& frame, int thread_count);
 
-// Rows [first, last) of an area, at the picture's own resolution, into `frame`. Pixels of alpha 0 stay as
-// they are, and highlights; rho stays where nothing is known, and is moved by three standard deviations at
-// most: a rim a pixel wide is no plane.
+// Writes rows [first, last) of an area, at full resolution, into `frame`. Pixels of alpha 0 and highlights
+// are unchanged. rho is unchanged without information and moves by at most three standard deviations: a rim
+// one pixel wide is not a plane.
 void put_rows(const std::array<float, 6>& straight, const SmoothArea& area, const SmoothSamples& samples,
               float rho_info, const SmoothState& state, int first, int last, RampFrame& frame);
 
-// One more step, from `before` (null: the samples themselves) to `after`, which is of any size.
+// Runs one more step from `before` (null: the samples themselves) to `after`, which may have any size.
 void widen(const SmoothArea& area, const SmoothSamples& samples, float rho_info, int radius_px,
            int thread_count, const SmoothState* before, SmoothState& after);
 
-// Of that size; what is new is 0.
+// Resizes and fills new elements with 0.
 void resize(SmoothSamples& samples, size_t size);
 void resize(SmoothState& state, size_t size);
 

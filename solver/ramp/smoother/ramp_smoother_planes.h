@@ -1,5 +1,5 @@
-// What the smoother works on: planes of the part of the picture that holds the object, with a margin of
-// pixels that say nothing, so that no neighbourhood needs a check of its bounds.
+// The smoother's data: planes of the part of the picture that contains the object, with a margin of pixels
+// without information, so that neighbourhoods need no bounds checks.
 #pragma once
 
 #include <array>
@@ -16,7 +16,7 @@ struct SmoothArea {
 
   size_t stride() const { return static_cast<size_t>(width) + 2 * kMargin; }
   size_t size() const { return stride() * (static_cast<size_t>(height) + 2 * kMargin); }
-  // Counted from the area's own corner; may lie in the margin.
+  // Index of (x, y), counted from the area's own corner; may lie in the margin.
   size_t at(int x, int y) const {
     return (static_cast<size_t>(y + kMargin)) * stride() + static_cast<size_t>(x + kMargin);
   }
@@ -24,18 +24,18 @@ struct SmoothArea {
 
 using Plane = std::vector<float>;
 
-// Observations: c less the place straight behind, monitor px, and rho.
+// Observations: c minus the position straight behind, monitor px, and rho.
 struct SmoothSamples {
   std::array<Plane, 3> value;  // x, y, rho
-  Plane info;                  // of x and of y each, 1/px^2; 0: nothing is known here, not even rho
+  Plane info;                  // of x and of y each, 1/px^2; 0: unknown, rho included
   Plane object;                // 1 on the object, else 0
 };
 
-// Estimates: at each pixel a plane through what is around it.
+// Estimates: at each pixel a plane fitted to its surroundings.
 struct SmoothState {
-  std::array<Plane, 3> value, across, down;  // of x, y, rho, and their steps per pixel
+  std::array<Plane, 3> value, across, down;  // of x, y, rho, and their slopes per pixel
   Plane info;                                // of the value of x and of y each, 1/px^2
-  Plane count;                               // how many pixels the estimate is worth
+  Plane count;                               // effective number of pixels of the estimate
   Plane tightness;                           // 1 / the variance of the pixels' positions, 1/px^2
 };
 

@@ -7,11 +7,11 @@
 namespace glasswing {
 namespace {
 
-constexpr int kRows = 32;  // at a time, that all stays in the cache
+constexpr int kRows = 32;  // at a time, so that everything stays in the cache
 constexpr int kFirstRadius_px = 1, kRadius_px = 2;
-constexpr int kRim = kFirstRadius_px + kRadius_px;  // rows above and below that are looked at
+constexpr int kRim = kFirstRadius_px + kRadius_px;  // rows used above and below
 
-// Some rows of the picture's area, with a rim.
+// A few rows of the picture's area with a rim.
 class Strip {
  public:
   Strip(const SmoothPilot& pilot, const SmoothState& coarse) : pilot_(pilot), coarse_(coarse) {

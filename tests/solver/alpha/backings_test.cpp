@@ -26,7 +26,7 @@ TEST(Triangulate, TwoBackingsTellAlphaAndForeground) {
   }
 }
 
-// Least squares: with noise alpha is off by its standard error, and more backings make it surer.
+// Least squares: the error of alpha matches its standard error, and more backings reduce it.
 TEST(Triangulate, StandardErrorsAreRight) {
   constexpr double kNoise = 0.01;
   std::mt19937 random(3);
@@ -44,7 +44,7 @@ TEST(Triangulate, StandardErrorsAreRight) {
     squares += (cover.straight - 0.4) * (cover.straight - 0.4);
     expected = cover.straight_sd * cover.straight_sd;
   }
-  // A variance of so many trials is known within sqrt(2 / n); five of these.
+  // A variance from n trials has a relative error of sqrt(2 / n); five of these.
   EXPECT_NEAR(squares / kTrials / expected, 1.0, 5.0 * std::sqrt(2.0 / kTrials));
 }
 
@@ -63,7 +63,7 @@ TEST(Triangulate, WhatSeesNoBackingIsAllObject) {
   EXPECT_NEAR(cover.foreground[0], 0.2, 1e-12);
 }
 
-// Exact for what the formula supposes: light of the object's own that is gray, however much of it there is.
+// Exact under the formula's assumption: the object's own light is gray, in any amount.
 TEST(KeyOut, GrayObjectsBeforeBlue) {
   for (const double straight : {0.0, 0.25, 1.0}) {
     for (const double gray : {0.0, 0.3}) {
@@ -75,8 +75,7 @@ TEST(KeyOut, GrayObjectsBeforeBlue) {
 }
 
 TEST(KeyOut, ConstantsShiftWhatCountsAsTheObject) {
-  // Bluish: a third more blue than green. With a2 as much it is opaque, with 1 it is taken for half seen
-  // through.
+  // Bluish: a third more blue than green. With a matching a2 it is opaque, with 1 it seems half transparent.
   const BackingSample bluish = before({0.0, 0.0, 1.0}, {0.1, 0.3, 0.4}, 0.0);
   EXPECT_NEAR(key_out(bluish, {.key = 2, .a1 = 1.0, .a2 = 4.0 / 3.0}).straight, 0.0, 1e-9);
   EXPECT_NEAR(key_out(bluish, {.key = 2}).straight, 0.1, 1e-9);

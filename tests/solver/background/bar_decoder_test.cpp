@@ -1,4 +1,4 @@
-// Footprints of known place and width, seen through square waves, come back.
+// Recovers footprints of known position and width from square waves.
 #include "solver/background/bar_decoder.h"
 
 #include <gtest/gtest.h>
@@ -17,7 +17,7 @@ double sign_at(double t_px, double bar_px) {
   return std::fmod(std::floor((std::floor(t_px) + 0.5) / bar_px), 2.0) == 0.0 ? 1.0 : -1.0;
 }
 
-// The integral as the header states it, in steps of 1/1250 sigma.
+// The integral of the header, in steps of 1/1250 sigma.
 double brute_force(double bar_px, int extent_px, double centre_px, double sigma_px) {
   double top = 0.0, bottom = 0.0;
   constexpr int kSteps = 20000;
@@ -32,8 +32,8 @@ double brute_force(double bar_px, int extent_px, double centre_px, double sigma_
   return top / bottom;
 }
 
-// A step of 1/1250 sigma is off by its whole value, 3e-4, at each of the few edges in view. Gaussians wider
-// than 2.5 bars are worked out by parts: what is left out is (bar / sigma)^2 / 16 of the density's slope at
+// A step of 1/1250 sigma is wrong by its whole value, 3e-4, at each of the few edges in view. Gaussians wider
+// than 2.5 bars are integrated by parts; the omitted term is (bar / sigma)^2 / 16 of the density's slope at
 // the monitor's end, 0.24, over the half that may lie inside: 5e-3.
 TEST(BarDecoder, ValueIsTheWaveSeenThroughTheFootprint) {
   std::mt19937 random(1);
@@ -63,7 +63,7 @@ TEST(BarDecoder, SlopesAreThoseOfTheValue) {
       return decoder.value(0, centre_px + dc, sigma_px * std::exp(ds)).v;
     };
     const BarDecoder::Value value = decoder.value(0, centre_px, sigma_px);
-    // The interpolated normal distribution is good to 2e-8: over a step of 2e-5 to a few 1e-3.
+    // The interpolated normal distribution is accurate to 2e-8: over a step of 2e-5 to a few 1e-3.
     EXPECT_NEAR(value.by_centre, (v(kStep, 0) - v(-kStep, 0)) / (2 * kStep), 4e-3);
     EXPECT_NEAR(value.by_log_sigma, (v(0, kStep) - v(0, -kStep)) / (2 * kStep), 4e-3);
   }
@@ -74,8 +74,8 @@ struct Trial {
   AxisFit fit;
 };
 
-// Noise of 1 % of white - black in both pictures of a pair. The guess is off by several pixels and by a
-// factor of two.
+// Noise of 1 % of white - black in both pictures of a pair. The guess is wrong by several pixels and a factor
+// of two.
 std::vector<Trial> trials(const std::vector<double>& bars_px, int extent_px, double min_sigma_px,
                           double max_sigma_px, int count) {
   std::mt19937 random(3);
@@ -111,7 +111,7 @@ TEST(BarDecoder, FindsPlacesAndWidthsInNoise) {
     }
     ++count;
     const double error_px = trial.fit.centre_px - trial.centre_px;
-    // Of a footprint within one bar nothing but that is known; else the estimate's own sd, five-fold.
+    // A footprint within one bar is known only to lie there; otherwise five times the estimate's own sd.
     EXPECT_LT(std::abs(error_px), std::max(1.0, 5.0 * trial.fit.centre_sd_px))
         << trial.centre_px << " sigma " << trial.sigma_px;
     squares += std::pow(error_px / trial.fit.centre_sd_px, 2);
@@ -119,14 +119,15 @@ TEST(BarDecoder, FindsPlacesAndWidthsInNoise) {
   }
   std::printf("centre off by %.2f sd rms, ln sigma by %.2f, %d of 20000 ambiguous\n",
               std::sqrt(squares / count), std::sqrt(log_squares / count), ambiguous);
-  // The centre's sd allows for other shapes, which these footprints do not need; sigma's does not, and the
-  // guess pulls it.
+  // The centre's sd allows for other shapes, which these footprints do not have; sigma's does not, and the
+  // guess biases it.
   EXPECT_LT(std::sqrt(squares / count), 1.0);
   EXPECT_LT(std::sqrt(log_squares / count), 1.3);
   EXPECT_LT(ambiguous, 200);
 }
 
-// A sharp camera's pixel is a box, of `width_px` on the monitor. A box of three turns the finest wave's sign.
+// A sharp camera's pixel is a box of `width_px` on the monitor. A box of three bars flips the finest wave's
+// sign.
 TEST(BarDecoder, ACamerasBoxIsFoundAsAGaussian) {
   const BarDecoder decoder(kAllBars, 128);
   for (const double width_px : {0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0}) {
@@ -165,7 +166,7 @@ TEST(BarDecoder, FromCoarseBarsTheErrorStaysWithinThem) {
   }
 }
 
-// Within a bar of eight pixels the guess decides where.
+// Within a bar of eight pixels the guess decides the position.
 TEST(BarDecoder, TheGuessDecidesWhatTheBarsLeaveOpen) {
   const BarDecoder decoder(std::vector<double>{64, 32, 16, 8}, 128);
   for (double centre_px = 17.5; centre_px < 23.0; centre_px += 0.5) {
@@ -178,14 +179,15 @@ TEST(BarDecoder, TheGuessDecidesWhatTheBarsLeaveOpen) {
   }
 }
 
-// Bars that repeat within the monitor say only where in a period; the guess must be off by less than half.
+// Bars that repeat within the monitor give only the position within a period; the guess must be wrong by less
+// than half.
 TEST(BarDecoder, PeriodsThatRepeatAreToldApartByTheGuess) {
   const std::vector<double> bars = {16, 8, 4, 2, 1};
   int wrong = 0;
   for (const Trial& trial : trials(bars, 128, 0.3, 1.0, 500)) {
     if (std::abs(trial.fit.centre_px - trial.centre_px) > 1.0) ++wrong;
   }
-  // Where two waves' edges meet, the noise may tell for another bar.
+  // Where the edges of two waves meet, noise may select another bar.
   EXPECT_LT(wrong, 10);
 }
 
@@ -205,7 +207,7 @@ TEST(BarDecoder, TellsTheWidthOfABlurredPixel) {
   const BarDecoder decoder(bars, kExtent_px);
   std::mt19937 random(6);
   std::normal_distribution<double> noise(0.0, kNoise);
-  for (const double scale : {1.0, 1.8, 2.0, 3.1}) {  // monitor px a camera px
+  for (const double scale : {1.0, 1.8, 2.0, 3.1}) {  // monitor px per camera px
     for (const double blur_px : {0.5, 1.0, 2.0, 4.0}) {
       std::vector<double> widths;
       for (int pixel = 0; pixel < kPixels; ++pixel) {
@@ -225,7 +227,7 @@ TEST(BarDecoder, TellsTheWidthOfABlurredPixel) {
       // Box and Gaussian together are no Gaussian, but nearly: the excess kurtosis is the box's, -1.2, times
       // the square of its share of the variance, 1/4 at most; a hundredth of the width. As much for noise.
       EXPECT_NEAR(widths[kPixels / 2] / std::sqrt(blur_px * blur_px + 1.0 / 12.0), 1.0, 0.02)
-          << scale << " monitor px a camera px, blur " << blur_px;
+          << scale << " monitor px per camera px, blur " << blur_px;
     }
   }
 }

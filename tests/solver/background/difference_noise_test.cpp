@@ -9,7 +9,7 @@
 namespace glasswing {
 namespace {
 
-// Differences of known noise; where an object is, they are anything up to full scale.
+// Differences of known noise; on an object they are anything up to full scale.
 std::vector<DifferenceSample> samples_of(const DifferenceNoise& truth, int each, double objects) {
   std::mt19937 random(5);
   std::normal_distribution<double> normal(0.0, 1.0);
@@ -17,7 +17,7 @@ std::vector<DifferenceSample> samples_of(const DifferenceNoise& truth, int each,
   std::vector<DifferenceSample> samples(100'000);
   for (DifferenceSample& sample : samples) {
     sample.level = share(random);
-    sample.range = std::pow(share(random), 4);  // most places are smooth
+    sample.range = std::pow(share(random), 4);  // most of the picture is smooth
     const double variance = truth.variance(sample.level, sample.range);
     for (int i = 0; i < each; ++i) sample.square += variance * std::pow(normal(random), 2) / each;
     if (share(random) < objects) sample.square = std::pow(share(random), 2);
@@ -37,13 +37,13 @@ void expect_close(const DifferenceNoise& found, const DifferenceNoise& truth, do
 constexpr DifferenceNoise kTruth{
     .weight = {2.5e-5, 1e-4, 4e-4}};  // a sd of 0.005 to 0.01, and 2 % of a range
 
-// 10^5 squares tell each of three weights to about 1 %, the sd to half of that.
+// 10^5 squares determine each of three weights to about 1 %, the sd to half of that.
 TEST(DifferenceNoise, IsFoundFromOnePair) {
   expect_close(fit_difference_noise(samples_of(kTruth, 1, 0.0), false, 0.0), kTruth, 0.02);
 }
 
-// Of an object's differences, evenly spread over full scale, those count that are within three sd: a share of
-// 0.03 at most of a quarter of the samples.
+// An object's differences are uniform over full scale; at most a share of 0.03 of them, in a quarter of the
+// samples, survives the limit of three sd.
 TEST(DifferenceNoise, AnObjectDoesNotCount) {
   expect_close(fit_difference_noise(samples_of(kTruth, 1, 0.25), false, 0.0), kTruth, 0.06);
 }
@@ -52,7 +52,7 @@ TEST(DifferenceNoise, IsFoundFromManyFrames) {
   expect_close(fit_difference_noise(samples_of(kTruth, 10, 0.0), true, 0.0), kTruth, 0.01);
 }
 
-// Half of a photograph is black, of code 0 in both pictures: the noise of the rest is still known.
+// Half of a photograph is black, code 0 in both pictures: the noise of the rest is still found.
 TEST(DifferenceNoise, WhatIsBlackDoesNotHideTheRest) {
   const DifferenceNoise truth{.weight = {0.0, 1e-4, 4e-4}};
   std::vector<DifferenceSample> samples = samples_of(truth, 1, 0.1);

@@ -1,4 +1,4 @@
-// What the frames without the object tell, in an independent renderer's rigs and before real glass.
+// The background map in an independent renderer's rigs, and object masks of real glass.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -48,7 +48,7 @@ struct Rig {
   FrameStack stack() const { return stack_of(manifest, frames); }
 };
 
-// Continuous camera px to monitor px, as the renderer's manifest says; no solver reads it.
+// Continuous camera px to monitor px, from the renderer's manifest; no solver reads it.
 struct TrueMap {
   std::vector<std::vector<double>> rows;
 
@@ -116,7 +116,7 @@ void expect_map_of_misregistered_rig(double noise_sd, double worst_allowed_px, d
   EXPECT_LT(ambiguous, pixels / 100);
 }
 
-// The renderer's pixel is 4x4 rays 0.26 px apart: a place within that gives the same light.
+// The renderer's pixel is 4x4 rays 0.26 px apart: a position within that gives the same light.
 TEST(RenderedRig, TheMapOfACameraThatIsNotRegisteredIsFound) {
   expect_map_of_misregistered_rig(0.0, 0.3, 60.0);
 }
@@ -159,8 +159,8 @@ TEST_P(Silhouette, IsTheRenderersMaskButForWhatChangesNoLight) {
       pairs.clear();
       for (const StageLayout::Pair& pair : layout) {
         for (int c = 0; c < kChannels; ++c) {
-          const MergedSample object = merge(stack, pair.object, stack.place(x, y, c), sample);
-          const MergedSample empty = merge(stack, pair.empty, stack.place(x, y, c), sample);
+          const MergedSample object = merge(stack, pair.object, stack.sample_index(x, y, c), sample);
+          const MergedSample empty = merge(stack, pair.empty, stack.sample_index(x, y, c), sample);
           pairs.push_back({.object = object.radiance,
                            .empty = empty.radiance,
                            .variance = object.variance + empty.variance,

@@ -1,4 +1,4 @@
-// What the frames without the object tell, in simulated rigs of known geometry.
+// The background map in simulated rigs of known geometry.
 #include "solver/background/empty_stage.h"
 
 #include <gtest/gtest.h>
@@ -123,7 +123,7 @@ struct Rig {
   FrameStack stack() const { return stack_of(manifest, frames); }
 };
 
-// Frames as the exact compositor makes them of a known matte, with noise.
+// Frames composited exactly from a known matte, with noise.
 Rig rig_of(v1::CaptureManifest manifest, const Affine& affine, double sigma_px, double noise_sd) {
   const int width = manifest.camera().width_px(), height = manifest.camera().height_px();
   Matte matte(0, 0, width, height, 1);
@@ -166,7 +166,7 @@ struct Measured {
   int pixels = 0, unseen = 0, ambiguous = 0, sigmas = 0;
 };
 
-// Over the pixels whose footprint lies on the monitor.
+// Errors over the pixels whose footprint lies on the monitor.
 Measured measure(const Rig& rig, const Affine& affine, double sigma_px, double noise_sd) {
   const FrameStack stack = rig.stack();
   const EmptyMonitor monitor = lay_out_empty_stage(rig.manifest)[0];
@@ -223,7 +223,7 @@ struct Geometry {
 
 class Registered : public testing::TestWithParam<Geometry> {};
 
-// 64x48 monitor px before 20x15 camera px.
+// 64x48 monitor px in view of 20x15 camera px.
 INSTANTIATE_TEST_SUITE_P(Geometries, Registered,
                          testing::Values(Geometry{"straight", {64.0 / 20, 0, 0, 0, 48.0 / 15, 0}},
                                          Geometry{"mirrored", {-64.0 / 20, 0, 64, 0, 48.0 / 15, 0}},
@@ -249,11 +249,11 @@ TEST_P(Registered, PlacesWidthsAndWeightsComeBackInNoise) {
   EXPECT_LT(measured.centre_rms_px, 0.06);
   EXPECT_LT(measured.centre_worst_px, 0.5);
   EXPECT_LT(measured.log_sigma_rms, 1.3);
-  // Two times 6 levels in pairs, white and black: 26 samples, half of them lit: 0.01 / sqrt(6.5), and what
-  // the edges in view take away.
+  // Two times 6 levels in pairs, white and black: 26 samples, half of them lit: 0.01 / sqrt(6.5), plus a loss
+  // from the edges in view.
   EXPECT_LT(measured.weight_rms, 0.006);
   EXPECT_LT(measured.foreground_rms, 0.004);
-  // The places fit away 4 of 12 degrees of freedom.
+  // The positions use 4 of 12 degrees of freedom.
   EXPECT_LT(measured.chi_square, 1.1);
 }
 
@@ -336,7 +336,7 @@ TEST(BackgroundMap, WithoutBarsTheViewIsStraight) {
   EXPECT_FLOAT_EQ(mode.x_px, 21.0f);
   EXPECT_FLOAT_EQ(mode.y_px, 9.0f);
   EXPECT_FLOAT_EQ(mode.xx_px2, 0.25f);  // (2^2 - 1) / 12
-  // Of a second monitor nothing can be said.
+  // Nothing is known about a second monitor.
   EmptyMonitor second = monitor;
   second.texture = 1;
   EXPECT_FALSE(BackgroundMap(second, sample_noise(manifest.camera(), 0.01))

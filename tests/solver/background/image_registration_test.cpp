@@ -18,7 +18,7 @@ ImageRegistration truth() {
           .offset = {0.004, 0.0, -0.006}};
 }
 
-// How far apart two of them put the corner that they disagree on most.
+// The largest distance between the corners of two registrations.
 double apart_px(const ImageRegistration& a, const ImageRegistration& b) {
   ImageRegistration difference;
   for (size_t i = 0; i < 2; ++i) difference.shift_px[i] = a.shift_px[i] - b.shift_px[i];
@@ -27,14 +27,14 @@ double apart_px(const ImageRegistration& a, const ImageRegistration& b) {
 }
 
 std::string complaint(const Image16& with, const Image16& without) {
-  return std::string(find_drift(with, without).status().message());
+  return std::string(find_registration(with, without).status().message());
 }
 
 TEST(ImageRegistration, IsFoundBesideAnObjectInNoise) {
   const Image16 without = stage_picture(kWidth, kHeight, {}, 0.01, 1);
   Image16 with = stage_picture(kWidth, kHeight, truth(), 0.01, 2);
   put_ellipse(with);
-  const ImageRegistration found = find_drift(with, without).value();
+  const ImageRegistration found = find_registration(with, without).value();
   // Noise of 0.01 on slopes of about 0.02 / px in tens of thousands of samples leaves 0.005 px.
   EXPECT_LT(apart_px(found, truth()), 0.05);
   for (size_t c = 0; c < 3; ++c) {
@@ -63,17 +63,17 @@ TEST(ImageRegistration, MovesThePictureWhereItFits) {
 TEST(ImageRegistration, IsNoneWhereThereIsNone) {
   const Image16 without = stage_picture(kWidth, kHeight, {}, 0.01, 1),
                 with = stage_picture(kWidth, kHeight, {}, 0.01, 2);
-  EXPECT_LT(find_drift(with, without).value().max_px(kWidth, kHeight), 0.05);
-  // A wall without texture tells of no shift, though of light.
+  EXPECT_LT(find_registration(with, without).value().max_px(kWidth, kHeight), 0.05);
+  // A wall without texture determines no shift, only the light.
   Image16 grey(kWidth, kHeight), brighter = grey;
   std::fill(grey.samples.begin(), grey.samples.end(), std::uint16_t{30000});
   std::fill(brighter.samples.begin(), brighter.samples.end(), std::uint16_t{31000});
-  const ImageRegistration flat = find_drift(brighter, grey).value();
+  const ImageRegistration flat = find_registration(brighter, grey).value();
   EXPECT_LT(flat.max_px(kWidth, kHeight), 1e-6);
   EXPECT_NEAR(65535.0 * (flat.gain[0] * 30000.0 / 65535.0 + flat.offset[0]), 31000.0, 10.0);
 }
 
-// In even ramps a shift and a change of light are the same; noise must not make one of them up.
+// In linear ramps a shift equals a change of light; noise must not cause either.
 TEST(ImageRegistration, NoiseDoesNotMakeItUp) {
   std::mt19937 random(4);
   std::normal_distribution<double> normal(0.0, 0.01);
@@ -88,7 +88,7 @@ TEST(ImageRegistration, NoiseDoesNotMakeItUp) {
       }
     }
   }
-  EXPECT_EQ(find_drift(with, without).value().max_px(kWidth, kHeight), 0.0);
+  EXPECT_EQ(find_registration(with, without).value().max_px(kWidth, kHeight), 0.0);
 }
 
 TEST(ImageRegistration, WhatIsNoDriftIsSaid) {
@@ -101,7 +101,7 @@ TEST(ImageRegistration, WhatIsNoDriftIsSaid) {
             std::string::npos);
   Image16 other = without;
   std::reverse(other.samples.begin(), other.samples.end());
-  EXPECT_TRUE(absl::IsFailedPrecondition(find_drift(other, without).status()));
+  EXPECT_TRUE(absl::IsFailedPrecondition(find_registration(other, without).status()));
   EXPECT_EQ(complaint(Image16(4, 3), Image16(3, 4)),
             "the picture with the object is 4x3, that without 3x4; they must be of one size");
 }

@@ -11,7 +11,7 @@ namespace {
 constexpr int kWidth = 23, kHeight = 17;
 using Samples = std::vector<std::uint8_t>;
 
-// Every pixel of the first one's region, one after another; `corners`: those that touch at a corner too.
+// Visits every pixel of the first one's region. `corners`: corners connect too.
 std::vector<size_t> region_at(const Samples& samples, size_t first, bool corners) {
   std::vector<size_t> region = {first};
   std::vector<bool> seen(samples.size());

@@ -23,8 +23,7 @@ Image16 stage(unsigned seed, double noise_sd = 0.01) {
   return stage_picture(kWidth, kHeight, {}, noise_sd, seed);
 }
 
-// Of 76,800 pixels 768 are expected, give or take 28; the noise, known to a percent, makes that 2 percent
-// more or less.
+// 768 +- 28 of 76,800 pixels are expected; an error of 1 % in the noise changes that by 2 %.
 TEST(ObjectMask, WithoutAnObjectTheRateIsTheStatedOne) {
   const Image16 with = stage(1), without = stage(2);
   EXPECT_NEAR(ObjectMask::of_pair(with, without, bare(0.01))->mask(with).coverage(), 0.01, 0.002);
@@ -34,7 +33,7 @@ TEST(ObjectMask, WithoutAnObjectTheRateIsTheStatedOne) {
 }
 
 TEST(ObjectMask, TheNoiseIsThatOfTheDifference) {
-  // Two pictures of sd 0.01 each; the camera's coding adds none.
+  // Two pictures with sd 0.01 each and no coding noise.
   EXPECT_NEAR(ObjectMask::of_pair(stage(1), stage(2), bare(0.01))->usual_noise(), 0.01 * std::sqrt(2.0),
               3e-4);
   EmptyAverage average;
@@ -43,18 +42,18 @@ TEST(ObjectMask, TheNoiseIsThatOfTheDifference) {
 }
 
 TEST(ObjectMask, IsTheObjectThoughThePicturesDrifted) {
-  const ImageRegistration drift{
+  const ImageRegistration registration{
       .shift_px = {0.8, -0.55}, .gain = {1.02, 1.0, 0.99}, .offset = {0.0, 0.004, 0.0}};
-  Image16 with = stage_picture(kWidth, kHeight, drift, 0.01, 1);
+  Image16 with = stage_picture(kWidth, kHeight, registration, 0.01, 1);
   put_ellipse(with);
   const ObjectMask object = ObjectMask::of_pair(with, stage(2), {}).value();
-  EXPECT_NEAR(object.drift().shift_px[0], 0.8, 0.05);
+  EXPECT_NEAR(object.registration().shift_px[0], 0.8, 0.05);
   const Mask mask = object.mask(with);
   int lost = 0, added = 0, ellipse = 0;
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
-      // At its edge the object may show what is behind it; further in, dilation and hole filling close what
-      // is like it.
+      // At its edge the object may show the background; further in, dilation and hole filling close similar
+      // areas.
       if (in_ellipse(with, x, y, -2.0) && !mask.inside(x, y)) ++lost;
       if (!in_ellipse(with, x, y, 1.0) && mask.inside(x, y)) ++added;
       if (in_ellipse(with, x, y)) ++ellipse;
@@ -86,7 +85,7 @@ TEST(ObjectMask, NoiseThatIsAloneIsNoObject) {
   Image16 with = without;
   for (int c = 0; c < 3; ++c) with.at(50, 50, c) = with.at(200, 120, c) = 60000;
   EXPECT_EQ(ObjectMask::of_pair(with, without, {})->mask(with).coverage(), 0.0);
-  // At the border nothing is lost of what is large enough.
+  // Large regions lose nothing at the border.
   for (int y = 0; y < 20; ++y) {
     for (int x = 0; x < 20; ++x) {
       for (int c = 0; c < 3; ++c) with.at(x, y, c) = 60000;
@@ -95,7 +94,7 @@ TEST(ObjectMask, NoiseThatIsAloneIsNoObject) {
   EXPECT_EQ(ObjectMask::of_pair(with, without, {})->mask(with).coverage(), 400.0 / kPixels);
 }
 
-// Most of it is black, as a projector's light in a dark room: there both pictures are the same, to the code.
+// Most of the picture is black, as with a projector in a dark room: there both pictures are identical.
 TEST(ObjectMask, TheDarkDoesNotHideTheNoiseOfTheRest) {
   Image16 with = stage(1), without = stage(2);
   for (Image16* const image : {&with, &without}) {

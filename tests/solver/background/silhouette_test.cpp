@@ -1,4 +1,4 @@
-// How often the silhouette's test errs, and what it must not miss.
+// The error rate of the silhouette test, and the changes that it must detect.
 #include "solver/background/silhouette.h"
 
 #include <gtest/gtest.h>
@@ -82,7 +82,7 @@ TEST(SilhouetteTest, SaturatedPairsSayNothing) {
   std::vector<SilhouetteTest::Pair> pairs(
       10, {.object = 1.0, .empty = 1.0, .variance = kVariance, .saturated = true});
   EXPECT_EQ(test.test(pairs).degrees, 0);
-  EXPECT_TRUE(test.test(pairs).object);  // nothing shows that it is not
+  EXPECT_TRUE(test.test(pairs).object);  // nothing proves the opposite
   pairs.push_back({.object = 0.5, .empty = 0.5, .variance = kVariance});
   EXPECT_EQ(test.test(pairs).degrees, 1);
   EXPECT_FALSE(test.test(pairs).object);

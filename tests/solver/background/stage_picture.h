@@ -1,4 +1,4 @@
-// Pictures of a stage at any place between pixels, so that a moved camera needs no resampling.
+// Pictures of a stage, defined at any position, so that a moved camera needs no resampling.
 #pragma once
 
 #include <cmath>
@@ -9,7 +9,7 @@
 
 namespace glasswing {
 
-// Waves of several lengths, 8 px the shortest, and soft edges; a channel in [0.15, 0.85].
+// Waves of several lengths, at least 8 px, and soft edges; channels in [0.15, 0.85].
 inline double stage_code(double x, double y, int c) {
   const double waves = std::sin(0.11 * x + 0.05 * y + c) + std::sin(0.31 * y - 0.2 * x) +
                        std::sin(0.6 * x + 0.5 * y + 2.0 * c);
@@ -17,20 +17,23 @@ inline double stage_code(double x, double y, int c) {
   return 0.5 + 0.06 * waves + 0.17 * edge;
 }
 
-// The stage seen by a camera that drifted: what a picture without the object, moved by `drift`, shows.
-inline Image16 stage_picture(int width_px, int height_px, const ImageRegistration& drift, double noise_sd,
-                             unsigned seed) {
+// The stage seen by a camera that drifted: the picture without the object, moved by `registration`.
+inline Image16 stage_picture(int width_px, int height_px, const ImageRegistration& registration,
+                             double noise_sd, unsigned seed) {
   std::mt19937 random(seed);
   std::normal_distribution<double> normal(0.0, 1.0);
   Image16 image(width_px, height_px);
   for (int y = 0; y < height_px; ++y) {
     for (int x = 0; x < width_px; ++x) {
       const double u = x + 0.5 - 0.5 * width_px, v = y + 0.5 - 0.5 * height_px;
-      const double to_x = u + drift.shift_px[0] + drift.stretch[0] * u + drift.stretch[1] * v;
-      const double to_y = v + drift.shift_px[1] + drift.stretch[2] * u + drift.stretch[3] * v;
+      const double to_x =
+          u + registration.shift_px[0] + registration.stretch[0] * u + registration.stretch[1] * v;
+      const double to_y =
+          v + registration.shift_px[1] + registration.stretch[2] * u + registration.stretch[3] * v;
       for (int c = 0; c < 3; ++c) {
         const auto channel = static_cast<size_t>(c);
-        const double code = drift.gain[channel] * stage_code(to_x, to_y, c) + drift.offset[channel];
+        const double code =
+            registration.gain[channel] * stage_code(to_x, to_y, c) + registration.offset[channel];
         image.at(x, y, c) = code16_of(static_cast<float>(code + noise_sd * normal(random)));
       }
     }
@@ -45,7 +48,7 @@ inline bool in_ellipse(const Image16& image, int x, int y, double larger_px = 0.
   return u * u + v * v <= 1.0;
 }
 
-// Something else there: the stage upside down and darker.
+// Puts an object there: the stage upside down and darker.
 inline void put_ellipse(Image16& image) {
   const Image16 before = image;
   for (int y = 0; y < image.height_px; ++y) {

@@ -12,7 +12,7 @@ namespace {
 
 constexpr int kWidth = 400;
 
-// Pixels that see something else in every frame: noise is all that bars and complements do not share.
+// Every pixel sees another share of the bars; bars and complements differ from white and black by noise only.
 struct Recorded {
   v1::CaptureManifest manifest = swept_manifest();
   std::vector<std::vector<std::uint16_t>> rows;
@@ -38,14 +38,13 @@ struct Recorded {
         row.push_back(static_cast<std::uint16_t>(std::lround(65535.0 * std::clamp(value, 0.0, 1.0))));
       }
     }
-    stack = {.manifest = manifest, .first_row = 0, .row_count = 1, .rows = {}, .owner = nullptr};
+    stack = {.width_px = kWidth, .first_row = 0, .row_count = 1, .rows = {}, .owner = nullptr};
     for (const auto& row : rows) stack.rows.push_back(row);
   }
 };
 
 // The median of n independent |e| has a relative standard deviation of about 0.79 / sqrt(n). Twelve sums of
-// 1200 samples share black and white two by two groups, so that not more than 2400 of them are
-// independent: 1.6 %.
+// 1200 samples share black and white in two groups each, so at most 2400 of them are independent: 1.6 %.
 TEST(WaveNoise, FindsTheNoiseOfARow) {
   for (const double noise_sd : {0.0005, 0.005, 0.02}) {
     const Recorded recorded(noise_sd, 0.0);

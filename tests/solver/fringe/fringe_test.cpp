@@ -1,4 +1,4 @@
-// One pixel's phasors, with a truth that is known; and whole archives, good and bad.
+// One pixel's phasors with known truth; and whole archives, valid and invalid.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -80,7 +80,7 @@ double& parameter(Footprint& mode, size_t p) {
 
 TEST(WaveAnswer, ErfOfComplexNumbersIsTheIntegral) {
   for (const Complex z : {Complex(0.0, 0.7), Complex(0.3, 0.2), Complex(-1.2, 2.0), Complex(2.5, -4.0)}) {
-    // Simpson's rule along the straight path; its error is below 1e-11 with so many steps.
+    // Simpson's rule along the straight path; with this many steps its error is below 1e-11.
     constexpr int kSteps = 4000;
     Complex sum = 0.0;
     for (int i = 0; i <= kSteps; ++i) {
@@ -92,7 +92,7 @@ TEST(WaveAnswer, ErfOfComplexNumbersIsTheIntegral) {
   }
 }
 
-// A picture of the wave on flat pixels, integrated by the compositor.
+// The wave on flat pixels, integrated by the compositor.
 double integrated(const Footprint& f, double fx, double fy, double phase_rad) {
   RadianceImage picture(128, 96);
   for (int y = 0; y < 96; ++y) {
@@ -117,8 +117,7 @@ TEST(WaveAnswer, IsTheIntegralOverFlatPixelsAndTheEdge) {
   for (const Footprint& mode : {inner, cut}) {
     for (const Wave& wave : monitor().waves) {
       const Complex answer = answer_of(mode, wave.fx, wave.fy, extent).value;
-      // What flat pixels repeat of the wave at frequencies 1 - f, and at the cut edge: sinc(f) is a part of
-      // it.
+      // Aliases of the wave on flat pixels at frequencies 1 - f, and the cut edge: sinc(f) is part of it.
       const double tolerance = near_edge(mode, extent) ? 5e-3 : 1e-5;
       EXPECT_NEAR(answer.real(), integrated(mode, wave.fx, wave.fy, 0.0), tolerance) << 1.0 / wave.fx;
       EXPECT_NEAR(answer.imag(), integrated(mode, wave.fx, wave.fy, 0.5 * kPi), tolerance) << 1.0 / wave.fx;
@@ -177,13 +176,13 @@ TEST(SpectrumFit, ReachesTheCramerRaoBound) {
     weight_sd += fit.weight_sd[0] / kPixels;
     centre_sd += fit.centre_sd_px[0] / kPixels;
   }
-  // A variance from n values is known to sqrt(2 / n): 3 %; five of that.
+  // A variance from n values has a relative error of sqrt(2 / n) = 3 %; five of that.
   const double slack = 5.0 * std::sqrt(2.0 / kPixels);
   for (size_t p = 0; p < 6; ++p)
     EXPECT_NEAR(squares[p] / bound(static_cast<Eigen::Index>(p), static_cast<Eigen::Index>(p)), 1.0, slack)
         << p;
   EXPECT_NEAR(chi_square, 1.0, slack / std::sqrt(19.0));
-  // Standard errors are those of each fit's own place: right to a few of its errors, which are some percent.
+  // Standard errors are evaluated at each fit's own result: accurate to a few percent.
   EXPECT_NEAR(weight_sd / std::sqrt(bound(0, 0)), 1.0, 0.05);
   EXPECT_NEAR(centre_sd / std::sqrt(0.5 * (bound(1, 1) + bound(2, 2))), 1.0, 0.05);
 }
@@ -196,21 +195,21 @@ TEST(Unwrap, IsNeverInAnotherPeriodThanItSays) {
   for (int i = 0; i < 20000; ++i) {
     const Footprint truth{
         .weight = weight(random), .x_px = x(random), .y_px = y(random), .xx_px2 = 1.0, .yy_px2 = 1.0};
-    if (near_edge(truth, waves.extent)) continue;  // a cut footprint's centre is not where its light is
+    if (near_edge(truth, waves.extent)) continue;  // a cut footprint's light is not at its centre
     const Unwrapped place = unwrap(waves, seen(waves, one(truth), 0.03, random), 0.0);
     if (!place.found) continue;
     for (size_t w = 0; w < waves.waves.size(); ++w) {
       if (!place.used[w]) continue;
       finest += w == 6 ? 1 : 0;
-      // Half a period away at most, with one in a million for each step; 240000 steps.
+      // At most half a period away; each of 240000 steps fails once in a million.
       const Eigen::Vector2d off = place.centre_px - Eigen::Vector2d(truth.x_px, truth.y_px);
       EXPECT_LT(std::abs(waves.waves[w].fx * off.x() + waves.waves[w].fy * off.y()), 0.5) << i;
     }
-    // Of a chi-square with two degrees, exp(-18) lies beyond 36.
+    // A chi-square of two degrees exceeds 36 with probability exp(-18).
     const Eigen::Vector2d off = place.centre_px - Eigen::Vector2d(truth.x_px, truth.y_px);
     EXPECT_LT(off.dot(place.covariance_px2.inverse() * off), 60.0) << i;
   }
-  EXPECT_GT(finest, 1000);  // not by giving up
+  EXPECT_GT(finest, 1000);  // not by rejecting all
 }
 
 TEST(SpectrumFit, TwoPlacesAreToldFromOneAndFound) {
@@ -238,7 +237,7 @@ TEST(SpectrumFit, TwoPlacesAreToldFromOneAndFound) {
 
 constexpr int kWidth = 8, kHeight = 3;
 
-// A camera whose left half sees the object; phases, black and noise model as asked for.
+// A camera whose left half sees the object; phases, black and noise model are options.
 struct Simulated {
   v1::CaptureManifest manifest;
   std::vector<Image16> frames;
@@ -315,7 +314,7 @@ struct Simulated {
     }
   }
   absl::StatusOr<Matte> solve(const MethodOptions& options = {}) const {
-    return solve_in_bands(*make_method("fringe", options).value(), stack_of(manifest, frames), 1);
+    return solve_in_bands(*make_method("fringe", options).value(), manifest, stack_of(manifest, frames), 1);
   }
 };
 
@@ -329,13 +328,13 @@ void expect_truth(const Matte& matte) {
       for (int c = 0; c < kChannels; ++c) {
         const Mode& mode = matte.modes(x, y, c)[0];
         ASSERT_GT(mode.weight, 0.0f);
-        // Five standard errors, of the channel; outside, channels are taken together.
+        // Five standard errors of the channel; outside, channels are fitted together.
         EXPECT_NEAR(static_cast<double>(mode.weight), truth.weight, 0.01);
         const double reach = 5.0 * std::sqrt(2.0) * static_cast<double>(mode.centre_sd_px);
         EXPECT_NEAR(static_cast<double>(mode.x_px), truth.x_px, reach);
         EXPECT_NEAR(static_cast<double>(mode.y_px), truth.y_px, reach);
         EXPECT_LT(reach, 0.5);
-        // Of 18 samples of noise 0.002 and more.
+        // From 18 samples with noise of at least 0.002.
         EXPECT_NEAR(static_cast<double>(matte.foreground(x, y)[static_cast<size_t>(c)]),
                     object ? Simulated::kForeground : 0.0, 5.0 * Simulated::kNoise);
       }
@@ -353,7 +352,7 @@ TEST(Fringe, MeasuresNoiseItselfAndNeedsNoBlack) {
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth / 2; ++x) {
       EXPECT_EQ(matte.flags(x, y), kFlagNone);
-      // R from the waves alone is known to 0.002: the mean less half of it.
+      // R from the waves alone is known to 0.002; F is the mean minus half of it.
       EXPECT_NEAR(static_cast<double>(matte.foreground(x, y)[1]), Simulated::kForeground, 0.01);
     }
   }

@@ -15,7 +15,7 @@ constexpr MonitorExtent kExtent = kSimulatedExtent;
 
 class EdgeOrMiddle : public testing::TestWithParam<Footprint> {};
 
-// N and g against sums over central differences of the closed form.
+// Compares N and g with sums over central differences of the closed form.
 TEST_P(EdgeOrMiddle, NormalEquationsAreThoseOfTheModel) {
   const SampleLayout layout = four_sweeps(4.0);
   std::mt19937 random(1);
@@ -52,7 +52,7 @@ TEST_P(EdgeOrMiddle, NormalEquationsAreThoseOfTheModel) {
       }
     }
   }
-  // Beyond reach a mode is below 2e-5 of its peak, and the sums are of floats.
+  // Beyond reach a mode is below 2e-5 of its peak, and sums are in floats.
   EXPECT_NEAR(got.chi2, chi2, 1e-4 * chi2);
   for (size_t p = 0; p < 12; ++p) {
     const double scale = std::sqrt(matrix[p][p] * chi2);
@@ -85,7 +85,7 @@ std::vector<JointFit> fitted_together(const SampleLayout& layout, const std::vec
   return fits;
 }
 
-// Where both apply they are the same estimate.
+// Where both apply they give the same estimate.
 class FitBatch : public testing::TestWithParam<int> {};
 
 TEST_P(FitBatch, AgreesWithTheJointFit) {
@@ -109,7 +109,7 @@ TEST_P(FitBatch, AgreesWithTheJointFit) {
       truth.push_back(mode);
     }
     PixelSamples& own = samples.emplace_back(recorded(truth, layout, 0.005, random));
-    // Every other pixel has lost some samples, and believes others less.
+    // Every other pixel has lost some samples and weights others less.
     for (size_t k = 0; i % 2 == 1 && k < own.weight.size(); ++k) {
       if (share(random) < 0.1) own.weight[k] = 0.0f;
       if (share(random) < 0.3) own.weight[k] *= 0.5f;
@@ -125,29 +125,28 @@ TEST_P(FitBatch, AgreesWithTheJointFit) {
     if (!fits[i].converged) continue;
     ++settled;
     JointFit joint = fit_jointly(samples[i], starts[i], kExtent, 50, workspace);
-    // Either settles where it has a tenth of a standard error to go at most; the windows' ends differ by a
-    // sample, which is worth less. The standard error is 0.005 times the bound, or more where samples are
-    // lost.
+    // Each converges to within a tenth of a standard error; the windows' ends differ by one sample, which
+    // matters less. The standard error is 0.005 times the bound, or more where samples are lost.
     const std::vector<double> bound = cramer_rao_bound(truths[i], layout);
     for (int p = 0; p < 6 * modes; ++p) {
       EXPECT_NEAR(parameter(fits[i].modes[p / 6], p % 6), parameter(joint.modes[p / 6], p % 6),
                   0.2 * 0.005 * 1.5 * bound[static_cast<size_t>(p)])
           << i << " " << p;
     }
-    // On the scale of one sample's noise, which either takes from its own surroundings of the modes.
+    // In units of one sample's noise, which each takes from its own neighbourhood of the modes.
     const double scale = residual_sd(fits[i]) / residual_sd(joint);
     for (size_t m = 0; m < static_cast<size_t>(modes); ++m) {
       EXPECT_NEAR(fits[i].centre_sd_px[m] / scale, joint.centre_sd_px[m], 0.03 * joint.centre_sd_px[m]) << i;
       EXPECT_NEAR(fits[i].weight_sd[m] / scale, joint.weight_sd[m], 0.03 * joint.weight_sd[m]) << i;
     }
   }
-  // Neighbours crowd each other in some: the rest is left to the joint fit.
+  // In some pixels the modes are too close: these are left to the joint fit.
   EXPECT_GE(settled, modes == 1 ? 100 : 90);
 }
 
 INSTANTIATE_TEST_SUITE_P(Modes, FitBatch, testing::Values(1, 2, 3));
 
-// Where no light is spread, Sigma's estimate lies on the boundary of the positive ones for most.
+// If no light is spread, most estimates of Sigma lie on the boundary of the positive cone.
 TEST(FitBatch, ReachesTheBoundaryOfPositiveSigma) {
   const SampleLayout layout = four_sweeps(4.0);
   std::mt19937 random(10);
@@ -170,7 +169,7 @@ TEST(FitBatch, ReachesTheBoundaryOfPositiveSigma) {
     ++settled;
     NormalEquations there;
     evaluate(samples[i], fits[i].modes, kExtent, workspace, there);
-    // Half a standard error away at most.
+    // At most half a standard error away.
     EXPECT_NEAR(there.chi2, joint.chi2, 0.25 * 0.005 * 0.005) << i;
   }
   EXPECT_GT(settled, 150);
@@ -195,7 +194,7 @@ TEST(FindFootprints, ScatterOfOneIsTheCramerRaoBound) {
     Footprints expected = truth;
     for (int p = 0; p < 6; ++p)
       squares[static_cast<size_t>(p)] += std::pow(parameter(fit.modes[0], p) - parameter(expected[0], p), 2);
-    // The fit's own opinion of its error.
+    // The fit's own estimate of its error.
     if (fit.modes.size() == 1) {
       EXPECT_NEAR(fit.centre_sd_px[0] / (kNoise * std::hypot(sd[1], sd[2]) / std::sqrt(2.0)), 1.0, 0.35);
     }
@@ -211,7 +210,7 @@ TEST(FindFootprints, TwoOnOneLineAreBothFound) {
   std::mt19937 random(12);
   int both = 0;
   for (int trial = 0; trial < 200; ++trial) {
-    // In the sweep at 0 degrees they answer at the same place.
+    // In the sweep at 0 degrees both respond at the same position.
     Footprints truth;
     truth.push_back({.weight = 0.5, .x_px = 60.0, .y_px = 30.0, .xx_px2 = 2.0, .xy_px2 = 0.0, .yy_px2 = 2.0});
     truth.push_back(
@@ -232,7 +231,7 @@ TEST(FindFootprints, TwoSigmaApartIsEnoughAndOneIsNotTwo) {
   int both = 0, more = 0;
   constexpr int kTrials = 400;
   for (int trial = 0; trial < kTrials; ++trial) {
-    // Two of the answered width apart, so that along their line the sweeps show no dip.
+    // Two response widths apart, so the sweeps show no dip along their line.
     const double turn = angle(random), apart = 2.0 * std::sqrt(4.0 * 4.0 + 4.0 + 1.0 / 12.0);
     Footprints two, one;
     for (const double side : {-0.5, 0.5}) {
@@ -262,7 +261,7 @@ TEST(FindFootprints, NothingIsFoundInNoise) {
   int found_any = 0;
   for (int trial = 0; trial < 300; ++trial)
     found_any += found({}, layout, 0.01, random).modes.empty() ? 0 : 1;
-  // It takes a 3.5 sd rise in four sweeps on lines that meet.
+  // A false mode needs a 3.5 sd peak in four sweeps on lines that meet.
   EXPECT_LE(found_any, 3);
 }
 

@@ -1,5 +1,4 @@
-// One- and two-Gaussian fits against Ceres on the same windows, and against the least scatter that noise
-// allows.
+// Compares one- and two-Gaussian fits with Ceres on the same windows, and with the Cramer-Rao bound.
 #include "solver/gaussian/line_fit.h"
 
 #include <ceres/ceres.h>
@@ -18,7 +17,7 @@ double gaussian(double a, double mu, double sigma, double k) {
   return a * std::exp(-0.5 * z * z);
 }
 
-// Responses of `count` samples each, and a window round the middle of each.
+// Responses of `count` samples each, and a window around the middle of each.
 struct Lines {
   std::vector<float> samples;
   std::vector<LineWindow> windows;
@@ -94,16 +93,16 @@ TEST(FitSingle, IsThatOfCeres) {
   for (size_t i = 0; i < fits.size(); ++i) {
     ASSERT_TRUE(fits[i].settled) << i;
     const std::vector<double> reference = ceres_fit(lines.windows[i], {0.7, 0.0, 3.0});
-    // Settled means that the last step was below 1e-3 sigma; convergence is linear at worst at the ratio of
-    // noise to amplitude, so what is left is far below.
+    // Settled means that the last step was below 1e-3 sigma; convergence is at worst linear at the ratio of
+    // noise to amplitude, so the remaining error is far smaller.
     EXPECT_NEAR(static_cast<double>(fits[i].peak.amplitude), reference[0], 2e-4);
     EXPECT_NEAR(static_cast<double>(fits[i].peak.centre), reference[1], 1e-3);
     EXPECT_NEAR(static_cast<double>(fits[i].peak.sigma), reference[2], 1e-3);
   }
 }
 
-// The bound for a Gaussian on a unit grid: sd(mu) = noise/a sqrt(2 sigma / sqrt(pi)), the same for sigma but
-// that sigma and a share information: sd(sigma) is the same.
+// The bound for a Gaussian on a unit grid: sd(mu) = noise/a sqrt(2 sigma / sqrt(pi)), and the same for sigma
+// although sigma and a share information.
 TEST(FitSingle, ScattersAsLittleAsNoiseAllows) {
   constexpr int kTrials = 20000;
   constexpr double kNoise = 0.005, kSigma = 2.4;
@@ -179,7 +178,7 @@ struct Block {
   SweepBlock sweep;
 };
 
-// Every lane the same truth, each with its own noise.
+// The same truth in every lane, with independent noise.
 Block block_of(const std::vector<LineGaussian>& modes, int count, double noise_sd, unsigned seed) {
   std::mt19937 random(seed);
   std::normal_distribution<double> noise(0.0, 1.0);
@@ -223,7 +222,7 @@ TEST(Peaks, ComeBackWithPlaceAndWidth) {
     EXPECT_NEAR(peaks.peaks[0].centre_px, -10.0 + 2.0 * 60.3, 5.0 * 2.0 * 0.0037);
     EXPECT_NEAR(peaks.peaks[0].sigma_px, 5.0, 5.0 * 2.0 * 0.0037);
     EXPECT_NEAR(peaks.peaks[1].centre_px, 190.0, 5.0 * 2.0 * 0.013);
-    // Cut off by the sweep's end: its place is known to a step.
+    // Cut off by the sweep's end: its position is known to a step.
     EXPECT_NEAR(peaks.peaks[2].centre_px, -8.0, 2.0);
   }
 }

@@ -39,7 +39,7 @@ PixelSamples recorded(const Footprints& modes, const SampleLayout& layout, doubl
   PixelSamples samples{.layout = &layout, .y = {}, .weight = {}};
   samples.y.resize(static_cast<size_t>(layout.padded_count()));
   samples.weight.resize(samples.y.size());
-  std::normal_distribution<double> normal;  // of no width would be undefined
+  std::normal_distribution<double> normal;  // a width of 0 would be undefined
   for (const SampleLayout::Sweep& sweep : layout.sweeps) {
     for (int i = 0; i < sweep.count; ++i) {
       const auto place = static_cast<size_t>(sweep.first + i);
@@ -53,7 +53,7 @@ PixelSamples recorded(const Footprints& modes, const SampleLayout& layout, doubl
 
 JointFit solved(const PixelSamples& samples, double noise_sd, int max_modes) {
   const SampleLayout& layout = *samples.layout;
-  // Peaks by the finder itself, this pixel in the first lane.
+  // Uses the peak finder with this pixel in the first lane.
   std::vector<std::vector<float>> lanes;
   std::vector<SweepBlock> blocks;
   for (const SampleLayout::Sweep& sweep : layout.sweeps) {

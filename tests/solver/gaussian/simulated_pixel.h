@@ -1,5 +1,5 @@
-// One pixel's channel in front of a monitor of 128 x 96 px, swept in four directions: what it would record,
-// what the solver makes of it, and how well anybody could do.
+// One pixel's channel in front of a monitor of 128 x 96 px, swept in four directions: its samples, the
+// solver's result, and the Cramer-Rao bound.
 #pragma once
 
 #include <random>
@@ -21,7 +21,7 @@ double answer(const Footprints& modes, const SampleLayout& layout, const SampleL
 PixelSamples recorded(const Footprints& modes, const SampleLayout& layout, double noise_sd,
                       std::mt19937& random);
 
-// Peaks, then the search, as the solver does it for a pixel.
+// Solves a pixel: peaks, then the search.
 JointFit solved(const PixelSamples& samples, double noise_sd, int max_modes = kMaxFootprints);
 
 // The Cramer-Rao bound of (R, x, y, xx, xy, yy) of each mode, for noise of standard deviation 1.

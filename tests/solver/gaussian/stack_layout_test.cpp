@@ -47,7 +47,8 @@ TEST(LayOut, SortsSweepsAndNeverReadsAReference) {
   ASSERT_EQ(layout.sweeps.size(), 3u);
   for (const SweepLayout& sweep : layout.sweeps)
     EXPECT_TRUE(std::is_sorted(sweep.r_px.begin(), sweep.r_px.end()));
-  const std::vector<int> needed = make_method("gaussian", {}).value()->frames_needed(manifest).value();
+  const std::vector<int> needed =
+      make_method("gaussian", {}).value()->prepare(manifest).value()->frames_needed();
   EXPECT_EQ(std::count(needed.begin(), needed.end(), manifest.frames_size() - 1), 0);
 }
 

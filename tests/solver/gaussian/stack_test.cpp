@@ -1,4 +1,4 @@
-// Whole stacks of frames, good and bad, with a matte that is known.
+// Whole stacks of frames, valid and invalid, with a known matte.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -16,13 +16,13 @@ constexpr int kWidth = 12, kHeight = 6;
 constexpr MonitorExtent kMonitor{.width_px = 96.0, .height_px = 64.0};
 constexpr double kNoise = 0.002, kForeground = 0.03;
 
-// Frames of a small camera: left of the middle the object, right of it the bare monitor, dark.
+// Frames of a small camera: the object left of the middle, the bare, dark monitor right of it.
 class SimulatedStack {
  public:
   using Truth = Footprints (*)(int x, int y);
 
-  // `fade`: what the monitor has lost at the end, evenly in time, of its light in the first white before the
-  // object.
+  // `fade`: the share of its light that the monitor loses, linearly in time, from the first white with the
+  // object to the end.
   explicit SimulatedStack(Truth truth, std::vector<double> exposures = {1.0}, int white_every = 0,
                           double fade = 0.0)
       : truth_(truth), fade_(fade) {
@@ -56,6 +56,7 @@ class SimulatedStack {
   }
 
   v1::CaptureManifest& manifest() { return manifest_; }
+  const v1::CaptureManifest& manifest() const { return manifest_; }
   std::vector<std::uint16_t>& frame(int i) { return frames_[static_cast<size_t>(i)]; }
   void remove(int i) {
     manifest_.mutable_frames()->DeleteSubrange(i, 1);
@@ -69,8 +70,11 @@ class SimulatedStack {
     add(stimulus, false, 1.0);
   }
   FrameStack stack() const {
-    FrameStack stack{
-        .manifest = manifest_, .first_row = 0, .row_count = kHeight, .rows = {}, .owner = nullptr};
+    FrameStack stack{.width_px = manifest_.camera().width_px(),
+                     .first_row = 0,
+                     .row_count = kHeight,
+                     .rows = {},
+                     .owner = nullptr};
     for (const auto& frame : frames_) stack.rows.push_back(frame);
     return stack;
   }
@@ -85,7 +89,9 @@ class SimulatedStack {
       return absl::StatusOr<std::vector<std::uint16_t>>(samples);
     });
   }
-  Matte solve() const { return solve_in_bands(*make_method("gaussian", {}).value(), stack(), 2).value(); }
+  Matte solve() const {
+    return solve_in_bands(*make_method("gaussian", {}).value(), manifest_, stack(), 2).value();
+  }
 
  private:
   double radiance(const v1::Stimulus& stimulus, bool object, int x, int y) const {
@@ -152,7 +158,7 @@ Footprints one(int x, int y) {
   return modes;
 }
 
-// A bright view and a reflection a fortieth as bright.
+// A bright view and a reflection with a fortieth of its light.
 Footprints bright_and_dim(int x, int y) {
   Footprints modes = one(x, y);
   modes[0].weight = 0.9;
@@ -161,7 +167,7 @@ Footprints bright_and_dim(int x, int y) {
   return modes;
 }
 
-// Five of its own standard errors: one in a million of what is compared lies beyond.
+// Five standard errors: one comparison in a million lies beyond.
 void expect_mode(const Mode& found, const Footprint& truth) {
   EXPECT_NEAR(static_cast<double>(found.weight), truth.weight, 5.0 * static_cast<double>(found.weight_sd));
   const double reach = 5.0 * static_cast<double>(found.centre_sd_px);
@@ -200,8 +206,9 @@ TEST(Stack, GivesBackTheMatte) {
 TEST(Stack, WithoutOrientationWidthsAlongTheAxesStay) {
   SimulatedStack simulated(one);
   const Matte oriented = simulated.solve();
-  const Matte upright =
-      solve_in_bands(*make_method("gaussian", {{"oriented", "0"}}).value(), simulated.stack()).value();
+  const Matte upright = solve_in_bands(*make_method("gaussian", {{"oriented", "0"}}).value(),
+                                       simulated.manifest(), simulated.stack())
+                            .value();
   for_object(upright, [&](int x, int y, const Matte& m) {
     for (int c = 0; c < kChannels; ++c) {
       const Mode &a = oriented.modes(x, y, c)[0], &b = m.modes(x, y, c)[0];
@@ -216,7 +223,7 @@ TEST(Stack, WithoutOrientationWidthsAlongTheAxesStay) {
 
 TEST(Stack, AMissingStepIsAnUnevenSweep) {
   SimulatedStack simulated(one);
-  // Of the first sweep, the step before the middle of most peaks; of the third, two in a row.
+  // In the first sweep, the step before the middle of most peaks; in the third, two in a row.
   simulated.remove(4 + 31);
   simulated.remove(4 + 69 + 70 + 40);
   simulated.remove(4 + 69 + 70 + 40);
@@ -227,7 +234,7 @@ TEST(Stack, BracketsHoldBrightAndDim) {
   expect_truth(SimulatedStack(bright_and_dim, {1.0, 16.0}).solve(), bright_and_dim);
 }
 
-// A rough surface: what it reflects is spread over much of the monitor, and its answer to a stripe is 2 % of
+// A rough surface: its reflection is spread over much of the monitor, and its response to a stripe is 2 % of
 // full scale.
 Footprints rough(int x, int y) {
   Footprints modes;
@@ -251,7 +258,7 @@ TEST(Stack, BracketsGiveDimSurfacesTheSignalThatTheNoiseModelPromises) {
   const double gain_db = 20.0 * std::log10(single / bracket);
   std::printf("rough surface: weight off by %.2f %% rms at 1x, %.3f %% with 1x, 4x and 16x: %.1f dB less\n",
               100.0 * single / 0.05, 100.0 * bracket / 0.05, gain_db);
-  // Read noise alone: 1 + 16 + 256 as much information. Each rms of 108 weights has an error of 1 /
+  // Read noise only: 1 + 16 + 256 times the information. Each rms of 108 weights has an error of 1 /
   // sqrt(216).
   EXPECT_NEAR(gain_db, 10.0 * std::log10(273.0), 4.0 * 20.0 * std::log10(1.0 + std::sqrt(2.0 / 216.0)));
 }
@@ -272,12 +279,13 @@ TEST(Stack, AMonitorThatFadesBiasesWeightsUnlessWhiteIsShownAgain) {
   stack.brightness = simulated.drift().value();
   for (size_t i = 1; i < stack.brightness.size(); ++i) {
     // Sums over 216 samples of about 0.5 with a noise of 0.002, twice and over two frames each: 0.0005.
-    if (stack.manifest.frames(static_cast<int>(i)).object()) {
+    if (simulated.manifest().frames(static_cast<int>(i)).object()) {
       EXPECT_NEAR(static_cast<double>(stack.brightness[i]),
                   1.0 - 0.06 * (static_cast<double>(i) - 1.0) / 300.0, 5.0 * 0.0005);
     }
   }
-  const Matte matte = solve_in_bands(*make_method("gaussian", {}).value(), stack, 2).value();
+  const Matte matte =
+      solve_in_bands(*make_method("gaussian", {}).value(), simulated.manifest(), stack, 2).value();
   expect_truth(matte, one);
   EXPECT_NEAR(mean_weight(matte) / 0.6, 1.0, 5.0 * 0.0005);
 }
@@ -325,14 +333,14 @@ TEST(Stack, FallOffIsTakenOutOfTheMatte) {
   }
   calibration.mutable_fall_off()->set_r4(-0.8);
   const auto method = make_method("gaussian", {}).value();
-  const absl::Status status = solve_in_bands(*method, simulated.stack(), 1).status();
+  const absl::Status status = solve_in_bands(*method, simulated.manifest(), simulated.stack(), 1).status();
   EXPECT_TRUE(absl::IsInvalidArgument(status));
   EXPECT_NE(std::string(status.message()).find("fall-off"), std::string::npos) << status;
 }
 
 TEST(Stack, GainMakesBrightSamplesCountLess) {
   SimulatedStack simulated(one);
-  // Its noise is even, whatever the manifest says: then the fit is not the best, but no worse than said.
+  // The noise is uniform, unlike the manifest's: the fit is not optimal, but within its standard errors.
   simulated.manifest().mutable_camera()->set_gain(1e-5);
   expect_truth(simulated.solve(), one);
 }
@@ -349,7 +357,7 @@ TEST(Stack, PixelsThatSeeAnIdPatchAreFlaggedAndOthersAreNot) {
   const auto lit = [](int frame) { return static_cast<std::uint16_t>(frame % 3 == 0 ? 30000 : 200); };
   const int before = simulated.manifest().frames_size();
   for (const std::uint32_t id : {0x0000u, 0xffffu, 0xaaaau}) simulated.add_patch(id);
-  // The lowest row sees a cell; in every frame another id is shown.
+  // The lowest row sees a cell; every frame shows another id.
   for (int i = 0; i < simulated.manifest().frames_size(); ++i) {
     const size_t row = static_cast<size_t>(kWidth) * 3;
     std::fill(simulated.frame(i).end() - static_cast<std::ptrdiff_t>(row), simulated.frame(i).end(), lit(i));
@@ -396,7 +404,7 @@ TEST(Stack, AWidthThatIsALieIsRefused) {
   SimulatedStack simulated(one);
   simulated.manifest().mutable_camera()->set_width_px(kWidth + 1);
   const auto method = make_method("gaussian", {}).value();
-  const absl::Status status = solve_in_bands(*method, simulated.stack(), 1).status();
+  const absl::Status status = solve_in_bands(*method, simulated.manifest(), simulated.stack(), 1).status();
   EXPECT_TRUE(absl::IsInvalidArgument(status));
   EXPECT_NE(std::string(status.message()).find("frames/"), std::string::npos) << status;
 }
@@ -406,7 +414,8 @@ TEST(Stack, StopsWhenAsked) {
   std::stop_source stop;
   stop.request_stop();
   const SimulatedStack simulated(one);
-  EXPECT_TRUE(absl::IsCancelled(solve_in_bands(*method, simulated.stack(), 1, stop.get_token()).status()));
+  EXPECT_TRUE(absl::IsCancelled(
+      solve_in_bands(*method, simulated.manifest(), simulated.stack(), 1, stop.get_token()).status()));
 }
 
 }  // namespace

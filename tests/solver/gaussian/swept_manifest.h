@@ -1,4 +1,4 @@
-// A capture as the gaussian method wants it, of a small monitor: solids, bars, and four sweeps.
+// A capture for method gaussian on a small monitor: solids, bars and four sweeps.
 #pragma once
 
 #include <cmath>
@@ -29,7 +29,7 @@ inline void add_frame(v1::CaptureManifest& manifest, bool object, const v1::Stim
   *frame.mutable_stimulus() = stimulus;
 }
 
-// Stripes of 4 px, 2 px apart, to 6 px past the edges.
+// Stripes of 4 px, 2 px apart, up to 6 px past the edges.
 inline v1::CaptureManifest swept_manifest() {
   v1::CaptureManifest manifest;
   v1::Monitor& monitor = *manifest.add_monitors();

@@ -13,7 +13,7 @@
 namespace glasswing {
 namespace {
 
-// What a monitor would show if the parts' pictures were added up: black keeps no light of its own.
+// The picture of a monitor that adds up the parts' pictures; black has no light of its own.
 RadianceImage sum_of(const v1::CaptureManifest& recorded, const std::vector<Part>& parts) {
   RadianceImage sum(kSwept.width_px, kSwept.height_px);
   for (const Part& part : parts) {
@@ -68,19 +68,18 @@ TEST(StripeSums, RefuseWhatStripesAreTooWideFor) {
   EXPECT_TRUE(absl::IsFailedPrecondition(sums.parts(stripe_at(30.0, 20.0, 7.0), 30.0).status()));
 }
 
-TEST(MadeStack, SumsRowsAndKeepsWhatIsSaturated) {
+TEST(SynthesizedStack, SumsRowsAndKeepsWhatIsSaturated) {
   v1::CaptureManifest recorded = swept_manifest();
   recorded.mutable_camera()->set_width_px(1);
   recorded.mutable_camera()->set_height_px(1);
   const std::vector<std::uint16_t> dim{1000, 2000, 3000}, bright{5000, 65535, 7000};
-  FrameStack stack{
-      .manifest = recorded, .first_row = 0, .row_count = 1, .rows = {dim, bright}, .owner = nullptr};
+  FrameStack stack{.width_px = 1, .first_row = 0, .row_count = 1, .rows = {dim, bright}, .owner = nullptr};
   stack.zero = 500.0f;
-  MadeCapture capture{.manifest = recorded, .parts = {}};
+  SynthesizedCapture capture{.manifest = recorded, .parts = {}};
   capture.manifest.clear_frames();
   capture.add(recorded.frames(0), {{.frame = 0, .weight = 0.5}, {.frame = 1, .weight = 2.0}});
   capture.add(recorded.frames(1), {{.frame = 1, .weight = 1.0}});
-  const FrameStack made = made_stack(stack, capture, {0, 1});
+  const FrameStack made = synthesized_stack(stack, capture, {0, 1});
   EXPECT_EQ(made.rows[0][0], 500 + 250 + 9000);
   EXPECT_GE(made.rows[0][1], kSaturatedCode);
   EXPECT_EQ(made.rows[1].data(), bright.data()) << "what is recorded need not be copied";
@@ -95,7 +94,7 @@ TEST(FewerImages, NeverTakesMoreThanItMayAndCanBeLaidOut) {
   const v1::CaptureManifest recorded = swept_manifest();
   double before_px = INFINITY;
   for (int images = kMinImages; images < patterns_in(recorded); images += 7) {
-    const MadeCapture fewer = fewer_images(recorded, images).value();
+    const SynthesizedCapture fewer = fewer_images(recorded, images).value();
     EXPECT_LE(patterns_in(fewer.manifest), images);
     EXPECT_GT(patterns_in(fewer.manifest), images / 2);
     const StackLayout layout = lay_out(fewer.manifest).value();
@@ -105,7 +104,7 @@ TEST(FewerImages, NeverTakesMoreThanItMayAndCanBeLaidOut) {
     EXPECT_LE(layout.sweeps.front().sigma_px, before_px) << "more images are never worse spent";
     before_px = layout.sweeps.front().sigma_px;
   }
-  const MadeCapture all = fewer_images(recorded, patterns_in(recorded)).value();
+  const SynthesizedCapture all = fewer_images(recorded, patterns_in(recorded)).value();
   EXPECT_EQ(all.parts.size(), static_cast<size_t>(recorded.frames_size()));
 }
 

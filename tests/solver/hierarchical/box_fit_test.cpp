@@ -36,7 +36,7 @@ struct Truth {
   Samples3 weight{};
 };
 
-// What a pixel sees whose boxes are these, one on each monitor.
+// The samples of a pixel with these boxes, one on each monitor.
 class SimulatedPixel {
  public:
   SimulatedPixel(const std::vector<BoxMonitor>& monitors, bool black, double noise, unsigned seed)
@@ -56,7 +56,7 @@ class SimulatedPixel {
       for (size_t c = 0; c < kChannels; ++c) pixel_.samples[m][p].radiance[c] += truth.weight[c] * lit;
     }
   }
-  // The object leaves a part of what lies behind uncovered.
+  // The object leaves part of the background uncovered.
   void straight(size_t m, const Truth& behind, double part) {
     pixel_.has_straight = true;
     for (size_t p = 0; p < monitors_[m].patterns.size(); ++p) {
@@ -99,9 +99,9 @@ class SimulatedPixel {
 
 const Truth kBox{{30.2, 41.5}, {20.0, 23.6}, {0.7, 0.5, 0.3}};
 
-// Bars that share edges leave some boxes alike: what is found sees of every wave what the truth does. Of K
-// waves, the best fit is no further from what was seen than the truth is, so no further from the truth than
-// twice the noise of all: sqrt(K) of one's, and six more to be sure.
+// Bars that share edges make some boxes indistinguishable, so the test compares the waves as seen by the
+// result and by the truth. The best fit is no further from the samples than the truth is, so it is within
+// twice the total noise of the truth: sqrt(K) of one of K waves, plus six as a margin.
 void expect_box(const BoxMonitor& monitor, const PixelBox& found, const Truth& truth) {
   ASSERT_TRUE(found.seen);
   const std::array<Interval, 2> sides{truth.x, truth.y};
@@ -131,11 +131,11 @@ TEST(BoxFit, FindsBoxLightAndForeground) {
   expect_box(monitors[0], fit.boxes[0], kBox);
   EXPECT_NEAR(fit.foreground[1], 0.1, 6.0 * kNoise / std::sqrt(15.0));
   EXPECT_EQ(fit.straight, 0.0);
-  // Chi-square of n samples less unknowns: within six standard deviations, sqrt(2 n).
+  // Chi-square of n samples minus unknowns: within six standard deviations of sqrt(2 n).
   EXPECT_NEAR(fit.chi_square, fit.sample_count, 6.0 * std::sqrt(2.0 * fit.sample_count) + 11.0);
 }
 
-// Without black and white: waves and complements tell F and R by themselves.
+// Without black and white: waves and complements suffice for F and R.
 TEST(BoxFit, NeedsNoSolids) {
   const std::vector<BoxMonitor> monitors{monitor(false, true)};
   BoxFitter fitter(monitors);
@@ -176,7 +176,7 @@ TEST(BoxFit, OneBoxOnEachMonitor) {
   EXPECT_EQ(one.boxes[1].weight, Samples3{});
 }
 
-// Half of the pixel shows what lies straight behind, the other half a box elsewhere.
+// Half of the pixel shows the background straight behind, the other half a box elsewhere.
 TEST(BoxFit, PartialCoverIsFound) {
   const std::vector<BoxMonitor> monitors{monitor(true, true)};
   BoxFitter fitter(monitors);
@@ -187,7 +187,7 @@ TEST(BoxFit, PartialCoverIsFound) {
   simulated.straight(0, behind, 0.4);
   const BoxFit fit = fitter.fit(simulated.pixel());
   expect_box(monitors[0], fit.boxes[0], kBox);
-  // Some thirty samples a channel tell of it, each as surely as its noise.
+  // Some thirty samples per channel determine it.
   EXPECT_NEAR(fit.straight, 0.4, 6.0 * kNoise);
   SimulatedPixel whole(monitors, true, kNoise, 7);
   whole.foreground({0.02, 0.02, 0.02});
@@ -196,7 +196,7 @@ TEST(BoxFit, PartialCoverIsFound) {
   EXPECT_EQ(fitter.fit(whole.pixel()).straight, 0.0);
 }
 
-// Two places at once are no box: it says so.
+// Two positions at once are not a box: the fit reports it.
 TEST(BoxFit, TwoPlacesLeaveMoreThanNoise) {
   const std::vector<BoxMonitor> monitors{monitor(true, true)};
   BoxFitter fitter(monitors);

@@ -1,4 +1,4 @@
-// Whole stacks of frames solved by `hierarchical` and `alpha`, good and bad, with a matte that is known.
+// Whole stacks of frames, valid and invalid, solved by `hierarchical` and `alpha`, with a known matte.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -19,7 +19,7 @@ namespace {
 constexpr int kWidth = 24, kHeight = 8;  // camera and, twice as large, monitor
 constexpr MonitorSize kMonitor{.width_px = 2 * kWidth, .height_px = 2 * kHeight};
 constexpr double kNoise = 0.002;
-constexpr double kForeground = 0.04, kRoom = 0.01;  // of the object, and of what lies behind
+constexpr double kForeground = 0.04, kRoom = 0.01;  // of the object, and of the background
 
 const std::vector<BarWave> kHalves{{32.0}, {16.0}, {8.0}, {4.0}, {2.0}, {1.0}};
 const std::vector<BarWave> kGrayCode{{64.0, 32.0}, {32.0, 16.0}, {16.0, 8.0},
@@ -32,7 +32,7 @@ struct Capture {
   std::vector<double> exposures{1.0};  // ms
 };
 
-// Left of the middle the object: each pixel sees a box of its own. Right of it the bare monitor, straight.
+// Left of the middle the object: each pixel sees its own box. Right of it the bare monitor, straight behind.
 Mode truth(int x, int y, bool object) {
   Mode mode{.weight = 0.8f};
   if (!object || x >= kWidth / 2) {
@@ -106,7 +106,7 @@ class SimulatedStack {
                               const MethodOptions& options = {}) const {
     const auto made = make_method(method, options);
     if (!made.ok()) return made.status();
-    return solve_in_bands(**made, stack(), 2);
+    return solve_in_bands(**made, manifest_, stack(), 2);
   }
 
  private:
@@ -147,9 +147,9 @@ Interval side_of(float centre_px, float variance_px2) {
           .high_px = static_cast<double>(centre_px) + half_px};
 }
 
-// Bars that share edges leave some boxes alike: what is found sees of every wave what the truth does. Of K
-// waves, the best fit is no further from what was seen than the truth is, so no further from the truth than
-// twice the noise of all: sqrt(K) of one's, and six more to be sure.
+// Bars that share edges make some boxes indistinguishable, so the test compares the waves as seen by the
+// result and by the truth. The best fit is no further from the samples than the truth is, so it is within
+// twice the total noise of the truth: sqrt(K) of one of K waves, plus six as a margin.
 void expect_side(const std::vector<BarWave>& waves, int extent_px, const Interval& found,
                  const Interval& truth) {
   const WaveAxis axis(waves, extent_px);
@@ -202,7 +202,7 @@ TEST(Hierarchical, WithoutSolidsOrAnEmptyStage) {
   const Matte matte = SimulatedStack({.solids = false, .empty_stage = false}).solve().value();
   expect_truth(matte);
   for (int y = 0; y < kHeight; ++y) EXPECT_NEAR(matte.foreground(0, y)[0], kForeground, 6.0 * kNoise / 3.0);
-  // Nothing was taken without the object: every pixel is solved.
+  // Nothing was recorded without the object: every pixel is solved.
   EXPECT_EQ(matte.coverage(kWidth - 1, 0), 1.0f);
   EXPECT_NEAR(matte.modes(kWidth - 1, 0, 0)[0].x_px, 2.0 * kWidth - 1.0, 0.2);
 }
@@ -215,7 +215,7 @@ TEST(Hierarchical, NoiseFromWavesAndComplements) {
   expect_truth(SimulatedStack({.empty_stage = false, .noise_model = false}).solve().value());
 }
 
-// Places that the other waves do not tell apart are no secret.
+// The matte warns of positions that the remaining waves cannot distinguish.
 TEST(Hierarchical, AMissingLevelIsToldOf) {
   SimulatedStack stack({.empty_stage = false});
   EXPECT_TRUE(stack.solve()->metadata.warnings().empty());
@@ -287,12 +287,12 @@ TEST(Hierarchical, OptionsAreChecked) {
   refused("alpha", {{"a3", "1"}}, "it has: backings, a1, a2");
 }
 
-// The object as alpha sees it: light of its own, and what lies behind not at all.
+// The object as alpha sees it: light of its own and no background.
 TEST(Alpha, SolidsTellHowMuchIsSeenThrough) {
   const Matte matte = SimulatedStack({}).solve("alpha").value();
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth / 2; ++x) {
-      // Before solids it looks clear: they do not show that the light comes from elsewhere.
+      // On solids it looks transparent: they do not show that the light comes from elsewhere.
       EXPECT_NEAR(matte.coverage(x, y), 0.0, 6.0 * kNoise);
       EXPECT_NEAR(matte.foreground(x, y)[1], kForeground, 6.0 * 2.0 * kNoise);
       EXPECT_NEAR(matte.modes(x, y, 1)[0].weight, 0.8,

@@ -26,7 +26,7 @@ double square(const BarWave& wave, double t_px) {
   return std::fmod(bar, 2.0) == 0.0 ? 1.0 : -1.0;
 }
 
-// The mean of a wave, summed up at 1/64 px: exact for ends that lie on that grid.
+// The mean of a wave, summed at 1/64 px: exact for ends on that grid.
 double brute_force(const BarWave& wave, const Interval& interval) {
   constexpr double kStep_px = 1.0 / 64.0;
   double sum = 0.0;
@@ -59,7 +59,7 @@ struct Case {
   int extent_px;
 };
 
-// What a footprint sees that is an interval, two intervals or a ramp, with noise.
+// The samples of a footprint that is an interval, two intervals or a ramp, with noise.
 std::vector<WaveAxis::Seen> simulate(const Case& c, const WaveAxis& axis, std::mt19937& random) {
   std::uniform_real_distribution<double> unit(0.0, 1.0);
   std::normal_distribution<double> noise(0.0, kNoise);
@@ -79,7 +79,7 @@ std::vector<WaveAxis::Seen> simulate(const Case& c, const WaveAxis& axis, std::m
   return seen;
 }
 
-// Every interval on the grid is tried: none may be better than what the search finds.
+// Tries every interval on the grid: none may be better than the search's result.
 TEST(WaveAxis, SearchFindsWhatExhaustiveSearchFinds) {
   std::mt19937 random(7);
   for (const Case& c : {Case{halves(64.0, 7), 128}, Case{halves(64.0, 5), 90}, Case{gray_code(7), 96},
@@ -99,8 +99,8 @@ TEST(WaveAxis, SearchFindsWhatExhaustiveSearchFinds) {
   }
 }
 
-// Between the points of the grid too: an interval that was seen without noise explains the waves. Shifts look
-// no further than a point of the grid, so now and then they end beside it.
+// Between grid points too: without noise the interval is recovered. Shifts reach no further than a grid
+// point, so a few end beside it.
 TEST(WaveAxis, EndsLieBetweenPixels) {
   constexpr float kWeight = 1e4f;
   const std::vector<BarWave> waves = halves(64.0, 7);
@@ -115,15 +115,15 @@ TEST(WaveAxis, EndsLieBetweenPixels) {
     std::vector<WaveAxis::Seen> seen;
     for (const double u : v) seen.push_back({.u = static_cast<float>(u), .weight = kWeight});
     const IntervalFit fit = axis.search(seen);
-    // Ends come in steps of 1/64 px, and each moves v by twice its own length over the interval's at most.
-    // The interval's length costs 1 at most.
+    // Ends are quantised to 1/64 px; a step changes v by at most twice its length over the interval's. The
+    // interval's length costs at most 1.
     const double step = 2.0 / (64.0 * length);
     found += fit.cost <= kWeight * static_cast<double>(waves.size()) * 4.0 * step * step + 1.0 ? 1 : 0;
   }
   EXPECT_GE(found, 95);
 }
 
-// [39.5, 40.5] and [36, 44] see the same of bars that all have an edge at 40 px: nothing of any.
+// [39.5, 40.5] and [36, 44] see the same of bars that all have an edge at 40 px: v = 0 for all.
 TEST(WaveAxis, OfIntervalsThatAreAlikeTheShortestIsTaken) {
   const std::vector<BarWave> waves = halves(8.0, 4);
   const WaveAxis axis(waves, 48);

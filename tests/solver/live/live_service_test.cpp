@@ -1,5 +1,5 @@
-// The whole way of a live composite in one process, over real channels: a simulated monitor and camera before
-// which a drop wobbles, the server that shows the ramp, and the solver.
+// The whole path of a live composite in one process, over real channels: a simulated monitor and camera with
+// a wobbling drop, the server that shows the ramp, and the solver.
 #include "solver/live/live_service.h"
 
 #include <gtest/gtest.h>
@@ -36,7 +36,7 @@ using std::chrono::milliseconds;
 
 constexpr int kWidth_px = 320, kHeight_px = 240;
 
-// Long waves: what a place that is off by a pixel changes can be told.
+// Long waves: the effect of a position error of one pixel is known.
 RadianceImage waves() {
   RadianceImage picture(kWidth_px, kHeight_px);
   for (int y = 0; y < kHeight_px; ++y) {
@@ -117,7 +117,7 @@ class LiveTest : public testing::Test {
     display_host_->stop(milliseconds(500));
     fs::remove_all(data_);
   }
-  // The rig is free once a call that holds it is gone, which takes a moment.
+  // The rig is released shortly after the call that holds it ends.
   bool becomes_free() {
     const nanoseconds until = monotonic_now() + std::chrono::seconds(20);
     while (monotonic_now() < until) {
@@ -183,7 +183,7 @@ v1::RunLiveRequest picture_of(const RadianceImage& picture) {
   return request;
 }
 
-// How far composites are from what the simulated camera would see of the background, radiance.
+// The error of composites relative to the simulated camera's view of the background, radiance.
 struct Errors {
   std::vector<float> object, stage;
   float median(std::vector<float> Errors::*part) {
@@ -267,7 +267,7 @@ TEST_F(LiveTest, RefusesWhatCannotBe) {
     const auto live = live_stub_->RunLive(&context);
     live->Write(first);
     if (second) live->Write(*second);
-    // Its end comes without this side's.
+    // The server ends the call before this side does.
     for (v1::RunLiveResponse response; live->Read(&response);) {
     }
     return live->Finish();
@@ -301,10 +301,10 @@ TEST_F(LiveTest, RefusesWhatCannotBe) {
   no_picture.set_picture("no picture");
   no_picture.set_picture_ends(true);
   EXPECT_EQ(status_of(start_of(*rig), no_picture).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
-  // The monitors are black: that is no ramp.
+  // The monitors are black: no ramp.
   ramp_context.TryCancel();
   ASSERT_TRUE(becomes_free());
-  // Some or all of the first frames may still be of the ramp: then these are refused, or those that follow.
+  // Some or all of the first frames may still show the ramp: then later ones are refused.
   const grpc::Status dark = status_of(start_of(*rig), picture_of(waves()));
   EXPECT_EQ(dark.error_code(), grpc::StatusCode::FAILED_PRECONDITION) << dark.error_message();
 }

@@ -1,4 +1,4 @@
-// Brackets of one light, merged: right on average, and as little noise as can be.
+// Merged brackets of one light are unbiased and reach the noise bound.
 #include "solver/method/exposure_merge.h"
 
 #include <gtest/gtest.h>
@@ -17,10 +17,10 @@ constexpr SampleNoise kNoise{.read_sd = 0.004, .gain = 2e-4};
 const Shot kShot = {
     {.frame = 0, .scale = 1.0}, {.frame = 1, .scale = 1.0 / 4.0}, {.frame = 2, .scale = 1.0 / 16.0}};
 
-// Frames of one row whose samples all are `light` before a camera with kNoise, on a pedestal.
+// Frames of one row whose samples are all `light`, with kNoise and on a pedestal.
 struct Bracket {
   explicit Bracket(double light) {
-    stack.manifest.mutable_camera()->set_width_px(kTrials / 3);
+    stack.width_px = kTrials / 3;
     stack.row_count = 1;
     stack.zero = 8000.0f;
     stack.unit = 1.0f / 50000.0f;

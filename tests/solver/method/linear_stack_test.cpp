@@ -1,4 +1,4 @@
-// Codes made light: by curves, crosstalk and drift that are known.
+// Converts codes to light with known curves, crosstalk and drift.
 #include "solver/method/linear_stack.h"
 
 #include <gtest/gtest.h>
@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kBlack = 0.05;
 
-// code = black + (1 - black) light^(1/2) above 0; straight, as steep as at light 0.0001, below.
+// code = black + (1 - black) light^(1/2) above 0; linear, as steep as at light 0.0001, below.
 double code_of(double light) {
   const double toe = 1e-4;
   return kBlack + (0.9 - kBlack) * (light > toe ? std::sqrt(light) : light / std::sqrt(toe));
@@ -74,7 +74,8 @@ TEST(LinearStack, CodesComeBackAsLight) {
     const double code = code_of(light);
     frames.push_back(even_frame(4, 2, {code, code, 0.93}));
   }
-  const FrameStack stack = LinearStack::create(manifest).value().of(stack_of(manifest, frames));
+  const LinearStack linear = LinearStack::create(manifest).value();
+  const FrameStack stack = linear.of(stack_of(manifest, frames));
   for (size_t i = 0; i < lights.size(); ++i) {
     const int frame = static_cast<int>(i);
     // Half a step of the camera's 16 bits and of the stack's, and the curve's bend between two knots: at most
@@ -83,10 +84,11 @@ TEST(LinearStack, CodesComeBackAsLight) {
     EXPECT_NEAR(static_cast<double>(stack.at(frame, 2, 1, 0)), lights[i],
                 0.5 * (step + static_cast<double>(stack.unit)) + 1e-8);
     EXPECT_LT(stack.rows[i][0], kSaturatedCode);
-    EXPECT_GE(stack.rows[i][2], kSaturatedCode);  // and it does not spread to other channels
+    EXPECT_GE(stack.rows[i][2], kSaturatedCode);  // saturation does not spread to other channels
   }
-  EXPECT_EQ(stack.manifest.camera().read_sd(), 0.002);
-  EXPECT_EQ(stack.manifest.camera().gain(), 1e-4);
+  const v1::CaptureManifest of_light = linear.manifest_of_light(manifest);
+  EXPECT_EQ(of_light.camera().read_sd(), 0.002);
+  EXPECT_EQ(of_light.camera().gain(), 1e-4);
 }
 
 TEST(LinearStack, NoiseAroundBlackKeepsItsMean) {

@@ -11,8 +11,8 @@ namespace {
 constexpr int kWidth_px = 200, kHeight_px = 150;
 using Light = ColourManifold::Light;
 
-// What a camera sees of the ramp at (x, y): primaries that are not linear, fade towards the monitor's edge,
-// and reach the camera's channels mixed.
+// A camera's view of the ramp at (x, y): the primaries are not linear, fade towards the monitor's edge, and
+// mix in the camera's channels.
 Light curved(double x, double y) {
   const double u = x / kWidth_px, v = y / kHeight_px;
   const auto bent = [](double light) { return 0.8 * std::pow(light, 1.3); };
@@ -70,7 +70,7 @@ TEST(ColourManifold, OnThePlaneEveryPlaceIsFoundExactly) {
   for (double y = 0.3; y < kHeight_px; y += 7.3) {
     for (double x = 0.3; x < kWidth_px; x += 7.1) {
       const auto found = find(manifold, flat(x, y), 0.37);
-      // Float coordinates of the table: 24 bits of 200 px, and as many of a share.
+      // Float coordinates of the table: 24 bits of 200 px, and the same for a share.
       EXPECT_NEAR(found.x_px, x, 1e-3);
       EXPECT_NEAR(found.y_px, y, 1e-3);
       EXPECT_NEAR(found.rho, 0.37, 1e-5);
@@ -95,7 +95,7 @@ TEST(ColourManifold, OnACurvedOneTooButForTheTablesCells) {
   }
 }
 
-// The paper's definition: of all points of the manifold, the nearest to the line from black.
+// The paper's definition: the point of the manifold nearest to the line from black.
 TEST(ColourManifold, AgreesWithASearchThroughAllOfIt) {
   constexpr double kStep_px = 0.5;
   const ColourManifold manifold = manifold_of(curved, kCurvedMix);
@@ -117,10 +117,10 @@ TEST(ColourManifold, AgreesWithASearchThroughAllOfIt) {
     const auto found = find(manifold, seen);
     const double own = distance_from_line(
         manifold.light(static_cast<double>(found.x_px), static_cast<double>(found.y_px)), seen);
-    if (least > 0.1) continue;  // no colour of the ramp's: the table ends an eighth beyond them
+    if (least > 0.1) continue;  // not a colour of the ramp: the table ends an eighth beyond them
     if (least > 0.01) ++outside;
-    // Where the line misses, as near as the nearest of the grid, but for the table's cells at the edge, half
-    // of one, 0.8 px, of colours that change by at most 0.006 a px.
+    // Where the line misses, as near as the nearest grid point, except for half a table cell at the edge: 0.8
+    // px of colours that change by at most 0.006 per px.
     EXPECT_LT(own, least + 0.005) << trial;
     if (least < 1e-3) {
       EXPECT_NEAR(static_cast<double>(found.x_px), best_x, 1.5 * kStep_px);

@@ -11,7 +11,7 @@ namespace {
 
 constexpr int kSide_px = 60;
 
-// A disc of one colour before another, each pixel's cover counted by 8x8 rays.
+// A disc of one colour in front of another, with each pixel's cover counted by 8x8 rays.
 struct Disc {
   std::vector<std::uint16_t> samples;
   std::vector<float> empty, cover;
@@ -49,7 +49,7 @@ struct Disc {
   RampLight light() const { return {{.width_px = kSide_px, .height_px = kSide_px, .samples = samples}, {}}; }
 };
 
-// Root mean square over the pixels at the edge.
+// Rms error over the pixels at the edge.
 double error_of(const Disc& disc, const std::vector<float>& alpha) {
   double squares = 0.0, count = 0.0;
   for (size_t i = 0; i < alpha.size(); ++i) {
@@ -60,8 +60,8 @@ double error_of(const Disc& disc, const std::vector<float>& alpha) {
   return std::sqrt(squares / count);
 }
 
-// Where the circle runs aslant a pixel may lack up to a half and still touch nothing but the object; these
-// stay whole, and show what is just inside of others a little too bright.
+// Where the circle is oblique, up to half of a pixel may be uncovered although all its neighbours are object;
+// such pixels keep alpha 1, which brightens the colour just inside of others slightly.
 TEST(PartialCover, IsTheShareOfTheObjectInTheLight) {
   const Disc disc;
   const std::vector<float> alpha = disc.alpha(1, 0.0);

@@ -43,7 +43,7 @@ Matte empty_matte(int modes) {
   return matte;
 }
 
-// What stands straight behind a camera pixel; a strip at the bottom is no part of the monitor.
+// The background of a camera pixel; a strip at the bottom is off the monitor.
 Mode behind(int x, int y) {
   if (y >= kHeight_px - 3) return {};
   return box(1.0f, (static_cast<float>(x) + 0.5f) * 1.6f, (static_cast<float>(y) + 0.5f) * 1.6f, 1.6f, 1.6f);
@@ -57,7 +57,7 @@ Matte empty_stage() {
   return matte;
 }
 
-// An object that turns and stretches what is behind it, past the monitor's edges too, with a soft rim and a
+// An object that rotates and stretches the background, also past the monitor's edges, with a soft rim and a
 // highlight.
 RampFrame object() {
   RampFrame frame(kWidth_px, kHeight_px);
@@ -118,7 +118,7 @@ TEST(RampCompositor, IsTheExactCompositeInCodes) {
     for (size_t i = 0; i < codes.size(); ++i) {
       const float low = linear_of_srgb((static_cast<float>(codes[i]) - 0.7f) / 255.0f),
                   high = linear_of_srgb((static_cast<float>(codes[i]) + 0.7f) / 255.0f);
-      // Half a code of rounding, and the table's fifth.
+      // Half a code of rounding plus a fifth from the table.
       ASSERT_TRUE(exact.samples[i] >= low || codes[i] == 0) << i;
       ASSERT_TRUE(exact.samples[i] <= high || codes[i] == 255) << i;
     }
@@ -135,7 +135,7 @@ TEST(RampCompositor, WithoutAnObjectThereIsTheBackgroundAlone) {
     ASSERT_NEAR(linear_of_srgb(static_cast<float>(codes[i]) / 255.0f), exact.samples[i], 0.006);
 }
 
-// Upright maps: the steps of eq. 23 and 24, but no less than a pixel; a jump of c is not spanned.
+// Axis-aligned maps: the steps of eq. 23 and 24, but at least a pixel; a jump of c is not spanned.
 TEST(RampFootprint, IsAsWideAsTheSteps) {
   RampFrame frame(9, 9);
   for (int y = 0; y < 9; ++y) {

@@ -20,7 +20,7 @@ void for_pixels(const RampScene& scene, const Visit& visit) {
   }
 }
 
-// All within `distance` along the sides are the object as well.
+// Whether all pixels within `distance` along the sides are object too.
 bool is_inside(const RampScene::Truth& truth, int x, int y, int distance = 2) {
   return truth(x, y).object && truth(x - distance, y).object && truth(x + distance, y).object &&
          truth(x, y - distance).object && truth(x, y + distance).object;
@@ -73,7 +73,7 @@ TEST(RampExtractor, ErrorsAreAsItsInformationSays) {
     count += 1.0;
   });
   // Chi-square of two degrees: standard deviation 2; five standard errors, and 2 % for the map and manifold,
-  // which 30 noisy frames told.
+  // which come from 30 noisy frames.
   ASSERT_GT(count, 3000.0);
   EXPECT_NEAR(chi_square / count, 2.0, 10.0 / std::sqrt(count) + 0.04);
 }
@@ -101,7 +101,7 @@ TEST(RampExtractor, LightThatIsThereWithoutTheRampIsTakenOff) {
   EXPECT_EQ(frame->alpha, unlit->alpha);
   for_pixels(scene, [&](int x, int y, size_t at) {
     if (!is_inside(truth, x, y)) return;
-    // A code more or less is 0.003 px.
+    // One code is 0.003 px.
     EXPECT_NEAR(frame->x_px[at], unlit->x_px[at], 0.01) << x << " " << y;
     EXPECT_NEAR(frame->y_px[at], unlit->y_px[at], 0.01) << x << " " << y;
     EXPECT_NEAR(frame->rho[at], unlit->rho[at], 1e-4) << x << " " << y;
@@ -143,7 +143,7 @@ TEST(RampExtractor, LearnsTheNoiseFromTheEmptyFrames) {
   for (const size_t known : {size_t{1}, size_t{8}}) {
     const auto extractor = RampExtractor::create(manifest, {}, std::span(views).first(known), {});
     ASSERT_TRUE(extractor.ok()) << extractor.status();
-    // One frame's own roughness is a median over 19 000 pixels, of which a fifth shows the object.
+    // The roughness of one frame is a median over 19 000 pixels, a fifth of which show the object.
     const auto frame = extractor->extract(scene.view(samples), 1);
     ASSERT_TRUE(frame.ok()) << frame.status();
     EXPECT_NEAR(frame->rho_sd, told->rho_sd, 0.05 * static_cast<double>(told->rho_sd)) << known;
@@ -151,7 +151,7 @@ TEST(RampExtractor, LearnsTheNoiseFromTheEmptyFrames) {
     for_pixels(scene, [&](int x, int y, size_t at) {
       if ((frame->alpha[at] > 0.0f) != scene.lens(x, y).object) ++wrong;
     });
-    EXPECT_LT(wrong, 100u) << known;  // of the circle's 226 edge pixels, those hardly covered
+    EXPECT_LT(wrong, 100u) << known;  // of the circle's 226 edge pixels, the hardly covered ones
   }
 }
 
@@ -336,7 +336,7 @@ TEST(RampExtractor, SaysWhatIsWrongWithAFrame) {
             std::string::npos);
 }
 
-// Each pixel is within its noise, all together are not.
+// Each pixel is within its noise, but not all together.
 TEST(RampExtractor, ABackgroundThatMovedALittleIsSeenThroughNoise) {
   RampScene scene;
   scene.read_sd = 0.01;

@@ -13,7 +13,7 @@ namespace {
 
 constexpr int kEmpty = 3, kFrames = 6;
 
-// A lens that drifts in noise.
+// A lens that moves, with noise.
 class Clip final : public VideoSource {
  public:
   Clip() {
@@ -111,7 +111,7 @@ TEST(RampMethod, FramesRoundABrokenOneAreFinished) {
   EXPECT_EQ(solved.numbers.size(), static_cast<size_t>(kFrames) - 1);
   ASSERT_EQ(solved.refused.size(), 1u);
   EXPECT_TRUE(absl::IsDataLoss(solved.refused.at(3)));
-  // Beyond a range it is only left out.
+  // Outside the range the frame is only left out.
   EXPECT_TRUE(solve(clip, 4, 2).status.ok());
 }
 

@@ -1,4 +1,4 @@
-// A simulated camera in front of the ramp, with a lens that it sees the ramp through: c, rho and f are known.
+// A simulated camera that sees the ramp through a lens, with known c, rho and f.
 #pragma once
 
 #include <array>
@@ -17,7 +17,7 @@ struct RampTruth {
 };
 
 struct RampScene {
-  int width_px = 160, height_px = 120;  // camera and monitor alike
+  int width_px = 160, height_px = 120;  // of camera and monitor
   double read_sd = 0.0;
   std::array<double, 3> gain{1.0, 1.0, 1.0};  // of the camera's channels
   // Behind the camera pixel's centre, monitor px.
@@ -47,7 +47,7 @@ struct RampScene {
     return {gain[0] * (0.1 + 0.8 * u), gain[1] * (0.1 + 0.8 * v), gain[2] * (0.9 - 0.4 * u - 0.4 * v)};
   }
 
-  // A disc that shows the ramp's middle, smaller and turned.
+  // A disc that shows the ramp's middle, smaller and rotated.
   RampTruth lens(int x, int y) const {
     const double dx = x + 0.5 - 0.45 * width_px, dy = y + 0.5 - 0.55 * height_px;
     const bool object = std::hypot(dx, dy) < 0.3 * height_px;

@@ -22,7 +22,7 @@ std::string named(const std::string& host, const Variables& variables = {}) {
 TEST(SolverName, TellsSolversOfAHostApart) {
   EXPECT_EQ(named("lab3"), "lab3-4711");
   EXPECT_EQ(named("lab3", {{"SLURM_JOB_ID", "118"}, {"SLURM_NTASKS", "1"}}), "lab3-job118");
-  // Of an array each task has a job of its own, but is known by the array's.
+  // In an array each task has its own job id, but is named by the array's.
   const Variables array{{"SLURM_JOB_ID", "118"}, {"SLURM_ARRAY_JOB_ID", "117"}, {"SLURM_ARRAY_TASK_ID", "4"}};
   EXPECT_EQ(named("lab3", array), "lab3-job117_4");
   EXPECT_EQ(named("lab3", {{"SLURM_JOB_ID", "118"}, {"SLURM_NTASKS", "3"}, {"SLURM_PROCID", "2"}}),

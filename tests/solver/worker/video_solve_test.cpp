@@ -34,7 +34,7 @@ v1::CaptureManifest manifest() {
   return manifest;
 }
 
-// Its frames hold their own places; it keeps count of how many were read and not asked for yet.
+// A node whose frames contain their own index. It counts frames that were read but not requested yet.
 class Node {
  public:
   absl::StatusOr<std::vector<std::uint16_t>> read(int frame) {
@@ -66,7 +66,7 @@ class Node {
   int waiting_ = 0, max_waiting_ = 0;
 };
 
-// Every frame's matte says what its middle sample is.
+// Every frame's matte contains its middle sample.
 class Copies final : public VideoMethod {
  public:
   explicit Copies(Node& node) : node_(node) {}
@@ -108,7 +108,7 @@ TEST(VideoSolve, FramesAreReadAheadOnceEachAndAFewAtATime) {
   for (int i = 0; i < kEmpty; ++i) expected[i] = 1;
   for (int i = 4; i < 10; ++i) expected[kEmpty + i] = 1;
   EXPECT_EQ(node.reads(), expected);
-  EXPECT_LE(node.max_waiting(), 4);  // three ahead, and the one that is asked for
+  EXPECT_LE(node.max_waiting(), 4);  // three ahead and the requested one
 }
 
 TEST(VideoSolve, WhatGoesWrongNamesTheFrame) {

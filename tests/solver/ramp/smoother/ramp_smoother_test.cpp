@@ -23,7 +23,7 @@ bool in_disc(float x, float y, float centre_x, float centre_y, float radius) {
   return std::hypot(x - centre_x, y - centre_y) < radius;
 }
 
-// What an extraction would hand over, with noise of kSd_px and kRhoSd times `noise`.
+// An extracted frame with noise of kSd_px and kRhoSd times `noise`.
 RampFrame frame_of(const Scene& scene, unsigned seed, float noise = 1.0f, int width_px = kWidth,
                    int height_px = kHeight) {
   RampFrame frame(width_px, height_px);
@@ -49,7 +49,7 @@ RampFrame frame_of(const Scene& scene, unsigned seed, float noise = 1.0f, int wi
   return frame;
 }
 
-// Root mean square of the error of c, monitor px, of x and y each, where `counts` says so.
+// Rms error of c in monitor px, per coordinate, over pixels for which `counts` is true.
 double error_px(const RampFrame& frame, const Scene& scene, const std::function<bool(float, float)>& counts) {
   double sum = 0.0, count = 0.0;
   for (int y = 0; y < frame.height_px; ++y) {
@@ -84,7 +84,7 @@ bool pane_middle(float x, float y) {
   return in_disc(x, y, 48.0f, 40.0f, 28.0f);
 }
 
-// A lens of glass: c less the place behind falls towards the middle as a dome does.
+// A glass lens: c minus the position behind has the shape of a dome.
 Scene lens(float centre_x, float centre_y) {
   return [=](float x, float y) {
     const float right = x - centre_x, down = y - centre_y,
@@ -101,7 +101,7 @@ TEST(RampSmoother, PlanesAreFittedAsWellAsTheWindowAllows) {
   const RampFrame frame = frame_of(pane, 1);
   const double error = error_px(smoothed({.reach = 0}, {&frame}, 0), pane, pane_middle);
   // The window's kernel 1 - d^2/25 within d <= 4.5 has (sum k)^2 / sum k^2 = 53 pixels at its middle, where a
-  // fit by a plane has the variance of the mean. The tests against neighbours take a little of it.
+  // plane fit has the variance of the mean. The tests against neighbours cost a little of it.
   const double best = kSd_px / 0.9 / std::sqrt(53.0);
   EXPECT_GT(error, 0.9 * best);
   EXPECT_LT(error, 1.3 * best);
@@ -116,12 +116,12 @@ TEST(RampSmoother, RhoIsSmoothedToo) {
     before += std::pow(frame.rho[i] - 0.9, 2);
     after += std::pow(result.rho[i] - 0.9, 2);
   }
-  // At least as much as by a mean of 3 x 3.
+  // At least as good as a 3 x 3 mean.
   EXPECT_LT(after, before / 9.0);
 }
 
 TEST(RampSmoother, EdgesStay) {
-  // Two panes that meet; one shows what lies 12 px further on, darker or not.
+  // Two adjacent panes; one shows positions 12 px further on, darker or not.
   for (const float rho : {0.9f, 0.6f}) {
     const Scene panes = [rho](float x, float y) {
       Truth truth = pane(x, y);
@@ -146,7 +146,7 @@ TEST(RampSmoother, ThinRimsKeepTheirRho) {
   };
   const RampFrame frame = frame_of(ringed, 4);
   const RampFrame result = smoothed({.reach = 0}, {&frame}, 0);
-  // Three standard deviations is the most that rho may be moved.
+  // rho may move by at most three standard deviations.
   for (size_t i = 0; i < frame.rho.size(); ++i) EXPECT_NEAR(result.rho[i], frame.rho[i], 3.001f * kRhoSd);
 }
 
@@ -159,7 +159,7 @@ TEST(RampSmoother, WhatStandsStillGainsFromTime) {
   for (const RampFrame& frame : frames) window.push_back(&frame);
   const double alone = error_px(smoothed({.reach = 0}, window, 2), scene, inside);
   const double together = error_px(smoothed({.reach = 2}, window, 2), scene, inside);
-  // Five frames leave 0.45 of the noise, four 0.5, three 0.58: the tests may cost as much as two frames.
+  // Five frames leave 0.45 of the noise, four 0.5, three 0.58: the tests may cost up to two frames.
   EXPECT_LT(together, 0.6 * alone);
 }
 
@@ -177,7 +177,7 @@ TEST(RampSmoother, WhatMovesIsFollowed) {
   const double alone = error_px(smoothed({.reach = 0}, window, 1), middle, inside);
   const double together = error_px(smoothed({.reach = 1}, window, 1), middle, inside);
   EXPECT_LT(together, 0.85 * alone);  // three frames: 0.58 at best
-  // What happens to come the same way is found again wherever it was; a cut to something else takes no part.
+  // Motion is followed wherever it leads; a cut to something else is excluded.
   const Scene other = [](float x, float y) {
     Truth truth = pane(x, y);
     truth.x_px += 15.0f * std::sin(x / 5.0f);
@@ -223,7 +223,7 @@ TEST(RampSmoother, UnknownPlacesComeFromTheirNeighbours) {
     }
   }
   const RampFrame result = smoothed({.reach = 0}, {&frame}, 0);
-  EXPECT_LT(error_px(result, pane, in_highlight), kSd_px / 0.9);  // no worse than a sample of its own
+  EXPECT_LT(error_px(result, pane, in_highlight), kSd_px / 0.9);  // no worse than a single sample
   EXPECT_EQ(result.rho[40 * kWidth + 48], 2.0f);
 }
 
