@@ -23,7 +23,7 @@ from glasswing.fleet import Fleet
 from glasswing.plan import Plan
 from glasswing.session import Session, SessionInfo, State
 from glasswing.settings import load_settings
-from glasswing.v1 import archive_pb2, fleet_service_pb2, node_service_pb2, plan_pb2, rig_service_pb2
+from glasswing.v1 import archive_pb2, fleet_service_pb2, node_service_pb2, plan_pb2, rig_service_pb2, session_pb2
 from glasswing.v1 import session_service_pb2 as pb
 from glasswing.v1.fleet_service_pb2_grpc import FleetServiceStub
 from glasswing.v1.node_service_pb2_grpc import NodeServiceStub
@@ -260,7 +260,7 @@ class Rig:
         )
         return answer.image
 
-    def _session(self, message: pb.Session) -> Session:
+    def _session(self, message: session_pb2.Session) -> Session:
         return Session(self._connection, SessionInfo.from_message(message))
 
     def _wait_until_freed(self, reason: str) -> None:

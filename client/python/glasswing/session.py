@@ -15,6 +15,7 @@ from glasswing.connection import LONG_CALL_SECONDS, Connection
 from glasswing.errors import Error, TimedOut
 from glasswing.matte import Matte
 from glasswing.plan import Plan
+from glasswing.v1 import session_pb2
 from glasswing.v1 import session_service_pb2 as pb
 from glasswing.v1.session_service_pb2_grpc import SessionServiceStub
 
@@ -24,14 +25,14 @@ _FETCH_SECONDS = 600.0
 class State(enum.Enum):
     """Where a session stands. It rests in all but CREATED, CAPTURING and SOLVING."""
 
-    CREATED = pb.SESSION_STATE_CREATED
-    CAPTURING = pb.SESSION_STATE_CAPTURING
-    PAUSED = pb.SESSION_STATE_PAUSED
-    CAPTURED = pb.SESSION_STATE_CAPTURED
-    SOLVING = pb.SESSION_STATE_SOLVING
-    DONE = pb.SESSION_STATE_DONE
-    FAILED = pb.SESSION_STATE_FAILED
-    CANCELLED = pb.SESSION_STATE_CANCELLED
+    CREATED = session_pb2.SESSION_STATE_CREATED
+    CAPTURING = session_pb2.SESSION_STATE_CAPTURING
+    PAUSED = session_pb2.SESSION_STATE_PAUSED
+    CAPTURED = session_pb2.SESSION_STATE_CAPTURED
+    SOLVING = session_pb2.SESSION_STATE_SOLVING
+    DONE = session_pb2.SESSION_STATE_DONE
+    FAILED = session_pb2.SESSION_STATE_FAILED
+    CANCELLED = session_pb2.SESSION_STATE_CANCELLED
 
     @property
     def rests(self) -> bool:
@@ -100,7 +101,7 @@ class SessionInfo:
     """Why no matte can be made of one of the refused frames; else empty."""
 
     @classmethod
-    def from_message(cls, message: pb.Session) -> SessionInfo:
+    def from_message(cls, message: session_pb2.Session) -> SessionInfo:
         """What a message of the wire says."""
         return cls(
             name=message.name,

@@ -1,6 +1,7 @@
 import { useEffect, useState } from "preact/hooks";
 import { call } from "../api";
-import type { ListSessionsResponseJson, SessionJson } from "../gen/glasswing/v1/session_service_pb";
+import type { SessionJson } from "../gen/glasswing/v1/session_pb";
+import type { ListSessionsResponseJson } from "../gen/glasswing/v1/session_service_pb";
 import { Failure } from "./failure";
 
 function hasMatte({ matteReady, solvedFrames }: SessionJson): boolean {

@@ -1,6 +1,7 @@
 import { useEffect, useState } from "preact/hooks";
 import { call } from "../api";
-import type { GetSessionResponseJson, SessionJson } from "../gen/glasswing/v1/session_service_pb";
+import type { SessionJson } from "../gen/glasswing/v1/session_pb";
+import type { GetSessionResponseJson } from "../gen/glasswing/v1/session_service_pb";
 
 export function useSession(name: string): { session?: SessionJson; error?: unknown } {
   const [answer, setAnswer] = useState<{ session?: SessionJson; error?: unknown }>({});

@@ -1,6 +1,6 @@
 import { useState } from "preact/hooks";
 import { call, mayOperate } from "../api";
-import type { SessionJson } from "../gen/glasswing/v1/session_service_pb";
+import type { SessionJson } from "../gen/glasswing/v1/session_pb";
 import { Failure } from "../parts/failure";
 import { useAction } from "../parts/use_action";
 

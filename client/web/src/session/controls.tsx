@@ -1,6 +1,7 @@
 import { useState } from "preact/hooks";
 import { call, mayOperate } from "../api";
-import type { DeleteSessionResponseJson, SessionJson } from "../gen/glasswing/v1/session_service_pb";
+import type { SessionJson } from "../gen/glasswing/v1/session_pb";
+import type { DeleteSessionResponseJson } from "../gen/glasswing/v1/session_service_pb";
 import { Dialog } from "../parts/dialog";
 import { Failure } from "../parts/failure";
 import { useAction } from "../parts/use_action";

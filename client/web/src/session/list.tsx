@@ -1,6 +1,7 @@
 import { useState } from "preact/hooks";
 import { mayOperate } from "../api";
-import type { ListSessionsResponseJson, SessionJson } from "../gen/glasswing/v1/session_service_pb";
+import type { SessionJson } from "../gen/glasswing/v1/session_pb";
+import type { ListSessionsResponseJson } from "../gen/glasswing/v1/session_service_pb";
 import { FeedFailure } from "../parts/silence";
 import { polled, useFeed } from "../parts/feed";
 import { State } from "../parts/state";

@@ -1,5 +1,6 @@
 import { useMemo, useState } from "preact/hooks";
-import type { SessionJson, WatchSessionResponseJson } from "../gen/glasswing/v1/session_service_pb";
+import type { SessionJson } from "../gen/glasswing/v1/session_pb";
+import type { WatchSessionResponseJson } from "../gen/glasswing/v1/session_service_pb";
 import { FeedFailure } from "../parts/silence";
 import { useFeed, watched } from "../parts/feed";
 import { State } from "../parts/state";

@@ -1,4 +1,4 @@
-import type { SessionJson } from "../gen/glasswing/v1/session_service_pb";
+import type { SessionJson } from "../gen/glasswing/v1/session_pb";
 
 export type StateKind = "good" | "caution" | "bad" | "faint" | "busy";
 

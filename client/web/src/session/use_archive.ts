@@ -3,7 +3,7 @@ import { call } from "../api";
 import type { CaptureManifestJson } from "../gen/glasswing/v1/archive_pb";
 import type { GetManifestResponseJson, GetSpaceResponseJson } from "../gen/glasswing/v1/archive_service_pb";
 import type { ListNodesResponseJson } from "../gen/glasswing/v1/node_service_pb";
-import type { SessionJson } from "../gen/glasswing/v1/session_service_pb";
+import type { SessionJson } from "../gen/glasswing/v1/session_pb";
 import { waited } from "../parts/feed";
 import { isCapturing } from "./states";
 

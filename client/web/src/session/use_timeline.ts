@@ -1,6 +1,7 @@
 import { useEffect, useRef, useState } from "preact/hooks";
 import { stream } from "../api";
-import type { SessionJson, WatchStepsResponseJson } from "../gen/glasswing/v1/session_service_pb";
+import type { SessionJson } from "../gen/glasswing/v1/session_pb";
+import type { WatchStepsResponseJson } from "../gen/glasswing/v1/session_service_pb";
 import { follow } from "../parts/feed";
 import { isCapturing } from "./states";
 import { Timeline } from "./timeline";
