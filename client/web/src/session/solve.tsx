@@ -7,14 +7,14 @@ import { useAction } from "../parts/use_action";
 
 const kMethods = ["gaussian", "hierarchical", "fringe", "alpha", "ramp"];
 
-/** "modes=2 images=100" as a map. What is no NAME=VALUE is told. */
+/** "modes=2 images=100" as a map, by the rule of parse_setting (core/pattern/method_options.h): a name is needed. */
 export function parseOptions(text: string): Record<string, string> {
   return Object.fromEntries(
     text
       .split(/[\s,]+/)
       .filter(Boolean)
       .map((part) => {
-        const [, name, value] = /^([^=]+)=(.+)$/.exec(part) ?? [];
+        const [, name, value] = /^([^=]+)=(.*)$/.exec(part) ?? [];
         if (name === undefined || value === undefined)
           throw new Error(`"${part}" is no option; write them as modes=2 images=100`);
         return [name, value];
