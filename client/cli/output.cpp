@@ -102,6 +102,10 @@ std::string state_name(v1::SessionState state) {
   }
 }
 
+bool allows(const v1::Session& session, v1::SessionAction action) {
+  return std::ranges::find(session.allowed_actions(), action) != session.allowed_actions().end();
+}
+
 std::string tiles_text(const v1::Session& session) {
   if (session.tile_count() == 0) return "a solver measures the work";
   return fmt::format("{} of {} tiles", session.tiles_done(), session.tile_count());

@@ -27,7 +27,10 @@ void print_table(const Client& client, const std::vector<Column>& columns,
 // "paused"
 std::string state_name(v1::SessionState state);
 
-// How far its solve came: "3 of 40 tiles".
+// True if the server would accept this call now.
+bool allows(const v1::Session& session, v1::SessionAction action);
+
+// Progress of the solve: "3 of 40 tiles".
 std::string tiles_text(const v1::Session& session);
 
 // One line: "session vase is captured: 311 steps (2 retaken) in 10.4 s, 1260 frames taken".

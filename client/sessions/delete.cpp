@@ -27,20 +27,18 @@ std::string mattes_text(const v1::Session& session) {
   return session.matte_ready() ? ", a matte" : "";
 }
 
-// One that cannot be deleted keeps all from being.
-absl::StatusOr<std::vector<v1::Session>> look_at(const Sessions& server, const Arguments& arguments) {
+// FAILED_PRECONDITION if any of them cannot be deleted now: then none is.
+absl::StatusOr<std::vector<v1::Session>> deletable_sessions(const Sessions& server, const Arguments& arguments) {
   std::vector<v1::Session> sessions;
   for (const std::string& name : arguments.sessions) {
     v1::GetSessionRequest request;
     request.set_name(name);
     GW_ASSIGN_OR_RETURN(const v1::GetSessionResponse found,
                         call(server, &v1::SessionService::Stub::GetSession, request));
-    const v1::SessionState state = found.session().state();
-    if (state == v1::SESSION_STATE_CAPTURING || state == v1::SESSION_STATE_SOLVING ||
-        state == v1::SESSION_STATE_CREATED) {
+    if (!allows(found.session(), v1::SESSION_ACTION_DELETE)) {
       return absl::FailedPreconditionError(fmt::format(
           "session {} is {}; wait for it, or cancel it first: glasswing cancel {}; nothing was deleted", name,
-          state_name(state), name));
+          state_name(found.session().state()), name));
     }
     sessions.push_back(found.session());
   }
@@ -67,7 +65,7 @@ absl::Status confirm(const std::vector<v1::Session>& sessions) {
 
 absl::Status delete_sessions(const Client& client, const Arguments& arguments) {
   const Sessions server(client.server_title(), client.server);
-  GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> sessions, look_at(server, arguments));
+  GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> sessions, deletable_sessions(server, arguments));
   if (!arguments.yes) GW_RETURN_IF_ERROR(confirm(sessions));
   nlohmann::ordered_json deleted = nlohmann::ordered_json::array();
   absl::Status status;

@@ -41,7 +41,7 @@ absl::Status retry(const Client& client, const Arguments& arguments) {
   get.set_name(arguments.session);
   GW_ASSIGN_OR_RETURN(const v1::GetSessionResponse found,
                       call(server, &v1::SessionService::Stub::GetSession, get));
-  if (found.session().state() != v1::SESSION_STATE_FAILED) {
+  if (!allows(found.session(), v1::SESSION_ACTION_RETRY)) {
     return absl::FailedPreconditionError(fmt::format("session {} is {}; only one that failed can be retried",
                                                      arguments.session, state_name(found.session().state())));
   }

@@ -41,4 +41,13 @@ absl::Status unknown_option(std::string_view method, std::string_view option) {
                                                 method, fmt::join(option_names(method), ", ")));
 }
 
+absl::StatusOr<std::pair<std::string, std::string>> parse_setting(const std::string& setting) {
+  const size_t equals = setting.find('=');
+  if (equals == std::string::npos || equals == 0) {
+    return absl::InvalidArgumentError(
+        fmt::format("--set {}: it must be NAME=VALUE, such as modes=2", setting));
+  }
+  return std::pair(setting.substr(0, equals), setting.substr(equals + 1));
+}
+
 }  // namespace glasswing

@@ -3,11 +3,13 @@
 #pragma once
 
 #include <absl/status/status.h>
+#include <absl/status/statusor.h>
 
 #include <map>
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 
 namespace glasswing {
 
@@ -22,5 +24,9 @@ std::span<const std::string_view> option_names(std::string_view method);
 absl::Status check_option(std::string_view method, std::string_view option);
 // What it says of an option that is none.
 absl::Status unknown_option(std::string_view method, std::string_view option);
+
+// Splits "NAME=VALUE", the argument of --set. VALUE may be empty and may contain '='. INVALID_ARGUMENT: there is
+// no '=', or NAME is empty.
+absl::StatusOr<std::pair<std::string, std::string>> parse_setting(const std::string& setting);
 
 }  // namespace glasswing

@@ -20,7 +20,7 @@ import sys
 from collections.abc import Mapping
 
 import glasswing
-from glasswing import State
+from glasswing import Action, State
 
 
 def sessions_to_solve(rig: glasswing.Rig, days: float | None, tags: list[str]) -> list[glasswing.Session]:
@@ -31,10 +31,9 @@ def sessions_to_solve(rig: glasswing.Rig, days: float | None, tags: list[str]) -
 
 
 def can_be_solved(info: glasswing.SessionInfo) -> bool:
-    """Nothing is missing of it, and it is a capture of an object."""
-    measures_devices = info.plan is not None and info.plan.method == "calibration"
+    """True if every step was captured and the server would solve it."""
     complete = info.state is not State.FAILED or info.steps_proven == info.steps
-    return complete and not measures_devices
+    return complete and Action.SOLVE in info.allowed_actions
 
 
 def how(method: str, options: Mapping[str, str]) -> str:

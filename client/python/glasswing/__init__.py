@@ -46,13 +46,14 @@ from glasswing.plan import (
     Sweep,
 )
 from glasswing.rig import Estimate, Holder, Monitor, Node, NodeKind, Rig, connect
-from glasswing.session import Session, SessionInfo, State, Stopped, UnprovenStep
+from glasswing.session import Action, Session, SessionInfo, State, Stopped, UnprovenStep
 
 __version__ = "@glasswing_VERSION@"
 
 __all__ = [
     "BLACK",
     "WHITE",
+    "Action",
     "AlreadyExists",
     "CalibrationFrames",
     "Colour",

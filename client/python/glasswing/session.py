@@ -36,8 +36,21 @@ class State(enum.Enum):
 
     @property
     def rests(self) -> bool:
-        """Nothing more happens by itself."""
+        """True if the session stays in this state until somebody acts."""
         return self not in (State.CREATED, State.CAPTURING, State.SOLVING)
+
+
+class Action(enum.Enum):
+    """A call that a session's state may allow. RETRY is ``resume()`` of a failed session."""
+
+    PAUSE = session_pb2.SESSION_ACTION_PAUSE
+    RESUME = session_pb2.SESSION_ACTION_RESUME
+    RETRY = session_pb2.SESSION_ACTION_RETRY
+    CANCEL = session_pb2.SESSION_ACTION_CANCEL
+    SOLVE = session_pb2.SESSION_ACTION_SOLVE
+    FETCH = session_pb2.SESSION_ACTION_FETCH
+    REPLICATE = session_pb2.SESSION_ACTION_REPLICATE
+    DELETE = session_pb2.SESSION_ACTION_DELETE
 
 
 @dataclasses.dataclass(frozen=True)
@@ -98,7 +111,9 @@ class SessionInfo:
     solved_frames: tuple[int, ...]
     refused_frames: tuple[int, ...]
     refusal: str
-    """Why no matte can be made of one of the refused frames; else empty."""
+    """Why one of the refused frames cannot be solved; else empty."""
+    allowed_actions: frozenset[Action]
+    """The calls that the server would accept now."""
 
     @classmethod
     def from_message(cls, message: session_pb2.Session) -> SessionInfo:
@@ -136,6 +151,7 @@ class SessionInfo:
             solved_frames=tuple(message.solved_frames),
             refused_frames=tuple(message.refused_frames),
             refusal=message.refusal,
+            allowed_actions=frozenset(map(Action, message.allowed_actions)),
         )
 
     def __str__(self) -> str:
@@ -287,10 +303,9 @@ class Session:
                     if self.info != last:
                         last = self.info
                         yield self.info
+                return  # the server ends the stream when the session rests
             except TimedOut:
                 if ends is not None and time.monotonic() >= ends:
                     raise TimedOut(f"{self.info} after {timeout:g} s") from None
                 if not heard:
                     raise
-            if heard and self.info.state.rests:
-                return

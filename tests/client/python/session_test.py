@@ -74,6 +74,12 @@ class SessionTest(unittest.TestCase):
         self.assertIs(last.state, glasswing.State.DONE)
         self.assertEqual(last.tiles_done, last.tiles)
 
+    def test_the_server_tells_what_is_allowed(self):
+        allowed = self.vase.refresh().allowed_actions
+        self.assertLess({glasswing.Action.SOLVE, glasswing.Action.DELETE}, allowed)
+        self.assertTrue(allowed.isdisjoint({glasswing.Action.PAUSE, glasswing.Action.RESUME, glasswing.Action.RETRY}))
+        self.assertIn(glasswing.Action.CANCEL, self.solve_events[0].allowed_actions)
+
     def test_the_command_line_shows_the_same_session(self):
         shown, info = self.daemons.shown("vase"), self.vase.refresh()
         self.assertEqual(shown["state"], f"SESSION_STATE_{info.state.name}")
