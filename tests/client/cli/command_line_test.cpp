@@ -101,14 +101,14 @@ class Completion : public CommandLine {
 
   // What bash offers for this line, one space between.
   std::string bash(const std::string& line) {
-    const std::string script = write("glasswing.bash", bash_completion(app_));
+    const std::string script = write("glasswing.bash", std::string(completion_script("bash")));
     const std::string words = output_of("cd " + scratch_.string() + " && bash -c 'source " + script +
                                         "; COMP_LINE=$1 COMP_POINT=${#1} " + "COMP_WORDS=(" + program_path() +
                                         "); _glasswing; echo \"${COMPREPLY[@]}\"' - '" + line + "'");
     return words.substr(0, words.find('\n'));
   }
   std::string fish(const std::string& line) {
-    const std::string script = write("glasswing.fish", fish_completion(app_));
+    const std::string script = write("glasswing.fish", std::string(completion_script("fish")));
     return output_of("cd " + scratch_.string() +
                      " && PATH=" + std::filesystem::absolute(program_path()).parent_path().string() +
                      ":$PATH GLASSWING_SERVER=" + host_->address() + " HOME=" + scratch_.string() +
@@ -118,6 +118,21 @@ class Completion : public CommandLine {
 
   std::unique_ptr<ServiceHost> host_;
 };
+
+TEST_F(Completion, CandidatesComeFromTheCommandLineItself) {
+  const auto candidates = [](std::vector<std::string> words) {
+    words.insert(words.begin(), {"__complete", "--"});
+    return run_glasswing(words).out;
+  };
+  EXPECT_TRUE(candidates({"plan", "c"}).starts_with("check\tCheck a plan"));
+  EXPECT_EQ(candidates({"composite", "--format", ""}), "exr\npng\ntif\n");
+  EXPECT_EQ(candidates({"composite", "--format=t"}), "tif\n");
+  EXPECT_EQ(candidates({"composite", ""}), ":FILE\n");
+  EXPECT_EQ(candidates({"import", "v", "--archive="}), ":DIR\n");
+  EXPECT_EQ(candidates({"--server", host_->address(), "delete", "vase", "v"}), "vase\nvessel\n");
+  EXPECT_EQ(candidates({"--server", host_->address(), "show", "vase", ""}), "");
+  EXPECT_EQ(candidates({"nodes", "--nothing="}), "");
+}
 
 TEST_F(Completion, BashOffersWhatMayFollow) {
   if (!has("bash")) GTEST_SKIP() << "bash is not installed";
@@ -157,7 +172,7 @@ TEST_F(Completion, FishOffersWhatMayFollow) {
 // Its completion runs only in an interactive shell, so this is one, on a terminal of its own.
 TEST_F(Completion, ZshOffersWhatMayFollow) {
   if (!has("zsh")) GTEST_SKIP() << "zsh is not installed";
-  const std::string script = write("_glasswing", zsh_completion(app_));
+  const std::string script = write("_glasswing", std::string(completion_script("zsh")));
   EXPECT_EQ(output_of("zsh -n " + script), "");
   const std::string driver = write("driver.zsh", R"zsh(
 zmodload zsh/zpty
