@@ -53,7 +53,7 @@ void ungroup_inner(CLI::App& app) {
 int run_client(int argc, const char* const* argv, const AddCommands& add_commands) {
   ::setenv("GRPC_VERBOSITY", "NONE", 0);  // what went wrong is said once, in our words
   spdlog::set_level(spdlog::level::off);  // logs are for daemons
-  sign_calls();
+  send_caller_metadata();
   Client client;
   CLI::App app("Captures environment mattes and puts the object in front of other pictures.", "glasswing");
   use_help_format(app);

@@ -20,7 +20,7 @@ constexpr milliseconds kWorthTelling(2000);  // how long it took
 constexpr milliseconds kRedraw(100);
 constexpr milliseconds kPlainLine(5000);
 constexpr double kSettle_s = 3.0;  // of the time left
-constexpr int kFewestBarCells = 10, kMaxBarCells = 30;
+constexpr int kMinBarCells = 10, kMaxBarCells = 30;
 
 double seconds_of(Progress::Clock::duration time) {
   return std::chrono::duration<double>(time).count();
@@ -55,7 +55,7 @@ std::string bar_line(const std::string& label, double fraction, const std::strin
     const int room = columns - static_cast<int>(label.size() + rest.size());
     const int cells = std::min(room - 4, kMaxBarCells);  // a space and a bracket on both sides
     const int full = static_cast<int>(fraction * cells);
-    if (cells >= kFewestBarCells)
+    if (cells >= kMinBarCells)
       return fmt::format("{} [{:#>{}}{:.>{}}] {}", label, "", full, "", cells - full, rest);
     if (room >= 1) return label + " " + rest;
   }

@@ -53,10 +53,10 @@ std::vector<std::string> split(const std::string& text, char separator) {
   return parts;
 }
 
-absl::StatusOr<double> number_of(const std::string& name, const std::string& text, double least, double most,
+absl::StatusOr<double> number_of(const std::string& name, const std::string& text, double min, double max,
                                  const std::string& accepted) {
   const std::optional<double> value = parsed<double>(text);
-  if (value && *value >= least && *value <= most) return *value;
+  if (value && *value >= min && *value <= max) return *value;
   return bad(fmt::format("{} is \"{}\"; it must be {}", name, text, accepted));
 }
 

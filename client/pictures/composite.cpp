@@ -151,12 +151,12 @@ bool Backgrounds::is_over() const {
 }
 
 int Backgrounds::announced_frames() const {
-  int most = 0;
+  int max_frames = 0;
   for (const Screen& screen : screens_) {
     if (screen.picture && !screen.picture->is_still())
-      most = std::max(most, screen.picture->announced_frames());
+      max_frames = std::max(max_frames, screen.picture->announced_frames());
   }
-  return most;
+  return max_frames;
 }
 
 void add_composite_command(CLI::App& app, Client& client) {

@@ -9,7 +9,7 @@ namespace glasswing {
 namespace {
 
 constexpr int kPanel_px = 440;      // a panel's longer side, about
-constexpr int kNarrowest_px = 300;  // room for a title
+constexpr int kMinPanel_px = 300;  // room for a title
 constexpr int kMargin = 28, kGap = 28, kTitle = 24, kLegend = 58, kHeading = 40, kLine = 20;
 constexpr int kLargeText = 22, kText = 14, kSmallText = 12;
 constexpr int kFiner = 4;  // letters are drawn so much larger and reduced
@@ -125,7 +125,7 @@ CodeImage contact_sheet(const std::vector<MattePanel>& panels, const std::string
   const cv::Size picture(scaled(first.width_px), scaled(first.height_px));
   const int count = static_cast<int>(panels.size());
   const int columns = std::min(picture.width > 2 * picture.height ? 2 : 4, count);
-  const int cell_width = std::max(picture.width, kNarrowest_px);
+  const int cell_width = std::max(picture.width, kMinPanel_px);
   const int cell_height = kTitle + picture.height + 10 + kLegend;
   const int top = kMargin + kHeading + kLine * static_cast<int>(lines.size());
   const int rows = (count + columns - 1) / columns;

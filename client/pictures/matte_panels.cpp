@@ -182,12 +182,12 @@ MattePanel modes_of(const Matte& matte) {
   constexpr std::array<Code, kMaxModes + 1> kCounts{
       {kNoValue, {51, 102, 170}, {60, 180, 150}, {240, 200, 60}, {205, 70, 60}}};
   const auto count = [&](int x, int y) {
-    std::ptrdiff_t most = 0;
+    std::ptrdiff_t max_count = 0;
     for (int c = 0; c < kChannels; ++c) {
-      most = std::max(most, std::ranges::count_if(matte.modes(x, y, c),
+      max_count = std::max(max_count, std::ranges::count_if(matte.modes(x, y, c),
                                                   [](const Mode& mode) { return mode.weight > 0.0f; }));
     }
-    return static_cast<size_t>(most);
+    return static_cast<size_t>(max_count);
   };
   MattePanel panel{.name = "modes",
                    .title = "Modes of the channel with most; % of the object",

@@ -20,8 +20,8 @@ struct Arguments {
   int days = 365, within_days = 30;
 };
 
-std::string text_of(std::chrono::sys_seconds moment, const char* format) {
-  return absl::FormatTime(format, absl::FromUnixSeconds(moment.time_since_epoch().count()),
+std::string text_of(std::chrono::sys_seconds time, const char* format) {
+  return absl::FormatTime(format, absl::FromUnixSeconds(time.time_since_epoch().count()),
                           absl::UTCTimeZone());
 }
 
@@ -38,16 +38,16 @@ void print_certificates(const Client& client, const std::vector<IssuedCertificat
   };
   if (client.json) {
     nlohmann::ordered_json answer = nlohmann::ordered_json::object();
-    constexpr const char* kMoment = "%Y-%m-%dT%H:%M:%SZ";
+    constexpr const char* kRfc3339 = "%Y-%m-%dT%H:%M:%SZ";
     if (authority != nullptr)
       answer["authority"] = {{"name", authority->name()},
-                             {"expires", text_of(authority->valid_until(), kMoment)}};
+                             {"expires", text_of(authority->valid_until(), kRfc3339)}};
     answer["certificates"] = nlohmann::ordered_json::array();
     for (const IssuedCertificate& each : certificates) {
       answer["certificates"].push_back({{"name", each.of.name},
                                         {"roles", each.of.roles},
                                         {"hosts", each.of.hosts},
-                                        {"expires", text_of(each.valid_until, kMoment)}});
+                                        {"expires", text_of(each.valid_until, kRfc3339)}});
     }
     std::cout << answer.dump(1) << "\n";
     return;

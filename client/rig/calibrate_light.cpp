@@ -232,7 +232,7 @@ absl::Status calibrate_camera_light(const Client& client, const CalibrateArgumen
   GW_ASSIGN_OR_RETURN(const v1::Plan plan, plan_of(arguments));
   double longest_ms = kLongestMs;
   for (const double exposure_ms : plan.exposure_ms()) longest_ms = std::max(longest_ms, exposure_ms);
-  GW_ASSIGN_OR_RETURN(const RigView rig, look_at_rig(client));
+  GW_ASSIGN_OR_RETURN(const RigView rig, read_rig_view(client));
   GW_ASSIGN_OR_RETURN(const v1::Plan own, camera_plan(rig, arguments.monitors, longest_ms));
   tell(client, kCameraGuide);
   GW_ASSIGN_OR_RETURN(const std::string session, captured(client, own));
@@ -243,7 +243,7 @@ absl::Status calibrate_display_light(const Client& client, const CalibrateArgume
   if (!given.session.empty()) return fit(client, given.session, given.charts);
   CalibrateArguments arguments = given;
   GW_RETURN_IF_ERROR(plan_of(arguments).status());
-  GW_ASSIGN_OR_RETURN(const RigView rig, look_at_rig(client));
+  GW_ASSIGN_OR_RETURN(const RigView rig, read_rig_view(client));
   GW_ASSIGN_OR_RETURN(const v1::ListCalibrationsResponse calibrations, known(client));
   double white_ms = kUnknownWhiteMs;
   for (const v1::CameraCalibration& camera : calibrations.cameras()) {

@@ -12,7 +12,7 @@ namespace glasswing {
 namespace {
 
 constexpr double kLadder[] = {43.0, 25.0, 15.0, 8.3, 5.1, 2.9, 1.6, 1.0};  // the longest over each
-constexpr size_t kFewestExposures = 4;
+constexpr size_t kMinExposures = 4;
 constexpr double kWhiteShare = 0.8;  // of full scale
 
 absl::StatusOr<v1::Plan> plan_for(const RigView& rig, const std::vector<std::string>& names,
@@ -60,7 +60,7 @@ absl::StatusOr<v1::Plan> camera_plan(const RigView& rig, const std::vector<std::
                                      double longest_ms) {
   GW_RETURN_IF_ERROR(check_camera(rig));
   const std::vector<double> exposures_ms = exposure_ladder_ms(*rig.camera, longest_ms);
-  if (exposures_ms.size() < kFewestExposures) {
+  if (exposures_ms.size() < kMinExposures) {
     return absl::FailedPreconditionError(
         fmt::format("the camera takes exposures of {:.3g} to {:.3g} ms; too few to measure its curve from: a "
                     "lower frame rate "

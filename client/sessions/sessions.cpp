@@ -32,10 +32,10 @@ absl::StatusOr<v1::ListSessionsRequest> request_of(const Arguments& arguments) {
   for (const std::string& state : arguments.states) request.add_states(states().at(state));
   const absl::Time now = absl::Now();
   if (!arguments.since.empty()) {
-    GW_ASSIGN_OR_RETURN(*request.mutable_created_from(), moment_of("--since", arguments.since, now));
+    GW_ASSIGN_OR_RETURN(*request.mutable_created_from(), parse_time_argument("--since", arguments.since, now));
   }
   if (!arguments.before.empty()) {
-    GW_ASSIGN_OR_RETURN(*request.mutable_created_before(), moment_of("--before", arguments.before, now));
+    GW_ASSIGN_OR_RETURN(*request.mutable_created_before(), parse_time_argument("--before", arguments.before, now));
   }
   return request;
 }

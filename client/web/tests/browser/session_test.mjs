@@ -186,7 +186,7 @@ async function open_matte(page) {
   assert.equal(await page.getByRole("alert").count(), 0);
 }
 
-async function look_at_rig(page, rig) {
+async function read_rig_view(page, rig) {
   await look(page, "#/rig", ".nodes tbody tr");
   await page.getByRole("button", { name: "Start" }).click();
   await page.locator(".preview .state.good").waitFor();
@@ -380,7 +380,7 @@ try {
   const { page, errors } = await visit(context, link);
   await capture_and_solve(page, rig);
   await open_matte(page);
-  await look_at_rig(page, rig);
+  await read_rig_view(page, rig);
   await annotate_and_delete(page, rig);
   await survive_restart(page, rig);
   await look(page, "#/session", "table");
