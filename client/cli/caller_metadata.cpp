@@ -45,7 +45,7 @@ class CallerMetadata final : public grpc::ClientContext::GlobalCallbacks {
 void send_caller_metadata() {
   // gRPC keeps the pointer forever and accepts only one.
   [[maybe_unused]] static const bool once = [] {
-    grpc::ClientContext::SetGlobalCallbacks(new Signature);
+    grpc::ClientContext::SetGlobalCallbacks(new CallerMetadata);
     return true;
   }();
 }
