@@ -1,4 +1,4 @@
-// The verbs about the client itself: settings, completion, manual pages.
+// Verbs about the client itself: settings, completion, manual pages.
 #pragma once
 
 #include <CLI/CLI.hpp>
