@@ -96,13 +96,13 @@ absl::Status delete_sessions(const Client& client, const Arguments& arguments) {
 
 void add_delete_command(CLI::App& app, Client& client) {
   CLI::App& command =
-      *app.add_subcommand("delete", "Remove sessions, their frames and their mattes, for good.");
+      *app.add_subcommand("delete", "Delete sessions, their frames and their mattes for good.");
   command.footer(
-      "Asks first, on a terminal. What broke off is finished by asking again.\n\n"
+      "On a terminal it asks for confirmation. Repeat an interrupted deletion to finish it.\n\n"
       "Examples:\n  glasswing delete vase\n  glasswing delete vase vase-2 --yes");
   auto arguments = std::make_shared<Arguments>();
   command.add_option("sessions", arguments->sessions, "their names")->required();
-  command.add_flag("--yes", arguments->yes, "do not ask");
+  command.add_flag("--yes", arguments->yes, "do not ask for confirmation");
   command.callback([&client, arguments] {
     client.run = [&client, arguments] { return delete_sessions(client, *arguments); };
   });

@@ -67,7 +67,7 @@ absl::StatusOr<v1::Session> follow(const Client& client, const std::string& name
   SessionProgress progress;
   while (true) {
     grpc::ClientContext context;
-    set_deadline(context, kLongCallTimeout);  // the watch is renewed, so a server that hangs is noticed
+    set_deadline(context, kLongCallTimeout);  // renewed, so that a hanging server is noticed
     const auto reader = server.stub->WatchSession(&context, request);
     const Interruptible ctrl_c([&context] { context.TryCancel(); });
     v1::WatchSessionResponse response;
@@ -112,7 +112,7 @@ absl::Status follow_to_outcome(const Client& client, const std::string& name) {
 
 void add_watch_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand(
-      "watch", "Show a session's progress until it rests; success only if it is then captured or done.");
+      "watch", "Show a session's progress until it rests; succeeds only if it is then captured or done.");
   command.footer("Example:\n  glasswing watch vase");
   auto name = std::make_shared<std::string>();
   command.add_option("session", *name, "the session's name")->required();
