@@ -20,7 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// 0000.exr and so on, by number.
+// 0000.exr, 0001.exr, ..., sorted by number.
 absl::StatusOr<std::vector<fs::path>> mattes_in(const fs::path& directory) {
   std::vector<fs::path> mattes;
   std::error_code error;
@@ -41,7 +41,7 @@ absl::StatusOr<std::vector<fs::path>> mattes_in(const fs::path& directory) {
   return mattes;
 }
 
-// Pictures into a directory, or frames of a video.
+// Writes pictures into a directory, or frames of a video.
 class Output {
  public:
   static absl::StatusOr<Output> create(const CompositeArguments& arguments) {
@@ -132,9 +132,8 @@ absl::StatusOr<int> composite_one_matte(const CompositeArguments& arguments) {
                       Backgrounds::open(arguments.backgrounds, object.metadata(), arguments.encoding()));
   if (arguments.frame_count == 0 && !backgrounds.has_video()) {
     return absl::InvalidArgumentError(
-        "--frames is not given; how many pictures there are to be must be said there, or be known from a "
-        "video or a "
-        "directory of pictures as --background");
+        "--frames is not given; it must give the number of pictures unless a --background is a video or a "
+        "directory of pictures");
   }
   int count = 0;
   for (; arguments.frame_count == 0 || count < arguments.frame_count; ++count) {
