@@ -19,7 +19,7 @@ struct Curve {
   std::vector<double> code, light, error;
 };
 
-// One panel of the picture, in its own units.
+// One panel of the chart, in its own units.
 struct Panel {
   double top, height, low, high;
   double x(double code) const { return kLeft + kWidth * code; }
@@ -79,7 +79,7 @@ std::string escaped(const std::string& text) {
   return out;
 }
 
-// `law`: the plain curve that each channel is compared with.
+// `laws`: the plain curve that each channel is compared with.
 std::string chart(const std::string& title, const std::vector<Curve>& curves,
                   const std::vector<std::function<double(double)>>& laws, const std::string& law_name) {
   const Panel light{.top = kTop, .height = kHeight, .low = 0.0, .high = 1.0};
@@ -111,7 +111,7 @@ std::string chart(const std::string& title, const std::vector<Curve>& curves,
   return svg + "</svg>\n";
 }
 
-// Of the power of `code` that goes through the middle of the curve's light.
+// The exponent of the power law that fits the middle of the curve.
 double exponent_of(const Curve& curve) {
   double sum = 0.0, weight = 0.0;
   for (size_t i = 0; i < curve.code.size(); ++i) {
