@@ -6,7 +6,8 @@ namespace glasswing {
 // Environment variable: the token of the hold that calls are made under.
 inline constexpr const char* kHoldVariable = "GLASSWING_HOLD";
 
-// Every later call of this process carries "user@host", and the hold's token if there is one. May be repeated.
+// Every later call of this process carries "user@host", and the hold's token if there is one. May be
+// repeated.
 void send_caller_metadata();
 
 }  // namespace glasswing

@@ -10,6 +10,7 @@
 
 #include "client/cli/caller_metadata.h"
 #include "client/cli/colour.h"
+#include "client/cli/config.h"
 #include "client/cli/interrupt.h"
 #include "core/base/version.h"
 #include "core/cli/help.h"

@@ -11,8 +11,8 @@ namespace glasswing {
 
 enum class Paint { kNone = 0, kBad = 31, kGood = 32, kCaution = 33 };  // SGR codes
 
-// True if output to `fd` is coloured. `when`: auto (on a terminal, unless NO_COLOR is set: no-color.org), always or
-// never.
+// True if output to `fd` is coloured. `when`: auto (on a terminal, unless NO_COLOR is set: no-color.org),
+// always or never.
 inline bool is_coloured(const std::string& when, int fd) {
   const char* no_color = std::getenv("NO_COLOR");
   const bool wanted = no_color == nullptr || *no_color == '\0';

@@ -88,7 +88,8 @@ const CLI::Option* find_option(const CLI::App& command, const std::string& name)
 
 const CLI::App* find_subcommand(const CLI::App& command, const std::string& name) {
   const std::vector<const CLI::App*> subcommands = subcommands_of(command);
-  const auto found = std::ranges::find(subcommands, name, [](const CLI::App* sub) { return sub->get_name(); });
+  const auto found =
+      std::ranges::find(subcommands, name, [](const CLI::App* sub) { return sub->get_name(); });
   return found == subcommands.end() ? nullptr : *found;
 }
 
@@ -114,7 +115,8 @@ Candidates option_names(const CLI::App& command) {
   Candidates names;
   for (const CLI::App* app = &command; app != nullptr; app = app->get_parent()) {
     for (const CLI::Option* option : options_of(*app)) {
-      if (app->get_parent() != nullptr && option == app->get_help_ptr()) continue;  // the program's comes last
+      if (app->get_parent() != nullptr && option == app->get_help_ptr())
+        continue;  // the program's comes last
       for (const std::string& name : option->get_snames())
         names.emplace_back("-" + name, description_of(*option));
       for (const std::string& name : option->get_lnames())
@@ -180,7 +182,8 @@ Candidates candidates_for(const CLI::App& program, const std::vector<std::string
   const Cursor cursor = cursor_after(program, before);
   std::string typed = words.back();
   const CLI::Option* option = cursor.option;
-  if (const size_t equals = typed.find('='); option == nullptr && typed.starts_with("--") && equals != typed.npos) {
+  if (const size_t equals = typed.find('=');
+      option == nullptr && typed.starts_with("--") && equals != typed.npos) {
     option = find_option(*cursor.command, typed.substr(0, equals));
     if (option == nullptr) return {};
     typed.erase(0, equals + 1);
@@ -220,7 +223,8 @@ void add_completion_commands(CLI::App& app, Client& client) {
     };
   });
 
-  CLI::App& complete = *app.add_subcommand("__complete", "Print what may follow; the shells' scripts call it.");
+  CLI::App& complete =
+      *app.add_subcommand("__complete", "Print what may follow; the shells' scripts call it.");
   complete.group("");
   auto words = std::make_shared<std::vector<std::string>>();
   complete.add_option("words", *words, "the command line so far, after --")->required();

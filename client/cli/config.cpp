@@ -58,8 +58,8 @@ std::optional<std::string> take_quoted(std::string_view& text) {
   return std::nullopt;
 }
 
-// KEY = "VALUE" or KEY = 'VALUE', perhaps with a comment; nullopt for a blank line or a comment. Not a std::regex,
-// which needs stack for every character.
+// KEY = "VALUE" or KEY = 'VALUE', perhaps with a comment; nullopt for a blank line or a comment. Not a
+// std::regex, which needs stack for every character.
 struct Line {
   std::string key, value;
 };

@@ -1,5 +1,5 @@
-// The client's settings. Each is taken from its option, the environment, the configuration file, or the default, in
-// this order.
+// The client's settings. Each is taken from its option, the environment, the configuration file, or the
+// default, in this order.
 #pragma once
 
 #include <absl/status/status.h>
@@ -28,8 +28,8 @@ class Config {
   Config(const Config&) = delete;
   Config& operator=(const Config&) = delete;
 
-  // Call after parsing the command line. INVALID_ARGUMENT names the file and the wrong line or key. NOT_FOUND: the
-  // file named by --config or the environment does not exist (the usual one may be missing).
+  // Call after parsing the command line. INVALID_ARGUMENT names the file and the wrong line or key.
+  // NOT_FOUND: the file named by --config or the environment does not exist (the usual one may be missing).
   absl::Status resolve();
 
   const std::string& operator[](const std::string& key) const;

@@ -18,9 +18,9 @@ struct Column {
   std::string title;   // "NAME"
   bool right = false;  // right-aligned, for numbers
 };
-// Prints aligned columns under their titles; with --tsv tab-separated values with a header row (tabs and line breaks
-// within a cell become spaces). Each row has one cell per column. The column STATE is coloured. Commands write their
-// JSON themselves.
+// Prints aligned columns under their titles; with --tsv tab-separated values with a header row (tabs and line
+// breaks within a cell become spaces). Each row has one cell per column. The column STATE is coloured.
+// Commands write their JSON themselves.
 void print_table(const Client& client, const std::vector<Column>& columns,
                  const std::vector<std::vector<std::string>>& rows);
 

@@ -1,5 +1,5 @@
-// Progress of long work, on standard error: a bar with the time left on a terminal, otherwise a line every few
-// seconds. Short work shows nothing.
+// Progress of long work, on standard error: a bar with the time left on a terminal, otherwise a line every
+// few seconds. Short work shows nothing.
 #pragma once
 
 #include <chrono>

@@ -6,7 +6,8 @@
 
 namespace glasswing {
 
-absl::StatusOr<std::string> parse_time_argument(const std::string& option, const std::string& text, absl::Time now) {
+absl::StatusOr<std::string> parse_time_argument(const std::string& option, const std::string& text,
+                                                absl::Time now) {
   absl::Time time;
   std::string why;
   int count = 0;

@@ -17,8 +17,8 @@ namespace glasswing {
 
 struct FrameSource {
   v1::CaptureManifest manifest;
-  // Reads the frame of this index in the manifest. DATA_LOSS: it is damaged; INVALID_ARGUMENT: it does not have the
-  // camera's size. Both name its file.
+  // Reads the frame of this index in the manifest. DATA_LOSS: it is damaged; INVALID_ARGUMENT: it does not
+  // have the camera's size. Both name its file.
   std::function<absl::StatusOr<Image16>(int)> read;
   bool was_read = false;                   // every frame was read and checked when the source was made
   std::vector<std::string> warnings = {};  // for people
@@ -44,8 +44,8 @@ struct VideoOptions {
   int empty_frames = 0;           // how many frames at the start show the empty stage
   std::string empty_directory;    // or a directory of pictures of the empty stage
 };
-// INVALID_ARGUMENT: an option is missing or out of range, or a frame's size or bits differ from the first's; it names
-// the file. A video file that cannot be decoded to its end gives a warning.
+// INVALID_ARGUMENT: an option is missing or out of range, or a frame's size or bits differ from the first's;
+// it names the file. A video file that cannot be decoded to its end gives a warning.
 absl::StatusOr<FrameSource> video_source(const std::filesystem::path& path, const VideoOptions& options);
 
 }  // namespace glasswing

@@ -185,7 +185,8 @@ absl::Status import(const Client& client, const Arguments& arguments) {
 }  // namespace
 
 void add_import_command(CLI::App& app, Client& client) {
-  CLI::App& command = *app.add_subcommand("import", "Import an archive, photographs or a video as a session.");
+  CLI::App& command =
+      *app.add_subcommand("import", "Import an archive, photographs or a video as a session.");
   command.footer(
       "Every frame is checked before the first is sent. An interrupted import can be repeated.\n\n"
       "A list has one photograph per line with what the monitor showed: tab-separated values with a header\n"
@@ -195,7 +196,8 @@ void add_import_command(CLI::App& app, Client& client) {
       "  file\tobject\tkind\torient\tbar_width_px\tcolour\n"
       "  IMG_1.jpg\ttrue\tsolid\t\t\t0,0,0\n"
       "  IMG_2.jpg\ttrue\tsquare\tvertical_bars\t960\t\n\n"
-      "A video of the ramp is a video file, or a directory of pictures whose names end in a number. It needs\n"
+      "A video of the ramp is a video file, or a directory of pictures whose names end in a number. It "
+      "needs\n"
       "--monitor, and frames of the empty stage: --empty-frames or --empty.\n\n"
       "Examples:\n"
       "  glasswing import archives/vase --session vase\n"
@@ -205,9 +207,9 @@ void add_import_command(CLI::App& app, Client& client) {
       "  glasswing import photographs --list photographs/list.tsv --archive archives/vase");
   auto arguments = std::make_shared<Arguments>();
   command
-      .add_option(
-          "directory", arguments->directory,
-          "a session archive (manifest.json and frames), a directory of photographs, or a video (a file or pictures)")
+      .add_option("directory", arguments->directory,
+                  "a session archive (manifest.json and frames), a directory of photographs, or a video (a "
+                  "file or pictures)")
       ->required();
   command.add_option("--session", arguments->session, "the session's name; default: the directory's");
   command.add_option("--archive", arguments->archive,
@@ -226,9 +228,9 @@ void add_import_command(CLI::App& app, Client& client) {
                   "or a directory of pictures of the empty stage")
       ->excludes("--empty-frames");
   command
-      .add_option(
-          "--monitor", arguments->video.photographs.monitors,
-          "NAME:WIDTHxHEIGHT in px: a video's monitor, or a monitor that replaces the list's; may be repeated")
+      .add_option("--monitor", arguments->video.photographs.monitors,
+                  "NAME:WIDTHxHEIGHT in px: a video's monitor, or a monitor that replaces the list's; may be "
+                  "repeated")
       ->allow_extra_args(false);
   command.add_option("--response", arguments->video.photographs.response,
                      "light of the pictures' codes: srgb, linear, or gamma:G for (code / highest code)^G; "

@@ -20,8 +20,8 @@ struct PhotographOptions {
 };
 
 struct PhotographList {
-  // Frames in the list's order; their files are relative to the photographs' directory. Without the camera, which is
-  // known only once a photograph is read.
+  // Frames in the list's order; their files are relative to the photographs' directory. Without the camera,
+  // which is known only once a photograph is read.
   v1::CaptureManifest manifest;
   std::string response;    // of PhotographResponse
   double black = 0.0;      // codes of the photographs
@@ -35,7 +35,8 @@ struct PhotographList {
 // Parses "NAME:WIDTHxHEIGHT". INVALID_ARGUMENT: it is not of that form.
 absl::StatusOr<v1::Monitor> monitor_of(const std::string& text);
 
-// INVALID_ARGUMENT names the file, the line, the wrong value and what would be accepted. NOT_FOUND: no such file.
+// INVALID_ARGUMENT names the file, the line, the wrong value and what would be accepted. NOT_FOUND: no such
+// file.
 absl::StatusOr<PhotographList> read_photograph_list(const std::filesystem::path& path,
                                                     const PhotographOptions& options);
 

@@ -191,8 +191,8 @@ class Live {
 }  // namespace
 
 void add_live_command(CLI::App& app, Client& client) {
-  CLI::App& command = *app.add_subcommand(
-      "live", "Composite the object over another picture live, as the camera sees it.");
+  CLI::App& command =
+      *app.add_subcommand("live", "Composite the object over another picture live, as the camera sees it.");
   command.footer(
       "The server shows the colour ramp on the monitor, and a listening solver averages frames of the empty "
       "stage. Once\nthe object is there, every frame that there is time for becomes a composite. Escape or q "
@@ -204,7 +204,8 @@ void add_live_command(CLI::App& app, Client& client) {
   command
       .add_option("--background", arguments->background, "a picture, a directory of them, or a video, sRGB")
       ->required();
-  command.add_option("--monitor", arguments->monitor, "the monitor for the ramp; needed if there are several");
+  command.add_option("--monitor", arguments->monitor,
+                     "the monitor for the ramp; needed if there are several");
   command.add_option("--exposure-ms", arguments->exposure_ms, "exposure of each frame, ms")
       ->check(CLI::Range(0.01, 10000.0))
       ->capture_default_str();

@@ -10,8 +10,8 @@
 
 namespace glasswing {
 
-// Latency is glass to glass: from a frame's exposure until its composite was handed over. The exposure starts with its
-// first row; its middle is half way to the end of its last row.
+// Latency is glass to glass: from a frame's exposure until its composite was handed over. The exposure starts
+// with its first row; its middle is half way to the end of its last row.
 class LiveFigures {
  public:
   // Times by this program's clock.

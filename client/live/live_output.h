@@ -20,8 +20,8 @@ class LiveOutput {
   virtual bool is_closed() { return false; }
 };
 
-// The argument of --output: "window" (X11; closed by Escape, q or the window manager), "-" (standard output) or FILE
-// (YUV4MPEG2, 4:4:4, for ffplay and ffmpeg), or DIR/ (000000.png, 000001.png, ...).
+// The argument of --output: "window" (X11; closed by Escape, q or the window manager), "-" (standard output)
+// or FILE (YUV4MPEG2, 4:4:4, for ffplay and ffmpeg), or DIR/ (000000.png, 000001.png, ...).
 class LiveTarget {
  public:
   // Checks the output before any work. UNAVAILABLE: there is no X display, or the directory cannot be made.

@@ -221,8 +221,8 @@ RadianceImage blur_picture(const Matte& matte, double max_px) {
 }
 
 void add_blur_command(CLI::App& app, Client& client) {
-  CLI::App& command = *app.add_subcommand(
-      "blur", "Measure the blur of camera and screen over the picture, from a matte.");
+  CLI::App& command =
+      *app.add_subcommand("blur", "Measure the blur of camera and screen over the picture, from a matte.");
   command.footer(
       "The blur is that of lens, screen and camera pixel together, as a standard deviation. It is measured\n"
       "outside the silhouette, best with an empty stage.\n\n"
@@ -233,8 +233,7 @@ void add_blur_command(CLI::App& app, Client& client) {
       "  glasswing blur blur.exr -o blur.png");
   auto arguments = std::make_shared<Arguments>();
   command.add_option("matte", arguments->matte, "a matte that glasswing fetch wrote")->required();
-  command.add_option("-o,--output", arguments->output,
-                     "a map of the widths to write: .png, .exr or .tif");
+  command.add_option("-o,--output", arguments->output, "a map of the widths to write: .png, .exr or .tif");
   command.callback(
       [&client, arguments] { client.run = [&client, arguments] { return blur(client, *arguments); }; });
 }

@@ -1,8 +1,10 @@
-// The width at which a pixel sees a thin stripe: the blur of lens, screen and camera pixel together. It is measured on a
-// matte's background, where square waves without the object give it for every pixel outside the silhouette.
+// The width at which a pixel sees a thin stripe: the blur of lens, screen and camera pixel together. It is
+// measured on a matte's background, where square waves without the object give it for every pixel outside the
+// silhouette.
 //
-// A footprint of covariance S on the monitor is J^-1 S J^-T in the camera's picture, where J is the Jacobian of the
-// footprints' centres, in monitor px per camera px. S excludes the monitor's own flat pixels (docs/matte.md).
+// A footprint of covariance S on the monitor is J^-1 S J^-T in the camera's picture, where J is the Jacobian
+// of the footprints' centres, in monitor px per camera px. S excludes the monitor's own flat pixels
+// (docs/matte.md).
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -19,7 +21,8 @@ namespace glasswing {
 struct BlurRegion {
   int pixel_count = 0;
   std::optional<std::array<double, 2>> monitor_px = {};  // sigma along the monitor's x and y
-  std::optional<std::array<double, 2>> camera_px = {};   // sigma along the picture's x and y, where neighbours give J
+  std::optional<std::array<double, 2>> camera_px =
+      {};  // sigma along the picture's x and y, where neighbours give J
 };
 
 struct Blur {
@@ -27,11 +30,12 @@ struct Blur {
   BlurRegion whole;
 };
 
-// Uses unflagged pixels outside the silhouette. INVALID_ARGUMENT: there are none, or their widths were not measured.
+// Uses unflagged pixels outside the silhouette. INVALID_ARGUMENT: there are none, or their widths were not
+// measured.
 absl::StatusOr<Blur> blur_of(const Matte& matte);
 
-// A map of the larger sigma of each of these pixels, in monitor px: dark blue is 0, then red, pale yellow is `max_px`. A
-// bar below shows all colours; other pixels are gray.
+// A map of the larger sigma of each of these pixels, in monitor px: dark blue is 0, then red, pale yellow is
+// `max_px`. A bar below shows all colours; other pixels are gray.
 RadianceImage blur_picture(const Matte& matte, double max_px);
 
 }  // namespace glasswing

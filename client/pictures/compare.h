@@ -18,12 +18,12 @@ struct Difference {
   std::int64_t pixel_count = 0;
 };
 
-// Over all pixels, or those with a coverage above 0.5 in `matte` (may be null). INVALID_ARGUMENT: sizes differ, or no
-// pixel is covered.
+// Over all pixels, or those with a coverage above 0.5 in `matte` (may be null). INVALID_ARGUMENT: sizes
+// differ, or no pixel is covered.
 absl::StatusOr<Difference> difference_of(const RadianceImage& a, const RadianceImage& b, const Matte* matte);
 
-// `a` with a gain and an offset per channel that bring it closest to `b` (least squares over the same pixels), for
-// pictures of different exposure or ambient light. Errors: as difference_of().
+// `a` with a gain and an offset per channel that bring it closest to `b` (least squares over the same
+// pixels), for pictures of different exposure or ambient light. Errors: as difference_of().
 absl::StatusOr<RadianceImage> matched(const RadianceImage& a, const RadianceImage& b, const Matte* matte);
 
 }  // namespace glasswing

@@ -49,6 +49,55 @@ absl::Status read_shift(const BackgroundArgument& argument, std::string_view opt
       "{} is \"{}\"; it must be DX,DY: px of the monitor, right and down, as 12.5,-3", option, text));
 }
 
+void add_composite_options(CLI::App& command, CompositeArguments& arguments) {
+  command.add_option("matte", arguments.matte, "a matte from glasswing fetch, or a directory of them")
+      ->required();
+  command.add_option("--background", arguments.backgrounds.pictures, "[TEXTURE=]IMAGE; may be repeated")
+      ->required()
+      ->allow_extra_args(false);
+  command
+      .add_option(
+          "-o,--output", arguments.output,
+          "a picture (.exr, .png or .tif); for several frames a directory or a video (.mp4, .mov, .mkv, "
+          ".avi or .webm)")
+      ->required();
+  command.add_option("--format", arguments.format, "format of the pictures in a directory")
+      ->check(CLI::IsMember({"exr", "png", "tif"}))
+      ->capture_default_str();
+  command
+      .add_option("--bits", arguments.bits,
+                  "bits per sample: 8 or 16 for PNG and TIFF (with --linear default 16), 32 or 16 for EXR")
+      ->check(CLI::IsMember({8, 16, 32}));
+  command
+      .add_option("--shift", arguments.backgrounds.shifts,
+                  "[TEXTURE=]DX,DY: shift the picture by monitor px to the right and down; it wraps around")
+      ->allow_extra_args(false);
+  command
+      .add_option("--pan", arguments.backgrounds.pans, "[TEXTURE=]DX,DY: shift it further with every frame")
+      ->allow_extra_args(false);
+  command.add_option("--frames", arguments.frame_count, "number of frames, for one matte")
+      ->check(CLI::Range(1, 1000000));
+  command.add_option("--fps", arguments.frame_rate_hz, "frame rate of the written video, Hz")
+      ->check(CLI::Range(0.1, 1000.0))
+      ->capture_default_str();
+  command
+      .add_option(
+          "--match", arguments.backgrounds.matches,
+          "[TEXTURE=]PHOTOGRAPH: match the background's colours to it, for example to a photograph of "
+          "the same picture on a monitor")
+      ->allow_extra_args(false);
+  command
+      .add_option("--foreground-gain", arguments.foreground_gain,
+                  "factor on the object's own light F; highlights of a video often look better above 1")
+      ->check(CLI::Range(0.0f, 100.0f))
+      ->capture_default_str();
+  command.add_option("--crop", arguments.crop, kCropHelp);
+  command.add_flag("--exact", arguments.exact,
+                   "integrate every footprint, slowly; the default is within 0.002 rms of that");
+  command.add_flag("--linear", arguments.linear,
+                   "PNG and TIFF values are linear radiance, value / full scale");
+}
+
 }  // namespace
 
 absl::StatusOr<BackgroundArgument> parse_background(const std::string& argument,
@@ -167,8 +216,10 @@ void add_composite_command(CLI::App& app, Client& client) {
       "default: the first monitor. EXR is linear radiance, 1.0 = the archive's full scale; PNG and TIFF are\n"
       "sRGB.\n\n"
       "A directory of mattes (glasswing fetch VIDEO -o DIR/) gives one picture per frame, 0000.exr or\n"
-      "0000.png, or a video file. A background may be a still, a directory of pictures, or a video file; the\n"
-      "latter two repeat. One matte gives a video, too, as long as its longest background, or of --frames.\n\n"
+      "0000.png, or a video file. A background may be a still, a directory of pictures, or a video file; "
+      "the\n"
+      "latter two repeat. One matte gives a video, too, as long as its longest background, or of "
+      "--frames.\n\n"
       "Examples:\n"
       "  glasswing composite vase.exr --background harbour.png -o vase.png\n"
       "  glasswing composite vase.exr --background back=harbour.png --background left=quilt.png -o "
@@ -180,53 +231,7 @@ void add_composite_command(CLI::App& app, Client& client) {
       "  glasswing composite vase.exr --background harbour.png --shift 40,-10 --bits 16 -o vase.png\n"
       "  glasswing composite vase.exr --background harbour.png --match harbour_on_monitor.png -o vase.png");
   auto arguments = std::make_shared<CompositeArguments>();
-  command
-      .add_option("matte", arguments->matte, "a matte from glasswing fetch, or a directory of them")
-      ->required();
-  command.add_option("--background", arguments->backgrounds.pictures, "[TEXTURE=]IMAGE; may be repeated")
-      ->required()
-      ->allow_extra_args(false);
-  command
-      .add_option("-o,--output", arguments->output,
-                  "a picture (.exr, .png or .tif); for several frames a directory or a video (.mp4, .mov, .mkv, "
-                  ".avi or .webm)")
-      ->required();
-  command.add_option("--format", arguments->format, "format of the pictures in a directory")
-      ->check(CLI::IsMember({"exr", "png", "tif"}))
-      ->capture_default_str();
-  command
-      .add_option("--bits", arguments->bits,
-                  "bits per sample: 8 or 16 for PNG and TIFF (with --linear default 16), 32 or 16 for EXR")
-      ->check(CLI::IsMember({8, 16, 32}));
-  command
-      .add_option(
-          "--shift", arguments->backgrounds.shifts,
-          "[TEXTURE=]DX,DY: shift the picture by monitor px to the right and down; it wraps around")
-      ->allow_extra_args(false);
-  command
-      .add_option("--pan", arguments->backgrounds.pans,
-                  "[TEXTURE=]DX,DY: shift it further with every frame")
-      ->allow_extra_args(false);
-  command.add_option("--frames", arguments->frame_count, "number of frames, for one matte")
-      ->check(CLI::Range(1, 1000000));
-  command.add_option("--fps", arguments->frame_rate_hz, "frame rate of the written video, Hz")
-      ->check(CLI::Range(0.1, 1000.0))
-      ->capture_default_str();
-  command
-      .add_option("--match", arguments->backgrounds.matches,
-                  "[TEXTURE=]PHOTOGRAPH: match the background's colours to it, for example to a photograph of "
-                  "the same picture on a monitor")
-      ->allow_extra_args(false);
-  command
-      .add_option("--foreground-gain", arguments->foreground_gain,
-                  "factor on the object's own light F; highlights of a video often look better above 1")
-      ->check(CLI::Range(0.0f, 100.0f))
-      ->capture_default_str();
-  command.add_option("--crop", arguments->crop, kCropHelp);
-  command.add_flag("--exact", arguments->exact,
-                   "integrate every footprint, slowly; the default is within 0.002 rms of that");
-  command.add_flag("--linear", arguments->linear,
-                   "PNG and TIFF values are linear radiance, value / full scale");
+  add_composite_options(command, *arguments);
   command.callback([&client, arguments] {
     client.run = [&client, arguments] {
       return is_video(*arguments) ? composite_video(client, *arguments) : composite_still(client, *arguments);

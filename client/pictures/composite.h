@@ -21,8 +21,8 @@ struct BackgroundArgument {
   std::string file;
 };
 
-// Parses "[TEXTURE=]IMAGE". The part before '=' is a texture if a monitor has this name; otherwise all of it must be an
-// existing file. INVALID_ARGUMENT lists the matte's textures.
+// Parses "[TEXTURE=]IMAGE". The part before '=' is a texture if a monitor has this name; otherwise all of it
+// must be an existing file. INVALID_ARGUMENT lists the matte's textures.
 absl::StatusOr<BackgroundArgument> parse_background(const std::string& argument,
                                                     const v1::MatteMetadata& metadata,
                                                     std::string_view option = "--background");
@@ -41,7 +41,8 @@ class Backgrounds {
   static absl::StatusOr<Backgrounds> open(const BackgroundArguments& arguments,
                                           const v1::MatteMetadata& metadata, Encoding encoding);
 
-  // One picture for each texture, scaled to its monitor; empty where no argument names it. Valid until the next call.
+  // One picture for each texture, scaled to its monitor; empty where no argument names it. Valid until the
+  // next call.
   absl::StatusOr<const std::vector<RadianceImage>*> next();
 
   // True if a background is a video or a directory of pictures.

@@ -1,4 +1,5 @@
-// Composites of many frames: of a directory with a matte for each frame, or of one matte over moving backgrounds.
+// Composites of many frames: of a directory with a matte for each frame, or of one matte over moving
+// backgrounds.
 #pragma once
 
 #include <absl/status/status.h>

@@ -8,7 +8,7 @@
 namespace glasswing {
 namespace {
 
-constexpr int kPanel_px = 440;      // approximate longer side of a panel
+constexpr int kPanel_px = 440;     // approximate longer side of a panel
 constexpr int kMinPanel_px = 300;  // room for a title
 constexpr int kMargin = 28, kGap = 28, kTitle = 24, kLegend = 58, kHeading = 40, kLine = 20;
 constexpr int kLargeText = 22, kText = 14, kSmallText = 12;

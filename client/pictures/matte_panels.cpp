@@ -184,8 +184,9 @@ MattePanel modes_of(const Matte& matte) {
   const auto count = [&](int x, int y) {
     std::ptrdiff_t max_count = 0;
     for (int c = 0; c < kChannels; ++c) {
-      max_count = std::max(max_count, std::ranges::count_if(matte.modes(x, y, c),
-                                                  [](const Mode& mode) { return mode.weight > 0.0f; }));
+      max_count = std::max(max_count, std::ranges::count_if(matte.modes(x, y, c), [](const Mode& mode) {
+                             return mode.weight > 0.0f;
+                           }));
     }
     return static_cast<size_t>(max_count);
   };
@@ -202,8 +203,8 @@ MattePanel modes_of(const Matte& matte) {
   return panel;
 }
 
-// Red rises to the right and green downwards; blue distinguishes monitors. A checkerboard of an eighth of the height
-// darkens every other square.
+// Red rises to the right and green downwards; blue distinguishes monitors. A checkerboard of an eighth of the
+// height darkens every other square.
 Code place_colour(const v1::MatteMetadata& metadata, int texture, double x_px, double y_px) {
   if (texture < 0 || texture >= metadata.monitors_size()) return kNoValue;
   const v1::Monitor& monitor = metadata.monitors(texture);

@@ -41,9 +41,9 @@ struct MattePanel {
 inline constexpr std::array<const char*, 8> kPanelNames{"preview", "foreground", "coverage",    "modes",
                                                         "centre",  "sigma",      "uncertainty", "flags"};
 
-// In the order of kPanelNames. centre, sigma and uncertainty show the strongest modes of `channel`. Ranges are those of
-// the object's pixels, or of all pixels if there is no object. Missing values and values that are not finite have the
-// colour kNoValue.
+// In the order of kPanelNames. centre, sigma and uncertainty show the strongest modes of `channel`. Ranges
+// are those of the object's pixels, or of all pixels if there is no object. Missing values and values that
+// are not finite have the colour kNoValue.
 std::vector<MattePanel> panels_of(const Matte& matte, int channel);
 
 inline constexpr std::array<std::uint8_t, 3> kNoValue{214, 214, 214};

@@ -1,4 +1,5 @@
-// A background: a still, a directory of pictures in the order of their names, or a video file. The latter two repeat.
+// A background: a still, a directory of pictures in the order of their names, or a video file. The latter two
+// repeat.
 #pragma once
 
 #include <absl/status/statusor.h>

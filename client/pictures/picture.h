@@ -16,12 +16,13 @@ namespace glasswing {
 // Reports a written picture: "vase.png: 1280x720", or the same as JSON.
 void print_written(const Client& client, const std::string& file, int width_px, int height_px);
 
-// Checks an output before any work. INVALID_ARGUMENT: a suffix that cannot be written, or not with this many bits (0: the
-// default). NOT_FOUND: its directory does not exist.
+// Checks an output before any work. INVALID_ARGUMENT: a suffix that cannot be written, or not with this many
+// bits (0: the default). NOT_FOUND: its directory does not exist.
 absl::Status check_output(const std::filesystem::path& output, int bits = 0);
 
-// Reads a picture as radiance. A frame of a calibrated archive is linearised by the archive's calibrations, like the
-// composite of its matte; any other picture by `encoding`. Errors: as read_radiance(), and of the calibrations.
+// Reads a picture as radiance. A frame of a calibrated archive is linearised by the archive's calibrations,
+// like the composite of its matte; any other picture by `encoding`. Errors: as read_radiance(), and of the
+// calibrations.
 absl::StatusOr<RadianceImage> read_picture(const std::filesystem::path& file, Encoding encoding);
 
 // The region "WIDTHxHEIGHT+X+Y" of a picture, px from its top-left corner; all of it if `region` is empty.

@@ -68,9 +68,12 @@ void add_stmap_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand(
       "stmap", "Write a matte's strongest path as an STMap, by which compositing programs warp a picture.");
   command.footer(
-      "R and G are the position on the monitor, 0 to 1 from its bottom left corner; B and A are 1 where there\n"
-      "is one. Layer weight is the fraction of the light that arrives, blur the width of the path in monitor\n"
-      "pixels. glasswing composite uses all paths and widths of a matte.\nOpenImageIO warps by it with: oiiotool PICTURE vase_st.exr "
+      "R and G are the position on the monitor, 0 to 1 from its bottom left corner; B and A are 1 where "
+      "there\n"
+      "is one. Layer weight is the fraction of the light that arrives, blur the width of the path in "
+      "monitor\n"
+      "pixels. glasswing composite uses all paths and widths of a matte.\nOpenImageIO warps by it with: "
+      "oiiotool PICTURE vase_st.exr "
       "--st_warp:flip_t=1 -o WARPED\n\n"
       "Examples:\n"
       "  glasswing stmap vase.exr -o vase_st.exr\n"

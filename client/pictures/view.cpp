@@ -71,8 +71,7 @@ absl::Status view(const Client& client, const Arguments& arguments) {
 }  // namespace
 
 void add_view_command(CLI::App& app, Client& client) {
-  CLI::App& command =
-      *app.add_subcommand("view", "Draw a matte's contents as a sheet of labelled panels.");
+  CLI::App& command = *app.add_subcommand("view", "Draw a matte's contents as a sheet of labelled panels.");
   command.footer(
       "A single panel (--only) has the matte's size in pixels; preview is what EXR viewers show of it.\n\n"
       "Examples:\n"
@@ -85,9 +84,10 @@ void add_view_command(CLI::App& app, Client& client) {
   command.add_option("--only", arguments->only, "write one panel, without title and legend")
       ->check(CLI::IsMember(kPanelNames));
   command
-      .add_option("--channel", arguments->channel,
-                  "channel of centre, sigma and uncertainty; default: g, or another channel if much more of its "
-                  "light arrives")
+      .add_option(
+          "--channel", arguments->channel,
+          "channel of centre, sigma and uncertainty; default: g, or another channel if much more of its "
+          "light arrives")
       ->check(CLI::IsMember(kColours));
   command.callback(
       [&client, arguments] { client.run = [&client, arguments] { return view(client, *arguments); }; });

@@ -73,8 +73,8 @@ bool give_serial(X509* certificate) {
          BN_to_ASN1_INTEGER(serial.get(), X509_get_serialNumber(certificate)) != nullptr;
 }
 
-// Makes a certificate signed with `signer`, the key of `issuer`; without an issuer it is self-signed. Null: OpenSSL has
-// the reason.
+// Makes a certificate signed with `signer`, the key of `issuer`; without an issuer it is self-signed. Null:
+// OpenSSL has the reason.
 Certificate made_certificate(const X509_NAME& subject, EVP_PKEY& key, int days, X509* issuer,
                              EVP_PKEY& signer, X509_EXTENSION* names) {
   constexpr long kSlowClocks_s = 3600;
@@ -133,8 +133,8 @@ IssuedCertificate described(const std::string& name, const X509& certificate) {
   return issued;
 }
 
-// Writes both files under temporary names, then renames them, so that they replace the old ones at once but for the time
-// between the two renames.
+// Writes both files under temporary names, then renames them, so that they replace the old ones at once but
+// for the time between the two renames.
 absl::Status write_pair(const fs::path& certificate, const fs::path& key, const X509& x, const EVP_PKEY& k) {
   const fs::path new_certificate = certificate.string() + ".new", new_key = key.string() + ".new";
   GW_RETURN_IF_ERROR(write_secret_flushed(new_key, pem_of(k)));

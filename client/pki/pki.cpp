@@ -117,7 +117,8 @@ absl::Status list(const Client& client, const Arguments& arguments) {
 }  // namespace
 
 void add_pki_commands(CLI::App& app, Client& client) {
-  CLI::App& pki = *app.add_subcommand("pki", "Make a lab's certificates: an authority and the certificates that it issues.");
+  CLI::App& pki = *app.add_subcommand(
+      "pki", "Make a lab's certificates: an authority and the certificates that it issues.");
   pki.require_subcommand(1);
   pki.footer(
       "Everything is in one directory, on a machine outside the rig. Copy to each machine ca.pem and its own "
@@ -131,7 +132,9 @@ void add_pki_commands(CLI::App& app, Client& client) {
   using Run = absl::Status (*)(const Client&, const Arguments&);
   const auto add = [&](const char* name, const char* description, Run run) -> CLI::App& {
     CLI::App& command = *pki.add_subcommand(name, description);
-    command.add_option("directory", arguments->directory, "the authority's directory, with ca.pem and all issued files")
+    command
+        .add_option("directory", arguments->directory,
+                    "the authority's directory, with ca.pem and all issued files")
         ->required()
         ->type_name("DIR");
     command.callback([&client, arguments, run] {
@@ -146,7 +149,8 @@ void add_pki_commands(CLI::App& app, Client& client) {
   };
 
   CLI::App& init_command = add("init", "Make an authority: ca.pem, valid for ten years, and ca.key.", init);
-  init_command.add_option("--name", arguments->name, "name in the authority's certificate")->capture_default_str();
+  init_command.add_option("--name", arguments->name, "name in the authority's certificate")
+      ->capture_default_str();
   init_command.footer("Example:\n  glasswing pki init certificates --name \"Lab 3\"");
 
   CLI::App& issue_command = add("issue", "Make a certificate and a key for each name.", issue);
@@ -158,7 +162,8 @@ void add_pki_commands(CLI::App& app, Client& client) {
   add_days(issue_command);
   issue_command.footer(
       "ROLE is what its owner may do: operator (runs sessions) or viewer (looks at them) for people; server, "
-      "display, camera\nor solver for programs, several for a machine that runs several. HOST is a name or address "
+      "display, camera\nor solver for programs, several for a machine that runs several. HOST is a name or "
+      "address "
       "at which others call the\nmachine; default: NAME. Existing files are not replaced.\n\n"
       "Examples:\n"
       "  glasswing pki issue certificates server+display+camera:rig=rig.lab,10.0.0.5\n"
@@ -166,15 +171,15 @@ void add_pki_commands(CLI::App& app, Client& client) {
 
   CLI::App& renew_command =
       add("renew", "Renew certificates for the same roles and hosts, with new keys.", renew);
-  renew_command.add_option("names", arguments->names, "names of the certificates; default: all that expire soon");
+  renew_command.add_option("names", arguments->names,
+                           "names of the certificates; default: all that expire soon");
   renew_command.add_option("--within", arguments->within_days, "days until expiry that count as soon")
       ->check(CLI::Range(0, CertificateAuthority::kMaxDays))
       ->capture_default_str();
   add_days(renew_command);
   renew_command.footer(
       "Programs load the new files once these replace the old ones.\n\n"
-      "Examples:\n"
-      "  glasswing pki renew certificates\n"
+      "Examples:\n  glasswing pki renew certificates\n"
       "  glasswing pki renew certificates rig solver-1\n"
       "  glasswing pki renew certificates --within 90");
 

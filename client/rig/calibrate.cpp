@@ -100,45 +100,7 @@ absl::Status calibrate_all(const Client& client, const CalibrateArguments& argum
   return calibrate_sync(client, request);
 }
 
-}  // namespace
-
-void add_calibrate_commands(CLI::App& app, Client& client) {
-  CLI::App& calibrate = *app.add_subcommand(
-      "calibrate", "Calibrate the rig's devices; later sessions use the result.");
-  calibrate.require_subcommand(1);
-  calibrate.footer(
-      "Examples:\n"
-      "  glasswing calibrate all -o curves      everything, in the right order; about two minutes\n"
-      "  glasswing calibrate camera             after a change of gain, aperture or lens\n"
-      "  glasswing calibrate display            after a change of a monitor's settings, and every few weeks\n"
-      "  glasswing calibrate list               the present calibrations");
-
-  CLI::App& all = *calibrate.add_subcommand("all", "Calibrate timing, camera and monitors, one after the other.");
-  all.footer("Example:\n  glasswing calibrate all --plan deploy/plans/crystal.txtpb -o curves");
-  const Arguments all_arguments = add_light_options(all);
-  all.callback([&client, all_arguments] {
-    client.run = [&client, all_arguments] { return calibrate_all(client, *all_arguments); };
-  });
-
-  CLI::App& camera = *calibrate.add_subcommand(
-      "camera",
-      "Measure the camera's response curve and noise, from exposures of several lengths.");
-  camera.footer("Example:\n  glasswing calibrate camera -o curves");
-  const Arguments camera_arguments = add_light_options(camera);
-  add_session_option(camera, camera_arguments);
-  camera.callback([&client, camera_arguments] {
-    client.run = [&client, camera_arguments] { return calibrate_camera_light(client, *camera_arguments); };
-  });
-
-  CLI::App& display = *calibrate.add_subcommand(
-      "display", "Measure the monitors' tone curves with the calibrated camera.");
-  display.footer("Example:\n  glasswing calibrate display --monitor back -o curves");
-  const Arguments display_arguments = add_light_options(display);
-  add_session_option(display, display_arguments);
-  display.callback([&client, display_arguments] {
-    client.run = [&client, display_arguments] { return calibrate_display_light(client, *display_arguments); };
-  });
-
+void add_list_command(CLI::App& calibrate, Client& client) {
   CLI::App& list = *calibrate.add_subcommand("list", "Show the calibrations of cameras and monitors.");
   list.footer("Example:\n  glasswing calibrate list -o curves");
   auto charts = std::make_shared<std::string>();
@@ -146,7 +108,9 @@ void add_calibrate_commands(CLI::App& app, Client& client) {
       ->check(CLI::ExistingDirectory);
   list.callback(
       [&client, charts] { client.run = [&client, charts] { return list_calibrations(client, *charts); }; });
+}
 
+void add_forget_command(CLI::App& calibrate, Client& client) {
   CLI::App& forget = *calibrate.add_subcommand(
       "forget", "Forget the calibration of a camera or monitor; existing sessions keep theirs.");
   forget.footer("Example:\n  glasswing calibrate forget camera-1");
@@ -154,7 +118,9 @@ void add_calibrate_commands(CLI::App& app, Client& client) {
   forget.add_option("device", *device, "the camera's or monitor's name")->required();
   forget.callback(
       [&client, device] { client.run = [&client, device] { return forget_calibration(client, *device); }; });
+}
 
+void add_sync_command(CLI::App& calibrate, Client& client) {
   struct SyncArguments {
     std::vector<std::string> monitors;
     double exposure_ms = 0.0;
@@ -175,6 +141,50 @@ void add_calibrate_commands(CLI::App& app, Client& client) {
       return calibrate_sync(client, request);
     };
   });
+}
+
+}  // namespace
+
+void add_calibrate_commands(CLI::App& app, Client& client) {
+  CLI::App& calibrate =
+      *app.add_subcommand("calibrate", "Calibrate the rig's devices; later sessions use the result.");
+  calibrate.require_subcommand(1);
+  calibrate.footer(
+      "Examples:\n"
+      "  glasswing calibrate all -o curves      everything, in the right order; about two minutes\n"
+      "  glasswing calibrate camera             after a change of gain, aperture or lens\n"
+      "  glasswing calibrate display            after a change of a monitor's settings, and every few weeks\n"
+      "  glasswing calibrate list               the present calibrations");
+
+  CLI::App& all =
+      *calibrate.add_subcommand("all", "Calibrate timing, camera and monitors, one after the other.");
+  all.footer("Example:\n  glasswing calibrate all --plan deploy/plans/crystal.txtpb -o curves");
+  const Arguments all_arguments = add_light_options(all);
+  all.callback([&client, all_arguments] {
+    client.run = [&client, all_arguments] { return calibrate_all(client, *all_arguments); };
+  });
+
+  CLI::App& camera = *calibrate.add_subcommand(
+      "camera", "Measure the camera's response curve and noise, from exposures of several lengths.");
+  camera.footer("Example:\n  glasswing calibrate camera -o curves");
+  const Arguments camera_arguments = add_light_options(camera);
+  add_session_option(camera, camera_arguments);
+  camera.callback([&client, camera_arguments] {
+    client.run = [&client, camera_arguments] { return calibrate_camera_light(client, *camera_arguments); };
+  });
+
+  CLI::App& display =
+      *calibrate.add_subcommand("display", "Measure the monitors' tone curves with the calibrated camera.");
+  display.footer("Example:\n  glasswing calibrate display --monitor back -o curves");
+  const Arguments display_arguments = add_light_options(display);
+  add_session_option(display, display_arguments);
+  display.callback([&client, display_arguments] {
+    client.run = [&client, display_arguments] { return calibrate_display_light(client, *display_arguments); };
+  });
+
+  add_list_command(calibrate, client);
+  add_forget_command(calibrate, client);
+  add_sync_command(calibrate, client);
 }
 
 }  // namespace glasswing

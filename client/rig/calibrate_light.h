@@ -1,5 +1,5 @@
-// `glasswing calibrate camera|display`: captures a session of method "calibration", has the server fit it, and prints
-// the result.
+// `glasswing calibrate camera|display`: captures a session of method "calibration", has the server fit it,
+// and prints the result.
 #pragma once
 
 #include <absl/status/status.h>

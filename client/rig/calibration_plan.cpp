@@ -24,8 +24,8 @@ absl::StatusOr<v1::Plan> plan_for(const RigView& rig, const std::vector<std::str
   double slowest_hz = 1e9;
   for (const v1::Monitor& monitor : rig.monitors) slowest_hz = std::min(slowest_hz, monitor.refresh_hz());
   for (const double exposure_ms : exposures_ms) plan.add_exposure_ms(exposure_ms);
-  // Exposure, readout, and up to one frame interval until an exposure begins; then one refresh for the change, and one
-  // for lag and settling.
+  // Exposure, readout, and up to one frame interval until an exposure begins; then one refresh for the
+  // change, and one for lag and settling.
   const double needed_ms = *std::max_element(exposures_ms.begin(), exposures_ms.end()) +
                            1e-6 * static_cast<double>(rig.camera->readout_ns()) +
                            1e3 / rig.camera->frame_rate_hz();

@@ -12,12 +12,13 @@
 
 namespace glasswing {
 
-// Up to eight exposures with uneven ratios, at most `longest_ms` and within the camera's range. With equal ratios, a
-// staircase with that ratio would explain the frames as well as the true curve.
+// Up to eight exposures with uneven ratios, at most `longest_ms` and within the camera's range. With equal
+// ratios, a staircase with that ratio would explain the frames as well as the true curve.
 std::vector<double> exposure_ladder_ms(const v1::GetCameraResponse& camera, double longest_ms);
 
 // `monitors`: names; empty: all of the rig. Each picture is shown long enough for a free-running camera.
-// FAILED_PRECONDITION: there is no camera, or it can make too few exposures. INVALID_ARGUMENT: no such monitor.
+// FAILED_PRECONDITION: there is no camera, or it can make too few exposures. INVALID_ARGUMENT: no such
+// monitor.
 absl::StatusOr<v1::Plan> camera_plan(const RigView& rig, const std::vector<std::string>& monitors,
                                      double longest_ms);
 // `white_ms`: the exposure at which white reaches full scale; the plan exposes for four fifths of it.

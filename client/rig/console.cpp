@@ -38,8 +38,8 @@ absl::Status make_token(const Client& client, const Arguments& arguments) {
     return absl::OkStatus();
   }
   std::cout << fmt::format("{}/#token={}\n", made.url(), made.token()) << std::flush;
-  std::cerr << fmt::format("the link logs in as {} until {}\n",
-                           arguments.viewer ? "a viewer" : "an operator", made.expires());
+  std::cerr << fmt::format("the link logs in as {} until {}\n", arguments.viewer ? "a viewer" : "an operator",
+                           made.expires());
   return absl::OkStatus();
 }
 

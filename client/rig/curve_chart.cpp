@@ -91,7 +91,8 @@ std::string chart(const std::string& title, const std::vector<Curve>& curves,
       max_off = std::max(max_off, std::abs(off[c].back()));
     }
   }
-  const Panel below{.top = kTop + kHeight + kGap, .height = kLow, .low = -1.1 * max_off, .high = 1.1 * max_off};
+  const Panel below{
+      .top = kTop + kHeight + kGap, .height = kLow, .low = -1.1 * max_off, .high = 1.1 * max_off};
   std::string svg = fmt::format(
       "<svg xmlns='http://www.w3.org/2000/svg' width='{0}' height='{1}' viewBox='0 0 {0} {1}' "
       "font-family='sans-serif' font-size='12'>\n<rect width='100%' height='100%' fill='white'/>\n"

@@ -84,8 +84,8 @@ absl::Status check_rig(const Client& client, const std::string& plan) {
   if (!status.ok()) return status_from(status, server.title);
   const auto problems = std::ranges::count(findings, v1::FINDING_LEVEL_PROBLEM, &v1::Finding::level);
   if (problems > 0) {
-    return absl::FailedPreconditionError(
-        fmt::format("the rig has {} problem{}; fix what is listed above", problems, problems == 1 ? "" : "s"));
+    return absl::FailedPreconditionError(fmt::format("the rig has {} problem{}; fix what is listed above",
+                                                     problems, problems == 1 ? "" : "s"));
   }
   return absl::OkStatus();
 }

@@ -129,7 +129,8 @@ absl::StatusOr<v1::GetFleetResponse> ask(const FleetPeer& server) {
 absl::Status watch_fleet(const Client& client, const FleetPeer& server) {
   if (client.json || client.tsv || ::isatty(STDOUT_FILENO) != 1) {
     return absl::InvalidArgumentError(
-        "--watch draws on a terminal; it must be left out with --json, --tsv and where output goes elsewhere");
+        "--watch draws on a terminal; it must be left out with --json, --tsv and where output goes "
+        "elsewhere");
   }
   std::mutex mutex;
   std::condition_variable wake;

@@ -106,11 +106,12 @@ absl::Status hold(Client& client, const Arguments& arguments) {
 }  // namespace
 
 void add_hold_command(CLI::App& app, Client& client) {
-  CLI::App& command =
-      *app.add_subcommand("hold", "Hold the rig for a series of sessions, so that no other client uses it in between.");
+  CLI::App& command = *app.add_subcommand(
+      "hold", "Hold the rig for a series of sessions, so that no other client uses it in between.");
   command.footer(
       "The rig is held while COMMAND runs, and the exit status is COMMAND's; without a command it is held "
-      "until Ctrl-C.\nOther clients see who holds it and why. If this client dies, the rig is freed at once; if "
+      "until Ctrl-C.\nOther clients see who holds it and why. If this client dies, the rig is freed at once; "
+      "if "
       "its machine vanishes,\nwithin 20 s.\n\n"
       "Examples:\n"
       "  glasswing hold --reason \"turntable series\" -- ./turntable.py\n"

@@ -94,8 +94,7 @@ absl::Status preview(const Client& client, const Arguments& arguments) {
 
 void add_preview_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand(
-      "preview",
-      "Write the camera's live picture to a file, for framing and focus, until interrupted.");
+      "preview", "Write the camera's live picture to a file, for framing and focus, until interrupted.");
   command.footer("Example:\n  glasswing preview -o live.jpg --fps 2");
   auto arguments = std::make_shared<Arguments>();
   command.add_option("-o,--output", arguments->output, "the JPEG file to rewrite")->capture_default_str();
@@ -105,9 +104,12 @@ void add_preview_command(CLI::App& app, Client& client) {
   command.add_option("--width", arguments->width_px, "maximum width, px")
       ->check(CLI::Range(16, 4096))
       ->capture_default_str();
-  command.add_option("--exposure-ms", arguments->exposure_ms, "exposure while no capture runs, ms; default: about 4")
+  command
+      .add_option("--exposure-ms", arguments->exposure_ms,
+                  "exposure while no capture runs, ms; default: about 4")
       ->check(CLI::Range(0.01, 10000.0));
-  command.add_option("--count", arguments->count, "stop after this many pictures")->check(CLI::Range(1, 1000000));
+  command.add_option("--count", arguments->count, "stop after this many pictures")
+      ->check(CLI::Range(1, 1000000));
   command.callback(
       [&client, arguments] { client.run = [&client, arguments] { return preview(client, *arguments); }; });
 }

@@ -146,7 +146,8 @@ void add_capture_command(CLI::App& app, Client& client) {
       "  glasswing capture deploy/plans/crystal.txtpb --note \"handle to the left\" --tag vases --tag lab3");
   auto arguments = std::make_shared<Arguments>();
   command.add_option("plan", arguments->plan, "the plan, a .txtpb file")->required();
-  command.add_option("--session", arguments->session, "the session's name; the server chooses one if left out");
+  command.add_option("--session", arguments->session,
+                     "the session's name; the server chooses one if left out");
   command.add_option("--note", arguments->note, "a note to keep with it");
   command.add_option("--tag", arguments->tags, "a tag to find it by; may be repeated")
       ->allow_extra_args(false);

@@ -28,7 +28,8 @@ std::string mattes_text(const v1::Session& session) {
 }
 
 // FAILED_PRECONDITION if any of them cannot be deleted now: then none is.
-absl::StatusOr<std::vector<v1::Session>> deletable_sessions(const Sessions& server, const Arguments& arguments) {
+absl::StatusOr<std::vector<v1::Session>> deletable_sessions(const Sessions& server,
+                                                            const Arguments& arguments) {
   std::vector<v1::Session> sessions;
   for (const std::string& name : arguments.sessions) {
     v1::GetSessionRequest request;

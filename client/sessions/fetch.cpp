@@ -108,7 +108,8 @@ bool is_there(const fs::path& path, const v1::Session& session, int frame) {
              std::map<std::string, std::string>(session.options().begin(), session.options().end());
 }
 
-// Mattes come from the last finished solve, but the session describes the last solve. True if they are the same.
+// Mattes come from the last finished solve, but the session describes the last solve. True if they are the
+// same.
 bool describes_mattes(const v1::Session& session) {
   return session.state() == v1::SESSION_STATE_DONE || !session.matte_ready();
 }
@@ -222,7 +223,8 @@ absl::Status fetch(const Client& client, const Arguments& arguments) {
 void add_fetch_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand("fetch", "Fetch a matte, or the mattes of a video.");
   command.footer(
-      "The solved frames of a video become 0000.exr, 0001.exr, ... in a directory; files that are already there "
+      "The solved frames of a video become 0000.exr, 0001.exr, ... in a directory; files that are already "
+      "there "
       "are not fetched again.\n\n"
       "Examples:\n"
       "  glasswing fetch vase -o vase.exr\n"
@@ -231,14 +233,14 @@ void add_fetch_command(CLI::App& app, Client& client) {
       "  glasswing fetch pouring --frame 7 -o pouring-7.exr");
   auto arguments = std::make_shared<Arguments>();
   command.add_option("session", arguments->session, "the session's name")->required();
-  command.add_option("-o,--output", arguments->output, "the OpenEXR file to write, or the directory for a video")
+  command
+      .add_option("-o,--output", arguments->output, "the OpenEXR file to write, or the directory for a video")
       ->required();
   command.add_option("--frame", arguments->frame, "fetch only this frame of a video, counted from 0")
       ->check(CLI::Range(0, 17999));
   command
-      .add_flag(
-          "--partial", arguments->partial,
-          "fetch what is solved so far, also of a failed solve; the rest is flagged \"not solved\"")
+      .add_flag("--partial", arguments->partial,
+                "fetch what is solved so far, also of a failed solve; the rest is flagged \"not solved\"")
       ->excludes("--frame");
   command.callback(
       [&client, arguments] { client.run = [&client, arguments] { return fetch(client, *arguments); }; });

@@ -140,10 +140,10 @@ absl::Status print_estimate(const Client& client, const std::string& path) {
 }  // namespace
 
 void add_plan_estimate_command(CLI::App& plan, Client& client) {
-  CLI::App& command = *plan.add_subcommand("estimate",
-                                           "Estimate a plan's steps, duration and data.");
+  CLI::App& command = *plan.add_subcommand("estimate", "Estimate a plan's steps, duration and data.");
   command.footer(
-      "Sizes come from the plan, or else from the server's rig. With a rig, it also prints the free space and "
+      "Sizes come from the plan, or else from the server's rig. With a rig, it also prints the free space "
+      "and "
       "who holds the rig; glasswing capture --dry-run checks everything that a capture needs.\n\n"
       "Example:\n  glasswing plan estimate deploy/plans/crystal.txtpb");
   auto path = std::make_shared<std::string>();

@@ -61,7 +61,8 @@ absl::Status replicate(const Client& client, const Arguments& arguments) {
 void add_replicate_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand("replicate", "Copy a session's frames to another node.");
   command.footer(
-      "Solvers then read from both nodes, and the frames survive the loss of one. The node is a camera, or a\n"
+      "Solvers then read from both nodes, and the frames survive the loss of one. The node is a camera, or "
+      "a\n"
       "solver started with --listen and --archives. Repeat the command to finish an interrupted copy; that\n"
       "also repairs damaged frames on that node.\n\n"
       "Example:\n  glasswing replicate vase solver-2");

@@ -32,10 +32,12 @@ absl::StatusOr<v1::ListSessionsRequest> request_of(const Arguments& arguments) {
   for (const std::string& state : arguments.states) request.add_states(states().at(state));
   const absl::Time now = absl::Now();
   if (!arguments.since.empty()) {
-    GW_ASSIGN_OR_RETURN(*request.mutable_created_from(), parse_time_argument("--since", arguments.since, now));
+    GW_ASSIGN_OR_RETURN(*request.mutable_created_from(),
+                        parse_time_argument("--since", arguments.since, now));
   }
   if (!arguments.before.empty()) {
-    GW_ASSIGN_OR_RETURN(*request.mutable_created_before(), parse_time_argument("--before", arguments.before, now));
+    GW_ASSIGN_OR_RETURN(*request.mutable_created_before(),
+                        parse_time_argument("--before", arguments.before, now));
   }
   return request;
 }
@@ -84,7 +86,8 @@ void add_sessions_command(CLI::App& app, Client& client) {
       "  glasswing sessions --tag lab3 --tag vases --since 2026-11-01 --before 2026-12-01");
   auto arguments = std::make_shared<Arguments>();
   command.add_option("text", arguments->text, "text in the name, the note, a tag or the reason");
-  command.add_option("--tag", arguments->tags, "only sessions with this tag; repeat to require several")->allow_extra_args(false);
+  command.add_option("--tag", arguments->tags, "only sessions with this tag; repeat to require several")
+      ->allow_extra_args(false);
   std::vector<std::string> names;
   for (const auto& [name, state] : states()) names.push_back(name);
   command.add_option("--state", arguments->states, "only sessions in this state; repeat to allow several")

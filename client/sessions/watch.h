@@ -11,8 +11,8 @@
 
 namespace glasswing {
 
-// Shows progress until the session rests (paused, captured, done, failed, cancelled), and returns it. CANCELLED:
-// Ctrl-C was pressed; the session goes on, and the message says how to watch or end it.
+// Shows progress until the session rests (paused, captured, done, failed, cancelled), and returns it.
+// CANCELLED: Ctrl-C was pressed; the session goes on, and the message says how to watch or end it.
 absl::StatusOr<v1::Session> follow(const Client& client, const std::string& name);
 
 // OK for a captured or done session; otherwise an error that says why, and how to go on.

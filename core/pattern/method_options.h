@@ -25,8 +25,8 @@ absl::Status check_option(std::string_view method, std::string_view option);
 // What it says of an option that is none.
 absl::Status unknown_option(std::string_view method, std::string_view option);
 
-// Splits "NAME=VALUE", the argument of --set. VALUE may be empty and may contain '='. INVALID_ARGUMENT: there is
-// no '=', or NAME is empty.
+// Splits "NAME=VALUE", the argument of --set. VALUE may be empty and may contain '='. INVALID_ARGUMENT: there
+// is no '=', or NAME is empty.
 absl::StatusOr<std::pair<std::string, std::string>> parse_setting(const std::string& setting);
 
 }  // namespace glasswing

@@ -8,11 +8,11 @@ namespace {
 TEST(TimeArgument, DaysHoursDatesAndTimes) {
   const absl::Time now = absl::FromCivil(absl::CivilSecond(2026, 11, 22, 1, 2, 3), absl::UTCTimeZone());
   for (const auto& [text, time] : {std::pair("7d", "2026-11-15T01:02:03Z"),
-                                     {"0d", "2026-11-22T01:02:03Z"},
-                                     {"25h", "2026-11-21T00:02:03Z"},
-                                     {"2026-11-01", "2026-11-01T00:00:00Z"},
-                                     {"2026-11-01T12:00:00Z", "2026-11-01T12:00:00Z"},
-                                     {"2026-11-01T12:00:00+01:00", "2026-11-01T11:00:00Z"}}) {
+                                   {"0d", "2026-11-22T01:02:03Z"},
+                                   {"25h", "2026-11-21T00:02:03Z"},
+                                   {"2026-11-01", "2026-11-01T00:00:00Z"},
+                                   {"2026-11-01T12:00:00Z", "2026-11-01T12:00:00Z"},
+                                   {"2026-11-01T12:00:00+01:00", "2026-11-01T11:00:00Z"}}) {
     const absl::StatusOr<std::string> got = parse_time_argument("--since", text, now);
     ASSERT_TRUE(got.ok()) << got.status();
     EXPECT_EQ(*got, time) << text;
