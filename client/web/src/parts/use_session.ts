@@ -17,7 +17,7 @@ export function useSession(name: string): { session?: SessionJson; error?: unkno
   return answer;
 }
 
-/** The frames of a video that can be looked at; none: the session has one matte. */
+/** The solved frames of a video; empty: the session has one matte. */
 export function framesOf({ frameCount, solvedFrames }: SessionJson): number[] {
   return frameCount ? (solvedFrames ?? []) : [];
 }

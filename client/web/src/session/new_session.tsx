@@ -93,7 +93,7 @@ export function NewSession() {
   const [text, setText] = useState("");
   const [name, setName] = useState("");
   const [photos, setPhotos] = useState<File[]>([]);
-  const requestId = useRef(crypto.randomUUID()); // the same for every try, so that an answer that was lost makes no second session
+  const requestId = useRef(crypto.randomUUID()); // the same for every attempt, so that a lost answer creates no second session
   const { plan, estimate, error } = usePlan(text, name);
   const start = useAction();
   useEffect(() => {

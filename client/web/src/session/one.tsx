@@ -45,7 +45,7 @@ function Head({ session }: { session: SessionJson }) {
 function Session({ session }: { session: SessionJson }) {
   const archive = useArchive(session);
   const frames = useMemo(() => framesBySteps(archive.manifest ?? {}), [archive.manifest]);
-  const [file, setFile] = useState<string>(); // of the frame that somebody chose
+  const [file, setFile] = useState<string>(); // the chosen frame's; undefined: none
   const { timeline, version } = useTimeline(session);
   const capturing = isCapturing(session);
   const chosen = file === undefined ? -1 : frames.findIndex((frame) => frame.file === file);

@@ -21,9 +21,9 @@ const kWords: Record<StepState, string> = {
 };
 const kStrip = 22,
   kTicks = 6,
-  kSpace = 8; // CSS px: the strip of steps, its marks of retakes, and what keeps it from the plot
+  kSpace = 8; // CSS px: the strip of steps, its marks for retakes, and the gap to the plot
 
-/** Below: each step in its place. Above: each event, by time and step. */
+/** Draws the events above, by time and step, and the steps below, in a strip. */
 function draw(
   pen: CanvasRenderingContext2D,
   timeline: Timeline,
@@ -126,9 +126,9 @@ function Legend({ timeline }: { timeline: Timeline }) {
 
 interface Props {
   timeline: Timeline;
-  /** Another number whenever the timeline has become more. */
+  /** Changes whenever the timeline grows. */
   version: number;
-  /** Steps a second that the display allows; undefined: not known. */
+  /** Steps per second that the display allows; undefined: not known. */
   limit: number | undefined;
   selected: number | undefined;
   select: (step: number) => void;
@@ -175,8 +175,8 @@ export function TimelineView({ timeline, version, limit, selected, select }: Pro
         aria-label={`Timeline: ${proven} of ${timeline.stepCount} steps are proven, ${timeline.retaken} times a step was shown again`}
       />
       <figcaption class="note">
-        Above: what happened, by time (to the right) and step (upwards)
-        {limit !== undefined && "; the broken line is what the display allows"}. Below: each step as it is;
+        Above: the events, by time (to the right) and step (upwards)
+        {limit !== undefined && "; the dashed line is the limit of the display"}. Below: the state of each step;
         click one to see its frame.
       </figcaption>
       <Legend timeline={timeline} />
