@@ -62,7 +62,7 @@ TEST(Client, ColoursOnlyWhereAskedFor) {
 }
 
 TEST(Client, NamesTheServerThatDoesNotAnswer) {
-  // Port 1 needs a service that nobody runs.
+  // No service listens on port 1.
   const std::string words = "server at 127.0.0.1:1 does not answer";
   expect_one_line_error(run_glasswing({"--server", "127.0.0.1:1", "nodes"}), words);
   expect_one_line_error(run_glasswing({"nodes", "--server", "127.0.0.1:1"}), words);

@@ -1,4 +1,4 @@
-// What the whole tree of commands has: words for people, pages, completion.
+// Properties of the whole tree of commands: descriptions, manual pages, completion.
 #include <cstdio>
 #include <fstream>
 
@@ -17,7 +17,7 @@ class CommandLine : public ScratchTest {
  protected:
   CommandLine() { add_commands(app_, client_, config_); }
 
-  // All commands, with their names: "plan check".
+  // Visits all commands with their full names: "plan check".
   static void visit(const CLI::App& app, const std::string& above,
                     const std::function<void(const CLI::App&, const std::string&)>& each) {
     for (const CLI::App* command : subcommands_of(app)) {
@@ -25,7 +25,7 @@ class CommandLine : public ScratchTest {
       visit(*command, above + command->get_name() + " ", each);
     }
   }
-  // Its standard output; nothing of its errors.
+  // The command's output, with its errors.
   static std::string output_of(const std::string& shell_command) {
     std::string text;
     FILE* const pipe = ::popen((shell_command + " 2>&1").c_str(), "r");
@@ -79,7 +79,7 @@ TEST_F(CommandLine, ManualPagesAreGoodTroff) {
     EXPECT_EQ(output_of("for page in " + pages + "; do man --warnings -l \"$page\" >/dev/null; done"), "");
   }
   if (!has("mandoc")) GTEST_SKIP() << "mandoc, which checks the pages, is not installed";
-  // STYLE speaks of taste only.
+  // Messages below warnings are matters of style.
   EXPECT_EQ(output_of("mandoc -T lint -W warning " + directory + "/*"), "");
 }
 
@@ -99,7 +99,7 @@ class Completion : public CommandLine {
     std::filesystem::create_directories(scratch_ / "views");
   }
 
-  // What bash offers for this line, one space between.
+  // The candidates that bash offers for this line, separated by spaces.
   std::string bash(const std::string& line) {
     const std::string script = write("glasswing.bash", std::string(completion_script("bash")));
     const std::string words = output_of("cd " + scratch_.string() + " && bash -c 'source " + script +
@@ -169,7 +169,7 @@ TEST_F(Completion, FishOffersWhatMayFollow) {
   EXPECT_EQ(fish("glasswing composite vas"), "vase.exr");
 }
 
-// Its completion runs only in an interactive shell, so this is one, on a terminal of its own.
+// zsh completes only in an interactive shell, so this runs one on a pseudo-terminal.
 TEST_F(Completion, ZshOffersWhatMayFollow) {
   if (!has("zsh")) GTEST_SKIP() << "zsh is not installed";
   const std::string script = write("_glasswing", std::string(completion_script("zsh")));

@@ -1,4 +1,4 @@
-// hold, delete, note, tag, retry, sessions and the dry run against a server that remembers.
+// hold, delete, note, tag, retry, sessions and the dry run against a fake server.
 #include <fmt/format.h>
 
 #include <cstdlib>
@@ -28,7 +28,7 @@ struct Sessions final : v1::SessionService::Service {
   v1::AnnotateSessionRequest annotated;
   v1::ResumeSessionRequest resumed;
   v1::EstimateSessionResponse estimate;
-  std::string client, hold;  // who called last
+  std::string client, hold;  // metadata of the last call
 
   grpc::Status GetSession(grpc::ServerContext* context, const v1::GetSessionRequest* request,
                           v1::GetSessionResponse* response) override {
@@ -145,7 +145,7 @@ TEST_F(LifeCommands, AHoldLastsAsLongAsItsCommandAndEndsAsIt) {
 }
 
 TEST_F(LifeCommands, DeletingIsNeverHalfSilent) {
-  // Standard input of a test is no terminal.
+  // Standard input of a test is not a terminal.
   expect_one_line_error(run({"delete", "a"}), "--yes");
   expect_one_line_error(run({"delete", "a", "nobody", "--yes"}), "no session nobody");
   sessions_.sessions["b"].set_state(v1::SESSION_STATE_SOLVING);

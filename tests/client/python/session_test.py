@@ -1,5 +1,5 @@
-"""A session through separate processes, driven from Python: the capture and its events, the matte and its arrays, and what
-is wrong. The command line and a reader of OpenEXR that shares no code say what is true."""
+"""A session through separate processes, driven from Python: the capture and its events, the matte and its arrays, and
+errors. The command line and an independent reader of OpenEXR give the truth."""
 
 import dataclasses
 import functools
