@@ -20,7 +20,7 @@ function RetryDialog({ name, close }: { name: string; close: () => void }) {
   return (
     <Dialog title={`Try ${name} again`} close={close}>
       <form onSubmit={(event) => void retry(event)}>
-        <p>What is proven or solved stays; the rest is done again.</p>
+        <p>Proven steps and solved tiles are kept; the rest is done again.</p>
         <label>
           Show a step again up to
           <input

@@ -104,7 +104,7 @@ export function List() {
         </div>
         {!live && <FeedFailure error={error} />}
         {value && sessions.length === 0 && (
-          <p>{text || state || tag ? "No session is like this." : "There is no session yet."}</p>
+          <p>{text || state || tag ? "No session matches." : "There is no session yet."}</p>
         )}
         {sessions.length > 0 && (
           <table class="stack">
@@ -127,7 +127,7 @@ export function List() {
           </table>
         )}
         {sessions.length > kMaxShown && (
-          <p class="note">{sessions.length - kMaxShown} older ones are left out: search for them.</p>
+          <p class="note">{sessions.length - kMaxShown} older ones are not listed: use the search.</p>
         )}
       </section>
     </div>

@@ -100,7 +100,7 @@ export function NewSession() {
     const path = Object.keys(kPlans).find((each) => each.endsWith(`/${ready}.txtpb`));
     if (path) void kPlans[path]!().then(setText);
   }, [ready]);
-  if (!mayOperate.value) return <p>Only operators begin sessions; you are logged in as a viewer.</p>;
+  if (!mayOperate.value) return <p>Only operators can start sessions; you are logged in as a viewer.</p>;
 
   const missing = plan ? missingPhotos(plan, photos) : [];
   const open = async (file: File | undefined): Promise<void> => {

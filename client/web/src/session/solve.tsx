@@ -56,7 +56,7 @@ export function SolveDialog({ session, close }: { session: SessionJson; close: (
           />
         </label>
         {session.matteReady && (
-          <p class="note">The matte that is there can be had until the new one is done.</p>
+          <p class="note">The present matte can be fetched until the new one is done.</p>
         )}
         {error !== undefined && <Failure error={error} />}
         <div class="row ends">
