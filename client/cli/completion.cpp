@@ -60,12 +60,11 @@ function __glasswing_complete
     set -l option (string match -r -- '^--[^=]*=' $word)
     switch "$found[1]"
         case ':FILE'
-            __fish_complete_path (string replace -- "$option" '' "$word")
+            set found (__fish_complete_path (string replace -- "$option" '' "$word"))
         case ':DIR'
-            __fish_complete_directories (string replace -- "$option" '' "$word")
-        case '*'
-            printf '%s\n' "$option"$found
+            set found (__fish_complete_directories (string replace -- "$option" '' "$word"))
     end
+    test -n "$found"; and printf '%s\n' "$option"$found
 end
 
 complete -c glasswing -f -a '(__glasswing_complete)'
