@@ -137,7 +137,7 @@ absl::Status send(const Client& client, const FrameSource& source) {
   const std::string& address = begun.session().archive_address();
   const Peer<v1::ArchiveService> archive("camera node at " + address, address);
   const std::string broken_off =
-      fmt::format("session {} is not whole; the same command again completes it", name);
+      fmt::format("session {} is incomplete; repeat the command to complete it", name);
   GW_RETURN_IF_ERROR(store_frames(source, broken_off, [&](const v1::Frame& frame, const std::string& tiff) {
     return put_frame(archive, name, frame, tiff);
   }));

@@ -138,7 +138,7 @@ class Decoded {
     for (; next_ <= frame; ++next_) image = reader_->next();
     if (!image)
       return absl::DataLossError(
-          fmt::format("{}: frame {} cannot be decoded any more", path_.string(), frame));
+          fmt::format("{}: frame {} can no longer be decoded", path_.string(), frame));
     GW_RETURN_IF_ERROR(
         check_likeness(fmt::format("{}: frame {}", path_.string(), frame), *image, camera_.bits(), camera_));
     response_.linearise(*image);

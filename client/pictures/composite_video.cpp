@@ -31,7 +31,7 @@ absl::StatusOr<std::vector<fs::path>> mattes_in(const fs::path& directory) {
   }
   if (mattes.empty()) {
     return absl::NotFoundError(fmt::format(
-        "{}: it holds no mattes, 0000.exr and so on, as glasswing fetch VIDEO -o DIR/ writes them",
+        "{}: it contains no mattes (0000.exr, 0001.exr, ...), as glasswing fetch VIDEO -o DIR/ writes them",
         directory.string()));
   }
   std::ranges::sort(mattes, [](const fs::path& a, const fs::path& b) {
@@ -111,7 +111,7 @@ absl::StatusOr<int> composite_mattes(const CompositeArguments& arguments) {
       GW_ASSIGN_OR_RETURN(backgrounds, Backgrounds::open(arguments.backgrounds, first, arguments.encoding()));
     } else if (!same_monitors(first, object.metadata())) {
       return absl::InvalidArgumentError(
-          fmt::format("{} is of other monitors than {}; they are not of one video", files[i].string(),
+          fmt::format("{} has other monitors than {}; they are not of one video", files[i].string(),
                       files[0].string()));
     }
     GW_ASSIGN_OR_RETURN(const std::vector<RadianceImage>* const behind, backgrounds->next());

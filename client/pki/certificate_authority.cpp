@@ -148,7 +148,7 @@ absl::StatusOr<Certificate> read_certificate(const fs::path& path) {
   GW_ASSIGN_OR_RETURN(const std::string pem, read_file(path));
   std::vector<Certificate> certificates = certificates_in(pem);
   if (!certificates.empty()) return std::move(certificates.front());
-  return absl::InvalidArgumentError(fmt::format("{} is no certificate in PEM", path.string()));
+  return absl::InvalidArgumentError(fmt::format("{} is not a certificate in PEM", path.string()));
 }
 
 }  // namespace

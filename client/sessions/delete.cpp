@@ -49,7 +49,7 @@ absl::StatusOr<std::vector<v1::Session>> deletable_sessions(const Sessions& serv
 absl::Status confirm(const std::vector<v1::Session>& sessions) {
   if (::isatty(STDIN_FILENO) == 0) {
     return absl::FailedPreconditionError(
-        fmt::format("--yes is needed to delete {} where nobody can be asked; nothing was deleted",
+        fmt::format("--yes is needed to delete {} without a terminal; nothing was deleted",
                     sessions.size() == 1 ? "session " + sessions[0].name()
                                          : fmt::format("{} sessions", sessions.size())));
   }
