@@ -23,20 +23,15 @@ const kStrip = 22,
   kTicks = 6,
   kSpace = 8; // CSS px: the strip of steps, its marks for retakes, and the gap to the plot
 
-/** Draws the events above, by time and step, and the steps below, in a strip. */
-function draw(
+/** Each event by time and step, above `plot` px, and the limit of the display as a dashed line. */
+function drawEvents(
   pen: CanvasRenderingContext2D,
   timeline: Timeline,
   limit: number | undefined,
-  selected: number | undefined,
+  plot: number,
 ): void {
   const scale = devicePixelRatio;
-  const width = pen.canvas.width,
-    height = pen.canvas.height;
-  const strip = kStrip * scale,
-    ticks = kTicks * scale,
-    plot = height - strip - ticks - kSpace * scale;
-  pen.clearRect(0, 0, width, height);
+  const { width } = pen.canvas;
   const { seconds, steps, kinds } = timeline.events;
   const fastest = limit === undefined ? 0 : timeline.stepCount / limit;
   const last = Math.max(1, timeline.seconds, fastest);
@@ -80,7 +75,18 @@ function draw(
   pen.textBaseline = "bottom";
   pen.fillText(secondsText(last), width, plot - 2 * scale);
   pen.textAlign = "left";
+}
 
+/** Each step in its place, in the strip at the bottom, with marks for retakes above it. */
+function drawSteps(
+  pen: CanvasRenderingContext2D,
+  timeline: Timeline,
+  selected: number | undefined,
+  strip: number,
+  ticks: number,
+): void {
+  const scale = devicePixelRatio;
+  const { width, height } = pen.canvas;
   const columns = Math.min(timeline.stepCount, Math.floor(width));
   const { states, retaken } = columnsOf(timeline, columns);
   const wide = width / columns;
@@ -102,6 +108,20 @@ function draw(
       strip + ticks,
     );
   }
+}
+
+function draw(
+  pen: CanvasRenderingContext2D,
+  timeline: Timeline,
+  limit: number | undefined,
+  selected: number | undefined,
+): void {
+  const { width, height } = pen.canvas;
+  const strip = kStrip * devicePixelRatio,
+    ticks = kTicks * devicePixelRatio;
+  pen.clearRect(0, 0, width, height);
+  drawEvents(pen, timeline, limit, height - strip - ticks - kSpace * devicePixelRatio);
+  drawSteps(pen, timeline, selected, strip, ticks);
 }
 
 function Legend({ timeline }: { timeline: Timeline }) {
