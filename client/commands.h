@@ -1,4 +1,4 @@
-// All verbs of the program, in the order and the groups of --help.
+// The one list of the program's verbs, in the order and groups of --help.
 #pragma once
 
 #include <CLI/CLI.hpp>

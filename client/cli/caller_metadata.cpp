@@ -27,7 +27,7 @@ std::string user_at_host() {
                    host.data());
 }
 
-class Signature final : public grpc::ClientContext::GlobalCallbacks {
+class CallerMetadata final : public grpc::ClientContext::GlobalCallbacks {
  public:
   void DefaultConstructor(grpc::ClientContext* context) override {
     context->AddMetadata("glasswing-client", client_);
@@ -42,10 +42,10 @@ class Signature final : public grpc::ClientContext::GlobalCallbacks {
 
 }  // namespace
 
-void sign_calls() {
-  // gRPC keeps the pointer and takes one only.
+void send_caller_metadata() {
+  // gRPC keeps the pointer forever and accepts only one.
   [[maybe_unused]] static const bool once = [] {
-    grpc::ClientContext::SetGlobalCallbacks(new Signature);
+    grpc::ClientContext::SetGlobalCallbacks(new CallerMetadata);
     return true;
   }();
 }

@@ -1,12 +1,13 @@
-// Who this client is, told with every call that it makes (session_service.proto).
+// Metadata of every call: who makes it, and under which hold (session_service.proto).
 #pragma once
 
 namespace glasswing {
 
-inline constexpr const char* kHoldVariable =
-    "GLASSWING_HOLD";  // of the environment: the token of the hold to come under
+// Environment variable: the token of the hold that calls are made under.
+inline constexpr const char* kHoldVariable = "GLASSWING_HOLD";
 
-// From now on every call of this process says "user@host", and under which hold it comes. May be repeated.
-void sign_calls();
+// Every later call of this process carries "user@host", and the hold's token if there is one. May be
+// repeated.
+void send_caller_metadata();
 
 }  // namespace glasswing

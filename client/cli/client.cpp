@@ -26,8 +26,8 @@ int fail(std::string message, bool coloured, int status = kFailure) {
   return status;
 }
 
-// What kind of word an option or argument of this name takes, for --help and completion; commands say so
-// themselves where the name does not.
+// Sets the type of value (SESSION, FILE, DIR) of options and arguments by their names, for --help and
+// completion. Commands override it where the name does not tell.
 void name_values(CLI::App& app) {
   static const std::map<std::string, const char*> kKinds = {
       {"session", "SESSION"}, {"sessions", "SESSION"}, {"matte", "FILE"},    {"plan", "FILE"},
@@ -42,7 +42,7 @@ void name_values(CLI::App& app) {
   for (CLI::App* sub : app.get_subcommands({})) name_values(*sub);
 }
 
-// Subcommands of subcommands begin in the group of these.
+// Inner subcommands inherit their parent's group; they get one of their own.
 void ungroup_inner(CLI::App& app) {
   for (CLI::App* command : app.get_subcommands({})) {
     for (CLI::App* inner : command->get_subcommands({})) inner->group("Commands");
@@ -52,11 +52,11 @@ void ungroup_inner(CLI::App& app) {
 }  // namespace
 
 int run_client(int argc, const char* const* argv, const AddCommands& add_commands) {
-  ::setenv("GRPC_VERBOSITY", "NONE", 0);  // what went wrong is said once, in our words
+  ::setenv("GRPC_VERBOSITY", "NONE", 0);  // we report each failure once
   spdlog::set_level(spdlog::level::off);  // logs are for daemons
-  sign_calls();
+  send_caller_metadata();
   Client client;
-  CLI::App app("Captures environment mattes and puts the object in front of other pictures.", "glasswing");
+  CLI::App app("Captures environment mattes and composites the object over other pictures.", "glasswing");
   use_help_format(app);
   app.footer(
       "Examples:\n"
@@ -67,10 +67,10 @@ int run_client(int argc, const char* const* argv, const AddCommands& add_command
   app.fallthrough();
   app.require_subcommand(1);
   app.set_version_flag("--version", kVersion, "print the version and exit");
-  app.get_help_ptr()->description("say how it is used and exit");
+  app.get_help_ptr()->description("print this help and exit");
   Config config(app);
   app.add_flag("--json", client.json, "write the answer as JSON");
-  app.add_flag("--tsv", client.tsv, "write lists as a line of titles and rows, a tab between cells")
+  app.add_flag("--tsv", client.tsv, "write lists as tab-separated values with a header row")
       ->excludes("--json");
   add_commands(app, client, config);
   ungroup_inner(app);
@@ -84,7 +84,7 @@ int run_client(int argc, const char* const* argv, const AddCommands& add_command
       return fail(std::string(configured.message()), coloured(STDERR_FILENO), kUsageError);
     client.server = config["server"];
     client.coloured = coloured(STDOUT_FILENO);
-    // What is wrong with the files is told by the first call: commands that make none do without.
+    // The first call reports what is wrong with the files; commands that make no calls do not need them.
     (void)use_tls({config["ca"], config["certificate"], config["key"]});
     const absl::Status status = client.run();
     if (status.ok()) return client.exit_status;

@@ -1,4 +1,4 @@
-// A little colour, where there is somebody to see it.
+// Terminal colours.
 #pragma once
 
 #include <fmt/format.h>
@@ -9,17 +9,17 @@
 
 namespace glasswing {
 
-enum class Paint { kNone = 0, kBad = 31, kGood = 32, kCaution = 33 };  // codes of terminals
+enum class Paint { kNone = 0, kBad = 31, kGood = 32, kCaution = 33 };  // SGR codes
 
-// Whether what goes to `fd` is coloured. `when` is auto, always or never; auto: on a terminal, and not if
-// NO_COLOR (no-color.org) is set.
+// True if output to `fd` is coloured. `when`: auto (on a terminal, unless NO_COLOR is set: no-color.org),
+// always or never.
 inline bool is_coloured(const std::string& when, int fd) {
   const char* no_color = std::getenv("NO_COLOR");
   const bool wanted = no_color == nullptr || *no_color == '\0';
   return when == "always" || (when == "auto" && wanted && ::isatty(fd) == 1);
 }
 
-// By what a state or a level means.
+// The colour of a state or of a finding's level.
 inline Paint paint_of(const std::string& word) {
   if (word == "ok" || word == "up" || word == "captured" || word == "done") return Paint::kGood;
   if (word == "warning" || word == "paused" || word == "held") return Paint::kCaution;

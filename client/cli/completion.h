@@ -1,15 +1,26 @@
-// Completion of the command line for shells, made of the command line itself.
+// Completion of the command line in shells: `glasswing completion SHELL` prints a short script, which calls
+// `glasswing __complete -- WORDS...` at every Tab.
 #pragma once
 
 #include <CLI/CLI.hpp>
 #include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
 
 namespace glasswing {
 
-// What a shell sources: commands, options, choices, files where FILE or DIR is meant, and for SESSION the
-// sessions that the server knows (glasswing __sessions).
-std::string bash_completion(const CLI::App& app);
-std::string zsh_completion(const CLI::App& app);
-std::string fish_completion(const CLI::App& app);
+// The script for bash, zsh or fish.
+std::string_view completion_script(std::string_view shell);
+
+// What may follow at the end of a command line: words with their descriptions (may be empty), or kFileMarker
+// or kDirectoryMarker alone, where the shell is to complete names of files or directories.
+using Candidates = std::vector<std::pair<std::string, std::string>>;
+inline constexpr std::string_view kFileMarker = ":FILE", kDirectoryMarker = ":DIR";
+
+// `words`: those after the program's name, at least one; the last is to be completed and may be empty. After
+// "--option=" the candidates are values alone. Names of sessions come from the server that the words name, or
+// else the environment or the configuration file; there are none if it does not answer.
+Candidates candidates_for(const CLI::App& program, const std::vector<std::string>& words);
 
 }  // namespace glasswing

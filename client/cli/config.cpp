@@ -25,7 +25,7 @@ std::string environment(const std::string& variable) {
   return value == nullptr ? "" : value;
 }
 
-// Empty where nobody is at home.
+// Empty without a home directory.
 fs::path usual_file() {
   const std::string config_home = environment("XDG_CONFIG_HOME"), home = environment("HOME");
   if (config_home.empty() && home.empty()) return {};
@@ -39,7 +39,7 @@ std::string_view without_blanks(std::string_view text) {
   return text.substr(std::min(text.find_first_not_of(kBlank), text.size()));
 }
 
-// Takes "VALUE", where \" and \\ stand for themselves, or 'VALUE' off the front.
+// Removes "VALUE" (with the escapes \" and \\) or 'VALUE' from the front of `text` and returns VALUE.
 std::optional<std::string> take_quoted(std::string_view& text) {
   if (text.empty() || (text[0] != '"' && text[0] != '\'')) return std::nullopt;
   const char quote = text[0];
@@ -58,8 +58,8 @@ std::optional<std::string> take_quoted(std::string_view& text) {
   return std::nullopt;
 }
 
-// KEY = "VALUE" or KEY = 'VALUE', with a comment after it; nothing for a line without either. By hand: a
-// std::regex needs stack for every letter.
+// KEY = "VALUE" or KEY = 'VALUE', perhaps with a comment; nullopt for a blank line or a comment. Not a
+// std::regex, which needs stack for every character.
 struct Line {
   std::string key, value;
 };
@@ -97,16 +97,15 @@ Config::Config(CLI::App& app)
   };
   add(settings_[0], "ADDRESS", "HOST:PORT of glasswing-server (default: 127.0.0.1:7440)");
   add(settings_[1], "FILE",
-      "PEM of the CA that signed the certificates of server and nodes; calls then use TLS, which those "
-      "beyond "
-      "this machine need");
-  add(settings_[2], "FILE", "PEM of your own certificate, for a server that wants to know who calls");
-  add(settings_[3], "FILE", "PEM of the key to it");
-  add(settings_[4], "", "colours; auto: on a terminal, if NO_COLOR is not set")
+      "PEM of the CA that signed the certificates of server and nodes; calls then use TLS, which other "
+      "machines require");
+  add(settings_[2], "FILE", "PEM of your own certificate, for a server that authenticates its callers");
+  add(settings_[3], "FILE", "PEM of that certificate's key");
+  add(settings_[4], "", "colours; auto: on a terminal unless NO_COLOR is set")
       ->check(CLI::IsMember({"auto", "always", "never"}));
   app.add_option("--config", file_option_,
-                 std::string("of such settings; or $") + kFileVariable +
-                     "; ~/.config/glasswing/config.toml if it is there")
+                 std::string("file with these settings; or $") + kFileVariable +
+                     "; default: ~/.config/glasswing/config.toml, if it exists")
       ->type_name("FILE");
 }
 

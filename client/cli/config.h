@@ -1,5 +1,5 @@
-// The client's own settings: each is an option's, else the environment's, else the configuration file's, else
-// the default.
+// The client's settings. Each is taken from its option, the environment, the configuration file, or the
+// default, in this order.
 #pragma once
 
 #include <absl/status/status.h>
@@ -13,23 +13,23 @@
 namespace glasswing {
 
 struct Setting {
-  std::string key;          // in the file; the option is --key
-  std::string environment;  // the variable; empty: none
+  std::string key;          // name in the file; the option is --key
+  std::string environment;  // variable; empty: none
   std::string value;
-  bool is_file = false;                   // in the configuration file it is relative to that one's directory
-  std::string from = "default";           // "option", the variable, or the file
-  std::optional<std::string> given = {};  // by the option
+  bool is_file = false;                   // a path; relative to the configuration file if given there
+  std::string from = "default";           // where the value came from: "option", the variable, or the file
+  std::optional<std::string> given = {};  // the option's value
 };
 
 class Config {
  public:
-  // Declares the options of all settings, and --config.
+  // Adds --config and the options of all settings.
   explicit Config(CLI::App& app);
   Config(const Config&) = delete;
   Config& operator=(const Config&) = delete;
 
-  // Once the command line is parsed. INVALID_ARGUMENT names the file, and the line or key, that is wrong;
-  // NOT_FOUND: a file that was asked for is not there (the usual one need not be).
+  // Call after parsing the command line. INVALID_ARGUMENT names the file and the wrong line or key.
+  // NOT_FOUND: the file named by --config or the environment does not exist (the usual one may be missing).
   absl::Status resolve();
 
   const std::string& operator[](const std::string& key) const;

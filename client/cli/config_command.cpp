@@ -26,7 +26,7 @@ absl::Status print_config(const Client& client, const Config& config) {
       rows.push_back({setting.key, setting.value.empty() ? "-" : setting.value, setting.from});
     print_table(client, {{"SETTING"}, {"VALUE"}, {"FROM"}}, rows);
     if (!config.file_is_there() && !client.tsv)
-      std::cout << fmt::format("The file {} is not there.\n", config.file().string());
+      std::cout << fmt::format("The file {} does not exist.\n", config.file().string());
   }
   return use_tls({config["ca"], config["certificate"], config["key"]});
 }
@@ -35,12 +35,11 @@ absl::Status print_config(const Client& client, const Config& config) {
 
 void add_config_command(CLI::App& app, Client& client, const Config& config) {
   CLI::App& command = *app.add_subcommand(
-      "config", "Show the settings in force and where each came from, and check the certificates.");
+      "config", "Show the settings in force and their sources, and check the certificates.");
   command.footer(
-      "A setting is what its option says, else its environment variable, else the configuration file, else "
-      "the "
-      "default.\n"
-      "The file has a line for each:\n\n"
+      "A setting is taken from its option, its environment variable, the configuration file, or the default, "
+      "in this order.\n"
+      "The file has one line for each:\n\n"
       "  server = \"rig.example.org:7440\"\n"
       "  ca = \"rig-ca.pem\"            # relative to the file's directory\n"
       "  certificate = \"me.pem\"\n"

@@ -11,13 +11,13 @@
 namespace glasswing {
 namespace {
 
-// Readable from Ctrl-C on. Signal handlers need something of the process's own.
+// Becomes readable at Ctrl-C. One for the process, since a signal handler can reach nothing else.
 int event() {
   static const int fd = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
   return fd;
 }
 int event_of_handler = -1;
-int living = 0;  // Interruptibles; all are made by the main thread
+int living = 0;  // number of Interruptibles; only the main thread makes them
 struct sigaction before {};
 
 void tell(int fd) {
@@ -34,7 +34,7 @@ void begin() {
   [[maybe_unused]] const ssize_t emptied = ::read(event(), &ignored, sizeof ignored);
   event_of_handler = event();
   ::sigaction(SIGINT, nullptr, &before);
-  if (before.sa_handler == SIG_IGN) return;  // as nohup and shells ask of what runs in the background
+  if (before.sa_handler == SIG_IGN) return;  // set by nohup, and by shells for background jobs
   struct sigaction once {};
   once.sa_handler = on_interrupt;
   once.sa_flags = static_cast<int>(SA_RESETHAND);

@@ -1,4 +1,4 @@
-// Ctrl-C during work that has to be left in order.
+// Ctrl-C during work that must be cleaned up.
 #pragma once
 
 #include <functional>
@@ -6,8 +6,8 @@
 
 namespace glasswing {
 
-// While one lives, the first Ctrl-C only asks: interrupted() is true from then on, and `cancel` is called, on
-// a thread of its own. A second one ends the process at once, as the first does where none lives.
+// While one exists, the first Ctrl-C is a request: interrupted() becomes true and `cancel` is called on a
+// separate thread. A second Ctrl-C ends the process at once, as any does when none exists.
 class Interruptible {
  public:
   explicit Interruptible(std::function<void()> cancel = nullptr);
@@ -20,7 +20,7 @@ class Interruptible {
   std::jthread waiting_;
 };
 
-// Whether Ctrl-C came while the Interruptible lived that began last, with those within it.
+// True if Ctrl-C was pressed since the newest outermost Interruptible was made.
 bool interrupted();
 
 }  // namespace glasswing

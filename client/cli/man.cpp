@@ -13,37 +13,37 @@ Success.
 Failure; one line on standard error says why.
 .TP
 2
-The command line or the configuration file cannot be understood.
+The command line or the configuration file is wrong.
 .TP
 3
-\fBglasswing fsck\fR found damage that is not repaired.
+\fBglasswing fsck\fR found damage that it did not repair.
 .TP
 130
-Broken off with Ctrl\-C.
+Interrupted with Ctrl\-C.
 .SH FILES
 .TP
 .I ~/.config/glasswing/config.toml
-Settings, a line \fBkey\fR = \fB"value"\fR each: server, ca, certificate, key, color. See \fBglasswing\-config\fR(1).
+Settings, one line \fBkey\fR = \fB"value"\fR for each: server, ca, certificate, key, color. See \fBglasswing\-config\fR(1).
 .SH ENVIRONMENT
 .TP
 .BR GLASSWING_SERVER ", " GLASSWING_CA ", " GLASSWING_CERTIFICATE ", " GLASSWING_KEY
-As the options \-\-server, \-\-ca, \-\-certificate and \-\-key.
+Defaults of the options \-\-server, \-\-ca, \-\-certificate and \-\-key.
 .TP
 .B GLASSWING_CONFIG
-Another configuration file.
+The configuration file to read instead.
 .TP
 .B NO_COLOR
-No colours, unless \-\-color says always.
+Disables colours, unless \-\-color is always.
 )";
 
 }  // namespace
 
-// Hidden: the build calls it.
+// Hidden; the build calls it.
 void add_man_command(CLI::App& app, Client& client) {
   auto directory = std::make_shared<std::string>();
   CLI::App& command = *app.add_subcommand("man", "Write the manual pages.");
   command.group("");
-  command.add_option("directory", *directory, "where to")->required();
+  command.add_option("directory", *directory, "the directory to write to")->required();
   command.callback([&app, &client, directory] {
     client.run = [&app, directory] { return write_man_pages(app, 1, *directory, kMore); };
   });

@@ -20,7 +20,7 @@ std::string video_text(const v1::Session& session) {
                      lost > 0 ? fmt::format(", {} of them lost", lost) : "");
 }
 
-// Of UTF-8: all bytes but those that continue a character.
+// Characters of a UTF-8 text: all bytes but continuation bytes.
 size_t width_of(const std::string& text) {
   return static_cast<size_t>(std::ranges::count_if(text, [](char byte) { return (byte & 0xC0) != 0x80; }));
 }
@@ -56,7 +56,7 @@ void print_json(const google::protobuf::Message& message) {
   options.always_print_primitive_fields = true;
   options.preserve_proto_field_names = true;
   std::string json;
-  // Fails only for messages that hold invalid Any or Timestamp values; ours have none.
+  // Fails only for invalid Any or Timestamp values, which our messages do not have.
   (void)google::protobuf::util::MessageToJsonString(message, &json, options);
   std::cout << json;
 }
@@ -102,6 +102,10 @@ std::string state_name(v1::SessionState state) {
   }
 }
 
+bool allows(const v1::Session& session, v1::SessionAction action) {
+  return std::ranges::find(session.allowed_actions(), action) != session.allowed_actions().end();
+}
+
 std::string tiles_text(const v1::Session& session) {
   if (session.tile_count() == 0) return "a solver measures the work";
   return fmt::format("{} of {} tiles", session.tiles_done(), session.tile_count());
@@ -116,13 +120,13 @@ std::string summary_of(const v1::Session& session) {
       return line + fmt::format(": {} of {} steps", session.proven_count(), session.step_count());
     case v1::SESSION_STATE_CAPTURED:
       if (session.frame_count() > 0) line += fmt::format(": a video of {}", video_text(session));
-      // Imported frames were never timed here.
+      // Imported frames have no capture time.
       if (session.frames_taken() == 0) return line + fmt::format(": {} frames", session.step_count());
       return line + fmt::format(": {} steps ({} retaken) in {}, {} frames taken", session.step_count(),
                                 session.retaken_count(), seconds_text(session.capture_seconds()),
                                 session.frames_taken());
     case v1::SESSION_STATE_SOLVING:
-      if (is_video(session) && !session.matte_ready())  // else those of the solve before
+      if (is_video(session) && !session.matte_ready())  // otherwise the frames are the previous solve's
         return line +
                fmt::format(": {} of {} frames", session.solved_frames_size(), frames_to_solve(session));
       return line + ": " + tiles_text(session);

@@ -15,12 +15,12 @@ namespace {
 
 using std::chrono::milliseconds;
 
-constexpr milliseconds kShort(500);          // shows nothing
-constexpr milliseconds kWorthTelling(2000);  // how long it took
+constexpr milliseconds kShort(500);          // shorter work shows nothing
+constexpr milliseconds kWorthTelling(2000);  // longer work reports its duration
 constexpr milliseconds kRedraw(100);
 constexpr milliseconds kPlainLine(5000);
-constexpr double kSettle_s = 3.0;  // of the time left
-constexpr int kFewestBarCells = 10, kMaxBarCells = 30;
+constexpr double kSettle_s = 3.0;  // time constant of the time left
+constexpr int kMinBarCells = 10, kMaxBarCells = 30;
 
 double seconds_of(Progress::Clock::duration time) {
   return std::chrono::duration<double>(time).count();
@@ -53,9 +53,9 @@ std::string bar_line(const std::string& label, double fraction, const std::strin
   for (const std::string& middle : {detail, std::string()}) {
     const std::string rest = joined(joined(percent, "  ", middle), "  ", time);
     const int room = columns - static_cast<int>(label.size() + rest.size());
-    const int cells = std::min(room - 4, kMaxBarCells);  // a space and a bracket on both sides
+    const int cells = std::min(room - 4, kMaxBarCells);  // less a space and a bracket on each side
     const int full = static_cast<int>(fraction * cells);
-    if (cells >= kFewestBarCells)
+    if (cells >= kMinBarCells)
       return fmt::format("{} [{:#>{}}{:.>{}}] {}", label, "", full, "", cells - full, rest);
     if (room >= 1) return label + " " + rest;
   }
@@ -67,7 +67,7 @@ Progress::Progress(std::string label, std::function<Clock::time_point()> now)
       terminal_(::isatty(STDERR_FILENO) == 1),
       now_(std::move(now)),
       begun_(now_()),
-      // The first line comes once the work has lasted long enough.
+      // The first line is due after kShort (terminal) or kPlainLine.
       last_written_(terminal_ ? begun_ + kShort - kRedraw : begun_) {}
 
 Progress::~Progress() {

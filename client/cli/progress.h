@@ -1,5 +1,5 @@
-// How far long work has got, on standard error: on a terminal a bar with the time left, elsewhere a plain
-// line now and then. Work that is soon done shows nothing.
+// Progress of long work, on standard error: a bar with the time left on a terminal, otherwise a line every
+// few seconds. Short work shows nothing.
 #pragma once
 
 #include <chrono>
@@ -22,16 +22,16 @@ class Progress {
 
   // `fraction` in [0, 1]; `detail` is a few words: "120 of 311 steps".
   void update(double fraction, const std::string& detail = "");
-  // Where nobody knows how much there is to do.
+  // For work of unknown size.
   void update_unknown(const std::string& detail = "");
-  void clear();  // until the next update
-  // The work is complete: says how long it took, if that was long.
+  void clear();  // removes the bar until the next update
+  // Reports how long the work took, unless it was short.
   void done(const std::string& detail);
 
  private:
   bool is_due();
   void write(const std::string& plain, const std::string& bar);
-  // Smoothed, so that it does not jump; negative: not known yet.
+  // Smoothed; negative: not known yet.
   double seconds_left(double fraction);
 
   const std::string label_;
@@ -40,18 +40,18 @@ class Progress {
   const Clock::time_point begun_;
   Clock::time_point last_written_;
   bool drawn_ = false;
-  // Where the work stood when first seen, and when it is expected to end.
+  // State at the first update, and the expected end.
   double first_fraction_ = -1.0;
   Clock::time_point first_seen_{}, last_seen_{}, end_{};
 };
 
-// Shows that something goes on, and for how long, while one call is waited for.
+// Shows the elapsed time while waiting for one call.
 class Waiting {
  public:
   explicit Waiting(std::string label);
-  // `detail` is shown from now on.
+  // Sets the detail to show.
   void tell(std::string detail);
-  // Clears the line for as long as `write` writes something else to the terminal.
+  // Clears the line while `write` writes to the terminal.
   void aside(const std::function<void()>& write);
 
  private:
@@ -62,11 +62,10 @@ class Waiting {
   std::jthread drawing_;
 };
 
-// "12 s", "2 min 30 s", "1 h 5 min": coarse, as guesses are.
+// "12 s", "2 min 30 s", "1 h 5 min": rounded coarsely, since it is an estimate.
 std::string left_text(double seconds);
 
-// One line of at most `columns` characters. What there is no room for is left out: first the bar, then the
-// detail.
+// One line of at most `columns` characters. If space is short, the bar is left out first, then the detail.
 std::string bar_line(const std::string& label, double fraction, const std::string& detail,
                      const std::string& left, int columns);
 

@@ -20,7 +20,7 @@ absl::Status add_monitors(const v1::Node& node, RigView& rig) {
 
 }  // namespace
 
-absl::StatusOr<RigView> look_at_rig(const Client& client) {
+absl::StatusOr<RigView> read_rig_view(const Client& client) {
   const Peer<v1::NodeService> server(client.server_title(), client.server);
   GW_ASSIGN_OR_RETURN(const v1::ListNodesResponse listed,
                       call(server, &v1::NodeService::Stub::ListNodes, {}));

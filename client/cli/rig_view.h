@@ -1,4 +1,4 @@
-// The monitors and the camera that the server's nodes have now.
+// The monitors and the camera of the nodes that are up.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -13,11 +13,11 @@
 namespace glasswing {
 
 struct RigView {
-  std::vector<v1::Monitor> monitors;            // of all displays that are up
-  std::optional<v1::GetCameraResponse> camera;  // the first that is up
+  std::vector<v1::Monitor> monitors;            // of every display node
+  std::optional<v1::GetCameraResponse> camera;  // of the first camera node
 };
 
-// UNAVAILABLE: the server or a node does not answer.
-absl::StatusOr<RigView> look_at_rig(const Client& client);
+// Asks the server, then every node. UNAVAILABLE: one of them does not answer.
+absl::StatusOr<RigView> read_rig_view(const Client& client);
 
 }  // namespace glasswing

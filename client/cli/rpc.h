@@ -1,4 +1,4 @@
-// Calls to other programs: each with a deadline, and failures that name the peer.
+// Calls to other programs: every call has a deadline, and errors name the peer.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -13,7 +13,7 @@
 namespace glasswing {
 
 inline constexpr std::chrono::seconds kCallTimeout(10);
-// For calls that make the server talk to nodes, or that carry one file.
+// For calls in which the server calls nodes, or that transfer one file.
 inline constexpr std::chrono::seconds kLongCallTimeout(60);
 
 template <typename Service>
@@ -25,7 +25,7 @@ struct Peer {
   std::unique_ptr<typename Service::Stub> stub;
 };
 
-// Like from_grpc(status, peer), but keeps what a server that does answer says about a node that does not.
+// Like from_grpc(status, peer), but keeps the server's own message about a node that does not answer.
 inline absl::Status status_from(const grpc::Status& status, const std::string& peer) {
   const bool about_a_node = status.error_message().find("node") != std::string::npos;
   return about_a_node ? from_grpc(status) : from_grpc(status, peer);

@@ -2,15 +2,17 @@
 
 #include <fmt/format.h>
 
+#include "core/pattern/method_options.h"
+
 namespace glasswing {
 
 absl::StatusOr<std::map<std::string, std::string>> parse_settings(const std::vector<std::string>& settings) {
   std::map<std::string, std::string> options;
   for (const std::string& setting : settings) {
-    const size_t equals = setting.find('=');
-    if (equals == std::string::npos || equals == 0)
+    const auto parsed = parse_setting(setting);
+    if (!parsed.ok())
       return absl::InvalidArgumentError(fmt::format("--set is \"{}\"; it must be KEY=VALUE", setting));
-    options[setting.substr(0, equals)] = setting.substr(equals + 1);
+    options[parsed->first] = parsed->second;
   }
   return options;
 }

@@ -1,4 +1,4 @@
-// What `--set KEY=VALUE` says of a method's options.
+// A method's options, from the arguments of --set.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -9,7 +9,7 @@
 
 namespace glasswing {
 
-// The last one counts where a key is given twice. INVALID_ARGUMENT: one is not of that form.
+// Each is KEY=VALUE; the last value of a repeated key wins. INVALID_ARGUMENT: one has no '=' or no key.
 absl::StatusOr<std::map<std::string, std::string>> parse_settings(const std::vector<std::string>& settings);
 
 }  // namespace glasswing

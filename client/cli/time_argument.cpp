@@ -6,8 +6,9 @@
 
 namespace glasswing {
 
-absl::StatusOr<std::string> moment_of(const std::string& option, const std::string& text, absl::Time now) {
-  absl::Time moment;
+absl::StatusOr<std::string> parse_time_argument(const std::string& option, const std::string& text,
+                                                absl::Time now) {
+  absl::Time time;
   std::string why;
   int count = 0;
   const char* const end = text.data() + text.size();
@@ -15,13 +16,13 @@ absl::StatusOr<std::string> moment_of(const std::string& option, const std::stri
   const bool ago = number.ec == std::errc() && count >= 0 && number.ptr + 1 == end &&
                    (*number.ptr == 'd' || *number.ptr == 'h');
   if (ago) {
-    moment = now - absl::Hours(*number.ptr == 'd' ? 24.0 * count : count);
-  } else if (!absl::ParseTime("%Y-%m-%d", text, absl::UTCTimeZone(), &moment, &why) &&
-             !absl::ParseTime(absl::RFC3339_full, text, &moment, &why)) {
+    time = now - absl::Hours(*number.ptr == 'd' ? 24.0 * count : count);
+  } else if (!absl::ParseTime("%Y-%m-%d", text, absl::UTCTimeZone(), &time, &why) &&
+             !absl::ParseTime(absl::RFC3339_full, text, &time, &why)) {
     return absl::InvalidArgumentError(fmt::format(
         "{} is \"{}\"; it must be such as 7d, 12h, 2026-11-01 or 2026-11-01T12:00:00Z", option, text));
   }
-  return absl::FormatTime("%Y-%m-%dT%H:%M:%SZ", moment, absl::UTCTimeZone());
+  return absl::FormatTime("%Y-%m-%dT%H:%M:%SZ", time, absl::UTCTimeZone());
 }
 
 }  // namespace glasswing

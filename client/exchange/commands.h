@@ -1,4 +1,4 @@
-// The verbs that bring archives in and out.
+// The verbs that import and export archives.
 #pragma once
 
 #include <CLI/CLI.hpp>

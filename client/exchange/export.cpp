@@ -109,7 +109,7 @@ void add_export_command(CLI::App& app, Client& client) {
   command.footer("Example:\n  glasswing export vase archives/vase");
   auto arguments = std::make_shared<Arguments>();
   command.add_option("session", arguments->session, "the session's name")->required();
-  command.add_option("directory", arguments->directory, "where; it must be new or empty")->required();
+  command.add_option("directory", arguments->directory, "the directory to write, new or empty")->required();
   command.callback([&client, arguments] {
     client.run = [&client, arguments] {
       return export_archive(client, arguments->session, arguments->directory);

@@ -32,7 +32,7 @@ absl::StatusOr<Image16> read_verified(const fs::path& directory, const v1::Camer
   return read_frame_file(path, PictureSize{.width_px = camera.width_px(), .height_px = camera.height_px()});
 }
 
-// Of the list's frame, whose complaints name its line too.
+// Reads the list's frame; errors name its line, too.
 absl::StatusOr<CodedPhotograph> read_listed(const fs::path& directory, const PhotographList& list,
                                             int frame) {
   absl::StatusOr<CodedPhotograph> photograph =

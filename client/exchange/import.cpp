@@ -50,14 +50,14 @@ absl::Status put_frame(const Peer<v1::ArchiveService>& archive, const std::strin
   for (size_t at = 0; open && at < tiff.size(); at += kChunkBytes) {
     v1::PutFrameRequest part;
     part.set_chunk(tiff.substr(at, kChunkBytes));
-    open = writer->Write(part);  // once false, Finish() says why
+    open = writer->Write(part);  // once false, Finish() has the reason
   }
   writer->WritesDone();
   const grpc::Status status = writer->Finish();
   return status.ok() ? absl::OkStatus() : status_from(status, archive.title);
 }
 
-// Frames are kept as TIFF; those of foreign archives get the name that their place gives them.
+// Frames are stored as TIFF. False for foreign archives, whose frames are renamed by their index.
 bool has_own_names(const v1::CaptureManifest& manifest) {
   return std::all_of(manifest.frames().begin(), manifest.frames().end(), [](const v1::Frame& frame) {
     const fs::path file(frame.file());
@@ -65,10 +65,10 @@ bool has_own_names(const v1::CaptureManifest& manifest) {
   });
 }
 
-// What a frame becomes: its record, and the bytes of its file.
+// Stores a frame: its record, and the bytes of its file.
 using Store = std::function<absl::Status(const v1::Frame&, const std::string& tiff)>;
 
-// `broken_off`: what to say of what Ctrl-C leaves.
+// `broken_off`: the error after Ctrl-C, which says what is left.
 absl::Status store_frames(const FrameSource& source, const std::string& broken_off, const Store& store) {
   const bool own_names = has_own_names(source.manifest);
   Progress progress("importing");
@@ -103,7 +103,7 @@ struct Arguments {
   VideoOptions video;
 };
 
-// A folder of nothing but pictures.
+// True for a folder of numbered pictures without a manifest.
 bool is_video_folder(const fs::path& path) {
   return !fs::exists(path / "manifest.json") && !numbered_pictures(path).empty();
 }
@@ -137,7 +137,7 @@ absl::Status send(const Client& client, const FrameSource& source) {
   const std::string& address = begun.session().archive_address();
   const Peer<v1::ArchiveService> archive("camera node at " + address, address);
   const std::string broken_off =
-      fmt::format("session {} is not whole; the same command again completes it", name);
+      fmt::format("session {} is incomplete; repeat the command to complete it", name);
   GW_RETURN_IF_ERROR(store_frames(source, broken_off, [&](const v1::Frame& frame, const std::string& tiff) {
     return put_frame(archive, name, frame, tiff);
   }));
@@ -185,20 +185,20 @@ absl::Status import(const Client& client, const Arguments& arguments) {
 }  // namespace
 
 void add_import_command(CLI::App& app, Client& client) {
-  CLI::App& command = *app.add_subcommand("import", "Make a session of frames, photographs or a video.");
+  CLI::App& command =
+      *app.add_subcommand("import", "Import an archive, photographs or a video as a session.");
   command.footer(
-      "Every frame is checked before any is sent. An import that broke off may be started again.\n\n"
-      "A list names photographs, one in a line, and what the monitor showed: a table with a tab between "
-      "cells, and a\n"
-      "header row: file, object (true or false), kind, and what else describes it (docs/archive.md):\n\n"
+      "Every frame is checked before the first is sent. An interrupted import can be repeated.\n\n"
+      "A list has one photograph per line with what the monitor showed: tab-separated values with a header\n"
+      "row: file, object (true or false), kind, and further fields of the stimulus (docs/archive.md):\n\n"
       "  #monitor back:1920x1080\n"
       "  #response srgb\n"
       "  file\tobject\tkind\torient\tbar_width_px\tcolour\n"
       "  IMG_1.jpg\ttrue\tsolid\t\t\t0,0,0\n"
       "  IMG_2.jpg\ttrue\tsquare\tvertical_bars\t960\t\n\n"
-      "A video of the ramp is a video file, or a directory of pictures whose names end in a number; the "
-      "monitor must be "
-      "named, and\nwhich frames show the empty stage: the first ones, or those in a directory.\n\n"
+      "A video of the ramp is a video file, or a directory of pictures whose names end in a number. It "
+      "needs\n"
+      "--monitor, and frames of the empty stage: --empty-frames or --empty.\n\n"
       "Examples:\n"
       "  glasswing import archives/vase --session vase\n"
       "  glasswing import archives/pouring --sequence ramp_dark --session pouring\n"
@@ -207,36 +207,36 @@ void add_import_command(CLI::App& app, Client& client) {
       "  glasswing import photographs --list photographs/list.tsv --archive archives/vase");
   auto arguments = std::make_shared<Arguments>();
   command
-      .add_option(
-          "directory", arguments->directory,
-          "a session archive, manifest.json and its frames; photographs; or a video, pictures or a file")
+      .add_option("directory", arguments->directory,
+                  "a session archive (manifest.json and frames), a directory of photographs, or a video (a "
+                  "file or pictures)")
       ->required();
-  command.add_option("--session", arguments->session, "its name; the directory's if left out");
+  command.add_option("--session", arguments->session, "the session's name; default: the directory's");
   command.add_option("--archive", arguments->archive,
-                     "write an archive to this directory, new or empty, and ask no server");
+                     "write an archive to this new or empty directory instead of calling a server");
   CLI::Option* list = command.add_option("--list", arguments->list, "the photographs' list");
   command
       .add_option("--sequence", arguments->sequence,
-                  "one of the sequences that the archive holds, with its backgrounds")
+                  "import one of the archive's sequences, with its backgrounds")
       ->excludes(list);
   command
       .add_option("--empty-frames", arguments->video.empty_frames,
-                  "of a video: the first so many show the empty stage")
+                  "how many frames at a video's start show the empty stage")
       ->check(CLI::Range(1, 18000));
   command
       .add_option("--empty", arguments->video.empty_directory,
-                  "directory of pictures of the empty stage, instead")
+                  "or a directory of pictures of the empty stage")
       ->excludes("--empty-frames");
   command
-      .add_option(
-          "--monitor", arguments->video.photographs.monitors,
-          "NAME:WIDTHxHEIGHT, px, a video's monitor; or one of the list, instead of its own: may be repeated")
+      .add_option("--monitor", arguments->video.photographs.monitors,
+                  "NAME:WIDTHxHEIGHT in px: a video's monitor, or a monitor that replaces the list's; may be "
+                  "repeated")
       ->allow_extra_args(false);
   command.add_option("--response", arguments->video.photographs.response,
-                     "what light the pictures' codes stand for: srgb, linear, or gamma:G: (share of the "
-                     "highest code)^G; a video's are srgb if left out");
+                     "light of the pictures' codes: srgb, linear, or gamma:G for (code / highest code)^G; "
+                     "default for videos: srgb");
   command.add_option("--black", arguments->video.photographs.black,
-                     "the pictures' code where there is no light; 0 if left out");
+                     "the pictures' code for no light; default: 0");
   command.callback(
       [&client, arguments] { client.run = [&client, arguments] { return import(client, *arguments); }; });
 }

@@ -1,4 +1,4 @@
-// An archive's directory, under a name of its own until it is whole; what is not kept is removed.
+// A new archive's directory, under a temporary name until it is complete; removed unless kept.
 #pragma once
 
 #include <absl/status/status.h>
@@ -19,9 +19,9 @@ class PartialDirectory {
   PartialDirectory(const PartialDirectory&) = delete;
   PartialDirectory& operator=(const PartialDirectory&) = delete;
 
-  const std::filesystem::path& path() const { return partial_; }  // it has a directory frames/
+  const std::filesystem::path& path() const { return partial_; }  // contains the directory frames/
 
-  // Flushes the frames, writes the manifest, and gives the directory its name.
+  // Flushes the frames, writes the manifest, and renames the directory to `target`.
   absl::Status keep(const v1::CaptureManifest& manifest);
 
  private:

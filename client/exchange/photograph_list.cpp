@@ -32,7 +32,7 @@ absl::Status bad(const std::string& what) {
   return absl::InvalidArgumentError(what);
 }
 
-// All of the text, or nothing.
+// Parses the whole text, or returns nullopt.
 template <typename Number>
 std::optional<Number> parsed(const std::string& text) {
   Number value{};
@@ -53,10 +53,10 @@ std::vector<std::string> split(const std::string& text, char separator) {
   return parts;
 }
 
-absl::StatusOr<double> number_of(const std::string& name, const std::string& text, double least, double most,
+absl::StatusOr<double> number_of(const std::string& name, const std::string& text, double min, double max,
                                  const std::string& accepted) {
   const std::optional<double> value = parsed<double>(text);
-  if (value && *value >= least && *value <= most) return *value;
+  if (value && *value >= min && *value <= max) return *value;
   return bad(fmt::format("{} is \"{}\"; it must be {}", name, text, accepted));
 }
 
@@ -65,7 +65,7 @@ absl::StatusOr<bool> truth_of(const std::string& name, const std::string& text) 
   return bad(fmt::format("{} is \"{}\"; it must be true or false", name, text));
 }
 
-// A field of Stimulus from its cell.
+// Sets a field of Stimulus from its cell.
 absl::Status set_field(const Field& field, const std::string& text, v1::Stimulus& stimulus) {
   const google::protobuf::Reflection& reflection = *stimulus.GetReflection();
   const std::string& name = field.name();
@@ -140,7 +140,7 @@ class Reader {
                         fmt::format("{}:{}: {}", list_.path.string(), line_, std::string(status.message())));
   }
 
-  // "#monitor back:1920x1080" tells something; "# anything" does not.
+  // "#monitor back:1920x1080" is a setting, "# anything" a comment.
   absl::Status read_remark(const std::string& line) {
     if (line.empty() || line[0] == ' ' || line[0] == '#') return absl::OkStatus();
     const size_t space = std::min(line.find(' '), line.size());

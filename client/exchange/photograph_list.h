@@ -1,4 +1,4 @@
-// Photographs that others took, and what was on the monitor in each: a table (docs/archive.md).
+// Reads a table of photographs and of what the monitor showed in each (docs/archive.md).
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -12,7 +12,7 @@
 
 namespace glasswing {
 
-// What the command line says goes before what the list says.
+// Options of the command line, which override the list.
 struct PhotographOptions {
   std::vector<std::string> monitors;    // NAME:WIDTHxHEIGHT
   std::optional<std::string> response;  // of PhotographResponse
@@ -20,22 +20,23 @@ struct PhotographOptions {
 };
 
 struct PhotographList {
-  // Frames in the list's order, their files below the photographs' directory. The camera is not known before
-  // one is read.
+  // Frames in the list's order; their files are relative to the photographs' directory. Without the camera,
+  // which is known only once a photograph is read.
   v1::CaptureManifest manifest;
   std::string response;    // of PhotographResponse
   double black = 0.0;      // codes of the photographs
-  std::vector<int> lines;  // of the frames, in the list
+  std::vector<int> lines;  // the frames' line numbers in the list
 
-  // "photos.tsv:17", for complaints about a frame.
+  // "photos.tsv:17", for errors about a frame.
   std::string place(int frame) const;
   std::filesystem::path path;
 };
 
-// Of "NAME:WIDTHxHEIGHT". INVALID_ARGUMENT: it is not that.
+// Parses "NAME:WIDTHxHEIGHT". INVALID_ARGUMENT: it is not of that form.
 absl::StatusOr<v1::Monitor> monitor_of(const std::string& text);
 
-// INVALID_ARGUMENT names file, line, what is wrong and what would be accepted; NOT_FOUND: there is none.
+// INVALID_ARGUMENT names the file, the line, the wrong value and what would be accepted. NOT_FOUND: no such
+// file.
 absl::StatusOr<PhotographList> read_photograph_list(const std::filesystem::path& path,
                                                     const PhotographOptions& options);
 

@@ -63,7 +63,7 @@ absl::Status check_likeness(const std::string& what, const Image16& image, int b
                   image.width_px, image.height_px, bits, first.width_px(), first.height_px(), first.bits()));
 }
 
-// Which show the empty stage must be known, and leave some with the object.
+// The frames of the empty stage must be known, and some frames must remain with the object.
 absl::Status check_empty_frames(const fs::path& path, int count, const VideoOptions& options) {
   const int empty = options.empty_frames;
   if (!options.empty_directory.empty()) return absl::OkStatus();
@@ -75,7 +75,7 @@ absl::Status check_empty_frames(const fs::path& path, int count, const VideoOpti
                   empty, path.string(), count, count - 1));
 }
 
-// Pictures, read when they are wanted.
+// Pictures, each read on demand.
 struct Pictures {
   std::vector<fs::path> files;
   v1::Camera camera;
@@ -122,7 +122,7 @@ absl::StatusOr<FrameSource> picture_source(const fs::path& directory, const Vide
                      .warnings = std::move(warnings)};
 }
 
-// A video file, read forwards; what lies behind is decoded anew.
+// A video file, decoded forwards; reading an earlier frame starts again.
 class Decoded {
  public:
   Decoded(fs::path path, v1::Camera camera, PhotographResponse response)
@@ -138,7 +138,7 @@ class Decoded {
     for (; next_ <= frame; ++next_) image = reader_->next();
     if (!image)
       return absl::DataLossError(
-          fmt::format("{}: frame {} cannot be decoded any more", path_.string(), frame));
+          fmt::format("{}: frame {} can no longer be decoded", path_.string(), frame));
     GW_RETURN_IF_ERROR(
         check_likeness(fmt::format("{}: frame {}", path_.string(), frame), *image, camera_.bits(), camera_));
     response_.linearise(*image);
@@ -159,7 +159,7 @@ absl::StatusOr<FrameSource> file_source(const fs::path& path, const VideoOptions
   GW_ASSIGN_OR_RETURN(std::vector<fs::path> empty, empty_pictures(options));
   GW_ASSIGN_OR_RETURN(VideoReader reader, VideoReader::open(path));
   GW_ASSIGN_OR_RETURN(PhotographResponse response, response_of(options.photographs, kBits));
-  // Only decoding tells how many frames there are.
+  // The frame count is known only after decoding: headers can be wrong.
   int count = 0;
   Progress progress("decoding");
   for (std::optional<Image16> image; (image = reader.next()); ++count) {

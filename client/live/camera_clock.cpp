@@ -17,7 +17,7 @@ absl::StatusOr<std::unique_ptr<CameraClock>> CameraClock::follow(const std::stri
     std::mutex mutex;
     std::unique_lock lock(mutex);
     std::condition_variable_any never;
-    // What the camera does not answer any more, its frames tell.
+    // If the camera stops answering, its frames stop too, which ends the program.
     while (!never.wait_for(lock, stop, kBetweenExchanges, [&] { return stop.stop_requested(); }))
       self->exchange().IgnoreError();
   });

@@ -1,4 +1,4 @@
-// A camera node's clock as read by this program's, kept up to date beside everything else.
+// Converts a camera node's clock to this program's; a thread keeps the estimate up to date.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -17,9 +17,9 @@ namespace glasswing {
 
 class CameraClock {
  public:
-  // Returns after some exchanges.
+  // Returns after the first exchanges.
   static absl::StatusOr<std::unique_ptr<CameraClock>> follow(const std::string& camera_address);
-  // This program's CLOCK_MONOTONIC when the camera's clock shows this.
+  // This program's CLOCK_MONOTONIC at this time of the camera's clock.
   ClockReading local(nanoseconds camera_time) const;
 
  private:

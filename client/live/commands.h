@@ -1,4 +1,4 @@
-// The verb that composites while the camera runs.
+// The verb that composites live.
 #pragma once
 
 #include <CLI/CLI.hpp>

@@ -22,13 +22,13 @@
 namespace glasswing {
 namespace {
 
-constexpr double kPictureRateHz = 30.0;  // of a directory's pictures, and of videos that do not say
+constexpr double kPictureRateHz = 30.0;  // of a moving background
 
 struct Arguments {
   std::string monitor, background, output = "window";
   double exposure_ms = 4.0;
   std::vector<std::string> settings;
-  int frames = 0;  // 0: until it is closed
+  int frames = 0;  // 0: until the output is closed
 };
 
 using LiveStream = grpc::ClientReaderWriter<v1::RunLiveRequest, v1::RunLiveResponse>;
@@ -43,7 +43,7 @@ bool send_picture(LiveStream& stream, const std::string& file) {
   return true;
 }
 
-// Asks a person; goes on at once where nobody can be asked.
+// Waits for Enter; returns at once at the end of standard input.
 void wait_for_person(const std::string& what) {
   std::cerr << what << ", then press Enter" << std::endl;
   std::string line;
@@ -64,7 +64,7 @@ class Live {
       return absl::InvalidArgumentError(
           "--json and --output - both want standard output; choose a file for one");
     GW_ASSIGN_OR_RETURN(ramp_, RampHolder::hold(client_, arguments_.monitor));
-    const v1::ShowRampResponse rig = ramp_->shown();  // bring_object() gets another
+    const v1::ShowRampResponse rig = ramp_->shown();  // a copy: bring_object() replaces it
     if (rig.needs_operator()) wait_for_person("Take the object off the stage");
     GW_ASSIGN_OR_RETURN(clock_, CameraClock::follow(rig.camera_address()));
     const Peer<v1::CameraService> camera("camera node at " + rig.camera_address(), rig.camera_address());
@@ -101,7 +101,7 @@ class Live {
   }
 
  private:
-  // Until there are enough, the output is closed, or the stream ends.
+  // Runs until there are enough frames, the output is closed, or the stream ends.
   absl::Status show_frames() {
     std::unique_ptr<LiveOutput> output;
     std::string picture;
@@ -127,7 +127,7 @@ class Live {
       const int width = frame.taken().width_px(), height = frame.taken().height_px();
       if (picture.size() < 3 * static_cast<size_t>(width) * static_cast<size_t>(height)) continue;
       const ClockReading exposed = clock_->local(nanoseconds(frame.taken().exposure_start_ns()));
-      if (exposed.time < go_) continue;  // without the object
+      if (exposed.time < go_) continue;  // exposed before the object came
       if (output == nullptr) {
         GW_ASSIGN_OR_RETURN(output, target_->open(width, height, camera_.frame_rate_hz()));
       }
@@ -191,14 +191,12 @@ class Live {
 }  // namespace
 
 void add_live_command(CLI::App& app, Client& client) {
-  CLI::App& command = *app.add_subcommand(
-      "live", "Put the object that the camera sees in front of another picture, while it moves.");
+  CLI::App& command =
+      *app.add_subcommand("live", "Composite the object over another picture live, as the camera sees it.");
   command.footer(
-      "The server shows the colour ramp on the monitor, a solver that listens averages the empty stage; then "
-      "the "
-      "object comes,\nand every frame that there is time for becomes a composite. A window closes with "
-      "Escape or "
-      "q.\n\nExamples:\n"
+      "The server shows the colour ramp on the monitor, and a listening solver averages frames of the empty "
+      "stage. Once\nthe object is there, every frame that there is time for becomes a composite. Escape or q "
+      "closes the window.\n\nExamples:\n"
       "  glasswing live --background harbour.png\n"
       "  glasswing live --background sea.mp4 --output - | ffplay -\n"
       "  glasswing live --background harbour.png --output frames/ --frames 100 --json");
@@ -206,20 +204,21 @@ void add_live_command(CLI::App& app, Client& client) {
   command
       .add_option("--background", arguments->background, "a picture, a directory of them, or a video, sRGB")
       ->required();
-  command.add_option("--monitor", arguments->monitor, "that shows the ramp; the only one if left out");
-  command.add_option("--exposure-ms", arguments->exposure_ms, "of each frame")
+  command.add_option("--monitor", arguments->monitor,
+                     "the monitor for the ramp; needed if there are several");
+  command.add_option("--exposure-ms", arguments->exposure_ms, "exposure of each frame, ms")
       ->check(CLI::Range(0.01, 10000.0))
       ->capture_default_str();
-  command.add_option("--set", arguments->settings, "KEY=VALUE, an option of method ramp; repeat for more");
+  command.add_option("--set", arguments->settings, "KEY=VALUE, an option of method ramp; may be repeated");
   command
       .add_option("--output", arguments->output,
                   "window; - (standard output) or FILE: YUV4MPEG2; DIR/: numbered PNGs")
       ->capture_default_str();
-  command.add_option("--frames", arguments->frames, "stop after so many with the object")
+  command.add_option("--frames", arguments->frames, "stop after this many frames with the object")
       ->check(CLI::Range(1, 100000000));
   command.callback([&client, arguments] {
     client.run = [&client, arguments] {
-      std::signal(SIGPIPE, SIG_IGN);  // a reader that ends the stream is an error like others
+      std::signal(SIGPIPE, SIG_IGN);  // a closed pipe is reported as a write error
       return Live(client, *arguments).run();
     };
   });

@@ -12,7 +12,7 @@ double ms(nanoseconds time) {
 }
 
 struct Spread {
-  double median = 0.0, most_of_20 = 0.0, worst = 0.0;  // the second: 95 % are below
+  double median = 0.0, p95 = 0.0, worst = 0.0;
 };
 Spread spread_of(std::vector<double> values) {
   if (values.empty()) return {};
@@ -20,11 +20,11 @@ Spread spread_of(std::vector<double> values) {
   const auto at = [&](double share) {
     return values[static_cast<size_t>(share * static_cast<double>(values.size() - 1) + 0.5)];
   };
-  return {.median = at(0.5), .most_of_20 = at(0.95), .worst = values.back()};
+  return {.median = at(0.5), .p95 = at(0.95), .worst = values.back()};
 }
 nlohmann::json json_of(const std::vector<double>& values) {
   const Spread spread = spread_of(values);
-  return {{"median", spread.median}, {"p95", spread.most_of_20}, {"worst", spread.worst}};
+  return {{"median", spread.median}, {"p95", spread.p95}, {"worst", spread.worst}};
 }
 
 }  // namespace
@@ -55,7 +55,7 @@ std::string LiveFigures::line() const {
       "{} frames, {:.1f} a second; latency {:.0f} ms (95 %: {:.0f}, worst {:.0f}) from the exposure's "
       "middle; "
       "{} passed over; {} px of the object, {} flagged",
-      frames(), frames_per_second(), latency.median, latency.most_of_20, latency.worst,
+      frames(), frames_per_second(), latency.median, latency.p95, latency.worst,
       newest_.frames_passed_over() - passed_over_before_, newest_.object_pixel_count(),
       newest_.flagged_pixel_count());
 }

@@ -1,4 +1,4 @@
-// How live composites kept up.
+// Statistics of live compositing.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -10,8 +10,8 @@
 
 namespace glasswing {
 
-// Glass to glass: from a frame's exposure to the moment after its composite was handed over. The exposure's
-// start is that of its first row; its middle lies half way to its last row's end.
+// Latency is glass to glass: from a frame's exposure until its composite was handed over. The exposure starts
+// with its first row; its middle is half way to the end of its last row.
 class LiveFigures {
  public:
   // Times by this program's clock.

@@ -30,7 +30,7 @@ absl::Status cannot_write(const std::string& output) {
                   output == "-" ? "standard output" : output));
 }
 
-// https://wiki.multimedia.cx/index.php/YUV4MPEG2, colours as in ITU-R BT.601, 16 to 235.
+// https://wiki.multimedia.cx/index.php/YUV4MPEG2, with the colours of ITU-R BT.601, range 16 to 235.
 class VideoStream final : public LiveOutput {
  public:
   VideoStream(std::string output, File file, int width_px, int height_px)

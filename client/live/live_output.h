@@ -14,20 +14,20 @@ namespace glasswing {
 class LiveOutput {
  public:
   virtual ~LiveOutput() = default;
-  // r, g, b by rows, 8 bit sRGB, of the size it was opened with. Returns when it was handed over.
+  // `picture`: r, g, b by rows, 8 bit sRGB, of the size given to open(). Returns once it was handed over.
   virtual absl::Status show(std::span<const std::uint8_t> picture) = 0;
-  // Somebody closed it.
+  // The viewer closed the output.
   virtual bool is_closed() { return false; }
 };
 
-// What `--output` says: "window" (X11; Escape, q or its frame closes it), "-" (standard output) or FILE
-// (YUV4MPEG2, 4:4:4, which ffplay and ffmpeg read), DIR/ (000000.png, 000001.png, ...).
+// The argument of --output: "window" (X11; closed by Escape, q or the window manager), "-" (standard output)
+// or FILE (YUV4MPEG2, 4:4:4, for ffplay and ffmpeg), or DIR/ (000000.png, 000001.png, ...).
 class LiveTarget {
  public:
-  // Before anything is shown. UNAVAILABLE: there is no X display, or a file that cannot be written.
+  // Checks the output before any work. UNAVAILABLE: there is no X display, or the directory cannot be made.
   static absl::StatusOr<LiveTarget> create(const std::string& output);
   bool takes_standard_output() const { return output_ == "-"; }
-  // Once the size is known. `frame_rate_hz` stands in a stream's header.
+  // Call when the size is known. `frame_rate_hz` goes into a stream's header.
   absl::StatusOr<std::unique_ptr<LiveOutput>> open(int width_px, int height_px, double frame_rate_hz) const;
 
  private:

@@ -80,7 +80,7 @@ class Window final : public LiveOutput {
           static_cast<std::uint32_t>(picture[3 * i] << 16 | picture[3 * i + 1] << 8 | picture[3 * i + 2]);
     }
     xcb_connection_t* const x = connection_.get();
-    // As many rows at once as a request holds.
+    // As many rows per request as fit.
     const size_t row_bytes = 4 * static_cast<size_t>(width_px_);
     const size_t max_bytes = 4 * static_cast<size_t>(xcb_get_maximum_request_length(x)) - 64;
     const int rows = static_cast<int>(std::max<size_t>(1, max_bytes / row_bytes));
@@ -92,7 +92,7 @@ class Window final : public LiveOutput {
                     static_cast<std::uint16_t>(count), 0, static_cast<std::int16_t>(y), 0, 24,
                     static_cast<std::uint32_t>(row_bytes * static_cast<size_t>(count)), from);
     }
-    // Its answer comes when the picture is in the window.
+    // The server answers in order, so this reply means that the picture is in the window.
     const Owned<xcb_get_input_focus_reply_t> done(
         xcb_get_input_focus_reply(x, xcb_get_input_focus(x), nullptr));
     if (done == nullptr) return absl::UnavailableError("the X display went away");
@@ -120,7 +120,7 @@ class Window final : public LiveOutput {
         x, xcb_intern_atom(x, 0, static_cast<std::uint16_t>(name.size()), name.data()), nullptr));
     return reply == nullptr ? xcb_atom_t{XCB_ATOM_NONE} : reply->atom;
   }
-  // Without modifiers.
+  // The key's symbol without modifiers.
   xcb_keysym_t key_of(xcb_keycode_t code) const {
     if (keys_ == nullptr) return 0;
     return xcb_get_keyboard_mapping_keysyms(keys_.get())[(code - first_key_) * keys_->keysyms_per_keycode];

@@ -1,4 +1,4 @@
-// A window of an X server that shows pictures as they come.
+// A window of an X server that shows live composites.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -11,7 +11,7 @@ namespace glasswing {
 
 class LiveWindow {
  public:
-  // UNAVAILABLE: there is no X server, or its screen is not of 24 bits.
+  // UNAVAILABLE: there is no X server, or its screen does not have 24 bits.
   static absl::Status check_display();
   static absl::StatusOr<std::unique_ptr<LiveOutput>> open(int width_px, int height_px);
 };

@@ -33,7 +33,7 @@ absl::StatusOr<v1::ShowRampResponse> RampHolder::ask() {
   v1::ShowRampResponse response;
   if (stream_->Write(request_) && stream_->Read(&response)) return response;
   const grpc::Status status = stream_->Finish();
-  if (status.ok()) return absl::UnavailableError(server_.title + " took the ramp away");
+  if (status.ok()) return absl::UnavailableError(server_.title + " stopped showing the ramp");
   return status_from(status, server_.title);
 }
 

@@ -1,4 +1,4 @@
-// The rig with the ramp on one monitor, held for as long as this lives (RigService.ShowRamp).
+// Holds the rig with the ramp on one monitor until destroyed (RigService.ShowRamp).
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -19,15 +19,15 @@ namespace glasswing {
 
 class RampHolder {
  public:
-  // Returns when the ramp is there and the object is not.
+  // Returns once the ramp is shown and the stage is empty.
   static absl::StatusOr<std::unique_ptr<RampHolder>> hold(const Client& client, const std::string& monitor);
-  ~RampHolder();  // the rig is free again
+  ~RampHolder();  // frees the rig
 
   const v1::ShowRampResponse& shown() const { return shown_; }
-  // Then asks again and again whether the ramp is still there; `lost` is called once when it is not, or when
-  // the server is gone.
+  // Asks for the object, then polls whether the ramp is still shown; calls `lost` once if it is not or the
+  // server is gone.
   absl::Status bring_object(std::function<void()> lost);
-  // OK as long as all is well.
+  // OK until the ramp is lost.
   absl::Status status() const;
 
  private:

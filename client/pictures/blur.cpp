@@ -19,11 +19,11 @@
 namespace glasswing {
 namespace {
 
-constexpr int kGreen = 1;  // all channels have the same background but for its weight
+constexpr int kGreen = 1;  // channels differ only in the background's weight
 constexpr std::array<const char*, 9> kRegions = {
     "top left", "top", "top right", "left", "middle", "right", "bottom left", "bottom", "bottom right"};
 
-// The strongest background of a pixel; null where it has none to measure.
+// The strongest background mode of a pixel; null if it has none.
 const Mode* background_of(const Matte& matte, int x, int y) {
   if (x < 0 || x >= matte.width_px() || y < 0 || y >= matte.height_px()) return nullptr;
   if (matte.coverage(x, y) > 0.0f || matte.flags(x, y) != kFlagNone) return nullptr;
@@ -39,10 +39,10 @@ double median_of(std::vector<double> values) {
 }
 
 struct Slope {
-  double x_px, y_px;  // of the centre on the monitor
+  double x_px, y_px;  // change of the centre on the monitor per camera px
 };
 
-// Along one axis of the picture, from the neighbours on both sides.
+// The slope along one axis of the picture, from the neighbours on both sides.
 std::optional<Slope> slope_at(const Matte& matte, int x, int y, int dx, int dy) {
   const Mode* before = background_of(matte, x - dx, y - dy);
   const Mode* after = background_of(matte, x + dx, y + dy);
@@ -85,7 +85,7 @@ bool all_alike(const std::vector<double>& values) {
   return std::ranges::adjacent_find(values, std::not_equal_to<>()) == values.end();
 }
 
-// Linear light, `share` 0 to 1; brighter all the way.
+// Linear light, brightness rising with `share`, 0 to 1.
 Colour colour_of(double share) {
   constexpr std::array<Colour, 4> kStops = {
       {{0.0f, 0.0f, 0.1f}, {0.2f, 0.0f, 0.3f}, {0.8f, 0.15f, 0.05f}, {1.0f, 0.95f, 0.6f}}};
@@ -135,7 +135,7 @@ void print_rows(const Client& client, const Blur& found) {
               rows);
 }
 
-// A round number above the usual widths: what is brightest in the picture.
+// The width of the brightest colour: a round number above the usual widths.
 double max_px_of(const Blur& blur) {
   return std::ceil(3.0 * std::max((*blur.whole.monitor_px)[0], (*blur.whole.monitor_px)[1]));
 }
@@ -188,7 +188,7 @@ absl::StatusOr<Blur> blur_of(const Matte& matte) {
         "the matte has no pixel outside the silhouette that sees a monitor; the blur is measured there, best "
         "with nothing on the stage");
   }
-  // Where nothing was measured, every pixel has the width that a straight view would give it.
+  // Without a measurement, every pixel has the same nominal width.
   if (whole.xx_px2.size() > 1 && (all_alike(whole.xx_px2) || all_alike(whole.yy_px2))) {
     return absl::InvalidArgumentError(
         "the matte's background was not measured: its session had no square waves without the object "
@@ -221,12 +221,11 @@ RadianceImage blur_picture(const Matte& matte, double max_px) {
 }
 
 void add_blur_command(CLI::App& app, Client& client) {
-  CLI::App& command = *app.add_subcommand(
-      "blur", "Measure how wide camera and screen blur a stripe, over the picture, from a matte.");
+  CLI::App& command =
+      *app.add_subcommand("blur", "Measure the blur of camera and screen over the picture, from a matte.");
   command.footer(
-      "The width is that of lens, screen and the camera's own pixel together, as its standard deviation. It "
-      "is\n"
-      "measured outside the silhouette, best with nothing on the stage.\n\n"
+      "The blur is that of lens, screen and camera pixel together, as a standard deviation. It is measured\n"
+      "outside the silhouette, best with an empty stage.\n\n"
       "Example:\n"
       "  glasswing capture deploy/plans/blur.txtpb --session blur --watch\n"
       "  glasswing solve blur --watch\n"
@@ -234,8 +233,7 @@ void add_blur_command(CLI::App& app, Client& client) {
       "  glasswing blur blur.exr -o blur.png");
   auto arguments = std::make_shared<Arguments>();
   command.add_option("matte", arguments->matte, "a matte that glasswing fetch wrote")->required();
-  command.add_option("-o,--output", arguments->output,
-                     "a picture of the widths to write: .png, .exr or .tif");
+  command.add_option("-o,--output", arguments->output, "a map of the widths to write: .png, .exr or .tif");
   command.callback(
       [&client, arguments] { client.run = [&client, arguments] { return blur(client, *arguments); }; });
 }

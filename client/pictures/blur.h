@@ -1,8 +1,9 @@
-// How wide a pixel sees a thin stripe, lens, screen and the camera's own pixel together, from the background
-// of a matte: the square waves without the object tell it for every pixel outside the silhouette.
+// The width at which a pixel sees a thin stripe: the blur of lens, screen and camera pixel together. It is
+// measured on a matte's background, where square waves without the object give it for every pixel outside the
+// silhouette.
 //
-// A footprint of covariance S on the monitor is J^-1 S J^-T in the camera's picture, where J is the slope of
-// the footprints' centres, monitor px a camera px. The monitor's own flat pixels are not part of S
+// A footprint of covariance S on the monitor is J^-1 S J^-T in the camera's picture, where J is the Jacobian
+// of the footprints' centres, in monitor px per camera px. S excludes the monitor's own flat pixels
 // (docs/matte.md).
 #pragma once
 
@@ -16,11 +17,12 @@
 
 namespace glasswing {
 
-// Medians over the pixels of a part of the picture; nothing where there are none.
+// Medians over the pixels of a region; nullopt where there are none.
 struct BlurRegion {
   int pixel_count = 0;
-  std::optional<std::array<double, 2>> monitor_px = {};  // sigma along x and y of the monitor
-  std::optional<std::array<double, 2>> camera_px = {};   // and of the picture, where neighbours tell J
+  std::optional<std::array<double, 2>> monitor_px = {};  // sigma along the monitor's x and y
+  std::optional<std::array<double, 2>> camera_px =
+      {};  // sigma along the picture's x and y, where neighbours give J
 };
 
 struct Blur {
@@ -28,12 +30,12 @@ struct Blur {
   BlurRegion whole;
 };
 
-// Of pixels outside the silhouette without a flag. INVALID_ARGUMENT: there are none, or their widths were
-// not measured.
+// Uses unflagged pixels outside the silhouette. INVALID_ARGUMENT: there are none, or their widths were not
+// measured.
 absl::StatusOr<Blur> blur_of(const Matte& matte);
 
-// The larger sigma of each of these pixels, monitor px, from dark blue for 0 over red to pale yellow for
-// `max_px`, with all colours in a bar below; the other pixels are gray.
+// A map of the larger sigma of each of these pixels, in monitor px: dark blue is 0, then red, pale yellow is
+// `max_px`. A bar below shows all colours; other pixels are gray.
 RadianceImage blur_picture(const Matte& matte, double max_px);
 
 }  // namespace glasswing

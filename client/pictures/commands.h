@@ -1,4 +1,4 @@
-// The verbs that work on mattes and pictures, without a server.
+// The verbs for mattes and pictures; they need no server.
 #pragma once
 
 #include <CLI/CLI.hpp>

@@ -126,19 +126,19 @@ absl::StatusOr<RadianceImage> matched(const RadianceImage& a, const RadianceImag
 
 void add_compare_command(CLI::App& app, Client& client) {
   CLI::App& command =
-      *app.add_subcommand("compare", "Measure how far apart two pictures are, in linear light.");
+      *app.add_subcommand("compare", "Measure the difference of two pictures in linear light.");
   command.footer(
       "Example:\n  glasswing compare composite.exr archive/frames/000310.tif --linear --matte vase.exr");
   auto arguments = std::make_shared<Arguments>();
   command.add_option("a", arguments->a, "a picture")->required();
-  command.add_option("b", arguments->b, "another of the same size")->required();
+  command.add_option("b", arguments->b, "another picture of the same size")->required();
   command.add_option("--matte", arguments->matte, "count only the pixels that this matte covers");
   command.add_flag(
       "--linear", arguments->linear,
-      "PNG and TIFF values are linear radiance, value / full scale; frames of an archive with calibrations "
-      "are made light by these in any case");
+      "PNG and TIFF values are linear radiance, value / full scale; frames of a calibrated archive are "
+      "linearised by its calibrations in any case");
   command.add_flag("--match", arguments->match,
-                   "first give A the gain and offset of each channel that bring it nearest to B");
+                   "first fit a gain and an offset per channel that bring A closest to B");
   command.callback(
       [&client, arguments] { client.run = [&client, arguments] { return compare(client, *arguments); }; });
 }

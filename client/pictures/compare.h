@@ -1,4 +1,4 @@
-// How far apart two pictures are:
+// The difference of two pictures:
 //
 //   rms = sqrt(mean over pixels and channels of (a - b)^2);   psnr = -20 log10(rms)     (peak 1.0)
 #pragma once
@@ -18,13 +18,12 @@ struct Difference {
   std::int64_t pixel_count = 0;
 };
 
-// Over all pixels, or those that `matte` (may be null) covers by more than half. INVALID_ARGUMENT: sizes
+// Over all pixels, or those with a coverage above 0.5 in `matte` (may be null). INVALID_ARGUMENT: sizes
 // differ, or no pixel is covered.
 absl::StatusOr<Difference> difference_of(const RadianceImage& a, const RadianceImage& b, const Matte* matte);
 
-// `a` with the gain and offset of each channel that bring it nearest to `b` (least squares over the same
-// pixels): for pictures of two exposures, or before and after somebody drew a curtain. Errors are those of
-// difference_of().
+// `a` with a gain and an offset per channel that bring it closest to `b` (least squares over the same
+// pixels), for pictures of different exposure or ambient light. Errors: as difference_of().
 absl::StatusOr<RadianceImage> matched(const RadianceImage& a, const RadianceImage& b, const Matte* matte);
 
 }  // namespace glasswing

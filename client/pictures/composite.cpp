@@ -49,6 +49,55 @@ absl::Status read_shift(const BackgroundArgument& argument, std::string_view opt
       "{} is \"{}\"; it must be DX,DY: px of the monitor, right and down, as 12.5,-3", option, text));
 }
 
+void add_composite_options(CLI::App& command, CompositeArguments& arguments) {
+  command.add_option("matte", arguments.matte, "a matte from glasswing fetch, or a directory of them")
+      ->required();
+  command.add_option("--background", arguments.backgrounds.pictures, "[TEXTURE=]IMAGE; may be repeated")
+      ->required()
+      ->allow_extra_args(false);
+  command
+      .add_option(
+          "-o,--output", arguments.output,
+          "a picture (.exr, .png or .tif); for several frames a directory or a video (.mp4, .mov, .mkv, "
+          ".avi or .webm)")
+      ->required();
+  command.add_option("--format", arguments.format, "format of the pictures in a directory")
+      ->check(CLI::IsMember({"exr", "png", "tif"}))
+      ->capture_default_str();
+  command
+      .add_option("--bits", arguments.bits,
+                  "bits per sample: 8 or 16 for PNG and TIFF (with --linear default 16), 32 or 16 for EXR")
+      ->check(CLI::IsMember({8, 16, 32}));
+  command
+      .add_option("--shift", arguments.backgrounds.shifts,
+                  "[TEXTURE=]DX,DY: shift the picture by monitor px to the right and down; it wraps around")
+      ->allow_extra_args(false);
+  command
+      .add_option("--pan", arguments.backgrounds.pans, "[TEXTURE=]DX,DY: shift it further with every frame")
+      ->allow_extra_args(false);
+  command.add_option("--frames", arguments.frame_count, "number of frames, for one matte")
+      ->check(CLI::Range(1, 1000000));
+  command.add_option("--fps", arguments.frame_rate_hz, "frame rate of the written video, Hz")
+      ->check(CLI::Range(0.1, 1000.0))
+      ->capture_default_str();
+  command
+      .add_option(
+          "--match", arguments.backgrounds.matches,
+          "[TEXTURE=]PHOTOGRAPH: match the background's colours to it, for example to a photograph of "
+          "the same picture on a monitor")
+      ->allow_extra_args(false);
+  command
+      .add_option("--foreground-gain", arguments.foreground_gain,
+                  "factor on the object's own light F; highlights of a video often look better above 1")
+      ->check(CLI::Range(0.0f, 100.0f))
+      ->capture_default_str();
+  command.add_option("--crop", arguments.crop, kCropHelp);
+  command.add_flag("--exact", arguments.exact,
+                   "integrate every footprint, slowly; the default is within 0.002 rms of that");
+  command.add_flag("--linear", arguments.linear,
+                   "PNG and TIFF values are linear radiance, value / full scale");
+}
+
 }  // namespace
 
 absl::StatusOr<BackgroundArgument> parse_background(const std::string& argument,
@@ -126,7 +175,7 @@ absl::StatusOr<const std::vector<RadianceImage>*> Backgrounds::next() {
     if (is_new) {
       GW_ASSIGN_OR_RETURN(const RadianceImage picture, screen.picture->next());
       screen.placed = resized(picture, screen.width_px, screen.height_px);
-      // A video's first picture tells for all: matched one by one they would flicker.
+      // Learnt from a video's first picture only: matching each one would flicker.
       if (!screen.photograph.empty() && !screen.match) {
         GW_ASSIGN_OR_RETURN(screen.match, HistogramMatch::learn(screen.placed, screen.photograph));
       }
@@ -151,28 +200,26 @@ bool Backgrounds::is_over() const {
 }
 
 int Backgrounds::announced_frames() const {
-  int most = 0;
+  int max_frames = 0;
   for (const Screen& screen : screens_) {
     if (screen.picture && !screen.picture->is_still())
-      most = std::max(most, screen.picture->announced_frames());
+      max_frames = std::max(max_frames, screen.picture->announced_frames());
   }
-  return most;
+  return max_frames;
 }
 
 void add_composite_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand(
-      "composite", "Put the object of a matte, or of a video, in front of other pictures.");
+      "composite", "Composite the object of a matte, or of a video, over other pictures.");
   command.footer(
-      "A picture is scaled to its monitor; monitors without one are black. TEXTURE is a monitor's name, the "
-      "first\n"
-      "monitor if left out. EXR is linear radiance, 1.0 = the archive's full scale; PNG and TIFF are "
+      "Each picture is scaled to its monitor; monitors without one are black. TEXTURE is a monitor's name;\n"
+      "default: the first monitor. EXR is linear radiance, 1.0 = the archive's full scale; PNG and TIFF are\n"
       "sRGB.\n\n"
-      "A directory of mattes (glasswing fetch VIDEO -o DIR/) gives a picture a frame, 0000.exr or 0000.png, "
-      "or a video "
-      "file.\n"
-      "Behind it may be a still, a directory of pictures, or a video file; these begin again after their "
-      "end.\n"
-      "One matte gives a video too, as long as the longest behind it, or of --frames.\n\n"
+      "A directory of mattes (glasswing fetch VIDEO -o DIR/) gives one picture per frame, 0000.exr or\n"
+      "0000.png, or a video file. A background may be a still, a directory of pictures, or a video file; "
+      "the\n"
+      "latter two repeat. One matte gives a video, too, as long as its longest background, or of "
+      "--frames.\n\n"
       "Examples:\n"
       "  glasswing composite vase.exr --background harbour.png -o vase.png\n"
       "  glasswing composite vase.exr --background back=harbour.png --background left=quilt.png -o "
@@ -184,55 +231,7 @@ void add_composite_command(CLI::App& app, Client& client) {
       "  glasswing composite vase.exr --background harbour.png --shift 40,-10 --bits 16 -o vase.png\n"
       "  glasswing composite vase.exr --background harbour.png --match harbour_on_monitor.png -o vase.png");
   auto arguments = std::make_shared<CompositeArguments>();
-  command
-      .add_option("matte", arguments->matte, "what glasswing fetch wrote: a matte, or a directory of them")
-      ->required();
-  command.add_option("--background", arguments->backgrounds.pictures, "[TEXTURE=]IMAGE; may be repeated")
-      ->required()
-      ->allow_extra_args(false);
-  command
-      .add_option("-o,--output", arguments->output,
-                  "a picture: .exr, .png or .tif; for several: a directory, or a video: .mp4, .mov, .mkv, "
-                  ".avi or .webm")
-      ->required();
-  command.add_option("--format", arguments->format, "of the pictures in a directory")
-      ->check(CLI::IsMember({"exr", "png", "tif"}))
-      ->capture_default_str();
-  command
-      .add_option("--bits", arguments->bits,
-                  "PNG and TIFF: 8 or 16 (with --linear 16 unless told); EXR: 32 or 16")
-      ->check(CLI::IsMember({8, 16, 32}));
-  command
-      .add_option(
-          "--shift", arguments->backgrounds.shifts,
-          "[TEXTURE=]DX,DY: moves its picture, px of the monitor right and down; what leaves comes in "
-          "opposite")
-      ->allow_extra_args(false);
-  command
-      .add_option("--pan", arguments->backgrounds.pans,
-                  "[TEXTURE=]DX,DY: moves it on by so much with every frame")
-      ->allow_extra_args(false);
-  command.add_option("--frames", arguments->frame_count, "how many, of one matte")
-      ->check(CLI::Range(1, 1000000));
-  command.add_option("--fps", arguments->frame_rate_hz, "of a video that is written")
-      ->check(CLI::Range(0.1, 1000.0))
-      ->capture_default_str();
-  command
-      .add_option("--match", arguments->backgrounds.matches,
-                  "[TEXTURE=]PHOTOGRAPH: gives the background its colours, such as those that a photograph "
-                  "of it on a "
-                  "monitor has")
-      ->allow_extra_args(false);
-  command
-      .add_option("--foreground-gain", arguments->foreground_gain,
-                  "times the object's own light F: highlights of a video often look better above 1")
-      ->check(CLI::Range(0.0f, 100.0f))
-      ->capture_default_str();
-  command.add_option("--crop", arguments->crop, kCropHelp);
-  command.add_flag("--exact", arguments->exact,
-                   "integrate every footprint, slowly; else the picture is within 0.002 rms of that");
-  command.add_flag("--linear", arguments->linear,
-                   "PNG and TIFF values are linear radiance, value / full scale");
+  add_composite_options(command, *arguments);
   command.callback([&client, arguments] {
     client.run = [&client, arguments] {
       return is_video(*arguments) ? composite_video(client, *arguments) : composite_still(client, *arguments);

@@ -1,4 +1,4 @@
-// Which picture stands on which texture.
+// The pictures behind a matte's object, one for each of its textures (monitors).
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -17,49 +17,49 @@
 namespace glasswing {
 
 struct BackgroundArgument {
-  int texture = 0;  // place in MatteMetadata.monitors
+  int texture = 0;  // index in MatteMetadata.monitors
   std::string file;
 };
 
-// "[TEXTURE=]IMAGE". The part before '=' is a texture if it is a monitor's name; a file whose own name has a
-// '=' is taken whole if it is there. INVALID_ARGUMENT lists the textures there are.
+// Parses "[TEXTURE=]IMAGE". The part before '=' is a texture if a monitor has this name; otherwise all of it
+// must be an existing file. INVALID_ARGUMENT lists the matte's textures.
 absl::StatusOr<BackgroundArgument> parse_background(const std::string& argument,
                                                     const v1::MatteMetadata& metadata,
                                                     std::string_view option = "--background");
 
-// What the command line says of the pictures behind the object; each entry is "[TEXTURE=]VALUE".
+// The command line's options about backgrounds; each entry is "[TEXTURE=]VALUE".
 struct BackgroundArguments {
   std::vector<std::string> pictures, matches;
-  std::vector<std::string> shifts,
-      pans;  // DX,DY: monitor px right and down; of the first picture, and of each next one
+  // DX,DY, monitor px right and down: of the first picture, and from each picture to the next.
+  std::vector<std::string> shifts, pans;
 };
 
-// What stands behind the object, frame by frame.
+// The pictures behind the object, frame by frame.
 class Backgrounds {
  public:
-  // INVALID_ARGUMENT: a texture is named twice, or one without a background is to take colours or to move.
+  // INVALID_ARGUMENT: a texture is named twice, or --match, --shift or --pan names one without a background.
   static absl::StatusOr<Backgrounds> open(const BackgroundArguments& arguments,
                                           const v1::MatteMetadata& metadata, Encoding encoding);
 
-  // One picture a texture, scaled to its monitor; empty where no argument names it. Valid until the next
-  // call.
+  // One picture for each texture, scaled to its monitor; empty where no argument names it. Valid until the
+  // next call.
   absl::StatusOr<const std::vector<RadianceImage>*> next();
 
-  // One of them is a video or a directory of pictures.
+  // True if a background is a video or a directory of pictures.
   bool has_video() const;
-  // All of these have begun again with what next() gave last.
+  // True once all of those have started over.
   bool is_over() const;
-  int announced_frames() const;  // of the longest, as far as is known
+  int announced_frames() const;  // of the longest; 0: not known
 
  private:
   struct Screen {
     int width_px = 0, height_px = 0;
     std::optional<MovingPicture> picture;
-    RadianceImage photograph;  // to take colours from; empty: none
+    RadianceImage photograph;  // whose colours to match; empty: none
     std::optional<HistogramMatch> match;
-    double dx_px = 0.0, dy_px = 0.0;        // of the next picture
-    double pan_x_px = 0.0, pan_y_px = 0.0;  // from one to the next
-    RadianceImage placed;                   // before it is moved
+    double dx_px = 0.0, dy_px = 0.0;        // shift of the next picture
+    double pan_x_px = 0.0, pan_y_px = 0.0;  // change of the shift from frame to frame
+    RadianceImage placed;                   // the picture before it is shifted
   };
   Backgrounds() = default;
 

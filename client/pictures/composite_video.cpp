@@ -20,7 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// 0000.exr and so on, by number.
+// 0000.exr, 0001.exr, ..., sorted by number.
 absl::StatusOr<std::vector<fs::path>> mattes_in(const fs::path& directory) {
   std::vector<fs::path> mattes;
   std::error_code error;
@@ -31,7 +31,7 @@ absl::StatusOr<std::vector<fs::path>> mattes_in(const fs::path& directory) {
   }
   if (mattes.empty()) {
     return absl::NotFoundError(fmt::format(
-        "{}: it holds no mattes, 0000.exr and so on, as glasswing fetch VIDEO -o DIR/ writes them",
+        "{}: it contains no mattes (0000.exr, 0001.exr, ...), as glasswing fetch VIDEO -o DIR/ writes them",
         directory.string()));
   }
   std::ranges::sort(mattes, [](const fs::path& a, const fs::path& b) {
@@ -41,7 +41,7 @@ absl::StatusOr<std::vector<fs::path>> mattes_in(const fs::path& directory) {
   return mattes;
 }
 
-// Pictures into a directory, or frames of a video.
+// Writes pictures into a directory, or frames of a video.
 class Output {
  public:
   static absl::StatusOr<Output> create(const CompositeArguments& arguments) {
@@ -111,7 +111,7 @@ absl::StatusOr<int> composite_mattes(const CompositeArguments& arguments) {
       GW_ASSIGN_OR_RETURN(backgrounds, Backgrounds::open(arguments.backgrounds, first, arguments.encoding()));
     } else if (!same_monitors(first, object.metadata())) {
       return absl::InvalidArgumentError(
-          fmt::format("{} is of other monitors than {}; they are not of one video", files[i].string(),
+          fmt::format("{} has other monitors than {}; they are not of one video", files[i].string(),
                       files[0].string()));
     }
     GW_ASSIGN_OR_RETURN(const std::vector<RadianceImage>* const behind, backgrounds->next());
@@ -132,9 +132,8 @@ absl::StatusOr<int> composite_one_matte(const CompositeArguments& arguments) {
                       Backgrounds::open(arguments.backgrounds, object.metadata(), arguments.encoding()));
   if (arguments.frame_count == 0 && !backgrounds.has_video()) {
     return absl::InvalidArgumentError(
-        "--frames is not given; how many pictures there are to be must be said there, or be known from a "
-        "video or a "
-        "directory of pictures as --background");
+        "--frames is not given; it must give the number of pictures unless a --background is a video or a "
+        "directory of pictures");
   }
   int count = 0;
   for (; arguments.frame_count == 0 || count < arguments.frame_count; ++count) {

@@ -1,4 +1,5 @@
-// Composites of many frames: of a directory of mattes, one a frame, or of one matte before what moves.
+// Composites of many frames: of a directory with a matte for each frame, or of one matte over moving
+// backgrounds.
 #pragma once
 
 #include <absl/status/status.h>
@@ -23,8 +24,8 @@ struct CompositeArguments {
   BackgroundArguments backgrounds;
   std::string output;
   std::string format = "exr";
-  int bits = 0;         // of write_radiance()
-  int frame_count = 0;  // of one matte; 0: as many as its backgrounds have
+  int bits = 0;         // as for write_radiance()
+  int frame_count = 0;  // for one matte; 0: as many as its backgrounds have
   double frame_rate_hz = 30.0;
   float foreground_gain = 1.0f;
   std::string crop;
@@ -33,7 +34,7 @@ struct CompositeArguments {
   Encoding encoding() const { return linear ? Encoding::kLinear : Encoding::kDisplay; }
 };
 
-// Puts pictures behind a matte, as the arguments say.
+// Composites one matte over pictures, with the options of the arguments.
 class ObjectInFront {
  public:
   static absl::StatusOr<ObjectInFront> create(const std::filesystem::path& matte,
@@ -49,13 +50,13 @@ class ObjectInFront {
 
   Matte matte_;
   std::string crop_;
-  std::optional<FastCompositor> fast_;  // none: exact
+  std::optional<FastCompositor> fast_;  // nullopt: exact
 };
 
-// It is not one picture that the arguments ask for.
+// True if the arguments ask for several pictures.
 bool is_video(const CompositeArguments& arguments);
 
-// Errors name the matte at fault; pictures that are written stay.
+// Errors name the matte at fault; pictures already written are kept.
 absl::Status composite_video(const Client& client, const CompositeArguments& arguments);
 
 }  // namespace glasswing

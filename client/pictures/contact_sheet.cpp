@@ -8,11 +8,11 @@
 namespace glasswing {
 namespace {
 
-constexpr int kPanel_px = 440;      // a panel's longer side, about
-constexpr int kNarrowest_px = 300;  // room for a title
+constexpr int kPanel_px = 440;     // approximate longer side of a panel
+constexpr int kMinPanel_px = 300;  // room for a title
 constexpr int kMargin = 28, kGap = 28, kTitle = 24, kLegend = 58, kHeading = 40, kLine = 20;
 constexpr int kLargeText = 22, kText = 14, kSmallText = 12;
-constexpr int kFiner = 4;  // letters are drawn so much larger and reduced
+constexpr int kFiner = 4;  // supersampling of letters
 const cv::Scalar kInk(40, 32, 28), kPaleInk(110, 102, 98), kFrame(170, 170, 170);
 
 cv::Mat mat_of(const CodeImage& image) {
@@ -49,7 +49,7 @@ std::string cut_to(std::string text, int size_px, int width_px) {
   return text + "...";
 }
 
-// Its baseline starts at `at`.
+// `at`: where the baseline starts.
 void write_text(cv::Mat& sheet, const std::string& text, cv::Point at, int size_px, const cv::Scalar& ink) {
   const Lettering letters = lettering(size_px);
   const cv::Rect box = cv::Rect(at.x - 2, at.y - 2 * size_px, text_width(text, size_px) + 6, 3 * size_px) &
@@ -93,7 +93,7 @@ void draw_bar(cv::Mat& sheet, const ColourBar& bar, const cv::Rect& room) {
   }
 }
 
-// In lines, as many as there is room for.
+// Draws as many keys as there is room for, in lines.
 void draw_keys(cv::Mat& sheet, const std::vector<PanelKey>& keys, const cv::Rect& room) {
   const bool charts =
       std::ranges::any_of(keys, [](const PanelKey& key) { return key.colours.height_px > 1; });
@@ -125,7 +125,7 @@ CodeImage contact_sheet(const std::vector<MattePanel>& panels, const std::string
   const cv::Size picture(scaled(first.width_px), scaled(first.height_px));
   const int count = static_cast<int>(panels.size());
   const int columns = std::min(picture.width > 2 * picture.height ? 2 : 4, count);
-  const int cell_width = std::max(picture.width, kNarrowest_px);
+  const int cell_width = std::max(picture.width, kMinPanel_px);
   const int cell_height = kTitle + picture.height + 10 + kLegend;
   const int top = kMargin + kHeading + kLine * static_cast<int>(lines.size());
   const int rows = (count + columns - 1) / columns;

@@ -1,4 +1,4 @@
-// A matte's panels on one sheet, for people.
+// Arranges a matte's panels on one sheet.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -10,9 +10,9 @@
 
 namespace glasswing {
 
-// Four panels a line (fewer of a wide matte), each below its title and above its legend, all at one scale:
-// small mattes are enlarged a whole number of times, large ones reduced. `heading` is large, `lines` below it
-// small; what is too long for the sheet ends in "...". Texts are ASCII.
+// Four panels per line (two for wide mattes), each below its title and above its legend. All have one scale:
+// small mattes are enlarged by an integer factor, large ones reduced. `heading` is in large letters, `lines`
+// below it in small ones; texts that are too long end in "...". Texts are ASCII.
 CodeImage contact_sheet(const std::vector<MattePanel>& panels, const std::string& heading,
                         const std::vector<std::string>& lines);
 

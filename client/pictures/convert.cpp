@@ -34,7 +34,7 @@ absl::Status convert(const Client& client, const Arguments& arguments) {
 }  // namespace
 
 void add_convert_command(CLI::App& app, Client& client) {
-  CLI::App& command = *app.add_subcommand("convert", "Turn a frame or a picture into one to look at.");
+  CLI::App& command = *app.add_subcommand("convert", "Convert a frame or a picture into one for viewing.");
   command.footer(
       "The output is sRGB (PNG, TIFF) or linear (EXR).\n\n"
       "Example:\n  glasswing convert --linear archive/frames/000310.tif look.png");

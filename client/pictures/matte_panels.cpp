@@ -15,7 +15,7 @@ namespace {
 using Code = std::array<std::uint8_t, 3>;
 
 constexpr int kBar_px = 256, kChart_px = 96;
-constexpr double kDarkestWhite = 0.02;  // or a frame's noise would look like light
+constexpr double kDarkestWhite = 0.02;  // below, a frame's noise would look like light
 
 std::uint8_t code_of(double share) {
   return static_cast<std::uint8_t>(std::lround(255.0 * std::clamp(share, 0.0, 1.0)));
@@ -25,7 +25,7 @@ Code gray(double share) {
   return {code_of(share), code_of(share), code_of(share)};
 }
 
-// Dark blue to yellow, brighter all the way to the eye; the stops are equally far apart in CIE L*.
+// Dark blue to yellow, with rising lightness; the stops are equally spaced in CIE L*.
 Code scale_colour(double share) {
   constexpr std::array<std::array<double, 3>, 6> kStops{{{0.17, 0.08, 0.36},
                                                          {0.20, 0.28, 0.54},
@@ -42,7 +42,7 @@ Code scale_colour(double share) {
   return colour;
 }
 
-// Whose modes a panel is of.
+// The channel in a panel's title.
 std::string owner(const Matte& matte, int channel) {
   constexpr std::array<const char*, kChannels> kOwners{"red's", "green's", "blue's"};
   return matte.is_colourless() ? "the" : kOwners[static_cast<size_t>(channel)];
@@ -71,7 +71,7 @@ CodeImage line_of(const Colour& colour) {
   return painted(kBar_px, 1, [&](int x, int) { return colour((x + 0.5) / kBar_px); });
 }
 
-// 1, 2 or 5 times a power of ten: the largest not above, the smallest not below.
+// 1, 2 or 5 times a power of ten: the largest not above `value`, and the smallest not below it.
 double round_down(double value) {
   const double ten = std::pow(10.0, std::floor(std::log10(value) + 1e-9));
   const double part = value / ten * (1.0 + 1e-9);
@@ -93,7 +93,7 @@ bool shows_object(const Matte& matte, int x, int y) {
   return matte.coverage(x, y) > 0.0f;
 }
 
-// get(x, y) of the object's pixels that `counts`; of all such pixels where none shows the object.
+// get(x, y) of the object's pixels whose value `counts`, or of all such pixels if there is no object.
 template <typename Get, typename Counts>
 std::vector<double> values_of(const Matte& matte, const Get& get, const Counts& counts) {
   std::vector<double> object, all;
@@ -112,7 +112,7 @@ bool is_positive(double value) {
   return std::isfinite(value) && value > 0.0;
 }
 
-// "12 %" of the object's pixels, or of all where none shows it.
+// "12 %": the share of the object's pixels, or of all pixels if there is no object.
 template <typename Is>
 std::string share_of(const Matte& matte, const Is& is) {
   const std::vector<double> found = values_of(
@@ -143,7 +143,7 @@ MattePanel foreground_of(const Matte& matte) {
   const std::vector<double> lights = values_of(
       matte, [&](int x, int y) { return static_cast<double>(std::ranges::max(matte.foreground(x, y))); },
       is_positive);
-  // All but the brightest highlights.
+  // White is the brightest light but for the top 0.5 %, which are highlights.
   const double white =
       lights.empty() ? 1.0 : std::clamp(round_up(percentile(lights, 0.995)), kDarkestWhite, 1.0);
   const auto code = [white](double light) {
@@ -182,12 +182,13 @@ MattePanel modes_of(const Matte& matte) {
   constexpr std::array<Code, kMaxModes + 1> kCounts{
       {kNoValue, {51, 102, 170}, {60, 180, 150}, {240, 200, 60}, {205, 70, 60}}};
   const auto count = [&](int x, int y) {
-    std::ptrdiff_t most = 0;
+    std::ptrdiff_t max_count = 0;
     for (int c = 0; c < kChannels; ++c) {
-      most = std::max(most, std::ranges::count_if(matte.modes(x, y, c),
-                                                  [](const Mode& mode) { return mode.weight > 0.0f; }));
+      max_count = std::max(max_count, std::ranges::count_if(matte.modes(x, y, c), [](const Mode& mode) {
+                             return mode.weight > 0.0f;
+                           }));
     }
-    return static_cast<size_t>(most);
+    return static_cast<size_t>(max_count);
   };
   MattePanel panel{.name = "modes",
                    .title = "Modes of the channel with most; % of the object",
@@ -202,8 +203,8 @@ MattePanel modes_of(const Matte& matte) {
   return panel;
 }
 
-// Red grows to the right, green downwards, blue tells monitors apart; every eighth of the height is a check,
-// as on a chart behind the object.
+// Red rises to the right and green downwards; blue distinguishes monitors. A checkerboard of an eighth of the
+// height darkens every other square.
 Code place_colour(const v1::MatteMetadata& metadata, int texture, double x_px, double y_px) {
   if (texture < 0 || texture >= metadata.monitors_size()) return kNoValue;
   const v1::Monitor& monitor = metadata.monitors(texture);
@@ -249,7 +250,7 @@ MattePanel centre_of(const Matte& matte, int channel) {
   return panel;
 }
 
-// On a logarithmic scale that holds all but the lowest and highest hundredth.
+// A logarithmic scale from the 1st to the 99th percentile.
 template <typename Get>
 MattePanel logarithmic(const Matte& matte, std::string name, std::string title, const Get& get) {
   const std::vector<double> values = values_of(matte, get, is_positive);
@@ -300,7 +301,7 @@ MattePanel uncertainty_of(const Matte& matte, int channel) {
                      });
 }
 
-// The most serious first.
+// The most serious flag comes first.
 struct FlagColour {
   int flag;
   const char* name;

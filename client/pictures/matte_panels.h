@@ -1,4 +1,4 @@
-// What a matte holds, as pictures: one panel a quantity, with what its colours mean.
+// A matte's quantities as pictures: one panel each, with a legend.
 #pragma once
 
 #include <array>
@@ -14,26 +14,26 @@ namespace glasswing {
 
 using CodeImage = Image<std::uint8_t>;  // sRGB codes
 
-// A colour, or the colours of a monitor's places, and its name.
+// A legend's entry: a colour, or a chart of a monitor's positions, and its name.
 struct PanelKey {
   CodeImage colours;
   std::string name;
 };
 
-// From low (left) to high; ticks in the quantity's unit, at 0 to 1 of the bar.
+// Runs from low (left) to high. Ticks are in the quantity's unit, at positions 0 to 1.
 struct ColourBar {
   struct Tick {
     double place;
     std::string label;
   };
-  CodeImage colours;  // one line
+  CodeImage colours;  // one row
   std::vector<Tick> ticks;
 };
 
 struct MattePanel {
   std::string name;   // for a command line: "sigma"
   std::string title;  // for people
-  CodeImage picture;  // a pixel for each of the matte's
+  CodeImage picture;  // of the matte's size
   std::vector<PanelKey> keys;
   std::optional<ColourBar> bar;
 };
@@ -41,9 +41,9 @@ struct MattePanel {
 inline constexpr std::array<const char*, 8> kPanelNames{"preview", "foreground", "coverage",    "modes",
                                                         "centre",  "sigma",      "uncertainty", "flags"};
 
-// In the order of kPanelNames. `channel`: whose strongest modes centre, sigma and uncertainty are of. Ranges
-// are those of the object's pixels, of all pixels where none shows the object. A value that is not finite, or
-// not there, is kNoValue.
+// In the order of kPanelNames. centre, sigma and uncertainty show the strongest modes of `channel`. Ranges
+// are those of the object's pixels, or of all pixels if there is no object. Missing values and values that
+// are not finite have the colour kNoValue.
 std::vector<MattePanel> panels_of(const Matte& matte, int channel);
 
 inline constexpr std::array<std::uint8_t, 3> kNoValue{214, 214, 214};

@@ -1,5 +1,5 @@
-// What may stand behind an object: a still, a directory of pictures in the order of their names, or a video
-// file. The latter two begin again after their end.
+// A background: a still, a directory of pictures in the order of their names, or a video file. The latter two
+// repeat.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -15,18 +15,17 @@ namespace glasswing {
 
 class MovingPicture {
  public:
-  // `encoding`: of PNG and TIFF; videos are sRGB. NOT_FOUND: there is nothing, or a directory without
-  // pictures.
+  // `encoding`: of PNG and TIFF; videos are sRGB. NOT_FOUND: no such file, or a directory without pictures.
   static absl::StatusOr<MovingPicture> open(const std::filesystem::path& path, Encoding encoding);
 
   bool is_still() const { return files_.size() == 1; }
-  // The picture that next() gave last was one that it had given before.
+  // True once next() has started over.
   bool has_begun_again() const { return begun_again_; }
-  // How many pictures there are until then, as far as is known; 0: it is not.
+  // Number of pictures before it starts over; 0: not known.
   int announced_frames() const {
     return video_ ? video_->announced_frames() : static_cast<int>(files_.size());
   }
-  // Linear radiance. DATA_LOSS names what cannot be read.
+  // Linear radiance. DATA_LOSS names the file that cannot be read.
   absl::StatusOr<RadianceImage> next();
 
  private:
@@ -34,7 +33,7 @@ class MovingPicture {
 
   std::filesystem::path path_;
   Encoding encoding_ = Encoding::kDisplay;
-  std::vector<std::filesystem::path> files_;  // none: a video
+  std::vector<std::filesystem::path> files_;  // empty: a video
   size_t place_ = 0;
   bool begun_again_ = false;
   std::optional<VideoReader> video_;

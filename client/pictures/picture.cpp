@@ -91,7 +91,7 @@ absl::StatusOr<RadianceImage> cropped(const RadianceImage& picture, const std::s
 }
 
 RadianceImage shifted(const RadianceImage& picture, double dx_px, double dy_px) {
-  // Of every column or row: where the two that it is made of are, and the part of the second.
+  // For each column or row: the two source indices, and the weight of the second.
   struct Parts {
     std::vector<int> first, second;
     float part;

@@ -1,4 +1,4 @@
-// Picture files of the offline subcommands.
+// Picture files of the verbs that need no server.
 #pragma once
 
 #include <absl/status/status.h>
@@ -13,26 +13,25 @@
 
 namespace glasswing {
 
-// Says that a picture was written: "vase.png: 1280x720", or the same as JSON.
+// Reports a written picture: "vase.png: 1280x720", or the same as JSON.
 void print_written(const Client& client, const std::string& file, int width_px, int height_px);
 
-// Before any work: INVALID_ARGUMENT for a suffix that cannot be written, or not with so many bits (0: the
-// usual ones), NOT_FOUND for a directory that is not there.
+// Checks an output before any work. INVALID_ARGUMENT: a suffix that cannot be written, or not with this many
+// bits (0: the default). NOT_FOUND: its directory does not exist.
 absl::Status check_output(const std::filesystem::path& output, int bits = 0);
 
-// A frame of an archive whose calibrations say what its samples mean is light by these, as a composite of its
-// matte is; any other picture as `encoding` says. Errors are those of read_radiance() and of the archive's
+// Reads a picture as radiance. A frame of a calibrated archive is linearised by the archive's calibrations,
+// like the composite of its matte; any other picture by `encoding`. Errors: as read_radiance(), and of the
 // calibrations.
 absl::StatusOr<RadianceImage> read_picture(const std::filesystem::path& file, Encoding encoding);
 
-// The part of a picture that "WIDTHxHEIGHT+X+Y" names, px from its top-left corner; all of it if `region` is
-// empty. INVALID_ARGUMENT: it is not of that form, or reaches beyond the picture.
+// The region "WIDTHxHEIGHT+X+Y" of a picture, px from its top-left corner; all of it if `region` is empty.
+// INVALID_ARGUMENT: `region` is not of that form, or reaches beyond the picture.
 absl::StatusOr<RadianceImage> cropped(const RadianceImage& picture, const std::string& region);
-// The picture moved right by dx and down by dy px, of which parts are shared between the pixels that they
-// touch; what leaves at one side comes in at the other.
+// Shifts the picture by dx px right and dy px down, interpolating linearly; it wraps around.
 RadianceImage shifted(const RadianceImage& picture, double dx_px, double dy_px);
 
 inline constexpr const char* kCropHelp =
-    "WIDTHxHEIGHT+X+Y: only this part of the picture, px from its top left corner";
+    "WIDTHxHEIGHT+X+Y: write only this region, px from the top left corner";
 
 }  // namespace glasswing

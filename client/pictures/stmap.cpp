@@ -66,14 +66,14 @@ absl::Status write_stmap(const Client& client, const Arguments& arguments) {
 
 void add_stmap_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand(
-      "stmap", "Write a matte's strongest path as an STMap, which compositors warp a picture by.");
+      "stmap", "Write a matte's strongest path as an STMap, by which compositing programs warp a picture.");
   command.footer(
-      "R and G are the place on the monitor, 0 to 1 from its bottom left corner; B and A are 1 where there "
-      "is "
-      "one. Layer\n"
-      "weight is how much of the light arrives, blur how wide the path is, in monitor pixels. All of a "
-      "matte's paths and\n"
-      "widths at once: glasswing composite.\nOpenImageIO warps by it with: oiiotool PICTURE vase_st.exr "
+      "R and G are the position on the monitor, 0 to 1 from its bottom left corner; B and A are 1 where "
+      "there\n"
+      "is one. Layer weight is the fraction of the light that arrives, blur the width of the path in "
+      "monitor\n"
+      "pixels. glasswing composite uses all paths and widths of a matte.\nOpenImageIO warps by it with: "
+      "oiiotool PICTURE vase_st.exr "
       "--st_warp:flip_t=1 -o WARPED\n\n"
       "Examples:\n"
       "  glasswing stmap vase.exr -o vase_st.exr\n"
@@ -81,10 +81,10 @@ void add_stmap_command(CLI::App& app, Client& client) {
   auto arguments = std::make_shared<Arguments>();
   command.add_option("matte", arguments->matte, "a matte that glasswing fetch wrote")->required();
   command.add_option("-o,--output", arguments->output, "the OpenEXR file to write")->required();
-  command.add_option("--monitor", arguments->monitor, "its name; the first if left out");
+  command.add_option("--monitor", arguments->monitor, "the monitor's name; default: the first");
   command
       .add_option("--channel", arguments->channel,
-                  "whose path it is; if left out g, or another where much more of its light arrives")
+                  "channel of the path; default: g, or another channel if much more of its light arrives")
       ->check(CLI::IsMember(kColours));
   command.callback([&client, arguments] {
     client.run = [&client, arguments] { return write_stmap(client, *arguments); };

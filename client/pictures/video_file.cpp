@@ -42,11 +42,11 @@ absl::StatusOr<VideoReader> VideoReader::open(const std::filesystem::path& path)
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(path, ignored))
     return absl::NotFoundError(fmt::format("{}: no such file", path.string()));
-  // Its own complaints would stand beside ours.
+  // Silences OpenCV's own messages; we report errors ourselves.
   ::setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);
   cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
   VideoReader reader;
-  // Others, which are asked where it gives up, write to the terminal.
+  // Only FFmpeg: the backends that OpenCV tries next write to the terminal.
   const int decoder =
       cv::videoio_registry::hasBackend(cv::CAP_FFMPEG) ? int{cv::CAP_FFMPEG} : int{cv::CAP_ANY};
   reader.capture_ = std::make_shared<cv::VideoCapture>(path.string(), decoder);
@@ -85,7 +85,7 @@ absl::StatusOr<VideoWriter> VideoWriter::create(const std::filesystem::path& pat
   writer.path_ = path;
   writer.width_px_ = width_px;
   writer.height_px_ = height_px;
-  // OpenCV goes by the suffix.
+  // OpenCV chooses the container by the suffix.
   writer.partial_ = path.parent_path() / fmt::format("{}.partial-{}{}", path.stem().string(), ::getpid(),
                                                      path.extension().string());
   writer.writer_ = std::make_unique<cv::VideoWriter>(

@@ -1,4 +1,4 @@
-// Video files, through OpenCV: 8 bit sRGB, whatever codec its build has.
+// Video files through OpenCV: 8 bit sRGB, with the codecs of its build.
 #pragma once
 
 #include <absl/status/status.h>
@@ -17,18 +17,18 @@ class VideoWriter;
 
 namespace glasswing {
 
-// By its suffix: .mp4, .mov, .mkv, .avi or .webm.
+// True for the suffixes .mp4, .mov, .mkv, .avi and .webm.
 bool is_video_file(const std::filesystem::path& path);
 
 class VideoReader {
  public:
-  // NOT_FOUND, or DATA_LOSS: no video that can be decoded.
+  // NOT_FOUND: no such file. DATA_LOSS: it cannot be decoded.
   static absl::StatusOr<VideoReader> open(const std::filesystem::path& path);
-  // Codes, scaled to 16 bits; none after the last frame. A video that breaks off ends there.
+  // Codes scaled to 16 bits; nullopt after the last frame. A truncated video ends where it cannot be decoded.
   std::optional<Image16> next();
 
   double frame_rate_hz() const { return frame_rate_hz_; }     // 0: not known
-  int announced_frames() const { return announced_frames_; }  // by its header; 0: it does not say
+  int announced_frames() const { return announced_frames_; }  // from the header; 0: not known
 
  private:
   VideoReader() = default;
@@ -37,26 +37,26 @@ class VideoReader {
   int announced_frames_ = 0;
 };
 
-// Written under a name of its own, beside the one that it is to have; what is not finished is removed.
+// Writes under a temporary name in the same directory; a file that is not finished is removed.
 class VideoWriter {
  public:
-  // INVALID_ARGUMENT: the suffix is none of is_video_file(), or OpenCV cannot write it.
+  // INVALID_ARGUMENT: is_video_file() is false, or OpenCV cannot write this container.
   static absl::StatusOr<VideoWriter> create(const std::filesystem::path& path, int width_px, int height_px,
                                             double frame_rate_hz);
   VideoWriter(VideoWriter&&) noexcept;
   VideoWriter& operator=(VideoWriter&&) = delete;
   ~VideoWriter();
 
-  // Linear radiance. INVALID_ARGUMENT: it is of another size.
+  // `picture`: linear radiance. INVALID_ARGUMENT: it has another size.
   absl::Status add(const RadianceImage& picture);
-  // After the last picture.
+  // Call after the last picture.
   absl::Status finish();
 
  private:
   VideoWriter() = default;
   std::filesystem::path path_, partial_;
   int width_px_ = 0, height_px_ = 0;
-  std::unique_ptr<cv::VideoWriter> writer_;  // none: finished, or moved away
+  std::unique_ptr<cv::VideoWriter> writer_;  // null: finished, or moved from
 };
 
 }  // namespace glasswing

@@ -21,7 +21,7 @@ struct Arguments {
   std::string matte, output, only, channel;
 };
 
-// What the matte says of itself.
+// The matte's metadata in words.
 std::vector<std::string> lines_of(const Matte& matte) {
   const v1::MatteMetadata& metadata = matte.metadata;
   std::vector<std::string> monitors;
@@ -71,12 +71,9 @@ absl::Status view(const Client& client, const Arguments& arguments) {
 }  // namespace
 
 void add_view_command(CLI::App& app, Client& client) {
-  CLI::App& command =
-      *app.add_subcommand("view", "Make a picture of what a matte holds: a sheet of labelled panels.");
+  CLI::App& command = *app.add_subcommand("view", "Draw a matte's contents as a sheet of labelled panels.");
   command.footer(
-      "A panel alone (--only) is as large as the matte, a pixel for each of its own; preview is what any "
-      "viewer "
-      "shows of it.\n\n"
+      "A single panel (--only) has the matte's size in pixels; preview is what EXR viewers show of it.\n\n"
       "Examples:\n"
       "  glasswing view vase.exr -o vase_sheet.png\n"
       "  glasswing view vase.exr --only preview -o vase.png\n"
@@ -84,12 +81,13 @@ void add_view_command(CLI::App& app, Client& client) {
   auto arguments = std::make_shared<Arguments>();
   command.add_option("matte", arguments->matte, "a matte that glasswing fetch wrote")->required();
   command.add_option("-o,--output", arguments->output, "the PNG file to write")->required();
-  command.add_option("--only", arguments->only, "one panel, without title and legend")
+  command.add_option("--only", arguments->only, "write one panel, without title and legend")
       ->check(CLI::IsMember(kPanelNames));
   command
-      .add_option("--channel", arguments->channel,
-                  "whose centre, sigma and uncertainty are shown; if left out g, or another where much more "
-                  "of its light arrives")
+      .add_option(
+          "--channel", arguments->channel,
+          "channel of centre, sigma and uncertainty; default: g, or another channel if much more of its "
+          "light arrives")
       ->check(CLI::IsMember(kColours));
   command.callback(
       [&client, arguments] { client.run = [&client, arguments] { return view(client, *arguments); }; });

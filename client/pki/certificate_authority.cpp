@@ -33,7 +33,7 @@ absl::Status openssl_error(const char* what) {
       fmt::format("cannot make {}: {}", what, reason == nullptr ? "OpenSSL fails" : reason));
 }
 
-// For as long as the result lives.
+// Holds the lock until the result is destroyed.
 absl::StatusOr<std::shared_ptr<const void>> lock_directory(const fs::path& directory) {
   const int fd = ::open(directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (fd < 0) return absl::ErrnoToStatus(errno, fmt::format("cannot open {}", directory.string()));
@@ -73,8 +73,8 @@ bool give_serial(X509* certificate) {
          BN_to_ASN1_INTEGER(serial.get(), X509_get_serialNumber(certificate)) != nullptr;
 }
 
-// Signed with `signer`, the key of `issuer`, or of the certificate itself where that is null. Null: OpenSSL
-// says why.
+// Makes a certificate signed with `signer`, the key of `issuer`; without an issuer it is self-signed. Null:
+// OpenSSL has the reason.
 Certificate made_certificate(const X509_NAME& subject, EVP_PKEY& key, int days, X509* issuer,
                              EVP_PKEY& signer, X509_EXTENSION* names) {
   constexpr long kSlowClocks_s = 3600;
@@ -91,7 +91,7 @@ Certificate made_certificate(const X509_NAME& subject, EVP_PKEY& key, int days, 
     good = good && extend(x, by, NID_basic_constraints, "critical,CA:TRUE,pathlen:0") &&
            extend(x, by, NID_key_usage, "critical,keyCertSign,cRLSign");
   } else {
-    // Which of two authorities of one name, while a lab has both.
+    // Tells two authorities of one name apart, while a lab replaces one by the other.
     good = good &&
            (X509_get0_subject_key_id(by) == nullptr ||
             extend(x, by, NID_authority_key_identifier, "keyid:always")) &&
@@ -133,8 +133,8 @@ IssuedCertificate described(const std::string& name, const X509& certificate) {
   return issued;
 }
 
-// Both are there before either has its name; then they change places with the old ones at once, but for the
-// moment between two renames.
+// Writes both files under temporary names, then renames them, so that they replace the old ones at once but
+// for the time between the two renames.
 absl::Status write_pair(const fs::path& certificate, const fs::path& key, const X509& x, const EVP_PKEY& k) {
   const fs::path new_certificate = certificate.string() + ".new", new_key = key.string() + ".new";
   GW_RETURN_IF_ERROR(write_secret_flushed(new_key, pem_of(k)));
@@ -148,7 +148,7 @@ absl::StatusOr<Certificate> read_certificate(const fs::path& path) {
   GW_ASSIGN_OR_RETURN(const std::string pem, read_file(path));
   std::vector<Certificate> certificates = certificates_in(pem);
   if (!certificates.empty()) return std::move(certificates.front());
-  return absl::InvalidArgumentError(fmt::format("{} is no certificate in PEM", path.string()));
+  return absl::InvalidArgumentError(fmt::format("{} is not a certificate in PEM", path.string()));
 }
 
 }  // namespace

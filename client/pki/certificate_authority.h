@@ -1,6 +1,6 @@
-// A lab's own certificate authority, in a directory: ca.pem and ca.key, and of each name that it issued a
-// certificate for, NAME.pem and NAME.key. Keys are on P-256 and can be read by their owner only; files are
-// whole or not there. Others wait as long as somebody has it open.
+// A lab's own certificate authority, in a directory: ca.pem and ca.key, and NAME.pem and NAME.key for each
+// name that it issued a certificate for. Keys are on P-256 and readable only by their owner. Files are
+// written atomically. An open authority is locked: other processes wait.
 #pragma once
 
 #include <absl/status/status.h>
@@ -24,25 +24,25 @@ struct IssuedCertificate {
 
 class CertificateAuthority {
  public:
-  static constexpr int kMaxDays = 3650;  // that its own certificate is valid
+  static constexpr int kMaxDays = 3650;  // validity of its own certificate
 
-  // Makes a new one, whose certificate says `name`, and the directory. ALREADY_EXISTS: there is one, or the
-  // half of one. Also the system's own error.
+  // Makes the directory and a new authority, `name` being its certificate's common name. ALREADY_EXISTS:
+  // there is one, or a part of one. Or the system's error.
   static absl::StatusOr<CertificateAuthority> init(const std::filesystem::path& directory,
                                                    const std::string& name);
-  // NOT_FOUND: there is none. INVALID_ARGUMENT: its certificate is none.
+  // NOT_FOUND: there is none. INVALID_ARGUMENT: ca.pem is not a certificate.
   static absl::StatusOr<CertificateAuthority> open(const std::filesystem::path& directory);
 
-  // OK, or ALREADY_EXISTS: there are files of that name.
+  // ALREADY_EXISTS: there are files for this name.
   absl::Status check_free(const std::string& name) const;
-  // A new key, and a certificate for client and server that is valid for `days` from now, and an hour back,
-  // for clocks that are slow. As check_free(); NOT_FOUND: its key is not there; INVALID_ARGUMENT: it is
-  // another's, or the authority does not live that long.
+  // Makes a key and a certificate for client and server use, valid from an hour ago (for slow clocks) for
+  // `days` from now. Errors: as check_free(). NOT_FOUND: ca.key is missing. INVALID_ARGUMENT: it does not
+  // belong to ca.pem, or the authority expires earlier.
   absl::StatusOr<IssuedCertificate> issue(const CertificateRequest& request, int days) const;
-  // The same certificate with a new key, in the place of the old ones. NOT_FOUND: it issued none of that
-  // name. Else as issue().
+  // Replaces certificate and key by new ones for the same roles and hosts. NOT_FOUND: it issued none of this
+  // name. Other errors: as issue().
   absl::StatusOr<IssuedCertificate> renew(const std::string& name, int days) const;
-  // What is in the directory and signed by it, by name.
+  // The certificates in the directory that it signed, sorted by name.
   absl::StatusOr<std::vector<IssuedCertificate>> issued() const;
 
   std::string name() const;
@@ -54,7 +54,7 @@ class CertificateAuthority {
   std::filesystem::path file(const std::string& name, const char* ending) const {
     return directory_ / (name + ending);
   }
-  // Null where it is not this authority's.
+  // Null if this authority did not sign it.
   absl::StatusOr<Certificate> find(const std::string& name) const;
   absl::StatusOr<IssuedCertificate> sign(const std::string& name, const X509_NAME& subject,
                                          X509_EXTENSION& names, int days) const;

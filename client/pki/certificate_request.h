@@ -1,4 +1,4 @@
-// A certificate as people ask for it: ROLE[+ROLE...]:NAME[=HOST,HOST...].
+// Parses a request for a certificate: ROLE[+ROLE...]:NAME[=HOST,HOST...].
 #pragma once
 
 #include <absl/status/status.h>
@@ -11,14 +11,14 @@ namespace glasswing {
 
 struct CertificateRequest {
   std::string name;
-  std::vector<std::string> roles;  // of kRoleNames, once each
-  std::vector<std::string> hosts;  // names and addresses that the others call it by, once each
+  std::vector<std::string> roles;  // of kRoleNames, no duplicates
+  std::vector<std::string> hosts;  // names and addresses at which others call it, no duplicates
 };
 
-// Without hosts its name is one. INVALID_ARGUMENT says what is not of that form.
+// Without hosts, NAME is the host. INVALID_ARGUMENT names the wrong part.
 absl::StatusOr<CertificateRequest> parse_certificate_request(const std::string& text);
 
-// Whether files may be called so: INVALID_ARGUMENT if not.
+// INVALID_ARGUMENT: not a valid file name, or reserved.
 absl::Status check_certificate_name(const std::string& name);
 
 // 10.0.0.5 or 2001:db8::1

@@ -1,4 +1,4 @@
-// The verbs that make certificates.
+// The verbs of the certificate authority.
 #pragma once
 
 #include <CLI/CLI.hpp>

@@ -20,8 +20,8 @@ struct Arguments {
   int days = 365, within_days = 30;
 };
 
-std::string text_of(std::chrono::sys_seconds moment, const char* format) {
-  return absl::FormatTime(format, absl::FromUnixSeconds(moment.time_since_epoch().count()),
+std::string text_of(std::chrono::sys_seconds time, const char* format) {
+  return absl::FormatTime(format, absl::FromUnixSeconds(time.time_since_epoch().count()),
                           absl::UTCTimeZone());
 }
 
@@ -30,7 +30,7 @@ int days_left(std::chrono::sys_seconds end) {
       std::chrono::floor<std::chrono::days>(end - std::chrono::system_clock::now()).count());
 }
 
-// The authority too, if it is given.
+// Includes the authority if it is given.
 void print_certificates(const Client& client, const std::vector<IssuedCertificate>& certificates,
                         const CertificateAuthority* authority = nullptr) {
   const auto list = [](const std::vector<std::string>& words, const char* between) {
@@ -38,16 +38,16 @@ void print_certificates(const Client& client, const std::vector<IssuedCertificat
   };
   if (client.json) {
     nlohmann::ordered_json answer = nlohmann::ordered_json::object();
-    constexpr const char* kMoment = "%Y-%m-%dT%H:%M:%SZ";
+    constexpr const char* kRfc3339 = "%Y-%m-%dT%H:%M:%SZ";
     if (authority != nullptr)
       answer["authority"] = {{"name", authority->name()},
-                             {"expires", text_of(authority->valid_until(), kMoment)}};
+                             {"expires", text_of(authority->valid_until(), kRfc3339)}};
     answer["certificates"] = nlohmann::ordered_json::array();
     for (const IssuedCertificate& each : certificates) {
       answer["certificates"].push_back({{"name", each.of.name},
                                         {"roles", each.of.roles},
                                         {"hosts", each.of.hosts},
-                                        {"expires", text_of(each.valid_until, kMoment)}});
+                                        {"expires", text_of(each.valid_until, kRfc3339)}});
     }
     std::cout << answer.dump(1) << "\n";
     return;
@@ -117,12 +117,12 @@ absl::Status list(const Client& client, const Arguments& arguments) {
 }  // namespace
 
 void add_pki_commands(CLI::App& app, Client& client) {
-  CLI::App& pki = *app.add_subcommand("pki", "Make a lab's certificates: an authority, and what it issues.");
+  CLI::App& pki = *app.add_subcommand(
+      "pki", "Make a lab's certificates: an authority and the certificates that it issues.");
   pki.require_subcommand(1);
   pki.footer(
-      "Everything is in one directory, on a machine that is none of the rig's. Each machine gets ca.pem, and "
-      "its own "
-      "NAME.pem and NAME.key. ca.key can make anybody a member: it stays where it is.\n\n"
+      "Everything is in one directory, on a machine outside the rig. Copy to each machine ca.pem and its own "
+      "NAME.pem and NAME.key.\nNever copy ca.key: whoever has it can issue certificates.\n\n"
       "Examples:\n"
       "  glasswing pki init certificates\n"
       "  glasswing pki issue certificates server+display+camera:rig=rig.lab,10.0.0.5 operator:me\n"
@@ -132,7 +132,9 @@ void add_pki_commands(CLI::App& app, Client& client) {
   using Run = absl::Status (*)(const Client&, const Arguments&);
   const auto add = [&](const char* name, const char* description, Run run) -> CLI::App& {
     CLI::App& command = *pki.add_subcommand(name, description);
-    command.add_option("directory", arguments->directory, "of ca.pem and all that it issued")
+    command
+        .add_option("directory", arguments->directory,
+                    "the authority's directory, with ca.pem and all issued files")
         ->required()
         ->type_name("DIR");
     command.callback([&client, arguments, run] {
@@ -141,13 +143,14 @@ void add_pki_commands(CLI::App& app, Client& client) {
     return command;
   };
   const auto add_days = [&](CLI::App& command) {
-    command.add_option("--days", arguments->days, "that the certificates are valid")
+    command.add_option("--days", arguments->days, "validity of the certificates, days")
         ->check(CLI::Range(1, CertificateAuthority::kMaxDays))
         ->capture_default_str();
   };
 
   CLI::App& init_command = add("init", "Make an authority: ca.pem, valid for ten years, and ca.key.", init);
-  init_command.add_option("--name", arguments->name, "that its certificate says")->capture_default_str();
+  init_command.add_option("--name", arguments->name, "name in the authority's certificate")
+      ->capture_default_str();
   init_command.footer("Example:\n  glasswing pki init certificates --name \"Lab 3\"");
 
   CLI::App& issue_command = add("issue", "Make a certificate and a key for each name.", issue);
@@ -158,30 +161,29 @@ void add_pki_commands(CLI::App& app, Client& client) {
       ->type_name("REQUEST");
   add_days(issue_command);
   issue_command.footer(
-      "ROLE says what its owner may do: operator (runs sessions) or viewer (looks at them) for people; "
-      "server, "
-      "display, camera or solver for programs, all of them for a machine that has several. HOST is a name or "
+      "ROLE is what its owner may do: operator (runs sessions) or viewer (looks at them) for people; server, "
+      "display, camera\nor solver for programs, several for a machine that runs several. HOST is a name or "
       "address "
-      "that others call that machine by; NAME itself if left out. What is there already is not replaced.\n\n"
+      "at which others call the\nmachine; default: NAME. Existing files are not replaced.\n\n"
       "Examples:\n"
       "  glasswing pki issue certificates server+display+camera:rig=rig.lab,10.0.0.5\n"
       "  glasswing pki issue certificates solver:solver-1=solver-1.lab operator:me viewer:guest --days 90");
 
   CLI::App& renew_command =
-      add("renew", "Make certificates again, for the same roles and hosts, with new keys.", renew);
-  renew_command.add_option("names", arguments->names, "whose; all that expire soon if left out");
-  renew_command.add_option("--within", arguments->within_days, "days that are soon")
+      add("renew", "Renew certificates for the same roles and hosts, with new keys.", renew);
+  renew_command.add_option("names", arguments->names,
+                           "names of the certificates; default: all that expire soon");
+  renew_command.add_option("--within", arguments->within_days, "days until expiry that count as soon")
       ->check(CLI::Range(0, CertificateAuthority::kMaxDays))
       ->capture_default_str();
   add_days(renew_command);
   renew_command.footer(
-      "Programs take up the new files by themselves once they are in the place of the old ones.\n\n"
-      "Examples:\n"
-      "  glasswing pki renew certificates\n"
+      "Programs load the new files once these replace the old ones.\n\n"
+      "Examples:\n  glasswing pki renew certificates\n"
       "  glasswing pki renew certificates rig solver-1\n"
       "  glasswing pki renew certificates --within 90");
 
-  add("list", "Show what the authority issued, and when it expires.", list)
+  add("list", "List the issued certificates and when they expire.", list)
       .footer("Example:\n  glasswing pki list certificates");
 }
 

@@ -1,8 +1,8 @@
-// What the Python package leaves to C++: matte files, compositing, and picture files. glasswing/_native.pyi
-// tells the types; nothing here is called but by the package, which checks shapes and documents.
+// The C++ part of the Python package: matte files, compositing, and picture files. glasswing/_native.pyi has the types;
+// only the package calls this module, and it checks shapes before.
 //
-// Messages cross as bytes, never as objects: python3-protobuf and this module then share nothing but Debian's
-// one libprotobuf, whose pool of descriptors serves both in whatever order they are loaded.
+// Messages cross as bytes, never as objects, so that python3-protobuf and this module share only Debian's libprotobuf,
+// whose descriptor pool works in whatever order they are loaded.
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
@@ -37,7 +37,7 @@ Value value_of(absl::StatusOr<Value> result) {
   return *std::move(result);
 }
 
-// What `work` returns, worked out while other threads of Python run.
+// Runs `work` without the GIL and returns its result.
 template <typename Work>
 auto without_gil(Work work) {
   const py::gil_scoped_release released;
@@ -75,15 +75,15 @@ Floats mapped(const Floats& values, float (*function)(float)) {
   return results;
 }
 
-// A matte that does not change any more, so that arrays can look into it and threads composite it at once.
+// An immutable matte, so that arrays can view it and threads can composite it concurrently.
 class NativeMatte {
  public:
   explicit NativeMatte(Matte matte) : matte_(std::move(matte)) {}
 
-  // Not const only because its pixels have no address otherwise.
+  // Not const, since a const Matte returns pixels by value.
   Matte& matte() { return matte_; }
 
-  // The result does not depend on `thread_count`; 0: all cores.
+  // `thread_count`: 0 uses all cores; the result does not depend on it.
   RadianceImage composite(std::vector<RadianceImage> backgrounds, bool exact, int thread_count) const {
     for (size_t t = 0; t < backgrounds.size(); ++t) {
       if (backgrounds[t].empty()) continue;
@@ -110,7 +110,7 @@ Matte& matte_of(const py::object& self) {
   return self.cast<NativeMatte&>().matte();
 }
 
-// A read-only look into `self`, which stays for as long as the array does.
+// A read-only view into `self`, which it keeps alive.
 template <typename Value>
 py::array view(const py::object& self, const Value& first, std::vector<py::ssize_t> shape,
                std::vector<py::ssize_t> strides) {
@@ -119,7 +119,7 @@ py::array view(const py::object& self, const Value& first, std::vector<py::ssize
   return array;
 }
 
-// One value of every pixel: height x width.
+// One value per pixel: height x width.
 template <typename Value>
 py::array of_pixels(const py::object& self, const Value& first) {
   const Matte& matte = matte_of(self);
@@ -134,8 +134,7 @@ py::array foreground_of(const py::object& self) {
               {matte.width_px() * pixel, pixel, size});
 }
 
-// One number of every mode: height x width x 3 x modes. The channels of a colourless matte are one and the
-// same memory.
+// One number per mode: height x width x 3 x modes. The channels of a colourless matte share one memory.
 template <typename Value>
 py::array of_modes(const py::object& self, Value Mode::*number) {
   const Matte& matte = matte_of(self);
@@ -146,7 +145,7 @@ py::array of_modes(const py::object& self, Value Mode::*number) {
               {matte.width_px() * pixel, pixel, matte.is_colourless() ? 0 : channel, mode});
 }
 
-// One background for each of the matte's monitors; None: it is black.
+// `pictures`: one background for each of the matte's monitors; None is black.
 Floats composite(const NativeMatte& matte, const std::vector<std::optional<Floats>>& pictures, bool exact,
                  int thread_count) {
   std::vector<RadianceImage> backgrounds;

@@ -76,9 +76,9 @@ using Arguments = std::shared_ptr<CalibrateArguments>;
 
 Arguments add_light_options(CLI::App& command) {
   auto arguments = std::make_shared<CalibrateArguments>();
-  command.add_option("--plan", arguments->plan, "measure for this plan: its monitors and exposures");
-  command.add_option("--monitor", arguments->monitors, "only this one; repeat for more; all if left out");
-  command.add_option("-o,--charts", arguments->charts, "directory for the pictures of the curves (SVG)")
+  command.add_option("--plan", arguments->plan, "calibrate for this plan's monitors and exposures");
+  command.add_option("--monitor", arguments->monitors, "only this monitor; may be repeated; default: all");
+  command.add_option("-o,--charts", arguments->charts, "directory for charts of the curves (SVG)")
       ->check(CLI::ExistingDirectory)
       ->capture_default_str();
   return arguments;
@@ -86,7 +86,7 @@ Arguments add_light_options(CLI::App& command) {
 
 void add_session_option(CLI::App& command, const Arguments& arguments) {
   command
-      .add_option("--session", arguments->session, "fit this captured session again, rather than a new one")
+      .add_option("--session", arguments->session, "fit this captured session instead of capturing a new one")
       ->type_name("SESSION");
 }
 
@@ -96,77 +96,42 @@ absl::Status calibrate_all(const Client& client, const CalibrateArguments& argum
   GW_RETURN_IF_ERROR(calibrate_sync(client, request));
   GW_RETURN_IF_ERROR(calibrate_camera_light(client, arguments));
   GW_RETURN_IF_ERROR(calibrate_display_light(client, arguments));
-  // Once more, now that the camera's codes are light: a curved response shifts where a change is seen.
+  // Again, with the camera's codes linearised: a curved response shifts the measured time of a change.
   return calibrate_sync(client, request);
 }
 
-}  // namespace
-
-void add_calibrate_commands(CLI::App& app, Client& client) {
-  CLI::App& calibrate = *app.add_subcommand(
-      "calibrate", "Measure the rig's devices; sessions that begin afterwards use what was found.");
-  calibrate.require_subcommand(1);
-  calibrate.footer(
-      "Examples:\n"
-      "  glasswing calibrate all -o curves      everything, in the order that makes sense; about two "
-      "minutes\n"
-      "  glasswing calibrate camera             after another gain, aperture or lens\n"
-      "  glasswing calibrate display            after other settings of a monitor, and every few weeks\n"
-      "  glasswing calibrate list               what is known");
-
-  CLI::App& all = *calibrate.add_subcommand("all", "Timing, camera and monitors, one after the other.");
-  all.footer("Example:\n  glasswing calibrate all --plan deploy/plans/crystal.txtpb -o curves");
-  const Arguments all_arguments = add_light_options(all);
-  all.callback([&client, all_arguments] {
-    client.run = [&client, all_arguments] { return calibrate_all(client, *all_arguments); };
-  });
-
-  CLI::App& camera = *calibrate.add_subcommand(
-      "camera",
-      "Measure which light the camera's codes stand for, and its noise, from exposures of several lengths.");
-  camera.footer("Example:\n  glasswing calibrate camera -o curves");
-  const Arguments camera_arguments = add_light_options(camera);
-  add_session_option(camera, camera_arguments);
-  camera.callback([&client, camera_arguments] {
-    client.run = [&client, camera_arguments] { return calibrate_camera_light(client, *camera_arguments); };
-  });
-
-  CLI::App& display = *calibrate.add_subcommand(
-      "display", "Measure which light the monitors make of their codes, as the calibrated camera sees it.");
-  display.footer("Example:\n  glasswing calibrate display --monitor back -o curves");
-  const Arguments display_arguments = add_light_options(display);
-  add_session_option(display, display_arguments);
-  display.callback([&client, display_arguments] {
-    client.run = [&client, display_arguments] { return calibrate_display_light(client, *display_arguments); };
-  });
-
-  CLI::App& list = *calibrate.add_subcommand("list", "Show what is known of cameras and monitors.");
+void add_list_command(CLI::App& calibrate, Client& client) {
+  CLI::App& list = *calibrate.add_subcommand("list", "Show the calibrations of cameras and monitors.");
   list.footer("Example:\n  glasswing calibrate list -o curves");
   auto charts = std::make_shared<std::string>();
-  list.add_option("-o,--charts", *charts, "directory for pictures of the curves (SVG)")
+  list.add_option("-o,--charts", *charts, "directory for charts of the curves (SVG)")
       ->check(CLI::ExistingDirectory);
   list.callback(
       [&client, charts] { client.run = [&client, charts] { return list_calibrations(client, *charts); }; });
+}
 
+void add_forget_command(CLI::App& calibrate, Client& client) {
   CLI::App& forget = *calibrate.add_subcommand(
-      "forget", "Do without what is known of a camera or monitor; sessions that have it keep it.");
+      "forget", "Forget the calibration of a camera or monitor; existing sessions keep theirs.");
   forget.footer("Example:\n  glasswing calibrate forget camera-1");
   auto device = std::make_shared<std::string>();
   forget.add_option("device", *device, "the camera's or monitor's name")->required();
   forget.callback(
       [&client, device] { client.run = [&client, device] { return forget_calibration(client, *device); }; });
+}
 
+void add_sync_command(CLI::App& calibrate, Client& client) {
   struct SyncArguments {
     std::vector<std::string> monitors;
     double exposure_ms = 0.0;
   };
   CLI::App& sync = *calibrate.add_subcommand(
-      "sync", "Measure how late and how slowly each monitor's light follows its scan-out.");
+      "sync", "Measure the lag and settling time of each monitor's light after its scan-out.");
   sync.footer("Example:\n  glasswing calibrate sync --monitor back");
   auto arguments = std::make_shared<SyncArguments>();
-  sync.add_option("--monitor", arguments->monitors, "only this one; repeat for more; all if left out");
+  sync.add_option("--monitor", arguments->monitors, "only this monitor; may be repeated; default: all");
   sync.add_option("--exposure-ms", arguments->exposure_ms,
-                  "of the camera; four fifths of the time between frames if left out")
+                  "the camera's exposure, ms; default: four fifths of the frame interval")
       ->check(CLI::Range(0.01, 10000.0));
   sync.callback([&client, arguments] {
     client.run = [&client, arguments] {
@@ -176,6 +141,50 @@ void add_calibrate_commands(CLI::App& app, Client& client) {
       return calibrate_sync(client, request);
     };
   });
+}
+
+}  // namespace
+
+void add_calibrate_commands(CLI::App& app, Client& client) {
+  CLI::App& calibrate =
+      *app.add_subcommand("calibrate", "Calibrate the rig's devices; later sessions use the result.");
+  calibrate.require_subcommand(1);
+  calibrate.footer(
+      "Examples:\n"
+      "  glasswing calibrate all -o curves      everything, in the right order; about two minutes\n"
+      "  glasswing calibrate camera             after a change of gain, aperture or lens\n"
+      "  glasswing calibrate display            after a change of a monitor's settings, and every few weeks\n"
+      "  glasswing calibrate list               the present calibrations");
+
+  CLI::App& all =
+      *calibrate.add_subcommand("all", "Calibrate timing, camera and monitors, one after the other.");
+  all.footer("Example:\n  glasswing calibrate all --plan deploy/plans/crystal.txtpb -o curves");
+  const Arguments all_arguments = add_light_options(all);
+  all.callback([&client, all_arguments] {
+    client.run = [&client, all_arguments] { return calibrate_all(client, *all_arguments); };
+  });
+
+  CLI::App& camera = *calibrate.add_subcommand(
+      "camera", "Measure the camera's response curve and noise, from exposures of several lengths.");
+  camera.footer("Example:\n  glasswing calibrate camera -o curves");
+  const Arguments camera_arguments = add_light_options(camera);
+  add_session_option(camera, camera_arguments);
+  camera.callback([&client, camera_arguments] {
+    client.run = [&client, camera_arguments] { return calibrate_camera_light(client, *camera_arguments); };
+  });
+
+  CLI::App& display =
+      *calibrate.add_subcommand("display", "Measure the monitors' tone curves with the calibrated camera.");
+  display.footer("Example:\n  glasswing calibrate display --monitor back -o curves");
+  const Arguments display_arguments = add_light_options(display);
+  add_session_option(display, display_arguments);
+  display.callback([&client, display_arguments] {
+    client.run = [&client, display_arguments] { return calibrate_display_light(client, *display_arguments); };
+  });
+
+  add_list_command(calibrate, client);
+  add_forget_command(calibrate, client);
+  add_sync_command(calibrate, client);
 }
 
 }  // namespace glasswing

@@ -27,17 +27,16 @@ namespace glasswing {
 namespace {
 
 constexpr std::chrono::minutes kFitTimeout(10);
-constexpr double kLongestMs = 16.0;      // of the camera's ladder, where the plan has none longer
-constexpr double kUnknownWhiteMs = 5.0;  // for a camera that was not calibrated
+constexpr double kLongestMs = 16.0;      // longest exposure of the ladder, unless the plan has a longer one
+constexpr double kUnknownWhiteMs = 5.0;  // white_ms of an uncalibrated camera
 
 constexpr const char* kCameraGuide =
     "Measuring which light the camera's codes stand for. Nothing on the stage, the room dark or its light "
-    "steady; "
-    "automatic exposure, gain and white balance off, and the aperture and gain that you will capture with.\n";
+    "steady; automatic exposure, gain and white balance off, and the aperture and gain that you will capture "
+    "with.\n";
 constexpr const char* kDisplayGuide =
     "Measuring which light the monitors make of their codes. Nothing on the stage; monitors warm (half an "
-    "hour), their automatic "
-    "brightness, dynamic contrast and night colours off.\n";
+    "hour), their automatic brightness, dynamic contrast and night colours off.\n";
 
 double percent(double share) {
   return 100.0 * share;
@@ -136,7 +135,7 @@ absl::Status write_chart(const std::string& charts, const std::string& name, con
   return absl::OkStatus();
 }
 
-template <typename Message>  // of cameras and displays
+template <typename Message>  // has displays()
 absl::Status print_all(const Client& client, const Message& message, const std::string& charts,
                        const std::vector<v1::CameraCalibration>& cameras) {
   if (client.json) {
@@ -154,7 +153,7 @@ absl::Status print_all(const Client& client, const Message& message, const std::
   return absl::OkStatus();
 }
 
-// Captures the plan as a session of its own; its name.
+// Captures the plan as a new session and returns its name.
 absl::StatusOr<std::string> captured(const Client& client, const v1::Plan& plan) {
   v1::CreateSessionRequest request;
   std::string stamp = utc_now_rfc3339();
@@ -186,7 +185,7 @@ absl::StatusOr<v1::FitCalibrationResponse> fitted_by(const Peer<v1::RigService>&
   v1::FitCalibrationResponse fitted;
   const grpc::Status status = server.stub->FitCalibration(&context, request, &fitted);
   if (interrupted())
-    return absl::CancelledError("the rig goes on fitting; glasswing calibrate list shows what it finds");
+    return absl::CancelledError("the server goes on fitting; glasswing calibrate list shows the result");
   if (!status.ok()) return status_from(status, server.title);
   return fitted;
 }
@@ -205,7 +204,7 @@ absl::Status fit(const Client& client, const std::string& session, const std::st
   return absl::OkStatus();
 }
 
-// The plan that the calibration is for, or an empty one; its monitors unless others are named.
+// The plan to calibrate for, or an empty one. Adds its monitors to `arguments` unless others are named.
 absl::StatusOr<v1::Plan> plan_of(CalibrateArguments& arguments) {
   if (arguments.plan.empty()) return v1::Plan();
   GW_ASSIGN_OR_RETURN(v1::Plan plan, read_plan(arguments.plan));
@@ -232,7 +231,7 @@ absl::Status calibrate_camera_light(const Client& client, const CalibrateArgumen
   GW_ASSIGN_OR_RETURN(const v1::Plan plan, plan_of(arguments));
   double longest_ms = kLongestMs;
   for (const double exposure_ms : plan.exposure_ms()) longest_ms = std::max(longest_ms, exposure_ms);
-  GW_ASSIGN_OR_RETURN(const RigView rig, look_at_rig(client));
+  GW_ASSIGN_OR_RETURN(const RigView rig, read_rig_view(client));
   GW_ASSIGN_OR_RETURN(const v1::Plan own, camera_plan(rig, arguments.monitors, longest_ms));
   tell(client, kCameraGuide);
   GW_ASSIGN_OR_RETURN(const std::string session, captured(client, own));
@@ -243,7 +242,7 @@ absl::Status calibrate_display_light(const Client& client, const CalibrateArgume
   if (!given.session.empty()) return fit(client, given.session, given.charts);
   CalibrateArguments arguments = given;
   GW_RETURN_IF_ERROR(plan_of(arguments).status());
-  GW_ASSIGN_OR_RETURN(const RigView rig, look_at_rig(client));
+  GW_ASSIGN_OR_RETURN(const RigView rig, read_rig_view(client));
   GW_ASSIGN_OR_RETURN(const v1::ListCalibrationsResponse calibrations, known(client));
   double white_ms = kUnknownWhiteMs;
   for (const v1::CameraCalibration& camera : calibrations.cameras()) {
@@ -270,7 +269,7 @@ absl::Status list_calibrations(const Client& client, const std::string& charts) 
     return absl::OkStatus();
   }
   if (calibrations.cameras().empty() && calibrations.displays().empty() && !client.json)
-    std::cout << "No camera or monitor is calibrated; glasswing calibrate all does it.\n";
+    std::cout << "No camera or monitor is calibrated; run glasswing calibrate all.\n";
   return print_all(client, calibrations, charts,
                    {calibrations.cameras().begin(), calibrations.cameras().end()});
 }

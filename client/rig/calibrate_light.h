@@ -1,5 +1,5 @@
-// `glasswing calibrate camera|display`: a session of method "calibration", its fit by the server, and what it
-// says to people.
+// `glasswing calibrate camera|display`: captures a session of method "calibration", has the server fit it,
+// and prints the result.
 #pragma once
 
 #include <absl/status/status.h>
@@ -12,10 +12,10 @@
 namespace glasswing {
 
 struct CalibrateArguments {
-  std::vector<std::string> monitors;  // empty: the plan's, or all
-  std::string plan;                   // whose monitors and exposures it is for; may be empty
-  std::string session;                // one that was captured for it already; empty: a new one
-  std::string charts = ".";           // where pictures of the curves go
+  std::vector<std::string> monitors;  // empty: the plan's, or all without a plan
+  std::string plan;                   // plan whose monitors and exposures to calibrate; may be empty
+  std::string session;                // an already captured session to fit; empty: a new one
+  std::string charts = ".";           // directory for charts of the curves
 };
 
 absl::Status calibrate_camera_light(const Client& client, const CalibrateArguments& arguments);

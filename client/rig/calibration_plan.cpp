@@ -11,8 +11,8 @@
 namespace glasswing {
 namespace {
 
-constexpr double kLadder[] = {43.0, 25.0, 15.0, 8.3, 5.1, 2.9, 1.6, 1.0};  // the longest over each
-constexpr size_t kFewestExposures = 4;
+constexpr double kLadder[] = {43.0, 25.0, 15.0, 8.3, 5.1, 2.9, 1.6, 1.0};  // longest exposure / each exposure
+constexpr size_t kMinExposures = 4;
 constexpr double kWhiteShare = 0.8;  // of full scale
 
 absl::StatusOr<v1::Plan> plan_for(const RigView& rig, const std::vector<std::string>& names,
@@ -24,8 +24,8 @@ absl::StatusOr<v1::Plan> plan_for(const RigView& rig, const std::vector<std::str
   double slowest_hz = 1e9;
   for (const v1::Monitor& monitor : rig.monitors) slowest_hz = std::min(slowest_hz, monitor.refresh_hz());
   for (const double exposure_ms : exposures_ms) plan.add_exposure_ms(exposure_ms);
-  // Exposure, readout, and a frame's time until the next one begins; a refresh to change, and one for lag and
-  // settling.
+  // Exposure, readout, and up to one frame interval until an exposure begins; then one refresh for the
+  // change, and one for lag and settling.
   const double needed_ms = *std::max_element(exposures_ms.begin(), exposures_ms.end()) +
                            1e-6 * static_cast<double>(rig.camera->readout_ns()) +
                            1e3 / rig.camera->frame_rate_hz();
@@ -48,7 +48,7 @@ std::vector<double> exposure_ladder_ms(const v1::GetCameraResponse& camera, doub
   const double top_ms = std::min(longest_ms, camera.max_exposure_ms());
   std::vector<double> exposures_ms;
   for (const double part : kLadder) {
-    // Cameras have tenths of a millisecond, or finer steps.
+    // Rounded down to 0.1 ms, which every camera can make.
     const double exposure_ms = top_ms / part;
     const double kept_ms = exposure_ms < 1.0 ? exposure_ms : std::floor(10.0 * exposure_ms) / 10.0;
     if (kept_ms >= camera.min_exposure_ms()) exposures_ms.push_back(kept_ms);
@@ -60,11 +60,10 @@ absl::StatusOr<v1::Plan> camera_plan(const RigView& rig, const std::vector<std::
                                      double longest_ms) {
   GW_RETURN_IF_ERROR(check_camera(rig));
   const std::vector<double> exposures_ms = exposure_ladder_ms(*rig.camera, longest_ms);
-  if (exposures_ms.size() < kFewestExposures) {
+  if (exposures_ms.size() < kMinExposures) {
     return absl::FailedPreconditionError(
         fmt::format("the camera takes exposures of {:.3g} to {:.3g} ms; too few to measure its curve from: a "
-                    "lower frame rate "
-                    "allows longer ones",
+                    "lower frame rate allows longer ones",
                     rig.camera->min_exposure_ms(), rig.camera->max_exposure_ms()));
   }
   return plan_for(rig, monitors, "camera", exposures_ms);

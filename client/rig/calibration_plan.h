@@ -1,4 +1,4 @@
-// The plans that measure a rig's devices.
+// The plans that calibrate a rig's devices.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -12,16 +12,16 @@
 
 namespace glasswing {
 
-// Eight exposures with uneven ratios, up to `longest_ms` or what the camera can do: where all ratios are
-// alike, a staircase with that ratio would explain the frames as well as the true curve.
+// Up to eight exposures with uneven ratios, at most `longest_ms` and within the camera's range. With equal
+// ratios, a staircase with that ratio would explain the frames as well as the true curve.
 std::vector<double> exposure_ladder_ms(const v1::GetCameraResponse& camera, double longest_ms);
 
-// `monitors`: their names; empty is all of the rig. Each picture stands long enough for a camera that runs
-// free. FAILED_PRECONDITION: no camera, or too few exposures that it can make. INVALID_ARGUMENT: no such
+// `monitors`: names; empty: all of the rig. Each picture is shown long enough for a free-running camera.
+// FAILED_PRECONDITION: there is no camera, or it can make too few exposures. INVALID_ARGUMENT: no such
 // monitor.
 absl::StatusOr<v1::Plan> camera_plan(const RigView& rig, const std::vector<std::string>& monitors,
                                      double longest_ms);
-// White is to have four fifths of full scale: that is what `white_ms` says, the exposure at which it has all.
+// `white_ms`: the exposure at which white reaches full scale; the plan exposes for four fifths of it.
 absl::StatusOr<v1::Plan> display_plan(const RigView& rig, const std::vector<std::string>& monitors,
                                       double white_ms);
 

@@ -1,4 +1,4 @@
-// The verbs that look at a rig, measure it or hold it.
+// The verbs that show a rig, calibrate it or hold it.
 #pragma once
 
 #include <CLI/CLI.hpp>

@@ -13,7 +13,7 @@
 namespace glasswing {
 namespace {
 
-// Of this user, where it can stand in a token.
+// The user's name if it is valid in a token.
 std::string own_name() {
   const char* user = std::getenv("USER");
   return user != nullptr && check_name("visitor", user).ok() ? user : "console";
@@ -38,30 +38,29 @@ absl::Status make_token(const Client& client, const Arguments& arguments) {
     return absl::OkStatus();
   }
   std::cout << fmt::format("{}/#token={}\n", made.url(), made.token()) << std::flush;
-  std::cerr << fmt::format("whoever opens this is {} until {}\n",
-                           arguments.viewer ? "a viewer" : "an operator", made.expires());
+  std::cerr << fmt::format("the link logs in as {} until {}\n", arguments.viewer ? "a viewer" : "an operator",
+                           made.expires());
   return absl::OkStatus();
 }
 
 }  // namespace
 
 void add_console_command(CLI::App& app, Client& client) {
-  CLI::App& console = *app.add_subcommand("console", "Look at the rig with a browser.");
+  CLI::App& console = *app.add_subcommand("console", "Access the rig's web console.");
   console.require_subcommand(1);
   console.footer("Example:\n  glasswing console token --viewer");
   CLI::App& command = *console.add_subcommand("token", "Make a link that logs a browser in to the console.");
   command.footer(
-      "The link is as good as a password until it expires. It cannot be taken back alone: to void all of "
-      "them, remove\n"
-      "console-key from the server's data and start it again.\n\n"
+      "Treat the link as a password until it expires. A single link cannot be revoked: to void all of them,\n"
+      "remove console-key from the server's data and restart the server.\n\n"
       "Examples:\n"
       "  glasswing console token\n"
       "  glasswing console token --viewer --name visitors --hours 8");
   auto arguments = std::make_shared<Arguments>();
-  command.add_option("--name", arguments->name, "whose it is, for the audit log and for others")
+  command.add_option("--name", arguments->name, "the owner's name, for the audit log and other users")
       ->capture_default_str();
-  command.add_flag("--viewer", arguments->viewer, "may look and change nothing");
-  command.add_option("--hours", arguments->hours, "until it expires")
+  command.add_flag("--viewer", arguments->viewer, "allow looking only");
+  command.add_option("--hours", arguments->hours, "hours until it expires")
       ->check(CLI::Range(0.01, 8760.0))
       ->capture_default_str();
   command.callback(

@@ -19,18 +19,18 @@ struct Curve {
   std::vector<double> code, light, error;
 };
 
-// One panel of the picture, in its own units.
+// One panel of the chart, in its own units.
 struct Panel {
   double top, height, low, high;
   double x(double code) const { return kLeft + kWidth * code; }
   double y(double value) const { return top + height * (high - std::clamp(value, low, high)) / (high - low); }
 };
 
-// A step of 1, 2 or 5 times a power of ten, at most `most` of them in `range`.
-double tick_step(double range, int most) {
-  const double ten = std::pow(10.0, std::floor(std::log10(range / most)));
+// A step of 1, 2 or 5 times a power of ten, at most `max_count` of them in `range`.
+double tick_step(double range, int max_count) {
+  const double ten = std::pow(10.0, std::floor(std::log10(range / max_count)));
   for (const double part : {1.0, 2.0, 5.0}) {
-    if (range / (part * ten) <= most) return part * ten;
+    if (range / (part * ten) <= max_count) return part * ten;
   }
   return 10.0 * ten;
 }
@@ -79,19 +79,20 @@ std::string escaped(const std::string& text) {
   return out;
 }
 
-// `law`: the plain curve that each channel is compared with.
+// `laws`: the plain curve that each channel is compared with.
 std::string chart(const std::string& title, const std::vector<Curve>& curves,
                   const std::vector<std::function<double(double)>>& laws, const std::string& law_name) {
   const Panel light{.top = kTop, .height = kHeight, .low = 0.0, .high = 1.0};
-  double most = 0.5;  // percent
+  double max_off = 0.5;  // percent
   std::vector<std::vector<double>> off(curves.size());
   for (size_t c = 0; c < curves.size(); ++c) {
     for (size_t i = 0; i < curves[c].code.size(); ++i) {
       off[c].push_back(100.0 * (curves[c].light[i] - laws[c](curves[c].code[i])));
-      most = std::max(most, std::abs(off[c].back()));
+      max_off = std::max(max_off, std::abs(off[c].back()));
     }
   }
-  const Panel below{.top = kTop + kHeight + kGap, .height = kLow, .low = -1.1 * most, .high = 1.1 * most};
+  const Panel below{
+      .top = kTop + kHeight + kGap, .height = kLow, .low = -1.1 * max_off, .high = 1.1 * max_off};
   std::string svg = fmt::format(
       "<svg xmlns='http://www.w3.org/2000/svg' width='{0}' height='{1}' viewBox='0 0 {0} {1}' "
       "font-family='sans-serif' font-size='12'>\n<rect width='100%' height='100%' fill='white'/>\n"
@@ -111,7 +112,7 @@ std::string chart(const std::string& title, const std::vector<Curve>& curves,
   return svg + "</svg>\n";
 }
 
-// Of the power of `code` that goes through the middle of the curve's light.
+// The exponent of the power law that fits the middle of the curve.
 double exponent_of(const Curve& curve) {
   double sum = 0.0, weight = 0.0;
   for (size_t i = 0; i < curve.code.size(); ++i) {

@@ -1,4 +1,4 @@
-// A device's curves as a picture: SVG, to be looked at in a browser.
+// Charts of a device's curves, as SVG.
 #pragma once
 
 #include <string>
@@ -7,9 +7,9 @@
 
 namespace glasswing {
 
-// Above: light over code, r, g, b, with the codes that were measured. Below: what each curve differs from the
-// law nearest to it (a straight line or a power), in percent of full scale, between three standard errors to
-// either side.
+// The upper panel shows light over code for r, g, b, over the measured codes. The lower one shows how much
+// each curve differs from the nearest law (a straight line or a power), in percent of full scale, with bands
+// of three standard errors.
 std::string chart_of(const v1::CameraCalibration& calibration);
 std::string chart_of(const v1::DisplayCalibration& calibration);
 

@@ -40,7 +40,7 @@ void print_finding(const Client& client, const v1::Finding& finding) {
   std::cout.flush();
 }
 
-// As JSON or tab-separated.
+// Prints all findings as JSON or tab-separated values.
 void print_together(const Client& client, const std::vector<v1::Finding>& findings) {
   nlohmann::ordered_json array = nlohmann::ordered_json::array();
   std::vector<std::vector<std::string>> rows;
@@ -84,8 +84,8 @@ absl::Status check_rig(const Client& client, const std::string& plan) {
   if (!status.ok()) return status_from(status, server.title);
   const auto problems = std::ranges::count(findings, v1::FINDING_LEVEL_PROBLEM, &v1::Finding::level);
   if (problems > 0) {
-    return absl::FailedPreconditionError(
-        fmt::format("the rig has {} problem{}; mend what is said above", problems, problems == 1 ? "" : "s"));
+    return absl::FailedPreconditionError(fmt::format("the rig has {} problem{}; fix what is listed above",
+                                                     problems, problems == 1 ? "" : "s"));
   }
   return absl::OkStatus();
 }
@@ -94,7 +94,7 @@ absl::Status check_rig(const Client& client, const std::string& plan) {
 
 void add_doctor_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand(
-      "doctor", "Try the rig out before a session, and say what is wrong; success only without a problem.");
+      "doctor", "Test the rig before a session and report what is wrong; succeeds only without problems.");
   command.footer("Example:\n  glasswing doctor --plan deploy/plans/crystal.txtpb");
   auto plan = std::make_shared<std::string>();
   command.add_option("--plan", *plan, "check for this plan's monitors, exposures and hold_refreshes");

@@ -44,7 +44,7 @@ std::string doing_text(const v1::FleetSolver& solver) {
   return fmt::format("{}", fmt::join(doing, ", "));
 }
 
-// Of the oldest lease.
+// The age of the oldest lease.
 std::string busy_text(const v1::FleetSolver& solver) {
   double longest = 0.0;
   for (const v1::FleetLease& lease : solver.leases()) longest = std::max(longest, lease.seconds());
@@ -125,7 +125,7 @@ absl::StatusOr<v1::GetFleetResponse> ask(const FleetPeer& server) {
   return call(server, &v1::FleetService::Stub::GetFleet, {});
 }
 
-// Until Ctrl-C. A server that is away may come back.
+// Runs until Ctrl-C; keeps trying if the server does not answer.
 absl::Status watch_fleet(const Client& client, const FleetPeer& server) {
   if (client.json || client.tsv || ::isatty(STDOUT_FILENO) != 1) {
     return absl::InvalidArgumentError(
@@ -144,11 +144,11 @@ absl::Status watch_fleet(const Client& client, const FleetPeer& server) {
   while (!enough) {
     lock.unlock();
     const absl::StatusOr<v1::GetFleetResponse> fleet = ask(server);
-    std::cout << "\x1b[H\x1b[J";  // the terminal's upper left corner, and nothing below
+    std::cout << "\x1b[H\x1b[J";  // moves to the upper left corner and clears the screen
     if (fleet.ok()) {
       print_fleet(client, *fleet);
     } else {
-      std::cout << fleet.status().message() << "; trying on\n";
+      std::cout << fleet.status().message() << "; retrying\n";
     }
     std::cout << std::flush;
     lock.lock();
@@ -169,14 +169,14 @@ absl::Status show_fleet(const Client& client, bool watch) {
 
 void add_fleet_command(CLI::App& app, Client& client) {
   CLI::App& command =
-      *app.add_subcommand("fleet", "List who solves, what and how fast, and what is still to be solved.");
+      *app.add_subcommand("fleet", "List the solvers, their work and speed, and what is still to be solved.");
   command.footer(
-      "Rates are of the last minute. --tsv gives both lists, with an empty line between them.\n\n"
+      "Rates cover the last minute. --tsv prints both lists, separated by an empty line.\n\n"
       "Examples:\n"
       "  glasswing fleet\n"
       "  glasswing fleet --watch");
   auto watch = std::make_shared<bool>(false);
-  command.add_flag("--watch", *watch, "draw it anew every second, until Ctrl-C");
+  command.add_flag("--watch", *watch, "refresh every second until Ctrl-C");
   command.callback(
       [&client, watch] { client.run = [&client, watch] { return show_fleet(client, *watch); }; });
 }

@@ -22,7 +22,7 @@ struct Arguments {
   std::vector<std::string> command;
 };
 
-// The rig, for as long as this lives.
+// Holds the rig until destroyed.
 class HeldRig {
  public:
   HeldRig(const Client& client, const std::string& reason) : server_(client.server_title(), client.server) {
@@ -35,11 +35,11 @@ class HeldRig {
     if (waiting_.joinable()) waiting_.join();
   }
 
-  // The token. FAILED_PRECONDITION names who has the rig.
+  // Returns the token. FAILED_PRECONDITION names the rig's holder.
   absl::StatusOr<std::string> take() {
     v1::HoldRigResponse response;
     if (!reader_->Read(&response)) return status_from(reader_->Finish(), server_.title);
-    // Somebody has to read, or the server would take us for vanished.
+    // Reads until the end, since the server takes a client that does not read for dead.
     waiting_ = std::thread([this] {
       v1::HoldRigResponse nothing;
       while (reader_->Read(&nothing)) {
@@ -48,7 +48,7 @@ class HeldRig {
     });
     return response.token();
   }
-  // Returns when the server ends it; why.
+  // Blocks until the server ends the hold, and returns why.
   absl::Status wait() {
     waiting_.join();
     return end_;
@@ -62,12 +62,12 @@ class HeldRig {
   absl::Status end_;
 };
 
-// The exit status, as a shell tells it.
+// Returns the exit status as a shell does: 128 + the signal's number if it was killed.
 absl::StatusOr<int> run_command(const std::vector<std::string>& command) {
   std::vector<char*> argv;
   for (const std::string& word : command) argv.push_back(const_cast<char*>(word.c_str()));
   argv.push_back(nullptr);
-  // Ctrl-C is the command's: the rig is held until it has ended.
+  // Ctrl-C is for the command; the rig is held until the command ends.
   struct sigaction ignore {};
   ignore.sa_handler = SIG_IGN;
   ::sigaction(SIGINT, &ignore, nullptr);
@@ -95,7 +95,7 @@ absl::Status hold(Client& client, const Arguments& arguments) {
   GW_ASSIGN_OR_RETURN(const std::string token, rig.take());
   if (arguments.command.empty()) {
     std::cout << fmt::format("{}={}\n", kHoldVariable, token) << std::flush;
-    std::cerr << "the rig is held for whoever has this in the environment; Ctrl-C frees it\n";
+    std::cerr << "the rig is held for programs with this variable in their environment; Ctrl-C frees it\n";
     return rig.wait();
   }
   ::setenv(kHoldVariable, token.c_str(), 1);
@@ -106,21 +106,19 @@ absl::Status hold(Client& client, const Arguments& arguments) {
 }  // namespace
 
 void add_hold_command(CLI::App& app, Client& client) {
-  CLI::App& command =
-      *app.add_subcommand("hold", "Keep the rig for a series of sessions, so that nobody steps in between.");
+  CLI::App& command = *app.add_subcommand(
+      "hold", "Hold the rig for a series of sessions, so that no other client uses it in between.");
   command.footer(
-      "The rig is held while COMMAND runs, and the exit status is COMMAND's; without one, until Ctrl-C. "
-      "Other "
-      "clients are "
-      "told who holds it and why. If this client dies, the rig is free at once; if its machine vanishes, "
-      "within 20 "
-      "s.\n\n"
+      "The rig is held while COMMAND runs, and the exit status is COMMAND's; without a command it is held "
+      "until Ctrl-C.\nOther clients see who holds it and why. If this client dies, the rig is freed at once; "
+      "if "
+      "its machine vanishes,\nwithin 20 s.\n\n"
       "Examples:\n"
       "  glasswing hold --reason \"turntable series\" -- ./turntable.py\n"
       "  glasswing hold --reason \"moving the camera\"");
   auto arguments = std::make_shared<Arguments>();
-  command.add_option("--reason", arguments->reason, "what for, in words for the others")->required();
-  command.add_option("command", arguments->command, "what to run, after --, with its arguments");
+  command.add_option("--reason", arguments->reason, "the reason, shown to other clients")->required();
+  command.add_option("command", arguments->command, "the command to run with its arguments, after --");
   command.callback(
       [&client, arguments] { client.run = [&client, arguments] { return hold(client, *arguments); }; });
 }

@@ -66,7 +66,7 @@ absl::Status list_nodes(const Client& client) {
 }  // namespace
 
 void add_nodes_command(CLI::App& app, Client& client) {
-  CLI::App& command = *app.add_subcommand("nodes", "List the rig's displays and cameras, and the solvers.");
+  CLI::App& command = *app.add_subcommand("nodes", "List the rig's displays, cameras and solvers.");
   command.footer("Example:\n  glasswing nodes --json");
   command.callback([&client] { client.run = [&client] { return list_nodes(client); }; });
 }

@@ -39,13 +39,13 @@ void add_pattern_command(CLI::App& app, Client& client) {
   CLI::App& command =
       *app.add_subcommand("pattern", "Show a test pattern on the monitors until interrupted.");
   command.footer(
-      "The rig is held meanwhile; `glasswing preview` works beside it.\n\n"
+      "The rig is held meanwhile; `glasswing preview` works at the same time.\n\n"
       "Examples:\n"
       "  glasswing pattern white\n"
       "  glasswing pattern bars --monitor left");
   auto arguments = std::make_shared<Arguments>();
   command.add_option("pattern", arguments->pattern, "white, gray, bars, ramp or black")->required();
-  command.add_option("--monitor", arguments->monitors, "only this one; may be given again");
+  command.add_option("--monitor", arguments->monitors, "only this monitor; may be repeated");
   command.callback([&client, arguments] {
     client.run = [&client, arguments] { return show_pattern(client, *arguments); };
   });

@@ -35,7 +35,7 @@ absl::StatusOr<std::string> camera_address(const Client& client) {
   return absl::UnavailableError("no camera node is up; start glasswing-camera");
 }
 
-// A viewer never sees half a picture. It need not outlive a power cut.
+// Replaces the file atomically, so that viewers never see half a picture. Not flushed to disk.
 absl::Status replace_file(const fs::path& path, const std::string& bytes) {
   const fs::path temporary = path.string() + ".part";
   std::ofstream out(temporary, std::ios::binary);
@@ -94,20 +94,22 @@ absl::Status preview(const Client& client, const Arguments& arguments) {
 
 void add_preview_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand(
-      "preview",
-      "Keep a picture of what the camera sees up to date, for framing and focus, until interrupted.");
+      "preview", "Write the camera's live picture to a file, for framing and focus, until interrupted.");
   command.footer("Example:\n  glasswing preview -o live.jpg --fps 2");
   auto arguments = std::make_shared<Arguments>();
   command.add_option("-o,--output", arguments->output, "the JPEG file to rewrite")->capture_default_str();
-  command.add_option("--fps", arguments->fps, "pictures a second, at most")
+  command.add_option("--fps", arguments->fps, "maximum frame rate, Hz")
       ->check(CLI::Range(0.2, 10.0))
       ->capture_default_str();
-  command.add_option("--width", arguments->width_px, "in pixels, at most")
+  command.add_option("--width", arguments->width_px, "maximum width, px")
       ->check(CLI::Range(16, 4096))
       ->capture_default_str();
-  command.add_option("--exposure-ms", arguments->exposure_ms, "while no capture runs; 4 or so if left out")
+  command
+      .add_option("--exposure-ms", arguments->exposure_ms,
+                  "exposure while no capture runs, ms; default: about 4")
       ->check(CLI::Range(0.01, 10000.0));
-  command.add_option("--count", arguments->count, "stop after so many")->check(CLI::Range(1, 1000000));
+  command.add_option("--count", arguments->count, "stop after this many pictures")
+      ->check(CLI::Range(1, 1000000));
   command.callback(
       [&client, arguments] { client.run = [&client, arguments] { return preview(client, *arguments); }; });
 }

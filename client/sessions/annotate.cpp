@@ -57,20 +57,20 @@ absl::Status tag(const Client& client, const Tags& tags) {
 }  // namespace
 
 void add_annotate_commands(CLI::App& app, Client& client) {
-  CLI::App& note_command = *app.add_subcommand("note", "Keep a note with a session, or print it.");
+  CLI::App& note_command = *app.add_subcommand("note", "Set a session's note, or print it.");
   note_command.footer(
       "Examples:\n"
       "  glasswing note vase \"handle to the left, room light off\"\n"
       "  glasswing note vase\n"
-      "  glasswing note vase \"\"                 takes it away");
+      "  glasswing note vase \"\"                 removes it");
   auto name = std::make_shared<std::string>();
   auto text = std::make_shared<std::optional<std::string>>();
   note_command.add_option("session", *name, "the session's name")->required();
-  note_command.add_option("text", *text, "in place of what was there; left out: print that");
+  note_command.add_option("text", *text, "the new note; without it, print the present one");
   note_command.callback(
       [&client, name, text] { client.run = [&client, name, text] { return note(client, *name, *text); }; });
 
-  CLI::App& tag_command = *app.add_subcommand("tag", "Give a session tags, take them away, or print them.");
+  CLI::App& tag_command = *app.add_subcommand("tag", "Add or remove a session's tags, or print them.");
   tag_command.footer(
       "Examples:\n"
       "  glasswing tag vase lab3 glass\n"
@@ -79,7 +79,7 @@ void add_annotate_commands(CLI::App& app, Client& client) {
   auto tags = std::make_shared<Tags>();
   tag_command.add_option("session", tags->session, "the session's name")->required();
   tag_command.add_option("tags", tags->add, "letters, digits, '.', '_' and '-'");
-  tag_command.add_option("--remove", tags->remove, "a tag to take away; may be repeated")
+  tag_command.add_option("--remove", tags->remove, "a tag to remove; may be repeated")
       ->allow_extra_args(false);
   tag_command.callback([&client, tags] { client.run = [&client, tags] { return tag(client, *tags); }; });
 }

@@ -27,7 +27,7 @@ std::string random_request_id() {
   return fmt::format("{:08x}{:08x}{:08x}{:08x}", entropy(), entropy(), entropy(), entropy());
 }
 
-// Photos are shown on the plan's first monitor.
+// The monitor that shows the photos: the plan's first.
 absl::StatusOr<v1::Monitor> photo_monitor(const v1::Plan& plan, const RigView& rig) {
   if (rig.monitors.empty()) return absl::UnavailableError("no display node is up; start glasswing-display");
   if (plan.monitors().empty()) return rig.monitors.front();
@@ -35,7 +35,7 @@ absl::StatusOr<v1::Monitor> photo_monitor(const v1::Plan& plan, const RigView& r
     if (monitor.name() == plan.monitors(0).name()) return monitor;
   }
   return absl::FailedPreconditionError(
-      fmt::format("the plan's monitor \"{}\" is not in the rig; glasswing nodes lists what there is",
+      fmt::format("the plan's monitor \"{}\" is not in the rig; glasswing nodes lists its monitors",
                   plan.monitors(0).name()));
 }
 
@@ -47,7 +47,7 @@ absl::StatusOr<std::string> upload(const Peer<v1::SessionService>& server, const
   for (size_t at = 0; at < png.size(); at += kChunkBytes) {
     v1::UploadImageRequest request;
     request.set_chunk(png.substr(at, kChunkBytes));
-    if (!writer->Write(request)) break;  // Finish() says why
+    if (!writer->Write(request)) break;  // Finish() has the reason
   }
   writer->WritesDone();
   const grpc::Status status = writer->Finish();
@@ -55,11 +55,11 @@ absl::StatusOr<std::string> upload(const Peer<v1::SessionService>& server, const
   return stored.image();
 }
 
-// Puts the uploaded pictures into the plan in place of the files' names.
+// Uploads the plan's photos and replaces their file names by the names of the uploads.
 absl::Status upload_photos(const Client& client, const Peer<v1::SessionService>& server,
                            const std::filesystem::path& plan_path, v1::Plan& plan) {
   if (plan.photos().empty()) return absl::OkStatus();
-  GW_ASSIGN_OR_RETURN(const RigView rig, look_at_rig(client));
+  GW_ASSIGN_OR_RETURN(const RigView rig, read_rig_view(client));
   GW_ASSIGN_OR_RETURN(const v1::Monitor monitor, photo_monitor(plan, rig));
   Progress progress("uploading photos");
   double sent = 0.0;
@@ -101,7 +101,7 @@ absl::Status dry_run(const Client& client, const Peer<v1::SessionService>& serve
 absl::Status capture(const Client& client, const Arguments& arguments) {
   const Peer<v1::SessionService> server(client.server_title(), client.server);
   if (arguments.dry_run) return dry_run(client, server, arguments);
-  // What the server would refuse after the start is refused before it.
+  // Checked before the capture starts; the server checks tags only afterwards.
   for (const std::string& tag : arguments.tags) GW_RETURN_IF_ERROR(check_name("tag", tag));
   v1::CreateSessionRequest request;
   GW_ASSIGN_OR_RETURN(*request.mutable_plan(), read_plan(arguments.plan));
@@ -129,7 +129,7 @@ absl::StatusOr<v1::Session> create_session(const Client& client, v1::CreateSessi
   request.set_request_id(random_request_id());
   absl::StatusOr<v1::CreateSessionResponse> created =
       call(server, &v1::SessionService::Stub::CreateSession, request, kLongCallTimeout);
-  // The request id makes asking again safe when only the answer was lost.
+  // The request id makes a retry safe if only the answer was lost.
   if (absl::IsDeadlineExceeded(created.status())) {
     created = call(server, &v1::SessionService::Stub::CreateSession, request, kLongCallTimeout);
   }
@@ -146,13 +146,14 @@ void add_capture_command(CLI::App& app, Client& client) {
       "  glasswing capture deploy/plans/crystal.txtpb --note \"handle to the left\" --tag vases --tag lab3");
   auto arguments = std::make_shared<Arguments>();
   command.add_option("plan", arguments->plan, "the plan, a .txtpb file")->required();
-  command.add_option("--session", arguments->session, "its name; the server chooses one if left out");
+  command.add_option("--session", arguments->session,
+                     "the session's name; the server chooses one if left out");
   command.add_option("--note", arguments->note, "a note to keep with it");
   command.add_option("--tag", arguments->tags, "a tag to find it by; may be repeated")
       ->allow_extra_args(false);
-  command.add_flag("--watch", arguments->watch, "wait until it is captured; any other end is a failure");
+  command.add_flag("--watch", arguments->watch, "wait until it is captured; any other outcome is a failure");
   command.add_flag("--dry-run", arguments->dry_run,
-                   "capture nothing: check everything, and say what it would cost and who holds the rig");
+                   "capture nothing: check everything, and print the cost and who holds the rig");
   command.callback(
       [&client, arguments] { client.run = [&client, arguments] { return capture(client, *arguments); }; });
 }

@@ -1,4 +1,4 @@
-// Starting sessions.
+// Starts sessions.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -8,7 +8,7 @@
 
 namespace glasswing {
 
-// Starts the capture once, even if the server's answer is lost on the way. Errors are the server's.
+// Starts the capture exactly once, even if the server's answer is lost. Errors are the server's.
 absl::StatusOr<v1::Session> create_session(const Client& client, v1::CreateSessionRequest request);
 
 }  // namespace glasswing

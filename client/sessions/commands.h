@@ -1,4 +1,4 @@
-// The verbs that make sessions and follow them, from plan to fetched matte.
+// The verbs for sessions, from the plan to the fetched matte.
 #pragma once
 
 #include <CLI/CLI.hpp>

@@ -32,12 +32,12 @@ void add(CLI::App& app, Client& client, const std::string& verb, const std::stri
 
 void add_control_commands(CLI::App& app, Client& client) {
   add(app, client, "pause",
-      "Stop a capture after the step on screen, or a solve; what is proven or solved stays.",
+      "Stop a capture after the step on screen, or a solve; proven steps and solved tiles are kept.",
       &Stub::PauseSession);
-  add(app, client, "resume", "Go on with a paused session; only what is not proven or solved yet is done.",
+  add(app, client, "resume", "Continue a paused session with the steps or tiles that remain.",
       &Stub::ResumeSession);
   add(app, client, "cancel",
-      "End a capture for good, its frames stay; or a solve, and an earlier matte is there again.",
+      "End a capture for good and keep its frames; or end a solve and return to the previous matte.",
       &Stub::CancelSession);
 }
 

@@ -27,20 +27,19 @@ std::string mattes_text(const v1::Session& session) {
   return session.matte_ready() ? ", a matte" : "";
 }
 
-// One that cannot be deleted keeps all from being.
-absl::StatusOr<std::vector<v1::Session>> look_at(const Sessions& server, const Arguments& arguments) {
+// FAILED_PRECONDITION if any of them cannot be deleted now: then none is.
+absl::StatusOr<std::vector<v1::Session>> deletable_sessions(const Sessions& server,
+                                                            const Arguments& arguments) {
   std::vector<v1::Session> sessions;
   for (const std::string& name : arguments.sessions) {
     v1::GetSessionRequest request;
     request.set_name(name);
     GW_ASSIGN_OR_RETURN(const v1::GetSessionResponse found,
                         call(server, &v1::SessionService::Stub::GetSession, request));
-    const v1::SessionState state = found.session().state();
-    if (state == v1::SESSION_STATE_CAPTURING || state == v1::SESSION_STATE_SOLVING ||
-        state == v1::SESSION_STATE_CREATED) {
+    if (!allows(found.session(), v1::SESSION_ACTION_DELETE)) {
       return absl::FailedPreconditionError(fmt::format(
           "session {} is {}; wait for it, or cancel it first: glasswing cancel {}; nothing was deleted", name,
-          state_name(state), name));
+          state_name(found.session().state()), name));
     }
     sessions.push_back(found.session());
   }
@@ -50,7 +49,7 @@ absl::StatusOr<std::vector<v1::Session>> look_at(const Sessions& server, const A
 absl::Status confirm(const std::vector<v1::Session>& sessions) {
   if (::isatty(STDIN_FILENO) == 0) {
     return absl::FailedPreconditionError(
-        fmt::format("--yes is needed to delete {} where nobody can be asked; nothing was deleted",
+        fmt::format("--yes is needed to delete {} without a terminal; nothing was deleted",
                     sessions.size() == 1 ? "session " + sessions[0].name()
                                          : fmt::format("{} sessions", sessions.size())));
   }
@@ -67,7 +66,7 @@ absl::Status confirm(const std::vector<v1::Session>& sessions) {
 
 absl::Status delete_sessions(const Client& client, const Arguments& arguments) {
   const Sessions server(client.server_title(), client.server);
-  GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> sessions, look_at(server, arguments));
+  GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> sessions, deletable_sessions(server, arguments));
   if (!arguments.yes) GW_RETURN_IF_ERROR(confirm(sessions));
   nlohmann::ordered_json deleted = nlohmann::ordered_json::array();
   absl::Status status;
@@ -98,13 +97,13 @@ absl::Status delete_sessions(const Client& client, const Arguments& arguments) {
 
 void add_delete_command(CLI::App& app, Client& client) {
   CLI::App& command =
-      *app.add_subcommand("delete", "Remove sessions, their frames and their mattes, for good.");
+      *app.add_subcommand("delete", "Delete sessions, their frames and their mattes for good.");
   command.footer(
-      "Asks first, on a terminal. What broke off is finished by asking again.\n\n"
+      "On a terminal it asks for confirmation. Repeat an interrupted deletion to finish it.\n\n"
       "Examples:\n  glasswing delete vase\n  glasswing delete vase vase-2 --yes");
   auto arguments = std::make_shared<Arguments>();
   command.add_option("sessions", arguments->sessions, "their names")->required();
-  command.add_flag("--yes", arguments->yes, "do not ask");
+  command.add_flag("--yes", arguments->yes, "do not ask for confirmation");
   command.callback([&client, arguments] {
     client.run = [&client, arguments] { return delete_sessions(client, *arguments); };
   });

@@ -1,13 +1,13 @@
-// What a capture costs and meets, in words.
+// Prints what a capture would cost and the state of its rig.
 #pragma once
 
 #include "glasswing/v1/session_service.pb.h"
 
 namespace glasswing {
 
-// To standard output: steps, duration, data, monitors, the video.
+// Prints steps, duration, data, monitors and video.
 void print_cost(const v1::Plan& plan, const v1::EstimateSessionResponse& estimate);
-// What only the server knows: free space, who holds the rig, warnings.
+// Prints what only the server knows: free space, the rig's holder, warnings.
 void print_rig_state(const v1::EstimateSessionResponse& estimate);
 
 // "anna@lab3 since 2026-11-01T14:03:12Z: session vase"

@@ -98,8 +98,7 @@ absl::Status fetch_file(const Client& client, const Sessions& server, const Argu
   return absl::OkStatus();
 }
 
-// Whether this file is what the session's last solve made of the frame: an older solve may have left another
-// there.
+// True if the file is the last solve's matte of this frame; an older solve may have left another.
 bool is_there(const fs::path& path, const v1::Session& session, int frame) {
   const absl::StatusOr<Matte> matte = fs::exists(path) ? read_matte(path) : absl::NotFoundError("");
   if (!matte.ok()) return false;
@@ -109,14 +108,15 @@ bool is_there(const fs::path& path, const v1::Session& session, int frame) {
              std::map<std::string, std::string>(session.options().begin(), session.options().end());
 }
 
-// What can be fetched is of the last solve that finished; what the session says of its solve, of the last.
-bool tells_what_is_fetched(const v1::Session& session) {
+// Mattes come from the last finished solve, but the session describes the last solve. True if they are the
+// same.
+bool describes_mattes(const v1::Session& session) {
   return session.state() == v1::SESSION_STATE_DONE || !session.matte_ready();
 }
 
 struct Frames {
   int fetched = 0, there_before = 0;
-  std::vector<std::string> warnings;  // of mattes
+  std::vector<std::string> warnings;  // of the first fetched matte that has any
 };
 
 absl::StatusOr<Frames> fetch_frames(const Sessions& server, const v1::Session& session,
@@ -133,7 +133,7 @@ absl::StatusOr<Frames> fetch_frames(const Sessions& server, const v1::Session& s
     }
     const int frame = session.solved_frames(i);
     const fs::path path = directory / fmt::format("{:04d}.exr", frame);
-    if (tells_what_is_fetched(session) && is_there(path, session, frame)) {
+    if (describes_mattes(session) && is_there(path, session, frame)) {
       ++frames.there_before;
     } else {
       v1::FetchMatteRequest request;
@@ -201,8 +201,8 @@ absl::Status fetch(const Client& client, const Arguments& arguments) {
   GW_ASSIGN_OR_RETURN(const v1::GetSessionResponse found,
                       call(server, &v1::SessionService::Stub::GetSession, request));
   const bool to_directory = arguments.output.ends_with('/') || fs::is_directory(arguments.output);
-  const bool frames = tells_what_is_fetched(found.session()) ? is_video(found.session())
-                                                             : !found.session().solved_frames().empty();
+  const bool frames = describes_mattes(found.session()) ? is_video(found.session())
+                                                        : !found.session().solved_frames().empty();
   if (frames) {
     if (to_directory || !arguments.output.ends_with(".exr"))
       return fetch_video(client, server, found.session(), arguments.output);
@@ -221,11 +221,11 @@ absl::Status fetch(const Client& client, const Arguments& arguments) {
 }  // namespace
 
 void add_fetch_command(CLI::App& app, Client& client) {
-  CLI::App& command = *app.add_subcommand("fetch", "Fetch a matte, or those of a video.");
+  CLI::App& command = *app.add_subcommand("fetch", "Fetch a matte, or the mattes of a video.");
   command.footer(
-      "A video's frames become 0000.exr, 0001.exr, ... of a directory, as many as are solved; what is there "
-      "already is not "
-      "fetched again.\n\n"
+      "The solved frames of a video become 0000.exr, 0001.exr, ... in a directory; files that are already "
+      "there "
+      "are not fetched again.\n\n"
       "Examples:\n"
       "  glasswing fetch vase -o vase.exr\n"
       "  glasswing fetch vase -o so-far.exr --partial\n"
@@ -233,14 +233,14 @@ void add_fetch_command(CLI::App& app, Client& client) {
       "  glasswing fetch pouring --frame 7 -o pouring-7.exr");
   auto arguments = std::make_shared<Arguments>();
   command.add_option("session", arguments->session, "the session's name")->required();
-  command.add_option("-o,--output", arguments->output, "the OpenEXR file to write, or a video's directory")
+  command
+      .add_option("-o,--output", arguments->output, "the OpenEXR file to write, or the directory for a video")
       ->required();
-  command.add_option("--frame", arguments->frame, "of a video, from 0: fetch only this one")
+  command.add_option("--frame", arguments->frame, "fetch only this frame of a video, counted from 0")
       ->check(CLI::Range(0, 17999));
   command
-      .add_flag(
-          "--partial", arguments->partial,
-          "what is solved so far of a solve that goes on, or failed; the rest is flagged \"not solved\"")
+      .add_flag("--partial", arguments->partial,
+                "fetch what is solved so far, also of a failed solve; the rest is flagged \"not solved\"")
       ->excludes("--frame");
   command.callback(
       [&client, arguments] { client.run = [&client, arguments] { return fetch(client, *arguments); }; });

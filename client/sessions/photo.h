@@ -1,4 +1,4 @@
-// The pictures that a plan shows for comparison.
+// The comparison pictures of a plan.
 #pragma once
 
 #include <filesystem>
@@ -7,12 +7,12 @@
 
 namespace glasswing {
 
-// `file` is relative to the plan.
+// `Photo.file` is relative to the plan.
 inline std::filesystem::path photo_path(const std::filesystem::path& plan, const v1::Photo& photo) {
   return plan.parent_path() / photo.file();
 }
 
-// The name of its frame in the archive.
+// The name of the photo's frame in the archive.
 inline std::string photo_name(const v1::Photo& photo) {
   return photo.name().empty() ? std::filesystem::path(photo.file()).stem().string() : photo.name();
 }

@@ -55,7 +55,7 @@ absl::Status check(const Client& client, const std::string& path) {
 
 void add_plan_check_command(CLI::App& plan, Client& client) {
   CLI::App& command =
-      *plan.add_subcommand("check", "Check a plan; names file, line and value of what is wrong.");
+      *plan.add_subcommand("check", "Check a plan; an error names the file, the line and the wrong value.");
   command.footer("Example:\n  glasswing plan check deploy/plans/crystal.txtpb");
   auto path = std::make_shared<std::string>();
   command.add_option("plan", *path, "the plan, a .txtpb file")->required();

@@ -21,7 +21,7 @@ constexpr double kAssumedRefresh_hz = 60.0;
 
 struct Estimate {
   v1::EstimateSessionResponse cost;
-  std::vector<std::string> assumed;  // what neither plan nor rig told
+  std::vector<std::string> assumed;  // values that neither plan nor rig gave
 };
 
 bool gives_sizes(const v1::Plan& plan) {
@@ -30,7 +30,7 @@ bool gives_sizes(const v1::Plan& plan) {
                      [](const auto& m) { return m.has_width_px() && m.has_height_px(); });
 }
 
-// The plan's own sizes, with the refresh rate and the id patch of the rig's monitor of that name.
+// The plan's monitors, with the refresh rate and id patch of the rig's monitors of the same names.
 std::vector<v1::Monitor> planned_monitors(const v1::Plan& plan, const RigView& rig) {
   std::vector<v1::Monitor> monitors;
   for (const v1::PlanMonitor& planned : plan.monitors()) {
@@ -86,7 +86,7 @@ absl::StatusOr<v1::EstimateSessionResponse> ask_server(const Client& client, con
   return call(server, &v1::SessionService::Stub::EstimateSession, request, kLongCallTimeout);
 }
 
-// `rig`: what the server says of a capture now, or why there can be none.
+// `rig`: the server's estimate for a capture now, or why there can be none.
 void print_json(const std::string& path, const v1::Plan& plan, const Estimate& estimate,
                 const absl::StatusOr<v1::EstimateSessionResponse>& rig) {
   const v1::EstimateSessionResponse& cost = estimate.cost;
@@ -120,7 +120,7 @@ void print_json(const std::string& path, const v1::Plan& plan, const Estimate& e
 
 absl::Status print_estimate(const Client& client, const std::string& path) {
   GW_ASSIGN_OR_RETURN(const v1::Plan plan, read_plan(path));
-  GW_ASSIGN_OR_RETURN(const Estimate estimate, estimate_of(plan, look_at_rig(client)));
+  GW_ASSIGN_OR_RETURN(const Estimate estimate, estimate_of(plan, read_rig_view(client)));
   const absl::StatusOr<v1::EstimateSessionResponse> rig = ask_server(client, plan);
   if (client.json) {
     print_json(path, plan, estimate, rig);
@@ -140,14 +140,11 @@ absl::Status print_estimate(const Client& client, const std::string& path) {
 }  // namespace
 
 void add_plan_estimate_command(CLI::App& plan, Client& client) {
-  CLI::App& command = *plan.add_subcommand("estimate",
-                                           "Say how many steps a plan has, how long it takes, how many "
-                                           "bytes it makes.");
+  CLI::App& command = *plan.add_subcommand("estimate", "Estimate a plan's steps, duration and data.");
   command.footer(
-      "Sizes are the plan's own where it gives them, else those of the rig that --server knows. Where there "
-      "is one, it also says "
-      "how much space is free and who holds the rig; glasswing capture --dry-run checks all that a capture "
-      "needs.\n\n"
+      "Sizes come from the plan, or else from the server's rig. With a rig, it also prints the free space "
+      "and "
+      "who holds the rig; glasswing capture --dry-run checks everything that a capture needs.\n\n"
       "Example:\n  glasswing plan estimate deploy/plans/crystal.txtpb");
   auto path = std::make_shared<std::string>();
   command.add_option("plan", *path, "the plan, a .txtpb file")->required();

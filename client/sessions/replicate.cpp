@@ -61,15 +61,14 @@ absl::Status replicate(const Client& client, const Arguments& arguments) {
 void add_replicate_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand("replicate", "Copy a session's frames to another node.");
   command.footer(
-      "Solvers then read from both nodes, and the frames outlive the loss of one. The node is a camera's, or "
+      "Solvers then read from both nodes, and the frames survive the loss of one. The node is a camera, or "
       "a\n"
-      "solver's that was started with --listen and --archives. What broke off is finished by asking again, "
-      "which\n"
-      "also puts right what is damaged on that node.\n\n"
+      "solver started with --listen and --archives. Repeat the command to finish an interrupted copy; that\n"
+      "also repairs damaged frames on that node.\n\n"
       "Example:\n  glasswing replicate vase solver-2");
   auto arguments = std::make_shared<Arguments>();
   command.add_option("session", arguments->session, "the session's name")->required();
-  command.add_option("node", arguments->node, "that is to hold a copy; `glasswing nodes` lists them")
+  command.add_option("node", arguments->node, "the node for the copy; `glasswing nodes` lists them")
       ->required();
   command.callback(
       [&client, arguments] { client.run = [&client, arguments] { return replicate(client, *arguments); }; });

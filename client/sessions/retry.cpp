@@ -41,7 +41,7 @@ absl::Status retry(const Client& client, const Arguments& arguments) {
   get.set_name(arguments.session);
   GW_ASSIGN_OR_RETURN(const v1::GetSessionResponse found,
                       call(server, &v1::SessionService::Stub::GetSession, get));
-  if (found.session().state() != v1::SESSION_STATE_FAILED) {
+  if (!allows(found.session(), v1::SESSION_ACTION_RETRY)) {
     return absl::FailedPreconditionError(fmt::format("session {} is {}; only one that failed can be retried",
                                                      arguments.session, state_name(found.session().state())));
   }
@@ -60,18 +60,18 @@ absl::Status retry(const Client& client, const Arguments& arguments) {
 
 void add_retry_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand(
-      "retry", "Try again what failed: steps without proof, tiles or frames that were not solved.");
+      "retry", "Retry what failed: steps without proof, or tiles or frames that were not solved.");
   command.footer(
-      "What is proven or solved is not done again. To solve with other options: glasswing solve.\n\n"
+      "Proven steps and solved tiles are kept. To solve with other options: glasswing solve.\n\n"
       "Example:\n  glasswing retry vase --retries 30 --watch");
   auto arguments = std::make_shared<Arguments>();
   command.add_option("session", arguments->session, "the session's name")->required();
   command
       .add_option("--retries", arguments->retries,
-                  "how often a step may be shown again from now on; the plan's if left out")
+                  "how often a step may be shown again from now on; default: the plan's")
       ->check(CLI::Range(0, 100));
   command.add_flag("--watch", arguments->watch,
-                   "wait until it is captured or done; any other end is a failure");
+                   "wait until it is captured or done; any other outcome is a failure");
   command.callback(
       [&client, arguments] { client.run = [&client, arguments] { return retry(client, *arguments); }; });
 }

@@ -17,7 +17,7 @@ struct Arguments {
   std::vector<std::string> tags, states;
 };
 
-// By the names that state_name() gives.
+// All states by their state_name().
 std::map<std::string, v1::SessionState> states() {
   std::map<std::string, v1::SessionState> states;
   for (int state = v1::SESSION_STATE_CREATED; v1::SessionState_IsValid(state); ++state)
@@ -32,10 +32,12 @@ absl::StatusOr<v1::ListSessionsRequest> request_of(const Arguments& arguments) {
   for (const std::string& state : arguments.states) request.add_states(states().at(state));
   const absl::Time now = absl::Now();
   if (!arguments.since.empty()) {
-    GW_ASSIGN_OR_RETURN(*request.mutable_created_from(), moment_of("--since", arguments.since, now));
+    GW_ASSIGN_OR_RETURN(*request.mutable_created_from(),
+                        parse_time_argument("--since", arguments.since, now));
   }
   if (!arguments.before.empty()) {
-    GW_ASSIGN_OR_RETURN(*request.mutable_created_before(), moment_of("--before", arguments.before, now));
+    GW_ASSIGN_OR_RETURN(*request.mutable_created_before(),
+                        parse_time_argument("--before", arguments.before, now));
   }
   return request;
 }
@@ -75,7 +77,7 @@ absl::Status list_sessions(const Client& client, const Arguments& arguments) {
 
 void add_sessions_command(CLI::App& app, Client& client) {
   CLI::App& command =
-      *app.add_subcommand("sessions", "List sessions, newest first: all, or those asked for.");
+      *app.add_subcommand("sessions", "List all sessions, or those that match, newest first.");
   command.footer(
       "Times are UTC.\n\n"
       "Examples:\n"
@@ -83,16 +85,17 @@ void add_sessions_command(CLI::App& app, Client& client) {
       "  glasswing sessions vase --state done --since 7d\n"
       "  glasswing sessions --tag lab3 --tag vases --since 2026-11-01 --before 2026-12-01");
   auto arguments = std::make_shared<Arguments>();
-  command.add_option("text", arguments->text, "that is in the name, the note, a tag or the reason");
-  command.add_option("--tag", arguments->tags, "that it has; may be repeated")->allow_extra_args(false);
+  command.add_option("text", arguments->text, "text in the name, the note, a tag or the reason");
+  command.add_option("--tag", arguments->tags, "only sessions with this tag; repeat to require several")
+      ->allow_extra_args(false);
   std::vector<std::string> names;
   for (const auto& [name, state] : states()) names.push_back(name);
-  command.add_option("--state", arguments->states, "that it is in; repeat for any of several")
+  command.add_option("--state", arguments->states, "only sessions in this state; repeat to allow several")
       ->allow_extra_args(false)
       ->check(CLI::IsMember(names));
   command.add_option("--since", arguments->since,
-                     "created then or later: 7d, 12h, 2026-11-01 or 2026-11-01T12:00:00Z");
-  command.add_option("--before", arguments->before, "created before then");
+                     "created at or after: 7d, 12h, 2026-11-01 or 2026-11-01T12:00:00Z");
+  command.add_option("--before", arguments->before, "created before");
   command.callback([&client, arguments] {
     client.run = [&client, arguments] { return list_sessions(client, *arguments); };
   });

@@ -66,7 +66,7 @@ void print_details(const v1::Session& session) {
         fmt::format("tile {}, {} {} to {}: {}", tile.tile(), is_video(session) ? "frames" : "rows",
                     tile.first(), tile.first() + tile.count() - 1, tile.error()));
   if (session.matte_ready() && session.state() != v1::SESSION_STATE_DONE)
-    row("matte", "that of the solve before can be fetched");
+    row("matte", "the matte of the previous solve can be fetched");
   row("pixels", fmt::format("{}{}, {} show the object{}, {} of them flagged", session.pixel_count(),
                             is_video(session) ? " a frame" : "", session.object_pixel_count(),
                             is_video(session) ? " in all frames" : "", session.flagged_pixel_count()));

@@ -34,18 +34,18 @@ absl::Status solve(const Client& client, const Arguments& arguments) {
 }  // namespace
 
 void add_solve_command(CLI::App& app, Client& client) {
-  CLI::App& command = *app.add_subcommand("solve", "Hand a captured session to the solvers.");
+  CLI::App& command = *app.add_subcommand("solve", "Solve a captured session.");
   command.footer(
       "Examples:\n  glasswing solve vase --watch\n"
       "  glasswing solve vase --method gaussian --set images=100\n"
       "  glasswing solve vase --method fringe --set modes=2");
   auto arguments = std::make_shared<Arguments>();
   command.add_option("session", arguments->session, "the session's name")->required();
-  command.add_option("--method", arguments->method, "how; the plan's method if left out")
+  command.add_option("--method", arguments->method, "the method; default: the plan's")
       ->check(CLI::IsMember(std::vector<std::string>(kMethods.begin(), kMethods.end())));
   command.add_option("--set", arguments->options, "KEY=VALUE, an option of the method; may be repeated")
       ->allow_extra_args(false);
-  command.add_flag("--watch", arguments->watch, "wait until it is done; any other end is a failure");
+  command.add_flag("--watch", arguments->watch, "wait until it is done; any other outcome is a failure");
   command.callback(
       [&client, arguments] { client.run = [&client, arguments] { return solve(client, *arguments); }; });
 }

@@ -56,11 +56,10 @@ absl::Status list_steps(const Client& client, const std::string& session) {
 
 void add_steps_command(CLI::App& app, Client& client) {
   CLI::App& command =
-      *app.add_subcommand("steps", "Tell what became of each step of a capture, and why it was retaken.");
+      *app.add_subcommand("steps", "List the outcome of each step of a capture, and why steps were retaken.");
   command.footer(
-      "Of a capture that runs, each as it happens, to its end. Of one in an earlier life of the server only "
-      "what "
-      "was proven is known.\n\n"
+      "Follows a running capture to its end. After a restart of the server, only the proven steps of earlier "
+      "captures are known.\n\n"
       "Examples:\n"
       "  glasswing steps vase\n"
       "  glasswing steps vase | grep retaken");

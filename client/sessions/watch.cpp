@@ -16,10 +16,8 @@
 namespace glasswing {
 namespace {
 
-bool rests(v1::SessionState state) {
-  return state == v1::SESSION_STATE_PAUSED || state == v1::SESSION_STATE_CAPTURED ||
-         state == v1::SESSION_STATE_DONE || state == v1::SESSION_STATE_FAILED ||
-         state == v1::SESSION_STATE_CANCELLED;
+bool is_under_way(const v1::Session& session) {
+  return allows(session, v1::SESSION_ACTION_CANCEL) && !allows(session, v1::SESSION_ACTION_RESUME);
 }
 
 class SessionProgress {
@@ -27,7 +25,7 @@ class SessionProgress {
   void update(const v1::Session& session) {
     if (session.state() != state_) progress_.emplace(state_name(session.state()));
     state_ = session.state();
-    if (!rests(state_) && session.reason().empty() != told_.empty()) tell(session);
+    if (is_under_way(session) && session.reason().empty() != told_.empty()) tell(session);
     const bool solving = state_ == v1::SESSION_STATE_SOLVING,
                frames = solving && is_video(session) && !session.matte_ready();
     const int done = frames    ? session.solved_frames_size()
@@ -48,7 +46,7 @@ class SessionProgress {
   }
 
  private:
-  // What it waits for.
+  // Prints the reason for waiting, on a line of its own.
   void tell(const v1::Session& session) {
     told_ = session.reason();
     progress_->clear();
@@ -69,7 +67,7 @@ absl::StatusOr<v1::Session> follow(const Client& client, const std::string& name
   SessionProgress progress;
   while (true) {
     grpc::ClientContext context;
-    set_deadline(context, kLongCallTimeout);  // the watch is renewed, so a server that hangs is noticed
+    set_deadline(context, kLongCallTimeout);  // renewed, so that a hanging server is noticed
     const auto reader = server.stub->WatchSession(&context, request);
     const Interruptible ctrl_c([&context] { context.TryCancel(); });
     v1::WatchSessionResponse response;
@@ -79,13 +77,13 @@ absl::StatusOr<v1::Session> follow(const Client& client, const std::string& name
       progress.update(response.session());
     }
     const grpc::Status status = reader->Finish();
-    if (heard && rests(response.session().state())) return response.session();
+    if (heard && status.ok()) return response.session();  // the server ends the stream when the session rests
     if (interrupted()) {
       return absl::CancelledError(fmt::format(
           "session {} goes on; glasswing watch {} shows it, glasswing cancel {} ends it", name, name, name));
     }
-    const bool renew = status.ok() || status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED;
-    if (!heard || !renew) return status_from(status, server.title);
+    const bool renew = heard && status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED;
+    if (!renew) return status_from(status, server.title);
   }
 }
 
@@ -114,7 +112,7 @@ absl::Status follow_to_outcome(const Client& client, const std::string& name) {
 
 void add_watch_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand(
-      "watch", "Show a session's progress until it rests; success only if it is then captured or done.");
+      "watch", "Show a session's progress until it rests; succeeds only if it is then captured or done.");
   command.footer("Example:\n  glasswing watch vase");
   auto name = std::make_shared<std::string>();
   command.add_option("session", *name, "the session's name")->required();

@@ -1,4 +1,4 @@
-// Following a session until it rests.
+// Follows a session until it rests.
 #pragma once
 
 #include <absl/status/status.h>
@@ -11,14 +11,14 @@
 
 namespace glasswing {
 
-// Shows progress until the session rests (paused, captured, done, failed, cancelled); the session as it is
-// then. CANCELLED: Ctrl-C, and what to do about the session, which goes on.
+// Shows progress until the session rests (paused, captured, done, failed, cancelled), and returns it.
+// CANCELLED: Ctrl-C was pressed; the session goes on, and the message says how to watch or end it.
 absl::StatusOr<v1::Session> follow(const Client& client, const std::string& name);
 
-// OK for a session that is captured or done; otherwise why it is not, and how to go on.
+// OK for a captured or done session; otherwise an error that says why, and how to go on.
 absl::Status outcome_of(const v1::Session& session);
 
-// Follows, prints the session, and gives its outcome.
+// Follows the session, prints it, and returns its outcome.
 absl::Status follow_to_outcome(const Client& client, const std::string& name);
 
 }  // namespace glasswing

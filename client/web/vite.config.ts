@@ -1,7 +1,7 @@
 import { defineConfig } from "vitest/config";
 
-// The page's content security policy allows nothing inline, so nothing is inlined. `vite` alone serves the
-// pages while they are worked on, and passes calls on to a server of GLASSWING_CONSOLE.
+// The content security policy forbids inline content, so assets are never inlined. `vite` serves the pages for development and
+// forwards calls to the server at GLASSWING_CONSOLE.
 const console_url = process.env["GLASSWING_CONSOLE"] ?? "http://127.0.0.1:7480";
 const passed_on = ["/login", "/logout", "/me", "/api", "/plans", "/images", "/mattes", "/frames", "/pixels"];
 

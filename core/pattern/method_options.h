@@ -1,5 +1,5 @@
-// The names and versions of the solving methods and the names of their options, so that a server can refuse
-// unknown ones immediately. Only the solvers check the values of options.
+// The names and versions of the ways to solve, and the names of the options that each has, for those who do
+// not solve: a server refuses others at once. What values they take the solvers know.
 #pragma once
 
 #include <absl/status/status.h>
@@ -13,19 +13,20 @@
 
 namespace glasswing {
 
-// The version of each method, and of the matte encoding ("matte"). Raised whenever a change of the code
-// changes results for the same frames: tiles of different versions must not be joined into one matte.
+// What each method computes, and how mattes are written ("matte"). Raised whenever a change of the code makes
+// other numbers of the same frames: tiles of two versions must not meet in one matte.
 const std::map<std::string, int>& method_versions();
 
-// Empty for an unknown method.
+// Empty: there is no such method.
 std::span<const std::string_view> option_names(std::string_view method);
 
 // INVALID_ARGUMENT lists the method's options.
 absl::Status check_option(std::string_view method, std::string_view option);
-// The error for an unknown option.
+// What it says of an option that is none.
 absl::Status unknown_option(std::string_view method, std::string_view option);
 
-// "modes=2" as given to --set: the option's name, which must not be empty, and its value. INVALID_ARGUMENT.
+// Splits "NAME=VALUE", the argument of --set. VALUE may be empty and may contain '='. INVALID_ARGUMENT: there
+// is no '=', or NAME is empty.
 absl::StatusOr<std::pair<std::string, std::string>> parse_setting(const std::string& setting);
 
 }  // namespace glasswing

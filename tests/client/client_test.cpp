@@ -45,6 +45,7 @@ TEST(Client, OtherFailuresHaveAnotherExitStatus) {
        {std::vector<std::string>{"solve", "s", "--set", "modes"}, {"doctor", "--plan", "nowhere.txtpb"}})
     EXPECT_EQ(run_glasswing(arguments).status, kFailure);
   expect_one_line_error(run_glasswing({"solve", "s", "--set", "modes"}), "it must be KEY=VALUE");
+  expect_one_line_error(run_glasswing({"solve", "s", "--set", "=2"}), "it must be KEY=VALUE");
   expect_one_line_error(run_glasswing({"doctor", "--plan", "nowhere.txtpb"}), "nowhere.txtpb");
 }
 
@@ -61,7 +62,7 @@ TEST(Client, ColoursOnlyWhereAskedFor) {
 }
 
 TEST(Client, NamesTheServerThatDoesNotAnswer) {
-  // Port 1 needs a service that nobody runs.
+  // No service listens on port 1.
   const std::string words = "server at 127.0.0.1:1 does not answer";
   expect_one_line_error(run_glasswing({"--server", "127.0.0.1:1", "nodes"}), words);
   expect_one_line_error(run_glasswing({"nodes", "--server", "127.0.0.1:1"}), words);

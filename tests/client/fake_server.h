@@ -1,4 +1,4 @@
-// A server and an archive node that remember what they are given.
+// A fake server with an archive node; both record the requests.
 #pragma once
 
 #include <map>
@@ -22,9 +22,9 @@ class FakeServer {
     std::string archive_address;
     std::vector<v1::BeginImportRequest> begun;
     std::vector<std::string> finished;
-    v1::Session session;  // what GetSession and WatchSession tell
+    v1::Session session;  // the answer of GetSession and WatchSession
     std::string matte;
-    std::map<int, std::string> frame_mattes;  // of a video
+    std::map<int, std::string> frame_mattes;  // by frame of a video
     std::vector<int> frames_fetched;
 
     grpc::Status BeginImport(grpc::ServerContext*, const v1::BeginImportRequest* request,

@@ -1,4 +1,4 @@
-// The built program `glasswing` as a process of its own (GLASSWING_BIN: its directory).
+// Runs the built program `glasswing` as a process (GLASSWING_BIN: its directory).
 #pragma once
 
 #include <fcntl.h>
@@ -31,7 +31,7 @@ class Process {
     EXPECT_EQ(::pipe2(ends, O_CLOEXEC), 0);
     pid_ = ::fork();
     if (pid_ == 0) {
-      ::signal(SIGINT, SIG_DFL);  // background jobs of some shells ignore it
+      ::signal(SIGINT, SIG_DFL);  // some shells ignore it in background jobs
       ::dup2(ends[1], STDERR_FILENO);
       ::execv(argv[0], argv.data());
       ::_exit(127);
@@ -49,7 +49,7 @@ class Process {
 
   void interrupt() const { ::kill(pid_, SIGINT); }
 
-  // Returns when the first Ctrl-C was taken: the next one finds no handler.
+  // Returns once the first Ctrl-C was handled, which removes the handler.
   void wait_until_asked() const {
     while (handles_interrupt()) std::this_thread::yield();
   }
@@ -57,7 +57,7 @@ class Process {
     while (!handles_interrupt()) std::this_thread::yield();
   }
 
-  // What waitpid says; `errors` has then all of standard error.
+  // Returns the status of waitpid; `errors` then has all of standard error.
   int wait() {
     for (char buffer[4096];;) {
       const ssize_t count = ::read(errors_, buffer, sizeof buffer);

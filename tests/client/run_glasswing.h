@@ -1,5 +1,4 @@
-// Runs the command line in this process and keeps what it wrote. The configuration of whoever runs the tests
-// counts for nothing.
+// Runs the command line in this process and keeps its output. The user's own configuration is ignored.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -33,7 +32,7 @@ inline Outcome run_glasswing(const std::vector<std::string>& arguments) {
   return outcome;
 }
 
-// Failed, with nothing but one line that contains `words`.
+// Expects failure with a single line that contains `words`.
 inline void expect_one_line_error(const Outcome& outcome, const std::string& words) {
   EXPECT_TRUE(outcome.status == kFailure || outcome.status == kUsageError) << outcome.status;
   EXPECT_EQ(outcome.out, "");
@@ -42,7 +41,7 @@ inline void expect_one_line_error(const Outcome& outcome, const std::string& wor
   EXPECT_NE(outcome.err.find(words), std::string::npos) << outcome.err;
 }
 
-// A directory of the running test's own, removed at its end.
+// A temporary directory for the running test.
 class ScratchTest : public testing::Test {
  protected:
   ScratchTest()

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Captures one plan with several exposures, a session each, and tells which makes the best matte.
+"""Captures one plan with several exposures, a session each, and reports which gives the best matte.
 
 Try it on a simulated rig, whose camera clips white from 4.5 ms on:
 
@@ -7,11 +7,11 @@ Try it on a simulated rig, whose camera clips white from 4.5 ms on:
     export PYTHONPATH=$PWD/build/release/python
     client/python/examples/exposure_sweep.py vase --exposures 1 2 4 8
 
-Too long, and bright pixels saturate; too short, and noise is all there is. Both are flagged in a matte. The best exposure is
-the one with the fewest flagged pixels of the object; of equals the longest, which has the least noise.
+If an exposure is too long, bright pixels saturate; if it is too short, noise dominates. A matte flags both. The best
+exposure has the fewest flagged pixels of the object; among equals it is the longest, which has the least noise.
 
-Sessions are named NAME-1ms, NAME-2ms, ... and tagged "exposure-sweep". An exposure that the camera cannot make, or that no
-step could be proven with, is told in the table, and the sweep goes on.
+Sessions are named NAME-1ms, NAME-2ms, ... and tagged "exposure-sweep". The table shows the error of an exposure that the
+camera cannot make or whose steps could not be proven, and the sweep goes on.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[3]
 
 @dataclasses.dataclass(frozen=True)
 class Result:
-    """What one exposure gave: pixels of the object, or in `error` why there are none."""
+    """The result of one exposure: counts of the object's pixels, or `error`."""
 
     exposure_ms: float
     object_pixels: int = 0
@@ -48,7 +48,7 @@ HEADING = f"{'ms':>9}  {'object px':>9}  {'flagged':>9}  {'saturated':>9}"
 
 
 def try_exposure(rig: glasswing.Rig, plan: glasswing.Plan, name: str, exposure_ms: float) -> Result:
-    """Captures and solves a session with this exposure, and counts."""
+    """Captures and solves a session with this exposure, and counts its pixels."""
     try:
         exposed = dataclasses.replace(plan, exposure_ms=[exposure_ms])
         session = rig.capture(exposed, name=f"{name}-{exposure_ms:g}ms")
@@ -65,7 +65,7 @@ def try_exposure(rig: glasswing.Rig, plan: glasswing.Plan, name: str, exposure_m
 
 
 def best_of(results: list[Result]) -> Result:
-    """The one with the fewest flagged pixels, of equals the longest."""
+    """The exposure with the fewest flagged pixels; among equals the longest."""
     solved = [result for result in results if not result.error]
     if not solved:
         raise glasswing.Error("no exposure gave a matte")
@@ -90,9 +90,9 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--exposures", type=float, nargs="+", default=[1.0, 2.0, 4.0], metavar="MS",
                         help="in ms (default: 1 2 4)")
     parser.add_argument("--plan", default=ROOT / "deploy/plans/quick.txtpb",
-                        help="whose exposure is replaced (default: %(default)s)")
+                        help="the plan whose exposure is replaced (default: %(default)s)")
     parser.add_argument("--server", metavar="HOST:PORT",
-                        help="where glasswing-server listens (default: as for glasswing)")
+                        help="address of glasswing-server (default: as for glasswing)")
     return parser.parse_args()
 
 

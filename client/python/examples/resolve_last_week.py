@@ -1,15 +1,15 @@
 #!/usr/bin/env python3
-"""Solves again every session of the last days, or every one with a tag, by another method or with other options.
+"""Solves the sessions of the last days, or all with a tag, again by another method or with other options.
 
-See first what would be solved, then do it:
+First list what would be solved, then solve it:
 
     export PYTHONPATH=$PWD/build/release/python
     client/python/examples/resolve_last_week.py --set modes=2 --dry-run
     client/python/examples/resolve_last_week.py --set modes=2
 
-Sessions whose frames are all there are solved, one after another; those that measure devices are left out. One that
-cannot be solved does not hold up the others, and its earlier matte stays. A summary tells what became of each; the exit
-status is 0 only if all went well.
+Completely captured sessions are solved one after another; calibration sessions are left out. If one cannot be solved,
+its previous matte stays and the others go on. A summary lists the failures; the exit status is 0 only if there are
+none.
 """
 
 from __future__ import annotations
@@ -20,30 +20,29 @@ import sys
 from collections.abc import Mapping
 
 import glasswing
-from glasswing import State
+from glasswing import Action, State
 
 
 def sessions_to_solve(rig: glasswing.Rig, days: float | None, tags: list[str]) -> list[glasswing.Session]:
-    """Those with all of their frames, oldest first."""
+    """The completely captured sessions, oldest first."""
     since = None if days is None else datetime.datetime.now().astimezone() - datetime.timedelta(days=days)
     found = rig.sessions(tags=tags, since=since, states=[State.CAPTURED, State.DONE, State.FAILED])
     return [session for session in reversed(found) if can_be_solved(session.refresh())]
 
 
 def can_be_solved(info: glasswing.SessionInfo) -> bool:
-    """Nothing is missing of it, and it is a capture of an object."""
-    measures_devices = info.plan is not None and info.plan.method == "calibration"
+    """True if every step was captured and the server would solve it."""
     complete = info.state is not State.FAILED or info.steps_proven == info.steps
-    return complete and not measures_devices
+    return complete and Action.SOLVE in info.allowed_actions
 
 
 def how(method: str, options: Mapping[str, str]) -> str:
-    """A solve's method and options, for people."""
+    """A solve's method and options in words."""
     return " ".join([method or "the plan's method", *(f"{key}={value}" for key, value in sorted(options.items()))])
 
 
 def solve(session: glasswing.Session, method: str, options: Mapping[str, str]) -> str:
-    """Solves, and returns what came out."""
+    """Solves the session and returns the result in words."""
     session.solve(method, options)
     info = session.wait()
     return f"{info.flagged_pixels} of {info.object_pixels} pixels flagged, {info.solve_seconds:.1f} s"
@@ -64,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
             try:
                 print(f"{line}: {solve(session, arguments.method, options)}", flush=True)
             except glasswing.Unavailable:
-                raise  # the others would fare alike
+                raise  # the other sessions would fail too
             except glasswing.Error as error:
                 failures[session.name] = str(error)
                 print(f"{line}: failed", flush=True)
@@ -78,7 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def setting(text: str) -> tuple[str, str]:
-    """KEY=VALUE."""
+    """Parses KEY=VALUE."""
     key, equals, value = text.partition("=")
     if not key or not equals:
         raise argparse.ArgumentTypeError(f"{text} must be KEY=VALUE")
@@ -87,14 +86,14 @@ def setting(text: str) -> tuple[str, str]:
 
 def parse_arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--days", type=float, help="created in the last so many days (default: 7, or any with --tag)")
-    parser.add_argument("--tag", action="append", default=[], help="has this tag; may be repeated: has all of them")
-    parser.add_argument("--method", default="", help="how to solve (default: each plan's own)")
+    parser.add_argument("--days", type=float, help="only sessions of this many last days (default: 7, or any with --tag)")
+    parser.add_argument("--tag", action="append", default=[], help="only sessions with this tag; may be repeated")
+    parser.add_argument("--method", default="", help="the method (default: each plan's)")
     parser.add_argument("--set", action="append", default=[], type=setting, metavar="KEY=VALUE",
                         help="an option of the method; may be repeated")
-    parser.add_argument("--dry-run", action="store_true", help="only say what would be solved")
+    parser.add_argument("--dry-run", action="store_true", help="only list what would be solved")
     parser.add_argument("--server", metavar="HOST:PORT",
-                        help="where glasswing-server listens (default: as for glasswing)")
+                        help="address of glasswing-server (default: as for glasswing)")
     arguments = parser.parse_args()
     if arguments.days is None and not arguments.tag:
         arguments.days = 7.0

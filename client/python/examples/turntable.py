@@ -1,17 +1,17 @@
 #!/usr/bin/env python3
 """Captures an object from all sides: a session for each view of a turntable, on a rig of two monitors.
 
-Try it on a simulated rig, whose table stands still:
+Try it on a simulated rig, whose object does not turn:
 
     deploy/local-rig up --monitors 2
     export PYTHONPATH=$PWD/build/release/python
     client/python/examples/turntable.py vase --views 4 --turn-command true
 
-The rig is held for the whole series, so that nobody steps in between. The table is turned by a person, who presses return
-when it stands, or by --turn-command. While a view is captured, those before it are solved. A series that was broken off, by
-Ctrl-C or anything else, is taken up where it was by the same command; what was captured is not captured again.
+The rig is held for the whole series, so that no other client uses it in between. --turn-command turns the table, or a
+person does and presses return when it is at rest. While a view is captured, the previous ones are solved. The same command
+continues an interrupted series; captured views are not captured again.
 
-Sessions are named SERIES-000, SERIES-001, ... and tagged SERIES and "turntable"; their mattes land in a directory.
+Sessions are named SERIES-000, SERIES-001, ... and tagged SERIES and "turntable"; their mattes are written to a directory.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[3]
 
 
 class Table:
-    """Turns the object: by a command, which gets the degrees as its last argument, or by asking a person."""
+    """Turns the object: runs a command with the degrees as its last argument, or asks a person."""
 
     def __init__(self, command: str | None) -> None:
         self._command = command
@@ -44,7 +44,7 @@ class Table:
 
 @dataclasses.dataclass(frozen=True)
 class View:
-    """One of the series' sessions."""
+    """One session of the series."""
 
     series: str
     number: int
@@ -64,13 +64,13 @@ class View:
 
 
 def find(rig: glasswing.Rig, view: View, plan: glasswing.Plan) -> glasswing.Session | None:
-    """The view's session, if an earlier run began it."""
+    """The view's session if an earlier run started it."""
     try:
         session = rig.session(view.session_name)
     except glasswing.NotFound:
         return None
     there = session.info.plan
-    # Photos have other names there: those of what was sent.
+    # There, photos have the names of the uploads.
     if there is None or dataclasses.replace(there, photos=plan.photos) != plan:
         raise glasswing.AlreadyExists(f"{view.session_name} has another plan; name the series otherwise")
     if session.info.note and session.info.note != view.note:
@@ -79,12 +79,12 @@ def find(rig: glasswing.Rig, view: View, plan: glasswing.Plan) -> glasswing.Sess
 
 
 def is_captured(session: glasswing.Session) -> bool:
-    """Every step is there, whatever became of its solve."""
+    """True if every step is captured, whether or not it was solved."""
     return session.info.state.rests and session.info.steps_proven == session.info.steps
 
 
 def wait_for_capture(session: glasswing.Session) -> None:
-    """Waits; where a person is wanted in between (to place the object), asks."""
+    """Waits for the capture; if it pauses until a person places the object, asks them and resumes."""
     while True:
         try:
             session.wait()
@@ -97,7 +97,7 @@ def wait_for_capture(session: glasswing.Session) -> None:
 
 
 def finish_what_was_begun(rig: glasswing.Rig, views: list[View], plan: glasswing.Plan) -> None:
-    """Waits for a capture that an earlier run left behind: it has the rig."""
+    """Waits for a capture that an earlier run left: it occupies the rig."""
     for view in views:
         session = find(rig, view, plan)
         if session is not None and session.info.state is State.CAPTURING:
@@ -105,14 +105,14 @@ def finish_what_was_begun(rig: glasswing.Rig, views: list[View], plan: glasswing
 
 
 def capture(rig: glasswing.Rig, view: View, plan: glasswing.Plan, table: Table) -> glasswing.Session:
-    """The view's session, captured now or before."""
+    """Returns the view's session, and captures it unless it is captured already."""
     session = find(rig, view, plan)
     if session is None:
         table.turn_to(view.degrees)
         session = rig.capture(plan, name=view.session_name)
     elif session.info.state is State.SOLVING or is_captured(session):
         return session
-    elif session.info.state.rests:  # paused or failed; a cancelled one refuses, and says so
+    elif session.info.state.rests:  # paused or failed; a cancelled session refuses
         table.turn_to(view.degrees)
         session.resume()
     session.annotate(note=view.note, add_tags=[view.series, "turntable"])
@@ -148,12 +148,12 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("series", help="what the sessions' names begin with")
     parser.add_argument("--views", type=int, default=24, metavar="N", help="1 to 999, evenly round (default: 24)")
     parser.add_argument("--plan", default=ROOT / "deploy/plans/two-monitors.txtpb",
-                        help="of each view (default: %(default)s)")
+                        help="plan for each view (default: %(default)s)")
     parser.add_argument("--turn-command", metavar="COMMAND",
-                        help="turns the table; gets the degrees as its last argument")
-    parser.add_argument("-o", "--output", metavar="DIR", help="for the mattes (default: SERIES)")
+                        help="turns the table; the degrees are its last argument")
+    parser.add_argument("-o", "--output", metavar="DIR", help="directory for the mattes (default: SERIES)")
     parser.add_argument("--server", metavar="HOST:PORT",
-                        help="where glasswing-server listens (default: as for glasswing)")
+                        help="address of glasswing-server (default: as for glasswing)")
     arguments = parser.parse_args()
     if not 1 <= arguments.views <= 999:
         parser.error(f"--views is {arguments.views}; it must be 1 to 999")

@@ -1,4 +1,4 @@
-"""Glasswing from Python: drive a rig, and put what it captured in front of other pictures.
+"""Glasswing from Python: drives a rig, and composites the captured object over other pictures.
 
     import glasswing
 
@@ -13,7 +13,7 @@
     picture = matte.composite({"back": glasswing.read_picture("harbour.png")})
     glasswing.write_picture("vase.png", picture)
 
-Everything that fails raises an ``Error`` whose text is one line that says what to do.
+Every failure raises an ``Error`` whose text is one line and says what to do.
 """
 
 from glasswing.errors import (
@@ -46,13 +46,14 @@ from glasswing.plan import (
     Sweep,
 )
 from glasswing.rig import Estimate, Holder, Monitor, Node, NodeKind, Rig, connect
-from glasswing.session import Session, SessionInfo, State, Stopped, UnprovenStep
+from glasswing.session import Action, Session, SessionInfo, State, Stopped, UnprovenStep
 
 __version__ = "@glasswing_VERSION@"
 
 __all__ = [
     "BLACK",
     "WHITE",
+    "Action",
     "AlreadyExists",
     "CalibrationFrames",
     "Colour",

@@ -1,4 +1,4 @@
-# What native.cpp defines; the package checks and documents it.
+# The module of native.cpp; the package checks its arguments and documents it.
 import numpy as np
 import numpy.typing as npt
 

@@ -1,4 +1,4 @@
-"""One channel to a server: how it is dialled, what every call carries, and how failures become errors."""
+"""A channel to a server: dialling, the metadata of every call, and the errors of failed calls."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from glasswing.settings import Settings
 
 CHUNK_BYTES = 1 << 20
 LONG_CALL_SECONDS = 60.0
-"""For calls that make the server talk to nodes, or that carry one file."""
+"""For calls in which the server calls nodes, or that transfer one file."""
 
 Response = TypeVar("Response")
 
 
 @dataclasses.dataclass(frozen=True)
 class Hold:
-    """A hold of the rig: the token that calls bring, and the call that lasts as long as it; None: somebody else's."""
+    """A hold of the rig: the token that calls carry, and the call that keeps the hold (None: another process keeps it)."""
 
     token: str
     reason: str = ""
@@ -33,7 +33,7 @@ class Hold:
 
 
 class Connection:
-    """A channel to the server at ``settings.server``, which no call has used yet."""
+    """A channel to the server at ``settings.server``; the first call connects."""
 
     def __init__(self, settings: Settings, timeout: float) -> None:
         self.title = f"server at {settings.server}"
@@ -45,11 +45,11 @@ class Connection:
         self._client = f"{_user()}@{socket.gethostname()}"
 
     def stub(self, stub_class: Callable[[grpc.Channel], Any]) -> Any:
-        """A service of the server."""
+        """A stub for one of the server's services."""
         return stub_class(self._channel)
 
     def metadata(self) -> list[tuple[str, str]]:
-        """Who calls, and the token of the hold under which."""
+        """The caller, and the token of its hold if there is one."""
         who = [("glasswing-client", self._client)]
         if self.hold is None:
             return who
@@ -58,14 +58,14 @@ class Connection:
         return [*who, ("glasswing-hold", self.hold.token)]
 
     def call(self, rpc: Callable[..., Response], request: Any, seconds: float = 0.0) -> Response:
-        """One answer to one request, or to an iterator of them, which may take ``seconds`` if ``timeout`` is less."""
+        """Returns the answer to a request, or to an iterator of requests, within the larger of ``seconds`` and ``timeout``."""
         try:
             return rpc(request, timeout=max(self.timeout, seconds), metadata=self.metadata())
         except grpc.RpcError as error:
             raise self.error_of(error) from None
 
     def stream(self, rpc: Callable[..., Iterable[Response]], request: Any, timeout: float) -> Iterator[Response]:
-        """All answers to one request; the call ends with the iterator."""
+        """Yields all answers to one request; closing the iterator cancels the call."""
         call: Any = rpc(request, timeout=timeout, metadata=self.metadata())
         try:
             yield from call
@@ -75,10 +75,10 @@ class Connection:
             call.cancel()
 
     def error_of(self, error: grpc.RpcError) -> Error:
-        """What a failed call means."""
+        """The error of a failed call."""
         code, details = error.code().name, error.details() or ""
         if code == "UNAVAILABLE" and "node" not in details:
-            # gRPC's own words for a peer that is gone are about sockets; a server that does answer tells of its nodes.
+            # gRPC's message for an unreachable peer is about sockets; the server's own message names a node.
             return Unavailable(f"{self.title} {_why_unreachable(details, self._settings)}")
         if code == "DEADLINE_EXCEEDED" and "Deadline Exceeded" in details:
             return TimedOut(f"{self.title} did not answer in time")
@@ -87,14 +87,14 @@ class Connection:
         return error_of(code, details or f"{self.title}: {code}")
 
     def close(self) -> None:
-        """Ends every call."""
+        """Cancels every call."""
         self._channel.close()
 
 
 def _dial(settings: Settings) -> grpc.Channel:
     options = [
         ("grpc.initial_reconnect_backoff_ms", 100),
-        ("grpc.min_reconnect_backoff_ms", 2000),  # how long making a connection may take
+        ("grpc.min_reconnect_backoff_ms", 2000),  # limit for making a connection
         ("grpc.max_reconnect_backoff_ms", 1000),
         ("grpc.use_local_subchannel_pool", 1),
         ("grpc.enable_http_proxy", 0),
@@ -129,7 +129,7 @@ def _why_unreachable(details: str, settings: Settings) -> str:
         return "does not speak TLS; leave out ca if it need not"
     if "Socket closed" not in details:
         return "does not answer"
-    # How a handshake ends for gRPC when the other side refuses us.
+    # gRPC's message when the other side rejects the handshake.
     if settings.certificate is None:
         return "wants to know who calls; give certificate and key"
     return f"refuses the certificate {settings.certificate}; its own ca must have signed it"

@@ -1,17 +1,17 @@
-"""What can go wrong, each with one line that names the thing and what to do.
+"""The errors. Each message is one line that names the value or object and what to do.
 
-The classes follow gRPC's status codes, which the daemons use as their headers in proto/ say.
+The classes follow gRPC's status codes, as documented for each call in proto/.
 """
 
 from __future__ import annotations
 
 
 class Error(Exception):
-    """Something Glasswing could not do. ``str(error)`` is one line for people."""
+    """Base of all errors. ``str(error)`` is one line for people."""
 
 
 class InvalidInput(Error):
-    """A value that cannot be (INVALID_ARGUMENT): the message names it and what would be accepted."""
+    """A value is wrong (INVALID_ARGUMENT); the message names it and what would be accepted."""
 
 
 class NotFound(Error):
@@ -23,7 +23,7 @@ class AlreadyExists(Error):
 
 
 class Refused(Error):
-    """Not now (FAILED_PRECONDITION, ABORTED): the state does not allow it, or somebody else holds the rig."""
+    """The present state does not allow it, or another client holds the rig (FAILED_PRECONDITION, ABORTED)."""
 
 
 class Unavailable(Error):
@@ -35,15 +35,15 @@ class TimedOut(Error):
 
 
 class NotAllowed(Error):
-    """Who asks may not do this, or did not say who they are (UNAUTHENTICATED, PERMISSION_DENIED)."""
+    """The caller is not authenticated or lacks the role (UNAUTHENTICATED, PERMISSION_DENIED)."""
 
 
 class NotSupported(Error):
-    """The server does not know this call (UNIMPLEMENTED): it is of another version."""
+    """The server does not have this call (UNIMPLEMENTED): it has another version."""
 
 
 class Damaged(Error):
-    """A file is truncated, altered, or not what its name says (DATA_LOSS)."""
+    """A file is truncated, altered, or of another kind (DATA_LOSS)."""
 
 
 _BY_CODE: dict[str, type[Error]] = {
@@ -63,5 +63,5 @@ _BY_CODE: dict[str, type[Error]] = {
 
 
 def error_of(code: str, message: str) -> Error:
-    """The error for a status, whose code is named as gRPC and absl do."""
+    """The error for a status; ``code`` is its name in gRPC and absl."""
     return _BY_CODE.get(code, Error)(" ".join(message.split()))

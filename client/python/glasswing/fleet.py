@@ -1,4 +1,4 @@
-"""Who solves, what, and how fast."""
+"""The solvers, their work and their speed."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from glasswing.v1 import fleet_service_pb2 as pb
 
 @dataclasses.dataclass(frozen=True)
 class Lease:
-    """A tile that a solver has, ``seconds`` after it claimed it. ``twice``: another solver has it too."""
+    """A tile that a solver works on, ``seconds`` after it claimed it. ``twice``: another solver works on it too."""
 
     session: str
     tile: int
@@ -20,7 +20,7 @@ class Lease:
 
 @dataclasses.dataclass(frozen=True)
 class Solver:
-    """A solver that was heard of in the last ten minutes. Tiles are counted since the server started."""
+    """A solver seen in the last ten minutes. Tiles are counted since the server started."""
 
     name: str
     host: str
@@ -28,10 +28,10 @@ class Solver:
     build: str
     threads: int
     vectors: str
-    """Of its processor, that the kernels use: "AVX2"."""
+    """The vector instructions that its kernels use: "AVX2"."""
     up: bool
     refused: str
-    """Why it gets no work; empty: it does."""
+    """Why it gets no work; empty if it does."""
     leases: tuple[Lease, ...]
     tiles_done: int
     tiles_failed: int
@@ -42,30 +42,30 @@ class Solver:
 
 @dataclasses.dataclass(frozen=True)
 class Solve:
-    """A session that is not solved yet."""
+    """The solve of a session that is not done yet."""
 
     session: str
     server: str
-    """Whose session it is; empty: the one that was asked."""
+    """The server that owns the session; empty: the one that answered."""
     method: str
     tiles: int
-    """0: it is being surveyed."""
+    """0 while it is being surveyed."""
     tiles_done: int
     tiles_leased: int
     failures: int
-    """Attempts that failed."""
+    """Number of failed attempts."""
     quarantined: int
     tiles_per_second: float
     """Over the last minute."""
     seconds_left: float | None
-    """By that; None: not known yet."""
+    """At that rate; None: not known yet."""
     held: bool
-    """Paused or failed: nothing of it is handed out."""
+    """True if paused or failed: no tiles are handed out."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Fleet:
-    """Solvers by name, and solves in the order in which they are worked on. ``store``: of jobs, for people: "SQLite"."""
+    """Solvers by name, and solves in the order of work. ``store``: the job store, for people: "SQLite"."""
 
     solvers: tuple[Solver, ...]
     solves: tuple[Solve, ...]
@@ -73,7 +73,7 @@ class Fleet:
 
     @classmethod
     def from_message(cls, message: pb.GetFleetResponse) -> Fleet:
-        """What a message of the wire says."""
+        """Converts a wire message."""
         return cls(tuple(map(_solver, message.solvers)), tuple(map(_solve, message.solves)), message.store)
 
 

@@ -1,4 +1,4 @@
-"""Mattes: for every camera pixel, where its light came from.
+"""Mattes: for every camera pixel, where on the monitors its light came from.
 
     C = F + sum over modes of R * integral over the monitor of G(x; c, S) T(x) dx
 
@@ -25,13 +25,13 @@ _Floats = npt.NDArray[np.float32]
 
 
 class PixelFlag(enum.IntFlag):
-    """Why a pixel is not to be trusted; 0 is good."""
+    """Why a pixel is unreliable; 0 is good."""
 
     NOT_CONVERGED = 1
     SATURATED = 2
-    """Frames clipped where it looked."""
+    """Frames clipped at this pixel."""
     POOR_FIT = 4
-    """The model leaves more than the noise explains."""
+    """The residual exceeds the noise."""
     NO_DATA = 8
     """Not solved."""
 
@@ -41,7 +41,7 @@ class Modes:
     """The footprints of all pixels, as arrays of H x W x 3 x M: rows, columns, channels, modes.
 
     An unused mode has weight 0. The widths of a footprint are the square roots of the eigenvalues of
-    [[xx, xy], [xy, yy]]. The arrays are read-only looks into the matte: copy one to change it.
+    [[xx, xy], [xy, yy]]. The arrays are read-only views into the matte: copy one to change it.
     """
 
     weight: _Floats
@@ -54,7 +54,7 @@ class Modes:
     xy_px2: _Floats
     yy_px2: _Floats
     texture: npt.NDArray[np.int32]
-    """Which monitor: its place in ``Matte.monitors``."""
+    """Index of the monitor in ``Matte.monitors``."""
     weight_sd: _Floats
     """Standard error of the weight; 0: not known."""
     centre_sd_px: _Floats
@@ -64,22 +64,22 @@ class Modes:
 class Matte:
     """A finished matte of H x W camera pixels; ``Session.fetch()`` and ``Matte.read()`` make one.
 
-    Its arrays are read-only looks into one copy; they stay valid for as long as they are kept.
+    Its arrays are read-only views into one copy of the data, which they keep alive.
     """
 
     def __init__(self, native: _native.NativeMatte) -> None:
         self._native = native
         self.metadata = matte_pb2.MatteMetadata.FromString(native.metadata)
-        """The message MatteMetadata of proto/glasswing/v1/matte.proto: session, method, options, warnings and more."""
+        """The message MatteMetadata (proto/glasswing/v1/matte.proto): session, method, options, warnings and more."""
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Matte:
-        """Reads a matte's file. NotFound, or Damaged: truncated, altered or not a matte; both name the path."""
+        """Reads a matte from a file. NotFound, or Damaged: truncated, altered or not a matte. Both name the path."""
         return cls(_native.NativeMatte.read(os.fspath(path)))
 
     @classmethod
     def from_bytes(cls, content: bytes) -> Matte:
-        """The matte whose file has these bytes. Damaged: truncated, altered or not a matte."""
+        """Decodes a matte from a file's content. Damaged: truncated, altered or not a matte."""
         return cls(_native.NativeMatte.decode(content))
 
     def __repr__(self) -> str:
@@ -88,17 +88,17 @@ class Matte:
 
     @property
     def monitors(self) -> tuple[str, ...]:
-        """Names of the monitors that its light came from; a mode's ``texture`` is a place in this."""
+        """Names of the monitors that its light came from; a mode's ``texture`` is an index into this."""
         return tuple(monitor.name for monitor in self.metadata.monitors)
 
     @property
     def foreground(self) -> _Floats:
-        """H x W x 3: F, the light that is there without the monitors; linear."""
+        """H x W x 3: F, the light without the monitors; linear."""
         return self._native.foreground
 
     @property
     def coverage(self) -> _Floats:
-        """H x W: 1 inside the object's silhouette, 0 outside, between where the object covers a part of the pixel."""
+        """H x W: 1 inside the object's silhouette, 0 outside, in between where the object covers part of the pixel."""
         return self._native.coverage
 
     @property
@@ -108,20 +108,20 @@ class Matte:
 
     @property
     def modes(self) -> Modes:
-        """Where the monitors' light came from."""
+        """The footprints: where on the monitors the light came from."""
         return Modes(**{field.name: getattr(self._native, field.name) for field in dataclasses.fields(Modes)})
 
     def composite(
         self, backgrounds: Mapping[str, npt.ArrayLike], *, exact: bool = False, threads: int = 0
     ) -> Picture:
-        """The object in front of other pictures: H x W x 3, linear, not clamped.
+        """Composites the object over other pictures: H x W x 3, linear, not clamped.
 
-        ``backgrounds``: by monitor, linear light of h x w x 3, any size: it is scaled to the monitor. A monitor that is not
-        named is black. The first call prepares the matte, and further ones are much faster. ``exact``: integrates every
-        footprint, which the usual way agrees with to 0.002 of full scale (rms) and takes far longer. ``threads``: 0 is all
-        cores; the result does not depend on it. Other threads of Python run meanwhile.
+        ``backgrounds``: for each monitor a picture of linear light, h x w x 3; it is scaled to the monitor's size. Monitors
+        that are not named are black. The first call prepares the matte; later ones are much faster. ``exact``: integrates
+        every footprint, far more slowly; the default agrees with it to 0.002 of full scale (rms). ``threads``: 0 uses all
+        cores; the result does not depend on it. Releases the GIL.
 
-        InvalidInput: a monitor that the matte does not have, or what is no picture of linear light.
+        InvalidInput: the matte has no such monitor, or a background is not a picture of linear light.
         """
         unknown = [name for name in backgrounds if name not in self.monitors]
         if unknown:

@@ -1,4 +1,4 @@
-"""Pictures as numpy arrays: H x W x 3, rows from the top, red, green, blue, linear float32; 1.0 is full scale."""
+"""Pictures as numpy arrays: H x W x 3 (rows from the top; red, green, blue), linear float32, 1.0 is full scale."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def write_picture(path: str | os.PathLike[str], picture: npt.ArrayLike) -> None:
 
 
 def srgb_to_linear(codes: npt.ArrayLike) -> npt.NDArray[np.float32]:
-    """The light of sRGB codes (IEC 61966-2-1), of any shape: uint8 or uint16 of full scale, or floats in [0, 1]."""
+    """Converts sRGB codes (IEC 61966-2-1) to linear light. Any shape; uint8, uint16, or floats in [0, 1]."""
     array = np.asarray(codes)
     if array.dtype in (np.uint8, np.uint16):
         return _native.linear_of_srgb((array / np.float32(np.iinfo(array.dtype).max)).astype(np.float32))
@@ -36,23 +36,23 @@ def srgb_to_linear(codes: npt.ArrayLike) -> npt.NDArray[np.float32]:
 
 
 def linear_to_srgb(light: npt.ArrayLike) -> npt.NDArray[np.uint8]:
-    """The 8-bit sRGB codes of linear light, of any shape; what is beyond [0, 1] is clamped."""
+    """Converts linear light to 8-bit sRGB codes. Any shape; values are clamped to [0, 1]."""
     codes = _native.srgb_of_linear(np.asarray(light, np.float32))
     return (codes * np.float32(255) + np.float32(0.5)).astype(np.uint8)
 
 
 def resized(picture: npt.ArrayLike, width_px: int, height_px: int) -> Picture:
-    """Resampled to this size: by area where it shrinks, bilinearly where it grows."""
+    """Resamples a picture: by area when it shrinks, bilinearly when it grows."""
     return _native.resized(as_picture(picture, "picture"), width_px, height_px)
 
 
 def encode_png16(picture: npt.ArrayLike) -> bytes:
-    """A PNG's bytes, 16 bit, linear: how pictures travel to displays."""
+    """Encodes a linear 16-bit PNG, the format in which pictures are sent to displays."""
     return _native.encode_png16(as_picture(picture, "picture"))
 
 
 def as_picture(array: Any, what: str) -> Picture:
-    """The array, if it is a picture of linear light. InvalidInput says what it is instead."""
+    """Returns the array as a picture. InvalidInput: it is not H x W x 3, or not of floats."""
     picture = np.asarray(array)
     if picture.ndim != 3 or picture.shape[2] != 3 or picture.size == 0:
         raise InvalidInput(f"{what} has the shape {picture.shape}; it must be height x width x 3")

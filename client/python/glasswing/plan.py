@@ -1,8 +1,8 @@
 """Capture plans: what the monitors show and how it is exposed.
 
-The fields and their meaning are those of proto/glasswing/v1/plan.proto. What is left out (``None``) takes the default
-that is told there. Nothing is checked here: the server checks a plan when it is estimated or captured, and its complaint
-names the field, its value and what would be accepted.
+The fields are those of proto/glasswing/v1/plan.proto. A field that is left out (``None``) takes the default given there.
+The server checks a plan when it is estimated or captured; its error names the field, its value and what would be
+accepted.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ WHITE: Colour = (1.0, 1.0, 1.0)
 
 
 class _Value:
-    """Keeps lists as tuples, so that a plan equals the one that comes back from the server."""
+    """Stores lists as tuples, so that a plan equals the one that the server returns."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -36,7 +36,7 @@ class _Value:
 
 @dataclasses.dataclass(frozen=True)
 class PlanMonitor:
-    """A monitor of the rig to use. With sizes (px), the rig's must have exactly these."""
+    """A monitor of the rig to use. If sizes (px) are given, the rig's monitor must have them."""
 
     name: str
     width_px: int | None = None
@@ -45,10 +45,10 @@ class PlanMonitor:
 
 @dataclasses.dataclass(frozen=True)
 class Sweep:
-    """A Gaussian stripe that moves across the whole monitor, with the object only.
+    """A Gaussian stripe that moves across the whole monitor; captured only with the object.
 
     ``orientation_deg``: direction of travel from +x (right) towards +y (down), -180 to 180. ``sigma_px``: half width, in
-    (0, 200]. ``step_px``: from one picture to the next, in (0, 1.5 sigma_px], default sigma_px / 2. ``margin_sigmas``:
+    (0, 200]. ``step_px``: distance between pictures, in (0, 1.5 sigma_px], default sigma_px / 2. ``margin_sigmas``:
     travel past the monitor's edge, 0 to 10, default 2. ``peak``: radiance, in (0, 1], default 1.
     """
 
@@ -61,14 +61,14 @@ class Sweep:
 
 @dataclasses.dataclass(frozen=True)
 class Solid(_Value):
-    """One colour on the whole monitor, with and without the object."""
+    """One colour on the whole monitor; captured with and without the object."""
 
     colour: Colour
 
 
 @dataclasses.dataclass(frozen=True)
 class SquareWaves:
-    """Bars of halving widths, upright and level, each with its complement; 1 to 14 ``levels``, 1 being the widest."""
+    """Vertical and horizontal bars of halving widths, each with its complement; 1 to 14 ``levels``, 1 being the widest."""
 
     levels: int
     first_level: int | None = None
@@ -77,7 +77,7 @@ class SquareWaves:
 
 @dataclasses.dataclass(frozen=True)
 class Fringes(_Value):
-    """Light that varies as a sine along one direction: each period, 2 to 100000 px, at 3 to 32 ``phases`` (default 4)."""
+    """Sinusoids along one direction: each period, 2 to 100000 px, at 3 to 32 ``phases`` (default 4)."""
 
     orientation_deg: float
     period_px: Sequence[float]
@@ -94,9 +94,9 @@ class Ramp:
 
 @dataclasses.dataclass(frozen=True)
 class Photo:
-    """A picture to show behind the object, for comparison only; sRGB unless its ``file`` is OpenEXR.
+    """A picture shown behind the object, for comparison only; sRGB unless ``file`` is OpenEXR.
 
-    ``name``: of its frame in the archive; default: the file's stem.
+    ``name``: name of its frame in the archive; default: the file's stem.
     """
 
     file: str
@@ -105,7 +105,7 @@ class Photo:
 
 @dataclasses.dataclass(frozen=True)
 class CalibrationFrames:
-    """What devices are measured from (method "calibration"): ``of`` is "camera" or "display"."""
+    """Frames for calibrating devices (method "calibration"): ``of`` is "camera" or "display"."""
 
     of: str
     takes: int | None = None
@@ -117,11 +117,11 @@ class Plan(_Value):
     """What a session captures. Change one with ``dataclasses.replace(plan, exposure_ms=[2.0])``.
 
     ``method``: "gaussian", "hierarchical", "fringe", "alpha" or "ramp". ``monitors``: each takes its turn while the
-    others are black; none: every monitor of the rig. ``hold_refreshes``: for which a step stays on screen, 2 to 600,
-    default 2. ``exposure_ms``: 0.01 to 10000, default 4; every step is taken once with each. ``retries``: how often a
+    others are black; none: every monitor of the rig. ``hold_refreshes``: refreshes that a step stays on screen, 2 to 600,
+    default 2. ``exposure_ms``: 0.01 to 10000, default 4; every step is captured once with each. ``retries``: how often a
     step without proof is shown again, 0 to 100, default 10. ``skip_empty_stage``: leaves out the frames without the
-    object: no silhouette is found, every pixel is solved. ``white_every``: white and black again after so many steps, 2
-    to 10000, default never.
+    object; then no silhouette is found, and every pixel is solved. ``white_every``: repeats white and black after this
+    many steps, 2 to 10000, default never.
 
     >>> plan = Plan(
     ...     method="gaussian",
@@ -163,7 +163,7 @@ class Plan(_Value):
 
     @classmethod
     def parse(cls, text: str, name: str = "plan") -> Plan:
-        """The plan that a .txtpb file's text describes. InvalidInput names the line, as one of the file ``name``."""
+        """Parses the text of a .txtpb file. InvalidInput names ``name`` and the line."""
         try:
             message = text_format.Parse(text, plan_pb2.Plan())
         except text_format.ParseError as error:
@@ -171,26 +171,26 @@ class Plan(_Value):
         return cls.from_message(message)
 
     def text(self) -> str:
-        """The plan as a .txtpb file's text."""
+        """The plan as the text of a .txtpb file."""
         return str(text_format.MessageToString(self.to_message()))
 
     def write(self, path: str | os.PathLike[str]) -> None:
-        """Writes a .txtpb file, for ``glasswing capture`` too."""
+        """Writes a .txtpb file, which ``glasswing capture`` reads, too."""
         pathlib.Path(path).write_text(self.text(), encoding="utf-8")
 
     @classmethod
     def from_message(cls, message: plan_pb2.Plan) -> Plan:
-        """The plan that a message of the wire holds."""
+        """Converts a wire message."""
         return typing.cast(Plan, _value_of(cls, message))
 
     def to_message(self) -> plan_pb2.Plan:
-        """The plan as a message of the wire. InvalidInput: a value is not even of the right type."""
+        """The plan as a wire message. InvalidInput: a value has the wrong type."""
         message = plan_pb2.Plan()
         _fill(message, self, "")
         return message
 
 
-# The classes above have the fields of the messages, of the same names; a tuple stands for a repeated field.
+# The classes above have the messages' fields under the same names; tuples are repeated fields.
 
 
 def _fill(message: typing.Any, value: typing.Any, path: str) -> None:
@@ -236,7 +236,7 @@ def _class_in(hint: typing.Any) -> type:
 
 
 def _zeros(cls: type, message: typing.Any) -> dict[str, typing.Any]:
-    """What the wire leaves out because it is 0 or empty, of the fields without a default."""
+    """Fields without a default that the wire leaves out because they are 0 or empty."""
     required = [f.name for f in dataclasses.fields(cls) if f.default is dataclasses.MISSING]
     found = {name: getattr(message, name) for name in required}
     return {name: part if isinstance(part, (str, int, float)) else tuple(part) for name, part in found.items()}

@@ -1,4 +1,4 @@
-"""The rig as its server knows it: nodes, sessions, new captures, and who holds it."""
+"""The rig as its server knows it: nodes, sessions, new captures, and its holder."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from glasswing.fleet import Fleet
 from glasswing.plan import Plan
 from glasswing.session import Session, SessionInfo, State
 from glasswing.settings import load_settings
-from glasswing.v1 import archive_pb2, fleet_service_pb2, node_service_pb2, plan_pb2, rig_service_pb2
+from glasswing.v1 import archive_pb2, fleet_service_pb2, node_service_pb2, plan_pb2, rig_service_pb2, session_pb2
 from glasswing.v1 import session_service_pb2 as pb
 from glasswing.v1.fleet_service_pb2_grpc import FleetServiceStub
 from glasswing.v1.node_service_pb2_grpc import NodeServiceStub
@@ -32,7 +32,7 @@ from glasswing.v1.session_service_pb2_grpc import SessionServiceStub
 
 
 class NodeKind(enum.Enum):
-    """What a node does."""
+    """The kind of a node."""
 
     DISPLAY = node_service_pb2.NODE_KIND_DISPLAY
     CAMERA = node_service_pb2.NODE_KIND_CAMERA
@@ -41,7 +41,7 @@ class NodeKind(enum.Enum):
 
 @dataclasses.dataclass(frozen=True)
 class Node:
-    """A program that belongs to the rig. ``up``: it was heard of in the last five seconds."""
+    """A program of the rig. ``up``: it was seen in the last five seconds."""
 
     kind: NodeKind
     name: str
@@ -54,7 +54,7 @@ class Node:
 
 @dataclasses.dataclass(frozen=True)
 class Holder:
-    """Who drives the rig now. ``client``: "anna@lab3", or empty; ``what``: "session vase", or a hold's reason."""
+    """The rig's present holder. ``client``: "anna@lab3", or empty; ``what``: "session vase", or a hold's reason."""
 
     client: str
     what: str
@@ -63,7 +63,7 @@ class Holder:
 
 @dataclasses.dataclass(frozen=True)
 class Monitor:
-    """A monitor: what its patterns measure (an id patch of ``patch_rows`` lies below them)."""
+    """A monitor: the size of its patterns, without the id patch of ``patch_rows`` rows below them."""
 
     name: str
     width_px: int
@@ -74,7 +74,7 @@ class Monitor:
 
     @classmethod
     def from_message(cls, message: archive_pb2.Monitor) -> Monitor:
-        """What a message of the wire says."""
+        """Converts a wire message."""
         return cls(
             message.name, message.width_px, message.height_px, message.refresh_hz, message.patch_rows, message.bits
         )
@@ -82,16 +82,16 @@ class Monitor:
 
 @dataclasses.dataclass(frozen=True)
 class Estimate:
-    """What a capture would cost, nothing retaken. The three about the video are counted in the others, too."""
+    """What a capture would cost without retakes. The totals include the video."""
 
     steps: int
     steps_without_object: int
     seconds: float
-    """Of showing."""
+    """Duration of the capture."""
     bytes: int
-    """Of frames."""
+    """Size of the frames."""
     free_bytes: int
-    """Where they would be kept."""
+    """Free space at the node that would store them."""
     monitors: tuple[Monitor, ...]
     camera_width_px: int
     camera_height_px: int
@@ -99,9 +99,9 @@ class Estimate:
     video_seconds: float
     video_bytes: int
     holder: Holder | None
-    """Who has the rig now; None: it is free."""
+    """The rig's present holder; None: it is free."""
     warnings: tuple[str, ...]
-    """For people: what would make the capture less sure than it could be."""
+    """For people: what would make the capture less reliable."""
 
 
 def connect(
@@ -112,14 +112,14 @@ def connect(
     key: str | os.PathLike[str] | None = None,
     timeout: float = 10.0,
 ) -> Rig:
-    """Connects to a glasswing-server, and asks it something to see that it answers.
+    """Connects to a glasswing-server and checks that it answers.
 
     ``server``: "host:port". ``ca``: PEM file of the authority that signed the server's certificate; with it the
-    connection is encrypted. ``certificate``, ``key``: PEM files of this client's own, for a server that asks for them.
-    What is left out comes from the environment and the file that the command line reads too (``glasswing.settings``);
-    without any, 127.0.0.1:7440. ``timeout``: seconds that an ordinary call may take.
+    connection is encrypted. ``certificate``, ``key``: PEM files of this client, for a server that authenticates callers.
+    Arguments that are left out come from the environment and the configuration file, as for the command line
+    (``glasswing.settings``); the default server is 127.0.0.1:7440. ``timeout``: limit of an ordinary call, in seconds.
 
-    InvalidInput: another machine than this one without ``ca``, or files that are no PEM. Unavailable: it does not answer.
+    InvalidInput: another machine without ``ca``, or files that are not PEM. Unavailable: the server does not answer.
     """
     rig = Rig(Connection(load_settings(server, ca, certificate, key), timeout))
     try:
@@ -131,7 +131,7 @@ def connect(
 
 
 class Rig:
-    """A server and the rig it drives; ``connect()`` makes one. Leaving its ``with`` block ends the connection only."""
+    """A server and its rig; ``connect()`` makes one. Leaving the ``with`` block only closes the connection."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
@@ -149,25 +149,25 @@ class Rig:
         self.close()
 
     def close(self) -> None:
-        """Ends the connection. What the server does goes on."""
+        """Closes the connection. Captures and solves go on."""
         self._connection.close()
 
     def nodes(self) -> list[Node]:
-        """Every node that belongs to the rig, those that are away too."""
+        """All nodes of the rig, including those that are away."""
         return [
             Node(NodeKind(node.kind), node.name, node.address, node.version, node.up, node.detail)
             for node in self._list_nodes().nodes
         ]
 
     def fleet(self) -> Fleet:
-        """Who solves, what, and how fast; and what is still to be solved."""
+        """The solvers with their work and speed, and the solves that are not done."""
         answer: fleet_service_pb2.GetFleetResponse = self._connection.call(
             self._fleet.GetFleet, fleet_service_pb2.GetFleetRequest()
         )
         return Fleet.from_message(answer)
 
     def holder(self) -> Holder | None:
-        """Who drives the rig now; None: it is free."""
+        """The rig's present holder; None: it is free."""
         return _holder(self._list_nodes())
 
     def sessions(
@@ -179,10 +179,10 @@ class Rig:
         since: datetime.datetime | None = None,
         before: datetime.datetime | None = None,
     ) -> list[Session]:
-        """The sessions that all of these hold for, newest first.
+        """The sessions that match all conditions, newest first.
 
-        ``text``: in name, note, a tag or the reason, whatever the case. ``tags``: has all of them. ``states``: is in one of
-        them. ``since``, ``before``: when it was created; a time without a zone is local.
+        ``text``: occurs in the name, the note, a tag or the reason, ignoring case. ``tags``: all of them. ``states``: one of
+        them. ``since``, ``before``: limits of the creation time; a time without a zone is local.
         """
         request = pb.ListSessionsRequest(
             text=text,
@@ -202,15 +202,15 @@ class Rig:
         return self._session(answer.session)
 
     def estimate(self, plan: Plan, name: str = "") -> Estimate:
-        """A dry run: checks what ``capture`` would, shows nothing, and says what it costs. The same errors."""
+        """A dry run: checks what ``capture`` would, with the same errors, and returns the cost."""
         return self._estimate(plan.to_message(), name)
 
     def capture(self, plan: Plan, name: str = "") -> Session:
-        """Starts a capture, and returns at once; the server chooses a ``name`` if none is given.
+        """Starts a capture and returns at once; the server chooses a ``name`` if none is given.
 
-        The plan's photos are read and sent, scaled to the first monitor. InvalidInput: the plan or the name, naming the
-        field; AlreadyExists: the name is taken; Refused: somebody has the rig, or it lacks what the plan needs;
-        Unavailable: a node is away.
+        The plan's photos are scaled to the first monitor and uploaded. InvalidInput: the plan or the name is wrong; the
+        message names the field. AlreadyExists: the name is taken. Refused: another client holds the rig, or it lacks what
+        the plan needs. Unavailable: a node is away.
         """
         message = plan.to_message()
         self._upload_photos(message)
@@ -218,17 +218,17 @@ class Rig:
         create = self._sessions.CreateSession
         try:
             answer: pb.CreateSessionResponse = self._connection.call(create, request, LONG_CALL_SECONDS)
-        except TimedOut:  # the request id makes asking again safe when only the answer was lost
+        except TimedOut:  # the request id makes a retry safe if only the answer was lost
             answer = self._connection.call(create, request, LONG_CALL_SECONDS)
         return self._session(answer.session)
 
     @contextlib.contextmanager
     def hold(self, reason: str) -> Iterator[None]:
-        """Keeps the rig for this object, between sessions too, for as long as the block lasts.
+        """Holds the rig for this object while the block runs, also between sessions.
 
-        ``reason`` is told to whoever else wants the rig ("turntable series"), 1 to 200 bytes. Refused names who has it.
-        If the server is lost meanwhile, so is the hold: every call then raises ``Unavailable``. A program that was started
-        under a hold (GLASSWING_HOLD is its token) goes on under that one.
+        ``reason``, 1 to 200 bytes, is shown to other clients ("turntable series"). Refused names the rig's holder. If the
+        server is lost, so is the hold: every later call raises ``Unavailable``. A program started under a hold
+        (GLASSWING_HOLD is its token) uses that one.
         """
         held = self._connection.hold
         if held is not None and held.call is not None:
@@ -252,7 +252,7 @@ class Rig:
             self._wait_until_freed(reason)
 
     def upload(self, picture: pictures.Picture) -> str:
-        """Stores a picture (linear, H x W x 3) for plans, and returns the name by which a ``Photo.file`` may call it."""
+        """Uploads a picture (linear, H x W x 3) for plans and returns its name, for ``Photo.file``."""
         png = pictures.encode_png16(picture)
         chunks = (pb.UploadImageRequest(chunk=png[at : at + CHUNK_BYTES]) for at in range(0, len(png), CHUNK_BYTES))
         answer: pb.UploadImageResponse = self._connection.call(
@@ -260,11 +260,11 @@ class Rig:
         )
         return answer.image
 
-    def _session(self, message: pb.Session) -> Session:
+    def _session(self, message: session_pb2.Session) -> Session:
         return Session(self._connection, SessionInfo.from_message(message))
 
     def _wait_until_freed(self, reason: str) -> None:
-        """The server learns of the call's end a little later; what comes next shall find the rig free."""
+        """Waits until the server has noticed the end of the call, so that the next call finds the rig free."""
         ends = time.monotonic() + self._connection.timeout
         with contextlib.suppress(Error):  # a server that is gone holds nothing
             while time.monotonic() < ends and (holder := self.holder()) is not None and holder.what == reason:
@@ -297,7 +297,7 @@ class Rig:
         )
 
     def _upload_photos(self, plan: plan_pb2.Plan) -> None:
-        """Puts the uploaded pictures into the plan in place of the files' names."""
+        """Uploads the plan's photos and replaces their file names by the names of the uploads."""
         if not plan.photos:
             return
         monitors = self._estimate(plan, "").monitors
@@ -317,7 +317,7 @@ def _holder(message: Any) -> Holder | None:
     return Holder(holder.client, holder.what, since)
 
 
-def _rfc3339(moment: datetime.datetime | None) -> str:
-    if moment is None:
+def _rfc3339(time_: datetime.datetime | None) -> str:
+    if time_ is None:
         return ""
-    return moment.astimezone(datetime.timezone.utc).isoformat(timespec="microseconds").replace("+00:00", "Z")
+    return time_.astimezone(datetime.timezone.utc).isoformat(timespec="microseconds").replace("+00:00", "Z")

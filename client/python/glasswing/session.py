@@ -1,4 +1,4 @@
-"""Sessions: a capture, its frames, and the matte that was made of them."""
+"""Sessions: a capture, its frames, and the matte solved from them."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from glasswing.connection import LONG_CALL_SECONDS, Connection
 from glasswing.errors import Error, TimedOut
 from glasswing.matte import Matte
 from glasswing.plan import Plan
+from glasswing.v1 import session_pb2
 from glasswing.v1 import session_service_pb2 as pb
 from glasswing.v1.session_service_pb2_grpc import SessionServiceStub
 
@@ -22,26 +23,39 @@ _FETCH_SECONDS = 600.0
 
 
 class State(enum.Enum):
-    """Where a session stands. It rests in all but CREATED, CAPTURING and SOLVING."""
+    """The state of a session."""
 
-    CREATED = pb.SESSION_STATE_CREATED
-    CAPTURING = pb.SESSION_STATE_CAPTURING
-    PAUSED = pb.SESSION_STATE_PAUSED
-    CAPTURED = pb.SESSION_STATE_CAPTURED
-    SOLVING = pb.SESSION_STATE_SOLVING
-    DONE = pb.SESSION_STATE_DONE
-    FAILED = pb.SESSION_STATE_FAILED
-    CANCELLED = pb.SESSION_STATE_CANCELLED
+    CREATED = session_pb2.SESSION_STATE_CREATED
+    CAPTURING = session_pb2.SESSION_STATE_CAPTURING
+    PAUSED = session_pb2.SESSION_STATE_PAUSED
+    CAPTURED = session_pb2.SESSION_STATE_CAPTURED
+    SOLVING = session_pb2.SESSION_STATE_SOLVING
+    DONE = session_pb2.SESSION_STATE_DONE
+    FAILED = session_pb2.SESSION_STATE_FAILED
+    CANCELLED = session_pb2.SESSION_STATE_CANCELLED
 
     @property
     def rests(self) -> bool:
-        """Nothing more happens by itself."""
+        """True if the session stays in this state until somebody acts."""
         return self not in (State.CREATED, State.CAPTURING, State.SOLVING)
+
+
+class Action(enum.Enum):
+    """A call that a session's state may allow. RETRY is ``resume()`` of a failed session."""
+
+    PAUSE = session_pb2.SESSION_ACTION_PAUSE
+    RESUME = session_pb2.SESSION_ACTION_RESUME
+    RETRY = session_pb2.SESSION_ACTION_RETRY
+    CANCEL = session_pb2.SESSION_ACTION_CANCEL
+    SOLVE = session_pb2.SESSION_ACTION_SOLVE
+    FETCH = session_pb2.SESSION_ACTION_FETCH
+    REPLICATE = session_pb2.SESSION_ACTION_REPLICATE
+    DELETE = session_pb2.SESSION_ACTION_DELETE
 
 
 @dataclasses.dataclass(frozen=True)
 class UnprovenStep:
-    """A step that a failed capture got no proof for."""
+    """A step of a failed capture without proof."""
 
     step: int
     what: str
@@ -49,10 +63,10 @@ class UnprovenStep:
 
 @dataclasses.dataclass(frozen=True)
 class SessionInfo:
-    """What is known of a session at one moment; an event of ``Session.events()`` is one of these.
+    """A snapshot of a session, also the type of the events of ``Session.events()``.
 
-    Counts of steps are those of the expanded plan; ``tiles`` are those of the newest solve, and ``frames`` those of a video
-    (0: the session has one matte). ``plan`` is None where sessions were listed.
+    Steps are those of the expanded plan, ``tiles`` those of the newest solve, and ``frames`` those of a video (0: the
+    session has one matte). ``plan`` is None in lists of sessions.
     """
 
     name: str
@@ -60,7 +74,7 @@ class SessionInfo:
     reason: str
     """Why it is paused or failed, and what to do; else empty."""
     warning: str
-    """What makes the capture less sure than it could be; else empty."""
+    """What makes the capture less reliable; else empty."""
     created: datetime.datetime
     started_by: str
     note: str
@@ -69,16 +83,16 @@ class SessionInfo:
     steps: int
     steps_proven: int
     steps_proven_by_patch: int
-    """Of the proven ones: by the id patch too."""
+    """Those of them proven by the id patch, too."""
     steps_retaken: int
     """Steps shown again."""
     frames_refused: int
-    """Frames right by time whose pixels showed another id."""
+    """Frames that were on time but showed another id."""
     unproven: tuple[UnprovenStep, ...]
     frames_taken: int
-    """By the camera, kept or not."""
+    """Frames of the camera, kept or not."""
     capture_seconds: float
-    """Of showing and recording, without pauses."""
+    """Time spent capturing, without pauses."""
     archive_bytes: int
     method: str
     options: Mapping[str, str]
@@ -86,22 +100,24 @@ class SessionInfo:
     tiles_done: int
     solve_seconds: float
     matte_ready: bool
-    """A matte can be fetched: that of the last solve that was finished."""
+    """True if a matte can be fetched: that of the last finished solve."""
     pixels: int
     object_pixels: int
-    """Inside the silhouette, once solved."""
+    """Pixels inside the silhouette, once solved."""
     flagged_pixels: int
-    """Of those, not to be trusted."""
+    """Unreliable pixels among them."""
     frames: int
     lost_frames: tuple[int, ...]
     solved_frames: tuple[int, ...]
     refused_frames: tuple[int, ...]
     refusal: str
-    """Why no matte can be made of one of the refused frames; else empty."""
+    """Why one of the refused frames cannot be solved; else empty."""
+    allowed_actions: frozenset[Action]
+    """The calls that the server would accept now."""
 
     @classmethod
-    def from_message(cls, message: pb.Session) -> SessionInfo:
-        """What a message of the wire says."""
+    def from_message(cls, message: session_pb2.Session) -> SessionInfo:
+        """Converts a wire message."""
         return cls(
             name=message.name,
             state=State(message.state),
@@ -135,6 +151,7 @@ class SessionInfo:
             solved_frames=tuple(message.solved_frames),
             refused_frames=tuple(message.refused_frames),
             refusal=message.refusal,
+            allowed_actions=frozenset(map(Action, message.allowed_actions)),
         )
 
     def __str__(self) -> str:
@@ -149,7 +166,7 @@ class SessionInfo:
 
 
 class Stopped(Error):
-    """A session came to rest otherwise than was waited for: paused, failed or cancelled. ``info`` says how it stands."""
+    """The session was paused, failed or was cancelled while it was waited for; ``info`` has its state."""
 
     def __init__(self, info: SessionInfo) -> None:
         super().__init__(str(info))
@@ -157,10 +174,10 @@ class Stopped(Error):
 
 
 class Session:
-    """A session on the server. ``info`` is what was last heard of it; ``refresh()`` asks again.
+    """A session on the server. ``info`` is its latest known state; ``refresh()`` updates it.
 
-    Every method raises ``NotFound`` once the session is deleted, and ``Refused`` where its state does not allow what was
-    asked for. Asking for what is already so is no error.
+    Every method raises ``NotFound`` once the session is deleted, and ``Refused`` if its state does not allow the call.
+    Asking for the state that it already has is not an error.
     """
 
     def __init__(self, connection: Connection, info: SessionInfo) -> None:
@@ -173,22 +190,22 @@ class Session:
 
     @property
     def name(self) -> str:
-        """Its name on the server."""
+        """The session's name."""
         return self.info.name
 
     def refresh(self) -> SessionInfo:
-        """Asks the server how the session stands."""
+        """Asks the server for the session's state."""
         return self._ask(self._stub.GetSession, pb.GetSessionRequest(name=self.name), 0.0)
 
     def events(self) -> Iterator[SessionInfo]:
-        """The session now and after every change, until it rests. Breaking off the loop leaves the session alone."""
+        """Yields the session now and after every change, until it rests. Leaving the loop does not affect the session."""
         return self._events(None)
 
     def wait(self, timeout: float | None = None) -> SessionInfo:
-        """Waits until the session is captured or done, as it was told to be.
+        """Waits until the session is captured or done.
 
-        ``Stopped`` if it comes to rest otherwise (a session paused for somebody to place the object can be resumed and
-        waited for again), ``TimedOut`` after ``timeout`` seconds.
+        Raises ``Stopped`` if it rests in another state (a session that paused until the object is placed can be resumed and
+        waited for again), and ``TimedOut`` after ``timeout`` seconds.
         """
         for _ in self._events(timeout):
             pass
@@ -197,13 +214,13 @@ class Session:
         return self.info
 
     def pause(self) -> SessionInfo:
-        """Stops showing and recording; what was proven stays."""
+        """Stops the capture or solve; proven steps and solved tiles are kept."""
         return self._ask(self._stub.PauseSession, pb.PauseSessionRequest(name=self.name))
 
     def resume(self, retries: int | None = None) -> SessionInfo:
-        """Goes on with a paused session, or with the steps that a failed one got no proof for.
+        """Continues a paused session, or retries what failed in a failed one.
 
-        ``retries``: how often a step may be shown again from now on; the plan's if left out.
+        ``retries``: how often a step may be shown again from now on; default: the plan's.
         """
         return self._ask(self._stub.ResumeSession, pb.ResumeSessionRequest(name=self.name, retries=retries))
 
@@ -212,11 +229,10 @@ class Session:
         return self._ask(self._stub.CancelSession, pb.CancelSessionRequest(name=self.name))
 
     def solve(self, method: str = "", options: Mapping[str, object] | None = None) -> SessionInfo:
-        """Hands the captured frames to the solvers; ``wait()`` or ``events()`` tell when they are done.
+        """Starts a solve of the captured frames; ``wait()`` and ``events()`` follow it.
 
-        ``method``: the plan's if left out. ``options``: those of the method, such as ``{"images": 100}``; docs/methods.md
-        tells them. The matte of an earlier solve can be fetched until this one is done. InvalidInput: a method or
-        option that is not known.
+        ``method``: default: the plan's. ``options``: the method's options, such as ``{"images": 100}`` (docs/methods.md).
+        The matte of the previous solve can be fetched until this one is done. InvalidInput: an unknown method or option.
         """
         text = {key: str(value) for key, value in (options or {}).items()}
         return self._ask(
@@ -235,7 +251,7 @@ class Session:
     def delete(self) -> int:
         """Removes the session, its frames and its mattes for good, and returns how many bytes became free.
 
-        Refused: it is being captured, imported or solved. Unavailable: the node that holds its frames is away; nothing was
+        Refused: it is being captured, imported or solved. Unavailable: the node with its frames is away; nothing was
         removed.
         """
         request = pb.DeleteSessionRequest(name=self.name)
@@ -245,11 +261,11 @@ class Session:
         return answer.freed_bytes
 
     def fetch(self, frame: int | None = None) -> Matte:
-        """The finished matte; of a video that of one ``frame``, from 0. Refused: it is not solved."""
+        """Fetches the finished matte, or that of one ``frame`` of a video, counted from 0. Refused: it is not solved."""
         return Matte.from_bytes(self._matte_bytes(frame))
 
     def download(self, path: str | os.PathLike[str], frame: int | None = None) -> Matte:
-        """As ``fetch``, and keeps the matte's file (OpenEXR, docs/matte.md) at ``path``."""
+        """Like ``fetch``, and also writes the matte's file (OpenEXR, docs/matte.md) to ``path``."""
         content = self._matte_bytes(frame)
         matte = Matte.from_bytes(content)
         final = pathlib.Path(path)
@@ -275,7 +291,7 @@ class Session:
         ends = None if timeout is None else time.monotonic() + timeout
         last: SessionInfo | None = None
         while True:
-            # The watch is renewed, so that a server that hangs is noticed.
+            # The watch is renewed, so that a hanging server is noticed.
             left = LONG_CALL_SECONDS if ends is None else min(LONG_CALL_SECONDS, max(ends - time.monotonic(), 0.0))
             heard = False
             try:
@@ -286,10 +302,9 @@ class Session:
                     if self.info != last:
                         last = self.info
                         yield self.info
+                return  # the server ends the stream when the session rests
             except TimedOut:
                 if ends is not None and time.monotonic() >= ends:
                     raise TimedOut(f"{self.info} after {timeout:g} s") from None
                 if not heard:
                     raise
-            if heard and self.info.state.rests:
-                return

@@ -1,8 +1,8 @@
-"""Which server to ask, and how to prove who asks: the settings that the command line has, too.
+"""The server's address and the client's certificates: the same settings as the command line's.
 
-A setting is what the caller gives, else its environment variable (GLASSWING_SERVER, GLASSWING_CA, GLASSWING_CERTIFICATE,
-GLASSWING_KEY), else what the configuration file says, else the default. The file is the one that GLASSWING_CONFIG names, or
-~/.config/glasswing/config.toml if it is there:
+A setting is taken from the caller, its environment variable (GLASSWING_SERVER, GLASSWING_CA, GLASSWING_CERTIFICATE,
+GLASSWING_KEY), the configuration file, or the default, in this order. The file is the one that GLASSWING_CONFIG names, or
+~/.config/glasswing/config.toml if it exists:
 
     server = "rig.example.org:7440"
     ca = "rig-ca.pem"              # relative to the file's directory
@@ -20,12 +20,12 @@ import tomllib
 from glasswing.errors import InvalidInput, NotFound
 
 _DEFAULT_SERVER = "127.0.0.1:7440"
-_KEYS = ("server", "ca", "certificate", "key", "color")  # the last one is the command line's
+_KEYS = ("server", "ca", "certificate", "key", "color")  # color is for the command line only
 
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
-    """Where a connection goes and the PEM files it uses; ``ca`` None: it is not encrypted."""
+    """A connection's server and PEM files; without ``ca`` it is not encrypted."""
 
     server: str
     ca: pathlib.Path | None
@@ -39,7 +39,7 @@ def load_settings(
     certificate: str | os.PathLike[str] | None,
     key: str | os.PathLike[str] | None,
 ) -> Settings:
-    """The settings in force. InvalidInput names the file and what is wrong with it; NotFound: it was asked for."""
+    """The settings in force. InvalidInput names the wrong file. NotFound: the file that GLASSWING_CONFIG names is missing."""
     in_file = _read_file()
 
     def chosen(name: str, given: str | os.PathLike[str] | None) -> str:

@@ -7,14 +7,14 @@ export interface Me {
   expires?: string;
 }
 
-/** Who is logged in: null nobody, undefined not known yet. */
+/** The logged-in user; null: nobody; undefined: not known yet. */
 export const me = signal<Me | null | undefined>(undefined);
-/** Since when the server has not answered this page; null: it does. */
+/** Since when the server does not answer; null: it does. */
 export const silentSince = signal<Date | null>(null);
-/** Viewers are shown no control that would be refused. */
+/** Viewers see no controls that the server would refuse. */
 export const mayOperate = computed(() => me.value?.role === "operator");
 
-/** What the server answered in place of what was asked for; `code` is gRPC's name of it. */
+/** An error that the server answered; `code` is gRPC's name of the status. */
 export class ApiError extends Error {
   constructor(
     readonly code: string,
@@ -25,7 +25,7 @@ export class ApiError extends Error {
 }
 
 export interface CallOptions {
-  /** The camera or display that is asked; without it the server. */
+  /** The camera or display to call; default: the server. */
   node?: string;
   signal?: AbortSignal;
 }
@@ -49,7 +49,7 @@ function unanswered(): ApiError {
   return new ApiError("UNAVAILABLE", "the server does not answer");
 }
 
-/** fetch() whose failures are ApiErrors: UNAVAILABLE where no answer came. */
+/** fetch() whose failures are ApiErrors; UNAVAILABLE: no answer came. */
 export async function ask(path: string, init: RequestInit = {}): Promise<Response> {
   const headers = { "X-Glasswing": "console", ...(init.headers as Record<string, string> | undefined) };
   const response = await fetch(path, { ...init, headers }).catch((error: unknown) => {
@@ -80,7 +80,7 @@ export async function call<Answer>(
   return (await (await post(method, request, options)).json()) as Answer;
 }
 
-/** The messages of a method that streams its answers. Ending the loop, or options.signal, cancels the call. */
+/** Yields the messages of a streaming method. Leaving the loop, or options.signal, cancels the call. */
 export async function* stream<Answer>(
   method: string,
   request: object = {},
@@ -99,7 +99,7 @@ export async function* stream<Answer>(
   throw unanswered();
 }
 
-// A stream says that it is alive every five seconds; one that does not is as good as gone.
+// The server sends a keep-alive every five seconds; a longer silence means that the stream is lost.
 const kMaxSilence_ms = 20_000;
 
 async function soon<T>(reading: Promise<T>): Promise<T> {
@@ -115,7 +115,7 @@ interface ServerEvent {
   data: string;
 }
 
-/** Server-sent events, comments left out. */
+/** Parses server-sent events; comments are skipped. */
 export async function* events(body: ReadableStream<Uint8Array<ArrayBuffer>>): AsyncGenerator<ServerEvent> {
   const reader = body.pipeThrough(new TextDecoderStream()).getReader();
   try {
@@ -155,12 +155,12 @@ export async function logout(): Promise<void> {
   me.value = null;
 }
 
-/** Of a link that logs in at once, "#token=...". */
+/** The token of a login link, "#token=...". */
 export function tokenIn(hash: string): string | undefined {
   return /^#token=(.+)$/.exec(hash)?.[1];
 }
 
-/** Takes a token from the address (and out of it), else asks who the browser already is. */
+/** Logs in with the token in the address and removes it from there; without one, asks who is logged in. */
 export async function begin(): Promise<void> {
   const token = tokenIn(location.hash);
   if (token !== undefined) {

@@ -18,7 +18,7 @@ addEventListener("hashchange", () => (route.value = pathOf(location.hash)));
 
 const kAskAgain_ms = 1000;
 
-/** Who is there, now and whenever a link with a token is opened. */
+/** Logs in at the start and whenever a link with a token is opened; returns the error if it fails. */
 function useLogin(): unknown {
   const [error, setError] = useState<unknown>();
   useEffect(() => {
@@ -59,7 +59,7 @@ function Navigation({ now }: { now: string }) {
         href="#main"
         onClick={(event) => (event.preventDefault(), document.getElementById("main")?.focus())}
       >
-        To the page
+        Skip to the content
       </a>
       <nav aria-label="Pages">
         {kPages.map(({ name, title }) => (
@@ -69,7 +69,7 @@ function Navigation({ now }: { now: string }) {
         ))}
       </nav>
       <span class="spacer" />
-      <button class="quiet" onClick={nextTheme} title="Light, dark, or as the system has it">
+      <button class="quiet" onClick={nextTheme} title="Light, dark, or the system's">
         Theme: {theme.value}
       </button>
       {me.value && (
@@ -89,7 +89,7 @@ export function App() {
   const error = useLogin();
   const [name = kPages[0]!.name, ...path] = route.value;
   const page = kPages.find((each) => each.name === name);
-  useEffect(() => void page?.load(), [page]); // while the server says who is there
+  useEffect(() => void page?.load(), [page]); // preloads while the login is checked
   if (me.value === undefined) return <Silence />;
   return (
     <>

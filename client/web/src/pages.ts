@@ -1,7 +1,7 @@
-// The console's pages. Each is loaded when it is first looked at.
+// The console's pages. Each is loaded when it is first opened.
 import type { ComponentType } from "preact";
 
-/** `path`: what stands in the address after the page's own name. */
+/** `path`: the address after the page's name. */
 export interface PageProps {
   path: string[];
 }

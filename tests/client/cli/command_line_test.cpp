@@ -1,4 +1,4 @@
-// What the whole tree of commands has: words for people, pages, completion.
+// Properties of the whole tree of commands: descriptions, manual pages, completion.
 #include <cstdio>
 #include <fstream>
 
@@ -17,7 +17,7 @@ class CommandLine : public ScratchTest {
  protected:
   CommandLine() { add_commands(app_, client_, config_); }
 
-  // All commands, with their names: "plan check".
+  // Visits all commands with their full names: "plan check".
   static void visit(const CLI::App& app, const std::string& above,
                     const std::function<void(const CLI::App&, const std::string&)>& each) {
     for (const CLI::App* command : subcommands_of(app)) {
@@ -25,7 +25,7 @@ class CommandLine : public ScratchTest {
       visit(*command, above + command->get_name() + " ", each);
     }
   }
-  // Its standard output; nothing of its errors.
+  // The command's output, with its errors.
   static std::string output_of(const std::string& shell_command) {
     std::string text;
     FILE* const pipe = ::popen((shell_command + " 2>&1").c_str(), "r");
@@ -79,7 +79,7 @@ TEST_F(CommandLine, ManualPagesAreGoodTroff) {
     EXPECT_EQ(output_of("for page in " + pages + "; do man --warnings -l \"$page\" >/dev/null; done"), "");
   }
   if (!has("mandoc")) GTEST_SKIP() << "mandoc, which checks the pages, is not installed";
-  // STYLE speaks of taste only.
+  // Messages below warnings are matters of style.
   EXPECT_EQ(output_of("mandoc -T lint -W warning " + directory + "/*"), "");
 }
 
@@ -99,16 +99,16 @@ class Completion : public CommandLine {
     std::filesystem::create_directories(scratch_ / "views");
   }
 
-  // What bash offers for this line, one space between.
+  // The candidates that bash offers for this line, separated by spaces.
   std::string bash(const std::string& line) {
-    const std::string script = write("glasswing.bash", bash_completion(app_));
+    const std::string script = write("glasswing.bash", std::string(completion_script("bash")));
     const std::string words = output_of("cd " + scratch_.string() + " && bash -c 'source " + script +
                                         "; COMP_LINE=$1 COMP_POINT=${#1} " + "COMP_WORDS=(" + program_path() +
                                         "); _glasswing; echo \"${COMPREPLY[@]}\"' - '" + line + "'");
     return words.substr(0, words.find('\n'));
   }
   std::string fish(const std::string& line) {
-    const std::string script = write("glasswing.fish", fish_completion(app_));
+    const std::string script = write("glasswing.fish", std::string(completion_script("fish")));
     return output_of("cd " + scratch_.string() +
                      " && PATH=" + std::filesystem::absolute(program_path()).parent_path().string() +
                      ":$PATH GLASSWING_SERVER=" + host_->address() + " HOME=" + scratch_.string() +
@@ -118,6 +118,21 @@ class Completion : public CommandLine {
 
   std::unique_ptr<ServiceHost> host_;
 };
+
+TEST_F(Completion, CandidatesComeFromTheCommandLineItself) {
+  const auto candidates = [](std::vector<std::string> words) {
+    words.insert(words.begin(), {"__complete", "--"});
+    return run_glasswing(words).out;
+  };
+  EXPECT_TRUE(candidates({"plan", "c"}).starts_with("check\tCheck a plan"));
+  EXPECT_EQ(candidates({"composite", "--format", ""}), "exr\npng\ntif\n");
+  EXPECT_EQ(candidates({"composite", "--format=t"}), "tif\n");
+  EXPECT_EQ(candidates({"composite", ""}), ":FILE\n");
+  EXPECT_EQ(candidates({"import", "v", "--archive="}), ":DIR\n");
+  EXPECT_EQ(candidates({"--server", host_->address(), "delete", "vase", "v"}), "vase\nvessel\n");
+  EXPECT_EQ(candidates({"--server", host_->address(), "show", "vase", ""}), "");
+  EXPECT_EQ(candidates({"nodes", "--nothing="}), "");
+}
 
 TEST_F(Completion, BashOffersWhatMayFollow) {
   if (!has("bash")) GTEST_SKIP() << "bash is not installed";
@@ -154,10 +169,10 @@ TEST_F(Completion, FishOffersWhatMayFollow) {
   EXPECT_EQ(fish("glasswing composite vas"), "vase.exr");
 }
 
-// Its completion runs only in an interactive shell, so this is one, on a terminal of its own.
+// zsh completes only in an interactive shell, so this runs one on a pseudo-terminal.
 TEST_F(Completion, ZshOffersWhatMayFollow) {
   if (!has("zsh")) GTEST_SKIP() << "zsh is not installed";
-  const std::string script = write("_glasswing", zsh_completion(app_));
+  const std::string script = write("_glasswing", std::string(completion_script("zsh")));
   EXPECT_EQ(output_of("zsh -n " + script), "");
   const std::string driver = write("driver.zsh", R"zsh(
 zmodload zsh/zpty

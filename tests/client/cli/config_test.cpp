@@ -10,7 +10,7 @@ namespace {
 
 using nlohmann::json;
 
-// A home with a configuration file.
+// A home directory with a configuration file.
 class Configuration : public ScratchTest {
  protected:
   Configuration() {
@@ -41,7 +41,7 @@ TEST_F(Configuration, OptionBeforeEnvironmentBeforeFileBeforeDefault) {
   ::setenv("GLASSWING_SERVER", "127.0.0.1:2", 1);
   EXPECT_EQ(settings()["server"], setting("127.0.0.1:2", "GLASSWING_SERVER"));
   EXPECT_EQ(settings({"--server", "127.0.0.1:3"})["server"], setting("127.0.0.1:3", "option"));
-  // What is in force is what is called.
+  // The setting in force is the server that is called.
   expect_one_line_error(run_glasswing({"nodes"}), "server at 127.0.0.1:2 does not answer");
 }
 
@@ -63,7 +63,7 @@ TEST_F(Configuration, ValuesAreWhatStandsBetweenTheQuotes) {
       "color='never'\n");
   EXPECT_EQ(settings()["server"]["value"], "127.0.0.1:1");
   EXPECT_EQ(settings()["color"]["value"], "never");
-  // A file is relative to the configuration's, and may have any name.
+  // Paths are relative to the configuration file, which may have any name.
   write("ca = 'a, b #1.pem'\n");
   const std::filesystem::path ca = file_.parent_path() / "a, b #1.pem";
   expect_one_line_error(run_glasswing({"nodes"}), ca.string());

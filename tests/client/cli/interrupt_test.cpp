@@ -1,4 +1,4 @@
-// Ctrl-C, as a terminal sends it to the program.
+// Ctrl-C, sent to the program as by a terminal.
 #include "client/cli/interrupt.h"
 
 #include <condition_variable>
@@ -18,7 +18,7 @@
 namespace glasswing {
 namespace {
 
-// Says that it was called, and stays until the caller goes.
+// Reports that it was called, and blocks until the caller cancels.
 class Call {
  public:
   grpc::Status stay(grpc::ServerContext* context) {
@@ -47,7 +47,7 @@ class Call {
   bool over_ = false;
 };
 
-// A rig on which everything takes for ever.
+// A rig on which every call blocks.
 class SlowRig : public ScratchTest {
  protected:
   struct Sessions : v1::SessionService::Service {
@@ -96,7 +96,7 @@ class SlowRig : public ScratchTest {
     arguments.insert(arguments.end(), {"--server", host_->address(), "--color", "never"});
     return arguments;
   }
-  // Interrupted once the call has come, it ends by itself and says `words`.
+  // Interrupts the program during the call; it must exit by itself with `words`.
   void expect_broken_off(const std::vector<std::string>& arguments, Call& call, const std::string& words) {
     Process process(with_server(arguments));
     call.wait();

@@ -1,4 +1,4 @@
-// hold, delete, note, tag, retry, sessions and the dry run against a server that remembers.
+// hold, delete, note, tag, retry, sessions and the dry run against a fake server.
 #include <fmt/format.h>
 
 #include <cstdlib>
@@ -23,11 +23,12 @@ struct Sessions final : v1::SessionService::Service {
   std::map<std::string, v1::Session> sessions;
   std::vector<std::string> deleted;
   std::string undeletable;
+  bool allows_actions = true;
   v1::ListSessionsRequest listed;
   v1::AnnotateSessionRequest annotated;
   v1::ResumeSessionRequest resumed;
   v1::EstimateSessionResponse estimate;
-  std::string client, hold;  // who called last
+  std::string client, hold;  // metadata of the last call
 
   grpc::Status GetSession(grpc::ServerContext* context, const v1::GetSessionRequest* request,
                           v1::GetSessionResponse* response) override {
@@ -36,6 +37,12 @@ struct Sessions final : v1::SessionService::Service {
     if (!sessions.contains(request->name()))
       return grpc::Status(grpc::StatusCode::NOT_FOUND, "there is no session " + request->name());
     *response->mutable_session() = sessions[request->name()];
+    if (!allows_actions) return grpc::Status::OK;
+    const v1::SessionState state = response->session().state();
+    if (state == v1::SESSION_STATE_FAILED)
+      response->mutable_session()->add_allowed_actions(v1::SESSION_ACTION_RETRY);
+    if (state != v1::SESSION_STATE_SOLVING)
+      response->mutable_session()->add_allowed_actions(v1::SESSION_ACTION_DELETE);
     return grpc::Status::OK;
   }
   grpc::Status ListSessions(grpc::ServerContext*, const v1::ListSessionsRequest* request,
@@ -138,7 +145,7 @@ TEST_F(LifeCommands, AHoldLastsAsLongAsItsCommandAndEndsAsIt) {
 }
 
 TEST_F(LifeCommands, DeletingIsNeverHalfSilent) {
-  // Standard input of a test is no terminal.
+  // Standard input of a test is not a terminal.
   expect_one_line_error(run({"delete", "a"}), "--yes");
   expect_one_line_error(run({"delete", "a", "nobody", "--yes"}), "no session nobody");
   sessions_.sessions["b"].set_state(v1::SESSION_STATE_SOLVING);
@@ -153,6 +160,16 @@ TEST_F(LifeCommands, DeletingIsNeverHalfSilent) {
   EXPECT_NE(outcome.err.find("session b was not deleted, nor those after it: "), std::string::npos)
       << outcome.err;
   EXPECT_EQ(sessions_.deleted, std::vector<std::string>{"a"});
+}
+
+// The state alone allows nothing: the server says what it would accept.
+TEST_F(LifeCommands, TheServerSaysWhatIsAllowed) {
+  sessions_.allows_actions = false;
+  expect_one_line_error(run({"delete", "a", "--yes"}), "nothing was deleted");
+  EXPECT_TRUE(sessions_.deleted.empty());
+  sessions_.sessions["a"].set_state(v1::SESSION_STATE_FAILED);
+  expect_one_line_error(run({"retry", "a"}), "session a is failed");
+  EXPECT_EQ(sessions_.resumed.name(), "");
 }
 
 TEST_F(LifeCommands, NotesAndTags) {

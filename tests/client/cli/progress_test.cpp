@@ -37,7 +37,7 @@ TEST(TimeLeft, IsCoarseAndNeverTooShort) {
   EXPECT_EQ(left_text(3700.0), "1 h 5 min");
 }
 
-// Progress on a terminal 60 columns wide, or in a log, by a clock that the test turns.
+// Progress on a terminal of 60 columns, or in a log, with a fake clock.
 class ProgressOutput : public testing::Test {
  protected:
   std::string written(bool terminal, const std::function<void()>& work) {
@@ -49,7 +49,7 @@ class ProgressOutput : public testing::Test {
     work();
     ::dup2(before, STDERR_FILENO);
     ::close(before);
-    // What was written waits in the kernel, a few kilobytes; a terminal hands it on in parts.
+    // The output, a few kilobytes, waits in the kernel; a terminal delivers it in parts.
     constexpr char kEnd = '\x01';
     EXPECT_EQ(::write(ends[1], &kEnd, 1), 1);
     std::string text;

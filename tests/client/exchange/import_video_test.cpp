@@ -1,4 +1,4 @@
-// import of videos: sequences of an archive, folders of pictures, video files.
+// Import of videos: sequences of an archive, folders of pictures, video files.
 #include <fmt/format.h>
 
 #include <nlohmann/json.hpp>
@@ -33,7 +33,7 @@ class ImportVideo : public ScratchTest {
     arguments.insert(arguments.end(), {"--session", "s", "--server", server_.address()});
     return run_glasswing(arguments);
   }
-  // First samples of the frames that arrived, with the object or without.
+  // First samples of the imported frames, with the object or without.
   std::vector<int> marks(bool object) const {
     std::vector<int> marks;
     for (const v1::Frame& frame : server_.archive_.manifest.frames()) {
@@ -57,7 +57,7 @@ class ImportSequence : public ImportVideo {
                                      {"image", {{"width", kWidth}, {"height", kHeight}}},
                                      {"sequences", {{"ramp_dark", "no other light"}}}};
     EXPECT_TRUE(write_file_durably(set_ / "manifest.json", manifest.dump()).ok());
-    // More than ten, so that the order of names is not that of numbers.
+    // More than ten, so that the order of names differs from that of numbers.
     for (int i = 0; i < 12; ++i) {
       put(set_ / fmt::format("ramp_dark/{}.png", i), picture(10 + i));
       put(set_ / fmt::format("ramp_light_noise/{:03d}.png", i), picture(40 + i));

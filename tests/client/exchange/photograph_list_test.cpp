@@ -161,7 +161,7 @@ TEST_F(PhotographLists, AnArchiveIsWrittenWithoutAServer) {
     const std::span<const std::uint16_t> rows = archive->rows(frame, 0, kHeight);
     EXPECT_EQ(std::vector<std::uint16_t>(rows.begin(), rows.end()), picture(number).samples);
   }
-  // What was written is an archive like any other: imported again it is the same.
+  // The result is an ordinary archive: importing it again gives the same.
   const std::filesystem::path again = scratch_ / "out" / "again";
   ASSERT_EQ(
       run_glasswing({"import", archive_.string(), "--archive", again.string(), "--session", "vase"}).status,

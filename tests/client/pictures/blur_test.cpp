@@ -12,11 +12,11 @@ namespace glasswing {
 namespace {
 
 constexpr int kWidth_px = 30, kHeight_px = 24;
-// Slopes of the centres, monitor px a camera px; a camera that is turned a little and looks from the side.
+// Jacobian of the centres, monitor px per camera px: a camera that is rotated a little and looks from the side.
 constexpr double kXbyX = 1.5, kXbyY = 0.2, kYbyX = -0.3, kYbyY = 2.0;
 constexpr double kXX = 6.25, kYY = 4.0;
 
-// Nothing on the stage. Measured widths are never all alike; as many are larger as smaller.
+// An empty stage. Measured widths always differ; as many are above as below the nominal one.
 Matte empty_stage() {
   Matte matte(0, 0, kWidth_px, kHeight_px, 2);
   matte.metadata.set_format_version(1);
@@ -47,7 +47,7 @@ void expect_truth(const BlurRegion& region) {
   ASSERT_TRUE(region.monitor_px && region.camera_px);
   EXPECT_NEAR((*region.monitor_px)[0], std::sqrt(kXX), kRounding);
   EXPECT_NEAR((*region.monitor_px)[1], std::sqrt(kYY), kRounding);
-  // J C J^T = S: what the picture's covariance C makes of the monitor's is what was measured. Of the three
+  // J C J^T = S: the picture's covariance C maps to the measured one on the monitor. Of the three
   // entries of C the two on the diagonal are known, and S's own xy is 0.
   const double det = kXbyX * kYbyY - kXbyY * kYbyX;
   const double cxy = -(kYbyY * kYbyX * kXX + kXbyX * kXbyY * kYY) / (det * det);

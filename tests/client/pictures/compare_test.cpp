@@ -57,7 +57,7 @@ TEST(Matched, TakesOutGainAndOffsetOfWhatIsCountedAndNothingElse) {
   const RadianceImage fitted = matched(a, b, &matte).value();
   EXPECT_LT(difference_of(fitted, b, &matte)->rms, 1e-7);  // float rounding
   EXPECT_NEAR(fitted.at(5, 0, 1), 1.0f * a.at(5, 0, 1) + 0.25f, 1e-6);
-  // A wave that neither gain nor offset make stays: its rms is all that is left.
+  // A wave that no gain and offset can produce remains: its rms is the residual.
   for (int x = 0; x < 6; ++x) b.at(x, 0, 0) += x % 2 == 0 ? 0.1f : -0.1f;
   const double before = difference_of(a, b, &matte)->rms;
   const double after = difference_of(matched(a, b, &matte).value(), b, &matte)->rms;

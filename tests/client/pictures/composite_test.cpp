@@ -28,8 +28,7 @@ v1::MatteMetadata two_monitors() {
   return metadata;
 }
 
-// Every pixel looks straight through at its own place on the back monitor, and shows a little light of its
-// own.
+// Every pixel sees its own position on the back monitor, and has a little light F.
 Matte window(float foreground) {
   Matte matte(0, 0, kWidth, kHeight, 1);
   matte.metadata = two_monitors();
@@ -172,7 +171,7 @@ TEST_F(CompositeCommand, CropLeavesThePartThatItNames) {
     expect_one_line_error(run(region, path("out.png")), "--crop is " + region);
 }
 
-// The matte looks straight through, half of the light arrives, and pixels are whole px apart.
+// The matte sees straight through with half of the light; pixels are whole px apart.
 TEST_F(CompositeCommand, ShiftMovesThePictureRoundTheMonitor) {
   const auto run = [this](const std::string& shift, const std::string& output) {
     return run_glasswing({"composite", matte_, "--background", background_, "--shift", shift, "-o", output});
@@ -216,7 +215,7 @@ TEST_F(CompositeCommand, BitsAreThoseOfTheFile) {
   ASSERT_EQ(run("half.exr", "16").status, 0);
   ASSERT_EQ(run("float.exr", "32").status, 0);
   EXPECT_EQ(read_radiance(path("half.exr"), Encoding::kLinear)->samples,
-            read_radiance(path("float.exr"), Encoding::kLinear)->samples);  // which reads halves
+            read_radiance(path("float.exr"), Encoding::kLinear)->samples);  // which reads half precision
   EXPECT_LT(std::filesystem::file_size(path("half.exr")), std::filesystem::file_size(path("float.exr")));
   expect_one_line_error(run("out8.exr", "8"), "an EXR has 16 or 32");
   expect_one_line_error(run("out32.png", "32"), "PNG and TIFF have 8 or 16");

@@ -16,7 +16,7 @@ constexpr int kWidth = 64, kHeight = 48;
 constexpr int kFrames = 3;
 constexpr double kExrRounding = 1.0 / 4096;  // pictures in EXR are read with half precision
 
-// Every pixel looks straight through; frame by frame the object is itself a little brighter.
+// Every pixel sees straight through; the object's own light rises from frame to frame.
 Matte frame(int number) {
   Matte matte(0, 0, kWidth, kHeight, 1, true);
   v1::MatteMetadata& metadata = matte.metadata;
@@ -112,7 +112,7 @@ TEST_F(CompositeVideo, AVideoIsWrittenAndReadAgain) {
       }
     }
     EXPECT_FALSE(reader.next()) << suffix;
-    // And it may stand behind an object itself.
+    // The result may itself be a background.
     ASSERT_EQ(
         run_glasswing({"composite", path("pour"), "--background", video, "-o", path("over" + suffix)}).status,
         0);
@@ -156,7 +156,7 @@ TEST_F(CompositeVideo, PanMovesAStillOnWithEveryFrame) {
     return run_glasswing(command);
   };
   ASSERT_EQ(run({"--pan", "1.5,0", "--frames", "3"}).status, 0);
-  // Round the monitor's edge; half a pixel on, two share it.
+  // Wraps around the monitor's edge; at half a pixel, two pixels share it.
   const std::vector<std::vector<float>> light{{0, 0, 0.5f, 0}, {0, 0, 0, 0.25f}, {0, 0.5f, 0, 0}};
   const std::vector<int> columns{0, 1, kWidth - 2, kWidth - 1};
   for (size_t i = 0; i < light.size(); ++i) {

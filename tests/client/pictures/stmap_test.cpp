@@ -1,4 +1,4 @@
-// An STMap as other programs use it: oiiotool --st_warp, and Blender's Map UV where it is installed.
+// STMaps in other programs: oiiotool --st_warp, and Blender's Map UV if installed.
 #include "core/matte/stmap.h"
 
 #include <fmt/format.h>
@@ -165,7 +165,7 @@ TEST_F(StMap, OiiotoolWarpsAsTheCompositorDoes) {
   }
 }
 
-// A compositor of one node, Map UV.
+// A Blender compositor with one node, Map UV.
 constexpr const char* kMapUv = R"(
 import sys
 import bpy

@@ -109,7 +109,7 @@ TEST(MattePanels, CentresAreTheColoursOfTheirPlaces) {
   for (int c = 0; c < kChannels; ++c) matte.modes(4, 4, c)[0].texture = 1;
   const MattePanel centre = panel_of(matte, "centre");
   const auto shade = [](double share) { return static_cast<int>(std::lround(255.0 * (0.1 + 0.9 * share))); };
-  // In the top left check, which is light.
+  // The top left square, which is light.
   EXPECT_EQ(at(centre.picture, 0, 0)[0], shade(0.5 / kWidth));
   EXPECT_EQ(at(centre.picture, 0, 0)[1], shade(0.5 / kHeight));
   EXPECT_GT(at(centre.picture, kWidth - 2, 0)[0], at(centre.picture, 1, 0)[0]);
@@ -117,11 +117,11 @@ TEST(MattePanels, CentresAreTheColoursOfTheirPlaces) {
   EXPECT_GT(at(centre.picture, 4, 4)[2], at(centre.picture, 0, 0)[2]);
   ASSERT_EQ(centre.keys.size(), 2u);
   EXPECT_EQ(centre.keys[1].name, "left 200x120");
-  // The chart of a key is the same places: its own top left corner.
+  // The key's chart shows the same positions: its top left corner.
   EXPECT_NEAR(at(centre.keys[0].colours, 0, 0)[0], at(centre.picture, 0, 0)[0], 255 * 0.9 * 0.5 / kWidth);
 }
 
-// The bar's colour at a tick is that of pixels that hold its value.
+// The bar's colour at a tick equals that of pixels with its value.
 TEST(MattePanels, SigmaIsReadOffItsBar) {
   const Matte matte = a_matte();
   const MattePanel sigma = panel_of(matte, "sigma");
@@ -212,7 +212,7 @@ TEST_F(ViewCommand, OnePanelIsItsPixels) {
   }
 }
 
-// Enlarged a whole number of times, every panel stands on the sheet pixel by pixel.
+// Panels are enlarged by an integer factor and copied to the sheet pixel by pixel.
 TEST_F(ViewCommand, TheSheetHoldsEveryPanel) {
   const Outcome outcome = run_glasswing({"view", matte_, "-o", path("sheet.png")});
   ASSERT_EQ(outcome.status, 0) << outcome.err;

@@ -19,7 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-// What was made is judged by the program `openssl`, not by the library that made it.
+// The certificates are checked with the program `openssl`, not with the library that made them.
 class Pki : public ScratchTest {
  protected:
   std::string path(const std::string& name) const { return (lab_ / name).string(); }
@@ -47,7 +47,7 @@ class Pki : public ScratchTest {
     for (const auto& entry : fs::directory_iterator(lab_, ignored)) names.insert(entry.path().filename());
     return names;
   }
-  // In the lab's directory: what it wrote, and its exit status at the end.
+  // Runs in the lab's directory; returns the output and, at the end, the exit status.
   std::string openssl(const std::string& arguments) const {
     std::string text;
     FILE* const pipe = ::popen(
@@ -205,7 +205,7 @@ TEST_F(Pki, ListsWhatItIssuedWithoutItsKey) {
   refused("list", {}, lab_.string() + " has no authority, ca.pem; glasswing pki init");
   ASSERT_EQ(pki("init").status, 0);
   ASSERT_EQ(pki("issue", {"solver:b", "server+display:a=a.lab"}).status, 0);
-  // Of somebody else, and no certificate of a name at all.
+  // One signed by another authority, and one without alternative names.
   ASSERT_EQ(run_glasswing({"pki", "init", (scratch_ / "other").string()}).status, 0);
   ASSERT_EQ(run_glasswing({"pki", "issue", (scratch_ / "other").string(), "operator:stranger"}).status, 0);
   fs::copy_file(scratch_ / "other" / "stranger.pem", lab_ / "stranger.pem");
@@ -224,7 +224,7 @@ TEST_F(Pki, ListsWhatItIssuedWithoutItsKey) {
   refused("issue", {"solver:c"}, path("ca.key") + " is not the key of ca.pem");
 }
 
-// As long as a lab changes its authority for another, which may have the same name.
+// While a lab replaces its authority by another, perhaps of the same name.
 TEST_F(Pki, TwoAuthoritiesOfOneNameAreToldApart) {
   NEEDS_OPENSSL;
   ASSERT_EQ(pki("init").status, 0);
@@ -237,7 +237,7 @@ TEST_F(Pki, TwoAuthoritiesOfOneNameAreToldApart) {
   expect_says(openssl("verify -CAfile ca.pem ../next/new.pem"), "exit 2");
 }
 
-// A daemon whose files they are.
+// A daemon that uses the certificates.
 TEST_F(Pki, ADaemonShowsWhatWasRenewed) {
   ASSERT_EQ(pki("init").status, 0);
   ASSERT_EQ(pki("issue", {"server:rig=127.0.0.1"}).status, 0);

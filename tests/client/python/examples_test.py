@@ -41,7 +41,7 @@ class ExamplesTest(unittest.TestCase):
         )
 
     def run_script(self, script: str, *arguments: str, status: int = 0) -> str:
-        """What it says."""
+        """Returns its output."""
         with self.start(script, *arguments) as process:
             said, _ = process.communicate(timeout=120)
         self.assertEqual(process.returncode, status, said)

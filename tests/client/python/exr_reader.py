@@ -1,5 +1,5 @@
-"""Reads OpenEXR files of the kind that docs/matte.md describes, from the format's specification alone: a second opinion on
-what the package says is in a matte. Scan lines, 32-bit float, ZIP or ZIPS."""
+"""An independent reader of the OpenEXR files of docs/matte.md, to check the package against. Scan lines, 32-bit float, ZIP or
+ZIPS."""
 
 import pathlib
 import struct
@@ -50,7 +50,7 @@ def _unpacked(packed: bytes, size: int) -> bytes:
 
 
 def read_exr(path: pathlib.Path) -> dict[str, dict[str, np.ndarray]]:
-    """By part ("" where there are none) and channel, less the part's name before it: H x W."""
+    """Arrays of H x W by part ("" without parts) and channel, without the part's prefix."""
     content = path.read_bytes()
     assert content[:4] == b"\x76\x2f\x31\x01"
     multi_part = content[5] & 0x10 != 0

@@ -1,4 +1,4 @@
-"""What happens to sessions before and after their capture, and who may drive the rig: through separate processes."""
+"""Sessions before and after their capture, and holds of the rig, through separate processes."""
 
 import dataclasses
 import datetime

@@ -1,5 +1,5 @@
-"""The C++ module and Python's own protobuf and gRPC in one process: both know the messages of proto/, through one
-libprotobuf. A clash of descriptors ends the process, so each order of loading has one of its own."""
+"""The C++ module beside Python's protobuf and gRPC: both have the messages of proto/ in one libprotobuf. A clash of
+descriptors ends the process, so each order of loading runs in its own."""
 
 import itertools
 import subprocess

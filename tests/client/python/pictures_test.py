@@ -1,4 +1,4 @@
-"""Pictures, and light as sRGB codes."""
+"""Pictures, and conversion between light and sRGB codes."""
 
 import pathlib
 import tempfile

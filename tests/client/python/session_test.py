@@ -1,5 +1,5 @@
-"""A session through separate processes, driven from Python: the capture and its events, the matte and its arrays, and what
-is wrong. The command line and a reader of OpenEXR that shares no code say what is true."""
+"""A session through separate processes, driven from Python: the capture and its events, the matte and its arrays, and
+errors. The command line and an independent reader of OpenEXR give the truth."""
 
 import dataclasses
 import functools
@@ -73,6 +73,12 @@ class SessionTest(unittest.TestCase):
         last = self.solve_events[-1]
         self.assertIs(last.state, glasswing.State.DONE)
         self.assertEqual(last.tiles_done, last.tiles)
+
+    def test_the_server_tells_what_is_allowed(self):
+        allowed = self.vase.refresh().allowed_actions
+        self.assertLess({glasswing.Action.SOLVE, glasswing.Action.DELETE}, allowed)
+        self.assertTrue(allowed.isdisjoint({glasswing.Action.PAUSE, glasswing.Action.RESUME, glasswing.Action.RETRY}))
+        self.assertIn(glasswing.Action.CANCEL, self.solve_events[0].allowed_actions)
 
     def test_the_command_line_shows_the_same_session(self):
         shown, info = self.daemons.shown("vase"), self.vase.refresh()

@@ -1,4 +1,4 @@
-"""Where the server's address and the certificates come from, and which connections are made at all."""
+"""The sources of the server's address and the certificates, and which connections are refused."""
 
 import os
 import pathlib

@@ -1,4 +1,4 @@
-"""A rig of simulated devices for a test: every daemon a process of its own, as deploy/local-rig starts them."""
+"""A rig of simulated devices for a test, with a process for each daemon, like deploy/local-rig."""
 
 import json
 import os
@@ -13,7 +13,7 @@ BIN = pathlib.Path(os.environ["GLASSWING_BIN"])
 
 
 class SimulatedRig:
-    """Runs until `stop()`; `work` is a directory of the test's own."""
+    """Runs until `stop()`; `work` is a temporary directory."""
 
     def __init__(self, *options: str) -> None:
         self._directory = tempfile.TemporaryDirectory()
@@ -28,7 +28,7 @@ class SimulatedRig:
         self._directory.cleanup()
 
     def glasswing(self, *arguments: str) -> str:
-        """What the command line answers; it must succeed."""
+        """Runs the command line, which must succeed, and returns its output."""
         command = [str(BIN / "glasswing"), *arguments]
         done = subprocess.run(command, env=self.environment, capture_output=True, text=True, timeout=100)
         if done.returncode != 0:
@@ -40,11 +40,11 @@ class SimulatedRig:
         return json.loads(self.glasswing("show", session, "--json"))
 
     def kill(self, daemon: str) -> None:
-        """Ends a daemon, which has no time for good-byes."""
+        """Kills a daemon."""
         os.kill(int((self.work / f"rig/run/{daemon}.pid").read_text()), signal.SIGKILL)
 
     def start_again(self) -> None:
-        """Starts what was killed."""
+        """Restarts a killed daemon."""
         self._run("up")
 
     def _run(self, verb: str, *options: str) -> None:

@@ -1,4 +1,4 @@
-"""Encrypted connections, to a server that asks who calls: what is refused, and whether the words say why."""
+"""TLS connections to a server that authenticates its callers: what is refused, and the error messages."""
 
 import concurrent.futures
 import pathlib
@@ -29,7 +29,7 @@ def openssl(*arguments: str) -> None:
 
 
 class Authority:
-    """A certificate authority with files of its own below `directory`."""
+    """A certificate authority with its files in `directory`."""
 
     def __init__(self, directory: pathlib.Path, name: str) -> None:
         self.directory, self.name = directory, name
@@ -62,7 +62,7 @@ class TlsTest(unittest.TestCase):
 
     @classmethod
     def serve(cls, host: str) -> int:
-        """A server that shows a certificate for `host` and asks for one of ours; its port."""
+        """Starts a server with a certificate for `host` that requires one of ours, and returns its port."""
         certificate, key = cls.ours.issue(f"server-{host}", host)
         credentials = grpc.ssl_server_credentials([(key.read_bytes(), certificate.read_bytes())],
                                                   root_certificates=cls.ours.certificate.read_bytes(),

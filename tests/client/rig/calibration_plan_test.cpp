@@ -55,7 +55,7 @@ TEST(CalibrationPlan, WhiteGetsFourFifthsOfTheScale) {
   const v1::Plan plan = display_plan(rig(), {"back"}, 10.0).value();
   ASSERT_EQ(plan.exposure_ms_size(), 1);
   EXPECT_DOUBLE_EQ(plan.exposure_ms(0), 8.0);
-  EXPECT_EQ(display_plan(rig(), {}, 1000.0)->exposure_ms(0), 30.0);  // as long as the camera can
+  EXPECT_EQ(display_plan(rig(), {}, 1000.0)->exposure_ms(0), 30.0);  // the camera's maximum
 }
 
 TEST(CalibrationPlan, WhatIsMissingIsSaid) {
@@ -86,7 +86,7 @@ TEST(CurveChart, DrawsEveryCurveWithNumbersOnly) {
   for (size_t at = svg.find("<polyline"); at != std::string::npos; at = svg.find("<polyline", at + 1))
     ++lines;
   EXPECT_EQ(lines, 3u * 4u);  // the curve, its deviation, and the band's two sides
-  // A camera of which nothing is known is still a picture.
+  // An empty calibration still gives a chart.
   EXPECT_NE(chart_of(v1::CameraCalibration()).find("</svg>"), std::string::npos);
 }
 

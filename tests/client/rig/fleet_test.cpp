@@ -1,4 +1,4 @@
-// glasswing fleet against a server that tells what it is given.
+// glasswing fleet against a fake server.
 #include <gmock/gmock.h>
 
 #include <nlohmann/json.hpp>

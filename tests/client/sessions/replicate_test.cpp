@@ -1,4 +1,4 @@
-// `glasswing replicate`, and what `show` tells of copies, against a server that remembers.
+// `glasswing replicate`, and copies in `show`, against a fake server.
 #include <nlohmann/json.hpp>
 
 #include "core/service/service.h"

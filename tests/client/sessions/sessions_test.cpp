@@ -1,4 +1,4 @@
-// import, export, watch and fetch against a server that remembers.
+// import, export, watch and fetch against a fake server.
 #include <fstream>
 #include <nlohmann/json.hpp>
 
@@ -219,7 +219,7 @@ TEST_F(VideoFetch, EveryFrameBecomesAFileAndIsNotFetchedTwice) {
   EXPECT_TRUE(fetched_now(directory.string()).empty());
   EXPECT_EQ(outcome_.status, 0);
 
-  // One is missing, one is cut off, one is of an older solve.
+  // One file is missing, one truncated; then all are of an older solve.
   std::filesystem::remove(directory / "0001.exr");
   std::filesystem::resize_file(directory / "0004.exr", 500);
   EXPECT_EQ(fetched_now(directory.string()), (std::vector{1, 4}));

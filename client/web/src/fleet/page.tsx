@@ -38,7 +38,7 @@ function Solvers({ solvers }: { solvers: readonly FleetSolverJson[] }) {
   if (solvers.length === 0)
     return (
       <p>
-        No solver was heard of in the last ten minutes. Start some with <code>glasswing-solver</code>.
+        No solver was seen in the last ten minutes. Start some with <code>glasswing-solver</code>.
       </p>
     );
   return (

@@ -1,8 +1,8 @@
-// Puts a matte's object in front of pictures, on a canvas of the matte's size (docs/matte.md):
+// Composites a matte's object over pictures, on a canvas of the matte's size (docs/matte.md):
 //
 //   C = F + sum over modes of R * integral over the monitor of G(x; c, S) T(x) dx
 //
-// T is a level of a pyramid (pyramid.ts) that suits each footprint (footprints.ts). Nothing lies beyond a monitor's edge.
+// T is read from the pyramid level (pyramid.ts) that suits each footprint (footprints.ts). It is black beyond a monitor's edge.
 import { kListWidth, type Footprints } from "./footprints";
 import { NoWebGl, Program, makeTexture, openContext } from "./gl";
 import type { MatteMetadata } from "./matte";
@@ -11,7 +11,7 @@ import { Pyramids, type Picture, type Placement } from "./pyramid";
 import { kBorder, pyramidShape, type PyramidShape } from "./pyramid_shape";
 import { composite, kEverything } from "./shaders";
 
-/** Of a matte, what the compositor draws. */
+/** The data of a matte that the compositor needs. */
 export interface Drawable {
   metadata: MatteMetadata;
   width: number;
@@ -20,13 +20,13 @@ export interface Drawable {
   footprints: Footprints;
 }
 
-/** How a picture stands on its monitor: stretched over it, or with its own shape, cut where it is too long. */
+/** The placement of a picture on its monitor: stretched, or in its own aspect ratio and cropped. */
 export interface Standing {
   keepShape: boolean;
-  /** Monitor px, right and down. */
+  /** Shift in monitor px, right and down. */
   dx: number;
   dy: number;
-  /** 1: as large as the monitor. */
+  /** Scale; 1 fills the monitor. */
   scale: number;
 }
 
@@ -62,7 +62,7 @@ export class Compositor {
   private size = { width: 0, height: 0 };
   private drawn: WebGLSync | null = null;
 
-  /** The canvas takes the matte's size when it is drawn. NoWebGl says what the browser lacks. */
+  /** Drawing sets the canvas to the matte's size. NoWebGl names what the browser lacks. */
   constructor(
     private readonly canvas: HTMLCanvasElement,
     matte: Drawable,
@@ -110,7 +110,7 @@ export class Compositor {
     this.setMatte(matte);
   }
 
-  /** Another frame of the same video: its monitors and footprints are of the same kind. */
+  /** Loads another frame of the same video, with the same monitors and kind of footprint. */
   setMatte({ width, height, foreground, footprints }: Drawable): void {
     const { gl } = this;
     this.size = { width, height };
@@ -142,7 +142,7 @@ export class Compositor {
     );
   }
 
-  /** An sRGB picture for a monitor; null is black. */
+  /** Sets an sRGB picture for a monitor; null is black. */
   setPicture(monitor: number, image: ImageBitmap | null): void {
     const { gl } = this;
     const before = this.pictures[monitor];
@@ -165,7 +165,7 @@ export class Compositor {
     );
   }
 
-  /** `gain`: times the composite's light. `step`: of how many pixels along both sides one is drawn. */
+  /** `gain`: factor on the composite's light. `step`: every how many pixels along both sides one is drawn. */
   draw(gain: number, step: number): void {
     const { gl, canvas } = this;
     const [width, height] = [Math.ceil(this.size.width / step), Math.ceil(this.size.height / step)];
@@ -186,14 +186,14 @@ export class Compositor {
     gl.flush();
   }
 
-  /** All that was asked for is on the canvas. */
+  /** True once everything requested is on the canvas. */
   get isDone(): boolean {
     return (
       this.drawn === null || this.gl.getSyncParameter(this.drawn, this.gl.SYNC_STATUS) === this.gl.SIGNALED
     );
   }
 
-  /** The largest side that a picture may have. */
+  /** The maximum side of a picture. */
   get mostPictureSide(): number {
     return this.gl.getParameter(this.gl.MAX_TEXTURE_SIZE) as number;
   }

@@ -1,17 +1,17 @@
-// The part of OpenEXR that mattes are written in: several parts of scan lines, 32-bit floats, each line packed by
-// itself (ZIPS). What a file says is held against its size before anything is read by it.
+// Reads the subset of OpenEXR that mattes use: several parts of scan lines, 32-bit floats, each line compressed by itself
+// (ZIPS). Sizes and offsets are checked against the file's size before use.
 
 export interface ExrPart {
   name: string;
   channels: string[];
   attributes: Map<string, string>;
-  /** Where the chunk of each line begins. */
+  /** Offset of each line's chunk. */
   chunks: number[];
 }
 
 export interface Exr {
   bytes: Uint8Array<ArrayBuffer>;
-  /** The lines and columns that there are. */
+  /** The data window. */
   window: { x0: number; y0: number; width: number; height: number };
   parts: ExrPart[];
 }
@@ -133,7 +133,7 @@ export function readExr(bytes: Uint8Array<ArrayBuffer>): Exr {
 async function inflate(packed: Uint8Array<ArrayBuffer>, size: number): Promise<Uint8Array<ArrayBuffer>> {
   const stream = new DecompressionStream("deflate");
   const writer = stream.writable.getWriter();
-  // Failures arrive where the stream is read.
+  // Failures are reported where the stream is read.
   void writer.write(packed).catch(() => undefined);
   void writer.close().catch(() => undefined);
   const out = new Uint8Array(size);
@@ -150,7 +150,7 @@ async function inflate(packed: Uint8Array<ArrayBuffer>, size: number): Promise<U
   return out;
 }
 
-/** Before it was packed a line was split into bytes of even and odd place, and each became its step from the last. */
+/** Undoes OpenEXR's predictor and interleaving: the even bytes come before the odd ones, each as a difference. */
 export function unpredict(split: Uint8Array): Uint8Array<ArrayBuffer> {
   const out = new Uint8Array(split.length);
   const half = (split.length + 1) >> 1;
@@ -160,7 +160,7 @@ export function unpredict(split: Uint8Array): Uint8Array<ArrayBuffer> {
   return out;
 }
 
-/** The samples of one line, channel by channel in the part's order. `row` counts from the window's first. */
+/** The samples of one line, channel by channel in the part's order. `row` counts from the top of the data window. */
 export async function readLine(exr: Exr, partIndex: number, row: number): Promise<Float32Array> {
   const part = exr.parts[partIndex]!;
   const { width, y0 } = exr.window;
@@ -172,7 +172,7 @@ export async function readLine(exr: Exr, partIndex: number, row: number): Promis
   const packed = cursor.int();
   const start = cursor.skip(packed);
   const bytes = exr.bytes.subarray(start, start + packed);
-  // A line that packing would not shorten stands as it is.
+  // A line that compression would not shorten is stored as it is.
   const line =
     packed === size
       ? bytes.slice()

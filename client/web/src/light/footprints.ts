@@ -1,19 +1,19 @@
-// A matte's modes as the compositor's shader reads them: each on the level of its monitor's pyramid that suits its
-// narrowest part. There the samples are taken for flat squares, over which G is integrated. That is right if G has
+// A matte's modes as the compositor's shader reads them. Each uses the level of its monitor's pyramid that suits its
+// smallest width. There the samples count as flat squares, over which G is integrated. That is right if G has
 //
 //   Q = (S + I/2) / 4^l - I/2        (samples of level l)
 //
-// in place of its covariance S: what level l has blurred already (its filter, and squares of 4^l / 12 px^2) less the
-// pixels' own squares is taken off. On the picture itself, l = 0, Q is S. It holds for boxes as for Gaussians.
+// instead of its covariance S: the blur of level l (its filter, and squares of 4^l / 12 px^2) less that of the pixels' own
+// squares is subtracted. On the picture itself, l = 0, Q is S. This holds for boxes and Gaussians.
 import { toHalf } from "./half";
 import { kLayers, modesOf, type MatteData, type Mode } from "./matte";
 import { pyramidShape, type PyramidShape } from "./pyramid_shape";
 
-/** Texels of four 32-bit words; two are a footprint. */
+/** Texels of four 32-bit words; a footprint has two. */
 export const kListWidth = 2048;
 
 export interface Footprints {
-  /** Two words a pixel: its first footprint, and how many there are. */
+  /** Two words per pixel: the index of its first footprint, and their number. */
   index: Uint32Array<ArrayBuffer>;
   /** x, y, Q.xx, Q.yy | Q.xy, weights of red and green, weight of blue and texture and level, the largest weight. */
   list: Uint32Array<ArrayBuffer>;
@@ -29,13 +29,13 @@ export interface Place {
   yy: number;
 }
 
-// The least variance of a cut along x or y through Q. Samples of a Gaussian of variance v have the sum 1 within
-// 2 exp(-2 pi^2 v), 0.0008 where squares and this make 0.4. A box is six samples wide.
+// The minimum variance of a cut along x or y through Q. Samples of a Gaussian of variance v sum to 1 within
+// 2 exp(-2 pi^2 v): 0.0008 if squares and this make 0.4. A box is six samples wide.
 const kMinVariance = { gaussian: 0.32, box: 3 };
-// Standard deviations from the middle.
+// Reach of a footprint in standard deviations.
 const kReach = { gaussian: 3, box: Math.sqrt(3) };
-// For a footprint that takes more look-ups, two samples with each: it goes to higher levels, where it is widened to what
-// these can show.
+// Limit of texture look-ups, of two samples each. A footprint that needs more uses a higher level, where it is widened to
+// what that level can represent.
 const kMaxLookUps = 256;
 
 export function placeOf(mode: Mode, shape: PyramidShape, kind: keyof typeof kMinVariance): Place {
@@ -62,7 +62,7 @@ export function placeOf(mode: Mode, shape: PyramidShape, kind: keyof typeof kMin
   return place;
 }
 
-/** Rows along the wider axis, and in each what a cut through Q touches. */
+/** The number of rows along the wider axis, and of samples in a cut through Q. */
 function lookUps({ level, xx, xy, yy }: Place, shape: PyramidShape, reach: number): number {
   const { width, height } = shape.levels[level]!;
   const wide = Math.max(xx, yy, 1e-9);
@@ -72,7 +72,7 @@ function lookUps({ level, xx, xy, yy }: Place, shape: PyramidShape, reach: numbe
   return rows * Math.ceil(samples / 2);
 }
 
-/** With no axis of Q's ellipse below `least`. */
+/** Widens Q so that no axis of its ellipse is below `least`. */
 function widened(place: Place, least: number): Place {
   const mean = 0.5 * (place.xx + place.yy);
   const half = 0.5 * (place.xx - place.yy);
@@ -84,7 +84,7 @@ function widened(place: Place, least: number): Place {
   return { ...place, xx: middle + share * half, yy: middle - share * half, xy: place.xy * share };
 }
 
-/** Modes of several channels with the same footprint are one, with a weight for each. */
+/** Merges modes of several channels with the same footprint into one with a weight per channel. */
 function sharedModes(matte: MatteData, pixel: number): { mode: Mode; weights: number[] }[] {
   const shared: { mode: Mode; weights: number[] }[] = [];
   for (let channel = 0; channel < 3; ++channel) {

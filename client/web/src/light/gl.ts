@@ -1,4 +1,4 @@
-// Small pieces of WebGL 2.
+// Helpers for WebGL 2.
 
 export class NoWebGl extends Error {}
 
@@ -13,7 +13,7 @@ export function openContext(canvas: HTMLCanvasElement): WebGL2RenderingContext {
     throw new NoWebGl(
       "this browser has no WebGL 2; mattes can be played with where it is turned on (chrome://gpu, about:support)",
     );
-  // Either lets 16-bit floats be drawn on.
+  // Either extension makes 16-bit floats renderable.
   if (!gl.getExtension("EXT_color_buffer_float") && !gl.getExtension("EXT_color_buffer_half_float"))
     throw new NoWebGl(
       "this graphics processor draws no floating-point light (EXT_color_buffer_float); another computer or browser may",

@@ -2,7 +2,7 @@ const kFloat = new Float32Array(1);
 const kBits = new Uint32Array(kFloat.buffer);
 const kLargest = 65504;
 
-/** The bits of the nearest 16-bit float of a number that is not below 0; larger ones are the largest. */
+/** The bits of the nearest 16-bit float; the number must not be negative and is clamped to the maximum. */
 export function toHalf(value: number): number {
   kFloat[0] = Math.min(value, kLargest);
   const bits = kBits[0]!;

@@ -1,4 +1,4 @@
-// Mattes from the server, read by a worker.
+// Loads mattes from the server in a worker.
 import type { Drawable } from "./compositor";
 import type { MatteData } from "./matte";
 

@@ -2,10 +2,10 @@
 //
 //   C = F + sum over modes of R * integral over the monitor of G(x; c, S) T(x) dx
 //
-// Most pixels have far fewer modes than a file has room for, so only those with a weight are kept.
+// Most pixels have far fewer modes than the file has layers, so only modes with a weight are kept.
 import { NotAMatte, readExr, readLine, type Exr } from "./exr";
 
-/** What is said of a mode, in the order in which it is kept; each is a layer of the file. */
+/** A mode's values in storage order; each is a layer of the file. */
 export const kLayers = ["weight", "x", "y", "xx", "xy", "yy", "texture", "weight_sd", "centre_sd"] as const;
 const kStride = kLayers.length;
 const [kWeight, kXx, kYy, kTexture] = [0, 3, 5, 6] as const;
@@ -20,7 +20,7 @@ export interface MatteMonitor {
   height_px: number;
 }
 
-/** The header's JSON (MatteMetadata in proto/glasswing/v1/matte.proto), names as they stand there. */
+/** The header's JSON (MatteMetadata in proto/glasswing/v1/matte.proto), with its field names. */
 export interface MatteMetadata {
   session?: string;
   method?: string;
@@ -43,18 +43,18 @@ export interface Mode {
   centre_sd: number;
 }
 
-/** The matte's values as they travel between threads. Pixels are counted row by row. */
+/** The matte's values as passed between threads. Pixels are numbered row by row. */
 export interface MatteData {
   metadata: MatteMetadata;
   width: number;
   height: number;
-  /** 1: the modes are alike in all channels, and kept once. */
+  /** 1: the modes are equal in all channels and stored once. */
   modeChannels: 1 | 3;
-  /** Red, green, blue of a pixel. */
+  /** Red, green, blue of each pixel. */
   foreground: Float32Array<ArrayBuffer>;
   coverage: Float32Array<ArrayBuffer>;
   flags: Uint8Array<ArrayBuffer>;
-  /** Of pixel * modeChannels + channel, its first mode; one more at the end. */
+  /** For pixel * modeChannels + channel, the index of its first mode; one more entry at the end. */
   firstMode: Uint32Array<ArrayBuffer>;
   modes: Float32Array<ArrayBuffer>;
 }
@@ -82,7 +82,7 @@ export function modesOf(matte: MatteData, pixel: number, channel: number): Mode[
   return modes;
 }
 
-/** Of a pixel in a channel, the first of its modes with the largest weight. */
+/** The first of a pixel's modes with the largest weight in a channel. */
 export function strongestMode(matte: MatteData, pixel: number, channel: number): Mode | undefined {
   const at = pixel * matte.modeChannels + Math.min(channel, matte.modeChannels - 1);
   let best = -1;
@@ -109,7 +109,7 @@ function readMetadata(exr: Exr): MatteMetadata {
   return { ...metadata, monitors };
 }
 
-/** The numbers of used modes grow as rows are read. */
+/** Storage for modes, which grows as rows are read. */
 class ModeList {
   values = new Float32Array(1 << 16);
   count = 0;
@@ -125,7 +125,7 @@ class ModeList {
   }
 }
 
-/** Where each of a part's layers stands in its lines. NotAMatte names one that is missing. */
+/** The position of each layer in a part's lines. NotAMatte names a missing one. */
 function columnsOf(exr: Exr, part: number, names: string[]): number[] {
   const { channels, name } = exr.parts[part]!;
   return names.map((wanted) => {
@@ -149,7 +149,7 @@ const kForeground = 1;
 const kFirstMode = 2;
 const kRowsAtOnce = 16;
 
-/** `report` is told the fraction that is done. */
+/** `report` gets the fraction that is done. */
 export async function readMatte(
   bytes: Uint8Array<ArrayBuffer>,
   report: (done: number) => void,

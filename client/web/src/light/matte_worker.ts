@@ -1,9 +1,9 @@
-// Fetches a matte, unpacks it and makes the compositor's footprints beside the page, which stays smooth.
+// Fetches and decodes a matte and makes the compositor's footprints in a worker, so that the page stays responsive.
 import { packFootprints } from "./footprints";
 import type { LoadMessage, LoadRequest } from "./load";
 import { readMatte } from "./matte";
 
-/** Calls `report` with the fraction that has come, where the server says how much there is. */
+/** Calls `report` with the fraction received, if the server gave the size. */
 async function fetchBytes(url: string, report: (done: number) => void): Promise<Uint8Array<ArrayBuffer>> {
   const response = await fetch(url, { headers: { "X-Glasswing": "console" } });
   if (!response.ok) {

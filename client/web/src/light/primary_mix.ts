@@ -1,15 +1,15 @@
-// How the primaries of monitors reach the camera's channels, and back (core/radiometry/primary_mix.h): backgrounds go
-// through each monitor's N, and the composite through the inverse of the mean of those that are known.
+// Converts between the primaries of monitors and the camera's channels (core/radiometry/primary_mix.h): backgrounds are
+// multiplied by their monitor's N, and the composite by the inverse of the mean of the known N.
 import { NotAMatte } from "./exr";
 import type { MatteMetadata } from "./matte";
 
-/** Row by row. */
+/** 3 x 3, row by row. */
 export type Matrix = [number, number, number, number, number, number, number, number, number];
 
 export const kUnit: Matrix = [1, 0, 0, 0, 1, 0, 0, 0, 1];
 
 export interface PrimaryMix {
-  /** By monitor: what the channels see of its primaries. */
+  /** For each monitor: its primaries as the channels see them. */
   seen: Matrix[];
   primaries: Matrix;
 }

@@ -1,10 +1,10 @@
-// The pictures behind the object as pyramids, a layer of one texture for each monitor.
+// The background pictures as pyramids, in one texture with a layer for each monitor.
 import { Program, makeTexture } from "./gl";
 import { kUnit, type Matrix } from "./primary_mix";
 import { kBorder, type Level, type PyramidShape } from "./pyramid_shape";
 import { kEverything, kHalveAcross, kHalveDown, kResize } from "./shaders";
 
-/** Which part of a picture a monitor shows: its own pixels at the monitor's corner, and for each of the monitor's. */
+/** The part of a picture that a monitor shows: the picture's px at the monitor's corner, and per monitor px. */
 export interface Placement {
   x: number;
   y: number;
@@ -12,7 +12,7 @@ export interface Placement {
   stepY: number;
 }
 
-/** A texture, and its size. */
+/** A texture and its size. */
 export interface Picture {
   texture: WebGLTexture;
   width: number;
@@ -53,7 +53,7 @@ export class Pyramids {
     gl.clear(gl.COLOR_BUFFER_BIT);
   }
 
-  /** `picture`: linear when it is read. `seen`: what the camera's channels see of it. */
+  /** `picture`: a texture that reads as linear light. `seen`: converts it to the camera's channels. */
   fill(layer: number, picture: Picture, place: Placement, seen: Matrix): void {
     const { gl } = this;
     const [first, ...others] = this.shapes[layer]!.levels as [Level, ...Level[]];
@@ -124,7 +124,7 @@ export class Pyramids {
     gl.framebufferTextureLayer(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, this.texture, 0, layer);
   }
 
-  /** Its first width x height texels; it only ever grows. */
+  /** A texture of at least width x height texels; it only grows. */
   private drawOnScratch(width: number, height: number): void {
     const { gl, scratch } = this;
     if (width > scratch.width || height > scratch.height) {

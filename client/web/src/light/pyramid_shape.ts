@@ -1,15 +1,15 @@
-// The levels of a picture at ever lower resolution, side by side in one texture: the picture at the left, the
-// levels below it one under another at its right. Each has kBorder samples beyond each edge.
+// The levels of a picture's pyramid in one texture: the picture at the left, the coarser levels one under another at its
+// right. Each has a border of kBorder samples.
 //
 //   level_l[j] = sum over k of h[k] level_{l-1}[2j + k - 2],   h = [1 5 10 10 5 1] / 32    (core/matte/pyramid.h)
 //
-// A sample of level l lies in the middle of 2^l x 2^l pixels; its filter has the variance 5 (4^l - 1) / 12 px^2.
+// A sample of level l is centred on 2^l x 2^l pixels; its filter has the variance 5 (4^l - 1) / 12 px^2.
 
 export const kBorder = 2;
 const kMinSide_px = 4;
 
 export interface Level {
-  /** Of sample (0, 0) in the texture. */
+  /** Position of sample (0, 0) in the texture. */
   x: number;
   y: number;
   width: number;

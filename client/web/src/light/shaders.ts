@@ -1,6 +1,6 @@
-// Light is linear in all of these but the last line of kComposite.
+// Light is linear in all shaders, except for the last line of kComposite.
 
-/** One triangle over everything. */
+/** One triangle that covers the viewport. */
 export const kEverything = `#version 300 es
 void main() {
   gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0);
@@ -15,9 +15,8 @@ precision highp usampler2D;
 `;
 
 /**
- * A picture at another size along one axis: sample i of the result is the mean of the picture over
- * [start + i step, start + (i + 1) step], or where step < 1 what lies between the middles of two of its samples. What
- * leaves at one side comes in at the other.
+ * Resamples a picture along one axis: sample i of the result is the picture's mean over [start + i step, start + (i + 1)
+ * step], or, if step < 1, interpolated between two samples. The picture wraps around.
  */
 export const kResize = `${kHead}
 uniform sampler2D u_picture;
@@ -57,7 +56,7 @@ const float kFilter[6] = float[](1.0 / 32.0, 5.0 / 32.0, 10.0 / 32.0, 10.0 / 32.
 out vec4 o_light;
 `;
 
-/** Half the columns of a level, with its border; from u_above in the pyramid. */
+/** Halves the columns of the level u_above of the pyramid, with its border. */
 export const kHalveAcross = `${kHead}${kHalveBody}
 uniform sampler2DArray u_pyramid;
 uniform int u_layer, u_border;
@@ -73,7 +72,7 @@ void main() {
   o_light = vec4(sum, 1.0);
 }`;
 
-/** Half the rows of what kHalveAcross made, into the pyramid. */
+/** Halves the rows of kHalveAcross's result, into the pyramid. */
 export const kHalveDown = `${kHead}${kHalveBody}
 uniform sampler2D u_across;
 uniform int u_border, u_height;
@@ -90,9 +89,9 @@ void main() {
 }`;
 
 /**
- * The composite. A footprint is integrated row by row along the wider of its axes, v: a row (or a third of one) holds
- * a part of its light, and that part has a mean along u and a variance of its own, with which it is shared among the
- * row's samples. footprints.ts says how samples of a level stand for the picture.
+ * The composite. A footprint is integrated row by row along its wider axis, v: each row (or a third of one) gets a part of
+ * the light, which is distributed over the row's samples by its own mean and variance along u. footprints.ts explains how
+ * samples of a level represent the picture.
  */
 export const composite = (levelCount: number, monitorCount: number, box: boolean): string => `${kHead}
 uniform usampler2D u_index, u_list;
@@ -101,7 +100,7 @@ uniform sampler2DArray u_pyramid;
 uniform ivec4 u_levels[${levelCount}];  // x, y, width, height
 uniform int u_first_level[${monitorCount}];  // of a monitor
 uniform int u_border, u_list_width;
-uniform int u_step;  // pixels of the matte to one that is drawn
+uniform int u_step;  // matte pixels per drawn pixel along each side
 uniform mat3 u_primaries;
 uniform float u_gain;
 out vec4 o_colour;
@@ -125,11 +124,11 @@ float below(float z) {
 int cell(float at) { return int(floor(clamp(at, -1e6, 1e6))); }
 float density(float z) { return 0.39894228 * exp(-0.5 * z * z); }
 
-// With the level named, since drivers unroll loops for the derivatives that choose one.
+// With an explicit level: for implicit derivatives drivers would unroll the loops.
 vec3 light_at(vec2 at, int layer, vec2 texel) { return textureLod(u_pyramid, vec3(at * texel, float(layer)), 0.0).rgb; }
 
-// Of a row: two neighbours with each look-up, weighed by where it falls between their middles. What lies beyond the
-// reach is given to the samples at its ends.
+// The sum over a row: each look-up reads two neighbours, weighted by its position between their centres. The tails beyond
+// the reach go to the samples at its ends.
 vec3 integrate_row(float mean, float sigma, float v, float reach, int extent, ivec2 corner, bool exchanged,
                    int layer, vec2 texel) {
   int low = cell(mean - reach * sigma), high = cell(mean + reach * sigma);
@@ -154,9 +153,9 @@ vec3 integrate(vec2 centre, vec3 q, float brightest, int layer, ivec4 level, vec
   vec2 middle = exchanged ? centre.yx : centre;
   ivec2 extent = exchanged ? level.wz : level.zw;
   float sigma = sqrt(vv), slope = vv > 0.0 ? q.y / vv : 0.0, cut = max(uu - slope * q.y, 0.0);
-  // A bright mode may lie beyond the monitor, which sees its tail alone.
+  // A bright mode may be centred beyond the monitor, which then shows only its tail.
   float reach = ${box ? "kReach" : "sqrt(kReach * kReach + 2.0 * log(max(brightest, 1.0)))"};
-  // A row's light is spread evenly where the footprint is a thin line, which a Gaussian stands for if rows are thin too.
+  // Where the footprint is a thin line, a row's light is uniform along it; with thin rows a Gaussian approximates that.
   int parts = slope * slope > 4.0 * cut ? 3 : 1;
   float part = 1.0 / float(parts);
   int low = cell((middle.y - reach * sigma) * float(parts)), high = cell((middle.y + reach * sigma) * float(parts));

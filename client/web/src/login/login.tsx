@@ -2,7 +2,7 @@ import { useState } from "preact/hooks";
 import { login } from "../api";
 import { Failure } from "../parts/failure";
 
-/** `before`: why the page could not tell who is there. */
+/** `before`: why the login could not be checked. */
 export function Login({ before }: { before: unknown }) {
   const [error, setError] = useState<unknown>();
   const submit = (event: SubmitEvent) => {

@@ -40,7 +40,7 @@ function wholeOf({ width_px, height_px }: MatteMonitor): View {
   return { x: -margin, y: -margin, width: width_px + 2 * margin, height: height_px + 2 * margin };
 }
 
-/** What shows all of the footprints, in the monitor's shape. */
+/** A view box with all footprints, in the monitor's aspect ratio. */
 function closeTo(modes: Mode[], { width_px, height_px }: MatteMonitor): View {
   const reach = (variance: number): number => 2.5 * Math.sqrt(variance);
   const [left, right] = [
@@ -56,7 +56,7 @@ function closeTo(modes: Mode[], { width_px, height_px }: MatteMonitor): View {
   return { x: 0.5 * (left + right - width), y: 0.5 * (top + bottom - height), width, height };
 }
 
-/** The edges of the monitor's pixels, where they are few. */
+/** The grid of monitor pixels, if there are few. */
 function gridOf({ x, y, width, height }: View, { width_px, height_px }: MatteMonitor): string {
   if (Math.max(width, height) > kMaxLines) return "";
   const [left, right] = [Math.max(0, Math.ceil(x)), Math.min(width_px, x + width)];
@@ -104,7 +104,7 @@ function Map({ matte, pixel, monitor, texture, view, title }: MapProps & { view:
   );
 }
 
-/** A pixel's footprints on one monitor, and close to where they are small on it. */
+/** A pixel's footprints on one monitor, with a close-up if they are small. */
 export function FootprintMaps(props: MapProps) {
   const { matte, pixel, monitor, texture } = props;
   const modes = [0, 1, 2]

@@ -3,7 +3,7 @@ import { call } from "../api";
 import type { CaptureManifestJson } from "../gen/glasswing/v1/archive_pb";
 import type { GetManifestResponseJson } from "../gen/glasswing/v1/archive_service_pb";
 import type { ListNodesResponseJson } from "../gen/glasswing/v1/node_service_pb";
-import type { SessionJson } from "../gen/glasswing/v1/session_service_pb";
+import type { SessionJson } from "../gen/glasswing/v1/session_pb";
 import { loadMatte, matteUrl } from "../light/load";
 import { kChannels, type MatteData } from "../light/matte";
 import type { PageProps } from "../pages";

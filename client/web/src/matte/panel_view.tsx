@@ -51,7 +51,7 @@ const kLargeStep = 10;
 interface PanelViewProps {
   panel: Panel;
   cursor: Place;
-  /** `take`: it is to be looked at; else the cursor only passes. */
+  /** `take`: the pixel was chosen; otherwise the cursor only hovers over it. */
   choose: (place: Place, take: boolean) => void;
 }
 

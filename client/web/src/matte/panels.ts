@@ -1,9 +1,10 @@
-// A matte's values as pictures, in the colours and on the scales of `glasswing view` (client/pictures/matte_panels).
+// A matte's values as pictures, with the colours and scales of `glasswing view` (client/pictures/matte_panels);
+// tests/browser/panels_test.mjs compares the two.
 import { kChannels, kFlags, strongestMode, type MatteData, type MatteMetadata } from "../light/matte";
 
 export type Colour = readonly [number, number, number];
 
-/** sRGB, four bytes a pixel. */
+/** sRGB, four bytes per pixel. */
 export interface Raster {
   width: number;
   height: number;
@@ -14,9 +15,9 @@ export interface Panel {
   name: string;
   title: string;
   picture: Raster;
-  /** Colours, or those of a monitor's places, and what they mean. */
+  /** Colours, or charts of a monitor's positions, and their names. */
   keys: { colours: Raster; name: string }[];
-  /** From low to high; ticks at 0 to 1 of it. */
+  /** From low to high; ticks at positions 0 to 1. */
   bar?: { colours: Raster; ticks: { place: number; label: string }[] };
 }
 
@@ -30,7 +31,7 @@ const gray = (share: number): Colour => [code(share), code(share), code(share)];
 const srgb = (light: number): number =>
   light <= 0.0031308 ? 12.92 * light : 1.055 * light ** (1 / 2.4) - 0.055;
 
-// Dark blue to yellow; the stops are equally far apart in CIE L*.
+// Dark blue to yellow; the stops are equally spaced in CIE L*.
 const kStops = [
   [0.17, 0.08, 0.36],
   [0.2, 0.28, 0.54],
@@ -72,7 +73,7 @@ const label = (value: number): string => String(Number(value.toPrecision(4)));
 const quarters = (scale: number) =>
   [0, 0.25, 0.5, 0.75, 1].map((place) => ({ place, label: label(place * scale) }));
 
-// 1, 2 or 5 times a power of ten: the largest not above, the smallest not below.
+// 1, 2 or 5 times a power of ten: the largest not above the value, and the smallest not below it.
 function roundDown(value: number): number {
   const ten = 10 ** Math.floor(Math.log10(value) + 1e-9);
   const part = (value / ten) * (1 + 1e-9);
@@ -84,7 +85,7 @@ function roundUp(value: number): number {
   return roundDown(below * ((Math.log10(below) + 1e-9) % 1 === 0 ? 2 : 2.51));
 }
 
-/** Of the object's pixels that count; of all such pixels where none shows the object. */
+/** Values of the object's pixels that count, or of all such pixels if there is no object. */
 function valuesOf(matte: MatteData, get: (pixel: number) => number): Float64Array {
   const object: number[] = [];
   const all: number[] = [];
@@ -101,7 +102,7 @@ const isPositive = (value: number): boolean => Number.isFinite(value) && value >
 const percentile = (sorted: Float64Array, share: number): number =>
   sorted[Math.trunc(share * (sorted.length - 1))]!;
 
-/** "12 %" of the object's pixels, or of all where none shows it. */
+/** "12 %": the share of the object's pixels, or of all pixels if there is no object. */
 function shareOf(matte: MatteData, is: (pixel: number) => boolean): string {
   const someObject = matte.coverage.some((coverage) => coverage > 0);
   let [found, all] = [0, 0];
@@ -163,8 +164,8 @@ function modesPanel(matte: MatteData): Panel {
   };
 }
 
-// Red grows to the right, green downwards, blue tells monitors apart; every eighth of the height is a check, as on a
-// chart behind the object.
+// Red rises to the right and green downwards; blue distinguishes monitors. A checkerboard of an eighth of the height darkens
+// every other square.
 function placeColour({ monitors }: MatteMetadata, texture: number, x: number, y: number): Colour {
   const monitor = monitors[texture];
   if (!monitor) return kNoValue;
@@ -202,7 +203,7 @@ function centreOf(matte: MatteData, channel: number): Panel {
   };
 }
 
-/** On a logarithmic scale that holds all but the lowest and highest hundredth. */
+/** A logarithmic scale from the 1st to the 99th percentile. */
 function logarithmic(matte: MatteData, name: string, title: string, get: (pixel: number) => number): Panel {
   const values = valuesOf(matte, get);
   const low = values.length > 0 ? roundDown(percentile(values, 0.01)) : 1;
@@ -246,7 +247,7 @@ function uncertaintyOf(matte: MatteData, channel: number): Panel {
   );
 }
 
-/** The most serious first. */
+/** The most serious flag comes first. */
 export const kFlagWords: { flag: number; words: string; colour: Colour }[] = [
   { flag: kFlags.notSolved, words: "not solved", colour: [40, 40, 40] },
   { flag: kFlags.saturated, words: "saturated", colour: [214, 64, 52] },
@@ -271,7 +272,7 @@ function flagsOf(matte: MatteData): Panel {
   };
 }
 
-/** `channel`: whose strongest modes centre, sigma and uncertainty are of. */
+/** centre, sigma and uncertainty show the strongest modes of `channel`. */
 export function panelsOf(matte: MatteData, channel: number): Panel[] {
   return [
     foregroundOf(matte),

@@ -111,7 +111,7 @@ export interface PixelProps {
   session: string;
   x: number;
   y: number;
-  /** Of a still; a video's frames have no sweeps. */
+  /** For stills only; a video's frames have no sweeps. */
   manifest: Promise<CaptureManifestJson> | undefined;
 }
 

@@ -1,4 +1,4 @@
-// The chart library and its style, loaded when a chart is first drawn.
+// The chart library and its style, loaded with the first chart.
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 

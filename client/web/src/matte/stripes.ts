@@ -1,18 +1,18 @@
-// A pixel's samples of a sweep, beside those that the matte's modes foretell. A stripe at r with normal n,
+// A pixel's samples of a sweep, and those predicted by the matte's modes. A stripe at r with normal n,
 //
 //   T(x) = peak exp(-(n.x - r)^2 / (2 s^2)),   n = (cos phi, sin phi)
 //
-// seen through a Gaussian (c, S) of weight R gives R peak s / q exp(-(n.c - r)^2 / (2 q^2)), q^2 = s^2 + n^T S n, but for what
-// reaches past the monitor's edge.
+// seen through a Gaussian (c, S) of weight R gives R peak s / q exp(-(n.c - r)^2 / (2 q^2)), q^2 = s^2 + n^T S n, neglecting
+// what lies beyond the monitor's edge.
 import type { CaptureManifestJson, FrameJson } from "../gen/glasswing/v1/archive_pb";
 import type { StimulusJson } from "../gen/glasswing/v1/stimulus_pb";
 import type { Mode } from "../light/matte";
 
-/** All stripes of one direction on one monitor, as one exposure saw them. */
+/** All stripes of one direction on one monitor, with one exposure. */
 export interface Sweep {
   title: string;
   texture: number;
-  /** Any of its stimuli: what they have alike. */
+  /** One of its stimuli, for what they have in common. */
   stripe: StimulusJson;
   points: { r: number; radiance: number[] }[];
 }

@@ -10,7 +10,7 @@ const kNames = ["red", "green", "blue"];
 
 type Column = (number | null)[];
 
-/** r, then the samples and the foretold curve of each channel, at the r of both. */
+/** r, then the samples and the predicted curve of each channel, at the r of both. */
 function columnsOf(matte: MatteData, pixel: number, sweep: Sweep): [number[], ...Column[]] {
   const measured = new Map(sweep.points.map(({ r, radiance }) => [r, radiance]));
   const [first, last] = [sweep.points[0]!.r, sweep.points.at(-1)!.r];

@@ -4,17 +4,17 @@ import { colourOf, useDark } from "./colours";
 
 export interface ChartLine {
   label: string;
-  token: string; // its colour in style.css
+  token: string; // the colour's name in style.css
   width?: number;
 }
 
 export interface ChartProps {
-  /** For those who do not see it. */
+  /** For screen readers. */
   label: string;
-  /** Seconds since 1970, and a row for each line. Numbers that are not there are null. */
+  /** Seconds since 1970, and a row for each line. Missing numbers are null. */
   data: uPlot.AlignedData;
   lines: ChartLine[];
-  /** Between which lines it is filled, counted from 1: [upper, lower]. */
+  /** The lines between which to fill, counted from 1: [upper, lower]. */
   band?: [number, number];
   height?: number;
   text: (value: number) => string;
@@ -69,7 +69,7 @@ function optionsOf(props: ChartProps, width: number): uPlot.Options {
   };
 }
 
-/** Lines over time. The library that draws them is loaded when the first is looked at. */
+/** Lines over time. The chart library is loaded with the first chart. */
 export function Chart(props: ChartProps) {
   const box = useRef<HTMLDivElement>(null);
   const plot = useRef<uPlot | undefined>(undefined);

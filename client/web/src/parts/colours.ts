@@ -3,7 +3,7 @@ import { useEffect, useState } from "preact/hooks";
 const resolved = new Map<string, string>();
 const dark = matchMedia("(prefers-color-scheme: dark)");
 
-/** What a colour of style.css is now, for canvases: "rgb(29, 122, 58)" of "--good". */
+/** The present value of a colour of style.css, for canvases: "rgb(29, 122, 58)" for "--good". */
 export function colourOf(token: string): string {
   const key = `${isDark()}${token}`;
   let colour = resolved.get(key);
@@ -23,7 +23,7 @@ function isDark(): boolean {
   return chosen === "dark" || (chosen !== "light" && dark.matches);
 }
 
-/** Whether the page is dark: drawings that use colourOf() are made anew when it changes. */
+/** True if the page is dark. Drawings that use colourOf() must be redrawn when it changes. */
 export function useDark(): boolean {
   const [now, setNow] = useState(isDark());
   useEffect(() => {

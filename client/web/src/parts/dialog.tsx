@@ -1,7 +1,7 @@
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 
-/** A window over the page for as long as it is in the tree; Escape closes it. */
+/** A modal dialog, open while it is in the tree; Escape closes it. */
 export function Dialog({
   title,
   close,

@@ -1,4 +1,4 @@
-/** What went wrong, in the words that came with it. */
+/** An error's message. */
 export function Failure({ error }: { error: unknown }) {
   return (
     <p class="failure" role="alert">

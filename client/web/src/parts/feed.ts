@@ -1,15 +1,15 @@
-// What changes while it is looked at: polled or streamed, and asked for again when the connection was lost.
+// Live data, polled or streamed; reconnects when the connection is lost.
 import { useEffect, useState } from "preact/hooks";
 import { ApiError, call, stream, type CallOptions } from "../api";
 
 export interface Feed<T> {
-  /** The newest there is. It is true of this moment only while `live`. */
+  /** The newest value; up to date only while `live`. */
   value?: T;
   live: boolean;
   error?: unknown;
 }
 
-/** Asking again can help. */
+/** Status codes after which a retry can help. */
 const kPassing = new Set([
   "UNAVAILABLE",
   "DEADLINE_EXCEEDED",
@@ -28,7 +28,7 @@ export function waited(seconds: number, signal: AbortSignal): Promise<void> {
   });
 }
 
-/** Resolves when somebody can see the page. */
+/** Resolves when the page is visible. */
 function seen(signal: AbortSignal): Promise<void> {
   if (!document.hidden) return Promise.resolve();
   return new Promise((resolve) => {
@@ -42,8 +42,8 @@ function seen(signal: AbortSignal): Promise<void> {
 }
 
 /**
- * Runs `source` until `signal` is aborted: while the page can be seen, anew after it was hidden, and anew with growing waits
- * after failures that may pass. Any other failure, and the source's own end, are the end.
+ * Runs `source` until `signal` is aborted. Pauses while the page is hidden, and retries after transient failures with growing
+ * delays. Ends with any other failure, or when the source ends.
  */
 export async function follow<T>(
   source: (signal: AbortSignal) => AsyncIterable<T>,
@@ -79,7 +79,7 @@ export async function follow<T>(
   }
 }
 
-/** The state of what `source` tells, followed for as long as the component lives and `keys` stay. */
+/** The latest value of `source`, followed while the component is mounted; restarts when `keys` change. */
 export function useFeed<T>(
   source: (signal: AbortSignal) => AsyncIterable<T>,
   keys: readonly unknown[],
@@ -105,7 +105,7 @@ export function useFeed<T>(
 
 const kPollTimeout_ms = 10_000;
 
-/** One answer after the other. */
+/** Repeats a call every `seconds`. */
 export async function* polled<Answer>(
   method: string,
   request: object,
@@ -119,7 +119,7 @@ export async function* polled<Answer>(
   }
 }
 
-/** A stream that ends when nothing is expected to change, opened again now and then in case something did. */
+/** A stream that ends when no change is expected; reopened every `seconds` in case something changed. */
 export async function* watched<Answer>(
   method: string,
   request: object,

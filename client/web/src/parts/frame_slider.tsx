@@ -1,4 +1,4 @@
-/** Chooses one of a video's frames, some of which may be missing. */
+/** Chooses one of a video's frames; some may be missing. */
 export function FrameSlider({
   frames,
   frame,

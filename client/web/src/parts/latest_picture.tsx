@@ -1,6 +1,6 @@
 import { useEffect, useRef, useState } from "preact/hooks";
 
-/** A picture that changes faster than it can be loaded: of those asked for meanwhile, only the newest is. */
+/** A picture whose source may change faster than it loads: while one loads, only the newest request is kept. */
 export function LatestPicture({ src, alt }: { src: string; alt: string }) {
   const [shown, setShown] = useState<{ src: string; failed: boolean }>();
   const wanted = useRef(src);
@@ -28,7 +28,7 @@ export function LatestPicture({ src, alt }: { src: string; alt: string }) {
   if (shown.failed && shown.src === src)
     return (
       <p class="note" role="status">
-        The frame could not be had: is the node that holds it up?
+        The frame could not be loaded: is the node that holds it up?
       </p>
     );
   return <img class={shown.src === src ? undefined : "stale"} src={shown.src} alt={alt} />;

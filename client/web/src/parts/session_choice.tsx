@@ -1,6 +1,7 @@
 import { useEffect, useState } from "preact/hooks";
 import { call } from "../api";
-import type { ListSessionsResponseJson, SessionJson } from "../gen/glasswing/v1/session_service_pb";
+import type { SessionJson } from "../gen/glasswing/v1/session_pb";
+import type { ListSessionsResponseJson } from "../gen/glasswing/v1/session_service_pb";
 import { Failure } from "./failure";
 
 function hasMatte({ matteReady, solvedFrames }: SessionJson): boolean {
@@ -28,7 +29,7 @@ export function SessionChoice({ page, title }: { page: string; title: string }) 
     <section class="card">
       <h1>{title}</h1>
       {sessions.length === 0 && (
-        <p>No session has a matte yet. Capture one and solve it, and it stands here.</p>
+        <p>No session has a matte yet. Capture and solve one to see it here.</p>
       )}
       <ul class="choice">
         {sessions.map((session) => (

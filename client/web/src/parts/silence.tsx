@@ -1,18 +1,18 @@
 import { silentSince } from "../api";
 import { Failure } from "./failure";
 
-/** Says that what the page shows is no longer so, until the server answers again. */
+/** Warns that the page is out of date while the server does not answer. */
 export function Silence() {
   const since = silentSince.value;
   return (
     <div role="status" class={since ? "silence" : undefined}>
       {since &&
-        `The server has not answered since ${since.toLocaleTimeString()}. What stands here is of then; asking again…`}
+        `The server has not answered since ${since.toLocaleTimeString()}. The page shows the state of then; retrying…`}
     </div>
   );
 }
 
-/** Why something is not shown as it is now, unless it is the silence of the server, which stands above. */
+/** The error of a feed that is not live, unless the server does not answer, which <Silence> reports. */
 export function FeedFailure({ error }: { error: unknown }) {
   return error === undefined || silentSince.value ? null : <Failure error={error} />;
 }

@@ -1,4 +1,4 @@
-/** A state as a word with a dot of its colour. */
+/** A state: a coloured dot and a word. */
 export function State({
   kind,
   children,

@@ -1,6 +1,6 @@
 import { useState } from "preact/hooks";
 
-/** One change at a time: whether it is under way, and how the last one failed. */
+/** Runs one change at a time; has its status and the last error. */
 export function useAction(): {
   busy: boolean;
   error: unknown;

@@ -1,6 +1,7 @@
 import { useEffect, useState } from "preact/hooks";
 import { call } from "../api";
-import type { GetSessionResponseJson, SessionJson } from "../gen/glasswing/v1/session_service_pb";
+import type { SessionJson } from "../gen/glasswing/v1/session_pb";
+import type { GetSessionResponseJson } from "../gen/glasswing/v1/session_service_pb";
 
 export function useSession(name: string): { session?: SessionJson; error?: unknown } {
   const [answer, setAnswer] = useState<{ session?: SessionJson; error?: unknown }>({});
@@ -16,7 +17,7 @@ export function useSession(name: string): { session?: SessionJson; error?: unkno
   return answer;
 }
 
-/** The frames of a video that can be looked at; none: the session has one matte. */
+/** The solved frames of a video; empty: the session has one matte. */
 export function framesOf({ frameCount, solvedFrames }: SessionJson): number[] {
   return frameCount ? (solvedFrames ?? []) : [];
 }

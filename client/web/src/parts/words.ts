@@ -1,4 +1,4 @@
-// Figures as people write them.
+// Formats quantities for people.
 
 export function bytesText(bytes: number): string {
   const units = ["B", "kB", "MB", "GB", "TB"];
@@ -26,7 +26,7 @@ export function countText(count: number, one: string, many = `${one}s`): string 
   return `${count.toLocaleString("en")} ${count === 1 ? one : many}`;
 }
 
-/** An RFC 3339 time as this browser's clock has it: the day too unless it is today. */
+/** An RFC 3339 time in local time, with the date unless it is today. */
 export function timeText(rfc3339: string, now = new Date()): string {
   const time = new Date(rfc3339);
   if (Number.isNaN(time.getTime())) return rfc3339;
@@ -36,7 +36,7 @@ export function timeText(rfc3339: string, now = new Date()): string {
     : `${time.toLocaleDateString(undefined, { day: "numeric", month: "short", year: "numeric" })}, ${hour}`;
 }
 
-/** "SESSION_STATE_CAPTURING" of "SESSION_STATE_" is "capturing". */
+/** "capturing" for "SESSION_STATE_CAPTURING" with the prefix "SESSION_STATE_". */
 export function plainName(value: string | undefined, prefix: string): string {
   return (value ?? "").replace(prefix, "").toLowerCase().replaceAll("_", " ") || "unknown";
 }

@@ -1,4 +1,4 @@
-// Pictures to stand behind the object: those that are always there, and files.
+// Background pictures: built-in ones and files.
 
 export const kBuiltIn = ["landscape", "checks", "gradient", "colour"] as const;
 export type BuiltIn = (typeof kBuiltIn)[number];
@@ -10,7 +10,7 @@ type Painter = (
   colour: string,
 ) => void;
 
-/** Edges of many directions, colours and sizes: whatever the object does to light is seen. */
+/** Edges of many directions, colours and sizes, which show everything that the object does to light. */
 const landscape: Painter = (pen, width, height) => {
   const sky = pen.createLinearGradient(0, 0, 0, height * 0.6);
   sky.addColorStop(0, "#23477c");
@@ -94,7 +94,7 @@ export function paint(kind: BuiltIn, width: number, height: number, colour: stri
   return canvas.transferToImageBitmap();
 }
 
-/** Values as they stand in the file, taken for sRGB as `glasswing composite` takes them. */
+/** The file's values, interpreted as sRGB as in `glasswing composite`. */
 export async function openPicture(file: Blob, name: string, mostSide: number): Promise<ImageBitmap> {
   const as_is: ImageBitmapOptions = { colorSpaceConversion: "none", premultiplyAlpha: "none" };
   const image = await createImageBitmap(file, as_is).catch(() => {

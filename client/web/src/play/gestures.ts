@@ -1,4 +1,4 @@
-// Moves a picture by mouse, touch, wheel and keys.
+// Moves a picture with mouse, touch, wheel and keys.
 import type { Standing } from "../light/compositor";
 import { kStill } from "./stage";
 
@@ -17,7 +17,7 @@ const kKeyZoom = 1.1;
 function scaled(standing: Standing, factor: number): Standing {
   const scale = Math.min(kMaxScale, Math.max(kMinScale, standing.scale * factor));
   const real = scale / standing.scale;
-  // About the monitor's middle.
+  // Scales about the monitor's centre.
   return { ...standing, scale, dx: standing.dx * real, dy: standing.dy * real };
 }
 
@@ -48,12 +48,12 @@ function byKey(
   }
 }
 
-/** The canvas keeps its shape within its element. */
+/** The canvas keeps its aspect ratio within its element. */
 function shownWidth({ width, height, clientWidth, clientHeight }: HTMLCanvasElement): number {
   return Math.max(1, Math.min(clientWidth, (clientHeight * width) / height));
 }
 
-/** Returns what ends it. */
+/** Returns a function that removes the listeners. */
 export function listenToGestures(canvas: HTMLCanvasElement, picture: Movable): () => void {
   const end = new AbortController();
   const options = { signal: end.signal };
@@ -77,7 +77,7 @@ export function listenToGestures(canvas: HTMLCanvasElement, picture: Movable): (
       const finger = fingers.get(event.pointerId);
       if (!finger) return;
       const before = spread();
-      // Of two fingers each moves the picture by half.
+      // With two fingers, each moves the picture by half.
       const share = picture.size().width / shownWidth(canvas) / fingers.size;
       const [dx, dy] = [(event.clientX - finger.x) * share, (event.clientY - finger.y) * share];
       fingers.set(event.pointerId, { x: event.clientX, y: event.clientY });

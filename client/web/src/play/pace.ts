@@ -1,4 +1,4 @@
-// How coarse a picture is while it moves, on graphics processors that are too slow for all of its pixels.
+// The resolution of a moving picture, on graphics processors that are too slow for full resolution.
 
 const kSlow_ms = 60;
 const kCoarsest = 8;
@@ -7,10 +7,10 @@ const kMinSide_px = 160;
 export class Pace {
   private whole_ms = 0;
 
-  /** `side_px`: the picture's longer one, which stays worth looking at. */
+  /** `side_px`: the picture's longer side, which limits the coarseness. */
   constructor(private readonly side_px: number) {}
 
-  /** Every so many pixels along both sides are drawn while something moves. */
+  /** While something moves, every step-th pixel along both sides is drawn. */
   get step(): number {
     let step = 1;
     while (
@@ -22,7 +22,7 @@ export class Pace {
     return step;
   }
 
-  /** A coarse picture tells of slowness alone: below a refresh nothing can be timed. */
+  /** Coarse pictures can only show slowness: times below a refresh cannot be measured. */
   took(step: number, time_ms: number): void {
     const whole_ms = time_ms * step * step;
     if (step === 1 || time_ms > 2 * kSlow_ms)

@@ -6,7 +6,7 @@ import { kBuiltIn, openPicture, paint, type BuiltIn } from "./backgrounds";
 import { listenToGestures } from "./gestures";
 import { kStill, Stage } from "./stage";
 
-/** What stands on a monitor: one of ours, or a file by its name. */
+/** A monitor's background: a built-in one, or a file by its name. */
 interface Choice {
   kind: BuiltIn | "file";
   name: string;
@@ -74,7 +74,7 @@ function BackgroundControls({ choice, paintOne, open, keepShape, reset }: Contro
           />
         </label>
       )}
-      <label title="Else it is stretched over the monitor, as glasswing composite does">
+      <label title="Otherwise it is stretched over the monitor, as in glasswing composite">
         <input
           type="checkbox"
           checked={choice.keepShape}
@@ -124,7 +124,7 @@ export function Player({ session, frames }: { session: string; frames: number[] 
   useEffect(() => {
     if (!ready) return;
     const lost = (): void =>
-      setError(new Error("the graphics processor gave up this page's drawing; reload the page"));
+      setError(new Error("the graphics processor lost this page's context; reload the page"));
     canvas.current!.addEventListener("webglcontextlost", lost);
     const end = listenToGestures(canvas.current!, {
       get: () => stage.current!.standing(chosen.current),

@@ -1,11 +1,11 @@
-// What stands behind the object, a picture for each monitor, and the light. Draws once for all that changed, and no sooner
-// than the last drawing is done; coarser while it moves where that takes long.
+// The backgrounds, one for each monitor, and the light. Coalesces changes into one drawing, which starts once the previous
+// one is done; on slow devices moving pictures are drawn coarser.
 import { Compositor, type Drawable, type Standing } from "../light/compositor";
 import { Pace } from "./pace";
 
 export const kStill: Standing = { keepShape: false, dx: 0, dy: 0, scale: 1 };
 
-/** After so long nothing moves any more. */
+/** Time after the last change until the picture counts as still. */
 const kRest_ms = 200;
 
 export class Stage {
@@ -15,7 +15,7 @@ export class Stage {
   private readonly moved = new Set<number>();
   private gain = 1;
   private readonly pace: Pace;
-  /** Something changed that is not drawn yet, or coarsely alone. */
+  /** A change is not drawn yet, or only coarsely. */
   private isOld = false;
   private isCoarse = false;
   private changed_ms = 0;
@@ -60,7 +60,7 @@ export class Stage {
     this.drawSoon();
   }
 
-  /** The canvas as a PNG, with all that was asked for. */
+  /** The canvas as a PNG, once everything requested is drawn. */
   picture(): Promise<Blob> {
     this.draw(1);
     return new Promise((resolve, reject) => {

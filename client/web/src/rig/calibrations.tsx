@@ -72,7 +72,7 @@ export function Calibrations() {
       {error !== undefined && <Failure error={error} />}
       {rows?.length === 0 && (
         <p class="note">
-          Nothing was measured yet: monitors and cameras are taken for linear, and as quick as they declare.
+          Nothing is calibrated yet: monitors and cameras are assumed to be linear, with their declared timing.
         </p>
       )}
       {rows && rows.length > 0 && (

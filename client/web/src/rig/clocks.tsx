@@ -2,16 +2,16 @@ import { Chart, type ChartLine } from "../parts/chart";
 import type { NodeJson } from "../gen/glasswing/v1/node_service_pb";
 import { nanosecondsText } from "../parts/words";
 
-const kMax = 900; // seconds that are remembered
+const kMax = 900; // samples kept, one per second
 
 interface History {
-  first_ns: number; // the offset that the others are told from: clocks begin when their machines do
+  first_ns: number; // reference of the other offsets: clocks count from the start of their machines
   time: number[];
   offset: number[];
   above: number[];
   below: number[];
 }
-// Outlives the page, so that looking at another one does not forget it.
+// Kept across pages.
 const histories = new Map<string, History>();
 
 export function keepClocks(nodes: NodeJson[], now: number): void {
@@ -29,7 +29,7 @@ export function keepClocks(nodes: NodeJson[], now: number): void {
       [history.above, offset - first_ns + bound],
       [history.below, offset - first_ns - bound],
     ];
-    if ((history.time.at(-1) ?? 0) >= columns[0]![1]) continue; // measured no more
+    if ((history.time.at(-1) ?? 0) >= columns[0]![1]) continue; // not measured since
     for (const [column, value] of columns) {
       column.push(value);
       if (column.length > kMax) column.shift();
@@ -50,8 +50,7 @@ export function ClockCharts({ nodes }: { nodes: NodeJson[] }) {
     <section class="card clocks">
       <h2>Clocks</h2>
       <p class="note">
-        How each node's clock moves against the server's since this page began to look, and the band in which
-        it surely is.
+        The offset of each node's clock from the server's since this page was opened, and its bounds.
       </p>
       <div class="charts">
         {shown.map(({ name = "", clock }) => {

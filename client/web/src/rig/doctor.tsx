@@ -11,7 +11,7 @@ function FindingState({ level }: { level: FindingJson["level"] }) {
   return <State kind="good">fine</State>;
 }
 
-/** "Nothing is wrong.", or how much is. */
+/** The result in one sentence. */
 export function verdict(findings: FindingJson[]): string {
   const problems = findings.filter(({ level }) => level === "FINDING_LEVEL_PROBLEM").length;
   const warnings = findings.filter(({ level }) => level === "FINDING_LEVEL_WARNING").length;
@@ -53,7 +53,7 @@ export function Doctor() {
       </div>
       {findings.length === 0 && !busy && (
         <p class="note">
-          Shows and records some steps for a few seconds, as a capture would, and says what it found.
+          Shows and records some steps for a few seconds, as a capture would, and reports the findings.
         </p>
       )}
       {error !== undefined && <Failure error={error} />}

@@ -3,7 +3,7 @@ import { colourOf, useDark } from "../parts/colours";
 
 const kInks = ["rgb(220 60 50 / 0.65)", "rgb(40 160 80 / 0.65)", "rgb(60 110 220 / 0.65)"];
 
-/** Three curves over the codes, on a scale by which a few bright pixels are still seen. */
+/** Three histograms on a square-root scale, so that a few bright pixels remain visible. */
 export function Histogram({ counts }: { counts: Uint32Array | undefined }) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const dark = useDark();

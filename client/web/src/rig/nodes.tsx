@@ -37,7 +37,7 @@ function Program({ node, usual }: { node: NodeJson; usual: string }) {
 
 export function Nodes({ nodes }: { nodes: NodeJson[] }) {
   const usual = usualProgram(nodes);
-  if (nodes.length === 0) return <p>No node has told the server of itself yet.</p>;
+  if (nodes.length === 0) return <p>No node has registered with the server yet.</p>;
   return (
     <table class="stack">
       <thead>

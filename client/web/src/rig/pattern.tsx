@@ -6,7 +6,7 @@ import { useAction } from "../parts/use_action";
 
 const kPatterns = ["white", "gray", "bars", "ramp", "black"];
 
-/** Shows a test pattern on all monitors until it is stopped or the page is left. */
+/** Shows a test pattern on all monitors until stopped or the page is left. */
 export function Pattern() {
   const [pattern, setPattern] = useState("white");
   const [shown, setShown] = useState<string[]>();

@@ -1,4 +1,4 @@
-// What a preview's picture tells of exposure and focus, from its sRGB codes, 0 to 255, as canvases give them: r, g, b, alpha.
+// Exposure and focus of a preview picture, from its sRGB codes, 0 to 255, in canvas order: r, g, b, alpha.
 
 export interface Pixels {
   data: Uint8ClampedArray;
@@ -6,7 +6,7 @@ export interface Pixels {
   height: number;
 }
 
-/** How often each code occurs: 256 counts for red, then green, then blue. */
+/** Counts of each code: 256 for red, then green, then blue. */
 export function histogram({ data }: Pixels): Uint32Array {
   const counts = new Uint32Array(3 * 256);
   for (let i = 0; i < data.length; i += 4) {
@@ -17,9 +17,9 @@ export function histogram({ data }: Pixels): Uint32Array {
   return counts;
 }
 
-/** From this code on a JPEG's pixel may have been full: its errors are of that size. */
+/** Pixels of a JPEG from this code on may be saturated: its errors are of that size. */
 export const kClipped = 253;
-/** Codes a pixel by which light must change for its edge to count as sharp. */
+/** Minimum slope of a sharp edge, in codes per pixel. */
 export const kSharp = 40;
 
 function luma({ data, width, height }: Pixels): Float32Array {
@@ -29,7 +29,7 @@ function luma({ data, width, height }: Pixels): Float32Array {
   return light;
 }
 
-/** The slope of the luma at each pixel, in codes a pixel, by Sobel's operator over 8; the outermost pixels have none. */
+/** The luma's slope at each pixel, in codes per pixel: Sobel's operator / 8; 0 at the border. */
 export function slopes(picture: Pixels): Float32Array {
   const { width, height } = picture;
   const light = luma(picture);
@@ -55,7 +55,7 @@ export function slopes(picture: Pixels): Float32Array {
   return slope;
 }
 
-/** Draws stripes over what is clipped. */
+/** Draws stripes over clipped pixels. */
 export function drawZebra({ data, width }: Pixels): void {
   for (let i = 0; i < data.length; i += 4) {
     if (Math.max(data[i]!, data[i + 1]!, data[i + 2]!) < kClipped) continue;
@@ -65,7 +65,7 @@ export function drawZebra({ data, width }: Pixels): void {
   }
 }
 
-/** Draws what is sharp in one strong colour. */
+/** Draws sharp edges in one strong colour. */
 export function drawPeaking(picture: Pixels): void {
   slopes(picture).forEach((slope, i) => slope >= kSharp && picture.data.set([0, 255, 120], 4 * i));
 }

@@ -158,7 +158,7 @@ export function Preview({ cameras }: { cameras: string[] }) {
           {!seen && (
             <p class="note">
               {node === undefined
-                ? "No camera has told the server of itself."
+                ? "No camera has registered with the server."
                 : "Start the preview to point and focus the camera. A capture that wants the camera gets it."}
             </p>
           )}

@@ -5,7 +5,7 @@ export function programOf({ version, build }: NodeJson): string {
   return `${version ?? "unknown"}${build ? `, ${build}` : ""}`;
 }
 
-/** What most nodes run; the first of several that are as frequent. */
+/** The most frequent program among the nodes; the first among equals. */
 export function usualProgram(nodes: NodeJson[]): string {
   const counts = new Map<string, number>();
   for (const node of nodes) counts.set(programOf(node), (counts.get(programOf(node)) ?? 0) + 1);

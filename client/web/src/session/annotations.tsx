@@ -1,10 +1,10 @@
 import { useState } from "preact/hooks";
 import { call, mayOperate } from "../api";
-import type { SessionJson } from "../gen/glasswing/v1/session_service_pb";
+import type { SessionJson } from "../gen/glasswing/v1/session_pb";
 import { Failure } from "../parts/failure";
 import { useAction } from "../parts/use_action";
 
-/** The note and the tags, which operators change. */
+/** The note and the tags; operators can change them. */
 export function Annotations({ session }: { session: SessionJson }) {
   const { name = "", note = "", tags = [] } = session;
   const [draft, setDraft] = useState<string>();
@@ -43,7 +43,7 @@ export function Annotations({ session }: { session: SessionJson }) {
           rows={2}
           maxLength={4096}
           aria-label="Note"
-          placeholder="What to remember of it"
+          placeholder="Note"
           value={draft ?? note}
           onInput={(event) => setDraft(event.currentTarget.value)}
         />

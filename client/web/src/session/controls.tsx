@@ -1,12 +1,13 @@
 import { useState } from "preact/hooks";
 import { call, mayOperate } from "../api";
-import type { DeleteSessionResponseJson, SessionJson } from "../gen/glasswing/v1/session_service_pb";
+import type { SessionJson } from "../gen/glasswing/v1/session_pb";
+import type { DeleteSessionResponseJson } from "../gen/glasswing/v1/session_service_pb";
 import { Dialog } from "../parts/dialog";
 import { Failure } from "../parts/failure";
 import { useAction } from "../parts/use_action";
 import { bytesText } from "../parts/words";
 import { SolveDialog } from "./solve";
-import { allowed } from "./states";
+import { allows } from "./states";
 
 function RetryDialog({ name, close }: { name: string; close: () => void }) {
   const [retries, setRetries] = useState("");
@@ -19,7 +20,7 @@ function RetryDialog({ name, close }: { name: string; close: () => void }) {
   return (
     <Dialog title={`Try ${name} again`} close={close}>
       <form onSubmit={(event) => void retry(event)}>
-        <p>What is proven or solved stays; the rest is done again.</p>
+        <p>Proven steps and solved tiles are kept; the rest is done again.</p>
         <label>
           Show a step again up to
           <input
@@ -67,43 +68,42 @@ function DeleteDialog({ name, close }: { name: string; close: () => void }) {
   );
 }
 
-/** What can be done with the session as it is, for those who may. */
+/** A button for each action that the server allows now; viewers get none. */
 export function Controls({ session }: { session: SessionJson }) {
   const [asked, setAsked] = useState<"solve" | "retry" | "remove">();
   const { busy, error, act } = useAction();
   if (!mayOperate.value)
     return <p class="note">You are logged in as a viewer: you may look at everything and change nothing.</p>;
   const name = session.name ?? "";
-  const may = allowed(session);
   const change = (method: string) => () => void act(() => call(`SessionService/${method}`, { name }));
   return (
     <div class="row controls">
-      {may.pause && (
+      {allows(session, "SESSION_ACTION_PAUSE") && (
         <button disabled={busy} onClick={change("PauseSession")}>
           Pause
         </button>
       )}
-      {may.resume && (
+      {allows(session, "SESSION_ACTION_RESUME") && (
         <button class="primary" disabled={busy} onClick={change("ResumeSession")}>
           Resume
         </button>
       )}
-      {may.retry && (
+      {allows(session, "SESSION_ACTION_RETRY") && (
         <button class="primary" onClick={() => setAsked("retry")}>
           Retry…
         </button>
       )}
-      {may.solve && (
+      {allows(session, "SESSION_ACTION_SOLVE") && (
         <button class={session.matteReady ? "" : "primary"} onClick={() => setAsked("solve")}>
           {session.matteReady ? "Solve again…" : "Solve…"}
         </button>
       )}
-      {may.cancel && (
+      {allows(session, "SESSION_ACTION_CANCEL") && (
         <button disabled={busy} onClick={change("CancelSession")}>
           Cancel
         </button>
       )}
-      {may.remove && (
+      {allows(session, "SESSION_ACTION_DELETE") && (
         <button class="danger" onClick={() => setAsked("remove")}>
           Delete…
         </button>

@@ -1,6 +1,7 @@
 import { useState } from "preact/hooks";
 import { mayOperate } from "../api";
-import type { ListSessionsResponseJson, SessionJson } from "../gen/glasswing/v1/session_service_pb";
+import type { SessionJson } from "../gen/glasswing/v1/session_pb";
+import type { ListSessionsResponseJson } from "../gen/glasswing/v1/session_service_pb";
 import { FeedFailure } from "../parts/silence";
 import { polled, useFeed } from "../parts/feed";
 import { State } from "../parts/state";
@@ -103,7 +104,7 @@ export function List() {
         </div>
         {!live && <FeedFailure error={error} />}
         {value && sessions.length === 0 && (
-          <p>{text || state || tag ? "No session is like this." : "There is no session yet."}</p>
+          <p>{text || state || tag ? "No session matches." : "There is no session yet."}</p>
         )}
         {sessions.length > 0 && (
           <table class="stack">
@@ -126,7 +127,7 @@ export function List() {
           </table>
         )}
         {sessions.length > kMaxShown && (
-          <p class="note">{sessions.length - kMaxShown} older ones are left out: search for them.</p>
+          <p class="note">{sessions.length - kMaxShown} older ones are not listed: use the search.</p>
         )}
       </section>
     </div>

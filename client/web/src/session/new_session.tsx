@@ -93,14 +93,14 @@ export function NewSession() {
   const [text, setText] = useState("");
   const [name, setName] = useState("");
   const [photos, setPhotos] = useState<File[]>([]);
-  const requestId = useRef(crypto.randomUUID()); // the same for every try, so that an answer that was lost makes no second session
+  const requestId = useRef(crypto.randomUUID()); // the same for every attempt, so that a lost answer creates no second session
   const { plan, estimate, error } = usePlan(text, name);
   const start = useAction();
   useEffect(() => {
     const path = Object.keys(kPlans).find((each) => each.endsWith(`/${ready}.txtpb`));
     if (path) void kPlans[path]!().then(setText);
   }, [ready]);
-  if (!mayOperate.value) return <p>Only operators begin sessions; you are logged in as a viewer.</p>;
+  if (!mayOperate.value) return <p>Only operators can start sessions; you are logged in as a viewer.</p>;
 
   const missing = plan ? missingPhotos(plan, photos) : [];
   const open = async (file: File | undefined): Promise<void> => {

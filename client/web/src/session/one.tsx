@@ -1,5 +1,6 @@
 import { useMemo, useState } from "preact/hooks";
-import type { SessionJson, WatchSessionResponseJson } from "../gen/glasswing/v1/session_service_pb";
+import type { SessionJson } from "../gen/glasswing/v1/session_pb";
+import type { WatchSessionResponseJson } from "../gen/glasswing/v1/session_service_pb";
 import { FeedFailure } from "../parts/silence";
 import { useFeed, watched } from "../parts/feed";
 import { State } from "../parts/state";
@@ -44,7 +45,7 @@ function Head({ session }: { session: SessionJson }) {
 function Session({ session }: { session: SessionJson }) {
   const archive = useArchive(session);
   const frames = useMemo(() => framesBySteps(archive.manifest ?? {}), [archive.manifest]);
-  const [file, setFile] = useState<string>(); // of the frame that somebody chose
+  const [file, setFile] = useState<string>(); // the chosen frame's; undefined: none
   const { timeline, version } = useTimeline(session);
   const capturing = isCapturing(session);
   const chosen = file === undefined ? -1 : frames.findIndex((frame) => frame.file === file);

@@ -1,4 +1,4 @@
-// Pictures that a plan's photos name, as the rig takes them: of their monitor's size, linear.
+// Prepares a plan's photos for upload: linear, in the size of their monitor.
 import { ask } from "../api";
 import type { MonitorJson } from "../gen/glasswing/v1/archive_pb";
 import type { PhotoJson, PlanJson } from "../gen/glasswing/v1/plan_pb";
@@ -6,12 +6,12 @@ import { linearPng } from "./png16";
 
 const baseOf = (path: string): string => path.slice(path.lastIndexOf("/") + 1);
 
-/** What its reference frame is called: the file's stem, unless the plan says otherwise. */
+/** The name of the photo's frame: the plan's, or the file's stem. */
 export function photoName({ name, file = "" }: PhotoJson): string {
   return name || baseOf(file).replace(/\.[^.]*$/, "");
 }
 
-/** The plan's photos of which no file was picked; they are told apart by their files' names. */
+/** Files of the plan's photos that were not picked yet, compared by file name. */
 export function missingPhotos(plan: PlanJson, files: readonly { name: string }[]): string[] {
   return (plan.photos ?? [])
     .map(({ file = "" }) => baseOf(file))
@@ -34,7 +34,7 @@ async function upload(file: File, width: number, height: number): Promise<string
   return ((await answer.json()) as { image: string }).image;
 }
 
-/** The plan with the uploaded pictures in place of the files' names. Photos are shown on the plan's first monitor. */
+/** Uploads the photos and replaces their file names in the plan. The plan's first monitor shows them. */
 export async function withPhotos(
   plan: PlanJson,
   files: readonly File[],

@@ -1,4 +1,5 @@
-// A PNG of 16 bits a colour, linear, as plans' photos are uploaded. (Canvases write 8 bits, which are too few for dark linear light.)
+// Encodes a linear PNG with 16 bits per colour, the format of uploaded photos. (Canvases write 8 bits, too few for dark linear
+// light.)
 
 const kSignature = [137, 80, 78, 71, 13, 10, 26, 10];
 
@@ -29,12 +30,12 @@ async function deflated(bytes: Uint8Array<ArrayBuffer>): Promise<Uint8Array> {
   return new Uint8Array(await new Response(packed).arrayBuffer());
 }
 
-/** The light of an sRGB code, both 0 to 1 (IEC 61966-2-1). */
+/** Linear light of an sRGB code, both 0 to 1 (IEC 61966-2-1). */
 export function lightOf(code: number): number {
   return code <= 0.04045 ? code / 12.92 : ((code + 0.055) / 1.055) ** 2.4;
 }
 
-/** `codes`: sRGB r, g, b, alpha of 0 to 255, row by row; alpha is left out. */
+/** `codes`: sRGB r, g, b, alpha, 0 to 255, row by row; alpha is ignored. */
 export async function linearPng({
   data,
   width,

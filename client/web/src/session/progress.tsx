@@ -1,4 +1,4 @@
-import type { SessionJson } from "../gen/glasswing/v1/session_service_pb";
+import type { SessionJson } from "../gen/glasswing/v1/session_pb";
 import { bytesText, secondsText } from "../parts/words";
 import { recentRate, secondsLeft, stepLimit } from "./rates";
 import { isCapturing, progressOf } from "./states";

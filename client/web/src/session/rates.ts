@@ -4,7 +4,7 @@ import type { PlanJson } from "../gen/glasswing/v1/plan_pb";
 const kWindow_s = 5;
 const kUsualHold = 2;
 
-/** Steps a second over the capture's last seconds, from when each was proven; undefined: none was. `times` rise from 0. */
+/** Steps per second over the last `window` seconds. `times`: when each step was proven, ascending from 0; undefined: none was. */
 export function recentRate(times: Float64Array, window = kWindow_s): number | undefined {
   const last = times.at(-1);
   if (!last) return undefined;
@@ -13,7 +13,7 @@ export function recentRate(times: Float64Array, window = kWindow_s): number | un
   return (times.length - first) / Math.min(window, last);
 }
 
-/** What the plan's slowest monitor allows: each step stands for so many of its refreshes. undefined: no monitor is known. */
+/** Steps per second that the plan's slowest monitor allows, at holdRefreshes per step; undefined: no monitor is known. */
 export function stepLimit(plan: PlanJson | undefined, monitors: readonly MonitorJson[]): number | undefined {
   const wanted = new Set((plan?.monitors ?? []).map(({ name }) => name));
   const rates = monitors
@@ -23,7 +23,7 @@ export function stepLimit(plan: PlanJson | undefined, monitors: readonly Monitor
   return Number.isFinite(slowest) ? slowest / (plan?.holdRefreshes ?? kUsualHold) : undefined;
 }
 
-/** undefined: nothing moves. */
+/** undefined: no progress. */
 export function secondsLeft(remaining: number, perSecond: number | undefined): number | undefined {
   return perSecond !== undefined && perSecond > 0 ? remaining / perSecond : undefined;
 }

@@ -1,8 +1,8 @@
-import type { SessionJson } from "../gen/glasswing/v1/session_service_pb";
+import type { SessionJson } from "../gen/glasswing/v1/session_pb";
 import { countText } from "../parts/words";
 import type { Timeline } from "./timeline";
 
-/** Why steps were shown again, and which ones last; and those that got no proof at all. */
+/** The reasons for retakes, the last retakes, and the steps without proof. */
 export function Retakes({
   session,
   timeline,

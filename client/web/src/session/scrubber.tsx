@@ -4,7 +4,7 @@ import { LatestPicture } from "../parts/latest_picture";
 import { fileName } from "./frames";
 import { proofWords, shownWords } from "./stimulus_words";
 
-/** As it stands beside the pattern: the lowest bit to the left, the upper cell lit where a bit is 1, else the lower one. */
+/** The id as displayed beside the pattern: lowest bit at the left; the upper cell is lit for a 1, the lower one for a 0. */
 function PatchId({ id }: { id: number | undefined }) {
   if (id === undefined) return <>none was lit</>;
   return (
@@ -67,10 +67,10 @@ function Facts({ frame, session }: { frame: FrameJson; session: string }) {
 interface Props {
   session: string;
   frames: readonly FrameJson[];
-  /** The place of the one that is looked at. */
+  /** Index of the frame shown. */
   at: number;
   choose: (place: number) => void;
-  /** Whether the newest frame is looked at whenever there is one; undefined: there will be none. */
+  /** True while the newest frame is followed; undefined: no more frames will come. */
   following: boolean | undefined;
   follow: (on: boolean) => void;
 }

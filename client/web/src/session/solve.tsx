@@ -1,20 +1,20 @@
 import { useState } from "preact/hooks";
 import { call } from "../api";
-import type { SessionJson } from "../gen/glasswing/v1/session_service_pb";
+import type { SessionJson } from "../gen/glasswing/v1/session_pb";
 import { Dialog } from "../parts/dialog";
 import { Failure } from "../parts/failure";
 import { useAction } from "../parts/use_action";
 
 const kMethods = ["gaussian", "hierarchical", "fringe", "alpha", "ramp"];
 
-/** "modes=2 images=100" as a map. What is no NAME=VALUE is told. */
+/** "modes=2 images=100" as a map, by the rule of parse_setting (core/pattern/method_options.h): a name is needed. */
 export function parseOptions(text: string): Record<string, string> {
   return Object.fromEntries(
     text
       .split(/[\s,]+/)
       .filter(Boolean)
       .map((part) => {
-        const [, name, value] = /^([^=]+)=(.+)$/.exec(part) ?? [];
+        const [, name, value] = /^([^=]+)=(.*)$/.exec(part) ?? [];
         if (name === undefined || value === undefined)
           throw new Error(`"${part}" is no option; write them as modes=2 images=100`);
         return [name, value];
@@ -56,7 +56,7 @@ export function SolveDialog({ session, close }: { session: SessionJson; close: (
           />
         </label>
         {session.matteReady && (
-          <p class="note">The matte that is there can be had until the new one is done.</p>
+          <p class="note">The present matte can be fetched until the new one is done.</p>
         )}
         {error !== undefined && <Failure error={error} />}
         <div class="row ends">

@@ -1,8 +1,8 @@
-// What became of each step of a capture, gathered from its events. Columns of numbers, so that tens of thousands of events cost
-// nothing to keep and little to draw.
+// The state of each step of a capture, collected from its events. Stored as columns of numbers, so that tens of thousands of
+// events are cheap to keep and to draw.
 import type { StepEventJson } from "../gen/glasswing/v1/session_service_pb";
 
-/** How far a step is. The order is that in which a column of several steps is told by the least of them. */
+/** States of a step, ascending; a column of several steps shows the lowest. */
 export const kStates = ["lost", "planned", "shown", "imported", "time", "patch"] as const;
 export type StepState = (typeof kStates)[number];
 const kLost = 0,
@@ -13,7 +13,7 @@ const kLost = 0,
   kPatch = 5;
 const isProven = (state: number): boolean => state >= kImported;
 
-/** What an event is drawn as: a state's index, or this. */
+/** An event's kind is a state's index, or this. */
 export const kRetaken = kStates.length;
 
 export interface Retake {
@@ -22,9 +22,9 @@ export interface Retake {
   why: string;
 }
 
-const kMaxRetakes = 100; // that are kept in words, the newest
+const kMaxRetakes = 100; // the newest, kept with their reasons
 
-/** Numbers that become more. */
+/** A growing array of numbers. */
 class Column<T extends Float64Array | Int32Array | Uint8Array> {
   length = 0;
   constructor(private numbers: T) {}
@@ -42,17 +42,17 @@ class Column<T extends Float64Array | Int32Array | Uint8Array> {
 }
 
 export class Timeline {
-  /** Of each step: a place in kStates, and how often it was retaken. */
+  /** For each step: an index into kStates, and the number of retakes. */
   readonly states: Uint8Array;
   readonly retakeCounts: Uint16Array;
-  /** How many steps are in each of kStates. */
+  /** Number of steps in each of kStates. */
   readonly counts = new Array<number>(kStates.length).fill(0);
   retaken = 0;
-  /** Of the latest event. */
+  /** Time of the latest event. */
   seconds = 0;
   /** Newest first. */
   readonly retakes: Retake[] = [];
-  /** How often each reason was given. */
+  /** Number of retakes by reason. */
   readonly reasons = new Map<string, number>();
   private readonly eventSeconds = new Column(new Float64Array(1024));
   private readonly eventSteps = new Column(new Int32Array(1024));
@@ -121,7 +121,7 @@ function stateOf({ outcome, proof }: StepEventJson): number | undefined {
   }
 }
 
-/** For a strip of `columns` columns: the least state of the steps in each, and whether any was retaken. */
+/** For a strip of `columns` columns: the lowest state of each column's steps, and 1 if any was retaken. */
 export function columnsOf(
   { states, retakeCounts, stepCount }: Timeline,
   columns: number,

@@ -21,22 +21,17 @@ const kWords: Record<StepState, string> = {
 };
 const kStrip = 22,
   kTicks = 6,
-  kSpace = 8; // CSS px: the strip of steps, its marks of retakes, and what keeps it from the plot
+  kSpace = 8; // CSS px: the strip of steps, its marks for retakes, and the gap to the plot
 
-/** Below: each step in its place. Above: each event, by time and step. */
-function draw(
+/** Each event by time and step, above `plot` px, and the limit of the display as a dashed line. */
+function drawEvents(
   pen: CanvasRenderingContext2D,
   timeline: Timeline,
   limit: number | undefined,
-  selected: number | undefined,
+  plot: number,
 ): void {
   const scale = devicePixelRatio;
-  const width = pen.canvas.width,
-    height = pen.canvas.height;
-  const strip = kStrip * scale,
-    ticks = kTicks * scale,
-    plot = height - strip - ticks - kSpace * scale;
-  pen.clearRect(0, 0, width, height);
+  const { width } = pen.canvas;
   const { seconds, steps, kinds } = timeline.events;
   const fastest = limit === undefined ? 0 : timeline.stepCount / limit;
   const last = Math.max(1, timeline.seconds, fastest);
@@ -80,7 +75,18 @@ function draw(
   pen.textBaseline = "bottom";
   pen.fillText(secondsText(last), width, plot - 2 * scale);
   pen.textAlign = "left";
+}
 
+/** Each step in its place, in the strip at the bottom, with marks for retakes above it. */
+function drawSteps(
+  pen: CanvasRenderingContext2D,
+  timeline: Timeline,
+  selected: number | undefined,
+  strip: number,
+  ticks: number,
+): void {
+  const scale = devicePixelRatio;
+  const { width, height } = pen.canvas;
   const columns = Math.min(timeline.stepCount, Math.floor(width));
   const { states, retaken } = columnsOf(timeline, columns);
   const wide = width / columns;
@@ -102,6 +108,20 @@ function draw(
       strip + ticks,
     );
   }
+}
+
+function draw(
+  pen: CanvasRenderingContext2D,
+  timeline: Timeline,
+  limit: number | undefined,
+  selected: number | undefined,
+): void {
+  const { width, height } = pen.canvas;
+  const strip = kStrip * devicePixelRatio,
+    ticks = kTicks * devicePixelRatio;
+  pen.clearRect(0, 0, width, height);
+  drawEvents(pen, timeline, limit, height - strip - ticks - kSpace * devicePixelRatio);
+  drawSteps(pen, timeline, selected, strip, ticks);
 }
 
 function Legend({ timeline }: { timeline: Timeline }) {
@@ -126,9 +146,9 @@ function Legend({ timeline }: { timeline: Timeline }) {
 
 interface Props {
   timeline: Timeline;
-  /** Another number whenever the timeline has become more. */
+  /** Changes whenever the timeline grows. */
   version: number;
-  /** Steps a second that the display allows; undefined: not known. */
+  /** Steps per second that the display allows; undefined: not known. */
   limit: number | undefined;
   selected: number | undefined;
   select: (step: number) => void;
@@ -175,8 +195,8 @@ export function TimelineView({ timeline, version, limit, selected, select }: Pro
         aria-label={`Timeline: ${proven} of ${timeline.stepCount} steps are proven, ${timeline.retaken} times a step was shown again`}
       />
       <figcaption class="note">
-        Above: what happened, by time (to the right) and step (upwards)
-        {limit !== undefined && "; the broken line is what the display allows"}. Below: each step as it is;
+        Above: the events, by time (to the right) and step (upwards)
+        {limit !== undefined && "; the dashed line is the limit of the display"}. Below: the state of each step;
         click one to see its frame.
       </figcaption>
       <Legend timeline={timeline} />

@@ -3,7 +3,7 @@ import { call } from "../api";
 import type { CaptureManifestJson } from "../gen/glasswing/v1/archive_pb";
 import type { GetManifestResponseJson, GetSpaceResponseJson } from "../gen/glasswing/v1/archive_service_pb";
 import type { ListNodesResponseJson } from "../gen/glasswing/v1/node_service_pb";
-import type { SessionJson } from "../gen/glasswing/v1/session_service_pb";
+import type { SessionJson } from "../gen/glasswing/v1/session_pb";
 import { waited } from "../parts/feed";
 import { isCapturing } from "./states";
 
@@ -12,11 +12,11 @@ export interface ArchiveView {
   freeBytes?: number;
 }
 
-// A manifest is long: looking at it again and again may take this share of the time at most, and not oftener.
+// A manifest is long: fetching it may take at most this share of the time, and is repeated no more often than kMin_s.
 const kShare = 1 / 20,
   kMin_s = 3;
 
-/** What the node that holds the session's frames tells of them; nothing while it is away. Looked at again while frames come. */
+/** The manifest and free space of the node with the session's frames, polled during a capture; empty while it is away. */
 export function useArchive(session: SessionJson): ArchiveView {
   const { name = "", archiveAddress } = session;
   const [view, setView] = useState<ArchiveView>({});
@@ -45,7 +45,7 @@ export function useArchive(session: SessionJson): ArchiveView {
     const run = async (): Promise<void> => {
       do {
         const began = performance.now();
-        await look().catch(() => undefined); // the session says what is wrong
+        await look().catch(() => undefined); // the session's reason reports it
         await waited(Math.max(kMin_s, (performance.now() - began) / 1000 / kShare), cancel.signal);
       } while (capturing && !cancel.signal.aborted);
     };

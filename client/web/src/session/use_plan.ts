@@ -10,9 +10,9 @@ export interface PlanView {
   error?: unknown;
 }
 
-const kPause_s = 0.4; // of somebody who types
+const kPause_s = 0.4; // debounces typing
 
-/** What the server says of a plan's text and of the name, a moment after they were changed. */
+/** The server's parse and estimate of a plan's text and the name, shortly after they changed. */
 export function usePlan(text: string, name: string): PlanView {
   const [view, setView] = useState<PlanView>({});
   useEffect(() => {

@@ -1,6 +1,6 @@
 import { chromium } from "playwright-core";
 
-/** Debian's Chromium without a screen; WebGL 2 is drawn by the processor. GLASSWING_CHROMIUM names another. */
+/** Debian's Chromium, headless, with WebGL 2 in software. GLASSWING_CHROMIUM names another. */
 export function open_browser() {
   return chromium.launch({
     executablePath: process.env.GLASSWING_CHROMIUM ?? "/usr/bin/chromium",

@@ -1,9 +1,9 @@
-// Holds what the page draws against what `glasswing composite` writes, picture by picture:
+// Compares the page's composites with those of `glasswing composite`, picture by picture:
 //
 //   node tests/browser/composite_test.mjs GLASSWING MATTE.exr [PICTURE.png]...
 //
-// Beside the pictures given there are checks of one pixel and noise. Every monitor of the matte shows the same picture. Prints
-// the mean and the largest difference of a colour, in 1/255 of sRGB, and fails where a mean is above 2.
+// Besides the given pictures it uses one-pixel checks and noise. Every monitor of the matte shows the same picture. Prints the
+// mean and the largest colour difference in 1/255 of sRGB, and fails if a mean exceeds 2.
 import { execFileSync } from "node:child_process";
 import { mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
@@ -31,7 +31,7 @@ const made = (name, colour) => {
 };
 const pictures = [...given, made("checks", checks(1)), made("noise", noise(20261122))];
 
-/** As a file is dropped on the page. */
+/** Drops a file on the page. */
 async function drop(page, file) {
   const data = await page.evaluateHandle(
     ([text, name]) => {
@@ -85,7 +85,7 @@ try {
     );
     await compare(basename(picture), picture, []);
   }
-  // An arrow key moves the picture of the monitor chosen last by a fiftieth of it; the mouse moves it with it.
+  // An arrow key moves the picture of the last chosen monitor by a fiftieth of the monitor; the mouse drags it.
   const [noisy, moved, stage] = [pictures.at(-1), monitors.at(-1), page.getByRole("application")];
   await stage.focus();
   for (const key of ["ArrowRight", "ArrowRight", "ArrowRight", "ArrowUp", "ArrowUp"])

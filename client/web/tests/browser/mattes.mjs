@@ -9,7 +9,7 @@ export function monitors_of(file) {
   return JSON.parse(text.slice(start, end)).monitors;
 }
 
-/** Mean and largest difference of two PNG files' colours of 0 to 255, and where it is largest; the browser reads them. */
+/** Mean and largest colour difference of two PNG files, 0 to 255, and the position of the largest; the browser decodes them. */
 export function difference(page, one, other) {
   const encoded = [one, other].map((file) => readFileSync(file).toString("base64"));
   return page.evaluate(async (files) => {

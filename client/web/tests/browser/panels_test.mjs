@@ -1,8 +1,8 @@
-// Holds the matte page's panels against those of `glasswing view`:
+// Compares the matte page's panels with those of `glasswing view`:
 //
 //   node tests/browser/panels_test.mjs GLASSWING MATTE.exr
 //
-// The values are the same numbers, so a colour may differ by its rounding alone.
+// Both start from the same numbers, so colours may differ only by rounding.
 import { execFileSync } from "node:child_process";
 import { mkdtempSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";

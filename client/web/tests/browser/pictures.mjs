@@ -1,4 +1,4 @@
-// Hard pictures, as PNG files.
+// Difficult test pictures, as PNG files.
 import { crc32, deflateSync } from "node:zlib";
 
 function chunk(type, data) {
@@ -24,11 +24,11 @@ export function png(width, height, colour) {
   return Buffer.concat([Buffer.from([137, 80, 78, 71, 13, 10, 26, 10]), ...parts]);
 }
 
-/** Squares of so many pixels, black and white. */
+/** A checkerboard of black and white squares. */
 export const checks = (side) => (x, y) =>
   (Math.floor(x / side) + Math.floor(y / side)) % 2 === 0 ? [255, 255, 255] : [0, 0, 0];
 
-/** Every value anew, the same for the same seed (xorshift). */
+/** Noise from a seed (xorshift). */
 export function noise(seed) {
   let state = seed;
   const next = () => {

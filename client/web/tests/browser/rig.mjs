@@ -1,4 +1,4 @@
-// A local rig of a test's own, with the console's page: of the programs in GLASSWING_BIN, the page in GLASSWING_CONSOLE_FILES.
+// A local rig for a test, with the console: the programs of GLASSWING_BIN and the page of GLASSWING_CONSOLE_FILES.
 import { execFileSync } from "node:child_process";
 import { mkdtempSync, readFileSync, rmSync } from "node:fs";
 import { createServer } from "node:net";

@@ -1,10 +1,9 @@
-// A session from the first look at the rig to the finished matte, by the page alone, against a rig of its own:
+// A session from the rig's first page to the finished matte, through the page alone, on its own rig:
 //
 //   GLASSWING_BIN=build/release/bin GLASSWING_CONSOLE_FILES=client/web/dist node tests/browser/session_test.mjs
 //
-// What the page says is held against what `glasswing` says. Viewers must find no control that works; a server that is killed
-// while a session is captured must leave nothing wrong on the page, which recovers by itself. axe-core must find nothing
-// serious. GLASSWING_PICTURES names a directory for a picture of every page.
+// The page is compared with the output of `glasswing`. Viewers must find no enabled controls. After the server is killed during a
+// capture, the page must show nothing wrong and recover by itself. axe-core must find nothing serious. GLASSWING_PICTURES names a directory for a picture of every page.
 import { strict as assert } from "node:assert";
 import { mkdirSync } from "node:fs";
 import { join } from "node:path";
@@ -13,9 +12,9 @@ import { open_browser } from "./browser.mjs";
 import { checks, png } from "./pictures.mjs";
 import { start_rig } from "./rig.mjs";
 
-const kPatience_ms = 60_000; // of a machine that does much else
+const kPatience_ms = 60_000; // for a busy machine
 const kVisits = 3;
-const kMaxBytes = 500_000; // of all pages together, without pictures and mattes
+const kMaxBytes = 500_000; // all pages together, without pictures and mattes
 
 const pictures = process.env.GLASSWING_PICTURES;
 if (pictures) mkdirSync(pictures, { recursive: true });
@@ -39,7 +38,7 @@ async function visit(context, link) {
   return { page, errors };
 }
 
-/** Goes on within the page, as a link does, and waits for `sign`. */
+/** Navigates within the page, as a link does, and waits for `sign`. */
 async function look(page, hash, sign) {
   await page.evaluate((to) => (location.hash = to), hash);
   await page.locator(sign).first().waitFor();
@@ -52,7 +51,7 @@ async function photograph(page, name) {
 const state_of = (page) => page.locator(".session .state").first();
 const until_state = (page, state) =>
   page.locator(".session .row .state", { hasText: new RegExp(`^${state}$`) }).waitFor();
-/** "225 of 225", as the page has it. */
+/** "225 of 225", in the page's format. */
 const proven_on = (page) =>
   page
     .locator(".figures > div", { hasText: "Proven" })
@@ -60,11 +59,11 @@ const proven_on = (page) =>
     .evaluate((cell) => cell.firstChild.textContent);
 const proven_by_cli = ({ proven_count = 0, step_count = 0 }) => `${proven_count} of ${step_count}`;
 
-// --- what a first visit costs
+// --- the cost of a first visit
 
 const middle = (numbers) => numbers.sort((a, b) => a - b)[Math.floor(numbers.length / 2)];
 
-/** With nothing kept from before. */
+/** A new context with an empty cache. */
 async function first_visit(browser, link) {
   const context = await browser.newContext({ viewport: { width: 1280, height: 900 } });
   const page = await context.newPage();
@@ -126,13 +125,13 @@ async function measure_first_visits(browser, link) {
   await context.close();
 }
 
-// --- a session, by the page
+// --- a session through the page
 
 async function capture_and_solve(page, rig) {
   await look(page, "#/session/+new", "textarea");
   await page.getByRole("combobox", { name: /^Plan/ }).selectOption("quick");
   await page.getByLabel("Name").fill("first");
-  // The plan is changed a little, by hand: a photo is shown too, and uploaded before.
+  // The plan is edited by hand: it gets a photo, which is uploaded first.
   const text = page.getByLabel("The plan's text");
   await page.waitForFunction((area) => area.value.includes("sweeps"), await text.elementHandle());
   await text.fill(`${await text.inputValue()}\nphotos { file: "checks.png" }\n`);
@@ -186,7 +185,7 @@ async function open_matte(page) {
   assert.equal(await page.getByRole("alert").count(), 0);
 }
 
-async function look_at_rig(page, rig) {
+async function read_rig_view(page, rig) {
   await look(page, "#/rig", ".nodes tbody tr");
   await page.getByRole("button", { name: "Start" }).click();
   await page.locator(".preview .state.good").waitFor();
@@ -195,7 +194,7 @@ async function look_at_rig(page, rig) {
   await page.locator(".doctor b[role=status]").waitFor();
   await page.locator(".clocks .u-over").first().waitFor();
   assert.equal(await page.locator(".nodes tbody .state.good").count(), 3);
-  // What a capture shows is seen in the preview.
+  // The preview shows the capture's pictures.
   rig.glasswing("capture", rig.plan("quick"), "--session", "seen");
   const mean = page.locator(".preview .figures > div", { hasText: "Mean light" }).locator("dd");
   await page.waitForFunction(
@@ -222,7 +221,7 @@ async function annotate_and_delete(page, rig) {
   told("noted, tagged and deleted, by both", "seen");
 }
 
-// --- a server that dies while a session is captured
+// --- the server is killed during a capture
 
 async function survive_restart(page, rig) {
   rig.glasswing(
@@ -264,7 +263,7 @@ async function survive_restart(page, rig) {
   told("resumed and captured, by both", await proven_on(page));
 }
 
-// --- everybody can use it
+// --- accessibility
 
 const kPages = [
   ["rig", "#/rig", ".nodes tbody tr"],
@@ -344,7 +343,7 @@ async function check_viewer(browser, rig) {
   for (const [, hash, sign] of kPages) {
     await look(page, hash, hash === "#/session/+new" ? "main p" : sign);
     for (const button of await page.locator("main button:enabled:visible").all()) {
-      await button.click({ timeout: 2000 }).catch(() => undefined); // it may be gone with the one before
+      await button.click({ timeout: 2000 }).catch(() => undefined); // the previous click may have removed it
       ++clicked;
     }
   }
@@ -380,7 +379,7 @@ try {
   const { page, errors } = await visit(context, link);
   await capture_and_solve(page, rig);
   await open_matte(page);
-  await look_at_rig(page, rig);
+  await read_rig_view(page, rig);
   await annotate_and_delete(page, rig);
   await survive_restart(page, rig);
   await look(page, "#/session", "table");

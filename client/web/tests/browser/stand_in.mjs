@@ -1,4 +1,4 @@
-// In place of the server: the built pages, mattes from files, and answers that a test gives.
+// A fake server: the built pages, mattes from files, and answers given by a test.
 import { createReadStream } from "node:fs";
 import { readFile, stat } from "node:fs/promises";
 import { createServer } from "node:http";
@@ -41,8 +41,8 @@ async function body_of(request) {
 }
 
 /**
- * `mattes`: a file for each "/mattes/..." address. `answer(path, body, query)`: what any other address answers, or
- * undefined. `stream(path)`: messages, one after another, or undefined. Resolves to { url, close }.
+ * `mattes`: a file for each "/mattes/..." address. `answer(path, body, query)`: the answer of any other address, or
+ * undefined. `stream(path)`: an iterable of messages, or undefined. Resolves to { url, close }.
  */
 export async function stand_in({ mattes = {}, answer = () => undefined, stream = () => undefined }) {
   const server = createServer(async (request, response) => {
@@ -76,7 +76,7 @@ export async function stand_in({ mattes = {}, answer = () => undefined, stream =
 
 export const read_json = async (path) => JSON.parse(await readFile(path, "utf8"));
 
-/** Of one session, "it", that has this matte. */
+/** A fake server with one session, "it", that has this matte. */
 export function stand_in_of(matte) {
   return stand_in({
     mattes: { "/mattes/it.exr": matte },

@@ -1,18 +1,18 @@
-// A session of 2,000 steps whose more than 10,000 events come while it is looked at: the page must stay quick.
+// A session of 2,000 steps with more than 10,000 events that arrive while it is open: the page must stay responsive.
 //
 //   node tests/browser/timeline_test.mjs
 //
-// Prints how long the page was busy at a stretch, and fails where people would feel it.
+// Prints the longest time that the page was blocked, and fails if people would notice it.
 import { strict as assert } from "node:assert";
 import { join } from "node:path";
 import { open_browser } from "./browser.mjs";
 import { stand_in } from "./stand_in.mjs";
 
 const kSteps = 2000,
-  kFailing = 0.8; // of the first showings
-const kMax_ms = 200; // of one stretch in which the page answers nothing
+  kFailing = 0.8; // probability that a first showing fails
+const kMax_ms = 200; // longest time that the page may be blocked
 
-/** Each step is shown and fails, and is proven at last. */
+/** Each step is shown, may fail, and is finally proven. */
 function all_events() {
   const events = [];
   let seconds = 0;
@@ -48,7 +48,7 @@ function all_events() {
 }
 
 const events = all_events();
-const kNow = Math.floor(events.length / 2); // of them are there when the page is opened, the rest comes in small parts
+const kNow = Math.floor(events.length / 2); // events present when the page is opened; the rest arrive in small batches
 const session = {
   name: "long",
   state: "SESSION_STATE_CAPTURING",

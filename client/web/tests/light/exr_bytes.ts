@@ -1,9 +1,9 @@
-// A small OpenEXR file of several parts, written as openexr.com's file layout says.
+// Writes a small OpenEXR file of several parts, by openexr.com's file layout.
 import { deflateSync } from "node:zlib";
 
 export interface PartText {
   name: string;
-  /** Sorted by name; the samples of all lines. */
+  /** Channels sorted by name, with the samples of all lines. */
   channels: Record<string, number[]>;
   attributes?: Record<string, string>;
 }
@@ -34,7 +34,7 @@ function header(part: PartText, width: number, height: number): Buffer {
   ]);
 }
 
-/** Bytes of even place before those of odd place, then each as its step from the one before, about 128. */
+/** OpenEXR's interleaving and predictor: even bytes before odd ones, then differences + 128. */
 export function predict(line: Buffer): Buffer {
   const split = Buffer.concat([line.filter((_, i) => i % 2 === 0), line.filter((_, i) => i % 2 === 1)]);
   return Buffer.from(split.map((value, i) => (i === 0 ? value : (value - split[i - 1]! + 128) & 255)));

@@ -8,7 +8,7 @@ import { random } from "./random";
 
 const kFilter = [1, 5, 10, 10, 5, 1].map((each) => each / 32);
 
-/** Of a level's sample, the weights of the picture's pixels from `first` on, along one axis. */
+/** The weights of the picture's pixels from `first` on in a level's sample, along one axis. */
 function pixelWeights(level: number): { first: number; weights: number[] } {
   let [first, weights] = [0, [1]];
   for (let l = 0; l < level; ++l) {
@@ -32,7 +32,7 @@ const normal = (z: number): number => {
   return 0.5 + (sum * z) / (3 * steps * Math.sqrt(2 * Math.PI));
 };
 
-/** Of squares of a level, the parts of a Gaussian. */
+/** The parts of a Gaussian in a level's squares. */
 const squares = (centre: number, variance: number, first: number, count: number): number[] =>
   Array.from({ length: count }, (_, i) => {
     const z = (edge: number): number => (edge - centre) / Math.sqrt(variance);
@@ -74,7 +74,7 @@ test("squares of a level weigh pixels as the Gaussian on the picture itself does
         if (at >= 0 && at < count) found[at]! += share * weight;
       });
     });
-    // Both have the same sum, middle and variance. What is left is of fourth order.
+    // Both have the same sum, mean and variance; the rest is of fourth order.
     const apart = Math.sqrt(
       exact.reduce((sum, each, i) => sum + (each - found[i]!) ** 2, 0) /
         exact.reduce((sum, each) => sum + each ** 2, 0),

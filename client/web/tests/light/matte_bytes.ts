@@ -13,7 +13,7 @@ export interface MatteText {
   modes: (pixel: number, channel: number) => Mode[];
 }
 
-/** A matte's file. */
+/** The bytes of a matte's file. */
 export function matteBytes({
   width,
   height,

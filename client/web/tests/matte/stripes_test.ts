@@ -22,7 +22,7 @@ test("a stripe through a footprint is their product's integral", () => {
           sum +=
             footprint(x, y) * 0.8 * Math.exp((-0.5 * (nx * x + ny * y - r) ** 2) / 2.5 ** 2) * step * step;
       }
-      // Sums of a Gaussian at steps far below its width are its integral.
+      // With steps far below its width, a Gaussian's sum is its integral.
       expect(foretold([mode], 0.05, stripe, 0, r, 1)).toBeCloseTo(0.05 + 0.7 * sum, 9);
       expect(foretold([mode], 0.05, stripe, 1, r, 1)).toBe(0.05);
     }

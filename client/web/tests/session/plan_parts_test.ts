@@ -45,4 +45,8 @@ describe("parseOptions", () => {
   it("names what is none", () => {
     expect(() => parseOptions("modes=2 images")).toThrow('"images" is no option');
   });
+  it("needs a name and leaves the value to the server, as parse_setting does", () => {
+    expect(() => parseOptions("=2")).toThrow('"=2" is no option');
+    expect(parseOptions("modes= label=a=b")).toEqual({ modes: "", label: "a=b" });
+  });
 });

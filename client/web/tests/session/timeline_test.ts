@@ -33,7 +33,7 @@ function random(seed: number): () => number {
   };
 }
 
-/** A capture in which each showing fails with the chance given. */
+/** A capture in which each showing fails with the given probability. */
 function capture(steps: number, failing: number, seed: number): StepEventJson[] {
   const next = random(seed);
   const events: StepEventJson[] = [];
