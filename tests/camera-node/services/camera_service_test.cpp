@@ -39,7 +39,7 @@ TEST_F(CameraNode, KeepsWhatTheMonitorEmittedAndFindsItAfterARestart) {
       ASSERT_TRUE(reader->Read(&response));
       EXPECT_GT(response.frame().sequence(), last);
       last = response.frame().sequence();
-      // Its exposure and the rows' readout, as the sensor model has them.
+      // The exposure and the readout time of the sensor model.
       EXPECT_EQ(response.frame().exposure_end_ns() - response.frame().exposure_start_ns(),
                 4'000'000 + 2'000'000);
       EXPECT_LE(response.frame().exposure_end_ns(), monotonic_now().count());
@@ -54,7 +54,7 @@ TEST_F(CameraNode, KeepsWhatTheMonitorEmittedAndFindsItAfterARestart) {
     const v1::KeepFramesResponse kept = keep(last, 7);
     ASSERT_EQ(kept.frames_size(), 1);
     file = kept.frames(0).file();
-    EXPECT_EQ(keep(last + 1'000'000, 8).frames_size(), 0);  // never was in the ring
+    EXPECT_EQ(keep(last + 1'000'000, 8).frames_size(), 0);  // never in the ring
     EXPECT_EQ(keep(last - 1, 7).frames(0).checksum(),
               kept.frames(0).checksum());  // the step is there already
     context.TryCancel();
@@ -70,7 +70,7 @@ TEST_F(CameraNode, KeepsWhatTheMonitorEmittedAndFindsItAfterARestart) {
     for (size_t i = 0; i < picture->samples.size(); ++i) {
       std::uint16_t sample = 0;
       std::memcpy(&sample, &rows[2 * i], 2);
-      // 16 rays each carry 1/16 of a pixel: float rounding stays far below one code.
+      // 16 rays each carry 1/16 of a pixel, so float rounding is far below one code.
       EXPECT_NEAR(sample, picture->samples[i], 1.0);
     }
   }
@@ -94,7 +94,7 @@ TEST_F(CameraNode, MeasuresTheLightOfEachRow) {
   for (int i = 0; i < 3; ++i) ASSERT_TRUE(reader->Read(&response));
   v1::MeasureLightRequest measure;
   measure.add_sequences(response.frame().sequence());
-  measure.add_sequences(response.frame().sequence() + 1'000'000);  // never was in the ring
+  measure.add_sequences(response.frame().sequence() + 1'000'000);  // never in the ring
   v1::MeasureLightResponse measured;
   grpc::ClientContext measure_context;
   ASSERT_TRUE(camera_stub_->MeasureLight(&measure_context, measure, &measured).ok());
@@ -106,7 +106,7 @@ TEST_F(CameraNode, MeasuresTheLightOfEachRow) {
     EXPECT_NEAR(measured.frames(0).row_mean(y), picture->at(0, y, 0) / 65535.0, 3e-5) << y;
   EXPECT_DOUBLE_EQ(measured.frames(0).clipped_fraction(), 1.0 / 6.0);
 
-  // With a calibration it is the curves' light, and what they call saturated.
+  // With a calibration, the curves give the light and the saturation.
   v1::CameraCalibration& calibration = *measure.mutable_calibration();
   calibration.set_format_version(1);
   calibration.set_saturation(20'000.0 / 65535.0);
@@ -119,7 +119,7 @@ TEST_F(CameraNode, MeasuresTheLightOfEachRow) {
   for (int y = 0; y < 6; ++y) {
     const double code = picture->at(0, y, 0) / 65535.0;
     const double light = code < 0.5 ? -0.1 + 0.6 * code : 0.2 + 2.0 * (code - 0.5) * (3.0 - 0.2);
-    // The third channel's mean of 2, 3 and 4 at full scale is 3; a code is 4 * 1.5e-5 at most.
+    // At full scale the channels have 2, 3 and 4: their mean is 3, and a code at most 4 * 1.5e-5.
     EXPECT_NEAR(measured.frames(0).row_mean(y), light, 2e-4) << y;
   }
   EXPECT_DOUBLE_EQ(measured.frames(0).clipped_fraction(), 2.0 / 6.0);  // codes of 24000 and 65535
@@ -171,7 +171,8 @@ TEST_F(CameraNode, PutFramesAreCheckedAndDamageIsNamed) {
   const std::string small = encode_tiff(Image16(4, 4));
   EXPECT_EQ(put("frames/a.tif", checksum_of(small), small), grpc::StatusCode::INVALID_ARGUMENT);
   ASSERT_EQ(put("frames/a.tif", checksum_of(bytes), bytes), grpc::StatusCode::OK);
-  ASSERT_EQ(put("frames/a.tif", checksum_of(bytes), bytes), grpc::StatusCode::OK);  // again is no error
+  ASSERT_EQ(put("frames/a.tif", checksum_of(bytes), bytes),
+            grpc::StatusCode::OK);  // repeating it is no error
   const std::string other = encode_tiff(Image16(8, 6));
   EXPECT_EQ(put("frames/a.tif", checksum_of(other), other), grpc::StatusCode::ALREADY_EXISTS);
   std::string rows;

@@ -45,7 +45,7 @@ TEST_F(CameraNode, APreviewYieldsToACaptureAndThenLooksOn) {
     const auto reader = camera_stub_->Capture(&capture_context, capture);
     v1::CaptureResponse response;
     ASSERT_TRUE(reader->Read(&response)) << reader->Finish().error_message();
-    // Every frame is the capture's: none is missing, all are as it asked.
+    // The capture gets every frame, at its own exposure.
     std::int64_t last = 0;
     for (int i = 0; i < 60; ++i) {
       ASSERT_TRUE(reader->Read(&response));
@@ -67,7 +67,7 @@ TEST_F(CameraNode, APreviewYieldsToACaptureAndThenLooksOn) {
   context.TryCancel();
 }
 
-// Reads one whole frame; the responses' frames and their bytes.
+// One whole frame, from all its responses.
 struct Streamed {
   v1::FrameTaken taken;
   std::string bytes;
@@ -86,7 +86,7 @@ std::optional<Streamed> read_frame(grpc::ClientReader<v1::StreamFramesResponse>&
 }
 
 TEST_F(CameraNode, StreamsTheNewestFramesWhole) {
-  // More than one message holds.
+  // A frame that needs more than one message.
   stop();
   options_.width_px = 640;
   options_.height_px = 300;
@@ -158,7 +158,7 @@ TEST_F(CameraNode, AStreamHasTheCameraAloneAndLetsPreviewsLookOn) {
     ASSERT_TRUE(previews->Read(&seen));
   } while (seen.exposure_ms() != 3.0);
   context.TryCancel();
-  // A capture has it as soon as the stream lets go.
+  // A capture gets the camera as soon as the stream releases it.
   v1::CaptureRequest capture;
   capture.set_exposure_ms(4.0);
   v1::CaptureResponse response;

@@ -67,7 +67,7 @@ TEST(PatchProof, AgreesWithTheIdThatWasShownAndNoOther) {
     }
     v1::Frame dark = showing(id, "back");
     EXPECT_FALSE(proof.agrees(dark, Image16(64, 8)));
-    // The patch that is seen guards the step of a monitor whose own is not, and proves nothing of it.
+    // A seen patch can refuse a step of another monitor, whose own patch is not seen, but cannot prove it.
     v1::Frame other = showing(id, "left");
     EXPECT_TRUE(proof.agrees(other, frame_of(static_cast<std::uint16_t>(id))));
     EXPECT_EQ(other.proof(), v1::PROOF_TIME);
