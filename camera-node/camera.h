@@ -1,4 +1,4 @@
-// The seam to a camera.
+// The interfaces to a camera and to the stage that holds the object.
 #pragma once
 
 #include <absl/status/status.h>
@@ -14,32 +14,32 @@
 
 namespace glasswing {
 
-// A frame that the camera has exposed. Its picture is fetched only when it is wanted: a real camera holds a
-// buffer, the simulated one integrates the light then.
+// A frame that the camera has exposed. `image` makes its picture on demand: a real camera converts a held
+// buffer, the simulated one integrates the light at that moment.
 struct CapturedFrame {
   v1::FrameTaken taken;  // times on CLOCK_MONOTONIC
   std::function<absl::StatusOr<Image16>()> image;
-  size_t held_bytes = 0;  // of memory, by the buffer
+  size_t held_bytes = 0;  // size of the buffer that `image` holds
 };
 
-// What every backend keeps: tests/camera-node/backends/camera_contract.h. describe() may be called at any
-// time, the others by one thread at a time.
+// tests/camera-node/backends/camera_contract.h tests what every backend guarantees. describe() may be called
+// from any thread at any time, the others from one thread at a time.
 class Camera {
  public:
   virtual ~Camera() = default;
   virtual v1::GetCameraResponse describe() const = 0;
-  // Runs the camera. Returns when frames have these settings. INVALID_ARGUMENT: it cannot expose so.
+  // Starts the camera. Returns when its frames have this exposure. INVALID_ARGUMENT: unsupported exposure
+  // time.
   virtual absl::Status start(double exposure_ms) = 0;
-  // The next frame; none if it takes longer than `timeout` or the camera is stopped.
+  // The next frame; none if `timeout` passes first or the camera is stopped.
   virtual std::optional<CapturedFrame> next(std::chrono::milliseconds timeout) = 0;
   virtual void stop() = 0;
 };
 
-// The seam to the stage that holds the object.
 class Stage {
  public:
   virtual ~Stage() = default;
-  // True: the object is (not) in view now. False: a person has to move it.
+  // Brings the object into view, or takes it out. False: a person has to do it.
   virtual bool move(bool present) = 0;
 };
 

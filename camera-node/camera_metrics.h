@@ -1,4 +1,4 @@
-// What a camera node tells monitoring of frames (docs/monitoring.md).
+// The camera node's metrics of frames (docs/monitoring.md).
 #pragma once
 
 #include "core/telemetry/metrics.h"
@@ -6,18 +6,18 @@
 namespace glasswing {
 
 struct CameraMetrics {
-  prometheus::Counter& frames;  // that the camera gave
+  prometheus::Counter& frames;  // delivered by the camera
   prometheus::Counter& kept;
-  prometheus::Counter& refused;  // whose pixels do not prove their step
+  prometheus::Counter& refused;  // their pixels show another id than their step's
 };
 
-// Each is there, at 0, from the first call on.
+// All are exported, at 0, from the first call on.
 inline const CameraMetrics& camera_metrics() {
   static const CameraMetrics metrics{
-      .frames = counter("glasswing_camera_frames_total", "Frames that the camera gave."),
+      .frames = counter("glasswing_camera_frames_total", "Frames that the camera delivered."),
       .kept = counter("glasswing_frames_kept_total", "Proven frames that were written to archives."),
-      .refused = counter("glasswing_frames_refused_total",
-                         "Frames whose pixels show another id than that of their step."),
+      .refused =
+          counter("glasswing_frames_refused_total", "Frames whose pixels show another id than their step's."),
   };
   return metrics;
 }

@@ -34,7 +34,7 @@ void EmissionClient::run(std::stop_token stop) {
 void EmissionClient::read(grpc::ClientContext& context) {
   const auto reader = stub_->WatchEmission(&context, {});
   std::map<std::string, EmissionMonitor> monitors;
-  std::shared_ptr<Image16> image;  // of which so many bytes have come
+  std::shared_ptr<Image16> image;  // filled up to received_bytes
   size_t received_bytes = 0;
   v1::WatchEmissionResponse response;
   while (reader->Read(&response)) {

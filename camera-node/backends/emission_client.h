@@ -1,5 +1,5 @@
-// Keeps an EmissionTimeline fed from one display node, for as long as it lives. A link that breaks leaves the
-// monitors dark until it is back.
+// Feeds an EmissionTimeline from one display node until destroyed. While the link is broken, the monitors are
+// dark; the client reconnects by itself.
 #pragma once
 
 #include <atomic>

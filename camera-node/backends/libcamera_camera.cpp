@@ -20,9 +20,9 @@ namespace {
 namespace controls = libcamera::controls;
 using std::chrono::milliseconds;
 
-constexpr milliseconds kNoFrames(5000);  // then the camera is taken for dead
-constexpr int kSettleWithin = 60;        // frames, where metadata tell
-constexpr int kSettledAfter = 10;        // frames, where they do not
+constexpr milliseconds kNoFrames(5000);  // the camera is considered dead after this
+constexpr int kSettleWithin = 60;        // frames, if their metadata report the exposure
+constexpr int kSettledAfter = 10;        // frames, if they do not
 constexpr int kRateFrames = 12;
 
 template <typename Range, typename Name>
@@ -47,7 +47,7 @@ const libcamera::ControlInfo* find_control(const libcamera::Camera& camera, cons
   return found == camera.controls().end() ? nullptr : &found->second;
 }
 
-// libcamera ends the names of USB cameras, and of no others, with vendor and product: "-046d:0825".
+// Only the ids of USB cameras end with vendor and product: "-046d:0825".
 bool is_usb(const std::string& id) {
   if (id.size() < 10) return false;
   const std::string end = id.substr(id.size() - 10);
@@ -70,7 +70,7 @@ LibcameraCamera::~LibcameraCamera() {
 }
 
 absl::StatusOr<std::unique_ptr<LibcameraCamera>> LibcameraCamera::open(const Options& options) {
-  ::setenv("LIBCAMERA_LOG_LEVELS", "ERROR", 0);  // unless somebody wants to know more
+  ::setenv("LIBCAMERA_LOG_LEVELS", "ERROR", 0);  // unless the user has set it
   std::unique_ptr<LibcameraCamera> camera(new LibcameraCamera(options));
   if (const int error = camera->manager_->start(); error < 0)
     return absl::UnavailableError(fmt::format("libcamera does not start: {}", std::strerror(-error)));
@@ -136,7 +136,7 @@ absl::Status LibcameraCamera::learn_format() {
   }
   const auto list = [&offered] {
     return listed(offered, [](const std::string& name) {
-      return name + (find_pixel_format(name) == nullptr ? " (which is not supported)" : "");
+      return name + (find_pixel_format(name) == nullptr ? " (not supported)" : "");
     });
   };
   for (const PixelFormat& format : pixel_formats()) {
@@ -172,10 +172,10 @@ absl::Status LibcameraCamera::learn_controls() {
   const std::shared_ptr<libcamera::Camera> camera = manager_->get(id_);
   const libcamera::ControlInfo* exposure = find_control(*camera, controls::ExposureTime);
   if (exposure == nullptr && !options_.fixed_exposure_ms) {
-    return absl::FailedPreconditionError(fmt::format(
-        "camera \"{}\" has no control of its exposure time; if that never changes, say what it is "
-        "with --fixed-exposure-ms",
-        id_));
+    return absl::FailedPreconditionError(
+        fmt::format("camera \"{}\" has no exposure time control; if its exposure is constant, give it "
+                    "with --fixed-exposure-ms",
+                    id_));
   }
   if (exposure != nullptr && options_.fixed_exposure_ms) {
     return absl::InvalidArgumentError(fmt::format(
@@ -188,11 +188,11 @@ absl::Status LibcameraCamera::learn_controls() {
     max_exposure_ms_ = exposure->max().get<std::int32_t>() / 1e3;
   }
   const libcamera::ControlInfo* gain = find_control(*camera, controls::AnalogueGain);
-  const double least = gain == nullptr ? 1.0 : gain->min().get<float>();
-  const double most = gain == nullptr ? 1.0 : gain->max().get<float>();
-  if (!(options_.gain >= least && options_.gain <= most)) {
+  const double min = gain == nullptr ? 1.0 : gain->min().get<float>();
+  const double max = gain == nullptr ? 1.0 : gain->max().get<float>();
+  if (!(options_.gain >= min && options_.gain <= max)) {
     return absl::InvalidArgumentError(
-        fmt::format("--gain is {}; camera \"{}\" has {:.4g} to {:.4g}", options_.gain, id_, least, most));
+        fmt::format("--gain is {}; camera \"{}\" has {:.4g} to {:.4g}", options_.gain, id_, min, max));
   }
   if (options_.frame_rate_hz && find_control(*camera, controls::FrameDurationLimits) == nullptr) {
     return absl::InvalidArgumentError(
@@ -218,10 +218,10 @@ absl::Status LibcameraCamera::learn_rate() {
   std::nth_element(intervals.begin(), middle, intervals.end());
   if (intervals.empty() || middle->count() <= 0) {
     return absl::UnavailableError(
-        fmt::format("the time stamps of camera \"{}\" do not go on from frame to frame", id_));
+        fmt::format("the time stamps of camera \"{}\" do not increase from frame to frame", id_));
   }
   period_ = *middle;
-  // A longer exposure would slow the camera down, or be cut short without a word.
+  // A longer exposure would lower the frame rate, or be shortened without notice.
   if (!options_.fixed_exposure_ms)
     max_exposure_ms_ = std::min(max_exposure_ms_, static_cast<double>(period_.count()) / 1e6);
   return absl::OkStatus();
@@ -234,7 +234,7 @@ v1::GetCameraResponse LibcameraCamera::describe() const {
   camera.set_width_px(size_.width_px);
   camera.set_height_px(size_.height_px);
   camera.set_bits(format_->bits);
-  camera.set_response("linear");  // what is coded otherwise is decoded
+  camera.set_response("linear");  // image_of() decodes other transfer functions
   response.set_backend("libcamera");
   response.set_frame_rate_hz(1e9 / static_cast<double>(period_.count()));
   response.set_min_exposure_ms(min_exposure_ms_);
@@ -254,8 +254,8 @@ absl::Status LibcameraCamera::begin(double exposure_ms) {
   if (chosen == nullptr || chosen->at(0).size != libcamera::Size(static_cast<unsigned>(size_.width_px),
                                                                  static_cast<unsigned>(size_.height_px))) {
     return absl::UnavailableError(
-        fmt::format("camera \"{}\" is another one than before: it has no {} of {}x{}", id_, format_->name,
-                    size_.width_px, size_.height_px));
+        fmt::format("camera \"{}\" has been replaced by another one, which has no {} of {}x{}", id_,
+                    format_->name, size_.width_px, size_.height_px));
   }
   libcamera::ControlList modes(controls::controls), settings(controls::controls);
   if (find_control(*camera, controls::AeEnable) != nullptr) modes.set(controls::AeEnable, false);
@@ -280,7 +280,7 @@ absl::Status LibcameraCamera::why_no_frames() const {
   if (run_->refused())
     return absl::FailedPreconditionError(fmt::format("camera \"{}\" refused its settings", id_));
   return absl::UnavailableError(
-      fmt::format("camera \"{}\" has given no frame for {} s", id_, kNoFrames / std::chrono::seconds(1)));
+      fmt::format("camera \"{}\" has delivered no frame for {} s", id_, kNoFrames / std::chrono::seconds(1)));
 }
 
 absl::Status LibcameraCamera::start(double exposure_ms) {
@@ -312,7 +312,7 @@ absl::Status LibcameraCamera::wait_for_settings() {
     if (!frame) return why_no_frames();
     if (!frame->exposure_ms && seen >= kSettledAfter) {
       if (!options_.fixed_exposure_ms) {
-        spdlog::warn("camera does not report its exposure: taken for granted exposure_ms={} after frames={}",
+        spdlog::warn("camera does not report its exposure: assumed exposure_ms={} after frames={}",
                      exposure_ms_, seen);
       }
       return absl::OkStatus();
@@ -330,13 +330,14 @@ std::optional<CapturedFrame> LibcameraCamera::next(std::chrono::milliseconds tim
   const nanoseconds deadline = monotonic_now() + timeout;
   const std::optional<LibcameraRun::Frame> frame = run_->next(timeout);
   if (!frame) {
-    sleep_until_monotonic(deadline);  // a run that has ended is known at once
+    sleep_until_monotonic(deadline);  // a run that has ended returns at once
     return std::nullopt;
   }
   const std::optional<Stamp> stamp = monotonic_stamp(frame->stamp, frame->complete);
   if (!stamp) {
     spdlog::warn(
-        "frame without a credible time is lost: sequence={} stamp_ns={} monotonic_ns={} boottime_ns={}",
+        "frame dropped, its time stamp is implausible: sequence={} stamp_ns={} monotonic_ns={} "
+        "boottime_ns={}",
         frame->sequence, frame->stamp.count(), frame->complete.after.count(), frame->complete.boot.count());
     return std::nullopt;
   }

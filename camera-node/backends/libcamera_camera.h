@@ -1,10 +1,10 @@
-// A camera that libcamera (0.0.3) drives, with manual exposure and gain.
+// A camera driven by libcamera (0.0.3), with manual exposure and gain.
 //
 // Frames are copied out of the driver's buffers when they are complete, and converted when their pictures are
-// wanted. Settings take effect some frames late: start() waits until the frames' own metadata say that they
-// have. Where a camera reports no ExposureTime (USB cameras: UVC knows none), that is taken for granted after
-// a number of frames, and its exposure is what was asked, in the tenths of a millisecond that UVC has. Only
-// one may be open in a process.
+// requested. Settings take effect some frames late: start() waits until the frames' metadata report them. If
+// a camera reports no ExposureTime (USB cameras: UVC has none), start() assumes after some frames that the
+// exposure is the requested one, which UVC takes in tenths of a millisecond. Only one LibcameraCamera may
+// exist in a process.
 #pragma once
 
 #include <memory>
@@ -31,25 +31,26 @@ class LibcameraCamera final : public Camera {
  public:
   struct Options {
     std::string name = "camera-1";
-    std::string camera;                       // libcamera's id or model, or a part of it; empty: the only one
-    std::string format;                       // libcamera's name; empty: the best that the camera has
-    std::optional<PictureSize> size;          // else the camera's own choice
-    std::optional<double> frame_rate_hz;      // else the camera's own
-    double gain = 1.0;                        // analogue
-    std::optional<double> fixed_exposure_ms;  // of a camera that has no control of it
+    std::string camera;                   // libcamera's id or model, or a part of it; empty: the only camera
+    std::string format;                   // libcamera's name; empty: the camera's best
+    std::optional<PictureSize> size;      // default: the camera's choice
+    std::optional<double> frame_rate_hz;  // default: the camera's own
+    double gain = 1.0;                    // analogue
+    std::optional<double> fixed_exposure_ms;  // for a camera without an exposure control
     StampMeaning stamp = StampMeaning::kUnknown;
-    std::optional<nanoseconds> readout;  // else what the camera says, or one frame
-    std::optional<nanoseconds> delay;    // else one frame
+    std::optional<nanoseconds> readout;  // default: as the camera reports, or one frame period
+    std::optional<nanoseconds> delay;    // default: one frame period
   };
-  // Runs the camera for some frames to learn its rate and what it reports.
-  // NOT_FOUND, or INVALID_ARGUMENT for an option that it cannot fulfil: both list what there is. UNAVAILABLE:
-  // another program has it, or no frames come. FAILED_PRECONDITION: it has no control of its exposure.
+  // Runs the camera for some frames to measure its rate and learn its readout time. NOT_FOUND: not exactly
+  // one camera matches. INVALID_ARGUMENT: an unsupported option. Both list what is available. UNAVAILABLE:
+  // another program uses the camera, or no frames arrive. FAILED_PRECONDITION: its exposure cannot be
+  // controlled.
   static absl::StatusOr<std::unique_ptr<LibcameraCamera>> open(const Options& options);
   ~LibcameraCamera() override;
 
   v1::GetCameraResponse describe() const override;
-  // UNAVAILABLE: the camera is gone, or gives no frames. FAILED_PRECONDITION: it does not do what it was
-  // told.
+  // UNAVAILABLE: the camera is unplugged or delivers no frames. FAILED_PRECONDITION: it does not apply its
+  // settings.
   absl::Status start(double exposure_ms) override;
   std::optional<CapturedFrame> next(std::chrono::milliseconds timeout) override;
   void stop() override;
@@ -73,10 +74,10 @@ class LibcameraCamera final : public Camera {
   PictureSize size_;
   double min_exposure_ms_ = 0.0, max_exposure_ms_ = 0.0;
   nanoseconds period_{};                // of a frame
-  std::optional<nanoseconds> readout_;  // as the camera says
+  std::optional<nanoseconds> readout_;  // as the camera reports
   double exposure_ms_ = 0.0;            // of this run
   std::int64_t first_sequence_ = 1;     // of this run
-  std::int64_t last_sequence_ = 0;      // of all
+  std::int64_t last_sequence_ = 0;      // of all runs
   std::unique_ptr<LibcameraRun> run_;
 };
 

@@ -16,9 +16,10 @@ namespace {
 
 namespace controls = libcamera::controls;
 
-constexpr size_t kMaxWaiting = 32;  // complete frames that nobody has taken; then the oldest are lost
+constexpr size_t kMaxWaiting = 32;  // complete frames not yet taken; beyond that the oldest is dropped
 
-// libcamera fills in RGB's full range where a USB camera says nothing; their YCbCr has the limited one.
+// For USB cameras that report no range, libcamera assumes RGB's full range; their YCbCr has the limited
+// range.
 ColourCode colour_code(const std::optional<libcamera::ColorSpace>& space, bool usb) {
   using Space = libcamera::ColorSpace;
   ColourCode code;
@@ -86,7 +87,7 @@ absl::Status LibcameraRun::map_buffers(bool usb) {
             .black = 0.0,
             .planes = {}};
   assert(blank_.format != nullptr);
-  // The driver's own buffers: many cannot write to a program's memory.
+  // The driver's own buffers, because many drivers cannot write to a program's memory.
   if (const int error = allocator_.allocate(stream.stream()); error < 0)
     return unavailable(*camera_, "given buffers", error);
   for (const auto& buffer : allocator_.buffers(stream.stream())) {
@@ -107,7 +108,7 @@ absl::Status LibcameraRun::stream(const libcamera::ControlList& modes,
                                   const libcamera::ControlList& settings) {
   libcamera::ControlList both = modes;
   both.merge(settings);
-  // Some drivers take controls here, others only with requests.
+  // Some drivers take controls at start, others only with requests.
   if (const int error = camera_->start(&both); error < 0) return unavailable(*camera_, "started", error);
   for (const auto& buffer : allocator_.buffers(configuration_->at(0).stream())) {
     std::unique_ptr<libcamera::Request> request = camera_->createRequest();
@@ -141,7 +142,7 @@ void LibcameraRun::complete(libcamera::Request* request) {
   const std::lock_guard lock(mutex_);
   if (stopping_) return;
   request->reuse(libcamera::Request::ReuseBuffers);
-  camera_->queueRequest(request);  // fails when the camera is gone, and then no more frames come
+  camera_->queueRequest(request);  // fails once the camera is unplugged; no more frames come then
 }
 
 void LibcameraRun::disconnected() {
@@ -151,7 +152,7 @@ void LibcameraRun::disconnected() {
 
 LibcameraRun::Frame LibcameraRun::copied(const libcamera::Request& request,
                                          const libcamera::FrameBuffer& buffer) const {
-  // libcamera reads metadata through a request that may change.
+  // libcamera 0.0.3 offers metadata() only on a non-const request.
   const libcamera::ControlList& metadata = const_cast<libcamera::Request&>(request).metadata();
   Frame frame;
   frame.complete = read_clocks();
@@ -168,7 +169,7 @@ LibcameraRun::Frame LibcameraRun::copied(const libcamera::Request& request,
   const std::vector<Mapping>& planes = mappings_.at(&buffer);
   for (size_t p = 0; p < planes.size(); ++p) {
     const Mapping& plane = planes[p];
-    // Buffers that the processor's caches do not follow have to be told; others ignore it.
+    // Needed for buffers that are not cache-coherent; others ignore it.
     dma_buf_sync sync{.flags = DMA_BUF_SYNC_START | DMA_BUF_SYNC_READ};
     ::ioctl(plane.dmabuf, DMA_BUF_IOCTL_SYNC, &sync);
     const auto* bytes = static_cast<const std::uint8_t*>(plane.start) + plane.offset;

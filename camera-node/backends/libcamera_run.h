@@ -1,5 +1,5 @@
-// One run of a camera under libcamera: acquired, configured, streaming; let go at the end. For
-// libcamera_camera.cpp alone: libcamera's headers end here.
+// One run of a camera under libcamera: acquired, configured, streaming, and released at destruction. Only
+// libcamera_camera.cpp includes this header, so that libcamera's headers stay out of the rest.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -26,14 +26,14 @@ class LibcameraRun {
   struct Frame {
     std::shared_ptr<const RawPicture> picture;
     std::int64_t sequence = 0;  // of this run, from 0; gaps are lost frames
-    nanoseconds stamp{};        // as the driver gave it
-    ClockReadings complete;     // when all of it was here
-    // As the frame's metadata say, if they do.
+    nanoseconds stamp{};        // the driver's
+    ClockReadings complete;     // taken when the frame was complete
+    // From the frame's metadata, where they have it.
     std::optional<double> exposure_ms, gain;
     std::optional<nanoseconds> readout;
   };
-  // `modes` go with the first frame, `settings` with the next: USB cameras refuse an exposure time until
-  // automatic exposure is off. UNAVAILABLE: the camera is another program's, or it does not start.
+  // Sends `modes` with the first request and `settings` with the second: USB cameras refuse an exposure time
+  // until automatic exposure is off. UNAVAILABLE: another program uses the camera, or it does not start.
   static absl::StatusOr<std::unique_ptr<LibcameraRun>> begin(
       std::shared_ptr<libcamera::Camera> camera,
       std::unique_ptr<libcamera::CameraConfiguration> configuration, bool usb,
@@ -43,9 +43,9 @@ class LibcameraRun {
   LibcameraRun& operator=(const LibcameraRun&) = delete;
 
   std::optional<Frame> next(std::chrono::milliseconds timeout);
-  // Unplugged.
+  // The camera was unplugged.
   bool gone() const { return gone_; }
-  // It took back what it was sent.
+  // The camera cancelled a request.
   bool refused() const { return refused_; }
 
  private:
@@ -54,7 +54,7 @@ class LibcameraRun {
   absl::Status map_buffers(bool usb);
   absl::Status stream(const libcamera::ControlList& modes, const libcamera::ControlList& settings);
   void complete(libcamera::Request* request);  // on libcamera's thread
-  void disconnected();                         // likewise
+  void disconnected();                         // on libcamera's thread
   Frame copied(const libcamera::Request& request, const libcamera::FrameBuffer& buffer) const;
 
   struct Mapping {
@@ -68,7 +68,7 @@ class LibcameraRun {
   libcamera::FrameBufferAllocator allocator_;
   std::map<const libcamera::FrameBuffer*, std::vector<Mapping>> mappings_;
   std::vector<std::unique_ptr<libcamera::Request>> requests_;
-  RawPicture blank_;  // what all pictures of the run have in common
+  RawPicture blank_;  // the properties that all pictures of the run share
   std::atomic<bool> gone_ = false, refused_ = false;
   std::mutex mutex_;
   std::condition_variable arrived_;

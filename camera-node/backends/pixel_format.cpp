@@ -69,7 +69,7 @@ double decoded(Transfer transfer, double code) {
   return code;
 }
 
-// Linear samples by code, both of 65535.
+// Linear samples by code, both on a scale of 65535.
 using DecodeTable = std::vector<std::uint16_t>;
 const DecodeTable& decode_table(Transfer transfer) {
   const auto filled = [](Transfer by) {
@@ -83,7 +83,7 @@ const DecodeTable& decode_table(Transfer transfer) {
   return tables[static_cast<size_t>(transfer)];
 }
 
-// Codes of one row of a raw picture.
+// Reads the codes of one row of a raw picture.
 void unpack_row(const PixelFormat& format, const std::uint8_t* row, std::span<std::uint16_t> codes) {
   for (size_t x = 0; x < codes.size(); ++x) {
     if (format.packed) {
@@ -139,7 +139,7 @@ Image16 image_of_raw(const RawPicture& picture) {
     unpack_row(*picture.format, picture.planes[0].data() + static_cast<size_t>(y) * picture.stride_bytes,
                codes);
     std::uint16_t* row = mosaic.ptr<std::uint16_t>(y);
-    // A sensor of fewer bits leaves the high ones zero.
+    // Codes above full scale only occur in damaged frames; they are clamped.
     for (size_t x = 0; x < codes.size(); ++x) row[x] = linear[std::min<size_t>(codes[x], linear.size() - 1)];
   }
   Image16 image(width, height);
@@ -203,12 +203,12 @@ Image16 image_of_ycbcr(const RawPicture& picture) {
 
 absl::StatusOr<Image16> image_of_jpeg(const RawPicture& picture) {
   const auto bad = [&](const std::string& what) {
-    return absl::DataLossError(
-        fmt::format("a frame is no JPEG of {} x {} px: it is {}", picture.width_px, picture.height_px, what));
+    return absl::DataLossError(fmt::format("a frame is not a JPEG of {} x {} px: it is {}", picture.width_px,
+                                           picture.height_px, what));
   };
   const std::vector<std::uint8_t> none, &file = picture.planes.empty() ? none : picture.planes[0];
   const std::string_view bytes(reinterpret_cast<const char*>(file.data()), file.size());
-  // OpenCV decodes anything else as well, and makes room for what a header says.
+  // OpenCV also decodes other formats, and allocates whatever size a header claims. Check both first.
   if (!is_jpeg(bytes)) return bad("damaged");
   if (const PictureSize size = jpeg_size(bytes); size != PictureSize{picture.width_px, picture.height_px})
     return bad(size.width_px == 0 ? "damaged" : fmt::format("{} x {}", size.width_px, size.height_px));

@@ -1,11 +1,10 @@
-// Pictures as cameras deliver them, and the linear light that they stand for.
+// Pictures as cameras deliver them, and their conversion to linear light.
 //
 //   raw    sample = (code - black) / (full - black), one colour a pixel; the other two are the mean of the
-//          nearest neighbours that have them (bilinear), so that a sum of lights gives the sum of the
-//          pictures
+//          nearest neighbours that have them (bilinear), which keeps the picture linear in the light
 //   RGB    sample = decode(code / 255)
 //   YCbCr  R' = Y' + 2 (1 - kr) Cr,  B' = Y' + 2 (1 - kb) Cb,  G' from Y' = kr R' + (1 - kr - kb) G' + kb B';
-//          decoded likewise. Colour of lower resolution is repeated.
+//          decoded as RGB. Subsampled chroma is repeated.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -25,21 +24,21 @@ struct PixelFormat {
   std::string_view name;  // libcamera's
   Kind kind;
   std::string_view order;  // in memory: "RGGB" (two rows of two), "BGR", "YUYV"
-  int bits;                // significant ones of a sample
-  bool packed = false;     // as MIPI CSI-2 sends it: the high bytes of 4 (2) samples, then their low bits
+  int bits;                // significant bits of a sample
+  bool packed = false;     // MIPI CSI-2: the high bytes of 4 (2) samples of 10 (12) bits, then their low bits
 };
 
-// Those that image_of() knows, best first: raw before processed, more bits before fewer.
+// The formats that image_of() supports, best first: raw before processed, more bits before fewer.
 std::span<const PixelFormat> pixel_formats();
-// Null: not one of them.
+// Null: unsupported.
 const PixelFormat* find_pixel_format(std::string_view name);
 
-// How codes of a processed format stand for light. Raw samples are linear.
+// How codes of a processed format represent light. Raw samples are linear.
 struct ColourCode {
   enum class Transfer { kLinear, kSrgb, kRec709 };
   Transfer transfer = Transfer::kSrgb;
   double kr = 0.299, kb = 0.114;  // ITU-R BT.601; 0.2126 and 0.0722 in BT.709
-  bool full_range = false;        // else Y' is 16 to 235, Cb and Cr 16 to 240
+  bool full_range = false;        // false: Y' is 16 to 235, Cb and Cr 16 to 240
 };
 
 struct RawPicture {
@@ -47,11 +46,11 @@ struct RawPicture {
   int width_px = 0, height_px = 0;
   size_t stride_bytes = 0;  // of a row; in NV12 the same for both planes
   ColourCode colour;
-  double black = 0.0;                             // raw: the code of no light, of full scale
+  double black = 0.0;                             // raw: the code of no light, as a fraction of full scale
   std::vector<std::vector<std::uint8_t>> planes;  // NV12 has two, all others one
 };
 
-// DATA_LOSS: fewer bytes than such a picture has, or a JPEG that is damaged or of another size.
+// DATA_LOSS: too few bytes for the format and size, or a JPEG that is damaged or of another size.
 absl::StatusOr<Image16> image_of(const RawPicture& picture);
 
 }  // namespace glasswing

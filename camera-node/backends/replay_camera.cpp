@@ -36,7 +36,7 @@ absl::StatusOr<v1::CaptureManifest> read_manifest(const std::filesystem::path& d
 
 absl::StatusOr<Image16> read_picture(const std::filesystem::path& path, const v1::Frame& frame,
                                      const v1::Camera& camera) {
-  // Only frames of our own format have a checksum.
+  // Only archives of our own format have checksums.
   if (frame.checksum().empty())
     return read_frame_file(path, PictureSize{camera.width_px(), camera.height_px()});
   GW_ASSIGN_OR_RETURN(const std::string bytes, read_file(path));
@@ -57,7 +57,7 @@ absl::StatusOr<std::unique_ptr<ReplayCamera>> ReplayCamera::open(const Options& 
   GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, read_manifest(options.archive));
   std::vector<Replayed> frames;
   for (const v1::Frame& frame : manifest.frames()) {
-    if (!(frame.exposure_ms() > 0.0)) continue;  // foreign archives need not say
+    if (!(frame.exposure_ms() > 0.0)) continue;  // unknown in some foreign archives
     const nanoseconds recorded(frame.exposure_end_ns() - frame.exposure_start_ns());
     frames.push_back({.frame = frame, .length = std::max(recorded, exposure_of(frame))});
   }

@@ -1,8 +1,9 @@
-// A camera that shows an archive's frames again, in real time and for ever: in the order in which they are
-// listed, from the first when the last is over, under numbers that go on rising.
+// A camera that replays an archive's frames in real time, in the manifest's order, and starts over after the
+// last. Sequence numbers keep rising.
 //
-// The frames of one exposure time run at a time, and no other can be asked for. Exposures are as long as they
-// were; they follow each other as they did (a pause of more than a second is left out), or at a given rate.
+// A run replays the frames of one exposure time; only exposure times in the archive are supported. Exposures
+// last as long as recorded. They follow each other at the recorded intervals (a pause of more than a second
+// is left out), or at a given rate.
 #pragma once
 
 #include <filesystem>
@@ -22,11 +23,11 @@ class ReplayCamera final : public Camera {
   struct Options {
     std::string name = "camera-1";
     std::filesystem::path archive;
-    std::optional<double> frame_rate_hz;  // else the archive's own, or 30 where it does not say
+    std::optional<double> frame_rate_hz;  // default: the recorded intervals, or 30 where they are unknown
   };
-  // Any archive that `import` reads, or one that a camera node is writing: the frames that it holds now.
-  // NOT_FOUND or DATA_LOSS name the file. FAILED_PRECONDITION: it holds no frame with an exposure time, or
-  // they do not fit into the rate.
+  // Opens any archive that `import` reads, or one that a camera node is still writing (its present frames).
+  // NOT_FOUND or DATA_LOSS name the file. FAILED_PRECONDITION: no frame has an exposure time, or an exposure
+  // is longer than the frame interval.
   static absl::StatusOr<std::unique_ptr<ReplayCamera>> open(const Options& options);
 
   v1::GetCameraResponse describe() const override;
@@ -38,7 +39,7 @@ class ReplayCamera final : public Camera {
   struct Replayed {
     v1::Frame frame;
     nanoseconds length{};    // of its exposure, first row to last
-    nanoseconds interval{};  // to the next one's start
+    nanoseconds interval{};  // to the next frame's start
   };
   ReplayCamera(const Options& options, const v1::Camera& camera, std::vector<Replayed> frames);
 
@@ -47,7 +48,7 @@ class ReplayCamera final : public Camera {
   const std::vector<Replayed> frames_;
   std::mutex mutex_;
   std::vector<const Replayed*> running_;  // none: stopped; guarded by mutex_
-  size_t at_ = 0;                         // of running_; guarded by mutex_
+  size_t at_ = 0;                         // the next frame in running_; guarded by mutex_
   nanoseconds next_start_{};              // guarded by mutex_
   std::int64_t sequence_ = 0;             // guarded by mutex_
 };

@@ -8,7 +8,7 @@ namespace glasswing {
 namespace {
 
 constexpr nanoseconds kFresh = std::chrono::seconds(1);
-constexpr nanoseconds kStampStep = std::chrono::microseconds(1);  // V4L2 has whole microseconds
+constexpr nanoseconds kStampStep = std::chrono::microseconds(1);  // V4L2 stamps are whole microseconds
 
 }  // namespace
 
@@ -44,7 +44,7 @@ ExposureTime exposure_time(const Stamp& stamp, nanoseconds exposure, const Senso
   if (timing.stamp == StampMeaning::kUnknown || timing.stamp == StampMeaning::kStart) late += exposure;
   const nanoseconds first = stamp.time - early;
   const nanoseconds last = std::min(stamp.time + late, std::max(complete, first + exposure));
-  // Not negative: a readout that was assumed too long leaves nothing to be uncertain about.
+  // Clamped: a readout that was assumed too long leaves no margin.
   const nanoseconds spare = std::max((last - first - exposure - timing.readout) / 2, nanoseconds(0));
   return {.start = first + spare, .end = last - spare, .uncertainty = spare + stamp.uncertainty};
 }

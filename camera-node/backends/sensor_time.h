@@ -1,8 +1,8 @@
-// When a frame was exposed, told from the one time stamp that a driver gives it.
+// Computes when a frame was exposed from the one time stamp that its driver gives.
 //
-// A stamp t may mean several things, and how long after that data arrive is seldom known. What is known: the
-// first row began no earlier than t - early, the last row ended no later than t + late, and never after the
-// frame was complete on this machine.
+// The meaning of a stamp t depends on the driver, and the delay until data arrives is seldom known. The
+// bounds: the first row's exposure began no earlier than t - early; the last row's ended no later than t +
+// late, and not after the frame was complete on this machine.
 //
 //   stamp      early               late                 t is when
 //   start      0                   exposure + readout   the first row's exposure began
@@ -10,8 +10,8 @@
 //   arrival    exposure + delay    readout              its data reached this machine, at most `delay` later
 //   unknown    exposure + delay    exposure + readout   one of these
 //
-// The window told is as long as exposure + readout, in the middle of [t - early, t + late]; the rest is its
-// uncertainty.
+// The computed window is exposure + readout long and centred in [t - early, t + late]; the margin on each
+// side is its uncertainty.
 #pragma once
 
 #include <optional>
@@ -20,7 +20,7 @@
 
 namespace glasswing {
 
-// This machine's clocks, read together: BOOTTIME was read between two readings of MONOTONIC.
+// This machine's clocks, read together: BOOTTIME between two readings of MONOTONIC.
 struct ClockReadings {
   nanoseconds before{}, boot{}, after{};
 };
@@ -30,10 +30,10 @@ struct Stamp {
   nanoseconds time{};  // CLOCK_MONOTONIC
   nanoseconds uncertainty{};
 };
-// libcamera calls its stamps CLOCK_BOOTTIME, but hands on what drivers gave it, and most read
-// CLOCK_MONOTONIC. The two differ by the time that the machine has slept since it booted. A frame is fresh
-// when it comes: the clock is the one by which the stamp lies in the last second, and where both do, the
-// stamp may be either. None: by neither clock does it.
+// Finds which clock a stamp was read from. libcamera documents CLOCK_BOOTTIME but passes on the drivers'
+// stamps, and most drivers read CLOCK_MONOTONIC; the two differ by the time the machine has slept since boot.
+// A new frame's stamp lies in the last second of its clock. If that holds for both clocks, the result covers
+// either. None: it holds for neither.
 std::optional<Stamp> monotonic_stamp(nanoseconds stamp, const ClockReadings& now);
 
 enum class StampMeaning { kUnknown, kStart, kReadout, kArrival };
@@ -41,13 +41,14 @@ enum class StampMeaning { kUnknown, kStart, kReadout, kArrival };
 struct SensorTiming {
   StampMeaning stamp = StampMeaning::kUnknown;
   nanoseconds readout{};  // from the first row's start to the last row's start
-  nanoseconds delay{};    // at most, from the first row's readout to its data's arrival
+  nanoseconds delay{};    // max, from the first row's readout to the arrival of its data
 };
 
 struct ExposureTime {
-  nanoseconds start{}, end{};  // of the first row, of the last row
+  nanoseconds start{}, end{};  // start of the first row, end of the last row
   nanoseconds uncertainty{};   // of both
 };
+// `complete`: when the whole frame was in memory.
 ExposureTime exposure_time(const Stamp& stamp, nanoseconds exposure, const SensorTiming& timing,
                            nanoseconds complete);
 

@@ -14,13 +14,13 @@ namespace glasswing {
 namespace {
 
 constexpr double kMinExposureMs = 0.05;
-constexpr nanoseconds kLightIsLate = std::chrono::milliseconds(300);  // then it is taken for dark
+constexpr nanoseconds kMaxLightDelay = std::chrono::milliseconds(300);  // later light counts as dark
 
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<SimCamera>> SimCamera::create(const SimCameraOptions& options,
                                                              const EmissionTimeline& timeline) {
-  // Names the scenes there are, if this is none of them.
+  // Fails with a list of the scenes if this one is unknown.
   const std::vector<SceneMonitor> one{{.name = "back", .size = {.width_px = 4, .height_px = 4}}};
   GW_RETURN_IF_ERROR(build_transport(options.scene, true, one, 4, 4).status());
   return std::unique_ptr<SimCamera>(new SimCamera(options, timeline));
@@ -40,7 +40,7 @@ v1::GetCameraResponse SimCamera::describe() const {
   camera.set_width_px(options_.width_px);
   camera.set_height_px(options_.height_px);
   camera.set_bits(options_.sensor.bits);
-  // As of any camera that codes its light its own way, nothing is known but what a calibration finds.
+  // With a nonlinear response only a calibration can find the noise parameters, as for a real camera.
   const bool linear = options_.sensor.curve == SensorCurve() && options_.sensor.black_level == 0.0;
   camera.set_response(linear ? "linear" : "unknown");
   if (linear) camera.set_read_sd(options_.sensor.read_sd);
@@ -59,7 +59,7 @@ absl::Status SimCamera::start(double exposure_ms) {
     return absl::InvalidArgumentError(fmt::format("exposure_ms is {}; this camera takes {} to {} ms",
                                                   exposure_ms, kMinExposureMs, longest_ms));
   }
-  // The light's ways through the scene are traced before the first frame wants them.
+  // Traces the light transport before the first frame needs it.
   if (const std::vector<EmissionMonitor> monitors = timeline_.monitors(); !monitors.empty())
     GW_RETURN_IF_ERROR(stage(monitors).status());
   const std::lock_guard lock(mutex_);
@@ -89,10 +89,10 @@ std::optional<CapturedFrame> SimCamera::next(std::chrono::milliseconds) {
   {
     const std::lock_guard lock(mutex_);
     if (!running_) return std::nullopt;
-    const auto up_to = [this](nanoseconds most) {
-      return nanoseconds(std::uniform_int_distribution<std::int64_t>(0, most.count())(random_));
+    const auto up_to = [this](nanoseconds max) {
+      return nanoseconds(std::uniform_int_distribution<std::int64_t>(0, max.count())(random_));
     };
-    // A camera runs on whether anybody looks or not: what was missed is lost.
+    // The camera is free-running: frames that were not taken in time are lost.
     const nanoseconds behind = monotonic_now() - next_start_;
     if (behind > std::chrono::seconds(1)) {
       next_start_ += behind / period * period;
@@ -132,7 +132,7 @@ std::optional<CapturedFrame> SimCamera::next(std::chrono::milliseconds) {
 
 absl::StatusOr<Image16> SimCamera::expose_frame(const Exposed& exposed, double exposure_ms) {
   RadianceImage radiance(options_.width_px, options_.height_px);
-  if (timeline_.wait_known_until(end_of(exposed.window), kLightIsLate)) {
+  if (timeline_.wait_known_until(end_of(exposed.window), kMaxLightDelay)) {
     GW_ASSIGN_OR_RETURN(radiance, radiance_on(exposed));
   }
   const Automatics& automatics = options_.automatics;
@@ -159,8 +159,8 @@ absl::StatusOr<RadianceImage> SimCamera::radiance_on(const Exposed& exposed) {
   return blurs() ? through_lens(radiance, options_.blur_sigma_px) : radiance;
 }
 
-// The frames before are worked out anew, so that the gains of a frame depend on the light alone, and not on
-// which frames somebody wanted to see.
+// Recomputes the frames before, so that a frame's gains depend on the light alone and not on which frames
+// were requested.
 absl::Status SimCamera::apply_automatics(const Exposed& exposed, double exposure_ms,
                                          RadianceImage& radiance) {
   const nanoseconds period(std::llround(1e9 / options_.frame_rate_hz));
@@ -196,7 +196,7 @@ void SimCamera::prepare(std::stop_token stop) {
   while (!never.wait_for(lock, stop, kPoll, [&] { return stop.stop_requested(); })) {
     const std::vector<EmissionMonitor> monitors = timeline_.monitors();
     const std::string now = key_of(monitors);
-    // More monitors may follow at once.
+    // Wait for one poll without a change: monitors are added one by one.
     if (!monitors.empty() && now == before && now != traced) {
       if (stage(monitors).ok()) spdlog::info("scene={} is traced", options_.scene);
       traced = now;

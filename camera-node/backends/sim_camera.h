@@ -1,5 +1,5 @@
-// A simulated camera, free-running, that sees a scene lit by what displays really emitted; and its stage.
-// What moves there stands still during an exposure, where it is in the middle of it by the camera's own
+// A free-running simulated camera, which sees a scene lit by what the displays emitted, and its stage. A
+// moving object is frozen during each exposure, at its position in the middle of it by the camera's own
 // clock.
 #pragma once
 
@@ -27,15 +27,15 @@ struct SimCameraOptions {
   int width_px = 128;
   int height_px = 96;
   double frame_rate_hz = 200.0;
-  double blur_sigma_px = 0.0;  // of the lens
+  double blur_sigma_px = 0.0;  // lens blur
   SensorModel sensor;
-  Automatics automatics = {};  // that it does not tell of: exposure and gain are reported as asked for
-  NodeClock clock = {};        // in which it stamps
-  double drop = 0.0;           // probability that a frame is lost: its number is skipped
+  Automatics automatics = {};  // not reported: exposure and gain are reported as requested
+  NodeClock clock = {};        // of the time stamps
+  double drop = 0.0;           // probability that a frame is lost; its sequence number is skipped
   double duplicate = 0.0;      // probability that a frame holds the pixels of the one before
-  nanoseconds late{};          // frames are delivered up to this late, in order
-  nanoseconds stamp_jitter{};  // stamps are off by up to this, and say so
-  nanoseconds stamp_shift{};   // stamps are off by this, and do not say so
+  nanoseconds late{};          // max delivery delay; frames stay in order
+  nanoseconds stamp_jitter{};  // max error of stamps, included in their uncertainty
+  nanoseconds stamp_shift{};   // constant error of stamps, not in their uncertainty
 };
 
 class SimCamera final : public Camera, public Stage {
@@ -48,11 +48,11 @@ class SimCamera final : public Camera, public Stage {
   absl::Status start(double exposure_ms) override;
   std::optional<CapturedFrame> next(std::chrono::milliseconds timeout) override;
   void stop() override;
-  bool move(bool present) override;  // the simulated motor is done at once
+  bool move(bool present) override;  // the simulated motor finishes at once
 
  private:
   SimCamera(const SimCameraOptions& options, const EmissionTimeline& timeline);
-  // What lies on the sensor when a frame is read out.
+  // What a frame shows; a duplicate repeats that of the frame before.
   struct Exposed {
     std::int64_t sequence = 0;
     ExposureWindow window;
@@ -61,11 +61,11 @@ class SimCamera final : public Camera, public Stage {
   bool blurs() const { return options_.blur_sigma_px > 0.0; }
   nanoseconds end_of(const ExposureWindow& window) const;
   absl::StatusOr<Image16> expose_frame(const Exposed& exposed, double exposure_ms);
-  // Mean radiance over each row's exposure, as far as the light is known by now.
+  // Mean radiance over each row's exposure, of the light known so far.
   absl::StatusOr<RadianceImage> radiance_on(const Exposed& exposed);
   absl::Status apply_automatics(const Exposed& exposed, double exposure_ms, RadianceImage& radiance);
   void prepare(std::stop_token stop);
-  // For the monitors that emit now; built again when they change.
+  // The light transport for these monitors; rebuilt when they change.
   absl::StatusOr<StageTransports> stage(const std::vector<EmissionMonitor>& monitors);
 
   const SimCameraOptions options_;
@@ -77,13 +77,13 @@ class SimCamera final : public Camera, public Stage {
   double exposure_ms_ = 0.0;   // guarded by mutex_
   std::int64_t sequence_ = 0;  // guarded by mutex_
   nanoseconds next_start_{};   // guarded by mutex_
-  Exposed newest_;             // guarded by mutex_, but for duplicates
+  Exposed newest_;             // that is not a duplicate; guarded by mutex_
   std::mt19937_64 random_;     // guarded by mutex_
-  nanoseconds delivered_{};    // when the newest frame was; next() has one caller
+  nanoseconds delivered_{};    // when the newest frame was; used by next() only, which has one caller
   std::mutex build_mutex_;
   std::vector<SceneMonitor> built_for_;  // guarded by build_mutex_
   StageTransports stage_;                // guarded by build_mutex_
-  std::jthread preparing_;  // traces the scene as soon as there are monitors: a real one is simply there
+  std::jthread preparing_;  // traces the scene as soon as monitors are known, before the first frame needs it
 };
 
 }  // namespace glasswing

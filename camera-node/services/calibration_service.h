@@ -1,4 +1,4 @@
-// CalibrationService: what this node's archives of method "calibration" say about devices.
+// CalibrationService: fits camera and display calibrations to this node's archives of method "calibration".
 #pragma once
 
 #include "core/archive/archive_store.h"

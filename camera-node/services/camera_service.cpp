@@ -3,27 +3,23 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <map>
-#include <set>
 #include <thread>
 
 #include "camera-node/camera_metrics.h"
 #include "camera-node/services/preview.h"
 #include "core/base/status.h"
-#include "core/pattern/stimulus_kind.h"
 #include "core/service/service.h"
 
 namespace glasswing {
 namespace {
 
 constexpr int kRingFrames = 600;
-constexpr size_t kRingBytes = size_t{1} << 30;
-constexpr std::chrono::seconds kSilence(3);  // without a frame, beyond what the frame rate explains
-constexpr int kMaxBatch = 4096;
+constexpr std::chrono::seconds kMaxSilence(3);  // without a frame, on top of two frame periods
+constexpr int kMaxSequences = 4096;
 constexpr double kPreviewExposureMs = 4.0;
-constexpr std::chrono::milliseconds kPreviewPause(20);  // how soon it notices that somebody wants to capture
+constexpr std::chrono::milliseconds kPreviewPause(20);  // how often a preview looks for a waiting capture
 
-// The sample of the sensor's highest code, scaled to 16 bits.
+// The sensor's highest code, scaled to 16 bits.
 std::uint16_t full_scale_of(const v1::Camera& camera) {
   const int bits = std::clamp(camera.bits(), 1, 16);
   return static_cast<std::uint16_t>(65535 - (65535 >> bits));
@@ -54,26 +50,11 @@ bool write_whole(const Image16& image, const v1::FrameTaken& taken,
   return written;
 }
 
-bool is_lesson(const Archive::NewFrame& frame) {
-  return kind_of(frame.record.stimulus()) == StimulusKind::kPatch;
-}
-
-// On disk. Frames of a video may use the reserve: it cannot be gone on with later.
-std::int64_t bytes_of(const std::vector<Archive::NewFrame>& batch) {
-  size_t bytes = 0;
-  for (const Archive::NewFrame& frame : batch) {
-    const bool of_video = frame.record.object() && kind_of(frame.record.stimulus()) == StimulusKind::kRamp;
-    if (!of_video) bytes += tiff_size_bytes(frame.image.width_px, frame.image.height_px);
-  }
-  return static_cast<std::int64_t>(bytes);
-}
-
-v1::UnseenPatch unseen_patch(const PatchProof::Lessons& lessons) {
-  v1::UnseenPatch patch;
-  patch.set_monitor(lessons.frames.front().record.stimulus().panel());
-  patch.set_reason(std::string(lessons.learned.message()));
-  patch.set_dark(absl::IsNotFound(lessons.learned));
-  return patch;
+template <typename Response>
+grpc::Status answer(absl::StatusOr<Response> result, Response& response) {
+  if (!result.ok()) return to_grpc(result.status());
+  response = *std::move(result);
+  return grpc::Status::OK;
 }
 
 }  // namespace
@@ -87,17 +68,17 @@ grpc::Status CameraServiceImpl::GetCamera(grpc::ServerContext*, const v1::GetCam
 
 absl::Status CameraServiceImpl::run(grpc::ServerContext& context, double exposure_ms, size_t keep,
                                     const std::function<bool(const v1::FrameTaken*)>& take) {
-  // A preview, or a call that was just cancelled, needs a moment to let go.
+  // A preview, or a call that was just cancelled, needs a moment to release the camera.
   ++captures_waiting_;
   const std::unique_lock only(capturing_, std::chrono::seconds(1));
   --captures_waiting_;
   if (!only.owns_lock()) {
     return absl::FailedPreconditionError(
-        "the camera is capturing for somebody else; try again when it is free");
+        "the camera is capturing for another client; try again when it is free");
   }
   GW_RETURN_IF_ERROR(camera_.start(exposure_ms));
   const double rate_hz = camera_.describe().frame_rate_hz();
-  const nanoseconds silence = kSilence + nanoseconds(static_cast<std::int64_t>(2e9 / rate_hz));
+  const nanoseconds silence = kMaxSilence + nanoseconds(static_cast<std::int64_t>(2e9 / rate_hz));
   nanoseconds heard = monotonic_now();
   bool wanted = take(nullptr);
   while (wanted && !context.IsCancelled() && !stopping_) {
@@ -105,21 +86,12 @@ absl::Status CameraServiceImpl::run(grpc::ServerContext& context, double exposur
     if (!frame && monotonic_now() - heard < silence) continue;
     if (!frame) {
       camera_.stop();
-      return absl::UnavailableError("the camera has stopped giving frames; is it still plugged in?");
+      return absl::UnavailableError("the camera has stopped delivering frames; is it still plugged in?");
     }
     heard = monotonic_now();
     camera_metrics().frames.Increment();
     const v1::FrameTaken taken = frame->taken;
-    {
-      const std::lock_guard lock(mutex_);
-      ring_bytes_ += frame->held_bytes;
-      ring_.push_back(*std::move(frame));
-      while (ring_.size() > keep || (ring_bytes_ > kRingBytes && ring_.size() > 1)) {
-        ring_bytes_ -= ring_.front().held_bytes;
-        ring_.pop_front();
-      }
-    }
-    frame_came_.notify_all();
+    ring_.push(*std::move(frame), keep);
     wanted = take(&taken);
   }
   camera_.stop();
@@ -139,24 +111,22 @@ grpc::Status CameraServiceImpl::StreamFrames(grpc::ServerContext* context,
                                              const v1::StreamFramesRequest* request,
                                              grpc::ServerWriter<v1::StreamFramesResponse>* writer) {
   std::atomic<bool> wanted = true;
-  std::jthread sender;  // converts and sends, while the camera goes on
+  std::jthread sender;  // converts and sends while the camera runs on
   const auto send = [&](std::stop_token stop) {
     std::int64_t sent = -1;
     while (wanted && !stop.stop_requested()) {
-      const std::optional<CapturedFrame> frame = newer_than(sent, std::chrono::milliseconds(50));
+      const std::optional<CapturedFrame> frame = ring_.wait_newer(sent, std::chrono::milliseconds(50));
       if (!frame) continue;
       sent = frame->taken.sequence();
       const absl::StatusOr<Image16> image = frame->image();
-      if (!image.ok()) continue;  // the next one may be whole
+      if (!image.ok()) continue;  // the next frame may be intact
       wanted = write_whole(*image, frame->taken, *writer);
     }
   };
   const auto take = [&](const v1::FrameTaken* taken) {
     if (taken == nullptr) {
       wanted = writer->Write(v1::StreamFramesResponse());
-      const std::lock_guard lock(mutex_);
-      ring_.clear();  // what another call left
-      ring_bytes_ = 0;
+      ring_.clear();  // frames of an earlier call
       sender = std::jthread(send);
     }
     return wanted.load();
@@ -166,132 +136,33 @@ grpc::Status CameraServiceImpl::StreamFrames(grpc::ServerContext* context,
 
 grpc::Status CameraServiceImpl::KeepFrames(grpc::ServerContext*, const v1::KeepFramesRequest* request,
                                            v1::KeepFramesResponse* response) {
-  if (request->frames_size() > kMaxBatch) {
-    return to_grpc(absl::InvalidArgumentError("more than 4096 frames are asked for at once"));
-  }
-  const absl::StatusOr<std::shared_ptr<Archive>> archive = store_.find(request->session());
-  if (!archive.ok()) return to_grpc(archive.status());
-  absl::StatusOr<std::vector<Archive::NewFrame>> batch = find(request->frames());
-  if (!batch.ok()) return to_grpc(batch.status());
-  const std::lock_guard lock(keeping_);
-  if (const absl::Status status = check_patches(*request, **archive, *batch, *response); !status.ok())
-    return to_grpc(status);
-  if (const absl::Status status = store_.room().check(bytes_of(*batch)); !status.ok()) return to_grpc(status);
-  const absl::StatusOr<std::vector<v1::Frame>> stored = (*archive)->add(*batch);
-  if (!stored.ok()) return to_grpc(stored.status());
-  for (const v1::Frame& frame : *stored) *response->add_frames() = frame;
-  camera_metrics().kept.Increment(static_cast<double>(stored->size()));
-  camera_metrics().refused.Increment(response->refused());
-  return grpc::Status::OK;
+  return answer(keeper_.keep(*request), *response);
 }
 
-std::optional<CapturedFrame> CameraServiceImpl::newer_than(std::int64_t sequence,
-                                                           std::chrono::milliseconds timeout) {
-  std::unique_lock lock(mutex_);
-  const auto is_there = [&] { return !ring_.empty() && ring_.back().taken.sequence() != sequence; };
-  return frame_came_.wait_for(lock, timeout, is_there) ? std::optional(ring_.back()) : std::nullopt;
-}
-
-std::optional<CapturedFrame> CameraServiceImpl::in_ring(std::int64_t sequence) {
-  const std::lock_guard lock(mutex_);
-  const auto found = std::find_if(ring_.begin(), ring_.end(), [&](const CapturedFrame& frame) {
-    return frame.taken.sequence() == sequence;
-  });
-  return found == ring_.end() ? std::nullopt : std::optional(*found);
-}
-
-absl::StatusOr<std::vector<Archive::NewFrame>> CameraServiceImpl::find(const Frames& frames) {
-  std::vector<Archive::NewFrame> batch;
-  for (const v1::Frame& wanted : frames) {
-    if (wanted.step() < 0 || !wanted.file().empty())
-      return absl::InvalidArgumentError("a frame to keep needs a step of 0 or more, and no file");
-    const std::optional<CapturedFrame> found = in_ring(wanted.sequence());
-    if (!found) continue;
-    GW_ASSIGN_OR_RETURN(Image16 image, found->image());
-    batch.push_back({.record = wanted, .image = std::move(image)});
-    batch.back().record.set_proof(v1::PROOF_TIME);
-  }
-  return batch;
-}
-
-absl::Status CameraServiceImpl::check_patches(const v1::KeepFramesRequest& request, Archive& archive,
-                                              std::vector<Archive::NewFrame>& batch,
-                                              v1::KeepFramesResponse& response) {
-  if (proof_session_ != request.session()) {
-    proof_ = {};
-    GW_RETURN_IF_ERROR(proof_.learn_from(archive));
-    proof_session_ = request.session();
-  }
-  const auto accepted = [&](const std::string& monitor) {
-    const auto& list = request.accept_unseen_patches();
-    return std::find(list.begin(), list.end(), monitor) != list.end();
-  };
-  std::vector<Archive::NewFrame> proven;
-  std::set<int> waiting;
-  const auto others = std::stable_partition(batch.begin(), batch.end(), is_lesson);
-  for (auto frame = batch.begin(); frame != others; ++frame) {
-    waiting.insert(frame->record.step());
-    std::optional<PatchProof::Lessons> lessons = proof_.add(std::move(*frame));
-    if (!lessons) continue;
-    if (!lessons->learned.ok()) *response.add_unseen_patches() = unseen_patch(*lessons);
-    for (Archive::NewFrame& lesson : lessons->frames) {
-      waiting.erase(lesson.record.step());
-      // What taught every cell was itself what it should be.
-      if (lessons->learned.ok()) lesson.record.set_proof(v1::PROOF_TIME_AND_PATCH);
-      if (lessons->learned.ok() || accepted(lesson.record.stimulus().panel()))
-        proven.push_back(std::move(lesson));
-    }
-  }
-  for (const int step : waiting) response.add_waiting_steps(step);
-  for (auto frame = others; frame != batch.end(); ++frame) {
-    if (proof_.agrees(frame->record, frame->image)) {
-      proven.push_back(std::move(*frame));
-    } else {
-      response.set_refused(response.refused() + 1);
-    }
-  }
-  batch = std::move(proven);
-  return absl::OkStatus();
+grpc::Status CameraServiceImpl::LearnPatches(grpc::ServerContext*, const v1::LearnPatchesRequest* request,
+                                             v1::LearnPatchesResponse* response) {
+  return answer(keeper_.learn(*request), *response);
 }
 
 grpc::Status CameraServiceImpl::LookForPatches(grpc::ServerContext*, const v1::LookForPatchesRequest* request,
                                                v1::LookForPatchesResponse* response) {
-  if (request->frames_size() > kMaxBatch)
-    return to_grpc(absl::InvalidArgumentError("more than 4096 frames are asked for at once"));
-  absl::StatusOr<std::vector<Archive::NewFrame>> batch = find(request->frames());
-  if (!batch.ok()) return to_grpc(batch.status());
-  PatchProof proof;
-  std::map<std::string, v1::UnseenPatch> unseen;
-  for (const v1::Frame& frame : request->frames()) {
-    v1::UnseenPatch& patch = unseen[frame.stimulus().panel()];
-    patch.set_monitor(frame.stimulus().panel());
-    patch.set_reason("not all frames of its id patch are still with the camera");
-  }
-  for (Archive::NewFrame& frame : *batch) {
-    const std::optional<PatchProof::Lessons> lessons = proof.add(std::move(frame));
-    if (!lessons) continue;
-    const std::string& monitor = lessons->frames.front().record.stimulus().panel();
-    if (lessons->learned.ok()) {
-      unseen.erase(monitor);
-    } else {
-      unseen[monitor] = unseen_patch(*lessons);
-    }
-  }
-  for (auto& [monitor, patch] : unseen) *response->add_unseen_patches() = std::move(patch);
-  return grpc::Status::OK;
+  return answer(keeper_.look(*request), *response);
 }
 
 grpc::Status CameraServiceImpl::MeasureLight(grpc::ServerContext*, const v1::MeasureLightRequest* request,
                                              v1::MeasureLightResponse* response) {
-  if (request->sequences_size() > kMaxBatch)
-    return to_grpc(absl::InvalidArgumentError("more than 4096 frames are asked for at once"));
+  if (request->sequences_size() > kMaxSequences) {
+    return to_grpc(
+        absl::InvalidArgumentError(fmt::format("{} frames are requested at once; at most {} are allowed",
+                                               request->sequences_size(), kMaxSequences)));
+  }
   const absl::StatusOr<FrameLight> light = request->has_calibration()
                                                ? FrameLight::create(request->calibration())
                                                : FrameLight::create(v1::CaptureManifest());
   if (!light.ok()) return to_grpc(light.status());
   const std::uint16_t full_scale = full_scale_of(camera_.describe().camera());
   for (const std::int64_t sequence : request->sequences()) {
-    const std::optional<CapturedFrame> found = in_ring(sequence);
+    const std::optional<CapturedFrame> found = ring_.find(sequence);
     if (!found) continue;
     const absl::StatusOr<Image16> image = found->image();
     if (!image.ok()) return to_grpc(image.status());
@@ -306,7 +177,7 @@ grpc::Status CameraServiceImpl::Preview(grpc::ServerContext* context, const v1::
   if (const absl::Status status = check_preview(*request); !status.ok()) return to_grpc(status);
   const std::unique_lock only(previewing_, std::try_to_lock);
   if (!only.owns_lock())
-    return to_grpc(absl::FailedPreconditionError("another preview runs; one at a time is served"));
+    return to_grpc(absl::FailedPreconditionError("another preview is running; only one can run at a time"));
   const v1::GetCameraResponse camera = camera_.describe();
   const double exposure_ms =
       request->exposure_ms() != 0.0
@@ -331,14 +202,13 @@ grpc::Status CameraServiceImpl::Preview(grpc::ServerContext* context, const v1::
       frame = camera_.next(kPreviewPause);
     } else {
       std::this_thread::sleep_for(kPreviewPause);
-      const std::lock_guard lock(mutex_);
-      if (!ring_.empty()) frame = ring_.back();
+      frame = ring_.newest();
     }
     if (!frame || frame->taken.sequence() == shown || monotonic_now() < due) continue;
     shown = frame->taken.sequence();
     due = std::max(due + period, monotonic_now());
     const absl::StatusOr<Image16> image = frame->image();
-    if (!image.ok()) continue;  // the next one may be whole
+    if (!image.ok()) continue;  // the next frame may be intact
     v1::PreviewResponse response =
         preview_of(*image, request->max_width_px(), full_scale_of(camera.camera()));
     response.set_exposure_ms(frame->taken.exposure_ms());

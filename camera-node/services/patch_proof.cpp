@@ -11,7 +11,7 @@
 namespace glasswing {
 namespace {
 
-// Cameras report what they did, which is a little off what was asked.
+// Cameras report the actual exposure, which differs slightly from the requested one.
 bool same_exposure(double a_ms, double b_ms) {
   return std::abs(a_ms - b_ms) <= 0.02 * std::max(a_ms, b_ms);
 }
@@ -24,33 +24,33 @@ absl::Status PatchProof::learn_from(Archive& archive) {
     if (kind_of(frame.stimulus()) != StimulusKind::kPatch) continue;
     GW_ASSIGN_OR_RETURN(const std::string bytes, archive.read_frame_bytes(frame.file()));
     GW_ASSIGN_OR_RETURN(Image16 image, decode_tiff(bytes));
-    (void)add({.record = frame, .image = std::move(image)});  // if they teach nothing, that was accepted
+    (void)add({.record = frame, .image = std::move(image)});  // a set that shows no patch was accepted unseen
   }
   return absl::OkStatus();
 }
 
-std::optional<PatchProof::Lessons> PatchProof::add(Archive::NewFrame lesson) {
-  const v1::Frame newest = lesson.record;
+std::optional<PatchProof::LearningSet> PatchProof::add(Archive::NewFrame frame) {
+  const v1::Frame newest = frame.record;
   const auto belongs = [&](const Archive::NewFrame& other) {
     return other.record.stimulus().panel() == newest.stimulus().panel() &&
            other.record.object() == newest.object() &&
            same_exposure(other.record.exposure_ms(), newest.exposure_ms());
   };
-  std::erase_if(held_, [&](const Archive::NewFrame& other) {
+  std::erase_if(waiting_, [&](const Archive::NewFrame& other) {
     return belongs(other) && other.record.stimulus().patch_id() == newest.stimulus().patch_id();
   });
-  held_.push_back(std::move(lesson));
-  Lessons lessons;
+  waiting_.push_back(std::move(frame));
+  LearningSet set;
   for (const std::uint16_t id : patch_learning_ids()) {
-    const auto found = std::find_if(held_.begin(), held_.end(), [&](const Archive::NewFrame& other) {
+    const auto found = std::find_if(waiting_.begin(), waiting_.end(), [&](const Archive::NewFrame& other) {
       return belongs(other) && other.record.stimulus().patch_id() == id;
     });
-    if (found == held_.end()) return std::nullopt;
-    lessons.frames.push_back(*found);
+    if (found == waiting_.end()) return std::nullopt;
+    set.frames.push_back(*found);
   }
-  std::erase_if(held_, belongs);
-  lessons.learned = learn(lessons.frames);
-  return lessons;
+  std::erase_if(waiting_, belongs);
+  set.learned = learn(set.frames);
+  return set;
 }
 
 absl::Status PatchProof::learn(const std::vector<Archive::NewFrame>& frames) {

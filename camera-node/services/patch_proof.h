@@ -15,21 +15,21 @@ namespace glasswing {
 
 class PatchProof {
  public:
-  // From the frames of kind "patch" that an archive holds; patches that are not seen in them stay unknown.
+  // Learns from the frames of kind "patch" in an archive. Patches that they do not show stay unknown.
   // DATA_LOSS: a frame cannot be read.
   absl::Status learn_from(Archive& archive);
-  // Frames of kind "patch", one for each learning id, all of one monitor, stage and exposure; they serve
-  // other frames of that stage and exposure.
-  struct Lessons {
+  // Frames of kind "patch", one for each learning id, all of one monitor, stage and exposure. What they teach
+  // applies to frames of that stage and exposure.
+  struct LearningSet {
     std::vector<Archive::NewFrame> frames;
-    absl::Status learned;  // PatchReader::learn's
+    absl::Status learned;  // PatchReader::learn's result
   };
-  // Holds a lesson, in place of one like it, until all that belong together are there; then gives them
-  // back.
-  std::optional<Lessons> add(Archive::NewFrame lesson);
+  // Adds a frame of kind "patch". It replaces a waiting one of the same id, monitor, stage and exposure. When
+  // its set is complete, learns from the set and returns it.
+  std::optional<LearningSet> add(Archive::NewFrame frame);
 
-  // False: the pixels show another id than `record.patch_id`, or none that is clear, on a monitor whose patch
-  // is known. If the lit monitor's patch agrees, the record's proof is made PROOF_TIME_AND_PATCH.
+  // False: on a monitor whose patch is known, the pixels show another id than `record.patch_id`, or no clear
+  // one. If the lit monitor's patch agrees, sets record.proof to PROOF_TIME_AND_PATCH.
   bool agrees(v1::Frame& record, const Image16& image) const;
 
  private:
@@ -42,7 +42,7 @@ class PatchProof {
   absl::Status learn(const std::vector<Archive::NewFrame>& frames);
 
   std::vector<Known> known_;
-  std::vector<Archive::NewFrame> held_;
+  std::vector<Archive::NewFrame> waiting_;  // of sets that are not complete
 };
 
 }  // namespace glasswing

@@ -1,4 +1,4 @@
-// What a person needs to see of a frame to frame and focus, and what a measurement needs of its light.
+// A frame reduced to a preview picture, for framing and focus, and to light per row, for measurements.
 #pragma once
 
 #include "core/frame/image.h"
@@ -7,11 +7,11 @@
 
 namespace glasswing {
 
-// Everything but the exposure. `full_scale` is the sample at and above which the sensor clips.
+// Sets all fields but the exposure. `full_scale`: the lowest sample at which the sensor clips.
 v1::PreviewResponse preview_of(const Image16& image, int max_width_px, std::uint16_t full_scale);
 
-// Everything but the sequence. Row means are of the light that `light` makes of the samples; those that it
-// calls saturated count as clipped too.
+// Sets all fields but the sequence. Row means are of the light that `light` converts samples to; samples that
+// it calls saturated count as clipped too.
 v1::FrameLight light_of(const Image16& image, const FrameLight& light, std::uint16_t full_scale);
 
 }  // namespace glasswing

@@ -34,6 +34,7 @@ constexpr MethodAccess kTable[] = {
     {"CameraService/GetCamera", kPeople | kServer | kSolver},
     {"CameraService/Capture", kServer},
     {"CameraService/KeepFrames", kServer},
+    {"CameraService/LearnPatches", kServer},
     {"CameraService/LookForPatches", kServer},
     {"CameraService/MeasureLight", kServer},
     {"CameraService/Preview", kPeople | kServer},

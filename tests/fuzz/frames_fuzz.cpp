@@ -1,6 +1,6 @@
-// What a camera node is asked to keep: KeepFrames, LookForPatches, MeasureLight and PutFrame. The input is
-// their messages, parted by lines of dashes, as text or as they come over the wire. Whatever they say, every
-// frame that was kept can be read, and the archive still tells the truth of itself.
+// Requests to a camera node: KeepFrames, LearnPatches, LookForPatches, MeasureLight and PutFrame. The input
+// is their messages, separated by lines of dashes, as text or in wire format. Whatever they hold, every frame
+// that was stored can be read, and the archive's manifest is valid.
 #include <google/protobuf/io/tokenizer.h>
 #include <google/protobuf/stubs/logging.h>
 #include <google/protobuf/text_format.h>
@@ -23,7 +23,7 @@ constexpr std::string_view kParting = "\n----\n";
 constexpr IdPatch kPatch{.width_px = IdPatch::kMinWidth_px, .first_row = 0, .rows = IdPatch::kMinRows};
 constexpr std::int64_t kFrames = 14;
 
-// Ten lessons of the id patch, and four other ids.
+// Shows the ten learning ids of the id patch, then four others.
 class FewFrames final : public Camera {
  public:
   v1::GetCameraResponse describe() const override {
@@ -37,9 +37,10 @@ class FewFrames final : public Camera {
   absl::Status start(double) override { return absl::OkStatus(); }
   std::optional<CapturedFrame> next(std::chrono::milliseconds) override {
     if (sequence_ == kFrames) return std::nullopt;
-    const auto lessons = patch_learning_ids();
+    const auto learning_ids = patch_learning_ids();
     const auto number = static_cast<size_t>(sequence_);
-    const auto id = number < lessons.size() ? lessons[number] : static_cast<std::uint16_t>(sequence_);
+    const auto id =
+        number < learning_ids.size() ? learning_ids[number] : static_cast<std::uint16_t>(sequence_);
     CapturedFrame frame;
     frame.taken.set_sequence(++sequence_);
     frame.image = [id] {
@@ -79,7 +80,7 @@ class Node {
     server_->Shutdown();
   }
 
-  // Nothing of earlier inputs is left.
+  // Discards what earlier inputs left.
   void forget() {
     v1::KeepFramesRequest request;
     v1::KeepFramesResponse response;
@@ -135,11 +136,14 @@ void check(const grpc::Status& status) {
   FUZZ_CHECK(status.ok() || !status.error_message().empty());
 }
 
-// Of kinds that share their fields' numbers, all that it may be.
+// Sends every message that the text parses as: some share their field numbers.
 void ask(Node& node, const std::string& text) {
   v1::KeepFramesRequest keep;
   v1::KeepFramesResponse kept;
   if (parse(text, keep)) check(node.cameras().KeepFrames(nullptr, &keep, &kept));
+  v1::LearnPatchesRequest learn;
+  v1::LearnPatchesResponse learned;
+  if (parse(text, learn)) check(node.cameras().LearnPatches(nullptr, &learn, &learned));
   v1::LookForPatchesRequest look;
   v1::LookForPatchesResponse seen;
   if (parse(text, look)) check(node.cameras().LookForPatches(nullptr, &look, &seen));
@@ -163,11 +167,11 @@ std::string good_chunk() {
 
 std::vector<std::string> seeds() {
   const std::string parting(kParting);
-  std::string lessons = "session: \"s\" accept_unseen_patches: \"left\"\n";
+  std::string learning = "session: \"s\" accept_unseen_patches: \"left\"\n";
   for (size_t i = 0; i < patch_learning_ids().size(); ++i) {
-    lessons += "frames { sequence: " + std::to_string(i + 1) + " step: " + std::to_string(i) +
-               " exposure_ms: 4 stimulus { kind: \"patch\" panel: \"back\" patch_id: " +
-               std::to_string(patch_learning_ids()[i]) + " } }\n";
+    learning += "frames { sequence: " + std::to_string(i + 1) + " step: " + std::to_string(i) +
+                " exposure_ms: 4 stimulus { kind: \"patch\" panel: \"back\" patch_id: " +
+                std::to_string(patch_learning_ids()[i]) + " } }\n";
   }
   const std::string others =
       "session: \"s\" frames { sequence: 11 step: 10 patch_id: 10 }\n"
@@ -175,18 +179,18 @@ std::vector<std::string> seeds() {
       "} }\n";
   const std::string twice =
       "session: \"s\" frames { sequence: 11 step: 3 } frames { sequence: 12 step: 3 }\n";
-  std::vector<std::string> seeds{lessons + parting + others, twice,
+  std::vector<std::string> seeds{learning + parting + others, twice,
                                  put_text(-1, "frames/000003.tif") + parting + good_chunk() + parting + twice,
                                  put_text(7, "frames/000003.tif") + parting + good_chunk() + parting + twice,
                                  "sequences: [1, 2, 3, 900] calibration { format_version: 1 }"};
-  v1::KeepFramesRequest keep;
-  FUZZ_CHECK(TextFormat::ParseFromString(lessons, &keep));
-  seeds.push_back(keep.SerializeAsString());
+  v1::LearnPatchesRequest learn;
+  FUZZ_CHECK(TextFormat::ParseFromString(learning, &learn));
+  seeds.push_back(learn.SerializeAsString());
   return seeds;
 }
 
 void try_input(std::string_view input) {
-  static const google::protobuf::LogSilencer silent;  // of strings that are not UTF-8
+  static const google::protobuf::LogSilencer silent;  // about strings that are not UTF-8
   static Node node;
   node.forget();
   std::vector<v1::PutFrameRequest> put;

@@ -1,4 +1,4 @@
-// What every Camera keeps, whatever sensor stands behind it. Instantiate for a backend:
+// The contract of every Camera backend. Instantiate for a backend:
 //
 //   INSTANTIATE_TEST_SUITE_P(Sim, CameraContract, testing::Values(make_sim_camera));
 #pragma once
@@ -18,17 +18,17 @@ namespace glasswing {
 
 class CameraContract : public testing::TestWithParam<std::function<std::unique_ptr<Camera>()>> {
  protected:
-  // Longer than any camera takes for a frame.
+  // Longer than any camera needs for a frame.
   static constexpr std::chrono::milliseconds kPatience{10'000};
   static constexpr int kFrames = 8;
 
-  // A backend that this machine cannot try gives none.
+  // The factory returns null if this machine lacks what the backend needs.
   void SetUp() override {
     camera_ = GetParam()();
     if (camera_ == nullptr) GTEST_SKIP() << "this machine lacks what the camera needs";
     info_ = camera_->describe();
   }
-  // The ends of what it says it can do.
+  // The ends of the range that it reports.
   std::set<double> exposures_ms() const { return {info_.min_exposure_ms(), info_.max_exposure_ms()}; }
 
   std::unique_ptr<Camera> camera_;
@@ -63,7 +63,7 @@ TEST_P(CameraContract, RefusesExposuresThatItCannotMake) {
 
 TEST_P(CameraContract, FramesAreWhatWasAskedInOrderAndExposedBeforeTheyCome) {
   EXPECT_FALSE(camera_->next(std::chrono::milliseconds(0)));  // it does not run yet
-  std::int64_t last_sequence = 0;                             // rises from one start to the next, too
+  std::int64_t last_sequence = 0;                             // rises across starts, too
   for (const double exposure_ms : exposures_ms()) {
     SCOPED_TRACE(exposure_ms);
     const nanoseconds asked = monotonic_now();
@@ -91,7 +91,7 @@ TEST_P(CameraContract, FramesAreWhatWasAskedInOrderAndExposedBeforeTheyCome) {
     }
     camera_->stop();
     EXPECT_FALSE(camera_->next(std::chrono::milliseconds(0)));
-    camera_->stop();  // again is no error
+    camera_->stop();  // a second stop is harmless
   }
 }
 

@@ -1,4 +1,4 @@
-// Each fault of the simulated camera does what it says, and nothing else.
+// Each fault option of the simulated camera has its documented effect and no other.
 #include <gtest/gtest.h>
 
 #include <set>
@@ -16,8 +16,7 @@ using std::chrono::seconds;
 constexpr int kFrames = 60;
 constexpr milliseconds kWait(1000);
 
-// A monitor that is red, green, blue, red, ... a millisecond each, and a camera without noise that looks at
-// it.
+// A noiseless camera looks at a monitor that is red, green, blue, red, ... for a millisecond each.
 class FaultyCamera : public testing::Test {
  protected:
   FaultyCamera() {
@@ -45,7 +44,7 @@ class FaultyCamera : public testing::Test {
     }
     return frames;
   }
-  // What a frame's start lacks to the camera's even beat.
+  // How far a frame's start is off the camera's regular period.
   nanoseconds off_beat(const CapturedFrame& frame, const CapturedFrame& first) const {
     const nanoseconds period = milliseconds(2);
     return nanoseconds(frame.taken.exposure_start_ns() - first.taken.exposure_start_ns()) -
@@ -65,7 +64,7 @@ TEST_F(FaultyCamera, WithoutFaultsBeatsEvenlyAndSeesEachPicture) {
     EXPECT_EQ(off_beat(frame, frames[0]).count(), 0);
     pictures.insert(frame.image()->samples);
   }
-  EXPECT_GE(pictures.size(), 3u);  // two pictures may fall into one exposure
+  EXPECT_GE(pictures.size(), 3u);  // an exposure may span two pictures
 }
 
 TEST_F(FaultyCamera, DropsFramesAndTheirNumbers) {
@@ -93,7 +92,7 @@ TEST_F(FaultyCamera, LateFramesKeepTheirOrderAndTheirTimes) {
     EXPECT_GT(frames[i].taken.sequence(), i == 0 ? 0 : frames[i - 1].taken.sequence());
     latest = std::max(latest, returned_[i] - nanoseconds(frames[i].taken.exposure_end_ns()));
   }
-  EXPECT_GT(latest, milliseconds(5));  // that all sixty draws of up to 20 ms are below has odds of 4^-60
+  EXPECT_GT(latest, milliseconds(5));  // the odds that all sixty draws of up to 20 ms are smaller: 4^-60
 }
 
 TEST_F(FaultyCamera, JitteredStampsStayWithinWhatTheySay) {
@@ -102,7 +101,7 @@ TEST_F(FaultyCamera, JitteredStampsStayWithinWhatTheySay) {
   bool any = false;
   for (const CapturedFrame& frame : frames) {
     EXPECT_GE(frame.taken.uncertainty_ns(), 500'000);
-    // Both this stamp and the first are off.
+    // This stamp and the first each have an error.
     EXPECT_LE(std::abs(off_beat(frame, frames[0]).count()), 1'000'000);
     any = any || off_beat(frame, frames[0]).count() != 0;
   }

@@ -1,5 +1,5 @@
-// Needs a camera that libcamera sees; GLASSWING_TEST_CAMERA names one that must be there, and
-// GLASSWING_TEST_UNPLUG and GLASSWING_TEST_PLUG_IN are commands that do so to it.
+// Skipped unless libcamera sees a camera. GLASSWING_TEST_CAMERA names one that must be present;
+// GLASSWING_TEST_UNPLUG and GLASSWING_TEST_PLUG_IN are commands that unplug it and plug it in.
 #include "camera-node/backends/libcamera_camera.h"
 
 #include <cstdlib>
@@ -38,7 +38,8 @@ TEST(LibcameraCamera, SaysWhatItSees) {
 TEST(LibcameraCamera, IsMissedWhenUnpluggedAndUsedWhenPluggedInAgain) {
   const char* const unplug = std::getenv("GLASSWING_TEST_UNPLUG");
   const char* const plug_in = std::getenv("GLASSWING_TEST_PLUG_IN");
-  if (unplug == nullptr || plug_in == nullptr) GTEST_SKIP() << "nobody to pull the plug";
+  if (unplug == nullptr || plug_in == nullptr)
+    GTEST_SKIP() << "no commands to unplug the camera and plug it in";
   const std::unique_ptr<Camera> camera = make_libcamera();
   const double exposure_ms = camera->describe().min_exposure_ms();
   const auto start_when_there = [&] {
@@ -60,7 +61,7 @@ TEST(LibcameraCamera, IsMissedWhenUnpluggedAndUsedWhenPluggedInAgain) {
       last_sequence = frame->taken.sequence();
     }
     ASSERT_EQ(std::system(unplug), 0);
-    int after = 0;  // frames that were on their way
+    int after = 0;  // frames in flight
     while (camera->next(std::chrono::seconds(2))) ASSERT_LT(++after, 100);
     const absl::Status gone = camera->start(exposure_ms);
     EXPECT_TRUE(absl::IsUnavailable(gone)) << gone;

@@ -23,7 +23,7 @@ RawPicture blank(std::string_view format, int width, int height, size_t stride, 
   return picture;
 }
 
-// Stores the code of a raw sample where the format's definition has it.
+// Stores the code of a raw sample at its place in the format.
 void put_raw(RawPicture& picture, int x, int y, int code) {
   std::uint8_t* row = picture.planes[0].data() + static_cast<size_t>(y) * picture.stride_bytes;
   const auto at = static_cast<size_t>(x);
@@ -58,8 +58,8 @@ TEST(PixelFormat, NamesAreFoundAndUnique) {
   EXPECT_EQ(find_pixel_format("SRGGB11"), nullptr);
 }
 
-// Light that grows evenly across the picture, at its own rate in each colour: bilinear neighbours give it
-// back exactly, so every pixel inside must have all three colours right.
+// Light that is linear in x and y, with another slope in each colour: bilinear interpolation reproduces it
+// exactly, so every inner pixel must have all three colours right.
 TEST(PixelFormat, EveryPixelOfAMosaicHasAllThreeColours) {
   constexpr int kWidth = 16, kHeight = 12;
   const auto light = [](int x, int y, int channel, int full) {
@@ -104,14 +104,15 @@ TEST(PixelFormat, GrayKeepsEveryBitAndLosesTheBlackLevel) {
           const double light =
               ((code + 37 * x) % (full + 1) / static_cast<double>(full) - black) / (1.0 - black);
           for (int c = 0; c < 3; ++c)
-            EXPECT_NEAR(image.at(x, 0, c), std::max(light, 0.0) * 65535.0, 0.51);  // half, and a float's end
+            EXPECT_NEAR(image.at(x, 0, c), std::max(light, 0.0) * 65535.0,
+                        0.51);  // rounding, and float precision
         }
       }
     }
   }
 }
 
-// IEC 61966-2-1 and ITU-R BT.709, the way from light to code.
+// Light to code, by IEC 61966-2-1 and ITU-R BT.709.
 double encoded(ColourCode::Transfer transfer, double light) {
   if (transfer == ColourCode::Transfer::kLinear) return light;
   if (transfer == ColourCode::Transfer::kSrgb)
@@ -136,8 +137,8 @@ TEST(PixelFormat, RgbCodesStandForTheirLight) {
       const Image16 image = image_of(picture).value();
       for (int x = 0; x < 256; ++x) {
         for (int c = 0; c < 3; ++c) {
-          // Light is rounded to 1/65535, where the curves are at most 12.92 codes steep; and the standards'
-          // own pieces meet to 1e-4 only.
+          // Light is rounded to 1/65535, and the curves' slope is at most 12.92. The standards' own pieces
+          // meet within 1e-4 only.
           EXPECT_NEAR(encoded(transfer, image.at(x, 0, c) / 65535.0) * 255.0, x ^ (85 * c), 0.03);
         }
       }
@@ -174,8 +175,8 @@ TEST(PixelFormat, YcbcrIsTheColourItWasMadeOf) {
           if (name == "UYVY") picture.planes[0] = {u8, y8, v8, y8, u8, y8, v8, y8};
           if (name == "NV12") picture.planes = {{y8, y8, 0, 0, y8, y8, 0, 0}, {u8, v8, 0, 0}};
           const Image16 image = image_of(picture).value();
-          // Each code is rounded by at most half; 2 (1 - k) < 1.86 of Cb or Cr goes into a colour, and into
-          // green less than 0.35 + 0.72.
+          // Each code is rounded by at most half; a colour takes 2 (1 - k) < 1.86 of Cb or Cr, and green less
+          // than 0.35 + 0.72.
           const double steps = 0.5 / 219.0 + 0.5 * 1.86 / 224.0;
           for (size_t i = 0; i < image.samples.size(); ++i)
             EXPECT_NEAR(image.samples[i] / 65535.0, rgb[i % 3], steps + 1.0 / 65535.0) << name;
@@ -186,7 +187,7 @@ TEST(PixelFormat, YcbcrIsTheColourItWasMadeOf) {
 }
 
 TEST(PixelFormat, JpegIsRead) {
-  // Gray survives JPEG to a code or so: quantized steps at quality 100 are 1.
+  // JPEG changes gray by about one code: at quality 100 the quantization step is 1.
   cv::Mat gray(16, 24, CV_8UC3, cv::Scalar(128, 128, 128));
   RawPicture picture = blank("MJPEG", 24, 16, 0, 0);
   ASSERT_TRUE(cv::imencode(".jpg", gray, picture.planes[0], {cv::IMWRITE_JPEG_QUALITY, 100}));
@@ -195,7 +196,7 @@ TEST(PixelFormat, JpegIsRead) {
   for (const std::uint16_t sample : image->samples) EXPECT_NEAR(sample, 128 * 257, 257);
   picture.width_px = 32;
   EXPECT_TRUE(absl::IsDataLoss(image_of(picture).status()));
-  // Nothing else passes for one.
+  // Other formats and damaged files are refused.
   const std::vector<std::uint8_t> jpeg = std::exchange(picture.planes[0], {});
   picture.width_px = 24;
   ASSERT_TRUE(cv::imencode(".png", gray, picture.planes[0]));

@@ -15,9 +15,9 @@ using std::chrono::milliseconds;
 
 constexpr milliseconds kPatience(10'000);
 constexpr int kWidth_px = 8, kHeight_px = 6;
-// Starts of the archive's exposures; the pause in the middle is no user's wish to see again.
+// Starts of the archive's exposures, with a pause in the middle that a replay leaves out.
 constexpr std::int64_t kStarts_ms[] = {100, 110, 130, 60'000, 60'010, 60'020};
-// Two exposures in turn.
+// Two alternating exposure times.
 double exposure_ms_of(int i) {
   return i % 2 == 0 ? 2.0 : 4.0;
 }
@@ -120,7 +120,7 @@ TEST(ReplayCamera, KeepsTheArchivesPaceButNotItsPauses) {
   EXPECT_EQ(starts_ns[1] - starts_ns[0], 10'000'000);          // frame 0 to 1
   EXPECT_EQ(starts_ns[2] - starts_ns[1], 1'000'000'000 / 30);  // the minute between 2 and 3
   EXPECT_EQ(starts_ns[3] - starts_ns[2], 10'000'000);
-  // A frame that takes longer than one waits is not lost.
+  // A frame that is not complete within the timeout is not lost.
   const std::int64_t last = camera->next(kPatience)->taken.sequence();
   EXPECT_FALSE(camera->next(milliseconds(0)));
   EXPECT_EQ(camera->next(kPatience)->taken.sequence(), last + 1);

@@ -14,7 +14,7 @@ using std::chrono::milliseconds;
 TEST(SensorTime, ClocksAreReadInOrder) {
   const ClockReadings read = read_clocks();
   EXPECT_LE(read.before, read.after);
-  // BOOTTIME counts sleep, too. A time namespace may shift each.
+  // BOOTTIME includes sleep. A time namespace may shift either clock.
   EXPECT_GT(read.boot.count(), 0);
 }
 
@@ -30,7 +30,7 @@ TEST(SensorTime, AStampOfEitherClockIsFoundWithinItsUncertainty) {
         const std::optional<Stamp> found = monotonic_stamp(stamp, now);
         ASSERT_TRUE(found) << slept.count() << " " << age.count();
         EXPECT_LE(std::chrono::abs(found->time - truth), found->uncertainty);
-        // What is surely one clock's is known to the microsecond of a stamp and of reading the clocks.
+        // An unambiguous stamp is as uncertain as its resolution and the reading of the clocks.
         if (slept == hours(3) || slept.count() == 0) {
           EXPECT_LE(found->uncertainty, microseconds(6));
         }
@@ -46,11 +46,11 @@ TEST(SensorTime, AStampThatCannotBeIsNone) {
     EXPECT_FALSE(monotonic_stamp(stamp, now)) << stamp.count();
 }
 
-// A camera of any kind: whatever its stamp means, the real exposure lies within the window told.
+// For every meaning of the stamp, the true exposure lies within the computed window.
 TEST(SensorTime, TheWindowHoldsTheExposure) {
   std::mt19937 random(5);
-  const auto up_to = [&random](nanoseconds most) {
-    return nanoseconds(std::uniform_int_distribution<std::int64_t>(0, most.count())(random));
+  const auto up_to = [&random](nanoseconds max) {
+    return nanoseconds(std::uniform_int_distribution<std::int64_t>(0, max.count())(random));
   };
   for (int i = 0; i < 10'000; ++i) {
     const nanoseconds start = hours(1), exposure = microseconds(100) + up_to(milliseconds(20)),
@@ -77,7 +77,7 @@ TEST(SensorTime, TheWindowHoldsTheExposure) {
   }
 }
 
-// Global shutters whose readout was assumed to take a whole frame.
+// A global shutter whose readout is assumed to take a whole frame.
 TEST(SensorTime, AReadoutThatIsTakenForLongerIsSafe) {
   const nanoseconds start = hours(1), exposure = milliseconds(4), complete = start + milliseconds(9);
   const ExposureTime window = exposure_time(

@@ -10,7 +10,7 @@ namespace {
 
 using std::chrono::milliseconds;
 
-// A monitor that changes every 50 ms, until long after the tests.
+// A monitor that changes every 50 ms for longer than the tests run.
 const EmissionTimeline& changing_light() {
   static const EmissionTimeline* const timeline = [] {
     auto* made = new EmissionTimeline;
@@ -83,7 +83,7 @@ TEST(SimCamera, SeesAMovingSceneWhereItIsByTheCamerasClock) {
   std::set<int> phases;
   for (const bool object : {false, true}) {
     camera->move(object);
-    // A third of a turn.
+    // These frames cover a third of a turn.
     for (int i = 0; i < 40; ++i) {
       const CapturedFrame frame = camera->next(milliseconds(1000)).value();
       const int phase = motion_of("wobble").phase_at(
@@ -100,7 +100,7 @@ TEST(SimCamera, SeesAMovingSceneWhereItIsByTheCamerasClock) {
 }
 
 TEST(SimCamera, AutomaticsFollowTheLightOfTheFramesBeforeAndSayNothing) {
-  // Black, and from one moment on a light red that is none after a white balance.
+  // Black, then from one moment on a light red, which white balance turns gray.
   constexpr std::array<float, 3> kRed{0.6f, 0.3f, 0.3f};
   const nanoseconds exposure = milliseconds(1), period = milliseconds(2);
   EmissionTimeline timeline;
@@ -125,7 +125,7 @@ TEST(SimCamera, AutomaticsFollowTheLightOfTheFramesBeforeAndSayNothing) {
       const CapturedFrame frame = camera->next(milliseconds(1000)).value();
       EXPECT_EQ(frame.taken.exposure_ms(), 1.0);
       EXPECT_EQ(frame.taken.gain(), 1.0);
-      // The exposure is a quarter of that of full scale.
+      // A quarter of the full-scale exposure.
       const auto light_at = [&](nanoseconds start) {
         const double lit_ns = static_cast<double>((start + exposure - step).count());
         const auto share =
@@ -139,7 +139,7 @@ TEST(SimCamera, AutomaticsFollowTheLightOfTheFramesBeforeAndSayNothing) {
       const Image16 image = frame.image().value();
       for (int c = 0; c < 3; ++c) {
         const auto place = static_cast<size_t>(c);
-        // Half a code of 16 bits, gained, and a few operations on floats.
+        // Half a 16-bit code times the gain, and a few float operations.
         EXPECT_NEAR(image.at(1, 1, c) / 65535.0, std::min(light[place] * gains[place], 1.0f), 5e-5);
       }
     }

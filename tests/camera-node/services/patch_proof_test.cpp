@@ -21,7 +21,7 @@ Image16 frame_of(std::uint16_t id) {
   return image;
 }
 
-std::vector<Archive::NewFrame> lessons(bool object, double exposure_ms) {
+std::vector<Archive::NewFrame> learning_set(bool object, double exposure_ms) {
   std::vector<Archive::NewFrame> frames;
   for (const std::uint16_t id : patch_learning_ids()) {
     Archive::NewFrame& frame = frames.emplace_back();
@@ -36,11 +36,11 @@ std::vector<Archive::NewFrame> lessons(bool object, double exposure_ms) {
   return frames;
 }
 
-// What the last of them says.
+// The result of the last set that is complete.
 absl::Status learn(PatchProof& proof, const std::vector<Archive::NewFrame>& frames) {
   absl::Status learned = absl::UnknownError("they wait for others");
   for (const Archive::NewFrame& frame : frames) {
-    if (const auto lessons = proof.add(frame)) learned = lessons->learned;
+    if (const auto set = proof.add(frame)) learned = set->learned;
   }
   return learned;
 }
@@ -56,7 +56,7 @@ v1::Frame showing(std::uint32_t id, const std::string& lit) {
 
 TEST(PatchProof, AgreesWithTheIdThatWasShownAndNoOther) {
   PatchProof proof;
-  ASSERT_TRUE(learn(proof, lessons(false, 4.0)).ok());
+  ASSERT_TRUE(learn(proof, learning_set(false, 4.0)).ok());
   for (const std::uint32_t id : {0x0000u, 0x1234u, 0xfffeu, 0x8001u}) {
     v1::Frame right = showing(id, "back");
     EXPECT_TRUE(proof.agrees(right, frame_of(static_cast<std::uint16_t>(id))));
@@ -67,7 +67,7 @@ TEST(PatchProof, AgreesWithTheIdThatWasShownAndNoOther) {
     }
     v1::Frame dark = showing(id, "back");
     EXPECT_FALSE(proof.agrees(dark, Image16(64, 8)));
-    // The patch that is seen guards the step of a monitor whose own is not, and proves nothing of it.
+    // A seen patch can refuse a step of another monitor, whose own patch is not seen, but cannot prove it.
     v1::Frame other = showing(id, "left");
     EXPECT_TRUE(proof.agrees(other, frame_of(static_cast<std::uint16_t>(id))));
     EXPECT_EQ(other.proof(), v1::PROOF_TIME);
@@ -76,7 +76,7 @@ TEST(PatchProof, AgreesWithTheIdThatWasShownAndNoOther) {
 
 TEST(PatchProof, ServesOnlyTheStageAndExposureThatItWasLearnedWith) {
   PatchProof proof;
-  ASSERT_TRUE(learn(proof, lessons(true, 4.0)).ok());
+  ASSERT_TRUE(learn(proof, learning_set(true, 4.0)).ok());
   v1::Frame without_object = showing(0x1234, "back");
   EXPECT_TRUE(proof.agrees(without_object, frame_of(0x4321)));
   EXPECT_EQ(without_object.proof(), v1::PROOF_TIME);
@@ -90,21 +90,21 @@ TEST(PatchProof, ServesOnlyTheStageAndExposureThatItWasLearnedWith) {
 
 TEST(PatchProof, AStaleFrameTeachesNothing) {
   for (size_t i = 1; i < patch_learning_ids().size(); ++i) {
-    std::vector<Archive::NewFrame> frames = lessons(false, 4.0);
+    std::vector<Archive::NewFrame> frames = learning_set(false, 4.0);
     frames[i].image = frames[i - 1].image;
     PatchProof proof;
     EXPECT_TRUE(absl::IsFailedPrecondition(learn(proof, frames))) << i;
-    EXPECT_TRUE(learn(proof, lessons(false, 4.0)).ok()) << "all were taken again";
+    EXPECT_TRUE(learn(proof, learning_set(false, 4.0)).ok()) << "all were taken again";
   }
-  std::vector<Archive::NewFrame> dark = lessons(false, 4.0);
+  std::vector<Archive::NewFrame> dark = learning_set(false, 4.0);
   for (Archive::NewFrame& frame : dark) frame.image = Image16(64, 8);
   PatchProof proof;
   EXPECT_TRUE(absl::IsNotFound(learn(proof, dark)));
 }
 
-TEST(PatchProof, LessonsWaitForTheOthersOfTheirMonitorStageAndExposure) {
+TEST(PatchProof, FramesWaitForTheOthersOfTheirMonitorStageAndExposure) {
   PatchProof proof;
-  std::vector<Archive::NewFrame> first = lessons(false, 4.0), other = lessons(true, 4.0);
+  std::vector<Archive::NewFrame> first = learning_set(false, 4.0), other = learning_set(true, 4.0);
   const Archive::NewFrame last = first.back();
   first.pop_back();
   for (Archive::NewFrame& frame : other) frame.record.set_step(frame.record.step() + 100);
@@ -124,7 +124,7 @@ TEST(PatchProof, LearnsAgainFromTheArchive) {
   header.mutable_camera()->set_width_px(64);
   header.mutable_camera()->set_height_px(8);
   const std::unique_ptr<Archive> archive = Archive::create(directory, header).value();
-  ASSERT_TRUE(archive->add(lessons(false, 4.0)).ok());
+  ASSERT_TRUE(archive->add(learning_set(false, 4.0)).ok());
   PatchProof proof;
   ASSERT_TRUE(proof.learn_from(*archive).ok());
   v1::Frame frame = showing(0x1234, "back");

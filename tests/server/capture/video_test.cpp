@@ -1,4 +1,4 @@
-// A video on a simulated rig that loses frames, from its capture to the mattes of its frames.
+// A video on a simulated rig that loses frames, from the capture to the mattes of its frames.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -39,7 +39,7 @@ class VideoTest : public testing::Test {
     fs::remove_all(data_);
   }
 
-  // Until it rests. `seen` hears of every change.
+  // Returns when the session rests. Calls `seen` with every change.
   v1::Session capture(const v1::Plan& plan, const std::function<void(const v1::Session&)>& seen = nullptr) {
     v1::CreateSessionRequest create;
     create.set_name("s");
@@ -63,7 +63,7 @@ class VideoTest : public testing::Test {
     (void)reader->Finish();
     return response.session();
   }
-  // Once all tiles are done, or the solve has failed.
+  // Returns once all tiles are done or the solve has failed.
   v1::Session settled() {
     while (true) {
       const std::int64_t seen = rig_->server().wait_change(0, std::chrono::milliseconds(0));
@@ -74,8 +74,7 @@ class VideoTest : public testing::Test {
   }
   v1::CaptureManifest archive() const { return Archive::open(rig_->archive("s")).value()->manifest(); }
 
-  // A capture in which each frame of the camera is lost with this probability, so that some windows have
-  // none.
+  // The camera loses so many frames that some windows have none.
   v1::Session lossy_capture(int frames) {
     start({.name = "drops", .drop = 0.6, .frame_rate_hz = 120.0});
     return capture(video_plan(frames));
@@ -104,7 +103,7 @@ TEST_F(VideoTest, FramesWithoutProofAreLostAndNoneIsTakenAgain) {
                                    " of 60 frames of the video were lost, at most "),
             std::string::npos)
       << session.warning();
-  // What is shown once is exposed in its order.
+  // A video is exposed in the order of its frames.
   std::int64_t last_ns = 0;
   for (const int place : video) {
     if (place < 0) continue;
@@ -119,7 +118,7 @@ TEST_F(VideoTest, FramesWithoutProofAreLostAndNoneIsTakenAgain) {
               manifest.frames(*std::ranges::find_if(video, [](int place) { return place >= 0; }))
                   .exposure_start_ns());
   }
-  EXPECT_EQ(empty, 3);  // these are taken until they are there
+  EXPECT_EQ(empty, 3);  // frames of the empty stage are retaken until proven
 }
 
 TEST_F(VideoTest, AVideoThatBrokeOffKeepsWhatItHasAndDoesNotGoOn) {
@@ -164,7 +163,7 @@ TEST_F(VideoTest, MattesOfFramesAreKeptAsTheyAreSolved) {
   EXPECT_EQ(first.first_frame(), 0);
   EXPECT_EQ(first.frame_count(), kFrames / 2);
   EXPECT_EQ(first.row_count(), 0);
-  // A tile that lacks a frame, or whose last file is cut off, is refused, and shows nowhere.
+  // A tile that lacks a frame, or whose last file is truncated, is refused and has no effect.
   std::set<int> too_few = lost;
   int last = first.frame_count() - 1;
   while (lost.contains(last)) --last;
@@ -177,7 +176,7 @@ TEST_F(VideoTest, MattesOfFramesAreKeptAsTheyAreSolved) {
   EXPECT_FALSE(fs::exists(data_ / "server" / "mattes" / "s" / "0000.exr"));
 
   ASSERT_TRUE(solver.complete(first, lost).ok());
-  ASSERT_TRUE(solver.complete(first, lost).ok());  // its answer was lost on the way
+  ASSERT_TRUE(solver.complete(first, lost).ok());  // again, as if the answer had been lost
   std::vector<int> solved;
   for (int frame = 0; frame < first.frame_count(); ++frame) {
     if (!lost.contains(frame)) solved.push_back(frame);
@@ -194,7 +193,7 @@ TEST_F(VideoTest, MattesOfFramesAreKeptAsTheyAreSolved) {
               lost.contains(first.frame_count() + 1));
   EXPECT_TRUE(absl::IsFailedPrecondition(server.matte("s", std::nullopt).status()));
 
-  // A solve that fails keeps them, also past the server's end.
+  // A failed solve keeps them, also across a restart of the server.
   ASSERT_TRUE(solver.fail(solver.claim(), "frame 17: it cannot be read").ok());
   session = *server.find("s");
   EXPECT_EQ(session.state(), v1::SESSION_STATE_FAILED);
@@ -205,7 +204,7 @@ TEST_F(VideoTest, MattesOfFramesAreKeptAsTheyAreSolved) {
     EXPECT_EQ(read_file(*again->matte("s", solved.back())).value(), IdleSolver::matte(solved.back(), 1.0f));
   }
 
-  // The next solve replaces them, and what is left of the last one is void.
+  // The next solve replaces them, and late results of the last one are refused.
   ASSERT_TRUE(server.solve(request).ok());
   EXPECT_TRUE(server.find("s")->solved_frames().empty());
   EXPECT_EQ(solver.complete(first, lost).error_code(), grpc::StatusCode::ABORTED);
@@ -214,15 +213,15 @@ TEST_F(VideoTest, MattesOfFramesAreKeptAsTheyAreSolved) {
     smallest = std::min(smallest, tile.frame_count());
     ASSERT_TRUE(solver.complete(tile, lost, 2.0f).ok());
   }
-  EXPECT_LT(smallest, first.frame_count());  // the last ones
+  EXPECT_LT(smallest, first.frame_count());  // tiles shrink towards the end
   session = settled();
   EXPECT_EQ(session.state(), v1::SESSION_STATE_DONE);
   EXPECT_EQ(session.tiles_done(), tiles);
   EXPECT_EQ(session.solved_frames_size(), kFrames - static_cast<int>(lost.size()));
   EXPECT_EQ(read_file(*server.matte("s", solved.front())).value(), IdleSolver::matte(solved.front(), 2.0f));
 
-  // What was finished stays until another solve is. Frames that no matte can be made of fail the session,
-  // when all others are solved.
+  // A finished solve stays until the next one finishes. Frames without a possible matte fail the session once
+  // all others are solved.
   ASSERT_TRUE(server.solve(request).ok());
   const std::set<int> refused{solved.front(), solved.back()};
   for (v1::ClaimTileResponse tile = solver.claim(); tile.has_lease(); tile = solver.claim())
@@ -238,7 +237,7 @@ TEST_F(VideoTest, MattesOfFramesAreKeptAsTheyAreSolved) {
   for (const int frame : {solved.front(), solved[1]})
     EXPECT_EQ(read_file(*server.matte("s", frame)).value(), IdleSolver::matte(frame, 2.0f));
 
-  // Tried again, they alone are solved; and then all are of the new solve.
+  // A retry solves only those; then all mattes are of the new solve.
   v1::ResumeSessionRequest retry;
   retry.set_name("s");
   ASSERT_TRUE(server.resume(retry, {}).ok());

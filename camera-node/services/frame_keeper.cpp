@@ -1,0 +1,152 @@
+#include "camera-node/services/frame_keeper.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+#include <set>
+
+#include "camera-node/camera_metrics.h"
+#include "core/base/status.h"
+#include "core/pattern/stimulus_kind.h"
+
+namespace glasswing {
+namespace {
+
+constexpr int kMaxBatch = 4096;
+
+bool is_patch_learning_frame(const v1::Frame& frame) {
+  return kind_of(frame.stimulus()) == StimulusKind::kPatch;
+}
+
+// Disk space to check for. Frames of a video may use the reserve: a video cannot be continued later.
+std::int64_t bytes_of(const std::vector<Archive::NewFrame>& frames) {
+  size_t bytes = 0;
+  for (const Archive::NewFrame& frame : frames) {
+    const bool of_video = frame.record.object() && kind_of(frame.record.stimulus()) == StimulusKind::kRamp;
+    if (!of_video) bytes += tiff_size_bytes(frame.image.width_px, frame.image.height_px);
+  }
+  return static_cast<std::int64_t>(bytes);
+}
+
+v1::UnseenPatch unseen_patch(const PatchProof::LearningSet& set) {
+  v1::UnseenPatch patch;
+  patch.set_monitor(set.frames.front().record.stimulus().panel());
+  patch.set_reason(std::string(set.learned.message()));
+  patch.set_dark(absl::IsNotFound(set.learned));
+  return patch;
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<Archive::NewFrame>> FrameKeeper::find(const Frames& wanted) const {
+  if (wanted.size() > kMaxBatch) {
+    return absl::InvalidArgumentError(
+        fmt::format("{} frames are requested at once; at most {} are allowed", wanted.size(), kMaxBatch));
+  }
+  std::vector<Archive::NewFrame> frames;
+  for (const v1::Frame& record : wanted) {
+    if (record.step() < 0 || !record.file().empty())
+      return absl::InvalidArgumentError("a frame to keep needs a step of 0 or more, and no file");
+    const std::optional<CapturedFrame> found = ring_.find(record.sequence());
+    if (!found) continue;
+    GW_ASSIGN_OR_RETURN(Image16 image, found->image());
+    frames.push_back({.record = record, .image = std::move(image)});
+    frames.back().record.set_proof(v1::PROOF_TIME);
+  }
+  return frames;
+}
+
+absl::Status FrameKeeper::use_proof_of(const std::string& session, Archive& archive) {
+  if (proof_session_ == session) return absl::OkStatus();
+  proof_ = {};
+  GW_RETURN_IF_ERROR(proof_.learn_from(archive));
+  proof_session_ = session;
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::vector<v1::Frame>> FrameKeeper::store(Archive& archive,
+                                                          const std::vector<Archive::NewFrame>& frames) {
+  GW_RETURN_IF_ERROR(store_.room().check(bytes_of(frames)));
+  GW_ASSIGN_OR_RETURN(std::vector<v1::Frame> stored, archive.add(frames));
+  camera_metrics().kept.Increment(static_cast<double>(stored.size()));
+  return stored;
+}
+
+absl::StatusOr<v1::KeepFramesResponse> FrameKeeper::keep(const v1::KeepFramesRequest& request) {
+  if (std::ranges::any_of(request.frames(), is_patch_learning_frame))
+    return absl::InvalidArgumentError("KeepFrames got a frame of kind \"patch\"; send it with LearnPatches");
+  GW_ASSIGN_OR_RETURN(const std::shared_ptr<Archive> archive, store_.find(request.session()));
+  GW_ASSIGN_OR_RETURN(std::vector<Archive::NewFrame> frames, find(request.frames()));
+  const std::lock_guard lock(mutex_);
+  GW_RETURN_IF_ERROR(use_proof_of(request.session(), *archive));
+  std::vector<Archive::NewFrame> proven;
+  for (Archive::NewFrame& frame : frames) {
+    if (proof_.agrees(frame.record, frame.image)) proven.push_back(std::move(frame));
+  }
+  v1::KeepFramesResponse response;
+  response.set_refused(static_cast<int>(frames.size() - proven.size()));
+  GW_ASSIGN_OR_RETURN(const std::vector<v1::Frame> stored, store(*archive, proven));
+  for (const v1::Frame& frame : stored) *response.add_frames() = frame;
+  camera_metrics().refused.Increment(response.refused());
+  return response;
+}
+
+absl::StatusOr<v1::LearnPatchesResponse> FrameKeeper::learn(const v1::LearnPatchesRequest& request) {
+  if (!std::ranges::all_of(request.frames(), is_patch_learning_frame))
+    return absl::InvalidArgumentError(
+        "LearnPatches takes frames of kind \"patch\"; send others with KeepFrames");
+  GW_ASSIGN_OR_RETURN(const std::shared_ptr<Archive> archive, store_.find(request.session()));
+  GW_ASSIGN_OR_RETURN(std::vector<Archive::NewFrame> frames, find(request.frames()));
+  const std::lock_guard lock(mutex_);
+  GW_RETURN_IF_ERROR(use_proof_of(request.session(), *archive));
+  v1::LearnPatchesResponse response;
+  std::vector<Archive::NewFrame> proven;
+  std::set<int> waiting;
+  for (Archive::NewFrame& frame : frames) {
+    waiting.insert(frame.record.step());
+    std::optional<PatchProof::LearningSet> set = proof_.add(std::move(frame));
+    if (!set) continue;
+    const bool learned = set->learned.ok();
+    if (!learned) *response.add_unseen_patches() = unseen_patch(*set);
+    const std::string& monitor = set->frames.front().record.stimulus().panel();
+    const bool kept = learned || std::ranges::find(request.accept_unseen_patches(), monitor) !=
+                                     request.accept_unseen_patches().end();
+    for (Archive::NewFrame& member : set->frames) {
+      waiting.erase(member.record.step());
+      // Learning succeeds only if every frame shows the id of its step.
+      if (learned) member.record.set_proof(v1::PROOF_TIME_AND_PATCH);
+      if (kept) proven.push_back(std::move(member));
+    }
+  }
+  for (const int step : waiting) response.add_waiting_steps(step);
+  GW_ASSIGN_OR_RETURN(const std::vector<v1::Frame> stored, store(*archive, proven));
+  for (const v1::Frame& frame : stored) *response.add_frames() = frame;
+  return response;
+}
+
+absl::StatusOr<v1::LookForPatchesResponse> FrameKeeper::look(const v1::LookForPatchesRequest& request) const {
+  GW_ASSIGN_OR_RETURN(std::vector<Archive::NewFrame> frames, find(request.frames()));
+  PatchProof proof;
+  std::map<std::string, v1::UnseenPatch> unseen;  // by monitor
+  for (const v1::Frame& frame : request.frames()) {
+    v1::UnseenPatch& patch = unseen[frame.stimulus().panel()];
+    patch.set_monitor(frame.stimulus().panel());
+    patch.set_reason("not all frames of its id patch are still with the camera");
+  }
+  for (Archive::NewFrame& frame : frames) {
+    const std::optional<PatchProof::LearningSet> set = proof.add(std::move(frame));
+    if (!set) continue;
+    const std::string& monitor = set->frames.front().record.stimulus().panel();
+    if (set->learned.ok()) {
+      unseen.erase(monitor);
+    } else {
+      unseen[monitor] = unseen_patch(*set);
+    }
+  }
+  v1::LookForPatchesResponse response;
+  for (auto& [monitor, patch] : unseen) *response.add_unseen_patches() = std::move(patch);
+  return response;
+}
+
+}  // namespace glasswing

@@ -1,0 +1,42 @@
+// Judges frames of the ring by their pixels and stores those that pass in the session's archive.
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "camera-node/services/frame_ring.h"
+#include "camera-node/services/patch_proof.h"
+#include "core/archive/archive_store.h"
+#include "glasswing/v1/camera_service.pb.h"
+
+namespace glasswing {
+
+// Each method is the RPC of CameraService with its name, which documents its errors. Thread-safe.
+class FrameKeeper {
+ public:
+  FrameKeeper(ArchiveStore& store, const FrameRing& ring) : store_(store), ring_(ring) {}
+  absl::StatusOr<v1::KeepFramesResponse> keep(const v1::KeepFramesRequest& request);
+  absl::StatusOr<v1::LearnPatchesResponse> learn(const v1::LearnPatchesRequest& request);
+  absl::StatusOr<v1::LookForPatchesResponse> look(const v1::LookForPatchesRequest& request) const;
+
+ private:
+  using Frames = google::protobuf::RepeatedPtrField<v1::Frame>;
+  // The requested frames that are still in the ring.
+  absl::StatusOr<std::vector<Archive::NewFrame>> find(const Frames& wanted) const;
+  // Makes proof_ that of `session`: learned anew from its archive if another session's frames came before.
+  absl::Status use_proof_of(const std::string& session, Archive& archive);
+  absl::StatusOr<std::vector<v1::Frame>> store(Archive& archive,
+                                               const std::vector<Archive::NewFrame>& frames);
+
+  ArchiveStore& store_;
+  const FrameRing& ring_;
+  std::mutex mutex_;           // held while frames are judged and stored
+  std::string proof_session_;  // guarded by mutex_
+  PatchProof proof_;           // of proof_session_; guarded by mutex_
+};
+
+}  // namespace glasswing

@@ -1,0 +1,47 @@
+// A capture's calls to its archive on the camera node.
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "glasswing/v1/archive_service.grpc.pb.h"
+#include "glasswing/v1/camera_service.grpc.pb.h"
+#include "server/rig/rig_link.h"
+
+namespace glasswing {
+
+class CaptureArchive {
+ public:
+  // `links` is borrowed.
+  CaptureArchive(const RigLinks& links, std::string session);
+
+  // Creates the archive if it does not exist, and returns its manifest. The header of an existing one stays.
+  absl::StatusOr<v1::CaptureManifest> open(const v1::CaptureManifest& header);
+  // RESOURCE_EXHAUSTED: less free disk space than this many frames need.
+  absl::Status check_room(std::int64_t frame_count);
+  // Returns when all frames that are proven are durable.
+  absl::StatusOr<v1::KeepFramesResponse> keep(const std::vector<v1::Frame>& frames);
+  // The same for frames of patch learning steps. Frames of the monitors in `accept_unseen` are stored even if
+  // they do not show the id patch. UNIMPLEMENTED: the camera node is of an older build.
+  absl::StatusOr<v1::LearnPatchesResponse> learn_patches(const std::vector<v1::Frame>& frames,
+                                                         const std::vector<std::string>& accept_unseen);
+  absl::Status seal();
+
+  // The camera node ran out of disk space in one of the calls above.
+  bool no_room() const { return no_room_; }
+
+ private:
+  // Converts the status of a call that stores something.
+  absl::Status stored(const grpc::Status& status);
+
+  const RigLinks& links_;
+  const std::string session_;
+  const std::unique_ptr<v1::ArchiveService::Stub> stub_;
+  bool no_room_ = false;
+};
+
+}  // namespace glasswing

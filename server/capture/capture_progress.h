@@ -1,0 +1,60 @@
+// A session as its capture advances: counts, times, warnings, and the outcome of each step. Reports go to the
+// step log and to the capture's `report` callback. Used by the capture's thread only.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <set>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/base/time.h"
+#include "core/pattern/plan.h"
+#include "glasswing/v1/session_service.pb.h"
+#include "server/sessions/step_log.h"
+
+namespace glasswing {
+
+class CaptureProgress {
+ public:
+  CaptureProgress(v1::Session session, StepLog& log, std::function<void(const v1::Session&)> report);
+
+  const v1::Session& session() const { return session_; }
+  bool is_proven(int step) const { return proven_.contains(step); }
+  void report() { report_(session_); }
+
+  void set_archive_address(const std::string& address) { session_.set_archive_address(address); }
+  // Restores the counts from the archive's manifest.
+  void resume(const v1::CaptureManifest& manifest, int step_count);
+
+  // Time of showing and recording counts only between these two calls.
+  void begin_group();
+  void end_group() { group_began_.reset(); }
+  void update_seconds() { session_.set_capture_seconds(seconds()); }
+
+  void note_frames_taken(int count) { session_.set_frames_taken(session_.frames_taken() + count); }
+  // All monitors have shown the step.
+  void note_shown(int step, bool again);
+  // The camera node has stored `frames`, and refused others because of their pixels.
+  void note_kept(const google::protobuf::RepeatedPtrField<v1::Frame>& frames, int refused);
+  void note_retaken(int step, const std::string& why);
+  void note_unproven(const std::vector<Step>& steps);
+  // Replaces the lost frames of the video by these indices into `video_steps`.
+  void note_lost(std::span<const int> indices, const std::vector<int>& video_steps);
+  void warn(const std::string& warning);
+
+ private:
+  double seconds() const;  // of showing and recording, in total
+  void log_outcome(int step, v1::StepOutcome outcome, const std::string& why = "");
+  void count_proven(const v1::Frame& frame);
+
+  v1::Session session_;
+  StepLog& log_;
+  const std::function<void(const v1::Session&)> report_;
+  std::set<int> proven_;
+  double seconds_before_ = 0.0;             // session_.capture_seconds() when the current group began
+  std::optional<nanoseconds> group_began_;  // none: no group is being captured
+};
+
+}  // namespace glasswing

@@ -1,0 +1,54 @@
+// Captures one group of steps: those of one stage and one exposure, for which the camera runs without a
+// break.
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <set>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "server/capture/capture_archive.h"
+#include "server/capture/capture_progress.h"
+#include "server/capture/capture_setup.h"
+#include "server/capture/patch_learning.h"
+#include "server/capture/recording.h"
+#include "server/capture/step_player.h"
+
+namespace glasswing {
+
+class GroupCapture {
+ public:
+  // Starts the camera. All references are borrowed. `patches_given_up`: see PatchLearning.
+  GroupCapture(CaptureSetup& setup, CaptureArchive& archive, StepPlayer& player, CaptureProgress& progress,
+               std::set<std::string>& patches_given_up, double exposure_ms);
+
+  // Returns when the camera runs and the clocks are measured.
+  absl::Status start(std::stop_token stop);
+  // Shows steps again until each is proven. FAILED_PRECONDITION: some are not after the plan's retries.
+  // CANCELLED: stopped.
+  absl::Status prove(std::vector<Step> steps, std::stop_token stop);
+  // Shows steps once and has the proven frames stored. CANCELLED: stopped.
+  absl::Status show(const std::vector<Step>& steps, std::stop_token stop);
+  bool was_shown(const Step& step) const { return recording_.was_shown(step.number); }
+  // The error for `what`, of which `step_count` steps have no proof, with advice. `refused`: frames that the
+  // camera node refused meanwhile.
+  absl::Status unproven(const std::string& what, size_t step_count, int refused) const;
+
+ private:
+  // Has the camera node store the frames of one batch whose pixels agree. Returns false if a patch learning
+  // step was missed, or taught nothing: frames of later steps cannot be judged, and the showing ends.
+  absl::StatusOr<bool> judge(std::vector<v1::Frame> frames);
+  void note_retaken(const std::vector<Step>& steps);
+
+  CaptureSetup& setup_;
+  CaptureArchive& archive_;
+  StepPlayer& player_;
+  CaptureProgress& progress_;
+  Recording recording_;
+  PatchLearning learning_;
+};
+
+}  // namespace glasswing

@@ -1,0 +1,52 @@
+#include "server/capture/recording.h"
+
+#include <cmath>
+
+namespace glasswing {
+namespace {
+
+constexpr size_t kMaxRecent = 4096;
+
+}  // namespace
+
+Recording::Recording(const RigLinks& links, double exposure_ms)
+    : links_(links), camera_(*links.camera, *links.camera_stub, exposure_ms) {}
+
+void Recording::begin_showing() {
+  shown_now_.clear();
+  matched_now_.clear();
+}
+
+bool Recording::add_window(const StableWindow& window) {
+  matcher_.add_window(window);
+  shown_now_.insert(window.step);
+  return shown_.insert(window.step).second;
+}
+
+int Recording::take_frames() {
+  int count = 0;
+  const v1::Camera& camera = links_.camera_info.camera();
+  for (v1::FrameTaken& frame : camera_.inbox.take()) {
+    ++count;
+    const bool as_requested = std::abs(frame.exposure_ms() - exposure_ms()) <= 0.01 * exposure_ms() &&
+                              frame.width_px() == camera.width_px() &&
+                              frame.height_px() == camera.height_px();
+    if (!as_requested) continue;
+    matcher_.add_frame(rig_time_of(frame, *links_.camera));
+    recent_.emplace(frame.sequence(), std::move(frame));
+    if (recent_.size() > kMaxRecent) recent_.erase(recent_.begin());
+  }
+  return count;
+}
+
+std::vector<FrameMatcher::Match> Recording::take_matches() {
+  std::vector<FrameMatcher::Match> matches = matcher_.take();
+  for (const FrameMatcher::Match& match : matches) matched_now_.insert(match.step);
+  return matches;
+}
+
+const v1::FrameTaken& Recording::taken(const FrameMatcher::Match& match) const {
+  return recent_.at(match.frame.sequence);
+}
+
+}  // namespace glasswing

@@ -1,0 +1,54 @@
+// The camera, running at one exposure, and the pairing of its frames with the steps that the displays show.
+#pragma once
+
+#include <absl/status/status.h>
+
+#include <map>
+#include <optional>
+#include <set>
+#include <stop_token>
+#include <vector>
+
+#include "core/timing/proof.h"
+#include "server/rig/node_streams.h"
+
+namespace glasswing {
+
+class Recording {
+ public:
+  // Starts the camera, which stops at destruction. `links` is borrowed.
+  Recording(const RigLinks& links, double exposure_ms);
+  // Returns when the camera runs as asked, or an error (CameraFeed::wait_running).
+  absl::Status wait_running(std::stop_token stop) { return camera_.wait_running(stop); }
+  double exposure_ms() const { return camera_.exposure_ms(); }
+
+  // Forgets which steps were shown and matched in the showing before.
+  void begin_showing();
+  // All monitors have shown the window's step. Returns false if it was shown in an earlier showing too.
+  bool add_window(const StableWindow& window);
+  // Takes the frames that have arrived, and returns their count. Frames of another exposure or size than
+  // requested are counted but never matched.
+  int take_frames();
+  // Why the camera's stream has ended; none while it runs.
+  std::optional<absl::Status> end() const { return camera_.inbox.end(); }
+  // The pairs found since the last call.
+  std::vector<FrameMatcher::Match> take_matches();
+  // A matched frame as the camera reported it.
+  const v1::FrameTaken& taken(const FrameMatcher::Match& match) const;
+  // End of the newest frame; none before the first.
+  std::optional<nanoseconds> frames_seen_until() const { return matcher_.frames_seen_until(); }
+
+  bool was_shown(int step) const { return shown_.contains(step); }
+  bool was_shown_now(int step) const { return shown_now_.contains(step); }
+  bool was_matched_now(int step) const { return matched_now_.contains(step); }
+
+ private:
+  const RigLinks& links_;
+  CameraFeed camera_;
+  FrameMatcher matcher_;
+  std::map<std::int64_t, v1::FrameTaken> recent_;  // by sequence
+  std::set<int> shown_;                            // steps that all monitors have shown
+  std::set<int> shown_now_, matched_now_;          // of the current showing
+};
+
+}  // namespace glasswing

@@ -1,0 +1,53 @@
+// Shows steps on all displays as one program, and turns the camera's frames that prove a step into records.
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <functional>
+#include <map>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "server/capture/capture_progress.h"
+#include "server/capture/capture_setup.h"
+#include "server/capture/recording.h"
+
+namespace glasswing {
+
+class StepPlayer {
+ public:
+  // Takes the records of frames that time proves, in the order of their steps. Returns false to end the
+  // showing.
+  using Judge = std::function<absl::StatusOr<bool>(std::vector<v1::Frame>)>;
+
+  // Both arguments are borrowed.
+  StepPlayer(CaptureSetup& setup, CaptureProgress& progress) : setup_(setup), progress_(progress) {}
+
+  // Measures the offsets of all nodes' clocks. play() repeats this every second.
+  absl::Status measure_clocks(int count);
+  // Shows `steps` once. Returns when the last frame that may belong to them has arrived, or earlier: if
+  // `judge` or `stop` ends the showing, or if a display refused it because the command arrived after its
+  // start. The next showing then allows the command more time. ABORTED: another program took the screens.
+  absl::Status play(const std::vector<Step>& steps, Recording& recording, const Judge& judge,
+                    std::stop_token stop);
+
+ private:
+  // Returns how many monitors will report each step.
+  absl::StatusOr<int> load(const std::string& program, const std::vector<Step>& steps);
+  absl::Status load(const DisplayLink& display, const std::string& program,
+                    const std::vector<Step>& steps) const;
+  absl::StatusOr<std::vector<v1::Frame>> records_of(const std::vector<FrameMatcher::Match>& matches,
+                                                    const Recording& recording) const;
+
+  CaptureSetup& setup_;
+  CaptureProgress& progress_;
+  int program_number_ = 0;
+  nanoseconds start_lead_ = std::chrono::milliseconds(120);  // from a program's command to its first step
+  nanoseconds clocks_measured_at_{};
+  std::uint32_t showings_ = 0;              // of any step
+  std::map<int, std::uint32_t> patch_ids_;  // by step, of its last showing
+};
+
+}  // namespace glasswing
