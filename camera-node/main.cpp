@@ -1,5 +1,6 @@
 #include "camera-node/camera_daemon.h"
 #include "camera-node/camera_options.h"
+#include "core/archive/fsck_command.h"
 #include "core/base/freed_memory.h"
 #include "core/cli/daemon.h"
 #include "core/service/build_id.h"
@@ -21,6 +22,7 @@ int main(int argc, char** argv) {
        .add_options =
            [&](CLI::App& app, DaemonOptions& daemon) {
              add_camera_options(app, daemon, camera);
+             add_fsck_command(app, daemon, "/var/lib/glasswing-camera --repair");
            },
        .run = [&](const CLI::App& app,
                   const DaemonOptions& daemon) { return run_camera(app, daemon, camera); }});

@@ -1,5 +1,7 @@
+#include "core/archive/fsck_command.h"
 #include "core/cli/daemon.h"
 #include "core/service/build_id.h"
+#include "server/fsck/check_server.h"
 #include "server/server_daemon.h"
 #include "server/server_options.h"
 
@@ -15,6 +17,7 @@ int main(int argc, char** argv) {
        .add_options =
            [&](CLI::App& app, DaemonOptions& daemon) {
              add_server_options(app, daemon, server);
+             add_fsck_command(app, daemon, "/var/lib/glasswing --repair", check_server);
            },
        .run = [&](const CLI::App&, const DaemonOptions& daemon) { return run_server(daemon, server); }});
 }

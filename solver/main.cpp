@@ -1,3 +1,4 @@
+#include "core/archive/fsck_command.h"
 #include "core/base/freed_memory.h"
 #include "core/cli/daemon.h"
 #include "core/service/build_id.h"
@@ -26,6 +27,7 @@ int main(int argc, char** argv) {
              add_solver_options(app, daemon, solver);
              add_solve_command(app, daemon);
              add_mask_command(app, daemon);
+             add_fsck_command(app, daemon, "/srv/glasswing --repair");
            },
        .run = [&](const CLI::App&, const DaemonOptions& daemon) { return run_solver(daemon, solver); }});
 }

@@ -15,9 +15,9 @@
 #include "core/pattern/describe_step.h"
 #include "core/pattern/id_patch.h"
 #include "core/service/service.h"
-#include "core/storage/image_name.h"
 #include "server/metrics/server_metrics.h"
 #include "server/rig/embed_calibrations.h"
+#include "server/storage/image_name.h"
 
 namespace glasswing {
 namespace {

@@ -1,4 +1,4 @@
-#include "core/storage/fsck.h"
+#include "core/archive/fsck.h"
 
 #include <fmt/format.h>
 
@@ -8,40 +8,23 @@
 #include "core/base/directory_lock.h"
 #include "core/base/status.h"
 #include "core/matte/matte_file.h"
-#include "core/storage/check_server.h"
 
 namespace glasswing {
 namespace {
 
 namespace fs = std::filesystem;
 
-struct Target {
-  std::string kind;
-  fs::path path;     // what is checked
-  fs::path used_by;  // the directory that a daemon has while it runs; empty: none does
-};
+bool is_server_data(const fs::path& directory) {
+  return fs::exists(directory / "catalogue.sqlite") ||
+         (fs::is_directory(directory / "mattes") && fs::is_directory(directory / "tiles"));
+}
 
 bool holds_archives(const fs::path& directory) {
-  if (fs::exists(directory / ".writable")) return true;  // of a node's archives
+  if (fs::exists(directory / ".writable")) return true;  // a node's archives, perhaps none yet
   std::error_code error;
   const fs::directory_iterator entries(directory, error);
   return std::any_of(begin(entries), fs::directory_iterator(),
                      [](const fs::directory_entry& entry) { return is_archive(entry.path()); });
-}
-
-absl::StatusOr<Target> recognise(const fs::path& path) {
-  if (!fs::exists(path)) return absl::NotFoundError(fmt::format("{} is not there", path.string()));
-  if (fs::is_regular_file(path) && path.extension() == ".exr") return Target{"matte", path, ""};
-  if (fs::is_directory(path)) {
-    if (is_server_data(path)) return Target{"server", path, path};
-    if (is_archive(path)) return Target{"archive", path, path.parent_path()};
-    if (fs::is_directory(path / "archives")) return Target{"archives", path / "archives", path / "archives"};
-    if (holds_archives(path)) return Target{"archives", path, path};
-  }
-  return absl::InvalidArgumentError(fmt::format(
-      "{} is nothing that can be checked; it must be the data directory of a server or a camera node, the "
-      "archives of a solver, one archive, or a matte's file (.exr)",
-      path.string()));
 }
 
 double bytes_below(const fs::path& path) {
@@ -68,13 +51,34 @@ void check_matte_file(const fs::path& file, Check& check) {
 
 }  // namespace
 
+absl::StatusOr<CheckTarget> recognise(const fs::path& given) {
+  const fs::path whole = fs::absolute(given).lexically_normal();
+  const fs::path path = whole.has_filename() ? whole : whole.parent_path();
+  if (!fs::exists(path)) return absl::NotFoundError(fmt::format("{} is not there", path.string()));
+  if (fs::is_regular_file(path) && path.extension() == ".exr") return CheckTarget{"matte", path, ""};
+  if (fs::is_directory(path)) {
+    if (is_server_data(path)) return CheckTarget{"server", path, path};
+    if (is_archive(path)) return CheckTarget{"archive", path, path.parent_path()};
+    const fs::path archives = path / "archives";
+    if (fs::is_directory(archives)) return CheckTarget{"archives", archives, archives};
+    if (holds_archives(path)) return CheckTarget{"archives", path, path};
+  }
+  return absl::InvalidArgumentError(fmt::format(
+      "{} is nothing that can be checked; it must be the data directory of a server or a camera node, the "
+      "archives of a solver, one archive, or a matte's file (.exr)",
+      path.string()));
+}
+
 absl::StatusOr<CheckReport> fsck(const fs::path& path, const FsckOptions& options) {
-  const fs::path whole = fs::absolute(path).lexically_normal();
-  GW_ASSIGN_OR_RETURN(const Target target, recognise(whole.has_filename() ? whole : whole.parent_path()));
+  GW_ASSIGN_OR_RETURN(const CheckTarget target, recognise(path));
+  if (target.kind == "server" && !options.check_server) {
+    return absl::UnimplementedError(
+        fmt::format("{} is the data of a server; glasswing-server fsck checks it", target.path.string()));
+  }
   CheckReport report;
   report.kind = target.kind;
   DirectoryLock lock;
-  // An archive of its own, such as an exported one, lies below no directory that a daemon ever had.
+  // A lone archive, such as an exported one, lies in no directory that a daemon ever locked.
   const bool may_be_used =
       !target.used_by.empty() && (target.kind != "archive" || fs::exists(target.used_by / kLockFile));
   if (may_be_used && options.repair) {
@@ -86,7 +90,7 @@ absl::StatusOr<CheckReport> fsck(const fs::path& path, const FsckOptions& option
   Check check(report, options.repair, [&] {
     if (options.tell) options.tell(std::min(static_cast<double>(report.byte_count) / total, 1.0));
   });
-  if (target.kind == "server") check_server(target.path, check);
+  if (target.kind == "server") options.check_server(target.path, check);
   if (target.kind == "archives") check_archives(target.path, check);
   if (target.kind == "archive") check_archive(target.path, check);
   if (target.kind == "matte") check_matte_file(target.path, check);

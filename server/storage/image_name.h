@@ -1,4 +1,4 @@
-// Uploaded pictures are called after what they hold.
+// Uploaded pictures are named after their content.
 #pragma once
 
 #include <string>
@@ -6,7 +6,7 @@
 
 namespace glasswing {
 
-// Of the file below images/ with these bytes: "xxh3" and 16 hexadecimal digits.
+// The name of the file below images/ that holds these bytes: "xxh3" and 16 hexadecimal digits.
 std::string image_name(std::string_view bytes);
 
 }  // namespace glasswing

@@ -1,13 +1,12 @@
-// Where finished mattes and what they are made of lie below the server's data:
+// The files of mattes below the server's data:
 //
-//   mattes/SESSION.exr        of the last solve that finished; of a video
-//   mattes/SESSION/0000.exr   a file a frame
+//   mattes/SESSION.exr        the matte of the last finished solve, or, for a video,
+//   mattes/SESSION/0000.exr   one file per frame
 //   mattes/SESSION+next.exr, mattes/SESSION+next/0000.exr
-//                             of the solve that goes on, until it has finished: it then takes the other's
-//                             place
-//   tiles/SESSION/            parts of that solve, each named after the checksum of its bytes
+//                             those of the current solve, which replace the above when it finishes
+//   tiles/SESSION/            parts of the current solve, each named after the checksum of its bytes
 //
-// No session's name has a '+'.
+// Session names contain no '+'.
 #pragma once
 
 #include <absl/status/status.h>
@@ -20,9 +19,9 @@
 
 namespace glasswing {
 
-// Of a tile's file, whose bytes have that checksum (checksum_of()).
+// The name of a tile's file; `checksum`: checksum_of() its bytes.
 std::string tile_name(std::int64_t job, int tile, int attempt, std::string_view checksum);
-// Whether they are what was written under that name.
+// True if the bytes are those that were written under that name.
 bool is_named_after(const std::filesystem::path& tile, std::string_view bytes);
 
 // Its owner serialises changes.
@@ -34,17 +33,18 @@ class MatteFiles {
   std::filesystem::path finished(const std::string& session, int frame) const;
   std::filesystem::path next(const std::string& session) const;
   std::filesystem::path next(const std::string& session, int frame) const;
-  // Is there when this returns OK.
+  // The directory exists when this returns OK.
   absl::StatusOr<std::filesystem::path> tiles(const std::string& session) const;
-  absl::Status make_next(const std::string& session) const;  // the frames' directory
+  // Makes the directory for the current solve's frames.
+  absl::Status make_next(const std::string& session) const;
 
-  // Nothing of the solve that goes on is left, also after a power cut: what there is of one when a session is
-  // done counts as finished.
+  // Removes the files of the current solve durably: after a power cut they would count as finished once the
+  // session is done.
   absl::Status drop_next(const std::string& session) const;
-  // What that solve made takes the place of what was finished before, if anything was made. Repeated after a
-  // crash it does what is left to do.
+  // Replaces the finished mattes by those of the current solve, if it made any. Repeating it after a crash
+  // completes it.
   absl::Status finish(const std::string& session) const;
-  // Removes all there is; returns how many bytes.
+  // Removes all files of the session. Returns how many bytes they had.
   absl::StatusOr<std::int64_t> remove(const std::string& session) const;
 
  private:

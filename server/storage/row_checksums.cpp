@@ -1,4 +1,4 @@
-#include "core/storage/row_checksums.h"
+#include "server/storage/row_checksums.h"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "core/storage/matte_files.h"
+#include "server/storage/matte_files.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>

@@ -1,4 +1,4 @@
-#include "core/storage/check_server.h"
+#include "server/fsck/check_server.h"
 
 #include <fmt/format.h>
 #include <google/protobuf/util/json_util.h>
@@ -9,10 +9,10 @@
 #include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/matte/matte_file.h"
-#include "core/storage/image_name.h"
-#include "core/storage/matte_files.h"
-#include "core/storage/server_records.h"
 #include "glasswing/v1/calibration.pb.h"
+#include "server/fsck/server_records.h"
+#include "server/storage/image_name.h"
+#include "server/storage/matte_files.h"
 
 namespace glasswing {
 namespace {
@@ -54,7 +54,7 @@ class ServerCheck {
     return fs::exists(path) ? set_aside(data_, path) : absl::OkStatus();
   }
 
-  // What takes the place of the finished matte when the server starts is what will be there.
+  // The file that the server would serve: the next one, if the server is to replace the finished one by it.
   fs::path finished_file(const v1::Session& session) const {
     const fs::path next = files_.next(session.name());
     const bool pending = session.state() == v1::SESSION_STATE_DONE && fs::exists(next);
@@ -70,7 +70,7 @@ class ServerCheck {
   void check_mattes_of(const SessionRecord& record) {
     const v1::Session& session = record.session;
     const bool is_anew = session.matte_ready() && session.state() != v1::SESSION_STATE_DONE;
-    if (is_anew && !record.finished) return;  // the server would not hand it out either
+    if (is_anew && !record.finished) return;  // the server would not serve it either
     const v1::Session& made = is_anew ? *record.finished : session;
     if (made.frame_count() > 0 && made.method() == kRampMethod) {
       for (const int frame : std::vector<int>(made.solved_frames().begin(), made.solved_frames().end()))
@@ -118,10 +118,10 @@ class ServerCheck {
          .what = std::string(status.message()),
          .meaning = fmt::format("the matte of frame {} of session \"{}\" cannot be fetched; the others can",
                                 frame, name),
-         .repair =
-             "it is set aside and counts as not solved; a solve under way makes it anew, else: glasswing "
-             "solve " +
-             name},
+         .repair = "it is set aside and counts as not solved; a solve under way solves it again, otherwise: "
+                   "glasswing "
+                   "solve " +
+                   name},
         [&]() -> absl::Status {
           lost_.insert({name, frame});
           SessionRecord record = current(name);
@@ -146,20 +146,20 @@ class ServerCheck {
     const absl::StatusOr<std::string> bytes = check_.read(file);
     absl::Status status = bytes.status();
     if (status.ok() && !is_named_after(file, *bytes))
-      status = absl::DataLossError("its name says another checksum than its bytes have");
+      status = absl::DataLossError("the checksum in its name is not that of its bytes");
     if (status.ok()) return;
     check_.found(
         {.file = file.string(),
          .what = std::string(status.message()),
          .meaning = fmt::format("the solve of session \"{}\" cannot be finished with it", tile.session),
-         .repair = "it is set aside, and the tile is solved anew"},
+         .repair = "it is set aside, and the tile is solved again"},
         [&]() -> absl::Status {
           GW_RETURN_IF_ERROR(records_.queue_again(tile));
           return set_aside_if_there(file);
         });
   }
 
-  // Mattes and tiles of sessions that nobody knows.
+  // Mattes and tiles of sessions that the catalogue does not have.
   void check_strangers(const fs::path& directory) {
     check_each(directory, [&](const fs::path& path) {
       if (path.extension() == ".tmp") return;
@@ -169,7 +169,7 @@ class ServerCheck {
       if (records_.knows(name)) return;
       check_.found({.file = path.string(),
                     .what = fmt::format("the catalogue has no session \"{}\"", name),
-                    .meaning = "the session was deleted, or an older catalogue was brought back",
+                    .meaning = "the session was deleted, or an older catalogue was restored",
                     .repair = "it is set aside",
                     .is_damage = false},
                    [&] { return set_aside(data_, path); });
@@ -181,10 +181,10 @@ class ServerCheck {
     const absl::StatusOr<std::string> bytes = check_.read(file);
     if (bytes.ok() && image_name(*bytes) == file.filename()) return;
     check_.found({.file = file.string(),
-                  .what = bytes.ok() ? "its name says another checksum than its bytes have"
+                  .what = bytes.ok() ? "the checksum in its name is not that of its bytes"
                                      : std::string(bytes.status().message()),
                   .meaning = "a session whose plan shows this photo cannot be captured",
-                  .repair = "it is set aside; the next glasswing capture with the photo brings it again"},
+                  .repair = "it is set aside; the next glasswing capture with the photo uploads it again"},
                  [&] { return set_aside(data_, file); });
   }
 
@@ -223,13 +223,12 @@ class ServerCheck {
     const bool good =
         id.ok() && id->size() == 32 && id->find_first_not_of("0123456789abcdef") == std::string::npos;
     if (good) return;
-    check_.found(
-        {.file = file.string(),
-         .what = "it does not hold 32 hexadecimal digits",
-         .meaning = "a job store that several servers share does not know this one by it; solves under "
-                    "way there have to be asked for again",
-         .repair = "it is set aside, and the server makes another"},
-        [&] { return set_aside(data_, file); });
+    check_.found({.file = file.string(),
+                  .what = "it does not hold 32 hexadecimal digits",
+                  .meaning = "a job store that several servers share does not recognise this server; solves "
+                             "under way there must be requested again",
+                  .repair = "it is set aside, and the server creates another"},
+                 [&] { return set_aside(data_, file); });
   }
 
   const fs::path data_;
@@ -240,11 +239,6 @@ class ServerCheck {
 };
 
 }  // namespace
-
-bool is_server_data(const fs::path& directory) {
-  return fs::exists(directory / "catalogue.sqlite") ||
-         (fs::is_directory(directory / "mattes") && fs::is_directory(directory / "tiles"));
-}
 
 void check_server(const fs::path& directory, Check& check) {
   ServerCheck(directory, check).run();

@@ -1,5 +1,5 @@
-// What `glasswing fsck` makes of a server's data, each damage made by hand.
-#include "core/storage/fsck.h"
+// `glasswing-server fsck` on a server's data, each damage made by hand.
+#include "core/archive/fsck.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -7,9 +7,10 @@
 #include "core/base/checksum.h"
 #include "core/base/file.h"
 #include "core/matte/matte_file.h"
-#include "core/storage/image_name.h"
-#include "core/storage/matte_files.h"
+#include "server/fsck/check_server.h"
 #include "server/sessions/session_store.h"
+#include "server/storage/image_name.h"
+#include "server/storage/matte_files.h"
 
 namespace glasswing {
 namespace {
@@ -77,7 +78,7 @@ class FsckServer : public testing::Test {
   }
   CheckReport check(bool repair = false) {
     catalogue_.reset();
-    const absl::StatusOr<CheckReport> report = fsck(data_, {.repair = repair});
+    const absl::StatusOr<CheckReport> report = fsck(data_, {.repair = repair, .check_server = check_server});
     EXPECT_TRUE(report.ok()) << report.status();
     if (repair) catalogue_ = Catalogue::open(data_ / "catalogue.sqlite").value();
     return report.value_or(CheckReport());
@@ -176,7 +177,7 @@ TEST_F(FsckServer, ARecordThatCannotBeReadKeepsTheServerFromNothing) {
 TEST_F(FsckServer, WithoutItsCatalogueOnlyABackupHelps) {
   catalogue_.reset();
   write(data_ / "catalogue.sqlite", std::string(8192, 'x'));
-  const absl::StatusOr<CheckReport> report = fsck(data_, {.repair = true});
+  const absl::StatusOr<CheckReport> report = fsck(data_, {.repair = true, .check_server = check_server});
   ASSERT_TRUE(report.ok()) << report.status();
   ASSERT_EQ(report->findings.size(), 1u);
   EXPECT_TRUE(report->findings[0].repair.empty());

@@ -1,4 +1,4 @@
-#include "core/storage/image_name.h"
+#include "server/storage/image_name.h"
 
 #include "core/base/checksum.h"
 

@@ -1,4 +1,4 @@
-#include "core/storage/matte_files.h"
+#include "server/storage/matte_files.h"
 
 #include <fmt/format.h>
 
@@ -17,7 +17,7 @@ fs::path frame_file(int frame) {
   return fmt::format("{:04d}.exr", frame);
 }
 
-// Hexadecimal digits alone.
+// The hexadecimal digits, without the algorithm's name.
 std::string_view digits_of(std::string_view checksum) {
   return checksum.substr(std::min(checksum.size(), std::string_view("xxh3:").size()));
 }
@@ -59,7 +59,7 @@ absl::Status MatteFiles::make_next(const std::string& session) const {
 }
 
 absl::Status MatteFiles::drop_next(const std::string& session) const {
-  std::error_code ignored;  // what is left of tiles is never looked at
+  std::error_code ignored;  // leftover tiles are never read
   fs::remove_all(data_ / "tiles" / session, ignored);
   for (const fs::path& path : {next(session), next(session, 0).parent_path()}) {
     std::error_code error;
@@ -73,7 +73,7 @@ absl::Status MatteFiles::finish(const std::string& session) const {
   const fs::path file = finished(session), frames = finished(session, 0).parent_path();
   const fs::path next_file = next(session), next_frames = next(session, 0).parent_path();
   const fs::path old_frames = data_ / "mattes" / (session + "+old");
-  // Another session's matte may be called like our frames' directory, and the other way round.
+  // Another session's matte may have the name of our frames' directory, and vice versa.
   const bool had_file = fs::is_regular_file(file), had_frames = fs::is_directory(frames);
   std::error_code ignored;
   if (fs::exists(next_file)) {

@@ -1,4 +1,4 @@
-#include "core/storage/server_records.h"
+#include "server/fsck/server_records.h"
 
 #include <fmt/format.h>
 
@@ -7,7 +7,8 @@
 #include "core/base/file.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
-#include "core/storage/row_checksums.h"
+#include "server/jobs/sqlite_job_store.h"
+#include "server/storage/row_checksums.h"
 
 namespace glasswing {
 namespace {
@@ -15,10 +16,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr char kCatalogue[] = "catalogue.sqlite", kJobs[] = "jobs.sqlite";
-// Of server/jobs: a tile that waits for a solver.
-constexpr char kWaiting[] =
-    "done_attempt = 0, done_at = 0, result = '', object_pixels = 0, flagged_pixels = 0, seconds = 0, "
-    "lease_attempt = 0, lease_solver = '', twin_attempt = 0, twin_solver = ''";
 
 bool is_being_solved(const v1::Session& session) {
   return session.job() != 0 &&
@@ -53,18 +50,25 @@ void ServerRecords::open(Check& check) {
       kCatalogue,
       {.file = "",
        .what = "",
-       .meaning =
-           "the server does not know its sessions: bring the file back from a backup; frames and mattes "
-           "lie apart from it and are checked alone",
+       .meaning = "the server does not know its sessions: restore the file from a backup; frames and mattes "
+                  "are stored apart from it and are checked alone",
        .repair = ""},
       check);
-  jobs_ = open_database(kJobs,
-                        {.file = "",
-                         .what = "",
-                         .meaning = "solves under way are lost, and have to be asked for again",
-                         .repair = "it is set aside, and the server begins a new one"},
-                        check);
+  open_jobs(check);
   if (catalogue_) read_sessions(check);
+}
+
+void ServerRecords::open_jobs(Check& check) {
+  const bool is_sound = open_database(kJobs,
+                                      {.file = "",
+                                       .what = "",
+                                       .meaning = "solves under way are lost, and must be requested again",
+                                       .repair = "it is set aside, and the server creates a new one"},
+                                      check)
+                            .has_value();
+  if (!is_sound) return;
+  absl::StatusOr<std::unique_ptr<SqliteJobStore>> jobs = SqliteJobStore::open_unclaimed(data_ / kJobs);
+  if (jobs.ok()) jobs_ = *std::move(jobs);
 }
 
 void ServerRecords::read_sessions(Check& check) {
@@ -87,7 +91,7 @@ void ServerRecords::read_sessions(Check& check) {
   if (const absl::Status status = query.status(); !status.ok()) {
     check.found({.file = (data_ / kCatalogue).string(),
                  .what = std::string(status.message()),
-                 .meaning = "not all sessions can be read: bring the file back from a backup",
+                 .meaning = "not all sessions can be read: restore the file from a backup",
                  .repair = ""});
   }
   if (const absl::Status count = check_row_count(*catalogue_, "sessions"); !count.ok()) {
@@ -97,7 +101,7 @@ void ServerRecords::read_sessions(Check& check) {
          .meaning =
              "the server does not start. A session's record may be lost: a backup has it; its frames are "
              "not touched, and glasswing import of their archive makes a session of them again",
-         .repair = "what is there is taken for all there is"},
+         .repair = "the records that are there are accepted as complete"},
         [&] { return accept_rows(*catalogue_, "sessions", kCatalogueColumns); });
   }
   for (const std::string& name : bad) {
@@ -130,20 +134,20 @@ bool ServerRecords::knows(const std::string& session) const {
 }
 
 std::vector<TileRecord> ServerRecords::tiles_of_solves() {
-  std::vector<TileRecord> tiles;
-  if (!jobs_) return tiles;
+  std::vector<TileRecord> records;
+  if (jobs_ == nullptr) return records;
   for (const SessionRecord& record : sessions_) {
     if (!is_being_solved(record.session)) continue;
-    Database::Query query = jobs_->query(
-        "SELECT number, result FROM tiles WHERE job = ? AND done_attempt > 0 AND result LIKE '%.exr'");
-    query.bind(record.session.job());
-    while (query.next())
-      tiles.push_back({.session = record.session.name(),
-                       .job = record.session.job(),
-                       .number = query.integer(0),
-                       .result = query.text(1)});
+    const std::int64_t job = record.session.job();
+    const absl::StatusOr<std::vector<TileState>> tiles = jobs_->tiles(job);
+    if (!tiles.ok()) continue;  // tables of another version hold nothing of ours
+    for (const TileState& tile : *tiles) {
+      if (!tile.done.result.ends_with(".exr")) continue;  // a survey, or a video's frames, has no file here
+      records.push_back(
+          {.session = record.session.name(), .job = job, .number = tile.number, .result = tile.done.result});
+    }
   }
-  return tiles;
+  return records;
 }
 
 absl::Status ServerRecords::update(const SessionRecord& record) {
@@ -155,21 +159,17 @@ absl::Status ServerRecords::update(const SessionRecord& record) {
 }
 
 absl::Status ServerRecords::queue_again(const TileRecord& tile) {
-  return jobs_->query(fmt::format("UPDATE tiles SET {} WHERE job = ? AND number = ?", kWaiting))
-      .bind(tile.job)
-      .bind(tile.number)
-      .finish();
+  return jobs_->requeue(tile.job, tile.number);
 }
 
 absl::Status ServerRecords::queue_again(std::int64_t job, int frame) {
-  if (!jobs_) return absl::OkStatus();
-  return jobs_
-      ->query(fmt::format("UPDATE tiles SET {} WHERE job = ?1 AND first <= ?2 AND ?2 < first + count AND "
-                          "done_attempt > 0",
-                          kWaiting))
-      .bind(job)
-      .bind(frame)
-      .finish();
+  if (jobs_ == nullptr) return absl::OkStatus();
+  GW_ASSIGN_OR_RETURN(const std::vector<TileState> tiles, jobs_->tiles(job));
+  for (const TileState& tile : tiles) {
+    const bool covers = tile.range.first <= frame && frame < tile.range.first + tile.range.count;
+    if (covers && tile.is_done()) GW_RETURN_IF_ERROR(jobs_->requeue(job, tile.number));
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace glasswing

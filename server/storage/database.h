@@ -18,10 +18,10 @@ namespace glasswing {
 // One connection; its owner serialises access.
 class Database {
  public:
-  // SQL may use row_checksum(value, ...), 64 bits of the values' bytes.
+  // SQL may use row_checksum(value, ...), a 64-bit hash of the values' bytes.
   static absl::StatusOr<Database> open(const std::filesystem::path& path);
 
-  // DATA_LOSS: the file's structure is damaged, by SQLite's own check.
+  // DATA_LOSS: SQLite's own check finds the file's structure damaged.
   absl::Status check_structure();
 
   // Statements without results, separated by ';'.
@@ -34,9 +34,9 @@ class Database {
     Query& bind(int value) { return bind(std::int64_t{value}); }
     Query& bind(double value);
     Query& bind(std::string_view value);  // text or bytes
-    // True: a row is there to be read. False: none are left, or it failed (see status()).
+    // Moves to the next row. False: there is none, or the query failed (see status()).
     bool next();
-    // To the end, for statements without rows.
+    // Runs to the end, for statements without rows.
     absl::Status finish();
     const absl::Status& status() const { return status_; }
     int columns() const;
@@ -54,7 +54,7 @@ class Database {
     absl::Status status_;
   };
   Query query(const std::string& sql);
-  // Rows that the last statement changed.
+  // The number of rows that the last statement changed.
   int changed() const;
 
  private:

@@ -1,4 +1,4 @@
-#include "core/storage/database.h"
+#include "server/storage/database.h"
 
 #include <fmt/format.h>
 #include <sqlite3.h>

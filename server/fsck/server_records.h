@@ -1,4 +1,4 @@
-// The records of a server's databases, as a check reads and mends them while no server runs.
+// Reads and repairs the records of a server's databases for a check, while no server runs.
 #pragma once
 
 #include <absl/status/status.h>
@@ -6,29 +6,29 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <set>
 #include <string>
 #include <vector>
 
 #include "core/archive/check.h"
-#include "core/storage/database.h"
 #include "glasswing/v1/session_service.pb.h"
+#include "server/jobs/job_store.h"
+#include "server/storage/database.h"
 
 namespace glasswing {
-
-// Of the catalogue's table `sessions`, whose rows are protected (core/storage/row_checksums.h).
-inline constexpr char kCatalogueColumns[] = "id, name, request_id, session, note, tags, finished, copies";
 
 // A session as the catalogue has it.
 struct SessionRecord {
   v1::Session session;
-  std::optional<v1::Session> finished;  // as it was when its last solve finished, while it is solved anew
+  std::optional<v1::Session> finished;  // while it is solved again: its state when the last solve finished
 };
 
 struct TileRecord {
   std::string session;
-  std::int64_t job = 0, number = 0;
+  std::int64_t job = 0;
+  int number = 0;
   std::string result;  // its file
 };
 
@@ -36,25 +36,27 @@ class ServerRecords {
  public:
   explicit ServerRecords(std::filesystem::path data) : data_(std::move(data)) {}
 
-  // What cannot be read is found.
+  // Reads both databases; reports what cannot be read.
   void open(Check& check);
   const std::vector<SessionRecord>& sessions() const { return sessions_; }
-  // Whether the catalogue has, or had, a session of the name; true of all where it cannot be read.
+  // True if the catalogue has, or had, a session of that name, or cannot be read.
   bool knows(const std::string& session) const;
-  // Those that are done, of solves under way.
+  // The finished tiles of solves under way.
   std::vector<TileRecord> tiles_of_solves();
 
   absl::Status update(const SessionRecord& record);
-  // To be solved anew.
+  // The tile will be solved again.
   absl::Status queue_again(const TileRecord& tile);
   absl::Status queue_again(std::int64_t job, int frame);  // the tile of a video's frame
 
  private:
   std::optional<Database> open_database(const char* name, Finding finding, Check& check);
+  void open_jobs(Check& check);
   void read_sessions(Check& check);
 
   const std::filesystem::path data_;
-  std::optional<Database> catalogue_, jobs_;
+  std::optional<Database> catalogue_;
+  std::unique_ptr<JobStore> jobs_;  // null: there is none that can be read
   std::vector<SessionRecord> sessions_;
   std::set<std::string> names_;
 };
