@@ -1,9 +1,10 @@
-# Fails where a source includes a folder that its own, by USES, does not lie on; prints how many such includes there are.
-# -DROOT=DIR of the sources, -DLAYERS=FILE with the list `rooms` and for each a list `uses_ROOM`.
+# Fails if a source includes a folder that its own folder may not include (USES); prints how many such includes
+# there are. -DROOT=DIR: the sources. -DLAYERS=FILE: sets the list `rooms`, and a list `uses_ROOM` for each.
 cmake_minimum_required(VERSION 3.25)
 include(${LAYERS})
 
-# All folders below a folder: those it uses, and those that these use. A folder with a program comes twice, so twice.
+# All folders below a folder: those it uses, and those that these use. Two passes, because a folder that has a
+# program too is listed once, at its library's place.
 foreach(pass 1 2)
   foreach(room ${rooms})
     list(APPEND "below_${room}" ${room})
@@ -31,7 +32,7 @@ foreach(room ${rooms})
         continue()
       endif()
       if(NOT folder IN_LIST "below_${room}")
-        message(SEND_ERROR "${name}: ${include}: ${room} does not lie on ${folder}; see ${room}/CMakeLists.txt")
+        message(SEND_ERROR "${name}: ${include}: ${room} may not include ${folder}; see ${room}/CMakeLists.txt")
         math(EXPR wrong "${wrong} + 1")
       endif()
     endforeach()

@@ -53,42 +53,7 @@ glasswing_precompiled(rpc HEADERS ${rpc_headers} USES gRPC::grpc++ protobuf::lib
 glasswing_precompiled(test HEADERS <gtest/gtest.h> USES GTest::gtest)
 glasswing_precompiled(rpc_test HEADERS <gtest/gtest.h> ${rpc_headers} USES GTest::gtest gRPC::grpc++ protobuf::libprotobuf)
 
-# A folder is a room: one library, whose target is the folder's path with dots ("server.rig"). USES names the folders
-# that it may include, and libraries. A folder must be added after those that it uses, so there are no cycles, and
-# programs never use each other's folders. CheckLayers.cmake holds every include against USES.
-
-# Turns folders among `names` into targets; refuses what the layers do not allow.
-function(glasswing_targets result folder)
-  set(targets)
-  foreach(name ${ARGN})
-    if(name MATCHES "/|^(server|client|solver|camera-node|display-node)$" AND NOT name MATCHES "::")
-      string(REPLACE "/" "." target ${name})
-      if(NOT TARGET ${target})
-        message(FATAL_ERROR "${folder} uses ${name}, which does not lie below it: no such folder was added before")
-      endif()
-      string(REGEX MATCH "^[^/]+" own ${folder})
-      string(REGEX MATCH "^[^/]+" other ${name})
-      if(NOT own STREQUAL other AND NOT own STREQUAL tests AND NOT other MATCHES "^(core|proto)$")
-        message(FATAL_ERROR "${folder} uses ${name}; programs share nothing but core and proto")
-      endif()
-      list(APPEND targets ${target})
-    else()
-      list(APPEND targets ${name})
-    endif()
-  endforeach()
-  set(${result} ${targets} PARENT_SCOPE)
-endfunction()
-
-# Notes what `folder` may include, for CheckLayers.cmake.
-function(glasswing_note_layer folder)
-  if(folder MATCHES "^tests")
-    return()
-  endif()
-  set_property(GLOBAL APPEND PROPERTY GLASSWING_ROOMS ${folder})
-  set(folders ${ARGN})
-  list(FILTER folders EXCLUDE REGEX "::")
-  set_property(GLOBAL APPEND PROPERTY "GLASSWING_USES_${folder}" ${folders})
-endfunction()
+include(GlasswingLayers)
 
 # Sets `result` to TRUE if a target of ARGN, or one that it uses, includes gRPC's headers.
 function(glasswing_needs_rpc result)
@@ -210,19 +175,4 @@ function(glasswing_tests)
     add_test(NAME ${folder}/${test} COMMAND ${target} ${only})
     set_tests_properties(${folder}/${test} PROPERTIES TIMEOUT ${timeout} ENVIRONMENT "${ARG_ENVIRONMENT}")
   endforeach()
-endfunction()
-
-# Holds every include against the layers at every build (CheckLayers.cmake).
-function(glasswing_check_layers)
-  get_property(rooms GLOBAL PROPERTY GLASSWING_ROOMS)
-  list(REMOVE_DUPLICATES rooms)
-  set(layers)
-  foreach(room ${rooms})
-    get_property(uses GLOBAL PROPERTY "GLASSWING_USES_${room}")
-    string(APPEND layers "list(APPEND rooms \"${room}\")\nset(\"uses_${room}\" ${uses})\n")
-  endforeach()
-  file(CONFIGURE OUTPUT ${CMAKE_BINARY_DIR}/layers.cmake CONTENT "${layers}" @ONLY)
-  add_custom_target(layers ALL COMMAND ${CMAKE_COMMAND} -DROOT=${PROJECT_SOURCE_DIR}
-                    -DLAYERS=${CMAKE_BINARY_DIR}/layers.cmake -P ${PROJECT_SOURCE_DIR}/cmake/CheckLayers.cmake
-                    COMMENT "Checking the layers" VERBATIM)
 endfunction()

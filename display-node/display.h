@@ -20,12 +20,12 @@ struct ScreenInfo {
   std::string name;
   int width_px = 0;
   int height_px = 0;
-  int patch_rows = 0;  // of these, the lowest: they show the id patch and no pattern
-  int bits = 16;       // of a code, 8 to 16; 0 is black, the highest full scale
+  int patch_rows = 0;  // the lowest of these rows, which show the id patch instead of the pattern
+  int bits = 16;       // of a code, 8 to 16; code 0 is black, the highest is full scale
   double refresh_hz = 60.0;
   nanoseconds scanout{};  // from a picture's first row to its last
-  nanoseconds lag{};      // from a row's scan-out to its light
-  nanoseconds settle{};   // until that light has settled
+  nanoseconds lag{};      // from a row's scan-out until its light begins to change
+  nanoseconds settle{};   // from then until its light has settled
 };
 
 inline MonitorSize pattern_size_of(const ScreenInfo& screen) {
@@ -36,17 +36,17 @@ inline nanoseconds period_of(const ScreenInfo& screen) {
   return nanoseconds(std::llround(1e9 / screen.refresh_hz));
 }
 
-// The codes of a monitor's pixels, each of ScreenInfo::bits. One for each monitor, in the order of
-// Display::screens(); null is black.
+// The codes of a monitor's pixels, each of ScreenInfo::bits; null is black. Lists of pictures have one for
+// each monitor, in the order of Display::screens().
 using Picture = std::shared_ptr<const Image<std::uint16_t>>;
 
-// A pixel as graphics memory has it, from its red code on: blue in the lowest bits.
+// A pixel as graphics memory holds it, blue in the lowest bits. `codes`: red, green, blue.
 inline std::uint32_t packed(const std::uint16_t* codes, int bits) {
   return static_cast<std::uint32_t>(codes[0]) << (2 * bits) | static_cast<std::uint32_t>(codes[1]) << bits |
          codes[2];
 }
 
-// When a picture's first row left for the panel, CLOCK_MONOTONIC.
+// When the scan-out of a picture's first row began, CLOCK_MONOTONIC.
 struct Scanout {
   nanoseconds start{};
   nanoseconds uncertainty{};
@@ -57,8 +57,8 @@ class Display {
   virtual ~Display() = default;
   virtual std::string backend() const = 0;
   virtual const std::vector<ScreenInfo>& screens() const = 0;
-  // Puts the pictures on screen at each monitor's first refresh at or after `at`, or as soon after as it can,
-  // and returns when they are there, with the truth about when. One caller at a time.
+  // Shows the pictures from each monitor's first refresh at or after `at`, or as soon after it as possible.
+  // Returns when all are on screen, with the times at which they really appeared. One caller at a time.
   virtual absl::StatusOr<std::vector<Scanout>> show(const std::vector<Picture>& pictures, nanoseconds at) = 0;
 };
 

@@ -1,4 +1,4 @@
-// What a display node tells monitoring of what it shows (docs/monitoring.md).
+// Metrics of what a display node shows (docs/monitoring.md).
 #pragma once
 
 #include "core/telemetry/metrics.h"
@@ -7,10 +7,10 @@ namespace glasswing {
 
 struct DisplayMetrics {
   prometheus::Counter& steps_shown;
-  prometheus::Counter& steps_late;  // on any monitor a refresh or more after the first one that there was
+  prometheus::Counter& steps_late;  // a refresh or more after the first possible one, on any monitor
 };
 
-// Each is there, at 0, from the first call on.
+// All of them exist, at 0, from the first call on.
 inline const DisplayMetrics& display_metrics() {
   static const DisplayMetrics metrics{
       .steps_shown = counter("glasswing_steps_shown_total", "Steps that went on the monitors."),

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "client/cli/client.h"
+#include "core/cli/amount.h"
 #include "glasswing/v1/session_service.pb.h"
 
 namespace glasswing {
@@ -46,8 +47,7 @@ int frames_to_solve(const v1::Session& session);  // of a video: the captured on
 // Formats ascending numbers: "3, 17 to 20".
 std::string ranges_text(const google::protobuf::RepeatedField<std::int32_t>& numbers);
 
-// "9.2 s", "3 min 20 s"; "22.9 MB"
+// "9.2 s", "3 min 20 s"
 std::string seconds_text(double seconds);
-std::string bytes_text(double bytes);
 
 }  // namespace glasswing

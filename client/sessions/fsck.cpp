@@ -1,83 +1,131 @@
-#include "core/storage/fsck.h"
+#include "core/archive/fsck.h"
 
 #include <fmt/format.h>
-#include <sys/stat.h>
+#include <spawn.h>
+#include <sys/mman.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <functional>
 #include <iostream>
-#include <nlohmann/json.hpp>
+#include <memory>
+#include <string>
+#include <vector>
 
-#include "client/cli/output.h"
 #include "client/cli/progress.h"
 #include "client/sessions/commands.h"
+#include "core/archive/fsck_command.h"
+#include "core/base/descriptor.h"
 #include "core/base/status.h"
 
 namespace glasswing {
 namespace {
 
-constexpr int kDamage = 3;  // exit status
+constexpr char kServerProgram[] = "glasswing-server";
 
-struct Arguments {
-  std::string path;
-  bool repair = false;
+// The program beside this one, as packages and builds have it; else the one in $PATH.
+std::string path_of(const std::string& program) {
+  std::error_code error;
+  const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", error);
+  const std::filesystem::path beside = self.parent_path() / program;
+  return !error && std::filesystem::exists(beside, error) ? beside.string() : program;
+}
+
+// A program under way. Its answer is kept until it has ended, so that it never meets a progress bar.
+class Child {
+ public:
+  static absl::StatusOr<Child> start(const std::vector<std::string>& command) {
+    Child child;
+    int ends[2] = {-1, -1};
+    if (::pipe2(ends, O_CLOEXEC) != 0) return absl::ErrnoToStatus(errno, "cannot make a pipe");
+    child.errors_ = Descriptor(ends[0]);
+    const Descriptor errors_end(ends[1]);
+    child.answer_ = Descriptor(::memfd_create("answer", MFD_CLOEXEC));
+    if (!child.answer_.is_open()) return absl::ErrnoToStatus(errno, "cannot make a file in memory");
+    std::vector<char*> argv;
+    for (const std::string& word : command) argv.push_back(const_cast<char*>(word.c_str()));
+    argv.push_back(nullptr);
+    posix_spawn_file_actions_t actions;
+    ::posix_spawn_file_actions_init(&actions);
+    ::posix_spawn_file_actions_adddup2(&actions, child.answer_.get(), STDOUT_FILENO);
+    ::posix_spawn_file_actions_adddup2(&actions, errors_end.get(), STDERR_FILENO);
+    const int error = ::posix_spawnp(&child.pid_, argv[0], &actions, nullptr, argv.data(), ::environ);
+    ::posix_spawn_file_actions_destroy(&actions);
+    if (error == ENOENT) {
+      return absl::NotFoundError(fmt::format(
+          "{0} is not installed here, and it alone can check the data of a server; install the package {0}",
+          command[0]));
+    }
+    if (error != 0) return absl::ErrnoToStatus(error, fmt::format("cannot run {}", command[0]));
+    return child;
+  }
+
+  // Calls `tell` for every line on its standard error, to the last.
+  void read_lines(const std::function<void(const std::string& line)>& tell) {
+    const std::unique_ptr<FILE, decltype(&std::fclose)> in(::fdopen(errors_.release(), "r"), std::fclose);
+    char* line = nullptr;
+    size_t capacity = 0;
+    for (ssize_t size = 0; (size = ::getline(&line, &capacity, in.get())) > 0;)
+      tell(std::string(line, static_cast<size_t>(line[size - 1] == '\n' ? size - 1 : size)));
+    std::free(line);
+  }
+
+  // The exit status, as a shell tells it.
+  int wait() {
+    int status = 0;
+    while (::waitpid(pid_, &status, 0) < 0 && errno == EINTR) {
+    }
+    return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+  }
+
+  // After it has ended.
+  std::string answer() const {
+    std::string text(static_cast<size_t>(std::max<off_t>(::lseek(answer_.get(), 0, SEEK_END), 0)), '\0');
+    const ssize_t size = ::pread(answer_.get(), text.data(), text.size(), 0);
+    text.resize(static_cast<size_t>(std::max<ssize_t>(size, 0)));
+    return text;
+  }
+
+ private:
+  Child() = default;
+  pid_t pid_ = 0;
+  Descriptor answer_, errors_;
 };
 
-// What root writes a daemon could not write to any more: root becomes whoever the data belong to.
-absl::Status become_owner(const std::string& path) {
-  struct stat info {};
-  if (::geteuid() != 0 || ::stat(path.c_str(), &info) != 0 || info.st_uid == 0) return absl::OkStatus();
-  if (::setegid(info.st_gid) == 0 && ::seteuid(info.st_uid) == 0) return absl::OkStatus();
-  return absl::ErrnoToStatus(errno,
-                             fmt::format("cannot act as user {}, whom {} belongs to", info.st_uid, path));
-}
-
-int count_if(const CheckReport& report, bool damage, bool repaired) {
-  return static_cast<int>(std::ranges::count_if(report.findings, [&](const Finding& finding) {
-    return finding.is_damage == damage && finding.repaired == repaired;
-  }));
-}
-
-nlohmann::ordered_json json_of(const CheckReport& report, const Arguments& arguments) {
-  nlohmann::ordered_json findings = nlohmann::ordered_json::array();
-  for (const Finding& finding : report.findings) {
-    findings.push_back({{"file", finding.file},
-                        {"what", finding.what},
-                        {"meaning", finding.meaning},
-                        {"repair", finding.repair},
-                        {"damage", finding.is_damage},
-                        {"repaired", finding.repaired},
-                        {"error", finding.error}});
+// Runs `glasswing-server fsck`, in whose words the answer is. Returns its exit status: 0 or kDamage.
+absl::StatusOr<int> check_by_server(const FsckArguments& arguments) {
+  std::vector<std::string> command = {path_of(kServerProgram), "fsck", "--show-progress"};
+  if (arguments.repair) command.push_back("--repair");
+  if (arguments.json) command.push_back("--json");
+  command.insert(command.end(), {"--", arguments.path});
+  GW_ASSIGN_OR_RETURN(Child child, Child::start(command));
+  std::string error;
+  {
+    Progress progress("checking");
+    child.read_lines([&](const std::string& line) {
+      if (line.starts_with(kProgressLine)) {
+        progress.update(std::strtod(line.c_str() + sizeof(kProgressLine) - 1, nullptr));
+      } else {
+        error = line;
+      }
+    });
   }
-  return {{"path", arguments.path},         {"kind", report.kind},
-          {"files", report.file_count},     {"bytes", report.byte_count},
-          {"in_use", report.in_use},        {"damage_left", count_if(report, true, false)},
-          {"findings", std::move(findings)}};
+  const int exit_status = child.wait();
+  if (exit_status != 0 && exit_status != kDamage) {
+    const std::string named = std::string(kServerProgram) + ": ";
+    if (error.starts_with(named)) error.erase(0, named.size());
+    return absl::InternalError(
+        error.empty() ? fmt::format("{} ended with status {}", kServerProgram, exit_status) : error);
+  }
+  std::cout << child.answer();
+  return exit_status;
 }
 
-void print(const CheckReport& report, const Arguments& arguments) {
-  for (const Finding& finding : report.findings) {
-    std::cout << fmt::format("{}: {}\n  {}\n", finding.file, finding.what, finding.meaning);
-    const char* when = finding.repaired ? "repaired" : "--repair";
-    if (finding.repair.empty()) std::cout << "  it cannot be repaired here\n";
-    if (!finding.repair.empty()) std::cout << fmt::format("  {}: {}\n", when, finding.repair);
-    if (!finding.error.empty()) std::cout << fmt::format("  not repaired: {}\n", finding.error);
-  }
-  if (report.in_use)
-    std::cout << "a daemon is using it: what it was just writing may be among this; stop it to be sure\n";
-  std::string verdict = "all of it is good";
-  if (!report.findings.empty()) {
-    verdict = fmt::format(
-        "{} damaged, {} of them repaired; {} left over from writes that broke off, {} of "
-        "them cleared away",
-        count_if(report, true, false) + count_if(report, true, true), count_if(report, true, true),
-        count_if(report, false, false) + count_if(report, false, true), count_if(report, false, true));
-  }
-  std::cout << fmt::format("{}: {}, {} files, {}: {}\n", arguments.path, report.kind, report.file_count,
-                           bytes_text(static_cast<double>(report.byte_count)), verdict);
-}
-
-absl::Status check(Client& client, const Arguments& arguments) {
+absl::StatusOr<int> check_here(const FsckArguments& arguments) {
   GW_RETURN_IF_ERROR(become_owner(arguments.path));
   absl::StatusOr<CheckReport> report;
   {
@@ -86,32 +134,26 @@ absl::Status check(Client& client, const Arguments& arguments) {
                   {.repair = arguments.repair, .tell = [&](double fraction) { progress.update(fraction); }});
   }
   GW_RETURN_IF_ERROR(report.status());
-  if (client.json) {
-    std::cout << json_of(*report, arguments).dump(1) << "\n";
-  } else {
-    print(*report, arguments);
-  }
-  client.exit_status = count_if(*report, true, false) > 0 ? kDamage : 0;
+  return print_report(*report, arguments);
+}
+
+absl::Status check(Client& client, FsckArguments arguments) {
+  arguments.json = client.json;
+  GW_ASSIGN_OR_RETURN(const CheckTarget target, recognise(arguments.path));
+  GW_ASSIGN_OR_RETURN(client.exit_status,
+                      target.kind == "server" ? check_by_server(arguments) : check_here(arguments));
   return absl::OkStatus();
 }
 
 }  // namespace
 
 void add_fsck_command(CLI::App& app, Client& client) {
-  CLI::App& command = *app.add_subcommand("fsck", "Check what lies on a disk, and repair it.");
-  command.footer(
-      "Reads everything and holds it against its checksums. What a repair takes out of the way goes to "
-      "damaged/ beside it: nothing that may hold data is removed. Stop the daemon first. The exit status is "
-      "0 "
-      "where no damage is left, 3 where there is some.\n\n"
-      "Examples:\n  glasswing fsck /var/lib/glasswing\n  glasswing fsck /var/lib/glasswing-camera --repair\n"
-      "  glasswing fsck vase.exr --json");
-  auto arguments = std::make_shared<Arguments>();
-  command
-      .add_option("directory", arguments->path,
-                  "data of a server or a camera node, archives of a solver, one archive, or a matte's file")
-      ->required();
-  command.add_flag("--repair", arguments->repair, "repair what can be repaired without losing anything");
+  CLI::App& command = *app.add_subcommand("fsck", kFsckDescription);
+  auto arguments = std::make_shared<FsckArguments>();
+  add_fsck_arguments(command, *arguments,
+                     "  glasswing fsck /var/lib/glasswing\n"
+                     "  glasswing fsck /var/lib/glasswing-camera --repair\n"
+                     "  glasswing fsck vase.exr --json");
   command.callback(
       [&client, arguments] { client.run = [&client, arguments] { return check(client, *arguments); }; });
 }

@@ -10,7 +10,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A name that is free, below damaged/.
+// A free name below damaged/.
 absl::StatusOr<fs::path> place_aside(const fs::path& root, const fs::path& path) {
   const fs::path place = root / kDamagedDirectory / path.lexically_relative(root);
   GW_RETURN_IF_ERROR(make_directory_durably(place.parent_path()));
@@ -62,8 +62,8 @@ void check_leftovers(const fs::path& directory, Check& check) {
     if (files->is_directory() && path.filename() == kDamagedDirectory) files.disable_recursion_pending();
     if (!files->is_regular_file() || path.extension() != ".tmp") continue;
     check.found({.file = path.string(),
-                 .what = "a write broke off before it was done",
-                 .meaning = "nobody was told that it was stored: it only takes room",
+                 .what = "an interrupted write left it",
+                 .meaning = "it was never acknowledged as stored, and only takes space",
                  .repair = "it is removed",
                  .is_damage = false},
                 [&path]() -> absl::Status {

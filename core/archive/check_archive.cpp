@@ -35,7 +35,7 @@ class ArchiveCheck {
   void run() {
     read_manifest();
     read_header();
-    if (!header_) return;  // nothing tells what the frames should be
+    if (!header_) return;  // there is no list of what the frames should be
     read_journal();
     settle_lists();
     for (const v1::Frame& frame : Frames(frames_)) check_frame_file(frame);
@@ -77,11 +77,10 @@ class ArchiveCheck {
       error.Update(check_manifest_header(header));
       if (error.ok()) header_ = std::move(header);
     } else if (!manifest_) {
-      check_.found(
-          {.file = path("manifest.json").string(),
-           .what = std::string(manifest_error_.message()),
-           .meaning = "nothing else tells what the frames show: bring it back from a copy or a backup",
-           .repair = ""});
+      check_.found({.file = path("manifest.json").string(),
+                    .what = std::string(manifest_error_.message()),
+                    .meaning = "no other file says what the frames show: restore it from a copy or a backup",
+                    .repair = ""});
       return;
     }
     if (header_) header_->clear_frames();
@@ -94,9 +93,9 @@ class ArchiveCheck {
     check_.found({.file = path("header.json").string(),
                   .what = std::string(error.message()),
                   .meaning = manifest_ ? "the archive cannot be opened; manifest.json holds the same"
-                                       : "nothing else tells what the frames show: glasswing replicate to "
-                                         "another node, or a backup, has it",
-                  .repair = manifest_ ? "it is made anew from manifest.json" : ""},
+                                       : "no other file says what the frames show: a copy on another node, "
+                                         "or a backup, has it",
+                  .repair = manifest_ ? "it is rebuilt from manifest.json" : ""},
                  [&] { return replace("header.json", archive_json(*header_, true)); });
   }
 
@@ -110,7 +109,8 @@ class ArchiveCheck {
     const size_t end = lines->rfind('\n');
     is_torn_ = !lines->empty() && end != lines->size() - 1;
     const size_t ended = end == std::string::npos ? 0 : end + 1;
-    const size_t record = whole_record(std::string_view(*lines).substr(ended));  // lacks but its end
+    const size_t record =
+        whole_record(std::string_view(*lines).substr(ended));  // a record that only lacks its newline
     lines->resize(ended + record);
     if (record > 0) *lines += '\n';
     journal_ = *lines;
@@ -124,7 +124,7 @@ class ArchiveCheck {
     }
   }
 
-  // The journal's word counts; the manifest has what the journal lacks.
+  // Merges both lists: the journal's record of a frame counts, and the manifest adds what the journal lacks.
   void settle_lists() {
     std::map<std::string, v1::Frame> in_journal;
     for (const v1::Frame& frame : frames_) in_journal.emplace(frame.file(), frame);
@@ -141,7 +141,7 @@ class ArchiveCheck {
     if (is_torn_ && unreadable_lines_ == 0) {
       check_.found({.file = path("frames.jsonl").string(),
                     .what = "its last line is torn",
-                    .meaning = "nobody was told that this frame was stored",
+                    .meaning = "this frame was never acknowledged as stored",
                     .repair = "the line is dropped",
                     .is_damage = false},
                    [&] { return replace("frames.jsonl", lines_of(frames_)); });
@@ -150,16 +150,17 @@ class ArchiveCheck {
     const bool same = manifest_ && lines_of(Frames(manifest_->frames().begin(), manifest_->frames().end())) ==
                                        lines_of(frames_);
     if (same) return;
-    check_.found({.file = path("manifest.json").string(),
-                  .what = manifest_ ? "it does not list the frames that frames.jsonl lists"
-                                    : std::string(manifest_error_.message()),
-                  .meaning = "what reads the directory itself would miss frames; the camera node does not",
-                  .repair = "it is made anew from header.json and frames.jsonl"},
-                 [&] { return write_manifest(); });
+    check_.found(
+        {.file = path("manifest.json").string(),
+         .what = manifest_ ? "it does not list the frames that frames.jsonl lists"
+                           : std::string(manifest_error_.message()),
+         .meaning = "programs that read the directory directly would miss frames; the camera node does not",
+         .repair = "it is rebuilt from header.json and frames.jsonl"},
+        [&] { return write_manifest(); });
   }
 
   void found_bad_journal() {
-    // Where the sums agree the lines only say the same in another way.
+    // With as many lines as frames, the lines are the same records in another format.
     if (unreadable_lines_ == 0 && is_same_list()) return;
     check_.found(
         {.file = path("frames.jsonl").string(),
@@ -167,9 +168,9 @@ class ArchiveCheck {
                                        : "it lacks frames that manifest.json lists, or lists some twice",
          .meaning = manifest_ ? "the archive cannot be opened, or misses frames; manifest.json has them all"
                               : "the archive cannot be opened; frames of these lines count as not captured",
-         .repair = manifest_ ? "it is made anew from manifest.json"
+         .repair = manifest_ ? "it is rebuilt from manifest.json"
                              : "these lines are dropped, and glasswing resume or retry takes their frames "
-                               "anew"},
+                               "again"},
         [&] { return replace("frames.jsonl", lines_of(frames_)); });
   }
 
@@ -195,13 +196,12 @@ class ArchiveCheck {
     if (is_sealed_) {
       finding.meaning = fmt::format(
           "solves of session \"{}\" read it from a copy on another node, if there is one, and fail "
-          "otherwise; "
-          "glasswing replicate puts a damaged copy right",
+          "otherwise; glasswing replicate repairs a damaged copy",
           header_->session());
-      if (is_there) finding.repair = "it is set aside; its place in the list stays, for a copy of it";
+      if (is_there) finding.repair = "it is set aside; its entry in the list stays, for a copy of it";
     } else {
       finding.meaning = "the session is still being captured, and this frame can be taken again";
-      finding.repair = "it is set aside and off the list: glasswing resume or retry takes it anew";
+      finding.repair = "it is set aside and taken off the list: glasswing resume or retry takes it again";
     }
     check_.found(std::move(finding), [&]() -> absl::Status {
       if (!is_sealed_) {
@@ -222,8 +222,8 @@ class ArchiveCheck {
     for (const fs::path& file : files) {
       if (listed.contains(file.lexically_normal())) continue;
       check_.found({.file = file.string(),
-                    .what = "no list names it",
-                    .meaning = "nobody was told that it was stored: it is of no frame of the session",
+                    .what = "it is in no list of frames",
+                    .meaning = "it was never acknowledged as stored: no frame of the session refers to it",
                     .repair = "it is set aside",
                     .is_damage = false},
                    [&] { return fs::exists(file) ? set_aside(directory_, file) : absl::OkStatus(); });
@@ -240,14 +240,14 @@ class ArchiveCheck {
   Frames frames_;
 };
 
-// A removal that was asked for and broke off, or an archive that never began.
+// An interrupted removal, or an archive that was never begun.
 void check_half(const fs::path& directory, Check& check) {
   const bool removed = directory.filename().string().starts_with(".removed-");
   check.found({.file = directory.string(),
-               .what = removed ? "its removal broke off" : "it holds no archive",
-               .meaning = removed ? "the session was deleted; this only takes room"
-                                  : "an archive was to begin here and did not",
-               .repair = removed ? "it is removed, as was asked for" : "it is set aside",
+               .what = removed ? "its removal was interrupted" : "it holds no archive",
+               .meaning = removed ? "the session was deleted; this only takes space"
+                                  : "an archive was to be created here, but was not",
+               .repair = removed ? "it is removed, as requested" : "it is set aside",
                .is_damage = false},
               [&]() -> absl::Status {
                 if (!removed) return set_aside(directory.parent_path(), directory);

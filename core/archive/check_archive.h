@@ -1,4 +1,4 @@
-// A session's archive (docs/archive.md), each frame by its checksum.
+// Checks a session's archive (docs/archive.md), each frame by its checksum.
 #pragma once
 
 #include <filesystem>
@@ -9,7 +9,7 @@ namespace glasswing {
 
 bool is_archive(const std::filesystem::path& directory);
 void check_archive(const std::filesystem::path& directory, Check& check);
-// All below the directory of a camera node, or of a solver that keeps copies.
+// Checks all archives in the directory of a camera node, or of a solver that keeps copies.
 void check_archives(const std::filesystem::path& directory, Check& check);
 
 }  // namespace glasswing

@@ -13,7 +13,7 @@ namespace {
 constexpr size_t kColumn = 30;  // where descriptions begin
 constexpr size_t kWidth = 110;
 
-// CLI11's name of what an option takes: its type, and after colons what its checks say of themselves.
+// CLI11's type name of an option: its type, then after colons the descriptions of its checks.
 std::vector<std::string> type_parts(const CLI::Option& option) {
   return CLI::detail::split(option.get_type_name(), ':');
 }

@@ -28,8 +28,7 @@ std::string upper(std::string text) {
   return text;
 }
 
-// Text that troff takes as it is: a backslash and a dash are its own, so are dots and quotes that begin a
-// line.
+// Escapes what troff would interpret: backslashes, dashes, and dots and quotes at the start of a line.
 std::string escaped(const std::string& text) {
   std::string out;
   for (const char c : text) {
@@ -58,7 +57,7 @@ std::string as_it_is(const std::string& lines) {
   return ".nf\n" + escaped(lines) + "\n.fi\n";
 }
 
-// Paragraphs, with an empty line between; those of indented lines keep their lines.
+// Paragraphs are separated by empty lines; indented ones keep their line breaks.
 std::string paragraphs(const std::string& text) {
   std::string out, paragraph;
   std::istringstream in(text + "\n\n");

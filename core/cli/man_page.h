@@ -1,4 +1,4 @@
-// Manual pages of programs and their commands, made of their command lines.
+// Manual pages of programs and their commands, generated from their command lines.
 #pragma once
 
 #include <absl/status/status.h>
@@ -10,14 +10,14 @@
 namespace glasswing {
 
 // Pages in troff with the man macros, one for the program and one for each command below it:
-// glasswing.1, glasswing-capture.1, glasswing-plan-check.1. Dated by SOURCE_DATE_EPOCH, today if there is
-// none. `section`: 1 for users' programs, 8 for daemons. `more`: further sections of the program's own page,
+// glasswing.1, glasswing-capture.1, glasswing-plan-check.1. Dated by $SOURCE_DATE_EPOCH, or today if it is
+// unset. `section`: 1 for users' programs, 8 for daemons. `more`: further sections of the program's own page,
 // in troff.
 absl::Status write_man_pages(const CLI::App& program, int section, const std::filesystem::path& directory,
                              const std::string& more = "");
 
-// Call first for a daemon's command line: gives it its name, help in our words, and the hidden option --man
-// DIR, which writes its pages (section 8) there and ends it.
+// Call first for a daemon's command line: sets its name, our help format, and the hidden option --man DIR,
+// which writes its pages (section 8) to DIR and exits.
 void set_up_help(CLI::App& daemon, const std::string& name);
 
 }  // namespace glasswing

@@ -1,4 +1,4 @@
-// OpenSSL's objects with an owner, and certificates and keys in PEM.
+// Owning pointers to OpenSSL's objects, and certificates and keys in PEM.
 #pragma once
 
 #include <openssl/bio.h>
@@ -20,21 +20,21 @@ struct Free {
 using Certificate = std::unique_ptr<X509, Free<X509_free>>;
 using PrivateKey = std::unique_ptr<EVP_PKEY, Free<EVP_PKEY_free>>;
 
-// All of the text, in order. Empty: there is none, or one of them is broken.
+// All certificates of the text, in order. Empty: there is none, or one is malformed.
 std::vector<Certificate> certificates_in(const std::string& pem);
-// Null: there is none, or it needs a passphrase.
+// Null: there is no key, or it needs a passphrase.
 PrivateKey private_key_in(const std::string& pem);
 
 std::string pem_of(const X509& certificate);
 std::string pem_of(const EVP_PKEY& key);  // without a passphrase
 
-// A certificate's other names: hosts, addresses, URIs. Null: it has none.
+// A certificate's subject alternative names: hosts, addresses, URIs. Null: it has none.
 using AltNames = std::unique_ptr<GENERAL_NAMES, Free<GENERAL_NAMES_free>>;
 AltNames alt_names_of(const X509& certificate);
-// Its bytes, which live as long as `text`.
+// A view of its bytes, valid as long as `text`.
 std::string_view text_of(const ASN1_STRING& text);
 
-// The last moment of the time in which it is valid.
+// The end of its validity.
 std::chrono::sys_seconds end_of(const X509& certificate);
 
 }  // namespace glasswing

@@ -1,4 +1,4 @@
-// Who may call what. A certificate says its roles by URIs among its alternative names, such as
+// Access control by role. A certificate names its roles by URIs among its alternative names, such as
 // urn:glasswing:role:solver.
 #pragma once
 
@@ -13,7 +13,7 @@
 
 namespace glasswing {
 
-// operator: a person who runs sessions. viewer: one who looks at them. The others are programs.
+// An operator runs sessions, a viewer only looks at them; both are people. The others are programs.
 enum class Role { kOperator, kViewer, kServer, kDisplay, kCamera, kSolver };
 inline constexpr std::array<std::string_view, 6> kRoleNames{"operator", "viewer", "server",
                                                             "display",  "camera", "solver"};
@@ -23,11 +23,11 @@ using Roles = unsigned;  // bits
 constexpr Roles only(Role role) {
   return 1u << static_cast<unsigned>(role);
 }
-// None: the URI names no role.
+// No roles if the URI names none.
 Roles role_of_uri(std::string_view uri);
 
-// Callers of one method. `audited`: each call is logged with its caller's name, for it changes something that
-// a person cares for, or hands out what was captured.
+// The roles that may call one method. `audited`: each call is logged with its caller's name, because it
+// changes something that people care about, or hands out captured data.
 struct MethodAccess {
   std::string_view method;  // "WorkService/ClaimTile"
   Roles roles;
@@ -36,16 +36,16 @@ struct MethodAccess {
   bool allows(Role role) const { return (roles & only(role)) != 0; }
 };
 
-// Of every method of every service, once each.
+// One entry for every method of every service.
 std::span<const MethodAccess> access_table();
 
-// Holds one call against the table, and logs what is audited or refused. `method`: "WorkService/ClaimTile".
-// PERMISSION_DENIED says which roles it is for, and which `caller` has. A method that is not there is let
-// through: the answer says so.
+// Checks one call against the table, and logs it if it is audited or refused. `method`:
+// "WorkService/ClaimTile". PERMISSION_DENIED says which roles the method is for, and which ones `caller` has.
+// A method that is not in the table is admitted: gRPC answers that it does not exist.
 absl::Status admit(std::string_view method, Roles roles, std::string_view caller);
 
-// Holds every call against the table by its caller's certificate: Methods that are not ours (health,
-// reflection) are for every certificate.
+// Checks every call against the table by its caller's certificate. Methods of other packages (health,
+// reflection) are open to every certificate.
 std::shared_ptr<grpc::AuthMetadataProcessor> role_gate();
 
 }  // namespace glasswing

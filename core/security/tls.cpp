@@ -14,8 +14,8 @@ namespace {
 struct Tls {
   TlsFiles files = {};
   std::shared_ptr<grpc::ChannelCredentials> calling = nullptr;   // null: no TLS
-  std::shared_ptr<grpc::ServerCredentials> listening = nullptr;  // likewise
-  std::unique_ptr<TlsReload> reload = nullptr;                   // likewise
+  std::shared_ptr<grpc::ServerCredentials> listening = nullptr;  // null: no TLS
+  std::unique_ptr<TlsReload> reload = nullptr;                   // null: no TLS
   absl::Status problem = {};                                     // with the files
 };
 
@@ -24,7 +24,7 @@ Tls& in_force() {
   return tls;
 }
 
-// Null without a CA.
+// All null without a CA.
 absl::StatusOr<Tls> credentials_of(const TlsFiles& files) {
   namespace tls = grpc::experimental;
   GW_ASSIGN_OR_RETURN(const TlsMaterial material, read_tls_material(files));
@@ -98,7 +98,7 @@ std::string tls_failure(const grpc::Status& status, const std::string& peer) {
   if (status.error_code() != grpc::StatusCode::UNAVAILABLE || !contains(words, "failed to connect"))
     return "";
   if (files.ca.empty()) {
-    if (!contains(words, "Socket closed")) return "";  // which is how a TLS server ends it
+    if (!contains(words, "Socket closed")) return "";  // a TLS server closes plain connections
     return peer + " does not answer in the clear; if it speaks TLS, set --ca, --certificate and --key";
   }
   if (contains(words, "certificate verify failed")) {
@@ -110,7 +110,7 @@ std::string tls_failure(const grpc::Status& status, const std::string& peer) {
   if (contains(words, "wrong version number"))
     return peer + " does not speak TLS; if it need not, call it without a CA";
   if (!contains(words, "Socket closed")) return "";
-  // How a handshake ends for gRPC when the other side refuses us.
+  // gRPC reports no more than this when the peer refuses our certificate.
   return files.certificate.empty()
              ? peer + " wants to know who calls; set --certificate and --key"
              : fmt::format("{} refuses the certificate {}; its own CA must have signed it", peer,

@@ -1,5 +1,5 @@
-// TLS between programs: whose signature on a peer's certificate counts, and which certificate is this
-// program's own.
+// TLS between programs: the CA that peers' certificates must be signed by, and this program's own
+// certificate.
 #pragma once
 
 #include <absl/status/status.h>
@@ -13,28 +13,28 @@
 
 namespace glasswing {
 
-// What dial() and ServiceHost use from now on, in the whole process: TLS to every peer if `ca` is given, and
-// from every caller if `certificate` and `key` are too, else none. One program speaks for one user. Files
-// that change later are taken up (tls_reload.h). INVALID_ARGUMENT names the file that cannot be read, is no
-// PEM, has expired, or lacks its partner; who goes on all the same gets this answer to every call.
+// Sets what dial() and ServiceHost use from now on, in the whole process: TLS to every peer if `ca` is given,
+// and from every caller if `certificate` and `key` are too; otherwise none. Files that change later are
+// reloaded (tls_reload.h). INVALID_ARGUMENT names the file that cannot be read, is not PEM, has expired, or
+// lacks its partner; if ignored, every later call fails with this status.
 absl::Status use_tls(const TlsFiles& files);
 
-// What is in force now; empty without TLS. For who listens by other means than gRPC.
+// The files in force; empty without TLS. For listeners other than gRPC's.
 TlsMaterial tls_material();
 
-// Whether host:port is this machine, and so may be called without TLS.
+// True if host:port is on this machine, and so may be called without TLS.
 bool is_loopback(const std::string& address);
 
-// For calls to host:port; null where they need TLS and have none, for which gRPC answers every call with
+// For calls to host:port. Null if they need TLS and there is none: gRPC then fails every call with
 // INVALID_ARGUMENT.
 std::shared_ptr<grpc::ChannelCredentials> credentials_for(const std::string& address);
 
-// For listening on host:port. With all three files callers must speak TLS and show a certificate that `ca`
-// signed. INVALID_ARGUMENT: the files have a problem, or lack one and the address is beyond this machine.
+// For listening on host:port. With all three files callers must use TLS and show a certificate signed by
+// `ca`. INVALID_ARGUMENT: there is a problem with the files, or one is missing and the address is not
+// loopback.
 absl::StatusOr<std::shared_ptr<grpc::ServerCredentials>> listening_credentials(const std::string& address);
 
-// Why a call that never reached `peer` failed, if the cause is TLS: one sentence that says what to set; else
-// empty.
+// If TLS is why a call never reached `peer`: one sentence that says what to set. Empty otherwise.
 std::string tls_failure(const grpc::Status& status, const std::string& peer);
 
 }  // namespace glasswing

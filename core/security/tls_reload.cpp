@@ -20,7 +20,7 @@ constexpr std::chrono::seconds kInterval{1};
 
 absl::Status MemoryFile::replace(const std::string& bytes) {
   const int fd = ::memfd_create("glasswing-tls", MFD_CLOEXEC);
-  // gRPC compares times of change, in seconds, to know that what it read belongs together.
+  // gRPC compares modification times, in seconds, to detect files that change while it reads them.
   const timespec version{++version_, 0};
   const timespec times[] = {version, version};
   const bool written = fd >= 0 &&
@@ -44,9 +44,9 @@ absl::StatusOr<std::unique_ptr<TlsReload>> TlsReload::start(const TlsFiles& file
   using grpc::experimental::FileWatcherCertificateProvider;
   std::unique_ptr<TlsReload> self(new TlsReload(files));
   GW_RETURN_IF_ERROR(self->publish(material));
-  // gRPC 1.51 has no provider of data that change, and its provider of files takes up a key without its
-  // certificate, a file that is not there or one that is broken, and then refuses every connection. So it
-  // watches copies in memory, key and certificate in one, that only ever hold what was found good.
+  // gRPC 1.51 has no provider for changing data in memory, and its file provider accepts a key without its
+  // certificate, a missing file or a broken one, and then refuses every connection. So it watches copies in
+  // memory, key and certificate in one file, that hold only what has been checked.
   constexpr unsigned kRefresh_s = 1;
   const std::string ca = self->ca_.path();
   if (material.key.empty()) {
@@ -80,9 +80,9 @@ void TlsReload::look() {
   const absl::Status problem = changed ? publish(*read) : read.status();
   if (changed && problem.ok())
     spdlog::info("certificates taken up ca={} certificate={}", files_.ca, files_.certificate);
-  // Not before the second time: files that are just being replaced are wrong for a moment.
+  // Only when seen twice: files that are being replaced are wrong for a moment.
   if (!problem.ok() && problem == seen_ && problem != logged_)
-    spdlog::warn("the certificates stay as they were, for {}", std::string(problem.message()));
+    spdlog::warn("the certificates stay as they were: {}", std::string(problem.message()));
   logged_ = problem == seen_ ? problem : logged_;
   seen_ = problem;
 }

@@ -1,4 +1,4 @@
-// Certificates that gRPC takes from files, and anew when these change.
+// Reloads certificates for gRPC when their files change.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -13,7 +13,7 @@
 
 namespace glasswing {
 
-// Bytes that have a path, and are replaced all at once. Never closed: gRPC may read the path for as long as
+// A file in memory whose content is replaced atomically. Never closed: gRPC may read its path for as long as
 // the process lives.
 class MemoryFile {
  public:
@@ -25,12 +25,12 @@ class MemoryFile {
   std::int64_t version_ = 0;
 };
 
-// Looks at the files every second. New connections use what they hold a second later, running ones go on.
-// Files that read_tls_material() refuses, such as a certificate whose key is not there yet, change nothing,
-// and are logged once.
+// Reads the files every second. New connections use a change a second later; open ones continue. Files that
+// read_tls_material() refuses, such as a certificate whose key is not there yet, change nothing, and are
+// logged once.
 class TlsReload {
  public:
-  // `material` is what `files` held just now, with a CA. The system's own error.
+  // `material`: the current content of `files`, with a CA. Fails with the system's error.
   static absl::StatusOr<std::unique_ptr<TlsReload>> start(const TlsFiles& files, const TlsMaterial& material);
   ~TlsReload();
 
@@ -48,7 +48,7 @@ class TlsReload {
   const TlsFiles files_;
   MemoryFile ca_, identity_;
   TlsMaterial in_force_;
-  absl::Status seen_, logged_;  // what was wrong with the files
+  absl::Status seen_, logged_;  // the files' last problem, and the last one logged
   std::shared_ptr<grpc::experimental::CertificateProviderInterface> provider_;
   std::mutex mutex_;
   std::condition_variable_any wake_;

@@ -1,9 +1,9 @@
-// What this program was built of.
+// The commit that this program was built from.
 #pragma once
 
 namespace glasswing {
 
-// The commit, "1a2b3c4d", with a "+" if files were changed since; empty where that is not known.
+// "1a2b3c4d", with a "+" if files were changed since the commit; empty if unknown.
 const char* build_id();
 
 }  // namespace glasswing

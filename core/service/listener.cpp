@@ -19,7 +19,7 @@ namespace glasswing {
 namespace {
 
 constexpr int kBacklog = 512;
-constexpr int kUnanswered_ms = 20000;  // until the kernel gives up a peer that confirms nothing
+constexpr int kUnanswered_ms = 20000;  // until the kernel drops a peer that acknowledges nothing
 
 struct FreeAddresses {
   void operator()(addrinfo* addresses) const { ::freeaddrinfo(addresses); }
@@ -53,12 +53,12 @@ void set_port(sockaddr* name, int port) {
   field = htons(static_cast<std::uint16_t>(port));
 }
 
-// Not open: the system's own error is in errno.
+// Not open on failure; the reason is in errno.
 Descriptor listening_socket(const addrinfo& at) {
   Descriptor socket(::socket(at.ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
   if (!socket.is_open()) return socket;
   const int on = 1, off = 0;
-  // A daemon that is started again takes its port back at once; a second one on it is an error all the same.
+  // A restarted daemon gets its port back at once; a second daemon on the same port still fails.
   ::setsockopt(socket.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
   if (at.ai_family == AF_INET6) ::setsockopt(socket.get(), IPPROTO_IPV6, IPV6_V6ONLY, &off, sizeof off);
   // Accepted sockets inherit these.
@@ -114,7 +114,7 @@ bool Listener::takes_connections(std::chrono::milliseconds within) const {
   socklen_t size = sizeof name;
   ::getsockname(sockets_.front().get(), reinterpret_cast<sockaddr*>(&name), &size);
   const Descriptor connection(::socket(name.ss_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
-  if (!connection.is_open()) return true;  // no descriptor is left, which a new start would not help
+  if (!connection.is_open()) return true;  // out of descriptors: a restart would not help
   const int within_ms = static_cast<int>(within.count());
   pollfd polled{connection.get(), POLLOUT, 0};
   if (::connect(connection.get(), reinterpret_cast<const sockaddr*>(&name), size) != 0 &&
@@ -154,10 +154,10 @@ void Listener::take(const Descriptor& listening) {
     if (errno == EMFILE || errno == ENFILE) turn_away(listening);
     return;
   }
-  // It got the lowest number that is free.
+  // accept() returns the lowest free number, so this is how many are open.
   const bool too_many = connection.get() >= max_descriptors_;
   if (too_many && !told_) {
-    spdlog::warn("connections are turned away: {} descriptors are open, which is the most for connections",
+    spdlog::warn("connections are turned away: {} descriptors are open, the maximum for connections",
                  max_descriptors_);
   }
   told_ = too_many;
@@ -174,7 +174,7 @@ void Listener::turn_away(const Descriptor& listening) {
   spare_.reset();
   Descriptor(::accept4(listening.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC)).reset();
   spare_ = spare_descriptor();
-  std::this_thread::sleep_for(std::chrono::milliseconds(10));  // whoever tries again at once waits
+  std::this_thread::sleep_for(std::chrono::milliseconds(10));  // slows down peers that retry at once
 }
 
 }  // namespace glasswing

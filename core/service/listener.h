@@ -1,5 +1,5 @@
-// Takes the connections of a gRPC server. gRPC's own listener stops for good when it meets the end of the
-// file descriptors, and has no limit to connections; this one closes what is too many and goes on.
+// Accepts the connections of a gRPC server. gRPC's own listener stops for good when the process runs out of
+// file descriptors, and has no limit on connections; this one closes excess connections and carries on.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -18,19 +18,19 @@ namespace glasswing {
 
 class Listener {
  public:
-  // Listens on all addresses of host:port (port 0: any free one, the same on all), not yet taking anybody.
-  // INVALID_ARGUMENT: there is no such host; UNAVAILABLE: it cannot be listened on.
+  // Listens on all addresses of host:port (port 0: any free one, the same on all), but accepts nothing yet.
+  // INVALID_ARGUMENT: there is no such host. UNAVAILABLE: the address is in use or not of this machine.
   static absl::StatusOr<std::unique_ptr<Listener>> open(const std::string& address);
   ~Listener();
 
   int port() const { return port_; }
-  // Whether a connection to here is taken, and closed when its maker says no more. Connecting alone shows
-  // nothing: the kernel does that without us.
+  // True if a connection to this listener is accepted, and closed after its peer has shut down writing. A
+  // successful connect() alone proves nothing: the kernel completes it without us.
   bool takes_connections(std::chrono::milliseconds within) const;
 
   using Acceptor = grpc::experimental::ExternalConnectionAcceptor;
-  // Hands connections to `acceptor` from now on. One that comes while the process has `max_descriptors` open
-  // is closed at once.
+  // Hands connections to `acceptor` from now on. Closes a connection at once if it arrives while the process
+  // has `max_descriptors` open.
   void start(std::unique_ptr<Acceptor> acceptor, int max_descriptors);
   void stop();
 
@@ -41,10 +41,10 @@ class Listener {
 
   std::vector<Descriptor> sockets_;
   Descriptor wake_;
-  Descriptor spare_;  // given up for a moment to turn somebody away when no descriptor is left
+  Descriptor spare_;  // released for a moment to accept and close a connection when no descriptor is left
   int port_ = 0;
   int max_descriptors_ = 0;
-  bool told_ = false;  // that connections are turned away
+  bool told_ = false;  // it is logged that connections are turned away
   std::unique_ptr<Acceptor> acceptor_;
   std::jthread thread_;
 };

@@ -1,4 +1,4 @@
-// How a node's machine is.
+// The state of a node's machine.
 #pragma once
 
 #include <filesystem>
@@ -7,8 +7,8 @@
 
 namespace glasswing {
 
-// `data`: where the node keeps what it stores; empty: it stores nothing. `sensors`: where the kernel tells of
-// them.
+// Free space on the disk of `data` (empty: the node stores nothing), and the highest temperature of
+// `sensors`, the directory in which the kernel lists them.
 v1::NodeHealth node_health(const std::filesystem::path& data,
                            const std::filesystem::path& sensors = "/sys/class/hwmon");
 

@@ -34,8 +34,8 @@ void Registration::run(std::stop_token stop) {
   bool known = true;  // so that the first failure is logged
   while (!stop.stop_requested()) {
     *node_.mutable_health() = node_health(data_);
-    grpc::Status status = call(stop, true);  // a server that starts now is heard at once
-    // Who waits is not told what keeps the two apart; who does not wait is.
+    grpc::Status status = call(stop, true);  // returns as soon as the server is up
+    // A call that waits reports only its deadline; one that does not reports why the server is out of reach.
     if (!status.ok() && known) status = call(stop, false);
     if (stop.stop_requested()) return;
     if (status.ok() != known) {
@@ -44,7 +44,7 @@ void Registration::run(std::stop_token stop) {
         spdlog::info("the server knows this node node={}", node_.name());
       } else {
         const absl::Status why = from_grpc(status, "the server at " + server_address_);
-        spdlog::warn("the server does not take this node yet, trying on: {}", std::string(why.message()));
+        spdlog::warn("the server does not accept this node yet; retrying: {}", std::string(why.message()));
       }
     }
     std::unique_lock lock(mutex_);

@@ -1,4 +1,4 @@
-// Keeps a node known to the server: registers at once and every second, for as long as it lives.
+// Keeps a node registered with the server: at once, and every second until destroyed.
 #pragma once
 
 #include <condition_variable>
@@ -14,9 +14,8 @@ namespace glasswing {
 
 class Registration {
  public:
-  // `server_address` empty: nothing is registered. A server that does not answer is tried again for ever; the
-  // first failure and the recovery are logged.
-  // `data`: as node_health() has it.
+  // `server_address` empty: does nothing. Retries for ever if the server does not answer; logs the first
+  // failure and the recovery. `data`: as for node_health().
   Registration(const std::string& server_address, v1::RegisterRequest node, std::filesystem::path data = {});
   ~Registration();
 

@@ -13,7 +13,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using grpc::experimental::InterceptionHookPoints;
 
-// "/glasswing.v1.WorkService/ClaimTile" is WorkService/ClaimTile.
+// "/glasswing.v1.WorkService/ClaimTile" becomes "WorkService/ClaimTile".
 std::string short_name(const std::string& method) {
   static const std::string kOurs = "/glasswing.v1.";
   if (method.rfind(kOurs, 0) == 0) return method.substr(kOurs.size());
@@ -28,7 +28,7 @@ class RpcMetrics final : public grpc::experimental::Interceptor {
     running_.Increment();
   }
 
-  // A call whose end was never sent went away before.
+  // A call whose status was never sent was cancelled by its caller.
   ~RpcMetrics() override {
     if (!ended_) note_end(absl::StatusCode::kCancelled);
     running_.Decrement();

@@ -57,9 +57,9 @@ absl::Status check_advertised(const ListenOptions& options) {
 }
 
 void set_limits(grpc::ServerBuilder& builder, const ServiceLimits& limits) {
-  // Of who connects and says nothing; without TLS, who sends no settings.
+  // For peers that connect and stay silent; without TLS, that send no settings.
   builder.AddChannelArgument("grpc.server_handshake_timeout_ms", static_cast<int>(limits.handshake.count()));
-  // Whoever vanished without a word, machine and all, is noticed within 20 s, and what it asked for ends.
+  // A peer whose machine vanished is detected within 20 s, and its calls end.
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 10000);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 10000);
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
@@ -71,7 +71,8 @@ void set_limits(grpc::ServerBuilder& builder, const ServiceLimits& limits) {
   builder.SetResourceQuota(quota);
 }
 
-// As many as the system lets it have, up to what no rig needs; how many that is.
+// Raises the limit of open files as far as the system allows, up to more than any rig needs. Returns the
+// limit.
 int allow_descriptors() {
   constexpr rlim_t kEnough = 65536;
   rlimit limit{};
@@ -98,7 +99,7 @@ absl::Status from_grpc(const grpc::Status& status) {
 absl::Status from_grpc(const grpc::Status& status, const std::string& peer) {
   if (const std::string failure = tls_failure(status, peer); !failure.empty())
     return absl::UnavailableError(failure);
-  // gRPC's own words for a peer that is gone are about sockets; ours name the peer.
+  // gRPC's messages about an unreachable peer speak of sockets; ours name the peer.
   switch (status.error_code()) {
     case grpc::StatusCode::OK:
       return absl::OkStatus();
@@ -117,11 +118,10 @@ absl::Status from_grpc(const grpc::Status& status, const std::string& peer) {
 std::shared_ptr<grpc::Channel> dial(const std::string& address) {
   grpc::ChannelArguments arguments;
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 100);
-  // Despite its name: how long making a connection may take. A busy machine, or TLS, needs more than a
-  // moment.
+  // Despite its name this is the connection timeout; a busy machine, or TLS, takes a while.
   arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 2000);
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 1000);
-  // A peer that is killed and started again must not be reached through a shared, backed-off connection.
+  // A restarted peer must not be called through a shared connection that is still backing off.
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
   return grpc::CreateCustomChannel(address, credentials_for(address), arguments);
@@ -170,7 +170,7 @@ bool ServiceHost::answers(std::chrono::milliseconds within) const {
   set_deadline(context, within);
   v1::ExchangeResponse response;
   const auto clock = v1::ClockService::NewStub(to_itself());
-  // That it has too much to do is an answer.
+  // RESOURCE_EXHAUSTED is an answer too.
   return clock->Exchange(&context, {}, &response).error_code() != grpc::StatusCode::DEADLINE_EXCEEDED;
 }
 

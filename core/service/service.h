@@ -1,4 +1,5 @@
-// What every daemon does alike: a gRPC server with health and limits, and an orderly end.
+// gRPC as every daemon uses it: a server with health, limits and an orderly end, and channels to other
+// daemons.
 #pragma once
 
 #include <absl/status/status.h>
@@ -14,12 +15,12 @@
 
 namespace glasswing {
 
-inline constexpr size_t kChunkBytes = 1 << 20;  // most bytes in one streamed message
+inline constexpr size_t kChunkBytes = 1 << 20;  // maximum size of one streamed message
 
 // absl and gRPC codes are equal.
 grpc::Status to_grpc(const absl::Status& status);
 absl::Status from_grpc(const grpc::Status& status);
-// As from_grpc, and an unreachable peer is named: "camera node at 127.0.0.1:7442 does not answer".
+// As above, but names a peer that cannot be reached: "camera node at 127.0.0.1:7442 does not answer".
 absl::Status from_grpc(const grpc::Status& status, const std::string& peer);
 
 // A channel to host:port; every call on it still needs its own deadline.
@@ -28,26 +29,26 @@ std::shared_ptr<grpc::Channel> dial(const std::string& address);
 // Sets the deadline `timeout` from now.
 void set_deadline(grpc::ClientContext& context, std::chrono::milliseconds timeout);
 
-// How long a daemon's call to itself may take (ServiceHost::answers).
+// Timeout of a daemon's call to itself (ServiceHost::answers).
 inline constexpr std::chrono::milliseconds kSelfCall(3000);
 
-// What callers can take of one daemon. Beyond it calls get RESOURCE_EXHAUSTED, and connections are closed.
+// What callers may use of one daemon. Calls beyond it fail with RESOURCE_EXHAUSTED; connections are closed.
 struct ServiceLimits {
-  int message_bytes = 8 << 20;                    // of one that is received
-  size_t buffer_bytes = 256 << 20;                // of gRPC's own, for all connections
-  int calls = 1024;                               // that are answered at once, streams too: each has a thread
-  int calls_of_a_connection = 100;                // more wait
-  int descriptors = 4096;                         // open in the process: a connection beyond it is closed
-  std::chrono::milliseconds handshake{5000};      // from connecting to the first call that can be made
-  std::chrono::milliseconds idle{5 * 60 * 1000};  // a connection without a call for so long is closed
+  int message_bytes = 8 << 20;                    // of a received message
+  size_t buffer_bytes = 256 << 20;                // gRPC's buffers, for all connections together
+  int calls = 1024;                               // running at once, streams included: each has a thread
+  int calls_of_a_connection = 100;                // running at once; further ones wait
+  int descriptors = 4096;                         // open in the process: connections beyond it are closed
+  std::chrono::milliseconds handshake{5000};      // from connecting until calls can be made
+  std::chrono::milliseconds idle{5 * 60 * 1000};  // a connection without calls is closed after this time
   std::chrono::milliseconds stalled{60 * 1000};   // core/service/stalled_calls.h
 };
 
 struct ListenOptions {
   std::string address = "127.0.0.1:0";  // port 0: any free one
-  std::string advertised = {};          // host:port that others call; empty: `address`
+  std::string advertised = {};          // host:port at which others call; empty: `address`
   bool reflection = false;
-  NodeClock clock = {};  // that ClockService tells
+  NodeClock clock = {};  // served by ClockService
   ServiceLimits limits = {};
 };
 
@@ -57,19 +58,20 @@ class Listener;
 // use_tls() says. Borrowed services must outlive it.
 class ServiceHost {
  public:
-  // INVALID_ARGUMENT: the address is not loopback, and use_tls() got no certificate; or it is every address
-  // of this machine, and none is advertised. UNAVAILABLE: it cannot be listened on.
+  // INVALID_ARGUMENT: the address is not loopback and use_tls() got no certificate, or it is every address of
+  // this machine and none is advertised. UNAVAILABLE: the address is in use or not of this machine.
   static absl::StatusOr<std::unique_ptr<ServiceHost>> start(const ListenOptions& options,
                                                             const std::vector<grpc::Service*>& services);
   ~ServiceHost();
 
   const std::string& address() const { return address_; }        // with the real port
-  const std::string& advertised() const { return advertised_; }  // where others call it, likewise
-  // Whether connections are taken and a call is answered, both as others see it. Blocks up to twice `within`.
+  const std::string& advertised() const { return advertised_; }  // for others, with the real port
+  // True if a connection is accepted and a call is answered, as a peer would see it. Blocks for up to twice
+  // `within`.
   bool answers(std::chrono::milliseconds within) const;
-  // For calls to its own services, past TLS and roles.
+  // A channel to its own services that bypasses TLS and roles.
   std::shared_ptr<grpc::Channel> to_itself() const;
-  // Stops listening, gives running calls until `grace` to end, then cancels them.
+  // Stops listening, waits up to `grace` for running calls, then cancels them.
   void stop(std::chrono::milliseconds grace);
 
  private:

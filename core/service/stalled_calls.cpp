@@ -35,7 +35,7 @@ class StalledCallsFactory::Calls {
   std::set<Call*> running_;  // guarded by mutex_
 };
 
-// While something is awaited the call cannot end before the lock is let go: what ends the wait takes it
+// A call that waits cannot end while cancel_if_since() holds the lock, because ending the wait takes the lock
 // first.
 class StalledCallsFactory::Calls::Call final : public grpc::experimental::Interceptor {
  public:
@@ -49,7 +49,7 @@ class StalledCallsFactory::Calls::Call final : public grpc::experimental::Interc
   void Intercept(grpc::experimental::InterceptorBatchMethods* methods) override {
     const auto at = [&](InterceptionHookPoints point) { return methods->QueryInterceptionHookPoint(point); };
     if (takes_stream_) {
-      // No hook tells that a message is asked for, so what is done with the one before counts too.
+      // There is no hook for the start of a read, so the time spent on the previous message counts too.
       if (at(InterceptionHookPoints::POST_RECV_MESSAGE)) {
         wait_since(methods->GetRecvMessage() == nullptr ? std::nullopt : std::optional(Clock::now()));
       } else if (at(InterceptionHookPoints::PRE_SEND_STATUS)) {
@@ -67,9 +67,9 @@ class StalledCallsFactory::Calls::Call final : public grpc::experimental::Interc
     const std::lock_guard lock(mutex_);
     if (!since_ || *since_ > before) return;
     since_.reset();
-    spdlog::warn("a call is ended: its other side has stopped method={} peer={}", info_->method(),
+    spdlog::warn("a stalled call is cancelled method={} peer={}", info_->method(),
                  info_->server_context()->peer());
-    counter("glasswing_rpcs_stalled_total", "Calls that were ended because their other side had stopped.")
+    counter("glasswing_rpcs_stalled_total", "Calls that were cancelled because their peer had stalled.")
         .Increment();
     info_->server_context()->TryCancel();
   }

@@ -1,5 +1,5 @@
-// Ends calls whose other side has stopped: a reader that takes no message, a writer that sends none. Each
-// holds a thread and up to a message's memory for as long as it lasts.
+// Cancels calls whose peer has stalled: a reader that takes no message, a writer that sends none. Each such
+// call would hold a thread and the memory of a message.
 #pragma once
 
 #include <grpcpp/support/server_interceptor.h>
@@ -13,8 +13,8 @@
 
 namespace glasswing {
 
-// Looks at calls that send a stream, or take one and send none: those of which one message has been waited
-// for longer than `most` are cancelled. A stream in both directions may wait to be told something for ever.
+// Watches calls that stream in one direction, and cancels those that have waited for a message for longer
+// than `most`. A bidirectional stream may wait for ever.
 class StalledCallsFactory final : public grpc::experimental::ServerInterceptorFactoryInterface {
  public:
   explicit StalledCallsFactory(std::chrono::milliseconds most);

@@ -13,7 +13,7 @@
 namespace glasswing {
 namespace {
 
-sigset_t ends() {
+sigset_t stop_signals() {
   sigset_t signals;
   ::sigemptyset(&signals);
   ::sigaddset(&signals, SIGINT);
@@ -21,7 +21,7 @@ sigset_t ends() {
   return signals;
 }
 
-// Between two looks; without a watchdog nobody wants to know.
+// Time between two calls of `alive`; a day without a watchdog.
 timespec period() {
   std::uint64_t watchdog_us = 0;
   if (::sd_watchdog_enabled(0, &watchdog_us) <= 0) return {.tv_sec = 86400, .tv_nsec = 0};
@@ -32,13 +32,13 @@ timespec period() {
 }  // namespace
 
 void block_signals() {
-  const sigset_t signals = ends();
+  const sigset_t signals = stop_signals();
   ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   ::signal(SIGPIPE, SIG_IGN);
 }
 
 void serve_until_signal(const std::function<bool()>& alive) {
-  const sigset_t signals = ends();
+  const sigset_t signals = stop_signals();
   const timespec wait = period();
   ::sd_notify(0, "READY=1");
   while (::sigtimedwait(&signals, nullptr, &wait) < 0) {

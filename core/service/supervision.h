@@ -1,16 +1,17 @@
-// A daemon's life as its supervisor (systemd, or whoever started it) sees it.
+// Signals and systemd: how a daemon's supervisor sees it start, live and stop.
 #pragma once
 
 #include <functional>
 
 namespace glasswing {
 
-// Call first in main, before any thread: from then on SIGINT and SIGTERM wait for serve_until_signal().
+// Call before starting any thread: from then on SIGINT and SIGTERM stay pending until serve_until_signal().
 void block_signals();
 
-// Tells systemd that the daemon is up (Type=notify), and returns when SIGINT or SIGTERM arrives, having told
-// that it ends. Where the unit has WatchdogSec, `alive` is asked three times as often as that, and must
-// answer sooner; while it says false the watchdog hears nothing, and systemd starts the daemon anew.
+// Tells systemd that the daemon is up (Type=notify), and returns when SIGINT or SIGTERM arrives, after
+// telling it that the daemon stops. If the unit has WatchdogSec, `alive` is called every third of that time,
+// and must return sooner; while it returns false the watchdog is not fed, so that systemd restarts the
+// daemon.
 void serve_until_signal(const std::function<bool()>& alive);
 
 }  // namespace glasswing

@@ -13,7 +13,7 @@ namespace {
 
 using Field = std::pair<std::string, std::string>;
 
-// How many bytes the name and "=" at the begin of the text have; 0: there is none.
+// The length of the name and "=" that the text begins with; 0: it begins with neither.
 size_t name_length(std::string_view text) {
   const auto is_in_name = [](char c) { return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_'; };
   size_t length = 0;
@@ -25,7 +25,7 @@ bool is_before_field(std::string_view rest) {
   return rest.empty() || (rest.front() == ' ' && name_length(rest.substr(1)) > 0);
 }
 
-// Takes a field from the begin of the text, with the space behind it.
+// Removes a field from the beginning of the text, with the space after it.
 std::optional<Field> take_field(std::string_view& text) {
   const size_t name = name_length(text);
   if (name == 0) return std::nullopt;
@@ -59,10 +59,10 @@ class JsonFormatter final : public spdlog::formatter {
 }  // namespace
 
 void add_log_options(CLI::App& app, LogOptions& options) {
-  app.add_option("--log-level", options.level, "the least that is logged")
+  app.add_option("--log-level", options.level, "the lowest level that is logged")
       ->check(CLI::IsMember({"debug", "info", "warn", "error"}))
       ->capture_default_str();
-  app.add_option("--log-format", options.format, "lines for people, or a JSON object a line")
+  app.add_option("--log-format", options.format, "lines for people, or a JSON object per line")
       ->check(CLI::IsMember({"text", "json"}))
       ->capture_default_str();
 }
@@ -82,7 +82,7 @@ void start_logging(const std::string& program, const LogOptions& options) {
 LogMessage split_message(std::string_view message) {
   std::vector<Field> fields;
   size_t words_end = message.size();
-  // Fields that something else follows belong to the words.
+  // Fields followed by words belong to the words.
   for (size_t at = 0; at < message.size();) {
     std::string_view rest = message.substr(at);
     if (std::optional<Field> field = take_field(rest)) {

@@ -1,5 +1,4 @@
-// Logs of a daemon: lines "words key=value key="words too"" on standard error, as text for people or as JSON
-// for machines.
+// A daemon's log: lines of the form "words key=value key="words too"" on standard error, as text or as JSON.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -19,20 +18,20 @@ struct LogOptions {
 // Declares --log-level and --log-format.
 void add_log_options(CLI::App& app, LogOptions& options);
 
-// From now on, in the whole process. One line each; as text: time, level, program, message.
+// Starts logging in the whole process, one line per message. A text line holds time, level, program, message.
 void start_logging(const std::string& program, const LogOptions& options);
 
-// A message and the fields at its end: a name of [a-z0-9_], "=", and what stands up to the next space, or
-// between a quote and the last one before the next field. What is not at the end stays in the words.
+// A message and the fields at its end. A field is a name of [a-z0-9_], "=", and a value that ends at the next
+// space, or, if quoted, at the last quote before the next field. Fields followed by words are words.
 struct LogMessage {
   std::string words;
   std::vector<std::pair<std::string, std::string>> fields;
 };
 LogMessage split_message(std::string_view message);
 
-// One JSON object on one line: time, level, program, message, and the message's fields, all strings, so that
-// what kind a field is never depends on its value. A field of one of those names, or that is there twice,
-// gets a "_" behind its name. Bytes that are no UTF-8 become U+FFFD.
+// One JSON object on one line: time, level, program, message, and the message's fields, all of them strings,
+// so that a field's type never depends on its value. A "_" is appended to a field's name if the name is
+// taken. Bytes that are not UTF-8 become U+FFFD.
 std::string json_line(std::chrono::system_clock::time_point time, std::string_view level,
                       std::string_view program, std::string_view message);
 

@@ -21,7 +21,7 @@ struct Metrics {
   std::map<int, std::function<std::vector<prometheus::MetricFamily>()>> asked;
 };
 
-// Never destroyed: threads may count until the process has ended.
+// Never destroyed: threads may count until the process ends.
 Metrics& metrics() {
   static Metrics& all = *new Metrics;
   return all;
@@ -107,7 +107,7 @@ std::vector<prometheus::MetricFamily> collect_metrics() {
 
 void add_metrics_option(CLI::App& app, MetricsOptions& options) {
   app.add_option("--metrics", options.address,
-                 "host:port to answer /metrics on, for Prometheus; loopback only; none if left out");
+                 "host:port to serve /metrics at, for Prometheus; loopback only; none if left out");
 }
 
 absl::StatusOr<std::unique_ptr<MetricsHost>> MetricsHost::start(const MetricsOptions& options) {

@@ -1,7 +1,6 @@
-// What monitoring reads of a process: numbers by name, at http://HOST:PORT/metrics in the text form of
-// Prometheus.
+// Metrics for Prometheus, in its text format at http://HOST:PORT/metrics.
 //
-// A name is glasswing_WHAT_UNIT, a counter's ends in _total; docs/monitoring.md lists them all.
+// Names have the form glasswing_WHAT_UNIT, and end in _total for counters; docs/monitoring.md lists them all.
 #pragma once
 
 #include <absl/status/status.h>
@@ -22,26 +21,26 @@
 
 namespace glasswing {
 
-// The process's one of this name and these labels, made when it is first asked for; it lives for ever. A name
-// stands for one kind, help and set of bounds. Thread-safe.
+// The process's metric of this name and these labels, created on first use, never destroyed. All uses of a
+// name must agree in kind, help and bounds. Thread-safe.
 prometheus::Counter& counter(const std::string& name, const std::string& help,
                              const prometheus::Labels& labels = {});
 prometheus::Gauge& gauge(const std::string& name, const std::string& help,
                          const prometheus::Labels& labels = {});
-// `bounds`: upper ones of the buckets, rising; what is larger than all is counted too.
+// `bounds`: the buckets' upper bounds, rising; larger values are counted in a bucket of their own.
 prometheus::Histogram& histogram(const std::string& name, const std::string& help,
                                  const std::vector<double>& bounds, const prometheus::Labels& labels = {});
 
-// Gauges that are looked up when somebody asks: a value for each set of labels.
+// Gauges that are computed on request: a value for each set of labels.
 using LabelledValues = std::vector<std::pair<prometheus::Labels, double>>;
 prometheus::MetricFamily gauges(const std::string& name, const std::string& help,
                                 const LabelledValues& values);
 
-// Adds what `collect` returns to every answer, for as long as it lives.
+// Adds the metrics that `collect` returns to every answer, until destroyed.
 class AskedMetrics {
  public:
   explicit AskedMetrics(std::function<std::vector<prometheus::MetricFamily>()> collect);
-  ~AskedMetrics();  // waits for a call that runs
+  ~AskedMetrics();  // waits for a running call of `collect`
   AskedMetrics(const AskedMetrics&) = delete;
   AskedMetrics& operator=(const AskedMetrics&) = delete;
 
@@ -49,7 +48,7 @@ class AskedMetrics {
   const int key_;
 };
 
-// Everything, as it is now.
+// The current values of all metrics.
 std::vector<prometheus::MetricFamily> collect_metrics();
 
 struct MetricsOptions {
@@ -63,8 +62,8 @@ void add_metrics_option(CLI::App& app, MetricsOptions& options);
 // Answers GET /metrics.
 class MetricsHost {
  public:
-  // Null if the address is empty. INVALID_ARGUMENT: it is no HOST:PORT of this machine's loopback (there is
-  // no TLS here); UNAVAILABLE: it cannot be listened on.
+  // Null if the address is empty. INVALID_ARGUMENT: it is not a loopback HOST:PORT (there is no TLS here).
+  // UNAVAILABLE: it is in use.
   static absl::StatusOr<std::unique_ptr<MetricsHost>> start(const MetricsOptions& options);
 
   const std::string& address() const { return address_; }  // with the real port

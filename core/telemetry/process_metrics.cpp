@@ -23,7 +23,7 @@ double resident_bytes() {
   return resident_pages * static_cast<double>(::sysconf(_SC_PAGESIZE));
 }
 
-// Without what is freed and kept for later, which grows for an hour as blocks of all sizes come and go.
+// Excludes freed memory that the allocator keeps, which grows for an hour as blocks of all sizes come and go.
 double heap_used_bytes() {
   const struct mallinfo2 heap = ::mallinfo2();
   return static_cast<double>(heap.uordblks + heap.hblkhd);
@@ -43,7 +43,7 @@ double open_descriptors() {
   std::error_code failed;
   const std::filesystem::directory_iterator listed("/proc/self/fd", failed);
   const auto count = std::distance(begin(listed), std::filesystem::directory_iterator());
-  return static_cast<double>(count - 1);  // without that of the listing
+  return static_cast<double>(count - 1);  // without the listing's own
 }
 
 double max_descriptors() {

@@ -1,4 +1,4 @@
-// What every program tells of its process, under the names that Prometheus' own libraries use.
+// Metrics of the process itself, under the names that Prometheus' own libraries use.
 #pragma once
 
 #include <prometheus/metric_family.h>
@@ -8,11 +8,11 @@
 
 namespace glasswing {
 
-// As it is now: memory, CPU time, open descriptors, and since when it runs.
+// Current memory, CPU time and open descriptors, and the start time.
 std::vector<prometheus::MetricFamily> process_metrics();
 
-// Of the file system that holds `directory`: glasswing_disk_free_bytes and glasswing_disk_size_bytes; none if
-// it cannot be asked.
+// glasswing_disk_free_bytes and glasswing_disk_size_bytes of the file system that holds `directory`; empty if
+// they cannot be read.
 std::vector<prometheus::MetricFamily> disk_metrics(const std::filesystem::path& directory);
 
 }  // namespace glasswing

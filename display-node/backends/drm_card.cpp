@@ -55,7 +55,7 @@ absl::StatusOr<std::unique_ptr<DrmCard>> DrmCard::open(const std::string& path) 
 }
 
 DrmCard::~DrmCard() {
-  // Should this fail, the kernel shows its console as soon as nobody has the card open.
+  // If this fails, the kernel shows its console once the card is closed by all.
   std::vector<Setting> settings;
   for (const auto& [where, value] : before_) settings.push_back({where.first, where.second, value});
   if (!settings.empty()) (void)commit(settings, DRM_MODE_ATOMIC_ALLOW_MODESET, 0);
@@ -129,7 +129,7 @@ void DrmCard::change(std::vector<Setting>& settings, std::uint32_t object, const
   settings.push_back({object, property.id, value});
   const auto [before, first] = before_.try_emplace({object, property.id}, property.value);
   if (!first || !property.blob) return;
-  // A blob of another program ends with its last use; a copy does not.
+  // Another program's blob vanishes with its last use; a copy does not.
   const auto blob =
       owned<drmModeFreePropertyBlob>(drmModeGetPropertyBlob(fd_, static_cast<std::uint32_t>(property.value)));
   std::uint32_t copy = 0;
@@ -194,7 +194,7 @@ absl::StatusOr<DrmCard::Framebuffer> DrmCard::make_framebuffer(const Pipe& pipe,
     }
   }
   if (mapped == MAP_FAILED) {
-    return absl::ResourceExhaustedError(fmt::format("{} has no room for a picture of {} x {} px: {}", name_,
+    return absl::ResourceExhaustedError(fmt::format("{} has no memory for a picture of {} x {} px: {}", name_,
                                                     width_px, height_px, std::strerror(errno)));
   }
   std::memset(mapped, 0, bytes);
@@ -236,14 +236,14 @@ absl::Status DrmCard::set(const Connector& connector, const Pipe& pipe, const dr
     std::vector<Setting> settings;
     const Properties plug = properties_of(connector.id);
     change(settings, connector.id, plug, "CRTC_ID", pipe.crtc);
-    // Some drivers send no more than 8 bits to the monitor unless they are told to.
+    // Some drivers send only 8 bits to the monitor by default.
     const auto max_bits = plug.find("max bpc");
     if (max_bits != plug.end() && max_bits->second.value < static_cast<std::uint64_t>(pipe.bits))
       change(settings, connector.id, plug, "max bpc", static_cast<std::uint64_t>(pipe.bits));
     const Properties crtc = properties_of(pipe.crtc), plane = properties_of(pipe.plane);
     change(settings, pipe.crtc, crtc, "MODE_ID", timings);
     change(settings, pipe.crtc, crtc, "ACTIVE", 1);
-    // Nothing between a code and the signal, and refreshes that keep their rate.
+    // No correction between codes and signal, and a fixed refresh rate.
     for (const char* property : {"DEGAMMA_LUT", "CTM", "GAMMA_LUT", "VRR_ENABLED"})
       change(settings, pipe.crtc, crtc, property, 0);
     change(settings, pipe.plane, plane, "CRTC_ID", pipe.crtc);
@@ -267,7 +267,7 @@ absl::Status DrmCard::commit(const std::vector<Setting>& settings, std::uint32_t
   const auto request = owned<drmModeAtomicFree>(drmModeAtomicAlloc());
   for (const Setting& each : settings)
     drmModeAtomicAddProperty(request.get(), each.object, each.property, each.value);
-  // The kernel only hands it back.
+  // The kernel only passes it back.
   void* const user_data = reinterpret_cast<void*>(static_cast<std::uintptr_t>(serial));
   const int error = drmModeAtomicCommit(fd_, request.get(), flags, user_data);
   return error == 0 ? absl::OkStatus() : absl::UnavailableError(std::strerror(-error));

@@ -1,5 +1,5 @@
-// A graphics card's monitors, as the Linux kernel drives them (DRM/KMS, atomic): what is plugged in, pictures
-// in the card's memory, and requests that change what is shown.
+// A graphics card, as the Linux kernel drives it (DRM/KMS, atomic): its connectors, framebuffers in its
+// memory, and requests that change what it shows.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -19,9 +19,9 @@ namespace glasswing {
 
 class DrmCard {
  public:
-  // "/dev/dri/card0". UNAVAILABLE: it cannot be opened; FAILED_PRECONDITION: it cannot do what is needed.
+  // "/dev/dri/card0". UNAVAILABLE: it cannot be opened; FAILED_PRECONDITION: it lacks a required feature.
   static absl::StatusOr<std::unique_ptr<DrmCard>> open(const std::string& path);
-  // Puts back what set() changed.
+  // Restores what set() changed.
   ~DrmCard();
   DrmCard(const DrmCard&) = delete;
   DrmCard& operator=(const DrmCard&) = delete;
@@ -32,21 +32,21 @@ class DrmCard {
   struct Connector {
     std::string name;  // "HDMI-A-1"
     std::uint32_t id = 0;
-    std::uint32_t possible_crtcs = 0;    // bit i: the card's i-th
+    std::uint32_t possible_crtcs = 0;    // bit i: the card's i-th CRTC
     std::uint32_t current_crtc = 0;      // 0: none
-    std::vector<drmModeModeInfo> modes;  // the preferred one first; none: nothing is plugged in
+    std::vector<drmModeModeInfo> modes;  // the preferred one first; empty: nothing is plugged in
   };
   const std::vector<Connector>& connectors() const { return connectors_; }
 
-  // What turns a picture into a signal.
+  // The hardware that turns a framebuffer into a signal.
   struct Pipe {
     std::uint32_t crtc = 0;
     std::uint32_t plane = 0;  // the primary one
     std::uint32_t framebuffer_property = 0;
     int bits = 8;  // of a code
   };
-  // One that is free, for this connector from now on. FAILED_PRECONDITION: none is, or it takes no pictures
-  // of so many bits a code, 8 or 10.
+  // Reserves a free pipe for the connector. `bits`: of a code, 8 or 10. FAILED_PRECONDITION: no pipe is free,
+  // or it does not support codes of so many bits.
   absl::StatusOr<Pipe> claim(const Connector& connector, int bits);
 
   struct Framebuffer {
@@ -57,8 +57,7 @@ class DrmCard {
   absl::StatusOr<Framebuffer> make_framebuffer(const Pipe& pipe, int width_px, int height_px);
 
   // Shows the framebuffer, of the mode's size, through the pipe, codes unchanged. The first call turns off
-  // all that the card showed, on whichever monitor. FAILED_PRECONDITION: another program holds the card, or
-  // the card refuses.
+  // all of the card's outputs. FAILED_PRECONDITION: another program holds the card, or the card refuses.
   absl::Status set(const Connector& connector, const Pipe& pipe, const drmModeModeInfo& mode,
                    const Framebuffer& framebuffer);
 
@@ -70,13 +69,13 @@ class DrmCard {
     std::uint64_t serial = 0;
     nanoseconds refresh_start{};
   };
-  // UNAVAILABLE from here on: the monitor or the card has gone.
+  // The following are UNAVAILABLE if the monitor or the card is gone.
   absl::StatusOr<Refresh> last_refresh(const Pipe& pipe) const;
-  // Asks for an event when that refresh begins; at once if it has begun.
+  // Requests an event for the start of that refresh; it comes at once if the refresh has begun.
   absl::Status ask_for(const Pipe& pipe, std::uint64_t refresh, std::uint64_t serial);
-  // Shows the framebuffer from the next refresh on, of which there is an event.
+  // Shows the framebuffer from the next refresh on, and requests an event for it.
   absl::Status flip(const Pipe& pipe, const Framebuffer& framebuffer, std::uint64_t serial);
-  // Those that have come.
+  // The events that have arrived.
   absl::StatusOr<std::vector<Event>> read_events();
 
  private:
@@ -99,7 +98,7 @@ class DrmCard {
   absl::Status check_abilities();
   void find_connectors();
   Properties properties_of(std::uint32_t object) const;
-  // Adds a setting, and remembers how it was; a property that the object lacks needs none.
+  // Adds a setting and remembers the old value. Does nothing if the object lacks the property.
   void change(std::vector<Setting>& settings, std::uint32_t object, const Properties& properties,
               const char* name, std::uint64_t value);
   absl::Status turn_off();
@@ -114,7 +113,7 @@ class DrmCard {
   std::vector<Memory> memory_;
 };
 
-// Of a progressive mode.
+// The refresh rate of a progressive mode.
 inline double refresh_hz_of(const drmModeModeInfo& mode) {
   return 1e3 * mode.clock / (static_cast<double>(mode.htotal) * mode.vtotal);
 }

@@ -22,7 +22,7 @@ namespace {
 
 constexpr char kCards[] = "/dev/dri";
 constexpr std::chrono::seconds kPatience(2);
-// Linux, drm_timestamp_precision: what a driver that knows its scan-out position keeps to.
+// Linux, drm_timestamp_precision: the limit for drivers that know their scan-out position.
 constexpr nanoseconds kStampError = std::chrono::microseconds(20);
 
 std::string text_of(const drmModeModeInfo& mode) {
@@ -37,8 +37,8 @@ struct Socket {
 
 struct Found {
   std::vector<std::unique_ptr<DrmCard>> cards;
-  std::vector<Socket> sockets;  // with something plugged in
-  std::string listed;           // all, for people
+  std::vector<Socket> sockets;  // with a monitor plugged in
+  std::string listed;           // all sockets, for messages
 };
 
 absl::StatusOr<Found> find_cards() {
@@ -56,8 +56,7 @@ absl::StatusOr<Found> find_cards() {
   for (const std::string& path : paths) {
     absl::StatusOr<std::unique_ptr<DrmCard>> card = DrmCard::open(path);
     if (!card.ok()) {
-      lines.push_back(
-          fmt::format("nothing of use behind {} ({})", path, std::string(card.status().message())));
+      lines.push_back(fmt::format("nothing usable at {} ({})", path, std::string(card.status().message())));
       continue;
     }
     for (const DrmCard::Connector& connector : (*card)->connectors()) {
@@ -133,7 +132,7 @@ absl::StatusOr<std::unique_ptr<KmsDisplay>> KmsDisplay::open(const Options& opti
                                  .lag = options.lag,
                                  .settle = options.settle});
   }
-  // The others are let go.
+  // Closes the other cards.
   for (auto& card : found.cards) {
     const bool used = std::any_of(display->outputs_.begin(), display->outputs_.end(),
                                   [&](const Output& output) { return output.card == card.get(); });
@@ -166,7 +165,7 @@ absl::Status KmsDisplay::open_output(DrmCard& card, const DrmCard::Connector& co
   GW_RETURN_IF_ERROR(card.set(connector, output.pipe, mode, output.buffers[output.on_screen].memory));
   if (!card.last_refresh(output.pipe).ok()) {
     return absl::FailedPreconditionError(
-        fmt::format("{} has a driver that does not tell when {} refreshes", card.name(), connector.name));
+        fmt::format("{} has a driver that does not report when {} refreshes", card.name(), connector.name));
   }
   return absl::OkStatus();
 }
@@ -182,7 +181,7 @@ void KmsDisplay::fill(Buffer& buffer, const ScreenInfo& screen, const Picture& p
     }
     const std::uint16_t* codes = picture->samples.data() + y * width * 3;
     for (size_t x = 0; x < width; ++x, codes += 3, pixel += 4) {
-      // A card's memory takes whole words in order best.
+      // Writing whole words in order is fastest in a card's memory.
       const std::uint32_t word = packed(codes, screen.bits);
       std::memcpy(pixel, &word, sizeof(word));
     }
@@ -200,12 +199,12 @@ absl::Status KmsDisplay::check_plugged_in(size_t index) const {
 absl::Status KmsDisplay::advance(size_t index, nanoseconds at) {
   Output& output = outputs_[index];
   const auto refused = [&](const absl::Status& status) {
-    return absl::UnavailableError(fmt::format("monitor \"{}\" takes no picture: {}", screens_[index].name,
+    return absl::UnavailableError(fmt::format("monitor \"{}\" accepts no picture: {}", screens_[index].name,
                                               std::string(status.message())));
   };
   const absl::StatusOr<DrmCard::Refresh> last = output.card->last_refresh(output.pipe);
   if (!last.ok()) return refused(last.status());
-  // The kernel counts: what it is given once a refresh has begun cannot be on screen before the next one.
+  // A framebuffer that the kernel gets after a refresh has begun appears at the next one at the earliest.
   const double refreshes =
       std::ceil(static_cast<double>((at - last->start).count()) * screens_[index].refresh_hz / 1e9);
   output.serial = ++serial_;
@@ -262,7 +261,7 @@ absl::Status KmsDisplay::wait_for_all(nanoseconds at) {
 }
 
 absl::StatusOr<std::vector<Scanout>> KmsDisplay::show(const std::vector<Picture>& pictures, nanoseconds at) {
-  // After a failure a flip may still be on its way, and the free buffer is known only when it has come.
+  // After a failure a flip may still be pending, and only its end tells which buffer is free.
   for (Output& output : outputs_) {
     if (output.stage == Stage::kWaiting) output.stage = Stage::kShown;
   }
@@ -277,8 +276,8 @@ absl::StatusOr<std::vector<Scanout>> KmsDisplay::show(const std::vector<Picture>
   std::vector<Scanout> scanouts;
   for (size_t i = 0; i < outputs_.size(); ++i) {
     GW_RETURN_IF_ERROR(check_plugged_in(i));
-    // A driver that does not know its scan-out position stamps when it is told of the refresh, somewhere in
-    // the blanking before the first row; nothing says which kind it is.
+    // A driver that does not know its scan-out position takes the time of its interrupt, anywhere in the
+    // blanking before the first row; nothing tells which kind of driver it is.
     scanouts.push_back({.start = outputs_[i].shown_start, .uncertainty = outputs_[i].blanking + kStampError});
   }
   return scanouts;

@@ -5,12 +5,11 @@
 namespace glasswing {
 namespace {
 
-// How far a reader may fall behind: as many emissions as these bytes hold, but at least two pictures a
-// monitor.
+// The log's size, which is how far a reader may fall behind; at least two pictures a monitor.
 constexpr size_t kLogBytes = size_t{256} << 20;
 constexpr size_t kMaxLogged = 256;
-// More than displays are uncertain of when they show: nothing starts earlier than this before it was asked
-// for.
+// No picture starts earlier than this before the time it was asked for; larger than any display's
+// uncertainty.
 constexpr nanoseconds kEarly = std::chrono::milliseconds(5);
 
 size_t log_limit_of(const std::vector<ScreenInfo>& screens) {
@@ -43,7 +42,7 @@ absl::StatusOr<std::vector<Scanout>> LightTap::show(const std::vector<Picture>& 
     for (size_t i = 0; i < current_.size(); ++i) {
       current_[i].scanout_start = (*scanouts)[i].start;
       current_[i].picture = i < pictures.size() ? pictures[i] : nullptr;
-      log_.push_back(current_[i]);
+      if (is_read_) log_.push_back(current_[i]);
       ++next_;
     }
     while (log_.size() > log_limit_) log_.pop_front();
@@ -57,6 +56,7 @@ bool LightTap::read(std::uint64_t& cursor, std::vector<Emission>& emissions, nan
   emissions.clear();
   std::unique_lock lock(mutex_);
   if (cursor == 0) {
+    is_read_ = true;
     emissions = current_;
   } else {
     emitted_.wait_for(lock, timeout, [&] { return next_ > cursor; });
@@ -65,7 +65,7 @@ bool LightTap::read(std::uint64_t& cursor, std::vector<Emission>& emissions, nan
     emissions.assign(log_.begin() + static_cast<std::ptrdiff_t>(cursor - first), log_.end());
   }
   cursor = next_;
-  // What is not yet asked for starts after now.
+  // A show that is not yet asked for starts after now.
   horizon = monotonic_now();
   if (show_began_ > nanoseconds(0)) horizon = std::min(horizon, shows_nothing_to_);
   return true;

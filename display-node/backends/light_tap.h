@@ -1,5 +1,5 @@
-// Passes pictures on to a display, and remembers what it emitted from when on: the light that a simulated
-// camera sees, whatever screens stand behind.
+// Passes pictures on to a display and, once somebody reads, logs what it emitted from when on: the light that
+// a simulated camera sees, whatever the screens behind it.
 #pragma once
 
 #include <condition_variable>
@@ -20,15 +20,15 @@ struct Emission {
 
 class LightTap final : public Display {
  public:
-  // The display must outlive it, and be used through it only.
+  // The display must outlive it, and be used only through it.
   explicit LightTap(Display& display);
 
   std::string backend() const override { return display_.backend(); }
   const std::vector<ScreenInfo>& screens() const override { return display_.screens(); }
   absl::StatusOr<std::vector<Scanout>> show(const std::vector<Picture>& pictures, nanoseconds at) override;
 
-  // Everything emitted since `cursor` (0: what is on screen now, and what follows), and a time before which
-  // nothing else starts. Waits up to `timeout` for something new. False: the reader has fallen too far
+  // Everything emitted since `cursor` (0: the pictures on screen now), and a time before which nothing else
+  // starts. Moves `cursor` on. Waits up to `timeout` for something new. False: the reader has fallen too far
   // behind.
   bool read(std::uint64_t& cursor, std::vector<Emission>& emissions, nanoseconds& horizon,
             std::chrono::milliseconds timeout);
@@ -38,9 +38,10 @@ class LightTap final : public Display {
   const size_t log_limit_;
   std::mutex mutex_;
   std::condition_variable emitted_;
-  nanoseconds show_began_{};        // guarded by mutex_; 0: none is under way
-  nanoseconds shows_nothing_to_{};  // by the show that is under way; guarded by mutex_
+  nanoseconds show_began_{};        // guarded by mutex_; 0: no show is under way
+  nanoseconds shows_nothing_to_{};  // guarded by mutex_; the show under way starts nothing before this
   std::vector<Emission> current_;   // guarded by mutex_, one a monitor
+  bool is_read_ = false;            // guarded by mutex_; nothing is logged before the first read
   std::deque<Emission> log_;        // guarded by mutex_, the newest log_limit_
   std::uint64_t next_ = 1;          // guarded by mutex_, number of the next emission
 };

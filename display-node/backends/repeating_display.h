@@ -1,5 +1,5 @@
-// A display whose word is not to be trusted: now and then an old picture stays a refresh longer than is
-// reported. What stands behind it (a LightTap) knows the truth.
+// A display that lies (--fault-repeat): at random an old picture stays on screen a refresh longer than is
+// reported. The LightTap behind it logs the truth.
 #pragma once
 
 #include <cstdint>

@@ -15,7 +15,7 @@ SimDisplay::SimDisplay(std::vector<ScreenInfo> screens, Faults faults)
 absl::StatusOr<std::vector<Scanout>> SimDisplay::show(const std::vector<Picture>&, nanoseconds at) {
   std::vector<Scanout> scanouts;
   nanoseconds last{};
-  // A flip asked for after its refresh has begun waits for the next one, as on a real screen.
+  // As on a real screen, a flip requested after its refresh has begun waits for the next one.
   const nanoseconds earliest = std::max(at, monotonic_now());
   for (size_t i = 0; i < screens_.size(); ++i) {
     const double period_ns = 1e9 / screens_[i].refresh_hz;

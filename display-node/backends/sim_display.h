@@ -15,8 +15,8 @@ class SimDisplay final : public Display {
  public:
   struct Faults {
     std::uint64_t seed = 1;
-    double missed_flips = 0.0;  // probability that a flip comes a refresh late
-    nanoseconds jitter{};       // each scan-out begins up to this late, and says so; less than a refresh
+    double missed_flips = 0.0;  // probability that a flip is a refresh late
+    nanoseconds jitter{};       // each scan-out begins up to this late, as reported; less than a refresh
   };
   SimDisplay(std::vector<ScreenInfo> screens, Faults faults);
 
@@ -29,7 +29,7 @@ class SimDisplay final : public Display {
   const Faults faults_;
   const nanoseconds phase_;
   std::mt19937_64 random_;
-  std::vector<std::int64_t> shown_;  // of each monitor, the number of its last refresh with a new picture
+  std::vector<std::int64_t> shown_;  // each monitor's last refresh with a new picture
 };
 
 }  // namespace glasswing

@@ -17,10 +17,10 @@ namespace {
 
 constexpr std::chrono::seconds kPatience(2);
 constexpr std::uint64_t kMeasured = 30;  // refreshes
-// A copy is made soon after its refresh began; and the refresh's time may be told from anywhere in the
-// blanking before it, as some drivers do.
+// The server copies soon after the refresh begins, and some drivers take the refresh's time anywhere in the
+// blanking before it.
 constexpr nanoseconds kUncertainty = std::chrono::milliseconds(1);
-// A picture that is asked for this short before a refresh may come a refresh late.
+// A picture requested later than this before a refresh may miss it.
 constexpr nanoseconds kHaste = std::chrono::microseconds(500);
 
 // xcb's replies and events are malloc'd.
@@ -84,7 +84,7 @@ absl::Status X11Display::connect(const Options& options) {
         context_ = xcb_generate_id(connection_);
         const std::uint32_t no_exposures = 0;
         xcb_create_gc(connection_, context_, screen_->root, XCB_GC_GRAPHICS_EXPOSURES, &no_exposures);
-        // The versions that are spoken; a server treats a client that does not ask as one of the oldest.
+        // Negotiates versions; a server takes a client that does not ask for one of the oldest.
         owned(
             xcb_randr_query_version_reply(connection_, xcb_randr_query_version(connection_, 1, 5), nullptr));
         owned(xcb_present_query_version_reply(connection_, xcb_present_query_version(connection_, 1, 0),
@@ -150,7 +150,7 @@ absl::Status X11Display::open_window(size_t index) {
   Output& output = outputs_[index];
   const auto width = static_cast<std::uint16_t>(screens_[index].width_px),
              height = static_cast<std::uint16_t>(screens_[index].height_px);
-  // Without a pointer on it: an empty bitmap for a cursor.
+  // Hides the pointer: an empty bitmap as its cursor.
   const xcb_pixmap_t nothing = xcb_generate_id(connection_);
   xcb_create_pixmap(connection_, 1, nothing, screen_->root, 1, 1);
   const xcb_gcontext_t bits = xcb_generate_id(connection_);
@@ -178,7 +178,7 @@ absl::Status X11Display::open_window(size_t index) {
                                                width, height)));
     if (made != nullptr) {
       return absl::ResourceExhaustedError(
-          fmt::format("the X server has no room for pictures of {} x {} px", width, height));
+          fmt::format("the X server has no memory for pictures of {} x {} px", width, height));
     }
   }
   return absl::OkStatus();
@@ -192,7 +192,7 @@ absl::Status X11Display::measure_refresh() {
   for (Output& output : outputs_) ask_for(output, 0);
   GW_ASSIGN_OR_RETURN(const std::vector<Completion> first, wait_for_all(monotonic_now()));
   for (size_t i = 0; i < outputs_.size(); ++i) ask_for(outputs_[i], first[i].refresh.msc + 2);
-  // From one event to another: what a server answers at once may lie anywhere in a refresh.
+  // Measures between two events: the time in an immediate answer may lie anywhere in a refresh.
   GW_ASSIGN_OR_RETURN(const std::vector<Completion> from, wait_for_all(monotonic_now()));
   for (size_t i = 0; i < outputs_.size(); ++i) ask_for(outputs_[i], from[i].refresh.msc + kMeasured);
   GW_ASSIGN_OR_RETURN(const std::vector<Completion> to, wait_for_all(monotonic_now()));
@@ -219,8 +219,8 @@ void X11Display::fill(Buffer& buffer, const ScreenInfo& screen, const Picture& p
     for (size_t i = 0; i < pixels.size(); ++i) pixels[i] = packed(&picture->samples[3 * i], screen.bits);
   }
   // In strips that fit a request.
-  const size_t row = width * 4, most = size_t{4} * xcb_get_maximum_request_length(connection_) - 64;
-  const size_t rows = std::clamp<size_t>(most / row, 1, height);
+  const size_t row = width * 4, max_bytes = size_t{4} * xcb_get_maximum_request_length(connection_) - 64;
+  const size_t rows = std::clamp<size_t>(max_bytes / row, 1, height);
   for (size_t y = 0; y < height; y += rows) {
     const size_t count = std::min(rows, height - y);
     xcb_put_image(connection_, XCB_IMAGE_FORMAT_Z_PIXMAP, buffer.pixmap, context_,
@@ -272,7 +272,7 @@ absl::StatusOr<std::vector<X11Display::Completion>> X11Display::wait_for_all(nan
       }
     }
     if (all) break;
-    // Other events belong to nobody.
+    // Drops all other events.
     while (owned(xcb_poll_for_event(connection_)) != nullptr) {
     }
     pollfd readable{.fd = xcb_get_file_descriptor(connection_), .events = POLLIN, .revents = 0};
@@ -289,7 +289,7 @@ absl::StatusOr<std::vector<Scanout>> X11Display::show(const std::vector<Picture>
   for (size_t i = 0; i < outputs_.size(); ++i) {
     Output& output = outputs_[i];
     const Picture picture = i < pictures.size() ? pictures[i] : nullptr;
-    // What is on screen may still be read by the server; the other pixmap is free.
+    // The server may still read the pixmap on screen; the other one is free.
     fill(output.buffers[1 - output.on_screen], screens_[i], picture);
   }
   for (size_t i = 0; i < outputs_.size(); ++i) present(i, outputs_[i].buffers[1 - outputs_[i].on_screen], at);
@@ -298,7 +298,7 @@ absl::StatusOr<std::vector<Scanout>> X11Display::show(const std::vector<Picture>
   for (size_t i = 0; i < outputs_.size(); ++i) {
     if (completions[i].skipped) {
       return absl::UnavailableError(
-          fmt::format("the X server left out a picture of monitor \"{}\": does another program show pictures "
+          fmt::format("the X server skipped a picture of monitor \"{}\": does another program show pictures "
                       "there?",
                       screens_[i].name));
     }

@@ -1,8 +1,9 @@
 // Monitors of an X server, by its Present extension (version 1.0): each picture is a pixmap that the server
-// copies or flips to a full-screen window at a refresh that we name (MSC), and it reports the refresh and its
+// copies or flips to a full-screen window at a given refresh (MSC). The server reports the refresh and its
 // time on CLOCK_MONOTONIC (UST).
 //
-// A monitor is one that RANDR (1.5) lists. Codes are of 8 bits on a server of depth 24, of 10 on one of 30.
+// Monitors are those that RANDR (1.5) lists. Codes have 8 bits on a server of depth 24, 10 on one of
+// depth 30.
 #pragma once
 
 #include <xcb/present.h>
@@ -23,13 +24,13 @@ class X11Display final : public Display {
  public:
   struct Options {
     std::string server;  // ":0"; empty: $DISPLAY
-    // Name in the rig, and RANDR's; none: all monitors, by RANDR's names.
+    // Name in the rig, and RANDR's name; empty: all monitors, by RANDR's names.
     std::vector<std::pair<std::string, std::string>> monitors;
     int bits = 8;  // of a code: 8 or 10
     nanoseconds lag{}, settle{};
   };
-  // UNAVAILABLE: no such server. FAILED_PRECONDITION: it lacks Present, RANDR or colour of so many bits, or
-  // a monitor does not refresh. NOT_FOUND lists the monitors that there are.
+  // UNAVAILABLE: no such server. FAILED_PRECONDITION: it lacks Present, RANDR or colour of so many bits, or a
+  // monitor does not refresh. NOT_FOUND: no such monitor; lists the available ones.
   static absl::StatusOr<std::unique_ptr<X11Display>> open(const Options& options);
   ~X11Display() override;
   X11Display(const X11Display&) = delete;
@@ -43,7 +44,7 @@ class X11Display final : public Display {
  private:
   struct Buffer {
     xcb_pixmap_t pixmap = 0;
-    Picture held;  // what the pixmap shows
+    Picture held;  // the content of the pixmap, if filled
     bool filled = false;
   };
   struct Refresh {
@@ -56,7 +57,7 @@ class X11Display final : public Display {
     xcb_special_event_t* events = nullptr;
     std::array<Buffer, 2> buffers;
     size_t on_screen = 0;  // of buffers
-    Refresh last;          // the newest refresh that we know of
+    Refresh last;          // the newest known refresh
     std::uint32_t serial = 0;
   };
   struct Completion {
@@ -70,10 +71,10 @@ class X11Display final : public Display {
   absl::Status open_window(size_t index);
   absl::Status measure_refresh();
   void fill(Buffer& buffer, const ScreenInfo& screen, const Picture& picture);
-  // Asks for an event at a refresh, without a picture.
+  // Requests an event for a refresh, without showing a picture.
   void ask_for(Output& output, std::uint64_t msc);
   void present(size_t index, const Buffer& buffer, nanoseconds at);
-  // Waits until every output has answered its serial, for a while longer than until `due`.
+  // Waits until every output has reported its serial, up to kPatience beyond `due`.
   absl::StatusOr<std::vector<Completion>> wait_for_all(nanoseconds due);
 
   xcb_connection_t* connection_ = nullptr;

@@ -49,7 +49,7 @@ absl::Status play(const Program& program, Display& display, nanoseconds start, n
   nanoseconds at = start;
   std::vector<Picture> pictures = program.pictures(0);
   for (size_t i = 0; i <= program.size(); ++i) {
-    // Waits here, where it can be stopped, and leaves a refresh of room for a late awakening.
+    // Waits here, where it can be stopped, up to a refresh early in case it wakes up late.
     wait_until(at - longest_refresh, stop);
     const bool stopped = stop.stop_requested();
     const bool blank = i == program.size() || stopped;
@@ -75,10 +75,10 @@ absl::Status play(const Program& program, Display& display, nanoseconds start, n
     count_step(screens, scanouts, at);
     shown = scanouts;
     if (step > nanoseconds(0)) {
-      at += step;  // one that came late is held for less, and the next is on time again
+      at += step;  // a late step is shown for less time, and the next one is on time again
     } else {
-      // Half a refresh early, so that rounding never adds one; every monitor is held for at least
-      // hold_refreshes.
+      // Half a refresh early, so that rounding never adds a refresh. Every monitor shows the step for at
+      // least hold_refreshes.
       at = nanoseconds::min();
       for (size_t m = 0; m < screens.size(); ++m) {
         const nanoseconds period = period_of(screens[m]);

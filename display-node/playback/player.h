@@ -11,9 +11,10 @@
 
 namespace glasswing {
 
-// Calls `report` for every step and monitor as it is replaced; the last step is replaced by black. Step i
-// goes on screen at the first refresh at or after start + i step; if `step` is 0, when the one before was
-// held. DEADLINE_EXCEEDED: `start` has passed. CANCELLED: stopped; the screens are black then too.
+// Calls `report` for every step and monitor when the step is replaced; black replaces the last step. Step i
+// goes on screen at the first refresh at or after start + i step, or, if `step` is 0, after the previous step
+// has been shown for hold_refreshes. DEADLINE_EXCEEDED: `start` has passed. CANCELLED: stopped; the screens
+// are black then too.
 absl::Status play(const Program& program, Display& display, nanoseconds start, nanoseconds step,
                   std::stop_token stop, const std::function<void(const v1::Presentation&)>& report);
 

@@ -18,7 +18,8 @@ namespace {
 
 constexpr size_t kMaxImages = 64;
 constexpr int kMaxSteps = 20000;
-constexpr size_t kAheadBytes = 256u << 20;  // rasterised when the program is loaded; the rest as it plays
+constexpr size_t kAheadBytes =
+    256u << 20;  // rasterised when the program is loaded; the rest is drawn as it plays
 
 }  // namespace
 
@@ -73,8 +74,9 @@ absl::StatusOr<Program> Program::create(const v1::LoadProgramRequest& request,
 }
 
 void Program::draw_ahead(const v1::LoadProgramRequest& request) {
-  // What is shown more than once, as a video's ramp, is drawn once.
-  std::map<std::pair<std::string, bool>, Picture> shared;  // by stimulus, and whether a patch is below
+  // A picture that is shown more than once, such as a video's ramp, is drawn once.
+  std::map<std::pair<std::string, bool>, Picture>
+      shared;  // by stimulus, and by whether there is a patch below
   size_t bytes = 0;
   for (size_t s = 0; s < steps_.size(); ++s) {
     for (const v1::Stimulus& stimulus : request.steps(static_cast<int>(s)).stimuli()) {

@@ -20,14 +20,14 @@
 
 namespace glasswing {
 
-// Photo pictures by content hash. Thread-safe.
+// Photos by content hash. Thread-safe.
 class ImageStore {
  public:
-  // Capacity for pictures as they are kept: 2 bytes a sample.
+  // Capacity for decoded photos, 2 bytes a sample.
   explicit ImageStore(size_t capacity_bytes = size_t{512} << 20) : capacity_bytes_(capacity_bytes) {}
-  // INVALID_ARGUMENT: no PNG; RESOURCE_EXHAUSTED: the store is full. Returns the name.
+  // Returns the name. INVALID_ARGUMENT: not a PNG. RESOURCE_EXHAUSTED: the store is full.
   absl::StatusOr<std::string> add(const std::string& png);
-  // Null: it is not here.
+  // Null: there is no photo of that name.
   std::shared_ptr<const Image16> find(const std::string& name) const;
 
  private:
@@ -39,7 +39,7 @@ class ImageStore {
 
 class Program {
  public:
-  // INVALID_ARGUMENT names the step and what is wrong, or the calibration; FAILED_PRECONDITION: an image is
+  // INVALID_ARGUMENT names the step or the calibration, and the problem. FAILED_PRECONDITION: an image is
   // missing.
   static absl::StatusOr<Program> create(const v1::LoadProgramRequest& request,
                                         const std::vector<ScreenInfo>& screens, const ImageStore& images);
@@ -48,18 +48,18 @@ class Program {
   int hold_refreshes() const { return hold_refreshes_; }
   size_t size() const { return steps_.size(); }
   int number(size_t index) const { return steps_[index].number; }
-  // One for each screen, of its whole size; null is black. Draws what was not drawn ahead.
+  // One picture of full size for each screen; null is black. Draws those that were not drawn ahead.
   std::vector<Picture> pictures(size_t index) const;
 
  private:
-  // What a screen shows: a photo, a pattern, or black; and below it the id patch, or dark.
+  // The content of a screen: a photo, a pattern, or black; and below it the id patch, or black.
   struct Shown {
     std::optional<Pattern> pattern;
     std::shared_ptr<const Image16> photo;
-    bool are_codes = false;  // the pattern's values: nothing stands between them and the screen
+    bool are_codes = false;  // the pattern's values are codes: no calibration applies
     std::optional<std::uint16_t> patch_id;
-    // Drawn when the program was loaded: all of it, or, where it differs from an earlier step in its patch
-    // alone, what is above that.
+    // Drawn when the program was loaded: the whole picture, or the part above the patch if only the patch
+    // differs from an earlier step.
     Picture ahead, above_patch;
   };
   struct Step {
@@ -73,7 +73,7 @@ class Program {
   std::string name_;
   int hold_refreshes_ = 2;
   std::vector<ScreenInfo> screens_;
-  std::vector<std::optional<Dither>> dithers_;  // one for each screen; none: it is taken for linear
+  std::vector<std::optional<Dither>> dithers_;  // one for each screen; empty: it counts as linear
   std::vector<Step> steps_;
 };
 

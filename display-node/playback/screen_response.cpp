@@ -82,7 +82,7 @@ void round_to_codes(const Dither::Rows& radiance, int width_px, int bits, std::s
   for (int y = 0; !codes.empty(); ++y, codes = codes.subspan(row.size())) {
     radiance(y, row);
     for (size_t i = 0; i < row.size(); ++i) {
-      // Clamped last, and in two steps, so that a compiler makes vectors of it.
+      // Clamped last, and in two steps, so that the compiler can vectorise it.
       const float scaled = row[i] * highest + 0.5f;
       const float positive = scaled > 0.0f ? scaled : 0.0f;
       const float clamped = positive < highest ? positive : highest;

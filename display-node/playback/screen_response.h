@@ -1,5 +1,5 @@
-// From a pattern's radiance to a screen's codes: through the screen's calibration, with dither
-// (core/radiometry/dither), or, for a screen that is taken for linear, rounded.
+// Turns a pattern's radiance into a screen's codes: through the screen's calibration, with dither
+// (core/radiometry/dither), or by rounding if there is none and the screen counts as linear.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -17,15 +17,15 @@
 
 namespace glasswing {
 
-// For each screen the dither that its calibration makes; none: there is no calibration of it.
-// INVALID_ARGUMENT: one of no screen, or a second one of the same; of other bits or another size than the
-// screen's pattern; of a screen of more than 12 bits; of another format version; or tables that are none.
+// For each screen the dither by its calibration; empty: there is no calibration of it. INVALID_ARGUMENT: a
+// calibration of no screen, or a second one of the same screen; of other bits or another size than the
+// screen's pattern; of a screen of more than 12 bits; of another format version; or with invalid tables.
 absl::StatusOr<std::vector<std::optional<Dither>>> dithers_of(
     const google::protobuf::RepeatedPtrField<v1::DisplayCalibration>& calibrations,
     const std::vector<ScreenInfo>& screens);
 
-// Code = radiance times the highest code, to the nearest; beyond [0, 1] the nearest end, NaN is 0. `codes`
-// has 3 width height of them.
+// code = round(radiance x highest code), with radiance clamped to [0, 1] and NaN taken as 0. `codes` has
+// 3 width height elements.
 void round_to_codes(const Dither::Rows& radiance, int width_px, int bits, std::span<std::uint16_t> codes);
 
 // "back, left"

@@ -26,8 +26,8 @@ std::vector<ScreenInfo> with_patch(std::vector<ScreenInfo> screens, int patch_ro
 absl::Status DisplayServiceImpl::check_patch(const Display& display, int patch_rows) {
   if (patch_rows == 0) return absl::OkStatus();
   for (const ScreenInfo& screen : display.screens()) {
-    const int most = screen.height_px / 2;
-    if (screen.width_px < IdPatch::kMinWidth_px || patch_rows < IdPatch::kMinRows || patch_rows > most) {
+    const int max_rows = screen.height_px / 2;
+    if (screen.width_px < IdPatch::kMinWidth_px || patch_rows < IdPatch::kMinRows || patch_rows > max_rows) {
       return absl::InvalidArgumentError(fmt::format(
           "an id patch of {} rows does not fit monitor \"{}\", {} x {} px: it takes {} to half of "
           "its rows, and {} px across",

@@ -14,8 +14,8 @@ namespace glasswing {
 
 class DisplayServiceImpl final : public v1::DisplayService::Service {
  public:
-  // The lowest `patch_rows` of every monitor show the id patch. INVALID_ARGUMENT: they leave too little, or
-  // are too small to be told apart.
+  // The lowest `patch_rows` rows of every monitor show the id patch. INVALID_ARGUMENT: they leave too few
+  // rows for patterns, or are too few for the patch to be read.
   static absl::Status check_patch(const Display& display, int patch_rows);
   DisplayServiceImpl(std::string name, Display& display, int patch_rows = 0);
   // Ends a playing program, so that the daemon can stop.
@@ -38,7 +38,7 @@ class DisplayServiceImpl final : public v1::DisplayService::Service {
   std::stop_source stop_;
   std::mutex mutex_;
   std::shared_ptr<const Program> loaded_;  // guarded by mutex_
-  std::stop_source play_;                  // guarded by mutex_, ends the program that plays
+  std::stop_source play_;                  // guarded by mutex_, stops the playing program
   std::mutex playing_;                     // held while the screens are in use
 };
 

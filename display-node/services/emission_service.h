@@ -1,4 +1,4 @@
-// EmissionService: what a display emitted, for cameras that are simulated.
+// EmissionService: the light that a display emitted, for simulated cameras.
 #pragma once
 
 #include <atomic>
@@ -12,10 +12,10 @@
 
 namespace glasswing {
 
-// What the light really does, where that is not what the screens say of themselves.
+// The true behaviour of the light, where it differs from what the screens declare.
 struct TrueOptics {
   std::optional<nanoseconds> lag = {}, settle = {};
-  // Of every monitor, switched on with the service; bits are the screen's.
+  // Of every monitor, switched on with the service; bits are those of the screen.
   PanelModel panel = {};
   Flicker flicker = {};  // of every backlight
 };

@@ -10,10 +10,10 @@
 #include "core/base/status.h"
 #include "core/base/version.h"
 #include "core/service/service.h"
-#include "core/storage/image_name.h"
 #include "glasswing/v1/stage_service.grpc.pb.h"
 #include "server/capture/group_capture.h"
 #include "server/rig/embed_calibrations.h"
+#include "server/storage/image_name.h"
 
 namespace glasswing {
 

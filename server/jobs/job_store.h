@@ -124,6 +124,8 @@ class JobStore {
   virtual absl::Status hold(std::int64_t job) = 0;
   virtual absl::Status release(std::int64_t job) = 0;
 
+  // The tile's result is lost: it is free again, as if never solved. Of none: OK.
+  virtual absl::Status requeue(std::int64_t job, int tile) = 0;
   virtual absl::Status remove(
       std::int64_t job) = 0;  // with its tiles; whoever works on them is fenced. Of none: OK
   virtual absl::StatusOr<std::vector<std::int64_t>> own_jobs() = 0;  // of this server; rising

@@ -146,6 +146,19 @@ absl::Status SqlJobStore::change_job(std::int64_t job, const std::string& sql) {
   });
 }
 
+absl::Status SqlJobStore::requeue(std::int64_t job, int tile) {
+  GW_RETURN_IF_ERROR(statements([&](SqlConnection& connection) {
+    return connection
+        .run(fmt::format("UPDATE tiles SET done_attempt = 0, done_at = 0, result = '', object_pixels = 0, "
+                         "flagged_pixels = 0, seconds = 0, {} WHERE job = ?1 AND number = ?2",
+                         kNoLease),
+             {job, std::int64_t{tile}})
+        .status();
+  }));
+  tiles_became_free();
+  return absl::OkStatus();
+}
+
 absl::Status SqlJobStore::remove(std::int64_t job) {
   return statements([&](SqlConnection& connection) {
     return connection.run("DELETE FROM jobs WHERE id = ?1", {job}).status();

@@ -52,6 +52,7 @@ class SqlJobStore : public JobStore {
   absl::Status retry(std::int64_t job) override;
   absl::Status hold(std::int64_t job) override;
   absl::Status release(std::int64_t job) override;
+  absl::Status requeue(std::int64_t job, int tile) override;
   absl::Status remove(std::int64_t job) override;
   absl::StatusOr<std::vector<std::int64_t>> own_jobs() override;
 

@@ -99,6 +99,13 @@ absl::StatusOr<std::unique_ptr<SqliteJobStore>> SqliteJobStore::open(const std::
   return store;
 }
 
+absl::StatusOr<std::unique_ptr<SqliteJobStore>> SqliteJobStore::open_unclaimed(
+    const std::filesystem::path& path) {
+  GW_ASSIGN_OR_RETURN(Database writer, Database::open(path));
+  GW_ASSIGN_OR_RETURN(Database reader, Database::open(path));
+  return std::unique_ptr<SqliteJobStore>(new SqliteJobStore(std::move(writer), std::move(reader), {}));
+}
+
 absl::Status SqliteJobStore::prepare() {
   GW_ASSIGN_OR_RETURN(const SqlRows version, run_in(writer_, "PRAGMA user_version", {}));
   if (version.integer(0, 0) > kVersion) {

@@ -2,8 +2,8 @@
 // together.
 #pragma once
 
-#include "core/storage/database.h"
 #include "server/jobs/sql_job_store.h"
+#include "server/storage/database.h"
 
 namespace glasswing {
 
@@ -14,6 +14,9 @@ class SqliteJobStore : public SqlJobStore {
   // A file of an earlier version, which nothing was released with, is begun anew.
   static absl::StatusOr<std::unique_ptr<SqliteJobStore>> open(const std::filesystem::path& path,
                                                               JobStoreOptions options);
+  // For a check of the file while no server runs: takes it as it is, whichever server's it is. Its version
+  // must be this one's.
+  static absl::StatusOr<std::unique_ptr<SqliteJobStore>> open_unclaimed(const std::filesystem::path& path);
   std::string title() const override { return "SQLite"; }
 
  protected:

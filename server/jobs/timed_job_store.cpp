@@ -76,6 +76,9 @@ class TimedJobStore final : public JobStore {
   absl::Status release(std::int64_t job) override {
     return timed(kChange, [&] { return store_->release(job); });
   }
+  absl::Status requeue(std::int64_t job, int tile) override {
+    return timed(kChange, [&] { return store_->requeue(job, tile); });
+  }
   absl::Status remove(std::int64_t job) override {
     return timed(kRemove, [&] { return store_->remove(job); });
   }

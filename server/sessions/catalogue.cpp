@@ -11,8 +11,7 @@
 
 #include "core/base/name.h"
 #include "core/base/status.h"
-#include "core/storage/row_checksums.h"
-#include "core/storage/server_records.h"
+#include "server/storage/row_checksums.h"
 
 namespace glasswing {
 namespace {

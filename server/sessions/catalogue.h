@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
-#include "core/storage/database.h"
 #include "glasswing/v1/session_service.pb.h"
+#include "server/storage/database.h"
 
 namespace glasswing {
 

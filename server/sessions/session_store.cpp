@@ -9,10 +9,10 @@
 #include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
-#include "core/storage/image_name.h"
 #include "server/archives/session_archive.h"
 #include "server/jobs/timed_job_store.h"
 #include "server/sessions/session_state.h"
+#include "server/storage/image_name.h"
 
 namespace glasswing {
 namespace {

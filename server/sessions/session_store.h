@@ -23,7 +23,6 @@
 #include <thread>
 #include <vector>
 
-#include "core/storage/matte_files.h"
 #include "glasswing/v1/work_service.pb.h"
 #include "server/capture/capture.h"
 #include "server/jobs/job_store.h"
@@ -34,6 +33,7 @@
 #include "server/solve/frame_mattes.h"
 #include "server/solve/single_flight.h"
 #include "server/solve/tile_sizes.h"
+#include "server/storage/matte_files.h"
 
 namespace glasswing {
 

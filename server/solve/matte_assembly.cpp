@@ -13,9 +13,9 @@
 #include "core/base/status.h"
 #include "core/matte/join_mattes.h"
 #include "core/matte/matte_file.h"
-#include "core/storage/matte_files.h"
 #include "server/sessions/session_state.h"
 #include "server/sessions/session_store.h"
+#include "server/storage/matte_files.h"
 
 namespace glasswing {
 namespace {

@@ -15,11 +15,11 @@
 #include "core/pattern/method_options.h"
 #include "core/pattern/plan.h"
 #include "core/service/service.h"
-#include "core/storage/matte_files.h"
 #include "server/archives/replicas.h"
 #include "server/metrics/server_metrics.h"
 #include "server/sessions/session_state.h"
 #include "server/sessions/session_store.h"
+#include "server/storage/matte_files.h"
 
 namespace glasswing {
 namespace {

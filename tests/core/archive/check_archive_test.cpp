@@ -3,10 +3,10 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include "core/archive/fsck.h"
 #include "core/base/directory_lock.h"
 #include "core/base/file.h"
 #include "core/frame/archive.h"
-#include "core/storage/fsck.h"
 
 namespace glasswing {
 namespace {

@@ -1,4 +1,4 @@
-// Certificates for tests, made on the spot.
+// Generates certificates for tests.
 #pragma once
 
 #include <openssl/pem.h>
@@ -33,8 +33,8 @@ struct MadeCertificate {
   }
 };
 
-// Signed by `ca`, or by itself and then a CA. `san` as OpenSSL has it: "IP:127.0.0.1". Valid from yesterday
-// on for `days`.
+// Signed by `ca`, or self-signed and then a CA. `san` in OpenSSL's syntax: "IP:127.0.0.1". Valid for `days`
+// from yesterday on.
 inline MadeCertificate make_certificate(const std::string& name, const MadeCertificate* ca = nullptr,
                                         const std::string& san = "", int days = 2) {
   static long serial = 0;

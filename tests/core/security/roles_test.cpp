@@ -33,7 +33,7 @@
 namespace glasswing {
 namespace {
 
-// All services of a lab, none of which does anything: a call that gets through is UNIMPLEMENTED.
+// All services of a lab, none of them implemented: a call that is admitted is UNIMPLEMENTED.
 using Services =
     std::tuple<v1::ArchiveService::Service, v1::CalibrationService::Service, v1::CameraService::Service,
                v1::ConsoleService::Service, v1::DisplayService::Service, v1::EmissionService::Service,
@@ -41,7 +41,7 @@ using Services =
                v1::RigService::Service, v1::SessionService::Service, v1::StageService::Service,
                v1::WorkService::Service>;
 
-// "WorkService/ClaimTile", of all proto files that are linked here.
+// "WorkService/ClaimTile" and so on, from all proto files that are linked here.
 std::set<std::string> all_methods() {
   (void)v1::RunLiveRequest::descriptor();  // links its file
   std::set<std::string> methods;
@@ -70,7 +70,7 @@ class Roles : public testing::Test {
     std::filesystem::remove_all(scratch_);
   }
 
-  // From now on this process shows a certificate for these names.
+  // Makes this process show a certificate with these names from now on.
   void show(const std::string& name, const std::string& names) const {
     const MadeCertificate own = make_certificate(name, &ca_, names);
     const auto write = [&](const std::string& file, const std::string& pem) {
@@ -174,7 +174,7 @@ TEST_F(Roles, WithoutACertificateOfThisLabNoMethodAnswers) {
   }
 }
 
-// Somebody with a certificate of the lab who stands in another's place: what he has it for does not matter.
+// An impostor with any certificate of the lab in place of another peer.
 TEST_F(Roles, AServerThatShowsTheCertificateOfAnotherHostIsNotCalled) {
   const std::string every_role = [] {
     std::string names;

@@ -22,7 +22,7 @@ using namespace std::chrono_literals;
 
 const std::string kNames = "IP:127.0.0.1,URI:urn:glasswing:role:operator,URI:urn:glasswing:role:server";
 
-// Says who calls; a watcher is told twice, the second time when the test says so.
+// Reports its caller; a watcher gets two messages, the second one when the test says so.
 class Greeter final : public v1::SessionService::Service {
  public:
   grpc::Status PauseSession(grpc::ServerContext* context, const v1::PauseSessionRequest*,
@@ -42,7 +42,7 @@ class Greeter final : public v1::SessionService::Service {
   std::promise<void> go_on;
 };
 
-// Who called, as the other side saw it, and who answered.
+// The caller as the server saw it, and the server that answered.
 struct Meeting {
   grpc::Status status;
   std::string caller, host;
@@ -78,7 +78,7 @@ class TlsReloading : public testing::Test {
   }
   ~TlsReloading() override {
     host_.reset();
-    (void)use_tls({});  // ends its thread, which logs
+    (void)use_tls({});  // ends the reload thread, which logs
     spdlog::drop_all();
     std::filesystem::remove_all(scratch_);
   }
@@ -99,7 +99,7 @@ class TlsReloading : public testing::Test {
   }
   // On a new connection of this process.
   Meeting met() const { return meet(dial(host_->address())); }
-  // By somebody who has these for good.
+  // By a caller whose files never change.
   Meeting met_by(const MadeCertificate& own, const MadeCertificate& trusted) const {
     return meet(grpc::CreateChannel(
         host_->address(),
@@ -111,7 +111,7 @@ class TlsReloading : public testing::Test {
       return meeting.host == name && meeting.caller == name;
     });
   }
-  // Restarted, so that everybody has to connect anew.
+  // Restarts the host, so that all callers have to connect again.
   void restart_host() {
     const std::string address = host_->address();
     host_.reset();
@@ -158,7 +158,7 @@ TEST_F(TlsReloading, NewConnectionsUseTheNewCertificateAndRunningCallsGoOn) {
   EXPECT_EQ(lines_with("certificates taken up"), 1);
 }
 
-// First all trust both authorities, then everybody changes, then the old one is dropped.
+// First all trust both CAs, then all change certificates, then the old CA is dropped.
 TEST_F(TlsReloading, AnotherAuthorityIsTakenUpWithoutAGap) {
   const MadeCertificate other_ca = make_certificate("other ca");
   const MadeCertificate old_caller = make_certificate("old", &ca_, kNames);
@@ -189,7 +189,7 @@ TEST_F(TlsReloading, WhatIsHalfReplacedOrBrokenChangesNothingAndIsToldOnce) {
   start(ca_.certificate_pem(), make_certificate("first", &ca_, kNames));
   const MadeCertificate next = make_certificate("second", &ca_, kNames);
   const MadeCertificate expired = make_certificate("expired", &ca_, kNames, 0);
-  // Whoever looks twice has told of the case before, and has looked again.
+  // After two reads the previous problem has been logged, and the files read again.
   const auto told = [&](const std::string& words) {
     EXPECT_TRUE(until([&] { return lines_with(words) > 0; })) << words;
     EXPECT_EQ(met().host, "first") << words;

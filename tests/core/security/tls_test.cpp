@@ -15,7 +15,7 @@ namespace {
 
 const char* const kPeer = "server at the rig";
 
-// A server with a certificate for 127.0.0.1, and what callers may have.
+// A server with a certificate for 127.0.0.1, and certificates for its callers.
 class Tls : public testing::Test {
  protected:
   Tls() {
@@ -77,7 +77,7 @@ TEST_F(Tls, CallsGoThroughOnlyWhenEachKnowsTheOther) {
                 " shows a certificate of another host; call it by a name that its certificate has");
 }
 
-// By each of its names and addresses.
+// Calls by each of its names and addresses.
 TEST_F(Tls, AHostHasAllNamesOfItsCertificate) {
   const std::string own = "IP:127.0.0.1,IP:::1,DNS:localhost,URI:urn:glasswing:role:server";
   write("server", make_certificate("server", &ca_, own));
@@ -106,7 +106,7 @@ TEST_F(Tls, ATlsServerTakesNoCallInTheClear) {
                 " does not answer in the clear; if it speaks TLS, set --ca, --certificate and --key");
 }
 
-// Its owner could not have started it with either; one that has run for long may have them.
+// A program cannot be started with such files, but a long-running one may come to have them.
 TEST_F(Tls, CertificatesThatExpiredAreRefusedByBothSides) {
   const MadeCertificate old = make_certificate("old", &ca_, "IP:127.0.0.1", 0);
   const auto stub = v1::ClockService::NewStub(grpc::CreateChannel(
@@ -170,7 +170,7 @@ TEST_F(Tls, WithFilesThatAreWrongNothingIsListenedOn) {
 
 TEST_F(Tls, BeyondThisMachineNothingGoesInTheClear) {
   ASSERT_TRUE(use_tls({}).ok());
-  // 192.0.2.0/24 is for documentation: nobody is there.
+  // 192.0.2.0/24 is reserved for documentation: no host answers there.
   for (const char* address : {"192.0.2.1:7440", "127.example.org:1", "[2001:db8::1]:7440"}) {
     EXPECT_EQ(call(address).message(), std::string(kPeer) +
                                            " is beyond this machine, where calls need TLS; set --ca, and "
@@ -206,7 +206,7 @@ TEST_F(Tls, NamesTheFileThatIsWrong) {
     const absl::Status status = use_tls(files);
     EXPECT_TRUE(absl::IsInvalidArgument(status));
     EXPECT_EQ(status.message().find(words), 0u) << status.message();
-    // Who goes on all the same is told so, rather than called in the clear.
+    // Later calls fail with the problem rather than going out in the clear.
     EXPECT_EQ(call(address_).message(), status.message());
   }
 }

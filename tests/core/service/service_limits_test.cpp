@@ -20,7 +20,7 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-// Sends a matte without end, and takes pictures without end.
+// Sends a matte that never ends, and takes pictures that never end.
 class Streams final : public v1::SessionService::Service {
  public:
   std::atomic<int> ended = 0;
@@ -79,7 +79,7 @@ Descriptor connected_to(const ServiceHost& host) {
   return connection;
 }
 
-// Reads what comes until the other side closes; false if it does not.
+// Reads until the other side closes; false if it does not.
 bool is_closed(const Descriptor& connection) {
   char byte[256];
   ssize_t got = 0;
@@ -160,7 +160,7 @@ TEST(ServiceLimits, ConnectionsThatSayNothingAreClosed) {
 }
 
 TEST(ServiceLimits, ConnectionsBeyondTheMostAreClosedAndOthersServed) {
-  const int most = highest_descriptor() + 40;  // some below may be free
+  const int most = highest_descriptor() + 40;  // some lower numbers may be free
   const auto host =
       ServiceHost::start({.limits = {.descriptors = most, .handshake = seconds(60)}}, {}).value();
   const auto channel = dial(host->address());
@@ -181,7 +181,7 @@ TEST(ServiceLimits, RunningOutOfDescriptorsDeafensNobody) {
   ASSERT_TRUE(answers(*host));
   std::vector<Descriptor> connections;
   for (int i = 0; i < 16; ++i) connections.push_back(unconnected());
-  std::vector<Descriptor> taken;  // all that are below the limit
+  std::vector<Descriptor> taken;  // all below the limit
   rlimit usual{};
   ::getrlimit(RLIMIT_NOFILE, &usual);
   rlimit few = usual;
@@ -221,7 +221,7 @@ TEST(ServiceLimits, TooManyCallsAtOnceAreRefusedAndTheRestGoesOn) {
   }
   v1::UploadImageRequest request;
   request.set_chunk("a beginning");
-  ASSERT_TRUE(until([&] {  // one has no thread, and all others write on
+  ASSERT_TRUE(until([&] {  // one has no thread, and all others keep writing
     return std::any_of(uploads.begin(), uploads.end(),
                        [&](const auto& upload) { return !upload->writer->Write(request); });
   }));

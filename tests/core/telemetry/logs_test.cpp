@@ -50,7 +50,7 @@ TEST(Logs, AJsonLineHasTimeLevelProgramAndMessage) {
   EXPECT_EQ(line["level"], "info");
   EXPECT_EQ(line["program"], "glasswing-test");
   EXPECT_EQ(line["message"], "tile done");
-  // Strings, though they look like numbers: as of a session that is called otherwise.
+  // Strings, although they look like numbers: another session's name may not.
   EXPECT_EQ(line["session"], "12");
   EXPECT_EQ(line["seconds"], "1.50");
 }
@@ -64,7 +64,7 @@ TEST(Logs, AFieldNeverReplacesAnother) {
   EXPECT_EQ(line["a_"], "2");
 }
 
-// Bytes of all kinds, with more of those that mean something.
+// Random bytes, with a bias to those that have a meaning.
 std::string any_text(std::mt19937& random, size_t most) {
   static const std::string kSpecial = "\"\\\n\r\t =ab_\x1b\x7f\xc3\xa4\xff\xe2\x82";
   std::string text(std::uniform_int_distribution<size_t>(0, most)(random), ' ');
@@ -85,7 +85,7 @@ TEST(Logs, AnyMessageGivesALineOfJson) {
 }
 
 TEST(Logs, QuotedValuesComeBackAsTheyWere) {
-  // Of UTF-8, which JSON can hold; a quote, a space and then a name would end the value.
+  // UTF-8, which JSON can hold; a quote, a space and then a name would end the value.
   const std::vector<std::string> pieces{"\"",     "\\",  "\n",   "\t",  " ",
                                         "=",      "a",   "\x1b", "\\n", "\\\"",
                                         "{}",     "%",   "ä",    "€",   "\xf0\x9f\xa6\x8b",

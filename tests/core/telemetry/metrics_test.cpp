@@ -18,7 +18,7 @@ namespace {
 
 using testing::HasSubstr;
 
-// What one of them now tells; none: it is not there.
+// The current value of a metric; empty: there is none.
 std::optional<prometheus::ClientMetric> told(const std::string& name, const prometheus::Labels& labels) {
   for (const prometheus::MetricFamily& family : collect_metrics()) {
     if (family.name != name) continue;
@@ -36,7 +36,7 @@ double count_of(const std::string& method, const std::string& code) {
   return metric ? metric->counter.value : 0.0;
 }
 
-// An HTTP answer, whole.
+// A whole HTTP answer.
 std::string get(const std::string& address, const std::string& path) {
   const int socket = ::socket(AF_INET, SOCK_STREAM, 0);
   sockaddr_in to{};
@@ -121,7 +121,7 @@ TEST(MetricsHost, TellsTheTruthOfItsProcess) {
   const auto host =
       MetricsHost::start({.address = "127.0.0.1:0", .program = "glasswing-test", .build = ""}).value();
   const std::string before = get(host->address(), "/metrics");
-  // This process began before now and after the machine did; what it has used never gets less.
+  // This process started before now and after the machine; CPU time never decreases.
   const double now = static_cast<double>(::time(nullptr));
   EXPECT_LE(of(before, "process_start_time_seconds"), now + 1.0);
   EXPECT_GT(of(before, "process_start_time_seconds"), now - 3600.0);
@@ -131,8 +131,8 @@ TEST(MetricsHost, TellsTheTruthOfItsProcess) {
   const std::string after = get(host->address(), "/metrics");
   EXPECT_GE(of(after, "process_cpu_seconds_total"), of(before, "process_cpu_seconds_total"));
   EXPECT_EQ(of(after, "process_open_fds"), of(before, "process_open_fds") + 2);
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // which bring allocators of their own
-  // Less what the C library's allocator may have given back meanwhile, which is not much.
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // these have allocators of their own
+  // The allocator may have returned a little to the system meanwhile.
   EXPECT_GT(of(after, "glasswing_heap_used_bytes"), of(before, "glasswing_heap_used_bytes") + (32u << 20));
 #endif
   EXPECT_GT(of(after, "process_resident_memory_bytes"),
@@ -169,7 +169,7 @@ TEST(RpcMetrics, CountCallsByMethodAndCode) {
     v1::ExchangeResponse response;
     ASSERT_TRUE(stub->Exchange(&context, {}, &response).ok());
   }
-  host->stop(std::chrono::milliseconds(0));  // nothing of a call goes on
+  host->stop(std::chrono::milliseconds(0));  // no call is left running
   EXPECT_EQ(count_of(method, "OK"), before + 3);
   EXPECT_EQ(told("glasswing_rpc_seconds", {{"method", method}})->histogram.sample_count, before + 3);
   EXPECT_EQ(told("glasswing_rpcs_running", {{"method", method}})->gauge.value, 0.0);

@@ -1,4 +1,4 @@
-// What every Display keeps, whatever screens stand behind it. Instantiate for a backend:
+// The contract of every Display. Instantiate it for a backend:
 //
 //   INSTANTIATE_TEST_SUITE_P(Sim, DisplayContract, testing::Values(make_sim_display));
 #pragma once
@@ -22,14 +22,14 @@ inline double period_ns_of(const ScreenInfo& screen) {
 
 class DisplayContract : public testing::TestWithParam<std::function<std::unique_ptr<Display>()>> {
  protected:
-  // A backend that this machine cannot try gives none.
+  // Null if the backend cannot run on this machine.
   void SetUp() override {
     display_ = GetParam()();
     if (display_ == nullptr) GTEST_SKIP() << "this machine lacks what the display needs";
     black_.resize(display_->screens().size());
   }
-  // How far from whole refreshes two pictures may be, beyond what the display says itself: a server without a
-  // screen counts refreshes by a timer, which comes late when the machine is busy.
+  // How far two pictures may deviate from whole refreshes, beyond the display's own uncertainty: a server
+  // without a screen counts refreshes by a timer, which is late when the machine is busy.
   double unsteady_ns(const ScreenInfo& screen) const {
     return display_->backend() == "x11" ? 0.4 * period_ns_of(screen) : 0.0;
   }

@@ -1,5 +1,5 @@
-// On the cards without hardware of the kernel's vkms driver; tests/vm/run has three. On a real card these
-// tests would take the console from whoever uses it.
+// Runs on virtual cards of the kernel's vkms driver; tests/vm/run has three. On a real card these tests would
+// take the console away from its user.
 #include "display-node/backends/kms_display.h"
 
 #include <fcntl.h>
@@ -32,7 +32,7 @@ using std::chrono::milliseconds;
 
 constexpr char kLacking[] = "no vkms card here; tests/vm/run has three";
 
-// A card as another program sees it.
+// Another program's view of a card.
 class Onlooker {
  public:
   explicit Onlooker(const std::string& card) : fd_(::open(("/dev/dri/" + card).c_str(), O_RDWR | O_CLOEXEC)) {
@@ -57,7 +57,7 @@ class Onlooker {
     drmModeFreeResources(resources);
     return crtc;
   }
-  // As a program does that shows a picture of its own, 800 x 600 px.
+  // Shows a picture of its own, 800 x 600 px, as another program does.
   void show_something() const {
     EXPECT_EQ(drmSetMaster(fd_), 0);
     std::uint32_t handle = 0, pitch = 0, framebuffer = 0;
@@ -76,14 +76,14 @@ class Onlooker {
     drmModeFreeResources(resources);
     drmDropMaster(fd_);
   }
-  // Which refresh began then.
+  // The refresh that began at that time.
   std::uint64_t refresh_at(nanoseconds start, double period_ns) const {
     std::uint64_t number = 0, now_ns = 0;
     EXPECT_EQ(drmCrtcGetSequence(fd_, crtc().crtc_id, &number, &now_ns), 0);
     const double since = static_cast<double>((nanoseconds(now_ns) - start).count()) / period_ns;
     return number - static_cast<std::uint64_t>(std::llround(since));
   }
-  // What the CRTC shows now: blue, green, red, unused.
+  // The pixels that the CRTC shows now: blue, green, red, unused.
   std::vector<std::uint8_t> on_screen() const {
     std::vector<std::uint8_t> bytes;
     drmModeFB* shown = drmModeGetFB(fd_, crtc().buffer_id);
@@ -173,7 +173,7 @@ TEST_F(KmsDisplayTest, ShowsAtTheFirstRefreshAtOrAfter) {
   std::vector<Scanout> before = display->show({}, monotonic_now()).value();
   constexpr int kTimes = 40;
   for (int i = 0; i < kTimes; ++i) {
-    // Anywhere in a refresh, some refreshes ahead.
+    // At any phase of a refresh, some refreshes ahead.
     const nanoseconds at = before[0].start + nanoseconds(period_of(screens[0]).count() * (30 + 7 * i) / 10);
     const std::vector<Scanout> scanouts = display->show({}, at).value();
     for (size_t m = 0; m < screens.size(); ++m) {
@@ -213,7 +213,7 @@ TEST_F(KmsDisplayTest, TheCardShowsThePicturesCodes) {
   }
 }
 
-// The driver makes a checksum of what it scans out, each with the number of its refresh.
+// The checksums that the driver computes of each refresh it scans out.
 class Checksums {
  public:
   explicit Checksums(const std::string& card) {
@@ -226,7 +226,7 @@ class Checksums {
   Checksums& operator=(const Checksums&) = delete;
 
   bool works() const { return fd_ >= 0; }
-  // By refresh, those since the last call.
+  // Those since the last call, by refresh.
   void read_into(std::map<std::uint64_t, std::uint64_t>& checksums) const {
     std::array<char, 128> line{};
     while (::read(fd_, line.data(), line.size() - 1) > 0) {
@@ -248,7 +248,7 @@ TEST_F(KmsDisplayTest, EachRefreshScansOutWhatTheReportSays) {
     if (!driver.works()) GTEST_SKIP() << "debugfs has no checksums of " << cards_[m];
     const std::array<Picture, 2> pictures{noise(screen, 1), noise(screen, 2)};
     std::map<std::uint64_t, std::uint64_t> checksums;
-    std::map<std::uint64_t, size_t> reported;  // by refresh, the picture from then on
+    std::map<std::uint64_t, size_t> reported;  // the picture from that refresh on
     nanoseconds at = monotonic_now();
     for (size_t i = 0; i < 60; ++i) {
       const Scanout scanout = display->show({pictures[i % 2]}, at).value().front();
@@ -357,7 +357,7 @@ TEST_F(KmsDisplayTest, SaysWhatIsWrong) {
   EXPECT_TRUE(absl::IsInvalidArgument(twice));
   says(twice, connector);
 
-  // vkms has XRGB8888 and no XRGB2101010.
+  // vkms supports XRGB8888, but not XRGB2101010.
   const absl::Status deep =
       KmsDisplay::open({.monitors = {{.name = "back", .connector = connector}}, .bits = 10}).status();
   EXPECT_TRUE(absl::IsFailedPrecondition(deep)) << deep;

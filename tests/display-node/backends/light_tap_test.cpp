@@ -11,7 +11,7 @@ namespace {
 
 using std::chrono::milliseconds;
 
-// A tap with the screens that it needs.
+// A tap and the simulated screens behind it.
 class TappedSim final : public Display {
  public:
   explicit TappedSim(double missed_flips)
@@ -73,7 +73,7 @@ TEST(LightTap, SeesWhatWasShownAndNothingStartsBeforeAHorizon) {
   }
 }
 
-// Until the new picture has begun, nobody may take the old one's light for all there was.
+// Until the new picture's scan-out has begun, the horizon must not pass its start.
 TEST(LightTap, WhileAFlipIsUnderWayTheHorizonWaits) {
   TappedSim display(0.0);
   const std::vector<Scanout> old_start = display.show({small_gray(25), nullptr}, monotonic_now()).value();

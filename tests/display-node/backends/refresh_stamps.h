@@ -1,4 +1,4 @@
-// For displays whose refreshes the kernel stamps: are the stamps good to a microsecond?
+// Tests that the kernel's time stamps of refreshes are accurate to a microsecond.
 #pragma once
 
 #include <fmt/format.h>
@@ -12,8 +12,8 @@
 
 namespace glasswing {
 
-// Shows black as often as it can, and prints how steady the refreshes were. `period_error_ns`: how well the
-// display knows its period.
+// Shows black as often as possible, and prints how steady the refreshes were. `period_error_ns`: the
+// uncertainty of the display's period.
 inline void expect_stamps_to_a_microsecond(Display& display, double period_error_ns) {
   constexpr size_t kFlips = 300;
   const std::vector<ScreenInfo>& screens = display.screens();
@@ -30,7 +30,7 @@ inline void expect_stamps_to_a_microsecond(Display& display, double period_error
       const auto apart_ns = static_cast<double>((starts[m][i] - starts[m][i - 1]).count());
       const double refreshes = std::round(apart_ns / period_ns);
       EXPECT_GE(refreshes, 1.0) << screens[m].name;
-      // Both stamps are cut to whole microseconds.
+      // Both stamps are truncated to microseconds.
       EXPECT_NEAR(apart_ns, refreshes * period_ns, 1000.0 + refreshes * period_error_ns) << screens[m].name;
       squares += std::pow(apart_ns - refreshes * period_ns, 2.0);
       singles += refreshes == 1.0 ? 1 : 0;

@@ -11,7 +11,7 @@ namespace {
 
 using std::chrono::milliseconds;
 
-// What the light does and what is reported differ by nothing or by one refresh, as often as asked.
+// The light and the report differ by one refresh, with the given probability, and otherwise agree.
 TEST(RepeatingDisplay, ThePictureComesARefreshLaterThanItSays) {
   constexpr int kShown = 60;
   for (const double repeat : {0.0, 0.5, 1.0}) {
@@ -30,7 +30,7 @@ TEST(RepeatingDisplay, ThePictureComesARefreshLaterThanItSays) {
       ASSERT_TRUE(tap.read(cursor, emissions, horizon, milliseconds(0)));
       ASSERT_EQ(emissions.size(), 1u);
       const double late = static_cast<double>((emissions[0].scanout_start - said).count()) / period_ns;
-      EXPECT_NEAR(late, std::round(late), 1e-6);  // times are whole ns, of 5 ms
+      EXPECT_NEAR(late, std::round(late), 1e-6);  // times are rounded to ns; a refresh has 5 ms
       EXPECT_GE(said, at);
       repeated += static_cast<int>(std::round(late));
       at = said + nanoseconds(static_cast<std::int64_t>(1.5 * period_ns));

@@ -16,7 +16,7 @@ std::unique_ptr<SimDisplay> make_sim(double missed_flips) {
 INSTANTIATE_TEST_SUITE_P(Sim, DisplayContract,
                          testing::Values([] { return make_sim(0.0); }, [] { return make_sim(0.4); }));
 
-// Asked for long enough ahead that no scheduler makes it late.
+// Requested far enough ahead that scheduling never makes it late.
 constexpr nanoseconds kAhead = milliseconds(200);
 
 TEST(SimDisplay, ShowsAtTheFirstRefreshUnlessTheFlipIsMissed) {

@@ -43,7 +43,7 @@ Picture noise(int width, int height, unsigned seed, int bits = 8) {
   return image;
 }
 
-// What another client finds on the screen, a word a pixel.
+// The screen as another client reads it, a word per pixel.
 std::vector<std::uint32_t> on_screen(const std::string& name, int x, int y, int width, int height) {
   xcb_connection_t* connection = xcb_connect(name.c_str(), nullptr);
   const xcb_window_t root = xcb_setup_roots_iterator(xcb_get_setup(connection)).data->root;
@@ -122,7 +122,7 @@ TEST(X11Display, ShowsAtTheRefreshThatWasAskedFor) {
     for (size_t m = 0; m < 2; ++m) {
       const double late =
           static_cast<double>((scanouts[m].start - at).count()) / period_ns_of(display->screens()[m]);
-      EXPECT_GE(late, -0.4);  // the server's timer wavers; see the contract
+      EXPECT_GE(late, -0.4);  // the server's timer jitters; see the contract
       EXPECT_LE(late, 1.4);
     }
   }

@@ -20,7 +20,7 @@ INSTANTIATE_TEST_SUITE_P(X11Vblank, DisplayContract, testing::Values(make_x11));
 TEST(X11Vblank, RefreshesAreStampedToAMicrosecond) {
   const std::unique_ptr<Display> display = make_x11();
   if (display == nullptr) GTEST_SKIP() << "GLASSWING_TEST_X_SERVER names no X server";
-  // The period is measured over 28 refreshes or more, between stamps that are cut to whole microseconds.
+  // The period is measured over at least 28 refreshes, between stamps truncated to microseconds.
   expect_stamps_to_a_microsecond(*display, 1000.0 / 28.0);
 }
 

@@ -26,7 +26,7 @@ bool answers(const std::string& name) {
 std::unique_ptr<Xvfb> Xvfb::start(int depth) {
   static int started = 0;
   std::unique_ptr<Xvfb> server(new Xvfb());
-  // One of its own for every process and start.
+  // A different number for every process and start.
   server->name_ = fmt::format(":{}", 1000 + (::getpid() * 4 + started++) % 30000);
   const std::string screen = fmt::format("640x400x{}", depth);
   server->process_ = ::fork();

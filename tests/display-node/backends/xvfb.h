@@ -9,8 +9,7 @@ namespace glasswing {
 
 class Xvfb {
  public:
-  // Of 640 x 400 px. Null where Xvfb is not installed, lacks that depth, or does not start within ten
-  // seconds.
+  // 640 x 400 px. Null if Xvfb is not installed, lacks that depth, or does not start within ten seconds.
   static std::unique_ptr<Xvfb> start(int depth = 24);
   ~Xvfb();
   Xvfb(const Xvfb&) = delete;
@@ -21,7 +20,7 @@ class Xvfb {
     std::string name;
     int x, y, width, height;  // px
   };
-  // In place of the one that it has; false where xrandr is missing.
+  // Replaces its monitor; false if xrandr is missing.
   bool set_monitors(const std::vector<Monitor>& monitors) const;
   void kill();
 

@@ -41,7 +41,7 @@ Program program_of(int steps, int hold_refreshes, const std::vector<ScreenInfo>&
   return Program::create(request, screens, ImageStore()).value();
 }
 
-// Screens whose refreshes are computed, not waited for: only the player's own waits take time.
+// Screens that compute their refreshes instead of waiting for them: only the player's own waits take time.
 class FakeDisplay final : public Display {
  public:
   struct Shown {
@@ -69,7 +69,7 @@ class FakeDisplay final : public Display {
     return scanouts;
   }
 
-  // Every third flip of "back" comes two refreshes late.
+  // Every third flip of "back" is two refreshes late.
   int missed(size_t index, size_t monitor) const { return misses && monitor == 0 && index % 3 == 1 ? 2 : 0; }
 
   bool misses = false;
@@ -132,11 +132,11 @@ TEST_F(Player, ReportsWhenEachStepWasReallyShownAndReplaced) {
       EXPECT_NEAR(report.refreshes() * 1e9 / info.refresh_hz, static_cast<double>((until - from).count()),
                   2.0);
     }
-    // One monitor alone sets the pace exactly: "left" is the slower one.
+    // "left", the slower monitor, alone sets the pace.
     if (!misses) {
       EXPECT_EQ(reports_[1].refreshes(), kHold);
     }
-    // A flip two refreshes late leaves the step before on screen for as long.
+    // A flip that is two refreshes late keeps the previous step on screen for two more.
     if (misses) {
       EXPECT_GE(reports_[0].refreshes(), kHold + 2);
     }

@@ -51,7 +51,7 @@ void expect_refused(const v1::LoadProgramRequest& request, const std::string& me
   EXPECT_TRUE(absl::StrContains(status.message(), message)) << status;
 }
 
-// What a screen that is taken for linear shows.
+// The code that a screen without calibration shows.
 std::vector<std::uint16_t> codes_of(const RadianceImage& radiance, int bits = 16) {
   std::vector<std::uint16_t> codes;
   for (const float sample : radiance.samples) {
@@ -228,8 +228,8 @@ v1::DisplayCalibration power_law(const std::string& monitor, int width_px, int h
   return calibration;
 }
 
-// The largest difference of the light from peak exp(-z^2 / 2), means over 4 x 4 px at every place, over the
-// peak. The panel's black is taken off.
+// The largest difference between the light, averaged over 4 x 4 px at every position, and peak exp(-z^2 / 2),
+// relative to the peak. The panel's black is subtracted.
 double worst_mean(const Image16& light, double black, const v1::Stimulus& stripe, int height_px) {
   const double phi_rad = stripe.phi_deg() * std::numbers::pi / 180.0;
   const auto off = [&](int x, int y) {
@@ -249,8 +249,8 @@ double worst_mean(const Image16& light, double black, const v1::Stimulus& stripe
   return worst;
 }
 
-// Through a panel of gamma 2.2 and its calibration a Gaussian is one in light: the goal is 0.5 % of the peak.
-// The id patch below stays as black and bright as the panel can.
+// Through a panel of gamma 2.2 and its calibration a Gaussian is a Gaussian in light, within 0.5 % of the
+// peak. The id patch below keeps the panel's full contrast.
 TEST(Program, WithACalibrationAStripeIsGaussianInTheLightOfThePanel) {
   constexpr double kBlack = 0.003;
   constexpr int kWidth = 192, kHeight = 160, kPatchRows = 8;
@@ -297,8 +297,8 @@ TEST(Program, WithACalibrationAStripeIsGaussianInTheLightOfThePanel) {
   }
 }
 
-// A photo is radiance too, and each primary has its own curve: on average over the picture the light is what
-// was asked for, but for half a step at most of each of its border's pixels (core/radiometry/dither).
+// A photo is radiance too, and each primary has its own curve: the light averaged over the picture is the
+// requested one, within half a step for each pixel of its border (core/radiometry/dither).
 TEST(Program, PhotosGoThroughTheCalibrationOfTheirMonitorAlone) {
   constexpr std::array<double, 3> kGammas{1.8, 2.2, 2.4};
   constexpr int kSize = 64;
@@ -419,7 +419,7 @@ TEST(ImageStore, IsBoundedByCountAndBytes) {
   EXPECT_EQ(stored, 64);
   EXPECT_EQ(few.add(png_of(2, 2, 0)).value(), first) << "what is there may be sent again";
 
-  ImageStore small(150);  // a picture of 4x4 takes 96
+  ImageStore small(150);  // a picture of 4 x 4 px takes 96
   ASSERT_TRUE(small.add(png_of(4, 4, 1)).ok());
   EXPECT_TRUE(absl::IsResourceExhausted(small.add(png_of(4, 4, 2)).status()));
   EXPECT_TRUE(small.add(png_of(3, 3, 2)).ok()) << "exactly full";

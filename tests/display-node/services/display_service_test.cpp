@@ -14,7 +14,7 @@ namespace {
 using std::chrono::hours;
 using std::chrono::milliseconds;
 
-// No call of these tests needs long; a hang is a failure with a name.
+// Every call of these tests is short; the deadline turns a hang into a failure.
 constexpr milliseconds kPatience(20'000);
 
 class DisplayServiceTest : public testing::Test {
@@ -166,7 +166,7 @@ TEST_F(DisplayServiceTest, LoadingAnotherProgramAbortsTheOneThatPlays) {
 TEST_F(DisplayServiceTest, PlayingAgainAbortsTheEarlierCall) {
   ASSERT_TRUE(load(program("long", 20000, 600)).ok());
   Play first(*stub_, "long", monotonic_now() + hours(1));
-  // Whichever the server takes up first is ended by the other, and that one by the new program.
+  // The second call ends the first one, whichever comes first, and the new program ends the second.
   Play second(*stub_, "long", monotonic_now() + hours(1));
   ASSERT_TRUE(load(program("next", 2, 2)).ok());
   EXPECT_FALSE(first.finish().ok());
@@ -197,7 +197,7 @@ TEST_F(DisplayServiceTest, CancellingFreesTheScreensWithinTheStep) {
   }
 }
 
-// A program shows through the calibration that came with it, and the next one through its own.
+// Each program uses the calibration that came with it.
 TEST_F(DisplayServiceTest, EveryProgramBringsItsCalibrations) {
   v1::LoadProgramRequest request = program("p", 1, 2);
   for (int c = 0; c < 3; ++c) request.mutable_steps(0)->mutable_stimuli(0)->add_colour(0.5);
@@ -207,7 +207,8 @@ TEST_F(DisplayServiceTest, EveryProgramBringsItsCalibrations) {
   calibration.set_width_px(8);
   calibration.set_height_px(6);
   calibration.set_bits(8);
-  // Up to code 99 the first half of the light, from code 100 on the other: no code but 100 has half of it.
+  // Codes up to 99 span the first half of the light, codes from 100 on the second: only code 100 has half of
+  // it.
   for (int c = 0; c < 3; ++c) {
     v1::ToneCurve& curve = *calibration.add_primaries();
     for (int code = 0; code < 256; ++code)

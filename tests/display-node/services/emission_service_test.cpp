@@ -80,7 +80,7 @@ TEST_F(EmissionServiceTest, MonitorsComeFirstThenWhatIsOnScreenThenTime) {
     EXPECT_EQ(event.picture().chunk(),
               std::string(static_cast<size_t>(info.width_px * info.height_px * 6), '\0'));
   }
-  // With nothing shown, time still goes on, and never past now.
+  // The horizon advances even if nothing is shown, but never past now.
   std::map<std::string, std::int64_t> horizons;
   for (int i = 0; i < 20; ++i) {
     ASSERT_TRUE(reader_->Read(&event));
@@ -104,7 +104,7 @@ TEST_F(EmissionServiceTest, TheLightMayNotBeWhatTheScreenSaysOfItself) {
   EXPECT_EQ(display_->screens()[0].lag, milliseconds(3));
 }
 
-// The next whole picture's samples.
+// The samples of the next whole picture.
 std::vector<std::uint16_t> next_picture(grpc::ClientReader<v1::WatchEmissionResponse>& reader) {
   v1::WatchEmissionResponse event;
   std::string pixels;
@@ -122,7 +122,7 @@ std::vector<std::uint16_t> next_picture(grpc::ClientReader<v1::WatchEmissionResp
 TEST_F(EmissionServiceTest, ThePanelMakesLightOfCodes) {
   serve({screen("back", 16, 16, 200.0, 8)}, 0.0, {.panel = {.gamma = 2.2, .black = 0.003}});
   const auto light_of = [](int code) { return 0.003 + 0.997 * std::pow(code / 255.0, 2.2); };
-  // Stored in steps of 1/65535, worked out in floats.
+  // Stored in steps of 1/65535, computed in floats.
   constexpr double kRounding = 0.5 / 65535.0 + 1e-6;
   const std::vector<std::uint16_t> dark = next_picture(*reader_);
   ASSERT_EQ(dark.size(), 16u * 16u * 3u);
@@ -155,8 +155,8 @@ TEST_F(EmissionServiceTest, DriftsFromPictureToPicture) {
   EXPECT_LE(light, left(after) + kRounding);
 }
 
-// The light and the player's word agree on every picture and time, missed flips and all; pictures larger than
-// one chunk come whole.
+// The light and the player's reports agree on every picture and time, missed flips included; pictures larger
+// than a chunk arrive whole.
 TEST_F(EmissionServiceTest, LightIsWhatThePlayerReports) {
   constexpr int kSteps = 25;
   serve({screen("back", 700, 300, 100.0), screen("left", 4, 4, 144.0)}, 0.3);

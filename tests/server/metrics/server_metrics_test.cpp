@@ -95,6 +95,7 @@ class FakeStore final : public JobStore {
   absl::Status retry(std::int64_t) override { return absl::NotFoundError("retry"); }
   absl::Status hold(std::int64_t) override { return absl::NotFoundError("hold"); }
   absl::Status release(std::int64_t) override { return absl::NotFoundError("release"); }
+  absl::Status requeue(std::int64_t, int) override { return absl::UnavailableError("requeue"); }
   absl::Status remove(std::int64_t) override { return absl::UnavailableError("remove"); }
   absl::StatusOr<std::vector<std::int64_t>> own_jobs() override { return std::vector<std::int64_t>{4, 5}; }
   absl::StatusOr<std::optional<Lease>> claim(const std::string& solver, std::span<const std::string>,

@@ -6,7 +6,7 @@
 #include <fstream>
 
 #include "core/base/file.h"
-#include "core/storage/database.h"
+#include "server/storage/database.h"
 #include "tests/core/base/flipped.h"
 
 namespace glasswing {

@@ -1,0 +1,11 @@
+// glasswing-camera between its command line and its last signal.
+#pragma once
+
+#include "camera-node/camera_options.h"
+#include "core/cli/daemon.h"
+
+namespace glasswing {
+
+absl::Status run_camera(const CLI::App& app, DaemonOptions daemon, CameraOptions options);
+
+}  // namespace glasswing

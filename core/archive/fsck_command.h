@@ -1,0 +1,40 @@
+// `fsck` on the command line: a subcommand of every daemon that keeps data, and of `glasswing`.
+#pragma once
+
+#include <absl/status/status.h>
+
+#include <CLI/CLI.hpp>
+#include <string>
+
+#include "core/archive/check.h"
+#include "core/archive/fsck.h"
+#include "core/cli/daemon.h"
+
+namespace glasswing {
+
+struct FsckArguments {
+  std::string path;
+  bool repair = false;
+  bool json = false;
+  // For `glasswing fsck`, which shows it: every now and then "progress FRACTION" on standard error.
+  bool show_progress = false;
+};
+
+inline constexpr int kDamage = 3;  // exit status: damage is left
+inline constexpr char kFsckDescription[] = "Check what lies on a disk, and repair it.";
+inline constexpr char kProgressLine[] = "progress ";  // a number in [0, 1] follows
+
+// Declares PATH and --repair, and the help below them, with `examples`, one a line.
+void add_fsck_arguments(CLI::App& command, FsckArguments& arguments, const std::string& examples);
+
+// Root becomes the user whom the data belong to: a daemon could not write to what root had written.
+absl::Status become_owner(const std::string& path);
+
+// Writes the report to standard output. Returns the exit status: 0 or kDamage.
+int print_report(const CheckReport& report, const FsckArguments& arguments);
+
+// Adds `fsck PATH [--repair] [--json]` to a daemon's program. `check_server` as in FsckOptions.
+void add_fsck_command(CLI::App& app, DaemonOptions& options, const std::string& example,
+                      decltype(FsckOptions::check_server) check_server = nullptr);
+
+}  // namespace glasswing

@@ -1,0 +1,11 @@
+// glasswing-display between its command line and its last signal.
+#pragma once
+
+#include "core/cli/daemon.h"
+#include "display-node/display_options.h"
+
+namespace glasswing {
+
+absl::Status run_display(const CLI::App& app, const DaemonOptions& daemon, const DisplayOptions& options);
+
+}  // namespace glasswing

@@ -1,0 +1,140 @@
+#include "display-node/display_options.h"
+
+#include <cstdio>
+
+#include "core/base/time.h"
+#include "core/cli/daemon_options.h"
+
+namespace glasswing {
+namespace {
+
+nanoseconds of_ms(double ms) {
+  return nanoseconds(static_cast<std::int64_t>(ms * 1e6));
+}
+
+void add_screen_options(CLI::App& app, DisplayOptions& display) {
+  app.add_option("--server", display.server, "host:port of glasswing-server, to register with");
+  app.add_option("--name", display.name, "this node's name in the rig")->capture_default_str();
+  app.add_option("--backend", display.backend, "how pictures reach screens")
+      ->check(CLI::IsMember({"sim", "x11", "kms"}))
+      ->capture_default_str();
+  app.add_option(
+      "--monitor", display.monitors,
+      "sim: NAME=WIDTHxHEIGHT@HZ, back=128x96@60 if left out; x11: NAME=OUTPUT as xrandr calls it; kms: "
+      "NAME=[CARD:]CONNECTOR[@WIDTHxHEIGHT[@HZ]]; all monitors if left out; repeat for more");
+  app.add_option("--x11-server", display.x11_server, "x11: which, such as :0; $DISPLAY if left out");
+  app.add_option("--patch-rows", display.patch_rows,
+                 "rows at the bottom of every monitor that show an id patch, by which frames are proven from "
+                 "their pixels")
+      ->check(CLI::Range(0, 4096))
+      ->capture_default_str();
+  app.add_option("--lag-ms", display.lag_ms, "time from the scan-out of a row to its light")
+      ->check(CLI::Range(0.0, 200.0))
+      ->capture_default_str();
+  app.add_option("--settle-ms", display.settle_ms, "time until that light has settled")
+      ->check(CLI::Range(0.0, 200.0))
+      ->capture_default_str();
+}
+
+void add_true_timing_options(CLI::App& app, DisplayOptions& display) {
+  app.add_option("--true-lag-ms", display.true_lag_ms,
+                 "true lag of the light that a simulated camera sees; --lag-ms if left out")
+      ->check(CLI::Range(0.0, 200.0));
+  app.add_option("--true-settle-ms", display.true_settle_ms, "the same for --settle-ms")
+      ->check(CLI::Range(0.0, 200.0));
+}
+
+void add_true_light_options(CLI::App& app, DisplayOptions& display) {
+  app.add_option("--true-response", display.true_response,
+                 "that light as a function of the code: linear, or gamma:G, such as gamma:2.2: (code / "
+                 "largest code)^G")
+      ->capture_default_str();
+  app.add_option("--true-black", display.panel.black, "that light at code 0, as a part of full scale")
+      ->check(CLI::Range(0.0, 0.9))
+      ->capture_default_str();
+  app.add_option(
+         "--true-crosstalk", display.panel.crosstalk,
+         "part of a primary's light that each of the other two channels gets; the primary keeps the rest")
+      ->check(CLI::Range(0.0, 0.3))
+      ->capture_default_str();
+  app.add_option(
+         "--true-falloff", display.panel.falloff,
+         "part of the light at a monitor's middle that its corners lack; grows with the distance squared")
+      ->check(CLI::Range(0.0, 0.9))
+      ->capture_default_str();
+  app.add_option(
+         "--true-drift", display.panel.drift_per_minute,
+         "part of the light that is lost with each minute since the start; changes from picture to picture")
+      ->check(CLI::Range(0.0, 0.5))
+      ->capture_default_str();
+  app.add_option("--true-flicker", display.true_flicker,
+                 "AMPLITUDE@HZ, such as 0.1@100: multiplies that light by 1 + AMPLITUDE sin(2 pi HZ t)");
+}
+
+void add_fault_options(CLI::App& app, DisplayOptions& display) {
+  app.add_option("--fault-missed-flips", display.faults.missed_flips,
+                 "sim: probability that a flip is a refresh late")
+      ->check(CLI::Range(0.0, 1.0));
+  app.add_option("--fault-jitter-ms", display.jitter_ms,
+                 "sim: each scan-out begins up to this late, and is reported so; less than a refresh")
+      ->check(CLI::Range(0.0, 1000.0));
+  app.add_option(
+         "--fault-repeat", display.repeat,
+         "sim: probability that the old picture stays a refresh longer than is reported: a display that lies")
+      ->check(CLI::Range(0.0, 1.0));
+  app.add_option("--fault-seed", display.faults.seed, "sim: seed of the faults");
+}
+
+}  // namespace
+
+nanoseconds DisplayOptions::lag() const {
+  return of_ms(lag_ms);
+}
+nanoseconds DisplayOptions::settle() const {
+  return of_ms(settle_ms);
+}
+nanoseconds DisplayOptions::jitter() const {
+  return of_ms(jitter_ms);
+}
+
+absl::StatusOr<TrueOptics> DisplayOptions::true_optics() const {
+  TrueOptics optics{.panel = panel};
+  int read = 0;
+  if (true_response != "linear" &&
+      (std::sscanf(true_response.c_str(), "gamma:%lf%n", &optics.panel.gamma, &read) != 1 ||
+       static_cast<size_t>(read) != true_response.size() ||
+       !(optics.panel.gamma >= 0.2 && optics.panel.gamma <= 5.0))) {
+    return absl::InvalidArgumentError("--true-response is " + true_response +
+                                      "; it must be linear, or gamma:G with G 0.2 to 5");
+  }
+  if (!true_flicker.empty() && (std::sscanf(true_flicker.c_str(), "%lf@%lf%n", &optics.flicker.amplitude,
+                                            &optics.flicker.hz, &read) != 2 ||
+                                static_cast<size_t>(read) != true_flicker.size() ||
+                                !(optics.flicker.amplitude >= 0.0 && optics.flicker.amplitude <= 1.0) ||
+                                !(optics.flicker.hz >= 0.1 && optics.flicker.hz <= 1e5))) {
+    return absl::InvalidArgumentError("--true-flicker is " + true_flicker +
+                                      "; it must be AMPLITUDE@HZ, such as 0.1@100, with AMPLITUDE 0 to 1 "
+                                      "and HZ 0.1 to 100000");
+  }
+  if (true_lag_ms) optics.lag = of_ms(*true_lag_ms);
+  if (true_settle_ms) optics.settle = of_ms(*true_settle_ms);
+  return optics;
+}
+
+// In the order of --help.
+void add_display_options(CLI::App& app, DaemonOptions& daemon, DisplayOptions& display) {
+  daemon.listen.address = "127.0.0.1:7441";
+  add_listen_options(app, daemon.listen);
+  add_screen_options(app, display);
+  add_true_timing_options(app, display);
+  app.add_option(
+         "--bits", display.bits,
+         "of a code; sim: 8 to 16, 16 if left out, which is ideal: calibrated monitors have 8 to 12; x11, "
+         "kms: 8, or 10 where the screen has them, 8 if left out")
+      ->check(CLI::Range(8, 16));
+  add_true_light_options(app, display);
+  add_fault_options(app, display);
+  add_tls_options(app, daemon.tls);
+}
+
+}  // namespace glasswing

@@ -1,0 +1,75 @@
+#include "server/server_daemon.h"
+
+#include <spdlog/spdlog.h>
+
+#include <cmath>
+#include <memory>
+#include <optional>
+
+#include "core/base/directory_lock.h"
+#include "core/base/status.h"
+#include "core/telemetry/process_metrics.h"
+#include "server/console/console.h"
+#include "server/console/console_service.h"
+#include "server/metrics/server_metrics.h"
+#include "server/rig/clock_watch.h"
+#include "server/services/fleet_service.h"
+#include "server/services/rig_service.h"
+#include "server/services/session_service.h"
+#include "server/services/work_service.h"
+#include "server/sessions/session_store.h"
+
+namespace glasswing {
+namespace {
+
+// Null: the options ask for none.
+absl::StatusOr<std::unique_ptr<Console>> start_console(const ServerProgramOptions& options,
+                                                       const ConsoleKey& key, ConsoleServiceImpl& tokens,
+                                                       const ServiceHost& host) {
+  if (options.console.address.empty()) return nullptr;
+  ConsoleOptions console = options.console;
+  console.name = options.store.address.substr(0, options.store.address.rfind(':'));
+  GW_ASSIGN_OR_RETURN(std::unique_ptr<Console> started, Console::start(console, key, host.to_itself()));
+  tokens.serve_at(started->url());
+  spdlog::info("console at url={}", started->url());
+  return started;
+}
+
+}  // namespace
+
+absl::Status run_server(const DaemonOptions& daemon, ServerProgramOptions options) {
+  options.store.address = daemon.listen.advertised.empty() ? daemon.listen.address : daemon.listen.advertised;
+  options.store.lease = std::chrono::milliseconds(std::llround(1000.0 * options.lease_seconds));
+  GW_ASSIGN_OR_RETURN(const DirectoryLock lock, DirectoryLock::take(options.store.data));
+  GW_ASSIGN_OR_RETURN(const std::unique_ptr<Server> server, Server::open(options.store));
+  SessionServiceImpl sessions(*server);
+  NodeServiceImpl nodes(*server);
+  WorkServiceImpl work(*server);
+  RigServiceImpl rig(*server);
+  FleetServiceImpl fleet([&] { return server->fleet(); });
+  GW_ASSIGN_OR_RETURN(const ConsoleKey key, ConsoleKey::open(options.store.data));
+  ConsoleServiceImpl tokens(key);
+  server_metrics();
+  const AskedMetrics asked([&] {
+    const absl::StatusOr<std::vector<v1::Session>> now = server->list({});
+    return server_gauges(server->fleet(), now.ok() ? *now : std::vector<v1::Session>(),
+                         server->rig().nodes());
+  });
+  const AskedMetrics disk([&] { return disk_metrics(options.store.data); });
+  std::optional<ClockWatch> clocks;
+  std::unique_ptr<Console> console;
+  return serve(daemon, {.services = {&sessions, &nodes, &work, &rig, &fleet, &tokens},
+                        .begin = [&](ServiceHost* host) -> absl::Status {
+                          clocks.emplace(server->rig());
+                          GW_ASSIGN_OR_RETURN(console, start_console(options, key, tokens, *host));
+                          return absl::OkStatus();
+                        },
+                        .end =
+                            [&] {
+                              console.reset();
+                              sessions.stop();
+                              rig.stop();
+                            }});
+}
+
+}  // namespace glasswing

@@ -1,0 +1,11 @@
+// glasswing-server between its command line and its last signal.
+#pragma once
+
+#include "core/cli/daemon.h"
+#include "server/server_options.h"
+
+namespace glasswing {
+
+absl::Status run_server(const DaemonOptions& daemon, ServerProgramOptions options);
+
+}  // namespace glasswing

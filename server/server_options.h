@@ -1,0 +1,20 @@
+// The command line of glasswing-server.
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+#include "core/cli/daemon.h"
+#include "server/console/console.h"
+#include "server/sessions/session_store.h"
+
+namespace glasswing {
+
+struct ServerProgramOptions {
+  ServerOptions store;
+  ConsoleOptions console;
+  double lease_seconds = 10.0;
+};
+
+void add_server_options(CLI::App& app, DaemonOptions& daemon, ServerProgramOptions& server);
+
+}  // namespace glasswing

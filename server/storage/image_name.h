@@ -1,0 +1,12 @@
+// Uploaded pictures are named after their content.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+namespace glasswing {
+
+// The name of the file below images/ that holds these bytes: "xxh3" and 16 hexadecimal digits.
+std::string image_name(std::string_view bytes);
+
+}  // namespace glasswing

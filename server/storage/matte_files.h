@@ -1,0 +1,54 @@
+// The files of mattes below the server's data:
+//
+//   mattes/SESSION.exr        the matte of the last finished solve, or, for a video,
+//   mattes/SESSION/0000.exr   one file per frame
+//   mattes/SESSION+next.exr, mattes/SESSION+next/0000.exr
+//                             those of the current solve, which replace the above when it finishes
+//   tiles/SESSION/            parts of the current solve, each named after the checksum of its bytes
+//
+// Session names contain no '+'.
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+namespace glasswing {
+
+// The name of a tile's file; `checksum`: checksum_of() its bytes.
+std::string tile_name(std::int64_t job, int tile, int attempt, std::string_view checksum);
+// True if the bytes are those that were written under that name.
+bool is_named_after(const std::filesystem::path& tile, std::string_view bytes);
+
+// Its owner serialises changes.
+class MatteFiles {
+ public:
+  explicit MatteFiles(std::filesystem::path data) : data_(std::move(data)) {}
+
+  std::filesystem::path finished(const std::string& session) const;
+  std::filesystem::path finished(const std::string& session, int frame) const;
+  std::filesystem::path next(const std::string& session) const;
+  std::filesystem::path next(const std::string& session, int frame) const;
+  // The directory exists when this returns OK.
+  absl::StatusOr<std::filesystem::path> tiles(const std::string& session) const;
+  // Makes the directory for the current solve's frames.
+  absl::Status make_next(const std::string& session) const;
+
+  // Removes the files of the current solve durably: after a power cut they would count as finished once the
+  // session is done.
+  absl::Status drop_next(const std::string& session) const;
+  // Replaces the finished mattes by those of the current solve, if it made any. Repeating it after a crash
+  // completes it.
+  absl::Status finish(const std::string& session) const;
+  // Removes all files of the session. Returns how many bytes they had.
+  absl::StatusOr<std::int64_t> remove(const std::string& session) const;
+
+ private:
+  std::filesystem::path data_;
+};
+
+}  // namespace glasswing

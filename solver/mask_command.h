@@ -1,0 +1,10 @@
+// `glasswing-solver mask`: finds the object in a photograph, by one without it.
+#pragma once
+
+#include "core/cli/daemon.h"
+
+namespace glasswing {
+
+void add_mask_command(CLI::App& app, DaemonOptions& daemon);
+
+}  // namespace glasswing

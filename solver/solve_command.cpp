@@ -1,0 +1,109 @@
+#include "solver/solve_command.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <iostream>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/base/file.h"
+#include "core/base/status.h"
+#include "core/import/mapped_archive.h"
+#include "core/matte/matte_file.h"
+#include "core/pattern/method_options.h"
+#include "solver/methods.h"
+#include "solver/ramp/ramp_options.h"
+#include "solver/ramp/video_layout.h"
+#include "solver/worker/parallel_solve.h"
+#include "solver/worker/video_solve.h"
+
+namespace glasswing {
+namespace {
+
+struct Solve {
+  std::string archive, matte, method = "gaussian";
+  std::vector<std::string> settings;
+  int threads = 0;
+};
+
+// Writes a matte per frame: 0000.exr and so on. Goes on past frames that cannot be solved, and returns the
+// first of their errors.
+absl::Status solve_each_frame(const VideoMethod& method, const MappedArchive& archive, const Solve& solve) {
+  const v1::CaptureManifest& manifest = archive.manifest();
+  GW_ASSIGN_OR_RETURN(const VideoLayout layout, lay_out_video(manifest));
+  const int count = static_cast<int>(layout.frames.size());
+  const ReadFrame read = [&](int frame) -> absl::StatusOr<std::vector<std::uint16_t>> {
+    const std::span<const std::uint16_t> rows = archive.rows(frame, 0, manifest.camera().height_px());
+    return std::vector<std::uint16_t>(rows.begin(), rows.end());
+  };
+  GW_ASSIGN_OR_RETURN(const std::unique_ptr<VideoSource> source, read_ahead(manifest, 0, count, read));
+  std::error_code failed;
+  std::filesystem::create_directories(solve.matte, failed);
+  if (failed)
+    return absl::InvalidArgumentError(
+        fmt::format("{}: it must be a directory: {}", solve.matte, failed.message()));
+  const bool watched = ::isatty(STDERR_FILENO) != 0;
+  absl::Status refused;  // the first of them
+  const absl::Status status =
+      solve_video(method, *source, 0, count, solve.threads, {},
+                  [&](int frame, const absl::StatusOr<Matte>& matte) -> absl::Status {
+                    refused.Update(matte.status());
+                    if (!matte.ok()) return absl::OkStatus();
+                    GW_ASSIGN_OR_RETURN(const std::string bytes, encode_matte(*matte));
+                    if (watched) std::cerr << fmt::format("\rsolved {} of {} frames", frame + 1, count);
+                    return write_file_durably(
+                        std::filesystem::path(solve.matte) / fmt::format("{:04}.exr", frame), bytes);
+                  });
+  if (watched) std::cerr << "\n";
+  GW_RETURN_IF_ERROR(status);
+  return refused;
+}
+
+absl::Status solve(const Solve& solve) {
+  MethodOptions options;
+  for (const std::string& setting : solve.settings) {
+    GW_ASSIGN_OR_RETURN(const auto option, parse_setting(setting));
+    options[option.first] = option.second;
+  }
+  GW_ASSIGN_OR_RETURN(const std::unique_ptr<VideoMethod> video, make_video_method(solve.method, options));
+  if (video != nullptr) {
+    GW_ASSIGN_OR_RETURN(const auto archive, MappedArchive::open(solve.archive));
+    return solve_each_frame(*video, *archive, solve);
+  }
+  GW_ASSIGN_OR_RETURN(const std::unique_ptr<Method> method, make_method(solve.method, options));
+  GW_ASSIGN_OR_RETURN(const auto archive, MappedArchive::open(solve.archive));
+  const bool watched = ::isatty(STDERR_FILENO) != 0;
+  GW_ASSIGN_OR_RETURN(const Matte matte, solve_archive(*method, archive, solve.threads, [&](double part) {
+                        if (watched) std::cerr << fmt::format("\rsolved {:3.0f} %", 100.0 * part);
+                      }));
+  if (watched) std::cerr << "\n";
+  GW_ASSIGN_OR_RETURN(const std::string bytes, encode_matte(matte));
+  return write_file_durably(solve.matte, bytes);
+}
+
+}  // namespace
+
+void add_solve_command(CLI::App& app, DaemonOptions& daemon) {
+  const auto arguments = std::make_shared<Solve>();
+  CLI::App& command = add_command(app, daemon, "solve", "Solve an archive on this machine, without a server",
+                                  [arguments]() -> absl::StatusOr<int> {
+                                    GW_RETURN_IF_ERROR(solve(*arguments));
+                                    return 0;
+                                  });
+  command.footer("Options of method ramp:\n" + ramp_options_help());
+  command.add_option("archive", arguments->archive, "folder with manifest.json")->required();
+  command
+      .add_option("matte", arguments->matte,
+                  "EXR file to write; a directory for a file a frame of a video (method ramp)")
+      ->required();
+  command.add_option("--method", arguments->method, "how (docs/methods.md)")->capture_default_str();
+  command.add_option("--set", arguments->settings, "NAME=VALUE, an option of the method");
+  command.add_option("--threads", arguments->threads, "0: one for each core")
+      ->check(CLI::Range(0, 1024))
+      ->capture_default_str();
+}
+
+}  // namespace glasswing

@@ -1,0 +1,80 @@
+#include "server/storage/matte_files.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include "core/base/file.h"
+
+namespace glasswing {
+namespace {
+
+namespace fs = std::filesystem;
+
+class MatteFilesTest : public testing::Test {
+ protected:
+  MatteFilesTest() {
+    fs::create_directories(data_ / "mattes");
+    fs::create_directories(data_ / "tiles");
+  }
+  ~MatteFilesTest() override { fs::remove_all(data_); }
+  void write(const fs::path& path, const std::string& bytes) {
+    ASSERT_TRUE(write_file_durably(path, bytes).ok());
+  }
+  void write_next_frames(const std::string& session, const std::string& bytes) {
+    ASSERT_TRUE(files_.make_next(session).ok());
+    for (int frame = 0; frame < 3; ++frame) write(files_.next(session, frame), bytes);
+  }
+
+  const fs::path data_ = fs::path(testing::TempDir()) / ("mattes." + std::to_string(::getpid()));
+  const MatteFiles files_{data_};
+};
+
+TEST_F(MatteFilesTest, WhatIsFinishedTakesThePlaceOfWhatWasBefore) {
+  write(files_.next("s"), "first");
+  ASSERT_TRUE(files_.finish("s").ok());
+  EXPECT_EQ(read_file(files_.finished("s")).value(), "first");
+  // Frames in place of a still, frames in place of frames, and a still again.
+  for (const char* frames : {"second", "third"}) {
+    write_next_frames("s", frames);
+    EXPECT_NE(read_file(files_.finished("s", 2)).value_or(""), frames);
+    ASSERT_TRUE(files_.finish("s").ok());
+    EXPECT_EQ(read_file(files_.finished("s", 2)).value(), frames);
+    EXPECT_FALSE(fs::exists(files_.finished("s")));
+  }
+  write(files_.next("s"), "fourth");
+  ASSERT_TRUE(files_.tiles("s").ok());
+  ASSERT_TRUE(files_.finish("s").ok());
+  ASSERT_TRUE(files_.finish("s").ok()) << "nothing is left to do";
+  EXPECT_EQ(read_file(files_.finished("s")).value(), "fourth");
+  EXPECT_FALSE(fs::exists(files_.finished("s", 2).parent_path()));
+  EXPECT_TRUE(fs::is_empty(data_ / "tiles"));
+}
+
+TEST_F(MatteFilesTest, ASolveGivenUpLeavesWhatWasFinished) {
+  write(files_.finished("s"), "finished");
+  write(files_.next("s"), "next");
+  write_next_frames("s", "next");
+  write(files_.tiles("s").value() / "0-1.exr", "tile");
+  ASSERT_TRUE(files_.drop_next("s").ok());
+  EXPECT_EQ(read_file(files_.finished("s")).value(), "finished");
+  EXPECT_FALSE(fs::exists(files_.next("s")));
+  EXPECT_FALSE(fs::exists(files_.next("s", 0)));
+  EXPECT_TRUE(fs::is_empty(data_ / "tiles"));
+}
+
+TEST_F(MatteFilesTest, RemovingASessionLeavesThoseWhoseNamesLookAlike) {
+  write(files_.finished("a"), "12345");
+  write_next_frames("a", "123");
+  write(files_.tiles("a").value() / "0-1.exr", "1");
+  write(files_.finished("a.exr"), "still of a.exr");  // whose frames would lie where the matte of "a" does
+  write(files_.finished("ab"), "still of ab");
+  EXPECT_EQ(files_.remove("a.exr").value(), 14);
+  EXPECT_EQ(read_file(files_.finished("a")).value(), "12345");
+  EXPECT_EQ(files_.remove("a").value(), 5 + 3 * 3 + 1);
+  EXPECT_EQ(files_.remove("a").value(), 0) << "asked again, nothing is left";
+  EXPECT_EQ(read_file(files_.finished("ab")).value(), "still of ab");
+  EXPECT_FALSE(fs::exists(files_.finished("a")));
+}
+
+}  // namespace
+}  // namespace glasswing
