@@ -54,14 +54,14 @@ absl::Status Server::check_archives_answer(const v1::Session& session) {
   return SessionArchive(session).check_answers();
 }
 
-absl::StatusOr<std::int64_t> Server::remove_copies(const v1::Session& session) {
+absl::StatusOr<std::int64_t> Server::remove_replicas(const v1::Session& session) {
   std::int64_t freed_bytes = 0;
   for (const v1::ArchiveCopy& copy : session.copies()) {
     GW_ASSIGN_OR_RETURN(const std::string address, keeper_address(copy.node(), rig_));
     GW_ASSIGN_OR_RETURN(const std::int64_t bytes,
                         SessionArchive(session.name(), copy.node(), address).remove());
     freed_bytes += bytes;
-    GW_RETURN_IF_ERROR(catalogue_->drop_copy(session.name(), copy.node()));
+    GW_RETURN_IF_ERROR(catalogue_->drop_replica(session.name(), copy.node()));
   }
   return freed_bytes;
 }
@@ -71,7 +71,7 @@ absl::StatusOr<std::int64_t> Server::remove_all_of(v1::Session session) {
   std::int64_t freed_bytes = 0;
   if (!session.archive_address().empty()) {
     GW_RETURN_IF_ERROR(check_archives_answer(session));
-    GW_ASSIGN_OR_RETURN(const std::int64_t copied_bytes, remove_copies(session));
+    GW_ASSIGN_OR_RETURN(const std::int64_t copied_bytes, remove_replicas(session));
     GW_ASSIGN_OR_RETURN(freed_bytes, SessionArchive(session).remove());
     freed_bytes += copied_bytes;
     // Should the rest fail, nobody is to take this for a session with frames.

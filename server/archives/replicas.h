@@ -18,10 +18,10 @@ inline bool is_whole(const v1::ArchiveCopy& copy) {
 
 // Where the copies that are whole can be read. A node that is up is found by its name, since its address may
 // be another one than when it took the copy; of one that is away the old address is told.
-std::vector<std::string> copy_addresses(const v1::Session& session, const Rig& rig);
+std::vector<std::string> replica_addresses(const v1::Session& session, const NodeRegistry& rig);
 
 // Where a node is that is to take, or give up, a copy. NOT_FOUND: nobody of that name has registered;
 // UNAVAILABLE: it is away; FAILED_PRECONDITION: it is one that keeps no archives.
-absl::StatusOr<std::string> keeper_address(const std::string& node, const Rig& rig);
+absl::StatusOr<std::string> keeper_address(const std::string& node, const NodeRegistry& rig);
 
 }  // namespace glasswing

@@ -88,12 +88,12 @@ absl::Status Server::replicate_to(const v1::Session& session, const std::string&
   const auto known = std::ranges::find(session.copies(), node, &v1::ArchiveCopy::node);
   const bool listed = known != session.copies().end();
   // From now on there may be a part of it, which goes when the session does.
-  if (!listed) GW_RETURN_IF_ERROR(catalogue_->set_copy(session.name(), copied));
+  if (!listed) GW_RETURN_IF_ERROR(catalogue_->set_replica(session.name(), copied));
   v1::CopyArchiveRequest request;
   request.set_session(session.name());
   request.set_from_address(session.archive_address());
   absl::Status status = copy(node, address, request, tell, is_wanted);
-  for (const std::string& other : copy_addresses(session, rig_)) {
+  for (const std::string& other : replica_addresses(session, rig_)) {
     if (!absl::IsUnavailable(status) && !absl::IsDataLoss(status)) break;
     if (other == address) continue;
     request.set_from_address(other);
@@ -101,10 +101,10 @@ absl::Status Server::replicate_to(const v1::Session& session, const std::string&
     if (again.ok()) status = again;
   }
   if (!listed && (absl::IsFailedPrecondition(status) || absl::IsAlreadyExists(status)))
-    GW_RETURN_IF_ERROR(catalogue_->drop_copy(session.name(), node));  // nothing was begun there
+    GW_RETURN_IF_ERROR(catalogue_->drop_replica(session.name(), node));  // nothing was begun there
   GW_RETURN_IF_ERROR(status);
   copied.set_address(address);
-  GW_RETURN_IF_ERROR(catalogue_->set_copy(session.name(), copied));
+  GW_RETURN_IF_ERROR(catalogue_->set_replica(session.name(), copied));
   spdlog::info("replicated session={} node={}", session.name(), node);
   return absl::OkStatus();
 }

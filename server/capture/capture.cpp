@@ -41,7 +41,7 @@ std::string listed(const std::vector<Step>& steps) {
 
 }  // namespace
 
-Capture::Capture(const Rig& rig, const CalibrationStore& calibrations, std::filesystem::path images,
+Capture::Capture(const NodeRegistry& rig, const CalibrationStore& calibrations, std::filesystem::path images,
                  v1::Session session, std::optional<bool> object_confirmed, StepLog& log,
                  std::function<void(const v1::Session&)> report)
     : rig_(rig),
@@ -325,9 +325,9 @@ absl::Status Capture::play(const std::vector<Step>& pending, Recording& frames, 
   std::vector<const DisplayLink*> displays;
   for (const auto& display : links_.displays) displays.push_back(display.get());
   const nanoseconds step = common_step(displays, hold_refreshes_of(session_.plan()));
-  std::vector<std::unique_ptr<DisplayFeed>> feeds;
+  std::vector<std::unique_ptr<DisplayStream>> feeds;
   for (const DisplayLink* display : displays)
-    feeds.push_back(std::make_unique<DisplayFeed>(*display, program, start_at, step));
+    feeds.push_back(std::make_unique<DisplayStream>(*display, program, start_at, step));
 
   std::map<int, std::vector<MonitorWindow>> incomplete;  // by step, until every monitor has reported
   std::optional<nanoseconds> last_replaced;

@@ -57,7 +57,7 @@ class Capture {
   // `images` holds what UploadImage stored. `object_confirmed`: a person has said that the object is (not) on
   // the stage. `log` hears of each step. `report` is called with the counts brought up to date, from the
   // thread that calls run().
-  Capture(const Rig& rig, const CalibrationStore& calibrations, std::filesystem::path images,
+  Capture(const NodeRegistry& rig, const CalibrationStore& calibrations, std::filesystem::path images,
           v1::Session session, std::optional<bool> object_confirmed, StepLog& log,
           std::function<void(const v1::Session&)> report);
   ~Capture();
@@ -75,7 +75,7 @@ class Capture {
     Recording(const NodeLink& node, v1::CameraService::Stub& stub, double exposure_ms)
         : camera(node, stub, exposure_ms) {}
 
-    CameraFeed camera;
+    CameraStream camera;
     FrameMatcher matcher;
     std::set<int> shown;                      // steps, on all monitors
     std::set<int> shown_now, matched;         // likewise, since the program began; those that a frame lies in
@@ -128,7 +128,7 @@ class Capture {
   void warn(const std::string& what);
   absl::Status seal();
 
-  const Rig& rig_;
+  const NodeRegistry& rig_;
   const CalibrationStore& calibrations_;
   const std::filesystem::path images_;
   v1::Session session_;

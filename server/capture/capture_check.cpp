@@ -60,7 +60,7 @@ void add_warnings(const RigLinks& links, const v1::CaptureManifest& header, cons
 
 }  // namespace
 
-absl::StatusOr<CheckedCapture> check_capture(const Rig& rig, const CalibrationStore& calibrations,
+absl::StatusOr<CheckedCapture> check_capture(const NodeRegistry& rig, const CalibrationStore& calibrations,
                                              const v1::Plan& plan) {
   GW_RETURN_IF_ERROR(check_plan(plan));
   GW_ASSIGN_OR_RETURN(const RigLinks links, connect(rig, calibrations));

@@ -18,7 +18,7 @@ struct CheckedCapture {
 
 // INVALID_ARGUMENT: the plan, or an exposure that the camera cannot make. FAILED_PRECONDITION: the rig lacks
 // what the plan needs, room for the frames too. UNAVAILABLE: a node is away.
-absl::StatusOr<CheckedCapture> check_capture(const Rig& rig, const CalibrationStore& calibrations,
+absl::StatusOr<CheckedCapture> check_capture(const NodeRegistry& rig, const CalibrationStore& calibrations,
                                              const v1::Plan& plan);
 
 }  // namespace glasswing

@@ -80,7 +80,7 @@ struct JobCounts {
 struct JobState {
   std::int64_t id = 0;
   std::string session, computes, server_address;
-  bool own = true, held = false;
+  bool own = true, suspended = false;
   JobCounts counts;
   double tiles_per_second = 0.0;  // done in the last minute, or since the job was created if that is less
 };
@@ -121,8 +121,8 @@ class JobStore {
   virtual absl::Status retry(std::int64_t job) = 0;
   // Nothing of a held job is handed out; what was may be kept and completed. Until it is released, or its
   // server opens the store again.
-  virtual absl::Status hold(std::int64_t job) = 0;
-  virtual absl::Status release(std::int64_t job) = 0;
+  virtual absl::Status suspend(std::int64_t job) = 0;
+  virtual absl::Status resume(std::int64_t job) = 0;
 
   virtual absl::Status remove(
       std::int64_t job) = 0;  // with its tiles; whoever works on them is fenced. Of none: OK
@@ -138,7 +138,7 @@ class JobStore {
                                                      std::span<const std::string> computes, bool ahead) = 0;
   // ABORTED: the tile is done or gone, or the lease has ended and the tile was handed out again since. (A
   // lease that has ended but was not handed out again goes on.)
-  virtual absl::Status keep(const TileAttempt& lease) = 0;
+  virtual absl::Status renew(const TileAttempt& lease) = 0;
   // ABORTED as keep(), but for the attempt that did it, which may say so again. Ends the leases of others on
   // that tile.
   virtual absl::Status complete(const TileAttempt& lease, const TileResult& result) = 0;

@@ -129,11 +129,11 @@ absl::Status SqlJobStore::retry(std::int64_t job) {
   return absl::OkStatus();
 }
 
-absl::Status SqlJobStore::hold(std::int64_t job) {
+absl::Status SqlJobStore::suspend(std::int64_t job) {
   return change_job(job, "UPDATE jobs SET held = 1 WHERE id = ?1");
 }
 
-absl::Status SqlJobStore::release(std::int64_t job) {
+absl::Status SqlJobStore::resume(std::int64_t job) {
   GW_RETURN_IF_ERROR(change_job(job, "UPDATE jobs SET held = 0 WHERE id = ?1"));
   tiles_became_free();
   return absl::OkStatus();
@@ -152,7 +152,7 @@ absl::Status SqlJobStore::remove(std::int64_t job) {
   });
 }
 
-absl::Status SqlJobStore::keep(const TileAttempt& lease) {
+absl::Status SqlJobStore::renew(const TileAttempt& lease) {
   return statements([&](SqlConnection& connection) -> absl::Status {
     GW_ASSIGN_OR_RETURN(
         const SqlRows kept,

@@ -50,14 +50,14 @@ class SqlJobStore : public JobStore {
                      std::span<const TileRange> tiles) override;
   absl::Status add(std::int64_t job, std::span<const TileRange> tiles) override;
   absl::Status retry(std::int64_t job) override;
-  absl::Status hold(std::int64_t job) override;
-  absl::Status release(std::int64_t job) override;
+  absl::Status suspend(std::int64_t job) override;
+  absl::Status resume(std::int64_t job) override;
   absl::Status remove(std::int64_t job) override;
   absl::StatusOr<std::vector<std::int64_t>> own_jobs() override;
 
   absl::StatusOr<std::optional<Lease>> claim(const std::string& solver, std::span<const std::string> computes,
                                              bool ahead) override;
-  absl::Status keep(const TileAttempt& lease) override;
+  absl::Status renew(const TileAttempt& lease) override;
   absl::Status complete(const TileAttempt& lease, const TileResult& result) override;
   absl::StatusOr<bool> fail(const TileAttempt& lease, const std::string& error, bool permanent) override;
   absl::Status hand_back(const TileAttempt& lease) override;

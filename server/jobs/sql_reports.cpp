@@ -104,7 +104,7 @@ absl::StatusOr<std::vector<JobState>> SqlJobStore::jobs() {
                     .computes = rows.text(i, 2),
                     .server_address = rows.text(i, 3),
                     .own = rows.text(i, 4) == options_.server_id,
-                    .held = rows.integer(i, 5) != 0,
+                    .suspended = rows.integer(i, 5) != 0,
                     .counts = counts_of(rows, i, 8),
                     .tiles_per_second = rows.real(i, 7) / seen_us * 1e6});
   }

@@ -9,7 +9,7 @@ constexpr std::chrono::seconds kEvery(1);
 
 }  // namespace
 
-ClockWatch::ClockWatch(Rig& rig)
+ClockWatch::ClockWatch(NodeRegistry& rig)
     : rig_(rig), thread_([this](std::stop_token stop) { run(std::move(stop)); }) {}
 
 ClockWatch::~ClockWatch() = default;

@@ -16,14 +16,14 @@ namespace glasswing {
 
 class ClockWatch {
  public:
-  explicit ClockWatch(Rig& rig);
+  explicit ClockWatch(NodeRegistry& rig);
   ~ClockWatch();
 
  private:
   void run(std::stop_token stop);
   void look();
 
-  Rig& rig_;
+  NodeRegistry& rig_;
   std::map<std::string, std::unique_ptr<NodeLink>> links_;  // by name
   std::mutex mutex_;
   std::condition_variable_any wake_;

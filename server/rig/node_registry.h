@@ -24,9 +24,9 @@ struct RegisteredSolver {
 };
 
 // Thread-safe.
-class Rig {
+class NodeRegistry {
  public:
-  explicit Rig(std::function<nanoseconds()> now = monotonic_now) : now_(std::move(now)) {}
+  explicit NodeRegistry(std::function<nanoseconds()> now = monotonic_now) : now_(std::move(now)) {}
 
   absl::Status add(const v1::RegisterRequest& node);
   // A solver is also known by its claims; `doing` is what `nodes` shows.

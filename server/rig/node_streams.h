@@ -46,11 +46,11 @@ class Inbox {
   std::optional<absl::Status> end_;
 };
 
-// A camera's running Capture call; it ends with the feed.
-class CameraFeed {
+// A camera's running Capture call; it ends with this object.
+class CameraStream {
  public:
-  CameraFeed(const NodeLink& camera, v1::CameraService::Stub& stub, double exposure_ms);
-  ~CameraFeed();
+  CameraStream(const NodeLink& camera, v1::CameraService::Stub& stub, double exposure_ms);
+  ~CameraStream();
 
   // Returns when the camera runs as asked. DEADLINE_EXCEEDED after 20 s.
   absl::Status wait_running(std::stop_token stop);
@@ -74,13 +74,13 @@ class CameraFeed {
 // When a frame was exposed, by the link's clock model.
 FrameTime rig_time_of(const v1::FrameTaken& frame, const NodeLink& camera);
 
-// A display's running PlayProgram call; it ends with the feed.
-class DisplayFeed {
+// A display's running PlayProgram call; it ends with this object.
+class DisplayStream {
  public:
   // `start_at` and `step` are rig time; see PlayProgramRequest.
-  DisplayFeed(const DisplayLink& display, const std::string& program, nanoseconds start_at,
+  DisplayStream(const DisplayLink& display, const std::string& program, nanoseconds start_at,
               nanoseconds step = {});
-  ~DisplayFeed();
+  ~DisplayStream();
 
   Inbox<v1::Presentation> inbox;  // times are the node's
 

@@ -20,7 +20,7 @@ class RampShow {
   // Returns when the ramp is there and the object, where a motor moves it, is not. `monitor` empty: the rig's
   // only one. INVALID_ARGUMENT: no such monitor. FAILED_PRECONDITION: no solver offers live mattes, or a
   // calibration is of other settings. UNAVAILABLE: a node is away. CANCELLED: stopped.
-  static absl::StatusOr<std::unique_ptr<RampShow>> start(const Rig& rig, const CalibrationStore& calibrations,
+  static absl::StatusOr<std::unique_ptr<RampShow>> start(const NodeRegistry& rig, const CalibrationStore& calibrations,
                                                          const std::string& monitor, std::stop_token stop);
 
   // Who takes part, and whether a person has to bring the object to where it was last wanted, or take it
@@ -38,7 +38,7 @@ class RampShow {
   v1::CaptureManifest header_;  // with the calibrations in use
   v1::ShowRampResponse description_;
   std::unique_ptr<v1::StageService::Stub> stage_;
-  std::unique_ptr<StillShow> showing_;
+  std::unique_ptr<StaticPattern> showing_;
 };
 
 }  // namespace glasswing

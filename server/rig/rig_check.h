@@ -15,7 +15,7 @@ namespace glasswing {
 // Calls `report` with one finding after the other. The plan's monitors, exposures and hold_refreshes are
 // checked; one without a method stands for none. What is wrong with the rig is a finding, not an error.
 // INVALID_ARGUMENT: the plan. CANCELLED: stopped.
-absl::Status check_rig(const Rig& rig, const CalibrationStore& calibrations, const v1::Plan& plan,
+absl::Status check_rig(const NodeRegistry& rig, const CalibrationStore& calibrations, const v1::Plan& plan,
                        const std::function<void(const v1::Finding&)>& report, std::stop_token stop);
 
 }  // namespace glasswing

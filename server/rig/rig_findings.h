@@ -17,7 +17,7 @@ v1::Finding make_finding(v1::FindingLevel level, const std::string& subject, con
                          const std::string& advice = "");
 
 // What a trial showed and recorded, in rig time.
-struct TrialTimes {
+struct TestCaptureTimes {
   struct Shown {
     std::string monitor;
     int step = 0;
@@ -33,11 +33,11 @@ struct TrialTimes {
   nanoseconds readout{};
 };
 
-v1::Finding judge_flips(const TrialTimes& times);
-v1::Finding judge_frames(const TrialTimes& times);
+v1::Finding judge_flips(const TestCaptureTimes& times);
+v1::Finding judge_frames(const TestCaptureTimes& times);
 // Whether exposures of this length fit what the windows leave; `shortest` is the camera's.
-v1::Finding judge_window(const TrialTimes& times, nanoseconds exposure, nanoseconds shortest);
-v1::Finding judge_proof(const TrialTimes& times);
+v1::Finding judge_window(const TestCaptureTimes& times, nanoseconds exposure, nanoseconds shortest);
+v1::Finding judge_proof(const TestCaptureTimes& times);
 v1::Finding judge_clocks(const std::vector<std::pair<std::string, nanoseconds>>& errors);
 // `lessons`: how many ids were shown and proven by time; `unseen`: what the camera node says against it.
 v1::Finding judge_patch(const v1::DisplayMonitor& monitor, int lessons, const std::string& unseen);

@@ -72,6 +72,6 @@ struct RigLinks {
   absl::StatusOr<std::vector<v1::Monitor>> monitors() const;
 };
 // UNAVAILABLE: a node is away.
-absl::StatusOr<RigLinks> connect(const Rig& rig, const CalibrationStore& calibrations);
+absl::StatusOr<RigLinks> connect(const NodeRegistry& rig, const CalibrationStore& calibrations);
 
 }  // namespace glasswing

@@ -20,10 +20,10 @@ constexpr double kGray = 0.2;
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<StillShow>> StillShow::start(
+absl::StatusOr<std::unique_ptr<StaticPattern>> StaticPattern::start(
     const RigLinks& rig, const std::vector<v1::Stimulus>& stimuli,
     const google::protobuf::RepeatedPtrField<v1::DisplayCalibration>& calibrations, std::stop_token stop) {
-  std::unique_ptr<StillShow> show(new StillShow);
+  std::unique_ptr<StaticPattern> show(new StaticPattern);
   const std::string program = fmt::format("still-{}", monotonic_now().count());
   std::vector<const DisplayLink*> lit;
   for (const auto& display : rig.displays) {
@@ -53,7 +53,7 @@ absl::StatusOr<std::unique_ptr<StillShow>> StillShow::start(
   const nanoseconds start = monotonic_now() + kStartLead;
   nanoseconds there = start;
   for (const DisplayLink* display : lit) {
-    show->playing_.push_back(std::make_unique<DisplayFeed>(*display, program, start));
+    show->playing_.push_back(std::make_unique<DisplayStream>(*display, program, start));
     there = std::max(there, there_at(*display, start));
   }
   while (monotonic_now() < there) {
@@ -64,7 +64,7 @@ absl::StatusOr<std::unique_ptr<StillShow>> StillShow::start(
   return show;
 }
 
-nanoseconds StillShow::there_at(const DisplayLink& display, nanoseconds start) {
+nanoseconds StaticPattern::there_at(const DisplayLink& display, nanoseconds start) {
   nanoseconds latest = start;
   for (const v1::DisplayMonitor& monitor : display.info.monitors()) {
     // Up to a refresh until it goes on screen, another until its last row is there.
@@ -74,7 +74,7 @@ nanoseconds StillShow::there_at(const DisplayLink& display, nanoseconds start) {
   return latest;
 }
 
-absl::Status StillShow::check() const {
+absl::Status StaticPattern::check() const {
   for (const auto& playing : playing_) {
     const std::optional<absl::Status> end = playing->inbox.end();
     if (!end) continue;

@@ -14,11 +14,11 @@
 
 namespace glasswing {
 
-class StillShow {
+class StaticPattern {
  public:
   // Returns when it is there; other monitors are black. `calibrations`: of those monitors that have one.
   // `rig` must outlive it. CANCELLED: stopped. UNAVAILABLE: a node is away.
-  static absl::StatusOr<std::unique_ptr<StillShow>> start(
+  static absl::StatusOr<std::unique_ptr<StaticPattern>> start(
       const RigLinks& rig, const std::vector<v1::Stimulus>& stimuli,
       const google::protobuf::RepeatedPtrField<v1::DisplayCalibration>& calibrations, std::stop_token stop);
 
@@ -26,11 +26,11 @@ class StillShow {
   absl::Status check() const;
 
  private:
-  StillShow() = default;
+  StaticPattern() = default;
   // The latest moment until which the display's monitors follow, once it is told to begin at `start`.
   static nanoseconds there_at(const DisplayLink& display, nanoseconds start);
 
-  std::vector<std::unique_ptr<DisplayFeed>> playing_;
+  std::vector<std::unique_ptr<DisplayStream>> playing_;
 };
 
 // A picture to frame, focus and look for faults by, on each of `monitors`: "white", "gray" (a fifth of the

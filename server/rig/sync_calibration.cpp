@@ -99,22 +99,22 @@ absl::Status add_pass(RigLinks& rig, const Target& target, double exposure_ms,
   const std::vector<std::optional<size_t>> sequence = band_sequence();
   const size_t steps = sequence.size() / kPassesAtOnce;
   const size_t first = static_cast<size_t>(measurement.passes % kPassesAtOnce) * steps;
-  Trial trial{
+  TestCapture test{
       .displays = {target.display},
       .steps = {},
       .hold_refreshes = std::max(2, static_cast<int>((kSteady + target.period() / 2) / target.period())),
       .exposure_ms = exposure_ms};
   for (size_t i = first; i < first + steps; ++i) {
-    v1::ProgramStep& step = trial.steps.emplace_back();
+    v1::ProgramStep& step = test.steps.emplace_back();
     step.set_step(static_cast<int>(i));
     if (sequence[i]) *step.add_stimuli() = band_stimulus(target, *sequence[i]);
   }
-  GW_ASSIGN_OR_RETURN(const TrialRecord seen, run_trial(rig, trial, stop));
+  GW_ASSIGN_OR_RETURN(const TestCaptureRecord seen, run_test_capture(rig, test, stop));
   ++measurement.passes;
 
   nanoseconds from = nanoseconds::max(), until{};
   nanoseconds display_error{}, camera_error{};
-  for (const TrialRecord::Shown& shown : seen.shown) {
+  for (const TestCaptureRecord::Shown& shown : seen.shown) {
     const v1::Presentation& presentation = shown.presentation;
     if (presentation.monitor() != target.monitor->name()) continue;
     const ClockReading start =

@@ -12,14 +12,14 @@
 
 namespace glasswing {
 
-struct Trial {
+struct TestCapture {
   std::vector<DisplayLink*> displays;  // those that play
   std::vector<v1::ProgramStep> steps;  // each display takes the stimuli of its own monitors
   int hold_refreshes = 2;
   double exposure_ms = 0.0;
 };
 
-struct TrialRecord {
+struct TestCaptureRecord {
   struct Shown {
     const DisplayLink* display = nullptr;
     v1::Presentation presentation;  // times are the node's
@@ -30,6 +30,6 @@ struct TrialRecord {
 
 // Runs the camera, plays the steps once, and records until a tenth of a second after the last was replaced.
 // CANCELLED: stopped.
-absl::StatusOr<TrialRecord> run_trial(RigLinks& rig, const Trial& trial, std::stop_token stop);
+absl::StatusOr<TestCaptureRecord> run_test_capture(RigLinks& rig, const TestCapture& test, std::stop_token stop);
 
 }  // namespace glasswing

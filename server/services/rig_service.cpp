@@ -136,7 +136,7 @@ grpc::Status RigServiceImpl::ShowPattern(grpc::ServerContext* context, const v1:
     }
     GW_RETURN_IF_ERROR(embed_calibrations(server_.calibrations(), header));
     GW_ASSIGN_OR_RETURN(const auto showing,
-                        StillShow::start(rig, pattern, header.display_calibrations(), stop));
+                        StaticPattern::start(rig, pattern, header.display_calibrations(), stop));
     writer->Write(response);
     while (!stop.stop_requested()) {
       GW_RETURN_IF_ERROR(showing->check());

@@ -146,29 +146,29 @@ absl::StatusOr<v1::Session> Catalogue::annotate(const v1::AnnotateSessionRequest
   return find_locked(request.name());
 }
 
-absl::Status Catalogue::set_copy(const std::string& name, const v1::ArchiveCopy& copy) {
+absl::Status Catalogue::set_replica(const std::string& name, const v1::ArchiveCopy& copy) {
   const std::lock_guard lock(mutex_);
   GW_ASSIGN_OR_RETURN(v1::Session session, find_locked(name));
   for (v1::ArchiveCopy& known : *session.mutable_copies()) {
     if (known.node() != copy.node()) continue;
     known = copy;
-    return store_copies(session);
+    return store_replicas(session);
   }
   *session.add_copies() = copy;
-  return store_copies(session);
+  return store_replicas(session);
 }
 
-absl::Status Catalogue::drop_copy(const std::string& name, const std::string& node) {
+absl::Status Catalogue::drop_replica(const std::string& name, const std::string& node) {
   const std::lock_guard lock(mutex_);
   GW_ASSIGN_OR_RETURN(v1::Session session, find_locked(name));
   auto& copies = *session.mutable_copies();
   copies.erase(std::remove_if(copies.begin(), copies.end(),
                               [&](const v1::ArchiveCopy& copy) { return copy.node() == node; }),
                copies.end());
-  return store_copies(session);
+  return store_replicas(session);
 }
 
-absl::Status Catalogue::store_copies(const v1::Session& session) {
+absl::Status Catalogue::store_replicas(const v1::Session& session) {
   v1::Session alone;
   *alone.mutable_copies() = session.copies();
   return database_.query("UPDATE sessions SET copies = ? WHERE name = ?")

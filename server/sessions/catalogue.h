@@ -35,8 +35,8 @@ class Catalogue {
   // a note of more than kMaxNoteBytes.
   absl::StatusOr<v1::Session> annotate(const v1::AnnotateSessionRequest& request);
   // The nodes with copies of its archive are changed alone too, one a name.
-  absl::Status set_copy(const std::string& name, const v1::ArchiveCopy& copy);
-  absl::Status drop_copy(const std::string& name, const std::string& node);
+  absl::Status set_replica(const std::string& name, const v1::ArchiveCopy& copy);
+  absl::Status drop_replica(const std::string& name, const std::string& node);
   // The session as it was when its last solve finished, kept while it is solved anew. NOT_FOUND: no solve
   // before this one finished.
   absl::Status keep_finished(const v1::Session& session);
@@ -55,7 +55,7 @@ class Catalogue {
   // Of rows (session, note, tags, copies), with mutex_ held.
   absl::StatusOr<v1::Session> first(Database::Query query, const std::string& missing);
   absl::StatusOr<v1::Session> find_locked(const std::string& name);
-  absl::Status store_copies(const v1::Session& session);
+  absl::Status store_replicas(const v1::Session& session);
 
   std::mutex mutex_;
   Database database_;  // guarded by mutex_

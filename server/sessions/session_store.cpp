@@ -63,7 +63,7 @@ absl::Status Server::drop_orphans(const std::vector<v1::Session>& sessions) {
 absl::Status Server::take_up(v1::Session session) {
   const std::string& name = session.name();
   if (session.state() != v1::SESSION_STATE_SOLVING && session.job() != 0) {
-    const absl::Status held = jobs_->hold(session.job());
+    const absl::Status held = jobs_->suspend(session.job());
     // A session that is done needs its tiles no more, and they may be gone, or in another store.
     if (!held.ok() && !absl::IsNotFound(held)) return held;
   }
@@ -86,7 +86,7 @@ absl::Status Server::take_up(v1::Session session) {
         note_solved_frames(tiles, session);
       }
       GW_RETURN_IF_ERROR(catalogue_->update(session));
-      GW_RETURN_IF_ERROR(jobs_->release(session.job()));
+      GW_RETURN_IF_ERROR(jobs_->resume(session.job()));
       if (counts.rests()) to_finish_.insert(name);
       return absl::OkStatus();
     }

@@ -52,7 +52,7 @@ class Server {
   static absl::StatusOr<std::unique_ptr<Server>> open(const ServerOptions& options);
   ~Server();  // a running capture is paused
 
-  Rig& rig() { return rig_; }
+  NodeRegistry& rig() { return rig_; }
   CalibrationStore& calibrations() { return *calibrations_; }
 
   RigLock& rig_lock() { return rig_lock_; }
@@ -143,7 +143,7 @@ class Server {
   absl::Status finish_solve(const std::string& name);
   absl::StatusOr<std::int64_t> remove_all_of(v1::Session session);
   absl::Status check_archives_answer(const v1::Session& session);
-  absl::StatusOr<std::int64_t> remove_copies(const v1::Session& session);
+  absl::StatusOr<std::int64_t> remove_replicas(const v1::Session& session);
   absl::Status replicate_to(const v1::Session& session, const std::string& node,
                             const std::function<bool(const v1::ReplicateSessionResponse&)>& tell,
                             const std::function<bool()>& is_wanted);
@@ -157,7 +157,7 @@ class Server {
   const MatteFiles mattes_;
   std::chrono::milliseconds lease_{};
   double min_tile_seconds_ = kMinTileSeconds;
-  Rig rig_;
+  NodeRegistry rig_;
   RigLock rig_lock_;
   std::unique_ptr<CalibrationStore> calibrations_;
   std::unique_ptr<Catalogue> catalogue_;
@@ -169,7 +169,7 @@ class Server {
   std::condition_variable changed_;
   std::int64_t change_count_ = 0;
   std::map<std::string, nanoseconds> solve_began_;
-  std::map<std::string, std::shared_ptr<SharedWork>> counting_;  // by session
+  std::map<std::string, std::shared_ptr<SingleFlight>> counting_;  // by session
   std::map<std::string, v1::Session> live_;     // counts of the running capture, ahead of the catalogue
   std::map<std::string, bool> operator_asked_;  // sessions that wait for a person: where the object is to be
   std::set<std::string> going_;                 // sessions that are being deleted

@@ -192,7 +192,7 @@ absl::Status Server::settle(v1::Session session, absl::Status made) {
   } else {
     session.set_state(v1::SESSION_STATE_FAILED);
     session.set_reason(std::string(made.message()));
-    GW_RETURN_IF_ERROR(jobs_->hold(session.job()));
+    GW_RETURN_IF_ERROR(jobs_->suspend(session.job()));
   }
   GW_RETURN_IF_ERROR(change(session));
   solve_began_.erase(session.name());

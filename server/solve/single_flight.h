@@ -9,7 +9,7 @@
 
 namespace glasswing {
 
-class SharedWork {
+class SingleFlight {
  public:
   // Returns when `work` has run since it was called, by this thread or another, never by two at once.
   void run(const std::function<void()>& work) {

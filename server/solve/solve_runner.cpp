@@ -25,7 +25,7 @@ namespace fs = std::filesystem;
 constexpr std::int64_t kMaxTileBytes = 256 << 20, kMaxTilePixels = 400'000;
 
 // From the node that captured it, else from any with a copy.
-absl::StatusOr<v1::CaptureManifest> read_manifest(const v1::Session& session, const Rig& rig) {
+absl::StatusOr<v1::CaptureManifest> read_manifest(const v1::Session& session, const NodeRegistry& rig) {
   absl::StatusOr<v1::CaptureManifest> manifest = SessionArchive(session).manifest();
   for (const v1::ArchiveCopy& copy : session.copies()) {
     if (manifest.ok() || !is_whole(copy)) continue;
@@ -187,7 +187,7 @@ absl::StatusOr<v1::Session> Server::pause_solve(v1::Session session) {
   session.set_state(v1::SESSION_STATE_PAUSED);
   session.set_reason("asked to; go on with: glasswing resume " + session.name());
   GW_RETURN_IF_ERROR(change(session));
-  GW_RETURN_IF_ERROR(jobs_->hold(session.job()));
+  GW_RETURN_IF_ERROR(jobs_->suspend(session.job()));
   spdlog::info("paused session={} tiles={} of={}", session.name(), session.tiles_done(),
                session.tile_count());
   return session;
@@ -210,7 +210,7 @@ absl::StatusOr<v1::Session> Server::resume_solve(v1::Session session) {
   session.clear_reason();
   start_solve_clock(session);
   GW_RETURN_IF_ERROR(change(session));
-  GW_RETURN_IF_ERROR(jobs_->release(session.job()));
+  GW_RETURN_IF_ERROR(jobs_->resume(session.job()));
   spdlog::info("solving on session={} tiles={} of={}", name, session.tiles_done(), session.tile_count());
   if (counts.rests()) look_whether_finished(name);
   return session;

@@ -118,7 +118,7 @@ absl::StatusOr<v1::ClaimTileResponse> Server::claim(const v1::ClaimTileRequest& 
   if (lease->own) {
     // Copies may have been made since.
     GW_ASSIGN_OR_RETURN(const v1::Session session, catalogue_->find(lease->session));
-    for (const std::string& address : copy_addresses(session, rig_)) response.add_copy_addresses(address);
+    for (const std::string& address : replica_addresses(session, rig_)) response.add_copy_addresses(address);
   } else {
     response.set_server_address(lease->server_address);
   }
@@ -127,7 +127,7 @@ absl::StatusOr<v1::ClaimTileResponse> Server::claim(const v1::ClaimTileRequest& 
 }
 
 absl::Status Server::keep(const v1::TileLease& lease) {
-  return jobs_->keep(attempt_of(lease));
+  return jobs_->renew(attempt_of(lease));
 }
 
 absl::StatusOr<v1::Session> Server::session_of(const v1::TileLease& lease) {
@@ -199,7 +199,7 @@ absl::Status Server::complete_frames(const v1::CompleteTileRequest& header, Fram
       return absl::InvalidArgumentError(fmt::format("there is no matte of frame {}", frame));
   }
   // A void attempt must not replace what a later one has made.
-  GW_RETURN_IF_ERROR(jobs_->keep(attempt_of(header.lease())));
+  GW_RETURN_IF_ERROR(jobs_->renew(attempt_of(header.lease())));
   const std::string& name = session.name();
   if (has_frame_files(session)) {
     GW_RETURN_IF_ERROR(mattes_.make_next(name));
@@ -236,11 +236,11 @@ absl::Status Server::done(const v1::CompleteTileRequest& header, const TileAttem
 }
 
 void Server::note_progress(const v1::TileLease& lease) {
-  std::shared_ptr<SharedWork> counting;
+  std::shared_ptr<SingleFlight> counting;
   {
     const std::lock_guard lock(mutex_);
-    std::shared_ptr<SharedWork>& shared = counting_[lease.session()];
-    if (shared == nullptr) shared = std::make_shared<SharedWork>();
+    std::shared_ptr<SingleFlight>& shared = counting_[lease.session()];
+    if (shared == nullptr) shared = std::make_shared<SingleFlight>();
     counting = shared;
   }
   counting->run([&] {
@@ -299,7 +299,7 @@ absl::Status Server::fail(const v1::FailTileRequest& request) {
     if (session.state() != v1::SESSION_STATE_SOLVING) return change(session);
     if (request.permanent()) {
       // The others would fail alike. Those that are worked on may still come, and are kept for a later try.
-      GW_RETURN_IF_ERROR(jobs_->hold(lease.job()));
+      GW_RETURN_IF_ERROR(jobs_->suspend(lease.job()));
       session.set_state(v1::SESSION_STATE_FAILED);
       session.set_reason(request.error());
       spdlog::error("solve failed session={} tile={} reason=\"{}\"", session.name(), lease.tile(),

@@ -78,7 +78,7 @@ TEST_F(Replicate, TheCopyIsKnownAndFoundWhereTheNodeIsNow) {
   EXPECT_EQ(told.back().bytes_done(), session().archive_bytes());
   ASSERT_EQ(session().copies_size(), 1);
   EXPECT_EQ(session().copies(0).node(), "solver-2");
-  EXPECT_EQ(copy_addresses(session(), server_->rig()), std::vector<std::string>{solver_->address()});
+  EXPECT_EQ(replica_addresses(session(), server_->rig()), std::vector<std::string>{solver_->address()});
   ASSERT_TRUE(replicate("solver-2").ok()) << "asking for what is so is no error";
   EXPECT_EQ(session().copies_size(), 1);
 
@@ -90,9 +90,9 @@ TEST_F(Replicate, TheCopyIsKnownAndFoundWhereTheNodeIsNow) {
   const std::string old = solver_->address();
   server_ = nullptr;
   server_ = open_server();
-  EXPECT_EQ(copy_addresses(session(), server_->rig()), std::vector<std::string>{old}) << "the last one known";
+  EXPECT_EQ(replica_addresses(session(), server_->rig()), std::vector<std::string>{old}) << "the last one known";
   register_node(v1::NODE_KIND_SOLVER, "solver-2", "127.0.0.1:1");
-  EXPECT_EQ(copy_addresses(session(), server_->rig()), std::vector<std::string>{"127.0.0.1:1"});
+  EXPECT_EQ(replica_addresses(session(), server_->rig()), std::vector<std::string>{"127.0.0.1:1"});
 }
 
 TEST_F(Replicate, PixelsGoFromNodeToNodeAlone) {
@@ -116,12 +116,12 @@ TEST_F(Replicate, APartOfACopyIsNotReadFromAndIsFinishedOrRemoved) {
   EXPECT_TRUE(absl::IsDataLoss(status)) << status;
   EXPECT_NE(status.message().find("frames/000003.tif"), std::string::npos) << status;
   ASSERT_EQ(session().copies_size(), 1);
-  EXPECT_TRUE(copy_addresses(session(), server_->rig()).empty());
+  EXPECT_TRUE(replica_addresses(session(), server_->rig()).empty());
   std::ofstream(bad, std::ios::binary) << good;
   std::vector<v1::ReplicateSessionResponse> told;
   ASSERT_TRUE(replicate("solver-2", &told).ok());
   EXPECT_EQ(told.front().frames_done(), 3);
-  EXPECT_EQ(copy_addresses(session(), server_->rig()).size(), 1u);
+  EXPECT_EQ(replica_addresses(session(), server_->rig()).size(), 1u);
   expect_whole_copy();
 }
 

@@ -22,7 +22,7 @@ TEST_P(JobContract, EachTileIsHandedOutOnceToManyAtOnce) {
         const std::optional<Lease> lease = claim(solver);
         if (!lease) continue;
         ++claims;
-        EXPECT_TRUE(store_->keep(lease->id).ok());
+        EXPECT_TRUE(store_->renew(lease->id).ok());
         EXPECT_TRUE(store_->complete(lease->id, result(solver)).ok());
         const std::lock_guard lock(mutex);
         EXPECT_TRUE(seen.insert({lease->id.job, lease->id.tile}).second);

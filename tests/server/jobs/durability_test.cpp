@@ -19,7 +19,7 @@ TEST_P(JobContract, AStoreOpenedAgainKeepsAll) {
   EXPECT_TRUE(tile(quarantined).quarantined);
   // Leases go on, and completions may be said again.
   EXPECT_EQ(store_->leases()->size(), 1u);
-  EXPECT_TRUE(store_->keep(leased.id).ok());
+  EXPECT_TRUE(store_->renew(leased.id).ok());
   EXPECT_TRUE(store_->complete(leased.id, result("leased.exr")).ok());
   EXPECT_TRUE(store_->complete(done.id, result("done.exr")).ok());
   EXPECT_EQ(claimed("a").id.tile, 4);
@@ -37,7 +37,7 @@ TEST_P(JobContract, ASurveyMayBeSaidAgainToAStoreOpenedAgain) {
 
 TEST_P(JobContract, HoldsEndWhenTheServerOpensTheStoreAgain) {
   const std::int64_t job = create(1);
-  ASSERT_TRUE(store_->hold(job).ok());
+  ASSERT_TRUE(store_->suspend(job).ok());
   open(options());
   EXPECT_EQ(claimed("a").id.job, job);
 }

@@ -66,7 +66,7 @@ TEST_P(JobContract, ASurveyCutsTheJobAnew) {
   EXPECT_EQ(first.id.tile, 0);
   EXPECT_EQ(first.work, "plan");
   EXPECT_GT(first.id.attempt, survey.id.attempt);  // so the survey cannot pass for it
-  EXPECT_TRUE(absl::IsAborted(store_->keep(survey.id)));
+  EXPECT_TRUE(absl::IsAborted(store_->renew(survey.id)));
   EXPECT_TRUE(absl::IsAborted(store_->complete(survey.id, result("x"))));
   ASSERT_TRUE(store_->complete(first.id, result("0.exr")).ok());
 
@@ -101,21 +101,21 @@ TEST_P(JobContract, AddedTilesAreNumberedOn) {
 TEST_P(JobContract, NothingOfAHeldJobIsHandedOut) {
   const std::int64_t job = create(3);
   const Lease before = claimed("a"), other = claimed("a");
-  ASSERT_TRUE(store_->hold(job).ok());
-  ASSERT_TRUE(store_->hold(job).ok());
+  ASSERT_TRUE(store_->suspend(job).ok());
+  ASSERT_TRUE(store_->suspend(job).ok());
   EXPECT_FALSE(claim("b").has_value());
-  EXPECT_TRUE(store_->jobs()->at(0).held);
-  EXPECT_TRUE(store_->keep(before.id).ok());
+  EXPECT_TRUE(store_->jobs()->at(0).suspended);
+  EXPECT_TRUE(store_->renew(before.id).ok());
   EXPECT_TRUE(store_->complete(before.id, result("x")).ok());
   EXPECT_TRUE(store_->hand_back(other.id).ok());
   EXPECT_FALSE(claim("b").has_value());
-  ASSERT_TRUE(store_->release(job).ok());
+  ASSERT_TRUE(store_->resume(job).ok());
   EXPECT_EQ(claimed("b").id.tile, other.id.tile);
 }
 
 TEST_P(JobContract, WhatIsAskedOfNoJobIsNotFound) {
   for (const absl::Status& status :
-       {store_->add(7, ranges(1)), store_->hold(7), store_->release(7), store_->retry(7)}) {
+       {store_->add(7, ranges(1)), store_->suspend(7), store_->resume(7), store_->retry(7)}) {
     EXPECT_TRUE(absl::IsNotFound(status)) << status;
   }
   EXPECT_TRUE(store_->remove(7).ok());
@@ -129,7 +129,7 @@ TEST_P(JobContract, ARemovedJobFencesWhoWorksOnIt) {
   const Lease lease = claimed("a");
   ASSERT_TRUE(store_->remove(job).ok());
   EXPECT_FALSE(claim("b").has_value());
-  EXPECT_TRUE(absl::IsAborted(store_->keep(lease.id)));
+  EXPECT_TRUE(absl::IsAborted(store_->renew(lease.id)));
   EXPECT_TRUE(absl::IsAborted(store_->complete(lease.id, result("x"))));
   EXPECT_FALSE(store_->fail(lease.id, "error", true).value());
   EXPECT_TRUE(store_->hand_back(lease.id).ok());

@@ -60,15 +60,15 @@ TEST_F(SharedJobs, ASolverWorksForAllServersWhicheverItAsks) {
   EXPECT_EQ(a->jobs()->at(0).server_address, "b.lab:7000");
   EXPECT_FALSE(a->leases()->at(0).own);
   EXPECT_TRUE(b->leases()->at(0).own);
-  EXPECT_TRUE(a->keep(lease.id).ok());
+  EXPECT_TRUE(a->renew(lease.id).ok());
   EXPECT_TRUE(b->complete(lease.id, result("x")).ok());
-  EXPECT_TRUE(absl::IsAborted(a->keep(lease.id)));
+  EXPECT_TRUE(absl::IsAborted(a->renew(lease.id)));
 }
 
 TEST_F(SharedJobs, HoldsAreEveryServersAndEndWithTheirOwn) {
   auto a = open("a"), b = open("b");
   const std::int64_t job = create(*b, 1);
-  ASSERT_TRUE(b->hold(job).ok());
+  ASSERT_TRUE(b->suspend(job).ok());
   EXPECT_FALSE(claim(*a, "solver").has_value());
   a = nullptr;
   a = open("a");

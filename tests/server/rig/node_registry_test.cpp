@@ -19,7 +19,7 @@ class RigTest : public testing::Test {
   }
 
   nanoseconds now_ = seconds(1000);
-  Rig rig_{[this] { return now_; }};
+  NodeRegistry rig_{[this] { return now_; }};
 };
 
 TEST_F(RigTest, ASilentNodeIsAway) {

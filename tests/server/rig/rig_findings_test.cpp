@@ -10,8 +10,8 @@ using std::chrono::milliseconds;
 
 // 30 steps of 2 refreshes at 100 Hz: each stands still for 10 ms less 2 ms; 1 ms exposures with 1 ms readout,
 // 500 a second.
-TrialTimes good_times() {
-  TrialTimes times{.shown = {},
+TestCaptureTimes good_times() {
+  TestCaptureTimes times{.shown = {},
                    .windows = {},
                    .frames = {},
                    .hold_refreshes = 2,
@@ -34,7 +34,7 @@ TrialTimes good_times() {
 }
 
 TEST(RigFindings, AGoodRigIsGood) {
-  const TrialTimes times = good_times();
+  const TestCaptureTimes times = good_times();
   for (const v1::Finding& finding :
        {judge_flips(times), judge_frames(times), judge_window(times, times.exposure, microseconds(50)),
         judge_proof(times), judge_clocks({{"a", microseconds(100)}, {"b", microseconds(200)}})}) {
@@ -44,7 +44,7 @@ TEST(RigFindings, AGoodRigIsGood) {
 }
 
 TEST(RigFindings, MissedFlipsAreCounted) {
-  TrialTimes times = good_times();
+  TestCaptureTimes times = good_times();
   times.shown[4].held = milliseconds(30);
   EXPECT_EQ(judge_flips(times).level(), v1::FINDING_LEVEL_WARNING);
   EXPECT_NE(judge_flips(times).text().find("1 of 30"), std::string::npos);
@@ -57,7 +57,7 @@ TEST(RigFindings, MissedFlipsAreCounted) {
 }
 
 TEST(RigFindings, DroppedFramesAndWrongRatesAreNamed) {
-  TrialTimes times = good_times();
+  TestCaptureTimes times = good_times();
   std::erase_if(times.frames, [](const FrameTime& frame) { return frame.sequence % 10 == 0; });
   EXPECT_EQ(judge_frames(times).level(), v1::FINDING_LEVEL_WARNING);
   EXPECT_NE(judge_frames(times).text().find("dropped"), std::string::npos);
@@ -73,7 +73,7 @@ TEST(RigFindings, DroppedFramesAndWrongRatesAreNamed) {
 
 // The window is 8 ms; 1 ms is readout and 0.1 ms uncertainty. A frame begins every 2 ms.
 TEST(RigFindings, ExposuresMustFitWhatStandsStill) {
-  const TrialTimes times = good_times();
+  const TestCaptureTimes times = good_times();
   const auto judged = [&](nanoseconds exposure) { return judge_window(times, exposure, microseconds(50)); };
   EXPECT_EQ(judged(microseconds(4900)).level(), v1::FINDING_LEVEL_OK);
   EXPECT_EQ(judged(microseconds(4901)).level(), v1::FINDING_LEVEL_WARNING);
@@ -89,15 +89,15 @@ TEST(RigFindings, ExposuresMustFitWhatStandsStill) {
             std::string::npos)
       << judged(milliseconds(25)).advice();
   // A readout longer than the window cannot be mended by the exposure.
-  TrialTimes slow = times;
+  TestCaptureTimes slow = times;
   slow.readout = milliseconds(9);
   EXPECT_EQ(judge_window(slow, milliseconds(1), microseconds(50)).advice(), "set hold_refreshes to 3");
 }
 
 TEST(RigFindings, TheShareOfProvenStepsDecides) {
-  TrialTimes times = good_times();
+  TestCaptureTimes times = good_times();
   const auto level_with = [&](int every) {
-    TrialTimes some = times;
+    TestCaptureTimes some = times;
     for (size_t i = 0; i < some.windows.size(); ++i) {
       if (static_cast<int>(i) % 10 >= every) some.windows[i].until = some.windows[i].from;
     }

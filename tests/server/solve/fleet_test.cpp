@@ -135,7 +135,7 @@ TEST_F(FleetTest, SolvesAreInTheStoresOrderWithTheTimeLeft) {
        .computes = "gaussian/1",
        .server_address = "lab1:7440",
        .own = true,
-       .held = false,
+       .suspended = false,
        .counts = {.tiles = 100, .done = 30, .quarantined = 10, .leased = 4, .failures = 33},
        .tiles_per_second = 1.5},
       {.id = 12,
@@ -143,7 +143,7 @@ TEST_F(FleetTest, SolvesAreInTheStoresOrderWithTheTimeLeft) {
        .computes = "ramp/2",
        .server_address = "lab2:7440",
        .own = false,
-       .held = true,
+       .suspended = true,
        .counts = {.tiles = 10},
        .tiles_per_second = 1.0},
       {.id = 13,
@@ -151,7 +151,7 @@ TEST_F(FleetTest, SolvesAreInTheStoresOrderWithTheTimeLeft) {
        .computes = "alpha/1",
        .server_address = "lab1:7440",
        .own = true,
-       .held = false,
+       .suspended = false,
        .counts = {.tiles = 10},
        .tiles_per_second = 0.0}};
   const v1::GetFleetResponse fleet = describe({}, jobs);
