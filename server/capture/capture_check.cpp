@@ -50,10 +50,10 @@ void add_warnings(const RigLinks& links, const v1::CaptureManifest& header, cons
   for (const auto& display : links.displays) {
     for (const v1::DisplayMonitor& monitor : display->info.monitors()) {
       if (!shown.contains(monitor.name()) || display->sync.contains(monitor.name())) continue;
-      estimate.add_warnings(fmt::format(
-          "how late the light of monitor \"{}\" is was not measured, what its display says is believed: "
-          "glasswing calibrate sync",
-          monitor.name()));
+      estimate.add_warnings(
+          fmt::format("the delay of monitor \"{}\"'s light was not measured, so the declared one is used: "
+                      "glasswing calibrate sync",
+                      monitor.name()));
     }
   }
 }

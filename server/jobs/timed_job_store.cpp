@@ -34,7 +34,7 @@ const absl::Status& status_of(const absl::StatusOr<T>& result) {
 }
 
 class TimedJobStore final : public JobStore {
-  // First, because its type is what it returns.
+  // Defined first, because its return type is deduced.
   template <typename Call>
   auto timed(Operation operation, const Call& call) {
     const Clock::time_point begun = Clock::now();

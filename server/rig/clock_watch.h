@@ -1,5 +1,5 @@
-// How far the clocks of displays and cameras are from rig time, all the time: for people, who see a clock go
-// astray before a capture meets it. Captures measure for themselves.
+// Measures the offsets of the display and camera nodes' clocks from rig time, all the time, so that people
+// see a clock go astray before a capture meets it. Captures make their own measurements.
 #pragma once
 
 #include <condition_variable>

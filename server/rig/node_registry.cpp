@@ -32,8 +32,8 @@ absl::Status NodeRegistry::add(const v1::RegisterRequest& request) {
                      now - entry.heard < kSilence;
   if (taken) {
     return absl::AlreadyExistsError(
-        fmt::format("another node is \"{}\", at {}; give this one a --name of its own", request.name(),
-                    entry.node.address()));
+        fmt::format("another node, at {1}, has the name \"{0}\"; give this one another --name",
+                    request.name(), entry.node.address()));
   }
   entry.node.set_kind(request.kind());
   entry.node.set_name(request.name());

@@ -63,9 +63,9 @@ FrameTime rig_time_of(const v1::FrameTaken& frame, const NodeLink& camera) {
 }
 
 DisplayStream::DisplayStream(const DisplayLink& display, const std::string& program, nanoseconds start_at,
-                         nanoseconds step)
+                             nanoseconds step)
     : display_(display) {
-  // Over so long a time the clocks' rates tell.
+  // The clocks' rates matter over such a time.
   constexpr int kManySteps = 10000;
   const nanoseconds start = display.link.node_from_rig(start_at).time,
                     end = display.link.node_from_rig(start_at + kManySteps * step).time;

@@ -29,7 +29,7 @@ class RigCheck {
   absl::Status run(std::stop_token stop) {
     if (!check_nodes()) return absl::OkStatus();
     absl::StatusOr<RigLinks> links = connect(rig_, calibrations_);
-    if (links.ok()) links->exchange_clocks(16).IgnoreError();  // the trial meets it again
+    if (links.ok()) links->exchange_clocks(16).IgnoreError();  // the test capture reports an error of this
     if (!links.ok()) return tell_status("nodes", links.status());
     if (!check_monitors(*links) || !check_exposures(*links)) return absl::OkStatus();
     check_clocks(*links);
@@ -50,14 +50,14 @@ class RigCheck {
             const std::string& advice = "") {
     report_(make_finding(level, subject, text, advice));
   }
-  // An error of a node is a finding.
+  // Turns a node's error into a finding.
   absl::Status tell_status(const std::string& subject, const absl::Status& status) {
     if (absl::IsCancelled(status)) return status;
     tell(v1::FINDING_LEVEL_PROBLEM, subject, std::string(status.message()), "look at that node's log");
     return absl::OkStatus();
   }
 
-  // False: there is nothing to check.
+  // False: a node is missing, so the rest cannot be checked.
   bool check_nodes() {
     std::string away;
     for (const v1::Node& node : rig_.nodes()) {
@@ -137,12 +137,12 @@ class RigCheck {
     report_(judge_clocks(errors));
   }
 
-  // White on one monitor after the other, as a plan would light them.
+  // White on one monitor after another, as a plan would light them.
   TestCapture test_capture_of(const RigLinks& links) const {
     TestCapture test{.displays = {},
-                .steps = {},
-                .hold_refreshes = hold_refreshes_of(plan_),
-                .exposure_ms = *std::max_element(exposures_ms_.begin(), exposures_ms_.end())};
+                     .steps = {},
+                     .hold_refreshes = hold_refreshes_of(plan_),
+                     .exposure_ms = *std::max_element(exposures_ms_.begin(), exposures_ms_.end())};
     nanoseconds period{};
     for (const auto& display : links.displays) {
       test.displays.push_back(display.get());
@@ -158,7 +158,7 @@ class RigCheck {
       white.set_kind("solid");
       white.set_panel(monitors_[static_cast<size_t>(i) % monitors_.size()].name());
     }
-    // Last, so that their frames are still with the camera afterwards; twice, as in a capture.
+    // Id patches come last, so that the camera still has their frames afterwards; twice, as in a capture.
     for (int showing = 0; showing < 2; ++showing) {
       for (const v1::DisplayMonitor& monitor : monitors_) {
         if (monitor.patch_rows() == 0) continue;
@@ -175,7 +175,8 @@ class RigCheck {
     return test;
   }
 
-  TestCaptureTimes times_of(const RigLinks& links, const TestCapture& test, const TestCaptureRecord& record) const {
+  TestCaptureTimes times_of(const RigLinks& links, const TestCapture& test,
+                            const TestCaptureRecord& record) const {
     TestCaptureTimes times;
     times.hold_refreshes = test.hold_refreshes;
     times.exposure = nanoseconds(std::llround(1e6 * test.exposure_ms));
@@ -226,7 +227,7 @@ class RigCheck {
     return check_patches(links, test, times, *record);
   }
 
-  // What the trial's lessons show of the monitors' id patches.
+  // Judges the monitors' id patches by the test capture's patch learning steps.
   absl::Status check_patches(const RigLinks& links, const TestCapture& test, const TestCaptureTimes& times,
                              const TestCaptureRecord& record) {
     v1::LookForPatchesRequest look;
@@ -264,7 +265,7 @@ class RigCheck {
   const CalibrationStore& calibrations_;
   const v1::Plan& plan_;
   const std::function<void(const v1::Finding&)>& report_;
-  std::vector<v1::DisplayMonitor> monitors_;  // those that a plan would light
+  std::vector<v1::DisplayMonitor> monitors_;  // that a plan would light
   std::vector<double> exposures_ms_;
 };
 

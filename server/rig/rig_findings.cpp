@@ -13,9 +13,9 @@ namespace {
 using std::chrono::microseconds;
 using std::chrono::milliseconds;
 
-// Sum of all clocks' bounds.
+// Limits of the sum of all clocks' bounds.
 constexpr nanoseconds kClocksGood = milliseconds(1), kClocksPoor = milliseconds(4);
-// Shares of pictures, frames and steps.
+// Limits as shares of pictures, frames and steps.
 constexpr double kManyMissed = 0.1, kFewDropped = 0.01, kManyDropped = 0.25;
 constexpr double kWellProven = 0.9, kHardlyProven = 0.3;
 constexpr double kRateOff = 0.05;  // of the camera's declared rate
@@ -34,7 +34,7 @@ nanoseconds longest_period(const TestCaptureTimes& times) {
   return longest;
 }
 
-// The middle one: a missed flip makes single ones longer.
+// The median: a missed flip makes single windows longer.
 nanoseconds typical_window(const TestCaptureTimes& times) {
   std::vector<nanoseconds> lengths;
   for (const StableWindow& window : times.windows) lengths.push_back(window.until - window.from);
@@ -96,7 +96,8 @@ v1::Finding judge_flips(const TestCaptureTimes& times) {
 v1::Finding judge_frames(const TestCaptureTimes& times) {
   if (times.frames.size() < 2) {
     return make_finding(v1::FINDING_LEVEL_PROBLEM, "camera",
-                        fmt::format("{} frames came", times.frames.size()), "look at the camera node's log");
+                        fmt::format("{} frames arrived", times.frames.size()),
+                        "look at the camera node's log");
   }
   const FrameTime &first = times.frames.front(), &last = times.frames.back();
   const auto numbers = static_cast<double>(last.sequence - first.sequence);
@@ -167,7 +168,7 @@ v1::Finding judge_proof(const TestCaptureTimes& times) {
   return make_finding(v1::FINDING_LEVEL_PROBLEM, "proof", text, advice);
 }
 
-v1::Finding judge_patch(const v1::DisplayMonitor& monitor, int lessons, const std::string& unseen) {
+v1::Finding judge_patch(const v1::DisplayMonitor& monitor, int learning_steps, const std::string& unseen) {
   const std::string& name = monitor.name();
   if (monitor.patch_rows() == 0) {
     return make_finding(v1::FINDING_LEVEL_WARNING, "id patch",
@@ -175,11 +176,11 @@ v1::Finding judge_patch(const v1::DisplayMonitor& monitor, int lessons, const st
                         "start its display node with --patch-rows, and have the camera see those rows");
   }
   const int wanted = static_cast<int>(patch_learning_ids().size());
-  if (lessons < wanted) {
-    return make_finding(
-        v1::FINDING_LEVEL_WARNING, "id patch",
-        fmt::format("{}: only {} of the {} pictures that teach it were recorded", name, lessons, wanted),
-        "see the other findings; a capture shows them again");
+  if (learning_steps < wanted) {
+    return make_finding(v1::FINDING_LEVEL_WARNING, "id patch",
+                        fmt::format("{}: only {} of the {} pictures that teach it were recorded", name,
+                                    learning_steps, wanted),
+                        "see the other findings; a capture shows them again");
   }
   if (!unseen.empty()) {
     return make_finding(

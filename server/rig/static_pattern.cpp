@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::chrono::milliseconds kPoll(10);
 constexpr std::chrono::milliseconds kStartLead(200);  // from the command to the picture
-// The longest steps that displays take, and as many as last a day at 60 Hz.
+// The longest step that displays accept, and the number of steps that last a day at 60 Hz.
 constexpr int kHoldRefreshes = 600, kSteps = 8640;
 constexpr int kBars = 8;
 constexpr double kGray = 0.2;
@@ -67,7 +67,7 @@ absl::StatusOr<std::unique_ptr<StaticPattern>> StaticPattern::start(
 nanoseconds StaticPattern::there_at(const DisplayLink& display, nanoseconds start) {
   nanoseconds latest = start;
   for (const v1::DisplayMonitor& monitor : display.info.monitors()) {
-    // Up to a refresh until it goes on screen, another until its last row is there.
+    // Up to one refresh until the scan-out begins, and another until its last row.
     latest = std::max(latest, start + nanoseconds(static_cast<std::int64_t>(2e9 / monitor.refresh_hz())) +
                                   nanoseconds(monitor.optical_lag_ns() + monitor.settle_ns()));
   }

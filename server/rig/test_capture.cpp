@@ -36,7 +36,8 @@ absl::Status load(const DisplayLink& display, const std::string& program, const 
 
 }  // namespace
 
-absl::StatusOr<TestCaptureRecord> run_test_capture(RigLinks& rig, const TestCapture& test, std::stop_token stop) {
+absl::StatusOr<TestCaptureRecord> run_test_capture(RigLinks& rig, const TestCapture& test,
+                                                   std::stop_token stop) {
   CameraStream camera(*rig.camera, *rig.camera_stub, test.exposure_ms);
   GW_RETURN_IF_ERROR(camera.wait_running(stop));
   GW_RETURN_IF_ERROR(rig.exchange_clocks(8));
@@ -54,7 +55,7 @@ absl::StatusOr<TestCaptureRecord> run_test_capture(RigLinks& rig, const TestCapt
   while (!stop.stop_requested()) {
     bool playing = false;
     for (size_t i = 0; i < streams.size(); ++i) {
-      // The end is looked at first: what was pushed before it is then surely taken.
+      // Read the end first: then everything that was pushed before it is taken.
       const std::optional<absl::Status> end = streams[i]->inbox.end();
       for (v1::Presentation& shown : streams[i]->inbox.take()) {
         wanted_until = std::max(wanted_until, rig_time_of(shown, *test.displays[i]).replaced + kTail);

@@ -1,4 +1,4 @@
-// A few pictures shown and recorded for the rig's own sake: what calibrating and checking have in common.
+// A few pictures shown and recorded without a session, for calibrating and checking the rig.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -13,8 +13,8 @@
 namespace glasswing {
 
 struct TestCapture {
-  std::vector<DisplayLink*> displays;  // those that play
-  std::vector<v1::ProgramStep> steps;  // each display takes the stimuli of its own monitors
+  std::vector<DisplayLink*> displays;  // that play the steps
+  std::vector<v1::ProgramStep> steps;  // each display shows the stimuli of its own monitors
   int hold_refreshes = 2;
   double exposure_ms = 0.0;
 };
@@ -28,8 +28,9 @@ struct TestCaptureRecord {
   std::vector<v1::FrameTaken> frames;  // times are the node's
 };
 
-// Runs the camera, plays the steps once, and records until a tenth of a second after the last was replaced.
+// Runs the camera, plays the steps once, and records until 0.1 s after the last step was replaced.
 // CANCELLED: stopped.
-absl::StatusOr<TestCaptureRecord> run_test_capture(RigLinks& rig, const TestCapture& test, std::stop_token stop);
+absl::StatusOr<TestCaptureRecord> run_test_capture(RigLinks& rig, const TestCapture& test,
+                                                   std::stop_token stop);
 
 }  // namespace glasswing

@@ -17,7 +17,7 @@
 namespace glasswing {
 namespace {
 
-constexpr const char* kAfterSession = ", note, tags, copies, name";  // what parsed() reads of a row
+constexpr const char* kAfterSession = ", note, tags, copies, name";  // the columns that parsed() reads
 
 std::string rows_of(const char* session_column) {
   return fmt::format("SELECT {}{}, {} FROM sessions ", session_column, kAfterSession,
@@ -44,7 +44,7 @@ absl::StatusOr<v1::Session> parsed(const Database::Query& row) {
   return session;
 }
 
-// Catalogues of before had none of these.
+// Adds the columns that catalogues of earlier versions lack.
 absl::Status add_columns(Database& database) {
   for (const auto& [column, type] :
        {std::pair("note", "TEXT NOT NULL DEFAULT ''"), std::pair("tags", "TEXT NOT NULL DEFAULT ''"),
@@ -130,7 +130,7 @@ absl::Status Catalogue::update(const v1::Session& session) {
 absl::StatusOr<v1::Session> Catalogue::annotate(const v1::AnnotateSessionRequest& request) {
   if (request.note().size() > kMaxNoteBytes) {
     return absl::InvalidArgumentError(
-        fmt::format("the note is of {} bytes; it must be at most {}", request.note().size(), kMaxNoteBytes));
+        fmt::format("the note has {} bytes; it must have at most {}", request.note().size(), kMaxNoteBytes));
   }
   for (const std::string& tag : request.add_tags()) GW_RETURN_IF_ERROR(check_name("tag", tag));
   const std::lock_guard lock(mutex_);

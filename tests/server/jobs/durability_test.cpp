@@ -1,4 +1,4 @@
-// What a store that is opened again still knows.
+// A store that is opened again.
 #include "tests/server/jobs/contract.h"
 
 namespace glasswing {
@@ -17,7 +17,7 @@ TEST_P(JobContract, AStoreOpenedAgainKeepsAll) {
   EXPECT_EQ(tile(failed).failures, 1);
   EXPECT_EQ(tile(failed).error, "dark");
   EXPECT_TRUE(tile(quarantined).quarantined);
-  // Leases go on, and completions may be said again.
+  // Leases go on, and completions may be repeated.
   EXPECT_EQ(store_->leases()->size(), 1u);
   EXPECT_TRUE(store_->renew(leased.id).ok());
   EXPECT_TRUE(store_->complete(leased.id, result("leased.exr")).ok());

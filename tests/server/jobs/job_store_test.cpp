@@ -1,4 +1,4 @@
-// Jobs: made, cut anew, added to, held, tried again, removed; and what is told of them.
+// Jobs: created, cut again, extended, suspended, retried, removed, reported.
 #include "server/jobs/job_store.h"
 
 #include "tests/server/jobs/contract.h"
@@ -65,12 +65,12 @@ TEST_P(JobContract, ASurveyCutsTheJobAnew) {
   const Lease first = claimed("a");
   EXPECT_EQ(first.id.tile, 0);
   EXPECT_EQ(first.work, "plan");
-  EXPECT_GT(first.id.attempt, survey.id.attempt);  // so the survey cannot pass for it
+  EXPECT_GT(first.id.attempt, survey.id.attempt);  // so that the survey's attempt never names it
   EXPECT_TRUE(absl::IsAborted(store_->renew(survey.id)));
   EXPECT_TRUE(absl::IsAborted(store_->complete(survey.id, result("x"))));
   ASSERT_TRUE(store_->complete(first.id, result("0.exr")).ok());
 
-  // Its answer was lost: said again it changes nothing.
+  // Repeated, as after a lost answer, it changes nothing.
   ASSERT_TRUE(store_->recut(survey.id, "other", ranges(5)).ok());
   EXPECT_EQ(store_->counts(job)->tiles, 2);
   EXPECT_EQ(store_->counts(job)->done, 1);

@@ -1,4 +1,4 @@
-// What only PostgreSQL does: several servers share it, and it may be gone for a while.
+// PostgreSQL alone: several servers share it, and it may be away for a while.
 #include "server/jobs/postgres_job_store.h"
 
 #include <gtest/gtest.h>
@@ -80,7 +80,7 @@ TEST_F(SharedJobs, HoldsAreEveryServersAndEndWithTheirOwn) {
 
 TEST_F(SharedJobs, OneServersHintWakesThoseWhoWaitAtAnother) {
   const auto a = open("a"), b = open("b");
-  // The first hint may be that a's listener has begun; it is told until all are through.
+  // The first hint may come from the start of a's listener, so wait until all have arrived.
   std::jthread teller([&](std::stop_token stop) {
     while (!stop.stop_requested()) create(*b, 1);
   });
@@ -165,7 +165,7 @@ TEST_F(SharedJobs, WhatWasAnsweredOutlivesAKilledDatabase) {
         if (is_gone(lease.status()) || !lease->has_value()) continue;
         const std::string name = solver + "." + std::to_string((*lease)->id.attempt);
         absl::Status status;
-        do {  // as a solver does, until it is told
+        do {  // repeats, as a solver does, until it is answered
           status = store.complete((*lease)->id, result(name));
         } while (is_gone(status));
         if (!status.ok()) continue;

@@ -81,7 +81,7 @@ TEST(ServerGauges, TellAStoreThatDoesNotAnswerAndWhatThereIsBeside) {
   EXPECT_EQ(value(families, "glasswing_node_up", {{"kind", "display"}, {"name", "display-1"}}), 0.0);
 }
 
-// Answers each call in its own way.
+// Answers each call with a status of its own.
 class FakeStore final : public JobStore {
  public:
   std::string title() const override { return "a fake"; }
@@ -168,7 +168,7 @@ TEST(TimedJobStore, PassesEveryCallOnAndCountsIt) {
                                                {"hand_back", 1}, {"read", 6}};
   for (const auto& [operation, count] : expected) {
     EXPECT_EQ(calls(operation), count) << operation;
-    // Only silence is a failure of the store.
+    // Only UNAVAILABLE is a failure of the store.
     EXPECT_EQ(failures(operation), operation == "remove" || operation == "claim" ? 1.0 : 0.0) << operation;
   }
 }

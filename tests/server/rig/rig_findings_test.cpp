@@ -8,16 +8,16 @@ namespace {
 using std::chrono::microseconds;
 using std::chrono::milliseconds;
 
-// 30 steps of 2 refreshes at 100 Hz: each stands still for 10 ms less 2 ms; 1 ms exposures with 1 ms readout,
+// 30 steps of 2 refreshes at 100 Hz: each is stable for 10 ms less 2 ms; 1 ms exposures with 1 ms readout,
 // 500 a second.
 TestCaptureTimes good_times() {
   TestCaptureTimes times{.shown = {},
-                   .windows = {},
-                   .frames = {},
-                   .hold_refreshes = 2,
-                   .exposure = milliseconds(1),
-                   .frame_period = milliseconds(2),
-                   .readout = milliseconds(1)};
+                         .windows = {},
+                         .frames = {},
+                         .hold_refreshes = 2,
+                         .exposure = milliseconds(1),
+                         .frame_period = milliseconds(2),
+                         .readout = milliseconds(1)};
   for (int step = 0; step < 30; ++step) {
     times.shown.push_back(
         {.monitor = "back", .step = step, .held = milliseconds(20), .period = milliseconds(10)});
@@ -50,7 +50,7 @@ TEST(RigFindings, MissedFlipsAreCounted) {
   EXPECT_NE(judge_flips(times).text().find("1 of 30"), std::string::npos);
   for (size_t i = 0; i < 4; ++i) times.shown[i].held = milliseconds(30);
   EXPECT_EQ(judge_flips(times).level(), v1::FINDING_LEVEL_PROBLEM);
-  // A faster monitor beside it is held for whole refreshes of its own: up to one more.
+  // A faster monitor beside it shows a step for whole refreshes of its own: up to one more.
   times = good_times();
   times.shown[4] = {.monitor = "left", .step = 4, .held = milliseconds(21), .period = milliseconds(7)};
   EXPECT_EQ(judge_flips(times).level(), v1::FINDING_LEVEL_OK);
@@ -88,7 +88,7 @@ TEST(RigFindings, ExposuresMustFitWhatStandsStill) {
   EXPECT_NE(judged(milliseconds(25)).advice().find("hold_refreshes to 4, or exposure_ms to 6.90"),
             std::string::npos)
       << judged(milliseconds(25)).advice();
-  // A readout longer than the window cannot be mended by the exposure.
+  // No exposure makes up for a readout longer than the window.
   TestCaptureTimes slow = times;
   slow.readout = milliseconds(9);
   EXPECT_EQ(judge_window(slow, milliseconds(1), microseconds(50)).advice(), "set hold_refreshes to 3");

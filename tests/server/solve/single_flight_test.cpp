@@ -17,7 +17,7 @@ TEST(SingleFlight, AloneItRunsEachTime) {
   EXPECT_EQ(runs, 3);
 }
 
-// What each thread did before it asked is seen by a run that began after.
+// A run that began after a thread asked sees what the thread did before.
 TEST(SingleFlight, EachIsServedByARunAfterItAskedAndNoTwoRunAtOnce) {
   constexpr int kThreads = 8, kTimes = 500;
   SingleFlight work;

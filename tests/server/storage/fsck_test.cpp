@@ -9,7 +9,7 @@
 #include "core/matte/matte_file.h"
 #include "core/storage/image_name.h"
 #include "core/storage/matte_files.h"
-#include "server/sessions/session_store.h"
+#include "server/services/server.h"
 
 namespace glasswing {
 namespace {
