@@ -15,9 +15,9 @@
 #include "server/rig/clock_watch.h"
 #include "server/services/fleet_service.h"
 #include "server/services/rig_service.h"
+#include "server/services/server.h"
 #include "server/services/session_service.h"
 #include "server/services/work_service.h"
-#include "server/sessions/session_store.h"
 
 namespace glasswing {
 namespace {

@@ -5,7 +5,7 @@
 
 #include "core/cli/daemon.h"
 #include "server/console/console.h"
-#include "server/sessions/session_store.h"
+#include "server/services/server.h"
 
 namespace glasswing {
 

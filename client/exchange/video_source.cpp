@@ -137,8 +137,7 @@ class Decoded {
     std::optional<Image16> image;
     for (; next_ <= frame; ++next_) image = reader_->next();
     if (!image)
-      return absl::DataLossError(
-          fmt::format("{}: frame {} can no longer be decoded", path_.string(), frame));
+      return absl::DataLossError(fmt::format("{}: frame {} can no longer be decoded", path_.string(), frame));
     GW_RETURN_IF_ERROR(
         check_likeness(fmt::format("{}: frame {}", path_.string(), frame), *image, camera_.bits(), camera_));
     response_.linearise(*image);

@@ -110,9 +110,8 @@ absl::StatusOr<int> composite_mattes(const CompositeArguments& arguments) {
       first = object.metadata();
       GW_ASSIGN_OR_RETURN(backgrounds, Backgrounds::open(arguments.backgrounds, first, arguments.encoding()));
     } else if (!same_monitors(first, object.metadata())) {
-      return absl::InvalidArgumentError(
-          fmt::format("{} has other monitors than {}; they are not of one video", files[i].string(),
-                      files[0].string()));
+      return absl::InvalidArgumentError(fmt::format(
+          "{} has other monitors than {}; they are not of one video", files[i].string(), files[0].string()));
     }
     GW_ASSIGN_OR_RETURN(const std::vector<RadianceImage>* const behind, backgrounds->next());
     GW_ASSIGN_OR_RETURN(const RadianceImage picture, object.composite(*behind));

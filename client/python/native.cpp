@@ -1,8 +1,8 @@
-// The C++ part of the Python package: matte files, compositing, and picture files. glasswing/_native.pyi has the types;
-// only the package calls this module, and it checks shapes before.
+// The C++ part of the Python package: matte files, compositing, and picture files. glasswing/_native.pyi has
+// the types; only the package calls this module, and it checks shapes before.
 //
-// Messages cross as bytes, never as objects, so that python3-protobuf and this module share only Debian's libprotobuf,
-// whose descriptor pool works in whatever order they are loaded.
+// Messages cross as bytes, never as objects, so that python3-protobuf and this module share only Debian's
+// libprotobuf, whose descriptor pool works in whatever order they are loaded.
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>

@@ -7,7 +7,7 @@
 namespace glasswing {
 namespace {
 
-v1::Node node_named(const std::string& name, const Rig& rig) {
+v1::Node node_named(const std::string& name, const NodeRegistry& rig) {
   const std::vector<v1::Node> nodes = rig.nodes();
   const auto found = std::ranges::find(nodes, name, [](const v1::Node& node) { return node.name(); });
   return found == nodes.end() ? v1::Node() : *found;
@@ -15,7 +15,7 @@ v1::Node node_named(const std::string& name, const Rig& rig) {
 
 }  // namespace
 
-std::vector<std::string> copy_addresses(const v1::Session& session, const Rig& rig) {
+std::vector<std::string> replica_addresses(const v1::Session& session, const NodeRegistry& rig) {
   std::vector<std::string> addresses;
   for (const v1::ArchiveCopy& copy : session.copies()) {
     if (!is_whole(copy)) continue;
@@ -25,7 +25,7 @@ std::vector<std::string> copy_addresses(const v1::Session& session, const Rig& r
   return addresses;
 }
 
-absl::StatusOr<std::string> keeper_address(const std::string& name, const Rig& rig) {
+absl::StatusOr<std::string> keeper_address(const std::string& name, const NodeRegistry& rig) {
   const v1::Node node = node_named(name, rig);
   if (node.name().empty()) {
     return absl::NotFoundError(fmt::format("there is no node \"{}\"; `glasswing nodes` lists them", name));

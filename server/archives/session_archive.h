@@ -1,5 +1,5 @@
-// A session's archive, at the camera node that captured it or at one that holds a copy. Errors are those of
-// archive_service.proto, and name the node.
+// A client of the node with a session's archive: the camera node that captured it, or a node with a replica.
+// Errors are those of archive_service.proto, and name the node.
 #pragma once
 
 #include <absl/status/status.h>
@@ -17,13 +17,13 @@ namespace glasswing {
 class SessionArchive {
  public:
   explicit SessionArchive(const v1::Session& session);
-  // A copy of it.
+  // A replica.
   SessionArchive(std::string session, const std::string& node, const std::string& address);
 
   absl::Status check_answers();
   absl::Status seal();
   absl::StatusOr<v1::CaptureManifest> manifest();
-  // For good; returns how many bytes that freed.
+  // Deletes the archive; returns how many bytes that freed.
   absl::StatusOr<std::int64_t> remove();
 
  private:

@@ -17,7 +17,7 @@
 
 namespace glasswing {
 
-Capture::Capture(const Rig& rig, const CalibrationStore& calibrations, std::filesystem::path images,
+Capture::Capture(const NodeRegistry& rig, const CalibrationStore& calibrations, std::filesystem::path images,
                  v1::Session session, std::optional<bool> object_confirmed, StepLog& log,
                  std::function<void(const v1::Session&)> report)
     : rig_(rig),

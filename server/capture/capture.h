@@ -45,7 +45,7 @@ class Capture {
   // `images` is the directory of uploaded photos. `object_confirmed`: a person has confirmed that the object
   // is on the stage, or off it. `log` records the outcome of each step. `report` is called with the updated
   // session, from the thread that calls run().
-  Capture(const Rig& rig, const CalibrationStore& calibrations, std::filesystem::path images,
+  Capture(const NodeRegistry& rig, const CalibrationStore& calibrations, std::filesystem::path images,
           v1::Session session, std::optional<bool> object_confirmed, StepLog& log,
           std::function<void(const v1::Session&)> report);
   ~Capture();
@@ -75,7 +75,7 @@ class Capture {
   absl::StatusOr<bool> move_object(bool present);
   absl::Status capture_group(const Group& group, std::stop_token stop);
 
-  const Rig& rig_;
+  const NodeRegistry& rig_;
   const CalibrationStore& calibrations_;
   const std::filesystem::path images_;
   const std::optional<bool> object_confirmed_;

@@ -50,17 +50,17 @@ void add_warnings(const RigLinks& links, const v1::CaptureManifest& header, cons
   for (const auto& display : links.displays) {
     for (const v1::DisplayMonitor& monitor : display->info.monitors()) {
       if (!shown.contains(monitor.name()) || display->sync.contains(monitor.name())) continue;
-      estimate.add_warnings(fmt::format(
-          "how late the light of monitor \"{}\" is was not measured, what its display says is believed: "
-          "glasswing calibrate sync",
-          monitor.name()));
+      estimate.add_warnings(
+          fmt::format("the delay of monitor \"{}\"'s light was not measured, so the declared one is used: "
+                      "glasswing calibrate sync",
+                      monitor.name()));
     }
   }
 }
 
 }  // namespace
 
-absl::StatusOr<CheckedCapture> check_capture(const Rig& rig, const CalibrationStore& calibrations,
+absl::StatusOr<CheckedCapture> check_capture(const NodeRegistry& rig, const CalibrationStore& calibrations,
                                              const v1::Plan& plan) {
   GW_RETURN_IF_ERROR(check_plan(plan));
   GW_ASSIGN_OR_RETURN(const RigLinks links, connect(rig, calibrations));

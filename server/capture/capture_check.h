@@ -1,4 +1,4 @@
-// What is found out about a capture before it starts: a dry run, and the beginning of a real one.
+// Checks a capture before it starts: a dry run, and the first step of a real one.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -13,12 +13,12 @@ namespace glasswing {
 
 struct CheckedCapture {
   std::vector<Step> steps;
-  v1::EstimateSessionResponse estimate;  // all but who holds the rig
+  v1::EstimateSessionResponse estimate;  // without the rig's holder
 };
 
 // INVALID_ARGUMENT: the plan, or an exposure that the camera cannot make. FAILED_PRECONDITION: the rig lacks
-// what the plan needs, room for the frames too. UNAVAILABLE: a node is away.
-absl::StatusOr<CheckedCapture> check_capture(const Rig& rig, const CalibrationStore& calibrations,
+// something that the plan needs, or room for the frames. UNAVAILABLE: a node is away.
+absl::StatusOr<CheckedCapture> check_capture(const NodeRegistry& rig, const CalibrationStore& calibrations,
                                              const v1::Plan& plan);
 
 }  // namespace glasswing

@@ -1,63 +1,113 @@
-// The server's captures: which session drives the rig, and what becomes of it.
+#include "server/capture/capture_runner.h"
+
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <condition_variable>
 
 #include "core/base/fault_point.h"
+#include "core/base/file.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
+#include "server/archives/session_archive.h"
 #include "server/capture/capture_check.h"
 #include "server/sessions/session_state.h"
-#include "server/sessions/session_store.h"
+#include "server/storage/image_name.h"
 
 namespace glasswing {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr std::chrono::seconds kNodeGrace(30);    // how long a capture waits for a lost node before it pauses
-constexpr std::chrono::seconds kProgressKept(2);  // as old the catalogue's word of a capture may be
+constexpr std::chrono::seconds kNodeGrace(30);  // how long a capture waits for a lost node before it pauses
+constexpr std::chrono::seconds kProgressSaved(2);  // how far the catalogue may be behind a capture
+
+std::string go_on(const v1::Session& session) {
+  return fmt::format("; go on with: glasswing resume {}", session.name());
+}
+
+// Sleeps; false: stopped.
+bool wait_a_second(std::stop_token stop) {
+  std::mutex mutex;
+  std::unique_lock lock(mutex);
+  std::condition_variable_any().wait_for(lock, stop, std::chrono::seconds(1), [] { return false; });
+  return !stop.stop_requested();
+}
 
 }  // namespace
 
-absl::Status Server::check_new_name(const std::string& name) {
+CaptureRunner::~CaptureRunner() {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!capturing_.empty() && wish_ == Wish::kNone) wish_ = Wish::kPause;
+    thread_.request_stop();
+  }
+  if (thread_.joinable()) thread_.join();
+}
+
+absl::Status CaptureRunner::take_up(SessionStore::Edit& edit, std::span<const v1::Session> sessions) {
+  for (v1::Session session : sessions) {
+    if (session.state() != v1::SESSION_STATE_CAPTURING) continue;
+    session.set_state(v1::SESSION_STATE_PAUSED);
+    session.set_reason("the server was restarted" + go_on(session));
+    GW_RETURN_IF_ERROR(edit.change(session));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::string> CaptureRunner::store_image(const std::string& png) {
+  std::string name = image_name(png);
+  GW_RETURN_IF_ERROR(write_file_durably(images_ / name, png));
+  return name;
+}
+
+absl::Status CaptureRunner::check_new_name(const std::string& name) {
   GW_RETURN_IF_ERROR(check_name("session", name));
-  if (absl::IsNotFound(catalogue_->find(name).status())) return absl::OkStatus();
+  if (absl::IsNotFound(sessions_.stored(name).status())) return absl::OkStatus();
   return absl::AlreadyExistsError(
       fmt::format("there is a session \"{}\" already; choose another name", name));
 }
 
-absl::StatusOr<v1::EstimateSessionResponse> Server::estimate(const v1::EstimateSessionRequest& request) {
+absl::StatusOr<v1::EstimateSessionResponse> CaptureRunner::estimate(
+    const v1::EstimateSessionRequest& request) {
   if (!request.name().empty()) GW_RETURN_IF_ERROR(check_new_name(request.name()));
-  GW_ASSIGN_OR_RETURN(CheckedCapture checked, check_capture(rig_, *calibrations_, request.plan()));
+  GW_ASSIGN_OR_RETURN(CheckedCapture checked, check_capture(nodes_, calibrations_, request.plan()));
   if (const auto holder = rig_lock_.holder()) *checked.estimate.mutable_holder() = *holder;
   return std::move(checked.estimate);
 }
 
-absl::StatusOr<v1::Session> Server::create(const v1::CreateSessionRequest& request, const Caller& caller) {
-  const absl::StatusOr<v1::Session> before = catalogue_->find_request(request.request_id());
-  if (!absl::IsNotFound(before.status())) return before;
-  GW_ASSIGN_OR_RETURN(const CheckedCapture checked, check_capture(rig_, *calibrations_, request.plan()));
-  for (const Step& step : checked.steps) {
+absl::Status CaptureRunner::check_images(const std::vector<Step>& steps) const {
+  for (const Step& step : steps) {
     const std::string& image = step.stimulus.image();
-    if (!image.empty() && (!check_name("image", image).ok() || !fs::exists(data_ / "images" / image))) {
+    if (!image.empty() && (!check_name("image", image).ok() || !fs::exists(images_ / image))) {
       return absl::InvalidArgumentError(
           fmt::format("photo \"{}\" has not been uploaded", step.stimulus.name()));
     }
   }
+  return absl::OkStatus();
+}
+
+// "20261101-120000", with a number behind if there is such a session.
+std::string CaptureRunner::chosen_name(const std::string& created) {
+  std::string stamp = created;
+  std::erase_if(stamp, [](char c) { return c == '-' || c == ':' || c == 'Z'; });
+  std::replace(stamp.begin(), stamp.end(), 'T', '-');
+  std::string name = stamp;
+  for (int i = 2; sessions_.stored(name).ok(); ++i) name = fmt::format("{}-{}", stamp, i);
+  return name;
+}
+
+absl::StatusOr<v1::Session> CaptureRunner::create(const v1::CreateSessionRequest& request,
+                                                  const Caller& caller) {
+  const absl::StatusOr<v1::Session> before = sessions_.find_request(request.request_id());
+  if (!absl::IsNotFound(before.status())) return before;
+  GW_ASSIGN_OR_RETURN(const CheckedCapture checked, check_capture(nodes_, calibrations_, request.plan()));
+  GW_RETURN_IF_ERROR(check_images(checked.steps));
   v1::Session session;
-  session.set_name(request.name());
   session.set_created(utc_now_rfc3339());
   session.set_started_by(caller.client);
-  if (session.name().empty()) {
-    std::string stamp = session.created();
-    std::erase_if(stamp, [](char c) { return c == '-' || c == ':' || c == 'Z'; });
-    std::replace(stamp.begin(), stamp.end(), 'T', '-');
-    session.set_name(stamp);
-    for (int i = 2; catalogue_->find(session.name()).ok(); ++i)
-      session.set_name(fmt::format("{}-{}", stamp, i));
-  }
+  session.set_name(request.name().empty() ? chosen_name(session.created()) : request.name());
   GW_RETURN_IF_ERROR(check_new_name(session.name()));
   *session.mutable_plan() = request.plan();
   session.set_method(request.plan().method());
@@ -67,61 +117,58 @@ absl::StatusOr<v1::Session> Server::create(const v1::CreateSessionRequest& reque
   session.set_pixel_count(static_cast<std::int64_t>(camera.width_px()) * camera.height_px());
   session.set_state(v1::SESSION_STATE_CREATED);
 
-  const std::lock_guard lock(mutex_);
+  SessionStore::Edit edit = sessions_.edit();
   GW_ASSIGN_OR_RETURN(RigLock::Drive drive, drive_for(session.name(), caller));
-  GW_RETURN_IF_ERROR(catalogue_->insert(session, request.request_id()));
+  GW_RETURN_IF_ERROR(edit.insert(session, request.request_id()));
   fault_point("session stored");
-  start_capture(session, std::move(drive));
-  return live_.at(session.name());
+  return start(edit, std::move(session), std::move(drive));
 }
 
-absl::StatusOr<RigLock::Drive> Server::drive_for(const std::string& session, const Caller& caller) {
+absl::StatusOr<RigLock::Drive> CaptureRunner::drive_for(const std::string& session, const Caller& caller) {
   return rig_lock_.drive(caller, "session " + session, "glasswing cancel " + session);
 }
 
-void Server::start_capture(const v1::Session& created, RigLock::Drive drive) {
-  v1::Session session = created;
+v1::Session CaptureRunner::start(SessionStore::Edit& edit, v1::Session session, RigLock::Drive drive) {
   session.set_state(v1::SESSION_STATE_CAPTURING);
   session.clear_reason();
   session.clear_unproven();
+  const std::lock_guard lock(mutex_);
   std::optional<bool> confirmed;
   if (const auto asked = operator_asked_.find(session.name()); asked != operator_asked_.end()) {
     confirmed = asked->second;
     operator_asked_.erase(asked);
   }
-  // An error here is met again, and told, when the capture's end is written.
-  (void)catalogue_->update(session);
-  live_[session.name()] = session;
+  // An error is met again, and reported, when the capture's outcome is written.
+  (void)edit.save_progress(session);
   capturing_ = session.name();
   drive_ = std::move(drive);
   wish_ = Wish::kNone;
-  announce();
+  edit.show(session);
   spdlog::info("capturing session={} steps={}", session.name(), session.step_count());
-  if (capture_thread_.joinable()) capture_thread_.join();  // it has ended: capturing_ was empty
-  capture_thread_ = std::jthread(
+  if (thread_.joinable()) thread_.join();  // has let go of the rig, so it needs no lock any more
+  thread_ = std::jthread(
       [this, session, confirmed](std::stop_token stop) { capture_until_done(session, confirmed, stop); });
+  return session;
 }
 
-void Server::capture_until_done(v1::Session session, std::optional<bool> object_confirmed,
-                                std::stop_token stop) {
+void CaptureRunner::capture_until_done(v1::Session session, std::optional<bool> object_confirmed,
+                                       std::stop_token stop) {
   using Kind = CaptureOutcome::Kind;
-  nanoseconds kept_at = monotonic_now();
-  const auto report = [this, &session, &kept_at](const v1::Session& progress) {
-    const std::lock_guard lock(mutex_);
+  nanoseconds saved_at = monotonic_now();
+  const auto report = [this, &session, &saved_at](const v1::Session& progress) {
+    SessionStore::Edit edit = sessions_.edit();
     session = progress;
     session.clear_reason();
-    live_[session.name()] = session;
-    announce();
-    if (monotonic_now() - kept_at < kProgressKept) return;
-    kept_at = monotonic_now();
-    (void)catalogue_->update(session);  // so that a restart shows how far it came
+    edit.show(session);
+    if (monotonic_now() - saved_at < kProgressSaved) return;
+    saved_at = monotonic_now();
+    (void)edit.save_progress(session);  // so that a restarted server shows it
   };
   CaptureOutcome outcome;
   nanoseconds lost_at{};
   while (true) {
     const int proven_before = session.proven_count();
-    outcome =
-        Capture(rig_, *calibrations_, data_ / "images", session, object_confirmed, steps_, report).run(stop);
+    outcome = Capture(nodes_, calibrations_, images_, session, object_confirmed, steps_, report).run(stop);
     const bool no_room = outcome.kind == Kind::kNoRoom;
     if (outcome.kind != Kind::kNodeLost && !no_room) break;
     const nanoseconds now = monotonic_now();
@@ -129,16 +176,9 @@ void Server::capture_until_done(v1::Session session, std::optional<bool> object_
     if (now - lost_at > kNodeGrace) break;
     const std::string reason = fmt::format("waiting{}: {}", no_room ? " for room" : "", outcome.reason);
     if (!session.reason().starts_with("waiting")) spdlog::warn("{} session={}", reason, session.name());
-    {
-      const std::lock_guard lock(mutex_);
-      session.set_reason(reason);
-      live_[session.name()] = session;
-      announce();
-    }
-    std::mutex waiting;
-    std::unique_lock lock(waiting);
-    std::condition_variable_any().wait_for(lock, stop, std::chrono::seconds(1), [] { return false; });
-    if (stop.stop_requested()) {
+    session.set_reason(reason);
+    sessions_.edit().show(session);
+    if (!wait_a_second(stop)) {
       outcome = {Kind::kStopped, ""};
       break;
     }
@@ -146,10 +186,10 @@ void Server::capture_until_done(v1::Session session, std::optional<bool> object_
   note_outcome(std::move(session), outcome);
 }
 
-void Server::note_outcome(v1::Session session, const CaptureOutcome& outcome) {
+void CaptureRunner::note_outcome(v1::Session session, const CaptureOutcome& outcome) {
   using Kind = CaptureOutcome::Kind;
+  SessionStore::Edit edit = sessions_.edit();
   const std::lock_guard lock(mutex_);
-  const std::string go_on = fmt::format("; go on with: glasswing resume {}", session.name());
   session.clear_reason();
   switch (outcome.kind) {
     case Kind::kCaptured:
@@ -158,11 +198,12 @@ void Server::note_outcome(v1::Session session, const CaptureOutcome& outcome) {
     case Kind::kStopped:
       session.set_state(wish_ == Wish::kCancel ? v1::SESSION_STATE_CANCELLED : v1::SESSION_STATE_PAUSED);
       if (wish_ != Wish::kCancel)
-        session.set_reason("asked to" + (outcome.reason.empty() ? "" : "; " + outcome.reason) + go_on);
+        session.set_reason("asked to" + (outcome.reason.empty() ? "" : "; " + outcome.reason) +
+                           go_on(session));
       break;
     case Kind::kNodeLost:
       session.set_state(v1::SESSION_STATE_PAUSED);
-      session.set_reason(outcome.reason + go_on);
+      session.set_reason(outcome.reason + go_on(session));
       break;
     case Kind::kNeedsOperator:
       session.set_state(v1::SESSION_STATE_PAUSED);
@@ -173,16 +214,15 @@ void Server::note_outcome(v1::Session session, const CaptureOutcome& outcome) {
       session.set_state(v1::SESSION_STATE_FAILED);
       session.set_reason(outcome.reason);
       break;
-    case Kind::kNoRoom:  // it waits until there is some, or somebody stops it
+    case Kind::kNoRoom:  // never the last outcome: the capture waits for room until it is stopped
       break;
   }
-  const absl::Status written = change(session);
+  const absl::Status written = edit.change(session);
   if (!written.ok()) {
-    // The catalogue still says "capturing"; say what is true until it can be written.
+    // The catalogue still says "capturing"; the live view says what is true until it can be written.
     session.set_state(v1::SESSION_STATE_PAUSED);
-    session.set_reason(std::string(written.message()) + go_on);
-    live_[session.name()] = session;
-    announce();
+    session.set_reason(std::string(written.message()) + go_on(session));
+    edit.show(session);
   }
   spdlog::info("{} session={} proven={} of={} retaken={} reason=\"{}\"", state_of(session), session.name(),
                session.proven_count(), session.step_count(), session.retaken_count(), session.reason());
@@ -190,71 +230,51 @@ void Server::note_outcome(v1::Session session, const CaptureOutcome& outcome) {
   drive_.reset();
 }
 
-absl::StatusOr<v1::Session> Server::end_capture(const std::string& name, Wish wish) {
+absl::StatusOr<v1::Session> CaptureRunner::stop(const std::string& name, Wish wish, const Caller& caller) {
+  GW_RETURN_IF_ERROR(rig_lock_.check(caller));
   {
     const std::lock_guard lock(mutex_);
     if (capturing_ == name) {
       wish_ = wish;
-      capture_thread_.request_stop();
+      thread_.request_stop();
     }
   }
   while (true) {
-    const std::int64_t seen = wait_change(0, std::chrono::milliseconds(0));
-    GW_ASSIGN_OR_RETURN(const v1::Session session, find(name));
+    const std::int64_t seen = sessions_.wait_change(0, std::chrono::milliseconds(0));
+    GW_ASSIGN_OR_RETURN(const v1::Session session, sessions_.find(name));
     if (session.state() != v1::SESSION_STATE_CAPTURING) return session;
-    wait_change(seen, std::chrono::seconds(1));
+    sessions_.wait_change(seen, std::chrono::seconds(1));
   }
 }
 
-absl::StatusOr<v1::Session> Server::pause(const std::string& name, const Caller& caller) {
-  GW_ASSIGN_OR_RETURN(v1::Session session, find(name));
-  if (session.state() == v1::SESSION_STATE_CAPTURING) {
-    GW_RETURN_IF_ERROR(rig_lock_.check(caller));
-    return end_capture(name, Wish::kPause);
-  }
-  const std::lock_guard lock(mutex_);
-  GW_ASSIGN_OR_RETURN(session, find_locked(name));
-  if (session.state() == v1::SESSION_STATE_PAUSED) return session;
-  if (session.state() == v1::SESSION_STATE_SOLVING) return pause_solve(std::move(session));
-  return not_now(session, "paused");
-}
-
-absl::StatusOr<v1::Session> Server::resume(const v1::ResumeSessionRequest& request, const Caller& caller) {
-  const std::lock_guard lock(mutex_);
-  GW_ASSIGN_OR_RETURN(v1::Session session, find_locked(request.name()));
-  if (session.state() == v1::SESSION_STATE_CAPTURING || session.state() == v1::SESSION_STATE_SOLVING)
-    return session;
-  GW_RETURN_IF_ERROR(check_stays(session.name()));
-  if (rests_in_solve(session)) return resume_solve(std::move(session));
-  const bool may = session.state() == v1::SESSION_STATE_PAUSED || session.state() == v1::SESSION_STATE_FAILED;
-  if (!may || session.plan().method().empty()) return not_now(session, "resumed");
+absl::StatusOr<v1::Session> CaptureRunner::resume(SessionStore::Edit& edit, v1::Session session,
+                                                  const v1::ResumeSessionRequest& request,
+                                                  const Caller& caller) {
   if (request.has_retries()) session.mutable_plan()->set_retries(request.retries());
   GW_RETURN_IF_ERROR(check_plan(session.plan()));
   GW_ASSIGN_OR_RETURN(RigLock::Drive drive, drive_for(session.name(), caller));
-  start_capture(session, std::move(drive));
-  return live_.at(session.name());
+  return start(edit, std::move(session), std::move(drive));
 }
 
-absl::StatusOr<v1::Session> Server::cancel(const std::string& name, const Caller& caller) {
-  GW_ASSIGN_OR_RETURN(v1::Session session, find(name));
-  if (session.state() == v1::SESSION_STATE_CAPTURING) {
-    GW_RETURN_IF_ERROR(rig_lock_.check(caller));
-    return end_capture(name, Wish::kCancel);
-  }
-  const std::lock_guard lock(mutex_);
-  GW_ASSIGN_OR_RETURN(session, find_locked(name));
-  if (session.state() == v1::SESSION_STATE_CANCELLED) return session;
-  // Of a solve that failed there is nothing to cancel unless an earlier matte comes back.
-  const bool has_solve =
-      session.state() == v1::SESSION_STATE_SOLVING ||
-      (rests_in_solve(session) && (session.state() == v1::SESSION_STATE_PAUSED || session.matte_ready()));
-  if (has_solve) return cancel_solve(std::move(session), "the solve was cancelled");
-  if (session.state() != v1::SESSION_STATE_PAUSED && session.state() != v1::SESSION_STATE_CREATED)
-    return not_now(session, "cancelled");
+absl::StatusOr<v1::Session> CaptureRunner::cancel(SessionStore::Edit& edit, v1::Session session) {
   session.set_state(v1::SESSION_STATE_CANCELLED);
   session.clear_reason();
-  GW_RETURN_IF_ERROR(change(session));
+  GW_RETURN_IF_ERROR(edit.change(session));
   return session;
+}
+
+absl::StatusOr<std::vector<v1::StepEvent>> CaptureRunner::steps(const std::string& name, size_t first) {
+  if (auto events = steps_.events(name, first)) return *std::move(events);
+  GW_ASSIGN_OR_RETURN(const v1::Session session, sessions_.find(name));
+  if (session.state() == v1::SESSION_STATE_CAPTURING || session.archive_address().empty())
+    return std::vector<v1::StepEvent>();
+  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, SessionArchive(session).manifest());
+  return proven_steps(manifest);
+}
+
+void CaptureRunner::forget(const std::string& session) {
+  const std::lock_guard lock(mutex_);
+  operator_asked_.erase(session);
 }
 
 }  // namespace glasswing

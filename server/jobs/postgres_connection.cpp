@@ -18,7 +18,7 @@ using std::chrono::steady_clock;
 
 constexpr milliseconds kAnswer(10000);
 
-// Unless the connection string says otherwise.
+// Defaults that a connection string may override.
 constexpr std::pair<const char*, const char*> kDefaults[] = {
     {"connect_timeout", "5"},       // seconds
     {"tcp_user_timeout", "10000"},  // milliseconds
@@ -26,9 +26,8 @@ constexpr std::pair<const char*, const char*> kDefaults[] = {
     {"client_encoding", "UTF8"},
 };
 
-// Whatever the database's own defaults are. Each statement has an index that suits, also those that were
-// prepared when the tables were small. What a scan that cannot be avoided seems to cost then is not to be
-// compiled for.
+// Overrides the database's defaults. Every statement has a suitable index, also one that was prepared while
+// the tables were small. JIT compilation, which a full scan's estimated cost would trigger, does not pay.
 constexpr char kSession[] =
     "SET search_path = glasswing; SET default_transaction_isolation = 'read committed'; "
     "SET synchronous_commit = on; SET enable_seqscan = off; SET enable_bitmapscan = off; SET "
@@ -75,7 +74,7 @@ absl::StatusOr<PostgresAddress> PostgresAddress::parse(const std::string& connec
   char* error = nullptr;
   const std::unique_ptr<PQconninfoOption, decltype(&PQconninfoFree)> options(
       PQconninfoParse(connection.c_str(), &error), PQconninfoFree);
-  // libpq's own words would repeat what was given, a password perhaps.
+  // libpq's message would repeat the connection string, perhaps with a password.
   PQfreemem(error);
   if (options == nullptr) {
     return absl::InvalidArgumentError(
@@ -111,7 +110,7 @@ absl::StatusOr<std::unique_ptr<PostgresConnection>> PostgresConnection::open(con
     keywords.push_back(keyword);
     values.push_back(value);
   }
-  for (const auto& [keyword, value] : address.settings_) {  // the last one said counts
+  for (const auto& [keyword, value] : address.settings_) {  // the last value counts
     keywords.push_back(keyword.c_str());
     values.push_back(value.c_str());
   }
@@ -146,7 +145,7 @@ absl::StatusOr<SqlRows> PostgresConnection::run(const std::string& sql, const Sq
       if (const auto* text = std::get_if<std::string>(&value)) texts.push_back(*text);
       if (bytes != nullptr) texts.push_back(bytes->bytes);
       lengths.push_back(static_cast<int>(texts.back().size()));
-      formats.push_back(bytes != nullptr);  // as they are
+      formats.push_back(bytes != nullptr);  // binary
     }
     std::vector<const char*> pointers;
     for (const std::string& text : texts) pointers.push_back(text.c_str());
@@ -207,14 +206,14 @@ absl::Status PostgresConnection::error_of(const pg_result* result) {
 
 absl::Status PostgresConnection::lost(const std::string& why) {
   is_lost_ = true;
-  // libpq says it in lines, the host's name in the first.
+  // libpq's message has several lines, the first with the host's name.
   return absl::UnavailableError(fmt::format(
       "{}: {}", title_, absl::StrReplaceAll(absl::StripAsciiWhitespace(why), {{"\n\t", " "}, {"\n", " "}})));
 }
 
 bool PostgresConnection::is_lost() {
   pollfd look{.fd = socket(), .events = POLLIN, .revents = 0};
-  // A last word of the server's comes before the end.
+  // The server may send a last message before it closes the connection.
   while (!is_lost_ && ::poll(&look, 1, 0) > 0) {
     is_lost_ = PQconsumeInput(connection_.get()) == 0 || PQstatus(connection_.get()) != CONNECTION_OK;
   }

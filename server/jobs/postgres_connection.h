@@ -10,11 +10,11 @@ struct pg_result;
 
 namespace glasswing {
 
-// Where a database is, "postgresql://..." or "host=... dbname=...". Nothing here that is for people has a
-// password in it.
+// The address of a database, "postgresql://..." or "host=... dbname=...". Texts for people never contain the
+// password.
 class PostgresAddress {
  public:
-  // INVALID_ARGUMENT: libpq cannot read it.
+  // INVALID_ARGUMENT: libpq cannot parse it.
   static absl::StatusOr<PostgresAddress> parse(const std::string& connection);
   std::string title() const;  // "PostgreSQL at db.lab"
 
@@ -25,21 +25,20 @@ class PostgresAddress {
 
 class PostgresConnection : public SqlConnection {
  public:
-  // UNAVAILABLE: nobody answers there, or it lets us not in.
+  // UNAVAILABLE: nothing answers there, or it rejects the login.
   static absl::StatusOr<std::unique_ptr<PostgresConnection>> open(const PostgresAddress& address);
 
-  // UNAVAILABLE: the connection is lost, or there was no answer for ten seconds; it is of no use then.
-  // `values` empty: there may be several statements. Others stay prepared.
+  // With `values` empty, `sql` may be several statements; else it is one, and stays prepared. UNAVAILABLE:
+  // the connection is lost, or there was no answer for ten seconds; it must not be used any more.
   absl::StatusOr<SqlRows> run(const std::string& sql, const SqlValues& values) override;
-  // Looks whether the server has closed it.
+  // Asks the socket whether the server has closed the connection.
   bool is_lost();
-  // The last statement was refused only because of another that ran at the same time.
+  // The last statement failed only because of a concurrent one.
   bool had_conflict() const { return had_conflict_; }
   void roll_back();
 
   int socket() const;
-  // Takes in what came on the channel that it listens on: how many notifications. UNAVAILABLE: the connection
-  // is lost.
+  // Reads the notifications that have arrived; returns how many. UNAVAILABLE: the connection is lost.
   absl::StatusOr<int> take_notifications();
 
  private:
@@ -52,7 +51,7 @@ class PostgresConnection : public SqlConnection {
   using Result = std::unique_ptr<pg_result, Clear>;
 
   absl::StatusOr<std::string> prepared(const std::string& sql);
-  // The last result of what was sent.
+  // The last result of the statements that were sent.
   absl::StatusOr<Result> receive();
   absl::Status error_of(const pg_result* result);
   absl::Status lost(const std::string& why);

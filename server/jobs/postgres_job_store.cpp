@@ -13,11 +13,11 @@ namespace {
 
 constexpr int kMaxConnections = 8;
 constexpr int kTries = 5;
-constexpr std::int64_t kVersion = 1;
-// Any number, the same for all servers: of several that start at once one makes the tables.
+constexpr std::int64_t kSchemaVersion = 1;
+// An arbitrary number, the same for all servers: of several that start at once, one creates the tables.
 constexpr std::int64_t kSchemaLock = 0x676c617373;
 
-// Rows are changed in place where there is room, hence fillfactor.
+// Fillfactor leaves room for updating rows in place.
 std::string schema() {
   return fmt::format(
       "CREATE TABLE version (number bigint NOT NULL); INSERT INTO version VALUES ({}); "
@@ -41,7 +41,7 @@ std::string schema() {
       "CREATE INDEX tiles_open ON tiles (job, failures, number) WHERE {}; "
       "CREATE INDEX tiles_done ON tiles (job, done_at) WHERE {}; "
       "CREATE INDEX tiles_leased ON tiles (job, number) WHERE {}",
-      kVersion, kOpen, kDone, kLeased);
+      kSchemaVersion, kOpen, kDone, kLeased);
 }
 
 }  // namespace
@@ -65,11 +65,11 @@ absl::Status PostgresJobStore::prepare() {
       GW_RETURN_IF_ERROR(connection.run(schema(), {}).status());
     }
     GW_ASSIGN_OR_RETURN(const SqlRows version, connection.run("SELECT max(number) FROM version", {}));
-    if (version.integer(0, 0) != kVersion) {
+    if (version.integer(0, 0) != kSchemaVersion) {
       return absl::FailedPreconditionError(
           fmt::format("{} has tables of version {}; this server knows version {}: update it, or give it a "
                       "database of its own",
-                      title(), version.integer(0, 0), kVersion));
+                      title(), version.integer(0, 0), kSchemaVersion));
     }
     GW_RETURN_IF_ERROR(connection
                            .run("INSERT INTO servers VALUES (?1, ?2) "
@@ -159,7 +159,7 @@ void PostgresJobStore::listen(std::stop_token stop) {
   while (!stop.stop_requested()) {
     const auto connection = PostgresConnection::open(address_);
     bool listens = connection.ok() && (*connection)->run("LISTEN glasswing_tiles", {}).ok();
-    // What was told in between is not known.
+    // Hints may have been lost in between.
     if (listens) hinted();
     while (listens && !stop.stop_requested()) {
       pollfd wait[] = {{.fd = (*connection)->socket(), .events = POLLIN, .revents = 0},

@@ -1,5 +1,5 @@
-// Tiles in a PostgreSQL that several servers may share. Tables are in the schema "glasswing"; the first
-// server makes them.
+// The job store in a PostgreSQL that several servers may share. The first server creates the tables, in the
+// schema "glasswing".
 #pragma once
 
 #include <thread>
@@ -9,7 +9,7 @@
 
 namespace glasswing {
 
-// Its clock is the database's.
+// Uses the database's clock.
 class PostgresJobStore : public SqlJobStore {
  public:
   static absl::StatusOr<std::unique_ptr<PostgresJobStore>> open(const std::string& connection,
@@ -27,18 +27,18 @@ class PostgresJobStore : public SqlJobStore {
   PostgresJobStore(PostgresAddress address, JobStoreOptions options)
       : SqlJobStore(std::move(options)), address_(std::move(address)) {}
   absl::Status prepare();
-  // With a connection of the pool; again if it failed only because of another change at the same time.
+  // Calls `use` with a connection of the pool, and again if it failed only because of a concurrent change.
   absl::Status with_connection(absl::FunctionRef<absl::Status(PostgresConnection&)> use);
   absl::StatusOr<std::unique_ptr<PostgresConnection>> borrow();
   void give_back(std::unique_ptr<PostgresConnection> connection);
-  // Hints of other servers, until it is stopped.
+  // Receives other servers' hints until stopped.
   void listen(std::stop_token stop);
 
   const PostgresAddress address_;
   std::mutex mutex_;
   std::condition_variable given_back_;
   std::vector<std::unique_ptr<PostgresConnection>> idle_;  // guarded by mutex_
-  int borrowed_ = 0;                                       // likewise
+  int borrowed_ = 0;                                       // guarded by mutex_
   std::jthread listener_;
 };
 

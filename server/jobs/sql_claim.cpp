@@ -1,4 +1,4 @@
-// Leases are given and given back.
+// Leases: claimed, renewed, completed, failed and handed back.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -14,7 +14,7 @@ constexpr char kLeaseOfClaim[] =
     "(SELECT work FROM jobs WHERE id = job), (SELECT server FROM jobs WHERE id = job), "
     "(SELECT address FROM servers WHERE id = (SELECT server FROM jobs WHERE id = job)), lost";
 
-// Where `condition` holds the first lease stays, else the second takes its place.
+// Assignments that keep the first lease where `condition` holds, else replace it by the second.
 std::string first_lease_if(const std::string& condition) {
   std::vector<std::string> columns;
   for (const char* column : {"attempt", "solver", "since", "until"}) {
@@ -30,17 +30,17 @@ std::string placeholders(size_t first, size_t count) {
   return fmt::format("({})", fmt::join(names, ", "));
 }
 
-// Of table jobs: tiles may be handed out to one that computes what stands from ?`first` on.
+// On table jobs: its tiles may be handed out to a solver that computes the values from ?`first` on.
 std::string open_jobs(size_t first, size_t computes) {
   return fmt::format("held = 0 AND computes IN {}", placeholders(first, computes));
 }
 
-// Of table tiles.
+// On table tiles.
 std::string is_free() {
   return fmt::format("{} AND lease_until <= :now AND twin_until <= :now", kOpen);
 }
 
-// Held by one other than ?1 for longer than ?2.
+// Leased by one solver other than ?1, for longer than ?2.
 constexpr char kSlow[] =
     "lease_attempt > 0 AND ("
     "(t.lease_until > :now AND t.twin_until <= :now AND t.lease_solver <> ?1 AND t.lease_since < :now - ?2) "
@@ -60,7 +60,7 @@ absl::StatusOr<bool> may_claim_ahead(SqlConnection& connection, std::span<const 
                       "UNION SELECT twin_solver FROM tiles WHERE {0} AND twin_until > :now) AS solvers",
                       kLeased),
           {}));
-  // Job by job, each with its part of the index.
+  // Job by job, so that each uses its part of the index.
   GW_ASSIGN_OR_RETURN(
       const SqlRows free,
       connection.run(
@@ -72,7 +72,7 @@ absl::StatusOr<bool> may_claim_ahead(SqlConnection& connection, std::span<const 
   return free.integer(0, 0) >= solvers.integer(0, 0);
 }
 
-// `oldest` finds the tile. What attempts that had it before never spoke of again counts as lost.
+// `oldest` selects the tile. Expired leases that the claim replaces count as lost.
 absl::StatusOr<SqlRows> claim_free(SqlConnection& connection, const std::string& solver,
                                    std::int64_t lease_us, const std::string& oldest,
                                    std::span<const std::string> computes) {
@@ -87,7 +87,7 @@ absl::StatusOr<SqlRows> claim_free(SqlConnection& connection, const std::string&
       with({solver, lease_us}, computes));
 }
 
-// A tile just claimed, whose solvers all fell silent: it may be what ends them.
+// Quarantines a tile just claimed, all of whose solvers fell silent: it may crash them.
 absl::Status quarantine_lost(SqlConnection& connection, const SqlRows& claimed) {
   return connection
       .run(fmt::format("UPDATE tiles SET quarantined = 1, error = ?3, {} WHERE job = ?1 AND number = ?2",
@@ -129,7 +129,7 @@ absl::StatusOr<SqlRows> claim_twice(SqlConnection& connection, const std::string
   return SqlRows();
 }
 
-// Ends the attempt ?3; another one's lease stays.
+// Ends the lease of attempt ?3; another lease stays.
 std::string end_lease() {
   return first_lease_if("lease_attempt <> ?3") +
          ", twin_attempt = 0, twin_solver = '', twin_since = 0, twin_until = 0";
@@ -190,7 +190,7 @@ absl::StatusOr<bool> SqlJobStore::fail(const TileAttempt& lease, const std::stri
     freed = !failed.empty();
     quarantined = freed && failed.integer(0, 0) != 0;
     if (!quarantined) return absl::OkStatus();
-    // A lease that had ended could still go on.
+    // An expired lease may be renewed all the same.
     return connection
         .run(fmt::format("UPDATE tiles SET {} WHERE job = ?1 AND number = ?2", kNoLease),
              {lease.job, std::int64_t{lease.tile}})

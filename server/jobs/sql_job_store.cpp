@@ -13,10 +13,10 @@
 namespace glasswing {
 namespace {
 
-// Keeps statements at some ten kilobytes.
+// Limits a statement to some tens of kilobytes.
 constexpr size_t kTilesAStatement = 1000;
 
-// Numbers only, so they stand in the statement itself.
+// The values are numbers only, so they need no parameters.
 absl::Status insert(SqlConnection& connection, std::int64_t job, std::int64_t number, std::int64_t attempts,
                     std::span<const TileRange> ranges) {
   while (!ranges.empty()) {
@@ -35,7 +35,7 @@ absl::Status insert(SqlConnection& connection, std::int64_t job, std::int64_t nu
   return absl::OkStatus();
 }
 
-// Locks the job's row, so that of two such changes one comes after the other.
+// Locks the job's row, so that such changes run one after another.
 absl::Status find_job(SqlConnection& connection, std::int64_t job) {
   GW_ASSIGN_OR_RETURN(const SqlRows found,
                       connection.run("UPDATE jobs SET held = held WHERE id = ?1 RETURNING id", {job}));
@@ -97,7 +97,7 @@ absl::Status SqlJobStore::recut(const TileAttempt& survey, const std::string& wo
             .run("UPDATE jobs SET survey_tile = ?2, survey_attempt = ?3, work = ?4 WHERE id = ?1",
                  {survey.job, std::int64_t{survey.tile}, std::int64_t{survey.attempt}, SqlBytes{work}})
             .status());
-    // Attempts go on from those that were, so that none of them can pass for one at a new tile.
+    // New attempts are numbered after the old ones, so that an old attempt never names a new tile's.
     std::int64_t attempts = held.integer(0, 0);
     for (size_t i = 0; i < others.size(); ++i) attempts = std::max(attempts, others.integer(i, 0));
     return insert(connection, survey.job, 0, attempts, tiles);
@@ -129,11 +129,11 @@ absl::Status SqlJobStore::retry(std::int64_t job) {
   return absl::OkStatus();
 }
 
-absl::Status SqlJobStore::hold(std::int64_t job) {
+absl::Status SqlJobStore::suspend(std::int64_t job) {
   return change_job(job, "UPDATE jobs SET held = 1 WHERE id = ?1");
 }
 
-absl::Status SqlJobStore::release(std::int64_t job) {
+absl::Status SqlJobStore::resume(std::int64_t job) {
   GW_RETURN_IF_ERROR(change_job(job, "UPDATE jobs SET held = 0 WHERE id = ?1"));
   tiles_became_free();
   return absl::OkStatus();
@@ -165,7 +165,7 @@ absl::Status SqlJobStore::remove(std::int64_t job) {
   });
 }
 
-absl::Status SqlJobStore::keep(const TileAttempt& lease) {
+absl::Status SqlJobStore::renew(const TileAttempt& lease) {
   return statements([&](SqlConnection& connection) -> absl::Status {
     GW_ASSIGN_OR_RETURN(
         const SqlRows kept,
@@ -217,7 +217,7 @@ void SqlJobStore::hinted() {
 
 void SqlJobStore::wait_for_tiles(std::chrono::milliseconds timeout) {
   std::unique_lock lock(hint_mutex_);
-  // All who wait at once are woken by one hint.
+  // One hint wakes every waiting thread.
   const std::int64_t seen = hints_seen_;
   hint_.wait_for(lock, timeout, [&] { return hints_ != seen; });
   hints_seen_ = hints_;

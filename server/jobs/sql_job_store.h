@@ -1,9 +1,9 @@
-// What the two job stores have in common: one schema, one set of statements. A store adds how a connection is
-// had, how changes become durable, and the clock.
+// The part that both job stores share: one schema, one set of statements. A store adds its connections, its
+// transactions and its clock.
 //
-// A tile's leases stand in its own row, two at most, so that each change of a tile is one statement on one
-// row; what it asks of the row is asked again if another change came in between. Times are microseconds of
-// the store's clock.
+// A tile's leases, at most two, are columns of its row, so each change of a tile is one statement on one row,
+// whose conditions are evaluated again after a concurrent change. Times are microseconds of the store's
+// clock.
 #pragma once
 
 #include <absl/functional/function_ref.h>
@@ -35,8 +35,8 @@ class SqlRows {
   std::vector<std::vector<std::string>> rows_;
 };
 
-// Statements have their values as ?1, ?2 ..., the time as :now, and :locking where rows that another change
-// has locked are to be passed over.
+// Statements name their values ?1, ?2 ..., the time :now, and mark with :locking where rows that another
+// change has locked are skipped.
 class SqlConnection {
  public:
   virtual ~SqlConnection() = default;
@@ -50,15 +50,15 @@ class SqlJobStore : public JobStore {
                      std::span<const TileRange> tiles) override;
   absl::Status add(std::int64_t job, std::span<const TileRange> tiles) override;
   absl::Status retry(std::int64_t job) override;
-  absl::Status hold(std::int64_t job) override;
-  absl::Status release(std::int64_t job) override;
+  absl::Status suspend(std::int64_t job) override;
+  absl::Status resume(std::int64_t job) override;
   absl::Status requeue(std::int64_t job, int tile) override;
   absl::Status remove(std::int64_t job) override;
   absl::StatusOr<std::vector<std::int64_t>> own_jobs() override;
 
   absl::StatusOr<std::optional<Lease>> claim(const std::string& solver, std::span<const std::string> computes,
                                              bool ahead) override;
-  absl::Status keep(const TileAttempt& lease) override;
+  absl::Status renew(const TileAttempt& lease) override;
   absl::Status complete(const TileAttempt& lease, const TileResult& result) override;
   absl::StatusOr<bool> fail(const TileAttempt& lease, const std::string& error, bool permanent) override;
   absl::Status hand_back(const TileAttempt& lease) override;
@@ -76,16 +76,16 @@ class SqlJobStore : public JobStore {
 
   explicit SqlJobStore(JobStoreOptions options) : options_(std::move(options)) {}
 
-  // All of it durable, or nothing of it and the error. It may be called more than once.
+  // Runs `change` atomically: durable on OK, else without effect. May call it more than once.
   virtual absl::Status transaction(Change change) = 0;
-  // Each statement durable by itself.
+  // Each statement of `change` is durable by itself.
   virtual absl::Status statements(Change change) = 0;
-  // Statements that change nothing.
+  // Runs a statement that changes nothing.
   virtual absl::StatusOr<SqlRows> read(const std::string& sql, const SqlValues& values) = 0;
-  // A statement for job and number of the first tile that is `free`, of the oldest job that is `open`: it
-  // goes from job to job, so that what an index still holds of tiles long done or gone is not in the way.
+  // The statement that selects job and number of the first `free` tile of the oldest `open` job. It goes from
+  // job to job, so that dead index entries of tiles that are done or gone do not slow it.
   virtual std::string oldest_tile(const std::string& open, const std::string& free) const = 0;
-  // Tells the other servers, if any, that tiles may have become free.
+  // Hints to the other servers, if any, that tiles may have become free.
   virtual void tell_others() {}
 
   void tiles_became_free();
@@ -99,7 +99,7 @@ class SqlJobStore : public JobStore {
   std::mutex hint_mutex_;
   std::condition_variable hint_;
   std::int64_t hints_ = 0;       // guarded by hint_mutex_
-  std::int64_t hints_seen_ = 0;  // likewise
+  std::int64_t hints_seen_ = 0;  // guarded by hint_mutex_
 };
 
 }  // namespace glasswing

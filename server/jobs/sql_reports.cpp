@@ -1,4 +1,4 @@
-// What the job stores tell of their tiles.
+// Reports: tiles, counts, jobs and leases.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -44,7 +44,7 @@ JobCounts counts_of(const SqlRows& rows, size_t row, size_t column) {
           .flagged_pixels = rows.integer(row, column + 6)};
 }
 
-// The first or the second lease of tiles that have one.
+// Selects the first or the second lease of each tile that has one.
 std::string leases_in(const std::string& which, const std::string& other) {
   return fmt::format(
       "SELECT job, number, {0}_attempt AS attempt, (SELECT session FROM jobs WHERE id = job), {0}_solver, "
@@ -104,7 +104,7 @@ absl::StatusOr<std::vector<JobState>> SqlJobStore::jobs() {
                     .computes = rows.text(i, 2),
                     .server_address = rows.text(i, 3),
                     .own = rows.text(i, 4) == options_.server_id,
-                    .held = rows.integer(i, 5) != 0,
+                    .suspended = rows.integer(i, 5) != 0,
                     .counts = counts_of(rows, i, 8),
                     .tiles_per_second = rows.real(i, 7) / seen_us * 1e6});
   }

@@ -3,7 +3,7 @@
 
 namespace glasswing {
 
-// Clauses that indices are made for: each must be written in one way.
+// Clauses that indices match: each must be written in one way only.
 inline constexpr char kOpen[] = "done_attempt = 0 AND quarantined = 0";
 inline constexpr char kDone[] = "done_attempt > 0";
 inline constexpr char kLeased[] = "lease_attempt > 0";

@@ -12,7 +12,7 @@
 namespace glasswing {
 namespace {
 
-constexpr std::int64_t kVersion = 1;
+constexpr std::int64_t kSchemaVersion = 1;
 
 std::string schema() {
   return fmt::format(
@@ -41,7 +41,7 @@ std::string schema() {
       "CREATE INDEX tiles_done ON tiles (job, done_at) WHERE {}; "
       "CREATE INDEX tiles_leased ON tiles (job, number) WHERE {}; "
       "PRAGMA user_version = {}",
-      kOpen, kDone, kLeased, kVersion);
+      kOpen, kDone, kLeased, kSchemaVersion);
 }
 
 std::int64_t now_us() {
@@ -57,7 +57,7 @@ std::string boot_id() {
 }
 
 absl::StatusOr<SqlRows> run_in(Database& database, const std::string& sql, const SqlValues& values) {
-  // There is one writer, so no row is ever locked by another.
+  // SQLite has one writer, so no row is locked by another.
   Database::Query query =
       database.query(absl::StrReplaceAll(sql, {{":now", std::to_string(now_us())}, {":locking", ""}}));
   for (const SqlValue& value : values) {
@@ -108,18 +108,18 @@ absl::StatusOr<std::unique_ptr<SqliteJobStore>> SqliteJobStore::open_unclaimed(
 
 absl::Status SqliteJobStore::prepare() {
   GW_ASSIGN_OR_RETURN(const SqlRows version, run_in(writer_, "PRAGMA user_version", {}));
-  if (version.integer(0, 0) > kVersion) {
+  if (version.integer(0, 0) > kSchemaVersion) {
     return absl::FailedPreconditionError(fmt::format(
         "jobs.sqlite is of version {}; this server knows version {}: update it, or move the file away",
-        version.integer(0, 0), kVersion));
+        version.integer(0, 0), kSchemaVersion));
   }
-  if (version.integer(0, 0) < kVersion) GW_RETURN_IF_ERROR(writer_.run(schema()));
+  if (version.integer(0, 0) < kSchemaVersion) GW_RETURN_IF_ERROR(writer_.run(schema()));
   const std::string boot = boot_id();
   GW_ASSIGN_OR_RETURN(
       const SqlRows same,
       run_in(writer_, "UPDATE boot SET id = ?1 WHERE id <> ?1 OR ?1 = '' RETURNING id", {boot}));
   if (!same.empty()) {
-    // The clock began anew.
+    // The machine was rebooted, and the clock restarted.
     GW_RETURN_IF_ERROR(run_in(writer_,
                               "UPDATE tiles SET lease_until = 0, twin_until = 0, lease_since = :now, "
                               "twin_since = :now, done_at = 0 WHERE lease_attempt > 0 OR done_at > 0",

@@ -1,4 +1,4 @@
-// Tiles in a SQLite file of one server. Changes that are asked for while the disk is busy are made durable
+// The job store in a SQLite file of one server. Changes that arrive while the disk is busy are committed
 // together.
 #pragma once
 
@@ -7,11 +7,11 @@
 
 namespace glasswing {
 
-// Its clock is the machine's time since boot, so a server that was started again goes on with the leases it
-// gave; leases of an earlier boot have ended.
+// Its clock is the time since boot, so leases stay valid when the server restarts; those of an earlier boot
+// have expired.
 class SqliteJobStore : public SqlJobStore {
  public:
-  // A file of an earlier version, which nothing was released with, is begun anew.
+  // A file of an earlier version was never released, and is created anew.
   static absl::StatusOr<std::unique_ptr<SqliteJobStore>> open(const std::filesystem::path& path,
                                                               JobStoreOptions options);
   // For a check of the file while no server runs: takes it as it is, whichever server's it is. Its version
@@ -42,8 +42,8 @@ class SqliteJobStore : public SqlJobStore {
   std::mutex mutex_;
   std::condition_variable committed_;
   std::vector<Waiting*> waiting_;  // guarded by mutex_
-  bool is_committing_ = false;     // likewise
-  Database writer_;                // of whoever set is_committing_
+  bool is_committing_ = false;     // guarded by mutex_
+  Database writer_;                // used by the thread that set is_committing_
   std::mutex reader_mutex_;
   Database reader_;  // guarded by reader_mutex_
 };

@@ -34,7 +34,7 @@ const absl::Status& status_of(const absl::StatusOr<T>& result) {
 }
 
 class TimedJobStore final : public JobStore {
-  // First, because its type is what it returns.
+  // Defined first, because its return type is deduced.
   template <typename Call>
   auto timed(Operation operation, const Call& call) {
     const Clock::time_point begun = Clock::now();
@@ -70,11 +70,11 @@ class TimedJobStore final : public JobStore {
   absl::Status retry(std::int64_t job) override {
     return timed(kChange, [&] { return store_->retry(job); });
   }
-  absl::Status hold(std::int64_t job) override {
-    return timed(kChange, [&] { return store_->hold(job); });
+  absl::Status suspend(std::int64_t job) override {
+    return timed(kChange, [&] { return store_->suspend(job); });
   }
-  absl::Status release(std::int64_t job) override {
-    return timed(kChange, [&] { return store_->release(job); });
+  absl::Status resume(std::int64_t job) override {
+    return timed(kChange, [&] { return store_->resume(job); });
   }
   absl::Status requeue(std::int64_t job, int tile) override {
     return timed(kChange, [&] { return store_->requeue(job, tile); });
@@ -89,8 +89,8 @@ class TimedJobStore final : public JobStore {
                                              bool ahead) override {
     return timed(kClaim, [&] { return store_->claim(solver, computes, ahead); });
   }
-  absl::Status keep(const TileAttempt& lease) override {
-    return timed(kKeep, [&] { return store_->keep(lease); });
+  absl::Status renew(const TileAttempt& lease) override {
+    return timed(kKeep, [&] { return store_->renew(lease); });
   }
   absl::Status complete(const TileAttempt& lease, const TileResult& result) override {
     return timed(kComplete, [&] { return store_->complete(lease, result); });

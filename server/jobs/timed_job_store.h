@@ -1,4 +1,4 @@
-// A job store that tells monitoring how long each of its calls takes, and how often it does not answer.
+// Measures the duration of a job store's calls, and counts those that it does not answer.
 #pragma once
 
 #include <memory>
@@ -7,8 +7,8 @@
 
 namespace glasswing {
 
-// Every call goes to `store` and comes back as it is; glasswing_job_store_seconds has its time by operation,
-// but for wait_for_tiles, and glasswing_job_store_failures_total counts those that were not answered.
+// Passes every call to `store`. glasswing_job_store_seconds has the durations by operation, without
+// wait_for_tiles; glasswing_job_store_failures_total counts calls that failed with UNAVAILABLE.
 std::unique_ptr<JobStore> timed(std::unique_ptr<JobStore> store);
 
 }  // namespace glasswing

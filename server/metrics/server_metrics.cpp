@@ -88,7 +88,7 @@ std::vector<prometheus::MetricFamily> server_gauges(const absl::StatusOr<v1::Get
   families.push_back(gauges("glasswing_sessions", "Sessions in the catalogue.", by_state));
   LabelledValues up;
   for (const v1::Node& node : nodes) {
-    if (node.kind() == v1::NODE_KIND_SOLVER) continue;  // they come and go; glasswing_solvers counts them
+    if (node.kind() == v1::NODE_KIND_SOLVER) continue;  // solvers come and go; glasswing_solvers counts them
     const char* kind = node.kind() == v1::NODE_KIND_CAMERA ? "camera" : "display";
     up.push_back({{{"kind", kind}, {"name", node.name()}}, node.up() ? 1.0 : 0.0});
   }

@@ -1,8 +1,8 @@
-// What was measured of the rig's devices, one file each below DATA/calibration, that survive the server:
+// The measured calibrations of the rig's devices, a file each below DATA/calibration:
 //
-//   sync.json           when the monitors' light follows their scan-out   (glasswing calibrate sync)
-//   camera-NAME.json    which light a camera's codes stand for            (glasswing calibrate camera)
-//   monitor-NAME.json   which light a monitor makes of its codes          (glasswing calibrate display)
+//   sync.json           when the monitors' light follows their scan-out  (glasswing calibrate sync)
+//   camera-NAME.json    the light that a camera's codes stand for        (glasswing calibrate camera)
+//   monitor-NAME.json   the light that a monitor makes of its codes      (glasswing calibrate display)
 #pragma once
 
 #include <absl/status/status.h>
@@ -20,10 +20,10 @@
 
 namespace glasswing {
 
-// Thread-safe. Of each device the newest is kept. What put() was given is durable when it returns OK.
+// Thread-safe. Keeps the newest calibration of each device; it is durable when put() returns OK.
 class CalibrationStore {
  public:
-  // Missing files are an empty store. DATA_LOSS: one cannot be read as what it should be.
+  // Without files the store is empty. DATA_LOSS: a file cannot be read.
   static absl::StatusOr<std::unique_ptr<CalibrationStore>> open(const std::filesystem::path& data);
 
   std::optional<v1::MonitorSync> sync(const std::string& monitor) const;
@@ -34,10 +34,11 @@ class CalibrationStore {
   std::vector<v1::DisplayCalibration> displays() const;
 
   absl::Status put(const v1::MonitorSync& sync);
-  // INVALID_ARGUMENT: a device's name that is none.
+  // INVALID_ARGUMENT: the device's name is not a valid name.
   absl::Status put(const v1::CameraCalibration& camera);
   absl::Status put(const v1::DisplayCalibration& display);
-  // The light of this camera or monitor, not the monitor's sync. NOT_FOUND: nothing is known of it.
+  // Removes the light calibration of this camera or monitor; a monitor's sync stays. NOT_FOUND: there is
+  // none.
   absl::Status forget(const std::string& device);
 
  private:

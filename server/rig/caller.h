@@ -1,4 +1,4 @@
-// Who makes a call.
+// The client of a call, from its metadata.
 #pragma once
 
 #include <grpcpp/grpcpp.h>
@@ -8,7 +8,7 @@
 namespace glasswing {
 
 inline Caller caller_of(const grpc::ServerContext& context) {
-  constexpr size_t kMaxBytes = 200;  // of a name that others are shown
+  constexpr size_t kMaxBytes = 200;  // of the client's name, which is shown to others
   const auto& metadata = context.client_metadata();
   const auto value = [&metadata](const char* key) {
     const auto found = metadata.find(key);

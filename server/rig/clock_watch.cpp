@@ -9,7 +9,7 @@ constexpr std::chrono::seconds kEvery(1);
 
 }  // namespace
 
-ClockWatch::ClockWatch(Rig& rig)
+ClockWatch::ClockWatch(NodeRegistry& rig)
     : rig_(rig), thread_([this](std::stop_token stop) { run(std::move(stop)); }) {}
 
 ClockWatch::~ClockWatch() = default;
@@ -19,7 +19,7 @@ void ClockWatch::look() {
     if (node.kind() == v1::NODE_KIND_SOLVER) continue;
     std::unique_ptr<NodeLink>& link = links_[node.name()];
     if (!node.up()) {
-      link.reset();  // its clock may be another when it comes back
+      link.reset();  // its clock may be different when it comes back
       continue;
     }
     if (link == nullptr || link->address() != node.address()) link = std::make_unique<NodeLink>(node);

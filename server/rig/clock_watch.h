@@ -1,5 +1,5 @@
-// How far the clocks of displays and cameras are from rig time, all the time: for people, who see a clock go
-// astray before a capture meets it. Captures measure for themselves.
+// Measures the offsets of the display and camera nodes' clocks from rig time, all the time, so that people
+// see a clock go astray before a capture meets it. Captures make their own measurements.
 #pragma once
 
 #include <condition_variable>
@@ -16,14 +16,14 @@ namespace glasswing {
 
 class ClockWatch {
  public:
-  explicit ClockWatch(Rig& rig);
+  explicit ClockWatch(NodeRegistry& rig);
   ~ClockWatch();
 
  private:
   void run(std::stop_token stop);
   void look();
 
-  Rig& rig_;
+  NodeRegistry& rig_;
   std::map<std::string, std::unique_ptr<NodeLink>> links_;  // by name
   std::mutex mutex_;
   std::condition_variable_any wake_;

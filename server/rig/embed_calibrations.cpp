@@ -17,7 +17,8 @@ absl::Status check_same(const Calibration& calibration, const Device& device, co
                         const char* verb) {
   if (shape_of(calibration) == shape_of(device)) return absl::OkStatus();
   return absl::FailedPreconditionError(
-      fmt::format("the calibration of {} \"{}\" is of {}; it now has {}: measure it again with glasswing "
+      fmt::format("the calibration of {} \"{}\" was measured at {}; the device now has {}: measure it again "
+                  "with glasswing "
                   "calibrate {}, or do without: glasswing calibrate forget {}",
                   kind, device.name(), shape_of(calibration), shape_of(device), verb, device.name()));
 }

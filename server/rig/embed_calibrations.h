@@ -1,5 +1,5 @@
-// What a session's archive embeds of what is known of the rig's devices, so that it can be solved wherever it
-// goes, and is resumed with what it began with.
+// Embeds the rig's calibrations into a session's archive, so that it can be solved anywhere and resumes with
+// the calibrations that it began with.
 #pragma once
 
 #include <absl/status/status.h>
@@ -9,12 +9,12 @@
 
 namespace glasswing {
 
-// Into a header that names its plan, camera and monitors: the camera's calibration unless the plan measures a
-// camera, and the monitors' unless it measures anything. FAILED_PRECONDITION: the device is not as it was
-// when it was measured.
+// `header` names its plan, camera and monitors. Embeds the camera's calibration unless the plan measures a
+// camera, and the monitors' unless it measures any device. FAILED_PRECONDITION: a device's format has changed
+// since it was measured.
 absl::Status embed_calibrations(const CalibrationStore& calibrations, v1::CaptureManifest& header);
 
-// What makes frames with this header less than they should be, for people; empty: nothing.
+// A warning for people if the header lacks a calibration that its frames need; else empty.
 std::string uncalibrated_warning(const v1::CaptureManifest& header);
 
 }  // namespace glasswing

@@ -18,7 +18,7 @@ bool has_left(const v1::Node& node, nanoseconds silent) {
 
 }  // namespace
 
-absl::Status Rig::add(const v1::RegisterRequest& request) {
+absl::Status NodeRegistry::add(const v1::RegisterRequest& request) {
   GW_RETURN_IF_ERROR(check_name("node", request.name()));
   if (request.kind() == v1::NODE_KIND_UNSPECIFIED || !v1::NodeKind_IsValid(request.kind())) {
     return absl::InvalidArgumentError("kind is not given; it must be display, camera or solver");
@@ -32,8 +32,8 @@ absl::Status Rig::add(const v1::RegisterRequest& request) {
                      now - entry.heard < kSilence;
   if (taken) {
     return absl::AlreadyExistsError(
-        fmt::format("another node is \"{}\", at {}; give this one a --name of its own", request.name(),
-                    entry.node.address()));
+        fmt::format("another node, at {1}, has the name \"{0}\"; give this one another --name",
+                    request.name(), entry.node.address()));
   }
   entry.node.set_kind(request.kind());
   entry.node.set_name(request.name());
@@ -47,13 +47,13 @@ absl::Status Rig::add(const v1::RegisterRequest& request) {
   return absl::OkStatus();
 }
 
-void Rig::note(const std::string& name, const std::string& doing) {
+void NodeRegistry::note(const std::string& name, const std::string& doing) {
   const std::lock_guard lock(mutex_);
   const auto found = entries_.find(name);
   if (found != entries_.end()) found->second.node.set_detail(doing);
 }
 
-void Rig::note_clock(const std::string& name, nanoseconds offset, nanoseconds bound) {
+void NodeRegistry::note_clock(const std::string& name, nanoseconds offset, nanoseconds bound) {
   const std::lock_guard lock(mutex_);
   const auto found = entries_.find(name);
   if (found == entries_.end()) return;
@@ -62,7 +62,7 @@ void Rig::note_clock(const std::string& name, nanoseconds offset, nanoseconds bo
   found->second.clock_measured = now_();
 }
 
-std::vector<RegisteredSolver> Rig::current() const {
+std::vector<RegisteredSolver> NodeRegistry::current() const {
   const nanoseconds now = now_();
   std::vector<RegisteredSolver> nodes;
   for (const auto& [name, entry] : entries_) {
@@ -77,7 +77,7 @@ std::vector<RegisteredSolver> Rig::current() const {
   return nodes;
 }
 
-std::vector<RegisteredSolver> Rig::solvers() const {
+std::vector<RegisteredSolver> NodeRegistry::solvers() const {
   const std::lock_guard lock(mutex_);
   std::vector<RegisteredSolver> solvers = current();
   std::erase_if(solvers,
@@ -85,7 +85,7 @@ std::vector<RegisteredSolver> Rig::solvers() const {
   return solvers;
 }
 
-std::vector<v1::Node> Rig::nodes() const {
+std::vector<v1::Node> NodeRegistry::nodes() const {
   const std::lock_guard lock(mutex_);
   std::vector<v1::Node> nodes;
   for (RegisteredSolver& known : current()) nodes.push_back(std::move(known.node));
@@ -94,19 +94,19 @@ std::vector<v1::Node> Rig::nodes() const {
   return nodes;
 }
 
-std::vector<v1::Node> Rig::up(v1::NodeKind kind) const {
+std::vector<v1::Node> NodeRegistry::up(v1::NodeKind kind) const {
   std::vector<v1::Node> found = nodes();
   std::erase_if(found, [kind](const v1::Node& node) { return node.kind() != kind || !node.up(); });
   return found;
 }
 
-absl::StatusOr<v1::Node> Rig::camera() const {
+absl::StatusOr<v1::Node> NodeRegistry::camera() const {
   const std::vector<v1::Node> cameras = up(v1::NODE_KIND_CAMERA);
   if (cameras.empty()) return absl::UnavailableError("no camera node is up; start glasswing-camera");
   return cameras.front();
 }
 
-absl::StatusOr<std::vector<v1::Node>> Rig::displays() const {
+absl::StatusOr<std::vector<v1::Node>> NodeRegistry::displays() const {
   std::vector<v1::Node> displays = up(v1::NODE_KIND_DISPLAY);
   if (displays.empty()) return absl::UnavailableError("no display node is up; start glasswing-display");
   return displays;

@@ -1,4 +1,4 @@
-// The nodes that have registered, and for how long they have been silent.
+// The nodes that have registered, and when each was last heard.
 #pragma once
 
 #include <absl/status/status.h>
@@ -15,7 +15,8 @@
 
 namespace glasswing {
 
-// What has been silent for so long has left. Displays and cameras are the rig's own, and stay, as away.
+// A solver that is silent for so long is forgotten. Displays and cameras belong to the rig: they stay listed,
+// as away.
 inline constexpr nanoseconds kForgotten = std::chrono::minutes(10);
 
 struct RegisteredSolver {
@@ -24,15 +25,15 @@ struct RegisteredSolver {
 };
 
 // Thread-safe.
-class Rig {
+class NodeRegistry {
  public:
-  explicit Rig(std::function<nanoseconds()> now = monotonic_now) : now_(std::move(now)) {}
+  explicit NodeRegistry(std::function<nanoseconds()> now = monotonic_now) : now_(std::move(now)) {}
 
   absl::Status add(const v1::RegisterRequest& node);
-  // A solver is also known by its claims; `doing` is what `nodes` shows.
+  // Heard from a solver by its claims; `doing` is its activity as `glasswing nodes` shows it.
   void note(const std::string& name, const std::string& doing);
 
-  // As measured just now; `offset` is how far the node's clock is ahead.
+  // Measured now: the node's clock is ahead by `offset`, within `bound`.
   void note_clock(const std::string& name, nanoseconds offset, nanoseconds bound);
 
   std::vector<v1::Node> nodes() const;  // by kind, then name
@@ -50,7 +51,7 @@ class Rig {
     nanoseconds heard{};
     nanoseconds clock_measured{};
   };
-  // Those that have not left, with `up` as it is now. With mutex_ held.
+  // Without forgotten nodes, with `up` as of now. Call with mutex_ held.
   std::vector<RegisteredSolver> current() const;
 
   const std::function<nanoseconds()> now_;

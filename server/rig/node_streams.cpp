@@ -14,7 +14,7 @@ constexpr std::int64_t kSyncErrors =
 
 }  // namespace
 
-CameraFeed::CameraFeed(const NodeLink& camera, v1::CameraService::Stub& stub, double exposure_ms)
+CameraStream::CameraStream(const NodeLink& camera, v1::CameraService::Stub& stub, double exposure_ms)
     : camera_(camera), exposure_ms_(exposure_ms) {
   v1::CaptureRequest request;
   request.set_exposure_ms(exposure_ms);
@@ -22,12 +22,12 @@ CameraFeed::CameraFeed(const NodeLink& camera, v1::CameraService::Stub& stub, do
   thread_ = std::thread([this] { read(); });
 }
 
-CameraFeed::~CameraFeed() {
+CameraStream::~CameraStream() {
   context_.TryCancel();
   thread_.join();
 }
 
-absl::Status CameraFeed::wait_running(std::stop_token stop) {
+absl::Status CameraStream::wait_running(std::stop_token stop) {
   std::unique_lock lock(mutex_);
   started_.wait_for(lock, stop, std::chrono::seconds(20),
                     [this] { return running_ || inbox.end().has_value(); });
@@ -35,7 +35,7 @@ absl::Status CameraFeed::wait_running(std::stop_token stop) {
   return inbox.end().value_or(absl::DeadlineExceededError(camera_.title() + " did not start in time"));
 }
 
-void CameraFeed::read() {
+void CameraStream::read() {
   v1::CaptureResponse response;
   while (reader_->Read(&response)) {
     if (response.has_frame()) {
@@ -62,10 +62,10 @@ FrameTime rig_time_of(const v1::FrameTaken& frame, const NodeLink& camera) {
           .uncertainty = nanoseconds(frame.uncertainty_ns()) + std::max(start.error, end.error)};
 }
 
-DisplayFeed::DisplayFeed(const DisplayLink& display, const std::string& program, nanoseconds start_at,
-                         nanoseconds step)
+DisplayStream::DisplayStream(const DisplayLink& display, const std::string& program, nanoseconds start_at,
+                             nanoseconds step)
     : display_(display) {
-  // Over so long a time the clocks' rates tell.
+  // The clocks' rates matter over such a time.
   constexpr int kManySteps = 10000;
   const nanoseconds start = display.link.node_from_rig(start_at).time,
                     end = display.link.node_from_rig(start_at + kManySteps * step).time;
@@ -81,7 +81,7 @@ DisplayFeed::DisplayFeed(const DisplayLink& display, const std::string& program,
   });
 }
 
-DisplayFeed::~DisplayFeed() {
+DisplayStream::~DisplayStream() {
   context_.TryCancel();
   thread_.join();
 }

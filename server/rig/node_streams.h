@@ -1,5 +1,4 @@
-// What the nodes stream while pictures are shown and recorded, brought to the thread that wants it, in rig
-// time.
+// The streams of camera and display nodes while pictures are shown and recorded.
 #pragma once
 
 #include <absl/status/status.h>
@@ -19,7 +18,7 @@
 
 namespace glasswing {
 
-// What a stream's reader thread hands to the capture's own thread.
+// Passes items from a stream's reader thread to the capture's thread.
 template <typename T>
 class Inbox {
  public:
@@ -46,13 +45,13 @@ class Inbox {
   std::optional<absl::Status> end_;
 };
 
-// A camera's running Capture call; it ends with the feed.
-class CameraFeed {
+// A camera's running Capture call, ended by the destructor.
+class CameraStream {
  public:
-  CameraFeed(const NodeLink& camera, v1::CameraService::Stub& stub, double exposure_ms);
-  ~CameraFeed();
+  CameraStream(const NodeLink& camera, v1::CameraService::Stub& stub, double exposure_ms);
+  ~CameraStream();
 
-  // Returns when the camera runs as asked. DEADLINE_EXCEEDED after 20 s.
+  // Returns when the camera runs at the exposure asked for. DEADLINE_EXCEEDED after 20 s.
   absl::Status wait_running(std::stop_token stop);
   double exposure_ms() const { return exposure_ms_; }
 
@@ -71,16 +70,16 @@ class CameraFeed {
   std::thread thread_;
 };
 
-// When a frame was exposed, by the link's clock model.
+// The frame's exposure in rig time, by the link's clock model.
 FrameTime rig_time_of(const v1::FrameTaken& frame, const NodeLink& camera);
 
-// A display's running PlayProgram call; it ends with the feed.
-class DisplayFeed {
+// A display's running PlayProgram call, ended by the destructor.
+class DisplayStream {
  public:
   // `start_at` and `step` are rig time; see PlayProgramRequest.
-  DisplayFeed(const DisplayLink& display, const std::string& program, nanoseconds start_at,
-              nanoseconds step = {});
-  ~DisplayFeed();
+  DisplayStream(const DisplayLink& display, const std::string& program, nanoseconds start_at,
+                nanoseconds step = {});
+  ~DisplayStream();
 
   Inbox<v1::Presentation> inbox;  // times are the node's
 
@@ -91,11 +90,11 @@ class DisplayFeed {
   std::thread thread_;
 };
 
-// What `step` must be for displays of several nodes to keep together, each holding a step for at least
-// `hold_refreshes`; 0 for one node alone, whose monitors wait for each other.
+// The duration of a step that keeps displays of several nodes together, each showing a step for at least
+// `hold_refreshes`. 0 for one node, whose monitors wait for each other.
 nanoseconds common_step(std::span<const DisplayLink* const> displays, int hold_refreshes);
 
-// When a monitor showed a step, by the link's clock model.
+// The time in which a monitor showed a step, in rig time by the link's clock model.
 MonitorWindow rig_time_of(const v1::Presentation& shown, const DisplayLink& display);
 
 }  // namespace glasswing

@@ -10,7 +10,7 @@
 namespace glasswing {
 namespace {
 
-absl::StatusOr<std::string> solver_address(const Rig& rig) {
+absl::StatusOr<std::string> solver_address(const NodeRegistry& rig) {
   for (const v1::Node& node : rig.up(v1::NODE_KIND_SOLVER)) {
     if (!node.address().empty()) return node.address();
   }
@@ -20,7 +20,7 @@ absl::StatusOr<std::string> solver_address(const Rig& rig) {
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<RampShow>> RampShow::start(const Rig& rig,
+absl::StatusOr<std::unique_ptr<RampShow>> RampShow::start(const NodeRegistry& rig,
                                                           const CalibrationStore& calibrations,
                                                           const std::string& monitor, std::stop_token stop) {
   std::unique_ptr<RampShow> show(new RampShow);
@@ -38,7 +38,7 @@ absl::StatusOr<std::unique_ptr<RampShow>> RampShow::start(const Rig& rig,
   GW_RETURN_IF_ERROR(show->move_object(false));
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Stimulus> ramp, test_pattern("ramp", {described.monitor()}));
   GW_ASSIGN_OR_RETURN(show->showing_,
-                      StillShow::start(show->rig_, ramp, show->header_.display_calibrations(), stop));
+                      StaticPattern::start(show->rig_, ramp, show->header_.display_calibrations(), stop));
   return show;
 }
 

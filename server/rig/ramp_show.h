@@ -1,5 +1,4 @@
-// The colour ramp on one monitor, without an id patch, for as long as this lives: what live mattes are made
-// from.
+// Shows the colour ramp of live mattes on one monitor, without an id patch, until the object is destroyed.
 #pragma once
 
 #include <absl/status/status.h>
@@ -17,17 +16,17 @@ namespace glasswing {
 
 class RampShow {
  public:
-  // Returns when the ramp is there and the object, where a motor moves it, is not. `monitor` empty: the rig's
-  // only one. INVALID_ARGUMENT: no such monitor. FAILED_PRECONDITION: no solver offers live mattes, or a
-  // calibration is of other settings. UNAVAILABLE: a node is away. CANCELLED: stopped.
-  static absl::StatusOr<std::unique_ptr<RampShow>> start(const Rig& rig, const CalibrationStore& calibrations,
+  // Returns when the ramp is on screen and a motorised stage has taken the object away. `monitor` empty: the
+  // rig's only monitor. INVALID_ARGUMENT: no such monitor. FAILED_PRECONDITION: no solver offers live mattes,
+  // or a calibration is of other settings. UNAVAILABLE: a node is away. CANCELLED: stopped.
+  static absl::StatusOr<std::unique_ptr<RampShow>> start(const NodeRegistry& rig,
+                                                         const CalibrationStore& calibrations,
                                                          const std::string& monitor, std::stop_token stop);
 
-  // Who takes part, and whether a person has to bring the object to where it was last wanted, or take it
-  // away.
+  // The nodes that take part, and whether a person has to place or remove the object, as last asked for.
   const v1::ShowRampResponse& description() const { return description_; }
   absl::Status move_object(bool present);
-  // Whether the ramp is still there.
+  // OK while the ramp is on screen.
   absl::Status check() const { return showing_->check(); }
 
  private:
@@ -38,7 +37,7 @@ class RampShow {
   v1::CaptureManifest header_;  // with the calibrations in use
   v1::ShowRampResponse description_;
   std::unique_ptr<v1::StageService::Stub> stage_;
-  std::unique_ptr<StillShow> showing_;
+  std::unique_ptr<StaticPattern> showing_;
 };
 
 }  // namespace glasswing

@@ -18,18 +18,18 @@ namespace glasswing {
 namespace {
 
 constexpr int kMaxSteps = 60, kFewestSteps = 8;
-constexpr nanoseconds kTrialTime = std::chrono::seconds(2);
+constexpr nanoseconds kTestCaptureTime = std::chrono::seconds(2);
 
 class RigCheck {
  public:
-  RigCheck(const Rig& rig, const CalibrationStore& calibrations, const v1::Plan& plan,
+  RigCheck(const NodeRegistry& rig, const CalibrationStore& calibrations, const v1::Plan& plan,
            const std::function<void(const v1::Finding&)>& report)
       : rig_(rig), calibrations_(calibrations), plan_(plan), report_(report) {}
 
   absl::Status run(std::stop_token stop) {
     if (!check_nodes()) return absl::OkStatus();
     absl::StatusOr<RigLinks> links = connect(rig_, calibrations_);
-    if (links.ok()) links->exchange_clocks(16).IgnoreError();  // the trial meets it again
+    if (links.ok()) links->exchange_clocks(16).IgnoreError();  // the test capture reports an error of this
     if (!links.ok()) return tell_status("nodes", links.status());
     if (!check_monitors(*links) || !check_exposures(*links)) return absl::OkStatus();
     check_clocks(*links);
@@ -50,14 +50,14 @@ class RigCheck {
             const std::string& advice = "") {
     report_(make_finding(level, subject, text, advice));
   }
-  // An error of a node is a finding.
+  // Turns a node's error into a finding.
   absl::Status tell_status(const std::string& subject, const absl::Status& status) {
     if (absl::IsCancelled(status)) return status;
     tell(v1::FINDING_LEVEL_PROBLEM, subject, std::string(status.message()), "look at that node's log");
     return absl::OkStatus();
   }
 
-  // False: there is nothing to check.
+  // False: a node is missing, so the rest cannot be checked.
   bool check_nodes() {
     std::string away;
     for (const v1::Node& node : rig_.nodes()) {
@@ -137,34 +137,34 @@ class RigCheck {
     report_(judge_clocks(errors));
   }
 
-  // White on one monitor after the other, as a plan would light them.
-  Trial trial_of(const RigLinks& links) const {
-    Trial trial{.displays = {},
-                .steps = {},
-                .hold_refreshes = hold_refreshes_of(plan_),
-                .exposure_ms = *std::max_element(exposures_ms_.begin(), exposures_ms_.end())};
+  // White on one monitor after another, as a plan would light them.
+  TestCapture test_capture_of(const RigLinks& links) const {
+    TestCapture test{.displays = {},
+                     .steps = {},
+                     .hold_refreshes = hold_refreshes_of(plan_),
+                     .exposure_ms = *std::max_element(exposures_ms_.begin(), exposures_ms_.end())};
     nanoseconds period{};
     for (const auto& display : links.displays) {
-      trial.displays.push_back(display.get());
+      test.displays.push_back(display.get());
       for (const v1::DisplayMonitor& monitor : display->info.monitors())
         period = std::max(period, nanoseconds(std::llround(1e9 / monitor.refresh_hz())));
     }
-    const auto fitting = kTrialTime / (trial.hold_refreshes * period);
+    const auto fitting = kTestCaptureTime / (test.hold_refreshes * period);
     const auto count = static_cast<int>(std::clamp<std::int64_t>(fitting, kFewestSteps, kMaxSteps));
     for (int i = 0; i < count; ++i) {
-      v1::ProgramStep& step = trial.steps.emplace_back();
+      v1::ProgramStep& step = test.steps.emplace_back();
       step.set_step(i);
       v1::Stimulus& white = *step.add_stimuli();
       white.set_kind("solid");
       white.set_panel(monitors_[static_cast<size_t>(i) % monitors_.size()].name());
     }
-    // Last, so that their frames are still with the camera afterwards; twice, as in a capture.
+    // Id patches come last, so that the camera still has their frames afterwards; twice, as in a capture.
     for (int showing = 0; showing < 2; ++showing) {
       for (const v1::DisplayMonitor& monitor : monitors_) {
         if (monitor.patch_rows() == 0) continue;
         for (const std::uint16_t id : patch_learning_ids()) {
-          v1::ProgramStep& step = trial.steps.emplace_back();
-          step.set_step(static_cast<int>(trial.steps.size()) - 1);
+          v1::ProgramStep& step = test.steps.emplace_back();
+          step.set_step(static_cast<int>(test.steps.size()) - 1);
           v1::Stimulus& patch = *step.add_stimuli();
           patch.set_kind("patch");
           patch.set_panel(monitor.name());
@@ -172,20 +172,21 @@ class RigCheck {
         }
       }
     }
-    return trial;
+    return test;
   }
 
-  TrialTimes times_of(const RigLinks& links, const Trial& trial, const TrialRecord& record) const {
-    TrialTimes times;
-    times.hold_refreshes = trial.hold_refreshes;
-    times.exposure = nanoseconds(std::llround(1e6 * trial.exposure_ms));
+  TestCaptureTimes times_of(const RigLinks& links, const TestCapture& test,
+                            const TestCaptureRecord& record) const {
+    TestCaptureTimes times;
+    times.hold_refreshes = test.hold_refreshes;
+    times.exposure = nanoseconds(std::llround(1e6 * test.exposure_ms));
     times.frame_period = nanoseconds(std::llround(1e9 / links.camera_info.frame_rate_hz()));
     times.readout = nanoseconds(links.camera_info.readout_ns());
     std::map<int, std::vector<MonitorWindow>> windows;  // by step
     size_t monitor_count = 0;
     for (const auto& display : links.displays)
       monitor_count += static_cast<size_t>(display->info.monitors_size());
-    for (const TrialRecord::Shown& shown : record.shown) {
+    for (const TestCaptureRecord::Shown& shown : record.shown) {
       const v1::Presentation& presentation = shown.presentation;
       const v1::DisplayMonitor* monitor = shown.display->monitor(presentation.monitor());
       if (monitor == nullptr) continue;
@@ -205,14 +206,14 @@ class RigCheck {
   }
 
   absl::Status try_out(RigLinks& links, std::stop_token stop) {
-    const Trial trial = trial_of(links);
-    const absl::StatusOr<TrialRecord> record = run_trial(links, trial, stop);
+    const TestCapture test = test_capture_of(links);
+    const absl::StatusOr<TestCaptureRecord> record = run_test_capture(links, test, stop);
     if (!record.ok()) return tell_status("trial", record.status());
-    const TrialTimes times = times_of(links, trial, *record);
+    const TestCaptureTimes times = times_of(links, test, *record);
     for (const v1::FrameTaken& frame : record->frames) {
-      if (std::abs(frame.exposure_ms() - trial.exposure_ms) <= 0.01 * trial.exposure_ms) continue;
+      if (std::abs(frame.exposure_ms() - test.exposure_ms) <= 0.01 * test.exposure_ms) continue;
       tell(v1::FINDING_LEVEL_PROBLEM, "camera",
-           fmt::format("{:.3g} ms exposures were asked for; it made {:.3g} ms", trial.exposure_ms,
+           fmt::format("{:.3g} ms exposures were asked for; it made {:.3g} ms", test.exposure_ms,
                        frame.exposure_ms()),
            "switch its automatic exposure off, or ask for what it can do");
       break;
@@ -223,16 +224,16 @@ class RigCheck {
     for (const double exposure_ms : exposures_ms_)
       report_(judge_window(times, nanoseconds(std::llround(1e6 * exposure_ms)), shortest));
     report_(judge_proof(times));
-    return check_patches(links, trial, times, *record);
+    return check_patches(links, test, times, *record);
   }
 
-  // What the trial's lessons show of the monitors' id patches.
-  absl::Status check_patches(const RigLinks& links, const Trial& trial, const TrialTimes& times,
-                             const TrialRecord& record) {
+  // Judges the monitors' id patches by the test capture's patch learning steps.
+  absl::Status check_patches(const RigLinks& links, const TestCapture& test, const TestCaptureTimes& times,
+                             const TestCaptureRecord& record) {
     v1::LookForPatchesRequest look;
     std::set<std::pair<std::string, std::uint32_t>> learnt;  // monitor and id
     for (const StableWindow& window : times.windows) {
-      const v1::ProgramStep& step = trial.steps.at(static_cast<size_t>(window.step));
+      const v1::ProgramStep& step = test.steps.at(static_cast<size_t>(window.step));
       const auto frame = std::find_if(times.frames.begin(), times.frames.end(),
                                       [&](const FrameTime& each) { return proves(each, window); });
       const v1::Stimulus& shown = step.stimuli(0);
@@ -260,17 +261,17 @@ class RigCheck {
     return absl::OkStatus();
   }
 
-  const Rig& rig_;
+  const NodeRegistry& rig_;
   const CalibrationStore& calibrations_;
   const v1::Plan& plan_;
   const std::function<void(const v1::Finding&)>& report_;
-  std::vector<v1::DisplayMonitor> monitors_;  // those that a plan would light
+  std::vector<v1::DisplayMonitor> monitors_;  // that a plan would light
   std::vector<double> exposures_ms_;
 };
 
 }  // namespace
 
-absl::Status check_rig(const Rig& rig, const CalibrationStore& calibrations, const v1::Plan& plan,
+absl::Status check_rig(const NodeRegistry& rig, const CalibrationStore& calibrations, const v1::Plan& plan,
                        const std::function<void(const v1::Finding&)>& report, std::stop_token stop) {
   if (!plan.method().empty()) GW_RETURN_IF_ERROR(check_plan(plan));
   return RigCheck(rig, calibrations, plan, report).run(stop);

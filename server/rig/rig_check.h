@@ -1,5 +1,5 @@
-// The rig's self-test: looks at the nodes, shows and records some steps as a capture would, and says in plain
-// words what is wrong and what to change.
+// The rig's self-test: examines the nodes, shows and records some steps as a capture would, and reports what
+// is wrong and what to change.
 #pragma once
 
 #include <absl/status/status.h>
@@ -12,10 +12,10 @@
 
 namespace glasswing {
 
-// Calls `report` with one finding after the other. The plan's monitors, exposures and hold_refreshes are
-// checked; one without a method stands for none. What is wrong with the rig is a finding, not an error.
-// INVALID_ARGUMENT: the plan. CANCELLED: stopped.
-absl::Status check_rig(const Rig& rig, const CalibrationStore& calibrations, const v1::Plan& plan,
+// Calls `report` with each finding. Checks the plan's monitors, exposures and hold_refreshes; a plan without
+// a method counts as none. A fault of the rig is a finding, not an error. INVALID_ARGUMENT: the plan.
+// CANCELLED: stopped.
+absl::Status check_rig(const NodeRegistry& rig, const CalibrationStore& calibrations, const v1::Plan& plan,
                        const std::function<void(const v1::Finding&)>& report, std::stop_token stop);
 
 }  // namespace glasswing

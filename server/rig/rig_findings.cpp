@@ -13,9 +13,9 @@ namespace {
 using std::chrono::microseconds;
 using std::chrono::milliseconds;
 
-// Sum of all clocks' bounds.
+// Limits of the sum of all clocks' bounds.
 constexpr nanoseconds kClocksGood = milliseconds(1), kClocksPoor = milliseconds(4);
-// Shares of pictures, frames and steps.
+// Limits as shares of pictures, frames and steps.
 constexpr double kManyMissed = 0.1, kFewDropped = 0.01, kManyDropped = 0.25;
 constexpr double kWellProven = 0.9, kHardlyProven = 0.3;
 constexpr double kRateOff = 0.05;  // of the camera's declared rate
@@ -28,14 +28,14 @@ double ms(std::int64_t ns) {
   return ms(nanoseconds(ns));
 }
 
-nanoseconds longest_period(const TrialTimes& times) {
+nanoseconds longest_period(const TestCaptureTimes& times) {
   nanoseconds longest{};
-  for (const TrialTimes::Shown& shown : times.shown) longest = std::max(longest, shown.period);
+  for (const TestCaptureTimes::Shown& shown : times.shown) longest = std::max(longest, shown.period);
   return longest;
 }
 
-// The middle one: a missed flip makes single ones longer.
-nanoseconds typical_window(const TrialTimes& times) {
+// The median: a missed flip makes single windows longer.
+nanoseconds typical_window(const TestCaptureTimes& times) {
   std::vector<nanoseconds> lengths;
   for (const StableWindow& window : times.windows) lengths.push_back(window.until - window.from);
   if (lengths.empty()) return nanoseconds(0);
@@ -44,7 +44,7 @@ nanoseconds typical_window(const TrialTimes& times) {
   return *middle;
 }
 
-nanoseconds frame_uncertainty(const TrialTimes& times) {
+nanoseconds frame_uncertainty(const TestCaptureTimes& times) {
   nanoseconds most{};
   for (const FrameTime& frame : times.frames) most = std::max(most, frame.uncertainty);
   return most;
@@ -76,10 +76,10 @@ v1::Finding judge_clocks(const std::vector<std::pair<std::string, nanoseconds>>&
       "use a wired network, and take load off the nodes: half of the quickest answer is the bound");
 }
 
-v1::Finding judge_flips(const TrialTimes& times) {
+v1::Finding judge_flips(const TestCaptureTimes& times) {
   const nanoseconds wanted = times.hold_refreshes * longest_period(times);
   size_t missed = 0;
-  for (const TrialTimes::Shown& shown : times.shown)
+  for (const TestCaptureTimes::Shown& shown : times.shown)
     missed += shown.held > wanted + shown.period * 3 / 4 ? 1 : 0;
   const std::string text = fmt::format(
       "{} of {} pictures stayed too long, as the next one missed its refresh", missed, times.shown.size());
@@ -93,10 +93,11 @@ v1::Finding judge_flips(const TrialTimes& times) {
       "choose a larger hold_refreshes");
 }
 
-v1::Finding judge_frames(const TrialTimes& times) {
+v1::Finding judge_frames(const TestCaptureTimes& times) {
   if (times.frames.size() < 2) {
     return make_finding(v1::FINDING_LEVEL_PROBLEM, "camera",
-                        fmt::format("{} frames came", times.frames.size()), "look at the camera node's log");
+                        fmt::format("{} frames arrived", times.frames.size()),
+                        "look at the camera node's log");
   }
   const FrameTime &first = times.frames.front(), &last = times.frames.back();
   const auto numbers = static_cast<double>(last.sequence - first.sequence);
@@ -118,7 +119,7 @@ v1::Finding judge_frames(const TrialTimes& times) {
   return make_finding(v1::FINDING_LEVEL_OK, "camera", text);
 }
 
-v1::Finding judge_window(const TrialTimes& times, nanoseconds exposure, nanoseconds shortest) {
+v1::Finding judge_window(const TestCaptureTimes& times, nanoseconds exposure, nanoseconds shortest) {
   const nanoseconds window = typical_window(times);
   const nanoseconds needed = exposure + times.readout + 2 * frame_uncertainty(times);
   const nanoseconds refresh = std::max(longest_period(times), nanoseconds(1));
@@ -148,7 +149,7 @@ v1::Finding judge_window(const TrialTimes& times, nanoseconds exposure, nanoseco
       advice_for(sure) + ", or use a faster camera");
 }
 
-v1::Finding judge_proof(const TrialTimes& times) {
+v1::Finding judge_proof(const TestCaptureTimes& times) {
   FrameMatcher matcher;
   for (const FrameTime& frame : times.frames) matcher.add_frame(frame);
   for (const StableWindow& window : times.windows) matcher.add_window(window);
@@ -167,7 +168,7 @@ v1::Finding judge_proof(const TrialTimes& times) {
   return make_finding(v1::FINDING_LEVEL_PROBLEM, "proof", text, advice);
 }
 
-v1::Finding judge_patch(const v1::DisplayMonitor& monitor, int lessons, const std::string& unseen) {
+v1::Finding judge_patch(const v1::DisplayMonitor& monitor, int learning_steps, const std::string& unseen) {
   const std::string& name = monitor.name();
   if (monitor.patch_rows() == 0) {
     return make_finding(v1::FINDING_LEVEL_WARNING, "id patch",
@@ -175,11 +176,11 @@ v1::Finding judge_patch(const v1::DisplayMonitor& monitor, int lessons, const st
                         "start its display node with --patch-rows, and have the camera see those rows");
   }
   const int wanted = static_cast<int>(patch_learning_ids().size());
-  if (lessons < wanted) {
-    return make_finding(
-        v1::FINDING_LEVEL_WARNING, "id patch",
-        fmt::format("{}: only {} of the {} pictures that teach it were recorded", name, lessons, wanted),
-        "see the other findings; a capture shows them again");
+  if (learning_steps < wanted) {
+    return make_finding(v1::FINDING_LEVEL_WARNING, "id patch",
+                        fmt::format("{}: only {} of the {} pictures that teach it were recorded", name,
+                                    learning_steps, wanted),
+                        "see the other findings; a capture shows them again");
   }
   if (!unseen.empty()) {
     return make_finding(

@@ -1,4 +1,4 @@
-// What the rig's self-test says of what it saw: each judgement by itself, with figures and what to change.
+// The judgements of the rig's self-test: each one with figures, and advice on what to change.
 #pragma once
 
 #include <optional>
@@ -16,12 +16,12 @@ namespace glasswing {
 v1::Finding make_finding(v1::FindingLevel level, const std::string& subject, const std::string& text,
                          const std::string& advice = "");
 
-// What a trial showed and recorded, in rig time.
-struct TrialTimes {
+// What a test capture showed and recorded, in rig time.
+struct TestCaptureTimes {
   struct Shown {
     std::string monitor;
     int step = 0;
-    nanoseconds held{};    // from its scan-out to the next picture's
+    nanoseconds held{};    // from its scan-out to that of the next picture
     nanoseconds period{};  // of the monitor's refreshes
   };
   std::vector<Shown> shown;
@@ -29,19 +29,20 @@ struct TrialTimes {
   std::vector<FrameTime> frames;
   int hold_refreshes = 2;
   nanoseconds exposure{};      // asked for
-  nanoseconds frame_period{};  // as the camera says
+  nanoseconds frame_period{};  // as the camera declares it
   nanoseconds readout{};
 };
 
-v1::Finding judge_flips(const TrialTimes& times);
-v1::Finding judge_frames(const TrialTimes& times);
-// Whether exposures of this length fit what the windows leave; `shortest` is the camera's.
-v1::Finding judge_window(const TrialTimes& times, nanoseconds exposure, nanoseconds shortest);
-v1::Finding judge_proof(const TrialTimes& times);
+v1::Finding judge_flips(const TestCaptureTimes& times);
+v1::Finding judge_frames(const TestCaptureTimes& times);
+// Do exposures of this length fit into the windows? `shortest` is the camera's shortest exposure.
+v1::Finding judge_window(const TestCaptureTimes& times, nanoseconds exposure, nanoseconds shortest);
+v1::Finding judge_proof(const TestCaptureTimes& times);
 v1::Finding judge_clocks(const std::vector<std::pair<std::string, nanoseconds>>& errors);
-// `lessons`: how many ids were shown and proven by time; `unseen`: what the camera node says against it.
-v1::Finding judge_patch(const v1::DisplayMonitor& monitor, int lessons, const std::string& unseen);
-// Whether codes are known in light. `longest`: of the exposures that a capture would make.
+// `learning_steps`: how many ids were shown and proven by time. `unseen`: why the camera node cannot read the
+// patch; empty: it can.
+v1::Finding judge_patch(const v1::DisplayMonitor& monitor, int learning_steps, const std::string& unseen);
+// Is the light of the camera's codes known? `longest`: exposure that a capture would make.
 v1::Finding judge_camera_light(const v1::Camera& camera, const std::optional<v1::CameraCalibration>& measured,
                                nanoseconds longest);
 v1::Finding judge_monitor_light(const v1::DisplayMonitor& monitor,

@@ -74,7 +74,7 @@ absl::Status RigLinks::exchange_clocks(int count) {
   return absl::OkStatus();
 }
 
-absl::StatusOr<RigLinks> connect(const Rig& rig, const CalibrationStore& calibrations) {
+absl::StatusOr<RigLinks> connect(const NodeRegistry& rig, const CalibrationStore& calibrations) {
   RigLinks links;
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Node> displays, rig.displays());
   for (const v1::Node& node : displays) {

@@ -1,4 +1,4 @@
-// The server's end of the rig: its nodes, how their clocks relate to ours, and what they are.
+// The server's links to the rig's nodes: channels, clocks and descriptions.
 #pragma once
 
 #include <absl/status/status.h>
@@ -19,11 +19,11 @@
 
 namespace glasswing {
 
-// For calls that a node answers at once.
+// The deadline of calls that a node answers at once.
 inline constexpr std::chrono::seconds kNodeCall(10);
 
-// A node and how its clock relates to ours. Rig time is the server's CLOCK_MONOTONIC, which no setting of
-// wall clocks moves. Times may be asked for from any thread.
+// A node and the relation of its clock to ours. Rig time is the server's CLOCK_MONOTONIC, which setting the
+// wall clock does not move. Times may be converted on any thread.
 class NodeLink {
  public:
   explicit NodeLink(const v1::Node& node);
@@ -38,8 +38,8 @@ class NodeLink {
  private:
   std::string title_, address_;
   std::shared_ptr<grpc::Channel> channel_;
-  // On a connection of its own: behind the camera's stream of frames an exchange takes longer, and one way
-  // only.
+  // Has a connection of its own: behind the camera's stream of frames an exchange would be delayed in one
+  // direction, which biases the offset.
   std::unique_ptr<v1::ClockService::Stub> stub_;
   mutable std::mutex mutex_;
   ClockModel clock_;
@@ -47,17 +47,17 @@ class NodeLink {
 
 struct DisplayLink {
   explicit DisplayLink(const v1::Node& node);
-  // Asks for `info`.
+  // Fetches `info`.
   absl::Status describe();
-  // From now on measured lag and settling stand in `sync` wherever there are any.
+  // Copies measured lag and settling into `sync`.
   void use(const CalibrationStore& store);
-  // Null: it has none of that name.
+  // Null: the display has no monitor of that name.
   const v1::DisplayMonitor* monitor(const std::string& name) const;
 
   NodeLink link;
   std::unique_ptr<v1::DisplayService::Stub> stub;
   v1::GetDisplayResponse info;
-  std::map<std::string, v1::MonitorSync> sync;  // by monitor; for those without, what `info` declares holds
+  std::map<std::string, v1::MonitorSync> sync;  // by monitor; one without uses the times that `info` declares
 };
 
 // Links to every display and the camera.
@@ -68,10 +68,10 @@ struct RigLinks {
   v1::GetCameraResponse camera_info;
 
   absl::Status exchange_clocks(int count);
-  // FAILED_PRECONDITION: two have the same name.
+  // FAILED_PRECONDITION: two monitors have the same name.
   absl::StatusOr<std::vector<v1::Monitor>> monitors() const;
 };
 // UNAVAILABLE: a node is away.
-absl::StatusOr<RigLinks> connect(const Rig& rig, const CalibrationStore& calibrations);
+absl::StatusOr<RigLinks> connect(const NodeRegistry& rig, const CalibrationStore& calibrations);
 
 }  // namespace glasswing

@@ -28,7 +28,7 @@ std::string origin(const v1::RigHolder& holder, const char* verb) {
 absl::Status RigLock::check_locked(const Caller& caller) const {
   if (caller.hold != token_ && !caller.hold.empty()) {
     return absl::FailedPreconditionError(
-        "the hold that this call comes under has ended, and the rig may be somebody else's: glasswing hold");
+        "the hold that this call belongs to has ended, and another client may have the rig: glasswing hold");
   }
   if (caller.hold == token_) return absl::OkStatus();
   return absl::FailedPreconditionError(fmt::format("the rig is held for \"{}\", {}; wait until it is freed",

@@ -1,5 +1,5 @@
-// Who may drive the rig. One capture or measurement drives it at a time; a hold keeps it for one client
-// between these too: what comes without the hold's token is refused meanwhile.
+// Exclusive use of the rig. One capture or measurement drives it at a time. A hold reserves it for one client
+// between these too: calls without the hold's token are refused.
 #pragma once
 
 #include <absl/status/status.h>
@@ -14,13 +14,13 @@
 
 namespace glasswing {
 
-// Who makes a call, by its metadata (session_service.proto).
+// The client of a call, by its metadata (session_service.proto).
 struct Caller {
-  std::string client;  // "anna@lab3"; empty: did not say
-  std::string hold;    // token of the hold under which it comes; empty: none
+  std::string client;  // "anna@lab3"; empty: not given
+  std::string hold;    // token of the hold that the call belongs to; empty: none
 };
 
-// Thread-safe; outlives what it hands out.
+// Thread-safe. Must outlive the drives and holds that it returns.
 class RigLock {
  public:
   struct Stop {
@@ -32,20 +32,21 @@ class RigLock {
   using Drive = std::unique_ptr<RigLock, Stop>;
   using Hold = std::unique_ptr<RigLock, Free>;
 
-  // The rig, until the drive is gone. `what`: "session vase", "calibrate sync"; `how_to_end`: what others can
-  // do about it, empty if they can but wait. FAILED_PRECONDITION names who has it, or says that the caller's
-  // hold has ended.
+  // Takes the rig until the drive is destroyed. `what`: "session vase", "calibrate sync". `how_to_end`: the
+  // command that frees the rig; empty: others can only wait. FAILED_PRECONDITION: names who has the rig, or
+  // says that the caller's hold has ended.
   absl::StatusOr<Drive> drive(const Caller& caller, const std::string& what,
                               const std::string& how_to_end = "");
-  // For the caller alone, until the hold is gone; what drives the rig then may go on. Errors as drive()'s.
+  // Reserves the rig for the caller until the hold is destroyed. A capture that drives it now goes on. Errors
+  // as drive()'s.
   absl::StatusOr<Hold> hold(const Caller& caller, const std::string& reason);
-  // Of the hold. Calls that bring it come under it.
+  // The hold's token. Calls that carry it belong to the hold.
   std::string token() const;
 
-  // FAILED_PRECONDITION: another client's hold keeps the caller from changing what the rig does.
+  // FAILED_PRECONDITION: another client holds the rig.
   absl::Status check(const Caller& caller) const;
 
-  std::optional<v1::RigHolder> holder() const;  // none: the rig is free
+  std::optional<v1::RigHolder> holder() const;  // empty: the rig is free
 
  private:
   struct Use {

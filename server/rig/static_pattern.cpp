@@ -13,17 +13,17 @@ namespace {
 
 constexpr std::chrono::milliseconds kPoll(10);
 constexpr std::chrono::milliseconds kStartLead(200);  // from the command to the picture
-// The longest steps that displays take, and as many as last a day at 60 Hz.
+// The longest step that displays accept, and the number of steps that last a day at 60 Hz.
 constexpr int kHoldRefreshes = 600, kSteps = 8640;
 constexpr int kBars = 8;
 constexpr double kGray = 0.2;
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<StillShow>> StillShow::start(
+absl::StatusOr<std::unique_ptr<StaticPattern>> StaticPattern::start(
     const RigLinks& rig, const std::vector<v1::Stimulus>& stimuli,
     const google::protobuf::RepeatedPtrField<v1::DisplayCalibration>& calibrations, std::stop_token stop) {
-  std::unique_ptr<StillShow> show(new StillShow);
+  std::unique_ptr<StaticPattern> show(new StaticPattern);
   const std::string program = fmt::format("still-{}", monotonic_now().count());
   std::vector<const DisplayLink*> lit;
   for (const auto& display : rig.displays) {
@@ -53,7 +53,7 @@ absl::StatusOr<std::unique_ptr<StillShow>> StillShow::start(
   const nanoseconds start = monotonic_now() + kStartLead;
   nanoseconds there = start;
   for (const DisplayLink* display : lit) {
-    show->playing_.push_back(std::make_unique<DisplayFeed>(*display, program, start));
+    show->playing_.push_back(std::make_unique<DisplayStream>(*display, program, start));
     there = std::max(there, there_at(*display, start));
   }
   while (monotonic_now() < there) {
@@ -64,17 +64,17 @@ absl::StatusOr<std::unique_ptr<StillShow>> StillShow::start(
   return show;
 }
 
-nanoseconds StillShow::there_at(const DisplayLink& display, nanoseconds start) {
+nanoseconds StaticPattern::there_at(const DisplayLink& display, nanoseconds start) {
   nanoseconds latest = start;
   for (const v1::DisplayMonitor& monitor : display.info.monitors()) {
-    // Up to a refresh until it goes on screen, another until its last row is there.
+    // Up to one refresh until the scan-out begins, and another until its last row.
     latest = std::max(latest, start + nanoseconds(static_cast<std::int64_t>(2e9 / monitor.refresh_hz())) +
                                   nanoseconds(monitor.optical_lag_ns() + monitor.settle_ns()));
   }
   return latest;
 }
 
-absl::Status StillShow::check() const {
+absl::Status StaticPattern::check() const {
   for (const auto& playing : playing_) {
     const std::optional<absl::Status> end = playing->inbox.end();
     if (!end) continue;

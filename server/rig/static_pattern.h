@@ -1,4 +1,4 @@
-// A picture that stands on monitors for as long as this lives.
+// Shows still pictures on monitors until the object is destroyed.
 #pragma once
 
 #include <absl/status/status.h>
@@ -14,27 +14,27 @@
 
 namespace glasswing {
 
-class StillShow {
+class StaticPattern {
  public:
-  // Returns when it is there; other monitors are black. `calibrations`: of those monitors that have one.
-  // `rig` must outlive it. CANCELLED: stopped. UNAVAILABLE: a node is away.
-  static absl::StatusOr<std::unique_ptr<StillShow>> start(
+  // Returns when the pictures are on screen; other monitors are black. `calibrations`: of monitors that have
+  // one. `rig` must outlive the object. CANCELLED: stopped. UNAVAILABLE: a node is away.
+  static absl::StatusOr<std::unique_ptr<StaticPattern>> start(
       const RigLinks& rig, const std::vector<v1::Stimulus>& stimuli,
       const google::protobuf::RepeatedPtrField<v1::DisplayCalibration>& calibrations, std::stop_token stop);
 
-  // Whether it is still there.
+  // OK while the pictures are on screen.
   absl::Status check() const;
 
  private:
-  StillShow() = default;
-  // The latest moment until which the display's monitors follow, once it is told to begin at `start`.
+  StaticPattern() = default;
+  // The time by which every monitor of the display shows its picture, if it is told to begin at `start`.
   static nanoseconds there_at(const DisplayLink& display, nanoseconds start);
 
-  std::vector<std::unique_ptr<DisplayFeed>> playing_;
+  std::vector<std::unique_ptr<DisplayStream>> playing_;
 };
 
-// A picture to frame, focus and look for faults by, on each of `monitors`: "white", "gray" (a fifth of the
-// light), "bars" (upright ones), "ramp" or "black". INVALID_ARGUMENT: another one.
+// A picture for framing, focusing and finding faults, on each of `monitors`: "white", "gray" (a fifth of the
+// light), "bars" (vertical ones), "ramp" or "black". INVALID_ARGUMENT: another name.
 absl::StatusOr<std::vector<v1::Stimulus>> test_pattern(const std::string& name,
                                                        const std::vector<v1::Monitor>& monitors);
 

@@ -16,14 +16,15 @@ namespace glasswing {
 namespace {
 
 using std::chrono::milliseconds;
-// The camera starts anew for each pass, at another phase of the display's refreshes.
+// Each pass restarts the camera, at another phase of the display's refreshes.
 constexpr int kPassesAtOnce = 4, kMaxPasses = 12;
-constexpr nanoseconds kGoodEnough = std::chrono::microseconds(50);  // standard error; then no more passes
-constexpr nanoseconds kSteady = milliseconds(33);                   // what a picture is shown for, at least
+constexpr nanoseconds kGoodEnough = std::chrono::microseconds(50);  // standard error that ends the passes
+constexpr nanoseconds kSteady = milliseconds(33);                   // minimum duration of a picture
 constexpr double kFramesAPicture = 3.0;
-constexpr double kClipping = 1e-3;  // of the samples: more than that come to full scale with the band's light
+constexpr double kClipping =
+    1e-3;  // share of the samples at full scale with the band's light, beyond which it is clipped
 constexpr double kShortestExposureMs = 0.2;
-constexpr double kOneRow_px = 0.3;  // sigma of a stripe that lights hardly more than the row in its middle
+constexpr double kOneRow_px = 0.3;  // sigma of a stripe that lights little more than its middle row
 constexpr std::array<double, 2> kBandHeights{1.0 / 6.0, 5.0 / 6.0};
 
 struct Target {
@@ -31,7 +32,7 @@ struct Target {
   const v1::DisplayMonitor* monitor = nullptr;
 
   nanoseconds period() const { return nanoseconds(std::llround(1e9 / monitor->refresh_hz())); }
-  // The middle row of a band, and where that is in all that is scanned out.
+  // The middle row of a band, and its position in the scan-out.
   int band_row(size_t band) const { return static_cast<int>(kBandHeights[band] * monitor->height_px()); }
   double band_height(size_t band) const {
     return static_cast<double>(band_row(band)) / (monitor->height_px() + monitor->patch_rows());
@@ -49,7 +50,7 @@ absl::StatusOr<Target> find(const RigLinks& rig, const std::string& name) {
   return absl::InvalidArgumentError(fmt::format("there is no monitor \"{}\"; there are: {}", name, names));
 }
 
-// Bright lines so narrow that their own scan-out is short against what is measured.
+// Bright lines, so narrow that their own scan-out is short against the measured times.
 v1::Stimulus band_stimulus(const Target& target, size_t band) {
   v1::Stimulus stimulus;
   stimulus.set_kind("gauss_stripe");
@@ -81,7 +82,7 @@ absl::StatusOr<v1::MeasureLightResponse> measure_light(RigLinks& rig,
   return measured;
 }
 
-// Everything that one exposure has shown.
+// The measurements of one exposure.
 struct Measurement {
   LightRecord record;
   double min_clipped = 1.0, max_clipped = 0.0;
@@ -99,22 +100,22 @@ absl::Status add_pass(RigLinks& rig, const Target& target, double exposure_ms,
   const std::vector<std::optional<size_t>> sequence = band_sequence();
   const size_t steps = sequence.size() / kPassesAtOnce;
   const size_t first = static_cast<size_t>(measurement.passes % kPassesAtOnce) * steps;
-  Trial trial{
+  TestCapture test{
       .displays = {target.display},
       .steps = {},
       .hold_refreshes = std::max(2, static_cast<int>((kSteady + target.period() / 2) / target.period())),
       .exposure_ms = exposure_ms};
   for (size_t i = first; i < first + steps; ++i) {
-    v1::ProgramStep& step = trial.steps.emplace_back();
+    v1::ProgramStep& step = test.steps.emplace_back();
     step.set_step(static_cast<int>(i));
     if (sequence[i]) *step.add_stimuli() = band_stimulus(target, *sequence[i]);
   }
-  GW_ASSIGN_OR_RETURN(const TrialRecord seen, run_trial(rig, trial, stop));
+  GW_ASSIGN_OR_RETURN(const TestCaptureRecord seen, run_test_capture(rig, test, stop));
   ++measurement.passes;
 
   nanoseconds from = nanoseconds::max(), until{};
   nanoseconds display_error{}, camera_error{};
-  for (const TrialRecord::Shown& shown : seen.shown) {
+  for (const TestCaptureRecord::Shown& shown : seen.shown) {
     const v1::Presentation& presentation = shown.presentation;
     if (presentation.monitor() != target.monitor->name()) continue;
     const ClockReading start =
@@ -165,13 +166,13 @@ v1::MonitorSync sync_of(const Target& target, const Measurement& measurement, co
     const nanoseconds declared = measurement.record.scanout;
     const nanoseconds tolerance = 3 * step.scanout->error + declared / 100;
     if (std::chrono::abs(step.scanout->value - declared) > tolerance) {
-      // The first row of all to light up, and the last one to settle: true whatever the order of rows.
+      // The first row to light up, and the last one to settle, in any order of rows.
       const nanoseconds last = lag + std::max(step.scanout->value, nanoseconds(0)) + settle;
       lag += std::min(step.scanout->value, nanoseconds(0));
       settle = std::max(last - declared - lag, nanoseconds(0));
     }
   }
-  // Light cannot come before the scan-out; what noise says is in the error.
+  // Light cannot precede the scan-out; the error covers the noise.
   sync.set_lag_ns(std::max(lag, nanoseconds(0)).count());
   sync.set_settle_ns(settle.count());
   sync.set_error_ns(std::llround(std::hypot(static_cast<double>(step.lag.error.count()),
@@ -210,7 +211,7 @@ absl::StatusOr<v1::MonitorSync> measure_sync(RigLinks& rig, const std::string& m
     if (measurement.passes % kPassesAtOnce != 0) continue;
     measurement.record.band_height = {target.band_height(0), target.band_height(1)};
     const absl::StatusOr<LightStep> step = find_light_step(measurement.record);
-    // A camera that takes few frames of each picture meets few phases.
+    // A camera with few frames of each picture samples few phases.
     const bool few = camera.frame_rate_hz() * 1e-9 * static_cast<double>(kSteady.count()) < kFramesAPicture;
     if (few && measurement.passes < 2 * kPassesAtOnce) continue;
     const bool more = measurement.passes < kMaxPasses;

@@ -17,11 +17,11 @@ constexpr milliseconds kTail(100);
 constexpr milliseconds kLastFrame(1500);  // how long a frame may come after the last step was replaced
 constexpr milliseconds kPoll(10);
 
-absl::Status load(const DisplayLink& display, const std::string& program, const Trial& trial) {
+absl::Status load(const DisplayLink& display, const std::string& program, const TestCapture& test) {
   v1::LoadProgramRequest request;
   request.set_program(program);
-  request.set_hold_refreshes(trial.hold_refreshes);
-  for (const v1::ProgramStep& step : trial.steps) {
+  request.set_hold_refreshes(test.hold_refreshes);
+  for (const v1::ProgramStep& step : test.steps) {
     v1::ProgramStep& own = *request.add_steps();
     own.set_step(step.step());
     for (const v1::Stimulus& stimulus : step.stimuli()) {
@@ -36,29 +36,30 @@ absl::Status load(const DisplayLink& display, const std::string& program, const 
 
 }  // namespace
 
-absl::StatusOr<TrialRecord> run_trial(RigLinks& rig, const Trial& trial, std::stop_token stop) {
-  CameraFeed camera(*rig.camera, *rig.camera_stub, trial.exposure_ms);
+absl::StatusOr<TestCaptureRecord> run_test_capture(RigLinks& rig, const TestCapture& test,
+                                                   std::stop_token stop) {
+  CameraStream camera(*rig.camera, *rig.camera_stub, test.exposure_ms);
   GW_RETURN_IF_ERROR(camera.wait_running(stop));
   GW_RETURN_IF_ERROR(rig.exchange_clocks(8));
   const std::string program = fmt::format("trial-{}", monotonic_now().count());
-  for (const DisplayLink* display : trial.displays) GW_RETURN_IF_ERROR(load(*display, program, trial));
+  for (const DisplayLink* display : test.displays) GW_RETURN_IF_ERROR(load(*display, program, test));
   const nanoseconds start_at = monotonic_now() + kStartLead;
-  const std::vector<const DisplayLink*> displays(trial.displays.begin(), trial.displays.end());
-  const nanoseconds step = common_step(displays, trial.hold_refreshes);
-  std::vector<std::unique_ptr<DisplayFeed>> feeds;
+  const std::vector<const DisplayLink*> displays(test.displays.begin(), test.displays.end());
+  const nanoseconds step = common_step(displays, test.hold_refreshes);
+  std::vector<std::unique_ptr<DisplayStream>> streams;
   for (const DisplayLink* display : displays)
-    feeds.push_back(std::make_unique<DisplayFeed>(*display, program, start_at, step));
+    streams.push_back(std::make_unique<DisplayStream>(*display, program, start_at, step));
 
-  TrialRecord record;
+  TestCaptureRecord record;
   nanoseconds wanted_until{}, seen_until{}, played_at{}, clocks_at = monotonic_now();
   while (!stop.stop_requested()) {
     bool playing = false;
-    for (size_t i = 0; i < feeds.size(); ++i) {
-      // The end is looked at first: what was pushed before it is then surely taken.
-      const std::optional<absl::Status> end = feeds[i]->inbox.end();
-      for (v1::Presentation& shown : feeds[i]->inbox.take()) {
-        wanted_until = std::max(wanted_until, rig_time_of(shown, *trial.displays[i]).replaced + kTail);
-        record.shown.push_back({.display = trial.displays[i], .presentation = std::move(shown)});
+    for (size_t i = 0; i < streams.size(); ++i) {
+      // Read the end first: then everything that was pushed before it is taken.
+      const std::optional<absl::Status> end = streams[i]->inbox.end();
+      for (v1::Presentation& shown : streams[i]->inbox.take()) {
+        wanted_until = std::max(wanted_until, rig_time_of(shown, *test.displays[i]).replaced + kTail);
+        record.shown.push_back({.display = test.displays[i], .presentation = std::move(shown)});
       }
       if (end && !end->ok()) return *end;
       playing = playing || !end;

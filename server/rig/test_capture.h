@@ -1,4 +1,4 @@
-// A few pictures shown and recorded for the rig's own sake: what calibrating and checking have in common.
+// A few pictures shown and recorded without a session, for calibrating and checking the rig.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -12,14 +12,14 @@
 
 namespace glasswing {
 
-struct Trial {
-  std::vector<DisplayLink*> displays;  // those that play
-  std::vector<v1::ProgramStep> steps;  // each display takes the stimuli of its own monitors
+struct TestCapture {
+  std::vector<DisplayLink*> displays;  // that play the steps
+  std::vector<v1::ProgramStep> steps;  // each display shows the stimuli of its own monitors
   int hold_refreshes = 2;
   double exposure_ms = 0.0;
 };
 
-struct TrialRecord {
+struct TestCaptureRecord {
   struct Shown {
     const DisplayLink* display = nullptr;
     v1::Presentation presentation;  // times are the node's
@@ -28,8 +28,9 @@ struct TrialRecord {
   std::vector<v1::FrameTaken> frames;  // times are the node's
 };
 
-// Runs the camera, plays the steps once, and records until a tenth of a second after the last was replaced.
+// Runs the camera, plays the steps once, and records until 0.1 s after the last step was replaced.
 // CANCELLED: stopped.
-absl::StatusOr<TrialRecord> run_trial(RigLinks& rig, const Trial& trial, std::stop_token stop);
+absl::StatusOr<TestCaptureRecord> run_test_capture(RigLinks& rig, const TestCapture& test,
+                                                   std::stop_token stop);
 
 }  // namespace glasswing

@@ -1,4 +1,4 @@
-// FleetService: the wire to whoever knows the fleet.
+// FleetService, answered by a function.
 #pragma once
 
 #include <absl/status/statusor.h>

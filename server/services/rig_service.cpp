@@ -62,7 +62,7 @@ grpc::Status RigServiceImpl::CalibrateSync(grpc::ServerContext* context,
     };
     const std::optional<v1::CameraCalibration> camera =
         server_.calibrations().camera(rig.camera_info.camera().name());
-    absl::Status unmeasured;  // the first that could not be; the others are measured all the same
+    absl::Status unmeasured;  // the first error; the other monitors are measured all the same
     for (const std::string& monitor : monitors) {
       const absl::StatusOr<v1::MonitorSync> measured =
           measure_sync(rig, monitor, request->exposure_ms(), camera ? &*camera : nullptr, progress, stop);
@@ -136,7 +136,7 @@ grpc::Status RigServiceImpl::ShowPattern(grpc::ServerContext* context, const v1:
     }
     GW_RETURN_IF_ERROR(embed_calibrations(server_.calibrations(), header));
     GW_ASSIGN_OR_RETURN(const auto showing,
-                        StillShow::start(rig, pattern, header.display_calibrations(), stop));
+                        StaticPattern::start(rig, pattern, header.display_calibrations(), stop));
     writer->Write(response);
     while (!stop.stop_requested()) {
       GW_RETURN_IF_ERROR(showing->check());
@@ -149,9 +149,8 @@ grpc::Status RigServiceImpl::ShowPattern(grpc::ServerContext* context, const v1:
 grpc::Status RigServiceImpl::HoldRig(grpc::ServerContext* context, const v1::HoldRigRequest* request,
                                      grpc::ServerWriter<v1::HoldRigResponse>* writer) {
   if (request->reason().empty() || request->reason().size() > kMaxReasonBytes) {
-    return to_grpc(absl::InvalidArgumentError(
-        fmt::format("the reason is of {} bytes; it must be of 1 to {}: others are shown it",
-                    request->reason().size(), kMaxReasonBytes)));
+    return to_grpc(absl::InvalidArgumentError(fmt::format("the reason has {} bytes; it must have 1 to {}",
+                                                          request->reason().size(), kMaxReasonBytes)));
   }
   const Caller caller = caller_of(*context);
   const absl::StatusOr<RigLock::Hold> hold = server_.rig_lock().hold(caller, request->reason());
@@ -167,7 +166,7 @@ grpc::Status RigServiceImpl::HoldRig(grpc::ServerContext* context, const v1::Hol
 
 namespace {
 
-// What the camera node that holds the session's frames makes of them.
+// Fits a calibration to the session's frames at the camera node that holds them.
 absl::StatusOr<v1::FitCalibrationResponse> fit(const v1::Session& session) {
   const auto node = v1::CalibrationService::NewStub(dial(session.archive_address()));
   const std::string peer = "camera node at " + session.archive_address();
@@ -192,7 +191,7 @@ absl::StatusOr<v1::FitCalibrationResponse> fit(const v1::Session& session) {
 }
 
 absl::StatusOr<v1::FitCalibrationResponse> fit_and_store(Server& server, const std::string& name) {
-  GW_ASSIGN_OR_RETURN(const v1::Session session, server.find(name));
+  GW_ASSIGN_OR_RETURN(const v1::Session session, server.sessions().find(name));
   if (!session.plan().has_calibration()) {
     return absl::FailedPreconditionError(
         fmt::format("session \"{}\" measured no device; its method is {}", name, session.method()));

@@ -1,10 +1,10 @@
-// RigService: one measurement of the rig at a time, streamed to whoever asked for it; and who has the rig.
+// RigService: holds of the rig, and measurements, one at a time, streamed to the caller.
 #pragma once
 
 #include <atomic>
 
 #include "glasswing/v1/rig_service.grpc.pb.h"
-#include "server/sessions/session_store.h"
+#include "server/services/server.h"
 
 namespace glasswing {
 
@@ -32,7 +32,7 @@ class RigServiceImpl final : public v1::RigService::Service {
                        grpc::ServerWriter<v1::HoldRigResponse>*) override;
 
  private:
-  // Does the work while the call is open; it is stopped when the caller or the daemon goes.
+  // Drives the rig with `work` while the call is open; stops it when the caller leaves or the daemon stops.
   grpc::Status run(grpc::ServerContext* context, const std::string& what,
                    const std::function<absl::Status(std::stop_token)>& work);
 

@@ -5,6 +5,7 @@
 #include "core/base/file.h"
 #include "core/service/service.h"
 #include "server/rig/caller.h"
+#include "server/sessions/session_state.h"
 
 namespace glasswing {
 namespace {
@@ -18,10 +19,11 @@ bool rests(v1::SessionState state) {
          state == v1::SESSION_STATE_CANCELLED;
 }
 
+// Every answer with one session is made here; SessionStore::list() makes those with many.
 template <typename Response>
-grpc::Status answer(const absl::StatusOr<v1::Session>& session, Response* response) {
+grpc::Status answer(absl::StatusOr<v1::Session> session, Response* response) {
   if (!session.ok()) return to_grpc(session.status());
-  *response->mutable_session() = *session;
+  *response->mutable_session() = with_allowed_actions(*std::move(session));
   return grpc::Status::OK;
 }
 
@@ -30,13 +32,13 @@ grpc::Status answer(const absl::StatusOr<v1::Session>& session, Response* respon
 grpc::Status SessionServiceImpl::CreateSession(grpc::ServerContext* context,
                                                const v1::CreateSessionRequest* request,
                                                v1::CreateSessionResponse* response) {
-  return answer(server_.create(*request, caller_of(*context)), response);
+  return answer(server_.captures().create(*request, caller_of(*context)), response);
 }
 
 grpc::Status SessionServiceImpl::EstimateSession(grpc::ServerContext*,
                                                  const v1::EstimateSessionRequest* request,
                                                  v1::EstimateSessionResponse* response) {
-  absl::StatusOr<v1::EstimateSessionResponse> estimate = server_.estimate(*request);
+  absl::StatusOr<v1::EstimateSessionResponse> estimate = server_.captures().estimate(*request);
   if (!estimate.ok()) return to_grpc(estimate.status());
   *response = *std::move(estimate);
   return grpc::Status::OK;
@@ -45,12 +47,12 @@ grpc::Status SessionServiceImpl::EstimateSession(grpc::ServerContext*,
 grpc::Status SessionServiceImpl::BeginImport(grpc::ServerContext* context,
                                              const v1::BeginImportRequest* request,
                                              v1::BeginImportResponse* response) {
-  return answer(server_.begin_import(*request, caller_of(*context)), response);
+  return answer(server_.importer().begin(*request, caller_of(*context)), response);
 }
 
 grpc::Status SessionServiceImpl::FinishImport(grpc::ServerContext*, const v1::FinishImportRequest* request,
                                               v1::FinishImportResponse* response) {
-  return answer(server_.finish_import(request->name()), response);
+  return answer(server_.importer().finish(request->name()), response);
 }
 
 grpc::Status SessionServiceImpl::UploadImage(grpc::ServerContext*,
@@ -65,7 +67,7 @@ grpc::Status SessionServiceImpl::UploadImage(grpc::ServerContext*,
           absl::InvalidArgumentError(fmt::format("the image is larger than {} bytes", kMaxImageBytes)));
     }
   }
-  const absl::StatusOr<std::string> image = server_.store_image(bytes);
+  const absl::StatusOr<std::string> image = server_.captures().store_image(bytes);
   if (!image.ok()) return to_grpc(image.status());
   response->set_image(*image);
   return grpc::Status::OK;
@@ -73,7 +75,7 @@ grpc::Status SessionServiceImpl::UploadImage(grpc::ServerContext*,
 
 grpc::Status SessionServiceImpl::ListSessions(grpc::ServerContext*, const v1::ListSessionsRequest* request,
                                               v1::ListSessionsResponse* response) {
-  const absl::StatusOr<std::vector<v1::Session>> sessions = server_.list(*request);
+  const absl::StatusOr<std::vector<v1::Session>> sessions = server_.sessions().list(*request);
   if (!sessions.ok()) return to_grpc(sessions.status());
   for (const v1::Session& session : *sessions) *response->add_sessions() = session;
   return grpc::Status::OK;
@@ -81,7 +83,7 @@ grpc::Status SessionServiceImpl::ListSessions(grpc::ServerContext*, const v1::Li
 
 grpc::Status SessionServiceImpl::GetSession(grpc::ServerContext*, const v1::GetSessionRequest* request,
                                             v1::GetSessionResponse* response) {
-  return answer(server_.find(request->name()), response);
+  return answer(server_.sessions().find(request->name()), response);
 }
 
 grpc::Status SessionServiceImpl::WatchSession(grpc::ServerContext* context,
@@ -90,19 +92,17 @@ grpc::Status SessionServiceImpl::WatchSession(grpc::ServerContext* context,
   std::int64_t seen = 0;
   std::string last;
   while (!context->IsCancelled() && !stopping_) {
-    const std::int64_t now = server_.wait_change(seen, std::chrono::milliseconds(seen == 0 ? 0 : 500));
+    const std::int64_t now =
+        server_.sessions().wait_change(seen, std::chrono::milliseconds(seen == 0 ? 0 : 500));
     if (now == seen && seen != 0) continue;
     seen = std::max<std::int64_t>(now, 1);
-    const absl::StatusOr<v1::Session> session = server_.find(request->name());
-    if (!session.ok()) return to_grpc(session.status());
-    const std::string bytes = session->SerializeAsString();
-    if (bytes != last) {
-      v1::WatchSessionResponse response;
-      *response.mutable_session() = *session;
-      if (!writer->Write(response)) break;
-      last = bytes;
-    }
-    if (rests(session->state())) return grpc::Status::OK;
+    v1::WatchSessionResponse response;
+    const grpc::Status found = answer(server_.sessions().find(request->name()), &response);
+    if (!found.ok()) return found;
+    const std::string bytes = response.SerializeAsString();
+    if (bytes != last && !writer->Write(response)) break;
+    last = bytes;
+    if (rests(response.session().state())) return grpc::Status::OK;
   }
   return grpc::Status(grpc::StatusCode::UNAVAILABLE, "the server is stopping");
 }
@@ -113,12 +113,12 @@ grpc::Status SessionServiceImpl::WatchSteps(grpc::ServerContext* context,
   size_t told = 0;
   std::int64_t seen = 0;
   while (!context->IsCancelled() && !stopping_) {
-    seen =
-        std::max<std::int64_t>(server_.wait_change(seen, std::chrono::milliseconds(seen == 0 ? 0 : 500)), 1);
+    seen = std::max<std::int64_t>(
+        server_.sessions().wait_change(seen, std::chrono::milliseconds(seen == 0 ? 0 : 500)), 1);
     const absl::StatusOr<v1::Session> session =
-        server_.find(request->name());  // before its last events are read
+        server_.sessions().find(request->name());  // before its last events are read
     if (!session.ok()) return to_grpc(session.status());
-    const absl::StatusOr<std::vector<v1::StepEvent>> events = server_.steps(request->name(), told);
+    const absl::StatusOr<std::vector<v1::StepEvent>> events = server_.captures().steps(request->name(), told);
     if (!events.ok()) return to_grpc(events.status());
     for (size_t at = 0; at < events->size(); at += kEventsOfAMessage) {
       v1::WatchStepsResponse response;
@@ -135,24 +135,24 @@ grpc::Status SessionServiceImpl::WatchSteps(grpc::ServerContext* context,
 grpc::Status SessionServiceImpl::PauseSession(grpc::ServerContext* context,
                                               const v1::PauseSessionRequest* request,
                                               v1::PauseSessionResponse* response) {
-  return answer(server_.pause(request->name(), caller_of(*context)), response);
+  return answer(server_.control().pause(request->name(), caller_of(*context)), response);
 }
 
 grpc::Status SessionServiceImpl::ResumeSession(grpc::ServerContext* context,
                                                const v1::ResumeSessionRequest* request,
                                                v1::ResumeSessionResponse* response) {
-  return answer(server_.resume(*request, caller_of(*context)), response);
+  return answer(server_.control().resume(*request, caller_of(*context)), response);
 }
 
 grpc::Status SessionServiceImpl::CancelSession(grpc::ServerContext* context,
                                                const v1::CancelSessionRequest* request,
                                                v1::CancelSessionResponse* response) {
-  return answer(server_.cancel(request->name(), caller_of(*context)), response);
+  return answer(server_.control().cancel(request->name(), caller_of(*context)), response);
 }
 
 grpc::Status SessionServiceImpl::DeleteSession(grpc::ServerContext*, const v1::DeleteSessionRequest* request,
                                                v1::DeleteSessionResponse* response) {
-  const absl::StatusOr<std::int64_t> freed_bytes = server_.remove(request->name());
+  const absl::StatusOr<std::int64_t> freed_bytes = server_.deleter().remove(request->name());
   if (!freed_bytes.ok()) return to_grpc(freed_bytes.status());
   response->set_freed_bytes(*freed_bytes);
   return grpc::Status::OK;
@@ -161,18 +161,18 @@ grpc::Status SessionServiceImpl::DeleteSession(grpc::ServerContext*, const v1::D
 grpc::Status SessionServiceImpl::AnnotateSession(grpc::ServerContext*,
                                                  const v1::AnnotateSessionRequest* request,
                                                  v1::AnnotateSessionResponse* response) {
-  return answer(server_.annotate(*request), response);
+  return answer(server_.sessions().annotate(*request), response);
 }
 
 grpc::Status SessionServiceImpl::SolveSession(grpc::ServerContext*, const v1::SolveSessionRequest* request,
                                               v1::SolveSessionResponse* response) {
-  return answer(server_.solve(*request), response);
+  return answer(server_.solves().solve(*request), response);
 }
 
 grpc::Status SessionServiceImpl::ReplicateSession(grpc::ServerContext* context,
                                                   const v1::ReplicateSessionRequest* request,
                                                   grpc::ServerWriter<v1::ReplicateSessionResponse>* writer) {
-  return to_grpc(server_.replicate(
+  return to_grpc(server_.replicator().replicate(
       *request, [&](const v1::ReplicateSessionResponse& progress) { return writer->Write(progress); },
       [&] { return !context->IsCancelled() && !stopping_; }));
 }
@@ -182,11 +182,11 @@ grpc::Status SessionServiceImpl::FetchMatte(grpc::ServerContext*, const v1::Fetc
   const std::optional<int> frame = request->has_frame() ? std::optional<int>(request->frame()) : std::nullopt;
   absl::StatusOr<std::string> bytes;
   if (request->partial()) {
-    bytes = server_.partial_matte(request->name());
+    bytes = server_.solves().partial_matte(request->name());
     if (!bytes.ok()) return to_grpc(bytes.status());
   }
   for (int attempt = 0; attempt < 2 && !bytes.ok(); ++attempt) {
-    const absl::StatusOr<std::filesystem::path> path = server_.matte(request->name(), frame);
+    const absl::StatusOr<std::filesystem::path> path = server_.solves().matte(request->name(), frame);
     if (!path.ok()) return to_grpc(path.status());
     bytes = read_file(*path);
   }

@@ -1,11 +1,11 @@
-// SessionService and NodeService: wire to Server and back.
+// SessionService and NodeService: from the wire to the server's parts and back.
 #pragma once
 
 #include <atomic>
 
 #include "glasswing/v1/node_service.grpc.pb.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
-#include "server/sessions/session_store.h"
+#include "server/services/server.h"
 
 namespace glasswing {
 

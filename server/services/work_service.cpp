@@ -23,7 +23,7 @@ absl::Status complete_frames(Server& server, const v1::CompleteTileRequest& head
     }
     GW_RETURN_IF_ERROR(mattes.add(request.chunk()));
   }
-  return server.complete(header, std::move(mattes));
+  return server.tiles().complete(header, std::move(mattes));
 }
 
 }  // namespace
@@ -33,20 +33,20 @@ grpc::Status WorkServiceImpl::ClaimTile(grpc::ServerContext* context, const v1::
   const nanoseconds until =
       monotonic_now() + std::chrono::milliseconds(std::clamp(request->wait_ms(), 0, 10000));
   while (true) {
-    absl::StatusOr<v1::ClaimTileResponse> claimed = server_.claim(*request);
+    absl::StatusOr<v1::ClaimTileResponse> claimed = server_.tiles().claim(*request);
     if (!claimed.ok()) return to_grpc(claimed.status());
     if (claimed->has_lease() || monotonic_now() >= until || context->IsCancelled()) {
       *response = *std::move(claimed);
       return grpc::Status::OK;
     }
-    // Leases end without an announcement, so look again every half second.
-    server_.wait_for_tiles(std::chrono::milliseconds(500));
+    // An expiring lease gives no hint, so ask again every half second.
+    server_.tiles().wait_for_tiles(std::chrono::milliseconds(500));
   }
 }
 
 grpc::Status WorkServiceImpl::KeepTile(grpc::ServerContext*, const v1::KeepTileRequest* request,
                                        v1::KeepTileResponse*) {
-  return to_grpc(server_.keep(request->lease()));
+  return to_grpc(server_.tiles().renew(request->lease()));
 }
 
 grpc::Status WorkServiceImpl::CompleteTile(grpc::ServerContext*,
@@ -56,7 +56,7 @@ grpc::Status WorkServiceImpl::CompleteTile(grpc::ServerContext*,
   if (!reader->Read(&header) || !header.has_lease()) {
     return to_grpc(absl::InvalidArgumentError("the first message must name the tile"));
   }
-  absl::StatusOr<std::optional<FrameMattes>> mattes = server_.frames_of(header.lease());
+  absl::StatusOr<std::optional<FrameMattes>> mattes = server_.tiles().frames_of(header.lease());
   if (!mattes.ok()) return to_grpc(mattes.status());
   if (*mattes) return to_grpc(complete_frames(server_, header, **std::move(mattes), *reader));
   std::string matte = header.chunk();
@@ -68,17 +68,17 @@ grpc::Status WorkServiceImpl::CompleteTile(grpc::ServerContext*,
           absl::InvalidArgumentError(fmt::format("the tile is larger than {} bytes", kMaxTileBytes)));
     }
   }
-  return to_grpc(server_.complete(header, matte));
+  return to_grpc(server_.tiles().complete(header, matte));
 }
 
 grpc::Status WorkServiceImpl::CompleteSurvey(grpc::ServerContext*, const v1::CompleteSurveyRequest* request,
                                              v1::CompleteSurveyResponse*) {
-  return to_grpc(server_.complete_survey(*request));
+  return to_grpc(server_.solves().complete_survey(*request));
 }
 
 grpc::Status WorkServiceImpl::FailTile(grpc::ServerContext*, const v1::FailTileRequest* request,
                                        v1::FailTileResponse*) {
-  return to_grpc(server_.fail(*request));
+  return to_grpc(server_.tiles().fail(*request));
 }
 
 }  // namespace glasswing

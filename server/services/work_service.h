@@ -1,8 +1,8 @@
-// WorkService: what solvers call.
+// WorkService, called by solvers.
 #pragma once
 
 #include "glasswing/v1/work_service.grpc.pb.h"
-#include "server/sessions/session_store.h"
+#include "server/services/server.h"
 
 namespace glasswing {
 

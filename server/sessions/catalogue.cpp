@@ -16,7 +16,7 @@
 namespace glasswing {
 namespace {
 
-constexpr const char* kAfterSession = ", note, tags, copies, name";  // what parsed() reads of a row
+constexpr const char* kAfterSession = ", note, tags, copies, name";  // the columns that parsed() reads
 
 std::string rows_of(const char* session_column) {
   return fmt::format("SELECT {}{}, {} FROM sessions ", session_column, kAfterSession,
@@ -43,7 +43,7 @@ absl::StatusOr<v1::Session> parsed(const Database::Query& row) {
   return session;
 }
 
-// Catalogues of before had none of these.
+// Adds the columns that catalogues of earlier versions lack.
 absl::Status add_columns(Database& database) {
   for (const auto& [column, type] :
        {std::pair("note", "TEXT NOT NULL DEFAULT ''"), std::pair("tags", "TEXT NOT NULL DEFAULT ''"),
@@ -129,7 +129,7 @@ absl::Status Catalogue::update(const v1::Session& session) {
 absl::StatusOr<v1::Session> Catalogue::annotate(const v1::AnnotateSessionRequest& request) {
   if (request.note().size() > kMaxNoteBytes) {
     return absl::InvalidArgumentError(
-        fmt::format("the note is of {} bytes; it must be at most {}", request.note().size(), kMaxNoteBytes));
+        fmt::format("the note has {} bytes; it must have at most {}", request.note().size(), kMaxNoteBytes));
   }
   for (const std::string& tag : request.add_tags()) GW_RETURN_IF_ERROR(check_name("tag", tag));
   const std::lock_guard lock(mutex_);
@@ -145,29 +145,29 @@ absl::StatusOr<v1::Session> Catalogue::annotate(const v1::AnnotateSessionRequest
   return find_locked(request.name());
 }
 
-absl::Status Catalogue::set_copy(const std::string& name, const v1::ArchiveCopy& copy) {
+absl::Status Catalogue::set_replica(const std::string& name, const v1::ArchiveCopy& copy) {
   const std::lock_guard lock(mutex_);
   GW_ASSIGN_OR_RETURN(v1::Session session, find_locked(name));
   for (v1::ArchiveCopy& known : *session.mutable_copies()) {
     if (known.node() != copy.node()) continue;
     known = copy;
-    return store_copies(session);
+    return store_replicas(session);
   }
   *session.add_copies() = copy;
-  return store_copies(session);
+  return store_replicas(session);
 }
 
-absl::Status Catalogue::drop_copy(const std::string& name, const std::string& node) {
+absl::Status Catalogue::drop_replica(const std::string& name, const std::string& node) {
   const std::lock_guard lock(mutex_);
   GW_ASSIGN_OR_RETURN(v1::Session session, find_locked(name));
   auto& copies = *session.mutable_copies();
   copies.erase(std::remove_if(copies.begin(), copies.end(),
                               [&](const v1::ArchiveCopy& copy) { return copy.node() == node; }),
                copies.end());
-  return store_copies(session);
+  return store_replicas(session);
 }
 
-absl::Status Catalogue::store_copies(const v1::Session& session) {
+absl::Status Catalogue::store_replicas(const v1::Session& session) {
   v1::Session alone;
   *alone.mutable_copies() = session.copies();
   return database_.query("UPDATE sessions SET copies = ? WHERE name = ?")

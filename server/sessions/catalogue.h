@@ -1,5 +1,5 @@
-// The durable list of sessions. What a session holds in frames is known by the node with its archive; here
-// stands what was asked for and how far it came.
+// The durable list of sessions: what was asked for and how far it came. The node with a session's archive
+// knows its frames.
 #pragma once
 
 #include <absl/status/status.h>
@@ -18,7 +18,7 @@ namespace glasswing {
 
 inline constexpr size_t kMaxNoteBytes = 4096;
 
-// Whether a session is one of those that are asked for. INVALID_ARGUMENT: a time that cannot be read.
+// Whether all conditions of the request hold for the session. INVALID_ARGUMENT: a time that cannot be parsed.
 absl::StatusOr<bool> matches(const v1::Session& session, const v1::ListSessionsRequest& request);
 
 // Thread-safe.
@@ -28,34 +28,34 @@ class Catalogue {
 
   // ALREADY_EXISTS: the name is taken.
   absl::Status insert(const v1::Session& session, const std::string& request_id);
-  // Durable when it returns. The note, the tags and the copies stay as they are: what runs knows nothing of
-  // them.
+  // Durable when it returns. Does not change note, tags and replicas, which a running capture or solve does
+  // not know.
   absl::Status update(const v1::Session& session);
-  // Changes the note and the tags alone. NOT_FOUND: no such session. INVALID_ARGUMENT: a tag that is no name,
-  // a note of more than kMaxNoteBytes.
+  // Changes note and tags only. NOT_FOUND: no such session. INVALID_ARGUMENT: a tag that is not a valid name,
+  // or a note of more than kMaxNoteBytes.
   absl::StatusOr<v1::Session> annotate(const v1::AnnotateSessionRequest& request);
-  // The nodes with copies of its archive are changed alone too, one a name.
-  absl::Status set_copy(const std::string& name, const v1::ArchiveCopy& copy);
-  absl::Status drop_copy(const std::string& name, const std::string& node);
-  // The session as it was when its last solve finished, kept while it is solved anew. NOT_FOUND: no solve
-  // before this one finished.
+  // Change the list of replicas only; it has one entry a node.
+  absl::Status set_replica(const std::string& name, const v1::ArchiveCopy& copy);
+  absl::Status drop_replica(const std::string& name, const std::string& node);
+  // The session as its last finished solve left it, kept while it is solved again. NOT_FOUND: no earlier
+  // solve finished.
   absl::Status keep_finished(const v1::Session& session);
   absl::Status drop_finished(const std::string& name);
   absl::StatusOr<v1::Session> finished(const std::string& name);
-  // With all that is known of it.
+  // With its note, tags and replicas.
   absl::Status remove(const std::string& name);
   // NOT_FOUND: "there is no session ...".
   absl::StatusOr<v1::Session> find(const std::string& name);
-  // NOT_FOUND: no session was made by this request.
+  // NOT_FOUND: no session was created by this request.
   absl::StatusOr<v1::Session> find_request(const std::string& request_id);
   absl::StatusOr<std::vector<v1::Session>> list();  // newest first
 
  private:
   explicit Catalogue(Database database) : database_(std::move(database)) {}
-  // Of rows (session, note, tags, copies), with mutex_ held.
+  // Call these with mutex_ held.
   absl::StatusOr<v1::Session> first(Database::Query query, const std::string& missing);
   absl::StatusOr<v1::Session> find_locked(const std::string& name);
-  absl::Status store_copies(const v1::Session& session);
+  absl::Status store_replicas(const v1::Session& session);
 
   std::mutex mutex_;
   Database database_;  // guarded by mutex_

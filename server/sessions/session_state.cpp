@@ -3,16 +3,117 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <set>
-#include <string_view>
-#include <utility>
-
-#include "core/pattern/method_options.h"
-#include "core/pattern/plan.h"
-#include "core/pattern/stimulus_kind.h"
-#include "core/pattern/video_frames.h"
+#include <cctype>
 
 namespace glasswing {
+namespace {
+
+using Condition = bool (*)(const v1::Session&);
+
+bool always(const v1::Session&) {
+  return true;
+}
+// An imported session has no plan, and so nothing to capture.
+bool captures_a_plan(const v1::Session& session) {
+  return !rests_in_solve(session) && !session.plan().method().empty();
+}
+bool has_matte(const v1::Session& session) {
+  return session.matte_ready() || !session.solved_frames().empty();
+}
+// The matte of an earlier solve comes back.
+bool has_matte_to_return_to(const v1::Session& session) {
+  return rests_in_solve(session) && session.matte_ready();
+}
+// A session that measured devices holds no object.
+bool holds_object(const v1::Session& session) {
+  return !session.plan().has_calibration();
+}
+bool holds_object_and_rests_in_solve(const v1::Session& session) {
+  return holds_object(session) && rests_in_solve(session);
+}
+
+struct Rule {
+  v1::SessionState state;
+  v1::SessionAction action;
+  Condition condition = always;
+};
+
+constexpr Rule kRules[] = {
+    {v1::SESSION_STATE_CREATED, v1::SESSION_ACTION_CANCEL},
+
+    {v1::SESSION_STATE_CAPTURING, v1::SESSION_ACTION_PAUSE},
+    {v1::SESSION_STATE_CAPTURING, v1::SESSION_ACTION_CANCEL},
+
+    {v1::SESSION_STATE_PAUSED, v1::SESSION_ACTION_RESUME, rests_in_solve},
+    {v1::SESSION_STATE_PAUSED, v1::SESSION_ACTION_RESUME, captures_a_plan},
+    {v1::SESSION_STATE_PAUSED, v1::SESSION_ACTION_CANCEL},
+    {v1::SESSION_STATE_PAUSED, v1::SESSION_ACTION_SOLVE, holds_object_and_rests_in_solve},
+    {v1::SESSION_STATE_PAUSED, v1::SESSION_ACTION_FETCH, has_matte},
+    {v1::SESSION_STATE_PAUSED, v1::SESSION_ACTION_REPLICATE, rests_in_solve},
+    {v1::SESSION_STATE_PAUSED, v1::SESSION_ACTION_DELETE},
+
+    {v1::SESSION_STATE_CAPTURED, v1::SESSION_ACTION_SOLVE, holds_object},
+    {v1::SESSION_STATE_CAPTURED, v1::SESSION_ACTION_REPLICATE},
+    {v1::SESSION_STATE_CAPTURED, v1::SESSION_ACTION_DELETE},
+
+    {v1::SESSION_STATE_SOLVING, v1::SESSION_ACTION_PAUSE},
+    {v1::SESSION_STATE_SOLVING, v1::SESSION_ACTION_CANCEL},
+    {v1::SESSION_STATE_SOLVING, v1::SESSION_ACTION_FETCH, has_matte},
+    {v1::SESSION_STATE_SOLVING, v1::SESSION_ACTION_REPLICATE},
+
+    {v1::SESSION_STATE_DONE, v1::SESSION_ACTION_SOLVE, holds_object},
+    {v1::SESSION_STATE_DONE, v1::SESSION_ACTION_FETCH, has_matte},
+    {v1::SESSION_STATE_DONE, v1::SESSION_ACTION_REPLICATE},
+    {v1::SESSION_STATE_DONE, v1::SESSION_ACTION_DELETE},
+
+    {v1::SESSION_STATE_FAILED, v1::SESSION_ACTION_RETRY, rests_in_solve},
+    {v1::SESSION_STATE_FAILED, v1::SESSION_ACTION_RETRY, captures_a_plan},
+    {v1::SESSION_STATE_FAILED, v1::SESSION_ACTION_CANCEL, has_matte_to_return_to},
+    {v1::SESSION_STATE_FAILED, v1::SESSION_ACTION_SOLVE, holds_object_and_rests_in_solve},
+    {v1::SESSION_STATE_FAILED, v1::SESSION_ACTION_FETCH, has_matte},
+    {v1::SESSION_STATE_FAILED, v1::SESSION_ACTION_REPLICATE, rests_in_solve},
+    {v1::SESSION_STATE_FAILED, v1::SESSION_ACTION_DELETE},
+
+    {v1::SESSION_STATE_CANCELLED, v1::SESSION_ACTION_DELETE},
+};
+
+// The states that an action leads to, where asking again is no error.
+constexpr struct {
+  v1::SessionAction action;
+  v1::SessionState state;
+} kReached[] = {
+    {v1::SESSION_ACTION_PAUSE, v1::SESSION_STATE_PAUSED},
+    {v1::SESSION_ACTION_RESUME, v1::SESSION_STATE_CAPTURING},
+    {v1::SESSION_ACTION_RESUME, v1::SESSION_STATE_SOLVING},
+    {v1::SESSION_ACTION_RETRY, v1::SESSION_STATE_CAPTURING},
+    {v1::SESSION_ACTION_RETRY, v1::SESSION_STATE_SOLVING},
+    {v1::SESSION_ACTION_CANCEL, v1::SESSION_STATE_CANCELLED},
+};
+
+absl::Status refusal(const v1::Session& session, v1::SessionAction action) {
+  switch (action) {
+    case v1::SESSION_ACTION_PAUSE:
+      return not_now(session, "paused");
+    case v1::SESSION_ACTION_RESUME:
+    case v1::SESSION_ACTION_RETRY:
+      return not_now(session, "resumed");
+    case v1::SESSION_ACTION_CANCEL:
+      return not_now(session, "cancelled");
+    case v1::SESSION_ACTION_SOLVE:
+      return not_now(session, "solved (it must be captured first)");
+    case v1::SESSION_ACTION_FETCH:
+      return not_now(session, "fetched (it must be solved first)");
+    case v1::SESSION_ACTION_REPLICATE:
+      return not_now(session, "replicated (it must be captured first)");
+    default:
+      return absl::FailedPreconditionError(fmt::format(
+          "session \"{}\" is {}; wait for it, or cancel it first: glasswing cancel {}", session.name(),
+          session.state() == v1::SESSION_STATE_CREATED ? "being imported" : state_of(session),
+          session.name()));
+  }
+}
+
+}  // namespace
 
 std::string state_of(const v1::Session& session) {
   std::string name = v1::SessionState_Name(session.state()).substr(std::string("SESSION_STATE_").size());
@@ -21,104 +122,45 @@ std::string state_of(const v1::Session& session) {
   return name;
 }
 
-absl::Status not_now(const v1::Session& session, const std::string& verb) {
-  return absl::FailedPreconditionError(
-      fmt::format("session \"{}\" is {}; it cannot be {}", session.name(), state_of(session), verb));
-}
-
-std::string usual_method(const v1::CaptureManifest& manifest) {
-  if (check_method(manifest.plan().method()).ok()) return manifest.plan().method();
-  const bool only_ramp = std::ranges::all_of(manifest.frames(), [](const v1::Frame& frame) {
-    const v1::Stimulus& stimulus = frame.stimulus();
-    return !frame.object() || kind_of(stimulus) == StimulusKind::kRamp ||
-           kind_of(stimulus) == StimulusKind::kPatch || stimulus.reference();
-  });
-  if (only_ramp && !video_frames(manifest).empty()) return std::string(kRampMethod);
-  const std::pair<StimulusKind, std::string_view> methods[] = {{StimulusKind::kStripe, "gaussian"},
-                                                               {StimulusKind::kSinusoid, "fringe"},
-                                                               {StimulusKind::kSquare, "hierarchical"},
-                                                               {StimulusKind::kSolid, "alpha"}};
-  for (const auto& [kind, method] : methods) {
-    const bool shown = std::ranges::any_of(
-        manifest.frames(), [&](const v1::Frame& frame) { return kind_of(frame.stimulus()) == kind; });
-    if (shown) return std::string(method);
-  }
-  return "gaussian";
-}
-
-void note_video(const v1::CaptureManifest& manifest, v1::Session& session) {
-  session.clear_frame_count();
-  session.clear_lost_frames();
-  const std::vector<int> video = video_frames(manifest);
-  if (video.size() < 2) return;
-  session.set_frame_count(static_cast<int>(video.size()));
-  for (const int frame : lost_frames(video)) session.add_lost_frames(frame);
-}
-
-bool is_solved_by_frames(const v1::Session& session) {
-  return session.method() == kRampMethod;
-}
-
-bool has_frame_files(const v1::Session& session) {
-  return session.frame_count() > 0 && is_solved_by_frames(session);
-}
-
 bool rests_in_solve(const v1::Session& session) {
   const bool rests =
       session.state() == v1::SESSION_STATE_PAUSED || session.state() == v1::SESSION_STATE_FAILED;
   return rests && session.job() != 0;
 }
 
-void count_tiles(const JobCounts& counts, v1::Session& session) {
-  session.set_tile_count(counts.tiles);
-  session.set_tiles_done(counts.done);
-  session.set_object_pixel_count(counts.object_pixels);
-  session.set_flagged_pixel_count(counts.flagged_pixels);
-}
-
-std::string computes(const std::string& method) {
-  const std::map<std::string, int>& versions = method_versions();
-  return fmt::format("{}/{} matte/{}", method, versions.at(method), versions.at("matte"));
-}
-
-TileAttempt attempt_of(const v1::TileLease& lease) {
-  return {.job = lease.job(), .tile = lease.tile(), .attempt = lease.attempt()};
-}
-
-bool has_number(const google::protobuf::RepeatedField<std::int32_t>& rising, int number) {
-  return std::binary_search(rising.begin(), rising.end(), number);
-}
-
-// A frame that is solved once more, in a tile of its own, is in two.
-void note_solved_frames(const std::vector<TileState>& tiles, v1::Session& session) {
-  std::set<int> solved;
-  for (const bool done : {true, false}) {
-    for (const TileState& tile : tiles) {
-      if (tile.is_done() != done) continue;
-      for (int frame = tile.range.first; frame < tile.range.first + tile.range.count; ++frame) {
-        if (done) solved.insert(frame);
-        if (!done) solved.erase(frame);
-      }
-    }
+std::vector<v1::SessionAction> allowed_actions(const v1::Session& session) {
+  std::vector<v1::SessionAction> actions;
+  for (const Rule& rule : kRules) {
+    if (rule.state == session.state() && rule.condition(session)) actions.push_back(rule.action);
   }
-  session.clear_solved_frames();
-  for (const int frame : solved) {
-    if (!has_number(session.lost_frames(), frame) && !has_number(session.refused_frames(), frame))
-      session.add_solved_frames(frame);
-  }
+  return actions;
 }
 
-void note_frames(const v1::CaptureManifest& manifest, v1::Session& session) {
-  std::int64_t bytes = 0;
-  int by_patch = 0;
-  for (const v1::Frame& frame : manifest.frames()) {
-    bytes += frame.size_bytes();
-    if (frame.proof() == v1::PROOF_TIME_AND_PATCH) ++by_patch;
-  }
-  session.set_step_count(manifest.frames_size());
-  session.set_proven_count(manifest.frames_size());
-  session.set_patch_proven_count(by_patch);
-  session.set_archive_bytes(bytes);
+bool allows(const v1::Session& session, v1::SessionAction action) {
+  return std::ranges::count(allowed_actions(session), action) > 0;
+}
+
+bool is_already(const v1::Session& session, v1::SessionAction action) {
+  return std::ranges::any_of(
+      kReached, [&](const auto& row) { return row.action == action && row.state == session.state(); });
+}
+
+absl::Status check_allows(const v1::Session& session, v1::SessionAction action) {
+  if (allows(session, action)) return absl::OkStatus();
+  if (action == v1::SESSION_ACTION_RESUME && allows(session, v1::SESSION_ACTION_RETRY))
+    return absl::OkStatus();
+  return refusal(session, action);
+}
+
+absl::Status not_now(const v1::Session& session, const std::string& verb) {
+  return absl::FailedPreconditionError(
+      fmt::format("session \"{}\" is {}; it cannot be {}", session.name(), state_of(session), verb));
+}
+
+v1::Session with_allowed_actions(v1::Session session) {
+  session.clear_allowed_actions();
+  for (const v1::SessionAction action : allowed_actions(session)) session.add_allowed_actions(action);
+  return session;
 }
 
 }  // namespace glasswing

@@ -1,4 +1,12 @@
-// What a session is, from its record and its archive.
+// The states of a session and the calls that each allows.
+//
+//   created -> capturing <-> paused;  capturing -> captured -> solving -> done
+//   solving <-> paused;  capturing, solving -> failed -> capturing, solving (retried)
+//   done -> solving (solved again; cancelled: done as before);  a cancelled first solve: captured
+//   created, capturing, paused -> cancelled
+//
+// After a restart a session that was capturing is paused (the camera node has its proven frames); one that
+// was solving goes on.
 #pragma once
 
 #include <absl/status/status.h>
@@ -6,46 +14,29 @@
 #include <string>
 #include <vector>
 
-#include "glasswing/v1/archive.pb.h"
-#include "glasswing/v1/session_service.pb.h"
-#include "glasswing/v1/work_service.pb.h"
-#include "server/jobs/job_store.h"
+#include "glasswing/v1/session.pb.h"
 
 namespace glasswing {
 
 // "paused"
 std::string state_of(const v1::Session& session);
+
+// Whether a paused or failed session was being solved, rather than captured.
+bool rests_in_solve(const v1::Session& session);
+
+// The actions that the session allows now, in the order of SessionAction. What goes on around it may still
+// refuse one: the rig is busy, the session is being replicated or deleted, a node is away.
+std::vector<v1::SessionAction> allowed_actions(const v1::Session& session);
+bool allows(const v1::Session& session, v1::SessionAction action);
+// Whether the session already is what the action asks for: a repeated call is no error.
+bool is_already(const v1::Session& session, v1::SessionAction action);
+// FAILED_PRECONDITION: "session "vase" is paused; it cannot be ...". ResumeSession asks for RESUME, which
+// here includes RETRY.
+absl::Status check_allows(const v1::Session& session, v1::SessionAction action);
 // FAILED_PRECONDITION: "session "vase" is paused; it cannot be " and `verb`.
 absl::Status not_now(const v1::Session& session, const std::string& verb);
 
-// How frames are to be solved where nobody says.
-std::string usual_method(const v1::CaptureManifest& manifest);
-
-// Fills in the video's frames, and those that were lost.
-void note_video(const v1::CaptureManifest& manifest, v1::Session& session);
-
-// A matte for each frame, rather than one for all.
-bool is_solved_by_frames(const v1::Session& session);
-// Each in a file of its own: a single frame has one as any still.
-bool has_frame_files(const v1::Session& session);
-
-// It is its solve that is paused or failed, not its capture.
-bool rests_in_solve(const v1::Session& session);
-
-// How far the solve came.
-void count_tiles(const JobCounts& counts, v1::Session& session);
-
-// Which frames of a video have mattes by now.
-void note_solved_frames(const std::vector<TileState>& tiles, v1::Session& session);
-
-// What solvers must compute to work on tiles of this method: its version and that of the matte's file.
-std::string computes(const std::string& method);
-// Names an attempt.
-TileAttempt attempt_of(const v1::TileLease& lease);
-
-bool has_number(const google::protobuf::RepeatedField<std::int32_t>& rising, int number);
-
-// How many frames the archive keeps, how they are proven, and their bytes.
-void note_frames(const v1::CaptureManifest& manifest, v1::Session& session);
+// The session as clients see it: with its allowed actions.
+v1::Session with_allowed_actions(v1::Session session);
 
 }  // namespace glasswing

@@ -1,5 +1,5 @@
-// What became of each step of a capture, for those who watch. It is kept in memory, for the sessions that
-// were captured last; what has to last is in the archive.
+// The events of each step of a capture, for those who watch. In memory only, for the sessions captured last;
+// proofs are durable in the archive.
 #pragma once
 
 #include <cstddef>
@@ -18,11 +18,11 @@ namespace glasswing {
 class StepLog {
  public:
   static constexpr size_t kMaxSessions = 8;
-  static constexpr size_t kMaxEvents = 50'000;  // of a session; later ones but proofs are not kept
+  static constexpr size_t kMaxEvents = 50'000;  // of a session; after these only proofs are kept
 
-  // Of a step that is proven already, nothing is added.
+  // Ignores events of a step that is proven.
   void add(const std::string& session, v1::StepEvent event);
-  // Those from the `first` on, oldest first. None: nothing is known of this session.
+  // The session's events from the `first` on, oldest first. Empty: nothing is known of this session.
   std::optional<std::vector<v1::StepEvent>> events(const std::string& session, size_t first) const;
 
  private:
@@ -35,10 +35,10 @@ class StepLog {
   std::deque<Entry> entries_;  // newest last
 };
 
-// That this frame is kept.
+// The event of a step whose frame is kept.
 v1::StepEvent proof_of(const v1::Frame& frame, double seconds);
 
-// What an archive alone tells: what was proven, in the order of exposure.
+// The events that an archive alone can tell: proofs, in the order of exposure.
 std::vector<v1::StepEvent> proven_steps(const v1::CaptureManifest& manifest);
 
 }  // namespace glasswing

@@ -34,9 +34,9 @@ v1::FleetSolve described(const JobState& job) {
   solve.set_failures(job.counts.failures);
   solve.set_quarantined(job.counts.quarantined);
   solve.set_tiles_per_second(job.tiles_per_second);
-  solve.set_held(job.held);
+  solve.set_held(job.suspended);
   const int left = job.counts.tiles - job.counts.done - job.counts.quarantined;
-  if (!job.held && job.tiles_per_second > 0.0) solve.set_seconds_left(left / job.tiles_per_second);
+  if (!job.suspended && job.tiles_per_second > 0.0) solve.set_seconds_left(left / job.tiles_per_second);
   return solve;
 }
 

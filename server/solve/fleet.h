@@ -1,5 +1,4 @@
-// Who solves, what, and how fast: what solvers said to this server, with what the rig and the job store know
-// of them.
+// The solvers: what each one does and how fast, from their calls, the registered nodes and the job store.
 #pragma once
 
 #include <functional>
@@ -16,20 +15,19 @@
 
 namespace glasswing {
 
-// Thread-safe. A solver of which nothing was heard for ten minutes is forgotten; nothing is noted under what
-// is no name of a node. What is done and failed is counted for monitoring too (server_metrics.h).
+// Thread-safe. A solver that is silent for ten minutes is forgotten. Invalid node names are ignored. Tiles
+// that are done or failed are counted for monitoring too (server_metrics.h).
 class Fleet {
  public:
   explicit Fleet(std::function<nanoseconds()> now = monotonic_now) : now_(std::move(now)) {}
 
-  void refused(const std::string& solver, const std::string& why);  // until it claims
-  void claimed(const std::string& solver);                          // whether there was a tile or not
+  void refused(const std::string& solver, const std::string& why);  // until its next claim
+  void claimed(const std::string& solver);                          // even if there was no tile
   void completed(const std::string& solver, double seconds);
   void failed(const std::string& solver, const std::string& session, int tile, const std::string& error);
 
-  // `solvers` have registered with this server; those that work for it without, as those of another server
-  // that shares the store do, are up if something was heard of them in the last ten seconds or they hold a
-  // lease.
+  // `solvers` have registered with this server. A solver that has not, as of another server that shares the
+  // store, is up if it was heard in the last ten seconds or has a lease.
   v1::GetFleetResponse describe(const std::vector<RegisteredSolver>& solvers,
                                 const std::vector<JobState>& jobs, const std::vector<LeaseState>& leases,
                                 const std::string& store) const;
@@ -42,7 +40,7 @@ class Fleet {
     std::string refused, last_error;
     std::int64_t done = 0, failed = 0;
   };
-  // Does it with what is known of the solver, heard of now.
+  // Applies `change` to the solver's entry, which was heard now.
   void note(const std::string& name, const std::function<void(Solver&)>& change);
 
   const std::function<nanoseconds()> now_;

@@ -26,7 +26,7 @@ absl::Status FrameMattes::begin(int frame, const std::string& checksum) {
     return absl::InvalidArgumentError(fmt::format("frame is {}; it must be {} to {}, each once and in order",
                                                   frame, first_, first_ + count_ - 1));
   }
-  // Two calls may bring the same tile, when the answer to the first one is late.
+  // Two calls may bring the same tile, if the first one's answer is late.
   static std::atomic<int> number = 0;
   GW_ASSIGN_OR_RETURN(FileWriter writer,
                       FileWriter::create(directory_ / fmt::format("{:04d}.{}.tmp", frame, ++number)));

@@ -1,4 +1,4 @@
-// How often something happened in the last minute, in as much memory however often.
+// The rate of events over the last minute, in constant memory.
 #pragma once
 
 #include <algorithm>

@@ -1,5 +1,5 @@
-// Work that serves all who asked for it before it began: of many that ask at once, one does it, once more at
-// most for those who came too late for the first time.
+// Coalesces concurrent requests: one run serves every caller that arrived before it started; later callers
+// share the next run.
 #pragma once
 
 #include <condition_variable>
@@ -9,9 +9,10 @@
 
 namespace glasswing {
 
-class SharedWork {
+class SingleFlight {
  public:
-  // Returns when `work` has run since it was called, by this thread or another, never by two at once.
+  // Returns when `work` has run to its end after this call began, on this thread or another; never on two at
+  // once.
   void run(const std::function<void()>& work) {
     std::unique_lock lock(mutex_);
     const std::uint64_t ticket = ++asked_;

@@ -1,19 +1,22 @@
-// The server's solves: sessions cut into tiles for the solvers, from the asking to the matte that can be
-// fetched.
+#include "server/solve/solve_runner.h"
+
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
 
 #include "core/base/fault_point.h"
+#include "core/base/file.h"
 #include "core/base/status.h"
-#include "core/base/time.h"
 #include "core/pattern/method_options.h"
+#include "core/pattern/plan.h"
 #include "core/pattern/video_frames.h"
+#include "glasswing/v1/tile_work.pb.h"
 #include "server/archives/replicas.h"
 #include "server/archives/session_archive.h"
+#include "server/sessions/archive_facts.h"
 #include "server/sessions/session_state.h"
-#include "server/sessions/session_store.h"
+#include "server/solve/join_tiles.h"
 #include "server/solve/tile_sizes.h"
 
 namespace glasswing {
@@ -21,32 +24,26 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Of frames' samples, that a solver holds of one tile, and of the tile's own pixels.
+// Limits of a tile: bytes of frames' samples in a solver's memory, and pixels of the tile itself.
 constexpr std::int64_t kMaxTileBytes = 256 << 20, kMaxTilePixels = 400'000;
 
-// From the node that captured it, else from any with a copy.
-absl::StatusOr<v1::CaptureManifest> read_manifest(const v1::Session& session, const Rig& rig) {
+// From the node that captured the session, else from any node with a replica.
+absl::StatusOr<v1::CaptureManifest> read_manifest(const v1::Session& session, const NodeRegistry& nodes) {
   absl::StatusOr<v1::CaptureManifest> manifest = SessionArchive(session).manifest();
-  for (const v1::ArchiveCopy& copy : session.copies()) {
-    if (manifest.ok() || !is_whole(copy)) continue;
-    const absl::StatusOr<std::string> address = keeper_address(copy.node(), rig);
+  for (const v1::ArchiveCopy& replica : session.copies()) {
+    if (manifest.ok() || !is_whole(replica)) continue;
+    const absl::StatusOr<std::string> address = keeper_address(replica.node(), nodes);
     if (!address.ok()) continue;
     absl::StatusOr<v1::CaptureManifest> copied =
-        SessionArchive(session.name(), copy.node(), *address).manifest();
+        SessionArchive(session.name(), replica.node(), *address).manifest();
     if (copied.ok()) manifest = std::move(copied);
   }
   return manifest;
 }
 
-absl::Status check_solvable(const v1::Session& session) {
-  const bool captured = session.state() == v1::SESSION_STATE_CAPTURED ||
-                        session.state() == v1::SESSION_STATE_DONE || rests_in_solve(session);
-  return captured ? absl::OkStatus() : not_now(session, "solved (it must be captured first)");
-}
-
-// What a solver is told of every tile.
-v1::ClaimTileResponse work_of(const v1::Session& session, const v1::CaptureManifest& manifest) {
-  v1::ClaimTileResponse work;
+// The work of a solve's first tiles.
+v1::TileWork work_of(const v1::Session& session, const v1::CaptureManifest& manifest) {
+  v1::TileWork work;
   work.set_method(session.method());
   *work.mutable_options() = session.options();
   work.set_archive_address(session.archive_address());
@@ -55,7 +52,7 @@ v1::ClaimTileResponse work_of(const v1::Session& session, const v1::CaptureManif
   return work;
 }
 
-// Of a matte of rows, nothing is known of the work yet: its first tile is a survey of the whole.
+// Nothing is known yet of the cost of a matte's rows: its first tile is a survey of all of them.
 absl::StatusOr<std::vector<TileRange>> first_tiles(const v1::Session& session,
                                                    const v1::CaptureManifest& manifest) {
   const v1::Camera& camera = manifest.camera();
@@ -64,9 +61,15 @@ absl::StatusOr<std::vector<TileRange>> first_tiles(const v1::Session& session,
       frame_tiles(static_cast<int>(video_frames(manifest).size()),
                   static_cast<std::int64_t>(camera.width_px()) * camera.height_px());
   if (!tiles.empty()) return tiles;
-  return absl::FailedPreconditionError(fmt::format(
-      "session \"{}\" has no frame of the ramp with the object; method \"{}\" makes mattes of such",
-      session.name(), session.method()));
+  return absl::FailedPreconditionError(
+      fmt::format("session \"{}\" has no frame of the ramp with the object, which method \"{}\" needs",
+                  session.name(), session.method()));
+}
+
+void clear_failures(v1::Session& session) {
+  session.clear_refused_frames();
+  session.clear_refusal();
+  session.clear_quarantined();
 }
 
 std::vector<TileRange> runs_of(const google::protobuf::RepeatedField<std::int32_t>& rising) {
@@ -101,8 +104,55 @@ absl::Status check_frame_is_solved(const v1::Session& session, int frame) {
 
 }  // namespace
 
-absl::StatusOr<v1::Session> Server::solve(const v1::SolveSessionRequest& request) {
-  GW_ASSIGN_OR_RETURN(v1::Session session, find(request.name()));
+absl::Status SolveRunner::take_up(SessionStore::Edit& edit, std::span<const v1::Session> sessions) {
+  GW_ASSIGN_OR_RETURN(const std::vector<std::int64_t> jobs, stores_.jobs.own_jobs());
+  for (const std::int64_t job : jobs) {
+    const bool known = std::ranges::count(sessions, job, &v1::Session::job) > 0;
+    if (!known) GW_RETURN_IF_ERROR(stores_.jobs.remove(job));
+  }
+  for (const v1::Session& session : sessions) {
+    if (session.state() != v1::SESSION_STATE_SOLVING && session.job() != 0) {
+      const absl::Status suspended = stores_.jobs.suspend(session.job());
+      // A session that is done needs its tiles no more, and they may be gone, or in another store.
+      if (!suspended.ok() && !absl::IsNotFound(suspended)) return suspended;
+    }
+    if (session.state() == v1::SESSION_STATE_SOLVING) GW_RETURN_IF_ERROR(take_up_solve(edit, session));
+    if (session.state() == v1::SESSION_STATE_DONE) GW_RETURN_IF_ERROR(take_up_matte(edit, session));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status SolveRunner::take_up_solve(SessionStore::Edit& edit, v1::Session session) {
+  clock_.start(session);
+  // The server may have ended just after the last tile came, or while the solve was being cancelled.
+  GW_ASSIGN_OR_RETURN(const JobCounts counts, stores_.jobs.counts(session.job()));
+  if (counts.tiles == 0) {
+    const std::string& name = session.name();
+    return cancel(edit, session, fmt::format("its tiles are gone; solve it again: glasswing solve {}", name))
+        .status();
+  }
+  count_tiles(counts, session);
+  if (has_frame_files(session) && !session.matte_ready()) {
+    GW_ASSIGN_OR_RETURN(const std::vector<TileState> tiles, stores_.jobs.tiles(session.job()));
+    note_solved_frames(tiles, session);
+  }
+  GW_RETURN_IF_ERROR(edit.change(session));
+  GW_RETURN_IF_ERROR(stores_.jobs.resume(session.job()));
+  if (counts.rests()) progress_.look_later(session.name());
+  return absl::OkStatus();
+}
+
+absl::Status SolveRunner::take_up_matte(SessionStore::Edit& edit, v1::Session session) {
+  if (!session.matte_ready()) {  // written by a version without the field
+    session.set_matte_ready(true);
+    GW_RETURN_IF_ERROR(edit.change(session));
+  }
+  GW_RETURN_IF_ERROR(edit.drop_finished(session.name()));
+  return stores_.mattes.finish(session.name());
+}
+
+absl::StatusOr<v1::Session> SolveRunner::solve(const v1::SolveSessionRequest& request) {
+  GW_ASSIGN_OR_RETURN(v1::Session session, stores_.sessions.find(request.name()));
   if (session.plan().has_calibration()) {
     return absl::FailedPreconditionError(fmt::format(
         "session \"{}\" measured devices and holds no object; what it found: glasswing calibrate list",
@@ -111,58 +161,61 @@ absl::StatusOr<v1::Session> Server::solve(const v1::SolveSessionRequest& request
   const std::string method = request.method().empty() ? session.method() : request.method();
   GW_RETURN_IF_ERROR(check_method(method));
   for (const auto& [option, value] : request.options()) GW_RETURN_IF_ERROR(check_option(method, option));
-  GW_RETURN_IF_ERROR(check_solvable(session));
-  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, read_manifest(session, rig_));
+  GW_RETURN_IF_ERROR(check_allows(session, v1::SESSION_ACTION_SOLVE));
+  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, read_manifest(session, nodes_));
 
-  const std::lock_guard lock(mutex_);
-  GW_ASSIGN_OR_RETURN(session, find_locked(request.name()));
-  GW_RETURN_IF_ERROR(check_stays(session.name()));
-  GW_RETURN_IF_ERROR(check_solvable(session));
-  if (session.state() == v1::SESSION_STATE_DONE) GW_RETURN_IF_ERROR(catalogue_->keep_finished(session));
-  const std::int64_t job_before = session.job();
+  SessionStore::Edit edit = stores_.sessions.edit();
+  GW_ASSIGN_OR_RETURN(session, edit.find(request.name()));
+  GW_RETURN_IF_ERROR(edit.check_stays(session.name()));
+  GW_RETURN_IF_ERROR(check_allows(session, v1::SESSION_ACTION_SOLVE));
+  if (session.state() == v1::SESSION_STATE_DONE) GW_RETURN_IF_ERROR(edit.keep_finished(session));
   session.set_method(method);
   *session.mutable_options() = request.options();
   note_video(manifest, session);
+  return begin(edit, std::move(session), manifest);
+}
+
+absl::StatusOr<v1::Session> SolveRunner::begin(SessionStore::Edit& edit, v1::Session session,
+                                               const v1::CaptureManifest& manifest) {
+  const std::int64_t job_before = session.job();
   GW_ASSIGN_OR_RETURN(const std::vector<TileRange> tiles, first_tiles(session, manifest));
-  const v1::ClaimTileResponse work = work_of(session, manifest);
-  GW_ASSIGN_OR_RETURN(const std::int64_t job, jobs_->create({.session = session.name(),
-                                                             .computes = computes(method),
-                                                             .work = work.SerializeAsString()},
-                                                            tiles));
+  const v1::TileWork work = work_of(session, manifest);
+  GW_ASSIGN_OR_RETURN(const std::int64_t job, stores_.jobs.create({.session = session.name(),
+                                                                   .computes = computes(session.method()),
+                                                                   .work = work.SerializeAsString()},
+                                                                  tiles));
   session.set_job(job);
   if (!session.matte_ready()) session.clear_solved_frames();
-  session.clear_refused_frames();
-  session.clear_refusal();
-  session.clear_quarantined();
-  // That of a survey tells nothing.
+  clear_failures(session);
+  // A survey's tile count is meaningless.
   count_tiles({.tiles = work.survey_rows().empty() ? static_cast<int>(tiles.size()) : 0}, session);
   session.set_solve_seconds(0.0);
   session.set_state(v1::SESSION_STATE_SOLVING);
   session.clear_reason();
-  start_solve_clock(session);
-  GW_RETURN_IF_ERROR(mattes_.drop_next(session.name()));
-  GW_RETURN_IF_ERROR(change(session));
-  // Only now: had this ended in between, the session would still be of the old job.
-  if (job_before != 0) GW_RETURN_IF_ERROR(jobs_->remove(job_before));
-  spdlog::info("solving session={} method={} job={}", session.name(), method, job);
+  clock_.start(session);
+  GW_RETURN_IF_ERROR(stores_.mattes.drop_next(session.name()));
+  GW_RETURN_IF_ERROR(edit.change(session));
+  // Last: had the server ended before this, the session would still have its old job.
+  if (job_before != 0) GW_RETURN_IF_ERROR(stores_.jobs.remove(job_before));
+  spdlog::info("solving session={} method={} job={}", session.name(), session.method(), job);
   return session;
 }
 
-absl::Status Server::complete_survey(const v1::CompleteSurveyRequest& request) {
+absl::Status SolveRunner::complete_survey(const v1::CompleteSurveyRequest& request) {
   v1::Session session;
   {
-    const std::lock_guard lock(mutex_);
-    GW_ASSIGN_OR_RETURN(session, session_of(request.lease()));
+    SessionStore::Edit edit = stores_.sessions.edit();
+    GW_ASSIGN_OR_RETURN(session, session_of(edit, request.lease()));
   }
-  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, read_manifest(session, rig_));
+  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, read_manifest(session, nodes_));
   const v1::Camera& camera = manifest.camera();
-  v1::ClaimTileResponse work = work_of(session, manifest);
+  v1::TileWork work = work_of(session, manifest);
   const std::vector<int> rows(work.survey_rows().begin(), work.survey_rows().end());
   const std::vector<double> seconds(request.row_seconds().begin(), request.row_seconds().end());
   const bool sensible = std::ranges::all_of(seconds, [](double s) { return s >= 0.0 && s < 1e6; });
   if (rows.empty() || seconds.size() != rows.size() || !sensible) {
     return absl::InvalidArgumentError(
-        fmt::format("the survey of session \"{}\" must tell the seconds of each of its {} rows",
+        fmt::format("the survey of session \"{}\" must report the seconds of each of its {} rows",
                     session.name(), rows.size()));
   }
   const std::int64_t row_samples = std::int64_t{camera.width_px()} * manifest.frames_size() * 3;
@@ -170,87 +223,78 @@ absl::Status Server::complete_survey(const v1::CompleteSurveyRequest& request) {
   const std::vector<TileRange> tiles =
       row_tiles(camera.height_px(), rows, seconds, row_samples * 2, max_bytes, min_tile_seconds_);
   work.clear_survey_rows();
-  GW_RETURN_IF_ERROR(jobs_->recut(attempt_of(request.lease()), work.SerializeAsString(), tiles));
+  GW_RETURN_IF_ERROR(stores_.jobs.recut(attempt_of(request.lease()), work.SerializeAsString(), tiles));
   fault_point("survey committed");
   spdlog::info("surveyed session={} tiles={} solver={}", session.name(), tiles.size(), request.solver());
-  note_progress(request.lease());
+  progress_.update(request.lease());
   return absl::OkStatus();
 }
 
-// What it has taken so far counts.
-void Server::start_solve_clock(const v1::Session& session) {
-  const std::chrono::duration<double> so_far(session.solve_seconds());
-  solve_began_[session.name()] = monotonic_now() - std::chrono::duration_cast<nanoseconds>(so_far);
-}
-
-absl::StatusOr<v1::Session> Server::pause_solve(v1::Session session) {
+absl::StatusOr<v1::Session> SolveRunner::pause(SessionStore::Edit& edit, v1::Session session) {
   session.set_state(v1::SESSION_STATE_PAUSED);
   session.set_reason("asked to; go on with: glasswing resume " + session.name());
-  GW_RETURN_IF_ERROR(change(session));
-  GW_RETURN_IF_ERROR(jobs_->hold(session.job()));
+  GW_RETURN_IF_ERROR(edit.change(session));
+  GW_RETURN_IF_ERROR(stores_.jobs.suspend(session.job()));
   spdlog::info("paused session={} tiles={} of={}", session.name(), session.tiles_done(),
                session.tile_count());
   return session;
 }
 
-absl::StatusOr<v1::Session> Server::resume_solve(v1::Session session) {
+absl::StatusOr<v1::Session> SolveRunner::resume(SessionStore::Edit& edit, v1::Session session) {
   const std::string name = session.name();
-  GW_RETURN_IF_ERROR(jobs_->retry(session.job()));
+  GW_RETURN_IF_ERROR(stores_.jobs.retry(session.job()));
   if (session.state() == v1::SESSION_STATE_FAILED) {
-    // Frames that were refused become tiles of their own, so that none of the others is solved again.
+    // Refused frames become tiles of their own, so that no other frame is solved again.
     if (!session.refused_frames().empty())
-      GW_RETURN_IF_ERROR(jobs_->add(session.job(), runs_of(session.refused_frames())));
-    session.clear_refused_frames();
-    session.clear_refusal();
-    session.clear_quarantined();
+      GW_RETURN_IF_ERROR(stores_.jobs.add(session.job(), runs_of(session.refused_frames())));
+    clear_failures(session);
   }
-  GW_ASSIGN_OR_RETURN(const JobCounts counts, jobs_->counts(session.job()));
+  GW_ASSIGN_OR_RETURN(const JobCounts counts, stores_.jobs.counts(session.job()));
   if (session.tile_count() > 0) count_tiles(counts, session);
   session.set_state(v1::SESSION_STATE_SOLVING);
   session.clear_reason();
-  start_solve_clock(session);
-  GW_RETURN_IF_ERROR(change(session));
-  GW_RETURN_IF_ERROR(jobs_->release(session.job()));
+  clock_.start(session);
+  GW_RETURN_IF_ERROR(edit.change(session));
+  GW_RETURN_IF_ERROR(stores_.jobs.resume(session.job()));
   spdlog::info("solving on session={} tiles={} of={}", name, session.tiles_done(), session.tile_count());
-  if (counts.rests()) look_whether_finished(name);
+  if (counts.rests()) progress_.look_later(name);
   return session;
 }
 
-absl::StatusOr<v1::Session> Server::cancel_solve(v1::Session session, const std::string& reason) {
-  // A job that is gone says that this was begun, should it break off. What was made goes before the session
-  // is done again: what is there then counts as finished.
-  GW_RETURN_IF_ERROR(jobs_->remove(session.job()));
-  GW_RETURN_IF_ERROR(mattes_.drop_next(session.name()));
+absl::StatusOr<v1::Session> SolveRunner::cancel(SessionStore::Edit& edit, v1::Session session,
+                                                const std::string& reason) {
+  // The job goes first: its absence tells a restarted server to cancel again. The new matte's files go before
+  // the session is done again, because files of a session that is done count as finished.
+  GW_RETURN_IF_ERROR(stores_.jobs.remove(session.job()));
+  GW_RETURN_IF_ERROR(stores_.mattes.drop_next(session.name()));
   if (session.matte_ready()) {
-    GW_ASSIGN_OR_RETURN(session, catalogue_->finished(session.name()));
+    GW_ASSIGN_OR_RETURN(session, edit.finished(session.name()));
   } else {
-    // Its frames are all there: only the solve is given up.
+    // Only the solve is given up: the session keeps its frames.
     session.set_state(v1::SESSION_STATE_CAPTURED);
     session.set_reason(reason);
     session.clear_job();
     count_tiles({}, session);
     session.clear_solved_frames();
-    session.clear_refused_frames();
-    session.clear_refusal();
-    session.clear_quarantined();
+    clear_failures(session);
   }
-  GW_RETURN_IF_ERROR(change(session));
-  GW_RETURN_IF_ERROR(catalogue_->drop_finished(session.name()));
+  GW_RETURN_IF_ERROR(edit.change(session));
+  GW_RETURN_IF_ERROR(edit.drop_finished(session.name()));
   spdlog::info("solve cancelled session={}", session.name());
   return session;
 }
 
-absl::StatusOr<fs::path> Server::matte(const std::string& name, std::optional<int> frame) {
-  const std::lock_guard lock(mutex_);
-  GW_ASSIGN_OR_RETURN(const v1::Session session, find_locked(name));
-  // What the session says of its solve is of the last one, which may not have finished.
+absl::StatusOr<fs::path> SolveRunner::matte(const std::string& name, std::optional<int> frame) {
+  SessionStore::Edit edit = stores_.sessions.edit();
+  GW_ASSIGN_OR_RETURN(const v1::Session session, edit.find(name));
+  // While a session with a matte is solved again, its record describes the new solve.
   v1::Session made = session;
   if (session.matte_ready() && session.state() != v1::SESSION_STATE_DONE) {
-    GW_ASSIGN_OR_RETURN(made, catalogue_->finished(name));
+    GW_ASSIGN_OR_RETURN(made, edit.finished(name));
   }
   if (frame) {
     GW_RETURN_IF_ERROR(check_frame_is_solved(made, *frame));
-    return session.matte_ready() ? mattes_.finished(name, *frame) : mattes_.next(name, *frame);
+    return session.matte_ready() ? stores_.mattes.finished(name, *frame) : stores_.mattes.next(name, *frame);
   }
   if (has_frame_files(made)) {
     return absl::FailedPreconditionError(
@@ -262,7 +306,29 @@ absl::StatusOr<fs::path> Server::matte(const std::string& name, std::optional<in
     return absl::FailedPreconditionError(fmt::format(
         "session \"{}\" is {}; solve it first: glasswing solve {} --watch", name, state_of(session), name));
   }
-  return mattes_.finished(name);
+  return stores_.mattes.finished(name);
+}
+
+absl::StatusOr<std::string> SolveRunner::partial_matte(const std::string& name) {
+  GW_ASSIGN_OR_RETURN(const v1::Session session, stores_.sessions.find(name));
+  if (is_solved_by_frames(session)) {
+    return absl::FailedPreconditionError(fmt::format(
+        "session \"{}\" is a video: what is solved of it can be fetched into a directory as it is", name));
+  }
+  if (session.state() != v1::SESSION_STATE_SOLVING && !rests_in_solve(session)) {
+    GW_ASSIGN_OR_RETURN(const fs::path path, matte(name, std::nullopt));
+    return read_file(path);
+  }
+  GW_ASSIGN_OR_RETURN(const std::vector<TileState> tiles, stores_.jobs.tiles(session.job()));
+  GW_ASSIGN_OR_RETURN(const fs::path directory, stores_.mattes.tiles(name));
+  absl::StatusOr<std::string> matte = join_tiles(tiles, directory);
+  if (!absl::IsFailedPrecondition(matte.status())) return matte;
+  return absl::FailedPreconditionError(
+      fmt::format("session \"{}\": {}", name, std::string(matte.status().message())));
+}
+
+absl::Status SolveRunner::remove(const v1::Session& session) {
+  return session.job() == 0 ? absl::OkStatus() : stores_.jobs.remove(session.job());
 }
 
 }  // namespace glasswing

@@ -8,10 +8,10 @@ namespace glasswing {
 namespace {
 
 constexpr int kFewestSurveyRows = 3, kMaxSurveyRows = 32;
-// So many tiles there are at least, if that makes none too small.
+// Number of tiles to aim at, unless they get too small.
 constexpr double kWantedTiles = 64.0;
 
-// Of a video on two cores; docs/results.md.
+// Measured for a video on two cores; docs/results.md.
 constexpr double kVideoPixelsPerSecond = 16e6;
 constexpr int kFewestFrames = 4, kMaxFrames = 64;
 
@@ -27,7 +27,7 @@ std::vector<int> survey_rows(int height_px) {
 std::vector<TileRange> row_tiles(int height_px, std::span<const int> rows, std::span<const double> seconds,
                                  std::int64_t row_bytes, std::int64_t max_bytes, double min_seconds) {
   std::vector<double> work;
-  size_t after = 0;  // the first surveyed row that is not above this one
+  size_t after = 0;  // the first surveyed row at or below row y
   for (int y = 0; y < height_px; ++y) {
     while (after < rows.size() && rows[after] < y) ++after;
     if (after == 0 || after == rows.size()) {
@@ -39,7 +39,7 @@ std::vector<TileRange> row_tiles(int height_px, std::span<const int> rows, std::
   }
   const double all = std::accumulate(work.begin(), work.end(), 0.0);
   const double target = std::clamp(all / kWantedTiles, min_seconds, kMaxTileSeconds);
-  // Of equal size, rather than a last one of what is left.
+  // Equal shares, rather than a smaller last one.
   const double share = all / std::max(1.0, std::round(all / target));
   const double longest_row = *std::ranges::max_element(seconds);
   const auto max_rows =
@@ -49,7 +49,7 @@ std::vector<TileRange> row_tiles(int height_px, std::span<const int> rows, std::
   std::vector<TileRange> tiles;
   double sum = 0.0, end = share;
   for (int y = 0; y < height_px; ++y) {
-    // A row goes to the tile that its middle falls into.
+    // A row belongs to the tile that its middle falls into.
     const bool next = sum + 0.5 * work[static_cast<size_t>(y)] > end;
     if (tiles.empty() || next || tiles.back().count == max_rows) tiles.push_back({.first = y, .count = 0});
     while (sum + 0.5 * work[static_cast<size_t>(y)] > end) end += share;

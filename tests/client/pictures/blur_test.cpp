@@ -12,7 +12,8 @@ namespace glasswing {
 namespace {
 
 constexpr int kWidth_px = 30, kHeight_px = 24;
-// Jacobian of the centres, monitor px per camera px: a camera that is rotated a little and looks from the side.
+// Jacobian of the centres, monitor px per camera px: a camera that is rotated a little and looks from the
+// side.
 constexpr double kXbyX = 1.5, kXbyY = 0.2, kYbyX = -0.3, kYbyY = 2.0;
 constexpr double kXX = 6.25, kYY = 4.0;
 

@@ -134,7 +134,7 @@ FaultyRig::FaultyRig(const RigFaults& faults, std::uint64_t seed, int patch_rows
   network_ = std::make_unique<Network>(faults.network_delay, seed, server_->host->address(),
                                        display_->host->address(), camera_->host->address());
   sessions_ = v1::SessionService::NewStub(dial(server_->host->address()));
-  const Rig& rig = server_->server->rig();
+  const NodeRegistry& rig = server_->server->rig();
   const nanoseconds deadline = monotonic_now() + kSoon;
   while (!rig.camera().ok() || !rig.displays().ok()) {
     if (monotonic_now() > deadline) {

@@ -9,7 +9,7 @@
 #include "core/archive/disk_room.h"
 #include "display-node/backends/sim_display.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
-#include "server/sessions/session_store.h"
+#include "server/services/server.h"
 
 namespace glasswing {
 

@@ -1,7 +1,7 @@
-// Copies of a session's archive on other nodes: made, known, found again, removed. A server, two nodes that
-// hold archives, and relays that count what the server and they say to each other.
+// Replicas of a session's archive on other nodes: made, listed, found again, removed. A server, two nodes
+// that keep archives, and relays that count the bytes between them.
 #include "server/archives/replicas.h"
-#include "server/sessions/session_store.h"
+#include "server/services/server.h"
 #include "tests/core/archive/made_archive.h"
 #include "tests/core/archive/tampering_relay.h"
 
@@ -20,10 +20,10 @@ class Replicate : public ArchiveTest {
     v1::BeginImportRequest import;
     import.set_name("s");
     *import.mutable_manifest() = MadeArchive::header();
-    ASSERT_TRUE(server_->begin_import(import, {}).ok());
+    ASSERT_TRUE(server_->importer().begin(import, {}).ok());
     EXPECT_TRUE(absl::IsFailedPrecondition(replicate("solver-2"))) << "it is being imported";
     MadeArchive::fill(camera_->store);
-    ASSERT_TRUE(server_->finish_import("s").ok());
+    ASSERT_TRUE(server_->importer().finish("s").ok());
     register_node(v1::NODE_KIND_SOLVER, "solver-2", solver_->address());
   }
   void TearDown() override {
@@ -50,7 +50,7 @@ class Replicate : public ArchiveTest {
     v1::ReplicateSessionRequest request;
     request.set_name("s");
     request.set_node(node);
-    return server_->replicate(
+    return server_->replicator().replicate(
         request,
         [&](const v1::ReplicateSessionResponse& progress) {
           if (told != nullptr) told->push_back(progress);
@@ -58,7 +58,7 @@ class Replicate : public ArchiveTest {
         },
         [] { return true; });
   }
-  v1::Session session() { return server_->find("s").value(); }
+  v1::Session session() { return server_->sessions().find("s").value(); }
   void expect_whole_copy() const {
     for (int i = 0; i < MadeArchive::kFrames; ++i)
       EXPECT_EQ(bytes_of(solver_->archive() / MadeArchive::file(i)),
@@ -78,21 +78,22 @@ TEST_F(Replicate, TheCopyIsKnownAndFoundWhereTheNodeIsNow) {
   EXPECT_EQ(told.back().bytes_done(), session().archive_bytes());
   ASSERT_EQ(session().copies_size(), 1);
   EXPECT_EQ(session().copies(0).node(), "solver-2");
-  EXPECT_EQ(copy_addresses(session(), server_->rig()), std::vector<std::string>{solver_->address()});
+  EXPECT_EQ(replica_addresses(session(), server_->rig()), std::vector<std::string>{solver_->address()});
   ASSERT_TRUE(replicate("solver-2").ok()) << "asking for what is so is no error";
   EXPECT_EQ(session().copies_size(), 1);
 
-  // What changes a session knows nothing of copies, and keeps them.
+  // A change of the session keeps its replicas.
   v1::AnnotateSessionRequest note;
   note.set_name("s");
   note.set_note("a copy");
-  ASSERT_TRUE(server_->annotate(note).ok());
+  ASSERT_TRUE(server_->sessions().annotate(note).ok());
   const std::string old = solver_->address();
   server_ = nullptr;
   server_ = open_server();
-  EXPECT_EQ(copy_addresses(session(), server_->rig()), std::vector<std::string>{old}) << "the last one known";
+  EXPECT_EQ(replica_addresses(session(), server_->rig()), std::vector<std::string>{old})
+      << "the last one known";
   register_node(v1::NODE_KIND_SOLVER, "solver-2", "127.0.0.1:1");
-  EXPECT_EQ(copy_addresses(session(), server_->rig()), std::vector<std::string>{"127.0.0.1:1"});
+  EXPECT_EQ(replica_addresses(session(), server_->rig()), std::vector<std::string>{"127.0.0.1:1"});
 }
 
 TEST_F(Replicate, PixelsGoFromNodeToNodeAlone) {
@@ -116,12 +117,12 @@ TEST_F(Replicate, APartOfACopyIsNotReadFromAndIsFinishedOrRemoved) {
   EXPECT_TRUE(absl::IsDataLoss(status)) << status;
   EXPECT_NE(status.message().find("frames/000003.tif"), std::string::npos) << status;
   ASSERT_EQ(session().copies_size(), 1);
-  EXPECT_TRUE(copy_addresses(session(), server_->rig()).empty());
+  EXPECT_TRUE(replica_addresses(session(), server_->rig()).empty());
   std::ofstream(bad, std::ios::binary) << good;
   std::vector<v1::ReplicateSessionResponse> told;
   ASSERT_TRUE(replicate("solver-2", &told).ok());
   EXPECT_EQ(told.front().frames_done(), 3);
-  EXPECT_EQ(copy_addresses(session(), server_->rig()).size(), 1u);
+  EXPECT_EQ(replica_addresses(session(), server_->rig()).size(), 1u);
   expect_whole_copy();
 }
 
@@ -129,8 +130,8 @@ TEST_F(Replicate, NobodyWaitingEndsItAndItIsTakenUp) {
   v1::ReplicateSessionRequest request;
   request.set_name("s");
   request.set_node("solver-2");
-  // Whether the node finished first is its own affair; either way the next one does.
-  (void)server_->replicate(
+  // The node may or may not have finished before; the next call does.
+  (void)server_->replicator().replicate(
       request, [](const auto&) { return false; }, [] { return false; });
   EXPECT_EQ(session().copies_size(), 1);
   ASSERT_TRUE(replicate("solver-2").ok());
@@ -159,7 +160,7 @@ TEST_F(Replicate, DeletionRemovesCopiesOrNothing) {
   server_ = nullptr;
   server_ = open_server();  // no node has registered with this one yet
   register_camera(camera_->address());
-  const absl::StatusOr<std::int64_t> refused = server_->remove("s");
+  const absl::StatusOr<std::int64_t> refused = server_->deleter().remove("s");
   EXPECT_TRUE(absl::IsUnavailable(refused.status())) << refused.status();
   EXPECT_NE(refused.status().message().find("\"solver-2\""), std::string::npos) << refused.status();
   EXPECT_NE(refused.status().message().find("nothing was removed"), std::string::npos) << refused.status();
@@ -169,15 +170,15 @@ TEST_F(Replicate, DeletionRemovesCopiesOrNothing) {
   register_node(v1::NODE_KIND_SOLVER, "solver-2", solver_->address());
   const std::string camera_address = camera_->address();
   camera_ = nullptr;
-  EXPECT_TRUE(absl::IsUnavailable(server_->remove("s").status()));
+  EXPECT_TRUE(absl::IsUnavailable(server_->deleter().remove("s").status()));
   EXPECT_TRUE(fs::exists(solver_->archive())) << "nothing is removed while the camera is away";
   camera_ = std::make_unique<ArchiveNode>(root_ / "camera", camera_address);
-  const absl::StatusOr<std::int64_t> freed = server_->remove("s");
+  const absl::StatusOr<std::int64_t> freed = server_->deleter().remove("s");
   ASSERT_TRUE(freed.ok()) << freed.status();
   EXPECT_EQ(*freed, 2 * frames);
   EXPECT_FALSE(fs::exists(solver_->archive()));
   EXPECT_FALSE(fs::exists(camera_->archive()));
-  EXPECT_TRUE(absl::IsNotFound(server_->find("s").status()));
+  EXPECT_TRUE(absl::IsNotFound(server_->sessions().find("s").status()));
 }
 
 }  // namespace

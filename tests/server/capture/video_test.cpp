@@ -66,10 +66,10 @@ class VideoTest : public testing::Test {
   // Returns once all tiles are done or the solve has failed.
   v1::Session settled() {
     while (true) {
-      const std::int64_t seen = rig_->server().wait_change(0, std::chrono::milliseconds(0));
-      const v1::Session session = rig_->server().find("s").value();
+      const std::int64_t seen = rig_->server().sessions().wait_change(0, std::chrono::milliseconds(0));
+      const v1::Session session = rig_->server().sessions().find("s").value();
       if (session.state() != v1::SESSION_STATE_SOLVING) return session;
-      rig_->server().wait_change(seen, seconds(1));
+      rig_->server().sessions().wait_change(seen, seconds(1));
     }
   }
   v1::CaptureManifest archive() const { return Archive::open(rig_->archive("s")).value()->manifest(); }
@@ -157,7 +157,7 @@ TEST_F(VideoTest, MattesOfFramesAreKeptAsTheyAreSolved) {
   IdleSolver solver(server);
   v1::SolveSessionRequest request;
   request.set_name("s");
-  ASSERT_EQ(server.solve(request)->method(), "ramp");
+  ASSERT_EQ(server.solves().solve(request)->method(), "ramp");
 
   const v1::ClaimTileResponse first = solver.claim();
   EXPECT_EQ(first.first_frame(), 0);
@@ -172,7 +172,7 @@ TEST_F(VideoTest, MattesOfFramesAreKeptAsTheyAreSolved) {
   if (!lost.contains(first.frame_count() - 1)) {
     EXPECT_EQ(solver.complete(first, lost, 1.0f, 1).error_code(), grpc::StatusCode::DATA_LOSS);
   }
-  EXPECT_TRUE(server.find("s")->solved_frames().empty());
+  EXPECT_TRUE(server.sessions().find("s")->solved_frames().empty());
   EXPECT_FALSE(fs::exists(data_ / "server" / "mattes" / "s" / "0000.exr"));
 
   ASSERT_TRUE(solver.complete(first, lost).ok());
@@ -181,32 +181,33 @@ TEST_F(VideoTest, MattesOfFramesAreKeptAsTheyAreSolved) {
   for (int frame = 0; frame < first.frame_count(); ++frame) {
     if (!lost.contains(frame)) solved.push_back(frame);
   }
-  v1::Session session = *server.find("s");
+  v1::Session session = *server.sessions().find("s");
   EXPECT_EQ(list(session.solved_frames()), solved);
   EXPECT_EQ(session.object_pixel_count(), 10);
   EXPECT_EQ(session.state(), v1::SESSION_STATE_SOLVING);
   for (const int frame : solved)
-    EXPECT_EQ(read_file(*server.matte("s", frame)).value(), IdleSolver::matte(frame, 1.0f));
-  EXPECT_TRUE(absl::IsNotFound(server.matte("s", *lost.begin()).status()));
-  EXPECT_TRUE(absl::IsNotFound(server.matte("s", kFrames).status()));
-  EXPECT_TRUE(absl::IsFailedPrecondition(server.matte("s", first.frame_count() + 1).status()) ||
+    EXPECT_EQ(read_file(*server.solves().matte("s", frame)).value(), IdleSolver::matte(frame, 1.0f));
+  EXPECT_TRUE(absl::IsNotFound(server.solves().matte("s", *lost.begin()).status()));
+  EXPECT_TRUE(absl::IsNotFound(server.solves().matte("s", kFrames).status()));
+  EXPECT_TRUE(absl::IsFailedPrecondition(server.solves().matte("s", first.frame_count() + 1).status()) ||
               lost.contains(first.frame_count() + 1));
-  EXPECT_TRUE(absl::IsFailedPrecondition(server.matte("s", std::nullopt).status()));
+  EXPECT_TRUE(absl::IsFailedPrecondition(server.solves().matte("s", std::nullopt).status()));
 
   // A failed solve keeps them, also across a restart of the server.
   ASSERT_TRUE(solver.fail(solver.claim(), "frame 17: it cannot be read").ok());
-  session = *server.find("s");
+  session = *server.sessions().find("s");
   EXPECT_EQ(session.state(), v1::SESSION_STATE_FAILED);
   EXPECT_EQ(session.reason(), "frame 17: it cannot be read");
   EXPECT_EQ(list(session.solved_frames()), solved);
   {
     const auto again = Server::open({.data = data_ / "server"}).value();
-    EXPECT_EQ(read_file(*again->matte("s", solved.back())).value(), IdleSolver::matte(solved.back(), 1.0f));
+    EXPECT_EQ(read_file(*again->solves().matte("s", solved.back())).value(),
+              IdleSolver::matte(solved.back(), 1.0f));
   }
 
   // The next solve replaces them, and late results of the last one are refused.
-  ASSERT_TRUE(server.solve(request).ok());
-  EXPECT_TRUE(server.find("s")->solved_frames().empty());
+  ASSERT_TRUE(server.solves().solve(request).ok());
+  EXPECT_TRUE(server.sessions().find("s")->solved_frames().empty());
   EXPECT_EQ(solver.complete(first, lost).error_code(), grpc::StatusCode::ABORTED);
   int tiles = 0, smallest = kFrames;
   for (v1::ClaimTileResponse tile = solver.claim(); tile.has_lease(); tile = solver.claim(), ++tiles) {
@@ -218,11 +219,12 @@ TEST_F(VideoTest, MattesOfFramesAreKeptAsTheyAreSolved) {
   EXPECT_EQ(session.state(), v1::SESSION_STATE_DONE);
   EXPECT_EQ(session.tiles_done(), tiles);
   EXPECT_EQ(session.solved_frames_size(), kFrames - static_cast<int>(lost.size()));
-  EXPECT_EQ(read_file(*server.matte("s", solved.front())).value(), IdleSolver::matte(solved.front(), 2.0f));
+  EXPECT_EQ(read_file(*server.solves().matte("s", solved.front())).value(),
+            IdleSolver::matte(solved.front(), 2.0f));
 
   // A finished solve stays until the next one finishes. Frames without a possible matte fail the session once
   // all others are solved.
-  ASSERT_TRUE(server.solve(request).ok());
+  ASSERT_TRUE(server.solves().solve(request).ok());
   const std::set<int> refused{solved.front(), solved.back()};
   for (v1::ClaimTileResponse tile = solver.claim(); tile.has_lease(); tile = solver.claim())
     ASSERT_TRUE(
@@ -235,12 +237,12 @@ TEST_F(VideoTest, MattesOfFramesAreKeptAsTheyAreSolved) {
   EXPECT_EQ(std::set<int>(session.refused_frames().begin(), session.refused_frames().end()), refused);
   EXPECT_EQ(session.solved_frames_size(), kFrames - static_cast<int>(lost.size()));
   for (const int frame : {solved.front(), solved[1]})
-    EXPECT_EQ(read_file(*server.matte("s", frame)).value(), IdleSolver::matte(frame, 2.0f));
+    EXPECT_EQ(read_file(*server.solves().matte("s", frame)).value(), IdleSolver::matte(frame, 2.0f));
 
   // A retry solves only those; then all mattes are of the new solve.
   v1::ResumeSessionRequest retry;
   retry.set_name("s");
-  ASSERT_TRUE(server.resume(retry, {}).ok());
+  ASSERT_TRUE(server.control().resume(retry, {}).ok());
   std::set<int> again;
   for (v1::ClaimTileResponse tile = solver.claim(); tile.has_lease(); tile = solver.claim()) {
     for (int i = 0; i < tile.frame_count(); ++i) again.insert(tile.first_frame() + i);
@@ -252,7 +254,7 @@ TEST_F(VideoTest, MattesOfFramesAreKeptAsTheyAreSolved) {
   EXPECT_TRUE(session.refused_frames().empty());
   EXPECT_EQ(session.solved_frames_size(), kFrames - static_cast<int>(lost.size()));
   for (const int frame : solved) {
-    EXPECT_EQ(read_file(*server.matte("s", frame)).value(),
+    EXPECT_EQ(read_file(*server.solves().matte("s", frame)).value(),
               IdleSolver::matte(frame, refused.contains(frame) ? 4.0f : 3.0f));
   }
 }

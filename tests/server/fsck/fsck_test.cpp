@@ -8,7 +8,7 @@
 #include "core/base/file.h"
 #include "core/matte/matte_file.h"
 #include "server/fsck/check_server.h"
-#include "server/sessions/session_store.h"
+#include "server/services/server.h"
 #include "server/storage/image_name.h"
 #include "server/storage/matte_files.h"
 

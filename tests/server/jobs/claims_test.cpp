@@ -1,4 +1,4 @@
-// Many at once.
+// Concurrent claims.
 #include <atomic>
 #include <set>
 #include <thread>
@@ -17,12 +17,12 @@ TEST_P(JobContract, EachTileIsHandedOutOnceToManyAtOnce) {
   std::vector<std::jthread> threads;
   for (int i = 0; i < kThreads; ++i) {
     threads.emplace_back([&, solver = "solver" + std::to_string(i)] {
-      // Rows that others hold locked for a moment are passed over, so nothing to do is asked about again.
+      // Rows that others have locked are skipped, so an empty answer is not the end.
       while (!(store_->counts(first)->rests() && store_->counts(second)->rests())) {
         const std::optional<Lease> lease = claim(solver);
         if (!lease) continue;
         ++claims;
-        EXPECT_TRUE(store_->keep(lease->id).ok());
+        EXPECT_TRUE(store_->renew(lease->id).ok());
         EXPECT_TRUE(store_->complete(lease->id, result(solver)).ok());
         const std::lock_guard lock(mutex);
         EXPECT_TRUE(seen.insert({lease->id.job, lease->id.tile}).second);
@@ -42,7 +42,7 @@ TEST_P(JobContract, OfManyAtOneTileOneIsFirst) {
   std::vector<std::jthread> threads;
   for (int i = 0; i < 8; ++i) {
     threads.emplace_back([&, solver = "solver" + std::to_string(i)] {
-      std::vector<Lease> leases;  // of all before any is completed, so that many are handed out twice
+      std::vector<Lease> leases;  // all, before any is completed, so that many are handed out twice
       while (std::optional<Lease> lease = claim(solver)) leases.push_back(*lease);
       for (const Lease& lease : leases) {
         const absl::Status status = store_->complete(lease.id, result(solver));
@@ -52,7 +52,7 @@ TEST_P(JobContract, OfManyAtOneTileOneIsFirst) {
     });
   }
   threads.clear();
-  // What was passed over while another had it locked.
+  // Tiles that were skipped while locked.
   while (std::optional<Lease> lease = claim("last")) {
     ASSERT_TRUE(store_->complete(lease->id, result("last")).ok());
     ++done;

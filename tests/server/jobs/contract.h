@@ -1,4 +1,4 @@
-// One suite for every kind of job store.
+// The contract suite of every kind of job store.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -8,7 +8,7 @@
 
 namespace glasswing {
 
-// Where a store's data are; removed with it.
+// The directory of a store's data, removed with the object.
 class JobBackend {
  public:
   virtual ~JobBackend() = default;
@@ -19,16 +19,16 @@ class JobContract : public testing::TestWithParam<std::string> {
  protected:
   void SetUp() override;
 
-  // Leases that do not end, and nothing is handed out twice, unless a test says otherwise.
+  // By default leases do not expire, and no tile is handed out twice.
   static JobStoreOptions options(std::chrono::milliseconds lease = std::chrono::hours(1),
                                  std::chrono::milliseconds least_before_twice = std::chrono::hours(1));
-  // The store of before, if any, is closed first.
+  // Closes the store that is open, if any, first.
   void open(const JobStoreOptions& options);
-  // Of "session", computing "gaussian/1", work "work"; tiles of 4 rows each.
+  // A job of "session", computing "gaussian/1", with work "work" and tiles of 4 rows each.
   std::int64_t create(int tiles, const std::string& session = "session");
   std::optional<Lease> claim(const std::string& solver, bool ahead = false);
   Lease claimed(const std::string& solver);
-  // Asks until there is one.
+  // Claims until there is a tile.
   Lease claim_at_last(const std::string& solver);
   TileState tile(const Lease& lease) { return store_->tile(lease.id).value(); }
 

@@ -1,4 +1,4 @@
-// What a store that is opened again still knows.
+// A store that is opened again.
 #include "tests/server/jobs/contract.h"
 
 namespace glasswing {
@@ -17,9 +17,9 @@ TEST_P(JobContract, AStoreOpenedAgainKeepsAll) {
   EXPECT_EQ(tile(failed).failures, 1);
   EXPECT_EQ(tile(failed).error, "dark");
   EXPECT_TRUE(tile(quarantined).quarantined);
-  // Leases go on, and completions may be said again.
+  // Leases go on, and completions may be repeated.
   EXPECT_EQ(store_->leases()->size(), 1u);
-  EXPECT_TRUE(store_->keep(leased.id).ok());
+  EXPECT_TRUE(store_->renew(leased.id).ok());
   EXPECT_TRUE(store_->complete(leased.id, result("leased.exr")).ok());
   EXPECT_TRUE(store_->complete(done.id, result("done.exr")).ok());
   EXPECT_EQ(claimed("a").id.tile, 4);
@@ -37,7 +37,7 @@ TEST_P(JobContract, ASurveyMayBeSaidAgainToAStoreOpenedAgain) {
 
 TEST_P(JobContract, HoldsEndWhenTheServerOpensTheStoreAgain) {
   const std::int64_t job = create(1);
-  ASSERT_TRUE(store_->hold(job).ok());
+  ASSERT_TRUE(store_->suspend(job).ok());
   open(options());
   EXPECT_EQ(claimed("a").id.job, job);
 }

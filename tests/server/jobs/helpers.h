@@ -1,4 +1,4 @@
-// What tests of job stores say often.
+// Helpers of the job stores' tests.
 #pragma once
 
 #include <chrono>
@@ -9,19 +9,19 @@
 
 namespace glasswing {
 
-// `seconds` of work.
+// A result that took `seconds`.
 inline TileResult result(const std::string& name, double seconds = 1.0) {
   return {.result = name, .object_pixels = 10, .flagged_pixels = 3, .seconds = seconds};
 }
 
-// Of 4 rows each.
+// Ranges of 4 rows each.
 inline std::vector<TileRange> ranges(int count) {
   std::vector<TileRange> ranges;
   for (int i = 0; i < count; ++i) ranges.push_back({.first = 4 * i, .count = 4});
   return ranges;
 }
 
-// Asks until it is so; false: not within half a minute.
+// Polls until it is true; false: not within half a minute.
 inline bool comes_true(const std::function<bool()>& condition) {
   const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(30);
   while (!condition()) {

@@ -1,4 +1,4 @@
-// Jobs: made, cut anew, added to, held, tried again, removed; and what is told of them.
+// Jobs: created, cut again, extended, suspended, retried, removed, reported.
 #include "server/jobs/job_store.h"
 
 #include "tests/server/jobs/contract.h"
@@ -65,12 +65,12 @@ TEST_P(JobContract, ASurveyCutsTheJobAnew) {
   const Lease first = claimed("a");
   EXPECT_EQ(first.id.tile, 0);
   EXPECT_EQ(first.work, "plan");
-  EXPECT_GT(first.id.attempt, survey.id.attempt);  // so the survey cannot pass for it
-  EXPECT_TRUE(absl::IsAborted(store_->keep(survey.id)));
+  EXPECT_GT(first.id.attempt, survey.id.attempt);  // so that the survey's attempt never names it
+  EXPECT_TRUE(absl::IsAborted(store_->renew(survey.id)));
   EXPECT_TRUE(absl::IsAborted(store_->complete(survey.id, result("x"))));
   ASSERT_TRUE(store_->complete(first.id, result("0.exr")).ok());
 
-  // Its answer was lost: said again it changes nothing.
+  // Repeated, as after a lost answer, it changes nothing.
   ASSERT_TRUE(store_->recut(survey.id, "other", ranges(5)).ok());
   EXPECT_EQ(store_->counts(job)->tiles, 2);
   EXPECT_EQ(store_->counts(job)->done, 1);
@@ -101,21 +101,21 @@ TEST_P(JobContract, AddedTilesAreNumberedOn) {
 TEST_P(JobContract, NothingOfAHeldJobIsHandedOut) {
   const std::int64_t job = create(3);
   const Lease before = claimed("a"), other = claimed("a");
-  ASSERT_TRUE(store_->hold(job).ok());
-  ASSERT_TRUE(store_->hold(job).ok());
+  ASSERT_TRUE(store_->suspend(job).ok());
+  ASSERT_TRUE(store_->suspend(job).ok());
   EXPECT_FALSE(claim("b").has_value());
-  EXPECT_TRUE(store_->jobs()->at(0).held);
-  EXPECT_TRUE(store_->keep(before.id).ok());
+  EXPECT_TRUE(store_->jobs()->at(0).suspended);
+  EXPECT_TRUE(store_->renew(before.id).ok());
   EXPECT_TRUE(store_->complete(before.id, result("x")).ok());
   EXPECT_TRUE(store_->hand_back(other.id).ok());
   EXPECT_FALSE(claim("b").has_value());
-  ASSERT_TRUE(store_->release(job).ok());
+  ASSERT_TRUE(store_->resume(job).ok());
   EXPECT_EQ(claimed("b").id.tile, other.id.tile);
 }
 
 TEST_P(JobContract, WhatIsAskedOfNoJobIsNotFound) {
   for (const absl::Status& status :
-       {store_->add(7, ranges(1)), store_->hold(7), store_->release(7), store_->retry(7)}) {
+       {store_->add(7, ranges(1)), store_->suspend(7), store_->resume(7), store_->retry(7)}) {
     EXPECT_TRUE(absl::IsNotFound(status)) << status;
   }
   EXPECT_TRUE(store_->remove(7).ok());
@@ -129,7 +129,7 @@ TEST_P(JobContract, ARemovedJobFencesWhoWorksOnIt) {
   const Lease lease = claimed("a");
   ASSERT_TRUE(store_->remove(job).ok());
   EXPECT_FALSE(claim("b").has_value());
-  EXPECT_TRUE(absl::IsAborted(store_->keep(lease.id)));
+  EXPECT_TRUE(absl::IsAborted(store_->renew(lease.id)));
   EXPECT_TRUE(absl::IsAborted(store_->complete(lease.id, result("x"))));
   EXPECT_FALSE(store_->fail(lease.id, "error", true).value());
   EXPECT_TRUE(store_->hand_back(lease.id).ok());

@@ -1,4 +1,4 @@
-// Leases: kept, ended, fenced, handed out twice, failed.
+// Leases: renewed, expired, fenced, handed out twice, failed.
 #include "tests/server/jobs/contract.h"
 
 namespace glasswing {
@@ -16,7 +16,7 @@ TEST_P(JobContract, ALostLeaseIsFenced) {
   const Lease quick = claim_at_last("quick");
   EXPECT_EQ(quick.id.tile, slow.id.tile);
   EXPECT_GT(quick.id.attempt, slow.id.attempt);
-  EXPECT_TRUE(absl::IsAborted(store_->keep(slow.id)));
+  EXPECT_TRUE(absl::IsAborted(store_->renew(slow.id)));
   EXPECT_TRUE(absl::IsAborted(store_->complete(slow.id, result("slow"))));
   EXPECT_FALSE(store_->fail(slow.id, "late", true).value());
   EXPECT_TRUE(store_->hand_back(slow.id).ok());
@@ -45,7 +45,7 @@ TEST_P(JobContract, ALeaseThatEndedAndWasNotHandedOutAgainGoesOn) {
   create(2);
   const Lease kept = claimed("a"), completed = claimed("a");
   ASSERT_TRUE(comes_true([&] { return store_->leases()->empty(); }));
-  EXPECT_TRUE(store_->keep(kept.id).ok());
+  EXPECT_TRUE(store_->renew(kept.id).ok());
   EXPECT_TRUE(store_->complete(completed.id, result("x")).ok());
   EXPECT_TRUE(store_->complete(kept.id, result("y")).ok());
 }
@@ -54,8 +54,8 @@ TEST_P(JobContract, AKeptLeaseDoesNotEnd) {
   open(options(kShort));
   create(1);
   const Lease lease = claimed("a");
-  open(options());  // a keeper's pace must not decide: this one lasts
-  ASSERT_TRUE(store_->keep(lease.id).ok());
+  open(options());  // lasts, so that the test's pace does not matter
+  ASSERT_TRUE(store_->renew(lease.id).ok());
   EXPECT_EQ(store_->leases()->size(), 1u);
   EXPECT_FALSE(claim("b").has_value());
 }
@@ -67,8 +67,8 @@ TEST_P(JobContract, ACompletionMayBeSaidAgain) {
   EXPECT_TRUE(store_->complete(lease.id, result("x")).ok());
   EXPECT_EQ(store_->counts(job)->done, 1);
   EXPECT_EQ(store_->counts(job)->object_pixels, 10);
-  // Done is done.
-  EXPECT_TRUE(absl::IsAborted(store_->keep(lease.id)));
+  // A done tile stays done.
+  EXPECT_TRUE(absl::IsAborted(store_->renew(lease.id)));
   EXPECT_FALSE(store_->fail(lease.id, "late", true).value());
   EXPECT_TRUE(store_->hand_back(lease.id).ok());
   const TileState state = tile(lease);
@@ -82,7 +82,7 @@ TEST_P(JobContract, NumbersThatWereNeverHandedOutAreVoid) {
   const std::int64_t job = create(1);
   for (const int attempt : {-1, 0, 1}) {  // not claimed yet
     const TileAttempt id{.job = job, .tile = 0, .attempt = attempt};
-    EXPECT_TRUE(absl::IsAborted(store_->keep(id)));
+    EXPECT_TRUE(absl::IsAborted(store_->renew(id)));
     EXPECT_TRUE(absl::IsAborted(store_->complete(id, result("x"))));
     EXPECT_TRUE(absl::IsAborted(store_->recut(id, "", ranges(1))));
     EXPECT_FALSE(store_->fail(id, "error", true).value());
@@ -95,7 +95,7 @@ TEST_P(JobContract, OfTwoAtOneTileTheFirstResultCounts) {
   open(options(hours(1), milliseconds(0)));
   create(1);
   const Lease slow = claimed("slow");
-  EXPECT_FALSE(claim("slow").has_value());  // not twice by the same
+  EXPECT_FALSE(claim("slow").has_value());  // not twice to the same solver
   const Lease quick = claim_at_last("quick");
   EXPECT_EQ(quick.id.tile, slow.id.tile);
   EXPECT_NE(quick.id.attempt, slow.id.attempt);
@@ -104,10 +104,10 @@ TEST_P(JobContract, OfTwoAtOneTileTheFirstResultCounts) {
   ASSERT_EQ(leases.size(), 2u);
   EXPECT_TRUE(leases[0].twice && leases[1].twice);
   EXPECT_EQ(store_->counts(slow.id.job)->leased, 1);
-  EXPECT_TRUE(store_->keep(slow.id).ok());
-  EXPECT_TRUE(store_->keep(quick.id).ok());
+  EXPECT_TRUE(store_->renew(slow.id).ok());
+  EXPECT_TRUE(store_->renew(quick.id).ok());
   ASSERT_TRUE(store_->complete(quick.id, result("quick")).ok());
-  EXPECT_TRUE(absl::IsAborted(store_->keep(slow.id)));
+  EXPECT_TRUE(absl::IsAborted(store_->renew(slow.id)));
   EXPECT_TRUE(absl::IsAborted(store_->complete(slow.id, result("slow"))));
   EXPECT_TRUE(store_->complete(quick.id, result("quick")).ok());
   EXPECT_EQ(tile(quick).done.result, "quick");
@@ -132,13 +132,13 @@ TEST_P(JobContract, WhoGivesUpDoesNotHurtTheOther) {
       const Lease& gone = first_gives_up ? first : second;
       const Lease& rest = first_gives_up ? second : first;
       if (fails) {
-        EXPECT_FALSE(store_->fail(gone.id, "broken", true).value());  // the other still works on it
+        EXPECT_FALSE(store_->fail(gone.id, "broken", true).value());  // another solver still works on it
       } else {
         EXPECT_TRUE(store_->hand_back(gone.id).ok());
       }
-      EXPECT_TRUE(absl::IsAborted(store_->keep(gone.id)));
+      EXPECT_TRUE(absl::IsAborted(store_->renew(gone.id)));
       EXPECT_TRUE(absl::IsAborted(store_->complete(gone.id, result("gone"))));
-      EXPECT_TRUE(store_->keep(rest.id).ok());
+      EXPECT_TRUE(store_->renew(rest.id).ok());
       const std::vector<LeaseState> leases = store_->leases().value();
       ASSERT_EQ(leases.size(), 1u);
       EXPECT_EQ(leases[0].id.attempt, rest.id.attempt);
@@ -163,13 +163,13 @@ TEST_P(JobContract, LeasesYoungerThanTilesTakeAreNotHandedOutTwice) {
   ASSERT_TRUE(store_->complete(claimed("a").id, result("y", 0.0)).ok());
   const Lease slow = claimed("a");
   EXPECT_FALSE(claim("b").has_value());  // an hour on average
-  // Another job's average is its own.
-  ASSERT_TRUE(store_->hold(job).ok());
+  // Each job has its own average.
+  ASSERT_TRUE(store_->suspend(job).ok());
   const std::int64_t other = create(2, "other");
   ASSERT_TRUE(store_->complete(claimed("a").id, result("x", 0.001)).ok());
   claimed("a");
   EXPECT_EQ(claim_at_last("b").id.job, other);
-  EXPECT_TRUE(store_->keep(slow.id).ok());
+  EXPECT_TRUE(store_->renew(slow.id).ok());
 }
 
 TEST_P(JobContract, AheadOnlyWhileThereIsEnoughForAll) {
@@ -181,7 +181,7 @@ TEST_P(JobContract, AheadOnlyWhileThereIsEnoughForAll) {
   EXPECT_TRUE(claim("b", true).has_value());   // two are free
   EXPECT_FALSE(claim("a", true).has_value());  // one is
   claimed("c");
-  EXPECT_FALSE(claim("c", true).has_value());  // none is, and nobody's is handed out twice
+  EXPECT_FALSE(claim("c", true).has_value());  // none is, and leased ones are not handed out twice
 }
 
 TEST_P(JobContract, AFailedTileIsTriedAgainThenQuarantined) {
@@ -221,7 +221,7 @@ TEST_P(JobContract, AQuarantinedTileIsDoneByNobody) {
   const Lease first = claimed("a");
   open(options(kShort, milliseconds(0)));
   const Lease second = claim_at_last("b");
-  ASSERT_TRUE(comes_true([&] { return store_->leases()->size() == 1; }));  // the second one's has ended
+  ASSERT_TRUE(comes_true([&] { return store_->leases()->size() == 1; }));  // the second lease has expired
   EXPECT_TRUE(store_->fail(first.id, "broken", true).value());
   EXPECT_TRUE(absl::IsAborted(store_->complete(second.id, result("x"))));
   EXPECT_TRUE(store_->counts(first.id.job)->rests());

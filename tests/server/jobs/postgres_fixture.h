@@ -1,4 +1,4 @@
-// A real PostgreSQL of a test's own; see the script `postgres` beside this.
+// A real PostgreSQL for one test program; see the script `postgres` beside this.
 #pragma once
 
 #include <fmt/format.h>
@@ -18,7 +18,7 @@ namespace glasswing {
 
 class PostgresFixture {
  public:
-  // The test program's own, started by the first who asks. Null where PostgreSQL is not installed: skip, and
+  // The test program's database, started by the first call. Null where PostgreSQL is not installed: skip, and
   // say so.
   static PostgresFixture* shared() {
     static const std::unique_ptr<PostgresFixture> fixture = begin();
@@ -34,14 +34,14 @@ class PostgresFixture {
   void stop() const { EXPECT_EQ(script("stop"), 0); }  // at once, as if it were killed
   void start() const { EXPECT_EQ(script("start"), 0); }
   void restart() const { EXPECT_EQ(script("restart"), 0); }
-  // Statements, at the database itself.
+  // Runs statements at the database itself.
   void run(const std::string& sql) const {
     const std::unique_ptr<PGconn, decltype(&PQfinish)> to(PQconnectdb(connection_.c_str()), PQfinish);
     const std::unique_ptr<PGresult, decltype(&PQclear)> result(PQexec(to.get(), sql.c_str()), PQclear);
     const ExecStatusType status = PQresultStatus(result.get());
     EXPECT_TRUE(status == PGRES_COMMAND_OK || status == PGRES_TUPLES_OK) << PQerrorMessage(to.get());
   }
-  // As if no server had been here.
+  // Removes all tables, as if no server had been here.
   void clear() const { run("SET client_min_messages = warning; DROP SCHEMA IF EXISTS glasswing CASCADE"); }
 
  private:

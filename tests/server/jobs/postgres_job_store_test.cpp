@@ -1,4 +1,4 @@
-// What only PostgreSQL does: several servers share it, and it may be gone for a while.
+// PostgreSQL alone: several servers share it, and it may be away for a while.
 #include "server/jobs/postgres_job_store.h"
 
 #include <gtest/gtest.h>
@@ -60,15 +60,15 @@ TEST_F(SharedJobs, ASolverWorksForAllServersWhicheverItAsks) {
   EXPECT_EQ(a->jobs()->at(0).server_address, "b.lab:7000");
   EXPECT_FALSE(a->leases()->at(0).own);
   EXPECT_TRUE(b->leases()->at(0).own);
-  EXPECT_TRUE(a->keep(lease.id).ok());
+  EXPECT_TRUE(a->renew(lease.id).ok());
   EXPECT_TRUE(b->complete(lease.id, result("x")).ok());
-  EXPECT_TRUE(absl::IsAborted(a->keep(lease.id)));
+  EXPECT_TRUE(absl::IsAborted(a->renew(lease.id)));
 }
 
 TEST_F(SharedJobs, HoldsAreEveryServersAndEndWithTheirOwn) {
   auto a = open("a"), b = open("b");
   const std::int64_t job = create(*b, 1);
-  ASSERT_TRUE(b->hold(job).ok());
+  ASSERT_TRUE(b->suspend(job).ok());
   EXPECT_FALSE(claim(*a, "solver").has_value());
   a = nullptr;
   a = open("a");
@@ -80,7 +80,7 @@ TEST_F(SharedJobs, HoldsAreEveryServersAndEndWithTheirOwn) {
 
 TEST_F(SharedJobs, OneServersHintWakesThoseWhoWaitAtAnother) {
   const auto a = open("a"), b = open("b");
-  // The first hint may be that a's listener has begun; it is told until all are through.
+  // The first hint may come from the start of a's listener, so wait until all have arrived.
   std::jthread teller([&](std::stop_token stop) {
     while (!stop.stop_requested()) create(*b, 1);
   });
@@ -165,7 +165,7 @@ TEST_F(SharedJobs, WhatWasAnsweredOutlivesAKilledDatabase) {
         if (is_gone(lease.status()) || !lease->has_value()) continue;
         const std::string name = solver + "." + std::to_string((*lease)->id.attempt);
         absl::Status status;
-        do {  // as a solver does, until it is told
+        do {  // repeats, as a solver does, until it is answered
           status = store.complete((*lease)->id, result(name));
         } while (is_gone(status));
         if (!status.ok()) continue;

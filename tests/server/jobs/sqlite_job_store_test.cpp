@@ -1,4 +1,4 @@
-// What only SQLite does: the files of earlier and of later versions.
+// SQLite alone: the files of earlier and of later versions.
 #include "server/jobs/sqlite_job_store.h"
 
 #include <gtest/gtest.h>
@@ -48,7 +48,7 @@ TEST_F(JobsFile, AnotherBootEndsLeases) {
   run("UPDATE boot SET id = 'another'");
   const auto after = open().value();
   EXPECT_TRUE(after->leases()->empty());
-  EXPECT_TRUE(after->keep(lease.id).ok());  // goes on, as any that ended
+  EXPECT_TRUE(after->renew(lease.id).ok());  // goes on, as any expired lease
   EXPECT_EQ(after->leases()->size(), 1u);
   run("UPDATE boot SET id = 'a third'");
   EXPECT_EQ(open().value()->claim("b", computes, false)->value().id.job, job);

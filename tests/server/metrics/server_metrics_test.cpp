@@ -81,7 +81,7 @@ TEST(ServerGauges, TellAStoreThatDoesNotAnswerAndWhatThereIsBeside) {
   EXPECT_EQ(value(families, "glasswing_node_up", {{"kind", "display"}, {"name", "display-1"}}), 0.0);
 }
 
-// Answers each call in its own way.
+// Answers each call with a status of its own.
 class FakeStore final : public JobStore {
  public:
   std::string title() const override { return "a fake"; }
@@ -93,8 +93,8 @@ class FakeStore final : public JobStore {
   }
   absl::Status add(std::int64_t, std::span<const TileRange>) override { return absl::NotFoundError("add"); }
   absl::Status retry(std::int64_t) override { return absl::NotFoundError("retry"); }
-  absl::Status hold(std::int64_t) override { return absl::NotFoundError("hold"); }
-  absl::Status release(std::int64_t) override { return absl::NotFoundError("release"); }
+  absl::Status suspend(std::int64_t) override { return absl::NotFoundError("hold"); }
+  absl::Status resume(std::int64_t) override { return absl::NotFoundError("release"); }
   absl::Status requeue(std::int64_t, int) override { return absl::UnavailableError("requeue"); }
   absl::Status remove(std::int64_t) override { return absl::UnavailableError("remove"); }
   absl::StatusOr<std::vector<std::int64_t>> own_jobs() override { return std::vector<std::int64_t>{4, 5}; }
@@ -105,7 +105,7 @@ class FakeStore final : public JobStore {
     lease.session = solver;
     return lease;
   }
-  absl::Status keep(const TileAttempt&) override { return absl::AbortedError("keep"); }
+  absl::Status renew(const TileAttempt&) override { return absl::AbortedError("keep"); }
   absl::Status complete(const TileAttempt&, const TileResult&) override { return absl::OkStatus(); }
   absl::StatusOr<bool> fail(const TileAttempt&, const std::string&, bool permanent) override {
     return permanent;
@@ -146,13 +146,13 @@ TEST(TimedJobStore, PassesEveryCallOnAndCountsIt) {
   EXPECT_EQ(store->recut({}, "", ranges), absl::AbortedError("recut"));
   EXPECT_EQ(store->add(1, ranges), absl::NotFoundError("add"));
   EXPECT_EQ(store->retry(1), absl::NotFoundError("retry"));
-  EXPECT_EQ(store->hold(1), absl::NotFoundError("hold"));
-  EXPECT_EQ(store->release(1), absl::NotFoundError("release"));
+  EXPECT_EQ(store->suspend(1), absl::NotFoundError("hold"));
+  EXPECT_EQ(store->resume(1), absl::NotFoundError("release"));
   EXPECT_EQ(store->remove(1), absl::UnavailableError("remove"));
   EXPECT_EQ(store->own_jobs().value(), (std::vector<std::int64_t>{4, 5}));
   EXPECT_EQ(store->claim("a", computes, false).value()->session, "a");
   EXPECT_EQ(store->claim("a", computes, true).status(), absl::UnavailableError("claim"));
-  EXPECT_EQ(store->keep({}), absl::AbortedError("keep"));
+  EXPECT_EQ(store->renew({}), absl::AbortedError("keep"));
   EXPECT_TRUE(store->complete({}, {}).ok());
   EXPECT_TRUE(store->fail({}, "", true).value());
   EXPECT_FALSE(store->fail({}, "", false).value());
@@ -169,7 +169,7 @@ TEST(TimedJobStore, PassesEveryCallOnAndCountsIt) {
                                                {"hand_back", 1}, {"read", 6}};
   for (const auto& [operation, count] : expected) {
     EXPECT_EQ(calls(operation), count) << operation;
-    // Only silence is a failure of the store.
+    // Only UNAVAILABLE is a failure of the store.
     EXPECT_EQ(failures(operation), operation == "remove" || operation == "claim" ? 1.0 : 0.0) << operation;
   }
 }

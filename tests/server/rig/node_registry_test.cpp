@@ -19,7 +19,7 @@ class RigTest : public testing::Test {
   }
 
   nanoseconds now_ = seconds(1000);
-  Rig rig_{[this] { return now_; }};
+  NodeRegistry rig_{[this] { return now_; }};
 };
 
 TEST_F(RigTest, ASilentNodeIsAway) {
@@ -56,7 +56,7 @@ TEST_F(RigTest, SolversAreKnownWithWhatTheySaidAndForgottenWhenTheyHaveLeft) {
   ASSERT_EQ(rig_.solvers().size(), 1u);
   EXPECT_EQ(rig_.solvers().front().node.name(), "b");
   EXPECT_FALSE(rig_.solvers().front().node.up());
-  // What belongs to the rig is missed for ever.
+  // Displays and cameras are never forgotten.
   ASSERT_EQ(rig_.nodes().size(), 2u);
   EXPECT_EQ(rig_.nodes().front().name(), "camera-1");
 }

@@ -8,16 +8,16 @@ namespace {
 using std::chrono::microseconds;
 using std::chrono::milliseconds;
 
-// 30 steps of 2 refreshes at 100 Hz: each stands still for 10 ms less 2 ms; 1 ms exposures with 1 ms readout,
+// 30 steps of 2 refreshes at 100 Hz: each is stable for 10 ms less 2 ms; 1 ms exposures with 1 ms readout,
 // 500 a second.
-TrialTimes good_times() {
-  TrialTimes times{.shown = {},
-                   .windows = {},
-                   .frames = {},
-                   .hold_refreshes = 2,
-                   .exposure = milliseconds(1),
-                   .frame_period = milliseconds(2),
-                   .readout = milliseconds(1)};
+TestCaptureTimes good_times() {
+  TestCaptureTimes times{.shown = {},
+                         .windows = {},
+                         .frames = {},
+                         .hold_refreshes = 2,
+                         .exposure = milliseconds(1),
+                         .frame_period = milliseconds(2),
+                         .readout = milliseconds(1)};
   for (int step = 0; step < 30; ++step) {
     times.shown.push_back(
         {.monitor = "back", .step = step, .held = milliseconds(20), .period = milliseconds(10)});
@@ -34,7 +34,7 @@ TrialTimes good_times() {
 }
 
 TEST(RigFindings, AGoodRigIsGood) {
-  const TrialTimes times = good_times();
+  const TestCaptureTimes times = good_times();
   for (const v1::Finding& finding :
        {judge_flips(times), judge_frames(times), judge_window(times, times.exposure, microseconds(50)),
         judge_proof(times), judge_clocks({{"a", microseconds(100)}, {"b", microseconds(200)}})}) {
@@ -44,20 +44,20 @@ TEST(RigFindings, AGoodRigIsGood) {
 }
 
 TEST(RigFindings, MissedFlipsAreCounted) {
-  TrialTimes times = good_times();
+  TestCaptureTimes times = good_times();
   times.shown[4].held = milliseconds(30);
   EXPECT_EQ(judge_flips(times).level(), v1::FINDING_LEVEL_WARNING);
   EXPECT_NE(judge_flips(times).text().find("1 of 30"), std::string::npos);
   for (size_t i = 0; i < 4; ++i) times.shown[i].held = milliseconds(30);
   EXPECT_EQ(judge_flips(times).level(), v1::FINDING_LEVEL_PROBLEM);
-  // A faster monitor beside it is held for whole refreshes of its own: up to one more.
+  // A faster monitor beside it shows a step for whole refreshes of its own: up to one more.
   times = good_times();
   times.shown[4] = {.monitor = "left", .step = 4, .held = milliseconds(21), .period = milliseconds(7)};
   EXPECT_EQ(judge_flips(times).level(), v1::FINDING_LEVEL_OK);
 }
 
 TEST(RigFindings, DroppedFramesAndWrongRatesAreNamed) {
-  TrialTimes times = good_times();
+  TestCaptureTimes times = good_times();
   std::erase_if(times.frames, [](const FrameTime& frame) { return frame.sequence % 10 == 0; });
   EXPECT_EQ(judge_frames(times).level(), v1::FINDING_LEVEL_WARNING);
   EXPECT_NE(judge_frames(times).text().find("dropped"), std::string::npos);
@@ -73,7 +73,7 @@ TEST(RigFindings, DroppedFramesAndWrongRatesAreNamed) {
 
 // The window is 8 ms; 1 ms is readout and 0.1 ms uncertainty. A frame begins every 2 ms.
 TEST(RigFindings, ExposuresMustFitWhatStandsStill) {
-  const TrialTimes times = good_times();
+  const TestCaptureTimes times = good_times();
   const auto judged = [&](nanoseconds exposure) { return judge_window(times, exposure, microseconds(50)); };
   EXPECT_EQ(judged(microseconds(4900)).level(), v1::FINDING_LEVEL_OK);
   EXPECT_EQ(judged(microseconds(4901)).level(), v1::FINDING_LEVEL_WARNING);
@@ -88,16 +88,16 @@ TEST(RigFindings, ExposuresMustFitWhatStandsStill) {
   EXPECT_NE(judged(milliseconds(25)).advice().find("hold_refreshes to 4, or exposure_ms to 6.90"),
             std::string::npos)
       << judged(milliseconds(25)).advice();
-  // A readout longer than the window cannot be mended by the exposure.
-  TrialTimes slow = times;
+  // No exposure makes up for a readout longer than the window.
+  TestCaptureTimes slow = times;
   slow.readout = milliseconds(9);
   EXPECT_EQ(judge_window(slow, milliseconds(1), microseconds(50)).advice(), "set hold_refreshes to 3");
 }
 
 TEST(RigFindings, TheShareOfProvenStepsDecides) {
-  TrialTimes times = good_times();
+  TestCaptureTimes times = good_times();
   const auto level_with = [&](int every) {
-    TrialTimes some = times;
+    TestCaptureTimes some = times;
     for (size_t i = 0; i < some.windows.size(); ++i) {
       if (static_cast<int>(i) % 10 >= every) some.windows[i].until = some.windows[i].from;
     }

@@ -47,7 +47,7 @@ TEST(RigLock, AHoldKeepsTheRigBetweenSessions) {
   EXPECT_FALSE(lock.hold(member, "another").ok());
   hold->reset();
   EXPECT_TRUE(lock.drive(kBen, "doctor").ok());
-  // Whoever thinks that it still has the rig to itself is told otherwise.
+  // A caller whose hold has ended is refused.
   EXPECT_TRUE(says(lock.drive(member, "session c").status(), "has ended"));
   absl::StatusOr<RigLock::Hold> next = lock.hold(kBen, "another series");
   ASSERT_TRUE(next.ok());

@@ -29,7 +29,7 @@ namespace {
 namespace fs = std::filesystem;
 using std::chrono::milliseconds;
 
-// The camera node's disk, as full as wanted.
+// Reports as much free space as a test wants.
 struct Disk final : v1::ArchiveService::Service {
   std::int64_t free_bytes = 1 << 30;
   grpc::Status GetSpace(grpc::ServerContext*, const v1::GetSpaceRequest*,
@@ -157,7 +157,7 @@ TEST_F(RigTest, SyncIsMeasuredStoredAndHoldsTheRig) {
   ASSERT_TRUE(reader->Read(&response));
   EXPECT_FALSE(response.progress().empty());
 
-  // Nobody else has the rig meanwhile.
+  // The rig is taken meanwhile.
   {
     grpc::ClientContext other_context;
     const auto other = stub_->CalibrateSync(&other_context, request);
@@ -171,7 +171,7 @@ TEST_F(RigTest, SyncIsMeasuredStoredAndHoldsTheRig) {
     create.mutable_plan()->set_method("gaussian");
     create.mutable_plan()->add_solids()->add_colour(1.0);
     for (int i = 0; i < 2; ++i) create.mutable_plan()->mutable_solids(0)->add_colour(1.0);
-    EXPECT_TRUE(absl::IsFailedPrecondition(server_->create(create, {}).status()));
+    EXPECT_TRUE(absl::IsFailedPrecondition(server_->captures().create(create, {}).status()));
   }
   while (!response.has_result() && reader->Read(&response)) {
   }
@@ -203,7 +203,7 @@ TEST_F(RigTest, AHoldLastsAsLongAsItsCall) {
   v1::HoldRigResponse held;
   ASSERT_TRUE(reader->Read(&held));
 
-  // Whoever comes without the token is told who has the rig, and with it may use it.
+  // A call without the token is refused and names the holder; one with it may use the rig.
   const Checked refused = check();
   EXPECT_EQ(refused.status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
   EXPECT_NE(refused.status.error_message().find("\"turntable series\", taken by anna@lab3"),
@@ -282,23 +282,23 @@ TEST_F(RigTest, ACaptureThatDoesNotFitIsRefusedBeforeItBegins) {
   v1::EstimateSessionRequest request;
   request.mutable_plan()->set_method("gaussian");
   request.mutable_plan()->add_sweeps()->set_sigma_px(8.0);
-  const absl::StatusOr<v1::EstimateSessionResponse> estimate = server_->estimate(request);
+  const absl::StatusOr<v1::EstimateSessionResponse> estimate = server_->captures().estimate(request);
   ASSERT_TRUE(estimate.ok()) << estimate.status();
   EXPECT_EQ(estimate->free_bytes(), disk_.free_bytes);
   disk_.free_bytes = estimate->bytes();
-  EXPECT_TRUE(server_->estimate(request).ok());
+  EXPECT_TRUE(server_->captures().estimate(request).ok());
   disk_.free_bytes -= 1;
   v1::CreateSessionRequest create;
   *create.mutable_plan() = request.plan();
   for (const absl::Status& status :
-       {server_->estimate(request).status(), server_->create(create, {}).status()}) {
+       {server_->captures().estimate(request).status(), server_->captures().create(create, {}).status()}) {
     EXPECT_TRUE(absl::IsFailedPrecondition(status)) << status;
     EXPECT_NE(status.message().find("camera node \"camera-1\""), std::string::npos) << status;
   }
   EXPECT_TRUE(server_->list({})->empty());
 }
 
-// What undoes a simulated camera's curve.
+// The calibration that inverts a simulated camera's curve.
 v1::CameraCalibration calibration_of(const SensorCurve& response) {
   const auto coded = [&](double linear) {
     const double u = std::pow(linear, double{response.exponent});
@@ -330,7 +330,7 @@ TEST_F(RigTest, SyncIsMeasuredInTheLightThatACalibrationTells) {
   const absl::StatusOr<v1::MonitorSync> sync =
       measure_sync(rig, "back", 0.0, &calibration, [](const std::string&) {}, {});
   ASSERT_TRUE(sync.ok()) << sync.status();
-  // The goals of a linear camera; codes taken for light are off by more.
+  // The goals of a linear camera; uncalibrated codes are off by more.
   EXPECT_NEAR(static_cast<double>(sync->lag_ns()), 5e6, 0.3e6);
   EXPECT_NEAR(static_cast<double>(sync->settle_ns()), 1e6, 0.6e6);
   v1::CameraCalibration broken = calibration;

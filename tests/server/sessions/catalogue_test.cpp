@@ -34,13 +34,13 @@ TEST(Catalogue, SessionsOutliveTheProcess) {
   const auto catalogue = Catalogue::open(path).value();
   EXPECT_EQ(catalogue->find("a").value().SerializeAsString(), session.SerializeAsString());
   EXPECT_EQ(catalogue->find_request("request-1").value().name(), "a");
-  EXPECT_TRUE(absl::IsNotFound(catalogue->find_request("").status()));  // no id is nobody's
+  EXPECT_TRUE(absl::IsNotFound(catalogue->find_request("").status()));  // an empty id names no request
   EXPECT_TRUE(absl::IsNotFound(catalogue->find("c").status()));
   EXPECT_EQ(catalogue->list().value().front().name(), "b");  // newest first
   for (const char* suffix : {"", "-wal", "-shm"}) fs::remove(path.string() + suffix);
 }
 
-// A catalogue in a file of the running test's own.
+// A catalogue in the running test's own file.
 class CatalogueTest : public testing::Test {
  protected:
   CatalogueTest() { reopen(); }
@@ -85,7 +85,7 @@ TEST_F(CatalogueTest, NoByteIsAlteredUnnoticed) {
     return text;
   };
   const std::string known = all(*catalogue_).value();
-  catalogue_ = nullptr;  // SQLite takes its log up into the file
+  catalogue_ = nullptr;  // SQLite merges its log into the file
   const std::string bytes = read_file(path_).value();
   int refused = 0;
   const auto look = [&](const std::string& altered, size_t at) {
@@ -117,7 +117,7 @@ TEST_F(CatalogueTest, NotesAndTagsAreKeptWhateverRuns) {
   const absl::StatusOr<v1::Session> annotated = catalogue_->annotate(request);
   ASSERT_TRUE(annotated.ok()) << annotated.status();
   EXPECT_EQ(annotated->ShortDebugString().find("vases"), annotated->ShortDebugString().rfind("vases"));
-  // A capture that began before knows nothing of them.
+  // A capture that began before does not know them.
   running.set_proven_count(7);
   ASSERT_TRUE(catalogue_->update(running).ok());
   reopen();
@@ -195,7 +195,7 @@ TEST(SessionSearch, EveryConditionHasToHold) {
     request.set_created_before("2026-11-05T12:00:01Z");
   }));
   EXPECT_FALSE(found([](auto& request) { request.set_created_before("2026-11-05T12:00:00Z"); }));
-  // The same moment, told elsewhere.
+  // The same moment, in another time zone.
   EXPECT_FALSE(found([](auto& request) { request.set_created_from("2026-11-05T13:00:01+01:00"); }));
   EXPECT_TRUE(found([](auto& request) { request.set_created_from("2026-11-05T13:00:00+01:00"); }));
   v1::ListSessionsRequest bad;

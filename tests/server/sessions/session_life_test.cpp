@@ -1,4 +1,4 @@
-// A session's life on a simulated rig: estimated, captured, solved anew, paused, cancelled, tried again,
+// A session's life on a simulated rig: estimated, captured, solved again, paused, cancelled, retried,
 // deleted.
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -43,34 +43,35 @@ class SessionLife : public testing::Test {
   }
   Server& server() { return rig_->server(); }
 
-  // Until it rests.
+  // Waits until the session rests.
   v1::Session capture(const v1::Plan& plan) {
     v1::CreateSessionRequest create;
     create.set_name("s");
     *create.mutable_plan() = plan;
-    const absl::StatusOr<v1::Session> created = server().create(create, {.client = "anna@lab3", .hold = ""});
+    const absl::StatusOr<v1::Session> created =
+        server().captures().create(create, {.client = "anna@lab3", .hold = ""});
     EXPECT_TRUE(created.ok()) << created.status();
     return rested();
   }
   v1::Session wait_until(const std::function<bool(const v1::Session&)>& is_so) {
     const nanoseconds deadline = monotonic_now() + std::chrono::seconds(20);
     while (true) {
-      const std::int64_t seen = server().wait_change(0, std::chrono::milliseconds(0));
-      const v1::Session session = server().find("s").value();
+      const std::int64_t seen = server().sessions().wait_change(0, std::chrono::milliseconds(0));
+      const v1::Session session = server().sessions().find("s").value();
       if (is_so(session)) return session;
       if (monotonic_now() > deadline) {
         ADD_FAILURE() << state_of(session) << " " << session.reason();
         return session;
       }
-      server().wait_change(seen, std::chrono::milliseconds(100));
+      server().sessions().wait_change(seen, std::chrono::milliseconds(100));
     }
   }
   v1::Session rested() {
     while (true) {
-      const std::int64_t seen = server().wait_change(0, std::chrono::milliseconds(0));
-      const v1::Session session = server().find("s").value();
+      const std::int64_t seen = server().sessions().wait_change(0, std::chrono::milliseconds(0));
+      const v1::Session session = server().sessions().find("s").value();
       if (session.state() != v1::SESSION_STATE_CAPTURING) return session;
-      server().wait_change(seen, std::chrono::seconds(1));
+      server().sessions().wait_change(seen, std::chrono::seconds(1));
     }
   }
   v1::Session solve(const std::string& method, std::map<std::string, std::string> options = {}) {
@@ -78,35 +79,35 @@ class SessionLife : public testing::Test {
     request.set_name("s");
     request.set_method(method);
     request.mutable_options()->insert(options.begin(), options.end());
-    const absl::StatusOr<v1::Session> session = server().solve(request);
+    const absl::StatusOr<v1::Session> session = server().solves().solve(request);
     EXPECT_TRUE(session.ok()) << session.status();
     return session.ok() ? *session : v1::Session();
   }
-  // As solve(), and the survey is done. Returns how many tiles there are.
+  // As solve(), then does the survey. Returns the number of tiles.
   int solve_in_tiles(const std::string& method, std::map<std::string, std::string> options = {}) {
     solve(method, std::move(options));
     v1::ClaimTileResponse survey;
     EXPECT_TRUE(solver_->try_to_claim(IdleSolver::request(), survey).ok());
     EXPECT_GT(survey.survey_rows_size(), 0);
     EXPECT_TRUE(solver_->complete_survey(survey).ok());
-    return server().find("s")->tile_count();
+    return server().sessions().find("s")->tile_count();
   }
-  // Once all tiles are done, or the solve has failed.
+  // Waits until all tiles are done, or the solve has failed.
   v1::Session settled() {
     while (true) {
-      const std::int64_t seen = server().wait_change(0, std::chrono::milliseconds(0));
-      const v1::Session session = server().find("s").value();
+      const std::int64_t seen = server().sessions().wait_change(0, std::chrono::milliseconds(0));
+      const v1::Session session = server().sessions().find("s").value();
       if (session.state() != v1::SESSION_STATE_SOLVING) return session;
-      server().wait_change(seen, std::chrono::seconds(1));
+      server().sessions().wait_change(seen, std::chrono::seconds(1));
     }
   }
   absl::StatusOr<v1::Session> resume(std::optional<int> retries = std::nullopt) {
     v1::ResumeSessionRequest request;
     request.set_name("s");
     if (retries) request.set_retries(*retries);
-    return server().resume(request, {});
+    return server().control().resume(request, {});
   }
-  // Completes so many tiles, or as many as there are.
+  // Completes at most so many tiles.
   int complete(float mark, int most = 1 << 20) {
     int count = 0;
     for (; count < most; ++count) {
@@ -116,9 +117,9 @@ class SessionLife : public testing::Test {
     }
     return count;
   }
-  // That of the matte which can be fetched, in its first and its last row.
+  // The mark of the matte that can be fetched, in its first and its last row.
   std::pair<float, float> marks() {
-    const absl::StatusOr<Matte> matte = read_matte(server().matte("s", std::nullopt).value());
+    const absl::StatusOr<Matte> matte = read_matte(server().solves().matte("s", std::nullopt).value());
     EXPECT_TRUE(matte.ok()) << matte.status();
     return {matte->foreground(0, 0)[0], matte->foreground(0, kHeight - 1)[0]};
   }
@@ -135,7 +136,7 @@ TEST_F(SessionLife, TheDryRunSaysWhatTheCaptureCosts) {
   v1::EstimateSessionRequest request;
   request.set_name("s");
   *request.mutable_plan() = small_plan();
-  const absl::StatusOr<v1::EstimateSessionResponse> estimate = server().estimate(request);
+  const absl::StatusOr<v1::EstimateSessionResponse> estimate = server().captures().estimate(request);
   ASSERT_TRUE(estimate.ok()) << estimate.status();
   EXPECT_FALSE(estimate->has_holder());
   EXPECT_EQ(estimate->warnings_size(), 1) << "sync was not measured";
@@ -148,61 +149,61 @@ TEST_F(SessionLife, TheDryRunSaysWhatTheCaptureCosts) {
   EXPECT_EQ(session.step_count(), estimate->step_count());
   EXPECT_EQ(session.archive_bytes(), estimate->bytes());
   EXPECT_EQ(session.started_by(), "anna@lab3");
-  EXPECT_TRUE(absl::IsAlreadyExists(server().estimate(request).status()));
+  EXPECT_TRUE(absl::IsAlreadyExists(server().captures().estimate(request).status()));
 
-  // Who holds the rig is told, and refused only by a real capture.
+  // An estimate reports the rig's holder; only a real capture is refused.
   const auto drive = server().rig_lock().drive({.client = "ben@lab4", .hold = ""}, "doctor");
   request.clear_name();
-  EXPECT_EQ(server().estimate(request)->holder().client(), "ben@lab4");
+  EXPECT_EQ(server().captures().estimate(request)->holder().client(), "ben@lab4");
   v1::CreateSessionRequest create;
   *create.mutable_plan() = small_plan();
-  EXPECT_TRUE(absl::IsFailedPrecondition(server().create(create, {}).status()));
+  EXPECT_TRUE(absl::IsFailedPrecondition(server().captures().create(create, {}).status()));
   EXPECT_EQ(server().list({})->size(), 1u);
 }
 
 TEST_F(SessionLife, TheFinishedMatteStaysUntilAnotherIs) {
   start();
   ASSERT_EQ(capture(small_plan()).state(), v1::SESSION_STATE_CAPTURED);
-  EXPECT_TRUE(absl::IsFailedPrecondition(server().matte("s", std::nullopt).status()));
+  EXPECT_TRUE(absl::IsFailedPrecondition(server().solves().matte("s", std::nullopt).status()));
   const int tiles = solve_in_tiles("alpha", {{"backings", "1"}});
-  EXPECT_FALSE(server().find("s")->matte_ready());
+  EXPECT_FALSE(server().sessions().find("s")->matte_ready());
   EXPECT_EQ(complete(1.0f), tiles);
   const v1::Session first = settled();
   EXPECT_EQ(first.state(), v1::SESSION_STATE_DONE) << first.reason();
   EXPECT_TRUE(first.matte_ready());
   EXPECT_EQ(marks(), Marks(1.0f, 1.0f));
 
-  // What a method does not know is refused before anything changes.
+  // An unknown option is refused before anything changes.
   v1::SolveSessionRequest unknown;
   unknown.set_name("s");
   unknown.set_method("gaussian");
   (*unknown.mutable_options())["backings"] = "1";
-  const absl::Status refused = server().solve(unknown).status();
+  const absl::Status refused = server().solves().solve(unknown).status();
   EXPECT_TRUE(absl::IsInvalidArgument(refused)) << refused;
   EXPECT_NE(refused.message().find("it has: modes, "), std::string::npos) << refused;
-  EXPECT_EQ(server().find("s")->SerializeAsString(), first.SerializeAsString());
+  EXPECT_EQ(server().sessions().find("s")->SerializeAsString(), first.SerializeAsString());
 
-  // Cancelled, the session is as it was.
+  // Once cancelled, the session is as before.
   solve("gaussian");
   complete(2.0f, 3);
   EXPECT_EQ(marks(), Marks(1.0f, 1.0f));
-  ASSERT_TRUE(server().cancel("s", {}).ok());
-  EXPECT_EQ(server().find("s")->SerializeAsString(), first.SerializeAsString());
+  ASSERT_TRUE(server().control().cancel("s", {}).ok());
+  EXPECT_EQ(server().sessions().find("s")->SerializeAsString(), first.SerializeAsString());
   EXPECT_EQ(complete(2.0f), 0);
   EXPECT_EQ(marks(), Marks(1.0f, 1.0f));
 
-  // Failed, it has the old matte; tried again, what was done is not done anew.
+  // When the solve fails, the session has the old matte; a retry does not repeat tiles that are done.
   solve("hierarchical");
   EXPECT_EQ(complete(3.0f, 5), 5);
   ASSERT_TRUE(solver_->fail(solver_->claim(), "row 5: torn").ok());
-  v1::Session session = server().find("s").value();
+  v1::Session session = server().sessions().find("s").value();
   EXPECT_EQ(session.state(), v1::SESSION_STATE_FAILED);
   EXPECT_TRUE(session.matte_ready());
   EXPECT_EQ(marks(), Marks(1.0f, 1.0f));
   EXPECT_EQ(complete(4.0f), 0);
   {
     const auto again = Server::open({.data = data_ / "server"}).value();
-    EXPECT_TRUE(again->matte("s", std::nullopt).ok());
+    EXPECT_TRUE(again->solves().matte("s", std::nullopt).ok());
   }
   ASSERT_EQ(resume()->state(), v1::SESSION_STATE_SOLVING);
   EXPECT_EQ(complete(4.0f), tiles - 5);
@@ -212,7 +213,7 @@ TEST_F(SessionLife, TheFinishedMatteStaysUntilAnotherIs) {
   EXPECT_EQ(marks(), Marks(3.0f, 4.0f));
 }
 
-// The camera node's disk, as it says: full once so many frames of a session are there.
+// Free space as the camera node reports it: none once so many frames of a session are there.
 struct Disk {
   fs::path frames;
   std::atomic<int> max_frames = std::numeric_limits<int>::max();
@@ -238,7 +239,7 @@ TEST_F(SessionLife, ACaptureWaitsForRoomAndGoesOnByItself) {
   v1::CreateSessionRequest create;
   create.set_name("s");
   *create.mutable_plan() = small_plan();
-  ASSERT_TRUE(server().create(create, {}).ok());
+  ASSERT_TRUE(server().captures().create(create, {}).ok());
   const v1::Session waiting = wait_until(waits_for_room);
   EXPECT_EQ(waiting.state(), v1::SESSION_STATE_CAPTURING);
   EXPECT_GT(waiting.proven_count(), 0);
@@ -262,10 +263,10 @@ TEST_F(SessionLife, ACaptureThatWaitsForRoomCanBePausedAndCancelled) {
   v1::CreateSessionRequest create;
   create.set_name("s");
   *create.mutable_plan() = small_plan();
-  ASSERT_TRUE(server().create(create, {}).ok());
+  ASSERT_TRUE(server().captures().create(create, {}).ok());
   wait_until(waits_for_room);
-  EXPECT_EQ(server().pause("s", {})->state(), v1::SESSION_STATE_PAUSED);
-  EXPECT_EQ(server().cancel("s", {})->state(), v1::SESSION_STATE_CANCELLED);
+  EXPECT_EQ(server().control().pause("s", {})->state(), v1::SESSION_STATE_PAUSED);
+  EXPECT_EQ(server().control().cancel("s", {})->state(), v1::SESSION_STATE_CANCELLED);
 }
 
 TEST_F(SessionLife, APausedSolveKeepsItsTilesAlsoPastTheServersEnd) {
@@ -274,18 +275,18 @@ TEST_F(SessionLife, APausedSolveKeepsItsTilesAlsoPastTheServersEnd) {
   const int tiles = solve_in_tiles("alpha");
   EXPECT_EQ(complete(1.0f, 2), 2);
   const v1::ClaimTileResponse under_way = solver_->claim();
-  const absl::StatusOr<v1::Session> paused = server().pause("s", {});
+  const absl::StatusOr<v1::Session> paused = server().control().pause("s", {});
   ASSERT_TRUE(paused.ok()) << paused.status();
   EXPECT_EQ(paused->state(), v1::SESSION_STATE_PAUSED);
-  EXPECT_TRUE(server().pause("s", {}).ok()) << "it is so already";
+  EXPECT_TRUE(server().control().pause("s", {}).ok()) << "it is so already";
   EXPECT_FALSE(solver_->claim().has_lease());
   EXPECT_TRUE(solver_->complete_rows(under_way, kWidth, kHeight, 1.0f).ok());
-  EXPECT_EQ(server().find("s")->tiles_done(), 3);
-  EXPECT_EQ(server().find("s")->state(), v1::SESSION_STATE_PAUSED);
+  EXPECT_EQ(server().sessions().find("s")->tiles_done(), 3);
+  EXPECT_EQ(server().sessions().find("s")->state(), v1::SESSION_STATE_PAUSED);
   {
     const auto again = Server::open({.data = data_ / "server"}).value();
-    EXPECT_EQ(again->find("s")->state(), v1::SESSION_STATE_PAUSED);
-    EXPECT_FALSE(again->claim(IdleSolver::request())->has_lease());
+    EXPECT_EQ(again->sessions().find("s")->state(), v1::SESSION_STATE_PAUSED);
+    EXPECT_FALSE(again->tiles().claim(IdleSolver::request())->has_lease());
   }
   ASSERT_TRUE(resume().ok());
   EXPECT_EQ(complete(2.0f), tiles - 3);
@@ -296,13 +297,13 @@ TEST_F(SessionLife, APausedSolveKeepsItsTilesAlsoPastTheServersEnd) {
 TEST_F(SessionLife, WhatIsSolvedSoFarCanBeFetched) {
   start();
   ASSERT_EQ(capture(small_plan()).state(), v1::SESSION_STATE_CAPTURED);
-  EXPECT_TRUE(absl::IsFailedPrecondition(server().partial_matte("s").status()));
+  EXPECT_TRUE(absl::IsFailedPrecondition(server().solves().partial_matte("s").status()));
   solve_in_tiles("alpha");
-  EXPECT_TRUE(absl::IsFailedPrecondition(server().partial_matte("s").status()));
+  EXPECT_TRUE(absl::IsFailedPrecondition(server().solves().partial_matte("s").status()));
   const v1::ClaimTileResponse first = solver_->claim(), left_out = solver_->claim(), third = solver_->claim();
   for (const v1::ClaimTileResponse& tile : {first, third})
     ASSERT_TRUE(solver_->complete_rows(tile, kWidth, kHeight, 1.0f).ok());
-  const absl::StatusOr<std::string> bytes = server().partial_matte("s");
+  const absl::StatusOr<std::string> bytes = server().solves().partial_matte("s");
   ASSERT_TRUE(bytes.ok()) << bytes.status();
   const Matte partial = decode_matte(*bytes).value();
   ASSERT_EQ(partial.height_px(), kHeight);
@@ -317,8 +318,8 @@ TEST_F(SessionLife, WhatIsSolvedSoFarCanBeFetched) {
   ASSERT_TRUE(solver_->complete_rows(left_out, kWidth, kHeight, 1.0f).ok());
   complete(1.0f);
   ASSERT_EQ(settled().state(), v1::SESSION_STATE_DONE);
-  EXPECT_EQ(server().partial_matte("s").value(),
-            read_file(server().matte("s", std::nullopt).value()).value());
+  EXPECT_EQ(server().solves().partial_matte("s").value(),
+            read_file(server().solves().matte("s", std::nullopt).value()).value());
 }
 
 TEST_F(SessionLife, ATileThatNobodyCanSolveIsNamedOnceTheOthersAreDone) {
@@ -328,7 +329,7 @@ TEST_F(SessionLife, ATileThatNobodyCanSolveIsNamedOnceTheOthersAreDone) {
   const v1::ClaimTileResponse hard = solver_->claim();
   v1::ClaimTileResponse tile = hard;
   for (int attempt = 1; attempt <= kMaxAttempts; ++attempt) {
-    EXPECT_EQ(server().find("s")->quarantined_size(), 0);
+    EXPECT_EQ(server().sessions().find("s")->quarantined_size(), 0);
     EXPECT_EQ(tile.lease().tile(), hard.lease().tile());
     ASSERT_TRUE(solver_->fail(tile, "out of memory", false).ok());
     // Tiles that failed come last.
@@ -346,7 +347,7 @@ TEST_F(SessionLife, ATileThatNobodyCanSolveIsNamedOnceTheOthersAreDone) {
   ASSERT_TRUE(resume().ok());
   EXPECT_EQ(complete(2.0f), 1);
   EXPECT_EQ(settled().state(), v1::SESSION_STATE_DONE);
-  EXPECT_TRUE(server().find("s")->quarantined().empty());
+  EXPECT_TRUE(server().sessions().find("s")->quarantined().empty());
 }
 
 TEST_F(SessionLife, ASolverThatWouldComputeSomethingElseIsRefused) {
@@ -375,7 +376,7 @@ TEST_F(SessionLife, ASolverThatWouldComputeSomethingElseIsRefused) {
 TEST_F(SessionLife, AFailedCaptureNamesItsStepsAndCanBeTriedAgain) {
   start({.name = "slow camera", .frame_rate_hz = 30.0});
   v1::Plan plan = small_plan();
-  plan.set_exposure_ms(0, 20.0);  // longer than the picture stands: 4 refreshes of 240 Hz are 16.7 ms
+  plan.set_exposure_ms(0, 20.0);  // longer than the picture is shown: 4 refreshes of 240 Hz are 16.7 ms
   plan.set_retries(0);
   v1::Session session = capture(plan);
   ASSERT_EQ(session.state(), v1::SESSION_STATE_FAILED) << session.reason();
@@ -392,20 +393,20 @@ TEST_F(SessionLife, AFailedCaptureNamesItsStepsAndCanBeTriedAgain) {
 
 TEST_F(SessionLife, NothingIsLeftOfADeletedSession) {
   start();
-  EXPECT_TRUE(absl::IsNotFound(server().remove("s").status()));
+  EXPECT_TRUE(absl::IsNotFound(server().deleter().remove("s").status()));
   ASSERT_EQ(capture(small_plan()).state(), v1::SESSION_STATE_CAPTURED);
   solve("alpha");
-  EXPECT_TRUE(absl::IsFailedPrecondition(server().remove("s").status())) << "it is being solved";
+  EXPECT_TRUE(absl::IsFailedPrecondition(server().deleter().remove("s").status())) << "it is being solved";
   complete(1.0f);
   const v1::Session session = settled();
-  const fs::path matte = server().matte("s", std::nullopt).value();
+  const fs::path matte = server().solves().matte("s", std::nullopt).value();
   const auto matte_bytes = static_cast<std::int64_t>(fs::file_size(matte));
-  const absl::StatusOr<std::int64_t> freed = server().remove("s");
+  const absl::StatusOr<std::int64_t> freed = server().deleter().remove("s");
   ASSERT_TRUE(freed.ok()) << freed.status();
   EXPECT_EQ(*freed, session.archive_bytes() + matte_bytes);
   EXPECT_FALSE(fs::exists(matte));
   EXPECT_TRUE(fs::is_empty(data_ / "archives"));
-  EXPECT_TRUE(absl::IsNotFound(server().find("s").status()));
+  EXPECT_TRUE(absl::IsNotFound(server().sessions().find("s").status()));
   EXPECT_EQ(capture(small_plan()).state(), v1::SESSION_STATE_CAPTURED) << "the name is free";
 }
 
@@ -416,7 +417,7 @@ TEST_F(SessionLife, WhatBrokeOffWhileDeletingIsFinishedByAskingAgain) {
   solve("alpha");
   complete(1.0f);
   EXPECT_EQ(settled().state(), v1::SESSION_STATE_DONE);
-  // As after the server's end between the first step and the second, and the node's in the middle of its own.
+  // As if the server had ended between the first step and the second, and the node in the middle of its own.
   fs::rename(data_ / "archives" / "s", data_ / "archives" / ".removed-s");
   fs::remove(data_ / "archives" / ".removed-s" / "header.json");
   {
@@ -428,8 +429,8 @@ TEST_F(SessionLife, WhatBrokeOffWhileDeletingIsFinishedByAskingAgain) {
     ASSERT_TRUE(node->DeleteArchive(&context, request, &response).ok());
   }
   EXPECT_TRUE(fs::is_empty(data_ / "archives"));
-  ASSERT_TRUE(server().remove("s").ok());
-  EXPECT_TRUE(absl::IsNotFound(server().find("s").status()));
+  ASSERT_TRUE(server().deleter().remove("s").ok());
+  EXPECT_TRUE(absl::IsNotFound(server().sessions().find("s").status()));
   EXPECT_TRUE(fs::is_empty(data_ / "server" / "mattes"));
 }
 

@@ -29,7 +29,7 @@ TEST(StepLog, TellsFromWhereSomebodyLeftOff) {
 TEST(StepLog, AStepIsProvenOnce) {
   StepLog log;
   log.add("vase", event_of(4, v1::STEP_OUTCOME_PROVEN));
-  log.add("vase", event_of(4, v1::STEP_OUTCOME_PROVEN));  // as of an archive that is gone on with
+  log.add("vase", event_of(4, v1::STEP_OUTCOME_PROVEN));  // as of a resumed archive
   log.add("vase", event_of(4, v1::STEP_OUTCOME_SHOWN));
   EXPECT_EQ(log.events("vase", 0)->size(), 1u);
 }

@@ -61,7 +61,7 @@ TEST_F(FleetTest, CountsTilesAndTheRateOfTheLastMinute) {
   }
   v1::FleetSolver solver = describe().solvers(0);
   EXPECT_EQ(solver.tiles_done(), 200);
-  EXPECT_NEAR(solver.tiles_per_second(), 2.0, 2.0 / 59.0);  // the edge of the window is within a second
+  EXPECT_NEAR(solver.tiles_per_second(), 2.0, 2.0 / 59.0);  // the window's edge is known to a second
   now_ += seconds(61);
   solver = describe().solvers(0);
   EXPECT_EQ(solver.tiles_done(), 200);
@@ -115,7 +115,7 @@ TEST_F(FleetTest, LeasesAreListedWithTheirSolver) {
   const v1::GetFleetResponse fleet = describe({registered("b", false)}, {}, leases);
   ASSERT_EQ(fleet.solvers_size(), 2);
   const v1::FleetSolver &b = fleet.solvers(0), &c = fleet.solvers(1);
-  EXPECT_FALSE(b.up());  // the rig knows better than a lease
+  EXPECT_FALSE(b.up());  // registration overrides a lease
   ASSERT_EQ(b.leases_size(), 2);
   EXPECT_EQ(b.leases(0).session(), "vase");
   EXPECT_EQ(b.leases(0).tile(), 3);
@@ -123,7 +123,7 @@ TEST_F(FleetTest, LeasesAreListedWithTheirSolver) {
   EXPECT_EQ(b.leases(0).seconds(), 1.5);
   EXPECT_TRUE(b.leases(0).twice());
   EXPECT_FALSE(b.leases(1).twice());
-  // Registered elsewhere, and at work.
+  // Registered with another server, and at work.
   EXPECT_EQ(c.name(), "c");
   EXPECT_TRUE(c.up());
 }
@@ -135,7 +135,7 @@ TEST_F(FleetTest, SolvesAreInTheStoresOrderWithTheTimeLeft) {
        .computes = "gaussian/1",
        .server_address = "lab1:7440",
        .own = true,
-       .held = false,
+       .suspended = false,
        .counts = {.tiles = 100, .done = 30, .quarantined = 10, .leased = 4, .failures = 33},
        .tiles_per_second = 1.5},
       {.id = 12,
@@ -143,7 +143,7 @@ TEST_F(FleetTest, SolvesAreInTheStoresOrderWithTheTimeLeft) {
        .computes = "ramp/2",
        .server_address = "lab2:7440",
        .own = false,
-       .held = true,
+       .suspended = true,
        .counts = {.tiles = 10},
        .tiles_per_second = 1.0},
       {.id = 13,
@@ -151,7 +151,7 @@ TEST_F(FleetTest, SolvesAreInTheStoresOrderWithTheTimeLeft) {
        .computes = "alpha/1",
        .server_address = "lab1:7440",
        .own = true,
-       .held = false,
+       .suspended = false,
        .counts = {.tiles = 10},
        .tiles_per_second = 0.0}};
   const v1::GetFleetResponse fleet = describe({}, jobs);
@@ -168,8 +168,8 @@ TEST_F(FleetTest, SolvesAreInTheStoresOrderWithTheTimeLeft) {
   EXPECT_DOUBLE_EQ(vase.seconds_left(), 40.0);  // (100 - 30 - 10) / 1.5
   EXPECT_EQ(fleet.solves(1).server(), "lab2:7440");
   EXPECT_TRUE(fleet.solves(1).held());
-  EXPECT_EQ(fleet.solves(1).seconds_left(), 0.0);  // nothing of it goes on
-  EXPECT_EQ(fleet.solves(2).seconds_left(), 0.0);  // not known
+  EXPECT_EQ(fleet.solves(1).seconds_left(), 0.0);  // suspended
+  EXPECT_EQ(fleet.solves(2).seconds_left(), 0.0);  // unknown rate
 }
 
 TEST_F(FleetTest, WhoHasLeftIsForgotten) {
@@ -183,7 +183,7 @@ TEST_F(FleetTest, WhoHasLeftIsForgotten) {
   ASSERT_EQ(fleet.solvers_size(), 1);
   EXPECT_EQ(fleet.solvers(0).name(), "stays");
   EXPECT_EQ(fleet.solvers(0).tiles_done(), 2);
-  EXPECT_FALSE(fleet.solvers(0).up());  // not heard of for ten seconds, and without a lease
+  EXPECT_FALSE(fleet.solvers(0).up());  // silent for ten seconds, and without a lease
 }
 
 TEST_F(FleetTest, NothingIsNotedUnderWhatIsNoName) {

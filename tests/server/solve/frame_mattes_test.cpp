@@ -63,7 +63,7 @@ TEST_F(FrameMattesTest, WhatIsDamagedOrNotOfTheTileIsRefusedAndLeavesNothing) {
   }
   {
     FrameMattes other = mattes();
-    EXPECT_TRUE(absl::IsInvalidArgument(other.add(good)));  // of which frame?
+    EXPECT_TRUE(absl::IsInvalidArgument(other.add(good)));  // no frame was begun
     EXPECT_TRUE(absl::IsInvalidArgument(other.begin(15, checksum)));
     EXPECT_TRUE(absl::IsInvalidArgument(other.begin(20, checksum)));
     ASSERT_TRUE(other.begin(17, checksum).ok());

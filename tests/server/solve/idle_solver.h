@@ -1,4 +1,4 @@
-// A solver for tests of the server.
+// A solver for the server's tests.
 #pragma once
 
 #include <fmt/format.h>
@@ -17,7 +17,7 @@
 
 namespace glasswing {
 
-// A solver that makes no effort: each frame's matte says which one it is.
+// A solver that computes nothing: each frame's matte names its frame.
 class IdleSolver {
  public:
   explicit IdleSolver(Server& server) : service_(server), host_(ServiceHost::start({}, {&service_}).value()) {
@@ -35,7 +35,7 @@ class IdleSolver {
     grpc::ClientContext context;
     return stub_->ClaimTile(&context, request, &response);
   }
-  // A tile; surveys are answered on the way.
+  // Claims a tile; answers surveys on the way.
   v1::ClaimTileResponse claim() {
     v1::ClaimTileResponse response;
     EXPECT_TRUE(try_to_claim(request(), response).ok());
@@ -61,7 +61,7 @@ class IdleSolver {
     matte.foreground(0, 0) = {mark, mark, mark};
     return encode_matte(matte).value();
   }
-  // Mattes of the tile's frames but those left out; the last file lacks so many bytes.
+  // Sends mattes of the tile's frames, without `left_out`; the last file lacks so many bytes.
   grpc::Status complete(const v1::ClaimTileResponse& tile, const std::set<int>& left_out, float mark = 1.0f,
                         size_t lacks = 0, const std::set<int>& refused = {}) {
     v1::CompleteTileResponse response;
@@ -92,7 +92,7 @@ class IdleSolver {
     writer->WritesDone();
     return writer->Finish();
   }
-  // A matte of the tile's rows.
+  // Sends a matte of the tile's rows.
   grpc::Status complete_rows(const v1::ClaimTileResponse& tile, int width_px, int height_px, float mark) {
     Matte matte(0, tile.first_row(), width_px, tile.row_count(), 1);
     matte.metadata.set_format_version(1);

@@ -10,17 +10,17 @@
 namespace glasswing {
 namespace {
 
-TEST(SharedWork, AloneItRunsEachTime) {
-  SharedWork work;
+TEST(SingleFlight, AloneItRunsEachTime) {
+  SingleFlight work;
   int runs = 0;
   for (int i = 0; i < 3; ++i) work.run([&] { ++runs; });
   EXPECT_EQ(runs, 3);
 }
 
-// What each thread did before it asked is seen by a run that began after.
-TEST(SharedWork, EachIsServedByARunAfterItAskedAndNoTwoRunAtOnce) {
+// A run that began after a thread asked sees what the thread did before.
+TEST(SingleFlight, EachIsServedByARunAfterItAskedAndNoTwoRunAtOnce) {
   constexpr int kThreads = 8, kTimes = 500;
-  SharedWork work;
+  SingleFlight work;
   std::atomic<int> done = 0, seen = 0;
   std::atomic<bool> running = false;
   std::latch begin(kThreads);

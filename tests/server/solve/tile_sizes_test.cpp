@@ -64,7 +64,7 @@ TEST(TileSizes, RowsThatTakeLongShareTheirTilesWithFewer) {
   for (const int row : rows) seconds.push_back(row < 480 ? 0.0001 : 0.05);
   const std::vector<TileRange> tiles = row_tiles(960, rows, seconds, 1, kAnyBytes);
   expect_every_unit_once(tiles, 960);
-  // As many as five seconds would be of the object's rows; and half a second of those, to a row.
+  // Empty rows: as many as five seconds of the object's rows. The object's: half a second, to a row.
   EXPECT_EQ(tiles.front().count, 100);
   EXPECT_LE(tiles.back().count, 11);
 }

@@ -1,0 +1,30 @@
+// Sessions of frames that another program captured.
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <string>
+
+#include "glasswing/v1/session_service.pb.h"
+#include "server/rig/node_registry.h"
+#include "server/rig/rig_lock.h"
+#include "server/sessions/session_store.h"
+
+namespace glasswing {
+
+// Thread-safe. Errors are those that session_service.proto lists.
+class Importer {
+ public:
+  Importer(SessionStore& sessions, const NodeRegistry& nodes) : sessions_(sessions), nodes_(nodes) {}
+
+  // Creates the session, and its archive at the camera node, which takes the frames. An import that broke off
+  // may begin again.
+  absl::StatusOr<v1::Session> begin(const v1::BeginImportRequest& request, const Caller& caller);
+  absl::StatusOr<v1::Session> finish(const std::string& name);
+
+ private:
+  SessionStore& sessions_;
+  const NodeRegistry& nodes_;
+};
+
+}  // namespace glasswing

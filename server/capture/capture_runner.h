@@ -1,0 +1,87 @@
+// The server's captures: which session drives the rig, and what becomes of it.
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <filesystem>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <stop_token>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "glasswing/v1/session_service.pb.h"
+#include "server/capture/capture.h"
+#include "server/rig/calibration_store.h"
+#include "server/rig/node_registry.h"
+#include "server/rig/rig_lock.h"
+#include "server/sessions/session_store.h"
+#include "server/sessions/step_log.h"
+
+namespace glasswing {
+
+// Thread-safe. Errors are those that session_service.proto lists.
+class CaptureRunner {
+ public:
+  enum class Wish { kNone, kPause, kCancel };
+
+  // `data`: the server's directory; uploaded images lie below it.
+  CaptureRunner(SessionStore& sessions, const NodeRegistry& nodes, RigLock& rig_lock,
+                const CalibrationStore& calibrations, const std::filesystem::path& data)
+      : sessions_(sessions),
+        nodes_(nodes),
+        rig_lock_(rig_lock),
+        calibrations_(calibrations),
+        images_(data / "images") {}
+  ~CaptureRunner();  // pauses a running capture
+
+  // Sessions that an earlier server left capturing are paused.
+  absl::Status take_up(SessionStore::Edit& edit, std::span<const v1::Session> sessions);
+
+  // Returns the image's name, by its content.
+  absl::StatusOr<std::string> store_image(const std::string& png);
+  absl::StatusOr<v1::EstimateSessionResponse> estimate(const v1::EstimateSessionRequest& request);
+  absl::StatusOr<v1::Session> create(const v1::CreateSessionRequest& request, const Caller& caller);
+  // Of a session whose capture is paused or failed (session_state.h).
+  absl::StatusOr<v1::Session> resume(SessionStore::Edit& edit, v1::Session session,
+                                     const v1::ResumeSessionRequest& request, const Caller& caller);
+  // Of a session whose capture is paused, or was not started.
+  absl::StatusOr<v1::Session> cancel(SessionStore::Edit& edit, v1::Session session);
+  // Stops the running capture of the session and waits until it rests. Call without an Edit.
+  // FAILED_PRECONDITION: another client holds the rig.
+  absl::StatusOr<v1::Session> stop(const std::string& session, Wish wish, const Caller& caller);
+
+  // The events of the session's steps from the `first` on.
+  absl::StatusOr<std::vector<v1::StepEvent>> steps(const std::string& session, size_t first);
+
+  void forget(const std::string& session);
+
+ private:
+  absl::Status check_new_name(const std::string& name);
+  absl::Status check_images(const std::vector<Step>& steps) const;
+  std::string chosen_name(const std::string& created);
+  absl::StatusOr<RigLock::Drive> drive_for(const std::string& session, const Caller& caller);
+  v1::Session start(SessionStore::Edit& edit, v1::Session session, RigLock::Drive drive);
+  void capture_until_done(v1::Session session, std::optional<bool> object_confirmed, std::stop_token stop);
+  void note_outcome(v1::Session session, const CaptureOutcome& outcome);
+
+  SessionStore& sessions_;
+  const NodeRegistry& nodes_;
+  RigLock& rig_lock_;
+  const CalibrationStore& calibrations_;
+  const std::filesystem::path images_;
+  StepLog steps_;
+
+  std::mutex mutex_;                            // guards all below; taken after an Edit, never before
+  std::string capturing_;                       // the session that drives the rig; empty: none
+  RigLock::Drive drive_;                        // meanwhile
+  Wish wish_ = Wish::kNone;                     // how the capture shall be stopped
+  std::map<std::string, bool> operator_asked_;  // by session that waits for a person: to place the object?
+  std::jthread thread_;
+};
+
+}  // namespace glasswing

@@ -1,0 +1,30 @@
+// Pausing, resuming and cancelling a session: asks its state, then whoever runs it.
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <string>
+
+#include "server/capture/capture_runner.h"
+#include "server/sessions/session_store.h"
+#include "server/solve/solve_runner.h"
+
+namespace glasswing {
+
+// Thread-safe. Errors are those that session_service.proto lists.
+class SessionControl {
+ public:
+  SessionControl(SessionStore& sessions, CaptureRunner& captures, SolveRunner& solves)
+      : sessions_(sessions), captures_(captures), solves_(solves) {}
+
+  absl::StatusOr<v1::Session> pause(const std::string& name, const Caller& caller);
+  absl::StatusOr<v1::Session> resume(const v1::ResumeSessionRequest& request, const Caller& caller);
+  absl::StatusOr<v1::Session> cancel(const std::string& name, const Caller& caller);
+
+ private:
+  SessionStore& sessions_;
+  CaptureRunner& captures_;
+  SolveRunner& solves_;
+};
+
+}  // namespace glasswing

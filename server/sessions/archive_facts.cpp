@@ -1,0 +1,56 @@
+#include "server/sessions/archive_facts.h"
+
+#include <algorithm>
+#include <string_view>
+#include <utility>
+
+#include "core/pattern/method_options.h"
+#include "core/pattern/plan.h"
+#include "core/pattern/stimulus_kind.h"
+#include "core/pattern/video_frames.h"
+
+namespace glasswing {
+
+std::string usual_method(const v1::CaptureManifest& manifest) {
+  if (check_method(manifest.plan().method()).ok()) return manifest.plan().method();
+  const bool only_ramp = std::ranges::all_of(manifest.frames(), [](const v1::Frame& frame) {
+    const v1::Stimulus& stimulus = frame.stimulus();
+    return !frame.object() || kind_of(stimulus) == StimulusKind::kRamp ||
+           kind_of(stimulus) == StimulusKind::kPatch || stimulus.reference();
+  });
+  if (only_ramp && !video_frames(manifest).empty()) return std::string(kRampMethod);
+  const std::pair<StimulusKind, std::string_view> methods[] = {{StimulusKind::kStripe, "gaussian"},
+                                                               {StimulusKind::kSinusoid, "fringe"},
+                                                               {StimulusKind::kSquare, "hierarchical"},
+                                                               {StimulusKind::kSolid, "alpha"}};
+  for (const auto& [kind, method] : methods) {
+    const bool shown = std::ranges::any_of(
+        manifest.frames(), [&](const v1::Frame& frame) { return kind_of(frame.stimulus()) == kind; });
+    if (shown) return std::string(method);
+  }
+  return "gaussian";
+}
+
+void note_video(const v1::CaptureManifest& manifest, v1::Session& session) {
+  session.clear_frame_count();
+  session.clear_lost_frames();
+  const std::vector<int> video = video_frames(manifest);
+  if (video.size() < 2) return;
+  session.set_frame_count(static_cast<int>(video.size()));
+  for (const int frame : lost_frames(video)) session.add_lost_frames(frame);
+}
+
+void note_frames(const v1::CaptureManifest& manifest, v1::Session& session) {
+  std::int64_t bytes = 0;
+  int by_patch = 0;
+  for (const v1::Frame& frame : manifest.frames()) {
+    bytes += frame.size_bytes();
+    if (frame.proof() == v1::PROOF_TIME_AND_PATCH) ++by_patch;
+  }
+  session.set_step_count(manifest.frames_size());
+  session.set_proven_count(manifest.frames_size());
+  session.set_patch_proven_count(by_patch);
+  session.set_archive_bytes(bytes);
+}
+
+}  // namespace glasswing

@@ -1,0 +1,43 @@
+// Finishes solves: joins the tiles to the matte that can be fetched, or says why there is none. That takes
+// seconds, so it has a thread of its own, and claims and results go on meanwhile.
+#pragma once
+
+#include <absl/status/status.h>
+
+#include <condition_variable>
+#include <mutex>
+#include <set>
+#include <stop_token>
+#include <string>
+#include <thread>
+
+#include "server/solve/solve_clock.h"
+#include "server/solve/solve_session.h"
+
+namespace glasswing {
+
+// Thread-safe.
+class MatteAssembly {
+ public:
+  MatteAssembly(const SolveStores& stores, SolveClock& clock);
+
+  // The session's tiles may all be done or quarantined: looks as soon as the job store answers.
+  void look(const std::string& session);
+
+ private:
+  void run(std::stop_token stop);
+  // OK too where tiles are still awaited. UNAVAILABLE: the job store does not answer; try again.
+  absl::Status finish(const std::string& name);
+  // Of a session all of whose tiles are done. FAILED_PRECONDITION: some of its frames were refused.
+  absl::Status assemble(const v1::Session& session);
+  absl::Status settle(SessionStore::Edit& edit, v1::Session session, const absl::Status& made);
+
+  const SolveStores stores_;
+  SolveClock& clock_;
+  std::mutex mutex_;
+  std::condition_variable_any wanted_;
+  std::set<std::string> to_look_at_;  // guarded by mutex_
+  std::jthread thread_;               // last: uses all of the above
+};
+
+}  // namespace glasswing

@@ -1,0 +1,74 @@
+// The server's solves: sessions cut into tiles for the solvers, from the request to the matte that can be
+// fetched.
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <span>
+#include <string>
+
+#include "glasswing/v1/archive.pb.h"
+#include "glasswing/v1/session_service.pb.h"
+#include "glasswing/v1/work_service.pb.h"
+#include "server/rig/node_registry.h"
+#include "server/solve/matte_assembly.h"
+#include "server/solve/solve_clock.h"
+#include "server/solve/solve_progress.h"
+#include "server/solve/solve_session.h"
+
+namespace glasswing {
+
+// Thread-safe. Errors are those that session_service.proto and work_service.proto list.
+class SolveRunner {
+ public:
+  // `min_tile_seconds`: of work, that a tile of rows has at least.
+  SolveRunner(const SolveStores& stores, const NodeRegistry& nodes, double min_tile_seconds)
+      : stores_(stores), nodes_(nodes), min_tile_seconds_(min_tile_seconds) {}
+
+  // Continues where an earlier server ended: solves go on, finished mattes get their place, and jobs that no
+  // session knows are removed. `sessions` is the whole catalogue.
+  absl::Status take_up(SessionStore::Edit& edit, std::span<const v1::Session> sessions);
+
+  absl::StatusOr<v1::Session> solve(const v1::SolveSessionRequest& request);
+  absl::Status complete_survey(const v1::CompleteSurveyRequest& request);
+
+  // Of a session that is being solved, or whose solve is paused or failed (session_state.h). pause() and
+  // resume() return its new record. cancel() returns the session as its earlier solve left it, else as
+  // captured, with `reason` saying why nothing came of the solve.
+  absl::StatusOr<v1::Session> pause(SessionStore::Edit& edit, v1::Session session);
+  absl::StatusOr<v1::Session> resume(SessionStore::Edit& edit, v1::Session session);
+  absl::StatusOr<v1::Session> cancel(SessionStore::Edit& edit, v1::Session session,
+                                     const std::string& reason);
+
+  // Path of the last finished solve's matte, or of a video frame's. The file may be replaced before it is
+  // read: then ask again.
+  absl::StatusOr<std::filesystem::path> matte(const std::string& name, std::optional<int> frame);
+  // The bytes of a matte's file: of a finished solve its matte, of one that goes on or broke off the tiles so
+  // far. FAILED_PRECONDITION: no tile is done.
+  absl::StatusOr<std::string> partial_matte(const std::string& name);
+
+  // Removes the job of a session that is being deleted.
+  absl::Status remove(const v1::Session& session);
+  void forget(const std::string& session) { progress_.forget(session); }
+
+  SolveProgress& progress() { return progress_; }
+
+ private:
+  absl::Status take_up_solve(SessionStore::Edit& edit, v1::Session session);
+  absl::Status take_up_matte(SessionStore::Edit& edit, v1::Session session);
+  absl::StatusOr<v1::Session> begin(SessionStore::Edit& edit, v1::Session session,
+                                    const v1::CaptureManifest& manifest);
+
+  const SolveStores stores_;
+  const NodeRegistry& nodes_;
+  const double min_tile_seconds_;
+  SolveClock clock_;
+  MatteAssembly assembly_{stores_, clock_};
+  SolveProgress progress_{stores_, clock_, assembly_};
+};
+
+}  // namespace glasswing

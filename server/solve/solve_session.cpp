@@ -1,0 +1,82 @@
+#include "server/solve/solve_session.h"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <map>
+#include <set>
+
+#include "core/base/name.h"
+#include "core/base/status.h"
+#include "core/pattern/method_options.h"
+#include "core/pattern/plan.h"
+
+namespace glasswing {
+
+bool is_solved_by_frames(const v1::Session& session) {
+  return session.method() == kRampMethod;
+}
+
+bool has_frame_files(const v1::Session& session) {
+  return session.frame_count() > 0 && is_solved_by_frames(session);
+}
+
+void count_tiles(const JobCounts& counts, v1::Session& session) {
+  session.set_tile_count(counts.tiles);
+  session.set_tiles_done(counts.done);
+  session.set_object_pixel_count(counts.object_pixels);
+  session.set_flagged_pixel_count(counts.flagged_pixels);
+}
+
+std::string computes(const std::string& method) {
+  const std::map<std::string, int>& versions = method_versions();
+  return fmt::format("{}/{} matte/{}", method, versions.at(method), versions.at("matte"));
+}
+
+TileAttempt attempt_of(const v1::TileLease& lease) {
+  return {.job = lease.job(), .tile = lease.tile(), .attempt = lease.attempt()};
+}
+
+bool has_number(const google::protobuf::RepeatedField<std::int32_t>& rising, int number) {
+  return std::binary_search(rising.begin(), rising.end(), number);
+}
+
+// A frame that is solved once more, in a tile of its own, is in two.
+void note_solved_frames(const std::vector<TileState>& tiles, v1::Session& session) {
+  std::set<int> solved;
+  for (const bool done : {true, false}) {
+    for (const TileState& tile : tiles) {
+      if (tile.is_done() != done) continue;
+      for (int frame = tile.range.first; frame < tile.range.first + tile.range.count; ++frame) {
+        if (done) solved.insert(frame);
+        if (!done) solved.erase(frame);
+      }
+    }
+  }
+  session.clear_solved_frames();
+  for (const int frame : solved) {
+    if (!has_number(session.lost_frames(), frame) && !has_number(session.refused_frames(), frame))
+      session.add_solved_frames(frame);
+  }
+}
+
+absl::StatusOr<v1::Session> session_of(SessionStore::Edit& edit, const v1::TileLease& lease) {
+  GW_RETURN_IF_ERROR(check_name("session", lease.session()));
+  const absl::StatusOr<v1::Session> session = edit.find(lease.session());
+  if (session.ok() && lease.job() != 0 && session->job() == lease.job()) return session;
+  if (!session.ok() && !absl::IsNotFound(session.status())) return session.status();
+  return absl::AbortedError(
+      fmt::format("session \"{}\" is not being solved in job {} any more", lease.session(), lease.job()));
+}
+
+void wait_for_room(SessionStore::Edit& edit, v1::Session session, const absl::Status& full) {
+  if (session.state() != v1::SESSION_STATE_SOLVING) return;
+  const std::string reason =
+      fmt::format("waiting for room on the server's disk: {}", std::string(full.message()));
+  if (!session.reason().starts_with("waiting")) spdlog::warn("{} session={}", reason, session.name());
+  session.set_reason(reason);
+  edit.show(session);
+}
+
+}  // namespace glasswing

@@ -1,0 +1,48 @@
+// A session's record as its solve reads and changes it.
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <string>
+#include <vector>
+
+#include "glasswing/v1/work_service.pb.h"
+#include "server/jobs/job_store.h"
+#include "server/sessions/session_store.h"
+#include "server/storage/matte_files.h"
+
+namespace glasswing {
+
+// The stores that every part of a solve uses. Changes of `mattes` are made under a SessionStore::Edit.
+struct SolveStores {
+  SessionStore& sessions;
+  JobStore& jobs;
+  const MatteFiles& mattes;
+};
+
+// Whether each frame gets a matte of its own, rather than all frames one.
+bool is_solved_by_frames(const v1::Session& session);
+// Whether each of these mattes has its own file. A single frame has one file, as any still.
+bool has_frame_files(const v1::Session& session);
+
+// Sets tile and pixel counts.
+void count_tiles(const JobCounts& counts, v1::Session& session);
+
+// Sets which frames of a video have mattes by now.
+void note_solved_frames(const std::vector<TileState>& tiles, v1::Session& session);
+
+// The version that solvers must compute to get tiles of this method, and that of the matte's file:
+// "gaussian/1 matte/1".
+std::string computes(const std::string& method);
+TileAttempt attempt_of(const v1::TileLease& lease);
+
+bool has_number(const google::protobuf::RepeatedField<std::int32_t>& rising, int number);
+
+// The session that this lease belongs to. ABORTED: it is not being solved, or is in another job by now.
+absl::StatusOr<v1::Session> session_of(SessionStore::Edit& edit, const v1::TileLease& lease);
+
+// Shows that the solve waits for disk space; the next result that is stored clears it.
+void wait_for_room(SessionStore::Edit& edit, v1::Session session, const absl::Status& full);
+
+}  // namespace glasswing

@@ -1,0 +1,61 @@
+// Tiles: leased to solvers, and their results stored. What solvers call.
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <chrono>
+#include <optional>
+#include <string>
+
+#include "glasswing/v1/fleet_service.pb.h"
+#include "glasswing/v1/work_service.pb.h"
+#include "server/rig/node_registry.h"
+#include "server/solve/fleet.h"
+#include "server/solve/frame_mattes.h"
+#include "server/solve/solve_progress.h"
+#include "server/solve/solve_session.h"
+
+namespace glasswing {
+
+// Thread-safe. Errors are those that work_service.proto lists.
+class TileDispatcher {
+ public:
+  // `lease`: how long a tile is leased without renew().
+  TileDispatcher(const SolveStores& stores, NodeRegistry& nodes, SolveProgress& progress,
+                 std::chrono::milliseconds lease)
+      : stores_(stores), nodes_(nodes), progress_(progress), lease_(lease) {}
+
+  // Without a lease in the answer there is nothing to do now.
+  absl::StatusOr<v1::ClaimTileResponse> claim(const v1::ClaimTileRequest& request);
+  // Returns when claim() may have a tile, or after `timeout`. A hint.
+  void wait_for_tiles(std::chrono::milliseconds timeout) { stores_.jobs.wait_for_tiles(timeout); }
+  absl::Status renew(const v1::TileLease& lease);
+  // Where the files of a video's tile go as they come; none for a tile of rows.
+  absl::StatusOr<std::optional<FrameMattes>> frames_of(const v1::TileLease& lease);
+  // `matte` is the whole file of a tile of rows.
+  absl::Status complete(const v1::CompleteTileRequest& header, const std::string& matte);
+  absl::Status complete(const v1::CompleteTileRequest& header, FrameMattes mattes);
+  absl::Status fail(const v1::FailTileRequest& request);
+
+  absl::StatusOr<v1::GetFleetResponse> fleet();
+
+ private:
+  absl::Status place_frames(const v1::CompleteTileRequest& header, FrameMattes& mattes);
+  absl::Status done(const v1::CompleteTileRequest& header, const TileAttempt& attempt,
+                    const std::string& result);
+  // False: the solve does not go on.
+  absl::StatusOr<bool> note_quarantined(const v1::FailTileRequest& request);
+
+  const SolveStores stores_;
+  NodeRegistry& nodes_;
+  SolveProgress& progress_;
+  const std::chrono::milliseconds lease_;
+  Fleet fleet_;
+};
+
+// The claimed tile as its solver is told of it, without the lease's duration and the replicas' addresses.
+// DATA_LOSS: the job store's entry cannot be read.
+absl::StatusOr<v1::ClaimTileResponse> claimed_tile(const Lease& lease);
+
+}  // namespace glasswing
