@@ -18,7 +18,7 @@ class Recording {
  public:
   // Starts the camera, which stops at destruction. `links` is borrowed.
   Recording(const RigLinks& links, double exposure_ms);
-  // Returns when the camera runs as asked, or an error (CameraStream::wait_running).
+  // Returns when the camera runs as asked, or an error (CaptureStream::wait_running).
   absl::Status wait_running(std::stop_token stop) { return camera_.wait_running(stop); }
   double exposure_ms() const { return camera_.exposure_ms(); }
 
@@ -44,7 +44,7 @@ class Recording {
 
  private:
   const RigLinks& links_;
-  CameraStream camera_;
+  CaptureStream camera_;
   FrameMatcher matcher_;
   std::map<std::int64_t, v1::FrameTaken> recent_;  // by sequence
   std::set<int> shown_;                            // steps that all monitors have shown

@@ -31,7 +31,7 @@ class ProgramFeeds {
     for (const auto& display : links.displays) displays_.push_back(display.get());
     const nanoseconds step = common_step(displays_, hold_refreshes);
     for (const DisplayLink* display : displays_)
-      feeds_.push_back(std::make_unique<DisplayStream>(*display, program, start_at, step));
+      feeds_.push_back(std::make_unique<PresentationStream>(*display, program, start_at, step));
   }
 
   // Calls `shown` for each step that the last monitor has reported since the previous call. Returns false
@@ -66,7 +66,7 @@ class ProgramFeeds {
 
   const int monitor_count_;
   std::vector<const DisplayLink*> displays_;
-  std::vector<std::unique_ptr<DisplayStream>> feeds_;
+  std::vector<std::unique_ptr<PresentationStream>> feeds_;
   std::map<int, std::vector<MonitorWindow>> incomplete_;  // by step, until every monitor has reported it
   std::optional<nanoseconds> last_replaced_;
 };

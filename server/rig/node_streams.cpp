@@ -14,7 +14,7 @@ constexpr std::int64_t kSyncErrors =
 
 }  // namespace
 
-CameraStream::CameraStream(const NodeLink& camera, v1::CameraService::Stub& stub, double exposure_ms)
+CaptureStream::CaptureStream(const NodeLink& camera, v1::CameraService::Stub& stub, double exposure_ms)
     : camera_(camera), exposure_ms_(exposure_ms) {
   v1::CaptureRequest request;
   request.set_exposure_ms(exposure_ms);
@@ -22,12 +22,12 @@ CameraStream::CameraStream(const NodeLink& camera, v1::CameraService::Stub& stub
   thread_ = std::thread([this] { read(); });
 }
 
-CameraStream::~CameraStream() {
+CaptureStream::~CaptureStream() {
   context_.TryCancel();
   thread_.join();
 }
 
-absl::Status CameraStream::wait_running(std::stop_token stop) {
+absl::Status CaptureStream::wait_running(std::stop_token stop) {
   std::unique_lock lock(mutex_);
   started_.wait_for(lock, stop, std::chrono::seconds(20),
                     [this] { return running_ || inbox.end().has_value(); });
@@ -35,7 +35,7 @@ absl::Status CameraStream::wait_running(std::stop_token stop) {
   return inbox.end().value_or(absl::DeadlineExceededError(camera_.title() + " did not start in time"));
 }
 
-void CameraStream::read() {
+void CaptureStream::read() {
   v1::CaptureResponse response;
   while (reader_->Read(&response)) {
     if (response.has_frame()) {
@@ -62,8 +62,8 @@ FrameTime rig_time_of(const v1::FrameTaken& frame, const NodeLink& camera) {
           .uncertainty = nanoseconds(frame.uncertainty_ns()) + std::max(start.error, end.error)};
 }
 
-DisplayStream::DisplayStream(const DisplayLink& display, const std::string& program, nanoseconds start_at,
-                             nanoseconds step)
+PresentationStream::PresentationStream(const DisplayLink& display, const std::string& program,
+                                       nanoseconds start_at, nanoseconds step)
     : display_(display) {
   // The clocks' rates matter over such a time.
   constexpr int kManySteps = 10000;
@@ -81,7 +81,7 @@ DisplayStream::DisplayStream(const DisplayLink& display, const std::string& prog
   });
 }
 
-DisplayStream::~DisplayStream() {
+PresentationStream::~PresentationStream() {
   context_.TryCancel();
   thread_.join();
 }

@@ -46,10 +46,10 @@ class Inbox {
 };
 
 // A camera's running Capture call, ended by the destructor.
-class CameraStream {
+class CaptureStream {
  public:
-  CameraStream(const NodeLink& camera, v1::CameraService::Stub& stub, double exposure_ms);
-  ~CameraStream();
+  CaptureStream(const NodeLink& camera, v1::CameraService::Stub& stub, double exposure_ms);
+  ~CaptureStream();
 
   // Returns when the camera runs at the exposure asked for. DEADLINE_EXCEEDED after 20 s.
   absl::Status wait_running(std::stop_token stop);
@@ -74,12 +74,12 @@ class CameraStream {
 FrameTime rig_time_of(const v1::FrameTaken& frame, const NodeLink& camera);
 
 // A display's running PlayProgram call, ended by the destructor.
-class DisplayStream {
+class PresentationStream {
  public:
   // `start_at` and `step` are rig time; see PlayProgramRequest.
-  DisplayStream(const DisplayLink& display, const std::string& program, nanoseconds start_at,
-                nanoseconds step = {});
-  ~DisplayStream();
+  PresentationStream(const DisplayLink& display, const std::string& program, nanoseconds start_at,
+                     nanoseconds step = {});
+  ~PresentationStream();
 
   Inbox<v1::Presentation> inbox;  // times are the node's
 

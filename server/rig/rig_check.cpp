@@ -239,23 +239,23 @@ class RigCheck {
       const v1::Stimulus& shown = step.stimuli(0);
       if (kind_of(shown) != StimulusKind::kPatch || frame == times.frames.end()) continue;
       if (!learnt.emplace(shown.panel(), shown.patch_id()).second) continue;
-      v1::Frame& lesson = *look.add_frames();
-      lesson.set_sequence(frame->sequence);
-      lesson.set_exposure_ms(record.frames.front().exposure_ms());
-      *lesson.mutable_stimulus() = shown;
+      v1::Frame& shown_frame = *look.add_frames();
+      shown_frame.set_sequence(frame->sequence);
+      shown_frame.set_exposure_ms(record.frames.front().exposure_ms());
+      *shown_frame.mutable_stimulus() = shown;
     }
     v1::LookForPatchesResponse found;
     grpc::ClientContext context;
     set_deadline(context, kNodeCall);
     const grpc::Status status = links.camera_stub->LookForPatches(&context, look, &found);
     if (!status.ok()) return tell_status("id patch", from_grpc(status, links.camera->title()));
-    std::map<std::string, int> lessons;
-    for (const v1::Frame& frame : look.frames()) ++lessons[frame.stimulus().panel()];
+    std::map<std::string, int> learned;
+    for (const v1::Frame& frame : look.frames()) ++learned[frame.stimulus().panel()];
     for (const v1::DisplayMonitor& monitor : monitors_) {
       const auto unseen =
           std::find_if(found.unseen_patches().begin(), found.unseen_patches().end(),
                        [&](const v1::UnseenPatch& patch) { return patch.monitor() == monitor.name(); });
-      report_(judge_patch(monitor, lessons[monitor.name()],
+      report_(judge_patch(monitor, learned[monitor.name()],
                           unseen == found.unseen_patches().end() ? "" : unseen->reason()));
     }
     return absl::OkStatus();

@@ -53,7 +53,7 @@ absl::StatusOr<std::unique_ptr<StaticPattern>> StaticPattern::start(
   const nanoseconds start = monotonic_now() + kStartLead;
   nanoseconds there = start;
   for (const DisplayLink* display : lit) {
-    show->playing_.push_back(std::make_unique<DisplayStream>(*display, program, start));
+    show->playing_.push_back(std::make_unique<PresentationStream>(*display, program, start));
     there = std::max(there, there_at(*display, start));
   }
   while (monotonic_now() < there) {

@@ -30,7 +30,7 @@ class StaticPattern {
   // The time by which every monitor of the display shows its picture, if it is told to begin at `start`.
   static nanoseconds there_at(const DisplayLink& display, nanoseconds start);
 
-  std::vector<std::unique_ptr<DisplayStream>> playing_;
+  std::vector<std::unique_ptr<PresentationStream>> playing_;
 };
 
 // A picture for framing, focusing and finding faults, on each of `monitors`: "white", "gray" (a fifth of the

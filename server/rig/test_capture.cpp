@@ -38,7 +38,7 @@ absl::Status load(const DisplayLink& display, const std::string& program, const 
 
 absl::StatusOr<TestCaptureRecord> run_test_capture(RigLinks& rig, const TestCapture& test,
                                                    std::stop_token stop) {
-  CameraStream camera(*rig.camera, *rig.camera_stub, test.exposure_ms);
+  CaptureStream camera(*rig.camera, *rig.camera_stub, test.exposure_ms);
   GW_RETURN_IF_ERROR(camera.wait_running(stop));
   GW_RETURN_IF_ERROR(rig.exchange_clocks(8));
   const std::string program = fmt::format("trial-{}", monotonic_now().count());
@@ -46,9 +46,9 @@ absl::StatusOr<TestCaptureRecord> run_test_capture(RigLinks& rig, const TestCapt
   const nanoseconds start_at = monotonic_now() + kStartLead;
   const std::vector<const DisplayLink*> displays(test.displays.begin(), test.displays.end());
   const nanoseconds step = common_step(displays, test.hold_refreshes);
-  std::vector<std::unique_ptr<DisplayStream>> streams;
+  std::vector<std::unique_ptr<PresentationStream>> streams;
   for (const DisplayLink* display : displays)
-    streams.push_back(std::make_unique<DisplayStream>(*display, program, start_at, step));
+    streams.push_back(std::make_unique<PresentationStream>(*display, program, start_at, step));
 
   TestCaptureRecord record;
   nanoseconds wanted_until{}, seen_until{}, played_at{}, clocks_at = monotonic_now();
