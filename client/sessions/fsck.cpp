@@ -1,5 +1,6 @@
 #include "core/archive/fsck.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <spawn.h>
 #include <sys/mman.h>
