@@ -18,7 +18,7 @@ namespace glasswing {
 // Thread-safe. Errors are those that session_service.proto lists.
 class SessionDeleter {
  public:
-  // What others keep of a session: `remove_job` removes its tiles, durably; `forget` drops what is in memory
+  // The session's data elsewhere: `remove_job` removes its tiles, durably; `forget` drops what is in memory
   // once the session is gone. Both are called under an Edit.
   struct Others {
     std::function<absl::Status(const v1::Session&)> remove_job;

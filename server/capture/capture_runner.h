@@ -46,10 +46,10 @@ class CaptureRunner {
   absl::StatusOr<std::string> store_image(const std::string& png);
   absl::StatusOr<v1::EstimateSessionResponse> estimate(const v1::EstimateSessionRequest& request);
   absl::StatusOr<v1::Session> create(const v1::CreateSessionRequest& request, const Caller& caller);
-  // Of a session whose capture is paused or failed (session_state.h).
+  // Continues a capture that is paused or failed (session_state.h).
   absl::StatusOr<v1::Session> resume(SessionStore::Edit& edit, v1::Session session,
                                      const v1::ResumeSessionRequest& request, const Caller& caller);
-  // Of a session whose capture is paused, or was not started.
+  // Cancels a capture that is paused, or was not started.
   absl::StatusOr<v1::Session> cancel(SessionStore::Edit& edit, v1::Session session);
   // Stops the running capture of the session and waits until it rests. Call without an Edit.
   // FAILED_PRECONDITION: another client holds the rig.

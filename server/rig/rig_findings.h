@@ -16,7 +16,7 @@ namespace glasswing {
 v1::Finding make_finding(v1::FindingLevel level, const std::string& subject, const std::string& text,
                          const std::string& advice = "");
 
-// What a test capture showed and recorded, in rig time.
+// The pictures and frames of a test capture, in rig time.
 struct TestCaptureTimes {
   struct Shown {
     std::string monitor;

@@ -8,7 +8,7 @@
 namespace glasswing {
 namespace {
 
-bool is_captured(const v1::Session& session) {
+bool is_capturing(const v1::Session& session) {
   return session.state() == v1::SESSION_STATE_CAPTURING;
 }
 
@@ -16,12 +16,12 @@ bool is_captured(const v1::Session& session) {
 
 absl::StatusOr<v1::Session> SessionControl::pause(const std::string& name, const Caller& caller) {
   GW_ASSIGN_OR_RETURN(v1::Session session, sessions_.find(name));
-  if (is_captured(session)) return captures_.stop(name, CaptureRunner::Wish::kPause, caller);
+  if (is_capturing(session)) return captures_.stop(name, CaptureRunner::Wish::kPause, caller);
   SessionStore::Edit edit = sessions_.edit();
   GW_ASSIGN_OR_RETURN(session, edit.find(name));
   if (is_already(session, v1::SESSION_ACTION_PAUSE)) return session;
   GW_RETURN_IF_ERROR(check_allows(session, v1::SESSION_ACTION_PAUSE));
-  if (is_captured(session)) return not_now(session, "paused");  // began since; the client may ask again
+  if (is_capturing(session)) return not_now(session, "paused");  // began since; the client may ask again
   return solves_.pause(edit, std::move(session));
 }
 
@@ -38,12 +38,12 @@ absl::StatusOr<v1::Session> SessionControl::resume(const v1::ResumeSessionReques
 
 absl::StatusOr<v1::Session> SessionControl::cancel(const std::string& name, const Caller& caller) {
   GW_ASSIGN_OR_RETURN(v1::Session session, sessions_.find(name));
-  if (is_captured(session)) return captures_.stop(name, CaptureRunner::Wish::kCancel, caller);
+  if (is_capturing(session)) return captures_.stop(name, CaptureRunner::Wish::kCancel, caller);
   SessionStore::Edit edit = sessions_.edit();
   GW_ASSIGN_OR_RETURN(session, edit.find(name));
   if (is_already(session, v1::SESSION_ACTION_CANCEL)) return session;
   GW_RETURN_IF_ERROR(check_allows(session, v1::SESSION_ACTION_CANCEL));
-  if (is_captured(session)) return not_now(session, "cancelled");  // began since; the client may ask again
+  if (is_capturing(session)) return not_now(session, "cancelled");  // began since; the client may ask again
   if (session.state() == v1::SESSION_STATE_SOLVING || rests_in_solve(session))
     return solves_.cancel(edit, std::move(session), "the solve was cancelled");
   return captures_.cancel(edit, std::move(session));

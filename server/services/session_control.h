@@ -1,4 +1,4 @@
-// Pausing, resuming and cancelling a session: asks its state, then whoever runs it.
+// Pauses, resumes and cancels sessions: asks the state table, then CaptureRunner or SolveRunner.
 #pragma once
 
 #include <absl/status/statusor.h>

@@ -1,4 +1,4 @@
-// What a session's archive says of the session.
+// Facts of a session that its archive knows.
 #pragma once
 
 #include <string>

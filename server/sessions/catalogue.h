@@ -18,7 +18,7 @@ namespace glasswing {
 
 inline constexpr size_t kMaxNoteBytes = 4096;
 
-// Whether all conditions of the request hold for the session. INVALID_ARGUMENT: a time that cannot be parsed.
+// True if the session meets all conditions of the request. INVALID_ARGUMENT: a time that cannot be parsed.
 absl::StatusOr<bool> matches(const v1::Session& session, const v1::ListSessionsRequest& request);
 
 // Thread-safe.

@@ -21,14 +21,14 @@ namespace glasswing {
 // "paused"
 std::string state_of(const v1::Session& session);
 
-// Whether a paused or failed session was being solved, rather than captured.
+// True if it is the session's solve that is paused or failed, not its capture.
 bool rests_in_solve(const v1::Session& session);
 
 // The actions that the session allows now, in the order of SessionAction. What goes on around it may still
 // refuse one: the rig is busy, the session is being replicated or deleted, a node is away.
 std::vector<v1::SessionAction> allowed_actions(const v1::Session& session);
 bool allows(const v1::Session& session, v1::SessionAction action);
-// Whether the session already is what the action asks for: a repeated call is no error.
+// True if the session already is as the action asks: a repeated call is no error.
 bool is_already(const v1::Session& session, v1::SessionAction action);
 // FAILED_PRECONDITION: "session "vase" is paused; it cannot be ...". ResumeSession asks for RESUME, which
 // here includes RETRY.

@@ -28,7 +28,7 @@ class MatteAssembly {
   void run(std::stop_token stop);
   // OK too where tiles are still awaited. UNAVAILABLE: the job store does not answer; try again.
   absl::Status finish(const std::string& name);
-  // Of a session all of whose tiles are done. FAILED_PRECONDITION: some of its frames were refused.
+  // Joins a session's tiles, which are all done. FAILED_PRECONDITION: some of its frames were refused.
   absl::Status assemble(const v1::Session& session);
   absl::Status settle(SessionStore::Edit& edit, v1::Session session, const absl::Status& made);
 

@@ -36,9 +36,9 @@ class SolveRunner {
   absl::StatusOr<v1::Session> solve(const v1::SolveSessionRequest& request);
   absl::Status complete_survey(const v1::CompleteSurveyRequest& request);
 
-  // Of a session that is being solved, or whose solve is paused or failed (session_state.h). pause() and
-  // resume() return its new record. cancel() returns the session as its earlier solve left it, else as
-  // captured, with `reason` saying why nothing came of the solve.
+  // The session is being solved, or its solve is paused or failed (session_state.h). All return its new
+  // record: cancel() that of its earlier solve, if one finished, else that of its capture, with `reason`
+  // saying why nothing came of the solve.
   absl::StatusOr<v1::Session> pause(SessionStore::Edit& edit, v1::Session session);
   absl::StatusOr<v1::Session> resume(SessionStore::Edit& edit, v1::Session session);
   absl::StatusOr<v1::Session> cancel(SessionStore::Edit& edit, v1::Session session,

@@ -21,9 +21,9 @@ struct SolveStores {
   const MatteFiles& mattes;
 };
 
-// Whether each frame gets a matte of its own, rather than all frames one.
+// True if each frame gets its own matte; else all frames together make one.
 bool is_solved_by_frames(const v1::Session& session);
-// Whether each of these mattes has its own file. A single frame has one file, as any still.
+// True if each of these mattes has its own file. A single frame has one file, as any still.
 bool has_frame_files(const v1::Session& session);
 
 // Sets tile and pixel counts.

@@ -54,7 +54,7 @@ class TileDispatcher {
   Fleet fleet_;
 };
 
-// The claimed tile as its solver is told of it, without the lease's duration and the replicas' addresses.
+// The answer to a claim, without the lease's duration and the replicas' addresses.
 // DATA_LOSS: the job store's entry cannot be read.
 absl::StatusOr<v1::ClaimTileResponse> claimed_tile(const Lease& lease);
 
