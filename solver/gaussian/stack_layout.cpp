@@ -92,7 +92,7 @@ absl::StatusOr<StackLayout> lay_out(const v1::CaptureManifest& manifest) {
       if (!sweep.r_px.empty() && sample.r_px - sweep.r_px.back() < 1e-6) {
         if (sample.peak != sweep.peak.back()) {
           return absl::FailedPreconditionError(
-              fmt::format("{} shows a stripe at the position of another one of different brightness",
+              fmt::format("{} shows a stripe at the position of another that was brighter or darker",
                           manifest.frames(sample.frame.frame).file()));
         }
         sweep.shots.back().push_back(sample.frame);
