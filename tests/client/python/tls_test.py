@@ -9,12 +9,13 @@ import unittest
 import grpc
 
 import glasswing
-from glasswing.v1 import node_service_pb2, node_service_pb2_grpc, session_service_pb2, session_service_pb2_grpc
+from glasswing.v1 import (node_service_pb2, node_service_pb2_grpc, session_pb2, session_service_pb2,
+                          session_service_pb2_grpc)
 
 
 class Sessions(session_service_pb2_grpc.SessionServiceServicer):
     def ListSessions(self, request, context):
-        session = session_service_pb2.Session(name="vase", state=session_service_pb2.SESSION_STATE_DONE,
+        session = session_pb2.Session(name="vase", state=session_pb2.SESSION_STATE_DONE,
                                               created="2026-01-02T03:04:05Z")
         return session_service_pb2.ListSessionsResponse(sessions=[session])
 

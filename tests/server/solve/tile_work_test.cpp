@@ -11,7 +11,7 @@ namespace {
 v1::ClaimTileResponse as_stored_before() {
   v1::ClaimTileResponse work;
   work.set_method("gaussian");
-  (*work.mutable_options())["modes"] = "2";
+  (*work.mutable_options())["modes"] = std::string("2");  // g++ 12 warns of the literal alone
   work.set_archive_address("127.0.0.1:7442");
   for (const int row : {1, 5, 9}) work.add_survey_rows(row);
   return work;
@@ -68,7 +68,7 @@ TEST(TileWork, FieldsOfAnAnswerThatAreNoneOfItsOwnDoNoHarm) {
 TEST(TileWork, IsToldToTheSolverOfEachTile) {
   v1::TileWork work;
   work.set_method("gaussian");
-  (*work.mutable_options())["modes"] = "2";
+  (*work.mutable_options())["modes"] = std::string("2");  // g++ 12 warns of the literal alone
   work.set_archive_address("127.0.0.1:7442");
   work.add_survey_rows(4);
   const v1::ClaimTileResponse rows = claimed_tile(lease_of(work.SerializeAsString())).value();
