@@ -31,7 +31,7 @@ absl::StatusOr<std::vector<fs::path>> mattes_in(const fs::path& directory) {
   }
   if (mattes.empty()) {
     return absl::NotFoundError(fmt::format(
-        "{}: it contains no mattes (0000.exr, 0001.exr, ...), as glasswing fetch VIDEO -o DIR/ writes them",
+        "{}: it holds no mattes, 0000.exr and so on, as glasswing fetch VIDEO -o DIR/ writes them",
         directory.string()));
   }
   std::ranges::sort(mattes, [](const fs::path& a, const fs::path& b) {

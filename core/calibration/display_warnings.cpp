@@ -115,7 +115,7 @@ std::vector<std::string> display_warnings(const v1::DisplayCalibration& calibrat
   }
   if (calibration.drift() > std::max(kMaxDrift, kMaxFlickers * flicker)) {
     warnings.push_back(
-        fmt::format("white changed by {:.1f} % during the measurement, which was corrected: let the monitor "
+        fmt::format("white changed by {:.1f} % while it was measured, which was taken out: let the monitor "
                     "warm up for half an hour",
                     100.0 * calibration.drift()));
   }

@@ -120,7 +120,7 @@ absl::StatusOr<cv::Mat> decode_any(std::string_view bytes) {
   try {
     const cv::Mat raw(1, static_cast<int>(bytes.size()), CV_8U, const_cast<char*>(bytes.data()));
     cv::Mat image = cv::imdecode(raw, cv::IMREAD_ANYDEPTH | cv::IMREAD_COLOR);
-    if (image.empty()) return absl::DataLossError("it is damaged, or not a picture");
+    if (image.empty()) return absl::DataLossError("it is damaged, or no picture");
     if (image.depth() != CV_8U && image.depth() != CV_16U && image.depth() != CV_32F) {
       return absl::DataLossError("its samples are not 8-bit, 16-bit or float");
     }

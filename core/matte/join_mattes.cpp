@@ -51,7 +51,7 @@ absl::Status check_rows(const std::vector<Tile>& tiles) {
   if (next < first.metadata.height_px())
     return absl::DataLossError(fmt::format("no tile covers row {}", next));
   if (next > first.metadata.height_px())
-    return absl::DataLossError(fmt::format("a tile covers row {}, which is beyond the picture", next - 1));
+    return absl::DataLossError(fmt::format("a tile covers row {}, which the picture has not", next - 1));
   return absl::OkStatus();
 }
 

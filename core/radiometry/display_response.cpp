@@ -75,7 +75,7 @@ absl::Status check(const std::vector<ShownSolid>& solids, int bits) {
     const double brightest = *std::max_element(solid.light.begin(), solid.light.end());
     if (brightest > kClipped) {
       return absl::FailedPreconditionError(
-          fmt::format("{} reads {:.3f} of the camera's full scale, where light is clipped; it must be {} at "
+          fmt::format("{} reads {:.3f} of the camera's full scale, where light is cut off; it must be {} at "
                       "most: use a shorter exposure",
                       name, brightest, kClipped));
     }

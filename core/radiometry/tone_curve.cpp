@@ -167,7 +167,7 @@ absl::Status check(const std::vector<TonePoint>& points, int highest, std::strin
 absl::Status check_rise(const std::vector<TonePoint>& codes, int highest, std::string_view what) {
   if (codes.size() < kMinCodes || codes.front().code != 0 || codes.back().code != highest) {
     return absl::FailedPreconditionError(fmt::format(
-        "{}: too few grays: {} different codes from {} to {}; it takes {} or more, including 0 and {}", what,
+        "{}: too few grays: {} different codes from {} to {}; it takes {} or more, 0 and {} among them", what,
         codes.size(), codes.empty() ? 0 : codes.front().code, codes.empty() ? 0 : codes.back().code,
         kMinCodes, highest));
   }
@@ -214,7 +214,7 @@ absl::StatusOr<ToneCurve> ToneCurve::create(std::vector<double> radiances) {
   const size_t count = radiances.size();
   if (count < 256 || count > 4096 || (count & (count - 1)) != 0) {
     return absl::InvalidArgumentError(
-        fmt::format("a response has {} codes; it must have 256, 512, 1024, 2048 or 4096", count));
+        fmt::format("a response of {} codes; 256, 512, 1024, 2048 or 4096 can be used", count));
   }
   for (size_t k = 1; k < count; ++k) {
     if (!(radiances[k] >= radiances[k - 1])) {

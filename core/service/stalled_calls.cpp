@@ -67,7 +67,7 @@ class StalledCallsFactory::Calls::Call final : public grpc::experimental::Interc
     const std::lock_guard lock(mutex_);
     if (!since_ || *since_ > before) return;
     since_.reset();
-    spdlog::warn("a stalled call is cancelled method={} peer={}", info_->method(),
+    spdlog::warn("a call is ended: its other side has stopped method={} peer={}", info_->method(),
                  info_->server_context()->peer());
     counter("glasswing_rpcs_stalled_total", "Calls that were cancelled because their peer had stalled.")
         .Increment();
