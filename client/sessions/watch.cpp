@@ -16,8 +16,9 @@
 namespace glasswing {
 namespace {
 
+// A session is deleted only at rest.
 bool is_under_way(const v1::Session& session) {
-  return allows(session, v1::SESSION_ACTION_CANCEL) && !allows(session, v1::SESSION_ACTION_RESUME);
+  return !allows(session, v1::SESSION_ACTION_DELETE);
 }
 
 class SessionProgress {

@@ -44,7 +44,7 @@ void Registration::run(std::stop_token stop) {
         spdlog::info("the server knows this node node={}", node_.name());
       } else {
         const absl::Status why = from_grpc(status, "the server at " + server_address_);
-        spdlog::warn("the server does not accept this node yet; retrying: {}", std::string(why.message()));
+        spdlog::warn("the server does not take this node yet, retrying: {}", std::string(why.message()));
       }
     }
     std::unique_lock lock(mutex_);
