@@ -163,7 +163,9 @@ absl::StatusOr<std::optional<Lease>> SqlJobStore::claim(const std::string& solve
                                                         std::span<const std::string> computes, bool ahead) {
   std::optional<Lease> lease;
   if (computes.empty()) return lease;
-  const auto oldest = [this](const std::string& open, const std::string& free) { return oldest_tile(open, free); };
+  const auto oldest = [this](const std::string& open, const std::string& free) {
+    return oldest_tile(open, free);
+  };
   const absl::Status status = statements([&](SqlConnection& connection) -> absl::Status {
     GW_ASSIGN_OR_RETURN(lease, claim_tile(connection, solver, computes, ahead, options_, oldest));
     return absl::OkStatus();

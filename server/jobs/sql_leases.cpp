@@ -147,23 +147,22 @@ absl::StatusOr<std::optional<Lease>> claim_tile(SqlConnection& connection, const
   SqlRows rows;
   do {
     if (!rows.empty()) GW_RETURN_IF_ERROR(quarantine_lost(connection, rows));
-    GW_ASSIGN_OR_RETURN(rows,
-                        claim_free(connection, solver, std::chrono::microseconds(options.lease).count(),
-                                   oldest_tile(open_jobs(3, computes.size()), is_free()), computes));
+    GW_ASSIGN_OR_RETURN(rows, claim_free(connection, solver, std::chrono::microseconds(options.lease).count(),
+                                         oldest_tile(open_jobs(3, computes.size()), is_free()), computes));
   } while (!rows.empty() && rows.integer(0, 9) >= kMaxLost);
   if (rows.empty() && !ahead) {
     GW_ASSIGN_OR_RETURN(rows, claim_twice(connection, solver, options, computes));
   }
   if (rows.empty()) return std::nullopt;
-  return Lease{.id = {.job = rows.integer(0, 0),
-                      .tile = static_cast<int>(rows.integer(0, 1)),
-                      .attempt = static_cast<int>(rows.integer(0, 2))},
-               .session = rows.text(0, 5),
-               .work = rows.text(0, 6),
-               .range = {.first = static_cast<int>(rows.integer(0, 3)),
-                         .count = static_cast<int>(rows.integer(0, 4))},
-               .server_address = rows.text(0, 8),
-               .own = rows.text(0, 7) == options.server_id};
+  return Lease{
+      .id = {.job = rows.integer(0, 0),
+             .tile = static_cast<int>(rows.integer(0, 1)),
+             .attempt = static_cast<int>(rows.integer(0, 2))},
+      .session = rows.text(0, 5),
+      .work = rows.text(0, 6),
+      .range = {.first = static_cast<int>(rows.integer(0, 3)), .count = static_cast<int>(rows.integer(0, 4))},
+      .server_address = rows.text(0, 8),
+      .own = rows.text(0, 7) == options.server_id};
 }
 
 absl::StatusOr<FailedAttempt> fail_attempt(SqlConnection& connection, const TileAttempt& lease,
@@ -182,8 +181,7 @@ absl::StatusOr<FailedAttempt> fail_attempt(SqlConnection& connection, const Tile
   const bool quarantined = failed.integer(0, 0) != 0;
   // An expired lease may be renewed all the same.
   if (quarantined) {
-    const std::string end_all =
-        fmt::format("UPDATE tiles SET {} WHERE job = ?1 AND number = ?2", kNoLease);
+    const std::string end_all = fmt::format("UPDATE tiles SET {} WHERE job = ?1 AND number = ?2", kNoLease);
     GW_RETURN_IF_ERROR(connection.run(end_all, {lease.job, std::int64_t{lease.tile}}).status());
   }
   return FailedAttempt{.had_lease = true, .quarantined = quarantined};

@@ -88,14 +88,15 @@ absl::StatusOr<std::vector<JobState>> report_jobs(SqlReader& reader, const std::
   constexpr double kMinute_us = 60e6;
   GW_ASSIGN_OR_RETURN(
       const SqlRows rows,
-      reader.read(fmt::format(
-               "SELECT j.id, j.session, j.computes, s.address, j.server, j.held, :now - j.created, "
-               "count(CASE WHEN done_attempt > 0 AND done_at > :now - 60000000 THEN 1 END), {} "
-               "FROM jobs j JOIN servers s ON s.id = j.server JOIN tiles t ON t.job = j.id "
-               "WHERE EXISTS (SELECT 1 FROM tiles WHERE job = j.id AND {}) "
-               "GROUP BY j.id, j.session, j.computes, s.address, j.server, j.held, j.created ORDER BY j.id",
-               kCounts, kOpen),
-           {}));
+      reader.read(
+          fmt::format(
+              "SELECT j.id, j.session, j.computes, s.address, j.server, j.held, :now - j.created, "
+              "count(CASE WHEN done_attempt > 0 AND done_at > :now - 60000000 THEN 1 END), {} "
+              "FROM jobs j JOIN servers s ON s.id = j.server JOIN tiles t ON t.job = j.id "
+              "WHERE EXISTS (SELECT 1 FROM tiles WHERE job = j.id AND {}) "
+              "GROUP BY j.id, j.session, j.computes, s.address, j.server, j.held, j.created ORDER BY j.id",
+              kCounts, kOpen),
+          {}));
   std::vector<JobState> jobs;
   for (size_t i = 0; i < rows.size(); ++i) {
     const double seen_us = std::clamp(rows.real(i, 6), 1e6, kMinute_us);
@@ -113,8 +114,8 @@ absl::StatusOr<std::vector<JobState>> report_jobs(SqlReader& reader, const std::
 
 absl::StatusOr<std::vector<LeaseState>> report_leases(SqlReader& reader, const std::string& own_server) {
   GW_ASSIGN_OR_RETURN(const SqlRows rows, reader.read(leases_in("lease", "twin") + " UNION ALL " +
-                                                   leases_in("twin", "lease") + " ORDER BY 1, 2, 3",
-                                               {}));
+                                                          leases_in("twin", "lease") + " ORDER BY 1, 2, 3",
+                                                      {}));
   std::vector<LeaseState> leases;
   for (size_t i = 0; i < rows.size(); ++i) {
     leases.push_back({.id = {.job = rows.integer(i, 0),
