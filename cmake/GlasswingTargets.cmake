@@ -27,9 +27,11 @@ endif()
 
 # Enables our warnings for this target only, not for targets that link to it.
 function(glasswing_warnings target)
-  # g++ 12 wrongly reports absl::StatusOr's storage as uninitialized.
+  # g++ 12 wrongly reports absl::StatusOr's storage as uninitialized. It takes a .cpp that a unity build
+  # includes for a header.
   target_compile_options(${target} PRIVATE -Wall -Wextra -Wpedantic -Wshadow -Wconversion
                          $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>
+                         $<$<BOOL:${CMAKE_UNITY_BUILD}>:-Wno-subobject-linkage>
                          $<$<BOOL:${GLASSWING_WERROR}>:-Werror>)
 endfunction()
 
@@ -112,6 +114,10 @@ function(glasswing_library)
     target_include_directories(${name} SYSTEM PRIVATE ${OpenCV_INCLUDE_DIRS})
   endif()
   glasswing_set_up(${name} "" ${uses})
+  # A kernel includes itself once for each processor, and so needs a translation unit of its own.
+  set(kernels ${ARG_SOURCES})
+  list(FILTER kernels INCLUDE REGEX "_kernel\\.cpp$")
+  set_source_files_properties(${kernels} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
 endfunction()
 
 # glasswing_program(NAME SOURCES main.cpp USES folder|library ...)
@@ -161,7 +167,8 @@ function(glasswing_tests)
   if(ARG_USES MATCHES "opencv_")
     target_include_directories(${target} SYSTEM PRIVATE ${OpenCV_INCLUDE_DIRS})
   endif()
-  set_target_properties(${target} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
+  # Tests of a folder may use the same names.
+  set_target_properties(${target} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests UNITY_BUILD OFF)
   glasswing_set_up(${target} _test ${uses})
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)

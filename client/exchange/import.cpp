@@ -94,7 +94,7 @@ std::string name_of_directory(const fs::path& directory) {
   return (normal.has_filename() ? normal : normal.parent_path()).filename().string();
 }
 
-struct Arguments {
+struct ImportArguments {
   std::string directory;
   std::string session;
   std::string archive;  // empty: the server's
@@ -108,7 +108,7 @@ bool is_video_folder(const fs::path& path) {
   return !fs::exists(path / "manifest.json") && !numbered_pictures(path).empty();
 }
 
-absl::StatusOr<FrameSource> source_of(const Arguments& arguments) {
+absl::StatusOr<FrameSource> source_of(const ImportArguments& arguments) {
   const fs::path path = arguments.directory;
   const PhotographOptions& photographs = arguments.video.photographs;
   if (!arguments.list.empty()) return photograph_source(path, arguments.list, photographs);
@@ -170,7 +170,7 @@ absl::Status write(const Client& client, const FrameSource& source, const std::s
   return absl::OkStatus();
 }
 
-absl::Status import(const Client& client, const Arguments& arguments) {
+absl::Status import(const Client& client, const ImportArguments& arguments) {
   const Interruptible ctrl_c;
   GW_ASSIGN_OR_RETURN(FrameSource source, source_of(arguments));
   const std::string& named_after = arguments.archive.empty() ? arguments.directory : arguments.archive;
@@ -205,7 +205,7 @@ void add_import_command(CLI::App& app, Client& client) {
       "  glasswing import clip.mp4 --monitor back:1920x1080 --empty-frames 60 --session pouring\n"
       "  glasswing import photographs --list photographs/list.tsv --session vase\n"
       "  glasswing import photographs --list photographs/list.tsv --archive archives/vase");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<ImportArguments>();
   command
       .add_option("directory", arguments->directory,
                   "a session archive (manifest.json and frames), a directory of photographs, or a video (a "

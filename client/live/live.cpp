@@ -24,7 +24,7 @@ namespace {
 
 constexpr double kPictureRateHz = 30.0;  // of a moving background
 
-struct Arguments {
+struct LiveArguments {
   std::string monitor, background, output = "window";
   double exposure_ms = 4.0;
   std::vector<std::string> settings;
@@ -52,7 +52,7 @@ void wait_for_person(const std::string& what) {
 
 class Live {
  public:
-  Live(const Client& client, const Arguments& arguments) : client_(client), arguments_(arguments) {}
+  Live(const Client& client, const LiveArguments& arguments) : client_(client), arguments_(arguments) {}
 
   absl::Status run() {
     GW_ASSIGN_OR_RETURN(const auto options, parse_settings(arguments_.settings));
@@ -175,7 +175,7 @@ class Live {
   }
 
   const Client& client_;
-  const Arguments& arguments_;
+  const LiveArguments& arguments_;
   std::optional<LiveTarget> target_;
   std::unique_ptr<RampHolder> ramp_;
   std::unique_ptr<CameraClock> clock_;
@@ -200,7 +200,7 @@ void add_live_command(CLI::App& app, Client& client) {
       "  glasswing live --background harbour.png\n"
       "  glasswing live --background sea.mp4 --output - | ffplay -\n"
       "  glasswing live --background harbour.png --output frames/ --frames 100 --json");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<LiveArguments>();
   command
       .add_option("--background", arguments->background, "a picture, a directory of them, or a video, sRGB")
       ->required();

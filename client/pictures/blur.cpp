@@ -97,7 +97,7 @@ Colour colour_of(double share) {
   return colour;
 }
 
-struct Arguments {
+struct BlurArguments {
   std::string matte;
   std::string output;
 };
@@ -140,7 +140,7 @@ double max_px_of(const Blur& blur) {
   return std::ceil(3.0 * std::max((*blur.whole.monitor_px)[0], (*blur.whole.monitor_px)[1]));
 }
 
-absl::StatusOr<Blur> measured(const Arguments& arguments) {
+absl::StatusOr<Blur> measured(const BlurArguments& arguments) {
   const Waiting waiting("measuring");
   GW_ASSIGN_OR_RETURN(const Matte matte, read_matte(arguments.matte));
   GW_ASSIGN_OR_RETURN(const Blur found, blur_of(matte));
@@ -150,7 +150,7 @@ absl::StatusOr<Blur> measured(const Arguments& arguments) {
   return found;
 }
 
-absl::Status blur(const Client& client, const Arguments& arguments) {
+absl::Status blur(const Client& client, const BlurArguments& arguments) {
   if (!arguments.output.empty()) GW_RETURN_IF_ERROR(check_output(arguments.output));
   GW_ASSIGN_OR_RETURN(const Blur found, measured(arguments));
   const double max_px = max_px_of(found);
@@ -231,7 +231,7 @@ void add_blur_command(CLI::App& app, Client& client) {
       "  glasswing solve blur --watch\n"
       "  glasswing fetch blur -o blur.exr\n"
       "  glasswing blur blur.exr -o blur.png");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<BlurArguments>();
   command.add_option("matte", arguments->matte, "a matte that glasswing fetch wrote")->required();
   command.add_option("-o,--output", arguments->output, "a map of the widths to write: .png, .exr or .tif");
   command.callback(

@@ -18,7 +18,7 @@
 namespace glasswing {
 namespace {
 
-struct Arguments {
+struct CompareArguments {
   std::string a;
   std::string b;
   std::string matte;
@@ -26,7 +26,7 @@ struct Arguments {
   bool match = false;
 };
 
-absl::StatusOr<Difference> compared(const Arguments& arguments) {
+absl::StatusOr<Difference> compared(const CompareArguments& arguments) {
   const Waiting waiting("comparing");
   const Encoding encoding = arguments.linear ? Encoding::kLinear : Encoding::kDisplay;
   GW_ASSIGN_OR_RETURN(RadianceImage a, read_picture(arguments.a, encoding));
@@ -42,7 +42,7 @@ absl::StatusOr<Difference> compared(const Arguments& arguments) {
   return difference_of(a, b, counted);
 }
 
-absl::Status compare(const Client& client, const Arguments& arguments) {
+absl::Status compare(const Client& client, const CompareArguments& arguments) {
   GW_ASSIGN_OR_RETURN(const Difference difference, compared(arguments));
   if (client.tsv) {
     print_table(client, {{"RMS"}, {"PSNR_DB"}, {"PIXELS"}},
@@ -129,7 +129,7 @@ void add_compare_command(CLI::App& app, Client& client) {
       *app.add_subcommand("compare", "Measure the difference of two pictures in linear light.");
   command.footer(
       "Example:\n  glasswing compare composite.exr archive/frames/000310.tif --linear --matte vase.exr");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<CompareArguments>();
   command.add_option("a", arguments->a, "a picture")->required();
   command.add_option("b", arguments->b, "another picture of the same size")->required();
   command.add_option("--matte", arguments->matte, "count only the pixels that this matte covers");

@@ -7,14 +7,14 @@
 namespace glasswing {
 namespace {
 
-struct Arguments {
+struct ConvertArguments {
   std::string input;
   std::string output;
   std::string crop;
   bool linear = false;
 };
 
-absl::StatusOr<RadianceImage> converted(const Arguments& arguments) {
+absl::StatusOr<RadianceImage> converted(const ConvertArguments& arguments) {
   const Waiting waiting("converting");
   GW_ASSIGN_OR_RETURN(
       const RadianceImage whole,
@@ -24,7 +24,7 @@ absl::StatusOr<RadianceImage> converted(const Arguments& arguments) {
   return picture;
 }
 
-absl::Status convert(const Client& client, const Arguments& arguments) {
+absl::Status convert(const Client& client, const ConvertArguments& arguments) {
   GW_RETURN_IF_ERROR(check_output(arguments.output));
   GW_ASSIGN_OR_RETURN(const RadianceImage picture, converted(arguments));
   print_written(client, arguments.output, picture.width_px, picture.height_px);
@@ -38,7 +38,7 @@ void add_convert_command(CLI::App& app, Client& client) {
   command.footer(
       "The output is sRGB (PNG, TIFF) or linear (EXR).\n\n"
       "Example:\n  glasswing convert --linear archive/frames/000310.tif look.png");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<ConvertArguments>();
   command.add_option("input", arguments->input, "the picture to read")->required();
   command.add_option("output", arguments->output, "the picture to write: .png, .tif or .exr")->required();
   command.add_option("--crop", arguments->crop, kCropHelp);

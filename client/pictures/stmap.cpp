@@ -15,9 +15,7 @@
 namespace glasswing {
 namespace {
 
-constexpr std::array<const char*, kChannels> kColours{"r", "g", "b"};
-
-struct Arguments {
+struct StmapArguments {
   std::string matte, output, monitor, channel;
 };
 
@@ -33,7 +31,7 @@ absl::StatusOr<int> texture_of(const v1::MatteMetadata& metadata, const std::str
       fmt::format("--monitor is \"{}\"; this matte has: {}", monitor, fmt::join(names, ", ")));
 }
 
-absl::Status write_stmap(const Client& client, const Arguments& arguments) {
+absl::Status write_stmap(const Client& client, const StmapArguments& arguments) {
   if (std::filesystem::path(arguments.output).extension() != ".exr") {
     return absl::InvalidArgumentError(
         fmt::format("the output is {}; its name must end in .exr", arguments.output));
@@ -43,11 +41,11 @@ absl::Status write_stmap(const Client& client, const Arguments& arguments) {
   const int channel =
       arguments.channel.empty()
           ? strongest_channel(matte, texture)
-          : static_cast<int>(std::ranges::find(kColours, arguments.channel) - kColours.begin());
+          : static_cast<int>(std::ranges::find(kChannelNames, arguments.channel) - kChannelNames.begin());
   GW_ASSIGN_OR_RETURN(const std::string bytes, encode_stmap(matte, texture, channel));
   GW_RETURN_IF_ERROR(write_file_durably(arguments.output, bytes));
   const std::string& monitor = matte.metadata.monitors(texture).name();
-  const char* colour = kColours[static_cast<size_t>(channel)];
+  const char* colour = kChannelNames[static_cast<size_t>(channel)];
   if (client.json) {
     const nlohmann::ordered_json written = {{"file", arguments.output},
                                             {"monitor", monitor},
@@ -78,14 +76,14 @@ void add_stmap_command(CLI::App& app, Client& client) {
       "Examples:\n"
       "  glasswing stmap vase.exr -o vase_st.exr\n"
       "  glasswing stmap vase.exr --monitor left --channel b -o vase_left_b.exr");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<StmapArguments>();
   command.add_option("matte", arguments->matte, "a matte that glasswing fetch wrote")->required();
   command.add_option("-o,--output", arguments->output, "the OpenEXR file to write")->required();
   command.add_option("--monitor", arguments->monitor, "the monitor's name; default: the first");
   command
       .add_option("--channel", arguments->channel,
                   "channel of the path; default: g, or another channel if much more of its light arrives")
-      ->check(CLI::IsMember(kColours));
+      ->check(CLI::IsMember(kChannelNames));
   command.callback([&client, arguments] {
     client.run = [&client, arguments] { return write_stmap(client, *arguments); };
   });

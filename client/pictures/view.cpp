@@ -15,9 +15,7 @@
 namespace glasswing {
 namespace {
 
-constexpr std::array<const char*, kChannels> kColours{"r", "g", "b"};
-
-struct Arguments {
+struct ViewArguments {
   std::string matte, output, only, channel;
 };
 
@@ -40,7 +38,7 @@ std::vector<std::string> lines_of(const Matte& matte) {
   return lines;
 }
 
-std::string heading_of(const Arguments& arguments, const v1::MatteMetadata& metadata) {
+std::string heading_of(const ViewArguments& arguments, const v1::MatteMetadata& metadata) {
   std::string heading = metadata.session().empty()
                             ? std::filesystem::path(arguments.matte).filename().string()
                             : metadata.session();
@@ -48,7 +46,7 @@ std::string heading_of(const Arguments& arguments, const v1::MatteMetadata& meta
   return heading;
 }
 
-absl::Status view(const Client& client, const Arguments& arguments) {
+absl::Status view(const Client& client, const ViewArguments& arguments) {
   if (std::filesystem::path(arguments.output).extension() != ".png") {
     return absl::InvalidArgumentError(
         fmt::format("the output is {}; its name must end in .png", arguments.output));
@@ -57,7 +55,7 @@ absl::Status view(const Client& client, const Arguments& arguments) {
   const int channel =
       arguments.channel.empty()
           ? strongest_channel(matte)
-          : static_cast<int>(std::ranges::find(kColours, arguments.channel) - kColours.begin());
+          : static_cast<int>(std::ranges::find(kChannelNames, arguments.channel) - kChannelNames.begin());
   const std::vector<MattePanel> panels = panels_of(matte, channel);
   const CodeImage picture =
       arguments.only.empty() ? contact_sheet(panels, heading_of(arguments, matte.metadata), lines_of(matte))
@@ -78,7 +76,7 @@ void add_view_command(CLI::App& app, Client& client) {
       "  glasswing view vase.exr -o vase_sheet.png\n"
       "  glasswing view vase.exr --only preview -o vase.png\n"
       "  glasswing view pouring/0007.exr --channel r -o pouring-7.png");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<ViewArguments>();
   command.add_option("matte", arguments->matte, "a matte that glasswing fetch wrote")->required();
   command.add_option("-o,--output", arguments->output, "the PNG file to write")->required();
   command.add_option("--only", arguments->only, "write one panel, without title and legend")
@@ -88,7 +86,7 @@ void add_view_command(CLI::App& app, Client& client) {
           "--channel", arguments->channel,
           "channel of centre, sigma and uncertainty; default: g, or another channel if much more of its "
           "light arrives")
-      ->check(CLI::IsMember(kColours));
+      ->check(CLI::IsMember(kChannelNames));
   command.callback(
       [&client, arguments] { client.run = [&client, arguments] { return view(client, *arguments); }; });
 }

@@ -13,7 +13,7 @@
 namespace glasswing {
 namespace {
 
-struct Arguments {
+struct PkiArguments {
   std::string directory;
   std::string name = "Glasswing lab";
   std::vector<std::string> requests, names;
@@ -63,14 +63,14 @@ void print_certificates(const Client& client, const std::vector<IssuedCertificat
   print_table(client, {{"NAME"}, {"ROLES"}, {"HOSTS"}, {"EXPIRES"}, {"DAYS LEFT", true}}, rows);
 }
 
-absl::Status init(const Client& client, const Arguments& arguments) {
+absl::Status init(const Client& client, const PkiArguments& arguments) {
   GW_ASSIGN_OR_RETURN(const CertificateAuthority authority,
                       CertificateAuthority::init(arguments.directory, arguments.name));
   print_certificates(client, {}, &authority);
   return absl::OkStatus();
 }
 
-absl::Status issue(const Client& client, const Arguments& arguments) {
+absl::Status issue(const Client& client, const PkiArguments& arguments) {
   GW_ASSIGN_OR_RETURN(const CertificateAuthority authority, CertificateAuthority::open(arguments.directory));
   std::vector<CertificateRequest> requests;
   for (const std::string& text : arguments.requests) {
@@ -86,7 +86,7 @@ absl::Status issue(const Client& client, const Arguments& arguments) {
   return absl::OkStatus();
 }
 
-absl::Status renew(const Client& client, const Arguments& arguments) {
+absl::Status renew(const Client& client, const PkiArguments& arguments) {
   GW_ASSIGN_OR_RETURN(const CertificateAuthority authority, CertificateAuthority::open(arguments.directory));
   std::vector<std::string> names = arguments.names;
   if (names.empty()) {
@@ -107,7 +107,7 @@ absl::Status renew(const Client& client, const Arguments& arguments) {
   return absl::OkStatus();
 }
 
-absl::Status list(const Client& client, const Arguments& arguments) {
+absl::Status list(const Client& client, const PkiArguments& arguments) {
   GW_ASSIGN_OR_RETURN(const CertificateAuthority authority, CertificateAuthority::open(arguments.directory));
   GW_ASSIGN_OR_RETURN(const std::vector<IssuedCertificate> all, authority.issued());
   print_certificates(client, all, &authority);
@@ -128,8 +128,8 @@ void add_pki_commands(CLI::App& app, Client& client) {
       "  glasswing pki issue certificates server+display+camera:rig=rig.lab,10.0.0.5 operator:me\n"
       "  glasswing pki list certificates\n"
       "  glasswing pki renew certificates");
-  auto arguments = std::make_shared<Arguments>();
-  using Run = absl::Status (*)(const Client&, const Arguments&);
+  auto arguments = std::make_shared<PkiArguments>();
+  using Run = absl::Status (*)(const Client&, const PkiArguments&);
   const auto add = [&](const char* name, const char* description, Run run) -> CLI::App& {
     CLI::App& command = *pki.add_subcommand(name, description);
     command

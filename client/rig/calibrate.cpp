@@ -72,9 +72,9 @@ absl::Status calibrate_sync(const Client& client, const v1::CalibrateSyncRequest
   return status.ok() ? absl::OkStatus() : status_from(status, server.title);
 }
 
-using Arguments = std::shared_ptr<CalibrateArguments>;
+using SharedArguments = std::shared_ptr<CalibrateArguments>;
 
-Arguments add_light_options(CLI::App& command) {
+SharedArguments add_light_options(CLI::App& command) {
   auto arguments = std::make_shared<CalibrateArguments>();
   command.add_option("--plan", arguments->plan, "calibrate for this plan's monitors and exposures");
   command.add_option("--monitor", arguments->monitors, "only this monitor; may be repeated; default: all");
@@ -84,7 +84,7 @@ Arguments add_light_options(CLI::App& command) {
   return arguments;
 }
 
-void add_session_option(CLI::App& command, const Arguments& arguments) {
+void add_session_option(CLI::App& command, const SharedArguments& arguments) {
   command
       .add_option("--session", arguments->session, "fit this captured session instead of capturing a new one")
       ->type_name("SESSION");
@@ -159,7 +159,7 @@ void add_calibrate_commands(CLI::App& app, Client& client) {
   CLI::App& all =
       *calibrate.add_subcommand("all", "Calibrate timing, camera and monitors, one after the other.");
   all.footer("Example:\n  glasswing calibrate all --plan deploy/plans/crystal.txtpb -o curves");
-  const Arguments all_arguments = add_light_options(all);
+  const SharedArguments all_arguments = add_light_options(all);
   all.callback([&client, all_arguments] {
     client.run = [&client, all_arguments] { return calibrate_all(client, *all_arguments); };
   });
@@ -167,7 +167,7 @@ void add_calibrate_commands(CLI::App& app, Client& client) {
   CLI::App& camera = *calibrate.add_subcommand(
       "camera", "Measure the camera's response curve and noise, from exposures of several lengths.");
   camera.footer("Example:\n  glasswing calibrate camera -o curves");
-  const Arguments camera_arguments = add_light_options(camera);
+  const SharedArguments camera_arguments = add_light_options(camera);
   add_session_option(camera, camera_arguments);
   camera.callback([&client, camera_arguments] {
     client.run = [&client, camera_arguments] { return calibrate_camera_light(client, *camera_arguments); };
@@ -176,7 +176,7 @@ void add_calibrate_commands(CLI::App& app, Client& client) {
   CLI::App& display =
       *calibrate.add_subcommand("display", "Measure the monitors' tone curves with the calibrated camera.");
   display.footer("Example:\n  glasswing calibrate display --monitor back -o curves");
-  const Arguments display_arguments = add_light_options(display);
+  const SharedArguments display_arguments = add_light_options(display);
   add_session_option(display, display_arguments);
   display.callback([&client, display_arguments] {
     client.run = [&client, display_arguments] { return calibrate_display_light(client, *display_arguments); };

@@ -19,13 +19,13 @@ std::string own_name() {
   return user != nullptr && check_name("visitor", user).ok() ? user : "console";
 }
 
-struct Arguments {
+struct ConsoleArguments {
   std::string name = own_name();
   bool viewer = false;
   double hours = 12.0;
 };
 
-absl::Status make_token(const Client& client, const Arguments& arguments) {
+absl::Status make_token(const Client& client, const ConsoleArguments& arguments) {
   const Peer<v1::ConsoleService> server(client.server_title(), client.server);
   v1::CreateTokenRequest request;
   request.set_name(arguments.name);
@@ -56,7 +56,7 @@ void add_console_command(CLI::App& app, Client& client) {
       "Examples:\n"
       "  glasswing console token\n"
       "  glasswing console token --viewer --name visitors --hours 8");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<ConsoleArguments>();
   command.add_option("--name", arguments->name, "the owner's name, for the audit log and other users")
       ->capture_default_str();
   command.add_flag("--viewer", arguments->viewer, "allow looking only");

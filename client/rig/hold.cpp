@@ -17,7 +17,7 @@
 namespace glasswing {
 namespace {
 
-struct Arguments {
+struct HoldArguments {
   std::string reason;
   std::vector<std::string> command;
 };
@@ -90,7 +90,7 @@ absl::StatusOr<int> run_command(const std::vector<std::string>& command) {
   return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
 }
 
-absl::Status hold(Client& client, const Arguments& arguments) {
+absl::Status hold(Client& client, const HoldArguments& arguments) {
   HeldRig rig(client, arguments.reason);
   GW_ASSIGN_OR_RETURN(const std::string token, rig.take());
   if (arguments.command.empty()) {
@@ -116,7 +116,7 @@ void add_hold_command(CLI::App& app, Client& client) {
       "Examples:\n"
       "  glasswing hold --reason \"turntable series\" -- ./turntable.py\n"
       "  glasswing hold --reason \"moving the camera\"");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<HoldArguments>();
   command.add_option("--reason", arguments->reason, "the reason, shown to other clients")->required();
   command.add_option("command", arguments->command, "the command to run with its arguments, after --");
   command.callback(

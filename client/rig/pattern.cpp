@@ -13,12 +13,12 @@ namespace {
 
 constexpr std::chrono::hours kLongest(24);
 
-struct Arguments {
+struct PatternArguments {
   std::string pattern;
   std::vector<std::string> monitors;
 };
 
-absl::Status show_pattern(const Client& client, const Arguments& arguments) {
+absl::Status show_pattern(const Client& client, const PatternArguments& arguments) {
   const Peer<v1::RigService> server(client.server_title(), client.server);
   v1::ShowPatternRequest request;
   request.set_pattern(arguments.pattern);
@@ -43,7 +43,7 @@ void add_pattern_command(CLI::App& app, Client& client) {
       "Examples:\n"
       "  glasswing pattern white\n"
       "  glasswing pattern bars --monitor left");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<PatternArguments>();
   command.add_option("pattern", arguments->pattern, "white, gray, bars, ramp or black")->required();
   command.add_option("--monitor", arguments->monitors, "only this monitor; may be repeated");
   command.callback([&client, arguments] {

@@ -17,7 +17,7 @@ namespace {
 namespace fs = std::filesystem;
 constexpr std::chrono::hours kPreviewTimeout(24);
 
-struct Arguments {
+struct PreviewArguments {
   std::string output = "live.jpg";
   double fps = 2.0;
   int width_px = 640;
@@ -48,7 +48,7 @@ absl::Status replace_file(const fs::path& path, const std::string& bytes) {
       "cannot write {}; its directory must be there and writable, with room on the disk", path.string()));
 }
 
-void print_line(const v1::PreviewResponse& shown, const Arguments& arguments, bool json) {
+void print_line(const v1::PreviewResponse& shown, const PreviewArguments& arguments, bool json) {
   if (json) {
     const nlohmann::json line = {{"file", arguments.output},
                                  {"width_px", shown.width_px()},
@@ -66,7 +66,7 @@ void print_line(const v1::PreviewResponse& shown, const Arguments& arguments, bo
             << std::endl;
 }
 
-absl::Status preview(const Client& client, const Arguments& arguments) {
+absl::Status preview(const Client& client, const PreviewArguments& arguments) {
   GW_ASSIGN_OR_RETURN(const std::string address, camera_address(client));
   const Peer<v1::CameraService> camera("camera node at " + address, address);
   v1::PreviewRequest request;
@@ -96,7 +96,7 @@ void add_preview_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand(
       "preview", "Write the camera's live picture to a file, for framing and focus, until interrupted.");
   command.footer("Example:\n  glasswing preview -o live.jpg --fps 2");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<PreviewArguments>();
   command.add_option("-o,--output", arguments->output, "the JPEG file to rewrite")->capture_default_str();
   command.add_option("--fps", arguments->fps, "maximum frame rate, Hz")
       ->check(CLI::Range(0.2, 10.0))

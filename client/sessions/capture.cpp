@@ -76,14 +76,14 @@ absl::Status upload_photos(const Client& client, const Peer<v1::SessionService>&
   return absl::OkStatus();
 }
 
-struct Arguments {
+struct CaptureArguments {
   std::string plan, session, note;
   std::vector<std::string> tags;
   bool watch = false, dry_run = false;
 };
 
 absl::Status dry_run(const Client& client, const Peer<v1::SessionService>& server,
-                     const Arguments& arguments) {
+                     const CaptureArguments& arguments) {
   v1::EstimateSessionRequest request;
   request.set_name(arguments.session);
   GW_ASSIGN_OR_RETURN(*request.mutable_plan(), read_plan(arguments.plan));
@@ -98,7 +98,7 @@ absl::Status dry_run(const Client& client, const Peer<v1::SessionService>& serve
   return absl::OkStatus();
 }
 
-absl::Status capture(const Client& client, const Arguments& arguments) {
+absl::Status capture(const Client& client, const CaptureArguments& arguments) {
   const Peer<v1::SessionService> server(client.server_title(), client.server);
   if (arguments.dry_run) return dry_run(client, server, arguments);
   // Checked before the capture starts; the server checks tags only afterwards.
@@ -144,7 +144,7 @@ void add_capture_command(CLI::App& app, Client& client) {
       "  glasswing capture deploy/plans/crystal.txtpb --session vase --watch\n"
       "  glasswing capture deploy/plans/crystal.txtpb --dry-run\n"
       "  glasswing capture deploy/plans/crystal.txtpb --note \"handle to the left\" --tag vases --tag lab3");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<CaptureArguments>();
   command.add_option("plan", arguments->plan, "the plan, a .txtpb file")->required();
   command.add_option("--session", arguments->session,
                      "the session's name; the server chooses one if left out");

@@ -17,7 +17,7 @@ constexpr std::chrono::minutes kDeleteTimeout(6);
 
 using Sessions = Peer<v1::SessionService>;
 
-struct Arguments {
+struct DeleteArguments {
   std::vector<std::string> sessions;
   bool yes = false;
 };
@@ -29,7 +29,7 @@ std::string mattes_text(const v1::Session& session) {
 
 // FAILED_PRECONDITION if any of them cannot be deleted now: then none is.
 absl::StatusOr<std::vector<v1::Session>> deletable_sessions(const Sessions& server,
-                                                            const Arguments& arguments) {
+                                                            const DeleteArguments& arguments) {
   std::vector<v1::Session> sessions;
   for (const std::string& name : arguments.sessions) {
     v1::GetSessionRequest request;
@@ -64,7 +64,7 @@ absl::Status confirm(const std::vector<v1::Session>& sessions) {
   return absl::CancelledError("nothing was deleted");
 }
 
-absl::Status delete_sessions(const Client& client, const Arguments& arguments) {
+absl::Status delete_sessions(const Client& client, const DeleteArguments& arguments) {
   const Sessions server(client.server_title(), client.server);
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> sessions, deletable_sessions(server, arguments));
   if (!arguments.yes) GW_RETURN_IF_ERROR(confirm(sessions));
@@ -101,7 +101,7 @@ void add_delete_command(CLI::App& app, Client& client) {
   command.footer(
       "On a terminal it asks for confirmation. Repeat an interrupted deletion to finish it.\n\n"
       "Examples:\n  glasswing delete vase\n  glasswing delete vase vase-2 --yes");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<DeleteArguments>();
   command.add_option("sessions", arguments->sessions, "their names")->required();
   command.add_flag("--yes", arguments->yes, "do not ask for confirmation");
   command.callback([&client, arguments] {

@@ -24,7 +24,7 @@ constexpr std::chrono::minutes kFetchTimeout(10);
 
 using Sessions = Peer<v1::SessionService>;
 
-struct Arguments {
+struct FetchArguments {
   std::string session, output;
   std::optional<int> frame;
   bool partial = false;
@@ -67,7 +67,7 @@ int unsolved_rows(const Matte& matte) {
   return rows;
 }
 
-absl::StatusOr<Fetched> fetched_to_file(const Sessions& server, const Arguments& arguments) {
+absl::StatusOr<Fetched> fetched_to_file(const Sessions& server, const FetchArguments& arguments) {
   Waiting waiting("fetching");
   v1::FetchMatteRequest request;
   request.set_name(arguments.session);
@@ -78,7 +78,7 @@ absl::StatusOr<Fetched> fetched_to_file(const Sessions& server, const Arguments&
   return whole;
 }
 
-absl::Status fetch_file(const Client& client, const Sessions& server, const Arguments& arguments) {
+absl::Status fetch_file(const Client& client, const Sessions& server, const FetchArguments& arguments) {
   GW_ASSIGN_OR_RETURN(const Fetched whole, fetched_to_file(server, arguments));
   const auto& warnings = whole.matte.metadata.warnings();
   if (client.json) {
@@ -193,7 +193,7 @@ absl::Status fetch_video(const Client& client, const Sessions& server, const v1:
                                                    ranges_text(unsolved), summary_of(session)));
 }
 
-absl::Status fetch(const Client& client, const Arguments& arguments) {
+absl::Status fetch(const Client& client, const FetchArguments& arguments) {
   const Sessions server(client.server_title(), client.server);
   if (arguments.frame || arguments.partial) return fetch_file(client, server, arguments);
   v1::GetSessionRequest request;
@@ -210,7 +210,7 @@ absl::Status fetch(const Client& client, const Arguments& arguments) {
         "session {} is a video of {} frames; -o is {}: it must be a directory, or --frame must name one",
         arguments.session, found.session().frame_count(), arguments.output));
   }
-  Arguments still = arguments;
+  FetchArguments still = arguments;
   if (to_directory) {
     GW_RETURN_IF_ERROR(make_directory_durably(arguments.output));
     still.output = (fs::path(arguments.output) / "0000.exr").string();
@@ -231,7 +231,7 @@ void add_fetch_command(CLI::App& app, Client& client) {
       "  glasswing fetch vase -o so-far.exr --partial\n"
       "  glasswing fetch pouring -o pouring/\n"
       "  glasswing fetch pouring --frame 7 -o pouring-7.exr");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<FetchArguments>();
   command.add_option("session", arguments->session, "the session's name")->required();
   command
       .add_option("-o,--output", arguments->output, "the OpenEXR file to write, or the directory for a video")

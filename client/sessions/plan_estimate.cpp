@@ -87,8 +87,8 @@ absl::StatusOr<v1::EstimateSessionResponse> ask_server(const Client& client, con
 }
 
 // `rig`: the server's estimate for a capture now, or why there can be none.
-void print_json(const std::string& path, const v1::Plan& plan, const Estimate& estimate,
-                const absl::StatusOr<v1::EstimateSessionResponse>& rig) {
+void print_estimate_json(const std::string& path, const v1::Plan& plan, const Estimate& estimate,
+                         const absl::StatusOr<v1::EstimateSessionResponse>& rig) {
   const v1::EstimateSessionResponse& cost = estimate.cost;
   nlohmann::ordered_json answer = {
       {"plan", path},
@@ -123,7 +123,7 @@ absl::Status print_estimate(const Client& client, const std::string& path) {
   GW_ASSIGN_OR_RETURN(const Estimate estimate, estimate_of(plan, read_rig_view(client)));
   const absl::StatusOr<v1::EstimateSessionResponse> rig = ask_server(client, plan);
   if (client.json) {
-    print_json(path, plan, estimate, rig);
+    print_estimate_json(path, plan, estimate, rig);
     return absl::OkStatus();
   }
   print_cost(plan, estimate.cost);

@@ -14,11 +14,11 @@
 namespace glasswing {
 namespace {
 
-struct Arguments {
+struct ReplicateArguments {
   std::string session, node;
 };
 
-absl::Status replicate(const Client& client, const Arguments& arguments) {
+absl::Status replicate(const Client& client, const ReplicateArguments& arguments) {
   const Peer<v1::SessionService> server(client.server_title(), client.server);
   v1::ReplicateSessionRequest request;
   request.set_name(arguments.session);
@@ -66,7 +66,7 @@ void add_replicate_command(CLI::App& app, Client& client) {
       "solver started with --listen and --archives. Repeat the command to finish an interrupted copy; that\n"
       "also repairs damaged frames on that node.\n\n"
       "Example:\n  glasswing replicate vase solver-2");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<ReplicateArguments>();
   command.add_option("session", arguments->session, "the session's name")->required();
   command.add_option("node", arguments->node, "the node for the copy; `glasswing nodes` lists them")
       ->required();

@@ -13,7 +13,7 @@
 namespace glasswing {
 namespace {
 
-struct Arguments {
+struct RetryArguments {
   std::string session;
   std::optional<int> retries;
   bool watch = false;
@@ -35,7 +35,7 @@ void print_what_is_retried(const v1::Session& session) {
   }
 }
 
-absl::Status retry(const Client& client, const Arguments& arguments) {
+absl::Status retry(const Client& client, const RetryArguments& arguments) {
   const Peer<v1::SessionService> server(client.server_title(), client.server);
   v1::GetSessionRequest get;
   get.set_name(arguments.session);
@@ -64,7 +64,7 @@ void add_retry_command(CLI::App& app, Client& client) {
   command.footer(
       "Proven steps and solved tiles are kept. To solve with other options: glasswing solve.\n\n"
       "Example:\n  glasswing retry vase --retries 30 --watch");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<RetryArguments>();
   command.add_option("session", arguments->session, "the session's name")->required();
   command
       .add_option("--retries", arguments->retries,

@@ -12,7 +12,7 @@
 namespace glasswing {
 namespace {
 
-struct Arguments {
+struct SessionsArguments {
   std::string text, since, before;
   std::vector<std::string> tags, states;
 };
@@ -25,7 +25,7 @@ std::map<std::string, v1::SessionState> states() {
   return states;
 }
 
-absl::StatusOr<v1::ListSessionsRequest> request_of(const Arguments& arguments) {
+absl::StatusOr<v1::ListSessionsRequest> request_of(const SessionsArguments& arguments) {
   v1::ListSessionsRequest request;
   request.set_text(arguments.text);
   request.mutable_tags()->Assign(arguments.tags.begin(), arguments.tags.end());
@@ -42,7 +42,7 @@ absl::StatusOr<v1::ListSessionsRequest> request_of(const Arguments& arguments) {
   return request;
 }
 
-absl::Status list_sessions(const Client& client, const Arguments& arguments) {
+absl::Status list_sessions(const Client& client, const SessionsArguments& arguments) {
   const Peer<v1::SessionService> server(client.server_title(), client.server);
   GW_ASSIGN_OR_RETURN(const v1::ListSessionsRequest request, request_of(arguments));
   GW_ASSIGN_OR_RETURN(const v1::ListSessionsResponse listed,
@@ -84,7 +84,7 @@ void add_sessions_command(CLI::App& app, Client& client) {
       "  glasswing sessions\n"
       "  glasswing sessions vase --state done --since 7d\n"
       "  glasswing sessions --tag lab3 --tag vases --since 2026-11-01 --before 2026-12-01");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<SessionsArguments>();
   command.add_option("text", arguments->text, "text in the name, the note, a tag or the reason");
   command.add_option("--tag", arguments->tags, "only sessions with this tag; repeat to require several")
       ->allow_extra_args(false);

@@ -10,14 +10,14 @@
 namespace glasswing {
 namespace {
 
-struct Arguments {
+struct SolveArguments {
   std::string session;
   std::string method;
   std::vector<std::string> options;
   bool watch = false;
 };
 
-absl::Status solve(const Client& client, const Arguments& arguments) {
+absl::Status solve(const Client& client, const SolveArguments& arguments) {
   v1::SolveSessionRequest request;
   request.set_name(arguments.session);
   request.set_method(arguments.method);
@@ -39,7 +39,7 @@ void add_solve_command(CLI::App& app, Client& client) {
       "Examples:\n  glasswing solve vase --watch\n"
       "  glasswing solve vase --method gaussian --set images=100\n"
       "  glasswing solve vase --method fringe --set modes=2");
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<SolveArguments>();
   command.add_option("session", arguments->session, "the session's name")->required();
   command.add_option("--method", arguments->method, "the method; default: the plan's")
       ->check(CLI::IsMember(std::vector<std::string>(kMethods.begin(), kMethods.end())));

@@ -7,7 +7,7 @@ namespace glasswing {
 namespace {
 
 constexpr double kMinSamples = 20.0;  // beyond a knot, to determine it
-constexpr double kMaxClipped = 0.01;  // of the samples, at code 0
+constexpr double kMaxAtZero = 0.01;   // of the samples, at code 0
 
 // The distribution of codes, each spread evenly over its step: the end of each step, as a share of full
 // scale, and the share of samples below it.
@@ -58,7 +58,7 @@ double light_at(const v1::CameraCurve& curve, double code) {
 
 void continue_below_black(const std::vector<size_t>& count, v1::CameraCurve& curve) {
   const Distribution black(count);
-  if (black.all < 2.0 * kMinSamples || static_cast<double>(count[0]) > kMaxClipped * black.all) return;
+  if (black.all < 2.0 * kMinSamples || static_cast<double>(count[0]) > kMaxAtZero * black.all) return;
   const double last = curve.light_size() - 1.0;
   const int first_above = static_cast<int>(std::floor(curve.black_level() * last)) + 1;
   // Light just above black depends on the knot below black, which is not known yet, so a line stands in for

@@ -12,12 +12,12 @@
 namespace glasswing {
 namespace {
 
-constexpr size_t kMaxPixels = 40000;  // of all monitors
-constexpr size_t kMinPixels = 1000;   // of a monitor that counts as seen
-constexpr double kSeen = 0.3;         // of white's code above black where it is brightest
-constexpr double kMinContrast = 0.1;  // of full scale, white above black
-constexpr double kBrightest = 0.99;   // quantile of pixels
-constexpr int kRim_px = 2;            // pixels this close to a monitor's edge may see past it
+constexpr size_t kMaxPixels = 40000;       // of all monitors
+constexpr size_t kMinSeeingPixels = 1000;  // of a monitor that counts as seen
+constexpr double kSeen = 0.3;              // of white's code above black where it is brightest
+constexpr double kMinContrast = 0.1;       // of full scale, white above black
+constexpr double kBrightest = 0.99;        // quantile of pixels
+constexpr int kRim_px = 2;                 // pixels this close to a monitor's edge may see past it
 
 using FrameIndex = std::vector<std::array<std::vector<int>, 3>>;  // [exposure][Shown]: frames
 
@@ -144,7 +144,7 @@ absl::StatusOr<CalibrationSamples> sample_calibration(const MappedArchive& archi
                       manifest.session(), name, planned[j]));
     }
     std::vector<size_t> seeing = seeing_pixels(archive, frames);
-    if (seeing.size() < kMinPixels) {
+    if (seeing.size() < kMinSeeingPixels) {
       out.unseen.push_back(name);
       continue;
     }
@@ -155,7 +155,7 @@ absl::StatusOr<CalibrationSamples> sample_calibration(const MappedArchive& archi
     return absl::FailedPreconditionError(
         fmt::format("the camera sees no monitor: fewer than {} pixels of any get brighter by {} of full "
                     "scale from black to white at any exposure; point it at one, or take longer exposures",
-                    kMinPixels, kMinContrast));
+                    kMinSeeingPixels, kMinContrast));
   }
   const size_t every = (all + kMaxPixels - 1) / kMaxPixels;
   for (const auto& [name, seeing] : pixels)

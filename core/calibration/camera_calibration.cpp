@@ -22,15 +22,15 @@ namespace glasswing {
 namespace {
 
 constexpr double kFull = 65535.0;
-constexpr double kHopeless = 0.25;    // relative, of exposure times
-constexpr double kShutterSd = 0.01;   // relative; electronic shutters are better
-constexpr double kBelowFull = 0.99;   // of the saturation: above, noise is partly clipped
-constexpr size_t kPileUp = 1000;      // samples of the highest code
-constexpr double kMaxClipped = 1e-3;  // share of white's samples
-constexpr double kBrightest = 0.99;   // quantile of pixels
-constexpr double kReach = 3.0;        // standard deviations
-constexpr double kOneSigma = 0.8413;  // quantile
-constexpr double kUnlit = 0.1;        // of the noise
+constexpr double kHopeless = 0.25;         // relative, of exposure times
+constexpr double kShutterSd = 0.01;        // relative; electronic shutters are better
+constexpr double kBelowFull = 0.99;        // of the saturation: above, noise is partly clipped
+constexpr size_t kPileUp = 1000;           // samples of the highest code
+constexpr double kMaxClippedWhite = 1e-3;  // share of white's samples
+constexpr double kWhiteQuantile = 0.99;    // quantile of pixels
+constexpr double kReach = 3.0;             // standard deviations
+constexpr double kOneSigma = 0.8413;       // quantile
+constexpr double kUnlit = 0.1;             // of the noise
 // Light as codes for fit_noise, with room for noise below black and above saturation.
 constexpr double kPedestal = 0.1, kUnit = 0.8;
 
@@ -218,7 +218,7 @@ std::optional<size_t> longest_unclipped(const SampledMonitor& monitor, const Fra
     size_t clipped = 0;
     const auto& codes = monitor.takes(j, Shown::kWhite).front();
     for (const std::uint16_t code : codes) clipped += light.saturated(code) ? 1 : 0;
-    if (static_cast<double>(clipped) <= kMaxClipped * static_cast<double>(codes.size())) found = j;
+    if (static_cast<double>(clipped) <= kMaxClippedWhite * static_cast<double>(codes.size())) found = j;
   }
   return found;
 }
@@ -246,7 +246,7 @@ void add_white(const CalibrationSamples& samples, const FrameLight& light,
     }
     for (std::vector<double>& own : whites) {
       const auto at =
-          own.begin() + static_cast<std::ptrdiff_t>(kBrightest * static_cast<double>(own.size() - 1));
+          own.begin() + static_cast<std::ptrdiff_t>(kWhiteQuantile * static_cast<double>(own.size() - 1));
       std::nth_element(own.begin(), at, own.end());
       brightest_per_ms = std::max(brightest_per_ms, *at / samples.exposures_ms[*j]);
     }

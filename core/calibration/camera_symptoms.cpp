@@ -13,7 +13,7 @@ namespace {
 constexpr double kShareOfNoise = 0.32;
 constexpr double kSigmas = 5.0;
 constexpr double kBright = 0.1, kNearlyFull = 0.95;  // light
-constexpr size_t kMinPixels = 200;
+constexpr size_t kMinRatios = 200;
 constexpr double kPeak = 0.98;  // quantile: where the stripe is as bright as white
 constexpr double kClippedShare = 0.01;
 constexpr double kTwoExposures = 1.2;  // ratio of times that codes must reflect
@@ -90,7 +90,7 @@ class Symptoms {
           ratios.push_back(static_cast<double>(light_.light(take[i], static_cast<int>(c)) / mean[i]));
           light += static_cast<double>(mean[i]);
         }
-        if (ratios.size() < kMinPixels) return;
+        if (ratios.size() < kMinRatios) return;
         light /= static_cast<double>(ratios.size());
         // 1.25: the error of a median relative to that of a mean.
         repeats.error = std::max(
@@ -183,7 +183,7 @@ class Symptoms {
         ratios[3].push_back(sum);
       }
       const size_t count = ratios[3].size();
-      if ((1.0 - kPeak) * static_cast<double>(count) < static_cast<double>(kMinPixels)) continue;
+      if ((1.0 - kPeak) * static_cast<double>(count) < static_cast<double>(kMinRatios)) continue;
       light /= static_cast<double>(count);
       const double noise = noise_at(light) / light *
                            std::sqrt(2.0 / static_cast<double>(monitor.takes(j, Shown::kWhite).size()));
@@ -223,7 +223,7 @@ class Symptoms {
             ratios[i % 3].push_back(std::log(static_cast<double>(after[i] / before[i])));
           }
           before = std::move(after);
-          if (std::ranges::any_of(ratios, [](const auto& own) { return own.size() < kMinPixels; })) continue;
+          if (std::ranges::any_of(ratios, [](const auto& own) { return own.size() < kMinRatios; })) continue;
           ColourStep step{.exposure = j, .off = {median(ratios[0]), median(ratios[1]), median(ratios[2])}};
           const double mean = (step.off[0] + step.off[1] + step.off[2]) / 3.0;
           for (double& off : step.off) off -= mean;
@@ -317,7 +317,7 @@ absl::Status check_codes_follow(const CalibrationSamples& samples, const std::ar
                      b = after[i] / 65535.0 - black_level[i % 3];
         if (a > kBright && b + black_level[i % 3] < kNearlyFull * saturation) ratios.push_back(b / a);
       }
-      if (ratios.size() < kMinPixels || times[j + 1] < kTwoExposures * times[j]) continue;
+      if (ratios.size() < kMinRatios || times[j + 1] < kTwoExposures * times[j]) continue;
       if (const double ratio = median(ratios); ratio < 1.0 + kOwnChange) {
         return absl::FailedPreconditionError(
             fmt::format("codes do not follow the exposure times: frames of {:.4g} ms have codes {:.2f} times "

@@ -9,7 +9,7 @@ namespace glasswing {
 namespace {
 
 constexpr int kColumns = 16, kRows = 12;
-constexpr int kMinPixels = 4;       // of a cell
+constexpr int kMinCellPixels = 4;   // of a cell
 constexpr double kOffRamp = 0.1;    // of blue's code, which u and v predict
 constexpr double kBeyond = 0.03;    // of the screen's size, for noise at its edges
 constexpr int kRelaxations = 2000;  // many times the longest path through the grid, squared
@@ -17,7 +17,7 @@ constexpr int kRelaxations = 2000;  // many times the longest path through the g
 struct Cell {
   double light = 0.0;
   int pixels = 0;
-  bool seen() const { return pixels >= kMinPixels; }
+  bool seen() const { return pixels >= kMinCellPixels; }
 };
 
 // The cell of the grid that a pixel sees; none if it does not see the ramp.

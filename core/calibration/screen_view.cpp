@@ -16,13 +16,13 @@
 namespace glasswing {
 namespace {
 
-constexpr size_t kMinPixels = 300;
-constexpr double kMinLight = 0.01;      // of white above black, of the camera's full scale
-constexpr double kGoodLight = 0.7;      // of white, recommended
-constexpr double kMaxCutOff = 0.01;     // of the pixels that see white
-constexpr double kPixelsCutOff = 1e-4;  // of the pixels that see a solid
-constexpr double kBrightest = 0.001;    // of the picture; a monitor fills more
-constexpr double kMinError = 1e-7;      // of a mean; below any rounding
+constexpr size_t kMinScreenPixels = 300;
+constexpr double kMinLight = 0.01;         // of white above black, of the camera's full scale
+constexpr double kGoodLight = 0.7;         // of white, recommended
+constexpr double kMaxCutOff = 0.01;        // of the pixels that see white
+constexpr double kPixelsCutOff = 1e-4;     // of the pixels that see a solid
+constexpr double kBrightestShare = 0.001;  // of the picture; a monitor fills more
+constexpr double kMinError = 1e-7;         // of a mean; below any rounding
 
 // One of the ramp's codes is always 0.5 or more, and one 0.5 or less. So relative to white, one channel
 // exceeds code 0.5 at gamma 4, and one is below code 0.5 at gamma 1 with a crosstalk of 0.2. A lit patch has
@@ -75,7 +75,8 @@ ScreenView::Light brightest(const RadianceImage& image) {
   std::vector<float> channel(image.samples.size() / 3);
   for (size_t c = 0; c < 3; ++c) {
     for (size_t i = 0; i < channel.size(); ++i) channel[i] = image.samples[3 * i + c];
-    const auto at = static_cast<std::ptrdiff_t>((1.0 - kBrightest) * static_cast<double>(channel.size() - 1));
+    const auto at =
+        static_cast<std::ptrdiff_t>((1.0 - kBrightestShare) * static_cast<double>(channel.size() - 1));
     std::nth_element(channel.begin(), channel.begin() + at, channel.end());
     light[c] = channel[static_cast<size_t>(at)];
   }
@@ -141,11 +142,11 @@ absl::StatusOr<ScreenView> view_of(const MappedArchive& archive, const FrameLigh
     view.white.push_back(white_at(pixel));
     view.ramp.push_back(ramp_at(pixel));
   }
-  if (view.pixels.size() < kMinPixels) {
+  if (view.pixels.size() < kMinScreenPixels) {
     return absl::FailedPreconditionError(
         fmt::format("only {} of the camera's pixels see its picture; it must be {} or more: bring it into "
                     "view, and closer",
-                    view.pixels.size(), kMinPixels));
+                    view.pixels.size(), kMinScreenPixels));
   }
   return view;
 }

@@ -9,20 +9,14 @@
 #include <thread>
 
 #include "core/base/status.h"
+#include "core/matte/footprint_quadrature.h"
 #include "core/matte/summed_area_table.h"
 #include "core/radiometry/primary_mix.h"
 
 namespace glasswing {
 namespace {
 
-constexpr double kReach = 6.0;           // sigmas; 2e-9 of a Gaussian lies beyond
-constexpr double kPointSigma_px = 1e-4;  // narrower footprints are points (or lines)
-
-// Nodes and weights of the 4-point Gauss-Legendre rule on [-1, 1].
-constexpr std::array<double, 4> kNodes{-0.8611363115940526, -0.3399810435848563, 0.3399810435848563,
-                                       0.8611363115940526};
-constexpr std::array<double, 4> kWeights{0.3478548451374538, 0.6521451548625461, 0.6521451548625461,
-                                         0.3478548451374538};
+constexpr double kReach = 6.0;  // sigmas; 2e-9 of a Gaussian lies beyond
 
 // A picture, optionally with x and y exchanged, so that either axis can be the one integrated in closed form.
 struct View {
@@ -104,7 +98,7 @@ double integrate_footprint(const Mode& mode, const RadianceImage& texture, int c
       for (size_t n = 0; n < kNodes.size(); ++n) {
         const double z = (middle + half * kNodes[n] - v0) / sigma_v;
         const double density = std::exp(-0.5 * z * z) / (sigma_v * std::sqrt(2.0 * std::numbers::pi));
-        sum += kWeights[n] * half * density * integrate_row(view, v, u0 + slope * z * sigma_v, sigma_u);
+        sum += kNodeWeights[n] * half * density * integrate_row(view, v, u0 + slope * z * sigma_v, sigma_u);
       }
     }
   }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/matte/footprint_quadrature.h"
 #include "core/matte/tile_kernel.h"
 
 namespace glasswing {
@@ -15,18 +16,11 @@ constexpr double kMinVariance = 0.4;
 // Sigmas; the 0.5 % of a Gaussian that lies beyond along an axis is added to the end samples. Modes of weight
 // above 1 reach further, so that the light beyond stays as small: the centre of a bright mode may lie beyond
 // the monitor, which then sees only its tail.
-constexpr double kReach = 2.8;
+constexpr double kTileReach = 2.8;
 // For thin footprints nothing is added to the ends; 0.1 % is omitted.
 constexpr double kThinReach = 3.3;
 // Neglecting a correlation changes the footprint by half of it, relative rms.
 constexpr double kUpright = 0.02;
-constexpr double kPointSigma_px = 1e-4;  // as in compositor.cpp
-
-// Nodes of the 4-point Gauss-Legendre rule on [-1, 1], and weights.
-constexpr std::array<double, 4> kNodes{-0.8611363115940526, -0.3399810435848563, 0.3399810435848563,
-                                       0.8611363115940526};
-constexpr std::array<double, 4> kNodeWeights{0.3478548451374538, 0.6521451548625461, 0.6521451548625461,
-                                             0.3478548451374538};
 
 double side_of(float variance_px2) {
   return std::sqrt(12.0 * std::max<double>(variance_px2, 0.0));
@@ -34,7 +28,7 @@ double side_of(float variance_px2) {
 
 // The number of samples or pixels touched by [centre - reach, centre + reach].
 double length_of(double variance) {
-  return 2.0 * kReach * std::sqrt(variance) + 1.0;
+  return 2.0 * kTileReach * std::sqrt(variance) + 1.0;
 }
 
 // The share of a box's side on each pixel that it touches; a side of length 0 touches one.
@@ -160,7 +154,7 @@ int FootprintTiles::add(const Mode& mode, int channel, std::vector<std::uint16_t
   words_ = &words;
   count_ = 0;
   const double brighter = 2.0 * std::log(std::max(mode.weight, 1.0f));
-  reach_ = std::sqrt(kReach * kReach + brighter);
+  reach_ = std::sqrt(kTileReach * kTileReach + brighter);
   thin_reach_ = std::sqrt(kThinReach * kThinReach + brighter);
   const Placement placed = place(mode);
   const PyramidShape::Level& level = shape_.levels()[static_cast<size_t>(placed.level)];

@@ -23,6 +23,7 @@ namespace glasswing {
 
 inline constexpr int kMaxModes = 4;
 inline constexpr int kChannels = 3;
+inline constexpr std::array<const char*, kChannels> kChannelNames{"r", "g", "b"};
 
 // MatteMetadata.footprint of mattes whose modes are upright boxes, sides sqrt(12 xx) and sqrt(12 yy).
 inline constexpr std::string_view kBoxFootprint = "box";

@@ -462,7 +462,7 @@ absl::StatusOr<std::vector<Step>> expand(const v1::Plan& plan, const std::vector
   }
 
   std::vector<double> exposures_ms(plan.exposure_ms().begin(), plan.exposure_ms().end());
-  if (exposures_ms.empty()) exposures_ms.push_back(kDefaultExposureMs);
+  if (exposures_ms.empty()) exposures_ms = {kDefaultExposureMs};
   std::vector<Step> steps;
   for (const bool object : {false, true}) {
     if (!object && plan.skip_empty_stage()) continue;

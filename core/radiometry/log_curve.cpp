@@ -7,8 +7,6 @@
 namespace glasswing {
 namespace {
 
-constexpr int kKnots = CameraResponse::kKnots;
-constexpr double kKnotsPerCode = kKnots - 1;
 constexpr double kMinRise = 1e-6;  // of ln f, from knot to knot
 constexpr double kMinWeight = 1e-3;
 constexpr double kFirstPower = 2.2;  // for the first weights only

@@ -13,6 +13,9 @@
 
 namespace glasswing {
 
+inline constexpr int kKnots = CameraResponse::kKnots;
+inline constexpr double kKnotsPerCode = kKnots - 1;
+
 struct KnotPosition {
   int knot;
   double above;  // share of the next knot
@@ -24,7 +27,7 @@ double soft_log(double x);
 
 class LogCurve {
  public:
-  using Knots = std::array<double, CameraResponse::kKnots>;
+  using Knots = std::array<double, kKnots>;
 
   // Starts as a power law. `black` is a code.
   explicit LogCurve(double black);

@@ -13,8 +13,6 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr int kKnots = CameraResponse::kKnots;
-constexpr double kKnotsPerCode = kKnots - 1;
 constexpr int kPasses = 10;
 constexpr int kPassesToTrust = 4;  // before outliers are rejected and codes predicted
 // b: the variance of d ln f / d ln z per ln z. For simulated cameras with gamma 1.8 to 2.6, sRGB, a film

@@ -21,7 +21,7 @@ namespace glasswing {
 namespace {
 
 constexpr char kCards[] = "/dev/dri";
-constexpr std::chrono::seconds kPatience(2);
+constexpr std::chrono::seconds kFlipTimeout(2);
 // Linux, drm_timestamp_precision: the limit for drivers that know their scan-out position.
 constexpr nanoseconds kStampError = std::chrono::microseconds(20);
 
@@ -238,7 +238,7 @@ absl::Status KmsDisplay::take_events(DrmCard& card, nanoseconds at) {
 }
 
 absl::Status KmsDisplay::wait_for_all(nanoseconds at) {
-  const nanoseconds deadline = std::max(at, monotonic_now()) + kPatience;
+  const nanoseconds deadline = std::max(at, monotonic_now()) + kFlipTimeout;
   for (;;) {
     const auto awaited = std::find_if(outputs_.begin(), outputs_.end(),
                                       [](const Output& output) { return output.stage != Stage::kShown; });
@@ -248,7 +248,7 @@ absl::Status KmsDisplay::wait_for_all(nanoseconds at) {
       GW_RETURN_IF_ERROR(check_plugged_in(index));
       return absl::UnavailableError(
           fmt::format("monitor \"{}\" has not refreshed for {} s: is it switched on?", screens_[index].name,
-                      kPatience.count()));
+                      kFlipTimeout.count()));
     }
     std::vector<pollfd> readable;
     for (const auto& card : cards_)

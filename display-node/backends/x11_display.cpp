@@ -15,7 +15,7 @@
 namespace glasswing {
 namespace {
 
-constexpr std::chrono::seconds kPatience(2);
+constexpr std::chrono::seconds kPresentTimeout(2);
 constexpr std::uint64_t kMeasured = 30;  // refreshes
 // The server copies soon after the refresh begins, and some drivers take the refresh's time anywhere in the
 // blanking before it.
@@ -246,7 +246,7 @@ void X11Display::present(size_t index, const Buffer& buffer, nanoseconds at) {
 absl::StatusOr<std::vector<X11Display::Completion>> X11Display::wait_for_all(nanoseconds due) {
   xcb_flush(connection_);
   std::vector<std::optional<Completion>> answers(outputs_.size());
-  const nanoseconds deadline = std::max(due, monotonic_now()) + kPatience;
+  const nanoseconds deadline = std::max(due, monotonic_now()) + kPresentTimeout;
   for (;;) {
     bool all = true;
     for (size_t i = 0; i < outputs_.size(); ++i) {
@@ -268,7 +268,7 @@ absl::StatusOr<std::vector<X11Display::Completion>> X11Display::wait_for_all(nan
       if (monotonic_now() > deadline) {
         return absl::UnavailableError(
             fmt::format("monitor \"{}\" has not refreshed for {} s: is it switched on?", screens_[i].name,
-                        kPatience.count()));
+                        kPresentTimeout.count()));
       }
     }
     if (all) break;

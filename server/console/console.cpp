@@ -22,7 +22,6 @@ using httplib::Request;
 using httplib::Response;
 
 constexpr std::chrono::hours kMaxStream(24);
-constexpr std::chrono::seconds kCall(60);
 constexpr std::chrono::milliseconds kKeepAliveInterval(5000), kPollInterval(250);
 constexpr size_t kMaxJson = size_t{8} << 20, kMaxImage = size_t{64} << 20, kMaxToken = 4096;
 constexpr const char* kJson = "application/json";
@@ -233,12 +232,13 @@ void Console::call(const std::shared_ptr<grpc::Channel>& channel, const std::str
   if (const absl::Status status = admit(method->name(), principal.roles, principal.name); !status.ok())
     return refuse(response, status);
   auto started = JsonCall::start(channel, *method, body, principal.name + " (console)",
-                                 method->streams() ? std::chrono::milliseconds(kMaxStream) : kCall);
+                                 method->streams() ? std::chrono::milliseconds(kMaxStream) : kCallTimeout);
   if (!started.ok()) return refuse(response, started.status());
   const std::shared_ptr<JsonCall> running = *std::move(started);
   std::string message;
   if (!method->streams()) {
-    if (running->next(kCall, message) == JsonCall::Got::kMessage) return response.set_content(message, kJson);
+    if (running->next(kCallTimeout, message) == JsonCall::Got::kMessage)
+      return response.set_content(message, kJson);
     return refuse(response, running->outcome(peer));
   }
   const auto send_next = [this, running, peer, quiet = std::chrono::milliseconds(0)](

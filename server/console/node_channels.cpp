@@ -10,11 +10,9 @@
 
 namespace glasswing {
 
-constexpr std::chrono::seconds kCall(60);
-
 absl::StatusOr<std::shared_ptr<grpc::Channel>> NodeChannels::to(const std::string& node) {
   grpc::ClientContext context;
-  set_deadline(context, kCall);
+  set_deadline(context, kCallTimeout);
   v1::ListNodesResponse listed;
   GW_RETURN_IF_ERROR(
       from_grpc(v1::NodeService::NewStub(server_)->ListNodes(&context, {}, &listed), "the server"));

@@ -4,12 +4,15 @@
 #include <absl/status/statusor.h>
 #include <grpcpp/grpcpp.h>
 
+#include <chrono>
 #include <map>
 #include <memory>
 #include <mutex>
 #include <string>
 
 namespace glasswing {
+
+inline constexpr std::chrono::seconds kCallTimeout(60);  // of a browser's call, to the server or a node
 
 class NodeChannels {
  public:

@@ -20,7 +20,6 @@ namespace {
 using httplib::Request;
 using httplib::Response;
 
-constexpr std::chrono::seconds kCall(60);
 constexpr int kMaxWidth_px = 4096;
 constexpr double kMaxStops = 16.0;
 
@@ -44,7 +43,7 @@ absl::StatusOr<Number> number_or(const Request& request, const char* name, Numbe
 absl::StatusOr<std::string> fetch_matte(const std::shared_ptr<grpc::Channel>& server,
                                         const v1::FetchMatteRequest& request) {
   grpc::ClientContext context;
-  set_deadline(context, kCall);
+  set_deadline(context, kCallTimeout);
   const auto stub = v1::SessionService::NewStub(server);
   const auto reader = stub->FetchMatte(&context, request);
   std::string bytes;
@@ -112,7 +111,7 @@ void SessionRoutes::store_image(const Principal& principal, const std::string& p
       !status.ok())
     return refuse(response, status);
   grpc::ClientContext context;
-  set_deadline(context, kCall);
+  set_deadline(context, kCallTimeout);
   v1::UploadImageResponse stored;
   const auto stub = v1::SessionService::NewStub(server_);
   const auto writer = stub->UploadImage(&context, &stored);

@@ -13,12 +13,12 @@ namespace {
 
 constexpr int kMaxConnections = 8;
 constexpr int kTries = 5;
-constexpr std::int64_t kSchemaVersion = 1;
+constexpr std::int64_t kPostgresSchemaVersion = 1;
 // An arbitrary number, the same for all servers: of several that start at once, one creates the tables.
 constexpr std::int64_t kSchemaLock = 0x676c617373;
 
 // Fillfactor leaves room for updating rows in place.
-std::string schema() {
+std::string postgres_schema() {
   return fmt::format(
       "CREATE TABLE version (number bigint NOT NULL); INSERT INTO version VALUES ({}); "
       "CREATE TABLE servers (id text PRIMARY KEY, address text NOT NULL); "
@@ -41,7 +41,7 @@ std::string schema() {
       "CREATE INDEX tiles_open ON tiles (job, failures, number) WHERE {}; "
       "CREATE INDEX tiles_done ON tiles (job, done_at) WHERE {}; "
       "CREATE INDEX tiles_leased ON tiles (job, number) WHERE {}",
-      kSchemaVersion, kOpen, kDone, kLeased);
+      kPostgresSchemaVersion, kOpen, kDone, kLeased);
 }
 
 }  // namespace
@@ -62,14 +62,14 @@ absl::Status PostgresJobStore::prepare() {
                         connection.run("SELECT 1 FROM pg_namespace WHERE nspname = 'glasswing'", {}));
     if (made.empty()) {
       GW_RETURN_IF_ERROR(connection.run("CREATE SCHEMA glasswing", {}).status());
-      GW_RETURN_IF_ERROR(connection.run(schema(), {}).status());
+      GW_RETURN_IF_ERROR(connection.run(postgres_schema(), {}).status());
     }
     GW_ASSIGN_OR_RETURN(const SqlRows version, connection.run("SELECT max(number) FROM version", {}));
-    if (version.integer(0, 0) != kSchemaVersion) {
+    if (version.integer(0, 0) != kPostgresSchemaVersion) {
       return absl::FailedPreconditionError(
           fmt::format("{} has tables of version {}; this server knows version {}: update it, or give it a "
                       "database of its own",
-                      title(), version.integer(0, 0), kSchemaVersion));
+                      title(), version.integer(0, 0), kPostgresSchemaVersion));
     }
     GW_RETURN_IF_ERROR(connection
                            .run("INSERT INTO servers VALUES (?1, ?2) "

@@ -12,9 +12,9 @@
 namespace glasswing {
 namespace {
 
-constexpr std::int64_t kSchemaVersion = 1;
+constexpr std::int64_t kSqliteSchemaVersion = 1;
 
-std::string schema() {
+std::string sqlite_schema() {
   return fmt::format(
       "DROP TABLE IF EXISTS tiles; DROP TABLE IF EXISTS jobs; DROP TABLE IF EXISTS servers; "
       "DROP TABLE IF EXISTS boot; "
@@ -41,7 +41,7 @@ std::string schema() {
       "CREATE INDEX tiles_done ON tiles (job, done_at) WHERE {}; "
       "CREATE INDEX tiles_leased ON tiles (job, number) WHERE {}; "
       "PRAGMA user_version = {}",
-      kOpen, kDone, kLeased, kSchemaVersion);
+      kOpen, kDone, kLeased, kSqliteSchemaVersion);
 }
 
 std::int64_t now_us() {
@@ -108,12 +108,12 @@ absl::StatusOr<std::unique_ptr<SqliteJobStore>> SqliteJobStore::open_unclaimed(
 
 absl::Status SqliteJobStore::prepare() {
   GW_ASSIGN_OR_RETURN(const SqlRows version, run_in(writer_, "PRAGMA user_version", {}));
-  if (version.integer(0, 0) > kSchemaVersion) {
+  if (version.integer(0, 0) > kSqliteSchemaVersion) {
     return absl::FailedPreconditionError(fmt::format(
         "jobs.sqlite is of version {}; this server knows version {}: update it, or move the file away",
-        version.integer(0, 0), kSchemaVersion));
+        version.integer(0, 0), kSqliteSchemaVersion));
   }
-  if (version.integer(0, 0) < kSchemaVersion) GW_RETURN_IF_ERROR(writer_.run(schema()));
+  if (version.integer(0, 0) < kSqliteSchemaVersion) GW_RETURN_IF_ERROR(writer_.run(sqlite_schema()));
   const std::string boot = boot_id();
   GW_ASSIGN_OR_RETURN(
       const SqlRows same,

@@ -20,9 +20,9 @@ namespace {
 constexpr int kMotions = 6, kUnknowns = 12, kColumns = 8;  // in total; kColumns: of one channel
 constexpr double kMaxShift = 0.02;                         // of the longer side
 constexpr double kMaxGain = 1.4;
-constexpr double kMaxRest = 0.05;        // above the noise of a photograph
-constexpr int kCoarsest_px = 160;        // longer side
-constexpr double kMaxSamples = 100'000;  // of a level
+constexpr double kMaxRest = 0.05;             // above the noise of a photograph
+constexpr int kCoarsest_px = 160;             // longer side
+constexpr double kMaxLevelSamples = 100'000;  // of a level
 constexpr double kMinSd = 0.1 / 255.0;
 constexpr double kBlur_px = 1.0;  // suppresses the slopes of noise
 constexpr double kAlike =
@@ -96,8 +96,8 @@ class Level {
         without_(shrunk(without, scale)),
         x_scale_(1.0 * with_.width_px / with.width_px),
         y_scale_(1.0 * with_.height_px / with.height_px),
-        stride_(
-            std::max(1, static_cast<int>(std::sqrt(1.0 * with_.width_px * with_.height_px / kMaxSamples)))) {}
+        stride_(std::max(
+            1, static_cast<int>(std::sqrt(1.0 * with_.width_px * with_.height_px / kMaxLevelSamples)))) {}
 
   // One step of Gauss-Newton, for light alone or with motion. Returns how far it moves a corner, in px of
   // this level.

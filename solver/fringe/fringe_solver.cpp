@@ -10,7 +10,6 @@ namespace {
 
 constexpr double kFalsePositiveRate = 1e-4;
 constexpr int kMinDegrees = 4;  // for an estimate of a pixel's noise
-constexpr int kMaxSteps = 60;
 constexpr double kMaxVeil = 0.25;
 
 Mode mode_of(const SpectrumFit& fit, int m, int texture, double share = 1.0) {
@@ -126,7 +125,7 @@ SpectrumFit FringeSolver::fit_veiled(const Monitor& monitor, const Spectrum& spe
   if (!std::isfinite(spectrum.level_sd)) return {};
   Spectrum waves = spectrum;
   waves.level_sd = kUnknown;
-  SpectrumFit fit = monitor.fitter.fit(waves, place.used, start, kMaxSteps);
+  SpectrumFit fit = monitor.fitter.fit(waves, place.used, start, kMaxFitSteps);
   Footprint& mode = fit.modes[0];
   const double seen = answer_of(mode, 0.0, 0.0, monitor.layout->extent).value.real();
   const double veil = spectrum.level - seen;
@@ -155,7 +154,7 @@ FringeSolver::Found FringeSolver::find(const Monitor& monitor, const Spectrum& s
   }
   Footprints start;
   start.push_back(monitor.fitter.guess(spectrum, place));
-  found.fit = monitor.fitter.fit(spectrum, place.used, start, kMaxSteps);
+  found.fit = monitor.fitter.fit(spectrum, place.used, start, kMaxFitSteps);
   while (exceeds(found.fit.closely, found.fit) && found.fit.modes.size() < max_modes) {
     const SpectrumFit more = monitor.fitter.fit_one_more(spectrum, found.fit);
     if (more.modes.empty() || more.degrees < 1 || !earns_its_place(found.fit, more)) break;

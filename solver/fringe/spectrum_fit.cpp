@@ -10,9 +10,8 @@ namespace glasswing {
 namespace {
 
 using Complex = std::complex<double>;
-constexpr double kPi = std::numbers::pi;
 constexpr Eigen::Index kParameters = 6;
-constexpr int kFirstSteps = 6, kMaxSteps = 60;
+constexpr int kFirstSteps = 6;
 constexpr double kPointsAPeriod = 5.0;  // of the finest wave
 constexpr double kMaxPoints = 64.0;     // along an axis
 constexpr double kHeld = 1e12;          // information of a fixed parameter
@@ -132,7 +131,7 @@ Footprint SpectrumFitter::guess(const Spectrum& spectrum, const Unwrapped& place
   Eigen::Vector4d right = Eigen::Vector4d::Zero();
   const auto add = [&](double fx, double fy, double size, double sd) {
     if (!(size > 3.0 * sd)) return;
-    const double scale = -2.0 * kPi * kPi;
+    const double scale = -2.0 * std::numbers::pi * std::numbers::pi;
     const Eigen::Vector4d row(1.0, scale * fx * fx, 2.0 * scale * fx * fy, scale * fy * fy);
     const double weight = size * size / (sd * sd);
     matrix += weight * row * row.transpose();
@@ -286,7 +285,7 @@ SpectrumFit SpectrumFitter::fit_one_more(const Spectrum& spectrum, const Spectru
     const SpectrumFit own = this->fit(spectrum, all, start, kFirstSteps);
     if (best.modes.empty() || own.chi_square < best.chi_square) best = own;
   }
-  if (!best.modes.empty() && !best.converged) best = this->fit(spectrum, all, best.modes, kMaxSteps);
+  if (!best.modes.empty() && !best.converged) best = this->fit(spectrum, all, best.modes, kMaxFitSteps);
   return best;
 }
 

@@ -16,6 +16,8 @@
 
 namespace glasswing {
 
+inline constexpr int kMaxFitSteps = 60;  // of a final fit
+
 struct SpectrumFit {
   Footprints modes;
   // Standard errors; infinite: undetermined.

@@ -19,7 +19,7 @@ namespace {
 
 constexpr double kStep = 1.1;    // of a stripe's sigma
 constexpr double kMargin = 1.5;  // sigmas past the monitor's edge
-constexpr double kFinestStep = 0.5;
+constexpr double kFinestSpacing = 0.5;
 constexpr int kMinSteps = 5;  // of a sweep
 // Bars along the monitor's longer side that determine the silhouette: broad ones detect light from afar,
 // narrow ones a view shifted by a fraction of a pixel. The narrow ones have complements, which determine the
@@ -128,7 +128,7 @@ absl::StatusOr<Choice> choose(const Swept& swept, int images) {
   const Choice with_all{.phi_deg = all, .sigma_px = min_px, .step_px = kStep * min_px};
   if (choice.sigma_px > min_px || count_of(swept, with_all) > images) return choice;
   choice = with_all;
-  for (double step = kStep; step > kFinestStep; step -= 0.01) {
+  for (double step = kStep; step > kFinestSpacing; step -= 0.01) {
     Choice finer = choice;
     finer.step_px = step * min_px;
     if (count_of(swept, finer) > images) break;

@@ -10,7 +10,7 @@
 namespace glasswing {
 namespace {
 
-constexpr size_t kMaxPixels = 40'000;
+constexpr size_t kMaxFittedPixels = 40'000;
 constexpr int kRounds = 30;
 constexpr double kMinLight = 0.1;      // of the brightest pixel: darker than any colour of the ramp
 constexpr double kMinSpread = 0.1;     // of u and v: the minimum visible part of the monitor
@@ -40,8 +40,8 @@ std::vector<double> robust_weights(const std::vector<double>& residuals, double 
 
 std::vector<Pixel> lit_pixels(const RadianceImage& empty) {
   const size_t count = empty.samples.size() / 3;
-  const auto step =
-      static_cast<int>(std::ceil(std::sqrt(static_cast<double>(count) / static_cast<double>(kMaxPixels))));
+  const auto step = static_cast<int>(
+      std::ceil(std::sqrt(static_cast<double>(count) / static_cast<double>(kMaxFittedPixels))));
   std::vector<Pixel> pixels;
   double brightest = 0.0;
   for (int y = 0; y < empty.height_px; y += step) {

@@ -17,7 +17,7 @@ constexpr double kMaxOfFrame = 0.9;   // an object that covers less leaves enoug
 constexpr double kMaxShift_px = 1.0;  // camera px, and at least five standard errors
 constexpr double kAlike = 0.7;  // share of alike pixels: no object leaves its background that undistorted
 constexpr float kSamePlace_px = 1.0f, kSameRho = 0.03f;
-constexpr size_t kMaxPixels = 20'000;  // sampled; enough for a mean
+constexpr size_t kMaxSampledPixels = 20'000;  // sampled; enough for a mean
 constexpr size_t kMaxOfMean = 2'000;
 
 size_t step_of(const RampStage& stage, size_t most) {
@@ -37,7 +37,7 @@ absl::Status check_surroundings(const RampStage& stage, const RampLight& light, 
   Eigen::Matrix3d squares = Eigen::Matrix3d::Zero();
   Eigen::Vector3d sums = Eigen::Vector3d::Zero();
   double rest = 0.0, count = 0.0;
-  const size_t step = step_of(stage, kMaxPixels);
+  const size_t step = step_of(stage, kMaxSampledPixels);
   for (size_t i = 0; i < stage.behind.size(); i += step) {
     const auto x = static_cast<int>(i % row), y = static_cast<int>(i / row);
     if (x < kArm_px || x >= stage.width_px - kArm_px || y < kArm_px || y >= stage.height_px - kArm_px)
@@ -89,7 +89,7 @@ absl::Status check_shows_ramp(const RampStage& stage, const RampLight& light) {
 absl::Status check_background_stands(const RampStage& stage, const RampLight& light, const RampFrame& frame) {
   GW_RETURN_IF_ERROR(check_surroundings(stage, light, frame));
   size_t ramp = 0, changed = 0;
-  const size_t step = step_of(stage, kMaxPixels);
+  const size_t step = step_of(stage, kMaxSampledPixels);
   for (size_t i = 0; i < stage.behind.size(); i += step) {
     if (stage.behind[i] != Behind::kRamp) continue;
     ++ramp;

@@ -8,8 +8,8 @@ namespace glasswing {
 namespace {
 
 constexpr int kRows = 32;  // at a time, so that everything stays in the cache
-constexpr int kFirstRadius_px = 1, kRadius_px = 2;
-constexpr int kRim = kFirstRadius_px + kRadius_px;  // rows used above and below
+constexpr int kFirstRadius_px = 1, kSecondRadius_px = 2;
+constexpr int kRim = kFirstRadius_px + kSecondRadius_px;  // rows used above and below
 
 // A few rows of the picture's area with a rim.
 class Strip {
@@ -35,7 +35,7 @@ class Strip {
                               .samples = &samples_,
                               .after = &narrow_};
     internal::smooth_rows(step, kFirstRadius_px, rows + 2 * kRim - kFirstRadius_px);
-    step.radius = kRadius_px;
+    step.radius = kSecondRadius_px;
     step.before = &narrow_;
     step.after = &refined_;
     internal::refine_rows({.fine = step, .coarse_area = pilot_.area, .coarse = &coarse_}, kRim, kRim + rows);
