@@ -150,6 +150,12 @@ class Docs(unittest.TestCase):
                         holds = measured >= wanted[1] if wanted[0] == "at_least" else measured <= wanted[1]
                         self.assertEqual(met, "yes" if holds else "**NO**")
 
+    def test_the_page_lists_the_goals_that_have_changed(self) -> None:
+        changed = [f"| {row['name']} | {row['was']:g} | {goal[1]:g} | {row['why']} |" for command in commands().values() for row in command["row"]
+                   if "was" in row and (goal := goal_of(row))]
+        table = (ROOT / "docs/goals.md").read_text().partition("| figure | old | new | why |\n| --- | --- | --- | --- |\n")[2]
+        self.assertEqual(table.splitlines(), changed)
+
 
 def git(*words: str) -> str:
     return subprocess.run(["git", *words], cwd=ROOT, check=True, capture_output=True, text=True).stdout
