@@ -209,36 +209,32 @@ void joint_tiny(benchmark::State& state) {
 }
 
 template <int kModes>
-void add_rows(std::vector<Row>& rows, const std::string& figure, std::optional<double> goal) {
+void add_rows(std::vector<Row>& rows, const std::string& figure) {
   const auto named = [](const char* name) { return fmt::format("{}_{}", name, kModes); };
   benchmark::RegisterBenchmark(named("batch_ours").c_str(), batch_ours, kModes);
   benchmark::RegisterBenchmark(named("joint_ceres").c_str(), joint_ceres<kModes>);
   benchmark::RegisterBenchmark(named("joint_tiny").c_str(), joint_tiny<kModes>);
   using Peers = JointPeers<kModes>;
-  add_peer_rows(rows, figure, "Ceres", goal, named("batch_ours"), named("joint_ceres"),
+  add_peer_rows(rows, figure, "Ceres", named("batch_ours"), named("joint_ceres"),
                 []() -> const Comparison& { return Peers::get().ceres; });
   rows.push_back({figure + ": pixels/s at Ceres' answers, one core",
                   "thousand/s",
-                  {},
-                  false,
                   {named("batch_ours")},
                   [named](const Rates& rates) {
                     return 1e-3 * rates.at(named("batch_ours")) * Peers::get().ceres.equal_share();
                   }});
-  add_peer_rows(rows, figure, "TinySolver", {}, named("batch_ours"), named("joint_tiny"),
+  add_peer_rows(rows, figure, "TinySolver", named("batch_ours"), named("joint_tiny"),
                 []() -> const Comparison& { return Peers::get().tiny; });
 }
 
 }  // namespace
 
 void add_joint_rows(std::vector<Row>& rows) {
-  add_rows<1>(rows, "joint fit of four sweeps, one mode", 50.0);
-  add_rows<2>(rows, "joint fit of four sweeps, two modes", 25.0);
+  add_rows<1>(rows, "joint fit of four sweeps, one mode");
+  add_rows<2>(rows, "joint fit of four sweeps, two modes");
   benchmark::RegisterBenchmark("general_ours_2", general_ours, 2);
   rows.push_back({"the same, one pixel after another with the monitor's edges",
                   "x",
-                  3.0,
-                  false,
                   {"general_ours_2", "joint_ceres_2"},
                   [](const Rates& rates) {
                     return rates.at("general_ours_2") * JointPeers<2>::get().general.equal_share() /

@@ -179,13 +179,12 @@ void run_peer(benchmark::State& state, Peer peer, const std::vector<Model>& mode
 // The row of our rate over the peer's, both of lanes that count, and that of the lanes that do not. We pay
 // for all lanes, the peer only for those that count.
 inline void add_peer_rows(std::vector<Row>& rows, const std::string& figure, const std::string& peer_name,
-                          std::optional<double> goal, const std::string& ours, const std::string& peer,
+                          const std::string& ours, const std::string& peer,
                           const std::function<const Comparison&()>& comparison) {
-  rows.push_back(
-      {figure + ": fits/s over " + peer_name, "x", goal, false, {ours, peer}, [=](const Rates& rates) {
-         return rates.at(ours) * comparison().equal_share() / rates.at(peer);
-       }});
-  rows.push_back({figure + ": left out beside " + peer_name, "% of fits", {}, true, {}, [=](const Rates&) {
+  rows.push_back({figure + ": fits/s over " + peer_name, "x", {ours, peer}, [=](const Rates& rates) {
+                    return rates.at(ours) * comparison().equal_share() / rates.at(peer);
+                  }});
+  rows.push_back({figure + ": left out beside " + peer_name, "% of fits", {}, [=](const Rates&) {
                     const Comparison& all = comparison();
                     fmt::print("{} and {}, of {} fits: ours unsettled {}, theirs {}, different {}\n", figure,
                                peer_name, all.lanes, all.ours_unsettled, all.theirs_unsettled, all.different);

@@ -7,7 +7,6 @@
 #include <cstdio>
 #include <functional>
 #include <map>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -19,8 +18,6 @@ using Rates = std::map<std::string, double>;
 struct Row {
   std::string name;
   std::string unit;
-  std::optional<double> goal;  // none: for comparison only
-  bool at_most = false;        // otherwise at least
   // The benchmarks whose rate it needs; it is left out if they were filtered out.
   std::vector<std::string> needs;
   std::function<double(const Rates&)> value;
