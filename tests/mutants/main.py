@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import argparse
 import collections
-import dataclasses
-import json
 import os
 import pathlib
 import re
@@ -21,6 +19,10 @@ import time
 
 import mutants
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
+
+from test_list import Test, tests_in  # noqa: E402
+
 _HERE = pathlib.Path(__file__).resolve().parents[2]
 _TREE = _HERE / "out" / "mutants"
 _BUILD = _TREE / "build" / "release"
@@ -28,29 +30,14 @@ _FOLDERS = [
     "core/calibration", "core/matte", "core/pattern", "core/radiometry", "solver",
     "server/capture", "server/sessions", "server/solve",
 ]  # fmt: skip
-_UNIT = re.compile(r"(core|solver|server|client|camera-node|display-node)/")
+_GATE = "gate"
 _GOAL = 0.85
+_NINJA = ["ninja", "-j", str(os.cpu_count())]
 _EXAMPLES = """examples:
   tests/mutate                                     a hundred faults everywhere (some two hours)
   tests/mutate 20 --seed 7                         twenty others
   tests/mutate 10 --folder core/matte server/solve
 """
-
-
-@dataclasses.dataclass(frozen=True)
-class Test:
-    """A test of CTest."""
-
-    name: str
-    target: str  # of ninja: its program
-    gate: bool
-    seconds: float = 0.0  # without a fault
-
-    def stage(self, mutant: mutants.Mutant) -> int:
-        """0: the folder's own; 1: other unit tests; 2: the gate."""
-        if self.gate:
-            return 2
-        return 0 if self.name.rpartition("/")[0] == os.path.dirname(mutant.path) else 1
 
 
 def copy_tree() -> None:
@@ -86,53 +73,57 @@ def run(command: list[str], seconds: float | None = None) -> tuple[int | None, s
 def run_tests(tests: list[Test], seconds: float | None = None) -> tuple[int | None, str]:
     """Runs them to the first failure."""
     names = "|".join(re.escape(test.name) for test in tests)
-    return run(["ctest", "--stop-on-failure", "-j", str(os.cpu_count()), "-R", f"^({names})$"], seconds)
+    # Programs with a fault may ask for all memory.
+    limited = ["prlimit", f"--as={8 << 30}", "ctest"]
+    return run([*limited, "--stop-on-failure", "-j", str(os.cpu_count()), "-R", f"^({names})$"], seconds)
 
 
-def unit_and_gate_tests() -> list[Test]:
-    """Those that are programs of the build."""
-    listed = json.loads(subprocess.run(
-        ["ctest", "--show-only=json-v1"], cwd=_BUILD, check=True, capture_output=True, text=True
-    ).stdout)  # fmt: skip
-    found = []
-    for test in listed["tests"]:
-        program = test["command"][0]
-        labels = [value for each in test["properties"] if each["name"] == "LABELS" for value in each["value"]]
-        gate = "gate" in labels
-        if program.startswith(f"{_BUILD}/") and (gate or _UNIT.match(test["name"])):
-            found.append(Test(test["name"], os.path.relpath(program, _BUILD), gate))
-    return found
+def tests_of(sources: set[str]) -> list[Test]:
+    """Unit tests, and those of the gate, whose programs are linked from any of the sources."""
+    found = [test for test in tests_in(_BUILD) if test.is_unit or (test.target and _GATE in test.labels)]
+    wanted = {str(_TREE / source) for source in sources}
+    inputs = {target: set(run(["ninja", "-t", "inputs", target])[1].split()) for target in targets(found)}
+    return [test for test in found if wanted & inputs[str(test.target)]]
+
+
+def targets(tests: list[Test]) -> list[str]:
+    """Their programs."""
+    return sorted({str(test.target) for test in tests})
+
+
+def stage(test: Test, mutant: mutants.Mutant) -> int:
+    """0: of the fault's folder; 1: other unit tests; 2: the gate."""
+    if _GATE in test.labels:
+        return 2
+    return 0 if os.path.dirname(test.name) == os.path.dirname(mutant.path) else 1
 
 
 def changed_targets(tests: list[Test]) -> set[str]:
     """The tests' programs that ninja would link."""
-    status, plan = run(["ninja", "-n", *sorted({test.target for test in tests})])
+    status, plan = run(["ninja", "-n", *targets(tests)])
     if status != 0:
         sys.exit(f"mutate: ninja cannot plan the build:\n{plan}")
     return set(re.findall(r"Linking CXX executable (\S+)", plan))
 
 
-def timed(tests: list[Test]) -> list[Test]:
-    """The tests with their durations. All must pass, or they would catch every fault."""
+def timed(tests: list[Test]) -> dict[str, float]:
+    """The tests' durations in s. All must pass, or they would catch every fault."""
     status, output = run_tests(tests)
     if status != 0:
         sys.exit(f"mutate: without any fault, not all tests pass:\n{output[-2000:]}")
-    seconds = dict(re.findall(r"Test +#\d+: (\S+) \.+ +\S+ +([\d.]+) sec", output))
-    return [dataclasses.replace(test, seconds=float(seconds.get(test.name, 0.0))) for test in tests]
+    return {name: float(time_s) for name, time_s in re.findall(r"#\d+: (\S+) \.+ .* ([\d.]+) sec", output)}
 
 
-def caught_by(mutant: mutants.Mutant, tests: list[Test]) -> str | None:
+def caught_by(mutant: mutants.Mutant, tests: list[Test], seconds: dict[str, float]) -> str | None:
     """Tests the fault that is in the tree: what catches it, "" if nothing does, None if it does not compile."""
     changed = changed_targets(tests)
-    for stage in range(3):
-        mine = [test for test in tests if test.target in changed and test.stage(mutant) == stage]
+    for step in range(3):
+        mine = [test for test in tests if test.target in changed and stage(test, mutant) == step]
         if not mine:
             continue
-        status, _ = run(["ninja", *sorted({test.target for test in mine})])
-        if status != 0:
+        if run([*_NINJA, *targets(mine)])[0] != 0:
             return None
-        limit_s = 30.0 + 5.0 * sum(test.seconds for test in mine)
-        status, output = run_tests(mine, limit_s)
+        status, output = run_tests(mine, 30.0 + 5.0 * sum(seconds.get(test.name, 0.0) for test in mine))
         if status is None:
             return "a time-out"
         if status != 0:
@@ -181,18 +172,18 @@ def main() -> int:
         parser.error(f"there are no sources below {' '.join(options.folder)}")
     print("building the tests without a fault ...", flush=True)
     subprocess.run(["cmake", "--preset", "release"], cwd=_TREE, check=True, stdout=subprocess.DEVNULL)
-    tests = unit_and_gate_tests()
-    status, output = run(["ninja", *sorted({test.target for test in tests})])
+    tests = tests_of(set(sources))
+    status, output = run([*_NINJA, *targets(tests)])
     if status != 0:
         sys.exit(f"mutate: the build fails without any fault:\n{output[-2000:]}")
-    tests = timed(tests)
+    seconds = timed(tests)
 
     results: list[tuple[mutants.Mutant, str]] = []
     start = time.monotonic()
     for mutant in mutants.draw(sources, options.seed):
         path = _TREE / mutant.path
         path.write_text(mutant.apply(sources[mutant.path]))
-        catcher = caught_by(mutant, tests)
+        catcher = caught_by(mutant, tests, seconds)
         path.write_text(sources[mutant.path])
         if catcher is None:
             continue

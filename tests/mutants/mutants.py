@@ -25,7 +25,7 @@ _TOKEN = re.compile(
 # Calls whose arguments are texts, or do not change results.
 _QUIET = re.compile(r"assert|static_assert|fmt|spdlog|log|reserve|Fail|\w+Error|note_\w+|record_\w+")
 
-_OPERATORS = {
+_OPERATORS: dict[str, dict[str, tuple[str, ...]]] = {
     "comparison": {
         "<": ("<=", ">="), "<=": ("<", ">"), ">": (">=", "<="), ">=": (">", "<"), "==": ("!=",), "!=": ("==",),
     },
