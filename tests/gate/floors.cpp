@@ -13,6 +13,8 @@ namespace glasswing::gate {
 namespace {
 
 constexpr double kMargin_db = 0.5;
+// A ten-thousandth of full scale. What is better than that depends on the processor's vector instructions.
+constexpr double kMaxFloor_db = 80.0;
 
 const char* record_file() {
   return std::getenv("GLASSWING_RECORD_FLOORS");
@@ -56,7 +58,8 @@ void Floors::reached(const std::string& noise, const std::string& background, do
   if (record_file() != nullptr) {
     ASSERT_TRUE(std::isfinite(db)) << row.text();
     std::ofstream(record_file(), std::ios::app)
-        << row.text() << fmt::format("\t{:.1f}\n", std::floor(10.0 * (db - kMargin_db)) / 10.0);
+        << row.text()
+        << fmt::format("\t{:.1f}\n", std::min(std::floor(10.0 * (db - kMargin_db)) / 10.0, kMaxFloor_db));
     return;
   }
   const auto found = left_.find(row);
