@@ -148,12 +148,13 @@ function(glasswing_man_pages program argument component)
 endfunction()
 
 # glasswing_tests([PROGRAM name] TESTS a_test ... [SOURCES helper.cpp ...] USES folder|library ...
-#                 [TIMEOUT SECONDS] [ENVIRONMENT NAME=VALUE ...])
+#                 [TIMEOUT SECONDS] [LABELS name ...] [ENVIRONMENT NAME=VALUE ...])
 # Builds one test program for the folder. CTest runs each file of TESTS in a process of its own; the test's
 # name is the file's path below tests/.
 # PROGRAM: a separate program, which runs as a whole, for a test whose cases are in a header or in SOURCES.
+# LABELS: for `ctest -L`.
 function(glasswing_tests)
-  cmake_parse_arguments(ARG "" "PROGRAM;TIMEOUT" "TESTS;SOURCES;USES;ENVIRONMENT" ${ARGN})
+  cmake_parse_arguments(ARG "" "PROGRAM;TIMEOUT" "TESTS;SOURCES;USES;LABELS;ENVIRONMENT" ${ARGN})
   file(RELATIVE_PATH folder ${PROJECT_SOURCE_DIR}/tests ${CMAKE_CURRENT_SOURCE_DIR})
   string(REPLACE "/" "." target "tests.${folder}")
   if(ARG_PROGRAM)
@@ -181,6 +182,7 @@ function(glasswing_tests)
     endif()
     # From where sources were compiled: ccache makes __FILE__ relative to it.
     add_test(NAME ${folder}/${test} COMMAND ${target} ${only} WORKING_DIRECTORY ${CMAKE_BINARY_DIR})
-    set_tests_properties(${folder}/${test} PROPERTIES TIMEOUT ${timeout} ENVIRONMENT "${ARG_ENVIRONMENT}")
+    set_tests_properties(${folder}/${test} PROPERTIES TIMEOUT ${timeout} LABELS "${ARG_LABELS}"
+                         ENVIRONMENT "${ARG_ENVIRONMENT}")
   endforeach()
 endfunction()

@@ -1,10 +1,8 @@
-// tests/bench/run: measures every promised figure in one run.
+// The figures that are measured within one process; tests/bench/run judges them.
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <fstream>
-#include <nlohmann/json.hpp>
 #include <regex>
 
 #include "core/base/freed_memory.h"
@@ -31,10 +29,12 @@ class Collector : public benchmark::ConsoleReporter {
 
 int run(int argc, char** argv) {
   CLI::App app{
-      "Measures the figures that the solver must meet.\n\nExample:  tests/bench/run --json figures.json"};
-  std::string json, filter = ".*";
-  app.add_option("--json", json, "File for the rows as JSON");
+      "Measures the solver, the simulated camera, ramp mattes and composites; tests/bench/run holds the rows "
+      "against their goals.\n\nExample:  build/release/bin/glasswing-bench --filter 'joint fit'"};
+  std::string filter = ".*";
+  bool list = false;
   app.add_option("--filter", filter, "Only rows whose names match this regular expression");
+  app.add_flag("--list", list, "Print the rows without values; measure nothing");
   CLI11_PARSE(app, argc, argv);
   std::vector<Row> all, rows;
   add_line_rows(all);
@@ -51,6 +51,10 @@ int run(int argc, char** argv) {
     rows.push_back(row);
     for (const std::string& need : row.needs) benchmarks += (benchmarks.empty() ? "^" : "|^") + need + "$";
   }
+  if (list) {
+    for (const Row& row : rows) fmt::print("{{\"name\":\"{}\",\"unit\":\"{}\"}}\n", row.name, row.unit);
+    return 0;
+  }
   // Repetitions are interleaved at random, so that ratios compare the same machine state.
   std::vector<std::string> flags{argv[0],
                                  "--benchmark_repetitions=7",
@@ -65,24 +69,7 @@ int run(int argc, char** argv) {
   Collector collector;
   if (!benchmarks.empty()) benchmark::RunSpecifiedBenchmarks(&collector);
 
-  nlohmann::json list = nlohmann::json::array();
-  fmt::print("\n{:<64} {:>10} {:>10} {:<14} {}\n", "figure", "value", "goal", "unit", "met");
-  for (const Row& row : rows) {
-    const double value = row.value(collector.rates);
-    nlohmann::json entry = {{"name", row.name}, {"value", value}, {"unit", row.unit}};
-    std::string goal, met;
-    if (row.goal) {
-      const bool is_met = row.at_most ? value <= *row.goal : value >= *row.goal;
-      goal = fmt::format("{} {:.4g}", row.at_most ? "<=" : ">=", *row.goal);
-      met = is_met ? "yes" : "NO";
-      entry["goal"] = *row.goal;
-      entry["met"] = is_met;
-    }
-    fmt::print("{:<64} {:>10.4g} {:>10} {:<14} {}\n", row.name, value, goal, row.unit, met);
-    std::fflush(stdout);
-    list.push_back(std::move(entry));
-  }
-  if (!json.empty()) std::ofstream(json) << nlohmann::json{{"rows", list}}.dump(2) << "\n";
+  for (const Row& row : rows) print_row(row.name, row.value(collector.rates), row.unit);
   return 0;
 }
 

@@ -1,17 +1,15 @@
-// Compares the joint fit of one pixel's four sweeps with Ceres on the same windows from the same start.
-#include <benchmark/benchmark.h>
-#include <ceres/ceres.h>
-
+// Compares the joint fit of one pixel's four sweeps with peers on the same samples from the same start.
 #include <cmath>
 #include <random>
 
-#include "tests/bench/rows.h"
+#include "tests/bench/peers.h"
 #include "tests/solver/gaussian/simulated_pixel.h"
 
 namespace glasswing {
 namespace {
 
 constexpr int kPixels = 256;
+constexpr double kNoise = 0.005;
 
 struct Pixels {
   explicit Pixels(int modes) : layout(four_sweeps(4.0)) {
@@ -30,7 +28,8 @@ struct Pixels {
         mode.xy_px2 = turn(random) * std::sqrt(mode.xx_px2 * mode.yy_px2);
         truth.push_back(mode);
       }
-      samples.push_back(recorded(truth, layout, 0.005, random));
+      truths.push_back(truth);
+      samples.push_back(recorded(truth, layout, kNoise, random));
       for (Footprint& mode : truth) {
         mode.weight *= 0.95, mode.x_px += shift(random), mode.y_px += shift(random);
         mode.xx_px2 *= 1.1, mode.yy_px2 *= 0.9;
@@ -40,7 +39,7 @@ struct Pixels {
   }
   SampleLayout layout;
   std::vector<PixelSamples> samples;
-  std::vector<Footprints> starts;
+  std::vector<Footprints> truths, starts;
 };
 
 void batch_ours(benchmark::State& state, int modes) {
@@ -67,105 +66,180 @@ void general_ours(benchmark::State& state, int modes) {
   state.SetItemsProcessed(fits);
 }
 
-// Samples within 4.7 sigma_r of a mode's start; Sigma by its Cholesky factor.
-class JointCost final : public ceres::CostFunction {
+// The samples that fit_batch uses, within 5 sigma_r of a mode's start; Sigma by its Cholesky factor, as
+// there.
+template <int kModes>
+class JointModel {
  public:
-  JointCost(const PixelSamples& samples, const Footprints& start) : modes_(start.size()) {
+  static constexpr int kParameters = 6 * kModes;
+
+  JointModel(const PixelSamples& samples, const Footprints& start) {
     for (const SampleLayout::Sweep& sweep : samples.layout->sweeps) {
       for (int i = 0; i < sweep.count; ++i) {
         const auto place = static_cast<size_t>(sweep.first + i);
         const double r = sweep.first_r_px + static_cast<double>(samples.layout->offset_px[place]);
-        bool near = false;
-        for (const Footprint& mode : start) {
+        const bool near = std::any_of(start.begin(), start.end(), [&](const Footprint& mode) {
           const double centre = mode.x_px * sweep.axis.cos_phi + mode.y_px * sweep.axis.sin_phi;
-          near = near || std::abs(r - centre) < 4.7 * std::sqrt(answered_variance(mode, sweep.axis));
-        }
-        if (near) samples_.push_back({sweep.axis, r, static_cast<double>(samples.y[place])});
+          return std::abs(r - centre) < 5.0 * std::sqrt(answered_variance(mode, sweep.axis));
+        });
+        if (near) r_px_.push_back(r), y_.push_back(static_cast<double>(samples.y[place]));
       }
+      sweeps_.push_back({sweep.axis, r_px_.size()});
     }
-    set_num_residuals(static_cast<int>(samples_.size()));
-    mutable_parameter_block_sizes()->push_back(6 * modes_);
   }
-  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
-    for (size_t i = 0; i < samples_.size(); ++i) {
-      const Sample& sample = samples_[i];
-      const double c = sample.axis.cos_phi, s = sample.axis.sin_phi;
-      residuals[i] = -sample.y;
-      for (int m = 0; m < modes_; ++m) {
-        const double* q = parameters[0] + 6 * m;
-        const double a = c * q[3] + s * q[4], b = s * q[5];
-        const double variance = a * a + b * b + sample.axis.sigma_px * sample.axis.sigma_px + kFlatPixel_px2;
-        const double sigma = std::sqrt(variance), z = (sample.r - c * q[1] - s * q[2]) / sigma;
-        const double unit = sample.axis.sigma_px / sigma * std::exp(-0.5 * z * z), value = q[0] * unit;
-        residuals[i] += value;
-        if (jacobians == nullptr || jacobians[0] == nullptr) continue;
-        double* j = jacobians[0] + static_cast<int>(i) * 6 * modes_ + 6 * m;
-        const double by_centre = value * z / sigma, by_variance = 0.5 * value * (z * z - 1.0) / variance;
-        j[0] = unit, j[1] = by_centre * c, j[2] = by_centre * s;
-        j[3] = by_variance * 2.0 * a * c, j[4] = by_variance * 2.0 * a * s, j[5] = by_variance * 2.0 * b * s;
+
+  int residual_count() const { return static_cast<int>(y_.size()); }
+
+  void evaluate(const double* p, double* residuals, double* jacobian, std::ptrdiff_t row,
+                std::ptrdiff_t column) const {
+    for (size_t i = 0; i < y_.size(); ++i) residuals[i] = -y_[i];
+    size_t first = 0;
+    for (const auto& [axis, end] : sweeps_) {
+      const double c = axis.cos_phi, s = axis.sin_phi;
+      for (int m = 0; m < kModes; ++m) {
+        const double* q = p + 6 * m;
+        const double a = c * q[3] + s * q[4], b = s * q[5], centre = c * q[1] + s * q[2];
+        const double variance = a * a + b * b + axis.sigma_px * axis.sigma_px + kFlatPixel_px2;
+        const double inverse_sigma = 1.0 / std::sqrt(variance), peak = axis.sigma_px * inverse_sigma;
+        for (size_t i = first; i < end; ++i) {
+          const double z = (r_px_[i] - centre) * inverse_sigma;
+          const double unit = peak * std::exp(-0.5 * z * z), value = q[0] * unit;
+          residuals[i] += value;
+          if (jacobian == nullptr) continue;
+          double* j = jacobian + static_cast<std::ptrdiff_t>(i) * row + 6 * m * column;
+          const double by_centre = value * z * inverse_sigma, by_a = value * (z * z - 1.0) / variance;
+          j[0] = unit, j[column] = by_centre * c, j[2 * column] = by_centre * s;
+          j[3 * column] = by_a * a * c, j[4 * column] = by_a * a * s, j[5 * column] = by_a * b * s;
+        }
       }
+      first = end;
     }
-    return true;
+  }
+
+  static Parameters<JointModel> factored(const Footprints& modes) {
+    Parameters<JointModel> p;
+    for (int m = 0; m < kModes; ++m) {
+      const Footprint& mode = modes[m];
+      const double l11 = std::sqrt(mode.xx_px2), l21 = mode.xy_px2 / l11;
+      const double l22 = std::sqrt(std::max(mode.yy_px2 - l21 * l21, 1e-3));
+      p.template segment<6>(6 * m) << mode.weight, mode.x_px, mode.y_px, l11, l21, l22;
+    }
+    return p;
   }
 
  private:
-  struct Sample {
+  struct Sweep {
     StripeAxis axis;
-    double r, y;
+    size_t end;  // of its samples
   };
-  int modes_;
-  std::vector<Sample> samples_;
+  std::vector<Sweep> sweeps_;
+  std::vector<double> r_px_, y_;
 };
 
-void joint_ceres(benchmark::State& state, int modes) {
-  const Pixels pixels(modes);
-  std::int64_t fits = 0;
-  for (auto _ : state) {
-    const auto i = static_cast<size_t>(fits++ % kPixels);
-    std::vector<double> p;
-    for (const Footprint& mode : pixels.starts[i]) {
-      const double a = std::sqrt(mode.xx_px2), b = mode.xy_px2 / a;
-      p.insert(p.end(),
-               {mode.weight, mode.x_px, mode.y_px, a, b, std::sqrt(std::max(mode.yy_px2 - b * b, 1e-3))});
-    }
-    ceres::Problem problem;
-    problem.AddResidualBlock(new JointCost(pixels.samples[i], pixels.starts[i]), nullptr, p.data());
-    ceres::Solver::Options options;
-    options.linear_solver_type = ceres::DENSE_QR;
-    options.logging_type = ceres::SILENT;
-    ceres::Solver::Summary summary;
-    ceres::Solve(options, &problem, &summary);
-    benchmark::DoNotOptimize(p.data());
+// The pixels of one number of modes, and every solver's answers to them as (R, x, y, xx, xy, yy) of each
+// mode.
+template <int kModes>
+class JointPeers {
+ public:
+  using Model = JointModel<kModes>;
+  using Answer = Parameters<Model>;
+  // The rule of fit_batch: the next step would be shorter than a tenth of its standard error.
+  static constexpr StoppingRule kRule{.chi2_gain = 0.01, .step = 0.0, .noise_sd = kNoise};
+
+  static const JointPeers& get() {
+    static const JointPeers all;
+    return all;
   }
-  state.SetItemsProcessed(fits);
+
+  Pixels pixels{kModes};
+  std::vector<Model> models;
+  std::vector<Answer> starts;
+  Comparison ceres, tiny, general;  // batch with Ceres and TinySolver, one after another with Ceres
+
+ private:
+  JointPeers() {
+    JointWorkspace workspace;
+    std::vector<BatchPixel> batch;
+    std::vector<JointFit> fits(kPixels);
+    std::vector<Answer> sd;
+    std::vector<std::optional<Answer>> together, single;
+    for (size_t i = 0; i < kPixels; ++i) {
+      models.emplace_back(pixels.samples[i], pixels.starts[i]);
+      starts.push_back(Model::factored(pixels.starts[i]));
+      sd.push_back(kNoise * Answer(cramer_rao_bound(pixels.truths[i], pixels.layout).data()));
+      batch.push_back(batch_pixel(pixels.samples[i], pixels.starts[i]));
+      single.push_back(
+          stored(fit_jointly(pixels.samples[i], pixels.starts[i], kSimulatedExtent, 50, workspace)));
+    }
+    fit_batch(pixels.layout, 1, batch, fits);
+    for (const JointFit& fit : fits) together.push_back(stored(fit));
+    const auto by_ceres = stored(answers(CeresPeer<Model>(kRule), models, starts));
+    ceres = compared(together, by_ceres, sd);
+    general = compared(single, by_ceres, sd);
+    tiny = compared(together, stored(answers(TinyPeer<Model>(kRule), models, starts)), sd);
+  }
+
+  static std::optional<Answer> stored(JointFit fit) {
+    if (!fit.converged) return std::nullopt;
+    Answer answer;
+    for (int p = 0; p < Model::kParameters; ++p) answer[p] = parameter(fit.modes[p / 6], p % 6);
+    return answer;
+  }
+  static std::vector<std::optional<Answer>> stored(std::vector<std::optional<Answer>> factored) {
+    for (std::optional<Answer>& p : factored) {
+      for (int m = 0; p && m < kModes; ++m) {
+        const double l11 = (*p)[6 * m + 3], l21 = (*p)[6 * m + 4], l22 = (*p)[6 * m + 5];
+        p->template segment<3>(6 * m + 3) << l11 * l11, l11 * l21, l21 * l21 + l22 * l22;
+      }
+    }
+    return factored;
+  }
+};
+
+template <int kModes>
+void joint_ceres(benchmark::State& state) {
+  const auto& all = JointPeers<kModes>::get();
+  run_peer(state, CeresPeer<JointModel<kModes>>(all.kRule), all.models, all.starts, all.ceres);
+}
+
+template <int kModes>
+void joint_tiny(benchmark::State& state) {
+  const auto& all = JointPeers<kModes>::get();
+  run_peer(state, TinyPeer<JointModel<kModes>>(all.kRule), all.models, all.starts, all.tiny);
+}
+
+template <int kModes>
+void add_rows(std::vector<Row>& rows, const std::string& figure) {
+  const auto named = [](const char* name) { return fmt::format("{}_{}", name, kModes); };
+  benchmark::RegisterBenchmark(named("batch_ours").c_str(), batch_ours, kModes);
+  benchmark::RegisterBenchmark(named("joint_ceres").c_str(), joint_ceres<kModes>);
+  benchmark::RegisterBenchmark(named("joint_tiny").c_str(), joint_tiny<kModes>);
+  using Peers = JointPeers<kModes>;
+  add_peer_rows(rows, figure, "Ceres", named("batch_ours"), named("joint_ceres"),
+                []() -> const Comparison& { return Peers::get().ceres; });
+  rows.push_back({figure + ": pixels/s at Ceres' answers, one core",
+                  "thousand/s",
+                  {named("batch_ours")},
+                  [named](const Rates& rates) {
+                    return 1e-3 * rates.at(named("batch_ours")) * Peers::get().ceres.equal_share();
+                  }});
+  add_peer_rows(rows, figure, "TinySolver", named("batch_ours"), named("joint_tiny"),
+                []() -> const Comparison& { return Peers::get().tiny; });
 }
 
 }  // namespace
 
 void add_joint_rows(std::vector<Row>& rows) {
-  benchmark::RegisterBenchmark("batch_ours_1", batch_ours, 1);
-  benchmark::RegisterBenchmark("batch_ours_2", batch_ours, 2);
+  add_rows<1>(rows, "joint fit of four sweeps, one mode");
+  add_rows<2>(rows, "joint fit of four sweeps, two modes");
   benchmark::RegisterBenchmark("general_ours_2", general_ours, 2);
-  benchmark::RegisterBenchmark("joint_ceres_1", joint_ceres, 1);
-  benchmark::RegisterBenchmark("joint_ceres_2", joint_ceres, 2);
-  rows.push_back({"joint fit of four sweeps, one mode: fits/s over Ceres",
-                  "x",
-                  50.0,
-                  false,
-                  {"batch_ours_1", "joint_ceres_1"},
-                  [](const Rates& rates) { return rates.at("batch_ours_1") / rates.at("joint_ceres_1"); }});
-  rows.push_back({"joint fit of four sweeps, two modes: fits/s over Ceres",
-                  "x",
-                  25.0,
-                  false,
-                  {"batch_ours_2", "joint_ceres_2"},
-                  [](const Rates& rates) { return rates.at("batch_ours_2") / rates.at("joint_ceres_2"); }});
   rows.push_back({"the same, one pixel after another with the monitor's edges",
                   "x",
-                  3.0,
-                  false,
                   {"general_ours_2", "joint_ceres_2"},
-                  [](const Rates& rates) { return rates.at("general_ours_2") / rates.at("joint_ceres_2"); }});
+                  [](const Rates& rates) {
+                    return rates.at("general_ours_2") * JointPeers<2>::get().general.equal_share() /
+                           rates.at("joint_ceres_2");
+                  }});
 }
 
 }  // namespace glasswing

@@ -1,26 +1,25 @@
-// Compares one-dimensional fits with Ceres on the same windows, and measures the whole stage from frames to
+// Compares one-dimensional fits with peers on the same windows, and measures the whole stage from frames to
 // peaks.
-#include <benchmark/benchmark.h>
-#include <ceres/ceres.h>
-
 #include <cmath>
 #include <random>
 
 #include "solver/gaussian/peaks.h"
 #include "solver/gaussian/sample_tile.h"
 #include "solver/method/sample_noise.h"
-#include "tests/bench/rows.h"
+#include "tests/bench/peers.h"
 
 namespace glasswing {
 namespace {
 
 constexpr int kSamples = 300, kResponses = 1024;
+constexpr double kNoise = 0.002;
 
 // Responses as the solver stores them: kBlockLanes side by side. Two samples are one sigma of the stripe;
-// footprints widen the response by up to a half; 12 bits.
+// footprints widen the response by up to a half; noise, and 12 bits.
 struct Responses {
   explicit Responses(int modes) {
     std::mt19937 random(1);
+    std::normal_distribution<double> noise(0.0, kNoise);
     std::uniform_real_distribution<double> place(30.0, 270.0), widening(1.0, 1.5), amplitude(0.3, 0.9),
         apart(2.0, 4.0), shift(-0.3, 0.3);
     samples.resize(static_cast<size_t>(kSamples) * kResponses);
@@ -36,7 +35,7 @@ struct Responses {
       float* first =
           samples.data() + static_cast<size_t>(i / kBlockLanes) * kSamples * kBlockLanes + i % kBlockLanes;
       for (int k = 0; k < kSamples; ++k) {
-        double y = 0.0;
+        double y = noise(random);
         for (int m = 0; m < modes; ++m)
           y += p[3 * m] * std::exp(-0.5 * std::pow((k - p[3 * m + 1]) / p[3 * m + 2], 2));
         first[k * kBlockLanes] = static_cast<float>(std::round(y * 4095.0) / 4095.0);
@@ -94,55 +93,113 @@ void double_ours(benchmark::State& state) {
   state.SetItemsProcessed(state.iterations() * kResponses);
 }
 
-class LineCost final : public ceres::CostFunction {
+// Parameters are in units of the start's amplitude and sigma, with its centre as the origin.
+template <int kModes>
+class LineModel {
  public:
-  LineCost(const LineWindow& window, int modes) : window_(window), modes_(modes) {
-    set_num_residuals(2 * window.half + 1);
-    mutable_parameter_block_sizes()->push_back(3 * modes);
-  }
-  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
-    const double* p = parameters[0];
-    for (int k = -window_.half, row = 0; k <= window_.half; ++k, ++row) {
-      residuals[row] = -static_cast<double>(window_.middle[k * window_.stride]);
-      for (int m = 0; m < modes_; ++m) {
-        const double z = (k - p[3 * m + 1]) / p[3 * m + 2], g = std::exp(-0.5 * z * z);
-        residuals[row] += p[3 * m] * g;
-        if (jacobians == nullptr || jacobians[0] == nullptr) continue;
-        double* j = jacobians[0] + row * 3 * modes_ + 3 * m;
-        j[0] = g;
-        j[1] = p[3 * m] * g * z / p[3 * m + 2];
-        j[2] = p[3 * m] * g * z * z / p[3 * m + 2];
+  static constexpr int kParameters = 3 * kModes;
+
+  LineModel(const LineWindow& window, const DoubleFit& start) : window_(window), start_(start) {}
+
+  int residual_count() const { return 2 * window_.half + 1; }
+
+  void evaluate(const double* p, double* residuals, double* jacobian, std::ptrdiff_t row,
+                std::ptrdiff_t column) const {
+    for (int k = -window_.half; k <= window_.half; ++k)
+      residuals[k + window_.half] = -static_cast<double>(window_.middle[k * window_.stride]);
+    for (int m = 0; m < kModes; ++m) {
+      const auto unit = static_cast<double>(start_.peaks[m].amplitude);
+      const auto width = static_cast<double>(start_.peaks[m].sigma);
+      const double amplitude = p[3 * m] * unit, inverse_sigma = 1.0 / (p[3 * m + 2] * width);
+      const double centre = static_cast<double>(start_.peaks[m].centre) + p[3 * m + 1] * width;
+      for (int k = -window_.half, i = 0; k <= window_.half; ++k, ++i) {
+        const double z = (k - centre) * inverse_sigma, g = std::exp(-0.5 * z * z);
+        residuals[i] += amplitude * g;
+        if (jacobian == nullptr) continue;
+        double* j = jacobian + i * row + 3 * m * column;
+        const double by_centre = amplitude * g * z * inverse_sigma * width;
+        j[0] = unit * g, j[column] = by_centre, j[2 * column] = by_centre * z;
       }
     }
-    return true;
+  }
+
+  static Parameters<LineModel> start() {
+    Parameters<LineModel> p;
+    for (int m = 0; m < kModes; ++m) p.template segment<3>(3 * m) << 1.0, 0.0, 1.0;
+    return p;
+  }
+
+  Parameters<LineModel> parameters(const LineGaussian* peaks) const {
+    Parameters<LineModel> p;
+    for (int m = 0; m < kModes; ++m) {
+      const LineGaussian &peak = peaks[m], &from = start_.peaks[m];
+      p.template segment<3>(3 * m) << static_cast<double>(peak.amplitude / from.amplitude),
+          static_cast<double>((peak.centre - from.centre) / from.sigma),
+          static_cast<double>(peak.sigma / from.sigma);
+    }
+    return p;
   }
 
  private:
-  const LineWindow& window_;
-  int modes_;
+  LineWindow window_;
+  DoubleFit start_;
 };
 
-void line_ceres(benchmark::State& state, int modes) {
-  const Responses responses(modes);
-  std::int64_t fits = 0;
-  for (auto _ : state) {
-    const auto i = static_cast<size_t>(fits++ % kResponses);
-    double p[6];
-    for (int m = 0; m < modes; ++m) {
-      const LineGaussian& peak = responses.starts[i].peaks[m];
-      p[3 * m] = static_cast<double>(peak.amplitude), p[3 * m + 1] = static_cast<double>(peak.centre);
-      p[3 * m + 2] = static_cast<double>(peak.sigma);
-    }
-    ceres::Problem problem;
-    problem.AddResidualBlock(new LineCost(responses.windows[i], modes), nullptr, p);
-    ceres::Solver::Options options;
-    options.linear_solver_type = ceres::DENSE_QR;
-    options.logging_type = ceres::SILENT;
-    ceres::Solver::Summary summary;
-    ceres::Solve(options, &problem, &summary);
-    benchmark::DoNotOptimize(p);
+// The responses of one number of modes, and the solvers' answers to them.
+template <int kModes>
+class LinePeers {
+ public:
+  using Model = LineModel<kModes>;
+  using Answer = Parameters<Model>;
+
+  static const LinePeers& get() {
+    static const LinePeers all;
+    return all;
   }
-  state.SetItemsProcessed(fits);
+
+  // As in our fits, a step below a thousandth of sigma and amplitude, of which the norm counts 2 kModes.
+  const StoppingRule rule{.chi2_gain = 0.0, .step = 1e-3 / std::sqrt(2.0 * kModes), .noise_sd = kNoise};
+  Responses responses{kModes};
+  std::vector<Model> models;
+  std::vector<Answer> starts;
+  Comparison ceres, tiny;
+
+ private:
+  LinePeers() {
+    std::vector<std::optional<Answer>> ours;
+    const auto add = [&](bool settled, size_t i, const LineGaussian* peaks) {
+      ours.push_back(settled ? std::optional(models[i].parameters(peaks)) : std::nullopt);
+    };
+    for (size_t i = 0; i < kResponses; ++i) models.emplace_back(responses.windows[i], responses.starts[i]);
+    starts.assign(kResponses, Model::start());
+    if constexpr (kModes == 1) {
+      std::vector<SingleFit> fits;
+      for (const DoubleFit& start : responses.starts) fits.push_back({.peak = start.peaks[0]});
+      fit_single(responses.windows, fits);
+      for (size_t i = 0; i < fits.size(); ++i) add(fits[i].settled, i, &fits[i].peak);
+    } else {
+      std::vector<DoubleFit> fits = responses.starts;
+      fit_double(responses.windows, fits);
+      for (size_t i = 0; i < fits.size(); ++i) add(fits[i].settled, i, fits[i].peaks);
+    }
+    std::vector<Answer> sd;
+    for (size_t i = 0; i < kResponses; ++i)
+      sd.push_back(standard_errors(models[i], ours[i].value_or(starts[i]), kNoise));
+    ceres = compared(ours, answers(CeresPeer<Model>(rule), models, starts), sd);
+    tiny = compared(ours, answers(TinyPeer<Model>(rule), models, starts), sd);
+  }
+};
+
+template <int kModes>
+void line_ceres(benchmark::State& state) {
+  const auto& all = LinePeers<kModes>::get();
+  run_peer(state, CeresPeer<LineModel<kModes>>(all.rule), all.models, all.starts, all.ceres);
+}
+
+template <int kModes>
+void line_tiny(benchmark::State& state) {
+  const auto& all = LinePeers<kModes>::get();
+  run_peer(state, TinyPeer<LineModel<kModes>>(all.rule), all.models, all.starts, all.tiny);
 }
 
 // 65536 responses of one sweep, as frames in memory; nine in ten have one peak, the others two.
@@ -152,7 +209,7 @@ struct Frames {
     stack.width_px = kWidth;
     stack.row_count = 1;
     std::mt19937 random(2);
-    std::normal_distribution<double> noise(0.0, 0.002), step(0.0, 0.4), dispersion(0.0, 0.1);
+    std::normal_distribution<double> noise(0.0, kNoise), step(0.0, 0.4), dispersion(0.0, 0.1);
     std::uniform_real_distribution<double> place(20.0, 280.0), widening(1.0, 1.5), amplitude(0.2, 0.9),
         share(0.0, 1.0);
     std::vector<std::array<double, 6>> modes(kLanes);
@@ -198,13 +255,13 @@ struct Frames {
 
 void stage(benchmark::State& state) {
   static const Frames frames;
-  const SampleNoise noise{.read_sd = 0.002, .gain = 0.0};
+  const SampleNoise noise{.read_sd = kNoise, .gain = 0.0};
   SampleTile tile(frames.layout);
   PeakFinder finder;
   std::vector<std::array<Peaks, kBlockLanes>> found;
   std::array<float, kBlockLanes> floor, sd;
   floor.fill(0.008f);
-  sd.fill(0.002f);
+  sd.fill(static_cast<float>(kNoise));
   for (auto _ : state) {
     for (int first = 0; first < Frames::kLanes; first += SampleTile::kMaxBlocks * kBlockLanes) {
       tile.load(frames.stack, 0, first,
@@ -226,37 +283,24 @@ void stage(benchmark::State& state) {
 void add_line_rows(std::vector<Row>& rows) {
   benchmark::RegisterBenchmark("single_ours", single_ours);
   benchmark::RegisterBenchmark("double_ours", double_ours);
-  benchmark::RegisterBenchmark("single_ceres", line_ceres, 1);
-  benchmark::RegisterBenchmark("double_ceres", line_ceres, 2);
+  benchmark::RegisterBenchmark("single_ceres", line_ceres<1>);
+  benchmark::RegisterBenchmark("double_ceres", line_ceres<2>);
+  benchmark::RegisterBenchmark("single_tiny", line_tiny<1>);
+  benchmark::RegisterBenchmark("double_tiny", line_tiny<2>);
   benchmark::RegisterBenchmark("stage", stage);
-  const auto ratio = [](const char* a, const char* b) {
-    return [a, b](const Rates& rates) { return rates.at(a) / rates.at(b); };
-  };
   const auto millions = [](const char* a) { return [a](const Rates& rates) { return rates.at(a) * 1e-6; }; };
-  rows.push_back({"one Gaussian, 1-D: fits/s over Ceres",
-                  "x",
-                  250.0,
-                  false,
-                  {"single_ours", "single_ceres"},
-                  ratio("single_ours", "single_ceres")});
-  rows.push_back({"one Gaussian, 1-D: fits/s, one core",
-                  "million/s",
-                  16.0,
-                  false,
-                  {"single_ours"},
-                  millions("single_ours")});
-  rows.push_back({"two Gaussians, 1-D: fits/s over Ceres",
-                  "x",
-                  60.0,
-                  false,
-                  {"double_ours", "double_ceres"},
-                  ratio("double_ours", "double_ceres")});
-  rows.push_back({"whole 1-D stage: responses/s, one core, from memory",
-                  "million/s",
-                  5.0,
-                  false,
-                  {"stage"},
-                  millions("stage")});
+  add_peer_rows(rows, "one Gaussian, 1-D", "Ceres", "single_ours", "single_ceres",
+                []() -> const Comparison& { return LinePeers<1>::get().ceres; });
+  add_peer_rows(rows, "one Gaussian, 1-D", "TinySolver", "single_ours", "single_tiny",
+                []() -> const Comparison& { return LinePeers<1>::get().tiny; });
+  rows.push_back(
+      {"one Gaussian, 1-D: fits/s, one core", "million/s", {"single_ours"}, millions("single_ours")});
+  add_peer_rows(rows, "two Gaussians, 1-D", "Ceres", "double_ours", "double_ceres",
+                []() -> const Comparison& { return LinePeers<2>::get().ceres; });
+  add_peer_rows(rows, "two Gaussians, 1-D", "TinySolver", "double_ours", "double_tiny",
+                []() -> const Comparison& { return LinePeers<2>::get().tiny; });
+  rows.push_back(
+      {"whole 1-D stage: responses/s, one core, from memory", "million/s", {"stage"}, millions("stage")});
 }
 
 }  // namespace glasswing

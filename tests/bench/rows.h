@@ -1,9 +1,12 @@
-// The benchmark's figures, most with a goal.
+// The benchmark's figures. tests/goals.toml has their goals.
 #pragma once
 
+#include <fmt/format.h>
+
+#include <cmath>
+#include <cstdio>
 #include <functional>
 #include <map>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -15,12 +18,17 @@ using Rates = std::map<std::string, double>;
 struct Row {
   std::string name;
   std::string unit;
-  std::optional<double> goal;  // none: for comparison only
-  bool at_most = false;        // otherwise at least
   // The benchmarks whose rate it needs; it is left out if they were filtered out.
   std::vector<std::string> needs;
   std::function<double(const Rates&)> value;
 };
+
+// Prints a row, for tests/bench/run, as a line of JSON.
+inline void print_row(const std::string& name, double value, const std::string& unit) {
+  fmt::print("{{\"name\":\"{}\",\"unit\":\"{}\",\"value\":{}}}\n", name, unit,
+             std::isfinite(value) ? fmt::to_string(value) : "null");
+  std::fflush(stdout);
+}
 
 // Each function registers its Google Benchmarks and adds its rows.
 void add_line_rows(std::vector<Row>& rows);

@@ -204,8 +204,8 @@ absl::Status write_report(const std::filesystem::path& scenes, const std::filesy
   GW_RETURN_IF_ERROR(write_picture_rows(scenes, docs, composites, figures));
   const std::filesystem::path page = docs / "comparison.md";
   GW_ASSIGN_OR_RETURN(std::string text, read_file(page));
-  GW_RETURN_IF_ERROR(fill("means", table_of_means(figures), text));
-  GW_RETURN_IF_ERROR(fill("scenes", table_of_scenes(figures), text));
+  GW_RETURN_IF_ERROR(fill("figures: comparison-means", table_of_means(figures), text));
+  GW_RETURN_IF_ERROR(fill("figures: comparison-scenes", table_of_scenes(figures), text));
   return write_file_durably(page, text);
 }
 

@@ -57,8 +57,7 @@ std::vector<std::string> RenderedScene::photograph_names() const {
   return names;
 }
 
-// Names are the renderer's: left_X shows X on the second monitor, both shows the first photograph behind and
-// the second at the left.
+// Names are the renderer's: left_X shows X on the monitor "left" alone; some show a picture on each.
 Photograph RenderedScene::photograph(const std::string& name) const {
   Photograph photograph{
       .name = name,
@@ -69,15 +68,25 @@ Photograph RenderedScene::photograph(const std::string& name) const {
   const fs::path bare = directory_ / "ref" / (name + "_bg.png");
   photograph.bare =
       fs::exists(bare) ? picture(bare) : RadianceImage(photograph.seen.width_px, photograph.seen.height_px);
-  const auto shown = [&](const std::string& file) { return picture(directory_ / "stim" / file); };
-  if (name == "both") {
-    photograph.backgrounds[0] = shown("photo_stilllife.png");
-    photograph.backgrounds[1] = shown("left_photo_stone.png");
-  } else if (name.starts_with("left_")) {
-    photograph.backgrounds[1] = shown("left_photo_" + name.substr(5) + ".png");
-  } else {
-    photograph.backgrounds[0] = shown("photo_" + name + ".png");
+  const auto show = [&](size_t monitor, const std::string& on_it) {
+    const std::string panel = monitor == 0 ? "" : manifest_.monitors(static_cast<int>(monitor)).name() + "_";
+    photograph.backgrounds[monitor] = picture(directory_ / "stim" / (panel + "photo_" + on_it + ".png"));
+  };
+  const std::map<std::string, std::vector<std::string>> several{
+      {"both", {"stilllife", "stone"}},
+      {"all", {"stilllife", "stone", "landscape"}},
+      {"all2", {"landscape", "stilllife", "stone"}}};
+  if (const auto found = several.find(name); found != several.end()) {
+    for (size_t monitor = 0; monitor < found->second.size(); ++monitor) show(monitor, found->second[monitor]);
+    return photograph;
   }
+  for (size_t monitor = photograph.backgrounds.size(); monitor-- > 1;) {
+    const std::string prefix = manifest_.monitors(static_cast<int>(monitor)).name() + "_";
+    if (!name.starts_with(prefix)) continue;
+    show(monitor, name.substr(prefix.size()));
+    return photograph;
+  }
+  show(0, name);
   return photograph;
 }
 

@@ -76,23 +76,6 @@ std::vector<double> psnrs(const fs::path& directory, const Scene& scene, const M
   return found;
 }
 
-// 6 dB is half the error: the minimum gain of a matte with one footprint over the bare background.
-TEST_P(Rendered, BeatsTheBareBackground) {
-  if (!fs::exists(directory())) GTEST_SKIP() << "no data at " << directory() << "; set GLASSWING_DATA";
-  const std::vector<double> got = psnrs(directory(), GetParam(), *make_method("gaussian", {}).value());
-  const Image16 mask = read_frame_file(directory() / "mask_true.png").value();
-  for (size_t i = 0; i < got.size(); ++i) {
-    const std::string name = GetParam().photographs[i];
-    const auto picture = [&](const std::string& kind) {
-      return read_radiance(directory() / ("ref/" + name + kind), Encoding::kLinear).value();
-    };
-    const double bare = psnr(picture("_bg.png"), picture("_obj.png"), mask);
-    std::printf("%-14s %-10s %5.1f dB (bare background %5.1f)\n", GetParam().name, name.c_str(), got[i],
-                bare);
-    EXPECT_GE(got[i], bare + 6.0) << name;
-  }
-}
-
 TEST_P(Rendered, HierarchicalIsAsGoodAsExhaustiveSearch) {
   if (!fs::exists(directory())) GTEST_SKIP() << "no data at " << directory() << "; set GLASSWING_DATA";
   const std::vector<double> got = psnrs(directory(), GetParam(), *make_method("hierarchical", {}).value());

@@ -13,13 +13,15 @@ import subprocess
 import sys
 import tempfile
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "processes"))
+sys.path[:0] = [str(pathlib.Path(__file__).resolve().parents[2] / folder) for folder in ("processes", "bench")]
 
 from daemon import BIN  # noqa: E402
 from lab import SESSION, Lab  # noqa: E402
 from postgres import Postgres  # noqa: E402
+from rows import row  # noqa: E402
 
 _WIDTH_PX = 4
+_ROWS = {"postgres": "64 simulated solvers, PostgreSQL: efficiency", "sqlite": "64 simulated solvers, SQLite: efficiency"}
 _COLUMNS = (
     ("solvers", "solvers", "{:d}"),
     ("tiles", "tiles", "{:d}"),
@@ -100,6 +102,8 @@ def main() -> int:
                 figures = measure(store, solvers, solvers * options.tiles, pathlib.Path(work) / "run", options.seed)
             cells = (form.format(figures[name]).rjust(len(title)) for name, title, form in _COLUMNS)
             print("  ".join(cells), flush=True)
+            if solvers == 64:
+                row(_ROWS[store], float(str(figures["efficiency"])), "of the solvers' time")
             for error in list(figures["errors"])[:5]:  # type: ignore[call-overload]
                 print(f"  {error}")
     return 0

@@ -1,0 +1,10 @@
+"""The rows that tests/bench/run reads from the output of a command, a line of JSON each."""
+
+from __future__ import annotations
+
+import json
+
+
+def row(name: str, value: float, unit: str) -> None:
+    """Prints a row. tests/goals.toml has its goal."""
+    print(json.dumps({"name": name, "value": value, "unit": unit}, ensure_ascii=False), flush=True)

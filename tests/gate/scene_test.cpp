@@ -1,0 +1,120 @@
+// Composites of the scenes, solved and composited as in production, hold their floors.
+#include "tests/gate/scene.h"
+
+#include <gtest/gtest.h>
+
+#include "core/matte/compositor.h"
+#include "solver/methods.h"
+#include "solver/worker/parallel_solve.h"
+#include "tests/gate/floors.h"
+#include "tests/solver/stack_of.h"
+
+namespace glasswing::gate {
+namespace {
+
+// A plan, and how it is solved.
+struct Way {
+  std::string method;
+  MethodOptions options;
+  std::string plan;
+};
+
+// By name. Plans as in deploy/plans, for monitors of 64 px.
+const std::map<std::string, Way>& ways() {
+  static const std::map<std::string, Way> all = [] {
+    const std::string
+        solids = "solids { colour: [0, 0, 0] } solids { colour: [1, 1, 1] } ",
+        bars = solids + "square_waves { levels: 6 } ",
+        sweeps =
+            "sweeps { orientation_deg: 0 sigma_px: 3 } sweeps { orientation_deg: 90 sigma_px: 3 } "
+            "sweeps { orientation_deg: 45 sigma_px: 3 } sweeps { orientation_deg: -45 sigma_px: 3 }",
+        waves =
+            "fringes { orientation_deg: 0 period_px: [72, 32, 14, 7] } "
+            "fringes { orientation_deg: 90 period_px: [72, 32, 14, 7] } "
+            "fringes { orientation_deg: 45 period_px: [24, 10] } "
+            "fringes { orientation_deg: -45 period_px: [24, 10] }";
+    return std::map<std::string, Way>{
+        {"gaussian", {"gaussian", {}, "method: 'gaussian' " + bars + sweeps}},
+        {"few", {"gaussian", {{"images", "80"}}, "method: 'gaussian' " + bars + sweeps}},
+        {"hierarchical", {"hierarchical", {}, "method: 'hierarchical' " + bars}},
+        {"fringe", {"fringe", {{"modes", "2"}}, "method: 'fringe' " + solids + waves}},
+        {"alpha", {"alpha", {}, "method: 'alpha' " + solids}},
+        {"ramp", {"ramp", {}, "method: 'ramp' ramp { empty_frames: 4 frames: 3 }"}}};
+  }();
+  return all;
+}
+
+// The frames of a video in memory.
+class Clip final : public VideoSource {
+ public:
+  Clip(const v1::CaptureManifest& manifest, const std::vector<Image16>& frames)
+      : manifest_(manifest), frames_(frames) {}
+  const v1::CaptureManifest& manifest() const override { return manifest_; }
+  absl::StatusOr<VideoFrame> read(int frame) override {
+    const Image16& image = frames_.at(static_cast<size_t>(frame));
+    return VideoFrame{
+        .view = {.width_px = image.width_px, .height_px = image.height_px, .samples = image.samples},
+        .owner = nullptr};
+  }
+
+ private:
+  const v1::CaptureManifest& manifest_;
+  const std::vector<Image16>& frames_;
+};
+
+// A still, or the frames of a video.
+std::vector<Matte> solved(const Way& way, const v1::CaptureManifest& manifest,
+                          const std::vector<Image16>& frames) {
+  if (const auto video = make_video_method(way.method, way.options).value()) {
+    Clip clip(manifest, frames);
+    std::vector<Matte> mattes;
+    const absl::Status status =
+        video->solve(clip, 0, manifest.plan().ramp().frames(), 0, {}, [&](int, absl::StatusOr<Matte> matte) {
+          if (matte.ok()) mattes.push_back(*std::move(matte));
+          return matte.status();
+        });
+    EXPECT_TRUE(status.ok()) << status;
+    return mattes;
+  }
+  auto matte =
+      solve_in_bands(*make_method(way.method, way.options).value(), manifest, stack_of(manifest, frames));
+  EXPECT_TRUE(matte.ok()) << matte.status();
+  if (!matte.ok()) return {};
+  return {*std::move(matte)};
+}
+
+const std::vector<Scene>& scenes() {
+  static const std::vector<Scene> all = [] {
+    std::vector<Scene> both = analytic_scenes();
+    for (Scene& scene : traced_scenes()) both.push_back(std::move(scene));
+    return both;
+  }();
+  return all;
+}
+
+TEST(Gate, HoldsItsFloors) {
+  std::map<std::string, std::vector<std::string>> measured;
+  for (const Scene& scene : scenes()) {
+    measured[scene.name] = scene.methods;
+    for (const std::string& name : scene.methods) {
+      const Way& way = ways().at(name);
+      const Recording recording = recorded(scene, way.plan);
+      Floors floors(scene.name, name);
+      for (const auto& [noise, noise_sd] : {std::pair{"0", 0.0}, {"0.5", 0.005}, {"2", 0.02}}) {
+        const std::vector<Matte> mattes = solved(way, recording.manifest, noisy(recording.frames, noise_sd));
+        for (const char* background : {"waves", "checks", "grain"}) {
+          const std::vector<RadianceImage> shown = pictures(scene, background);
+          const RadianceImage truth = photograph(scene, true, shown);
+          double db = 0.0;
+          for (const Matte& matte : mattes)
+            db += psnr(scene, composite(matte, shown).value(), truth) / static_cast<double>(mattes.size());
+          floors.reached(noise, background, db);
+        }
+      }
+    }
+  }
+  expect_no_other_floors(measured);
+}
+
+}  // namespace
+}  // namespace glasswing::gate
