@@ -157,11 +157,10 @@ class LinePeers {
     return all;
   }
 
-  // As in our fits, a step below a thousandth of sigma and amplitude, of which the norm counts 2 kModes.
-  const StoppingRule rule{.chi2_gain = 0.0, .step = 1e-3 / std::sqrt(2.0 * kModes), .noise_sd = kNoise};
   Responses responses{kModes};
   std::vector<Model> models;
   std::vector<Answer> starts;
+  StoppingRule rule;
   Comparison ceres, tiny;
 
  private:
@@ -185,6 +184,12 @@ class LinePeers {
     std::vector<Answer> sd;
     for (size_t i = 0; i < kResponses; ++i)
       sd.push_back(standard_errors(models[i], ours[i].value_or(starts[i]), kNoise));
+    // Our fits stop with a step below a thousandth of sigma and amplitude, and take it. The peers do not take
+    // theirs, so it must be below a tenth of the standard errors for equal answers; the norm of parameters is
+    // about that of 2 kModes ones.
+    rule.step = 1.0;
+    for (const Answer& errors : sd) rule.step = std::min(rule.step, 0.1 * errors.minCoeff());
+    rule.step /= std::sqrt(2.0 * kModes);
     ceres = compared(ours, answers(CeresPeer<Model>(rule), models, starts), sd);
     tiny = compared(ours, answers(TinyPeer<Model>(rule), models, starts), sd);
   }
