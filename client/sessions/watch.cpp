@@ -16,9 +16,9 @@
 namespace glasswing {
 namespace {
 
-// A session is deleted only at rest.
+// A session at rest can be deleted; a failed solve can be cancelled too, for the matte before it.
 bool is_under_way(const v1::Session& session) {
-  return !allows(session, v1::SESSION_ACTION_DELETE);
+  return allows(session, v1::SESSION_ACTION_CANCEL) && !allows(session, v1::SESSION_ACTION_DELETE);
 }
 
 class SessionProgress {

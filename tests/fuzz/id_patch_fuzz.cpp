@@ -61,19 +61,19 @@ void try_input(std::string_view input) {
   std::memcpy(&shown, input.data(), std::min<size_t>(input.size(), 2));
   input.remove_prefix(std::min<size_t>(input.size(), 2));
   std::string_view rest = input;
-  std::vector<Image16> lessons, clean;
+  std::vector<Image16> learning, clean;
   for (const std::uint16_t id : patch_learning_ids()) {
     clean.push_back(picture_of(id));
-    lessons.push_back(clean.back());
-    disturb(lessons.back(), rest);
+    learning.push_back(clean.back());
+    disturb(learning.back(), rest);
   }
   Image16 frame = picture_of(shown);
   disturb(frame, rest);
 
   // Whatever it learned from, it reads nothing else out of that.
-  if (const absl::StatusOr<PatchReader> reader = PatchReader::learn(lessons); reader.ok()) {
-    for (size_t i = 0; i < lessons.size(); ++i) {
-      const std::optional<std::uint16_t> id = reader->read(lessons[i]);
+  if (const absl::StatusOr<PatchReader> reader = PatchReader::learn(learning); reader.ok()) {
+    for (size_t i = 0; i < learning.size(); ++i) {
+      const std::optional<std::uint16_t> id = reader->read(learning[i]);
       FUZZ_CHECK(!id || *id == patch_learning_ids()[i]);
     }
     (void)reader->read(frame);
