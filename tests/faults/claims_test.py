@@ -39,6 +39,12 @@ class Claims(unittest.TestCase):
         del counted["capture.labels"]  # a program of its own counts them
         self.assertEqual(counted, dict(self.cases))
 
+    def test_each_named_point_is_struck(self) -> None:
+        sources = [file for room in ("core", "server", "solver") for file in (ROOT / room).rglob("*.cpp")]
+        points = {point for file in sources for point in re.findall(r'fault_point\("([a-z ]+)"\)', file.read_text())}
+        struck = {case.fault.split('"')[1] for case in main.SUITES["crashes"].cases.all if case.claim == "crashes.points"}
+        self.assertEqual(points, struck)
+
     def test_cases_have_words_of_their_own(self) -> None:
         faults = collections.Counter(case.fault for suite in main.SUITES.values() for case in suite.cases.all)
         self.assertEqual([fault for fault, count in faults.items() if count > 1], [])
