@@ -165,22 +165,17 @@ class Acknowledged:
 
     def check(self, claim: str, what: str, name: str, cut_at: int, read: Callable[[str], object]) -> None:
         """Reads what was acknowledged of the session before the cut, by file: it must be the last acknowledged value,
-        or one acknowledged later, which may have been stored already."""
-        allowed: dict[str, set[object]] = {}
-        for fact in self._facts:
-            if (fact.what, fact.session) != (what, name):
-                continue
-            if fact.at <= cut_at:
-                allowed[fact.file] = {fact.value}
-            elif fact.file in allowed:
-                allowed[fact.file].add(fact.value)
-        for file, values in allowed.items():
+        or the next, which may have been stored already."""
+        facts = [fact for fact in self._facts if (fact.what, fact.session) == (what, name)]
+        for file in sorted({fact.file for fact in facts if fact.at <= cut_at}):
+            before = [fact.value for fact in facts if fact.file == file and fact.at <= cut_at]
+            later = [fact.value for fact in facts if fact.file == file and fact.at > cut_at]
             try:
                 now = read(file)
             except grpc.RpcError as error:
                 raise Lost(claim, f'{what} {file} of "{name}" was acknowledged before the cut: {error.details()}') from None
-            if now not in values:
-                raise Lost(claim, f'{what} {file} of "{name}" is {now} after the cut, not {values}')
+            if now not in (before[-1:] + later[:1]):
+                raise Lost(claim, f'{what} {file} of "{name}" is {now} after the cut, not {before[-1]}')
 
 
 def _recorded(daemon: Daemon, root: pathlib.Path, log: pathlib.Path) -> None:

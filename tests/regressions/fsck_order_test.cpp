@@ -16,7 +16,10 @@ TEST_F(FsckOrder, AListMadeAnewIsAsItWas) {
   }
   const std::filesystem::path journal = directory / "s/frames.jsonl";
   const std::string whole = read_file(journal).value();
-  ASSERT_TRUE(write_file_durably(journal, whole.substr(whole.find('\n') + 1)).ok());
+  std::istringstream lines(whole);
+  std::string first;
+  std::getline(lines, first);
+  ASSERT_TRUE(write_file_durably(journal, whole.substr(first.size() + 1)).ok());
   const absl::StatusOr<CheckReport> report = fsck(directory / "s", {.repair = true});
   ASSERT_TRUE(report.ok()) << report.status();
   EXPECT_EQ(report->findings.size(), 1u);

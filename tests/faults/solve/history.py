@@ -118,6 +118,8 @@ class History:
         if not session_is_done:
             self._blame("solve.ends", f"the session did not end as done: {reason}")
             return
+        if not self.acknowledged:
+            self._blame("solve.acknowledged", "no solver's log tells of an acknowledged tile")
         if self._lab.fetch() != self._reference.content:
             self._blame("solve.ends", "the finished matte differs from the undisturbed one")
         if not self._is_finished():
