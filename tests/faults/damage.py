@@ -139,7 +139,7 @@ def catalogue(stage: Stage) -> Report:
         path.write_bytes(altered)
         log_size = stage.lab.server.log.stat().st_size
         stage.lab.server.start()
-        until(lambda: not stage.lab.server.is_running() or stage.answers(), "it answers or has ended", 20.0)
+        until(lambda: not stage.lab.server.is_running() or stage.answers(0.5), "it answers or has ended", 60.0)
         tried += 1
         if stage.lab.server.is_running():
             try:

@@ -243,7 +243,7 @@ class _CameraLab:
         def answers() -> bool:
             assert self.daemon.is_running(), f"the camera node has ended:\n{self.daemon.last_words()}"
             try:
-                self.archives.GetSpace(archives.GetSpaceRequest(), timeout=2.0)
+                self.archives.GetSpace(archives.GetSpaceRequest(), timeout=2.0, wait_for_ready=True)
             except grpc.RpcError:
                 return False
             return True

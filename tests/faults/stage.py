@@ -97,11 +97,12 @@ class Stage:
         self.lab.sessions.DeleteSession(sessions.DeleteSessionRequest(name=name), timeout=60.0)
         self.ledger.deleted(name)
 
-    def answers(self) -> bool:
-        """True if server and camera node answer."""
+    def answers(self, timeout: float = 2.0) -> bool:
+        """True if server and camera node answer. Calls that fail at once would not see a daemon that has just
+        started: gRPC looks at its connections while calls wait, and otherwise every five seconds."""
         try:
-            self.lab.sessions.ListSessions(sessions.ListSessionsRequest(), timeout=2.0)
-            self.lab.archives.GetSpace(archives.GetSpaceRequest(), timeout=2.0)
+            self.lab.sessions.ListSessions(sessions.ListSessionsRequest(), timeout=timeout, wait_for_ready=True)
+            self.lab.archives.GetSpace(archives.GetSpaceRequest(), timeout=timeout, wait_for_ready=True)
         except grpc.RpcError:
             return False
         return True
