@@ -103,6 +103,7 @@ def kill_at_moments(stage: Stage) -> Report:
         name = stage.name()
         victim = (stage.lab.server, stage.lab.camera)[strike % 2]
         victim.ends.clear()
+        until(stage.lab.camera_is_up, "the camera node is known", 60.0)
         stage.put(name, 0)
         broken = False
         for number, (frame, content) in enumerate(zip(stage.captured.frames[:10], stage.captured.files)):
