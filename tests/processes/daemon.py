@@ -61,6 +61,7 @@ class Daemon:
         self.fault = fault
         self.started = time.monotonic()
         environment = dict(os.environ, GLASSWING_CONFIG="/dev/null", GLASSWING_FAULT=fault, **self.environment)
+        environment.pop("GRPC_CLIENT_CHANNEL_BACKUP_POLL_INTERVAL_MS", None)  # the test's alone
         with self.log.open("ab") as log:
             self._process = subprocess.Popen(self._command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, env=environment)
 
