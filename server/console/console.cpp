@@ -11,6 +11,7 @@
 #include "core/base/status.h"
 #include "core/service/service.h"
 #include "glasswing/v1/plan.pb.h"
+#include "server/console/json_call.h"
 #include "server/console/principals.h"
 
 namespace glasswing {
@@ -85,11 +86,6 @@ httplib::Headers security_headers() {
 
 }  // namespace
 
-void refuse(Response& response, const absl::Status& status) {
-  response.status = http_status(status);
-  response.set_content(json_of(status), kJson);
-}
-
 std::filesystem::path default_console_files() {
   std::error_code error;
   const std::filesystem::path root =
@@ -139,7 +135,7 @@ void Console::add_routes(const std::filesystem::path& files) {
               guarded(kMaxJson, [this](const Principal& principal, const Request& request,
                                        const std::string& body, Response& response) {
                 const std::string node = request.matches[1];
-                const auto channel = channel_to(node);
+                const auto channel = nodes_.to(node);
                 if (!channel.ok()) return refuse(response, channel.status());
                 call(*channel, fmt::format("node \"{}\"", node), principal, request, body, response);
               }));
@@ -150,20 +146,21 @@ void Console::add_routes(const std::filesystem::path& files) {
               }));
   routes.Post("/plans", guarded(kMaxJson, [](const Principal&, const Request&, const std::string& body,
                                              Response& response) { parse_plan(body, response); }));
-  routes.Post("/images",
-              guarded(kMaxImage, [this](const Principal& principal, const Request&, const std::string& body,
-                                        Response& response) { store_image(principal, body, response); }));
+  routes.Post("/images", guarded(kMaxImage, [this](const Principal& principal, const Request&,
+                                                   const std::string& body, Response& response) {
+                sessions_.store_image(principal, body, response);
+              }));
   routes.Get(R"(/mattes/([A-Za-z0-9._-]+)\.exr)",
              guarded([this](const Principal& principal, const Request& request, Response& response) {
-               send_matte(principal, request, response);
+               sessions_.send_matte(principal, request, response);
              }));
   routes.Get(R"(/frames/([A-Za-z0-9._-]+)/(\w+)\.(tif|jpg))",
              guarded([this](const Principal& principal, const Request& request, Response& response) {
-               send_frame(principal, request, response);
+               sessions_.send_frame(principal, request, response);
              }));
   routes.Get(R"(/pixels/([A-Za-z0-9._-]+))",
              guarded([this](const Principal& principal, const Request& request, Response& response) {
-               send_samples(principal, request, response);
+               sessions_.send_samples(principal, request, response);
              }));
   routes.set_mount_point(
       "/assets", (files / "assets").string(),

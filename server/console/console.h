@@ -21,15 +21,13 @@
 #include <atomic>
 #include <filesystem>
 #include <functional>
-#include <map>
 #include <memory>
-#include <mutex>
 #include <string>
 
-#include "server/console/captured_frames.h"
 #include "server/console/console_key.h"
 #include "server/console/http_host.h"
-#include "server/console/json_call.h"
+#include "server/console/node_channels.h"
+#include "server/console/session_routes.h"
 
 namespace glasswing {
 
@@ -56,7 +54,7 @@ class Console {
                                          httplib::Response&)>;
 
   Console(const ConsoleKey& key, std::shared_ptr<grpc::Channel> server)
-      : key_(key), server_(std::move(server)) {}
+      : key_(key), server_(std::move(server)), nodes_(server_), sessions_(server_, nodes_) {}
   void add_routes(const std::filesystem::path& files);
   // Wraps a handler so that it serves only known principals, and only requests of our own page.
   httplib::Server::Handler guarded(Handler handler) const;
@@ -69,30 +67,17 @@ class Console {
   void call(const std::shared_ptr<grpc::Channel>& channel, const std::string& peer,
             const Principal& principal, const httplib::Request& request, const std::string& body,
             httplib::Response& response) const;
-  void send_matte(const Principal& principal, const httplib::Request& request,
-                  httplib::Response& response) const;
-  void send_frame(const Principal& principal, const httplib::Request& request, httplib::Response& response);
-  void send_samples(const Principal& principal, const httplib::Request& request, httplib::Response& response);
-  void store_image(const Principal& principal, const std::string& png, httplib::Response& response) const;
-  // NOT_FOUND: no reachable node of the rig has this name.
-  absl::StatusOr<std::shared_ptr<grpc::Channel>> channel_to(const std::string& node);
-  // A cached channel to HOST:PORT.
-  std::shared_ptr<grpc::Channel> channel_at(const std::string& address);
-  absl::StatusOr<CapturedFrames> frames_of(const std::string& session);
 
   const ConsoleKey& key_;
   const std::shared_ptr<grpc::Channel> server_;
+  NodeChannels nodes_;
+  const SessionRoutes sessions_;
   std::unique_ptr<HttpHost> host_;
   std::string url_;
   std::atomic<bool> stopping_ = false;
-  std::mutex mutex_;
-  std::map<std::string, std::shared_ptr<grpc::Channel>> channels_;  // to nodes, by address
 };
 
 // The directory of the page relative to this program: installed, or in a build directory.
 std::filesystem::path default_console_files();
-
-// Answers a request with an error.
-void refuse(httplib::Response& response, const absl::Status& status);
 
 }  // namespace glasswing

@@ -8,6 +8,7 @@
 #include "core/base/status.h"
 #include "core/security/pem.h"
 #include "core/security/tls.h"
+#include "server/console/json_call.h"
 
 namespace glasswing {
 namespace {
@@ -99,6 +100,11 @@ void HttpHost::stop() {
   while (!server_->is_running()) std::this_thread::yield();
   server_->stop();
   thread_.join();
+}
+
+void refuse(httplib::Response& response, const absl::Status& status) {
+  response.status = http_status(status);
+  response.set_content(json_of(status), "application/json");
 }
 
 }  // namespace glasswing

@@ -35,4 +35,7 @@ class HttpHost {
   std::thread thread_;
 };
 
+// Answers a request with an error.
+void refuse(httplib::Response& response, const absl::Status& status);
+
 }  // namespace glasswing

@@ -4,10 +4,11 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <cstdlib>
 #include <utility>
 
 #include "core/base/status.h"
+#include "server/jobs/sql_leases.h"
+#include "server/jobs/sql_reports.h"
 #include "server/jobs/sql_text.h"
 
 namespace glasswing {
@@ -51,13 +52,6 @@ absl::Status is_void(const TileAttempt& attempt) {
 }
 
 }  // namespace
-
-std::int64_t SqlRows::integer(size_t row, size_t column) const {
-  return std::strtoll(text(row, column).c_str(), nullptr, 10);
-}
-double SqlRows::real(size_t row, size_t column) const {
-  return std::strtod(text(row, column).c_str(), nullptr);
-}
 
 absl::StatusOr<std::int64_t> SqlJobStore::create(const JobSpec& spec, std::span<const TileRange> tiles) {
   std::int64_t job = 0;
@@ -165,6 +159,43 @@ absl::Status SqlJobStore::remove(std::int64_t job) {
   });
 }
 
+absl::StatusOr<std::optional<Lease>> SqlJobStore::claim(const std::string& solver,
+                                                        std::span<const std::string> computes, bool ahead) {
+  std::optional<Lease> lease;
+  if (computes.empty()) return lease;
+  const auto oldest = [this](const std::string& open, const std::string& free) {
+    return oldest_tile(open, free);
+  };
+  const absl::Status status = statements([&](SqlConnection& connection) -> absl::Status {
+    GW_ASSIGN_OR_RETURN(lease, claim_tile(connection, solver, computes, ahead, options_, oldest));
+    return absl::OkStatus();
+  });
+  GW_RETURN_IF_ERROR(status);
+  return lease;
+}
+
+absl::StatusOr<bool> SqlJobStore::fail(const TileAttempt& lease, const std::string& error, bool permanent) {
+  FailedAttempt failed;
+  const absl::Status status = transaction([&](SqlConnection& connection) -> absl::Status {
+    GW_ASSIGN_OR_RETURN(failed, fail_attempt(connection, lease, error, permanent));
+    return absl::OkStatus();
+  });
+  GW_RETURN_IF_ERROR(status);
+  if (failed.had_lease) tiles_became_free();
+  return failed.quarantined;
+}
+
+absl::Status SqlJobStore::hand_back(const TileAttempt& lease) {
+  bool had_lease = false;
+  const absl::Status status = statements([&](SqlConnection& connection) -> absl::Status {
+    GW_ASSIGN_OR_RETURN(had_lease, end_attempt(connection, lease));
+    return absl::OkStatus();
+  });
+  GW_RETURN_IF_ERROR(status);
+  if (had_lease) tiles_became_free();
+  return absl::OkStatus();
+}
+
 absl::Status SqlJobStore::renew(const TileAttempt& lease) {
   return statements([&](SqlConnection& connection) -> absl::Status {
     GW_ASSIGN_OR_RETURN(
@@ -202,6 +233,25 @@ absl::Status SqlJobStore::complete(const TileAttempt& lease, const TileResult& r
                        {lease.job, std::int64_t{lease.tile}, std::int64_t{lease.attempt}}));
     return before.empty() ? is_void(lease) : absl::OkStatus();
   });
+}
+
+absl::StatusOr<std::vector<std::int64_t>> SqlJobStore::own_jobs() {
+  return report_jobs_of(*this, options_.server_id);
+}
+absl::StatusOr<std::vector<TileState>> SqlJobStore::tiles(std::int64_t job) {
+  return report_tiles(*this, job);
+}
+absl::StatusOr<TileState> SqlJobStore::tile(const TileAttempt& id) {
+  return report_tile(*this, id);
+}
+absl::StatusOr<JobCounts> SqlJobStore::counts(std::int64_t job) {
+  return report_counts(*this, job);
+}
+absl::StatusOr<std::vector<JobState>> SqlJobStore::jobs() {
+  return report_jobs(*this, options_.server_id);
+}
+absl::StatusOr<std::vector<LeaseState>> SqlJobStore::leases() {
+  return report_leases(*this, options_.server_id);
 }
 
 void SqlJobStore::tiles_became_free() {

@@ -10,40 +10,13 @@
 
 #include <condition_variable>
 #include <mutex>
-#include <variant>
 
 #include "server/jobs/job_store.h"
+#include "server/jobs/sql_connection.h"
 
 namespace glasswing {
 
-struct SqlBytes {
-  std::string bytes;
-};
-using SqlValue = std::variant<std::int64_t, double, std::string, SqlBytes>;
-using SqlValues = std::vector<SqlValue>;
-
-class SqlRows {
- public:
-  void add(std::vector<std::string> row) { rows_.push_back(std::move(row)); }
-  size_t size() const { return rows_.size(); }
-  bool empty() const { return rows_.empty(); }
-  const std::string& text(size_t row, size_t column) const { return rows_[row][column]; }
-  std::int64_t integer(size_t row, size_t column) const;
-  double real(size_t row, size_t column) const;
-
- private:
-  std::vector<std::vector<std::string>> rows_;
-};
-
-// Statements name their values ?1, ?2 ..., the time :now, and mark with :locking where rows that another
-// change has locked are skipped.
-class SqlConnection {
- public:
-  virtual ~SqlConnection() = default;
-  virtual absl::StatusOr<SqlRows> run(const std::string& sql, const SqlValues& values) = 0;
-};
-
-class SqlJobStore : public JobStore {
+class SqlJobStore : public JobStore, protected SqlReader {
  public:
   absl::StatusOr<std::int64_t> create(const JobSpec& spec, std::span<const TileRange> tiles) override;
   absl::Status recut(const TileAttempt& survey, const std::string& work,
@@ -80,8 +53,6 @@ class SqlJobStore : public JobStore {
   virtual absl::Status transaction(Change change) = 0;
   // Each statement of `change` is durable by itself.
   virtual absl::Status statements(Change change) = 0;
-  // Runs a statement that changes nothing.
-  virtual absl::StatusOr<SqlRows> read(const std::string& sql, const SqlValues& values) = 0;
   // The statement that selects job and number of the first `free` tile of the oldest `open` job. It goes from
   // job to job, so that dead index entries of tiles that are done or gone do not slow it.
   virtual std::string oldest_tile(const std::string& open, const std::string& free) const = 0;

@@ -1,10 +1,10 @@
-// Reports: tiles, counts, jobs and leases.
+#include "server/jobs/sql_reports.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
 
 #include "core/base/status.h"
-#include "server/jobs/sql_job_store.h"
 #include "server/jobs/sql_text.h"
 
 namespace glasswing {
@@ -55,47 +55,48 @@ std::string leases_in(const std::string& which, const std::string& other) {
 
 }  // namespace
 
-absl::StatusOr<std::vector<std::int64_t>> SqlJobStore::own_jobs() {
+absl::StatusOr<std::vector<std::int64_t>> report_jobs_of(SqlReader& reader, const std::string& server) {
   GW_ASSIGN_OR_RETURN(const SqlRows rows,
-                      read("SELECT id FROM jobs WHERE server = ?1 ORDER BY id", {options_.server_id}));
+                      reader.read("SELECT id FROM jobs WHERE server = ?1 ORDER BY id", {server}));
   std::vector<std::int64_t> jobs;
   for (size_t i = 0; i < rows.size(); ++i) jobs.push_back(rows.integer(i, 0));
   return jobs;
 }
 
-absl::StatusOr<std::vector<TileState>> SqlJobStore::tiles(std::int64_t job) {
-  GW_ASSIGN_OR_RETURN(const SqlRows rows, read(std::string(kTile) + "ORDER BY number", {job}));
+absl::StatusOr<std::vector<TileState>> report_tiles(SqlReader& reader, std::int64_t job) {
+  GW_ASSIGN_OR_RETURN(const SqlRows rows, reader.read(std::string(kTile) + "ORDER BY number", {job}));
   std::vector<TileState> tiles;
   for (size_t i = 0; i < rows.size(); ++i) tiles.push_back(tile_of(rows, i));
   return tiles;
 }
 
-absl::StatusOr<TileState> SqlJobStore::tile(const TileAttempt& id) {
+absl::StatusOr<TileState> report_tile(SqlReader& reader, const TileAttempt& id) {
   GW_ASSIGN_OR_RETURN(const SqlRows rows,
-                      read(std::string(kTile) + "AND number = ?2", {id.job, std::int64_t{id.tile}}));
+                      reader.read(std::string(kTile) + "AND number = ?2", {id.job, std::int64_t{id.tile}}));
   if (rows.empty())
     return absl::AbortedError(fmt::format("there is no tile {} of a job {}", id.tile, id.job));
   return tile_of(rows, 0);
 }
 
-absl::StatusOr<JobCounts> SqlJobStore::counts(std::int64_t job) {
+absl::StatusOr<JobCounts> report_counts(SqlReader& reader, std::int64_t job) {
   GW_ASSIGN_OR_RETURN(const SqlRows rows,
-                      read(fmt::format("SELECT {} FROM tiles WHERE job = ?1", kCounts), {job}));
+                      reader.read(fmt::format("SELECT {} FROM tiles WHERE job = ?1", kCounts), {job}));
   return counts_of(rows, 0, 0);
 }
 
-absl::StatusOr<std::vector<JobState>> SqlJobStore::jobs() {
+absl::StatusOr<std::vector<JobState>> report_jobs(SqlReader& reader, const std::string& own_server) {
   constexpr double kMinute_us = 60e6;
   GW_ASSIGN_OR_RETURN(
       const SqlRows rows,
-      read(fmt::format(
-               "SELECT j.id, j.session, j.computes, s.address, j.server, j.held, :now - j.created, "
-               "count(CASE WHEN done_attempt > 0 AND done_at > :now - 60000000 THEN 1 END), {} "
-               "FROM jobs j JOIN servers s ON s.id = j.server JOIN tiles t ON t.job = j.id "
-               "WHERE EXISTS (SELECT 1 FROM tiles WHERE job = j.id AND {}) "
-               "GROUP BY j.id, j.session, j.computes, s.address, j.server, j.held, j.created ORDER BY j.id",
-               kCounts, kOpen),
-           {}));
+      reader.read(
+          fmt::format(
+              "SELECT j.id, j.session, j.computes, s.address, j.server, j.held, :now - j.created, "
+              "count(CASE WHEN done_attempt > 0 AND done_at > :now - 60000000 THEN 1 END), {} "
+              "FROM jobs j JOIN servers s ON s.id = j.server JOIN tiles t ON t.job = j.id "
+              "WHERE EXISTS (SELECT 1 FROM tiles WHERE job = j.id AND {}) "
+              "GROUP BY j.id, j.session, j.computes, s.address, j.server, j.held, j.created ORDER BY j.id",
+              kCounts, kOpen),
+          {}));
   std::vector<JobState> jobs;
   for (size_t i = 0; i < rows.size(); ++i) {
     const double seen_us = std::clamp(rows.real(i, 6), 1e6, kMinute_us);
@@ -103,7 +104,7 @@ absl::StatusOr<std::vector<JobState>> SqlJobStore::jobs() {
                     .session = rows.text(i, 1),
                     .computes = rows.text(i, 2),
                     .server_address = rows.text(i, 3),
-                    .own = rows.text(i, 4) == options_.server_id,
+                    .own = rows.text(i, 4) == own_server,
                     .suspended = rows.integer(i, 5) != 0,
                     .counts = counts_of(rows, i, 8),
                     .tiles_per_second = rows.real(i, 7) / seen_us * 1e6});
@@ -111,10 +112,10 @@ absl::StatusOr<std::vector<JobState>> SqlJobStore::jobs() {
   return jobs;
 }
 
-absl::StatusOr<std::vector<LeaseState>> SqlJobStore::leases() {
-  GW_ASSIGN_OR_RETURN(const SqlRows rows, read(leases_in("lease", "twin") + " UNION ALL " +
-                                                   leases_in("twin", "lease") + " ORDER BY 1, 2, 3",
-                                               {}));
+absl::StatusOr<std::vector<LeaseState>> report_leases(SqlReader& reader, const std::string& own_server) {
+  GW_ASSIGN_OR_RETURN(const SqlRows rows, reader.read(leases_in("lease", "twin") + " UNION ALL " +
+                                                          leases_in("twin", "lease") + " ORDER BY 1, 2, 3",
+                                                      {}));
   std::vector<LeaseState> leases;
   for (size_t i = 0; i < rows.size(); ++i) {
     leases.push_back({.id = {.job = rows.integer(i, 0),
@@ -122,7 +123,7 @@ absl::StatusOr<std::vector<LeaseState>> SqlJobStore::leases() {
                              .attempt = static_cast<int>(rows.integer(i, 2))},
                       .session = rows.text(i, 3),
                       .solver = rows.text(i, 4),
-                      .own = rows.text(i, 5) == options_.server_id,
+                      .own = rows.text(i, 5) == own_server,
                       .seconds = rows.real(i, 6) / 1e6,
                       .twice = rows.integer(i, 7) != 0});
   }

@@ -14,6 +14,7 @@
 #include "glasswing/v1/rig_service.grpc.pb.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 #include "server/console/console_service.h"
+#include "server/console/json_call.h"
 #include "tests/core/security/made_certificates.h"
 
 namespace glasswing {

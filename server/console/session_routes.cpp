@@ -1,4 +1,5 @@
-// The console's routes for data: mattes, frames, samples, pictures.
+#include "server/console/session_routes.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -10,7 +11,8 @@
 #include "core/service/service.h"
 #include "glasswing/v1/node_service.grpc.pb.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
-#include "server/console/console.h"
+#include "server/console/http_host.h"
+#include "server/console/json_call.h"
 
 namespace glasswing {
 namespace {
@@ -53,7 +55,7 @@ absl::StatusOr<std::string> fetch_matte(const std::shared_ptr<grpc::Channel>& se
 
 }  // namespace
 
-void Console::send_matte(const Principal& principal, const Request& request, Response& response) const {
+void SessionRoutes::send_matte(const Principal& principal, const Request& request, Response& response) const {
   if (const absl::Status status = admit("SessionService/FetchMatte", principal.roles, principal.name);
       !status.ok())
     return refuse(response, status);
@@ -78,7 +80,7 @@ void Console::send_matte(const Principal& principal, const Request& request, Res
   response.set_content(*std::move(bytes), "image/x-exr");
 }
 
-void Console::send_frame(const Principal& principal, const Request& request, Response& response) {
+void SessionRoutes::send_frame(const Principal& principal, const Request& request, Response& response) const {
   const auto frame = [&]() -> absl::StatusOr<std::string> {
     GW_RETURN_IF_ERROR(admit("ArchiveService/ReadFile", principal.roles, principal.name));
     GW_ASSIGN_OR_RETURN(const int width, number_or<int>(request, "width", kMaxWidth_px, 16, kMaxWidth_px));
@@ -91,7 +93,8 @@ void Console::send_frame(const Principal& principal, const Request& request, Res
   response.set_content(*frame, request.matches[3] == "tif" ? "image/tiff" : "image/jpeg");
 }
 
-void Console::send_samples(const Principal& principal, const Request& request, Response& response) {
+void SessionRoutes::send_samples(const Principal& principal, const Request& request,
+                                 Response& response) const {
   const auto json = [&]() -> absl::StatusOr<std::string> {
     GW_RETURN_IF_ERROR(admit("ArchiveService/ReadFile", principal.roles, principal.name));
     GW_ASSIGN_OR_RETURN(const int x, number_of<int>(request, "x", 0, 1 << 20));
@@ -103,7 +106,8 @@ void Console::send_samples(const Principal& principal, const Request& request, R
   response.set_content(*json, "application/json");
 }
 
-void Console::store_image(const Principal& principal, const std::string& png, Response& response) const {
+void SessionRoutes::store_image(const Principal& principal, const std::string& png,
+                                Response& response) const {
   if (const absl::Status status = admit("SessionService/UploadImage", principal.roles, principal.name);
       !status.ok())
     return refuse(response, status);
@@ -123,28 +127,9 @@ void Console::store_image(const Principal& principal, const std::string& png, Re
   response.set_content(nlohmann::json{{"image", stored.image()}}.dump(), "application/json");
 }
 
-absl::StatusOr<std::shared_ptr<grpc::Channel>> Console::channel_to(const std::string& node) {
-  grpc::ClientContext context;
-  set_deadline(context, kCall);
-  v1::ListNodesResponse listed;
-  GW_RETURN_IF_ERROR(
-      from_grpc(v1::NodeService::NewStub(server_)->ListNodes(&context, {}, &listed), "the server"));
-  const auto found = std::ranges::find(listed.nodes(), node, &v1::Node::name);
-  if (found == listed.nodes().end() || found->address().empty())
-    return absl::NotFoundError(fmt::format("no node \"{}\" of this rig takes calls", node));
-  return channel_at(found->address());
-}
-
-std::shared_ptr<grpc::Channel> Console::channel_at(const std::string& address) {
-  const std::lock_guard lock(mutex_);
-  std::shared_ptr<grpc::Channel>& channel = channels_[address];
-  if (channel == nullptr) channel = dial(address);
-  return channel;
-}
-
-absl::StatusOr<CapturedFrames> Console::frames_of(const std::string& session) {
+absl::StatusOr<CapturedFrames> SessionRoutes::frames_of(const std::string& session) const {
   return CapturedFrames::of(session, server_,
-                            [this](const std::string& address) { return channel_at(address); });
+                            [this](const std::string& address) { return nodes_.at(address); });
 }
 
 }  // namespace glasswing

@@ -1,9 +1,9 @@
-// Leases: claimed, renewed, completed, failed and handed back.
+#include "server/jobs/sql_leases.h"
+
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include "core/base/status.h"
-#include "server/jobs/sql_job_store.h"
 #include "server/jobs/sql_text.h"
 
 namespace glasswing {
@@ -137,83 +137,62 @@ std::string end_lease() {
 
 }  // namespace
 
-absl::StatusOr<std::optional<Lease>> SqlJobStore::claim(const std::string& solver,
-                                                        std::span<const std::string> computes, bool ahead) {
-  std::optional<Lease> lease;
-  if (computes.empty()) return lease;
-  const absl::Status status = statements([&](SqlConnection& connection) -> absl::Status {
-    lease.reset();
-    if (ahead) {
-      GW_ASSIGN_OR_RETURN(const bool may, may_claim_ahead(connection, computes));
-      if (!may) return absl::OkStatus();
-    }
-    SqlRows rows;
-    do {
-      if (!rows.empty()) GW_RETURN_IF_ERROR(quarantine_lost(connection, rows));
-      GW_ASSIGN_OR_RETURN(rows,
-                          claim_free(connection, solver, std::chrono::microseconds(options_.lease).count(),
-                                     oldest_tile(open_jobs(3, computes.size()), is_free()), computes));
-    } while (!rows.empty() && rows.integer(0, 9) >= kMaxLost);
-    if (rows.empty() && !ahead) {
-      GW_ASSIGN_OR_RETURN(rows, claim_twice(connection, solver, options_, computes));
-    }
-    if (rows.empty()) return absl::OkStatus();
-    lease = Lease{.id = {.job = rows.integer(0, 0),
-                         .tile = static_cast<int>(rows.integer(0, 1)),
-                         .attempt = static_cast<int>(rows.integer(0, 2))},
-                  .session = rows.text(0, 5),
-                  .work = rows.text(0, 6),
-                  .range = {.first = static_cast<int>(rows.integer(0, 3)),
-                            .count = static_cast<int>(rows.integer(0, 4))},
-                  .server_address = rows.text(0, 8),
-                  .own = rows.text(0, 7) == options_.server_id};
-    return absl::OkStatus();
-  });
-  GW_RETURN_IF_ERROR(status);
-  return lease;
+absl::StatusOr<std::optional<Lease>> claim_tile(SqlConnection& connection, const std::string& solver,
+                                                std::span<const std::string> computes, bool ahead,
+                                                const JobStoreOptions& options, OldestTile oldest_tile) {
+  if (ahead) {
+    GW_ASSIGN_OR_RETURN(const bool may, may_claim_ahead(connection, computes));
+    if (!may) return std::nullopt;
+  }
+  SqlRows rows;
+  do {
+    if (!rows.empty()) GW_RETURN_IF_ERROR(quarantine_lost(connection, rows));
+    GW_ASSIGN_OR_RETURN(rows, claim_free(connection, solver, std::chrono::microseconds(options.lease).count(),
+                                         oldest_tile(open_jobs(3, computes.size()), is_free()), computes));
+  } while (!rows.empty() && rows.integer(0, 9) >= kMaxLost);
+  if (rows.empty() && !ahead) {
+    GW_ASSIGN_OR_RETURN(rows, claim_twice(connection, solver, options, computes));
+  }
+  if (rows.empty()) return std::nullopt;
+  return Lease{
+      .id = {.job = rows.integer(0, 0),
+             .tile = static_cast<int>(rows.integer(0, 1)),
+             .attempt = static_cast<int>(rows.integer(0, 2))},
+      .session = rows.text(0, 5),
+      .work = rows.text(0, 6),
+      .range = {.first = static_cast<int>(rows.integer(0, 3)), .count = static_cast<int>(rows.integer(0, 4))},
+      .server_address = rows.text(0, 8),
+      .own = rows.text(0, 7) == options.server_id};
 }
 
-absl::StatusOr<bool> SqlJobStore::fail(const TileAttempt& lease, const std::string& error, bool permanent) {
-  bool quarantined = false, freed = false;
-  const absl::Status status = transaction([&](SqlConnection& connection) -> absl::Status {
-    GW_ASSIGN_OR_RETURN(
-        const SqlRows failed,
-        connection.run(
-            fmt::format(
-                "UPDATE tiles SET failures = failures + 1, error = ?4, quarantined = CASE WHEN "
-                "(?5 > 0 OR failures + 1 >= {}) AND NOT (lease_attempt <> ?3 AND lease_until > :now) AND NOT "
-                "(twin_attempt <> ?3 AND twin_until > :now) THEN 1 ELSE 0 END, {} "
-                "WHERE {} RETURNING quarantined",
-                kMaxAttempts, end_lease(), kAttempt),
-            {lease.job, std::int64_t{lease.tile}, std::int64_t{lease.attempt}, SqlBytes{error},
-             std::int64_t{permanent}}));
-    freed = !failed.empty();
-    quarantined = freed && failed.integer(0, 0) != 0;
-    if (!quarantined) return absl::OkStatus();
-    // An expired lease may be renewed all the same.
-    return connection
-        .run(fmt::format("UPDATE tiles SET {} WHERE job = ?1 AND number = ?2", kNoLease),
-             {lease.job, std::int64_t{lease.tile}})
-        .status();
-  });
-  GW_RETURN_IF_ERROR(status);
-  if (freed) tiles_became_free();
-  return quarantined;
+absl::StatusOr<FailedAttempt> fail_attempt(SqlConnection& connection, const TileAttempt& lease,
+                                           const std::string& error, bool permanent) {
+  GW_ASSIGN_OR_RETURN(
+      const SqlRows failed,
+      connection.run(
+          fmt::format("UPDATE tiles SET failures = failures + 1, error = ?4, quarantined = CASE WHEN "
+                      "(?5 > 0 OR failures + 1 >= {}) AND NOT (lease_attempt <> ?3 AND lease_until > :now) "
+                      "AND NOT (twin_attempt <> ?3 AND twin_until > :now) THEN 1 ELSE 0 END, {} "
+                      "WHERE {} RETURNING quarantined",
+                      kMaxAttempts, end_lease(), kAttempt),
+          {lease.job, std::int64_t{lease.tile}, std::int64_t{lease.attempt}, SqlBytes{error},
+           std::int64_t{permanent}}));
+  if (failed.empty()) return FailedAttempt{};
+  const bool quarantined = failed.integer(0, 0) != 0;
+  // An expired lease may be renewed all the same.
+  if (quarantined) {
+    const std::string end_all = fmt::format("UPDATE tiles SET {} WHERE job = ?1 AND number = ?2", kNoLease);
+    GW_RETURN_IF_ERROR(connection.run(end_all, {lease.job, std::int64_t{lease.tile}}).status());
+  }
+  return FailedAttempt{.had_lease = true, .quarantined = quarantined};
 }
 
-absl::Status SqlJobStore::hand_back(const TileAttempt& lease) {
-  bool freed = false;
-  const absl::Status status = statements([&](SqlConnection& connection) -> absl::Status {
-    GW_ASSIGN_OR_RETURN(
-        const SqlRows ended,
-        connection.run(fmt::format("UPDATE tiles SET {} WHERE {} RETURNING number", end_lease(), kAttempt),
-                       {lease.job, std::int64_t{lease.tile}, std::int64_t{lease.attempt}}));
-    freed = !ended.empty();
-    return absl::OkStatus();
-  });
-  GW_RETURN_IF_ERROR(status);
-  if (freed) tiles_became_free();
-  return absl::OkStatus();
+absl::StatusOr<bool> end_attempt(SqlConnection& connection, const TileAttempt& lease) {
+  GW_ASSIGN_OR_RETURN(
+      const SqlRows ended,
+      connection.run(fmt::format("UPDATE tiles SET {} WHERE {} RETURNING number", end_lease(), kAttempt),
+                     {lease.job, std::int64_t{lease.tile}, std::int64_t{lease.attempt}}));
+  return !ended.empty();
 }
 
 }  // namespace glasswing

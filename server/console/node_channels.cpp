@@ -1,0 +1,34 @@
+#include "server/console/node_channels.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "core/base/status.h"
+#include "core/service/service.h"
+#include "glasswing/v1/node_service.grpc.pb.h"
+
+namespace glasswing {
+
+constexpr std::chrono::seconds kCall(60);
+
+absl::StatusOr<std::shared_ptr<grpc::Channel>> NodeChannels::to(const std::string& node) {
+  grpc::ClientContext context;
+  set_deadline(context, kCall);
+  v1::ListNodesResponse listed;
+  GW_RETURN_IF_ERROR(
+      from_grpc(v1::NodeService::NewStub(server_)->ListNodes(&context, {}, &listed), "the server"));
+  const auto found = std::ranges::find(listed.nodes(), node, &v1::Node::name);
+  if (found == listed.nodes().end() || found->address().empty())
+    return absl::NotFoundError(fmt::format("no node \"{}\" of this rig takes calls", node));
+  return at(found->address());
+}
+
+std::shared_ptr<grpc::Channel> NodeChannels::at(const std::string& address) {
+  const std::lock_guard lock(mutex_);
+  std::shared_ptr<grpc::Channel>& channel = channels_[address];
+  if (channel == nullptr) channel = dial(address);
+  return channel;
+}
+
+}  // namespace glasswing

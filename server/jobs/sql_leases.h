@@ -1,0 +1,33 @@
+// The statements that hand out tiles and take leases back.
+#pragma once
+
+#include <absl/functional/function_ref.h>
+
+#include <optional>
+#include <span>
+
+#include "server/jobs/job_store.h"
+#include "server/jobs/sql_connection.h"
+
+namespace glasswing {
+
+// As SqlJobStore::oldest_tile.
+using OldestTile = absl::FunctionRef<std::string(const std::string& open, const std::string& free)>;
+
+// As JobStore::claim; each statement may be durable by itself. `computes` is not empty.
+absl::StatusOr<std::optional<Lease>> claim_tile(SqlConnection& connection, const std::string& solver,
+                                                std::span<const std::string> computes, bool ahead,
+                                                const JobStoreOptions& options, OldestTile oldest_tile);
+
+struct FailedAttempt {
+  bool had_lease = false;  // otherwise nothing has changed
+  bool quarantined = false;
+};
+// As JobStore::fail; atomic only within a transaction.
+absl::StatusOr<FailedAttempt> fail_attempt(SqlConnection& connection, const TileAttempt& lease,
+                                           const std::string& error, bool permanent);
+
+// As JobStore::hand_back. False: the attempt had no lease any more.
+absl::StatusOr<bool> end_attempt(SqlConnection& connection, const TileAttempt& lease);
+
+}  // namespace glasswing
