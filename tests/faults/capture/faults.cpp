@@ -154,7 +154,8 @@ absl::StatusOr<Judged> judge(const fs::path& directory, const View& view, bool v
 // Returns false if a frame is mislabelled (capture.labels), a step has no proof, or the fault did not strike.
 bool attempt(const Trial& trial, const Settings& settings, const fs::path& data) {
   double step_px = 0.0;
-  const v1::Plan plan = plan_of(settings, trial.hold_refreshes, step_px);
+  v1::Plan plan = plan_of(settings, trial.hold_refreshes, step_px);
+  if (trial.may_end_unproven) plan.set_retries(5);  // each shows all steps again
   const nanoseconds began = monotonic_now();
   v1::Session session;
   fs::path archive;
