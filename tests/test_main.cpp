@@ -1,5 +1,5 @@
 // main() of every test program. Takes GoogleTest's options, and `--file NAME_test.cpp` to run the tests of
-// one source file.
+// one source file. The exit status is 77 if every test skipped.
 #include <gtest/gtest.h>
 
 #include <cstring>
@@ -39,5 +39,9 @@ int main(int argc, char** argv) {
     std::cerr << "Usage: " << argv[0] << " [--file NAME_test.cpp] [--gtest_...]\n";
     return 1;
   }
-  return RUN_ALL_TESTS();
+  const int failed = RUN_ALL_TESTS();
+  const testing::UnitTest& all = *testing::UnitTest::GetInstance();
+  const bool nothing_ran =
+      all.skipped_test_count() > 0 && all.skipped_test_count() == all.test_to_run_count();
+  return failed == 0 && nothing_ran ? 77 : failed;
 }

@@ -11,7 +11,22 @@ Stage = TypeVar("Stage")
 
 
 class Lost(AssertionError):
-    """Something that was acknowledged is missing or has changed."""
+    """Something that was acknowledged is missing or has changed. `claim`: of docs/reliability.md, now false."""
+
+    def __init__(self, claim: str, what: str) -> None:
+        super().__init__(f"{what} ({claim})")
+        self.claim = claim
+        self.what = what
+
+
+class NotStruck(AssertionError):
+    """The case proves nothing: its fault did not happen, or not when it should."""
+
+
+def struck(happened: object, what: str) -> None:
+    """Raises NotStruck, naming `what` was missing, unless the fault happened."""
+    if not happened:
+        raise NotStruck(what)
 
 
 class CannotBeDone(Exception):
@@ -20,16 +35,17 @@ class CannotBeDone(Exception):
 
 @dataclasses.dataclass
 class Report:
-    """The result of a case: how many faults it caused, and a summary of what was seen."""
+    """The result of a case: how often it repeated its fault, and a summary of what was seen."""
 
-    faults: int = 1
+    repetitions: int = 1
     seen: str = ""
 
 
 @dataclasses.dataclass(frozen=True)
 class Case(Generic[Stage]):
-    """One fault. `outcome` describes what `do` asserts."""
+    """One fault. `claim`: the claim of docs/reliability.md that `do` asserts, and `outcome` sums up."""
 
+    claim: str
     fault: str
     outcome: str
     do: Callable[[Stage], Report | None]
@@ -41,9 +57,9 @@ class Cases(Generic[Stage]):
     def __init__(self) -> None:
         self.all: list[Case[Stage]] = []
 
-    def __call__(self, fault: str, outcome: str) -> Callable[[Callable[[Stage], Report | None]], Callable[[Stage], Report | None]]:
+    def __call__(self, claim: str, fault: str, outcome: str) -> Callable[[Callable[[Stage], Report | None]], Callable[[Stage], Report | None]]:
         def add(do: Callable[[Stage], Report | None]) -> Callable[[Stage], Report | None]:
-            self.all.append(Case(fault, outcome, do))
+            self.all.append(Case(claim, fault, outcome, do))
             return do
 
         return add
@@ -51,10 +67,12 @@ class Cases(Generic[Stage]):
 
 @dataclasses.dataclass
 class Tally:
-    """The counts of one suite or of several."""
+    """The counts of one suite or of several: cases, each counted once, and the repetitions of those that
+    survived."""
 
     tried: int = 0
     survived: int = 0
+    repetitions: int = 0
     lost: int = 0
     failed: int = 0
     skipped: int = 0
@@ -65,7 +83,7 @@ class Tally:
             setattr(self, field.name, getattr(self, field.name) + getattr(other, field.name))
 
     def __str__(self) -> str:
-        text = f"{self.tried} faults tried, {self.survived} survived, {self.lost} lost something"
+        text = f"{self.tried} cases, {self.survived} survived (struck {self.repetitions} times), {self.lost} lost something"
         if self.failed:
             text += f", {self.failed} had an unexpected outcome"
         return text + (f"; {self.skipped} cases skipped" if self.skipped else "")
@@ -80,8 +98,10 @@ def run(cases: list[Case[Stage]], stage: Stage, after: Callable[[], None]) -> Ta
         try:
             report = case.do(stage) or report
             after()
-            tally.survived += report.faults
-            verdict = f"{case.outcome}{': ' + report.seen if report.seen else ''}"
+            tally.survived += 1
+            tally.repetitions += report.repetitions
+            often = f" {report.repetitions} times" if report.repetitions > 1 else ""
+            verdict = f"{case.outcome}{often}{': ' + report.seen if report.seen else ''}"
         except CannotBeDone as why:
             tally.skipped += 1
             print(f"  skipped   {case.fault}: {why}", flush=True)
@@ -92,6 +112,6 @@ def run(cases: list[Case[Stage]], stage: Stage, after: Callable[[], None]) -> Ta
         except Exception as error:  # the other cases are still run
             tally.failed += 1
             verdict = f"FAILED: {type(error).__name__}: {error}"
-        tally.tried += report.faults
+        tally.tried += 1
         print(f"  {time.monotonic() - began:6.1f} s  {case.fault}: {verdict}", flush=True)
     return tally

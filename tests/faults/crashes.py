@@ -11,7 +11,7 @@ import grpc
 
 from glasswing.v1 import session_pb2
 
-from case import Cases, Report
+from case import Cases, Report, struck
 from daemon import Daemon
 from lab import SESSION, until
 from ledger import fetch_matte
@@ -70,9 +70,9 @@ def _strike(stage: Stage, daemon: Daemon, point: str, visit: int = 1) -> Report:
     daemon.end()
     daemon.start(f"{point}=kill@{visit}")
     until(stage.answers, "all answer")
-    first = daemon.pid
+    daemon.ends.clear()
     _whole_life(stage)
-    assert daemon.pid != first, f'{daemon.name} never passed "{point}"'
+    struck(daemon.ends == [-signal.SIGKILL], f'{daemon.name} never passed "{point}"')
     daemon.end()
     daemon.start()
     return Report()
@@ -90,54 +90,53 @@ def _add_kills() -> None:
                 def do(stage: Stage, daemon_of: Callable[[Stage], Daemon] = daemon_of, point: str = point, visit: int = visit) -> Report:
                     return _strike(stage, daemon_of(stage), point, visit)
 
-                case(f'SIGKILL of the {name} at "{point}", visit {visit}', "all requests succeed when repeated")(do)
+                case("crashes.points", f'SIGKILL of the {name} at "{point}", visit {visit}', "all requests succeed when repeated")(do)
 
 
 _add_kills()
 
 
-@case("SIGKILL of server and camera node at 20 moments while frames are sent", "everything acknowledged is there")
+@case("crashes.moments", "SIGKILL of server and camera node at 20 moments while frames are sent", "everything acknowledged is there")
 def kill_at_moments(stage: Stage) -> Report:
-    """Alternately, between and within frames."""
+    """Within each of the first ten frames, whose sending then breaks off if it is the camera node that dies."""
     for strike in range(20):
         name = stage.name()
         victim = (stage.lab.server, stage.lab.camera)[strike % 2]
-        put = 0
-
-        def kill_soon(sent: int, at: int = strike, victim: Daemon = victim) -> None:
-            if sent == at:
-                victim.kill()
-
-        try:
-            stage.put(name, 0)
-            for frame, content in zip(stage.captured.frames[:30], stage.captured.files):
-                kill_soon(put)
-                stage.put_frame(name, frame, content, 5.0)
-                put += 1
-        except grpc.RpcError:
-            pass
+        victim.ends.clear()
+        until(stage.lab.camera_is_up, "the camera node is known", 60.0)
+        stage.put(name, 0)
+        broken = False
+        for number, (frame, content) in enumerate(zip(stage.captured.frames[:10], stage.captured.files)):
+            try:
+                stage.put_frame(name, frame, content, 5.0, victim.kill if number == strike // 2 else lambda: None)
+            except grpc.RpcError:
+                broken = True
+                break
         stage.revive()
+        struck(victim.ends == [-signal.SIGKILL] and broken == (victim is stage.lab.camera), f"{victim.name} did not die in mid-frame")
         stage.ledger.check()
     return Report(20)
 
 
-@case("SIGSTOP of each daemon for 3 s in mid-solve, then SIGCONT", "the solve ends as if undisturbed")
+@case("crashes.stops", "SIGSTOP of each daemon for 3 s in mid-solve, then SIGCONT", "the solve ends as if undisturbed")
 def stopped(stage: Stage) -> Report:
     """The stop outlasts a lease."""
     for daemon in stage.lab.daemons():
         stage.lab.solve(name=SESSION)
         daemon.signal(signal.SIGSTOP)
         until(daemon.is_stopped, "it is stopped")
+        stopped_ns = time.time_ns()
         began = time.monotonic()
         while time.monotonic() - began < 3.0:
             time.sleep(0.05)
         daemon.signal(signal.SIGCONT)
         stage.lab.wait_until_done(90.0, SESSION)
+        struck(stage.lab.matte().stat().st_mtime_ns > stopped_ns, f"the solve had ended before {daemon.name} was stopped")
         stage.ledger.check()
     return Report(len(stage.lab.daemons()))
 
 
-@case("server and camera node have no descriptors left for 5 s", "they refuse calls, survive, and serve again")
+@case("crashes.descriptors", "server and camera node have no descriptors left for 5 s", "they refuse calls, survive, and serve again")
 def no_descriptors(stage: Stage) -> Report:
     """Their limit is set below what they have open."""
     for daemon in (stage.lab.server, stage.lab.camera):
@@ -153,7 +152,7 @@ def no_descriptors(stage: Stage) -> Report:
                 refused = error.code().name
                 time.sleep(0.1)
         resource.prlimit(daemon.pid, resource.RLIMIT_NOFILE, usual)
-        assert refused, f"{daemon.name} served on without descriptors"
+        struck(refused, f"{daemon.name} served on without descriptors")
         assert daemon.is_running()
         until(stage.answers, "it answers again", 20.0)
         _until_done(stage, lambda: stage.put(name))

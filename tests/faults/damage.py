@@ -9,9 +9,9 @@ import glasswing
 import grpc
 import numpy
 
-from glasswing.v1 import archive_service_pb2 as archives
+from glasswing.v1 import archive_pb2, archive_service_pb2 as archives
 
-from case import Cases, Lost, Report
+from case import Cases, Lost, Report, struck
 from daemon import Daemon
 from lab import SESSION, until
 from ledger import fetch_matte, read_file
@@ -34,17 +34,17 @@ def _samples(first: int, size: int, count: int = _BODY_SAMPLES) -> list[int]:
     return list(range(first, size, max((size - first) // count, 1)))
 
 
-def _refusal(read: Callable[[], object]) -> str | None:
-    """The status code of the refusal, or None if `read` succeeds."""
+def _refused(read: Callable[[], object], file: str) -> bool:
+    """True if `read` is refused as DATA_LOSS with the file's name, False if it succeeds."""
     try:
         read()
     except grpc.RpcError as error:
-        code: str = error.code().name
-        return code
-    return None
+        assert error.code() == grpc.StatusCode.DATA_LOSS and file in error.details(), f"{error.code()}: {error.details()}"
+        return True
+    return False
 
 
-@case("a frame's file: every byte of its header and samples of its pixels flipped", "DATA_LOSS, until the file is restored")
+@case("damage.frame", "a frame's file: every byte of its header and samples of its pixels flipped", "DATA_LOSS, until the file is restored")
 def frame(stage: Stage) -> Report:
     """Reads the whole file, and its last row."""
     record = stage.captured.frames[3]
@@ -56,16 +56,14 @@ def frame(stage: Stage) -> Report:
     for at, altered in _altered(content, list(range(_FRAME_HEADER_BYTES)) + _samples(_FRAME_HEADER_BYTES, len(content))):
         path.write_bytes(altered)
         for read in (lambda: read_file(stage.lab, SESSION, record.file), lambda: list(stage.lab.archives.ReadRows(last_row, timeout=10.0))):
-            code = _refusal(read)
-            if code is None:
-                raise Lost(f"byte {at} of a frame was altered, and the frame was served")
-            assert code == "DATA_LOSS", code
+            if not _refused(read, record.file):
+                raise Lost("damage.frame", f"byte {at} of a frame was altered, and the frame was served")
         tried += 1
     path.write_bytes(content)
     return Report(tried)
 
 
-@case("a finished matte's file: bytes of its header and samples of its rows flipped", "no altered matte is accepted")
+@case("damage.matte", "a finished matte's file: bytes of its header and samples of its rows flipped", "no altered matte is accepted")
 def matte(stage: Stage) -> Report:
     """Fetches the matte and reads it with the Python package. Bytes that no reader uses may have any
     value."""
@@ -83,8 +81,9 @@ def matte(stage: Stage) -> Report:
             continue
         unread += 1
         if not _same(read, known):
-            raise Lost(f"byte {at} of a matte was altered, and a different matte was read")
+            raise Lost("damage.matte", f"byte {at} of a matte was altered, and a different matte was read")
     path.write_bytes(content)
+    struck(tried > unread, "no altered matte was refused")
     return Report(tried, f"{tried - unread} refused, {unread} had no effect")
 
 
@@ -93,7 +92,7 @@ def _same(one: glasswing.Matte, other: glasswing.Matte) -> bool:
     return one.monitors == other.monitors and all(numpy.array_equal(a, b, equal_nan=False) for a, b in zip(*planes) if isinstance(a, numpy.ndarray))
 
 
-@case("the lists of an archive: bytes of header.json, frames.jsonl and manifest.json flipped", "DATA_LOSS, or all frames unchanged")
+@case("damage.lists", "the lists of an archive: bytes of header.json, frames.jsonl and manifest.json flipped", "DATA_LOSS, or all frames unchanged")
 def lists(stage: Stage) -> Report:
     """Restarts the camera node each time. core/frame/archive_test covers every byte."""
     directory = stage.lab.work / "camera-1/archives" / SESSION
@@ -108,17 +107,15 @@ def lists(stage: Stage) -> Report:
                 _restart_with(stage.lab.camera, path, altered)
                 until(stage.answers, "the camera node answers", 20.0)
                 tried += 1
-                try:
-                    now = stage.lab.archives.GetManifest(request, timeout=10.0).manifest
-                except grpc.RpcError as error:
-                    assert error.code() == grpc.StatusCode.DATA_LOSS, f"{error.code()}: {error.details()}"
+                read: list[archive_pb2.CaptureManifest] = []
+                if _refused(lambda: read.append(stage.lab.archives.GetManifest(request, timeout=10.0).manifest), name):
                     refused += 1
-                    continue
-                if now != known:
-                    raise Lost(f"byte {at} of {name} was altered, and the manifest changed")
+                elif read != [known]:
+                    raise Lost("damage.lists", f"byte {at} of {name} was altered, and the manifest changed")
         finally:
             _restart_with(stage.lab.camera, path, content)
     until(stage.answers, "the camera node answers")
+    struck(refused, "no altered list was refused")
     return Report(tried, f"{refused} refused")
 
 
@@ -128,7 +125,7 @@ def _restart_with(daemon: Daemon, path: pathlib.Path, content: bytes) -> None:
     daemon.start()
 
 
-@case("the catalogue: every byte of SQLite's header and samples of its pages flipped", "the server refuses to start and names it, or has everything")
+@case("damage.catalogue", "the catalogue: every byte of SQLite's header and samples of its pages flipped", "the server refuses to start and names it, or has everything")
 def catalogue(stage: Stage) -> Report:
     """Restarts the server each time. server/sessions/catalogue_test covers more bytes."""
     path = stage.lab.data / "catalogue.sqlite"
@@ -142,13 +139,13 @@ def catalogue(stage: Stage) -> Report:
         path.write_bytes(altered)
         log_size = stage.lab.server.log.stat().st_size
         stage.lab.server.start()
-        until(lambda: not stage.lab.server.is_running() or stage.answers(), "it answers or has ended", 20.0)
+        until(lambda: not stage.lab.server.is_running() or stage.answers(0.5), "it answers or has ended", 60.0)
         tried += 1
         if stage.lab.server.is_running():
             try:
                 stage.ledger.check()
             except Lost as what:
-                raise Lost(f"byte {at} of the catalogue was altered, and the server started: {what}") from None
+                raise Lost("damage.catalogue", f"byte {at} of the catalogue was altered, and the server started: {what}") from None
             stage.lab.server.kill()
             continue
         refused += 1
@@ -160,6 +157,8 @@ def catalogue(stage: Stage) -> Report:
     path.write_bytes(content)
     stage.lab.server.start()
     until(lambda: stage.answers() and stage.lab.camera_is_up(), "the server answers")
+    stage.lab.server.ends.clear()  # it ended by itself whenever it refused to start
+    struck(refused, "no altered catalogue was refused")
     return Report(tried, f"{refused} refused")
 
 

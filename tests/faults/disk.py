@@ -12,7 +12,7 @@ from glasswing.v1 import session_pb2
 from glasswing.v1 import session_service_pb2 as sessions
 
 import shim
-from case import CannotBeDone, Cases, Report
+from case import CannotBeDone, Cases, Report, struck
 from daemon import Daemon
 from lab import SESSION, until
 from stage import Stage
@@ -70,7 +70,7 @@ def _need_disks(stage: DiskStage) -> None:
         raise CannotBeDone("only root can mount small disks")
 
 
-@case("the camera node's disk is full in the middle of an import", "RESOURCE_EXHAUSTED; once there is room the import goes on")
+@case("disk.spool", "the camera node's disk is full in the middle of an import", "RESOURCE_EXHAUSTED; once there is room the import goes on")
 def full_spool(stage: DiskStage) -> Report:
     """A large file and the import itself fill the disk."""
     _need_disks(stage)
@@ -93,7 +93,7 @@ def full_spool(stage: DiskStage) -> Report:
     return Report()
 
 
-@case("the server's disk is full: catalogue, job store, tiles and mattes", "everything acknowledged is kept; once there is room all goes on")
+@case("disk.server", "the server's disk is full: catalogue, job store, tiles and mattes", "everything acknowledged is kept; once there is room all goes on")
 def full_server(stage: DiskStage) -> Report:
     """Asks for notes and a solve."""
     _need_disks(stage)
@@ -104,11 +104,11 @@ def full_server(stage: DiskStage) -> Report:
     refused = 0
     for attempt in range(40):
         try:
-            stage.lab.sessions.AnnotateSession(sessions.AnnotateSessionRequest(name=name, note=f"{attempt} " + "n" * 4000), timeout=20.0)
+            stage.annotate(name, f"{attempt} " + "n" * 4000)
         except grpc.RpcError as error:
             assert error.code() == grpc.StatusCode.RESOURCE_EXHAUSTED, f"{error.code()}: {error.details()}"
             refused += 1
-    assert refused > 0, "notes were stored on a full disk"
+    struck(refused, "notes were stored on a full disk")
     log = stage.lab.solvers[0].log
     said = log.stat().st_size
     try:
@@ -124,7 +124,7 @@ def full_server(stage: DiskStage) -> Report:
     return Report(2)
 
 
-@case("the disk of the logs is full", "daemons keep serving")
+@case("disk.logs", "the disk of the logs is full", "daemons keep serving")
 def full_logs(stage: DiskStage) -> Report:
     """The logs of server and camera node."""
     _need_disks(stage)
@@ -142,6 +142,7 @@ def full_logs(stage: DiskStage) -> Report:
     stage.put(name)
     stage.solve(name)
     stage.delete(name)
+    struck(os.statvfs(disk).f_bavail == 0, "the disk has room")
     for daemon in (stage.lab.server, stage.lab.camera):
         daemon.end()
         daemon.log = before[daemon.name]
@@ -155,10 +156,13 @@ _KINDS = [(call, error) for call in ("write", "fsync", "rename", "open") for err
 
 
 def _fail_for_a_while(stage: DiskStage, daemon: Daemon, root: pathlib.Path, call: str, error: str) -> Report:
-    """Creates and solves sessions while calls fail, as far as that is possible."""
-    switch = stage.work / "switch"
+    """Creates and solves sessions while calls fail, as far as that is possible. A short write is no error: sessions
+    then take as long as they take."""
+    switch, strikes = stage.work / "switch", stage.work / "strikes"
+    strikes.unlink(missing_ok=True)
+    is_error = error != "short"
     daemon.end()
-    daemon.environment = shim.environment(root, FAIL=f"{call}@3={error}", WHILE=str(switch))
+    daemon.environment = shim.environment(root, FAIL=f"{call}@3={error}", WHILE=str(switch), STRUCK=str(strikes))
     daemon.start()
     until(lambda: stage.answers() and stage.lab.camera_is_up(), "all answer", 30.0)
     switch.touch()
@@ -166,9 +170,9 @@ def _fail_for_a_while(stage: DiskStage, daemon: Daemon, root: pathlib.Path, call
     codes: dict[str, int] = {}
     for attempt in range(3):
         try:
-            stage.put(name if attempt == 0 else f"{name}-{attempt}", timeout=10.0)
+            stage.put(name if attempt == 0 else f"{name}-{attempt}", timeout=10.0 if is_error else 60.0)
             stage.lab.solve(name=name)
-            stage.lab.wait_until_done(4.0, name)
+            stage.lab.wait_until_done(4.0 if is_error else 120.0, name)
         except (grpc.RpcError, AssertionError) as problem:
             code = problem.code().name if isinstance(problem, grpc.RpcError) else "unfinished"
             codes[code] = codes.get(code, 0) + 1
@@ -187,9 +191,13 @@ def _fail_for_a_while(stage: DiskStage, daemon: Daemon, root: pathlib.Path, call
     daemon.environment = {}
     daemon.start()
     until(lambda: stage.answers() and stage.lab.camera_is_up(), "all answer", 30.0)
-    assert error != "short" or not codes, f"a short write, which is no error, was reported as one: {codes}"
+    struck(shim.strikes(strikes), f"no {call} failed")
+    if is_error:
+        assert codes, f"{shim.strikes(strikes)} calls failed, and nothing was refused or unfinished"
+    else:
+        assert not codes, f"a short write, which is no error, was reported as one: {codes}"
     assert not died, f"{daemon.name} died of it"
-    return Report(1, ", ".join(f"{count} {code}" for code, count in sorted(codes.items())) or "no effect")
+    return Report(1, ", ".join([f"{shim.strikes(strikes)} calls", *(f"{count} {code}" for code, count in sorted(codes.items()))]))
 
 
 def _add_failures() -> None:
@@ -201,7 +209,7 @@ def _add_failures() -> None:
                 return _fail_for_a_while(stage, daemon, root, call, error)
 
             what = "takes half of its data" if error == "short" else f"fails with {error}"
-            case(f"every {call} below the {name}'s data {what} for a while", "errors, then all goes on" if error != "short" else "no effect")(do)
+            case("disk.errors" if error != "short" else "disk.short", f"every {call} below the {name}'s data {what} for a while", "errors, then all goes on" if error != "short" else "no effect")(do)
 
 
 _add_failures()

@@ -15,7 +15,7 @@ from glasswing.v1 import archive_service_pb2 as archives
 from glasswing.v1 import session_pb2
 from glasswing.v1 import session_service_pb2 as sessions
 
-from case import Cases, Report
+from case import Cases, Report, struck
 from daemon import BIN, free_port, listens
 from lab import SESSION, dial, until
 from ledger import fetch_matte
@@ -59,8 +59,11 @@ def _solve_through(stage: RelayedStage, link: str, ways: tuple[str, ...]) -> Rep
     before = stage.lab.session()
     stage.lab.solve()
     until(lambda: _tiles(stage) > 0, "the solve has begun", 30.0)
-    stage.links[link].fall_silent(_SILENT_SECONDS, ways)
+    relay = stage.links[link]
+    held = relay.held
+    relay.fall_silent(_SILENT_SECONDS, ways)
     session = stage.lab.wait_until_done(90.0)
+    struck(relay.held > held, "no data were held back")
     assert session.job != before.job
     assert fetch_matte(stage.lab, SESSION) == stage.reference, "the matte differs from the undisturbed one"
     return Report(1, f"{session.tile_count} tiles")
@@ -78,27 +81,32 @@ def _add_partitions() -> None:
             def do(stage: RelayedStage, link: str = link, ways: tuple[str, ...] = ways) -> Report:
                 return _solve_through(stage, link, ways)
 
-            case(f"no data passes between {between} for three leases in mid-solve, {name}", "the same matte, bit for bit")(do)
+            case("network.silence", f"no data passes between {between} for three leases in mid-solve, {name}", "the same matte, bit for bit")(do)
 
 
 _add_partitions()
 
 
-@case("connections reset in the middle of a region, at 20 places", "each read resumes where it broke off, byte for byte")
+@case("network.resets", "connections reset in the middle of a region, at 20 places", "each read resumes where it broke off, byte for byte")
 def reset_in_a_region(stage: RelayedStage) -> Report:
     """Reads through the relay; the offset continues after the last whole chunk."""
     files = [frame.file for frame in stage.captured.frames]
     rows = stage.captured.header.camera.height_px
-    whole = _read(stage, files, rows, None)
+    whole, _ = _read(stage, files, rows, None)
+    broken = 0
     for place in range(1, 21):
-        torn = _read(stage, files, rows, place * len(whole) // 21)
+        torn, breaks = _read(stage, files, rows, place * len(whole) // 21)
+        broken += breaks
         assert hashlib.sha256(torn).digest() == hashlib.sha256(whole).digest(), "the bytes differ"
-    return Report(20, f"{len(whole) / 1e6:.0f} MB each")
+    struck(broken, "no read broke off")
+    return Report(broken, f"{len(whole) / 1e6:.0f} MB each")
 
 
-def _read(stage: RelayedStage, files: list[str], rows: int, reset_at: int | None) -> bytes:
-    """Reads all rows of all frames. Resets all connections once `reset_at` bytes have arrived."""
+def _read(stage: RelayedStage, files: list[str], rows: int, reset_at: int | None) -> tuple[bytes, int]:
+    """Reads all rows of all frames. Resets all connections once `reset_at` bytes have arrived. Returns the rows and
+    how often the read broke off: what follows may have arrived already."""
     content = b""
+    breaks = 0
     with dial(stage.lab.archive_port) as channel:
         ask = channel.unary_stream("/glasswing.v1.ArchiveService/ReadRows", archives.ReadRowsRequest.SerializeToString, archives.ReadRowsResponse.FromString)
         while True:
@@ -110,12 +118,13 @@ def _read(stage: RelayedStage, files: list[str], rows: int, reset_at: int | None
                     if reset_at is not None and len(content) >= reset_at:
                         reset_at = None
                         stage.links["camera"].reset()
-                return content
+                return content, breaks
             except grpc.RpcError as error:
                 assert error.code() == grpc.StatusCode.UNAVAILABLE, error.details()
+                breaks += 1
 
 
-@case("8 clients ask at once to import, annotate and solve the same session", "it is done once, and all get an answer")
+@case("network.clients", "8 clients ask at once to import, annotate and solve the same session", "it is done once, and all get an answer")
 def same_request_at_once(stage: RelayedStage) -> Report:
     """Each client has its own connection, and all call at the same time."""
     name = stage.name()
@@ -156,18 +165,45 @@ def _together(stage: RelayedStage, method: str, request: object) -> list[str]:
     return codes
 
 
-@case("the client that holds the rig is killed, or stopped for good", "the rig is free within 30 s")
+@case("network.hold-once", "8 clients ask at once to hold the rig", "one gets it, the others are told who has it")
+def hold_at_once(stage: RelayedStage) -> Report:
+    """Each client is a process of its own, and the one that holds the rig stays."""
+    environment = dict(os.environ, GLASSWING_SERVER=stage.lab.address, GLASSWING_CONFIG="/dev/null")
+    clients = [_hold(environment, f"client {number}") for number in range(8)]
+    try:
+        until(lambda: sum(client.poll() is not None for client in clients) >= 7, "seven clients have ended", 30.0)
+        holders = [client for client in clients if client.poll() is None]
+        assert len(holders) == 1, f"{len(holders)} clients hold the rig"
+        for client in clients:
+            if client not in holders:
+                assert client.stderr is not None
+                said = client.stderr.read().decode()
+                assert client.returncode != 0 and "the rig is held" in said, said
+    finally:
+        for client in clients:
+            client.send_signal(signal.SIGTERM)
+            client.communicate()
+    until(lambda: not _is_held(environment), "the rig is free", 30.0)
+    return Report()
+
+
+def _hold(environment: dict[str, str], reason: str) -> subprocess.Popen[bytes]:
+    return subprocess.Popen([str(BIN / "glasswing"), "hold", "--reason", reason], env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+
+@case("network.hold-freed", "the client that holds the rig is killed, or stopped for good", "the rig is free within 30 s")
 def lock_holder_dies(stage: RelayedStage) -> Report:
     """The holder is a process of its own."""
     environment = dict(os.environ, GLASSWING_SERVER=stage.lab.address, GLASSWING_CONFIG="/dev/null")
     for end in (signal.SIGKILL, signal.SIGSTOP):
-        holder = subprocess.Popen([str(BIN / "glasswing"), "hold", "--reason", "a fault"], env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+        holder = _hold(environment, "a fault")
         assert holder.stdout and b"=" in holder.stdout.readline(), "the rig could not be held"  # it prints the token
-        assert _is_held(environment)
+        struck(_is_held(environment), "the rig is not held")
         holder.send_signal(end)
         until(lambda: not _is_held(environment), "the rig is free", 30.0)
+        struck(holder.poll() == (-signal.SIGKILL if end == signal.SIGKILL else None), f"the holder ended with {holder.poll()}")
         holder.kill()
-        holder.wait()
+        holder.communicate()
     return Report(2)
 
 
@@ -177,7 +213,7 @@ def _is_held(environment: dict[str, str]) -> bool:
     return tried.returncode != 0
 
 
-@case("an old client, and one newer than the server: unknown fields and methods", "requests are served; an unknown method is UNIMPLEMENTED")
+@case("network.versions", "an old client, and one newer than the server: unknown fields and methods", "requests are served; an unknown method is UNIMPLEMENTED")
 def old_client(stage: RelayedStage) -> Report:
     """Requests without optional fields, requests with an unknown field, and calls of unknown methods."""
     unknown = b"\xfa\xff\x01\x05later\xf8\xff\x01\x07"  # field 4095, bytes and a number

@@ -4,23 +4,27 @@ hold it after a cut at any point of that record, and starts the daemon on it.
 Of the changes that were not flushed at the cut, a disk may hold all, none, or the names without the bytes;
 each is tried. As in POSIX, a file's bytes are durable after fsync of the file, its name after fsync of the
 directory. Files of SQLite are an exception: their fsync also makes their name durable. SQLite relies on this
-for its log, and ext4, xfs and btrfs guarantee it.
+for its log, and ext4, xfs and btrfs guarantee it. After each cut `fsck` looks at what the daemon made of it.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import pathlib
 import shutil
+from collections.abc import Callable
 
 import grpc
 
 from glasswing.v1 import archive_service_pb2 as archives
+from glasswing.v1 import session_pb2
 from glasswing.v1 import session_service_pb2 as sessions
 
 import shim
-from case import Cases, Lost, Report
+from case import Cases, Lost, Report, struck
 from daemon import Daemon, free_port
+from fsck import fsck
 from lab import Lab, dial, until
 from ledger import digest, fetch_matte
 from shim import Change
@@ -106,6 +110,11 @@ class Disk:
             self._lasting_directories.discard(name)
         self._lasting_directories.update(name for name in self._directories if os.path.dirname(name) == path)
 
+    def is_flushed(self) -> bool:
+        """True if a cut would change nothing."""
+        lasting = self._names == self._lasting_names and self._directories == self._lasting_directories
+        return lasting and all(self._bytes[number] == self._flushed[number] for number in self._names.values())
+
     def write(self, directory: pathlib.Path, way: str) -> None:
         """Writes the tree as it may be found after a cut: `all`, `names` (without unflushed bytes) or
         `flushed` only."""
@@ -120,25 +129,53 @@ class Disk:
                 target.write_bytes(bytes(self._bytes[number]) if way == "all" else self._flushed[number])
 
 
+@dataclasses.dataclass(frozen=True)
+class Fact:
+    """Something acknowledged: `what` (presence, state, note, matte, frame, manifest) of a session, or of one of its
+    files, was `value`. `at`: the length of the record at that time."""
+
+    at: int
+    what: str
+    session: str
+    file: str
+    value: object
+
+
 class Acknowledged:
-    """What was acknowledged, each with the length of the record at that time."""
+    """Everything acknowledged, in order. `log`: the record of changes."""
 
     def __init__(self, log: pathlib.Path) -> None:
         self._log = log
-        self.frames: list[tuple[int, str, str, str]] = []
-        self.sessions: list[tuple[int, str]] = []
-        self.mattes: list[tuple[int, str, str]] = []
-        self.deletions: list[tuple[int, str]] = []
+        self._facts: list[Fact] = []
 
-    def mattes_at(self, cut_at: int, name: str) -> set[str]:
-        """The mattes that the session may have after the cut: the last acknowledged one, or one not yet
-        acknowledged."""
-        before = [known for at, session, known in self.mattes if session == name and at <= cut_at]
-        return {*before[-1:], *(known for at, session, known in self.mattes if session == name and at > cut_at)}
+    def enter(self, what: str, session: str, value: object, file: str = "") -> None:
+        """Enters what was acknowledged just now."""
+        at = self._log.stat().st_size if self._log.exists() else 0
+        self._facts.append(Fact(at, what, session, file, value))
 
-    def now(self) -> int:
-        """The current length of the record."""
-        return self._log.stat().st_size if self._log.exists() else 0
+    def present(self, name: str, cut_at: int, is_there: bool) -> bool:
+        """Checks that the session is there if it was acknowledged before the cut, and away if its deletion was.
+        Returns True if it must be there: it was not asked to be deleted."""
+        known = [fact.value for fact in self._facts if fact.what == "presence" and fact.session == name and fact.at <= cut_at]
+        if known and known[-1] == "present" and not is_there:
+            raise Lost("power.sessions", f'session "{name}" was acknowledged before the cut and is missing')
+        if known and known[-1] == "deleted" and is_there:
+            raise Lost("power.sessions", f'session "{name}" was acknowledged as deleted before the cut and is back')
+        return bool(known) and known[-1] == "present"
+
+    def check(self, claim: str, what: str, name: str, cut_at: int, read: Callable[[str], object]) -> None:
+        """Reads what was acknowledged of the session before the cut, by file: it must be the last acknowledged value,
+        or the next, which may have been stored already."""
+        facts = [fact for fact in self._facts if (fact.what, fact.session) == (what, name)]
+        for file in sorted({fact.file for fact in facts if fact.at <= cut_at}):
+            before = [fact.value for fact in facts if fact.file == file and fact.at <= cut_at]
+            later = [fact.value for fact in facts if fact.file == file and fact.at > cut_at]
+            try:
+                now = read(file)
+            except grpc.RpcError as error:
+                raise Lost(claim, f'{what} {file} of "{name}" was acknowledged before the cut: {error.details()}') from None
+            if now not in (before[-1:] + later[:1]):
+                raise Lost(claim, f'{what} {file} of "{name}" is {now} after the cut, not {before[-1]}')
 
 
 def _recorded(daemon: Daemon, root: pathlib.Path, log: pathlib.Path) -> None:
@@ -159,7 +196,7 @@ def _cuts(changes: list[Change]) -> list[int]:
     return sorted(set(chosen))
 
 
-@case(f"a power cut of the camera node's machine at some {_CUTS} places, each in three ways", "acknowledged frames are there")
+@case("power.camera", f"a power cut of the camera node's machine at some {_CUTS} places, each in three ways", "acknowledged frames and archives are there, and fsck finds no damage")
 def camera_power_cut(stage: Stage) -> Report:
     """While two archives are written and sealed, and one of them is deleted."""
     work = stage.work / "power-camera"
@@ -171,12 +208,15 @@ def camera_power_cut(stage: Stage) -> Report:
     lab.wait()
     for name in ("one", "two"):
         lab.create(name)
+        acknowledged.enter("presence", name, "present")
         for frame, content in list(zip(stage.captured.frames, stage.captured.files))[:8]:
             lab.put(name, frame, content)
-            acknowledged.frames.append((acknowledged.now(), name, frame.file, digest(content)))
+            acknowledged.enter("frame", name, digest(content), frame.file)
         lab.seal(name)
-    acknowledged.deletions.append((acknowledged.now(), "two"))
+        acknowledged.enter("manifest", name, lab.manifest(name))
+    acknowledged.enter("presence", "two", "to be deleted")
     lab.delete("two")
+    acknowledged.enter("presence", "two", "deleted")
     lab.daemon.end()
     changes = shim.read_log(log)
     lab.daemon.environment = {}
@@ -201,13 +241,14 @@ class _CameraLab:
         """Waits until it answers."""
 
         def answers() -> bool:
+            assert self.daemon.is_running(), f"the camera node has ended:\n{self.daemon.last_words()}"
             try:
-                self.archives.GetSpace(archives.GetSpaceRequest(), timeout=2.0)
+                self.archives.GetSpace(archives.GetSpaceRequest(), timeout=2.0, wait_for_ready=True)
             except grpc.RpcError:
                 return False
             return True
 
-        until(answers, "the camera node answers", 20.0)
+        until(answers, "the camera node answers", 60.0)
 
     def create(self, name: str) -> None:
         header = type(self._stage.captured.header)()
@@ -225,21 +266,30 @@ class _CameraLab:
     def delete(self, name: str) -> None:
         self.archives.DeleteArchive(archives.DeleteArchiveRequest(session=name), timeout=20.0)
 
+    def manifest(self, name: str) -> str:
+        """The digest of the archive's manifest, or "" if there is no such archive."""
+        try:
+            answer = self.archives.GetManifest(archives.GetManifestRequest(session=name), timeout=20.0)
+        except grpc.RpcError as error:
+            if error.code() == grpc.StatusCode.NOT_FOUND:
+                return ""
+            raise
+        return digest(answer.manifest.SerializeToString(deterministic=True))
+
+    def read(self, name: str, file: str) -> str:
+        """The digest of a frame's file."""
+        return digest(b"".join(part.chunk for part in self.archives.ReadFile(archives.ReadFileRequest(session=name, file=file), timeout=20.0)))
+
     def look(self, acknowledged: Acknowledged, cut_at: int) -> None:
         """Starts the node, and checks that it has everything acknowledged before the cut."""
-        deleted = {name for at, name in acknowledged.deletions if at <= cut_at}
         self.daemon.start()
         try:
             self.wait()
-            for at, session, file, known in acknowledged.frames:
-                if at > cut_at or session in deleted:
+            for name in ("one", "two"):
+                if not acknowledged.present(name, cut_at, self.manifest(name) != ""):
                     continue
-                try:
-                    content = b"".join(part.chunk for part in self.archives.ReadFile(archives.ReadFileRequest(session=session, file=file), timeout=20.0))
-                except grpc.RpcError as error:
-                    raise Lost(f'frame {file} of "{session}" was acknowledged before the cut: {error.details()}') from None
-                if digest(content) != known:
-                    raise Lost(f'frame {file} of "{session}" differs after the cut')
+                acknowledged.check("power.camera", "frame", name, cut_at, lambda file: self.read(name, file))
+                acknowledged.check("power.camera", "manifest", name, cut_at, lambda _: self.manifest(name))
         finally:
             self.daemon.kill()
 
@@ -247,28 +297,31 @@ class _CameraLab:
         self._channel.close()
 
 
-def _replay(changes: list[Change], root: pathlib.Path, look: object) -> int:
-    """Calls `look` after each cut in each way. Returns how often."""
-    assert callable(look)
+def _replay(changes: list[Change], root: pathlib.Path, look: Callable[[int], None]) -> int:
+    """Calls `look`, and then fsck, after each cut in each way. Returns how often."""
     disk = Disk(os.path.realpath(root))
-    cuts = _cuts(changes)
-    done = tried = 0
-    for cut in cuts:
+    done = tried = unflushed = 0
+    for cut in _cuts(changes):
         for change in changes[done:cut]:
             disk.apply(change)
         done = cut
         cut_at = changes[cut - 1].end if cut else 0
+        unflushed += not disk.is_flushed()
         for way in ("all", "names", "flushed"):
             disk.write(root, way)
             try:
                 look(cut_at)
-            except Lost as what:
-                raise Lost(f"cut after change {cut} of {len(changes)}, with {way}: {what}") from None
+                damage = fsck(root).damage
+                if damage:
+                    raise Lost("power.fsck", f"fsck found damage: {damage}")
+            except Lost as lost:
+                raise Lost(lost.claim, f"cut after change {cut} of {len(changes)}, with {way}: {lost.what}") from None
             tried += 1
+    struck(unflushed, "nothing was unflushed at any cut")
     return tried
 
 
-@case(f"a power cut of the server's machine at some {_CUTS} places, each in three ways", "acknowledged sessions and mattes are there")
+@case("power.server", f"a power cut of the server's machine at some {_CUTS} places, each in three ways", "acknowledged sessions, their states, notes and mattes are there, and fsck finds no damage")
 def server_power_cut(stage: Stage) -> Report:
     """While sessions are imported, solved, annotated and deleted. The camera node and the solver keep
     running."""
@@ -279,43 +332,50 @@ def server_power_cut(stage: Stage) -> Report:
     log, root = work / "log", own.lab.data
     acknowledged = Acknowledged(log)
     _recorded(own.lab.server, root, log)
-    until(own.answers, "server and camera node answer", 30.0)
-    until(own.lab.camera_is_up, "the camera is known", 30.0)
-    for name in ("one", "two"):
-        own.put(name, timeout=30.0)
-        acknowledged.sessions.append((acknowledged.now(), name))
+    until(own.answers, "server and camera node answer", 60.0)
+    until(own.lab.camera_is_up, "the camera is known", 60.0)
+
+    def solve(name: str) -> None:
         own.lab.solve(name=name)
-        own.lab.wait_until_done(60.0, name)
-        matte = fetch_matte(own.lab, name)
-        acknowledged.mattes.append((acknowledged.now(), name, digest(matte)))
-        own.lab.sessions.AnnotateSession(sessions.AnnotateSessionRequest(name=name, note=f"note of {name}"), timeout=10.0)
-    own.lab.solve(name="one")  # a second time
-    own.lab.wait_until_done(60.0, "one")
-    acknowledged.mattes.append((acknowledged.now(), "one", digest(fetch_matte(own.lab, "one"))))
-    acknowledged.deletions.append((acknowledged.now(), "two"))
+        acknowledged.enter("state", name, session_pb2.SESSION_STATE_SOLVING)
+        own.lab.wait_until_done(120.0, name)
+        acknowledged.enter("state", name, session_pb2.SESSION_STATE_DONE)
+        acknowledged.enter("matte", name, digest(fetch_matte(own.lab, name)))
+
+    for name in ("one", "two"):
+        own.put(name)
+        acknowledged.enter("presence", name, "present")
+        acknowledged.enter("state", name, session_pb2.SESSION_STATE_CAPTURED)
+        solve(name)
+        for note in ("first", "second"):
+            own.annotate(name, f"{note} note of {name}")
+            acknowledged.enter("note", name, f"{note} note of {name}")
+    solve("one")  # a second time
+    acknowledged.enter("presence", "two", "to be deleted")
     own.lab.sessions.DeleteSession(sessions.DeleteSessionRequest(name="two"), timeout=30.0)
+    acknowledged.enter("presence", "two", "deleted")
     own.lab.server.end()
     own.lab.server.environment = {}
     changes = shim.read_log(log)
     for solver in own.lab.solvers:
         solver.end()  # so that unfinished solves stay unfinished
 
+    def answers() -> bool:
+        assert own.lab.server.is_running(), f"the server has ended:\n{own.lab.server.last_words()}"
+        return own.answers()
+
     def look(cut_at: int) -> None:
-        gone = {name for at, name in acknowledged.deletions if at <= cut_at}
         own.lab.server.start()
         try:
-            until(own.answers, "the server answers", 20.0)
-            listed = {session.name for session in own.lab.sessions.ListSessions(sessions.ListSessionsRequest(), timeout=10.0).sessions}
-            for at, name in acknowledged.sessions:
-                if at <= cut_at and name not in gone and name not in listed:
-                    raise Lost(f'session "{name}" was acknowledged before the cut')
-            for name in {name for at, name, _ in acknowledged.mattes if at <= cut_at} - gone:
-                try:
-                    now = digest(fetch_matte(own.lab, name))
-                except grpc.RpcError as error:
-                    raise Lost(f'the matte of "{name}" was fetched before the cut: {error.details()}') from None
-                if now not in acknowledged.mattes_at(cut_at, name):
-                    raise Lost(f'the matte of "{name}" differs after the cut')
+            until(answers, "the server answers", 60.0)
+            answer = own.lab.sessions.ListSessions(sessions.ListSessionsRequest(), timeout=30.0)
+            listed = {session.name: session for session in answer.sessions}
+            for name in ("one", "two"):
+                if not acknowledged.present(name, cut_at, name in listed):
+                    continue
+                acknowledged.check("power.server", "state", name, cut_at, lambda _: listed[name].state)
+                acknowledged.check("power.server", "note", name, cut_at, lambda _: listed[name].note)
+                acknowledged.check("power.server", "matte", name, cut_at, lambda _: digest(fetch_matte(own.lab, name)))
         finally:
             own.lab.server.kill()
 

@@ -6,6 +6,8 @@
  *                         ERROR (EIO, ENOSPC, EMFILE), as long as the file named by GLASSWING_SHIM_WHILE exists;
  *                         write@N=short: writes take half of their data
  *   GLASSWING_SHIM_CLOCK  file with the number of seconds by which the wall clock is ahead
+ *   GLASSWING_SHIM_STRUCK file that grows by a byte with every call that failed or was short, and whenever the daemon
+ *                         reads a wall clock that was set anew
  */
 #define _GNU_SOURCE
 #include <errno.h>
@@ -72,7 +74,18 @@ static int fails(const char* call) {
   return __sync_add_and_fetch(&calls, 1) >= fail_at;
 }
 
+/* Tells the test that a fault happened. */
+static void strike(void) {
+  const char* file = getenv("GLASSWING_SHIM_STRUCK");
+  if (file == NULL) return;
+  const int fd = (int)syscall(SYS_openat, AT_FDCWD, file, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
+  if (fd < 0) return;
+  syscall(SYS_write, fd, "!", 1);
+  syscall(SYS_close, fd);
+}
+
 static int refuse(void) {
+  strike();
   errno = fail_error;
   return -1;
 }
@@ -93,7 +106,10 @@ static ssize_t log_write(int fd, const void* bytes, size_t size, long long offse
     return has_offset ? (ssize_t)syscall(SYS_pwrite64, fd, bytes, size, offset) : (ssize_t)syscall(SYS_write, fd, bytes, size);
   if (fails("write")) {
     if (!fail_short) return refuse();
-    if (size > 1) size /= 2;
+    if (size > 1) {
+      size /= 2;
+      strike();
+    }
   }
   pthread_mutex_lock(&lock);
   if (!has_offset) {
@@ -274,10 +290,12 @@ static long seconds_ahead(void) {
   syscall(SYS_clock_gettime, CLOCK_MONOTONIC, &now);
   if ((now.tv_sec - read_at.tv_sec) * 1000000000L + now.tv_nsec - read_at.tv_nsec < 10000000L) return ahead;
   read_at = now;
+  const long before = ahead;
   char text[32] = "";
   const int fd = (int)syscall(SYS_openat, AT_FDCWD, file, O_RDONLY | O_CLOEXEC, 0);
   if (fd >= 0 && syscall(SYS_read, fd, text, sizeof text - 1) > 0) ahead = atol(text);
   if (fd >= 0) syscall(SYS_close, fd);
+  if (ahead != before) strike();
   return ahead;
 }
 

@@ -20,6 +20,11 @@ def environment(root: pathlib.Path, **settings: str) -> dict[str, str]:
     return {"LD_PRELOAD": str(LIBRARY), "GLASSWING_SHIM_ROOT": os.path.realpath(root), **{f"GLASSWING_SHIM_{name}": value for name, value in settings.items()}}
 
 
+def strikes(file: pathlib.Path) -> int:
+    """How many faults the shim caused: the size of its file STRUCK."""
+    return file.stat().st_size if file.exists() else 0
+
+
 @dataclasses.dataclass(frozen=True)
 class Change:
     """One file operation. `call`: create, mkdir, write, truncate, fsync, rename, unlink or rmdir. `end`:

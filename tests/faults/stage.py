@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import pathlib
+from collections.abc import Callable
 
 import grpc
 from google.protobuf import json_format
@@ -65,12 +66,19 @@ class Stage:
             self.put_frame(name, frame, content, timeout)
         if count is None:
             self.lab.sessions.FinishImport(sessions.FinishImportRequest(name=name), timeout=timeout)
+            self.ledger.captured(name)
 
-    def put_frame(self, session: str, frame: archive_pb2.Frame, content: bytes, timeout: float = 60.0) -> None:
-        """Uploads one frame, and records it once it is acknowledged."""
+    def annotate(self, name: str, note: str) -> None:
+        """Sets the session's note, and records it once it is acknowledged."""
+        self.lab.sessions.AnnotateSession(sessions.AnnotateSessionRequest(name=name, note=note), timeout=20.0)
+        self.ledger.note(name, note)
+
+    def put_frame(self, session: str, frame: archive_pb2.Frame, content: bytes, timeout: float = 60.0, begun: Callable[[], None] = lambda: None) -> None:
+        """Uploads one frame, and records it once it is acknowledged. `begun` is called when a part is sent."""
 
         def messages() -> object:
             yield archives.PutFrameRequest(session=session, frame=frame)
+            begun()
             for at in range(0, len(content), _CHUNK):
                 yield archives.PutFrameRequest(chunk=content[at : at + _CHUNK])
 
@@ -89,11 +97,12 @@ class Stage:
         self.lab.sessions.DeleteSession(sessions.DeleteSessionRequest(name=name), timeout=60.0)
         self.ledger.deleted(name)
 
-    def answers(self) -> bool:
-        """True if server and camera node answer."""
+    def answers(self, timeout: float = 2.0) -> bool:
+        """True if server and camera node answer. Calls that fail at once would not see a daemon that has just
+        started: gRPC looks at its connections while calls wait, and otherwise every five seconds."""
         try:
-            self.lab.sessions.ListSessions(sessions.ListSessionsRequest(), timeout=2.0)
-            self.lab.archives.GetSpace(archives.GetSpaceRequest(), timeout=2.0)
+            self.lab.sessions.ListSessions(sessions.ListSessionsRequest(), timeout=timeout, wait_for_ready=True)
+            self.lab.archives.GetSpace(archives.GetSpaceRequest(), timeout=timeout, wait_for_ready=True)
         except grpc.RpcError:
             return False
         return True
@@ -112,9 +121,10 @@ class Stage:
 
     def check(self) -> None:
         """Checks that all daemons run and answer, and that nothing acknowledged is lost. A daemon that died
-        by itself is a failure."""
+        by itself is a failure, also if it was restarted since."""
         for daemon in self.lab.daemons():
-            assert daemon.is_running(), f"{daemon.name} has died:\n{daemon.last_words()}"
+            assert daemon.is_running(), f"{daemon.name} has died (always.alive):\n{daemon.last_words()}"
+            assert not daemon.unasked_ends(), f"{daemon.name} ended by itself with status {daemon.unasked_ends()} (always.alive)"
         until(self.answers, "server and camera node answer", 30.0)
         self.ledger.check()
 

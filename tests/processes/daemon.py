@@ -49,15 +49,19 @@ class Daemon:
         # The kernel kills it when the test ends, however that happens.
         self._command = ["setpriv", "--pdeathsig", "KILL", *before, str(BIN / command[0]), *command[1:]]
         self.environment: dict[str, str] = {}  # added to the test's own at the next start
+        self.ends: list[int] = []  # the exit status of each earlier run; negative: a signal
         self._process: subprocess.Popen[bytes] | None = None
 
     def start(self, fault: str = "") -> None:
         """Starts it. `fault`: value of GLASSWING_FAULT, which says where it dies or stops; empty for
         nowhere."""
         assert not self.is_running(), f"{self.name} runs already"
+        if self._process is not None:
+            self.ends.append(self._process.returncode)
         self.fault = fault
         self.started = time.monotonic()
         environment = dict(os.environ, GLASSWING_CONFIG="/dev/null", GLASSWING_FAULT=fault, **self.environment)
+        environment.pop("GRPC_CLIENT_CHANNEL_BACKUP_POLL_INTERVAL_MS", None)  # the test's alone
         with self.log.open("ab") as log:
             self._process = subprocess.Popen(self._command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, env=environment)
 
@@ -101,6 +105,10 @@ class Daemon:
                 self._process.wait(10)
         except subprocess.TimeoutExpired:
             self.kill()
+
+    def unasked_ends(self) -> list[int]:
+        """The statuses of its earlier runs that no test ended."""
+        return [end for end in self.ends if end not in (0, -signal.SIGKILL, -signal.SIGTERM)]
 
     def last_words(self) -> str:
         """The end of its log."""

@@ -128,7 +128,7 @@ class Lab:
     def nodes_up(self, kind: int) -> int:
         """The number of nodes of that kind that are up, or 0 if the server does not answer."""
         try:
-            answer = self._nodes.ListNodes(node_service_pb2.ListNodesRequest(), timeout=5.0)
+            answer = self._nodes.ListNodes(node_service_pb2.ListNodesRequest(), timeout=5.0, wait_for_ready=True)
         except grpc.RpcError:
             return 0
         return sum(node.up and node.kind == kind for node in answer.nodes)

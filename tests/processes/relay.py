@@ -22,6 +22,7 @@ class Relay:
         self._refuses_until = 0.0
         self._silent_until = 0.0
         self._silent_ways = ("there", "back")
+        self.held = 0  # times that data were held back
         self._lock = threading.Lock()
         self._ended = False
         self._listener = socket.create_server(("127.0.0.1", port), reuse_port=False)
@@ -69,7 +70,9 @@ class Relay:
         while not self._ended:
             ready = self._selector.select(0.05)
             with self._lock:
-                ready = [(key, events) for key, events in ready if not self._is_silent(key.fileobj)]
+                passing = [(key, events) for key, events in ready if not self._is_silent(key.fileobj)]
+                self.held += len(ready) - len(passing)
+                ready = passing
                 for key, _ in ready:
                     assert isinstance(key.fileobj, socket.socket)
                     if key.fileobj is self._listener:

@@ -47,7 +47,7 @@ def check(lab: Lab, expected: dict[str, dict[str, bytes]], how: str) -> None:
     for name, right in expected.items():
         job = lab.solve(_METHODS[name], name).job
         tiles = lab.wait_until_done(120.0, name).tile_count
-        assert mattes(lab.matte(name)) == right, f"{name}: the matte of {how} differs from that of one process"
+        assert mattes(lab.matte(name)) == right, f"{name}: the matte of {how} differs from that of one process (bits.same)"
         print(f"{name:10} {how}: the same bits; {tiles} tiles by {who_solved(lab, job)} of them")
 
 

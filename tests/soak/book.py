@@ -39,7 +39,7 @@ class Book(Ledger):
             return
         stored = len({frame.step for frame in self._manifest(session.name).frames})
         if stored < known:
-            raise Lost(f'session "{session.name}" had {known} proven steps, but frames of only {stored} are stored')
+            raise Lost("soak.lost", f'session "{session.name}" had {known} proven steps, but frames of only {stored} are stored')
 
     def captured(self, session: session_pb2.Session) -> None:
         """Enters all frames of its manifest. Raises Lost if a step has none; RpcError if the camera does not
@@ -48,7 +48,7 @@ class Book(Ledger):
         steps = {frame.step for frame in manifest.frames}
         missing = set(range(session.step_count)) - steps
         if missing:
-            raise Lost(f'session "{session.name}" is captured but has no frames of steps {sorted(missing)}')
+            raise Lost("soak.lost", f'session "{session.name}" is captured but has no frames of steps {sorted(missing)}')
         contents = {frame.file: read_file(self._rig, session.name, frame.file) for frame in manifest.frames}
         for file, content in contents.items():
             self.frame(session.name, file, content)
@@ -74,7 +74,7 @@ class Book(Ledger):
         super().check()
         for name, known in self._checksums.items():
             if {frame.file: frame.checksum for frame in self._manifest(name).frames} != known:
-                raise Lost(f'the manifest of session "{name}" has changed since it was captured')
+                raise Lost("soak.lost", f'the manifest of session "{name}" has changed since it was captured')
 
     def _manifest(self, name: str) -> archive_pb2.CaptureManifest:
         manifest: archive_pb2.CaptureManifest = self._rig.archives.GetManifest(archives.GetManifestRequest(session=name), timeout=30.0, wait_for_ready=True).manifest

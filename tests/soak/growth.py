@@ -67,7 +67,7 @@ class Life:
         return fit(self.warm) if len(self.warm) > 2 else None
 
     def memory_verdict(self) -> str:
-        """One or two words. The memory grew if the slope minus two standard errors exceeds the bound."""
+        """Claim (soak.memory), in one or two words. The memory grew if the slope minus two standard errors exceeds the bound."""
         line = self.line()
         if line is None or self.hours < MIN_HOURS:
             return "too short"
@@ -83,7 +83,7 @@ class Life:
         return min(sample.descriptors for sample in first), min(sample.descriptors for sample in last)
 
     def descriptors_verdict(self) -> str:
-        """One or two words. The descriptors grew if their minimum did."""
+        """Claim (soak.descriptors), in one or two words. The descriptors grew if their minimum did."""
         floors = self.floors()
         if floors is None:
             return "too short"

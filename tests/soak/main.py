@@ -20,12 +20,9 @@ server and camera.
 from __future__ import annotations
 
 import argparse
-import json
-import os
 import pathlib
 import random
 import shutil
-import subprocess
 import sys
 import tempfile
 import time
@@ -40,7 +37,8 @@ from glasswing.v1 import plan_pb2  # noqa: E402
 
 from book import Book  # noqa: E402
 from case import Lost  # noqa: E402
-from daemon import BIN, ROOT  # noqa: E402
+from daemon import ROOT  # noqa: E402
+from fsck import fsck  # noqa: E402
 from person import NotDone, Person  # noqa: E402
 from record import Record, faults_table, rest, sums  # noqa: E402
 from rig import Rig  # noqa: E402
@@ -105,7 +103,7 @@ class Soak:
     def report(self) -> bool:
         """Prints the tables. Returns True if nothing went wrong."""
         print("\n".join(["", self._record.table(), "", faults_table(self._trouble), ""]))
-        for what in [f"LOST: {lost}" for lost in self.lost] + [f"NOT DONE: {session}" for session in self.not_done] + self._trouble.crashed:
+        for what in [f"LOST: {lost}" for lost in self.lost] + [f"NOT DONE (soak.done): {session}" for session in self.not_done] + self._trouble.crashed:
             print(what)
         print(sums(self._rounds, len(self.not_done), self._book, self._person, len(self.lost)), flush=True)
         return not self.lost and not self.not_done and not self._trouble.crashed and not self._record.grew()
@@ -147,19 +145,15 @@ class Soak:
         print(f"           {sum(self._trouble.struck.values())} faults; {self._record.now()}", flush=True)
 
     def _fsck(self, directory: pathlib.Path) -> None:
-        environment = dict(os.environ, GLASSWING_CONFIG="/dev/null")
-        command = [str(BIN / "glasswing"), "--json", "fsck", str(directory)]
-        done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=600.0)
-        if done.returncode not in (0, 3):
-            self.lost.append(f"fsck of {directory.name}: {done.stderr}")
+        try:
+            found = fsck(directory)
+        except AssertionError as error:
+            self.lost.append(str(error))
             return
-        report = json.loads(done.stdout)
-        damage = [f"{finding['file']}: {finding['what']}" for finding in report["findings"] if finding["damage"]]
-        left_over = [f"{finding['file']}: {finding['what']}" for finding in report["findings"] if not finding["damage"]]
-        print(f"fsck of {directory.name}: {report['files']} files, {len(damage)} damaged, {len(left_over)} left over")
-        for one in left_over:
+        print(f"fsck of {directory.name}: {found.files} files, {len(found.damage)} damaged, {len(found.left_over)} left over")
+        for one in found.left_over:
             print(f"  {one}")
-        self.lost += [f"fsck of {directory.name}: {one}" for one in damage]
+        self.lost += [f"fsck of {directory.name}: {one} (soak.fsck)" for one in found.damage]
 
 
 def main() -> int:

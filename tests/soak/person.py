@@ -137,7 +137,7 @@ class Person:
                 return question()
             except grpc.RpcError as error:
                 if error.code() in (grpc.StatusCode.NOT_FOUND, grpc.StatusCode.DATA_LOSS):
-                    raise Lost(f"{error.code().name}: {error.details()}") from None
+                    raise Lost("soak.lost", f"{error.code().name}: {error.details()}") from None
                 if error.code() not in _AWAY or time.monotonic() > self._deadline:
                     raise NotDone(f"{error.code().name}: {error.details()}") from None
             self.asked_again += 1

@@ -112,7 +112,7 @@ class Trouble:
         """Records and restarts daemons that died by themselves. Call it between rounds."""
         for daemon in self._rig.daemons():
             if not daemon.is_running():
-                self.crashed.append(f"{daemon.name} has died:\n{daemon.last_words()}")
+                self.crashed.append(f"{daemon.name} has died (soak.done):\n{daemon.last_words()}")
                 self._at(0.0, False, daemon.start)
         self.finish()
 

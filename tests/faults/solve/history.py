@@ -4,6 +4,7 @@ disk hold.
     A tile whose completion was acknowledged stays done in the store, by that attempt.
     A done tile does not change: same attempt, same bytes, and the pixels of the reference matte.
     The finished matte equals the reference byte for byte, and was written by this solve.
+    No daemon ends by a signal that no test sent.
 """
 
 from __future__ import annotations
@@ -97,16 +98,16 @@ class History:
             self._gone = True
             return
         if self._gone:
-            self._blame(f"job {self._job} was gone from the store and is back")
+            self._blame("solve.stays", f"job {self._job} was gone from the store and is back")
         by_number = {tile.number: tile for tile in tiles}
         for said in before:
             tile = by_number.get(said.tile)
             if tile is None or not tile.result:
-                self._blame(f"tile {said.tile} was acknowledged, attempt {said.attempt}, but is not done in the store")
+                self._blame("solve.acknowledged", f"tile {said.tile} was acknowledged, attempt {said.attempt}, but is not done in the store")
         for number, (result, _) in self._done.items():
             now = by_number.get(number)
             if now is None or now.result != result:
-                self._blame(f"tile {number} was done as {result}, and is now {now.result if now else 'gone'}")
+                self._blame("solve.stays", f"tile {number} was done as {result}, and is now {now.result if now else 'gone'}")
         for tile in tiles:
             if tile.result:
                 self._look_at_file(tile)
@@ -115,12 +116,19 @@ class History:
         """Call it after the solve has ended."""
         self._read_logs()
         if not session_is_done:
-            self._blame(f"the session did not end as done: {reason}")
+            self._blame("solve.ends", f"the session did not end as done: {reason}")
             return
+        if not self.acknowledged:
+            self._blame("solve.acknowledged", "no solver's log tells of an acknowledged tile")
         if self._lab.fetch() != self._reference.content:
-            self._blame("the finished matte differs from the undisturbed one")
+            self._blame("solve.ends", "the finished matte differs from the undisturbed one")
         if not self._is_finished():
-            self._blame("the finished matte was not written by this solve")
+            self._blame("solve.ends", "the finished matte was not written by this solve")
+        for daemon in self._lab.daemons():
+            for status in daemon.unasked_ends():
+                if status < 0:  # a server that has lost its PostgreSQL ends with an error
+                    self._blame("solve.alive", f"{daemon.name} ended by signal {-status}")
+            daemon.ends.clear()
 
     def _read_logs(self) -> None:
         for tail in self._tails:
@@ -132,7 +140,7 @@ class History:
                 if said.job != self._job:
                     continue
                 if any(other.tile == said.tile and other.attempt != said.attempt for other in self.acknowledged):
-                    self._blame(f"tile {said.tile} was acknowledged to two attempts")
+                    self._blame("solve.acknowledged", f"tile {said.tile} was acknowledged to two attempts")
                 self.acknowledged.add(said)
 
     def _look_at_file(self, tile: StoredTile) -> None:
@@ -141,19 +149,20 @@ class History:
             known = self._done.get(tile.number)
             now = digest(file)
             if known and known[1] != now:
-                self._blame(f"the file of tile {tile.number}, {tile.result}, has changed")
+                self._blame("solve.stays", f"the file of tile {tile.number}, {tile.result}, has changed")
             self._done[tile.number] = (tile.result, now)
             if not self._reference.agrees(file, tile.first, tile.count):
-                self._blame(f"the file of tile {tile.number}, {tile.result}, is not rows {tile.first} to {tile.first + tile.count - 1} of the matte")
+                self._blame("solve.stays", f"the file of tile {tile.number}, {tile.result}, is not rows {tile.first} to {tile.first + tile.count - 1} of the matte")
         except FileNotFoundError:
             # Finishing the matte removes the files of its tiles, and the job with them or soon after.
             if not self._is_finished():
-                self._blame(f"tile {tile.number} is done, but its file {tile.result} is missing")
+                self._blame("solve.stays", f"tile {tile.number} is done, but its file {tile.result} is missing")
 
     def _is_finished(self) -> bool:
         matte = self._lab.matte()
         return matte.exists() and matte.stat().st_ino != self._before
 
-    def _blame(self, what: str) -> None:
-        if what not in self.violations:
-            self.violations.append(what)
+    def _blame(self, claim: str, what: str) -> None:
+        violation = f"{what} ({claim})"
+        if violation not in self.violations:
+            self.violations.append(violation)

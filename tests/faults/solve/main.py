@@ -38,7 +38,8 @@ class Tally:
         lines = [f"{'fault':58} {'drawn':>6} {'struck':>6}"]
         lines += [f"{kind:58} {self.drawn[kind]:6} {self.struck[kind]:6}" for kind in sorted(self.drawn)]
         lines.append(
-            f"{self.runs} runs, {sum(self.struck.values())} faults struck, {self.acknowledged} tiles acknowledged, "
+            f"{self.runs} runs, {len(self.struck)} of {len(self.drawn)} kinds of fault struck, {sum(self.struck.values())} times, "
+            f"{self.acknowledged} tiles acknowledged, "
             f"{self.runs - self.lost} runs survived, {self.lost} lost; {self.seconds / max(self.runs, 1):.1f} s a run"
         )
         return "\n".join(lines)

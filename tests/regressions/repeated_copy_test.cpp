@@ -1,0 +1,26 @@
+// A copy of an archive that was broken off and asked for again at once was refused, because the first had not
+// ended yet.
+#include <latch>
+
+#include "core/archive/archive_store.h"
+#include "tests/core/archive/made_archive.h"
+
+namespace glasswing {
+namespace {
+
+using RepeatedCopy = ArchiveTest;
+
+TEST_F(RepeatedCopy, WaitsForTheEndOfTheFirst) {
+  ArchiveStore store(root_ / "node");
+  ASSERT_TRUE(store.begin_copy("s").ok());
+  std::latch asked(1);
+  std::jthread first([&] {
+    asked.wait();
+    store.end_copy("s");
+  });
+  asked.count_down();
+  EXPECT_TRUE(store.begin_copy("s").ok());
+}
+
+}  // namespace
+}  // namespace glasswing
