@@ -60,8 +60,9 @@ def copy_tree() -> None:
 def run(command: list[str], seconds: float | None = None) -> tuple[int | None, str]:
     """The exit status and output; no status if it took longer and was killed."""
     process = subprocess.Popen(
-        command, cwd=_BUILD, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True
-    )
+        command, cwd=_BUILD, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        start_new_session=True,
+    )  # fmt: skip
     try:
         output, _ = process.communicate(timeout=seconds)
         return process.returncode, output
@@ -115,7 +116,7 @@ def timed(tests: list[Test]) -> dict[str, float]:
 
 
 def caught_by(mutant: mutants.Mutant, tests: list[Test], seconds: dict[str, float]) -> str | None:
-    """Tests the fault that is in the tree: what catches it, "" if nothing does, None if it does not compile."""
+    """What catches the fault that is in the tree; "" if nothing does, None if it does not compile."""
     changed = changed_targets(tests)
     for step in range(3):
         mine = [test for test in tests if test.target in changed and stage(test, mutant) == step]
@@ -152,11 +153,13 @@ def report(results: list[tuple[mutants.Mutant, str]]) -> bool:
 def main() -> int:
     """Runs the command line."""
     parser = argparse.ArgumentParser(
-        prog="tests/mutate", description=__doc__, epilog=_EXAMPLES, formatter_class=argparse.RawTextHelpFormatter
-    )
+        prog="tests/mutate", description=__doc__, epilog=_EXAMPLES,
+        formatter_class=argparse.RawTextHelpFormatter,
+    )  # fmt: skip
     parser.add_argument("count", nargs="?", type=int, default=100, metavar="N", help="faults (100)")
     parser.add_argument("--seed", type=int, default=1, help="chooses the faults (1)")
-    parser.add_argument("--folder", nargs="+", default=_FOLDERS, metavar="F", help=f"of ({' '.join(_FOLDERS)})")
+    parser.add_argument("--folder", nargs="+", default=_FOLDERS, metavar="F",
+                        help=f"of ({' '.join(_FOLDERS)})")
     options = parser.parse_args()
     if options.count < 1:
         parser.error(f"N is {options.count}; it must be at least 1")
