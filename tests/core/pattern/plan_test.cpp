@@ -126,8 +126,8 @@ TEST(Plan, AVideoShowsTheRampAloneAfterTheEmptyStage) {
   }
   const int learning = static_cast<int>(patch_learning_ids().size());
   const std::map<std::pair<bool, std::string>, int> expected{
-      {{false, "patch"}, learning}, {{false, "solid"}, 1},      {{false, "square"}, 8},
-      {{false, "ramp"}, 16},       {{true, "patch"}, learning}, {{true, "ramp"}, 300}};
+      {{false, "patch"}, learning}, {{false, "solid"}, 1},       {{false, "square"}, 8},
+      {{false, "ramp"}, 16},        {{true, "patch"}, learning}, {{true, "ramp"}, 300}};
   EXPECT_EQ(count, expected);
 
   v1::Plan unnamed = plan;
