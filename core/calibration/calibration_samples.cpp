@@ -16,7 +16,6 @@ constexpr size_t kMaxPixels = 40000;       // of all monitors
 constexpr size_t kMinSeeingPixels = 1000;  // of a monitor that counts as seen
 constexpr double kSeen = 0.3;              // of white's code above black where it is brightest
 constexpr double kMinContrast = 0.1;       // of full scale, white above black
-constexpr double kBrightest = 0.99;        // quantile of pixels
 constexpr int kRim_px = 2;                 // pixels this close to a monitor's edge may see past it
 
 using FrameIndex = std::vector<std::array<std::vector<int>, 3>>;  // [exposure][Shown]: frames
@@ -36,13 +35,6 @@ std::vector<float> contrast(const MappedArchive& archive, const std::array<std::
     out[i / 3] = std::max(out[i / 3], static_cast<float>(white[i] - black[i]) / 65535.0f);
   }
   return out;
-}
-
-float brightest(std::vector<float> values) {
-  const auto at =
-      values.begin() + static_cast<std::ptrdiff_t>(kBrightest * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), at, values.end());
-  return *at;
 }
 
 std::vector<size_t> seeing_pixels(const MappedArchive& archive, const FrameIndex& frames) {

@@ -3,7 +3,9 @@
 
 #include <absl/status/statusor.h>
 
+#include <algorithm>
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -38,5 +40,13 @@ struct CalibrationSamples {
 // FAILED_PRECONDITION: the archive's plan is not a camera calibration, frames are missing, or the camera sees
 // no monitor.
 absl::StatusOr<CalibrationSamples> sample_calibration(const MappedArchive& archive);
+
+// The 99 % quantile, of one value or more: outliers are not what is brightest.
+template <typename Value>
+Value brightest(std::vector<Value> values) {
+  const auto at = values.begin() + static_cast<std::ptrdiff_t>(0.99 * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
+}
 
 }  // namespace glasswing

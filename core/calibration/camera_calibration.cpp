@@ -7,6 +7,7 @@
 #include <cmath>
 #include <functional>
 #include <optional>
+#include <utility>
 
 #include "core/base/status.h"
 #include "core/base/time.h"
@@ -27,7 +28,6 @@ constexpr double kShutterSd = 0.01;        // relative; electronic shutters are 
 constexpr double kBelowFull = 0.99;        // of the saturation: above, noise is partly clipped
 constexpr size_t kPileUp = 1000;           // samples of the highest code
 constexpr double kMaxClippedWhite = 1e-3;  // share of white's samples
-constexpr double kWhiteQuantile = 0.99;    // quantile of pixels
 constexpr double kReach = 3.0;             // standard deviations
 constexpr double kOneSigma = 0.8413;       // quantile
 constexpr double kUnlit = 0.1;             // of the noise
@@ -244,12 +244,8 @@ void add_white(const CalibrationSamples& samples, const FrameLight& light,
       if (above > 0.0)
         points.push_back({.group = 3 * m + i % 3, .radius2 = monitor.radius2[i / 3], .light = above});
     }
-    for (std::vector<double>& own : whites) {
-      const auto at =
-          own.begin() + static_cast<std::ptrdiff_t>(kWhiteQuantile * static_cast<double>(own.size() - 1));
-      std::nth_element(own.begin(), at, own.end());
-      brightest_per_ms = std::max(brightest_per_ms, *at / samples.exposures_ms[*j]);
-    }
+    for (std::vector<double>& own : whites)
+      brightest_per_ms = std::max(brightest_per_ms, brightest(std::move(own)) / samples.exposures_ms[*j]);
   }
   if (brightest_per_ms > 0.0) calibration.set_white_ms(1.0 / brightest_per_ms);
   if (std::optional<v1::FallOff> fall_off = fit_camera_shading(points))
