@@ -48,6 +48,7 @@ void add_commands(CLI::App& app, Client& client, const Config& config) {
   add_stmap_command(app, client);
   add_view_command(app, client);
   app.group("Pictures");
+  add_sheet_command(app, client);
   add_compare_command(app, client);
   add_blur_command(app, client);
   add_convert_command(app, client);

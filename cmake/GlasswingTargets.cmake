@@ -52,8 +52,10 @@ endfunction()
 set(rpc_headers <grpcpp/grpcpp.h> <google/protobuf/map.h> <google/protobuf/repeated_field.h>)
 glasswing_precompiled(plain)
 glasswing_precompiled(rpc HEADERS ${rpc_headers} USES gRPC::grpc++ protobuf::libprotobuf)
-glasswing_precompiled(test HEADERS <gtest/gtest.h> USES GTest::gtest)
-glasswing_precompiled(rpc_test HEADERS <gtest/gtest.h> ${rpc_headers} USES GTest::gtest gRPC::grpc++ protobuf::libprotobuf)
+if(GLASSWING_TESTS)
+  glasswing_precompiled(test HEADERS <gtest/gtest.h> USES GTest::gtest)
+  glasswing_precompiled(rpc_test HEADERS <gtest/gtest.h> ${rpc_headers} USES GTest::gtest gRPC::grpc++ protobuf::libprotobuf)
+endif()
 
 include(GlasswingLayers)
 
@@ -107,12 +109,9 @@ function(glasswing_library)
     target_link_libraries(${name} INTERFACE ${uses})
     return()
   endif()
-  add_library(${name} STATIC ${ARG_SOURCES})
+  add_library(${name} ${ARG_SOURCES})
   target_include_directories(${name} PUBLIC ${PROJECT_SOURCE_DIR})
   target_link_libraries(${name} PUBLIC ${uses} PRIVATE ${ARG_PRIVATE})
-  if(ARG_PRIVATE MATCHES "opencv_")
-    target_include_directories(${name} SYSTEM PRIVATE ${OpenCV_INCLUDE_DIRS})
-  endif()
   glasswing_set_up(${name} "" ${uses})
   # A kernel includes itself once for each processor, and so needs a translation unit of its own.
   set(kernels ${ARG_SOURCES})
@@ -129,9 +128,6 @@ function(glasswing_program name)
   add_executable(${name} ${ARG_SOURCES})
   target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR})
   target_link_libraries(${name} PRIVATE ${uses} ${GLASSWING_ORDER})
-  if(ARG_USES MATCHES "opencv_")
-    target_include_directories(${name} SYSTEM PRIVATE ${OpenCV_INCLUDE_DIRS})
-  endif()
   glasswing_set_up(${name} "" ${uses})
 endfunction()
 
@@ -152,7 +148,7 @@ endfunction()
 # Builds one test program for the folder. CTest runs each file of TESTS in a process of its own; the test's
 # name is the file's path below tests/.
 # PROGRAM: a separate program, which runs as a whole, for a test whose cases are in a header or in SOURCES.
-# LABELS: for `ctest -L`.
+# LABELS: of glasswing_label_test(), `unit` if left out.
 function(glasswing_tests)
   cmake_parse_arguments(ARG "" "PROGRAM;TIMEOUT" "TESTS;SOURCES;USES;LABELS;ENVIRONMENT" ${ARGN})
   file(RELATIVE_PATH folder ${PROJECT_SOURCE_DIR}/tests ${CMAKE_CURRENT_SOURCE_DIR})
@@ -165,9 +161,6 @@ function(glasswing_tests)
   add_executable(${target} ${sources} ${ARG_SOURCES})
   target_include_directories(${target} PRIVATE ${PROJECT_SOURCE_DIR})
   target_link_libraries(${target} PRIVATE ${uses} tests.main ${GLASSWING_ORDER})
-  if(ARG_USES MATCHES "opencv_")
-    target_include_directories(${target} SYSTEM PRIVATE ${OpenCV_INCLUDE_DIRS})
-  endif()
   set_target_properties(${target} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
   glasswing_set_up(${target} _test ${uses})
   if(NOT ARG_TIMEOUT)
@@ -181,7 +174,45 @@ function(glasswing_tests)
     endif()
     # From where sources were compiled: ccache makes __FILE__ relative to it.
     add_test(NAME ${folder}/${test} COMMAND ${target} ${only} WORKING_DIRECTORY ${CMAKE_BINARY_DIR})
-    set_tests_properties(${folder}/${test} PROPERTIES TIMEOUT ${timeout} LABELS "${ARG_LABELS}" SKIP_RETURN_CODE 77
-                         ENVIRONMENT "${ARG_ENVIRONMENT}")
+    set_tests_properties(${folder}/${test} PROPERTIES TIMEOUT ${timeout} ENVIRONMENT "${ARG_ENVIRONMENT}")
+    glasswing_label_test(${folder}/${test} ${ARG_LABELS})
   endforeach()
+endfunction()
+
+# glasswing_command_test(NAME COMMAND command ... [TIMEOUT SECONDS] [LABELS name ...] [ENVIRONMENT NAME=VALUE ...])
+# A test that is a script. It finds the programs in GLASSWING_BIN, the build in GLASSWING_BUILD and the Python
+# package on PYTHONPATH, and never reads the user's settings.
+function(glasswing_command_test name)
+  cmake_parse_arguments(ARG "" "TIMEOUT" "COMMAND;LABELS;ENVIRONMENT" ${ARGN})
+  if(NOT ARG_TIMEOUT)
+    set(ARG_TIMEOUT 120)
+  endif()
+  math(EXPR timeout "${ARG_TIMEOUT} * ${GLASSWING_TEST_PATIENCE}")
+  set(environment "GLASSWING_BIN=${CMAKE_BINARY_DIR}/bin" "GLASSWING_BUILD=${CMAKE_BINARY_DIR}"
+      "PYTHONPATH=${CMAKE_BINARY_DIR}/python" PYTHONDONTWRITEBYTECODE=1)
+  if(NOT ARG_ENVIRONMENT)
+    set(ARG_ENVIRONMENT GLASSWING_CONFIG=/dev/null)
+  endif()
+  add_test(NAME ${name} COMMAND ${ARG_COMMAND})
+  set_tests_properties(${name} PROPERTIES TIMEOUT ${timeout} ENVIRONMENT "${environment};${ARG_ENVIRONMENT}")
+  glasswing_label_test(${name} ${ARG_LABELS})
+endfunction()
+
+# glasswing_label_test(NAME [LABEL ...]): what kind of test it is, for `ctest -L` and tests/run.
+#   unit    a program of a folder, or a script without daemons
+#   rig     daemons in real time; one such test at a time
+#   system  uses what belongs to the whole machine: root, containers, a cluster; alone
+#   slow    over a minute and a half; tests/run leaves it out unless told --all
+# Others are for some command.
+function(glasswing_label_test name)
+  set(labels ${ARGN})
+  if(NOT labels MATCHES "rig|system")
+    list(APPEND labels unit)
+  endif()
+  set_tests_properties(${name} PROPERTIES LABELS "${labels}" SKIP_RETURN_CODE 77)
+  if(labels MATCHES "system")
+    set_tests_properties(${name} PROPERTIES RUN_SERIAL TRUE)
+  elseif(labels MATCHES "rig")
+    set_tests_properties(${name} PROPERTIES RESOURCE_LOCK rig COST 1000)
+  endif()
 endfunction()

@@ -9,7 +9,7 @@ set(GLASSWING_PACKAGE_CONTACT "Glasswing <glasswing@example.org>" CACHE STRING "
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME glasswing)
 set(CPACK_PACKAGE_CONTACT ${GLASSWING_PACKAGE_CONTACT})
-set(CPACK_COMPONENTS_ALL common server display camera solver client python)
+set(CPACK_COMPONENTS_ALL common server display camera solver client python demo)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 # DESTDIR, because the configuration is installed outside the prefix.
 set(CPACK_SET_DESTDIR ON)
@@ -85,5 +85,12 @@ glasswing_package(python NAME python3-glasswing SCRIPTS python
   TEXT "${about}\n.\nThis package contains the Python module glasswing, with mattes as numpy\narrays."
   DEPENDS "python3 (>= ${python}.${minor}), python3 (<< ${python}.${next}), python3-grpcio, python3-numpy, python3-protobuf")
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
+set(programs server display camera solver client)
+list(TRANSFORM programs REPLACE "(.+)" "glasswing-\\1 (= THIS_VERSION)")
+list(JOIN programs ", " programs)
+glasswing_package(demo NAME glasswing-demo ALL
+  SUMMARY "capture of environment mattes - demonstration"
+  TEXT "${about}\n.\nThis package contains glasswing-demo, which captures a crystal with simulated\ndevices and puts it in front of pictures, and glasswing-local-rig, which runs\nsuch a rig."
+  DEPENDS "${programs}")
 
 include(CPack)

@@ -12,6 +12,7 @@
 #include "client/pictures/commands.h"
 #include "client/pictures/composite_video.h"
 #include "client/pictures/picture.h"
+#include "client/pictures/video_file.h"
 #include "core/base/status.h"
 
 namespace glasswing {
@@ -58,8 +59,8 @@ void add_composite_options(CLI::App& command, CompositeArguments& arguments) {
   command
       .add_option(
           "-o,--output", arguments.output,
-          "a picture (.exr, .png or .tif); for several frames a directory or a video (.mp4, .mov, .mkv, "
-          ".avi or .webm)")
+          fmt::format("a picture (.exr, .png or .tif); for several frames a directory or a video ({})",
+                      kVideoSuffixes))
       ->required();
   command.add_option("--format", arguments.format, "format of the pictures in a directory")
       ->check(CLI::IsMember({"exr", "png", "tif"}))
@@ -228,6 +229,7 @@ void add_composite_command(CLI::App& app, Client& client) {
       "  glasswing composite pour/ --background waves.mp4 -o pour.mp4 --fps 30\n"
       "  glasswing composite vase.exr --background waves.mp4 -o vase.mp4\n"
       "  glasswing composite vase.exr --background harbour.png --pan 2,0 --frames 300 -o vase.mp4\n"
+      "  glasswing composite vase.exr --background harbour.png --pan 8,0 --frames 60 -o vase.webp\n"
       "  glasswing composite vase.exr --background harbour.png --shift 40,-10 --bits 16 -o vase.png\n"
       "  glasswing composite vase.exr --background harbour.png --match harbour_on_monitor.png -o vase.png");
   auto arguments = std::make_shared<CompositeArguments>();

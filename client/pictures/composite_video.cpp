@@ -46,7 +46,7 @@ class Output {
  public:
   static absl::StatusOr<Output> create(const CompositeArguments& arguments) {
     Output output(arguments);
-    if (is_video_file(arguments.output)) {
+    if (is_video_output(arguments.output)) {
       if (arguments.bits != 0 && arguments.bits != 8) {
         return absl::InvalidArgumentError(fmt::format(
             "--bits is {}; a video has 8, a directory of pictures may have more", arguments.bits));
@@ -58,16 +58,15 @@ class Output {
     const bool names_picture = check_output(arguments.output).ok() && !fs::is_directory(arguments.output);
     if (!names_picture) fs::create_directories(arguments.output, error);
     if (names_picture || error || !fs::is_directory(arguments.output)) {
-      return absl::InvalidArgumentError(fmt::format(
-          "the output is {}; for several pictures it must be a directory, or a video: .mp4, .mov, "
-          ".mkv, .avi or .webm",
-          arguments.output));
+      return absl::InvalidArgumentError(
+          fmt::format("the output is {}; for several pictures it must be a directory, or a video: {}",
+                      arguments.output, kVideoSuffixes));
     }
     return output;
   }
 
   absl::Status add(const std::string& name, const RadianceImage& picture) {
-    if (!is_video_file(arguments_.output)) {
+    if (!is_video_output(arguments_.output)) {
       const fs::path file = fs::path(arguments_.output) / (name + "." + arguments_.format);
       return write_radiance(file, picture, arguments_.encoding(), arguments_.bits);
     }
@@ -175,7 +174,7 @@ absl::StatusOr<RadianceImage> ObjectInFront::composite(const std::vector<Radianc
 
 bool is_video(const CompositeArguments& arguments) {
   const fs::path output = arguments.output;
-  return fs::is_directory(arguments.matte) || fs::is_directory(output) || is_video_file(output) ||
+  return fs::is_directory(arguments.matte) || fs::is_directory(output) || is_video_output(output) ||
          !output.has_extension() || arguments.frame_count > 0;
 }
 

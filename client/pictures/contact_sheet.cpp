@@ -117,16 +117,19 @@ void draw_keys(cv::Mat& sheet, const std::vector<PanelKey>& keys, const cv::Rect
 }  // namespace
 
 CodeImage contact_sheet(const std::vector<MattePanel>& panels, const std::string& heading,
-                        const std::vector<std::string>& lines) {
+                        const std::vector<std::string>& lines, int wanted_columns) {
   const CodeImage& first = panels.front().picture;
   const double fit = static_cast<double>(kPanel_px) / std::max(first.width_px, first.height_px);
   const double scale = fit >= 1.0 ? std::floor(fit) : fit;
   const auto scaled = [scale](int side) { return std::max(1, static_cast<int>(std::lround(scale * side))); };
   const cv::Size picture(scaled(first.width_px), scaled(first.height_px));
   const int count = static_cast<int>(panels.size());
-  const int columns = std::min(picture.width > 2 * picture.height ? 2 : 4, count);
+  const int suitable_columns = picture.width > 2 * picture.height ? 2 : 4;
+  const int columns = std::min(wanted_columns > 0 ? wanted_columns : suitable_columns, count);
+  const bool legends =
+      std::ranges::any_of(panels, [](const MattePanel& panel) { return panel.bar || !panel.keys.empty(); });
   const int cell_width = std::max(picture.width, kMinPanel_px);
-  const int cell_height = kTitle + picture.height + 10 + kLegend;
+  const int cell_height = kTitle + picture.height + (legends ? 10 + kLegend : 0);
   const int top = kMargin + kHeading + kLine * static_cast<int>(lines.size());
   const int rows = (count + columns - 1) / columns;
   cv::Mat sheet(top + rows * (cell_height + kGap) - kGap + kMargin / 2,

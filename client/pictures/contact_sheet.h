@@ -1,4 +1,4 @@
-// Arranges a matte's panels on one sheet.
+// Arranges a matte's panels, or pictures, on one sheet.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -10,11 +10,12 @@
 
 namespace glasswing {
 
-// Four panels per line (two for wide mattes), each below its title and above its legend. All have one scale:
-// small mattes are enlarged by an integer factor, large ones reduced. `heading` is in large letters, `lines`
-// below it in small ones; texts that are too long end in "...". Texts are ASCII.
+// `columns` panels per line (0: four, or two for wide pictures), each below its title and above its legend.
+// All are as large as the first and have one scale: small ones are enlarged by an integer factor, large ones
+// reduced. `heading` is in large letters, `lines` below it in small ones; texts that are too long end in
+// "...". Texts are ASCII.
 CodeImage contact_sheet(const std::vector<MattePanel>& panels, const std::string& heading,
-                        const std::vector<std::string>& lines);
+                        const std::vector<std::string>& lines, int columns = 0);
 
 // INTERNAL: it cannot be encoded.
 absl::StatusOr<std::string> encode_png8(const CodeImage& image);

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 #include <unistd.h>
+#include <webp/encode.h>
+#include <webp/mux.h>
 
 #include <algorithm>
 #include <array>
@@ -12,6 +14,7 @@
 #include <opencv2/videoio/registry.hpp>
 
 #include "core/base/file.h"
+#include "core/base/status.h"
 #include "core/frame/image_file.h"
 
 namespace glasswing {
@@ -21,9 +24,9 @@ struct Container {
   std::string_view suffix;
   std::array<char, 4> codec;
 };
-constexpr std::array<Container, 5> kContainers{{{".mp4", {'m', 'p', '4', 'v'}},
-                                                {".mov", {'m', 'p', '4', 'v'}},
-                                                {".mkv", {'m', 'p', '4', 'v'}},
+constexpr std::array<Container, 5> kContainers{{{".mp4", {'a', 'v', 'c', '1'}},
+                                                {".mov", {'a', 'v', 'c', '1'}},
+                                                {".mkv", {'a', 'v', 'c', '1'}},
                                                 {".avi", {'M', 'J', 'P', 'G'}},
                                                 {".webm", {'V', 'P', '8', '0'}}}};
 
@@ -32,10 +35,111 @@ const Container* container_of(const std::filesystem::path& path) {
   return found == kContainers.end() ? nullptr : &*found;
 }
 
+constexpr std::string_view kAnimation = ".webp";
+
+}  // namespace
+
+class VideoWriter::Encoder {
+ public:
+  virtual ~Encoder() = default;
+  // `frame`: 8 bit, BGR. False: it cannot be encoded.
+  virtual bool add(const cv::Mat& frame) = 0;
+  // After the last frame. Writes what is not yet in the file.
+  virtual absl::Status finish() = 0;
+};
+
+namespace {
+
+class VideoEncoder : public VideoWriter::Encoder {
+ public:
+  VideoEncoder(const std::filesystem::path& file, const Container& container, cv::Size size,
+               double frame_rate_hz)
+      : writer_(file.string(),
+                cv::VideoWriter::fourcc(container.codec[0], container.codec[1], container.codec[2],
+                                        container.codec[3]),
+                frame_rate_hz, size) {}
+  bool is_open() const { return writer_.isOpened(); }
+  bool add(const cv::Mat& frame) override {
+    writer_.write(frame);
+    return true;
+  }
+  absl::Status finish() override {
+    writer_.release();
+    return absl::OkStatus();
+  }
+
+ private:
+  cv::VideoWriter writer_;
+};
+
+// A WebP that repeats for ever.
+class AnimationEncoder : public VideoWriter::Encoder {
+ public:
+  AnimationEncoder(std::filesystem::path file, cv::Size size, double frame_rate_hz)
+      : file_(std::move(file)), frame_rate_hz_(frame_rate_hz) {
+    WebPAnimEncoderOptions options;
+    if (!WebPAnimEncoderOptionsInit(&options) || !WebPConfigInit(&config_)) return;
+    config_.quality = 85.0f;
+    encoder_.reset(WebPAnimEncoderNew(size.width, size.height, &options));
+  }
+  bool is_open() const { return encoder_ != nullptr; }
+  bool add(const cv::Mat& frame) override {
+    WebPPicture picture;
+    if (!WebPPictureInit(&picture)) return false;
+    picture.use_argb = 1;
+    picture.width = frame.cols;
+    picture.height = frame.rows;
+    const bool added = WebPPictureImportBGR(&picture, frame.data, static_cast<int>(frame.step)) &&
+                       WebPAnimEncoderAdd(encoder_.get(), &picture, time_ms(count_), &config_);
+    WebPPictureFree(&picture);
+    ++count_;
+    return added;
+  }
+  absl::Status finish() override {
+    WebPData data;
+    WebPDataInit(&data);
+    const bool assembled = WebPAnimEncoderAdd(encoder_.get(), nullptr, time_ms(count_), nullptr) &&
+                           WebPAnimEncoderAssemble(encoder_.get(), &data);
+    const absl::Status written =
+        assembled ? write_file_durably(file_, {reinterpret_cast<const char*>(data.bytes), data.size})
+                  : absl::InternalError(WebPAnimEncoderGetError(encoder_.get()));
+    WebPDataClear(&data);
+    return written;
+  }
+
+ private:
+  int time_ms(int frame) const { return static_cast<int>(std::lround(1000.0 * frame / frame_rate_hz_)); }
+
+  std::filesystem::path file_;
+  double frame_rate_hz_;
+  WebPConfig config_{};
+  int count_ = 0;
+  struct Delete {
+    void operator()(WebPAnimEncoder* encoder) const { WebPAnimEncoderDelete(encoder); }
+  };
+  std::unique_ptr<WebPAnimEncoder, Delete> encoder_;
+};
+
+// Null: this file cannot be written.
+std::unique_ptr<VideoWriter::Encoder> encoder_of(const std::filesystem::path& file, cv::Size size,
+                                                 double frame_rate_hz) {
+  const Container* container = container_of(file);
+  if (container == nullptr) {
+    auto animation = std::make_unique<AnimationEncoder>(file, size, frame_rate_hz);
+    return animation->is_open() ? std::move(animation) : nullptr;
+  }
+  auto video = std::make_unique<VideoEncoder>(file, *container, size, frame_rate_hz);
+  return video->is_open() ? std::move(video) : nullptr;
+}
+
 }  // namespace
 
 bool is_video_file(const std::filesystem::path& path) {
   return container_of(path) != nullptr;
+}
+
+bool is_video_output(const std::filesystem::path& path) {
+  return is_video_file(path) || path.extension() == kAnimation;
 }
 
 absl::StatusOr<VideoReader> VideoReader::open(const std::filesystem::path& path) {
@@ -75,12 +179,10 @@ std::optional<Image16> VideoReader::next() {
 
 absl::StatusOr<VideoWriter> VideoWriter::create(const std::filesystem::path& path, int width_px,
                                                 int height_px, double frame_rate_hz) {
-  const Container* container = container_of(path);
-  if (container == nullptr) {
+  if (!is_video_output(path)) {
     return absl::InvalidArgumentError(
-        fmt::format("the video is {}; its name must end in .mp4, .mov, .mkv, .avi or .webm", path.string()));
+        fmt::format("the video is {}; its name must end in {}", path.string(), kVideoSuffixes));
   }
-  const auto& codec = container->codec;
   VideoWriter writer;
   writer.path_ = path;
   writer.width_px_ = width_px;
@@ -88,10 +190,8 @@ absl::StatusOr<VideoWriter> VideoWriter::create(const std::filesystem::path& pat
   // OpenCV chooses the container by the suffix.
   writer.partial_ = path.parent_path() / fmt::format("{}.partial-{}{}", path.stem().string(), ::getpid(),
                                                      path.extension().string());
-  writer.writer_ = std::make_unique<cv::VideoWriter>(
-      writer.partial_.string(), cv::VideoWriter::fourcc(codec[0], codec[1], codec[2], codec[3]),
-      frame_rate_hz, cv::Size(width_px, height_px));
-  if (!writer.writer_->isOpened()) {
+  writer.encoder_ = encoder_of(writer.partial_, {width_px, height_px}, frame_rate_hz);
+  if (!writer.encoder_) {
     return absl::InvalidArgumentError(
         fmt::format("{} cannot be written; pictures can: give a directory", path.string()));
   }
@@ -112,21 +212,22 @@ absl::Status VideoWriter::add(const RadianceImage& picture) {
         row[x][2 - c] = cv::saturate_cast<uchar>(255.0f * srgb_of_linear(picture.at(x, y, c)));
     }
   }
-  writer_->write(frame);
+  if (!encoder_->add(frame))
+    return absl::InternalError(fmt::format("{}: a frame cannot be encoded", path_.string()));
   return absl::OkStatus();
 }
 
 VideoWriter::VideoWriter(VideoWriter&&) noexcept = default;
 
 absl::Status VideoWriter::finish() {
-  writer_->release();
-  writer_.reset();
+  GW_RETURN_IF_ERROR(encoder_->finish());
+  encoder_.reset();
   return place_file_durably(partial_, path_);
 }
 
 VideoWriter::~VideoWriter() {
-  if (!writer_) return;
-  writer_->release();
+  if (!encoder_) return;
+  encoder_.reset();
   std::error_code ignored;
   std::filesystem::remove(partial_, ignored);
 }

@@ -1,4 +1,4 @@
-// Video files through OpenCV: 8 bit sRGB, with the codecs of its build.
+// Video files, 8 bit sRGB: through OpenCV, with the codecs of its build, and animated WebP.
 #pragma once
 
 #include <absl/status/status.h>
@@ -12,13 +12,15 @@
 
 namespace cv {
 class VideoCapture;
-class VideoWriter;
 }  // namespace cv
 
 namespace glasswing {
 
 // True for the suffixes .mp4, .mov, .mkv, .avi and .webm.
 bool is_video_file(const std::filesystem::path& path);
+// True for those and .webp, which is only written: as a background it is a still.
+bool is_video_output(const std::filesystem::path& path);
+inline constexpr const char* kVideoSuffixes = ".mp4, .mov, .mkv, .avi, .webm or .webp";
 
 class VideoReader {
  public:
@@ -40,23 +42,25 @@ class VideoReader {
 // Writes under a temporary name in the same directory; a file that is not finished is removed.
 class VideoWriter {
  public:
-  // INVALID_ARGUMENT: is_video_file() is false, or OpenCV cannot write this container.
+  class Encoder;
+
+  // INVALID_ARGUMENT: is_video_output() is false, or this build cannot write this container.
   static absl::StatusOr<VideoWriter> create(const std::filesystem::path& path, int width_px, int height_px,
                                             double frame_rate_hz);
   VideoWriter(VideoWriter&&) noexcept;
   VideoWriter& operator=(VideoWriter&&) = delete;
   ~VideoWriter();
 
-  // `picture`: linear radiance. INVALID_ARGUMENT: it has another size.
+  // `picture`: linear radiance. INVALID_ARGUMENT: it has another size. INTERNAL: it cannot be encoded.
   absl::Status add(const RadianceImage& picture);
-  // Call after the last picture.
+  // Call after the last picture. Errors: of the file; INTERNAL.
   absl::Status finish();
 
  private:
   VideoWriter() = default;
   std::filesystem::path path_, partial_;
   int width_px_ = 0, height_px_ = 0;
-  std::unique_ptr<cv::VideoWriter> writer_;  // null: finished, or moved from
+  std::unique_ptr<Encoder> encoder_;  // null: finished, or moved from
 };
 
 }  // namespace glasswing

@@ -24,11 +24,12 @@ timeout 60 /usr/lib/apt/apt-helper download-file "${mirror%/}/dists/bookworm/InR
 echo "== the packages"
 cpack --config "$build/CPackConfig.cmake" -B "$work/packages" >"$work/cpack.log" 2>&1 || fail "cpack"
 packages=("$work"/packages/*.deb)
-((${#packages[@]} == 7)) || fail "${packages[*]} are not seven packages"
+((${#packages[@]} == 8)) || fail "${packages[*]} are not eight packages"
 names=() depends=()
 for package in "${packages[@]}"; do
   names+=("$(dpkg-deb -f "$package" Package)")
-  depends+=("$(dpkg-deb -f "$package" Depends | sed 's/glasswing-common ([^)]*), //')")
+  needs=$(dpkg-deb -f "$package" Depends | sed -E 's/glasswing-[a-z]+ \([^)]*\)(, )?//g')
+  [[ -z $needs ]] || depends+=("$needs")
 done
 
 echo "== a fresh Debian with their dependencies"
@@ -82,6 +83,15 @@ for program in glasswing "${units[@]}"; do
 done
 (($(inside sh -c 'ls /usr/share/man/man1/glasswing-*.1.gz | wc -l') == $(ls "$build/man/glasswing"/glasswing-*.1 | wc -l))) || fail "a command has no manual page"
 [[ $(inside python3 -c 'import glasswing; print(glasswing.Matte.__name__)') == Matte ]] || fail "the Python package"
+
+echo "== the demonstration"
+begin=$SECONDS
+inside env HOME=/root glasswing-demo --output /tmp/demo --stop >"$work/demo.log" 2>&1 || { tail -n 30 "$work/demo.log"; fail "glasswing-demo"; }
+echo "glasswing-demo took $((SECONDS - begin)) s"
+for file in sheet.png lake.png pebbles_photographed.png crystal.mp4 crystal.webp crystal.exr; do
+  inside test -s "/tmp/demo/$file" || fail "the demonstration made no $file"
+done
+grep -q '^steps retaken  *0$' "$work/demo.log" || fail "$(grep retaken "$work/demo.log")"
 
 echo "== the daemons capture and solve"
 cat >"$fresh/etc/glasswing/glasswing.conf" <<'END'
