@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <iostream>
+#include <mutex>
 #include <nlohmann/json.hpp>
 
 #include "client/cli/interrupt.h"
@@ -11,6 +12,7 @@
 #include "client/exchange/partial_directory.h"
 #include "core/base/checksum.h"
 #include "core/base/file.h"
+#include "core/base/for_rows.h"
 #include "core/base/status.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
@@ -40,23 +42,40 @@ absl::StatusOr<std::string> read_verified(const Peer<v1::ArchiveService>& archiv
   return bytes;
 }
 
+absl::Status write_frame(const Peer<v1::ArchiveService>& archive, const std::string& session,
+                         const v1::Frame& frame, const fs::path& directory) {
+  if (interrupted()) return absl::CancelledError("the export was broken off; nothing of it stays");
+  const fs::path file(frame.file());
+  if (file.parent_path() != "frames" || !file.has_filename() || file.filename() == "..") {
+    return absl::DataLossError(
+        fmt::format("the {} names a frame \"{}\"; it must lie in frames/", archive.title, frame.file()));
+  }
+  GW_ASSIGN_OR_RETURN(const std::string bytes, read_verified(archive, session, frame));
+  return write_file_flushed(directory / file, bytes);
+}
+
+// Several frames at a time, since each waits for the network and then for the disk.
 absl::Status write_frames(const Peer<v1::ArchiveService>& archive, const v1::CaptureManifest& manifest,
                           const fs::path& directory) {
+  constexpr int kAtATime = 4;
   Progress progress("exporting");
   const Interruptible ctrl_c;
-  for (int i = 0; i < manifest.frames_size(); ++i) {
-    if (interrupted()) return absl::CancelledError("the export was broken off; nothing of it stays");
-    const v1::Frame& frame = manifest.frames(i);
-    const fs::path file(frame.file());
-    if (file.parent_path() != "frames" || !file.has_filename() || file.filename() == "..") {
-      return absl::DataLossError(
-          fmt::format("the {} names a frame \"{}\"; it must lie in frames/", archive.title, frame.file()));
+  std::mutex mutex;
+  int begun = 0, written = 0;
+  absl::Status status;
+  for_rows(kAtATime, kAtATime, [&](int, int) {
+    std::unique_lock lock(mutex);
+    while (status.ok() && begun < manifest.frames_size()) {
+      const v1::Frame& frame = manifest.frames(begun++);
+      lock.unlock();
+      const absl::Status one = write_frame(archive, manifest.session(), frame, directory);
+      lock.lock();
+      status.Update(one);
+      progress.update(++written / static_cast<double>(manifest.frames_size()),
+                      fmt::format("{} of {} frames", written, manifest.frames_size()));
     }
-    GW_ASSIGN_OR_RETURN(const std::string bytes, read_verified(archive, manifest.session(), frame));
-    GW_RETURN_IF_ERROR(write_file_flushed(directory / file, bytes));
-    progress.update((i + 1.0) / manifest.frames_size(),
-                    fmt::format("{} of {} frames", i + 1, manifest.frames_size()));
-  }
+  });
+  GW_RETURN_IF_ERROR(status);
   progress.done(fmt::format("{} frames", manifest.frames_size()));
   return absl::OkStatus();
 }
