@@ -283,29 +283,32 @@ void stage(benchmark::State& state) {
   state.SetItemsProcessed(state.iterations() * Frames::kLanes);
 }
 
+template <int kModes>
+void add_rows(std::vector<Row>& rows, const std::string& figure, void (*ours)(benchmark::State&)) {
+  const auto named = [](const char* name) { return fmt::format("{}_{}", name, kModes); };
+  benchmark::RegisterBenchmark(named("line_ours").c_str(), ours);
+  benchmark::RegisterBenchmark(named("line_ceres").c_str(), line_ceres<kModes>);
+  benchmark::RegisterBenchmark(named("line_tiny").c_str(), line_tiny<kModes>);
+  add_peer_rows(rows, figure, "Ceres", named("line_ours"), named("line_ceres"),
+                []() -> const Comparison& { return LinePeers<kModes>::get().ceres; });
+  add_peer_rows(rows, figure, "TinySolver", named("line_ours"), named("line_tiny"),
+                []() -> const Comparison& { return LinePeers<kModes>::get().tiny; });
+}
+
+// Millions of items a second of one benchmark.
+Row rate_row(const char* name, const std::string& benchmark) {
+  return {
+      name, "million/s", {benchmark}, [benchmark](const Rates& rates) { return rates.at(benchmark) * 1e-6; }};
+}
+
 }  // namespace
 
 void add_line_rows(std::vector<Row>& rows) {
-  benchmark::RegisterBenchmark("single_ours", single_ours);
-  benchmark::RegisterBenchmark("double_ours", double_ours);
-  benchmark::RegisterBenchmark("single_ceres", line_ceres<1>);
-  benchmark::RegisterBenchmark("double_ceres", line_ceres<2>);
-  benchmark::RegisterBenchmark("single_tiny", line_tiny<1>);
-  benchmark::RegisterBenchmark("double_tiny", line_tiny<2>);
+  add_rows<1>(rows, "one Gaussian, 1-D", single_ours);
+  rows.push_back(rate_row("one Gaussian, 1-D: fits/s, one core", "line_ours_1"));
+  add_rows<2>(rows, "two Gaussians, 1-D", double_ours);
   benchmark::RegisterBenchmark("stage", stage);
-  const auto millions = [](const char* a) { return [a](const Rates& rates) { return rates.at(a) * 1e-6; }; };
-  add_peer_rows(rows, "one Gaussian, 1-D", "Ceres", "single_ours", "single_ceres",
-                []() -> const Comparison& { return LinePeers<1>::get().ceres; });
-  add_peer_rows(rows, "one Gaussian, 1-D", "TinySolver", "single_ours", "single_tiny",
-                []() -> const Comparison& { return LinePeers<1>::get().tiny; });
-  rows.push_back(
-      {"one Gaussian, 1-D: fits/s, one core", "million/s", {"single_ours"}, millions("single_ours")});
-  add_peer_rows(rows, "two Gaussians, 1-D", "Ceres", "double_ours", "double_ceres",
-                []() -> const Comparison& { return LinePeers<2>::get().ceres; });
-  add_peer_rows(rows, "two Gaussians, 1-D", "TinySolver", "double_ours", "double_tiny",
-                []() -> const Comparison& { return LinePeers<2>::get().tiny; });
-  rows.push_back(
-      {"whole 1-D stage: responses/s, one core, from memory", "million/s", {"stage"}, millions("stage")});
+  rows.push_back(rate_row("whole 1-D stage: responses/s, one core, from memory", "stage"));
 }
 
 }  // namespace glasswing
