@@ -202,7 +202,7 @@ endfunction()
 #   unit    a program of a folder, or a script without daemons
 #   rig     daemons in real time; one such test at a time
 #   system  uses what belongs to the whole machine: root, containers, a cluster; alone
-#   slow    over a minute and a half; tests/run leaves it out unless told --all
+#   slow    over a minute; tests/run leaves it out unless told --all
 # Others are for some command.
 function(glasswing_label_test name)
   set(labels ${ARGN})
