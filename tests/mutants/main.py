@@ -37,6 +37,7 @@ _EXAMPLES = """examples:
   tests/mutate                                     a hundred faults everywhere (some two hours)
   tests/mutate 20 --seed 7                         twenty others
   tests/mutate 10 --folder core/matte server/solve
+  tests/mutate > log; tests/mutate --resume log    goes on where it was interrupted
 """
 
 
@@ -133,6 +134,12 @@ def caught_by(mutant: mutants.Mutant, tests: list[Test], seconds: dict[str, floa
     return ""
 
 
+def outcomes_in(log: pathlib.Path) -> dict[str, str]:
+    """What an earlier run printed: what caught each fault, "" if nothing did."""
+    lines = re.findall(r"^\d+/\d+ (.+): (?:caught by (.+)|SURVIVED); \d+ min left$", log.read_text(), re.MULTILINE)
+    return dict(lines)
+
+
 def report(results: list[tuple[mutants.Mutant, str]]) -> bool:
     """Prints the survivors and the shares by folder; whether the goal is met."""
     survivors = [mutant for mutant, catcher in results if not catcher]
@@ -160,6 +167,8 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1, help="chooses the faults (1)")
     parser.add_argument("--folder", nargs="+", default=_FOLDERS, metavar="F",
                         help=f"of ({' '.join(_FOLDERS)})")
+    parser.add_argument("--resume", type=pathlib.Path, metavar="LOG",
+                        help="what an interrupted run of the same faults printed: its outcomes count")
     options = parser.parse_args()
     if options.count < 1:
         parser.error(f"N is {options.count}; it must be at least 1")
@@ -184,8 +193,18 @@ def main() -> int:
     seconds = timed(tests)
 
     results: list[tuple[mutants.Mutant, str]] = []
+    drawn = mutants.draw(sources, options.seed)
+    known = outcomes_in(options.resume) if options.resume else {}
+    while known:
+        mutant = next(drawn, None)
+        if mutant is None:
+            sys.exit(f"mutate: {options.resume} is of other faults: {next(iter(known))}")
+        catcher = known.pop(str(mutant), None)
+        if catcher is not None:
+            results.append((mutant, catcher))
+    resumed = len(results)
     start = time.monotonic()
-    for mutant in mutants.draw(sources, options.seed):
+    for mutant in drawn:
         path = _TREE / mutant.path
         path.write_text(mutant.apply(sources[mutant.path]))
         catcher = caught_by(mutant, tests, seconds)
@@ -193,7 +212,8 @@ def main() -> int:
         if catcher is None:
             continue
         results.append((mutant, catcher))
-        left_min = (time.monotonic() - start) / 60.0 * (options.count - len(results)) / len(results)
+        per_min = (len(results) - resumed) / ((time.monotonic() - start) / 60.0)
+        left_min = (options.count - len(results)) / per_min
         outcome = f"caught by {catcher}" if catcher else "SURVIVED"
         print(f"{len(results)}/{options.count} {mutant}: {outcome}; {left_min:.0f} min left", flush=True)
         if len(results) == options.count:
