@@ -81,7 +81,9 @@ for program in glasswing "${units[@]}"; do
   [[ $program != glasswing ]] || section=1
   inside zgrep -q '^\.TH' "/usr/share/man/man$section/$program.$section.gz" || fail "$program has no manual page"
 done
-(($(inside sh -c 'ls /usr/share/man/man1/glasswing-*.1.gz | wc -l') == $(ls "$build/man/glasswing"/glasswing-*.1 | wc -l))) || fail "a command has no manual page"
+for page in "$build/man/glasswing"/glasswing-*.1 glasswing-demo.1 glasswing-local-rig.1; do
+  inside test -s "/usr/share/man/man1/${page##*/}.gz" || fail "there is no manual page ${page##*/}"
+done
 [[ $(inside python3 -c 'import glasswing; print(glasswing.Matte.__name__)') == Matte ]] || fail "the Python package"
 
 echo "== the demonstration"
