@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace glasswing {
@@ -141,16 +143,21 @@ TEST(SessionState, RefusesWhatIsNotAllowedWithTheState) {
 }
 
 TEST(SessionState, AskingForWhatAlreadyIsSoIsNoError) {
-  const auto already = [](v1::SessionState state, v1::SessionAction action) {
-    return is_already(captured_by_plan(state), action);
+  const std::set<std::pair<int, int>> already = {
+      {v1::SESSION_STATE_PAUSED, v1::SESSION_ACTION_PAUSE},
+      {v1::SESSION_STATE_CAPTURING, v1::SESSION_ACTION_RESUME},
+      {v1::SESSION_STATE_SOLVING, v1::SESSION_ACTION_RESUME},
+      {v1::SESSION_STATE_CAPTURING, v1::SESSION_ACTION_RETRY},
+      {v1::SESSION_STATE_SOLVING, v1::SESSION_ACTION_RETRY},
+      {v1::SESSION_STATE_CANCELLED, v1::SESSION_ACTION_CANCEL},
   };
-  EXPECT_TRUE(already(v1::SESSION_STATE_PAUSED, v1::SESSION_ACTION_PAUSE));
-  EXPECT_TRUE(already(v1::SESSION_STATE_CAPTURING, v1::SESSION_ACTION_RESUME));
-  EXPECT_TRUE(already(v1::SESSION_STATE_SOLVING, v1::SESSION_ACTION_RESUME));
-  EXPECT_TRUE(already(v1::SESSION_STATE_CANCELLED, v1::SESSION_ACTION_CANCEL));
-  EXPECT_FALSE(already(v1::SESSION_STATE_SOLVING, v1::SESSION_ACTION_SOLVE));
-  EXPECT_FALSE(already(v1::SESSION_STATE_PAUSED, v1::SESSION_ACTION_CANCEL));
-  EXPECT_FALSE(already(v1::SESSION_STATE_DONE, v1::SESSION_ACTION_RESUME));
+  for (int state = 0; v1::SessionState_IsValid(state); ++state) {
+    for (const v1::SessionAction action : kActions) {
+      EXPECT_EQ(is_already(captured_by_plan(static_cast<v1::SessionState>(state)), action),
+                already.contains({state, action}))
+          << v1::SessionState_Name(state) << ", " << v1::SessionAction_Name(action);
+    }
+  }
 }
 
 }  // namespace
