@@ -3,6 +3,7 @@
 #include <iostream>
 #include <mutex>
 #include <nlohmann/json.hpp>
+#include <thread>
 
 #include "client/cli/interrupt.h"
 #include "client/cli/output.h"
@@ -12,7 +13,6 @@
 #include "client/exchange/partial_directory.h"
 #include "core/base/checksum.h"
 #include "core/base/file.h"
-#include "core/base/for_rows.h"
 #include "core/base/status.h"
 #include "glasswing/v1/archive_service.grpc.pb.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
@@ -63,7 +63,7 @@ absl::Status write_frames(const Peer<v1::ArchiveService>& archive, const v1::Cap
   std::mutex mutex;
   int begun = 0, written = 0;
   absl::Status status;
-  for_rows(kAtATime, kAtATime, [&](int, int) {
+  const auto work = [&] {
     std::unique_lock lock(mutex);
     while (status.ok() && begun < manifest.frames_size()) {
       const v1::Frame& frame = manifest.frames(begun++);
@@ -74,7 +74,10 @@ absl::Status write_frames(const Peer<v1::ArchiveService>& archive, const v1::Cap
       progress.update(++written / static_cast<double>(manifest.frames_size()),
                       fmt::format("{} of {} frames", written, manifest.frames_size()));
     }
-  });
+  };
+  std::vector<std::jthread> workers;
+  for (int i = 0; i < kAtATime; ++i) workers.emplace_back(work);
+  workers.clear();  // waits for them
   GW_RETURN_IF_ERROR(status);
   progress.done(fmt::format("{} frames", manifest.frames_size()));
   return absl::OkStatus();

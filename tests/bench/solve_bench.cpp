@@ -109,7 +109,7 @@ class BigArchive {
     double seconds = 0.0;
     double peak_gib = 0.0;  // resident, mapped files not counted
   };
-  // By the program, whose memory is nobody else's.
+  // Runs the program, so that the memory measured is the solve's alone.
   Solve solve(bool twice = false) const {
     const std::string program = fs::read_symlink("/proc/self/exe").parent_path() / "glasswing-solver";
     const std::string from = twice ? twice_ : directory_, to = directory_ / "matte.exr";
