@@ -34,7 +34,7 @@ Moments moments_of(const RadianceImage& picture) {
 template <typename Function>
 Eigen::Matrix3d of_eigenvalues(const Eigen::Matrix3d& matrix, const Function& function) {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> parts(matrix);
-  const double floor = 1e-12 * std::max(parts.eigenvalues().maxCoeff(), 1e-12);
+  const double floor = 1e-12 * parts.eigenvalues().maxCoeff();
   Eigen::Vector3d values;
   for (int i = 0; i < 3; ++i)
     values(i) = parts.eigenvalues()(i) > floor ? function(parts.eigenvalues()(i)) : 0.0;

@@ -78,5 +78,15 @@ TEST(HistogramMatch, OneColourBecomesTheOther) {
   EXPECT_EQ(HistogramMatch::learn(gray, RadianceImage()).status().code(), absl::StatusCode::kInvalidArgument);
 }
 
+TEST(HistogramMatch, DarkPicturesAreMatchedAsBrightOnesAre) {
+  constexpr float kDark = 1e-4f;
+  RadianceImage source = picture(5), target = source;
+  for (float& sample : source.samples) sample *= kDark;
+  for (float& sample : target.samples) sample = kDark * (0.02f + 0.4f * sample);
+  HistogramMatch::learn(source, target)->apply(source);
+  for (size_t at = 0; at < source.samples.size(); ++at)
+    EXPECT_NEAR(source.samples[at], target.samples[at], 1e-5 * kDark) << at;
+}
+
 }  // namespace
 }  // namespace glasswing

@@ -124,5 +124,27 @@ TEST(FewerImages, SaysWhenSoFewDoNotSuffice) {
   EXPECT_NE(std::string(status.message()).find("at least"), std::string::npos) << status;
 }
 
+// Sums are of frames that show the object for the same time.
+TEST(StripeSums, LeaveOtherExposuresAndTheEmptyStageAlone) {
+  v1::CaptureManifest recorded = swept_manifest();
+  for (v1::Frame& frame : *recorded.mutable_frames()) frame.set_exposure_ms(4.0);
+  const int count = recorded.frames_size();
+  for (int i = 0; i < count; ++i) {
+    v1::Frame longer = recorded.frames(i), empty = longer;
+    longer.set_exposure_ms(16.0);
+    empty.set_object(false);
+    *recorded.add_frames() = longer;
+    *recorded.add_frames() = empty;
+  }
+  StripeSums sums(recorded);
+  for (const double phi_deg : {0.0, 45.0}) {
+    const std::vector<Part> parts = sums.parts(stripe_at(phi_deg, 17.0, 7.0), phi_deg).value();
+    for (const Part& part : parts) {
+      EXPECT_TRUE(recorded.frames(part.frame).object()) << part.frame;
+      EXPECT_EQ(recorded.frames(part.frame).exposure_ms(), 4.0) << part.frame;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace glasswing

@@ -223,5 +223,30 @@ TEST(BoxFit, NoLightAndNoSamplesAreNoBox) {
   EXPECT_EQ(fitter.fit(dark.pixel()).sample_count, 0);
 }
 
+// The unit of light is arbitrary: errors of shares and places do not depend on it, except for what the
+// iterations leave.
+TEST(BoxFit, ErrorsDoNotDependOnTheUnitOfLight) {
+  constexpr double kUnit = 1e4;
+  std::vector<BoxMonitor> monitors{monitor(true, true)};
+  SimulatedPixel simulated(monitors, true, kNoise, 3);
+  simulated.foreground({0.02, 0.1, 0.05});
+  simulated.box(0, kBox);
+  BoxPixel& pixel = simulated.pixel();
+  const PixelBox before = BoxFitter(monitors).fit(pixel).boxes[0];
+  const auto scale = [](BoxSample& sample) {
+    for (size_t c = 0; c < kChannels; ++c)
+      sample.radiance[c] *= kUnit, sample.information[c] /= kUnit * kUnit;
+  };
+  scale(pixel.black);
+  for (BoxSample& sample : pixel.samples[0]) scale(sample);
+  for (BoxPattern& pattern : monitors[0].patterns) pattern.light = {kUnit, kUnit, kUnit};
+  const PixelBox after = BoxFitter(monitors).fit(pixel).boxes[0];
+  EXPECT_NEAR(after.centre_sd_px, before.centre_sd_px, 1e-4 * before.centre_sd_px);
+  for (size_t c = 0; c < kChannels; ++c) {
+    EXPECT_GT(before.weight_sd[c], 0.0);
+    EXPECT_NEAR(after.weight_sd[c], before.weight_sd[c], 1e-4 * before.weight_sd[c]) << c;
+  }
+}
+
 }  // namespace
 }  // namespace glasswing

@@ -160,5 +160,18 @@ TEST(ColourManifold, SamplesOfATinyPartAreNotEnough) {
   EXPECT_EQ(manifold.status().code(), absl::StatusCode::kFailedPrecondition);
 }
 
+// The object may be seen before a part of the monitor only.
+TEST(ColourManifold, APartOfTheMonitorIsFittedAsWell) {
+  std::vector<ManifoldSample> samples;
+  for (int y = 40; y < 130; ++y) {
+    for (int x = 70; x < 180; ++x) samples.push_back({x + 0.5, y + 0.5, curved(x + 0.5, y + 0.5)});
+  }
+  const ColourManifold manifold = ColourManifold::fit(samples, kCurvedMix, kWidth_px, kHeight_px).value();
+  for (const ManifoldSample& sample : samples) {
+    const Light light = manifold.light(sample.x_px, sample.y_px);
+    for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(light[c], sample.light[c], 1e-3);
+  }
+}
+
 }  // namespace
 }  // namespace glasswing

@@ -164,18 +164,29 @@ TEST(RampSmoother, WhatStandsStillGainsFromTime) {
 }
 
 TEST(RampSmoother, WhatMovesIsFollowed) {
-  // Further in a frame than the window is wide.
-  std::vector<RampFrame> frames;
-  std::vector<const RampFrame*> window;
-  for (int i = 0; i < 3; ++i)
-    frames.push_back(
-        frame_of(lens(40.0f + 7.0f * static_cast<float>(i), 38.0f + 3.0f * static_cast<float>(i)),
-                 20u + static_cast<unsigned>(i)));
-  for (const RampFrame& frame : frames) window.push_back(&frame);
+  // Further in a frame than the window is wide, to either side of its middle frame.
+  const auto moving = [](float right, float down) {
+    std::vector<RampFrame> frames;
+    for (const float i : {-1.0f, 0.0f, 1.0f})
+      frames.push_back(
+          frame_of(lens(47.0f + i * right, 41.0f + i * down), 21u + static_cast<unsigned>(i + 1.0f)));
+    return frames;
+  };
   const Scene middle = lens(47.0f, 41.0f);
   const auto inside = [](float x, float y) { return in_disc(x, y, 47.0f, 41.0f, 14.0f); };
-  const double alone = error_px(smoothed({.reach = 0}, window, 1), middle, inside);
-  const double together = error_px(smoothed({.reach = 1}, window, 1), middle, inside);
+  for (const auto& [right, down] : {std::pair{7.0f, 3.0f}, {8.0f, 0.0f}, {0.0f, 8.0f}}) {
+    const std::vector<RampFrame> frames = moving(right, down);
+    const double alone = error_px(smoothed({.reach = 0}, {&frames[1]}, 0), middle, inside);
+    for (const size_t other : {0u, 2u}) {
+      const double together =
+          error_px(smoothed({.reach = 1}, {&frames[1], &frames[other]}, 0), middle, inside);
+      EXPECT_LT(together, 0.9 * alone) << right << " " << down << " " << other;  // two frames: 0.71 at best
+    }
+  }
+  const std::vector<RampFrame> frames = moving(7.0f, 3.0f);
+  const double alone = error_px(smoothed({.reach = 0}, {&frames[1]}, 0), middle, inside);
+  const double together =
+      error_px(smoothed({.reach = 1}, {&frames[0], &frames[1], &frames[2]}, 1), middle, inside);
   EXPECT_LT(together, 0.85 * alone);  // three frames: 0.58 at best
   // Motion is followed wherever it leads; a cut to something else is excluded.
   const Scene other = [](float x, float y) {

@@ -1,0 +1,56 @@
+#include "server/solve/solve_session.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+
+namespace glasswing {
+namespace {
+
+namespace fs = std::filesystem;
+
+class SolveSession : public testing::Test {
+ protected:
+  void SetUp() override {
+    fs::create_directories(data_);
+    store_ = SessionStore::open(data_).value();
+    v1::Session session;
+    session.set_name("vase");
+    session.set_state(v1::SESSION_STATE_SOLVING);
+    session.set_job(7);
+    ASSERT_TRUE(store_->edit().insert(session, "").ok());
+  }
+  void TearDown() override { fs::remove_all(data_); }
+
+  absl::Status ask(const std::string& session, std::int64_t job) {
+    v1::TileLease lease;
+    lease.set_session(session);
+    lease.set_job(job);
+    SessionStore::Edit edit = store_->edit();
+    return session_of(edit, lease).status();
+  }
+
+  const fs::path data_ = fs::path(testing::TempDir()) / ("solve_session." + std::to_string(::getpid()));
+  std::unique_ptr<SessionStore> store_;
+};
+
+TEST_F(SolveSession, IsThatOfTheLeasesJob) {
+  EXPECT_TRUE(ask("vase", 7).ok());
+}
+
+TEST_F(SolveSession, LeasesOfAnEarlierJobAreOver) {
+  EXPECT_TRUE(absl::IsAborted(ask("vase", 6)));
+  EXPECT_TRUE(absl::IsAborted(ask("vase", 0)));
+  EXPECT_TRUE(absl::IsAborted(ask("bowl", 7)));
+  EXPECT_TRUE(absl::IsInvalidArgument(ask("../vase", 7)));
+  // A session that is not solved has job 0, which is no job.
+  v1::Session session;
+  session.set_name("cup");
+  session.set_state(v1::SESSION_STATE_CAPTURED);
+  ASSERT_TRUE(store_->edit().insert(session, "").ok());
+  EXPECT_TRUE(absl::IsAborted(ask("cup", 0)));
+}
+
+}  // namespace
+}  // namespace glasswing
