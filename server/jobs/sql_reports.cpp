@@ -64,7 +64,7 @@ absl::StatusOr<std::vector<std::int64_t>> report_jobs_of(SqlReader& reader, cons
 }
 
 absl::StatusOr<std::vector<TileState>> report_tiles(SqlReader& reader, std::int64_t job) {
-  GW_ASSIGN_OR_RETURN(const SqlRows rows, reader.read(std::string(kTile) + "ORDER BY number", {job}));
+  GW_ASSIGN_OR_RETURN(const SqlRows rows, reader.read(fmt::format("{}ORDER BY number", kTile), {job}));
   std::vector<TileState> tiles;
   for (size_t i = 0; i < rows.size(); ++i) tiles.push_back(tile_of(rows, i));
   return tiles;
@@ -72,7 +72,7 @@ absl::StatusOr<std::vector<TileState>> report_tiles(SqlReader& reader, std::int6
 
 absl::StatusOr<TileState> report_tile(SqlReader& reader, const TileAttempt& id) {
   GW_ASSIGN_OR_RETURN(const SqlRows rows,
-                      reader.read(std::string(kTile) + "AND number = ?2", {id.job, std::int64_t{id.tile}}));
+                      reader.read(fmt::format("{}AND number = ?2", kTile), {id.job, std::int64_t{id.tile}}));
   if (rows.empty())
     return absl::AbortedError(fmt::format("there is no tile {} of a job {}", id.tile, id.job));
   return tile_of(rows, 0);
