@@ -35,6 +35,12 @@ function(glasswing_warnings target)
                          $<$<BOOL:${GLASSWING_WERROR}>:-Werror>)
 endfunction()
 
+# For folders that wait for others more than they compute, and those below: a release compiles them with -O1, which takes
+# three quarters of the time of -O3. Call it before their targets.
+macro(glasswing_compile_quickly)
+  add_compile_options($<$<CONFIG:Release>:-O1>)
+endmacro()
+
 # Precompiled headers, shared by the whole build. Each target uses the smallest set that covers its includes:
 # plain, rpc (adds gRPC and protobuf), test and rpc_test (add GoogleTest).
 set(standard_headers <algorithm> <array> <chrono> <cmath> <cstdint> <filesystem> <functional> <map> <memory> <mutex>

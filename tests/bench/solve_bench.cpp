@@ -2,6 +2,7 @@
 // files.
 #include <fmt/format.h>
 #include <google/protobuf/util/json_util.h>
+#include <spawn.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -115,11 +116,12 @@ class BigArchive {
     const std::string from = twice ? twice_ : directory_, to = directory_ / "matte.exr";
     Solve solve;
     const Clock::time_point start = Clock::now();
-    const pid_t child = ::fork();
-    if (child == 0) {
-      ::execl(program.c_str(), program.c_str(), "solve", from.c_str(), to.c_str(), nullptr);
-      ::_exit(127);
-    }
+    // Returns when the program has replaced this one: a forked child would still have this one's memory.
+    std::vector<std::string> words{program, "solve", from, to};
+    char* const arguments[] = {words[0].data(), words[1].data(), words[2].data(), words[3].data(), nullptr};
+    pid_t child = 0;
+    if (::posix_spawn(&child, program.c_str(), nullptr, nullptr, arguments, environ) != 0)
+      throw std::runtime_error(program + " cannot be started");
     int status = 0;
     while (::waitpid(child, &status, WNOHANG) == 0) {
       std::ifstream memory(fmt::format("/proc/{}/status", child));
