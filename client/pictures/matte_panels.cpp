@@ -179,8 +179,15 @@ MattePanel coverage_of(const Matte& matte) {
 }
 
 MattePanel modes_of(const Matte& matte) {
-  constexpr std::array<Code, kMaxModes + 1> kCounts{
-      {kNoValue, {51, 102, 170}, {60, 180, 150}, {240, 200, 60}, {205, 70, 60}}};
+  constexpr std::array<Code, kMaxModes + 1> kCounts{{kNoValue,
+                                                     {51, 102, 170},
+                                                     {60, 180, 150},
+                                                     {240, 200, 60},
+                                                     {205, 70, 60},
+                                                     {190, 80, 150},
+                                                     {140, 90, 190},
+                                                     {170, 170, 170},
+                                                     {240, 240, 240}}};
   const auto count = [&](int x, int y) {
     std::ptrdiff_t max_count = 0;
     for (int c = 0; c < kChannels; ++c) {

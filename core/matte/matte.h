@@ -21,7 +21,7 @@
 
 namespace glasswing {
 
-inline constexpr int kMaxModes = 4;
+inline constexpr int kMaxModes = 8;  // of a channel, over all monitors
 inline constexpr int kChannels = 3;
 inline constexpr std::array<const char*, kChannels> kChannelNames{"r", "g", "b"};
 

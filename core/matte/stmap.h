@@ -16,7 +16,7 @@
 namespace glasswing {
 
 // The mode of `channel` with the greatest weight on a monitor, or on any (`texture` -1); null if all weights
-// are 0.
+// are 0. Weights above 1.05, which no object has, do not count.
 const Mode* strongest_mode(const Matte& matte, int x, int y, int channel, int texture = -1);
 
 // Green, whose path lies in the middle of the dispersed light; unless the strongest modes of another channel,

@@ -3,18 +3,12 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <numbers>
+
+#include "solver/footprint/cut_footprint.h"
+#include "solver/footprint/normal_rectangle.h"
 
 namespace glasswing {
-namespace {
-
-// The share of a Gaussian on [0, extent].
-double part_within(double mean, double variance, double extent) {
-  const double scale = 1.0 / std::sqrt(2.0 * std::max(variance, 1e-6));
-  return 0.5 * (std::erf((extent - mean) * scale) + std::erf(mean * scale));
-}
-
-}  // namespace
-
 void Footprints::remove(int i) {
   std::move(begin() + i + 1, end(), begin() + i);
   --size_;
@@ -33,6 +27,51 @@ Mode mode_of(const Footprint& footprint, double weight_sd, double centre_sd_px, 
           .centre_sd_px = known(centre_sd_px)};
 }
 
+SeenAxis seen_through_pixels(double centre_px, double variance_px2) {
+  constexpr double kWide_px2 = 0.7, kMin_px2 = 1e-4, kReach = 6.0;
+  if (variance_px2 > kWide_px2) return {centre_px, variance_px2, 1.0, 0.0, 0.0, 1.0};
+  const double sigma = std::sqrt(std::max(variance_px2, kMin_px2));
+  // Moments about the pixel of the centre, as sums over the edges of pixels that light lies beyond.
+  const double middle = std::floor(centre_px) + 0.5;
+  double mean = 0.0, square = 0.0, mean_by_centre = 0.0, square_by_centre = 0.0, mean_by_variance = 0.0,
+         square_by_variance = 0.0;
+  for (double edge = std::floor(centre_px - kReach * sigma) + 1.0; edge < centre_px + kReach * sigma;
+       ++edge) {
+    const double z = (edge - centre_px) / sigma, density = normal_density(z) / sigma;
+    const bool after = edge > middle;
+    // From the pixel before the edge to the one after it, or the other way round.
+    const double beyond = normal_integral(after ? -z : z), sign = after ? 1.0 : -1.0;
+    const double place = edge - middle + 0.5 * sign;  // of the pixel beyond
+    const double square_step = place * place - (place - sign) * (place - sign);
+    mean += sign * beyond;
+    square += square_step * beyond;
+    mean_by_centre += density;
+    square_by_centre += sign * square_step * density;
+    mean_by_variance += 0.5 * density * z / sigma;
+    square_by_variance += sign * square_step * 0.5 * density * z / sigma;
+  }
+  if (variance_px2 < kMin_px2) mean_by_variance = square_by_variance = 0.0;
+  return {.centre_px = middle + mean,
+          .variance_px2 = square - mean * mean - kFlatPixel_px2,
+          .centre_by_centre = mean_by_centre,
+          .centre_by_variance = mean_by_variance,
+          .variance_by_centre = square_by_centre - 2.0 * mean * mean_by_centre,
+          .variance_by_variance = square_by_variance - 2.0 * mean * mean_by_variance};
+}
+
+Footprint seen_through_pixels(const Footprint& mode) {
+  const SeenAxis x = seen_through_pixels(mode.x_px, mode.xx_px2),
+                 y = seen_through_pixels(mode.y_px, mode.yy_px2);
+  // Stein's lemma: the covariance of functions of normal variables is that of the variables times the means
+  // of the derivatives, to first order.
+  return {.weight = mode.weight,
+          .x_px = x.centre_px,
+          .y_px = y.centre_px,
+          .xx_px2 = x.variance_px2,
+          .xy_px2 = mode.xy_px2 * x.centre_by_centre * y.centre_by_centre,
+          .yy_px2 = y.variance_px2};
+}
+
 double answered_variance(const Footprint& mode, const StripeAxis& axis) {
   const double c = axis.cos_phi, s = axis.sin_phi;
   return c * c * mode.xx_px2 + 2.0 * c * s * mode.xy_px2 + s * s * mode.yy_px2 +
@@ -40,16 +79,19 @@ double answered_variance(const Footprint& mode, const StripeAxis& axis) {
 }
 
 double response(const Footprint& mode, const StripeAxis& axis, double r_px, const MonitorExtent& extent) {
-  const double variance = answered_variance(mode, axis);
-  const double offset = r_px - mode.x_px * axis.cos_phi - mode.y_px * axis.sin_phi;
-  const double whole =
-      mode.weight * axis.sigma_px / std::sqrt(variance) * std::exp(-0.5 * offset * offset / variance);
-  if (!near_edge(mode, extent)) return whole;
-  const double gx = mode.xx_px2 * axis.cos_phi + mode.xy_px2 * axis.sin_phi;
-  const double gy = mode.xy_px2 * axis.cos_phi + mode.yy_px2 * axis.sin_phi;
-  const double pull = offset / variance;
-  return whole * part_within(mode.x_px + gx * pull, mode.xx_px2 - gx * gx / variance, extent.width_px) *
-         part_within(mode.y_px + gy * pull, mode.yy_px2 - gy * gy / variance, extent.height_px);
+  if (near_edge(mode, extent)) {
+    if (!narrow(mode)) return mode.weight * CutFootprint(mode, axis, extent).answer(r_px);
+    double share = 0.0;
+    for (const ReachedPixel& pixel : reached_pixels(mode, extent)) {
+      const double offset = pixel.x_px * axis.cos_phi + pixel.y_px * axis.sin_phi - r_px;
+      share += pixel.part.share * std::exp(-0.5 * offset * offset / (axis.sigma_px * axis.sigma_px));
+    }
+    return mode.weight * share;
+  }
+  const Footprint seen = seen_through_pixels(mode);
+  const double variance = answered_variance(seen, axis);
+  const double offset = r_px - seen.x_px * axis.cos_phi - seen.y_px * axis.sin_phi;
+  return mode.weight * axis.sigma_px / std::sqrt(variance) * std::exp(-0.5 * offset * offset / variance);
 }
 
 bool near_edge(const Footprint& mode, const MonitorExtent& extent) {

@@ -7,9 +7,9 @@
 //   sigma_r^2 = s' Sigma s + sigma_s^2 + 1/12 px^2
 //
 // (Chuang et al. 2000, eq. 19-21, for stripes of peak 1 on flat square pixels). inside(r) is the share of the
-// lit footprint that lies on the monitor. The lit footprint is the Gaussian with mean c + Sigma s (r - c.s) /
-// sigma_r^2 and covariance Sigma - Sigma s s' Sigma / sigma_r^2; its integral over the monitor's rectangle is
-// approximated by the product of those over its two sides.
+// lit footprint that lies on the monitor: the Gaussian with mean c + Sigma s (r - c.s) / sigma_r^2 and
+// covariance Sigma - Sigma s s' Sigma / sigma_r^2, integrated over the monitor's rectangle. At the edges, and
+// for footprints that are narrower than a pixel, cut_footprint.h says more.
 #pragma once
 
 #include <array>
@@ -61,7 +61,19 @@ struct StripeAxis {
   double sigma_px = 0.0;
 };
 
-// sigma_r^2.
+// The footprint as stripes see it: the mean of the pixels' centres that its light comes from, and their
+// covariance less the pixels' own 1/12. For footprints of a pixel and more that is c and Sigma; a narrow
+// one's depends on its place within a pixel.
+Footprint seen_through_pixels(const Footprint& mode);
+
+// The same of one axis, with derivatives.
+struct SeenAxis {
+  double centre_px, variance_px2;
+  double centre_by_centre, centre_by_variance, variance_by_centre, variance_by_variance;
+};
+SeenAxis seen_through_pixels(double centre_px, double variance_px2);
+
+// sigma_r^2, but for the place within a pixel.
 double answered_variance(const Footprint& mode, const StripeAxis& axis);
 
 // y(r) by the formula above.

@@ -47,7 +47,7 @@ absl::StatusOr<std::unique_ptr<Method>> FringeMethod::create(const MethodOptions
   method->options_ = options;
   for (const auto& [key, value] : options) {
     if (key == "modes") {
-      GW_ASSIGN_OR_RETURN(const double modes, number_option(key, value, 1, kMaxModes));
+      GW_ASSIGN_OR_RETURN(const double modes, number_option(key, value, 1, kMaxFootprints));
       method->modes_ = static_cast<int>(modes);
     } else if (key == "tolerance") {
       GW_ASSIGN_OR_RETURN(method->tolerance_, number_option(key, value, 0.0, 0.5));

@@ -4,38 +4,186 @@
 #include <cmath>
 #include <numbers>
 
+#include "solver/footprint/cut_footprint.h"
+#include "solver/fringe/faddeeva.h"
+
 namespace glasswing {
 namespace {
 
 using Complex = std::complex<double>;
 constexpr double kPi = std::numbers::pi;
-constexpr double kMinVariance_px2 = 1e-6;  // narrower footprints are points to an edge
-constexpr int kMaxTerms = 38;              // of the series of complex_erf
-constexpr double kMaxTurn = 12.0;  // argument of complex_erf; beyond it the wave has decayed to e^-144
+constexpr double kMinVariance_px2 = 0.01;  // narrower footprints are points to an edge
+constexpr double kMaxCorrelation = 0.999;
+constexpr double kFar = 6.0;  // standard deviations
 
-// \int_0^extent of the Gaussian of this variance and complex mean, and its derivatives.
-struct Part {
-  Complex value{1.0, 0.0}, by_mean, by_variance;
+// Gauss and Legendre on [0, 1].
+struct Node {
+  double place, weight;
+};
+constexpr int kNodes = 20;
+const std::array<Node, kNodes> kQuadrature = [] {
+  std::array<Node, kNodes> nodes{};
+  for (int i = 0; i < kNodes; ++i) {
+    double x = std::cos(kPi * (i + 0.75) / (kNodes + 0.5)), slope = 1.0;
+    for (int step = 0; step < 100; ++step) {
+      double p = 1.0, before = 0.0;
+      for (int n = 1; n <= kNodes; ++n) {
+        const double next = ((2.0 * n - 1.0) * x * p - (n - 1.0) * before) / n;
+        before = p;
+        p = next;
+      }
+      slope = kNodes * (x * p - before) / (x * x - 1.0);
+      const double change = p / slope;
+      x -= change;
+      if (std::abs(change) < 1e-15) break;
+    }
+    nodes[static_cast<size_t>(i)] = {.place = 0.5 * (1.0 - x),
+                                     .weight = 1.0 / ((1.0 - x * x) * slope * slope)};
+  }
+  return nodes;
+}();
+
+// A normal density of one coordinate, and the monitor's edges across it.
+struct NormalLine {
+  double mean, sd, size_px;
+
+  double density(double t) const {
+    const double z = (t - mean) / sd;
+    return std::exp(-0.5 * z * z) / (sd * std::sqrt(2.0 * kPi));
+  }
+  bool cut() const { return mean < kFar * sd || size_px - mean < kFar * sd; }
+  // int density exp(i omega t) dt over the monitor.
+  Complex waved(double omega) const {
+    const double v = omega * sd * std::numbers::sqrt2 / 2.0;
+    const Complex whole = std::exp(Complex(-v * v, omega * mean));
+    // From here to the nearer end.
+    const auto tail = [&](double edge) {
+      const double u = (edge - mean) / (sd * std::numbers::sqrt2);
+      if (std::abs(u) > 8.0) return Complex(0.0);
+      return 0.5 * std::exp(Complex(-u * u, omega * edge)) * faddeeva(Complex(u < 0.0 ? -v : v, std::abs(u)));
+    };
+    const Complex low = tail(0.0), high = tail(size_px);
+    if (mean < 0.0) return low - high;  // both edges are above the mean
+    if (mean > size_px) return high - low;
+    return whole - low - high;
+  }
 };
 
-Part part_within(Complex mean, double variance, double extent) {
-  const double v = std::max(variance, kMinVariance_px2), scale = 1.0 / std::sqrt(2.0 * v);
-  if (std::abs(mean.imag()) * scale > kMaxTurn) return {};
-  const auto density = [&](double t) {
-    return std::exp(-(t - mean) * (t - mean) / (2.0 * v)) / std::sqrt(2.0 * kPi * v);
-  };
-  const Complex low = density(0.0), high = density(extent);
-  return {.value = 0.5 * (complex_erf((extent - mean) * scale) - complex_erf(-mean * scale)),
-          .by_mean = low - high,
-          .by_variance = -0.5 * (low * mean + high * (extent - mean)) / v};
-}
+// Of one footprint of weight 1 before a wave.
+class WavedRectangle {
+ public:
+  WavedRectangle(const Footprint& mode, double wx, double wy, const MonitorExtent& extent)
+      : wx_(wx),
+        wy_(wy),
+        x_{.mean = mode.x_px,
+           .sd = std::sqrt(std::max(mode.xx_px2, kMinVariance_px2)),
+           .size_px = extent.width_px},
+        y_{.mean = mode.y_px,
+           .sd = std::sqrt(std::max(mode.yy_px2, kMinVariance_px2)),
+           .size_px = extent.height_px},
+        xy_(std::clamp(mode.xy_px2, -kMaxCorrelation * x_.sd * y_.sd, kMaxCorrelation * x_.sd * y_.sd)) {}
 
-// e^(-n^2 / 4).
-const std::array<double, kMaxTerms + 1> kFlat = [] {
-  std::array<double, kMaxTerms + 1> flat{};
-  for (int n = 0; n <= kMaxTerms; ++n) flat[static_cast<size_t>(n)] = std::exp(-0.25 * n * n);
-  return flat;
-}();
+  WaveAnswer answer() const {
+    const Complex ix(0.0, wx_), iy(0.0, wy_);
+    const Edges edges = edges_at(xy_);
+    const Complex inside = integral();
+    const Complex along_x = edges.x[1] - edges.x[0], along_y = edges.y[1] - edges.y[0];
+    const double xx = x_.sd * x_.sd, yy = y_.sd * y_.sd;
+    // int dG/dx exp(i w.p) along the edges across x, and likewise across y.
+    Complex by_x = 0.0, by_y = 0.0;
+    for (size_t i = 0; i < 2; ++i) {
+      const double sign = i == 0 ? -1.0 : 1.0;
+      const double dx = (i == 0 ? 0.0 : x_.size_px) - x_.mean, dy = (i == 0 ? 0.0 : y_.size_px) - y_.mean;
+      by_x += sign * (-dx / xx * edges.x[i] +
+                      xy_ / xx * (iy * edges.x[i] - (edges.corner[i][1] - edges.corner[i][0])));
+      by_y += sign * (-dy / yy * edges.y[i] +
+                      xy_ / yy * (ix * edges.y[i] - (edges.corner[1][i] - edges.corner[0][i])));
+    }
+    return {
+        .value = inside,
+        .slope = {-(ix * along_x + iy * along_y) / 12.0,  // what the edges' pixels add
+                  ix * inside - along_x, iy * inside - along_y, 0.5 * (by_x - ix * (along_x - ix * inside)),
+                  edges.corners() - iy * along_x - ix * along_y + ix * iy * inside,
+                  0.5 * (by_y - iy * (along_y - iy * inside))}};
+  }
+
+ private:
+  // Integrals along the edges [low, high] across x and across y, and what lies at their corners [x][y].
+  struct Edges {
+    std::array<Complex, 2> x{}, y{};
+    std::array<std::array<Complex, 2>, 2> corner{};
+    Complex corners() const { return corner[1][1] - corner[1][0] - corner[0][1] + corner[0][0]; }
+  };
+
+  Edges edges_at(double xy) const {
+    Edges edges;
+    const double xx = x_.sd * x_.sd, yy = y_.sd * y_.sd;
+    for (size_t i = 0; i < 2; ++i) {
+      const double at_x = i == 0 ? 0.0 : x_.size_px, at_y = i == 0 ? 0.0 : y_.size_px;
+      const NormalLine along_y{.mean = y_.mean + xy / xx * (at_x - x_.mean),
+                               .sd = std::sqrt(yy - xy * xy / xx),
+                               .size_px = y_.size_px};
+      const NormalLine along_x{.mean = x_.mean + xy / yy * (at_y - y_.mean),
+                               .sd = std::sqrt(xx - xy * xy / yy),
+                               .size_px = x_.size_px};
+      const Complex here_x = x_.density(at_x) * std::exp(Complex(0.0, wx_ * at_x));
+      edges.x[i] = here_x * along_y.waved(wy_);
+      edges.y[i] = y_.density(at_y) * std::exp(Complex(0.0, wy_ * at_y)) * along_x.waved(wx_);
+      for (size_t j = 0; j < 2; ++j) {
+        const double corner_y = j == 0 ? 0.0 : y_.size_px;
+        edges.corner[i][j] = here_x * along_y.density(corner_y) * std::exp(Complex(0.0, wy_ * corner_y));
+      }
+    }
+    return edges;
+  }
+
+  // I.
+  Complex integral() const {
+    const double xx = x_.sd * x_.sd, yy = y_.sd * y_.sd;
+    if (!y_.cut()) {
+      const double turn = xy_ / xx, rest = yy - xy_ * turn;
+      return x_.waved(wx_ + wy_ * turn) *
+             std::exp(Complex(-0.5 * wy_ * wy_ * rest, wy_ * (y_.mean - turn * x_.mean)));
+    }
+    if (!x_.cut()) {
+      const double turn = xy_ / yy, rest = xx - xy_ * turn;
+      return y_.waved(wy_ + wx_ * turn) *
+             std::exp(Complex(-0.5 * wx_ * wx_ * rest, wx_ * (x_.mean - turn * y_.mean)));
+    }
+    Complex sum = x_.waved(wx_) * y_.waved(wy_) * std::exp(-wx_ * wy_ * xy_);
+    const double most = x_.sd * y_.sd, angle = std::asin(xy_ / most);
+    if (angle == 0.0) return sum;
+    for (const Node& node : kQuadrature) {
+      const double theta = angle * node.place, xy = most * std::sin(theta);
+      const Edges edges = edges_at(xy);
+      const Complex slope = edges.corners() - Complex(0.0, wy_) * (edges.x[1] - edges.x[0]) -
+                            Complex(0.0, wx_) * (edges.y[1] - edges.y[0]);
+      sum += angle * node.weight * most * std::cos(theta) * std::exp(-wx_ * wy_ * (xy_ - xy)) * slope;
+    }
+    return sum;
+  }
+
+  const double wx_, wy_;
+  const NormalLine x_, y_;
+  const double xy_;
+};
+
+// A narrow footprint that an edge cuts: the sum over its pixels.
+WaveAnswer sum_of_pixels(const Footprint& mode, double wx, double wy, const MonitorExtent& extent) {
+  WaveAnswer answer{};
+  for (const ReachedPixel& pixel : reached_pixels(mode, extent)) {
+    const Complex light = std::exp(Complex(0.0, wx * pixel.x_px + wy * pixel.y_px));
+    const NormalShare& part = pixel.part;
+    answer.slope[0] += part.share * light;
+    answer.slope[1] += mode.weight * part.by_x * light;
+    answer.slope[2] += mode.weight * part.by_y * light;
+    answer.slope[3] += mode.weight * part.by_xx * light;
+    answer.slope[4] += mode.weight * part.by_xy * light;
+    answer.slope[5] += mode.weight * part.by_yy * light;
+  }
+  answer.value = mode.weight * answer.slope[0];
+  return answer;
+}
 
 }  // namespace
 
@@ -43,49 +191,23 @@ double sinc(double t) {
   return t == 0.0 ? 1.0 : std::sin(kPi * t) / (kPi * t);
 }
 
-Complex complex_erf(Complex z) {
-  const double x = z.real(), y = z.imag();
-  const double fall = std::exp(-x * x);
-  Complex sum = std::erf(x);
-  if (y == 0.0) return sum;
-  const double cos2xy = std::cos(2.0 * x * y), sin2xy = std::sin(2.0 * x * y);
-  sum += std::abs(x) < 1e-9 ? Complex(0.0, y / kPi) : fall / (2.0 * kPi * x) * Complex(1.0 - cos2xy, sin2xy);
-  const int terms = std::min(static_cast<int>(2.0 * std::abs(y)) + 14, kMaxTerms);
-  const double grow = std::exp(y), shrink = 1.0 / grow;
-  double up = 1.0, down = 1.0;  // e^(ny), e^(-ny)
-  Complex series = 0.0;
-  for (int n = 1; n <= terms; ++n) {
-    const double flat = kFlat[static_cast<size_t>(n)];
-    up *= grow;
-    down *= shrink;
-    const double cosh_ny = 0.5 * flat * (up + down), sinh_ny = 0.5 * flat * (up - down);
-    series += Complex(2.0 * x * (flat - cosh_ny * cos2xy) + n * sinh_ny * sin2xy,
-                      2.0 * x * cosh_ny * sin2xy + n * sinh_ny * cos2xy) /
-              (n * n + 4.0 * x * x);
-  }
-  return sum + 2.0 / kPi * fall * series;
-}
-
 WaveAnswer answer_of(const Footprint& mode, double fx, double fy, const MonitorExtent& extent) {
-  const double turned = fx * fx * mode.xx_px2 + 2.0 * fx * fy * mode.xy_px2 + fy * fy * mode.yy_px2;
-  const Complex unit =
-      sinc(fx) * sinc(fy) *
-      std::exp(Complex(-2.0 * kPi * kPi * turned, 2.0 * kPi * (fx * mode.x_px + fy * mode.y_px)));
-  const Complex ix(0.0, 2.0 * kPi * fx), iy(0.0, 2.0 * kPi * fy);
-  Part x, y;
-  if (near_edge(mode, extent)) {
-    x = part_within(mode.x_px + ix * mode.xx_px2 + iy * mode.xy_px2, mode.xx_px2, extent.width_px);
-    y = part_within(mode.y_px + ix * mode.xy_px2 + iy * mode.yy_px2, mode.yy_px2, extent.height_px);
+  const double wx = 2.0 * kPi * fx, wy = 2.0 * kPi * fy, flat = sinc(fx) * sinc(fy);
+  if (!near_edge(mode, extent)) {
+    const double turned = wx * wx * mode.xx_px2 + 2.0 * wx * wy * mode.xy_px2 + wy * wy * mode.yy_px2;
+    const Complex unit = flat * std::exp(Complex(-0.5 * turned, wx * mode.x_px + wy * mode.y_px)),
+                  whole = mode.weight * unit, ix(0.0, wx), iy(0.0, wy);
+    return {.value = whole,
+            .slope = {unit, whole * ix, whole * iy, 0.5 * whole * ix * ix, whole * ix * iy,
+                      0.5 * whole * iy * iy}};
   }
-  const Complex both = unit * x.value * y.value;
-  const Complex edge_x = mode.weight * unit * x.by_mean * y.value,
-                edge_y = mode.weight * unit * x.value * y.by_mean;
-  const Complex whole = mode.weight * both;
-  return {.value = whole,
-          .slope = {both, whole * ix + edge_x, whole * iy + edge_y,
-                    0.5 * whole * ix * ix + edge_x * ix + mode.weight * unit * x.by_variance * y.value,
-                    whole * ix * iy + edge_x * iy + edge_y * ix,
-                    0.5 * whole * iy * iy + edge_y * iy + mode.weight * unit * x.value * y.by_variance}};
+  if (narrow(mode)) return sum_of_pixels(mode, wx, wy, extent);
+  WaveAnswer answer = WavedRectangle(mode, wx, wy, extent).answer();
+  const Complex unit = flat * answer.value + answer.slope[0];
+  answer.value = mode.weight * unit;
+  answer.slope[0] = unit;
+  for (size_t p = 1; p < 6; ++p) answer.slope[p] *= mode.weight * flat;
+  return answer;
 }
 
 }  // namespace glasswing

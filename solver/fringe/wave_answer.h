@@ -2,11 +2,19 @@
 //
 // A sinusoid of frequency f, constant on each flat monitor pixel, is seen by a footprint (R, c, Sigma) as
 //
-//   H(f) = R sinc(fx) sinc(fy) exp(2 pi i f.c - 2 pi^2 f' Sigma f) inside(f)
+//   H(f) = R sinc(fx) sinc(fy) I - R/12 (i wx E + i wy F),      I = int G(p) exp(i w.p) dp,    w = 2 pi f
 //
-// with sinc(t) = sin(pi t) / (pi t). inside(f) is the share that the monitor's edge leaves: G times a wave is
-// a Gaussian with its centre moved to c + 2 pi i Sigma f, and its integral over the monitor's rectangle is
-// approximated by the product of those over its two sides, which is exact if Sigma has no xy.
+// with sinc(t) = sin(pi t) / (pi t) and the integral I over the monitor's rectangle; E is the integral of G
+// exp(i w.p) along its right edge less that along its left one, F that along the bottom less that along the
+// top: the flat pixels' light at the edges, as in cut_footprint.h. Without a cut, I = exp(i w.c - w' Sigma w
+// / 2).
+//
+// E and F are normal in one dimension, where a wave's integral is that of the Faddeeva function. So is I
+// where edges across one axis cut. Where those of both do, I is known for a Sigma without xy, and
+//
+//   dI/dxy + wx wy I = K - i wy E - i wx F
+//
+// (Plackett's identity for waves; K: G exp(i w.p) summed over the corners) gives it for any other.
 #pragma once
 
 #include <array>
@@ -19,10 +27,7 @@ namespace glasswing {
 // sin(pi t) / (pi t).
 double sinc(double t);
 
-// Error function of a complex number with |Im z| <= 12 (Abramowitz and Stegun, 7.1.29).
-std::complex<double> complex_erf(std::complex<double> z);
-
-// H and its derivatives by R, x, y, xx, xy, yy.
+// H and its derivatives by R, x, y, xx, xy, yy; those of an edge's pixels are left out but for R.
 struct WaveAnswer {
   std::complex<double> value;
   std::array<std::complex<double>, 6> slope;

@@ -27,8 +27,8 @@ void forget_orientation(Matte& matte) {
 }
 
 struct GaussianLimits {
-  int max_modes = kMaxModes;     // of a channel
-  int stored_modes = kMaxModes;  // at least one for each monitor
+  int max_modes = kMaxFootprints;  // of a channel on one monitor
+  int stored_modes = kMaxModes;    // of a channel, at least one for each monitor
   bool oriented = true;
   double silhouette_tolerance = 0.0;
 };
@@ -40,6 +40,7 @@ class PreparedGaussian final : public PreparedMethod {
                    const GaussianLimits& limits)
       : metadata_(std::move(metadata)),
         layout_(std::move(layout)),
+        monitors_(swept_monitors(layout_)),
         capture_(std::move(capture)),
         limits_(limits),
         solved_(frames_of(layout_)),
@@ -54,7 +55,7 @@ class PreparedGaussian final : public PreparedMethod {
  private:
   Matte solve_laid_out(const FrameStack& stack) const {
     Matte matte = blank_matte(stack, metadata_, limits_.stored_modes);
-    StackSolver solver(stack, layout_, limits_.max_modes, limits_.silhouette_tolerance);
+    StackSolver solver(stack, layout_, monitors_, limits_.max_modes, limits_.silhouette_tolerance);
     for (int y = 0; y < stack.row_count; ++y) solver.solve_row(y, matte);
     if (!limits_.oriented) forget_orientation(matte);
     return matte;
@@ -62,6 +63,7 @@ class PreparedGaussian final : public PreparedMethod {
 
   const v1::MatteMetadata metadata_;
   const StackLayout layout_;
+  const std::vector<SweptMonitor> monitors_;
   const std::optional<SynthesizedCapture> capture_;
   const GaussianLimits limits_;
   const std::vector<int> solved_;  // frames that the layout names
@@ -107,10 +109,11 @@ absl::StatusOr<std::unique_ptr<PreparedMethod>> GaussianMethod::prepare(
     return absl::FailedPreconditionError(
         fmt::format("{} monitors were swept; at most {} can be solved", texture_count, kMaxModes));
   }
+  const int stored = std::max(std::min(modes_, kMaxFootprints * texture_count), texture_count);
   return std::make_unique<PreparedGaussian>(metadata_of(manifest, "gaussian", options_), std::move(layout),
                                             std::move(capture),
-                                            GaussianLimits{.max_modes = modes_,
-                                                           .stored_modes = std::max(modes_, texture_count),
+                                            GaussianLimits{.max_modes = std::min(modes_, kMaxFootprints),
+                                                           .stored_modes = stored,
                                                            .oriented = oriented_,
                                                            .silhouette_tolerance = silhouette_tolerance_});
 }

@@ -456,6 +456,7 @@ void FitLanes(const SampleLayout& layout, std::ptrdiff_t stride, std::span<const
       const auto at = static_cast<size_t>(m);
       fit.weight_sd[at] = std::sqrt(variance * static_cast<double>(weight_variance[m][lane]));
       fit.centre_sd_px[at] = std::sqrt(variance * static_cast<double>(centre_variance[m][lane]));
+      fit.light_sd = std::hypot(fit.light_sd, fit.weight_sd[at]);  // modes apart from each other
     }
   }
 }

@@ -104,14 +104,20 @@ void add_errors(const NormalEquations& at, JointFit& fit) {
   }
   fit.weight_sd.fill(std::numeric_limits<double>::infinity());
   fit.centre_sd_px.fill(std::numeric_limits<double>::infinity());
+  fit.light_sd = std::numeric_limits<double>::infinity();
   const Eigen::LLT<FootprintMatrix> solver(normal);
   if (solver.info() != Eigen::Success) return;
   const FootprintMatrix covariance = solver.solve(FootprintMatrix::Identity(n, n));
   const double variance = at.near_chi2 / std::max(at.near_count - n, 1);
+  const auto sd = [&](double v) {
+    return v >= 0.0 ? std::sqrt(v * variance) : std::numeric_limits<double>::infinity();
+  };
+  double light = 0.0;
+  for (int m = 0; m < n; m += 6) {
+    for (int k = 0; k < n; k += 6) light += covariance(m, k);
+  }
+  fit.light_sd = sd(light);
   for (int m = 0; m < fit.modes.size(); ++m) {
-    const auto sd = [&](double v) {
-      return v >= 0.0 ? std::sqrt(v * variance) : std::numeric_limits<double>::infinity();
-    };
     fit.weight_sd[static_cast<size_t>(m)] = sd(covariance(6 * m, 6 * m));
     fit.centre_sd_px[static_cast<size_t>(m)] =
         sd(0.5 * (covariance(6 * m + 1, 6 * m + 1) + covariance(6 * m + 2, 6 * m + 2)));
@@ -142,6 +148,7 @@ JointFit fit_jointly(const PixelSamples& samples, const Footprints& start, const
   fit.near_chi2 = at.near_chi2;
   fit.near_neighbours = at.near_neighbours;
   fit.near_count = at.near_count;
+  fit.floor = at.floor;
   add_errors(at, fit);
   return fit;
 }

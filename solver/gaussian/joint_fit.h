@@ -1,19 +1,32 @@
 // Fits all footprints of one pixel's channel jointly to all samples of all sweeps over one monitor: the
 // Levenberg-Marquardt of Chuang et al. 2000, section 3.2, with each sample weighted by its noise.
 //
-//   chi2 = sum_i w_i (y_i - sum_m y_m(r_i))^2            y_m: footprint.h
+//   chi2 = sum_i w_i (y_i - f u_i - sum_m y_m(r_i))^2 + w_f f^2        y_m: footprint.h
+//        + sum_a w_a (y_a - f u_a - sum_m R_m S_ma)^2                  S_ma: lit_area.h
+//        + w_bound sum_m max(R_m - 1, 0)^2
+//
+// f is light that no pattern moves, beyond what was subtracted; 0 if w_f is infinite. The minimum over it is
+// taken at every step, which leaves the other unknowns with N - n n'/(U + w_f), where n = sum_i w_i u_i J_i
+// and U = sum_i w_i u_i^2, over all samples i and a. Samples a are of white (eq. 13) and of bars. No object
+// sends more light than it gets, so that weights above 1 cost.
 //
 // All derivatives are analytic, including that of inside(r). With z = (r - c.s) / sigma_r and u =
 // exp(-z^2/2):
 //   dy/dR = y / R      dy/d(c.s) = y z / sigma_r      dy/d(sigma_r^2) = y (z^2 - 1) / (2 sigma_r^2)
 #pragma once
 
+#include <cmath>
 #include <vector>
 
 #include "solver/footprint/cone_step.h"
 #include "solver/footprint/footprint.h"
+#include "solver/footprint/lit_area.h"
+#include "solver/gaussian/area_row.h"
 
 namespace glasswing {
+
+// Residuals below this come from the shape of pixels and footprints, regardless of the frames' noise.
+inline constexpr double kMinNoise = 1e-4;
 
 // The positions of the samples of every sweep; the same for all pixels.
 struct SampleLayout {
@@ -33,17 +46,31 @@ struct SampleLayout {
   int padded_count() const { return static_cast<int>(offset_px.size()); }
 };
 
+// A sample of white or of bars, per light of 1.
+struct AreaSample {
+  LitArea lit;
+  double y = 0.0, weight = 0.0;  // as of other samples
+  double floor_answer = 1.0;     // u
+};
+
 // One pixel's channel, on the scale of a stripe with peak 1, without baseline.
 struct PixelSamples {
   const SampleLayout* layout = nullptr;
   std::vector<float> y;  // padded_count values
   // The variance of an ordinary sample divided by this one's; 0: saturated, missing or padding.
   std::vector<float> weight;
+  // With these, footprints are where they are; without, as stripes see them (footprint.h).
+  std::vector<AreaSample> areas = {};
+  double floor_weight = INFINITY;  // w_f
+  // u: what a floor of 1 adds to a sample. May be empty if w_f is infinite.
+  std::vector<float> floor_answer = {};
+  double bound_weight = 0.0;  // w_bound
 };
 
 // The Gauss-Newton equations N delta = g at some footprints, in (R, cx, cy, xx, xy, yy) of each mode.
 struct NormalEquations {
   double chi2 = 0.0;
+  double floor = 0.0;  // f
   // The part of chi2 within reach of a mode (4.7 sigma_r), the number of samples there, and the sum of
   // products of neighbouring residuals there.
   double near_chi2 = 0.0, near_neighbours = 0.0;
@@ -55,8 +82,9 @@ struct NormalEquations {
 
 // Scratch memory of one thread.
 struct JointWorkspace {
-  std::vector<float> residual;  // after evaluate: y - model, as PixelSamples.y
+  std::vector<float> residual;  // after evaluate: y - f - model, as PixelSamples.y
   std::vector<float> columns;   // the derivatives, one after another
+  std::vector<AreaRow> areas;   // of PixelSamples.areas
 };
 
 void evaluate(const PixelSamples& samples, const Footprints& modes, const MonitorExtent& extent,
@@ -66,9 +94,11 @@ struct JointFit {
   Footprints modes;
   double chi2 = 0.0, near_chi2 = 0.0, near_neighbours = 0.0;  // as in NormalEquations
   int near_count = 0;
+  double floor = 0.0;  // f
   bool converged = false;
   // Standard errors, from the inverse of N times the residual's variance; infinite where N is singular.
   std::array<double, kMaxFootprints> weight_sd{}, centre_sd_px{};
+  double light_sd = 0.0;  // of the sum of all weights
 };
 
 // Fits from `start` (1 to 4 modes) to the nearest minimum. Sigma stays positive semi-definite: steps that

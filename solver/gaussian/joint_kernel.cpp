@@ -7,8 +7,10 @@
 #include <hwy/highway.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
+#include "solver/footprint/cut_footprint.h"
 #include "solver/gaussian/joint_fit.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -51,110 +53,262 @@ V NormalIntegral(V a, V* density) {
   return hn::IfThenElse(hn::Lt(a, hn::Zero(d)), tail, hn::Sub(hn::Set(d, 1.0f), tail));
 }
 
-// One side of inside(r): the share of a Gaussian (mean, sd) on [0, extent], and its derivatives with respect
-// to mean and variance.
-struct Side {
-  V part, by_mean, by_variance;
+// An edge of the monitor across one axis: its place in standard deviations of the lit footprint, and what of
+// the footprint's density lies on it.
+struct EdgeAt {
+  float sign;          // of its part in the share: 1 at the high edge, -1 at the low one
+  V z, part, density;  // Phi(z), phi(z)
+  V across;            // the share of its line that lies on the monitor
 };
 
-Side Within(V mean, float sd, float extent, bool clamped) {
-  const D d;
-  const V inverse = hn::Set(d, 1.0f / sd);
-  const V high = hn::Mul(hn::Sub(hn::Set(d, extent), mean), inverse);
-  const V low = hn::Neg(hn::Mul(mean, inverse));
-  V high_density, low_density;
-  const V high_part = NormalIntegral(high, &high_density), low_part = NormalIntegral(low, &low_density);
-  Side side;
-  side.part = hn::Sub(high_part, low_part);
-  side.by_mean = hn::Mul(hn::Sub(low_density, high_density), inverse);
-  side.by_variance = clamped ? hn::Zero(d)
-                             : hn::Mul(hn::Sub(hn::Mul(low, low_density), hn::Mul(high, high_density)),
-                                       hn::Set(d, 0.5f / (sd * sd)));
-  return side;
+// The places of the edges of one axis at the samples of a range. Those that are far from all of them, beyond
+// kFarEdge, are left out.
+struct Edges {
+  double px[2];
+  int count = 0;
+  float sign[2];
+  V whole;  // Phi of a high edge that is left out: 1
+};
+
+constexpr double kFarEdge = 5.5;
+
+Edges Near(double low_px, double high_px, double mean_px, double per_pull, double sd_px, double first_pull,
+           double last_pull) {
+  const auto [from, to] = std::minmax({mean_px + per_pull * first_pull, mean_px + per_pull * last_pull});
+  Edges edges{.px = {}, .sign = {}, .whole = hn::Zero(D())};
+  if (from - low_px < kFarEdge * sd_px) edges.px[edges.count] = low_px, edges.sign[edges.count++] = -1.0f;
+  if (high_px - to < kFarEdge * sd_px)
+    edges.px[edges.count] = high_px, edges.sign[edges.count++] = 1.0f;
+  else
+    edges.whole = hn::Set(D(), 1.0f);
+  return edges;
 }
 
-// The six derivatives if the edge cuts the mode off; also subtracts the model from the residual.
+// The share of the lit footprint on the monitor, with the light of the edges' pixels, and the derivatives of
+// the share by the mean and the covariance.
+struct Inside {
+  V share, with_edges;
+  V by_x, by_y, by_xx, by_xy, by_yy;
+};
+
+// Where the means are mx, my. r: the stripe's place from where c.s is taken. `near` of x and of y.
+Inside InsideOf(const CutFootprint& cut, const Edges (&near)[2], const V (&mean)[2], V r_px) {
+  const D d;
+  const auto set = [&](double v) { return hn::Set(d, static_cast<float>(v)); };
+  const double sd[2] = {cut.sd_x_px, cut.sd_y_px}, axis[2] = {cut.cos_phi, cut.sin_phi};
+  EdgeAt at[2][2];
+  V part[2];
+  for (int a = 0; a < 2; ++a) {
+    part[a] = near[a].whole;
+    for (int i = 0; i < near[a].count; ++i) {
+      EdgeAt& edge = at[a][i];
+      edge.sign = near[a].sign[i];
+      edge.z = hn::Mul(hn::Sub(set(near[a].px[i]), mean[a]), set(1.0 / sd[a]));
+      edge.part = NormalIntegral(edge.z, &edge.density);
+      part[a] = hn::MulAdd(hn::Set(d, edge.sign), edge.part, part[a]);
+    }
+  }
+  Inside inside;
+  inside.share = hn::Mul(part[0], part[1]);
+  inside.by_xy = hn::Zero(d);
+  if (near[0].count > 0 && near[1].count > 0) {
+    if (cut.corners.steep) {
+      // Phi of the lower of two edges; an edge that is left out is never the lower one, or has no part.
+      inside.share = hn::Mul(near[0].whole, near[1].whole);
+      for (int a = 0; a < 2; ++a) {
+        for (int i = 0; i < near[a].count; ++i)
+          inside.share =
+              hn::MulAdd(hn::Mul(hn::Set(d, at[a][i].sign), near[1 - a].whole), at[a][i].part, inside.share);
+      }
+    }
+    for (int i = 0; i < near[0].count; ++i) {
+      for (int j = 0; j < near[1].count; ++j) {
+        const EdgeAt &x = at[0][i], &y = at[1][j];
+        const V sign = hn::Set(d, x.sign * y.sign);
+        if (cut.corners.steep) inside.share = hn::MulAdd(sign, hn::Min(x.part, y.part), inside.share);
+        const V squares = hn::MulAdd(x.z, x.z, hn::Mul(y.z, y.z)),
+                product = hn::Mul(set(2.0), hn::Mul(x.z, y.z));
+        V sum = hn::Zero(d);
+        for (size_t n = 0; n < NormalCorners::kNodes; ++n) {
+          const V exponent =
+              hn::Mul(hn::NegMulAdd(product, set(cut.corners.sine[n]), squares), set(-cut.corners.scale[n]));
+          sum = hn::MulAdd(set(cut.corners.weight[n]), hn::Exp(d, hn::Max(exponent, set(-80.0))), sum);
+        }
+        inside.share = hn::MulAdd(sign, sum, inside.share);
+      }
+    }
+  }
+  V light = hn::Zero(d);
+  V line[2] = {hn::Zero(d), hn::Zero(d)}, slope[2] = {hn::Zero(d), hn::Zero(d)};
+  for (int a = 0; a < 2; ++a) {
+    const int b = 1 - a;
+    for (int i = 0; i < near[a].count; ++i) {
+      EdgeAt& edge = at[a][i];
+      // Along the edge, the other coordinate has mean rho z and standard deviation `rest`.
+      edge.across = near[b].whole;
+      V densities = hn::Zero(d);
+      for (int j = 0; j < near[b].count; ++j) {
+        const V other =
+            hn::Mul(hn::NegMulAdd(set(cut.corners.rho), edge.z, at[b][j].z), set(1.0 / cut.corners.rest));
+        V density;
+        const V own = NormalIntegral(other, &density);
+        const V sign = hn::Set(d, at[b][j].sign);
+        edge.across = hn::MulAdd(sign, own, edge.across);
+        densities = hn::MulAdd(sign, density, densities);
+        if (a == 0)
+          inside.by_xy =
+              hn::MulAdd(hn::Mul(hn::Set(d, edge.sign), sign), hn::Mul(edge.density, density), inside.by_xy);
+      }
+      const V own = hn::Mul(hn::Set(d, edge.sign), hn::Mul(edge.density, edge.across));
+      line[a] = hn::Add(line[a], own);
+      slope[a] = hn::MulAdd(own, edge.z, slope[a]);
+      const V place = hn::MulAdd(set(cut.corners.rho * sd[b]), edge.z, mean[b]);
+      const V moment = hn::NegMulAdd(set(sd[b] * cut.corners.rest), densities, hn::Mul(place, edge.across));
+      const V along =
+          hn::MulAdd(set(axis[b]), moment, hn::Mul(hn::Sub(set(near[a].px[i] * axis[a]), r_px), edge.across));
+      light =
+          hn::MulAdd(hn::Mul(hn::Set(d, edge.sign), set(axis[a] / (12.0 * cut.stripe_variance_px2 * sd[a]))),
+                     hn::Mul(edge.density, along), light);
+    }
+  }
+  inside.with_edges = hn::Add(inside.share, light);
+  const V corners = hn::Mul(inside.by_xy, set(1.0 / cut.corners.rest));
+  inside.by_xy = hn::Mul(corners, set(1.0 / (sd[0] * sd[1])));
+  inside.by_x = hn::Mul(line[0], set(-1.0 / sd[0]));
+  inside.by_y = hn::Mul(line[1], set(-1.0 / sd[1]));
+  const V turned = hn::Mul(corners, set(cut.corners.rho));
+  inside.by_xx =
+      cut.clamped_x ? hn::Zero(d) : hn::Mul(hn::Add(slope[0], turned), set(-0.5 / (sd[0] * sd[0])));
+  inside.by_yy =
+      cut.clamped_y ? hn::Zero(d) : hn::Mul(hn::Add(slope[1], turned), set(-0.5 / (sd[1] * sd[1])));
+  return inside;
+}
+
+// The six derivatives if the edge cuts the mode off; also subtracts the model from the residual. The light of
+// the edges' pixels counts in the model and in the derivative by R only.
 void CutColumns(const Footprint& mode, const SampleLayout::Sweep& sweep, const MonitorExtent& extent,
                 const float* offset_px, float* residual, float* columns, size_t stride, Range range) {
   const D d;
-  const double c = sweep.axis.cos_phi, s = sweep.axis.sin_phi;
-  const double variance = answered_variance(mode, sweep.axis), sigma = std::sqrt(variance);
-  const double gx = c * mode.xx_px2 + s * mode.xy_px2, gy = c * mode.xy_px2 + s * mode.yy_px2;
-  const double peak = sweep.axis.sigma_px / sigma;
-  const double own_x = mode.xx_px2 - gx * gx / variance, own_y = mode.yy_px2 - gy * gy / variance;
-  constexpr double kMin_px2 = 1e-3;
-  const auto sd_x = static_cast<float>(std::sqrt(std::max(own_x, kMin_px2)));
-  const auto sd_y = static_cast<float>(std::sqrt(std::max(own_y, kMin_px2)));
-  // Derivatives by x, y, xx, xy, yy: of c.s, sigma_r^2, gx, gy, and of the lit part's own variances.
+  const CutFootprint cut(mode, sweep.axis, extent);
+  const double c = sweep.axis.cos_phi, s = sweep.axis.sin_phi, turn = cut.mirrored ? -1.0 : 1.0;
+  const double variance = cut.variance_px2, sigma = cut.sigma_px, gx = cut.gx_px2, gy = cut.gy_px2;
+  // Derivatives by x, y, xx, xy, yy: of c.s, sigma_r^2, gx, gy, and of the lit footprint's covariance.
   const double d_centre[5] = {c, s, 0.0, 0.0, 0.0};
   const double d_variance[5] = {0.0, 0.0, c * c, 2.0 * c * s, s * s};
   const double d_gx[5] = {0.0, 0.0, c, s, 0.0};
-  const double d_gy[5] = {0.0, 0.0, 0.0, c, s};
-  const V centre = hn::Set(d, static_cast<float>(mode.x_px * c + mode.y_px * s - sweep.first_r_px));
+  const double d_gy[5] = {0.0, 0.0, 0.0, turn * c, turn * s};
+  const auto set = [&](double v) { return hn::Set(d, static_cast<float>(v)); };
+  const auto pull_at = [&](int i) {
+    return (static_cast<double>(offset_px[i]) + sweep.first_r_px - cut.centre_px) / variance;
+  };
+  if (range.begin >= range.end) return;
+  const double first = pull_at(range.begin), last = pull_at(range.end - 1);
+  const Edges near[2] = {Near(cut.low_x_px, cut.high_x_px, cut.x_px, gx, cut.sd_x_px, first, last),
+                         Near(cut.low_y_px, cut.high_y_px, cut.y_px, gy, cut.sd_y_px, first, last)};
+  const V centre = set(cut.centre_px - sweep.first_r_px);
   for (int i = range.begin; i < range.end; i += static_cast<int>(hn::Lanes(d))) {
-    const V t = hn::Sub(hn::LoadU(d, offset_px + i), centre);
-    const V z = hn::Mul(t, hn::Set(d, static_cast<float>(1.0 / sigma)));
-    const V u = hn::Exp(d, hn::Max(hn::Mul(hn::Set(d, -0.5f), hn::Mul(z, z)), hn::Set(d, -80.0f)));
-    const V pull = hn::Mul(t, hn::Set(d, static_cast<float>(1.0 / variance)));
-    const Side x = Within(
-        hn::MulAdd(pull, hn::Set(d, static_cast<float>(gx)), hn::Set(d, static_cast<float>(mode.x_px))), sd_x,
-        static_cast<float>(extent.width_px), own_x <= kMin_px2);
-    const Side y = Within(
-        hn::MulAdd(pull, hn::Set(d, static_cast<float>(gy)), hn::Set(d, static_cast<float>(mode.y_px))), sd_y,
-        static_cast<float>(extent.height_px), own_y <= kMin_px2);
-    const V inside = hn::Mul(x.part, y.part);
-    const V unit = hn::Mul(u, hn::Set(d, static_cast<float>(peak)));
-    const V by_weight = hn::Mul(unit, inside);
-    hn::StoreU(by_weight, d, columns + i);
-    const V scaled = hn::Mul(unit, hn::Set(d, static_cast<float>(mode.weight)));
-    const V value = hn::Mul(scaled, inside);
-    const V by_centre = hn::Mul(value, hn::Mul(z, hn::Set(d, static_cast<float>(1.0 / sigma))));
-    const V by_variance = hn::Mul(
-        value, hn::Mul(hn::MulSub(z, z, hn::Set(d, 1.0f)), hn::Set(d, static_cast<float>(0.5 / variance))));
+    const V offset = hn::LoadU(d, offset_px + i), t = hn::Sub(offset, centre);
+    const V z = hn::Mul(t, set(1.0 / sigma));
+    const V u = hn::Exp(d, hn::Max(hn::Mul(set(-0.5), hn::Mul(z, z)), set(-80.0)));
+    const V pull = hn::Mul(t, set(1.0 / variance));
+    const V mean[2] = {hn::MulAdd(pull, set(gx), set(cut.x_px)), hn::MulAdd(pull, set(gy), set(cut.y_px))};
+    const Inside inside = InsideOf(cut, near, mean, hn::Add(offset, set(sweep.first_r_px)));
+    const V unit = hn::Mul(u, set(cut.peak));
+    hn::StoreU(hn::Mul(unit, inside.with_edges), d, columns + i);
+    const V scaled = hn::Mul(unit, set(mode.weight));
+    const V value = hn::Mul(scaled, inside.with_edges);
+    const V by_centre = hn::Mul(value, hn::Mul(z, set(1.0 / sigma)));
+    const V by_variance = hn::Mul(value, hn::Mul(hn::MulSub(z, z, set(1.0)), set(0.5 / variance)));
     for (int p = 0; p < 5; ++p) {
-      const auto set = [&](double v) { return hn::Set(d, static_cast<float>(v)); };
       // pull = (r - c.s) / variance moves with the centre and the variance.
       const V d_pull = hn::NegMulAdd(pull, set(d_variance[p] / variance), set(-d_centre[p] / variance));
-      const V d_mean_x = hn::MulAdd(pull, set(d_gx[p]), hn::MulAdd(d_pull, set(gx), set(p == 0 ? 1.0 : 0.0)));
-      const V d_mean_y = hn::MulAdd(pull, set(d_gy[p]), hn::MulAdd(d_pull, set(gy), set(p == 1 ? 1.0 : 0.0)));
-      const double d_own_x = (p == 2 ? 1.0 : 0.0) - 2.0 * gx / variance * d_gx[p] +
-                             gx * gx / (variance * variance) * d_variance[p];
-      const double d_own_y = (p == 4 ? 1.0 : 0.0) - 2.0 * gy / variance * d_gy[p] +
-                             gy * gy / (variance * variance) * d_variance[p];
-      const V d_x = hn::MulAdd(x.by_mean, d_mean_x, hn::Mul(x.by_variance, set(d_own_x)));
-      const V d_y = hn::MulAdd(y.by_mean, d_mean_y, hn::Mul(y.by_variance, set(d_own_y)));
+      const V d_x = hn::MulAdd(pull, set(d_gx[p]), hn::MulAdd(d_pull, set(gx), set(p == 0 ? 1.0 : 0.0)));
+      const V d_y = hn::MulAdd(pull, set(d_gy[p]), hn::MulAdd(d_pull, set(gy), set(p == 1 ? turn : 0.0)));
+      const double by = d_variance[p] / (variance * variance);
+      const double d_xx = (p == 2 ? 1.0 : 0.0) - 2.0 * gx / variance * d_gx[p] + gx * gx * by;
+      const double d_xy = (p == 3 ? turn : 0.0) - (d_gx[p] * gy + gx * d_gy[p]) / variance + gx * gy * by;
+      const double d_yy = (p == 4 ? 1.0 : 0.0) - 2.0 * gy / variance * d_gy[p] + gy * gy * by;
+      V d_share = hn::MulAdd(inside.by_x, d_x, hn::Mul(inside.by_y, d_y));
+      d_share = hn::MulAdd(inside.by_xx, set(d_xx), d_share);
+      d_share = hn::MulAdd(inside.by_xy, set(d_xy), d_share);
+      d_share = hn::MulAdd(inside.by_yy, set(d_yy), d_share);
       V sum = hn::Mul(by_centre, set(d_centre[p]));
       sum = hn::MulAdd(by_variance, set(d_variance[p]), sum);
-      sum = hn::MulAdd(scaled, hn::MulAdd(y.part, d_x, hn::Mul(x.part, d_y)), sum);
+      sum = hn::MulAdd(scaled, d_share, sum);
       hn::StoreU(sum, d, columns + static_cast<size_t>(p + 1) * stride + i);
     }
     hn::StoreU(hn::Sub(hn::LoadU(d, residual + i), value), d, residual + i);
   }
 }
 
-void WholeColumns(const Footprint& mode, const SampleLayout::Sweep& sweep, const MonitorExtent&,
+// The same by a sum over the pixels, for a narrow footprint that the edge cuts.
+void NarrowColumns(double weight, std::span<const ReachedPixel> pixels, const SampleLayout::Sweep& sweep,
+                   const float* offset_px, float* residual, float* columns, size_t stride, Range range) {
+  const D d;
+  const auto set = [&](double v) { return hn::Set(d, static_cast<float>(v)); };
+  const V inverse = set(1.0 / sweep.axis.sigma_px);
+  for (int i = range.begin; i < range.end; i += static_cast<int>(hn::Lanes(d))) {
+    const V offset = hn::LoadU(d, offset_px + i);
+    V sum[6];
+    std::fill(std::begin(sum), std::end(sum), hn::Zero(d));
+    for (const ReachedPixel& pixel : pixels) {
+      const double at = pixel.x_px * sweep.axis.cos_phi + pixel.y_px * sweep.axis.sin_phi - sweep.first_r_px;
+      const V z = hn::Mul(hn::Sub(offset, set(at)), inverse);
+      const V u = hn::Exp(d, hn::Max(hn::Mul(set(-0.5), hn::Mul(z, z)), set(-80.0)));
+      const NormalShare& part = pixel.part;
+      const double by[6] = {part.share,          weight * part.by_x,  weight * part.by_y,
+                            weight * part.by_xx, weight * part.by_xy, weight * part.by_yy};
+      for (size_t p = 0; p < 6; ++p) sum[p] = hn::MulAdd(set(by[p]), u, sum[p]);
+    }
+    for (size_t p = 0; p < 6; ++p) hn::StoreU(sum[p], d, columns + p * stride + i);
+    hn::StoreU(hn::NegMulAdd(set(weight), sum[0], hn::LoadU(d, residual + i)), d, residual + i);
+  }
+}
+
+// `placed`: the mode is where it is, not as stripes see it.
+void WholeColumns(const Footprint& placed_mode, bool placed, const SampleLayout::Sweep& sweep,
                   const float* offset_px, float* residual, float* columns, size_t stride, Range range) {
   const D d;
+  SeenAxis x{placed_mode.x_px, placed_mode.xx_px2, 1.0, 0.0, 0.0, 1.0},
+      y{placed_mode.y_px, placed_mode.yy_px2, 1.0, 0.0, 0.0, 1.0};
+  if (placed) {
+    x = seen_through_pixels(x.centre_px, x.variance_px2);
+    y = seen_through_pixels(y.centre_px, y.variance_px2);
+  }
+  const double turn = x.centre_by_centre * y.centre_by_centre;
+  const Footprint mode{.weight = placed_mode.weight,
+                       .x_px = x.centre_px,
+                       .y_px = y.centre_px,
+                       .xx_px2 = x.variance_px2,
+                       .xy_px2 = placed_mode.xy_px2 * turn,
+                       .yy_px2 = y.variance_px2};
   const double c = sweep.axis.cos_phi, s = sweep.axis.sin_phi;
   const double variance = answered_variance(mode, sweep.axis), sigma = std::sqrt(variance);
   const double peak = sweep.axis.sigma_px / sigma, amplitude = mode.weight * peak;
   const double by_centre = amplitude / sigma, by_variance = 0.5 * amplitude / variance;
   const auto set = [&](double v) { return hn::Set(d, static_cast<float>(v)); };
   const V centre = set(mode.x_px * c + mode.y_px * s - sweep.first_r_px), inverse = set(1.0 / sigma);
-  const V by_weight = set(peak), by_x = set(by_centre * c), by_y = set(by_centre * s), scale = set(amplitude);
-  const V by_xx = set(by_variance * c * c), by_xy = set(by_variance * 2.0 * c * s),
-          by_yy = set(by_variance * s * s);
+  const V by_weight = set(peak), scale = set(amplitude);
+  // Of x, y, xx, xy, yy: by way of c.s and of sigma_r^2.
+  const double centres[5] = {c * x.centre_by_centre, s * y.centre_by_centre, c * x.centre_by_variance, 0.0,
+                             s * y.centre_by_variance};
+  const double variances[5] = {c * c * x.variance_by_centre, s * s * y.variance_by_centre,
+                               c * c * x.variance_by_variance, 2.0 * c * s * turn,
+                               s * s * y.variance_by_variance};
+  V centre_part[5], variance_part[5];
+  for (size_t p = 0; p < 5; ++p) {
+    centre_part[p] = set(by_centre * centres[p]);
+    variance_part[p] = set(by_variance * variances[p]);
+  }
   for (int i = range.begin; i < range.end; i += static_cast<int>(hn::Lanes(d))) {
     const V z = hn::Mul(hn::Sub(hn::LoadU(d, offset_px + i), centre), inverse);
     const V zz = hn::Mul(z, z);
     const V u = hn::Exp(d, hn::Max(hn::Mul(set(-0.5), zz), set(-80.0)));
     const V zu = hn::Mul(z, u), wide = hn::MulSub(zz, u, u);
     hn::StoreU(hn::Mul(by_weight, u), d, columns + i);
-    hn::StoreU(hn::Mul(by_x, zu), d, columns + stride + i);
-    hn::StoreU(hn::Mul(by_y, zu), d, columns + 2 * stride + i);
-    hn::StoreU(hn::Mul(by_xx, wide), d, columns + 3 * stride + i);
-    hn::StoreU(hn::Mul(by_xy, wide), d, columns + 4 * stride + i);
-    hn::StoreU(hn::Mul(by_yy, wide), d, columns + 5 * stride + i);
+    for (size_t p = 0; p < 5; ++p)
+      hn::StoreU(hn::MulAdd(centre_part[p], zu, hn::Mul(variance_part[p], wide)), d,
+                 columns + (p + 1) * stride + i);
     hn::StoreU(hn::NegMulAdd(scale, u, hn::LoadU(d, residual + i)), d, residual + i);
   }
 }
@@ -166,6 +320,14 @@ double WeightedSquares(const float* w, const float* a, Range range) {
     const V value = hn::LoadU(d, a + i);
     sum = hn::MulAdd(hn::Mul(hn::LoadU(d, w + i), value), value, sum);
   }
+  return Total(sum);
+}
+
+double WeightedProduct(const float* w, const float* a, const float* b, Range range) {
+  const D d;
+  V sum = hn::Zero(d);
+  for (int i = range.begin; i < range.end; i += static_cast<int>(hn::Lanes(d)))
+    sum = hn::MulAdd(hn::Mul(hn::LoadU(d, w + i), hn::LoadU(d, a + i)), hn::LoadU(d, b + i), sum);
   return Total(sum);
 }
 
@@ -260,27 +422,57 @@ void Evaluate(const PixelSamples& samples, const Footprints& modes, const Monito
   const SampleLayout& layout = *samples.layout;
   const size_t stride = samples.y.size(), sweep_count = layout.sweeps.size();
   const auto mode_count = static_cast<size_t>(modes.size());
-  equations.chi2 = equations.near_chi2 = equations.near_neighbours = 0.0;
+  equations.chi2 = equations.near_chi2 = equations.near_neighbours = equations.floor = 0.0;
   equations.near_count = 0;
   workspace.residual.assign(samples.y.begin(), samples.y.end());
   if (workspace.columns.size() < 6 * mode_count * stride) workspace.columns.resize(6 * mode_count * stride);
   const auto columns_of = [&](size_t m) { return workspace.columns.data() + 6 * m * stride; };
   Range reach[kMaxFootprints][kMaxSweeps];
+  std::vector<ReachedPixel> pixels[kMaxFootprints];  // of narrow modes
+  for (size_t m = 0; m < mode_count; ++m) {
+    const Footprint& mode = modes[static_cast<int>(m)];
+    if (narrow(mode) && near_edge(mode, extent)) pixels[m] = reached_pixels(mode, extent);
+  }
   for (size_t s = 0; s < sweep_count; ++s) {
     const SampleLayout::Sweep& sweep = layout.sweeps[s];
     const float* offset_px = layout.offset_px.data() + sweep.first;
     float* residual = workspace.residual.data() + sweep.first;
-    Range own[kMaxFootprints];
     for (size_t m = 0; m < mode_count; ++m) {
       const Footprint& mode = modes[static_cast<int>(m)];
-      own[m] = Reach(mode, sweep, offset_px);
-      reach[m][s] = {own[m].begin + sweep.first, own[m].end + sweep.first};
-      const auto make = near_edge(mode, extent) ? CutColumns : WholeColumns;
-      make(mode, sweep, extent, offset_px, residual, columns_of(m) + sweep.first, stride, own[m]);
+      const Range own = Reach(mode, sweep, offset_px);
+      reach[m][s] = {own.begin + sweep.first, own.end + sweep.first};
+      float* const columns = columns_of(m) + sweep.first;
+      if (!near_edge(mode, extent)) {
+        WholeColumns(mode, !samples.areas.empty(), sweep, offset_px, residual, columns, stride, own);
+      } else if (narrow(mode)) {
+        NarrowColumns(mode.weight, pixels[m], sweep, offset_px, residual, columns, stride, own);
+      } else {
+        CutColumns(mode, sweep, extent, offset_px, residual, columns, stride, own);
+      }
     }
-    AddSquares(samples, sweep, residual, {own, mode_count}, equations);
   }
   const float* w = samples.weight.data();
+  const Range all{0, static_cast<int>(stride)};
+  const float* u = samples.floor_answer.data();
+  double scale = 0.0;  // U + w_f
+  if (std::isfinite(samples.floor_weight)) {
+    double sum = WeightedProduct(w, u, workspace.residual.data(), all);
+    scale = samples.floor_weight + WeightedProduct(w, u, u, all);
+    for (const AreaRow& row : workspace.areas) {
+      sum += row.weight * row.floor * row.rest;
+      scale += row.weight * row.floor * row.floor;
+    }
+    equations.floor = sum / scale;
+    for (size_t i = 0; i < stride; ++i) workspace.residual[i] -= static_cast<float>(equations.floor) * u[i];
+    equations.chi2 += samples.floor_weight * equations.floor * equations.floor;
+  }
+  for (size_t s = 0; s < sweep_count; ++s) {
+    const SampleLayout::Sweep& sweep = layout.sweeps[s];
+    Range own[kMaxFootprints];
+    for (size_t m = 0; m < mode_count; ++m)
+      own[m] = {reach[m][s].begin - sweep.first, reach[m][s].end - sweep.first};
+    AddSquares(samples, sweep, workspace.residual.data() + sweep.first, {own, mode_count}, equations);
+  }
   for (size_t m = 0; m < mode_count; ++m) {
     Gradient(w, workspace.residual.data(), columns_of(m), stride, {reach[m], sweep_count},
              &equations.gradient[6 * m]);
@@ -299,6 +491,19 @@ void Evaluate(const PixelSamples& samples, const Footprints& modes, const Monito
   for (size_t p = 0; p < 6 * mode_count; ++p) {
     for (size_t q = 0; q < p / 3 * 3; ++q) equations.matrix[p][q] = equations.matrix[q][p];
   }
+  if (scale == 0.0) return;
+  double by[kMaxParameters];  // n of joint_fit.h
+  for (size_t m = 0; m < mode_count; ++m) {
+    for (size_t p = 6 * m; p < 6 * m + 6; ++p) {
+      by[p] = 0.0;
+      for (const AreaRow& row : workspace.areas) by[p] += row.weight * row.floor * row.by[p];
+      for (size_t s = 0; s < sweep_count; ++s)
+        by[p] += WeightedProduct(w, u, columns_of(m) + (p - 6 * m) * stride, reach[m][s]);
+    }
+  }
+  for (size_t p = 0; p < 6 * mode_count; ++p) {
+    for (size_t q = 0; q < 6 * mode_count; ++q) equations.matrix[p][q] -= by[p] * by[q] / scale;
+  }
 }
 
 }  // namespace HWY_NAMESPACE
@@ -310,9 +515,67 @@ namespace glasswing {
 
 HWY_EXPORT(Evaluate);
 
+namespace {
+
+void load_areas(const PixelSamples& samples, const Footprints& modes, const MonitorExtent& extent,
+                std::vector<AreaRow>& rows) {
+  rows.clear();
+  for (const AreaSample& sample : samples.areas)
+    rows.push_back({.rest = sample.y, .floor = sample.floor_answer, .weight = sample.weight, .by = {}});
+  if (rows.empty()) return;
+  for (int m = 0; m < modes.size(); ++m) {
+    const Footprint& mode = modes[m];
+    const LitShare shares(mode, extent);
+    for (size_t i = 0; i < rows.size(); ++i) {
+      AreaRow& row = rows[i];
+      if (row.weight == 0.0) continue;
+      const NormalShare own = shares.of(samples.areas[i].lit);
+      row.rest -= mode.weight * own.share;
+      double* by = row.by.data() + 6 * m;
+      *by++ = own.share;
+      for (const double slope : {own.by_x, own.by_y, own.by_xx, own.by_xy, own.by_yy})
+        *by++ = mode.weight * slope;
+    }
+  }
+}
+
+void add_areas(const Footprints& modes, std::vector<AreaRow>& rows, NormalEquations& equations) {
+  const auto n = static_cast<size_t>(6 * modes.size());
+  for (AreaRow& row : rows) {
+    row.rest -= row.floor * equations.floor;
+    if (row.weight == 0.0) continue;
+    const double square = row.weight * row.rest * row.rest;
+    equations.chi2 += square;
+    equations.near_chi2 += square;
+    ++equations.near_count;
+    for (size_t p = 0; p < n; ++p) {
+      const double weighted = row.weight * row.by[p];
+      equations.gradient[p] += weighted * row.rest;
+      if (weighted == 0.0) continue;  // most bars tell nothing of most parameters
+      for (size_t q = 0; q < n; ++q) equations.matrix[p][q] += weighted * row.by[q];
+    }
+  }
+}
+
+void add_bounds(double weight, const Footprints& modes, NormalEquations& equations) {
+  for (int m = 0; m < modes.size(); ++m) {
+    const double beyond = modes[m].weight - 1.0;
+    if (beyond <= 0.0) continue;
+    const auto p = static_cast<size_t>(6 * m);
+    equations.chi2 += weight * beyond * beyond;
+    equations.gradient[p] -= weight * beyond;
+    equations.matrix[p][p] += weight;
+  }
+}
+
+}  // namespace
+
 void evaluate(const PixelSamples& samples, const Footprints& modes, const MonitorExtent& extent,
               JointWorkspace& workspace, NormalEquations& equations) {
+  load_areas(samples, modes, extent, workspace.areas);
   HWY_DYNAMIC_DISPATCH(Evaluate)(samples, modes, extent, workspace, equations);
+  add_areas(modes, workspace.areas, equations);
+  if (samples.bound_weight > 0.0) add_bounds(samples.bound_weight, modes, equations);
 }
 
 }  // namespace glasswing

@@ -12,8 +12,6 @@ namespace {
 constexpr int kMaxMeetings = 12;
 constexpr int kFirstIterations = 6;  // of each start, before choosing among them
 constexpr int kIterations = 80;
-// Residuals below this come from the shape of pixels and footprints, regardless of the frames' noise.
-constexpr double kMinNoise = 1e-4;
 
 struct Meeting {
   Footprint mode;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "solver/gaussian/clipped_noise.h"
 #include "solver/gaussian/sample_kernel.h"
 #include "solver/method/exposure_merge.h"
 
@@ -78,6 +79,51 @@ std::array<float, kBlockLanes> SampleTile::median_near(int block,
   std::array<float, kBlockLanes> median;
   internal::median_near(samples(block, 0), sample_count_, middle.data(), reach.data(), median.data());
   return median;
+}
+
+std::array<float, kBlockLanes> SampleTile::zeros(int block) const {
+  std::array<float, kBlockLanes> count{}, pairs{};
+  const float* sample = samples(block, 0);
+  for (size_t i = 0; i + 1 < sample_count_; ++i, sample += kBlockLanes) {
+    for (size_t lane = 0; lane < kBlockLanes; ++lane) {
+      const bool zero = sample[lane] <= 0.0f, next = sample[lane + kBlockLanes] <= 0.0f;
+      count[lane] += zero ? 1.0f : 0.0f;
+      pairs[lane] += zero && next ? 1.0f : 0.0f;
+    }
+  }
+  for (size_t lane = 0; lane < kBlockLanes; ++lane) {
+    // Noise leaves every second sample of a dark lane as it is.
+    constexpr float kSideBySide = 0.75f;
+    count[lane] =
+        pairs[lane] > kSideBySide * count[lane] ? 0.0f : count[lane] / static_cast<float>(sample_count_);
+  }
+  return count;
+}
+
+void SampleTile::replace_zeros(int block, const std::array<float, kBlockLanes>& noise_sd) {
+  constexpr std::ptrdiff_t kNeighbours = 3;  // each way
+  std::vector<std::array<float, kBlockLanes>> sums;
+  for (size_t s = 0; s < layout_.sweeps.size(); ++s) {
+    float* const sweep = samples(block, s);
+    const auto count = std::ssize(layout_.sweeps[s].shots);
+    // sums[i]: of the samples before i.
+    sums.assign(static_cast<size_t>(count) + 1, {});
+    for (std::ptrdiff_t i = 0; i < count; ++i) {
+      for (size_t lane = 0; lane < kBlockLanes; ++lane)
+        sums[static_cast<size_t>(i + 1)][lane] =
+            sums[static_cast<size_t>(i)][lane] + sweep[i * kBlockLanes + static_cast<std::ptrdiff_t>(lane)];
+    }
+    for (std::ptrdiff_t i = 0; i < count; ++i) {
+      const auto from = static_cast<size_t>(std::max<std::ptrdiff_t>(i - kNeighbours, 0)),
+                 to = static_cast<size_t>(std::min(i + kNeighbours + 1, count));
+      for (size_t lane = 0; lane < kBlockLanes; ++lane) {
+        float& sample = sweep[i * kBlockLanes + static_cast<std::ptrdiff_t>(lane)];
+        if (sample > 0.0f || noise_sd[lane] <= 0.0f) continue;
+        const float mean = (sums[to][lane] - sums[from][lane]) / static_cast<float>(to - from);
+        sample = -noise_sd[lane] * expected_below_zero(mean / noise_sd[lane]);
+      }
+    }
+  }
 }
 
 }  // namespace glasswing

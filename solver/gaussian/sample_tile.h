@@ -36,6 +36,12 @@ class SampleTile {
   bool weighted() const { return weighted_; }
   // Makes weighted() true; samples without weights get 1.
   void need_weights();
+  // The share of a lane's samples that noise made darker than black: of zeros, unless they lie side by side.
+  std::array<float, kBlockLanes> zeros(int block) const;
+  // Replaces zeros by what noise of this sd makes of the light of their neighbours, if it makes them darker
+  // than black, in the mean: then dark samples are right in the mean (clipped_noise.h).
+  void replace_zeros(int block, const std::array<float, kBlockLanes>& noise_sd);
+
   size_t sample_count() const { return sample_count_; }  // of all sweeps of one block
 
   // The median of `middle` and all samples of a lane within `reach` of it.

@@ -21,6 +21,41 @@ struct Sample {
   std::array<double, 3> peak;
 };
 
+std::vector<std::vector<AreaFrames>> areas_of(const v1::CaptureManifest& manifest,
+                                              const Exposures& exposures) {
+  using Key = std::tuple<int, bool, bool, double, double, bool, double>;
+  std::map<Key, AreaFrames> areas;
+  for (int i = 0; i < manifest.frames_size(); ++i) {
+    const v1::Frame& frame = manifest.frames(i);
+    const v1::Stimulus& stimulus = frame.stimulus();
+    if (!is_pattern(frame) || !frame.object()) continue;
+    const bool bars = kind_of(stimulus) == StimulusKind::kSquare;
+    const double light = gray_of(stimulus);
+    const int texture = texture_of(manifest, stimulus.panel());
+    if ((!bars && kind_of(stimulus) != StimulusKind::kSolid) || !(light > 0.0) || texture < 0) continue;
+    LitArea lit{.bars = bars};
+    if (bars) {
+      lit = {.bars = true,
+             .horizontal = stimulus.orient() == "horizontal_bars",
+             .bar_px = stimulus.bar_width_px(),
+             .offset_px = stimulus.offset_px(),
+             .inverse = stimulus.inverse()};
+      // Other bars have edges within pixels.
+      if (!(lit.bar_px >= 1.0) || lit.bar_px != std::round(lit.bar_px) ||
+          lit.offset_px != std::round(lit.offset_px))
+        continue;
+    }
+    AreaFrames& area = areas[{texture, bars, lit.horizontal, lit.bar_px, lit.offset_px, lit.inverse, -light}];
+    area.lit = lit;
+    area.light = light;
+    area.shot.push_back(exposures.exposed(manifest, i));
+  }
+  std::vector<std::vector<AreaFrames>> by_texture(static_cast<size_t>(manifest.monitors_size()));
+  for (auto& [key, area] : areas)
+    by_texture[static_cast<size_t>(std::get<0>(key))].push_back(std::move(area));
+  return by_texture;
+}
+
 absl::Status check_sweeps(const StackLayout& layout, const v1::CaptureManifest& manifest) {
   if (layout.sweeps.empty()) {
     return absl::FailedPreconditionError(
@@ -105,6 +140,7 @@ absl::StatusOr<StackLayout> lay_out(const v1::CaptureManifest& manifest) {
     }
     layout.sweeps.push_back(std::move(sweep));
   }
+  layout.areas = areas_of(manifest, exposures);
   layout.stage = lay_out_stage(manifest, exposures);
   layout.wave_noise = WaveNoise(manifest);
   GW_RETURN_IF_ERROR(check_black(layout.stage));
@@ -116,10 +152,12 @@ std::vector<int> frames_of(const StackLayout& layout) {
   const std::vector<int> stage = frames_of(layout.stage);
   std::set<int> frames(stage.begin(), stage.end());
   for (const int frame : layout.wave_noise.frames()) frames.insert(frame);
-  for (const SweepLayout& sweep : layout.sweeps) {
-    for (const Shot& shot : sweep.shots) {
-      for (const ExposedFrame& exposed : shot) frames.insert(exposed.frame);
-    }
+  const auto need = [&](const Shot& shot) {
+    for (const ExposedFrame& exposed : shot) frames.insert(exposed.frame);
+  };
+  for (const SweepLayout& sweep : layout.sweeps) std::ranges::for_each(sweep.shots, need);
+  for (const std::vector<AreaFrames>& areas : layout.areas) {
+    for (const AreaFrames& area : areas) need(area.shot);
   }
   return {frames.begin(), frames.end()};
 }

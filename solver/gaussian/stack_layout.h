@@ -8,6 +8,7 @@
 
 #include "solver/background/stage_layout.h"
 #include "solver/background/wave_noise.h"
+#include "solver/footprint/lit_area.h"
 
 namespace glasswing {
 
@@ -23,8 +24,16 @@ struct SweepLayout {
   std::vector<std::array<double, 3>> peak;  // radiance at the peak, per channel
 };
 
+// A picture of white or gray, or of bars, with the object.
+struct AreaFrames {
+  LitArea lit;
+  double light = 1.0;  // radiance where it is lit
+  Shot shot;
+};
+
 struct StackLayout {
-  std::vector<SweepLayout> sweeps;  // by texture
+  std::vector<SweepLayout> sweeps;             // by texture
+  std::vector<std::vector<AreaFrames>> areas;  // by texture; the whole monitor comes first
   StageLayout stage;
   WaveNoise wave_noise;
   bool one_frame_a_shot = true;

@@ -10,6 +10,7 @@
 
 #include "core/matte/compositor.h"
 #include "solver/footprint/footprint.h"
+#include "solver/footprint/lit_area.h"
 #include "solver/fringe/wave_answer.h"
 #include "solver/gaussian/joint_batch.h"
 #include "solver/gaussian/joint_fit.h"
@@ -140,8 +141,9 @@ TEST(Oracle, Stripe) {
   Verdict verdict("stripe");
   for (const Case& each : cases()) {
     const PixelSamples samples = stripes.samples_of(shares_of(each.density, kMonitor));
+    const Footprint truth = footprint_of(each.density);
     Footprints modes;
-    modes.push_back(footprint_of(each.density));
+    modes.push_back(near_edge(truth, kExtent) ? truth : seen_through_pixels(truth));
     JointWorkspace workspace;
     NormalEquations equations;
     evaluate(samples, modes, kExtent, workspace, equations);
@@ -152,7 +154,7 @@ TEST(Oracle, Stripe) {
         const double y = static_cast<double>(samples.y[at]);
         const double r = sweep.first_r_px + static_cast<double>(stripes.layout.offset_px[at]);
         peak = std::max(peak, y);
-        error = std::max({error, std::abs(response(modes[0], sweep.axis, r, kExtent) - y),
+        error = std::max({error, std::abs(response(truth, sweep.axis, r, kExtent) - y),
                           std::abs(static_cast<double>(workspace.residual[at]))});
       }
     }
@@ -166,8 +168,8 @@ TEST(Oracle, Stripe) {
 TEST(Oracle, StripesOfSeveralPixelsAtOnce) {
   const Stripes stripes;
   for (const Case& each : cases()) {
-    const Footprint truth = footprint_of(each.density);
-    if (near_edge(truth, kExtent) || each.footprint == "0.4") continue;  // narrower than a flat pixel
+    const Footprint truth = seen_through_pixels(footprint_of(each.density));
+    if (near_edge(truth, kExtent)) continue;
     const PixelSamples samples = stripes.samples_of(shares_of(each.density, kMonitor));
     BatchPixel pixel;
     for (size_t s = 0; s < stripes.layout.sweeps.size(); ++s) {
@@ -189,6 +191,73 @@ TEST(Oracle, StripesOfSeveralPixelsAtOnce) {
     EXPECT_NEAR(fit.modes[0].xx_px2, truth.xx_px2, kTolerance * width_px * width_px) << each.footprint;
     EXPECT_NEAR(fit.modes[0].xy_px2, truth.xy_px2, kTolerance * width_px * width_px) << each.footprint;
     EXPECT_NEAR(fit.modes[0].yy_px2, truth.yy_px2, kTolerance * width_px * width_px) << each.footprint;
+  }
+}
+
+// White, and bars of many widths with their complements. Where the monitor's edge cuts bars that are much
+// finer than the footprint is wide, the model says by how much it may be off.
+TEST(Oracle, Area) {
+  v1::Stimulus shown;
+  shown.set_kind("square");
+  const RadianceImage white = [] {
+    v1::Stimulus solid;
+    solid.set_kind("solid");
+    return drawn(solid, kMonitor);
+  }();
+  for (const Case& each : cases()) {
+    const Shares shares = shares_of(each.density, kMonitor);
+    const Footprint mode = footprint_of(each.density);
+    const LitShare model(mode, kExtent);
+    EXPECT_NEAR(model.of({}).share, seen(shares, white, 0), kTolerance)
+        << each.footprint << " " << each.place;
+    for (const double bar_px : {1.0, 2.0, 8.0, 64.0}) {
+      for (const bool horizontal : {false, true}) {
+        for (const bool inverse : {false, true}) {
+          const double offset_px = bar_px > 2.0 ? 3.0 : 0.0;
+          shown.set_orient(horizontal ? "horizontal_bars" : "vertical_bars");
+          shown.set_bar_width_px(bar_px);
+          shown.set_offset_px(offset_px);
+          shown.set_inverse(inverse);
+          const LitArea area{.bars = true,
+                             .horizontal = horizontal,
+                             .bar_px = bar_px,
+                             .offset_px = offset_px,
+                             .inverse = inverse};
+          const double sigma = std::sqrt(horizontal ? mode.yy_px2 : mode.xx_px2);
+          const bool cut_and_fine = near_edge(mode, kExtent) && sigma > 1.4 * bar_px;
+          EXPECT_NEAR(model.of(area).share, seen(shares, drawn(shown, kMonitor), 0),
+                      cut_and_fine ? lit_share_error(mode, area, kExtent) : kTolerance)
+              << each.footprint << " " << each.place << " " << bar_px << " " << horizontal << inverse;
+        }
+      }
+    }
+  }
+}
+
+// What stripes see of a footprint: pixels' centres. Mean and variance along an axis, summed.
+TEST(Oracle, SeenThroughPixels) {
+  for (const double sigma_px : {0.05, 0.2, 0.4, 0.8, 2.0}) {
+    for (const double place : {0.0, 0.1, 0.3, 0.5, 0.9}) {
+      const double x = 61.0 + place;
+      const Shares shares = shares_of(gaussian({x, 40.5, sigma_px, 0.3, 0.0}), kMonitor);
+      double lit = 0.0, mean = 0.0, square = 0.0;
+      for (const Share& share : shares) lit += share.part, mean += share.part * (share.x + 0.5);
+      mean /= lit;
+      for (const Share& share : shares) square += share.part / lit * std::pow(share.x + 0.5 - mean, 2.0);
+      const SeenAxis seen = seen_through_pixels(x, sigma_px * sigma_px);
+      EXPECT_NEAR(seen.centre_px, mean, kTolerance) << sigma_px << " " << place;
+      EXPECT_NEAR(seen.variance_px2 + kFlatPixel_px2, square, kTolerance * (1.0 + square))
+          << sigma_px << " " << place;
+      constexpr double kStep = 1e-5;
+      const SeenAxis right = seen_through_pixels(x + kStep, sigma_px * sigma_px),
+                     wider = seen_through_pixels(x, sigma_px * sigma_px + kStep);
+      // The steps' squares times second derivatives, which grow as one over the width's square.
+      const double off = 2.0 * kStep / std::pow(sigma_px, 4.0);
+      EXPECT_NEAR((right.centre_px - seen.centre_px) / kStep, seen.centre_by_centre, off);
+      EXPECT_NEAR((right.variance_px2 - seen.variance_px2) / kStep, seen.variance_by_centre, off);
+      EXPECT_NEAR((wider.centre_px - seen.centre_px) / kStep, seen.centre_by_variance, off);
+      EXPECT_NEAR((wider.variance_px2 - seen.variance_px2) / kStep, seen.variance_by_variance, off);
+    }
   }
 }
 

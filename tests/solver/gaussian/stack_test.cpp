@@ -16,16 +16,30 @@ constexpr int kWidth = 12, kHeight = 6;
 constexpr MonitorExtent kMonitor{.width_px = 96.0, .height_px = 64.0};
 constexpr double kNoise = 0.002, kForeground = 0.03;
 
+// The share of a footprint that lies on the monitor, by a sum over its pixels; for wide ones.
+double on_monitor(const Footprint& mode) {
+  const double determinant = mode.xx_px2 * mode.yy_px2 - mode.xy_px2 * mode.xy_px2;
+  double sum = 0.0;
+  for (int y = 0; y < static_cast<int>(kMonitor.height_px); ++y) {
+    for (int x = 0; x < static_cast<int>(kMonitor.width_px); ++x) {
+      const double dx = x + 0.5 - mode.x_px, dy = y + 0.5 - mode.y_px;
+      sum += std::exp(-0.5 * (mode.yy_px2 * dx * dx - 2.0 * mode.xy_px2 * dx * dy + mode.xx_px2 * dy * dy) /
+                      determinant);
+    }
+  }
+  return sum / (2.0 * M_PI * std::sqrt(determinant));
+}
+
 // Frames of a small camera: the object left of the middle, the bare, dark monitor right of it.
 class SimulatedStack {
  public:
   using Truth = Footprints (*)(int x, int y);
 
   // `fade`: the share of its light that the monitor loses, linearly in time, from the first white with the
-  // object to the end.
+  // object to the end. `foreground`: F.
   explicit SimulatedStack(Truth truth, std::vector<double> exposures = {1.0}, int white_every = 0,
-                          double fade = 0.0)
-      : truth_(truth), fade_(fade) {
+                          double fade = 0.0, double foreground = kForeground)
+      : truth_(truth), fade_(fade), foreground_(foreground) {
     v1::Camera& camera = *manifest_.mutable_camera();
     camera.set_width_px(kWidth);
     camera.set_height_px(kHeight);
@@ -98,10 +112,10 @@ class SimulatedStack {
     if (stimulus.kind() == "patch") return 0.0;
     if (!object) return stimulus.kind() == "solid" && stimulus.colour(0) > 0.0 && x >= kWidth / 2 ? 0.5 : 0.0;
     if (x >= kWidth / 2) return radiance(stimulus, false, x, y);
-    double sum = kForeground;
+    double sum = foreground_;
     for (const Footprint& mode : truth_(x, y)) {
       if (stimulus.kind() == "solid") {
-        sum += stimulus.colour(0) * mode.weight;
+        sum += stimulus.colour(0) * mode.weight * on_monitor(mode);
       } else {
         const double phi = stimulus.phi_deg() * M_PI / 180.0;
         const StripeAxis axis{.cos_phi = std::cos(phi), .sin_phi = std::sin(phi), .sigma_px = 4.0};
@@ -129,7 +143,7 @@ class SimulatedStack {
     std::vector<std::uint16_t>& frame = frames_.emplace_back();
     for (int y = 0; y < kHeight; ++y) {
       for (int x = 0; x < kWidth; ++x) {
-        const double dark = object && x < kWidth / 2 ? kForeground : 0.0;
+        const double dark = object && x < kWidth / 2 ? foreground_ : 0.0;
         const double light = dark + (radiance(stimulus, object, x, y) - dark) * brightness;
         for (int c = 0; c < 3; ++c) {
           const double value = exposure * light + noise_(random_);
@@ -140,7 +154,7 @@ class SimulatedStack {
   }
 
   const Truth truth_;
-  const double fade_;
+  const double fade_, foreground_;
   std::mt19937 random_{5};
   std::normal_distribution<double> noise_{0.0, kNoise};
   v1::CaptureManifest manifest_;
@@ -164,6 +178,14 @@ Footprints bright_and_dim(int x, int y) {
   modes[0].weight = 0.9;
   modes.push_back(
       {.weight = 0.022, .x_px = 70.0, .y_px = 20.0 + y, .xx_px2 = 3.0, .xy_px2 = 0.0, .yy_px2 = 3.0});
+  return modes;
+}
+
+// A view through glass that is frosted a little: a third of the light comes from all over the monitor.
+Footprints frosted(int x, int y) {
+  Footprints modes = one(x, y);
+  modes.push_back(
+      {.weight = 0.3, .x_px = 50.0, .y_px = 30.0 + y, .xx_px2 = 900.0, .xy_px2 = 0.0, .yy_px2 = 700.0});
   return modes;
 }
 
@@ -201,6 +223,57 @@ TEST(Stack, GivesBackTheMatte) {
   for (int y = 0; y < kHeight; ++y) {
     for (int x = kWidth / 2; x < kWidth; ++x) EXPECT_EQ(matte.coverage(x, y), 0.0f) << x << " " << y;
   }
+}
+
+// Stripes make no peak of such light. White shows it, with its own noise and that of black.
+TEST(Stack, LightFromAllOverTheMonitorIsKept) {
+  const Matte matte = SimulatedStack(frosted).solve();
+  for_object(matte, [&](int x, int y, const Matte& m) {
+    const Footprints truth = frosted(x, y);
+    double white = 0.0;
+    for (const Footprint& mode : truth) white += mode.weight * on_monitor(mode);
+    EXPECT_EQ(m.flags(x, y), 0) << x << " " << y;
+    for (int c = 0; c < kChannels; ++c) {
+      expect_mode(m.modes(x, y, c)[0], truth[0]);
+      double found = 0.0;
+      for (const Mode& mode : m.modes(x, y, c)) {
+        if (mode.weight <= 0.0f) continue;
+        found += static_cast<double>(mode.weight) * on_monitor({.weight = 1.0,
+                                                                .x_px = static_cast<double>(mode.x_px),
+                                                                .y_px = static_cast<double>(mode.y_px),
+                                                                .xx_px2 = static_cast<double>(mode.xx_px2),
+                                                                .xy_px2 = static_cast<double>(mode.xy_px2),
+                                                                .yy_px2 = static_cast<double>(mode.yy_px2)});
+      }
+      EXPECT_NEAR(found, white, 5.0 * std::sqrt(2.0) * kNoise) << x << " " << y << " " << c;
+      EXPECT_NEAR(m.foreground(x, y)[static_cast<size_t>(c)], kForeground, 5.0 * kNoise);
+    }
+  });
+}
+
+// Noise that is cut off at black is neither light nor less noise. The foreground is black here.
+Footprints dim(int x, int y) {
+  Footprints modes = one(x, y);
+  modes[0].weight = 0.2;
+  return modes;
+}
+TEST(Stack, NoiseBelowBlackIsNoLight) {
+  SimulatedStack simulated(dim, {1.0}, 0, 0.0, 0.0);
+  simulated.manifest().mutable_camera()->clear_read_sd();
+  const Matte matte = simulated.solve();
+  double foreground = 0.0, weight = 0.0, count = 0.0;
+  for_object(matte, [&](int x, int y, const Matte& m) {
+    EXPECT_EQ(m.flags(x, y), 0) << x << " " << y;
+    for (int c = 0; c < kChannels; ++c) {
+      expect_mode(m.modes(x, y, c)[0], dim(x, y)[0]);
+      foreground += static_cast<double>(m.foreground(x, y)[static_cast<size_t>(c)]);
+      weight += static_cast<double>(m.modes(x, y, c)[0].weight);
+      count += 1.0;
+    }
+  });
+  // Some hundred lanes of some hundred dark samples; zeros alone would make it 0.4 of the noise.
+  EXPECT_NEAR(foreground / count, 0.0, 0.1 * kNoise);
+  EXPECT_NEAR(weight / count, 0.2, 0.5 * kNoise);
 }
 
 TEST(Stack, WithoutOrientationWidthsAlongTheAxesStay) {

@@ -1,0 +1,115 @@
+#include "solver/footprint/lit_area.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace glasswing {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+constexpr double kReach = 5.5;  // standard deviations
+constexpr double kFine = 1.4;   // sigmas per bar, from which bars are seen as their mean
+constexpr double kMinVariance_px2 = 1e-4;
+
+bool is_lit(const LitArea& area, double bar) {
+  return (std::fmod(std::abs(bar), 2.0) == 0.0) != area.inverse;
+}
+
+double variance_across(const Footprint& mode, const LitArea& area) {
+  return std::max(area.horizontal ? mode.yy_px2 : mode.xx_px2, kMinVariance_px2);
+}
+
+// Bars are seen as their mean.
+bool is_fine(const Footprint& mode, const LitArea& area) {
+  return std::sqrt(variance_across(mode, area)) > kFine * area.bar_px;
+}
+
+NormalDensity density_of(const Footprint& mode) {
+  const Footprint own = with_positive_covariance(mode, kMinVariance_px2);
+  return {.x = own.x_px, .y = own.y_px, .xx = own.xx_px2, .xy = own.xy_px2, .yy = own.yy_px2};
+}
+
+void add(double weight, const NormalShare& part, NormalShare& sum) {
+  sum.share += weight * part.share;
+  sum.by_x += weight * part.by_x;
+  sum.by_y += weight * part.by_y;
+  sum.by_xx += weight * part.by_xx;
+  sum.by_xy += weight * part.by_xy;
+  sum.by_yy += weight * part.by_yy;
+}
+
+// No edge of the monitor cuts the footprint.
+NormalShare share_of_bars(const Footprint& mode, const LitArea& area) {
+  const double centre = area.horizontal ? mode.y_px : mode.x_px, variance = variance_across(mode, area);
+  const double sigma = std::sqrt(variance);
+  NormalShare sum{};
+  if (is_fine(mode, area)) {
+    sum.share = 0.5;
+    return sum;
+  }
+  double bar = std::floor((centre - kReach * sigma - area.offset_px) / area.bar_px);
+  sum.share = is_lit(area, bar) ? 1.0 : 0.0;
+  double by_centre = 0.0, by_variance = 0.0;
+  for (++bar; area.offset_px + bar * area.bar_px < centre + kReach * sigma; ++bar) {
+    const double z = (area.offset_px + bar * area.bar_px - centre) / sigma;
+    const double sign = is_lit(area, bar) ? 1.0 : -1.0, density = sign * normal_density(z);
+    sum.share += sign * normal_integral(-z);
+    by_centre += density / sigma;
+    by_variance += 0.5 * density * z / variance;
+  }
+  (area.horizontal ? sum.by_y : sum.by_x) = by_centre;
+  (area.horizontal ? sum.by_yy : sum.by_xx) = by_variance;
+  return sum;
+}
+
+}  // namespace
+
+LitShare::LitShare(const Footprint& mode, const MonitorExtent& extent)
+    : mode_(mode),
+      extent_(extent),
+      whole_{.share = 1.0, .by_x = 0.0, .by_y = 0.0, .by_xx = 0.0, .by_xy = 0.0, .by_yy = 0.0} {
+  if (!near_edge(mode, extent)) return;
+  cut_.emplace(density_of(mode));
+  whole_ = cut_->share({.left = 0.0, .top = 0.0, .right = extent.width_px, .bottom = extent.height_px});
+}
+
+NormalShare LitShare::of(const LitArea& area) const {
+  if (!area.bars) return whole_;
+  if (!cut_) return share_of_bars(mode_, area);
+  if (is_fine(mode_, area)) {
+    NormalShare half{};
+    add(0.5, whole_, half);
+    return half;
+  }
+  const double centre = area.horizontal ? mode_.y_px : mode_.x_px,
+               reach = kReach * std::sqrt(variance_across(mode_, area)),
+               side = area.horizontal ? extent_.height_px : extent_.width_px;
+  const double from = std::max(0.0, centre - reach), to = std::min(side, centre + reach);
+  NormalShare sum{};
+  for (double bar = std::floor((from - area.offset_px) / area.bar_px);
+       area.offset_px + bar * area.bar_px < to; ++bar) {
+    if (!is_lit(area, bar)) continue;
+    const double low = std::max(0.0, area.offset_px + bar * area.bar_px),
+                 high = std::min(side, area.offset_px + (bar + 1.0) * area.bar_px);
+    Rectangle lit{.left = 0.0, .top = 0.0, .right = extent_.width_px, .bottom = extent_.height_px};
+    (area.horizontal ? lit.top : lit.left) = low;
+    (area.horizontal ? lit.bottom : lit.right) = high;
+    add(1.0, cut_->share(lit), sum);
+  }
+  return sum;
+}
+
+double lit_share_error(const Footprint& mode, const LitArea& area, const MonitorExtent& extent) {
+  if (!area.bars) return 0.0;
+  const double sigma = std::sqrt(variance_across(mode, area));
+  // Light of half a bar more or less, at the density of the footprint's middle at most.
+  if (is_fine(mode, area))
+    return near_edge(mode, extent) ? 0.25 * area.bar_px * normal_density(0.0) / sigma : 0.0;
+  // The first harmonic of the bars.
+  const double angle = kPi / (2.0 * area.bar_px) * sigma, box = std::sqrt(12.0) * angle;
+  const double contrast_of_box = box > 1e-3 ? std::sin(box) / box : 1.0;
+  return 2.0 / kPi * std::abs(std::exp(-2.0 * angle * angle) - contrast_of_box);
+}
+
+}  // namespace glasswing

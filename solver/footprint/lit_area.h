@@ -1,0 +1,44 @@
+// What a monitor shows a footprint whose pixels are either lit or dark: white, or bars.
+//
+// Their edges are edges of pixels, so that the part of a footprint that is lit is an integral over intervals
+// of the normal distribution: along one axis if the monitor's edges do not cut it,
+//
+//   S = sum_k (l_k - l_{k-1}) (1 - Phi((e_k - c) / sigma))        l_k: whether bar k, from e_k, is lit
+//
+// and over rectangles (normal_rectangle.h) if they do.
+#pragma once
+
+#include <optional>
+
+#include "solver/footprint/footprint.h"
+#include "solver/footprint/normal_rectangle.h"
+
+namespace glasswing {
+
+struct LitArea {
+  bool bars = false;        // else all of the monitor is lit
+  bool horizontal = false;  // bars along x, which repeat along y
+  double bar_px = 0.0;
+  double offset_px = 0.0;  // where a bar starts that is lit
+  bool inverse = false;    // it is dark
+};
+
+// S of one footprint, of weight 1, with its derivatives.
+class LitShare {
+ public:
+  LitShare(const Footprint& mode, const MonitorExtent& extent);
+  NormalShare of(const LitArea& area) const;
+
+ private:
+  const Footprint mode_;
+  const MonitorExtent extent_;
+  std::optional<NormalOnRectangles> cut_;  // if the monitor's edges cut it
+  NormalShare whole_;
+};
+
+// How much S may be off: because footprints are not quite Gaussian, by what bars would show of a box of the
+// same widths instead; and of bars that the monitor's edge cuts, if they are much finer than the
+// footprint is wide, because half of them is taken to be lit.
+double lit_share_error(const Footprint& mode, const LitArea& area, const MonitorExtent& extent);
+
+}  // namespace glasswing
