@@ -10,6 +10,7 @@ namespace {
 constexpr int kAcross = 4, kDown = 3;                      // centres of templates
 constexpr std::array<double, 3> kWidths{0.08, 0.22, 0.6};  // sigma, of the monitor's longer side
 constexpr double kStepShare = 0.125;                       // of the narrowest template's sigma
+constexpr double kToldApart = 1e-6;  // the least part of a template that no floor explains
 constexpr int kBroadIterations = 40;
 
 }  // namespace
@@ -111,10 +112,13 @@ const BroadLight::Template* BroadLight::best_template(const PixelSamples& averag
       squares += weighted * answer;
       products += weighted * static_cast<double>(averaged.y[i]);
     }
-    // Without the floor, as in joint_fit.h.
+    // Without the floor, as in joint_fit.h; nothing may be left of what it explains as well.
+    const double alone = squares;
     squares -= mixed * mixed / floors;
     products -= mixed * floor_products / floors;
-    if (products <= 0.0 || products * products <= enough * squares) continue;
+    const bool told_apart = squares > kToldApart * alone;
+    if (!told_apart || products <= 0.0 || products > squares || products * products <= enough * squares)
+      continue;
     enough = products * products / squares;
     best = &own;
     fit.modes = {};

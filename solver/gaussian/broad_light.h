@@ -42,7 +42,7 @@ class BroadLight {
     std::vector<double> lit;    // S, of each kind of area
   };
   void average(const PixelSamples& rest, PixelSamples& averaged) const;
-  // The one that takes most from chi2, with its best weight; null if that is less than `enough`.
+  // The one that takes most from chi2, with its best weight, at most 1; null if that is less than `enough`.
   const Template* best_template(const PixelSamples& averaged, double enough, JointFit& fit) const;
 
   MonitorExtent extent_;

@@ -18,11 +18,12 @@ constexpr double kBound = 0.002;      // and that much without a flag, however w
 constexpr double kMoreThanNoise = 3.0, kBeyondNoise = 4.0;  // standard errors of what white has beyond modes
 // Of what white shows; of what bars show, because footprints are not quite Gaussian.
 constexpr double kWhiteError = 0.001, kFootprintError = 0.01;
-constexpr int kNeighbours = 4;  // each way, whose white says whether broad light is to be expected
-constexpr int kTurns = 3;       // of finding broad light and fitting the other modes
-constexpr int kRounds = 2;      // of fits after the first, with white and bars weighed anew
-constexpr int kLong = 60;       // iterations of one that has to leave its start behind
-constexpr int kPolish = 12;     // iterations of a fit that had converged without white
+constexpr double kLacking = 0.05;  // of white
+constexpr int kNeighbours = 4;     // each way, whose white says whether broad light is to be expected
+constexpr int kTurns = 3;          // of finding broad light and fitting the other modes
+constexpr int kRounds = 2;         // of fits after the first, with white and bars weighed anew
+constexpr int kLong = 60;          // iterations of one that has to leave its start behind
+constexpr int kPolish = 12;        // iterations of a fit that had converged without white
 
 // Whether all steps are equal to a hundredth.
 bool is_even(const std::vector<double>& r_px) {
@@ -524,7 +525,10 @@ void StackSolver::settle(size_t t, int block, int lane, int y, bool expected, Se
   free_floor(block, lane, y);
   load_areas(t, block, lane, y, settled.fit);
   std::optional<JointFit> all = with_broad_light(t, block, lane, y, expected, settled);
-  if (!all && !settled.fit.modes.empty()) {
+  // What modes lack altogether they must not make up for.
+  const bool lacking =
+      settled.rest > kBeyondNoise * std::sqrt(settled.rest_variance) + kLacking * std::abs(settled.white);
+  if (!all && !lacking && !settled.fit.modes.empty()) {
     load_areas(t, block, lane, y, settled.fit);
     all = fit_all(t, block, lane, y, settled.fit.modes);
   }
@@ -541,7 +545,7 @@ void StackSolver::settle(size_t t, int block, int lane, int y, bool expected, Se
 
 std::optional<JointFit> StackSolver::with_broad_light(size_t t, int block, int lane, int y, bool expected,
                                                       const Settled& settled) {
-  if (!settled.white_known || settled.fit.modes.size() == kMaxFootprints) return std::nullopt;
+  if (!settled.white_known || settled.fit.modes.size() >= max_modes_) return std::nullopt;
   const SweptMonitor& texture = textures_[t];
   const double noise =
       kMoreThanNoise * std::sqrt(settled.rest_variance) + kFootprintError * std::abs(settled.white);
@@ -572,9 +576,7 @@ std::optional<JointFit> StackSolver::with_broad_light(size_t t, int block, int l
       Footprints together = modes;
       together.push_back(mode);
       const std::optional<JointFit> all = fit_all(t, block, lane, y, together);
-      if (all && texture.broad->is_broad(all->modes[all->modes.size() - 1])) {
-        return all;
-      }
+      if (all && texture.broad->is_broad(all->modes[all->modes.size() - 1])) return all;
     }
     take(broad->fit.modes);
     fit = fit_jointly(rest_, modes, texture.extent, kPolish, workspace_);

@@ -251,6 +251,18 @@ TEST(Stack, LightFromAllOverTheMonitorIsKept) {
   });
 }
 
+// White says so if the modes that were allowed do not hold all light.
+TEST(Stack, LightThatModesCannotHoldIsFlagged) {
+  SimulatedStack simulated(frosted);
+  const Matte matte = solve_in_bands(*make_method("gaussian", {{"modes", "1"}}).value(), simulated.manifest(),
+                                     simulated.stack())
+                          .value();
+  for_object(matte, [&](int x, int y, const Matte& m) {
+    EXPECT_NE(m.flags(x, y) & kFlagPoorFit, 0) << x << " " << y;
+    EXPECT_EQ(m.modes_per_channel(), 1);
+  });
+}
+
 // Noise that is cut off at black is neither light nor less noise. The foreground is black here.
 Footprints dim(int x, int y) {
   Footprints modes = one(x, y);
