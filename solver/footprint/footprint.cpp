@@ -15,7 +15,8 @@ void Footprints::remove(int i) {
 }
 
 Mode mode_of(const Footprint& footprint, double weight_sd, double centre_sd_px, int texture) {
-  const auto known = [](double sd) { return std::isfinite(sd) ? static_cast<float>(sd) : 0.0f; };
+  constexpr double kUnknown = 1e9;  // what is known no better than that is not known
+  const auto known = [](double sd) { return sd < kUnknown ? static_cast<float>(sd) : 0.0f; };
   return {.weight = static_cast<float>(footprint.weight),
           .x_px = static_cast<float>(footprint.x_px),
           .y_px = static_cast<float>(footprint.y_px),

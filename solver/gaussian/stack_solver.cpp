@@ -41,8 +41,12 @@ bool is_coarse(const SweepLayout& sweep) {
 }
 
 bool is_positive(const JointFit& fit) {
-  return std::all_of(fit.modes.begin(), fit.modes.end(),
-                     [](const Footprint& mode) { return mode.weight > 0.0; });
+  return std::isfinite(fit.floor) && std::all_of(fit.modes.begin(), fit.modes.end(),
+                                                 [](const Footprint& mode) { return mode.weight > 0.0; });
+}
+
+bool is_finite(const Mode& mode) {
+  return std::isfinite(mode.weight + mode.x_px + mode.y_px + mode.xx_px2 + mode.xy_px2 + mode.yy_px2);
 }
 
 void forget_modes(int x, int y, Matte& matte) {
@@ -608,7 +612,12 @@ void StackSolver::store(int block_index, int lane, int y, Matte& matte) const {
     double strongest = 0.0;
     for (int m = 0; m < fit.modes.size(); ++m) {
       const auto i = static_cast<size_t>(m);
-      found.push_back(mode_of(fit.modes[m], fit.weight_sd[i], fit.centre_sd_px[i], textures_[t].texture));
+      const Mode mode = mode_of(fit.modes[m], fit.weight_sd[i], fit.centre_sd_px[i], textures_[t].texture);
+      if (!is_finite(mode)) {
+        flags |= kFlagNotConverged;
+        continue;
+      }
+      found.push_back(mode);
       strongest = std::max(strongest, fit.modes[m].weight);
       // No object sends more light than it gets.
       const double excess = fit.modes[m].weight - 1.0 - kBound;

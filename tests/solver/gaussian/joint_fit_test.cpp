@@ -267,5 +267,14 @@ TEST(FindFootprints, NothingIsFoundInNoise) {
   EXPECT_LE(found_any, 3);
 }
 
+// A float cannot hold some of them, and a matte has none that is not finite.
+TEST(ModeOf, ErrorsWithoutBoundAreUnknown) {
+  for (const double sd : {1e60, static_cast<double>(INFINITY), static_cast<double>(NAN)}) {
+    const Mode mode = mode_of({.weight = 1.0}, sd, sd, 0);
+    EXPECT_EQ(mode.weight_sd, 0.0f);
+    EXPECT_EQ(mode.centre_sd_px, 0.0f);
+  }
+}
+
 }  // namespace
 }  // namespace glasswing
