@@ -16,7 +16,7 @@ namespace {
 
 // No object sends more light than it gets: such a mode's light is that of others, less what they have too
 // much.
-constexpr float kMostWeight = 1.05f;
+constexpr float kMaxWeight = 1.05f;
 constexpr std::array<const char*, kChannels> kColours{"R", "G", "B"};
 
 }  // namespace
@@ -24,7 +24,7 @@ constexpr std::array<const char*, kChannels> kColours{"R", "G", "B"};
 const Mode* strongest_mode(const Matte& matte, int x, int y, int channel, int texture) {
   const Mode* strongest = nullptr;
   for (const Mode& mode : matte.modes(x, y, channel)) {
-    if (mode.weight <= 0.0f || mode.weight > kMostWeight || (texture >= 0 && mode.texture != texture))
+    if (mode.weight <= 0.0f || mode.weight > kMaxWeight || (texture >= 0 && mode.texture != texture))
       continue;
     if (strongest == nullptr || mode.weight > strongest->weight) strongest = &mode;
   }

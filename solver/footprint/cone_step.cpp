@@ -1,57 +1,91 @@
 #include "solver/footprint/cone_step.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
 namespace glasswing {
 namespace {
 
+struct Direction {
+  double c, s;
+  Direction turned(const Direction& by) const { return {c * by.c - s * by.s, s * by.c + c * by.s}; }
+};
+Direction direction(double angle) {
+  return {std::cos(angle), std::sin(angle)};
+}
+
+// Where a search over half a turn begins, and its steps: each half of the one before.
+constexpr int kDirections = 12, kHalvings = 11;
+const auto kStarts = [] {
+  std::array<Direction, kDirections> starts;
+  for (int i = 0; i < kDirections; ++i)
+    starts[static_cast<size_t>(i)] = direction(i * std::numbers::pi / kDirections);
+  return starts;
+}();
+const auto kTurns = [] {
+  std::array<Direction, kHalvings> turns;
+  double angle = 0.5 * std::numbers::pi / kDirections;
+  for (Direction& turn : turns) turn = direction(angle), angle *= 0.5;
+  return turns;
+}();
+
 // The positive semi-definite (xx, xy, yy) nearest to `target` in the metric H: rank one, found along its
 // direction.
 Eigen::Vector3d nearest_positive(const Eigen::Vector3d& target, const Eigen::Matrix3d& metric) {
-  const auto at = [&](double angle) {
-    const double c = std::cos(angle), s = std::sin(angle);
-    return Eigen::Vector3d(c * c, c * s, s * s);
+  const Eigen::Vector3d weighted = metric * target;
+  const auto at = [](const Direction& d) { return Eigen::Vector3d(d.c * d.c, d.c * d.s, d.s * d.s); };
+  Direction best = kStarts[0];
+  double best_gain = -1.0;
+  const auto consider = [&](const Direction& d) {
+    const Eigen::Vector3d a = at(d);
+    const double along = std::max(a.dot(weighted), 0.0), gain = along * along / a.dot(metric * a);
+    if (gain > best_gain) best = d, best_gain = gain;
   };
-  const auto gain = [&](double angle) {
-    const Eigen::Vector3d a = at(angle);
-    const double along = std::max(a.dot(metric * target), 0.0);
-    return along * along / a.dot(metric * a);
-  };
-  constexpr int kDirections = 12;
-  double best = 0.0, best_gain = -1.0;
-  for (int i = 0; i < kDirections; ++i) {
-    const double angle = i * std::numbers::pi / kDirections;
-    if (const double g = gain(angle); g > best_gain) best = angle, best_gain = g;
-  }
-  for (double width = 0.5 * std::numbers::pi / kDirections; width > 1e-4; width *= 0.5) {
-    for (const double angle : {best - width, best + width}) {
-      if (const double g = gain(angle); g > best_gain) best = angle, best_gain = g;
-    }
+  for (const Direction& start : kStarts) consider(start);
+  for (const Direction& turn : kTurns) {
+    const Direction middle = best;
+    consider(middle.turned({turn.c, -turn.s}));
+    consider(middle.turned(turn));
   }
   const Eigen::Vector3d a = at(best);
-  return std::max(a.dot(metric * target), 0.0) / a.dot(metric * a) * a;
+  return std::max(a.dot(weighted), 0.0) / a.dot(metric * a) * a;
 }
+
+// What the Sigma of one footprint has to do with all parameters.
+struct Moved {
+  Eigen::Matrix<double, Eigen::Dynamic, 3, 0, kMaxParameters, 3> covariance, follow;
+};
 
 }  // namespace
 
 Footprints step_within_cone(const Footprints& modes, const Eigen::LLT<FootprintMatrix>& solver,
                             FootprintVector& step) {
   const auto n = step.size();
-  FootprintMatrix covariance;  // of the free parameters; computed on first use
+  std::array<Moved, kMaxFootprints> moved_sigmas;
+  size_t moved_count = 0;
   for (int m = 0; m < modes.size(); ++m) {
     const Footprint& mode = modes[m];
     const Eigen::Vector3d now(mode.xx_px2, mode.xy_px2, mode.yy_px2);
     const Eigen::Index block = 6 * m + 3;
     const Eigen::Vector3d free = now + step.segment<3>(block);
     if (free[0] >= 0.0 && free[2] >= 0.0 && free[0] * free[2] >= free[1] * free[1]) continue;
-    if (covariance.size() == 0) covariance = solver.solve(FootprintMatrix::Identity(n, n));
-    const Eigen::Matrix3d metric = Eigen::Matrix3d(covariance.block<3, 3>(block, block)).inverse();
-    const Eigen::Matrix<double, Eigen::Dynamic, 3, 0, kMaxParameters, 3> follow =
-        covariance.middleCols<3>(block) * metric;
-    step += follow * (nearest_positive(free, metric) - free);
-    covariance -= follow * FootprintMatrix(covariance.middleRows<3>(block));
+    Moved& own = moved_sigmas[moved_count++];
+    own.covariance.resize(n, 3);
+    for (Eigen::Index k = 0; k < 3; ++k) {
+      FootprintVector column = FootprintVector::Unit(n, block + k);
+      solver.solveInPlace(column);
+      own.covariance.col(k) = column;
+    }
+    // Of the parameters that are still free: without the Sigmas that moved before.
+    for (size_t before = 0; before + 1 < moved_count; ++before) {
+      const Moved& other = moved_sigmas[before];
+      own.covariance -= other.follow * other.covariance.middleRows<3>(block).transpose();
+    }
+    const Eigen::Matrix3d metric = Eigen::Matrix3d(own.covariance.middleRows<3>(block)).inverse();
+    own.follow = own.covariance * metric;
+    step += own.follow * (nearest_positive(free, metric) - free);
   }
   Footprints moved = modes;
   for (int m = 0; m < modes.size(); ++m) {

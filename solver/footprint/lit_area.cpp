@@ -74,8 +74,23 @@ LitShare::LitShare(const Footprint& mode, const MonitorExtent& extent)
   whole_ = cut_->share({.left = 0.0, .top = 0.0, .right = extent.width_px, .bottom = extent.height_px});
 }
 
-NormalShare LitShare::of(const LitArea& area) const {
+NormalShare LitShare::of(const LitArea& area) {
   if (!area.bars) return whole_;
+  const bool same = before_.bars && before_.horizontal == area.horizontal && before_.bar_px == area.bar_px &&
+                    before_.offset_px == area.offset_px;
+  if (!same) {
+    before_ = area;
+    of_before_ = of_bars(area);
+  } else if (before_.inverse != area.inverse) {
+    NormalShare inverse = whole_;
+    add(-1.0, of_before_, inverse);
+    before_ = area;
+    of_before_ = inverse;
+  }
+  return of_before_;
+}
+
+NormalShare LitShare::of_bars(const LitArea& area) const {
   if (!cut_) return share_of_bars(mode_, area);
   if (is_fine(mode_, area)) {
     NormalShare half{};

@@ -27,13 +27,17 @@ struct LitArea {
 class LitShare {
  public:
   LitShare(const Footprint& mode, const MonitorExtent& extent);
-  NormalShare of(const LitArea& area) const;
+  NormalShare of(const LitArea& area);
 
  private:
+  NormalShare of_bars(const LitArea& area) const;
+
   const Footprint mode_;
   const MonitorExtent extent_;
   std::optional<NormalOnRectangles> cut_;  // if the monitor's edges cut it
   NormalShare whole_;
+  LitArea before_;  // the last bars, for their inverse
+  NormalShare of_before_;
 };
 
 // How much S may be off: because footprints are not quite Gaussian, by what bars would show of a box of the

@@ -4,17 +4,20 @@
 #include <cmath>
 #include <numbers>
 
+#include "solver/footprint/gauss_legendre.h"
+
 namespace glasswing {
 namespace {
 
 constexpr double kFarCorner = 5.5;  // standard deviations: e(t) < 3e-7
 constexpr double kMaxRho = 0.99999;
 
-// Of Gauss and Legendre on [-1, 1]; the other half is their mirror image.
-constexpr std::array<double, 5> kPlace = {0.14887433898163122, 0.43339539412924719, 0.67940956829902441,
-                                          0.86506336668898451, 0.97390652851717172};
-constexpr std::array<double, 5> kWeight = {0.29552422471475287, 0.26926671930999635, 0.21908636251598204,
-                                           0.14945134915058059, 0.06667134430868814};
+constexpr double kFourSuffice = 0.5, kSixSuffice = 0.9, kTenSuffice = 0.98, kSteep = 0.998;  // rho
+
+const GaussLegendre<4> kFour;
+const GaussLegendre<6> kSix;
+const GaussLegendre<10> kTen;
+const GaussLegendre<16> kSixteen;
 
 }  // namespace
 
@@ -27,15 +30,25 @@ double normal_density(double z) {
 }
 
 NormalCorners::NormalCorners(double correlation)
-    : rho(std::min(correlation, kMaxRho)), rest(std::sqrt(1.0 - rho * rho)), steep(rho > 0.7) {
-  const double first = steep ? std::asin(rho) : 0.0, last = steep ? std::numbers::pi / 2.0 : std::asin(rho);
-  for (size_t i = 0; i < kNodes; ++i) {
-    const double side = i % 2 == 0 ? 1.0 : -1.0;
-    const double t = 0.5 * (first + last) + side * kPlace[i / 2] * 0.5 * (last - first);
-    sine[i] = std::sin(t);
-    scale[i] = 0.5 / (std::cos(t) * std::cos(t));
-    weight[i] = kWeight[i / 2] * 0.25 * (last - first) / std::numbers::pi * (steep ? -1.0 : 1.0);
-  }
+    : rho(std::min(correlation, kMaxRho)), rest(std::sqrt(1.0 - rho * rho)), steep(rho > kSteep) {
+  const double bound = std::asin(rho), first = steep ? bound : 0.0,
+               last = steep ? std::numbers::pi / 2.0 : bound;
+  const auto place_nodes = [&](const auto& rule) {
+    node_count = rule.place.size();
+    for (size_t i = 0; i < node_count; ++i) {
+      sine[i] = std::sin(0.5 * (first + last) + 0.5 * (last - first) * rule.place[i]);
+      scale[i] = 0.5 / (1.0 - sine[i] * sine[i]);
+      weight[i] = rule.weight[i] * 0.25 * (last - first) / std::numbers::pi * (steep ? -1.0 : 1.0);
+    }
+  };
+  if (rho <= kFourSuffice)
+    place_nodes(kFour);
+  else if (rho <= kSixSuffice)
+    place_nodes(kSix);
+  else if (rho <= kTenSuffice)
+    place_nodes(kTen);
+  else
+    place_nodes(kSixteen);
 }
 
 double NormalCorners::share(const std::array<double, 2>& low, const std::array<double, 2>& high) const {
@@ -48,7 +61,7 @@ double NormalCorners::share(const std::array<double, 2>& low, const std::array<d
       const double sign = sign_h * sign_k;
       if (steep) share += sign * normal_integral(std::min(h, k));
       if (std::abs(h) > kFarCorner || std::abs(k) > kFarCorner) continue;
-      for (size_t n = 0; n < kNodes; ++n)
+      for (size_t n = 0; n < node_count; ++n)
         share += sign * weight[n] * std::exp(-(h * h + k * k - 2.0 * h * k * sine[n]) * scale[n]);
     }
   }

@@ -1,13 +1,15 @@
 // The bivariate normal on a rectangle, in standard deviations: a sum over its corners of
 //
-//   P(X < h, Y < k) = Phi(h) Phi(k) + 1/(2 pi) int_0^{asin rho} e(t) dt             rho <= 0.7
-//                   = Phi(min(h, k)) - 1/(2 pi) int_{asin rho}^{pi/2} e(t) dt       rho >  0.7
+//   P(X < h, Y < k) = Phi(h) Phi(k) + 1/(2 pi) int_0^{asin rho} e(t) dt             rho <= 0.998
+//                   = Phi(min(h, k)) - 1/(2 pi) int_{asin rho}^{pi/2} e(t) dt       rho >  0.998
 //   e(t) = exp(-(h^2 + k^2 - 2 h k sin t) / (2 cos^2 t))
 //
-// (Drezner & Wesolowsky 1990, Genz 2004), here by ten points of Gauss and Legendre: off by less than 2e-5.
+// (Drezner & Wesolowsky 1990, Genz 2004), here by Gauss and Legendre: with four points up to rho = 0.5, six
+// up to 0.9 and ten beyond, off by less than 4e-6.
 #pragma once
 
 #include <array>
+#include <cstddef>
 
 namespace glasswing {
 
@@ -16,15 +18,17 @@ double normal_density(double z);   // phi
 
 // All that depends on rho alone, in [0, 1): mirror an axis for one below 0.
 struct NormalCorners {
-  static constexpr int kNodes = 10;
+  static constexpr size_t kMaxNodes = 16;
   explicit NormalCorners(double correlation);
 
   // P(low[0] < X < high[0], low[1] < Y < high[1]).
   double share(const std::array<double, 2>& low, const std::array<double, 2>& high) const;
 
-  double rho, rest;                                // rest = sqrt(1 - rho^2)
-  bool steep;                                      // rho > 0.7
-  std::array<double, kNodes> sine, scale, weight;  // sin t, 1/(2 cos^2 t), dt/(2 pi) with the integral's sign
+  double rho, rest;  // rest = sqrt(1 - rho^2)
+  bool steep;        // rho > 0.998
+  size_t node_count;
+  // sin t, 1/(2 cos^2 t), dt/(2 pi) with the integral's sign
+  std::array<double, kMaxNodes> sine, scale, weight;
 };
 
 // Of a density with a mean and a covariance, on a rectangle: the share, and its derivatives by them.

@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "solver/footprint/cut_footprint.h"
+#include "solver/footprint/gauss_legendre.h"
 #include "solver/fringe/faddeeva.h"
 
 namespace glasswing {
@@ -16,32 +17,7 @@ constexpr double kMinVariance_px2 = 0.01;  // narrower footprints are points to 
 constexpr double kMaxCorrelation = 0.999;
 constexpr double kFar = 6.0;  // standard deviations
 
-// Gauss and Legendre on [0, 1].
-struct Node {
-  double place, weight;
-};
-constexpr int kNodes = 20;
-const std::array<Node, kNodes> kQuadrature = [] {
-  std::array<Node, kNodes> nodes{};
-  for (int i = 0; i < kNodes; ++i) {
-    double x = std::cos(kPi * (i + 0.75) / (kNodes + 0.5)), slope = 1.0;
-    for (int step = 0; step < 100; ++step) {
-      double p = 1.0, before = 0.0;
-      for (int n = 1; n <= kNodes; ++n) {
-        const double next = ((2.0 * n - 1.0) * x * p - (n - 1.0) * before) / n;
-        before = p;
-        p = next;
-      }
-      slope = kNodes * (x * p - before) / (x * x - 1.0);
-      const double change = p / slope;
-      x -= change;
-      if (std::abs(change) < 1e-15) break;
-    }
-    nodes[static_cast<size_t>(i)] = {.place = 0.5 * (1.0 - x),
-                                     .weight = 1.0 / ((1.0 - x * x) * slope * slope)};
-  }
-  return nodes;
-}();
+const GaussLegendre<20> kQuadrature;
 
 // A normal density of one coordinate, and the monitor's edges across it.
 struct NormalLine {
@@ -153,12 +129,13 @@ class WavedRectangle {
     Complex sum = x_.waved(wx_) * y_.waved(wy_) * std::exp(-wx_ * wy_ * xy_);
     const double most = x_.sd * y_.sd, angle = std::asin(xy_ / most);
     if (angle == 0.0) return sum;
-    for (const Node& node : kQuadrature) {
-      const double theta = angle * node.place, xy = most * std::sin(theta);
+    for (size_t n = 0; n < kQuadrature.place.size(); ++n) {
+      const double theta = 0.5 * angle * (1.0 + kQuadrature.place[n]), xy = most * std::sin(theta);
       const Edges edges = edges_at(xy);
       const Complex slope = edges.corners() - Complex(0.0, wy_) * (edges.x[1] - edges.x[0]) -
                             Complex(0.0, wx_) * (edges.y[1] - edges.y[0]);
-      sum += angle * node.weight * most * std::cos(theta) * std::exp(-wx_ * wy_ * (xy_ - xy)) * slope;
+      sum += 0.5 * angle * kQuadrature.weight[n] * most * std::cos(theta) *
+             std::exp(-wx_ * wy_ * (xy_ - xy)) * slope;
     }
     return sum;
   }

@@ -47,7 +47,7 @@ BroadLight::BroadLight(const SampleLayout& layout, std::span<const LitArea> area
                             .yy_px2 = variance},
                    .answer = std::vector<float>(layout_.offset_px.size()),
                    .lit = {}};
-      const LitShare shares(own.mode, extent);
+      LitShare shares(own.mode, extent);
       for (const LitArea& area : areas) own.lit.push_back(shares.of(area).share);
       for (const SampleLayout::Sweep& sweep : layout_.sweeps) {
         for (int k = sweep.first; k < sweep.first + sweep.count; ++k) {
@@ -84,8 +84,7 @@ void BroadLight::average(const PixelSamples& rest, PixelSamples& averaged) const
   }
 }
 
-const BroadLight::Template* BroadLight::best_template(const PixelSamples& averaged, double enough,
-                                                      JointFit& fit) const {
+std::optional<JointFit> BroadLight::best_template(const PixelSamples& averaged, double enough) const {
   double floors = averaged.floor_weight, floor_products = 0.0;
   for (const AreaSample& area : averaged.areas) {
     floors += area.weight * area.floor_answer * area.floor_answer;
@@ -96,7 +95,7 @@ const BroadLight::Template* BroadLight::best_template(const PixelSamples& averag
     floors += w * u * u;
     floor_products += w * u * static_cast<double>(averaged.y[i]);
   }
-  const Template* best = nullptr;
+  std::optional<JointFit> best;
   for (const Template& own : templates_) {
     double mixed = 0.0, squares = 0.0, products = 0.0;
     for (size_t i = 0; i < averaged.areas.size(); ++i) {
@@ -120,11 +119,12 @@ const BroadLight::Template* BroadLight::best_template(const PixelSamples& averag
     if (!told_apart || products <= 0.0 || products > squares || products * products <= enough * squares)
       continue;
     enough = products * products / squares;
-    best = &own;
-    fit.modes = {};
+    JointFit& fit = best.emplace();
     fit.modes.push_back(own.mode);
     fit.modes[0].weight = products / squares;
-    fit.weight_sd[0] = 1.0 / std::sqrt(squares);
+    fit.weight_sd[0] = fit.light_sd = 1.0 / std::sqrt(squares);
+    fit.centre_sd_px[0] = INFINITY;
+    fit.converged = true;
     fit.floor = (floor_products - mixed * fit.modes[0].weight) / floors;
   }
   return best;
@@ -145,19 +145,15 @@ std::optional<BroadLight::Found> BroadLight::find(const PixelSamples& rest, doub
   // By parameters: a weight and a choice of template; and five more.
   const double enough = expected ? 0.0 : 3.0 * std::log(count) * variance,
                more = 5.0 * std::log(count) * variance;
-  Found found;
-  found.fit.converged = true;
-  const Template* const start = best_template(averaged, enough, found.fit);
-  if (start == nullptr) return std::nullopt;
-  found.fit.weight_sd[0] *= noise;
-  found.fit.light_sd = found.fit.weight_sd[0];
-  found.fit.centre_sd_px[0] = INFINITY;
-  const Footprints modes = found.fit.modes;
+  std::optional<JointFit> start = best_template(averaged, enough);
+  if (!start) return std::nullopt;
+  start->weight_sd[0] *= noise;
+  start->light_sd *= noise;
   NormalEquations before;
-  evaluate(averaged, modes, extent_, workspace, before);
-  const JointFit fit = fit_jointly(averaged, modes, extent_, kBroadIterations, workspace);
-  if (fit.converged && is_broad(fit.modes[0]) && before.chi2 - fit.chi2 > more) return Found{fit, true};
-  return found;
+  evaluate(averaged, start->modes, extent_, workspace, before);
+  const JointFit fit = fit_jointly(averaged, start->modes, extent_, kBroadIterations, workspace);
+  const bool shaped = fit.converged && is_broad(fit.modes[0]) && before.chi2 - fit.chi2 > more;
+  return shaped ? Found{fit, true} : Found{*start, false};
 }
 
 }  // namespace glasswing

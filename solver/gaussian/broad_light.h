@@ -42,8 +42,9 @@ class BroadLight {
     std::vector<double> lit;    // S, of each kind of area
   };
   void average(const PixelSamples& rest, PixelSamples& averaged) const;
-  // The one that takes most from chi2, with its best weight, at most 1; null if that is less than `enough`.
-  const Template* best_template(const PixelSamples& averaged, double enough, JointFit& fit) const;
+  // The one that takes most from chi2, with its best weight, at most 1; none if that is less than `enough`.
+  // Its standard errors are those of noise 1.
+  std::optional<JointFit> best_template(const PixelSamples& averaged, double enough) const;
 
   MonitorExtent extent_;
   int group_ = 1;  // samples averaged

@@ -10,14 +10,14 @@ namespace glasswing {
 namespace {
 
 constexpr int kSteps = 1024;
-constexpr float kMost = 4.0f;  // of g
+constexpr float kMaxRatio = 4.0f;  // of g
 
 // lambda(t) - t at equal steps of g.
 std::array<float, kSteps + 1> make_table() {
   std::array<float, kSteps + 1> table{};
   double t = 0.0;
   for (int i = 0; i <= kSteps; ++i) {
-    const double g = static_cast<double>(kMost) * i / kSteps;
+    const double g = static_cast<double>(kMaxRatio) * i / kSteps;
     // g(t) >= t, and grows by Phi(t).
     for (int step = 0; step < 20; ++step)
       t = std::max(0.0, t - (t * normal_integral(t) + normal_density(t) - g) / normal_integral(t));
@@ -30,7 +30,7 @@ std::array<float, kSteps + 1> make_table() {
 
 float expected_below_zero(float g) {
   static const std::array<float, kSteps + 1> table = make_table();
-  const float place = std::clamp(g, 0.0f, kMost) * (kSteps / kMost);
+  const float place = std::clamp(g, 0.0f, kMaxRatio) * (kSteps / kMaxRatio);
   const auto before = std::min(static_cast<size_t>(place), static_cast<size_t>(kSteps - 1));
   const float part = place - static_cast<float>(before);
   return table[before] + part * (table[before + 1] - table[before]);

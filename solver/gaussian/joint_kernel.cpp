@@ -58,7 +58,6 @@ V NormalIntegral(V a, V* density) {
 struct EdgeAt {
   float sign;          // of its part in the share: 1 at the high edge, -1 at the low one
   V z, part, density;  // Phi(z), phi(z)
-  V across;            // the share of its line that lies on the monitor
 };
 
 // The places of the edges of one axis at the samples of a range. Those that are far from all of them, beyond
@@ -87,102 +86,129 @@ Edges Near(double low_px, double high_px, double mean_px, double per_pull, doubl
 // The share of the lit footprint on the monitor, with the light of the edges' pixels, and the derivatives of
 // the share by the mean and the covariance.
 struct Inside {
-  V share, with_edges;
+  V with_edges;
   V by_x, by_y, by_xx, by_xy, by_yy;
 };
 
-// Where the means are mx, my. r: the stripe's place from where c.s is taken. `near` of x and of y.
-Inside InsideOf(const CutFootprint& cut, const Edges (&near)[2], const V (&mean)[2], V r_px) {
-  const D d;
-  const auto set = [&](double v) { return hn::Set(d, static_cast<float>(v)); };
-  const double sd[2] = {cut.sd_x_px, cut.sd_y_px}, axis[2] = {cut.cos_phi, cut.sin_phi};
-  EdgeAt at[2][2];
-  V part[2];
-  for (int a = 0; a < 2; ++a) {
-    part[a] = near[a].whole;
-    for (int i = 0; i < near[a].count; ++i) {
-      EdgeAt& edge = at[a][i];
-      edge.sign = near[a].sign[i];
-      edge.z = hn::Mul(hn::Sub(set(near[a].px[i]), mean[a]), set(1.0 / sd[a]));
-      edge.part = NormalIntegral(edge.z, &edge.density);
-      part[a] = hn::MulAdd(hn::Set(d, edge.sign), edge.part, part[a]);
+// A cut footprint at the samples of one vector, where its means are mx, my.
+class InsideAt {
+ public:
+  // `near` of x and of y. r: the stripe's place from where c.s is taken.
+  InsideAt(const CutFootprint& cut, const Edges (&near)[2], const V (&mean)[2], V r_px)
+      : cut_(cut), near_(near), mean_{mean[0], mean[1]}, r_px_(r_px) {
+    for (int a = 0; a < 2; ++a) {
+      for (int i = 0; i < near[a].count; ++i) {
+        EdgeAt& edge = at_[a][i];
+        edge.sign = near[a].sign[i];
+        edge.z = hn::Mul(hn::Sub(Set(near[a].px[i]), mean[a]), Set(1.0 / sd(a)));
+        edge.part = NormalIntegral(edge.z, &edge.density);
+      }
     }
   }
-  Inside inside;
-  inside.share = hn::Mul(part[0], part[1]);
-  inside.by_xy = hn::Zero(d);
-  if (near[0].count > 0 && near[1].count > 0) {
-    if (cut.corners.steep) {
+
+  Inside Sums() const {
+    const V zero = hn::Zero(D());
+    V light = zero, corners = zero, line[2] = {zero, zero}, slope[2] = {zero, zero};
+    for (int a = 0; a < 2; ++a) {
+      for (int i = 0; i < near_[a].count; ++i) {
+        const AlongEdge along = Along(a, i);
+        line[a] = hn::Add(line[a], along.density);
+        slope[a] = hn::MulAdd(along.density, at_[a][i].z, slope[a]);
+        light = hn::Add(light, along.light);
+        if (a == 0) corners = hn::Add(corners, along.at_corners);
+      }
+    }
+    corners = hn::Mul(corners, Set(1.0 / cut_.corners.rest));
+    const V turned = hn::Mul(corners, Set(cut_.corners.rho));
+    const auto by_variance = [&](int a, bool clamped) {
+      return clamped ? zero : hn::Mul(hn::Add(slope[a], turned), Set(-0.5 / (sd(a) * sd(a))));
+    };
+    return {.with_edges = hn::Add(Share(), light),
+            .by_x = hn::Mul(line[0], Set(-1.0 / sd(0))),
+            .by_y = hn::Mul(line[1], Set(-1.0 / sd(1))),
+            .by_xx = by_variance(0, cut_.clamped_x),
+            .by_xy = hn::Mul(corners, Set(1.0 / (sd(0) * sd(1)))),
+            .by_yy = by_variance(1, cut_.clamped_y)};
+  }
+
+ private:
+  // Of one edge, with its sign: the density on it, that at its ends, and the light of its pixels.
+  struct AlongEdge {
+    V density, at_corners, light;
+  };
+
+  static V Set(double v) { return hn::Set(D(), static_cast<float>(v)); }
+  double sd(int a) const { return a == 0 ? cut_.sd_x_px : cut_.sd_y_px; }
+  double axis(int a) const { return a == 0 ? cut_.cos_phi : cut_.sin_phi; }
+
+  // normal_rectangle.h
+  V Share() const {
+    const D d;
+    V part[2];
+    for (int a = 0; a < 2; ++a) {
+      part[a] = near_[a].whole;
+      for (int i = 0; i < near_[a].count; ++i)
+        part[a] = hn::MulAdd(hn::Set(d, at_[a][i].sign), at_[a][i].part, part[a]);
+    }
+    if (near_[0].count == 0 || near_[1].count == 0) return hn::Mul(part[0], part[1]);
+    V share = hn::Mul(part[0], part[1]);
+    if (cut_.corners.steep) {
       // Phi of the lower of two edges; an edge that is left out is never the lower one, or has no part.
-      inside.share = hn::Mul(near[0].whole, near[1].whole);
+      share = hn::Mul(near_[0].whole, near_[1].whole);
       for (int a = 0; a < 2; ++a) {
-        for (int i = 0; i < near[a].count; ++i)
-          inside.share =
-              hn::MulAdd(hn::Mul(hn::Set(d, at[a][i].sign), near[1 - a].whole), at[a][i].part, inside.share);
+        for (int i = 0; i < near_[a].count; ++i)
+          share = hn::MulAdd(hn::Mul(hn::Set(d, at_[a][i].sign), near_[1 - a].whole), at_[a][i].part, share);
       }
     }
-    for (int i = 0; i < near[0].count; ++i) {
-      for (int j = 0; j < near[1].count; ++j) {
-        const EdgeAt &x = at[0][i], &y = at[1][j];
-        const V sign = hn::Set(d, x.sign * y.sign);
-        if (cut.corners.steep) inside.share = hn::MulAdd(sign, hn::Min(x.part, y.part), inside.share);
-        const V squares = hn::MulAdd(x.z, x.z, hn::Mul(y.z, y.z)),
-                product = hn::Mul(set(2.0), hn::Mul(x.z, y.z));
-        V sum = hn::Zero(d);
-        for (size_t n = 0; n < NormalCorners::kNodes; ++n) {
-          const V exponent =
-              hn::Mul(hn::NegMulAdd(product, set(cut.corners.sine[n]), squares), set(-cut.corners.scale[n]));
-          sum = hn::MulAdd(set(cut.corners.weight[n]), hn::Exp(d, hn::Max(exponent, set(-80.0))), sum);
-        }
-        inside.share = hn::MulAdd(sign, sum, inside.share);
-      }
+    for (int i = 0; i < near_[0].count; ++i) {
+      for (int j = 0; j < near_[1].count; ++j) share = hn::Add(share, Corner(at_[0][i], at_[1][j]));
     }
+    return share;
   }
-  V light = hn::Zero(d);
-  V line[2] = {hn::Zero(d), hn::Zero(d)}, slope[2] = {hn::Zero(d), hn::Zero(d)};
-  for (int a = 0; a < 2; ++a) {
+
+  V Corner(const EdgeAt& x, const EdgeAt& y) const {
+    const D d;
+    const NormalCorners& corners = cut_.corners;
+    const V squares = hn::MulAdd(x.z, x.z, hn::Mul(y.z, y.z)), product = hn::Mul(Set(2.0), hn::Mul(x.z, y.z));
+    V sum = corners.steep ? hn::Min(x.part, y.part) : hn::Zero(d);
+    for (size_t n = 0; n < corners.node_count; ++n) {
+      const V exponent =
+          hn::Mul(hn::NegMulAdd(product, Set(corners.sine[n]), squares), Set(-corners.scale[n]));
+      sum = hn::MulAdd(Set(corners.weight[n]), hn::Exp(d, hn::Max(exponent, Set(-80.0))), sum);
+    }
+    return hn::Mul(hn::Set(d, x.sign * y.sign), sum);
+  }
+
+  // Along the edge, the other coordinate has mean rho z and standard deviation `rest`.
+  AlongEdge Along(int a, int i) const {
+    const D d;
     const int b = 1 - a;
-    for (int i = 0; i < near[a].count; ++i) {
-      EdgeAt& edge = at[a][i];
-      // Along the edge, the other coordinate has mean rho z and standard deviation `rest`.
-      edge.across = near[b].whole;
-      V densities = hn::Zero(d);
-      for (int j = 0; j < near[b].count; ++j) {
-        const V other =
-            hn::Mul(hn::NegMulAdd(set(cut.corners.rho), edge.z, at[b][j].z), set(1.0 / cut.corners.rest));
-        V density;
-        const V own = NormalIntegral(other, &density);
-        const V sign = hn::Set(d, at[b][j].sign);
-        edge.across = hn::MulAdd(sign, own, edge.across);
-        densities = hn::MulAdd(sign, density, densities);
-        if (a == 0)
-          inside.by_xy =
-              hn::MulAdd(hn::Mul(hn::Set(d, edge.sign), sign), hn::Mul(edge.density, density), inside.by_xy);
-      }
-      const V own = hn::Mul(hn::Set(d, edge.sign), hn::Mul(edge.density, edge.across));
-      line[a] = hn::Add(line[a], own);
-      slope[a] = hn::MulAdd(own, edge.z, slope[a]);
-      const V place = hn::MulAdd(set(cut.corners.rho * sd[b]), edge.z, mean[b]);
-      const V moment = hn::NegMulAdd(set(sd[b] * cut.corners.rest), densities, hn::Mul(place, edge.across));
-      const V along =
-          hn::MulAdd(set(axis[b]), moment, hn::Mul(hn::Sub(set(near[a].px[i] * axis[a]), r_px), edge.across));
-      light =
-          hn::MulAdd(hn::Mul(hn::Set(d, edge.sign), set(axis[a] / (12.0 * cut.stripe_variance_px2 * sd[a]))),
-                     hn::Mul(edge.density, along), light);
+    const EdgeAt& edge = at_[a][i];
+    const double rho = cut_.corners.rho, rest = cut_.corners.rest;
+    V across = near_[b].whole, densities = hn::Zero(d);  // the share of the edge's line, and the ends' phi
+    for (int j = 0; j < near_[b].count; ++j) {
+      const V other = hn::Mul(hn::NegMulAdd(Set(rho), edge.z, at_[b][j].z), Set(1.0 / rest));
+      V density;
+      const V part = NormalIntegral(other, &density), sign = hn::Set(d, at_[b][j].sign);
+      across = hn::MulAdd(sign, part, across);
+      densities = hn::MulAdd(sign, density, densities);
     }
+    const V own = hn::Mul(hn::Set(d, edge.sign), edge.density);
+    const V place = hn::MulAdd(Set(rho * sd(b)), edge.z, mean_[b]);
+    const V moment = hn::NegMulAdd(Set(sd(b) * rest), densities, hn::Mul(place, across));
+    const V pull =
+        hn::MulAdd(Set(axis(b)), moment, hn::Mul(hn::Sub(Set(near_[a].px[i] * axis(a)), r_px_), across));
+    return {.density = hn::Mul(own, across),
+            .at_corners = hn::Mul(own, densities),
+            .light = hn::Mul(Set(axis(a) / (12.0 * cut_.stripe_variance_px2 * sd(a))), hn::Mul(own, pull))};
   }
-  inside.with_edges = hn::Add(inside.share, light);
-  const V corners = hn::Mul(inside.by_xy, set(1.0 / cut.corners.rest));
-  inside.by_xy = hn::Mul(corners, set(1.0 / (sd[0] * sd[1])));
-  inside.by_x = hn::Mul(line[0], set(-1.0 / sd[0]));
-  inside.by_y = hn::Mul(line[1], set(-1.0 / sd[1]));
-  const V turned = hn::Mul(corners, set(cut.corners.rho));
-  inside.by_xx =
-      cut.clamped_x ? hn::Zero(d) : hn::Mul(hn::Add(slope[0], turned), set(-0.5 / (sd[0] * sd[0])));
-  inside.by_yy =
-      cut.clamped_y ? hn::Zero(d) : hn::Mul(hn::Add(slope[1], turned), set(-0.5 / (sd[1] * sd[1])));
-  return inside;
-}
+
+  const CutFootprint& cut_;
+  const Edges (&near_)[2];
+  const V mean_[2];
+  const V r_px_;
+  EdgeAt at_[2][2];
+};
 
 // The six derivatives if the edge cuts the mode off; also subtracts the model from the residual. The light of
 // the edges' pixels counts in the model and in the derivative by R only.
@@ -212,7 +238,7 @@ void CutColumns(const Footprint& mode, const SampleLayout::Sweep& sweep, const M
     const V u = hn::Exp(d, hn::Max(hn::Mul(set(-0.5), hn::Mul(z, z)), set(-80.0)));
     const V pull = hn::Mul(t, set(1.0 / variance));
     const V mean[2] = {hn::MulAdd(pull, set(gx), set(cut.x_px)), hn::MulAdd(pull, set(gy), set(cut.y_px))};
-    const Inside inside = InsideOf(cut, near, mean, hn::Add(offset, set(sweep.first_r_px)));
+    const Inside inside = InsideAt(cut, near, mean, hn::Add(offset, set(sweep.first_r_px))).Sums();
     const V unit = hn::Mul(u, set(cut.peak));
     hn::StoreU(hn::Mul(unit, inside.with_edges), d, columns + i);
     const V scaled = hn::Mul(unit, set(mode.weight));
@@ -265,23 +291,36 @@ void NarrowColumns(double weight, std::span<const ReachedPixel> pixels, const Sa
   }
 }
 
-// `placed`: the mode is where it is, not as stripes see it.
-void WholeColumns(const Footprint& placed_mode, bool placed, const SampleLayout::Sweep& sweep,
-                  const float* offset_px, float* residual, float* columns, size_t stride, Range range) {
-  const D d;
-  SeenAxis x{placed_mode.x_px, placed_mode.xx_px2, 1.0, 0.0, 0.0, 1.0},
-      y{placed_mode.y_px, placed_mode.yy_px2, 1.0, 0.0, 0.0, 1.0};
-  if (placed) {
-    x = seen_through_pixels(x.centre_px, x.variance_px2);
-    y = seen_through_pixels(y.centre_px, y.variance_px2);
+// A mode that no edge cuts, as stripes see it.
+struct SeenMode {
+  // `placed`: the mode is where it is; else as stripes see it.
+  SeenMode(const Footprint& mode, bool placed) {
+    if (placed) {
+      x = seen_through_pixels(mode.x_px, mode.xx_px2);
+      y = seen_through_pixels(mode.y_px, mode.yy_px2);
+    } else {
+      x = {mode.x_px, mode.xx_px2, 1.0, 0.0, 0.0, 1.0};
+      y = {mode.y_px, mode.yy_px2, 1.0, 0.0, 0.0, 1.0};
+    }
+    turn = x.centre_by_centre * y.centre_by_centre;
+    seen = {.weight = mode.weight,
+            .x_px = x.centre_px,
+            .y_px = y.centre_px,
+            .xx_px2 = x.variance_px2,
+            .xy_px2 = mode.xy_px2 * turn,
+            .yy_px2 = y.variance_px2};
   }
-  const double turn = x.centre_by_centre * y.centre_by_centre;
-  const Footprint mode{.weight = placed_mode.weight,
-                       .x_px = x.centre_px,
-                       .y_px = y.centre_px,
-                       .xx_px2 = x.variance_px2,
-                       .xy_px2 = placed_mode.xy_px2 * turn,
-                       .yy_px2 = y.variance_px2};
+
+  SeenAxis x, y;
+  double turn;  // of xy
+  Footprint seen;
+};
+
+void WholeColumns(const SeenMode& whole, const SampleLayout::Sweep& sweep, const float* offset_px,
+                  float* residual, float* columns, size_t stride, Range range) {
+  const D d;
+  const Footprint& mode = whole.seen;
+  const SeenAxis &x = whole.x, &y = whole.y;
   const double c = sweep.axis.cos_phi, s = sweep.axis.sin_phi;
   const double variance = answered_variance(mode, sweep.axis), sigma = std::sqrt(variance);
   const double peak = sweep.axis.sigma_px / sigma, amplitude = mode.weight * peak;
@@ -293,7 +332,7 @@ void WholeColumns(const Footprint& placed_mode, bool placed, const SampleLayout:
   const double centres[5] = {c * x.centre_by_centre, s * y.centre_by_centre, c * x.centre_by_variance, 0.0,
                              s * y.centre_by_variance};
   const double variances[5] = {c * c * x.variance_by_centre, s * s * y.variance_by_centre,
-                               c * c * x.variance_by_variance, 2.0 * c * s * turn,
+                               c * c * x.variance_by_variance, 2.0 * c * s * whole.turn,
                                s * s * y.variance_by_variance};
   V centre_part[5], variance_part[5];
   for (size_t p = 0; p < 5; ++p) {
@@ -416,94 +455,143 @@ void AddSquares(const PixelSamples& samples, const SampleLayout::Sweep& sweep, c
   }
 }
 
-void Evaluate(const PixelSamples& samples, const Footprints& modes, const MonitorExtent& extent,
-              JointWorkspace& workspace, NormalEquations& equations) {
-  constexpr size_t kMaxSweeps = 16;
-  const SampleLayout& layout = *samples.layout;
-  const size_t stride = samples.y.size(), sweep_count = layout.sweeps.size();
-  const auto mode_count = static_cast<size_t>(modes.size());
-  equations.chi2 = equations.near_chi2 = equations.near_neighbours = equations.floor = 0.0;
-  equations.near_count = 0;
-  workspace.residual.assign(samples.y.begin(), samples.y.end());
-  if (workspace.columns.size() < 6 * mode_count * stride) workspace.columns.resize(6 * mode_count * stride);
-  const auto columns_of = [&](size_t m) { return workspace.columns.data() + 6 * m * stride; };
-  Range reach[kMaxFootprints][kMaxSweeps];
-  std::vector<ReachedPixel> pixels[kMaxFootprints];  // of narrow modes
-  for (size_t m = 0; m < mode_count; ++m) {
-    const Footprint& mode = modes[static_cast<int>(m)];
-    if (narrow(mode) && near_edge(mode, extent)) pixels[m] = reached_pixels(mode, extent);
+constexpr size_t kMaxSweeps = 16;
+
+// The sums of joint_fit.h at some footprints, but for those of areas and bounds.
+class SumsAt {
+ public:
+  SumsAt(const PixelSamples& samples, const Footprints& modes, const MonitorExtent& extent,
+         JointWorkspace& workspace, NormalEquations& equations)
+      : samples_(samples),
+        layout_(*samples.layout),
+        modes_(modes),
+        extent_(extent),
+        workspace_(workspace),
+        equations_(equations),
+        stride_(samples.y.size()),
+        sweep_count_(layout_.sweeps.size()),
+        mode_count_(static_cast<size_t>(modes.size())) {}
+
+  void Compute() {
+    equations_.chi2 = equations_.near_chi2 = equations_.near_neighbours = equations_.floor = 0.0;
+    equations_.near_count = 0;
+    SubtractModes();
+    const double floors = std::isfinite(samples_.floor_weight) ? SubtractFloor() : 0.0;
+    AddAllSquares();
+    AddProducts();
+    if (floors > 0.0) EliminateFloor(floors);
   }
-  for (size_t s = 0; s < sweep_count; ++s) {
-    const SampleLayout::Sweep& sweep = layout.sweeps[s];
-    const float* offset_px = layout.offset_px.data() + sweep.first;
-    float* residual = workspace.residual.data() + sweep.first;
-    for (size_t m = 0; m < mode_count; ++m) {
-      const Footprint& mode = modes[static_cast<int>(m)];
-      const Range own = Reach(mode, sweep, offset_px);
-      reach[m][s] = {own.begin + sweep.first, own.end + sweep.first};
-      float* const columns = columns_of(m) + sweep.first;
-      if (!near_edge(mode, extent)) {
-        WholeColumns(mode, !samples.areas.empty(), sweep, offset_px, residual, columns, stride, own);
-      } else if (narrow(mode)) {
-        NarrowColumns(mode.weight, pixels[m], sweep, offset_px, residual, columns, stride, own);
-      } else {
-        CutColumns(mode, sweep, extent, offset_px, residual, columns, stride, own);
+
+ private:
+  float* Columns(size_t m) const { return workspace_.columns.data() + 6 * m * stride_; }
+
+  // Sets the residual and the columns of derivatives.
+  void SubtractModes() {
+    workspace_.residual.assign(samples_.y.begin(), samples_.y.end());
+    workspace_.columns.resize(std::max(workspace_.columns.size(), 6 * mode_count_ * stride_));
+    for (size_t m = 0; m < mode_count_; ++m) {
+      const Footprint& mode = modes_[static_cast<int>(m)];
+      const bool cut = near_edge(mode, extent_), by_pixels = cut && narrow(mode);
+      std::vector<ReachedPixel> pixels;
+      if (by_pixels) pixels = reached_pixels(mode, extent_);
+      const SeenMode whole(mode, !cut && !samples_.areas.empty());
+      for (size_t s = 0; s < sweep_count_; ++s) {
+        const SampleLayout::Sweep& sweep = layout_.sweeps[s];
+        const float* offset_px = layout_.offset_px.data() + sweep.first;
+        float* const residual = workspace_.residual.data() + sweep.first;
+        float* const columns = Columns(m) + sweep.first;
+        const Range own = Reach(mode, sweep, offset_px);
+        reach_[m][s] = {own.begin + sweep.first, own.end + sweep.first};
+        if (!cut)
+          WholeColumns(whole, sweep, offset_px, residual, columns, stride_, own);
+        else if (by_pixels)
+          NarrowColumns(mode.weight, pixels, sweep, offset_px, residual, columns, stride_, own);
+        else
+          CutColumns(mode, sweep, extent_, offset_px, residual, columns, stride_, own);
       }
     }
   }
-  const float* w = samples.weight.data();
-  const Range all{0, static_cast<int>(stride)};
-  const float* u = samples.floor_answer.data();
-  double scale = 0.0;  // U + w_f
-  if (std::isfinite(samples.floor_weight)) {
-    double sum = WeightedProduct(w, u, workspace.residual.data(), all);
-    scale = samples.floor_weight + WeightedProduct(w, u, u, all);
-    for (const AreaRow& row : workspace.areas) {
+
+  // Takes the best floor from the residual; returns U + w_f.
+  double SubtractFloor() {
+    const float *w = samples_.weight.data(), *u = samples_.floor_answer.data();
+    const Range all{0, static_cast<int>(stride_)};
+    double sum = WeightedProduct(w, u, workspace_.residual.data(), all);
+    double floors = samples_.floor_weight + WeightedProduct(w, u, u, all);
+    for (const AreaRow& row : workspace_.areas) {
       sum += row.weight * row.floor * row.rest;
-      scale += row.weight * row.floor * row.floor;
+      floors += row.weight * row.floor * row.floor;
     }
-    equations.floor = sum / scale;
-    for (size_t i = 0; i < stride; ++i) workspace.residual[i] -= static_cast<float>(equations.floor) * u[i];
-    equations.chi2 += samples.floor_weight * equations.floor * equations.floor;
+    equations_.floor = sum / floors;
+    const auto floor = static_cast<float>(equations_.floor);
+    for (size_t i = 0; i < stride_; ++i) workspace_.residual[i] -= floor * u[i];
+    equations_.chi2 += samples_.floor_weight * equations_.floor * equations_.floor;
+    return floors;
   }
-  for (size_t s = 0; s < sweep_count; ++s) {
-    const SampleLayout::Sweep& sweep = layout.sweeps[s];
-    Range own[kMaxFootprints];
-    for (size_t m = 0; m < mode_count; ++m)
-      own[m] = {reach[m][s].begin - sweep.first, reach[m][s].end - sweep.first};
-    AddSquares(samples, sweep, workspace.residual.data() + sweep.first, {own, mode_count}, equations);
+
+  void AddAllSquares() {
+    for (size_t s = 0; s < sweep_count_; ++s) {
+      const SampleLayout::Sweep& sweep = layout_.sweeps[s];
+      Range own[kMaxFootprints];
+      for (size_t m = 0; m < mode_count_; ++m)
+        own[m] = {reach_[m][s].begin - sweep.first, reach_[m][s].end - sweep.first};
+      AddSquares(samples_, sweep, workspace_.residual.data() + sweep.first, {own, mode_count_}, equations_);
+    }
   }
-  for (size_t m = 0; m < mode_count; ++m) {
-    Gradient(w, workspace.residual.data(), columns_of(m), stride, {reach[m], sweep_count},
-             &equations.gradient[6 * m]);
-    for (size_t n = m; n < mode_count; ++n) {
-      Range common[kMaxSweeps];
-      for (size_t s = 0; s < sweep_count; ++s) common[s] = Common(reach[m][s], reach[n][s]);
-      for (size_t i = 0; i < 6; i += 3) {
-        for (size_t j = m == n ? i : 0; j < 6; j += 3) {
-          ThreeByThree(w, columns_of(m) + i * stride, columns_of(n) + j * stride, stride,
-                       {common, sweep_count}, static_cast<int>(6 * m + i), static_cast<int>(6 * n + j),
-                       equations);
+
+  // The gradient and the matrix.
+  void AddProducts() {
+    const float* w = samples_.weight.data();
+    for (size_t m = 0; m < mode_count_; ++m) {
+      Gradient(w, workspace_.residual.data(), Columns(m), stride_, {reach_[m], sweep_count_},
+               &equations_.gradient[6 * m]);
+      for (size_t n = m; n < mode_count_; ++n) {
+        Range common[kMaxSweeps];
+        for (size_t s = 0; s < sweep_count_; ++s) common[s] = Common(reach_[m][s], reach_[n][s]);
+        for (size_t i = 0; i < 6; i += 3) {
+          for (size_t j = m == n ? i : 0; j < 6; j += 3) {
+            ThreeByThree(w, Columns(m) + i * stride_, Columns(n) + j * stride_, stride_,
+                         {common, sweep_count_}, static_cast<int>(6 * m + i), static_cast<int>(6 * n + j),
+                         equations_);
+          }
         }
       }
     }
-  }
-  for (size_t p = 0; p < 6 * mode_count; ++p) {
-    for (size_t q = 0; q < p / 3 * 3; ++q) equations.matrix[p][q] = equations.matrix[q][p];
-  }
-  if (scale == 0.0) return;
-  double by[kMaxParameters];  // n of joint_fit.h
-  for (size_t m = 0; m < mode_count; ++m) {
-    for (size_t p = 6 * m; p < 6 * m + 6; ++p) {
-      by[p] = 0.0;
-      for (const AreaRow& row : workspace.areas) by[p] += row.weight * row.floor * row.by[p];
-      for (size_t s = 0; s < sweep_count; ++s)
-        by[p] += WeightedProduct(w, u, columns_of(m) + (p - 6 * m) * stride, reach[m][s]);
+    for (size_t p = 0; p < 6 * mode_count_; ++p) {
+      for (size_t q = 0; q < p / 3 * 3; ++q) equations_.matrix[p][q] = equations_.matrix[q][p];
     }
   }
-  for (size_t p = 0; p < 6 * mode_count; ++p) {
-    for (size_t q = 0; q < 6 * mode_count; ++q) equations.matrix[p][q] -= by[p] * by[q] / scale;
+
+  // N - n n'/(U + w_f)
+  void EliminateFloor(double floors) {
+    const float *w = samples_.weight.data(), *u = samples_.floor_answer.data();
+    double by[kMaxParameters];  // n
+    for (size_t m = 0; m < mode_count_; ++m) {
+      for (size_t p = 6 * m; p < 6 * m + 6; ++p) {
+        by[p] = 0.0;
+        for (const AreaRow& row : workspace_.areas) by[p] += row.weight * row.floor * row.by[p];
+        for (size_t s = 0; s < sweep_count_; ++s)
+          by[p] += WeightedProduct(w, u, Columns(m) + (p - 6 * m) * stride_, reach_[m][s]);
+      }
+    }
+    for (size_t p = 0; p < 6 * mode_count_; ++p) {
+      for (size_t q = 0; q < 6 * mode_count_; ++q) equations_.matrix[p][q] -= by[p] * by[q] / floors;
+    }
   }
+
+  const PixelSamples& samples_;
+  const SampleLayout& layout_;
+  const Footprints& modes_;
+  const MonitorExtent& extent_;
+  JointWorkspace& workspace_;
+  NormalEquations& equations_;
+  const size_t stride_, sweep_count_, mode_count_;
+  Range reach_[kMaxFootprints][kMaxSweeps];  // of the samples
+};
+
+void Evaluate(const PixelSamples& samples, const Footprints& modes, const MonitorExtent& extent,
+              JointWorkspace& workspace, NormalEquations& equations) {
+  SumsAt(samples, modes, extent, workspace, equations).Compute();
 }
 
 }  // namespace HWY_NAMESPACE
@@ -525,7 +613,7 @@ void load_areas(const PixelSamples& samples, const Footprints& modes, const Moni
   if (rows.empty()) return;
   for (int m = 0; m < modes.size(); ++m) {
     const Footprint& mode = modes[m];
-    const LitShare shares(mode, extent);
+    LitShare shares(mode, extent);
     for (size_t i = 0; i < rows.size(); ++i) {
       AreaRow& row = rows[i];
       if (row.weight == 0.0) continue;

@@ -21,7 +21,7 @@ constexpr double kWhiteError = 0.001, kFootprintError = 0.01;
 constexpr double kLacking = 0.05;  // of white
 constexpr int kNeighbours = 4;     // each way, whose white says whether broad light is to be expected
 constexpr int kTurns = 3;          // of finding broad light and fitting the other modes
-constexpr int kRounds = 2;         // of fits after the first, with white and bars weighed anew
+constexpr int kRounds = 8;         // of fits after the first, with white and bars weighed anew
 constexpr int kLong = 60;          // iterations of one that has to leave its start behind
 constexpr int kPolish = 12;        // iterations of a fit that had converged without white
 
@@ -474,12 +474,14 @@ std::optional<JointFit> StackSolver::fit_all(size_t t, int block, int lane, int 
   };
   Footprints modes = start;
   for (int round = 0;; ++round) {
-    const JointFit fit = fit_jointly(samples_, modes, textures_[t].extent, kPolish, workspace_);
+    // The first step changes most.
+    const int iterations = round == 0 ? 1 : kPolish;
+    const JointFit fit = fit_jointly(samples_, modes, textures_[t].extent, iterations, workspace_);
     if (!is_positive(fit)) return std::nullopt;
     const double before = weights();
     load_areas(t, block, lane, y, fit);
     // Narrower footprints trust fine bars more.
-    if (round == kRounds || std::abs(weights() - before) <= 0.2 * before)
+    if (round == kRounds || (fit.converged && std::abs(weights() - before) <= 0.2 * before))
       return fit.converged ? std::optional(fit) : std::nullopt;
     modes = fit.modes;
   }

@@ -207,7 +207,7 @@ TEST(Oracle, Area) {
   for (const Case& each : cases()) {
     const Shares shares = shares_of(each.density, kMonitor);
     const Footprint mode = footprint_of(each.density);
-    const LitShare model(mode, kExtent);
+    LitShare model(mode, kExtent);
     EXPECT_NEAR(model.of({}).share, seen(shares, white, 0), kTolerance)
         << each.footprint << " " << each.place;
     for (const double bar_px : {1.0, 2.0, 8.0, 64.0}) {

@@ -69,19 +69,28 @@ double left_of(const Footprint& mode, double x_px) {
          LitShare(mode, {.width_px = x_px, .height_px = kSimulatedExtent.height_px}).of({}).share;
 }
 
-TEST(BroadLight, OfMatteSurfacesIsFound) {
-  const SampleLayout layout = four_sweeps(kSigma_px);
-  const BroadLight broad(layout, {{LitArea{}}}, kSimulatedExtent);
-  PixelSamples averaged;
-  JointWorkspace workspace;
+// Stripes in four directions, and white.
+class BroadLightTest : public testing::Test {
+ protected:
+  std::optional<BroadLight::Found> found(const Surface& surface, unsigned seed) {
+    return broad_.find(seen(surface, layout_, seed), kNoise, false, averaged_, workspace_);
+  }
+
+ private:
+  const SampleLayout layout_ = four_sweeps(kSigma_px);
+  const BroadLight broad_{layout_, {{LitArea{}}}, kSimulatedExtent};
+  PixelSamples averaged_;
+  JointWorkspace workspace_;
+};
+
+TEST_F(BroadLightTest, OfMatteSurfacesIsFound) {
   unsigned seed = 1;
   for (const Surface& surface :
        {matte_surface(40.0, 30.0, 50.0), matte_surface(110.0, 80.0, 30.0), matte_surface(64.0, 48.0, 120.0),
         Surface([](double, double) { return 0.2 / (kWidth * kHeight); })}) {
-    const PixelSamples samples = seen(surface, layout, seed++);
-    const std::optional<BroadLight::Found> found = broad.find(samples, kNoise, false, averaged, workspace);
-    ASSERT_TRUE(found.has_value()) << seed;
-    const Footprint& mode = found->fit.modes[0];
+    const std::optional<BroadLight::Found> light = found(surface, seed++);
+    ASSERT_TRUE(light.has_value()) << seed;
+    const Footprint& mode = light->fit.modes[0];
     const double white = sum_of(surface, [](double, double) { return 1.0; });
     // White is known to sqrt(2) of the noise, of which four; what is left of it is the shape's.
     EXPECT_NEAR(left_of(mode, kSimulatedExtent.width_px), white, 4.0 * std::sqrt(2.0) * kNoise);
@@ -93,17 +102,11 @@ TEST(BroadLight, OfMatteSurfacesIsFound) {
   }
 }
 
-TEST(BroadLight, NoiseIsNone) {
-  const SampleLayout layout = four_sweeps(kSigma_px);
-  const BroadLight broad(layout, {{LitArea{}}}, kSimulatedExtent);
-  PixelSamples averaged;
-  JointWorkspace workspace;
-  int found = 0;
-  for (unsigned seed = 1; seed <= 200; ++seed) {
-    const PixelSamples samples = seen([](double, double) { return 0.0; }, layout, seed);
-    found += broad.find(samples, kNoise, false, averaged, workspace).has_value();
-  }
-  EXPECT_LE(found, 2);
+TEST_F(BroadLightTest, NoiseIsNone) {
+  int count = 0;
+  for (unsigned seed = 1; seed <= 200; ++seed)
+    count += found([](double, double) { return 0.0; }, seed).has_value();
+  EXPECT_LE(count, 2);
 }
 
 }  // namespace
