@@ -13,14 +13,21 @@
 #include "client/pictures/composite_video.h"
 #include "client/pictures/picture.h"
 #include "client/pictures/video_file.h"
+#include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/footprint/composite_error.h"
 
 namespace glasswing {
 namespace {
 
 absl::Status composite_still(const Client& client, const CompositeArguments& arguments) {
   GW_RETURN_IF_ERROR(check_output(arguments.output, arguments.bits));
-  absl::StatusOr<RadianceImage> picture;
+  if (!arguments.error.empty() && !arguments.error.ends_with(".exr")) {
+    return absl::InvalidArgumentError(
+        fmt::format("--error {} must be an .exr: other formats cannot say where the error is not known",
+                    arguments.error));
+  }
+  absl::StatusOr<RadianceImage> picture, error;
   {
     Progress progress("compositing");
     const auto report = [&progress](double fraction) { progress.update(fraction); };
@@ -30,9 +37,18 @@ absl::Status composite_still(const Client& client, const CompositeArguments& arg
                         Backgrounds::open(arguments.backgrounds, object.metadata(), arguments.encoding()));
     GW_ASSIGN_OR_RETURN(const std::vector<RadianceImage>* const behind, backgrounds.next());
     picture = object.composite(*behind, report);
+    if (picture.ok() && !arguments.error.empty()) {
+      Progress errors("errors");
+      error = object.error(*behind, [&errors](double fraction) { errors.update(fraction); });
+      GW_RETURN_IF_ERROR(error.status());
+    }
   }
   GW_RETURN_IF_ERROR(picture.status());
   GW_RETURN_IF_ERROR(write_radiance(arguments.output, *picture, arguments.encoding(), arguments.bits));
+  if (!arguments.error.empty()) {
+    GW_ASSIGN_OR_RETURN(const std::string bytes, encode_composite_error(*error));
+    GW_RETURN_IF_ERROR(write_file_durably(arguments.error, bytes));
+  }
   print_written(client, arguments.output, picture->width_px, picture->height_px);
   return absl::OkStatus();
 }
@@ -92,6 +108,10 @@ void add_composite_options(CLI::App& command, CompositeArguments& arguments) {
                   "factor on the object's own light F; highlights of a video often look better above 1")
       ->check(CLI::Range(0.0f, 100.0f))
       ->capture_default_str();
+  command.add_option(
+      "--error", arguments.error,
+      "also write this .exr: each sample's standard error from the frames' noise, NaN where it "
+      "is not known");
   command.add_option("--crop", arguments.crop, kCropHelp);
   command.add_flag("--exact", arguments.exact,
                    "integrate every footprint, slowly; the default is within 0.002 rms of that");
@@ -231,7 +251,8 @@ void add_composite_command(CLI::App& app, Client& client) {
       "  glasswing composite vase.exr --background harbour.png --pan 2,0 --frames 300 -o vase.mp4\n"
       "  glasswing composite vase.exr --background harbour.png --pan 8,0 --frames 60 -o vase.webp\n"
       "  glasswing composite vase.exr --background harbour.png --shift 40,-10 --bits 16 -o vase.png\n"
-      "  glasswing composite vase.exr --background harbour.png --match harbour_on_monitor.png -o vase.png");
+      "  glasswing composite vase.exr --background harbour.png --match harbour_on_monitor.png -o vase.png\n"
+      "  glasswing composite vase.exr --background harbour.png -o vase.png --error vase_error.exr");
   auto arguments = std::make_shared<CompositeArguments>();
   add_composite_options(command, *arguments);
   command.callback([&client, arguments] {

@@ -12,6 +12,7 @@
 #include "client/pictures/picture.h"
 #include "client/pictures/video_file.h"
 #include "core/base/status.h"
+#include "core/footprint/composite_error.h"
 #include "core/matte/compositor.h"
 #include "core/matte/matte_file.h"
 
@@ -172,6 +173,12 @@ absl::StatusOr<RadianceImage> ObjectInFront::composite(const std::vector<Radianc
   return cropped(whole, crop_);
 }
 
+absl::StatusOr<RadianceImage> ObjectInFront::error(const std::vector<RadianceImage>& backgrounds,
+                                                   const std::function<void(double)>& progress) const {
+  GW_ASSIGN_OR_RETURN(const RadianceImage whole, composite_error(matte_, backgrounds, 0, progress));
+  return cropped(whole, crop_);
+}
+
 bool is_video(const CompositeArguments& arguments) {
   const fs::path output = arguments.output;
   return fs::is_directory(arguments.matte) || fs::is_directory(output) || is_video_output(output) ||
@@ -179,6 +186,10 @@ bool is_video(const CompositeArguments& arguments) {
 }
 
 absl::Status composite_video(const Client& client, const CompositeArguments& arguments) {
+  if (!arguments.error.empty()) {
+    return absl::InvalidArgumentError(
+        "--error is of one picture; composite a single frame's matte over stills");
+  }
   GW_ASSIGN_OR_RETURN(const int count, fs::is_directory(arguments.matte) ? composite_mattes(arguments)
                                                                          : composite_one_matte(arguments));
   if (client.json) {

@@ -29,6 +29,7 @@ struct CompositeArguments {
   double frame_rate_hz = 30.0;
   float foreground_gain = 1.0f;
   std::string crop;
+  std::string error;  // a picture of the composite's standard error; empty: none
   bool linear = false, exact = false;
 
   Encoding encoding() const { return linear ? Encoding::kLinear : Encoding::kDisplay; }
@@ -44,6 +45,9 @@ class ObjectInFront {
   const v1::MatteMetadata& metadata() const { return matte_.metadata; }
   absl::StatusOr<RadianceImage> composite(const std::vector<RadianceImage>& backgrounds,
                                           const std::function<void(double)>& progress = nullptr) const;
+  // The standard error that the frames' noise leaves in that (core/footprint/composite_error.h).
+  absl::StatusOr<RadianceImage> error(const std::vector<RadianceImage>& backgrounds,
+                                      const std::function<void(double)>& progress = nullptr) const;
 
  private:
   explicit ObjectInFront(Matte matte, std::string crop) : matte_(std::move(matte)), crop_(std::move(crop)) {}

@@ -6,8 +6,8 @@
 #include <array>
 #include <vector>
 
+#include "core/footprint/footprint.h"
 #include "solver/background/stage_layout.h"
-#include "solver/footprint/footprint.h"
 
 namespace glasswing {
 

@@ -9,8 +9,8 @@
 #include <span>
 #include <vector>
 
-#include "solver/footprint/cone_step.h"
-#include "solver/footprint/footprint.h"
+#include "core/footprint/cone_step.h"
+#include "core/footprint/footprint.h"
 #include "solver/fringe/fringe_unwrap.h"
 #include "solver/fringe/phasor.h"
 

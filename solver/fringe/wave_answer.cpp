@@ -4,8 +4,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "solver/footprint/cut_footprint.h"
-#include "solver/footprint/gauss_legendre.h"
+#include "core/footprint/cut_footprint.h"
+#include "core/footprint/gauss_legendre.h"
 #include "solver/fringe/faddeeva.h"
 
 namespace glasswing {

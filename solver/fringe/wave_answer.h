@@ -20,7 +20,7 @@
 #include <array>
 #include <complex>
 
-#include "solver/footprint/footprint.h"
+#include "core/footprint/footprint.h"
 
 namespace glasswing {
 

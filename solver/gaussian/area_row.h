@@ -3,7 +3,7 @@
 
 #include <array>
 
-#include "solver/footprint/cone_step.h"
+#include "core/footprint/cone_step.h"
 
 namespace glasswing {
 

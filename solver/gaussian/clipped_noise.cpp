@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-#include "solver/footprint/normal_rectangle.h"
+#include "core/footprint/normal_rectangle.h"
 
 namespace glasswing {
 namespace {

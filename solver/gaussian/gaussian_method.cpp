@@ -33,6 +33,32 @@ struct GaussianLimits {
   double silhouette_tolerance = 0.0;
 };
 
+// For the errors of composites. Frames that are sums of others share their noise, so of those they are not
+// known.
+void name_samples(const StackLayout& layout, v1::MatteMetadata& metadata) {
+  for (const SweepLayout& sweep : layout.sweeps) {
+    v1::StripeSweep& named = *metadata.add_sweeps();
+    named.set_texture(sweep.texture);
+    named.set_phi_deg(sweep.phi_deg);
+    named.set_sigma_px(sweep.sigma_px);
+    named.set_first_r_px(sweep.r_px.front());
+    named.set_last_r_px(sweep.r_px.back());
+    named.set_count(static_cast<int>(sweep.r_px.size()));
+  }
+  for (size_t t = 0; t < layout.areas.size(); ++t) {
+    for (const AreaFrames& area : layout.areas[t]) {
+      v1::LitPicture& named = *metadata.add_lit_pictures();
+      named.set_texture(static_cast<int>(t));
+      named.set_bar_px(area.lit.bars ? area.lit.bar_px : 0.0);
+      named.set_horizontal(area.lit.horizontal);
+      named.set_offset_px(area.lit.offset_px);
+      named.set_inverse(area.lit.inverse);
+      named.set_light(area.light);
+      named.set_count(static_cast<int>(area.shot.size()));
+    }
+  }
+}
+
 class PreparedGaussian final : public PreparedMethod {
  public:
   // `capture`: the synthesized frames that the layout refers to; without it, the recorded ones.
@@ -110,8 +136,9 @@ absl::StatusOr<std::unique_ptr<PreparedMethod>> GaussianMethod::prepare(
         fmt::format("{} monitors were swept; at most {} can be solved", texture_count, kMaxModes));
   }
   const int stored = std::max(std::min(modes_, kMaxFootprints * texture_count), texture_count);
-  return std::make_unique<PreparedGaussian>(metadata_of(manifest, "gaussian", options_), std::move(layout),
-                                            std::move(capture),
+  v1::MatteMetadata metadata = metadata_of(manifest, "gaussian", options_);
+  if (!capture) name_samples(layout, metadata);
+  return std::make_unique<PreparedGaussian>(std::move(metadata), std::move(layout), std::move(capture),
                                             GaussianLimits{.max_modes = std::min(modes_, kMaxFootprints),
                                                            .stored_modes = stored,
                                                            .oriented = oriented_,

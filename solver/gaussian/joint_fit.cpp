@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "solver/footprint/cone_step.h"
+#include "core/footprint/cone_step.h"
 
 namespace glasswing {
 namespace {

@@ -18,9 +18,9 @@
 #include <cmath>
 #include <vector>
 
-#include "solver/footprint/cone_step.h"
-#include "solver/footprint/footprint.h"
-#include "solver/footprint/lit_area.h"
+#include "core/footprint/cone_step.h"
+#include "core/footprint/footprint.h"
+#include "core/footprint/lit_area.h"
 #include "solver/gaussian/area_row.h"
 
 namespace glasswing {

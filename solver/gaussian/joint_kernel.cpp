@@ -10,7 +10,7 @@
 #include <array>
 #include <cmath>
 
-#include "solver/footprint/cut_footprint.h"
+#include "core/footprint/cut_footprint.h"
 #include "solver/gaussian/joint_fit.h"
 
 HWY_BEFORE_NAMESPACE();

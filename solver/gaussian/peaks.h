@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "solver/footprint/footprint.h"
+#include "core/footprint/footprint.h"
 #include "solver/gaussian/line_fit.h"
 
 namespace glasswing {

@@ -6,9 +6,9 @@
 #include <array>
 #include <vector>
 
+#include "core/footprint/lit_area.h"
 #include "solver/background/stage_layout.h"
 #include "solver/background/wave_noise.h"
-#include "solver/footprint/lit_area.h"
 
 namespace glasswing {
 

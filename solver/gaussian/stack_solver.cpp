@@ -16,14 +16,12 @@ constexpr float kFewZeros = 0.02f;    // of the samples: clipping hardly matters
 constexpr double kBoundSd = 0.02;     // by which a weight may be above 1
 constexpr double kBound = 0.002;      // and that much without a flag, however well known
 constexpr double kMoreThanNoise = 3.0, kBeyondNoise = 4.0;  // standard errors of what white has beyond modes
-// Of what white shows; of what bars show, because footprints are not quite Gaussian.
-constexpr double kWhiteError = 0.001, kFootprintError = 0.01;
-constexpr double kLacking = 0.05;  // of white
-constexpr int kNeighbours = 4;     // each way, whose white says whether broad light is to be expected
-constexpr int kTurns = 3;          // of finding broad light and fitting the other modes
-constexpr int kRounds = 8;         // of fits after the first, with white and bars weighed anew
-constexpr int kLong = 60;          // iterations of one that has to leave its start behind
-constexpr int kPolish = 12;        // iterations of a fit that had converged without white
+constexpr double kLacking = 0.05;                           // of white
+constexpr int kNeighbours = 4;  // each way, whose white says whether broad light is to be expected
+constexpr int kTurns = 3;       // of finding broad light and fitting the other modes
+constexpr int kRounds = 8;      // of fits after the first, with white and bars weighed anew
+constexpr int kLong = 60;       // iterations of one that has to leave its start behind
+constexpr int kPolish = 12;     // iterations of a fit that had converged without white
 
 // Whether all steps are equal to a hundredth.
 bool is_even(const std::vector<double>& r_px) {
@@ -436,8 +434,7 @@ void StackSolver::load_areas(size_t t, int block_index, int lane, int y, const J
       sample.y =
           (std::max(light, 0.0) + sd * mean_noise_below(std::max(light, 0.0) / sd) - black) / area.light;
     }
-    const double model =
-        area.lit.bars ? kFootprintError * std::abs(sample.y) + shape : kWhiteError * sample.y;
+    const double model = area.lit.bars ? kBarsError * std::abs(sample.y) + shape : kWhiteError * sample.y;
     sample.weight = (area.lit.bars ? noise : residual) /
                     (std::max(own, 0.01 * noise) / (area.light * area.light) + model * model);
   }
@@ -521,7 +518,7 @@ bool StackSolver::neighbours_have_more(size_t t, size_t lane) const {
     variance += own.rest_variance;
     light += std::abs(own.white);
   }
-  return rest > kBeyondNoise * std::sqrt(variance) + kFootprintError * light;
+  return rest > kBeyondNoise * std::sqrt(variance) + kBarsError * light;
 }
 
 void StackSolver::settle(size_t t, int block, int lane, int y, bool expected, Settled& settled) {
@@ -554,7 +551,7 @@ std::optional<JointFit> StackSolver::with_broad_light(size_t t, int block, int l
   if (!settled.white_known || settled.fit.modes.size() >= max_modes_) return std::nullopt;
   const SweptMonitor& texture = textures_[t];
   const double noise =
-      kMoreThanNoise * std::sqrt(settled.rest_variance) + kFootprintError * std::abs(settled.white);
+      kMoreThanNoise * std::sqrt(settled.rest_variance) + kBarsError * std::abs(settled.white);
   if (settled.rest <= 0.0 || (!expected && settled.rest < noise)) return std::nullopt;
   const auto noise_sd = static_cast<double>(
       noise_sd_[static_cast<size_t>(blocks_[static_cast<size_t>(block)].first_lane + lane)]);
@@ -630,7 +627,7 @@ void StackSolver::store(int block_index, int lane, int y, Matte& matte) const {
     const double rms = std::sqrt(fit.near_chi2 / std::max(fit.near_count, 1));
     if (rms > std::max(4.0 * noise_sd, 0.1 * strongest)) flags |= kFlagPoorFit;
     if (settled.white_known && std::abs(settled.rest) > kBeyondNoise * std::sqrt(settled.rest_variance) +
-                                                            kFootprintError * std::abs(settled.white))
+                                                            kBarsError * std::abs(settled.white))
       flags |= kFlagPoorFit;
     usable = usable || !fit.modes.empty() || has_samples(t, block_index, lane);
   }

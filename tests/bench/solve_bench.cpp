@@ -16,8 +16,8 @@
 #include <stdexcept>
 #include <thread>
 
+#include "core/footprint/footprint.h"
 #include "core/frame/archive.h"
-#include "solver/footprint/footprint.h"
 #include "tests/bench/rows.h"
 
 namespace glasswing {

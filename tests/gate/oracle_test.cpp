@@ -8,9 +8,9 @@
 #include <random>
 #include <set>
 
+#include "core/footprint/footprint.h"
+#include "core/footprint/lit_area.h"
 #include "core/matte/compositor.h"
-#include "solver/footprint/footprint.h"
-#include "solver/footprint/lit_area.h"
 #include "solver/fringe/wave_answer.h"
 #include "solver/gaussian/joint_batch.h"
 #include "solver/gaussian/joint_fit.h"

@@ -128,6 +128,56 @@ TEST_F(CompositeCommand, BackgroundsAreScaledToTheMonitor) {
   for (const float sample : picture.samples) EXPECT_NEAR(sample, 0.375f, kExrRounding);
 }
 
+TEST_F(CompositeCommand, ErrorsAreOfSolvedPixels) {
+  Matte matte = window(0.125f);
+  for (int monitor = 0; monitor < 2; ++monitor) {
+    for (const double phi_deg : {0.0, 45.0, 90.0, 135.0}) {
+      v1::StripeSweep& sweep = *matte.metadata.add_sweeps();
+      sweep.set_texture(monitor);
+      sweep.set_phi_deg(phi_deg);
+      sweep.set_sigma_px(2.0);
+      sweep.set_first_r_px(-15.0);
+      sweep.set_last_r_px(25.0);
+      sweep.set_count(41);
+    }
+  }
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      for (int channel = 0; channel < 3; ++channel) {
+        Mode& mode = matte.modes(x, y, channel)[0];
+        mode.xx_px2 = mode.yy_px2 = 1.0f;
+        mode.weight_sd = 0.01f;
+        mode.centre_sd_px = 0.05f;
+      }
+    }
+  }
+  matte.coverage(3, 4) = 0.0f;
+  matte.flags(5, 6) = kFlagPoorFit;
+  ASSERT_TRUE(write_file_durably(matte_, encode_matte(matte).value()).ok());
+  const Outcome outcome = run_glasswing({"composite", matte_, "--background", background_, "-o",
+                                         path("out.exr"), "--error", path("error.exr")});
+  ASSERT_EQ(outcome.status, 0) << outcome.err;
+  const RadianceImage error = read_radiance(path("error.exr"), Encoding::kLinear).value();
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      const bool solved = !(x == 3 && y == 4) && !(x == 5 && y == 6);
+      EXPECT_EQ(error.at(x, y, 0) > 0.0f, solved) << x << " " << y;
+      // The weight's error times the light there, at most full scale, and the gradient's 0.05 px.
+      EXPECT_LT(error.at(x, y, 0), 0.02f);
+    }
+  }
+}
+
+TEST_F(CompositeCommand, ErrorsThatAreNotKnownAreRefused) {
+  const auto run = [this](const std::string& error) {
+    return run_glasswing(
+        {"composite", matte_, "--background", background_, "-o", path("out.exr"), "--error", path(error)});
+  };
+  expect_one_line_error(run("error.png"), "must be an .exr");
+  expect_one_line_error(run("error.exr"), "does not say how it was sampled");
+  EXPECT_FALSE(std::filesystem::exists(path("out.exr")));
+}
+
 TEST_F(CompositeCommand, BadInputIsNamedAndNothingIsWritten) {
   const auto run = [this](const std::string& matte, const std::string& background,
                           const std::string& output) {

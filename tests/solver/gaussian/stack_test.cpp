@@ -4,7 +4,7 @@
 #include <cmath>
 #include <random>
 
-#include "solver/footprint/footprint.h"
+#include "core/footprint/footprint.h"
 #include "solver/method/brightness_drift.h"
 #include "solver/methods.h"
 #include "solver/worker/parallel_solve.h"

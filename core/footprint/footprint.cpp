@@ -1,17 +1,26 @@
-#include "solver/footprint/footprint.h"
+#include "core/footprint/footprint.h"
 
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
-#include "solver/footprint/cut_footprint.h"
-#include "solver/footprint/normal_rectangle.h"
+#include "core/footprint/cut_footprint.h"
+#include "core/footprint/normal_rectangle.h"
 
 namespace glasswing {
 void Footprints::remove(int i) {
   std::move(begin() + i + 1, end(), begin() + i);
   --size_;
+}
+
+Footprint footprint_of(const Mode& mode) {
+  return {.weight = static_cast<double>(mode.weight),
+          .x_px = static_cast<double>(mode.x_px),
+          .y_px = static_cast<double>(mode.y_px),
+          .xx_px2 = static_cast<double>(mode.xx_px2),
+          .xy_px2 = static_cast<double>(mode.xy_px2),
+          .yy_px2 = static_cast<double>(mode.yy_px2)};
 }
 
 Mode mode_of(const Footprint& footprint, double weight_sd, double centre_sd_px, int texture) {

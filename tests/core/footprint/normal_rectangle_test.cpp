@@ -1,4 +1,4 @@
-#include "solver/footprint/normal_rectangle.h"
+#include "core/footprint/normal_rectangle.h"
 
 #include <gtest/gtest.h>
 
@@ -29,7 +29,8 @@ double summed(const NormalDensity& density, const Rectangle& rectangle) {
 TEST(NormalOnRectangles, ShareIsTheDensitysSum) {
   std::mt19937 random(1);
   std::uniform_real_distribution<double> place(-3.0, 3.0), sd(0.5, 2.0);
-  for (const double rho : {0.0, 0.2, -0.49, 0.51, 0.7, -0.8, 0.89, 0.91, -0.98, 0.981, 0.991, 0.9979, 0.9981, 0.9999}) {
+  for (const double rho :
+       {0.0, 0.2, -0.49, 0.51, 0.7, -0.8, 0.89, 0.91, -0.98, 0.981, 0.991, 0.9979, 0.9981, 0.9999}) {
     for (int trial = 0; trial < 20; ++trial) {
       const double sd_x = sd(random), sd_y = sd(random);
       const NormalDensity density{place(random), place(random), sd_x * sd_x, rho * sd_x * sd_y, sd_y * sd_y};

@@ -1,10 +1,10 @@
-#include "solver/footprint/normal_rectangle.h"
+#include "core/footprint/normal_rectangle.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
-#include "solver/footprint/gauss_legendre.h"
+#include "core/footprint/gauss_legendre.h"
 
 namespace glasswing {
 namespace {

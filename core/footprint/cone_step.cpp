@@ -1,4 +1,4 @@
-#include "solver/footprint/cone_step.h"
+#include "core/footprint/cone_step.h"
 
 #include <algorithm>
 #include <array>

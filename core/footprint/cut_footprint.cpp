@@ -1,4 +1,4 @@
-#include "solver/footprint/cut_footprint.h"
+#include "core/footprint/cut_footprint.h"
 
 #include <algorithm>
 #include <cmath>

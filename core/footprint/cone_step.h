@@ -3,7 +3,7 @@
 
 #include <Eigen/Dense>
 
-#include "solver/footprint/footprint.h"
+#include "core/footprint/footprint.h"
 
 namespace glasswing {
 

@@ -14,8 +14,8 @@
 
 #include <vector>
 
-#include "solver/footprint/footprint.h"
-#include "solver/footprint/normal_rectangle.h"
+#include "core/footprint/footprint.h"
+#include "core/footprint/normal_rectangle.h"
 
 namespace glasswing {
 

@@ -1,4 +1,4 @@
-#include "solver/footprint/lit_area.h"
+#include "core/footprint/lit_area.h"
 
 #include <algorithm>
 #include <cmath>

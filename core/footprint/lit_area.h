@@ -10,8 +10,8 @@
 
 #include <optional>
 
-#include "solver/footprint/footprint.h"
-#include "solver/footprint/normal_rectangle.h"
+#include "core/footprint/footprint.h"
+#include "core/footprint/normal_rectangle.h"
 
 namespace glasswing {
 
@@ -40,8 +40,12 @@ class LitShare {
   NormalShare of_before_;
 };
 
-// How much S may be off: because footprints are not quite Gaussian, by what bars would show of a box of the
-// same widths instead; and of bars that the monitor's edge cuts, if they are much finer than the
+// How much of what white and bars show may be off, because pixels and footprints are not quite what they are
+// taken for.
+inline constexpr double kWhiteError = 0.001, kBarsError = 0.01;
+
+// How much S may be off beyond that: because footprints are not quite Gaussian, by what bars would show of a
+// box of the same widths instead; and of bars that the monitor's edge cuts, if they are much finer than the
 // footprint is wide, because half of them is taken to be lit.
 double lit_share_error(const Footprint& mode, const LitArea& area, const MonitorExtent& extent);
 

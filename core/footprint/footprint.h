@@ -55,6 +55,8 @@ struct MonitorExtent {
 // As stored in the matte. An infinite standard error is unknown.
 Mode mode_of(const Footprint& footprint, double weight_sd, double centre_sd_px, int texture);
 
+Footprint footprint_of(const Mode& mode);
+
 // A stripe's direction and width.
 struct StripeAxis {
   double cos_phi = 1.0, sin_phi = 0.0;

@@ -1,0 +1,78 @@
+#include "core/footprint/light_slopes.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace glasswing {
+namespace {
+
+constexpr double kExtent = 3.7;          // standard deviations
+constexpr double kMinVariance = 0.36;    // in samples: narrower ones would fall between them
+constexpr double kLevelVariance = 0.64;  // in samples, from which a coarser level serves
+
+// Of the filter of a level's samples (pyramid.h), with the flat pixel of level 0.
+double blur_px2(double spacing_px) {
+  return 5.0 * (spacing_px * spacing_px - 1.0) / 12.0;
+}
+
+}  // namespace
+
+LitMonitor::LitMonitor(const RadianceImage& picture, const PrimaryMix& mix, int texture, int thread_count)
+    : shape_(picture.width_px, picture.height_px, 0), samples_(shape_.end()) {
+  fill_pyramid(picture, mix, texture, shape_, static_cast<int>(shape_.levels().size()), thread_count,
+               samples_.data());
+}
+
+LightSlopes LitMonitor::slopes(const Footprint& mode, int channel) const {
+  const double half = 0.5 * std::hypot(mode.xx_px2 - mode.yy_px2, 2.0 * mode.xy_px2);
+  const double narrow = 0.5 * (mode.xx_px2 + mode.yy_px2) - half + kFlatPixel_px2;
+  size_t l = 0;
+  double spacing_px = 1.0;
+  while (l + 1 < shape_.levels().size() &&
+         narrow - blur_px2(2.0 * spacing_px) >= kLevelVariance * 4.0 * spacing_px * spacing_px)
+    ++l, spacing_px *= 2.0;
+  const PyramidShape::Level& level = shape_.levels()[l];
+  // In samples of that level.
+  const double unit = 1.0 / (spacing_px * spacing_px), less = kFlatPixel_px2 - blur_px2(spacing_px);
+  const Footprint own = with_positive_covariance({.weight = 1.0,
+                                                  .x_px = mode.x_px / spacing_px - 0.5,
+                                                  .y_px = mode.y_px / spacing_px - 0.5,
+                                                  .xx_px2 = (mode.xx_px2 + less) * unit,
+                                                  .xy_px2 = mode.xy_px2 * unit,
+                                                  .yy_px2 = (mode.yy_px2 + less) * unit},
+                                                 kMinVariance);
+  const double determinant = own.xx_px2 * own.yy_px2 - own.xy_px2 * own.xy_px2;
+  const double pxx = own.yy_px2 / determinant, pxy = -own.xy_px2 / determinant,
+               pyy = own.xx_px2 / determinant;
+  const double peak = 1.0 / (2.0 * std::numbers::pi * std::sqrt(determinant));
+  const auto range = [](double centre, double reach, int size, int& first, int& last) {
+    constexpr int kBorder = PyramidShape::kBorder;
+    first = static_cast<int>(std::ceil(std::clamp(centre - reach, -1.0 * kBorder, 1.0 * (size + kBorder))));
+    last = static_cast<int>(std::floor(std::clamp(centre + reach, -1.0 - kBorder, size + kBorder - 1.0)));
+  };
+  LightSlopes sum;
+  int first_y, last_y;
+  range(own.y_px, kExtent * std::sqrt(own.yy_px2), level.height_px, first_y, last_y);
+  for (int y = first_y; y <= last_y; ++y) {
+    const double dy = y - own.y_px;
+    int first_x, last_x;
+    range(own.x_px + own.xy_px2 / own.yy_px2 * dy, kExtent / std::sqrt(pxx), level.width_px, first_x, last_x);
+    const float* const row = samples_.data() + level.at(0, y, channel);
+    for (int x = first_x; x <= last_x; ++x) {
+      const double dx = x - own.x_px, qx = pxx * dx + pxy * dy, qy = pxy * dx + pyy * dy;
+      const double light = peak * std::exp(-0.5 * (dx * qx + dy * qy)) * static_cast<double>(row[x]);
+      sum.light += light;
+      sum.by_x += light * qx;
+      sum.by_y += light * qy;
+      sum.by_xx += 0.5 * light * (qx * qx - pxx);
+      sum.by_xy += light * (qx * qy - pxy);
+      sum.by_yy += 0.5 * light * (qy * qy - pyy);
+    }
+  }
+  for (double* slope : {&sum.by_x, &sum.by_y}) *slope /= spacing_px;
+  for (double* slope : {&sum.by_xx, &sum.by_xy, &sum.by_yy}) *slope *= unit;
+  return sum;
+}
+
+}  // namespace glasswing
