@@ -50,7 +50,7 @@ class Mutants(unittest.TestCase):
 
     def test_a_fault_replaces_its_token_alone(self) -> None:
         """And is never in a comment: the compiler sees every one."""
-        path = "solver/footprint/footprint.cpp"
+        path = "core/footprint/footprint.cpp"
         source = (_ROOT / path).read_text()
         plain = stripped(source)
         for mutant in mutants.mutants(path, source)[::7]:
