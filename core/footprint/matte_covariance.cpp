@@ -1,6 +1,7 @@
 #include "core/footprint/matte_covariance.h"
 
 #include <absl/status/status.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
@@ -12,7 +13,8 @@ namespace {
 constexpr double kSeen = 5.0;         // of a mode, in sigma_r
 constexpr double kDifference = 0.01;  // of derivatives, in sigma_r
 constexpr double kRidge = 1e-10;      // of N's diagonal
-constexpr int kMaxSamples = 1 << 20;
+constexpr int kMaxSamples = 1 << 14;  // of a sweep, and pictures that are alike
+constexpr int kMaxSweeps = 256, kMaxPictures = 4096;
 constexpr double kMinBar_px = 0.5, kMaxOffset_px = 1e5;
 constexpr int kRounds = 4;  // of s and what white and bars weigh at it
 
@@ -23,6 +25,11 @@ absl::StatusOr<MatteCovariance> MatteCovariance::create(const v1::MatteMetadata&
     return absl::FailedPreconditionError(
         "the matte does not say how it was sampled, so errors of its composites are not known; mattes of "
         "method gaussian do, if solved by this version or a later one and without the option images");
+  }
+  if (metadata.sweeps_size() > kMaxSweeps || metadata.lit_pictures_size() > kMaxPictures) {
+    return absl::DataLossError(
+        fmt::format("the matte's header names {} sweeps and {} pictures; {} and {} are accepted",
+                    metadata.sweeps_size(), metadata.lit_pictures_size(), kMaxSweeps, kMaxPictures));
   }
   MatteCovariance covariance;
   for (const v1::Monitor& monitor : metadata.monitors()) {
