@@ -60,8 +60,7 @@ absl::Status put_frame(const Peer<v1::ArchiveService>& archive, const std::strin
 // Frames are stored as TIFF. False for foreign archives, whose frames are renamed by their index.
 bool has_own_names(const v1::CaptureManifest& manifest) {
   return std::all_of(manifest.frames().begin(), manifest.frames().end(), [](const v1::Frame& frame) {
-    const fs::path file(frame.file());
-    return file.parent_path() == "frames" && file.extension() == ".tif";
+    return is_stored_name(frame.file()) && fs::path(frame.file()).extension() == ".tif";
   });
 }
 

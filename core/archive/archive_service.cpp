@@ -28,8 +28,7 @@ absl::Status put(ArchiveStore& store, grpc::ServerReader<v1::PutFrameRequest>& r
     if (bytes.size() > kMaxFrameBytes) return absl::InvalidArgumentError("the frame is larger than 2 GiB");
   }
   const v1::Frame& frame = first.frame();
-  const std::filesystem::path file(frame.file());
-  if (file.is_absolute() || file.parent_path() != "frames" || file.filename() == "..") {
+  if (!is_stored_name(frame.file())) {
     return absl::InvalidArgumentError(fmt::format("file is \"{}\"; it must be frames/NAME", frame.file()));
   }
   if (frame.checksum() != checksum_of(bytes)) {

@@ -34,13 +34,31 @@ bool same_frame(const v1::Frame& a, const v1::Frame& b) {
   return a.step() >= 0 && b.step() >= 0 ? a.step() == b.step() : a.file() == b.file();
 }
 
+absl::Status check_new_frame(const v1::Frame& frame) {
+  GW_RETURN_IF_ERROR(check_frame(frame));
+  if (is_stored_name(frame.file())) return absl::OkStatus();
+  return absl::InvalidArgumentError(fmt::format(
+      "a new frame's file is \"{}\"; it must be frames/NAME, and NAME not start with a dot", frame.file()));
+}
+
+bool is_sealed(const fs::path& directory) {
+  std::error_code error;
+  return fs::exists(directory / "manifest.json", error);
+}
+
 }  // namespace
+
+bool is_stored_name(const std::string& file) {
+  const std::string name = fs::path(file).filename();
+  return !name.empty() && name.front() != '.' && file == "frames/" + name;
+}
 
 Archive::Archive(fs::path directory, v1::CaptureManifest manifest)
     : directory_(std::move(directory)),
       width_px_(manifest.camera().width_px()),
       height_px_(manifest.camera().height_px()),
-      manifest_(std::move(manifest)) {
+      manifest_(std::move(manifest)),
+      sealed_(is_sealed(directory_)) {
   for (int i = 0; i < manifest_.frames_size(); ++i) index_of_file_[manifest_.frames(i).file()] = i;
 }
 
@@ -121,7 +139,8 @@ absl::StatusOr<std::vector<v1::Frame>> Archive::add(const std::vector<NewFrame>&
       stored.push_back(*known);
       continue;
     }
-    GW_RETURN_IF_ERROR(check_frame(record));
+    GW_RETURN_IF_ERROR(check_open());
+    GW_RETURN_IF_ERROR(check_new_frame(record));
     if (index_of_file_.contains(record.file()) || std::ranges::any_of(fresh, has_file))
       return absl::AlreadyExistsError(fmt::format("{} holds another {}", directory_.string(), record.file()));
     if (frame.image.width_px != width_px_ || frame.image.height_px != height_px_) {
@@ -141,6 +160,12 @@ absl::StatusOr<std::vector<v1::Frame>> Archive::add(const std::vector<NewFrame>&
   return stored;
 }
 
+absl::Status Archive::check_open() const {
+  if (!sealed_) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      fmt::format("{} is sealed: it takes no new frames", directory_.string()));
+}
+
 absl::Status Archive::enter(const std::vector<v1::Frame>& fresh) {
   std::string journal_lines;
   for (const v1::Frame& record : fresh) journal_lines += archive_json(record, false) + "\n";
@@ -157,7 +182,7 @@ absl::Status Archive::enter(const std::vector<v1::Frame>& fresh) {
 
 absl::Status Archive::add_copies(const std::vector<CopiedFrame>& frames) {
   for (const auto& [record, bytes] : frames) {
-    GW_RETURN_IF_ERROR(check_frame(record));
+    GW_RETURN_IF_ERROR(check_new_frame(record));
     if (checksum_of(bytes) != record.checksum() || !check_tiff_header(bytes, width_px_, height_px_).ok()) {
       return absl::InvalidArgumentError(fmt::format("{} has checksum {}, announced was {}", record.file(),
                                                     checksum_of(bytes), record.checksum()));
@@ -179,6 +204,7 @@ absl::Status Archive::add_copies(const std::vector<CopiedFrame>& frames) {
 absl::Status Archive::seal() {
   const std::lock_guard lock(mutex_);
   GW_RETURN_IF_ERROR(write_file_durably(directory_ / "manifest.json", archive_json(manifest_, true)));
+  sealed_ = true;
   fault_point("archive sealed");
   return absl::OkStatus();
 }

@@ -46,6 +46,9 @@ absl::Status check_manifest(const v1::CaptureManifest& manifest);
 // The same for its parts. A header has no frames yet, and may lack monitors.
 absl::Status check_manifest_header(const v1::CaptureManifest& manifest);
 absl::Status check_frame(const v1::Frame& frame);
+// Whether an archive stores new frames under this name: frames/NAME, spelled just so (another spelling would
+// be another frame in the same file), and NAME without a dot at its start.
+bool is_stored_name(const std::string& file);
 
 // Thread-safe.
 class Archive {
@@ -68,8 +71,9 @@ class Archive {
   };
   // Stores a batch; durable when it returns. A frame whose step (or file, where there are no steps) is stored
   // already is left unchanged. Returns the records now in the archive, in the batch's order.
-  // RESOURCE_EXHAUSTED: the disk is full; INVALID_ARGUMENT: check_frame() refuses a record, or a picture has
-  // the wrong size; ALREADY_EXISTS: a frame of another step has that file name.
+  // RESOURCE_EXHAUSTED: the disk is full; INVALID_ARGUMENT: check_frame() or is_stored_name() refuses a
+  // record, or a picture has the wrong size; ALREADY_EXISTS: a frame of another step has that file name;
+  // FAILED_PRECONDITION: a new frame for a sealed archive.
   absl::StatusOr<std::vector<v1::Frame>> add(const std::vector<NewFrame>& frames);
 
   // A frame's file, copied from another archive of the session.
@@ -102,6 +106,7 @@ class Archive {
   Archive(std::filesystem::path directory, v1::CaptureManifest manifest);
   absl::StatusOr<v1::Frame> find(const std::string& file) const;
   absl::Status verify(const MappedFile& mapped, const v1::Frame& frame) const;
+  absl::Status check_open() const;  // FAILED_PRECONDITION if it is sealed; requires mutex_
   // Appends to the journal, then to manifest_. Requires mutex_.
   absl::Status enter(const std::vector<v1::Frame>& fresh);
 
@@ -109,6 +114,7 @@ class Archive {
   const int width_px_, height_px_;  // of every frame
   mutable std::mutex mutex_;
   v1::CaptureManifest manifest_;                                     // guarded by mutex_
+  bool sealed_;                                                      // guarded by mutex_
   std::map<std::string, int> index_of_file_;                         // guarded by mutex_
   std::map<std::string, FileIdentity> verified_;                     // guarded by mutex_
   std::map<std::string, std::shared_ptr<const MappedFile>> mapped_;  // guarded by mutex_

@@ -159,6 +159,42 @@ TEST_F(ArchiveTest, NoFrameIsStoredOverAnother) {
     EXPECT_TRUE(archive->read_frame_bytes(each.file()).ok()) << each.file();
 }
 
+TEST_F(ArchiveTest, AFileHasOneName) {
+  const auto archive = Archive::create(directory_, header_).value();
+  const v1::Frame stored = archive->add({frame(0)}).value()[0];
+  const std::string bytes = archive->read_frame_bytes(stored.file()).value();
+  for (const char* spelling :
+       {"frames//000000.tif", "frames/./000000.tif", "./frames/000000.tif", "frames/../frames/000000.tif",
+        "/frames/000000.tif", "frames/", "frames/.", "frames/..", "frames/.hidden.tif", "frames",
+        "000000.tif", "header.json", "frames/sub/000000.tif"}) {
+    Archive::NewFrame other = frame(1);
+    other.record.set_file(spelling);
+    const absl::Status refused = archive->add({other}).status();
+    EXPECT_TRUE(absl::IsInvalidArgument(refused)) << spelling << ": " << refused;
+    const std::string copy = encode_tiff(other.image);
+    other.record.set_checksum(checksum_of(copy));
+    EXPECT_TRUE(absl::IsInvalidArgument(archive->add_copies({{.record = other.record, .bytes = copy}})))
+        << spelling;
+  }
+  EXPECT_EQ(archive->manifest().frames_size(), 1);
+  EXPECT_EQ(read_file(directory_ / stored.file()).value(), bytes);
+}
+
+TEST_F(ArchiveTest, ASealedArchiveTakesNoNewFrames) {
+  {
+    const auto archive = Archive::create(directory_, header_).value();
+    ASSERT_TRUE(archive->add({frame(0)}).ok());
+    ASSERT_TRUE(archive->seal().ok());
+    EXPECT_TRUE(absl::IsFailedPrecondition(archive->add({frame(1)}).status()));
+  }
+  const auto again = Archive::open(directory_).value();
+  EXPECT_TRUE(absl::IsFailedPrecondition(again->add({frame(1)}).status()));
+  // Asked for again, as after a lost answer, what it has is there.
+  EXPECT_EQ(again->add({frame(0)}).value()[0].checksum(), again->manifest().frames(0).checksum());
+  EXPECT_EQ(again->manifest().frames_size(), 1);
+  EXPECT_FALSE(fs::exists(directory_ / "frames/000001.tif"));
+}
+
 TEST_F(ArchiveTest, DamageIsNamed) {
   std::string file;
   {
