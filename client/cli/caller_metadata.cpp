@@ -13,7 +13,7 @@ namespace glasswing {
 namespace {
 
 // Metadata is printable ASCII.
-std::string printable(std::string text) {
+std::string ascii(std::string text) {
   std::ranges::replace_if(
       text, [](char c) { return c < ' ' || c > '~'; }, '?');
   return text;
@@ -23,8 +23,8 @@ std::string user_at_host() {
   const passwd* const user = ::getpwuid(::geteuid());
   std::array<char, 256> host{};
   if (::gethostname(host.data(), host.size() - 1) != 0) host = {"?"};
-  return printable(std::string(user == nullptr ? std::to_string(::geteuid()) : user->pw_name) + "@" +
-                   host.data());
+  return ascii(std::string(user == nullptr ? std::to_string(::geteuid()) : user->pw_name) + "@" +
+               host.data());
 }
 
 class CallerMetadata final : public grpc::ClientContext::GlobalCallbacks {
@@ -32,7 +32,7 @@ class CallerMetadata final : public grpc::ClientContext::GlobalCallbacks {
   void DefaultConstructor(grpc::ClientContext* context) override {
     context->AddMetadata("glasswing-client", client_);
     const char* const hold = std::getenv(kHoldVariable);
-    if (hold != nullptr && *hold != '\0') context->AddMetadata("glasswing-hold", printable(hold));
+    if (hold != nullptr && *hold != '\0') context->AddMetadata("glasswing-hold", ascii(hold));
   }
   void Destructor(grpc::ClientContext*) override {}
 

@@ -8,6 +8,7 @@
 #include <iostream>
 
 #include "client/cli/colour.h"
+#include "core/base/utf8.h"
 #include "core/pattern/plan.h"
 
 namespace glasswing {
@@ -66,6 +67,9 @@ void print_table(const Client& client, const std::vector<Column>& columns,
   std::vector<std::vector<std::string>> lines(1);
   for (const Column& column : columns) lines[0].push_back(column.title);
   lines.insert(lines.end(), rows.begin(), rows.end());
+  if (!client.tsv) {
+    for (std::vector<std::string>& line : lines) std::ranges::transform(line, line.begin(), printable);
+  }
   std::vector<size_t> widths(columns.size(), 0);
   for (const auto& line : lines) {
     for (size_t c = 0; c < widths.size(); ++c) widths[c] = std::max(widths[c], width_of(line[c]));

@@ -1,12 +1,14 @@
 #include "core/telemetry/logs.h"
 
 #include <absl/time/time.h>
-#include <spdlog/formatter.h>
+#include <spdlog/pattern_formatter.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 
 #include <nlohmann/json.hpp>
 #include <optional>
+
+#include "core/base/utf8.h"
 
 namespace glasswing {
 namespace {
@@ -44,12 +46,27 @@ std::optional<Field> take_field(std::string_view& text) {
   return field;
 }
 
+std::string_view view_of(spdlog::string_view_t text) {
+  return {text.data(), text.size()};
+}
+
+// Words of others stay within their line.
+class MessageFormatter final : public spdlog::custom_flag_formatter {
+ public:
+  void format(const spdlog::details::log_msg& log, const std::tm&, spdlog::memory_buf_t& to) override {
+    const std::string line = printable(view_of(log.payload));
+    to.append(line.data(), line.data() + line.size());
+  }
+  std::unique_ptr<spdlog::custom_flag_formatter> clone() const override {
+    return std::make_unique<MessageFormatter>();
+  }
+};
+
 class JsonFormatter final : public spdlog::formatter {
  public:
   void format(const spdlog::details::log_msg& log, spdlog::memory_buf_t& to) override {
-    const auto view = [](spdlog::string_view_t text) { return std::string_view(text.data(), text.size()); };
-    const std::string line = json_line(log.time, view(spdlog::level::to_string_view(log.level)),
-                                       view(log.logger_name), view(log.payload));
+    const std::string line = json_line(log.time, view_of(spdlog::level::to_string_view(log.level)),
+                                       view_of(log.logger_name), view_of(log.payload));
     to.append(line.data(), line.data() + line.size());
     to.push_back('\n');
   }
@@ -72,7 +89,9 @@ void start_logging(const std::string& program, const LogOptions& options) {
   if (options.format == "json") {
     logger->set_formatter(std::make_unique<JsonFormatter>());
   } else {
-    logger->set_pattern("%Y-%m-%dT%H:%M:%S.%eZ %l %n: %v", spdlog::pattern_time_type::utc);
+    auto lines = std::make_unique<spdlog::pattern_formatter>(spdlog::pattern_time_type::utc);
+    lines->add_flag<MessageFormatter>('*').set_pattern("%Y-%m-%dT%H:%M:%S.%eZ %l %n: %*");
+    logger->set_formatter(std::move(lines));
   }
   logger->set_level(spdlog::level::from_str(options.level));
   logger->flush_on(spdlog::level::info);

@@ -37,5 +37,27 @@ TEST(Utf8, WordsAreAndBytesAreNot) {
   EXPECT_FALSE(is_utf8("\xf8\x88\x80\x80\x80"));
 }
 
+TEST(Printable, MovesNoCursorAndStaysOnItsLine) {
+  EXPECT_EQ(printable("a gläserner Krug, 玻璃, \xf0\x9f\xa5\x83 \\ \"x\""),
+            "a gläserner Krug, 玻璃, \xf0\x9f\xa5\x83 \\ \"x\"");
+  EXPECT_EQ(printable("one\ntwo\tthree\r"), "one\\ntwo\\tthree\\x0d");
+  EXPECT_EQ(printable("\x1b[2Jgone\x7f"), "\\x1b[2Jgone\\x7f");
+  EXPECT_EQ(printable(std::string("a\0b", 3)), "a\\x00b");
+  EXPECT_EQ(printable("\u009b2J"), R"(\xc2\x9b2J)");      // CSI as one character
+  EXPECT_EQ(printable("a\u2028b"), R"(a\xe2\x80\xa8b)");  // line separator
+  EXPECT_EQ(printable("a\u202eb"), R"(a\xe2\x80\xaeb)");  // right to left
+  EXPECT_EQ(printable("a\xff\xc3"), "a\\xff\\xc3");
+}
+
+TEST(Printable, OfEveryCharacterNoneIsLeftThatATerminalObeys) {
+  for (std::uint32_t code = 0; code <= 0x10ffff; ++code) {
+    const std::string shown = printable(encoded(code));
+    ASSERT_TRUE(is_utf8(shown)) << code;
+    const bool obeyed = code < 0x20 || (code >= 0x7f && code < 0xa0);
+    ASSERT_TRUE(!obeyed || shown[0] == '\\') << code;
+    for (const char byte : shown) ASSERT_FALSE((byte >= 0 && byte < 0x20) || byte == 0x7f) << code;
+  }
+}
+
 }  // namespace
 }  // namespace glasswing

@@ -55,6 +55,21 @@ TEST(Logs, AJsonLineHasTimeLevelProgramAndMessage) {
   EXPECT_EQ(line["seconds"], "1.50");
 }
 
+TEST(Logs, WordsOfOthersStayWithinTheirLine) {
+  const auto before = spdlog::default_logger();
+  testing::internal::CaptureStderr();
+  start_logging("glasswing-lines", {});
+  spdlog::info("held reason=\"lunch\n2009-02-13T23:31:30.123Z info glasswing-server: audit \x1b[2Jx\"");
+  const std::string text = testing::internal::GetCapturedStderr();
+  spdlog::set_default_logger(before);
+  EXPECT_TRUE(text.ends_with(
+      R"( info glasswing-lines: held reason="lunch\n2009-02-13T23:31:30.123Z info glasswing-server: audit \x1b[2Jx")"
+      "\n"))
+      << text;
+  EXPECT_EQ(text.find('\n'), text.size() - 1);
+  EXPECT_EQ(text.find('\x1b'), std::string::npos);
+}
+
 TEST(Logs, AFieldNeverReplacesAnother) {
   const nlohmann::json line = line_of("played program=p1 time=now a=1 a=2");
   EXPECT_EQ(line["program"], "glasswing-test");
