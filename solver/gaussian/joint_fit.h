@@ -5,6 +5,8 @@
 //        + sum_a w_a (y_a - f u_a - sum_m R_m S_ma)^2                  S_ma: lit_area.h
 //        + w_bound sum_m max(R_m - 1, 0)^2
 //
+// A saturated sample is a lower bound: it is among the samples i only where the model is below it.
+//
 // f is light that no pattern moves, beyond what was subtracted; 0 if w_f is infinite. The minimum over it is
 // taken at every step, which leaves the other unknowns with N - n n'/(U + w_f), where n = sum_i w_i u_i J_i
 // and U = sum_i w_i u_i^2, over all samples i and a. Samples a are of white (eq. 13) and of bars. No object
@@ -59,6 +61,9 @@ struct PixelSamples {
   std::vector<float> y;  // padded_count values
   // The variance of an ordinary sample divided by this one's; 0: saturated, missing or padding.
   std::vector<float> weight;
+  // Of a saturated sample, whose y is what it is at least: its weight where the model is below; else 0. Empty
+  // if none is saturated.
+  std::vector<float> at_least = {};
   // With these, footprints are where they are; without, as stripes see them (footprint.h).
   std::vector<AreaSample> areas = {};
   double floor_weight = INFINITY;  // w_f
@@ -84,6 +89,7 @@ struct NormalEquations {
 struct JointWorkspace {
   std::vector<float> residual;  // after evaluate: y - f - model, as PixelSamples.y
   std::vector<float> columns;   // the derivatives, one after another
+  std::vector<float> weight;    // of the samples that count, if some are saturated
   std::vector<AreaRow> areas;   // of PixelSamples.areas
 };
 

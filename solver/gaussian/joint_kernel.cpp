@@ -430,9 +430,8 @@ Range Reach(const Footprint& mode, const SampleLayout::Sweep& sweep, const float
 }
 
 // Computes chi2 and its part within the modes' ranges.
-void AddSquares(const PixelSamples& samples, const SampleLayout::Sweep& sweep, const float* residual,
+void AddSquares(const float* w, const SampleLayout::Sweep& sweep, const float* residual,
                 std::span<Range> ranges, NormalEquations& equations) {
-  const float* w = samples.weight.data() + sweep.first;
   equations.chi2 += WeightedSquares(w, residual, {0, sweep.padded_count});
   for (size_t i = 1; i < ranges.size(); ++i) {
     for (size_t k = i; k > 0 && ranges[k].begin < ranges[k - 1].begin; --k)
@@ -468,6 +467,7 @@ class SumsAt {
         extent_(extent),
         workspace_(workspace),
         equations_(equations),
+        weight_(samples.weight.data()),
         stride_(samples.y.size()),
         sweep_count_(layout_.sweeps.size()),
         mode_count_(static_cast<size_t>(modes.size())) {}
@@ -476,6 +476,7 @@ class SumsAt {
     equations_.chi2 = equations_.near_chi2 = equations_.near_neighbours = equations_.floor = 0.0;
     equations_.near_count = 0;
     SubtractModes();
+    if (!samples_.at_least.empty()) CountBounds();
     const double floors = std::isfinite(samples_.floor_weight) ? SubtractFloor() : 0.0;
     AddAllSquares();
     AddProducts();
@@ -512,9 +513,19 @@ class SumsAt {
     }
   }
 
+  // Saturated samples count where the modes are below them.
+  void CountBounds() {
+    workspace_.weight.assign(samples_.weight.begin(), samples_.weight.end());
+    for (size_t i = 0; i < stride_; ++i) {
+      if (workspace_.residual[i] > 0.0f && samples_.at_least[i] > 0.0f)
+        workspace_.weight[i] = samples_.at_least[i];
+    }
+    weight_ = workspace_.weight.data();
+  }
+
   // Takes the best floor from the residual; returns U + w_f.
   double SubtractFloor() {
-    const float *w = samples_.weight.data(), *u = samples_.floor_answer.data();
+    const float *w = weight_, *u = samples_.floor_answer.data();
     const Range all{0, static_cast<int>(stride_)};
     double sum = WeightedProduct(w, u, workspace_.residual.data(), all);
     double floors = samples_.floor_weight + WeightedProduct(w, u, u, all);
@@ -535,13 +546,14 @@ class SumsAt {
       Range own[kMaxFootprints];
       for (size_t m = 0; m < mode_count_; ++m)
         own[m] = {reach_[m][s].begin - sweep.first, reach_[m][s].end - sweep.first};
-      AddSquares(samples_, sweep, workspace_.residual.data() + sweep.first, {own, mode_count_}, equations_);
+      AddSquares(weight_ + sweep.first, sweep, workspace_.residual.data() + sweep.first, {own, mode_count_},
+                 equations_);
     }
   }
 
   // The gradient and the matrix.
   void AddProducts() {
-    const float* w = samples_.weight.data();
+    const float* w = weight_;
     for (size_t m = 0; m < mode_count_; ++m) {
       Gradient(w, workspace_.residual.data(), Columns(m), stride_, {reach_[m], sweep_count_},
                &equations_.gradient[6 * m]);
@@ -564,7 +576,7 @@ class SumsAt {
 
   // N - n n'/(U + w_f)
   void EliminateFloor(double floors) {
-    const float *w = samples_.weight.data(), *u = samples_.floor_answer.data();
+    const float *w = weight_, *u = samples_.floor_answer.data();
     double by[kMaxParameters];  // n
     for (size_t m = 0; m < mode_count_; ++m) {
       for (size_t p = 6 * m; p < 6 * m + 6; ++p) {
@@ -585,6 +597,7 @@ class SumsAt {
   const MonitorExtent& extent_;
   JointWorkspace& workspace_;
   NormalEquations& equations_;
+  const float* weight_;  // of the samples that count
   const size_t stride_, sweep_count_, mode_count_;
   Range reach_[kMaxFootprints][kMaxSweeps];  // of the samples
 };

@@ -44,7 +44,7 @@ void SampleTile::load(const FrameStack& stack, int row, int first_lane, int lane
   weights_.resize(samples_.size());
   const float saturated = stack.radiance(kSaturatedCode) - 0.5f * stack.unit;
   std::transform(samples_.begin(), samples_.end(), weights_.begin(),
-                 [=](float value) { return value >= saturated ? 0.0f : 1.0f; });
+                 [=](float value) { return value >= saturated ? -1.0f : 1.0f; });
 }
 
 void SampleTile::need_weights() {
@@ -66,7 +66,8 @@ void SampleTile::load_brackets(const FrameStack& stack, size_t row_start, int la
         const size_t at =
             (block * sample_count_ + sample) * kBlockLanes + static_cast<size_t>(lane % kBlockLanes);
         samples_[at] = static_cast<float>(merged.radiance);
-        weights_[at] = merged.saturated ? 0.0f : static_cast<float>(noise.variance(0.0) / merged.variance);
+        const auto weight = static_cast<float>(noise.variance(0.0) / merged.variance);
+        weights_[at] = merged.saturated ? -weight : weight;
       }
       ++sample;
     }

@@ -29,7 +29,8 @@ class SampleTile {
   // One sweep of a block; samples may be modified.
   float* samples(int block, size_t sweep) { return samples_.data() + place(block, sweep); }
   const float* samples(int block, size_t sweep) const { return samples_.data() + place(block, sweep); }
-  // A sample's weight in frames of the reference exposure: 0 if saturated. Only if weighted(): with several
+  // A sample's weight in frames of the reference exposure; negative if saturated, when the sample is a lower
+  // bound that counts with this weight where a model is below it. Only if weighted(): with several
   // exposures or a saturated sample.
   const float* weights(int block, size_t sweep) const { return weights_.data() + place(block, sweep); }
   float* weights(int block, size_t sweep) { return weights_.data() + place(block, sweep); }

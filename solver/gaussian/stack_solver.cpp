@@ -289,7 +289,7 @@ void StackSolver::weigh(int block_index, const float* inverse_peak) {
     }
   }
   for (size_t lane = 0; lane < kBlockLanes; ++lane) {
-    if (least[lane] == 0.0f) block.saturated |= 1u << lane;
+    if (least[lane] < 0.0f) block.saturated |= 1u << lane;
   }
 }
 
@@ -343,7 +343,9 @@ void StackSolver::fit_usual(size_t t) {
       pixel.start = usual_start(texture.samples, peaks_of(t, block, lane), max_modes_);
       const bool cut = std::any_of(pixel.start.begin(), pixel.start.end(),
                                    [&](const Footprint& mode) { return near_edge(mode, texture.extent); });
-      if (pixel.start.empty() || cut) continue;
+      // Bounds and edges are for fit_jointly.
+      const bool bounded = (blocks_[static_cast<size_t>(block)].saturated >> lane & 1u) != 0;
+      if (pixel.start.empty() || cut || bounded) continue;
       for (size_t k = 0; k < texture.sweeps.size(); ++k) {
         pixel.y[k] = tile_.samples(block, texture.sweeps[k]) + lane;
         if (tile_.weighted()) pixel.weight[k] = tile_.weights(block, texture.sweeps[k]) + lane;
@@ -377,6 +379,8 @@ void StackSolver::load_samples(size_t t, int block_index, int lane) {
   samples_.y.assign(size, 0.0f);
   samples_.weight.assign(size, 0.0f);
   samples_.floor_answer.assign(size, 0.0f);
+  const bool bounded = (block.saturated >> lane & 1u) != 0;
+  samples_.at_least.assign(bounded ? size : 0, 0.0f);
   const float* const inverse_peak = inverse_peak_[block.first_lane % kChannels].data() + lane;
   for (size_t k = 0; k < texture.sweeps.size(); ++k) {
     const size_t s = texture.sweeps[k];
@@ -386,7 +390,9 @@ void StackSolver::load_samples(size_t t, int block_index, int lane) {
     const float* inverse = inverse_peak + (tile_.samples(0, s) - tile_.samples(0, 0));
     for (size_t i = 0; i < layout_.sweeps[s].r_px.size(); ++i) {
       samples_.y[first + i] = samples[i * kBlockLanes];
-      samples_.weight[first + i] = weights != nullptr ? weights[i * kBlockLanes] : 1.0f;
+      const float weight = weights != nullptr ? weights[i * kBlockLanes] : 1.0f;
+      samples_.weight[first + i] = std::max(weight, 0.0f);
+      if (weight < 0.0f) samples_.at_least[first + i] = -weight;
       samples_.floor_answer[first + i] = inverse[i * kBlockLanes];
     }
   }
@@ -426,9 +432,10 @@ void StackSolver::load_areas(size_t t, int block_index, int lane, int y, const J
     for (int m = 0; m < fit.modes.size(); ++m) {
       const Footprint& mode = fit.modes[m];
       shape += mode.weight * lit_share_error(mode, area.lit, texture.extent);
-      if (dark) light += area.light * mode.weight * shares[static_cast<size_t>(m)].of(area.lit).share;
+      if (dark || seen.saturated)
+        light += area.light * mode.weight * shares[static_cast<size_t>(m)].of(area.lit).share;
     }
-    if (seen.saturated) continue;
+    if (seen.saturated && light >= seen.radiance) continue;  // it is at least that
     if (dark) {
       const double sd = std::sqrt(own);
       sample.y =

@@ -74,6 +74,53 @@ INSTANTIATE_TEST_SUITE_P(
         Footprint{
             .weight = 0.8, .x_px = 122.0, .y_px = 93.0, .xx_px2 = 90.0, .xy_px2 = -20.0, .yy_px2 = 40.0}));
 
+// A peak of twice what the camera takes: the flanks say how high it is, and the cut samples only that it is
+// not lower. With one sweep's flanks gone too, the bounds are all there is.
+TEST(JointFit, SaturatedSamplesAreBounds) {
+  const SampleLayout layout = four_sweeps(4.0);
+  std::mt19937 random(5);
+  constexpr double kNoiseSd = 0.002, kFull = 0.4;
+  Footprints truth;
+  truth.push_back({.weight = 0.9, .x_px = 60.0, .y_px = 45.0, .xx_px2 = 9.0, .xy_px2 = 2.0, .yy_px2 = 6.0});
+  PixelSamples samples = recorded(truth, layout, kNoiseSd, random);
+  samples.at_least.assign(samples.y.size(), 0.0f);
+  int cut = 0;
+  for (size_t i = 0; i < samples.y.size(); ++i) {
+    if (samples.weight[i] == 0.0f || samples.y[i] < static_cast<float>(kFull)) continue;
+    samples.y[i] = static_cast<float>(kFull);
+    samples.weight[i] = 0.0f;
+    samples.at_least[i] = 1.0f;
+    ++cut;
+  }
+  ASSERT_GT(cut, 8);
+  JointWorkspace workspace;
+  const JointFit fit = fit_jointly(samples, truth, kExtent, 60, workspace);
+  ASSERT_TRUE(fit.converged);
+  EXPECT_NEAR(fit.modes[0].weight, 0.9, 4.0 * fit.weight_sd[0]);
+  EXPECT_LT(fit.weight_sd[0], 0.02);
+
+  // Too dark a footprint is pulled up to the bounds, by them alone.
+  for (float& weight : samples.weight) weight = 0.0f;
+  Footprints dim = truth;
+  dim[0].weight = 0.2;
+  NormalEquations at;
+  evaluate(samples, dim, kExtent, workspace, at);
+  EXPECT_GT(at.gradient[0], 0.0);
+  EXPECT_EQ(at.near_count, cut);
+  // And a bright one is left alone.
+  dim[0].weight = 1.5;
+  evaluate(samples, dim, kExtent, workspace, at);
+  double bounds_met = 0.0;
+  for (const SampleLayout::Sweep& sweep : layout.sweeps) {
+    for (int i = 0; i < sweep.count; ++i) {
+      if (samples.at_least[static_cast<size_t>(sweep.first + i)] > 0.0f)
+        bounds_met += answer(dim, layout, sweep, i) >= kFull ? 1.0 : 0.0;
+    }
+  }
+  EXPECT_EQ(bounds_met, cut);
+  EXPECT_EQ(at.chi2, 0.0);
+}
+
 double residual_sd(const JointFit& fit) {
   return std::sqrt(fit.near_chi2 / (fit.near_count - 6 * fit.modes.size()));
 }

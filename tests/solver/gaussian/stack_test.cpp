@@ -92,7 +92,7 @@ class SimulatedStack {
     for (const auto& frame : frames_) stack.rows.push_back(frame);
     return stack;
   }
-  absl::StatusOr<std::vector<float>> drift() const {
+  absl::StatusOr<std::vector<std::array<float, 3>>> drift() const {
     return measure_brightness_drift(manifest_, [this](int row, const std::vector<int>& frames) {
       constexpr std::ptrdiff_t kRow = kWidth * 3;
       std::vector<std::uint16_t> samples;
@@ -365,7 +365,7 @@ TEST(Stack, AMonitorThatFadesBiasesWeightsUnlessWhiteIsShownAgain) {
   for (size_t i = 1; i < stack.brightness.size(); ++i) {
     // Sums over 216 samples of about 0.5 with a noise of 0.002, twice and over two frames each: 0.0005.
     if (simulated.manifest().frames(static_cast<int>(i)).object()) {
-      EXPECT_NEAR(static_cast<double>(stack.brightness[i]),
+      EXPECT_NEAR(static_cast<double>(stack.brightness[i][0]),
                   1.0 - 0.06 * (static_cast<double>(i) - 1.0) / 300.0, 5.0 * 0.0005);
     }
   }
