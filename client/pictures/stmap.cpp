@@ -17,6 +17,7 @@ namespace {
 
 struct StmapArguments {
   std::string matte, output, monitor, channel;
+  int path = 0;
 };
 
 absl::StatusOr<int> texture_of(const v1::MatteMetadata& metadata, const std::string& monitor) {
@@ -42,7 +43,7 @@ absl::Status write_stmap(const Client& client, const StmapArguments& arguments) 
       arguments.channel.empty()
           ? strongest_channel(matte, texture)
           : static_cast<int>(std::ranges::find(kChannelNames, arguments.channel) - kChannelNames.begin());
-  GW_ASSIGN_OR_RETURN(const std::string bytes, encode_stmap(matte, texture, channel));
+  GW_ASSIGN_OR_RETURN(const std::string bytes, encode_stmap(matte, texture, channel, arguments.path));
   GW_RETURN_IF_ERROR(write_file_durably(arguments.output, bytes));
   const std::string& monitor = matte.metadata.monitors(texture).name();
   const char* colour = kChannelNames[static_cast<size_t>(channel)];
@@ -64,7 +65,7 @@ absl::Status write_stmap(const Client& client, const StmapArguments& arguments) 
 
 void add_stmap_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand(
-      "stmap", "Write a matte's strongest path as an STMap, by which compositing programs warp a picture.");
+      "stmap", "Write one path of a matte as an STMap, by which compositing programs warp a picture.");
   command.footer(
       "R and G are the position on the monitor, 0 to 1 from its bottom left corner; B and A are 1 where "
       "there\n"
@@ -75,6 +76,7 @@ void add_stmap_command(CLI::App& app, Client& client) {
       "--st_warp:flip_t=1 -o WARPED\n\n"
       "Examples:\n"
       "  glasswing stmap vase.exr -o vase_st.exr\n"
+      "  glasswing stmap vase.exr --path 2 -o vase_reflection_st.exr\n"
       "  glasswing stmap vase.exr --monitor left --channel b -o vase_left_b.exr");
   auto arguments = std::make_shared<StmapArguments>();
   command.add_option("matte", arguments->matte, "a matte that glasswing fetch wrote")->required();
@@ -84,6 +86,11 @@ void add_stmap_command(CLI::App& app, Client& client) {
       .add_option("--channel", arguments->channel,
                   "channel of the path; default: g, or another channel if much more of its light arrives")
       ->check(CLI::IsMember(kChannelNames));
+  command
+      .add_option("--path", arguments->path,
+                  "follow one path of light across pixels: 1 has the most light, then 2 and so on; default: "
+                  "each pixel's strongest path")
+      ->check(CLI::Range(1, kMaxModes));
   command.callback([&client, arguments] {
     client.run = [&client, arguments] { return write_stmap(client, *arguments); };
   });

@@ -5,27 +5,49 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "core/base/status.h"
 #include "core/matte/exr_writer.h"
+#include "core/matte/light_paths.h"
 
 namespace glasswing {
 namespace {
 
-// No object sends more light than it gets: such a mode's light is that of others, less what they have too
-// much.
 constexpr float kMaxWeight = 1.05f;
 constexpr std::array<const char*, kChannels> kColours{"R", "G", "B"};
 
+// One part whose channels, by name, are as large as the matte.
+absl::StatusOr<std::string> encode_planes(const std::map<std::string, std::vector<float>>& planes,
+                                          const std::string& conventions, const Matte& matte) {
+  ExrPart part{.name = "stmap", .channels = {}, .attributes = {{"glasswing:conventions", conventions}}};
+  std::vector<const float*> rows;
+  for (const auto& [name, plane] : planes) {
+    part.channels.push_back(name);
+    rows.push_back(plane.data());
+  }
+  return written_exr([&] {
+    ExrWriter writer({part}, window_of(matte));
+    for (int y = 0; y < matte.height_px(); ++y) {
+      writer.put(0, rows);
+      for (const float*& row : rows) row += matte.width_px();
+    }
+    return writer.finish();
+  });
+}
+
 }  // namespace
+
+bool is_plausible(const Mode& mode) {
+  return mode.weight > 0.0f && mode.weight <= kMaxWeight;
+}
 
 const Mode* strongest_mode(const Matte& matte, int x, int y, int channel, int texture) {
   const Mode* strongest = nullptr;
   for (const Mode& mode : matte.modes(x, y, channel)) {
-    if (mode.weight <= 0.0f || mode.weight > kMaxWeight || (texture >= 0 && mode.texture != texture))
-      continue;
+    if (!is_plausible(mode) || (texture >= 0 && mode.texture != texture)) continue;
     if (strongest == nullptr || mode.weight > strongest->weight) strongest = &mode;
   }
   return strongest;
@@ -47,7 +69,7 @@ int strongest_channel(const Matte& matte, int texture) {
   return *strongest > kMinRatio * weight[kGreen] ? static_cast<int>(strongest - weight.begin()) : kGreen;
 }
 
-absl::StatusOr<std::string> encode_stmap(const Matte& matte, int texture, int channel) {
+absl::StatusOr<std::string> encode_stmap(const Matte& matte, int texture, int channel, int path) {
   const v1::MatteMetadata& metadata = matte.metadata;
   if (texture < 0 || texture >= metadata.monitors_size()) {
     return absl::InvalidArgumentError(
@@ -60,8 +82,19 @@ absl::StatusOr<std::string> encode_stmap(const Matte& matte, int texture, int ch
   }
   const auto width = static_cast<double>(monitor.width_px());
   const auto height = static_cast<double>(monitor.height_px());
+  std::optional<LightPaths> paths;
+  if (path > 0) {
+    paths.emplace(matte, texture);
+    if (path > paths->count()) {
+      return absl::InvalidArgumentError(fmt::format("path is {}; on monitor \"{}\" the matte has {}", path,
+                                                    monitor.name(), paths->count()));
+    }
+  }
+  const auto mode_at = [&](int x, int y, int c) {
+    return paths ? paths->mode(x, y, c, path - 1) : strongest_mode(matte, x, y, c, texture);
+  };
   const auto on_monitor = [&](int x, int y) -> const Mode* {
-    const Mode* mode = strongest_mode(matte, x, y, channel, texture);
+    const Mode* mode = mode_at(x, y, channel);
     const bool inside = mode != nullptr && mode->x_px >= 0.0f && static_cast<double>(mode->x_px) <= width &&
                         mode->y_px >= 0.0f && static_cast<double>(mode->y_px) <= height;
     return inside ? mode : nullptr;
@@ -88,30 +121,17 @@ absl::StatusOr<std::string> encode_stmap(const Matte& matte, int texture, int ch
   });
   for (int c = 0; c < kChannels; ++c) {
     fill(fmt::format("weight.{}", kColours[static_cast<size_t>(c)]), [&](int x, int y) {
-      const Mode* mode = strongest_mode(matte, x, y, c, texture);
+      const Mode* mode = mode_at(x, y, c);
       return mode != nullptr ? mode->weight : 0.0f;
     });
   }
-  ExrPart part{.name = "stmap", .channels = {}, .attributes = {}};
-  std::vector<const float*> channels;
-  for (const auto& [name, plane] : planes) {
-    part.channels.push_back(name);
-    channels.push_back(plane.data());
-  }
-  part.attributes["glasswing:conventions"] = fmt::format(
+  const std::string conventions = fmt::format(
       "R = x / {}, G = 1 - y / {}: where channel {} of session {} looks on monitor {}, from its "
       "bottom left corner; B = A = 1 where it does. weight: of the path. blur: its sigma, "
       "monitor px.",
       monitor.width_px(), monitor.height_px(), kColours[static_cast<size_t>(channel)], metadata.session(),
       monitor.name());
-  return written_exr([&] {
-    ExrWriter writer({part}, window_of(matte));
-    for (int y = 0; y < matte.height_px(); ++y) {
-      writer.put(0, channels);
-      for (const float*& row : channels) row += matte.width_px();
-    }
-    return writer.finish();
-  });
+  return encode_planes(planes, conventions, matte);
 }
 
 }  // namespace glasswing

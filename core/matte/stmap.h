@@ -1,4 +1,4 @@
-// A matte's strongest path as an STMap, by which compositors warp a picture (Nuke and Natron STMap, Blender
+// One path of a matte as an STMap, by which compositors warp a picture (Nuke and Natron STMap, Blender
 // Map UV, oiiotool --st_warp):
 //
 //   s = x / width,  t = 1 - y / height       of the mode's centre (x, y) on a monitor of width x height px
@@ -15,8 +15,12 @@
 
 namespace glasswing {
 
+// Whether a mode has light, and no more than an object can send.
+bool is_plausible(const Mode& mode);
+
 // The mode of `channel` with the greatest weight on a monitor, or on any (`texture` -1); null if all weights
-// are 0. Weights above 1.05, which no object has, do not count.
+// are 0. Weights above 1.05, which no object has, do not count: such a mode's light is that of others, less
+// what they have too much.
 const Mode* strongest_mode(const Matte& matte, int x, int y, int channel, int texture = -1);
 
 // Green, whose path lies in the middle of the dispersed light; unless the strongest modes of another channel,
@@ -26,9 +30,10 @@ int strongest_channel(const Matte& matte, int texture = -1);
 // Encodes an OpenEXR file with one float32 part over the matte's window:
 //   R, G        s and t
 //   B, A        1 where the centre lies on the monitor; elsewhere R, G, B and A are 0
-//   weight.R, .G, .B   R of each channel's strongest mode on the monitor
+//   weight.R, .G, .B   R of each channel's mode of that path
 //   blur.Y      sigma, sqrt((xx + yy) / 2), monitor px
-// INVALID_ARGUMENT: the matte's metadata has no such texture, or not its size.
-absl::StatusOr<std::string> encode_stmap(const Matte& matte, int texture, int channel);
+// `path`: 1 and up by LightPaths, or 0 for each pixel's and channel's strongest mode on the monitor.
+// INVALID_ARGUMENT: the matte's metadata has no such texture, or not its size; the matte has fewer paths.
+absl::StatusOr<std::string> encode_stmap(const Matte& matte, int texture, int channel, int path = 0);
 
 }  // namespace glasswing

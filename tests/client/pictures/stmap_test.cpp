@@ -253,6 +253,10 @@ TEST_F(StMap, BadInputIsNamedAndNothingIsWritten) {
   unsized.metadata.mutable_monitors(0)->set_width_px(0);
   expect_one_line_error(run_glasswing({"stmap", write_matte(unsized), "-o", path("st.exr")}),
                         "how large its monitor \"back\"");
+  expect_one_line_error(
+      run_glasswing({"stmap", write_matte(empty_matte()), "--path", "1", "-o", path("st.exr")}),
+      "path is 1; on monitor \"back\" the matte has 0");
+  expect_one_line_error(run_glasswing({"stmap", matte, "--path", "9", "-o", path("st.exr")}), "--path");
   EXPECT_FALSE(std::filesystem::exists(path("st.exr")));
 }
 
