@@ -12,12 +12,15 @@
 #include "core/frame/image_file.h"
 #include "core/import/foreign_manifest.h"
 #include "core/import/photograph_response.h"
+#include "core/import/response_estimate.h"
 #include "core/import/sequences.h"
 
 namespace glasswing {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr const char* kUnknownResponse = "unknown";
 
 absl::StatusOr<Image16> read_verified(const fs::path& directory, const v1::Camera& camera,
                                       const v1::Frame& frame) {
@@ -40,6 +43,37 @@ absl::StatusOr<CodedPhotograph> read_listed(const fs::path& directory, const Pho
   if (photograph.ok()) return photograph;
   const absl::Status& status = photograph.status();
   return absl::Status(status.code(), fmt::format("{}: {}", list.place(frame), std::string(status.message())));
+}
+
+// Estimates the response where nobody declared one, and says so.
+absl::Status settle_response(const fs::path& directory, double black, std::optional<StackSamples> samples,
+                             PhotographList& list, std::vector<std::string>& warnings) {
+  if (list.response == kUnknownResponse) {
+    list.manifest.mutable_camera()->set_response(kUnknownResponse);
+    list.response = "linear";
+    warnings.push_back("the response is unknown: codes are taken for light, which they may not be");
+  }
+  if (!list.response.empty()) return absl::OkStatus();
+  if (!samples) {
+    std::vector<std::string> files;
+    for (const v1::Frame& frame : list.manifest.frames()) files.push_back(frame.file());
+    GW_ASSIGN_OR_RETURN(samples, sample_stack(directory, files));
+  }
+  std::vector<std::vector<float>> codes = std::move(samples->rows.codes);
+  for (size_t i = 0; i < codes.size(); ++i)
+    codes[i].insert(codes[i].end(), samples->columns.codes[i].begin(), samples->columns.codes[i].end());
+  const ResponseEstimate estimate = estimate_response(list.manifest, codes, black);
+  if (estimate.response.empty()) {
+    return absl::InvalidArgumentError(
+        fmt::format("{}: what light its codes stand for is not said, and the photographs do not tell ({}); "
+                    "pass --response srgb, "
+                    "linear or gamma:G, or --response unknown to take codes for light",
+                    list.path.string(), estimate.reason));
+  }
+  list.response = estimate.response;
+  warnings.push_back(fmt::format("nobody declared the response; it was estimated as {}: {}",
+                                 estimate.response, estimate.reason));
+  return absl::OkStatus();
 }
 
 FrameSource source_of(v1::CaptureManifest manifest, const fs::path& directory) {
@@ -69,21 +103,23 @@ absl::StatusOr<FrameSource> sequence_source(const fs::path& directory, const std
   return source;
 }
 
-absl::StatusOr<FrameSource> photograph_source(const fs::path& directory, const fs::path& path,
-                                              const PhotographOptions& options) {
-  GW_ASSIGN_OR_RETURN(PhotographList list, read_photograph_list(path, options));
+absl::StatusOr<FrameSource> photograph_source(const fs::path& directory, PhotographList list,
+                                              std::optional<StackSamples> samples) {
   GW_ASSIGN_OR_RETURN(const CodedPhotograph first, read_listed(directory, list, 0));
   v1::Camera& camera = *list.manifest.mutable_camera();
   camera.set_width_px(first.codes.width_px);
   camera.set_height_px(first.codes.height_px);
   camera.set_bits(first.bits);
   camera.set_response("linear");
-  absl::StatusOr<PhotographResponse> response =
-      PhotographResponse::create(list.response, list.black / (std::exp2(first.bits) - 1.0));
+  const double black = list.black / (std::exp2(first.bits) - 1.0);
+  std::vector<std::string> warnings;
+  GW_RETURN_IF_ERROR(settle_response(directory, black, std::move(samples), list, warnings));
+  absl::StatusOr<PhotographResponse> response = PhotographResponse::create(list.response, black);
   absl::Status status = response.status();
   if (status.ok()) status = check_manifest(list.manifest);
   if (!status.ok())
-    return absl::InvalidArgumentError(fmt::format("{}: {}", path.string(), std::string(status.message())));
+    return absl::InvalidArgumentError(
+        fmt::format("{}: {}", list.path.string(), std::string(status.message())));
   const auto shared = std::make_shared<const PhotographList>(list);
   return FrameSource{
       .manifest = std::move(list.manifest),
@@ -101,7 +137,8 @@ absl::StatusOr<FrameSource> photograph_source(const fs::path& directory, const f
         }
         light.linearise(image);
         return std::move(image);
-      }};
+      },
+      .warnings = std::move(warnings)};
 }
 
 }  // namespace glasswing

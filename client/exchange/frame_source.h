@@ -6,10 +6,12 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "client/exchange/photograph_list.h"
+#include "client/layouts/stack_samples.h"
 #include "core/frame/image.h"
 #include "glasswing/v1/archive.pb.h"
 
@@ -30,10 +32,11 @@ absl::StatusOr<FrameSource> archive_source(const std::filesystem::path& director
 absl::StatusOr<FrameSource> sequence_source(const std::filesystem::path& directory,
                                             const std::string& sequence);
 
-// The photographs of a list, in `directory`, linearised; the first one gives the camera's size and bits.
-absl::StatusOr<FrameSource> photograph_source(const std::filesystem::path& directory,
-                                              const std::filesystem::path& list,
-                                              const PhotographOptions& options);
+// The photographs of a list or a layout, in `directory`, linearised; the first one gives the camera's size
+// and bits. A response that nobody declared is estimated, with a warning. INVALID_ARGUMENT: the photographs
+// do not tell it. `samples`: lines of the photographs, where they were looked at already.
+absl::StatusOr<FrameSource> photograph_source(const std::filesystem::path& directory, PhotographList list,
+                                              std::optional<StackSamples> samples = std::nullopt);
 
 // The warning about gaps in numbered pictures.
 std::string missing_text(const std::filesystem::path& directory, std::int64_t count);

@@ -10,6 +10,7 @@
 #include "client/cli/rpc.h"
 #include "client/exchange/commands.h"
 #include "client/exchange/frame_source.h"
+#include "client/exchange/layout_list.h"
 #include "client/exchange/partial_directory.h"
 #include "client/pictures/video_file.h"
 #include "core/base/checksum.h"
@@ -98,6 +99,8 @@ struct ImportArguments {
   std::string session;
   std::string archive;  // empty: the server's
   std::string list;
+  LayoutOptions layout;
+  std::string files;  // a glob, with a layout
   std::string sequence;
   VideoOptions video;
 };
@@ -110,7 +113,15 @@ bool is_video_folder(const fs::path& path) {
 absl::StatusOr<FrameSource> source_of(const ImportArguments& arguments) {
   const fs::path path = arguments.directory;
   const PhotographOptions& photographs = arguments.video.photographs;
-  if (!arguments.list.empty()) return photograph_source(path, arguments.list, photographs);
+  if (!arguments.list.empty()) {
+    GW_ASSIGN_OR_RETURN(PhotographList list, read_photograph_list(arguments.list, photographs));
+    return photograph_source(path, std::move(list));
+  }
+  if (!arguments.layout.layout.empty()) {
+    GW_ASSIGN_OR_RETURN(LaidOutList laid_out,
+                        list_by_layout(path, arguments.files, arguments.layout, photographs));
+    return photograph_source(path, std::move(laid_out.list), std::move(laid_out.samples));
+  }
   if (is_video_file(path) || (arguments.sequence.empty() && is_video_folder(path)))
     return video_source(path, arguments.video);
   if (!photographs.monitors.empty() || photographs.response || photographs.black ||
@@ -183,18 +194,54 @@ absl::Status import(const Client& client, const ImportArguments& arguments) {
 
 }  // namespace
 
+void add_layout_options(CLI::App& command, const std::shared_ptr<ImportArguments>& arguments) {
+  LayoutOptions& options = arguments->layout;
+  CLI::Option* layout =
+      command
+          .add_option("--layout", options.layout,
+                      "the photographs, in natural order of their names (2 before 10), show these patterns: "
+                      "opencv-graycode, binary, phase-shift; auto looks at the pictures, and says why")
+          ->excludes("--list")
+          ->excludes("--sequence")
+          ->excludes("--empty-frames")
+          ->excludes("--empty");
+  const auto add = [&](const char* name, auto& value, const char* help) {
+    command.add_option(name, value, help)->needs(layout);
+  };
+  add("--files", arguments->files,
+      "a layout's photographs: a pattern of paths below the directory, as 'left*' or '*/cam0_*'; default: "
+      "all "
+      "pictures in the directory itself");
+  add("--order", options.order,
+      "the order of a layout's parts; default: columns,rows,white,black, or columns,rows for phase-shift. "
+      "Columns are vertical bars");
+  add("--inverse", options.inverse,
+      "where the complement of each pattern is: after it, before it, or none; default: after for "
+      "opencv-graycode, none for binary");
+  add("--steps", options.steps, "photographs of one period of phase-shift, 3 to 64");
+  add("--periods", options.periods,
+      "fringes of phase-shift along a side of the monitor, as 1,8,64; or their lengths, as 1920px,120px");
+  add("--shift", options.shift,
+      "forward if fringes move towards larger x and y from step to step, else backward; default: forward");
+}
+
 void add_import_command(CLI::App& app, Client& client) {
   CLI::App& command =
       *app.add_subcommand("import", "Import an archive, photographs or a video as a session.");
   command.footer(
       "Every frame is checked before the first is sent. An interrupted import can be repeated.\n\n"
-      "A list has one photograph per line with what the monitor showed: tab-separated values with a header\n"
+      "A layout says what the photographs of a folder show, by their order. Monitors are not seen in them: "
+      "--layout needs\n"
+      "--monitor. A list has one photograph per line with what the monitor showed: tab-separated values with "
+      "a header\n"
       "row: file, object (true or false), kind, and further fields of the stimulus (docs/archive.md):\n\n"
       "  #monitor back:1920x1080\n"
       "  #response srgb\n"
       "  file\tobject\tkind\torient\tbar_width_px\tcolour\n"
       "  IMG_1.jpg\ttrue\tsolid\t\t\t0,0,0\n"
       "  IMG_2.jpg\ttrue\tsquare\tvertical_bars\t960\t\n\n"
+      "Where neither list nor --response says what light the codes stand for, it is estimated from the\n"
+      "photographs, with a warning, or asked for.\n\n"
       "A video of the ramp is a video file, or a directory of pictures whose names end in a number. It "
       "needs\n"
       "--monitor, and frames of the empty stage: --empty-frames or --empty.\n\n"
@@ -202,6 +249,11 @@ void add_import_command(CLI::App& app, Client& client) {
       "  glasswing import archives/vase --session vase\n"
       "  glasswing import archives/pouring --sequence ramp_dark --session pouring\n"
       "  glasswing import clip.mp4 --monitor back:1920x1080 --empty-frames 60 --session pouring\n"
+      "  glasswing import scan --layout auto --monitor 1024x768 --session vase\n"
+      "  glasswing import scan --layout opencv-graycode --monitor 1024x768 --archive archives/vase\n"
+      "  glasswing import scan --layout binary --order white,rows,columns --monitor 512x512 --response srgb\n"
+      "  glasswing import scan --layout phase-shift --steps 4 --periods 1,8,64 --monitor 1920x1080 --session "
+      "mirror\n"
       "  glasswing import photographs --list photographs/list.tsv --session vase\n"
       "  glasswing import photographs --list photographs/list.tsv --archive archives/vase");
   auto arguments = std::make_shared<ImportArguments>();
@@ -227,15 +279,17 @@ void add_import_command(CLI::App& app, Client& client) {
                   "or a directory of pictures of the empty stage")
       ->excludes("--empty-frames");
   command
-      .add_option("--monitor", arguments->video.photographs.monitors,
-                  "NAME:WIDTHxHEIGHT in px: a video's monitor, or a monitor that replaces the list's; may be "
-                  "repeated")
+      .add_option(
+          "--monitor", arguments->video.photographs.monitors,
+          "NAME:WIDTHxHEIGHT, or WIDTHxHEIGHT, in px: a layout's or a video's monitor, or one that replaces "
+          "the list's; may be repeated")
       ->allow_extra_args(false);
   command.add_option("--response", arguments->video.photographs.response,
-                     "light of the pictures' codes: srgb, linear, or gamma:G for (code / highest code)^G; "
-                     "default for videos: srgb");
+                     "light of the pictures' codes: srgb, linear, or gamma:G for (code / highest code)^G, or "
+                     "unknown; default: estimated for photographs, srgb for videos");
   command.add_option("--black", arguments->video.photographs.black,
                      "the pictures' code for no light; default: 0");
+  add_layout_options(command, arguments);
   command.callback(
       [&client, arguments] { client.run = [&client, arguments] { return import(client, *arguments); }; });
 }

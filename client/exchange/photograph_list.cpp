@@ -262,15 +262,19 @@ class Reader {
 }  // namespace
 
 absl::StatusOr<v1::Monitor> monitor_of(const std::string& text) {
-  char name[65] = {};
+  char name[65] = "monitor";
   int width = 0, height = 0, read = 0;
-  const bool parsed = std::sscanf(text.c_str(), "%64[^:]:%dx%d%n", name, &width, &height, &read) == 3 &&
+  const bool named = std::sscanf(text.c_str(), "%64[^:]:%dx%d%n", name, &width, &height, &read) == 3;
+  if (!named) std::snprintf(name, sizeof name, "monitor");
+  const bool parsed = (named || std::sscanf(text.c_str(), "%dx%d%n", &width, &height, &read) == 2) &&
                       static_cast<size_t>(read) == text.size();
   const auto good = [](int side) { return side >= 1 && side <= kMaxSide_px; };
   if (!parsed || !good(width) || !good(height)) {
-    return bad(fmt::format(
-        "monitor is \"{}\"; it must be NAME:WIDTHxHEIGHT, as back:1920x1080, each side 1 to {} px", text,
-        kMaxSide_px));
+    return bad(
+        fmt::format("monitor is \"{}\"; it must be NAME:WIDTHxHEIGHT, as back:1920x1080, or WIDTHxHEIGHT, "
+                    "each side 1 to {} "
+                    "px",
+                    text, kMaxSide_px));
   }
   v1::Monitor monitor;
   monitor.set_name(name);
@@ -281,6 +285,7 @@ absl::StatusOr<v1::Monitor> monitor_of(const std::string& text) {
 }
 
 std::string PhotographList::place(int frame) const {
+  if (lines.empty()) return path.string();
   return fmt::format("{}:{}", path.string(), lines[static_cast<size_t>(frame)]);
 }
 
@@ -293,12 +298,6 @@ absl::StatusOr<PhotographList> read_photograph_list(const std::filesystem::path&
   if (options.response) list.response = *options.response;
   if (options.black) list.black = *options.black;
   GW_RETURN_IF_ERROR(Reader(list, options).read(text));
-  if (list.response.empty()) {
-    return bad(fmt::format(
-        "{}: what light its codes stand for is not said; add #response srgb before the header row "
-        "(or linear, or gamma:G), or --response",
-        path.string()));
-  }
   return list;
 }
 

@@ -1,4 +1,4 @@
-// Reads a table of photographs and of what the monitor showed in each (docs/archive.md).
+// Photographs and what the monitor showed in each, from a table (docs/archive.md) or by a layout.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -23,16 +23,17 @@ struct PhotographList {
   // Frames in the list's order; their files are relative to the photographs' directory. Without the camera,
   // which is known only once a photograph is read.
   v1::CaptureManifest manifest;
-  std::string response;    // of PhotographResponse
-  double black = 0.0;      // codes of the photographs
-  std::vector<int> lines;  // the frames' line numbers in the list
+  std::string response;        // of PhotographResponse; empty: not declared
+  double black = 0.0;          // codes of the photographs
+  std::vector<int> lines;      // the frames' line numbers in the list; empty: a layout's
+  std::filesystem::path path;  // of the list; of the photographs' directory for a layout
 
   // "photos.tsv:17", for errors about a frame.
   std::string place(int frame) const;
-  std::filesystem::path path;
 };
 
-// Parses "NAME:WIDTHxHEIGHT". INVALID_ARGUMENT: it is not of that form.
+// Parses "NAME:WIDTHxHEIGHT", or "WIDTHxHEIGHT" of a monitor that is called "monitor". INVALID_ARGUMENT: it
+// is not of that form.
 absl::StatusOr<v1::Monitor> monitor_of(const std::string& text);
 
 // INVALID_ARGUMENT names the file, the line, the wrong value and what would be accepted. NOT_FOUND: no such

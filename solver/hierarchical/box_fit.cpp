@@ -1,6 +1,5 @@
 #include "solver/hierarchical/box_fit.h"
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 
@@ -18,14 +17,23 @@ constexpr double kPoor = 2.0;
 constexpr std::array<double, 3> kStraightStarts{0.25, 0.5, 0.75};
 constexpr double kCriterion = 4.0;
 
-// Unknowns of one channel: F, then R by monitor.
-constexpr int kMaxLight = 1 + kMaxModes;
-using LightMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxLight, kMaxLight>;
-using LightVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxLight, 1>;
+constexpr double kHaloStep = 4.0;   // from the finest bar to the narrowest halo, and on to the next
+constexpr double kMinCore = 0.1;    // of the light: what the box keeps beside halos
+constexpr double kBeyond = 3.0;     // standard deviations of chi-square that noise explains
+constexpr double kSurely = 9.0;     // chi-square by which a misreading is excluded
+constexpr double kSoftPrice = 1.4;  // of a soft box and of each halo, in log n
+constexpr double kSeparable = 0.7;  // by which lit shares must differ to tell F from R
+constexpr double kUnlit = 0.1;      // where they differ by less, all light is F
+constexpr double kMaxSoft = 4.0;    // finest bars: wider footprints are boxes only
+constexpr double kNarrow = 2.0;     // finest bars: wider ones may be boxes elsewhere
+constexpr double kLeash = 0.375;    // finest bars by which a soft box may leave the decoded position
+constexpr double kApart = 0.75;     // finest bars between readings that are not the same
 
-// All unknowns: the boxes' ends, the light of each channel, and 1 - alpha.
-constexpr int kMaxUnknowns = 4 * kMaxModes + kChannels * kMaxLight + 1;
-using AllMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxUnknowns, kMaxUnknowns>;
+constexpr double kSidePerSigma = 3.09;  // of the box whose response to an edge is nearest to a Gaussian's
+
+WaveAxis::SoftSide soft_side(const Interval& side) {
+  return {.t_px = side.centre_px(), .sigma_px = side.length_px() / kSidePerSigma};
+}
 
 std::vector<std::array<WaveAxis, 2>> axes_of(std::span<const BoxMonitor> monitors) {
   std::vector<std::array<WaveAxis, 2>> axes;
@@ -44,6 +52,49 @@ bool has_complement(const BoxMonitor& monitor, const std::vector<BoxSample>& sam
          own.light[c] > 0.0 && samples[p].information[c] > 0.0 && samples[p + 1].information[c] > 0.0;
 }
 
+// Chi-square of all waves around their mean.
+double spread_of(const BoxMonitor& monitor, const std::vector<BoxSample>& samples, size_t c) {
+  double sum = 0.0, squares = 0.0, information = 0.0;
+  for (size_t p = 0; p < samples.size(); ++p) {
+    if (monitor.patterns[p].axis == BoxPattern::kSolid) continue;
+    sum += samples[p].information[c] * samples[p].radiance[c];
+    squares += samples[p].information[c] * samples[p].radiance[c] * samples[p].radiance[c];
+    information += samples[p].information[c];
+  }
+  return information > 0.0 ? squares - sum * sum / information : 0.0;
+}
+
+// The brightest less the darkest wave.
+double range_of(const BoxMonitor& monitor, const std::vector<BoxSample>& samples, size_t c) {
+  double least = INFINITY, most = -INFINITY;
+  for (size_t p = 0; p < samples.size(); ++p) {
+    if (monitor.patterns[p].axis == BoxPattern::kSolid || samples[p].information[c] <= 0.0) continue;
+    least = std::min(least, samples[p].radiance[c]);
+    most = std::max(most, samples[p].radiance[c]);
+  }
+  return std::max(most - least, 0.0);
+}
+
+double misfit(std::span<const WaveAxis::Seen> seen, std::span<const double> v) {
+  double sum = 0.0;
+  for (size_t k = 0; k < seen.size(); ++k)
+    sum += static_cast<double>(seen[k].weight) * std::pow(static_cast<double>(seen[k].u) - v[k], 2);
+  return sum;
+}
+
+// Whether noise explains the residual.
+bool explains(const BoxFit& fit) {
+  const double count = fit.sample_count;
+  return fit.chi_square <= count + kBeyond * std::sqrt(2.0 * count);
+}
+
+double halo_count(const BoxFit& fit) {
+  double count = 0.0;
+  for (const PixelBox& box : fit.boxes)
+    count += static_cast<double>(std::ranges::count_if(box.halo, [](double g) { return g > 0.0; }));
+  return count;
+}
+
 // Whether the light has changed since the sides were searched.
 bool changed(const std::vector<PixelBox>& before, const std::vector<PixelBox>& after) {
   double change = 0.0, light = 0.0;
@@ -58,17 +109,45 @@ bool changed(const std::vector<PixelBox>& before, const std::vector<PixelBox>& a
 
 }  // namespace
 
-BoxFitter::BoxFitter(std::span<const BoxMonitor> monitors) : monitors_(monitors), axes_(axes_of(monitors)) {
-  for (const BoxMonitor& monitor : monitors) {
-    const size_t most = kChannels * (monitor.patterns.size() + 1);
-    seen_thresholds_.push_back(chi_square_quantile(static_cast<double>(most), kFalsePositiveRate));
-    lit_.emplace_back(monitor.patterns.size(), 1.0);
-    information_.emplace_back(monitor.patterns.size());
+Interval inside(const Interval& side, double extent_px) {
+  constexpr double kMin = WaveAxis::kMinLength_px;
+  const double low_px = std::clamp(side.low_px, 0.0, extent_px - kMin);
+  return {.low_px = low_px, .high_px = std::clamp(side.high_px, low_px + kMin, extent_px)};
+}
+
+double extent_px(const BoxMonitor& monitor, size_t axis) {
+  return axis == 0 ? monitor.width_px : monitor.height_px;
+}
+
+double PixelBox::core() const {
+  double core = 1.0;
+  for (const double share : halo) core -= share;
+  return core;
+}
+
+BoxFitter::BoxFitter(std::span<const BoxMonitor> monitors, size_t halos)
+    : monitors_(monitors), axes_(axes_of(monitors)), sums_(monitors) {
+  for (size_t m = 0; m < monitors.size(); ++m) {
+    const BoxMonitor& monitor = monitors[m];
+    const std::array<double, 2>& bars_px =
+        finest_bars_px_.emplace_back(std::array{axes_[m][0].finest_bar_px(), axes_[m][1].finest_bar_px()});
+    std::vector<double>& widths_px = halo_widths_px_.emplace_back();
+    const double widest_px = std::min(monitor.width_px, monitor.height_px);
+    for (double width_px = kHaloStep * std::max(bars_px[0], bars_px[1]);
+         width_px < widest_px && widths_px.size() < halos; width_px *= kHaloStep)
+      widths_px.push_back(width_px);
+    const auto threshold = [&](size_t channels) {
+      return chi_square_quantile(static_cast<double>(channels * (monitor.patterns.size() + 1)),
+                                 kFalsePositiveRate);
+    };
+    seen_thresholds_.push_back({threshold(kChannels), threshold(1)});
+    v_.push_back(sums_.blank_means(m));
+    slopes_.emplace_back(v_.back().size());
   }
 }
 
-// Starting values: F from black or the darkest sample, R from the brightest solid or the largest difference
-// between a wave and its complement.
+// Starting values: F from black or the darkest sample; R from the brightest solid, the largest difference
+// between a wave and its complement, or the range of all waves.
 void BoxFitter::begin(const BoxPixel& pixel, BoxFit& fit) const {
   for (size_t c = 0; c < kChannels; ++c) {
     double darkest = INFINITY;
@@ -99,6 +178,7 @@ void BoxFitter::begin(const BoxPixel& pixel, BoxFit& fit) const {
           box.weight[c] = contrast;
         }
       }
+      if (solid == 0.0 && contrast == 0.0) box.weight[c] = range_of(monitors_[m], samples, c);
       box.weight[c] = std::max(box.weight[c], 0.0);
     }
     box.seen = sees(pixel, m, box.weight);
@@ -106,160 +186,149 @@ void BoxFitter::begin(const BoxPixel& pixel, BoxFit& fit) const {
   }
 }
 
-// Whether waves and solids change the pixel by more than noise.
+// Whether waves and their complements, and solids and black, differ by more than noise; without either,
+// whether waves differ from each other.
 bool BoxFitter::sees(const BoxPixel& pixel, size_t m, const Samples3& weight) const {
   const std::vector<BoxSample>& samples = pixel.samples[m];
   if (*std::ranges::max_element(weight) < kMinWeight) return false;
   double chi_square = 0.0;
   for (size_t c = 0; c < kChannels; ++c) {
+    bool compared = false;
     const auto add = [&](const BoxSample& a, const BoxSample& b) {
+      if (a.information[c] <= 0.0 || b.information[c] <= 0.0) return;
       const double difference = a.radiance[c] - b.radiance[c];
-      if (a.information[c] > 0.0 && b.information[c] > 0.0)
-        chi_square += difference * difference / (1.0 / a.information[c] + 1.0 / b.information[c]);
+      chi_square += difference * difference / (1.0 / a.information[c] + 1.0 / b.information[c]);
+      compared = true;
     };
     for (size_t p = 0; p < samples.size(); ++p) {
       if (has_complement(monitors_[m], samples, p, c)) add(samples[p], samples[p + 1]);
       if (monitors_[m].patterns[p].axis == BoxPattern::kSolid) add(samples[p], pixel.black);
     }
+    if (!compared) chi_square += spread_of(monitors_[m], samples, c);
   }
-  return chi_square > seen_thresholds_[m];
+  return chi_square > seen_thresholds_[m][pixel.gray ? 1 : 0];
 }
 
-void BoxFitter::place(const BoxPixel& pixel, bool anew, BoxFit& fit) {
+void BoxFitter::observe(const BoxFit& fit, size_t m) {
+  for (size_t a = 0; a < 2; ++a) sums_.observe(fit, m, a, seen_[a]);
+}
+
+Interval BoxFitter::halo_side(size_t m, size_t halo, const Interval& box) const {
+  const double half_px = 0.5 * std::max(halo_widths_px_[m][halo], box.length_px());
+  return {.low_px = box.centre_px() - half_px, .high_px = box.centre_px() + half_px};
+}
+
+void BoxFitter::means(size_t m, size_t a, const PixelBox& box, std::span<double> v) const {
+  if (!box.soft) {
+    axes_[m][a].means(box.side[a], v);
+    return;
+  }
+  const WaveAxis::SoftSide side = soft_side(box.side[a]);
+  for (size_t k = 0; k < axes_[m][a].wave_count(); ++k)
+    v[k] = box.core() * axes_[m][a].soft_mean(k, side.t_px, side.sigma_px).v;
+  std::array<double, WaveAxis::kMaxWaves> own;
+  for (size_t j = 0; j < halo_widths_px_[m].size(); ++j) {
+    if (box.halo[j] <= 0.0) continue;
+    axes_[m][a].means(inside(halo_side(m, j, box.side[a]), extent_px(monitors_[m], a)), own);
+    for (size_t k = 0; k < axes_[m][a].wave_count(); ++k) v[k] += box.halo[j] * own[k];
+  }
+}
+
+namespace {
+
+constexpr size_t kMaxParts = 1 + kMaxHalos;
+using Amounts = std::array<double, kMaxParts>;
+
+// Non-negative least squares by coordinate descent, from the amounts given.
+void solve_amounts(const std::array<Amounts, kMaxParts>& normal, const Amounts& right, size_t parts,
+                   Amounts& amount) {
+  constexpr int kSweeps = 30;
+  constexpr double kEnough = 1e-7;
+  Amounts inverse{};
+  for (size_t i = 0; i < parts; ++i) inverse[i] = normal[i][i] > 0.0 ? 1.0 / normal[i][i] : 0.0;
+  double change = INFINITY;
+  for (int sweep = 0; sweep < kSweeps && change > kEnough; ++sweep) {
+    change = 0.0;
+    for (size_t i = 0; i < parts; ++i) {
+      double rest = right[i] + normal[i][i] * amount[i];
+      for (size_t j = 0; j < parts; ++j) rest -= normal[i][j] * amount[j];
+      const double next = std::max(rest * inverse[i], 0.0);
+      change = std::max(change, std::abs(next - amount[i]));
+      amount[i] = next;
+    }
+  }
+}
+
+}  // namespace
+
+void BoxFitter::spread(size_t m, PixelBox& box) {
+  const size_t parts = 1 + halo_widths_px_[m].size();
+  std::array<std::array<std::array<double, WaveAxis::kMaxWaves>, kMaxParts>, 2> v;
+  std::array<Amounts, kMaxParts> normal{};
+  Amounts right{}, amount{};
+  for (size_t a = 0; a < 2; ++a) {
+    const WaveAxis& axis = axes_[m][a];
+    const WaveAxis::SoftSide side = soft_side(box.side[a]);
+    for (size_t k = 0; k < axis.wave_count(); ++k) v[a][0][k] = axis.soft_mean(k, side.t_px, side.sigma_px).v;
+    for (size_t j = 1; j < parts; ++j)
+      axis.means(inside(halo_side(m, j - 1, box.side[a]), extent_px(monitors_[m], a)), v[a][j]);
+    for (size_t k = 0; k < axis.wave_count(); ++k) {
+      const auto u = static_cast<double>(seen_[a][k].u), weight = static_cast<double>(seen_[a][k].weight);
+      for (size_t i = 0; i < parts; ++i) {
+        const double own = weight * v[a][i][k];
+        right[i] += own * u;
+        for (size_t j = 0; j <= i; ++j) normal[i][j] += own * v[a][j][k];
+      }
+    }
+  }
+  for (size_t i = 0; i < parts; ++i) {
+    for (size_t j = i + 1; j < parts; ++j) normal[i][j] = normal[j][i];
+  }
+  amount[0] = 1.0;
+  for (size_t j = 1; j < parts; ++j) amount[j] = box.halo[j - 1];
+  solve_amounts(normal, right, parts, amount);
+  double sum = 0.0;
+  for (size_t i = 0; i < parts; ++i) sum += amount[i];
+  // Without light of its own a box has no place.
+  if (!(amount[0] > kMinCore * sum)) return;
+  for (size_t j = 1; j < parts; ++j) box.halo[j - 1] = amount[j] / sum;
+  for (size_t a = 0; a < 2; ++a) {
+    for (size_t k = 0; k < seen_[a].size(); ++k) {
+      double u = static_cast<double>(seen_[a][k].u);
+      for (size_t j = 1; j < parts; ++j) u -= amount[j] * v[a][j][k];
+      seen_[a][k].u = static_cast<float>(u / amount[0]);
+      seen_[a][k].weight *= static_cast<float>(amount[0] * amount[0]);
+    }
+  }
+}
+
+void BoxFitter::place(bool anew, BoxFit& fit) {
   for (size_t m = 0; m < monitors_.size(); ++m) {
     PixelBox& box = fit.boxes[m];
     if (!box.seen) continue;
-    const std::vector<BoxSample>& samples = pixel.samples[m];
+    observe(fit, m);
+    if (box.soft) spread(m, box);
     for (size_t a = 0; a < 2; ++a) {
       const WaveAxis& axis = axes_[m][a];
-      // v of each wave by least squares over channels, wave and complement.
-      std::array<double, WaveAxis::kMaxWaves> top{}, bottom{};
-      for (size_t p = 0; p < samples.size(); ++p) {
-        const BoxPattern& pattern = monitors_[m].patterns[p];
-        if (pattern.axis != static_cast<int>(a)) continue;
-        for (size_t c = 0; c < kChannels; ++c) {
-          const double half = 0.5 * box.weight[c] * pattern.light[c];
-          const double rest =
-              samples[p].radiance[c] - fit.foreground[c] - fit.straight * samples[p].straight[c] - half;
-          top[pattern.wave] += information_[m][p][c] * half * pattern.sign * rest;
-          bottom[pattern.wave] += information_[m][p][c] * half * half;
-        }
+      if (box.soft) {
+        const WaveAxis::SoftSide side = axis.refine_soft(seen_[a], soft_side(box.side[a]));
+        const double half_px = 0.5 * kSidePerSigma * side.sigma_px, reach_px = kLeash * axis.finest_bar_px();
+        const double centre_px =
+            std::clamp(side.t_px, box.decoded_px[a] - reach_px, box.decoded_px[a] + reach_px);
+        box.side[a] = {.low_px = centre_px - half_px, .high_px = centre_px + half_px};
+        continue;
       }
-      seen_.resize(axis.wave_count());
-      for (size_t k = 0; k < axis.wave_count(); ++k) {
-        const double u = bottom[k] > 0.0 ? top[k] / bottom[k] : 0.0;
-        seen_[k] = {.u = static_cast<float>(u), .weight = static_cast<float>(bottom[k])};
-      }
-      box.side[a] = (anew ? axis.search(seen_) : axis.refine(seen_, box.side[a])).interval;
+      box.side[a] = (anew ? axis.search(seen_[a]) : axis.refine(seen_[a], box.side[a])).interval;
     }
   }
 }
 
 void BoxFitter::see(const BoxFit& fit) {
-  std::array<double, WaveAxis::kMaxWaves> v;
   for (size_t m = 0; m < monitors_.size(); ++m) {
     if (!fit.boxes[m].seen) continue;
-    for (size_t a = 0; a < 2; ++a) {
-      axes_[m][a].means(fit.boxes[m].side[a], v);
-      for (size_t p = 0; p < lit_[m].size(); ++p) {
-        const BoxPattern& pattern = monitors_[m].patterns[p];
-        if (pattern.axis == static_cast<int>(a)) lit_[m][p] = 0.5 * (1.0 + pattern.sign * v[pattern.wave]);
-      }
-    }
+    for (size_t a = 0; a < 2; ++a)
+      means(m, a, fit.boxes[m], std::span(v_[m]).subspan(sums_.first_wave(m, a)));
   }
-}
-
-// Fits F and R of each channel and 1 - alpha by least squares, clamped to at least 0.
-void BoxFitter::weigh(const BoxPixel& pixel, bool straight_is_free, BoxFit& fit) const {
-  const auto unknowns = static_cast<Eigen::Index>(1 + monitors_.size());
-  std::array<LightMatrix, kChannels> normal;
-  std::array<LightVector, kChannels> right, by_straight;
-  double top = 0.0, bottom = 0.0;  // of 1 - alpha
-  std::array<std::array<bool, kMaxLight>, kChannels> none{};
-  const auto solve = [&](size_t c, const LightVector& side) {
-    LightMatrix matrix = normal[c];
-    LightVector vector = side;
-    const double ridge = 1e-12 * matrix.trace() + 1e-30;
-    for (Eigen::Index i = 0; i < unknowns; ++i) {
-      matrix(i, i) += ridge;
-      if (!none[c][static_cast<size_t>(i)]) continue;
-      matrix.row(i).setZero();
-      matrix.col(i).setZero();
-      matrix(i, i) = 1.0;
-      vector(i) = 0.0;
-    }
-    return LightVector(matrix.ldlt().solve(vector));
-  };
-  for (size_t c = 0; c < kChannels; ++c) {
-    normal[c].setZero(unknowns, unknowns);
-    right[c].setZero(unknowns);
-    by_straight[c].setZero(unknowns);
-    const double dark = pixel.black.information[c];
-    normal[c](0, 0) += dark;
-    right[c](0) += dark * pixel.black.radiance[c];
-    for (size_t m = 0; m < monitors_.size(); ++m) {
-      const auto at = static_cast<Eigen::Index>(1 + m);
-      none[c][1 + m] = !fit.boxes[m].seen;
-      for (size_t p = 0; p < lit_[m].size(); ++p) {
-        const BoxSample& sample = pixel.samples[m][p];
-        const double information = information_[m][p][c];
-        const double lit = fit.boxes[m].seen ? lit_[m][p] * monitors_[m].patterns[p].light[c] : 0.0;
-        normal[c](0, 0) += information;
-        normal[c](0, at) += information * lit;
-        normal[c](at, at) += information * lit * lit;
-        right[c](0) += information * sample.radiance[c];
-        right[c](at) += information * lit * sample.radiance[c];
-        by_straight[c](0) += information * sample.straight[c];
-        by_straight[c](at) += information * lit * sample.straight[c];
-        bottom += information * sample.straight[c] * sample.straight[c];
-        top += information * sample.straight[c] * sample.radiance[c];
-      }
-      normal[c](at, 0) = normal[c](0, at);
-    }
-  }
-  for (bool again = true; again;) {
-    again = false;
-    if (straight_is_free) {
-      double own_top = top, own_bottom = bottom;
-      for (size_t c = 0; c < kChannels; ++c) {
-        const LightVector taken = solve(c, by_straight[c]);
-        own_top -= taken.dot(right[c]);
-        own_bottom -= taken.dot(by_straight[c]);
-      }
-      fit.straight = own_bottom > 1e-9 * bottom ? std::clamp(own_top / own_bottom, 0.0, 1.0) : 0.0;
-    }
-    for (size_t c = 0; c < kChannels; ++c) {
-      const LightVector light = solve(c, right[c] - fit.straight * by_straight[c]);
-      fit.foreground[c] = light(0);
-      for (size_t m = 0; m < monitors_.size(); ++m) {
-        fit.boxes[m].weight[c] = light(static_cast<Eigen::Index>(1 + m));
-        if (fit.boxes[m].weight[c] >= 0.0) continue;
-        none[c][1 + m] = again = true;
-      }
-    }
-  }
-}
-
-void BoxFitter::judge(const BoxPixel& pixel, BoxFit& fit) const {
-  double squares = 0.0;
-  fit.chi_square = 0.0;
-  fit.sample_count = 0;
-  const auto add = [&](double miss, double information) {
-    if (information <= 0.0) return;
-    fit.chi_square += information * miss * miss;
-    squares += miss * miss;
-    ++fit.sample_count;
-  };
-  for (size_t c = 0; c < kChannels; ++c) {
-    add(pixel.black.radiance[c] - fit.foreground[c], pixel.black.information[c]);
-    for (size_t m = 0; m < monitors_.size(); ++m) {
-      for (size_t p = 0; p < lit_[m].size(); ++p) {
-        const BoxSample& sample = pixel.samples[m][p];
-        add(sample.radiance[c] - model(fit, sample, m, p, c), information_[m][p][c]);
-      }
-    }
-  }
-  fit.rms = std::sqrt(squares / std::max(fit.sample_count, 1));
 }
 
 // The mean square residual of waves beyond their noise: the footprint is not exactly a box. Solids do not
@@ -267,7 +336,7 @@ void BoxFitter::judge(const BoxPixel& pixel, BoxFit& fit) const {
 double BoxFitter::misfit_of(const BoxPixel& pixel, const BoxFit& fit) const {
   double sum = 0.0, count = 0.0;
   for (size_t m = 0; m < monitors_.size(); ++m) {
-    for (size_t p = 0; p < lit_[m].size(); ++p) {
+    for (size_t p = 0; p < pixel.samples[m].size(); ++p) {
       if (monitors_[m].patterns[p].axis == BoxPattern::kSolid) continue;
       const BoxSample& sample = pixel.samples[m][p];
       for (size_t c = 0; c < kChannels; ++c) {
@@ -281,32 +350,68 @@ double BoxFitter::misfit_of(const BoxPixel& pixel, const BoxFit& fit) const {
   return count > 0.0 ? std::max(sum / count, 0.0) : 0.0;
 }
 
-void BoxFitter::doubt(const BoxPixel& pixel, double misfit) {
+// The same for standard errors: of a wave and its complement only the difference shows the footprint's shape,
+// and fitted parameters take residuals away.
+double BoxFitter::shape_error_of(const BoxPixel& pixel, const BoxFit& fit) const {
+  double squares = 0.0, noise = 0.0, count = 0.0, parameters = halo_count(fit);
   for (size_t m = 0; m < monitors_.size(); ++m) {
-    for (size_t p = 0; p < lit_[m].size(); ++p) {
-      const double own = monitors_[m].patterns[p].axis == BoxPattern::kSolid ? 0.0 : misfit;
+    if (!fit.boxes[m].seen) continue;
+    parameters += 4.0;
+    const std::vector<BoxSample>& samples = pixel.samples[m];
+    for (size_t p = 0; p < samples.size(); ++p) {
+      if (monitors_[m].patterns[p].axis == BoxPattern::kSolid) continue;
       for (size_t c = 0; c < kChannels; ++c) {
-        const double information = pixel.samples[m][p].information[c];
-        information_[m][p][c] = information / (1.0 + own * information);
+        if (samples[p].information[c] <= 0.0 || (p > 0 && has_complement(monitors_[m], samples, p - 1, c)))
+          continue;
+        const bool pair = has_complement(monitors_[m], samples, p, c);
+        double miss = samples[p].radiance[c] - model(fit, samples[p], m, p, c);
+        double variance = 1.0 / samples[p].information[c];
+        if (pair) {
+          miss -= samples[p + 1].radiance[c] - model(fit, samples[p + 1], m, p + 1, c);
+          variance += 1.0 / samples[p + 1].information[c];
+        }
+        squares += miss * miss / (pair ? 2.0 : 1.0);
+        noise += variance / (pair ? 2.0 : 1.0);
+        count += 1.0;
       }
     }
   }
+  const double degrees = std::max(count - parameters, 1.0);
+  return count > 0.0 ? std::max((squares - noise * degrees / count) / degrees, 0.0) : 0.0;
+}
+
+double BoxFitter::lit(size_t m, size_t p) const {
+  return 0.5 * (1.0 + monitors_[m].patterns[p].sign * v_[m][sums_.entry(m, p)]);
 }
 
 double BoxFitter::model(const BoxFit& fit, const BoxSample& sample, size_t m, size_t p, size_t c) const {
   return fit.foreground[c] + fit.straight * sample.straight[c] +
-         fit.boxes[m].weight[c] * monitors_[m].patterns[p].light[c] * lit_[m][p];
+         fit.boxes[m].weight[c] * monitors_[m].patterns[p].light[c] * lit(m, p);
 }
 
-void BoxFitter::settle(const BoxPixel& pixel, bool anew, bool straight_is_free, BoxFit& fit) {
+double BoxFitter::rms_of(const BoxPixel& pixel, const BoxFit& fit) const {
+  double squares = 0.0;
+  for (size_t c = 0; c < pixel.channel_count(); ++c) {
+    if (pixel.black.information[c] > 0.0) squares += std::pow(pixel.black.radiance[c] - fit.foreground[c], 2);
+    for (size_t m = 0; m < monitors_.size(); ++m) {
+      for (size_t p = 0; p < pixel.samples[m].size(); ++p) {
+        const BoxSample& sample = pixel.samples[m][p];
+        if (sample.information[c] > 0.0)
+          squares += std::pow(sample.radiance[c] - model(fit, sample, m, p, c), 2);
+      }
+    }
+  }
+  return std::sqrt(squares / std::max(fit.sample_count, 1));
+}
+
+void BoxFitter::settle(bool anew, bool straight_is_free, BoxFit& fit) {
   fit.chi_square = INFINITY;
   BoxFit next = fit;
   for (int round = 0; round < kMaxRounds; ++round) {
     const std::vector<PixelBox> before = next.boxes;
-    place(pixel, anew, next);
+    place(anew, next);
     see(next);
-    weigh(pixel, straight_is_free, next);
-    judge(pixel, next);
+    sums_.fit_light(v_, straight_is_free, next);
     // The first guess of the light may be far off without solids, or where 1 - alpha changes.
     anew = anew && round == 0 && changed(before, next.boxes);
     if (!(next.chi_square < fit.chi_square)) break;
@@ -316,122 +421,226 @@ void BoxFitter::settle(const BoxPixel& pixel, bool anew, bool straight_is_free, 
   }
 }
 
+bool BoxFitter::narrower(const BoxFit& fit, double bars) const {
+  for (size_t m = 0; m < monitors_.size(); ++m) {
+    for (size_t a = 0; a < 2; ++a) {
+      if (fit.boxes[m].seen && fit.boxes[m].side[a].length_px() > bars * axes_[m][a].finest_bar_px())
+        return false;
+    }
+  }
+  return true;
+}
+
+bool BoxFitter::near(const BoxFit& fit, const BoxFit& soft) const {
+  for (size_t m = 0; m < monitors_.size(); ++m) {
+    for (size_t a = 0; a < 2; ++a) {
+      const double off_px = fit.boxes[m].side[a].centre_px() - soft.boxes[m].decoded_px[a];
+      if (soft.boxes[m].seen && std::abs(off_px) > axes_[m][a].finest_bar_px()) return false;
+    }
+  }
+  return true;
+}
+
+std::optional<BoxFit> BoxFitter::decoded(const BoxFit& start) {
+  BoxFit fit = start;
+  for (size_t m = 0; m < monitors_.size(); ++m) {
+    PixelBox& box = fit.boxes[m];
+    if (!box.seen) continue;
+    box.soft = true;
+    observe(fit, m);
+    for (size_t a = 0; a < 2; ++a) {
+      const std::optional<double> place_px = axes_[m][a].decode(seen_[a]);
+      if (!place_px) return std::nullopt;
+      box.decoded_px[a] = *place_px;
+      const double half_px = 0.5 * axes_[m][a].finest_bar_px();
+      box.side[a] = {.low_px = *place_px - half_px, .high_px = *place_px + half_px};
+    }
+  }
+  settle(false, false, fit);
+  // Of a wide footprint, a box in the matte shows more than the box that is nearest to a Gaussian.
+  if (!narrower(fit, kMaxSoft)) return std::nullopt;
+  return fit;
+}
+
+double BoxFitter::lit_range(const BoxPixel& pixel, size_t m) const {
+  double range = 1.0;
+  for (size_t c = 0; c < pixel.channel_count(); ++c) {
+    double darkest = pixel.black.information[c] > 0.0 ? 0.0 : 1.0, brightest = 0.0;
+    bool seen = false;
+    for (size_t p = 0; p < pixel.samples[m].size(); ++p) {
+      if (pixel.samples[m][p].information[c] <= 0.0) continue;
+      seen = true;
+      darkest = std::min(darkest, lit(m, p));
+      brightest = std::max(brightest, lit(m, p));
+    }
+    if (seen) range = std::min(range, brightest - darkest);
+  }
+  return range;
+}
+
+void BoxFitter::drop_unlit(const BoxPixel& pixel, BoxFit& fit) const {
+  bool dropped = false;
+  for (size_t m = 0; m < monitors_.size(); ++m) {
+    PixelBox& box = fit.boxes[m];
+    if (!box.seen || lit_range(pixel, m) > kUnlit) continue;
+    box.seen = false;
+    box.misread = dropped = true;
+  }
+  if (dropped) sums_.fit_light(v_, fit.straight > 0.0, fit);
+}
+
+bool BoxFitter::reads_otherwise(const BoxFit& fit, size_t m) {
+  std::array<double, WaveAxis::kMaxWaves> v;
+  const PixelBox& box = fit.boxes[m];
+  observe(fit, m);
+  for (size_t a = 0; a < 2; ++a) {
+    means(m, a, box, v);
+    const double apart_px = kApart * axes_[m][a].finest_bar_px();
+    const double own = misfit(seen_[a], v);
+    for (const double place_px :
+         axes_[m][a].misreadings(seen_[a], v, box.side[a].centre_px(), apart_px, kSurely)) {
+      PixelBox moved = box;
+      const double half_px = 0.5 * box.side[a].length_px();
+      moved.side[a] = {.low_px = place_px - half_px, .high_px = place_px + half_px};
+      if (!moved.soft) moved.side[a] = inside(moved.side[a], extent_px(monitors_[m], a));
+      means(m, a, moved, v);
+      if (misfit(seen_[a], v) < own + kSurely) return true;
+    }
+  }
+  return false;
+}
+
+void BoxFitter::read_again(const BoxPixel& pixel, BoxFit& fit) {
+  for (size_t m = 0; m < monitors_.size(); ++m) {
+    PixelBox& box = fit.boxes[m];
+    if (!box.seen) continue;
+    // At a wrong place nothing is left.
+    box.misread = *std::ranges::max_element(box.weight) <= 0.0 || lit_range(pixel, m) < kSeparable ||
+                  reads_otherwise(fit, m);
+  }
+}
+
+bool BoxFitter::is_certain(const BoxFit& fit) {
+  for (size_t m = 0; m < monitors_.size(); ++m) {
+    if (fit.boxes[m].seen && reads_otherwise(fit, m)) return false;
+  }
+  return true;
+}
+
+void BoxFitter::start_from(const BoxFit& soft, BoxFit& fit) const {
+  for (size_t m = 0; m < monitors_.size(); ++m) {
+    // A box's corners look like a narrow halo.
+    const PixelBox& own = soft.boxes[m];
+    const double halo = halo_widths_px_[m].empty() ? 0.0 : own.halo[0], core = own.core();
+    for (size_t a = 0; a < 2; ++a) {
+      const double halo_px = halo > 0.0 ? halo_side(m, 0, own.side[a]).length_px() : 0.0;
+      const double half_px =
+          0.5 *
+          std::sqrt((core * std::pow(own.side[a].length_px(), 2) + halo * halo_px * halo_px) / (core + halo));
+      const double centre_px = own.side[a].centre_px();
+      fit.boxes[m].side[a] =
+          inside({.low_px = centre_px - half_px, .high_px = centre_px + half_px}, extent_px(monitors_[m], a));
+    }
+  }
+}
+
+BoxFit BoxFitter::fit_whole(const BoxFit& start) {
+  const std::optional<BoxFit> soft = decoded(start);
+  BoxFit box = start;
+  // The decoded position is right unless noise decides it, the footprint is wide, or there are several.
+  const bool certain = soft && is_certain(*soft), enough = certain && explains(*soft);
+  const bool explained = enough && narrower(*soft, kNarrow);
+  if (explained) start_from(*soft, box);
+  settle(!explained, false, box);
+  if (!soft) return box;
+  // The matte shows a Gaussian as a box, so that it and its halos have to explain more than one at the same
+  // place. A box that was looked for everywhere has to explain more than one at a certain position.
+  const bool same_place = near(box, *soft), refuted = !explains(*soft) && explains(box);
+  const auto count = static_cast<double>(box.sample_count);
+  const double gain = count * std::log(box.chi_square) - count * std::log(soft->chi_square);
+  const double price = same_place || !certain ? kSoftPrice * (1.0 + halo_count(*soft)) : 0.0;
+  const bool better = !refuted && (gain > price * std::log(count) || (enough && !same_place));
+  return better ? *soft : box;
+}
+
+void BoxFitter::try_partial_cover(const BoxPixel& pixel, const BoxFit& start, BoxFit& best) {
+  const auto count = static_cast<double>(best.sample_count);
+  double enough = best.chi_square * std::exp(-kCriterion * std::log(count) / count);
+  for (const double straight : kStraightStarts) {
+    BoxFit partly = start;
+    partly.straight = straight;
+    for (size_t m = 0; m < monitors_.size(); ++m) {
+      for (size_t p = 0; p < pixel.samples[m].size(); ++p) {
+        if (monitors_[m].patterns[p].axis != BoxPattern::kSolid) continue;
+        for (size_t c = 0; c < kChannels; ++c) {
+          const double light = monitors_[m].patterns[p].light[c];
+          if (light > 0.0)
+            partly.boxes[m].weight[c] =
+                std::max(start.boxes[m].weight[c] - straight * pixel.samples[m][p].straight[c] / light, 0.0);
+        }
+      }
+    }
+    settle(true, true, partly);
+    if (partly.chi_square >= enough || partly.straight <= 0.0) continue;
+    enough = partly.chi_square;
+    best = partly;
+  }
+}
+
 BoxFit BoxFitter::fit(const BoxPixel& pixel) {
   BoxFit start;
   begin(pixel, start);
-  BoxFit best = start;
-  doubt(pixel, 0.0);
+  sums_.gather(pixel, 0.0);
   if (std::ranges::none_of(start.boxes, &PixelBox::seen)) {
-    see(best);
-    weigh(pixel, false, best);
-    judge(pixel, best);
-    return best;
+    sums_.fit_light(v_, false, start);
+    start.rms = rms_of(pixel, start);
+    return start;
   }
-  settle(pixel, true, false, best);
-  const auto count = static_cast<double>(best.sample_count);
-  const bool poor = best.chi_square > kPoor * count;
+  BoxFit best = fit_whole(start);
+  const bool poor = best.chi_square > kPoor * best.sample_count;
   see(best);
-  doubt(pixel, misfit_of(pixel, best));
-  settle(pixel, false, false, best);
-  if (pixel.has_straight && poor) {
-    double enough = best.chi_square * std::exp(-kCriterion * std::log(count) / count);
-    for (const double straight : kStraightStarts) {
-      BoxFit partly = start;
-      partly.straight = straight;
-      for (size_t m = 0; m < monitors_.size(); ++m) {
-        for (size_t p = 0; p < pixel.samples[m].size(); ++p) {
-          if (monitors_[m].patterns[p].axis != BoxPattern::kSolid) continue;
-          for (size_t c = 0; c < kChannels; ++c) {
-            const double light = monitors_[m].patterns[p].light[c];
-            if (light > 0.0)
-              partly.boxes[m].weight[c] = std::max(
-                  start.boxes[m].weight[c] - straight * pixel.samples[m][p].straight[c] / light, 0.0);
-          }
-        }
-      }
-      settle(pixel, true, true, partly);
-      if (partly.chi_square >= enough || partly.straight <= 0.0) continue;
-      enough = partly.chi_square;
-      best = partly;
-    }
-  }
+  sums_.gather(pixel, misfit_of(pixel, best));
+  settle(false, false, best);
+  if (pixel.has_straight && poor) try_partial_cover(pixel, start, best);
   if (best.straight > 0.0) {
     see(best);
-    doubt(pixel, misfit_of(pixel, best));
-    settle(pixel, false, true, best);
+    sums_.gather(pixel, misfit_of(pixel, best));
+    settle(false, true, best);
   }
   see(best);
-  estimate_errors(pixel, best);
+  drop_unlit(pixel, best);
+  best.rms = rms_of(pixel, best);
+  sums_.gather(pixel, shape_error_of(pixel, best));
+  estimate_errors(best);
+  read_again(pixel, best);
   return best;
 }
 
-// Standard errors from the inverse of the normal matrix.
-void BoxFitter::estimate_errors(const BoxPixel& pixel, BoxFit& fit) const {
-  const auto monitors = static_cast<Eigen::Index>(monitors_.size());
-  const Eigen::Index light_count = 1 + monitors, first_light = 4 * monitors;
-  const Eigen::Index straight = first_light + kChannels * light_count;
-  AllMatrix normal = AllMatrix::Zero(straight + 1, straight + 1);
-  const auto add = [&](double information, std::span<const std::pair<Eigen::Index, double>> slopes) {
-    for (const auto& [i, by_i] : slopes) {
-      for (const auto& [j, by_j] : slopes) normal(i, j) += information * by_i * by_j;
-    }
-  };
-  for (Eigen::Index c = 0; c < kChannels; ++c) {
-    const Eigen::Index foreground = first_light + c * light_count;
-    add(pixel.black.information[static_cast<size_t>(c)], std::array{std::pair(foreground, 1.0)});
-  }
-  for (Eigen::Index m = 0; m < monitors; ++m) {
-    const auto own = static_cast<size_t>(m);
-    const PixelBox& box = fit.boxes[own];
-    for (size_t p = 0; p < lit_[own].size(); ++p) {
-      const BoxPattern& pattern = monitors_[own].patterns[p];
-      const BoxSample& sample = pixel.samples[own][p];
-      double by_low = 0.0, by_high = 0.0;  // of h
-      Eigen::Index low = 4 * m;
-      if (pattern.axis != BoxPattern::kSolid && box.seen) {
-        const auto a = static_cast<size_t>(pattern.axis);
-        const WaveAxis& axis = axes_[own][a];
-        const Interval& side = box.side[a];
-        const double v = pattern.sign * (2.0 * lit_[own][p] - 1.0);
-        const double scale = 0.5 * pattern.sign / side.length_px();
-        by_low = scale * (v - axis.wave_at(pattern.wave, side.low_px));
-        by_high = scale * (axis.wave_at(pattern.wave, side.high_px) - v);
-        low += 2 * pattern.axis;
-      }
-      for (Eigen::Index c = 0; c < kChannels; ++c) {
-        const auto channel = static_cast<size_t>(c);
-        const double light = pattern.light[channel], weight = light * box.weight[channel];
-        const Eigen::Index foreground = first_light + c * light_count;
-        add(information_[own][p][channel],
-            std::array{std::pair(low, weight * by_low), std::pair(low + 1, weight * by_high),
-                       std::pair(foreground, 1.0), std::pair(foreground + 1 + m, light * lit_[own][p]),
-                       std::pair(straight, fit.straight > 0.0 ? sample.straight[channel] : 0.0)});
+void BoxFitter::slopes(size_t m, const PixelBox& box, WaveSums::Slopes& slopes) const {
+  for (size_t a = 0; a < 2; ++a) {
+    const WaveAxis& axis = axes_[m][a];
+    const Interval& side = box.side[a];
+    const WaveAxis::SoftSide soft = soft_side(side);
+    for (size_t k = 0; k < axis.wave_count(); ++k) {
+      const size_t i = sums_.first_wave(m, a) + k;
+      if (box.soft) {
+        const WaveAxis::SoftMean mean = axis.soft_mean(k, soft.t_px, soft.sigma_px);
+        const double by_t = 0.5 * box.core() * mean.by_t,
+                     by_width = box.core() * mean.by_sigma / kSidePerSigma;
+        slopes[i] = {by_t - by_width, by_t + by_width};
+      } else {
+        const double v = v_[m][i], scale = 1.0 / side.length_px();
+        slopes[i] = {scale * (v - axis.wave_at(k, side.low_px)), scale * (axis.wave_at(k, side.high_px) - v)};
       }
     }
-    // Without the edge of a bar nearby, an end is uncertain within the finest bar.
-    for (Eigen::Index end = 0; end < 4; ++end) {
-      const double bar_px = axes_[own][static_cast<size_t>(end / 2)].finest_bar_px();
-      normal(4 * m + end, 4 * m + end) += 12.0 / (bar_px * bar_px);
-    }
   }
-  // Undetermined unknowns keep no standard error.
-  for (Eigen::Index i = first_light; i <= straight; ++i) {
-    if (normal(i, i) <= 0.0) normal(i, i) = 1.0;
+}
+
+void BoxFitter::estimate_errors(BoxFit& fit) {
+  for (size_t m = 0; m < monitors_.size(); ++m) {
+    if (fit.boxes[m].seen) slopes(m, fit.boxes[m], slopes_[m]);
   }
-  const AllMatrix covariance = normal.ldlt().solve(AllMatrix::Identity(straight + 1, straight + 1));
-  for (Eigen::Index m = 0; m < monitors; ++m) {
-    PixelBox& box = fit.boxes[static_cast<size_t>(m)];
-    if (!box.seen) continue;
-    for (Eigen::Index c = 0; c < kChannels; ++c) {
-      const Eigen::Index weight = first_light + c * light_count + 1 + m;
-      box.weight_sd[static_cast<size_t>(c)] = std::sqrt(std::max(covariance(weight, weight), 0.0));
-    }
-    double variance = 0.0;  // of both coordinates of the centre
-    for (const Eigen::Index low : {4 * m, 4 * m + 2})
-      variance +=
-          0.25 * (covariance(low, low) + covariance(low + 1, low + 1) + 2.0 * covariance(low, low + 1));
-    box.centre_sd_px = std::sqrt(std::max(0.5 * variance, 0.0));
-  }
+  sums_.estimate_errors(v_, slopes_, finest_bars_px_, fit);
 }
 
 }  // namespace glasswing

@@ -8,79 +8,102 @@
 // patterns and channels, each sample weighted by its noise; for waves that includes the model error of a box.
 // F, R and alpha are linear. The box's two sides are independent, so each is searched separately, in turn
 // with the linear part until neither improves.
+//
+// Lenses, projectors and the scene itself scatter: a part of the light comes from around the box. Where that
+// explains the samples better, v is
+//
+//   v_k = (1 - sum_j g_j) v_k(box) + sum_j g_j v_k(halo j),     g_j >= 0
+//
+// with squares of fixed widths around the box's centre, halos, and a Gaussian instead of the box: lenses make
+// edges soft. Wide bars are then seen at full contrast and
+// narrow ones at less, which one box of any size contradicts. Such a fit starts at the position that a plain
+// decode of the waves' signs gives, so that it is no further off than that.
 #pragma once
 
 #include <array>
+#include <optional>
 #include <span>
 #include <vector>
 
-#include "solver/background/empty_stage.h"
 #include "solver/hierarchical/box_layout.h"
+#include "solver/hierarchical/box_pixel.h"
 #include "solver/hierarchical/wave_axis.h"
+#include "solver/hierarchical/wave_sums.h"
 
 namespace glasswing {
 
-struct BoxSample {
-  Samples3 radiance{};
-  Samples3 information{};  // 1 / variance; 0: unknown
-  Samples3 straight{};     // B: the pixel's light from the pattern without the object
-};
-
-struct BoxPixel {
-  BoxSample black;
-  std::vector<std::vector<BoxSample>> samples;  // [monitor][pattern] of the layout
-  bool has_straight = false;                    // otherwise alpha is 1
-};
-
-struct PixelBox {
-  bool seen = false;  // if not, weights are 0 and the box is meaningless
-  std::array<Interval, 2> side;
-  Samples3 weight{}, weight_sd{};  // R
-  double centre_sd_px = 0.0;       // rms of x and y
-};
-
-struct BoxFit {
-  std::vector<PixelBox> boxes;  // by monitor of the layout
-  Samples3 foreground{};
-  double straight = 0.0;    // 1 - alpha
-  double chi_square = 0.0;  // of this many samples
-  int sample_count = 0;
-  double rms = 0.0;  // of the residual, radiance
-};
+// The part of a side that lies on the monitor, at least of the minimum length.
+Interval inside(const Interval& side, double extent_px);
+double extent_px(const BoxMonitor& monitor, size_t axis);
 
 class BoxFitter {
  public:
-  explicit BoxFitter(std::span<const BoxMonitor> monitors);
+  // `halos`: how many of a monitor may be found, 0 to kMaxHalos.
+  BoxFitter(std::span<const BoxMonitor> monitors, size_t halos);
 
   BoxFit fit(const BoxPixel& pixel);
 
   const WaveAxis& axis(size_t monitor, size_t axis) const { return axes_[monitor][axis]; }
+  // A halo's side around a box's side; it may reach beyond the monitor.
+  Interval halo_side(size_t monitor, size_t halo, const Interval& box) const;
 
  private:
   void begin(const BoxPixel& pixel, BoxFit& fit) const;
   bool sees(const BoxPixel& pixel, size_t monitor, const Samples3& weight) const;
   // `anew`: search for the boxes.
-  void settle(const BoxPixel& pixel, bool anew, bool straight_is_free, BoxFit& fit);
+  void settle(bool anew, bool straight_is_free, BoxFit& fit);
   // Fits all sides. `anew`: search globally; otherwise refine the current ones.
-  void place(const BoxPixel& pixel, bool anew, BoxFit& fit);
-  // h of the patterns.
+  void place(bool anew, BoxFit& fit);
+  // Sets seen_.
+  void observe(const BoxFit& fit, size_t monitor);
+  // Fits the shares of box and halos to seen_, then takes the halos out of seen_.
+  void spread(size_t monitor, PixelBox& box);
+  // v of a box with its halos.
+  void means(size_t monitor, size_t axis, const PixelBox& box, std::span<double> v) const;
+  // Whether no side is longer than so many finest bars.
+  bool narrower(const BoxFit& fit, double bars) const;
+  // Whether all boxes are within a finest bar of the decoded positions.
+  bool near(const BoxFit& fit, const BoxFit& soft) const;
+  // The best soft fit with halos, from the decoded position; none if that cannot be told, or if it is wide.
+  std::optional<BoxFit> decoded(const BoxFit& start);
+  // By how much the lit shares h of a box differ between the patterns, black included.
+  double lit_range(const BoxPixel& pixel, size_t monitor) const;
+  // Takes back boxes that every pattern lit alike, as a static surround does: the light is F.
+  void drop_unlit(const BoxPixel& pixel, BoxFit& fit) const;
+  // Sets the sides of boxes to those that look most like a soft fit.
+  void start_from(const BoxFit& soft, BoxFit& fit) const;
+  // The better of a box and a soft one, without partial cover.
+  BoxFit fit_whole(const BoxFit& start);
+  // Replaces `best` by a fit with alpha below 1 where that explains enough more.
+  void try_partial_cover(const BoxPixel& pixel, const BoxFit& start, BoxFit& best);
+  // Derivatives of v of each wave by the ends of the box's side across its bars.
+  void slopes(size_t monitor, const PixelBox& box, WaveSums::Slopes& slopes) const;
+  // Whether the waves of a monitor may be read at another place at hardly less likelihood.
+  bool reads_otherwise(const BoxFit& fit, size_t monitor);
+  bool is_certain(const BoxFit& fit);
+  // Sets PixelBox::misread.
+  void read_again(const BoxPixel& pixel, BoxFit& fit);
+  // Sets v_.
   void see(const BoxFit& fit);
-  void weigh(const BoxPixel& pixel, bool straight_is_free, BoxFit& fit) const;
-  void judge(const BoxPixel& pixel, BoxFit& fit) const;
+  // h of a pattern.
+  double lit(size_t monitor, size_t pattern) const;
   double model(const BoxFit& fit, const BoxSample& sample, size_t monitor, size_t pattern,
                size_t channel) const;
   double misfit_of(const BoxPixel& pixel, const BoxFit& fit) const;
-  // Adds this variance to the noise of waves.
-  void doubt(const BoxPixel& pixel, double misfit);
-  void estimate_errors(const BoxPixel& pixel, BoxFit& fit) const;
+  double shape_error_of(const BoxPixel& pixel, const BoxFit& fit) const;
+  double rms_of(const BoxPixel& pixel, const BoxFit& fit) const;
+  void estimate_errors(BoxFit& fit);
 
   std::span<const BoxMonitor> monitors_;
   std::vector<std::array<WaveAxis, 2>> axes_;
-  std::vector<double> seen_thresholds_;  // by monitor
+  std::vector<std::array<double, 2>> finest_bars_px_;   // [monitor][axis]
+  std::vector<std::array<double, 2>> seen_thresholds_;  // by monitor; of colour and gray pixels
+  std::vector<std::vector<double>> halo_widths_px_;     // [monitor]
   // Of the current pixel.
-  std::vector<std::vector<double>> lit_;            // h, [monitor][pattern]
-  std::vector<std::vector<Samples3>> information_;  // as used by the fit
-  std::vector<WaveAxis::Seen> seen_;
+  WaveSums sums_;
+  std::vector<WaveMeans> v_;                         // [monitor]
+  std::vector<WaveSums::Slopes> slopes_;             // [monitor]
+  std::array<std::vector<WaveAxis::Seen>, 2> seen_;  // by axis
 };
 
 }  // namespace glasswing

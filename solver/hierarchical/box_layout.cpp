@@ -14,6 +14,8 @@
 namespace glasswing {
 namespace {
 
+constexpr size_t kMinWaves = 4;
+
 using Light = std::array<double, 3>;
 using Key = std::tuple<double, double, Light>;  // minus the width of bars; offset; light
 
@@ -89,11 +91,13 @@ absl::StatusOr<BoxMonitor> monitor_of(const Shown& shown, const v1::Monitor& mon
       }
     }
   }
-  if (!complements && (!has_black || shown.solids.empty())) {
+  // Several waves are their own black and white, where a pixel sees lit and dark bars.
+  const size_t fewest = std::min(result.waves[0].size(), result.waves[1].size());
+  if (!complements && fewest < kMinWaves && (!has_black || shown.solids.empty())) {
     return absl::FailedPreconditionError(fmt::format(
-        "monitor \"{}\" showed square waves without complements; then black and a solid are needed, "
-        "with the object",
-        monitor.name()));
+        "monitor \"{}\" showed {} square waves along an axis without complements; then black and a solid are "
+        "needed, with the object, or {} waves along either axis",
+        monitor.name(), fewest, kMinWaves));
   }
   return result;
 }

@@ -36,7 +36,7 @@ struct BoxLayout {
 };
 
 // FAILED_PRECONDITION says what is missing or invalid: waves along one axis only, F and R not separable
-// (neither complements nor black and a solid), invalid numbers.
+// (no complements, neither black and a solid nor four waves along either axis), invalid numbers.
 absl::StatusOr<BoxLayout> lay_out_boxes(const v1::CaptureManifest& manifest);
 
 // Every frame that the layout names.

@@ -12,6 +12,13 @@ namespace {
 // In units of the noise and of the strongest weight: a residual above both is a poor fit.
 constexpr double kPoorNoise = 4.0, kPoorShare = 0.05;
 constexpr size_t kMinSums = 4;
+constexpr float kCorrection = 0.25f;  // of a change of brightness that is not corrected
+
+// How many halos of each monitor a matte's modes leave room for.
+size_t halo_count(size_t monitors, bool partial_cover) {
+  const size_t others = partial_cover ? 2 * monitors : monitors;
+  return others < kMaxModes ? std::min((kMaxModes - others) / monitors, kMaxHalos) : 0;
+}
 
 // The box as which a background point's footprint is stored.
 Interval straight_side(const AxisFit& fit) {
@@ -19,14 +26,13 @@ Interval straight_side(const AxisFit& fit) {
   return {.low_px = fit.centre_px - half_px, .high_px = fit.centre_px + half_px};
 }
 
-// Its part on the monitor, at least of the minimum length.
-Interval inside(const Interval& side, double extent_px) {
-  constexpr double kMin = WaveAxis::kMinLength_px;
-  const double low_px = std::clamp(side.low_px, 0.0, extent_px - kMin);
-  return {.low_px = low_px, .high_px = std::clamp(side.high_px, low_px + kMin, extent_px)};
-}
-
 }  // namespace
+
+int modes_needed(int monitors, bool partial_cover) {
+  const auto count = static_cast<size_t>(monitors);
+  const size_t others = partial_cover ? 2 * count : count;
+  return static_cast<int>(std::min<size_t>(others + count * halo_count(count, partial_cover), kMaxModes));
+}
 
 BoxSolver::BoxSolver(const FrameStack& stack, const BoxLayout& layout, bool partial_cover,
                      double silhouette_tolerance)
@@ -35,7 +41,7 @@ BoxSolver::BoxSolver(const FrameStack& stack, const BoxLayout& layout, bool part
       partial_cover_(partial_cover),
       width_(stack.width_px),
       surroundings_(stack, layout.stage, silhouette_tolerance),
-      fitter_(layout.monitors),
+      fitter_(layout.monitors, halo_count(layout.monitors.size(), partial_cover)),
       samples_(layout.monitors.size()) {
   for (size_t m = 0; m < layout.monitors.size(); ++m) {
     samples_[m].resize(layout.monitors[m].patterns.size());
@@ -51,6 +57,12 @@ std::vector<BoxSolver::Sample> BoxSolver::load(int y, const Shot& shot) const {
     row[lane] = {.radiance = static_cast<float>(merged.radiance),
                  .variance = static_cast<float>(merged.variance),
                  .saturated = merged.saturated};
+    if (!stack_.brightness.empty()) {
+      // What was corrected is not exact.
+      const float change =
+          1.0f - stack_.brightness[static_cast<size_t>(shot.front().frame)][lane % kChannels];
+      row[lane].variance += std::pow(kCorrection * change * row[lane].radiance, 2.0f);
+    }
   }
   return row;
 }
@@ -94,7 +106,9 @@ std::vector<double> BoxSolver::estimate_noise() const {
 }
 
 bool BoxSolver::gather(int x, double noise_factor) {
-  bool saturated = false;
+  bool saturated = false, gray = true;
+  saturated_light_ = {};
+  Samples3 information{};
   const auto fill = [&](const std::vector<Sample>& row, BoxSample& to) {
     for (size_t c = 0; c < kChannels; ++c) {
       const Sample& from = row[static_cast<size_t>(x) * kChannels + c];
@@ -103,12 +117,24 @@ bool BoxSolver::gather(int x, double noise_factor) {
       to.radiance[c] = static_cast<double>(from.radiance);
       to.information[c] = from.saturated ? 0.0 : 1.0 / variance;
       to.straight[c] = 0.0;
+      information[c] += to.information[c];
+      if (from.saturated) saturated_light_[c] = std::max(saturated_light_[c], to.radiance[c]);
+      gray = gray && to.radiance[c] == to.radiance[0];
     }
   };
   if (!black_.empty()) fill(black_, pixel_.black);
   for (size_t m = 0; m < samples_.size(); ++m) {
     for (size_t p = 0; p < samples_[m].size(); ++p) fill(samples_[m][p], pixel_.samples[m][p]);
   }
+  for (size_t c = 0; c < kChannels; ++c) {
+    if (information[c] > 0.0) saturated_light_[c] = 0.0;
+  }
+  if (gray) {
+    const auto first_only = [](BoxSample& sample) { sample.information[1] = sample.information[2] = 0.0; };
+    first_only(pixel_.black);
+    for (std::vector<BoxSample>& samples : pixel_.samples) std::ranges::for_each(samples, first_only);
+  }
+  pixel_.gray = gray;
   pixel_.has_straight = false;
   return saturated;
 }
@@ -121,13 +147,11 @@ void BoxSolver::add_straight(std::span<const BackgroundPoint> background) {
     const BackgroundPoint& point = background[static_cast<size_t>(monitor.texture)];
     if (!point.seen) continue;
     pixel_.has_straight = true;
-    const std::array<double, 2> extent_px{static_cast<double>(monitor.width_px),
-                                          static_cast<double>(monitor.height_px)};
     double share = 1.0;
     std::array<Interval, 2> sides;
     for (size_t a = 0; a < 2; ++a) {
       const Interval whole = straight_side(point.axis[a]);
-      sides[a] = inside(whole, extent_px[a]);
+      sides[a] = inside(whole, extent_px(monitor, a));
       share *= std::min(sides[a].length_px() / std::max(whole.length_px(), WaveAxis::kMinLength_px), 1.0);
     }
     for (size_t a = 0; a < 2; ++a) {
@@ -159,42 +183,71 @@ void BoxSolver::solve_row(int y, Matte& matte) {
       background = surroundings_.background(x, y);
       add_straight(background);
     }
-    write(x, y, background, fitter_.fit(pixel_), noise_sd, matte);
+    BoxFit fit = fitter_.fit(pixel_);
+    // Where every sample is saturated, F is at least that.
+    for (size_t c = 0; c < kChannels; ++c)
+      fit.foreground[c] = std::max(fit.foreground[c], saturated_light_[c]);
+    if (pixel_.gray) {
+      fit.foreground.fill(fit.foreground[0]);
+      for (PixelBox& box : fit.boxes) {
+        box.weight.fill(box.weight[0]);
+        box.weight_sd.fill(box.weight_sd[0]);
+      }
+    }
+    write(x, y, background, fit, noise_sd, matte);
   }
 }
 
 void BoxSolver::write(int x, int y, std::span<const BackgroundPoint> background, const BoxFit& fit,
                       double noise_sd, Matte& matte) const {
   double strongest = 0.0;
-  std::vector<std::array<Mode, kChannels>> found;
+  bool misread = false;
+  struct Found {
+    std::array<Mode, kChannels> modes;
+    Samples3 rank;  // by which modes are ordered: a box comes before its halos
+  };
+  std::vector<Found> found;
   const auto variance = [](const Interval& side) {
     return static_cast<float>(side.length_px() * side.length_px() / 12.0);
   };
   for (size_t m = 0; m < fit.boxes.size(); ++m) {
     const PixelBox& box = fit.boxes[m];
+    misread = misread || box.misread;
     if (!box.seen) continue;
-    std::array<Mode, kChannels>& modes = found.emplace_back();
-    for (size_t c = 0; c < kChannels; ++c) {
-      strongest = std::max(strongest, box.weight[c]);
-      modes[c] = {.weight = static_cast<float>(box.weight[c]),
-                  .x_px = static_cast<float>(box.side[0].centre_px()),
-                  .y_px = static_cast<float>(box.side[1].centre_px()),
-                  .xx_px2 = variance(box.side[0]),
-                  .xy_px2 = 0.0f,
-                  .yy_px2 = variance(box.side[1]),
-                  .texture = layout_.monitors[m].texture,
-                  .weight_sd = static_cast<float>(box.weight_sd[c]),
-                  .centre_sd_px = static_cast<float>(box.centre_sd_px)};
+    const auto add = [&](const std::array<Interval, 2>& side, double share) {
+      Found& own = found.emplace_back();
+      double on_monitor = 1.0;
+      for (size_t a = 0; a < 2; ++a)
+        on_monitor *= inside(side[a], extent_px(layout_.monitors[m], a)).length_px() / side[a].length_px();
+      for (size_t c = 0; c < kChannels; ++c) {
+        own.rank[c] = box.weight[c];
+        own.modes[c] = {.weight = static_cast<float>(box.weight[c] * share / std::min(on_monitor, 1.0)),
+                        .x_px = static_cast<float>(side[0].centre_px()),
+                        .y_px = static_cast<float>(side[1].centre_px()),
+                        .xx_px2 = variance(side[0]),
+                        .xy_px2 = 0.0f,
+                        .yy_px2 = variance(side[1]),
+                        .texture = layout_.monitors[m].texture,
+                        .weight_sd = static_cast<float>(box.weight_sd[c] * share),
+                        .centre_sd_px = static_cast<float>(box.centre_sd_px)};
+      }
+    };
+    add(box.side, box.core());
+    for (size_t j = 0; j < box.halo.size(); ++j) {
+      if (box.halo[j] > 0.0)
+        add({fitter_.halo_side(m, j, box.side[0]), fitter_.halo_side(m, j, box.side[1])}, box.halo[j]);
     }
+    strongest = std::max(strongest, *std::ranges::max_element(box.weight));
   }
   if (fit.straight > 0.0) {
     for (const BoxMonitor& monitor : layout_.monitors) {
       const BackgroundPoint& point = background[static_cast<size_t>(monitor.texture)];
       if (!point.seen) continue;
-      std::array<Mode, kChannels>& modes = found.emplace_back();
-      for (int c = 0; c < kChannels; ++c) {
-        Mode& mode = modes[static_cast<size_t>(c)] = point.mode(c, monitor.texture);
+      Found& own = found.emplace_back();
+      for (size_t c = 0; c < kChannels; ++c) {
+        Mode& mode = own.modes[c] = point.mode(static_cast<int>(c), monitor.texture);
         mode.weight *= static_cast<float>(fit.straight);
+        own.rank[c] = mode.weight;
       }
     }
   }
@@ -202,15 +255,16 @@ void BoxSolver::write(int x, int y, std::span<const BackgroundPoint> background,
     const auto channel = static_cast<size_t>(c);
     matte.foreground(x, y)[channel] = static_cast<float>(fit.foreground[channel]);
     std::ranges::stable_sort(found, std::ranges::greater(),
-                             [&](const auto& modes) { return modes[channel].weight; });
+                             [&](const Found& own) { return own.rank[channel]; });
     const std::span<Mode> modes = matte.modes(x, y, c);
     for (size_t i = 0; i < std::min(found.size(), modes.size()); ++i) {
-      if (found[i][channel].weight > 0.0f) modes[i] = found[i][channel];
+      if (found[i].modes[channel].weight > 0.0f) modes[i] = found[i].modes[channel];
     }
   }
   matte.coverage(x, y) = static_cast<float>(1.0 - fit.straight);
   std::uint8_t& flags = matte.flags(x, y);
   if (fit.sample_count == 0) flags |= kFlagNoData;
+  if (misread) flags |= kFlagPoorFit;
   if (fit.rms > std::max(kPoorNoise * noise_sd, kPoorShare * strongest)) flags |= kFlagPoorFit;
 }
 

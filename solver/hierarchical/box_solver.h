@@ -11,6 +11,9 @@
 
 namespace glasswing {
 
+// The modes of a channel: a box for each monitor, its halos, and what lies straight behind.
+int modes_needed(int monitors, bool partial_cover);
+
 class BoxSolver {
  public:
   // Keeps references to both. `partial_cover`: alpha may be less than 1 within the silhouette.
@@ -49,6 +52,7 @@ class BoxSolver {
   std::vector<Sample> black_;
   std::vector<std::vector<std::vector<Sample>>> samples_;  // [monitor][pattern]
   BoxPixel pixel_;
+  Samples3 saturated_light_{};  // of channels without any other sample; else 0
 };
 
 }  // namespace glasswing

@@ -24,7 +24,7 @@ class PreparedBoxes final : public PreparedMethod {
 
   absl::StatusOr<Matte> solve(const FrameStack& rows) const override {
     const int boxes = static_cast<int>(layout_.monitors.size());
-    Matte matte = blank_matte(rows, metadata_, std::min(straight_ ? 2 * boxes : boxes, kMaxModes));
+    Matte matte = blank_matte(rows, metadata_, modes_needed(boxes, straight_));
     BoxSolver solver(rows, layout_, straight_, silhouette_tolerance_);
     for (int y = 0; y < rows.row_count; ++y) solver.solve_row(y, matte);
     return matte;

@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cassert>
 #include <cmath>
 #include <cstdint>
 #include <limits>
 #include <map>
+#include <numbers>
 
 #include "solver/hierarchical/wave_kernel.h"
 
@@ -15,11 +17,52 @@ namespace {
 
 constexpr size_t kMaxOpen = 80;  // three open nodes on each of at most 16 levels
 constexpr size_t kKept = 3;      // the best grid points that are refined
+constexpr float kUnsure = 0.4f;  // u of a wave that may have the other sign
+
+// +1 in lit bars, which are the even ones.
+double sign_of(double bar) {
+  return static_cast<std::int64_t>(bar) % 2 == 0 ? 1.0 : -1.0;
+}
 
 double drawn(const BarWave& wave, int pixel) {
-  const double bar = std::floor((pixel + 0.5 - wave.offset_px) / wave.bar_px);
-  return std::fmod(bar, 2.0) == 0.0 ? 1.0 : -1.0;
+  return sign_of(std::floor((pixel + 0.5 - wave.offset_px) / wave.bar_px));
 }
+
+constexpr double kFar = 5.0;  // sigmas: from there on an edge is out of reach
+
+// erf(z / sqrt2) and its derivative for z in [0, kFar], interpolated between 1/32 by cubics that have both
+// the values and the slopes at their ends: error < 1e-7.
+class EdgeTable {
+ public:
+  EdgeTable() {
+    for (size_t i = 0; i < nodes_.size(); ++i) {
+      const double z = static_cast<double>(i) / kPerSigma;
+      const double slope = std::sqrt(2.0 / std::numbers::pi) * std::exp(-0.5 * z * z);
+      nodes_[i] = {.value = std::erf(z / std::numbers::sqrt2), .slope = slope, .bend = -z * slope};
+    }
+  }
+
+  struct Edge {
+    double value = 0.0, slope = 0.0;
+  };
+  Edge at(double z) const {
+    const double place = z * kPerSigma;
+    const auto i = static_cast<size_t>(place);
+    const Node &a = nodes_[i], &b = nodes_[i + 1];
+    const double t = place - static_cast<double>(i), u = 1.0 - t;
+    const double low = u * u * (1.0 + 2.0 * t), high = t * t * (1.0 + 2.0 * u);
+    const double by_low = t * u * u / kPerSigma, by_high = -t * t * u / kPerSigma;
+    return {.value = low * a.value + high * b.value + by_low * a.slope + by_high * b.slope,
+            .slope = low * a.slope + high * b.slope + by_low * a.bend + by_high * b.bend};
+  }
+
+ private:
+  static constexpr double kPerSigma = 32.0;
+  struct Node {
+    double value = 0.0, slope = 0.0, bend = 0.0;
+  };
+  std::array<Node, 162> nodes_;
+};
 
 }  // namespace
 
@@ -35,7 +78,8 @@ struct WaveAxis::Lanes {
 };
 
 WaveAxis::WaveAxis(std::span<const BarWave> waves, int extent_px)
-    : wave_count_(waves.size()),
+    : waves_(waves.begin(), waves.end()),
+      wave_count_(waves.size()),
       stride_((waves.size() + internal::kWaveLanes - 1) / internal::kWaveLanes * internal::kWaveLanes),
       extent_px_(extent_px),
       finest_bar_px_(extent_px) {
@@ -49,6 +93,25 @@ WaveAxis::WaveAxis(std::span<const BarWave> waves, int extent_px)
     for (int point = 0; point < last_point_; ++point) {
       const size_t at = static_cast<size_t>(point) * stride_ + k;
       sums_[at + stride_] = sums_[at] + static_cast<float>(drawn(waves[k], point / per_px_));
+    }
+  }
+  if (wave_count_ <= kMaxDecoded) {
+    readings_.resize(size_t{1} << wave_count_);
+    for (int pixel = 0; pixel < extent_px; ++pixel) {
+      Reading& reading = readings_[signs_at(pixel + 0.5)];
+      // Positions that all waves show alike: the first is as good as any.
+      if (reading.to_px >= 0.0f && reading.to_px != static_cast<float>(pixel)) continue;
+      if (reading.to_px < 0.0f) reading.from_px = static_cast<float>(pixel);
+      reading.to_px = static_cast<float>(pixel + 1);
+    }
+  }
+  if (edges_coincide() && !readings_.empty()) {
+    std::array<double, kMaxWaves> v;
+    for (double low_px = 0.0; low_px + finest_bar_px_ <= extent_px_; low_px += 0.5 * finest_bar_px_) {
+      means({.low_px = low_px, .high_px = low_px + finest_bar_px_}, v);
+      const size_t at = scanned_.size();
+      scanned_.resize(at + stride_);
+      for (size_t k = 0; k < wave_count_; ++k) scanned_[at + k] = static_cast<float>(v[k]);
     }
   }
   first_cell_.push_back(0);
@@ -69,12 +132,73 @@ WaveAxis::WaveAxis(std::span<const BarWave> waves, int extent_px)
   }
 }
 
+std::uint32_t WaveAxis::signs_at(double t_px) const {
+  std::uint32_t signs = 0;
+  for (size_t k = 0; k < wave_count_; ++k) signs |= wave_at(k, t_px) > 0.0 ? 1u << k : 0u;
+  return signs;
+}
+
+bool WaveAxis::edges_coincide() const {
+  for (int point = per_px_; point < last_point_; ++point) {
+    const int edges =
+        std::popcount(signs_at((point - 0.5) * grid_px()) ^ signs_at((point + 0.5) * grid_px()));
+    if (edges > 1) return true;
+  }
+  return false;
+}
+
+std::optional<double> WaveAxis::decode(std::span<const Seen> seen) const {
+  if (readings_.empty()) return std::nullopt;
+  size_t signs = 0, unsure = 0;
+  for (size_t k = 0; k < wave_count_; ++k) {
+    signs |= seen[k].u > 0.0f ? size_t{1} << k : 0u;
+    if (waves_[k].bar_px > 2.0 * finest_bar_px_ && std::abs(seen[k].u) < kUnsure) ++unsure;
+  }
+  if (unsure > 0 && !scanned_.empty()) return scan(seen);
+  const Reading& reading = readings_[signs];
+  if (reading.to_px < reading.from_px) return std::nullopt;
+  return 0.5 * static_cast<double>(reading.from_px + reading.to_px);
+}
+
+double WaveAxis::scan(std::span<const Seen> seen) const {
+  const Lanes lanes(seen);
+  std::array<float, kMaxWaves> product;
+  for (size_t k = 0; k < stride_; ++k) product[k] = lanes.u[k] * lanes.weight[k];
+  float best = 0.0f;
+  size_t place = 0;
+  for (size_t at = 0; at * stride_ < scanned_.size(); ++at) {
+    const float* v = scanned_.data() + at * stride_;
+    float both = 0.0f, own = 1e-20f;
+    for (size_t k = 0; k < stride_; ++k) {
+      both += product[k] * v[k];
+      own += lanes.weight[k] * v[k] * v[k];
+    }
+    if (both <= 0.0f || both * both <= best * own) continue;
+    best = both * both / own;
+    place = at;
+  }
+  return 0.5 * finest_bar_px_ * (static_cast<double>(place) + 1.0);
+}
+
+std::vector<double> WaveAxis::misreadings(std::span<const Seen> seen, std::span<const double> model,
+                                          double t_px, double apart_px, double price) const {
+  std::vector<double> places_px;
+  if (readings_.empty()) return places_px;
+  const std::uint32_t signs = signs_at(t_px);
+  for (size_t k = 0; k < wave_count_; ++k) {
+    const Reading& other = readings_[signs ^ 1u << k];
+    const auto from = static_cast<double>(other.from_px), to = static_cast<double>(other.to_px);
+    if (to < from || (t_px > from - apart_px && t_px < to + apart_px)) continue;
+    const double own = 4.0 * static_cast<double>(seen[k].weight) * static_cast<double>(seen[k].u) * model[k];
+    if (own < price) places_px.push_back(0.5 * (from + to));
+  }
+  return places_px;
+}
+
 std::optional<std::array<double, 2>> WaveAxis::alike_px() const {
   std::map<std::uint32_t, double> last_seen_px;  // last position, by the signs of all waves
   for (double t_px = 0.5; t_px < extent_px_; t_px += 1.0) {
-    std::uint32_t signs = 0;
-    for (size_t k = 0; k < wave_count_; ++k) signs |= wave_at(k, t_px) > 0.0 ? 1u << k : 0u;
-    const auto [last, first_time] = last_seen_px.try_emplace(signs, t_px);
+    const auto [last, first_time] = last_seen_px.try_emplace(signs_at(t_px), t_px);
     if (!first_time && t_px - last->second > 1.0) return std::array{last->second, t_px};
     last->second = t_px;
   }
@@ -96,6 +220,92 @@ void WaveAxis::means(const Interval& interval, std::span<double> v) const {
     const auto at_low = static_cast<double>(low[k + stride_] - low[k]);
     v[k] = (whole + high_part * at_high - low_part * at_low) * scale;
   }
+}
+
+WaveAxis::SoftMean WaveAxis::soft_mean(size_t wave, double t_px, double sigma_px) const {
+  static const EdgeTable edges;
+  const BarWave& own = waves_[wave];
+  const double bars = (t_px - own.offset_px) / own.bar_px, bar = std::floor(bars);
+  const double sign = sign_of(bar);
+  const double inside_px = (bars - bar) * own.bar_px, beyond_px = own.bar_px - inside_px;
+  if (std::min(inside_px, beyond_px) > kFar * sigma_px) return {.v = sign};
+  SoftMean mean;
+  if (sigma_px < 0.25 * own.bar_px) {
+    // Only the nearer edge is within reach, but for the widest.
+    const auto add = [&](double px, double side) {
+      const double z = px / sigma_px;
+      if (z > kFar) {
+        mean.v += sign;
+        return;
+      }
+      const EdgeTable::Edge edge = edges.at(z);
+      mean.v += sign * edge.value;
+      mean.by_t += sign * side * edge.slope / sigma_px;
+      mean.by_sigma -= sign * z * edge.slope / sigma_px;
+    };
+    mean.v = -sign;
+    add(inside_px, 1.0);
+    add(beyond_px, -1.0);
+    return mean;
+  }
+  // The third harmonic by the first one's.
+  const double rate = std::numbers::pi / own.bar_px, phase = rate * inside_px;
+  const double spread = rate * rate * sigma_px, sine = std::sin(phase), cosine = std::cos(phase);
+  const double size = sign * 4.0 / std::numbers::pi * std::exp(-0.5 * spread * sigma_px);
+  const double fade = size * size * std::numbers::pi * std::numbers::pi / 16.0;
+  const double size3 = size * fade * fade * fade * fade / 3.0;
+  const double sine3 = sine * (3.0 - 4.0 * sine * sine), cosine3 = cosine * (4.0 * cosine * cosine - 3.0);
+  mean.v = size * sine + size3 * sine3;
+  mean.by_t = rate * (size * cosine + 3.0 * size3 * cosine3);
+  mean.by_sigma = -spread * (size * sine + 9.0 * size3 * sine3);
+  return mean;
+}
+
+WaveAxis::SoftSide WaveAxis::refine_soft(std::span<const Seen> seen, const SoftSide& start) const {
+  constexpr int kIterations = 8;
+  constexpr double kMinSigma_px = 0.05, kEnough = 1e-6;
+  struct Sums {
+    double cost = 0.0, tt = 0.0, ts = 0.0, ss = 0.0, t = 0.0, s = 0.0;
+  };
+  const auto sums_at = [&](const SoftSide& at) {
+    Sums sums;
+    for (size_t k = 0; k < wave_count_; ++k) {
+      const auto weight = static_cast<double>(seen[k].weight);
+      if (weight == 0.0) continue;
+      const SoftMean mean = soft_mean(k, at.t_px, at.sigma_px);
+      const double rest = static_cast<double>(seen[k].u) - mean.v;
+      sums.cost += weight * rest * rest;
+      sums.t += weight * mean.by_t * rest;
+      sums.s += weight * mean.by_sigma * rest;
+      sums.tt += weight * mean.by_t * mean.by_t;
+      sums.ts += weight * mean.by_t * mean.by_sigma;
+      sums.ss += weight * mean.by_sigma * mean.by_sigma;
+    }
+    return sums;
+  };
+  SoftSide best = start;
+  Sums at = sums_at(best);
+  double damping = 1e-2;
+  for (int i = 0; i < kIterations; ++i) {
+    const double tt = at.tt * (1.0 + damping) + 1e-9, ss = at.ss * (1.0 + damping) + 1e-9;
+    const double rest = tt * ss - at.ts * at.ts;
+    const double reach_px = 0.5 * finest_bar_px_;
+    const double dt = std::clamp((ss * at.t - at.ts * at.s) / rest, -reach_px, reach_px);
+    const double ds = std::clamp((tt * at.s - at.ts * at.t) / rest, -0.5 * best.sigma_px, reach_px);
+    const SoftSide next{.t_px = std::clamp(best.t_px + dt, 0.0, extent_px_),
+                        .sigma_px = std::clamp(best.sigma_px + ds, kMinSigma_px, extent_px_)};
+    const Sums there = sums_at(next);
+    if (!(there.cost < at.cost)) {
+      damping *= 10.0;
+      continue;
+    }
+    const bool enough = at.cost - there.cost < kEnough * at.cost;
+    best = next;
+    at = there;
+    damping *= 0.1;
+    if (enough) break;
+  }
+  return best;
 }
 
 double WaveAxis::wave_at(size_t wave, double t_px) const {

@@ -13,6 +13,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <optional>
 #include <span>
 #include <vector>
@@ -53,15 +54,43 @@ class WaveAxis {
   // was left out; none if all can be distinguished.
   std::optional<std::array<double, 2>> alike_px() const;
 
-  // v_k of every wave.
-  void means(const Interval& interval, std::span<double> v) const;
-  // s_k at a point.
-  double wave_at(size_t wave, double t_px) const;
-
   struct Seen {
     float u = 0.0f;
     float weight = 0.0f;  // w, >= 0
   };
+
+  // Where the waves are read as u. As a rule the middle of the positions at which each has the sign of its u:
+  // the plain decode of a Gray or binary code. Where the edges of several waves coincide, as in a binary
+  // code, signs near such an edge are of no use: there it is the position of the highest correlation of u and
+  // v_k of a finest bar. None if no position has these signs; for more than kMaxDecoded waves.
+  static constexpr size_t kMaxDecoded = 12;
+  std::optional<double> decode(std::span<const Seen> seen) const;
+  // Where the code is read, at least `apart_px` from t_px, if one wave has the other sign. At most one for
+  // each wave, whose v_k (`model`) and u are not so far from 0 that this is out of the question: 4 w_k u_k
+  // v_k < `price`.
+  std::vector<double> misreadings(std::span<const Seen> seen, std::span<const double> model, double t_px,
+                                  double apart_px, double price) const;
+
+  // v_k of every wave.
+  void means(const Interval& interval, std::span<double> v) const;
+  // A Gaussian's mean of a wave that goes on beyond the monitor, and its derivatives:
+  //
+  //   v = erf(d / (sqrt2 sigma)) + erf((b - d) / (sqrt2 sigma)) - 1              sigma < b / 4
+  //     = 4 / pi sum_{n = 1, 3} exp(-(n pi sigma / b)^2 / 2) sin(n pi d / b) / n  beyond; error < 1e-4
+  //
+  // times the sign of the bar of b px that t lies in, d px from its start.
+  struct SoftMean {
+    double v = 0.0, by_t = 0.0, by_sigma = 0.0;
+  };
+  SoftMean soft_mean(size_t wave, double t_px, double sigma_px) const;
+  // Refines a Gaussian's centre and width from a start nearby, by Levenberg-Marquardt.
+  struct SoftSide {
+    double t_px = 0.0, sigma_px = 0.0;
+  };
+  SoftSide refine_soft(std::span<const Seen> seen, const SoftSide& start) const;
+  // s_k at a point.
+  double wave_at(size_t wave, double t_px) const;
+
   double cost(std::span<const Seen> seen, const Interval& interval) const;
   // Finds the interval on the grid with the lowest cost (up to float rounding), then shifts its ends in finer
   // steps down to kMinLength_px while that helps. One Seen per wave.
@@ -81,6 +110,10 @@ class WaveAxis {
   // By wave, padded with weight 0.
   struct Lanes;
   IntervalFit refine(const Lanes& seen, const Interval& start) const;
+  // Bit k set where s_k > 0, of the first 32 waves.
+  std::uint32_t signs_at(double t_px) const;
+  bool edges_coincide() const;
+  double scan(std::span<const Seen> seen) const;
   double cost(const Lanes& seen, const Interval& interval) const;
   float bound(const Lanes& seen, const Node& node) const;
   // The minimum of P over a cell, by wave; the maximum follows stride_ later.
@@ -89,6 +122,14 @@ class WaveAxis {
            (first_cell_[static_cast<size_t>(level)] + static_cast<size_t>(cell)) * 2 * stride_;
   }
 
+  // Where all waves have these signs, bit k set where s_k > 0: the first and the last such place.
+  struct Reading {
+    float from_px = 0.0f, to_px = -1.0f;
+  };
+  std::vector<Reading> readings_;  // empty if there are too many waves
+  std::vector<float> scanned_;     // [point][wave]: v_k of a finest bar, by half bars; if edges coincide
+
+  std::vector<BarWave> waves_;
   size_t wave_count_ = 0, stride_ = 0;
   int per_px_ = 1;  // grid points per pixel
   int last_point_ = 0;

@@ -12,6 +12,7 @@
 #include "core/base/status.h"
 #include "core/pattern/stimulus_kind.h"
 #include "core/radiometry/frame_light.h"
+#include "solver/method/exposure_changes.h"
 
 namespace glasswing {
 namespace {
@@ -172,10 +173,10 @@ double brightness_at(const std::vector<Point>& points, std::int64_t time_ns) {
 
 }  // namespace
 
-absl::StatusOr<std::vector<float>> measure_brightness_drift(const v1::CaptureManifest& manifest,
-                                                            const RowReader& read) {
+absl::StatusOr<std::vector<std::array<float, 3>>> measure_brightness_drift(
+    const v1::CaptureManifest& manifest, const RowReader& read) {
   const std::map<Key, std::vector<White>> whites = find_whites(manifest);
-  if (whites.empty()) return std::vector<float>();
+  if (whites.empty()) return measure_exposure_changes(manifest, read);
   GW_ASSIGN_OR_RETURN(FrameLight light, FrameLight::create(manifest));
   const Measurement measurement(manifest, std::move(light), read);
   std::map<std::pair<std::string, bool>, std::vector<Point>> of_monitors;
@@ -192,13 +193,14 @@ absl::StatusOr<std::vector<float>> measure_brightness_drift(const v1::CaptureMan
     std::vector<Point>& known = of_monitors[{std::get<0>(key), std::get<1>(key)}];
     if (points.size() > known.size()) known = std::move(points);
   }
-  std::vector<float> brightness;
+  std::vector<std::array<float, 3>> brightness;
   for (const v1::Frame& frame : manifest.frames()) {
     const auto known = of_monitors.find({frame.stimulus().panel(), frame.object()});
     const bool drifted = known != of_monitors.end() && known->second.size() > 1 &&
                          frame.exposure_start_ns() > 0 && frame.also_lit().empty();
-    brightness.push_back(drifted ? static_cast<float>(brightness_at(known->second, frame.exposure_start_ns()))
-                                 : 1.0f);
+    const float own =
+        drifted ? static_cast<float>(brightness_at(known->second, frame.exposure_start_ns())) : 1.0f;
+    brightness.push_back({own, own, own});
   }
   return brightness;
 }

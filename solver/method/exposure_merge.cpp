@@ -9,6 +9,13 @@
 
 namespace glasswing {
 
+bool is_black(const v1::Frame& frame) {
+  const v1::Stimulus& stimulus = frame.stimulus();
+  return kind_of(stimulus) == StimulusKind::kSolid && stimulus.colour_size() == 3 &&
+         std::ranges::all_of(stimulus.colour(), [](double value) { return value == 0.0; }) &&
+         frame.also_lit().empty();
+}
+
 bool is_pattern(const v1::Frame& frame) {
   const StimulusKind kind = kind_of(frame.stimulus());
   return !frame.stimulus().reference() && frame.also_lit_size() == 0 &&

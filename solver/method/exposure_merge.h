@@ -16,6 +16,9 @@
 
 namespace glasswing {
 
+// Whether all monitors were black.
+bool is_black(const v1::Frame& frame);
+
 // Whether methods solve from this frame: a pattern on one monitor that is no reference.
 bool is_pattern(const v1::Frame& frame);
 

@@ -7,7 +7,7 @@
 #include <map>
 
 #include "core/base/status.h"
-#include "core/pattern/stimulus_kind.h"
+#include "solver/method/exposure_merge.h"
 
 namespace glasswing {
 namespace {
@@ -60,12 +60,7 @@ struct Owned {
   std::vector<std::vector<std::uint16_t>> frames;
 };
 
-bool is_black(const v1::Frame& frame) {
-  const v1::Stimulus& stimulus = frame.stimulus();
-  return kind_of(stimulus) == StimulusKind::kSolid && stimulus.colour_size() == 3 &&
-         std::ranges::all_of(stimulus.colour(), [](double value) { return value == 0.0; }) &&
-         frame.also_lit().empty();
-}
+constexpr std::array<float, 3> kUnchanged{1.0f, 1.0f, 1.0f};
 
 }  // namespace
 
@@ -103,9 +98,10 @@ FrameStack LinearStack::of(FrameStack stack) const {
   const auto black = drifts ? black_frames(stack) : std::map<BlackKey, size_t>();
   for (size_t i = 0; i < stack.rows.size(); ++i) {
     const std::span<const std::uint16_t> samples = stack.rows[i];
-    const float share = drifts ? 1.0f / stack.brightness[i] : 1.0f;
+    const std::array<float, 3> brightness = drifts ? stack.brightness[i] : kUnchanged;
     const auto dark = drifts ? black.find(frames_[i].key) : black.end();
-    const bool drifted = share != 1.0f && dark != black.end();
+    const bool changed = brightness != kUnchanged;
+    const bool drifted = changed && dark != black.end(), exposed = changed && black.empty();
     std::vector<std::uint16_t>& to = owned->frames[i];
     to.resize(samples.size());
     for (size_t at = 0; at < samples.size(); ++at) {
@@ -113,8 +109,9 @@ FrameStack LinearStack::of(FrameStack stack) const {
       float light = light_.light(samples[at], channel);
       if (drifted) {
         const float below = light_.light(stack.rows[dark->second][at], channel);
-        light = below + (light - below) * share;
+        light = below + (light - below) / brightness[at % kChannels];
       }
+      if (exposed) light /= brightness[at % kChannels];
       to[at] = light_.saturated(samples[at]) ? std::uint16_t{65535} : code_of(light);
     }
   }

@@ -2,6 +2,7 @@
 // camera's codes into light, and the brightness drift of the monitors is removed:
 //
 //   light = black + (seen - black) / brightness
+//         = seen / brightness                      in archives without black frames (exposure_changes.h)
 //
 // where black is the same pixel before black monitors, with the same object and exposure.
 #pragma once

@@ -32,9 +32,9 @@ struct FrameStack {
   std::shared_ptr<const void> owner;
   // Radiance = (sample - zero) * unit.
   float zero = 0.0f, unit = 1.0f / 65535.0f;
-  // By index in manifest.frames: the brightness of its monitor relative to the session's first white
-  // (brightness_drift.h). Empty: constant.
-  std::vector<float> brightness = {};
+  // By index in manifest.frames and channel: the brightness of its monitor relative to the session's first
+  // white (brightness_drift.h). Empty: constant.
+  std::vector<std::array<float, 3>> brightness = {};
 
   // Index into `rows` of a frame.
   size_t sample_index(int x, int y, int channel) const {

@@ -13,7 +13,7 @@
 namespace glasswing {
 namespace {
 
-bool is_black(const v1::Frame& frame) {
+bool is_black_stage(const v1::Frame& frame) {
   const v1::Stimulus& stimulus = frame.stimulus();
   return !frame.object() && frame.also_lit().empty() && kind_of(stimulus) == StimulusKind::kSolid &&
          gray_of(stimulus) == 0.0;
@@ -43,7 +43,7 @@ absl::StatusOr<VideoLayout> lay_out_video(const v1::CaptureManifest& manifest) {
   for (int i = 0; i < manifest.frames_size(); ++i) {
     const v1::Frame& frame = manifest.frames(i);
     if (frame.stimulus().reference()) continue;
-    if (is_black(frame)) layout.black.push_back(i);
+    if (is_black_stage(frame)) layout.black.push_back(i);
     if (!frame.object() && kind_of(frame.stimulus()) == StimulusKind::kRamp &&
         frame.stimulus().panel() == panel)
       layout.empty.push_back(i);

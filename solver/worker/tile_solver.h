@@ -56,7 +56,7 @@ class SolveSource {
 
   RemoteArchive archive_;
   v1::CaptureManifest manifest_;
-  std::vector<float> brightness_;
+  std::vector<std::array<float, 3>> brightness_;
   std::optional<PreparedSolve> prepared_;
 };
 

@@ -123,7 +123,7 @@ void expect_box(const BoxMonitor& monitor, const PixelBox& found, const Truth& t
 
 TEST(BoxFit, FindsBoxLightAndForeground) {
   const std::vector<BoxMonitor> monitors{monitor(true, true)};
-  BoxFitter fitter(monitors);
+  BoxFitter fitter(monitors, kMaxHalos);
   SimulatedPixel simulated(monitors, true, kNoise, 1);
   simulated.foreground({0.02, 0.1, 0.05});
   simulated.box(0, kBox);
@@ -138,7 +138,7 @@ TEST(BoxFit, FindsBoxLightAndForeground) {
 // Without black and white: waves and complements suffice for F and R.
 TEST(BoxFit, NeedsNoSolids) {
   const std::vector<BoxMonitor> monitors{monitor(false, true)};
-  BoxFitter fitter(monitors);
+  BoxFitter fitter(monitors, kMaxHalos);
   SimulatedPixel simulated(monitors, false, kNoise, 2);
   simulated.foreground({0.02, 0.1, 0.05});
   simulated.box(0, kBox);
@@ -149,7 +149,7 @@ TEST(BoxFit, NeedsNoSolids) {
 
 TEST(BoxFit, NeedsNoComplements) {
   const std::vector<BoxMonitor> monitors{monitor(true, false)};
-  BoxFitter fitter(monitors);
+  BoxFitter fitter(monitors, kMaxHalos);
   SimulatedPixel simulated(monitors, true, kNoise, 3);
   simulated.foreground({0.02, 0.1, 0.05});
   simulated.box(0, kBox);
@@ -159,7 +159,7 @@ TEST(BoxFit, NeedsNoComplements) {
 TEST(BoxFit, OneBoxOnEachMonitor) {
   const std::vector<BoxMonitor> monitors{monitor(true, true), monitor(true, true, 80, 64)};
   const Truth other{{5.0, 9.25}, {50.5, 63.0}, {0.1, 0.2, 0.25}};
-  BoxFitter fitter(monitors);
+  BoxFitter fitter(monitors, kMaxHalos);
   SimulatedPixel simulated(monitors, true, kNoise, 4);
   simulated.foreground({0.0, 0.01, 0.02});
   simulated.box(0, kBox);
@@ -179,7 +179,7 @@ TEST(BoxFit, OneBoxOnEachMonitor) {
 // Half of the pixel shows the background straight behind, the other half a box elsewhere.
 TEST(BoxFit, PartialCoverIsFound) {
   const std::vector<BoxMonitor> monitors{monitor(true, true)};
-  BoxFitter fitter(monitors);
+  BoxFitter fitter(monitors, kMaxHalos);
   const Truth behind{{70.0, 71.0}, {40.0, 41.0}, {1.0, 1.0, 1.0}};
   SimulatedPixel simulated(monitors, true, kNoise, 6);
   simulated.foreground({0.02, 0.02, 0.02});
@@ -199,7 +199,7 @@ TEST(BoxFit, PartialCoverIsFound) {
 // Two positions at once are not a box: the fit reports it.
 TEST(BoxFit, TwoPlacesLeaveMoreThanNoise) {
   const std::vector<BoxMonitor> monitors{monitor(true, true)};
-  BoxFitter fitter(monitors);
+  BoxFitter fitter(monitors, kMaxHalos);
   SimulatedPixel simulated(monitors, true, kNoise, 8);
   simulated.foreground({0.0, 0.0, 0.0});
   simulated.box(0, kBox);
@@ -212,7 +212,7 @@ TEST(BoxFit, TwoPlacesLeaveMoreThanNoise) {
 
 TEST(BoxFit, NoLightAndNoSamplesAreNoBox) {
   const std::vector<BoxMonitor> monitors{monitor(true, true)};
-  BoxFitter fitter(monitors);
+  BoxFitter fitter(monitors, kMaxHalos);
   SimulatedPixel dark(monitors, true, kNoise, 9);
   dark.foreground({0.3, 0.3, 0.3});
   const BoxFit fit = fitter.fit(dark.pixel());
@@ -232,7 +232,7 @@ TEST(BoxFit, ErrorsDoNotDependOnTheUnitOfLight) {
   simulated.foreground({0.02, 0.1, 0.05});
   simulated.box(0, kBox);
   BoxPixel& pixel = simulated.pixel();
-  const PixelBox before = BoxFitter(monitors).fit(pixel).boxes[0];
+  const PixelBox before = BoxFitter(monitors, kMaxHalos).fit(pixel).boxes[0];
   const auto scale = [](BoxSample& sample) {
     for (size_t c = 0; c < kChannels; ++c)
       sample.radiance[c] *= kUnit, sample.information[c] /= kUnit * kUnit;
@@ -240,7 +240,7 @@ TEST(BoxFit, ErrorsDoNotDependOnTheUnitOfLight) {
   scale(pixel.black);
   for (BoxSample& sample : pixel.samples[0]) scale(sample);
   for (BoxPattern& pattern : monitors[0].patterns) pattern.light = {kUnit, kUnit, kUnit};
-  const PixelBox after = BoxFitter(monitors).fit(pixel).boxes[0];
+  const PixelBox after = BoxFitter(monitors, kMaxHalos).fit(pixel).boxes[0];
   EXPECT_NEAR(after.centre_sd_px, before.centre_sd_px, 1e-4 * before.centre_sd_px);
   for (size_t c = 0; c < kChannels; ++c) {
     EXPECT_GT(before.weight_sd[c], 0.0);

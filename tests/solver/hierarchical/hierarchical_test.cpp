@@ -207,6 +207,52 @@ TEST(Hierarchical, WithoutSolidsOrAnEmptyStage) {
   EXPECT_NEAR(matte.modes(kWidth - 1, 0, 0)[0].x_px, 2.0 * kWidth - 1.0, 0.2);
 }
 
+// Neither black nor white nor complements: a pixel's own lit and dark bars say what they are, where it sees
+// both.
+TEST(Hierarchical, WavesAlone) {
+  const Matte matte =
+      SimulatedStack({.solids = false, .complements = false, .empty_stage = false}).solve().value();
+  const std::array<WaveAxis, 2> axes{WaveAxis(kHalves, kMonitor.width_px),
+                                     WaveAxis(kHalves, kMonitor.height_px)};
+  int solved = 0;
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth / 2; ++x) {
+      SCOPED_TRACE(testing::Message() << "pixel " << x << ", " << y);
+      const Mode expected = truth(x, y, true);
+      const std::array<Interval, 2> sides{side_of(expected.x_px, expected.xx_px2),
+                                          side_of(expected.y_px, expected.yy_px2)};
+      double least = 1.0, most = -1.0;
+      std::array<double, WaveAxis::kMaxWaves> v;
+      for (size_t a = 0; a < 2; ++a) {
+        axes[a].means(sides[a], v);
+        for (size_t k = 0; k < kHalves.size(); ++k) {
+          least = std::min(least, v[k]);
+          most = std::max(most, v[k]);
+        }
+      }
+      if (most - least < 1.6) continue;
+      ++solved;
+      const Mode& mode = matte.modes(x, y, 1)[0];
+      if (matte.flags(x, y) != kFlagNone) continue;
+      EXPECT_NEAR(mode.x_px, expected.x_px, 0.5 * sides[0].length_px());
+      EXPECT_NEAR(mode.y_px, expected.y_px, 0.5 * sides[1].length_px());
+    }
+  }
+  int wrong = 0, unsaid = 0;
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth / 2; ++x) {
+      const Mode expected = truth(x, y, true);
+      const Mode& mode = matte.modes(x, y, 1)[0];
+      if (std::hypot(mode.x_px - expected.x_px, mode.y_px - expected.y_px) < 3.0f) continue;
+      ++wrong;
+      unsaid += matte.flags(x, y) == kFlagNone ? 1 : 0;
+    }
+  }
+  EXPECT_GT(solved, kWidth / 2 * kHeight / 2);
+  EXPECT_LT(wrong, kWidth / 2 * kHeight / 4);
+  EXPECT_EQ(unsaid, 0);
+}
+
 TEST(Hierarchical, BarsOfAGrayCode) {
   expect_truth(SimulatedStack({.gray_code = true, .empty_stage = false}).solve().value(), kGrayCode);
 }
@@ -249,7 +295,8 @@ TEST(Hierarchical, SaysWhatIsMissing) {
   refused(
       {}, [](const v1::Frame& f) { return f.stimulus().orient() == "vertical_bars"; },
       "0 square waves of vertical bars");
-  refused({.solids = false, .complements = false}, none, "without complements; then black and a solid");
+  refused({.solids = false, .complements = false, .first_level = 3}, none,
+          "3 square waves along an axis without complements; then black and a solid");
 }
 
 TEST(Hierarchical, ImpossibleStimuliAreRefused) {
