@@ -150,13 +150,14 @@ function(glasswing_man_pages program argument component)
 endfunction()
 
 # glasswing_tests([PROGRAM name] TESTS a_test ... [SOURCES helper.cpp ...] USES folder|library ...
-#                 [TIMEOUT SECONDS] [LABELS name ...] [ENVIRONMENT NAME=VALUE ...])
+#                 [TIMEOUT SECONDS] [LABELS name ...] [ENVIRONMENT NAME=VALUE ...] [CASES name ...])
 # Builds one test program for the folder. CTest runs each file of TESTS in a process of its own; the test's
 # name is the file's path below tests/.
 # PROGRAM: a separate program, which runs as a whole, for a test whose cases are in a header or in SOURCES.
+# CASES: of a PROGRAM, one process for each: the cases whose names contain it; its TIMEOUT is each one's.
 # LABELS: of glasswing_label_test(), `unit` if left out.
 function(glasswing_tests)
-  cmake_parse_arguments(ARG "" "PROGRAM;TIMEOUT" "TESTS;SOURCES;USES;LABELS;ENVIRONMENT" ${ARGN})
+  cmake_parse_arguments(ARG "" "PROGRAM;TIMEOUT" "TESTS;SOURCES;USES;LABELS;ENVIRONMENT;CASES" ${ARGN})
   file(RELATIVE_PATH folder ${PROJECT_SOURCE_DIR}/tests ${CMAKE_CURRENT_SOURCE_DIR})
   string(REPLACE "/" "." target "tests.${folder}")
   if(ARG_PROGRAM)
@@ -173,15 +174,22 @@ function(glasswing_tests)
     set(ARG_TIMEOUT 120)
   endif()
   math(EXPR timeout "${ARG_TIMEOUT} * ${GLASSWING_TEST_PATIENCE}")
-  foreach(test ${ARG_TESTS})
+  foreach(test ${ARG_TESTS} ${ARG_CASES})
+    set(name ${folder}/${test})
     set(only)
-    if(NOT ARG_PROGRAM)
+    if(ARG_CASES)
+      if(test IN_LIST ARG_TESTS)
+        continue()
+      endif()
+      set(name ${folder}/${ARG_TESTS}/${test})
+      set(only "--gtest_filter=*${test}*")
+    elseif(NOT ARG_PROGRAM)
       set(only --file ${test}.cpp)
     endif()
     # From where sources were compiled: ccache makes __FILE__ relative to it.
-    add_test(NAME ${folder}/${test} COMMAND ${target} ${only} WORKING_DIRECTORY ${CMAKE_BINARY_DIR})
-    set_tests_properties(${folder}/${test} PROPERTIES TIMEOUT ${timeout} ENVIRONMENT "${ARG_ENVIRONMENT}")
-    glasswing_label_test(${folder}/${test} ${ARG_LABELS})
+    add_test(NAME ${name} COMMAND ${target} ${only} WORKING_DIRECTORY ${CMAKE_BINARY_DIR})
+    set_tests_properties(${name} PROPERTIES TIMEOUT ${timeout} ENVIRONMENT "${ARG_ENVIRONMENT}")
+    glasswing_label_test(${name} ${ARG_LABELS})
   endforeach()
 endfunction()
 
