@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <spawn.h>
 #include <sys/mman.h>
 #include <sys/wait.h>
@@ -17,8 +18,10 @@
 #include <string>
 #include <vector>
 
+#include "client/cli/interrupt.h"
 #include "client/cli/progress.h"
 #include "client/sessions/commands.h"
+#include "client/sessions/compare_rig.h"
 #include "core/archive/fsck_command.h"
 #include "core/base/descriptor.h"
 #include "core/base/status.h"
@@ -138,8 +141,26 @@ absl::StatusOr<int> check_here(const FsckArguments& arguments) {
   return print_report(*report, arguments);
 }
 
-absl::Status check(Client& client, FsckArguments arguments) {
+absl::Status check_rig(Client& client, FsckArguments arguments) {
+  const Interruptible ctrl_c;
+  absl::StatusOr<RigReport> report;
+  {
+    Progress progress("comparing");
+    report = compare_rig(client, [&](double fraction) { progress.update(fraction); });
+  }
+  GW_RETURN_IF_ERROR(report.status());
+  arguments.path = client.server;
+  client.exit_status = print_report(report->found, arguments);
+  if (report->unanswered.empty()) return absl::OkStatus();
+  return absl::UnavailableError(
+      fmt::format("what these hold was not compared: {}", fmt::join(report->unanswered, "; ")));
+}
+
+absl::Status check(Client& client, FsckArguments arguments, bool rig) {
   arguments.json = client.json;
+  if (rig) return check_rig(client, std::move(arguments));
+  if (arguments.path.empty())
+    return absl::InvalidArgumentError("fsck needs a directory, a matte's file, or --rig");
   GW_ASSIGN_OR_RETURN(const CheckTarget target, recognise(arguments.path));
   GW_ASSIGN_OR_RETURN(client.exit_status,
                       target.kind == "server" ? check_by_server(arguments) : check_here(arguments));
@@ -154,9 +175,20 @@ void add_fsck_command(CLI::App& app, Client& client) {
   add_fsck_arguments(command, *arguments,
                      "  glasswing fsck /var/lib/glasswing\n"
                      "  glasswing fsck /var/lib/glasswing-camera --repair\n"
-                     "  glasswing fsck vase.exr --json");
-  command.callback(
-      [&client, arguments] { client.run = [&client, arguments] { return check(client, *arguments); }; });
+                     "  glasswing fsck vase.exr --json\n"
+                     "  glasswing fsck --rig");
+  auto rig = std::make_shared<bool>(false);
+  CLI::Option* directory = command.get_option("directory")->required(false);
+  command
+      .add_flag(
+          "--rig", *rig,
+          "while the rig runs: compare the server's catalogue with the archives that the nodes hold, and "
+          "verify its mattes")
+      ->excludes(directory)
+      ->excludes("--repair");
+  command.callback([&client, arguments, rig] {
+    client.run = [&client, arguments, rig] { return check(client, *arguments, *rig); };
+  });
 }
 
 }  // namespace glasswing

@@ -14,6 +14,7 @@ namespace glasswing {
 namespace {
 
 constexpr size_t kMaxFrameBytes = size_t{2} << 30;
+constexpr size_t kNamesOfAMessage = 1000;
 
 absl::Status put(ArchiveStore& store, grpc::ServerReader<v1::PutFrameRequest>& reader) {
   v1::PutFrameRequest first;
@@ -175,6 +176,18 @@ grpc::Status ArchiveServiceImpl::DeleteArchive(grpc::ServerContext*, const v1::D
   const absl::StatusOr<std::int64_t> freed = store_.remove(request->session());
   if (!freed.ok()) return to_grpc(freed.status());
   response->set_freed_bytes(*freed);
+  return grpc::Status::OK;
+}
+
+grpc::Status ArchiveServiceImpl::ListArchives(grpc::ServerContext*, const v1::ListArchivesRequest*,
+                                              grpc::ServerWriter<v1::ListArchivesResponse>* writer) {
+  const std::vector<std::string> names = store_.sessions();
+  for (size_t at = 0; at < names.size(); at += kNamesOfAMessage) {
+    v1::ListArchivesResponse response;
+    for (size_t i = at; i < std::min(at + kNamesOfAMessage, names.size()); ++i)
+      response.add_sessions(names[i]);
+    if (!writer->Write(response)) break;
+  }
   return grpc::Status::OK;
 }
 

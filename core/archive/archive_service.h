@@ -35,6 +35,8 @@ class ArchiveServiceImpl final
                            grpc::ServerWriter<v1::CopyArchiveResponse>*) override;
   grpc::Status DeleteArchive(grpc::ServerContext*, const v1::DeleteArchiveRequest*,
                              v1::DeleteArchiveResponse*) override;
+  grpc::Status ListArchives(grpc::ServerContext*, const v1::ListArchivesRequest*,
+                            grpc::ServerWriter<v1::ListArchivesResponse>*) override;
   grpc::Status GetSpace(grpc::ServerContext*, const v1::GetSpaceRequest*, v1::GetSpaceResponse*) override;
 
  private:

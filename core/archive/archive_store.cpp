@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "core/archive/check_archive.h"
 #include "core/base/fault_point.h"
 #include "core/base/file.h"
 #include "core/base/name.h"
@@ -42,13 +43,26 @@ absl::StatusOr<std::shared_ptr<Archive>> ArchiveStore::find(const std::string& s
   GW_RETURN_IF_ERROR(check_name("session", session));
   const std::lock_guard lock(mutex_);
   note_use(session);
-  if (const auto found = open_.find(session); found != open_.end()) return found->second;
-  if (!std::filesystem::exists(directory_ / session / "header.json")) {
+  const auto found = open_.find(session);
+  if (!fs::exists(directory_ / session / "header.json")) {
+    if (found != open_.end()) open_.erase(found);  // somebody deleted its directory
     return absl::NotFoundError(fmt::format("this node holds no archive of session \"{}\"", session));
   }
+  if (found != open_.end()) return found->second;
   GW_ASSIGN_OR_RETURN(std::shared_ptr<Archive> archive, Archive::open(directory_ / session));
   open_[session] = archive;
   return archive;
+}
+
+std::vector<std::string> ArchiveStore::sessions() const {
+  std::vector<std::string> names;
+  std::error_code error;
+  for (const fs::directory_entry& entry : fs::directory_iterator(directory_, error)) {
+    std::string name = entry.path().filename().string();
+    if (check_name("session", name).ok() && is_archive(entry.path())) names.push_back(std::move(name));
+  }
+  std::ranges::sort(names);
+  return names;
 }
 
 void ArchiveStore::note_use(const std::string& session) {

@@ -9,6 +9,7 @@
 #include <mutex>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "core/archive/disk_room.h"
 #include "core/base/directory_lock.h"
@@ -30,6 +31,8 @@ class ArchiveStore {
   absl::StatusOr<std::shared_ptr<Archive>> create(const v1::CaptureManifest& header);
   // INVALID_ARGUMENT: a bad name; NOT_FOUND: no such archive here; DATA_LOSS: the archive cannot be read.
   absl::StatusOr<std::shared_ptr<Archive>> find(const std::string& session);
+  // The sessions whose archives are here, sorted.
+  std::vector<std::string> sessions() const;
   // Removes an archive permanently, including what an interrupted removal left; returns the bytes of its
   // frames, 0 if there is none.
   absl::StatusOr<std::int64_t> remove(const std::string& session);

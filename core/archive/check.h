@@ -24,7 +24,7 @@ struct Finding {
 };
 
 struct CheckReport {
-  std::string kind;  // "server", "archives", "archive" or "matte"
+  std::string kind;  // "server", "archives", "archive", "matte" or "rig"
   std::vector<Finding> findings;
   std::int64_t file_count = 0, byte_count = 0;  // read so far
   bool in_use = false;                          // by a daemon, whose unfinished writes may pass for damage

@@ -44,13 +44,21 @@ void print(const CheckReport& report, const FsckArguments& arguments) {
   for (const Finding& finding : report.findings) {
     std::cout << fmt::format("{}: {}\n  {}\n", finding.file, finding.what, finding.meaning);
     const char* when = finding.repaired ? "repaired" : "--repair";
-    if (finding.repair.empty()) std::cout << "  it cannot be repaired here\n";
+    if (finding.repair.empty() && report.kind != "rig") std::cout << "  it cannot be repaired here\n";
     if (!finding.repair.empty()) std::cout << fmt::format("  {}: {}\n", when, finding.repair);
     if (!finding.error.empty()) std::cout << fmt::format("  not repaired: {}\n", finding.error);
   }
   if (report.in_use)
     std::cout << "a daemon is using it: what it was just writing may be among this; stop it to be sure\n";
   std::string verdict = "all of it is good";
+  if (report.kind == "rig") {
+    if (!report.findings.empty())
+      verdict = fmt::format("{} missing or damaged, {} of no session", count_if(report, true, false),
+                            count_if(report, false, false));
+    std::cout << fmt::format("{}: {}, {} archives and mattes: {}\n", arguments.path, report.kind,
+                             report.file_count, verdict);
+    return;
+  }
   if (!report.findings.empty()) {
     verdict = fmt::format(
         "{} damaged, {} of them repaired; {} left over from writes that broke off, {} of "

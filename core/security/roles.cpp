@@ -28,6 +28,7 @@ constexpr MethodAccess kTable[] = {
     {"ArchiveService/LocateArchive", kServer | kCamera | kSolver},
     {"ArchiveService/CopyArchive", kServer},
     {"ArchiveService/DeleteArchive", kServer, kAudited},
+    {"ArchiveService/ListArchives", kPeople | kServer},
     {"ArchiveService/GetSpace", kPeople | kServer},
     {"CalibrationService/FitCamera", kServer},
     {"CalibrationService/FitDisplays", kServer},

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include "core/base/file.h"
 #include "core/service/service.h"
 #include "server/rig/caller.h"
 #include "server/sessions/session_state.h"
@@ -180,17 +179,10 @@ grpc::Status SessionServiceImpl::ReplicateSession(grpc::ServerContext* context,
 grpc::Status SessionServiceImpl::FetchMatte(grpc::ServerContext*, const v1::FetchMatteRequest* request,
                                             grpc::ServerWriter<v1::FetchMatteResponse>* writer) {
   const std::optional<int> frame = request->has_frame() ? std::optional<int>(request->frame()) : std::nullopt;
-  absl::StatusOr<std::string> bytes;
-  if (request->partial()) {
-    bytes = server_.solves().partial_matte(request->name());
-    if (!bytes.ok()) return to_grpc(bytes.status());
-  }
-  for (int attempt = 0; attempt < 2 && !bytes.ok(); ++attempt) {
-    const absl::StatusOr<std::filesystem::path> path = server_.solves().matte(request->name(), frame);
-    if (!path.ok()) return to_grpc(path.status());
-    bytes = read_file(*path);
-  }
-  if (!bytes.ok()) return to_grpc(absl::DataLossError(bytes.status().message()));
+  const absl::StatusOr<std::string> bytes = request->partial()
+                                                ? server_.solves().partial_matte(request->name())
+                                                : server_.solves().matte_bytes(request->name(), frame);
+  if (!bytes.ok()) return to_grpc(bytes.status());
   for (size_t at = 0; at < bytes->size(); at += kChunkBytes) {
     v1::FetchMatteResponse response;
     response.set_chunk(bytes->substr(at, kChunkBytes));

@@ -6,7 +6,6 @@
 #include <algorithm>
 
 #include "core/base/fault_point.h"
-#include "core/base/file.h"
 #include "core/base/status.h"
 #include "core/pattern/method_options.h"
 #include "core/pattern/plan.h"
@@ -309,16 +308,27 @@ absl::StatusOr<fs::path> SolveRunner::matte(const std::string& name, std::option
   return stores_.mattes.finished(name);
 }
 
+absl::StatusOr<std::string> SolveRunner::matte_bytes(const std::string& name, std::optional<int> frame) {
+  absl::StatusOr<std::string> bytes;
+  // A new solve may replace the file meanwhile: then it is read once more.
+  for (int attempt = 0; attempt < 2 && !bytes.ok(); ++attempt) {
+    GW_ASSIGN_OR_RETURN(const fs::path file, matte(name, frame));
+    bytes = verified_.read(file);
+  }
+  if (bytes.ok()) return bytes;
+  spdlog::error("matte not served session={} error=\"{}\"", name, std::string(bytes.status().message()));
+  return absl::DataLossError(fmt::format("{}; solve the session again: glasswing solve {}",
+                                         std::string(bytes.status().message()), name));
+}
+
 absl::StatusOr<std::string> SolveRunner::partial_matte(const std::string& name) {
   GW_ASSIGN_OR_RETURN(const v1::Session session, stores_.sessions.find(name));
   if (is_solved_by_frames(session)) {
     return absl::FailedPreconditionError(fmt::format(
         "session \"{}\" is a video: what is solved of it can be fetched into a directory as it is", name));
   }
-  if (session.state() != v1::SESSION_STATE_SOLVING && !rests_in_solve(session)) {
-    GW_ASSIGN_OR_RETURN(const fs::path path, matte(name, std::nullopt));
-    return read_file(path);
-  }
+  if (session.state() != v1::SESSION_STATE_SOLVING && !rests_in_solve(session))
+    return matte_bytes(name, std::nullopt);
   GW_ASSIGN_OR_RETURN(const std::vector<TileState> tiles, stores_.jobs.tiles(session.job()));
   GW_ASSIGN_OR_RETURN(const fs::path directory, stores_.mattes.tiles(name));
   absl::StatusOr<std::string> matte = join_tiles(tiles, directory);

@@ -19,6 +19,7 @@
 #include "server/solve/solve_clock.h"
 #include "server/solve/solve_progress.h"
 #include "server/solve/solve_session.h"
+#include "server/solve/verified_mattes.h"
 
 namespace glasswing {
 
@@ -47,6 +48,8 @@ class SolveRunner {
   // Path of the last finished solve's matte, or of a video frame's. The file may be replaced before it is
   // read: then ask again.
   absl::StatusOr<std::filesystem::path> matte(const std::string& name, std::optional<int> frame);
+  // Its bytes, verified. DATA_LOSS names the file, and what to do.
+  absl::StatusOr<std::string> matte_bytes(const std::string& name, std::optional<int> frame);
   // The bytes of a matte's file: of a finished solve its matte, of one that goes on or broke off the tiles so
   // far. FAILED_PRECONDITION: no tile is done.
   absl::StatusOr<std::string> partial_matte(const std::string& name);
@@ -69,6 +72,7 @@ class SolveRunner {
   SolveClock clock_;
   MatteAssembly assembly_{stores_, clock_};
   SolveProgress progress_{stores_, clock_, assembly_};
+  VerifiedMattes verified_;
 };
 
 }  // namespace glasswing

@@ -13,6 +13,7 @@ from glasswing.v1 import archive_pb2, archive_service_pb2 as archives
 
 from case import Cases, Lost, Report, struck
 from daemon import Daemon
+from fsck import fsck, fsck_rig
 from lab import SESSION, until
 from ledger import fetch_matte, read_file
 from stage import Stage
@@ -90,6 +91,39 @@ def matte(stage: Stage) -> Report:
 def _same(one: glasswing.Matte, other: glasswing.Matte) -> bool:
     planes = [(matte.foreground, matte.coverage, matte.flags, *vars(matte.modes).values()) for matte in (one, other)]
     return one.monitors == other.monitors and all(numpy.array_equal(a, b, equal_nan=False) for a, b in zip(*planes) if isinstance(a, numpy.ndarray))
+
+
+@case("damage.truncated", "a finished matte's file cut short", "DATA_LOSS with the file's name; fsck and fsck --rig find it; a new solve mends it")
+def truncated(stage: Stage) -> Report:
+    """Cuts the file at samples of its length, and leaves half of it for the checks and the new solve."""
+    path = stage.lab.matte()
+    content = path.read_bytes()
+    lengths = [*_samples(0, len(content), 20), len(content) // 2]
+    for length in lengths:
+        path.write_bytes(content[:length])
+        if not _refused(lambda: fetch_matte(stage.lab, SESSION), path.name):
+            raise Lost("damage.truncated", f"{length} of {len(content)} bytes of a matte were served as the whole")
+    for what, found in (("fsck", fsck(stage.lab.data).damage), ("fsck --rig", fsck_rig(stage.lab.address).damage)):
+        assert len(found) == 1 and path.name in found[0], f"{what} did not find the truncated matte: {found}"
+    stage.lab.solve()
+    stage.lab.wait_until_done(120.0)
+    if fetch_matte(stage.lab, SESSION) != content:
+        raise Lost("damage.truncated", "the session was solved again to another matte")
+    return Report(len(lengths))
+
+
+@case("damage.archive", "an archive's directory deleted", "fsck --rig names session and node, until it is restored")
+def archive(stage: Stage) -> None:
+    """Neither daemon's own fsck can know: one has no catalogue, the other no archives."""
+    directory = stage.lab.work / "camera-1/archives" / SESSION
+    aside = stage.lab.work / "deleted"
+    assert not fsck_rig(stage.lab.address).damage
+    directory.rename(aside)
+    found = fsck_rig(stage.lab.address).damage
+    aside.rename(directory)
+    if len(found) != 1 or SESSION not in found[0] or "camera-1" not in found[0]:
+        raise Lost("damage.archive", f"an archive was deleted, and fsck --rig found {found}")
+    assert not fsck_rig(stage.lab.address).damage
 
 
 @case("damage.lists", "the lists of an archive: bytes of header.json, frames.jsonl and manifest.json flipped", "DATA_LOSS, or all frames unchanged")

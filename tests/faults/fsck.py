@@ -22,10 +22,19 @@ class Findings:
 
 def fsck(directory: pathlib.Path) -> Findings:
     """Checks the directory, which no daemon uses. AssertionError: it could not be checked."""
+    return _findings(str(directory))
+
+
+def fsck_rig(server: str) -> Findings:
+    """Compares catalogue, archives and mattes of the running rig. AssertionError: not all could be asked."""
+    return _findings("--rig", "--server", server)
+
+
+def _findings(*arguments: str) -> Findings:
     environment = dict(os.environ, GLASSWING_CONFIG="/dev/null")
-    command = [str(BIN / "glasswing"), "--json", "fsck", str(directory)]
+    command = [str(BIN / "glasswing"), "--json", "fsck", *arguments]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=600.0)
-    assert done.returncode in (0, 3), f"fsck of {directory.name}: {done.stderr}"
+    assert done.returncode in (0, 3), f"fsck {arguments[0]}: {done.stderr}"
     report = json.loads(done.stdout)
     found = [(finding["damage"], f"{finding['file']}: {finding['what']}") for finding in report["findings"]]
     return Findings(report["files"], [what for damage, what in found if damage], [what for damage, what in found if not damage])

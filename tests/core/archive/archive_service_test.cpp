@@ -73,6 +73,28 @@ TEST_F(ArchiveService, AnyRegionIsTheFilesBytesFromAnyOffset) {
   }
 }
 
+TEST_F(ArchiveService, ListsTheArchivesThatAreHere) {
+  v1::CaptureManifest other = MadeArchive::header();
+  other.set_session("a");
+  ASSERT_TRUE(node_->store.create(other).ok());
+  std::filesystem::create_directories(root_ / "empty");
+  std::filesystem::create_directories(root_ / ".removed-x/frames");
+  grpc::ClientContext context;
+  const auto reader = stub_->ListArchives(&context, {});
+  std::vector<std::string> names;
+  for (v1::ListArchivesResponse some; reader->Read(&some);)
+    names.insert(names.end(), some.sessions().begin(), some.sessions().end());
+  EXPECT_TRUE(reader->Finish().ok());
+  EXPECT_EQ(names, (std::vector<std::string>{"a", "s"}));
+}
+
+TEST_F(ArchiveService, AnArchiveThatWasDeletedIsNotAnsweredFromMemory) {
+  std::string rows;
+  ASSERT_TRUE(read(request_for({0}, 0, 1), rows).ok());
+  std::filesystem::remove_all(node_->archive());
+  EXPECT_EQ(read(request_for({0}, 0, 1), rows).error_code(), grpc::StatusCode::NOT_FOUND);
+}
+
 TEST_F(ArchiveService, RowsThatAreNotThereAreRefused) {
   std::string rows;
   v1::ReadRowsRequest request = request_for({0, 1}, 0, 2);

@@ -121,6 +121,16 @@ TEST_F(FsckServer, ASessionWhoseMatteIsDamagedCanBeSolvedAgain) {
   EXPECT_NE(mended.reason().find("glasswing solve done"), std::string::npos) << mended.reason();
 }
 
+TEST_F(FsckServer, ATruncatedMatteIsFoundAtEveryLength) {
+  const std::string whole = read_file(files_.finished("done")).value();
+  for (size_t size = 0; size < whole.size(); size += 97) {
+    write(files_.finished("done"), whole.substr(0, size));
+    const CheckReport report = check();
+    ASSERT_EQ(report.findings.size(), 1u) << size;
+    EXPECT_EQ(report.findings[0].file, files_.finished("done").string());
+  }
+}
+
 TEST_F(FsckServer, AMatteThatIsMissingIsFoundToo) {
   fs::remove(files_.finished("done"));
   expect_mends(files_.finished("done"));

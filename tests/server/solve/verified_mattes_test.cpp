@@ -1,0 +1,68 @@
+#include "server/solve/verified_mattes.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include "core/base/file.h"
+#include "core/matte/matte_file.h"
+
+namespace glasswing {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string matte_file() {
+  Matte matte(0, 0, 4, 40, 1);
+  matte.metadata.set_format_version(1);
+  matte.metadata.add_monitors()->set_name("back");
+  matte.metadata.set_width_px(4);
+  matte.metadata.set_height_px(40);
+  return encode_matte(matte).value();
+}
+
+class VerifiedMattesTest : public testing::Test {
+ protected:
+  void TearDown() override { fs::remove(file_); }
+  absl::Status read_as(const std::string& bytes) {
+    EXPECT_TRUE(write_file_durably(file_, bytes).ok());
+    const absl::StatusOr<std::string> read = mattes_.read(file_);
+    EXPECT_TRUE(!read.ok() || *read == bytes);
+    return read.status();
+  }
+  void expect_refused(const std::string& bytes, size_t at) {
+    const absl::Status status = read_as(bytes);
+    EXPECT_TRUE(absl::IsDataLoss(status)) << "byte " << at << ": " << status;
+    EXPECT_NE(status.message().find(file_.string()), std::string::npos) << status;
+  }
+
+  const fs::path file_ = fs::path(testing::TempDir()) / ("verified." + std::to_string(::getpid()) + ".exr");
+  const std::string good_ = matte_file();
+  VerifiedMattes mattes_;
+};
+
+TEST_F(VerifiedMattesTest, NoTruncatedFileIsReadBeforeOrAfterTheWholeOne) {
+  for (const bool was_read : {false, true}) {
+    for (size_t size = 0; size < good_.size(); size += was_read ? 1 : 7)
+      expect_refused(good_.substr(0, size), size);
+    EXPECT_TRUE(read_as(good_).ok());
+  }
+}
+
+TEST_F(VerifiedMattesTest, AChangedRowIsRefusedAlsoAfterTheFileWasGood) {
+  ASSERT_TRUE(read_as(good_).ok());
+  for (size_t at = good_.size() - 40; at < good_.size(); ++at) {
+    std::string altered = good_;
+    altered[at] = static_cast<char>(altered[at] ^ 0x10);
+    expect_refused(altered, at);
+  }
+  EXPECT_TRUE(read_as(good_).ok());
+}
+
+TEST_F(VerifiedMattesTest, AMissingFileIsNamed) {
+  const absl::Status status = mattes_.read(file_).status();
+  EXPECT_TRUE(absl::IsDataLoss(status)) << status;
+  EXPECT_NE(status.message().find(file_.string()), std::string::npos) << status;
+}
+
+}  // namespace
+}  // namespace glasswing
