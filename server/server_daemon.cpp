@@ -24,13 +24,13 @@ namespace {
 
 // Null: the options ask for none.
 absl::StatusOr<std::unique_ptr<Console>> start_console(const ServerProgramOptions& options,
-                                                       const ConsoleKey& key, ConsoleServiceImpl& tokens,
+                                                       AccessTokens& tokens, ConsoleServiceImpl& service,
                                                        const ServiceHost& host) {
   if (options.console.address.empty()) return nullptr;
   ConsoleOptions console = options.console;
   console.name = options.store.address.substr(0, options.store.address.rfind(':'));
-  GW_ASSIGN_OR_RETURN(std::unique_ptr<Console> started, Console::start(console, key, host.to_itself()));
-  tokens.serve_at(started->url());
+  GW_ASSIGN_OR_RETURN(std::unique_ptr<Console> started, Console::start(console, tokens, host.to_itself()));
+  service.serve_at(started->url());
   spdlog::info("console at url={}", started->url());
   return started;
 }
@@ -47,8 +47,8 @@ absl::Status run_server(const DaemonOptions& daemon, ServerProgramOptions option
   WorkServiceImpl work(*server);
   RigServiceImpl rig(*server);
   FleetServiceImpl fleet([&] { return server->fleet(); });
-  GW_ASSIGN_OR_RETURN(const ConsoleKey key, ConsoleKey::open(options.store.data));
-  ConsoleServiceImpl tokens(key);
+  GW_ASSIGN_OR_RETURN(const std::unique_ptr<AccessTokens> tokens, AccessTokens::open(options.store.data));
+  ConsoleServiceImpl console_service(*tokens);
   server_metrics();
   const AskedMetrics asked([&] {
     const absl::StatusOr<std::vector<v1::Session>> now = server->list({});
@@ -58,10 +58,11 @@ absl::Status run_server(const DaemonOptions& daemon, ServerProgramOptions option
   const AskedMetrics disk([&] { return disk_metrics(options.store.data); });
   std::optional<ClockWatch> clocks;
   std::unique_ptr<Console> console;
-  return serve(daemon, {.services = {&sessions, &nodes, &work, &rig, &fleet, &tokens},
+  return serve(daemon, {.services = {&sessions, &nodes, &work, &rig, &fleet, &console_service},
                         .begin = [&](ServiceHost* host) -> absl::Status {
                           clocks.emplace(server->rig());
-                          GW_ASSIGN_OR_RETURN(console, start_console(options, key, tokens, *host));
+                          GW_ASSIGN_OR_RETURN(console,
+                                              start_console(options, *tokens, console_service, *host));
                           return absl::OkStatus();
                         },
                         .end =

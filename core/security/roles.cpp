@@ -42,6 +42,8 @@ constexpr MethodAccess kTable[] = {
     {"CameraService/StreamFrames", kSolver},
     {"ClockService/Exchange", kAnybody},
     {"ConsoleService/CreateToken", kOperator, kAudited},
+    {"ConsoleService/ListTokens", kOperator},
+    {"ConsoleService/RevokeToken", kOperator, kAudited},
     {"DisplayService/GetDisplay", kPeople | kServer},
     {"DisplayService/PutImage", kServer},
     {"DisplayService/LoadProgram", kServer},

@@ -29,8 +29,7 @@ constexpr const char* kJson = "application/json";
 std::string json_of(const Principal& principal) {
   nlohmann::json json{{"name", principal.name},
                       {"role", (principal.roles & only(Role::kOperator)) != 0 ? "operator" : "viewer"}};
-  if (principal.expires != std::chrono::sys_seconds::max())
-    json["expires"] = principal.expires.time_since_epoch().count();
+  json["expires"] = principal.expires.time_since_epoch().count();
   return json.dump();
 }
 
@@ -71,6 +70,24 @@ absl::StatusOr<std::string> body_of(const httplib::ContentReader& content, size_
   return body;
 }
 
+// What a call says of its caller: the name, for people, and what bounds the tokens that it may make
+// (ConsoleService).
+JsonCall::Metadata caller_metadata(const Principal& principal) {
+  JsonCall::Metadata metadata{
+      {"glasswing-client", principal.name + " (console)"},
+      {"glasswing-expires", std::to_string(principal.expires.time_since_epoch().count())}};
+  if (!principal.token.empty()) metadata.emplace_back("glasswing-token", principal.token);
+  return metadata;
+}
+
+// The last event of a stream.
+bool send_end(httplib::DataSink& sink, const absl::Status& status) {
+  const std::string event = fmt::format("event: end\ndata: {}\n\n", glasswing::json_of(status));
+  sink.write(event.data(), event.size());
+  sink.done();
+  return true;
+}
+
 // Confines the page to its own scripts, styles and connections.
 httplib::Headers security_headers() {
   return {{"Content-Security-Policy",
@@ -93,9 +110,9 @@ std::filesystem::path default_console_files() {
   return std::filesystem::exists(installed) ? installed : root / "console";
 }
 
-absl::StatusOr<std::unique_ptr<Console>> Console::start(const ConsoleOptions& options, const ConsoleKey& key,
+absl::StatusOr<std::unique_ptr<Console>> Console::start(const ConsoleOptions& options, AccessTokens& tokens,
                                                         std::shared_ptr<grpc::Channel> server) {
-  std::unique_ptr<Console> self(new Console(key, std::move(server)));
+  std::unique_ptr<Console> self(new Console(tokens, std::move(server)));
   GW_ASSIGN_OR_RETURN(self->host_, HttpHost::bind(options.address));
   const std::string& bound = self->host_->address();
   const size_t colon = bound.rfind(':');
@@ -122,8 +139,11 @@ void Console::add_routes(const std::filesystem::path& files) {
                 if (!body.ok()) return refuse(response, body.status());
                 log_in(request, *body, response);
               });
-  routes.Post("/logout", guarded(kMaxToken, [this](const Principal&, const Request&, const std::string&,
-                                                   Response& response) {
+  routes.Post("/logout", guarded(kMaxToken, [this](const Principal& principal, const Request&,
+                                                   const std::string&, Response& response) {
+                if (const absl::Status status = tokens_.log_out(principal); !status.ok())
+                  return refuse(response, status);
+                spdlog::info("audit console logout caller=\"{}\"", principal.title());
                 response.set_header("Set-Cookie", cookie_of("", std::chrono::seconds(0), host_->has_tls()));
                 response.set_content("{}", kJson);
               }));
@@ -181,7 +201,7 @@ void Console::add_routes(const std::filesystem::path& files) {
 
 absl::StatusOr<Principal> Console::authenticate(const Request& request) const {
   GW_RETURN_IF_ERROR(check_origin(request, host_->has_tls()));
-  return principal_of(request, key_);
+  return principal_of(request, tokens_);
 }
 
 httplib::Server::Handler Console::guarded(Handler handler) const {
@@ -211,15 +231,16 @@ void Console::log_in(const Request& request, const std::string& text, Response& 
   const auto body = nlohmann::json::parse(text, nullptr, false);
   const bool told = body.is_object() && body.contains("token") && body["token"].is_string();
   const std::string token = told ? body["token"].get<std::string>() : "";
-  const auto now = std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now());
-  const absl::StatusOr<Principal> principal = key_.principal_of(token, now);
-  if (!principal.ok()) {
+  const std::chrono::sys_seconds now = AccessTokens::current_time();
+  const absl::StatusOr<AccessTokens::Login> login = tokens_.log_in(token, now);
+  if (!login.ok()) {
     spdlog::warn("audit console login refused from={}", request.remote_addr);
-    return refuse(response, principal.status());
+    return refuse(response, login.status());
   }
-  spdlog::info("audit console login caller=\"{}\" from={}", principal->name, request.remote_addr);
-  response.set_header("Set-Cookie", cookie_of(token, principal->expires - now, host_->has_tls()));
-  response.set_content(json_of(*principal), kJson);
+  const Principal& principal = login->principal;
+  spdlog::info("audit console login caller=\"{}\" from={}", principal.title(), request.remote_addr);
+  response.set_header("Set-Cookie", cookie_of(login->secret, principal.expires - now, host_->has_tls()));
+  response.set_content(json_of(principal), kJson);
 }
 
 void Console::call(const std::shared_ptr<grpc::Channel>& channel, const std::string& peer,
@@ -229,9 +250,9 @@ void Console::call(const std::shared_ptr<grpc::Channel>& channel, const std::str
   const absl::StatusOr<JsonMethod> method =
       JsonMethod::find(request.matches[last - 1], request.matches[last]);
   if (!method.ok()) return refuse(response, method.status());
-  if (const absl::Status status = admit(method->name(), principal.roles, principal.name); !status.ok())
+  if (const absl::Status status = admit(method->name(), principal.roles, principal.title()); !status.ok())
     return refuse(response, status);
-  auto started = JsonCall::start(channel, *method, body, principal.name + " (console)",
+  auto started = JsonCall::start(channel, *method, body, caller_metadata(principal),
                                  method->streams() ? std::chrono::milliseconds(kMaxStream) : kCallTimeout);
   if (!started.ok()) return refuse(response, started.status());
   const std::shared_ptr<JsonCall> running = *std::move(started);
@@ -241,9 +262,13 @@ void Console::call(const std::shared_ptr<grpc::Channel>& channel, const std::str
       return response.set_content(message, kJson);
     return refuse(response, running->outcome(peer));
   }
-  const auto send_next = [this, running, peer, quiet = std::chrono::milliseconds(0)](
-                             size_t, httplib::DataSink& sink) mutable {
+  const auto send_next = [this, running, peer, principal, quiet = std::chrono::milliseconds(0),
+                          checked = AccessTokens::current_time()](size_t, httplib::DataSink& sink) mutable {
     std::string event;
+    if (const std::chrono::sys_seconds now = AccessTokens::current_time(); now != checked) {
+      checked = now;
+      if (const absl::Status valid = tokens_.check(principal, now); !valid.ok()) return send_end(sink, valid);
+    }
     switch (running->next(kPollInterval, event)) {
       case JsonCall::Got::kMessage:
         event = fmt::format("data: {}\n\n", event);
@@ -255,10 +280,7 @@ void Console::call(const std::shared_ptr<grpc::Channel>& channel, const std::str
         event = ": alive\n\n";
         break;
       case JsonCall::Got::kEnd:
-        event = fmt::format("event: end\ndata: {}\n\n", json_of(running->outcome(peer)));
-        sink.write(event.data(), event.size());
-        sink.done();
-        return true;
+        return send_end(sink, running->outcome(peer));
     }
     quiet = std::chrono::milliseconds(0);
     return !stopping_ && sink.write(event.data(), event.size());

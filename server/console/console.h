@@ -24,7 +24,7 @@
 #include <memory>
 #include <string>
 
-#include "server/console/console_key.h"
+#include "server/console/access_tokens.h"
 #include "server/console/http_host.h"
 #include "server/console/node_channels.h"
 #include "server/console/session_routes.h"
@@ -41,7 +41,7 @@ class Console {
  public:
   // `server` accepts calls to this server's services for any role: the console itself checks each call
   // against the principal's roles. Errors are those of HttpHost::bind.
-  static absl::StatusOr<std::unique_ptr<Console>> start(const ConsoleOptions& options, const ConsoleKey& key,
+  static absl::StatusOr<std::unique_ptr<Console>> start(const ConsoleOptions& options, AccessTokens& tokens,
                                                         std::shared_ptr<grpc::Channel> server);
   ~Console();
 
@@ -53,8 +53,8 @@ class Console {
   using BodyHandler = std::function<void(const Principal&, const httplib::Request&, const std::string& body,
                                          httplib::Response&)>;
 
-  Console(const ConsoleKey& key, std::shared_ptr<grpc::Channel> server)
-      : key_(key), server_(std::move(server)), nodes_(server_), sessions_(server_, nodes_) {}
+  Console(AccessTokens& tokens, std::shared_ptr<grpc::Channel> server)
+      : tokens_(tokens), server_(std::move(server)), nodes_(server_), sessions_(server_, nodes_) {}
   void add_routes(const std::filesystem::path& files);
   // Wraps a handler so that it serves only known principals, and only requests of our own page.
   httplib::Server::Handler guarded(Handler handler) const;
@@ -68,7 +68,7 @@ class Console {
             const Principal& principal, const httplib::Request& request, const std::string& body,
             httplib::Response& response) const;
 
-  const ConsoleKey& key_;
+  AccessTokens& tokens_;
   const std::shared_ptr<grpc::Channel> server_;
   NodeChannels nodes_;
   const SessionRoutes sessions_;

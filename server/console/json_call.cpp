@@ -52,7 +52,7 @@ JsonCall::JsonCall(const std::shared_ptr<grpc::Channel>& channel, const JsonMeth
 absl::StatusOr<std::unique_ptr<JsonCall>> JsonCall::start(const std::shared_ptr<grpc::Channel>& channel,
                                                           const JsonMethod& method,
                                                           const std::string& request,
-                                                          const std::string& client,
+                                                          const Metadata& metadata,
                                                           std::chrono::milliseconds timeout) {
   const std::unique_ptr<pb::Message> message = made(method.descriptor->input_type());
   const auto parsed = pb::util::JsonStringToMessage(request.empty() ? "{}" : request, message.get());
@@ -62,7 +62,7 @@ absl::StatusOr<std::unique_ptr<JsonCall>> JsonCall::start(const std::shared_ptr<
   }
   std::unique_ptr<JsonCall> self(new JsonCall(channel, method));
   set_deadline(self->context_, timeout);
-  self->context_.AddMetadata("glasswing-client", client);
+  for (const auto& [key, value] : metadata) self->context_.AddMetadata(key, value);
   self->call_ = self->stub_.PrepareCall(
       &self->context_,
       fmt::format("/{}/{}", method.descriptor->service()->full_name(), method.descriptor->name()),

@@ -9,6 +9,8 @@
 #include <chrono>
 #include <memory>
 #include <string>
+#include <utility>
+#include <vector>
 
 namespace glasswing {
 
@@ -26,11 +28,11 @@ struct JsonMethod {
 // One call, cancelled on destruction if still running.
 class JsonCall {
  public:
-  // `client` names the caller, for people. INVALID_ARGUMENT: `request` is not the method's message; says
-  // where.
+  using Metadata = std::vector<std::pair<std::string, std::string>>;
+  // INVALID_ARGUMENT: `request` is not the method's message; says where.
   static absl::StatusOr<std::unique_ptr<JsonCall>> start(const std::shared_ptr<grpc::Channel>& channel,
                                                          const JsonMethod& method, const std::string& request,
-                                                         const std::string& client,
+                                                         const Metadata& metadata,
                                                          std::chrono::milliseconds timeout);
   ~JsonCall();
 

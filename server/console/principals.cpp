@@ -3,24 +3,12 @@
 #include <fmt/format.h>
 #include <openssl/ssl.h>
 
+#include "core/security/peer.h"
 #include "core/security/pem.h"
 #include "core/security/tls.h"
 
 namespace glasswing {
 namespace {
-
-Principal principal_of(const X509& certificate) {
-  Principal principal{.name = "", .expires = std::chrono::sys_seconds::max()};
-  const X509_NAME* subject = X509_get_subject_name(&certificate);
-  if (const int at = X509_NAME_get_index_by_NID(subject, NID_commonName, -1); at >= 0)
-    principal.name = text_of(*X509_NAME_ENTRY_get_data(X509_NAME_get_entry(subject, at)));
-  const AltNames names = alt_names_of(certificate);
-  for (int i = 0; i < sk_GENERAL_NAME_num(names.get()); ++i) {
-    const GENERAL_NAME& each = *sk_GENERAL_NAME_value(names.get(), i);
-    if (each.type == GEN_URI) principal.roles |= role_of_uri(text_of(*each.d.uniformResourceIdentifier));
-  }
-  return principal;
-}
 
 // The value of a cookie in the header "Cookie: a=1; b=2".
 std::string cookie_in(const std::string& header, const std::string& name) {
@@ -36,15 +24,19 @@ std::string cookie_in(const std::string& header, const std::string& name) {
 
 }  // namespace
 
-absl::StatusOr<Principal> principal_of(const httplib::Request& request, const ConsoleKey& key) {
+absl::StatusOr<Principal> principal_of(const httplib::Request& request, AccessTokens& tokens) {
   if (request.ssl != nullptr) {
     const Certificate shown(SSL_get1_peer_certificate(request.ssl));
-    if (shown != nullptr) return principal_of(*shown);
+    if (shown != nullptr) {
+      const CertifiedPeer peer = peer_of(*shown);
+      return Principal{.name = peer.name, .roles = peer.roles, .expires = peer.expires};
+    }
   }
-  const std::string token = cookie_in(request.get_header_value("Cookie"), kConsoleCookie);
-  if (token.empty())
+  const std::string login = cookie_in(request.get_header_value("Cookie"), kConsoleCookie);
+  if (login.empty())
     return absl::UnauthenticatedError("nobody is logged in; `glasswing console token` makes a token");
-  return key.principal_of(token, std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now()));
+  return tokens.principal_of(login,
+                             std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now()));
 }
 
 absl::Status check_origin(const httplib::Request& request, bool has_tls) {
@@ -66,8 +58,8 @@ absl::Status check_origin(const httplib::Request& request, bool has_tls) {
   return absl::OkStatus();
 }
 
-std::string cookie_of(const std::string& token, std::chrono::seconds valid, bool has_tls) {
-  return fmt::format("{}={}; Path=/; Max-Age={}; HttpOnly; SameSite=Strict{}", kConsoleCookie, token,
+std::string cookie_of(const std::string& login, std::chrono::seconds valid, bool has_tls) {
+  return fmt::format("{}={}; Path=/; Max-Age={}; HttpOnly; SameSite=Strict{}", kConsoleCookie, login,
                      valid.count(), has_tls ? "; Secure" : "");
 }
 

@@ -1,18 +1,18 @@
-// The principal of an HTTP request, by its client certificate or by the token in its cookie.
+// The principal of an HTTP request, by its client certificate or by the login in its cookie.
 #pragma once
 
 #include <absl/status/statusor.h>
 #include <httplib.h>
 
-#include "server/console/console_key.h"
+#include "server/console/access_tokens.h"
 
 namespace glasswing {
 
 inline constexpr const char* kConsoleCookie = "glasswing-console";
 
-// A certificate, which was verified when the connection was made, provides name and roles; it does not expire
-// here. UNAUTHENTICATED: neither a certificate nor a valid token.
-absl::StatusOr<Principal> principal_of(const httplib::Request& request, const ConsoleKey& key);
+// A certificate was verified when the connection was made. UNAUTHENTICATED: neither a certificate nor a login
+// that has not ended.
+absl::StatusOr<Principal> principal_of(const httplib::Request& request, AccessTokens& tokens);
 
 // Protects logged-in users against requests forged by other pages in their browser. PERMISSION_DENIED: the
 // request comes from another page; or is a POST without the header X-Glasswing, which only our scripts set;
@@ -20,7 +20,7 @@ absl::StatusOr<Principal> principal_of(const httplib::Request& request, const Co
 // rebinding).
 absl::Status check_origin(const httplib::Request& request, bool has_tls);
 
-// The "Set-Cookie" value that sets a token, or, with an empty token and no validity, removes it.
-std::string cookie_of(const std::string& token, std::chrono::seconds valid, bool has_tls);
+// The "Set-Cookie" value that sets a login, or, with an empty one and no validity, removes it.
+std::string cookie_of(const std::string& login, std::chrono::seconds valid, bool has_tls);
 
 }  // namespace glasswing

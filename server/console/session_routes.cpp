@@ -55,7 +55,7 @@ absl::StatusOr<std::string> fetch_matte(const std::shared_ptr<grpc::Channel>& se
 }  // namespace
 
 void SessionRoutes::send_matte(const Principal& principal, const Request& request, Response& response) const {
-  if (const absl::Status status = admit("SessionService/FetchMatte", principal.roles, principal.name);
+  if (const absl::Status status = admit("SessionService/FetchMatte", principal.roles, principal.title());
       !status.ok())
     return refuse(response, status);
   v1::FetchMatteRequest wanted;
@@ -81,7 +81,7 @@ void SessionRoutes::send_matte(const Principal& principal, const Request& reques
 
 void SessionRoutes::send_frame(const Principal& principal, const Request& request, Response& response) const {
   const auto frame = [&]() -> absl::StatusOr<std::string> {
-    GW_RETURN_IF_ERROR(admit("ArchiveService/ReadFile", principal.roles, principal.name));
+    GW_RETURN_IF_ERROR(admit("ArchiveService/ReadFile", principal.roles, principal.title()));
     GW_ASSIGN_OR_RETURN(const int width, number_or<int>(request, "width", kMaxWidth_px, 16, kMaxWidth_px));
     GW_ASSIGN_OR_RETURN(const double stops, number_or<double>(request, "stops", 0.0, -kMaxStops, kMaxStops));
     GW_ASSIGN_OR_RETURN(const CapturedFrames frames, frames_of(request.matches[1]));
@@ -95,7 +95,7 @@ void SessionRoutes::send_frame(const Principal& principal, const Request& reques
 void SessionRoutes::send_samples(const Principal& principal, const Request& request,
                                  Response& response) const {
   const auto json = [&]() -> absl::StatusOr<std::string> {
-    GW_RETURN_IF_ERROR(admit("ArchiveService/ReadFile", principal.roles, principal.name));
+    GW_RETURN_IF_ERROR(admit("ArchiveService/ReadFile", principal.roles, principal.title()));
     GW_ASSIGN_OR_RETURN(const int x, number_of<int>(request, "x", 0, 1 << 20));
     GW_ASSIGN_OR_RETURN(const int y, number_of<int>(request, "y", 0, 1 << 20));
     GW_ASSIGN_OR_RETURN(const CapturedFrames frames, frames_of(request.matches[1]));
@@ -107,7 +107,7 @@ void SessionRoutes::send_samples(const Principal& principal, const Request& requ
 
 void SessionRoutes::store_image(const Principal& principal, const std::string& png,
                                 Response& response) const {
-  if (const absl::Status status = admit("SessionService/UploadImage", principal.roles, principal.name);
+  if (const absl::Status status = admit("SessionService/UploadImage", principal.roles, principal.title());
       !status.ok())
     return refuse(response, status);
   grpc::ClientContext context;

@@ -8,8 +8,8 @@
 #include <memory>
 #include <string>
 
+#include "server/console/access_tokens.h"
 #include "server/console/captured_frames.h"
-#include "server/console/console_key.h"
 #include "server/console/node_channels.h"
 
 namespace glasswing {

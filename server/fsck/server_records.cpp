@@ -56,6 +56,12 @@ void ServerRecords::open(Check& check) {
       check);
   open_jobs(check);
   if (catalogue_) read_sessions(check);
+  (void)open_database(kTokensFile,
+                      {.file = "",
+                       .what = "",
+                       .meaning = "the console's tokens and logins are lost",
+                       .repair = "it is set aside; browsers log in again, with new tokens"},
+                      check);
 }
 
 void ServerRecords::open_jobs(Check& check) {

@@ -30,6 +30,11 @@ absl::Status check_row_count(Database& database, const std::string& table);
 // The columns of the catalogue's table `sessions`, whose rows are protected.
 inline constexpr char kCatalogueColumns[] = "id, name, request_id, session, note, tags, finished, copies";
 
+// The file of the console's tokens and logins below the server's data, and its protected tables' columns.
+inline constexpr char kTokensFile[] = "console.sqlite";
+inline constexpr char kTokenColumns[] = "id, hash, name, role, made_by, parent, expires";
+inline constexpr char kLoginColumns[] = "hash, token";
+
 // Takes all rows as they are now.
 absl::Status accept_rows(Database& database, const std::string& table, const std::string& columns);
 

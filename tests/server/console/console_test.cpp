@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/base/file.h"
+#include "core/security/pem.h"
 #include "core/security/tls.h"
 #include "core/service/service.h"
 #include "glasswing/v1/node_service.grpc.pb.h"
@@ -73,25 +74,27 @@ class ConsoleTest : public testing::Test {
   void start() {
     (void)write_file_durably(scratch_ / "page/index.html", "<!doctype html>");
     (void)write_file_durably(scratch_ / "secret", "not of the page");
-    key_ = std::make_unique<ConsoleKey>(ConsoleKey::open(scratch_).value());
-    tokens_ = std::make_unique<ConsoleServiceImpl>(*key_);
-    server_ = ServiceHost::start({}, {&sessions_, tokens_.get()}).value();
-    console_ = Console::start({"127.0.0.1:0", scratch_ / "page"}, *key_, server_->to_itself()).value();
-    tokens_->serve_at(console_->url());
+    tokens_ = AccessTokens::open(scratch_).value();
+    console_service_ = std::make_unique<ConsoleServiceImpl>(*tokens_);
+    server_ = ServiceHost::start({}, {&sessions_, console_service_.get()}).value();
+    console_ = Console::start({"127.0.0.1:0", scratch_ / "page"}, *tokens_, server_->to_itself()).value();
+    console_service_->serve_at(console_->url());
   }
   httplib::Client client() const {
     httplib::Client client(console_->url());
     client.set_default_headers({{"X-Glasswing", "console"}});
     return client;
   }
-  std::string token(const std::string& role) const {
+  AccessTokens::Made made(const std::string& role) const {
     const auto now = std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now());
-    return key_->token_of("anna", role, now + std::chrono::hours(1), now).value();
+    return tokens_->make({"lab"}, "anna", role, now + std::chrono::hours(1), now).value();
   }
+  std::string token(const std::string& role) const { return made(role).secret; }
   // A client with the cookie of a logged-in user.
-  httplib::Client logged_in(const std::string& role) const {
+  httplib::Client logged_in(const std::string& role) const { return logged_in(made(role)); }
+  httplib::Client logged_in(const AccessTokens::Made& made) const {
     httplib::Client client = this->client();
-    const auto response = client.Post("/login", json{{"token", token(role)}}.dump(), "application/json");
+    const auto response = client.Post("/login", json{{"token", made.secret}}.dump(), "application/json");
     EXPECT_EQ(response->status, 200);
     const std::string cookie = response->get_header_value("Set-Cookie");
     client.set_default_headers({{"X-Glasswing", "console"}, {"Cookie", cookie.substr(0, cookie.find(';'))}});
@@ -101,8 +104,8 @@ class ConsoleTest : public testing::Test {
   const std::filesystem::path scratch_ =
       std::filesystem::temp_directory_path() / ("glasswing-console-" + std::to_string(::getpid()));
   Sessions sessions_;
-  std::unique_ptr<ConsoleKey> key_;
-  std::unique_ptr<ConsoleServiceImpl> tokens_;
+  std::unique_ptr<AccessTokens> tokens_;
+  std::unique_ptr<ConsoleServiceImpl> console_service_;
   std::unique_ptr<ServiceHost> server_;
   std::unique_ptr<Console> console_;
 };
@@ -135,6 +138,63 @@ TEST_F(ConsoleTest, ACookieIsForTheBrowserAloneAndGoesAtLogout) {
   for (const char* word : {"HttpOnly", "SameSite=Strict", "Path=/"})
     EXPECT_NE(in->get_header_value("Set-Cookie").find(word), std::string::npos) << word;
   EXPECT_NE(anna.Post("/logout")->get_header_value("Set-Cookie").find("Max-Age=0"), std::string::npos);
+}
+
+TEST_F(ConsoleTest, ACopiedCookieIsRefusedAfterLogout) {
+  start();
+  const AccessTokens::Made link = made("operator");
+  httplib::Client anna = logged_in(link), elsewhere = logged_in(link);
+  EXPECT_EQ(anna.Get("/me")->status, 200);
+  EXPECT_EQ(anna.Post("/logout")->status, 200);
+  EXPECT_EQ(anna.Get("/me")->status, 401);  // this client still sends the cookie
+  EXPECT_EQ(anna.Post("/api/SessionService/GetSession", R"({"name": "vase"})", "application/json")->status,
+            401);
+  EXPECT_EQ(elsewhere.Get("/me")->status, 200);
+}
+
+TEST_F(ConsoleTest, ATokenMadeThroughTheConsoleEndsWithItsMakers) {
+  start();
+  const AccessTokens::Made own = made("operator");
+  httplib::Client anna = logged_in(own);
+  const auto response =
+      anna.Post("/api/ConsoleService/CreateToken",
+                R"({"name": "berta", "role": "operator", "valid_hours": 8760})", "application/json");
+  ASSERT_EQ(response->status, 200) << response->body;
+  const json answer = body_of(response);
+  const auto now = std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now());
+  const std::vector<AccessToken> valid = tokens_->list(now).value();
+  ASSERT_EQ(valid.size(), 2u);
+  EXPECT_EQ(valid[1].expires, own.token.expires) << "an hour, not a year";
+  EXPECT_EQ(std::ranges::count(valid, "anna (console)", &AccessToken::made_by), 1);
+  httplib::Client berta = client();
+  EXPECT_EQ(berta.Post("/login", json{{"token", answer["token"]}}.dump(), "application/json")->status, 200);
+  EXPECT_EQ(
+      anna.Post("/api/ConsoleService/RevokeToken", json{{"id", own.token.id}}.dump(), "application/json")
+          ->status,
+      200);
+  EXPECT_EQ(berta.Post("/login", json{{"token", answer["token"]}}.dump(), "application/json")->status, 401);
+  EXPECT_EQ(anna.Get("/me")->status, 401) << "it was her own";
+}
+
+TEST_F(ConsoleTest, AnEndedLoginEndsItsStreams) {
+  start();
+  const AccessTokens::Made link = made("viewer");
+  httplib::Client anna = logged_in(link);
+  httplib::Request request;
+  request.method = "POST";
+  request.path = "/api/SessionService/WatchSession";
+  request.body = "{}";
+  std::string seen;
+  request.content_receiver = [&](const char* bytes, size_t size, std::uint64_t, std::uint64_t) {
+    seen.append(bytes, size);
+    if (seen.ends_with("\"provenCount\":2}}\n\n")) {
+      EXPECT_TRUE(tokens_->revoke(link.token.id).ok());
+    }
+    return true;
+  };
+  EXPECT_TRUE(anna.send(request)) << "the server ends it";
+  EXPECT_NE(seen.find("event: end\ndata: {\"code\":\"UNAUTHENTICATED\""), std::string::npos) << seen;
+  sessions_.left.wait(false);
 }
 
 TEST_F(ConsoleTest, CallsAreProtobufsJson) {
@@ -289,9 +349,9 @@ TEST_F(ConsoleTest, ThePageRunsNothingOfOthers) {
 
 TEST_F(ConsoleTest, BeyondThisMachineItNeedsTls) {
   start();
-  EXPECT_EQ(Console::start({"0.0.0.0:0", scratch_}, *key_, server_->to_itself()).status().code(),
+  EXPECT_EQ(Console::start({"0.0.0.0:0", scratch_}, *tokens_, server_->to_itself()).status().code(),
             absl::StatusCode::kInvalidArgument);
-  EXPECT_EQ(Console::start({"7480", scratch_}, *key_, server_->to_itself()).status().code(),
+  EXPECT_EQ(Console::start({"7480", scratch_}, *tokens_, server_->to_itself()).status().code(),
             absl::StatusCode::kInvalidArgument);
 }
 
@@ -318,7 +378,10 @@ TEST_F(ConsoleTest, ACertificateOfTheLabLogsIn) {
     return client;
   };
   const MadeCertificate berta = make_certificate("berta", &ca, fmt::format("URI:{}operator", kRoleUri));
-  EXPECT_EQ(body_of(client_with(&berta)->Get("/me")), (json{{"name", "berta"}, {"role", "operator"}}));
+  EXPECT_EQ(body_of(client_with(&berta)->Get("/me")),
+            (json{{"name", "berta"},
+                  {"role", "operator"},
+                  {"expires", end_of(*berta.certificate).time_since_epoch().count()}}));
   const MadeCertificate stranger =
       make_certificate("berta", &foreign, fmt::format("URI:{}operator", kRoleUri));
   EXPECT_FALSE(client_with(&stranger)->Get("/me"));
@@ -328,21 +391,55 @@ TEST_F(ConsoleTest, ACertificateOfTheLabLogsIn) {
   EXPECT_NE(in->get_header_value("Set-Cookie").find("Secure"), std::string::npos);
 }
 
+TEST_F(ConsoleTest, ATokenEndsWithTheCertificateOfItsMaker) {
+  const MadeCertificate ca = make_certificate("ca");
+  const auto write = [&](const std::string& file, const std::string& pem) {
+    EXPECT_TRUE(write_file_durably(scratch_ / file, pem).ok());
+    return (scratch_ / file).string();
+  };
+  // Of the test's own process: the server's certificate and the caller's.
+  const MadeCertificate own =
+      make_certificate("anna", &ca, fmt::format("IP:127.0.0.1,URI:{}operator", kRoleUri), 3);
+  ASSERT_TRUE(use_tls({write("ca.pem", ca.certificate_pem()), write("own.pem", own.certificate_pem()),
+                       write("own.key", own.key_pem())})
+                  .ok());
+  start();
+  v1::CreateTokenRequest request;
+  request.set_name("berta");
+  request.set_role("viewer");
+  request.set_valid_hours(8760.0);
+  v1::CreateTokenResponse response;
+  grpc::ClientContext context;
+  set_deadline(context, std::chrono::seconds(20));
+  const auto stub = v1::ConsoleService::NewStub(dial(server_->address()));
+  ASSERT_TRUE(stub->CreateToken(&context, request, &response).ok());
+  const auto now = std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now());
+  const std::vector<AccessToken> valid = tokens_->list(now).value();
+  ASSERT_EQ(valid.size(), 1u);
+  EXPECT_EQ(valid[0].id, response.id());
+  EXPECT_EQ(valid[0].made_by, "anna");
+  EXPECT_EQ(valid[0].expires, end_of(*own.certificate));
+}
+
 TEST_F(ConsoleTest, AServerWithoutConsoleMakesNoTokens) {
-  const ConsoleKey key = ConsoleKey::open(scratch_).value();
-  ConsoleServiceImpl tokens(key);
+  const std::unique_ptr<AccessTokens> tokens = AccessTokens::open(scratch_).value();
+  ConsoleServiceImpl service(*tokens);
+  const std::unique_ptr<ServiceHost> host = ServiceHost::start({}, {&service}).value();
+  const auto stub = v1::ConsoleService::NewStub(host->to_itself());
   v1::CreateTokenRequest request;
   request.set_name("anna");
   request.set_role("viewer");
   request.set_valid_hours(1.0);
-  v1::CreateTokenResponse response;
-  EXPECT_EQ(tokens.CreateToken(nullptr, &request, &response).error_code(),
-            grpc::StatusCode::FAILED_PRECONDITION);
-  tokens.serve_at("http://127.0.0.1:1");
-  EXPECT_TRUE(tokens.CreateToken(nullptr, &request, &response).ok());
+  const auto code = [&] {
+    grpc::ClientContext context;
+    v1::CreateTokenResponse response;
+    return stub->CreateToken(&context, request, &response).error_code();
+  };
+  EXPECT_EQ(code(), grpc::StatusCode::FAILED_PRECONDITION);
+  service.serve_at("http://127.0.0.1:1");
+  EXPECT_EQ(code(), grpc::StatusCode::OK);
   request.set_valid_hours(0.0);
-  EXPECT_EQ(tokens.CreateToken(nullptr, &request, &response).error_code(),
-            grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(code(), grpc::StatusCode::INVALID_ARGUMENT);
 }
 
 }  // namespace

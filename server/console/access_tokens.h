@@ -1,0 +1,102 @@
+// Tokens by which browsers log in to the console, and the logins made with them. Both are random secrets, of
+// which only SHA-256 hashes are stored; a token's id is the beginning of its hash.
+//
+//   token   in the link that `glasswing console token` prints; logs browsers in until it expires
+//   login   in a browser's cookie; ends at logout, or with its token
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <chrono>
+#include <filesystem>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "core/security/roles.h"
+#include "server/storage/database.h"
+
+namespace glasswing {
+
+// An authenticated user of the console.
+struct Principal {
+  std::string name;
+  Roles roles = 0;
+  std::chrono::sys_seconds expires = {};
+  std::string token = {};  // the id of the token that logged it in; empty: a certificate did
+  std::string login = {};  // the hash of the login; empty: a certificate
+
+  // For the audit log, which names a token's maker where the token is made.
+  std::string title() const { return token.empty() ? name : name + " (token " + token + ")"; }
+};
+
+struct AccessToken {
+  std::string id = {};
+  std::string name;     // its owner's
+  std::string role;     // "operator" or "viewer"
+  std::string made_by;  // for people: who asked for it
+  std::chrono::sys_seconds expires = {};
+  int login_count = 0;
+};
+
+// Thread-safe. Everything is durable once a method returns OK, so logins survive a restart of the server.
+class AccessTokens {
+ public:
+  using Seconds = std::chrono::sys_seconds;
+  static Seconds current_time() {
+    return std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now());
+  }
+  static constexpr int kMaxTokens = 1000;
+  static constexpr int kMaxLogins = 100;  // of a token; beyond it the oldest ends
+
+  // A damaged file is set aside, with a line in the log: browsers then have to log in again.
+  static absl::StatusOr<std::unique_ptr<AccessTokens>> open(const std::filesystem::path& data);
+
+  // Who asks for a token. The token ends when `expires` comes, and when the maker's own `token` is revoked.
+  struct Maker {
+    std::string name;
+    Seconds expires = Seconds::max();  // of its certificate or token
+    std::string token = {};            // the id of its own token; empty: it has none
+  };
+  struct Made {
+    std::string secret;
+    AccessToken token;
+  };
+  // INVALID_ARGUMENT: the name, a role that is not "operator" or "viewer", or an expiry time before `now` or
+  // more than a year after it. UNAUTHENTICATED: the maker's own token is no longer valid. RESOURCE_EXHAUSTED:
+  // kMaxTokens are valid.
+  absl::StatusOr<Made> make(const Maker& maker, const std::string& name, const std::string& role,
+                            Seconds expires, Seconds now);
+  // Those that are valid, the first to expire first.
+  absl::StatusOr<std::vector<AccessToken>> list(Seconds now);
+  // Ends a token, the tokens made with it, and all their logins. NOT_FOUND: there is no such token.
+  absl::Status revoke(const std::string& id);
+
+  struct Login {
+    std::string secret;
+    Principal principal;
+  };
+  // UNAUTHENTICATED: not a token of this server, or one that has expired or was revoked.
+  absl::StatusOr<Login> log_in(const std::string& token_secret, Seconds now);
+  // The principal of a login. UNAUTHENTICATED: it has ended.
+  absl::StatusOr<Principal> principal_of(const std::string& login_secret, Seconds now);
+  // UNAUTHENTICATED: the principal's login has ended since, or its certificate has expired.
+  absl::Status check(const Principal& principal, Seconds now);
+  absl::Status log_out(const Principal& principal);
+
+ private:
+  explicit AccessTokens(Database database) : database_(std::move(database)) {}
+  // The rest need mutex_.
+  absl::Status forget_ended(Seconds now);
+  absl::StatusOr<int> count(const std::string& rows, const std::string& value = "");
+  // The valid token that meets `condition`, which has one "?" for `value`.
+  absl::StatusOr<AccessToken> find(const std::string& condition, const std::string& value, Seconds now);
+  absl::StatusOr<Principal> principal_of_hash(const std::string& login, Seconds now);
+
+  std::mutex mutex_;
+  Database database_;
+};
+
+}  // namespace glasswing
