@@ -7,6 +7,7 @@
 #include "client/rig/commands.h"
 #include "client/sessions/estimate.h"
 #include "core/base/status.h"
+#include "core/base/utf8.h"
 #include "glasswing/v1/node_service.grpc.pb.h"
 
 namespace glasswing {
@@ -48,6 +49,8 @@ absl::Status list_nodes(const Client& client) {
     print_json(listed);
     return absl::OkStatus();
   }
+  for (const std::string& problem : listed.problems())
+    std::cerr << fmt::format("warning: {}\n", printable(problem));
   std::vector<std::vector<std::string>> rows;
   for (const v1::Node& node : listed.nodes()) {
     rows.push_back({kind_name(node.kind()), node.name(), node.up() ? "up" : "away",

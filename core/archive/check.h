@@ -11,6 +11,8 @@
 #include <string>
 #include <vector>
 
+#include "core/base/set_aside.h"
+
 namespace glasswing {
 
 struct Finding {
@@ -48,14 +50,7 @@ class Check {
   const std::function<void()> tell_;
 };
 
-// Moves `path` to `root`/damaged, under its name below `root`: nothing that may hold data is ever removed.
-absl::Status set_aside(const std::filesystem::path& root, const std::filesystem::path& path);
-// As set_aside(), but copies: the file is about to be replaced.
-absl::Status copy_aside(const std::filesystem::path& root, const std::filesystem::path& file);
-
 // Finds temporary files anywhere below `directory`; a repair removes them.
 void check_leftovers(const std::filesystem::path& directory, Check& check);
-
-inline constexpr char kDamagedDirectory[] = "damaged";
 
 }  // namespace glasswing

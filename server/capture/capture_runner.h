@@ -40,7 +40,7 @@ class CaptureRunner {
   ~CaptureRunner();  // pauses a running capture
 
   // Sessions that an earlier server left capturing are paused.
-  absl::Status take_up(SessionStore::Edit& edit, std::span<const v1::Session> sessions);
+  void take_up(SessionStore::Edit& edit, std::span<const v1::Session> sessions);
 
   // Returns the image's name, by its content.
   absl::StatusOr<std::string> store_image(const std::string& png);

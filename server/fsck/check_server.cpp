@@ -208,7 +208,7 @@ class ServerCheck {
     if (status.ok()) return;
     check_.found({.file = file.string(),
                   .what = std::string(status.message()),
-                  .meaning = "the server does not start while it is there",
+                  .meaning = "the server sets it aside when it starts, and does without",
                   .repair = fmt::format("it is set aside; measure again: glasswing calibrate {}",
                                         of_camera    ? "camera"
                                         : of_display ? "display"

@@ -114,8 +114,8 @@ void ServerRecords::read_sessions(Check& check) {
     check.found(
         {.file = (data_ / kCatalogue).string(),
          .what = fmt::format("the record of session \"{}\" cannot be read", name),
-         .meaning = "the server does not start while it is there; a backup has it. The session's frames "
-                    "are not touched: glasswing import of their archive makes a session of them again",
+         .meaning = "the session cannot be used; a backup has its record. Its frames are not touched: "
+                    "glasswing import of their archive makes a session of them again",
          .repair = "its bytes are set aside, and the record is removed"},
         [&]() -> absl::Status {
           Database::Query row = catalogue_->query(

@@ -20,6 +20,8 @@
 #include <string>
 #include <vector>
 
+#include "server/storage/problems.h"
+
 namespace glasswing {
 
 inline constexpr int kMaxAttempts = 3;  // failed attempts until a tile is quarantined
@@ -162,10 +164,12 @@ class JobStore {
   virtual void wait_for_tiles(std::chrono::milliseconds timeout) = 0;
 };
 
-// `connection` empty: SQLite at DATA/jobs.sqlite. "postgresql://..." or "host=... dbname=...": PostgreSQL.
-// INVALID_ARGUMENT: it is none of these. FAILED_PRECONDITION: the tables are of a newer version.
+// `connection` empty: SQLite at DATA/jobs.sqlite; a damaged file is set aside, and a new one created.
+// "postgresql://..." or "host=... dbname=...": PostgreSQL. If that does not answer yet, calls fail with
+// UNAVAILABLE until it does. `problems` gets what is wrong. INVALID_ARGUMENT: `connection` is none of these.
+// FAILED_PRECONDITION: the tables are of a newer version.
 absl::StatusOr<std::unique_ptr<JobStore>> open_job_store(const std::string& connection,
                                                          const std::filesystem::path& data,
-                                                         JobStoreOptions options);
+                                                         JobStoreOptions options, Problems& problems);
 
 }  // namespace glasswing

@@ -17,6 +17,15 @@ constexpr std::int64_t kPostgresSchemaVersion = 1;
 // An arbitrary number, the same for all servers: of several that start at once, one creates the tables.
 constexpr std::int64_t kSchemaLock = 0x676c617373;
 
+absl::Status in_transaction(PostgresConnection& connection,
+                            absl::FunctionRef<absl::Status(SqlConnection&)> change) {
+  GW_RETURN_IF_ERROR(connection.run("BEGIN", {}).status());
+  const absl::Status status = change(connection);
+  if (status.ok()) return connection.run("COMMIT", {}).status();
+  connection.roll_back();
+  return status;
+}
+
 // Fillfactor leaves room for updating rows in place.
 std::string postgres_schema() {
   return fmt::format(
@@ -50,13 +59,22 @@ absl::StatusOr<std::unique_ptr<PostgresJobStore>> PostgresJobStore::open(const s
                                                                          JobStoreOptions options) {
   GW_ASSIGN_OR_RETURN(PostgresAddress address, PostgresAddress::parse(connection));
   std::unique_ptr<PostgresJobStore> store(new PostgresJobStore(std::move(address), std::move(options)));
-  GW_RETURN_IF_ERROR(store->prepare());
+  if (const absl::Status ready = store->try_to_prepare(); !ready.ok() && !absl::IsUnavailable(ready))
+    return ready;
   store->listener_ = std::jthread([&store = *store](std::stop_token stop) { store.listen(stop); });
   return store;
 }
 
-absl::Status PostgresJobStore::prepare() {
-  return transaction([&](SqlConnection& connection) -> absl::Status {
+absl::Status PostgresJobStore::try_to_prepare() {
+  const auto connection = PostgresConnection::open(address_);
+  const absl::Status ready = connection.ok() ? prepare(**connection) : connection.status();
+  const std::lock_guard lock(mutex_);
+  ready_ = ready;
+  return ready;
+}
+
+absl::Status PostgresJobStore::prepare(PostgresConnection& to) {
+  return in_transaction(to, [&](SqlConnection& connection) -> absl::Status {
     GW_RETURN_IF_ERROR(connection.run("SELECT pg_advisory_xact_lock(?1)", {kSchemaLock}).status());
     GW_ASSIGN_OR_RETURN(const SqlRows made,
                         connection.run("SELECT 1 FROM pg_namespace WHERE nspname = 'glasswing'", {}));
@@ -81,6 +99,11 @@ absl::Status PostgresJobStore::prepare() {
   });
 }
 
+absl::Status PostgresJobStore::ready() {
+  const std::lock_guard lock(mutex_);
+  return ready_;
+}
+
 absl::StatusOr<std::unique_ptr<PostgresConnection>> PostgresJobStore::borrow() {
   std::unique_lock lock(mutex_);
   given_back_.wait(lock, [&] { return borrowed_ < kMaxConnections; });
@@ -102,6 +125,7 @@ void PostgresJobStore::give_back(std::unique_ptr<PostgresConnection> connection)
 }
 
 absl::Status PostgresJobStore::with_connection(absl::FunctionRef<absl::Status(PostgresConnection&)> use) {
+  GW_RETURN_IF_ERROR(ready());
   absl::StatusOr<std::unique_ptr<PostgresConnection>> connection = borrow();
   if (!connection.ok()) {
     give_back(nullptr);
@@ -117,13 +141,7 @@ absl::Status PostgresJobStore::with_connection(absl::FunctionRef<absl::Status(Po
 }
 
 absl::Status PostgresJobStore::transaction(Change change) {
-  return with_connection([&](PostgresConnection& connection) -> absl::Status {
-    GW_RETURN_IF_ERROR(connection.run("BEGIN", {}).status());
-    const absl::Status status = change(connection);
-    if (status.ok()) return connection.run("COMMIT", {}).status();
-    connection.roll_back();
-    return status;
-  });
+  return with_connection([&](PostgresConnection& connection) { return in_transaction(connection, change); });
 }
 
 absl::Status PostgresJobStore::statements(Change change) {
@@ -157,8 +175,9 @@ void PostgresJobStore::listen(std::stop_token stop) {
   const int stopped = ::eventfd(0, EFD_CLOEXEC);
   const std::stop_callback wake(stop, [&] { (void)!::eventfd_write(stopped, 1); });
   while (!stop.stop_requested()) {
+    const bool is_ready = ready().ok() || try_to_prepare().ok();
     const auto connection = PostgresConnection::open(address_);
-    bool listens = connection.ok() && (*connection)->run("LISTEN glasswing_tiles", {}).ok();
+    bool listens = is_ready && connection.ok() && (*connection)->run("LISTEN glasswing_tiles", {}).ok();
     // Hints may have been lost in between.
     if (listens) hinted();
     while (listens && !stop.stop_requested()) {

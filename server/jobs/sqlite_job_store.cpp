@@ -93,6 +93,7 @@ absl::StatusOr<std::unique_ptr<SqliteJobStore>> SqliteJobStore::open(const std::
                                                                      JobStoreOptions options) {
   GW_ASSIGN_OR_RETURN(Database writer, Database::open(path));
   GW_ASSIGN_OR_RETURN(Database reader, Database::open(path));
+  GW_RETURN_IF_ERROR(writer.check_structure());
   std::unique_ptr<SqliteJobStore> store(
       new SqliteJobStore(std::move(writer), std::move(reader), std::move(options)));
   GW_RETURN_IF_ERROR(store->transaction([&](SqlConnection&) { return store->prepare(); }));

@@ -11,7 +11,7 @@ namespace glasswing {
 // have expired.
 class SqliteJobStore : public SqlJobStore {
  public:
-  // A file of an earlier version was never released, and is created anew.
+  // A file of an earlier version was never released, and is created anew. DATA_LOSS: the file is damaged.
   static absl::StatusOr<std::unique_ptr<SqliteJobStore>> open(const std::filesystem::path& path,
                                                               JobStoreOptions options);
   // For a check of the file while no server runs: takes it as it is, whichever server's it is. Its version

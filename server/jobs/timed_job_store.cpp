@@ -1,5 +1,7 @@
 #include "server/jobs/timed_job_store.h"
 
+#include <fmt/format.h>
+
 #include <array>
 
 #include "core/telemetry/metrics.h"
@@ -25,6 +27,8 @@ enum Operation {
 constexpr std::array<const char*, kCount> kNames = {"create", "recut",    "change", "remove",    "claim",
                                                     "keep",   "complete", "fail",   "hand_back", "read"};
 
+constexpr char kJobStore[] = "job store";
+
 const absl::Status& status_of(const absl::Status& status) {
   return status;
 }
@@ -40,12 +44,21 @@ class TimedJobStore final : public JobStore {
     const Clock::time_point begun = Clock::now();
     auto result = call();
     seconds_[operation]->Observe(std::chrono::duration<double>(Clock::now() - begun).count());
-    if (absl::IsUnavailable(status_of(result))) failures_[operation]->Increment();
+    const absl::Status& status = status_of(result);
+    if (absl::IsUnavailable(status)) {
+      failures_[operation]->Increment();
+      problems_.set(kJobStore,
+                    fmt::format("the job store does not answer: {}; solves go on by themselves once it does",
+                                std::string(status.message())));
+    } else {
+      problems_.clear(kJobStore);
+    }
     return result;
   }
 
  public:
-  explicit TimedJobStore(std::unique_ptr<JobStore> store) : store_(std::move(store)) {
+  TimedJobStore(std::unique_ptr<JobStore> store, Problems& problems)
+      : store_(std::move(store)), problems_(problems) {
     for (size_t i = 0; i < kCount; ++i) {
       const prometheus::Labels labels{{"operation", kNames[i]}};
       seconds_[i] =
@@ -120,14 +133,15 @@ class TimedJobStore final : public JobStore {
 
  private:
   const std::unique_ptr<JobStore> store_;
+  Problems& problems_;
   std::array<prometheus::Histogram*, kCount> seconds_{};
   std::array<prometheus::Counter*, kCount> failures_{};
 };
 
 }  // namespace
 
-std::unique_ptr<JobStore> timed(std::unique_ptr<JobStore> store) {
-  return std::make_unique<TimedJobStore>(std::move(store));
+std::unique_ptr<JobStore> timed(std::unique_ptr<JobStore> store, Problems& problems) {
+  return std::make_unique<TimedJobStore>(std::move(store), problems);
 }
 
 }  // namespace glasswing

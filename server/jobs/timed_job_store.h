@@ -8,7 +8,8 @@
 namespace glasswing {
 
 // Passes every call to `store`. glasswing_job_store_seconds has the durations by operation, without
-// wait_for_tiles; glasswing_job_store_failures_total counts calls that failed with UNAVAILABLE.
-std::unique_ptr<JobStore> timed(std::unique_ptr<JobStore> store);
+// wait_for_tiles; glasswing_job_store_failures_total counts calls that failed with UNAVAILABLE, and
+// `problems` says so until one is answered.
+std::unique_ptr<JobStore> timed(std::unique_ptr<JobStore> store, Problems& problems);
 
 }  // namespace glasswing

@@ -71,7 +71,8 @@ const ServerMetrics& server_metrics() {
 
 std::vector<prometheus::MetricFamily> server_gauges(const absl::StatusOr<v1::GetFleetResponse>& fleet,
                                                     const std::vector<v1::Session>& sessions,
-                                                    const std::vector<v1::Node>& nodes) {
+                                                    const std::vector<v1::Node>& nodes,
+                                                    size_t problem_count) {
   std::vector<prometheus::MetricFamily> families;
   families.push_back(
       gauges("glasswing_job_store_up", "1: the job store answers.", {{{}, fleet.ok() ? 1.0 : 0.0}}));
@@ -86,6 +87,10 @@ std::vector<prometheus::MetricFamily> server_gauges(const absl::StatusOr<v1::Get
   LabelledValues by_state;
   for (const auto& [state, count] : counts) by_state.push_back({{{"state", state}}, count});
   families.push_back(gauges("glasswing_sessions", "Sessions in the catalogue.", by_state));
+  families.push_back(
+      gauges("glasswing_server_problems",
+             "What is wrong with the server's own data or job store; glasswing doctor says what.",
+             {{{}, static_cast<double>(problem_count)}}));
   LabelledValues up;
   for (const v1::Node& node : nodes) {
     if (node.kind() == v1::NODE_KIND_SOLVER) continue;  // solvers come and go; glasswing_solvers counts them

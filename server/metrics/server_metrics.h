@@ -30,6 +30,6 @@ const ServerMetrics& server_metrics();
 // the store does not answer, glasswing_job_store_up says so and the others of it are missing.
 std::vector<prometheus::MetricFamily> server_gauges(const absl::StatusOr<v1::GetFleetResponse>& fleet,
                                                     const std::vector<v1::Session>& sessions,
-                                                    const std::vector<v1::Node>& nodes);
+                                                    const std::vector<v1::Node>& nodes, size_t problem_count);
 
 }  // namespace glasswing

@@ -1,7 +1,10 @@
 #include "server/rig/calibration_store.h"
 
+#include <absl/strings/escaping.h>
 #include <fmt/format.h>
 #include <google/protobuf/util/json_util.h>
+
+#include <set>
 
 #include "core/base/file.h"
 #include "core/base/name.h"
@@ -20,12 +23,15 @@ std::string monitor_file(const std::string& name) {
   return "monitor-" + name + ".json";
 }
 
-absl::Status read(const fs::path& file, const char* how_to_measure, google::protobuf::Message& message) {
+// DATA_LOSS: damaged; or the system's error.
+absl::Status read(const fs::path& file, google::protobuf::Message& message) {
   GW_ASSIGN_OR_RETURN(const std::string json, read_file(file));
   const auto parsed = google::protobuf::util::JsonStringToMessage(json, &message);
-  if (parsed.ok()) return absl::OkStatus();
-  return absl::DataLossError(fmt::format("{} is damaged: {}; delete it and run: glasswing calibrate {}",
-                                         file.string(), std::string(parsed.message()), how_to_measure));
+  return parsed.ok() ? absl::OkStatus() : absl::DataLossError(std::string(parsed.message()));
+}
+
+absl::Status of_another(const std::string& device) {
+  return absl::DataLossError(fmt::format("it says that it is of \"{}\"", absl::CHexEscape(device)));
 }
 
 absl::Status write(const fs::path& file, const google::protobuf::Message& message) {
@@ -53,27 +59,46 @@ std::optional<Calibration> found_in(const std::map<std::string, Calibration>& ma
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<CalibrationStore>> CalibrationStore::open(const fs::path& data) {
+absl::StatusOr<std::unique_ptr<CalibrationStore>> CalibrationStore::open(const fs::path& data,
+                                                                         Problems& problems) {
   const fs::path directory = data / "calibration";
   GW_RETURN_IF_ERROR(make_directory_durably(directory));
+  std::set<fs::path> files;
   std::error_code error;
-  std::unique_ptr<CalibrationStore> store(new CalibrationStore(directory));
-  for (const fs::directory_entry& entry : fs::directory_iterator(directory, error)) {
-    const std::string name = entry.path().filename().string();
-    if (name == kSyncFile) GW_RETURN_IF_ERROR(read(entry.path(), "sync", store->sync_));
-    if (!name.ends_with(".json")) continue;
-    if (name.starts_with("camera-")) {
-      v1::CameraCalibration camera;
-      GW_RETURN_IF_ERROR(read(entry.path(), "camera", camera));
-      store->cameras_[camera.camera()] = std::move(camera);
-    } else if (name.starts_with("monitor-")) {
-      v1::DisplayCalibration display;
-      GW_RETURN_IF_ERROR(read(entry.path(), "display", display));
-      store->displays_[display.monitor()] = std::move(display);
-    }
-  }
+  for (const fs::directory_entry& entry : fs::directory_iterator(directory, error))
+    files.insert(entry.path());
   if (error) return absl::ErrnoToStatus(error.value(), fmt::format("cannot read {}", directory.string()));
+  std::unique_ptr<CalibrationStore> store(new CalibrationStore(directory));
+  for (const fs::path& file : files) {
+    absl::Status taken = store->take(file);
+    if (absl::IsDataLoss(taken)) {
+      const std::string name = file.filename().string();
+      const char* of = name == kSyncFile ? "sync" : name.starts_with("camera-") ? "camera" : "display";
+      taken = problems.set_aside(data, file, taken, fmt::format("measure again: glasswing calibrate {}", of));
+    }
+    if (!taken.ok()) problems.set(file.string(), std::string(taken.message()));
+  }
   return store;
+}
+
+absl::Status CalibrationStore::take(const fs::path& file) {
+  const std::string name = file.filename().string();
+  if (name == kSyncFile) {
+    v1::SyncCalibration sync;
+    GW_RETURN_IF_ERROR(read(file, sync));
+    sync_ = std::move(sync);
+  } else if (name.starts_with("camera-") && name.ends_with(".json")) {
+    v1::CameraCalibration camera;
+    GW_RETURN_IF_ERROR(read(file, camera));
+    if (name != camera_file(camera.camera())) return of_another(camera.camera());
+    cameras_[camera.camera()] = std::move(camera);
+  } else if (name.starts_with("monitor-") && name.ends_with(".json")) {
+    v1::DisplayCalibration display;
+    GW_RETURN_IF_ERROR(read(file, display));
+    if (name != monitor_file(display.monitor())) return of_another(display.monitor());
+    displays_[display.monitor()] = std::move(display);
+  }
+  return absl::OkStatus();
 }
 
 std::optional<v1::MonitorSync> CalibrationStore::sync(const std::string& monitor) const {

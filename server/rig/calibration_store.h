@@ -17,14 +17,17 @@
 #include <vector>
 
 #include "glasswing/v1/calibration.pb.h"
+#include "server/storage/problems.h"
 
 namespace glasswing {
 
 // Thread-safe. Keeps the newest calibration of each device; it is durable when put() returns OK.
 class CalibrationStore {
  public:
-  // Without files the store is empty. DATA_LOSS: a file cannot be read.
-  static absl::StatusOr<std::unique_ptr<CalibrationStore>> open(const std::filesystem::path& data);
+  // Without files the store is empty. A damaged file is set aside, one that cannot be read is left;
+  // `problems` gets both.
+  static absl::StatusOr<std::unique_ptr<CalibrationStore>> open(const std::filesystem::path& data,
+                                                                Problems& problems);
 
   std::optional<v1::MonitorSync> sync(const std::string& monitor) const;
   std::optional<v1::CameraCalibration> camera(const std::string& name) const;
@@ -43,6 +46,8 @@ class CalibrationStore {
 
  private:
   explicit CalibrationStore(std::filesystem::path directory) : directory_(std::move(directory)) {}
+  // Reads a file of the directory, if it is a calibration. DATA_LOSS: damaged.
+  absl::Status take(const std::filesystem::path& file);
 
   const std::filesystem::path directory_;
   mutable std::mutex mutex_;

@@ -12,6 +12,7 @@
 #include "server/rig/embed_calibrations.h"
 #include "server/rig/ramp_show.h"
 #include "server/rig/rig_check.h"
+#include "server/rig/rig_findings.h"
 #include "server/rig/sync_calibration.h"
 
 namespace glasswing {
@@ -19,6 +20,18 @@ namespace glasswing {
 namespace {
 
 constexpr size_t kMaxReasonBytes = 200;
+
+std::optional<v1::Finding> judge_sessions(Server& server) {
+  v1::ListSessionsRequest damaged;
+  damaged.add_states(v1::SESSION_STATE_DAMAGED);
+  const absl::StatusOr<std::vector<v1::Session>> found = server.list(damaged);
+  if (!found.ok())
+    return make_finding(v1::FINDING_LEVEL_WARNING, "server", std::string(found.status().message()));
+  if (found->empty()) return std::nullopt;
+  return make_finding(v1::FINDING_LEVEL_WARNING, "server",
+                      fmt::format("the records of {} sessions are damaged", found->size()),
+                      "glasswing sessions --state damaged says what to do");
+}
 
 }  // namespace
 
@@ -85,15 +98,17 @@ grpc::Status RigServiceImpl::CalibrateSync(grpc::ServerContext* context,
 
 grpc::Status RigServiceImpl::CheckRig(grpc::ServerContext* context, const v1::CheckRigRequest* request,
                                       grpc::ServerWriter<v1::CheckRigResponse>* writer) {
+  const auto report = [&](const v1::Finding& finding) {
+    v1::CheckRigResponse response;
+    *response.mutable_finding() = finding;
+    writer->Write(response);
+  };
+  // First, and also where the rig cannot be checked.
+  for (const std::string& problem : server_.problems().all())
+    report(make_finding(v1::FINDING_LEVEL_WARNING, "server", problem));
+  if (const auto damaged = judge_sessions(server_)) report(*damaged);
   return run(context, "doctor", [&](std::stop_token stop) {
-    return check_rig(
-        server_.rig(), server_.calibrations(), request->plan(),
-        [&](const v1::Finding& finding) {
-          v1::CheckRigResponse response;
-          *response.mutable_finding() = finding;
-          writer->Write(response);
-        },
-        stop);
+    return check_rig(server_.rig(), server_.calibrations(), request->plan(), report, stop);
   });
 }
 

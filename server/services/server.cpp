@@ -1,5 +1,8 @@
 #include "server/services/server.h"
 
+#include <spdlog/spdlog.h>
+
+#include <condition_variable>
 #include <utility>
 
 #include "core/base/file.h"
@@ -13,10 +16,27 @@ namespace {
 namespace fs = std::filesystem;
 
 // The job store's name of this server, which stays when its address changes.
-absl::StatusOr<std::string> server_id(const fs::path& data) {
+absl::StatusOr<std::string> server_id(const fs::path& data, Problems& problems) {
   const fs::path path = data / "server-id";
-  if (!fs::exists(path)) GW_RETURN_IF_ERROR(write_file_durably(path, random_token()));
-  return read_file(path);
+  if (fs::exists(path)) {
+    GW_ASSIGN_OR_RETURN(std::string id, read_file(path));
+    if (id.size() == 32 && id.find_first_not_of("0123456789abcdef") == std::string::npos) return id;
+    GW_RETURN_IF_ERROR(problems.set_aside(
+        data, path, absl::DataLossError("it does not hold 32 hexadecimal digits"),
+        "a job store that several servers share does not recognise this server: solves that were under way "
+        "there must be requested again"));
+  }
+  std::string id = random_token();
+  GW_RETURN_IF_ERROR(write_file_durably(path, id));
+  return id;
+}
+
+// Sleeps; false: stopped.
+bool wait_a_second(std::stop_token stop) {
+  std::mutex mutex;
+  std::unique_lock lock(mutex);
+  std::condition_variable_any().wait_for(lock, stop, std::chrono::seconds(1), [] { return false; });
+  return !stop.stop_requested();
 }
 
 }  // namespace
@@ -25,33 +45,35 @@ absl::StatusOr<std::unique_ptr<Server>> Server::open(const ServerOptions& option
   const fs::path& data = options.data;
   for (const char* name : {"images", "mattes", "tiles"})
     GW_RETURN_IF_ERROR(make_directory_durably(data / name));
-  GW_ASSIGN_OR_RETURN(std::unique_ptr<SessionStore> sessions, SessionStore::open(data));
-  GW_ASSIGN_OR_RETURN(std::unique_ptr<CalibrationStore> calibrations, CalibrationStore::open(data));
-  GW_ASSIGN_OR_RETURN(const std::string id, server_id(data));
+  Stores stores;
+  stores.problems = std::make_unique<Problems>();
+  stores.problems->note_set_aside(data);
+  GW_ASSIGN_OR_RETURN(stores.sessions, SessionStore::open(data));
+  GW_ASSIGN_OR_RETURN(stores.calibrations, CalibrationStore::open(data, *stores.problems));
+  GW_ASSIGN_OR_RETURN(const std::string id, server_id(data, *stores.problems));
   GW_ASSIGN_OR_RETURN(
       std::unique_ptr<JobStore> jobs,
       open_job_store(options.jobs, data,
-                     {.server_id = id, .server_address = options.address, .lease = options.lease}));
-  std::unique_ptr<Server> server(
-      new Server(options, std::move(sessions), timed(std::move(jobs)), std::move(calibrations)));
+                     {.server_id = id, .server_address = options.address, .lease = options.lease},
+                     *stores.problems));
+  stores.jobs = timed(std::move(jobs), *stores.problems);
+  std::unique_ptr<Server> server(new Server(options, std::move(stores)));
   GW_RETURN_IF_ERROR(server->take_up());
   return server;
 }
 
-Server::Server(const ServerOptions& options, std::unique_ptr<SessionStore> sessions,
-               std::unique_ptr<JobStore> jobs, std::unique_ptr<CalibrationStore> calibrations)
-    : calibrations_(std::move(calibrations)),
-      sessions_(std::move(sessions)),
-      jobs_(std::move(jobs)),
+Server::Server(const ServerOptions& options, Stores stores)
+    : stores_(std::move(stores)),
       mattes_(options.data),
-      solves_({.sessions = *sessions_, .jobs = *jobs_, .mattes = mattes_}, rig_, options.min_tile_seconds),
-      tiles_({.sessions = *sessions_, .jobs = *jobs_, .mattes = mattes_}, rig_, solves_.progress(),
-             options.lease),
-      captures_(*sessions_, rig_, rig_lock_, *calibrations_, options.data),
-      control_(*sessions_, captures_, solves_),
-      importer_(*sessions_, rig_),
-      replicator_(*sessions_, rig_),
-      deleter_(*sessions_, rig_, mattes_,
+      solves_({.sessions = *stores_.sessions, .jobs = *stores_.jobs, .mattes = mattes_}, rig_,
+              options.min_tile_seconds),
+      tiles_({.sessions = *stores_.sessions, .jobs = *stores_.jobs, .mattes = mattes_}, rig_,
+             solves_.progress(), options.lease),
+      captures_(*stores_.sessions, rig_, rig_lock_, *stores_.calibrations, options.data),
+      control_(*stores_.sessions, captures_, solves_),
+      importer_(*stores_.sessions, rig_),
+      replicator_(*stores_.sessions, rig_),
+      deleter_(*stores_.sessions, rig_, mattes_,
                {.remove_job = [this](const v1::Session& session) { return solves_.remove(session); },
                 .forget =
                     [this](const std::string& session) {
@@ -60,10 +82,35 @@ Server::Server(const ServerOptions& options, std::unique_ptr<SessionStore> sessi
                     }}) {}
 
 absl::Status Server::take_up() {
-  GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> sessions, sessions_->all_stored());
-  SessionStore::Edit edit = sessions_->edit();
-  GW_RETURN_IF_ERROR(solves_.take_up(edit, sessions));
-  return captures_.take_up(edit, sessions);
+  {
+    SessionStore::Edit edit = sessions().edit();
+    GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> all, sessions().all_stored());
+    captures_.take_up(edit, all);
+  }
+  const absl::Status taken = take_up_solves();
+  if (!absl::IsUnavailable(taken)) return taken;
+  waiting_ = std::jthread([this](std::stop_token stop) { take_up_solves_later(stop); });
+  return absl::OkStatus();
+}
+
+absl::Status Server::take_up_solves() {
+  // Asked first without an Edit, since a store that is away may answer late.
+  const absl::Status answers = stores_.jobs->own_jobs().status();
+  SessionStore::Edit edit = sessions().edit();
+  GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> all, sessions().all_stored());
+  const absl::Status taken = answers.ok() ? solves_.take_up(edit, all, problems()) : answers;
+  if (absl::IsUnavailable(taken)) solves_.wait_for_store(edit, all, taken);
+  return taken;
+}
+
+void Server::take_up_solves_later(std::stop_token stop) {
+  while (wait_a_second(stop)) {
+    const absl::Status taken = take_up_solves();
+    if (absl::IsUnavailable(taken)) continue;
+    if (taken.ok()) spdlog::info("{} answers; solves go on", stores_.jobs->title());
+    if (!taken.ok()) problems().set("job store", std::string(taken.message()));
+    return;
+  }
 }
 
 }  // namespace glasswing

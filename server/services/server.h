@@ -7,7 +7,9 @@
 #include <chrono>
 #include <filesystem>
 #include <memory>
+#include <stop_token>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "server/archives/importer.h"
@@ -24,6 +26,7 @@
 #include "server/solve/tile_dispatcher.h"
 #include "server/solve/tile_sizes.h"
 #include "server/storage/matte_files.h"
+#include "server/storage/problems.h"
 
 namespace glasswing {
 
@@ -38,15 +41,17 @@ struct ServerOptions {
 // Thread-safe.
 class Server {
  public:
-  // Opens the catalogue and the job store, and takes up the sessions that an earlier server left. UNAVAILABLE
-  // or DATA_LOSS name what cannot be opened.
+  // Opens the catalogue and the job store, and takes up the sessions that an earlier server left. What is
+  // damaged is set aside, and problems() says so; what must wait for the job store goes on once it answers.
+  // DATA_LOSS: the catalogue as a whole is damaged.
   static absl::StatusOr<std::unique_ptr<Server>> open(const ServerOptions& options);
 
+  Problems& problems() { return *stores_.problems; }
   NodeRegistry& rig() { return rig_; }
   RigLock& rig_lock() { return rig_lock_; }
-  CalibrationStore& calibrations() { return *calibrations_; }
+  CalibrationStore& calibrations() { return *stores_.calibrations; }
 
-  SessionStore& sessions() { return *sessions_; }
+  SessionStore& sessions() { return *stores_.sessions; }
   CaptureRunner& captures() { return captures_; }
   SolveRunner& solves() { return solves_; }
   TileDispatcher& tiles() { return tiles_; }
@@ -58,19 +63,25 @@ class Server {
   // For monitoring.
   absl::StatusOr<v1::GetFleetResponse> fleet() { return tiles_.fleet(); }
   absl::StatusOr<std::vector<v1::Session>> list(const v1::ListSessionsRequest& request) {
-    return sessions_->list(request);
+    return stores_.sessions->list(request);
   }
 
  private:
-  Server(const ServerOptions& options, std::unique_ptr<SessionStore> sessions, std::unique_ptr<JobStore> jobs,
-         std::unique_ptr<CalibrationStore> calibrations);
+  struct Stores {
+    std::unique_ptr<Problems> problems;
+    std::unique_ptr<CalibrationStore> calibrations;
+    std::unique_ptr<SessionStore> sessions;
+    std::unique_ptr<JobStore> jobs;
+  };
+  Server(const ServerOptions& options, Stores stores);
   absl::Status take_up();
+  // UNAVAILABLE: the job store does not answer.
+  absl::Status take_up_solves();
+  void take_up_solves_later(std::stop_token stop);
 
   NodeRegistry rig_;
   RigLock rig_lock_;
-  const std::unique_ptr<CalibrationStore> calibrations_;
-  const std::unique_ptr<SessionStore> sessions_;
-  const std::unique_ptr<JobStore> jobs_;
+  const Stores stores_;
   const MatteFiles mattes_;
   SolveRunner solves_;
   TileDispatcher tiles_;
@@ -79,6 +90,7 @@ class Server {
   Importer importer_;
   Replicator replicator_;
   SessionDeleter deleter_;
+  std::jthread waiting_;  // for the job store, if it did not answer at the start
 };
 
 }  // namespace glasswing

@@ -200,6 +200,7 @@ grpc::Status NodeServiceImpl::ListNodes(grpc::ServerContext*, const v1::ListNode
                                         v1::ListNodesResponse* response) {
   for (const v1::Node& node : server_.rig().nodes()) *response->add_nodes() = node;
   if (const auto holder = server_.rig_lock().holder()) *response->mutable_holder() = *holder;
+  for (const std::string& problem : server_.problems().all()) response->add_problems(problem);
   return grpc::Status::OK;
 }
 

@@ -1,6 +1,7 @@
 #include "server/sessions/catalogue.h"
 
 #include <absl/strings/ascii.h>
+#include <absl/strings/escaping.h>
 #include <absl/strings/str_join.h>
 #include <absl/strings/str_split.h>
 #include <absl/time/time.h>
@@ -23,24 +24,10 @@ std::string rows_of(const char* session_column) {
                      row_sum_holds(kCatalogueColumns));
 }
 
-absl::StatusOr<v1::Session> parsed(const std::string& bytes) {
-  v1::Session session;
-  if (!session.ParseFromString(bytes)) return absl::DataLossError("catalogue: a session cannot be read");
-  return session;
-}
-
-absl::StatusOr<v1::Session> parsed(const Database::Query& row) {
-  if (row.integer(5) == 0) {
-    return absl::DataLossError(fmt::format(
-        "the catalogue's record of session \"{}\" is damaged; glasswing fsck says more", row.text(4)));
-  }
-  GW_ASSIGN_OR_RETURN(v1::Session session, parsed(row.text(0)));
-  session.set_note(row.text(1));
-  const std::vector<std::string> tags = absl::StrSplit(row.text(2), ' ', absl::SkipEmpty());
-  session.mutable_tags()->Assign(tags.begin(), tags.end());
-  GW_ASSIGN_OR_RETURN(const v1::Session copied, parsed(row.text(3)));
-  *session.mutable_copies() = copied.copies();
-  return session;
+// A damaged record may hold any bytes as its name.
+std::string name_of(const Database::Query& row) {
+  const std::string name = row.text(4);
+  return check_name("session", name).ok() ? name : absl::CHexEscape(name.substr(0, 64));
 }
 
 // Adds the columns that catalogues of earlier versions lack.
@@ -87,6 +74,29 @@ absl::StatusOr<bool> matches(const v1::Session& session, const v1::ListSessionsR
   return text && tags && state && from <= created && created < before;
 }
 
+absl::StatusOr<v1::Session> Catalogue::parsed(const Database::Query& row) const {
+  v1::Session session, copied;
+  if (row.integer(5) == 0 || !session.ParseFromString(row.text(0)) || !copied.ParseFromString(row.text(3))) {
+    return absl::DataLossError(fmt::format(
+        "{}: the record of session \"{}\" is damaged; restore it from a backup, or stop the server and set "
+        "the record aside: glasswing fsck --repair {}",
+        path_.string(), name_of(row), path_.parent_path().string()));
+  }
+  session.set_note(row.text(1));
+  const std::vector<std::string> tags = absl::StrSplit(row.text(2), ' ', absl::SkipEmpty());
+  session.mutable_tags()->Assign(tags.begin(), tags.end());
+  *session.mutable_copies() = copied.copies();
+  return session;
+}
+
+v1::Session Catalogue::damaged(const Database::Query& row) const {
+  v1::Session session;
+  session.set_name(name_of(row));
+  session.set_state(v1::SESSION_STATE_DAMAGED);
+  session.set_reason(std::string(parsed(row).status().message()));
+  return session;
+}
+
 absl::StatusOr<std::unique_ptr<Catalogue>> Catalogue::open(const std::filesystem::path& path) {
   GW_ASSIGN_OR_RETURN(Database database, Database::open(path));
   GW_RETURN_IF_ERROR(database.run(
@@ -95,12 +105,14 @@ absl::StatusOr<std::unique_ptr<Catalogue>> Catalogue::open(const std::filesystem
   GW_RETURN_IF_ERROR(add_columns(database));
   GW_RETURN_IF_ERROR(protect_rows(database, "sessions", kCatalogueColumns));
   absl::Status whole = database.check_structure();
-  whole.Update(check_rows(database, "sessions", kCatalogueColumns));
+  // An index repeats what the rows say: it can be made again.
+  if (!whole.ok() && database.run("REINDEX").ok()) whole = database.check_structure();
+  whole.Update(check_row_count(database, "sessions"));
   if (!whole.ok()) {
     return absl::DataLossError(fmt::format("{} is damaged: {}; glasswing fsck {} says more", path.string(),
                                            std::string(whole.message()), path.parent_path().string()));
   }
-  return std::unique_ptr<Catalogue>(new Catalogue(std::move(database)));
+  return std::unique_ptr<Catalogue>(new Catalogue(std::move(database), path));
 }
 
 absl::Status Catalogue::insert(const v1::Session& session, const std::string& request_id) {
@@ -231,8 +243,8 @@ absl::StatusOr<std::vector<v1::Session>> Catalogue::list() {
   Database::Query query = database_.query(rows_of("session") + "ORDER BY id DESC");
   std::vector<v1::Session> sessions;
   while (query.next()) {
-    GW_ASSIGN_OR_RETURN(v1::Session session, parsed(query));
-    sessions.push_back(std::move(session));
+    absl::StatusOr<v1::Session> session = parsed(query);
+    sessions.push_back(session.ok() ? *std::move(session) : damaged(query));
   }
   GW_RETURN_IF_ERROR(query.status());
   return sessions;

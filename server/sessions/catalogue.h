@@ -24,6 +24,8 @@ absl::StatusOr<bool> matches(const v1::Session& session, const v1::ListSessionsR
 // Thread-safe.
 class Catalogue {
  public:
+  // DATA_LOSS: the file's structure is damaged, or sessions are missing. Damage to single records is found
+  // when they are read.
   static absl::StatusOr<std::unique_ptr<Catalogue>> open(const std::filesystem::path& path);
 
   // ALREADY_EXISTS: the name is taken.
@@ -44,14 +46,18 @@ class Catalogue {
   absl::StatusOr<v1::Session> finished(const std::string& name);
   // With its note, tags and replicas.
   absl::Status remove(const std::string& name);
-  // NOT_FOUND: "there is no session ...".
+  // NOT_FOUND: "there is no session ...". DATA_LOSS: its record is damaged.
   absl::StatusOr<v1::Session> find(const std::string& name);
   // NOT_FOUND: no session was created by this request.
   absl::StatusOr<v1::Session> find_request(const std::string& request_id);
-  absl::StatusOr<std::vector<v1::Session>> list();  // newest first
+  // Newest first. A damaged record is listed with its name, SESSION_STATE_DAMAGED, and as reason what to do.
+  absl::StatusOr<std::vector<v1::Session>> list();
 
  private:
-  explicit Catalogue(Database database) : database_(std::move(database)) {}
+  Catalogue(Database database, std::filesystem::path path)
+      : database_(std::move(database)), path_(std::move(path)) {}
+  absl::StatusOr<v1::Session> parsed(const Database::Query& row) const;
+  v1::Session damaged(const Database::Query& row) const;
   // Call these with mutex_ held.
   absl::StatusOr<v1::Session> first(Database::Query query, const std::string& missing);
   absl::StatusOr<v1::Session> find_locked(const std::string& name);
@@ -59,6 +65,7 @@ class Catalogue {
 
   std::mutex mutex_;
   Database database_;  // guarded by mutex_
+  const std::filesystem::path path_;
 };
 
 }  // namespace glasswing

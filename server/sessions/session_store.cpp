@@ -107,7 +107,8 @@ absl::StatusOr<std::vector<v1::Session>> SessionStore::list(const v1::ListSessio
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Session> stored, all_stored());
   std::vector<v1::Session> sessions;
   for (const v1::Session& each : stored) {
-    absl::StatusOr<v1::Session> session = find(each.name());
+    absl::StatusOr<v1::Session> session =
+        each.state() == v1::SESSION_STATE_DAMAGED ? each : find(each.name());
     if (absl::IsNotFound(session.status())) continue;  // deleted just now
     GW_RETURN_IF_ERROR(session.status());
     GW_ASSIGN_OR_RETURN(const bool wanted, matches(*session, request));

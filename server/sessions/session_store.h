@@ -29,7 +29,7 @@
 
 namespace glasswing {
 
-// Thread-safe. NOT_FOUND: "there is no session ...".
+// Thread-safe. NOT_FOUND: "there is no session ...". DATA_LOSS: the session's record is damaged.
 class SessionStore {
  public:
   // Exclusive access: no other thread changes a session while this lives. One thread must not have two.
@@ -69,7 +69,7 @@ class SessionStore {
     std::unique_lock<std::mutex> lock_;
   };
 
-  // DATA_LOSS: the catalogue is damaged.
+  // DATA_LOSS: the catalogue as a whole is damaged.
   static absl::StatusOr<std::unique_ptr<SessionStore>> open(const std::filesystem::path& data);
 
   Edit edit() { return Edit(*this); }
@@ -77,7 +77,8 @@ class SessionStore {
   absl::StatusOr<v1::Session> find(const std::string& name);
   // As the catalogue has it, which may be behind a running session. Does not wait for an Edit.
   absl::StatusOr<v1::Session> stored(const std::string& name) { return catalogue_->find(name); }
-  absl::StatusOr<std::vector<v1::Session>> all_stored() { return catalogue_->list(); }  // newest first
+  // Newest first, damaged records among them.
+  absl::StatusOr<std::vector<v1::Session>> all_stored() { return catalogue_->list(); }
   // NOT_FOUND: no session was created by this request.
   absl::StatusOr<v1::Session> find_request(const std::string& request_id) {
     return catalogue_->find_request(request_id);

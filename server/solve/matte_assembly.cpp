@@ -63,8 +63,13 @@ void MatteAssembly::run(std::stop_token stop) {
     for (std::string& name : clock_.started()) names.insert(std::move(name));
     for (const std::string& name : names) {
       const absl::Status status = finish(name);
-      if (!status.ok() && !absl::IsUnavailable(status))  // looked at again soon
+      if (absl::IsUnavailable(status)) {  // looked at again soon
+        SessionStore::Edit edit = stores_.sessions.edit();
+        if (const absl::StatusOr<v1::Session> now = edit.find(name); now.ok())
+          wait_for_store(edit, *now, status);
+      } else if (!status.ok()) {
         spdlog::error("solve not finished session={} error=\"{}\"", name, std::string(status.message()));
+      }
     }
   }
 }
@@ -74,6 +79,7 @@ absl::Status MatteAssembly::finish(const std::string& name) {
   if (!found.ok() || found->state() != v1::SESSION_STATE_SOLVING) return absl::OkStatus();
   v1::Session session = *found;
   GW_ASSIGN_OR_RETURN(const JobCounts counts, stores_.jobs.counts(session.job()));
+  if (waits_for_store(session)) answers_again(name);
   if (!counts.rests()) return absl::OkStatus();
   absl::Status made;
   if (counts.quarantined > 0) {
@@ -98,6 +104,14 @@ absl::Status MatteAssembly::finish(const std::string& name) {
   *settled.mutable_quarantined() = session.quarantined();
   count_tiles(counts, settled);
   return settle(edit, std::move(settled), made);
+}
+
+void MatteAssembly::answers_again(const std::string& name) {
+  SessionStore::Edit edit = stores_.sessions.edit();
+  absl::StatusOr<v1::Session> now = edit.find(name);
+  if (!now.ok() || !waits_for_store(*now)) return;
+  now->clear_reason();
+  edit.show(*now);
 }
 
 absl::Status MatteAssembly::assemble(const v1::Session& session) {

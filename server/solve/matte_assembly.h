@@ -30,6 +30,8 @@ class MatteAssembly {
   absl::Status finish(const std::string& name);
   // Joins a session's tiles, which are all done. FAILED_PRECONDITION: some of its frames were refused.
   absl::Status assemble(const v1::Session& session);
+  // The job store does, for which the session waited.
+  void answers_again(const std::string& name);
   absl::Status settle(SessionStore::Edit& edit, v1::Session session, const absl::Status& made);
 
   const SolveStores stores_;

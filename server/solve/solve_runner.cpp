@@ -103,22 +103,40 @@ absl::Status check_frame_is_solved(const v1::Session& session, int frame) {
 
 }  // namespace
 
-absl::Status SolveRunner::take_up(SessionStore::Edit& edit, std::span<const v1::Session> sessions) {
+absl::Status SolveRunner::take_up(SessionStore::Edit& edit, std::span<const v1::Session> sessions,
+                                  Problems& problems) {
   GW_ASSIGN_OR_RETURN(const std::vector<std::int64_t> jobs, stores_.jobs.own_jobs());
+  // A job may be that of a session whose record is damaged.
+  const bool all_known = std::ranges::count(sessions, v1::SESSION_STATE_DAMAGED, &v1::Session::state) == 0;
   for (const std::int64_t job : jobs) {
-    const bool known = std::ranges::count(sessions, job, &v1::Session::job) > 0;
+    const bool known = !all_known || std::ranges::count(sessions, job, &v1::Session::job) > 0;
     if (!known) GW_RETURN_IF_ERROR(stores_.jobs.remove(job));
   }
   for (const v1::Session& session : sessions) {
-    if (session.state() != v1::SESSION_STATE_SOLVING && session.job() != 0) {
-      const absl::Status suspended = stores_.jobs.suspend(session.job());
-      // A session that is done needs its tiles no more, and they may be gone, or in another store.
-      if (!suspended.ok() && !absl::IsNotFound(suspended)) return suspended;
-    }
-    if (session.state() == v1::SESSION_STATE_SOLVING) GW_RETURN_IF_ERROR(take_up_solve(edit, session));
-    if (session.state() == v1::SESSION_STATE_DONE) GW_RETURN_IF_ERROR(take_up_matte(edit, session));
+    const absl::Status status = take_up(edit, session);
+    if (absl::IsUnavailable(status)) return status;
+    if (status.ok()) continue;
+    problems.set("session " + session.name(),
+                 fmt::format("session \"{}\" could not be taken up when the server started: {}",
+                             session.name(), std::string(status.message())));
   }
   return absl::OkStatus();
+}
+
+absl::Status SolveRunner::take_up(SessionStore::Edit& edit, const v1::Session& session) {
+  if (session.state() != v1::SESSION_STATE_SOLVING && session.job() != 0) {
+    const absl::Status suspended = stores_.jobs.suspend(session.job());
+    // A session that is done needs its tiles no more, and they may be gone, or in another store.
+    if (!suspended.ok() && !absl::IsNotFound(suspended)) return suspended;
+  }
+  if (session.state() == v1::SESSION_STATE_SOLVING) return take_up_solve(edit, session);
+  if (session.state() == v1::SESSION_STATE_DONE) return take_up_matte(edit, session);
+  return absl::OkStatus();
+}
+
+void SolveRunner::wait_for_store(SessionStore::Edit& edit, std::span<const v1::Session> sessions,
+                                 const absl::Status& away) {
+  for (const v1::Session& session : sessions) glasswing::wait_for_store(edit, session, away);
 }
 
 absl::Status SolveRunner::take_up_solve(SessionStore::Edit& edit, v1::Session session) {

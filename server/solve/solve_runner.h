@@ -20,6 +20,7 @@
 #include "server/solve/solve_progress.h"
 #include "server/solve/solve_session.h"
 #include "server/solve/verified_mattes.h"
+#include "server/storage/problems.h"
 
 namespace glasswing {
 
@@ -31,8 +32,12 @@ class SolveRunner {
       : stores_(stores), nodes_(nodes), min_tile_seconds_(min_tile_seconds) {}
 
   // Continues where an earlier server ended: solves go on, finished mattes get their place, and jobs that no
-  // session knows are removed. `sessions` is the whole catalogue.
-  absl::Status take_up(SessionStore::Edit& edit, std::span<const v1::Session> sessions);
+  // session knows are removed. `sessions` is the whole catalogue. What fails for one session is said in
+  // `problems`, and the others go on. UNAVAILABLE: the job store does not answer; call again.
+  absl::Status take_up(SessionStore::Edit& edit, std::span<const v1::Session> sessions, Problems& problems);
+  // Until then solves wait for it.
+  void wait_for_store(SessionStore::Edit& edit, std::span<const v1::Session> sessions,
+                      const absl::Status& away);
 
   absl::StatusOr<v1::Session> solve(const v1::SolveSessionRequest& request);
   absl::Status complete_survey(const v1::CompleteSurveyRequest& request);
@@ -61,6 +66,7 @@ class SolveRunner {
   SolveProgress& progress() { return progress_; }
 
  private:
+  absl::Status take_up(SessionStore::Edit& edit, const v1::Session& session);
   absl::Status take_up_solve(SessionStore::Edit& edit, v1::Session session);
   absl::Status take_up_matte(SessionStore::Edit& edit, v1::Session session);
   absl::StatusOr<v1::Session> begin(SessionStore::Edit& edit, v1::Session session,

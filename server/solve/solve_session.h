@@ -42,7 +42,9 @@ bool has_number(const google::protobuf::RepeatedField<std::int32_t>& rising, int
 // The session that this lease belongs to. ABORTED: it is not being solved, or is in another job by now.
 absl::StatusOr<v1::Session> session_of(SessionStore::Edit& edit, const v1::TileLease& lease);
 
-// Shows that the solve waits for disk space; the next result that is stored clears it.
+// Shows that the solve waits for disk space, or for the job store; the next result that is counted clears it.
 void wait_for_room(SessionStore::Edit& edit, v1::Session session, const absl::Status& full);
+void wait_for_store(SessionStore::Edit& edit, v1::Session session, const absl::Status& away);
+bool waits_for_store(const v1::Session& session);
 
 }  // namespace glasswing

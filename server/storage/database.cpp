@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 #include <sqlite3.h>
+#include <unistd.h>
 
 #include "core/base/checksum.h"
 #include "core/base/status.h"
@@ -17,7 +18,10 @@ absl::Status error_of(sqlite3* connection) {
       return absl::ResourceExhaustedError(message);
     case SQLITE_CORRUPT:
     case SQLITE_NOTADB:
+    case SQLITE_ERROR:  // our SQL is right, so the tables are not those that we created
       return absl::DataLossError(message);
+    case SQLITE_READONLY:  // a format of the future, unless the file is read-only
+      return ::access(file.c_str(), W_OK) == 0 ? absl::DataLossError(message) : absl::InternalError(message);
     case SQLITE_CONSTRAINT:
       return absl::AlreadyExistsError(message);
     default:
@@ -73,7 +77,12 @@ absl::Status Database::run(const std::string& sql) {
 
 absl::Status Database::check_structure() {
   Query check = query("PRAGMA integrity_check");
-  if (check.next() && check.text(0) != "ok") return absl::DataLossError(check.text(0));
+  if (check.next() && check.text(0) != "ok") {
+    // Several lines, the first of which names the database.
+    const std::string found = check.text(0);
+    const size_t first = found.starts_with("***") ? found.find('\n') + 1 : 0;
+    return absl::DataLossError(found.substr(first, found.find('\n', first) - first));
+  }
   return check.status();
 }
 

@@ -123,11 +123,13 @@ int run(int argc, char** argv) {
   app.add_option("--data", data, "Directory of SQLite's file")->required();
   app.add_option("--seconds", seconds, "Duration of each measurement")->check(CLI::Range(0.5, 60.0));
   CLI11_PARSE(app, argc, argv);
+  Problems problems;
   const auto store = value(open_job_store(connection, data,
                                           {.server_id = "bench",
                                            .server_address = "bench.lab:7000",
                                            .lease = std::chrono::hours(1),
-                                           .least_before_twice = std::chrono::milliseconds(0)}));
+                                           .least_before_twice = std::chrono::milliseconds(0)},
+                                          problems));
   const std::string name = store->title();
   for (const int threads : {1, 4, 16, 64}) {
     fmt::print("{:<26} {:>3} threads            {:>8.0f} tiles/s\n", name, threads,

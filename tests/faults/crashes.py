@@ -11,10 +11,11 @@ import grpc
 
 from glasswing.v1 import session_pb2
 
-from case import Cases, Report, struck
+from case import CannotBeDone, Cases, Report, struck
 from daemon import Daemon
 from lab import SESSION, until
 from ledger import fetch_matte
+from postgres import NotInstalled, Postgres
 from stage import Stage
 
 case: Cases[Stage] = Cases()
@@ -160,3 +161,41 @@ def no_descriptors(stage: Stage) -> Report:
     return Report(2)
 
 
+
+
+@case("crashes.store", "PostgreSQL away when the server starts, and while it runs", "calls that need it say so; the rest is served; once it answers solves go on")
+def store_away(stage: Stage) -> Report:
+    """The server runs on a PostgreSQL of its own meanwhile."""
+    try:
+        postgres = Postgres()
+    except NotInstalled as why:
+        raise CannotBeDone(str(why)) from None
+    usual = stage.lab.server
+    server = stage.lab.server_with("--jobs", postgres.connection)
+    usual.end()
+    try:
+        postgres.stop_at_once()
+        for _ in ("at the start", "while it runs"):
+            if not server.is_running():
+                server.start()
+            else:
+                postgres.stop_at_once()
+            until(stage.answers, "the server answers without its job store")
+            try:
+                stage.lab.solve(name=SESSION)
+                raise AssertionError("a solve was acknowledged without a job store")
+            except grpc.RpcError as error:
+                assert error.code() == grpc.StatusCode.UNAVAILABLE and "PostgreSQL" in (error.details() or ""), error
+            said = stage.lab.problems()
+            assert len(said) == 1 and "PostgreSQL" in said[0], f"the server says {said}"
+            stage.ledger.check()
+            postgres.start()
+            until(lambda: not stage.lab.problems(), "the server has found its job store")
+            until(lambda: stage.lab.camera_is_up() and stage.lab.solvers_up() > 0, "all nodes are known")
+            stage.solve(SESSION)
+    finally:
+        server.end()
+        postgres.close()
+        usual.start()
+    until(lambda: stage.answers() and stage.lab.camera_is_up(), "the server answers")
+    return Report(2)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pathlib
+import shutil
 from collections.abc import Callable, Iterator
 
 import glasswing
@@ -10,6 +11,7 @@ import grpc
 import numpy
 
 from glasswing.v1 import archive_pb2, archive_service_pb2 as archives
+from glasswing.v1 import session_pb2, session_service_pb2 as sessions
 
 from case import Cases, Lost, Report, struck
 from daemon import Daemon
@@ -159,7 +161,84 @@ def _restart_with(daemon: Daemon, path: pathlib.Path, content: bytes) -> None:
     daemon.start()
 
 
-@case("damage.catalogue", "the catalogue: every byte of SQLite's header and samples of its pages flipped", "the server refuses to start and names it, or has everything")
+@case("damage.record", "a bit flipped in one session's record", "that session is listed as damaged; the others are served")
+def record(stage: Stage) -> None:
+    """The bit is in the session's note, wherever the catalogue's file holds it."""
+    name, note = stage.name(), b"a note that no other session has"
+    stage.put(name)
+    stage.annotate(name, note.decode())
+    path = stage.lab.data / "catalogue.sqlite"
+    stage.lab.server.end()
+    content = path.read_bytes()
+    struck(note in content, "the note is not in the catalogue's file")
+    try:
+        path.write_bytes(content.replace(note, note.upper()[:1] + note[1:]))
+        stage.lab.server.start()
+        until(stage.answers, "the server answers")
+        listed = {session.name: session for session in _sessions(stage)}
+        if listed.keys() != {SESSION, name} or listed[name].state != session_pb2.SESSION_STATE_DAMAGED:
+            raise Lost("damage.record", f"a record was altered, and the server lists {sorted(listed)}")
+        assert path.name in listed[name].reason and "fsck --repair" in listed[name].reason, listed[name].reason
+        assert _refused(lambda: stage.lab.session(name=name), path.name), "a session with an altered record was served"
+        assert len(fetch_matte(stage.lab, SESSION)) > 0
+    finally:
+        stage.lab.server.end()
+        found = fsck(stage.lab.data).damage
+        path.write_bytes(content)
+        stage.lab.server.start()
+    until(lambda: stage.answers() and stage.lab.camera_is_up(), "the server answers")
+    assert len(found) == 1 and name in found[0], f"fsck found {found}"
+
+
+_FILES = ("calibration/sync.json", "calibration/camera-1.json", "jobs.sqlite", "server-id")
+
+
+@case("damage.files", "each of the server's own files but the catalogue truncated, or overwritten", "set aside by name, and said; the server starts and has everything else")
+def files(stage: Stage) -> Report:
+    """One at a time, each with two kinds of damage."""
+    tried = 0
+    server = stage.lab.server
+    for name in _FILES:
+        for damage in (b"not what belongs here", b"x" * 8192):
+            server.end()
+            path = stage.lab.data / name
+            kept = _put_damage(path, damage)
+            found = fsck(stage.lab.data).damage
+            assert len(found) == 1 and str(path) in found[0], f"{name} was damaged, and fsck found {found}"
+            server.start()
+            until(lambda: not server.is_running() or stage.answers(0.5), "it answers or has ended")
+            if not server.is_running():
+                raise Lost("damage.files", f"a damaged {name} keeps the server down: {server.last_words()}")
+            said = stage.lab.problems()
+            assert any(str(path) in one for one in said), f"{name} was damaged, and the server says {said}"
+            stage.ledger.check()
+            server.end()
+            assert (stage.lab.data / "damaged" / name).read_bytes() == damage, f"{name} was not set aside"
+            shutil.rmtree(stage.lab.data / "damaged")
+            path.unlink(missing_ok=True)
+            if kept is not None:
+                path.write_bytes(kept)
+            tried += 1
+    server.start()
+    until(lambda: stage.answers() and stage.lab.camera_is_up(), "the server answers")
+    return Report(tried)
+
+
+def _put_damage(path: pathlib.Path, damage: bytes) -> bytes | None:
+    """Writes `damage` in place of the file, and returns what it held."""
+    path.parent.mkdir(exist_ok=True)
+    kept = path.read_bytes() if path.exists() else None
+    for log in ("-wal", "-shm"):
+        pathlib.Path(f"{path}{log}").unlink(missing_ok=True)
+    path.write_bytes(damage)
+    return kept
+
+
+def _sessions(stage: Stage) -> list[session_pb2.Session]:
+    return list(stage.lab.sessions.ListSessions(sessions.ListSessionsRequest(), timeout=10.0).sessions)
+
+
+@case("damage.catalogue", "the catalogue: every byte of SQLite's header and samples of its pages flipped", "the server refuses to start and names it, lists the record as damaged, or has everything")
 def catalogue(stage: Stage) -> Report:
     """Restarts the server each time. server/sessions/catalogue_test covers more bytes."""
     path = stage.lab.data / "catalogue.sqlite"
@@ -176,8 +255,12 @@ def catalogue(stage: Stage) -> Report:
         until(lambda: not stage.lab.server.is_running() or stage.answers(0.5), "it answers or has ended", 60.0)
         tried += 1
         if stage.lab.server.is_running():
+            marked = [session for session in _sessions(stage) if session.state == session_pb2.SESSION_STATE_DAMAGED]
+            refused += len(marked)
+            assert all(path.name in session.reason for session in marked), marked
             try:
-                stage.ledger.check()
+                if not marked:
+                    stage.ledger.check()
             except Lost as what:
                 raise Lost("damage.catalogue", f"byte {at} of the catalogue was altered, and the server started: {what}") from None
             stage.lab.server.kill()

@@ -81,8 +81,8 @@ class Lab:
         self.port = free_port()
         self.address = f"127.0.0.1:{self.port}"
         self.archive_port = free_port()  # as stored in the sessions
-        listen = ["--listen", self.address, "--data", str(self.data)]
-        self.server = Daemon("server", ["glasswing-server", *listen, *server_options], work / "server.log")
+        self._server_options = server_options
+        self.server = self.server_with()
         self.camera = self.camera_at(self.archive_port)
         self.solvers: list[Daemon] = []
         self.channel = dial(self.port)
@@ -95,6 +95,11 @@ class Lab:
         until(self.camera_is_up, "the camera is known to the server")
         for name, archive in archives.items():
             glasswing(self.address, "import", str(archive), "--session", name)
+
+    def server_with(self, *more_options: str) -> Daemon:
+        """Makes a server of this lab's data and address, without starting it."""
+        listen = ["--listen", self.address, "--data", str(self.data)]
+        return Daemon("server", ["glasswing-server", *listen, *self._server_options, *more_options], self.work / "server.log")
 
     def camera_at(self, port: int, name: str = "camera-1") -> Daemon:
         """Makes a camera node that listens at `port`, without starting it. Its data directory is also called
@@ -132,6 +137,11 @@ class Lab:
         except grpc.RpcError:
             return 0
         return sum(node.up and node.kind == kind for node in answer.nodes)
+
+    def problems(self) -> list[str]:
+        """What the server says is wrong with its own data."""
+        answer = self._nodes.ListNodes(node_service_pb2.ListNodesRequest(), timeout=10.0, wait_for_ready=True)
+        return list(answer.problems)
 
     def camera_is_up(self) -> bool:
         """True if the server has heard from the camera node in the last five seconds."""

@@ -33,6 +33,7 @@ class State(enum.Enum):
     DONE = session_pb2.SESSION_STATE_DONE
     FAILED = session_pb2.SESSION_STATE_FAILED
     CANCELLED = session_pb2.SESSION_STATE_CANCELLED
+    DAMAGED = session_pb2.SESSION_STATE_DAMAGED
 
     @property
     def rests(self) -> bool:

@@ -52,7 +52,7 @@ class FsckServer : public testing::Test {
     fs::create_directories(data_ / "mattes/video");
     for (const int frame : {0, 1, 2}) write(files_.finished("video", frame), matte());
     write(files_.finished("done"), matte());
-    const auto jobs = open_job_store("", data_, {.server_id = "id", .server_address = ""}).value();
+    const auto jobs = open_job_store("", data_, {.server_id = "id", .server_address = ""}, problems_).value();
     const std::vector<TileRange> tiles = {{.first = 0, .count = 20}, {.first = 20, .count = 20}};
     const std::vector<std::string> computes = {"c"};
     solving.set_job(jobs->create({.session = "solving", .computes = "c", .work = ""}, tiles).value());
@@ -100,6 +100,7 @@ class FsckServer : public testing::Test {
 
   const fs::path data_ = fs::path(testing::TempDir()) / ("fsck." + std::to_string(::getpid()));
   const MatteFiles files_{data_};
+  Problems problems_;
   fs::path tile_;
   std::unique_ptr<Catalogue> catalogue_;
 };
@@ -151,8 +152,10 @@ TEST_F(FsckServer, ADamagedTileIsSolvedAnew) {
   expect_mends(tile_);
   EXPECT_TRUE(is_aside(tile_));
   const std::int64_t job = catalogue_->find("solving")->job();
-  const JobCounts counts =
-      open_job_store("", data_, {.server_id = "id", .server_address = ""}).value()->counts(job).value();
+  const JobCounts counts = open_job_store("", data_, {.server_id = "id", .server_address = ""}, problems_)
+                               .value()
+                               ->counts(job)
+                               .value();
   EXPECT_EQ(counts.done, 0);
   EXPECT_EQ(counts.tiles, 2);
 }
@@ -163,8 +166,9 @@ TEST_F(FsckServer, PicturesCalibrationsAndTheIdAreSetAside) {
     expect_mends(file);
     EXPECT_TRUE(is_aside(file));
   }
-  write(data_ / "server-id", "");
+  write(data_ / "server-id", "short");
   expect_mends(data_ / "server-id");
+  EXPECT_EQ(read_file(data_ / "damaged/server-id").value(), "short");
 }
 
 TEST_F(FsckServer, ARecordThatCannotBeReadKeepsTheServerFromNothing) {
@@ -172,7 +176,11 @@ TEST_F(FsckServer, ARecordThatCannotBeReadKeepsTheServerFromNothing) {
   ASSERT_TRUE(Database::open(data_ / "catalogue.sqlite")
                   ->run("UPDATE sessions SET session = x'ff' WHERE name = 'done'")
                   .ok());
-  EXPECT_FALSE(Server::open({.data = data_}).ok());
+  {
+    const std::unique_ptr<Server> server = Server::open({.data = data_}).value();
+    EXPECT_TRUE(absl::IsDataLoss(server->sessions().find("done").status()));
+    EXPECT_TRUE(server->sessions().find("video").ok());
+  }
   const CheckReport report = check(true);
   ASSERT_EQ(report.findings.size(), 1u);
   EXPECT_NE(report.findings[0].what.find("\"done\""), std::string::npos) << report.findings[0].what;

@@ -19,7 +19,7 @@ class SqliteBackend : public JobBackend {
   }
   ~SqliteBackend() override { fs::remove_all(directory_); }
   std::unique_ptr<JobStore> open(const JobStoreOptions& options) override {
-    return open_job_store("", directory_, options).value();
+    return open_job_store("", directory_, options, problems_).value();
   }
 
  private:
@@ -33,7 +33,7 @@ class PostgresBackend : public JobBackend {
  public:
   explicit PostgresBackend(const PostgresFixture& postgres) : postgres_(postgres) { postgres.clear(); }
   std::unique_ptr<JobStore> open(const JobStoreOptions& options) override {
-    return open_job_store(postgres_.connection(), "", options).value();
+    return open_job_store(postgres_.connection(), "", options, problems_).value();
   }
 
  private:

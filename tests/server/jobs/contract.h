@@ -13,6 +13,8 @@ class JobBackend {
  public:
   virtual ~JobBackend() = default;
   virtual std::unique_ptr<JobStore> open(const JobStoreOptions& options) = 0;
+
+  Problems problems_;
 };
 
 class JobContract : public testing::TestWithParam<std::string> {

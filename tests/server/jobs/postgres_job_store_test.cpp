@@ -21,7 +21,9 @@ const std::vector<std::string> kComputes{"gaussian/1"};
 absl::Status refusal(const std::string& connection) {
   JobStoreOptions options;
   options.server_id = "refused";
-  return open_job_store(connection, "", options).status();
+  Problems problems;
+  const auto store = open_job_store(connection, "", options, problems);
+  return store.ok() ? (*store)->own_jobs().status() : store.status();
 }
 
 class SharedJobs : public testing::Test {
@@ -35,7 +37,8 @@ class SharedJobs : public testing::Test {
                           {.server_id = id,
                            .server_address = id + ".lab:7000",
                            .lease = hours(1),
-                           .least_before_twice = twice})
+                           .least_before_twice = twice},
+                          problems_)
         .value();
   }
   static std::int64_t create(JobStore& store, int tiles) {
@@ -45,6 +48,7 @@ class SharedJobs : public testing::Test {
     return store.claim(solver, kComputes, false).value();
   }
   const PostgresFixture* const postgres_ = PostgresFixture::shared();
+  Problems problems_;
 };
 
 TEST_F(SharedJobs, ASolverWorksForAllServersWhicheverItAsks) {
@@ -202,6 +206,18 @@ TEST_F(SharedJobs, WhileItIsGoneCallsSaySoAndThenGoOn) {
   EXPECT_TRUE(absl::IsUnavailable(refusal(postgres_->connection())));
   postgres_->start();
   EXPECT_EQ(store->counts(job)->tiles, 1);
+}
+
+TEST_F(SharedJobs, OneThatIsOpenedBeforeItAnswersGoesOnOnceItDoes) {
+  postgres_->stop();
+  const auto store = open("a");
+  const absl::Status gone = store->own_jobs().status();
+  EXPECT_TRUE(absl::IsUnavailable(gone)) << gone;
+  EXPECT_NE(gone.message().find("PostgreSQL at 127.0.0.1"), std::string::npos) << gone;
+  postgres_->start();
+  ASSERT_TRUE(comes_true([&] { return store->own_jobs().ok(); }));
+  EXPECT_GT(create(*store, 1), 0);
+  EXPECT_TRUE(claim(*store, "solver").has_value());
 }
 
 TEST(PostgresAddressTest, WhatCannotBeReadIsNotRepeated) {

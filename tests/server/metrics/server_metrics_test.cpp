@@ -48,7 +48,7 @@ TEST(ServerGauges, CountTilesOfOwnSolvesAndSolversByState) {
     if (i == 0) solver.set_refused("too old");
     if (i == 1 || i == 2) solver.add_leases()->set_twice(true);
   }
-  const auto families = server_gauges(fleet, {}, {});
+  const auto families = server_gauges(fleet, {}, {}, 0);
   EXPECT_EQ(value(families, "glasswing_job_store_up"), 1.0);
   EXPECT_EQ(value(families, "glasswing_tiles", {{"state", "waiting"}}), 50.0);
   EXPECT_EQ(value(families, "glasswing_tiles", {{"state", "held"}}), 14.0);
@@ -72,7 +72,7 @@ TEST(ServerGauges, TellAStoreThatDoesNotAnswerAndWhatThereIsBeside) {
   nodes[0].set_up(true);
   nodes[1].set_kind(v1::NODE_KIND_DISPLAY);
   nodes[1].set_name("display-1");
-  const auto families = server_gauges(absl::UnavailableError("no PostgreSQL"), sessions, nodes);
+  const auto families = server_gauges(absl::UnavailableError("no PostgreSQL"), sessions, nodes, 2);
   EXPECT_EQ(value(families, "glasswing_job_store_up"), 0.0);
   EXPECT_EQ(value(families, "glasswing_sessions", {{"state", "done"}}), 2.0);
   EXPECT_EQ(value(families, "glasswing_sessions", {{"state", "solving"}}), 1.0);
@@ -132,7 +132,8 @@ class FakeStore final : public JobStore {
 TEST(TimedJobStore, PassesEveryCallOnAndCountsIt) {
   auto owned = std::make_unique<FakeStore>();
   FakeStore& fake = *owned;
-  const std::unique_ptr<JobStore> store = timed(std::move(owned));
+  Problems problems;
+  const std::unique_ptr<JobStore> store = timed(std::move(owned), problems);
   const auto calls = [](const std::string& operation) {
     return value(collect_metrics(), "glasswing_job_store_seconds", {{"operation", operation}});
   };

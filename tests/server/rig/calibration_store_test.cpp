@@ -23,18 +23,19 @@ class CalibrationStoreTest : public testing::Test {
     return sync;
   }
   const fs::path data_ = fs::path(testing::TempDir()) / ("calibration_store." + std::to_string(::getpid()));
+  Problems problems_;
 };
 
 TEST_F(CalibrationStoreTest, TheNewestOfEachMonitorSurvivesARestart) {
   {
-    const auto store = CalibrationStore::open(data_);
+    const auto store = CalibrationStore::open(data_, problems_);
     ASSERT_TRUE(store.ok()) << store.status();
     EXPECT_FALSE((*store)->sync("back").has_value());
     ASSERT_TRUE((*store)->put(sync("back", 1)).ok());
     ASSERT_TRUE((*store)->put(sync("left", 2)).ok());
     ASSERT_TRUE((*store)->put(sync("back", 6'300'000)).ok());
   }
-  const auto again = CalibrationStore::open(data_);
+  const auto again = CalibrationStore::open(data_, problems_);
   ASSERT_TRUE(again.ok()) << again.status();
   ASSERT_TRUE((*again)->sync("back").has_value());
   EXPECT_EQ((*again)->sync("back")->SerializeAsString(), sync("back", 6'300'000).SerializeAsString());
@@ -50,29 +51,54 @@ TEST_F(CalibrationStoreTest, CurvesSurviveARestartUntilTheyAreForgotten) {
   display.set_monitor("back");
   display.add_black(0.01);
   {
-    const auto store = CalibrationStore::open(data_).value();
+    const auto store = CalibrationStore::open(data_, problems_).value();
     ASSERT_TRUE(store->put(camera).ok());
     ASSERT_TRUE(store->put(display).ok());
     camera.set_saturation(0.99);
     ASSERT_TRUE(store->put(camera).ok());
     EXPECT_TRUE(absl::IsInvalidArgument(store->put(v1::CameraCalibration())));
   }
-  const auto store = CalibrationStore::open(data_).value();
+  const auto store = CalibrationStore::open(data_, problems_).value();
   EXPECT_EQ(store->camera("camera-1")->SerializeAsString(), camera.SerializeAsString());
   EXPECT_EQ(store->display("back")->SerializeAsString(), display.SerializeAsString());
   EXPECT_FALSE(store->display("left").has_value());
   ASSERT_TRUE(store->forget("camera-1").ok());
   EXPECT_TRUE(absl::IsNotFound(store->forget("camera-1")));
-  EXPECT_FALSE(CalibrationStore::open(data_).value()->camera("camera-1").has_value());
-  EXPECT_EQ(CalibrationStore::open(data_).value()->displays().size(), 1u);
+  EXPECT_FALSE(CalibrationStore::open(data_, problems_).value()->camera("camera-1").has_value());
+  EXPECT_EQ(CalibrationStore::open(data_, problems_).value()->displays().size(), 1u);
 }
 
-TEST_F(CalibrationStoreTest, ADamagedFileIsNamed) {
-  fs::create_directories(data_ / "calibration");
-  std::ofstream(data_ / "calibration" / "sync.json") << "{\"monitors\": [{\"lag";
-  const auto store = CalibrationStore::open(data_);
-  EXPECT_TRUE(absl::IsDataLoss(store.status()));
-  EXPECT_NE(store.status().message().find("sync.json"), std::string::npos) << store.status();
+TEST_F(CalibrationStoreTest, ADamagedFileIsSetAsideAndTheOthersAreUsed) {
+  {
+    const auto store = CalibrationStore::open(data_, problems_).value();
+    ASSERT_TRUE(store->put(sync("back", 1)).ok());
+    for (const char* name : {"camera-1", "camera-2"}) {
+      v1::CameraCalibration camera;
+      camera.set_camera(name);
+      ASSERT_TRUE(store->put(camera).ok());
+    }
+  }
+  EXPECT_TRUE(problems_.all().empty());
+  const fs::path sync_file = data_ / "calibration/sync.json",
+                 camera_file = data_ / "calibration/camera-camera-1.json";
+  std::ofstream(sync_file) << "{\"monitors\": [{\"lag";
+  std::ofstream(camera_file) << "{\"camera\": \"camera-3\"}";
+  const auto store = CalibrationStore::open(data_, problems_);
+  ASSERT_TRUE(store.ok()) << store.status();
+  EXPECT_FALSE((*store)->sync("back").has_value());
+  EXPECT_EQ((*store)->cameras().size(), 1u);
+  EXPECT_TRUE((*store)->camera("camera-2").has_value());
+  const std::vector<std::string> said = problems_.all();
+  ASSERT_EQ(said.size(), 2u);
+  EXPECT_NE(said[0].find(camera_file.string()), std::string::npos) << said[0];
+  EXPECT_NE(said[1].find(sync_file.string()), std::string::npos) << said[1];
+  EXPECT_NE(said[1].find("glasswing calibrate sync"), std::string::npos) << said[1];
+  for (const fs::path& file : {sync_file, camera_file}) {
+    EXPECT_FALSE(fs::exists(file));
+    EXPECT_TRUE(fs::exists(data_ / "damaged" / file.lexically_relative(data_)));
+  }
+  ASSERT_TRUE((*store)->put(sync("back", 2)).ok());
+  EXPECT_EQ(CalibrationStore::open(data_, problems_).value()->sync("back")->lag_ns(), 2);
 }
 
 }  // namespace

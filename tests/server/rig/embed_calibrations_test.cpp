@@ -11,7 +11,7 @@ namespace fs = std::filesystem;
 class EmbedCalibrations : public testing::Test {
  protected:
   void SetUp() override {
-    store_ = CalibrationStore::open(data_).value();
+    store_ = CalibrationStore::open(data_, problems_).value();
     v1::CameraCalibration camera;
     camera.set_camera("camera-1");
     camera.set_width_px(64);
@@ -42,6 +42,7 @@ class EmbedCalibrations : public testing::Test {
   void TearDown() override { fs::remove_all(data_); }
 
   const fs::path data_ = fs::path(testing::TempDir()) / ("embed." + std::to_string(::getpid()));
+  Problems problems_;
   std::unique_ptr<CalibrationStore> store_;
   v1::CaptureManifest header_;
 };

@@ -185,7 +185,8 @@ TEST_F(RigTest, SyncIsMeasuredStoredAndHoldsTheRig) {
   EXPECT_LT(sync.error_ns(), 150'000);
   EXPECT_FALSE(sync.measured().empty());
 
-  const auto again = CalibrationStore::open(data_ / "server");
+  Problems problems;
+  const auto again = CalibrationStore::open(data_ / "server", problems);
   ASSERT_TRUE(again.ok());
   EXPECT_EQ((*again)->sync("back")->SerializeAsString(), sync.SerializeAsString());
   const Checked checked = check();

@@ -76,6 +76,7 @@ TEST_F(CatalogueTest, NoByteIsAlteredUnnoticed) {
     if (!sessions.ok()) return sessions.status();
     std::string text;
     for (const v1::Session& session : *sessions) {
+      if (session.state() == v1::SESSION_STATE_DAMAGED) return absl::DataLossError(session.reason());
       const absl::StatusOr<v1::Session> finished = catalogue.finished(session.name());
       const absl::StatusOr<v1::Session> found = catalogue.find(session.name());
       if (!finished.ok()) return finished.status();
@@ -104,6 +105,66 @@ TEST_F(CatalogueTest, NoByteIsAlteredUnnoticed) {
   for_each_flip(bytes, 100, 53, look);
   EXPECT_GT(refused, 0);
   std::ofstream(path_, std::ios::binary) << bytes;
+}
+
+TEST_F(CatalogueTest, ADamagedRecordIsListedAndTheOthersAreServed) {
+  for (const char* name : {"a", "b", "c"}) {
+    v1::Session session;
+    session.set_name(name);
+    ASSERT_TRUE(catalogue_->insert(session, "").ok());
+  }
+  catalogue_ = nullptr;
+  const std::string bytes = read_file(path_).value();
+  // A flipped bit, and bytes that are no name.
+  for (const std::string& damage : {std::string("session = x'ff'"), std::string("name = x'ff00' || 'b'")}) {
+    ASSERT_TRUE(
+        Database::open(path_)
+            ->run("DROP TRIGGER sessions_updated; UPDATE sessions SET " + damage + " WHERE name = 'b'")
+            .ok());
+    reopen();
+    const std::vector<v1::Session> listed = catalogue_->list().value();
+    ASSERT_EQ(listed.size(), 3u);
+    EXPECT_EQ(listed[0].name(), "c");
+    EXPECT_EQ(listed[2].name(), "a");
+    EXPECT_EQ(listed[1].state(), v1::SESSION_STATE_DAMAGED);
+    for (const std::string& word : {path_.string(), listed[1].name(), std::string("fsck --repair")})
+      EXPECT_NE(listed[1].reason().find(word), std::string::npos) << listed[1].reason();
+    EXPECT_TRUE(std::ranges::all_of(listed[1].name(), [](char c) { return c > ' ' && c <= '~'; }));
+    const absl::Status damaged = catalogue_->find("b").status();
+    EXPECT_TRUE(absl::IsDataLoss(damaged) || absl::IsNotFound(damaged)) << damaged;
+    EXPECT_TRUE(catalogue_->find("a").ok());
+    v1::Session next;
+    next.set_name("d");
+    EXPECT_TRUE(catalogue_->insert(next, "").ok());
+    catalogue_ = nullptr;
+    for (const char* suffix : {"-wal", "-shm"}) fs::remove(path_.string() + suffix);
+    ASSERT_TRUE(write_file_durably(path_, bytes).ok());
+  }
+}
+
+TEST_F(CatalogueTest, AnIndexThatContradictsItsRowsIsMadeAgain) {
+  for (const char* name : {"some-session", "b"}) {
+    v1::Session session;
+    session.set_name(name);
+    ASSERT_TRUE(catalogue_->insert(session, "").ok());
+  }
+  catalogue_ = nullptr;
+  std::string bytes = read_file(path_).value();
+  // The row has the name twice, in its column and in the session; the index is the third.
+  int altered = 0;
+  for (size_t at = bytes.find("some-session"); at != std::string::npos;
+       at = bytes.find("some-session", at + 1)) {
+    std::string one = bytes;
+    one[at] = 'S';
+    for (const char* suffix : {"-wal", "-shm"}) fs::remove(path_.string() + suffix);
+    ASSERT_TRUE(write_file_durably(path_, one).ok());
+    const absl::StatusOr<std::unique_ptr<Catalogue>> opened = Catalogue::open(path_);
+    ASSERT_TRUE(opened.ok()) << opened.status();
+    EXPECT_EQ((*opened)->list()->size(), 2u);
+    EXPECT_TRUE((*opened)->find("b").ok());
+    ++altered;
+  }
+  EXPECT_EQ(altered, 3);
 }
 
 TEST_F(CatalogueTest, NotesAndTagsAreKeptWhateverRuns) {

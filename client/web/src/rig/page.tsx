@@ -37,6 +37,11 @@ export default function Page() {
         {value && <Holder holder={value.holder} />}
       </div>
       {!live && <FeedFailure error={error} />}
+      {value?.problems?.map((problem) => (
+        <p key={problem} class="caution-text">
+          {problem}
+        </p>
+      ))}
       <Preview cameras={cameras} />
       <section class={live || !value ? "card nodes" : "card nodes stale"}>
         <h2>Nodes</h2>

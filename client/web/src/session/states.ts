@@ -11,6 +11,7 @@ const kKinds: Record<string, StateKind> = {
   SESSION_STATE_DONE: "good",
   SESSION_STATE_FAILED: "bad",
   SESSION_STATE_CANCELLED: "faint",
+  SESSION_STATE_DAMAGED: "bad",
 };
 
 export const kStateNames = Object.keys(kKinds);

@@ -1,0 +1,18 @@
+// Damaged data is moved to damaged/ beside it, under the name that it had: nothing that may hold data is ever
+// removed.
+#pragma once
+
+#include <absl/status/status.h>
+
+#include <filesystem>
+
+namespace glasswing {
+
+inline constexpr char kDamagedDirectory[] = "damaged";
+
+// Moves `path` to `root`/damaged, under its name below `root`, with a number behind if that is taken.
+absl::Status set_aside(const std::filesystem::path& root, const std::filesystem::path& path);
+// As set_aside(), but copies: the file is about to be replaced. OK where there is none.
+absl::Status copy_aside(const std::filesystem::path& root, const std::filesystem::path& file);
+
+}  // namespace glasswing

@@ -1,0 +1,35 @@
+// What is wrong with the server's data and its job store, for people: what was found damaged and set aside,
+// and what does not answer. The server works without it; `glasswing doctor` and `nodes`, the console and the
+// metrics show it.
+#pragma once
+
+#include <absl/status/status.h>
+
+#include <filesystem>
+#include <map>
+#include <mutex>
+#include <string>
+#include <vector>
+
+namespace glasswing {
+
+// Thread-safe.
+class Problems {
+ public:
+  // `text`: what happened, and what to do. Replaces what was said of the subject; a new text is logged.
+  void set(const std::string& subject, const std::string& text);
+  void clear(const std::string& subject);
+  std::vector<std::string> all() const;  // texts, by subject
+
+  // Moves a damaged file below `data` to damaged/, and says so. `advice`: what to do.
+  absl::Status set_aside(const std::filesystem::path& data, const std::filesystem::path& file,
+                         const absl::Status& damage, const std::string& advice);
+  // Says what damaged/ holds from earlier.
+  void note_set_aside(const std::filesystem::path& data);
+
+ private:
+  mutable std::mutex mutex_;
+  std::map<std::string, std::string> texts_;  // by subject; guarded by mutex_
+};
+
+}  // namespace glasswing
