@@ -59,10 +59,12 @@ absl::Status write_flushed(const std::filesystem::path& path, std::string_view b
 }  // namespace
 
 absl::StatusOr<std::string> read_file(const std::filesystem::path& path) {
-  const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   if (!file.is_open()) return error_of(errno, "cannot open", path);
   struct stat info {};
   if (::fstat(file.get(), &info) != 0) return error_of(errno, "cannot read", path);
+  if (S_ISFIFO(info.st_mode))
+    return absl::InvalidArgumentError(fmt::format("{} is a FIFO; it must be a regular file", path.string()));
   if (S_ISDIR(info.st_mode)) return error_of(EISDIR, "cannot read", path);
   std::string bytes(static_cast<size_t>(info.st_size), '\0');
   size_t filled = 0;

@@ -11,7 +11,7 @@
 
 namespace glasswing {
 
-// NOT_FOUND, or the system's error, with the path.
+// NOT_FOUND, or the system's error, with the path. INVALID_ARGUMENT: a FIFO, which is not waited for.
 absl::StatusOr<std::string> read_file(const std::filesystem::path& path);
 
 // Durable when it returns OK. On failure an older file of that name stays intact. RESOURCE_EXHAUSTED: the

@@ -112,7 +112,7 @@ absl::StatusOr<FileIdentity> identity_of(const std::filesystem::path& path) {
 
 absl::StatusOr<std::shared_ptr<const MappedFile>> MappedFile::open(const std::filesystem::path& path,
                                                                    size_t size_bytes) {
-  const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);  // a FIFO has another size
   if (file < 0) return cannot_open(errno, path);
   struct stat status {};
   const bool known = ::fstat(file, &status) == 0;

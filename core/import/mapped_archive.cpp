@@ -24,7 +24,7 @@ absl::StatusOr<std::shared_ptr<const MappedArchive>> MappedArchive::open(
   archive->file_bytes_ = kTiffPixelOffset + pixels * 6;
   for (const v1::Frame& frame : archive->manifest_.frames()) {
     const std::filesystem::path path = directory / frame.file();
-    const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+    const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);  // a FIFO has another size
     struct stat status {};
     const bool whole = file >= 0 && ::fstat(file, &status) == 0 &&
                        static_cast<size_t>(status.st_size) == archive->file_bytes_;

@@ -33,11 +33,12 @@ absl::StatusOr<v1::Session> Importer::begin(const v1::BeginImportRequest& reques
   session.set_archive_address(camera.address());
   const v1::Camera& shape = request.manifest().camera();
   session.set_pixel_count(static_cast<std::int64_t>(shape.width_px()) * shape.height_px());
+  bool again = false;
   {
     SessionStore::Edit edit = sessions_.edit();
     GW_RETURN_IF_ERROR(edit.check_stays(request.name()));
     const absl::StatusOr<v1::Session> before = sessions_.stored(request.name());
-    const bool again = before.ok() && is_being_imported(*before);
+    again = before.ok() && is_being_imported(*before);
     if (!again) GW_RETURN_IF_ERROR(edit.insert(session, ""));
     fault_point("session stored");
     edit.announce();
@@ -50,9 +51,18 @@ absl::StatusOr<v1::Session> Importer::begin(const v1::BeginImportRequest& reques
   v1::CreateArchiveResponse created;
   grpc::ClientContext context;
   set_deadline(context, std::chrono::seconds(10));
-  GW_RETURN_IF_ERROR(from_grpc(
-      v1::ArchiveService::NewStub(link.channel())->CreateArchive(&context, create, &created), link.title()));
-  return session;
+  const absl::Status begun = from_grpc(
+      v1::ArchiveService::NewStub(link.channel())->CreateArchive(&context, create, &created), link.title());
+  if (begun.ok()) return session;
+  // A refused import leaves nothing. Of one that was not answered the archive may be there: it can be
+  // repeated, or deleted.
+  if (!again && absl::IsInvalidArgument(begun)) {
+    SessionStore::Edit edit = sessions_.edit();
+    const absl::StatusOr<v1::Session> now = edit.find(request.name());
+    if (now.ok() && is_being_imported(*now)) GW_RETURN_IF_ERROR(edit.remove(request.name()));
+    edit.announce();
+  }
+  return begun;
 }
 
 absl::StatusOr<v1::Session> Importer::finish(const std::string& name) {
@@ -68,7 +78,8 @@ absl::StatusOr<v1::Session> Importer::finish(const std::string& name) {
   session.set_state(v1::SESSION_STATE_CAPTURED);
   session.clear_reason();
   SessionStore::Edit edit = sessions_.edit();
-  // It may have been cancelled meanwhile.
+  // It may have been cancelled or deleted meanwhile.
+  GW_RETURN_IF_ERROR(edit.check_stays(name));
   GW_ASSIGN_OR_RETURN(const v1::Session now, edit.find(name));
   if (now.state() != v1::SESSION_STATE_CREATED) return not_now(now, "imported");
   fault_point("import sealed");

@@ -17,6 +17,10 @@ bool always(const v1::Session&) {
 bool captures_a_plan(const v1::Session& session) {
   return !rests_in_solve(session) && !session.plan().method().empty();
 }
+// Only an import rests in this state: a capture has a plan.
+bool is_import(const v1::Session& session) {
+  return !session.has_plan();
+}
 bool has_matte(const v1::Session& session) {
   return session.matte_ready() || !session.solved_frames().empty();
 }
@@ -40,6 +44,7 @@ struct Rule {
 
 constexpr Rule kRules[] = {
     {v1::SESSION_STATE_CREATED, v1::SESSION_ACTION_CANCEL},
+    {v1::SESSION_STATE_CREATED, v1::SESSION_ACTION_DELETE, is_import},
 
     {v1::SESSION_STATE_CAPTURING, v1::SESSION_ACTION_PAUSE},
     {v1::SESSION_STATE_CAPTURING, v1::SESSION_ACTION_CANCEL},
@@ -106,10 +111,9 @@ absl::Status refusal(const v1::Session& session, v1::SessionAction action) {
     case v1::SESSION_ACTION_REPLICATE:
       return not_now(session, "replicated (it must be captured first)");
     default:
-      return absl::FailedPreconditionError(fmt::format(
-          "session \"{}\" is {}; wait for it, or cancel it first: glasswing cancel {}", session.name(),
-          session.state() == v1::SESSION_STATE_CREATED ? "being imported" : state_of(session),
-          session.name()));
+      return absl::FailedPreconditionError(
+          fmt::format("session \"{}\" is {}; wait for it, or cancel it first: glasswing cancel {}",
+                      session.name(), state_of(session), session.name()));
   }
 }
 

@@ -5,11 +5,14 @@ from __future__ import annotations
 import collections
 import contextlib
 import importlib
+import os
 import pkgutil
 import random
 import selectors
+import shutil
 import socket
 import struct
+import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -18,11 +21,11 @@ import grpc
 from google.protobuf.descriptor import MethodDescriptor
 
 import glasswing.v1
-from glasswing.v1 import archive_service_pb2 as archives
+from glasswing.v1 import archive_pb2, archive_service_pb2 as archives
 from glasswing.v1 import session_service_pb2 as sessions
 
 from case import Cases, Report, struck
-from daemon import Daemon
+from daemon import BIN, Daemon
 from lab import SESSION, dial, until
 from stage import Stage, descriptors, memory_mb
 
@@ -322,3 +325,27 @@ def malformed(stage: Stage) -> Report:
     struck(codes, "no message was refused")
     assert grpc.StatusCode.DEADLINE_EXCEEDED not in codes, "a malformed message was not answered"
     return Report(count, f"{count} messages; {', '.join(sorted(code.name for code in codes))}")
+
+
+@case("callers.imports", "a FIFO in place of a frame, a manifest that the node refuses, an import that is given up", "refused by name at once; nothing stays, or it can be deleted")
+def imports(stage: Stage) -> Report:
+    """The FIFO has no writer: opened as a file it would wait for ever."""
+    directory = stage.lab.work / "with-fifo"
+    shutil.copytree(stage.archive, directory)
+    frame = directory / stage.captured.frames[2].file
+    frame.unlink()
+    os.mkfifo(frame)
+    name = stage.name()
+    environment = dict(os.environ, GLASSWING_SERVER=stage.lab.address, GLASSWING_CONFIG="/dev/null")
+    command = [str(BIN / "glasswing"), "import", str(directory), "--session", name]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60.0)
+    assert done.returncode == 1 and str(frame) in done.stderr, done.stderr
+    header = archive_pb2.CaptureManifest(session=name)
+    try:
+        stage.lab.sessions.BeginImport(sessions.BeginImportRequest(name=name, manifest=header), timeout=10.0)
+        raise AssertionError("a manifest without a camera was accepted")
+    except grpc.RpcError as error:
+        assert error.code() == grpc.StatusCode.INVALID_ARGUMENT, error
+    stage.put(name, 2)  # neither left a session
+    stage.delete(name)
+    return Report(3)

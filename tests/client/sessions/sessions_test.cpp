@@ -1,4 +1,6 @@
 // import, export, watch and fetch against a fake server.
+#include <sys/stat.h>
+
 #include <fstream>
 #include <nlohmann/json.hpp>
 
@@ -80,6 +82,14 @@ TEST_F(SessionCommands, ImportNamesADamagedFrameAndSendsNothing) {
   ASSERT_TRUE(write_file_durably(last, good.substr(0, good.size() / 2)).ok());
   expect_one_line_error(run({"import", archive_.string()}), last.string());
   std::filesystem::remove(last);
+  expect_one_line_error(run({"import", archive_.string()}), last.string());
+  expect_nothing_sent();
+}
+
+TEST_F(SessionCommands, ImportRefusesAFifoInPlaceOfAFrame) {
+  const std::filesystem::path last = archive_ / "obj" / "2.png";
+  std::filesystem::remove(last);
+  ASSERT_EQ(::mkfifo(last.c_str(), 0600), 0);
   expect_one_line_error(run({"import", archive_.string()}), last.string());
   expect_nothing_sent();
 }

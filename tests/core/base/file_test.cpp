@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <csignal>
@@ -34,6 +35,15 @@ TEST_F(File, FailuresNameThePath) {
   EXPECT_FALSE(read_file(directory_).ok());
   const absl::Status status = write_file_durably(directory_ / "no" / "a", "x");
   EXPECT_NE(std::string(status.message()).find("no/a"), std::string::npos) << status;
+}
+
+TEST_F(File, AFifoIsRefusedAtOnce) {
+  const fs::path fifo = directory_ / "fifo";
+  ASSERT_EQ(::mkfifo(fifo.c_str(), 0600), 0);
+  const absl::Status status = read_file(fifo).status();  // would wait for a writer for ever
+  EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
+  EXPECT_NE(status.message().find(fifo.string()), std::string::npos) << status;
+  EXPECT_EQ(read_file("/dev/null").value(), "");
 }
 
 TEST_F(File, DirectoriesAreMadeWithThoseAboveThem) {

@@ -322,6 +322,22 @@ TEST_F(SessionLife, WhatIsSolvedSoFarCanBeFetched) {
             read_file(server().solves().matte("s", std::nullopt).value()).value());
 }
 
+TEST_F(SessionLife, ARefusedImportLeavesNothingAndOneThatWasBegunCanBeDeleted) {
+  start();
+  v1::BeginImportRequest request;
+  request.set_name("s");
+  EXPECT_TRUE(absl::IsInvalidArgument(server().importer().begin(request, {}).status()));  // without a camera
+  EXPECT_TRUE(absl::IsNotFound(server().sessions().find("s").status()));
+  v1::Camera& camera = *request.mutable_manifest()->mutable_camera();
+  camera.set_width_px(kWidth);
+  camera.set_height_px(kHeight);
+  ASSERT_TRUE(server().importer().begin(request, {}).ok());
+  ASSERT_TRUE(server().importer().begin(request, {}).ok());  // again
+  ASSERT_TRUE(server().deleter().remove("s").ok());
+  EXPECT_TRUE(absl::IsNotFound(server().sessions().find("s").status()));
+  EXPECT_FALSE(server().importer().finish("s").ok());
+}
+
 TEST_F(SessionLife, ATileThatNobodyCanSolveIsNamedOnceTheOthersAreDone) {
   start();
   ASSERT_EQ(capture(small_plan()).state(), v1::SESSION_STATE_CAPTURED);

@@ -63,7 +63,7 @@ struct Row {
 std::vector<Row> truth_table() {
   return {
       {"created", captured_by_plan(v1::SESSION_STATE_CREATED), "...C...."},
-      {"being imported", imported(captured_by_plan(v1::SESSION_STATE_CREATED)), "...C...."},
+      {"being imported", imported(captured_by_plan(v1::SESSION_STATE_CREATED)), "...C...D"},
       {"capturing", captured_by_plan(v1::SESSION_STATE_CAPTURING), "P..C...."},
       {"capturing a calibration", calibration(captured_by_plan(v1::SESSION_STATE_CAPTURING)), "P..C...."},
       {"capture paused", captured_by_plan(v1::SESSION_STATE_PAUSED), ".R.C...D"},
@@ -86,6 +86,7 @@ std::vector<Row> truth_table() {
       {"solve failed, with a frame", with_frame(in_solve(v1::SESSION_STATE_FAILED)), "..T.SFMD"},
       {"solve failed, with a matte", with_matte(in_solve(v1::SESSION_STATE_FAILED)), "..TCSFMD"},
       {"cancelled", captured_by_plan(v1::SESSION_STATE_CANCELLED), ".......D"},
+      {"damaged", captured_by_plan(v1::SESSION_STATE_DAMAGED), "........"},
       {"unknown", captured_by_plan(v1::SESSION_STATE_UNSPECIFIED), "........"},
   };
 }
