@@ -16,28 +16,45 @@
 namespace glasswing {
 namespace {
 
-constexpr size_t kMaxImages = 64;
+constexpr size_t kMaxImages = 4096;
 constexpr int kMaxSteps = 20000;
 constexpr size_t kAheadBytes =
     256u << 20;  // rasterised when the program is loaded; the rest is drawn as it plays
 
+size_t bytes_of(const Image16& image) {
+  return image.samples.size() * sizeof(std::uint16_t);
+}
+
 }  // namespace
 
 absl::StatusOr<std::string> ImageStore::add(const std::string& png) {
-  GW_ASSIGN_OR_RETURN(Image16 decoded, decode_png(png));
-  auto image = std::make_shared<const Image16>(std::move(decoded));
   std::string name = checksum_of(png);
   std::erase(name, ':');
-  const size_t bytes = image->samples.size() * sizeof(std::uint16_t);
-  const std::lock_guard lock(mutex_);
-  if (images_.contains(name)) return name;
-  if (images_.size() >= kMaxImages || held_bytes_ + bytes > capacity_bytes_) {
-    return absl::ResourceExhaustedError(fmt::format(
-        "this display holds {} images, {} bytes; one of {} bytes does not fit: it takes {} images, {} bytes",
-        images_.size(), held_bytes_, bytes, kMaxImages, capacity_bytes_));
+  {
+    const std::lock_guard lock(mutex_);
+    if (images_.contains(name)) {
+      std::erase(sent_, name);
+      sent_.push_back(name);
+      return name;
+    }
   }
+  GW_ASSIGN_OR_RETURN(Image16 decoded, decode_png(png));
+  auto image = std::make_shared<const Image16>(std::move(decoded));
+  const size_t bytes = bytes_of(*image);
+  if (bytes > capacity_bytes_) {
+    return absl::ResourceExhaustedError(fmt::format(
+        "the photo takes {} bytes; this display holds photos of {} bytes in all", bytes, capacity_bytes_));
+  }
+  const std::lock_guard lock(mutex_);
+  if (!images_.emplace(name, image).second) return name;  // sent twice at once
+  sent_.push_back(name);
   held_bytes_ += bytes;
-  images_[name] = std::move(image);
+  while (images_.size() > kMaxImages || held_bytes_ > capacity_bytes_) {
+    const auto oldest = images_.find(sent_.front());
+    held_bytes_ -= bytes_of(*oldest->second);
+    images_.erase(oldest);  // a program that shows it keeps it
+    sent_.pop_front();
+  }
   return name;
 }
 
@@ -129,8 +146,9 @@ absl::StatusOr<Program::Step> Program::checked(const v1::ProgramStep& wanted,
     if (kind_of(stimulus) == StimulusKind::kPhoto) {
       shown.photo = images.find(stimulus.image());
       if (shown.photo == nullptr) {
-        return absl::FailedPreconditionError(
-            fmt::format("step {}: image \"{}\" is not here; send it first", wanted.step(), stimulus.image()));
+        return absl::FailedPreconditionError(fmt::format(
+            "step {}: image \"{}\" is not here; send it first (only the last ones that fit are held)",
+            wanted.step(), stimulus.image()));
       }
       if (shown.photo->width_px != size.width_px || shown.photo->height_px != size.height_px) {
         return bad(fmt::format("image \"{}\" is {}x{}; monitor \"{}\" is {}x{}", stimulus.image(),

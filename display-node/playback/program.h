@@ -5,6 +5,7 @@
 #include <absl/status/statusor.h>
 
 #include <cstdint>
+#include <deque>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -20,12 +21,13 @@
 
 namespace glasswing {
 
-// Photos by content hash. Thread-safe.
+// The photos that were sent last, by content hash. Thread-safe.
 class ImageStore {
  public:
   // Capacity for decoded photos, 2 bytes a sample.
   explicit ImageStore(size_t capacity_bytes = size_t{512} << 20) : capacity_bytes_(capacity_bytes) {}
-  // Returns the name. INVALID_ARGUMENT: not a PNG. RESOURCE_EXHAUSTED: the store is full.
+  // Returns the name. Those that were sent longest ago make room. INVALID_ARGUMENT: not a PNG.
+  // RESOURCE_EXHAUSTED: larger than the capacity.
   absl::StatusOr<std::string> add(const std::string& png);
   // Null: there is no photo of that name.
   std::shared_ptr<const Image16> find(const std::string& name) const;
@@ -34,7 +36,8 @@ class ImageStore {
   const size_t capacity_bytes_;
   mutable std::mutex mutex_;
   std::map<std::string, std::shared_ptr<const Image16>> images_;  // guarded by mutex_
-  size_t held_bytes_ = 0;                                         // guarded by mutex_
+  std::deque<std::string> sent_;  // their names, latest last; guarded by mutex_
+  size_t held_bytes_ = 0;         // guarded by mutex_
 };
 
 class Program {

@@ -7,14 +7,14 @@
 #include <deque>
 #include <thread>
 
+#include "core/base/status.h"
+#include "core/frame/photo.h"
 #include "core/pattern/id_patch.h"
 #include "core/service/service.h"
 #include "display-node/playback/player.h"
 
 namespace glasswing {
 namespace {
-
-constexpr size_t kMaxImageBytes = 64u << 20;
 
 std::vector<ScreenInfo> with_patch(std::vector<ScreenInfo> screens, int patch_rows) {
   for (ScreenInfo& screen : screens) screen.patch_rows = patch_rows;
@@ -60,6 +60,20 @@ grpc::Status DisplayServiceImpl::GetDisplay(grpc::ServerContext*, const v1::GetD
   return grpc::Status::OK;
 }
 
+// Before it is decoded: a few kilobytes may unpack to any size.
+absl::Status DisplayServiceImpl::check_fits(const std::string& png) const {
+  GW_ASSIGN_OR_RETURN(const PictureSize size, photo_size(png));
+  std::string sizes;
+  for (const ScreenInfo& screen : screens_) {
+    const MonitorSize pattern = pattern_size_of(screen);
+    if (size.width_px == pattern.width_px && size.height_px == pattern.height_px) return absl::OkStatus();
+    sizes += fmt::format("{}{} {}x{}", sizes.empty() ? "" : ", ", screen.name, pattern.width_px,
+                         pattern.height_px);
+  }
+  return absl::InvalidArgumentError(fmt::format("the photo is {}x{}; it must have the size of a monitor: {}",
+                                                size.width_px, size.height_px, sizes));
+}
+
 grpc::Status DisplayServiceImpl::PutImage(grpc::ServerContext*,
                                           grpc::ServerReader<v1::PutImageRequest>* reader,
                                           v1::PutImageResponse* response) {
@@ -67,11 +81,12 @@ grpc::Status DisplayServiceImpl::PutImage(grpc::ServerContext*,
   v1::PutImageRequest request;
   while (reader->Read(&request)) {
     png += request.chunk();
-    if (png.size() > kMaxImageBytes) {
+    if (static_cast<std::int64_t>(png.size()) > kMaxPhotoBytes) {
       return to_grpc(
-          absl::InvalidArgumentError(fmt::format("the image is larger than {} bytes", kMaxImageBytes)));
+          absl::InvalidArgumentError(fmt::format("the photo has more than {} bytes", kMaxPhotoBytes)));
     }
   }
+  if (const absl::Status fits = check_fits(png); !fits.ok()) return to_grpc(fits);
   const absl::StatusOr<std::string> image = images_.add(png);
   if (!image.ok()) return to_grpc(image.status());
   response->set_image(*image);

@@ -31,6 +31,9 @@ class DisplayServiceImpl final : public v1::DisplayService::Service {
                            grpc::ServerWriter<v1::PlayProgramResponse>*) override;
 
  private:
+  // INVALID_ARGUMENT: not a photo of the size of one of the monitors.
+  absl::Status check_fits(const std::string& png) const;
+
   const std::string name_;
   Display& display_;
   const std::vector<ScreenInfo> screens_;

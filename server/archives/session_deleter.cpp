@@ -75,7 +75,7 @@ absl::StatusOr<std::int64_t> SessionDeleter::remove_all_of(v1::Session session) 
   fault_point("mattes deleted");
   GW_RETURN_IF_ERROR(edit.remove(name));
   fault_point("session deleted");
-  others_.forget(name);
+  others_.forget(session);
   return freed_bytes + matte_bytes;
 }
 

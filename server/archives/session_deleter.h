@@ -18,11 +18,11 @@ namespace glasswing {
 // Thread-safe. Errors are those that session_service.proto lists.
 class SessionDeleter {
  public:
-  // The session's data elsewhere: `remove_job` removes its tiles, durably; `forget` drops what is in memory
-  // once the session is gone. Both are called under an Edit.
+  // The session's data elsewhere: `remove_job` removes its tiles, durably; `forget` drops what is in memory,
+  // and its photos, once the session is gone. Both are called under an Edit.
   struct Others {
     std::function<absl::Status(const v1::Session&)> remove_job;
-    std::function<void(const std::string&)> forget;
+    std::function<void(const v1::Session&)> forget;
   };
   SessionDeleter(SessionStore& sessions, const NodeRegistry& nodes, const MatteFiles& mattes, Others others)
       : sessions_(sessions), nodes_(nodes), mattes_(mattes), others_(std::move(others)) {}

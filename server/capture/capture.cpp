@@ -17,12 +17,12 @@
 
 namespace glasswing {
 
-Capture::Capture(const NodeRegistry& rig, const CalibrationStore& calibrations, std::filesystem::path images,
+Capture::Capture(const NodeRegistry& rig, const CalibrationStore& calibrations, const ImageFiles& images,
                  v1::Session session, std::optional<bool> object_confirmed, StepLog& log,
                  std::function<void(const v1::Session&)> report)
     : rig_(rig),
       calibrations_(calibrations),
-      images_(std::move(images)),
+      images_(images),
       object_confirmed_(object_confirmed),
       progress_(std::move(session), log, std::move(report)),
       video_(setup_, progress_),
@@ -113,18 +113,22 @@ absl::Status Capture::check_room() {
 }
 
 absl::Status Capture::send_images() {
-  std::set<std::string> images;
+  std::map<std::string, std::set<std::string>> monitors_of;  // by image
   for (const Step& step : setup_.steps) {
-    if (!step.stimulus.image().empty()) images.insert(step.stimulus.image());
+    if (!step.stimulus.image().empty()) monitors_of[step.stimulus.image()].insert(step.stimulus.panel());
   }
-  for (const std::string& image : images) {
+  for (const auto& [image, monitors] : monitors_of) {
     GW_RETURN_IF_ERROR(check_name("image", image));
-    GW_ASSIGN_OR_RETURN(const std::string bytes, read_file(images_ / image));
+    GW_ASSIGN_OR_RETURN(const std::string bytes, read_file(images_.path(image)));
     if (image_name(bytes) != image) {
       return absl::DataLossError(fmt::format("{} is damaged: upload the photo again, with a new session",
-                                             (images_ / image).string()));
+                                             images_.path(image).string()));
     }
-    for (const auto& display : setup_.links.displays) GW_RETURN_IF_ERROR(send_image(bytes, *display));
+    for (const auto& display : setup_.links.displays) {
+      const bool shows_it = std::ranges::any_of(
+          monitors, [&](const std::string& monitor) { return display->monitor(monitor) != nullptr; });
+      if (shows_it) GW_RETURN_IF_ERROR(send_image(bytes, *display));
+    }
   }
   return absl::OkStatus();
 }

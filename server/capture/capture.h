@@ -9,7 +9,6 @@
 #include <absl/status/status.h>
 #include <absl/status/statusor.h>
 
-#include <filesystem>
 #include <functional>
 #include <optional>
 #include <set>
@@ -24,6 +23,7 @@
 #include "server/capture/step_player.h"
 #include "server/capture/video_capture.h"
 #include "server/sessions/step_log.h"
+#include "server/storage/image_files.h"
 
 namespace glasswing {
 
@@ -42,10 +42,9 @@ struct CaptureOutcome {
 
 class Capture {
  public:
-  // `images` is the directory of uploaded photos. `object_confirmed`: a person has confirmed that the object
-  // is on the stage, or off it. `log` records the outcome of each step. `report` is called with the updated
-  // session, from the thread that calls run().
-  Capture(const NodeRegistry& rig, const CalibrationStore& calibrations, std::filesystem::path images,
+  // `object_confirmed`: a person has confirmed that the object is on the stage, or off it. `log` records the
+  // outcome of each step. `report` is called with the updated session, from the thread that calls run().
+  Capture(const NodeRegistry& rig, const CalibrationStore& calibrations, const ImageFiles& images,
           v1::Session session, std::optional<bool> object_confirmed, StepLog& log,
           std::function<void(const v1::Session&)> report);
   ~Capture();
@@ -77,7 +76,7 @@ class Capture {
 
   const NodeRegistry& rig_;
   const CalibrationStore& calibrations_;
-  const std::filesystem::path images_;
+  const ImageFiles& images_;
   const std::optional<bool> object_confirmed_;
 
   CaptureSetup setup_;

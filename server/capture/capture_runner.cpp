@@ -7,14 +7,12 @@
 #include <condition_variable>
 
 #include "core/base/fault_point.h"
-#include "core/base/file.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
 #include "server/archives/session_archive.h"
 #include "server/capture/capture_check.h"
 #include "server/sessions/session_state.h"
-#include "server/storage/image_name.h"
 
 namespace glasswing {
 namespace {
@@ -58,12 +56,6 @@ void CaptureRunner::take_up(SessionStore::Edit& edit, std::span<const v1::Sessio
   }
 }
 
-absl::StatusOr<std::string> CaptureRunner::store_image(const std::string& png) {
-  std::string name = image_name(png);
-  GW_RETURN_IF_ERROR(write_file_durably(images_ / name, png));
-  return name;
-}
-
 absl::Status CaptureRunner::check_new_name(const std::string& name) {
   GW_RETURN_IF_ERROR(check_name("session", name));
   if (absl::IsNotFound(sessions_.stored(name).status())) return absl::OkStatus();
@@ -82,7 +74,7 @@ absl::StatusOr<v1::EstimateSessionResponse> CaptureRunner::estimate(
 absl::Status CaptureRunner::check_images(const std::vector<Step>& steps) const {
   for (const Step& step : steps) {
     const std::string& image = step.stimulus.image();
-    if (!image.empty() && (!check_name("image", image).ok() || !fs::exists(images_ / image))) {
+    if (!image.empty() && !images_.has(image)) {
       return absl::InvalidArgumentError(
           fmt::format("photo \"{}\" has not been uploaded", step.stimulus.name()));
     }
@@ -105,7 +97,6 @@ absl::StatusOr<v1::Session> CaptureRunner::create(const v1::CreateSessionRequest
   const absl::StatusOr<v1::Session> before = sessions_.find_request(request.request_id());
   if (!absl::IsNotFound(before.status())) return before;
   GW_ASSIGN_OR_RETURN(const CheckedCapture checked, check_capture(nodes_, calibrations_, request.plan()));
-  GW_RETURN_IF_ERROR(check_images(checked.steps));
   v1::Session session;
   session.set_created(utc_now_rfc3339());
   session.set_started_by(caller.client);
@@ -120,8 +111,10 @@ absl::StatusOr<v1::Session> CaptureRunner::create(const v1::CreateSessionRequest
   session.set_state(v1::SESSION_STATE_CREATED);
 
   SessionStore::Edit edit = sessions_.edit();
+  GW_RETURN_IF_ERROR(check_images(checked.steps));
   GW_ASSIGN_OR_RETURN(RigLock::Drive drive, drive_for(session.name(), caller));
   GW_RETURN_IF_ERROR(edit.insert(session, request.request_id()));
+  images_.use(photos_of(session));
   fault_point("session stored");
   return start(edit, std::move(session), std::move(drive));
 }
@@ -274,9 +267,10 @@ absl::StatusOr<std::vector<v1::StepEvent>> CaptureRunner::steps(const std::strin
   return proven_steps(manifest);
 }
 
-void CaptureRunner::forget(const std::string& session) {
+void CaptureRunner::forget(const v1::Session& session) {
+  images_.release(photos_of(session), sessions_.photos());
   const std::lock_guard lock(mutex_);
-  operator_asked_.erase(session);
+  operator_asked_.erase(session.name());
 }
 
 }  // namespace glasswing

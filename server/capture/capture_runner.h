@@ -21,6 +21,7 @@
 #include "server/rig/rig_lock.h"
 #include "server/sessions/session_store.h"
 #include "server/sessions/step_log.h"
+#include "server/storage/image_files.h"
 
 namespace glasswing {
 
@@ -29,21 +30,18 @@ class CaptureRunner {
  public:
   enum class Wish { kNone, kPause, kCancel };
 
-  // `data`: the server's directory; uploaded images lie below it.
   CaptureRunner(SessionStore& sessions, const NodeRegistry& nodes, RigLock& rig_lock,
-                const CalibrationStore& calibrations, const std::filesystem::path& data)
+                const CalibrationStore& calibrations, ImageFiles& images)
       : sessions_(sessions),
         nodes_(nodes),
         rig_lock_(rig_lock),
         calibrations_(calibrations),
-        images_(data / "images") {}
+        images_(images) {}
   ~CaptureRunner();  // pauses a running capture
 
   // Sessions that an earlier server left capturing are paused.
   void take_up(SessionStore::Edit& edit, std::span<const v1::Session> sessions);
 
-  // Returns the image's name, by its content.
-  absl::StatusOr<std::string> store_image(const std::string& png);
   absl::StatusOr<v1::EstimateSessionResponse> estimate(const v1::EstimateSessionRequest& request);
   absl::StatusOr<v1::Session> create(const v1::CreateSessionRequest& request, const Caller& caller);
   // Continues a capture that is paused or failed (session_state.h).
@@ -58,7 +56,7 @@ class CaptureRunner {
   // The events of the session's steps from the `first` on.
   absl::StatusOr<std::vector<v1::StepEvent>> steps(const std::string& session, size_t first);
 
-  void forget(const std::string& session);
+  void forget(const v1::Session& session);
 
  private:
   absl::Status check_new_name(const std::string& name);
@@ -73,7 +71,7 @@ class CaptureRunner {
   const NodeRegistry& nodes_;
   RigLock& rig_lock_;
   const CalibrationStore& calibrations_;
-  const std::filesystem::path images_;
+  ImageFiles& images_;
   StepLog steps_;
 
   std::mutex mutex_;                            // guards all below; taken after an Edit, never before

@@ -43,12 +43,12 @@ bool wait_a_second(std::stop_token stop) {
 
 absl::StatusOr<std::unique_ptr<Server>> Server::open(const ServerOptions& options) {
   const fs::path& data = options.data;
-  for (const char* name : {"images", "mattes", "tiles"})
-    GW_RETURN_IF_ERROR(make_directory_durably(data / name));
+  for (const char* name : {"mattes", "tiles"}) GW_RETURN_IF_ERROR(make_directory_durably(data / name));
   Stores stores;
   stores.problems = std::make_unique<Problems>();
   stores.problems->note_set_aside(data);
   GW_ASSIGN_OR_RETURN(stores.sessions, SessionStore::open(data));
+  GW_ASSIGN_OR_RETURN(stores.images, ImageFiles::open(data / "images", stores.sessions->photos()));
   GW_ASSIGN_OR_RETURN(stores.calibrations, CalibrationStore::open(data, *stores.problems));
   GW_ASSIGN_OR_RETURN(const std::string id, server_id(data, *stores.problems));
   GW_ASSIGN_OR_RETURN(
@@ -69,15 +69,15 @@ Server::Server(const ServerOptions& options, Stores stores)
               options.min_tile_seconds),
       tiles_({.sessions = *stores_.sessions, .jobs = *stores_.jobs, .mattes = mattes_}, rig_,
              solves_.progress(), options.lease),
-      captures_(*stores_.sessions, rig_, rig_lock_, *stores_.calibrations, options.data),
+      captures_(*stores_.sessions, rig_, rig_lock_, *stores_.calibrations, *stores_.images),
       control_(*stores_.sessions, captures_, solves_),
       importer_(*stores_.sessions, rig_),
       replicator_(*stores_.sessions, rig_),
       deleter_(*stores_.sessions, rig_, mattes_,
                {.remove_job = [this](const v1::Session& session) { return solves_.remove(session); },
                 .forget =
-                    [this](const std::string& session) {
-                      solves_.forget(session);
+                    [this](const v1::Session& session) {
+                      solves_.forget(session.name());
                       captures_.forget(session);
                     }}) {}
 

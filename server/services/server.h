@@ -25,6 +25,7 @@
 #include "server/solve/solve_runner.h"
 #include "server/solve/tile_dispatcher.h"
 #include "server/solve/tile_sizes.h"
+#include "server/storage/image_files.h"
 #include "server/storage/matte_files.h"
 #include "server/storage/problems.h"
 
@@ -52,6 +53,7 @@ class Server {
   CalibrationStore& calibrations() { return *stores_.calibrations; }
 
   SessionStore& sessions() { return *stores_.sessions; }
+  ImageFiles& images() { return *stores_.images; }
   CaptureRunner& captures() { return captures_; }
   SolveRunner& solves() { return solves_; }
   TileDispatcher& tiles() { return tiles_; }
@@ -71,6 +73,7 @@ class Server {
     std::unique_ptr<Problems> problems;
     std::unique_ptr<CalibrationStore> calibrations;
     std::unique_ptr<SessionStore> sessions;
+    std::unique_ptr<ImageFiles> images;
     std::unique_ptr<JobStore> jobs;
   };
   Server(const ServerOptions& options, Stores stores);

@@ -10,7 +10,6 @@ namespace glasswing {
 namespace {
 
 constexpr size_t kEventsOfAMessage = 1000;
-constexpr size_t kMaxImageBytes = 256u << 20;
 
 bool rests(v1::SessionState state) {
   return state == v1::SESSION_STATE_PAUSED || state == v1::SESSION_STATE_CAPTURED ||
@@ -57,16 +56,14 @@ grpc::Status SessionServiceImpl::FinishImport(grpc::ServerContext*, const v1::Fi
 grpc::Status SessionServiceImpl::UploadImage(grpc::ServerContext*,
                                              grpc::ServerReader<v1::UploadImageRequest>* reader,
                                              v1::UploadImageResponse* response) {
-  std::string bytes;
+  absl::StatusOr<ImageFiles::Upload> upload = server_.images().begin();
+  if (!upload.ok()) return to_grpc(upload.status());
   v1::UploadImageRequest request;
   while (reader->Read(&request)) {
-    bytes += request.chunk();
-    if (bytes.size() > kMaxImageBytes) {
-      return to_grpc(
-          absl::InvalidArgumentError(fmt::format("the image is larger than {} bytes", kMaxImageBytes)));
-    }
+    const absl::Status added = upload->add(request.chunk());
+    if (!added.ok()) return to_grpc(added);
   }
-  const absl::StatusOr<std::string> image = server_.captures().store_image(bytes);
+  const absl::StatusOr<std::string> image = upload->finish();
   if (!image.ok()) return to_grpc(image.status());
   response->set_image(*image);
   return grpc::Status::OK;

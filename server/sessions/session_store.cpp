@@ -122,6 +122,23 @@ absl::StatusOr<std::vector<v1::Session>> SessionStore::list(const v1::ListSessio
   return sessions;
 }
 
+std::optional<std::set<std::string>> SessionStore::photos() {
+  const absl::StatusOr<std::vector<v1::Session>> sessions = all_stored();
+  if (!sessions.ok()) return std::nullopt;
+  std::set<std::string> photos;
+  for (const v1::Session& session : *sessions) {
+    if (session.state() == v1::SESSION_STATE_DAMAGED) return std::nullopt;
+    photos.merge(photos_of(session));
+  }
+  return photos;
+}
+
+std::set<std::string> photos_of(const v1::Session& session) {
+  std::set<std::string> photos;
+  for (const v1::Photo& photo : session.plan().photos()) photos.insert(photo.file());
+  return photos;
+}
+
 absl::StatusOr<v1::Session> SessionStore::annotate(const v1::AnnotateSessionRequest& request) {
   Edit edit = this->edit();
   GW_RETURN_IF_ERROR(catalogue_->annotate(request).status());

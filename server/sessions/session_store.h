@@ -21,6 +21,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -83,6 +84,8 @@ class SessionStore {
   absl::StatusOr<v1::Session> find_request(const std::string& request_id) {
     return catalogue_->find_request(request_id);
   }
+  // The photos that any session's plan shows. Absent: unknown, since a record is damaged.
+  std::optional<std::set<std::string>> photos();
   // Newest first, without plans, with allowed actions. INVALID_ARGUMENT: a time that cannot be read.
   absl::StatusOr<std::vector<v1::Session>> list(const v1::ListSessionsRequest& request);
   absl::StatusOr<v1::Session> annotate(const v1::AnnotateSessionRequest& request);
@@ -108,5 +111,8 @@ class SessionStore {
   std::set<std::string> deleting_;
   std::multiset<std::string> replicating_;
 };
+
+// The photos that the session's plan shows: uploaded images.
+std::set<std::string> photos_of(const v1::Session& session);
 
 }  // namespace glasswing

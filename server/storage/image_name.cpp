@@ -5,9 +5,12 @@
 namespace glasswing {
 
 std::string image_name(std::string_view bytes) {
-  std::string name = checksum_of(bytes);
-  std::erase(name, ':');
-  return name;
+  return image_name_of(checksum_of(bytes));
+}
+
+std::string image_name_of(std::string checksum) {
+  std::erase(checksum, ':');
+  return checksum;
 }
 
 }  // namespace glasswing

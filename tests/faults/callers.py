@@ -15,6 +15,7 @@ import struct
 import subprocess
 import threading
 import time
+import zlib
 from collections.abc import Callable, Iterator
 
 import grpc
@@ -349,3 +350,41 @@ def imports(stage: Stage) -> Report:
     stage.put(name, 2)  # neither left a session
     stage.delete(name)
     return Report(3)
+
+
+def _png(width: int, height: int, level: int) -> bytes:
+    """A gray PNG of one level, made row by row: 16384x16384 of it take some hundred kilobytes."""
+
+    def chunk(kind: bytes, content: bytes) -> bytes:
+        return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
+
+    packer = zlib.compressobj(6)
+    row = b"\0" + bytes([level]) * width
+    packed = b"".join([packer.compress(row) for _ in range(height)] + [packer.flush()])
+    header = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", packed) + chunk(b"IEND", b"")
+
+
+@case("callers.photos", "a photo of 16384x16384 in some hundred kilobytes, endless ones, what is none, 400 that no session shows", "refused before anything is decoded; the newest 256 stay, in bounded memory")
+def photos(stage: Stage) -> Report:
+    """Photos that a session shows are in server/sessions/session_life_test."""
+
+    def upload(content: bytes, repeat: int = 1) -> str:
+        requests = (sessions.UploadImageRequest(chunk=part) for _ in range(repeat) for part in [content[at : at + (1 << 20)] for at in range(0, len(content), 1 << 20)])
+        image: str = stage.lab.sessions.UploadImage(requests, timeout=60.0).image
+        return image
+
+    memory = Memory(stage.lab.server)
+    refused = 0
+    for content, repeat in ((_png(16384, 16384, 0), 1), (_png(8, 8, 0) + bytes(1 << 20), 400), (b"no picture" * 100, 1), (b"", 1)):
+        try:
+            upload(content, repeat)
+            raise AssertionError(f"{content[:40]!r} was stored as a photo")
+        except grpc.RpcError as error:
+            assert error.code() == grpc.StatusCode.INVALID_ARGUMENT, error
+            refused += 1
+        memory.look()
+    names = [upload(_png(1 + number % 20, 1 + number // 20, number % 256)) for number in range(400)]
+    kept = {path.name for path in (stage.lab.data / "images").iterdir()}
+    assert kept == set(names[-256:]), f"{len(kept)} photos are kept"
+    return Report(refused + len(names), memory.check(100.0))

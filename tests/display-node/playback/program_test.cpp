@@ -404,25 +404,25 @@ TEST(ImageStore, RefusesWhatIsNoPicture) {
   }
 }
 
-TEST(ImageStore, IsBoundedByCountAndBytes) {
-  ImageStore few;
-  absl::Status status;
-  int stored = 0;
-  std::string first;
-  for (std::uint16_t code = 0; status.ok() && code < 1000; ++code) {
-    const absl::StatusOr<std::string> name = few.add(png_of(2, 2, code));
-    status = name.status();
-    if (code == 0) first = *name;
-    if (status.ok()) ++stored;
-  }
-  EXPECT_TRUE(absl::IsResourceExhausted(status)) << status;
-  EXPECT_EQ(stored, 64);
-  EXPECT_EQ(few.add(png_of(2, 2, 0)).value(), first) << "what is there may be sent again";
+TEST(ImageStore, ThoseThatWereSentLongestAgoMakeRoom) {
+  ImageStore store(200);  // a picture of 4 x 4 px takes 96
+  const std::string a = store.add(png_of(4, 4, 1)).value(), b = store.add(png_of(4, 4, 2)).value();
+  const std::shared_ptr<const Image16> shown = store.find(b);
+  EXPECT_EQ(store.add(png_of(4, 4, 1)).value(), a);  // sent again: the latest
+  const std::string c = store.add(png_of(4, 4, 3)).value();
+  EXPECT_NE(store.find(a), nullptr);
+  EXPECT_EQ(store.find(b), nullptr);
+  EXPECT_NE(store.find(c), nullptr);
+  EXPECT_EQ(shown->width_px, 4) << "who shows a picture keeps it";
+  EXPECT_TRUE(absl::IsResourceExhausted(store.add(png_of(6, 6, 1)).status()));
+  EXPECT_NE(store.find(c), nullptr) << "what does not fit at all takes no room";
+}
 
-  ImageStore small(150);  // a picture of 4 x 4 px takes 96
-  ASSERT_TRUE(small.add(png_of(4, 4, 1)).ok());
-  EXPECT_TRUE(absl::IsResourceExhausted(small.add(png_of(4, 4, 2)).status()));
-  EXPECT_TRUE(small.add(png_of(3, 3, 2)).ok()) << "exactly full";
+TEST(ImageStore, TakesAnyNumberOfPhotosOneAfterAnother) {
+  ImageStore store;
+  for (std::uint16_t code = 0; code < 5000; ++code)
+    ASSERT_NE(store.find(store.add(png_of(2, 2, code)).value()), nullptr) << code;
+  EXPECT_EQ(store.find(store.add(png_of(2, 2, 0)).value())->width_px, 2);
 }
 
 }  // namespace

@@ -254,6 +254,19 @@ TEST_F(DisplayServiceTest, TakesPicturesInChunks) {
   EXPECT_TRUE(absl::IsFailedPrecondition(load(request)));
 }
 
+TEST_F(DisplayServiceTest, RefusesPicturesOfAnotherSizeBeforeTheyAreDecoded) {
+  for (const auto& [width, height] : {std::pair(6, 8), std::pair(9, 6), std::pair(16384, 16384)}) {
+    std::string png = encode_png16(Image16(8, 6));
+    for (size_t i = 0; i < 4; ++i) {
+      png[16 + i] = static_cast<char>(width >> (24 - 8 * i));
+      png[20 + i] = static_cast<char>(height >> (24 - 8 * i));
+    }
+    const absl::Status status = put_image({png}).status();  // decoded, it would be damaged
+    EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
+    EXPECT_NE(status.message().find(std::to_string(width)), std::string::npos) << status;
+  }
+}
+
 TEST_F(DisplayServiceTest, RefusesPicturesThatAreNone) {
   EXPECT_TRUE(absl::IsInvalidArgument(put_image({}).status()));
   EXPECT_TRUE(absl::IsInvalidArgument(put_image({"\x89PNG", "garbage"}).status()));

@@ -8,6 +8,7 @@
 
 #include "core/base/file.h"
 #include "core/base/time.h"
+#include "core/frame/image_file.h"
 #include "server/sessions/session_state.h"
 #include "tests/faults/capture/rig.h"
 #include "tests/server/solve/idle_solver.h"
@@ -336,6 +337,36 @@ TEST_F(SessionLife, ARefusedImportLeavesNothingAndOneThatWasBegunCanBeDeleted) {
   ASSERT_TRUE(server().deleter().remove("s").ok());
   EXPECT_TRUE(absl::IsNotFound(server().sessions().find("s").status()));
   EXPECT_FALSE(server().importer().finish("s").ok());
+}
+
+TEST_F(SessionLife, SessionsWithPhotosRunOneAfterAnotherAndTakeThemAlong) {
+  start();
+  v1::Plan plan = small_plan();
+  v1::EstimateSessionRequest estimate;
+  *estimate.mutable_plan() = plan;
+  const v1::Monitor monitor = server().captures().estimate(estimate)->monitors(0);
+  constexpr int kSessions = 5, kPhotos = 14;  // once displays held 64 in all
+  const auto count = [&] {
+    return std::distance(fs::directory_iterator(server().images().path("x").parent_path()),
+                         fs::directory_iterator());
+  };
+  for (int session = 0; session < kSessions; ++session) {
+    plan.clear_photos();
+    for (int photo = 0; photo < kPhotos; ++photo) {
+      Image16 image(monitor.width_px(), monitor.height_px());
+      image.samples[0] = static_cast<std::uint16_t>(session * kPhotos + photo);
+      ImageFiles::Upload upload = server().images().begin().value();
+      ASSERT_TRUE(upload.add(encode_png16(image)).ok());
+      v1::Photo& shown = *plan.add_photos();
+      shown.set_file(upload.finish().value());
+      shown.set_name("photo-" + std::to_string(photo));
+    }
+    const v1::Session captured = capture(plan);
+    ASSERT_EQ(captured.state(), v1::SESSION_STATE_CAPTURED) << session << ": " << captured.reason();
+    EXPECT_EQ(count(), kPhotos);
+    ASSERT_TRUE(server().deleter().remove("s").ok());
+    EXPECT_EQ(count(), 0);
+  }
 }
 
 TEST_F(SessionLife, ATileThatNobodyCanSolveIsNamedOnceTheOthersAreDone) {

@@ -1,0 +1,19 @@
+#include "core/frame/photo.h"
+
+#include <fmt/format.h>
+
+namespace glasswing {
+
+absl::StatusOr<PictureSize> photo_size(std::string_view head) {
+  const bool is_png = head.starts_with("\x89PNG\r\n\x1a\n");
+  const absl::StatusOr<PictureSize> size =
+      is_png ? picture_size(head) : absl::DataLossError("it is not a PNG");
+  if (!size.ok())
+    return absl::InvalidArgumentError(fmt::format("the photo: {}", std::string(size.status().message())));
+  if (std::int64_t{size->width_px} * size->height_px <= kMaxPhotoPixels) return *size;
+  return absl::InvalidArgumentError(
+      fmt::format("the photo is {}x{}; it must have at most {} pixels, as 8192x4320 has", size->width_px,
+                  size->height_px, kMaxPhotoPixels));
+}
+
+}  // namespace glasswing
