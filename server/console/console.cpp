@@ -89,15 +89,26 @@ bool send_end(httplib::DataSink& sink, const absl::Status& status) {
 }
 
 // Confines the page to its own scripts, styles and connections.
-httplib::Headers security_headers() {
-  return {{"Content-Security-Policy",
-           "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
-           "connect-src 'self'; worker-src 'self'; manifest-src 'self'; base-uri 'none'; form-action 'none'; "
-           "frame-ancestors 'none'"},
-          {"X-Content-Type-Options", "nosniff"},
-          {"Referrer-Policy", "no-referrer"},
-          {"Cross-Origin-Resource-Policy", "same-origin"},
-          {"Cross-Origin-Opener-Policy", "same-origin"}};
+httplib::Headers security_headers(bool has_tls) {
+  httplib::Headers headers = {
+      {"Content-Security-Policy",
+       "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
+       "connect-src 'self'; worker-src 'self'; manifest-src 'self'; base-uri 'none'; form-action 'none'; "
+       "frame-ancestors 'none'"},
+      {"X-Content-Type-Options", "nosniff"},
+      {"Referrer-Policy", "no-referrer"},
+      {"Cross-Origin-Resource-Policy", "same-origin"},
+      {"Cross-Origin-Opener-Policy", "same-origin"}};
+  if (has_tls) headers.emplace("Strict-Transport-Security", "max-age=31536000");
+  return headers;
+}
+
+// Bytes of a posted body; absent: nothing is posted there.
+std::optional<size_t> max_body_of(const std::string& path) {
+  if (path == "/login" || path == "/logout") return kMaxToken;
+  if (path == "/images") return kMaxImage;
+  if (path == "/plans" || path.starts_with("/api/")) return kMaxJson;
+  return std::nullopt;
 }
 
 }  // namespace
@@ -131,8 +142,9 @@ Console::~Console() {
 }
 
 void Console::add_routes(const std::filesystem::path& files) {
+  host_->limit_bodies(max_body_of);
   httplib::Server& routes = host_->routes();
-  routes.set_default_headers(security_headers());
+  routes.set_default_headers(security_headers(host_->has_tls()));
   routes.Post("/login",
               [this](const Request& request, Response& response, const httplib::ContentReader& content) {
                 const absl::StatusOr<std::string> body = body_of(content, kMaxToken);
@@ -252,6 +264,16 @@ void Console::call(const std::shared_ptr<grpc::Channel>& channel, const std::str
   if (!method.ok()) return refuse(response, method.status());
   if (const absl::Status status = admit(method->name(), principal.roles, principal.title()); !status.ok())
     return refuse(response, status);
+  const std::string name = principal.name;
+  if (method->streams() && !streams_.take(name)) {
+    return refuse(response, absl::ResourceExhaustedError(fmt::format(
+                                "\"{}\" has {} pages' event streams open, or all have {}: close some", name,
+                                StreamPlaces::kMaxOfOne, StreamPlaces::kMax)));
+  }
+  // Of a stream that is not begun, too.
+  const auto place = std::shared_ptr<void>(nullptr, [this, name, is_taken = method->streams()](void*) {
+    if (is_taken) streams_.leave(name);
+  });
   auto started = JsonCall::start(channel, *method, body, caller_metadata(principal),
                                  method->streams() ? std::chrono::milliseconds(kMaxStream) : kCallTimeout);
   if (!started.ok()) return refuse(response, started.status());
@@ -262,7 +284,7 @@ void Console::call(const std::shared_ptr<grpc::Channel>& channel, const std::str
       return response.set_content(message, kJson);
     return refuse(response, running->outcome(peer));
   }
-  const auto send_next = [this, running, peer, principal, quiet = std::chrono::milliseconds(0),
+  const auto send_next = [this, running, place, peer, principal, quiet = std::chrono::milliseconds(0),
                           checked = AccessTokens::current_time()](size_t, httplib::DataSink& sink) mutable {
     std::string event;
     if (const std::chrono::sys_seconds now = AccessTokens::current_time(); now != checked) {

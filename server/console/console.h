@@ -28,6 +28,7 @@
 #include "server/console/http_host.h"
 #include "server/console/node_channels.h"
 #include "server/console/session_routes.h"
+#include "server/console/stream_places.h"
 
 namespace glasswing {
 
@@ -72,6 +73,7 @@ class Console {
   const std::shared_ptr<grpc::Channel> server_;
   NodeChannels nodes_;
   const SessionRoutes sessions_;
+  mutable StreamPlaces streams_;
   std::unique_ptr<HttpHost> host_;
   std::string url_;
   std::atomic<bool> stopping_ = false;

@@ -13,10 +13,15 @@
 namespace glasswing {
 namespace {
 
-// Concurrent requests: a page has up to six connections, and each stream occupies one.
-constexpr size_t kThreads = 64;
-constexpr size_t kMaxBytes = size_t{64} << 20;  // of a request; larger ones are read, dropped and refused
-constexpr time_t kKeepAlive_s = 15, kRead_s = 10, kWrite_s = 30;
+using httplib::Request;
+using httplib::Response;
+
+constexpr size_t kMaxBytes = size_t{64} << 20;  // of a body
+
+struct FreeContext {
+  void operator()(SSL_CTX* context) const { SSL_CTX_free(context); }
+};
+using TlsContext = std::unique_ptr<SSL_CTX, FreeContext>;
 
 // Uses the certificates current when a browser connects, so renewed ones need no restart.
 int use_certificates(SSL* ssl, void*) {
@@ -36,27 +41,46 @@ int use_certificates(SSL* ssl, void*) {
 }
 
 // A client certificate is optional, but must be of our CA; clients without one log in by a token.
-bool set_up(SSL_CTX& context) {
-  SSL_CTX_set_min_proto_version(&context, TLS1_2_VERSION);
-  SSL_CTX_set_verify(&context, SSL_VERIFY_PEER, nullptr);
-  SSL_CTX_set_session_cache_mode(&context, SSL_SESS_CACHE_OFF);
-  SSL_CTX_set_cert_cb(&context, use_certificates, nullptr);
-  return true;
+TlsContext tls_context() {
+  TlsContext context(SSL_CTX_new(TLS_server_method()));
+  SSL_CTX_set_options(context.get(), SSL_OP_NO_RENEGOTIATION | SSL_OP_NO_COMPRESSION);
+  SSL_CTX_set_min_proto_version(context.get(), TLS1_2_VERSION);
+  SSL_CTX_set_verify(context.get(), SSL_VERIFY_PEER, nullptr);
+  SSL_CTX_set_session_cache_mode(context.get(), SSL_SESS_CACHE_OFF);
+  SSL_CTX_set_cert_cb(context.get(), use_certificates, nullptr);
+  return context;
 }
 
-void set_limits(httplib::Server& server) {
-  server.new_task_queue = [] { return new httplib::ThreadPool(kThreads); };
-  server.set_payload_max_length(kMaxBytes);
-  server.set_keep_alive_timeout(kKeepAlive_s);
-  server.set_keep_alive_max_count(1000);
-  server.set_read_timeout(kRead_s);
-  server.set_write_timeout(kWrite_s);
-  server.set_tcp_nodelay(true);
+void answer(Response& response, int status, const std::string& why) {
+  response.status = status;
+  response.set_content(glasswing::json_of(absl::InvalidArgumentError(why)), "application/json");
+}
+
+// True: answered, since the request's body cannot be taken.
+bool refuses_body(const Request& request, const HttpHost::BodyLimit& limit, Response& response) {
+  if (request.method == "GET" || request.method == "HEAD") return false;
+  const std::optional<size_t> max_bytes = request.method == "POST" ? limit(request.path) : std::nullopt;
+  const auto size = request.get_header_value<std::uint64_t>("Content-Length");
+  if (request.method != "POST") {
+    answer(response, 405, fmt::format("the method is {}; it must be GET, HEAD or POST", request.method));
+  } else if (!max_bytes) {
+    answer(response, 404, fmt::format("there is nothing at {} to post to", request.path));
+  } else if (request.has_header("Transfer-Encoding")) {
+    answer(response, 411, "the request has Transfer-Encoding; it must have Content-Length");
+  } else if (request.has_header("Content-Encoding") || request.is_multipart_form_data()) {
+    answer(response, 415, "the request's body is compressed or multipart; it must be sent as it is");
+  } else if (size > *max_bytes) {
+    answer(response, 413, fmt::format("the request's body has more than {} bytes", *max_bytes));
+  } else {
+    return false;
+  }
+  return true;
 }
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<HttpHost>> HttpHost::bind(const std::string& address) {
+absl::StatusOr<std::unique_ptr<HttpHost>> HttpHost::bind(const std::string& address,
+                                                         const HttpLimits& limits) {
   const size_t colon = address.rfind(':');
   int port = -1;
   if (colon != std::string::npos)
@@ -71,12 +95,10 @@ absl::StatusOr<std::unique_ptr<HttpHost>> HttpHost::bind(const std::string& addr
                     "--key, or let it be 127.0.0.1:PORT",
                     address));
   }
-  if (self->has_tls_) {
-    self->server_ = std::make_unique<httplib::SSLServer>(set_up);
-  } else {
-    self->server_ = std::make_unique<httplib::Server>();
-  }
-  set_limits(*self->server_);
+  self->server_ = std::make_unique<HttpServer>(limits, self->has_tls_ ? tls_context().release() : nullptr);
+  self->server_->set_payload_max_length(kMaxBytes);
+  self->server_->set_keep_alive_max_count(1000);
+  self->server_->set_tcp_nodelay(true);
   std::string host = address.substr(0, colon);
   if (host.size() > 2 && host.front() == '[') host = host.substr(1, host.size() - 2);
   const bool bound = port != 0 ? self->server_->bind_to_port(host, port)
@@ -88,6 +110,14 @@ absl::StatusOr<std::unique_ptr<HttpHost>> HttpHost::bind(const std::string& addr
 
 HttpHost::~HttpHost() {
   stop();
+}
+
+void HttpHost::limit_bodies(BodyLimit max_bytes) {
+  server_->set_pre_routing_handler(
+      [limit = std::move(max_bytes)](const Request& request, Response& response) {
+        return refuses_body(request, limit, response) ? httplib::Server::HandlerResponse::Handled
+                                                      : httplib::Server::HandlerResponse::Unhandled;
+      });
 }
 
 void HttpHost::serve() {

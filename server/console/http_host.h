@@ -4,9 +4,13 @@
 #include <absl/status/statusor.h>
 #include <httplib.h>
 
+#include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
+
+#include "server/console/http_server.h"
 
 namespace glasswing {
 
@@ -14,9 +18,14 @@ class HttpHost {
  public:
   // Binds, but does not serve yet. Port 0: any free one. INVALID_ARGUMENT: not HOST:PORT, or an address that
   // other machines reach, without TLS. UNAVAILABLE: cannot listen on it.
-  static absl::StatusOr<std::unique_ptr<HttpHost>> bind(const std::string& address);
+  static absl::StatusOr<std::unique_ptr<HttpHost>> bind(const std::string& address,
+                                                        const HttpLimits& limits = {});
   ~HttpHost();
 
+  // Before a request's body is read it must say its size, at most `max_bytes` of its path, without an
+  // encoding. Absent: there is nothing to post to.
+  using BodyLimit = std::function<std::optional<size_t>(const std::string& path)>;
+  void limit_bodies(BodyLimit max_bytes);
   // Add routes before serve().
   httplib::Server& routes() { return *server_; }
   void serve();

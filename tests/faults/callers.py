@@ -26,7 +26,7 @@ from glasswing.v1 import archive_pb2, archive_service_pb2 as archives
 from glasswing.v1 import session_service_pb2 as sessions
 
 from case import Cases, Report, struck
-from daemon import BIN, Daemon
+from daemon import BIN, Daemon, free_port, listens
 from lab import SESSION, dial, until
 from stage import Stage, descriptors, memory_mb
 
@@ -388,3 +388,54 @@ def photos(stage: Stage) -> Report:
     kept = {path.name for path in (stage.lab.data / "images").iterdir()}
     assert kept == set(names[-256:]), f"{len(kept)} photos are kept"
     return Report(refused + len(names), memory.check(100.0))
+
+
+def _closes(port: int, start: bytes, more: bytes, max_bytes: int = 300 << 20) -> bool:
+    """True if the console closes a connection that sends `start` and then `more` without end."""
+    with socket.create_connection(("127.0.0.1", port), timeout=60.0) as browser:
+        try:
+            browser.sendall(start)
+            for _ in range(max_bytes // len(more)):
+                browser.sendall(more)
+        except OSError:
+            return True
+    return False
+
+
+@case("callers.console", "a browser without a login: 300 MB of one header line, of many, of a gzip bomb, 24 unread answers to 8 kB of ranges, 2000 connections", "cut off or refused; others are served meanwhile, in bounded memory")
+def console(stage: Stage) -> Report:
+    """The console listens without TLS, as it may on loopback."""
+    port = free_port()
+    usual = stage.lab.server
+    server = stage.lab.server_with("--console", f"127.0.0.1:{port}")
+    usual.end()
+    server.start()
+    until(stage.answers, "the server answers")
+    until(lambda: listens(port), "the console listens")
+    memory = Memory(server)
+    try:
+        with Neighbour(stage) as neighbour:
+            for start, more in (
+                (b"GET / HTTP/1.1\r\nA: ", b"x" * (1 << 20)),
+                (b"GET / HTTP/1.1\r\n", b"A: b\r\n" * (1 << 16)),
+                (b"POST /login HTTP/1.1\r\nContent-Encoding: gzip\r\nContent-Length: 314572800\r\n\r\n", zlib.compress(bytes(1 << 26))),
+                (b"POST /elsewhere HTTP/1.1\r\nContent-Length: 314572800\r\n\r\n", bytes(1 << 20)),
+                (b"POST /login HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n", b"0" * (1 << 20)),
+            ):
+                assert _closes(port, start, more), f"{start!r} was read to its end"
+                memory.look()
+            ranges = b"GET / HTTP/1.1\r\nHost: localhost\r\nRange: bytes=" + b"0-," * 2600 + b"0-\r\n\r\n"
+            with contextlib.ExitStack() as browsers:
+                for _ in range(24):
+                    browsers.enter_context(socket.create_connection(("127.0.0.1", port), timeout=10.0)).sendall(ranges)
+                watched(2.0, memory)
+            with contextlib.ExitStack() as browsers:
+                for _ in range(2000):
+                    browsers.enter_context(socket.create_connection(("127.0.0.1", port), timeout=10.0))
+                memory.look()
+                assert descriptors(server) < 400, f"{descriptors(server)} descriptors are open"
+        return Report(7, f"{memory.check(200.0)}; {neighbour.check()}")
+    finally:
+        server.end()
+        usual.start()
+        until(lambda: stage.answers() and stage.lab.camera_is_up(), "the server answers")

@@ -272,6 +272,35 @@ TEST_F(ConsoleTest, AConsoleThatStopsEndsItsStreams) {
   watching.join();
 }
 
+TEST_F(ConsoleTest, OnePersonsStreamsLeaveRoomForOthers) {
+  start();
+  httplib::Client anna = logged_in("viewer");
+  std::vector<std::jthread> pages;
+  std::atomic<size_t> open = 0;
+  std::atomic<bool> leave = false;
+  const auto watch = [&] {
+    httplib::Client page = logged_in("viewer");
+    httplib::Request request;
+    request.method = "POST";
+    request.path = "/api/SessionService/WatchSession";
+    request.body = "{}";
+    request.set_header("Content-Type", "application/json");
+    bool is_counted = false;
+    request.content_receiver = [&](const char*, size_t, std::uint64_t, std::uint64_t) {
+      if (!std::exchange(is_counted, true)) ++open;
+      while (!leave) std::this_thread::yield();
+      return false;
+    };
+    (void)page.send(request);
+  };
+  for (size_t i = 0; i < StreamPlaces::kMaxOfOne; ++i) pages.emplace_back(watch);
+  while (open < StreamPlaces::kMaxOfOne) std::this_thread::yield();
+  EXPECT_EQ(anna.Post("/api/SessionService/WatchSession", "{}", "application/json")->status, 429);
+  EXPECT_EQ(anna.Get("/me")->status, 200);
+  leave = true;
+  pages.clear();
+}
+
 TEST_F(ConsoleTest, MattesCanBeHadInParts) {
   start();
   httplib::Client anna = logged_in("viewer");
@@ -280,6 +309,8 @@ TEST_F(ConsoleTest, MattesCanBeHadInParts) {
   const auto part = anna.Get("/mattes/vase.exr", {{"Range", "bytes=4-8"}});
   EXPECT_EQ(part->status, 206);
   EXPECT_EQ(part->body, whole.substr(4, 5));
+  // Many parts, each of which may be all of it, are not sent.
+  EXPECT_EQ(anna.Get("/mattes/vase.exr", {{"Range", "bytes=0-,0-,0-"}})->body, whole);
   EXPECT_EQ(anna.Get("/mattes/vase.exr?frame=7")->body, "all the bytes of 7");
   EXPECT_EQ(anna.Get("/mattes/vase.exr?frame=x")->status, 400);
   const std::string tag = anna.Get("/mattes/vase.exr")->get_header_value("ETag");
@@ -309,7 +340,7 @@ TEST_F(ConsoleTest, WhatIsRefusedIsReadToItsEndAndNeverTakenForARequest) {
     EXPECT_EQ(form.Get("/")->body, "<!doctype html>") << path;
   }
   httplib::Client anna = logged_in("operator");
-  EXPECT_EQ(anna.Post("/plans", std::string((8u << 20) + 1, ' '), "text/plain")->status, 400);
+  EXPECT_EQ(anna.Post("/plans", std::string((8u << 20) + 1, ' '), "text/plain")->status, 413);
   EXPECT_EQ(anna.Get("/me")->status, 200);
 }
 
