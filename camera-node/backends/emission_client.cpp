@@ -12,7 +12,7 @@
 namespace glasswing {
 
 EmissionClient::EmissionClient(const std::string& address, EmissionTimeline& timeline)
-    : timeline_(timeline), stub_(v1::EmissionService::NewStub(dial(address))) {
+    : timeline_(timeline), stub_(v1::EmissionService::NewStub(dial(address, only(Role::kDisplay)))) {
   thread_ = std::jthread([this](std::stop_token stop) { run(stop); });
 }
 

@@ -20,7 +20,7 @@ absl::Status add_monitors(const v1::Node& node, RigView& rig) {
 
 }  // namespace
 
-absl::StatusOr<RigView> read_rig_view(const Client& client) {
+absl::StatusOr<RigView> read_rig_view(const Client& client, const std::string& wanted) {
   const Peer<v1::NodeService> server(client.server_title(), client.server);
   GW_ASSIGN_OR_RETURN(const v1::ListNodesResponse listed,
                       call(server, &v1::NodeService::Stub::ListNodes, {}));
@@ -28,7 +28,7 @@ absl::StatusOr<RigView> read_rig_view(const Client& client) {
   for (const v1::Node& node : listed.nodes()) {
     if (!node.up()) continue;
     if (node.kind() == v1::NODE_KIND_DISPLAY) GW_RETURN_IF_ERROR(add_monitors(node, rig));
-    if (node.kind() == v1::NODE_KIND_CAMERA && !rig.camera) {
+    if (node.kind() == v1::NODE_KIND_CAMERA && !rig.camera && (wanted.empty() || node.name() == wanted)) {
       const Peer<v1::CameraService> camera("camera node at " + node.address(), node.address());
       GW_ASSIGN_OR_RETURN(rig.camera, call(camera, &v1::CameraService::Stub::GetCamera, {}));
     }

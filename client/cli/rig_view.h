@@ -14,10 +14,11 @@ namespace glasswing {
 
 struct RigView {
   std::vector<v1::Monitor> monitors;            // of every display node
-  std::optional<v1::GetCameraResponse> camera;  // of the first camera node
+  std::optional<v1::GetCameraResponse> camera;  // of the named camera node, or of the first
 };
 
-// Asks the server, then every node. UNAVAILABLE: one of them does not answer.
-absl::StatusOr<RigView> read_rig_view(const Client& client);
+// Asks the server, then every node. `camera`: a camera node's name; empty: any. UNAVAILABLE: a node does not
+// answer.
+absl::StatusOr<RigView> read_rig_view(const Client& client, const std::string& camera);
 
 }  // namespace glasswing

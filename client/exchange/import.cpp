@@ -97,6 +97,7 @@ std::string name_of_directory(const fs::path& directory) {
 struct ImportArguments {
   std::string directory;
   std::string session;
+  std::string camera;
   std::string archive;  // empty: the server's
   std::string list;
   LayoutOptions layout;
@@ -134,7 +135,7 @@ absl::StatusOr<FrameSource> source_of(const ImportArguments& arguments) {
   return arguments.sequence.empty() ? archive_source(path) : sequence_source(path, arguments.sequence);
 }
 
-absl::Status send(const Client& client, const FrameSource& source) {
+absl::Status send(const Client& client, const FrameSource& source, const std::string& camera) {
   if (!source.was_read) GW_RETURN_IF_ERROR(verify(source));
   const std::string& name = source.manifest.session();
   const Peer<v1::SessionService> server(client.server_title(), client.server);
@@ -142,6 +143,7 @@ absl::Status send(const Client& client, const FrameSource& source) {
   begin.set_name(name);
   *begin.mutable_manifest() = source.manifest;
   begin.mutable_manifest()->clear_frames();
+  begin.set_camera(camera);
   GW_ASSIGN_OR_RETURN(const v1::BeginImportResponse begun,
                       call(server, &v1::SessionService::Stub::BeginImport, begin, kLongCallTimeout));
   const std::string& address = begun.session().archive_address();
@@ -186,7 +188,7 @@ absl::Status import(const Client& client, const ImportArguments& arguments) {
   const std::string& named_after = arguments.archive.empty() ? arguments.directory : arguments.archive;
   source.manifest.set_session(arguments.session.empty() ? name_of_directory(named_after) : arguments.session);
   GW_RETURN_IF_ERROR(check_name("session", source.manifest.session()));
-  GW_RETURN_IF_ERROR(arguments.archive.empty() ? send(client, source)
+  GW_RETURN_IF_ERROR(arguments.archive.empty() ? send(client, source, arguments.camera)
                                                : write(client, source, arguments.archive));
   for (const std::string& warning : source.warnings) std::cerr << fmt::format("warning: {}\n", warning);
   return absl::OkStatus();
@@ -263,6 +265,10 @@ void add_import_command(CLI::App& app, Client& client) {
                   "file or pictures)")
       ->required();
   command.add_option("--session", arguments->session, "the session's name; default: the directory's");
+  command
+      .add_option("--camera", arguments->camera,
+                  "the camera node that keeps the frames; needed if several are up")
+      ->type_name("NODE");
   command.add_option("--archive", arguments->archive,
                      "write an archive to this new or empty directory instead of calling a server");
   CLI::Option* list = command.add_option("--list", arguments->list, "the photographs' list");

@@ -25,7 +25,7 @@ namespace {
 constexpr double kPictureRateHz = 30.0;  // of a moving background
 
 struct LiveArguments {
-  std::string monitor, background, output = "window";
+  std::string monitor, camera, background, output = "window";
   double exposure_ms = 4.0;
   std::vector<std::string> settings;
   int frames = 0;  // 0: until the output is closed
@@ -63,7 +63,7 @@ class Live {
     if (target_->takes_standard_output() && client_.json)
       return absl::InvalidArgumentError(
           "--json and --output - both want standard output; choose a file for one");
-    GW_ASSIGN_OR_RETURN(ramp_, RampHolder::hold(client_, arguments_.monitor));
+    GW_ASSIGN_OR_RETURN(ramp_, RampHolder::hold(client_, arguments_.monitor, arguments_.camera));
     const v1::ShowRampResponse rig = ramp_->shown();  // a copy: bring_object() replaces it
     if (rig.needs_operator()) wait_for_person("Take the object off the stage");
     GW_ASSIGN_OR_RETURN(clock_, CameraClock::follow(rig.camera_address()));
@@ -206,6 +206,8 @@ void add_live_command(CLI::App& app, Client& client) {
       ->required();
   command.add_option("--monitor", arguments->monitor,
                      "the monitor for the ramp; needed if there are several");
+  command.add_option("--camera", arguments->camera, "the camera node; needed if several are up")
+      ->type_name("NODE");
   command.add_option("--exposure-ms", arguments->exposure_ms, "exposure of each frame, ms")
       ->check(CLI::Range(0.01, 10000.0))
       ->capture_default_str();

@@ -11,11 +11,12 @@ constexpr std::chrono::seconds kBetweenQuestions(1);
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<RampHolder>> RampHolder::hold(const Client& client,
-                                                             const std::string& monitor) {
+absl::StatusOr<std::unique_ptr<RampHolder>> RampHolder::hold(const Client& client, const std::string& monitor,
+                                                             const std::string& camera) {
   std::unique_ptr<RampHolder> holder(new RampHolder(client));
   holder->stream_ = holder->server_.stub->ShowRamp(&holder->context_);
   holder->request_.set_monitor(monitor);
+  holder->request_.set_camera(camera);
   const Interruptible ctrl_c([&holder] { holder->context_.TryCancel(); });
   const Waiting waiting("showing the ramp");
   absl::StatusOr<v1::ShowRampResponse> shown = holder->ask();

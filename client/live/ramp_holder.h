@@ -20,7 +20,8 @@ namespace glasswing {
 class RampHolder {
  public:
   // Returns once the ramp is shown and the stage is empty.
-  static absl::StatusOr<std::unique_ptr<RampHolder>> hold(const Client& client, const std::string& monitor);
+  static absl::StatusOr<std::unique_ptr<RampHolder>> hold(const Client& client, const std::string& monitor,
+                                                          const std::string& camera);
   ~RampHolder();  // frees the rig
 
   const v1::ShowRampResponse& shown() const { return shown_; }

@@ -122,7 +122,10 @@ void add_pki_commands(CLI::App& app, Client& client) {
   pki.require_subcommand(1);
   pki.footer(
       "Everything is in one directory, on a machine outside the rig. Copy to each machine ca.pem and its own "
-      "NAME.pem and NAME.key.\nNever copy ca.key: whoever has it can issue certificates.\n\n"
+      "NAME.pem and NAME.key.\nNever copy ca.key: whoever has it can issue certificates.\n"
+      "A certificate's name owns the names of the displays and cameras that it registers; glasswing nodes "
+      "release "
+      "hands one over.\n\n"
       "Examples:\n"
       "  glasswing pki init certificates\n"
       "  glasswing pki issue certificates server+display+camera:rig=rig.lab,10.0.0.5 operator:me\n"

@@ -72,12 +72,17 @@ absl::Status calibrate_sync(const Client& client, const v1::CalibrateSyncRequest
   return status.ok() ? absl::OkStatus() : status_from(status, server.title);
 }
 
+void add_camera_option(CLI::App& command, std::string& camera) {
+  command.add_option("--camera", camera, "the camera node; needed if several are up")->type_name("NODE");
+}
+
 using SharedArguments = std::shared_ptr<CalibrateArguments>;
 
 SharedArguments add_light_options(CLI::App& command) {
   auto arguments = std::make_shared<CalibrateArguments>();
   command.add_option("--plan", arguments->plan, "calibrate for this plan's monitors and exposures");
   command.add_option("--monitor", arguments->monitors, "only this monitor; may be repeated; default: all");
+  add_camera_option(command, arguments->camera);
   command.add_option("-o,--charts", arguments->charts, "directory for charts of the curves (SVG)")
       ->check(CLI::ExistingDirectory)
       ->capture_default_str();
@@ -93,6 +98,7 @@ void add_session_option(CLI::App& command, const SharedArguments& arguments) {
 absl::Status calibrate_all(const Client& client, const CalibrateArguments& arguments) {
   v1::CalibrateSyncRequest request;
   for (const std::string& monitor : arguments.monitors) request.add_monitors(monitor);
+  request.set_camera(arguments.camera);
   GW_RETURN_IF_ERROR(calibrate_sync(client, request));
   GW_RETURN_IF_ERROR(calibrate_camera_light(client, arguments));
   GW_RETURN_IF_ERROR(calibrate_display_light(client, arguments));
@@ -123,6 +129,7 @@ void add_forget_command(CLI::App& calibrate, Client& client) {
 void add_sync_command(CLI::App& calibrate, Client& client) {
   struct SyncArguments {
     std::vector<std::string> monitors;
+    std::string camera;
     double exposure_ms = 0.0;
   };
   CLI::App& sync = *calibrate.add_subcommand(
@@ -130,6 +137,7 @@ void add_sync_command(CLI::App& calibrate, Client& client) {
   sync.footer("Example:\n  glasswing calibrate sync --monitor back");
   auto arguments = std::make_shared<SyncArguments>();
   sync.add_option("--monitor", arguments->monitors, "only this monitor; may be repeated; default: all");
+  add_camera_option(sync, arguments->camera);
   sync.add_option("--exposure-ms", arguments->exposure_ms,
                   "the camera's exposure, ms; default: four fifths of the frame interval")
       ->check(CLI::Range(0.01, 10000.0));
@@ -137,6 +145,7 @@ void add_sync_command(CLI::App& calibrate, Client& client) {
     client.run = [&client, arguments] {
       v1::CalibrateSyncRequest request;
       for (const std::string& monitor : arguments->monitors) request.add_monitors(monitor);
+      request.set_camera(arguments->camera);
       request.set_exposure_ms(arguments->exposure_ms);
       return calibrate_sync(client, request);
     };

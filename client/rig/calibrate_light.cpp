@@ -211,6 +211,7 @@ absl::StatusOr<v1::Plan> plan_of(CalibrateArguments& arguments) {
   if (arguments.monitors.empty()) {
     for (const v1::PlanMonitor& monitor : plan.monitors()) arguments.monitors.push_back(monitor.name());
   }
+  if (arguments.camera.empty()) arguments.camera = plan.camera();
   return plan;
 }
 
@@ -231,8 +232,9 @@ absl::Status calibrate_camera_light(const Client& client, const CalibrateArgumen
   GW_ASSIGN_OR_RETURN(const v1::Plan plan, plan_of(arguments));
   double longest_ms = kLongestMs;
   for (const double exposure_ms : plan.exposure_ms()) longest_ms = std::max(longest_ms, exposure_ms);
-  GW_ASSIGN_OR_RETURN(const RigView rig, read_rig_view(client));
-  GW_ASSIGN_OR_RETURN(const v1::Plan own, camera_plan(rig, arguments.monitors, longest_ms));
+  GW_ASSIGN_OR_RETURN(const RigView rig, read_rig_view(client, arguments.camera));
+  GW_ASSIGN_OR_RETURN(v1::Plan own, camera_plan(rig, arguments.monitors, longest_ms));
+  own.set_camera(arguments.camera);
   tell(client, kCameraGuide);
   GW_ASSIGN_OR_RETURN(const std::string session, captured(client, own));
   return fit(client, session, arguments.charts);
@@ -242,14 +244,15 @@ absl::Status calibrate_display_light(const Client& client, const CalibrateArgume
   if (!given.session.empty()) return fit(client, given.session, given.charts);
   CalibrateArguments arguments = given;
   GW_RETURN_IF_ERROR(plan_of(arguments).status());
-  GW_ASSIGN_OR_RETURN(const RigView rig, read_rig_view(client));
+  GW_ASSIGN_OR_RETURN(const RigView rig, read_rig_view(client, arguments.camera));
   GW_ASSIGN_OR_RETURN(const v1::ListCalibrationsResponse calibrations, known(client));
   double white_ms = kUnknownWhiteMs;
   for (const v1::CameraCalibration& camera : calibrations.cameras()) {
     const bool own = rig.camera && camera.camera() == rig.camera->camera().name();
     if (own && camera.white_ms() > 0.0) white_ms = camera.white_ms();
   }
-  GW_ASSIGN_OR_RETURN(const v1::Plan own, display_plan(rig, arguments.monitors, white_ms));
+  GW_ASSIGN_OR_RETURN(v1::Plan own, display_plan(rig, arguments.monitors, white_ms));
+  own.set_camera(arguments.camera);
   tell(client, kDisplayGuide);
   GW_ASSIGN_OR_RETURN(const std::string session, captured(client, own));
   return fit(client, session, arguments.charts);

@@ -15,6 +15,7 @@ struct CalibrateArguments {
   std::vector<std::string> monitors;  // empty: the plan's, or all without a plan
   std::string plan;                   // plan whose monitors and exposures to calibrate; may be empty
   std::string session;                // an already captured session to fit; empty: a new one
+  std::string camera;                 // camera node; empty: the plan's, or the only one
   std::string charts = ".";           // directory for charts of the curves
 };
 

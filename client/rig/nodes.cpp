@@ -66,12 +66,29 @@ absl::Status list_nodes(const Client& client) {
   return absl::OkStatus();
 }
 
+absl::Status release_node(const Client& client, const std::string& name) {
+  const Peer<v1::NodeService> server(client.server_title(), client.server);
+  v1::ReleaseNodeRequest request;
+  request.set_name(name);
+  return call(server, &v1::NodeService::Stub::ReleaseNode, request).status();
+}
+
 }  // namespace
 
 void add_nodes_command(CLI::App& app, Client& client) {
   CLI::App& command = *app.add_subcommand("nodes", "List the rig's displays, cameras and solvers.");
   command.footer("Example:\n  glasswing nodes --json");
   command.callback([&client] { client.run = [&client] { return list_nodes(client); }; });
+  CLI::App& release =
+      *command.add_subcommand("release", "Forget a node that is away, and who owns its name.");
+  release.footer(
+      "A display's or camera's name belongs to the certificate that registered it first. Once it is "
+      "released, the\n"
+      "next certificate may take it.\n\n"
+      "Example:\n  glasswing nodes release camera-1");
+  auto name = std::make_shared<std::string>();
+  release.add_option("name", *name, "the node's name")->required();
+  release.callback([&client, name] { client.run = [&client, name] { return release_node(client, *name); }; });
 }
 
 }  // namespace glasswing

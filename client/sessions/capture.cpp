@@ -59,7 +59,7 @@ absl::StatusOr<std::string> upload(const Peer<v1::SessionService>& server, const
 absl::Status upload_photos(const Client& client, const Peer<v1::SessionService>& server,
                            const std::filesystem::path& plan_path, v1::Plan& plan) {
   if (plan.photos().empty()) return absl::OkStatus();
-  GW_ASSIGN_OR_RETURN(const RigView rig, read_rig_view(client));
+  GW_ASSIGN_OR_RETURN(const RigView rig, read_rig_view(client, plan.camera()));
   GW_ASSIGN_OR_RETURN(const v1::Monitor monitor, photo_monitor(plan, rig));
   Progress progress("uploading photos");
   double sent = 0.0;

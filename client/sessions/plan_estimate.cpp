@@ -120,7 +120,7 @@ void print_estimate_json(const std::string& path, const v1::Plan& plan, const Es
 
 absl::Status print_estimate(const Client& client, const std::string& path) {
   GW_ASSIGN_OR_RETURN(const v1::Plan plan, read_plan(path));
-  GW_ASSIGN_OR_RETURN(const Estimate estimate, estimate_of(plan, read_rig_view(client)));
+  GW_ASSIGN_OR_RETURN(const Estimate estimate, estimate_of(plan, read_rig_view(client, plan.camera())));
   const absl::StatusOr<v1::EstimateSessionResponse> rig = ask_server(client, plan);
   if (client.json) {
     print_estimate_json(path, plan, estimate, rig);

@@ -57,7 +57,9 @@ absl::Status naming(const std::string& what, const absl::Status& status) {
 
 struct RemoteArchive::Source {
   explicit Source(const std::string& address)
-      : peer("node at " + address), channel(dial(address)), stub(v1::ArchiveService::NewStub(channel)) {}
+      : peer("node at " + address),
+        channel(dial(address, kArchiveKeepers)),
+        stub(v1::ArchiveService::NewStub(channel)) {}
 
   absl::StatusOr<v1::LocateArchiveResponse> locate(const v1::LocateArchiveRequest& request, milliseconds time,
                                                    const std::stop_token& stop) const {

@@ -226,6 +226,8 @@ absl::Status check(const v1::Plan& plan, const Location& location) {
           .bad(plan.photos(i), "file", 0, "\"\"", "the path of a picture");
     }
   }
+  if (!plan.camera().empty() && !check_name("camera", plan.camera()).ok())
+    return location.bad(plan, "camera", 0, plan.camera(), "a camera node's name, or nothing");
   if (plan.has_hold_refreshes() && !within(plan.hold_refreshes(), 2, 600)) {
     return location.bad(plan, "hold_refreshes", 0, plan.hold_refreshes(),
                         "2 to 600 (a screen needs one refresh to change and one to be seen)");

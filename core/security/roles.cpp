@@ -14,7 +14,6 @@ namespace {
 constexpr Roles kOperator = only(Role::kOperator), kServer = only(Role::kServer),
                 kCamera = only(Role::kCamera), kSolver = only(Role::kSolver);
 constexpr Roles kPeople = kOperator | only(Role::kViewer);
-constexpr Roles kNodes = only(Role::kDisplay) | kCamera | kSolver;
 constexpr Roles kAnybody = kPeople | kServer | kNodes;
 constexpr bool kAudited = true;
 
@@ -53,6 +52,7 @@ constexpr MethodAccess kTable[] = {
     {"LiveService/RunLive", kOperator, kAudited},
     {"NodeService/Register", kNodes},
     {"NodeService/ListNodes", kPeople},
+    {"NodeService/ReleaseNode", kOperator, kAudited},
     {"RigService/CalibrateSync", kOperator, kAudited},
     {"RigService/CheckRig", kOperator, kAudited},
     {"RigService/FitCalibration", kOperator, kAudited},
@@ -85,14 +85,6 @@ constexpr MethodAccess kTable[] = {
     {"WorkService/CompleteSurvey", kSolver},
     {"WorkService/FailTile", kSolver},
 };
-
-std::string names_of(Roles roles, std::string_view between) {
-  std::vector<std::string_view> names;
-  for (size_t role = 0; role < kRoleNames.size(); ++role) {
-    if ((roles >> role & 1u) != 0) names.push_back(kRoleNames[role]);
-  }
-  return names.empty() ? "none" : fmt::format("{}", fmt::join(names, between));
-}
 
 Roles roles_of(const grpc::AuthContext& caller) {
   Roles roles = 0;
@@ -129,6 +121,14 @@ std::span<const MethodAccess> access_table() {
   return kTable;
 }
 
+std::string names_of(Roles roles, std::string_view between) {
+  std::vector<std::string_view> names;
+  for (size_t role = 0; role < kRoleNames.size(); ++role) {
+    if ((roles >> role & 1u) != 0) names.push_back(kRoleNames[role]);
+  }
+  return names.empty() ? "none" : fmt::format("{}", fmt::join(names, between));
+}
+
 Roles role_of_uri(std::string_view uri) {
   if (!uri.starts_with(kRoleUri)) return 0;
   const auto name = std::ranges::find(kRoleNames, uri.substr(kRoleUri.size()));
@@ -138,7 +138,7 @@ Roles role_of_uri(std::string_view uri) {
 absl::Status admit(std::string_view method, Roles roles, std::string_view caller) {
   const auto access = std::ranges::find(kTable, method, &MethodAccess::method);
   if (access == std::end(kTable)) return absl::OkStatus();
-  const std::string held = names_of(roles, "+");
+  const std::string held = names_of(roles);
   if ((access->roles & roles) == 0) {
     spdlog::warn("audit refused rpc={} caller=\"{}\" roles={}", method, caller, held);
     return absl::PermissionDeniedError(fmt::format("{} is for the roles {}; \"{}\" has {}", method,

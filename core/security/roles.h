@@ -23,6 +23,11 @@ using Roles = unsigned;  // bits
 constexpr Roles only(Role role) {
   return 1u << static_cast<unsigned>(role);
 }
+// Nodes that keep archives, and those that a server calls.
+inline constexpr Roles kArchiveKeepers = only(Role::kCamera) | only(Role::kSolver);
+inline constexpr Roles kNodes = only(Role::kDisplay) | kArchiveKeepers;
+// "solver+camera"; "none".
+std::string names_of(Roles roles, std::string_view between = "+");
 // No roles if the URI names none.
 Roles role_of_uri(std::string_view uri);
 

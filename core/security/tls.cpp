@@ -4,16 +4,22 @@
 #include <fmt/format.h>
 #include <grpcpp/security/tls_credentials_options.h>
 
+#include <functional>
+
 #include "core/base/status.h"
+#include "core/security/peer.h"
+#include "core/security/pem.h"
 #include "core/security/roles.h"
 #include "core/security/tls_reload.h"
 
 namespace glasswing {
 namespace {
 
+constexpr char kRoleFailure[] = "its certificate's roles: ";
+
 struct Tls {
   TlsFiles files = {};
-  std::shared_ptr<grpc::ChannelCredentials> calling = nullptr;   // null: no TLS
+  bool shows_certificate = false;                                // to those that it calls
   std::shared_ptr<grpc::ServerCredentials> listening = nullptr;  // null: no TLS
   std::unique_ptr<TlsReload> reload = nullptr;                   // null: no TLS
   absl::Status problem = {};                                     // with the files
@@ -31,11 +37,8 @@ absl::StatusOr<Tls> credentials_of(const TlsFiles& files) {
   Tls made{.files = files};
   if (material.ca.empty()) return made;
   GW_ASSIGN_OR_RETURN(made.reload, TlsReload::start(files, material));
-  tls::TlsChannelCredentialsOptions calling;
-  calling.set_certificate_provider(made.reload->provider());
-  calling.watch_root_certs();
-  if (!material.key.empty()) {
-    calling.watch_identity_key_cert_pairs();
+  made.shows_certificate = !material.key.empty();
+  if (made.shows_certificate) {
     tls::TlsServerCredentialsOptions listening(made.reload->provider());
     listening.watch_root_certs();
     listening.watch_identity_key_cert_pairs();
@@ -43,9 +46,34 @@ absl::StatusOr<Tls> credentials_of(const TlsFiles& files) {
     made.listening = tls::TlsServerCredentials(listening);
     made.listening->SetAuthMetadataProcessor(role_gate());
   }
-  made.calling = tls::TlsCredentials(calling);
   return made;
 }
+
+// The peer's host name, as without it, and one of its certificate's roles.
+class RoleVerifier final : public grpc::experimental::ExternalCertificateVerifier {
+ public:
+  explicit RoleVerifier(Roles roles) : roles_(roles) {}
+
+  bool Verify(grpc::experimental::TlsCustomVerificationCheckRequest* request,
+              std::function<void(grpc::Status)>, grpc::Status* verdict) override {
+    host_.Verify(request, nullptr, verdict);
+    if (!verdict->ok()) return true;
+    const grpc::string_ref pem = request->peer_cert();
+    const std::vector<Certificate> shown = certificates_in(std::string(pem.data(), pem.size()));
+    const CertifiedPeer peer = shown.empty() ? CertifiedPeer{} : peer_of(*shown.front());
+    if ((peer.roles & roles_) == 0) {
+      *verdict = {grpc::StatusCode::UNAUTHENTICATED,
+                  fmt::format("{}{}; it must have: {}", kRoleFailure, names_of(peer.roles),
+                              names_of(roles_, " or "))};
+    }
+    return true;
+  }
+  void Cancel(grpc::experimental::TlsCustomVerificationCheckRequest*) override {}
+
+ private:
+  const Roles roles_;
+  grpc::experimental::HostNameCertificateVerifier host_;
+};
 
 bool contains(const std::string& text, const char* words) {
   return text.find(words) != std::string::npos;
@@ -72,8 +100,20 @@ bool is_loopback(const std::string& address) {
   return host == "localhost" || host == "::1";
 }
 
-std::shared_ptr<grpc::ChannelCredentials> credentials_for(const std::string& address) {
-  if (in_force().calling != nullptr) return in_force().calling;
+std::shared_ptr<grpc::ChannelCredentials> credentials_for(const std::string& address, Roles roles) {
+  const Tls& tls = in_force();
+  if (tls.reload != nullptr) {
+    // Made anew each time: gRPC's options belong to the credentials that are made of them.
+    grpc::experimental::TlsChannelCredentialsOptions options;
+    options.set_certificate_provider(tls.reload->provider());
+    options.watch_root_certs();
+    if (tls.shows_certificate) options.watch_identity_key_cert_pairs();
+    if (roles != 0) {
+      options.set_certificate_verifier(
+          grpc::experimental::ExternalCertificateVerifier::Create<RoleVerifier>(roles));
+    }
+    return grpc::experimental::TlsCredentials(options);
+  }
   return is_loopback(address) && in_force().problem.ok() ? grpc::InsecureChannelCredentials() : nullptr;
 }
 
@@ -105,6 +145,9 @@ std::string tls_failure(const grpc::Status& status, const std::string& peer) {
     return fmt::format("{} shows a certificate that the CA {} did not sign, or that has expired", peer,
                        files.ca);
   }
+  if (const size_t at = words.find(kRoleFailure); at != std::string::npos)
+    return fmt::format("{} is not what it should be; {}", peer,
+                       words.substr(at, words.find_first_of("]}\n", at) - at));
   if (contains(words, "Hostname Verification Check failed"))
     return peer + " shows a certificate of another host; call it by a name that its certificate has";
   if (contains(words, "wrong version number"))

@@ -9,6 +9,7 @@
 #include <memory>
 #include <string>
 
+#include "core/security/roles.h"
 #include "core/security/tls_files.h"
 
 namespace glasswing {
@@ -25,9 +26,10 @@ TlsMaterial tls_material();
 // True if host:port is on this machine, and so may be called without TLS.
 bool is_loopback(const std::string& address);
 
-// For calls to host:port. Null if they need TLS and there is none: gRPC then fails every call with
-// INVALID_ARGUMENT.
-std::shared_ptr<grpc::ChannelCredentials> credentials_for(const std::string& address);
+// For calls to host:port. With TLS the handshake fails unless the peer's certificate has the host's name and,
+// if `roles` is not 0, one of these roles: no call reaches it then. Null if calls need TLS and there is none:
+// gRPC then fails every call with INVALID_ARGUMENT.
+std::shared_ptr<grpc::ChannelCredentials> credentials_for(const std::string& address, Roles roles = 0);
 
 // For listening on host:port. With all three files callers must use TLS and show a certificate signed by
 // `ca`. INVALID_ARGUMENT: there is a problem with the files, or one is missing and the address is not

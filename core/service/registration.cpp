@@ -15,7 +15,7 @@ Registration::Registration(const std::string& server_address, v1::RegisterReques
     : server_address_(server_address), node_(std::move(node)), data_(std::move(data)) {
   if (server_address.empty()) return;
   node_.set_version(kVersion);
-  stub_ = v1::NodeService::NewStub(dial(server_address));
+  stub_ = v1::NodeService::NewStub(dial(server_address, only(Role::kServer)));
   thread_ = std::jthread([this](std::stop_token stop) { run(stop); });
 }
 

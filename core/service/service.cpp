@@ -115,7 +115,7 @@ absl::Status from_grpc(const grpc::Status& status, const std::string& peer) {
   }
 }
 
-std::shared_ptr<grpc::Channel> dial(const std::string& address) {
+std::shared_ptr<grpc::Channel> dial(const std::string& address, Roles roles) {
   grpc::ChannelArguments arguments;
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 100);
   // Despite its name this is the connection timeout; a busy machine, or TLS, takes a while.
@@ -124,7 +124,7 @@ std::shared_ptr<grpc::Channel> dial(const std::string& address) {
   // A restarted peer must not be called through a shared connection that is still backing off.
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
-  return grpc::CreateCustomChannel(address, credentials_for(address), arguments);
+  return grpc::CreateCustomChannel(address, credentials_for(address, roles), arguments);
 }
 
 void set_deadline(grpc::ClientContext& context, std::chrono::milliseconds timeout) {

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "core/base/node_clock.h"
+#include "core/security/roles.h"
 
 namespace glasswing {
 
@@ -23,8 +24,8 @@ absl::Status from_grpc(const grpc::Status& status);
 // As above, but names a peer that cannot be reached: "camera node at 127.0.0.1:7442 does not answer".
 absl::Status from_grpc(const grpc::Status& status, const std::string& peer);
 
-// A channel to host:port; every call on it still needs its own deadline.
-std::shared_ptr<grpc::Channel> dial(const std::string& address);
+// A channel to host:port; every call on it still needs its own deadline. `roles`: as for credentials_for().
+std::shared_ptr<grpc::Channel> dial(const std::string& address, Roles roles = 0);
 
 // Sets the deadline `timeout` from now.
 void set_deadline(grpc::ClientContext& context, std::chrono::milliseconds timeout);

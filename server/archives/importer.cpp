@@ -23,7 +23,7 @@ bool is_being_imported(const v1::Session& session) {
 
 absl::StatusOr<v1::Session> Importer::begin(const v1::BeginImportRequest& request, const Caller& caller) {
   GW_RETURN_IF_ERROR(check_name("session", request.name()));
-  GW_ASSIGN_OR_RETURN(const v1::Node camera, nodes_.camera());
+  GW_ASSIGN_OR_RETURN(const v1::Node camera, nodes_.camera(request.camera()));
   v1::Session session;
   session.set_name(request.name());
   session.set_created(utc_now_rfc3339());

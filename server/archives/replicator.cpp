@@ -21,7 +21,7 @@ constexpr std::chrono::milliseconds kPoll(100);
 // Makes the node copy the archive, until it has or `is_wanted` says no.
 absl::Status copy(const std::string& node, const std::string& address, const v1::CopyArchiveRequest& request,
                   const Replicator::Report& report, const std::function<bool()>& is_wanted) {
-  const auto stub = v1::ArchiveService::NewStub(dial(address));
+  const auto stub = v1::ArchiveService::NewStub(dial(address, kArchiveKeepers));
   grpc::ClientContext context;
   set_deadline(context, std::chrono::hours(24));
   const auto reader = stub->CopyArchive(&context, request);

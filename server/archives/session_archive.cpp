@@ -13,12 +13,12 @@ namespace glasswing {
 SessionArchive::SessionArchive(const v1::Session& session)
     : session_(session.name()),
       peer_("camera node at " + session.archive_address()),
-      stub_(v1::ArchiveService::NewStub(dial(session.archive_address()))) {}
+      stub_(v1::ArchiveService::NewStub(dial(session.archive_address(), kArchiveKeepers))) {}
 
 SessionArchive::SessionArchive(std::string session, const std::string& node, const std::string& address)
     : session_(std::move(session)),
       peer_(fmt::format("node \"{}\" at {}", node, address)),
-      stub_(v1::ArchiveService::NewStub(dial(address))) {}
+      stub_(v1::ArchiveService::NewStub(dial(address, kArchiveKeepers))) {}
 
 absl::Status SessionArchive::check_answers() {
   v1::GetSpaceResponse response;

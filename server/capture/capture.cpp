@@ -77,7 +77,7 @@ CaptureOutcome Capture::outcome_of(const absl::Status& status, bool stopped) con
 }
 
 absl::Status Capture::find_rig() {
-  GW_ASSIGN_OR_RETURN(setup_.links, connect(rig_, calibrations_));
+  GW_ASSIGN_OR_RETURN(setup_.links, connect(rig_, calibrations_, progress_.session().plan().camera()));
   GW_ASSIGN_OR_RETURN(setup_.monitors, setup_.links.monitors());
   progress_.set_archive_address(setup_.links.camera->address());
   archive_.emplace(setup_.links, progress_.session().name());

@@ -63,7 +63,7 @@ void add_warnings(const RigLinks& links, const v1::CaptureManifest& header, cons
 absl::StatusOr<CheckedCapture> check_capture(const NodeRegistry& rig, const CalibrationStore& calibrations,
                                              const v1::Plan& plan) {
   GW_RETURN_IF_ERROR(check_plan(plan));
-  GW_ASSIGN_OR_RETURN(const RigLinks links, connect(rig, calibrations));
+  GW_ASSIGN_OR_RETURN(const RigLinks links, connect(rig, calibrations, plan.camera()));
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Monitor> monitors, links.monitors());
   CheckedCapture checked;
   GW_ASSIGN_OR_RETURN(checked.steps, expand(plan, monitors));

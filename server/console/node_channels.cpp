@@ -25,7 +25,7 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> NodeChannels::to(const std::strin
 std::shared_ptr<grpc::Channel> NodeChannels::at(const std::string& address) {
   const std::lock_guard lock(mutex_);
   std::shared_ptr<grpc::Channel>& channel = channels_[address];
-  if (channel == nullptr) channel = dial(address);
+  if (channel == nullptr) channel = dial(address, kNodes);
   return channel;
 }
 

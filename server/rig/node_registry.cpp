@@ -1,9 +1,17 @@
 #include "server/rig/node_registry.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <netdb.h>
+#include <poll.h>
+#include <spdlog/spdlog.h>
+#include <sys/socket.h>
 
 #include <algorithm>
+#include <cerrno>
+#include <memory>
 
+#include "core/base/descriptor.h"
 #include "core/base/name.h"
 #include "core/base/status.h"
 
@@ -11,6 +19,8 @@ namespace glasswing {
 namespace {
 
 constexpr nanoseconds kSilence = std::chrono::seconds(5);
+constexpr nanoseconds kAuditInterval = std::chrono::minutes(1);
+constexpr int kProbe_ms = 1000;
 
 bool has_left(const v1::Node& node, nanoseconds silent) {
   return node.kind() == v1::NODE_KIND_SOLVER && silent >= kForgotten;
@@ -18,32 +28,144 @@ bool has_left(const v1::Node& node, nanoseconds silent) {
 
 }  // namespace
 
-absl::Status NodeRegistry::add(const v1::RegisterRequest& request) {
+Role role_of(v1::NodeKind kind) {
+  switch (kind) {
+    case v1::NODE_KIND_DISPLAY:
+      return Role::kDisplay;
+    case v1::NODE_KIND_CAMERA:
+      return Role::kCamera;
+    default:
+      return Role::kSolver;
+  }
+}
+
+bool takes_connections(const std::string& address) {
+  const size_t colon = address.rfind(':');
+  if (colon == std::string::npos) return false;
+  std::string host = address.substr(0, colon);
+  if (host.size() > 2 && host.front() == '[') host = host.substr(1, host.size() - 2);
+  addrinfo hints{};
+  hints.ai_socktype = SOCK_STREAM;
+  hints.ai_flags = AI_NUMERICSERV;
+  addrinfo* found = nullptr;
+  if (::getaddrinfo(host.c_str(), address.c_str() + colon + 1, &hints, &found) != 0) return false;
+  const std::unique_ptr<addrinfo, decltype(&::freeaddrinfo)> owned(found, &::freeaddrinfo);
+  const Descriptor socket(::socket(found->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  if (::connect(socket.get(), found->ai_addr, found->ai_addrlen) == 0) return true;
+  pollfd polled{socket.get(), POLLOUT, 0};
+  if (errno != EINPROGRESS || ::poll(&polled, 1, kProbe_ms) != 1) return false;
+  int failure = 0;
+  socklen_t size = sizeof failure;
+  return ::getsockopt(socket.get(), SOL_SOCKET, SO_ERROR, &failure, &size) == 0 && failure == 0;
+}
+
+absl::Status NodeRegistry::add(const v1::RegisterRequest& request,
+                               const std::optional<CertifiedPeer>& caller) {
   GW_RETURN_IF_ERROR(check_name("node", request.name()));
   if (request.kind() == v1::NODE_KIND_UNSPECIFIED || !v1::NodeKind_IsValid(request.kind())) {
     return absl::InvalidArgumentError("kind is not given; it must be display, camera or solver");
   }
-  const std::lock_guard lock(mutex_);
-  const nanoseconds now = now_();
-  std::erase_if(entries_,
-                [now](const auto& known) { return has_left(known.second.node, now - known.second.heard); });
+  absl::Status taken = take(request, caller);
+  if (!taken.ok()) audit_refusal(request, caller ? caller->name : "", taken);
+  return taken;
+}
+
+absl::Status NodeRegistry::take(const v1::RegisterRequest& request,
+                                const std::optional<CertifiedPeer>& caller) {
+  const Roles needed = only(role_of(request.kind()));
+  if (caller && (caller->roles & needed) == 0) {
+    return absl::PermissionDeniedError(
+        fmt::format("node \"{}\" registers as a {}; the certificate \"{}\" has the roles {}", request.name(),
+                    names_of(needed), caller->name, names_of(caller->roles)));
+  }
+  std::unique_lock lock(mutex_);
+  std::erase_if(entries_, [now = now_()](const auto& known) {
+    return has_left(known.second.node, now - known.second.heard);
+  });
+  const auto known = entries_.find(request.name());
+  std::string owner = names_.owner(request.name());
+  if (owner.empty() && known != entries_.end()) owner = known->second.node.certificate();
+  if (caller && !owner.empty() && owner != caller->name) {
+    return absl::PermissionDeniedError(fmt::format(
+        "the name \"{0}\" belongs to the certificate \"{1}\", not to \"{2}\"; give this node another "
+        "--name, or hand the name over: glasswing nodes release {0}",
+        request.name(), owner, caller->name));
+  }
+  GW_RETURN_IF_ERROR(check_free(request, lock));
+  if (!entries_.contains(request.name()) && entries_.size() >= kMaxNodes) {
+    return absl::ResourceExhaustedError(
+        fmt::format("{} nodes are registered, the maximum; solvers are forgotten ten minutes after they end, "
+                    "others by: glasswing nodes release NAME",
+                    kMaxNodes));
+  }
+  if (caller && owner.empty() && request.kind() != v1::NODE_KIND_SOLVER)
+    GW_RETURN_IF_ERROR(names_.give(request.name(), caller->name));
   Entry& entry = entries_[request.name()];
-  const bool taken = !entry.node.address().empty() && entry.node.address() != request.address() &&
-                     now - entry.heard < kSilence;
-  if (taken) {
-    return absl::AlreadyExistsError(
-        fmt::format("another node, at {1}, has the name \"{0}\"; give this one another --name",
-                    request.name(), entry.node.address()));
+  const std::string certificate = caller ? caller->name : "";
+  if (entry.node.name().empty() || entry.node.address() != request.address() ||
+      entry.node.kind() != request.kind() || entry.node.certificate() != certificate) {
+    spdlog::info("audit node registered name={} kind={} address={} before={} caller=\"{}\"", request.name(),
+                 names_of(needed), request.address(), entry.node.address(), certificate);
   }
   entry.node.set_kind(request.kind());
   entry.node.set_name(request.name());
   entry.node.set_address(request.address());
   entry.node.set_version(request.version());
   entry.node.set_build(request.build());
+  entry.node.set_certificate(certificate);
   if (!request.detail().empty()) entry.node.set_detail(request.detail());
   *entry.node.mutable_health() = request.health();
   entry.solver = request.solver();
-  entry.heard = now;
+  entry.heard = now_();
+  return absl::OkStatus();
+}
+
+absl::Status NodeRegistry::check_free(const v1::RegisterRequest& request,
+                                      std::unique_lock<std::mutex>& lock) const {
+  const auto address_of = [&](const std::string& name) {
+    const auto found = entries_.find(name);
+    return found == entries_.end() ? "" : found->second.node.address();
+  };
+  const std::string address = address_of(request.name());
+  if (address.empty() || address == request.address()) return absl::OkStatus();
+  bool alive = now_() - entries_.at(request.name()).heard < kSilence;
+  if (!alive) {
+    lock.unlock();
+    alive = is_alive_(address);
+    lock.lock();
+    alive = alive || address_of(request.name()) != address;  // another node was quicker
+  }
+  if (!alive) return absl::OkStatus();
+  return absl::AlreadyExistsError(fmt::format(
+      "another node, at {1}, has the name \"{0}\"; give this one another --name", request.name(), address));
+}
+
+void NodeRegistry::audit_refusal(const v1::RegisterRequest& request, const std::string& caller,
+                                 const absl::Status& refused) {
+  constexpr size_t kMaxRemembered = 1000;
+  const std::string line = fmt::format("name={} kind={} address={} caller=\"{}\": {}", request.name(),
+                                       names_of(only(role_of(request.kind()))), request.address(), caller,
+                                       std::string(refused.message()));
+  const std::lock_guard lock(mutex_);
+  const nanoseconds now = now_();
+  std::erase_if(audited_, [&](const auto& known) { return now - known.second >= kAuditInterval; });
+  if (audited_.size() >= kMaxRemembered || !audited_.emplace(line, now).second) return;
+  spdlog::warn("audit node refused {}", line);
+}
+
+absl::Status NodeRegistry::release(const std::string& name) {
+  const std::lock_guard lock(mutex_);
+  const auto found = entries_.find(name);
+  if (found != entries_.end() && now_() - found->second.heard < kSilence) {
+    return absl::FailedPreconditionError(
+        fmt::format("node \"{}\" is up, at {}; stop it before its name is handed over", name,
+                    found->second.node.address()));
+  }
+  const absl::Status released = names_.release(name);
+  if (absl::IsNotFound(released) && found == entries_.end())
+    return absl::NotFoundError(fmt::format("there is no node \"{}\"; `glasswing nodes` lists them", name));
+  if (!released.ok() && !absl::IsNotFound(released)) return released;
+  entries_.erase(name);
   return absl::OkStatus();
 }
 
@@ -100,10 +222,22 @@ std::vector<v1::Node> NodeRegistry::up(v1::NodeKind kind) const {
   return found;
 }
 
-absl::StatusOr<v1::Node> NodeRegistry::camera() const {
+absl::StatusOr<v1::Node> NodeRegistry::camera(const std::string& name) const {
   const std::vector<v1::Node> cameras = up(v1::NODE_KIND_CAMERA);
+  if (!name.empty()) {
+    const auto found = std::ranges::find(cameras, name, &v1::Node::name);
+    if (found != cameras.end()) return *found;
+    return absl::UnavailableError(
+        fmt::format("camera node \"{}\" is not up; `glasswing nodes` lists all", name));
+  }
   if (cameras.empty()) return absl::UnavailableError("no camera node is up; start glasswing-camera");
-  return cameras.front();
+  if (cameras.size() == 1) return cameras.front();
+  std::vector<std::string> all;
+  for (const v1::Node& each : cameras)
+    all.push_back(fmt::format("\"{}\" at {}", each.name(), each.address()));
+  return absl::FailedPreconditionError(fmt::format(
+      "the rig has {} cameras: {}; name the one to use, in a plan by camera: \"{}\", or stop the others",
+      cameras.size(), fmt::join(all, " and "), cameras.front().name()));
 }
 
 absl::StatusOr<std::vector<v1::Node>> NodeRegistry::displays() const {

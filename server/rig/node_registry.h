@@ -7,17 +7,26 @@
 #include <functional>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "core/base/time.h"
+#include "core/security/peer.h"
 #include "glasswing/v1/node_service.pb.h"
+#include "server/rig/node_names.h"
 
 namespace glasswing {
 
 // A solver that is silent for so long is forgotten. Displays and cameras belong to the rig: they stay listed,
 // as away.
 inline constexpr nanoseconds kForgotten = std::chrono::minutes(10);
+
+// The role that a node of this kind must have.
+Role role_of(v1::NodeKind kind);
+
+// True if a connection to host:port is accepted within a second, as by a process that still listens there.
+bool takes_connections(const std::string& address);
 
 struct RegisteredSolver {
   v1::Node node;
@@ -27,9 +36,21 @@ struct RegisteredSolver {
 // Thread-safe.
 class NodeRegistry {
  public:
-  explicit NodeRegistry(std::function<nanoseconds()> now = monotonic_now) : now_(std::move(now)) {}
+  static constexpr size_t kMaxNodes = 1000;
+  using Now = std::function<nanoseconds()>;
+  using IsAlive = std::function<bool(const std::string& address)>;
 
-  absl::Status add(const v1::RegisterRequest& node);
+  explicit NodeRegistry(NodeNames names = {}, Now now = monotonic_now, IsAlive is_alive = takes_connections)
+      : now_(std::move(now)), is_alive_(std::move(is_alive)), names_(std::move(names)) {}
+
+  // Registers a node, or hears from it again. `caller`: whose certificate registers it; none without TLS.
+  // INVALID_ARGUMENT: name or kind. PERMISSION_DENIED: the certificate lacks the kind's role, or another one
+  // owns the name. ALREADY_EXISTS: a node that is alive at another address has the name. RESOURCE_EXHAUSTED:
+  // kMaxNodes are known. Refusals and changes are audited.
+  absl::Status add(const v1::RegisterRequest& node, const std::optional<CertifiedPeer>& caller);
+  // Forgets a node and who owns its name, so that another certificate may take it. NOT_FOUND: there is no
+  // such node. FAILED_PRECONDITION: it is up.
+  absl::Status release(const std::string& name);
   // Heard from a solver by its claims; `doing` is its activity as `glasswing nodes` shows it.
   void note(const std::string& name, const std::string& doing);
 
@@ -39,8 +60,9 @@ class NodeRegistry {
   std::vector<v1::Node> nodes() const;  // by kind, then name
   std::vector<v1::Node> up(v1::NodeKind kind) const;
   std::vector<RegisteredSolver> solvers() const;  // by name
-  // The camera; UNAVAILABLE if none is up.
-  absl::StatusOr<v1::Node> camera() const;
+  // The camera node of this name, or, without one, the only camera that is up. UNAVAILABLE: it is not up.
+  // FAILED_PRECONDITION names the cameras if there are several.
+  absl::StatusOr<v1::Node> camera(const std::string& name) const;
   // All displays; UNAVAILABLE if none is up.
   absl::StatusOr<std::vector<v1::Node>> displays() const;
 
@@ -51,12 +73,20 @@ class NodeRegistry {
     nanoseconds heard{};
     nanoseconds clock_measured{};
   };
+  absl::Status take(const v1::RegisterRequest& request, const std::optional<CertifiedPeer>& caller);
+  // ALREADY_EXISTS: the node that has the name is alive elsewhere. Lets go of `lock` while it asks that node.
+  absl::Status check_free(const v1::RegisterRequest& request, std::unique_lock<std::mutex>& lock) const;
+  void audit_refusal(const v1::RegisterRequest& request, const std::string& caller,
+                     const absl::Status& refused);
   // Without forgotten nodes, with `up` as of now. Call with mutex_ held.
   std::vector<RegisteredSolver> current() const;
 
-  const std::function<nanoseconds()> now_;
+  const Now now_;
+  const IsAlive is_alive_;
   mutable std::mutex mutex_;
-  std::map<std::string, Entry> entries_;  // by name
+  NodeNames names_;                             // guarded by mutex_, as the rest
+  std::map<std::string, Entry> entries_;        // by name
+  std::map<std::string, nanoseconds> audited_;  // refusals by their text, which is repeated each second
 };
 
 }  // namespace glasswing

@@ -22,10 +22,11 @@ absl::StatusOr<std::string> solver_address(const NodeRegistry& rig) {
 
 absl::StatusOr<std::unique_ptr<RampShow>> RampShow::start(const NodeRegistry& rig,
                                                           const CalibrationStore& calibrations,
-                                                          const std::string& monitor, std::stop_token stop) {
+                                                          const v1::ShowRampRequest& request,
+                                                          std::stop_token stop) {
   std::unique_ptr<RampShow> show(new RampShow);
-  GW_ASSIGN_OR_RETURN(show->rig_, connect(rig, calibrations));
-  GW_RETURN_IF_ERROR(show->find_monitor(monitor));
+  GW_ASSIGN_OR_RETURN(show->rig_, connect(rig, calibrations, request.camera()));
+  GW_RETURN_IF_ERROR(show->find_monitor(request.monitor()));
   v1::ShowRampResponse& described = show->description_;
   GW_ASSIGN_OR_RETURN(*described.mutable_solver_address(), solver_address(rig));
   described.set_camera_address(show->rig_.camera->address());

@@ -16,12 +16,13 @@ namespace glasswing {
 
 class RampShow {
  public:
-  // Returns when the ramp is on screen and a motorised stage has taken the object away. `monitor` empty: the
-  // rig's only monitor. INVALID_ARGUMENT: no such monitor. FAILED_PRECONDITION: no solver offers live mattes,
-  // or a calibration is of other settings. UNAVAILABLE: a node is away. CANCELLED: stopped.
+  // Returns when the ramp is on screen and a motorised stage has taken the object away. INVALID_ARGUMENT: no
+  // such monitor. FAILED_PRECONDITION: no solver offers live mattes, several cameras are up and the request
+  // names none, or a calibration is of other settings. UNAVAILABLE: a node is away. CANCELLED: stopped.
   static absl::StatusOr<std::unique_ptr<RampShow>> start(const NodeRegistry& rig,
                                                          const CalibrationStore& calibrations,
-                                                         const std::string& monitor, std::stop_token stop);
+                                                         const v1::ShowRampRequest& request,
+                                                         std::stop_token stop);
 
   // The nodes that take part, and whether a person has to place or remove the object, as last asked for.
   const v1::ShowRampResponse& description() const { return description_; }

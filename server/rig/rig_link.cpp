@@ -14,8 +14,8 @@ NodeLink::NodeLink(const v1::Node& node)
     : title_(fmt::format("{} node \"{}\" at {}", node.kind() == v1::NODE_KIND_CAMERA ? "camera" : "display",
                          node.name(), node.address())),
       address_(node.address()),
-      channel_(dial(node.address())),
-      stub_(v1::ClockService::NewStub(dial(node.address()))) {}
+      channel_(dial(node.address(), only(role_of(node.kind())))),
+      stub_(v1::ClockService::NewStub(dial(node.address(), only(role_of(node.kind()))))) {}
 
 absl::Status NodeLink::exchange_clocks(int count) {
   for (int i = 0; i < count; ++i) {
@@ -74,7 +74,7 @@ absl::Status RigLinks::exchange_clocks(int count) {
   return absl::OkStatus();
 }
 
-absl::StatusOr<RigLinks> connect(const NodeRegistry& rig, const CalibrationStore& calibrations) {
+absl::StatusOr<RigLinks> connect_displays(const NodeRegistry& rig, const CalibrationStore& calibrations) {
   RigLinks links;
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Node> displays, rig.displays());
   for (const v1::Node& node : displays) {
@@ -82,8 +82,14 @@ absl::StatusOr<RigLinks> connect(const NodeRegistry& rig, const CalibrationStore
     GW_RETURN_IF_ERROR(links.displays.back()->describe());
     links.displays.back()->use(calibrations);
   }
-  GW_ASSIGN_OR_RETURN(const v1::Node camera, rig.camera());
-  links.camera = std::make_unique<NodeLink>(camera);
+  return links;
+}
+
+absl::StatusOr<RigLinks> connect(const NodeRegistry& rig, const CalibrationStore& calibrations,
+                                 const std::string& camera) {
+  GW_ASSIGN_OR_RETURN(RigLinks links, connect_displays(rig, calibrations));
+  GW_ASSIGN_OR_RETURN(const v1::Node node, rig.camera(camera));
+  links.camera = std::make_unique<NodeLink>(node);
   links.camera_stub = v1::CameraService::NewStub(links.camera->channel());
   grpc::ClientContext context;
   set_deadline(context, kNodeCall);

@@ -71,7 +71,10 @@ struct RigLinks {
   // FAILED_PRECONDITION: two monitors have the same name.
   absl::StatusOr<std::vector<v1::Monitor>> monitors() const;
 };
-// UNAVAILABLE: a node is away.
-absl::StatusOr<RigLinks> connect(const NodeRegistry& rig, const CalibrationStore& calibrations);
+// `camera`: as for NodeRegistry::camera(), whose errors are returned. UNAVAILABLE: a node is away.
+absl::StatusOr<RigLinks> connect(const NodeRegistry& rig, const CalibrationStore& calibrations,
+                                 const std::string& camera);
+// The same without a camera.
+absl::StatusOr<RigLinks> connect_displays(const NodeRegistry& rig, const CalibrationStore& calibrations);
 
 }  // namespace glasswing

@@ -61,7 +61,7 @@ grpc::Status RigServiceImpl::CalibrateSync(grpc::ServerContext* context,
                                            const v1::CalibrateSyncRequest* request,
                                            grpc::ServerWriter<v1::CalibrateSyncResponse>* writer) {
   return run(context, "calibrate sync", [&](std::stop_token stop) -> absl::Status {
-    GW_ASSIGN_OR_RETURN(RigLinks rig, connect(server_.rig(), server_.calibrations()));
+    GW_ASSIGN_OR_RETURN(RigLinks rig, connect(server_.rig(), server_.calibrations(), request->camera()));
     std::vector<std::string> monitors(request->monitors().begin(), request->monitors().end());
     if (monitors.empty()) {
       for (const auto& display : rig.displays) {
@@ -117,7 +117,7 @@ grpc::Status RigServiceImpl::ShowRamp(grpc::ServerContext* context, RampStream* 
   if (!stream->Read(&request)) return grpc::Status::OK;
   return run(context, "live", [&](std::stop_token stop) -> absl::Status {
     GW_ASSIGN_OR_RETURN(const std::unique_ptr<RampShow> show,
-                        RampShow::start(server_.rig(), server_.calibrations(), request.monitor(), stop));
+                        RampShow::start(server_.rig(), server_.calibrations(), request, stop));
     bool object = false;
     do {
       if (stop.stop_requested()) return absl::CancelledError("stopped");
@@ -132,7 +132,7 @@ grpc::Status RigServiceImpl::ShowRamp(grpc::ServerContext* context, RampStream* 
 grpc::Status RigServiceImpl::ShowPattern(grpc::ServerContext* context, const v1::ShowPatternRequest* request,
                                          grpc::ServerWriter<v1::ShowPatternResponse>* writer) {
   return run(context, "pattern " + request->pattern(), [&](std::stop_token stop) -> absl::Status {
-    GW_ASSIGN_OR_RETURN(const RigLinks rig, connect(server_.rig(), server_.calibrations()));
+    GW_ASSIGN_OR_RETURN(const RigLinks rig, connect_displays(server_.rig(), server_.calibrations()));
     GW_ASSIGN_OR_RETURN(std::vector<v1::Monitor> monitors, rig.monitors());
     for (const std::string& name : request->monitors()) {
       if (std::ranges::find(monitors, name, &v1::Monitor::name) == monitors.end())
@@ -143,7 +143,6 @@ grpc::Status RigServiceImpl::ShowPattern(grpc::ServerContext* context, const v1:
     });
     GW_ASSIGN_OR_RETURN(const std::vector<v1::Stimulus> pattern, test_pattern(request->pattern(), monitors));
     v1::CaptureManifest header;  // for its calibrations
-    *header.mutable_camera() = rig.camera_info.camera();
     v1::ShowPatternResponse response;
     for (const v1::Monitor& monitor : monitors) {
       *header.add_monitors() = monitor;
@@ -183,7 +182,7 @@ namespace {
 
 // Fits a calibration to the session's frames at the camera node that holds them.
 absl::StatusOr<v1::FitCalibrationResponse> fit(const v1::Session& session) {
-  const auto node = v1::CalibrationService::NewStub(dial(session.archive_address()));
+  const auto node = v1::CalibrationService::NewStub(dial(session.archive_address(), kArchiveKeepers));
   const std::string peer = "camera node at " + session.archive_address();
   grpc::ClientContext context;
   set_deadline(context, std::chrono::minutes(10));

@@ -50,6 +50,7 @@ absl::StatusOr<std::unique_ptr<Server>> Server::open(const ServerOptions& option
   GW_ASSIGN_OR_RETURN(stores.sessions, SessionStore::open(data));
   GW_ASSIGN_OR_RETURN(stores.images, ImageFiles::open(data / "images", stores.sessions->photos()));
   GW_ASSIGN_OR_RETURN(stores.calibrations, CalibrationStore::open(data, *stores.problems));
+  GW_ASSIGN_OR_RETURN(NodeNames names, NodeNames::open(data));
   GW_ASSIGN_OR_RETURN(const std::string id, server_id(data, *stores.problems));
   GW_ASSIGN_OR_RETURN(
       std::unique_ptr<JobStore> jobs,
@@ -57,13 +58,14 @@ absl::StatusOr<std::unique_ptr<Server>> Server::open(const ServerOptions& option
                      {.server_id = id, .server_address = options.address, .lease = options.lease},
                      *stores.problems));
   stores.jobs = timed(std::move(jobs), *stores.problems);
-  std::unique_ptr<Server> server(new Server(options, std::move(stores)));
+  std::unique_ptr<Server> server(new Server(options, std::move(names), std::move(stores)));
   GW_RETURN_IF_ERROR(server->take_up());
   return server;
 }
 
-Server::Server(const ServerOptions& options, Stores stores)
-    : stores_(std::move(stores)),
+Server::Server(const ServerOptions& options, NodeNames names, Stores stores)
+    : rig_(std::move(names)),
+      stores_(std::move(stores)),
       mattes_(options.data),
       solves_({.sessions = *stores_.sessions, .jobs = *stores_.jobs, .mattes = mattes_}, rig_,
               options.min_tile_seconds),

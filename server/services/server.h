@@ -76,7 +76,7 @@ class Server {
     std::unique_ptr<ImageFiles> images;
     std::unique_ptr<JobStore> jobs;
   };
-  Server(const ServerOptions& options, Stores stores);
+  Server(const ServerOptions& options, NodeNames names, Stores stores);
   absl::Status take_up();
   // UNAVAILABLE: the job store does not answer.
   absl::Status take_up_solves();

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "core/security/peer.h"
 #include "core/service/service.h"
 #include "server/rig/caller.h"
 #include "server/sessions/session_state.h"
@@ -188,9 +189,14 @@ grpc::Status SessionServiceImpl::FetchMatte(grpc::ServerContext*, const v1::Fetc
   return grpc::Status::OK;
 }
 
-grpc::Status NodeServiceImpl::Register(grpc::ServerContext*, const v1::RegisterRequest* request,
+grpc::Status NodeServiceImpl::Register(grpc::ServerContext* context, const v1::RegisterRequest* request,
                                        v1::RegisterResponse*) {
-  return to_grpc(server_.rig().add(*request));
+  return to_grpc(server_.rig().add(*request, peer_of(*context->auth_context())));
+}
+
+grpc::Status NodeServiceImpl::ReleaseNode(grpc::ServerContext*, const v1::ReleaseNodeRequest* request,
+                                          v1::ReleaseNodeResponse*) {
+  return to_grpc(server_.rig().release(request->name()));
 }
 
 grpc::Status NodeServiceImpl::ListNodes(grpc::ServerContext*, const v1::ListNodesRequest*,

@@ -60,6 +60,8 @@ class NodeServiceImpl final : public v1::NodeService::Service {
   explicit NodeServiceImpl(Server& server) : server_(server) {}
   grpc::Status Register(grpc::ServerContext*, const v1::RegisterRequest*, v1::RegisterResponse*) override;
   grpc::Status ListNodes(grpc::ServerContext*, const v1::ListNodesRequest*, v1::ListNodesResponse*) override;
+  grpc::Status ReleaseNode(grpc::ServerContext*, const v1::ReleaseNodeRequest*,
+                           v1::ReleaseNodeResponse*) override;
 
  private:
   Server& server_;

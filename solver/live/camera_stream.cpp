@@ -8,7 +8,8 @@
 namespace glasswing {
 
 CameraStream::CameraStream(const std::string& address, double exposure_ms)
-    : title_("camera node at " + address), stub_(v1::CameraService::NewStub(dial(address))) {
+    : title_("camera node at " + address),
+      stub_(v1::CameraService::NewStub(dial(address, only(Role::kCamera)))) {
   v1::StreamFramesRequest request;
   request.set_exposure_ms(exposure_ms);
   reader_ = stub_->StreamFrames(&context_, request);

@@ -97,7 +97,9 @@ struct OwnTile {
 class WorkLoop {
  public:
   WorkLoop(const WorkOptions& options, std::stop_token stop)
-      : options_(options), stop_(std::move(stop)), asked_(v1::WorkService::NewStub(dial(options.server))) {}
+      : options_(options),
+        stop_(std::move(stop)),
+        asked_(v1::WorkService::NewStub(dial(options.server, only(Role::kServer)))) {}
 
   absl::Status run();
 
@@ -141,7 +143,7 @@ Stub& WorkLoop::owner_of(const v1::ClaimTileResponse& tile) {
   if (tile.server_address().empty()) return *asked_;
   const std::lock_guard lock(mutex_);
   std::unique_ptr<Stub>& stub = owners_[tile.server_address()];
-  if (stub == nullptr) stub = v1::WorkService::NewStub(dial(tile.server_address()));
+  if (stub == nullptr) stub = v1::WorkService::NewStub(dial(tile.server_address(), only(Role::kServer)));
   return *stub;
 }
 

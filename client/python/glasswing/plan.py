@@ -121,7 +121,7 @@ class Plan(_Value):
     default 2. ``exposure_ms``: 0.01 to 10000, default 4; every step is captured once with each. ``retries``: how often a
     step without proof is shown again, 0 to 100, default 10. ``skip_empty_stage``: leaves out the frames without the
     object; then no silhouette is found, and every pixel is solved. ``white_every``: repeats white and black after this
-    many steps, 2 to 10000, default never.
+    many steps, 2 to 10000, default never. ``camera``: the camera node that records; needed if several are up.
 
     >>> plan = Plan(
     ...     method="gaussian",
@@ -146,6 +146,7 @@ class Plan(_Value):
     calibration: CalibrationFrames | None = None
     white_every: int | None = None
     fringes: Sequence[Fringes] = ()
+    camera: str = ""
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Plan:

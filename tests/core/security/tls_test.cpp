@@ -44,8 +44,8 @@ class Tls : public testing::Test {
     return {file(ca + ".pem"), own.empty() ? "" : file(own + ".pem"), own.empty() ? "" : file(own + ".key")};
   }
 
-  static absl::Status call(const std::string& address) {
-    const auto stub = v1::ClockService::NewStub(dial(address));
+  static absl::Status call(const std::string& address, Roles roles = 0) {
+    const auto stub = v1::ClockService::NewStub(dial(address, roles));
     grpc::ClientContext context;
     set_deadline(context, std::chrono::seconds(10));
     v1::ExchangeResponse response;
@@ -78,6 +78,22 @@ TEST_F(Tls, CallsGoThroughOnlyWhenEachKnowsTheOther) {
 }
 
 // Calls by each of its names and addresses.
+TEST_F(Tls, APeerWithoutTheWantedRoleGetsNoCall) {
+  ASSERT_TRUE(use_tls(files("ca", "me")).ok());
+  EXPECT_TRUE(call(address_, only(Role::kServer)).ok());
+  EXPECT_TRUE(call(address_, only(Role::kServer) | only(Role::kCamera)).ok());
+  const absl::Status refused = call(address_, kArchiveKeepers);
+  EXPECT_EQ(refused.code(), absl::StatusCode::kUnavailable);
+  EXPECT_EQ(
+      refused.message(),
+      "server at the rig is not what it should be; its certificate's roles: server; it must have: camera or "
+      "solver");
+  // The host's name is still checked.
+  const std::string elsewhere = "localhost" + address_.substr(address_.rfind(':'));
+  EXPECT_EQ(call(elsewhere, only(Role::kServer)).message(), call(elsewhere).message());
+  EXPECT_FALSE(call(elsewhere, only(Role::kServer)).ok());
+}
+
 TEST_F(Tls, AHostHasAllNamesOfItsCertificate) {
   const std::string own = "IP:127.0.0.1,IP:::1,DNS:localhost,URI:urn:glasswing:role:server";
   write("server", make_certificate("server", &ca_, own));

@@ -2,6 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <set>
+
+#include "core/service/listener.h"
+
 namespace glasswing {
 namespace {
 
@@ -10,16 +14,31 @@ using std::chrono::seconds;
 
 class RigTest : public testing::Test {
  protected:
-  void hear(v1::NodeKind kind, const std::string& name) {
+  static v1::RegisterRequest request(v1::NodeKind kind, const std::string& name,
+                                     const std::string& address = "") {
     v1::RegisterRequest request;
     request.set_kind(kind);
     request.set_name(name);
+    request.set_address(address);
     if (kind == v1::NODE_KIND_SOLVER) request.mutable_solver()->set_host("host of " + name);
-    EXPECT_TRUE(rig_.add(request).ok());
+    return request;
+  }
+  void hear(v1::NodeKind kind, const std::string& name) {
+    EXPECT_TRUE(rig_.add(request(kind, name), std::nullopt).ok());
+  }
+  static CertifiedPeer owner(const std::string& name, Roles roles) {
+    return {.name = name, .roles = roles, .expires = std::chrono::sys_seconds::max()};
+  }
+  absl::Status camera(const std::string& name, const std::string& address, const std::string& certificate) {
+    return rig_.add(
+        request(v1::NODE_KIND_CAMERA, name, address),
+        certificate.empty() ? std::optional<CertifiedPeer>() : owner(certificate, only(Role::kCamera)));
   }
 
   nanoseconds now_ = seconds(1000);
-  NodeRegistry rig_{[this] { return now_; }};
+  std::set<std::string> alive_;  // addresses that take connections
+  NodeRegistry rig_{
+      {}, [this] { return now_; }, [this](const std::string& at) { return alive_.contains(at); }};
 };
 
 TEST_F(RigTest, ASilentNodeIsAway) {
@@ -59,6 +78,106 @@ TEST_F(RigTest, SolversAreKnownWithWhatTheySaidAndForgottenWhenTheyHaveLeft) {
   // Displays and cameras are never forgotten.
   ASSERT_EQ(rig_.nodes().size(), 2u);
   EXPECT_EQ(rig_.nodes().front().name(), "camera-1");
+}
+
+TEST_F(RigTest, AKindNeedsItsRole) {
+  const std::pair<v1::NodeKind, Role> kKinds[] = {{v1::NODE_KIND_DISPLAY, Role::kDisplay},
+                                                  {v1::NODE_KIND_CAMERA, Role::kCamera},
+                                                  {v1::NODE_KIND_SOLVER, Role::kSolver}};
+  for (const auto& [kind, role] : kKinds) {
+    for (size_t other = 0; other < kRoleNames.size(); ++other) {
+      const bool right = static_cast<Role>(other) == role;
+      const std::string name = fmt::format("node-{}-{}", static_cast<int>(kind), other);
+      const absl::Status added = rig_.add(request(kind, name), owner("sam", only(static_cast<Role>(other))));
+      EXPECT_EQ(added.code(), right ? absl::StatusCode::kOk : absl::StatusCode::kPermissionDenied) << name;
+    }
+    EXPECT_TRUE(
+        rig_.add(request(kind, fmt::format("all-{}", static_cast<int>(kind))), owner("rig", kNodes)).ok());
+    EXPECT_FALSE(rig_.add(request(kind, "none"), owner("nobody", 0)).ok());
+  }
+  EXPECT_EQ(rig_.nodes().size(), 6u);
+}
+
+TEST_F(RigTest, ANameBelongsToItsFirstCertificateForGood) {
+  ASSERT_TRUE(camera("eye", "a:1", "rig").ok());
+  EXPECT_EQ(rig_.nodes().front().certificate(), "rig");
+  const absl::Status refused = camera("eye", "b:1", "eve");
+  EXPECT_EQ(refused.code(), absl::StatusCode::kPermissionDenied);
+  EXPECT_NE(refused.message().find("\"rig\""), std::string::npos) << refused;
+  EXPECT_NE(refused.message().find("glasswing nodes release eye"), std::string::npos) << refused;
+  now_ += std::chrono::hours(24);
+  EXPECT_FALSE(camera("eye", "b:1", "eve").ok()) << "silence is no gift";
+  EXPECT_EQ(rig_.nodes().front().address(), "a:1");
+  EXPECT_TRUE(camera("eye", "c:1", "rig").ok()) << "its owner may move";
+  EXPECT_EQ(rig_.release("eye").code(), absl::StatusCode::kFailedPrecondition) << "it is up";
+  now_ += minutes(1);
+  ASSERT_TRUE(rig_.release("eye").ok());
+  EXPECT_TRUE(rig_.nodes().empty());
+  EXPECT_TRUE(camera("eye", "b:1", "eve").ok());
+  EXPECT_FALSE(camera("eye", "a:1", "rig").ok());
+  EXPECT_EQ(rig_.release("nobody").code(), absl::StatusCode::kNotFound);
+}
+
+TEST_F(RigTest, ASolversNameIsItsOwnWhileItIsKnown) {
+  const auto solver = [&](const std::string& certificate) {
+    return rig_.add(request(v1::NODE_KIND_SOLVER, "s"), owner(certificate, only(Role::kSolver)));
+  };
+  ASSERT_TRUE(solver("a").ok());
+  EXPECT_EQ(solver("b").code(), absl::StatusCode::kPermissionDenied);
+  EXPECT_EQ(rig_.add(request(v1::NODE_KIND_CAMERA, "s"), owner("b", kNodes)).code(),
+            absl::StatusCode::kPermissionDenied);
+  now_ += kForgotten;
+  EXPECT_TRUE(solver("b").ok());
+}
+
+TEST_F(RigTest, ANameIsNotTakenFromANodeThatIsAlive) {
+  ASSERT_TRUE(camera("eye", "a:1", "").ok());
+  EXPECT_EQ(camera("eye", "b:1", "").code(), absl::StatusCode::kAlreadyExists) << "just heard";
+  now_ += seconds(60);
+  alive_.insert("a:1");  // stopped, or cut off: silent, but not gone
+  EXPECT_EQ(camera("eye", "b:1", "").code(), absl::StatusCode::kAlreadyExists);
+  EXPECT_EQ(rig_.add(request(v1::NODE_KIND_DISPLAY, "eye", "b:1"), std::nullopt).code(),
+            absl::StatusCode::kAlreadyExists);
+  EXPECT_TRUE(camera("eye", "a:1", "").ok()) << "it is back";
+  now_ += seconds(60);
+  alive_.clear();
+  EXPECT_TRUE(camera("eye", "b:1", "").ok());
+  EXPECT_EQ(rig_.nodes().front().address(), "b:1");
+}
+
+TEST_F(RigTest, TwoCamerasAreNotChosenFromByTheirNames) {
+  EXPECT_EQ(rig_.camera("").status().code(), absl::StatusCode::kUnavailable);
+  ASSERT_TRUE(camera("eye", "b:1", "").ok());
+  EXPECT_EQ(rig_.camera("")->name(), "eye");
+  ASSERT_TRUE(camera("aaa", "a:1", "").ok());
+  const absl::Status both = rig_.camera("").status();
+  EXPECT_EQ(both.code(), absl::StatusCode::kFailedPrecondition);
+  for (const char* word : {"\"aaa\" at a:1", "\"eye\" at b:1"})
+    EXPECT_NE(both.message().find(word), std::string::npos) << both;
+  EXPECT_EQ(rig_.camera("eye")->address(), "b:1");
+  EXPECT_EQ(rig_.camera("nose").status().code(), absl::StatusCode::kUnavailable);
+  now_ += seconds(5);
+  ASSERT_TRUE(camera("eye", "b:1", "").ok());
+  EXPECT_EQ(rig_.camera("")->name(), "eye") << "the other is away";
+}
+
+TEST_F(RigTest, TheNumberOfNodesIsLimited) {
+  for (size_t i = 0; i < NodeRegistry::kMaxNodes; ++i) hear(v1::NODE_KIND_SOLVER, fmt::format("s{}", i));
+  EXPECT_EQ(rig_.add(request(v1::NODE_KIND_SOLVER, "more"), std::nullopt).code(),
+            absl::StatusCode::kResourceExhausted);
+  hear(v1::NODE_KIND_SOLVER, "s7");
+  now_ += kForgotten;
+  hear(v1::NODE_KIND_SOLVER, "more");
+}
+
+TEST(TakesConnections, WhereSomethingListens) {
+  std::unique_ptr<Listener> listener = Listener::open("127.0.0.1:0").value();
+  const std::string address = fmt::format("127.0.0.1:{}", listener->port());
+  EXPECT_TRUE(takes_connections(address)) << "accepted or not";
+  listener.reset();
+  EXPECT_FALSE(takes_connections(address));
+  for (const char* nowhere : {"", "127.0.0.1", "127.0.0.1:x", "nowhere.invalid:1"})
+    EXPECT_FALSE(takes_connections(nowhere)) << nowhere;
 }
 
 }  // namespace
