@@ -237,15 +237,21 @@ httplib::Server::HandlerWithContentReader Console::guarded(size_t max_bytes, Bod
   };
 }
 
-void Console::log_in(const Request& request, const std::string& text, Response& response) const {
+void Console::log_in(const Request& request, const std::string& text, Response& response) {
   if (const absl::Status status = check_origin(request, host_->has_tls()); !status.ok())
     return refuse(response, status);
+  const auto moment = std::chrono::steady_clock::now();
+  if (!logins_.allows(request.remote_addr, moment)) {
+    return refuse(response, absl::ResourceExhaustedError(
+                                "too many logins from this address were refused; wait a minute"));
+  }
   const auto body = nlohmann::json::parse(text, nullptr, false);
   const bool told = body.is_object() && body.contains("token") && body["token"].is_string();
   const std::string token = told ? body["token"].get<std::string>() : "";
   const std::chrono::sys_seconds now = AccessTokens::current_time();
   const absl::StatusOr<AccessTokens::Login> login = tokens_.log_in(token, now);
   if (!login.ok()) {
+    logins_.note_refused(request.remote_addr, moment);
     spdlog::warn("audit console login refused from={}", request.remote_addr);
     return refuse(response, login.status());
   }

@@ -26,6 +26,7 @@
 
 #include "server/console/access_tokens.h"
 #include "server/console/http_host.h"
+#include "server/console/login_limit.h"
 #include "server/console/node_channels.h"
 #include "server/console/session_routes.h"
 #include "server/console/stream_places.h"
@@ -64,13 +65,14 @@ class Console {
   httplib::Server::HandlerWithContentReader guarded(size_t max_bytes, BodyHandler handler) const;
   // The principal of a request. Errors are those of check_origin and principal_of.
   absl::StatusOr<Principal> authenticate(const httplib::Request& request) const;
-  void log_in(const httplib::Request& request, const std::string& body, httplib::Response& response) const;
+  void log_in(const httplib::Request& request, const std::string& body, httplib::Response& response);
   void call(const std::shared_ptr<grpc::Channel>& channel, const std::string& peer,
             const Principal& principal, const httplib::Request& request, const std::string& body,
             httplib::Response& response) const;
 
   AccessTokens& tokens_;
   const std::shared_ptr<grpc::Channel> server_;
+  LoginLimit logins_;
   NodeChannels nodes_;
   const SessionRoutes sessions_;
   mutable StreamPlaces streams_;

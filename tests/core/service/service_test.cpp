@@ -1,5 +1,6 @@
 #include "core/service/service.h"
 
+#include <grpcpp/generic/generic_stub.h>
 #include <gtest/gtest.h>
 
 #include "core/base/time.h"
@@ -31,6 +32,33 @@ TEST(ServiceHost, ListensOnLoopbackOnlyAndOnAPortOfItsOwn) {
   const absl::Status taken =
       ServiceHost::start({.address = host->address(), .reflection = false}, {}).status();
   EXPECT_TRUE(absl::IsUnavailable(taken)) << taken;
+}
+
+grpc::StatusCode reflection_code(const ServiceHost& host) {
+  grpc::GenericStub stub(dial(host.address()));
+  grpc::ClientContext context;
+  set_deadline(context, std::chrono::seconds(20));
+  grpc::CompletionQueue queue;
+  const grpc::Slice empty;
+  const auto call =
+      stub.PrepareUnaryCall(&context, "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo",
+                            grpc::ByteBuffer(&empty, 1), &queue);
+  call->StartCall();
+  grpc::ByteBuffer answer;
+  grpc::Status status;
+  call->Finish(&answer, &status, nullptr);
+  void* tag = nullptr;
+  bool ok = false;
+  queue.Next(&tag, &ok);
+  return status.error_code();
+}
+
+TEST(ServiceHost, ReflectsOnlyIfAskedTo) {
+  EXPECT_EQ(reflection_code(*ServiceHost::start({}, {}).value()), grpc::StatusCode::UNIMPLEMENTED);
+  const auto reflecting = ServiceHost::start({.reflection = true}, {}).value();
+  EXPECT_EQ(reflection_code(*reflecting), grpc::StatusCode::OK);
+  // One server of a process with it does not give it to the next.
+  EXPECT_EQ(reflection_code(*ServiceHost::start({}, {}).value()), grpc::StatusCode::UNIMPLEMENTED);
 }
 
 TEST(Status, CodesCrossTheWireUnchanged) {

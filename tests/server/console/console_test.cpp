@@ -140,6 +140,16 @@ TEST_F(ConsoleTest, ACookieIsForTheBrowserAloneAndGoesAtLogout) {
   EXPECT_NE(anna.Post("/logout")->get_header_value("Set-Cookie").find("Max-Age=0"), std::string::npos);
 }
 
+TEST_F(ConsoleTest, RefusedLoginsAreSlowedDown) {
+  start();
+  const auto status = [&](const std::string& token) {
+    return client().Post("/login", json{{"token", token}}.dump(), "application/json")->status;
+  };
+  for (int i = 0; i < LoginLimit::kMaxRefused; ++i) EXPECT_EQ(status("guess"), 401);
+  EXPECT_EQ(status("guess"), 429);
+  EXPECT_EQ(status(token("viewer")), 429);
+}
+
 TEST_F(ConsoleTest, ACopiedCookieIsRefusedAfterLogout) {
   start();
   const AccessTokens::Made link = made("operator");
