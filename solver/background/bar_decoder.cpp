@@ -21,7 +21,7 @@ constexpr double kCentreShare = 0.25;  // and of the centre, as a share of the m
 constexpr double kOutsideSd = 0.1;
 // The model error of symmetric footprints of another shape: of v at least, and of the centre as a share of
 // the finest bar.
-constexpr double kShapeSd = 0.002, kShapeCentre = 0.1;
+constexpr double kShapeCentre = 0.1;
 constexpr double kThreeSd = 9.0;
 constexpr double kMinGain = 1e-3;  // of chi-square
 constexpr double kAll = std::numeric_limits<double>::infinity();
@@ -152,6 +152,10 @@ BarDecoder::Value BarDecoder::value(size_t place, double centre_px, double sigma
   return {.v = v,
           .by_centre = (n_by_centre - v * z_by_centre) / z,
           .by_log_sigma = (n_by_log_sigma - v * z_by_log_sigma) / z};
+}
+
+double BarDecoder::shown_sigma_px(double variance_px2) {
+  return std::max(std::sqrt(std::max(variance_px2, 0.0)), kMinSigma_px);
 }
 
 BarDecoder::Value BarDecoder::inside(double centre_px, double sigma_px) const {

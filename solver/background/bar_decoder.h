@@ -25,6 +25,9 @@ struct AxisFit {
 
 class BarDecoder {
  public:
+  // Model error of v: footprints are symmetric, but not quite Gaussian.
+  static constexpr double kShapeSd = 0.002;
+
   // Bar widths descend and are at least 1 px. Monitor pixel i is lit where floor((i + 1/2) / width) is even.
   BarDecoder(std::span<const double> bar_widths_px, int extent_px);
 
@@ -47,6 +50,11 @@ class BarDecoder {
     double v = 0.0, by_centre = 0.0, by_log_sigma = 0.0;
   };
   Value value(size_t wave, double centre_px, double sigma_px) const;
+  // The share of a footprint that lies on the monitor.
+  Value inside(double centre_px, double sigma_px) const;
+
+  // The sigma of a footprint of this variance that value() can take.
+  static double shown_sigma_px(double variance_px2);
 
   size_t wave_count() const { return waves_.size(); }
   double finest_bar_px() const { return waves_.empty() ? extent_px_ : waves_.back().bar_px; }
@@ -71,8 +79,6 @@ class BarDecoder {
   };
   struct Normal;
 
-  // The share of a footprint that lies on the monitor.
-  Value inside(double centre_px, double sigma_px) const;
   // Chi-square of the waves and the prior. May stop early once it exceeds `enough`.
   double cost(const Problem& problem, double centre_px, double sigma_px, double enough) const;
   Normal normal_at(const Problem& problem, double centre_px, double sigma_px) const;

@@ -12,6 +12,8 @@ namespace glasswing {
 namespace {
 
 constexpr double kFalsePositiveRate = 1e-4;
+constexpr double kFourSd = 6e-5;  // the probability beyond four standard deviations
+constexpr double kMinPlaceSd_px = 0.05, kLogSigmaError = 0.15;  // of a pixel about a smooth map
 
 bool tells_of_the_empty_stage(const v1::Frame& frame) {
   const StimulusKind kind = kind_of(frame.stimulus());
@@ -172,9 +174,10 @@ BackgroundMap::BackgroundMap(const EmptyMonitor& monitor, const SampleNoise& noi
       noise_(noise),
       decoders_{BarDecoder(widths_of(monitor.bars[0]), monitor.width_px),
                 BarDecoder(widths_of(monitor.bars[1]), monitor.height_px)} {
-  const size_t solids = monitor.white >= 0 && monitor.black >= 0 ? 1 : 0;
-  const size_t samples = kChannels * (monitor.bars[0].size() + monitor.bars[1].size() + solids);
+  const size_t waves = monitor.bars[0].size() + monitor.bars[1].size();
+  const size_t samples = kChannels * (waves + (has_solids() ? 1 : 0));
   if (samples > 0) seen_threshold_ = chi_square_quantile(static_cast<double>(samples), kFalsePositiveRate);
+  if (waves > 0) refuted_threshold_ = chi_square_quantile(static_cast<double>(waves), kFourSd);
 }
 
 BackgroundMap::Contrast BackgroundMap::difference_of(const EmptyPixel& pixel, size_t axis,
@@ -256,9 +259,36 @@ bool BackgroundMap::sees(const EmptyPixel& pixel, const Contrast& contrast) cons
   return chi_square > seen_threshold_ && signal > 4.0 * std::sqrt(variance);
 }
 
+bool BackgroundMap::usable(const EmptyPixel& pixel, const Contrast& contrast) const {
+  if (!has_bars() && monitor_.texture != 0) return false;
+  return (!has_bars() && !has_solids()) || sees(pixel, contrast);
+}
+
+// One v for all channels, each weighted by its contrast over its noise.
+std::vector<BarDecoder::Sample> BackgroundMap::waves(const EmptyPixel& pixel, size_t axis,
+                                                     const Contrast& contrast) const {
+  std::vector<BarDecoder::Sample> samples;
+  for (size_t level = 0; level < monitor_.bars[axis].size(); ++level) {
+    const Contrast difference = difference_of(pixel, axis, level);
+    double top = 0.0, bottom = 0.0;
+    for (size_t c = 0; c < kChannels; ++c) {
+      const double information = 1.0 / std::max(difference.variance[c] + contrast.variance[c], 1e-20);
+      top += information * contrast.radiance[c] * difference.radiance[c];
+      bottom += information * contrast.radiance[c] * contrast.radiance[c];
+    }
+    samples.push_back({.value = top / bottom, .sd = 1.0 / std::sqrt(bottom)});
+  }
+  return samples;
+}
+
 // Fits F and R per channel by least squares to  sample = F + R Z light h,  h = 0 for black, 1 for white, (1 +
 // v) / 2 for bars and (1 - v) / 2 for their complement, with the v that were fitted.
-void BackgroundMap::weigh(const EmptyPixel& pixel, BackgroundPoint& point) const {
+void BackgroundMap::weigh(const EmptyPixel& pixel, const Contrast& contrast, BackgroundPoint& point) const {
+  if (!has_bars()) {
+    for (size_t c = 0; c < kChannels; ++c)
+      point.weight[c] = has_solids() ? std::max(contrast.radiance[c], 0.0) : 1.0;
+    return;
+  }
   struct Sums {
     double n = 0.0, h = 0.0, hh = 0.0, i = 0.0, ih = 0.0;
   };
@@ -296,12 +326,9 @@ void BackgroundMap::weigh(const EmptyPixel& pixel, BackgroundPoint& point) const
 
 BackgroundPoint BackgroundMap::point(const EmptyPixel& pixel, const StraightView& straight) const {
   BackgroundPoint point;
-  const bool bars = decoders_[0].wave_count() + decoders_[1].wave_count() > 0;
-  const bool solids = monitor_.white >= 0 && monitor_.black >= 0;
   const Contrast contrast = contrast_of(pixel);
   point.foreground = pixel.black;
-  if (!bars && monitor_.texture != 0) return point;
-  if ((bars || solids) && !sees(pixel, contrast)) return point;
+  if (!usable(pixel, contrast)) return point;
   point.seen = true;
   for (size_t axis = 0; axis < 2; ++axis) {
     const double scale = straight.scale[axis];
@@ -313,32 +340,72 @@ BackgroundPoint BackgroundMap::point(const EmptyPixel& pixel, const StraightView
       continue;
     }
     point.measured[axis] = true;
-    std::vector<BarDecoder::Sample> samples;
-    for (size_t level = 0; level < monitor_.bars[axis].size(); ++level) {
-      const Contrast difference = difference_of(pixel, axis, level);
-      // One v for all channels, each weighted by its contrast over its noise.
-      double top = 0.0, bottom = 0.0;
-      for (size_t c = 0; c < kChannels; ++c) {
-        const double information = 1.0 / std::max(difference.variance[c] + contrast.variance[c], 1e-20);
-        top += information * contrast.radiance[c] * difference.radiance[c];
-        bottom += information * contrast.radiance[c] * contrast.radiance[c];
-      }
-      samples.push_back({.value = top / bottom, .sd = 1.0 / std::sqrt(bottom)});
-    }
+    const std::vector<BarDecoder::Sample> samples = waves(pixel, axis, contrast);
     const BarDecoder::Guess guess{.centre_px = straight.centre_px[axis], .sigma_px = box_sigma_px(scale)};
     point.axis[axis] = decoders_[axis].fit(samples, guess);
     point.ambiguous = point.ambiguous || point.axis[axis].ambiguous;
     point.chi_square += point.axis[axis].chi_square;
     point.degrees += static_cast<int>(samples.size());
   }
-  if (bars) {
-    weigh(pixel, point);
-  } else {
-    for (size_t c = 0; c < kChannels; ++c) {
-      point.weight[c] = solids ? std::max(contrast.radiance[c], 0.0) : 1.0;
+  weigh(pixel, contrast, point);
+  return point;
+}
+
+std::array<std::vector<BackgroundMap::Miss>, 2> BackgroundMap::misses(const EmptyPixel& pixel,
+                                                                      const StagePoint& place) const {
+  const Contrast contrast = contrast_of(pixel);
+  std::array<std::vector<Miss>, 2> all;
+  for (size_t axis = 0; axis < 2; ++axis) {
+    const double centre_px = axis == 0 ? place.x_px : place.y_px;
+    const double sigma_px = BarDecoder::shown_sigma_px(axis == 0 ? place.xx_px2 : place.yy_px2);
+    const std::vector<BarDecoder::Sample> samples = waves(pixel, axis, contrast);
+    for (size_t level = 0; level < samples.size(); ++level) {
+      const BarDecoder::Value value = decoders_[axis].value(level, centre_px, sigma_px);
+      all[axis].push_back({.value = samples[level].value - value.v,
+                           .sd = samples[level].sd,
+                           .by_centre = value.by_centre,
+                           .by_log_sigma = value.by_log_sigma});
     }
   }
+  return all;
+}
+
+BackgroundPoint BackgroundMap::point_on(const SmoothStage& map, const EmptyPixel& pixel, double x_px,
+                                        double y_px) const {
+  BackgroundPoint point;
+  const Contrast contrast = contrast_of(pixel);
+  point.foreground = pixel.black;
+  if (!usable(pixel, contrast)) return point;
+  point.seen = true;
+  const StagePoint place = map.map.at(x_px, y_px);
+  const std::array<std::vector<Miss>, 2> all = misses(pixel, place);
+  const double place_sd_px = std::hypot(std::max(map.place_sd_px, kMinPlaceSd_px), map.sd_px);
+  for (size_t axis = 0; axis < 2; ++axis) {
+    AxisFit& fit = point.axis[axis];
+    point.measured[axis] = true;
+    const double variance_px2 = axis == 0 ? place.xx_px2 : place.yy_px2;
+    fit.centre_px = axis == 0 ? place.x_px : place.y_px;
+    // Without bars, a camera pixel's box minus the monitor's own flat pixel.
+    fit.sigma_px = BarDecoder::shown_sigma_px(all[axis].empty() ? variance_px2 - 1.0 / 12.0 : variance_px2);
+    fit.centre_sd_px = map.sd_px;
+    fit.inside = decoders_[axis].inside(fit.centre_px, fit.sigma_px).v;
+    for (size_t level = 0; level < all[axis].size(); ++level) {
+      const Miss& miss = all[axis][level];
+      double variance = miss.sd * miss.sd;
+      for (const double error : {BarDecoder::kShapeSd, place_sd_px * miss.by_centre,
+                                 kLogSigmaError * miss.by_log_sigma, map.wave_sd[axis][level]})
+        variance += error * error;
+      fit.chi_square += miss.value * miss.value / variance;
+    }
+    point.chi_square += fit.chi_square;
+    point.degrees += static_cast<int>(all[axis].size());
+  }
+  weigh(pixel, contrast, point);
   return point;
+}
+
+bool BackgroundMap::refutes(const BackgroundPoint& on_map) const {
+  return on_map.degrees > 0 && on_map.chi_square > refuted_threshold_;
 }
 
 }  // namespace glasswing

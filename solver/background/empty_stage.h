@@ -1,5 +1,5 @@
-// The background map from frames without the object: which part of which monitor a pixel sees. It depends
-// only on that pixel's own samples, so tiles join without seams.
+// The background map from frames without the object: which part of which monitor a pixel sees, by that
+// pixel's own samples or on the smooth map of the whole picture (stage_map.h).
 #pragma once
 
 #include <array>
@@ -9,6 +9,7 @@
 #include "glasswing/v1/archive.pb.h"
 #include "solver/background/bar_decoder.h"
 #include "solver/background/silhouette.h"
+#include "solver/background/stage_map.h"
 #include "solver/method/method.h"
 #include "solver/method/sample_noise.h"
 
@@ -78,6 +79,16 @@ struct StraightView {
 };
 StraightView straight_view(const v1::Camera& camera, const EmptyMonitor& monitor, int x, int y);
 
+// The smooth map of one monitor, and how far its pixels may be off.
+struct SmoothStage {
+  StageMap map;
+  double sd_px = 0.0;        // of the map itself, rms over the pixels that see the monitor
+  double place_sd_px = 0.0;  // of the usual pixel about the map
+  // What v of each wave differs from the map by in the usual pixel, beyond noise; by axis, in the order of
+  // EmptyMonitor::bars.
+  std::array<std::vector<double>, 2> wave_sd;
+};
+
 // Measures points on one monitor. Thread-safe.
 class BackgroundMap {
  public:
@@ -88,6 +99,18 @@ class BackgroundMap {
   // leave (BarDecoder::Guess), and is the result for the first monitor if there are no bars.
   BackgroundPoint point(const EmptyPixel& pixel, const StraightView& straight) const;
 
+  // The same with centre and width as on the map at (x_px, y_px) of the picture.
+  BackgroundPoint point_on(const SmoothStage& map, const EmptyPixel& pixel, double x_px, double y_px) const;
+  // Whether the pixel's own bars refute that place.
+  bool refutes(const BackgroundPoint& on_map) const;
+
+  // By how much v of each wave differs from what the monitor shows a footprint at this place.
+  struct Miss {
+    double value = 0.0, sd = 1.0;                // and the sd of its noise
+    double by_centre = 0.0, by_log_sigma = 0.0;  // derivatives of v
+  };
+  std::array<std::vector<Miss>, 2> misses(const EmptyPixel& pixel, const StagePoint& place) const;
+
  private:
   struct Contrast {
     Samples3 radiance{}, variance{};
@@ -96,11 +119,18 @@ class BackgroundMap {
   // The difference of lit and unlit bars per light 1, and its variance.
   Contrast difference_of(const EmptyPixel& pixel, size_t axis, size_t level) const;
   bool sees(const EmptyPixel& pixel, const Contrast& contrast) const;
-  void weigh(const EmptyPixel& pixel, BackgroundPoint& point) const;
+  // v by wave.
+  std::vector<BarDecoder::Sample> waves(const EmptyPixel& pixel, size_t axis, const Contrast& contrast) const;
+  // Weights and foreground of a point whose axes are set.
+  void weigh(const EmptyPixel& pixel, const Contrast& contrast, BackgroundPoint& point) const;
+  bool has_bars() const { return decoders_[0].wave_count() + decoders_[1].wave_count() > 0; }
+  bool has_solids() const { return monitor_.white >= 0 && monitor_.black >= 0; }
+  // Whether the pixel can be told to see this monitor, and does.
+  bool usable(const EmptyPixel& pixel, const Contrast& contrast) const;
 
   EmptyMonitor monitor_;
   SampleNoise noise_;
-  double seen_threshold_ = 0.0;
+  double seen_threshold_ = 0.0, refuted_threshold_ = 0.0;
   std::array<BarDecoder, 2> decoders_;
 };
 

@@ -61,6 +61,24 @@ StageLayout lay_out_stage(const v1::CaptureManifest& manifest, const Exposures& 
   return layout;
 }
 
+bool changed_by_object(const FrameStack& stack, const StageLayout& layout, const SilhouetteTest& test,
+                       const SampleNoise& noise, int x, int y) {
+  std::vector<SilhouetteTest::Pair> pairs;
+  pairs.reserve(layout.pairs.size() * kChannels);
+  for (const StageLayout::Pair& pair : layout.pairs) {
+    for (int c = 0; c < kChannels; ++c) {
+      const size_t index = stack.sample_index(x, y, c);
+      const MergedSample object = merge(stack, pair.object, index, noise);
+      const MergedSample empty = merge(stack, pair.empty, index, noise);
+      pairs.push_back({.object = object.radiance,
+                       .empty = empty.radiance,
+                       .variance = object.variance + empty.variance,
+                       .saturated = object.saturated && empty.saturated});
+    }
+  }
+  return test.test(pairs).object;
+}
+
 absl::Status check_black(const StageLayout& layout) {
   if (!layout.black.empty()) return absl::OkStatus();
   return absl::FailedPreconditionError(

@@ -33,6 +33,10 @@ int texture_of(const v1::CaptureManifest& manifest, const std::string& panel);
 
 StageLayout lay_out_stage(const v1::CaptureManifest& manifest, const Exposures& exposures);
 
+// Whether the object changes a pixel of the stack.
+bool changed_by_object(const FrameStack& stack, const StageLayout& layout, const SilhouetteTest& test,
+                       const SampleNoise& noise, int x, int y);
+
 // FAILED_PRECONDITION: black was not recorded.
 absl::Status check_black(const StageLayout& layout);
 

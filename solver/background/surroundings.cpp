@@ -9,18 +9,16 @@ namespace glasswing {
 namespace {
 
 constexpr double kMinStep = 1.0 / 65535.0;
-constexpr double kUsualNoise = 0.003;
+constexpr int kNeighbours = 4;  // each way along the row
 
 }  // namespace
 
 Surroundings::Surroundings(const FrameStack& stack, const StageLayout& layout, double tolerance)
     : stack_(stack),
       layout_(layout),
-      camera_(layout.camera),
-      noise_known_(camera_.read_sd() > 0.0),
-      noise_(sample_noise(camera_, kUsualNoise)),
+      noise_known_(layout.camera.read_sd() > 0.0),
+      noise_(sample_noise(layout.camera, kUsualNoise)),
       silhouette_(tolerance) {
-  camera_.set_width_px(stack.width_px);
   for (const EmptyMonitor& monitor : layout.monitors) background_.emplace_back(monitor, noise_);
 }
 
@@ -32,19 +30,7 @@ float Surroundings::black(int y, int lane) const {
 bool Surroundings::has_object(int x, int y, double read_sd) {
   SampleNoise noise = noise_;
   noise.read_sd = read_sd;
-  pairs_.clear();
-  for (const StageLayout::Pair& pair : layout_.pairs) {
-    for (int c = 0; c < kChannels; ++c) {
-      const size_t index = stack_.sample_index(x, y, c);
-      const MergedSample object = merge(stack_, pair.object, index, noise);
-      const MergedSample empty = merge(stack_, pair.empty, index, noise);
-      pairs_.push_back({.object = object.radiance,
-                        .empty = empty.radiance,
-                        .variance = object.variance + empty.variance,
-                        .saturated = object.saturated && empty.saturated});
-    }
-  }
-  return silhouette_.test(pairs_).object;
+  return changed_by_object(stack_, layout_, silhouette_, noise, x, y);
 }
 
 bool Surroundings::sees_patch(int x, int y) const {
@@ -64,11 +50,55 @@ bool Surroundings::sees_patch(int x, int y) const {
   return false;
 }
 
+const SmoothStage* Surroundings::map_of(size_t monitor) const {
+  if (stack_.stage_maps == nullptr || !stack_.stage_maps->of_monitor[monitor]) return nullptr;
+  return &*stack_.stage_maps->of_monitor[monitor];
+}
+
+BackgroundPoint Surroundings::point_on_map(size_t monitor, int x, int y) {
+  gather(stack_, layout_.monitors[monitor], x, y, empty_pixel_);
+  return background_[monitor].point_on(*map_of(monitor), empty_pixel_, x * stack_.column_step + 0.5,
+                                       stack_.first_row + y + 0.5);
+}
+
+// One pixel alone may be refuted by chance, or because it sees an edge of bars through a footprint of unusual
+// shape.
+void Surroundings::judge_maps(int y) {
+  judged_row_ = y;
+  refuted_.resize(background_.size());
+  const int width = stack_.width_px;
+  for (size_t m = 0; m < background_.size(); ++m) {
+    if (map_of(m) == nullptr) continue;
+    std::vector<bool> seen, strained;
+    for (int x = 0; x < width; ++x) {
+      const BackgroundPoint point = point_on_map(m, x, y);
+      seen.push_back(point.seen);
+      strained.push_back(point.seen && background_[m].refutes(point));
+    }
+    refuted_[m].assign(static_cast<size_t>(width), false);
+    for (int x = 0; x < width; ++x) {
+      if (!strained[static_cast<size_t>(x)]) continue;
+      int count = 0, against = 0;
+      for (int i = std::max(x - kNeighbours, 0); i <= std::min(x + kNeighbours, width - 1); ++i) {
+        count += seen[static_cast<size_t>(i)];
+        against += strained[static_cast<size_t>(i)];
+      }
+      refuted_[m][static_cast<size_t>(x)] = 2 * against > count;
+    }
+  }
+}
+
 std::span<const BackgroundPoint> Surroundings::background(int x, int y) {
+  if (y != judged_row_) judge_maps(y);
   points_.clear();
   for (size_t m = 0; m < background_.size(); ++m) {
+    if (map_of(m) != nullptr && !refuted_[m][static_cast<size_t>(x)]) {
+      points_.push_back(point_on_map(m, x, y));
+      continue;
+    }
     gather(stack_, layout_.monitors[m], x, y, empty_pixel_);
-    const StraightView straight = straight_view(camera_, layout_.monitors[m], x, stack_.first_row + y);
+    const StraightView straight =
+        straight_view(layout_.camera, layout_.monitors[m], x * stack_.column_step, stack_.first_row + y);
     points_.push_back(background_[m].point(empty_pixel_, straight));
   }
   return points_;

@@ -9,6 +9,7 @@
 #include "solver/background/empty_stage.h"
 #include "solver/background/silhouette.h"
 #include "solver/background/stage_layout.h"
+#include "solver/background/stage_maps.h"
 #include "solver/method/method.h"
 #include "solver/method/sample_noise.h"
 
@@ -37,6 +38,8 @@ class Surroundings {
   float black(int y, int lane) const;
 
   // The pixel's view without the object, by texture. Nothing is `seen` if the empty stage was not recorded.
+  // It lies on the smooth map of the stage (FrameStack::stage_maps) where there is one, unless the bars of
+  // this pixel and of most of its neighbours along the row refute that.
   std::span<const BackgroundPoint> background(int x, int y);
 
   bool noise_known() const { return noise_known_; }
@@ -47,19 +50,23 @@ class Surroundings {
   bool has_object(int x, int y, double read_sd);
   // A pixel that sees an id patch changes in every frame.
   bool sees_patch(int x, int y) const;
+  const SmoothStage* map_of(size_t monitor) const;
+  BackgroundPoint point_on_map(size_t monitor, int x, int y);
+  // Sets refuted_ of row y.
+  void judge_maps(int y);
   // False: the modes are a guess.
   bool map_background(int x, int y, Matte& matte);
 
   const FrameStack& stack_;
   const StageLayout& layout_;
-  v1::Camera camera_;  // as wide as the stack: a survey solves some columns only
   const bool noise_known_;
   const SampleNoise noise_;
   const SilhouetteTest silhouette_;
   std::vector<BackgroundMap> background_;
   std::vector<BackgroundPoint> points_;
   EmptyPixel empty_pixel_;
-  std::vector<SilhouetteTest::Pair> pairs_;
+  int judged_row_ = -1;
+  std::vector<std::vector<bool>> refuted_;  // [monitor][x], in the row judged last
 };
 
 }  // namespace glasswing

@@ -88,6 +88,7 @@ FrameStack synthesized_stack(const FrameStack& recorded, const SynthesizedCaptur
                              const std::vector<int>& synthesized) {
   FrameStack stack = recorded;
   stack.brightness.clear();
+  stack.stage_maps = nullptr;  // those of all that was recorded
   stack.rows.assign(capture.parts.size(), {});
   auto sums = std::make_shared<std::vector<std::vector<std::uint16_t>>>();
   for (const int frame : synthesized) {

@@ -18,6 +18,8 @@
 
 namespace glasswing {
 
+struct StageMaps;  // solver/background/stage_maps.h
+
 // Samples from this code on are saturated: 0.9995 of full scale.
 inline constexpr std::uint16_t kSaturatedCode = 65502;
 
@@ -35,6 +37,9 @@ struct FrameStack {
   // By index in manifest.frames and channel: the brightness of its monitor relative to the session's first
   // white (brightness_drift.h). Empty: constant.
   std::vector<std::array<float, 3>> brightness = {};
+  // Of the whole session. Null: not measured.
+  std::shared_ptr<const StageMaps> stage_maps = nullptr;
+  int column_step = 1;  // the stack's columns are every so-manyth of the picture's
 
   // Index into `rows` of a frame.
   size_t sample_index(int x, int y, int channel) const {
@@ -75,7 +80,8 @@ class PreparedMethod {
   // The frames to read: indices in manifest.frames, never a reference frame.
   virtual const std::vector<int>& frames_needed() const = 0;
   // The matte of these rows, whose samples are light (linear_stack.h) and have passed check_rows(). Each
-  // pixel depends on samples of its own row only, so tiles join without seams.
+  // pixel depends on samples of its own row, and on what was measured of the whole session (FrameStack's
+  // brightness and stage_maps), so tiles join without seams.
   virtual absl::StatusOr<Matte> solve(const FrameStack& rows) const = 0;
 };
 
