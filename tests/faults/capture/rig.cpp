@@ -136,7 +136,7 @@ FaultyRig::FaultyRig(const RigFaults& faults, std::uint64_t seed, int patch_rows
   sessions_ = v1::SessionService::NewStub(dial(server_->host->address()));
   const NodeRegistry& rig = server_->server->rig();
   const nanoseconds deadline = monotonic_now() + kSoon;
-  while (!rig.camera().ok() || !rig.displays().ok()) {
+  while (!rig.camera("").ok() || !rig.displays().ok()) {
     if (monotonic_now() > deadline) {
       std::fputs("the nodes did not register\n", stderr);
       std::abort();
