@@ -141,7 +141,7 @@ absl::StatusOr<Candidates> session_names(std::vector<std::string> words) {
   GW_RETURN_IF_ERROR(use_tls({config["ca"], config["certificate"], config["key"]}));
   const Peer<v1::SessionService> server("server at " + config["server"], config["server"]);
   GW_ASSIGN_OR_RETURN(const v1::ListSessionsResponse listed,
-                      call(server, &v1::SessionService::Stub::ListSessions, {}, kPatience));
+                      call_pages(server, &v1::SessionService::Stub::ListSessions, {}, kPatience));
   Candidates names;
   for (const v1::Session& session : listed.sessions()) names.emplace_back(session.name(), "");
   return names;

@@ -23,7 +23,7 @@ absl::Status add_monitors(const v1::Node& node, RigView& rig) {
 absl::StatusOr<RigView> read_rig_view(const Client& client, const std::string& wanted) {
   const Peer<v1::NodeService> server(client.server_title(), client.server);
   GW_ASSIGN_OR_RETURN(const v1::ListNodesResponse listed,
-                      call(server, &v1::NodeService::Stub::ListNodes, {}));
+                      call_pages(server, &v1::NodeService::Stub::ListNodes, {}));
   RigView rig;
   for (const v1::Node& node : listed.nodes()) {
     if (!node.up()) continue;

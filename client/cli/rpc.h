@@ -44,4 +44,20 @@ absl::StatusOr<Response> call(const Peer<Service>& peer,
   return response;
 }
 
+// The same for a list: all its pages (https://google.aip.dev/158) in one answer.
+template <typename Service, typename Stub, typename Request, typename Response>
+absl::StatusOr<Response> call_pages(
+    const Peer<Service>& peer, grpc::Status (Stub::*rpc)(grpc::ClientContext*, const Request&, Response*),
+    std::type_identity_t<Request> request, std::chrono::milliseconds timeout = kCallTimeout) {
+  Response all;
+  do {
+    const absl::StatusOr<Response> page = call(peer, rpc, request, timeout);
+    if (!page.ok()) return page.status();
+    request.set_page_token(page->next_page_token());
+    all.MergeFrom(*page);
+  } while (!request.page_token().empty());
+  all.clear_next_page_token();
+  return all;
+}
+
 }  // namespace glasswing

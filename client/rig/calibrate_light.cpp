@@ -217,7 +217,7 @@ absl::StatusOr<v1::Plan> plan_of(CalibrateArguments& arguments) {
 
 absl::StatusOr<v1::ListCalibrationsResponse> known(const Client& client) {
   const Peer<v1::RigService> server(client.server_title(), client.server);
-  return call(server, &v1::RigService::Stub::ListCalibrations, {});
+  return call_pages(server, &v1::RigService::Stub::ListCalibrations, {});
 }
 
 void tell(const Client& client, const char* guide) {

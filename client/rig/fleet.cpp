@@ -122,7 +122,7 @@ void print_fleet(const Client& client, const v1::GetFleetResponse& fleet) {
 }
 
 absl::StatusOr<v1::GetFleetResponse> ask(const FleetPeer& server) {
-  return call(server, &v1::FleetService::Stub::GetFleet, {});
+  return call_pages(server, &v1::FleetService::Stub::GetFleet, {});
 }
 
 // Runs until Ctrl-C; keeps trying if the server does not answer.

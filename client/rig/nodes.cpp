@@ -44,7 +44,7 @@ std::string temperature_text(const v1::NodeHealth& health) {
 absl::Status list_nodes(const Client& client) {
   const Peer<v1::NodeService> server(client.server_title(), client.server);
   GW_ASSIGN_OR_RETURN(const v1::ListNodesResponse listed,
-                      call(server, &v1::NodeService::Stub::ListNodes, {}));
+                      call_pages(server, &v1::NodeService::Stub::ListNodes, {}));
   if (client.json) {
     print_json(listed);
     return absl::OkStatus();

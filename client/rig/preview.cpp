@@ -28,7 +28,7 @@ struct PreviewArguments {
 absl::StatusOr<std::string> camera_address(const Client& client) {
   const Peer<v1::NodeService> server(client.server_title(), client.server);
   GW_ASSIGN_OR_RETURN(const v1::ListNodesResponse listed,
-                      call(server, &v1::NodeService::Stub::ListNodes, {}));
+                      call_pages(server, &v1::NodeService::Stub::ListNodes, {}));
   for (const v1::Node& node : listed.nodes()) {
     if (node.kind() == v1::NODE_KIND_CAMERA && node.up()) return node.address();
   }

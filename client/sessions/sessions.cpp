@@ -46,7 +46,7 @@ absl::Status list_sessions(const Client& client, const SessionsArguments& argume
   const Peer<v1::SessionService> server(client.server_title(), client.server);
   GW_ASSIGN_OR_RETURN(const v1::ListSessionsRequest request, request_of(arguments));
   GW_ASSIGN_OR_RETURN(const v1::ListSessionsResponse listed,
-                      call(server, &v1::SessionService::Stub::ListSessions, request));
+                      call_pages(server, &v1::SessionService::Stub::ListSessions, request));
   if (client.json) {
     print_json(listed);
     return absl::OkStatus();

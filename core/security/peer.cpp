@@ -21,6 +21,18 @@ CertifiedPeer peer_of(const X509& certificate) {
   return peer;
 }
 
+Roles roles_of(const grpc::AuthContext& caller) {
+  Roles roles = 0;
+  for (const grpc::string_ref& uri : caller.FindPropertyValues(GRPC_PEER_URI_PROPERTY_NAME))
+    roles |= role_of_uri({uri.data(), uri.size()});
+  return roles;
+}
+
+std::string name_of(const grpc::AuthContext& caller) {
+  const std::vector<grpc::string_ref> names = caller.FindPropertyValues(GRPC_X509_CN_PROPERTY_NAME);
+  return names.empty() ? "" : std::string(names.front().data(), names.front().size());
+}
+
 std::optional<CertifiedPeer> peer_of(const grpc::AuthContext& context) {
   const std::vector<grpc::string_ref> pem = context.FindPropertyValues(GRPC_X509_PEM_CERT_PROPERTY_NAME);
   if (pem.empty()) return std::nullopt;

@@ -2,11 +2,13 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <grpc/grpc_security_constants.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <vector>
+
+#include "core/security/call_shares.h"
+#include "core/security/peer.h"
 
 namespace glasswing {
 namespace {
@@ -86,18 +88,6 @@ constexpr MethodAccess kTable[] = {
     {"WorkService/FailTile", kSolver},
 };
 
-Roles roles_of(const grpc::AuthContext& caller) {
-  Roles roles = 0;
-  for (const grpc::string_ref& uri : caller.FindPropertyValues(GRPC_PEER_URI_PROPERTY_NAME))
-    roles |= role_of_uri({uri.data(), uri.size()});
-  return roles;
-}
-
-std::string name_of(const grpc::AuthContext& caller) {
-  const std::vector<grpc::string_ref> names = caller.FindPropertyValues(GRPC_X509_CN_PROPERTY_NAME);
-  return names.empty() ? "" : std::string(names.front().data(), names.front().size());
-}
-
 class RoleGate final : public grpc::AuthMetadataProcessor {
  public:
   bool IsBlocking() const override { return false; }
@@ -108,10 +98,19 @@ class RoleGate final : public grpc::AuthMetadataProcessor {
     if (path == metadata.end()) return {grpc::StatusCode::PERMISSION_DENIED, "the call names no method"};
     std::string_view method(path->second.data(), path->second.size());
     static constexpr std::string_view kOurs = "/glasswing.v1.";
-    if (!method.starts_with(kOurs)) return grpc::Status::OK;
+    if (!method.starts_with(kOurs)) return to_status(share(*caller));
     method.remove_prefix(kOurs.size());
-    const absl::Status admitted = admit(method, roles_of(*caller), name_of(*caller));
-    return {static_cast<grpc::StatusCode>(admitted.code()), std::string(admitted.message())};
+    absl::Status admitted = admit(method, roles_of(*caller), name_of(*caller));
+    if (admitted.ok()) admitted = share(*caller);
+    return to_status(admitted);
+  }
+
+ private:
+  static absl::Status share(const grpc::AuthContext& caller) {
+    return call_shares().admit(name_of(caller), roles_of(caller), CallShares::Time::clock::now());
+  }
+  static grpc::Status to_status(const absl::Status& status) {
+    return {static_cast<grpc::StatusCode>(status.code()), std::string(status.message())};
   }
 };
 

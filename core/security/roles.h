@@ -49,8 +49,8 @@ std::span<const MethodAccess> access_table();
 // A method that is not in the table is admitted: gRPC answers that it does not exist.
 absl::Status admit(std::string_view method, Roles roles, std::string_view caller);
 
-// Checks every call against the table by its caller's certificate. Methods of other packages (health,
-// reflection) are open to every certificate.
+// Checks every call against the table by its caller's certificate, and against the caller's share of calls
+// (call_shares.h). Methods of other packages (health, reflection) are open to every certificate.
 std::shared_ptr<grpc::AuthMetadataProcessor> role_gate();
 
 }  // namespace glasswing

@@ -5,6 +5,7 @@
 #include <chrono>
 
 #include "core/base/version.h"
+#include "core/service/message_limits.h"
 #include "core/service/node_health.h"
 #include "core/service/service.h"
 
@@ -15,6 +16,7 @@ Registration::Registration(const std::string& server_address, v1::RegisterReques
     : server_address_(server_address), node_(std::move(node)), data_(std::move(data)) {
   if (server_address.empty()) return;
   node_.set_version(kVersion);
+  node_.set_detail(fitted(node_.detail()));
   stub_ = v1::NodeService::NewStub(dial(server_address, only(Role::kServer)));
   thread_ = std::jthread([this](std::stop_token stop) { run(stop); });
 }

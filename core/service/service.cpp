@@ -12,7 +12,9 @@
 #include <regex>
 
 #include "core/base/status.h"
+#include "core/security/call_shares.h"
 #include "core/security/tls.h"
+#include "core/service/counted_calls.h"
 #include "core/service/listener.h"
 #include "core/service/rpc_metrics.h"
 #include "core/service/stalled_calls.h"
@@ -148,6 +150,7 @@ absl::StatusOr<std::unique_ptr<ServiceHost>> ServiceHost::start(const ListenOpti
   GW_RETURN_IF_ERROR(check_advertised(options));
   GW_ASSIGN_OR_RETURN(std::unique_ptr<Listener> listener, Listener::open(options.address));
   const ServiceLimits& limits = options.limits;
+  call_shares().set_max_calls(limits.calls);
   std::unique_ptr<ServiceHost> self(new ServiceHost);
   self->clock_ = std::make_unique<NodeClockService>(options.clock);
   grpc::EnableDefaultHealthCheckService(true);
@@ -160,6 +163,7 @@ absl::StatusOr<std::unique_ptr<ServiceHost>> ServiceHost::start(const ListenOpti
   builder.RegisterService(self->clock_.get());
   for (grpc::Service* service : services) builder.RegisterService(service);
   std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> interceptors;
+  interceptors.push_back(std::make_unique<CountedCallsFactory>());
   interceptors.push_back(std::make_unique<RpcMetricsFactory>());
   interceptors.push_back(std::make_unique<StalledCallsFactory>(limits.stalled));
   builder.experimental().SetInterceptorCreators(std::move(interceptors));

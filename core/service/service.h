@@ -34,6 +34,7 @@ void set_deadline(grpc::ClientContext& context, std::chrono::milliseconds timeou
 inline constexpr std::chrono::milliseconds kSelfCall(3000);
 
 // What callers may use of one daemon. Calls beyond it fail with RESOURCE_EXHAUSTED; connections are closed.
+// With TLS, calls are shared out among certificates (core/security/call_shares.h).
 struct ServiceLimits {
   int message_bytes = 8 << 20;                    // of a received message
   size_t buffer_bytes = 256 << 20;                // gRPC's buffers, for all connections together

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "core/security/peer.h"
+#include "core/service/message_limits.h"
 #include "core/service/service.h"
 
 namespace glasswing {
@@ -48,6 +49,7 @@ void ConsoleServiceImpl::serve_at(const std::string& url) {
 grpc::Status ConsoleServiceImpl::CreateToken(grpc::ServerContext* context,
                                              const v1::CreateTokenRequest* request,
                                              v1::CreateTokenResponse* response) {
+  GW_CHECK_LIMITS(*request);
   {
     const std::lock_guard lock(mutex_);
     response->set_url(url_);
@@ -93,6 +95,7 @@ grpc::Status ConsoleServiceImpl::ListTokens(grpc::ServerContext*, const v1::List
 
 grpc::Status ConsoleServiceImpl::RevokeToken(grpc::ServerContext*, const v1::RevokeTokenRequest* request,
                                              v1::RevokeTokenResponse*) {
+  GW_CHECK_LIMITS(*request);
   const absl::Status revoked = tokens_.revoke(request->id());
   if (revoked.ok()) spdlog::info("audit console token revoked token={}", request->id());
   return to_grpc(revoked);

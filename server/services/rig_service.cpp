@@ -6,6 +6,7 @@
 #include <condition_variable>
 
 #include "core/base/status.h"
+#include "core/service/message_limits.h"
 #include "core/service/service.h"
 #include "glasswing/v1/calibration_service.grpc.pb.h"
 #include "server/rig/caller.h"
@@ -14,12 +15,11 @@
 #include "server/rig/rig_check.h"
 #include "server/rig/rig_findings.h"
 #include "server/rig/sync_calibration.h"
+#include "server/services/pages.h"
 
 namespace glasswing {
 
 namespace {
-
-constexpr size_t kMaxReasonBytes = 200;
 
 std::optional<v1::Finding> judge_sessions(Server& server) {
   v1::ListSessionsRequest damaged;
@@ -60,6 +60,7 @@ grpc::Status RigServiceImpl::run(grpc::ServerContext* context, const std::string
 grpc::Status RigServiceImpl::CalibrateSync(grpc::ServerContext* context,
                                            const v1::CalibrateSyncRequest* request,
                                            grpc::ServerWriter<v1::CalibrateSyncResponse>* writer) {
+  GW_CHECK_LIMITS(*request);
   return run(context, "calibrate sync", [&](std::stop_token stop) -> absl::Status {
     GW_ASSIGN_OR_RETURN(RigLinks rig, connect(server_.rig(), server_.calibrations(), request->camera()));
     std::vector<std::string> monitors(request->monitors().begin(), request->monitors().end());
@@ -98,6 +99,7 @@ grpc::Status RigServiceImpl::CalibrateSync(grpc::ServerContext* context,
 
 grpc::Status RigServiceImpl::CheckRig(grpc::ServerContext* context, const v1::CheckRigRequest* request,
                                       grpc::ServerWriter<v1::CheckRigResponse>* writer) {
+  GW_CHECK_LIMITS(*request);
   const auto report = [&](const v1::Finding& finding) {
     v1::CheckRigResponse response;
     *response.mutable_finding() = finding;
@@ -115,6 +117,7 @@ grpc::Status RigServiceImpl::CheckRig(grpc::ServerContext* context, const v1::Ch
 grpc::Status RigServiceImpl::ShowRamp(grpc::ServerContext* context, RampStream* stream) {
   v1::ShowRampRequest request;
   if (!stream->Read(&request)) return grpc::Status::OK;
+  GW_CHECK_LIMITS(request);
   return run(context, "live", [&](std::stop_token stop) -> absl::Status {
     GW_ASSIGN_OR_RETURN(const std::unique_ptr<RampShow> show,
                         RampShow::start(server_.rig(), server_.calibrations(), request, stop));
@@ -131,6 +134,7 @@ grpc::Status RigServiceImpl::ShowRamp(grpc::ServerContext* context, RampStream* 
 
 grpc::Status RigServiceImpl::ShowPattern(grpc::ServerContext* context, const v1::ShowPatternRequest* request,
                                          grpc::ServerWriter<v1::ShowPatternResponse>* writer) {
+  GW_CHECK_LIMITS(*request);
   return run(context, "pattern " + request->pattern(), [&](std::stop_token stop) -> absl::Status {
     GW_ASSIGN_OR_RETURN(const RigLinks rig, connect_displays(server_.rig(), server_.calibrations()));
     GW_ASSIGN_OR_RETURN(std::vector<v1::Monitor> monitors, rig.monitors());
@@ -162,10 +166,8 @@ grpc::Status RigServiceImpl::ShowPattern(grpc::ServerContext* context, const v1:
 
 grpc::Status RigServiceImpl::HoldRig(grpc::ServerContext* context, const v1::HoldRigRequest* request,
                                      grpc::ServerWriter<v1::HoldRigResponse>* writer) {
-  if (request->reason().empty() || request->reason().size() > kMaxReasonBytes) {
-    return to_grpc(absl::InvalidArgumentError(fmt::format("the reason has {} bytes; it must have 1 to {}",
-                                                          request->reason().size(), kMaxReasonBytes)));
-  }
+  GW_CHECK_LIMITS(*request);
+  if (request->reason().empty()) return to_grpc(absl::InvalidArgumentError("the reason is empty"));
   const Caller caller = caller_of(*context);
   const absl::StatusOr<RigLock::Hold> hold = server_.rig_lock().hold(caller, request->reason());
   if (!hold.ok()) return to_grpc(hold.status());
@@ -230,24 +232,33 @@ absl::StatusOr<v1::FitCalibrationResponse> fit_and_store(Server& server, const s
 
 grpc::Status RigServiceImpl::FitCalibration(grpc::ServerContext*, const v1::FitCalibrationRequest* request,
                                             v1::FitCalibrationResponse* response) {
+  GW_CHECK_LIMITS(*request);
   absl::StatusOr<v1::FitCalibrationResponse> fitted = fit_and_store(server_, request->session());
   if (!fitted.ok()) return to_grpc(fitted.status());
   *response = *std::move(fitted);
   return grpc::Status::OK;
 }
 
-grpc::Status RigServiceImpl::ListCalibrations(grpc::ServerContext*, const v1::ListCalibrationsRequest*,
+grpc::Status RigServiceImpl::ListCalibrations(grpc::ServerContext*,
+                                              const v1::ListCalibrationsRequest* request,
                                               v1::ListCalibrationsResponse* response) {
+  GW_CHECK_LIMITS(*request);
+  absl::StatusOr<Page> page = Page::of(*request);
+  if (!page.ok()) return to_grpc(page.status());
   const CalibrationStore& store = server_.calibrations();
   for (v1::CameraCalibration& camera : store.cameras()) *response->add_cameras() = std::move(camera);
   for (v1::DisplayCalibration& display : store.displays()) *response->add_displays() = std::move(display);
   *response->mutable_sync() = store.all_sync();
+  page->cut(*response->mutable_cameras());
+  page->cut(*response->mutable_displays());
+  response->set_next_page_token(page->next_token());
   return grpc::Status::OK;
 }
 
 grpc::Status RigServiceImpl::ForgetCalibration(grpc::ServerContext*,
                                                const v1::ForgetCalibrationRequest* request,
                                                v1::ForgetCalibrationResponse*) {
+  GW_CHECK_LIMITS(*request);
   return to_grpc(server_.calibrations().forget(request->device()));
 }
 

@@ -3,8 +3,10 @@
 #include <fmt/format.h>
 
 #include "core/security/peer.h"
+#include "core/service/message_limits.h"
 #include "core/service/service.h"
 #include "server/rig/caller.h"
+#include "server/services/pages.h"
 #include "server/sessions/session_state.h"
 
 namespace glasswing {
@@ -31,12 +33,14 @@ grpc::Status answer(absl::StatusOr<v1::Session> session, Response* response) {
 grpc::Status SessionServiceImpl::CreateSession(grpc::ServerContext* context,
                                                const v1::CreateSessionRequest* request,
                                                v1::CreateSessionResponse* response) {
+  GW_CHECK_LIMITS(*request);
   return answer(server_.captures().create(*request, caller_of(*context)), response);
 }
 
 grpc::Status SessionServiceImpl::EstimateSession(grpc::ServerContext*,
                                                  const v1::EstimateSessionRequest* request,
                                                  v1::EstimateSessionResponse* response) {
+  GW_CHECK_LIMITS(*request);
   absl::StatusOr<v1::EstimateSessionResponse> estimate = server_.captures().estimate(*request);
   if (!estimate.ok()) return to_grpc(estimate.status());
   *response = *std::move(estimate);
@@ -46,11 +50,13 @@ grpc::Status SessionServiceImpl::EstimateSession(grpc::ServerContext*,
 grpc::Status SessionServiceImpl::BeginImport(grpc::ServerContext* context,
                                              const v1::BeginImportRequest* request,
                                              v1::BeginImportResponse* response) {
+  GW_CHECK_LIMITS(*request);
   return answer(server_.importer().begin(*request, caller_of(*context)), response);
 }
 
 grpc::Status SessionServiceImpl::FinishImport(grpc::ServerContext*, const v1::FinishImportRequest* request,
                                               v1::FinishImportResponse* response) {
+  GW_CHECK_LIMITS(*request);
   return answer(server_.importer().finish(request->name()), response);
 }
 
@@ -72,20 +78,27 @@ grpc::Status SessionServiceImpl::UploadImage(grpc::ServerContext*,
 
 grpc::Status SessionServiceImpl::ListSessions(grpc::ServerContext*, const v1::ListSessionsRequest* request,
                                               v1::ListSessionsResponse* response) {
+  GW_CHECK_LIMITS(*request);
+  absl::StatusOr<Page> page = Page::of(*request);
+  if (!page.ok()) return to_grpc(page.status());
   const absl::StatusOr<std::vector<v1::Session>> sessions = server_.sessions().list(*request);
   if (!sessions.ok()) return to_grpc(sessions.status());
   for (const v1::Session& session : *sessions) *response->add_sessions() = session;
+  page->cut(*response->mutable_sessions());
+  response->set_next_page_token(page->next_token());
   return grpc::Status::OK;
 }
 
 grpc::Status SessionServiceImpl::GetSession(grpc::ServerContext*, const v1::GetSessionRequest* request,
                                             v1::GetSessionResponse* response) {
+  GW_CHECK_LIMITS(*request);
   return answer(server_.sessions().find(request->name()), response);
 }
 
 grpc::Status SessionServiceImpl::WatchSession(grpc::ServerContext* context,
                                               const v1::WatchSessionRequest* request,
                                               grpc::ServerWriter<v1::WatchSessionResponse>* writer) {
+  GW_CHECK_LIMITS(*request);
   std::int64_t seen = 0;
   std::string last;
   while (!context->IsCancelled() && !stopping_) {
@@ -107,6 +120,7 @@ grpc::Status SessionServiceImpl::WatchSession(grpc::ServerContext* context,
 grpc::Status SessionServiceImpl::WatchSteps(grpc::ServerContext* context,
                                             const v1::WatchStepsRequest* request,
                                             grpc::ServerWriter<v1::WatchStepsResponse>* writer) {
+  GW_CHECK_LIMITS(*request);
   size_t told = 0;
   std::int64_t seen = 0;
   while (!context->IsCancelled() && !stopping_) {
@@ -132,23 +146,27 @@ grpc::Status SessionServiceImpl::WatchSteps(grpc::ServerContext* context,
 grpc::Status SessionServiceImpl::PauseSession(grpc::ServerContext* context,
                                               const v1::PauseSessionRequest* request,
                                               v1::PauseSessionResponse* response) {
+  GW_CHECK_LIMITS(*request);
   return answer(server_.control().pause(request->name(), caller_of(*context)), response);
 }
 
 grpc::Status SessionServiceImpl::ResumeSession(grpc::ServerContext* context,
                                                const v1::ResumeSessionRequest* request,
                                                v1::ResumeSessionResponse* response) {
+  GW_CHECK_LIMITS(*request);
   return answer(server_.control().resume(*request, caller_of(*context)), response);
 }
 
 grpc::Status SessionServiceImpl::CancelSession(grpc::ServerContext* context,
                                                const v1::CancelSessionRequest* request,
                                                v1::CancelSessionResponse* response) {
+  GW_CHECK_LIMITS(*request);
   return answer(server_.control().cancel(request->name(), caller_of(*context)), response);
 }
 
 grpc::Status SessionServiceImpl::DeleteSession(grpc::ServerContext*, const v1::DeleteSessionRequest* request,
                                                v1::DeleteSessionResponse* response) {
+  GW_CHECK_LIMITS(*request);
   const absl::StatusOr<std::int64_t> freed_bytes = server_.deleter().remove(request->name());
   if (!freed_bytes.ok()) return to_grpc(freed_bytes.status());
   response->set_freed_bytes(*freed_bytes);
@@ -158,17 +176,20 @@ grpc::Status SessionServiceImpl::DeleteSession(grpc::ServerContext*, const v1::D
 grpc::Status SessionServiceImpl::AnnotateSession(grpc::ServerContext*,
                                                  const v1::AnnotateSessionRequest* request,
                                                  v1::AnnotateSessionResponse* response) {
+  GW_CHECK_LIMITS(*request);
   return answer(server_.sessions().annotate(*request), response);
 }
 
 grpc::Status SessionServiceImpl::SolveSession(grpc::ServerContext*, const v1::SolveSessionRequest* request,
                                               v1::SolveSessionResponse* response) {
+  GW_CHECK_LIMITS(*request);
   return answer(server_.solves().solve(*request), response);
 }
 
 grpc::Status SessionServiceImpl::ReplicateSession(grpc::ServerContext* context,
                                                   const v1::ReplicateSessionRequest* request,
                                                   grpc::ServerWriter<v1::ReplicateSessionResponse>* writer) {
+  GW_CHECK_LIMITS(*request);
   return to_grpc(server_.replicator().replicate(
       *request, [&](const v1::ReplicateSessionResponse& progress) { return writer->Write(progress); },
       [&] { return !context->IsCancelled() && !stopping_; }));
@@ -176,6 +197,7 @@ grpc::Status SessionServiceImpl::ReplicateSession(grpc::ServerContext* context,
 
 grpc::Status SessionServiceImpl::FetchMatte(grpc::ServerContext*, const v1::FetchMatteRequest* request,
                                             grpc::ServerWriter<v1::FetchMatteResponse>* writer) {
+  GW_CHECK_LIMITS(*request);
   const std::optional<int> frame = request->has_frame() ? std::optional<int>(request->frame()) : std::nullopt;
   const absl::StatusOr<std::string> bytes = request->partial()
                                                 ? server_.solves().partial_matte(request->name())
@@ -191,17 +213,24 @@ grpc::Status SessionServiceImpl::FetchMatte(grpc::ServerContext*, const v1::Fetc
 
 grpc::Status NodeServiceImpl::Register(grpc::ServerContext* context, const v1::RegisterRequest* request,
                                        v1::RegisterResponse*) {
+  GW_CHECK_LIMITS(*request);
   return to_grpc(server_.rig().add(*request, peer_of(*context->auth_context())));
 }
 
 grpc::Status NodeServiceImpl::ReleaseNode(grpc::ServerContext*, const v1::ReleaseNodeRequest* request,
                                           v1::ReleaseNodeResponse*) {
+  GW_CHECK_LIMITS(*request);
   return to_grpc(server_.rig().release(request->name()));
 }
 
-grpc::Status NodeServiceImpl::ListNodes(grpc::ServerContext*, const v1::ListNodesRequest*,
+grpc::Status NodeServiceImpl::ListNodes(grpc::ServerContext*, const v1::ListNodesRequest* request,
                                         v1::ListNodesResponse* response) {
+  GW_CHECK_LIMITS(*request);
+  absl::StatusOr<Page> page = Page::of(*request);
+  if (!page.ok()) return to_grpc(page.status());
   for (const v1::Node& node : server_.rig().nodes()) *response->add_nodes() = node;
+  page->cut(*response->mutable_nodes());
+  response->set_next_page_token(page->next_token());
   if (const auto holder = server_.rig_lock().holder()) *response->mutable_holder() = *holder;
   for (const std::string& problem : server_.problems().all()) response->add_problems(problem);
   return grpc::Status::OK;

@@ -6,6 +6,7 @@
 
 #include "core/base/status.h"
 #include "core/base/time.h"
+#include "core/service/message_limits.h"
 #include "core/service/service.h"
 
 namespace glasswing {
@@ -30,6 +31,7 @@ absl::Status complete_frames(Server& server, const v1::CompleteTileRequest& head
 
 grpc::Status WorkServiceImpl::ClaimTile(grpc::ServerContext* context, const v1::ClaimTileRequest* request,
                                         v1::ClaimTileResponse* response) {
+  GW_CHECK_LIMITS(*request);
   const nanoseconds until =
       monotonic_now() + std::chrono::milliseconds(std::clamp(request->wait_ms(), 0, 10000));
   while (true) {
@@ -46,6 +48,7 @@ grpc::Status WorkServiceImpl::ClaimTile(grpc::ServerContext* context, const v1::
 
 grpc::Status WorkServiceImpl::KeepTile(grpc::ServerContext*, const v1::KeepTileRequest* request,
                                        v1::KeepTileResponse*) {
+  GW_CHECK_LIMITS(*request);
   return to_grpc(server_.tiles().renew(request->lease()));
 }
 
@@ -56,6 +59,7 @@ grpc::Status WorkServiceImpl::CompleteTile(grpc::ServerContext*,
   if (!reader->Read(&header) || !header.has_lease()) {
     return to_grpc(absl::InvalidArgumentError("the first message must name the tile"));
   }
+  GW_CHECK_LIMITS(header);
   absl::StatusOr<std::optional<FrameMattes>> mattes = server_.tiles().frames_of(header.lease());
   if (!mattes.ok()) return to_grpc(mattes.status());
   if (*mattes) return to_grpc(complete_frames(server_, header, **std::move(mattes), *reader));
@@ -73,11 +77,13 @@ grpc::Status WorkServiceImpl::CompleteTile(grpc::ServerContext*,
 
 grpc::Status WorkServiceImpl::CompleteSurvey(grpc::ServerContext*, const v1::CompleteSurveyRequest* request,
                                              v1::CompleteSurveyResponse*) {
+  GW_CHECK_LIMITS(*request);
   return to_grpc(server_.solves().complete_survey(*request));
 }
 
 grpc::Status WorkServiceImpl::FailTile(grpc::ServerContext*, const v1::FailTileRequest* request,
                                        v1::FailTileResponse*) {
+  GW_CHECK_LIMITS(*request);
   return to_grpc(server_.tiles().fail(*request));
 }
 

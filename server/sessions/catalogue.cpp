@@ -149,6 +149,10 @@ absl::StatusOr<v1::Session> Catalogue::annotate(const v1::AnnotateSessionRequest
   std::set<std::string> tags(session.tags().begin(), session.tags().end());
   tags.insert(request.add_tags().begin(), request.add_tags().end());
   for (const std::string& tag : request.remove_tags()) tags.erase(tag);
+  if (tags.size() > kMaxTags && request.add_tags_size() > 0) {
+    return absl::ResourceExhaustedError(fmt::format(
+        "session \"{}\" would have {} tags; it may have at most {}", request.name(), tags.size(), kMaxTags));
+  }
   GW_RETURN_IF_ERROR(database_.query("UPDATE sessions SET note = ?, tags = ? WHERE name = ?")
                          .bind(request.has_note() ? request.note() : session.note())
                          .bind(absl::StrJoin(tags, " "))

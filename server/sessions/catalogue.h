@@ -16,7 +16,7 @@
 
 namespace glasswing {
 
-inline constexpr size_t kMaxNoteBytes = 4096;
+inline constexpr size_t kMaxNoteBytes = 4096, kMaxTags = 100;
 
 // True if the session meets all conditions of the request. INVALID_ARGUMENT: a time that cannot be parsed.
 absl::StatusOr<bool> matches(const v1::Session& session, const v1::ListSessionsRequest& request);
@@ -34,7 +34,7 @@ class Catalogue {
   // not know.
   absl::Status update(const v1::Session& session);
   // Changes note and tags only. NOT_FOUND: no such session. INVALID_ARGUMENT: a tag that is not a valid name,
-  // or a note of more than kMaxNoteBytes.
+  // or a note of more than kMaxNoteBytes. RESOURCE_EXHAUSTED: more than kMaxTags.
   absl::StatusOr<v1::Session> annotate(const v1::AnnotateSessionRequest& request);
   // Change the list of replicas only; it has one entry a node.
   absl::Status set_replica(const std::string& name, const v1::ArchiveCopy& copy);

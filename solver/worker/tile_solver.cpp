@@ -9,6 +9,7 @@
 
 #include "core/base/status.h"
 #include "core/matte/matte_file.h"
+#include "core/service/message_limits.h"
 #include "solver/method/brightness_drift.h"
 #include "solver/methods.h"
 #include "solver/worker/solver_metrics.h"
@@ -59,7 +60,7 @@ absl::StatusOr<SolvedTile> solve_frames(const v1::ClaimTileResponse& tile, const
   const auto refuse = [&](int frame, const absl::Status& why) {
     v1::RefusedFrame& refused = solved.refused.emplace_back();
     refused.set_frame(frame);
-    refused.set_error(std::string(why.message()));
+    refused.set_error(fitted(std::string(why.message())));
     return absl::OkStatus();
   };
   GW_RETURN_IF_ERROR(solve_video(*method, *video, tile.first_frame(), tile.frame_count(), thread_count, stop,

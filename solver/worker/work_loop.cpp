@@ -20,6 +20,7 @@
 #include "core/base/time.h"
 #include "core/base/version.h"
 #include "core/pattern/method_options.h"
+#include "core/service/message_limits.h"
 #include "core/service/service.h"
 #include "glasswing/v1/work_service.grpc.pb.h"
 #include "solver/worker/solver_metrics.h"
@@ -314,7 +315,7 @@ void WorkLoop::give_up(const OwnTile& tile, const absl::Status& why) {
   solver_metrics().failed.Increment();
   spdlog::error("tile not solved {} error=\"{}\"", describe(tile.claim.lease()), std::string(why.message()));
   v1::FailTileRequest request;
-  request.set_error(std::string(why.message()));
+  request.set_error(fitted(std::string(why.message())));
   request.set_permanent(absl::IsInvalidArgument(why) || absl::IsFailedPrecondition(why) ||
                         absl::IsDataLoss(why));
   fail(tile, request);

@@ -9,7 +9,7 @@ import os
 import pathlib
 import socket
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import grpc
 
@@ -63,6 +63,15 @@ class Connection:
             return rpc(request, timeout=max(self.timeout, seconds), metadata=self.metadata())
         except grpc.RpcError as error:
             raise self.error_of(error) from None
+
+    def call_pages(self, rpc: Callable[..., Response], request: Any) -> Response:
+        """Returns all pages of a list (https://google.aip.dev/158) in one answer."""
+        answer: Any = self.call(rpc, request)
+        while answer.next_page_token:
+            request.page_token = answer.next_page_token
+            answer.next_page_token = ""
+            answer.MergeFrom(self.call(rpc, request))
+        return cast(Response, answer)
 
     def stream(self, rpc: Callable[..., Iterable[Response]], request: Any, timeout: float) -> Iterator[Response]:
         """Yields all answers to one request; closing the iterator cancels the call."""

@@ -161,7 +161,7 @@ class Rig:
 
     def fleet(self) -> Fleet:
         """The solvers with their work and speed, and the solves that are not done."""
-        answer: fleet_service_pb2.GetFleetResponse = self._connection.call(
+        answer: fleet_service_pb2.GetFleetResponse = self._connection.call_pages(
             self._fleet.GetFleet, fleet_service_pb2.GetFleetRequest()
         )
         return Fleet.from_message(answer)
@@ -191,7 +191,7 @@ class Rig:
             created_from=_rfc3339(since),
             created_before=_rfc3339(before),
         )
-        answer: pb.ListSessionsResponse = self._connection.call(self._sessions.ListSessions, request)
+        answer: pb.ListSessionsResponse = self._connection.call_pages(self._sessions.ListSessions, request)
         return [self._session(session) for session in answer.sessions]
 
     def session(self, name: str) -> Session:
@@ -272,7 +272,7 @@ class Rig:
 
     def _list_nodes(self) -> node_service_pb2.ListNodesResponse:
         request = node_service_pb2.ListNodesRequest()
-        answer: node_service_pb2.ListNodesResponse = self._connection.call(self._nodes.ListNodes, request)
+        answer: node_service_pb2.ListNodesResponse = self._connection.call_pages(self._nodes.ListNodes, request)
         return answer
 
     def _estimate(self, plan: plan_pb2.Plan, name: str) -> Estimate:

@@ -71,14 +71,25 @@ function post(method: string, request: object, options: CallOptions): Promise<Re
   return ask(path, init);
 }
 
-/** `method` is "SessionService/GetSession". */
+/** `method` is "SessionService/GetSession". Of a list, the answer has all pages (https://google.aip.dev/158). */
 export async function call<Answer>(
   method: string,
   request: object = {},
   options: CallOptions = {},
 ): Promise<Answer> {
-  return (await (await post(method, request, options)).json()) as Answer;
+  const answer = (await (await post(method, request, options)).json()) as Page;
+  let token = answer.nextPageToken;
+  while (token !== undefined) {
+    const page = (await (await post(method, { ...request, pageToken: token }, options)).json()) as Page;
+    token = page.nextPageToken;
+    for (const [key, value] of Object.entries(page))
+      answer[key] = Array.isArray(value) ? [...((answer[key] ?? []) as unknown[]), ...value] : value;
+  }
+  delete answer.nextPageToken;
+  return answer as Answer;
 }
+
+type Page = Record<string, unknown> & { nextPageToken?: string };
 
 /** Yields the messages of a streaming method. Leaving the loop, or options.signal, cancels the call. */
 export async function* stream<Answer>(
