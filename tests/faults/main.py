@@ -24,6 +24,7 @@ import clocks  # noqa: E402
 import crashes  # noqa: E402
 import damage  # noqa: E402
 import disk  # noqa: E402
+import hostile  # noqa: E402
 import network  # noqa: E402
 import power_cut  # noqa: E402
 from case import Cases, Tally, run  # noqa: E402
@@ -40,7 +41,7 @@ class Suite:
 
     about: str
     cases: Cases[Any]
-    make: Callable[[pathlib.Path, pathlib.Path], Stage]
+    make: Callable[[pathlib.Path, pathlib.Path], Any]
 
 
 def _quick(make: Callable[..., Stage]) -> Callable[[pathlib.Path, pathlib.Path], Stage]:
@@ -50,6 +51,7 @@ def _quick(make: Callable[..., Stage]) -> Callable[[pathlib.Path, pathlib.Path],
 
 SUITES = {
     "callers": Suite("slow, numerous, greedy and malformed callers", callers.case, Stage),
+    "hostile": Suite("members and browsers that work against the rig", hostile.case, hostile.HostileStage),
     "network": Suite("a network that breaks, clients that collide", network.case, _quick(RelayedStage)),
     "crashes": Suite("daemons that die, stop, or run out of descriptors", crashes.case, _quick(Stage)),
     "disk": Suite("full and failing disks", disk.case, disk.DiskStage),
