@@ -125,8 +125,10 @@ bool Listener::takes_connections(std::chrono::milliseconds within) const {
   return ::poll(&polled, 1, within_ms) == 1;
 }
 
-void Listener::start(std::unique_ptr<Acceptor> acceptor, int max_descriptors) {
+void Listener::start(std::unique_ptr<Acceptor> acceptor, std::shared_ptr<ConnectionWatch> watch,
+                     int max_descriptors) {
   acceptor_ = std::move(acceptor);
+  watch_ = std::move(watch);
   max_descriptors_ = max_descriptors;
   thread_ = std::jthread([this](std::stop_token stop) {
     std::vector<pollfd> polled;
@@ -162,6 +164,7 @@ void Listener::take(const Descriptor& listening) {
   }
   told_ = too_many;
   if (too_many) return;
+  watch_->add(connection.get());
   Acceptor::NewConnectionParameters parameters;
   parameters.listener_fd = listening.get();
   parameters.fd = connection.release();

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "core/base/descriptor.h"
+#include "core/service/connection_watch.h"
 
 namespace glasswing {
 
@@ -29,9 +30,9 @@ class Listener {
   bool takes_connections(std::chrono::milliseconds within) const;
 
   using Acceptor = grpc::experimental::ExternalConnectionAcceptor;
-  // Hands connections to `acceptor` from now on. Closes a connection at once if it arrives while the process
-  // has `max_descriptors` open.
-  void start(std::unique_ptr<Acceptor> acceptor, int max_descriptors);
+  // Hands connections to `acceptor` from now on, and shows them to `watch`. Closes a connection at once if it
+  // arrives while the process has `max_descriptors` open.
+  void start(std::unique_ptr<Acceptor> acceptor, std::shared_ptr<ConnectionWatch> watch, int max_descriptors);
   void stop();
 
  private:
@@ -46,6 +47,7 @@ class Listener {
   int max_descriptors_ = 0;
   bool told_ = false;  // it is logged that connections are turned away
   std::unique_ptr<Acceptor> acceptor_;
+  std::shared_ptr<ConnectionWatch> watch_;
   std::jthread thread_;
 };
 

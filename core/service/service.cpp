@@ -1,6 +1,7 @@
 #include "core/service/service.h"
 
 #include <fmt/format.h>
+#include <grpc/compression.h>
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <grpcpp/health_check_service_interface.h>
 #include <grpcpp/impl/server_builder_option.h>
@@ -14,6 +15,7 @@
 #include "core/base/status.h"
 #include "core/security/call_shares.h"
 #include "core/security/tls.h"
+#include "core/service/connection_watch.h"
 #include "core/service/counted_calls.h"
 #include "core/service/listener.h"
 #include "core/service/rpc_metrics.h"
@@ -69,7 +71,16 @@ absl::Status check_advertised(const ListenOptions& options) {
       "--advertise is {}; it must be the HOST:PORT by which the others call this machine", advertised));
 }
 
+constexpr int kMaxMetadataBytes = 16 << 10;  // of a call; its path and our own metadata have some hundred
+// Only "identity": gRPC expands a compressed message before it looks at its size.
+constexpr int kUncompressed = 1 << GRPC_COMPRESS_NONE;
+
 void set_limits(grpc::ServerBuilder& builder, const ServiceLimits& limits) {
+  builder.AddChannelArgument(GRPC_ARG_MAX_METADATA_SIZE, kMaxMetadataBytes);
+  builder.AddChannelArgument(GRPC_COMPRESSION_CHANNEL_ENABLED_ALGORITHMS_BITSET, kUncompressed);
+  // A client may ping once in ten seconds, without calls too; after two pings too many it is disconnected.
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 10000);
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PING_STRIKES, 2);
   // For peers that connect and stay silent; without TLS, that send no settings.
   builder.AddChannelArgument("grpc.server_handshake_timeout_ms", static_cast<int>(limits.handshake.count()));
   // A peer whose machine vanished is detected within 20 s, and its calls end.
@@ -137,6 +148,8 @@ std::shared_ptr<grpc::Channel> dial(const std::string& address, Roles roles) {
   // A restarted peer must not be called through a shared connection that is still backing off.
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
+  arguments.SetInt(GRPC_ARG_MAX_METADATA_SIZE, kMaxMetadataBytes);
+  arguments.SetInt(GRPC_COMPRESSION_CHANNEL_ENABLED_ALGORITHMS_BITSET, kUncompressed);
   return grpc::CreateCustomChannel(address, credentials_for(address, roles), arguments);
 }
 
@@ -163,6 +176,8 @@ absl::StatusOr<std::unique_ptr<ServiceHost>> ServiceHost::start(const ListenOpti
   builder.RegisterService(self->clock_.get());
   for (grpc::Service* service : services) builder.RegisterService(service);
   std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> interceptors;
+  const auto watch = std::make_shared<ConnectionWatch>(2 * std::int64_t{limits.message_bytes});
+  interceptors.push_back(std::make_unique<ProgressFactory>(watch));
   interceptors.push_back(std::make_unique<CountedCallsFactory>());
   interceptors.push_back(std::make_unique<RpcMetricsFactory>());
   interceptors.push_back(std::make_unique<StalledCallsFactory>(limits.stalled));
@@ -171,7 +186,7 @@ absl::StatusOr<std::unique_ptr<ServiceHost>> ServiceHost::start(const ListenOpti
   if (self->server_ == nullptr)
     return absl::InternalError(fmt::format("cannot serve on {}", options.address));
   self->listener_ = std::move(listener);
-  self->listener_->start(std::move(acceptor), std::min(limits.descriptors, allow_descriptors() / 2));
+  self->listener_->start(std::move(acceptor), watch, std::min(limits.descriptors, allow_descriptors() / 2));
   self->address_ = fmt::format("{}:{}", host_of(options.address), self->listener_->port());
   self->advertised_ = options.advertised.empty() ? self->address_ : options.advertised;
   self->server_->GetHealthCheckService()->SetServingStatus(true);

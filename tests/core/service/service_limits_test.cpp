@@ -149,6 +149,55 @@ TEST(ServiceLimits, AWriterThatHasStoppedLosesItsCall) {
   EXPECT_EQ(writer->Finish().error_code(), grpc::StatusCode::CANCELLED);
 }
 
+// An HTTP/2 frame.
+std::string frame(unsigned char kind, unsigned char flags, int stream, const std::string& payload) {
+  const auto size = static_cast<std::uint32_t>(payload.size());
+  std::string bytes;
+  for (const int shift : {16, 8, 0}) bytes += static_cast<char>(size >> shift & 0xffu);
+  bytes += static_cast<char>(kind);
+  bytes += static_cast<char>(flags);
+  for (const int shift : {24, 16, 8, 0}) bytes += static_cast<char>(stream >> shift & 0xff);
+  return bytes + payload;
+}
+
+TEST(ServiceLimits, AConnectionWhoseHeadersNeverEndIsDropped) {
+  const auto host = ServiceHost::start({.limits = {.message_bytes = 1 << 20}}, {}).value();
+  const Descriptor connection = connected_to(*host);
+  constexpr unsigned char kHeaders = 1, kSettings = 4, kContinuation = 9;
+  const std::string header = std::string("\x00\x01x\x7f\x81\x7c", 6) + std::string(16000, 'y');  // x: yyy...
+  const std::string begin =
+      "PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + frame(kSettings, 0, 0, "") + frame(kHeaders, 0, 1, header);
+  ASSERT_GT(::send(connection.get(), begin.data(), begin.size(), MSG_NOSIGNAL), 0);
+  const std::string more = frame(kContinuation, 0, 1, header);
+  constexpr std::int64_t kMost = std::int64_t{4} << 30;
+  std::int64_t sent = 0;
+  for (ssize_t count = 1; count > 0 && sent < kMost; sent += count)
+    count = ::send(connection.get(), more.data(), more.size(), MSG_NOSIGNAL);
+  EXPECT_LT(sent, kMost) << "the server took everything";
+  const auto stub = v1::ClockService::NewStub(dial(host->address()));
+  grpc::ClientContext context;
+  set_deadline(context, seconds(20));
+  v1::ExchangeResponse response;
+  EXPECT_TRUE(stub->Exchange(&context, {}, &response).ok());
+}
+
+TEST(ServiceLimits, AConnectionThatSendsMuchInMessagesIsKept) {
+  Streams streams;
+  const auto host = ServiceHost::start({.limits = {.message_bytes = 1 << 20}}, {&streams}).value();
+  const auto stub = v1::SessionService::NewStub(dial(host->address()));
+  grpc::ClientContext context;
+  set_deadline(context, seconds(60));
+  v1::UploadImageResponse response;
+  const auto writer = stub->UploadImage(&context, &response);
+  v1::UploadImageRequest request;
+  request.set_chunk(std::string((1 << 20) - 100, 'p'));
+  const auto begun = std::chrono::steady_clock::now();
+  // For longer than the watch waits between two looks.
+  while (std::chrono::steady_clock::now() - begun < seconds(1)) ASSERT_TRUE(writer->Write(request));
+  writer->WritesDone();
+  EXPECT_TRUE(writer->Finish().ok());
+}
+
 TEST(ServiceLimits, ConnectionsThatSayNothingAreClosed) {
   const auto host =
       ServiceHost::start({.limits = {.handshake = milliseconds(200), .idle = milliseconds(200)}}, {}).value();

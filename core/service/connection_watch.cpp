@@ -1,0 +1,134 @@
+#include "core/service/connection_watch.h"
+
+#include <arpa/inet.h>
+#include <fmt/format.h>
+#include <grpcpp/server_context.h>
+#include <linux/tcp.h>
+#include <netinet/in.h>
+#include <spdlog/spdlog.h>
+#include <sys/socket.h>
+
+#include <array>
+#include <condition_variable>
+#include <optional>
+
+#include "core/telemetry/metrics.h"
+
+namespace glasswing {
+namespace {
+
+constexpr std::chrono::milliseconds kInterval(250);
+
+// Null: it is not a connection any more.
+std::optional<std::uint64_t> cookie_of(int fd) {
+  std::uint64_t cookie = 0;
+  socklen_t size = sizeof cookie;
+  if (::getsockopt(fd, SOL_SOCKET, SO_COOKIE, &cookie, &size) != 0) return std::nullopt;
+  return cookie;
+}
+
+std::int64_t received_by(int fd) {
+  tcp_info info{};
+  socklen_t size = sizeof info;
+  if (::getsockopt(fd, IPPROTO_TCP, TCP_INFO, &info, &size) != 0) return 0;
+  return static_cast<std::int64_t>(info.tcpi_bytes_received);
+}
+
+// The peer's address as gRPC writes it.
+std::string peer_of(int fd) {
+  sockaddr_storage name{};
+  socklen_t size = sizeof name;
+  if (::getpeername(fd, reinterpret_cast<sockaddr*>(&name), &size) != 0) return "";
+  std::array<char, INET6_ADDRSTRLEN> text{};
+  if (name.ss_family == AF_INET) {
+    const auto& ip = reinterpret_cast<const sockaddr_in&>(name);
+    ::inet_ntop(AF_INET, &ip.sin_addr, text.data(), text.size());
+    return fmt::format("ipv4:{}:{}", text.data(), ntohs(ip.sin_port));
+  }
+  const auto& ip = reinterpret_cast<const sockaddr_in6&>(name);
+  if (IN6_IS_ADDR_V4MAPPED(&ip.sin6_addr)) {
+    ::inet_ntop(AF_INET, &ip.sin6_addr.s6_addr[12], text.data(), text.size());
+    return fmt::format("ipv4:{}:{}", text.data(), ntohs(ip.sin6_port));
+  }
+  ::inet_ntop(AF_INET6, &ip.sin6_addr, text.data(), text.size());
+  return fmt::format("ipv6:%5B{}%5D:{}", text.data(), ntohs(ip.sin6_port));
+}
+
+class Progress final : public grpc::experimental::Interceptor {
+ public:
+  Progress(std::shared_ptr<ConnectionWatch> watch, grpc::experimental::ServerRpcInfo* info)
+      : watch_(std::move(watch)), info_(info) {}
+  void Intercept(grpc::experimental::InterceptorBatchMethods* methods) override {
+    using grpc::experimental::InterceptionHookPoints;
+    const auto at = [&](InterceptionHookPoints point) { return methods->QueryInterceptionHookPoint(point); };
+    const bool begins = at(InterceptionHookPoints::POST_RECV_INITIAL_METADATA);
+    if (begins) peer_ = info_->server_context()->peer();
+    // Sent messages count because their acknowledgements are received.
+    if (begins || at(InterceptionHookPoints::POST_RECV_MESSAGE) ||
+        at(InterceptionHookPoints::POST_SEND_MESSAGE))
+      watch_->note_progress(peer_);
+    methods->Proceed();
+  }
+
+ private:
+  const std::shared_ptr<ConnectionWatch> watch_;
+  grpc::experimental::ServerRpcInfo* const info_;
+  std::string peer_;
+};
+
+}  // namespace
+
+ConnectionWatch::ConnectionWatch(std::int64_t max_bytes)
+    : max_bytes_(max_bytes), thread_([this](const std::stop_token& stop) {
+        std::mutex mutex;
+        std::condition_variable_any woken;
+        std::unique_lock lock(mutex);
+        while (!woken.wait_for(lock, stop, kInterval, [&] { return stop.stop_requested(); })) look();
+      }) {}
+
+ConnectionWatch::~ConnectionWatch() = default;
+
+void ConnectionWatch::add(int fd) {
+  const std::string peer = peer_of(fd);
+  const std::optional<std::uint64_t> cookie = cookie_of(fd);
+  if (peer.empty() || !cookie) return;
+  const std::lock_guard lock(mutex_);
+  connections_[peer] = {.fd = fd, .cookie = *cookie};
+}
+
+void ConnectionWatch::note_progress(const std::string& peer) {
+  const std::lock_guard lock(mutex_);
+  const auto found = connections_.find(peer);
+  if (found != connections_.end()) found->second.progressed = true;
+}
+
+void ConnectionWatch::look() {
+  const std::lock_guard lock(mutex_);
+  for (auto at = connections_.begin(); at != connections_.end();) {
+    Connection& each = at->second;
+    if (cookie_of(each.fd) != each.cookie) {
+      at = connections_.erase(at);
+      continue;
+    }
+    const std::int64_t received = received_by(each.fd);
+    if (std::exchange(each.progressed, false)) each.received = received;
+    if (received - each.received <= max_bytes_) {
+      ++at;
+      continue;
+    }
+    spdlog::warn("a connection is dropped: it sent {} bytes without a call or a whole message peer={}",
+                 received - each.received, at->first);
+    counter("glasswing_connections_dropped_total",
+            "Connections that sent too much without a call or message.")
+        .Increment();
+    ::shutdown(each.fd, SHUT_RDWR);
+    at = connections_.erase(at);
+  }
+}
+
+grpc::experimental::Interceptor* ProgressFactory::CreateServerInterceptor(
+    grpc::experimental::ServerRpcInfo* info) {
+  return new Progress(watch_, info);
+}
+
+}  // namespace glasswing
