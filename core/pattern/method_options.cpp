@@ -10,8 +10,8 @@
 namespace glasswing {
 
 const std::map<std::string, int>& method_versions() {
-  static const std::map<std::string, int> versions = {{"alpha", 1},        {"fringe", 1}, {"gaussian", 1},
-                                                      {"hierarchical", 1}, {"ramp", 1},   {"matte", 2}};
+  static const std::map<std::string, int> versions = {{"alpha", 2},        {"fringe", 2}, {"gaussian", 2},
+                                                      {"hierarchical", 2}, {"ramp", 1},   {"matte", 2}};
   return versions;
 }
 

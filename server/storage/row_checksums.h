@@ -21,7 +21,10 @@ std::string row_sum_holds(const std::string& columns);
 absl::StatusOr<std::string> row_is_whole(Database& database, const std::string& table,
                                          const std::string& columns);
 
-// DATA_LOSS: there are more or fewer rows than were written. OK for a table that was never protected.
+// DATA_LOSS: rows were altered, or there are more or fewer than were written. OK for a table that was never
+// protected.
+absl::Status check_rows(Database& database, const std::string& table, const std::string& columns);
+// The same for the number of rows alone.
 absl::Status check_row_count(Database& database, const std::string& table);
 
 // The columns of the catalogue's table `sessions`, whose rows are protected.

@@ -6,6 +6,7 @@
 #include <thread>
 
 #include "core/base/status.h"
+#include "solver/background/stage_maps.h"
 
 namespace glasswing {
 namespace {
@@ -55,6 +56,28 @@ absl::StatusOr<PreparedSolve> PreparedSolve::create(const Method& method,
   return PreparedSolve(std::move(of_light), std::move(linear), std::move(shading), std::move(prepared));
 }
 
+absl::Status PreparedSolve::map_stage(const RowReader& read,
+                                      const std::vector<std::array<float, 3>>& brightness) {
+  const auto read_light = [&](int row, const std::vector<int>& frames) -> absl::StatusOr<FrameStack> {
+    GW_ASSIGN_OR_RETURN(std::vector<std::uint16_t> samples, read(row, frames));
+    const auto owner = std::make_shared<const std::vector<std::uint16_t>>(std::move(samples));
+    FrameStack stack{.width_px = manifest_.camera().width_px(),
+                     .first_row = row,
+                     .row_count = 1,
+                     .rows = {},
+                     .owner = owner,
+                     .brightness = brightness};
+    stack.rows.resize(static_cast<size_t>(manifest_.frames_size()));
+    const size_t count = static_cast<size_t>(stack.width_px) * kChannels;
+    for (size_t i = 0; i < frames.size(); ++i)
+      stack.rows[static_cast<size_t>(frames[i])] = std::span(*owner).subspan(i * count, count);
+    return linear_.of(std::move(stack));
+  };
+  GW_ASSIGN_OR_RETURN(StageMaps maps, measure_stage_maps(manifest_, frames_needed(), read_light));
+  stage_maps_ = std::make_shared<const StageMaps>(std::move(maps));
+  return absl::OkStatus();
+}
+
 absl::StatusOr<Matte> PreparedSolve::solve_in_bands(const FrameStack& stack, int thread_count,
                                                     std::stop_token stop,
                                                     const std::function<void(double)>& progress) const {
@@ -72,7 +95,9 @@ absl::StatusOr<Matte> PreparedSolve::solve_in_bands(const FrameStack& stack, int
       const int first = band * band_rows;
       auto& solved = bands[static_cast<size_t>(band)];
       const int count = std::min(band_rows, stack.row_count - first);
-      solved = method_->solve(linear_.of(rows_of(stack, needed, first, count)));
+      FrameStack rows = rows_of(stack, needed, first, count);
+      rows.stage_maps = stage_maps_;
+      solved = method_->solve(linear_.of(std::move(rows)));
       if (!solved->ok()) failed = true;
       ++done;
       if (progress) progress(static_cast<double>(done) / band_count);
@@ -92,6 +117,9 @@ absl::StatusOr<Matte> PreparedSolve::solve_in_bands(const FrameStack& stack, int
   Matte whole(first.x0_px(), first.y0_px(), first.width_px(), stack.row_count, first.modes_per_channel());
   whole.metadata = first.metadata;
   linear_.describe(whole.metadata);
+  if (stage_maps_ != nullptr) {
+    for (const std::string& warning : stage_maps_->warnings) whole.metadata.add_warnings(warning);
+  }
   for (const auto& band : bands) whole.put(**band);
   remove_fall_off(shading_, whole);
   return whole;
@@ -100,7 +128,20 @@ absl::StatusOr<Matte> PreparedSolve::solve_in_bands(const FrameStack& stack, int
 absl::StatusOr<Matte> solve_in_bands(const Method& method, const v1::CaptureManifest& manifest,
                                      const FrameStack& stack, int thread_count, std::stop_token stop,
                                      const std::function<void(double)>& progress) {
-  GW_ASSIGN_OR_RETURN(const PreparedSolve prepared, PreparedSolve::create(method, manifest));
+  GW_ASSIGN_OR_RETURN(PreparedSolve prepared, PreparedSolve::create(method, manifest));
+  if (stack.row_count == manifest.camera().height_px()) {
+    const auto read = [&](int row, const std::vector<int>& frames) {
+      const size_t count = static_cast<size_t>(stack.width_px) * kChannels;
+      std::vector<std::uint16_t> samples;
+      for (const int frame : frames) {
+        const auto own =
+            stack.rows[static_cast<size_t>(frame)].subspan(static_cast<size_t>(row) * count, count);
+        samples.insert(samples.end(), own.begin(), own.end());
+      }
+      return absl::StatusOr<std::vector<std::uint16_t>>(std::move(samples));
+    };
+    GW_RETURN_IF_ERROR(prepared.map_stage(read, stack.brightness));
+  }
   return prepared.solve_in_bands(stack, thread_count, std::move(stop), progress);
 }
 

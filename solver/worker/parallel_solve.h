@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "core/radiometry/shading.h"
+#include "solver/method/brightness_drift.h"
 #include "solver/method/linear_stack.h"
 #include "solver/method/method.h"
 
@@ -21,6 +22,10 @@ class PreparedSolve {
   static absl::StatusOr<PreparedSolve> create(const Method& method, const v1::CaptureManifest& manifest);
 
   const std::vector<int>& frames_needed() const { return method_->frames_needed(); }
+
+  // Measures the smooth maps of the empty stage, on which pixels outside the object will be solved. `read`
+  // reads rows as they are stored; `brightness` is FrameStack's. Errors are those of `read`.
+  absl::Status map_stage(const RowReader& read, const std::vector<std::array<float, 3>>& brightness);
 
   // The matte of all rows of the stack. `thread_count` 0: one for each core. `stop` is checked between bands
   // and gives CANCELLED. If bands fail, the error of the first one. `progress` receives the share of rows
@@ -41,9 +46,10 @@ class PreparedSolve {
   LinearStack linear_;
   Shading shading_;
   std::unique_ptr<PreparedMethod> method_;
+  std::shared_ptr<const StageMaps> stage_maps_;
 };
 
-// Prepares and solves one stack.
+// Prepares and solves one stack, on smooth maps of its empty stage if it has all rows of the picture.
 absl::StatusOr<Matte> solve_in_bands(const Method& method, const v1::CaptureManifest& manifest,
                                      const FrameStack& stack, int thread_count = 0, std::stop_token stop = {},
                                      const std::function<void(double)>& progress = nullptr);

@@ -87,6 +87,7 @@ FrameStack some_columns(const FrameStack& row) {
   FrameStack some = row;
   const int count = width / kSurveyColumnStep;
   some.width_px = count;
+  some.column_step = kSurveyColumnStep;
   const auto samples = std::make_shared<std::vector<std::uint16_t>>();
   samples->reserve(row.rows.size() * static_cast<size_t>(count) * kChannels);
   for (std::span<const std::uint16_t>& frame : some.rows) {
@@ -118,6 +119,7 @@ absl::StatusOr<std::shared_ptr<const SolveSource>> SolveSource::open(const v1::C
   GW_ASSIGN_OR_RETURN(source->brightness_, measure_brightness_drift(source->manifest_, read));
   GW_ASSIGN_OR_RETURN(const std::unique_ptr<Method> method, make_method(tile.method(), options_of(tile)));
   GW_ASSIGN_OR_RETURN(source->prepared_, PreparedSolve::create(*method, source->manifest_));
+  GW_RETURN_IF_ERROR(source->prepared_->map_stage(read, source->brightness_));
   return source;
 }
 
