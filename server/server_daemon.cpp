@@ -52,8 +52,8 @@ absl::Status run_server(const DaemonOptions& daemon, ServerProgramOptions option
   server_metrics();
   const AskedMetrics asked([&] {
     const absl::StatusOr<std::vector<v1::Session>> now = server->list({});
-    return server_gauges(server->fleet(), now.ok() ? *now : std::vector<v1::Session>(),
-                         server->rig().nodes(), server->problems().all().size());
+    return server_gauges(server->fleet(), now.ok() ? *now : std::vector<v1::Session>(), server->rig().nodes(),
+                         server->problems().all().size());
   });
   const AskedMetrics disk([&] { return disk_metrics(options.store.data); });
   std::optional<ClockWatch> clocks;
