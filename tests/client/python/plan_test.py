@@ -26,6 +26,7 @@ FULL = glasswing.Plan(
     calibration=glasswing.CalibrationFrames("display", takes=2, grays=9),
     white_every=50,
     fringes=[glasswing.Fringes(90, period_px=[144, 64], phases=3)],
+    camera="studio",
 )
 
 
