@@ -65,14 +65,16 @@ BackgroundPoint Surroundings::point_on_map(size_t monitor, int x, int y) {
 // shape.
 void Surroundings::judge_maps(int y) {
   judged_row_ = y;
+  on_map_.resize(background_.size());
   refuted_.resize(background_.size());
   const int width = stack_.width_px;
   for (size_t m = 0; m < background_.size(); ++m) {
     if (map_of(m) == nullptr) continue;
-    std::vector<bool> seen, strained;
+    std::vector<BackgroundPoint>& points = on_map_[m];
+    points.clear();
+    std::vector<bool> strained;
     for (int x = 0; x < width; ++x) {
-      const BackgroundPoint point = point_on_map(m, x, y);
-      seen.push_back(point.seen);
+      const BackgroundPoint& point = points.emplace_back(point_on_map(m, x, y));
       strained.push_back(point.seen && background_[m].refutes(point));
     }
     refuted_[m].assign(static_cast<size_t>(width), false);
@@ -80,7 +82,7 @@ void Surroundings::judge_maps(int y) {
       if (!strained[static_cast<size_t>(x)]) continue;
       int count = 0, against = 0;
       for (int i = std::max(x - kNeighbours, 0); i <= std::min(x + kNeighbours, width - 1); ++i) {
-        count += seen[static_cast<size_t>(i)];
+        count += points[static_cast<size_t>(i)].seen;
         against += strained[static_cast<size_t>(i)];
       }
       refuted_[m][static_cast<size_t>(x)] = 2 * against > count;
@@ -93,7 +95,7 @@ std::span<const BackgroundPoint> Surroundings::background(int x, int y) {
   points_.clear();
   for (size_t m = 0; m < background_.size(); ++m) {
     if (map_of(m) != nullptr && !refuted_[m][static_cast<size_t>(x)]) {
-      points_.push_back(point_on_map(m, x, y));
+      points_.push_back(on_map_[m][static_cast<size_t>(x)]);
       continue;
     }
     gather(stack_, layout_.monitors[m], x, y, empty_pixel_);

@@ -52,7 +52,7 @@ class Surroundings {
   bool sees_patch(int x, int y) const;
   const SmoothStage* map_of(size_t monitor) const;
   BackgroundPoint point_on_map(size_t monitor, int x, int y);
-  // Sets refuted_ of row y.
+  // Sets on_map_ and refuted_ of row y.
   void judge_maps(int y);
   // False: the modes are a guess.
   bool map_background(int x, int y, Matte& matte);
@@ -65,8 +65,10 @@ class Surroundings {
   std::vector<BackgroundMap> background_;
   std::vector<BackgroundPoint> points_;
   EmptyPixel empty_pixel_;
+  // [monitor][x] of the row judged last; empty without a map.
   int judged_row_ = -1;
-  std::vector<std::vector<bool>> refuted_;  // [monitor][x], in the row judged last
+  std::vector<std::vector<BackgroundPoint>> on_map_;
+  std::vector<std::vector<bool>> refuted_;
 };
 
 }  // namespace glasswing
