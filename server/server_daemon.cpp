@@ -47,7 +47,7 @@ absl::Status run_server(const DaemonOptions& daemon, ServerProgramOptions option
   WorkServiceImpl work(*server);
   RigServiceImpl rig(*server);
   FleetServiceImpl fleet([&] { return server->fleet(); });
-  GW_ASSIGN_OR_RETURN(const std::unique_ptr<AccessTokens> tokens, AccessTokens::open(options.store.data));
+  GW_ASSIGN_OR_RETURN(const std::unique_ptr<AccessTokens> tokens, AccessTokens::open(options.store.data, server->problems()));
   ConsoleServiceImpl console_service(*tokens);
   server_metrics();
   const AskedMetrics asked([&] {

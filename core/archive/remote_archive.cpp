@@ -6,13 +6,13 @@
 
 #include <algorithm>
 #include <array>
-#include <condition_variable>
 #include <functional>
 #include <future>
 
 #include "core/archive/archive_metrics.h"
 #include "core/archive/row_call.h"
 #include "core/archive/row_message.h"
+#include "core/base/pause.h"
 #include "core/base/status.h"
 #include "core/frame/archive.h"
 #include "core/service/service.h"
@@ -29,12 +29,6 @@ constexpr milliseconds kFirstPause(100);
 // Bytes of frames that a node verifies per LocateArchive call, within kLocateTime.
 constexpr std::int64_t kLocatedBytes = std::int64_t{1} << 30;
 constexpr seconds kLocateTime(60), kFirstLocateTime(2);
-
-void pause(const std::stop_token& stop, milliseconds time) {
-  std::mutex mutex;
-  std::unique_lock lock(mutex);
-  std::condition_variable_any().wait_for(lock, stop, time, [] { return false; });
-}
 
 // A number of this process, for the order in which it asks nodes.
 size_t own_number() {

@@ -4,10 +4,10 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <condition_variable>
 
 #include "core/base/fault_point.h"
 #include "core/base/name.h"
+#include "core/base/pause.h"
 #include "core/base/status.h"
 #include "core/base/time.h"
 #include "server/archives/session_archive.h"
@@ -23,14 +23,6 @@ constexpr std::chrono::seconds kProgressSaved(2);  // how far the catalogue may 
 
 std::string go_on(const v1::Session& session) {
   return fmt::format("; go on with: glasswing resume {}", session.name());
-}
-
-// Sleeps; false: stopped.
-bool wait_a_second(std::stop_token stop) {
-  std::mutex mutex;
-  std::unique_lock lock(mutex);
-  std::condition_variable_any().wait_for(lock, stop, std::chrono::seconds(1), [] { return false; });
-  return !stop.stop_requested();
 }
 
 }  // namespace
@@ -173,7 +165,7 @@ void CaptureRunner::capture_until_done(v1::Session session, std::optional<bool> 
     if (!session.reason().starts_with("waiting")) spdlog::warn("{} session={}", reason, session.name());
     session.set_reason(reason);
     sessions_.edit().show(session);
-    if (!wait_a_second(stop)) {
+    if (!pause(stop, std::chrono::seconds(1))) {
       outcome = {Kind::kStopped, ""};
       break;
     }

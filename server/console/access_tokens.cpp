@@ -3,7 +3,6 @@
 #include <absl/strings/escaping.h>
 #include <fmt/format.h>
 #include <openssl/evp.h>
-#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <array>
@@ -48,17 +47,12 @@ absl::StatusOr<Database> open_database(const fs::path& file) {
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<AccessTokens>> AccessTokens::open(const fs::path& data) {
+absl::StatusOr<std::unique_ptr<AccessTokens>> AccessTokens::open(const fs::path& data, Problems& problems) {
   const fs::path file = data / kTokensFile;
   absl::StatusOr<Database> database = open_database(file);
   if (absl::IsDataLoss(database.status())) {
-    spdlog::error(
-        "the console's logins are lost, browsers log in again: {}: {}; it is set aside as {}.damaged",
-        file.string(), std::string(database.status().message()), file.string());
-    for (const char* part : {"", "-wal", "-shm"}) {
-      std::error_code error;
-      fs::rename(file.string() + part, file.string() + ".damaged" + part, error);
-    }
+    GW_RETURN_IF_ERROR(
+        problems.set_aside_database(data, file, database.status(), "browsers log in again, with new tokens"));
     database = open_database(file);
   }
   GW_RETURN_IF_ERROR(database.status());

@@ -17,6 +17,7 @@
 
 #include "core/security/roles.h"
 #include "server/storage/database.h"
+#include "server/storage/problems.h"
 
 namespace glasswing {
 
@@ -51,8 +52,9 @@ class AccessTokens {
   static constexpr int kMaxTokens = 1000;
   static constexpr int kMaxLogins = 100;  // of a token; beyond it the oldest ends
 
-  // A damaged file is set aside, with a line in the log: browsers then have to log in again.
-  static absl::StatusOr<std::unique_ptr<AccessTokens>> open(const std::filesystem::path& data);
+  // A damaged file is set aside, and `problems` says so: browsers then have to log in again.
+  static absl::StatusOr<std::unique_ptr<AccessTokens>> open(const std::filesystem::path& data,
+                                                            Problems& problems);
 
   // Who asks for a token. The token ends when `expires` comes, and when the maker's own `token` is revoked.
   struct Maker {

@@ -1,7 +1,6 @@
 #include "server/rig/node_names.h"
 
 #include <fmt/format.h>
-#include <spdlog/spdlog.h>
 
 #include <nlohmann/json.hpp>
 
@@ -10,7 +9,7 @@
 
 namespace glasswing {
 
-absl::StatusOr<NodeNames> NodeNames::open(const std::filesystem::path& data) {
+absl::StatusOr<NodeNames> NodeNames::open(const std::filesystem::path& data, Problems& problems) {
   NodeNames names;
   names.file_ = data / "node-names.json";
   if (!std::filesystem::exists(names.file_)) return names;
@@ -24,12 +23,9 @@ absl::StatusOr<NodeNames> NodeNames::open(const std::filesystem::path& data) {
     }
   }
   if (good) return names;
-  const std::string aside = names.file_.string() + ".damaged";
-  std::error_code error;
-  std::filesystem::rename(names.file_, aside, error);
-  spdlog::error(
-      "{} is damaged and set aside as {}: names of displays and cameras belong to who registers them next",
-      names.file_.string(), aside);
+  GW_RETURN_IF_ERROR(problems.set_aside(data, names.file_,
+                                        absl::DataLossError("it is not a JSON object of strings"),
+                                        "names of displays and cameras belong to who registers them next"));
   names.owners_.clear();
   return names;
 }

@@ -10,6 +10,8 @@
 #include <map>
 #include <string>
 
+#include "server/storage/problems.h"
+
 namespace glasswing {
 
 // Its owner serialises access.
@@ -19,8 +21,8 @@ class NodeNames {
 
   // Keeps nothing.
   NodeNames() = default;
-  // A damaged file is set aside, with a line in the log: names then belong to who registers them next.
-  static absl::StatusOr<NodeNames> open(const std::filesystem::path& data);
+  // A damaged file is set aside, and `problems` says so: names then belong to who registers them next.
+  static absl::StatusOr<NodeNames> open(const std::filesystem::path& data, Problems& problems);
 
   // The common name of the owner's certificate; empty: nobody owns the name.
   std::string owner(const std::string& name) const;

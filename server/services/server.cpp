@@ -2,11 +2,11 @@
 
 #include <spdlog/spdlog.h>
 
-#include <condition_variable>
 #include <utility>
 
 #include "core/base/file.h"
 #include "core/base/name.h"
+#include "core/base/pause.h"
 #include "core/base/status.h"
 #include "server/jobs/timed_job_store.h"
 
@@ -31,14 +31,6 @@ absl::StatusOr<std::string> server_id(const fs::path& data, Problems& problems) 
   return id;
 }
 
-// Sleeps; false: stopped.
-bool wait_a_second(std::stop_token stop) {
-  std::mutex mutex;
-  std::unique_lock lock(mutex);
-  std::condition_variable_any().wait_for(lock, stop, std::chrono::seconds(1), [] { return false; });
-  return !stop.stop_requested();
-}
-
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<Server>> Server::open(const ServerOptions& options) {
@@ -50,7 +42,7 @@ absl::StatusOr<std::unique_ptr<Server>> Server::open(const ServerOptions& option
   GW_ASSIGN_OR_RETURN(stores.sessions, SessionStore::open(data));
   GW_ASSIGN_OR_RETURN(stores.images, ImageFiles::open(data / "images", stores.sessions->photos()));
   GW_ASSIGN_OR_RETURN(stores.calibrations, CalibrationStore::open(data, *stores.problems));
-  GW_ASSIGN_OR_RETURN(NodeNames names, NodeNames::open(data));
+  GW_ASSIGN_OR_RETURN(NodeNames names, NodeNames::open(data, *stores.problems));
   GW_ASSIGN_OR_RETURN(const std::string id, server_id(data, *stores.problems));
   GW_ASSIGN_OR_RETURN(
       std::unique_ptr<JobStore> jobs,
@@ -106,7 +98,7 @@ absl::Status Server::take_up_solves() {
 }
 
 void Server::take_up_solves_later(std::stop_token stop) {
-  while (wait_a_second(stop)) {
+  while (pause(stop, std::chrono::seconds(1))) {
     const absl::Status taken = take_up_solves();
     if (absl::IsUnavailable(taken)) continue;
     if (taken.ok()) spdlog::info("{} answers; solves go on", stores_.jobs->title());

@@ -38,6 +38,15 @@ absl::Status Problems::set_aside(const fs::path& data, const fs::path& file, con
   return absl::OkStatus();
 }
 
+absl::Status Problems::set_aside_database(const fs::path& data, const fs::path& file,
+                                          const absl::Status& damage, const std::string& advice) {
+  for (const char* log : {"-wal", "-shm"}) {
+    const fs::path path = file.string() + log;
+    if (fs::exists(path)) GW_RETURN_IF_ERROR(glasswing::set_aside(data, path));
+  }
+  return set_aside(data, file, damage, advice);
+}
+
 void Problems::note_set_aside(const fs::path& data) {
   const fs::path aside = data / kDamagedDirectory;
   std::error_code error;

@@ -24,6 +24,9 @@ class Problems {
   // Moves a damaged file below `data` to damaged/, and says so. `advice`: what to do.
   absl::Status set_aside(const std::filesystem::path& data, const std::filesystem::path& file,
                          const absl::Status& damage, const std::string& advice);
+  // The same with the logs of an SQLite database, which would take them for those of a new file.
+  absl::Status set_aside_database(const std::filesystem::path& data, const std::filesystem::path& file,
+                                  const absl::Status& damage, const std::string& advice);
   // Says what damaged/ holds from earlier.
   void note_set_aside(const std::filesystem::path& data);
 

@@ -26,14 +26,15 @@ class AccessTokensTest : public testing::Test {
   bool is_in(const AccessTokens::Login& login) { return tokens_->principal_of(login.secret, now_).ok(); }
   void restart() {
     tokens_.reset();
-    tokens_ = AccessTokens::open(data_).value();
+    tokens_ = AccessTokens::open(data_, problems_).value();
   }
 
+  Problems problems_;
   const std::filesystem::path data_ =
       std::filesystem::temp_directory_path() / ("glasswing-tokens-" + std::to_string(::getpid()));
   const sys_seconds now_{seconds(1'800'000'000)};
   std::unique_ptr<AccessTokens> tokens_ =
-      (std::filesystem::create_directories(data_), AccessTokens::open(data_).value());
+      (std::filesystem::create_directories(data_), AccessTokens::open(data_, problems_).value());
 };
 
 TEST_F(AccessTokensTest, ALoginSaysWhoseItIsUntilItsTokenExpires) {
@@ -135,7 +136,8 @@ TEST_F(AccessTokensTest, ADamagedFileIsSetAsideAndBrowsersLogInAgain) {
   restart();
   EXPECT_FALSE(tokens_->log_in(token.secret, now_).ok());
   EXPECT_TRUE(is_in(login(made())));
-  EXPECT_EQ(read_file(data_ / (std::string(kTokensFile) + ".damaged")).value(), bytes);
+  EXPECT_EQ(read_file(data_ / "damaged" / kTokensFile).value(), bytes);
+  EXPECT_EQ(problems_.all().size(), 1);
   ASSERT_TRUE(write_file_durably(data_ / kTokensFile, std::string(8192, 'x')).ok());
   restart();
   EXPECT_TRUE(is_in(login(made())));

@@ -74,7 +74,7 @@ class ConsoleTest : public testing::Test {
   void start() {
     (void)write_file_durably(scratch_ / "page/index.html", "<!doctype html>");
     (void)write_file_durably(scratch_ / "secret", "not of the page");
-    tokens_ = AccessTokens::open(scratch_).value();
+    tokens_ = AccessTokens::open(scratch_, problems_).value();
     console_service_ = std::make_unique<ConsoleServiceImpl>(*tokens_);
     server_ = ServiceHost::start({}, {&sessions_, console_service_.get()}).value();
     console_ = Console::start({"127.0.0.1:0", scratch_ / "page"}, *tokens_, server_->to_itself()).value();
@@ -101,6 +101,7 @@ class ConsoleTest : public testing::Test {
     return client;
   }
 
+  Problems problems_;
   const std::filesystem::path scratch_ =
       std::filesystem::temp_directory_path() / ("glasswing-console-" + std::to_string(::getpid()));
   Sessions sessions_;
@@ -463,7 +464,7 @@ TEST_F(ConsoleTest, ATokenEndsWithTheCertificateOfItsMaker) {
 }
 
 TEST_F(ConsoleTest, AServerWithoutConsoleMakesNoTokens) {
-  const std::unique_ptr<AccessTokens> tokens = AccessTokens::open(scratch_).value();
+  const std::unique_ptr<AccessTokens> tokens = AccessTokens::open(scratch_, problems_).value();
   ConsoleServiceImpl service(*tokens);
   const std::unique_ptr<ServiceHost> host = ServiceHost::start({}, {&service}).value();
   const auto stub = v1::ConsoleService::NewStub(host->to_itself());
