@@ -45,7 +45,7 @@ absl::StatusOr<CodedPhotograph> read_listed(const fs::path& directory, const Pho
   return absl::Status(status.code(), fmt::format("{}: {}", list.place(frame), std::string(status.message())));
 }
 
-// Estimates the response where nobody declared one, and says so.
+// Estimates an undeclared response, and warns.
 absl::Status settle_response(const fs::path& directory, double black, std::optional<StackSamples> samples,
                              PhotographList& list, std::vector<std::string>& warnings) {
   if (list.response == kUnknownResponse) {
@@ -71,7 +71,7 @@ absl::Status settle_response(const fs::path& directory, double black, std::optio
                     list.path.string(), estimate.reason));
   }
   list.response = estimate.response;
-  warnings.push_back(fmt::format("nobody declared the response; it was estimated as {}: {}",
+  warnings.push_back(fmt::format("the response is not declared; it was estimated as {}: {}",
                                  estimate.response, estimate.reason));
   return absl::OkStatus();
 }

@@ -33,7 +33,7 @@ absl::StatusOr<FrameSource> sequence_source(const std::filesystem::path& directo
                                             const std::string& sequence);
 
 // The photographs of a list or a layout, in `directory`, linearised; the first one gives the camera's size
-// and bits. A response that nobody declared is estimated, with a warning. INVALID_ARGUMENT: the photographs
+// and bits. An undeclared response is estimated, with a warning. INVALID_ARGUMENT: the photographs
 // do not tell it. `samples`: lines of the photographs, where they were looked at already.
 absl::StatusOr<FrameSource> photograph_source(const std::filesystem::path& directory, PhotographList list,
                                               std::optional<StackSamples> samples = std::nullopt);

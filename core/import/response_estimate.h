@@ -1,4 +1,4 @@
-// The response of photographs that nobody declared, from what the monitor showed in them. Light is additive:
+// The undeclared response of photographs, from what the monitor showed in them. Light is additive:
 // some photographs' light is a known sum of others' at every pixel, whatever the object does with it:
 //
 //   complements   f(a) + f(b) = f(white) + f(black); so for steps of fringes half a period apart, and for any

@@ -1,4 +1,4 @@
-// Folders of photographs become archives by --layout, and responses that nobody declared are estimated.
+// Folders of photographs become archives by --layout, and undeclared responses are estimated.
 #include "client/layouts/photograph_layout.h"
 #include "core/frame/archive.h"
 #include "core/import/mapped_archive.h"
@@ -61,7 +61,7 @@ TEST_F(LayoutImport, AnUndeclaredResponseIsEstimated) {
     const Outcome outcome = import({"--layout", "auto", "--monitor", "back:64x48"});
     ASSERT_EQ(outcome.status, 0) << outcome.err;
     double estimate = 0.0, error = 0.0;
-    const size_t at = outcome.err.find("warning: nobody declared the response; it was estimated as ");
+    const size_t at = outcome.err.find("warning: the response is not declared; it was estimated as ");
     ASSERT_NE(at, std::string::npos) << outcome.err;
     ASSERT_EQ(std::sscanf(outcome.err.c_str() + outcome.err.find(": gamma ", at), ": gamma %lf +- %lf",
                           &estimate, &error),
