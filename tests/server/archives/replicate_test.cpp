@@ -41,7 +41,7 @@ class Replicate : public ArchiveTest {
     node.set_kind(kind);
     node.set_name(name);
     node.set_address(address);
-    ASSERT_TRUE(server_->rig().add(node).ok());
+    ASSERT_TRUE(server_->rig().add(node, std::nullopt).ok());
   }
   void register_camera(const std::string& address) {
     register_node(v1::NODE_KIND_CAMERA, "camera-1", address);
