@@ -3,6 +3,7 @@ is a test of this build."""
 
 from __future__ import annotations
 
+import fnmatch
 import importlib.machinery
 import importlib.util
 import json
@@ -122,7 +123,7 @@ class TheList(unittest.TestCase):
         shown = subprocess.run(["ctest", "--test-dir", build, "--show-only=json-v1"], check=True, capture_output=True, text=True)
         tests = {test["name"] for test in json.loads(shown.stdout)["tests"]}
         listed = {key.split(" ")[0] for key in check.List((_HERE / "skips.toml").read_text()).skips}
-        self.assertEqual(listed - tests, set())
+        self.assertEqual([name for name in listed if not fnmatch.filter(tests, name)], [])
 
 
 if __name__ == "__main__":
