@@ -8,16 +8,20 @@
 #include <spdlog/spdlog.h>
 #include <sys/socket.h>
 
+#include <algorithm>
 #include <array>
 #include <condition_variable>
+#include <functional>
 #include <optional>
+#include <utility>
+#include <vector>
 
 #include "core/telemetry/metrics.h"
 
 namespace glasswing {
 namespace {
 
-constexpr std::chrono::milliseconds kInterval(250);
+constexpr std::chrono::milliseconds kInterval(100);
 
 // Null: it is not a connection any more.
 std::optional<std::uint64_t> cookie_of(int fd) {
@@ -33,6 +37,9 @@ std::int64_t received_by(int fd) {
   if (::getsockopt(fd, IPPROTO_TCP, TCP_INFO, &info, &size) != 0) return 0;
   return static_cast<std::int64_t>(info.tcpi_bytes_received);
 }
+
+// What a peer sent since its last progress.
+using Unfinished = std::pair<std::int64_t, std::string>;
 
 // The peer's address as gRPC writes it.
 std::string peer_of(int fd) {
@@ -104,6 +111,7 @@ void ConnectionWatch::note_progress(const std::string& peer) {
 
 void ConnectionWatch::look() {
   const std::lock_guard lock(mutex_);
+  std::map<std::string, std::vector<Unfinished>> addresses;
   for (auto at = connections_.begin(); at != connections_.end();) {
     Connection& each = at->second;
     if (cookie_of(each.fd) != each.cookie) {
@@ -112,18 +120,29 @@ void ConnectionWatch::look() {
     }
     const std::int64_t received = received_by(each.fd);
     if (std::exchange(each.progressed, false)) each.received = received;
-    if (received - each.received <= max_bytes_) {
-      ++at;
-      continue;
-    }
-    spdlog::warn("a connection is dropped: it sent {} bytes without a call or a whole message peer={}",
-                 received - each.received, at->first);
-    counter("glasswing_connections_dropped_total",
-            "Connections that sent too much without a call or message.")
-        .Increment();
-    ::shutdown(each.fd, SHUT_RDWR);
-    at = connections_.erase(at);
+    if (received > each.received)
+      addresses[at->first.substr(0, at->first.rfind(':'))].push_back({received - each.received, at->first});
+    ++at;
   }
+  for (auto& [address, unfinished] : addresses) {
+    std::sort(unfinished.begin(), unfinished.end(), std::greater());
+    std::int64_t of_address = 0;
+    for (const auto& [bytes, peer] : unfinished) of_address += bytes;
+    for (const auto& [bytes, peer] : unfinished) {
+      if (bytes <= max_bytes_ && of_address <= 2 * max_bytes_) break;
+      of_address -= bytes;
+      drop(peer, bytes);
+    }
+  }
+}
+
+void ConnectionWatch::drop(const std::string& peer, std::int64_t bytes) {
+  spdlog::warn("a connection is dropped: it sent {} bytes without a call or a whole message peer={}", bytes,
+               peer);
+  counter("glasswing_connections_dropped_total", "Connections that sent too much without a call or message.")
+      .Increment();
+  ::shutdown(connections_.at(peer).fd, SHUT_RDWR);
+  connections_.erase(peer);
 }
 
 grpc::experimental::Interceptor* ProgressFactory::CreateServerInterceptor(

@@ -19,7 +19,8 @@ namespace glasswing {
 class ConnectionWatch {
  public:
   // A connection is dropped once it has received `max_bytes` since a call began on it or a message of a call
-  // was received or sent. It must exceed the largest message.
+  // was received or sent; of the connections of one address the greediest are, once these bytes come to twice
+  // as much. `max_bytes` must exceed the largest message.
   explicit ConnectionWatch(std::int64_t max_bytes);
   ~ConnectionWatch();
 
@@ -37,6 +38,7 @@ class ConnectionWatch {
     bool progressed = true;
   };
   void look();
+  void drop(const std::string& peer, std::int64_t bytes);  // mutex_ is held
 
   const std::int64_t max_bytes_;
   std::mutex mutex_;

@@ -93,6 +93,9 @@ void set_limits(grpc::ServerBuilder& builder, const ServiceLimits& limits) {
   grpc::ResourceQuota quota("service");
   quota.Resize(limits.buffer_bytes).SetMaxThreads(limits.calls);
   builder.SetResourceQuota(quota);
+  // Threads that read connections: with gRPC's two, two peers whose messages take long to parse keep all
+  // others waiting.
+  builder.SetSyncServerOption(grpc::ServerBuilder::SyncServerOption::MAX_POLLERS, 16);
 }
 
 // Raises the limit of open files as far as the system allows, up to more than any rig needs. Returns the
@@ -176,7 +179,7 @@ absl::StatusOr<std::unique_ptr<ServiceHost>> ServiceHost::start(const ListenOpti
   builder.RegisterService(self->clock_.get());
   for (grpc::Service* service : services) builder.RegisterService(service);
   std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> interceptors;
-  const auto watch = std::make_shared<ConnectionWatch>(2 * std::int64_t{limits.message_bytes});
+  const auto watch = std::make_shared<ConnectionWatch>(std::int64_t{limits.message_bytes} * 5 / 4);
   interceptors.push_back(std::make_unique<ProgressFactory>(watch));
   interceptors.push_back(std::make_unique<CountedCallsFactory>());
   interceptors.push_back(std::make_unique<RpcMetricsFactory>());
