@@ -239,23 +239,77 @@ namespace {
 constexpr size_t kMaxParts = 1 + kMaxHalos;
 using Amounts = std::array<double, kMaxParts>;
 
-// Non-negative least squares by coordinate descent, from the amounts given.
+// Solves normal * x = right over the amounts of `free` by elimination; the others are 0.
+Amounts solve_free(const std::array<Amounts, kMaxParts>& normal, const Amounts& right, size_t parts,
+                   const std::array<bool, kMaxParts>& free) {
+  constexpr double kRidge = 1e-9;  // of the diagonal: wide halos may be alike
+  std::array<size_t, kMaxParts> own{};
+  size_t count = 0;
+  for (size_t i = 0; i < parts; ++i) {
+    if (free[i]) own[count++] = i;
+  }
+  std::array<Amounts, kMaxParts> left{};
+  Amounts rest{}, x{};
+  for (size_t i = 0; i < count; ++i) {
+    for (size_t j = 0; j < count; ++j) left[i][j] = normal[own[i]][own[j]];
+    left[i][i] *= 1.0 + kRidge;
+    rest[i] = right[own[i]];
+  }
+  for (size_t i = 0; i < count; ++i) {
+    if (!(left[i][i] > 0.0)) continue;
+    for (size_t j = i + 1; j < count; ++j) {
+      const double share = left[j][i] / left[i][i];
+      for (size_t k = i + 1; k < count; ++k) left[j][k] -= share * left[i][k];
+      rest[j] -= share * rest[i];
+    }
+  }
+  for (size_t i = count; i-- > 0;) {
+    double sum = rest[i];
+    for (size_t j = i + 1; j < count; ++j) sum -= left[i][j] * x[own[j]];
+    x[own[i]] = left[i][i] > 0.0 ? sum / left[i][i] : 0.0;
+  }
+  return x;
+}
+
+// Non-negative least squares by active sets (Lawson and Hanson 1974, chapter 23), from the amounts given,
+// which are at least 0.
 void solve_amounts(const std::array<Amounts, kMaxParts>& normal, const Amounts& right, size_t parts,
                    Amounts& amount) {
-  constexpr int kSweeps = 30;
-  constexpr double kEnough = 1e-7;
-  Amounts inverse{};
-  for (size_t i = 0; i < parts; ++i) inverse[i] = normal[i][i] > 0.0 ? 1.0 / normal[i][i] : 0.0;
-  double change = INFINITY;
-  for (int sweep = 0; sweep < kSweeps && change > kEnough; ++sweep) {
-    change = 0.0;
+  constexpr double kEnough = 1e-9;  // of the largest right side
+  constexpr size_t kMaxSolves = 4 * kMaxParts;
+  double scale = 0.0;
+  std::array<bool, kMaxParts> free{};
+  for (size_t i = 0; i < parts; ++i) {
+    free[i] = amount[i] > 0.0;
+    scale = std::max(scale, std::abs(right[i]));
+  }
+  for (size_t solves = 0; solves < kMaxSolves; ++solves) {
+    const Amounts next = solve_free(normal, right, parts, free);
+    // As far towards the solution as no amount is negative.
+    double reach = 1.0;
+    size_t first = parts;
     for (size_t i = 0; i < parts; ++i) {
-      double rest = right[i] + normal[i][i] * amount[i];
-      for (size_t j = 0; j < parts; ++j) rest -= normal[i][j] * amount[j];
-      const double next = std::max(rest * inverse[i], 0.0);
-      change = std::max(change, std::abs(next - amount[i]));
-      amount[i] = next;
+      if (!free[i] || next[i] >= 0.0 || amount[i] > reach * (amount[i] - next[i])) continue;
+      reach = amount[i] / (amount[i] - next[i]);
+      first = i;
     }
+    for (size_t i = 0; i < parts; ++i) amount[i] = std::max(amount[i] + reach * (next[i] - amount[i]), 0.0);
+    if (first < parts) {
+      free[first] = false;
+      amount[first] = 0.0;
+      continue;
+    }
+    double steepest = kEnough * scale;
+    for (size_t i = 0; i < parts; ++i) {
+      if (free[i]) continue;
+      double slope = right[i];
+      for (size_t j = 0; j < parts; ++j) slope -= normal[i][j] * amount[j];
+      if (slope <= steepest) continue;
+      steepest = slope;
+      first = i;
+    }
+    if (first == parts) return;
+    free[first] = true;
   }
 }
 
