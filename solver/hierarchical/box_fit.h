@@ -53,11 +53,13 @@ class BoxFitter {
   // `anew`: search for the boxes.
   void settle(bool anew, bool straight_is_free, BoxFit& fit);
   // Fits all sides. `anew`: search globally; otherwise refine the current ones.
-  void place(bool anew, BoxFit& fit);
+  // `damping`: of soft boxes (Levenberg-Marquardt).
+  void place(bool anew, double damping, BoxFit& fit);
   // Sets seen_.
   void observe(const BoxFit& fit, size_t monitor);
-  // Fits the shares of box and halos to seen_, then takes the halos out of seen_.
-  void spread(size_t monitor, PixelBox& box);
+  // A Gauss-Newton step towards seen_ of a soft box's centre and width along both axes and of the shares of
+  // box and halos, all at once.
+  void improve(size_t monitor, double damping, PixelBox& box);
   // v of a box with its halos.
   void means(size_t monitor, size_t axis, const PixelBox& box, std::span<double> v) const;
   // Whether no side is longer than so many finest bars.
