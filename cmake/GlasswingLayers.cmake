@@ -6,7 +6,7 @@
 function(glasswing_targets result folder)
   set(targets)
   foreach(name ${ARGN})
-    if(name MATCHES "/|^(server|client|solver|camera-node|display-node)$" AND NOT name MATCHES "::")
+    if(name MATCHES "/|^(server|console|client|solver|camera-node|display-node)$" AND NOT name MATCHES "::")
       string(REPLACE "/" "." target ${name})
       string(REGEX MATCH "^[^/]+" own ${folder})
       string(REGEX MATCH "^[^/]+" other ${name})

@@ -9,7 +9,7 @@ set(GLASSWING_PACKAGE_CONTACT "Glasswing <glasswing@example.org>" CACHE STRING "
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME glasswing)
 set(CPACK_PACKAGE_CONTACT ${GLASSWING_PACKAGE_CONTACT})
-set(CPACK_COMPONENTS_ALL common server display camera solver client python demo)
+set(CPACK_COMPONENTS_ALL common server console display camera solver client python demo)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 # DESTDIR, because the configuration is installed outside the prefix.
 set(CPACK_SET_DESTDIR ON)
@@ -60,7 +60,14 @@ glasswing_package(common NAME glasswing-common ALL SCRIPTS common
 glasswing_package(server NAME glasswing-server SCRIPTS daemon UNIT glasswing-server
   SUMMARY "capture of environment mattes - server"
   TEXT "${about}\n.\nThis package contains the server, which runs sessions, proves which frame\nshows which pattern, hands work to solvers, and keeps finished mattes."
-  DEPENDS "glasswing-common (= THIS_VERSION)" RECOMMENDS "glasswing-client")
+  DEPENDS "glasswing-common (= THIS_VERSION)" RECOMMENDS "glasswing-client, glasswing-console")
+glasswing_package(console NAME glasswing-console SCRIPTS daemon UNIT glasswing-console
+  SUMMARY "capture of environment mattes - console for browsers"
+  TEXT "${about}\n.\nThis package contains the console, which shows a rig in browsers, with its\npage. It is a client of the server and runs as a user of its own."
+  DEPENDS "glasswing-common (= THIS_VERSION)")
+# The page was part of the server's package.
+set(CPACK_DEBIAN_CONSOLE_PACKAGE_REPLACES "glasswing-server (<< THIS_VERSION)")
+set(CPACK_DEBIAN_CONSOLE_PACKAGE_BREAKS "glasswing-server (<< THIS_VERSION)")
 glasswing_package(display NAME glasswing-display SCRIPTS daemon UNIT glasswing-display
   SUMMARY "capture of environment mattes - display node"
   TEXT "${about}\n.\nThis package contains the display node, which shows patterns on the monitors\nof its machine and reports when each was visible."
@@ -85,7 +92,7 @@ glasswing_package(python NAME python3-glasswing SCRIPTS python
   TEXT "${about}\n.\nThis package contains the Python module glasswing, with mattes as numpy\narrays."
   DEPENDS "python3 (>= ${python}.${minor}), python3 (<< ${python}.${next}), python3-grpcio, python3-numpy, python3-protobuf")
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
-set(programs server display camera solver client)
+set(programs server console display camera solver client)
 list(TRANSFORM programs REPLACE "(.+)" "glasswing-\\1 (= THIS_VERSION)")
 list(JOIN programs ", " programs)
 glasswing_package(demo NAME glasswing-demo ALL

@@ -1,7 +1,5 @@
 #include "server/server_daemon.h"
 
-#include <spdlog/spdlog.h>
-
 #include <cmath>
 #include <memory>
 #include <optional>
@@ -9,7 +7,6 @@
 #include "core/base/directory_lock.h"
 #include "core/base/status.h"
 #include "core/telemetry/process_metrics.h"
-#include "server/console/console.h"
 #include "server/console/console_service.h"
 #include "server/metrics/server_metrics.h"
 #include "server/rig/clock_watch.h"
@@ -20,22 +17,6 @@
 #include "server/services/work_service.h"
 
 namespace glasswing {
-namespace {
-
-// Null: the options ask for none.
-absl::StatusOr<std::unique_ptr<Console>> start_console(const ServerProgramOptions& options,
-                                                       AccessTokens& tokens, ConsoleServiceImpl& service,
-                                                       const ServiceHost& host) {
-  if (options.console.address.empty()) return nullptr;
-  ConsoleOptions console = options.console;
-  console.name = options.store.address.substr(0, options.store.address.rfind(':'));
-  GW_ASSIGN_OR_RETURN(std::unique_ptr<Console> started, Console::start(console, tokens, host.to_itself()));
-  service.serve_at(started->url());
-  spdlog::info("console at url={}", started->url());
-  return started;
-}
-
-}  // namespace
 
 absl::Status run_server(const DaemonOptions& daemon, ServerProgramOptions options) {
   options.store.address = daemon.listen.advertised.empty() ? daemon.listen.address : daemon.listen.advertised;
@@ -47,8 +28,9 @@ absl::Status run_server(const DaemonOptions& daemon, ServerProgramOptions option
   WorkServiceImpl work(*server);
   RigServiceImpl rig(*server);
   FleetServiceImpl fleet([&] { return server->fleet(); });
-  GW_ASSIGN_OR_RETURN(const std::unique_ptr<AccessTokens> tokens, AccessTokens::open(options.store.data, server->problems()));
-  ConsoleServiceImpl console_service(*tokens);
+  GW_ASSIGN_OR_RETURN(const std::unique_ptr<AccessTokens> tokens,
+                      AccessTokens::open(options.store.data, server->problems()));
+  ConsoleServiceImpl console(*tokens);
   server_metrics();
   const AskedMetrics asked([&] {
     const absl::StatusOr<std::vector<v1::Session>> now = server->list({});
@@ -57,17 +39,17 @@ absl::Status run_server(const DaemonOptions& daemon, ServerProgramOptions option
   });
   const AskedMetrics disk([&] { return disk_metrics(options.store.data); });
   std::optional<ClockWatch> clocks;
-  std::unique_ptr<Console> console;
-  return serve(daemon, {.services = {&sessions, &nodes, &work, &rig, &fleet, &console_service},
-                        .begin = [&](ServiceHost* host) -> absl::Status {
+  return serve(daemon, {.services = {&sessions, &nodes, &work, &rig, &fleet, &console},
+                        .principal_of =
+                            [&](const std::string& login) {
+                              return tokens->principal_of(login, AccessTokens::current_time());
+                            },
+                        .begin = [&](ServiceHost*) -> absl::Status {
                           clocks.emplace(server->rig());
-                          GW_ASSIGN_OR_RETURN(console,
-                                              start_console(options, *tokens, console_service, *host));
                           return absl::OkStatus();
                         },
                         .end =
                             [&] {
-                              console.reset();
                               sessions.stop();
                               rig.stop();
                             }});

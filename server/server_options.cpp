@@ -7,17 +7,11 @@ namespace glasswing {
 // In the order of --help.
 void add_server_options(CLI::App& app, DaemonOptions& daemon, ServerProgramOptions& server) {
   daemon.listen.address = "127.0.0.1:7440";
-  server.console.files = default_console_files();
   add_listen_options(app, daemon.listen);
   app.add_option("--data", server.store.data, "directory for the catalogue and the mattes")->required();
   app.add_option("--jobs", server.store.jobs,
                  "PostgreSQL that holds the tiles of solves, as postgresql://user@host/glasswing; several "
                  "servers may share one. SQLite below --data if left out");
-  app.add_option("--console", server.console.address,
-                 "host:port where browsers find the console, beyond this machine only with --certificate; "
-                 "none if left out");
-  app.add_option("--console-files", server.console.files, "directory with the console's page")
-      ->capture_default_str();
   app.add_option("--lease", server.lease_seconds,
                  "seconds after which the tile of a silent solver is given to another")
       ->check(CLI::Range(1.0, 3600.0))

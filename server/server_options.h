@@ -4,14 +4,12 @@
 #include <CLI/CLI.hpp>
 
 #include "core/cli/daemon.h"
-#include "server/console/console.h"
 #include "server/services/server.h"
 
 namespace glasswing {
 
 struct ServerProgramOptions {
   ServerOptions store;
-  ConsoleOptions console;
   double lease_seconds = 10.0;
 };
 

@@ -10,7 +10,7 @@ import re
 
 _TEST = re.compile(r'^add_test\(\[=\[(.+?)\]=\] "(.+?)"', re.MULTILINE)
 _LABELS = re.compile(r'^set_tests_properties\(\[=\[(.+?)\]=\] .*LABELS "(.+?)"', re.MULTILINE)
-_UNIT = re.compile(r"(core|solver|server|client|camera-node|display-node)/")
+_UNIT = re.compile(r"(core|solver|server|console|client|camera-node|display-node)/")
 
 
 @dataclasses.dataclass(frozen=True)

@@ -165,11 +165,13 @@ void add_pki_commands(CLI::App& app, Client& client) {
   add_days(issue_command);
   issue_command.footer(
       "ROLE is what its owner may do: operator (runs sessions) or viewer (looks at them) for people; server, "
-      "display, camera\nor solver for programs, several for a machine that runs several. HOST is a name or "
+      "display, camera\nor solver for programs, several for a machine that runs several; console for a "
+      "certificate of its own. HOST is a name or "
       "address "
       "at which others call the\nmachine; default: NAME. Existing files are not replaced.\n\n"
       "Examples:\n"
       "  glasswing pki issue certificates server+display+camera:rig=rig.lab,10.0.0.5\n"
+      "  glasswing pki issue certificates console:console=rig.lab,localhost,127.0.0.1\n"
       "  glasswing pki issue certificates solver:solver-1=solver-1.lab operator:me viewer:guest --days 90");
 
   CLI::App& renew_command =

@@ -64,7 +64,7 @@ absl::Status serve(const DaemonOptions& options, const Served& served) {
   node.set_build(options.metrics.build);
   std::unique_ptr<ServiceHost> host;
   if (served.listens) {
-    GW_ASSIGN_OR_RETURN(host, ServiceHost::start(options.listen, served.services));
+    GW_ASSIGN_OR_RETURN(host, ServiceHost::start(options.listen, served.services, served.principal_of));
     node.set_address(host->advertised());
     spdlog::info("listening on address={}", host->address());
   }

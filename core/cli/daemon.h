@@ -52,6 +52,7 @@ CLI::App& add_command(CLI::App& app, DaemonOptions& options, const std::string& 
 // What a daemon serves between its first call and its last.
 struct Served {
   std::vector<grpc::Service*> services;
+  PrincipalOf principal_of = nullptr;  // for calls that the console makes for people
   bool listens = true;
   // How the node registers with `server` (host:port; empty: nowhere); serve() adds its build and address.
   v1::RegisterRequest node = {};

@@ -11,7 +11,7 @@ CallShares& call_shares() {
 
 CallShares::Kind CallShares::kind_of(Roles roles) {
   if ((roles & (kNodes | only(Role::kServer))) != 0) return Kind::kProgram;
-  return (roles & only(Role::kOperator)) != 0 ? Kind::kOperator : Kind::kViewer;
+  return (roles & (only(Role::kOperator) | only(Role::kConsole))) != 0 ? Kind::kOperator : Kind::kViewer;
 }
 
 void CallShares::set_max_calls(int max_calls) {

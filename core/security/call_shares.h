@@ -1,7 +1,8 @@
 // Shares a daemon's calls out among the certificates that call it: each call holds a thread while it runs, so
 // one caller must not take them all.
 //
-//   people      a viewer 1/16 of the calls, an operator 1/8; viewers together 1/4, people together 1/2
+//   people      a viewer 1/16 of the calls, an operator 1/8, a console with all who use it as much as an
+//               operator; viewers together 1/4, people together 1/2
 //   programs    displays, cameras, solvers and servers 1/2 each
 //
 // So half of the calls stay for programs whatever people do, and a quarter for operators whatever viewers do.

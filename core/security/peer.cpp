@@ -33,6 +33,10 @@ std::string name_of(const grpc::AuthContext& caller) {
   return names.empty() ? "" : std::string(names.front().data(), names.front().size());
 }
 
+bool shows_certificate(const grpc::AuthContext& caller) {
+  return !caller.FindPropertyValues(GRPC_X509_PEM_CERT_PROPERTY_NAME).empty();
+}
+
 std::optional<CertifiedPeer> peer_of(const grpc::AuthContext& context) {
   const std::vector<grpc::string_ref> pem = context.FindPropertyValues(GRPC_X509_PEM_CERT_PROPERTY_NAME);
   if (pem.empty()) return std::nullopt;

@@ -22,7 +22,8 @@ CertifiedPeer peer_of(const X509& certificate);
 // Null: the peer showed no certificate, as on a connection without TLS.
 std::optional<CertifiedPeer> peer_of(const grpc::AuthContext& context);
 
-// Cheaper: without a certificate, the name is empty and there are no roles.
+bool shows_certificate(const grpc::AuthContext& context);
+// Cheaper than peer_of(): without a certificate, the name is empty and there are no roles.
 std::string name_of(const grpc::AuthContext& context);
 Roles roles_of(const grpc::AuthContext& context);
 

@@ -7,45 +7,49 @@
 #include <algorithm>
 #include <vector>
 
-#include "core/security/call_shares.h"
-#include "core/security/peer.h"
-
 namespace glasswing {
 namespace {
 
 constexpr Roles kOperator = only(Role::kOperator), kServer = only(Role::kServer),
-                kCamera = only(Role::kCamera), kSolver = only(Role::kSolver);
+                kCamera = only(Role::kCamera), kSolver = only(Role::kSolver), kConsole = only(Role::kConsole);
 constexpr Roles kPeople = kOperator | only(Role::kViewer);
+// Of nodes, which know no logins: the console shows people what a viewer may see there, and asks the server
+// who they are before.
+constexpr Roles kLookers = kPeople | kConsole;
 constexpr Roles kAnybody = kPeople | kServer | kNodes;
 constexpr bool kAudited = true;
 
 constexpr MethodAccess kTable[] = {
     {"ArchiveService/CreateArchive", kServer},
-    {"ArchiveService/GetManifest", kPeople | kServer | kCamera | kSolver},
-    {"ArchiveService/ReadRows", kServer | kCamera | kSolver},
-    {"ArchiveService/ReadFile", kPeople | kServer | kCamera | kSolver},
+    {"ArchiveService/GetManifest", kLookers | kServer | kCamera | kSolver},
+    {"ArchiveService/ReadRows", kConsole | kServer | kCamera | kSolver},
+    {"ArchiveService/ReadFile", kLookers | kServer | kCamera | kSolver},
     {"ArchiveService/PutFrame", kOperator, kAudited},
     {"ArchiveService/SealArchive", kServer},
     {"ArchiveService/LocateArchive", kServer | kCamera | kSolver},
     {"ArchiveService/CopyArchive", kServer},
     {"ArchiveService/DeleteArchive", kServer, kAudited},
-    {"ArchiveService/ListArchives", kPeople | kServer},
-    {"ArchiveService/GetSpace", kPeople | kServer},
+    {"ArchiveService/ListArchives", kLookers | kServer},
+    {"ArchiveService/GetSpace", kLookers | kServer},
     {"CalibrationService/FitCamera", kServer},
     {"CalibrationService/FitDisplays", kServer},
-    {"CameraService/GetCamera", kPeople | kServer | kSolver},
+    {"CameraService/GetCamera", kLookers | kServer | kSolver},
     {"CameraService/Capture", kServer},
     {"CameraService/KeepFrames", kServer},
     {"CameraService/LearnPatches", kServer},
     {"CameraService/LookForPatches", kServer},
     {"CameraService/MeasureLight", kServer},
-    {"CameraService/Preview", kPeople | kServer},
+    {"CameraService/Preview", kLookers | kServer},
     {"CameraService/StreamFrames", kSolver},
     {"ClockService/Exchange", kAnybody},
     {"ConsoleService/CreateToken", kOperator, kAudited},
     {"ConsoleService/ListTokens", kOperator},
     {"ConsoleService/RevokeToken", kOperator, kAudited},
-    {"DisplayService/GetDisplay", kPeople | kServer},
+    {"ConsoleService/Announce", kConsole},
+    {"ConsoleService/LogIn", kConsole},
+    {"ConsoleService/LogOut", kConsole},
+    {"ConsoleService/GetPrincipal", kConsole},
+    {"DisplayService/GetDisplay", kLookers | kServer},
     {"DisplayService/PutImage", kServer},
     {"DisplayService/LoadProgram", kServer},
     {"DisplayService/PlayProgram", kServer},
@@ -88,32 +92,6 @@ constexpr MethodAccess kTable[] = {
     {"WorkService/FailTile", kSolver},
 };
 
-class RoleGate final : public grpc::AuthMetadataProcessor {
- public:
-  bool IsBlocking() const override { return false; }
-
-  grpc::Status Process(const InputMetadata& metadata, grpc::AuthContext* caller, OutputMetadata*,
-                       OutputMetadata*) override {
-    const auto path = metadata.find(":path");
-    if (path == metadata.end()) return {grpc::StatusCode::PERMISSION_DENIED, "the call names no method"};
-    std::string_view method(path->second.data(), path->second.size());
-    static constexpr std::string_view kOurs = "/glasswing.v1.";
-    if (!method.starts_with(kOurs)) return to_status(share(*caller));
-    method.remove_prefix(kOurs.size());
-    absl::Status admitted = admit(method, roles_of(*caller), name_of(*caller));
-    if (admitted.ok()) admitted = share(*caller);
-    return to_status(admitted);
-  }
-
- private:
-  static absl::Status share(const grpc::AuthContext& caller) {
-    return call_shares().admit(name_of(caller), roles_of(caller), CallShares::Time::clock::now());
-  }
-  static grpc::Status to_status(const absl::Status& status) {
-    return {static_cast<grpc::StatusCode>(status.code()), std::string(status.message())};
-  }
-};
-
 }  // namespace
 
 std::span<const MethodAccess> access_table() {
@@ -146,10 +124,6 @@ absl::Status admit(std::string_view method, Roles roles, std::string_view caller
   }
   if (access->audited) spdlog::info("audit rpc={} caller=\"{}\" roles={}", method, caller, held);
   return absl::OkStatus();
-}
-
-std::shared_ptr<grpc::AuthMetadataProcessor> role_gate() {
-  return std::make_shared<RoleGate>();
 }
 
 }  // namespace glasswing

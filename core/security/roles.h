@@ -3,10 +3,8 @@
 #pragma once
 
 #include <absl/status/status.h>
-#include <grpcpp/security/auth_metadata_processor.h>
 
 #include <array>
-#include <memory>
 #include <span>
 #include <string>
 #include <string_view>
@@ -14,9 +12,9 @@
 namespace glasswing {
 
 // An operator runs sessions, a viewer only looks at them; both are people. The others are programs.
-enum class Role { kOperator, kViewer, kServer, kDisplay, kCamera, kSolver };
-inline constexpr std::array<std::string_view, 6> kRoleNames{"operator", "viewer", "server",
-                                                            "display",  "camera", "solver"};
+enum class Role { kOperator, kViewer, kServer, kDisplay, kCamera, kSolver, kConsole };
+inline constexpr std::array<std::string_view, 7> kRoleNames{"operator", "viewer", "server", "display",
+                                                            "camera",   "solver", "console"};
 inline constexpr std::string_view kRoleUri = "urn:glasswing:role:";  // the role's name follows
 
 using Roles = unsigned;  // bits
@@ -48,9 +46,5 @@ std::span<const MethodAccess> access_table();
 // "WorkService/ClaimTile". PERMISSION_DENIED says which roles the method is for, and which ones `caller` has.
 // A method that is not in the table is admitted: gRPC answers that it does not exist.
 absl::Status admit(std::string_view method, Roles roles, std::string_view caller);
-
-// Checks every call against the table by its caller's certificate, and against the caller's share of calls
-// (call_shares.h). Methods of other packages (health, reflection) are open to every certificate.
-std::shared_ptr<grpc::AuthMetadataProcessor> role_gate();
 
 }  // namespace glasswing

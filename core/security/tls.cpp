@@ -9,6 +9,7 @@
 #include "core/base/status.h"
 #include "core/security/peer.h"
 #include "core/security/pem.h"
+#include "core/security/role_gate.h"
 #include "core/security/roles.h"
 #include "core/security/tls_reload.h"
 
@@ -19,10 +20,9 @@ constexpr char kRoleFailure[] = "its certificate's roles: ";
 
 struct Tls {
   TlsFiles files = {};
-  bool shows_certificate = false;                                // to those that it calls
-  std::shared_ptr<grpc::ServerCredentials> listening = nullptr;  // null: no TLS
-  std::unique_ptr<TlsReload> reload = nullptr;                   // null: no TLS
-  absl::Status problem = {};                                     // with the files
+  bool shows_certificate = false;               // to those that it calls, and that call it
+  std::unique_ptr<TlsReload> reload = nullptr;  // null: no TLS
+  absl::Status problem = {};                    // with the files
 };
 
 Tls& in_force() {
@@ -30,22 +30,13 @@ Tls& in_force() {
   return tls;
 }
 
-// All null without a CA.
+// No `reload` without a CA.
 absl::StatusOr<Tls> credentials_of(const TlsFiles& files) {
-  namespace tls = grpc::experimental;
   GW_ASSIGN_OR_RETURN(const TlsMaterial material, read_tls_material(files));
   Tls made{.files = files};
   if (material.ca.empty()) return made;
   GW_ASSIGN_OR_RETURN(made.reload, TlsReload::start(files, material));
   made.shows_certificate = !material.key.empty();
-  if (made.shows_certificate) {
-    tls::TlsServerCredentialsOptions listening(made.reload->provider());
-    listening.watch_root_certs();
-    listening.watch_identity_key_cert_pairs();
-    listening.set_cert_request_type(GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY);
-    made.listening = tls::TlsServerCredentials(listening);
-    made.listening->SetAuthMetadataProcessor(role_gate());
-  }
   return made;
 }
 
@@ -79,6 +70,13 @@ bool contains(const std::string& text, const char* words) {
   return text.find(words) != std::string::npos;
 }
 
+// Without the brackets of an IPv6 address.
+std::string host_of(const std::string& address) {
+  std::string host = address.substr(0, address.rfind(':'));
+  if (host.size() > 2 && host.front() == '[') host = host.substr(1, host.size() - 2);
+  return host;
+}
+
 }  // namespace
 
 absl::Status use_tls(const TlsFiles& files) {
@@ -93,8 +91,7 @@ TlsMaterial tls_material() {
 }
 
 bool is_loopback(const std::string& address) {
-  std::string host = address.substr(0, address.rfind(':'));
-  if (host.size() > 2 && host.front() == '[') host = host.substr(1, host.size() - 2);
+  const std::string host = host_of(address);
   in_addr ip{};
   if (::inet_pton(AF_INET, host.c_str(), &ip) == 1) return ntohl(ip.s_addr) >> 24 == 127;
   return host == "localhost" || host == "::1";
@@ -117,15 +114,34 @@ std::shared_ptr<grpc::ChannelCredentials> credentials_for(const std::string& add
   return is_loopback(address) && in_force().problem.ok() ? grpc::InsecureChannelCredentials() : nullptr;
 }
 
-absl::StatusOr<std::shared_ptr<grpc::ServerCredentials>> listening_credentials(const std::string& address) {
-  GW_RETURN_IF_ERROR(in_force().problem);
-  if (in_force().listening != nullptr) return in_force().listening;
-  if (is_loopback(address)) return grpc::InsecureServerCredentials();
-  return absl::InvalidArgumentError(
-      fmt::format("--listen is {}, which other machines reach: they need TLS; set --ca, --certificate and "
-                  "--key, or listen on "
-                  "127.0.0.1:PORT",
-                  address));
+absl::StatusOr<std::shared_ptr<grpc::ServerCredentials>> listening_credentials(const std::string& address,
+                                                                               PrincipalOf principal_of) {
+  const Tls& tls = in_force();
+  GW_RETURN_IF_ERROR(tls.problem);
+  std::shared_ptr<grpc::ServerCredentials> made;
+  if (tls.shows_certificate) {
+    grpc::experimental::TlsServerCredentialsOptions options(tls.reload->provider());
+    options.watch_root_certs();
+    options.watch_identity_key_cert_pairs();
+    options.set_cert_request_type(GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY);
+    made = grpc::experimental::TlsServerCredentials(options);
+  } else if (!is_loopback(address)) {
+    return absl::InvalidArgumentError(
+        fmt::format("--listen is {}, which other machines reach: they need TLS; set --ca, --certificate and "
+                    "--key, or listen on "
+                    "127.0.0.1:PORT",
+                    address));
+  } else if (principal_of == nullptr) {
+    return grpc::InsecureServerCredentials();
+  } else if (const std::string host = host_of(address); host.starts_with("127.") && host != "127.0.0.1") {
+    return absl::InvalidArgumentError(fmt::format(
+        "--listen is {}; without TLS it must be 127.0.0.1:PORT, [::1]:PORT or localhost:PORT", address));
+  } else {
+    // In the clear too, but with a gate. gRPC takes no other address of 127.0.0.0/8 for this machine.
+    made = grpc::experimental::LocalServerCredentials(LOCAL_TCP);
+  }
+  made->SetAuthMetadataProcessor(role_gate(std::move(principal_of)));
+  return made;
 }
 
 std::string tls_failure(const grpc::Status& status, const std::string& peer) {

@@ -9,6 +9,7 @@
 #include <memory>
 #include <string>
 
+#include "core/security/login.h"
 #include "core/security/roles.h"
 #include "core/security/tls_files.h"
 
@@ -32,9 +33,10 @@ bool is_loopback(const std::string& address);
 std::shared_ptr<grpc::ChannelCredentials> credentials_for(const std::string& address, Roles roles = 0);
 
 // For listening on host:port. With all three files callers must use TLS and show a certificate signed by
-// `ca`. INVALID_ARGUMENT: there is a problem with the files, or one is missing and the address is not
-// loopback.
-absl::StatusOr<std::shared_ptr<grpc::ServerCredentials>> listening_credentials(const std::string& address);
+// `ca`; calls pass the role gate (role_gate.h), of which `principal_of` is part. INVALID_ARGUMENT: there is a
+// problem with the files, or one is missing and the address is not loopback.
+absl::StatusOr<std::shared_ptr<grpc::ServerCredentials>> listening_credentials(
+    const std::string& address, PrincipalOf principal_of = nullptr);
 
 // If TLS is why a call never reached `peer`: one sentence that says what to set. Empty otherwise.
 std::string tls_failure(const grpc::Status& status, const std::string& peer);

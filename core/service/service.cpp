@@ -53,24 +53,6 @@ std::string host_of(const std::string& address) {
   return address.substr(0, address.rfind(':'));
 }
 
-absl::Status check_advertised(const ListenOptions& options) {
-  const std::string& advertised = options.advertised;
-  const std::string host = host_of(options.address);
-  if (advertised.empty()) {
-    if (host != "0.0.0.0" && host != "[::]") return absl::OkStatus();
-    return absl::InvalidArgumentError(
-        fmt::format("--listen is {}, which is every address of this machine; set --advertise HOST:PORT, by "
-                    "which the others call it",
-                    options.address));
-  }
-  static const std::regex kHostAndPort(R"(([^:/\s]+|\[[0-9A-Fa-f:.]+\]):([1-9][0-9]{0,4}))");
-  if (std::regex_match(advertised, kHostAndPort) && host_of(advertised) != "0.0.0.0" &&
-      host_of(advertised) != "[::]")
-    return absl::OkStatus();
-  return absl::InvalidArgumentError(fmt::format(
-      "--advertise is {}; it must be the HOST:PORT by which the others call this machine", advertised));
-}
-
 constexpr int kMaxMetadataBytes = 16 << 10;  // of a call; its path and our own metadata have some hundred
 // Only "identity": gRPC expands a compressed message before it looks at its size.
 constexpr int kUncompressed = 1 << GRPC_COMPRESS_NONE;
@@ -112,6 +94,24 @@ int allow_descriptors() {
 }
 
 }  // namespace
+
+absl::Status check_advertised(const ListenOptions& options) {
+  const std::string& advertised = options.advertised;
+  const std::string host = host_of(options.address);
+  if (advertised.empty()) {
+    if (host != "0.0.0.0" && host != "[::]") return absl::OkStatus();
+    return absl::InvalidArgumentError(
+        fmt::format("--listen is {}, which is every address of this machine; set --advertise HOST:PORT, by "
+                    "which the others call it",
+                    options.address));
+  }
+  static const std::regex kHostAndPort(R"(([^:/\s]+|\[[0-9A-Fa-f:.]+\]):([1-9][0-9]{0,4}))");
+  if (std::regex_match(advertised, kHostAndPort) && host_of(advertised) != "0.0.0.0" &&
+      host_of(advertised) != "[::]")
+    return absl::OkStatus();
+  return absl::InvalidArgumentError(fmt::format(
+      "--advertise is {}; it must be the HOST:PORT by which the others call this machine", advertised));
+}
 
 grpc::Status to_grpc(const absl::Status& status) {
   if (status.ok()) return grpc::Status::OK;
@@ -161,8 +161,10 @@ void set_deadline(grpc::ClientContext& context, std::chrono::milliseconds timeou
 }
 
 absl::StatusOr<std::unique_ptr<ServiceHost>> ServiceHost::start(const ListenOptions& options,
-                                                                const std::vector<grpc::Service*>& services) {
-  GW_ASSIGN_OR_RETURN(const auto credentials, listening_credentials(options.address));
+                                                                const std::vector<grpc::Service*>& services,
+                                                                PrincipalOf principal_of) {
+  GW_ASSIGN_OR_RETURN(const auto credentials,
+                      listening_credentials(options.address, std::move(principal_of)));
   GW_RETURN_IF_ERROR(check_advertised(options));
   GW_ASSIGN_OR_RETURN(std::unique_ptr<Listener> listener, Listener::open(options.address));
   const ServiceLimits& limits = options.limits;

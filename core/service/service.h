@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "core/base/node_clock.h"
+#include "core/security/login.h"
 #include "core/security/roles.h"
 
 namespace glasswing {
@@ -54,6 +55,10 @@ struct ListenOptions {
   ServiceLimits limits = {};
 };
 
+// INVALID_ARGUMENT: `advertised` is not what others can call, or it is empty while `address` is every address
+// of this machine.
+absl::Status check_advertised(const ListenOptions& options);
+
 class Listener;
 
 // A listening gRPC server with standard health (SERVING), the ClockService and message limits, and TLS as
@@ -62,8 +67,10 @@ class ServiceHost {
  public:
   // INVALID_ARGUMENT: the address is not loopback and use_tls() got no certificate, or it is every address of
   // this machine and none is advertised. UNAVAILABLE: the address is in use or not of this machine.
+  // `principal_of`: for calls that the console makes for people (core/security/role_gate.h).
   static absl::StatusOr<std::unique_ptr<ServiceHost>> start(const ListenOptions& options,
-                                                            const std::vector<grpc::Service*>& services);
+                                                            const std::vector<grpc::Service*>& services,
+                                                            PrincipalOf principal_of = nullptr);
   ~ServiceHost();
 
   const std::string& address() const { return address_; }        // with the real port

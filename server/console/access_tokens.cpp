@@ -56,7 +56,8 @@ absl::StatusOr<std::unique_ptr<AccessTokens>> AccessTokens::open(const fs::path&
     database = open_database(file);
   }
   GW_RETURN_IF_ERROR(database.status());
-  return std::unique_ptr<AccessTokens>(new AccessTokens(*std::move(database)));
+  GW_ASSIGN_OR_RETURN(Database reader, Database::open(file));
+  return std::unique_ptr<AccessTokens>(new AccessTokens(*std::move(database), std::move(reader)));
 }
 
 absl::Status AccessTokens::forget_ended(Seconds now) {
@@ -74,9 +75,9 @@ absl::StatusOr<int> AccessTokens::count(const std::string& rows, const std::stri
   return count;
 }
 
-absl::StatusOr<AccessToken> AccessTokens::find(const std::string& condition, const std::string& value,
-                                               Seconds now) {
-  Database::Query query = database_.query(
+absl::StatusOr<AccessToken> AccessTokens::find(Database& database, const std::string& condition,
+                                               const std::string& value, Seconds now) {
+  Database::Query query = database.query(
       "SELECT id, name, role, made_by, expires FROM tokens WHERE expires > ? AND " + condition);
   query.bind(std::int64_t{now.time_since_epoch().count()}).bind(value);
   const bool found = query.next();
@@ -108,7 +109,7 @@ absl::StatusOr<AccessTokens::Made> AccessTokens::make(const Maker& maker, const 
   made.token.id = hash.substr(0, kIdDigits);
   const std::lock_guard lock(mutex_);
   if (!maker.token.empty()) {
-    GW_ASSIGN_OR_RETURN(const AccessToken own, find("id = ?", maker.token, now));
+    GW_ASSIGN_OR_RETURN(const AccessToken own, find(database_, "id = ?", maker.token, now));
     made.token.expires = std::min(made.token.expires, own.expires);
   }
   if (made.token.expires <= now)
@@ -167,11 +168,11 @@ absl::Status AccessTokens::revoke(const std::string& id) {
       fmt::format("there is no token \"{}\"; `glasswing console tokens` lists them", id));
 }
 
-absl::StatusOr<AccessTokens::Login> AccessTokens::log_in(const std::string& token_secret, Seconds now) {
+absl::StatusOr<Login> AccessTokens::log_in(const std::string& token_secret, Seconds now) {
   const std::string secret = random_token(), hash = hash_of(secret);
   const std::lock_guard lock(mutex_);
   GW_RETURN_IF_ERROR(forget_ended(now));
-  GW_ASSIGN_OR_RETURN(const AccessToken token, find("hash = ?", hash_of(token_secret), now));
+  GW_ASSIGN_OR_RETURN(const AccessToken token, find(database_, "hash = ?", hash_of(token_secret), now));
   GW_ASSIGN_OR_RETURN(const int logins, count("logins WHERE token = ?", token.id));
   if (logins >= kMaxLogins) {
     GW_RETURN_IF_ERROR(
@@ -181,38 +182,31 @@ absl::StatusOr<AccessTokens::Login> AccessTokens::log_in(const std::string& toke
   }
   GW_RETURN_IF_ERROR(
       database_.query("INSERT INTO logins (hash, token) VALUES (?, ?)").bind(hash).bind(token.id).finish());
-  GW_ASSIGN_OR_RETURN(Principal principal, principal_of_hash(hash, now));
+  GW_ASSIGN_OR_RETURN(Principal principal, principal_of_hash(database_, hash, now));
   return Login{.secret = secret, .principal = std::move(principal)};
 }
 
-absl::StatusOr<Principal> AccessTokens::principal_of_hash(const std::string& login, Seconds now) {
+absl::StatusOr<Principal> AccessTokens::principal_of_hash(Database& database, const std::string& login,
+                                                          Seconds now) {
   const absl::StatusOr<AccessToken> token =
-      find("id = (SELECT token FROM logins WHERE hash = ?)", login, now);
+      find(database, "id = (SELECT token FROM logins WHERE hash = ?)", login, now);
   if (absl::IsUnauthenticated(token.status()))
     return absl::UnauthenticatedError("this login has ended; `glasswing console token` makes a token");
   GW_RETURN_IF_ERROR(token.status());
   return Principal{.name = token->name,
                    .roles = role_of_uri(fmt::format("{}{}", kRoleUri, token->role)),
                    .expires = token->expires,
-                   .token = token->id,
-                   .login = login};
+                   .token = token->id};
 }
 
 absl::StatusOr<Principal> AccessTokens::principal_of(const std::string& login_secret, Seconds now) {
-  const std::lock_guard lock(mutex_);
-  return principal_of_hash(hash_of(login_secret), now);
+  const std::lock_guard lock(reader_mutex_);
+  return principal_of_hash(reader_, hash_of(login_secret), now);
 }
 
-absl::Status AccessTokens::check(const Principal& principal, Seconds now) {
-  if (principal.expires <= now) return absl::UnauthenticatedError("this login has ended");
-  if (principal.login.empty()) return absl::OkStatus();
+absl::Status AccessTokens::log_out(const std::string& login_secret) {
   const std::lock_guard lock(mutex_);
-  return principal_of_hash(principal.login, now).status();
-}
-
-absl::Status AccessTokens::log_out(const Principal& principal) {
-  const std::lock_guard lock(mutex_);
-  return database_.query("DELETE FROM logins WHERE hash = ?").bind(principal.login).finish();
+  return database_.query("DELETE FROM logins WHERE hash = ?").bind(hash_of(login_secret)).finish();
 }
 
 }  // namespace glasswing

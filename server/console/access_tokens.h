@@ -15,23 +15,11 @@
 #include <string>
 #include <vector>
 
-#include "core/security/roles.h"
+#include "core/security/login.h"
 #include "server/storage/database.h"
 #include "server/storage/problems.h"
 
 namespace glasswing {
-
-// An authenticated user of the console.
-struct Principal {
-  std::string name;
-  Roles roles = 0;
-  std::chrono::sys_seconds expires = {};
-  std::string token = {};  // the id of the token that logged it in; empty: a certificate did
-  std::string login = {};  // the hash of the login; empty: a certificate
-
-  // For the audit log, which names a token's maker where the token is made.
-  std::string title() const { return token.empty() ? name : name + " (token " + token + ")"; }
-};
 
 struct AccessToken {
   std::string id = {};
@@ -76,29 +64,30 @@ class AccessTokens {
   // Ends a token, the tokens made with it, and all their logins. NOT_FOUND: there is no such token.
   absl::Status revoke(const std::string& id);
 
-  struct Login {
-    std::string secret;
-    Principal principal;
-  };
   // UNAUTHENTICATED: not a token of this server, or one that has expired or was revoked.
   absl::StatusOr<Login> log_in(const std::string& token_secret, Seconds now);
   // The principal of a login. UNAUTHENTICATED: it has ended.
   absl::StatusOr<Principal> principal_of(const std::string& login_secret, Seconds now);
-  // UNAUTHENTICATED: the principal's login has ended since, or its certificate has expired.
-  absl::Status check(const Principal& principal, Seconds now);
-  absl::Status log_out(const Principal& principal);
+  // Of a login that has ended too.
+  absl::Status log_out(const std::string& login_secret);
 
  private:
-  explicit AccessTokens(Database database) : database_(std::move(database)) {}
-  // The rest need mutex_.
+  AccessTokens(Database database, Database reader)
+      : database_(std::move(database)), reader_(std::move(reader)) {}
+  // The rest need the mutex of their database.
   absl::Status forget_ended(Seconds now);
   absl::StatusOr<int> count(const std::string& rows, const std::string& value = "");
   // The valid token that meets `condition`, which has one "?" for `value`.
-  absl::StatusOr<AccessToken> find(const std::string& condition, const std::string& value, Seconds now);
-  absl::StatusOr<Principal> principal_of_hash(const std::string& login, Seconds now);
+  static absl::StatusOr<AccessToken> find(Database& database, const std::string& condition,
+                                          const std::string& value, Seconds now);
+  static absl::StatusOr<Principal> principal_of_hash(Database& database, const std::string& login,
+                                                     Seconds now);
 
   std::mutex mutex_;
   Database database_;
+  // For principal_of(), which each of the console's calls needs: it never waits for a write to the disk.
+  std::mutex reader_mutex_;
+  Database reader_;
 };
 
 }  // namespace glasswing

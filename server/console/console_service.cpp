@@ -3,9 +3,10 @@
 #include <fmt/chrono.h>
 #include <spdlog/spdlog.h>
 
-#include <charconv>
 #include <cmath>
+#include <regex>
 
+#include "core/base/status.h"
 #include "core/security/peer.h"
 #include "core/service/message_limits.h"
 #include "core/service/service.h"
@@ -23,57 +24,60 @@ std::string metadata_of(const grpc::ServerContext& context, const char* key) {
                                                   : std::string(found->second.data(), found->second.size());
 }
 
-// The caller's certificate, or what the console says of its user. Metadata of other callers can only shorten
-// their own tokens.
-AccessTokens::Maker maker_of(const grpc::ServerContext& context) {
-  AccessTokens::Maker maker{.name = metadata_of(context, "glasswing-client").substr(0, 200)};
-  if (const std::optional<CertifiedPeer> peer = peer_of(*context.auth_context())) {
-    maker.name = peer->name;
-    maker.expires = peer->expires;
-  }
-  maker.token = metadata_of(context, "glasswing-token");
-  const std::string expires = metadata_of(context, "glasswing-expires");
-  std::int64_t seconds = 0;
-  if (std::from_chars(expires.data(), expires.data() + expires.size(), seconds).ec == std::errc())
-    maker.expires = std::min(maker.expires, std::chrono::sys_seconds(std::chrono::seconds(seconds)));
-  return maker;
+void set(v1::Principal& message, const Principal& principal) {
+  message.set_name(principal.name);
+  message.set_role(names_of(principal.roles));
+  message.set_expires_s(principal.expires.time_since_epoch().count());
+  message.set_token_id(principal.token);
 }
 
 }  // namespace
 
-void ConsoleServiceImpl::serve_at(const std::string& url) {
-  const std::lock_guard lock(mutex_);
-  url_ = url;
+absl::StatusOr<AccessTokens::Maker> ConsoleServiceImpl::maker_of(const grpc::ServerContext& context) const {
+  if (const std::string login = metadata_of(context, kLoginMetadata); !login.empty()) {
+    GW_ASSIGN_OR_RETURN(const Principal principal, tokens_.principal_of(login, AccessTokens::current_time()));
+    return AccessTokens::Maker{
+        .name = principal.name + " (console)", .expires = principal.expires, .token = principal.token};
+  }
+  if (const std::optional<CertifiedPeer> peer = peer_of(*context.auth_context()))
+    return AccessTokens::Maker{.name = peer->name, .expires = peer->expires};
+  return AccessTokens::Maker{.name = metadata_of(context, "glasswing-client").substr(0, 200)};
+}
+
+absl::StatusOr<std::string> ConsoleServiceImpl::console_url() {
+  std::unique_lock lock(mutex_);
+  const bool is_there = announcement_.wait_for(lock, kWait, [this] {
+    return !url_.empty() && std::chrono::steady_clock::now() - announced_ < kAnnounced;
+  });
+  if (is_there) return url_;
+  return absl::FailedPreconditionError(
+      "no console has announced itself to this server; start one: glasswing-console --server HOST:PORT");
 }
 
 grpc::Status ConsoleServiceImpl::CreateToken(grpc::ServerContext* context,
                                              const v1::CreateTokenRequest* request,
                                              v1::CreateTokenResponse* response) {
   GW_CHECK_LIMITS(*request);
-  {
-    const std::lock_guard lock(mutex_);
-    response->set_url(url_);
-  }
-  if (response->url().empty()) {
-    return to_grpc(absl::FailedPreconditionError(
-        "this server serves no console; start it with --console 127.0.0.1:7480"));
-  }
+  const absl::StatusOr<AccessTokens::Maker> maker = maker_of(*context);
+  if (!maker.ok()) return to_grpc(maker.status());
   constexpr double kMaxHours = 24.0 * 365.0;
   if (!(request->valid_hours() > 0.0 && request->valid_hours() <= kMaxHours))
     return to_grpc(absl::InvalidArgumentError("valid_hours must be above 0 and at most 8760"));
   const std::chrono::sys_seconds now = AccessTokens::current_time();
   const std::chrono::sys_seconds expires =
       now + std::chrono::seconds(std::llround(3600.0 * request->valid_hours()));
-  const AccessTokens::Maker maker = maker_of(*context);
+  absl::StatusOr<std::string> url = console_url();
+  if (!url.ok()) return to_grpc(url.status());
   const absl::StatusOr<AccessTokens::Made> made =
-      tokens_.make(maker, request->name(), request->role(), expires, now);
+      tokens_.make(*maker, request->name(), request->role(), expires, now);
   if (!made.ok()) return to_grpc(made.status());
+  response->set_url(*std::move(url));
   response->set_token(made->secret);
   response->set_id(made->token.id);
   response->set_expires(time_text(made->token.expires));
   spdlog::info("audit console token={} name=\"{}\" role={} expires={} made_by=\"{}\"{}", made->token.id,
-               made->token.name, made->token.role, response->expires(), maker.name,
-               maker.token.empty() ? "" : " with_token=" + maker.token);
+               made->token.name, made->token.role, response->expires(), maker->name,
+               maker->token.empty() ? "" : " with_token=" + maker->token);
   return grpc::Status::OK;
 }
 
@@ -99,6 +103,57 @@ grpc::Status ConsoleServiceImpl::RevokeToken(grpc::ServerContext*, const v1::Rev
   const absl::Status revoked = tokens_.revoke(request->id());
   if (revoked.ok()) spdlog::info("audit console token revoked token={}", request->id());
   return to_grpc(revoked);
+}
+
+grpc::Status ConsoleServiceImpl::Announce(grpc::ServerContext*, const v1::AnnounceRequest* request,
+                                          v1::AnnounceResponse*) {
+  GW_CHECK_LIMITS(*request);
+  // It is printed for people to open.
+  static const std::regex kUrl(R"(https?://([A-Za-z0-9._-]+|\[[0-9A-Fa-f:.]+\]):[0-9]{1,5})");
+  if (!std::regex_match(request->url(), kUrl)) {
+    return to_grpc(absl::InvalidArgumentError(
+        fmt::format("url is \"{}\"; it must be http://HOST:PORT or https://HOST:PORT", request->url())));
+  }
+  {
+    const std::lock_guard lock(mutex_);
+    if (url_ != request->url()) spdlog::info("audit console announced url={}", request->url());
+    url_ = request->url();
+    announced_ = std::chrono::steady_clock::now();
+  }
+  announcement_.notify_all();
+  return grpc::Status::OK;
+}
+
+grpc::Status ConsoleServiceImpl::LogIn(grpc::ServerContext*, const v1::LogInRequest* request,
+                                       v1::LogInResponse* response) {
+  GW_CHECK_LIMITS(*request);
+  const absl::StatusOr<Login> login = tokens_.log_in(request->token(), AccessTokens::current_time());
+  if (!login.ok()) {
+    spdlog::warn("audit console login refused from={}", request->from());
+    return to_grpc(login.status());
+  }
+  spdlog::info("audit console login caller=\"{}\" from={}", login->principal.title(), request->from());
+  response->set_login(login->secret);
+  set(*response->mutable_principal(), login->principal);
+  return grpc::Status::OK;
+}
+
+grpc::Status ConsoleServiceImpl::LogOut(grpc::ServerContext*, const v1::LogOutRequest* request,
+                                        v1::LogOutResponse*) {
+  GW_CHECK_LIMITS(*request);
+  const absl::StatusOr<Principal> principal =
+      tokens_.principal_of(request->login(), AccessTokens::current_time());
+  if (principal.ok()) spdlog::info("audit console logout caller=\"{}\"", principal->title());
+  return to_grpc(tokens_.log_out(request->login()));
+}
+
+grpc::Status ConsoleServiceImpl::GetPrincipal(grpc::ServerContext*, const v1::GetPrincipalRequest* request,
+                                              v1::GetPrincipalResponse* response) {
+  GW_CHECK_LIMITS(*request);
+  const absl::StatusOr<Principal> principal =
+      tokens_.principal_of(request->login(), AccessTokens::current_time());
+  if (principal.ok()) set(*response->mutable_principal(), *principal);
+  return to_grpc(principal.status());
 }
 
 }  // namespace glasswing

@@ -402,17 +402,14 @@ def _closes(port: int, start: bytes, more: bytes, max_bytes: int = 300 << 20) ->
     return False
 
 
-@case("callers.console", "a browser without a login: 300 MB of one header line, of many, of a gzip bomb, 24 unread answers to 8 kB of ranges, 2000 connections", "cut off or refused; others are served meanwhile, in bounded memory")
+@case("callers.console", "a browser without a login: 300 MB of one header line, of many, of a gzip bomb, 24 unread answers to 8 kB of ranges, 2000 connections", "cut off or refused; others are served meanwhile, in bounded memory, and the server notices nothing")
 def console(stage: Stage) -> Report:
     """The console listens without TLS, as it may on loopback."""
     port = free_port()
-    usual = stage.lab.server
-    server = stage.lab.server_with("--console", f"127.0.0.1:{port}")
-    usual.end()
-    server.start()
-    until(stage.answers, "the server answers")
+    daemon = stage.lab.console_at(port)
+    daemon.start()
     until(lambda: listens(port), "the console listens")
-    memory = Memory(server)
+    memory, of_server = Memory(daemon), Memory(stage.lab.server)
     try:
         with Neighbour(stage) as neighbour:
             for start, more in (
@@ -433,9 +430,8 @@ def console(stage: Stage) -> Report:
                 for _ in range(2000):
                     browsers.enter_context(socket.create_connection(("127.0.0.1", port), timeout=10.0))
                 memory.look()
-                assert descriptors(server) < 400, f"{descriptors(server)} descriptors are open"
-        return Report(7, f"{memory.check(200.0)}; {neighbour.check()}")
+                assert descriptors(daemon) < 400, f"{descriptors(daemon)} descriptors are open"
+        assert daemon.is_running(), f"the console has died (always.alive):\n{daemon.last_words()}"
+        return Report(7, f"{memory.check(200.0)}; {of_server.check(32.0)}; {neighbour.check()}")
     finally:
-        server.end()
-        usual.start()
-        until(lambda: stage.answers() and stage.lab.camera_is_up(), "the server answers")
+        daemon.end()

@@ -26,13 +26,13 @@ from glasswing.v1.node_service_pb2_grpc import NodeServiceStub
 from glasswing.v1.session_service_pb2_grpc import SessionServiceStub
 
 from case import Cases, Report, struck
-from daemon import BIN, Daemon, free_port
+from daemon import BIN, Daemon, free_port, listens
 from lab import until
 
 case: Cases["HostileStage"] = Cases()
 
 SESSION = "open"  # an import that never ends, so that watching it does not end either
-_MEMBERS = ("server+display+camera:rig=127.0.0.1", "camera:other=127.0.0.1", "solver:sam", "operator:anna", "viewer:guest", "viewer:visitor")
+_MEMBERS = ("server+display+camera:rig=127.0.0.1", "camera:other=127.0.0.1", "solver:sam", "operator:anna", "viewer:guest", "viewer:visitor", "console:web=127.0.0.1")
 _MAX_ANSWER_SECONDS = 2.0
 _WATCHES = 1140
 
@@ -79,7 +79,7 @@ class Browser:
 
 
 class HostileStage:
-    """A server with its console, and a camera node, on loopback with the certificates of a lab."""
+    """A server, a console and a camera node, on loopback with the certificates of a lab."""
 
     def __init__(self, work: pathlib.Path, _archive: pathlib.Path | None = None) -> None:
         work.mkdir(parents=True, exist_ok=True)
@@ -90,10 +90,12 @@ class HostileStage:
         self.ca = self.pem("ca.pem")
         self.address = f"127.0.0.1:{free_port()}"
         self.console_address = f"127.0.0.1:{free_port()}"
-        self.server = self._daemon("server", "rig", "--listen", self.address, "--console", self.console_address, "--data", str(work / "server"))
+        self.server = self._daemon("server", "rig", "--listen", self.address, "--data", str(work / "server"))
+        self.browsers = self._daemon("console", "web", "--listen", self.console_address, "--server", self.address)
         self.camera = self.camera_of("rig", "camera-1")
         self.server.start()
         self.camera.start()
+        self.browsers.start()
         self.anna = Member(self, "anna")
         until(lambda: self.cameras() == ["camera-1"], "the camera is known to the server")
         manifest = archive_pb2.CaptureManifest(format_version=1, session=SESSION, camera=archive_pb2.Camera(name="c", width_px=8, height_px=8, bits=8, response="linear"))
@@ -133,13 +135,13 @@ class HostileStage:
 
     def check(self) -> None:
         """Asserts that server and camera node are alive and serve others."""
-        for daemon in (self.server, self.camera):
+        for daemon in (self.server, self.camera, self.browsers):
             assert daemon.is_running(), f"{daemon.name} has died (always.alive):\n{daemon.last_words()}"
         until(lambda: self.cameras() == ["camera-1"], "server and camera node answer", 30.0)
 
     def close(self) -> None:
         """Ends all processes."""
-        for daemon in (self.camera, self.server):
+        for daemon in (self.browsers, self.camera, self.server):
             daemon.end()
 
 
@@ -271,6 +273,49 @@ def tokens(stage: HostileStage) -> Report:
     assert eve.request("GET", "/me")[0] == 401, "a token outlives the one that made it"
     assert Browser(stage).log_in(minted["token"]) == 401
     return Report(3)
+
+
+@case("hostile.console", "the console's certificate without a login, and with those of a viewer, on calls of others", "refused and audited; what its people may do, it may")
+def console_alone(stage: HostileStage) -> Report:
+    """As if the console were taken over."""
+    web, delete = Member(stage, "web"), sessions.DeleteSessionRequest(name=SESSION)
+    calls = [
+        (web.sessions.ListSessions, sessions.ListSessionsRequest()),
+        (web.sessions.DeleteSession, delete),
+        (web.nodes.ListNodes, nodes.ListNodesRequest()),
+        (web.console.CreateToken, console.CreateTokenRequest(name="eve", role="operator", valid_hours=1.0)),
+        (web.console.ListTokens, console.ListTokensRequest()),
+    ]
+    for call, request in calls:
+        code, words = refusal(call, request)
+        assert code == "PERMISSION_DENIED" and '"web" has console' in words, f"{code}: {words}"
+    login = web.console.LogIn(console.LogInRequest(token=stage.token("viewer").token), timeout=10.0).login
+    for_viewer = [("glasswing-login", login)]
+    web.sessions.ListSessions(sessions.ListSessionsRequest(), timeout=10.0, metadata=for_viewer)
+    code, words = refusal(lambda timeout: web.sessions.DeleteSession(delete, timeout=timeout, metadata=for_viewer))
+    assert code == "PERMISSION_DENIED" and "has viewer" in words, f"{code}: {words}"
+    assert 'audit refused rpc=SessionService/DeleteSession caller="anna (token ' in stage.audit(), "not audited"
+    # Nor does another's certificate get more by the login of somebody else.
+    operators = [("glasswing-login", web.console.LogIn(console.LogInRequest(token=stage.token().token), timeout=10.0).login)]
+    guest = Member(stage, "guest")
+    code, words = refusal(lambda timeout: guest.sessions.DeleteSession(delete, timeout=timeout, metadata=operators))
+    assert code == "PERMISSION_DENIED" and "for the role console" in words, f"{code}: {words}"
+    return Report(len(calls) + 2)
+
+
+@case("hostile.console-killed", "a console that is killed", "others notice nothing; logins go on after its restart")
+def console_killed(stage: HostileStage) -> Report:
+    """And the browsers' links still lead to it."""
+    browser = Browser(stage)
+    assert browser.log_in(stage.token().token) == 200
+    with Others(stage) as others:
+        stage.browsers.kill()
+        time.sleep(1.0)
+        stage.browsers.start()
+        until(lambda: listens(int(stage.console_address.rpartition(":")[2])), "the console listens")
+    assert browser.request("GET", "/me")[0] == 200, "the login is lost"
+    assert stage.token().url == f"https://{stage.console_address}"
+    return Report(1, others.check())
 
 
 @case("hostile.logins", "40 logins with guessed tokens", "all but ten are turned away unread")

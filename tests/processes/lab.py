@@ -101,6 +101,10 @@ class Lab:
         listen = ["--listen", self.address, "--data", str(self.data)]
         return Daemon("server", ["glasswing-server", *listen, *self._server_options, *more_options], self.work / "server.log")
 
+    def console_at(self, port: int) -> Daemon:
+        """Makes a console that listens at `port`, without starting it."""
+        return Daemon("console", ["glasswing-console", "--listen", f"127.0.0.1:{port}", "--server", self.address], self.work / "console.log")
+
     def camera_at(self, port: int, name: str = "camera-1") -> Daemon:
         """Makes a camera node that listens at `port`, without starting it. Its data directory is also called
         `name`."""

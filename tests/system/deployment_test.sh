@@ -4,7 +4,7 @@
 # simulated devices.
 source "$(dirname "$0")/rig.sh"
 build=$(cd "$bin/.." && pwd)
-for component in common server display camera solver; do cmake --install "$build" --prefix "$work/installed" --component "$component" >/dev/null; done
+for component in common server console display camera solver; do cmake --install "$build" --prefix "$work/installed" --component "$component" >/dev/null; done
 units=$work/installed/lib/systemd/system
 
 if command -v systemd-analyze >/dev/null; then
@@ -17,8 +17,8 @@ fi
 
 echo "== the units start a rig"
 issued() { glasswing pki init "$1" >/dev/null && glasswing pki issue "$@" >/dev/null; } # DIR REQUEST...
-issued "$work/certificates" server+display+camera+solver:machine=localhost operator:me viewer:guest
-sed -e "s#rig\.lab#localhost#g; s#/etc/glasswing/#$work/certificates/#" -e "s#:7440#:$port#g; s#:7441#:$((port + 1))#g; s#:7442#:$((port + 2))#g" \
+issued "$work/certificates" server+display+camera+solver:machine=localhost console:console=localhost operator:me viewer:guest
+sed -e "s#rig\.lab#localhost#g; s#/etc/glasswing/#$work/certificates/#g; s#127.0.0.1:7480#localhost:$((port + 3))#" -e "s#:7440#:$port#g; s#:7441#:$((port + 1))#g; s#:7442#:$((port + 2))#g" \
   -e "s#--backend kms.*#--monitor back=128x104@60 --patch-rows 8\"#" \
   -e "s#--backend libcamera#--fps 200 --size 128x104 --scene crystal --tap localhost:$((port + 1))#" "$work/installed/share/glasswing/glasswing.conf" >"$work/glasswing.conf"
 start() { # UNIT: runs its command as systemd would
@@ -27,11 +27,11 @@ start() { # UNIT: runs its command as systemd would
     set -a
     source "$work/glasswing.conf"
     directory=$(sed -n 's/^StateDirectory=//p' "$unit")
-    mkdir -p "$work/state/$directory"
+    if [[ -n $directory ]]; then mkdir -p "$work/state/$directory"; fi
     eval "exec $(sed -n "s#^ExecStart=##p" "$unit" | sed "s#%S#$work/state#")"
   ) >"$work/$1.log" 2>&1 &
 }
-for unit in server display camera solver; do start "$unit"; done
+for unit in server console display camera solver; do start "$unit"; done
 until_true 20 grep -q "listening on" "$work/server.log" || fail "the server does not start"
 export GLASSWING_SERVER=localhost:$port GLASSWING_CA=$work/certificates/ca.pem
 refused "wants to know who calls; set --certificate and --key" glasswing nodes
@@ -46,9 +46,19 @@ until_true 20 grep -q "does not take this node yet, .* refuses the certificate $
 kill $!
 up 3 || fail "the foreign solver was accepted"
 
+link=$(glasswing console token --name me)
+[[ $link == "https://localhost:$((port + 3))/#token="* ]] || fail "the link is $link"
+python3 - "$link" "$GLASSWING_CA" <<'END' || fail "the link does not log in"
+import http.client, json, ssl, sys, urllib.parse
+address, token = sys.argv[1].split("/#token=")
+browser = http.client.HTTPSConnection(urllib.parse.urlsplit(address).netloc, context=ssl.create_default_context(cafile=sys.argv[2]))
+browser.request("POST", "/login", json.dumps({"token": token}), {"X-Glasswing": "console"})
+assert json.load(browser.getresponse())["role"] == "operator"
+END
+
 echo "== certificates are renewed while the rig runs"
-glasswing pki renew "$work/certificates" machine me
-for unit in server display camera solver; do
+glasswing pki renew "$work/certificates" machine console me
+for unit in server console display camera solver; do
   until_true 20 grep -q "certificates taken up" "$work/$unit.log" || fail "$unit does not load the new certificate"
 done
 glasswing capture "$root/deploy/plans/quick.txtpb" --session s --watch
@@ -77,6 +87,9 @@ says "$needs_tls" glasswing-server --listen 0.0.0.0:0 --data "$work/none"
 says "$needs_tls" glasswing-display --listen 0.0.0.0:0
 says "$needs_tls" glasswing-camera --listen 0.0.0.0:0 --data "$work/none"
 says "$needs_tls" glasswing-solver --listen 0.0.0.0:0
+says "set --advertise HOST:PORT" glasswing-console --listen 0.0.0.0:0
+says "--listen is 0.0.0.0:0, which other machines reach: it needs TLS; set --ca, --certificate and --key" \
+  glasswing-console --listen 0.0.0.0:0 --advertise rig.lab:7480
 says "set --advertise HOST:PORT" glasswing-server --listen 0.0.0.0:0 --data "$work/none" \
   --ca "$GLASSWING_CA" --certificate "$GLASSWING_CERTIFICATE" --key "$GLASSWING_KEY"
 says "the certificate cannot be read: cannot open $work/none.pem" glasswing-server --data "$work/none" \

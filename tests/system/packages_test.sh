@@ -24,7 +24,7 @@ timeout 60 /usr/lib/apt/apt-helper download-file "${mirror%/}/dists/bookworm/InR
 echo "== the packages"
 cpack --config "$build/CPackConfig.cmake" -B "$work/packages" >"$work/cpack.log" 2>&1 || fail "cpack"
 packages=("$work"/packages/*.deb)
-((${#packages[@]} == 8)) || fail "${packages[*]} are not eight packages"
+((${#packages[@]} == 9)) || fail "${packages[*]} are not nine packages"
 names=() depends=()
 for package in "${packages[@]}"; do
   names+=("$(dpkg-deb -f "$package" Package)")
@@ -68,7 +68,7 @@ tree >"$work/before"
 echo "== after installation: enabled, not started"
 inside sh -c 'dpkg -i /packages/*.deb' >"$work/install.log" 2>&1 || fail "dpkg -i"
 inside dpkg --verify "${names[@]}"
-units=(glasswing-server glasswing-display glasswing-camera glasswing-solver)
+units=(glasswing-server glasswing-console glasswing-display glasswing-camera glasswing-solver)
 [[ $(inside systemctl is-enabled "${units[@]}" | sort -u) == enabled ]] || fail "a unit is not enabled"
 [[ $(inside systemctl is-active "${units[@]}" | sort -u) == inactive ]] || fail "a unit was started"
 inside sh -c 'systemd-analyze verify --man=no /usr/lib/systemd/system/glasswing-*.service' 2>"$work/complaints" || fail "$(cat "$work/complaints")"

@@ -56,7 +56,9 @@ export async function ask(path: string, init: RequestInit = {}): Promise<Respons
     if (init.signal?.aborted && !isTimeout(init.signal.reason)) throw error;
     throw unanswered();
   });
-  silentSince.value = null;
+  // So the console says that the server does not answer.
+  const isSilent = response.status === 503 && response.headers.has('Retry-After');
+  silentSince.value = isSilent ? (silentSince.value ?? new Date()) : null;
   if (!response.ok) throw await refusal(response);
   return response;
 }
@@ -102,6 +104,7 @@ export async function* stream<Answer>(
   for await (const event of events(response.body)) {
     if (event.kind === "end") {
       const end = JSON.parse(event.data) as { code: string; message: string };
+      if (end.code === 'UNAVAILABLE' && options.node === undefined) throw unanswered();
       if (end.code !== "OK") throw new ApiError(end.code, end.message);
       return;
     }
@@ -171,12 +174,18 @@ export function tokenIn(hash: string): string | undefined {
   return /^#token=(.+)$/.exec(hash)?.[1];
 }
 
-/** Logs in with the token in the address and removes it from there; without one, asks who is logged in. */
+/**
+ * Logs in with the token in the address and removes it from there, unless the server does not answer; without
+ * one, asks who is logged in.
+ */
 export async function begin(): Promise<void> {
   const token = tokenIn(location.hash);
   if (token !== undefined) {
-    history.replaceState(null, "", `${location.pathname}#/`);
-    return login(decodeURIComponent(token));
+    const forget = (): void => history.replaceState(null, '', `${location.pathname}#/`);
+    return login(decodeURIComponent(token)).then(forget, (error: unknown) => {
+      if (!(error instanceof ApiError && error.code === 'UNAVAILABLE')) forget();
+      throw error;
+    });
   }
   me.value = (await (await ask("/me")).json()) as Me;
 }

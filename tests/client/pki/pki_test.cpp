@@ -142,7 +142,8 @@ TEST_F(Pki, WhatIsNoRequestMakesNothing) {
     const char *request, *words;
   } kCases[] = {
       {"rig", "rig: it must be ROLE:NAME or ROLE:NAME=HOST,HOST..."},
-      {"admin:rig", "\"admin\" is no role; there are operator, viewer, server, display, camera, solver"},
+      {"admin:rig",
+       "\"admin\" is no role; there are operator, viewer, server, display, camera, solver, console"},
       {"server+:rig", "\"\" is no role"},
       {"server+server:rig", "\"server\" is there twice"},
       {"server:", "the name is \"\""},

@@ -35,6 +35,7 @@ TEST_F(CallSharesTest, OneCallerHasAShareByItsRole) {
   EXPECT_EQ(begun("nobody", 0, 1000), kMaxCalls / 16);
   EXPECT_EQ(begun("me", kOperator, 1000), kMaxCalls / 8);
   EXPECT_EQ(begun("me too", kOperator | kViewer, 1000), kMaxCalls / 8);
+  EXPECT_EQ(begun("console", only(Role::kConsole), 1000), kMaxCalls / 8);
   EXPECT_EQ(begun("rig", kCamera | kViewer, 1000), kMaxCalls / 2);
   shares_.end("guest");
   EXPECT_EQ(begun("guest", kViewer, 1000), 1);

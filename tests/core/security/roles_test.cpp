@@ -82,10 +82,10 @@ class Roles : public testing::Test {
                          write(name + ".key", own.key_pem())};
     EXPECT_TRUE(use_tls(files).ok());
   }
-  static std::unique_ptr<ServiceHost> started(Services& services) {
+  static std::unique_ptr<ServiceHost> started(Services& services, PrincipalOf principal_of = nullptr) {
     const auto all =
         std::apply([](auto&... each) { return std::vector<grpc::Service*>{&each...}; }, services);
-    return ServiceHost::start({}, all).value();
+    return ServiceHost::start({}, all, std::move(principal_of)).value();
   }
 
   std::shared_ptr<grpc::Channel> channel_of(const MadeCertificate* own,
@@ -103,11 +103,13 @@ class Roles : public testing::Test {
     const MadeCertificate own = make_certificate(who, &ca_, names);
     return channel_of(&own, ca_);
   }
-  // One call with an empty message.
-  static grpc::Status call(const std::shared_ptr<grpc::Channel>& channel, const std::string& method) {
+  // One call with an empty message, for the people with these logins.
+  static grpc::Status call(const std::shared_ptr<grpc::Channel>& channel, const std::string& method,
+                           const std::vector<std::string>& logins = {}) {
     grpc::GenericStub stub(channel);
     grpc::ClientContext context;
     set_deadline(context, std::chrono::seconds(20));
+    for (const std::string& login : logins) context.AddMetadata(kLoginMetadata, login);
     grpc::CompletionQueue queue;
     const grpc::Slice empty;
     const grpc::ByteBuffer nothing(&empty, 1);
@@ -217,6 +219,78 @@ TEST_F(Roles, RolesAddUpAndARefusalSaysWhichAreWanted) {
   EXPECT_EQ(call(both, "SessionService/DeleteSession").error_message(),
             "SessionService/DeleteSession is for the roles operator; \"desk\" has viewer, "
             "solver");
+}
+
+// A login's secret is its role.
+absl::StatusOr<Principal> principal_of(const std::string& login) {
+  const glasswing::Roles roles = role_of_uri(std::string(kRoleUri) + login);
+  if ((roles & (only(Role::kOperator) | only(Role::kViewer))) == 0)
+    return absl::UnauthenticatedError("this login has ended");
+  return Principal{.name = "berta", .roles = roles, .token = "7a"};
+}
+
+const std::string kConsoleUri = std::string("URI:") + std::string(kRoleUri) + "console";
+
+TEST_F(Roles, AConsoleAloneKnowsLoginsAndLooksAtNodes) {
+  const auto channel = channel_with(kConsoleUri);
+  std::set<std::string> may;
+  for (const std::string& method : all_methods()) {
+    const grpc::StatusCode code = call(channel, method).error_code();
+    if (code != grpc::StatusCode::PERMISSION_DENIED) may.insert(method);
+  }
+  EXPECT_EQ(may, (std::set<std::string>{
+                     "ArchiveService/GetManifest", "ArchiveService/GetSpace", "ArchiveService/ListArchives",
+                     "ArchiveService/ReadFile", "ArchiveService/ReadRows", "CameraService/GetCamera",
+                     "CameraService/Preview", "ConsoleService/Announce", "ConsoleService/GetPrincipal",
+                     "ConsoleService/LogIn", "ConsoleService/LogOut", "DisplayService/GetDisplay"}));
+}
+
+TEST_F(Roles, WithALoginAConsoleMayWhatItsOwnerMay) {
+  server_ = started(services_, principal_of);
+  const auto channel = channel_with(kConsoleUri);
+  for (const auto& [role, name] : {std::pair(Role::kViewer, "viewer"), {Role::kOperator, "operator"}}) {
+    for (const MethodAccess& access : access_table()) {
+      const grpc::StatusCode code = call(channel, std::string(access.method), {name}).error_code();
+      EXPECT_EQ(code == grpc::StatusCode::PERMISSION_DENIED, !access.allows(role))
+          << access.method << " for a " << name;
+    }
+  }
+  EXPECT_EQ(call(channel, "SessionService/DeleteSession", {"viewer"}).error_message(),
+            "SessionService/DeleteSession is for the roles operator; \"berta (token 7a)\" has viewer");
+  EXPECT_EQ(call(channel, "SessionService/GetSession", {"ended"}).error_code(),
+            grpc::StatusCode::UNAUTHENTICATED);
+  EXPECT_EQ(call(channel, "SessionService/GetSession", {"viewer", "operator"}).error_code(),
+            grpc::StatusCode::INVALID_ARGUMENT);
+}
+
+TEST_F(Roles, ALoginIsForConsolesAndServers) {
+  EXPECT_EQ(call(channel_with(kConsoleUri), "CameraService/GetCamera", {"viewer"}).error_message(),
+            "only the server takes calls with a login");
+  server_ = started(services_, principal_of);
+  for (const std::string_view role : kRoleNames) {
+    if (role == "console") continue;
+    const auto channel = channel_with(fmt::format("URI:{}{}", kRoleUri, role));
+    for (const MethodAccess& access : access_table())
+      EXPECT_EQ(call(channel, std::string(access.method), {"operator"}).error_code(),
+                grpc::StatusCode::PERMISSION_DENIED)
+          << access.method << " by " << role;
+  }
+}
+
+TEST_F(Roles, WithoutTlsOnlyCallsWithALoginAreChecked) {
+  ASSERT_TRUE(use_tls({}).ok());
+  server_ = started(services_, principal_of);
+  const auto channel = grpc::CreateChannel(server_->address(), grpc::InsecureChannelCredentials());
+  for (const MethodAccess& access : access_table()) {
+    const std::string method(access.method);
+    EXPECT_NE(call(channel, method).error_code(), grpc::StatusCode::PERMISSION_DENIED) << method;
+    EXPECT_EQ(call(channel, method, {"viewer"}).error_code() == grpc::StatusCode::PERMISSION_DENIED,
+              !access.allows(Role::kViewer))
+        << method;
+  }
+  const auto elsewhere = ServiceHost::start({.address = "127.0.0.2:0"}, {}, principal_of);
+  EXPECT_EQ(elsewhere.status().message(),
+            "--listen is 127.0.0.2:0; without TLS it must be 127.0.0.1:PORT, [::1]:PORT or localhost:PORT");
 }
 
 }  // namespace

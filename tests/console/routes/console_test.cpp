@@ -1,21 +1,20 @@
-#include "server/console/console.h"
+#include "console/routes/console.h"
 
 #include <fmt/format.h>
-#include <google/protobuf/descriptor.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 
 #include <nlohmann/json.hpp>
 
+#include "console/routes/cookies.h"
+#include "console/routes/json_call.h"
 #include "core/base/file.h"
-#include "core/security/pem.h"
 #include "core/security/tls.h"
 #include "core/service/service.h"
+#include "glasswing/v1/camera_service.grpc.pb.h"
 #include "glasswing/v1/node_service.grpc.pb.h"
-#include "glasswing/v1/rig_service.grpc.pb.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 #include "server/console/console_service.h"
-#include "server/console/json_call.h"
 #include "tests/core/security/made_certificates.h"
 
 namespace glasswing {
@@ -62,11 +61,35 @@ class Sessions final : public v1::SessionService::Service {
   std::atomic<bool> left = false;
 };
 
+// Knows one camera node, "camera-1".
+class Nodes final : public v1::NodeService::Service {
+ public:
+  grpc::Status ListNodes(grpc::ServerContext*, const v1::ListNodesRequest*,
+                         v1::ListNodesResponse* response) override {
+    v1::Node& node = *response->add_nodes();
+    node.set_name("camera-1");
+    node.set_address(address);
+    return grpc::Status::OK;
+  }
+
+  std::string address;
+};
+
+class Camera final : public v1::CameraService::Service {
+ public:
+  grpc::Status GetCamera(grpc::ServerContext* context, const v1::GetCameraRequest*,
+                         v1::GetCameraResponse*) override {
+    EXPECT_FALSE(context->client_metadata().contains(kLoginMetadata)) << "logins are the server's";
+    return grpc::Status::OK;
+  }
+};
+
 class ConsoleTest : public testing::Test {
  protected:
   ConsoleTest() { std::filesystem::create_directories(scratch_ / "page/assets"); }
   ~ConsoleTest() override {
     console_.reset();
+    server_.reset();
     (void)use_tls({});
     std::filesystem::remove_all(scratch_);
   }
@@ -76,9 +99,18 @@ class ConsoleTest : public testing::Test {
     (void)write_file_durably(scratch_ / "secret", "not of the page");
     tokens_ = AccessTokens::open(scratch_, problems_).value();
     console_service_ = std::make_unique<ConsoleServiceImpl>(*tokens_);
-    server_ = ServiceHost::start({}, {&sessions_, console_service_.get()}).value();
-    console_ = Console::start({"127.0.0.1:0", scratch_ / "page"}, *tokens_, server_->to_itself()).value();
-    console_service_->serve_at(console_->url());
+    camera_host_ = ServiceHost::start({}, {&camera_}).value();
+    nodes_.address = camera_host_->address();
+    start_server({});
+    link_ = std::make_unique<ServerLink>(server_->address());
+    console_ = Console::start({"127.0.0.1:0", scratch_ / "page"}, *link_).value();
+  }
+  void start_server(const ListenOptions& listen) {
+    server_ = ServiceHost::start(listen, {&sessions_, &nodes_, console_service_.get()},
+                                 [this](const std::string& login) {
+                                   return tokens_->principal_of(login, AccessTokens::current_time());
+                                 })
+                  .value();
   }
   httplib::Client client() const {
     httplib::Client client(console_->url());
@@ -105,9 +137,12 @@ class ConsoleTest : public testing::Test {
   const std::filesystem::path scratch_ =
       std::filesystem::temp_directory_path() / ("glasswing-console-" + std::to_string(::getpid()));
   Sessions sessions_;
+  Nodes nodes_;
+  Camera camera_;
   std::unique_ptr<AccessTokens> tokens_;
   std::unique_ptr<ConsoleServiceImpl> console_service_;
-  std::unique_ptr<ServiceHost> server_;
+  std::unique_ptr<ServiceHost> camera_host_, server_;
+  std::unique_ptr<ServerLink> link_;
   std::unique_ptr<Console> console_;
 };
 
@@ -222,14 +257,12 @@ TEST_F(ConsoleTest, CallsAreProtobufsJson) {
   EXPECT_EQ(get(R"({"nam": "vase"})")->status, 400);
   EXPECT_EQ(get("[[[[")->status, 400);
   EXPECT_EQ(anna.Post("/api/SessionService/Nothing", "{}", "application/json")->status, 404);
-  EXPECT_EQ(anna.Post("/api/NodeService/ListNodes", "{}", "application/json")->status,
+  EXPECT_EQ(anna.Post("/api/FleetService/GetFleet", "{}", "application/json")->status,
             501);  // not served here
 }
 
 TEST_F(ConsoleTest, RolesHoldAsForEveryCall) {
   start();
-  (void)v1::ListNodesRequest::descriptor();
-  (void)v1::CheckRigRequest::descriptor();
   int refused = 0;
   for (const auto& [role, name] :
        {std::pair(Role::kViewer, "viewer"), std::pair(Role::kOperator, "operator")}) {
@@ -391,97 +424,102 @@ TEST_F(ConsoleTest, ThePageRunsNothingOfOthers) {
 
 TEST_F(ConsoleTest, BeyondThisMachineItNeedsTls) {
   start();
-  EXPECT_EQ(Console::start({"0.0.0.0:0", scratch_}, *tokens_, server_->to_itself()).status().code(),
-            absl::StatusCode::kInvalidArgument);
-  EXPECT_EQ(Console::start({"7480", scratch_}, *tokens_, server_->to_itself()).status().code(),
-            absl::StatusCode::kInvalidArgument);
+  for (const ConsoleOptions& options :
+       {ConsoleOptions{"0.0.0.0:0", scratch_}, ConsoleOptions{"0.0.0.0:0", scratch_, "rig.lab:7480"},
+        ConsoleOptions{"7480", scratch_}})
+    EXPECT_EQ(Console::start(options, *link_).status().code(), absl::StatusCode::kInvalidArgument);
 }
 
-TEST_F(ConsoleTest, ACertificateOfTheLabLogsIn) {
-  const MadeCertificate ca = make_certificate("ca"), foreign = make_certificate("foreign ca");
-  const auto write = [&](const std::string& file, const std::string& pem) {
-    EXPECT_TRUE(write_file_durably(scratch_ / file, pem).ok());
-    return (scratch_ / file).string();
-  };
-  const MadeCertificate own = make_certificate("rig", &ca, "IP:127.0.0.1");
-  ASSERT_TRUE(use_tls({write("ca.pem", ca.certificate_pem()), write("own.pem", own.certificate_pem()),
-                       write("own.key", own.key_pem())})
-                  .ok());
+TEST_F(ConsoleTest, EveryMethodThatPeopleMayCallIsLinked) {
+  for (const MethodAccess& access : access_table()) {
+    if (!access.allows(Role::kOperator)) continue;
+    const size_t slash = access.method.find('/');
+    const auto found = JsonMethod::find(std::string(access.method.substr(0, slash)),
+                                        std::string(access.method.substr(slash + 1)));
+    EXPECT_FALSE(absl::IsNotFound(found.status())) << access.method;
+  }
+}
+
+TEST_F(ConsoleTest, AtNodesPeopleLookOnly) {
   start();
-  EXPECT_TRUE(console_->url().starts_with("https://"));
-  const auto client_with = [&](const MadeCertificate* certificate) {
-    auto client = certificate == nullptr
-                      ? std::make_unique<httplib::Client>(console_->url())
-                      : std::make_unique<httplib::Client>(console_->url(),
-                                                          write("v.pem", certificate->certificate_pem()),
-                                                          write("v.key", certificate->key_pem()));
-    client->set_ca_cert_path((scratch_ / "ca.pem").c_str());
-    client->set_default_headers({{"X-Glasswing", "console"}});
-    return client;
-  };
-  const MadeCertificate berta = make_certificate("berta", &ca, fmt::format("URI:{}operator", kRoleUri));
-  EXPECT_EQ(body_of(client_with(&berta)->Get("/me")),
-            (json{{"name", "berta"},
-                  {"role", "operator"},
-                  {"expires", end_of(*berta.certificate).time_since_epoch().count()}}));
-  const MadeCertificate stranger =
-      make_certificate("berta", &foreign, fmt::format("URI:{}operator", kRoleUri));
-  EXPECT_FALSE(client_with(&stranger)->Get("/me"));
-  EXPECT_EQ(client_with(nullptr)->Get("/me")->status, 401);
-  const auto in =
-      client_with(nullptr)->Post("/login", json{{"token", token("viewer")}}.dump(), "application/json");
-  EXPECT_NE(in->get_header_value("Set-Cookie").find("Secure"), std::string::npos);
+  for (const char* role : {"viewer", "operator"}) {
+    httplib::Client anna = logged_in(role);
+    const auto status = [&](const std::string& method) {
+      return anna.Post("/api/nodes/camera-1/" + method, "{}", "application/json")->status;
+    };
+    EXPECT_EQ(status("CameraService/GetCamera"), 200);
+    EXPECT_EQ(status("ArchiveService/ListArchives"), 501);
+    EXPECT_EQ(status("CameraService/Capture"), 403);
+    EXPECT_EQ(status("SessionService/ListSessions"), 403) << "the server's";
+    EXPECT_EQ(anna.Post("/api/nodes/camera-2/CameraService/GetCamera", "{}", "application/json")->status,
+              404);
+  }
 }
 
-TEST_F(ConsoleTest, ATokenEndsWithTheCertificateOfItsMaker) {
+TEST_F(ConsoleTest, WhileTheServerIsAwayItSaysSoAndThenGoesOn) {
+  start();
+  httplib::Client anna = logged_in("viewer");
+  const std::string address = server_->address();
+  server_.reset();
+  const auto away = anna.Get("/me");
+  EXPECT_EQ(away->status, 503);
+  EXPECT_TRUE(away->has_header("Retry-After"));
+  EXPECT_EQ(body_of(away)["message"], "the server at " + address + " does not answer");
+  for (int i = 0; i <= LoginLimit::kMaxRefused; ++i)
+    EXPECT_EQ(client().Post("/login", R"({"token": "x"})", "application/json")->status, 503);
+  EXPECT_EQ(client().Get("/")->status, 200);
+  start_server({.address = address});
+  while (anna.Get("/me")->status == 503) std::this_thread::yield();
+  EXPECT_EQ(body_of(anna.Get("/me"))["name"], "anna");
+  EXPECT_EQ(logged_in("operator").Get("/me")->status, 200) << "nobody has to wait";
+}
+
+TEST_F(ConsoleTest, ACookieThatIsNoSecretIsNotSentOn) {
+  start();
+  for (const std::string& cookie : {std::string("a b"), std::string("a\xc3"), std::string(5000, 'a')}) {
+    httplib::Client anna = client();
+    EXPECT_EQ(anna.Get("/me", {{"Cookie", fmt::format("{}={}", kConsoleCookie, cookie)}})->status, 401);
+  }
+}
+
+TEST_F(ConsoleTest, OverTlsCookiesAreSecureAndCertificatesOfBrowsersAreNotAskedFor) {
   const MadeCertificate ca = make_certificate("ca");
   const auto write = [&](const std::string& file, const std::string& pem) {
     EXPECT_TRUE(write_file_durably(scratch_ / file, pem).ok());
     return (scratch_ / file).string();
   };
-  // Of the test's own process: the server's certificate and the caller's.
-  const MadeCertificate own =
-      make_certificate("anna", &ca, fmt::format("IP:127.0.0.1,URI:{}operator", kRoleUri), 3);
+  // Of the test's own process: the server's certificate, the node's and the console's.
+  const MadeCertificate own = make_certificate(
+      "rig", &ca, fmt::format("IP:127.0.0.1,URI:{0}server,URI:{0}console,URI:{0}camera", kRoleUri));
   ASSERT_TRUE(use_tls({write("ca.pem", ca.certificate_pem()), write("own.pem", own.certificate_pem()),
                        write("own.key", own.key_pem())})
                   .ok());
   start();
-  v1::CreateTokenRequest request;
-  request.set_name("berta");
-  request.set_role("viewer");
-  request.set_valid_hours(8760.0);
-  v1::CreateTokenResponse response;
-  grpc::ClientContext context;
-  set_deadline(context, std::chrono::seconds(20));
-  const auto stub = v1::ConsoleService::NewStub(dial(server_->address()));
-  ASSERT_TRUE(stub->CreateToken(&context, request, &response).ok());
-  const auto now = std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now());
-  const std::vector<AccessToken> valid = tokens_->list(now).value();
-  ASSERT_EQ(valid.size(), 1u);
-  EXPECT_EQ(valid[0].id, response.id());
-  EXPECT_EQ(valid[0].made_by, "anna");
-  EXPECT_EQ(valid[0].expires, end_of(*own.certificate));
-}
-
-TEST_F(ConsoleTest, AServerWithoutConsoleMakesNoTokens) {
-  const std::unique_ptr<AccessTokens> tokens = AccessTokens::open(scratch_, problems_).value();
-  ConsoleServiceImpl service(*tokens);
-  const std::unique_ptr<ServiceHost> host = ServiceHost::start({}, {&service}).value();
-  const auto stub = v1::ConsoleService::NewStub(host->to_itself());
-  v1::CreateTokenRequest request;
-  request.set_name("anna");
-  request.set_role("viewer");
-  request.set_valid_hours(1.0);
-  const auto code = [&] {
-    grpc::ClientContext context;
-    v1::CreateTokenResponse response;
-    return stub->CreateToken(&context, request, &response).error_code();
+  EXPECT_TRUE(console_->url().starts_with("https://"));
+  const MadeCertificate berta = make_certificate("berta", &ca, fmt::format("URI:{}operator", kRoleUri));
+  httplib::Client browser(console_->url(), write("v.pem", berta.certificate_pem()),
+                          write("v.key", berta.key_pem()));
+  browser.set_ca_cert_path((scratch_ / "ca.pem").c_str());
+  browser.set_default_headers({{"X-Glasswing", "console"}});
+  EXPECT_EQ(browser.Get("/me")->status, 401);
+  const auto in = browser.Post("/login", json{{"token", token("viewer")}}.dump(), "application/json");
+  const std::string cookie = in->get_header_value("Set-Cookie");
+  EXPECT_NE(cookie.find("Secure"), std::string::npos);
+  browser.set_default_headers({{"X-Glasswing", "console"}, {"Cookie", cookie.substr(0, cookie.find(';'))}});
+  EXPECT_EQ(body_of(browser.Get("/me"))["role"], "viewer");
+  const auto status = [&](const std::string& method) {
+    return browser.Post("/api/" + method, R"({"name": "vase"})", "application/json")->status;
   };
-  EXPECT_EQ(code(), grpc::StatusCode::FAILED_PRECONDITION);
-  service.serve_at("http://127.0.0.1:1");
-  EXPECT_EQ(code(), grpc::StatusCode::OK);
-  request.set_valid_hours(0.0);
-  EXPECT_EQ(code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(status("SessionService/GetSession"), 200);
+  EXPECT_EQ(status("SessionService/DeleteSession"), 403);
+  EXPECT_EQ(browser.Post("/api/nodes/camera-1/CameraService/GetCamera", "{}", "application/json")->status,
+            200);
+  const std::string address = server_->address();
+  server_.reset();
+  EXPECT_EQ(browser.Get("/me")->status, 503);
+  start_server({.address = address});
+  while (browser.Get("/me")->status == 503) std::this_thread::yield();
+  EXPECT_EQ(browser.Get("/me")->status, 200);
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "server/console/http_connection.h"
+#include "console/http/http_connection.h"
 
 #include <arpa/inet.h>
 #include <fcntl.h>

@@ -1,20 +1,40 @@
-#include "server/console/json_call.h"
+#include "console/routes/json_call.h"
 
 #include <fmt/format.h>
 #include <google/protobuf/descriptor.h>
 #include <google/protobuf/dynamic_message.h>
 #include <google/protobuf/util/json_util.h>
 
-#include <nlohmann/json.hpp>
-
 #include "core/base/status.h"
 #include "core/service/service.h"
+#include "glasswing/v1/archive_service.pb.h"
+#include "glasswing/v1/camera_service.pb.h"
+#include "glasswing/v1/console_service.pb.h"
+#include "glasswing/v1/display_service.pb.h"
+#include "glasswing/v1/fleet_service.pb.h"
+#include "glasswing/v1/live_service.pb.h"
+#include "glasswing/v1/node_service.pb.h"
+#include "glasswing/v1/rig_service.pb.h"
+#include "glasswing/v1/session_service.pb.h"
 
 namespace glasswing {
 namespace {
 
 namespace pb = google::protobuf;
 constexpr auto kForever = std::chrono::system_clock::time_point::max();
+
+// The pool has only files of which the program uses something.
+void link_services() {
+  (void)v1::GetManifestRequest::descriptor();   // ArchiveService
+  (void)v1::GetCameraRequest::descriptor();     // CameraService
+  (void)v1::CreateTokenRequest::descriptor();   // ConsoleService
+  (void)v1::GetDisplayRequest::descriptor();    // DisplayService
+  (void)v1::GetFleetRequest::descriptor();      // FleetService
+  (void)v1::RunLiveRequest::descriptor();       // LiveService
+  (void)v1::ListNodesRequest::descriptor();     // NodeService
+  (void)v1::CheckRigRequest::descriptor();      // RigService
+  (void)v1::ListSessionsRequest::descriptor();  // SessionService
+}
 
 std::unique_ptr<pb::Message> made(const pb::Descriptor* type) {
   return std::unique_ptr<pb::Message>(pb::MessageFactory::generated_factory()->GetPrototype(type)->New());
@@ -37,6 +57,7 @@ std::string JsonMethod::name() const {
 }
 
 absl::StatusOr<JsonMethod> JsonMethod::find(const std::string& service, const std::string& method) {
+  link_services();
   const pb::MethodDescriptor* found = pb::DescriptorPool::generated_pool()->FindMethodByName(
       fmt::format("glasswing.v1.{}.{}", service, method));
   if (found == nullptr) return absl::NotFoundError(fmt::format("there is no call {}/{}", service, method));
@@ -51,8 +72,7 @@ JsonCall::JsonCall(const std::shared_ptr<grpc::Channel>& channel, const JsonMeth
 
 absl::StatusOr<std::unique_ptr<JsonCall>> JsonCall::start(const std::shared_ptr<grpc::Channel>& channel,
                                                           const JsonMethod& method,
-                                                          const std::string& request,
-                                                          const Metadata& metadata,
+                                                          const std::string& request, const Login* login,
                                                           std::chrono::milliseconds timeout) {
   const std::unique_ptr<pb::Message> message = made(method.descriptor->input_type());
   const auto parsed = pb::util::JsonStringToMessage(request.empty() ? "{}" : request, message.get());
@@ -62,7 +82,7 @@ absl::StatusOr<std::unique_ptr<JsonCall>> JsonCall::start(const std::shared_ptr<
   }
   std::unique_ptr<JsonCall> self(new JsonCall(channel, method));
   set_deadline(self->context_, timeout);
-  for (const auto& [key, value] : metadata) self->context_.AddMetadata(key, value);
+  if (login != nullptr) call_for(*login, self->context_);
   self->call_ = self->stub_.PrepareCall(
       &self->context_,
       fmt::format("/{}/{}", method.descriptor->service()->full_name(), method.descriptor->name()),
@@ -125,42 +145,6 @@ JsonCall::Got JsonCall::next(std::chrono::milliseconds wait, std::string& messag
 
 absl::Status JsonCall::outcome(const std::string& peer) const {
   return from_grpc(status_, peer);
-}
-
-std::string json_of(const absl::Status& status) {
-  return nlohmann::json{{"code", absl::StatusCodeToString(status.code())},
-                        {"message", std::string(status.message())}}
-      .dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
-}
-
-int http_status(const absl::Status& status) {
-  switch (status.code()) {
-    case absl::StatusCode::kOk:
-      return 200;
-    case absl::StatusCode::kInvalidArgument:
-    case absl::StatusCode::kOutOfRange:
-      return 400;
-    case absl::StatusCode::kUnauthenticated:
-      return 401;
-    case absl::StatusCode::kPermissionDenied:
-      return 403;
-    case absl::StatusCode::kNotFound:
-      return 404;
-    case absl::StatusCode::kAborted:
-    case absl::StatusCode::kAlreadyExists:
-    case absl::StatusCode::kFailedPrecondition:
-      return 409;
-    case absl::StatusCode::kResourceExhausted:
-      return 429;
-    case absl::StatusCode::kUnimplemented:
-      return 501;
-    case absl::StatusCode::kUnavailable:
-      return 503;
-    case absl::StatusCode::kDeadlineExceeded:
-      return 504;
-    default:
-      return 500;
-  }
 }
 
 }  // namespace glasswing

@@ -8,16 +8,17 @@
 #include <memory>
 #include <string>
 
+#include "console/routes/server_link.h"
+
 namespace glasswing {
 
 class CapturedFrames {
  public:
   using ChannelTo = std::function<std::shared_ptr<grpc::Channel>(const std::string& address)>;
-  // Asks `server` for the node that holds the frames. UNAVAILABLE: it cannot be reached; NOT_FOUND: no such
-  // session, or no frames yet.
-  static absl::StatusOr<CapturedFrames> of(const std::string& session,
-                                           const std::shared_ptr<grpc::Channel>& server,
-                                           const ChannelTo& channel_to);
+  // Asks `server` for the node that holds the frames, for the person with this login. UNAVAILABLE: it cannot
+  // be reached; NOT_FOUND: no such session, or no frames yet.
+  static absl::StatusOr<CapturedFrames> of(const std::string& session, const ServerLink& server,
+                                           const Login& login, const ChannelTo& channel_to);
 
   // A frame's file as captured. `file` is the path in the manifest, "frames/000017.tif".
   absl::StatusOr<std::string> file(const std::string& file) const;

@@ -1,18 +1,18 @@
-// The principal of an HTTP request, by its client certificate or by the login in its cookie.
+// The cookie that holds a browser's login, and where requests may come from.
 #pragma once
 
-#include <absl/status/statusor.h>
+#include <absl/status/status.h>
 #include <httplib.h>
 
-#include "server/console/access_tokens.h"
+#include <chrono>
+#include <string>
 
 namespace glasswing {
 
 inline constexpr const char* kConsoleCookie = "glasswing-console";
 
-// A certificate was verified when the connection was made. UNAUTHENTICATED: neither a certificate nor a login
-// that has not ended.
-absl::StatusOr<Principal> principal_of(const httplib::Request& request, AccessTokens& tokens);
+// The secret of the request's login; empty: it has none.
+std::string login_in(const httplib::Request& request);
 
 // Protects logged-in users against requests forged by other pages in their browser. PERMISSION_DENIED: the
 // request comes from another page; or is a POST without the header X-Glasswing, which only our scripts set;

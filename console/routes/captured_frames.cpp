@@ -1,4 +1,4 @@
-#include "server/console/captured_frames.h"
+#include "console/routes/captured_frames.h"
 
 #include <fmt/format.h>
 
@@ -42,16 +42,17 @@ CapturedFrames::CapturedFrames(std::string session, const std::string& address,
       peer_("the node at " + address + ", which has the frames,"),
       node_(std::move(node)) {}
 
-absl::StatusOr<CapturedFrames> CapturedFrames::of(const std::string& session,
-                                                  const std::shared_ptr<grpc::Channel>& server,
-                                                  const ChannelTo& channel_to) {
+absl::StatusOr<CapturedFrames> CapturedFrames::of(const std::string& session, const ServerLink& server,
+                                                  const Login& login, const ChannelTo& channel_to) {
   v1::GetSessionRequest request;
   request.set_name(session);
   v1::GetSessionResponse response;
   grpc::ClientContext context;
   set_deadline(context, kTimeout);
+  call_for(login, context);
   GW_RETURN_IF_ERROR(
-      from_grpc(v1::SessionService::NewStub(server)->GetSession(&context, request, &response), "the server"));
+      from_grpc(v1::SessionService::NewStub(server.channel())->GetSession(&context, request, &response),
+                server.title()));
   const std::string& address = response.session().archive_address();
   if (address.empty()) return absl::NotFoundError(fmt::format("session \"{}\" has no frames yet", session));
   return CapturedFrames(session, address, channel_to(address));

@@ -9,12 +9,12 @@
 #include <chrono>
 #include <memory>
 #include <string>
-#include <utility>
-#include <vector>
+
+#include "console/routes/server_link.h"
 
 namespace glasswing {
 
-// A method of any service linked into this program.
+// A method that people may call.
 struct JsonMethod {
   const google::protobuf::MethodDescriptor* descriptor = nullptr;
 
@@ -28,11 +28,11 @@ struct JsonMethod {
 // One call, cancelled on destruction if still running.
 class JsonCall {
  public:
-  using Metadata = std::vector<std::pair<std::string, std::string>>;
-  // INVALID_ARGUMENT: `request` is not the method's message; says where.
+  // `login`: of the person for whom the server is called; null for calls to nodes. INVALID_ARGUMENT:
+  // `request` is not the method's message; says where.
   static absl::StatusOr<std::unique_ptr<JsonCall>> start(const std::shared_ptr<grpc::Channel>& channel,
                                                          const JsonMethod& method, const std::string& request,
-                                                         const Metadata& metadata,
+                                                         const Login* login,
                                                          std::chrono::milliseconds timeout);
   ~JsonCall();
 
@@ -57,9 +57,5 @@ class JsonCall {
   bool reading_ = false, finished_ = false;
   grpc::Status status_;
 };
-
-// {"code": "NOT_FOUND", "message": "…"}, and the nearest HTTP status.
-std::string json_of(const absl::Status& status);
-int http_status(const absl::Status& status);
 
 }  // namespace glasswing

@@ -1,4 +1,4 @@
-#include "server/console/login_limit.h"
+#include "console/http/login_limit.h"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>

@@ -1,10 +1,7 @@
-#include "server/console/principals.h"
+#include "console/routes/cookies.h"
 
 #include <fmt/format.h>
-#include <openssl/ssl.h>
 
-#include "core/security/peer.h"
-#include "core/security/pem.h"
 #include "core/security/tls.h"
 
 namespace glasswing {
@@ -24,19 +21,8 @@ std::string cookie_in(const std::string& header, const std::string& name) {
 
 }  // namespace
 
-absl::StatusOr<Principal> principal_of(const httplib::Request& request, AccessTokens& tokens) {
-  if (request.ssl != nullptr) {
-    const Certificate shown(SSL_get1_peer_certificate(request.ssl));
-    if (shown != nullptr) {
-      const CertifiedPeer peer = peer_of(*shown);
-      return Principal{.name = peer.name, .roles = peer.roles, .expires = peer.expires};
-    }
-  }
-  const std::string login = cookie_in(request.get_header_value("Cookie"), kConsoleCookie);
-  if (login.empty())
-    return absl::UnauthenticatedError("nobody is logged in; `glasswing console token` makes a token");
-  return tokens.principal_of(login,
-                             std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now()));
+std::string login_in(const httplib::Request& request) {
+  return cookie_in(request.get_header_value("Cookie"), kConsoleCookie);
 }
 
 absl::Status check_origin(const httplib::Request& request, bool has_tls) {

@@ -10,7 +10,7 @@
 #include <string>
 #include <thread>
 
-#include "server/console/http_server.h"
+#include "console/http/http_server.h"
 
 namespace glasswing {
 
@@ -44,6 +44,9 @@ class HttpHost {
   std::thread thread_;
 };
 
+// {"code": "NOT_FOUND", "message": "…"}, and the nearest HTTP status.
+std::string json_of(const absl::Status& status);
+int http_status(const absl::Status& status);
 // Answers a request with an error.
 void refuse(httplib::Response& response, const absl::Status& status);
 

@@ -1,14 +1,14 @@
-#include "server/console/http_host.h"
+#include "console/http/http_host.h"
 
 #include <fmt/format.h>
 #include <openssl/ssl.h>
 
 #include <charconv>
+#include <nlohmann/json.hpp>
 
 #include "core/base/status.h"
 #include "core/security/pem.h"
 #include "core/security/tls.h"
-#include "server/console/json_call.h"
 
 namespace glasswing {
 namespace {
@@ -26,26 +26,18 @@ using TlsContext = std::unique_ptr<SSL_CTX, FreeContext>;
 // Uses the certificates current when a browser connects, so renewed ones need no restart.
 int use_certificates(SSL* ssl, void*) {
   const TlsMaterial tls = tls_material();
-  const std::vector<Certificate> chain = certificates_in(tls.certificate),
-                                 authorities = certificates_in(tls.ca);
+  const std::vector<Certificate> chain = certificates_in(tls.certificate);
   const PrivateKey key = private_key_in(tls.key);
   if (chain.empty() || key == nullptr) return 0;
   if (SSL_use_certificate(ssl, chain.front().get()) != 1 || SSL_use_PrivateKey(ssl, key.get()) != 1) return 0;
   for (size_t i = 1; i < chain.size(); ++i) SSL_add1_chain_cert(ssl, chain[i].get());
-  X509_STORE* store = X509_STORE_new();
-  for (const Certificate& authority : authorities) {
-    X509_STORE_add_cert(store, authority.get());
-    SSL_add_client_CA(ssl, authority.get());  // so that browsers offer matching certificates
-  }
-  return static_cast<int>(SSL_set0_verify_cert_store(ssl, store));
+  return 1;
 }
 
-// A client certificate is optional, but must be of our CA; clients without one log in by a token.
 TlsContext tls_context() {
   TlsContext context(SSL_CTX_new(TLS_server_method()));
   SSL_CTX_set_options(context.get(), SSL_OP_NO_RENEGOTIATION | SSL_OP_NO_COMPRESSION);
   SSL_CTX_set_min_proto_version(context.get(), TLS1_2_VERSION);
-  SSL_CTX_set_verify(context.get(), SSL_VERIFY_PEER, nullptr);
   SSL_CTX_set_session_cache_mode(context.get(), SSL_SESS_CACHE_OFF);
   SSL_CTX_set_cert_cb(context.get(), use_certificates, nullptr);
   return context;
@@ -86,12 +78,12 @@ absl::StatusOr<std::unique_ptr<HttpHost>> HttpHost::bind(const std::string& addr
   if (colon != std::string::npos)
     std::from_chars(address.data() + colon + 1, address.data() + address.size(), port);
   if (port < 0 || port > 65535)
-    return absl::InvalidArgumentError(fmt::format("--console is \"{}\"; it must be HOST:PORT", address));
+    return absl::InvalidArgumentError(fmt::format("--listen is \"{}\"; it must be HOST:PORT", address));
   std::unique_ptr<HttpHost> self(new HttpHost);
   self->has_tls_ = !tls_material().key.empty();
   if (!self->has_tls_ && !is_loopback(address)) {
     return absl::InvalidArgumentError(
-        fmt::format("--console is {}, which other machines reach: it needs TLS; set --ca, --certificate and "
+        fmt::format("--listen is {}, which other machines reach: it needs TLS; set --ca, --certificate and "
                     "--key, or let it be 127.0.0.1:PORT",
                     address));
   }
@@ -103,7 +95,7 @@ absl::StatusOr<std::unique_ptr<HttpHost>> HttpHost::bind(const std::string& addr
   if (host.size() > 2 && host.front() == '[') host = host.substr(1, host.size() - 2);
   const bool bound = port != 0 ? self->server_->bind_to_port(host, port)
                                : (port = self->server_->bind_to_any_port(host)) > 0;
-  if (!bound) return absl::UnavailableError(fmt::format("--console {} cannot be listened on", address));
+  if (!bound) return absl::UnavailableError(fmt::format("--listen {} cannot be listened on", address));
   self->address_ = fmt::format("{}:{}", address.substr(0, colon), port);
   return self;
 }
@@ -130,6 +122,42 @@ void HttpHost::stop() {
   while (!server_->is_running()) std::this_thread::yield();
   server_->stop();
   thread_.join();
+}
+
+std::string json_of(const absl::Status& status) {
+  return nlohmann::json{{"code", absl::StatusCodeToString(status.code())},
+                        {"message", std::string(status.message())}}
+      .dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
+int http_status(const absl::Status& status) {
+  switch (status.code()) {
+    case absl::StatusCode::kOk:
+      return 200;
+    case absl::StatusCode::kInvalidArgument:
+    case absl::StatusCode::kOutOfRange:
+      return 400;
+    case absl::StatusCode::kUnauthenticated:
+      return 401;
+    case absl::StatusCode::kPermissionDenied:
+      return 403;
+    case absl::StatusCode::kNotFound:
+      return 404;
+    case absl::StatusCode::kAborted:
+    case absl::StatusCode::kAlreadyExists:
+    case absl::StatusCode::kFailedPrecondition:
+      return 409;
+    case absl::StatusCode::kResourceExhausted:
+      return 429;
+    case absl::StatusCode::kUnimplemented:
+      return 501;
+    case absl::StatusCode::kUnavailable:
+      return 503;
+    case absl::StatusCode::kDeadlineExceeded:
+      return 504;
+    default:
+      return 500;
+  }
 }
 
 void refuse(httplib::Response& response, const absl::Status& status) {

@@ -10,7 +10,7 @@
 #include <mutex>
 #include <string>
 
-#include "server/console/http_connection.h"
+#include "console/http/http_connection.h"
 
 namespace glasswing {
 

@@ -1,5 +1,5 @@
 // The bounds of the console's HTTP, by sockets of our own: no client library sends such things.
-#include "server/console/http_host.h"
+#include "console/http/http_host.h"
 
 #include <arpa/inet.h>
 #include <gtest/gtest.h>

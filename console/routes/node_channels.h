@@ -4,27 +4,27 @@
 #include <absl/status/statusor.h>
 #include <grpcpp/grpcpp.h>
 
-#include <chrono>
 #include <map>
 #include <memory>
 #include <mutex>
 #include <string>
 
-namespace glasswing {
+#include "console/routes/server_link.h"
 
-inline constexpr std::chrono::seconds kCallTimeout(60);  // of a browser's call, to the server or a node
+namespace glasswing {
 
 class NodeChannels {
  public:
-  explicit NodeChannels(std::shared_ptr<grpc::Channel> server) : server_(std::move(server)) {}
+  explicit NodeChannels(const ServerLink& server) : server_(server) {}
 
-  // Asks the server for the node's address. NOT_FOUND: no reachable node of the rig has this name.
-  absl::StatusOr<std::shared_ptr<grpc::Channel>> to(const std::string& node);
+  // Asks the server for the node's address, for the person with this login. NOT_FOUND: no reachable node of
+  // the rig has this name.
+  absl::StatusOr<std::shared_ptr<grpc::Channel>> to(const std::string& node, const Login& login);
   // `address` is HOST:PORT.
   std::shared_ptr<grpc::Channel> at(const std::string& address);
 
  private:
-  const std::shared_ptr<grpc::Channel> server_;
+  const ServerLink& server_;
   std::mutex mutex_;
   std::map<std::string, std::shared_ptr<grpc::Channel>> channels_;  // by address
 };

@@ -1,4 +1,4 @@
-#include "server/console/http_server.h"
+#include "console/http/http_server.h"
 
 #include <algorithm>
 #include <utility>

@@ -1,4 +1,4 @@
-#include "server/console/console.h"
+#include "console/routes/console.h"
 
 #include <fmt/format.h>
 #include <google/protobuf/io/tokenizer.h>
@@ -8,11 +8,12 @@
 
 #include <nlohmann/json.hpp>
 
+#include "console/routes/cookies.h"
+#include "console/routes/event_stream.h"
+#include "core/base/pause.h"
 #include "core/base/status.h"
 #include "core/service/service.h"
 #include "glasswing/v1/plan.pb.h"
-#include "server/console/json_call.h"
-#include "server/console/principals.h"
 
 namespace glasswing {
 namespace {
@@ -22,11 +23,12 @@ using httplib::Request;
 using httplib::Response;
 
 constexpr std::chrono::hours kMaxStream(24);
-constexpr std::chrono::milliseconds kKeepAliveInterval(5000), kPollInterval(250);
+constexpr std::chrono::milliseconds kFirstMessage(250);
+constexpr std::chrono::seconds kAnnounceInterval(1);
 constexpr size_t kMaxJson = size_t{8} << 20, kMaxImage = size_t{64} << 20, kMaxToken = 4096;
 constexpr const char* kJson = "application/json";
 
-std::string json_of(const Principal& principal) {
+std::string principal_json(const Principal& principal) {
   nlohmann::json json{{"name", principal.name},
                       {"role", (principal.roles & only(Role::kOperator)) != 0 ? "operator" : "viewer"}};
   json["expires"] = principal.expires.time_since_epoch().count();
@@ -70,22 +72,16 @@ absl::StatusOr<std::string> body_of(const httplib::ContentReader& content, size_
   return body;
 }
 
-// What a call says of its caller: the name, for people, and what bounds the tokens that it may make
-// (ConsoleService).
-JsonCall::Metadata caller_metadata(const Principal& principal) {
-  JsonCall::Metadata metadata{
-      {"glasswing-client", principal.name + " (console)"},
-      {"glasswing-expires", std::to_string(principal.expires.time_since_epoch().count())}};
-  if (!principal.token.empty()) metadata.emplace_back("glasswing-token", principal.token);
-  return metadata;
+// An error of the link to the server. A page shows that the server is away, and asks again.
+void refuse_visit(Response& response, const absl::Status& status) {
+  if (absl::IsUnavailable(status)) response.set_header("Retry-After", "1");
+  refuse(response, status);
 }
 
-// The last event of a stream.
-bool send_end(httplib::DataSink& sink, const absl::Status& status) {
-  const std::string event = fmt::format("event: end\ndata: {}\n\n", glasswing::json_of(status));
-  sink.write(event.data(), event.size());
-  sink.done();
-  return true;
+// Nodes know no logins: what the console may do there, it may do for viewers and operators alike.
+absl::Status check_node_call(const std::string& method, const Principal& principal) {
+  GW_RETURN_IF_ERROR(admit(method, principal.roles, principal.title()));
+  return admit(method, only(Role::kConsole), "console");
 }
 
 // Confines the page to its own scripts, styles and connections.
@@ -118,22 +114,35 @@ std::filesystem::path default_console_files() {
   const std::filesystem::path root =
       std::filesystem::read_symlink("/proc/self/exe", error).parent_path().parent_path();
   const std::filesystem::path installed = root / "share/glasswing/console";
-  return std::filesystem::exists(installed) ? installed : root / "console";
+  return std::filesystem::exists(installed) ? installed : root / "page";
 }
 
-absl::StatusOr<std::unique_ptr<Console>> Console::start(const ConsoleOptions& options, AccessTokens& tokens,
-                                                        std::shared_ptr<grpc::Channel> server) {
-  std::unique_ptr<Console> self(new Console(tokens, std::move(server)));
+absl::StatusOr<std::unique_ptr<Console>> Console::start(const ConsoleOptions& options,
+                                                        const ServerLink& server) {
+  GW_RETURN_IF_ERROR(check_advertised({.address = options.address, .advertised = options.advertised}));
+  std::unique_ptr<Console> self(new Console(server));
   GW_ASSIGN_OR_RETURN(self->host_, HttpHost::bind(options.address));
-  const std::string& bound = self->host_->address();
-  const size_t colon = bound.rfind(':');
-  const std::string host = bound.substr(0, colon);
-  const bool every = host == "0.0.0.0" || host == "[::]";
-  self->url_ = fmt::format("{}://{}{}", self->host_->has_tls() ? "https" : "http",
-                           every && !options.name.empty() ? options.name : host, bound.substr(colon));
+  self->url_ = fmt::format("{}://{}", self->host_->has_tls() ? "https" : "http",
+                           options.advertised.empty() ? self->host_->address() : options.advertised);
   self->add_routes(options.files);
   self->host_->serve();
+  spdlog::info("listening on url={}", self->url_);
+  self->announcing_ = std::jthread([console = self.get()](std::stop_token stop) { console->announce(stop); });
   return self;
+}
+
+void Console::announce(const std::stop_token& stop) const {
+  bool is_known = true;  // so that the first failure is logged
+  do {
+    const absl::Status status = server_.announce(url_);
+    if (status.ok() != is_known) {
+      is_known = status.ok();
+      if (is_known) spdlog::info("the server knows this console url={}", url_);
+      if (!is_known)
+        spdlog::warn("the server does not take this console yet, retrying: {}",
+                     std::string(status.message()));
+    }
+  } while (pause(stop, kAnnounceInterval));
 }
 
 Console::~Console() {
@@ -151,47 +160,42 @@ void Console::add_routes(const std::filesystem::path& files) {
                 if (!body.ok()) return refuse(response, body.status());
                 log_in(request, *body, response);
               });
-  routes.Post("/logout", guarded(kMaxToken, [this](const Principal& principal, const Request&,
-                                                   const std::string&, Response& response) {
-                if (const absl::Status status = tokens_.log_out(principal); !status.ok())
-                  return refuse(response, status);
-                spdlog::info("audit console logout caller=\"{}\"", principal.title());
+  routes.Post("/logout", guarded(kMaxToken, [this](const Login& login, const Request&, const std::string&,
+                                                   Response& response) {
+                if (const absl::Status status = server_.log_out(login); !status.ok())
+                  return refuse_visit(response, status);
                 response.set_header("Set-Cookie", cookie_of("", std::chrono::seconds(0), host_->has_tls()));
                 response.set_content("{}", kJson);
               }));
-  routes.Get("/me", guarded([](const Principal& principal, const Request&, Response& response) {
-               response.set_content(json_of(principal), kJson);
+  routes.Get("/me", guarded([](const Login& login, const Request&, Response& response) {
+               response.set_content(principal_json(login.principal), kJson);
              }));
   routes.Post(R"(/api/nodes/([A-Za-z0-9._-]+)/(\w+)/(\w+))",
-              guarded(kMaxJson, [this](const Principal& principal, const Request& request,
-                                       const std::string& body, Response& response) {
-                const std::string node = request.matches[1];
-                const auto channel = nodes_.to(node);
-                if (!channel.ok()) return refuse(response, channel.status());
-                call(*channel, fmt::format("node \"{}\"", node), principal, request, body, response);
+              guarded(kMaxJson, [this](const Login& login, const Request& request, const std::string& body,
+                                       Response& response) {
+                call(request.matches[1].str(), login, request, body, response);
               }));
-  routes.Post(R"(/api/(\w+)/(\w+))",
-              guarded(kMaxJson, [this](const Principal& principal, const Request& request,
-                                       const std::string& body, Response& response) {
-                call(server_, "the server", principal, request, body, response);
+  routes.Post(R"(/api/(\w+)/(\w+))", guarded(kMaxJson, [this](const Login& login, const Request& request,
+                                                              const std::string& body, Response& response) {
+                call(std::nullopt, login, request, body, response);
               }));
-  routes.Post("/plans", guarded(kMaxJson, [](const Principal&, const Request&, const std::string& body,
+  routes.Post("/plans", guarded(kMaxJson, [](const Login&, const Request&, const std::string& body,
                                              Response& response) { parse_plan(body, response); }));
-  routes.Post("/images", guarded(kMaxImage, [this](const Principal& principal, const Request&,
+  routes.Post("/images", guarded(kMaxImage, [this](const Login& login, const Request&,
                                                    const std::string& body, Response& response) {
-                sessions_.store_image(principal, body, response);
+                sessions_.store_image(login, body, response);
               }));
   routes.Get(R"(/mattes/([A-Za-z0-9._-]+)\.exr)",
-             guarded([this](const Principal& principal, const Request& request, Response& response) {
-               sessions_.send_matte(principal, request, response);
+             guarded([this](const Login& login, const Request& request, Response& response) {
+               sessions_.send_matte(login, request, response);
              }));
   routes.Get(R"(/frames/([A-Za-z0-9._-]+)/(\w+)\.(tif|jpg))",
-             guarded([this](const Principal& principal, const Request& request, Response& response) {
-               sessions_.send_frame(principal, request, response);
+             guarded([this](const Login& login, const Request& request, Response& response) {
+               sessions_.send_frame(login, request, response);
              }));
   routes.Get(R"(/pixels/([A-Za-z0-9._-]+))",
-             guarded([this](const Principal& principal, const Request& request, Response& response) {
-               sessions_.send_samples(principal, request, response);
+             guarded([this](const Login& login, const Request& request, Response& response) {
+               sessions_.send_samples(login, request, response);
              }));
   routes.set_mount_point(
       "/assets", (files / "assets").string(),
@@ -200,7 +204,7 @@ void Console::add_routes(const std::filesystem::path& files) {
     routes.Get("/", [files](const Request&, Response& response) {
       response.set_content(
           fmt::format("The console's page is not in {}: build it with Node.js (deploy/build), "
-                      "or give its directory by --console-files.\n",
+                      "or give its directory by --files.\n",
                       files.string()),
           "text/plain");
     });
@@ -211,17 +215,19 @@ void Console::add_routes(const std::filesystem::path& files) {
   });
 }
 
-absl::StatusOr<Principal> Console::authenticate(const Request& request) const {
+absl::StatusOr<Login> Console::authenticate(const Request& request) const {
   GW_RETURN_IF_ERROR(check_origin(request, host_->has_tls()));
-  return principal_of(request, tokens_);
+  Login login{.secret = login_in(request), .principal = {}};
+  GW_ASSIGN_OR_RETURN(login.principal, server_.principal_of(login.secret));
+  return login;
 }
 
 httplib::Server::Handler Console::guarded(Handler handler) const {
   return [this, handler = std::move(handler)](const Request& request, Response& response) {
     response.set_header("Cache-Control", "no-store");
-    const absl::StatusOr<Principal> principal = authenticate(request);
-    if (!principal.ok()) return refuse(response, principal.status());
-    handler(*principal, request, response);
+    const absl::StatusOr<Login> login = authenticate(request);
+    if (!login.ok()) return refuse_visit(response, login.status());
+    handler(*login, request, response);
   };
 }
 
@@ -229,11 +235,11 @@ httplib::Server::HandlerWithContentReader Console::guarded(size_t max_bytes, Bod
   return [this, max_bytes, handler = std::move(handler)](const Request& request, Response& response,
                                                          const httplib::ContentReader& content) {
     response.set_header("Cache-Control", "no-store");
-    const absl::StatusOr<Principal> principal = authenticate(request);
-    const absl::StatusOr<std::string> body = body_of(content, principal.ok() ? max_bytes : 0);
-    if (!principal.ok()) return refuse(response, principal.status());
+    const absl::StatusOr<Login> login = authenticate(request);
+    const absl::StatusOr<std::string> body = body_of(content, login.ok() ? max_bytes : 0);
+    if (!login.ok()) return refuse_visit(response, login.status());
     if (!body.ok()) return refuse(response, body.status());
-    handler(*principal, request, *body, response);
+    handler(*login, request, *body, response);
   };
 }
 
@@ -247,73 +253,63 @@ void Console::log_in(const Request& request, const std::string& text, Response& 
   }
   const auto body = nlohmann::json::parse(text, nullptr, false);
   const bool told = body.is_object() && body.contains("token") && body["token"].is_string();
-  const std::string token = told ? body["token"].get<std::string>() : "";
-  const std::chrono::sys_seconds now = AccessTokens::current_time();
-  const absl::StatusOr<AccessTokens::Login> login = tokens_.log_in(token, now);
-  if (!login.ok()) {
-    logins_.note_refused(request.remote_addr, moment);
-    spdlog::warn("audit console login refused from={}", request.remote_addr);
-    return refuse(response, login.status());
-  }
-  const Principal& principal = login->principal;
-  spdlog::info("audit console login caller=\"{}\" from={}", principal.title(), request.remote_addr);
-  response.set_header("Set-Cookie", cookie_of(login->secret, principal.expires - now, host_->has_tls()));
-  response.set_content(json_of(principal), kJson);
+  const absl::StatusOr<Login> login =
+      server_.log_in(told ? body["token"].get<std::string>() : "", request.remote_addr);
+  if (absl::IsUnauthenticated(login.status())) logins_.note_refused(request.remote_addr, moment);
+  if (!login.ok()) return refuse_visit(response, login.status());
+  const auto valid =
+      std::chrono::floor<std::chrono::seconds>(login->principal.expires - std::chrono::system_clock::now());
+  response.set_header("Set-Cookie", cookie_of(login->secret, valid, host_->has_tls()));
+  response.set_content(principal_json(login->principal), kJson);
 }
 
-void Console::call(const std::shared_ptr<grpc::Channel>& channel, const std::string& peer,
-                   const Principal& principal, const Request& request, const std::string& body,
-                   Response& response) const {
+void Console::call(const std::optional<std::string>& node, const Login& login, const Request& request,
+                   const std::string& body, Response& response) {
   const size_t last = request.matches.size() - 1;
   const absl::StatusOr<JsonMethod> method =
       JsonMethod::find(request.matches[last - 1], request.matches[last]);
   if (!method.ok()) return refuse(response, method.status());
-  if (const absl::Status status = admit(method->name(), principal.roles, principal.title()); !status.ok())
-    return refuse(response, status);
-  const std::string name = principal.name;
-  if (method->streams() && !streams_.take(name)) {
+  Callee callee{.channel = server_.channel(), .title = server_.title(), .login = &login};
+  if (node) {
+    if (const absl::Status status = check_node_call(method->name(), login.principal); !status.ok())
+      return refuse(response, status);
+    const absl::StatusOr<std::shared_ptr<grpc::Channel>> channel = nodes_.to(*node, login);
+    if (!channel.ok()) return refuse(response, channel.status());
+    callee = {.channel = *channel, .title = fmt::format("node \"{}\"", *node)};
+  }
+  if (method->streams()) return stream(*method, callee, login, body, response);
+  const auto running = JsonCall::start(callee.channel, *method, body, callee.login, kCallTimeout);
+  if (!running.ok()) return refuse(response, running.status());
+  std::string message;
+  if ((*running)->next(kCallTimeout, message) != JsonCall::Got::kMessage)
+    return refuse(response, (*running)->outcome(callee.title));
+  response.set_content(message, kJson);
+}
+
+void Console::stream(const JsonMethod& method, const Callee& callee, const Login& login,
+                     const std::string& body, Response& response) {
+  const std::string name = login.principal.name;
+  if (!streams_.take(name)) {
     return refuse(response, absl::ResourceExhaustedError(fmt::format(
                                 "\"{}\" has {} pages' event streams open, or all have {}: close some", name,
                                 StreamPlaces::kMaxOfOne, StreamPlaces::kMax)));
   }
   // Of a stream that is not begun, too.
-  const auto place = std::shared_ptr<void>(nullptr, [this, name, is_taken = method->streams()](void*) {
-    if (is_taken) streams_.leave(name);
-  });
-  auto started = JsonCall::start(channel, *method, body, caller_metadata(principal),
-                                 method->streams() ? std::chrono::milliseconds(kMaxStream) : kCallTimeout);
-  if (!started.ok()) return refuse(response, started.status());
-  const std::shared_ptr<JsonCall> running = *std::move(started);
-  std::string message;
-  if (!method->streams()) {
-    if (running->next(kCallTimeout, message) == JsonCall::Got::kMessage)
-      return response.set_content(message, kJson);
-    return refuse(response, running->outcome(peer));
+  const auto place = std::shared_ptr<void>(nullptr, [this, name](void*) { streams_.leave(name); });
+  auto running = JsonCall::start(callee.channel, method, body, callee.login, kMaxStream);
+  if (!running.ok()) return refuse(response, running.status());
+  std::string first;
+  if ((*running)->next(kFirstMessage, first) == JsonCall::Got::kEnd) {
+    if (const absl::Status status = (*running)->outcome(callee.title); !status.ok())
+      return refuse(response, status);
   }
-  const auto send_next = [this, running, place, peer, principal, quiet = std::chrono::milliseconds(0),
-                          checked = AccessTokens::current_time()](size_t, httplib::DataSink& sink) mutable {
-    std::string event;
-    if (const std::chrono::sys_seconds now = AccessTokens::current_time(); now != checked) {
-      checked = now;
-      if (const absl::Status valid = tokens_.check(principal, now); !valid.ok()) return send_end(sink, valid);
-    }
-    switch (running->next(kPollInterval, event)) {
-      case JsonCall::Got::kMessage:
-        event = fmt::format("data: {}\n\n", event);
-        break;
-      case JsonCall::Got::kNothingYet:
-        quiet += kPollInterval;
-        if (stopping_ || !sink.is_writable()) return false;
-        if (quiet < kKeepAliveInterval) return true;
-        event = ": alive\n\n";
-        break;
-      case JsonCall::Got::kEnd:
-        return send_end(sink, running->outcome(peer));
-    }
-    quiet = std::chrono::milliseconds(0);
-    return !stopping_ && sink.write(event.data(), event.size());
-  };
-  response.set_chunked_content_provider("text/event-stream", send_next);
+  const auto events = std::make_shared<EventStream>(
+      *std::move(running), std::move(first), callee.title,
+      [this, secret = login.secret] { return server_.principal_of(secret).status(); });
+  response.set_chunked_content_provider("text/event-stream",
+                                        [this, events, place](size_t, httplib::DataSink& sink) {
+                                          return !stopping_ && events->send_next(sink);
+                                        });
 }
 
 }  // namespace glasswing
