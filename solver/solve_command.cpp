@@ -11,11 +11,12 @@
 
 #include "core/base/file.h"
 #include "core/base/status.h"
+#include "core/cli/help.h"
 #include "core/import/mapped_archive.h"
 #include "core/matte/matte_file.h"
 #include "core/pattern/method_options.h"
+#include "core/pattern/plan.h"
 #include "solver/methods.h"
-#include "solver/ramp/ramp_options.h"
 #include "solver/ramp/video_layout.h"
 #include "solver/worker/parallel_solve.h"
 #include "solver/worker/video_solve.h"
@@ -93,7 +94,14 @@ void add_solve_command(CLI::App& app, DaemonOptions& daemon) {
                                     GW_RETURN_IF_ERROR(solve(*arguments));
                                     return 0;
                                   });
-  command.footer("Options of method ramp:\n" + ramp_options_help());
+  std::string options;
+  for (const std::string_view method : kMethods) {
+    options += fmt::format("Options of method {}:\n\n", method);
+    for (const MethodOption& option : options_of(method))
+      options += help_entry(std::string(option.name), description_of(option));
+    options += "\n";
+  }
+  command.footer(options);
   command.add_option("archive", arguments->archive, "folder with manifest.json")->required();
   command
       .add_option("matte", arguments->matte,

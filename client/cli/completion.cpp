@@ -9,6 +9,8 @@
 #include "client/cli/rpc.h"
 #include "core/base/status.h"
 #include "core/cli/help.h"
+#include "core/pattern/method_options.h"
+#include "core/pattern/plan.h"
 #include "core/security/tls.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 
@@ -28,7 +30,7 @@ _glasswing() {
   case ${COMPREPLY[0]} in
     :FILE) compopt -o filenames 2>/dev/null; mapfile -t COMPREPLY < <(compgen -f -- "$word") ;;
     :DIR) compopt -o filenames 2>/dev/null; mapfile -t COMPREPLY < <(compgen -d -- "$word") ;;
-    *) COMPREPLY=("${COMPREPLY[@]%%$'\t'*}") ;;
+    *) COMPREPLY=("${COMPREPLY[@]%%$'\t'*}"); [[ ${COMPREPLY[0]} != *= ]] || compopt -o nospace 2>/dev/null ;;
   esac
 }
 
@@ -147,6 +149,27 @@ absl::StatusOr<Candidates> session_names(std::vector<std::string> words) {
   return names;
 }
 
+// "modes=", "smoothing=adaptive": the options of the method that the words name, else of all methods.
+Candidates settings(std::span<const std::string> words) {
+  std::string_view named = std::ranges::count(words, "live") > 0 ? kRampMethod : "";
+  for (size_t i = 0; i < words.size(); ++i) {
+    if (words[i] == "--method" && i + 1 < words.size()) named = words[i + 1];
+    if (words[i].starts_with("--method=")) named = std::string_view(words[i]).substr(9);
+  }
+  Candidates settings;
+  for (const std::string_view method : kMethods) {
+    if (!options_of(named).empty() && method != named) continue;
+    for (const MethodOption& option : options_of(method)) {
+      const std::string start = std::string(option.name) + "=";
+      const bool known = std::ranges::any_of(settings, [&](const auto& s) { return s.first == start; });
+      if (option.choices.empty() && !known) settings.emplace_back(start, description_of(option));
+      for (const std::string_view choice : option.choices)
+        settings.emplace_back(start + std::string(choice), option.help);
+    }
+  }
+  return settings;
+}
+
 Candidates values_of(const CLI::Option& option, std::span<const std::string> words_before) {
   Candidates values;
   for (const std::string& choice : choices_of(option)) values.emplace_back(choice, "");
@@ -154,6 +177,7 @@ Candidates values_of(const CLI::Option& option, std::span<const std::string> wor
   const std::string kind = value_of(option);
   if (kind == "FILE") return {{std::string(kFileMarker), ""}};
   if (kind == "DIR") return {{std::string(kDirectoryMarker), ""}};
+  if (kind == "NAME=VALUE") return settings(words_before);
   if (kind != "SESSION") return {};
   return session_names({words_before.begin(), words_before.end()}).value_or(Candidates());
 }

@@ -11,7 +11,8 @@ absl::StatusOr<std::map<std::string, std::string>> parse_settings(const std::vec
   for (const std::string& setting : settings) {
     const auto parsed = parse_setting(setting);
     if (!parsed.ok())
-      return absl::InvalidArgumentError(fmt::format("--set is \"{}\"; it must be KEY=VALUE", setting));
+      return absl::InvalidArgumentError(
+          fmt::format("--set is \"{}\"; it must be NAME=VALUE, such as modes=2", setting));
     options[parsed->first] = parsed->second;
   }
   return options;

@@ -9,7 +9,7 @@
 
 namespace glasswing {
 
-// Each is KEY=VALUE; the last value of a repeated key wins. INVALID_ARGUMENT: one has no '=' or no key.
+// Each is NAME=VALUE; the last value of a repeated name wins. INVALID_ARGUMENT: one has no '=' or no name.
 absl::StatusOr<std::map<std::string, std::string>> parse_settings(const std::vector<std::string>& settings);
 
 }  // namespace glasswing

@@ -16,6 +16,8 @@
 #include "client/pictures/moving_picture.h"
 #include "core/base/status.h"
 #include "core/frame/image_file.h"
+#include "core/pattern/method_options.h"
+#include "core/pattern/plan.h"
 #include "glasswing/v1/camera_service.grpc.pb.h"
 #include "glasswing/v1/live_service.grpc.pb.h"
 
@@ -56,6 +58,7 @@ class Live {
 
   absl::Status run() {
     GW_ASSIGN_OR_RETURN(const auto options, parse_settings(arguments_.settings));
+    GW_RETURN_IF_ERROR(OptionValues::read(kRampMethod, options).status());
     GW_ASSIGN_OR_RETURN(MovingPicture background,
                         MovingPicture::open(arguments_.background, Encoding::kDisplay));
     GW_ASSIGN_OR_RETURN(const RadianceImage first, background.next());
@@ -211,7 +214,10 @@ void add_live_command(CLI::App& app, Client& client) {
   command.add_option("--exposure-ms", arguments->exposure_ms, "exposure of each frame, ms")
       ->check(CLI::Range(0.01, 10000.0))
       ->capture_default_str();
-  command.add_option("--set", arguments->settings, "KEY=VALUE, an option of method ramp; may be repeated");
+  command
+      .add_option("--set", arguments->settings,
+                  "an option of method ramp (glasswing solve --help ramp); may be repeated")
+      ->type_name("NAME=VALUE");
   command
       .add_option("--output", arguments->output,
                   "window; - (standard output) or FILE: YUV4MPEG2; DIR/: numbered PNGs")

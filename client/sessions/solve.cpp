@@ -1,9 +1,15 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+
 #include "client/cli/output.h"
 #include "client/cli/rpc.h"
 #include "client/cli/settings.h"
 #include "client/sessions/commands.h"
 #include "client/sessions/watch.h"
 #include "core/base/status.h"
+#include "core/cli/help.h"
+#include "core/pattern/method_options.h"
 #include "core/pattern/plan.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 
@@ -31,6 +37,26 @@ absl::Status solve(const Client& client, const SolveArguments& arguments) {
   return absl::OkStatus();
 }
 
+// The options of the method that the command line names, `solve --help gaussian` among it; else all names.
+std::string options_text(const SolveArguments& arguments) {
+  const std::string& method = arguments.method.empty() ? arguments.session : arguments.method;
+  std::string text;
+  if (options_of(method).empty()) {
+    text = "The methods' options, for --set; glasswing solve --help METHOD explains them:\n\n";
+    for (const std::string_view name : kMethods) {
+      std::string names;
+      for (const MethodOption& option : options_of(name))
+        names += fmt::format("{}{}", names.empty() ? "" : ", ", option.name);
+      text += help_entry(std::string(name), names);
+    }
+  } else {
+    text = fmt::format("Options of method {}, for --set:\n\n", method);
+    for (const MethodOption& option : options_of(method))
+      text += help_entry(std::string(option.name), description_of(option));
+  }
+  return text;
+}
+
 }  // namespace
 
 void add_solve_command(CLI::App& app, Client& client) {
@@ -38,12 +64,15 @@ void add_solve_command(CLI::App& app, Client& client) {
   command.footer(
       "Examples:\n  glasswing solve vase --watch\n"
       "  glasswing solve vase --method gaussian --set images=100\n"
-      "  glasswing solve vase --method fringe --set modes=2");
+      "  glasswing solve vase --method fringe --set modes=2\n"
+      "  glasswing solve --help gaussian");
   auto arguments = std::make_shared<SolveArguments>();
   command.add_option("session", arguments->session, "the session's name")->required();
   command.add_option("--method", arguments->method, "the method; default: the plan's")
       ->check(CLI::IsMember(std::vector<std::string>(kMethods.begin(), kMethods.end())));
-  command.add_option("--set", arguments->options, "KEY=VALUE, an option of the method; may be repeated")
+  command.footer([arguments] { return options_text(*arguments); });
+  command.add_option("--set", arguments->options, "an option of the method; may be repeated")
+      ->type_name("NAME=VALUE")
       ->allow_extra_args(false);
   command.add_flag("--watch", arguments->watch, "wait until it is done; any other outcome is a failure");
   command.callback(

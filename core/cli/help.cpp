@@ -25,8 +25,22 @@ std::vector<std::string> words_of(const std::string& text) {
   return words;
 }
 
-// `name` and its description beside or below it.
-std::string entry(const std::string& name, const std::string& description) {
+class HelpFormatter : public CLI::Formatter {
+ public:
+  std::string make_option(const CLI::Option* option, bool positional) const override {
+    const std::string value = value_of(*option);
+    const std::string name = positional ? option->get_name(true, false)
+                                        : option->get_name(false, true) + (value.empty() ? "" : " ");
+    return help_entry(positional ? name : name + value, description_of(*option));
+  }
+  std::string make_subcommand(const CLI::App* command) const override {
+    return help_entry(command->get_name(), command->get_description());
+  }
+};
+
+}  // namespace
+
+std::string help_entry(const std::string& name, const std::string& description) {
   std::string text = "  " + name, line;
   text += text.size() < kColumn ? std::string(kColumn - text.size(), ' ') : "\n" + std::string(kColumn, ' ');
   for (const std::string& word : words_of(description)) {
@@ -38,21 +52,6 @@ std::string entry(const std::string& name, const std::string& description) {
   }
   return text + line + "\n";
 }
-
-class HelpFormatter : public CLI::Formatter {
- public:
-  std::string make_option(const CLI::Option* option, bool positional) const override {
-    const std::string value = value_of(*option);
-    const std::string name = positional ? option->get_name(true, false)
-                                        : option->get_name(false, true) + (value.empty() ? "" : " ");
-    return entry(positional ? name : name + value, description_of(*option));
-  }
-  std::string make_subcommand(const CLI::App* command) const override {
-    return entry(command->get_name(), command->get_description());
-  }
-};
-
-}  // namespace
 
 std::vector<std::string> choices_of(const CLI::Option& option) {
   for (const std::string& part : type_parts(option)) {

@@ -16,6 +16,9 @@ std::string value_of(const CLI::Option& option);
 // Its description with its range and default: "of a video (0.1 to 1000; default: 30)".
 std::string description_of(const CLI::Option& option);
 
+// A line of a list under a command's options: a name and its description, wrapped as theirs are.
+std::string help_entry(const std::string& name, const std::string& description);
+
 // A command's footer: the text before its examples, and the examples, one per line.
 struct Footer {
   std::string text;

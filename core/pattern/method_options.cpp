@@ -4,10 +4,210 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <map>
-#include <vector>
+#include <cassert>
+#include <cmath>
+#include <cstdlib>
+
+#include "core/base/status.h"
 
 namespace glasswing {
+namespace {
+
+constexpr MethodOption kSilhouetteTolerance{
+    .name = "silhouette_tolerance",
+    .usual = "0.003",
+    .help = "smallest rms difference from the empty stage, of full scale, that makes a pixel the object's",
+    .high = 1.0};
+
+std::vector<MethodOption> gaussian_options() {
+  return {
+      {.name = "modes",
+       .usual = "8",
+       .help = "most footprints of a pixel's channel; at most 4 of them on one monitor",
+       .low = 1.0,
+       .high = 8.0,
+       .whole = true},
+      {.name = "oriented",
+       .usual = "1",
+       .help = "0: footprints keep only their widths along x and y",
+       .high = 1.0,
+       .whole = true},
+      kSilhouetteTolerance,
+      {.name = "images",
+       .usual = "all",
+       .help = "solve as if no more than this many images had been taken",
+       .low = 40.0,
+       .high = 20000.0,
+       .whole = true},
+  };
+}
+
+std::vector<MethodOption> hierarchical_options() {
+  return {
+      {.name = "partial_cover",
+       .usual = "1",
+       .help = "1: a pixel of the object may also show part of what lies straight behind",
+       .high = 1.0,
+       .whole = true},
+      kSilhouetteTolerance,
+  };
+}
+
+std::vector<MethodOption> fringe_options() {
+  return {
+      {.name = "modes",
+       .usual = "1",
+       .help = "most footprints of a pixel's channel on one monitor",
+       .low = 1.0,
+       .high = 4.0,
+       .whole = true},
+      kSilhouetteTolerance,
+      {.name = "tolerance",
+       .usual = "0.02",
+       .help = "a pixel is flagged if its response to the waves is further from a footprint's, of its light",
+       .high = 0.5},
+  };
+}
+
+std::vector<MethodOption> alpha_options() {
+  return {
+      {.name = "backings",
+       .usual = "2",
+       .help = "2: triangulation from all solids; 1: keying from the most colourful one",
+       .low = 1.0,
+       .high = 2.0,
+       .whole = true},
+      {.name = "a1",
+       .usual = "1",
+       .help = "Vlahos's constant a1, the key's density",
+       .low = 0.1,
+       .high = 10.0,
+       .only_with = "backings=1"},
+      {.name = "a2",
+       .usual = "1",
+       .help = "Vlahos's constant a2, how much key the object's own colours have",
+       .low = 0.5,
+       .high = 1.5,
+       .only_with = "backings=1"},
+      kSilhouetteTolerance,
+  };
+}
+
+std::vector<MethodOption> ramp_options() {
+  return {
+      {.name = "threshold_sd",
+       .usual = "5.5",
+       .help = "a pixel shows the object if it differs from the empty stage by so many sd of the noise ...",
+       .low = 1.0,
+       .high = 1000.0},
+      {.name = "least_difference",
+       .usual = "0.002",
+       .help = "... and by this share of full scale",
+       .high = 1.0},
+      {.name = "dilation_px",
+       .usual = "0.3 % of the diagonal",
+       .help = "closes gaps in the object up to this half width",
+       .high = 1000.0,
+       .whole = true},
+      {.name = "erosion_px",
+       .usual = "as dilation_px",
+       .help = "takes the object's rim back by this much afterwards",
+       .high = 1000.0,
+       .whole = true},
+      {.name = "fill_holes",
+       .usual = "1",
+       .help = "1: holes in the silhouette belong to the object",
+       .high = 1.0,
+       .whole = true},
+      {.name = "edge_px",
+       .usual = "1",
+       .help = "width of the object's edge, where alpha may lie between 0 and 1",
+       .high = 20.0,
+       .whole = true},
+      {.name = "highlights",
+       .usual = "1",
+       .help = "0: the ramp is the only light",
+       .high = 1.0,
+       .whole = true},
+      {.name = "delta",
+       .usual = "0.05",
+       .help = "a pixel brighter than the ramp by this share is a highlight; the paper used 0.03 to 0.10",
+       .high = 1.0},
+      {.name = "highlight_rise",
+       .usual = "0.02",
+       .help = "pixels around a highlight belong to it if brighter than the object further off by this share",
+       .low = 0.001,
+       .high = 1.0},
+      {.name = "highlight_reach_px",
+       .usual = "4 % of the diagonal",
+       .help = "half the width of the widest highlight",
+       .low = 1.0,
+       .high = 1000.0,
+       .whole = true},
+      {.name = "highlight_blur_px",
+       .usual = "1",
+       .help = "sigma that smooths the interpolation across a highlight",
+       .high = 100.0},
+      {.name = "highlight_gain", .usual = "1", .help = "factor applied to highlights", .high = 100.0},
+      {.name = "clipped_highlight",
+       .usual = "1",
+       .help = "least value of a highlight that clips all channels; 0: as measured",
+       .high = 100.0},
+      {.name = "smoothing",
+       .usual = "adaptive",
+       .help = "how noise is smoothed in space and time",
+       .choices = {"adaptive", "perona-malik", "none"}},
+      {.name = "smoothing_reach",
+       .usual = "1",
+       .help = "number of frames used before and after",
+       .high = 4.0,
+       .whole = true},
+      {.name = "smoothing_iterations",
+       .usual = "10",
+       .help = "of perona-malik",
+       .low = 1.0,
+       .high = 1000.0,
+       .whole = true},
+      {.name = "smoothing_contrast",
+       .usual = "4",
+       .help = "of perona-malik, in monitor pixels: larger steps are edges",
+       .low = 0.001,
+       .high = 10000.0},
+      {.name = "smoothing_conductance",
+       .usual = "exponential",
+       .help = "of perona-malik",
+       .choices = {"exponential", "rational"}},
+  };
+}
+
+const std::map<std::string_view, std::vector<MethodOption>>& table() {
+  static const std::map<std::string_view, std::vector<MethodOption>> options = {
+      {"gaussian", gaussian_options()}, {"hierarchical", hierarchical_options()},
+      {"fringe", fringe_options()},     {"alpha", alpha_options()},
+      {"ramp", ramp_options()},
+  };
+  return options;
+}
+
+bool takes(const MethodOption& option, const std::string& value) {
+  if (!option.choices.empty()) return std::ranges::count(option.choices, value) > 0;
+  char* end = nullptr;
+  const double number = std::strtod(value.c_str(), &end);
+  return !value.empty() && *end == '\0' && number >= option.low && number <= option.high &&
+         (!option.whole || number == std::floor(number));
+}
+
+absl::StatusOr<const MethodOption*> find_option(std::string_view method, const std::string& name) {
+  const std::span<const MethodOption> options = options_of(method);
+  const auto found = std::ranges::find(options, name, &MethodOption::name);
+  if (found != options.end()) return &*found;
+  std::vector<std::string_view> names;
+  for (const MethodOption& option : options) names.push_back(option.name);
+  return absl::InvalidArgumentError(
+      fmt::format("option \"{}\" is not known to {}; it has: {}", name, method, fmt::join(names, ", ")));
+}
+
+}  // namespace
 
 const std::map<std::string, int>& method_versions() {
   static const std::map<std::string, int> versions = {{"alpha", 2},        {"fringe", 2}, {"gaussian", 2},
@@ -15,30 +215,59 @@ const std::map<std::string, int>& method_versions() {
   return versions;
 }
 
-std::span<const std::string_view> option_names(std::string_view method) {
-  static const std::map<std::string_view, std::vector<std::string_view>> names = {
-      {"gaussian", {"modes", "oriented", "silhouette_tolerance", "images"}},
-      {"hierarchical", {"partial_cover", "silhouette_tolerance"}},
-      {"fringe", {"modes", "silhouette_tolerance", "tolerance"}},
-      {"alpha", {"backings", "a1", "a2", "silhouette_tolerance"}},
-      {"ramp",
-       {"threshold_sd", "least_difference", "dilation_px", "erosion_px", "fill_holes", "edge_px",
-        "highlights", "delta", "highlight_rise", "highlight_reach_px", "highlight_blur_px", "highlight_gain",
-        "clipped_highlight", "smoothing", "smoothing_reach", "smoothing_iterations", "smoothing_contrast",
-        "smoothing_conductance"}},
-  };
-  const auto found = names.find(method);
-  return found == names.end() ? std::span<const std::string_view>() : found->second;
+std::span<const MethodOption> options_of(std::string_view method) {
+  const auto found = table().find(method);
+  return found == table().end() ? std::span<const MethodOption>() : found->second;
 }
 
-absl::Status check_option(std::string_view method, std::string_view option) {
-  return std::ranges::count(option_names(method), option) > 0 ? absl::OkStatus()
-                                                              : unknown_option(method, option);
+std::string range_of(const MethodOption& option) {
+  if (!option.choices.empty()) {
+    const std::span<const std::string_view> all = option.choices;
+    return fmt::format("{} or {}", fmt::join(all.first(all.size() - 1), ", "), all.back());
+  }
+  if (option.whole && option.high == option.low + 1.0)
+    return fmt::format("{:g} or {:g}", option.low, option.high);
+  return fmt::format("{}{:g} to {:g}", option.whole ? "a whole number, " : "", option.low, option.high);
 }
 
-absl::Status unknown_option(std::string_view method, std::string_view option) {
-  return absl::InvalidArgumentError(fmt::format("option \"{}\" is not known to {}; it has: {}", option,
-                                                method, fmt::join(option_names(method), ", ")));
+std::string description_of(const MethodOption& option) {
+  const std::string with = option.only_with.empty() ? "" : fmt::format("; only with {}", option.only_with);
+  return fmt::format("{} ({}; default: {}{})", option.help, range_of(option), option.usual, with);
+}
+
+absl::StatusOr<OptionValues> OptionValues::read(std::string_view method,
+                                                const std::map<std::string, std::string>& given) {
+  OptionValues read;
+  for (const MethodOption& option : options_of(method)) {
+    std::string usual(option.usual);
+    if (takes(option, usual)) read.values_.emplace(option.name, std::move(usual));
+  }
+  for (const auto& [name, value] : given) {
+    GW_ASSIGN_OR_RETURN(const MethodOption* option, find_option(method, name));
+    if (!takes(*option, value))
+      return absl::InvalidArgumentError(
+          fmt::format("{} is \"{}\"; it must be {}", name, value, range_of(*option)));
+    read.values_.insert_or_assign(name, value);
+  }
+  for (const auto& [name, value] : given) {
+    GW_ASSIGN_OR_RETURN(const MethodOption* option, find_option(method, name));
+    if (option->only_with.empty()) continue;
+    GW_ASSIGN_OR_RETURN(const auto needed, parse_setting(std::string(option->only_with)));
+    if (read.text(needed.first) != needed.second)
+      return absl::InvalidArgumentError(
+          fmt::format("option \"{}\" of {} needs {} with it", name, method, option->only_with));
+  }
+  return read;
+}
+
+double OptionValues::number(std::string_view option) const {
+  return std::strtod(text(option).c_str(), nullptr);
+}
+
+const std::string& OptionValues::text(std::string_view option) const {
+  const auto found = values_.find(option);
+  assert(found != values_.end());
+  return found->second;
 }
 
 absl::StatusOr<std::pair<std::string, std::string>> parse_setting(const std::string& setting) {

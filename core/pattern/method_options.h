@@ -1,5 +1,5 @@
-// The names and versions of the ways to solve, and the names of the options that each has, for those who do
-// not solve: a server refuses others at once. What values they take the solvers know.
+// The names, versions and options of the ways to solve: what servers check requests against, solvers read
+// values from, and command line, console and docs show.
 #pragma once
 
 #include <absl/status/status.h>
@@ -10,6 +10,7 @@
 #include <string>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 namespace glasswing {
 
@@ -17,13 +18,45 @@ namespace glasswing {
 // other numbers of the same frames: tiles of two versions must not meet in one matte.
 const std::map<std::string, int>& method_versions();
 
-// Empty: there is no such method.
-std::span<const std::string_view> option_names(std::string_view method);
+// An option takes a number in [low, high], or one of `choices`.
+struct MethodOption {
+  std::string_view name;
+  std::string_view usual;  // the default: a value, or words where it depends on the frames ("all")
+  std::string_view help;   // one line for people
+  double low = 0.0, high = 0.0;
+  bool whole = false;                               // takes whole numbers only
+  std::vector<std::string_view> choices = {};       // empty: a number
+  std::string_view only_with = std::string_view();  // refused without this setting: "backings=1"
+};
 
-// INVALID_ARGUMENT lists the method's options.
-absl::Status check_option(std::string_view method, std::string_view option);
-// What it says of an option that is none.
-absl::Status unknown_option(std::string_view method, std::string_view option);
+// Empty: there is no such method.
+std::span<const MethodOption> options_of(std::string_view method);
+
+// What the option takes: "a whole number, 1 to 8", "0 or 1", "adaptive, perona-malik or none".
+std::string range_of(const MethodOption& option);
+
+// Its help with range and default: "factor applied to highlights (0 to 100; default: 1)".
+std::string description_of(const MethodOption& option);
+
+// The values of a method's options: those given, else the defaults.
+class OptionValues {
+ public:
+  // INVALID_ARGUMENT names the option that the method does not have, whose value is none, or that needs
+  // another one, and what would be accepted. `method` is one of kMethods.
+  static absl::StatusOr<OptionValues> read(std::string_view method,
+                                           const std::map<std::string, std::string>& given);
+
+  // False: not given, and the default depends on the frames.
+  bool has(std::string_view option) const { return values_.contains(option); }
+  // These need has().
+  double number(std::string_view option) const;
+  int whole(std::string_view option) const { return static_cast<int>(number(option)); }
+  bool is_set(std::string_view option) const { return number(option) != 0.0; }
+  const std::string& text(std::string_view option) const;
+
+ private:
+  std::map<std::string, std::string, std::less<>> values_;
+};
 
 // Splits "NAME=VALUE", the argument of --set. VALUE may be empty and may contain '='. INVALID_ARGUMENT: there
 // is no '=', or NAME is empty.

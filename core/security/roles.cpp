@@ -74,6 +74,7 @@ constexpr MethodAccess kTable[] = {
     {"SessionService/UploadImage", kOperator, kAudited},
     {"SessionService/ListSessions", kPeople},
     {"SessionService/GetSession", kPeople},
+    {"SessionService/ListMethods", kPeople},
     {"SessionService/WatchSession", kPeople},
     {"SessionService/WatchSteps", kPeople},
     {"SessionService/PauseSession", kOperator, kAudited},

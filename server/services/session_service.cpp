@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include "core/pattern/method_options.h"
+#include "core/pattern/plan.h"
 #include "core/security/peer.h"
 #include "core/service/message_limits.h"
 #include "core/service/service.h"
@@ -86,6 +88,26 @@ grpc::Status SessionServiceImpl::ListSessions(grpc::ServerContext*, const v1::Li
   for (const v1::Session& session : *sessions) *response->add_sessions() = session;
   page->cut(*response->mutable_sessions());
   response->set_next_page_token(page->next_token());
+  return grpc::Status::OK;
+}
+
+grpc::Status SessionServiceImpl::ListMethods(grpc::ServerContext*, const v1::ListMethodsRequest*,
+                                             v1::ListMethodsResponse* response) {
+  for (const std::string_view name : kMethods) {
+    v1::SolveMethod& method = *response->add_methods();
+    method.set_name(std::string(name));
+    for (const MethodOption& option : options_of(name)) {
+      v1::SolveOption& told = *method.add_options();
+      told.set_name(std::string(option.name));
+      told.set_usual(std::string(option.usual));
+      told.set_help(std::string(option.help));
+      told.set_low(option.low);
+      told.set_high(option.high);
+      told.set_whole(option.whole);
+      for (const std::string_view choice : option.choices) told.add_choices(std::string(choice));
+      told.set_only_with(std::string(option.only_with));
+    }
+  }
   return grpc::Status::OK;
 }
 

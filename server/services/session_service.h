@@ -27,6 +27,8 @@ class SessionServiceImpl final : public v1::SessionService::Service {
                            v1::UploadImageResponse*) override;
   grpc::Status ListSessions(grpc::ServerContext*, const v1::ListSessionsRequest*,
                             v1::ListSessionsResponse*) override;
+  grpc::Status ListMethods(grpc::ServerContext*, const v1::ListMethodsRequest*,
+                           v1::ListMethodsResponse*) override;
   grpc::Status GetSession(grpc::ServerContext*, const v1::GetSessionRequest*,
                           v1::GetSessionResponse*) override;
   grpc::Status WatchSession(grpc::ServerContext*, const v1::WatchSessionRequest*,

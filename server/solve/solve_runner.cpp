@@ -177,7 +177,8 @@ absl::StatusOr<v1::Session> SolveRunner::solve(const v1::SolveSessionRequest& re
   }
   const std::string method = request.method().empty() ? session.method() : request.method();
   GW_RETURN_IF_ERROR(check_method(method));
-  for (const auto& [option, value] : request.options()) GW_RETURN_IF_ERROR(check_option(method, option));
+  GW_RETURN_IF_ERROR(
+      OptionValues::read(method, {request.options().begin(), request.options().end()}).status());
   GW_RETURN_IF_ERROR(check_allows(session, v1::SESSION_ACTION_SOLVE));
   GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, read_manifest(session, nodes_));
 

@@ -1,7 +1,5 @@
 #include "solver/alpha/alpha_method.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 
@@ -147,26 +145,13 @@ class PreparedAlpha final : public PreparedMethod {
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<Method>> AlphaMethod::create(const MethodOptions& options) {
+  GW_ASSIGN_OR_RETURN(const OptionValues values, OptionValues::read("alpha", options));
   auto method = std::make_unique<AlphaMethod>();
   method->options_ = options;
-  for (const auto& [key, value] : options) {
-    if (key == "backings") {
-      if (value != "1" && value != "2")
-        return absl::InvalidArgumentError(fmt::format("{} is \"{}\"; it must be 1 or 2", key, value));
-      method->backings_ = value == "1" ? 1 : 2;
-    } else if (key == "a1") {
-      GW_ASSIGN_OR_RETURN(method->constants_.a1, number_option(key, value, 0.1, 10.0));
-    } else if (key == "a2") {
-      GW_ASSIGN_OR_RETURN(method->constants_.a2, number_option(key, value, 0.5, 1.5));
-    } else if (key == "silhouette_tolerance") {
-      GW_ASSIGN_OR_RETURN(method->silhouette_tolerance_, number_option(key, value, 0.0, 1.0));
-    } else {
-      return unknown_option("alpha", key);
-    }
-  }
-  if (method->backings_ == 2 && (options.contains("a1") || options.contains("a2")))
-    return absl::InvalidArgumentError(
-        "a1 and a2 are constants of a single backing; set backings=1 with them");
+  method->backings_ = values.whole("backings");
+  method->constants_.a1 = values.number("a1");
+  method->constants_.a2 = values.number("a2");
+  method->silhouette_tolerance_ = values.number("silhouette_tolerance");
   return method;
 }
 

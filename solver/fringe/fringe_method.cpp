@@ -43,20 +43,12 @@ class PreparedFringe final : public PreparedMethod {
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<Method>> FringeMethod::create(const MethodOptions& options) {
+  GW_ASSIGN_OR_RETURN(const OptionValues values, OptionValues::read("fringe", options));
   auto method = std::make_unique<FringeMethod>();
   method->options_ = options;
-  for (const auto& [key, value] : options) {
-    if (key == "modes") {
-      GW_ASSIGN_OR_RETURN(const double modes, number_option(key, value, 1, kMaxFootprints));
-      method->modes_ = static_cast<int>(modes);
-    } else if (key == "tolerance") {
-      GW_ASSIGN_OR_RETURN(method->tolerance_, number_option(key, value, 0.0, 0.5));
-    } else if (key == "silhouette_tolerance") {
-      GW_ASSIGN_OR_RETURN(method->silhouette_tolerance_, number_option(key, value, 0.0, 1.0));
-    } else {
-      return unknown_option("fringe", key);
-    }
-  }
+  method->modes_ = values.whole("modes");
+  method->tolerance_ = values.number("tolerance");
+  method->silhouette_tolerance_ = values.number("silhouette_tolerance");
   return method;
 }
 

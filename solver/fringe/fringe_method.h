@@ -10,10 +10,7 @@ namespace glasswing {
 
 class FringeMethod final : public Method {
  public:
-  // Options: modes (1 to 4, maximum footprints per channel and monitor; default 1; more are tried where a
-  // quarter of the tolerance is exceeded), tolerance (0 to 0.5: how far the response to a wave may be from a
-  // Gaussian footprint's, relative to the light that arrives, before the pixel is flagged; default 0.02),
-  // silhouette_tolerance (as in GaussianMethod).
+  // `options`: core/pattern/method_options.h.
   static absl::StatusOr<std::unique_ptr<Method>> create(const MethodOptions& options);
 
   // Without a noise model in the manifest, noise is estimated from how a pixel's samples differ from
@@ -22,9 +19,9 @@ class FringeMethod final : public Method {
 
  private:
   MethodOptions options_;
-  int modes_ = 1;
-  double tolerance_ = 0.02;
-  double silhouette_tolerance_ = 0.003;
+  int modes_ = 0;
+  double tolerance_ = 0.0;
+  double silhouette_tolerance_ = 0.0;
 };
 
 }  // namespace glasswing

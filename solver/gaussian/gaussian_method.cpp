@@ -99,25 +99,13 @@ class PreparedGaussian final : public PreparedMethod {
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<Method>> GaussianMethod::create(const MethodOptions& options) {
+  GW_ASSIGN_OR_RETURN(const OptionValues values, OptionValues::read("gaussian", options));
   auto method = std::make_unique<GaussianMethod>();
   method->options_ = options;
-  for (const auto& [key, value] : options) {
-    if (key == "modes") {
-      GW_ASSIGN_OR_RETURN(const double modes, number_option(key, value, 1, kMaxModes));
-      method->modes_ = static_cast<int>(modes);
-    } else if (key == "oriented") {
-      if (value != "0" && value != "1")
-        return absl::InvalidArgumentError(fmt::format("oriented is \"{}\"; it must be 0 or 1", value));
-      method->oriented_ = value == "1";
-    } else if (key == "silhouette_tolerance") {
-      GW_ASSIGN_OR_RETURN(method->silhouette_tolerance_, number_option(key, value, 0.0, 1.0));
-    } else if (key == "images") {
-      GW_ASSIGN_OR_RETURN(const double images, number_option(key, value, kMinImages, kMaxImages));
-      method->images_ = static_cast<int>(images);
-    } else {
-      return unknown_option("gaussian", key);
-    }
-  }
+  method->modes_ = values.whole("modes");
+  method->oriented_ = values.is_set("oriented");
+  method->silhouette_tolerance_ = values.number("silhouette_tolerance");
+  if (values.has("images")) method->images_ = values.whole("images");
   return method;
 }
 

@@ -1,7 +1,5 @@
 #include "solver/hierarchical/hierarchical_method.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 
 #include "core/base/status.h"
@@ -42,19 +40,11 @@ class PreparedBoxes final : public PreparedMethod {
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<Method>> HierarchicalMethod::create(const MethodOptions& options) {
+  GW_ASSIGN_OR_RETURN(const OptionValues values, OptionValues::read("hierarchical", options));
   auto method = std::make_unique<HierarchicalMethod>();
   method->options_ = options;
-  for (const auto& [key, value] : options) {
-    if (key == "partial_cover") {
-      if (value != "0" && value != "1")
-        return absl::InvalidArgumentError(fmt::format("{} is \"{}\"; it must be 0 or 1", key, value));
-      method->partial_cover_ = value == "1";
-    } else if (key == "silhouette_tolerance") {
-      GW_ASSIGN_OR_RETURN(method->silhouette_tolerance_, number_option(key, value, 0.0, 1.0));
-    } else {
-      return unknown_option("hierarchical", key);
-    }
-  }
+  method->partial_cover_ = values.is_set("partial_cover");
+  method->silhouette_tolerance_ = values.number("silhouette_tolerance");
   return method;
 }
 

@@ -10,8 +10,7 @@ namespace glasswing {
 
 class HierarchicalMethod final : public Method {
  public:
-  // Options: partial_cover (0 or 1: whether a pixel within the silhouette may show part of what lies straight
-  // behind, alpha < 1; default 1), silhouette_tolerance (as in gaussian: 0 to 1, default 0.003).
+  // `options`: core/pattern/method_options.h.
   static absl::StatusOr<std::unique_ptr<Method>> create(const MethodOptions& options);
 
   // The matte's footprints are boxes. Where the manifest has no noise model, noise is estimated from each
@@ -20,8 +19,8 @@ class HierarchicalMethod final : public Method {
 
  private:
   MethodOptions options_;
-  bool partial_cover_ = true;
-  double silhouette_tolerance_ = 0.003;
+  bool partial_cover_ = false;
+  double silhouette_tolerance_ = 0.0;
 };
 
 }  // namespace glasswing

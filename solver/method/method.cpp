@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <cstdlib>
-
 #include "core/base/status.h"
 #include "solver/method/brightness_drift.h"
 
@@ -43,17 +41,6 @@ absl::Status check_rows(const FrameStack& stack, const v1::CaptureManifest& mani
     }
   }
   return absl::OkStatus();
-}
-
-absl::StatusOr<double> number_option(const std::string& key, const std::string& value, double low,
-                                     double high) {
-  char* end = nullptr;
-  const double number = std::strtod(value.c_str(), &end);
-  if (value.empty() || *end != '\0' || !(number >= low && number <= high)) {
-    return absl::InvalidArgumentError(
-        fmt::format("{} is \"{}\"; it must be {} to {}", key, value, low, high));
-  }
-  return number;
 }
 
 v1::MatteMetadata metadata_of(const v1::CaptureManifest& manifest, const std::string& method,

@@ -62,10 +62,6 @@ absl::Status check_rows(const FrameStack& stack, const v1::CaptureManifest& mani
 
 using MethodOptions = std::map<std::string, std::string>;
 
-// The value of a numeric option. INVALID_ARGUMENT: not a number, or outside [low, high].
-absl::StatusOr<double> number_option(const std::string& key, const std::string& value, double low,
-                                     double high);
-
 // The metadata that all tiles of a matte share.
 v1::MatteMetadata metadata_of(const v1::CaptureManifest& manifest, const std::string& method,
                               const MethodOptions& options);

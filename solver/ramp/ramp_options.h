@@ -41,9 +41,6 @@ struct RampOptions {
   SmoothingOptions smoothing;
 };
 
-// Help text: name, range and default of every option.
-std::string ramp_options_help();
-
 // INVALID_ARGUMENT: an unknown option, or a value out of range.
 absl::StatusOr<RampOptions> parse_ramp_options(const MethodOptions& options);
 

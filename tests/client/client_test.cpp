@@ -44,8 +44,8 @@ TEST(Client, OtherFailuresHaveAnotherExitStatus) {
   for (const std::vector<std::string>& arguments :
        {std::vector<std::string>{"solve", "s", "--set", "modes"}, {"doctor", "--plan", "nowhere.txtpb"}})
     EXPECT_EQ(run_glasswing(arguments).status, kFailure);
-  expect_one_line_error(run_glasswing({"solve", "s", "--set", "modes"}), "it must be KEY=VALUE");
-  expect_one_line_error(run_glasswing({"solve", "s", "--set", "=2"}), "it must be KEY=VALUE");
+  expect_one_line_error(run_glasswing({"solve", "s", "--set", "modes"}), "it must be NAME=VALUE");
+  expect_one_line_error(run_glasswing({"solve", "s", "--set", "=2"}), "it must be NAME=VALUE");
   expect_one_line_error(run_glasswing({"doctor", "--plan", "nowhere.txtpb"}), "nowhere.txtpb");
 }
 

@@ -1,7 +1,5 @@
 #include "solver/ramp/smoother/ramp_smoother.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <array>
 #include <cassert>
@@ -9,8 +7,6 @@
 #include <vector>
 
 #include "core/base/for_rows.h"
-#include "core/base/status.h"
-#include "solver/method/method.h"
 #include "solver/ramp/smoother/ramp_smoother_diffusion.h"
 #include "solver/ramp/smoother/ramp_smoother_motion.h"
 #include "solver/ramp/smoother/ramp_smoother_pilot.h"
@@ -21,22 +17,6 @@ namespace {
 
 // Radii of the last steps, after the pilot's. At half resolution the first ones are smaller.
 constexpr int kRadius_px = 4, kHalfRadius_px = 3;
-
-absl::StatusOr<int> whole_option(const std::string& key, const std::string& value, int low, int high) {
-  GW_ASSIGN_OR_RETURN(const double number, number_option(key, value, low, high));
-  if (number != std::floor(number))
-    return absl::InvalidArgumentError(fmt::format("{} is \"{}\"; it must be a whole number", key, value));
-  return static_cast<int>(number);
-}
-
-// The index of the value in `names`.
-absl::StatusOr<int> named_option(const std::string& key, const std::string& value,
-                                 std::initializer_list<std::string_view> names) {
-  const auto found = std::ranges::find(names, value);
-  if (found != names.end()) return static_cast<int>(found - names.begin());
-  return absl::InvalidArgumentError(
-      fmt::format("{} is \"{}\"; it must be one of: {}", key, value, fmt::join(names, ", ")));
-}
 
 RampFrame copy_of(const RampFrame& frame, int thread_count) {
   constexpr std::array kPlanes{&RampFrame::alpha,     &RampFrame::rho,     &RampFrame::x_px,
@@ -55,36 +35,6 @@ RampFrame copy_of(const RampFrame& frame, int thread_count) {
 }
 
 }  // namespace
-
-std::string_view smoothing_options_help() {
-  return "smoothing            adaptive (default), perona-malik or none\n"
-         "smoothing_reach      0 to 4, default 1: number of frames used before and after\n"
-         "smoothing_iterations 1 to 1000, default 10: perona-malik only\n"
-         "smoothing_contrast   0.001 to 10000, default 4: perona-malik only, monitor px; larger steps of c "
-         "are "
-         "edges\n"
-         "smoothing_conductance exponential (default) or rational: perona-malik only";
-}
-
-absl::StatusOr<bool> parse_smoothing_option(const std::string& key, const std::string& value,
-                                            SmoothingOptions& options) {
-  if (key == "smoothing") {
-    GW_ASSIGN_OR_RETURN(const int which, named_option(key, value, {"none", "perona-malik", "adaptive"}));
-    options.smoothing = static_cast<Smoothing>(which);
-  } else if (key == "smoothing_reach") {
-    GW_ASSIGN_OR_RETURN(options.reach, whole_option(key, value, 0, 4));
-  } else if (key == "smoothing_iterations") {
-    GW_ASSIGN_OR_RETURN(options.iterations, whole_option(key, value, 1, 1000));
-  } else if (key == "smoothing_contrast") {
-    GW_ASSIGN_OR_RETURN(options.contrast_px, number_option(key, value, 0.001, 10000.0));
-  } else if (key == "smoothing_conductance") {
-    GW_ASSIGN_OR_RETURN(const int which, named_option(key, value, {"rational", "exponential"}));
-    options.exponential = which == 1;
-  } else {
-    return false;
-  }
-  return true;
-}
 
 void RampSmoother::prepare(SmoothInput& input, int thread_count) const {
   if (options_.smoothing == Smoothing::kAdaptive && input.pilot == nullptr)

@@ -10,13 +10,9 @@
 // al. 2000, section 4.2.
 #pragma once
 
-#include <absl/status/statusor.h>
-
 #include <cstddef>
 #include <memory>
 #include <span>
-#include <string>
-#include <string_view>
 
 #include "solver/ramp/smoother/ramp_frame.h"
 
@@ -33,13 +29,6 @@ struct SmoothingOptions {
   double contrast_px = 4.0;  // K, monitor px: steps well above it are edges; (0, 10000]
   bool exponential = true;   // g = exp(-(d/K)^2); else 1 / (1 + (d/K)^2)
 };
-
-// Help text: names, ranges and defaults of the options.
-std::string_view smoothing_options_help();
-
-// Parses a method's option. False: not an option of the smoother. INVALID_ARGUMENT: a value out of range.
-absl::StatusOr<bool> parse_smoothing_option(const std::string& key, const std::string& value,
-                                            SmoothingOptions& options);
 
 struct SmoothPilot;
 

@@ -148,6 +148,8 @@ TEST_F(Completion, BashOffersWhatMayFollow) {
   EXPECT_EQ(bash("glasswing import v --archive v"), "views");
   EXPECT_EQ(bash("glasswing completion "), "bash zsh fish");
   EXPECT_EQ(bash("glasswing preview --fps "), "");
+  EXPECT_EQ(bash("glasswing solve v --method fringe --set t"), "tolerance=");
+  EXPECT_EQ(bash("glasswing live --set smoothing=p"), "smoothing=perona-malik");
 }
 
 TEST_F(Completion, BashOffersTheServersSessions) {

@@ -174,15 +174,19 @@ TEST_F(SessionLife, TheFinishedMatteStaysUntilAnotherIs) {
   EXPECT_TRUE(first.matte_ready());
   EXPECT_EQ(marks(), Marks(1.0f, 1.0f));
 
-  // An unknown option is refused before anything changes.
-  v1::SolveSessionRequest unknown;
-  unknown.set_name("s");
-  unknown.set_method("gaussian");
-  (*unknown.mutable_options())["backings"] = "1";
-  const absl::Status refused = server().solves().solve(unknown).status();
-  EXPECT_TRUE(absl::IsInvalidArgument(refused)) << refused;
-  EXPECT_NE(refused.message().find("it has: modes, "), std::string::npos) << refused;
-  EXPECT_EQ(server().sessions().find("s")->SerializeAsString(), first.SerializeAsString());
+  // An unknown option, or a value that it does not take, is refused before anything changes.
+  const auto refused = [&](const std::string& option, const std::string& value) {
+    v1::SolveSessionRequest request;
+    request.set_name("s");
+    request.set_method("gaussian");
+    (*request.mutable_options())[option] = value;
+    const absl::Status status = server().solves().solve(request).status();
+    EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
+    EXPECT_EQ(server().sessions().find("s")->SerializeAsString(), first.SerializeAsString());
+    return std::string(status.message());
+  };
+  EXPECT_NE(refused("backings", "1").find("it has: modes, "), std::string::npos);
+  EXPECT_EQ(refused("modes", "99"), "modes is \"99\"; it must be a whole number, 1 to 8");
 
   // Once cancelled, the session is as before.
   solve("gaussian");

@@ -330,7 +330,7 @@ TEST(Hierarchical, OptionsAreChecked) {
   refused("hierarchical", {{"modes", "2"}}, "it has: partial_cover, silhouette_tolerance");
   refused("alpha", {{"backings", "3"}}, "it must be 1 or 2");
   refused("alpha", {{"backings", "1"}, {"a2", "9"}}, "it must be 0.5 to 1.5");
-  refused("alpha", {{"a1", "1"}}, "set backings=1");
+  refused("alpha", {{"a1", "1"}}, "needs backings=1");
   refused("alpha", {{"a3", "1"}}, "it has: backings, a1, a2");
 }
 

@@ -154,9 +154,47 @@ TEST(RampMethod, OptionsAreChecked) {
   EXPECT_FALSE(parsed->fill_holes);
   EXPECT_EQ(parsed->smoothing.smoothing, Smoothing::kNone);
   EXPECT_EQ(message({{"delta", "2"}}), "delta is \"2\"; it must be 0 to 1");
-  EXPECT_EQ(message({{"edge_px", "1.5"}}), "edge_px is \"1.5\"; it must be a whole number");
+  EXPECT_EQ(message({{"edge_px", "1.5"}}), "edge_px is \"1.5\"; it must be a whole number, 0 to 20");
   EXPECT_NE(message({{"deltas", "1"}}).find("it has: threshold_sd, "), std::string::npos);
   EXPECT_EQ(make_video_method("gaussian", {}).value(), nullptr);
+}
+
+TEST(RampMethod, SmoothingOptionsAreRead) {
+  const SmoothingOptions smoothing = parse_ramp_options({{"smoothing", "perona-malik"},
+                                                         {"smoothing_reach", "3"},
+                                                         {"smoothing_iterations", "25"},
+                                                         {"smoothing_contrast", "2.5"},
+                                                         {"smoothing_conductance", "rational"}})
+                                         .value()
+                                         .smoothing;
+  EXPECT_EQ(smoothing.smoothing, Smoothing::kPeronaMalik);
+  EXPECT_EQ(smoothing.reach, 3);
+  EXPECT_EQ(smoothing.iterations, 25);
+  EXPECT_EQ(smoothing.contrast_px, 2.5);
+  EXPECT_FALSE(smoothing.exponential);
+}
+
+// The defaults that people are told are those that RampOptions has.
+TEST(RampMethod, DefaultsAreThoseOfTheTable) {
+  const RampOptions told = parse_ramp_options({}).value(), own;
+  EXPECT_EQ(told.threshold_sd, own.threshold_sd);
+  EXPECT_EQ(told.min_difference, own.min_difference);
+  EXPECT_EQ(told.dilation_px, own.dilation_px);
+  EXPECT_EQ(told.erosion_px, own.erosion_px);
+  EXPECT_EQ(told.fill_holes, own.fill_holes);
+  EXPECT_EQ(told.edge_px, own.edge_px);
+  EXPECT_EQ(told.highlights, own.highlights);
+  EXPECT_EQ(told.delta, own.delta);
+  EXPECT_EQ(told.highlight_rise, own.highlight_rise);
+  EXPECT_EQ(told.highlight_reach_px, own.highlight_reach_px);
+  EXPECT_EQ(told.highlight_blur_px, own.highlight_blur_px);
+  EXPECT_EQ(told.highlight_gain, own.highlight_gain);
+  EXPECT_EQ(told.clipped_highlight, own.clipped_highlight);
+  EXPECT_EQ(told.smoothing.smoothing, own.smoothing.smoothing);
+  EXPECT_EQ(told.smoothing.reach, own.smoothing.reach);
+  EXPECT_EQ(told.smoothing.iterations, own.smoothing.iterations);
+  EXPECT_EQ(told.smoothing.contrast_px, own.smoothing.contrast_px);
+  EXPECT_EQ(told.smoothing.exponential, own.smoothing.exponential);
 }
 
 }  // namespace

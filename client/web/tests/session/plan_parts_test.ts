@@ -2,7 +2,6 @@ import { inflateSync } from "node:zlib";
 import { describe, expect, it } from "vitest";
 import { missingPhotos, photoName } from "../../src/session/photos";
 import { lightOf, linearPng } from "../../src/session/png16";
-import { parseOptions } from "../../src/session/solve";
 
 describe("photos", () => {
   it("are named by their files' stems unless the plan names them", () => {
@@ -34,19 +33,5 @@ describe("linearPng", () => {
         expect(rows.readUInt16BE(row + 1 + 6 * pixel + 2 * colour)).toBe(Math.round(65535 * lightOf(code)));
       }
     }
-  });
-});
-
-describe("parseOptions", () => {
-  it("reads NAME=VALUE, by spaces or commas", () => {
-    expect(parseOptions(" modes=2, images=100 ")).toEqual({ modes: "2", images: "100" });
-    expect(parseOptions("")).toEqual({});
-  });
-  it("names what is none", () => {
-    expect(() => parseOptions("modes=2 images")).toThrow('"images" is no option');
-  });
-  it("needs a name and leaves the value to the server, as parse_setting does", () => {
-    expect(() => parseOptions("=2")).toThrow('"=2" is no option');
-    expect(parseOptions("modes= label=a=b")).toEqual({ modes: "", label: "a=b" });
   });
 });

@@ -361,27 +361,5 @@ TEST(PeronaMalik, SmoothesNoiseAndKeepsSteps) {
   }
 }
 
-TEST(SmoothingOptions, AreReadAndChecked) {
-  SmoothingOptions options;
-  EXPECT_TRUE(*parse_smoothing_option("smoothing", "perona-malik", options));
-  EXPECT_TRUE(*parse_smoothing_option("smoothing_reach", "3", options));
-  EXPECT_TRUE(*parse_smoothing_option("smoothing_iterations", "25", options));
-  EXPECT_TRUE(*parse_smoothing_option("smoothing_contrast", "2.5", options));
-  EXPECT_TRUE(*parse_smoothing_option("smoothing_conductance", "rational", options));
-  EXPECT_EQ(options.smoothing, Smoothing::kPeronaMalik);
-  EXPECT_EQ(options.reach, 3);
-  EXPECT_EQ(options.iterations, 25);
-  EXPECT_EQ(options.contrast_px, 2.5);
-  EXPECT_FALSE(options.exponential);
-  EXPECT_FALSE(*parse_smoothing_option("delta", "1", options));
-  for (const auto& [key, value] :
-       {std::pair("smoothing", "bilateral"), std::pair("smoothing_reach", "5"),
-        std::pair("smoothing_reach", "0.5"), std::pair("smoothing_contrast", "0")}) {
-    const auto status = parse_smoothing_option(key, value, options).status();
-    EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument) << key;
-    EXPECT_NE(status.message().find(key), std::string::npos);
-  }
-}
-
 }  // namespace
 }  // namespace glasswing
