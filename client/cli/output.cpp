@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iostream>
+#include <map>
 
 #include "client/cli/colour.h"
 #include "core/base/utf8.h"
@@ -19,6 +20,14 @@ std::string video_text(const v1::Session& session) {
   const int lost = session.lost_frames_size();
   return fmt::format("{} frames{}", session.frame_count(),
                      lost > 0 ? fmt::format(", {} of them lost", lost) : "");
+}
+
+// "gaussian", "gaussian (images=100, modes=2)"
+std::string method_text(const v1::Session& session) {
+  std::map<std::string, std::string> sorted(session.options().begin(), session.options().end());
+  std::string options;
+  for (const auto& [name, value] : sorted) options += (options.empty() ? "" : ", ") + name + "=" + value;
+  return session.method() + (options.empty() ? "" : " (" + options + ")");
 }
 
 // Characters of a UTF-8 text: all bytes but continuation bytes.
@@ -130,17 +139,19 @@ std::string summary_of(const v1::Session& session) {
                                 session.retaken_count(), seconds_text(session.capture_seconds()),
                                 session.frames_taken());
     case v1::SESSION_STATE_SOLVING:
+      line += " by " + method_text(session);
       if (is_video(session) && !session.matte_ready())  // otherwise the frames are the previous solve's
         return line +
                fmt::format(": {} of {} frames", session.solved_frames_size(), frames_to_solve(session));
       return line + ": " + tiles_text(session);
     case v1::SESSION_STATE_DONE:
       if (is_video(session))
-        return line + fmt::format(": mattes of {}, solved in {}", video_text(session),
-                                  seconds_text(session.solve_seconds()));
-      return line + fmt::format(": {} of {} pixels show the object ({} flagged), solved in {}",
+        return line + fmt::format(": mattes of {}, solved by {} in {}", video_text(session),
+                                  method_text(session), seconds_text(session.solve_seconds()));
+      return line + fmt::format(": {} of {} pixels show the object ({} flagged), solved by {} in {}",
                                 session.object_pixel_count(), session.pixel_count(),
-                                session.flagged_pixel_count(), seconds_text(session.solve_seconds()));
+                                session.flagged_pixel_count(), method_text(session),
+                                seconds_text(session.solve_seconds()));
     default:
       return line;
   }

@@ -175,12 +175,12 @@ absl::StatusOr<v1::Session> SolveRunner::solve(const v1::SolveSessionRequest& re
         "session \"{}\" measured devices and holds no object; what it found: glasswing calibrate list",
         session.name()));
   }
-  const std::string method = request.method().empty() ? session.method() : request.method();
+  GW_RETURN_IF_ERROR(check_allows(session, v1::SESSION_ACTION_SOLVE));
+  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, read_manifest(session, nodes_));
+  const std::string method = request.method().empty() ? usual_method(manifest) : request.method();
   GW_RETURN_IF_ERROR(check_method(method));
   GW_RETURN_IF_ERROR(
       OptionValues::read(method, {request.options().begin(), request.options().end()}).status());
-  GW_RETURN_IF_ERROR(check_allows(session, v1::SESSION_ACTION_SOLVE));
-  GW_ASSIGN_OR_RETURN(const v1::CaptureManifest manifest, read_manifest(session, nodes_));
 
   SessionStore::Edit edit = stores_.sessions.edit();
   GW_ASSIGN_OR_RETURN(session, edit.find(request.name()));

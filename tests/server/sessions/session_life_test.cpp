@@ -216,6 +216,11 @@ TEST_F(SessionLife, TheFinishedMatteStaysUntilAnotherIs) {
   EXPECT_EQ(session.state(), v1::SESSION_STATE_DONE) << session.reason();
   EXPECT_EQ(session.method(), "hierarchical");
   EXPECT_EQ(marks(), Marks(3.0f, 4.0f));
+
+  // A solve that names no method is by the plan's, whatever the last one used.
+  session = solve("");
+  EXPECT_EQ(session.method(), "alpha");
+  EXPECT_TRUE(session.options().empty());
 }
 
 // Free space as the camera node reports it: none once so many frames of a session are there.
