@@ -115,6 +115,11 @@ std::string state_name(v1::SessionState state) {
   }
 }
 
+std::string unsolved_text(const v1::Session& session) {
+  return session.unsolved_pixel_count() == 0 ? ""
+                                             : fmt::format(", {} not solved", session.unsolved_pixel_count());
+}
+
 bool allows(const v1::Session& session, v1::SessionAction action) {
   return std::ranges::find(session.allowed_actions(), action) != session.allowed_actions().end();
 }
@@ -148,9 +153,9 @@ std::string summary_of(const v1::Session& session) {
       if (is_video(session))
         return line + fmt::format(": mattes of {}, solved by {} in {}", video_text(session),
                                   method_text(session), seconds_text(session.solve_seconds()));
-      return line + fmt::format(": {} of {} pixels show the object ({} flagged), solved by {} in {}",
+      return line + fmt::format(": {} of {} pixels show the object ({} flagged){}, solved by {} in {}",
                                 session.object_pixel_count(), session.pixel_count(),
-                                session.flagged_pixel_count(), method_text(session),
+                                session.flagged_pixel_count(), unsolved_text(session), method_text(session),
                                 seconds_text(session.solve_seconds()));
     default:
       return line;

@@ -31,6 +31,9 @@ std::string state_name(v1::SessionState state);
 // True if the server would accept this call now.
 bool allows(const v1::Session& session, v1::SessionAction action);
 
+// ", 189 not solved"; empty: none.
+std::string unsolved_text(const v1::Session& session);
+
 // Progress of the solve: "3 of 40 tiles".
 std::string tiles_text(const v1::Session& session);
 

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <iostream>
+#include <nlohmann/json.hpp>
 
 #include "client/cli/progress.h"
 #include "client/pictures/commands.h"
@@ -20,6 +22,27 @@
 namespace glasswing {
 namespace {
 
+// Says how many pixels are not solved, and what became of them.
+void print_composite(const Client& client, const CompositeArguments& arguments, const RadianceImage& picture,
+                     std::int64_t unsolved) {
+  if (client.json) {
+    const nlohmann::ordered_json written = {{"file", arguments.output},
+                                            {"width_px", picture.width_px},
+                                            {"height_px", picture.height_px},
+                                            {"unsolved_pixels", unsolved},
+                                            {"filled", arguments.fill}};
+    std::cout << written.dump(1) << "\n";
+    return;
+  }
+  std::cout << fmt::format("{}: {}x{}", arguments.output, picture.width_px, picture.height_px);
+  if (unsolved > 0) {
+    std::cout << fmt::format("; {} pixels are not solved: {}", unsolved,
+                             arguments.fill ? "filled from their neighbours"
+                                            : "they are black, or filled from their neighbours with --fill");
+  }
+  std::cout << "\n";
+}
+
 absl::Status composite_still(const Client& client, const CompositeArguments& arguments) {
   GW_RETURN_IF_ERROR(check_output(arguments.output, arguments.bits));
   if (!arguments.error.empty() && !arguments.error.ends_with(".exr")) {
@@ -28,6 +51,7 @@ absl::Status composite_still(const Client& client, const CompositeArguments& arg
                     arguments.error));
   }
   absl::StatusOr<RadianceImage> picture, error;
+  std::int64_t unsolved = 0;
   {
     Progress progress("compositing");
     const auto report = [&progress](double fraction) { progress.update(fraction); };
@@ -37,6 +61,7 @@ absl::Status composite_still(const Client& client, const CompositeArguments& arg
                         Backgrounds::open(arguments.backgrounds, object.metadata(), arguments.encoding()));
     GW_ASSIGN_OR_RETURN(const std::vector<RadianceImage>* const behind, backgrounds.next());
     picture = object.composite(*behind, report);
+    unsolved = object.unsolved_count();
     if (picture.ok() && !arguments.error.empty()) {
       Progress errors("errors");
       error = object.error(*behind, [&errors](double fraction) { errors.update(fraction); });
@@ -49,7 +74,7 @@ absl::Status composite_still(const Client& client, const CompositeArguments& arg
     GW_ASSIGN_OR_RETURN(const std::string bytes, encode_composite_error(*error));
     GW_RETURN_IF_ERROR(write_file_durably(arguments.error, bytes));
   }
-  print_written(client, arguments.output, picture->width_px, picture->height_px);
+  print_composite(client, arguments, *picture, unsolved);
   return absl::OkStatus();
 }
 
@@ -113,6 +138,9 @@ void add_composite_options(CLI::App& command, CompositeArguments& arguments) {
       "also write this .exr: each sample's standard error from the frames' noise, NaN where it "
       "is not known");
   command.add_option("--crop", arguments.crop, kCropHelp);
+  command.add_flag("--fill", arguments.fill,
+                   "fill pixels that are not solved, such as those that saw the id patch, from their "
+                   "neighbours");
   command.add_flag("--exact", arguments.exact,
                    "integrate every footprint, slowly; the default is within 0.002 rms of that");
   command.add_flag("--linear", arguments.linear,

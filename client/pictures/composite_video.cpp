@@ -14,6 +14,7 @@
 #include "core/base/status.h"
 #include "core/footprint/composite_error.h"
 #include "core/matte/compositor.h"
+#include "core/matte/fill_unsolved.h"
 #include "core/matte/matte_file.h"
 
 namespace glasswing {
@@ -157,7 +158,7 @@ absl::StatusOr<ObjectInFront> ObjectInFront::create(const fs::path& file, const 
       for (float& light : matte.foreground(x, y)) light *= arguments.foreground_gain;
     }
   }
-  ObjectInFront object(std::move(matte), arguments.crop);
+  ObjectInFront object(std::move(matte), arguments);
   if (!arguments.exact) {
     GW_ASSIGN_OR_RETURN(FastCompositor fast, FastCompositor::create(object.matte_, 0, progress));
     object.fast_.emplace(std::move(fast));
@@ -167,9 +168,9 @@ absl::StatusOr<ObjectInFront> ObjectInFront::create(const fs::path& file, const 
 
 absl::StatusOr<RadianceImage> ObjectInFront::composite(const std::vector<RadianceImage>& backgrounds,
                                                        const std::function<void(double)>& progress) const {
-  GW_ASSIGN_OR_RETURN(
-      const RadianceImage whole,
-      fast_ ? fast_->composite(backgrounds) : glasswing::composite(matte_, backgrounds, 0, progress));
+  GW_ASSIGN_OR_RETURN(RadianceImage whole, fast_ ? fast_->composite(backgrounds)
+                                                 : glasswing::composite(matte_, backgrounds, 0, progress));
+  if (fill_) fill_unsolved(matte_, whole);
   return cropped(whole, crop_);
 }
 
@@ -193,10 +194,13 @@ absl::Status composite_video(const Client& client, const CompositeArguments& arg
   GW_ASSIGN_OR_RETURN(const int count, fs::is_directory(arguments.matte) ? composite_mattes(arguments)
                                                                          : composite_one_matte(arguments));
   if (client.json) {
-    const nlohmann::ordered_json written = {{"output", arguments.output}, {"frames", count}};
+    const nlohmann::ordered_json written = {
+        {"output", arguments.output}, {"frames", count}, {"filled", arguments.fill}};
     std::cout << written.dump(1) << "\n";
   } else {
-    std::cout << fmt::format("{}: {} frames\n", arguments.output, count);
+    std::cout << fmt::format(
+        "{}: {} frames{}\n", arguments.output, count,
+        arguments.fill ? ", pixels that are not solved filled from their neighbours" : "");
   }
   return absl::OkStatus();
 }

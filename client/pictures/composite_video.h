@@ -31,6 +31,7 @@ struct CompositeArguments {
   std::string crop;
   std::string error;  // a picture of the composite's standard error; empty: none
   bool linear = false, exact = false;
+  bool fill = false;  // pixels that are not solved, from their neighbours
 
   Encoding encoding() const { return linear ? Encoding::kLinear : Encoding::kDisplay; }
 };
@@ -43,6 +44,7 @@ class ObjectInFront {
                                               const std::function<void(double)>& progress = nullptr);
 
   const v1::MatteMetadata& metadata() const { return matte_.metadata; }
+  std::int64_t unsolved_count() const { return count_pixels(matte_).unsolved; }
   absl::StatusOr<RadianceImage> composite(const std::vector<RadianceImage>& backgrounds,
                                           const std::function<void(double)>& progress = nullptr) const;
   // The standard error that the frames' noise leaves in that (core/footprint/composite_error.h).
@@ -50,10 +52,12 @@ class ObjectInFront {
                                       const std::function<void(double)>& progress = nullptr) const;
 
  private:
-  explicit ObjectInFront(Matte matte, std::string crop) : matte_(std::move(matte)), crop_(std::move(crop)) {}
+  ObjectInFront(Matte matte, const CompositeArguments& arguments)
+      : matte_(std::move(matte)), crop_(arguments.crop), fill_(arguments.fill) {}
 
   Matte matte_;
   std::string crop_;
+  bool fill_;
   std::optional<FastCompositor> fast_;  // nullopt: exact
 };
 

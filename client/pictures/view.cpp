@@ -29,11 +29,12 @@ std::vector<std::string> lines_of(const Matte& matte) {
   for (const auto& [name, value] :
        std::map<std::string, std::string>(metadata.options().begin(), metadata.options().end()))
     options += fmt::format(", {} {}", name, value);
-  const ObjectCount object = count_object(matte);
-  std::vector<std::string> lines = {fmt::format("{}x{} px, {} of them object. Method {}{}. Monitor{}: {}. {}",
-                                                matte.width_px(), matte.height_px(), object.all,
-                                                metadata.method(), options, monitors.size() == 1 ? "" : "s",
-                                                fmt::join(monitors, ", "), metadata.created())};
+  const PixelCount pixels = count_pixels(matte);
+  const std::string unsolved = pixels.unsolved == 0 ? "" : fmt::format(", {} not solved", pixels.unsolved);
+  std::vector<std::string> lines = {
+      fmt::format("{}x{} px, {} of them object{}. Method {}{}. Monitor{}: {}. {}", matte.width_px(),
+                  matte.height_px(), pixels.object, unsolved, metadata.method(), options,
+                  monitors.size() == 1 ? "" : "s", fmt::join(monitors, ", "), metadata.created())};
   for (const std::string& warning : metadata.warnings()) lines.push_back("Warning: " + warning);
   return lines;
 }

@@ -67,9 +67,10 @@ void print_details(const v1::Session& session) {
                     tile.first(), tile.first() + tile.count() - 1, tile.error()));
   if (session.matte_ready() && session.state() != v1::SESSION_STATE_DONE)
     row("matte", "the matte of the previous solve can be fetched");
-  row("pixels", fmt::format("{}{}, {} show the object{}, {} of them flagged", session.pixel_count(),
+  row("pixels", fmt::format("{}{}, {} show the object{}, {} of them flagged{}", session.pixel_count(),
                             is_video(session) ? " a frame" : "", session.object_pixel_count(),
-                            is_video(session) ? " in all frames" : "", session.flagged_pixel_count()));
+                            is_video(session) ? " in all frames" : "", session.flagged_pixel_count(),
+                            unsolved_text(session)));
 }
 
 absl::Status show(const Client& client, const std::string& name) {

@@ -32,12 +32,13 @@ void Matte::put(const Matte& tile) {
   }
 }
 
-ObjectCount count_object(const Matte& matte) {
-  ObjectCount count;
+PixelCount count_pixels(const Matte& matte) {
+  PixelCount count;
   for (int y = 0; y < matte.height_px(); ++y) {
     for (int x = 0; x < matte.width_px(); ++x) {
+      if ((matte.flags(x, y) & kFlagNoData) != 0) ++count.unsolved;
       if (matte.coverage(x, y) <= 0.0f) continue;
-      ++count.all;
+      ++count.object;
       if (matte.flags(x, y) != kFlagNone) ++count.flagged;
     }
   }

@@ -108,10 +108,11 @@ class Matte {
   std::vector<Mode> modes_;
 };
 
-// The number of pixels that show the object, and of those that are flagged.
-struct ObjectCount {
-  std::int64_t all = 0, flagged = 0;
+// The number of pixels that show the object, of those that are flagged, and of all pixels that are not
+// solved.
+struct PixelCount {
+  std::int64_t object = 0, flagged = 0, unsolved = 0;
 };
-ObjectCount count_object(const Matte& matte);
+PixelCount count_pixels(const Matte& matte);
 
 }  // namespace glasswing

@@ -17,7 +17,7 @@ namespace glasswing {
 namespace {
 
 constexpr float kMaxWeight = 1.05f;
-constexpr std::array<const char*, kChannels> kColours{"R", "G", "B"};
+constexpr std::array<const char*, kChannels> kColourNames{"R", "G", "B"};
 
 // One part whose channels, by name, are as large as the matte.
 absl::StatusOr<std::string> encode_planes(const std::map<std::string, std::vector<float>>& planes,
@@ -120,7 +120,7 @@ absl::StatusOr<std::string> encode_stmap(const Matte& matte, int texture, int ch
     return std::sqrt(std::max(0.5f * (mode.xx_px2 + mode.yy_px2), 0.0f));
   });
   for (int c = 0; c < kChannels; ++c) {
-    fill(fmt::format("weight.{}", kColours[static_cast<size_t>(c)]), [&](int x, int y) {
+    fill(fmt::format("weight.{}", kColourNames[static_cast<size_t>(c)]), [&](int x, int y) {
       const Mode* mode = mode_at(x, y, c);
       return mode != nullptr ? mode->weight : 0.0f;
     });
@@ -129,7 +129,7 @@ absl::StatusOr<std::string> encode_stmap(const Matte& matte, int texture, int ch
       "R = x / {}, G = 1 - y / {}: where channel {} of session {} looks on monitor {}, from its "
       "bottom left corner; B = A = 1 where it does. weight: of the path. blur: its sigma, "
       "monitor px.",
-      monitor.width_px(), monitor.height_px(), kColours[static_cast<size_t>(channel)], metadata.session(),
+      monitor.width_px(), monitor.height_px(), kColourNames[static_cast<size_t>(channel)], metadata.session(),
       monitor.name());
   return encode_planes(planes, conventions, matte);
 }

@@ -57,7 +57,7 @@ struct Lease {
 
 struct TileResult {
   std::string result;  // not empty; the file's name of a tile of rows
-  std::int64_t object_pixels = 0, flagged_pixels = 0;
+  std::int64_t object_pixels = 0, flagged_pixels = 0, unsolved_pixels = 0;
   double seconds = 0.0;
 };
 
@@ -74,7 +74,7 @@ struct TileState {
 
 struct JobCounts {
   int tiles = 0, done = 0, quarantined = 0, leased = 0, failures = 0;
-  std::int64_t object_pixels = 0, flagged_pixels = 0;  // of those done
+  std::int64_t object_pixels = 0, flagged_pixels = 0, unsolved_pixels = 0;  // of those done
 
   bool rests() const { return done + quarantined == tiles; }  // no tile can be claimed or is awaited
 };

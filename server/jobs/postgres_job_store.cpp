@@ -13,7 +13,7 @@ namespace {
 
 constexpr int kMaxConnections = 8;
 constexpr int kTries = 5;
-constexpr std::int64_t kPostgresSchemaVersion = 1;
+constexpr std::int64_t kPostgresSchemaVersion = 2;
 // An arbitrary number, the same for all servers: of several that start at once, one creates the tables.
 constexpr std::int64_t kSchemaLock = 0x676c617373;
 
@@ -46,6 +46,7 @@ std::string postgres_schema() {
       "done_attempt int NOT NULL DEFAULT 0, done_at bigint NOT NULL DEFAULT 0, "
       "result bytea NOT NULL DEFAULT '', object_pixels bigint NOT NULL DEFAULT 0, "
       "flagged_pixels bigint NOT NULL DEFAULT 0, seconds double precision NOT NULL DEFAULT 0, "
+      "unsolved_pixels bigint NOT NULL DEFAULT 0, "
       "PRIMARY KEY (job, number)) WITH (fillfactor = 70); "
       "CREATE INDEX tiles_open ON tiles (job, failures, number) WHERE {}; "
       "CREATE INDEX tiles_done ON tiles (job, done_at) WHERE {}; "
@@ -81,6 +82,14 @@ absl::Status PostgresJobStore::prepare(PostgresConnection& to) {
     if (made.empty()) {
       GW_RETURN_IF_ERROR(connection.run("CREATE SCHEMA glasswing", {}).status());
       GW_RETURN_IF_ERROR(connection.run(postgres_schema(), {}).status());
+    }
+    GW_ASSIGN_OR_RETURN(
+        const SqlRows earlier,
+        connection.run("UPDATE version SET number = 2 WHERE number = 1 RETURNING number", {}));
+    if (!earlier.empty()) {
+      GW_RETURN_IF_ERROR(
+          connection.run("ALTER TABLE tiles ADD COLUMN unsolved_pixels bigint NOT NULL DEFAULT 0", {})
+              .status());
     }
     GW_ASSIGN_OR_RETURN(const SqlRows version, connection.run("SELECT max(number) FROM version", {}));
     if (version.integer(0, 0) != kPostgresSchemaVersion) {

@@ -143,9 +143,10 @@ absl::Status SqlJobStore::change_job(std::int64_t job, const std::string& sql) {
 absl::Status SqlJobStore::requeue(std::int64_t job, int tile) {
   GW_RETURN_IF_ERROR(statements([&](SqlConnection& connection) {
     return connection
-        .run(fmt::format("UPDATE tiles SET done_attempt = 0, done_at = 0, result = '', object_pixels = 0, "
-                         "flagged_pixels = 0, seconds = 0, {} WHERE job = ?1 AND number = ?2",
-                         kNoLease),
+        .run(fmt::format(
+                 "UPDATE tiles SET done_attempt = 0, done_at = 0, result = '', object_pixels = 0, "
+                 "flagged_pixels = 0, unsolved_pixels = 0, seconds = 0, {} WHERE job = ?1 AND number = ?2",
+                 kNoLease),
              {job, std::int64_t{tile}})
         .status();
   }));
@@ -220,11 +221,11 @@ absl::Status SqlJobStore::complete(const TileAttempt& lease, const TileResult& r
         const SqlRows done,
         connection.run(
             fmt::format("UPDATE tiles SET done_attempt = ?3, done_at = :now, result = ?4, "
-                        "object_pixels = ?5, flagged_pixels = ?6, seconds = ?7, {} "
+                        "object_pixels = ?5, flagged_pixels = ?6, seconds = ?7, unsolved_pixels = ?8, {} "
                         "WHERE {} RETURNING number",
                         kNoLease, kAttempt),
             {lease.job, std::int64_t{lease.tile}, std::int64_t{lease.attempt}, SqlBytes{result.result},
-             result.object_pixels, result.flagged_pixels, result.seconds}));
+             result.object_pixels, result.flagged_pixels, result.seconds, result.unsolved_pixels}));
     if (!done.empty()) return absl::OkStatus();
     GW_ASSIGN_OR_RETURN(
         const SqlRows before,

@@ -12,7 +12,7 @@ namespace {
 
 constexpr char kTile[] =
     "SELECT number, first, count, failures, quarantined, error, result, object_pixels, flagged_pixels, "
-    "seconds "
+    "seconds, unsolved_pixels "
     "FROM tiles WHERE job = ?1 ";
 
 TileState tile_of(const SqlRows& rows, size_t row) {
@@ -25,13 +25,15 @@ TileState tile_of(const SqlRows& rows, size_t row) {
           .done = {.result = rows.text(row, 6),
                    .object_pixels = rows.integer(row, 7),
                    .flagged_pixels = rows.integer(row, 8),
+                   .unsolved_pixels = rows.integer(row, 10),
                    .seconds = rows.real(row, 9)}};
 }
 
 constexpr char kCounts[] =
     "count(*), count(CASE WHEN done_attempt > 0 THEN 1 END), coalesce(sum(quarantined), 0), "
     "count(CASE WHEN lease_until > :now OR twin_until > :now THEN 1 END), coalesce(sum(failures), 0), "
-    "coalesce(sum(object_pixels), 0), coalesce(sum(flagged_pixels), 0)";
+    "coalesce(sum(object_pixels), 0), coalesce(sum(flagged_pixels), 0), "
+    "coalesce(sum(unsolved_pixels), 0)";
 
 JobCounts counts_of(const SqlRows& rows, size_t row, size_t column) {
   const auto count = [&](size_t i) { return static_cast<int>(rows.integer(row, column + i)); };
@@ -41,7 +43,8 @@ JobCounts counts_of(const SqlRows& rows, size_t row, size_t column) {
           .leased = count(3),
           .failures = count(4),
           .object_pixels = rows.integer(row, column + 5),
-          .flagged_pixels = rows.integer(row, column + 6)};
+          .flagged_pixels = rows.integer(row, column + 6),
+          .unsolved_pixels = rows.integer(row, column + 7)};
 }
 
 // Selects the first or the second lease of each tile that has one.

@@ -12,7 +12,7 @@
 namespace glasswing {
 namespace {
 
-constexpr std::int64_t kSqliteSchemaVersion = 1;
+constexpr std::int64_t kSqliteSchemaVersion = 2;
 
 std::string sqlite_schema() {
   return fmt::format(
@@ -36,7 +36,8 @@ std::string sqlite_schema() {
       "done_attempt INTEGER NOT NULL DEFAULT 0, done_at INTEGER NOT NULL DEFAULT 0, result BLOB NOT NULL "
       "DEFAULT '', "
       "object_pixels INTEGER NOT NULL DEFAULT 0, flagged_pixels INTEGER NOT NULL DEFAULT 0, "
-      "seconds REAL NOT NULL DEFAULT 0, PRIMARY KEY (job, number)) WITHOUT ROWID; "
+      "seconds REAL NOT NULL DEFAULT 0, unsolved_pixels INTEGER NOT NULL DEFAULT 0, PRIMARY KEY (job, "
+      "number)) WITHOUT ROWID; "
       "CREATE INDEX tiles_open ON tiles (job, failures, number) WHERE {}; "
       "CREATE INDEX tiles_done ON tiles (job, done_at) WHERE {}; "
       "CREATE INDEX tiles_leased ON tiles (job, number) WHERE {}; "
@@ -76,6 +77,15 @@ absl::StatusOr<SqlRows> run_in(Database& database, const std::string& sql, const
   return rows;
 }
 
+// Gives tables of an earlier version what they lack.
+absl::Status upgrade(Database& writer) {
+  GW_ASSIGN_OR_RETURN(const SqlRows version, run_in(writer, "PRAGMA user_version", {}));
+  if (version.integer(0, 0) != 1) return absl::OkStatus();
+  return writer.run(
+      "ALTER TABLE tiles ADD COLUMN unsolved_pixels INTEGER NOT NULL DEFAULT 0; "
+      "PRAGMA user_version = 2");
+}
+
 class Writer : public SqlConnection {
  public:
   explicit Writer(Database& database) : database_(database) {}
@@ -104,10 +114,12 @@ absl::StatusOr<std::unique_ptr<SqliteJobStore>> SqliteJobStore::open_unclaimed(
     const std::filesystem::path& path) {
   GW_ASSIGN_OR_RETURN(Database writer, Database::open(path));
   GW_ASSIGN_OR_RETURN(Database reader, Database::open(path));
+  GW_RETURN_IF_ERROR(upgrade(writer));
   return std::unique_ptr<SqliteJobStore>(new SqliteJobStore(std::move(writer), std::move(reader), {}));
 }
 
 absl::Status SqliteJobStore::prepare() {
+  GW_RETURN_IF_ERROR(upgrade(writer_));
   GW_ASSIGN_OR_RETURN(const SqlRows version, run_in(writer_, "PRAGMA user_version", {}));
   if (version.integer(0, 0) > kSqliteSchemaVersion) {
     return absl::FailedPreconditionError(fmt::format(

@@ -27,6 +27,7 @@ void count_tiles(const JobCounts& counts, v1::Session& session) {
   session.set_tiles_done(counts.done);
   session.set_object_pixel_count(counts.object_pixels);
   session.set_flagged_pixel_count(counts.flagged_pixels);
+  session.set_unsolved_pixel_count(counts.unsolved_pixels);
 }
 
 std::string computes(const std::string& method) {

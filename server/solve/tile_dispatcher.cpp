@@ -218,6 +218,7 @@ absl::Status TileDispatcher::done(const v1::CompleteTileRequest& header, const T
       stores_.jobs.complete(attempt, {.result = result,
                                       .object_pixels = header.object_pixel_count(),
                                       .flagged_pixels = header.flagged_pixel_count(),
+                                      .unsolved_pixels = header.unsolved_pixel_count(),
                                       .seconds = header.seconds()});
   // The tile may be done all the same, and the solver may not live to ask again.
   if (absl::IsUnavailable(completed)) progress_.look_later(lease.session());

@@ -29,9 +29,10 @@ std::vector<std::string> addresses_of(const v1::ClaimTileResponse& tile) {
 }
 
 void count(const Matte& matte, SolvedTile& solved) {
-  const ObjectCount pixels = count_object(matte);
-  solved.object_pixel_count += pixels.all;
-  solved.flagged_pixel_count += pixels.flagged;
+  const PixelCount pixels = count_pixels(matte);
+  solved.pixels.object += pixels.object;
+  solved.pixels.flagged += pixels.flagged;
+  solved.pixels.unsolved += pixels.unsolved;
 }
 
 absl::StatusOr<SolvedTile> solve_frames(const v1::ClaimTileResponse& tile, const SolveSource& source,

@@ -24,7 +24,7 @@ struct SolvedFile {
   std::string bytes;
 };
 struct SolvedTile {
-  std::int64_t object_pixel_count = 0, flagged_pixel_count = 0;
+  PixelCount pixels;
   std::vector<SolvedFile> files;
   std::vector<v1::RefusedFrame> refused;
 };

@@ -230,8 +230,9 @@ void WorkLoop::deliver(std::unique_ptr<OwnTile> tile, SolvedTile solved) {
     *first.mutable_lease() = tile->claim.lease();
     first.set_solver(options_.name);
     first.set_seconds(tile->age());
-    first.set_object_pixel_count(solved.object_pixel_count);
-    first.set_flagged_pixel_count(solved.flagged_pixel_count);
+    first.set_object_pixel_count(solved.pixels.object);
+    first.set_flagged_pixel_count(solved.pixels.flagged);
+    first.set_unsolved_pixel_count(solved.pixels.unsolved);
     for (const v1::RefusedFrame& refused : solved.refused) *first.add_refused() = refused;
     if (tile->claim.frame_count() == 0) first.set_checksum(checksum_of(solved.files.front().bytes));
     set_deadline(context, std::chrono::minutes(1) + solved.files.size() * seconds(10));

@@ -271,6 +271,29 @@ TEST_F(CompositeCommand, BitsAreThoseOfTheFile) {
   expect_one_line_error(run("out32.png", "32"), "PNG and TIFF have 8 or 16");
 }
 
+TEST_F(CompositeCommand, UnsolvedPixelsAreToldAndFilledWhereAskedFor) {
+  Matte matte = window(0.125f);
+  matte.flags(5, 4) = kFlagNoData;
+  for (int c = 0; c < kChannels; ++c) {
+    matte.foreground(5, 4)[static_cast<size_t>(c)] = 0.0f;
+    matte.modes(5, 4, c)[0] = Mode{};
+  }
+  ASSERT_TRUE(write_file_durably(path("hole.exr"), encode_matte(matte).value()).ok());
+  const auto run = [&](std::vector<std::string> more) {
+    more.insert(more.begin(), {"composite", path("hole.exr"), "--background", background_, "-o",
+                               path("out.exr"), "--exact"});
+    return run_glasswing(more);
+  };
+  const auto middle = [&] { return read_radiance(path("out.exr"), Encoding::kLinear)->at(5, 4, 1); };
+  EXPECT_NE(run({}).out.find("1 pixels are not solved: they are black"), std::string::npos);
+  EXPECT_EQ(middle(), 0.0f);
+  const nlohmann::json written = nlohmann::json::parse(run({"--fill", "--json"}).out);
+  EXPECT_EQ(written["unsolved_pixels"], 1);
+  EXPECT_EQ(written["filled"], true);
+  // The background is a plane, and so is what the object does to it.
+  EXPECT_NEAR(middle(), 0.125f + 0.5f * gradient().at(5, 4, 1), kExrRounding);
+}
+
 // A picture twice as wide and half as high as the monitor: columns are means of two.
 TEST_F(CompositeCommand, EachAxisIsScaledAsItNeeds) {
   RadianceImage stripes(2 * kWidth, kHeight / 2);

@@ -11,7 +11,7 @@ namespace glasswing {
 
 // A result that took `seconds`.
 inline TileResult result(const std::string& name, double seconds = 1.0) {
-  return {.result = name, .object_pixels = 10, .flagged_pixels = 3, .seconds = seconds};
+  return {.result = name, .object_pixels = 10, .flagged_pixels = 3, .unsolved_pixels = 2, .seconds = seconds};
 }
 
 // Ranges of 4 rows each.

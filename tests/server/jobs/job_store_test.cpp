@@ -150,6 +150,7 @@ TEST_P(JobContract, CountsTellWhatRests) {
   EXPECT_EQ(counts.failures, 1);
   EXPECT_EQ(counts.object_pixels, 10);
   EXPECT_EQ(counts.flagged_pixels, 3);
+  EXPECT_EQ(counts.unsolved_pixels, 2);
   EXPECT_FALSE(counts.rests());
 
   const std::vector<LeaseState> leases = store_->leases().value();

@@ -125,10 +125,20 @@ TEST_F(SharedJobs, ManyServersHandOutEachTileOnce) {
 
 TEST_F(SharedJobs, NewerTablesAreRefused) {
   open("a");
-  postgres_->run("UPDATE glasswing.version SET number = 2");
+  postgres_->run("UPDATE glasswing.version SET number = 3");
   const absl::Status refused = refusal(postgres_->connection());
   EXPECT_TRUE(absl::IsFailedPrecondition(refused)) << refused;
-  EXPECT_NE(refused.message().find("version 2"), std::string::npos) << refused;
+  EXPECT_NE(refused.message().find("version 3"), std::string::npos) << refused;
+}
+
+TEST_F(SharedJobs, TablesOfTheVersionBeforeAreUpgraded) {
+  open("a");
+  postgres_->run(
+      "ALTER TABLE glasswing.tiles DROP COLUMN unsolved_pixels; UPDATE glasswing.version SET number = 1");
+  const auto after = open("b");
+  const std::int64_t job = create(*after, 1);
+  ASSERT_TRUE(after->complete(claim(*after, "x")->id, result("tile")).ok());
+  EXPECT_EQ(after->counts(job)->unsolved_pixels, 2);
 }
 
 TEST_F(SharedJobs, ItsPasswordIsNotTold) {

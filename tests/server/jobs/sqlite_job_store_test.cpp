@@ -54,12 +54,24 @@ TEST_F(JobsFile, AnotherBootEndsLeases) {
   EXPECT_EQ(open().value()->claim("b", computes, false)->value().id.job, job);
 }
 
+TEST_F(JobsFile, JobsOfTheVersionBeforeGoOn) {
+  const std::int64_t job =
+      open().value()->create({.session = "s", .computes = "c", .work = ""}, ranges(1)).value();
+  run("ALTER TABLE tiles DROP COLUMN unsolved_pixels; PRAGMA user_version = 1");
+  EXPECT_EQ(SqliteJobStore::open_unclaimed(path_).value()->counts(job)->tiles, 1);
+  run("ALTER TABLE tiles DROP COLUMN unsolved_pixels; PRAGMA user_version = 1");
+  const auto after = open().value();
+  const std::vector<std::string> computes{"c"};
+  ASSERT_TRUE(after->complete(after->claim("a", computes, false)->value().id, result("tile")).ok());
+  EXPECT_EQ(after->counts(job)->unsolved_pixels, 2);
+}
+
 TEST_F(JobsFile, ANewerVersionIsRefused) {
   ASSERT_TRUE(open().ok());
-  run("PRAGMA user_version = 2");
+  run("PRAGMA user_version = 3");
   const absl::Status refused = open().status();
   EXPECT_TRUE(absl::IsFailedPrecondition(refused)) << refused;
-  EXPECT_NE(refused.message().find("version 2"), std::string::npos) << refused;
+  EXPECT_NE(refused.message().find("version 3"), std::string::npos) << refused;
 }
 
 }  // namespace

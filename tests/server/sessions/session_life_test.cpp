@@ -5,6 +5,7 @@
 
 #include <atomic>
 #include <limits>
+#include <set>
 
 #include "core/base/file.h"
 #include "core/base/time.h"

@@ -61,7 +61,8 @@ function factsOf(session: SessionJson, timeline: Timeline | undefined, archive: 
   const limit = stepLimit(session.plan, archive.manifest?.monitors ?? []);
   const left = isCapturing(session) ? secondsLeft(stepCount - provenCount, perSecond ?? limit) : undefined;
   const pixels = Number(session.objectPixelCount ?? 0),
-    flagged = Number(session.flaggedPixelCount ?? 0);
+    flagged = Number(session.flaggedPixelCount ?? 0),
+    unsolved = Number(session.unsolvedPixelCount ?? 0);
   const facts: (Fact | false | undefined)[] = [
     {
       name: "Proven",
@@ -84,7 +85,9 @@ function factsOf(session: SessionJson, timeline: Timeline | undefined, archive: 
     pixels > 0 && {
       name: "Object",
       text: `${pixels.toLocaleString("en")} pixels`,
-      more: `${flagged.toLocaleString("en")} not to be trusted`,
+      more:
+        `${flagged.toLocaleString("en")} not to be trusted` +
+        (unsolved > 0 ? `, ${unsolved.toLocaleString("en")} of the picture not solved` : ""),
     },
     Number(session.solveSeconds ?? 0) > 0 && {
       name: "Solved in",

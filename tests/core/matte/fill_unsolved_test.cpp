@@ -1,0 +1,58 @@
+#include "core/matte/fill_unsolved.h"
+
+#include <gtest/gtest.h>
+
+namespace glasswing {
+namespace {
+
+constexpr int kWidth = 20, kHeight = 12;
+
+struct Scene {
+  Matte matte{0, 0, kWidth, kHeight, 1};
+  RadianceImage picture{kWidth, kHeight};
+
+  // Each pixel has the light; those of the box are not solved, and black.
+  template <typename Light>
+  Scene(int x0, int y0, int x1, int y1, const Light& light) {
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = 0; x < kWidth; ++x) {
+        const bool hole = x >= x0 && x < x1 && y >= y0 && y < y1;
+        if (hole) matte.flags(x, y) = kFlagNoData | kFlagSaturated;
+        for (int c = 0; c < kChannels; ++c) picture.at(x, y, c) = hole ? 0.0f : light(x, y, c);
+      }
+    }
+  }
+};
+
+TEST(FillUnsolved, ContinuesWhatIsAround) {
+  Scene scene(4, 3, 13, 9, [](int, int, int c) { return 0.25f * static_cast<float>(c + 1); });
+  EXPECT_EQ(count_pixels(scene.matte).unsolved, 9 * 6);
+  EXPECT_EQ(fill_unsolved(scene.matte, scene.picture), 9 * 6);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      for (int c = 0; c < kChannels; ++c)
+        EXPECT_FLOAT_EQ(scene.picture.at(x, y, c), 0.25f * static_cast<float>(c + 1)) << x << " " << y;
+    }
+  }
+}
+
+// A single hole in a plane lies on it, by symmetry; solved pixels stay as they are.
+TEST(FillUnsolved, ASinglePixelIsTheMeanOfItsNeighbours) {
+  const auto plane = [](int x, int y, int c) { return static_cast<float>(x + 3 * y + c); };
+  Scene scene(7, 5, 8, 6, plane);
+  EXPECT_EQ(fill_unsolved(scene.matte, scene.picture), 1);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) EXPECT_FLOAT_EQ(scene.picture.at(x, y, 1), plane(x, y, 1));
+  }
+}
+
+TEST(FillUnsolved, NothingIsMadeOfNothing) {
+  Scene none(0, 0, kWidth, kHeight, [](int, int, int) { return 1.0f; });
+  EXPECT_EQ(fill_unsolved(none.matte, none.picture), 0);
+  EXPECT_EQ(none.picture.at(3, 3, 0), 0.0f);
+  Scene all(0, 0, 0, 0, [](int, int, int) { return 1.0f; });
+  EXPECT_EQ(fill_unsolved(all.matte, all.picture), 0);
+}
+
+}  // namespace
+}  // namespace glasswing
