@@ -80,11 +80,15 @@ absl::StatusOr<v1::KeepFramesResponse> FrameKeeper::keep(const v1::KeepFramesReq
   GW_ASSIGN_OR_RETURN(std::vector<Archive::NewFrame> frames, find(request.frames()));
   const std::lock_guard lock(mutex_);
   GW_RETURN_IF_ERROR(use_proof_of(request.session(), *archive));
+  v1::KeepFramesResponse response;
   std::vector<Archive::NewFrame> proven;
   for (Archive::NewFrame& frame : frames) {
-    if (proof_.agrees(frame.record, frame.image)) proven.push_back(std::move(frame));
+    if (proof_.agrees(frame.record, frame.image)) {
+      proven.push_back(std::move(frame));
+    } else {
+      response.add_refused_steps(frame.record.step());
+    }
   }
-  v1::KeepFramesResponse response;
   response.set_refused(static_cast<int>(frames.size() - proven.size()));
   GW_ASSIGN_OR_RETURN(const std::vector<v1::Frame> stored, store(*archive, proven));
   for (const v1::Frame& frame : stored) *response.add_frames() = frame;

@@ -7,6 +7,7 @@
 #include "client/cli/rpc.h"
 #include "client/sessions/commands.h"
 #include "core/base/status.h"
+#include "core/pattern/describe_step.h"
 #include "glasswing/v1/session_service.grpc.pb.h"
 
 namespace glasswing {
@@ -36,6 +37,10 @@ void print_details(const v1::Session& session) {
   row("steps", fmt::format("{} of {} proven, {} retaken, {} frames taken in {}", session.proven_count(),
                            session.step_count(), session.retaken_count(), session.frames_taken(),
                            seconds_text(session.capture_seconds())));
+  std::string causes;
+  for (const v1::RetakeCount& retakes : session.retakes())
+    causes += fmt::format("{}{} {}", causes.empty() ? "" : ", ", retakes.count(), describe(retakes.cause()));
+  row("retakes", causes);
   if (session.frames_taken() > 0) {
     row("proof", fmt::format("{} by time and id patch, {} by time; {} refused for their pixels",
                              session.patch_proven_count(),

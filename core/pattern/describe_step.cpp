@@ -33,4 +33,23 @@ std::string describe(const Step& step) {
                      step.object ? "" : ", without the object");
 }
 
+std::string_view describe(v1::RetakeCause cause) {
+  switch (cause) {
+    case v1::RETAKE_CAUSE_NOT_SHOWN:
+      return "not shown on all monitors";
+    case v1::RETAKE_CAUSE_NO_FRAME:
+      return "no frame";
+    case v1::RETAKE_CAUSE_OUTSIDE_WINDOW:
+      return "exposure outside the window";
+    case v1::RETAKE_CAUSE_WRONG_ID:
+      return "wrong id";
+    case v1::RETAKE_CAUSE_TOO_LATE:
+      return "frame too late";
+    case v1::RETAKE_CAUSE_PATCH_UNSEEN:
+      return "id patch not seen";
+    default:
+      return "unknown";
+  }
+}
+
 }  // namespace glasswing

@@ -1,5 +1,7 @@
 #include "server/capture/capture_progress.h"
 
+#include <algorithm>
+
 #include "core/pattern/describe_step.h"
 #include "server/metrics/server_metrics.h"
 #include "server/rig/embed_calibrations.h"
@@ -52,8 +54,18 @@ void CaptureProgress::note_kept(const google::protobuf::RepeatedPtrField<v1::Fra
   report();
 }
 
-void CaptureProgress::note_retaken(int step, const std::string& why) {
-  log_outcome(step, v1::STEP_OUTCOME_RETAKEN, why);
+void CaptureProgress::note_retaken(int step, v1::RetakeCause cause) {
+  log_outcome(step, v1::STEP_OUTCOME_RETAKEN, std::string(describe(cause)));
+  retakes_counter(describe(cause)).Increment();
+  auto& counts = *session_.mutable_retakes();
+  auto count = std::ranges::find(counts, cause, &v1::RetakeCount::cause);
+  if (count == counts.end()) {
+    v1::RetakeCount& first = *counts.Add();
+    first.set_cause(cause);
+    first.set_count(1);
+  } else {
+    count->set_count(count->count() + 1);
+  }
 }
 
 void CaptureProgress::note_unproven(const std::vector<Step>& steps) {

@@ -38,7 +38,7 @@ class CaptureProgress {
   void note_shown(int step, bool again);
   // The camera node has stored `frames`, and refused others because of their pixels.
   void note_kept(const google::protobuf::RepeatedPtrField<v1::Frame>& frames, int refused);
-  void note_retaken(int step, const std::string& why);
+  void note_retaken(int step, v1::RetakeCause cause);
   void note_unproven(const std::vector<Step>& steps);
   // Replaces the lost frames of the video by these indices into `video_steps`.
   void note_lost(std::span<const int> indices, const std::vector<int>& video_steps);

@@ -2,7 +2,12 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <map>
+
 #include "core/base/status.h"
+#include "core/pattern/describe_step.h"
+#include "server/rig/rig_findings.h"
 
 namespace glasswing {
 namespace {
@@ -35,20 +40,21 @@ absl::Status GroupCapture::start(std::stop_token stop) {
 }
 
 absl::Status GroupCapture::show(const std::vector<Step>& steps, std::stop_token stop) {
+  judged_now_.clear();
+  refused_now_.clear();
   const auto judging = [this](std::vector<v1::Frame> frames) { return judge(std::move(frames)); };
   GW_RETURN_IF_ERROR(player_.play(learning_.begin_showing(steps), recording_, judging, stop));
   return stop.stop_requested() ? absl::CancelledError("stopped") : absl::OkStatus();
 }
 
 absl::Status GroupCapture::prove(std::vector<Step> steps, std::stop_token stop) {
-  const int refused_before = progress_.session().refused_count();
   const int retries = retries_of(progress_.session().plan());
   for (int showings = 0; !steps.empty(); ++showings) {
     if (showings - learning_.unseen_showings() > retries) {
       progress_.note_unproven(steps);
       return unproven(
           fmt::format("{} steps had no proof after {} retries: {}", steps.size(), retries, listed(steps)),
-          steps.size(), progress_.session().refused_count() - refused_before);
+          steps);
     }
     GW_RETURN_IF_ERROR(show(steps, stop));
     std::erase_if(steps, [this](const Step& step) { return progress_.is_proven(step.number); });
@@ -71,34 +77,39 @@ absl::StatusOr<bool> GroupCapture::judge(std::vector<v1::Frame> frames) {
   if (!ready) return false;
   if (ready->empty()) return true;
   GW_ASSIGN_OR_RETURN(const v1::KeepFramesResponse kept, archive_.keep(*ready));
+  for (const v1::Frame& frame : *ready) judged_now_.insert(frame.step());
+  refused_now_.insert(kept.refused_steps().begin(), kept.refused_steps().end());
   progress_.note_kept(kept.frames(), kept.refused());
   return true;
 }
 
 void GroupCapture::note_retaken(const std::vector<Step>& steps) {
   for (const Step& step : steps) {
-    if (learning_.is_held(step.number)) continue;  // it is not shown again
-    const char* why = !recording_.was_shown_now(step.number) ? "it was not shown on all monitors"
-                      : !recording_.was_matched_now(step.number)
-                          ? "no exposure lay in the time in which it surely was on screen"
-                      : is_patch_learning_step(step)
-                          ? "its id patch was not seen"
-                          : "its frame's pixels showed another id, or it came too late to be kept";
-    progress_.note_retaken(step.number, why);
+    if (!learning_.is_held(step.number)) progress_.note_retaken(step.number, cause_of(step));
   }
 }
 
-absl::Status GroupCapture::unproven(const std::string& what, size_t step_count, int refused) const {
-  if (refused > static_cast<int>(step_count)) {
-    return absl::FailedPreconditionError(fmt::format(
-        "{}; {} frames were right by their times, but their pixels showed another id: the times that "
-        "a display or the camera reports are wrong, try glasswing calibrate sync",
-        what, refused));
-  }
+v1::RetakeCause GroupCapture::cause_of(const Step& step) const {
+  if (!recording_.was_shown_now(step.number)) return v1::RETAKE_CAUSE_NOT_SHOWN;
+  if (!recording_.was_matched_now(step.number))
+    return recording_.has_frame_of(step.number) ? v1::RETAKE_CAUSE_OUTSIDE_WINDOW : v1::RETAKE_CAUSE_NO_FRAME;
+  if (!judged_now_.contains(step.number)) return v1::RETAKE_CAUSE_PATCH_UNSEEN;
+  return refused_now_.contains(step.number) ? v1::RETAKE_CAUSE_WRONG_ID : v1::RETAKE_CAUSE_TOO_LATE;
+}
+
+absl::Status GroupCapture::unproven(const std::string& what, const std::vector<Step>& steps) const {
+  std::map<v1::RetakeCause, int> counts;
+  for (const Step& step : steps) ++counts[cause_of(step)];
+  const v1::RetakeCause commonest =
+      std::ranges::max_element(counts, {}, [](const auto& count) { return count.second; })->first;
+  std::string causes;
+  for (const auto& [cause, count] : counts)
+    causes += fmt::format("{}{}: {}", causes.empty() ? "" : ", ", describe(cause), count);
+  const std::string exposures =
+      fmt::format(" ({} ms at {} fps)", recording_.exposure_ms(), setup_.links.camera_info.frame_rate_hz());
   return absl::FailedPreconditionError(fmt::format(
-      "{}; the camera's exposures ({} ms at {} fps) must fit between a picture's settling and the "
-      "next one: try a shorter exposure_ms or a larger hold_refreshes",
-      what, recording_.exposure_ms(), setup_.links.camera_info.frame_rate_hz()));
+      "{}; {}; {}", what, causes,
+      retake_advice(commonest) + (commonest == v1::RETAKE_CAUSE_OUTSIDE_WINDOW ? exposures : std::string())));
 }
 
 }  // namespace glasswing

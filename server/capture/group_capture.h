@@ -33,15 +33,16 @@ class GroupCapture {
   // Shows steps once and has the proven frames stored. CANCELLED: stopped.
   absl::Status show(const std::vector<Step>& steps, std::stop_token stop);
   bool was_shown(const Step& step) const { return recording_.was_shown(step.number); }
-  // The error for `what`, of which `step_count` steps have no proof, with advice. `refused`: frames that the
-  // camera node refused meanwhile.
-  absl::Status unproven(const std::string& what, size_t step_count, int refused) const;
+  // The error for `what`: these steps have no proof. Advises by the commonest cause in the last showing.
+  absl::Status unproven(const std::string& what, const std::vector<Step>& steps) const;
 
  private:
   // Has the camera node store the frames of one batch whose pixels agree. Returns false if a patch learning
   // step was missed, or taught nothing: frames of later steps cannot be judged, and the showing ends.
   absl::StatusOr<bool> judge(std::vector<v1::Frame> frames);
   void note_retaken(const std::vector<Step>& steps);
+  // Why the last showing did not prove the step.
+  v1::RetakeCause cause_of(const Step& step) const;
 
   CaptureSetup& setup_;
   CaptureArchive& archive_;
@@ -49,6 +50,7 @@ class GroupCapture {
   CaptureProgress& progress_;
   Recording recording_;
   PatchLearning learning_;
+  std::set<int> judged_now_, refused_now_;  // steps of the current showing
 };
 
 }  // namespace glasswing

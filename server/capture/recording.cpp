@@ -1,5 +1,6 @@
 #include "server/capture/recording.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace glasswing {
@@ -19,7 +20,7 @@ void Recording::begin_showing() {
 
 bool Recording::add_window(const StableWindow& window) {
   matcher_.add_window(window);
-  shown_now_.insert(window.step);
+  shown_now_.insert_or_assign(window.step, window);
   return shown_.insert(window.step).second;
 }
 
@@ -43,6 +44,14 @@ std::vector<FrameMatcher::Match> Recording::take_matches() {
   std::vector<FrameMatcher::Match> matches = matcher_.take();
   for (const FrameMatcher::Match& match : matches) matched_now_.insert(match.step);
   return matches;
+}
+
+bool Recording::has_frame_of(int step) const {
+  const StableWindow& window = shown_now_.at(step);
+  return std::ranges::any_of(recent_, [&](const auto& recent) {
+    const FrameTime frame = rig_time_of(recent.second, *links_.camera);
+    return frame.start < window.until && frame.end > window.from;
+  });
 }
 
 const v1::FrameTaken& Recording::taken(const FrameMatcher::Match& match) const {

@@ -40,6 +40,8 @@ class Recording {
 
   bool was_shown(int step) const { return shown_.contains(step); }
   bool was_shown_now(int step) const { return shown_now_.contains(step); }
+  // A frame's exposure overlapped the time in which the step, shown in this showing, surely was on screen.
+  bool has_frame_of(int step) const;
   bool was_matched_now(int step) const { return matched_now_.contains(step); }
 
  private:
@@ -48,7 +50,8 @@ class Recording {
   FrameMatcher matcher_;
   std::map<std::int64_t, v1::FrameTaken> recent_;  // by sequence
   std::set<int> shown_;                            // steps that all monitors have shown
-  std::set<int> shown_now_, matched_now_;          // of the current showing
+  std::map<int, StableWindow> shown_now_;          // of the current showing, by step
+  std::set<int> matched_now_;                      // of the current showing
 };
 
 }  // namespace glasswing

@@ -25,7 +25,6 @@ bool VideoCapture::has_run() const {
 }
 
 absl::Status VideoCapture::take(const std::vector<Step>& frames, GroupCapture& group, std::stop_token stop) {
-  const int refused_before = progress_.session().refused_count();
   const auto was_shown = [&group](const Step& step) { return group.was_shown(step); };
   // Only a start that came too late is repeated: then nothing was shown.
   for (int start = 0;
@@ -33,8 +32,7 @@ absl::Status VideoCapture::take(const std::vector<Step>& frames, GroupCapture& g
     GW_RETURN_IF_ERROR(group.show(frames, stop));
   }
   if (has_run()) return absl::OkStatus();
-  return group.unproven(fmt::format("none of the video's {} frames has a proof", frames.size()),
-                        frames.size(), progress_.session().refused_count() - refused_before);
+  return group.unproven(fmt::format("none of the video's {} frames has a proof", frames.size()), frames);
 }
 
 void VideoCapture::note_lost(bool broken_off) {

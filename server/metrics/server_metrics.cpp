@@ -52,6 +52,11 @@ void add_fleet(const v1::GetFleetResponse& fleet, std::vector<prometheus::Metric
 
 }  // namespace
 
+prometheus::Counter& retakes_counter(std::string_view cause) {
+  return counter("glasswing_retakes_total", "Steps that had to be shown again, by cause.",
+                 {{"cause", std::string(cause)}});
+}
+
 const ServerMetrics& server_metrics() {
   static const ServerMetrics metrics{
       .steps_proven = counter("glasswing_steps_proven_total", "Steps of captures that have a proven frame."),

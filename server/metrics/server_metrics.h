@@ -25,6 +25,8 @@ struct ServerMetrics {
   prometheus::Counter& tiles_quarantined;
 };
 const ServerMetrics& server_metrics();
+// Steps that had to be shown again for this cause (core/pattern/describe_step.h).
+prometheus::Counter& retakes_counter(std::string_view cause);
 
 // Gauges, computed when monitoring asks. Tiles and solves are this server's own, also in a shared store. If
 // the store does not answer, glasswing_job_store_up says so and the others of it are missing.

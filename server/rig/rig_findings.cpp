@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
+#include "core/pattern/describe_step.h"
 #include "core/pattern/id_patch.h"
 
 namespace glasswing {
@@ -18,6 +20,7 @@ constexpr nanoseconds kClocksGood = milliseconds(1), kClocksPoor = milliseconds(
 // Limits as shares of pictures, frames and steps.
 constexpr double kManyMissed = 0.1, kFewDropped = 0.01, kManyDropped = 0.25;
 constexpr double kWellProven = 0.9, kHardlyProven = 0.3;
+constexpr double kManyRetaken = 0.05;
 constexpr double kRateOff = 0.05;  // of the camera's declared rate
 constexpr nanoseconds kSyncAgrees = microseconds(300);
 
@@ -252,6 +255,38 @@ v1::Finding judge_sync(const v1::DisplayMonitor& declared, const std::optional<v
       fmt::format("if the monitor or its mode changed since, measure again; if not, start its node with "
                   "--lag-ms {:.1f} --settle-ms {:.1f}",
                   ms(measured->lag_ns()), ms(measured->settle_ns())));
+}
+
+std::string retake_advice(v1::RetakeCause cause) {
+  switch (cause) {
+    case v1::RETAKE_CAUSE_NOT_SHOWN:
+      return "take load off the display node's machine, or choose a larger hold_refreshes";
+    case v1::RETAKE_CAUSE_NO_FRAME:
+      return "take load off the camera node, or choose a smaller picture or a lower frame rate";
+    case v1::RETAKE_CAUSE_WRONG_ID:
+      return "the times that a display or the camera reports are wrong: glasswing calibrate sync";
+    case v1::RETAKE_CAUSE_TOO_LATE:
+      return "frames arrive faster than the camera node stores them: take load off its machine and disk, or "
+             "choose a larger hold_refreshes or a smaller picture";
+    case v1::RETAKE_CAUSE_PATCH_UNSEEN:
+      return "have the camera see all of each monitor's id patch sharply, with nothing before it";
+    default:
+      return "the camera's exposures must fit between a picture's settling and the next one: try a shorter "
+             "exposure_ms or a larger hold_refreshes";
+  }
+}
+
+std::optional<v1::Finding> judge_retakes(const v1::Session& session) {
+  if (session.retaken_count() <= kManyRetaken * session.step_count() || session.retakes().empty())
+    return std::nullopt;
+  std::vector<v1::RetakeCount> counts(session.retakes().begin(), session.retakes().end());
+  std::ranges::sort(counts, std::greater(), &v1::RetakeCount::count);
+  std::string text = fmt::format("session {} showed its {} steps {} times again", session.name(),
+                                 session.step_count(), session.retaken_count());
+  for (const v1::RetakeCount& count : counts)
+    text += fmt::format("{}{}: {}", &count == &counts.front() ? "; " : ", ", describe(count.cause()),
+                        count.count());
+  return make_finding(v1::FINDING_LEVEL_WARNING, "retakes", text, retake_advice(counts.front().cause()));
 }
 
 }  // namespace glasswing

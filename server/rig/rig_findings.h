@@ -10,6 +10,7 @@
 #include "glasswing/v1/archive.pb.h"
 #include "glasswing/v1/display_service.pb.h"
 #include "glasswing/v1/rig_service.pb.h"
+#include "glasswing/v1/session.pb.h"
 
 namespace glasswing {
 
@@ -47,6 +48,10 @@ v1::Finding judge_camera_light(const v1::Camera& camera, const std::optional<v1:
                                nanoseconds longest);
 v1::Finding judge_monitor_light(const v1::DisplayMonitor& monitor,
                                 const std::optional<v1::DisplayCalibration>& measured);
+// What to do about steps that were shown again for this cause.
+std::string retake_advice(v1::RetakeCause cause);
+// Were many of the session's steps shown again, and why? None: few were.
+std::optional<v1::Finding> judge_retakes(const v1::Session& session);
 v1::Finding judge_sync(const v1::DisplayMonitor& declared, const std::optional<v1::MonitorSync>& measured);
 
 }  // namespace glasswing

@@ -33,6 +33,18 @@ std::optional<v1::Finding> judge_sessions(Server& server) {
                       "glasswing sessions --state damaged says what to do");
 }
 
+// Of the newest capture.
+std::optional<v1::Finding> judge_last_capture(Server& server) {
+  const absl::StatusOr<std::vector<v1::Session>> sessions = server.list({});
+  if (!sessions.ok()) return std::nullopt;
+  const v1::Session* newest = nullptr;
+  for (const v1::Session& session : *sessions) {
+    if (session.frames_taken() > 0 && (newest == nullptr || newest->created() < session.created()))
+      newest = &session;
+  }
+  return newest == nullptr ? std::nullopt : judge_retakes(*newest);
+}
+
 }  // namespace
 
 grpc::Status RigServiceImpl::run(grpc::ServerContext* context, const std::string& what,
@@ -109,6 +121,7 @@ grpc::Status RigServiceImpl::CheckRig(grpc::ServerContext* context, const v1::Ch
   for (const std::string& problem : server_.problems().all())
     report(make_finding(v1::FINDING_LEVEL_WARNING, "server", problem));
   if (const auto damaged = judge_sessions(server_)) report(*damaged);
+  if (const auto retakes = judge_last_capture(server_)) report(*retakes);
   return run(context, "doctor", [&](std::stop_token stop) {
     return check_rig(server_.rig(), server_.calibrations(), request->plan(), report, stop);
   });

@@ -159,5 +159,26 @@ TEST(RigFindings, SyncIsMeasuredOrOnlyDeclared) {
   EXPECT_NE(judge_sync(declared, measured).text().find("7.10 ms"), std::string::npos);
 }
 
+TEST(RigFindings, RetakesAreAdvisedByTheirCommonestCause) {
+  v1::Session session;
+  session.set_name("vase");
+  session.set_step_count(300);
+  EXPECT_FALSE(judge_retakes(session));
+  const auto add = [&](v1::RetakeCause cause, int count) {
+    session.set_retaken_count(session.retaken_count() + count);
+    v1::RetakeCount& retakes = *session.add_retakes();
+    retakes.set_cause(cause);
+    retakes.set_count(count);
+  };
+  add(v1::RETAKE_CAUSE_WRONG_ID, 3);
+  EXPECT_FALSE(judge_retakes(session)) << "a few are normal";
+  add(v1::RETAKE_CAUSE_TOO_LATE, 480);
+  const std::optional<v1::Finding> finding = judge_retakes(session);
+  ASSERT_TRUE(finding);
+  EXPECT_EQ(finding->text(),
+            "session vase showed its 300 steps 483 times again; frame too late: 480, wrong id: 3");
+  EXPECT_EQ(finding->advice(), retake_advice(v1::RETAKE_CAUSE_TOO_LATE));
+}
+
 }  // namespace
 }  // namespace glasswing
