@@ -26,11 +26,11 @@ const char* kind_name(v1::NodeKind kind) {
   }
 }
 
-// "12.5 ms +- 40 us"
+// "12.5 ms +- 40 us", "-3 d 4 h +- 60 us": clocks count from the start of their machine.
 std::string clock_text(const v1::Node& node) {
   if (!node.has_clock()) return "-";
-  return fmt::format("{:.6g} ms +- {:.3g} us", 1e-6 * static_cast<double>(node.clock().offset_ns()),
-                     1e-3 * static_cast<double>(node.clock().bound_ns()));
+  return fmt::format("{} +- {}", offset_text(static_cast<double>(node.clock().offset_ns())),
+                     offset_text(static_cast<double>(node.clock().bound_ns())));
 }
 
 std::string disk_text(const v1::NodeHealth& health) {

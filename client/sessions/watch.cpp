@@ -27,6 +27,7 @@ class SessionProgress {
     if (session.state() != state_) progress_.emplace(state_name(session.state()));
     state_ = session.state();
     if (is_under_way(session) && session.reason().empty() != told_.empty()) tell(session);
+    if (!told_.empty()) return;
     const bool solving = state_ == v1::SESSION_STATE_SOLVING,
                frames = solving && is_video(session) && !session.matte_ready();
     const int done = frames    ? session.solved_frames_size()
@@ -37,7 +38,7 @@ class SessionProgress {
                                 : session.step_count();
     const std::string retaken =
         !solving && session.retaken_count() > 0 ? fmt::format(", {} retaken", session.retaken_count()) : "";
-    if (solving && count == 0) return progress_->update(0.0, tiles_text(session));
+    if (solving && count == 0) return progress_->update_unknown(tiles_text(session));
     progress_->update(count > 0 ? static_cast<double>(done) / count : 0.0,
                       fmt::format("{} of {} {}{}", done, count,
                                   frames    ? "frames"
@@ -47,10 +48,10 @@ class SessionProgress {
   }
 
  private:
-  // Prints the reason for waiting, on a line of its own.
+  // Prints the reason for waiting, on a line of its own. The time left counts from when the work goes on.
   void tell(const v1::Session& session) {
     told_ = session.reason();
-    progress_->clear();
+    progress_.emplace(state_name(state_));
     std::cerr << summary_of(session) << "\n";
   }
 

@@ -8,4 +8,8 @@ namespace glasswing {
 // "22.9 MB"
 std::string bytes_text(double bytes);
 
+// A difference of two clocks in the unit that suits it: "40 us", "-12.5 ms", "3.21 s", "5 min 12 s", "3 d 4
+// h".
+std::string offset_text(double ns);
+
 }  // namespace glasswing
