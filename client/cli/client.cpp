@@ -1,5 +1,6 @@
 #include "client/cli/client.h"
 
+#include <fmt/format.h>
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
@@ -12,6 +13,7 @@
 #include "client/cli/colour.h"
 #include "client/cli/config.h"
 #include "client/cli/interrupt.h"
+#include "client/cli/suggestion.h"
 #include "core/base/version.h"
 #include "core/cli/help.h"
 #include "core/security/tls.h"
@@ -49,6 +51,54 @@ void ungroup_inner(CLI::App& app) {
   }
 }
 
+// The command that the words have led to.
+const CLI::App& deepest(const CLI::App& app) {
+  const std::vector<CLI::App*> parsed = app.get_subcommands();
+  return parsed.empty() ? app : deepest(*parsed.back());
+}
+
+// "glasswing plan check"
+std::string path_of(const CLI::App& command) {
+  const CLI::App* parent = command.get_parent();
+  return (parent == nullptr ? "" : path_of(*parent) + " ") + command.get_name();
+}
+
+// A word of the command line that is no command or option, and what may have been meant; empty: all are.
+std::string unknown_word(const CLI::App& app) {
+  if (app.remaining().empty()) return "";
+  const std::string word = app.remaining().front();
+  const CLI::App& command = deepest(app);
+  const std::vector<const CLI::App*> subcommands = subcommands_of(command);
+  std::vector<std::string> known;
+  std::string what;
+  if (word.starts_with("--")) {
+    what = fmt::format("there is no option {}", word);
+    for (const CLI::App* at = &command; at != nullptr; at = at->get_parent()) {
+      for (const CLI::Option* option : options_of(*at)) {
+        for (const std::string& name : option->get_lnames()) known.push_back("--" + name);
+      }
+    }
+  } else if (!subcommands.empty()) {
+    what = fmt::format("there is no command{} {}", path_of(command).substr(app.get_name().size()), word);
+    for (const CLI::App* sub : subcommands) known.push_back(sub->get_name());
+  } else {
+    return "";
+  }
+  const std::string meant = nearest(word.substr(0, word.find('=')), known);
+  return what + (meant.empty() ? "" : fmt::format("; did you mean {}?", meant));
+}
+
+// `help X` as `X --help`.
+std::vector<std::string> words_of(int argc, const char* const* argv) {
+  std::vector<std::string> words(argv + 1, argv + argc);
+  if (!words.empty() && words.front() == "help") {
+    words.erase(words.begin());
+    words.emplace_back("--help");
+  }
+  std::ranges::reverse(words);  // as CLI::App wants them
+  return words;
+}
+
 }  // namespace
 
 int run_client(int argc, const char* const* argv, const AddCommands& add_commands) {
@@ -78,7 +128,7 @@ int run_client(int argc, const char* const* argv, const AddCommands& add_command
 
   const auto coloured = [&config](int fd) { return is_coloured(config["color"], fd); };
   try {
-    app.parse(argc, argv);
+    app.parse(words_of(argc, argv));
     const absl::Status configured = config.resolve();
     if (!configured.ok())
       return fail(std::string(configured.message()), coloured(STDERR_FILENO), kUsageError);
@@ -90,13 +140,12 @@ int run_client(int argc, const char* const* argv, const AddCommands& add_command
     if (status.ok()) return client.exit_status;
     const bool broken_off = absl::IsCancelled(status) && interrupted();
     return fail(std::string(status.message()), coloured(STDERR_FILENO), broken_off ? kInterrupted : kFailure);
-  } catch (const CLI::Success& help) {
-    return app.exit(help);
   } catch (const CLI::ParseError& error) {
-    const bool unknown_command = app.get_subcommands().empty() && !app.remaining().empty();
-    const std::string what =
-        unknown_command ? "there is no command " + app.remaining().front() : error.what();
-    return fail(what + " (glasswing --help lists what there is)", coloured(STDERR_FILENO), kUsageError);
+    const std::string unknown = unknown_word(app);
+    if (error.get_exit_code() == 0 && unknown.empty()) return app.exit(error);
+    return fail(fmt::format("{} ({} --help lists what there is)", unknown.empty() ? error.what() : unknown,
+                            path_of(deepest(app))),
+                coloured(STDERR_FILENO), kUsageError);
   } catch (const std::exception& error) {
     return fail(error.what(), coloured(STDERR_FILENO));
   }

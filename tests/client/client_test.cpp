@@ -21,6 +21,15 @@ TEST(Client, HelpSucceedsEverywhere) {
   }
 }
 
+TEST(Client, HelpIsAlsoACommand) {
+  EXPECT_EQ(run_glasswing({"help"}).out, run_glasswing({"--help"}).out);
+  EXPECT_EQ(run_glasswing({"help", "plan", "check"}).out, run_glasswing({"plan", "check", "--help"}).out);
+  const Outcome options = run_glasswing({"help", "solve", "fringe"});
+  EXPECT_EQ(options.status, 0);
+  EXPECT_NE(options.out.find("Options of method fringe"), std::string::npos) << options.out;
+  EXPECT_NE(options.out.find("(a whole number, 1 to 4; default: 1)"), std::string::npos) << options.out;
+}
+
 TEST(Client, UsageErrorsAreOneLine) {
   const auto expect_usage_error = [](const std::vector<std::string>& arguments, const std::string& words) {
     const Outcome outcome = run_glasswing(arguments);
@@ -28,11 +37,19 @@ TEST(Client, UsageErrorsAreOneLine) {
     EXPECT_EQ(outcome.status, kUsageError) << words;
   };
   expect_usage_error({}, "subcommand is required");
-  expect_usage_error({"captrue", "plan.txtpb"}, "there is no command captrue");
+  expect_usage_error({"captrue", "plan.txtpb"},
+                     "there is no command captrue; did you mean capture? (glasswing --help");
+  expect_usage_error({"plan", "chek", "p"},
+                     "there is no command plan chek; did you mean check? (glasswing plan --help");
+  expect_usage_error({"frobnicate"}, "there is no command frobnicate (glasswing --help");
+  expect_usage_error({"help", "slove"}, "there is no command slove; did you mean solve?");
   expect_usage_error({"plan"}, "subcommand is required");
   expect_usage_error({"show"}, "session is required");
   expect_usage_error({"solve", "s", "--method", "magic"}, "magic");
-  expect_usage_error({"nodes", "--loud"}, "--loud");
+  expect_usage_error({"nodes", "--loud"}, "there is no option --loud (glasswing nodes --help");
+  expect_usage_error({"solve", "s", "--methd=alpha"},
+                     "there is no option --methd=alpha; did you mean --method?");
+  expect_usage_error({"nodes", "twice"}, "twice");
   expect_usage_error({"nodes", "--json", "--tsv"}, "--tsv");
   expect_usage_error({"nodes", "--color", "pink"}, "pink");
   expect_usage_error({"calibrate"}, "subcommand is required");
