@@ -19,7 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 constexpr std::chrono::seconds kNodeGrace(30);  // how long a capture waits for a lost node before it pauses
-constexpr std::chrono::seconds kProgressSaved(2);  // how far the catalogue may be behind a capture
+constexpr std::chrono::seconds kProgressSaved(2);  // how far a power cut may set the catalogue back
 
 std::string go_on(const v1::Session& session) {
   return fmt::format("; go on with: glasswing resume {}", session.name());
@@ -146,10 +146,14 @@ void CaptureRunner::capture_until_done(v1::Session session, std::optional<bool> 
     SessionStore::Edit edit = sessions_.edit();
     session = progress;
     session.clear_reason();
+    // First, so that a restarted server never shows fewer proven steps than were shown before.
+    if (monotonic_now() - saved_at < kProgressSaved) {
+      (void)edit.note_progress(session);
+    } else {
+      saved_at = monotonic_now();
+      (void)edit.save_progress(session);
+    }
     edit.show(session);
-    if (monotonic_now() - saved_at < kProgressSaved) return;
-    saved_at = monotonic_now();
-    (void)edit.save_progress(session);  // so that a restarted server shows it
   };
   CaptureOutcome outcome;
   nanoseconds lost_at{};

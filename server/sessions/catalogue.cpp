@@ -138,6 +138,17 @@ absl::Status Catalogue::update(const v1::Session& session) {
       .finish();
 }
 
+absl::Status Catalogue::note(const v1::Session& session) {
+  const std::lock_guard lock(mutex_);
+  GW_RETURN_IF_ERROR(database_.run("PRAGMA synchronous = NORMAL"));
+  const absl::Status noted = database_.query("UPDATE sessions SET session = ? WHERE name = ?")
+                                 .bind(session.SerializeAsString())
+                                 .bind(session.name())
+                                 .finish();
+  GW_RETURN_IF_ERROR(database_.run("PRAGMA synchronous = FULL"));
+  return noted;
+}
+
 absl::StatusOr<v1::Session> Catalogue::annotate(const v1::AnnotateSessionRequest& request) {
   if (request.note().size() > kMaxNoteBytes) {
     return absl::InvalidArgumentError(

@@ -33,6 +33,8 @@ class Catalogue {
   // Durable when it returns. Does not change note, tags and replicas, which a running capture or solve does
   // not know.
   absl::Status update(const v1::Session& session);
+  // update() without the flush: outlives this process, but the last of them may not outlive a power cut.
+  absl::Status note(const v1::Session& session);
   // Changes note and tags only. NOT_FOUND: no such session. INVALID_ARGUMENT: a tag that is not a valid name,
   // or a note of more than kMaxNoteBytes. RESOURCE_EXHAUSTED: more than kMaxTags.
   absl::StatusOr<v1::Session> annotate(const v1::AnnotateSessionRequest& request);

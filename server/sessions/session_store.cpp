@@ -46,6 +46,10 @@ absl::Status SessionStore::Edit::save_progress(const v1::Session& session) {
   return store_.catalogue_->update(session);
 }
 
+absl::Status SessionStore::Edit::note_progress(const v1::Session& session) {
+  return store_.catalogue_->note(session);
+}
+
 absl::Status SessionStore::Edit::remove(const std::string& name) {
   GW_RETURN_IF_ERROR(store_.catalogue_->remove(name));
   store_.live_.erase(name);

@@ -45,6 +45,8 @@ class SessionStore {
     void show(const v1::Session& session);
     // Durable without being announced: a copy of the live view that a restart finds.
     absl::Status save_progress(const v1::Session& session);
+    // As save_progress(), without a flush: found after a restart, but perhaps not after a power cut.
+    absl::Status note_progress(const v1::Session& session);
     absl::Status remove(const std::string& name);
     void announce();
 

@@ -430,6 +430,27 @@ TEST_F(SessionLife, ASolverThatWouldComputeSomethingElseIsRefused) {
       << refusal(request);
 }
 
+// What a server that is killed now would find when it starts again.
+TEST_F(SessionLife, TheCatalogueIsNeverBehindWhatWasShown) {
+  start();
+  v1::CreateSessionRequest create;
+  create.set_name("s");
+  *create.mutable_plan() = small_plan();
+  ASSERT_TRUE(server().captures().create(create, {.client = "anna@lab3", .hold = ""}).ok());
+  v1::Session shown;
+  std::set<int> seen;
+  do {
+    const std::int64_t change = server().sessions().wait_change(0, std::chrono::milliseconds(0));
+    shown = server().sessions().find("s").value();
+    seen.insert(shown.proven_count());
+    EXPECT_GE(server().sessions().stored("s")->proven_count(), shown.proven_count());
+    if (shown.state() == v1::SESSION_STATE_CAPTURING)
+      server().sessions().wait_change(change, std::chrono::seconds(1));
+  } while (shown.state() == v1::SESSION_STATE_CAPTURING);
+  EXPECT_EQ(shown.state(), v1::SESSION_STATE_CAPTURED) << shown.reason();
+  EXPECT_GT(seen.size(), 2u) << "the capture was not seen on its way";
+}
+
 TEST_F(SessionLife, AFailedCaptureNamesItsStepsAndCanBeTriedAgain) {
   start({.name = "slow camera", .frame_rate_hz = 30.0});
   v1::Plan plan = small_plan();
