@@ -125,7 +125,7 @@ bool allows(const v1::Session& session, v1::SessionAction action) {
 }
 
 std::string tiles_text(const v1::Session& session) {
-  if (session.tile_count() == 0) return "a solver measures the work";
+  if (session.tile_count() == 0) return "estimating the work";
   return fmt::format("{} of {} tiles", session.tiles_done(), session.tile_count());
 }
 

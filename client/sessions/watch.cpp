@@ -98,7 +98,7 @@ absl::Status outcome_of(const v1::Session& session) {
       const std::string summary = summary_of(session);
       const std::string how = "glasswing resume " + session.name();
       const bool told = summary.find(how) != std::string::npos;
-      return absl::FailedPreconditionError(told ? summary : summary + "; go on with: " + how);
+      return absl::FailedPreconditionError(told ? summary : summary + "; resume with: " + how);
     }
     default:
       return absl::FailedPreconditionError(summary_of(session));

@@ -22,7 +22,7 @@ constexpr std::chrono::seconds kNodeGrace(30);  // how long a capture waits for 
 constexpr std::chrono::seconds kProgressSaved(2);  // how far a power cut may set the catalogue back
 
 std::string go_on(const v1::Session& session) {
-  return fmt::format("; go on with: glasswing resume {}", session.name());
+  return fmt::format("; resume with: glasswing resume {}", session.name());
 }
 
 }  // namespace
@@ -189,7 +189,7 @@ void CaptureRunner::note_outcome(v1::Session session, const CaptureOutcome& outc
     case Kind::kStopped:
       session.set_state(wish_ == Wish::kCancel ? v1::SESSION_STATE_CANCELLED : v1::SESSION_STATE_PAUSED);
       if (wish_ != Wish::kCancel)
-        session.set_reason("asked to" + (outcome.reason.empty() ? "" : "; " + outcome.reason) +
+        session.set_reason("paused on request" + (outcome.reason.empty() ? "" : "; " + outcome.reason) +
                            go_on(session));
       break;
     case Kind::kNodeLost:

@@ -201,9 +201,8 @@ v1::Finding judge_camera_light(const v1::Camera& camera, const std::optional<v1:
   if (!measured) {
     const bool linear = camera.response() == "linear";
     return make_finding(linear ? v1::FINDING_LEVEL_OK : v1::FINDING_LEVEL_WARNING, "light",
-                        fmt::format("{} {}; nobody has measured it", camera.name(),
-                                    linear ? "says that it is linear"
-                                           : "codes light in a way of its own, and is taken for linear"),
+                        fmt::format("the response of {} is not measured; it is {} as linear", camera.name(),
+                                    linear ? "declared" : "treated"),
                         linear ? "" : "glasswing calibrate camera");
   }
   const std::string text =
@@ -229,7 +228,8 @@ v1::Finding judge_monitor_light(const v1::DisplayMonitor& monitor,
   }
   return make_finding(
       v1::FINDING_LEVEL_WARNING, "light",
-      monitor.name() + " is taken for linear, which no real monitor is; nobody has measured it",
+      fmt::format("the response of {} is not measured; it is treated as linear, which no real monitor is",
+                  monitor.name()),
       "glasswing calibrate display --monitor " + monitor.name());
 }
 
@@ -237,7 +237,7 @@ v1::Finding judge_sync(const v1::DisplayMonitor& declared, const std::optional<v
   const std::string said = fmt::format("{} declares {:.2f} ms lag and {:.2f} ms settling", declared.name(),
                                        ms(declared.optical_lag_ns()), ms(declared.settle_ns()));
   if (!measured) {
-    return make_finding(v1::FINDING_LEVEL_WARNING, "sync", said + "; nobody has measured it",
+    return make_finding(v1::FINDING_LEVEL_WARNING, "sync", "display latency is not measured: " + said,
                         "glasswing calibrate sync --monitor " + declared.name());
   }
   const std::string text = fmt::format(

@@ -227,7 +227,7 @@ absl::StatusOr<v1::FitCalibrationResponse> fit_and_store(Server& server, const s
   }
   if (session.state() != v1::SESSION_STATE_CAPTURED) {
     return absl::FailedPreconditionError(fmt::format(
-        "session \"{}\" is not captured to its end; go on with: glasswing resume {}", name, name));
+        "session \"{}\" is not captured to its end; resume it with: glasswing resume {}", name, name));
   }
   GW_ASSIGN_OR_RETURN(v1::FitCalibrationResponse fitted, fit(session));
   if (fitted.has_camera()) {

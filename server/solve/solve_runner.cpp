@@ -250,7 +250,7 @@ absl::Status SolveRunner::complete_survey(const v1::CompleteSurveyRequest& reque
 
 absl::StatusOr<v1::Session> SolveRunner::pause(SessionStore::Edit& edit, v1::Session session) {
   session.set_state(v1::SESSION_STATE_PAUSED);
-  session.set_reason("asked to; go on with: glasswing resume " + session.name());
+  session.set_reason("paused on request; resume with: glasswing resume " + session.name());
   GW_RETURN_IF_ERROR(edit.change(session));
   GW_RETURN_IF_ERROR(stores_.jobs.suspend(session.job()));
   spdlog::info("paused session={} tiles={} of={}", session.name(), session.tiles_done(),

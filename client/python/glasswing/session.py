@@ -160,7 +160,7 @@ class SessionInfo:
         if self.reason:
             return f"{line}: {self.reason}"
         if self.state is State.SOLVING:
-            return f"{line}: {self.tiles_done} of {self.tiles} tiles" if self.tiles else f"{line}: a solver measures the work"
+            return f"{line}: {self.tiles_done} of {self.tiles} tiles" if self.tiles else f"{line}: estimating the work"
         if self.state is State.DONE:
             return f"{line}: {self.object_pixels} of {self.pixels} pixels show the object ({self.flagged_pixels} flagged)"
         return f"{line}: {self.steps_proven} of {self.steps} steps, {self.steps_retaken} retaken"

@@ -149,7 +149,7 @@ TEST_F(SessionCommands, WatchSucceedsOnlyWhenCapturedOrDone) {
   session.set_reason("take the object off the stage");
   session.set_state(v1::SESSION_STATE_PAUSED);
   expect_one_line_error(run({"watch", "vase"}),
-                        "take the object off the stage; go on with: glasswing resume vase");
+                        "take the object off the stage; resume with: glasswing resume vase");
   for (const v1::SessionState bad : {v1::SESSION_STATE_FAILED, v1::SESSION_STATE_CANCELLED}) {
     session.set_state(bad);
     expect_one_line_error(run({"watch", "vase"}), session.reason());
