@@ -217,6 +217,7 @@ endfunction()
 #   rig     daemons in real time; one such test at a time
 #   system  uses what belongs to the whole machine: root, containers, a cluster; alone
 #   slow    over a minute; tests/run leaves it out unless told --all
+#   gate, rendered  solve on all cores, so none runs beside a rig's
 # Others are for some command.
 function(glasswing_label_test name)
   set(labels ${ARGN})
@@ -228,5 +229,7 @@ function(glasswing_label_test name)
     set_tests_properties(${name} PROPERTIES RUN_SERIAL TRUE)
   elseif(labels MATCHES "rig")
     set_tests_properties(${name} PROPERTIES RESOURCE_LOCK rig COST 1000)
+  elseif(labels MATCHES "gate|rendered")
+    set_tests_properties(${name} PROPERTIES RESOURCE_LOCK rig)
   endif()
 endfunction()
