@@ -25,7 +25,6 @@ constexpr double kMinCore = 0.1;    // of the light: what the box keeps beside h
 constexpr double kBeyond = 3.0;     // standard deviations of chi-square that noise explains
 constexpr double kSurely = 9.0;     // chi-square by which a misreading is excluded
 constexpr double kSoftPrice = 1.4;  // of a soft box and of each halo, in log n
-constexpr double kHopeless = 1.5;   // chi-square of a box after a round, by the one with which it would win
 constexpr double kSeparable = 0.7;  // by which lit shares must differ to tell F from R
 constexpr double kUnlit = 0.1;      // where they differ by less, all light is F
 constexpr double kMaxSoft = 4.0;    // finest bars: wider footprints are boxes only
@@ -530,7 +529,7 @@ double BoxFitter::rms_of(const BoxPixel& pixel, const BoxFit& fit) const {
   return std::sqrt(squares / std::max(fit.sample_count, 1));
 }
 
-void BoxFitter::settle(bool anew, bool straight_is_free, BoxFit& fit, double hopeless) {
+void BoxFitter::settle(bool anew, bool straight_is_free, BoxFit& fit) {
   if (anew) {
     fit.chi_square = INFINITY;
   } else {
@@ -554,7 +553,7 @@ void BoxFitter::settle(bool anew, bool straight_is_free, BoxFit& fit, double hop
     const bool enough = next.chi_square > (1.0 - kMinGain) * fit.chi_square;
     fit = next;
     damping *= 0.1;
-    if (enough || fit.chi_square > hopeless) break;
+    if (enough) break;
   }
 }
 
@@ -586,12 +585,11 @@ std::optional<BoxFit> BoxFitter::decoded(const BoxFit& start) {
     box.soft = true;
     observe(fit, m);
     for (size_t a = 0; a < 2; ++a) {
-      const std::optional<WaveAxis::Decoded> place = axes_[m][a].decode(seen_[a]);
-      if (!place) return std::nullopt;
-      box.decoded_px[a] = place->t_px;
-      box.unique = box.unique && place->unique;
+      const std::optional<double> place_px = axes_[m][a].decode(seen_[a]);
+      if (!place_px) return std::nullopt;
+      box.decoded_px[a] = *place_px;
       const double half_px = 0.5 * axes_[m][a].finest_bar_px();
-      box.side[a] = {.low_px = place->t_px - half_px, .high_px = place->t_px + half_px};
+      box.side[a] = {.low_px = *place_px - half_px, .high_px = *place_px + half_px};
     }
   }
   settle(false, false, fit);
@@ -660,17 +658,15 @@ void BoxFitter::read_again(const BoxPixel& pixel, BoxFit& fit) {
 
 bool BoxFitter::is_certain(const BoxFit& fit) {
   for (size_t m = 0; m < monitors_.size(); ++m) {
-    if (fit.boxes[m].seen && (!fit.boxes[m].unique || reads_otherwise(fit, m))) return false;
+    if (fit.boxes[m].seen && reads_otherwise(fit, m)) return false;
   }
   return true;
 }
 
 void BoxFitter::start_from(const BoxFit& soft, BoxFit& fit) const {
-  fit.foreground = soft.foreground;
   for (size_t m = 0; m < monitors_.size(); ++m) {
     // A box's corners look like a narrow halo.
     const PixelBox& own = soft.boxes[m];
-    fit.boxes[m].weight = own.weight;
     const double halo = halo_widths_px_[m].empty() ? 0.0 : own.halo[0], core = own.core();
     for (size_t a = 0; a < 2; ++a) {
       const double halo_px = halo > 0.0 ? halo_side(m, 0, own.side[a]).length_px() : 0.0;
@@ -688,22 +684,17 @@ BoxFit BoxFitter::fit_whole(const BoxFit& start) {
   const std::optional<BoxFit> soft = decoded(start);
   BoxFit box = start;
   // The decoded position is right unless noise decides it, the footprint is wide, or there are several.
-  const bool enough = soft && is_certain(*soft) && explains(*soft);
+  const bool certain = soft && is_certain(*soft), enough = certain && explains(*soft);
   const bool explained = enough && narrower(*soft, kNarrow);
-  const double price = kSoftPrice * (1.0 + (soft ? halo_count(*soft) : 0.0));
-  double hopeless = INFINITY;
-  if (explained) {
-    start_from(*soft, box);
-    const auto count = static_cast<double>(soft->sample_count);
-    hopeless = kHopeless * soft->chi_square * std::exp(price * std::log(count) / count);
-  }
-  settle(!explained, false, box, hopeless);
+  if (explained) start_from(*soft, box);
+  settle(!explained, false, box);
   if (!soft) return box;
-  // The matte shows a Gaussian as a box, so that it and its halos have to explain more than a box. One at a
-  // certain position that noise explains is taken before a box elsewhere.
+  // The matte shows a Gaussian as a box, so that it and its halos have to explain more than one at the same
+  // place. A box that was looked for everywhere has to explain more than one at a certain position.
   const bool same_place = near(box, *soft), refuted = !explains(*soft) && explains(box);
   const auto count = static_cast<double>(box.sample_count);
   const double gain = count * std::log(box.chi_square) - count * std::log(soft->chi_square);
+  const double price = same_place || !certain ? kSoftPrice * (1.0 + halo_count(*soft)) : 0.0;
   const bool better = !refuted && (gain > price * std::log(count) || (enough && !same_place));
   return better ? *soft : box;
 }
@@ -744,11 +735,8 @@ BoxFit BoxFitter::fit(const BoxPixel& pixel) {
   BoxFit best = fit_whole(start);
   const bool poor = best.chi_square > kPoor * best.sample_count;
   see(best);
-  // Noise alone leaves every sample as it was weighed.
-  if (const double extra = misfit_of(pixel, best); extra > 0.0) {
-    sums_.gather(pixel, extra);
-    settle(false, false, best);
-  }
+  sums_.gather(pixel, misfit_of(pixel, best));
+  settle(false, false, best);
   if (pixel.has_straight && poor) try_partial_cover(pixel, start, best);
   if (best.straight > 0.0) {
     see(best);

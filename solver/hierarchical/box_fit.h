@@ -21,7 +21,6 @@
 #pragma once
 
 #include <array>
-#include <cmath>
 #include <optional>
 #include <span>
 #include <vector>
@@ -51,9 +50,8 @@ class BoxFitter {
  private:
   void begin(const BoxPixel& pixel, BoxFit& fit) const;
   bool sees(const BoxPixel& pixel, size_t monitor, const Samples3& weight) const;
-  // `anew`: search for the boxes. A fit that leaves more than `hopeless` after a round is not improved
-  // further.
-  void settle(bool anew, bool straight_is_free, BoxFit& fit, double hopeless = INFINITY);
+  // `anew`: search for the boxes.
+  void settle(bool anew, bool straight_is_free, BoxFit& fit);
   // Fits all sides. `anew`: search globally; otherwise refine the current ones.
   // `damping`: of soft boxes (Levenberg-Marquardt).
   void place(bool anew, double damping, BoxFit& fit);
@@ -74,7 +72,7 @@ class BoxFitter {
   double lit_range(const BoxPixel& pixel, size_t monitor) const;
   // Takes back boxes that every pattern lit alike, as a static surround does: the light is F.
   void drop_unlit(const BoxPixel& pixel, BoxFit& fit) const;
-  // Sets the light, and the sides of boxes to those that look most like a soft fit.
+  // Sets the sides of boxes to those that look most like a soft fit.
   void start_from(const BoxFit& soft, BoxFit& fit) const;
   // The better of a box and a soft one, without partial cover.
   BoxFit fit_whole(const BoxFit& start);

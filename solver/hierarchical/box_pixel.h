@@ -34,7 +34,6 @@ struct PixelBox {
   bool soft = false;                     // a Gaussian with halos; the sides are those of the nearest box
   double core() const;                   // 1 - sum of g
   std::array<double, 2> decoded_px{};    // of a soft one, which stays close to it
-  bool unique = true;                    // no other place is decoded alike
   double centre_sd_px = 0.0;             // rms of x and y
   bool misread = false;                  // another reading of the waves is about as likely, or none sound
 };

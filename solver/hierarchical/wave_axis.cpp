@@ -69,10 +69,7 @@ WaveAxis::WaveAxis(std::span<const BarWave> waves, int extent_px)
     for (int pixel = 0; pixel < extent_px; ++pixel) {
       Reading& reading = readings_[signs_at(pixel + 0.5)];
       // Positions that all waves show alike: the first is as good as any.
-      if (reading.to_px >= 0.0f && reading.to_px != static_cast<float>(pixel)) {
-        reading.unique = false;
-        continue;
-      }
+      if (reading.to_px >= 0.0f && reading.to_px != static_cast<float>(pixel)) continue;
       if (reading.to_px < 0.0f) reading.from_px = static_cast<float>(pixel);
       reading.to_px = static_cast<float>(pixel + 1);
     }
@@ -119,18 +116,17 @@ bool WaveAxis::edges_coincide() const {
   return false;
 }
 
-std::optional<WaveAxis::Decoded> WaveAxis::decode(std::span<const Seen> seen) const {
+std::optional<double> WaveAxis::decode(std::span<const Seen> seen) const {
   if (readings_.empty()) return std::nullopt;
   size_t signs = 0, unsure = 0;
   for (size_t k = 0; k < wave_count_; ++k) {
     signs |= seen[k].u > 0.0f ? size_t{1} << k : 0u;
     if (waves_[k].bar_px > 2.0 * finest_bar_px_ && std::abs(seen[k].u) < kUnsure) ++unsure;
   }
-  if (unsure > 0 && !scanned_.empty()) return Decoded{.t_px = scan(seen)};
+  if (unsure > 0 && !scanned_.empty()) return scan(seen);
   const Reading& reading = readings_[signs];
   if (reading.to_px < reading.from_px) return std::nullopt;
-  return Decoded{.t_px = 0.5 * static_cast<double>(reading.from_px + reading.to_px),
-                 .unique = reading.unique};
+  return 0.5 * static_cast<double>(reading.from_px + reading.to_px);
 }
 
 double WaveAxis::scan(std::span<const Seen> seen) const {

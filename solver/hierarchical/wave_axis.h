@@ -64,11 +64,7 @@ class WaveAxis {
   // code, signs near such an edge are of no use: there it is the position of the highest correlation of u and
   // v_k of a finest bar. None if no position has these signs; for more than kMaxDecoded waves.
   static constexpr size_t kMaxDecoded = 12;
-  struct Decoded {
-    double t_px = 0.0;
-    bool unique = true;  // no other place is read alike
-  };
-  std::optional<Decoded> decode(std::span<const Seen> seen) const;
+  std::optional<double> decode(std::span<const Seen> seen) const;
   // Where the code is read, at least `apart_px` from t_px, if one wave has the other sign. At most one for
   // each wave, whose v_k (`model`) and u are not so far from 0 that this is out of the question: 4 w_k u_k
   // v_k < `price`.
@@ -127,7 +123,6 @@ class WaveAxis {
   // Where all waves have these signs, bit k set where s_k > 0: the first and the last such place.
   struct Reading {
     float from_px = 0.0f, to_px = -1.0f;
-    bool unique = true;
   };
   std::vector<Reading> readings_;  // empty if there are too many waves
   std::vector<float> scanned_;     // [point][wave]: v_k of a finest bar, by half bars; if edges coincide
