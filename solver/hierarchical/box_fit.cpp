@@ -3,15 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
-#include "solver/hierarchical/wave_kernel.h"
-
 namespace glasswing {
 namespace {
 
 constexpr double kFalsePositiveRate = 1e-4;  // of detecting light in noise
 constexpr double kMinWeight = 0.0015;        // weights below are stray light, as in gaussian
 constexpr int kMaxRounds = 6;
-constexpr double kDamping = 1e-2;  // of the first round, of soft boxes
 constexpr double kMinGain = 1e-3;  // of chi-square, in a round
 constexpr double kMuch = 0.1;      // of the strongest weight
 // Partial cover is tried where chi-square exceeds this multiple of the sample count, starting from these
@@ -226,10 +223,9 @@ void BoxFitter::means(size_t m, size_t a, const PixelBox& box, std::span<double>
     axes_[m][a].means(box.side[a], v);
     return;
   }
-  WaveAxis::SoftMeans soft;
-  axes_[m][a].soft_means(soft_side(box.side[a]), soft);
-  const double core = box.core();
-  for (size_t k = 0; k < axes_[m][a].wave_count(); ++k) v[k] = core * static_cast<double>(soft.v[k]);
+  const WaveAxis::SoftSide side = soft_side(box.side[a]);
+  for (size_t k = 0; k < axes_[m][a].wave_count(); ++k)
+    v[k] = box.core() * axes_[m][a].soft_mean(k, side.t_px, side.sigma_px).v;
   std::array<double, WaveAxis::kMaxWaves> own;
   for (size_t j = 0; j < halo_widths_px_[m].size(); ++j) {
     if (box.halo[j] <= 0.0) continue;
@@ -319,130 +315,63 @@ void solve_amounts(const std::array<Amounts, kMaxParts>& normal, const Amounts& 
 
 }  // namespace
 
-void BoxFitter::improve(size_t m, double damping, PixelBox& box) {
-  constexpr size_t kUnknowns = kMaxParts, kSeen = kUnknowns + 2;  // columns: of centre and sigma; of u
-  static_assert(kSeen + 1 == internal::kGramColumns);
-  constexpr double kMinSigma_px = 0.05, kMinInformation = 1e-9;
-  using Gram = std::array<std::array<double, internal::kGramColumns>, internal::kGramColumns>;
+void BoxFitter::spread(size_t m, PixelBox& box) {
   const size_t parts = 1 + halo_widths_px_[m].size();
-  const double core = box.core();
-  std::array<Gram, 2> grams;
-  std::array<std::array<Interval, 2>, 2> bounds_px;  // of the change of centre and sigma
+  std::array<std::array<std::array<double, WaveAxis::kMaxWaves>, kMaxParts>, 2> v;
+  std::array<Amounts, kMaxParts> normal{};
+  Amounts right{}, amount{};
   for (size_t a = 0; a < 2; ++a) {
     const WaveAxis& axis = axes_[m][a];
     const WaveAxis::SoftSide side = soft_side(box.side[a]);
-    WaveAxis::SoftMeans soft;
-    axis.soft_means(side, soft);
-    std::array<float, WaveAxis::kMaxWaves> weights;
-    std::array<std::array<float, internal::kGramColumns>, WaveAxis::kMaxWaves> rows;
+    for (size_t k = 0; k < axis.wave_count(); ++k) v[a][0][k] = axis.soft_mean(k, side.t_px, side.sigma_px).v;
+    for (size_t j = 1; j < parts; ++j)
+      axis.means(inside(halo_side(m, j - 1, box.side[a]), extent_px(monitors_[m], a)), v[a][j]);
     for (size_t k = 0; k < axis.wave_count(); ++k) {
-      const auto share = static_cast<float>(core);
-      rows[k] = {soft.v[k]};
-      rows[k][kUnknowns] = share * soft.by_t[k];
-      rows[k][kUnknowns + 1] = share * soft.by_sigma[k];
-      rows[k][kSeen] = seen_[a][k].u;
-      weights[k] = seen_[a][k].weight;
-    }
-    std::array<double, WaveAxis::kMaxWaves> halo;
-    for (size_t j = 1; j < parts; ++j) {
-      axis.means(inside(halo_side(m, j - 1, box.side[a]), extent_px(monitors_[m], a)), halo);
-      for (size_t k = 0; k < axis.wave_count(); ++k) rows[k][j] = static_cast<float>(halo[k]);
-    }
-    internal::gram_of(rows[0].data(), weights.data(), axis.wave_count(), grams[a][0].data());
-    const double step_px = 0.5 * axis.finest_bar_px(), reach_px = kLeash * axis.finest_bar_px();
-    const double extent = extent_px(monitors_[m], a);
-    bounds_px[a] = {
-        Interval{.low_px = std::max(-step_px, std::max(box.decoded_px[a] - reach_px, 0.0) - side.t_px),
-                 .high_px = std::min(step_px, std::min(box.decoded_px[a] + reach_px, extent) - side.t_px)},
-        Interval{.low_px = std::max(-0.5 * side.sigma_px, kMinSigma_px - side.sigma_px),
-                 .high_px = std::min(step_px, extent - side.sigma_px)}};
-  }
-  // By axis, centre and sigma are eliminated from the equations of the amounts of core and halos. Where they
-  // would leave their bounds they are held there, and all is solved again.
-  std::array<std::array<bool, 2>, 2> held{};
-  std::array<std::array<double, 2>, 2> change_px{};
-  Amounts amount{};
-  bool has_place = true;
-  for (bool again = true; again;) {
-    again = false;
-    std::array<Amounts, kMaxParts> normal{};
-    Amounts right{};
-    std::array<std::array<Amounts, 2>, 2> taken{};  // change of an unknown = offset - sum taken * amount
-    std::array<std::array<double, 2>, 2> offset{};
-    for (size_t a = 0; a < 2; ++a) {
-      const Gram& gram = grams[a];
-      const auto seen = [&](size_t column) {
-        double sum = gram[kSeen][column];
-        for (size_t p = 0; p < 2; ++p) {
-          if (held[a][p]) sum -= change_px[a][p] * gram[kUnknowns + p][column];
-        }
-        return sum;
-      };
-      double tt = gram[kUnknowns][kUnknowns] * (1.0 + damping) + kMinInformation;
-      double ss = gram[kUnknowns + 1][kUnknowns + 1] * (1.0 + damping) + kMinInformation;
-      const double ts = held[a][0] || held[a][1] ? 0.0 : gram[kUnknowns][kUnknowns + 1];
-      const double scale = 1.0 / (tt * ss - ts * ts);
-      std::array<std::array<double, 2>, 2> inverse{{{ss * scale, -ts * scale}, {-ts * scale, tt * scale}}};
-      for (size_t p = 0; p < 2; ++p) {
-        if (held[a][p]) inverse[p] = {};
-      }
-      for (size_t p = 0; p < 2; ++p) {
-        offset[a][p] = inverse[p][0] * seen(kUnknowns) + inverse[p][1] * seen(kUnknowns + 1);
-        for (size_t i = 0; i < parts; ++i)
-          taken[a][p][i] = inverse[p][0] * gram[kUnknowns][i] + inverse[p][1] * gram[kUnknowns + 1][i];
-      }
+      const auto u = static_cast<double>(seen_[a][k].u), weight = static_cast<double>(seen_[a][k].weight);
       for (size_t i = 0; i < parts; ++i) {
-        right[i] += seen(i) - gram[kUnknowns][i] * offset[a][0] - gram[kUnknowns + 1][i] * offset[a][1];
-        for (size_t j = 0; j < parts; ++j)
-          normal[i][j] +=
-              gram[i][j] - gram[kUnknowns][i] * taken[a][0][j] - gram[kUnknowns + 1][i] * taken[a][1][j];
-      }
-    }
-    amount = {core};
-    for (size_t j = 1; j < parts; ++j) amount[j] = box.halo[j - 1];
-    const Amounts before = amount;
-    solve_amounts(normal, right, parts, amount);
-    double sum = 0.0;
-    for (size_t i = 0; i < parts; ++i) sum += amount[i];
-    // Without light of its own a box has no place.
-    has_place = amount[0] > kMinCore * sum;
-    if (!has_place) amount = before;
-    for (size_t a = 0; a < 2; ++a) {
-      for (size_t p = 0; p < 2; ++p) {
-        if (held[a][p]) continue;
-        double change = offset[a][p];
-        for (size_t i = 0; i < parts; ++i) change -= taken[a][p][i] * amount[i];
-        const Interval& bounds = bounds_px[a][p];
-        change_px[a][p] = std::min(std::max(change, bounds.low_px), bounds.high_px);
-        held[a][p] = change_px[a][p] != change;
-        again = again || held[a][p];
+        const double own = weight * v[a][i][k];
+        right[i] += own * u;
+        for (size_t j = 0; j <= i; ++j) normal[i][j] += own * v[a][j][k];
       }
     }
   }
-  if (has_place) {
-    double sum = 0.0;
-    for (size_t i = 0; i < parts; ++i) sum += amount[i];
-    for (size_t j = 1; j < parts; ++j) box.halo[j - 1] = amount[j] / sum;
+  for (size_t i = 0; i < parts; ++i) {
+    for (size_t j = i + 1; j < parts; ++j) normal[i][j] = normal[j][i];
   }
+  amount[0] = 1.0;
+  for (size_t j = 1; j < parts; ++j) amount[j] = box.halo[j - 1];
+  solve_amounts(normal, right, parts, amount);
+  double sum = 0.0;
+  for (size_t i = 0; i < parts; ++i) sum += amount[i];
+  // Without light of its own a box has no place.
+  if (!(amount[0] > kMinCore * sum)) return;
+  for (size_t j = 1; j < parts; ++j) box.halo[j - 1] = amount[j] / sum;
   for (size_t a = 0; a < 2; ++a) {
-    const WaveAxis::SoftSide side = soft_side(box.side[a]);
-    const double centre_px = side.t_px + change_px[a][0];
-    const double half_px = 0.5 * kSidePerSigma * (side.sigma_px + change_px[a][1]);
-    box.side[a] = {.low_px = centre_px - half_px, .high_px = centre_px + half_px};
+    for (size_t k = 0; k < seen_[a].size(); ++k) {
+      double u = static_cast<double>(seen_[a][k].u);
+      for (size_t j = 1; j < parts; ++j) u -= amount[j] * v[a][j][k];
+      seen_[a][k].u = static_cast<float>(u / amount[0]);
+      seen_[a][k].weight *= static_cast<float>(amount[0] * amount[0]);
+    }
   }
 }
 
-void BoxFitter::place(bool anew, double damping, BoxFit& fit) {
+void BoxFitter::place(bool anew, BoxFit& fit) {
   for (size_t m = 0; m < monitors_.size(); ++m) {
     PixelBox& box = fit.boxes[m];
     if (!box.seen) continue;
     observe(fit, m);
-    if (box.soft) {
-      improve(m, damping, box);
-      continue;
-    }
+    if (box.soft) spread(m, box);
     for (size_t a = 0; a < 2; ++a) {
       const WaveAxis& axis = axes_[m][a];
+      if (box.soft) {
+        const WaveAxis::SoftSide side = axis.refine_soft(seen_[a], soft_side(box.side[a]));
+        const double half_px = 0.5 * kSidePerSigma * side.sigma_px, reach_px = kLeash * axis.finest_bar_px();
+        const double centre_px =
+            std::clamp(side.t_px, box.decoded_px[a] - reach_px, box.decoded_px[a] + reach_px);
+        box.side[a] = {.low_px = centre_px - half_px, .high_px = centre_px + half_px};
+        continue;
+      }
       box.side[a] = (anew ? axis.search(seen_[a]) : axis.refine(seen_[a], box.side[a])).interval;
     }
   }
@@ -530,29 +459,18 @@ double BoxFitter::rms_of(const BoxPixel& pixel, const BoxFit& fit) const {
 }
 
 void BoxFitter::settle(bool anew, bool straight_is_free, BoxFit& fit) {
-  if (anew) {
-    fit.chi_square = INFINITY;
-  } else {
-    see(fit);
-    sums_.fit_light(v_, straight_is_free, fit);
-  }
-  double damping = kDamping;
+  fit.chi_square = INFINITY;
+  BoxFit next = fit;
   for (int round = 0; round < kMaxRounds; ++round) {
-    BoxFit next = fit;
-    place(anew, damping, next);
+    const std::vector<PixelBox> before = next.boxes;
+    place(anew, next);
     see(next);
     sums_.fit_light(v_, straight_is_free, next);
     // The first guess of the light may be far off without solids, or where 1 - alpha changes.
-    anew = anew && round == 0 && changed(fit.boxes, next.boxes);
-    if (!(next.chi_square < fit.chi_square)) {
-      // A soft box may have gone too far.
-      if (!(next.chi_square > (1.0 + kMinGain) * fit.chi_square)) break;
-      damping *= 10.0;
-      continue;
-    }
+    anew = anew && round == 0 && changed(before, next.boxes);
+    if (!(next.chi_square < fit.chi_square)) break;
     const bool enough = next.chi_square > (1.0 - kMinGain) * fit.chi_square;
     fit = next;
-    damping *= 0.1;
     if (enough) break;
   }
 }
@@ -756,13 +674,13 @@ void BoxFitter::slopes(size_t m, const PixelBox& box, WaveSums::Slopes& slopes) 
   for (size_t a = 0; a < 2; ++a) {
     const WaveAxis& axis = axes_[m][a];
     const Interval& side = box.side[a];
-    WaveAxis::SoftMeans soft;
-    if (box.soft) axis.soft_means(soft_side(side), soft);
+    const WaveAxis::SoftSide soft = soft_side(side);
     for (size_t k = 0; k < axis.wave_count(); ++k) {
       const size_t i = sums_.first_wave(m, a) + k;
       if (box.soft) {
-        const double by_t = 0.5 * box.core() * static_cast<double>(soft.by_t[k]),
-                     by_width = box.core() * static_cast<double>(soft.by_sigma[k]) / kSidePerSigma;
+        const WaveAxis::SoftMean mean = axis.soft_mean(k, soft.t_px, soft.sigma_px);
+        const double by_t = 0.5 * box.core() * mean.by_t,
+                     by_width = box.core() * mean.by_sigma / kSidePerSigma;
         slopes[i] = {by_t - by_width, by_t + by_width};
       } else {
         const double v = v_[m][i], scale = 1.0 / side.length_px();

@@ -53,13 +53,11 @@ class BoxFitter {
   // `anew`: search for the boxes.
   void settle(bool anew, bool straight_is_free, BoxFit& fit);
   // Fits all sides. `anew`: search globally; otherwise refine the current ones.
-  // `damping`: of soft boxes (Levenberg-Marquardt).
-  void place(bool anew, double damping, BoxFit& fit);
+  void place(bool anew, BoxFit& fit);
   // Sets seen_.
   void observe(const BoxFit& fit, size_t monitor);
-  // A Gauss-Newton step towards seen_ of a soft box's centre and width along both axes and of the shares of
-  // box and halos, all at once.
-  void improve(size_t monitor, double damping, PixelBox& box);
+  // Fits the shares of box and halos to seen_, then takes the halos out of seen_.
+  void spread(size_t monitor, PixelBox& box);
   // v of a box with its halos.
   void means(size_t monitor, size_t axis, const PixelBox& box, std::span<double> v) const;
   // Whether no side is longer than so many finest bars.

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <limits>
 #include <map>
+#include <numbers>
 
 #include "solver/hierarchical/wave_kernel.h"
 
@@ -26,6 +27,42 @@ double sign_of(double bar) {
 double drawn(const BarWave& wave, int pixel) {
   return sign_of(std::floor((pixel + 0.5 - wave.offset_px) / wave.bar_px));
 }
+
+constexpr double kFar = 5.0;  // sigmas: from there on an edge is out of reach
+
+// erf(z / sqrt2) and its derivative for z in [0, kFar], interpolated between 1/32 by cubics that have both
+// the values and the slopes at their ends: error < 1e-7.
+class EdgeTable {
+ public:
+  EdgeTable() {
+    for (size_t i = 0; i < nodes_.size(); ++i) {
+      const double z = static_cast<double>(i) / kPerSigma;
+      const double slope = std::sqrt(2.0 / std::numbers::pi) * std::exp(-0.5 * z * z);
+      nodes_[i] = {.value = std::erf(z / std::numbers::sqrt2), .slope = slope, .bend = -z * slope};
+    }
+  }
+
+  struct Edge {
+    double value = 0.0, slope = 0.0;
+  };
+  Edge at(double z) const {
+    const double place = z * kPerSigma;
+    const auto i = static_cast<size_t>(place);
+    const Node &a = nodes_[i], &b = nodes_[i + 1];
+    const double t = place - static_cast<double>(i), u = 1.0 - t;
+    const double low = u * u * (1.0 + 2.0 * t), high = t * t * (1.0 + 2.0 * u);
+    const double by_low = t * u * u / kPerSigma, by_high = -t * t * u / kPerSigma;
+    return {.value = low * a.value + high * b.value + by_low * a.slope + by_high * b.slope,
+            .slope = low * a.slope + high * b.slope + by_low * a.bend + by_high * b.bend};
+  }
+
+ private:
+  static constexpr double kPerSigma = 32.0;
+  struct Node {
+    double value = 0.0, slope = 0.0, bend = 0.0;
+  };
+  std::array<Node, 162> nodes_;
+};
 
 }  // namespace
 
@@ -48,12 +85,6 @@ WaveAxis::WaveAxis(std::span<const BarWave> waves, int extent_px)
       finest_bar_px_(extent_px) {
   assert(!waves.empty() && waves.size() <= kMaxWaves && extent_px > 0);
   for (const BarWave& wave : waves) finest_bar_px_ = std::min(finest_bar_px_, wave.bar_px);
-  bars_px_.fill(1.0f);
-  offsets_px_.fill(0.0f);
-  for (size_t k = 0; k < wave_count_; ++k) {
-    bars_px_[k] = static_cast<float>(waves[k].bar_px);
-    offsets_px_[k] = static_cast<float>(waves[k].offset_px);
-  }
   per_px_ = finest_bar_px_ < 2.0 ? 4 : 1;
   last_point_ = extent_px * per_px_;
   auto cells = static_cast<size_t>(last_point_) + 1;
@@ -191,10 +222,90 @@ void WaveAxis::means(const Interval& interval, std::span<double> v) const {
   }
 }
 
-void WaveAxis::soft_means(const SoftSide& side, SoftMeans& means) const {
-  internal::soft_means_of({.bar_px = bars_px_.data(), .offset_px = offsets_px_.data()},
-                          static_cast<float>(side.t_px), static_cast<float>(side.sigma_px), stride_,
-                          means.v.data(), means.by_t.data(), means.by_sigma.data());
+WaveAxis::SoftMean WaveAxis::soft_mean(size_t wave, double t_px, double sigma_px) const {
+  static const EdgeTable edges;
+  const BarWave& own = waves_[wave];
+  const double bars = (t_px - own.offset_px) / own.bar_px, bar = std::floor(bars);
+  const double sign = sign_of(bar);
+  const double inside_px = (bars - bar) * own.bar_px, beyond_px = own.bar_px - inside_px;
+  if (std::min(inside_px, beyond_px) > kFar * sigma_px) return {.v = sign};
+  SoftMean mean;
+  if (sigma_px < 0.25 * own.bar_px) {
+    // Only the nearer edge is within reach, but for the widest.
+    const auto add = [&](double px, double side) {
+      const double z = px / sigma_px;
+      if (z > kFar) {
+        mean.v += sign;
+        return;
+      }
+      const EdgeTable::Edge edge = edges.at(z);
+      mean.v += sign * edge.value;
+      mean.by_t += sign * side * edge.slope / sigma_px;
+      mean.by_sigma -= sign * z * edge.slope / sigma_px;
+    };
+    mean.v = -sign;
+    add(inside_px, 1.0);
+    add(beyond_px, -1.0);
+    return mean;
+  }
+  // The third harmonic by the first one's.
+  const double rate = std::numbers::pi / own.bar_px, phase = rate * inside_px;
+  const double spread = rate * rate * sigma_px, sine = std::sin(phase), cosine = std::cos(phase);
+  const double size = sign * 4.0 / std::numbers::pi * std::exp(-0.5 * spread * sigma_px);
+  const double fade = size * size * std::numbers::pi * std::numbers::pi / 16.0;
+  const double size3 = size * fade * fade * fade * fade / 3.0;
+  const double sine3 = sine * (3.0 - 4.0 * sine * sine), cosine3 = cosine * (4.0 * cosine * cosine - 3.0);
+  mean.v = size * sine + size3 * sine3;
+  mean.by_t = rate * (size * cosine + 3.0 * size3 * cosine3);
+  mean.by_sigma = -spread * (size * sine + 9.0 * size3 * sine3);
+  return mean;
+}
+
+WaveAxis::SoftSide WaveAxis::refine_soft(std::span<const Seen> seen, const SoftSide& start) const {
+  constexpr int kIterations = 8;
+  constexpr double kMinSigma_px = 0.05, kEnough = 1e-6;
+  struct Sums {
+    double cost = 0.0, tt = 0.0, ts = 0.0, ss = 0.0, t = 0.0, s = 0.0;
+  };
+  const auto sums_at = [&](const SoftSide& at) {
+    Sums sums;
+    for (size_t k = 0; k < wave_count_; ++k) {
+      const auto weight = static_cast<double>(seen[k].weight);
+      if (weight == 0.0) continue;
+      const SoftMean mean = soft_mean(k, at.t_px, at.sigma_px);
+      const double rest = static_cast<double>(seen[k].u) - mean.v;
+      sums.cost += weight * rest * rest;
+      sums.t += weight * mean.by_t * rest;
+      sums.s += weight * mean.by_sigma * rest;
+      sums.tt += weight * mean.by_t * mean.by_t;
+      sums.ts += weight * mean.by_t * mean.by_sigma;
+      sums.ss += weight * mean.by_sigma * mean.by_sigma;
+    }
+    return sums;
+  };
+  SoftSide best = start;
+  Sums at = sums_at(best);
+  double damping = 1e-2;
+  for (int i = 0; i < kIterations; ++i) {
+    const double tt = at.tt * (1.0 + damping) + 1e-9, ss = at.ss * (1.0 + damping) + 1e-9;
+    const double rest = tt * ss - at.ts * at.ts;
+    const double reach_px = 0.5 * finest_bar_px_;
+    const double dt = std::clamp((ss * at.t - at.ts * at.s) / rest, -reach_px, reach_px);
+    const double ds = std::clamp((tt * at.s - at.ts * at.t) / rest, -0.5 * best.sigma_px, reach_px);
+    const SoftSide next{.t_px = std::clamp(best.t_px + dt, 0.0, extent_px_),
+                        .sigma_px = std::clamp(best.sigma_px + ds, kMinSigma_px, extent_px_)};
+    const Sums there = sums_at(next);
+    if (!(there.cost < at.cost)) {
+      damping *= 10.0;
+      continue;
+    }
+    const bool enough = at.cost - there.cost < kEnough * at.cost;
+    best = next;
+    at = there;
+    damping *= 0.1;
+    if (enough) break;
+  }
+  return best;
 }
 
 double WaveAxis::wave_at(size_t wave, double t_px) const {

@@ -73,19 +73,21 @@ class WaveAxis {
 
   // v_k of every wave.
   void means(const Interval& interval, std::span<double> v) const;
-  // A Gaussian's means of waves that go on beyond the monitor, and their derivatives:
+  // A Gaussian's mean of a wave that goes on beyond the monitor, and its derivatives:
   //
-  //   v = erf(d / (sqrt2 sigma)) + erf((b - d) / (sqrt2 sigma)) - 1              sigma <= b / 4
+  //   v = erf(d / (sqrt2 sigma)) + erf((b - d) / (sqrt2 sigma)) - 1              sigma < b / 4
   //     = 4 / pi sum_{n = 1, 3} exp(-(n pi sigma / b)^2 / 2) sin(n pi d / b) / n  beyond; error < 1e-4
   //
   // times the sign of the bar of b px that t lies in, d px from its start.
+  struct SoftMean {
+    double v = 0.0, by_t = 0.0, by_sigma = 0.0;
+  };
+  SoftMean soft_mean(size_t wave, double t_px, double sigma_px) const;
+  // Refines a Gaussian's centre and width from a start nearby, by Levenberg-Marquardt.
   struct SoftSide {
     double t_px = 0.0, sigma_px = 0.0;
   };
-  struct SoftMeans {
-    std::array<float, kMaxWaves> v, by_t, by_sigma;  // by wave; 1 / px
-  };
-  void soft_means(const SoftSide& side, SoftMeans& means) const;
+  SoftSide refine_soft(std::span<const Seen> seen, const SoftSide& start) const;
   // s_k at a point.
   double wave_at(size_t wave, double t_px) const;
 
@@ -128,7 +130,6 @@ class WaveAxis {
   std::vector<float> scanned_;     // [point][wave]: v_k of a finest bar, by half bars; if edges coincide
 
   std::vector<BarWave> waves_;
-  std::array<float, kMaxWaves> bars_px_, offsets_px_;  // of waves_
   size_t wave_count_ = 0, stride_ = 0;
   int per_px_ = 1;  // grid points per pixel
   int last_point_ = 0;

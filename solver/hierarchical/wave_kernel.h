@@ -30,18 +30,4 @@ struct PlacePair {
 // sum_k w_k (u_k - v_k)^2 of the interval between them.
 float cost_of(const PlacePair& pair, const float* u, const float* weight, size_t stride);
 
-// Gaussians' means of square waves, by wave: width of a bar, offset of a lit one.
-struct SoftWaves {
-  const float *bar_px = nullptr, *offset_px = nullptr;
-};
-
-// WaveAxis::SoftMeans of `stride` waves.
-void soft_means_of(const SoftWaves& waves, float t_px, float sigma_px, size_t stride, float* v, float* by_t,
-                   float* by_sigma);
-
-inline constexpr size_t kGramColumns = 8;
-
-// sum_k w_k x_k x_k', for rows x of kGramColumns numbers.
-void gram_of(const float* rows, const float* weight, size_t count, double* gram);
-
 }  // namespace glasswing::internal

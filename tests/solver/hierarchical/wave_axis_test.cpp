@@ -52,45 +52,6 @@ TEST(WaveAxis, MeansAreTheWavesOwn) {
   }
 }
 
-// A Gaussian's mean of a wave that never ends, by sums of steps of a hundredth of its sigma.
-double soft_brute_force(const BarWave& wave, double t_px, double sigma_px) {
-  double sum = 0.0, whole = 0.0;
-  for (double z = -6.0; z <= 6.0; z += 0.01) {
-    const double bar = std::floor((t_px + z * sigma_px - wave.offset_px) / wave.bar_px);
-    const double density = std::exp(-0.5 * z * z);
-    sum += density * (std::fmod(bar, 2.0) == 0.0 ? 1.0 : -1.0);
-    whole += density;
-  }
-  return sum / whole;
-}
-
-TEST(WaveAxis, SoftMeansAreAGaussiansAndHaveTheirDerivatives) {
-  const auto waves = gray_code(7);
-  const WaveAxis axis(waves, 128);
-  const auto at = [&](double t_px, double sigma_px) {
-    WaveAxis::SoftMeans means;
-    axis.soft_means({.t_px = t_px, .sigma_px = sigma_px}, means);
-    return means;
-  };
-  constexpr double kStep_px = 0.01;
-  for (const double sigma_px : {0.2, 0.45, 0.7, 1.3, 5.0}) {
-    for (const double t_px : {10.0, 17.3, 63.9, 90.55, 127.0}) {
-      const WaveAxis::SoftMeans own = at(t_px, sigma_px);
-      const WaveAxis::SoftMeans left = at(t_px - kStep_px, sigma_px), right = at(t_px + kStep_px, sigma_px);
-      const WaveAxis::SoftMeans slim = at(t_px, sigma_px - kStep_px), wide = at(t_px, sigma_px + kStep_px);
-      for (size_t k = 0; k < waves.size(); ++k) {
-        SCOPED_TRACE(testing::Message() << "sigma " << sigma_px << ", t " << t_px << ", wave " << k);
-        // The brute force counts a step at an edge wholly on one side: a hundredth of the peak density.
-        EXPECT_NEAR(own.v[k], soft_brute_force(waves[k], t_px, sigma_px), 5e-3);
-        // Central differences leave step^2 / 6 of the third derivative, which is 2 / sigma^3 at most.
-        const double error = kStep_px * kStep_px / (3.0 * std::pow(sigma_px, 3)) + 1e-3;
-        EXPECT_NEAR(own.by_t[k], (right.v[k] - left.v[k]) / (2.0 * kStep_px), error);
-        EXPECT_NEAR(own.by_sigma[k], (wide.v[k] - slim.v[k]) / (2.0 * kStep_px), error);
-      }
-    }
-  }
-}
-
 constexpr double kNoise = 0.02;
 
 struct Case {
