@@ -141,7 +141,10 @@ void ConnectionWatch::drop(const std::string& peer, std::int64_t bytes) {
                peer);
   counter("glasswing_connections_dropped_total", "Connections that sent too much without a call or message.")
       .Increment();
-  ::shutdown(connections_.at(peer).fd, SHUT_RDWR);
+  // Resets the connection, and drops what was received but not read. After shutdown() alone the peer could
+  // wait for minutes with what it has still to send.
+  const sockaddr nobody{.sa_family = AF_UNSPEC, .sa_data = {}};
+  ::connect(connections_.at(peer).fd, &nobody, sizeof nobody);
   connections_.erase(peer);
 }
 

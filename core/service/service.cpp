@@ -75,9 +75,6 @@ void set_limits(grpc::ServerBuilder& builder, const ServiceLimits& limits) {
   grpc::ResourceQuota quota("service");
   quota.Resize(limits.buffer_bytes).SetMaxThreads(limits.calls);
   builder.SetResourceQuota(quota);
-  // Threads that read connections: with gRPC's two, two peers whose messages take long to parse keep all
-  // others waiting.
-  builder.SetSyncServerOption(grpc::ServerBuilder::SyncServerOption::MAX_POLLERS, 16);
 }
 
 // Raises the limit of open files as far as the system allows, up to more than any rig needs. Returns the

@@ -27,7 +27,7 @@ TEST(Client, HelpIsAlsoACommand) {
   const Outcome options = run_glasswing({"help", "solve", "fringe"});
   EXPECT_EQ(options.status, 0);
   EXPECT_NE(options.out.find("Options of method fringe"), std::string::npos) << options.out;
-  EXPECT_NE(options.out.find("(a whole number, 1 to 4; default: 1)"), std::string::npos) << options.out;
+  EXPECT_NE(options.out.find("(a whole number, 1 to 4;"), std::string::npos) << options.out;
 }
 
 TEST(Client, UsageErrorsAreOneLine) {

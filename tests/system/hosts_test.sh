@@ -99,7 +99,7 @@ echo "== a solver's host is cut off until its tile was solved elsewhere"
 begin
 until_true 30 both_work || fail "not both solvers work"
 cut_off lab2
-until_true 40 is_done || fail "its tile was not solved elsewhere"
+until_true 120 is_done || fail "its tile was not solved elsewhere"
 same_matte "with lab2 cut off"
 plug_in lab2
 
@@ -109,7 +109,7 @@ until_true 30 both_work || fail "not both solvers work"
 cut_off rig
 sleep 4  # longer than a lease
 plug_in rig
-until_true 40 is_done || fail "the solvers did not continue"
+until_true 120 is_done || fail "the solvers did not continue"
 same_matte "after the server's return"
 (($(done_by lab2 "$from") > 0)) || fail "lab2 is back, but does not solve"
 echo "all checks passed"

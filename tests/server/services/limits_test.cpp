@@ -77,7 +77,8 @@ TEST(Limits, HoldForEveryMethodOfTheServer) {
         const std::unique_ptr<pb::Message> request(
             pb::MessageFactory::generated_factory()->GetPrototype(method.input_type())->New());
         if (!overfill(*request)) {
-          EXPECT_EQ(method.name(), "UploadImage") << "has no string";
+          EXPECT_TRUE(method.name() == "UploadImage" || method.name() == "ListMethods")
+              << method.name() << " has no string";
           continue;
         }
         const grpc::Status status = call(*host, method, *request);
