@@ -81,10 +81,9 @@ is s DONE || fail "s is $(shown s state)"
 glasswing fetch s -o "$work/back.exr"
 cmp "$work/first.exr" "$work/back.exr" || fail "the cancelled solve changed the matte"
 refused 'images is "1"; it must be' glasswing solve s --set images=1 --watch
-is s FAILED || fail "s is $(shown s state)"
+is s DONE || fail "s is $(shown s state)"
 glasswing fetch s -o "$work/kept.exr"
-cmp "$work/first.exr" "$work/kept.exr" || fail "the failed solve changed the matte"
-refused 'images is "1"; it must be' glasswing retry s --watch
+cmp "$work/first.exr" "$work/kept.exr" || fail "the refused solve changed the matte"
 glasswing solve s --set modes=1 --watch
 glasswing fetch s -o "$work/second.exr"
 cmp -s "$work/first.exr" "$work/second.exr" && fail "the second matte equals the first"
