@@ -7,8 +7,8 @@
 
 namespace glasswing {
 
-// The candidate that takes the fewest edits (a character added, dropped, replaced, or swapped with the next), if at
-// most a third of the word's characters need one; empty: none is near.
+// The candidate that takes the fewest edits (a character added, dropped, replaced, or swapped with the next),
+// if at most a third of the word's characters need one; empty: none is near.
 std::string nearest(std::string_view word, const std::vector<std::string>& candidates);
 
 }  // namespace glasswing

@@ -11,7 +11,8 @@ namespace {
 class Filler {
  public:
   Filler(const Matte& matte, RadianceImage& picture)
-      : picture_(picture), known_(static_cast<size_t>(picture.width_px) * static_cast<size_t>(picture.height_px)) {
+      : picture_(picture),
+        known_(static_cast<size_t>(picture.width_px) * static_cast<size_t>(picture.height_px)) {
     for (int y = 0; y < picture.height_px; ++y) {
       for (int x = 0; x < picture.width_px; ++x) {
         known_[index(x, y)] = (matte.flags(x, y) & kFlagNoData) == 0;
